@@ -1,0 +1,58 @@
+# Every verb works on a fresh clone: it needs Python 3.11 or newer, a C toolchain and Rust.
+PYTHON ?= python3
+VENV   := .venv
+BIN    := $(VENV)/bin
+CORE   := Cargo.toml pyproject.toml $(wildcard Cargo.lock crates/*/Cargo.toml) $(shell find crates -name '*.rs')
+SPHINX := $(BIN)/sphinx-build -W --keep-going -q
+
+.DEFAULT_GOAL := help
+.PHONY: help demo test lint format build docs bench ci clean
+
+help:  ## Print the verbs
+	@sed -n 's/^\([a-z]*\):.*## /\1\t/p' $(MAKEFILE_LIST) | awk -F '\t' '{printf "make %-8s %s\n", $$1, $$2}'
+
+demo: $(VENV)/built  ## Build, integrate two mechanisms, compare with references, draw build/demo.png
+	$(BIN)/python examples/demo.py
+
+test: $(VENV)/tools  ## Run every test but the slow ones: Rust, Python, examples in the documentation
+	cargo test --quiet -p liouville-core
+	$(BIN)/python -m pytest -q
+
+lint: $(VENV)/tools  ## Check only: rustfmt, clippy, ruff, mypy, stubtest
+	cargo fmt --all --check
+	cargo clippy --quiet --workspace --all-targets -- -D warnings
+	$(BIN)/ruff check .
+	$(BIN)/ruff format --check .
+	$(BIN)/mypy
+	MYPYPATH=python $(BIN)/stubtest --concise liouville._core
+
+format:  $(VENV)/tools  ## Rewrite the sources as lint wants them
+	cargo fmt --all
+	$(BIN)/ruff check --fix .
+	$(BIN)/ruff format .
+
+build: $(VENV)/built  ## Compile the core and install it into .venv
+
+docs: $(VENV)/tools  ## Build the documentation into docs/_build/html; runs the gallery
+	$(SPHINX) docs docs/_build/html
+
+bench: $(VENV)/tools  ## Time the kernels
+	cargo bench -p liouville-core
+
+ci: lint test docs  ## What .ci/run runs
+
+clean:  ## Remove what the verbs made
+	rm -rf $(VENV) target build docs/_build docs/gallery python/liouville/_core*.so
+
+# The package is installed in place: a change in Python needs no new build, one in Rust does.
+$(BIN)/python:
+	$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11) and "liouville needs Python 3.11 or newer")'
+	$(PYTHON) -m venv $(VENV)
+
+$(VENV)/built: $(BIN)/python $(CORE)
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check -e '.[all]'
+	@touch $@
+
+$(VENV)/tools: $(BIN)/python $(CORE)
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check -e '.[all,test,lint,docs]'
+	@touch $(VENV)/built $@

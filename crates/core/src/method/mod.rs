@@ -1,0 +1,33 @@
+//! Methods at work: a stepper owns the memory of a step and advances a state.
+
+pub mod spark;
+
+use crate::trouble::Trouble;
+
+/// What a stepper has done so far.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Stats {
+    /// Corrections of the stage equations.
+    pub iterations: usize,
+    /// Evaluations of the forces, one for each stage.
+    pub evaluations: usize,
+    /// Steps whose stages were found by the full simplified Newton iteration.
+    pub newton_steps: usize,
+    /// Steps whose extrapolated start failed, so that a cold one was made.
+    pub cold_starts: usize,
+}
+
+/// A method at work on a problem.
+pub trait Stepper: Send {
+    /// What it advances.
+    type State;
+
+    /// Advances `state` from `t` to `t + h`; on failure the state is as it was.
+    ///
+    /// # Errors
+    /// Why the step could not be made.
+    fn step(&mut self, t: f64, h: f64, state: &mut Self::State) -> Result<(), Trouble>;
+
+    /// What it has done so far.
+    fn stats(&self) -> Stats;
+}

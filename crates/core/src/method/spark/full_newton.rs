@@ -1,0 +1,305 @@
+//! The full simplified Newton iteration: stages and multipliers together, with f_y, f_z, p_y and r_y,
+//! for forces too stiff for node Schur. Unknowns are dZ_i, dΛ_k with Λ = h λ; dV_i is eliminated by
+//!
+//!     E dV = v_z dZ − R1,      E_ij = δ_ij − h a_ij v_y(i)
+//!
+//! and with C the coefficients of dV in the momentum equations,
+//!
+//!     C_ij = h a_ij p_y(i) − h² Σ_l a_il f_y(l) a_lj − h² Σ_k â_ik r_y(k) ā_kj
+//!     [ δ_ij p_z(i) − h a_ij f_z(j) + (C E⁻¹)_ij v_z(j)    −â_ik r_λ(k) ] [ dZ ]   [ −R2 + C E⁻¹ R1 ]
+//!     [ (D E⁻¹)_kj v_z(j),  D_kj = ā_kj g_y(k)                   0      ] [ dΛ ] = [ −g/h + D E⁻¹ R1 ]
+//!
+//! All blocks are frozen at the start of the iteration.
+
+use super::stages::{Stages, Step};
+use crate::linalg::{Lu, Matrix, Pattern, add_scaled, max_norm};
+use crate::newton::Equations;
+use crate::problem::mechanical::{Model, explain, finite};
+use crate::trouble::{Quantity, Trouble};
+
+/// The factored Newton matrix and what the right-hand sides need.
+#[derive(Clone, Debug)]
+pub(super) struct FullNewton {
+    /// C over D, then C E⁻¹ over D E⁻¹: s (n + m) by s n.
+    coupling: Matrix,
+    /// E, where v depends on y.
+    elimination: Option<Lu>,
+    /// v_z of each stage, dense; the identity where v = z.
+    v_z: Vec<Matrix>,
+    newton: Lu,
+    unknowns: Vec<f64>,
+    d_v: Matrix,
+}
+
+/// The stage equations of one step, solved by full Newton.
+pub(super) struct Solve<'a> {
+    pub(super) solver: &'a mut FullNewton,
+    pub(super) stages: &'a mut Stages,
+    pub(super) model: &'a mut Model,
+    pub(super) step: Step<'a>,
+    pub(super) is_frozen: bool,
+}
+
+impl FullNewton {
+    pub(super) fn new(model: &Model, stages: &Stages) -> Self {
+        let (n, m, s) = (model.problem.n, model.problem.m, stages.tableau.stages);
+        let v_depends_on_y = !model.problem.patterns.v_y.is_empty();
+        Self {
+            coupling: Matrix::zeros(s * (n + m), s * n),
+            elimination: v_depends_on_y.then(|| Lu::new(s * n)),
+            v_z: vec![Matrix::from_fn(n, n, |i, j| f64::from(u8::from(i == j))); s],
+            newton: Lu::new(s * (n + m)),
+            unknowns: vec![0.0; s * (n + m)],
+            d_v: Matrix::zeros(s, n),
+        }
+    }
+
+    /// `E⁻¹` applied to a vector over the stages.
+    fn eliminate(&self, x: &mut [f64]) {
+        if let Some(lu) = &self.elimination {
+            lu.solve(x);
+        }
+    }
+}
+
+impl Solve<'_> {
+    fn freeze(&mut self) -> Result<(), Trouble> {
+        self.solver.coupling.clear();
+        self.solver.newton.matrix_mut().clear();
+        self.add_stage_blocks()?;
+        if self.model.problem.m > 0 {
+            self.add_node_blocks()?;
+        }
+        self.close()
+    }
+
+    /// Everything that comes from p, f and v.
+    fn add_stage_blocks(&mut self) -> Result<(), Trouble> {
+        let Self {
+            solver,
+            stages,
+            model,
+            step,
+            ..
+        } = self;
+        let (n, s, h) = (model.problem.n, stages.tableau.stages, step.h);
+        let (problem, a) = (model.problem.clone(), &stages.tableau.a);
+        let at = &problem.patterns;
+        if let Some(lu) = &mut solver.elimination {
+            lu.matrix_mut().clear();
+            (0..s * n).for_each(|k| lu.matrix_mut()[(k, k)] = 1.0);
+        }
+        for l in 0..s {
+            let t = stages.stage_time(*step, l);
+            let [p_z, v_z] = model.stage_blocks(t, stages.y.row(l), stages.z.row(l));
+            finite(p_z, Quantity::Derivative, t)?;
+            finite(v_z, Quantity::Derivative, t)?;
+            at.p_z
+                .add_to(p_z, 1.0, solver.newton.matrix_mut(), l * n, l * n);
+            if let Some(pattern) = &at.v_z {
+                solver.v_z[l].clear();
+                pattern.add_to(v_z, 1.0, &mut solver.v_z[l], 0, 0);
+            }
+            let [p_y, f_y, f_z, v_y] = model.stage_jacobian(t, stages.y.row(l), stages.z.row(l));
+            for values in [p_y, f_y, f_z, v_y] {
+                finite(values, Quantity::Derivative, t)?;
+            }
+            for j in 0..s {
+                at.p_y
+                    .add_to(p_y, h * a[(l, j)], &mut solver.coupling, l * n, j * n);
+                if let Some(lu) = &mut solver.elimination {
+                    at.v_y
+                        .add_to(v_y, -h * a[(l, j)], lu.matrix_mut(), l * n, j * n);
+                }
+                for i in 0..s {
+                    at.f_y.add_to(
+                        f_y,
+                        -h * h * a[(i, l)] * a[(l, j)],
+                        &mut solver.coupling,
+                        i * n,
+                        j * n,
+                    );
+                }
+            }
+            for i in 0..s {
+                at.f_z.add_to(
+                    f_z,
+                    -h * a[(i, l)],
+                    solver.newton.matrix_mut(),
+                    i * n,
+                    l * n,
+                );
+            }
+        }
+        match &mut solver.elimination {
+            Some(lu) => lu.factor().map_err(|_| Trouble::SingularNewton),
+            None => Ok(()),
+        }
+    }
+
+    /// Everything that comes from g and r.
+    fn add_node_blocks(&mut self) -> Result<(), Trouble> {
+        let Self {
+            solver,
+            stages,
+            model,
+            step,
+            ..
+        } = self;
+        let (n, m, s, h) = (
+            model.problem.n,
+            model.problem.m,
+            stages.tableau.stages,
+            step.h,
+        );
+        let problem = model.problem.clone();
+        let (at, a_bar, a_hat) = (
+            &problem.patterns,
+            &stages.tableau.a_bar,
+            &stages.tableau.a_hat,
+        );
+        for k in 0..=s {
+            let t = stages.node_time(*step, k);
+            let [g_y, r_lam] = model.node_blocks(t, stages.node_y.row(k), stages.lam.row(k));
+            finite(g_y, Quantity::Derivative, t)?;
+            finite(r_lam, Quantity::Derivative, t)?;
+            if k > 0 {
+                for j in 0..s {
+                    at.g_y.add_to(
+                        g_y,
+                        a_bar[(k, j)],
+                        &mut solver.coupling,
+                        s * n + (k - 1) * m,
+                        j * n,
+                    );
+                }
+            }
+            if k < s {
+                for i in 0..s {
+                    at.r_lam.add_to(
+                        r_lam,
+                        -a_hat[(i, k)],
+                        solver.newton.matrix_mut(),
+                        i * n,
+                        s * n + k * m,
+                    );
+                }
+                let r_y = model.node_jacobian(t, stages.node_y.row(k), stages.lam.row(k));
+                finite(r_y, Quantity::Derivative, t)?;
+                for i in 0..s {
+                    for j in 0..s {
+                        let factor = -h * h * a_hat[(i, k)] * a_bar[(k, j)];
+                        at.r_y
+                            .add_to(r_y, factor, &mut solver.coupling, i * n, j * n);
+                    }
+                }
+            }
+        }
+        Ok(())
+    }
+
+    /// Eliminates dV and factors.
+    fn close(&mut self) -> Result<(), Trouble> {
+        let Self {
+            solver,
+            stages,
+            model,
+            step,
+            ..
+        } = self;
+        let (n, s) = (model.problem.n, stages.tableau.stages);
+        let FullNewton {
+            coupling,
+            elimination,
+            v_z,
+            newton,
+            ..
+        } = &mut **solver;
+        for row in 0..coupling.rows() {
+            if let Some(lu) = elimination {
+                lu.solve_transposed(coupling.row_mut(row));
+            }
+            for j in 0..s {
+                for k in 0..n {
+                    let factor = coupling[(row, j * n + k)];
+                    if factor != 0.0 {
+                        add_scaled(
+                            &mut newton.matrix_mut().row_mut(row)[j * n..(j + 1) * n],
+                            factor,
+                            v_z[j].row(k),
+                        );
+                    }
+                }
+            }
+        }
+        newton.factor().map_err(|_| {
+            let t = stages.node_time(*step, s);
+            let pattern: Pattern = model.problem.patterns.g_y.clone();
+            let [g_y, _] = model.node_blocks(t, stages.node_y.row(s), stages.lam.row(s));
+            explain(&pattern, g_y, Trouble::SingularNewton)
+        })
+    }
+}
+
+impl Equations for Solve<'_> {
+    fn correct(&mut self) -> Result<f64, Trouble> {
+        self.stages.evaluate(self.model, self.step)?;
+        if !self.is_frozen {
+            self.freeze()?;
+            self.is_frozen = true;
+        }
+        let Self {
+            solver,
+            stages,
+            model,
+            step,
+            ..
+        } = self;
+        let (n, m, s) = (model.problem.n, model.problem.m, stages.tableau.stages);
+        let (momentum, constraint) = solver.unknowns.split_at_mut(s * n);
+        momentum
+            .iter_mut()
+            .zip(stages.momentum_residual.flat())
+            .for_each(|(out, r)| *out = -r);
+        constraint
+            .iter_mut()
+            .zip(&stages.g.flat()[m..])
+            .for_each(|(out, g)| *out = -g / step.h);
+        if model.problem.patterns.v_z.is_some() {
+            let residual = stages.velocity_residual.flat();
+            for (row, out) in solver.unknowns.iter_mut().enumerate() {
+                *out += solver
+                    .coupling
+                    .row(row)
+                    .iter()
+                    .zip(residual)
+                    .map(|(c, r)| c * r)
+                    .sum::<f64>();
+            }
+        }
+        solver.newton.solve(&mut solver.unknowns);
+        let (d_z, d_lam) = solver.unknowns.split_at(s * n);
+        let mut d_v = std::mem::replace(&mut solver.d_v, Matrix::zeros(0, 0));
+        for i in 0..s {
+            let out = d_v.row_mut(i);
+            out.iter_mut()
+                .zip(stages.velocity_residual.row(i))
+                .for_each(|(out, r)| *out = -r);
+            for (k, out) in out.iter_mut().enumerate() {
+                *out += solver.v_z[i]
+                    .row(k)
+                    .iter()
+                    .zip(&d_z[i * n..])
+                    .map(|(a, x)| a * x)
+                    .sum::<f64>();
+            }
+        }
+        solver.eliminate(d_v.flat_mut());
+        add_scaled(stages.z.flat_mut(), 1.0, d_z);
+        add_scaled(stages.v.flat_mut(), 1.0, d_v.flat());
+        add_scaled(stages.lam.flat_mut(), 1.0 / step.h, d_lam);
+        let size = max_norm(d_v.flat());
+        solver.d_v = d_v;
+        Ok(stages.relative(size, *step))
+    }
+}

@@ -1,0 +1,220 @@
+//! Node Schur: the multipliers first, by the s m equations that are left when the stages are
+//! eliminated with h² terms dropped but g_y and r_λ kept at their own Lobatto nodes:
+//!
+//!     S_kl = (Σ_j ā_kj â_jl) G_k B R_l     k = 1..s,  l = 0..s−1,   B = v_z p_z⁻¹
+//!
+//! with G_k = g_y and R_l = r_λ at nodes k and l, frozen at the start of the iteration, and B at its
+//! middle stage. The error shrinks by O(h²) a correction where B is constant and the forces do not
+//! depend on z, by O(h) otherwise. With Λ = h λ the matrix is O(1) as h → 0.
+
+use super::stages::{Stages, Step};
+use crate::linalg::{Lu, Matrix, add_scaled, max_norm};
+use crate::newton::Equations;
+use crate::problem::mechanical::{Mass, Model, add_product, explain, finite};
+use crate::trouble::{Quantity, Trouble};
+
+/// Frozen blocks and the factored Schur complement.
+#[derive(Clone, Debug)]
+pub(super) struct NodeSchur {
+    mass: Mass,
+    product: Matrix,
+    g_y: Matrix,
+    r_lam: Matrix,
+    compliance: Vec<Matrix>,
+    schur: Lu,
+    velocity: Matrix,
+    d_lam: Vec<f64>,
+    impulse: Matrix,
+    d_z: Vec<f64>,
+    d_v: Vec<f64>,
+}
+
+/// The stage equations of one step, solved by node Schur.
+pub(super) struct Solve<'a> {
+    pub(super) solver: &'a mut NodeSchur,
+    pub(super) stages: &'a mut Stages,
+    pub(super) model: &'a mut Model,
+    pub(super) step: Step<'a>,
+    pub(super) is_frozen: bool,
+}
+
+impl NodeSchur {
+    pub(super) fn new(model: &Model, stages: &Stages) -> Self {
+        let (n, m, s) = (model.problem.n, model.problem.m, stages.tableau.stages);
+        let at = &model.problem.patterns;
+        let (a_bar, a_hat) = (&stages.tableau.a_bar, &stages.tableau.a_hat);
+        Self {
+            mass: Mass::new(model),
+            product: Matrix::from_fn(s, s, |k, l| {
+                (0..s).map(|j| a_bar[(k + 1, j)] * a_hat[(j, l)]).sum()
+            }),
+            g_y: Matrix::zeros(s + 1, at.g_y.len()),
+            r_lam: Matrix::zeros(s + 1, at.r_lam.len()),
+            compliance: vec![Matrix::zeros(m, n); s],
+            schur: Lu::new(s * m),
+            velocity: Matrix::zeros(s, n),
+            d_lam: vec![0.0; s * m],
+            impulse: Matrix::zeros(s, n),
+            d_z: vec![0.0; n],
+            d_v: vec![0.0; n],
+        }
+    }
+}
+
+impl Solve<'_> {
+    fn freeze(&mut self) -> Result<(), Trouble> {
+        let Self {
+            solver,
+            stages,
+            model,
+            step,
+            ..
+        } = self;
+        let (s, m) = (stages.tableau.stages, model.problem.m);
+        let middle = s / 2;
+        let t = stages.stage_time(*step, middle);
+        solver
+            .mass
+            .update(model, t, stages.y.row(middle), stages.z.row(middle))?;
+        if m == 0 {
+            return Ok(());
+        }
+        let problem = model.problem.clone();
+        for j in 0..=s {
+            let t = stages.node_time(*step, j);
+            let [g_y, r_lam] = model.node_blocks(t, stages.node_y.row(j), stages.lam.row(j));
+            finite(g_y, Quantity::Derivative, t)?;
+            finite(r_lam, Quantity::Derivative, t)?;
+            solver.g_y.row_mut(j).copy_from_slice(g_y);
+            solver.r_lam.row_mut(j).copy_from_slice(r_lam);
+        }
+        solver.schur.matrix_mut().clear();
+        for l in 0..s {
+            solver.mass.compliance(
+                &problem.patterns.r_lam,
+                solver.r_lam.row(l),
+                &mut solver.compliance[l],
+            );
+            for k in 0..s {
+                let (g_y, corner) = (solver.g_y.row(k + 1), (k * m, l * m));
+                let factor = solver.product[(k, l)];
+                let target = solver.schur.matrix_mut();
+                add_product(
+                    &problem.patterns.g_y,
+                    g_y,
+                    factor,
+                    &solver.compliance[l],
+                    target,
+                    corner,
+                );
+            }
+        }
+        let singular = |_| {
+            explain(
+                &problem.patterns.g_y,
+                solver.g_y.row(s),
+                Trouble::SingularNewton,
+            )
+        };
+        solver.schur.factor().map_err(singular)
+    }
+
+    /// Λ: the velocities B R2_j + R1_j that the residuals alone would take away must meet g.
+    fn solve_multipliers(&mut self) {
+        let Self {
+            solver,
+            stages,
+            model,
+            step,
+            ..
+        } = self;
+        let (s, m, at) = (
+            stages.tableau.stages,
+            model.problem.m,
+            &model.problem.patterns,
+        );
+        for j in 0..s {
+            let u = solver.velocity.row_mut(j);
+            u.copy_from_slice(stages.momentum_residual.row(j));
+            solver.mass.solve_velocity(u);
+            add_scaled(u, 1.0, stages.velocity_residual.row(j));
+        }
+        for k in 0..s {
+            let out = &mut solver.d_lam[k * m..(k + 1) * m];
+            out.iter_mut()
+                .zip(stages.g.row(k + 1))
+                .for_each(|(out, g)| *out = -g / step.h);
+            solver.d_v.fill(0.0);
+            for j in 0..s {
+                add_scaled(
+                    &mut solver.d_v,
+                    stages.tableau.a_bar[(k + 1, j)],
+                    solver.velocity.row(j),
+                );
+            }
+            at.g_y
+                .multiply_add(solver.g_y.row(k + 1), 1.0, &solver.d_v, out);
+        }
+        solver.schur.solve(&mut solver.d_lam);
+        solver.impulse.clear();
+        for l in 0..s {
+            let d_lam = &solver.d_lam[l * m..(l + 1) * m];
+            at.r_lam
+                .multiply_add(solver.r_lam.row(l), 1.0, d_lam, solver.impulse.row_mut(l));
+            add_scaled(stages.lam.row_mut(l), 1.0 / step.h, d_lam);
+        }
+    }
+
+    /// dZ_i = p_z⁻¹ (Σ â_il R_l dΛ_l − R2_i), dV_i = v_z dZ_i − R1_i; returns the largest dV.
+    fn correct_stages(&mut self) -> f64 {
+        let Self {
+            solver,
+            stages,
+            model,
+            ..
+        } = self;
+        let (s, has_constraints) = (stages.tableau.stages, model.problem.m > 0);
+        let mut size = 0.0_f64;
+        for i in 0..s {
+            let NodeSchur {
+                d_z,
+                d_v,
+                impulse,
+                mass,
+                ..
+            } = &mut **solver;
+            d_z.iter_mut()
+                .zip(stages.momentum_residual.row(i))
+                .for_each(|(d, residual)| *d = -residual);
+            if has_constraints {
+                for l in 0..s {
+                    add_scaled(d_z, stages.tableau.a_hat[(i, l)], impulse.row(l));
+                }
+            }
+            mass.solve(d_z);
+            d_v.iter_mut()
+                .zip(stages.velocity_residual.row(i))
+                .for_each(|(d, residual)| *d = -residual);
+            mass.add_velocity(d_z, d_v);
+            add_scaled(stages.z.row_mut(i), 1.0, d_z);
+            add_scaled(stages.v.row_mut(i), 1.0, d_v);
+            size = size.max(max_norm(d_v));
+        }
+        size
+    }
+}
+
+impl Equations for Solve<'_> {
+    fn correct(&mut self) -> Result<f64, Trouble> {
+        self.stages.evaluate(self.model, self.step)?;
+        if !self.is_frozen {
+            self.freeze()?;
+            self.is_frozen = true;
+        }
+        if self.model.problem.m > 0 {
+            self.solve_multipliers();
+        }
+        let size = self.correct_stages();
+        Ok(self.stages.relative(size, self.step))
+    }
+}

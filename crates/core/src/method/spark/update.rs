@@ -1,0 +1,162 @@
+//! The end of a step: (U1), then z1 and λ_s from (U2) and (U3).
+//!
+//! Increments are summed first and added last, with what the addition loses kept in the low part.
+
+use super::stages::{Stages, Step};
+use crate::linalg::{add_scaled, max_norm};
+use crate::newton::{self, Equations};
+use crate::problem::mechanical::{Model, Saddle, State, finite};
+use crate::trouble::{Quantity, Trouble};
+
+const MOST_ITERATIONS: usize = 30;
+
+/// The state at the end of a step while it is being found.
+#[derive(Clone, Debug)]
+pub(super) struct Update {
+    pub(super) z: Vec<f64>,
+    pub(super) v: Vec<f64>,
+    y: Vec<f64>,
+    y_low: Vec<f64>,
+    p: Vec<f64>,
+    p_low: Vec<f64>,
+    saddle: Saddle,
+    momentum: Vec<f64>,
+    hidden: Vec<f64>,
+}
+
+struct Solve<'a> {
+    update: &'a mut Update,
+    model: &'a mut Model,
+    stages: &'a mut Stages,
+    step: Step<'a>,
+}
+
+impl Update {
+    pub(super) fn new(model: &Model) -> Self {
+        let zeros = vec![0.0; model.problem.n];
+        Self {
+            z: zeros.clone(),
+            v: zeros.clone(),
+            y: zeros.clone(),
+            y_low: zeros.clone(),
+            p: zeros.clone(),
+            p_low: zeros.clone(),
+            saddle: Saddle::new(model),
+            momentum: zeros,
+            hidden: vec![0.0; model.problem.m],
+        }
+    }
+
+    /// Finds the end of the step; `z` holds a guess before and z1 afterwards.
+    pub(super) fn solve(
+        &mut self,
+        model: &mut Model,
+        stages: &mut Stages,
+        step: Step,
+    ) -> Result<(), Trouble> {
+        let (s, h, state) = (stages.tableau.stages, step.h, step.state);
+        self.y_low.copy_from_slice(&state.y_low);
+        self.p_low.copy_from_slice(&state.p_low);
+        for j in 0..s {
+            add_scaled(&mut self.y_low, h * stages.tableau.b[j], stages.v.row(j));
+            add_scaled(&mut self.p_low, h * stages.tableau.b[j], stages.f.row(j));
+            add_scaled(
+                &mut self.p_low,
+                h * stages.tableau.b_hat[j],
+                stages.r.row(j),
+            );
+        }
+        carry(&state.y, &mut self.y_low, &mut self.y);
+
+        let is_linear = model.problem.is_linear;
+        let mut solve = Solve {
+            update: self,
+            model,
+            stages,
+            step,
+        };
+        if is_linear {
+            solve.correct()?;
+        } else {
+            newton::solve(&mut solve, MOST_ITERATIONS)?;
+        }
+
+        let t = stages.node_time(step, s);
+        if model.problem.m > 0 {
+            let [_, r] = model.node(t, &self.y, stages.lam.row(s));
+            add_scaled(&mut self.p_low, h * stages.tableau.b_hat[s], r);
+        }
+        carry(&state.p, &mut self.p_low, &mut self.p);
+        if model.problem.patterns.v_z.is_some() {
+            self.v.copy_from_slice(model.end(t, &self.y, &self.z)[2]);
+        } else {
+            self.v.copy_from_slice(&self.z);
+        }
+        Ok(())
+    }
+
+    /// The end becomes the state.
+    pub(super) fn commit(&self, state: &mut State) {
+        state.y.copy_from_slice(&self.y);
+        state.z.copy_from_slice(&self.z);
+        state.p.copy_from_slice(&self.p);
+        state.y_low.copy_from_slice(&self.y_low);
+        state.p_low.copy_from_slice(&self.p_low);
+    }
+}
+
+impl Equations for Solve<'_> {
+    fn correct(&mut self) -> Result<f64, Trouble> {
+        let Self {
+            update,
+            model,
+            stages,
+            step,
+        } = self;
+        let (s, t) = (
+            stages.tableau.stages,
+            stages.node_time(*step, stages.tableau.stages),
+        );
+        let weight = step.h * stages.tableau.b_hat[s];
+        update
+            .saddle
+            .update(model, t, &update.y, &update.z, stages.lam.row(s))?;
+        update.momentum.copy_from_slice(&update.p_low);
+        if model.problem.m > 0 {
+            let [_, r] = model.node(t, &update.y, stages.lam.row(s));
+            finite(r, Quantity::Reaction, t)?;
+            add_scaled(&mut update.momentum, weight, r);
+        }
+        let [p, w, _] = model.end(t, &update.y, &update.z);
+        finite(p, Quantity::Momentum, t)?;
+        finite(w, Quantity::Hidden, t)?;
+        for ((out, p), p0) in update.momentum.iter_mut().zip(p).zip(&step.state.p) {
+            *out -= p - p0;
+        }
+        update
+            .hidden
+            .iter_mut()
+            .zip(w)
+            .for_each(|(out, w)| *out = -w);
+        update
+            .saddle
+            .solve(model, &mut update.momentum, &mut update.hidden);
+        add_scaled(&mut update.z, 1.0, &update.momentum);
+        add_scaled(stages.lam.row_mut(s), 1.0 / weight, &update.hidden);
+        update.v.fill(0.0);
+        update
+            .saddle
+            .mass
+            .add_velocity(&update.momentum, &mut update.v);
+        Ok(stages.relative(max_norm(&update.v), *step))
+    }
+}
+
+/// `sum = high + low`, and `low` becomes what the addition lost (Knuth's two-sum).
+fn carry(high: &[f64], low: &mut [f64], sum: &mut [f64]) {
+    for ((high, low), sum) in high.iter().zip(low).zip(sum) {
+        *sum = high + *low;
+        let part = *sum - high;
+        *low = (high - (*sum - part)) + (*low - part);
+    }
+}

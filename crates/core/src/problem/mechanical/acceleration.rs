@@ -1,0 +1,107 @@
+//! The acceleration-level solve A(t, y, z): the index-1 form of the system, for z' and λ.
+//!
+//!     p_z z' + p_y v + p_t = f + r(t, y, λ)
+//!     w_z z' + w_y v + w_t = 0
+//!
+//! It gives the multipliers at full order and the cold start of an integration.
+
+use super::{Model, Saddle, model::finite};
+use crate::linalg::max_norm;
+use crate::newton::{self, Equations};
+use crate::trouble::{Quantity, Trouble};
+
+/// The solver, with its memory.
+#[derive(Clone, Debug)]
+pub struct Acceleration {
+    saddle: Saddle,
+    /// z', as last solved for.
+    pub z_dot: Vec<f64>,
+    /// λ, as last solved for; the start of the next solve where r is nonlinear in it.
+    pub lam: Vec<f64>,
+    force: Vec<f64>,
+    drift: Vec<f64>,
+    correction: Vec<f64>,
+}
+
+struct Solve<'a> {
+    at: &'a mut Acceleration,
+    model: &'a mut Model,
+    point: (f64, &'a [f64], &'a [f64]),
+}
+
+impl Acceleration {
+    /// Memory for this model.
+    pub fn new(model: &Model) -> Self {
+        let (n, m) = (model.problem.n, model.problem.m);
+        Self {
+            saddle: Saddle::new(model),
+            z_dot: vec![0.0; n],
+            lam: vec![0.0; m],
+            force: vec![0.0; n],
+            drift: vec![0.0; m],
+            correction: vec![0.0; m],
+        }
+    }
+
+    /// Solves for `z_dot` and `lam` at (t, y, z).
+    ///
+    /// # Errors
+    /// A value that is not finite, a singular matrix, or no convergence where r is nonlinear in λ.
+    pub fn solve(
+        &mut self,
+        model: &mut Model,
+        t: f64,
+        y: &[f64],
+        z: &[f64],
+    ) -> Result<(), Trouble> {
+        let [force, drift] = model.acceleration(t, y, z);
+        finite(force, Quantity::Force, t)?;
+        finite(drift, Quantity::Hidden, t)?;
+        self.force.copy_from_slice(force);
+        self.drift.copy_from_slice(drift);
+        let is_linear = model.problem.is_linear;
+        if is_linear {
+            self.lam.fill(0.0);
+        }
+        let mut solve = Solve {
+            at: self,
+            model,
+            point: (t, y, z),
+        };
+        if is_linear {
+            solve.correct().map(|_| ())
+        } else {
+            newton::solve(&mut solve, 50).map(|_| ())
+        }
+    }
+}
+
+impl Equations for Solve<'_> {
+    fn correct(&mut self) -> Result<f64, Trouble> {
+        let (t, y, z) = self.point;
+        let at = &mut *self.at;
+        at.saddle.update(self.model, t, y, z, &at.lam)?;
+        at.z_dot.copy_from_slice(&at.force);
+        if !at.lam.is_empty() {
+            let [_, r] = self.model.node(t, y, &at.lam);
+            finite(r, Quantity::Reaction, t)?;
+            at.z_dot.iter_mut().zip(r).for_each(|(out, r)| *out += r);
+        }
+        at.correction
+            .iter_mut()
+            .zip(&at.drift)
+            .for_each(|(out, drift)| *out = -drift);
+        at.saddle
+            .solve(self.model, &mut at.z_dot, &mut at.correction);
+        at.lam
+            .iter_mut()
+            .zip(&at.correction)
+            .for_each(|(lam, d)| *lam += d);
+        let size = max_norm(&at.correction);
+        Ok(if size == 0.0 {
+            0.0
+        } else {
+            size / max_norm(&at.lam).max(size)
+        })
+    }
+}

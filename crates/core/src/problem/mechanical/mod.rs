@@ -1,0 +1,166 @@
+//! Constrained mechanics as an index-3 differential-algebraic system:
+//!
+//!     y' = v(t, y, z),   d/dt p(t, y, z) = f(t, y, z) + r(t, y, λ),   0 = g(t, y)
+//!
+//! with the hidden constraint 0 = w(t, y, z) := g_t + g_y v. A Lagrangian system has v = z and
+//! p = L_v; a Hamiltonian one p = z and v = H_p; both r = −g_yᵀ λ. Source: jay2007.
+
+mod acceleration;
+mod model;
+mod observe;
+mod projection;
+mod saddle;
+
+pub use acceleration::Acceleration;
+pub use model::{Model, finite};
+pub use observe::Observer;
+pub use projection::{Projection, project};
+pub use saddle::{Mass, Saddle};
+pub(crate) use saddle::{add_product, explain};
+
+use crate::linalg::Pattern;
+use crate::tape::Tape;
+
+/// The tapes and patterns of a mechanical system with n coordinates and m constraints.
+///
+/// The tapes' last input is always the parameters; the outputs of a tape follow one another. Where
+/// v = z, there are no outputs for v and its derivatives, and `v_z` is `None`.
+#[derive(Clone, Debug)]
+pub struct Mechanical {
+    /// Number of coordinates.
+    pub n: usize,
+    /// Number of constraints.
+    pub m: usize,
+    /// p is linear in z, v linear in z, and r linear in λ.
+    pub is_linear: bool,
+    /// (t, y, z) → p, f, v
+    pub stage: Tape,
+    /// (t, y, z) → p_z, v_z
+    pub stage_blocks: Tape,
+    /// (t, y, z) → p_y, f_y, f_z, v_y
+    pub stage_jacobian: Tape,
+    /// (t, y, λ) → g, r
+    pub node: Tape,
+    /// (t, y, λ) → g_y, r_λ
+    pub node_blocks: Tape,
+    /// (t, y, λ) → r_y
+    pub node_jacobian: Tape,
+    /// (t, y, z) → p, w, v
+    pub end: Tape,
+    /// (t, y, z) → f − p_t − p_y v, w_t + w_y v
+    pub acceleration: Tape,
+    /// Where the derivatives are not zero.
+    pub patterns: Patterns,
+}
+
+/// The sparsity of each derivative.
+#[derive(Clone, Debug)]
+#[allow(missing_docs)]
+pub struct Patterns {
+    pub p_z: Pattern,
+    pub v_z: Option<Pattern>,
+    pub p_y: Pattern,
+    pub f_y: Pattern,
+    pub f_z: Pattern,
+    pub v_y: Pattern,
+    pub g_y: Pattern,
+    pub r_lam: Pattern,
+    pub r_y: Pattern,
+}
+
+/// Tapes and patterns that do not belong together.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+#[error("{name} has size {found}, wanted {wanted}")]
+#[allow(missing_docs)]
+pub struct Mismatch {
+    pub name: &'static str,
+    pub found: usize,
+    pub wanted: usize,
+}
+
+impl Mechanical {
+    /// The system, once its parts are seen to fit together.
+    ///
+    /// # Errors
+    /// The first tape or pattern that has not the size the others imply.
+    pub fn checked(self) -> Result<Self, Mismatch> {
+        let (n, m, at) = (self.n, self.m, &self.patterns);
+        let v = if at.v_z.is_some() { n } else { 0 };
+        let v_z = at.v_z.as_ref().map_or(0, Pattern::len);
+        let params = self.stage.inputs().last().copied().unwrap_or(0);
+        let tapes = [
+            ("stage", &self.stage, n, n + n + v),
+            ("stage_blocks", &self.stage_blocks, n, at.p_z.len() + v_z),
+            (
+                "stage_jacobian",
+                &self.stage_jacobian,
+                n,
+                at.p_y.len() + at.f_y.len() + at.f_z.len() + at.v_y.len(),
+            ),
+            ("node", &self.node, m, m + n),
+            (
+                "node_blocks",
+                &self.node_blocks,
+                m,
+                at.g_y.len() + at.r_lam.len(),
+            ),
+            ("node_jacobian", &self.node_jacobian, m, at.r_y.len()),
+            ("end", &self.end, n, n + m + v),
+            ("acceleration", &self.acceleration, n, n + m),
+        ];
+        for (name, tape, third, outputs) in tapes {
+            check(name, tape.inputs().len(), 4)?;
+            for (found, wanted) in tape.inputs().iter().zip([1, n, third, params]) {
+                check(name, *found, wanted)?;
+            }
+            check(name, tape.outputs(), outputs)?;
+        }
+        let square = [
+            ("p_z", &at.p_z),
+            ("p_y", &at.p_y),
+            ("f_y", &at.f_y),
+            ("f_z", &at.f_z),
+            ("v_y", &at.v_y),
+            ("r_y", &at.r_y),
+        ];
+        let v_z = at.v_z.iter().map(|pattern| ("v_z", pattern, (n, n)));
+        let shaped = [("g_y", &at.g_y, (m, n)), ("r_lam", &at.r_lam, (n, m))];
+        for (name, pattern, (rows, cols)) in square
+            .map(|(name, pattern)| (name, pattern, (n, n)))
+            .into_iter()
+            .chain(v_z)
+            .chain(shaped)
+        {
+            check(name, pattern.shape().0, rows)?;
+            check(name, pattern.shape().1, cols)?;
+        }
+        Ok(self)
+    }
+}
+
+fn check(name: &'static str, found: usize, wanted: usize) -> Result<(), Mismatch> {
+    if found == wanted {
+        Ok(())
+    } else {
+        Err(Mismatch {
+            name,
+            found,
+            wanted,
+        })
+    }
+}
+
+/// Where a mechanical system is, with the low parts its compensated sums carry.
+#[derive(Clone, Debug, PartialEq)]
+pub struct State {
+    /// Coordinates.
+    pub y: Vec<f64>,
+    /// Velocities or momenta, as the system has them.
+    pub z: Vec<f64>,
+    /// p(t, y, z), summed up from its increments.
+    pub p: Vec<f64>,
+    /// What `y` has lost to rounding.
+    pub y_low: Vec<f64>,
+    /// What `p` has lost to rounding.
+    pub p_low: Vec<f64>,
+}

@@ -1,0 +1,176 @@
+//! A mechanical system with its parameters bound, and the memory its tapes work in.
+
+use super::{Mechanical, State};
+use crate::tape::Registers;
+use crate::trouble::{Quantity, Trouble};
+use std::sync::Arc;
+
+/// A system ready to be evaluated.
+#[derive(Clone, Debug)]
+pub struct Model {
+    /// The system itself, shared.
+    pub problem: Arc<Mechanical>,
+    stage: Registers<f64>,
+    stage_blocks: Registers<f64>,
+    stage_jacobian: Registers<f64>,
+    node: Registers<f64>,
+    node_blocks: Registers<f64>,
+    node_jacobian: Registers<f64>,
+    end: Registers<f64>,
+    acceleration: Registers<f64>,
+}
+
+/// Outputs that follow one another, cut at their sizes.
+type Parts<'a, const K: usize> = [&'a [f64]; K];
+
+fn cut<const K: usize>(mut values: &[f64], sizes: [usize; K]) -> Parts<'_, K> {
+    sizes.map(|size| {
+        let (head, tail) = values.split_at(size);
+        values = tail;
+        head
+    })
+}
+
+impl Model {
+    /// Binds parameters.
+    ///
+    /// # Panics
+    /// When `params` has not the size the tapes have.
+    pub fn new(problem: Arc<Mechanical>, params: &[f64]) -> Self {
+        Self {
+            stage: problem.stage.bind(params),
+            stage_blocks: problem.stage_blocks.bind(params),
+            stage_jacobian: problem.stage_jacobian.bind(params),
+            node: problem.node.bind(params),
+            node_blocks: problem.node_blocks.bind(params),
+            node_jacobian: problem.node_jacobian.bind(params),
+            end: problem.end.bind(params),
+            acceleration: problem.acceleration.bind(params),
+            problem,
+        }
+    }
+
+    fn v_size(&self) -> usize {
+        if self.problem.patterns.v_z.is_some() {
+            self.problem.n
+        } else {
+            0
+        }
+    }
+
+    /// p, f, v at (t, y, z); v is empty where it is z.
+    #[inline]
+    pub fn stage(&mut self, t: f64, y: &[f64], z: &[f64]) -> Parts<'_, 3> {
+        let (n, v) = (self.problem.n, self.v_size());
+        cut(
+            self.problem.stage.eval(&mut self.stage, &[&[t], y, z]),
+            [n, n, v],
+        )
+    }
+
+    /// p_z, v_z at (t, y, z).
+    #[inline]
+    pub fn stage_blocks(&mut self, t: f64, y: &[f64], z: &[f64]) -> Parts<'_, 2> {
+        let at = &self.problem.patterns;
+        let sizes = [
+            at.p_z.len(),
+            at.v_z.as_ref().map_or(0, crate::linalg::Pattern::len),
+        ];
+        cut(
+            self.problem
+                .stage_blocks
+                .eval(&mut self.stage_blocks, &[&[t], y, z]),
+            sizes,
+        )
+    }
+
+    /// p_y, f_y, f_z, v_y at (t, y, z).
+    pub fn stage_jacobian(&mut self, t: f64, y: &[f64], z: &[f64]) -> Parts<'_, 4> {
+        let at = &self.problem.patterns;
+        let sizes = [at.p_y.len(), at.f_y.len(), at.f_z.len(), at.v_y.len()];
+        cut(
+            self.problem
+                .stage_jacobian
+                .eval(&mut self.stage_jacobian, &[&[t], y, z]),
+            sizes,
+        )
+    }
+
+    /// g, r at (t, y, λ).
+    #[inline]
+    pub fn node(&mut self, t: f64, y: &[f64], lam: &[f64]) -> Parts<'_, 2> {
+        let sizes = [self.problem.m, self.problem.n];
+        cut(
+            self.problem.node.eval(&mut self.node, &[&[t], y, lam]),
+            sizes,
+        )
+    }
+
+    /// `g_y`, `r_λ` at (t, y, λ).
+    #[inline]
+    pub fn node_blocks(&mut self, t: f64, y: &[f64], lam: &[f64]) -> Parts<'_, 2> {
+        let sizes = [
+            self.problem.patterns.g_y.len(),
+            self.problem.patterns.r_lam.len(),
+        ];
+        cut(
+            self.problem
+                .node_blocks
+                .eval(&mut self.node_blocks, &[&[t], y, lam]),
+            sizes,
+        )
+    }
+
+    /// `r_y` at (t, y, λ).
+    pub fn node_jacobian(&mut self, t: f64, y: &[f64], lam: &[f64]) -> &[f64] {
+        self.problem
+            .node_jacobian
+            .eval(&mut self.node_jacobian, &[&[t], y, lam])
+    }
+
+    /// p, w, v at (t, y, z); v is empty where it is z.
+    #[inline]
+    pub fn end(&mut self, t: f64, y: &[f64], z: &[f64]) -> Parts<'_, 3> {
+        let (n, m, v) = (self.problem.n, self.problem.m, self.v_size());
+        cut(
+            self.problem.end.eval(&mut self.end, &[&[t], y, z]),
+            [n, m, v],
+        )
+    }
+
+    /// f − p_t − `p_y` v and `w_t` + `w_y` v at (t, y, z).
+    pub fn acceleration(&mut self, t: f64, y: &[f64], z: &[f64]) -> Parts<'_, 2> {
+        let sizes = [self.problem.n, self.problem.m];
+        cut(
+            self.problem
+                .acceleration
+                .eval(&mut self.acceleration, &[&[t], y, z]),
+            sizes,
+        )
+    }
+
+    /// The state at (t, y, z), with nothing lost to rounding yet.
+    pub fn state(&mut self, t: f64, y: &[f64], z: &[f64]) -> State {
+        let p = self.end(t, y, z)[0].to_vec();
+        let low = vec![0.0; y.len()];
+        State {
+            y: y.to_vec(),
+            z: z.to_vec(),
+            p,
+            y_low: low.clone(),
+            p_low: low,
+        }
+    }
+}
+
+/// Refuses values that are not finite, naming the first.
+///
+/// # Errors
+/// [`Trouble::NotFinite`].
+#[inline]
+pub fn finite(values: &[f64], quantity: Quantity, t: f64) -> Result<(), Trouble> {
+    match values.iter().position(|x| !x.is_finite()) {
+        Some(index) => Err(Trouble::NotFinite { quantity, index, t }),
+        None => Ok(()),
+    }
+}

@@ -1,0 +1,20 @@
+//! What is integrated, read-only: a user's system as tapes and patterns.
+
+pub mod mechanical;
+
+use crate::trouble::Trouble;
+
+/// Turns a state into the numbers a run keeps of it.
+pub trait Observe: Send {
+    /// What it looks at.
+    type State;
+
+    /// How many numbers it appends.
+    fn width(&self) -> usize;
+
+    /// Appends the row of `state` at time `t`, or nothing.
+    ///
+    /// # Errors
+    /// A quantity that is not finite, or multipliers that cannot be solved for.
+    fn observe(&mut self, t: f64, state: &Self::State, row: &mut Vec<f64>) -> Result<(), Trouble>;
+}

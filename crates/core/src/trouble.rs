@@ -1,0 +1,64 @@
+//! What can go wrong in a step, in numbers; the front end adds the user's names.
+
+/// A function of the user's model.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Quantity {
+    /// v(t, y, z)
+    Velocity,
+    /// p(t, y, z)
+    Momentum,
+    /// f(t, y, z)
+    Force,
+    /// r(t, y, λ)
+    Reaction,
+    /// g(t, y)
+    Constraint,
+    /// g_t + g_y v
+    Hidden,
+    /// A derivative of one of them.
+    Derivative,
+    /// An invariant or another quantity to be recorded.
+    Observable,
+}
+
+impl Quantity {
+    /// The name of the quantity in messages.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Velocity => "velocity",
+            Self::Momentum => "momentum",
+            Self::Force => "force",
+            Self::Reaction => "reaction",
+            Self::Constraint => "constraint",
+            Self::Hidden => "hidden constraint",
+            Self::Derivative => "derivative",
+            Self::Observable => "observable",
+        }
+    }
+}
+
+/// Why a step could not be made.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+#[allow(missing_docs)]
+pub enum Trouble {
+    #[error("{} {index} is not finite at t = {t}", quantity.name())]
+    NotFinite {
+        quantity: Quantity,
+        index: usize,
+        t: f64,
+    },
+    #[error("the mass matrix p_z is singular in coordinate {coordinate}")]
+    SingularMass { coordinate: usize },
+    #[error("the gradients of constraints {constraints:?} are linearly dependent")]
+    Redundant { constraints: Vec<usize> },
+    #[error("the Newton matrix of the stages is singular")]
+    SingularNewton,
+    #[error(
+        "the iteration did not converge: after {iterations} the last correction was {size:e} of the state"
+    )]
+    NotConverged { iterations: usize, size: f64 },
+    #[error(
+        "the iteration converged far from its start: the stages moved by {ratio} of the velocity"
+    )]
+    Branch { ratio: f64 },
+}

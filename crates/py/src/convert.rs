@@ -1,0 +1,191 @@
+//! Arrays in, core types out.
+
+use crate::errors::refused;
+use liouville_core::linalg::Pattern;
+use liouville_core::problem::mechanical::{self, Patterns};
+use liouville_core::tape::{self, Line, Op};
+use numpy::{PyArray2, PyArrayMethods, PyReadonlyArray1, PyReadonlyArray2, PyUntypedArrayMethods};
+use pyo3::exceptions::{PyKeyError, PyValueError};
+use pyo3::prelude::*;
+use pyo3::types::PyDict;
+use std::sync::Arc;
+
+/// Codes of the lines that are not operations.
+const INPUT: i64 = -1;
+const CONSTANT: i64 = -2;
+const OUTPUT: i64 = -3;
+
+/// A validated program.
+#[pyclass(frozen, module = "liouville._core")]
+#[derive(Clone)]
+pub(crate) struct Tape(pub(crate) Arc<tape::Tape>);
+
+#[pymethods]
+impl Tape {
+    /// Lines are rows (code, slot, a, b) with a value each: an operation by its code, −1 an input
+    /// (slot, group, element), −2 a constant (slot), −3 an output (slot, element).
+    #[new]
+    fn new(
+        inputs: Vec<usize>,
+        outputs: usize,
+        lines: PyReadonlyArray2<'_, i64>,
+        values: PyReadonlyArray1<'_, f64>,
+    ) -> PyResult<Self> {
+        if lines.shape()[1] != 4 || lines.shape()[0] != values.len() {
+            return Err(PyValueError::new_err(
+                "lines are rows of four numbers, with a value each",
+            ));
+        }
+        let program: Vec<Line> = lines
+            .as_array()
+            .rows()
+            .into_iter()
+            .zip(values.as_array())
+            .map(|(row, value)| line([row[0], row[1], row[2], row[3]], *value))
+            .collect::<PyResult<_>>()?;
+        Ok(Self(Arc::new(
+            tape::Tape::new(&inputs, outputs, &program).map_err(refused)?,
+        )))
+    }
+
+    /// Evaluates at k points: one (k, size) array for each input group but the parameters.
+    fn map<'py>(
+        &self,
+        py: Python<'py>,
+        params: PyReadonlyArray1<'py, f64>,
+        args: Vec<PyReadonlyArray2<'py, f64>>,
+    ) -> PyResult<Bound<'py, PyArray2<f64>>> {
+        let sizes = self.0.inputs();
+        let k = args.first().map_or(1, |arg| arg.shape()[0]);
+        let wanted = sizes.iter().take(sizes.len().saturating_sub(1));
+        let fits = args.len() + 1 == sizes.len()
+            && args
+                .iter()
+                .zip(wanted)
+                .all(|(arg, size)| arg.shape() == [k, *size])
+            && Some(&params.len()) == sizes.last();
+        if !fits {
+            return Err(PyValueError::new_err(format!(
+                "the tape's inputs have sizes {sizes:?}"
+            )));
+        }
+        let slices = args
+            .iter()
+            .map(|arg| arg.as_slice())
+            .collect::<Result<Vec<_>, _>>()?;
+        let params = params.as_slice()?;
+        let values = py.detach(|| self.0.map(params, &slices, k));
+        numpy::PyArray1::from_vec(py, values).reshape([k, self.0.outputs()])
+    }
+
+    /// Number of instructions an evaluation runs.
+    fn __len__(&self) -> usize {
+        self.0.len()
+    }
+
+    /// Sizes of the input groups; the last is the parameters.
+    #[getter]
+    fn inputs(&self) -> Vec<usize> {
+        self.0.inputs().to_vec()
+    }
+
+    /// Number of outputs.
+    #[getter]
+    fn outputs(&self) -> usize {
+        self.0.outputs()
+    }
+}
+
+fn line(row: [i64; 4], value: f64) -> PyResult<Line> {
+    let index = |x: i64| {
+        usize::try_from(x).map_err(|_| PyValueError::new_err(format!("{x} is not an index")))
+    };
+    let (slot, a, b) = (index(row[1])?, index(row[2])?, index(row[3])?);
+    match row[0] {
+        INPUT => Ok(Line::Input {
+            slot,
+            group: a,
+            element: b,
+        }),
+        CONSTANT => Ok(Line::Constant { slot, value }),
+        OUTPUT => Ok(Line::Output { slot, element: a }),
+        code => match usize::try_from(code)
+            .ok()
+            .and_then(|code| Op::ALL.get(code))
+        {
+            Some(&op) => Ok(Line::Apply { op, slot, a, b }),
+            None => Err(PyValueError::new_err(format!(
+                "there is no operation {code}"
+            ))),
+        },
+    }
+}
+
+/// A mechanical system in the core's terms.
+#[pyclass(frozen, module = "liouville._core")]
+#[derive(Clone)]
+pub(crate) struct Mechanical(pub(crate) Arc<mechanical::Mechanical>);
+
+#[pymethods]
+impl Mechanical {
+    /// Tapes by name; patterns by name as (rows, columns, row of each entry, column of each entry).
+    #[new]
+    fn new(
+        n: usize,
+        m: usize,
+        is_linear: bool,
+        tapes: &Bound<'_, PyDict>,
+        patterns: &Bound<'_, PyDict>,
+    ) -> PyResult<Self> {
+        let tape = |name: &str| -> PyResult<tape::Tape> {
+            let found = item(tapes, name)?.extract::<PyRef<'_, Tape>>()?.0.clone();
+            Ok(tape::Tape::clone(&found))
+        };
+        let pattern = |name: &str| pattern(&item(patterns, name)?);
+        let v_z = if patterns.contains("v_z")? {
+            Some(pattern("v_z")?)
+        } else {
+            None
+        };
+        let system = mechanical::Mechanical {
+            n,
+            m,
+            is_linear,
+            stage: tape("stage")?,
+            stage_blocks: tape("stage_blocks")?,
+            stage_jacobian: tape("stage_jacobian")?,
+            node: tape("node")?,
+            node_blocks: tape("node_blocks")?,
+            node_jacobian: tape("node_jacobian")?,
+            end: tape("end")?,
+            acceleration: tape("acceleration")?,
+            patterns: Patterns {
+                p_z: pattern("p_z")?,
+                v_z,
+                p_y: pattern("p_y")?,
+                f_y: pattern("f_y")?,
+                f_z: pattern("f_z")?,
+                v_y: pattern("v_y")?,
+                g_y: pattern("g_y")?,
+                r_lam: pattern("r_lam")?,
+                r_y: pattern("r_y")?,
+            },
+        };
+        Ok(Self(Arc::new(system.checked().map_err(refused)?)))
+    }
+}
+
+fn item<'py>(dict: &Bound<'py, PyDict>, name: &str) -> PyResult<Bound<'py, PyAny>> {
+    dict.get_item(name)?
+        .ok_or_else(|| PyKeyError::new_err(name.to_owned()))
+}
+
+pub(crate) fn pattern(value: &Bound<'_, PyAny>) -> PyResult<Pattern> {
+    let (rows, cols, row, col): (usize, usize, Vec<usize>, Vec<usize>) = value.extract()?;
+    if row.len() != col.len() {
+        return Err(PyValueError::new_err(
+            "a pattern has as many rows as columns of entries",
+        ));
+    }
+    Pattern::new(rows, cols, row.into_iter().zip(col).collect()).map_err(refused)
+}

@@ -1,0 +1,47 @@
+//! Core errors as Python sees them; the names and the advice are added there.
+
+use liouville_core::trouble::Trouble;
+use pyo3::exceptions::PyValueError;
+use pyo3::prelude::*;
+use pyo3::types::PyDict;
+use std::fmt::Display;
+
+/// Something malformed, which only a direct call of the core can hand over.
+#[allow(clippy::needless_pass_by_value)] // the shape `map_err` wants
+pub(crate) fn refused(error: impl Display) -> PyErr {
+    PyValueError::new_err(error.to_string())
+}
+
+/// A trouble as a dictionary: its kind, its numbers, and its own sentence.
+pub(crate) fn trouble<'py>(py: Python<'py>, trouble: &Trouble) -> PyResult<Bound<'py, PyDict>> {
+    let dict = PyDict::new(py);
+    dict.set_item("message", trouble.to_string())?;
+    let kind = match trouble {
+        Trouble::NotFinite { quantity, index, t } => {
+            dict.set_item("quantity", quantity.name())?;
+            dict.set_item("index", index)?;
+            dict.set_item("t", t)?;
+            "not finite"
+        }
+        Trouble::SingularMass { coordinate } => {
+            dict.set_item("index", coordinate)?;
+            "singular mass"
+        }
+        Trouble::Redundant { constraints } => {
+            dict.set_item("constraints", constraints)?;
+            "redundant"
+        }
+        Trouble::SingularNewton => "singular",
+        Trouble::NotConverged { iterations, size } => {
+            dict.set_item("iterations", iterations)?;
+            dict.set_item("size", size)?;
+            "not converged"
+        }
+        Trouble::Branch { ratio } => {
+            dict.set_item("size", ratio)?;
+            "branch"
+        }
+    };
+    dict.set_item("kind", kind)?;
+    Ok(dict)
+}

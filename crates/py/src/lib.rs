@@ -1,0 +1,33 @@
+//! The border between Python and the core: conversions, and nothing else.
+//!
+//! What crosses: programs and patterns once a system, start values and options once a run, arrays
+//! back. No Python runs inside a step; the loop runs detached from the interpreter.
+
+mod convert;
+mod errors;
+mod run;
+
+use pyo3::prelude::*;
+
+/// The compiled core of liouville; its types stand in `_core.pyi`.
+#[pymodule]
+mod _core {
+    use super::PyResult;
+    use liouville_core::tape::Op;
+    use pyo3::prelude::*;
+    use pyo3::types::PyDict;
+
+    #[pymodule_export]
+    use super::convert::{Mechanical, Tape};
+    #[pymodule_export]
+    use super::run::{MechanicalRun, gauss_lobatto, project};
+
+    #[pymodule_init]
+    fn init(module: &Bound<'_, PyModule>) -> PyResult<()> {
+        let codes = PyDict::new(module.py());
+        for (code, op) in Op::ALL.iter().enumerate() {
+            codes.set_item(op.name(), code)?;
+        }
+        module.add("OPERATIONS", codes)
+    }
+}

@@ -1,0 +1,11 @@
+"""Structure-preserving time integrators: a Rust core with a Python front."""
+
+from liouville.errors import IntegrationError as IntegrationError
+from liouville.export import load as load
+from liouville.integrate import integrate as integrate
+from liouville.methods import METHODS as METHODS
+from liouville.methods import Spark as Spark
+from liouville.solution import Solution as Solution
+from liouville.systems import Hamiltonian as Hamiltonian
+from liouville.systems import Lagrangian as Lagrangian
+from liouville.systems import Mechanical as Mechanical

@@ -1,0 +1,108 @@
+"""Errors for people: what was wrong, where, by the user's own names, and what to try."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from liouville.solution import Solution
+
+
+class IntegrationError(RuntimeError):
+    """A step of a run failed; what was computed before it is kept.
+
+    Attributes
+    ----------
+    t : float
+        Time at the start of the failed step.
+    step : int
+        Number of the failed step, from 0.
+    quantity : str
+        What failed, by the user's name: a coordinate, a constraint, or a function of the model.
+    solution : Solution or None
+        Everything up to the last good step.
+    """
+
+    def __init__(
+        self,
+        message: str,
+        *,
+        t: float = float("nan"),
+        step: int = 0,
+        quantity: str = "",
+        solution: Solution | None = None,
+    ) -> None:
+        super().__init__(message)
+        self.t = t
+        self.step = step
+        self.quantity = quantity
+        self.solution = solution
+
+
+def hinted(message: str, hint: str) -> str:
+    """Put the hint on a line of its own."""
+    return f"{message}\nhint: {hint}"
+
+
+def quoted(names: Sequence[str]) -> str:
+    """Write names for a message: 'a', 'b' and 'c'."""
+    words = [f"'{name}'" for name in names]
+    return " and ".join([", ".join(words[:-1]), words[-1]]) if len(words) > 1 else words[0]
+
+
+def describe(
+    trouble: dict[str, Any], coordinates: Sequence[str], constraints: Sequence[str]
+) -> tuple[str, str, str]:
+    """Say what a trouble of the core means in the user's names: sentence, hint and quantity."""
+    kind = trouble["kind"]
+    if kind == "not finite":
+        return _not_finite(trouble, coordinates, constraints)
+    if kind == "singular mass":
+        name = coordinates[trouble["index"]]
+        return (
+            f"the mass matrix is singular: coordinate '{name}' has no inertia of its own",
+            f"give '{name}' a mass, or a constraint that removes it together with its coordinate",
+            name,
+        )
+    if kind == "redundant":
+        names = [constraints[k] for k in trouble["constraints"]]
+        if len(names) == 1:
+            sentence = f"the gradient of constraint {quoted(names)} vanishes"
+        else:
+            sentence = f"constraints {quoted(names)} are redundant: their gradients are dependent"
+        return sentence, "remove one of them, or start away from a singular position", names[0]
+    if kind == "singular":
+        return (
+            "the matrix of the stage equations is singular",
+            "the step may be too large for this motion: try a smaller h",
+            "stages",
+        )
+    if kind == "branch":
+        return (
+            f"the stages moved by {trouble['size']:.1f} times the velocity from their start: "
+            "the step is too large to tell this motion from another",
+            "try a smaller h",
+            "stages",
+        )
+    return (
+        f"the stage equations did not converge (last correction {trouble['size']:.0e})",
+        "try a smaller h; stiff forces need solver='auto' or 'newton'",
+        "stages",
+    )
+
+
+def _not_finite(
+    trouble: dict[str, Any], coordinates: Sequence[str], constraints: Sequence[str]
+) -> tuple[str, str, str]:
+    what, index = trouble["quantity"], trouble["index"]
+    if what in ("constraint", "hidden constraint"):
+        name = f"{what} '{constraints[index]}'"
+    elif what in ("velocity", "momentum", "force", "reaction"):
+        name = f"{what} of coordinate '{coordinates[index]}'"
+    elif what == "derivative":
+        name = "a derivative of the model"
+    else:
+        name = trouble.get("name", what)
+    sentence = f"{name} is not finite at t = {trouble['t']:.6g}"
+    return sentence, "look for a division by zero, a root or a logarithm of the model there", name

@@ -1,0 +1,71 @@
+"""Methods: a name and its numbers. What they do stands in the core."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+SOLVERS = ("auto", "node-schur", "newton")
+
+
+@dataclass(frozen=True)
+class Spark:
+    r"""The (s, s)-Gauss--Lobatto SPARK method for constrained mechanics, order :math:`2s`.
+
+    With Gauss stages :math:`T_i = t_0 + c_i h`, :math:`i = 1..s`, and Lobatto nodes
+    :math:`\hat T_j = t_0 + \hat c_j h`, :math:`j = 0..s`:
+
+    .. math::
+
+        Y_i &= y_0 + h \sum_{j=1}^s a_{ij} v(T_j, Y_j, Z_j) \\
+        \hat Y_i &= y_0 + h \sum_{j=1}^s \bar a_{ij} v(T_j, Y_j, Z_j) \\
+        p(T_i, Y_i, Z_i) &= p_0 + h \sum_{j=1}^s a_{ij} f(T_j, Y_j, Z_j)
+            + h \sum_{j=0}^{s-1} \hat a_{ij} r(\hat T_j, \hat Y_j, \Lambda_j) \\
+        0 &= g(\hat T_i, \hat Y_i), \quad i = 1..s \\
+        y_1 &= y_0 + h \sum_{j=1}^s b_j v(T_j, Y_j, Z_j) \\
+        p(t_1, y_1, z_1) &= p_0 + h \sum_{j=1}^s b_j f(T_j, Y_j, Z_j)
+            + h \sum_{j=0}^{s} \hat b_j r(\hat T_j, \hat Y_j, \Lambda_j) \\
+        0 &= g_t(t_1, y_1) + g_y(t_1, y_1) v(t_1, y_1, z_1)
+
+    Order :math:`2s` in positions and velocities, and in the multipliers, which are solved for at
+    the output points. Keeps both constraints to roundoff, is symmetric, and symplectic for
+    Lagrangian and Hamiltonian systems. Needs :math:`p_z` and :math:`g_y v_z p_z^{-1} r_\lambda`
+    invertible; without constraints it is the Gauss collocation method.
+
+    Parameters
+    ----------
+    stages : int, default 3
+        Number s of Gauss stages, at least 1.
+    solver : {"auto", "node-schur", "newton"}, default "auto"
+        How the stage equations are solved; the result is the same to roundoff.
+
+    Raises
+    ------
+    TypeError, ValueError
+        A parameter is out of range.
+
+    References
+    ----------
+    :cite:t:`jay2007`; see :doc:`/theory/spark`.
+    """
+
+    stages: int = field(default=3, metadata={"help": "number of Gauss stages, at least 1"})
+    solver: str = field(default="auto", metadata={"help": "one of " + ", ".join(SOLVERS)})
+
+    def __post_init__(self) -> None:
+        if isinstance(self.stages, bool) or not isinstance(self.stages, (int, np.integer)):
+            raise TypeError(f"stages is an integer, not {self.stages!r}")
+        if self.stages < 1:
+            raise ValueError(f"stages is at least 1, not {self.stages}")
+        if self.solver not in SOLVERS:
+            raise ValueError(f"solver is one of {', '.join(SOLVERS)}, not {self.solver!r}")
+
+    @property
+    def order(self) -> int:
+        """Order of the method, 2s."""
+        return 2 * int(self.stages)
+
+
+#: Every method by the name the command line knows it by.
+METHODS: dict[str, type[Spark]] = {"spark": Spark}

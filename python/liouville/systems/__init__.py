@@ -1,0 +1,6 @@
+"""What the user describes: systems, from functions called once with CasADi symbols."""
+
+from liouville.systems.mechanical import Hamiltonian as Hamiltonian
+from liouville.systems.mechanical import Lagrangian as Lagrangian
+from liouville.systems.mechanical import Mechanical as Mechanical
+from liouville.systems.mechanics import Mechanics as Mechanics

@@ -1,0 +1,249 @@
+"""The three front doors of mechanics: Lagrangian, Hamiltonian, and the general system."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any
+
+import casadi as ca
+from numpy.typing import ArrayLike
+
+from liouville.systems import _trace
+from liouville.systems.mechanics import Mechanics, Model, Symbols
+
+Function = Callable[..., Any]
+
+
+class Lagrangian(Mechanics):
+    r"""A system with Lagrangian :math:`L(t, q, v)`, holonomic constraints and extra forces.
+
+    .. math::
+
+        q' = v, \quad \frac{d}{dt} L_v(t, q, v) = L_q + Q(t, q, v) - g_q^T \lambda, \quad
+        0 = g(t, q)
+
+    Parameters
+    ----------
+    lagrangian : callable
+        ``lagrangian(t, q, v, params)``, a scalar.
+    constraint : callable, optional
+        ``constraint(t, q, params)``: a scalar, a sequence of m, or a dict that names them.
+    q : sequence of str, or int
+        Names of the n coordinates, or their number.
+    params : mapping of str to float or 1-D array_like, optional
+        Parameters by name, with default values; the functions see ``params.name``.
+    force : callable, optional
+        ``force(t, q, v, params)``: the n generalised forces Q that do not come from L.
+    invariants : mapping of str to callable, optional
+        Quantities ``f(t, q, v, params)`` to record besides "energy", :math:`v^T L_v - L`.
+
+    Raises
+    ------
+    TypeError, ValueError
+        A function returns the wrong number of values, or uses an operation without a place on a
+        tape.
+
+    References
+    ----------
+    :cite:t:`jay2007`.
+
+    Examples
+    --------
+    >>> import casadi as ca
+    >>> import liouville as lv
+    >>> pendulum = lv.Lagrangian(
+    ...     lambda t, q, v, params: ca.dot(v, v) / 2 - params.g * q[1],
+    ...     lambda t, q, params: ca.dot(q, q) - 1,
+    ...     q=("x", "y"),
+    ...     params={"g": 9.81},
+    ... )
+    >>> pendulum
+    Lagrangian(x, y; 1 constraints)
+    """
+
+    def __init__(
+        self,
+        lagrangian: Function,
+        constraint: Function | None = None,
+        *,
+        q: Sequence[str] | int,
+        params: Mapping[str, ArrayLike] | None = None,
+        force: Function | None = None,
+        invariants: Mapping[str, Function] | None = None,
+    ) -> None:
+        coordinates, s = _symbols(q, "q", params)
+        args = (s.t, s.y, s.z, s.params.namespace)
+        L = _trace.scalar("lagrangian", _trace.call("lagrangian", lagrangian, *args))  # noqa: N806
+        p = ca.gradient(L, s.z)
+        f = ca.gradient(L, s.y) + _force(force, args, len(coordinates))
+        names, g, lam = _constraint(constraint, s)
+        super().__init__(
+            s,
+            Model(v=s.z, p=p, f=f, r=_ideal(g, s, lam), g=g, lam=lam),
+            states=("q", "v"),
+            coordinates=coordinates,
+            constraints=names,
+            invariants={"energy": ca.dot(s.z, p) - L, **_invariants(invariants, args)},
+        )
+
+
+class Hamiltonian(Mechanics):
+    r"""A system with Hamiltonian :math:`H(t, q, p)`, holonomic constraints and extra forces.
+
+    .. math::
+
+        q' = H_p, \quad p' = -H_q + Q(t, q, p) - g_q^T \lambda, \quad 0 = g(t, q)
+
+    Parameters
+    ----------
+    hamiltonian : callable
+        ``hamiltonian(t, q, p, params)``, a scalar.
+    constraint, q, params
+        As for :class:`Lagrangian`.
+    force : callable, optional
+        ``force(t, q, p, params)``: the n generalised forces Q that do not come from H.
+    invariants : mapping of str to callable, optional
+        Quantities ``f(t, q, p, params)`` to record besides "energy", which is H.
+
+    Raises
+    ------
+    TypeError, ValueError
+        As for :class:`Lagrangian`.
+    """
+
+    def __init__(
+        self,
+        hamiltonian: Function,
+        constraint: Function | None = None,
+        *,
+        q: Sequence[str] | int,
+        params: Mapping[str, ArrayLike] | None = None,
+        force: Function | None = None,
+        invariants: Mapping[str, Function] | None = None,
+    ) -> None:
+        coordinates, s = _symbols(q, "q", params)
+        args = (s.t, s.y, s.z, s.params.namespace)
+        H = _trace.scalar("hamiltonian", _trace.call("hamiltonian", hamiltonian, *args))  # noqa: N806
+        f = -ca.gradient(H, s.y) + _force(force, args, len(coordinates))
+        names, g, lam = _constraint(constraint, s)
+        super().__init__(
+            s,
+            Model(v=ca.gradient(H, s.z), p=s.z, f=f, r=_ideal(g, s, lam), g=g, lam=lam),
+            states=("q", "p"),
+            coordinates=coordinates,
+            constraints=names,
+            invariants={"energy": H, **_invariants(invariants, args)},
+        )
+
+
+class Mechanical(Mechanics):
+    r"""The general system, from its own functions v, p, f, r and g.
+
+    .. math::
+
+        y' = v(t, y, z), \quad \frac{d}{dt} p(t, y, z) = f(t, y, z) + r(t, y, \lambda), \quad
+        0 = g(t, y)
+
+    where p may be nonlinear in z and r nonlinear in :math:`\lambda`; :math:`p_z` and
+    :math:`g_y v_z p_z^{-1} r_\lambda` are invertible.
+
+    Parameters
+    ----------
+    velocity, momentum, force : callable
+        ``f(t, y, z, params)``, n values each.
+    reaction : callable, optional
+        ``reaction(t, y, lam, params)``, n values; :math:`-g_y^T \lambda` unless given.
+    constraint : callable, optional
+        ``constraint(t, y, params)``: a scalar, a sequence of m, or a dict that names them.
+    y : sequence of str, or int
+        Names of the n coordinates, or their number.
+    params : mapping of str to float or 1-D array_like, optional
+        As for :class:`Lagrangian`.
+    invariants : mapping of str to callable, optional
+        Quantities ``f(t, y, z, params)`` to record.
+
+    Raises
+    ------
+    TypeError, ValueError
+        As for :class:`Lagrangian`.
+
+    References
+    ----------
+    :cite:t:`jay2007`.
+    """
+
+    def __init__(
+        self,
+        *,
+        velocity: Function,
+        momentum: Function,
+        force: Function,
+        reaction: Function | None = None,
+        constraint: Function | None = None,
+        y: Sequence[str] | int,
+        params: Mapping[str, ArrayLike] | None = None,
+        invariants: Mapping[str, Function] | None = None,
+    ) -> None:
+        coordinates, s = _symbols(y, "y", params)
+        args, n = (s.t, s.y, s.z, s.params.namespace), len(coordinates)
+        v, p, f = (
+            _trace.column(what, _trace.call(what, function, *args), n)
+            for what, function in (("velocity", velocity), ("momentum", momentum), ("force", force))
+        )
+        names, g, lam = _constraint(constraint, s)
+        if reaction is None:
+            r = _ideal(g, s, lam)
+        else:
+            value = _trace.call("reaction", reaction, s.t, s.y, lam, s.params.namespace)
+            r = _trace.column("reaction", value, n)
+        super().__init__(
+            s,
+            Model(v=v, p=p, f=f, r=r, g=g, lam=lam),
+            states=("y", "z"),
+            coordinates=coordinates,
+            constraints=names,
+            invariants=_invariants(invariants, args),
+        )
+
+
+def _symbols(
+    coordinates: Sequence[str] | int, name: str, params: Mapping[str, ArrayLike] | None
+) -> tuple[tuple[str, ...], Symbols]:
+    found = _trace.names(coordinates, name)
+    y, z = ca.SX.sym(name, len(found)), ca.SX.sym("z", len(found))
+    return found, Symbols(ca.SX.sym("t"), y, z, _trace.Parameters(params or {}))
+
+
+def _force(force: Function | None, args: tuple[Any, ...], n: int) -> ca.SX:
+    if force is None:
+        return ca.SX.zeros(n)
+    return _trace.column("force", _trace.call("force", force, *args), n)
+
+
+def _constraint(
+    constraint: Function | None, s: Symbols
+) -> tuple[tuple[str, ...], ca.SX, ca.SX]:
+    if constraint is None:
+        return (), ca.SX(0, 1), ca.SX(0, 1)
+    value = _trace.call("constraint", constraint, s.t, s.y, s.params.namespace)
+    names, g = _trace.named("constraint", value)
+    n = s.y.numel()
+    if len(names) > n:
+        raise ValueError(f"{len(names)} constraints on {n} coordinates leave nothing to move")
+    return names, g, ca.SX.sym("lam", len(names))
+
+
+def _ideal(g: ca.SX, s: Symbols, lam: ca.SX) -> ca.SX:
+    """-g_y^T lam: reactions that do no work."""
+    if lam.numel() == 0:
+        return ca.SX.zeros(s.y.numel())
+    return -ca.jtimes(g, s.y, lam, True)
+
+
+def _invariants(
+    invariants: Mapping[str, Function] | None, args: tuple[Any, ...]
+) -> dict[str, ca.SX]:
+    return {
+        name: _trace.scalar(name, _trace.call(name, function, *args))
+        for name, function in dict(invariants or {}).items()
+    }
