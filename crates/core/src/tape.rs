@@ -9,6 +9,7 @@
 //! own. The last input group is the parameters; [`Tape::bind`] runs what depends on them alone, once.
 //! The order of operations is the program's own, hence its values bit for bit.
 
+use crate::linalg::copy;
 use crate::real::{Lanes, Real, WIDTH};
 use std::ops::Range;
 
@@ -262,17 +263,21 @@ impl Tape {
     /// # Panics
     /// When the arguments or the registers are not of this tape's sizes.
     #[inline]
-    pub fn eval<'r, R: Real>(&self, registers: &'r mut Registers<R>, args: &[&[R]]) -> &'r [R] {
+    pub fn eval<'r, R: Real, const K: usize>(
+        &self,
+        registers: &'r mut Registers<R>,
+        args: [&[R]; K],
+    ) -> &'r [R] {
         let registers = &mut registers.0[..];
         assert!(
             registers.len() == self.registers,
             "registers of another tape"
         );
-        assert!(args.len() + 1 == self.inputs.len(), "number of arguments");
+        assert!(K + 1 == self.inputs.len(), "number of arguments");
         let mut start = 0;
         for (arg, size) in args.iter().zip(&self.inputs) {
             assert!(arg.len() == *size, "size of an argument");
-            registers[start..start + size].copy_from_slice(arg);
+            copy(&mut registers[start..start + size], arg);
             start += size;
         }
         execute(&self.body, registers);
@@ -290,32 +295,23 @@ impl Tape {
             assert_eq!(arg.len(), k * size, "size of an argument");
         }
         let bound: Vec<Lanes> = params.iter().map(|p| Lanes::splat(*p)).collect();
-        let mut registers = self.bind(&bound);
+        let Registers(mut registers) = self.bind(&bound);
         let width = self.outputs();
         let mut result = vec![0.0; k * width];
-        let mut points: Vec<Vec<Lanes>> = self
-            .inputs
-            .iter()
-            .map(|size| vec![Lanes::splat(0.0); *size])
-            .collect();
-        points.pop();
         for first in (0..k).step_by(WIDTH) {
-            for (point, arg) in points.iter_mut().zip(args) {
-                let size = point.len();
-                for (element, lanes) in point.iter_mut().enumerate() {
+            let mut start = 0;
+            for (arg, size) in args.iter().zip(&self.inputs) {
+                for element in 0..*size {
                     // the last block repeats its last point
-                    *lanes = Lanes(std::array::from_fn(|i| {
-                        arg[(first + i).min(k - 1) * size + element]
-                    }));
+                    let at = |i: usize| arg[(first + i).min(k - 1) * size + element];
+                    registers[start + element] = Lanes(std::array::from_fn(at));
                 }
+                start += size;
             }
-            let views: Vec<&[Lanes]> = points.iter().map(Vec::as_slice).collect();
-            let values = self.eval(&mut registers, &views);
-            for (i, row) in result[first * width..]
-                .chunks_mut(width.max(1))
-                .take(WIDTH)
-                .enumerate()
-            {
+            execute(&self.body, &mut registers);
+            let values = &registers[self.outputs.clone()];
+            let rows = result[first * width..].chunks_mut(width.max(1));
+            for (i, row) in rows.take(WIDTH).enumerate() {
                 for (out, value) in row.iter_mut().zip(values) {
                     *out = value.0[i];
                 }
@@ -430,63 +426,76 @@ impl Plan {
     }
 }
 
+/// Runs a program that [`Tape::new`] made, over the registers it laid out.
 #[inline]
+#[allow(unsafe_code)]
 fn execute<R: Real>(program: &[Instr], registers: &mut [R]) {
+    let start = registers.as_mut_ptr();
     let truth = |condition: bool| f64::from(u8::from(condition));
     for instr in program {
-        let (x, y) = (registers[instr.a as usize], registers[instr.b as usize]);
-        registers[instr.out as usize] = match instr.op {
-            Op::Assign => x,
-            Op::Add => x + y,
-            Op::Sub => x - y,
-            Op::Mul => x * y,
-            Op::Div => x / y,
-            Op::Neg => -x,
-            Op::Exp => x.map(f64::exp),
-            Op::Log => x.map(f64::ln),
-            Op::Pow | Op::Constpow => x.zip(y, f64::powf),
-            Op::Sqrt => x.map(f64::sqrt),
-            Op::Sq => x * x,
-            Op::Twice => x + x,
-            Op::Sin => x.map(f64::sin),
-            Op::Cos => x.map(f64::cos),
-            Op::Tan => x.map(f64::tan),
-            Op::Asin => x.map(f64::asin),
-            Op::Acos => x.map(f64::acos),
-            Op::Atan => x.map(f64::atan),
-            Op::Lt => x.zip(y, |a, b| truth(a < b)),
-            Op::Le => x.zip(y, |a, b| truth(a <= b)),
-            Op::Eq => x.zip(y, |a, b| truth(a == b)),
-            Op::Ne => x.zip(y, |a, b| truth(a != b)),
-            Op::Not => x.map(|a| truth(a == 0.0)),
-            Op::And => x.zip(y, |a, b| truth(a != 0.0 && b != 0.0)),
-            Op::Or => x.zip(y, |a, b| truth(a != 0.0 || b != 0.0)),
-            Op::Floor => x.map(f64::floor),
-            Op::Ceil => x.map(f64::ceil),
-            Op::Fmod => x.zip(y, |a, b| a % b),
-            Op::Fabs => x.map(f64::abs),
-            Op::Sign => x.map(|a| {
+        // SAFETY: `Tape::new` gives out registers below `self.registers` only, and both callers pass
+        // exactly that many.
+        let read = |register: u32| unsafe { *start.add(register as usize) };
+        let write = |value: R| unsafe { *start.add(instr.out as usize) = value };
+        let one = |f: fn(f64) -> f64| write(read(instr.a).map(f));
+        macro_rules! two {
+            (|$x:ident, $y:ident| $value:expr) => {{
+                let ($x, $y) = (read(instr.a), read(instr.b));
+                write($value)
+            }};
+        }
+        match instr.op {
+            Op::Assign => write(read(instr.a)),
+            Op::Add => two!(|x, y| x + y),
+            Op::Sub => two!(|x, y| x - y),
+            Op::Mul => two!(|x, y| x * y),
+            Op::Div => two!(|x, y| x / y),
+            Op::Neg => write(-read(instr.a)),
+            Op::Sq => two!(|x, _y| x * x),
+            Op::Twice => two!(|x, _y| x + x),
+            Op::Inv => two!(|x, _y| R::splat(1.0) / x),
+            Op::Sqrt => two!(|x, _y| x.map(f64::sqrt)),
+            Op::Exp => one(f64::exp),
+            Op::Log => one(f64::ln),
+            Op::Pow | Op::Constpow => two!(|x, y| x.zip(y, f64::powf)),
+            Op::Sin => one(f64::sin),
+            Op::Cos => one(f64::cos),
+            Op::Tan => one(f64::tan),
+            Op::Asin => one(f64::asin),
+            Op::Acos => one(f64::acos),
+            Op::Atan => one(f64::atan),
+            Op::Lt => two!(|x, y| x.zip(y, |a, b| truth(a < b))),
+            Op::Le => two!(|x, y| x.zip(y, |a, b| truth(a <= b))),
+            Op::Eq => two!(|x, y| x.zip(y, |a, b| truth(a == b))),
+            Op::Ne => two!(|x, y| x.zip(y, |a, b| truth(a != b))),
+            Op::Not => two!(|x, _y| x.map(|a| truth(a == 0.0))),
+            Op::And => two!(|x, y| x.zip(y, |a, b| truth(a != 0.0 && b != 0.0))),
+            Op::Or => two!(|x, y| x.zip(y, |a, b| truth(a != 0.0 || b != 0.0))),
+            Op::Floor => one(f64::floor),
+            Op::Ceil => one(f64::ceil),
+            Op::Fmod => two!(|x, y| x.zip(y, |a, b| a % b)),
+            Op::Fabs => one(f64::abs),
+            Op::Sign => one(|a| {
                 if a == 0.0 || a.is_nan() {
                     a
                 } else {
                     a.signum()
                 }
             }),
-            Op::Copysign => x.zip(y, f64::copysign),
-            Op::IfElseZero => x.zip(y, |a, b| if a == 0.0 { 0.0 } else { b }),
-            Op::Fmin => x.zip(y, f64::min),
-            Op::Fmax => x.zip(y, f64::max),
-            Op::Inv => R::splat(1.0) / x,
-            Op::Sinh => x.map(f64::sinh),
-            Op::Cosh => x.map(f64::cosh),
-            Op::Tanh => x.map(f64::tanh),
-            Op::Asinh => x.map(f64::asinh),
-            Op::Acosh => x.map(f64::acosh),
-            Op::Atanh => x.map(f64::atanh),
-            Op::Atan2 => x.zip(y, f64::atan2),
-            Op::Log1p => x.map(f64::ln_1p),
-            Op::Expm1 => x.map(f64::exp_m1),
-            Op::Hypot => x.zip(y, f64::hypot),
-        };
+            Op::Copysign => two!(|x, y| x.zip(y, f64::copysign)),
+            Op::IfElseZero => two!(|x, y| x.zip(y, |a, b| if a == 0.0 { 0.0 } else { b })),
+            Op::Fmin => two!(|x, y| x.zip(y, f64::min)),
+            Op::Fmax => two!(|x, y| x.zip(y, f64::max)),
+            Op::Sinh => one(f64::sinh),
+            Op::Cosh => one(f64::cosh),
+            Op::Tanh => one(f64::tanh),
+            Op::Asinh => one(f64::asinh),
+            Op::Acosh => one(f64::acosh),
+            Op::Atanh => one(f64::atanh),
+            Op::Atan2 => two!(|x, y| x.zip(y, f64::atan2)),
+            Op::Log1p => one(f64::ln_1p),
+            Op::Expm1 => one(f64::exp_m1),
+            Op::Hypot => two!(|x, y| x.zip(y, f64::hypot)),
+        }
     }
 }

@@ -22,7 +22,7 @@ mod stages;
 mod update;
 
 use super::{Stats, Stepper};
-use crate::linalg::Matrix;
+use crate::linalg::{Matrix, copy};
 use crate::newton;
 use crate::problem::mechanical::{Model, State};
 use crate::trouble::Trouble;
@@ -80,7 +80,7 @@ impl Spark {
             schur: NodeSchur::new(&model, &stages),
             full: None,
             predictor: Predictor::new(&model, s),
-            update: Update::new(&model),
+            update: Update::new(&model, &stages.tableau),
             start: [stages.z.clone(), stages.v.clone(), stages.lam.clone()],
             resting: 0,
             rest: 0,
@@ -109,7 +109,7 @@ impl Spark {
     fn iterate(&mut self, step: Step) -> Result<(), Trouble> {
         let unknowns = [&self.stages.z, &self.stages.v, &self.stages.lam];
         for (start, unknown) in self.start.iter_mut().zip(unknowns) {
-            start.flat_mut().copy_from_slice(unknown.flat());
+            copy(start.flat_mut(), unknown.flat());
         }
         let iterations = match self.solver {
             Solver::NodeSchur => self.iterate_schur(step, newton_limit(Solver::NodeSchur))?,
@@ -217,7 +217,7 @@ impl Stepper for Spark {
         let step = Step { t, h, state };
         self.solve_stages(step)?;
         // the update needs forces at the last iterate: older ones cost a drift in the energy
-        self.stages.evaluate(&mut self.model, step)?;
+        self.stages.evaluate_values(&mut self.model, step);
         self.update.solve(&mut self.model, &mut self.stages, step)?;
         self.predictor
             .keep(&self.stages, h, &state.z, &self.update.z, &self.update.v);

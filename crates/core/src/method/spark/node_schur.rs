@@ -8,15 +8,20 @@
 //! depend on z, by O(h) otherwise. With Λ = h λ the matrix is O(1) as h → 0.
 
 use super::stages::{Stages, Step};
-use crate::linalg::{Lu, Matrix, add_scaled, max_norm};
+use crate::linalg::{Lu, Matrix, add_scaled, combine, copy, max_norm};
 use crate::newton::Equations;
-use crate::problem::mechanical::{Mass, Model, add_product, explain, finite};
+use crate::problem::mechanical::{Mass, Mechanical, Model, add_product, explain, finite};
 use crate::trouble::{Quantity, Trouble};
+use std::sync::Arc;
 
 /// Frozen blocks and the factored Schur complement.
 #[derive(Clone, Debug)]
 pub(super) struct NodeSchur {
+    problem: Arc<Mechanical>,
     mass: Mass,
+    /// ā without its first row, which is zero, and â without its last column, and ā â.
+    a_bar: Matrix,
+    a_hat: Matrix,
     product: Matrix,
     g_y: Matrix,
     r_lam: Matrix,
@@ -25,8 +30,8 @@ pub(super) struct NodeSchur {
     velocity: Matrix,
     d_lam: Vec<f64>,
     impulse: Matrix,
-    d_z: Vec<f64>,
-    d_v: Vec<f64>,
+    d_z: Matrix,
+    d_v: Matrix,
 }
 
 /// The stage equations of one step, solved by node Schur.
@@ -44,10 +49,13 @@ impl NodeSchur {
         let at = &model.problem.patterns;
         let (a_bar, a_hat) = (&stages.tableau.a_bar, &stages.tableau.a_hat);
         Self {
+            problem: model.problem.clone(),
             mass: Mass::new(model),
             product: Matrix::from_fn(s, s, |k, l| {
                 (0..s).map(|j| a_bar[(k + 1, j)] * a_hat[(j, l)]).sum()
             }),
+            a_bar: Matrix::from_fn(s, s, |k, j| a_bar[(k + 1, j)]),
+            a_hat: Matrix::from_fn(s, s, |i, l| a_hat[(i, l)]),
             g_y: Matrix::zeros(s + 1, at.g_y.len()),
             r_lam: Matrix::zeros(s + 1, at.r_lam.len()),
             compliance: vec![Matrix::zeros(m, n); s],
@@ -55,8 +63,8 @@ impl NodeSchur {
             velocity: Matrix::zeros(s, n),
             d_lam: vec![0.0; s * m],
             impulse: Matrix::zeros(s, n),
-            d_z: vec![0.0; n],
-            d_v: vec![0.0; n],
+            d_z: Matrix::zeros(s, n),
+            d_v: Matrix::zeros(s, n),
         }
     }
 }
@@ -79,14 +87,14 @@ impl Solve<'_> {
         if m == 0 {
             return Ok(());
         }
-        let problem = model.problem.clone();
+        let problem = &solver.problem;
         for j in 0..=s {
             let t = stages.node_time(*step, j);
             let [g_y, r_lam] = model.node_blocks(t, stages.node_y.row(j), stages.lam.row(j));
             finite(g_y, Quantity::Derivative, t)?;
             finite(r_lam, Quantity::Derivative, t)?;
-            solver.g_y.row_mut(j).copy_from_slice(g_y);
-            solver.r_lam.row_mut(j).copy_from_slice(r_lam);
+            copy(solver.g_y.row_mut(j), g_y);
+            copy(solver.r_lam.row_mut(j), r_lam);
         }
         solver.schur.matrix_mut().clear();
         for l in 0..s {
@@ -121,86 +129,63 @@ impl Solve<'_> {
 
     /// Λ: the velocities B R2_j + R1_j that the residuals alone would take away must meet g.
     fn solve_multipliers(&mut self) {
-        let Self {
-            solver,
-            stages,
-            model,
-            step,
-            ..
-        } = self;
+        let (solver, stages, h) = (&mut *self.solver, &mut *self.stages, self.step.h);
         let (s, m, at) = (
             stages.tableau.stages,
-            model.problem.m,
-            &model.problem.patterns,
+            solver.problem.m,
+            &solver.problem.patterns,
         );
         for j in 0..s {
             let u = solver.velocity.row_mut(j);
-            u.copy_from_slice(stages.momentum_residual.row(j));
+            copy(u, stages.momentum_residual.row(j));
             solver.mass.solve_velocity(u);
             add_scaled(u, 1.0, stages.velocity_residual.row(j));
         }
+        combine(
+            solver.d_v.flat_mut(),
+            &solver.a_bar,
+            &solver.velocity,
+            |_, _, sum| sum,
+        );
         for k in 0..s {
             let out = &mut solver.d_lam[k * m..(k + 1) * m];
-            out.iter_mut()
-                .zip(stages.g.row(k + 1))
-                .for_each(|(out, g)| *out = -g / step.h);
-            solver.d_v.fill(0.0);
-            for j in 0..s {
-                add_scaled(
-                    &mut solver.d_v,
-                    stages.tableau.a_bar[(k + 1, j)],
-                    solver.velocity.row(j),
-                );
+            for (out, g) in out.iter_mut().zip(stages.g.row(k + 1)) {
+                *out = -g / h;
             }
             at.g_y
-                .multiply_add(solver.g_y.row(k + 1), 1.0, &solver.d_v, out);
+                .multiply_add(solver.g_y.row(k + 1), 1.0, solver.d_v.row(k), out);
         }
         solver.schur.solve(&mut solver.d_lam);
         solver.impulse.clear();
         for l in 0..s {
-            let d_lam = &solver.d_lam[l * m..(l + 1) * m];
+            let (d_lam, r_lam) = (&solver.d_lam[l * m..(l + 1) * m], solver.r_lam.row(l));
             at.r_lam
-                .multiply_add(solver.r_lam.row(l), 1.0, d_lam, solver.impulse.row_mut(l));
-            add_scaled(stages.lam.row_mut(l), 1.0 / step.h, d_lam);
+                .multiply_add(r_lam, 1.0, d_lam, solver.impulse.row_mut(l));
+            add_scaled(stages.lam.row_mut(l), 1.0 / h, d_lam);
         }
     }
 
     /// dZ_i = p_z⁻¹ (Σ â_il R_l dΛ_l − R2_i), dV_i = v_z dZ_i − R1_i; returns the largest dV.
     fn correct_stages(&mut self) -> f64 {
-        let Self {
-            solver,
-            stages,
-            model,
-            ..
-        } = self;
-        let (s, has_constraints) = (stages.tableau.stages, model.problem.m > 0);
-        let mut size = 0.0_f64;
-        for i in 0..s {
-            let NodeSchur {
-                d_z,
-                d_v,
-                impulse,
-                mass,
-                ..
-            } = &mut **solver;
-            d_z.iter_mut()
-                .zip(stages.momentum_residual.row(i))
-                .for_each(|(d, residual)| *d = -residual);
-            if has_constraints {
-                for l in 0..s {
-                    add_scaled(d_z, stages.tableau.a_hat[(i, l)], impulse.row(l));
-                }
+        let (solver, stages) = (&mut *self.solver, &mut *self.stages);
+        let residual = &stages.momentum_residual;
+        combine(
+            solver.d_z.flat_mut(),
+            &solver.a_hat,
+            &solver.impulse,
+            |i, k, sum| sum - residual[(i, k)],
+        );
+        for i in 0..stages.tableau.stages {
+            let (d_z, d_v) = (solver.d_z.row_mut(i), solver.d_v.row_mut(i));
+            solver.mass.solve(d_z);
+            for (d_v, residual) in d_v.iter_mut().zip(stages.velocity_residual.row(i)) {
+                *d_v = -residual;
             }
-            mass.solve(d_z);
-            d_v.iter_mut()
-                .zip(stages.velocity_residual.row(i))
-                .for_each(|(d, residual)| *d = -residual);
-            mass.add_velocity(d_z, d_v);
-            add_scaled(stages.z.row_mut(i), 1.0, d_z);
-            add_scaled(stages.v.row_mut(i), 1.0, d_v);
-            size = size.max(max_norm(d_v));
+            solver.mass.add_velocity(d_z, d_v);
         }
-        size
+        add_scaled(stages.z.flat_mut(), 1.0, solver.d_z.flat());
+        add_scaled(stages.v.flat_mut(), 1.0, solver.d_v.flat());
+        max_norm(solver.d_v.flat())
     }
 }
 

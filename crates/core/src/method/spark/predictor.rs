@@ -5,7 +5,7 @@
 //! acceleration-level solve, Z_i = z0 + c_i h z0'.
 
 use super::stages::{Stages, Step};
-use crate::linalg::{Matrix, add_scaled};
+use crate::linalg::{Matrix, add_scaled, combine, copy};
 use crate::problem::mechanical::{Acceleration, Model};
 use crate::trouble::Trouble;
 
@@ -17,6 +17,7 @@ pub(super) struct Predictor {
     h: Option<f64>,
     ratio: f64,
     stage_weights: Matrix,
+    end_weights: Matrix,
     node_weights: Matrix,
     /// z0, Z_1..Z_s, z1; and the same of v, whose v0 a cold start writes.
     z: Matrix,
@@ -31,7 +32,8 @@ impl Predictor {
             acceleration: Acceleration::new(model),
             h: None,
             ratio: f64::NAN,
-            stage_weights: Matrix::zeros(s + 1, s + 2),
+            stage_weights: Matrix::zeros(s, s + 2),
+            end_weights: Matrix::zeros(1, s + 2),
             node_weights: Matrix::zeros(s + 1, s + 1),
             z: Matrix::zeros(s + 2, n),
             v: Matrix::zeros(s + 2, n),
@@ -42,7 +44,6 @@ impl Predictor {
     /// Writes the extrapolated unknowns and `z1`; says whether there was a step to extrapolate.
     pub(super) fn extrapolate(&mut self, stages: &mut Stages, z1: &mut [f64], h: f64) -> bool {
         let Some(last) = self.h else { return false };
-        let s = stages.tableau.stages;
         let ratio = h / last;
         if ratio.to_bits() != self.ratio.to_bits() {
             self.ratio = ratio;
@@ -50,18 +51,17 @@ impl Predictor {
                 .chain(stages.tableau.c.iter().copied())
                 .chain(std::iter::once(1.0))
                 .collect();
-            let targets = |x: &[f64]| x.iter().map(|x| 1.0 + ratio * x).collect::<Vec<_>>();
-            lagrange(&nodes, &targets(&nodes[1..]), &mut self.stage_weights);
+            lagrange(&nodes, &stages.tableau.c, ratio, &mut self.stage_weights);
+            lagrange(&nodes, &[1.0], ratio, &mut self.end_weights);
             let nodes = &stages.tableau.c_hat;
-            lagrange(nodes, &targets(nodes), &mut self.node_weights);
+            lagrange(nodes, nodes, ratio, &mut self.node_weights);
         }
-        for i in 0..s {
-            combine(stages.z.row_mut(i), self.stage_weights.row(i), &self.z);
-            combine(stages.v.row_mut(i), self.stage_weights.row(i), &self.v);
-        }
-        combine(z1, self.stage_weights.row(s), &self.z);
-        for j in 0..=s {
-            combine(stages.lam.row_mut(j), self.node_weights.row(j), &self.lam);
+        let as_is = |_, _, sum| sum;
+        combine(stages.z.flat_mut(), &self.stage_weights, &self.z, as_is);
+        combine(stages.v.flat_mut(), &self.stage_weights, &self.v, as_is);
+        combine(z1, &self.end_weights, &self.z, as_is);
+        if !self.lam.flat().is_empty() {
+            combine(stages.lam.flat_mut(), &self.node_weights, &self.lam, as_is);
         }
         true
     }
@@ -91,7 +91,7 @@ impl Predictor {
             add_scaled(y, c * h, self.v.row(0));
             let [_, _, v] = model.stage(t, y, z);
             let v = if v.is_empty() { &*z } else { v };
-            stages.v.row_mut(i).copy_from_slice(v);
+            copy(stages.v.row_mut(i), v);
         }
         z1.copy_from_slice(&state.z);
         add_scaled(z1, h, z_dot);
@@ -111,28 +111,21 @@ impl Predictor {
             let (head, tail) = self.v.flat_mut().split_at_mut((s + 1) * v1.len());
             head[..v1.len()].copy_from_slice(tail);
         }
-        self.z.row_mut(0).copy_from_slice(z0);
+        copy(self.z.row_mut(0), z0);
         for i in 0..s {
-            self.z.row_mut(i + 1).copy_from_slice(stages.z.row(i));
-            self.v.row_mut(i + 1).copy_from_slice(stages.v.row(i));
+            copy(self.z.row_mut(i + 1), stages.z.row(i));
+            copy(self.v.row_mut(i + 1), stages.v.row(i));
         }
-        self.z.row_mut(s + 1).copy_from_slice(z1);
-        self.v.row_mut(s + 1).copy_from_slice(v1);
-        self.lam.flat_mut().copy_from_slice(stages.lam.flat());
+        copy(self.z.row_mut(s + 1), z1);
+        copy(self.v.row_mut(s + 1), v1);
+        copy(self.lam.flat_mut(), stages.lam.flat());
         self.h = Some(h);
     }
 }
 
-fn combine(out: &mut [f64], weights: &[f64], rows: &Matrix) {
-    out.fill(0.0);
-    for (k, weight) in weights.iter().enumerate() {
-        add_scaled(out, *weight, rows.row(k));
-    }
-}
-
-/// Values of the Lagrange basis on `nodes` at each target, one row a target.
-fn lagrange(nodes: &[f64], targets: &[f64], weights: &mut Matrix) {
-    for (i, x) in targets.iter().enumerate() {
+/// Values of the Lagrange basis on `nodes` at 1 + ratio x for each x of `targets`, one row a target.
+fn lagrange(nodes: &[f64], targets: &[f64], ratio: f64, weights: &mut Matrix) {
+    for (i, x) in targets.iter().map(|x| 1.0 + ratio * x).enumerate() {
         for (k, node) in nodes.iter().enumerate() {
             let others = nodes.iter().enumerate().filter(|(l, _)| *l != k);
             weights[(i, k)] = others

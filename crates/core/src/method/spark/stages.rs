@@ -1,6 +1,6 @@
 //! The stage equations of one step, evaluated; see the module above for the letters.
 
-use crate::linalg::{Matrix, add_scaled, max_norm};
+use crate::linalg::{Matrix, combine, copy, max_norm};
 use crate::problem::mechanical::{Model, State, finite};
 use crate::tableau::GaussLobatto;
 use crate::trouble::{Quantity, Trouble};
@@ -24,21 +24,34 @@ pub(super) struct Stages {
     /// Values at the stages.
     pub(super) y: Matrix,
     pub(super) p: Matrix,
-    pub(super) f: Matrix,
     /// Values at the nodes.
     pub(super) node_y: Matrix,
     pub(super) g: Matrix,
-    pub(super) r: Matrix,
+    /// Forces: F_1..F_s, then the reactions R_0..R_s.
+    pub(super) forces: Matrix,
     /// Residuals V_i − v(T_i, Y_i, Z_i) and those of the momentum equation.
     pub(super) velocity_residual: Matrix,
     pub(super) momentum_residual: Matrix,
     pub(super) evaluations: usize,
+    weights: Weights,
+}
+
+/// The coefficients times the step size.
+#[derive(Clone, Debug)]
+struct Weights {
+    h: f64,
+    /// h a
+    stage: Matrix,
+    /// h ā
+    node: Matrix,
+    /// h (a | â), the last column of â, which is zero, left out
+    force: Matrix,
 }
 
 impl Stages {
     pub(super) fn new(model: &Model, s: usize) -> Self {
         let (n, m) = (model.problem.n, model.problem.m);
-        let (at_stages, at_nodes) = (Matrix::zeros(s, n), Matrix::zeros(s + 1, n));
+        let at_stages = Matrix::zeros(s, n);
         Self {
             tableau: GaussLobatto::new(s),
             z: at_stages.clone(),
@@ -46,13 +59,18 @@ impl Stages {
             lam: Matrix::zeros(s + 1, m),
             y: at_stages.clone(),
             p: at_stages.clone(),
-            f: at_stages.clone(),
-            node_y: at_nodes.clone(),
+            node_y: Matrix::zeros(s + 1, n),
             g: Matrix::zeros(s + 1, m),
-            r: at_nodes,
+            forces: Matrix::zeros(2 * s + 1, n),
             velocity_residual: at_stages.clone(),
             momentum_residual: at_stages,
             evaluations: 0,
+            weights: Weights {
+                h: f64::NAN,
+                stage: Matrix::zeros(s, s),
+                node: Matrix::zeros(s + 1, s),
+                force: Matrix::zeros(s, 2 * s),
+            },
         }
     }
 
@@ -68,43 +86,28 @@ impl Stages {
 
     /// Evaluates the model at the current unknowns, and the residuals of (S1)–(S4).
     pub(super) fn evaluate(&mut self, model: &mut Model, step: Step) -> Result<(), Trouble> {
-        self.move_points(step);
-        self.evaluate_stages(model, step)?;
-        if model.problem.m > 0 {
-            self.evaluate_nodes(model, step)?;
-        }
+        self.evaluate_values(model, step);
         self.subtract_impulses(step);
-        Ok(())
+        let is_finite = |x: &Matrix| x.flat().iter().all(|x| x.is_finite());
+        if is_finite(&self.momentum_residual)
+            && is_finite(&self.velocity_residual)
+            && is_finite(&self.g)
+        {
+            Ok(())
+        } else {
+            Err(self.not_finite(step))
+        }
     }
 
-    /// Y_i = y0 + h Σ a_ij V_j and Ŷ_i = y0 + h Σ ā_ij V_j, the low part of y0 added first.
-    fn move_points(&mut self, step: Step) {
-        let Step { h, state, .. } = step;
+    /// Evaluates the model at the current unknowns: points, forces, constraints and reactions.
+    pub(super) fn evaluate_values(&mut self, model: &mut Model, step: Step) {
+        self.move_points(step);
         let s = self.tableau.stages;
-        let sum = |out: &mut [f64], coefficients: &[f64], v: &Matrix| {
-            out.copy_from_slice(&state.y_low);
-            for (j, a) in coefficients.iter().enumerate() {
-                add_scaled(out, h * a, v.row(j));
-            }
-            out.iter_mut().zip(&state.y).for_each(|(out, y)| *out += y);
-        };
         for i in 0..s {
-            sum(self.y.row_mut(i), self.tableau.a.row(i), &self.v);
-        }
-        for j in 0..=s {
-            sum(self.node_y.row_mut(j), self.tableau.a_bar.row(j), &self.v);
-        }
-    }
-
-    fn evaluate_stages(&mut self, model: &mut Model, step: Step) -> Result<(), Trouble> {
-        for i in 0..self.tableau.stages {
             let t = self.stage_time(step, i);
             let [p, f, v] = model.stage(t, self.y.row(i), self.z.row(i));
-            finite(p, Quantity::Momentum, t)?;
-            finite(f, Quantity::Force, t)?;
-            finite(v, Quantity::Velocity, t)?;
-            self.p.row_mut(i).copy_from_slice(p);
-            self.f.row_mut(i).copy_from_slice(f);
+            copy(self.p.row_mut(i), p);
+            copy(self.forces.row_mut(i), f);
             for ((out, unknown), v) in self
                 .velocity_residual
                 .row_mut(i)
@@ -115,39 +118,76 @@ impl Stages {
                 *out = unknown - v;
             }
         }
-        self.evaluations += self.tableau.stages;
-        Ok(())
+        self.evaluations += s;
+        if model.problem.m > 0 {
+            for j in 0..=s {
+                let t = self.node_time(step, j);
+                let [g, r] = model.node(t, self.node_y.row(j), self.lam.row(j));
+                copy(self.g.row_mut(j), g);
+                copy(self.forces.row_mut(s + j), r);
+            }
+        }
     }
 
-    fn evaluate_nodes(&mut self, model: &mut Model, step: Step) -> Result<(), Trouble> {
-        for j in 0..=self.tableau.stages {
-            let t = self.node_time(step, j);
-            let [g, r] = model.node(t, self.node_y.row(j), self.lam.row(j));
-            finite(g, Quantity::Constraint, t)?;
-            finite(r, Quantity::Reaction, t)?;
-            self.g.row_mut(j).copy_from_slice(g);
-            self.r.row_mut(j).copy_from_slice(r);
-        }
-        Ok(())
+    /// Y_i = y0 + h Σ a_ij V_j and Ŷ_i = y0 + h Σ ā_ij V_j, the low part of y0 added first.
+    fn move_points(&mut self, step: Step) {
+        self.scale_weights(step.h);
+        let State { y, y_low, .. } = step.state;
+        let finish = |_, k: usize, sum| y[k] + (y_low[k] + sum);
+        combine(self.y.flat_mut(), &self.weights.stage, &self.v, finish);
+        combine(self.node_y.flat_mut(), &self.weights.node, &self.v, finish);
     }
 
     /// P_i − p0 − h Σ a_ij F_j − h Σ_{j<s} â_ij R_j.
     fn subtract_impulses(&mut self, step: Step) {
-        let Step { h, state, .. } = step;
-        let (s, tableau) = (self.tableau.stages, &self.tableau);
-        for i in 0..s {
-            let out = self.momentum_residual.row_mut(i);
-            out.iter_mut()
-                .zip(&state.p_low)
-                .for_each(|(out, low)| *out = -low);
-            for j in 0..s {
-                add_scaled(out, -h * tableau.a[(i, j)], self.f.row(j));
-                add_scaled(out, -h * tableau.a_hat[(i, j)], self.r.row(j));
-            }
-            for ((out, p), p0) in out.iter_mut().zip(self.p.row(i)).zip(&state.p) {
-                *out += p - p0;
-            }
+        let (State { p, p_low, .. }, stage_p) = (step.state, &self.p);
+        let out = self.momentum_residual.flat_mut();
+        combine(out, &self.weights.force, &self.forces, |i, k, sum| {
+            (stage_p[(i, k)] - p[k]) - (p_low[k] + sum)
+        });
+    }
+
+    fn scale_weights(&mut self, h: f64) {
+        if self.weights.h.to_bits() == h.to_bits() {
+            return;
         }
+        let (s, tableau) = (self.tableau.stages, &self.tableau);
+        self.weights = Weights {
+            h,
+            stage: Matrix::from_fn(s, s, |i, j| h * tableau.a[(i, j)]),
+            node: Matrix::from_fn(s + 1, s, |i, j| h * tableau.a_bar[(i, j)]),
+            force: Matrix::from_fn(s, 2 * s, |i, j| {
+                h * if j < s {
+                    tableau.a[(i, j)]
+                } else {
+                    tableau.a_hat[(i, j - s)]
+                }
+            }),
+        };
+    }
+
+    /// Which value is not finite.
+    fn not_finite(&self, step: Step) -> Trouble {
+        let s = self.tableau.stages;
+        let at_stage = |i: usize| {
+            let t = self.stage_time(step, i);
+            finite(self.p.row(i), Quantity::Momentum, t)?;
+            finite(self.forces.row(i), Quantity::Force, t)?;
+            finite(self.velocity_residual.row(i), Quantity::Velocity, t)
+        };
+        let at_node = |j: usize| {
+            let t = self.node_time(step, j);
+            finite(self.g.row(j), Quantity::Constraint, t)?;
+            finite(self.forces.row(s + j), Quantity::Reaction, t)
+        };
+        let found = (0..s)
+            .map(at_stage)
+            .chain((0..=s).map(at_node))
+            .find_map(Result::err);
+        found.unwrap_or(Trouble::NotConverged {
+            iterations: 0,
+            size: f64::INFINITY,
+        })
     }
 
     /// The size of a velocity correction, relative to what moves the coordinates by their own size.

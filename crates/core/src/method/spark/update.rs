@@ -3,9 +3,10 @@
 //! Increments are summed first and added last, with what the addition loses kept in the low part.
 
 use super::stages::{Stages, Step};
-use crate::linalg::{add_scaled, max_norm};
+use crate::linalg::{Matrix, add_scaled, combine, copy, max_norm};
 use crate::newton::{self, Equations};
 use crate::problem::mechanical::{Model, Saddle, State, finite};
+use crate::tableau::GaussLobatto;
 use crate::trouble::{Quantity, Trouble};
 
 const MOST_ITERATIONS: usize = 30;
@@ -13,6 +14,9 @@ const MOST_ITERATIONS: usize = 30;
 /// The state at the end of a step while it is being found.
 #[derive(Clone, Debug)]
 pub(super) struct Update {
+    /// b, and (b | b̂) without the last weight, which is λ_s's.
+    b: Matrix,
+    b_force: Matrix,
     pub(super) z: Vec<f64>,
     pub(super) v: Vec<f64>,
     y: Vec<f64>,
@@ -32,9 +36,12 @@ struct Solve<'a> {
 }
 
 impl Update {
-    pub(super) fn new(model: &Model) -> Self {
-        let zeros = vec![0.0; model.problem.n];
+    pub(super) fn new(model: &Model, tableau: &GaussLobatto) -> Self {
+        let (zeros, s) = (vec![0.0; model.problem.n], tableau.stages);
+        let (b, b_hat) = (&tableau.b, &tableau.b_hat);
         Self {
+            b: Matrix::from_fn(1, s, |_, j| b[j]),
+            b_force: Matrix::from_fn(1, 2 * s, |_, j| if j < s { b[j] } else { b_hat[j - s] }),
             z: zeros.clone(),
             v: zeros.clone(),
             y: zeros.clone(),
@@ -55,17 +62,16 @@ impl Update {
         step: Step,
     ) -> Result<(), Trouble> {
         let (s, h, state) = (stages.tableau.stages, step.h, step.state);
-        self.y_low.copy_from_slice(&state.y_low);
-        self.p_low.copy_from_slice(&state.p_low);
-        for j in 0..s {
-            add_scaled(&mut self.y_low, h * stages.tableau.b[j], stages.v.row(j));
-            add_scaled(&mut self.p_low, h * stages.tableau.b[j], stages.f.row(j));
-            add_scaled(
-                &mut self.p_low,
-                h * stages.tableau.b_hat[j],
-                stages.r.row(j),
-            );
-        }
+        let (y_low, p_low) = (&state.y_low, &state.p_low);
+        combine(&mut self.y_low, &self.b, &stages.v, |_, k, sum| {
+            y_low[k] + h * sum
+        });
+        combine(
+            &mut self.p_low,
+            &self.b_force,
+            &stages.forces,
+            |_, k, sum| p_low[k] + h * sum,
+        );
         carry(&state.y, &mut self.y_low, &mut self.y);
 
         let is_linear = model.problem.is_linear;
@@ -88,20 +94,20 @@ impl Update {
         }
         carry(&state.p, &mut self.p_low, &mut self.p);
         if model.problem.patterns.v_z.is_some() {
-            self.v.copy_from_slice(model.end(t, &self.y, &self.z)[2]);
+            copy(&mut self.v, model.end(t, &self.y, &self.z)[2]);
         } else {
-            self.v.copy_from_slice(&self.z);
+            copy(&mut self.v, &self.z);
         }
         Ok(())
     }
 
     /// The end becomes the state.
     pub(super) fn commit(&self, state: &mut State) {
-        state.y.copy_from_slice(&self.y);
-        state.z.copy_from_slice(&self.z);
-        state.p.copy_from_slice(&self.p);
-        state.y_low.copy_from_slice(&self.y_low);
-        state.p_low.copy_from_slice(&self.p_low);
+        copy(&mut state.y, &self.y);
+        copy(&mut state.z, &self.z);
+        copy(&mut state.p, &self.p);
+        copy(&mut state.y_low, &self.y_low);
+        copy(&mut state.p_low, &self.p_low);
     }
 }
 
@@ -121,7 +127,7 @@ impl Equations for Solve<'_> {
         update
             .saddle
             .update(model, t, &update.y, &update.z, stages.lam.row(s))?;
-        update.momentum.copy_from_slice(&update.p_low);
+        copy(&mut update.momentum, &update.p_low);
         if model.problem.m > 0 {
             let [_, r] = model.node(t, &update.y, stages.lam.row(s));
             finite(r, Quantity::Reaction, t)?;

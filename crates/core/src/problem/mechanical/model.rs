@@ -18,6 +18,8 @@ pub struct Model {
     node_jacobian: Registers<f64>,
     end: Registers<f64>,
     acceleration: Registers<f64>,
+    /// n, or 0 where v is z.
+    v_size: usize,
 }
 
 /// Outputs that follow one another, cut at their sizes.
@@ -46,24 +48,21 @@ impl Model {
             node_jacobian: problem.node_jacobian.bind(params),
             end: problem.end.bind(params),
             acceleration: problem.acceleration.bind(params),
+            v_size: if problem.patterns.v_z.is_some() {
+                problem.n
+            } else {
+                0
+            },
             problem,
-        }
-    }
-
-    fn v_size(&self) -> usize {
-        if self.problem.patterns.v_z.is_some() {
-            self.problem.n
-        } else {
-            0
         }
     }
 
     /// p, f, v at (t, y, z); v is empty where it is z.
     #[inline]
     pub fn stage(&mut self, t: f64, y: &[f64], z: &[f64]) -> Parts<'_, 3> {
-        let (n, v) = (self.problem.n, self.v_size());
+        let (n, v) = (self.problem.n, self.v_size);
         cut(
-            self.problem.stage.eval(&mut self.stage, &[&[t], y, z]),
+            self.problem.stage.eval(&mut self.stage, [&[t], y, z]),
             [n, n, v],
         )
     }
@@ -79,7 +78,7 @@ impl Model {
         cut(
             self.problem
                 .stage_blocks
-                .eval(&mut self.stage_blocks, &[&[t], y, z]),
+                .eval(&mut self.stage_blocks, [&[t], y, z]),
             sizes,
         )
     }
@@ -91,7 +90,7 @@ impl Model {
         cut(
             self.problem
                 .stage_jacobian
-                .eval(&mut self.stage_jacobian, &[&[t], y, z]),
+                .eval(&mut self.stage_jacobian, [&[t], y, z]),
             sizes,
         )
     }
@@ -101,7 +100,7 @@ impl Model {
     pub fn node(&mut self, t: f64, y: &[f64], lam: &[f64]) -> Parts<'_, 2> {
         let sizes = [self.problem.m, self.problem.n];
         cut(
-            self.problem.node.eval(&mut self.node, &[&[t], y, lam]),
+            self.problem.node.eval(&mut self.node, [&[t], y, lam]),
             sizes,
         )
     }
@@ -116,7 +115,7 @@ impl Model {
         cut(
             self.problem
                 .node_blocks
-                .eval(&mut self.node_blocks, &[&[t], y, lam]),
+                .eval(&mut self.node_blocks, [&[t], y, lam]),
             sizes,
         )
     }
@@ -125,15 +124,15 @@ impl Model {
     pub fn node_jacobian(&mut self, t: f64, y: &[f64], lam: &[f64]) -> &[f64] {
         self.problem
             .node_jacobian
-            .eval(&mut self.node_jacobian, &[&[t], y, lam])
+            .eval(&mut self.node_jacobian, [&[t], y, lam])
     }
 
     /// p, w, v at (t, y, z); v is empty where it is z.
     #[inline]
     pub fn end(&mut self, t: f64, y: &[f64], z: &[f64]) -> Parts<'_, 3> {
-        let (n, m, v) = (self.problem.n, self.problem.m, self.v_size());
+        let (n, m, v) = (self.problem.n, self.problem.m, self.v_size);
         cut(
-            self.problem.end.eval(&mut self.end, &[&[t], y, z]),
+            self.problem.end.eval(&mut self.end, [&[t], y, z]),
             [n, m, v],
         )
     }
@@ -144,7 +143,7 @@ impl Model {
         cut(
             self.problem
                 .acceleration
-                .eval(&mut self.acceleration, &[&[t], y, z]),
+                .eval(&mut self.acceleration, [&[t], y, z]),
             sizes,
         )
     }

@@ -55,7 +55,7 @@ impl Observe for Observer {
         }
         let values = self
             .tape
-            .eval(&mut self.registers, &[&[t], &state.y, &state.z]);
+            .eval(&mut self.registers, [&[t], &state.y, &state.z]);
         if let Err(trouble) = finite(values, Quantity::Observable, t) {
             row.truncate(start);
             return Err(trouble);

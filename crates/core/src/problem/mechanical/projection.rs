@@ -67,9 +67,9 @@ impl Equations for Solve<'_> {
         let (rows, n) = self.projection.pattern.shape();
         let args: [&[f64]; 2] = [&self.x, self.held];
         let [residual, jacobian, metric] = &mut self.registers;
-        let c = self.projection.residual.eval(residual, &args);
-        let c_x = self.projection.jacobian.eval(jacobian, &args);
-        let metric = self.projection.metric.eval(metric, &args);
+        let c = self.projection.residual.eval(residual, args);
+        let c_x = self.projection.jacobian.eval(jacobian, args);
+        let metric = self.projection.metric.eval(metric, args);
         let not_finite = |quantity| {
             move |index| Trouble::NotFinite {
                 quantity,

@@ -3,14 +3,16 @@
 //!     [ p_z      −r_λ ] [ x ]   [ a ]
 //!     [ g_y v_z    0  ] [ μ ] = [ b ],     S = g_y v_z p_z⁻¹ r_λ   (m by m)
 
-use super::Model;
 use super::model::finite;
-use crate::linalg::{Factor, Lu, Matrix, Pattern, dependent_rows};
+use super::{Mechanical, Model};
+use crate::linalg::{Factor, Lu, Matrix, Pattern, copy, dependent_rows};
 use crate::trouble::{Quantity, Trouble};
+use std::sync::Arc;
 
 /// `p_z` factored, and `v_z`; made once when both depend on parameters alone.
 #[derive(Clone, Debug)]
 pub struct Mass {
+    problem: Arc<Mechanical>,
     factor: Factor,
     v_z: Option<(Pattern, Vec<f64>)>,
     is_constant: bool,
@@ -23,6 +25,7 @@ impl Mass {
     pub fn new(model: &Model) -> Self {
         let at = &model.problem.patterns;
         Self {
+            problem: model.problem.clone(),
             factor: Factor::new(&at.p_z),
             v_z: at
                 .v_z
@@ -48,7 +51,6 @@ impl Mass {
         if self.is_ready && self.is_constant {
             return Ok(());
         }
-        let problem = model.problem.clone();
         let [p_z, v_z] = model.stage_blocks(t, y, z);
         finite(p_z, Quantity::Derivative, t)?;
         finite(v_z, Quantity::Derivative, t)?;
@@ -56,7 +58,7 @@ impl Mass {
             values.copy_from_slice(v_z);
         }
         self.factor
-            .factor(&problem.patterns.p_z, p_z)
+            .factor(&self.problem.patterns.p_z, p_z)
             .map_err(|singular| Trouble::SingularMass {
                 coordinate: singular.column,
             })?;
@@ -83,7 +85,7 @@ impl Mass {
     pub fn solve_velocity(&mut self, x: &mut [f64]) {
         self.factor.solve(x);
         if self.v_z.is_some() {
-            self.column.copy_from_slice(x);
+            copy(&mut self.column, x);
             x.fill(0.0);
             self.add_velocity(&self.column, x);
         }
@@ -184,8 +186,8 @@ impl Saddle {
         let [g_y, r_lam] = model.node_blocks(t, y, lam);
         finite(g_y, Quantity::Derivative, t)?;
         finite(r_lam, Quantity::Derivative, t)?;
-        self.g_y.copy_from_slice(g_y);
-        self.r_lam.copy_from_slice(r_lam);
+        copy(&mut self.g_y, g_y);
+        copy(&mut self.r_lam, r_lam);
         let at = &model.problem.patterns;
         self.mass
             .compliance(&at.r_lam, &self.r_lam, &mut self.compliance);
@@ -207,7 +209,7 @@ impl Saddle {
     pub fn solve(&mut self, model: &Model, a: &mut [f64], b: &mut [f64]) {
         let at = &model.problem.patterns;
         if !b.is_empty() {
-            self.velocity.copy_from_slice(a);
+            copy(&mut self.velocity, a);
             self.mass.solve_velocity(&mut self.velocity);
             at.g_y.multiply_add(&self.g_y, -1.0, &self.velocity, b);
             self.schur.solve(b);
