@@ -26,7 +26,7 @@ lint: $(VENV)/tools  ## Check only: rustfmt, clippy, ruff, mypy, stubtest
 	$(BIN)/mypy
 	MYPYPATH=python $(BIN)/stubtest --concise liouville._core
 
-format:  $(VENV)/tools  ## Rewrite the sources as lint wants them
+format: $(VENV)/tools  ## Rewrite the sources as lint wants them
 	cargo fmt --all
 	$(BIN)/ruff check --fix .
 	$(BIN)/ruff format .
@@ -36,7 +36,7 @@ build: $(VENV)/built  ## Compile the core and install it into .venv
 docs: $(VENV)/tools  ## Build the documentation into docs/_build/html; runs the gallery
 	$(SPHINX) docs docs/_build/html
 
-bench: $(VENV)/tools  ## Time the kernels
+bench:  ## Time the kernels of the core
 	cargo bench -p liouville-core
 
 ci: lint test docs  ## What .ci/run runs

@@ -1,0 +1,272 @@
+"""Solutions as xarray datasets and as files: NetCDF and Zarr both ways, CSV for reading elsewhere.
+
+A dataset has the dimensions ``time``, ``coordinate``, ``constraint``, ``invariant`` and
+``residual``, labelled by the names of the solution. Its variables are the states under their own
+letters, ``invariants``, ``residuals``, and ``observed_NAME`` for each observed quantity; how the
+run went is in its attributes. What is saved comes back bit for bit.
+"""
+
+from __future__ import annotations
+
+import importlib
+import json
+import os
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from liouville.solution import Array, Solution
+
+if TYPE_CHECKING:
+    import xarray
+
+SUFFIXES = (".nc", ".zarr", ".csv")
+
+# The attribute that tells our files from others, and the version of their layout.
+MARK, VERSION = "liouville_solution", 1
+
+# Neither NetCDF nor Zarr takes a slash in a variable's name; this one only looks like it.
+SLASH = "\u2215"
+
+
+def to_xarray(solution: Solution) -> xarray.Dataset:
+    """Give a solution as a labelled dataset.
+
+    Parameters
+    ----------
+    solution : Solution
+        What to convert; nothing is copied.
+
+    Returns
+    -------
+    xarray.Dataset
+        See the head of this module.
+
+    Raises
+    ------
+    ImportError
+        xarray is not installed.
+    """
+    xr = _needed("xarray")
+    names = solution.names
+    variables: dict[str, Any] = {}
+    for name, values in solution.states.items():
+        variables[name] = (("time", "constraint" if name == "lam" else "coordinate"), values)
+    if solution.invariants:
+        columns = np.stack(list(solution.invariants.values()), axis=1)
+        variables["invariants"] = (("time", "invariant"), columns)
+    if solution.residuals:
+        rows = np.stack(list(solution.residuals.values()), axis=1)
+        variables["residuals"] = (("time", "residual", "constraint"), rows)
+    for name, values in solution.observed.items():
+        label = "observed_" + name.replace("/", SLASH)
+        variables[label] = (("time", f"{label}_axis")[: values.ndim], values, {"name": name})
+    labels = {
+        "coordinate": names["coordinates"],
+        "constraint": names["constraints"],
+        "invariant": solution.invariants,
+        "residual": solution.residuals,
+    }
+    dataset: xarray.Dataset = xr.Dataset(
+        variables,
+        coords={"time": solution.t}
+        | {dim: np.array(list(values), dtype=object) for dim, values in labels.items()},
+        attrs={
+            MARK: VERSION,
+            "status": solution.status,
+            "message": solution.message,
+            "method": solution.method,
+            "h": solution.h,
+            # Zarr forgets the order of variables.
+            "order": json.dumps(list(variables)),
+            "stats": json.dumps(solution.stats, default=_plain),
+            "params": json.dumps(solution.params, default=_plain),
+        },
+    )
+    return dataset
+
+
+def check(path: str | os.PathLike[str]) -> None:
+    """Refuse a path that a solution could not be saved to, before a long run and not after it.
+
+    Raises
+    ------
+    ValueError
+        The suffix is none of ``SUFFIXES``.
+    FileNotFoundError
+        The folder does not exist.
+    ImportError
+        A package that this kind of file needs is not installed.
+    """
+    path = Path(path)
+    if path.suffix not in SUFFIXES:
+        raise ValueError(
+            f"cannot tell the kind of file from the suffix of {str(path)!r}\n"
+            f"hint: use one of {', '.join(SUFFIXES)}"
+        )
+    if not path.absolute().parent.is_dir():
+        raise FileNotFoundError(f"the folder of {str(path)!r} does not exist\nhint: create it")
+    for package in {".nc": ("xarray", "h5py", "h5netcdf"), ".zarr": ("xarray", "zarr")}.get(
+        path.suffix, ()
+    ):
+        _needed(package)
+
+
+def save(solution: Solution, path: str | os.PathLike[str]) -> None:
+    """Write a solution to a file, replacing what was there.
+
+    Parameters
+    ----------
+    solution : Solution
+        What to write.
+    path : path
+        Where: ``.nc`` writes NetCDF 4, ``.zarr`` a Zarr 3 folder; ``.csv`` one row a kept step
+        with all digits, but without names, statistics or status, so it cannot be loaded back.
+
+    Raises
+    ------
+    ValueError, FileNotFoundError, ImportError
+        As :func:`check` does.
+    """
+    path = Path(path)
+    check(path)
+    if path.suffix == ".csv":
+        _save_csv(solution, path)
+        return
+    dataset = to_xarray(solution)
+    # No fill value: a stored NaN is the run's own NaN.
+    encoding = {
+        name: {"_FillValue": None}
+        for name, variable in dataset.variables.items()
+        if variable.dtype.kind == "f"
+    }
+    if path.suffix == ".nc":
+        dataset.to_netcdf(path, engine="h5netcdf", encoding=encoding)
+    else:
+        dataset.to_zarr(path, mode="w", encoding=encoding, zarr_format=3, consolidated=False)
+
+
+def load(path: str | os.PathLike[str]) -> Solution:
+    """Read a solution that :func:`save` wrote to a NetCDF file or a Zarr folder.
+
+    Parameters
+    ----------
+    path : path
+        A ``.nc`` file or a ``.zarr`` folder.
+
+    Returns
+    -------
+    Solution
+        Equal to the saved one bit for bit; its ``system`` is None, for a file holds no functions.
+
+    Raises
+    ------
+    FileNotFoundError
+        There is nothing at this path.
+    ValueError
+        The suffix is unknown, or what is there is no saved solution.
+    ImportError
+        xarray or the package for this kind of file is not installed.
+    """
+    path = Path(path)
+    check(path)
+    if path.suffix == ".csv":
+        raise ValueError(
+            f"{str(path)!r} cannot be loaded: a CSV file holds only columns of numbers\n"
+            "hint: save to .nc or .zarr what you want to load again"
+        )
+    if not path.exists():
+        raise FileNotFoundError(f"there is no file {str(path)!r}")
+    options = (
+        {"engine": "h5netcdf"}
+        if path.suffix == ".nc"
+        else {"engine": "zarr", "consolidated": False}
+    )
+    try:
+        with _needed("xarray").open_dataset(
+            path, decode_times=False, mask_and_scale=False, **options
+        ) as opened:
+            dataset = opened.load()
+    except (OSError, KeyError, ValueError) as error:
+        raise ValueError(f"{str(path)!r} cannot be read as {path.suffix}: {error}") from error
+    found = dataset.attrs.get(MARK)
+    if found != VERSION:
+        raise ValueError(
+            f"{str(path)!r} holds no liouville solution\n"
+            "hint: liouville.load reads what solution.save wrote"
+            if found is None
+            else f"{str(path)!r} has layout {found} of a solution, this liouville reads {VERSION}\n"
+            "hint: a newer liouville wrote it"
+        )
+    return _from_xarray(dataset)
+
+
+def _from_xarray(dataset: xarray.Dataset) -> Solution:
+    def names(dim: str) -> tuple[str, ...]:
+        return tuple(str(label) for label in dataset[dim].values)
+
+    def columns(variable: str, dim: str) -> dict[str, Array]:
+        if variable not in dataset:
+            return {}
+        values = dataset[variable].values
+        return {name: values[:, i].copy() for i, name in enumerate(names(dim))}
+
+    attributes = dataset.attrs
+    variables = {name: dataset[name] for name in json.loads(attributes["order"])}
+    return Solution(
+        t=dataset["time"].values,
+        states={
+            name: variable.values
+            for name, variable in variables.items()
+            if name in ("q", "y", "z", "v", "p", "lam")
+        },
+        invariants=columns("invariants", "invariant"),
+        residuals=columns("residuals", "residual"),
+        observed={
+            variable.attrs["name"]: variable.values
+            for name, variable in variables.items()
+            if name.startswith("observed_")
+        },
+        names={"coordinates": names("coordinate"), "constraints": names("constraint")},
+        h=float(attributes["h"]),
+        method=attributes["method"],
+        stats=json.loads(attributes["stats"]),
+        params=json.loads(attributes["params"]),
+        status=attributes["status"],
+        message=attributes["message"],
+    )
+
+
+def _save_csv(solution: Solution, path: Path) -> None:
+    names = solution.names
+    columns = {"t": solution.t}
+    for name, values in solution.states.items():
+        labels = names["constraints" if name == "lam" else "coordinates"]
+        columns |= {f"{name}[{label}]": values[:, i] for i, label in enumerate(labels)}
+    columns |= solution.invariants
+    for name, values in solution.residuals.items():
+        labels = names["constraints"]
+        columns |= {f"{name}[{label}]": values[:, i] for i, label in enumerate(labels)}
+    for name, values in solution.observed.items():
+        if values.ndim == 1:
+            columns[name] = values
+        else:
+            columns |= {f"{name}[{i}]": values[:, i] for i in range(values.shape[1])}
+    header = ",".join(f'"{name}"' if "," in name else name for name in columns)
+    rows = np.stack(list(columns.values()), axis=1)
+    np.savetxt(path, rows, delimiter=",", header=header, comments="", fmt="%.17g")
+
+
+def _plain(value: Any) -> Any:
+    """Give NumPy's numbers and arrays as Python's, which JSON writes with all their digits."""
+    return np.asarray(value).tolist()
+
+
+def _needed(package: str) -> Any:
+    try:
+        return importlib.import_module(package)
+    except ImportError as error:
+        raise ImportError(
+            f'files and datasets need {package}\nhint: pip install "liouville[io]"'
+        ) from error

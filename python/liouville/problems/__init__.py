@@ -1,0 +1,79 @@
+"""The library of test problems, one module each: a system, its start, and what should come out.
+
+Every module has
+
+``system``
+    the system, see :mod:`liouville.systems`;
+``start``, ``interval``, ``h``
+    start values by name, the times to begin and end at, a sensible step for ``Spark(stages=3)``;
+``conserved``
+    names of the invariants that are constant along the motion;
+``reference``
+    states at some times, ``{time: {"q": ..., "v": ...}}``, exact to the digits given;
+``source``
+    where the problem and the reference come from;
+
+and, where the mechanism is planar, ``outline(q, params)``: the polylines of its bodies.
+
+Examples
+--------
+>>> from liouville.problems import load
+>>> load("pendulum").start
+{'q': (1.0, 0.0), 'v': (0.0, 0.0)}
+"""
+
+from difflib import get_close_matches
+from importlib import import_module
+from types import ModuleType
+from typing import Protocol
+
+import casadi as ca
+
+NAMES = (
+    "pendulum",
+    "spherical_pendulum",
+    "double_pendulum",
+    "chain",
+    "slider_crank",
+    "car_axis",
+    "andrews",
+    "heavy_top",
+    "moving_wire",
+    "relativistic_particle",
+)
+
+
+class Parameters(Protocol):
+    """What a model function gets as ``params``: each parameter, a symbol, under its name."""
+
+    def __getattr__(self, name: str) -> ca.SX:
+        """Return the parameter's symbol, a scalar or a column."""
+
+
+def names() -> tuple[str, ...]:
+    """Return the names of all problems, simplest first."""
+    return NAMES
+
+
+def load(name: str) -> ModuleType:
+    """Import a problem by its name.
+
+    Parameters
+    ----------
+    name : str
+        One of :func:`names`.
+
+    Returns
+    -------
+    module
+        The problem's module, with the attributes listed above.
+
+    Raises
+    ------
+    ValueError
+        There is no problem of that name; the message has the nearest one.
+    """
+    if name not in NAMES:
+        near = get_close_matches(name, NAMES, n=1, cutoff=0.0)[0]
+        raise ValueError(f"no problem is called {name!r}\nhint: did you mean {near!r}?")
+    return import_module(f"{__name__}.{name}")

@@ -1,0 +1,231 @@
+"""What a run leaves: times, states, invariants, residuals, and how it went."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+if TYPE_CHECKING:
+    import xarray
+
+    from liouville.systems import Mechanics
+
+Array = NDArray[np.float64]
+
+# An invariant that starts below this is a zero with roundoff: its drift is measured absolutely.
+ZERO = 1e-12
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Solution:
+    r"""A run's result: arrays with time as the first axis, and the record of how it went.
+
+    Below, k is the number of kept steps, n of coordinates and m of constraints. All arrays are
+    read-only; all numbers are in the system's own units.
+
+    Attributes
+    ----------
+    t : ndarray, shape (k,)
+        Times of the kept steps: the start, every k-th step, and always the last step.
+    states : dict of str to ndarray
+        ``q``, ``v``, ``p`` of shape (k, n) and ``lam`` of shape (k, m); a ``Mechanical`` system has
+        ``y`` and ``z`` in the place of ``q``. Empty if the run stored no states. Each state is also
+        an attribute: ``solution.q``.
+    invariants : dict of str to ndarray, shape (k,)
+        Energy and the system's own invariants, by name.
+    residuals : dict of str to ndarray, shape (k, m)
+        ``constraint`` is :math:`g(t, q)`, ``hidden`` is :math:`g_t + g_q v`.
+    observed : dict of str to ndarray, shape (k,) or (k, j)
+        What ``observe=`` asked for, by name.
+    names : dict of str to tuple of str
+        ``coordinates`` (n of them) and ``constraints`` (m of them).
+    h : float
+        Step size used.
+    method : str
+        The method, as its repr.
+    stats : dict
+        Numbers of the run: steps, iterations, evaluations, seconds, the solver chosen.
+    params : dict of str to float or list of float
+        Parameters the run used.
+    status : str
+        ``"done"``, ``"failed"`` or ``"interrupted"``; a run that did not get done is kept up to
+        its last good step.
+    message : str
+        Why it is not done; empty when it is.
+    system : Lagrangian, Hamiltonian, Mechanical or None
+        The system integrated; None after :func:`liouville.load`.
+    """
+
+    t: Array
+    states: dict[str, Array]
+    invariants: dict[str, Array]
+    residuals: dict[str, Array]
+    observed: dict[str, Array]
+    names: dict[str, tuple[str, ...]]
+    h: float
+    method: str
+    stats: dict[str, int | float | str]
+    params: dict[str, Any] = field(default_factory=dict)
+    status: str = "done"
+    message: str = ""
+    system: Mechanics | None = None
+
+    def __post_init__(self) -> None:
+        """Make the arrays read-only: what is recorded is not edited."""
+        self.t.setflags(write=False)
+        for group in (self.states, self.invariants, self.residuals, self.observed):
+            for values in group.values():
+                values.setflags(write=False)
+
+    def __repr__(self) -> str:
+        """Tell in two lines how the run went and how well it kept what it should."""
+        if not self.t.size:
+            return f"<Solution {self.status}: nothing computed, {self.method}>"
+        steps = self.stats.get("steps", len(self.t) - 1)
+        span = f"t = {self.t[0]:g} to {self.t[-1]:g}"
+        head = f"{self.status}: {steps} steps of h = {self.h:g}, {span}, {self.method}"
+        residuals = {name: np.max(np.abs(r)) for name, r in self.residuals.items() if r.size}
+        drifts = {name: np.max(self.invariant_drift(name)) for name in self.invariants}
+        kept = [*_worst("residual", residuals), *_worst("drift", drifts)]
+        return "\n ".join([f"<Solution {head}", *([", ".join(kept)] if kept else [])]) + ">"
+
+    @property
+    def q(self) -> Array:
+        """Positions, shape (k, n)."""
+        return self._state("q")
+
+    @property
+    def v(self) -> Array:
+        """Velocities, shape (k, n)."""
+        return self._state("v")
+
+    @property
+    def p(self) -> Array:
+        """Momenta, shape (k, n)."""
+        return self._state("p")
+
+    @property
+    def lam(self) -> Array:
+        """Multipliers of the constraints, shape (k, m)."""
+        return self._state("lam")
+
+    @property
+    def y(self) -> Array:
+        """Positions of a ``Mechanical`` system, shape (k, n)."""
+        return self._state("y")
+
+    @property
+    def z(self) -> Array:
+        """Second half of the state of a ``Mechanical`` system, shape (k, n)."""
+        return self._state("z")
+
+    def _state(self, name: str) -> Array:
+        if name in self.states:
+            return self.states[name]
+        if not self.states:
+            raise AttributeError(
+                f"the solution has no {name!r}: the run stored no states\n"
+                "hint: integrate with states=True, or name what you need in observe="
+            )
+        raise AttributeError(
+            f"the solution has no {name!r}\nhint: its states are {', '.join(self.states)}"
+        )
+
+    def invariant_drift(self, name: str) -> Array:
+        r"""Measure how far an invariant has moved from its start, :math:`|I(t) - I(0)| / |I(0)|`.
+
+        Parameters
+        ----------
+        name : str
+            One of ``solution.invariants``.
+
+        Returns
+        -------
+        ndarray, shape (k,)
+            The relative drift; the absolute one if :math:`|I(0)| \le 10^{-12}`.
+
+        Raises
+        ------
+        ValueError
+            The solution has no invariant of that name.
+        """
+        _known(name, self.invariants, "invariant")
+        values = self.invariants[name]
+        start = values[:1]
+        drift: Array = np.abs(values - start) / np.where(np.abs(start) > ZERO, np.abs(start), 1.0)
+        return drift
+
+    def reaction(self, constraint: str | int | None = None) -> Array:
+        r"""Give the generalised reaction forces :math:`r(t, q, \lambda)` of the constraints.
+
+        For ``Lagrangian`` and ``Hamiltonian`` systems :math:`r = -g_q^T \lambda`.
+
+        Parameters
+        ----------
+        constraint : str or int, optional
+            The name or index of one constraint, whose share is wanted (the other multipliers are
+            then set to zero); all of them by default.
+
+        Returns
+        -------
+        ndarray, shape (k, n)
+            The force on each coordinate.
+
+        Raises
+        ------
+        ValueError
+            There is no such constraint, or the solution was loaded and knows no system.
+        AttributeError
+            The run stored no states.
+        """
+        lam, y = self.lam, self.y if "y" in self.states else self.q
+        if constraint is not None:
+            names = self.names["constraints"]
+            if isinstance(constraint, str):
+                _known(constraint, names, "constraint")
+                constraint = names.index(constraint)
+            if not -len(names) <= constraint < len(names):
+                raise ValueError(
+                    f"the solution has no constraint {constraint}: there are {len(names)}"
+                )
+            only = np.zeros_like(lam)
+            only[:, constraint] = lam[:, constraint]
+            lam = only
+        if self.system is None:
+            raise ValueError(
+                "reaction forces need the system, which a loaded solution does not carry\n"
+                "hint: dataclasses.replace(solution, system=...) gives it back"
+            )
+        return self.system.reaction(self.t, y, lam, self.params)
+
+    def to_xarray(self) -> xarray.Dataset:
+        """Give the solution as an xarray ``Dataset``; see :func:`liouville.export.to_xarray`."""
+        from liouville import export
+
+        return export.to_xarray(self)
+
+    def save(self, path: str | os.PathLike[str]) -> None:
+        """Write the solution to a file; see :func:`liouville.export.save`."""
+        from liouville import export
+
+        export.save(self, path)
+
+
+def _known(name: str, names: Mapping[str, Any] | tuple[str, ...], kind: str) -> None:
+    if name not in names:
+        raise ValueError(
+            f"the solution has no {kind} {name!r}\n"
+            f"hint: it has {', '.join(names) if names else 'none'}"
+        )
+
+
+def _worst(kind: str, sizes: Mapping[str, float]) -> list[str]:
+    if not sizes:
+        return []
+    name = list(sizes)[int(np.argmax(list(sizes.values())))]  # a NaN counts as the largest
+    return [f"worst {kind} {sizes[name]:.1e} ({name})"]

@@ -1,0 +1,217 @@
+import os
+import signal
+import subprocess
+import sys
+from dataclasses import dataclass, field, fields
+
+import numpy as np
+import pytest
+
+import liouville as lv
+from liouville import cli, problems
+
+COMMAND = [sys.executable, "-W", "error", "-c", "from liouville.cli import main; main()"]
+QUIET = {name: value for name, value in os.environ.items() if name not in ("FORCE_COLOR", "TERM")}
+
+MODEL = """
+import casadi as ca
+import liouville as lv
+
+def lagrangian(t, q, v, params):
+    return ca.dot(v, v) / 2 - params.k * ca.dot(q, q) / 2
+
+def force(t, q, v, params):
+    return params.c * ca.sqrt(params.until - t)
+
+oscillator = lv.Lagrangian(lagrangian, force=force, q=("x",),
+                           params={"k": 1.0, "c": 0.0, "until": 1e9})
+start = {"q": [1.0], "v": [0.0]}
+"""
+
+
+def liouville(words, cwd, **environment):
+    return subprocess.run(
+        [*COMMAND, *words.split()],
+        cwd=cwd,
+        env={**QUIET, **environment},
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+
+
+@pytest.fixture
+def model(tmp_path):
+    (tmp_path / "model.py").write_text(MODEL)
+    return "model.py:oscillator"
+
+
+def test_a_run_prints_results_saves_and_draws(tmp_path):
+    ran = liouville(
+        "run pendulum --stages 2 --h 0.02 --until 1 --every 5 "
+        "--out run.nc --plot run.png --animate run.gif",
+        cwd=tmp_path,
+    )
+    assert ran.returncode == 0, ran.stderr
+    assert "status" in ran.stdout
+    assert ran.stderr.splitlines() == ["wrote run.nc", "wrote run.png", "wrote run.gif"]
+    assert {path.name for path in tmp_path.iterdir()} == {"run.nc", "run.png", "run.gif"}
+    solution = lv.load(tmp_path / "run.nc")
+    assert len(solution.t) == 11
+    pendulum = problems.load("pendulum")
+    same = lv.integrate(
+        pendulum.system, lv.Spark(stages=2), t=(0.0, 1.0), h=0.02, every=5, **pendulum.start
+    )
+    np.testing.assert_array_equal(solution.q, same.q)
+    assert f"{same.q[-1, 0]:.15g}" in ran.stdout
+
+
+def test_an_end_state_is_compared_with_the_reference_where_there_is_one(tmp_path):
+    shown = liouville("run pendulum --stages 4", cwd=tmp_path).stdout
+    line = next(line for line in shown.splitlines() if line.startswith("q from reference"))
+    assert float(line.split()[-1]) < 1e-10
+    other = liouville("run pendulum --param g=1.0", cwd=tmp_path).stdout
+    assert "reference" not in other
+
+
+def test_a_model_file_runs_with_its_start_and_parameters_changed(tmp_path, model):
+    words = f"run {model} --h 0.01 --until 1 --param k=4 --start q=2 --out run.nc"
+    ran = liouville(words, cwd=tmp_path)
+    assert ran.returncode == 0, ran.stderr
+    solution = lv.load(tmp_path / "run.nc")
+    assert solution.params["k"] == 4.0
+    np.testing.assert_allclose(solution.q[-1], 2 * np.cos(2.0), rtol=1e-10)
+
+
+def test_a_failed_run_is_kept_and_leaves_with_1(tmp_path, model):
+    words = "--h 0.01 --until 2 --param c=1 --param until=1 --out run.nc --plot run.pdf"
+    ran = liouville(f"run {model} {words}", cwd=tmp_path)
+    assert ran.returncode == 1
+    assert ran.stderr.startswith("error: ")
+    assert "\nhint: " in ran.stderr
+    assert "failed" in ran.stdout
+    solution = lv.load(tmp_path / "run.nc")
+    assert solution.status == "failed"
+    assert 0.9 < solution.t[-1] <= 1.0
+    assert (tmp_path / "run.pdf").exists()
+
+
+def test_an_interrupted_run_is_kept_and_leaves_with_130(tmp_path):
+    pty = pytest.importorskip("pty")
+    words = ["run", "pendulum", "--until", "1e6", "--every", "1000", "--out", "run.nc"]
+    ours, theirs = pty.openpty()
+    process = subprocess.Popen(
+        [*COMMAND, *words], cwd=tmp_path, env={**QUIET, "TERM": "xterm"},
+        stdout=subprocess.PIPE, stderr=theirs, text=True,
+    )  # fmt: skip
+    os.close(theirs)
+    shown = ""
+    while "steps/s" not in shown:  # on a terminal there is a bar, with the rate in it
+        shown += os.read(ours, 1000).decode(errors="replace")
+    process.send_signal(signal.SIGINT)
+    try:
+        while chunk := os.read(ours, 1000).decode(errors="replace"):
+            shown += chunk
+    except OSError:  # how Linux says that the other side is closed
+        pass
+    os.close(ours)
+    output, _ = process.communicate(timeout=30)
+    assert process.returncode == 130
+    assert "left" in shown
+    assert "interrupted at t = " in shown
+    assert "interrupted" in output
+    solution = lv.load(tmp_path / "run.nc")
+    assert solution.status == "interrupted"
+    assert 0 < solution.t[-1] < 1e6
+
+
+@pytest.mark.parametrize(
+    ("words", "complaint"),
+    [
+        ("run pendulom", "hint: did you mean 'pendulum'?"),
+        ("run pendulum --method sparc", "hint: there are spark"),
+        ("run pendulum --stages 0", "stages"),
+        ("run pendulum --h -0.1", "h is positive"),
+        ("run pendulum --start q=1,1", "constraint"),
+        ("run pendulum --start q", "hint: write --start name="),
+        ("run pendulum --param mass=1", "mass"),
+        ("run pendulum --out run.txt", "hint: use one of .nc, .zarr, .csv"),
+        ("run pendulum --out nowhere/run.nc", "the folder of"),
+        ("run pendulum --plot run.doc", "hint: use a name that ends in .png"),
+        ("run heavy_top --animate run.gif", "has no outline"),
+        ("run nowhere.py:system", "there is no model file"),
+        ("run model.py", "hint: name one after a colon, model.py:NAME; it has oscillator"),
+        ("run model.py:oscillator --h 0.1", "hint: give --until"),
+        ("run model.py:oscillator --until 1", "hint: give --h"),
+        ("run broken.py", "broken.py:2: NameError"),
+        ("run pendulum --step 0.1", "hint: liouville run --help"),
+        ("", "hint: liouville --help"),
+    ],
+)
+def test_a_wrong_call_leaves_with_2_before_anything_runs(
+    tmp_path, model, words, complaint, monkeypatch, capsys
+):
+    (tmp_path / "broken.py").write_text("import casadi\nsystem = nothing\n")
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(sys, "argv", ["liouville", *words.split()])
+    monkeypatch.setattr(sys, "path", list(sys.path))
+    monkeypatch.setattr(sys, "dont_write_bytecode", True)
+    before = sorted(tmp_path.iterdir())
+    with pytest.raises(SystemExit) as left:
+        cli.main()
+    printed, complained = capsys.readouterr()
+    assert left.value.code == 2
+    assert printed == ""
+    assert complained.startswith("error: ")
+    assert complaint in complained
+    assert sorted(tmp_path.iterdir()) == before
+
+
+def test_an_order_is_the_slope_of_the_error_against_h(tmp_path):
+    words = "order pendulum --stages 2 --h 0.1 --h 0.05 --h 0.025 --h 0.0125"
+    ran = liouville(words, cwd=tmp_path)
+    assert ran.returncode == 0, ran.stderr
+    *_, last = ran.stdout.splitlines()
+    name, of_q, of_v = last.split()
+    assert name == "fitted"
+    assert float(of_q) == pytest.approx(4.0, abs=0.15)
+    assert float(of_v) == pytest.approx(4.0, abs=0.15)
+
+
+def test_problems_and_methods_are_listed_one_a_line(tmp_path):
+    listed = liouville("problems", cwd=tmp_path).stdout.splitlines()[1:]
+    assert tuple(line.split()[0] for line in listed) == problems.names()
+    shown = liouville("methods", cwd=tmp_path).stdout
+    for name, method in lv.METHODS.items():
+        assert name in shown
+        for item in fields(method):
+            assert f"--{item.name}" in shown
+            assert item.metadata["help"] in shown
+
+
+def test_a_method_added_to_the_list_brings_its_options(monkeypatch):
+    @dataclass(frozen=True, kw_only=True)
+    class Damped:
+        """A method of tomorrow."""
+
+        damping: float = field(default=0.5, metadata={"help": "how much is lost"})
+        rounds: int | None = field(default=None, metadata={"help": "how often"})
+
+    seen = {}
+    monkeypatch.setitem(lv.METHODS, "damped", Damped)
+    monkeypatch.setattr(cli, "app", cli.typer.Typer())
+    cli.app.command()(cli._method_options(lambda **options: seen.update(options)))
+    monkeypatch.setattr(sys, "argv", ["liouville", "--damping", "0.25"])
+    with pytest.raises(SystemExit) as left:
+        cli.main()
+    assert not left.value.code
+    assert cli._method("damped", seen) == Damped(damping=0.25)
+    with pytest.raises(ValueError, match=r"spark has no option 'damping'\nhint: it has stages"):
+        cli._method("spark", seen)
+
+
+@pytest.mark.parametrize("environment", [{}, {"TERM": "xterm"}, {"NO_COLOR": "1"}])
+def test_what_is_piped_is_plain_text(tmp_path, environment):
+    ran = liouville("run pendulum --until 1", cwd=tmp_path, **environment)
+    assert "\x1b" not in ran.stdout + ran.stderr
+    assert "steps/s" not in ran.stdout + ran.stderr

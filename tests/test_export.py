@@ -1,0 +1,145 @@
+import csv
+import sys
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import xarray
+
+import liouville as lv
+from liouville import problems
+from liouville.export import to_xarray
+
+ARRAYS = ("states", "invariants", "residuals", "observed")
+FACTS = ("names", "h", "method", "stats", "params", "status", "message")
+
+
+@pytest.fixture(scope="module")
+def solution():
+    """Give a short run, with values in it that are easily lost on the way to a file."""
+    pendulum = problems.load("pendulum")
+    run = lv.integrate(pendulum.system, lv.Spark(stages=2), t=(0.0, 1.0), h=0.02, **pendulum.start)
+    hard = np.resize([-0.0, 5e-324, np.inf, np.nan, 9.969209968386869e36, 1 / 3], len(run.t))
+    hard[7] = np.array([0x7FF8DEADBEEF0001], dtype=np.uint64).view(np.float64)[0]
+    return replace(
+        run,
+        invariants={"spin / 2": hard, **run.invariants},
+        observed={"a/b": hard, "corner": run.q * 2, "q": run.v},
+        params={"m": 0.1, "masses": [1 / 3, 1e-300]},
+        status="failed",
+        message="step 51 failed\nhint: \u03c0",
+    )
+
+
+def assert_same(one, other):
+    assert one.t.tobytes() == other.t.tobytes()
+    for group in ARRAYS:
+        mine, yours = getattr(one, group), getattr(other, group)
+        assert list(mine) == list(yours)
+        for name in mine:
+            assert mine[name].shape == yours[name].shape
+            assert mine[name].tobytes() == yours[name].tobytes()
+    for fact in FACTS:
+        assert getattr(one, fact) == getattr(other, fact)
+
+
+@pytest.mark.parametrize("name", ["run.nc", "run.zarr"])
+def test_what_is_saved_comes_back_bit_for_bit(solution, tmp_path, name):
+    solution.save(tmp_path / name)
+    loaded = lv.load(tmp_path / name)
+    assert_same(solution, loaded)
+    assert loaded.system is None
+    assert {type(value) for value in loaded.stats.values()} <= {int, float, str}
+
+
+@pytest.mark.parametrize("name", ["run.nc", "run.zarr"])
+def test_saving_again_replaces_what_was_there(solution, tmp_path, name):
+    # No constraints, no states, nothing observed: what is empty comes back empty.
+    none = np.empty((len(solution.t), 0))
+    bare = replace(
+        solution,
+        states={},
+        observed={},
+        residuals={"constraint": none, "hidden": none},
+        names={"coordinates": ("x", "y"), "constraints": ()},
+    )
+    solution.save(tmp_path / name)
+    bare.save(tmp_path / name)
+    assert_same(bare, lv.load(tmp_path / name))
+
+
+def test_a_dataset_is_labelled_by_names(solution):
+    data = solution.to_xarray()
+    assert data.q.dims == ("time", "coordinate")
+    np.testing.assert_array_equal(data.v.sel(coordinate="y"), solution.v[:, 1])
+    np.testing.assert_array_equal(
+        data.invariants.sel(invariant="energy"), solution.invariants["energy"]
+    )
+    np.testing.assert_array_equal(
+        data.residuals.sel(residual="hidden", constraint="rod"), solution.residuals["hidden"][:, 0]
+    )
+    np.testing.assert_array_equal(data.observed_q, solution.v)
+    assert data.q.sel(time=0.5, method="nearest").shape == (2,)
+
+
+def test_a_csv_file_has_a_named_column_with_all_digits_for_each_number(solution, tmp_path):
+    solution.save(tmp_path / "run.csv")
+    with (tmp_path / "run.csv").open(newline="") as file:
+        rows = list(csv.DictReader(file))
+    for column, values in {
+        "t": solution.t,
+        "v[y]": solution.v[:, 1],
+        "lam[rod]": solution.lam[:, 0],
+        "hidden[rod]": solution.residuals["hidden"][:, 0],
+        "a/b": solution.observed["a/b"],
+        "corner[1]": solution.observed["corner"][:, 1],
+    }.items():
+        np.testing.assert_array_equal([float(row[column]) for row in rows], values)
+    with pytest.raises(ValueError, match=r"CSV file holds only .*\nhint: save to \.nc or \.zarr"):
+        lv.load(tmp_path / "run.csv")
+
+
+@pytest.mark.parametrize("name", ["run", "run.txt", "run.nc.gz"])
+def test_an_unknown_suffix_is_refused_both_ways(solution, tmp_path, name):
+    with pytest.raises(ValueError, match=r"suffix of .*\nhint: use one of \.nc, \.zarr, \.csv"):
+        solution.save(tmp_path / name)
+    with pytest.raises(ValueError, match=r"suffix of .*\nhint: use one of \.nc, \.zarr, \.csv"):
+        lv.load(tmp_path / name)
+    assert not any(tmp_path.iterdir())
+
+
+@pytest.mark.parametrize("name", ["no.nc", "no.zarr"])
+def test_a_missing_file_or_folder_is_named(solution, tmp_path, name):
+    with pytest.raises(FileNotFoundError, match=f"there is no file '.*{name}'"):
+        lv.load(tmp_path / name)
+    with pytest.raises(FileNotFoundError, match=r"the folder of '.*nowhere.*' does not exist"):
+        solution.save(tmp_path / "nowhere" / name)
+
+
+def test_files_of_others_are_refused(solution, tmp_path):
+    xarray.Dataset({"q": 1.0}).to_netcdf(tmp_path / "other.nc", engine="h5netcdf")
+    with pytest.raises(ValueError, match="holds no liouville solution"):
+        lv.load(tmp_path / "other.nc")
+    (tmp_path / "text.nc").write_text("t,q\n0,1\n")
+    with pytest.raises(ValueError, match=r"cannot be read as \.nc"):
+        lv.load(tmp_path / "text.nc")
+    (tmp_path / "empty.zarr").mkdir()
+    with pytest.raises(ValueError, match=r"cannot be read as \.zarr"):
+        lv.load(tmp_path / "empty.zarr")
+    newer = to_xarray(solution).assign_attrs(liouville_solution=2)
+    newer.to_netcdf(tmp_path / "newer.nc", engine="h5netcdf")
+    with pytest.raises(ValueError, match=r"layout 2 .*\nhint: a newer liouville wrote it"):
+        lv.load(tmp_path / "newer.nc")
+
+
+@pytest.mark.parametrize(
+    ("package", "name"),
+    [("xarray", "run.nc"), ("h5netcdf", "run.nc"), ("h5py", "run.nc"), ("zarr", "run.zarr")],
+)
+def test_a_missing_package_names_the_extra_to_install(
+    solution, tmp_path, monkeypatch, package, name
+):
+    monkeypatch.setitem(sys.modules, package, None)
+    with pytest.raises(ImportError, match=rf'need {package}\nhint: pip install "liouville\[io\]"'):
+        solution.save(tmp_path / name)
+    solution.save(tmp_path / "run.csv")

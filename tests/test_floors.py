@@ -1,0 +1,148 @@
+"""The floors of the house: a module uses what lies below it, and each outside name has its room.
+
+The tables are those of ``docs/house.md``. A failure names the file and the offending import.
+"""
+
+import ast
+import re
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).resolve().parent.parent
+CORE = ROOT / "crates" / "core" / "src"
+PACKAGE = ROOT / "python" / "liouville"
+
+CORE_FLOORS = (
+    ("real", "trouble"),
+    ("linalg",),
+    ("tableau", "tape"),
+    ("newton",),
+    ("problem",),
+    ("method",),
+    ("run",),
+)
+PACKAGE_FLOORS = (
+    ("_core", "errors"),
+    ("tape",),
+    ("methods", "systems"),
+    ("solution",),
+    ("integrate",),
+    ("convergence", "export", "plot", "problems"),
+    ("cli",),
+)
+LAZY = {("solution", "export")}  # to_xarray() and save() fetch the exporter when called
+
+CORE_ROOMS = {
+    "twofloat": ("tableau/",),
+    "pyo3": (),
+    "numpy": (),
+}
+PACKAGE_ROOMS = {
+    "casadi": ("problems/", "systems/", "tape.py"),
+    "h5netcdf": ("export.py",),
+    "matplotlib": ("plot.py",),
+    "rich": ("cli.py",),
+    "typer": ("cli.py",),
+    "xarray": ("export.py",),
+    "zarr": ("export.py",),
+}
+
+
+def rust_files():
+    return {path.relative_to(CORE).as_posix(): path for path in sorted(CORE.rglob("*.rs"))}
+
+
+def source(file):
+    """Return a Rust file's text without its unit tests, which may look anywhere."""
+    return rust_files()[file].read_text(encoding="utf-8").split("#[cfg(test)]")[0]
+
+
+def python_files():
+    return {path.relative_to(PACKAGE).as_posix(): path for path in sorted(PACKAGE.rglob("*.py"))}
+
+
+def module(file):
+    """Name the module a file belongs to: ``method/spark.rs`` is part of ``method``."""
+    return file.split("/")[0].removesuffix(".rs").removesuffix(".py")
+
+
+def imports(path):
+    """Every dotted name a Python file imports, but for annotations: ``liouville.tape.record``."""
+    tree = ast.parse(path.read_text(encoding="utf-8"))
+    blocks = [node for node in ast.walk(tree) if isinstance(node, ast.If)]
+    typing_only = [node for node in blocks if "TYPE_CHECKING" in ast.unparse(node.test)]
+    for node in typing_only:
+        node.body = [ast.Pass()]
+    for node in ast.walk(tree):
+        if isinstance(node, ast.Import):
+            yield from (alias.name for alias in node.names)
+        elif isinstance(node, ast.ImportFrom):
+            package = path.relative_to(PACKAGE.parent).with_suffix("").parts[: -node.level or None]
+            prefix = ".".join(package) if node.level else ""
+            source = ".".join(filter(None, (prefix, node.module)))
+            yield from (f"{source}.{alias.name}" for alias in node.names)
+
+
+def climbs(floors, user, used):
+    """Say whether ``user`` reaches for its own floor or one above."""
+    height = {name: floor for floor, names in enumerate(floors) for name in names}
+    assert user in height, f"{user} has no floor: give it one in test_floors.py and docs/house.md"
+    return user != used and height.get(used, -1) >= height[user]
+
+
+@pytest.mark.parametrize("file", [f for f in rust_files() if f != "lib.rs"])
+def test_rust_modules_use_lower_floors_only(file):
+    text = source(file)
+    used = set(re.findall(r"\bcrate::(\w+)", text))
+    for group in re.findall(r"\bcrate::\{(.*?)\};", text, re.DOTALL):
+        used |= set(re.findall(r"(?:^|,)\s*(\w+)", re.sub(r"\{.*?\}", "", group, flags=re.DOTALL)))
+    bad = sorted(name for name in used if climbs(CORE_FLOORS, module(file), name))
+    assert not bad, f"crates/core/src/{file} uses {bad}, which is not below it"
+
+
+@pytest.mark.parametrize("file", [f for f in rust_files() if f.startswith("method/")])
+def test_methods_do_not_know_one_another(file):
+    family = {
+        f: f.split("/")[1].removesuffix(".rs") for f in rust_files() if f.startswith("method/")
+    }
+    side_by_side = "|super" if file.count("/") == 1 else ""
+    named = set(re.findall(rf"\b(?:crate::method{side_by_side})::([a-z]\w*)", source(file)))
+    bad = sorted(named & set(family.values()) - {"mod", family[file]})
+    assert family[file] == "mod" or not bad, f"crates/core/src/{file} uses its neighbours {bad}"
+
+
+@pytest.mark.parametrize("file", [f for f in python_files() if f != "__init__.py"])
+def test_python_modules_use_lower_floors_only(file):
+    user = module(file)
+    used = {name.split(".")[1] for name in imports(python_files()[file]) if "liouville." in name}
+    bad = sorted(
+        name for name in used if climbs(PACKAGE_FLOORS, user, name) and (user, name) not in LAZY
+    )
+    assert not bad, f"python/liouville/{file} imports {bad}, which is not below it"
+
+
+@pytest.mark.parametrize("file", rust_files())
+def test_outside_names_keep_to_their_room_in_rust(file):
+    text = source(file)
+    spoken = set(re.findall(r"\b(?:use\s+)?(\w+)::", text)) & set(CORE_ROOMS)
+    bad = sorted(name for name in spoken if not file.startswith(CORE_ROOMS[name] or ("-",)))
+    assert not bad, f"crates/core/src/{file} speaks of {bad}"
+    assert "unsafe {" not in text or file.startswith("tape"), f"crates/core/src/{file} is unsafe"
+
+
+@pytest.mark.parametrize("file", python_files())
+def test_outside_names_keep_to_their_room_in_python(file):
+    spoken = {name.split(".")[0] for name in imports(python_files()[file])} & set(PACKAGE_ROOMS)
+    bad = sorted(name for name in spoken if not file.startswith(PACKAGE_ROOMS[name]))
+    assert not bad, f"python/liouville/{file} imports {bad}"
+    text = python_files()[file].read_text(encoding="utf-8")
+    assert "OP_" not in text or file == "tape.py", f"python/liouville/{file} knows CasADi's codes"
+    assert file == "cli.py" or not re.search(r"^\s*print\(", text, re.MULTILINE), f"{file} prints"
+
+
+def test_a_module_that_reaches_up_is_seen():
+    assert climbs(CORE_FLOORS, "tape", "method")
+    assert climbs(CORE_FLOORS, "tape", "tableau")
+    assert not climbs(CORE_FLOORS, "method", "tape")
+    assert climbs(PACKAGE_FLOORS, "solution", "plot")

@@ -1,0 +1,92 @@
+from dataclasses import FrozenInstanceError, replace
+
+import numpy as np
+import pytest
+
+import liouville as lv
+from liouville import problems
+
+
+@pytest.fixture(scope="module")
+def solution():
+    pendulum = problems.load("pendulum")
+    return lv.integrate(pendulum.system, lv.Spark(stages=2), t=(0.0, 1.0), h=0.02, **pendulum.start)
+
+
+def test_states_are_attributes_with_time_as_the_first_axis(solution):
+    assert solution.q.shape == solution.v.shape == solution.p.shape == (51, 2)
+    assert solution.lam.shape == (51, 1)
+    assert solution.q is solution.states["q"]
+
+
+def test_a_missing_state_is_refused_with_those_there_are(solution):
+    with pytest.raises(AttributeError, match=r"no 'z'\nhint: its states are q, v, p, lam"):
+        _ = solution.z
+
+
+def test_a_run_without_states_says_how_to_get_them(solution):
+    with pytest.raises(AttributeError, match=r"stored no states\nhint: .*states=True"):
+        _ = replace(solution, states={}).q
+
+
+def test_what_is_recorded_cannot_be_edited(solution):
+    with pytest.raises(ValueError, match="read-only"):
+        solution.q[0, 0] = 0.0
+    with pytest.raises(FrozenInstanceError):
+        solution.status = "failed"
+
+
+@pytest.mark.parametrize(
+    ("values", "drift"),
+    [([-2.0, -2.0, -1.0], [0.0, 0.0, 0.5]), ([1e-16, 1e-16, -0.25], [0.0, 0.0, 0.25])],
+    ids=["relative", "absolute where the start is zero but for roundoff"],
+)
+def test_drift_is_measured_from_the_start(solution, values, drift):
+    changed = replace(solution, invariants={"energy": np.array(values)})
+    np.testing.assert_allclose(changed.invariant_drift("energy"), drift, rtol=1e-15)
+
+
+def test_an_unknown_invariant_is_refused_with_those_there_are(solution):
+    with pytest.raises(ValueError, match=r"no invariant 'enrgy'\nhint: it has energy"):
+        solution.invariant_drift("enrgy")
+
+
+def test_repr_tells_how_it_went_and_what_was_kept_worst(solution):
+    changed = replace(
+        solution,
+        status="failed",
+        invariants={"energy": np.array([2.0, 2.5]), "spin": np.array([1.0, np.nan])},
+        residuals={"constraint": np.array([[1e-16], [-3e-9]]), "hidden": np.zeros((2, 1))},
+    )
+    assert repr(changed) == (
+        f"<Solution failed: 50 steps of h = 0.02, t = 0 to 1, {solution.method}\n"
+        " worst residual 3.0e-09 (constraint), worst drift nan (spin)>"
+    )
+
+
+def test_the_reaction_of_a_pendulum_is_the_pull_of_its_rod(solution):
+    # g = (|q|^2 - l^2) / 2, so that -g_q^T lam = -q lam; gravity and acceleration give it too.
+    np.testing.assert_allclose(solution.reaction(), -solution.q * solution.lam, rtol=1e-14)
+    tension = 9.81 * -solution.q[:, 1] + np.sum(solution.v**2, axis=1)
+    np.testing.assert_allclose(solution.reaction("rod"), -solution.q * tension[:, None], atol=1e-6)
+
+
+def test_reactions_of_single_constraints_add_up_to_that_of_all():
+    problem = problems.load("double_pendulum")
+    solution = lv.integrate(
+        problem.system, lv.Spark(stages=2), t=(0.0, 0.1), h=0.01, **problem.start
+    )
+    names = solution.names["constraints"]
+    assert len(names) == 2
+    parts = [solution.reaction(name) for name in names]
+    np.testing.assert_allclose(sum(parts), solution.reaction(), rtol=1e-12, atol=1e-12)
+    np.testing.assert_array_equal(solution.reaction(-1), parts[-1])
+
+
+def test_a_reaction_that_cannot_be_given_says_why(solution):
+    with pytest.raises(ValueError, match=r"no constraint 'rope'\nhint: it has rod"):
+        solution.reaction("rope")
+    with pytest.raises(ValueError, match=r"no constraint 1: there are 1"):
+        solution.reaction(1)
+    with pytest.raises(ValueError, match=r"need the system.*\nhint: dataclasses\.replace"):
+        replace(solution, system=None).reaction()

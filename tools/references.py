@@ -1,0 +1,204 @@
+"""Compute the reference numbers of ``liouville.problems`` that are not published elsewhere.
+
+Each motion is computed in 45-digit arithmetic from equations that share nothing with the models of
+the package (closed form, quadrature, or minimal coordinates), and printed with 25 digits:
+
+    pendulum               closed form by Jacobi's elliptic functions
+    slider_crank           one degree of freedom: t = int sqrt(I(a) / (2 (E - V(a)))) da
+    chain                  link angles, integrated by Gragg-Bulirsch-Stoer extrapolation
+    relativistic_particle  canonical equations in spherical angles, integrated likewise
+
+Each is computed twice, with another tolerance or another partition of the quadrature, and the
+difference is printed with it. Needs only mpmath: ``python tools/references.py`` (two minutes).
+"""
+# ruff: noqa: T201
+
+from collections.abc import Callable, Sequence
+
+from mpmath import mp, mpf
+
+mp.dps = 45
+G = mpf("9.81")
+
+State = list[mpf]
+Field = Callable[[State], State]
+
+
+def midpoint(f: Field, x: State, h: mpf, n: int) -> State:
+    """Go one step ``h`` by Gragg's midpoint rule with ``n`` substeps; its error is even in h/n."""
+    d = h / n
+    before, now = x, [a + d * b for a, b in zip(x, f(x), strict=True)]
+    for _ in range(n - 1):
+        before, now = now, [a + 2 * d * b for a, b in zip(before, f(now), strict=True)]
+    return [(a + b + d * c) / 2 for a, b, c in zip(before, now, f(now), strict=True)]
+
+
+def extrapolate(f: Field, x: State, times: Sequence[mpf], tol: mpf, columns: int = 16) -> list:
+    """States at ``times`` of x' = f(x), x(0) = ``x``, with error at most ``tol`` a step."""
+    t, h, found = mpf(0), mpf(1) / 50, []
+    for end in times:
+        while t < end:
+            step = min(h, end - t)
+            table: list[State] = []
+            for j in range(1, columns + 1):
+                row = [midpoint(f, x, step, 2 * j)]
+                for k in range(1, j):
+                    ratio = (mpf(j) / (j - k)) ** 2 - 1
+                    row.append(
+                        [a + (a - b) / ratio for a, b in zip(row[-1], table[k - 1], strict=True)]
+                    )
+                table, last = row, table
+            error = max(abs(a - b) for a, b in zip(table[-1], last[-1], strict=True))
+            if error <= tol:
+                t, x = t + step, table[-1]
+            growth = (tol / (error + tol**2)) ** (mpf(1) / (2 * columns - 1))
+            h = step * min(mpf(3), mpf("0.8") * growth)
+        found.append(x)
+    return found
+
+
+def show(name: str, time: object, values: dict[str, Sequence[mpf]]) -> None:
+    """Print one reference the way the problem modules hold it."""
+    print(f"{name}, t = {time}")
+    for key, row in values.items():
+        print(f'    "{key}": (' + ", ".join(mp.nstr(a, 25) for a in row) + ")")
+
+
+def checked(name: str, f: Field, energy: Callable, x: State, times: Sequence[mpf]) -> list:
+    """Integrate at two tolerances, say how far they differ, and return the finer states."""
+    coarse, fine = (extrapolate(f, x, times, mpf(10) ** -d) for d in (30, 34))
+    apart = max(abs(a - b) for a, b in zip(coarse[-1], fine[-1], strict=True))
+    drift = abs(energy(fine[-1]) - energy(x))
+    print(f"{name}: two tolerances differ by {mp.nstr(apart, 2)}, energy by {mp.nstr(drift, 2)}")
+    return fine
+
+
+def pendulum(times: Sequence[int] = (10, 100, 2000)) -> None:
+    """Released from the horizontal: sin(a/2) = k sn(K - w t), k^2 = 1/2, w^2 = g / l."""
+    m, w = mpf(1) / 2, mp.sqrt(G)
+    for t in times:
+        u = mp.ellipk(m) - w * t
+        sn, cn, dn = (mp.ellipfun(kind, u, m=m) for kind in ("sn", "cn", "dn"))
+        # sin a = 2 sin(a/2) cos(a/2) with sin(a/2) = sn/sqrt(2), cos(a/2) = dn
+        a_dot = -mp.sqrt(2) * w * cn
+        x, y = mp.sqrt(2) * sn * dn, sn**2 - 1
+        v = (-y * a_dot, x * a_dot)
+        show("pendulum", t, {"q": (x, y), "v": v, "lam": [a_dot**2 - G * y]})
+
+
+def slider_crank(times: Sequence[mpf] = (mpf("0.05"), mpf("0.1"))) -> None:
+    """Crank angle a by quadrature; the rod's angle b follows from l1 sin a + l2 sin b = 0."""
+    l1, l2, m1, m2, m3 = (mpf(a) for a in ("0.153", "0.306", "0.038", "0.038", "0.076"))
+    j1, j2, start = mpf("7.4e-5"), mpf("5.9e-4"), mpf(150)
+
+    def rod(a: mpf) -> tuple[mpf, mpf]:
+        b = -mp.asin(l1 * mp.sin(a) / l2)
+        return b, -l1 * mp.cos(a) / (l2 * mp.cos(b))
+
+    def inertia(a: mpf) -> mpf:
+        b, db = rod(a)
+        rod_x = -l1 * mp.sin(a) - l2 / 2 * mp.sin(b) * db
+        rod_y = l1 * mp.cos(a) + l2 / 2 * mp.cos(b) * db
+        slider = -l1 * mp.sin(a) - l2 * mp.sin(b) * db
+        return j1 + m1 * l1**2 / 4 + j2 * db**2 + m2 * (rod_x**2 + rod_y**2) + m3 * slider**2
+
+    def potential(a: mpf) -> mpf:
+        return G * (m1 / 2 + m2 / 2) * l1 * mp.sin(a)
+
+    energy = inertia(mpf(0)) * start**2 / 2
+
+    def speed(a: mpf) -> mpf:
+        return mp.sqrt(2 * (energy - potential(a)) / inertia(a))
+
+    def elapsed(a: mpf, pieces: int = 17) -> mpf:
+        return mp.quad(lambda s: 1 / speed(s), mp.linspace(0, a, pieces + 1))
+
+    for t in times:
+        a = start * t
+        for _ in range(20):
+            a -= (elapsed(a) - t) * speed(a)
+        b, db = rod(a)
+        w = speed(a)
+        slider = -(l1 * mp.sin(a) + l2 * mp.sin(b) * db) * w
+        apart = abs(elapsed(a, pieces=23) - t) * w
+        print(f"slider_crank: another partition differs by {mp.nstr(apart, 2)}")
+        q = (a, b, l1 * mp.cos(a) + l2 * mp.cos(b))
+        show("slider_crank", mp.nstr(t, 3), {"q": q, "v": (w, db * w, slider)})
+
+
+def chain(links: int = 10, times: Sequence[mpf] = (mpf(1),)) -> None:
+    """Angles a_j from the vertical: sum_k W_jk (cos(a_j-a_k) a_k'' + sin(a_j-a_k) a_k'^2) = f_j."""
+    n, length = range(links), mpf(1) / links
+    first = mpf("2.404825557695772768622")
+
+    def weight(j: int) -> int:
+        return links - j  # masses carried by link j
+
+    def field(x: State) -> State:
+        a, w = x[:links], x[links:]
+        mass = mp.matrix(links)
+        load = mp.matrix(links, 1)
+        for j in n:
+            load[j] = -weight(j) * mp.sin(a[j]) / length
+            for k in n:
+                common, turn = weight(max(j, k)), a[j] - a[k]
+                mass[j, k] = common * mp.cos(turn)
+                load[j] -= common * mp.sin(turn) * w[k] ** 2
+        return [*w, *mp.lu_solve(mass, load)]
+
+    def cartesian(x: State) -> tuple[State, State]:
+        q, v = [], []
+        position, velocity = mp.mpc(0), mp.mpc(0)
+        for a, w in zip(x[:links], x[links:], strict=True):
+            position += length * mp.mpc(mp.sin(a), -mp.cos(a))
+            velocity += length * w * mp.mpc(mp.cos(a), mp.sin(a))
+            q += [position.real, position.imag]
+            v += [velocity.real, velocity.imag]
+        return q, v
+
+    def energy(x: State) -> mpf:
+        q, v = cartesian(x)
+        return sum((c**2 for c in v), mpf(0)) * length / 2 + sum(q[1::2]) * length
+
+    across = [mp.besselj(0, first * mp.sqrt(1 - mpf(i + 1) / links)) for i in n]
+    x = [mpf(0)] * links + [(across[i] - (across[i - 1] if i else 0)) / length for i in n]
+    for t, state in zip(times, checked("chain", field, energy, x, times), strict=True):
+        q, v = cartesian(state)
+        show("chain", mp.nstr(t, 3), {"q": q, "v": v})
+
+
+def relativistic_particle(times: Sequence[mpf] = (mpf(5), mpf(10))) -> None:
+    """H = sqrt(1 + p_a^2 + u^2) + cos a, u = (l - b sin^2 a) / sin a: polar angle a, azimuth f."""
+    b = mpf(1)  # half the magnetic field; the canonical angular momentum l is constant
+    q, v = [mpf("0.8"), mpf(0), mpf("0.6")], [mpf("0.3"), mpf("0.5"), mpf("-0.4")]
+    gamma = 1 / mp.sqrt(1 - sum(c**2 for c in v))
+    momentum = q[0] * (gamma * v[1] + b * q[0])
+
+    def gamma_of(a: mpf, p: mpf) -> tuple[mpf, mpf]:
+        u = momentum / mp.sin(a) - b * mp.sin(a)
+        return mp.sqrt(1 + p**2 + u**2), u
+
+    def field(x: State) -> State:
+        a, _, p = x
+        factor, u = gamma_of(a, p)
+        du = -momentum * mp.cos(a) / mp.sin(a) ** 2 - b * mp.cos(a)
+        return [p / factor, u / (factor * mp.sin(a)), mp.sin(a) - u * du / factor]
+
+    def energy(x: State) -> mpf:
+        return gamma_of(x[0], x[2])[0] + mp.cos(x[0])
+
+    a = mp.acos(q[2])
+    x = [a, mpf(0), gamma * (-v[2] / mp.sin(a))]
+    states = checked("relativistic_particle", field, energy, x, times)
+    for t, state in zip(times, states, strict=True):
+        (a, f, _), (da, df, _) = state, field(state)
+        sa, ca, sf, cf = mp.sin(a), mp.cos(a), mp.sin(f), mp.cos(f)
+        v = (ca * cf * da - sa * sf * df, ca * sf * da + sa * cf * df, -sa * da)
+        show("relativistic_particle", mp.nstr(t, 3), {"q": (sa * cf, sa * sf, ca), "v": v})
+
+
+if __name__ == "__main__":
+    pendulum()
+    slider_crank()
+    relativistic_particle()
+    chain()
