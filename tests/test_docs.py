@@ -54,6 +54,7 @@ def test_every_source_cited_is_in_the_list():
     for path in SOURCES:
         text = path.read_text(encoding="utf-8")
         cited = ",".join(re.findall(r"(?:\{cite:\w+\}|:cite:\w+:)`([^`]+)`", text)).split(",")
-        cited += re.findall(r"^\s*//!.*?\bSource:? ([a-z]+\d{4}\w*)", text, re.M)
+        for line in re.findall(r"^\s*//!(.*)", text, re.M):
+            cited += re.findall(r"\b[a-z]{3,}(?:19|20)\d\d[a-z]*\b", line)
         missing = sorted(set(filter(None, map(str.strip, cited))) - set(known))
         assert not missing, f"{name(path)} cites {missing}, which docs/references.bib does not have"

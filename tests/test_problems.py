@@ -14,14 +14,38 @@ DATA = json.loads((Path(__file__).parent / "data" / "mechanics_reference.json").
 ]
 
 # Largest error at the references, relative to the largest entry, with Spark(6) and the module's h:
-# a hundred times what was measured. The top turns fifty times, so roundoff weighs more.
-TOLERANCE = dict.fromkeys(problems.names(), 1e-12) | {"heavy_top": 1e-10}
+# ten times what was measured. The top turns fifty times, so roundoff weighs more.
+TOLERANCE = dict.fromkeys(problems.names(), 1e-13) | {"heavy_top": 1e-11}
 # What the motion does not depend on: one mass scale, and the completion of the top's mass matrix.
 IRRELEVANT = {
     "pendulum": {"m"},
     "spherical_pendulum": {"m"},
     "chain": {"m"},
     "heavy_top": {"mu"},
+}
+# Exponents of length and time of the parameters, in units of mass that leave stiffness alone.
+UNITS = {
+    "pendulum": {"m": (0, 2), "l": (1, 0), "g": (1, -2)},
+    "spherical_pendulum": {"m": (0, 2), "l": (1, 0), "g": (1, -2)},
+    "double_pendulum": {"m1": (0, 2), "m2": (0, 2), "l1": (1, 0), "l2": (1, 0), "g": (1, -2)},
+    "chain": {"m": (0, 2), "l": (1, 0), "g": (1, -2)},
+    "car_axis": {
+        "M": (0, 2),
+        "eps": (0, 0),
+        "L": (1, 0),
+        "L0": (1, 0),
+        "r": (1, 0),
+        "omega": (0, -1),
+        "g": (1, -2),
+    },
+    "relativistic_particle": {
+        "m": (0, 2),
+        "c": (1, -1),
+        "e": (0, 0),
+        "B": (0, 1),
+        "E": (1, 0),
+        "l": (1, 0),
+    },
 }
 # Polylines at the end of an outline that are springs and may stretch.
 SPRINGS = {"car_axis": 2, "andrews": 1}
@@ -35,10 +59,10 @@ def integrate(problem, stages=6, **options):
 
 
 def error(problem, solution, keys=("q", "v")):
-    """Return the largest deviation from the references within the interval."""
+    """Return the largest deviation from the references in the solution's span."""
     worst = 0.0
     for time, states in problem.reference.items():
-        if time <= problem.interval[1]:
+        if time <= solution.t[-1]:
             k = int(np.argmin(abs(solution.t - time)))
             assert solution.t[k] == pytest.approx(time, rel=1e-14)
             for key in states.keys() & set(keys):
@@ -73,7 +97,7 @@ def test_a_start_off_the_constraint_is_refused(case):
 def test_reference_is_reached(case):
     name, problem, solution = case
     assert error(problem, solution) < TOLERANCE[name]
-    assert error(problem, solution, keys=("lam",)) < 1e-11
+    assert error(problem, solution, keys=("lam",)) < 1e-13
 
 
 def test_own_step_suits_three_stages(case):
@@ -92,6 +116,28 @@ def test_reference_sees_every_parameter(case):
     assert unseen == IRRELEVANT.get(name, set())
 
 
+@pytest.mark.parametrize("name", UNITS)
+def test_units_do_not_matter(name):
+    problem, length, time = problems.load(name), 2.0, 0.5
+    solution = integrate(problem, stages=3)
+    scaled = lv.integrate(
+        problem.system,
+        lv.Spark(stages=3),
+        t=(problem.interval[0], problem.interval[1] * time),
+        h=problem.h * time,
+        params={
+            key: value * length ** UNITS[name][key][0] * time ** UNITS[name][key][1]
+            for key, value in problem.system.params.items()
+        },
+        q=np.multiply(problem.start["q"], length),
+        v=np.multiply(problem.start["v"], length / time),
+    )
+    np.testing.assert_allclose(scaled.q, length * solution.q, rtol=0, atol=1e-11)
+    np.testing.assert_allclose(scaled.v, length / time * solution.v, rtol=0, atol=1e-10)
+    for values in (scaled.invariants[invariant] for invariant in problem.conserved):
+        assert np.ptp(values) < 1e-9 * abs(scaled.p * scaled.v).max()
+
+
 def test_conserved_invariants_are_constant_and_no_others(case):
     _, problem, solution = case
     constant = set()
@@ -107,13 +153,11 @@ def test_conserved_invariants_are_constant_and_no_others(case):
 def test_pendulum_reaches_its_far_references():
     pendulum = problems.load("pendulum")
     method = lv.Spark(stages=6)
-    for time, tolerance in ((100.0, 1e-11), (2000.0, 1e-9)):
+    for time, tolerance in ((100.0, 1e-12), (2000.0, 2e-10)):
         solution = lv.integrate(
-            pendulum.system, method, t=(0.0, time), h=0.05, every=1000, **pendulum.start
+            pendulum.system, method, t=(0.0, time), h=0.05, every=200, **pendulum.start
         )
-        np.testing.assert_allclose(
-            solution.q[-1], pendulum.reference[time]["q"], rtol=0, atol=tolerance
-        )
+        assert error(pendulum, solution, keys=("q", "v", "lam")) < tolerance
 
 
 @pytest.mark.parametrize(
@@ -134,17 +178,24 @@ def test_data_file_and_library_agree(name, key):
             assert states[state] == pytest.approx([float(x) for x in expected[column]], rel=1e-15)
 
 
-def test_heavy_top_reaches_the_data_of_another_top():
+def test_heavy_top_is_also_the_small_top_of_the_data_file():
     top, data = problems.load("heavy_top"), DATA["heavy_top_quaternion"]
     params = {"m": 1.0, "J": (0.0, 0.0, 0.5), "X": (0.0, 0.0, 1.0), "g": 1.0, "mu": 2.0}
     q, v = (np.array(data[key], dtype=float) for key in ("y0", "z0"))
-    method = lv.Spark(stages=6)
-    solution = lv.integrate(top.system, method, t=(0.0, 5.0), h=0.05, params=params, q=q, v=v)
-    expected = data["end_states"]["5"]
-    for found, column in ((solution.q, "y"), (solution.v, "z"), (solution.lam, "psi")):
-        np.testing.assert_allclose(found[-1], np.array(expected[column], dtype=float), rtol=1e-11)
-    assert np.ptp(solution.invariants["angular_momentum"]) < 1e-12
-    assert np.ptp(solution.invariants["spin"]) < 1e-12
+
+    def end(t, h, stages):
+        method = lv.Spark(stages=stages)
+        solution = lv.integrate(top.system, method, t=(0, t), h=h, params=params, q=q, v=v)
+        return solution.q[-1], solution.v[-1], solution.lam[-1]
+
+    exact = data["end_states"]["5"]
+    for found, key in zip(end(5.0, 0.05, 6), ("y", "z", "psi"), strict=True):
+        np.testing.assert_allclose(found, np.array(exact[key], dtype=float), rtol=0, atol=1e-13)
+    # One coarse step depends on how the mass matrix is completed, the motion does not.
+    for stages, step in data["spark_one_step_h=1/10"].items():
+        q1, v1, _ = end(0.1, 0.1, int(stages))
+        np.testing.assert_allclose(q1, np.array(step["y1"], dtype=float), rtol=0, atol=1e-14)
+        np.testing.assert_allclose(v1, np.array(step["z1"], dtype=float), rtol=0, atol=1e-14)
 
 
 @pytest.mark.parametrize("links", [1, 3, 25])
@@ -158,6 +209,22 @@ def test_chain_of_any_length_starts_hanging_and_keeps_its_energy(links):
     solution = lv.integrate(system, lv.Spark(stages=4), t=(0.0, 0.2), h=0.1 / links, **start)
     assert np.ptp(solution.invariants["energy"]) < 1e-8
     assert abs(solution.residuals["constraint"]).max() < 1e-13
+
+
+def test_chain_of_a_hundred_links_reaches_its_reference():
+    chain = problems.load("chain")
+    method = lv.Spark(stages=4)
+    solution = lv.integrate(
+        chain.build(100), method, t=(0.0, 1.0), h=0.005, every=200, **chain.start_for(100)
+    )
+    tip = np.concatenate([solution.q[-1, -2:], solution.v[-1, -2:]])
+    expected = (
+        0.68569408663740427965,
+        -0.71423594003739304957,
+        0.26425055159943680195,
+        0.26940306299187936705,
+    )  # quadruple precision
+    np.testing.assert_allclose(tip, expected, rtol=0, atol=1e-13)
 
 
 @pytest.mark.parametrize("name", PLANAR)

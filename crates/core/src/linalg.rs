@@ -176,6 +176,14 @@ pub fn copy<T: Copy>(out: &mut [T], x: &[T]) {
     );
 }
 
+/// `out = factor * x`
+#[inline]
+pub fn copy_scaled(out: &mut [f64], factor: f64, x: &[f64]) {
+    for (out, x) in out.iter_mut().zip(x) {
+        *out = factor * x;
+    }
+}
+
 /// Largest magnitude; NaN counts as infinite.
 #[inline]
 pub fn max_norm(x: &[f64]) -> f64 {

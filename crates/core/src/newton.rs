@@ -2,7 +2,7 @@
 //!
 //! Whoever has equations to solve says how one correction is made; this file says when to stop.
 //! With θ the ratio of successive corrections δ (relative to the size of the solution), the
-//! iteration ends when what is still to come, θ δ / (1 − θ), is below a tenth of ε, or when δ stops
+//! iteration ends when what is still to come, θ δ / (1 − θ), is below a hundredth of ε, or when δ stops
 //! shrinking within the noise of its own evaluation. Source: hairer1996, IV.8, and spark theory page.
 
 use crate::trouble::Trouble;
@@ -16,8 +16,9 @@ pub trait Equations {
     fn correct(&mut self) -> Result<f64, Trouble>;
 }
 
-/// Corrections still expected below this fraction of the solution end the iteration.
-const TOLERANCE: f64 = 0.1 * f64::EPSILON;
+/// Corrections still expected below this fraction of the solution end the iteration: they are of one
+/// sign step after step, so a tenth of ε would still show as a drift of the energy.
+const TOLERANCE: f64 = 0.01 * f64::EPSILON;
 /// Corrections below this fraction may be nothing but roundoff.
 const NOISE: f64 = 200.0 * f64::EPSILON;
 

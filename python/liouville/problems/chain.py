@@ -43,7 +43,7 @@ def build(links: int) -> Lagrangian:
     """
 
     def lagrangian(t: ca.SX, q: ca.SX, v: ca.SX, params: Parameters) -> ca.SX:
-        return params.m / links * (ca.dot(v, v) / 2 - params.g * ca.sum(q[1::2]))
+        return params.m / links * (ca.dot(v, v) / 2 - params.g * ca.sum1(q[1::2]))
 
     def constraint(t: ca.SX, q: ca.SX, params: Parameters) -> dict[str, ca.SX]:
         length = params.l / links

@@ -80,7 +80,7 @@ impl Spark {
             schur: NodeSchur::new(&model, &stages),
             full: None,
             predictor: Predictor::new(&model, s),
-            update: Update::new(&model, &stages.tableau),
+            update: Update::new(&model),
             start: [stages.z.clone(), stages.v.clone(), stages.lam.clone()],
             resting: 0,
             rest: 0,

@@ -1,6 +1,6 @@
 //! The stage equations of one step, evaluated; see the module above for the letters.
 
-use crate::linalg::{Matrix, combine, copy, max_norm};
+use crate::linalg::{Matrix, combine, copy, copy_scaled, max_norm};
 use crate::problem::mechanical::{Model, State, finite};
 use crate::tableau::GaussLobatto;
 use crate::trouble::{Quantity, Trouble};
@@ -27,33 +27,22 @@ pub(super) struct Stages {
     /// Values at the nodes.
     pub(super) node_y: Matrix,
     pub(super) g: Matrix,
-    /// Forces: F_1..F_s, then the reactions R_0..R_s.
-    pub(super) forces: Matrix,
+    /// Moves h b_j V_j, and impulses: h b_j F_j, then h b̂_j R_j, j = 0..s.
+    pub(super) moves: Matrix,
+    pub(super) impulses: Matrix,
     /// Residuals V_i − v(T_i, Y_i, Z_i) and those of the momentum equation.
     pub(super) velocity_residual: Matrix,
     pub(super) momentum_residual: Matrix,
     pub(super) evaluations: usize,
-    weights: Weights,
-}
-
-/// The coefficients times the step size.
-#[derive(Clone, Debug)]
-struct Weights {
-    h: f64,
-    /// h a
-    stage: Matrix,
-    /// h ā
-    node: Matrix,
-    /// h (a | â), the last column of â, which is zero, left out
-    force: Matrix,
+    /// μ and μ̂ side by side, the last column of μ̂, which is zero, left out.
+    force_weights: Matrix,
 }
 
 impl Stages {
     pub(super) fn new(model: &Model, s: usize) -> Self {
         let (n, m) = (model.problem.n, model.problem.m);
-        let at_stages = Matrix::zeros(s, n);
+        let (tableau, at_stages) = (GaussLobatto::new(s), Matrix::zeros(s, n));
         Self {
-            tableau: GaussLobatto::new(s),
             z: at_stages.clone(),
             v: at_stages.clone(),
             lam: Matrix::zeros(s + 1, m),
@@ -61,16 +50,19 @@ impl Stages {
             p: at_stages.clone(),
             node_y: Matrix::zeros(s + 1, n),
             g: Matrix::zeros(s + 1, m),
-            forces: Matrix::zeros(2 * s + 1, n),
+            moves: at_stages.clone(),
+            impulses: Matrix::zeros(2 * s + 1, n),
             velocity_residual: at_stages.clone(),
             momentum_residual: at_stages,
             evaluations: 0,
-            weights: Weights {
-                h: f64::NAN,
-                stage: Matrix::zeros(s, s),
-                node: Matrix::zeros(s + 1, s),
-                force: Matrix::zeros(s, 2 * s),
-            },
+            force_weights: Matrix::from_fn(s, 2 * s, |i, j| {
+                if j < s {
+                    tableau.mu[(i, j)]
+                } else {
+                    tableau.mu_hat[(i, j - s)]
+                }
+            }),
+            tableau,
         }
     }
 
@@ -107,7 +99,7 @@ impl Stages {
             let t = self.stage_time(step, i);
             let [p, f, v] = model.stage(t, self.y.row(i), self.z.row(i));
             copy(self.p.row_mut(i), p);
-            copy(self.forces.row_mut(i), f);
+            copy_scaled(self.impulses.row_mut(i), step.h * self.tableau.b[i], f);
             for ((out, unknown), v) in self
                 .velocity_residual
                 .row_mut(i)
@@ -124,46 +116,38 @@ impl Stages {
                 let t = self.node_time(step, j);
                 let [g, r] = model.node(t, self.node_y.row(j), self.lam.row(j));
                 copy(self.g.row_mut(j), g);
-                copy(self.forces.row_mut(s + j), r);
+                copy_scaled(
+                    self.impulses.row_mut(s + j),
+                    step.h * self.tableau.b_hat[j],
+                    r,
+                );
             }
         }
     }
 
-    /// Y_i = y0 + h Σ a_ij V_j and Ŷ_i = y0 + h Σ ā_ij V_j, the low part of y0 added first.
+    /// Y_i = y0 + Σ μ_ij (h b_j V_j) and Ŷ_i = y0 + Σ μ̄_ij (h b_j V_j), the low part of y0 first.
     fn move_points(&mut self, step: Step) {
-        self.scale_weights(step.h);
+        for (j, b) in self.tableau.b.iter().enumerate() {
+            copy_scaled(self.moves.row_mut(j), step.h * b, self.v.row(j));
+        }
         let State { y, y_low, .. } = step.state;
         let finish = |_, k: usize, sum| y[k] + (y_low[k] + sum);
-        combine(self.y.flat_mut(), &self.weights.stage, &self.v, finish);
-        combine(self.node_y.flat_mut(), &self.weights.node, &self.v, finish);
+        combine(self.y.flat_mut(), &self.tableau.mu, &self.moves, finish);
+        combine(
+            self.node_y.flat_mut(),
+            &self.tableau.mu_bar,
+            &self.moves,
+            finish,
+        );
     }
 
-    /// P_i − p0 − h Σ a_ij F_j − h Σ_{j<s} â_ij R_j.
+    /// P_i − p0 − Σ μ_ij (h b_j F_j) − Σ_{j<s} μ̂_ij (h b̂_j R_j).
     fn subtract_impulses(&mut self, step: Step) {
         let (State { p, p_low, .. }, stage_p) = (step.state, &self.p);
         let out = self.momentum_residual.flat_mut();
-        combine(out, &self.weights.force, &self.forces, |i, k, sum| {
+        combine(out, &self.force_weights, &self.impulses, |i, k, sum| {
             (stage_p[(i, k)] - p[k]) - (p_low[k] + sum)
         });
-    }
-
-    fn scale_weights(&mut self, h: f64) {
-        if self.weights.h.to_bits() == h.to_bits() {
-            return;
-        }
-        let (s, tableau) = (self.tableau.stages, &self.tableau);
-        self.weights = Weights {
-            h,
-            stage: Matrix::from_fn(s, s, |i, j| h * tableau.a[(i, j)]),
-            node: Matrix::from_fn(s + 1, s, |i, j| h * tableau.a_bar[(i, j)]),
-            force: Matrix::from_fn(s, 2 * s, |i, j| {
-                h * if j < s {
-                    tableau.a[(i, j)]
-                } else {
-                    tableau.a_hat[(i, j - s)]
-                }
-            }),
-        };
     }
 
     /// Which value is not finite.
@@ -172,13 +156,13 @@ impl Stages {
         let at_stage = |i: usize| {
             let t = self.stage_time(step, i);
             finite(self.p.row(i), Quantity::Momentum, t)?;
-            finite(self.forces.row(i), Quantity::Force, t)?;
+            finite(self.impulses.row(i), Quantity::Force, t)?;
             finite(self.velocity_residual.row(i), Quantity::Velocity, t)
         };
         let at_node = |j: usize| {
             let t = self.node_time(step, j);
             finite(self.g.row(j), Quantity::Constraint, t)?;
-            finite(self.forces.row(s + j), Quantity::Reaction, t)
+            finite(self.impulses.row(s + j), Quantity::Reaction, t)
         };
         let found = (0..s)
             .map(at_stage)

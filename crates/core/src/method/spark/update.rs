@@ -3,10 +3,9 @@
 //! Increments are summed first and added last, with what the addition loses kept in the low part.
 
 use super::stages::{Stages, Step};
-use crate::linalg::{Matrix, add_scaled, combine, copy, max_norm};
+use crate::linalg::{add_scaled, copy, max_norm};
 use crate::newton::{self, Equations};
 use crate::problem::mechanical::{Model, Saddle, State, finite};
-use crate::tableau::GaussLobatto;
 use crate::trouble::{Quantity, Trouble};
 
 const MOST_ITERATIONS: usize = 30;
@@ -14,9 +13,6 @@ const MOST_ITERATIONS: usize = 30;
 /// The state at the end of a step while it is being found.
 #[derive(Clone, Debug)]
 pub(super) struct Update {
-    /// b, and (b | b̂) without the last weight, which is λ_s's.
-    b: Matrix,
-    b_force: Matrix,
     pub(super) z: Vec<f64>,
     pub(super) v: Vec<f64>,
     y: Vec<f64>,
@@ -36,12 +32,9 @@ struct Solve<'a> {
 }
 
 impl Update {
-    pub(super) fn new(model: &Model, tableau: &GaussLobatto) -> Self {
-        let (zeros, s) = (vec![0.0; model.problem.n], tableau.stages);
-        let (b, b_hat) = (&tableau.b, &tableau.b_hat);
+    pub(super) fn new(model: &Model) -> Self {
+        let zeros = vec![0.0; model.problem.n];
         Self {
-            b: Matrix::from_fn(1, s, |_, j| b[j]),
-            b_force: Matrix::from_fn(1, 2 * s, |_, j| if j < s { b[j] } else { b_hat[j - s] }),
             z: zeros.clone(),
             v: zeros.clone(),
             y: zeros.clone(),
@@ -62,16 +55,14 @@ impl Update {
         step: Step,
     ) -> Result<(), Trouble> {
         let (s, h, state) = (stages.tableau.stages, step.h, step.state);
-        let (y_low, p_low) = (&state.y_low, &state.p_low);
-        combine(&mut self.y_low, &self.b, &stages.v, |_, k, sum| {
-            y_low[k] + h * sum
-        });
-        combine(
-            &mut self.p_low,
-            &self.b_force,
-            &stages.forces,
-            |_, k, sum| p_low[k] + h * sum,
-        );
+        copy(&mut self.y_low, &state.y_low);
+        copy(&mut self.p_low, &state.p_low);
+        for j in 0..s {
+            add_scaled(&mut self.y_low, 1.0, stages.moves.row(j));
+        }
+        for j in 0..2 * s {
+            add_scaled(&mut self.p_low, 1.0, stages.impulses.row(j));
+        }
         carry(&state.y, &mut self.y_low, &mut self.y);
 
         let is_linear = model.problem.is_linear;

@@ -1,0 +1,6 @@
+//! x
+mod support;
+#[test]
+fn a() {
+    let _ = support::pendulum().build();
+}

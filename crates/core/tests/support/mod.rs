@@ -1,0 +1,310 @@
+//! Systems made without a front end: expressions, their derivatives, and the tapes of a problem.
+
+#![allow(dead_code)] // each binary that includes this file uses a part of it
+
+use liouville_core::linalg::Pattern;
+use liouville_core::problem::mechanical::{Mechanical, Patterns};
+use liouville_core::tape::{Line, Op, Tape};
+use std::collections::HashMap;
+use std::ops::{Add, Mul, Neg, Sub};
+use std::rc::Rc;
+use std::sync::Arc;
+
+/// The input groups of a tape at a stage; a node has λ where a stage has z.
+pub(crate) const T: usize = 0;
+pub(crate) const Y: usize = 1;
+pub(crate) const Z: usize = 2;
+pub(crate) const LAM: usize = 2;
+pub(crate) const PARAMS: usize = 3;
+
+/// An expression, shared by those it is part of.
+#[derive(Clone)]
+pub(crate) struct Expr(Rc<Node>);
+
+enum Node {
+    Constant(f64),
+    Input(usize, usize),
+    Apply(Op, Expr, Expr),
+}
+
+pub(crate) fn input(group: usize, element: usize) -> Expr {
+    Expr(Rc::new(Node::Input(group, element)))
+}
+
+pub(crate) fn inputs(group: usize, size: usize) -> Vec<Expr> {
+    (0..size).map(|element| input(group, element)).collect()
+}
+
+pub(crate) fn dot(a: &[Expr], b: &[Expr]) -> Expr {
+    a.iter()
+        .zip(b)
+        .fold(0.0.into(), |sum: Expr, (a, b)| sum + a * b)
+}
+
+impl Expr {
+    fn apply(op: Op, a: &Expr, b: &Expr) -> Expr {
+        Expr(Rc::new(Node::Apply(op, a.clone(), b.clone())))
+    }
+
+    pub(crate) fn sin(&self) -> Expr {
+        Expr::apply(Op::Sin, self, self)
+    }
+
+    pub(crate) fn cos(&self) -> Expr {
+        Expr::apply(Op::Cos, self, self)
+    }
+
+    fn is(&self, value: f64) -> bool {
+        matches!(*self.0, Node::Constant(x) if x.to_bits() == value.to_bits())
+    }
+
+    /// The derivative with respect to one input.
+    pub(crate) fn d(&self, group: usize, element: usize) -> Expr {
+        match &*self.0 {
+            Node::Constant(_) => 0.0.into(),
+            Node::Input(g, e) => f64::from(u8::from((*g, *e) == (group, element))).into(),
+            Node::Apply(op, a, b) => {
+                let (da, db) = (a.d(group, element), b.d(group, element));
+                match op {
+                    Op::Add => da + db,
+                    Op::Sub => da - db,
+                    Op::Mul => da * b + a * db,
+                    Op::Neg => -da,
+                    Op::Sin => a.cos() * da,
+                    Op::Cos => -(a.sin() * da),
+                    other => unreachable!("no test differentiates {}", other.name()),
+                }
+            }
+        }
+    }
+
+    fn depends_on(&self, group: usize) -> bool {
+        match &*self.0 {
+            Node::Constant(_) => false,
+            Node::Input(g, _) => *g == group,
+            Node::Apply(_, a, b) => a.depends_on(group) || b.depends_on(group),
+        }
+    }
+}
+
+impl From<f64> for Expr {
+    fn from(value: f64) -> Self {
+        Expr(Rc::new(Node::Constant(value)))
+    }
+}
+
+impl From<&Expr> for Expr {
+    fn from(value: &Expr) -> Self {
+        value.clone()
+    }
+}
+
+macro_rules! operator {
+    ($trait:ident $method:ident |$a:ident, $b:ident| $value:expr) => {
+        impl<R: Into<Expr>> $trait<R> for &Expr {
+            type Output = Expr;
+            fn $method(self, other: R) -> Expr {
+                let ($a, $b) = (self, &other.into());
+                $value
+            }
+        }
+        impl<R: Into<Expr>> $trait<R> for Expr {
+            type Output = Expr;
+            fn $method(self, other: R) -> Expr {
+                $trait::$method(&self, other)
+            }
+        }
+    };
+}
+
+operator! { Add add |a, b|
+    if a.is(0.0) { b.clone() }
+    else if b.is(0.0) { a.clone() }
+    else { Expr::apply(Op::Add, a, b) }
+}
+operator! { Sub sub |a, b|
+    if b.is(0.0) { a.clone() }
+    else if a.is(0.0) { -b }
+    else { Expr::apply(Op::Sub, a, b) }
+}
+operator! { Mul mul |a, b|
+    if a.is(0.0) || b.is(1.0) { a.clone() }
+    else if b.is(0.0) || a.is(1.0) { b.clone() }
+    else { Expr::apply(Op::Mul, a, b) }
+}
+
+impl Neg for &Expr {
+    type Output = Expr;
+    fn neg(self) -> Expr {
+        if self.is(0.0) {
+            self.clone()
+        } else {
+            Expr::apply(Op::Neg, self, self)
+        }
+    }
+}
+
+impl Neg for Expr {
+    type Output = Expr;
+    fn neg(self) -> Expr {
+        -&self
+    }
+}
+
+/// Records expressions as a tape, equal ones once.
+pub(crate) fn tape(sizes: [usize; 4], outputs: &[Expr]) -> Tape {
+    let mut recorder = Recorder::default();
+    for (element, output) in outputs.iter().enumerate() {
+        let slot = recorder.record(output);
+        recorder.lines.push(Line::Output { element, slot });
+    }
+    Tape::new(&sizes, outputs.len(), &recorder.lines).expect("a recorded program is valid")
+}
+
+#[derive(Default)]
+struct Recorder {
+    lines: Vec<Line>,
+    slots: HashMap<(usize, u64, u64), usize>,
+}
+
+impl Recorder {
+    fn record(&mut self, expr: &Expr) -> usize {
+        let fresh = self.slots.len();
+        let (key, line) = match &*expr.0 {
+            Node::Constant(value) => {
+                let line = Line::Constant {
+                    slot: fresh,
+                    value: *value,
+                };
+                ((usize::MAX, value.to_bits(), 0), line)
+            }
+            Node::Input(group, element) => {
+                let line = Line::Input {
+                    slot: fresh,
+                    group: *group,
+                    element: *element,
+                };
+                ((usize::MAX - 1, *group as u64, *element as u64), line)
+            }
+            Node::Apply(op, a, b) => {
+                let (a, b) = (self.record(a), self.record(b));
+                let line = Line::Apply {
+                    op: *op,
+                    slot: self.slots.len(),
+                    a,
+                    b,
+                };
+                ((*op as usize, a as u64, b as u64), line)
+            }
+        };
+        let fresh = self.slots.len();
+        *self.slots.entry(key).or_insert_with(|| {
+            self.lines.push(line);
+            fresh
+        })
+    }
+}
+
+/// The user's functions of a mechanical system; without `v` it is z, without `r` it is −g_yᵀ λ.
+#[derive(Clone)]
+pub(crate) struct Functions {
+    pub(crate) v: Option<Vec<Expr>>,
+    pub(crate) p: Vec<Expr>,
+    pub(crate) f: Vec<Expr>,
+    pub(crate) r: Option<Vec<Expr>>,
+    pub(crate) g: Vec<Expr>,
+    pub(crate) params: usize,
+}
+
+impl Functions {
+    /// −g_yᵀ λ
+    pub(crate) fn ideal_reaction(&self) -> Vec<Expr> {
+        let lam = inputs(LAM, self.g.len());
+        (0..self.p.len())
+            .map(|k| {
+                let column: Vec<_> = self.g.iter().map(|g| g.d(Y, k)).collect();
+                -dot(&column, &lam)
+            })
+            .collect()
+    }
+
+    /// The system, with all derivatives.
+    pub(crate) fn build(&self) -> Arc<Mechanical> {
+        let (n, m) = (self.p.len(), self.g.len());
+        let velocity = self.v.clone().unwrap_or_else(|| inputs(Z, n));
+        let own_velocity = self.v.as_deref().unwrap_or(&[]);
+        let reaction = self.r.clone().unwrap_or_else(|| self.ideal_reaction());
+        let along = |x: &Expr| {
+            let slopes: Vec<_> = (0..n).map(|k| x.d(Y, k)).collect();
+            x.d(T, 0) + dot(&slopes, &velocity)
+        };
+        let hidden: Vec<_> = self.g.iter().map(along).collect();
+        let drift = self.p.iter().zip(&self.f).map(|(p, f)| f - along(p));
+        let acceleration: Vec<_> = drift.chain(hidden.iter().map(along)).collect();
+
+        let (p_z, v_z) = (
+            jacobian(&self.p, Z, n, n),
+            jacobian(own_velocity, Z, own_velocity.len(), n),
+        );
+        let (p_y, v_y) = (jacobian(&self.p, Y, n, n), jacobian(own_velocity, Y, n, n));
+        let (f_y, f_z) = (jacobian(&self.f, Y, n, n), jacobian(&self.f, Z, n, n));
+        let (g_y, r_y) = (jacobian(&self.g, Y, m, n), jacobian(&reaction, Y, n, n));
+        let r_lam = jacobian(&reaction, LAM, n, m);
+
+        let (stage, node) = ([1, n, n, self.params], [1, n, m, self.params]);
+        let record = |sizes, parts: &[&[Expr]]| tape(sizes, &parts.concat());
+        let nonlinear = |part: &[Expr]| part.iter().any(|x| x.depends_on(Z));
+        let problem = Mechanical {
+            n,
+            m,
+            is_linear: !(nonlinear(&p_z.1) || nonlinear(&v_z.1) || nonlinear(&r_lam.1)),
+            stage: record(stage, &[&self.p, &self.f, own_velocity]),
+            stage_blocks: record(stage, &[&p_z.1, &v_z.1]),
+            stage_jacobian: record(stage, &[&p_y.1, &f_y.1, &f_z.1, &v_y.1]),
+            node: record(node, &[&self.g, &reaction]),
+            node_blocks: record(node, &[&g_y.1, &r_lam.1]),
+            node_jacobian: record(node, &[&r_y.1]),
+            end: record(stage, &[&self.p, &hidden, own_velocity]),
+            acceleration: record(stage, &[&acceleration]),
+            patterns: Patterns {
+                p_z: p_z.0,
+                v_z: self.v.as_ref().map(|_| v_z.0),
+                p_y: p_y.0,
+                f_y: f_y.0,
+                f_z: f_z.0,
+                v_y: v_y.0,
+                g_y: g_y.0,
+                r_lam: r_lam.0,
+                r_y: r_y.0,
+            },
+        };
+        Arc::new(problem.checked().expect("tapes and patterns fit together"))
+    }
+}
+
+fn jacobian(of: &[Expr], group: usize, rows: usize, cols: usize) -> (Pattern, Vec<Expr>) {
+    let (entries, values) = (0..of.len())
+        .flat_map(|i| (0..cols).map(move |j| (i, j)))
+        .map(|(i, j)| ((i, j), of[i].d(group, j)))
+        .filter(|(_, value)| !value.is(0.0))
+        .unzip();
+    let pattern = Pattern::new(rows, cols, entries).expect("entries lie inside");
+    (pattern, values)
+}
+
+/// The planar pendulum in Cartesian coordinates, with parameters (m, l, g).
+pub(crate) fn pendulum() -> Functions {
+    let (y, z) = (inputs(Y, 2), inputs(Z, 2));
+    let [m, l, g] = [0, 1, 2].map(|k| input(PARAMS, k));
+    Functions {
+        v: None,
+        p: z.iter().map(|z| &m * z).collect(),
+        f: vec![0.0.into(), -(&m * &g)],
+        r: None,
+        g: vec![(dot(&y, &y) - &l * &l) * 0.5],
+        params: 3,
+    }
+}
+
+/// Parameters of the pendulum released from the horizontal, and its start (1, 0), (0, 0).
+pub(crate) const PENDULUM: [f64; 3] = [1.0, 1.0, 9.81];

@@ -1,0 +1,565 @@
+//! A tape does what its lines say, bit for bit, and refuses lines it cannot trust.
+
+use liouville_core::real::{Lanes, Real, WIDTH};
+use liouville_core::tape::{Line, Op, Tape, TapeError};
+use proptest::prelude::*;
+use std::ops::Range;
+
+/// A program with three input groups, the last the parameters.
+#[derive(Clone, Debug)]
+struct Program {
+    sizes: [usize; 3],
+    outputs: usize,
+    lines: Vec<Line>,
+}
+
+impl Program {
+    fn tape(&self) -> Tape {
+        Tape::new(&self.sizes, self.outputs, &self.lines).expect("a valid program")
+    }
+
+    /// Runs the lines one after another over slots, as they are written.
+    ///
+    /// `None` where the sign of a NaN would decide, which no floating-point standard fixes.
+    fn interpret(&self, inputs: [&[f64]; 3]) -> Option<Vec<f64>> {
+        let mut slots = vec![f64::NAN; self.lines.len()];
+        let mut outputs = vec![f64::NAN; self.outputs];
+        for line in &self.lines {
+            match *line {
+                Line::Input {
+                    slot,
+                    group,
+                    element,
+                } => slots[slot] = inputs[group][element],
+                Line::Constant { slot, value } => slots[slot] = value,
+                Line::Apply { op, slot, a, b } => {
+                    let b = if op.arity() == 2 { slots[b] } else { 0.0 };
+                    if op == Op::Copysign && b.is_nan() {
+                        return None;
+                    }
+                    slots[slot] = meaning(op, slots[a], b);
+                }
+                Line::Output { element, slot } => outputs[element] = slots[slot],
+            }
+        }
+        Some(outputs)
+    }
+}
+
+/// What C's `math.h` and operators say.
+fn meaning(op: Op, a: f64, b: f64) -> f64 {
+    let truth = |condition| if condition { 1.0 } else { 0.0 };
+    match op {
+        Op::Add => a + b,
+        Op::Sub => a - b,
+        Op::Mul => a * b,
+        Op::Div => a / b,
+        Op::Neg => -a,
+        Op::Exp => a.exp(),
+        Op::Log => a.ln(),
+        Op::Pow | Op::Constpow => a.powf(b),
+        Op::Sqrt => a.sqrt(),
+        Op::Sq => a * a,
+        Op::Twice => 2.0 * a,
+        Op::Sin => a.sin(),
+        Op::Cos => a.cos(),
+        Op::Tan => a.tan(),
+        Op::Asin => a.asin(),
+        Op::Acos => a.acos(),
+        Op::Atan => a.atan(),
+        Op::Lt => truth(a < b),
+        Op::Le => truth(a <= b),
+        #[allow(clippy::float_cmp)] // C's ==
+        Op::Eq => truth(a == b),
+        #[allow(clippy::float_cmp)] // C's !=
+        Op::Ne => truth(a != b),
+        Op::Not => truth(a == 0.0),
+        Op::And => truth(a != 0.0 && b != 0.0),
+        Op::Or => truth(a != 0.0 || b != 0.0),
+        Op::Floor => a.floor(),
+        Op::Ceil => a.ceil(),
+        Op::Fmod => a % b,
+        Op::Fabs => a.abs(),
+        Op::Sign if a > 0.0 => 1.0,
+        Op::Sign if a < 0.0 => -1.0,
+        Op::Assign | Op::Sign => a,
+        Op::Copysign => a.copysign(b),
+        Op::IfElseZero if a == 0.0 => 0.0,
+        Op::IfElseZero => b,
+        Op::Fmin => a.min(b),
+        Op::Fmax => a.max(b),
+        Op::Inv => 1.0 / a,
+        Op::Sinh => a.sinh(),
+        Op::Cosh => a.cosh(),
+        Op::Tanh => a.tanh(),
+        Op::Asinh => a.asinh(),
+        Op::Acosh => a.acosh(),
+        Op::Atanh => a.atanh(),
+        Op::Atan2 => a.atan2(b),
+        Op::Log1p => a.ln_1p(),
+        Op::Expm1 => a.exp_m1(),
+        Op::Hypot => a.hypot(b),
+    }
+}
+
+fn same(a: f64, b: f64) -> bool {
+    a.to_bits() == b.to_bits() || (a.is_nan() && b.is_nan())
+}
+
+fn all_same(a: &[f64], b: &[f64]) -> bool {
+    a.len() == b.len() && a.iter().zip(b).all(|(a, b)| same(*a, *b))
+}
+
+/// One value in a program before it is known which slots can be read.
+type Gene = (usize, usize, usize, usize, f64);
+
+fn value() -> impl Strategy<Value = f64> {
+    prop_oneof![
+        8 => -4.0..4.0,
+        1 => prop::sample::select(vec![0.0, -0.0, 1.0, -1.0, 2.0, 0.5, f64::INFINITY, f64::NAN]),
+        1 => any::<f64>(),
+    ]
+}
+
+fn gene() -> impl Strategy<Value = Gene> {
+    (
+        0..16_usize,
+        0..1000_usize,
+        0..1000_usize,
+        0..1000_usize,
+        value(),
+    )
+}
+
+/// Valid programs: slots reused, outputs written anywhere, from inputs, constants and one slot twice.
+fn programs() -> impl Strategy<Value = Program> {
+    let shape = ([0..4_usize, 0..4_usize, 0..4_usize], 0..5_usize, 1..6_usize);
+    (shape, prop::collection::vec(gene(), 6..60)).prop_map(|((sizes, outputs, pool), genes)| {
+        let elements: Vec<(usize, usize)> = (0..3)
+            .flat_map(|group| (0..sizes[group]).map(move |element| (group, element)))
+            .collect();
+        let mut missing: Vec<usize> = (0..outputs).collect();
+        let mut written: Vec<usize> = Vec::new();
+        let mut lines = Vec::new();
+        for (kind, x, y, z, value) in genes {
+            let slot = z % pool;
+            let line = match kind {
+                0..3 if !elements.is_empty() => {
+                    let (group, element) = elements[x % elements.len()];
+                    Line::Input {
+                        slot,
+                        group,
+                        element,
+                    }
+                }
+                3..=5 if !written.is_empty() && !missing.is_empty() => {
+                    lines.push(Line::Output {
+                        element: missing.swap_remove(x % missing.len()),
+                        slot: written[y % written.len()],
+                    });
+                    continue;
+                }
+                6.. if !written.is_empty() => {
+                    let op = Op::ALL[x % Op::ALL.len()];
+                    let b = written[(y / 7) % written.len()];
+                    Line::Apply {
+                        op,
+                        slot,
+                        a: written[y % written.len()],
+                        // an operation of one operand must not look at its second
+                        b: if op.arity() == 2 { b } else { usize::MAX - x },
+                    }
+                }
+                _ => Line::Constant { slot, value },
+            };
+            lines.push(line);
+            if !written.contains(&slot) {
+                written.push(slot);
+            }
+        }
+        lines.extend(missing.iter().map(|&element| Line::Output {
+            element,
+            slot: written[element % written.len()],
+        }));
+        Program {
+            sizes,
+            outputs,
+            lines,
+        }
+    })
+}
+
+/// Eight points, each with inputs of 3 + 3 + 3 elements, of which a program uses the first ones.
+fn points() -> impl Strategy<Value = Vec<[[f64; 3]; 3]>> {
+    prop::collection::vec(prop::array::uniform3(prop::array::uniform3(value())), WIDTH)
+}
+
+fn config() -> ProptestConfig {
+    ProptestConfig {
+        cases: if cfg!(miri) { 12 } else { 1000 },
+        failure_persistence: None,
+        ..ProptestConfig::default()
+    }
+}
+
+fn cut<'a>(program: &Program, point: &'a [[f64; 3]; 3]) -> [&'a [f64]; 3] {
+    [0, 1, 2].map(|group| &point[group][..program.sizes[group]])
+}
+
+proptest! {
+    #![proptest_config(config())]
+
+    #[test]
+    fn a_tape_has_the_bits_of_its_lines(program in programs(), points in points()) {
+        let tape = program.tape();
+        let [_, _, params] = cut(&program, &points[0]);
+        let mut registers = tape.bind(params);
+        for point in &points {
+            let [x, y, _] = cut(&program, point);
+            let values = tape.eval(&mut registers, [x, y]);
+            if let Some(wanted) = program.interpret([x, y, params]) {
+                prop_assert!(all_same(values, &wanted), "{values:?} for {wanted:?}");
+            }
+        }
+    }
+
+    #[test]
+    fn every_lane_has_the_bits_of_one_number(program in programs(), points in points()) {
+        let tape = program.tape();
+        let lanes = |group: usize| -> Vec<Lanes> {
+            (0..program.sizes[group])
+                .map(|element| Lanes(std::array::from_fn(|i| points[i][group][element])))
+                .collect()
+        };
+        // parameters may differ from lane to lane as well
+        let mut registers = tape.bind(&lanes(2));
+        let values = tape.eval(&mut registers, [&lanes(0), &lanes(1)]);
+        for (i, point) in points.iter().enumerate() {
+            if let Some(wanted) = program.interpret(cut(&program, point)) {
+                let values: Vec<f64> = values.iter().map(|lanes| lanes.0[i]).collect();
+                prop_assert!(all_same(&values, &wanted), "lane {i}: {values:?} for {wanted:?}");
+            }
+        }
+    }
+
+    #[test]
+    fn parameters_can_be_changed(program in programs(), points in points()) {
+        let tape = program.tape();
+        for point in &points {
+            let [x, y, params] = cut(&program, point);
+            let mut registers = tape.bind(params);
+            let values = tape.eval(&mut registers, [x, y]);
+            if let Some(wanted) = program.interpret([x, y, params]) {
+                prop_assert!(all_same(values, &wanted), "{values:?} for {wanted:?}");
+            }
+        }
+    }
+
+    #[test]
+    fn a_map_is_the_tape_at_each_point(program in programs(), points in points(), k in 0..20_usize) {
+        let tape = program.tape();
+        let at = |i: usize| cut(&program, &points[i % WIDTH]);
+        let params = at(0)[2];
+        let rows = |group: usize| (0..k).flat_map(|i| at(i)[group].iter().copied()).collect::<Vec<_>>();
+        let values = tape.map(params, &[&rows(0), &rows(1)], k);
+        prop_assert_eq!(values.len(), k * program.outputs);
+        for i in 0..k {
+            if let Some(wanted) = program.interpret([at(i)[0], at(i)[1], params]) {
+                let values = &values[i * program.outputs..(i + 1) * program.outputs];
+                prop_assert!(all_same(values, &wanted), "point {i}: {values:?} for {wanted:?}");
+            }
+        }
+    }
+
+    #[test]
+    fn garbage_is_refused_or_runs(
+        sizes in prop::collection::vec(index(0..4), 0..4),
+        outputs in index(0..4),
+        lines in prop::collection::vec(line(), 0..24),
+    ) {
+        if let Ok(tape) = Tape::new(&sizes, outputs, &lines) {
+            run(&tape);
+        }
+    }
+
+    #[test]
+    fn a_damaged_program_is_refused_or_runs(
+        program in programs(),
+        damage in prop::collection::vec((any::<prop::sample::Index>(), line()), 0..4),
+        outputs in prop::option::weighted(0.1, index(0..4)),
+    ) {
+        let mut lines = program.lines;
+        for (place, line) in damage {
+            *place.get_mut(&mut lines) = line;
+        }
+        if let Ok(tape) = Tape::new(&program.sizes, outputs.unwrap_or(program.outputs), &lines) {
+            run(&tape);
+        }
+    }
+}
+
+/// Evaluates a tape nobody knows, if it is no larger than a test should be.
+fn run(tape: &Tape) {
+    if let [x, y, params] = *tape.inputs()
+        && x.max(y).max(params) < 100
+    {
+        let values = [0.5; 900];
+        let mut registers = tape.bind(&values[..params]);
+        tape.eval(&mut registers, [&values[..x], &values[..y]]);
+        tape.map(&values[..params], &[&values[..9 * x], &values[..9 * y]], 9);
+    }
+}
+
+/// Mostly small, sometimes anything.
+fn index(small: Range<usize>) -> impl Strategy<Value = usize> {
+    prop_oneof![30 => small, 1 => any::<usize>(), 1 => Just(usize::MAX)]
+}
+
+fn line() -> impl Strategy<Value = Line> {
+    let small = || index(0..4);
+    prop_oneof![
+        (small(), small(), small()).prop_map(|(slot, group, element)| Line::Input {
+            slot,
+            group,
+            element
+        }),
+        (small(), value()).prop_map(|(slot, value)| Line::Constant { slot, value }),
+        (0..Op::ALL.len(), small(), small(), small()).prop_map(|(op, slot, a, b)| Line::Apply {
+            op: Op::ALL[op],
+            slot,
+            a,
+            b
+        }),
+        (small(), small()).prop_map(|(element, slot)| Line::Output { element, slot }),
+    ]
+}
+
+fn constant(slot: usize) -> Line {
+    Line::Constant { slot, value: 1.0 }
+}
+
+fn add(slot: usize, a: usize, b: usize) -> Line {
+    Line::Apply {
+        op: Op::Add,
+        slot,
+        a,
+        b,
+    }
+}
+
+fn output(element: usize, slot: usize) -> Line {
+    Line::Output { element, slot }
+}
+
+fn input(slot: usize, group: usize, element: usize) -> Line {
+    Line::Input {
+        slot,
+        group,
+        element,
+    }
+}
+
+fn refusal(inputs: &[usize], outputs: usize, lines: &[Line]) -> TapeError {
+    Tape::new(inputs, outputs, lines).expect_err("the program is malformed")
+}
+
+#[test]
+fn a_slot_beyond_the_lines_is_refused() {
+    for slot in [2, 100, usize::MAX] {
+        for line in [constant(slot), input(slot, 0, 0), add(slot, 0, 0)] {
+            let wanted = TapeError::Slot {
+                line: 1,
+                slot,
+                lines: 2,
+            };
+            assert_eq!(refusal(&[1], 0, &[constant(0), line]), wanted);
+        }
+    }
+}
+
+#[test]
+fn an_unwritten_slot_is_not_read() {
+    let unwritten = |slot| TapeError::Unwritten { line: 1, slot };
+    assert_eq!(refusal(&[1], 0, &[constant(0), add(1, 1, 0)]), unwritten(1));
+    assert_eq!(refusal(&[1], 0, &[constant(0), add(1, 0, 1)]), unwritten(1));
+    assert_eq!(refusal(&[1], 1, &[constant(0), output(0, 1)]), unwritten(1));
+    // a line does not see what it writes itself, nor slots that do not exist
+    assert_eq!(refusal(&[1], 0, &[constant(0), add(0, 0, 9)]), unwritten(9));
+    let far = usize::MAX;
+    assert_eq!(
+        refusal(&[1], 1, &[constant(0), output(0, far)]),
+        unwritten(far)
+    );
+}
+
+#[test]
+fn an_input_that_does_not_exist_is_refused() {
+    for (group, element) in [(0, 1), (1, 0), (2, 0), (usize::MAX, 0), (0, usize::MAX)] {
+        let wanted = TapeError::Input {
+            line: 0,
+            group,
+            element,
+        };
+        assert_eq!(refusal(&[1, 0], 0, &[input(0, group, element)]), wanted);
+    }
+    let wanted = TapeError::Input {
+        line: 0,
+        group: 0,
+        element: 0,
+    };
+    assert_eq!(refusal(&[], 0, &[input(0, 0, 0)]), wanted);
+}
+
+#[test]
+fn an_output_is_written_once_and_exists() {
+    for element in [1, usize::MAX] {
+        let wanted = TapeError::Output {
+            line: 1,
+            element,
+            outputs: 1,
+        };
+        assert_eq!(refusal(&[0], 1, &[constant(0), output(element, 0)]), wanted);
+    }
+    let lines = [constant(0), output(0, 0), output(0, 0)];
+    let wanted = TapeError::Twice {
+        line: 2,
+        element: 0,
+    };
+    assert_eq!(refusal(&[0], 1, &lines), wanted);
+}
+
+#[test]
+fn every_output_is_written() {
+    let lines = [constant(0), output(0, 0), output(2, 0)];
+    assert_eq!(refusal(&[0], 3, &lines), TapeError::Missing { element: 1 });
+    for outputs in [1, 2, 1 << 29] {
+        let refused = refusal(&[0], outputs, &[]);
+        assert!(matches!(refused, TapeError::Missing { .. }), "{refused}");
+    }
+}
+
+#[test]
+fn a_program_too_large_for_its_registers_is_refused() {
+    for inputs in [&[1 << 31][..], &[usize::MAX], &[usize::MAX, usize::MAX]] {
+        assert_eq!(refusal(inputs, 0, &[]), TapeError::TooLarge);
+    }
+    assert_eq!(refusal(&[1], usize::MAX, &[]), TapeError::TooLarge);
+}
+
+#[test]
+fn refusals_are_sentences_with_their_numbers() {
+    let refused = refusal(&[1], 1, &[constant(0), output(0, 7)]);
+    let wanted = "line 1 reads slot 7 before anything was written to it";
+    assert_eq!(refused.to_string(), wanted);
+}
+
+#[test]
+fn what_depends_on_parameters_alone_is_not_evaluated_again() {
+    // (x + p * p, p * p), with p the parameter
+    let lines = [
+        input(0, 1, 0),
+        Line::Apply {
+            op: Op::Mul,
+            slot: 1,
+            a: 0,
+            b: 0,
+        },
+        output(1, 1),
+        input(0, 0, 0),
+        add(0, 0, 1),
+        output(0, 0),
+    ];
+    let tape = Tape::new(&[1, 1], 2, &lines).expect("a valid program");
+    assert_eq!(
+        (tape.inputs(), tape.outputs(), tape.len()),
+        (&[1, 1][..], 2, 1)
+    );
+    let mut registers = tape.bind(&[3.0]);
+    for x in [0.5, -8.0, 0.0] {
+        assert_eq!(tape.eval(&mut registers, [&[x]]), [x + 9.0, 9.0]);
+    }
+    assert!(!tape.is_empty());
+}
+
+#[test]
+fn a_tape_of_parameters_alone_is_empty() {
+    let tape = Tape::new(
+        &[1],
+        2,
+        &[input(0, 0, 0), output(1, 0), add(0, 0, 0), output(0, 0)],
+    );
+    let tape = tape.expect("a valid program");
+    assert!(tape.is_empty());
+    assert_eq!(tape.eval(&mut tape.bind(&[2.5]), []), [5.0, 2.5]);
+    assert_eq!(tape.map(&[2.5], &[], 3), [5.0, 2.5, 5.0, 2.5, 5.0, 2.5]);
+}
+
+#[test]
+fn blocks_of_eight_end_anywhere() {
+    let lines = [input(0, 0, 1), input(1, 0, 0), add(0, 0, 1), output(0, 0)];
+    let tape = Tape::new(&[2, 0], 1, &lines).expect("a valid program");
+    for k in [0, 1, 7, 8, 9, 17] {
+        let rows: Vec<f64> = (0..2 * k).map(|i| f64::from(i).sqrt()).collect();
+        let wanted: Vec<f64> = rows.chunks(2).map(|row| row[0] + row[1]).collect();
+        let k = usize::try_from(k).expect("not negative");
+        assert_eq!(tape.map(&[], &[&rows], k), wanted);
+    }
+}
+
+#[test]
+fn codes_are_positions_in_the_list_of_operations() {
+    for (code, op) in Op::ALL.iter().enumerate() {
+        assert_eq!(*op as usize, code);
+        assert!((1..=2).contains(&op.arity()));
+        assert_eq!(Op::ALL.iter().filter(|o| o.name() == op.name()).count(), 1);
+    }
+}
+
+#[test]
+fn lanes_are_arithmetic_in_lock_step() {
+    let a = Lanes([1.0, -2.0, 0.5, 0.0, -0.0, 1e300, f64::INFINITY, 3.0]);
+    let b = Lanes([0.3, 7.0, -0.5, 0.0, 2.0, 1e300, f64::NEG_INFINITY, 3.0]);
+    #[allow(clippy::type_complexity)]
+    let pairs: [(Lanes, fn(f64, f64) -> f64); 5] = [
+        (a + b, |a, b| a + b),
+        (a - b, |a, b| a - b),
+        (a * b, |a, b| a * b),
+        (a / b, |a, b| a / b),
+        (-a, |a, _| -a),
+    ];
+    for (lanes, one) in pairs {
+        for i in 0..WIDTH {
+            assert!(same(lanes.0[i], one(a.0[i], b.0[i])), "lane {i}");
+        }
+    }
+    assert_eq!(Lanes::splat(2.0), Lanes([2.0; WIDTH]));
+}
+
+#[test]
+#[should_panic(expected = "registers of another tape")]
+fn registers_of_another_tape_are_refused() {
+    let small = Tape::new(&[1, 0], 1, &[input(0, 0, 0), output(0, 0)]).expect("a valid program");
+    let large = Tape::new(&[2, 0], 1, &[input(0, 0, 1), output(0, 0)]).expect("a valid program");
+    large.eval(&mut small.bind(&[]), [&[1.0, 2.0]]);
+}
+
+#[test]
+#[should_panic(expected = "size of params")]
+fn parameters_of_another_size_are_refused() {
+    let tape = Tape::new(&[1, 2], 0, &[]).expect("a valid program");
+    tape.bind(&[1.0]);
+}
+
+#[test]
+#[should_panic(expected = "size of an argument")]
+fn arguments_of_another_size_are_refused() {
+    let tape = Tape::new(&[2, 0], 0, &[]).expect("a valid program");
+    tape.eval(&mut tape.bind(&[]), [&[1.0]]);
+}
+
+#[test]
+#[should_panic(expected = "number of arguments")]
+fn another_number_of_arguments_is_refused() {
+    let tape = Tape::new(&[0, 0], 0, &[]).expect("a valid program");
+    tape.eval(&mut tape.bind::<f64>(&[]), []);
+}
