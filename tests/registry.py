@@ -1,9 +1,9 @@
 """What each method claims, and the problems that can tell: one row a method.
 
 The problems see what others hide. A planar pendulum in uniform gravity cannot tell SPARK from
-Lobatto IIIA--IIIB; an autonomous problem cannot tell t_n from t_{n+1}; p = M z cannot tell p(z) from
-z. Here are a top with a mass matrix that depends on position, a constraint and a mass that depend on
-time, a momentum nonlinear in the velocity, and a reaction nonlinear in the multiplier.
+Lobatto IIIA--IIIB; an autonomous problem cannot tell t_n from t_{n+1}; p = M z cannot tell p(z)
+from z. Here are a top with a mass matrix that depends on position, a constraint and a mass that
+depend on time, a momentum nonlinear in the velocity, and a reaction nonlinear in the multiplier.
 """
 
 import json
@@ -23,12 +23,16 @@ REFERENCE = json.loads((DATA / "mechanics_reference.json").read_text())
 
 @dataclass(frozen=True)
 class Problem:
-    """A system, a start, and steps for s = 1, 2, ... that are fine enough, and above roundoff."""
+    """A system, a start, and steps for s = 1, 2, ... that are fine enough, and above roundoff.
+
+    What cannot be kept on it, because the motion itself does not, is `lost`.
+    """
 
     system: Any
     start: dict[str, Any]
     t: tuple[float, float]
     steps: tuple[tuple[int, ...], ...]
+    lost: tuple[str, ...] = ()
 
     @property
     def of(self):
@@ -44,7 +48,7 @@ class Row:
     on: tuple[str, ...]
     keeps: tuple[str, ...] = ()
 
-    def __str__(self):
+    def __str__(self):  # noqa: D105
         return repr(self.method)
 
 
@@ -124,15 +128,20 @@ PROBLEMS = {
     "moving wire": Problem(
         moving_wire(),
         {"q": [1, 0.5], "v": [0, 1]},
-        (0.0, 1.0),
-        ((16, 32, 64, 128), (6, 12, 24, 48), (5, 7, 10, 14), (4, 5, 6, 7)),
+        (0.0, 4.0),
+        ((64, 128, 256, 512), (32, 64, 128, 256), (48, 64, 88, 120), (44, 48, 56, 64)),
+        lost=("symplectic form",),
     ),
     "relativistic": Problem(_relativistic.system, _relativistic.start, (0.0, 2.0), _STEPS),
     "nonlinear reaction": Problem(
-        nonlinear_reaction(), {"y": [0.6, 0, -0.8], "z": [0, 1.25, 0]}, (0.0, 2.0), _STEPS
+        nonlinear_reaction(),
+        {"y": [0.6, 0, -0.8], "z": [0, 1.25, 0]},
+        (0.0, 2.0),
+        _STEPS,
+        lost=("symplectic form",),
     ),
 }
 
-_KEEPS = ("constraint", "hidden", "symplectic form", "reversibility", "energy")
+_KEEPS = ("hidden", "symplectic form", "reversibility")
 
 ROWS = [Row(lv.Spark(s), 2 * s, on=tuple(PROBLEMS), keeps=_KEEPS) for s in (1, 2, 3, 4)]

@@ -14,7 +14,7 @@ DATA = json.loads((Path(__file__).parent / "data" / "mechanics_reference.json").
 ]
 
 # Largest error at the references, relative to the largest entry, with Spark(6) and the module's h:
-# ten times what was measured. The top turns fifty times, so roundoff weighs more.
+# ten times what was measured. The top turns some fifty times, so roundoff weighs more.
 TOLERANCE = dict.fromkeys(problems.names(), 1e-13) | {"heavy_top": 1e-11}
 # What the motion does not depend on: one mass scale, and the completion of the top's mass matrix.
 IRRELEVANT = {
@@ -223,7 +223,7 @@ def test_chain_of_a_hundred_links_reaches_its_reference():
         -0.71423594003739304957,
         0.26425055159943680195,
         0.26940306299187936705,
-    )  # quadruple precision
+    )  # computed in extended precision
     np.testing.assert_allclose(tip, expected, rtol=0, atol=1e-13)
 
 

@@ -1,0 +1,127 @@
+"""Published and independently computed values, to the digits they have."""
+
+import numpy as np
+import pytest
+from registry import REFERENCE, SYSTEMS, printed
+
+import liouville as lv
+from liouville import _core
+
+ALL = sorted(SYSTEMS)
+SOLVERS = ("node-schur", "newton")
+
+
+def numbers(values):
+    return np.array(
+        [[float(x) for x in row] if isinstance(row, list) else float(row) for row in values]
+    )
+
+
+@pytest.mark.parametrize("solver", SOLVERS)
+@pytest.mark.parametrize("name", ALL)
+def test_one_step_has_the_digits_of_69_digit_arithmetic(name, solver):
+    y0, z0 = printed(name, "y0", "z0")
+    for stages, expected in REFERENCE["problems"][name]["spark_one_step_h=1/10"].items():
+        found = lv.integrate(
+            SYSTEMS[name](), lv.Spark(int(stages), solver), t=(0.0, 0.1), steps=1, q=y0, v=z0
+        )
+        np.testing.assert_allclose(found.q[-1], numbers(expected["y1"]), rtol=0, atol=5e-16)
+        np.testing.assert_allclose(found.v[-1], numbers(expected["z1"]), rtol=0, atol=1e-15)
+
+
+@pytest.mark.parametrize("name", ALL)
+def test_ten_steps_have_the_digits_of_69_digit_arithmetic(name):
+    y0, z0 = printed(name, "y0", "z0")
+    for stages, expected in REFERENCE["problems"][name]["spark_10_steps_h=1/20"].items():
+        found = lv.integrate(
+            SYSTEMS[name](), lv.Spark(int(stages)), t=(0.0, 0.5), steps=10, q=y0, v=z0
+        )
+        np.testing.assert_allclose(found.q[-1], numbers(expected["y"]), rtol=0, atol=1e-15)
+        np.testing.assert_allclose(found.v[-1], numbers(expected["z"]), rtol=0, atol=2e-15)
+
+
+@pytest.mark.parametrize("name", ALL)
+def test_high_order_reaches_the_exact_motion_and_its_multipliers(name):
+    y0, z0 = printed(name, "y0", "z0")
+    exact = REFERENCE["problems"][name]["end_states"]["1"]
+    found = lv.integrate(SYSTEMS[name](), lv.Spark(7), t=(0.0, 1.0), steps=25, q=y0, v=z0)
+    np.testing.assert_allclose(found.q[-1], numbers(exact["y"]), rtol=0, atol=2e-15)
+    np.testing.assert_allclose(found.v[-1], numbers(exact["z"]), rtol=0, atol=4e-15)
+    np.testing.assert_allclose(found.lam[-1], numbers(exact["psi"]), rtol=2e-14)
+
+
+@pytest.mark.parametrize("name", ALL)
+def test_multipliers_at_the_start_are_exact(name):
+    y0, z0 = printed(name, "y0", "z0")
+    found = lv.integrate(SYSTEMS[name](), lv.Spark(1), t=(0.0, 1e-3), steps=1, q=y0, v=z0)
+    (expected,) = printed(name, "initial_psi")
+    np.testing.assert_allclose(found.lam[0], expected, rtol=1e-15, atol=1e-15)
+
+
+TABLES = {
+    "gauss_c": "c",
+    "gauss_b": "b",
+    "gauss_A": "a",
+    "lobatto_c": "c_hat",
+    "lobatto_b": "b_hat",
+    "abar": "a_bar",
+    "atilde": "a_hat",
+}
+
+
+def ulps(found, exact):
+    size = np.spacing(np.maximum(np.abs(exact), np.finfo(float).tiny))
+    return np.max(np.abs(found - exact) / size)
+
+
+@pytest.mark.parametrize("stages", [1, 2, 3, 4])
+def test_coefficients_agree_with_the_25_digit_tables(stages):
+    found = _core.gauss_lobatto(stages)
+    for printed_name, name in TABLES.items():
+        exact = numbers(REFERENCE["gauss_lobatto_spark"][str(stages)][printed_name])
+        assert ulps(found[name], exact) <= 1, name
+
+
+@pytest.mark.parametrize("stages", range(1, 11))
+def test_coefficients_are_right_to_the_last_bits_up_to_ten_stages(stages):
+    mpmath = pytest.importorskip("mpmath")
+    with mpmath.workdps(40):
+        exact = by_definition(mpmath.mp, stages)
+    found = _core.gauss_lobatto(stages)
+    for name, value in exact.items():
+        assert ulps(found[name], np.array(value, dtype=float)) <= 2, name
+
+
+def by_definition(mp, s):
+    """Coefficients from their definitions, in the precision of `mp`: zeros, integrals, conjugates."""
+    legendre = [(-1) ** (s + k) * mp.binomial(s, k) * mp.binomial(s + k, k) for k in range(s + 1)]
+    slope = [k * c for k, c in enumerate(legendre)][1:]
+    zeros = {"maxsteps": 500, "extraprec": 200, "asc": True}
+    c = sorted(mp.re(x) for x in mp.polyroots(legendre, **zeros))
+    inner = sorted(mp.re(x) for x in mp.polyroots(slope, **zeros)) if s > 1 else []
+    c_hat = [mp.mpf(0), *inner, mp.mpf(1)]
+
+    def integral(nodes, j, x):
+        basis = [mp.mpf(1)]  # coefficients, ascending
+        for k, node in enumerate(nodes):
+            if k != j:
+                shifted, kept = [mp.mpf(0), *basis], [*basis, mp.mpf(0)]
+                scale = nodes[j] - node
+                basis = [(a - node * b) / scale for a, b in zip(shifted, kept, strict=True)]
+        return mp.fsum(b * x ** (k + 1) / (k + 1) for k, b in enumerate(basis))
+
+    b = [integral(c, j, mp.mpf(1)) for j in range(s)]
+    b_hat = [integral(c_hat, j, mp.mpf(1)) for j in range(s + 1)]
+    a_bar = [[integral(c, j, x) for j in range(s)] for x in c_hat]
+    return {
+        "a": [[integral(c, j, x) for j in range(s)] for x in c],
+        "a_bar": a_bar,
+        "a_hat": [
+            [mp.mpf(0) if j == s else b_hat[j] * (1 - a_bar[j][i] / b[i]) for j in range(s + 1)]
+            for i in range(s)
+        ],
+        "b": b,
+        "c": c,
+        "b_hat": b_hat,
+        "c_hat": c_hat,
+    }
