@@ -3,6 +3,7 @@
 //! Lanes advance in lock-step: an operation on `Lanes` is the same operation on each `f64`, so a
 //! lane's result has the same bits as the scalar one. Plain arrays are enough for the compiler to
 //! use whatever vector width the target has.
+#![allow(clippy::inline_always)] // an operation on lanes must vanish into the loop around it
 
 use std::ops::{Add, Div, Mul, Neg, Sub};
 
@@ -21,8 +22,10 @@ pub trait Real:
     /// The same value in every lane.
     fn splat(value: f64) -> Self;
     /// Applies a scalar function lane by lane.
+    #[must_use]
     fn map(self, f: impl Fn(f64) -> f64) -> Self;
     /// Applies a scalar function of two arguments lane by lane.
+    #[must_use]
     fn zip(self, other: Self, f: impl Fn(f64, f64) -> f64) -> Self;
 }
 

@@ -7,7 +7,6 @@ use pyo3::types::PyDict;
 use std::fmt::Display;
 
 /// Something malformed, which only a direct call of the core can hand over.
-#[allow(clippy::needless_pass_by_value)] // the shape `map_err` wants
 pub(crate) fn refused(error: impl Display) -> PyErr {
     PyValueError::new_err(error.to_string())
 }

@@ -2,6 +2,7 @@
 //!
 //! What crosses: programs and patterns once a system, start values and options once a run, arrays
 //! back. No Python runs inside a step; the loop runs detached from the interpreter.
+#![allow(clippy::needless_pass_by_value)] // PyO3 hands arguments over by value
 
 mod convert;
 mod errors;

@@ -33,11 +33,11 @@ pub(super) struct FullNewton {
 
 /// The stage equations of one step, solved by full Newton.
 pub(super) struct Solve<'a> {
-    pub(super) solver: &'a mut FullNewton,
-    pub(super) stages: &'a mut Stages,
-    pub(super) model: &'a mut Model,
-    pub(super) step: Step<'a>,
-    pub(super) is_frozen: bool,
+    solver: &'a mut FullNewton,
+    stages: &'a mut Stages,
+    model: &'a mut Model,
+    step: Step<'a>,
+    is_frozen: bool,
 }
 
 impl FullNewton {
@@ -58,6 +58,22 @@ impl FullNewton {
     fn eliminate(&self, x: &mut [f64]) {
         if let Some(lu) = &self.elimination {
             lu.solve(x);
+        }
+    }
+
+    /// The equations of one step, its blocks still to be frozen.
+    pub(super) fn start<'a>(
+        &'a mut self,
+        stages: &'a mut Stages,
+        model: &'a mut Model,
+        step: Step<'a>,
+    ) -> Solve<'a> {
+        Solve {
+            solver: self,
+            stages,
+            model,
+            step,
+            is_frozen: false,
         }
     }
 }
@@ -91,7 +107,7 @@ impl Solve<'_> {
         }
         for l in 0..s {
             let t = stages.stage_time(*step, l);
-            let [p_z, v_z] = model.stage_blocks(t, stages.y.row(l), stages.z.row(l));
+            let [p_z, v_z] = model.stage_blocks(t, stages.y.row(l), stages.unknowns.z.row(l));
             finite(p_z, Quantity::Derivative, t)?;
             finite(v_z, Quantity::Derivative, t)?;
             at.p_z
@@ -100,7 +116,8 @@ impl Solve<'_> {
                 solver.v_z[l].clear();
                 pattern.add_to(v_z, 1.0, &mut solver.v_z[l], 0, 0);
             }
-            let [p_y, f_y, f_z, v_y] = model.stage_jacobian(t, stages.y.row(l), stages.z.row(l));
+            let [p_y, f_y, f_z, v_y] =
+                model.stage_jacobian(t, stages.y.row(l), stages.unknowns.z.row(l));
             for values in [p_y, f_y, f_z, v_y] {
                 finite(values, Quantity::Derivative, t)?;
             }
@@ -160,7 +177,8 @@ impl Solve<'_> {
         );
         for k in 0..=s {
             let t = stages.node_time(*step, k);
-            let [g_y, r_lam] = model.node_blocks(t, stages.node_y.row(k), stages.lam.row(k));
+            let [g_y, r_lam] =
+                model.node_blocks(t, stages.node_y.row(k), stages.unknowns.lam.row(k));
             finite(g_y, Quantity::Derivative, t)?;
             finite(r_lam, Quantity::Derivative, t)?;
             if k > 0 {
@@ -184,7 +202,7 @@ impl Solve<'_> {
                         s * n + k * m,
                     );
                 }
-                let r_y = model.node_jacobian(t, stages.node_y.row(k), stages.lam.row(k));
+                let r_y = model.node_jacobian(t, stages.node_y.row(k), stages.unknowns.lam.row(k));
                 finite(r_y, Quantity::Derivative, t)?;
                 for i in 0..s {
                     for j in 0..s {
@@ -235,7 +253,7 @@ impl Solve<'_> {
         newton.factor().map_err(|_| {
             let t = stages.node_time(*step, s);
             let pattern: Pattern = model.problem.patterns.g_y.clone();
-            let [g_y, _] = model.node_blocks(t, stages.node_y.row(s), stages.lam.row(s));
+            let [g_y, _] = model.node_blocks(t, stages.node_y.row(s), stages.unknowns.lam.row(s));
             explain(&pattern, g_y, Trouble::SingularNewton)
         })
     }
@@ -295,9 +313,9 @@ impl Equations for Solve<'_> {
             }
         }
         solver.eliminate(d_v.flat_mut());
-        add_scaled(stages.z.flat_mut(), 1.0, d_z);
-        add_scaled(stages.v.flat_mut(), 1.0, d_v.flat());
-        add_scaled(stages.lam.flat_mut(), 1.0 / step.h, d_lam);
+        add_scaled(stages.unknowns.z.flat_mut(), 1.0, d_z);
+        add_scaled(stages.unknowns.v.flat_mut(), 1.0, d_v.flat());
+        add_scaled(stages.unknowns.lam.flat_mut(), 1.0 / step.h, d_lam);
         let size = max_norm(d_v.flat());
         solver.d_v = d_v;
         Ok(stages.relative(size, *step))

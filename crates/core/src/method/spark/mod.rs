@@ -22,14 +22,14 @@ mod stages;
 mod update;
 
 use super::{Stats, Stepper};
-use crate::linalg::{Matrix, copy};
+use crate::linalg::max_norm;
 use crate::newton;
 use crate::problem::mechanical::{Model, State};
 use crate::trouble::Trouble;
 use full_newton::FullNewton;
 use node_schur::NodeSchur;
 use predictor::Predictor;
-use stages::{Stages, Step};
+use stages::{Stages, Step, Unknowns};
 use update::Update;
 
 /// How the stage equations are solved; all ways lead to the same solution, to roundoff.
@@ -47,6 +47,8 @@ pub enum Solver {
 const SCHUR_ITERATIONS: usize = 16;
 /// Corrections full Newton may take.
 const NEWTON_ITERATIONS: usize = 30;
+/// Steps node Schur rests at most after failing; each failure in a row doubles the rest.
+const LONGEST_REST: usize = 1023;
 /// Stages this far from their start, in units of the velocity, belong to another branch.
 const BRANCH: f64 = 1.0;
 
@@ -60,8 +62,8 @@ pub struct Spark {
     full: Option<Box<FullNewton>>,
     predictor: Predictor,
     update: Update,
-    /// The start values of the iteration.
-    start: [Matrix; 3],
+    /// Where the iteration started.
+    start: Unknowns,
     /// Steps still to be made by full Newton, and how many it was last time.
     resting: usize,
     rest: usize,
@@ -81,7 +83,7 @@ impl Spark {
             full: None,
             predictor: Predictor::new(&model, s),
             update: Update::new(&model),
-            start: [stages.z.clone(), stages.v.clone(), stages.lam.clone()],
+            start: stages.unknowns.clone(),
             resting: 0,
             rest: 0,
             stats: Stats::default(),
@@ -107,106 +109,66 @@ impl Spark {
     }
 
     fn iterate(&mut self, step: Step) -> Result<(), Trouble> {
-        let unknowns = [&self.stages.z, &self.stages.v, &self.stages.lam];
-        for (start, unknown) in self.start.iter_mut().zip(unknowns) {
-            copy(start.flat_mut(), unknown.flat());
-        }
-        let iterations = match self.solver {
-            Solver::NodeSchur => self.iterate_schur(step, newton_limit(Solver::NodeSchur))?,
-            Solver::Newton => self.iterate_newton(step)?,
-            Solver::Auto if self.resting > 0 => {
-                self.resting -= 1;
-                self.iterate_newton(step)?
-            }
-            Solver::Auto => match self.iterate_schur(step, newton_limit(Solver::Auto)) {
-                Ok(iterations) => {
-                    self.rest = 0;
-                    iterations
-                }
-                Err(_) => {
-                    // each failure in a row doubles the rest
-                    self.rest = (2 * self.rest + 1).min(1023);
+        self.start.copy_from(&self.stages.unknowns);
+        let iterations = if self.wants_newton() {
+            self.iterate_newton(step)?
+        } else {
+            match self.iterate_schur(step) {
+                Err(_) if self.solver == Solver::Auto => {
+                    self.rest = (2 * self.rest + 1).min(LONGEST_REST);
                     self.resting = self.rest;
-                    for (k, unknown) in
-                        [&mut self.stages.z, &mut self.stages.v, &mut self.stages.lam]
-                            .into_iter()
-                            .enumerate()
-                    {
-                        unknown.flat_mut().copy_from_slice(self.start[k].flat());
-                    }
+                    self.stages.unknowns.copy_from(&self.start);
                     self.iterate_newton(step)?
                 }
-            },
+                outcome => {
+                    self.rest = 0;
+                    outcome?
+                }
+            }
         };
         self.stats.iterations += iterations;
         self.check_branch(step)
     }
 
-    fn iterate_schur(&mut self, step: Step, most: usize) -> Result<usize, Trouble> {
-        let Self {
-            schur: solver,
-            stages,
-            model,
-            ..
-        } = self;
-        newton::solve(
-            &mut node_schur::Solve {
-                solver,
-                stages,
-                model,
-                step,
-                is_frozen: false,
-            },
-            most,
-        )
+    /// Whether full Newton is asked for, or node Schur rests after having failed.
+    fn wants_newton(&mut self) -> bool {
+        let is_resting = self.resting > 0;
+        self.resting = self.resting.saturating_sub(1);
+        is_resting || self.solver == Solver::Newton
+    }
+
+    fn iterate_schur(&mut self, step: Step) -> Result<usize, Trouble> {
+        let most = if self.solver == Solver::Auto {
+            SCHUR_ITERATIONS
+        } else {
+            3 * SCHUR_ITERATIONS
+        };
+        let (stages, model) = (&mut self.stages, &mut self.model);
+        newton::solve(&mut self.schur.start(stages, model, step), most)
     }
 
     fn iterate_newton(&mut self, step: Step) -> Result<usize, Trouble> {
         self.stats.newton_steps += 1;
-        let Self {
-            full,
-            stages,
-            model,
-            ..
-        } = self;
-        let solver = full.get_or_insert_with(|| Box::new(FullNewton::new(model, stages)));
-        newton::solve(
-            &mut full_newton::Solve {
-                solver,
-                stages,
-                model,
-                step,
-                is_frozen: false,
-            },
-            NEWTON_ITERATIONS,
-        )
+        let (stages, model) = (&mut self.stages, &mut self.model);
+        let full = self
+            .full
+            .get_or_insert_with(|| Box::new(FullNewton::new(model, stages)));
+        newton::solve(&mut full.start(stages, model, step), NEWTON_ITERATIONS)
     }
 
     /// A solution far from its start may satisfy every equation and still be another motion.
     fn check_branch(&self, step: Step) -> Result<(), Trouble> {
-        let largest = |x: &[f64]| x.iter().fold(0.0_f64, |largest, x| largest.max(x.abs()));
-        let (found, start) = (self.stages.v.flat(), self.start[1].flat());
-        let moved = found
-            .iter()
-            .zip(start)
-            .fold(0.0_f64, |largest, (a, b)| largest.max((a - b).abs()));
-        let y = largest(&step.state.y) / step.h.abs();
-        let size = largest(found).max(largest(start)).max(0.1 * y);
+        let (found, start) = (self.stages.unknowns.v.flat(), self.start.v.flat());
+        let pairs = found.iter().zip(start);
+        let moved = pairs.fold(0.0_f64, |most, (a, b)| most.max((a - b).abs()));
+        let reach = 0.1 * max_norm(&step.state.y) / step.h.abs();
+        let size = max_norm(found).max(max_norm(start)).max(reach);
         if moved > BRANCH * size {
-            Err(Trouble::Branch {
+            return Err(Trouble::Branch {
                 ratio: moved / size,
-            })
-        } else {
-            Ok(())
+            });
         }
-    }
-}
-
-fn newton_limit(solver: Solver) -> usize {
-    if solver == Solver::Auto {
-        SCHUR_ITERATIONS
-    } else {
-        3 * SCHUR_ITERATIONS
+        Ok(())
     }
 }
 

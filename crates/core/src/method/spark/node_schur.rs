@@ -36,11 +36,11 @@ pub(super) struct NodeSchur {
 
 /// The stage equations of one step, solved by node Schur.
 pub(super) struct Solve<'a> {
-    pub(super) solver: &'a mut NodeSchur,
-    pub(super) stages: &'a mut Stages,
-    pub(super) model: &'a mut Model,
-    pub(super) step: Step<'a>,
-    pub(super) is_frozen: bool,
+    solver: &'a mut NodeSchur,
+    stages: &'a mut Stages,
+    model: &'a mut Model,
+    step: Step<'a>,
+    is_frozen: bool,
 }
 
 impl NodeSchur {
@@ -67,6 +67,22 @@ impl NodeSchur {
             d_v: Matrix::zeros(s, n),
         }
     }
+
+    /// The equations of one step, its blocks still to be frozen.
+    pub(super) fn start<'a>(
+        &'a mut self,
+        stages: &'a mut Stages,
+        model: &'a mut Model,
+        step: Step<'a>,
+    ) -> Solve<'a> {
+        Solve {
+            solver: self,
+            stages,
+            model,
+            step,
+            is_frozen: false,
+        }
+    }
 }
 
 impl Solve<'_> {
@@ -81,16 +97,20 @@ impl Solve<'_> {
         let (s, m) = (stages.tableau.stages, model.problem.m);
         let middle = s / 2;
         let t = stages.stage_time(*step, middle);
-        solver
-            .mass
-            .update(model, t, stages.y.row(middle), stages.z.row(middle))?;
+        solver.mass.update(
+            model,
+            t,
+            stages.y.row(middle),
+            stages.unknowns.z.row(middle),
+        )?;
         if m == 0 {
             return Ok(());
         }
         let problem = &solver.problem;
         for j in 0..=s {
             let t = stages.node_time(*step, j);
-            let [g_y, r_lam] = model.node_blocks(t, stages.node_y.row(j), stages.lam.row(j));
+            let [g_y, r_lam] =
+                model.node_blocks(t, stages.node_y.row(j), stages.unknowns.lam.row(j));
             finite(g_y, Quantity::Derivative, t)?;
             finite(r_lam, Quantity::Derivative, t)?;
             copy(solver.g_y.row_mut(j), g_y);
@@ -161,7 +181,7 @@ impl Solve<'_> {
             let (d_lam, r_lam) = (&solver.d_lam[l * m..(l + 1) * m], solver.r_lam.row(l));
             at.r_lam
                 .multiply_add(r_lam, 1.0, d_lam, solver.impulse.row_mut(l));
-            add_scaled(stages.lam.row_mut(l), 1.0 / h, d_lam);
+            add_scaled(stages.unknowns.lam.row_mut(l), 1.0 / h, d_lam);
         }
     }
 
@@ -183,8 +203,8 @@ impl Solve<'_> {
             }
             solver.mass.add_velocity(d_z, d_v);
         }
-        add_scaled(stages.z.flat_mut(), 1.0, solver.d_z.flat());
-        add_scaled(stages.v.flat_mut(), 1.0, solver.d_v.flat());
+        add_scaled(stages.unknowns.z.flat_mut(), 1.0, solver.d_z.flat());
+        add_scaled(stages.unknowns.v.flat_mut(), 1.0, solver.d_v.flat());
         max_norm(solver.d_v.flat())
     }
 }

@@ -57,11 +57,26 @@ impl Predictor {
             lagrange(nodes, nodes, ratio, &mut self.node_weights);
         }
         let as_is = |_, _, sum| sum;
-        combine(stages.z.flat_mut(), &self.stage_weights, &self.z, as_is);
-        combine(stages.v.flat_mut(), &self.stage_weights, &self.v, as_is);
+        combine(
+            stages.unknowns.z.flat_mut(),
+            &self.stage_weights,
+            &self.z,
+            as_is,
+        );
+        combine(
+            stages.unknowns.v.flat_mut(),
+            &self.stage_weights,
+            &self.v,
+            as_is,
+        );
         combine(z1, &self.end_weights, &self.z, as_is);
         if !self.lam.flat().is_empty() {
-            combine(stages.lam.flat_mut(), &self.node_weights, &self.lam, as_is);
+            combine(
+                stages.unknowns.lam.flat_mut(),
+                &self.node_weights,
+                &self.lam,
+                as_is,
+            );
         }
         true
     }
@@ -83,7 +98,7 @@ impl Predictor {
             .copy_from_slice(if v.is_empty() { &state.z } else { v });
         for i in 0..stages.tableau.stages {
             let (c, t) = (stages.tableau.c[i], stages.stage_time(step, i));
-            let z = stages.z.row_mut(i);
+            let z = stages.unknowns.z.row_mut(i);
             z.copy_from_slice(&state.z);
             add_scaled(z, c * h, z_dot);
             let y = stages.y.row_mut(i);
@@ -91,12 +106,13 @@ impl Predictor {
             add_scaled(y, c * h, self.v.row(0));
             let [_, _, v] = model.stage(t, y, z);
             let v = if v.is_empty() { &*z } else { v };
-            copy(stages.v.row_mut(i), v);
+            copy(stages.unknowns.v.row_mut(i), v);
         }
         z1.copy_from_slice(&state.z);
         add_scaled(z1, h, z_dot);
         for j in 0..=stages.tableau.stages {
             stages
+                .unknowns
                 .lam
                 .row_mut(j)
                 .copy_from_slice(&self.acceleration.lam);
@@ -113,12 +129,12 @@ impl Predictor {
         }
         copy(self.z.row_mut(0), z0);
         for i in 0..s {
-            copy(self.z.row_mut(i + 1), stages.z.row(i));
-            copy(self.v.row_mut(i + 1), stages.v.row(i));
+            copy(self.z.row_mut(i + 1), stages.unknowns.z.row(i));
+            copy(self.v.row_mut(i + 1), stages.unknowns.v.row(i));
         }
         copy(self.z.row_mut(s + 1), z1);
         copy(self.v.row_mut(s + 1), v1);
-        copy(self.lam.flat_mut(), stages.lam.flat());
+        copy(self.lam.flat_mut(), stages.unknowns.lam.flat());
         self.h = Some(h);
     }
 }

@@ -13,14 +13,27 @@ pub(super) struct Step<'a> {
     pub(super) state: &'a State,
 }
 
+/// What the stage equations are solved for: Z_i and V_i at the stages, λ_j at the nodes.
+#[derive(Clone, Debug)]
+pub(super) struct Unknowns {
+    pub(super) z: Matrix,
+    pub(super) v: Matrix,
+    pub(super) lam: Matrix,
+}
+
+impl Unknowns {
+    pub(super) fn copy_from(&mut self, other: &Self) {
+        copy(self.z.flat_mut(), other.z.flat());
+        copy(self.v.flat_mut(), other.v.flat());
+        copy(self.lam.flat_mut(), other.lam.flat());
+    }
+}
+
 /// Unknowns and values at the Gauss stages 1..s (rows 0..s) and at the Lobatto nodes 0..s.
 #[derive(Clone, Debug)]
 pub(super) struct Stages {
     pub(super) tableau: GaussLobatto,
-    /// Unknowns Z_i, V_i and λ_j.
-    pub(super) z: Matrix,
-    pub(super) v: Matrix,
-    pub(super) lam: Matrix,
+    pub(super) unknowns: Unknowns,
     /// Values at the stages.
     pub(super) y: Matrix,
     pub(super) p: Matrix,
@@ -43,9 +56,11 @@ impl Stages {
         let (n, m) = (model.problem.n, model.problem.m);
         let (tableau, at_stages) = (GaussLobatto::new(s), Matrix::zeros(s, n));
         Self {
-            z: at_stages.clone(),
-            v: at_stages.clone(),
-            lam: Matrix::zeros(s + 1, m),
+            unknowns: Unknowns {
+                z: at_stages.clone(),
+                v: at_stages.clone(),
+                lam: Matrix::zeros(s + 1, m),
+            },
             y: at_stages.clone(),
             p: at_stages.clone(),
             node_y: Matrix::zeros(s + 1, n),
@@ -97,14 +112,14 @@ impl Stages {
         let s = self.tableau.stages;
         for i in 0..s {
             let t = self.stage_time(step, i);
-            let [p, f, v] = model.stage(t, self.y.row(i), self.z.row(i));
+            let [p, f, v] = model.stage(t, self.y.row(i), self.unknowns.z.row(i));
             copy(self.p.row_mut(i), p);
             copy_scaled(self.impulses.row_mut(i), step.h * self.tableau.b[i], f);
             for ((out, unknown), v) in self
                 .velocity_residual
                 .row_mut(i)
                 .iter_mut()
-                .zip(self.v.row(i))
+                .zip(self.unknowns.v.row(i))
                 .zip(v)
             {
                 *out = unknown - v;
@@ -114,7 +129,7 @@ impl Stages {
         if model.problem.m > 0 {
             for j in 0..=s {
                 let t = self.node_time(step, j);
-                let [g, r] = model.node(t, self.node_y.row(j), self.lam.row(j));
+                let [g, r] = model.node(t, self.node_y.row(j), self.unknowns.lam.row(j));
                 copy(self.g.row_mut(j), g);
                 copy_scaled(
                     self.impulses.row_mut(s + j),
@@ -128,7 +143,7 @@ impl Stages {
     /// Y_i = y0 + Σ μ_ij (h b_j V_j) and Ŷ_i = y0 + Σ μ̄_ij (h b_j V_j), the low part of y0 first.
     fn move_points(&mut self, step: Step) {
         for (j, b) in self.tableau.b.iter().enumerate() {
-            copy_scaled(self.moves.row_mut(j), step.h * b, self.v.row(j));
+            copy_scaled(self.moves.row_mut(j), step.h * b, self.unknowns.v.row(j));
         }
         let State { y, y_low, .. } = step.state;
         let finish = |_, k: usize, sum| y[k] + (y_low[k] + sum);
@@ -179,6 +194,6 @@ impl Stages {
         if correction == 0.0 {
             return 0.0;
         }
-        correction / (max_norm(self.v.flat()) + max_norm(&step.state.y) / step.h.abs())
+        correction / (max_norm(self.unknowns.v.flat()) + max_norm(&step.state.y) / step.h.abs())
     }
 }

@@ -80,7 +80,7 @@ impl Update {
 
         let t = stages.node_time(step, s);
         if model.problem.m > 0 {
-            let [_, r] = model.node(t, &self.y, stages.lam.row(s));
+            let [_, r] = model.node(t, &self.y, stages.unknowns.lam.row(s));
             add_scaled(&mut self.p_low, h * stages.tableau.b_hat[s], r);
         }
         carry(&state.p, &mut self.p_low, &mut self.p);
@@ -117,10 +117,10 @@ impl Equations for Solve<'_> {
         let weight = step.h * stages.tableau.b_hat[s];
         update
             .saddle
-            .update(model, t, &update.y, &update.z, stages.lam.row(s))?;
+            .update(model, t, &update.y, &update.z, stages.unknowns.lam.row(s))?;
         copy(&mut update.momentum, &update.p_low);
         if model.problem.m > 0 {
-            let [_, r] = model.node(t, &update.y, stages.lam.row(s));
+            let [_, r] = model.node(t, &update.y, stages.unknowns.lam.row(s));
             finite(r, Quantity::Reaction, t)?;
             add_scaled(&mut update.momentum, weight, r);
         }
@@ -139,7 +139,7 @@ impl Equations for Solve<'_> {
             .saddle
             .solve(model, &mut update.momentum, &mut update.hidden);
         add_scaled(&mut update.z, 1.0, &update.momentum);
-        add_scaled(stages.lam.row_mut(s), 1.0 / weight, &update.hidden);
+        add_scaled(stages.unknowns.lam.row_mut(s), 1.0 / weight, &update.hidden);
         update.v.fill(0.0);
         update
             .saddle

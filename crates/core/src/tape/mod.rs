@@ -9,66 +9,54 @@
 //! own. The last input group is the parameters; [`Tape::bind`] runs what depends on them alone, once.
 //! The order of operations is the program's own, hence its values bit for bit.
 
+mod execute;
+mod plan;
+
+pub use execute::Op;
+
 use crate::linalg::copy;
 use crate::real::{Lanes, Real, WIDTH};
+use execute::{Instr, execute};
+use plan::Plan;
 use std::ops::Range;
-
-macro_rules! operations {
-    ($($name:ident $text:literal $arity:literal,)*) => {
-        /// An operation of the tape, with the meaning it has in C's `math.h`.
-        #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-        #[repr(u32)]
-        #[allow(missing_docs)]
-        pub enum Op { $($name,)* }
-
-        impl Op {
-            /// Every operation, in the order of its code.
-            pub const ALL: &'static [Op] = &[$(Op::$name,)*];
-
-            /// The name the front end knows it by.
-            pub fn name(self) -> &'static str {
-                match self { $(Op::$name => $text,)* }
-            }
-
-            /// How many operands it reads: 1 or 2.
-            pub fn arity(self) -> usize {
-                match self { $(Op::$name => $arity,)* }
-            }
-        }
-    };
-}
-
-operations! {
-    Assign "assign" 1, Add "add" 2, Sub "sub" 2, Mul "mul" 2, Div "div" 2, Neg "neg" 1,
-    Exp "exp" 1, Log "log" 1, Pow "pow" 2, Constpow "constpow" 2, Sqrt "sqrt" 1, Sq "sq" 1,
-    Twice "twice" 1, Sin "sin" 1, Cos "cos" 1, Tan "tan" 1, Asin "asin" 1, Acos "acos" 1,
-    Atan "atan" 1, Lt "lt" 2, Le "le" 2, Eq "eq" 2, Ne "ne" 2, Not "not" 1, And "and" 2, Or "or" 2,
-    Floor "floor" 1, Ceil "ceil" 1, Fmod "fmod" 2, Fabs "fabs" 1, Sign "sign" 1,
-    Copysign "copysign" 2, IfElseZero "if_else_zero" 2, Fmin "fmin" 2, Fmax "fmax" 2, Inv "inv" 1,
-    Sinh "sinh" 1, Cosh "cosh" 1, Tanh "tanh" 1, Asinh "asinh" 1, Acosh "acosh" 1, Atanh "atanh" 1,
-    Atan2 "atan2" 2, Log1p "log1p" 1, Expm1 "expm1" 1, Hypot "hypot" 2,
-}
 
 /// One line of an incoming program. Slots are numbered by the program and may be reused.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Line {
     /// `slot = inputs[group][element]`
     Input {
+        /// Where the value goes.
         slot: usize,
+        /// Which input group.
         group: usize,
+        /// Which of its elements.
         element: usize,
     },
     /// `slot = value`
-    Constant { slot: usize, value: f64 },
-    /// `slot = op(a, b)`; `b` is ignored when the operation has one operand.
-    Apply {
-        op: Op,
+    Constant {
+        /// Where the value goes.
         slot: usize,
+        /// The constant.
+        value: f64,
+    },
+    /// `slot = op(a, b)`
+    Apply {
+        /// The operation.
+        op: Op,
+        /// Where the value goes.
+        slot: usize,
+        /// Slot of the first operand.
         a: usize,
+        /// Slot of the second operand, ignored when there is one only.
         b: usize,
     },
     /// `outputs[element] = slot`
-    Output { element: usize, slot: usize },
+    Output {
+        /// Which output.
+        element: usize,
+        /// Where its value is.
+        slot: usize,
+    },
 }
 
 /// Why a program is refused.
@@ -103,14 +91,6 @@ pub enum TapeError {
     TooLarge,
 }
 
-#[derive(Clone, Copy, Debug)]
-struct Instr {
-    op: Op,
-    out: u32,
-    a: u32,
-    b: u32,
-}
-
 /// A validated program, read-only and shared.
 #[derive(Clone, Debug)]
 pub struct Tape {
@@ -125,13 +105,6 @@ pub struct Tape {
 /// The memory one evaluation works in, with the parameters already bound.
 #[derive(Clone, Debug)]
 pub struct Registers<R>(Vec<R>);
-
-/// Who wrote a slot's current value, and whether that depends on parameters alone.
-#[derive(Clone, Copy)]
-struct Held {
-    writer: usize,
-    fixed: bool,
-}
 
 impl Tape {
     /// Checks a program and lays out its registers.
@@ -318,184 +291,5 @@ impl Tape {
             }
         }
         result
-    }
-}
-
-/// What the first pass over a program learns.
-struct Plan {
-    slots: usize,
-    pinned: usize,
-    fixed: Vec<bool>,
-    direct: Vec<Option<usize>>,
-}
-
-impl Plan {
-    fn new(inputs: &[usize], outputs: usize, lines: &[Line]) -> Result<Self, TapeError> {
-        let total = inputs
-            .iter()
-            .try_fold(outputs, |sum, size| sum.checked_add(*size));
-        if total.is_none_or(|total| total > 1 << 30) {
-            return Err(TapeError::TooLarge);
-        }
-        if outputs > lines.len() {
-            return Err(TapeError::Missing {
-                element: outputs - 1,
-            });
-        }
-        let mut plan = Self {
-            slots: 0,
-            pinned: 0,
-            fixed: vec![false; lines.len()],
-            direct: vec![None; lines.len()],
-        };
-        let mut slots: Vec<Option<Held>> = vec![None; lines.len()];
-        let mut written = vec![false; outputs];
-        for (k, line) in lines.iter().enumerate() {
-            let write = |slots: &mut [Option<Held>], slot: usize, fixed| {
-                let out_of_range = TapeError::Slot {
-                    line: k,
-                    slot,
-                    lines: lines.len(),
-                };
-                let place = slots.get_mut(slot).ok_or(out_of_range)?;
-                *place = Some(Held { writer: k, fixed });
-                Ok(slot + 1)
-            };
-            let read = |slots: &[Option<Held>], slot: usize| {
-                slots
-                    .get(slot)
-                    .copied()
-                    .flatten()
-                    .ok_or(TapeError::Unwritten { line: k, slot })
-            };
-            match *line {
-                Line::Input {
-                    slot,
-                    group,
-                    element,
-                } => {
-                    if inputs.get(group).is_none_or(|size| element >= *size) {
-                        return Err(TapeError::Input {
-                            line: k,
-                            group,
-                            element,
-                        });
-                    }
-                    plan.slots =
-                        plan.slots
-                            .max(write(&mut slots, slot, group + 1 == inputs.len())?);
-                }
-                Line::Constant { slot, .. } => {
-                    plan.pinned += 1;
-                    plan.slots = plan.slots.max(write(&mut slots, slot, true)?);
-                }
-                Line::Apply { op, slot, a, b } => {
-                    let mut fixed = read(&slots, a)?.fixed;
-                    if op.arity() == 2 {
-                        fixed &= read(&slots, b)?.fixed;
-                    }
-                    plan.fixed[k] = fixed;
-                    plan.pinned += usize::from(fixed);
-                    plan.slots = plan.slots.max(write(&mut slots, slot, fixed)?);
-                }
-                Line::Output { element, slot } => {
-                    let held = read(&slots, slot)?;
-                    match written.get_mut(element) {
-                        None => {
-                            return Err(TapeError::Output {
-                                line: k,
-                                element,
-                                outputs,
-                            });
-                        }
-                        Some(true) => return Err(TapeError::Twice { line: k, element }),
-                        Some(unwritten) => *unwritten = true,
-                    }
-                    plan.fixed[k] = held.fixed;
-                    let target = &mut plan.direct[held.writer];
-                    if matches!(lines[held.writer], Line::Apply { .. }) && target.is_none() {
-                        *target = Some(element);
-                    }
-                }
-            }
-        }
-        match written.iter().position(|written| !written) {
-            Some(element) => Err(TapeError::Missing { element }),
-            None => Ok(plan),
-        }
-    }
-}
-
-/// Runs a program that [`Tape::new`] made, over the registers it laid out.
-#[inline]
-#[allow(unsafe_code)]
-fn execute<R: Real>(program: &[Instr], registers: &mut [R]) {
-    let start = registers.as_mut_ptr();
-    let truth = |condition: bool| f64::from(u8::from(condition));
-    for instr in program {
-        // SAFETY: `Tape::new` gives out registers below `self.registers` only, and both callers pass
-        // exactly that many.
-        let read = |register: u32| unsafe { *start.add(register as usize) };
-        let write = |value: R| unsafe { *start.add(instr.out as usize) = value };
-        let one = |f: fn(f64) -> f64| write(read(instr.a).map(f));
-        macro_rules! two {
-            (|$x:ident, $y:ident| $value:expr) => {{
-                let ($x, $y) = (read(instr.a), read(instr.b));
-                write($value)
-            }};
-        }
-        match instr.op {
-            Op::Assign => write(read(instr.a)),
-            Op::Add => two!(|x, y| x + y),
-            Op::Sub => two!(|x, y| x - y),
-            Op::Mul => two!(|x, y| x * y),
-            Op::Div => two!(|x, y| x / y),
-            Op::Neg => write(-read(instr.a)),
-            Op::Sq => two!(|x, _y| x * x),
-            Op::Twice => two!(|x, _y| x + x),
-            Op::Inv => two!(|x, _y| R::splat(1.0) / x),
-            Op::Sqrt => two!(|x, _y| x.map(f64::sqrt)),
-            Op::Exp => one(f64::exp),
-            Op::Log => one(f64::ln),
-            Op::Pow | Op::Constpow => two!(|x, y| x.zip(y, f64::powf)),
-            Op::Sin => one(f64::sin),
-            Op::Cos => one(f64::cos),
-            Op::Tan => one(f64::tan),
-            Op::Asin => one(f64::asin),
-            Op::Acos => one(f64::acos),
-            Op::Atan => one(f64::atan),
-            Op::Lt => two!(|x, y| x.zip(y, |a, b| truth(a < b))),
-            Op::Le => two!(|x, y| x.zip(y, |a, b| truth(a <= b))),
-            Op::Eq => two!(|x, y| x.zip(y, |a, b| truth(a == b))),
-            Op::Ne => two!(|x, y| x.zip(y, |a, b| truth(a != b))),
-            Op::Not => two!(|x, _y| x.map(|a| truth(a == 0.0))),
-            Op::And => two!(|x, y| x.zip(y, |a, b| truth(a != 0.0 && b != 0.0))),
-            Op::Or => two!(|x, y| x.zip(y, |a, b| truth(a != 0.0 || b != 0.0))),
-            Op::Floor => one(f64::floor),
-            Op::Ceil => one(f64::ceil),
-            Op::Fmod => two!(|x, y| x.zip(y, |a, b| a % b)),
-            Op::Fabs => one(f64::abs),
-            Op::Sign => one(|a| {
-                if a == 0.0 || a.is_nan() {
-                    a
-                } else {
-                    a.signum()
-                }
-            }),
-            Op::Copysign => two!(|x, y| x.zip(y, f64::copysign)),
-            Op::IfElseZero => two!(|x, y| x.zip(y, |a, b| if a == 0.0 { 0.0 } else { b })),
-            Op::Fmin => two!(|x, y| x.zip(y, f64::min)),
-            Op::Fmax => two!(|x, y| x.zip(y, f64::max)),
-            Op::Sinh => one(f64::sinh),
-            Op::Cosh => one(f64::cosh),
-            Op::Tanh => one(f64::tanh),
-            Op::Asinh => one(f64::asinh),
-            Op::Acosh => one(f64::acosh),
-            Op::Atanh => one(f64::atanh),
-            Op::Atan2 => two!(|x, y| x.zip(y, f64::atan2)),
-            Op::Log1p => one(f64::ln_1p),
-            Op::Expm1 => one(f64::exp_m1),
-            Op::Hypot => two!(|x, y| x.zip(y, f64::hypot)),
-        }
     }
 }

@@ -1,0 +1,208 @@
+//! Factorisations, and what to say of a matrix that has none.
+
+use super::{Matrix, Pattern, add_scaled, max_norm};
+
+/// No pivot in this column: it depends on the columns before it.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Singular {
+    /// The column.
+    pub column: usize,
+}
+
+/// Dense LU with row pivoting, each row measured by its own largest entry.
+#[derive(Clone, Debug)]
+pub struct Lu {
+    factors: Matrix,
+    swaps: Vec<usize>,
+    scale: Vec<f64>,
+}
+
+impl Lu {
+    /// Memory for matrices of order `n`.
+    pub fn new(n: usize) -> Self {
+        Self {
+            factors: Matrix::zeros(n, n),
+            swaps: vec![0; n],
+            scale: vec![0.0; n],
+        }
+    }
+
+    /// The order of the matrix.
+    pub fn order(&self) -> usize {
+        self.swaps.len()
+    }
+
+    /// The matrix to factor, to be overwritten; call [`Lu::factor`] afterwards.
+    pub fn matrix_mut(&mut self) -> &mut Matrix {
+        &mut self.factors
+    }
+
+    /// Factors the matrix that was written to [`Lu::matrix_mut`].
+    ///
+    /// # Errors
+    /// The first column whose best pivot is at roundoff of its row.
+    pub fn factor(&mut self) -> Result<(), Singular> {
+        let n = self.order();
+        #[allow(clippy::cast_precision_loss)]
+        let tiny = 4.0 * n as f64 * f64::EPSILON;
+        for i in 0..n {
+            self.scale[i] = max_norm(self.factors.row(i));
+        }
+        for k in 0..n {
+            let (mut best, mut size) = (k, 0.0);
+            for i in k..n {
+                let candidate = self.factors[(i, k)].abs() / self.scale[i];
+                if candidate > size {
+                    (best, size) = (i, candidate);
+                }
+            }
+            if !(size > tiny && size.is_finite()) {
+                return Err(Singular { column: k });
+            }
+            self.factors.swap_rows(k, best);
+            self.scale.swap(k, best);
+            self.swaps[k] = best;
+            let (head, tail) = self.factors.data.split_at_mut((k + 1) * n);
+            let pivot_row = &head[k * n..];
+            let inverse = 1.0 / pivot_row[k];
+            for row in tail.chunks_exact_mut(n) {
+                let factor = row[k] * inverse;
+                row[k] = factor;
+                if factor != 0.0 {
+                    add_scaled(&mut row[k + 1..], -factor, &pivot_row[k + 1..]);
+                }
+            }
+            self.factors[(k, k)] = inverse; // solves multiply
+        }
+        Ok(())
+    }
+
+    /// Solves `A x = b` in place.
+    #[inline]
+    pub fn solve(&self, b: &mut [f64]) {
+        let n = self.order();
+        for (k, swap) in self.swaps.iter().enumerate() {
+            b.swap(k, *swap);
+        }
+        for i in 1..n {
+            let (head, tail) = b.split_at_mut(i);
+            tail[0] -= dot(&self.factors.row(i)[..i], head);
+        }
+        for i in (0..n).rev() {
+            let (head, tail) = b.split_at_mut(i + 1);
+            let row = self.factors.row(i);
+            head[i] = (head[i] - dot(&row[i + 1..], tail)) * row[i];
+        }
+    }
+
+    /// Solves `A^T x = b` in place.
+    pub fn solve_transposed(&self, b: &mut [f64]) {
+        let n = self.order();
+        for i in 0..n {
+            let row = self.factors.row(i);
+            b[i] *= row[i];
+            let (head, tail) = b.split_at_mut(i + 1);
+            add_scaled(tail, -head[i], &row[i + 1..]);
+        }
+        for i in (1..n).rev() {
+            let (head, tail) = b.split_at_mut(i);
+            add_scaled(head, -tail[0], &self.factors.row(i)[..i]);
+        }
+        for (k, swap) in self.swaps.iter().enumerate().rev() {
+            b.swap(k, *swap);
+        }
+    }
+}
+
+#[inline]
+fn dot(x: &[f64], y: &[f64]) -> f64 {
+    x.iter().zip(y).map(|(x, y)| x * y).sum()
+}
+
+/// A square matrix ready to be solved with, as its pattern allows; the choice is made once.
+#[derive(Clone, Debug)]
+pub enum Factor {
+    /// Reciprocals of the diagonal.
+    Diagonal(Vec<f64>),
+    /// Dense LU.
+    Dense(Lu),
+}
+
+impl Factor {
+    /// Memory for matrices of this pattern.
+    pub fn new(pattern: &Pattern) -> Self {
+        let (n, _) = pattern.shape();
+        if pattern.is_diagonal() {
+            Self::Diagonal(vec![0.0; n])
+        } else {
+            Self::Dense(Lu::new(n))
+        }
+    }
+
+    /// Factors the matrix with these values on its pattern.
+    ///
+    /// # Errors
+    /// The first column without a pivot.
+    pub fn factor(&mut self, pattern: &Pattern, values: &[f64]) -> Result<(), Singular> {
+        match self {
+            Self::Diagonal(inverse) => {
+                inverse.fill(0.0);
+                for (&(row, _), value) in pattern.entries.iter().zip(values) {
+                    inverse[row] = 1.0 / value;
+                }
+                match inverse.iter().position(|x| *x == 0.0 || !x.is_finite()) {
+                    Some(column) => Err(Singular { column }),
+                    None => Ok(()),
+                }
+            }
+            Self::Dense(lu) => {
+                lu.matrix_mut().clear();
+                pattern.add_to(values, 1.0, lu.matrix_mut(), 0, 0);
+                lu.factor()
+            }
+        }
+    }
+
+    /// Solves `A x = b` in place.
+    #[inline]
+    pub fn solve(&self, b: &mut [f64]) {
+        match self {
+            Self::Diagonal(inverse) => b
+                .iter_mut()
+                .zip(inverse)
+                .for_each(|(b, inverse)| *b *= inverse),
+            Self::Dense(lu) => lu.solve(b),
+        }
+    }
+}
+
+/// Rows whose combination vanishes: the first row that depends on those before it, and those it needs.
+pub fn dependent_rows(mut matrix: Matrix) -> Option<Vec<usize>> {
+    let (rows, cols) = (matrix.rows(), matrix.cols);
+    let mut combination = Matrix::from_fn(rows, rows, |i, j| f64::from(u8::from(i == j)));
+    let mut pivots: Vec<(usize, usize)> = Vec::new();
+    for i in 0..rows {
+        let scale = max_norm(matrix.row(i));
+        for &(pivot_row, col) in &pivots {
+            let factor = matrix[(i, col)] / matrix[(pivot_row, col)];
+            for j in 0..cols {
+                let above = matrix[(pivot_row, j)];
+                matrix[(i, j)] -= factor * above;
+            }
+            for j in 0..rows {
+                let above = combination[(pivot_row, j)];
+                combination[(i, j)] -= factor * above;
+            }
+        }
+        let col = (0..cols).max_by(|a, b| matrix[(i, *a)].abs().total_cmp(&matrix[(i, *b)].abs()));
+        match col {
+            Some(col) if matrix[(i, col)].abs() > 1e-11 * scale => pivots.push((i, col)),
+            _ => {
+                let largest = max_norm(combination.row(i));
+                let takes_part = |k: &usize| combination[(i, *k)].abs() > 1e-9 * largest;
+                return Some((0..=i).filter(takes_part).collect());
+            }
+        }
+    }
+    None
+}

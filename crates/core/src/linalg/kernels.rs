@@ -1,0 +1,113 @@
+//! Loops over short vectors.
+
+use super::Matrix;
+
+/// `out += factor * x`
+#[inline]
+pub fn add_scaled(out: &mut [f64], factor: f64, x: &[f64]) {
+    for (out, x) in out.iter_mut().zip(x) {
+        *out += factor * x;
+    }
+}
+
+/// Runs `$small` with the constant `$N` equal to `$n` up to 8, and `$any` beyond: the vectors of small
+/// systems are so short that a loop of unknown length costs more than its work.
+macro_rules! short {
+    ($n:expr, $N:ident => $small:expr, $any:expr) => {
+        short!(@ $n, $N, $small, $any, 1 2 3 4 5 6 7 8)
+    };
+    (@ $n:expr, $N:ident, $small:expr, $any:expr, $($size:literal)*) => {
+        match $n {
+            $($size => { const $N: usize = $size; $small })*
+            _ => $any,
+        }
+    };
+}
+
+/// `out_ik = finish(i, k, Σ_j weights_ij x_jk)`, for as many rows as both `out` and `weights` have.
+#[inline]
+pub fn combine(
+    out: &mut [f64],
+    weights: &Matrix,
+    x: &Matrix,
+    finish: impl Fn(usize, usize, f64) -> f64,
+) {
+    short!(x.cols, N => combine_short::<N>(out, weights, x, finish), combine_long(out, weights, x, finish));
+}
+
+#[inline]
+fn combine_short<const N: usize>(
+    out: &mut [f64],
+    weights: &Matrix,
+    x: &Matrix,
+    finish: impl Fn(usize, usize, f64) -> f64,
+) {
+    let (out, x) = (out.as_chunks_mut::<N>().0, x.data.as_chunks::<N>().0);
+    for (i, (out, weights)) in out
+        .iter_mut()
+        .zip(weights.data.chunks_exact(weights.cols))
+        .enumerate()
+    {
+        let mut sum = [0.0; N];
+        for (weight, x) in weights.iter().zip(x) {
+            for k in 0..N {
+                sum[k] += weight * x[k];
+            }
+        }
+        for k in 0..N {
+            out[k] = finish(i, k, sum[k]);
+        }
+    }
+}
+
+fn combine_long(
+    out: &mut [f64],
+    weights: &Matrix,
+    x: &Matrix,
+    finish: impl Fn(usize, usize, f64) -> f64,
+) {
+    let rows = weights.data.chunks_exact(weights.cols);
+    for (i, (out, weights)) in out.chunks_exact_mut(x.cols).zip(rows).enumerate() {
+        out.fill(0.0);
+        for (weight, x) in weights.iter().zip(x.data.chunks_exact(x.cols)) {
+            add_scaled(out, *weight, x);
+        }
+        for (k, out) in out.iter_mut().enumerate() {
+            *out = finish(i, k, *out);
+        }
+    }
+}
+
+/// `out = x`
+///
+/// # Panics
+/// When the sizes differ.
+#[inline]
+pub fn copy<T: Copy>(out: &mut [T], x: &[T]) {
+    assert_eq!(out.len(), x.len(), "sizes of a copy");
+    short!(
+        x.len(),
+        N => if let (Some(out), Some(x)) = (out.first_chunk_mut::<N>(), x.first_chunk::<N>()) { *out = *x; },
+        out.copy_from_slice(x)
+    );
+}
+
+/// `out = factor * x`
+#[inline]
+pub fn copy_scaled(out: &mut [f64], factor: f64, x: &[f64]) {
+    for (out, x) in out.iter_mut().zip(x) {
+        *out = factor * x;
+    }
+}
+
+/// Largest magnitude; NaN counts as infinite.
+#[inline]
+pub fn max_norm(x: &[f64]) -> f64 {
+    let mut largest = 0.0_f64;
+    let mut finite = true;
+    for x in x {
+        largest = largest.max(x.abs());
+        finite &= !x.is_nan();
+    }
+    if finite { largest } else { f64::INFINITY }
+}

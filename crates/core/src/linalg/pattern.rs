@@ -1,0 +1,92 @@
+//! Sparsity patterns, for matrices whose values come from a tape.
+
+use super::Matrix;
+
+/// Where the nonzeros of a matrix are; their values come from a tape, in the same order.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Pattern {
+    rows: usize,
+    cols: usize,
+    entries: Vec<(usize, usize)>,
+}
+
+/// A pattern with an entry outside its matrix, or one too many.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+#[error("entry ({row}, {col}) is outside a {rows} by {cols} matrix")]
+#[allow(missing_docs)]
+pub struct PatternError {
+    pub row: usize,
+    pub col: usize,
+    pub rows: usize,
+    pub cols: usize,
+}
+
+impl Pattern {
+    /// A pattern of `(row, column)` entries.
+    ///
+    /// # Errors
+    /// The first entry outside the matrix.
+    pub fn new(
+        rows: usize,
+        cols: usize,
+        entries: Vec<(usize, usize)>,
+    ) -> Result<Self, PatternError> {
+        match entries
+            .iter()
+            .find(|(row, col)| *row >= rows || *col >= cols)
+        {
+            Some(&(row, col)) => Err(PatternError {
+                row,
+                col,
+                rows,
+                cols,
+            }),
+            None => Ok(Self {
+                rows,
+                cols,
+                entries,
+            }),
+        }
+    }
+
+    /// Number of rows and columns.
+    pub fn shape(&self) -> (usize, usize) {
+        (self.rows, self.cols)
+    }
+
+    /// The (row, column) of each entry.
+    #[inline]
+    pub fn entries(&self) -> &[(usize, usize)] {
+        &self.entries
+    }
+
+    /// Number of entries.
+    pub fn len(&self) -> usize {
+        self.entries.len()
+    }
+
+    /// Whether the matrix is structurally zero.
+    pub fn is_empty(&self) -> bool {
+        self.entries.is_empty()
+    }
+
+    /// Whether all entries lie on the diagonal.
+    pub fn is_diagonal(&self) -> bool {
+        self.entries.iter().all(|(row, col)| row == col)
+    }
+
+    /// `out += factor * A x`
+    #[inline]
+    pub fn multiply_add(&self, values: &[f64], factor: f64, x: &[f64], out: &mut [f64]) {
+        for (&(row, col), value) in self.entries.iter().zip(values) {
+            out[row] += factor * value * x[col];
+        }
+    }
+
+    /// Adds `factor * A` to `target`, its corner at `(row, col)`.
+    pub fn add_to(&self, values: &[f64], factor: f64, target: &mut Matrix, row: usize, col: usize) {
+        for (&(i, j), value) in self.entries.iter().zip(values) {
+            target[(row + i, col + j)] += factor * value;
+        }
+    }
+}

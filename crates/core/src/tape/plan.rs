@@ -1,0 +1,119 @@
+//! The first pass over an incoming program: every index checked, every value's home decided.
+
+use super::{Line, TapeError};
+
+/// Who wrote a slot's current value, and whether that depends on parameters alone.
+#[derive(Clone, Copy)]
+struct Held {
+    writer: usize,
+    fixed: bool,
+}
+
+/// What the first pass over a program learns.
+pub(super) struct Plan {
+    /// How many slots the program has.
+    pub(super) slots: usize,
+    /// How many values need a register that is never reused.
+    pub(super) pinned: usize,
+    /// For each line, whether its value depends on parameters alone.
+    pub(super) fixed: Vec<bool>,
+    /// For each operation, the output its result may be written to at once.
+    pub(super) direct: Vec<Option<usize>>,
+}
+
+impl Plan {
+    pub(super) fn new(inputs: &[usize], outputs: usize, lines: &[Line]) -> Result<Self, TapeError> {
+        let total = inputs
+            .iter()
+            .try_fold(outputs, |sum, size| sum.checked_add(*size));
+        if total.is_none_or(|total| total > 1 << 30) {
+            return Err(TapeError::TooLarge);
+        }
+        if outputs > lines.len() {
+            return Err(TapeError::Missing {
+                element: outputs - 1,
+            });
+        }
+        let mut plan = Self {
+            slots: 0,
+            pinned: 0,
+            fixed: vec![false; lines.len()],
+            direct: vec![None; lines.len()],
+        };
+        let mut slots: Vec<Option<Held>> = vec![None; lines.len()];
+        let mut written = vec![false; outputs];
+        for (k, line) in lines.iter().enumerate() {
+            let write = |slots: &mut [Option<Held>], slot: usize, fixed| {
+                let out_of_range = TapeError::Slot {
+                    line: k,
+                    slot,
+                    lines: lines.len(),
+                };
+                let place = slots.get_mut(slot).ok_or(out_of_range)?;
+                *place = Some(Held { writer: k, fixed });
+                Ok(slot + 1)
+            };
+            let read = |slots: &[Option<Held>], slot: usize| {
+                slots
+                    .get(slot)
+                    .copied()
+                    .flatten()
+                    .ok_or(TapeError::Unwritten { line: k, slot })
+            };
+            match *line {
+                Line::Input {
+                    slot,
+                    group,
+                    element,
+                } => {
+                    if inputs.get(group).is_none_or(|size| element >= *size) {
+                        return Err(TapeError::Input {
+                            line: k,
+                            group,
+                            element,
+                        });
+                    }
+                    plan.slots =
+                        plan.slots
+                            .max(write(&mut slots, slot, group + 1 == inputs.len())?);
+                }
+                Line::Constant { slot, .. } => {
+                    plan.pinned += 1;
+                    plan.slots = plan.slots.max(write(&mut slots, slot, true)?);
+                }
+                Line::Apply { op, slot, a, b } => {
+                    let mut fixed = read(&slots, a)?.fixed;
+                    if op.arity() == 2 {
+                        fixed &= read(&slots, b)?.fixed;
+                    }
+                    plan.fixed[k] = fixed;
+                    plan.pinned += usize::from(fixed);
+                    plan.slots = plan.slots.max(write(&mut slots, slot, fixed)?);
+                }
+                Line::Output { element, slot } => {
+                    let held = read(&slots, slot)?;
+                    match written.get_mut(element) {
+                        None => {
+                            return Err(TapeError::Output {
+                                line: k,
+                                element,
+                                outputs,
+                            });
+                        }
+                        Some(true) => return Err(TapeError::Twice { line: k, element }),
+                        Some(unwritten) => *unwritten = true,
+                    }
+                    plan.fixed[k] = held.fixed;
+                    let target = &mut plan.direct[held.writer];
+                    if matches!(lines[held.writer], Line::Apply { .. }) && target.is_none() {
+                        *target = Some(element);
+                    }
+                }
+            }
+        }
+        match written.iter().position(|written| !written) {
+            Some(element) => Err(TapeError::Missing { element }),
+            None => Ok(plan),
+        }
+    }
+}

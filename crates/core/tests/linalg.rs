@@ -1,0 +1,361 @@
+//! Factorisations against plain multiplication, and what is said of matrices that have none.
+
+#![allow(clippy::float_cmp)] // what is compared here is exact
+
+use liouville_core::linalg::{
+    Factor, Lu, Matrix, Pattern, PatternError, Singular, add_scaled, combine, copy, dependent_rows,
+    max_norm,
+};
+use proptest::prelude::*;
+
+/// A square matrix of order 0 to 12 and a vector that fits.
+fn systems() -> impl Strategy<Value = (Matrix, Vec<f64>)> {
+    (0..=12_usize).prop_flat_map(|n| {
+        (
+            prop::collection::vec(-1.0..1.0, n * n).prop_map(move |data| square(n, &data)),
+            prop::collection::vec(-1.0..1.0, n),
+        )
+    })
+}
+
+fn square(n: usize, data: &[f64]) -> Matrix {
+    Matrix::from_fn(n, n, |i, j| data[i * n + j])
+}
+
+fn transposed(a: &Matrix, n: usize) -> Matrix {
+    Matrix::from_fn(n, n, |i, j| a[(j, i)])
+}
+
+fn factored(a: &Matrix, n: usize) -> Result<Lu, Singular> {
+    let mut lu = Lu::new(n);
+    lu.matrix_mut().flat_mut().copy_from_slice(a.flat());
+    lu.factor().map(|()| lu)
+}
+
+/// The largest residual of a row, |b_i - Σ a_ij x_j|, relative to the size of what was summed.
+fn residual(a: &Matrix, x: &[f64], b: &[f64]) -> f64 {
+    let row = |i: usize| a.row(i).iter().zip(x).map(|(a, x)| a * x);
+    (0..b.len())
+        .map(|i| {
+            let size: f64 = row(i).map(f64::abs).sum();
+            (row(i).sum::<f64>() - b[i]).abs() / (size + b[i].abs())
+        })
+        .fold(0.0, f64::max)
+}
+
+fn config() -> ProptestConfig {
+    ProptestConfig {
+        cases: if cfg!(miri) { 8 } else { 1000 },
+        failure_persistence: None,
+        ..ProptestConfig::default()
+    }
+}
+
+proptest! {
+    #![proptest_config(config())]
+
+    #[test]
+    fn a_solution_multiplies_back((a, b) in systems()) {
+        if let Ok(lu) = factored(&a, b.len()) {
+            let mut x = b.clone();
+            lu.solve(&mut x);
+            prop_assert!(residual(&a, &x, &b) < 1e-12);
+        }
+    }
+
+    #[test]
+    fn a_transposed_solution_multiplies_back((a, b) in systems()) {
+        if let Ok(lu) = factored(&a, b.len()) {
+            let mut x = b.clone();
+            lu.solve_transposed(&mut x);
+            // the error of a transposed solve is bounded by whole matrix norms, not row by row
+            let size = max_norm(&x) + max_norm(&b);
+            let a = transposed(&a, b.len());
+            for (row, b) in (0..b.len()).map(|i| a.row(i)).zip(&b) {
+                let sum: f64 = row.iter().zip(&x).map(|(a, x)| a * x).sum();
+                prop_assert!((sum - b).abs() <= 1e-12 * size);
+            }
+        }
+    }
+
+    #[test]
+    fn the_units_of_a_row_do_not_matter(
+        (a, b) in systems(),
+        powers in prop::collection::vec(-300..300_i32, 12),
+    ) {
+        // by powers of two, so that nothing but the choice of pivots could differ
+        let unit = |i: usize| 2.0_f64.powi(powers[i]);
+        let n = b.len();
+        let scaled = Matrix::from_fn(n, n, |i, j| unit(i) * a[(i, j)]);
+        let mut x = b.clone();
+        let mut y: Vec<f64> = b.iter().enumerate().map(|(i, b)| unit(i) * b).collect();
+        match (factored(&a, n), factored(&scaled, n)) {
+            (Ok(plain), Ok(scaled)) => {
+                plain.solve(&mut x);
+                scaled.solve(&mut y);
+                prop_assert_eq!(x, y);
+            }
+            (plain, scaled) => prop_assert_eq!(plain.err(), scaled.err()),
+        }
+    }
+
+    #[test]
+    fn the_first_column_without_a_pivot_is_named(
+        (mut a, b) in systems(),
+        column in any::<prop::sample::Index>(),
+    ) {
+        let n = b.len();
+        prop_assume!(n > 0);
+        let column = column.index(n);
+        // sixteenths multiply exactly, and a strong diagonal keeps the other columns independent
+        for i in 0..n {
+            for j in 0..n {
+                a[(i, j)] = (16.0 * a[(i, j)]).round() / 16.0;
+            }
+            a[(i, i)] += 16.0;
+        }
+        for i in 0..n {
+            a[(i, column)] = (0..column).map(|j| (16.0 * b[j]).round() / 16.0 * a[(i, j)]).sum();
+        }
+        prop_assert_eq!(factored(&a, n).err(), Some(Singular { column }));
+    }
+
+    #[test]
+    fn dependent_rows_are_named(
+        coefficients in prop::collection::vec(prop_oneof![Just(0.0), 0.25..4.0, -4.0..-0.25], 0..6),
+        extra in 0..3_usize,
+    ) {
+        // unit rows with some noise to the right, then their combination, then anything
+        let k = coefficients.len();
+        let noise = |i: usize, j: usize| 0.1 * f64::from(u8::try_from((5 * i + 3 * j) % 7).unwrap_or(0));
+        let independent = |i: usize, j: usize| if i == j { 1.0 } else { noise(i, j) };
+        let rows = Matrix::from_fn(k + 1 + extra, k + 3, |i, j| match i {
+            i if i < k => independent(i, j),
+            i if i == k => (0..k).map(|l| coefficients[l] * independent(l, j)).sum(),
+            i => noise(i, j),
+        });
+        let mut wanted: Vec<usize> = (0..k).filter(|l| coefficients[*l] != 0.0).collect();
+        wanted.push(k);
+        prop_assert_eq!(dependent_rows(rows), Some(wanted));
+    }
+
+    #[test]
+    fn combinations_are_the_plain_loop(
+        (rows, inner, cols) in (0..5_usize, 1..6_usize, 1..12_usize),
+        values in prop::collection::vec(-1.0..1.0, 5 * 6 + 6 * 12),
+    ) {
+        let weights = Matrix::from_fn(rows, inner, |i, j| values[i * inner + j]);
+        let x = Matrix::from_fn(inner, cols, |i, j| values[30 + i * cols + j]);
+        let mut out = vec![f64::NAN; rows * cols];
+        #[allow(clippy::cast_precision_loss)]
+        combine(&mut out, &weights, &x, |i, k, sum| sum + (10 * i + k) as f64);
+        for i in 0..rows {
+            for k in 0..cols {
+                let sum: f64 = (0..inner).fold(0.0, |sum, j| sum + weights[(i, j)] * x[(j, k)]);
+                #[allow(clippy::cast_precision_loss)]
+                let wanted = sum + (10 * i + k) as f64;
+                prop_assert_eq!(out[i * cols + k], wanted);
+            }
+        }
+    }
+}
+
+#[test]
+fn columns_of_hilbert_s_matrix_are_independent_until_roundoff() {
+    let hilbert = |n: usize| {
+        Matrix::from_fn(n, n, |i, j| {
+            1.0 / f64::from(u8::try_from(i + j + 1).unwrap_or(1))
+        })
+    };
+    assert!(factored(&hilbert(8), 8).is_ok()); // condition number 1.5e10
+    assert!(factored(&hilbert(14), 14).is_err()); // beyond 1e16
+}
+
+#[test]
+fn a_zero_row_and_values_that_are_not_finite_have_no_factors() {
+    for bad in [f64::NAN, f64::INFINITY, f64::NEG_INFINITY] {
+        for place in 0..4 {
+            let mut data = [2.0, 1.0, 1.0, 3.0];
+            data[place] = bad;
+            assert!(factored(&square(2, &data), 2).is_err(), "{data:?}");
+        }
+    }
+    assert_eq!(
+        factored(&square(2, &[0.0, 0.0, 1.0, 1.0]), 2).err(),
+        Some(Singular { column: 1 })
+    );
+    assert_eq!(
+        factored(&square(1, &[0.0]), 1).err(),
+        Some(Singular { column: 0 })
+    );
+}
+
+#[test]
+fn a_matrix_of_order_zero_is_solved_with() {
+    let lu = factored(&Matrix::zeros(0, 0), 0).expect("nothing is singular in it");
+    lu.solve(&mut []);
+    lu.solve_transposed(&mut []);
+    assert_eq!(lu.order(), 0);
+}
+
+#[test]
+fn a_second_factorisation_forgets_the_first() {
+    let mut lu = Lu::new(2);
+    lu.matrix_mut()
+        .flat_mut()
+        .copy_from_slice(&[0.0, 1.0, 1.0, 0.0]);
+    lu.factor().expect("a permutation");
+    lu.matrix_mut()
+        .flat_mut()
+        .copy_from_slice(&[2.0, 0.0, 0.0, 4.0]);
+    lu.factor().expect("a diagonal");
+    let mut x = [2.0, 2.0];
+    lu.solve(&mut x);
+    assert_eq!(x, [1.0, 0.5]);
+}
+
+#[test]
+fn independent_rows_have_no_combination() {
+    assert_eq!(
+        dependent_rows(Matrix::from_fn(3, 3, |i, j| f64::from(u8::from(
+            i + j == 2
+        )))),
+        None
+    );
+    assert_eq!(dependent_rows(Matrix::zeros(0, 3)), None);
+}
+
+#[test]
+fn more_rows_than_columns_depend() {
+    let rows = [[1.0, 0.0], [1.0, 1.0], [0.0, 1.0]];
+    assert_eq!(
+        dependent_rows(Matrix::from_fn(3, 2, |i, j| rows[i][j])),
+        Some(vec![0, 1, 2])
+    );
+}
+
+#[test]
+fn a_zero_row_depends_on_nothing_else() {
+    let rows = [[1.0, 2.0], [0.0, 0.0], [1.0, 2.0]];
+    assert_eq!(
+        dependent_rows(Matrix::from_fn(3, 2, |i, j| rows[i][j])),
+        Some(vec![1])
+    );
+}
+
+#[test]
+fn dependent_rows_are_named_in_any_units() {
+    for unit in [1e-12, 1e12] {
+        let rows = [[unit, 0.0, 0.0], [0.0, 1.0, 0.0], [1.0, 1.0, 0.0]];
+        let named = dependent_rows(Matrix::from_fn(3, 3, |i, j| rows[i][j]));
+        assert_eq!(
+            named,
+            Some(vec![0, 1, 2]),
+            "with the first row in units of {unit:e}"
+        );
+    }
+}
+
+#[test]
+fn a_pattern_lies_inside_its_matrix() {
+    let wanted = PatternError {
+        row: 1,
+        col: 3,
+        rows: 2,
+        cols: 3,
+    };
+    let refused = Pattern::new(2, 3, vec![(0, 0), (1, 3), (5, 5)]).expect_err("(1, 3) is outside");
+    assert_eq!(refused, wanted);
+    assert_eq!(
+        refused.to_string(),
+        "entry (1, 3) is outside a 2 by 3 matrix"
+    );
+    assert!(Pattern::new(2, 3, vec![(2, 0)]).is_err());
+    assert!(Pattern::new(0, 0, vec![(0, 0)]).is_err());
+}
+
+#[test]
+fn a_pattern_multiplies_as_the_matrix_it_stands_for() {
+    let pattern = Pattern::new(2, 3, vec![(1, 2), (0, 0), (1, 0)]).expect("entries inside");
+    assert_eq!((pattern.shape(), pattern.len()), ((2, 3), 3));
+    let values = [5.0, 2.0, -1.0];
+    let mut out = [10.0, 20.0];
+    pattern.multiply_add(&values, 0.5, &[1.0, 7.0, 3.0], &mut out);
+    assert_eq!(out, [11.0, 27.0]);
+    let mut dense = Matrix::from_fn(3, 4, |_, _| 1.0);
+    pattern.add_to(&values, 2.0, &mut dense, 1, 1);
+    assert_eq!(dense.row(0), [1.0, 1.0, 1.0, 1.0]);
+    assert_eq!(dense.row(1), [1.0, 5.0, 1.0, 1.0]);
+    assert_eq!(dense.row(2), [1.0, -1.0, 1.0, 11.0]);
+    assert!(!pattern.is_diagonal() && !pattern.is_empty());
+}
+
+#[test]
+fn a_diagonal_pattern_is_solved_as_the_dense_matrix() {
+    let entries = vec![(2, 2), (0, 0), (1, 1)];
+    let diagonal = Pattern::new(3, 3, entries.clone()).expect("entries inside");
+    let full = Pattern::new(3, 3, [entries, vec![(0, 2)]].concat()).expect("entries inside");
+    let (mut fast, mut dense) = (Factor::new(&diagonal), Factor::new(&full));
+    assert!(matches!(
+        (&fast, &dense),
+        (Factor::Diagonal(_), Factor::Dense(_))
+    ));
+    fast.factor(&diagonal, &[4.0, 2.0, -8.0]).expect("regular");
+    dense
+        .factor(&full, &[4.0, 2.0, -8.0, 0.0])
+        .expect("regular");
+    let (mut a, mut b) = ([1.0, 2.0, 3.0], [1.0, 2.0, 3.0]);
+    fast.solve(&mut a);
+    dense.solve(&mut b);
+    assert_eq!((a, b), ([0.5, -0.25, 0.75], [0.5, -0.25, 0.75]));
+}
+
+#[test]
+fn a_diagonal_without_an_entry_is_singular_there() {
+    let pattern = Pattern::new(3, 3, vec![(0, 0), (2, 2)]).expect("entries inside");
+    let mut factor = Factor::new(&pattern);
+    assert_eq!(
+        factor.factor(&pattern, &[1.0, 1.0]),
+        Err(Singular { column: 1 })
+    );
+    let whole = Pattern::new(2, 2, vec![(0, 0), (1, 1)]).expect("entries inside");
+    let mut factor = Factor::new(&whole);
+    for bad in [0.0, -0.0, f64::NAN, f64::INFINITY] {
+        assert_eq!(
+            factor.factor(&whole, &[1.0, bad]),
+            Err(Singular { column: 1 }),
+            "{bad}"
+        );
+    }
+    assert_eq!(factor.factor(&whole, &[1.0, 2.0]), Ok(()));
+}
+
+#[test]
+fn vectors_of_every_length_are_copied_and_added() {
+    for n in 0..20_u8 {
+        let x: Vec<f64> = (0..n).map(f64::from).collect();
+        let mut out = vec![1.0; x.len()];
+        add_scaled(&mut out, 2.0, &x);
+        assert!(
+            out.iter()
+                .zip(&x)
+                .all(|(out, x)| (out - (1.0 + 2.0 * x)).abs() < 1e-15)
+        );
+        copy(&mut out, &x);
+        assert_eq!(out, x);
+    }
+}
+
+#[test]
+#[should_panic(expected = "sizes of a copy")]
+fn a_copy_of_another_size_is_refused() {
+    copy(&mut [0.0; 3], &[0.0; 2]);
+}
+
+#[test]
+fn the_largest_magnitude_of_a_nan_is_infinite() {
+    assert_eq!(max_norm(&[1.0, -3.0, 2.0]).to_bits(), 3.0_f64.to_bits());
+    assert_eq!(max_norm(&[]).to_bits(), 0.0_f64.to_bits());
+    assert!(max_norm(&[1.0, f64::NAN, 2.0]).is_infinite());
+    assert!(max_norm(&[f64::NEG_INFINITY]).is_infinite());
+}
