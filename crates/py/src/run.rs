@@ -195,7 +195,7 @@ pub(crate) fn gauss_lobatto(py: Python<'_>, stages: usize) -> PyResult<Bound<'_,
         ("a_bar", &tableau.a_bar),
         ("a_hat", &tableau.a_hat),
     ] {
-        let shape = [matrix.rows(), matrix.row(0).len()];
+        let shape = [matrix.rows(), matrix.cols()];
         dict.set_item(
             name,
             PyArray1::from_slice(py, matrix.flat()).reshape(shape)?,

@@ -62,7 +62,7 @@ impl Lu {
             self.factors.swap_rows(k, best);
             self.scale.swap(k, best);
             self.swaps[k] = best;
-            let (head, tail) = self.factors.data.split_at_mut((k + 1) * n);
+            let (head, tail) = self.factors.flat_mut().split_at_mut((k + 1) * n);
             let pivot_row = &head[k * n..];
             let inverse = 1.0 / pivot_row[k];
             for row in tail.chunks_exact_mut(n) {
@@ -147,7 +147,7 @@ impl Factor {
         match self {
             Self::Diagonal(inverse) => {
                 inverse.fill(0.0);
-                for (&(row, _), value) in pattern.entries.iter().zip(values) {
+                for (&(row, _), value) in pattern.entries().iter().zip(values) {
                     inverse[row] = 1.0 / value;
                 }
                 match inverse.iter().position(|x| *x == 0.0 || !x.is_finite()) {
@@ -178,7 +178,7 @@ impl Factor {
 
 /// Rows whose combination vanishes: the first row that depends on those before it, and those it needs.
 pub fn dependent_rows(mut matrix: Matrix) -> Option<Vec<usize>> {
-    let (rows, cols) = (matrix.rows(), matrix.cols);
+    let (rows, cols) = (matrix.rows(), matrix.cols());
     let mut combination = Matrix::from_fn(rows, rows, |i, j| f64::from(u8::from(i == j)));
     let mut pivots: Vec<(usize, usize)> = Vec::new();
     for i in 0..rows {

@@ -32,7 +32,7 @@ pub fn combine(
     x: &Matrix,
     finish: impl Fn(usize, usize, f64) -> f64,
 ) {
-    short!(x.cols, N => combine_short::<N>(out, weights, x, finish), combine_long(out, weights, x, finish));
+    short!(x.cols(), N => combine_short::<N>(out, weights, x, finish), combine_long(out, weights, x, finish));
 }
 
 #[inline]
@@ -42,10 +42,10 @@ fn combine_short<const N: usize>(
     x: &Matrix,
     finish: impl Fn(usize, usize, f64) -> f64,
 ) {
-    let (out, x) = (out.as_chunks_mut::<N>().0, x.data.as_chunks::<N>().0);
+    let (out, x) = (out.as_chunks_mut::<N>().0, x.flat().as_chunks::<N>().0);
     for (i, (out, weights)) in out
         .iter_mut()
-        .zip(weights.data.chunks_exact(weights.cols))
+        .zip(weights.flat().chunks_exact(weights.cols()))
         .enumerate()
     {
         let mut sum = [0.0; N];
@@ -66,10 +66,10 @@ fn combine_long(
     x: &Matrix,
     finish: impl Fn(usize, usize, f64) -> f64,
 ) {
-    let rows = weights.data.chunks_exact(weights.cols);
-    for (i, (out, weights)) in out.chunks_exact_mut(x.cols).zip(rows).enumerate() {
+    let rows = weights.flat().chunks_exact(weights.cols());
+    for (i, (out, weights)) in out.chunks_exact_mut(x.cols()).zip(rows).enumerate() {
         out.fill(0.0);
-        for (weight, x) in weights.iter().zip(x.data.chunks_exact(x.cols)) {
+        for (weight, x) in weights.iter().zip(x.flat().chunks_exact(x.cols())) {
             add_scaled(out, *weight, x);
         }
         for (k, out) in out.iter_mut().enumerate() {

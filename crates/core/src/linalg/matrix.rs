@@ -46,6 +46,12 @@ impl Matrix {
         self.data.len().checked_div(self.cols).unwrap_or(0)
     }
 
+    /// Number of columns.
+    #[inline]
+    pub fn cols(&self) -> usize {
+        self.cols
+    }
+
     /// Every entry set to zero.
     pub fn clear(&mut self) {
         self.data.fill(0.0);
@@ -63,7 +69,7 @@ impl Matrix {
         &mut self.data
     }
 
-    fn swap_rows(&mut self, i: usize, j: usize) {
+    pub(super) fn swap_rows(&mut self, i: usize, j: usize) {
         if i != j {
             let (low, high) = (i.min(j), i.max(j));
             let (head, tail) = self.data.split_at_mut(high * self.cols);
