@@ -4,7 +4,7 @@ A heavy top for a long time
 
 A disc on a rod spins about a fixed point at 150 rad/s and precesses under its weight. Its attitude
 is a unit quaternion, whose length is the one constraint; energy, the angular momentum about the
-vertical and the spin about the rod are constant, and stay so for thousands of revolutions.
+vertical and the spin about the rod are constant, and stay so for a thousand revolutions.
 """
 
 import matplotlib.pyplot as plt
@@ -21,9 +21,9 @@ def disc(t, q, v, params):
 solution = lv.integrate(
     problem.system,
     lv.Spark(stages=4),
-    t=(0.0, 100.0),
-    h=2e-3,
-    every=5,
+    t=(0.0, 60.0),
+    h=1e-3,
+    every=10,
     observe={"disc": disc},
     **problem.start,
 )

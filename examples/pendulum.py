@@ -19,5 +19,5 @@ for stages in (1, 2, 3, 4):
     drift = solution.invariant_drift("energy")
     ax.semilogy(solution.t[1:], drift[1:], ".", ms=2, label=f"s = {stages}, order {2 * stages}")
 ax.set(xlabel="time", ylabel="relative energy error", ylim=(1e-18, 1), title=f"h = {solution.h:g}")
-ax.legend(markerscale=5, ncols=4, loc="lower center")
+ax.legend(markerscale=5, ncols=4, loc="lower center", fontsize=8)
 plt.show()

@@ -74,7 +74,7 @@ def consistent(problem, t):
 # --- the symplectic form -----------------------------------------------------------------------
 
 
-def derivative(curve, step=0.01):
+def derivative(curve, step=0.005):
     """Differentiate a curve of points at 0, to order 8."""
     return (
         sum(

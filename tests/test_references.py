@@ -12,9 +12,7 @@ SOLVERS = ("node-schur", "newton")
 
 
 def numbers(values):
-    return np.array(
-        [[float(x) for x in row] if isinstance(row, list) else float(row) for row in values]
-    )
+    return np.array(values, dtype=float)
 
 
 @pytest.mark.parametrize("solver", SOLVERS)
@@ -93,7 +91,7 @@ def test_coefficients_are_right_to_the_last_bits_up_to_ten_stages(stages):
 
 
 def by_definition(mp, s):
-    """Coefficients from their definitions, in the precision of `mp`: zeros, integrals, conjugates."""
+    """Return the coefficients by their definitions, in the precision of `mp`."""
     legendre = [(-1) ** (s + k) * mp.binomial(s, k) * mp.binomial(s + k, k) for k in range(s + 1)]
     slope = [k * c for k, c in enumerate(legendre)][1:]
     zeros = {"maxsteps": 500, "extraprec": 200, "asc": True}

@@ -68,14 +68,20 @@ def describe(
     if kind == "redundant":
         names = [constraints[k] for k in trouble["constraints"]]
         if len(names) == 1:
-            sentence = f"the gradient of constraint {quoted(names)} vanishes"
-        else:
-            sentence = f"constraints {quoted(names)} are redundant: their gradients are dependent"
-        return sentence, "remove one of them, or start away from a singular position", names[0]
+            return (
+                f"the gradient of constraint {quoted(names)} vanishes",
+                "write the constraint so that it does not where the constraint holds",
+                names[0],
+            )
+        return (
+            f"constraints {quoted(names)} are redundant: their gradients are dependent",
+            "remove one of them, or stay away from the singular position",
+            names[0],
+        )
     if kind == "singular":
         return (
-            "the matrix of the stage equations is singular",
-            "the step may be too large for this motion: try a smaller h",
+            "the equations for velocities and multipliers are singular",
+            "try a smaller h, keep away from singular positions, and let the velocity depend on z",
             "stages",
         )
     if kind == "branch":
@@ -87,7 +93,7 @@ def describe(
         )
     return (
         f"the stage equations did not converge (last correction {trouble['size']:.0e})",
-        "try a smaller h; stiff forces need solver='auto' or 'newton'",
+        "try a smaller h",
         "stages",
     )
 
@@ -97,12 +103,16 @@ def _not_finite(
 ) -> tuple[str, str, str]:
     what, index = trouble["quantity"], trouble["index"]
     if what in ("constraint", "hidden constraint"):
-        name = f"{what} '{constraints[index]}'"
+        quantity = constraints[index]
+        name = f"{what} '{quantity}'"
     elif what in ("velocity", "momentum", "force", "reaction"):
-        name = f"{what} of coordinate '{coordinates[index]}'"
+        quantity = coordinates[index]
+        name = f"{what} of coordinate '{quantity}'"
     elif what == "derivative":
-        name = "a derivative of the model"
+        quantity, name = what, "a derivative of the model"
     else:
-        name = trouble.get("name", what)
+        kind, _, quantity = what.partition(" ")  # "observed NAME" or "invariant NAME"
+        name = f"{kind} '{quantity}'"
     sentence = f"{name} is not finite at t = {trouble['t']:.6g}"
-    return sentence, "look for a division by zero, a root or a logarithm of the model there", name
+    hint = "look for a division by zero, a root or a logarithm of the model there"
+    return sentence, hint, quantity

@@ -20,6 +20,9 @@ from liouville.systems import Mechanics
 #: Seconds between two looks at the signals and the progress bar.
 SLICE = 0.05
 
+#: Beyond this, a step's number and its time are no longer exact.
+MOST_STEPS = 2**53
+
 
 def integrate(
     system: Mechanics,
@@ -94,12 +97,16 @@ def integrate(
         raise TypeError(f"{method!r} does not step mechanical systems; methods that do: {known}")
     t0, t1 = _interval(t)
     count = _steps(t0, t1, h, steps)
-    every = _positive("every", every)
+    every = min(_positive("every", every), count)
+    if not isinstance(states, bool):
+        raise TypeError(f"states is True or False, not {states!r}")
+    if progress is not None and not callable(progress):
+        raise TypeError(f"progress is a function, not {progress!r}")
     values = system.values(params)
     y, z = system.start(start)
     system.check(t0, y, z, values)
     tape, widths = system.observer(observe, states)
-    _check_memory(count // every + 2, tape.outputs + (3 * y.size if states else 0))
+    _check_memory(-(-count // every) + 1, tape.outputs + (3 * y.size if states else 0))
 
     step = (t1 - t0) / count
     begin = time.perf_counter()
@@ -108,40 +115,65 @@ def integrate(
     )
     outcome: str | dict[str, Any]
     if isinstance(run, dict):
-        outcome = {**run, "step": 0, "start": t0}
-        times, rows, stats = np.empty(0), np.empty((0, sum(_columns(system, widths, states).values()))), {}
+        outcome = run
+        times, rows = np.empty(0), np.empty((0, sum(_columns(system, widths, states).values())))
+        stats: dict[str, Any] = {"steps": 0}
     else:
         outcome = _drive(run, count, progress)
         (times, rows), stats = run.take(), {"steps": run.done, **run.stats}
     stats["seconds"] = time.perf_counter() - begin
-    if stats.get("steps"):
-        stats["solver"] = _solver(stats)
 
-    message = ""
+    status, message, quantity = "done", "", ""
     if isinstance(outcome, dict):
-        message, quantity = _explain(outcome, system, widths, count)
+        status = "failed"
+        stats["steps"] = outcome.get("step", 0)
+        message, quantity = _explain(outcome, system, method, widths, (t0, count))
+    elif outcome == "interrupted":
+        status, message = outcome, f"interrupted after {stats['steps']} of {count} steps"
+    if stats["steps"]:
+        stats["solver"] = _solver(stats)
     solution = _solution(
-        system, method, times, _split(system, widths, states, rows),
-        h=step, stats=stats, params=params,
-        status="failed" if isinstance(outcome, dict) else outcome, message=message,
+        system,
+        method,
+        times,
+        _split(system, widths, states, rows),
+        h=step,
+        stats=stats,
+        params=params,
+        status=status,
+        message=message,
     )
     if isinstance(outcome, dict):
         raise IntegrationError(
-            message, t=outcome["start"], step=outcome["step"], quantity=quantity, solution=solution
+            message,
+            t=outcome.get("start", t0),
+            step=stats["steps"],
+            quantity=quantity,
+            solution=solution,
         )
     return solution
 
 
 def _interval(t: Any) -> tuple[float, float]:
-    try:
-        t0, t1 = (float(x) for x in t)
-    except (TypeError, ValueError):
-        raise TypeError(f"t is a pair (start, end), not {t!r}") from None
-    if not (math.isfinite(t0) and math.isfinite(t1)):
-        raise ValueError(f"t is a finite interval, not ({t0}, {t1})")
+    if not isinstance(t, (tuple, list, np.ndarray)) or len(t) != 2:
+        raise TypeError(f"t is a pair (start, end), not {t!r}")
+    t0, t1 = (_number("t is a pair of numbers", x) for x in t)
+    if not math.isfinite(t1 - t0):
+        raise ValueError(f"t is a finite interval, not ({t0:g}, {t1:g})")
     if t0 == t1:
         raise ValueError(f"t = ({t0:g}, {t1:g}) is no interval")
     return t0, t1
+
+
+def _number(wanted: str, value: Any) -> float:
+    if isinstance(value, (bool, np.bool_)) or not isinstance(
+        value, (int, float, np.integer, np.floating)
+    ):
+        raise TypeError(f"{wanted}, not {value!r}")
+    try:
+        return float(value)
+    except OverflowError:
+        return math.inf
 
 
 def _positive(name: str, value: Any) -> int:
@@ -156,27 +188,30 @@ def _steps(t0: float, t1: float, h: Any, steps: Any) -> int:
     if (h is None) == (steps is None):
         raise TypeError("give either h or steps")
     if h is None:
-        count = _positive("steps", steps)
+        count = float(min(_positive("steps", steps), MOST_STEPS))
     else:
-        if isinstance(h, (bool, np.bool_)) or not isinstance(h, (int, float, np.integer, np.floating)):
-            raise TypeError(f"h is a number, not {h!r}")
+        h = _number("h is a number", h)
         if not (math.isfinite(h) and h > 0):
             raise ValueError(
-                hinted(f"h is positive and finite, not {h:g}", "to go backwards, give t=(end, start)")
+                hinted(f"h is positive and finite, not {h}", "to go backwards, give t=(end, start)")
             )
         if h > abs(t1 - t0) * (1 + 1e-9):
             raise ValueError(f"h = {h:g} is larger than the interval, {abs(t1 - t0):g}")
-        count = math.ceil(abs(t1 - t0) / float(h) * (1 - 1e-12))
-    if count > 2**53:
-        raise ValueError(f"{count:.1e} steps are more than can be counted")
-    if t0 + (t1 - t0) / count in (t0,):
+        count = abs(t1 - t0) / h * (1 - 1e-12)
+    if count >= MOST_STEPS:
+        what = "steps" if h is None else f"h = {h:g}"
+        raise ValueError(f"{what}: more than {MOST_STEPS:.0e} steps cannot be counted")
+    count = math.ceil(count)
+    if t0 + (t1 - t0) / count == t0:
         raise ValueError(f"a step of {(t1 - t0) / count:g} does not move t = {t0:g}")
     return count
 
 
 def _check_memory(kept: int, width: int) -> None:
     needed = 8 * kept * (width + 1)
-    there = os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES") if hasattr(os, "sysconf") else 2**36
+    there = 2**36
+    if hasattr(os, "sysconf"):
+        there = os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES")
     if needed > 0.8 * there:
         raise MemoryError(
             hinted(
@@ -254,18 +289,30 @@ def _plain(params: Mapping[str, Any]) -> dict[str, float | list[float]]:
 
 
 def _explain(
-    trouble: dict[str, Any], system: Mechanics, widths: Mapping[str, int], count: int
+    trouble: dict[str, Any],
+    system: Mechanics,
+    method: Spark,
+    widths: Mapping[str, int],
+    span: tuple[float, int],
 ) -> tuple[str, str]:
     if trouble.get("quantity") == "observable":
-        trouble["name"] = _observable(trouble["index"], widths)
+        trouble |= _observable(trouble["index"], widths)
+    t0, count = span
+    if "step" in trouble:
+        where = f"step {trouble['step']} of {count} at t = {trouble['start']:.6g} failed"
+    else:
+        where = f"the start at t = {t0:.6g} cannot be taken"
     sentence, hint, quantity = describe(trouble, system.coordinates, system.constraints)
-    where = f"step {trouble['step']} of {count} at t = {trouble['start']:.6g} failed"
+    if trouble["kind"] == "not converged" and method.solver == "node-schur":
+        hint += ", or solver='auto', which takes stiff forces too"
     return hinted(f"{where}: {sentence}", hint), quantity
 
 
-def _observable(index: int, widths: Mapping[str, int]) -> str:
-    for name, width in widths.items():
+def _observable(index: int, widths: Mapping[str, int]) -> dict[str, Any]:
+    """Say which part of a record an index falls into, and where in that part."""
+    models = {"p": "momentum", "v": "velocity", "hidden": "hidden constraint"}
+    for part, width in widths.items():
         if index < width:
-            return name
+            return {"quantity": models.get(part, part), "index": index}
         index -= width
-    return "observable"
+    return {}

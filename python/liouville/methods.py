@@ -6,6 +6,9 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+#: More stages take more time than they save, long before this.
+MOST_STAGES = 100
+
 SOLVERS = ("auto", "node-schur", "newton")
 
 
@@ -36,7 +39,7 @@ class Spark:
     Parameters
     ----------
     stages : int, default 3
-        Number s of Gauss stages, at least 1.
+        Number s of Gauss stages, from 1 to 100.
     solver : {"auto", "node-schur", "newton"}, default "auto"
         How the stage equations are solved; the result is the same to roundoff.
 
@@ -54,10 +57,11 @@ class Spark:
     solver: str = field(default="auto", metadata={"help": "one of " + ", ".join(SOLVERS)})
 
     def __post_init__(self) -> None:
+        """Refuse numbers that make no method."""
         if isinstance(self.stages, bool) or not isinstance(self.stages, (int, np.integer)):
             raise TypeError(f"stages is an integer, not {self.stages!r}")
-        if self.stages < 1:
-            raise ValueError(f"stages is at least 1, not {self.stages}")
+        if not 1 <= self.stages <= MOST_STAGES:
+            raise ValueError(f"stages is from 1 to {MOST_STAGES}, not {self.stages}")
         if self.solver not in SOLVERS:
             raise ValueError(f"solver is one of {', '.join(SOLVERS)}, not {self.solver!r}")
 

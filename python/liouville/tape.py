@@ -8,6 +8,7 @@ import casadi as ca
 import numpy as np
 
 from liouville._core import OPERATIONS, Tape
+from liouville.errors import hinted
 
 _INPUT, _CONSTANT, _OUTPUT = -1, -2, -3
 _NAMES: dict[int, str] = {
@@ -17,9 +18,7 @@ _NAMES: dict[int, str] = {
 }
 
 
-def record(
-    name: str, inputs: Mapping[str, ca.SX], *outputs: ca.SX, dense: bool = True
-) -> Tape:
+def record(name: str, inputs: Mapping[str, ca.SX], *outputs: ca.SX, dense: bool = True) -> Tape:
     """Record expressions as one tape.
 
     Parameters
@@ -40,21 +39,27 @@ def record(
     Raises
     ------
     ValueError
-        An expression has an operation that is not on the tape, or a symbol that is not an input.
+        An expression has an operation that is not on the tape, a symbol that is not an input, or
+        the constant NaN.
     """
-    if dense:
-        columns = [ca.vec(ca.densify(x)) for x in outputs]
-    else:
-        columns = [ca.vertcat(*x.nonzeros()) if x.nnz() else ca.SX(0, 1) for x in outputs]
+    columns = [ca.vec(ca.densify(x)) if dense else ca.vec(x.nz[:]) for x in outputs]
     column = ca.vertcat(*columns)
-    function = ca.Function(name, list(inputs.values()), [column], {"allow_free": True})
+    function = ca.Function("tape", list(inputs.values()), [column], {"allow_free": True})
     if function.has_free():
         free = ", ".join(sorted(str(x) for x in function.free_sx()))
         raise ValueError(f"{name} depends on symbols that are not its arguments: {free}")
-    return Tape([x.numel() for x in inputs.values()], column.numel(), *_program(function))
+    lines, values = _program(name, function)
+    if np.isnan(values).any():
+        raise ValueError(
+            hinted(
+                f"{name} contains the constant nan",
+                "on symbols use casadi's functions (ca.sin); math.sin makes them nan",
+            )
+        )
+    return Tape([x.numel() for x in inputs.values()], column.numel(), lines, values)
 
 
-def _program(function: ca.Function) -> tuple[np.ndarray, np.ndarray]:
+def _program(name: str, function: ca.Function) -> tuple[np.ndarray, np.ndarray]:
     """Flatten a function into the core's lines (code, slot, a, b) and their values."""
     count = function.n_instructions()
     lines = np.zeros((count, 4), dtype=np.int64)
@@ -72,12 +77,12 @@ def _program(function: ca.Function) -> tuple[np.ndarray, np.ndarray]:
         else:
             operands = function.instruction_input(k)
             (slot,) = function.instruction_output(k)
-            lines[k, : 2 + len(operands)] = (_operation(function, code), slot, *operands)
+            lines[k, : 2 + len(operands)] = (_operation(name, code), slot, *operands)
     return lines, values
 
 
-def _operation(function: ca.Function, code: int) -> int:
-    name = _NAMES.get(code, str(code))
-    if name not in OPERATIONS:
-        raise ValueError(f"{function.name()} uses the operation '{name}', which has no place on a tape")
-    return OPERATIONS[name]
+def _operation(name: str, code: int) -> int:
+    operation = _NAMES.get(code, str(code))
+    if operation not in OPERATIONS:
+        raise ValueError(f"{name} uses the operation '{operation}', which has no place on a tape")
+    return OPERATIONS[operation]

@@ -8,9 +8,9 @@ use liouville_core::linalg::{
 };
 use proptest::prelude::*;
 
-/// A square matrix of order 0 to 12 and a vector that fits.
-fn systems() -> impl Strategy<Value = (Matrix, Vec<f64>)> {
-    (0..=12_usize).prop_flat_map(|n| {
+/// A square matrix of order `least` to 12 and a vector that fits.
+fn systems(least: usize) -> impl Strategy<Value = (Matrix, Vec<f64>)> {
+    (least..=12).prop_flat_map(|n| {
         (
             prop::collection::vec(-1.0..1.0, n * n).prop_map(move |data| square(n, &data)),
             prop::collection::vec(-1.0..1.0, n),
@@ -55,7 +55,7 @@ proptest! {
     #![proptest_config(config())]
 
     #[test]
-    fn a_solution_multiplies_back((a, b) in systems()) {
+    fn a_solution_multiplies_back((a, b) in systems(0)) {
         if let Ok(lu) = factored(&a, b.len()) {
             let mut x = b.clone();
             lu.solve(&mut x);
@@ -64,7 +64,7 @@ proptest! {
     }
 
     #[test]
-    fn a_transposed_solution_multiplies_back((a, b) in systems()) {
+    fn a_transposed_solution_multiplies_back((a, b) in systems(0)) {
         if let Ok(lu) = factored(&a, b.len()) {
             let mut x = b.clone();
             lu.solve_transposed(&mut x);
@@ -80,7 +80,7 @@ proptest! {
 
     #[test]
     fn the_units_of_a_row_do_not_matter(
-        (a, b) in systems(),
+        (a, b) in systems(0),
         powers in prop::collection::vec(-300..300_i32, 12),
     ) {
         // by powers of two, so that nothing but the choice of pivots could differ
@@ -101,11 +101,10 @@ proptest! {
 
     #[test]
     fn the_first_column_without_a_pivot_is_named(
-        (mut a, b) in systems(),
+        (mut a, b) in systems(1),
         column in any::<prop::sample::Index>(),
     ) {
         let n = b.len();
-        prop_assume!(n > 0);
         let column = column.index(n);
         // sixteenths multiply exactly, and a strong diagonal keeps the other columns independent
         for i in 0..n {

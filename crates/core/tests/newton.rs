@@ -61,9 +61,8 @@ fn a_simplified_iteration_ends_without_a_confirming_correction() {
     let mut equations = scalar(0.7, |x: f64| (x.cos() - x) / (1.0 + 0.7_f64.sin()));
     let iterations = solve(&mut equations, 20).expect("contracts");
     assert!((equations.x.cos() - equations.x).abs() <= f64::EPSILON);
-    // by rate r a first correction d leaves r^k d after k; this many reach a tenth of ε, no more
     assert!(iterations <= 10, "{iterations} corrections");
-    let exact = [1.0, 1e-4, 1e-8, 1e-12, 1e-14, f64::NAN];
+    let exact = [1.0, 1e-4, 1e-8, 1e-12, 1e-16, f64::NAN];
     assert_eq!(after(&exact, 6), (Ok(5), 5));
 }
 
@@ -76,10 +75,10 @@ fn a_linear_problem_takes_the_correction_and_a_look() {
 
 #[test]
 fn corrections_within_the_noise_end_the_iteration() {
-    // shrinking stops at 1e-14: nothing more is to be had
-    assert_eq!(after(&[1e-2, 1e-7, 1e-14, 0.9e-14, 1e-14], 9), (Ok(4), 4));
-    // growing within the noise is noise as well
-    assert_eq!(after(&[1e-2, 1e-7, 1e-14, 5e-14 / 2.0], 9), (Ok(4), 4));
+    let shrinking_stops = [1e-11, 1e-12, 1e-13, 4e-14, 3e-14];
+    assert_eq!(after(&shrinking_stops, 9), (Ok(5), 5));
+    let grows_again = [1e-11, 1e-12, 1e-13, 1e-14, 4e-14];
+    assert_eq!(after(&grows_again, 9), (Ok(5), 5));
 }
 
 #[test]
@@ -107,10 +106,10 @@ fn a_rate_too_slow_for_what_is_left_is_given_up_early() {
 
 #[test]
 fn a_rate_that_is_enough_is_given_its_time() {
-    let steady: Vec<f64> = (0..30).map(|k| 0.2_f64.powi(k)).collect();
+    let steady: Vec<f64> = (0..40).map(|k| 0.2_f64.powi(k)).collect();
     let (outcome, made) = after(&steady, 30);
     assert_eq!(outcome, Ok(made));
-    assert!((20..=24).contains(&made), "{made} corrections");
+    assert!((22..=28).contains(&made), "{made} corrections");
     // a bad beginning is forgiven
     let late = [1.0, 1.2, 0.6, 1e-3, 1e-8, 1e-17];
     assert_eq!(after(&late, 16), (Ok(6), 6));

@@ -130,6 +130,40 @@ fn the_method_is_symplectic() {
 }
 
 #[test]
+fn what_steps_use_is_symplectic_without_rounding() {
+    let one = 1.0_f64.to_bits();
+    for s in 1..=MOST {
+        let t = GaussLobatto::new(s);
+        for i in 0..s {
+            for j in 0..s {
+                assert_eq!((t.mu[(i, j)] + t.mu[(j, i)]).to_bits(), one, "s = {s}");
+            }
+            for j in 0..=s {
+                assert_eq!(
+                    (t.mu_hat[(i, j)] + t.mu_bar[(j, i)]).to_bits(),
+                    one,
+                    "s = {s}"
+                );
+            }
+        }
+    }
+}
+
+#[test]
+fn what_steps_use_are_the_coefficients_over_their_weights() {
+    let ratio = |mu: f64, a: f64, b: f64| mu - a / b;
+    holds("μ = a / b", 4e-16, |t| {
+        let s = t.stages;
+        let pairs =
+            |rows: usize, cols: usize| (0..rows).flat_map(move |i| (0..cols).map(move |j| (i, j)));
+        let mu = pairs(s, s).map(|at| ratio(t.mu[at], t.a[at], t.b[at.1]));
+        let mu_bar = pairs(s + 1, s).map(|at| ratio(t.mu_bar[at], t.a_bar[at], t.b[at.1]));
+        let mu_hat = pairs(s, s + 1).map(|at| ratio(t.mu_hat[at], t.a_hat[at], t.b_hat[at.1]));
+        worst(mu.chain(mu_bar).chain(mu_hat))
+    });
+}
+
+#[test]
 fn the_method_is_symmetric() {
     holds("reflection", 2.3e-16, |t| {
         let s = t.stages;

@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+import keyword
+from collections.abc import Callable, Iterable, Mapping, Sequence, Set
 from typing import Any
 
 import casadi as ca
 import numpy as np
 from numpy.typing import ArrayLike
+
+from liouville.tape import record
 
 
 class Parameters:
@@ -19,8 +22,9 @@ class Parameters:
         Values used unless a run gives others.
     """
 
-    def __init__(self, defaults: Mapping[str, ArrayLike]) -> None:
-        self.defaults = {name: _parameter(name, value) for name, value in dict(defaults).items()}
+    def __init__(self, defaults: Mapping[str, ArrayLike] | None) -> None:
+        given = mapping("params", defaults)
+        self.defaults = {name: _parameter(name, value) for name, value in given.items()}
         symbols = {name: ca.SX.sym(name, max(x.size, 1)) for name, x in self.defaults.items()}
         self.vector = ca.vertcat(ca.SX(0, 1), *symbols.values())
         self.namespace = _Namespace(symbols)
@@ -28,10 +32,12 @@ class Parameters:
     def values(self, changes: Mapping[str, ArrayLike] | None) -> np.ndarray:
         """Return the defaults with changes, one after another."""
         values = dict(self.defaults)
-        for name, value in dict(changes or {}).items():
+        for name, value in mapping("params", changes).items():
             if name not in values:
                 known = ", ".join(self.defaults) or "none"
-                raise ValueError(f"there is no parameter '{name}'; the system's parameters: {known}")
+                raise ValueError(
+                    f"there is no parameter '{name}'; the system's parameters: {known}"
+                )
             new = _parameter(name, value)
             if new.shape != values[name].shape:
                 raise ValueError(
@@ -51,14 +57,35 @@ class _Namespace:
 
 
 def _parameter(name: str, value: ArrayLike) -> np.ndarray:
-    if not isinstance(name, str) or not name.isidentifier():
-        raise ValueError(f"a parameter's name is an identifier, not {name!r}")
-    array = np.array(value)
-    if array.dtype.kind not in "iuf" or array.ndim > 1 or array.size == 0:
+    if not name.isidentifier() or keyword.iskeyword(name):
+        raise ValueError(f"a parameter's name is an identifier and no keyword, not {name!r}")
+    array = numbers(value)
+    if array is None or array.ndim > 1 or array.size == 0:
         raise ValueError(f"parameter '{name}' is a number or a 1-D array of numbers, not {value!r}")
     if not np.isfinite(array).all():
         raise ValueError(f"parameter '{name}' is not finite: {value!r}")
-    return array.astype(float)
+    return array
+
+
+def numbers(value: Any) -> np.ndarray | None:
+    """Return real numbers as a new array of floats, and None for anything else."""
+    try:
+        array = np.asarray(value)
+    except (TypeError, ValueError):  # symbols, or rows of different lengths
+        return None
+    return array.astype(float) if array.dtype.kind in "iuf" else None
+
+
+def mapping(what: str, value: Mapping[str, Any] | None) -> dict[str, Any]:
+    """Return a mapping of names, or an empty one for None."""
+    if value is None:
+        return {}
+    if not isinstance(value, Mapping):
+        raise TypeError(f"{what} is a mapping of names, not {value!r}")
+    for name in value:
+        if not isinstance(name, str) or not name:
+            raise TypeError(f"{what} is a mapping of names; {name!r} is not a name")
+    return dict(value)
 
 
 def names(value: Sequence[str] | int, prefix: str) -> tuple[str, ...]:
@@ -78,12 +105,45 @@ def names(value: Sequence[str] | int, prefix: str) -> tuple[str, ...]:
     return found
 
 
-def call(what: str, function: Callable[..., Any], *args: Any) -> Any:
-    """Call a function of the user's with symbols; an error in it says which function it was."""
+def scalar(what: str, function: Callable[..., Any], args: tuple[Any, ...]) -> ca.SX:
+    """Call a function and return its one expression.
+
+    Here and below, `args` are the symbols it is called with, the :class:`Parameters` last.
+    """
+    return _checked(what, _scalar(what, _call(what, function, args)), args)
+
+
+def column(
+    what: str, function: Callable[..., Any], args: tuple[Any, ...], size: int | None = None
+) -> ca.SX:
+    """Call a function and return its expressions as a column, of the wanted size if any."""
+    expression = _column(what, _call(what, function, args))
+    count = expression.numel()
+    if count == 0 or (size is not None and count != size):
+        raise ValueError(f"{what} returns {count} values, wanted {size or 'at least one'}")
+    return _checked(what, expression, args)
+
+
+def named(
+    what: str, function: Callable[..., Any], args: tuple[Any, ...]
+) -> tuple[tuple[str, ...], ca.SX]:
+    """Call a function and return names and expressions: of a mapping, a sequence, or a scalar."""
+    value = _call(what, function, args)
+    if isinstance(value, Mapping):
+        parts = [_scalar(f"{what} '{k}'", part) for k, part in mapping(what, value).items()]
+        return tuple(value), _checked(what, ca.vertcat(ca.SX(0, 1), *parts), args)
+    expression = _checked(what, _column(what, value), args)
+    count = expression.numel()
+    found = (what,) if count == 1 else tuple(f"{what}{k}" for k in range(count))
+    return found, expression
+
+
+def _call(what: str, function: Callable[..., Any], args: tuple[Any, ...]) -> Any:
     if not callable(function):
         raise TypeError(f"{what} is a function, not {function!r}")
+    *symbols, params = args
     try:
-        return function(*args)
+        return function(*symbols, params.namespace)
     except Exception as error:
         error.add_note(
             f"raised while `{what}` was called with CasADi symbols; "
@@ -92,32 +152,18 @@ def call(what: str, function: Callable[..., Any], *args: Any) -> Any:
         raise
 
 
-def scalar(what: str, value: Any) -> ca.SX:
-    """Return the expression of a scalar function."""
+def _scalar(what: str, value: Any) -> ca.SX:
     expression = _column(what, value)
     if expression.numel() != 1:
         raise ValueError(f"{what} returns {expression.numel()} values, wanted a scalar")
     return expression
 
 
-def column(what: str, value: Any, size: int | None = None) -> ca.SX:
-    """Return the expressions of a vector function as a column of the wanted size."""
-    expression = _column(what, value)
-    if size is not None and expression.numel() != size:
-        raise ValueError(f"{what} returns {expression.numel()} values, wanted {size}")
+def _checked(what: str, expression: ca.SX, args: tuple[Any, ...]) -> ca.SX:
+    """Return an expression once it is seen to fit on a tape: the user's name is still known."""
+    *symbols, params = args
+    record(what, {str(k): x for k, x in enumerate([*symbols, params.vector])}, expression)
     return expression
-
-
-def named(what: str, value: Any) -> tuple[tuple[str, ...], ca.SX]:
-    """Return names and expressions of constraints: a mapping, a sequence, or a scalar."""
-    if isinstance(value, Mapping):
-        found = tuple(str(name) for name in value)
-        parts = [scalar(f"{what} '{name}'", part) for name, part in value.items()]
-        return found, ca.vertcat(ca.SX(0, 1), *parts)
-    expression = _column(what, value)
-    count = expression.numel()
-    found = (what,) if count == 1 else tuple(f"{what}{k}" for k in range(count))
-    return found, expression
 
 
 def _column(what: str, value: Any) -> ca.SX:
@@ -125,12 +171,14 @@ def _column(what: str, value: Any) -> ca.SX:
         raise TypeError(f"{what} returns None; is a `return` missing?")
     if isinstance(value, np.ndarray):
         value = list(value.ravel())
-    if isinstance(value, Iterable) and not isinstance(value, (ca.SX, ca.DM, str, bytes)):
+    if isinstance(value, Iterable) and not isinstance(
+        value, (ca.SX, ca.DM, ca.MX, str, bytes, Mapping, Set)
+    ):
         parts = [_column(what, part) for part in value]
         return ca.vertcat(ca.SX(0, 1), *parts)
     try:
         expression = ca.SX(value)
     except (NotImplementedError, TypeError):
         kind = type(value).__name__
-        raise TypeError(f"{what} returns a {kind}, wanted CasADi expressions or numbers") from None
+        raise TypeError(f"{what} returns a {kind}, wanted CasADi's SX or numbers") from None
     return ca.vec(ca.densify(expression))

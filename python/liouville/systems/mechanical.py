@@ -8,6 +8,7 @@ from typing import Any
 import casadi as ca
 from numpy.typing import ArrayLike
 
+from liouville.errors import hinted
 from liouville.systems import _trace
 from liouville.systems.mechanics import Mechanics, Model, Symbols
 
@@ -72,8 +73,8 @@ class Lagrangian(Mechanics):
         invariants: Mapping[str, Function] | None = None,
     ) -> None:
         coordinates, s = _symbols(q, "q", params)
-        args = (s.t, s.y, s.z, s.params.namespace)
-        L = _trace.scalar("lagrangian", _trace.call("lagrangian", lagrangian, *args))  # noqa: N806
+        args = (s.t, s.y, s.z, s.params)
+        L = _trace.scalar("lagrangian", lagrangian, args)
         p = ca.gradient(L, s.z)
         f = ca.gradient(L, s.y) + _force(force, args, len(coordinates))
         names, g, lam = _constraint(constraint, s)
@@ -122,8 +123,8 @@ class Hamiltonian(Mechanics):
         invariants: Mapping[str, Function] | None = None,
     ) -> None:
         coordinates, s = _symbols(q, "q", params)
-        args = (s.t, s.y, s.z, s.params.namespace)
-        H = _trace.scalar("hamiltonian", _trace.call("hamiltonian", hamiltonian, *args))  # noqa: N806
+        args = (s.t, s.y, s.z, s.params)
+        H = _trace.scalar("hamiltonian", hamiltonian, args)
         f = -ca.gradient(H, s.y) + _force(force, args, len(coordinates))
         names, g, lam = _constraint(constraint, s)
         super().__init__(
@@ -185,17 +186,20 @@ class Mechanical(Mechanics):
         invariants: Mapping[str, Function] | None = None,
     ) -> None:
         coordinates, s = _symbols(y, "y", params)
-        args, n = (s.t, s.y, s.z, s.params.namespace), len(coordinates)
+        args, n = (s.t, s.y, s.z, s.params), len(coordinates)
         v, p, f = (
-            _trace.column(what, _trace.call(what, function, *args), n)
+            _trace.column(what, function, args, n)
             for what, function in (("velocity", velocity), ("momentum", momentum), ("force", force))
         )
         names, g, lam = _constraint(constraint, s)
         if reaction is None:
             r = _ideal(g, s, lam)
         else:
-            value = _trace.call("reaction", reaction, s.t, s.y, lam, s.params.namespace)
-            r = _trace.column("reaction", value, n)
+            r = _trace.column("reaction", reaction, (s.t, s.y, lam, s.params), n)
+            r_lam = ca.jacobian(r, lam)
+            for k, name in enumerate(names):
+                if r_lam[:, k].is_zero():
+                    raise ValueError(f"reaction does not depend on the multiplier of '{name}'")
         super().__init__(
             s,
             Model(v=v, p=p, f=f, r=r, g=g, lam=lam),
@@ -211,25 +215,31 @@ def _symbols(
 ) -> tuple[tuple[str, ...], Symbols]:
     found = _trace.names(coordinates, name)
     y, z = ca.SX.sym(name, len(found)), ca.SX.sym("z", len(found))
-    return found, Symbols(ca.SX.sym("t"), y, z, _trace.Parameters(params or {}))
+    return found, Symbols(ca.SX.sym("t"), y, z, _trace.Parameters(params))
 
 
 def _force(force: Function | None, args: tuple[Any, ...], n: int) -> ca.SX:
     if force is None:
         return ca.SX.zeros(n)
-    return _trace.column("force", _trace.call("force", force, *args), n)
+    return _trace.column("force", force, args, n)
 
 
-def _constraint(
-    constraint: Function | None, s: Symbols
-) -> tuple[tuple[str, ...], ca.SX, ca.SX]:
+def _constraint(constraint: Function | None, s: Symbols) -> tuple[tuple[str, ...], ca.SX, ca.SX]:
     if constraint is None:
         return (), ca.SX(0, 1), ca.SX(0, 1)
-    value = _trace.call("constraint", constraint, s.t, s.y, s.params.namespace)
-    names, g = _trace.named("constraint", value)
+    names, g = _trace.named("constraint", constraint, (s.t, s.y, s.params))
     n = s.y.numel()
     if len(names) > n:
         raise ValueError(f"{len(names)} constraints on {n} coordinates leave nothing to move")
+    g_y = ca.jacobian(g, s.y)
+    for k, name in enumerate(names):
+        if g_y[k, :].is_zero():
+            raise ValueError(
+                hinted(
+                    f"constraint '{name}' is the same for all coordinates",
+                    "return what is to vanish, not a comparison",
+                )
+            )
     return names, g, ca.SX.sym("lam", len(names))
 
 
@@ -244,6 +254,6 @@ def _invariants(
     invariants: Mapping[str, Function] | None, args: tuple[Any, ...]
 ) -> dict[str, ca.SX]:
     return {
-        name: _trace.scalar(name, _trace.call(name, function, *args))
-        for name, function in dict(invariants or {}).items()
+        name: _trace.scalar(f"invariant '{name}'", function, args)
+        for name, function in _trace.mapping("invariants", invariants).items()
     }

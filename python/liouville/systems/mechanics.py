@@ -113,7 +113,7 @@ class Mechanics:
         Raises
         ------
         TypeError
-            One of the two is missing, or there is another.
+            One of the two is missing or no array of numbers, or there is another.
         ValueError
             One has a wrong shape, an unknown coordinate, or is not finite.
         """
@@ -130,20 +130,27 @@ class Mechanics:
     def _vector(self, name: str, value: Any) -> np.ndarray:
         if isinstance(value, Mapping):
             if set(value) != set(self.coordinates):
-                raise ValueError(f"{name} gives {sorted(value)}, wanted {sorted(self.coordinates)}")
+                raise ValueError(f"{name} gives {list(value)}, wanted {list(self.coordinates)}")
             value = [value[coordinate] for coordinate in self.coordinates]
-        array = np.asarray(value)
-        if array.dtype.kind not in "iuf":
-            raise ValueError(f"{name} is an array of real numbers, not of {array.dtype}")
+        array = _trace.numbers(value)
+        if array is None:
+            raise TypeError(f"{name} is an array of real numbers, not {value!r}")
         n = len(self.coordinates)
         if array.shape != (n,):
             raise ValueError(f"{name} has shape {array.shape}, wanted ({n},)")
         bad = np.flatnonzero(~np.isfinite(array))
         if bad.size:
             raise ValueError(f"{name} of '{self.coordinates[bad[0]]}' is {array[bad[0]]}")
-        return array.astype(float)
+        return array
 
-    def check(self, t: float, y: np.ndarray, z: np.ndarray, params: np.ndarray) -> None:
+    def check(
+        self,
+        t: float,
+        y: np.ndarray,
+        z: np.ndarray,
+        params: np.ndarray,
+        hint: str = "system.consistent({}=..., {}=...) moves a start onto its constraints",
+    ) -> None:
         """Refuse a start that violates the constraint or the hidden constraint."""
         m = len(self.constraints)
         if m == 0:
@@ -160,15 +167,22 @@ class Mechanics:
         for what, symbol, value, limit in zip(
             ("constraint", "hidden constraint"), symbols, (g, w), limits, strict=True
         ):
+            if not np.isfinite(value).all():
+                k = int(np.argmin(np.isfinite(value)))
+                raise ValueError(
+                    hinted(
+                        f"the {what} '{self.constraints[k]}' is {value[k]} at the start, t = {t:g}",
+                        "look for a division by zero, a root or a logarithm of the model there",
+                    )
+                )
             over = np.abs(value) - limit - 1e-14
-            k = int(np.argmax(np.where(np.isfinite(over), over, np.inf)))
+            k = int(np.argmax(over))
             if not over[k] <= 0:
-                first, second = self.states
                 raise ValueError(
                     hinted(
                         f"start violates the {what} '{self.constraints[k]}': |{symbol}| = "
                         f"{abs(value[k]):.1e} at t = {t:g}, wanted at most {limit[k]:.1e}",
-                        f"system.consistent({first}=..., {second}=...) moves a start onto the constraint",
+                        hint.format(*self.states),
                     )
                 )
 
@@ -204,9 +218,13 @@ class Mechanics:
 
         Raises
         ------
-        ValueError
-            No consistent start is found near the one given.
+        TypeError, ValueError
+            An argument is wrong, or no consistent start is found near the one given.
         """
+        time = _trace.numbers(t)
+        if time is None or time.shape != () or not np.isfinite(time):
+            raise ValueError(f"t is a finite number, not {t!r}")
+        t = float(time)
         y, z = self.start(start)
         values = self.values(params)
         first, second = self.states
@@ -219,7 +237,7 @@ class Mechanics:
                 y = self._project("both", t, y, z, values)
             if hold != second:
                 z = self._project("partner", t, z, y, values)
-            self.check(t, y, z, values)
+            self.check(t, y, z, values, f"without hold={hold!r} there may be a start nearby")
         return {first: y, second: z}
 
     def _project(
@@ -298,11 +316,9 @@ class Mechanics:
             parts |= {"v": model.v} if self.states[1] != "v" else {}
         parts |= {"constraint": model.g, "hidden": _total_derivative(model.g, s, model.v)}
         parts |= {f"invariant {name}": x for name, x in self._invariants.items()}
-        for name, function in dict(observe or {}).items():
-            if not isinstance(name, str) or not name:
-                raise TypeError(f"observe maps names to functions; {name!r} is not a name")
-            value = _trace.call(name, function, s.t, s.y, s.z, s.params.namespace)
-            parts[f"observed {name}"] = _trace.column(name, value)
+        for name, function in _trace.mapping("observe", observe).items():
+            args = (s.t, s.y, s.z, s.params)
+            parts[f"observed {name}"] = _trace.column(f"observed '{name}'", function, args)
         tape = record("observer", s.inputs(z=s.z), *parts.values())
         return tape, {name: x.numel() for name, x in parts.items()}
 
@@ -338,7 +354,8 @@ def _compile(s: Symbols, model: Model) -> tuple[dict[str, _core.Tape], _core.Mec
         "r_y": ca.jacobian(r, s.y),
     }
     is_linear = not (
-        ca.depends_on(ca.veccat(jac["p_z"], jac["v_z"]), s.z) or ca.depends_on(ca.vec(jac["r_lam"]), lam)
+        ca.depends_on(ca.veccat(jac["p_z"], jac["v_z"]), s.z)
+        or ca.depends_on(ca.vec(jac["r_lam"]), lam)
     )
     if not own_velocity:
         del jac["v_z"]

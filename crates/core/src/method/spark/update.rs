@@ -3,7 +3,7 @@
 //! Increments are summed first and added last, with what the addition loses kept in the low part.
 
 use super::stages::{Stages, Step};
-use crate::linalg::{add_scaled, copy, max_norm};
+use crate::linalg::{add_scaled, copy, copy_scaled, max_norm};
 use crate::newton::{self, Equations};
 use crate::problem::mechanical::{Model, Saddle, State, finite};
 use crate::trouble::{Quantity, Trouble};
@@ -20,6 +20,8 @@ pub(super) struct Update {
     p: Vec<f64>,
     p_low: Vec<f64>,
     saddle: Saddle,
+    /// r at t1, as (U2) has it.
+    reaction: Vec<f64>,
     momentum: Vec<f64>,
     hidden: Vec<f64>,
 }
@@ -42,6 +44,7 @@ impl Update {
             p: zeros.clone(),
             p_low: zeros.clone(),
             saddle: Saddle::new(model),
+            reaction: zeros.clone(),
             momentum: zeros,
             hidden: vec![0.0; model.problem.m],
         }
@@ -78,13 +81,10 @@ impl Update {
             newton::solve(&mut solve, MOST_ITERATIONS)?;
         }
 
-        let t = stages.node_time(step, s);
-        if model.problem.m > 0 {
-            let [_, r] = model.node(t, &self.y, stages.unknowns.lam.row(s));
-            add_scaled(&mut self.p_low, h * stages.tableau.b_hat[s], r);
-        }
+        add_scaled(&mut self.p_low, h * stages.tableau.b_hat[s], &self.reaction);
         carry(&state.p, &mut self.p_low, &mut self.p);
         if model.problem.patterns.v_z.is_some() {
+            let t = stages.node_time(step, s);
             copy(&mut self.v, model.end(t, &self.y, &self.z)[2]);
         } else {
             copy(&mut self.v, &self.z);
@@ -104,15 +104,11 @@ impl Update {
 
 impl Equations for Solve<'_> {
     fn correct(&mut self) -> Result<f64, Trouble> {
-        let Self {
-            update,
-            model,
-            stages,
-            step,
-        } = self;
+        let (update, model) = (&mut *self.update, &mut *self.model);
+        let (stages, step) = (&mut *self.stages, self.step);
         let (s, t) = (
             stages.tableau.stages,
-            stages.node_time(*step, stages.tableau.stages),
+            stages.node_time(step, stages.tableau.stages),
         );
         let weight = step.h * stages.tableau.b_hat[s];
         update
@@ -122,6 +118,7 @@ impl Equations for Solve<'_> {
         if model.problem.m > 0 {
             let [_, r] = model.node(t, &update.y, stages.unknowns.lam.row(s));
             finite(r, Quantity::Reaction, t)?;
+            copy(&mut update.reaction, r);
             add_scaled(&mut update.momentum, weight, r);
         }
         let [p, w, _] = model.end(t, &update.y, &update.z);
@@ -130,22 +127,19 @@ impl Equations for Solve<'_> {
         for ((out, p), p0) in update.momentum.iter_mut().zip(p).zip(&step.state.p) {
             *out -= p - p0;
         }
-        update
-            .hidden
-            .iter_mut()
-            .zip(w)
-            .for_each(|(out, w)| *out = -w);
-        update
-            .saddle
-            .solve(model, &mut update.momentum, &mut update.hidden);
+        copy_scaled(&mut update.hidden, -1.0, w);
+        let (momentum, hidden) = (&mut update.momentum, &mut update.hidden);
+        update.saddle.solve(model, momentum, hidden);
         add_scaled(&mut update.z, 1.0, &update.momentum);
         add_scaled(stages.unknowns.lam.row_mut(s), 1.0 / weight, &update.hidden);
+        let at = &model.problem.patterns;
+        let (r_lam, d_lam) = (update.saddle.r_lam(), &update.hidden);
+        at.r_lam
+            .multiply_add(r_lam, 1.0 / weight, d_lam, &mut update.reaction);
         update.v.fill(0.0);
-        update
-            .saddle
-            .mass
-            .add_velocity(&update.momentum, &mut update.v);
-        Ok(stages.relative(max_norm(&update.v), *step))
+        let mass = &update.saddle.mass;
+        mass.add_velocity(&update.momentum, &mut update.v);
+        Ok(stages.relative(max_norm(&update.v), step))
     }
 }
 

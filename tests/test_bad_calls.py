@@ -1,0 +1,399 @@
+"""Every wrong call is refused with a sentence that names the thing, its value, and what was wanted.
+
+One table, one row a mistake. None of them returns numbers.
+"""
+
+import math
+
+import casadi as ca
+import numpy as np
+import pytest
+
+import liouville as lv
+
+NAN, INF = math.nan, math.inf
+
+
+def kinetic(t, q, v, params):
+    return ca.dot(v, v) / 2
+
+
+def weighted(t, q, v, params):
+    return params.m * ca.dot(v, v) / 2 - params.m * params.g * q[1]
+
+
+def rod(t, q, params):
+    return {"rod": (ca.dot(q, q) - 1) / 2}
+
+
+def system(lagrangian=weighted, constraint=rod, **changes):
+    """Build a planar pendulum, with something changed."""
+    return lv.Lagrangian(
+        lagrangian, constraint, **{"q": ("x", "y"), "params": {"m": 1.0, "g": 9.81}, **changes}
+    )
+
+
+def general(**changes):
+    """Build the same as a general system, with something changed."""
+    functions = {
+        "velocity": lambda t, y, z, params: z,
+        "momentum": lambda t, y, z, params: z,
+        "force": lambda t, y, z, params: [0, -9.81],
+        "constraint": lambda t, y, params: {"rod": (ca.dot(y, y) - 1) / 2},
+    }
+    return lv.Mechanical(y=("x", "y"), **{**functions, **changes})
+
+
+PENDULUM = system()
+MOVING_WALL = system(constraint=lambda t, q, params: {"wall": q[0] - ca.sin(t)})
+
+
+def run(model=PENDULUM, method=lv.Spark(3), **changes):  # noqa: B008
+    """Swing the pendulum from rest for one second, with something changed."""
+    call = {"t": (0.0, 1.0), "h": 0.01, "q": [1.0, 0.0], "v": [0.0, 0.0], **changes}
+    return lv.integrate(model, method, **call)
+
+
+def project(model=PENDULUM, **changes):
+    return model.consistent(**{"q": [1.0, 0.1], "v": [0.0, 0.0], **changes})
+
+
+def returns(value):
+    return lambda *args: value
+
+
+def observe(function):
+    return run(observe={"speed": function})
+
+
+STRANGER = ca.SX.sym("stranger")
+
+# id, the call, the exception, the message
+ROWS = [
+    # coordinates and parameters
+    ("no coordinates", lambda: system(q=()), ValueError, r"q needs at least one name.*\(\)"),
+    ("zero coordinates", lambda: system(q=0), ValueError, "at least one coordinate, not q=0"),
+    ("fewer than zero", lambda: system(q=-2), ValueError, "at least one coordinate, not q=-2"),
+    ("half a coordinate", lambda: system(q=2.5), TypeError, "sequence of names or a number.*2.5"),
+    ("one string", lambda: system(q="xy"), TypeError, "q is a sequence of names.*not 'xy'"),
+    ("a set of names", lambda: system(q={"x"}), TypeError, "q is a sequence of names.*{'x'}"),
+    ("a number as name", lambda: system(q=("x", 1)), ValueError, r"each a string: \('x', 1\)"),
+    ("a name twice", lambda: system(q=("x", "x")), ValueError, "q names 'x' twice"),
+    ("params a list", lambda: system(params=[1]), TypeError, r"params is a mapping.*not \[1\]"),
+    ("param not a name", lambda: system(params={"2m": 1}), ValueError, "identifier.*not '2m'"),
+    ("param a keyword", lambda: system(params={"lambda": 1}), ValueError, "no keyword.*'lambda'"),
+    ("param numbered", lambda: system(params={0: 1}), TypeError, "0 is not a name"),
+    ("param NaN", lambda: system(params={"m": NAN}), ValueError, "'m' is not finite: nan"),
+    ("param a string", lambda: system(params={"m": "1"}), ValueError, "'m' is a number.*'1'"),
+    ("param empty", lambda: system(params={"m": []}), ValueError, r"'m' is a number.*\[\]"),
+    ("param 2-D", lambda: system(params={"m": [[1]]}), ValueError, r"'m'.*1-D array.*\[\[1\]\]"),
+    ("param ragged", lambda: system(params={"m": [[1], 2]}), ValueError, r"'m'.*\[\[1\], 2\]"),
+    ("param unknown", lambda: system(params={"m": 1}), AttributeError, "no parameter 'g'.*: m"),
+    # the Lagrangian and its forces
+    ("L no function", lambda: system(3.0), TypeError, "lagrangian is a function, not 3.0"),
+    ("L None", lambda: system(returns(None)), TypeError, "lagrangian returns None.*`return`"),
+    ("L a vector", lambda: system(lambda t, q, v, params: v), ValueError, "2 values.*a scalar"),
+    ("L a list", lambda: system(returns([1, 2])), ValueError, "2 values, wanted a scalar"),
+    ("L empty", lambda: system(returns([])), ValueError, "0 values, wanted a scalar"),
+    ("L a string", lambda: system(returns("v")), TypeError, "lagrangian returns a str, wanted"),
+    ("L a NumPy string", lambda: system(returns(np.str_("v"))), TypeError, "returns a str_"),
+    ("L complex", lambda: system(returns(1j)), TypeError, "lagrangian returns a complex"),
+    ("L a dict", lambda: system(returns({"T": 1})), TypeError, "lagrangian returns a dict"),
+    ("L a set", lambda: system(returns({1})), TypeError, "lagrangian returns a set"),
+    ("L an MX", lambda: system(returns(ca.MX.sym("x"))), TypeError, "returns a MX, wanted.*SX"),
+    ("L a stranger", lambda: system(returns(STRANGER)), ValueError, "not its arguments: stranger"),
+    ("L through math", lambda: system(lambda t, q, v, params: math.sin(q[0])), ValueError, "nan"),
+    (
+        "L off the tape",
+        lambda: system(lambda t, q, v, params: ca.erf(q[0]) + ca.dot(v, v)),
+        ValueError,
+        "lagrangian uses the operation 'erf'.*no place on a tape",
+    ),
+    (
+        "L branches",
+        lambda: system(lambda t, q, v, params: 1 if q[0] > 0 else 2),
+        RuntimeError,
+        r"(?s)truth value.*`lagrangian`.*ca\.if_else",
+    ),
+    (
+        "L of two arguments",
+        lambda: system(lambda q, v: 0),
+        TypeError,
+        "(?s)takes 2 positional arguments but 4.*`lagrangian`",
+    ),
+    (
+        "L beyond q",
+        lambda: system(lambda t, q, v, params: q[7]),
+        RuntimeError,
+        "(?s)length of 2.*`lagrangian`",
+    ),
+    ("force too long", lambda: system(force=returns([0] * 3)), ValueError, "force.*3.*wanted 2"),
+    ("force None", lambda: system(force=returns(None)), TypeError, "force returns None"),
+    (
+        "H no function",
+        lambda: lv.Hamiltonian(None, q=1),
+        TypeError,
+        "hamiltonian is a function, not None",
+    ),
+    ("invariants a list", lambda: system(invariants=[kinetic]), TypeError, "invariants is a map"),
+    ("invariant unnamed", lambda: system(invariants={1: kinetic}), TypeError, "1 is not a name"),
+    (
+        "invariant a vector",
+        lambda: system(invariants={"L": lambda t, q, v, params: q}),
+        ValueError,
+        "invariant 'L' returns 2 values, wanted a scalar",
+    ),
+    # constraints
+    ("g no function", lambda: system(constraint="q"), TypeError, "constraint is a function.*'q'"),
+    ("g None", lambda: system(constraint=returns(None)), TypeError, "constraint returns None"),
+    (
+        "g of velocities",
+        lambda: system(constraint=kinetic),
+        TypeError,
+        "(?s)argument.*`constraint`",
+    ),
+    (
+        "g too many",
+        lambda: system(constraint=lambda t, q, params: [q[0], q[1], q[0] - q[1]]),
+        ValueError,
+        "3 constraints on 2 coordinates",
+    ),
+    (
+        "g a vector by name",
+        lambda: system(constraint=lambda t, q, params: {"rod": q}),
+        ValueError,
+        "constraint 'rod' returns 2 values, wanted a scalar",
+    ),
+    (
+        "g numbered",
+        lambda: system(constraint=lambda t, q, params: {1: q[0]}),
+        TypeError,
+        "1 is not a name",
+    ),
+    (
+        "g a comparison",
+        lambda: system(constraint=lambda t, q, params: {"rod": q[0] == 1}),
+        ValueError,
+        "(?s)'rod' is the same for all coordinates.*not a comparison",
+    ),
+    (
+        "g of time alone",
+        lambda: system(constraint=lambda t, q, params: {"clock": t}),
+        ValueError,
+        "'clock' is the same for all coordinates",
+    ),
+    # the general system
+    (
+        "p missing",
+        lambda: lv.Mechanical(velocity=kinetic, force=kinetic, y=2),
+        TypeError,
+        "missing.*'momentum'",
+    ),
+    ("v too short", lambda: general(velocity=returns([0])), ValueError, "velocity.*1.*wanted 2"),
+    ("r too short", lambda: general(reaction=returns([0])), ValueError, "reaction.*1.*wanted 2"),
+    (
+        "r without lam",
+        lambda: general(reaction=lambda t, y, lam, params: y),
+        ValueError,
+        "reaction does not depend on the multiplier of 'rod'",
+    ),
+    # the method
+    ("s zero", lambda: lv.Spark(0), ValueError, "stages is from 1 to 100, not 0"),
+    ("s a million", lambda: lv.Spark(10**6), ValueError, "stages is from 1 to 100, not 1000000"),
+    ("s fractional", lambda: lv.Spark(2.0), TypeError, "stages is an integer, not 2.0"),
+    ("s a bool", lambda: lv.Spark(True), TypeError, "stages is an integer, not True"),
+    ("solver", lambda: lv.Spark(2, "fast"), ValueError, "node-schur, newton, not 'fast'"),
+    ("method by name", lambda: run(method="spark"), TypeError, "'spark' does not step.*: Spark"),
+    ("method a class", lambda: run(method=lv.Spark), TypeError, "Spark'> does not step.*: Spark"),
+    ("system a function", lambda: run(kinetic), TypeError, "system is a Lagrangian.*kinetic"),
+    ("system None", lambda: run(None), TypeError, "system is a Lagrangian.*not None"),
+    # time and steps
+    ("h negative", lambda: run(h=-0.1), ValueError, r"(?s)positive.*not -0\.1.*t=\(end, start\)"),
+    ("h zero", lambda: run(h=0), ValueError, "h is positive and finite, not 0"),
+    ("h NaN", lambda: run(h=NAN), ValueError, "h is positive and finite, not nan"),
+    ("h infinite", lambda: run(h=INF), ValueError, "h is positive and finite, not inf"),
+    ("h too large", lambda: run(h=2.0), ValueError, "h = 2 is larger than the interval, 1"),
+    ("h a string", lambda: run(h="0.1"), TypeError, "h is a number, not '0.1'"),
+    ("h an array", lambda: run(h=np.array([0.1])), TypeError, r"h is a number, not array"),
+    ("h a bool", lambda: run(h=True), TypeError, "h is a number, not True"),
+    ("h tiny", lambda: run(h=1e-300), ValueError, "h = 1e-300: more than 9e.15 steps"),
+    ("h below an ulp", lambda: run(t=(1e17, 2e17), h=1.0), ValueError, "h = 1: more than"),
+    (
+        "h lost in t",
+        lambda: run(t=(1e9, 1e9 + 1e-6), h=1e-8),
+        ValueError,
+        r"a step of .*e-09 does not move t = 1e\+09",
+    ),
+    ("h missing", lambda: run(h=None), TypeError, "give either h or steps"),
+    ("h and steps", lambda: run(steps=10), TypeError, "give either h or steps"),
+    ("steps zero", lambda: run(h=None, steps=0), ValueError, "steps is at least 1, not 0"),
+    ("steps a float", lambda: run(h=None, steps=9.0), TypeError, "steps is an integer, not 9.0"),
+    ("steps a bool", lambda: run(h=None, steps=True), TypeError, "steps is an integer, not True"),
+    ("steps too many", lambda: run(h=None, steps=10**400), ValueError, "steps: more than 9e"),
+    (
+        "steps beyond memory",
+        lambda: run(h=None, steps=10**13),
+        MemoryError,
+        r"(?s)keeping 10000000000001 states takes \d+ GiB.*every=.*states=False",
+    ),
+    ("every zero", lambda: run(every=0), ValueError, "every is at least 1, not 0"),
+    ("every a float", lambda: run(every=2.0), TypeError, "every is an integer, not 2.0"),
+    ("t a number", lambda: run(t=1.0), TypeError, r"t is a pair \(start, end\), not 1.0"),
+    ("t three numbers", lambda: run(t=(0, 1, 2)), TypeError, r"a pair.*not \(0, 1, 2\)"),
+    ("t a set", lambda: run(t={0, 1}), TypeError, r"a pair.*not \{0, 1\}"),
+    ("t strings", lambda: run(t=("0", "1")), TypeError, "t is a pair of numbers, not '0'"),
+    ("t empty", lambda: run(t=(1, 1)), ValueError, r"t = \(1, 1\) is no interval"),
+    ("t endless", lambda: run(t=(0, INF)), ValueError, r"finite interval, not \(0, inf\)"),
+    ("t NaN", lambda: run(t=(NAN, 1)), ValueError, r"finite interval, not \(nan, 1\)"),
+    ("t too long", lambda: run(t=(-1.7e308, 1.7e308)), ValueError, "finite interval"),
+    ("t missing", lambda: lv.integrate(PENDULUM, lv.Spark(3), h=0.1), TypeError, "argument: 't'"),
+    # start values
+    (
+        "v missing",
+        lambda: lv.integrate(PENDULUM, lv.Spark(3), t=(0, 1), h=0.1, q=[1, 0]),
+        TypeError,
+        "'v' is missing: this system takes q= and v=",
+    ),
+    ("p for v", lambda: run(p=[0, 0]), TypeError, "'p' is no start value.* q= and v="),
+    ("an unknown option", lambda: run(rtol=1e-3), TypeError, "'rtol' is no start value"),
+    ("q too long", lambda: run(q=[1, 0, 0]), ValueError, r"q has shape \(3,\), wanted \(2,\)"),
+    ("q a row", lambda: run(q=[[1.0, 0.0]]), ValueError, r"q has shape \(1, 2\), wanted \(2,\)"),
+    ("q ragged", lambda: run(q=[[1.0], 0.0]), TypeError, r"real numbers, not \[\[1\.0\], 0\.0\]"),
+    ("q NaN", lambda: run(q=[NAN, 0]), ValueError, "q of 'x' is nan"),
+    ("v infinite", lambda: run(v=[0, INF]), ValueError, "v of 'y' is inf"),
+    ("q complex", lambda: run(q=[1j, 0]), TypeError, r"q is an array of real numbers, not \[1j"),
+    ("q of strings", lambda: run(q=["1", "0"]), TypeError, "real numbers, not.*'1'"),
+    ("q symbolic", lambda: run(q=ca.SX.sym("q", 2)), TypeError, "real numbers, not SX"),
+    ("q None", lambda: run(q=None), TypeError, "q is an array of real numbers, not None"),
+    ("q by wrong names", lambda: run(q={"x": 1, "z": 0}), ValueError, r"\['x', 'z'\], wanted"),
+    ("q by name, NaN", lambda: run(q={"x": 1, "y": NAN}), ValueError, "q of 'y' is nan"),
+    (
+        "g violated",
+        lambda: run(q=[1.1, 0]),
+        ValueError,
+        r"(?s)the constraint 'rod': \|g\(q\)\| = 1\.\de-01 at t = 0, wanted.*\.consistent\(q=",
+    ),
+    (
+        "hidden constraint violated",
+        lambda: run(v=[1, 0]),
+        ValueError,
+        r"(?s)hidden constraint 'rod': \|g_t \+ g_q v\| = 1\.0e\+00.*\.consistent\(q=..., v=",
+    ),
+    (
+        "a moving wall left behind",
+        lambda: run(MOVING_WALL, t=(3, 4), q=[0, 0]),
+        ValueError,
+        "the constraint 'wall'.*1.4e-01 at t = 3",
+    ),
+    (
+        "g of the start NaN",
+        lambda: run(system(constraint=lambda t, q, params: {"log": ca.log(q[0])}), q=[-1, 0]),
+        ValueError,
+        "constraint 'log' is nan at the start, t = 0",
+    ),
+    (
+        "massless",
+        lambda: run(system(lambda t, q, v, params: v[0] ** 2, None)),
+        lv.IntegrationError,
+        "(?s)start at t = 0.*mass matrix is singular.*'y' has no inertia.*give 'y' a mass",
+    ),
+    (
+        "redundant",
+        lambda: run(system(constraint=lambda t, q, params: {"a": q[1], "b": 2 * q[1]})),
+        lv.IntegrationError,
+        "(?s)start at t = 0.*constraints 'a' and 'b' are redundant.*remove one",
+    ),
+    (
+        "without gradient",
+        lambda: run(system(constraint=lambda t, q, params: {"double": q[1] ** 2})),
+        lv.IntegrationError,
+        "start at t = 0.*gradient of constraint 'double' vanishes",
+    ),
+    (
+        "velocity without z",
+        lambda: lv.integrate(
+            general(velocity=returns([0, 0])), lv.Spark(1), t=(0, 1), h=1, y=[1, 0], z=[0, 0]
+        ),
+        lv.IntegrationError,
+        "(?s)start at t = 0.*singular.*velocity",
+    ),
+    (
+        "energy NaN",
+        lambda: run(system(lambda t, q, v, params: ca.dot(v, v) + ca.log(q[1] - 1))),
+        lv.IntegrationError,
+        "start at t = 0.*invariant 'energy' is not finite",
+    ),
+    # parameters, observables and options of a run
+    ("run params a list", lambda: run(params=[1]), TypeError, r"params is a mapping.*\[1\]"),
+    ("run param unknown", lambda: run(params={"M": 1}), ValueError, "no parameter 'M'.*: m, g"),
+    ("run param NaN", lambda: run(params={"g": NAN}), ValueError, "'g' is not finite: nan"),
+    ("run param a bool", lambda: run(params={"g": True}), ValueError, "'g' is a number.*True"),
+    (
+        "run param longer",
+        lambda: run(params={"g": [9, 8]}),
+        ValueError,
+        r"'g' has shape \(2,\), wanted \(\)",
+    ),
+    (
+        "observe a function",
+        lambda: run(observe=kinetic),
+        TypeError,
+        "observe is a mapping of names",
+    ),
+    ("observe unnamed", lambda: run(observe={1: kinetic}), TypeError, "1 is not a name"),
+    ("observe nameless", lambda: run(observe={"": kinetic}), TypeError, "'' is not a name"),
+    ("observe a value", lambda: observe(3.0), TypeError, "'speed' is a function, not 3.0"),
+    ("observe None", lambda: observe(returns(None)), TypeError, "'speed' returns None"),
+    ("observe nothing", lambda: observe(returns([])), ValueError, "'speed' returns 0 values"),
+    ("observe a stranger", lambda: observe(returns(STRANGER)), ValueError, "'speed'.*: stranger"),
+    ("observe too much", lambda: observe(lambda t, q, v, params: params.l), AttributeError, "'l'"),
+    (
+        "observe off the tape",
+        lambda: observe(lambda t, q, v, params: ca.erf(q[0])),
+        ValueError,
+        "'speed' uses the operation 'erf'",
+    ),
+    ("progress a number", lambda: run(progress=10), TypeError, "progress is a function, not 10"),
+    ("states a word", lambda: run(states="none"), TypeError, "states is True or False.*'none'"),
+    # consistent starts
+    ("hold the wrong one", lambda: project(hold="p"), ValueError, "'q', 'v' or None, not 'p'"),
+    ("hold a list", lambda: project(hold=["q"]), ValueError, r"'q', 'v' or None, not \['q'\]"),
+    ("hold a bad q", lambda: project(hold="q"), ValueError, "(?s)g.q.*5.0e-03.*without hold='q'"),
+    ("project at no time", lambda: project(t=NAN), ValueError, "t is a finite number, not nan"),
+    ("project over times", lambda: project(t=(0, 1)), ValueError, r"finite number, not \(0, 1\)"),
+    ("project half", lambda: PENDULUM.consistent(q=[1, 0]), TypeError, "'v' is missing"),
+    ("project NaN", lambda: project(q=[NAN, 0]), ValueError, "q of 'x' is nan"),
+    (
+        "project from nowhere",
+        lambda: project(q=[0, 0]),
+        ValueError,
+        "no consistent start is near.*gradient of constraint 'rod' vanishes",
+    ),
+    (
+        "project onto nothing",
+        lambda: project(system(constraint=lambda t, q, params: {"none": ca.cosh(q[0])})),
+        ValueError,
+        "no consistent start is near",
+    ),
+]
+
+
+@pytest.mark.parametrize(
+    ("call", "error", "message"), [pytest.param(*row, id=name) for name, *row in ROWS]
+)
+def test_a_bad_call_is_refused(call, error, message):
+    with pytest.raises(error, match=message):
+        call()
+
+
+def test_the_table_has_no_row_twice():
+    assert len({name for name, *_ in ROWS}) == len(ROWS) >= 45
+
+
+def test_the_right_call_is_taken():
+    assert run().status == "done"
+    assert set(project()) == {"q", "v"}
+
+
+def test_a_slice_longer_than_the_run_keeps_start_and_end():
+    np.testing.assert_array_equal(run(every=10**30).t, [0, 1])

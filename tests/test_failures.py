@@ -1,0 +1,375 @@
+"""A run that fails says where, at what and why, and hands over what it had; so does Ctrl-C."""
+
+import os
+import signal
+import subprocess
+import sys
+import time
+
+import casadi as ca
+import numpy as np
+import pytest
+from registry import printed, top
+
+import liouville as lv
+
+H = 1 / 64  # times are exact, so that t = 1 is met to the bit
+
+
+def kinetic(t, q, v, params):
+    return ca.dot(v, v) / 2
+
+
+def sliding(force=None, *, constraint=None, lagrangian=kinetic, q=("x", "y", "z"), **options):
+    """Build a particle that slides along x."""
+    return lv.Lagrangian(lagrangian, constraint, q=q, force=force, **options)
+
+
+def root(t, q, v, params):
+    return ca.sqrt(1 - t)
+
+
+def ramps(t, q, params):
+    """Two planes along x that coincide at x = 1."""
+    return {"floor": q[2], "ramp": q[2] + (1 - q[0]) * q[1]}
+
+
+ALONG_X = {"q": [0, 0, 0], "v": [1, 0, 0]}
+TOWARDS_0 = {"q": [1, 0, 0], "v": [-1, 0, 0]}
+
+# id, system, start, options, step, quantity, message: all go wrong at t = 1, or in the step after
+FAILURES = [
+    (
+        "a root in the force",
+        sliding(lambda t, q, v, params: [0, root(t, q, v, params), 0]),
+        ALONG_X,
+        {},
+        64,
+        "y",
+        r"force of coordinate 'y' is not finite at t = 1\.00",
+    ),
+    (
+        "a logarithm in the force",
+        sliding(lambda t, q, v, params: [0, 0, ca.log(q[0])]),
+        TOWARDS_0,
+        {},
+        63,
+        "z",
+        "force of coordinate 'z' is not finite at t = 1\n",
+    ),
+    (
+        "a root in the potential",
+        sliding(lagrangian=lambda t, q, v, params: ca.dot(v, v) / 2 - ca.sqrt(1 - q[0]) ** 3),
+        ALONG_X,
+        {},
+        None,
+        "x",
+        "force of coordinate 'x' is not finite",
+    ),
+    (
+        "a constraint that ends",
+        sliding(constraint=lambda t, q, params: {"rail": q[1] - ca.sqrt(1 - t)}),
+        {"q": [0, 1, 0], "v": [1, -0.5, 0]},
+        {},
+        63,
+        "rail",
+        "hidden constraint 'rail' is not finite at t = 1\n",
+    ),
+    (
+        "an observable",
+        sliding(),
+        ALONG_X,
+        {"observe": {"speed": kinetic, "depth": root}},
+        64,
+        "depth",
+        r"observed 'depth' is not finite at t = 1\.01",
+    ),
+    (
+        "an observable without states",
+        sliding(),
+        ALONG_X,
+        {"observe": {"both": lambda *args: [1, root(*args)]}, "states": False},
+        64,
+        "both",
+        "observed 'both' is not finite",
+    ),
+    (
+        "an invariant",
+        sliding(invariants={"my root": root}),
+        ALONG_X,
+        {},
+        64,
+        "my root",
+        "invariant 'my root' is not finite",
+    ),
+    (
+        "a mass that is used up",
+        sliding(lagrangian=lambda t, q, v, params: v[0] ** 2 + (1 - t) * v[1] ** 2 + v[2] ** 2),
+        ALONG_X,
+        {},
+        63,
+        "y",
+        "(?s)mass matrix is singular: coordinate 'y' has no inertia.*give 'y' a mass",
+    ),
+    (
+        "a mass lost to another",
+        sliding(lagrangian=lambda t, q, v, params: ca.dot(v, v) / 2 + t * v[0] * v[1]),
+        {"q": [0, 0, 0], "v": [0, 0, 1]},
+        {},
+        63,
+        "y",
+        "mass matrix is singular",
+    ),
+    (
+        "two constraints become one",
+        sliding(constraint=ramps),
+        ALONG_X,
+        {},
+        63,
+        "floor",
+        "(?s)constraints 'floor' and 'ramp' are redundant.*singular position",
+    ),
+    (
+        "a gradient vanishes",
+        sliding(constraint=lambda t, q, params: {"wedge": (1 - q[0]) * q[1]}),
+        ALONG_X,
+        {},
+        63,
+        "wedge",
+        "gradient of constraint 'wedge' vanishes",
+    ),
+    (
+        "the tangent of a circle",
+        sliding(
+            constraint=lambda t, q, params: {
+                "circle": (ca.sumsqr(q[:2]) - 1) / 2,
+                "line": q[1] + 1 - (1 - t) ** 2 * q[2],
+            }
+        ),
+        {"q": [0, -1, 0], "v": [0, 0, 0]},
+        {},
+        63,
+        "circle",
+        "constraints 'circle' and 'line' are redundant",
+    ),
+]
+
+
+def arrays(solution):
+    """Return every array of a solution by name."""
+    groups = {
+        "states": solution.states,
+        "invariants": solution.invariants,
+        "residuals": solution.residuals,
+        "observed": solution.observed,
+    }
+    inside = {f"{group} {k}": x for group, parts in groups.items() for k, x in parts.items()}
+    return {"t": solution.t, **inside}
+
+
+def assert_same_bits(one, two):
+    one, two = arrays(one), arrays(two)
+    assert one.keys() == two.keys()
+    for name in one:
+        np.testing.assert_array_equal(one[name], two[name], err_msg=name)
+
+
+@pytest.mark.parametrize("solver", ["auto", "newton"])
+@pytest.mark.parametrize(
+    ("system", "start", "options", "step", "quantity", "message"),
+    [pytest.param(*row, id=name) for name, *row in FAILURES],
+)
+def test_a_failure_says_where_at_what_and_why(
+    system, start, options, step, quantity, message, solver
+):
+    method = lv.Spark(3, solver)
+    with pytest.raises(lv.IntegrationError, match=message) as caught:
+        lv.integrate(system, method, t=(0, 2), h=H, **start, **options)
+    error, solution = caught.value, caught.value.solution
+    assert step in (error.step, None)
+    assert error.quantity == quantity
+    assert error.t == error.step * H == solution.t[-1]
+    assert f"step {error.step} of 128 at t = {error.t:.6g} failed" in str(error)
+    assert "\nhint: " in str(error)
+    assert (solution.status, solution.message) == ("failed", str(error))
+    assert solution.stats["steps"] == error.step
+    until = lv.integrate(system, method, t=(0, error.t), steps=error.step, **start, **options)
+    assert_same_bits(solution, until)
+    assert all(np.isfinite(values).all() for values in arrays(solution).values())
+
+
+def test_a_failure_in_the_first_step_keeps_the_start():
+    system = sliding(lambda t, q, v, params: [0, ca.sqrt(-t), 0])
+    with pytest.raises(lv.IntegrationError, match="step 0 of 128") as caught:
+        lv.integrate(system, lv.Spark(3), t=(0, 2), h=H, **ALONG_X)
+    np.testing.assert_array_equal(caught.value.solution.q, [ALONG_X["q"]])
+
+
+def test_a_failure_at_the_start_keeps_nothing():
+    with pytest.raises(lv.IntegrationError, match="the start at t = 0 cannot") as caught:
+        lv.integrate(
+            sliding(), lv.Spark(3), t=(0, 2), h=H, observe={"a": lambda t, *_: 1 / t}, **ALONG_X
+        )
+    error = caught.value
+    assert (error.t, error.step, error.quantity) == (0, 0, "a")
+    assert error.solution.q.shape == (0, 3)
+    assert "nothing computed" in repr(error.solution)
+
+
+def test_thinned_output_of_a_failure_is_thinned():
+    system = sliding(lambda t, q, v, params: [0, root(t, q, v, params), 0])
+    with pytest.raises(lv.IntegrationError) as caught:
+        lv.integrate(system, lv.Spark(3), t=(0, 2), h=H, every=16, **ALONG_X)
+    np.testing.assert_array_equal(caught.value.solution.t, [0, 0.25, 0.5, 0.75, 1])
+
+
+def test_a_driven_mechanism_stops_at_its_dead_point():
+    # crank and rod of equal length: upright, the slider may go anywhere
+    driven = lv.Lagrangian(
+        kinetic,
+        lambda t, q, params: {
+            "drive": q[0] - ca.pi / 2 * t,
+            "rod": ((q[1] - ca.cos(q[0])) ** 2 + ca.sin(q[0]) ** 2 - 1) / 2,
+        },
+        q=("crank", "slider"),
+    )
+    for stages in (1, 2, 3, 4):
+        with pytest.raises(lv.IntegrationError) as caught:
+            lv.integrate(
+                driven, lv.Spark(stages), t=(0, 2), h=H, q=[0, 2], v=[np.pi / 2, 0], states=False
+            )
+        assert 0.95 < caught.value.t <= 1
+
+
+def test_a_free_mechanism_passes_its_dead_point_by():
+    free = lv.Lagrangian(
+        kinetic,
+        lambda t, q, params: {
+            "crank": (ca.sumsqr(q[:2]) - 1) / 2,
+            "rod": ((q[2] - q[0]) ** 2 + q[1] ** 2 - 1) / 2,
+        },
+        q=("x", "y", "slider"),
+    )
+    turn = lv.integrate(free, lv.Spark(4), t=(0, 4), h=H, q=[1, 0, 2], v=[0, 1, 0])
+    assert turn.q[:, 2].min() < -1.2
+    np.testing.assert_allclose(turn.q[:, 2], 2 * turn.q[:, 0], rtol=0, atol=1e-10)
+    assert turn.invariant_drift("energy").max() < 1e-9
+    with pytest.raises(lv.IntegrationError, match="'crank' and 'rod' are redundant"):
+        lv.integrate(free, lv.Spark(4), t=(0, 4), h=H, q=[0, 1, 0], v=[-1, 0, -2])
+
+
+def spinning():
+    """Return a pendulum without gravity that turns once in 2 pi."""
+    pendulum = lv.Lagrangian(kinetic, lambda t, q, params: (ca.dot(q, q) - 1) / 2, q=2)
+    return pendulum, {"q": [1, 0], "v": [0, 1]}
+
+
+# Steps of the top where the branch of solutions ends (continuation in h, first step), and a step
+# below that the iteration reaches from its own start.
+FOLDS = {1: (0.2523, 0.2), 2: (0.6949, 0.5), 3: (0.8796, 0.5)}
+
+
+def as_far_as_it_goes(*args, **options):
+    """Return the solution and None, or what a failing run had done and its error."""
+    try:
+        return lv.integrate(*args, **options), None
+    except lv.IntegrationError as error:
+        return error.solution, error
+
+
+@pytest.mark.parametrize("solver", ["auto", "newton"])
+@pytest.mark.parametrize("stages", FOLDS)
+def test_a_step_too_large_is_refused_and_never_answered_wrongly(stages, solver):
+    y0, z0 = printed("heavy_top_quaternion", "y0", "z0")
+    fold, below = FOLDS[stages]
+    reached = []
+    for h in np.concatenate([np.linspace(0.5, 0.999, 12), np.linspace(1.001, 2.5, 16)]) * fold:
+        true = lv.integrate(top(), lv.Spark(6), t=(0, h), steps=20, every=20, q=y0, v=z0).q[-1]
+        method = lv.Spark(stages, solver)
+        made, error = as_far_as_it_goes(top(), method, t=(0, h), steps=1, q=y0, v=z0)
+        if error is None:
+            reached.append(h)
+            assert np.abs(made.q[-1] - true).max() < 0.15
+        else:
+            assert (error.step, error.quantity) == (0, "stages")
+            assert "try a smaller h" in str(error)
+    assert below < max(reached) < fold
+
+
+@pytest.mark.parametrize("stages", [1, 2, 3])
+def test_no_step_of_a_fast_pendulum_lands_on_another_motion(stages):
+    pendulum, start = spinning()
+    made = []
+    for h in np.linspace(0.2, 7, 69):
+        span = {"t": (0, 5 * h), "steps": 5}
+        solution, _ = as_far_as_it_goes(pendulum, lv.Spark(stages), **span, **start)
+        z = solution.q @ [1, 1j]
+        assert np.all(np.abs(z[1:] / z[:-1] - np.exp(1j * h)) < 0.3)
+        made.append(len(z) - 1)
+    assert (made[0], made[-1]) == (5, 0)
+
+
+def test_node_schur_gives_up_where_auto_goes_on():
+    stiff = lv.Lagrangian(
+        lambda t, q, v, params: ca.dot(v, v) / 2 - params.k / 2 * q[0] ** 2 - q[1],
+        lambda t, q, params: (ca.dot(q, q) - 1) / 2,
+        q=("x", "y"),
+        params={"k": 1e4},
+    )
+    swing = {"t": (0, 2), "h": 0.05, "q": [0.6e-3, -np.sqrt(1 - 0.6e-3**2)], "v": [0, 0]}
+    with pytest.raises(lv.IntegrationError, match=r"(?s)did not converge.*solver='auto'"):
+        lv.integrate(stiff, lv.Spark(3, "node-schur"), **swing)
+    solution = lv.integrate(stiff, lv.Spark(3, "auto"), **swing)
+    assert solution.stats["solver"] == "newton"
+    assert solution.invariant_drift("energy").max() < 1e-6
+    soft = lv.integrate(stiff, lv.Spark(3, "auto"), params={"k": 1.0}, **swing)
+    assert soft.stats["solver"] == "node-schur"
+
+
+def test_an_interrupt_returns_what_was_done():
+    pendulum, start = spinning()
+
+    def interrupt(done, total):
+        signal.raise_signal(signal.SIGINT)
+
+    solution = lv.integrate(
+        pendulum, lv.Spark(3), t=(0, 2**20), h=H, every=256, progress=interrupt, **start
+    )
+    steps = solution.stats["steps"]
+    assert solution.status == "interrupted"
+    assert solution.message == f"interrupted after {steps} of {2**26} steps"
+    assert 0 < steps < 2**26
+    kept = steps // 256
+    assert kept > 0
+    until = lv.integrate(pendulum, lv.Spark(3), t=(0, 4.0 * kept), h=H, every=256, **start)
+    cut = {name: values[: kept + 1] for name, values in arrays(solution).items()}
+    for name, values in arrays(until).items():
+        np.testing.assert_array_equal(cut[name], values, err_msg=name)
+
+
+CHILD = """
+import signal, time
+from test_failures import lv, spinning
+signal.signal(signal.SIGINT, signal.default_int_handler)
+pendulum, start = spinning()
+solution = lv.integrate(
+    pendulum, lv.Spark(3), t=(0, 1e9), h=0.01, every=1000,
+    progress=lambda done, total: print(flush=True), **start,
+)
+print(solution.status, time.monotonic(), len(solution.t))
+"""
+
+
+@pytest.mark.skipif(os.name != "posix", reason="sends a signal to a process")
+def test_ctrl_c_returns_within_a_second():
+    command = [sys.executable, "-c", CHILD]
+    with subprocess.Popen(
+        command, stdout=subprocess.PIPE, text=True, cwd=os.path.dirname(__file__)
+    ) as child:
+        child.stdout.readline()  # it is running
+        sent = time.monotonic()
+        child.send_signal(signal.SIGINT)
+        status, returned, kept = child.stdout.read().split()
+    assert status == "interrupted"
+    assert 0 < float(returned) - sent < 1
+    assert int(kept) > 1

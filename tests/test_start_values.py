@@ -1,0 +1,241 @@
+"""Starts off their constraints are refused, and `consistent` moves them there by the least change."""
+
+import casadi as ca
+import numpy as np
+import pytest
+from registry import nonlinear_reaction, printed, top, top_lagrangian
+
+import liouville as lv
+from liouville.problems import load
+
+NAMES = ("ax", "ay", "bx", "by")
+
+
+def rod(t, q, params):
+    return {"rod": (ca.sumsqr(q[2:] - q[:2]) - params.l**2) / 2}
+
+
+def two_masses():
+    """Return two masses in the plane, one heavy and one light, at the ends of a rod."""
+    return lv.Lagrangian(
+        lambda t, q, v, params: params.a / 2 * ca.sumsqr(v[:2]) + params.b / 2 * ca.sumsqr(v[2:]),
+        rod,
+        q=NAMES,
+        params={"a": 1e4, "b": 1.0, "l": 1.0},
+    )
+
+
+def two_masses_by_momentum():
+    return lv.Hamiltonian(
+        lambda t, q, p, params: (
+            ca.sumsqr(p[:2]) / (2 * params.a) + ca.sumsqr(p[2:]) / (2 * params.b)
+        ),
+        rod,
+        q=NAMES,
+        params={"a": 1e4, "b": 1.0, "l": 1.0},
+    )
+
+
+MASSES = np.diag([1e4, 1e4, 1.0, 1.0])
+APART = {"q": [0.0, 0.0, 1.2, 0.1], "v": [0.0, 0.0, 1.0, 1.0]}
+_RELATIVISTIC, _WIRE = load("relativistic_particle"), load("moving_wire")
+_Y0, _Z0 = printed("heavy_top_quaternion", "y0", "z0")
+
+# a system, a time, and a start off both constraints
+STARTS = {
+    "two masses": (two_masses(), 0.0, APART),
+    "by momentum": (two_masses_by_momentum(), 0.0, {"q": APART["q"], "p": APART["v"]}),
+    "top": (top(), 0.0, {"q": 1.1 * _Y0, "v": _Z0 + 0.1}),
+    "moving wire": (_WIRE.system, 0.7, {"q": [0.3, -0.1], "v": [0.4, 0.2]}),
+    "relativistic": (
+        _RELATIVISTIC.system,
+        0.0,
+        {name: np.asarray(x) + 0.05 for name, x in _RELATIVISTIC.start.items()},
+    ),
+    "nonlinear in lam": (nonlinear_reaction(), 0.3, {"y": [0.6, 0.1, -0.9], "z": [0.1, 1, 0.2]}),
+}
+
+
+def residuals(system, t, start):
+    """Return the residuals of both constraints at a start, by a run of one minute step."""
+    run = lv.integrate(system, lv.Spark(1), t=(t, t + 1e-6), steps=1, **start)
+    return run.residuals["constraint"][0], run.residuals["hidden"][0]
+
+
+@pytest.mark.parametrize("name", STARTS)
+def test_a_start_moved_onto_its_constraints_is_taken(name):
+    system, t, start = STARTS[name]
+    with pytest.raises(ValueError, match="start violates the constraint"):
+        lv.integrate(system, lv.Spark(1), t=(t, t + 1), h=0.1, **start)
+    moved = system.consistent(t=t, **start)
+    assert list(moved) == list(start)
+    for residual in residuals(system, t, moved):
+        assert np.abs(residual).max() < 1e-15
+
+
+@pytest.mark.parametrize("name", STARTS)
+def test_moving_twice_is_moving_once(name):
+    system, t, start = STARTS[name]
+    once = system.consistent(t=t, **start)
+    for key, value in system.consistent(t=t, **once).items():
+        np.testing.assert_allclose(value, once[key], rtol=0, atol=1e-15)
+
+
+@pytest.mark.parametrize("name", STARTS)
+def test_positions_held_do_not_move(name):
+    system, t, start = STARTS[name]
+    first, second = system.states
+    on = {**start, first: system.consistent(t=t, **start)[first]}
+    moved = system.consistent(t=t, hold=first, **on)
+    np.testing.assert_array_equal(moved[first], on[first])
+    assert np.abs(moved[second] - start[second]).max() > 1e-3
+    assert np.abs(residuals(system, t, moved)[1]).max() < 1e-15
+    with pytest.raises(ValueError, match=f"without hold='{first}'"):
+        system.consistent(t=t, hold=first, **start)
+
+
+@pytest.mark.parametrize("name", STARTS)
+def test_velocities_or_momenta_held_do_not_move(name):
+    system, t, start = STARTS[name]
+    first, second = system.states
+    moved = system.consistent(t=t, hold=second, **start)
+    np.testing.assert_array_equal(moved[second], start[second])
+    assert np.abs(moved[first] - start[first]).max() > 1e-3
+    for residual in residuals(system, t, moved):
+        assert np.abs(residual).max() < 2e-14
+
+
+def test_the_heavy_mass_hardly_moves():
+    moved = two_masses().consistent(**APART)
+    shift, push = moved["q"] - APART["q"], moved["v"] - APART["v"]
+    for change in (shift, push):
+        np.testing.assert_allclose(1e4 * change[:2], -change[2:], rtol=1e-9, atol=1e-12)
+        assert np.abs(change[:2]).max() < 3e-4 < 0.1 < np.abs(change[2:]).max()
+
+
+def test_velocities_change_orthogonally_to_what_the_constraint_admits():
+    q, v = _Y0, _Z0 + np.array([0.3, -0.2, 0.1, 0.4])
+    symbols = ca.SX.sym("q", 4), ca.SX.sym("v", 4)
+    mass = ca.hessian(top_lagrangian(0, *symbols, None), symbols[1])[0]
+    mass = ca.Function("mass", symbols, [mass])(q, v).full()
+    change = top().consistent(hold="q", q=q, v=v)["v"] - v
+    tangents = np.linalg.svd(q[None])[2][1:]
+    assert np.abs(change).max() > 0.1
+    assert np.abs(tangents @ mass @ change).max() < 1e-13
+    assert np.abs(tangents @ change).max() > 1e-3  # the plain metric would be another
+
+
+def test_positions_change_orthogonally_to_second_order():
+    weights = np.array([1.0, 100.0])
+    ellipse = lv.Lagrangian(
+        lambda t, q, v, params: (v[0] ** 2 + 100 * v[1] ** 2) / 2,
+        lambda t, q, params: q[0] ** 2 + 4 * q[1] ** 2 - 1,
+        q=2,
+    )
+    on = np.array([0.6, 0.4])
+    gradient = np.array([2 * on[0], 8 * on[1]])
+    tilt = []
+    for size in (1e-2, 1e-3):
+        off = on + size * gradient / weights
+        q = ellipse.consistent(q=off, v=[0, 0])["q"]
+        tilt.append(np.abs(q - on).max() / np.abs(off - on).max())
+    assert tilt[0] < 0.05
+    assert tilt[1] < 0.15 * tilt[0]
+
+
+def test_momenta_move_as_velocities_do():
+    q, v = _Y0, _Z0 + 0.1
+    by_velocity = top().consistent(hold="q", q=q, v=v)["v"]
+    symbols = ca.SX.sym("q", 4), ca.SX.sym("v", 4)
+    momentum = ca.gradient(top_lagrangian(0, *symbols, None), symbols[1])
+    momentum = ca.Function("momentum", symbols, [momentum])
+
+    def hamiltonian(t, q, p, params):
+        mass = ca.substitute(ca.jacobian(momentum(q, symbols[1]), symbols[1]), symbols[1], 0)
+        v = ca.solve(mass, p)
+        return ca.dot(p, v) - top_lagrangian(t, q, v, None)
+
+    conjugate = lv.Hamiltonian(hamiltonian, lambda t, q, params: (ca.dot(q, q) - 1) / 2, q=4)
+    p = conjugate.consistent(hold="q", q=q, p=momentum(q, v).full().ravel())["p"]
+    np.testing.assert_allclose(p, momentum(q, by_velocity).full().ravel(), rtol=0, atol=1e-14)
+
+
+def test_a_moving_constraint_takes_the_start_along():
+    wall = lv.Lagrangian(
+        lambda t, q, v, params: ca.dot(v, v) / 2,
+        lambda t, q, params: {"wall": q[0] - params.speed * t},
+        q=("x", "y"),
+        params={"speed": 2.0},
+    )
+    rest = {"q": [0, 5], "v": [0, 1]}
+    for t, speed in ((0.0, 2.0), (3.0, 2.0), (3.0, -1.0)):
+        moved = wall.consistent(t=t, params={"speed": speed}, **rest)
+        np.testing.assert_array_equal(moved["q"], [speed * t, 5])
+        np.testing.assert_array_equal(moved["v"], [speed, 1])
+
+
+def test_parameters_of_a_run_are_parameters_of_its_start():
+    system = two_masses()
+    long = system.consistent(params={"l": 2.0}, **APART)
+    assert np.hypot(*(long["q"][2:] - long["q"][:2])) == pytest.approx(2, abs=1e-15)
+    with pytest.raises(ValueError, match="start violates the constraint 'rod'"):
+        lv.integrate(system, lv.Spark(1), t=(0, 1), h=0.1, **long)
+    lv.integrate(system, lv.Spark(1), t=(0, 1), h=0.1, params={"l": 2.0}, **long)
+
+
+def test_a_refusal_carries_the_size_and_a_hint_that_helps():
+    system = two_masses()
+    with pytest.raises(ValueError, match="start violates") as caught:
+        lv.integrate(system, lv.Spark(1), t=(0, 1), h=0.1, **APART)
+    sentence, hint = str(caught.value).splitlines()
+    assert "constraint 'rod': |g(q)| = 2.2e-01 at t = 0, wanted at most 3." in sentence
+    assert hint == "hint: system.consistent(q=..., v=...) moves a start onto its constraints"
+    on = {**APART, "q": system.consistent(**APART)["q"]}
+    with pytest.raises(ValueError, match=r"hidden constraint 'rod': \|g_t \+ g_q v\| = 1.1e\+00"):
+        lv.integrate(system, lv.Spark(1), t=(0, 1), h=0.1, **on)
+
+
+@pytest.mark.parametrize(("error", "is_taken"), [(1e-14, True), (1e-12, True), (1e-8, False)])
+@pytest.mark.parametrize("unit", [1e-6, 1.0, 1e6])
+def test_how_exact_a_start_must_be_does_not_depend_on_units(unit, error, is_taken):
+    circle = lv.Lagrangian(
+        lambda t, q, v, params: ca.dot(v, v) / 2,
+        lambda t, q, params: ca.dot(q, q) - params.l**2,
+        q=2,
+        params={"l": unit},
+    )
+    start = {"q": [unit * (1 + error), 0], "v": [0, unit]}
+    if is_taken:
+        lv.integrate(circle, lv.Spark(2), t=(0, 1), h=0.1, **start)
+    else:
+        with pytest.raises(ValueError, match="start violates the constraint"):
+            lv.integrate(circle, lv.Spark(2), t=(0, 1), h=0.1, **start)
+
+
+def test_a_start_may_be_given_by_name_and_is_left_alone():
+    system, q, v = two_masses(), np.array(APART["q"]), np.array(APART["v"])
+    plain = system.consistent(q=q, v=v)
+    named = system.consistent(
+        q=dict(zip(NAMES, q, strict=True)), v=dict(zip(NAMES, v, strict=True))
+    )
+    for key, value in plain.items():
+        np.testing.assert_array_equal(named[key], value)
+    np.testing.assert_array_equal(q, APART["q"])
+    np.testing.assert_array_equal(v, APART["v"])
+
+
+def test_without_constraints_every_start_is_consistent():
+    free = lv.Lagrangian(lambda t, q, v, params: ca.dot(v, v) / 2, q=2)
+    for hold in (None, "q", "v"):
+        moved = free.consistent(hold=hold, q=[1, 2], v=[3, 4])
+        np.testing.assert_array_equal([moved["q"], moved["v"]], [[1, 2], [3, 4]])
+
+
+def test_redundant_constraints_are_named():
+    doubled = lv.Lagrangian(
+        lambda t, q, v, params: ca.dot(v, v) / 2,
+        lambda t, q, params: {"once": q[0] - 1, "twice": 2 * q[0] - 2},
+        q=2,
+    )
+    with pytest.raises(ValueError, match="no consistent start.*'once' and 'twice' are redundant"):
+        doubled.consistent(q=[2, 0], v=[0, 0])
