@@ -19,7 +19,7 @@ _NAMES: dict[int, str] = {
 
 
 def record(name: str, inputs: Mapping[str, ca.SX], *outputs: ca.SX, dense: bool = True) -> Tape:
-    """Record expressions as one tape.
+    """Record expressions as one tape, what they have in common once.
 
     Parameters
     ----------
@@ -43,7 +43,7 @@ def record(name: str, inputs: Mapping[str, ca.SX], *outputs: ca.SX, dense: bool 
         the constant NaN.
     """
     columns = [ca.vec(ca.densify(x)) if dense else ca.vec(x.nz[:]) for x in outputs]
-    column = ca.vertcat(*columns)
+    column = ca.cse(ca.vertcat(*columns))
     function = ca.Function("tape", list(inputs.values()), [column], {"allow_free": True})
     if function.has_free():
         free = ", ".join(sorted(str(x) for x in function.free_sx()))

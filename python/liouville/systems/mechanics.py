@@ -19,6 +19,9 @@ from liouville.tape import record
 #: A start may miss its constraints by this much of the size of what they are made of.
 TOLERANCE = 1e-10
 
+#: What roundoff may leave of coordinates that start at zero, in their own unit.
+FLOOR = 1e-14
+
 
 @dataclass(frozen=True)
 class Symbols:
@@ -162,7 +165,7 @@ class Mechanics:
         rows, _ = self._model_pattern("g_y")
         size = np.bincount(rows, np.abs(self._at("node_blocks", params, t, y, lam)[: rows.size]), m)
         length, speed = np.abs(y).max(), np.abs(v).max()
-        limits = (TOLERANCE * size * length, TOLERANCE * size * (speed + 1e-2 * length))
+        limits = [size * (TOLERANCE * x + FLOOR) for x in (length, speed + 1e-2 * length)]
         symbols = (f"g({self.states[0]})", f"g_t + g_{self.states[0]} v")
         for what, symbol, value, limit in zip(
             ("constraint", "hidden constraint"), symbols, (g, w), limits, strict=True
@@ -175,7 +178,7 @@ class Mechanics:
                         "look for a division by zero, a root or a logarithm of the model there",
                     )
                 )
-            over = np.abs(value) - limit - 1e-14
+            over = np.abs(value) - limit
             k = int(np.argmax(over))
             if not over[k] <= 0:
                 raise ValueError(
