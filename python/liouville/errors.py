@@ -92,7 +92,7 @@ def describe(
             "stages",
         )
     return (
-        f"the stage equations did not converge (last correction {trouble['size']:.0e})",
+        f"the iteration did not converge (last correction {trouble['size']:.0e})",
         "try a smaller h",
         "stages",
     )

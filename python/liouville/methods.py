@@ -53,7 +53,7 @@ class Spark:
     :cite:t:`jay2007`; see :doc:`/theory/spark`.
     """
 
-    stages: int = field(default=3, metadata={"help": "number of Gauss stages, at least 1"})
+    stages: int = field(default=3, metadata={"help": "number of Gauss stages, from 1 to 100"})
     solver: str = field(default="auto", metadata={"help": "one of " + ", ".join(SOLVERS)})
 
     def __post_init__(self) -> None:

@@ -1,1 +1,144 @@
-fn main() {}
+//! What a step is made of, timed: tape evaluation, small factorisations, one step of each method.
+//!
+//! Throughputs count instructions of a tape, and for lanes instructions times trajectories.
+
+#[path = "../tests/support/mod.rs"]
+mod support;
+
+use criterion::{BenchmarkId, Criterion, Throughput, criterion_group, criterion_main};
+use liouville_core::linalg::Lu;
+use liouville_core::method::Stepper;
+use liouville_core::method::spark::{Solver, Spark};
+use liouville_core::problem::mechanical::Model;
+use liouville_core::real::{Lanes, Real, WIDTH};
+use liouville_core::tape::{Line, Op, Tape};
+use std::hint::black_box;
+use std::time::Duration;
+
+const SLOTS: usize = 24;
+const INPUTS: usize = 16;
+
+/// A program over 24 slots: each pair of instructions makes a slot the half of its sum or difference
+/// with another; every `rare`-th time of its sine or cosine. Nothing is computed in vain.
+fn program(pairs: usize, rare: usize) -> Tape {
+    const HALF: usize = SLOTS;
+    let mut lines: Vec<Line> = (0..SLOTS)
+        .map(|slot| Line::Input {
+            slot,
+            group: 0,
+            element: slot % INPUTS,
+        })
+        .collect();
+    lines.push(Line::Constant {
+        slot: HALF,
+        value: 0.5,
+    });
+    let mut random = 1_usize;
+    let mut draw = |most: usize| {
+        random = random
+            .wrapping_mul(6_364_136_223_846_793_005)
+            .wrapping_add(1);
+        (random >> 40) % most
+    };
+    for k in 0..pairs {
+        let (slot, other, choice) = (draw(SLOTS), draw(SLOTS), draw(2));
+        let op = if k % rare == rare - 1 {
+            [Op::Sin, Op::Cos][choice]
+        } else {
+            [Op::Add, Op::Sub][choice]
+        };
+        lines.push(Line::Apply {
+            op,
+            slot,
+            a: slot,
+            b: other,
+        });
+        lines.push(Line::Apply {
+            op: Op::Mul,
+            slot,
+            a: slot,
+            b: HALF,
+        });
+    }
+    lines.extend((0..SLOTS).map(|slot| Line::Output {
+        element: slot,
+        slot,
+    }));
+    Tape::new(&[INPUTS, 0], SLOTS, &lines).expect("a valid program")
+}
+
+fn evaluate<R: Real>(c: &mut Criterion, scalar: &str, width: usize) {
+    let mut group = c.benchmark_group(format!("tape/{scalar}"));
+    for (name, rare) in [("arithmetic", usize::MAX), ("one in eight sines", 4)] {
+        let tape = program(300, rare);
+        let mut registers = tape.bind::<R>(&[]);
+        let mut x: [R; INPUTS] = std::array::from_fn(|k| R::splat(1.0 + 0.1 * k as f64));
+        group.throughput(Throughput::Elements((tape.len() * width) as u64));
+        group.bench_function(name, |b| {
+            b.iter(|| {
+                x[0] = tape.eval(&mut registers, [black_box(&x)])[5];
+            });
+        });
+    }
+    group.finish();
+}
+
+fn tapes(c: &mut Criterion) {
+    evaluate::<f64>(c, "f64", 1);
+    evaluate::<Lanes>(c, "lanes", WIDTH);
+}
+
+fn factors(c: &mut Criterion) {
+    let mut group = c.benchmark_group("factor and solve");
+    for n in [3_u8, 6, 12, 24] {
+        let order = usize::from(n);
+        let mut lu = Lu::new(order);
+        let entry =
+            |i: u8, j: u8| f64::from((7 * i + 3 * j) % 11) + f64::from(u8::from(i == j)) * 9.0;
+        let matrix: Vec<f64> = (0..n)
+            .flat_map(|i| (0..n).map(move |j| entry(i, j)))
+            .collect();
+        let mut x = vec![1.0; order];
+        group.bench_function(BenchmarkId::from_parameter(n), |b| {
+            b.iter(|| {
+                lu.matrix_mut()
+                    .flat_mut()
+                    .copy_from_slice(black_box(&matrix));
+                x.fill(1.0);
+                let regular = lu.factor().is_ok();
+                lu.solve(&mut x);
+                (regular, x[0])
+            });
+        });
+    }
+    group.finish();
+}
+
+fn steps(c: &mut Criterion) {
+    let mut group = c.benchmark_group("pendulum step");
+    for s in 1..=4 {
+        let mut model = Model::new(support::pendulum().build(), &support::PENDULUM);
+        let mut state = model.state(0.0, &[1.0, 0.0], &[0.0, 0.0]);
+        let mut spark = Spark::new(model, s, Solver::Auto);
+        group.bench_function(BenchmarkId::new("spark", s), |b| {
+            b.iter(|| {
+                let made = spark.step(0.0, black_box(0.01), &mut state);
+                assert!(made.is_ok(), "{made:?}");
+            });
+        });
+    }
+    group.finish();
+}
+
+fn quick() -> Criterion {
+    Criterion::default()
+        .warm_up_time(Duration::from_millis(500))
+        .measurement_time(Duration::from_secs(2))
+}
+
+criterion_group! {
+    name = kernels;
+    config = quick();
+    targets = tapes, factors, steps
+}
+criterion_main!(kernels);

@@ -2,8 +2,10 @@
 //!
 //! Whoever has equations to solve says how one correction is made; this file says when to stop.
 //! With θ the ratio of successive corrections δ (relative to the size of the solution), the
-//! iteration ends when what is still to come, θ δ / (1 − θ), is below a hundredth of ε, or when δ stops
-//! shrinking within the noise of its own evaluation. Source: hairer1996, IV.8, and spark theory page.
+//! iteration ends when what is still to come, θ δ / (1 − θ), is far below ε. Within the noise of its own
+//! evaluation δ tells nothing any more; θ is then that of the corrections above it. A second
+//! correction more than half the first ends it at once: Newton's method may converge from there, but
+//! to what solution is anybody's guess. Source: hairer1996, IV.8; deuflhard2004, 2.1.
 
 use crate::trouble::Trouble;
 
@@ -17,8 +19,10 @@ pub trait Equations {
 }
 
 /// Corrections still expected below this fraction of the solution end the iteration: they are of one
-/// sign step after step, so a tenth of ε would still show as a drift of the energy.
-const TOLERANCE: f64 = 0.01 * f64::EPSILON;
+/// sign step after step, so even a hundredth of ε would show as a drift of the energy.
+const TOLERANCE: f64 = 1e-3 * f64::EPSILON;
+/// A first ratio of corrections above this says that the solution found need not be the nearby one.
+const NEARBY: f64 = 0.5;
 /// Corrections below this fraction may be nothing but roundoff.
 const NOISE: f64 = 200.0 * f64::EPSILON;
 
@@ -28,14 +32,28 @@ const NOISE: f64 = 200.0 * f64::EPSILON;
 /// [`Trouble::NotConverged`] as soon as `most` corrections will not be enough.
 pub fn solve(equations: &mut impl Equations, most: usize) -> Result<usize, Trouble> {
     let mut last = f64::INFINITY;
+    let mut expected = f64::INFINITY;
+    let mut rate = None;
     for iterations in 1..=most {
         let size = equations.correct()?;
         let theta = size / last;
-        if size == 0.0 || (iterations > 1 && is_converged(size, theta)) {
+        let is_noise = size < NOISE;
+        // noise hides what is still converging: the rate seen above it is believed
+        expected = match rate {
+            Some(rate) if is_noise => size.min(rate * expected),
+            _ => size,
+        };
+        if iterations > 1 && !is_noise {
+            rate = Some(theta);
+        }
+        let is_converged = size == 0.0
+            || iterations > 1 && still_to_come(rate.unwrap_or(theta), expected) < TOLERANCE
+            || is_noise && rate.is_none() && theta >= 0.5
+            || is_noise && iterations == most;
+        if is_converged {
             return Ok(iterations);
         }
-        let failed = !size.is_finite() || is_hopeless(size, theta, iterations, most);
-        if failed || iterations == most {
+        if !size.is_finite() || iterations == most || is_hopeless(size, theta, iterations, most) {
             return Err(Trouble::NotConverged { iterations, size });
         }
         last = size;
@@ -46,17 +64,24 @@ pub fn solve(equations: &mut impl Equations, most: usize) -> Result<usize, Troub
     })
 }
 
-fn is_converged(size: f64, theta: f64) -> bool {
-    let still_to_come = if theta < 1.0 {
-        theta * size / (1.0 - theta)
+/// The sum of all corrections after one of size `size`, at this rate.
+fn still_to_come(rate: f64, size: f64) -> f64 {
+    if rate < 1.0 {
+        rate * size / (1.0 - rate)
     } else {
         f64::INFINITY
-    };
-    still_to_come < TOLERANCE || (size < NOISE && theta >= 0.5)
+    }
 }
 
-/// Growing, or at its present rate too slow; a Newton iteration may need three to find its rate.
+/// Growing, at its present rate too slow, or started too far away.
 fn is_hopeless(size: f64, theta: f64, iterations: usize, most: usize) -> bool {
-    let too_slow = || iterations > 3 && size * theta.powf((most - iterations) as f64) > NOISE;
-    iterations > 1 && size > NOISE && (theta >= 2.0 || too_slow())
+    let left = (most - iterations) as f64;
+    match iterations {
+        _ if size < NOISE => false,
+        1 => false,
+        2 => theta > NEARBY,
+        3 => theta >= 2.0,
+        // a Newton iteration may have needed three corrections to find its rate
+        _ => theta >= 2.0 || still_to_come(theta, size) * theta.powf(left) > TOLERANCE,
+    }
 }

@@ -198,8 +198,9 @@ class Mechanics:
     ) -> dict[str, np.ndarray]:
         r"""Move a start onto the constraints by the least change in the mass metric.
 
-        Positions are moved by :math:`M^{-1} g_y^T \mu` until :math:`g = 0`, then velocities (or
-        momenta) by the same directions until :math:`g_t + g_y v = 0`.
+        Positions are moved by :math:`M^{-1} g_y^T \mu` until :math:`g = 0`, which from afar is the
+        least change only nearly, then velocities (or momenta) by the same directions until
+        :math:`g_t + g_y v = 0`.
 
         Parameters
         ----------
@@ -246,12 +247,12 @@ class Mechanics:
     def _project(
         self, what: str, t: float, x: np.ndarray, held: np.ndarray, params: np.ndarray
     ) -> np.ndarray:
-        tapes, pattern = self._projections[what]
+        tapes, pattern, names = self._projections[what]
         found = _core.project(tapes, pattern, x, np.append(held, t), params)
         if isinstance(found, dict):
             if found["kind"] == "not finite":
                 found["t"] = t
-            sentence, _, _ = describe(found, self.coordinates, 2 * self.constraints)
+            sentence, _, _ = describe(found, self.coordinates, names)
             raise ValueError(
                 hinted(
                     f"no consistent start is near the one given: {sentence}",
@@ -262,18 +263,26 @@ class Mechanics:
 
     @cached_property
     def _projections(self) -> dict[str, Any]:
-        """Tapes (x, held and t, params) of c, c_x and the metric, for each kind of projection."""
+        """Tapes (x, held and t, params) of c, c_x and the metric, for each kind of projection.
+
+        With them come the pattern of c_x and the names of the rows of c.
+        """
         s, model = self._symbols, self._model
         w = _total_derivative(model.g, s, model.v)
         p_z, v_z = ca.jacobian(model.p, s.z), ca.jacobian(model.v, s.z)
         compliance = ca.solve(v_z.T, p_z.T).T if _differ(model.v, s.z) else p_z
+        hidden = tuple(f"hidden {name}" for name in self.constraints)
+        w_y = ca.jacobian(w, s.y)
+        moved = [k for k in range(w.numel()) if not w_y[k, :].is_zero()]
+        rows = ca.vertcat(model.g, *(w[k] for k in moved))
+        both = rows, (*self.constraints, *(hidden[k] for k in moved))
         cases = {
-            "positions": (s.y, s.z, model.g, compliance),
-            "both": (s.y, s.z, ca.vertcat(model.g, w), compliance),
-            "partner": (s.z, s.y, w, ca.mtimes(v_z.T, p_z)),
+            "positions": (s.y, s.z, (model.g, self.constraints), compliance),
+            "both": (s.y, s.z, both, compliance),
+            "partner": (s.z, s.y, (w, hidden), ca.mtimes(v_z.T, p_z)),
         }
         projections = {}
-        for what, (x, held, c, metric) in cases.items():
+        for what, (x, held, (c, names), metric) in cases.items():
             inputs = {"x": x, "held": ca.vertcat(held, s.t), "params": s.params.vector}
             c_x = ca.jacobian(c, x)
             tapes = (
@@ -281,7 +290,7 @@ class Mechanics:
                 record(what, inputs, c_x, dense=False),
                 record(what, inputs, metric.T),
             )
-            projections[what] = (tapes, _pattern(c_x))
+            projections[what] = (tapes, _pattern(c_x), names)
         return projections
 
     def reaction(

@@ -43,10 +43,11 @@ pub enum Solver {
     Newton,
 }
 
-/// Corrections node Schur may take before full Newton is the better choice.
-const SCHUR_ITERATIONS: usize = 16;
-/// Corrections full Newton may take.
-const NEWTON_ITERATIONS: usize = 30;
+/// Corrections node Schur may take before full Newton is the better choice: slower ones cost more
+/// than its matrix, and leave a remainder of one sign under the roundoff.
+const SCHUR_ITERATIONS: usize = 7;
+/// Corrections a solver may take when there is no other.
+const MOST_ITERATIONS: usize = 100;
 /// Steps node Schur rests at most after failing; each failure in a row doubles the rest.
 const LONGEST_REST: usize = 1023;
 /// Stages this far from their start, in units of the velocity, belong to another branch.
@@ -141,7 +142,7 @@ impl Spark {
         let most = if self.solver == Solver::Auto {
             SCHUR_ITERATIONS
         } else {
-            3 * SCHUR_ITERATIONS
+            MOST_ITERATIONS
         };
         let (stages, model) = (&mut self.stages, &mut self.model);
         newton::solve(&mut self.schur.start(stages, model, step), most)
@@ -153,7 +154,7 @@ impl Spark {
         let full = self
             .full
             .get_or_insert_with(|| Box::new(FullNewton::new(model, stages)));
-        newton::solve(&mut full.start(stages, model, step), NEWTON_ITERATIONS)
+        newton::solve(&mut full.start(stages, model, step), MOST_ITERATIONS)
     }
 
     /// A solution far from its start may satisfy every equation and still be another motion.

@@ -1,0 +1,156 @@
+//! The hot loop allocates nothing. This binary counts what the global allocator hands out.
+
+mod support;
+
+use liouville_core::method::Stepper;
+use liouville_core::method::spark::{Solver, Spark};
+use liouville_core::problem::mechanical::{Acceleration, Model};
+use std::alloc::{GlobalAlloc, Layout, System};
+use std::cell::Cell;
+use std::sync::Arc;
+use support::{Functions, LAM, PENDULUM, T, Y, Z, dot, input, inputs, pendulum};
+
+struct Counting;
+
+thread_local! {
+    static COUNT: Cell<usize> = const { Cell::new(0) };
+}
+
+// SAFETY: every call goes on to the system's allocator as it came; counting takes no memory.
+#[allow(unsafe_code)]
+unsafe impl GlobalAlloc for Counting {
+    unsafe fn alloc(&self, layout: Layout) -> *mut u8 {
+        COUNT.with(|count| count.set(count.get() + 1));
+        unsafe { System.alloc(layout) }
+    }
+    unsafe fn dealloc(&self, pointer: *mut u8, layout: Layout) {
+        unsafe { System.dealloc(pointer, layout) }
+    }
+    unsafe fn realloc(&self, pointer: *mut u8, layout: Layout, size: usize) -> *mut u8 {
+        COUNT.with(|count| count.set(count.get() + 1));
+        unsafe { System.realloc(pointer, layout, size) }
+    }
+}
+
+#[global_allocator]
+static ALLOCATOR: Counting = Counting;
+
+/// How often memory is taken while `work` runs on this thread.
+fn allocations(work: impl FnOnce()) -> usize {
+    let before = COUNT.get();
+    work();
+    COUNT.get() - before
+}
+
+/// Two coupled arms with v ≠ z, a full mass matrix, and a reaction that is nonlinear in λ.
+fn general() -> Functions {
+    let (y, z) = (inputs(Y, 4), inputs(Z, 4));
+    let driven = (input(T, 0) * 0.1).sin();
+    let arm = [&y[2] - &y[0], &y[3] - &y[1]];
+    let mut functions = Functions {
+        v: Some(vec![
+            &z[0] + &z[1] * 0.1,
+            &z[1] + &z[0] * 0.1,
+            z[2].clone(),
+            &z[3] + z[3].sin() * 0.1,
+        ]),
+        p: vec![
+            &z[0] + &z[2] * 0.2,
+            &z[1] + &y[0] * 0.1,
+            &z[2] + &z[0] * 0.2,
+            z[3].clone(),
+        ],
+        f: vec![-&z[0], (-9.81).into(), &driven * &y[1], (-9.81).into()],
+        r: None,
+        g: vec![
+            (dot(&y[..2], &y[..2]) - 1.0) * 0.5,
+            (dot(&arm, &arm) - 1.0) * 0.5,
+        ],
+        params: 0,
+    };
+    let ideal = functions.ideal_reaction();
+    let grown = (input(LAM, 0) * 0.01).sin();
+    functions.r = Some(ideal.iter().map(|r| r + &grown * &y[1] * 0.1).collect());
+    functions
+}
+
+/// Allocations of 50 steps, the first apart: (first, others).
+fn steps(
+    functions: &Functions,
+    params: &[f64],
+    y: &[f64],
+    s: usize,
+    solver: Solver,
+) -> (usize, usize) {
+    let mut model = Model::new(functions.build(), params);
+    let mut state = model.state(0.0, y, &vec![0.0; y.len()]);
+    let mut spark = Spark::new(model, s, solver);
+    let mut n = 0;
+    let mut step = || {
+        let t = 0.01 * f64::from(n);
+        spark.step(t, 0.01, &mut state).expect("a step can be made");
+        n += 1;
+    };
+    let first = allocations(&mut step);
+    (first, allocations(|| (1..50).for_each(|_| step())))
+}
+
+#[test]
+fn the_counter_counts() {
+    assert_eq!(allocations(|| drop(Arc::new([0_u8; 100]))), 1);
+}
+
+#[test]
+fn a_step_takes_no_memory() {
+    for solver in [Solver::NodeSchur, Solver::Newton] {
+        for s in [1, 3, 6] {
+            let plain = steps(&pendulum(), &PENDULUM, &[1.0, 0.0], s, solver);
+            assert_eq!(plain.1, 0, "with {solver:?}, s = {s}");
+            let general = steps(&general(), &[], &[0.0, -1.0, 1.0, -1.0], s, solver);
+            assert_eq!(general.1, 0, "with {solver:?}, s = {s}");
+        }
+    }
+}
+
+#[test]
+fn another_step_size_takes_no_memory() {
+    let mut model = Model::new(pendulum().build(), &PENDULUM);
+    let mut state = model.state(0.0, &[1.0, 0.0], &[0.0, 0.0]);
+    let mut spark = Spark::new(model, 3, Solver::Auto);
+    let mut step = |h| spark.step(0.0, h, &mut state).expect("a step can be made");
+    step(0.01);
+    let count = allocations(|| [0.005, 0.01, -0.02, 0.03].into_iter().for_each(&mut step));
+    assert_eq!(count, 0);
+}
+
+#[test]
+fn a_failing_step_takes_none_either() {
+    let mut model = Model::new(pendulum().build(), &PENDULUM);
+    let mut state = model.state(0.0, &[1.0, 0.0], &[0.0, 0.0]);
+    for solver in [Solver::NodeSchur, Solver::Newton] {
+        let mut spark = Spark::new(model.clone(), 2, solver);
+        spark
+            .step(0.0, 0.01, &mut state)
+            .expect("a step can be made");
+        spark
+            .step(0.01, 10.0, &mut state)
+            .expect_err("a step too large");
+        let fails = || assert!(spark.step(0.01, 10.0, &mut state).is_err());
+        assert_eq!(allocations(fails), 0, "with {solver:?}");
+    }
+}
+
+#[test]
+fn evaluations_take_no_memory() {
+    let mut model = Model::new(general().build(), &[]);
+    let mut acceleration = Acceleration::new(&model);
+    let (y, z) = ([0.0, -1.0, 1.0, -1.0], [0.0; 4]);
+    let count = allocations(|| {
+        acceleration
+            .solve(&mut model, 0.5, &y, &z)
+            .expect("constraints are independent");
+        model.stage(0.5, &y, &z);
+        model.node_blocks(0.5, &y, &[0.0, 0.0]);
+    });
+    assert_eq!(count, 0);
+}
