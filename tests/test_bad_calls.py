@@ -198,8 +198,8 @@ ROWS = [
         "reaction does not depend on the multiplier of 'rod'",
     ),
     # the method
-    ("s zero", lambda: lv.Spark(0), ValueError, "stages is from 1 to 100, not 0"),
-    ("s a million", lambda: lv.Spark(10**6), ValueError, "stages is from 1 to 100, not 1000000"),
+    ("s zero", lambda: lv.Spark(0), ValueError, "stages is from 1 to 64, not 0"),
+    ("s a million", lambda: lv.Spark(10**6), ValueError, "stages is from 1 to 64, not 1000000"),
     ("s fractional", lambda: lv.Spark(2.0), TypeError, "stages is an integer, not 2.0"),
     ("s a bool", lambda: lv.Spark(True), TypeError, "stages is an integer, not True"),
     ("solver", lambda: lv.Spark(2, "fast"), ValueError, "node-schur, newton, not 'fast'"),

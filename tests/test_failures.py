@@ -373,3 +373,20 @@ def test_ctrl_c_returns_within_a_second():
     assert status == "interrupted"
     assert 0 < float(returned) - sent < 1
     assert int(kept) > 1
+
+
+def test_the_last_good_state_is_kept_however_thin_the_output():
+    pendulum, start = spinning()
+    bursting = lv.Lagrangian(
+        kinetic,
+        lambda t, q, params: (ca.dot(q, q) - 1) / 2,
+        q=2,
+        force=lambda t, q, v, params: ca.vertcat(1e-30 * ca.sqrt(1 - t), 0),
+    )
+    every_step = lv.integrate(pendulum, lv.Spark(2), t=(0, 0.9), steps=9, **start)
+    with pytest.raises(lv.IntegrationError, match="force") as caught:
+        lv.integrate(bursting, lv.Spark(2), t=(0, 2), h=0.1, every=1000, **start)
+    kept = caught.value.solution
+    assert kept.stats["steps"] == caught.value.step == round(10 * kept.t[-1])
+    np.testing.assert_allclose(kept.t, [0, caught.value.step / 10], rtol=1e-15)
+    np.testing.assert_allclose(kept.q[-1], every_step.q[caught.value.step], rtol=0, atol=1e-14)

@@ -4,7 +4,6 @@ from dataclasses import dataclass
 
 import casadi as ca
 import numpy as np
-import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
@@ -173,9 +172,6 @@ def test_a_length_and_its_square_are_the_same_constraint(angle, height, stages):
     assert_close(one.v, two.v, 13)
 
 
-@pytest.mark.xfail(
-    strict=True, reason="iterations stop when velocities stand still, not multipliers"
-)
 @FEW
 @given(systems(least=1))
 @example(random(2, 1, stages=1, seed=3))

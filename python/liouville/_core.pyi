@@ -1,15 +1,18 @@
 """The border between Python and the core, whole."""
 
-from typing import Any, Literal
+from typing import Any, Literal, final
 
 import numpy as np
 from numpy.typing import NDArray
 
-Pattern = tuple[int, int, list[int], list[int]]
-Trouble = dict[str, Any]
+_Pattern = tuple[int, int, list[int], list[int]]
+_Trouble = dict[str, Any]
+
+__all__ = ["OPERATIONS", "Mechanical", "MechanicalRun", "Tape", "gauss_lobatto", "project"]
 
 OPERATIONS: dict[str, int]
 
+@final
 class Tape:
     def __new__(
         cls, inputs: list[int], outputs: int, lines: NDArray[np.int64], values: NDArray[np.float64]
@@ -23,6 +26,7 @@ class Tape:
         self, params: NDArray[np.float64], args: list[NDArray[np.float64]]
     ) -> NDArray[np.float64]: ...
 
+@final
 class Mechanical:
     def __new__(
         cls,
@@ -30,9 +34,10 @@ class Mechanical:
         m: int,
         is_linear: bool,
         tapes: dict[str, Tape],
-        patterns: dict[str, Pattern],
+        patterns: dict[str, _Pattern],
     ) -> Mechanical: ...
 
+@final
 class MechanicalRun:
     @staticmethod
     def start(
@@ -44,8 +49,8 @@ class MechanicalRun:
         z: NDArray[np.float64],
         span: tuple[float, float, int, int],
         states: bool,
-    ) -> MechanicalRun | Trouble: ...
-    def advance(self, seconds: float) -> Literal["paused", "done"] | Trouble: ...
+    ) -> MechanicalRun | _Trouble: ...
+    def advance(self, seconds: float) -> Literal["paused", "done"] | _Trouble: ...
     @property
     def done(self) -> int: ...
     @property
@@ -54,9 +59,9 @@ class MechanicalRun:
 
 def project(
     tapes: tuple[Tape, Tape, Tape],
-    entries: Pattern,
+    entries: _Pattern,
     x: NDArray[np.float64],
     held: NDArray[np.float64],
     params: NDArray[np.float64],
-) -> NDArray[np.float64] | Trouble: ...
+) -> NDArray[np.float64] | _Trouble: ...
 def gauss_lobatto(stages: int) -> dict[str, NDArray[np.float64]]: ...

@@ -84,13 +84,6 @@ def describe(
             "try a smaller h, keep away from singular positions, and let the velocity depend on z",
             "stages",
         )
-    if kind == "branch":
-        return (
-            f"the stages moved by {trouble['size']:.1f} times the velocity from their start: "
-            "the step is too large to tell this motion from another",
-            "try a smaller h",
-            "stages",
-        )
     return (
         f"the iteration did not converge (last correction {trouble['size']:.0e})",
         "try a smaller h",

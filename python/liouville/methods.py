@@ -7,14 +7,14 @@ from dataclasses import dataclass, field
 import numpy as np
 
 #: More stages take more time than they save, long before this.
-MOST_STAGES = 100
+MOST_STAGES = 64
 
 SOLVERS = ("auto", "node-schur", "newton")
 
 
 @dataclass(frozen=True)
 class Spark:
-    r"""The (s, s)-Gauss--Lobatto SPARK method for constrained mechanics, order :math:`2s`.
+    r"""Gauss-Lobatto SPARK for constrained mechanics, order 2s with s stages.
 
     With Gauss stages :math:`T_i = t_0 + c_i h`, :math:`i = 1..s`, and Lobatto nodes
     :math:`\hat T_j = t_0 + \hat c_j h`, :math:`j = 0..s`:
@@ -39,7 +39,7 @@ class Spark:
     Parameters
     ----------
     stages : int, default 3
-        Number s of Gauss stages, from 1 to 100.
+        Number s of Gauss stages, from 1 to 64.
     solver : {"auto", "node-schur", "newton"}, default "auto"
         How the stage equations are solved; the result is the same to roundoff.
 
@@ -53,7 +53,7 @@ class Spark:
     :cite:t:`jay2007`; see :doc:`/theory/spark`.
     """
 
-    stages: int = field(default=3, metadata={"help": "number of Gauss stages, from 1 to 100"})
+    stages: int = field(default=3, metadata={"help": "number of Gauss stages, from 1 to 64"})
     solver: str = field(default="auto", metadata={"help": "one of " + ", ".join(SOLVERS)})
 
     def __post_init__(self) -> None:

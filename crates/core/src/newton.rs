@@ -24,7 +24,7 @@ const TOLERANCE: f64 = 1e-3 * f64::EPSILON;
 /// A first ratio of corrections above this says that the solution found need not be the nearby one.
 const NEARBY: f64 = 0.5;
 /// Corrections below this fraction may be nothing but roundoff.
-const NOISE: f64 = 200.0 * f64::EPSILON;
+const NOISE: f64 = 1e3 * f64::EPSILON;
 
 /// Corrects until converged and returns how many corrections that took.
 ///

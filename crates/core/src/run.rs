@@ -44,7 +44,8 @@ pub trait Advance: Send {
     fn done(&self) -> usize;
     /// What the stepper has done.
     fn stats(&self) -> Stats;
-    /// Times of the records, and their rows one after another; the run keeps none.
+    /// Times of the records, and their rows one after another, the present state last. The run is
+    /// over and keeps none.
     fn take(&mut self) -> (Vec<f64>, Vec<f64>);
 }
 
@@ -90,10 +91,15 @@ impl<S: Stepper, O: Observe<State = S::State>> Run<S, O> {
             .step(self.time(), self.span.h, &mut self.state)?;
         self.n += 1;
         if self.n.is_multiple_of(self.span.every) || self.n == self.span.steps {
-            let t = self.time();
-            self.observer.observe(t, &self.state, &mut self.rows)?;
-            self.times.push(t);
+            self.record().inspect_err(|_| self.n -= 1)?;
         }
+        Ok(())
+    }
+
+    fn record(&mut self) -> Result<(), Trouble> {
+        let t = self.time();
+        self.observer.observe(t, &self.state, &mut self.rows)?;
+        self.times.push(t);
         Ok(())
     }
 }

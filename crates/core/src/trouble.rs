@@ -57,8 +57,4 @@ pub enum Trouble {
         "the iteration did not converge: after {iterations} the last correction was {size:e} of the state"
     )]
     NotConverged { iterations: usize, size: f64 },
-    #[error(
-        "the iteration converged far from its start: the stages moved by {ratio} of the velocity"
-    )]
-    Branch { ratio: f64 },
 }

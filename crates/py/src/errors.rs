@@ -36,10 +36,6 @@ pub(crate) fn trouble<'py>(py: Python<'py>, trouble: &Trouble) -> PyResult<Bound
             dict.set_item("size", size)?;
             "not converged"
         }
-        Trouble::Branch { ratio } => {
-            dict.set_item("size", ratio)?;
-            "branch"
-        }
     };
     dict.set_item("kind", kind)?;
     Ok(dict)

@@ -1,6 +1,6 @@
 //! Factorisations, and what to say of a matrix that has none.
 
-use super::{Matrix, Pattern, add_scaled, max_norm};
+use super::{Matrix, Pattern, add_scaled, dot, max_norm};
 
 /// No pivot in this column: it depends on the columns before it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -114,11 +114,6 @@ impl Lu {
     }
 }
 
-#[inline]
-fn dot(x: &[f64], y: &[f64]) -> f64 {
-    x.iter().zip(y).map(|(x, y)| x * y).sum()
-}
-
 /// A square matrix ready to be solved with, as its pattern allows; the choice is made once.
 #[derive(Clone, Debug)]
 pub enum Factor {
@@ -177,30 +172,33 @@ impl Factor {
 }
 
 /// Rows whose combination vanishes: the first row that depends on those before it, and those it needs.
+///
+/// Each row is measured by its own largest entry, and roundoff is taken to be √ε of it.
 pub fn dependent_rows(mut matrix: Matrix) -> Option<Vec<usize>> {
     let (rows, cols) = (matrix.rows(), matrix.cols());
+    let tiny = f64::EPSILON.sqrt();
     let mut combination = Matrix::from_fn(rows, rows, |i, j| f64::from(u8::from(i == j)));
     let mut pivots: Vec<(usize, usize)> = Vec::new();
     for i in 0..rows {
         let scale = max_norm(matrix.row(i));
-        for &(pivot_row, col) in &pivots {
-            let factor = matrix[(i, col)] / matrix[(pivot_row, col)];
-            for j in 0..cols {
-                let above = matrix[(pivot_row, j)];
-                matrix[(i, j)] -= factor * above;
-            }
-            for j in 0..rows {
-                let above = combination[(pivot_row, j)];
-                combination[(i, j)] -= factor * above;
+        if scale == 0.0 {
+            return Some(vec![i]);
+        }
+        matrix.row_mut(i).iter_mut().for_each(|x| *x /= scale);
+        for &(k, col) in &pivots {
+            let factor = -matrix[(i, col)] / matrix[(k, col)];
+            for eliminated in [&mut matrix, &mut combination] {
+                let above = eliminated.row(k).to_vec();
+                add_scaled(eliminated.row_mut(i), factor, &above);
             }
         }
-        let col = (0..cols).max_by(|a, b| matrix[(i, *a)].abs().total_cmp(&matrix[(i, *b)].abs()));
-        match col {
-            Some(col) if matrix[(i, col)].abs() > 1e-11 * scale => pivots.push((i, col)),
+        let row = matrix.row(i);
+        let largest = (0..cols).max_by(|a, b| row[*a].abs().total_cmp(&row[*b].abs()));
+        match largest {
+            Some(col) if row[col].abs() > tiny => pivots.push((i, col)),
             _ => {
-                let largest = max_norm(combination.row(i));
-                let takes_part = |k: &usize| combination[(i, *k)].abs() > 1e-9 * largest;
-                return Some((0..=i).filter(takes_part).collect());
+                let needed = |k: &usize| combination[(i, *k)].abs() > tiny;
+                return Some((0..=i).filter(needed).collect());
             }
         }
     }

@@ -111,3 +111,9 @@ pub fn max_norm(x: &[f64]) -> f64 {
     }
     if finite { largest } else { f64::INFINITY }
 }
+
+/// `Σ x_i y_i`, over as many as both have.
+#[inline]
+pub fn dot(x: &[f64], y: &[f64]) -> f64 {
+    x.iter().zip(y).map(|(x, y)| x * y).sum()
+}

@@ -8,6 +8,6 @@ mod matrix;
 mod pattern;
 
 pub use factor::{Factor, Lu, Singular, dependent_rows};
-pub use kernels::{add_scaled, combine, copy, copy_scaled, max_norm};
+pub use kernels::{add_scaled, combine, copy, copy_scaled, dot, max_norm};
 pub use matrix::Matrix;
 pub use pattern::{Pattern, PatternError};

@@ -1,4 +1,7 @@
 //! Operations, and the loop that runs them.
+//!
+//! Functions are those of the standard library, which are the C library's; only its inverse
+//! hyperbolic functions are formulas of its own that lose digits, and come from `libm` instead.
 
 use crate::real::Real;
 
@@ -112,9 +115,9 @@ pub(super) fn execute<R: Real>(program: &[Instr], registers: &mut [R]) {
             Op::Sinh => one(f64::sinh),
             Op::Cosh => one(f64::cosh),
             Op::Tanh => one(f64::tanh),
-            Op::Asinh => one(f64::asinh),
-            Op::Acosh => one(f64::acosh),
-            Op::Atanh => one(f64::atanh),
+            Op::Asinh => one(libm::asinh),
+            Op::Acosh => one(libm::acosh),
+            Op::Atanh => one(libm::atanh),
             Op::Atan2 => two!(|x, y| x.zip(y, f64::atan2)),
             Op::Log1p => one(f64::ln_1p),
             Op::Expm1 => one(f64::exp_m1),

@@ -12,9 +12,9 @@
 //! All blocks are frozen at the start of the iteration.
 
 use super::stages::{Stages, Step};
-use crate::linalg::{Lu, Matrix, Pattern, add_scaled, max_norm};
+use crate::linalg::{Lu, Matrix, add_scaled, copy, dot, max_norm};
 use crate::newton::Equations;
-use crate::problem::mechanical::{Model, explain, finite};
+use crate::problem::mechanical::{Mass, Model, explain, finite};
 use crate::trouble::{Quantity, Trouble};
 
 /// The factored Newton matrix and what the right-hand sides need.
@@ -27,6 +27,9 @@ pub(super) struct FullNewton {
     /// v_z of each stage, dense; the identity where v = z.
     v_z: Vec<Matrix>,
     newton: Lu,
+    /// What tells the size of a multiplier, where r is not linear.
+    mass: Mass,
+    r_lam: Matrix,
     unknowns: Vec<f64>,
     d_v: Matrix,
 }
@@ -49,15 +52,10 @@ impl FullNewton {
             elimination: v_depends_on_y.then(|| Lu::new(s * n)),
             v_z: vec![Matrix::from_fn(n, n, |i, j| f64::from(u8::from(i == j))); s],
             newton: Lu::new(s * (n + m)),
+            mass: Mass::new(model),
+            r_lam: Matrix::zeros(s, model.problem.patterns.r_lam.len()),
             unknowns: vec![0.0; s * (n + m)],
             d_v: Matrix::zeros(s, n),
-        }
-    }
-
-    /// `E⁻¹` applied to a vector over the stages.
-    fn eliminate(&self, x: &mut [f64]) {
-        if let Some(lu) = &self.elimination {
-            lu.solve(x);
         }
     }
 
@@ -85,6 +83,12 @@ impl Solve<'_> {
         self.add_stage_blocks()?;
         if self.model.problem.m > 0 {
             self.add_node_blocks()?;
+        }
+        if !self.model.problem.is_linear {
+            let (stages, middle) = (&*self.stages, self.stages.tableau.stages / 2);
+            let t = stages.stage_time(self.step, middle);
+            let (y, z) = (stages.y.row(middle), stages.unknowns.z.row(middle));
+            self.solver.mass.update(self.model, t, y, z)?;
         }
         self.close()
     }
@@ -193,6 +197,7 @@ impl Solve<'_> {
                 }
             }
             if k < s {
+                copy(solver.r_lam.row_mut(k), r_lam);
                 for i in 0..s {
                     at.r_lam.add_to(
                         r_lam,
@@ -252,10 +257,56 @@ impl Solve<'_> {
         }
         newton.factor().map_err(|_| {
             let t = stages.node_time(*step, s);
-            let pattern: Pattern = model.problem.patterns.g_y.clone();
+            let pattern = model.problem.patterns.g_y.clone();
             let [g_y, _] = model.node_blocks(t, stages.node_y.row(s), stages.unknowns.lam.row(s));
             explain(&pattern, g_y, Trouble::SingularNewton)
         })
+    }
+}
+
+impl Solve<'_> {
+    /// The right-hand sides, then the solution: dZ and dΛ.
+    fn solve_unknowns(&mut self) {
+        let (solver, stages) = (&mut *self.solver, &*self.stages);
+        let (m, h) = (self.model.problem.m, self.step.h);
+        let momentum = stages.momentum_residual.flat().iter().map(|r| -r);
+        let constraint = stages.g.flat()[m..].iter().map(|g| -g / h);
+        for (out, value) in solver.unknowns.iter_mut().zip(momentum.chain(constraint)) {
+            *out = value;
+        }
+        if self.model.problem.patterns.v_z.is_some() {
+            let residual = stages.velocity_residual.flat();
+            for (row, out) in solver.unknowns.iter_mut().enumerate() {
+                *out += dot(solver.coupling.row(row), residual);
+            }
+        }
+        solver.newton.solve(&mut solver.unknowns);
+    }
+
+    /// dV = E⁻¹ (v_z dZ − R1), and everything corrected; returns the largest velocity.
+    fn correct_stages(&mut self) -> f64 {
+        let (solver, stages) = (&mut *self.solver, &mut *self.stages);
+        let (problem, s) = (&self.model.problem, stages.tableau.stages);
+        let (d_z, d_lam) = solver.unknowns.split_at(s * problem.n);
+        for i in 0..s {
+            let residual = stages.velocity_residual.row(i);
+            for (k, out) in solver.d_v.row_mut(i).iter_mut().enumerate() {
+                *out = dot(solver.v_z[i].row(k), &d_z[i * problem.n..]) - residual[k];
+            }
+        }
+        if let Some(elimination) = &solver.elimination {
+            elimination.solve(solver.d_v.flat_mut());
+        }
+        add_scaled(stages.unknowns.z.flat_mut(), 1.0, d_z);
+        add_scaled(stages.unknowns.v.flat_mut(), 1.0, solver.d_v.flat());
+        add_scaled(stages.unknowns.lam.flat_mut(), 1.0 / self.step.h, d_lam);
+        let mut size = max_norm(solver.d_v.flat());
+        if !problem.is_linear && problem.m > 0 {
+            for (l, d_lam) in d_lam.chunks_exact(problem.m).enumerate() {
+                size = size.max(solver.mass.velocity_of(solver.r_lam.row(l), d_lam));
+            }
+        }
+        size
     }
 }
 
@@ -266,58 +317,8 @@ impl Equations for Solve<'_> {
             self.freeze()?;
             self.is_frozen = true;
         }
-        let Self {
-            solver,
-            stages,
-            model,
-            step,
-            ..
-        } = self;
-        let (n, m, s) = (model.problem.n, model.problem.m, stages.tableau.stages);
-        let (momentum, constraint) = solver.unknowns.split_at_mut(s * n);
-        momentum
-            .iter_mut()
-            .zip(stages.momentum_residual.flat())
-            .for_each(|(out, r)| *out = -r);
-        constraint
-            .iter_mut()
-            .zip(&stages.g.flat()[m..])
-            .for_each(|(out, g)| *out = -g / step.h);
-        if model.problem.patterns.v_z.is_some() {
-            let residual = stages.velocity_residual.flat();
-            for (row, out) in solver.unknowns.iter_mut().enumerate() {
-                *out += solver
-                    .coupling
-                    .row(row)
-                    .iter()
-                    .zip(residual)
-                    .map(|(c, r)| c * r)
-                    .sum::<f64>();
-            }
-        }
-        solver.newton.solve(&mut solver.unknowns);
-        let (d_z, d_lam) = solver.unknowns.split_at(s * n);
-        let mut d_v = std::mem::replace(&mut solver.d_v, Matrix::zeros(0, 0));
-        for i in 0..s {
-            let out = d_v.row_mut(i);
-            out.iter_mut()
-                .zip(stages.velocity_residual.row(i))
-                .for_each(|(out, r)| *out = -r);
-            for (k, out) in out.iter_mut().enumerate() {
-                *out += solver.v_z[i]
-                    .row(k)
-                    .iter()
-                    .zip(&d_z[i * n..])
-                    .map(|(a, x)| a * x)
-                    .sum::<f64>();
-            }
-        }
-        solver.eliminate(d_v.flat_mut());
-        add_scaled(stages.unknowns.z.flat_mut(), 1.0, d_z);
-        add_scaled(stages.unknowns.v.flat_mut(), 1.0, d_v.flat());
-        add_scaled(stages.unknowns.lam.flat_mut(), 1.0 / step.h, d_lam);
-        let size = max_norm(d_v.flat());
-        solver.d_v = d_v;
-        Ok(stages.relative(size, *step))
+        self.solve_unknowns();
+        let size = self.correct_stages();
+        Ok(self.stages.relative(size, self.step))
     }
 }

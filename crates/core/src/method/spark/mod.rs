@@ -22,7 +22,6 @@ mod stages;
 mod update;
 
 use super::{Stats, Stepper};
-use crate::linalg::max_norm;
 use crate::newton;
 use crate::problem::mechanical::{Model, State};
 use crate::trouble::Trouble;
@@ -50,8 +49,6 @@ const SCHUR_ITERATIONS: usize = 7;
 const MOST_ITERATIONS: usize = 100;
 /// Steps node Schur rests at most after failing; each failure in a row doubles the rest.
 const LONGEST_REST: usize = 1023;
-/// Stages this far from their start, in units of the velocity, belong to another branch.
-const BRANCH: f64 = 1.0;
 
 /// Gauss–Lobatto SPARK at work.
 #[derive(Clone, Debug)]
@@ -128,7 +125,7 @@ impl Spark {
             }
         };
         self.stats.iterations += iterations;
-        self.check_branch(step)
+        Ok(())
     }
 
     /// Whether full Newton is asked for, or node Schur rests after having failed.
@@ -155,21 +152,6 @@ impl Spark {
             .full
             .get_or_insert_with(|| Box::new(FullNewton::new(model, stages)));
         newton::solve(&mut full.start(stages, model, step), MOST_ITERATIONS)
-    }
-
-    /// A solution far from its start may satisfy every equation and still be another motion.
-    fn check_branch(&self, step: Step) -> Result<(), Trouble> {
-        let (found, start) = (self.stages.unknowns.v.flat(), self.start.v.flat());
-        let pairs = found.iter().zip(start);
-        let moved = pairs.fold(0.0_f64, |most, (a, b)| most.max((a - b).abs()));
-        let reach = 0.1 * max_norm(&step.state.y) / step.h.abs();
-        let size = max_norm(found).max(max_norm(start)).max(reach);
-        if moved > BRANCH * size {
-            return Err(Trouble::Branch {
-                ratio: moved / size,
-            });
-        }
-        Ok(())
     }
 }
 

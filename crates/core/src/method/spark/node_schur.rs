@@ -207,6 +207,21 @@ impl Solve<'_> {
         add_scaled(stages.unknowns.v.flat_mut(), 1.0, solver.d_v.flat());
         max_norm(solver.d_v.flat())
     }
+
+    /// What is corrected in the multipliers need not show in the velocities where r is not linear.
+    fn multiplier_size(&mut self) -> f64 {
+        let (solver, m) = (&mut *self.solver, self.model.problem.m);
+        if self.model.problem.is_linear || m == 0 {
+            return 0.0;
+        }
+        let corrections = solver.d_lam.chunks_exact(m).enumerate();
+        corrections.fold(0.0, |size, (l, d_lam)| {
+            solver
+                .mass
+                .velocity_of(solver.r_lam.row(l), d_lam)
+                .max(size)
+        })
+    }
 }
 
 impl Equations for Solve<'_> {
@@ -219,7 +234,7 @@ impl Equations for Solve<'_> {
         if self.model.problem.m > 0 {
             self.solve_multipliers();
         }
-        let size = self.correct_stages();
+        let size = self.correct_stages().max(self.multiplier_size());
         Ok(self.stages.relative(size, self.step))
     }
 }

@@ -5,7 +5,7 @@
 
 use super::model::finite;
 use super::{Mechanical, Model};
-use crate::linalg::{Factor, Lu, Matrix, Pattern, copy, dependent_rows};
+use crate::linalg::{Factor, Lu, Matrix, Pattern, copy, dependent_rows, max_norm};
 use crate::trouble::{Quantity, Trouble};
 use std::sync::Arc;
 
@@ -18,6 +18,7 @@ pub struct Mass {
     is_constant: bool,
     is_ready: bool,
     column: Vec<f64>,
+    impulse: Vec<f64>,
 }
 
 impl Mass {
@@ -34,6 +35,7 @@ impl Mass {
             is_constant: model.problem.stage_blocks.is_empty(),
             is_ready: false,
             column: vec![0.0; model.problem.n],
+            impulse: vec![0.0; model.problem.n],
         }
     }
 
@@ -89,6 +91,17 @@ impl Mass {
             x.fill(0.0);
             self.add_velocity(&self.column, x);
         }
+    }
+
+    /// The largest velocity that the impulse `r_λ dΛ` gives.
+    pub fn velocity_of(&mut self, r_lam: &[f64], d_lam: &[f64]) -> f64 {
+        let mut velocity = std::mem::take(&mut self.impulse);
+        velocity.fill(0.0);
+        let pattern = &self.problem.patterns.r_lam;
+        pattern.multiply_add(r_lam, 1.0, d_lam, &mut velocity);
+        self.solve_velocity(&mut velocity);
+        self.impulse = velocity;
+        max_norm(&self.impulse)
     }
 
     /// `(v_z p_z⁻¹ A)ᵀ`, one row for each column of A.
