@@ -126,7 +126,6 @@ def integrate(
     status, message, quantity = "done", "", ""
     if isinstance(outcome, dict):
         status = "failed"
-        stats["steps"] = outcome.get("step", 0)
         message, quantity = _explain(outcome, system, method, widths, (t0, count))
     elif outcome == "interrupted":
         status, message = outcome, f"interrupted after {stats['steps']} of {count} steps"

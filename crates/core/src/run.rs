@@ -56,6 +56,7 @@ pub struct Run<S: Stepper, O> {
     state: S::State,
     span: Span,
     n: usize,
+    is_recordable: bool,
     times: Vec<f64>,
     rows: Vec<f64>,
 }
@@ -77,6 +78,7 @@ impl<S: Stepper, O: Observe<State = S::State>> Run<S, O> {
             state,
             span,
             n: 0,
+            is_recordable: true,
             times,
             rows,
         })
@@ -91,7 +93,10 @@ impl<S: Stepper, O: Observe<State = S::State>> Run<S, O> {
             .step(self.time(), self.span.h, &mut self.state)?;
         self.n += 1;
         if self.n.is_multiple_of(self.span.every) || self.n == self.span.steps {
-            self.record().inspect_err(|_| self.n -= 1)?;
+            self.record().inspect_err(|_| {
+                self.n -= 1;
+                self.is_recordable = false;
+            })?;
         }
         Ok(())
     }
@@ -141,6 +146,11 @@ where
     }
 
     fn take(&mut self) -> (Vec<f64>, Vec<f64>) {
+        let is_recorded = self.n.is_multiple_of(self.span.every) || self.n == self.span.steps;
+        if self.is_recordable && !is_recorded {
+            // where it cannot be recorded, the records end before it
+            let _ = self.record();
+        }
         (
             std::mem::take(&mut self.times),
             std::mem::take(&mut self.rows),

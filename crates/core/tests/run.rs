@@ -39,9 +39,9 @@ impl Stepper for Counter {
     }
 }
 
-/// Records the count and its square; fails to look at one count.
+/// Records the count and its square, but nothing later than a time.
 struct Look {
-    fails_at: Option<usize>,
+    until: f64,
 }
 
 const BLIND: Trouble = Trouble::NotFinite {
@@ -57,8 +57,8 @@ impl Observe for Look {
         2
     }
 
-    fn observe(&mut self, _: f64, state: &usize, row: &mut Vec<f64>) -> Result<(), Trouble> {
-        if self.fails_at == Some(*state) {
+    fn observe(&mut self, t: f64, state: &usize, row: &mut Vec<f64>) -> Result<(), Trouble> {
+        if t > self.until {
             return Err(BLIND);
         }
         row.extend([real(*state), real(*state * *state)]);
@@ -75,14 +75,13 @@ fn time(t0: f64, n: usize, h: f64) -> f64 {
     t0 + real(n) * h
 }
 
-fn run(span: Span, fails_at: Option<usize>, blind_at: Option<usize>) -> Run<Counter, Look> {
+fn run(span: Span, fails_at: Option<usize>, until: f64) -> Run<Counter, Look> {
     let stepper = Counter {
         fails_at,
         wanted: Some((span.t0, span.h)),
         made: 0,
     };
-    let look = Look { fails_at: blind_at };
-    Run::new(stepper, look, 0, span).expect("the start can be recorded")
+    Run::new(stepper, Look { until }, 0, span).expect("the start can be recorded")
 }
 
 const ALL_DAY: Duration = Duration::from_secs(86400);
@@ -127,7 +126,7 @@ proptest! {
         h in prop_oneof![1e-9..1e3, -1e3..-1e-9],
     ) {
         let span = Span { t0, h, steps, every };
-        let mut run = run(span, None, None);
+        let mut run = run(span, None, f64::INFINITY);
         prop_assert_eq!(run.advance(ALL_DAY), Status::Done);
         prop_assert_eq!((run.done(), run.stats().iterations), (steps, steps));
         let wanted: Vec<usize> =
@@ -136,13 +135,13 @@ proptest! {
     }
 
     #[test]
-    fn a_failing_step_leaves_the_records_before_it(
+    fn a_failing_step_leaves_the_records_before_it_and_the_last_state(
         steps in 1..100_usize,
         every in 1..20_usize,
         at in any::<prop::sample::Index>(),
     ) {
         let (span, n) = (span(steps, every), at.index(steps));
-        let mut run = run(span, Some(n), None);
+        let mut run = run(span, Some(n), f64::INFINITY);
         let failed = Status::Failed {
             n,
             t: time(span.t0, n, span.h),
@@ -150,42 +149,43 @@ proptest! {
         };
         prop_assert_eq!(run.advance(ALL_DAY), failed);
         prop_assert_eq!(run.done(), n);
-        let wanted: Vec<usize> = (0..=n).filter(|k| k.is_multiple_of(every)).collect();
+        let wanted: Vec<usize> =
+            (0..=n).filter(|k| k.is_multiple_of(every) || *k == n).collect();
         prop_assert_eq!(records(&mut run, span), wanted);
     }
 
     #[test]
     fn pauses_change_nothing(steps in 0..50_usize, every in 1..9_usize) {
         let span = span(steps, every);
-        let mut paused = run(span, None, None);
+        let mut paused = run(span, None, f64::INFINITY);
         let mut pauses = 0;
         while paused.advance(Duration::ZERO) == Status::Paused {
             pauses += 1;
             prop_assert_eq!(paused.done(), pauses);
         }
         prop_assert_eq!(pauses, steps);
-        let mut whole = run(span, None, None);
+        let mut whole = run(span, None, f64::INFINITY);
         whole.advance(ALL_DAY);
         prop_assert_eq!(paused.take(), whole.take());
     }
 }
 
 #[test]
-fn records_can_be_taken_on_the_way() {
-    let span = span(4, 1);
-    let mut run = run(span, None, None);
-    assert_eq!(records(&mut run, span), [0]);
-    assert_eq!(run.advance(Duration::ZERO), Status::Paused);
-    assert_eq!(records(&mut run, span), [1]);
-    assert_eq!(records(&mut run, span), []);
-    assert_eq!(run.advance(ALL_DAY), Status::Done);
-    assert_eq!(records(&mut run, span), [2, 3, 4]);
+fn an_interrupted_run_ends_with_its_present_state() {
+    for (made, wanted) in [(1, vec![0, 1]), (4, vec![0, 2, 4]), (5, vec![0, 2, 4, 5])] {
+        let span = span(9, 2);
+        let mut run = run(span, None, f64::INFINITY);
+        for _ in 0..made {
+            assert_eq!(run.advance(Duration::ZERO), Status::Paused);
+        }
+        assert_eq!(records(&mut run, span), wanted);
+    }
 }
 
 #[test]
 fn a_run_over_is_over() {
     let span = span(3, 2);
-    let mut run = run(span, None, None);
+    let mut run = run(span, None, f64::INFINITY);
     assert_eq!(run.advance(ALL_DAY), Status::Done);
     assert_eq!(run.advance(ALL_DAY), Status::Done);
     assert_eq!(run.stats().iterations, 3);
@@ -194,7 +194,7 @@ fn a_run_over_is_over() {
 
 #[test]
 fn a_start_that_cannot_be_recorded_is_refused() {
-    let look = Look { fails_at: Some(0) };
+    let look = Look { until: 0.0 };
     let refused = Run::new(Counter::default(), look, 0, span(3, 1)).err();
     assert_eq!(refused, Some(BLIND));
 }
@@ -202,7 +202,7 @@ fn a_start_that_cannot_be_recorded_is_refused() {
 #[test]
 fn a_step_that_cannot_be_recorded_fails() {
     let span = span(10, 2);
-    let mut run = run(span, None, Some(6));
+    let mut run = run(span, None, time(span.t0, 5, span.h));
     let failed = Status::Failed {
         n: 5,
         t: time(span.t0, 5, span.h),
@@ -215,7 +215,7 @@ fn a_step_that_cannot_be_recorded_fails() {
 #[test]
 fn a_long_run_pauses() {
     let span = span(1 << 60, 1 << 60);
-    let mut run = run(span, None, None);
+    let mut run = run(span, None, f64::INFINITY);
     assert_eq!(run.advance(Duration::from_millis(1)), Status::Paused);
     assert!((1..1 << 40).contains(&run.done()));
 }

@@ -46,7 +46,7 @@ impl Program {
     }
 }
 
-/// What C's `math.h` and operators say.
+/// What C's `math.h` and operators say; the standard library's own inverse hyperbolic functions do not.
 fn meaning(op: Op, a: f64, b: f64) -> f64 {
     let truth = |condition| if condition { 1.0 } else { 0.0 };
     match op {
@@ -92,9 +92,9 @@ fn meaning(op: Op, a: f64, b: f64) -> f64 {
         Op::Sinh => a.sinh(),
         Op::Cosh => a.cosh(),
         Op::Tanh => a.tanh(),
-        Op::Asinh => a.asinh(),
-        Op::Acosh => a.acosh(),
-        Op::Atanh => a.atanh(),
+        Op::Asinh => libm::asinh(a),
+        Op::Acosh => libm::acosh(a),
+        Op::Atanh => libm::atanh(a),
         Op::Atan2 => a.atan2(b),
         Op::Log1p => a.ln_1p(),
         Op::Expm1 => a.exp_m1(),
