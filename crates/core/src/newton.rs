@@ -20,7 +20,7 @@ pub trait Equations {
 
 /// Corrections still expected below this fraction of the solution end the iteration: they are of one
 /// sign step after step, so even a hundredth of ε would show as a drift of the energy.
-const TOLERANCE: f64 = 1e-3 * f64::EPSILON;
+const TOLERANCE: f64 = 3e-3 * f64::EPSILON;
 /// A first ratio of corrections above this says that the solution found need not be the nearby one.
 const NEARBY: f64 = 0.5;
 /// Corrections below this fraction may be nothing but roundoff.

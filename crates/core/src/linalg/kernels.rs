@@ -43,11 +43,8 @@ fn combine_short<const N: usize>(
     finish: impl Fn(usize, usize, f64) -> f64,
 ) {
     let (out, x) = (out.as_chunks_mut::<N>().0, x.flat().as_chunks::<N>().0);
-    for (i, (out, weights)) in out
-        .iter_mut()
-        .zip(weights.flat().chunks_exact(weights.cols()))
-        .enumerate()
-    {
+    let rows = weights.flat().chunks_exact(weights.cols());
+    for (i, (out, weights)) in out.iter_mut().zip(rows).enumerate() {
         let mut sum = [0.0; N];
         for (weight, x) in weights.iter().zip(x) {
             for k in 0..N {

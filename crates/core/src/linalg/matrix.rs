@@ -5,6 +5,7 @@ use std::ops::{Index, IndexMut};
 /// A dense matrix, row by row.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Matrix {
+    rows: usize,
     cols: usize,
     data: Vec<f64>,
 }
@@ -13,6 +14,7 @@ impl Matrix {
     /// A matrix of zeros.
     pub fn zeros(rows: usize, cols: usize) -> Self {
         Self {
+            rows,
             cols,
             data: vec![0.0; rows * cols],
         }
@@ -24,6 +26,7 @@ impl Matrix {
             .flat_map(|i| (0..cols).map(move |j| (i, j)))
             .map(|(i, j)| f(i, j));
         Self {
+            rows,
             cols,
             data: data.collect(),
         }
@@ -42,8 +45,9 @@ impl Matrix {
     }
 
     /// Number of rows.
+    #[inline]
     pub fn rows(&self) -> usize {
-        self.data.len().checked_div(self.cols).unwrap_or(0)
+        self.rows
     }
 
     /// Number of columns.

@@ -235,7 +235,8 @@ impl Tape {
     ///
     /// # Panics
     /// When the arguments or the registers are not of this tape's sizes.
-    #[inline]
+    #[allow(clippy::inline_always)] // a step evaluates some thirty tapes of a few instructions each
+    #[inline(always)]
     pub fn eval<'r, R: Real, const K: usize>(
         &self,
         registers: &'r mut Registers<R>,

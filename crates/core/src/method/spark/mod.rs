@@ -162,7 +162,8 @@ impl Stepper for Spark {
         let step = Step { t, h, state };
         self.solve_stages(step)?;
         // the update needs forces at the last iterate: older ones cost a drift in the energy
-        self.stages.evaluate_values(&mut self.model, step);
+        let last = self.stages.tableau.stages - 1;
+        self.stages.evaluate_values(&mut self.model, step, last);
         self.update.solve(&mut self.model, &mut self.stages, step)?;
         self.predictor
             .keep(&self.stages, h, &state.z, &self.update.z, &self.update.v);

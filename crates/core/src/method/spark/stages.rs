@@ -93,7 +93,7 @@ impl Stages {
 
     /// Evaluates the model at the current unknowns, and the residuals of (S1)–(S4).
     pub(super) fn evaluate(&mut self, model: &mut Model, step: Step) -> Result<(), Trouble> {
-        self.evaluate_values(model, step);
+        self.evaluate_values(model, step, self.tableau.stages);
         self.subtract_impulses(step);
         let is_finite = |x: &Matrix| x.flat().iter().all(|x| x.is_finite());
         if is_finite(&self.momentum_residual)
@@ -106,8 +106,9 @@ impl Stages {
         }
     }
 
-    /// Evaluates the model at the current unknowns: points, forces, constraints and reactions.
-    pub(super) fn evaluate_values(&mut self, model: &mut Model, step: Step) {
+    /// Evaluates the model at the current unknowns: points, forces, and constraints and reactions up
+    /// to the node `last`.
+    pub(super) fn evaluate_values(&mut self, model: &mut Model, step: Step, last: usize) {
         self.move_points(step);
         let s = self.tableau.stages;
         for i in 0..s {
@@ -127,7 +128,7 @@ impl Stages {
         }
         self.evaluations += s;
         if model.problem.m > 0 {
-            for j in 0..=s {
+            for j in 0..=last {
                 let t = self.node_time(step, j);
                 let [g, r] = model.node(t, self.node_y.row(j), self.unknowns.lam.row(j));
                 copy(self.g.row_mut(j), g);

@@ -25,11 +25,12 @@ pub struct Model {
 /// Outputs that follow one another, cut at their sizes.
 type Parts<'a, const K: usize> = [&'a [f64]; K];
 
-fn cut<const K: usize>(mut values: &[f64], sizes: [usize; K]) -> Parts<'_, K> {
+#[inline]
+fn cut<const K: usize>(values: &[f64], sizes: [usize; K]) -> Parts<'_, K> {
+    let mut start = 0;
     sizes.map(|size| {
-        let (head, tail) = values.split_at(size);
-        values = tail;
-        head
+        start += size;
+        &values[start - size..start]
     })
 }
 
