@@ -5,10 +5,13 @@
 //!
 //! Floors, lowest first; a module uses only floors below its own:
 //!
-//! 0. `real`, `linalg`, `tableau`, `trouble`, `tape`
-//! 1. `newton`, `problem`
-//! 2. `method`
-//! 3. `run`
+//! 0. `real`, `trouble`
+//! 1. `linalg`
+//! 2. `tape`, `tableau`
+//! 3. `newton`
+//! 4. `problem`
+//! 5. `method`
+//! 6. `run`
 
 pub mod linalg;
 pub mod method;

@@ -2,6 +2,8 @@
 
 #![allow(dead_code)] // each binary that includes this file uses a part of it
 
+pub(crate) mod walk;
+
 use liouville_core::linalg::Pattern;
 use liouville_core::problem::mechanical::{Mechanical, Patterns};
 use liouville_core::tape::{Line, Op, Tape};

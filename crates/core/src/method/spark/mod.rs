@@ -60,7 +60,7 @@ pub struct Spark {
     full: Option<Box<FullNewton>>,
     predictor: Predictor,
     update: Update,
-    /// Where the iteration started.
+    /// Where node Schur started, for full Newton to start there too.
     start: Unknowns,
     /// Steps still to be made by full Newton, and how many it was last time.
     resting: usize,
@@ -107,10 +107,10 @@ impl Spark {
     }
 
     fn iterate(&mut self, step: Step) -> Result<(), Trouble> {
-        self.start.copy_from(&self.stages.unknowns);
         let iterations = if self.wants_newton() {
             self.iterate_newton(step)?
         } else {
+            self.start.copy_from(&self.stages.unknowns);
             match self.iterate_schur(step) {
                 Err(_) if self.solver == Solver::Auto => {
                     self.rest = (2 * self.rest + 1).min(LONGEST_REST);
