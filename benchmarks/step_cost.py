@@ -11,7 +11,7 @@ from liouville import problems
 
 STAGES = {"pendulum": (1, 2, 3, 4, 5, 6)}
 STEPS = 500
-REPEATS = 30
+REPEATS = 100
 
 
 def cost(problem, stages):

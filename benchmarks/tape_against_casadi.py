@@ -24,7 +24,7 @@ from liouville import problems
 from liouville.tape import record
 
 POINTS = 1024
-REPEATS = 60
+REPEATS = 600
 SLOTS, INPUTS = 24, 16
 ROOT = Path(__file__).resolve().parent.parent
 

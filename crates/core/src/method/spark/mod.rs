@@ -79,7 +79,7 @@ impl Spark {
             solver,
             schur: NodeSchur::new(&model, &stages),
             full: None,
-            predictor: Predictor::new(&model, s),
+            predictor: Predictor::new(&model, &stages.tableau),
             update: Update::new(&model),
             start: stages.unknowns.clone(),
             resting: 0,

@@ -4,18 +4,22 @@
 //! through λ_0..λ_s at the Lobatto nodes, both evaluated one step on. Cold: z0' and λ from the
 //! acceleration-level solve, Z_i = z0 + c_i h z0'.
 
-use super::stages::{Stages, Step};
+use super::stages::{Stages, Step, Unknowns};
 use crate::linalg::{Matrix, add_scaled, combine, copy};
 use crate::problem::mechanical::{Acceleration, Model};
+use crate::tableau::GaussLobatto;
 use crate::trouble::Trouble;
 
 /// What the next step starts from.
 #[derive(Clone, Debug)]
 pub(super) struct Predictor {
     acceleration: Acceleration,
+    velocity_is_z: bool,
     /// The step size of the polynomials held, and the ratio their weights were made for.
     h: Option<f64>,
     ratio: f64,
+    /// 0, c_1..c_s, 1
+    nodes: Vec<f64>,
     stage_weights: Matrix,
     end_weights: Matrix,
     node_weights: Matrix,
@@ -26,12 +30,15 @@ pub(super) struct Predictor {
 }
 
 impl Predictor {
-    pub(super) fn new(model: &Model, s: usize) -> Self {
+    pub(super) fn new(model: &Model, tableau: &GaussLobatto) -> Self {
+        let s = tableau.stages;
         let (n, m) = (model.problem.n, model.problem.m);
         Self {
             acceleration: Acceleration::new(model),
+            velocity_is_z: model.problem.patterns.v_z.is_none(),
             h: None,
             ratio: f64::NAN,
+            nodes: [&[0.0], &tableau.c[..], &[1.0]].concat(),
             stage_weights: Matrix::zeros(s, s + 2),
             end_weights: Matrix::zeros(1, s + 2),
             node_weights: Matrix::zeros(s + 1, s + 1),
@@ -47,36 +54,28 @@ impl Predictor {
         let ratio = h / last;
         if ratio.to_bits() != self.ratio.to_bits() {
             self.ratio = ratio;
-            let nodes: Vec<f64> = std::iter::once(0.0)
-                .chain(stages.tableau.c.iter().copied())
-                .chain(std::iter::once(1.0))
-                .collect();
-            lagrange(&nodes, &stages.tableau.c, ratio, &mut self.stage_weights);
-            lagrange(&nodes, &[1.0], ratio, &mut self.end_weights);
+            lagrange(
+                &self.nodes,
+                &stages.tableau.c,
+                ratio,
+                &mut self.stage_weights,
+            );
+            lagrange(&self.nodes, &[1.0], ratio, &mut self.end_weights);
             let nodes = &stages.tableau.c_hat;
             lagrange(nodes, nodes, ratio, &mut self.node_weights);
         }
         let as_is = |_, _, sum| sum;
-        combine(
-            stages.unknowns.z.flat_mut(),
-            &self.stage_weights,
-            &self.z,
-            as_is,
-        );
-        combine(
-            stages.unknowns.v.flat_mut(),
-            &self.stage_weights,
-            &self.v,
-            as_is,
-        );
+        let Unknowns { z, v, lam } = &mut stages.unknowns;
+        combine(z.flat_mut(), &self.stage_weights, &self.z, as_is);
+        if self.velocity_is_z {
+            // nothing but equal starts keeps them equal: their difference is no residual
+            copy(v.flat_mut(), z.flat());
+        } else {
+            combine(v.flat_mut(), &self.stage_weights, &self.v, as_is);
+        }
         combine(z1, &self.end_weights, &self.z, as_is);
-        if !self.lam.flat().is_empty() {
-            combine(
-                stages.unknowns.lam.flat_mut(),
-                &self.node_weights,
-                &self.lam,
-                as_is,
-            );
+        if !lam.flat().is_empty() {
+            combine(lam.flat_mut(), &self.node_weights, &self.lam, as_is);
         }
         true
     }
