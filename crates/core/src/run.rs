@@ -32,7 +32,7 @@ pub struct Span {
     pub h: f64,
     /// Number of steps.
     pub steps: usize,
-    /// One state in this many is recorded, and the last.
+    /// One state in this many is recorded, at least 1, and the last.
     pub every: usize,
 }
 

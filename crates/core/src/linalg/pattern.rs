@@ -10,7 +10,7 @@ pub struct Pattern {
     entries: Vec<(usize, usize)>,
 }
 
-/// A pattern with an entry outside its matrix, or one too many.
+/// A pattern with an entry outside its matrix.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 #[error("entry ({row}, {col}) is outside a {rows} by {cols} matrix")]
 #[allow(missing_docs)]
@@ -22,7 +22,7 @@ pub struct PatternError {
 }
 
 impl Pattern {
-    /// A pattern of `(row, column)` entries.
+    /// A pattern of `(row, column)` entries, each at most once.
     ///
     /// # Errors
     /// The first entry outside the matrix.

@@ -87,7 +87,7 @@ pub enum TapeError {
     Twice { line: usize, element: usize },
     #[error("output {element} is never written")]
     Missing { element: usize },
-    #[error("the program needs more than 2^31 registers")]
+    #[error("the program has more than 2^24 inputs and outputs")]
     TooLarge,
 }
 
@@ -122,9 +122,6 @@ impl Tape {
         let first_output = starts.last().zip(inputs.last()).map_or(0, |(a, b)| a + b);
         let first_temporary = first_output + outputs + plan.pinned;
         let registers = first_temporary + plan.slots;
-        if registers > 1 << 31 {
-            return Err(TapeError::TooLarge);
-        }
         let mut tape = Self {
             inputs: inputs.to_vec(),
             outputs: first_output..first_output + outputs,
@@ -139,7 +136,7 @@ impl Tape {
             next_pinned += 1;
             next_pinned - 1
         };
-        #[allow(clippy::cast_possible_truncation)] // registers fit, as checked above
+        #[allow(clippy::cast_possible_truncation)] // 2^24 values, and no more slots than lines
         for (k, line) in lines.iter().enumerate() {
             match *line {
                 Line::Input {
@@ -265,8 +262,12 @@ impl Tape {
     /// # Panics
     /// When an argument has not `k` rows.
     pub fn map(&self, params: &[f64], args: &[&[f64]], k: usize) -> Vec<f64> {
+        assert_eq!(args.len() + 1, self.inputs.len(), "number of arguments");
         for (arg, size) in args.iter().zip(&self.inputs) {
             assert_eq!(arg.len(), k * size, "size of an argument");
+        }
+        if k == 0 {
+            return Vec::new();
         }
         let bound: Vec<Lanes> = params.iter().map(|p| Lanes::splat(*p)).collect();
         let Registers(mut registers) = self.bind(&bound);
