@@ -16,6 +16,9 @@ from liouville.errors import describe, hinted
 from liouville.systems import _trace
 from liouville.tape import record
 
+#: Rows, columns, and the row and column of each entry.
+Pattern = tuple[int, int, list[int], list[int]]
+
 #: A start may miss its constraints by this much of the size of what they are made of.
 TOLERANCE = 1e-10
 
@@ -88,7 +91,7 @@ class Mechanics:
         self._symbols = symbols
         self._model = model
         self._invariants = dict(invariants)
-        self._tapes, self.problem = _compile(symbols, model)
+        self._tapes, self._patterns, self.problem = _compile(symbols, model)
 
     def __repr__(self) -> str:
         """Name the kind of system and its coordinates."""
@@ -162,8 +165,8 @@ class Mechanics:
         g = self._at("node", params, t, y, lam)[:m]
         end = self._at("end", params, t, y, z)
         w, v = end[n : n + m], end[n + m :] if end.size > n + m else z
-        rows, _ = self._model_pattern("g_y")
-        size = np.bincount(rows, np.abs(self._at("node_blocks", params, t, y, lam)[: rows.size]), m)
+        _, _, rows, _ = self._patterns["g_y"]
+        size = np.bincount(rows, np.abs(self._at("node_blocks", params, t, y, lam)[: len(rows)]), m)
         length, speed = np.abs(y).max(), np.abs(v).max()
         limits = [size * (TOLERANCE * x + FLOOR) for x in (length, speed + 1e-2 * length)]
         symbols = (f"g({self.states[0]})", f"g_t + g_{self.states[0]} v")
@@ -313,10 +316,6 @@ class Mechanics:
         values: np.ndarray = self._map(name, params, *args)[0]
         return values
 
-    def _model_pattern(self, name: str) -> tuple[np.ndarray, np.ndarray]:
-        _, _, rows, cols = _pattern(ca.jacobian(self._model.g, self._symbols.y))
-        return np.asarray(rows, dtype=int), np.asarray(cols, dtype=int)
-
     def observer(
         self, observe: Mapping[str, Callable[..., Any]] | None, states: bool
     ) -> tuple[_core.Tape, dict[str, int]]:
@@ -344,12 +343,14 @@ def _total_derivative(x: ca.SX, s: Symbols, v: ca.SX) -> ca.SX:
     return ca.jtimes(x, ca.vertcat(s.t, s.y), ca.vertcat(1, v))
 
 
-def _pattern(matrix: ca.SX) -> tuple[int, int, list[int], list[int]]:
+def _pattern(matrix: ca.SX) -> Pattern:
     rows, cols = matrix.sparsity().get_triplet()
     return matrix.shape[0], matrix.shape[1], rows, cols
 
 
-def _compile(s: Symbols, model: Model) -> tuple[dict[str, _core.Tape], _core.Mechanical]:
+def _compile(
+    s: Symbols, model: Model
+) -> tuple[dict[str, _core.Tape], dict[str, Pattern], _core.Mechanical]:
     """Differentiate and record: the tapes and patterns of `problem::mechanical` in the core."""
     v, p, f, r, g, lam = model.v, model.p, model.f, model.r, model.g, model.lam
     own_velocity = _differ(v, s.z)
@@ -390,4 +391,5 @@ def _compile(s: Symbols, model: Model) -> tuple[dict[str, _core.Tape], _core.Mec
         ),
     }
     patterns = {name: _pattern(matrix) for name, matrix in jac.items()}
-    return tapes, _core.Mechanical(s.y.numel(), g.numel(), is_linear, tapes, patterns)
+    problem = _core.Mechanical(s.y.numel(), g.numel(), is_linear, tapes, patterns)
+    return tapes, patterns, problem
