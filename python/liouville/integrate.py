@@ -90,18 +90,10 @@ def integrate(
     -----
     Times are :math:`t_0 + n h`, computed and not summed up.
     """
-    if not isinstance(system, Mechanics):
-        raise TypeError(f"system is a Lagrangian, Hamiltonian or Mechanical, not {system!r}")
-    if not isinstance(method, tuple(METHODS.values())):
-        known = ", ".join(cls.__name__ for cls in METHODS.values())
-        raise TypeError(f"{method!r} does not step mechanical systems; methods that do: {known}")
+    _check_kinds(system, method, states, progress)
     t0, t1 = _interval(t)
     count = _steps(t0, t1, h, steps)
     every = min(_positive("every", every), count)
-    if not isinstance(states, bool):
-        raise TypeError(f"states is True or False, not {states!r}")
-    if progress is not None and not callable(progress):
-        raise TypeError(f"progress is a function, not {progress!r}")
     values = system.values(params)
     y, z = system.start(start)
     system.check(t0, y, z, values)
@@ -151,6 +143,18 @@ def integrate(
             solution=solution,
         )
     return solution
+
+
+def _check_kinds(system: Any, method: Any, states: Any, progress: Any) -> None:
+    if not isinstance(system, Mechanics):
+        raise TypeError(f"system is a Lagrangian, Hamiltonian or Mechanical, not {system!r}")
+    if not isinstance(method, tuple(METHODS.values())):
+        known = ", ".join(cls.__name__ for cls in METHODS.values())
+        raise TypeError(f"{method!r} does not step mechanical systems; methods that do: {known}")
+    if not isinstance(states, bool):
+        raise TypeError(f"states is True or False, not {states!r}")
+    if progress is not None and not callable(progress):
+        raise TypeError(f"progress is a function, not {progress!r}")
 
 
 def _interval(t: Any) -> tuple[float, float]:
