@@ -5,10 +5,10 @@ from typing import Any, Literal, final
 import numpy as np
 from numpy.typing import NDArray
 
-_Pattern = tuple[int, int, list[int], list[int]]
+_Pattern = tuple[int, int, NDArray[np.int64], NDArray[np.int64]]
 _Trouble = dict[str, Any]
 
-__all__ = ["OPERATIONS", "Mechanical", "MechanicalRun", "Tape", "gauss_lobatto", "project"]
+__all__ = ["OPERATIONS", "Mechanical", "MechanicalRun", "Rows", "Tape", "gauss_lobatto", "project"]
 
 OPERATIONS: dict[str, int]
 
@@ -25,6 +25,23 @@ class Tape:
     def map(
         self, params: NDArray[np.float64], args: list[NDArray[np.float64]]
     ) -> NDArray[np.float64]: ...
+    def with_terms(
+        self,
+        constant: NDArray[np.float64],
+        products: list[tuple[int, int, float, Rows]],
+        forms: list[tuple[int, int, float, Rows]],
+    ) -> Tape: ...
+
+@final
+class Rows:
+    def __new__(
+        cls,
+        rows: int,
+        cols: int,
+        row: NDArray[np.int64],
+        col: NDArray[np.int64],
+        values: NDArray[np.float64],
+    ) -> Rows: ...
 
 @final
 class Mechanical:
