@@ -235,4 +235,3 @@ def _check_reactions(b: Any, less_implicit: Any) -> None:
             f"b is not near 1/2, as {b:g} is: the two constraints of a step become dependent, "
             "and roundoff grows as 1/|1 - 2b|"
         )
-

@@ -80,7 +80,7 @@ def compiled(
         return linear.terms(first, damping=(2, -1.0), stiffness=(1, -1.0))
 
     def blocks(name: str, inputs: dict[str, ca.SX], *wanted: str) -> _core.Tape:
-        return _record_blocks(name, inputs, [jac[key] for key in wanted if key in jac])
+        return record_blocks(name, inputs, [jac[key] for key in wanted if key in jac])
 
     tapes = {
         "stage": _add(record("stage", at_stage, p, f, *velocity), [*momentum, *force(n)]),
@@ -130,8 +130,8 @@ def second_order(
             linear.terms(0, mass=(3, -1.0), damping=(2, -1.0), stiffness=(1, -1.0)),
         ),
         "reaction": _add(record("reaction", at_node, reaction), linear.terms(0, mass=(2, 1.0))),
-        "jacobian": _record_blocks("jacobian", at_end, [jac[k] for k in ("mass", "j_y", "j_z")]),
-        "reaction_jacobian": _record_blocks("reaction_jacobian", at_node, [jac["n_y"]]),
+        "jacobian": record_blocks("jacobian", at_end, [jac[k] for k in ("mass", "j_y", "j_z")]),
+        "reaction_jacobian": record_blocks("reaction_jacobian", at_node, [jac["n_y"]]),
     }
     if power is None or power.is_zero():
         power = ca.SX(0)
@@ -177,7 +177,8 @@ def _add(tape: _core.Tape, products: list[Term], forms: list[Term] | None = None
     return tape.with_terms(np.empty(0), products, forms or [])
 
 
-def _record_blocks(name: str, inputs: dict[str, ca.SX], blocks: list[Block]) -> _core.Tape:
+def record_blocks(name: str, inputs: dict[str, ca.SX], blocks: list[Block]) -> _core.Tape:
+    """Record the entries of derivatives, one after another."""
     tape = record(name, inputs, *(block.part for block in blocks))
     constant = np.concatenate([np.empty(0), *(block.constant for block in blocks)])
     return tape.with_terms(constant, [], []) if constant.any() else tape

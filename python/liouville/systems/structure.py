@@ -128,6 +128,9 @@ def _load(
     array = _trace.numbers(force)
     if array is None:
         raise TypeError(f"force is a function or an array of numbers, not {force!r}")
-    if array.shape != (n,) or not np.isfinite(array).all():
-        raise ValueError(f"force has shape {array.shape}, wanted ({n},) finite numbers")
+    if array.shape != (n,):
+        raise ValueError(f"force has shape {array.shape}, wanted ({n},)")
+    bad = np.flatnonzero(~np.isfinite(array))
+    if bad.size:
+        raise ValueError(f"force of '{coordinates[bad[0]]}' is {array[bad[0]]}")
     return ca.SX(ca.sparsify(ca.DM(array)))
