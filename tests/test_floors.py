@@ -34,6 +34,7 @@ PACKAGE_FLOORS = (
 LAZY = {("solution", "export")}  # to_xarray() and save() fetch the exporter when called
 
 CORE_ROOMS = {
+    "faer": ("linalg/sparse.rs",),
     "libm": ("tape/execute.rs",),
     "twofloat": ("tableau/",),
     "pyo3": (),

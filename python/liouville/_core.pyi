@@ -6,14 +6,14 @@ from typing import Any, Literal, final
 import numpy as np
 from numpy.typing import NDArray
 
-_Indices = list[int] | NDArray[np.int64]
-_Pattern = tuple[int, int, _Indices, _Indices]
+_Pattern = tuple[int, int, NDArray[np.int64], NDArray[np.int64]]
 _Trouble = dict[str, Any]
 
 __all__ = [
     "OPERATIONS",
     "Mechanical",
     "MechanicalRun",
+    "Rows",
     "SecondOrder",
     "Tape",
     "gauss_lobatto",
@@ -35,6 +35,23 @@ class Tape:
     def map(
         self, params: NDArray[np.float64], args: list[NDArray[np.float64]]
     ) -> NDArray[np.float64]: ...
+    def with_terms(
+        self,
+        constant: NDArray[np.float64],
+        products: list[tuple[int, int, float, Rows]],
+        forms: list[tuple[int, int, float, Rows]],
+    ) -> Tape: ...
+
+@final
+class Rows:
+    def __new__(
+        cls,
+        rows: int,
+        cols: int,
+        row: NDArray[np.int64],
+        col: NDArray[np.int64],
+        values: NDArray[np.float64],
+    ) -> Rows: ...
 
 @final
 class Mechanical:
