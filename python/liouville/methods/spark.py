@@ -1,8 +1,9 @@
-"""Methods: a name and its numbers. What they do stands in the core."""
+"""Gauss-Lobatto SPARK."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from typing import ClassVar
 
 import numpy as np
 
@@ -53,6 +54,7 @@ class Spark:
     :cite:t:`jay2007`; see :doc:`/theory/spark`.
     """
 
+    form: ClassVar[str] = "general"
     stages: int = field(default=3, metadata={"help": "number of Gauss stages, from 1 to 64"})
     solver: str = field(default="auto", metadata={"help": "one of " + ", ".join(SOLVERS)})
 
@@ -69,7 +71,3 @@ class Spark:
     def order(self) -> int:
         """Order of the method, 2s."""
         return 2 * int(self.stages)
-
-
-#: Every method by the name the command line knows it by.
-METHODS: dict[str, type[Spark]] = {"spark": Spark}
