@@ -1,7 +1,7 @@
 """The alpha methods written down as they are defined, with every unknown of a step in one Newton.
 
-Nothing is eliminated or scaled, so it is slow, and as near to the formulas of ``docs/theory/hht.md``
-as a program can be.
+Nothing is eliminated or scaled: it is slow, and as near to the formulas of ``docs/theory/hht.md`` as
+a program can be.
 """
 
 from dataclasses import dataclass
