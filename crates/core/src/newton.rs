@@ -11,16 +11,18 @@ use crate::trouble::Trouble;
 
 /// A system of equations in the middle of being solved.
 pub trait Equations {
-    /// Corrections still expected below this fraction of the solution end the iteration. By default what
-    /// a symplectic method needs: they are of one sign step after step, so even a hundredth of ε would
-    /// show as a drift of the energy.
-    const TOLERANCE: f64 = 3e-3 * f64::EPSILON;
-
     /// Evaluates the residual, solves for a correction, applies it, and returns its relative size.
     ///
     /// # Errors
     /// A value is not finite, or a matrix is singular.
     fn correct(&mut self) -> Result<f64, Trouble>;
+
+    /// Corrections still expected below this fraction of the solution end the iteration. By default what
+    /// a symplectic method needs: they are of one sign step after step, so even a hundredth of ε would
+    /// show as a drift of the energy.
+    fn tolerance(&self) -> f64 {
+        3e-3 * f64::EPSILON
+    }
 }
 
 /// A first ratio of corrections above this says that the solution found need not be the nearby one.
@@ -32,7 +34,8 @@ const NOISE: f64 = 1e3 * f64::EPSILON;
 ///
 /// # Errors
 /// [`Trouble::NotConverged`] as soon as `most` corrections will not be enough.
-pub fn solve<E: Equations>(equations: &mut E, most: usize) -> Result<usize, Trouble> {
+pub fn solve(equations: &mut impl Equations, most: usize) -> Result<usize, Trouble> {
+    let tolerance = equations.tolerance();
     let mut last = f64::INFINITY;
     let mut expected = f64::INFINITY;
     let mut rate = None;
@@ -49,14 +52,14 @@ pub fn solve<E: Equations>(equations: &mut E, most: usize) -> Result<usize, Trou
             rate = Some(theta);
         }
         let is_converged = size == 0.0
-            || iterations > 1 && still_to_come(rate.unwrap_or(theta), expected) < E::TOLERANCE
+            || iterations > 1 && still_to_come(rate.unwrap_or(theta), expected) < tolerance
             || is_noise && rate.is_none() && theta >= 0.5
             || is_noise && iterations == most;
         if is_converged {
             return Ok(iterations);
         }
         let is_too_slow =
-            still_to_come(theta, size) * theta.powf((most - iterations) as f64) > E::TOLERANCE;
+            still_to_come(theta, size) * theta.powf((most - iterations) as f64) > tolerance;
         if !size.is_finite()
             || iterations == most
             || is_hopeless(size, theta, iterations, is_too_slow)

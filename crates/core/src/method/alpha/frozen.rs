@@ -31,6 +31,8 @@ pub(super) struct Frozen {
     pub(super) j_z: Vec<f64>,
     /// The step they are for; 0 when they are of no use.
     pub(super) h: f64,
+    /// Corrections of the first step they were used for; 0 before.
+    pub(super) corrections: usize,
     momentum: Vec<f64>,
     none: Vec<f64>,
 }
@@ -59,6 +61,7 @@ impl Frozen {
             j_y: vec![0.0; at.j_y.len()],
             j_z: vec![0.0; at.j_z.len()],
             h: 0.0,
+            corrections: 0,
             momentum: vec![0.0; n],
             none: vec![0.0; m],
         }
@@ -103,6 +106,7 @@ impl Frozen {
             .factor(self.matrix.pattern(), self.matrix.values())
             .map_err(|_| Trouble::SingularNewton)?;
         self.h = h;
+        self.corrections = 0;
         Ok(())
     }
 

@@ -84,8 +84,8 @@ impl Carried for State {
     }
 }
 
-/// Corrections after which factors are made anew for the next step.
-const SLOW: usize = 5;
+/// Factors are made anew when they cost this many corrections more than when they were new.
+const SLOW: usize = 2;
 /// Corrections a step may take.
 const MOST_ITERATIONS: usize = 30;
 
@@ -99,9 +99,10 @@ pub struct Alpha {
     solver: Solver,
     frozen: Frozen,
     acceleration: Acceleration,
-    /// dφ/dt and the reactions of the last step, to start the next with.
+    /// dφ/dt, the reactions and their rates in the last step, to start the next with.
     phi_rate: Vec<f64>,
     kept: [Reaction; 2],
+    rates: [Reaction; 2],
     /// The state before the last step; during a step, the one after it.
     other: State,
     local_error: Vec<f64>,
@@ -129,6 +130,7 @@ impl Alpha {
             acceleration: Acceleration::new(&model.general),
             phi_rate: zeros(),
             kept: solver.reactions.clone(),
+            rates: solver.reactions.clone(),
             other: State {
                 y: zeros(),
                 z: zeros(),
@@ -230,9 +232,9 @@ impl Alpha {
         copy(&mut at.phi, &step.state.phi);
         if is_warm {
             add_scaled(&mut at.phi, step.h, &self.phi_rate);
-            for (reaction, kept) in at.reactions.iter_mut().zip(&self.kept) {
-                copy(&mut reaction.a, &kept.a);
-                copy(&mut reaction.lam, &kept.lam);
+            for ((reaction, kept), rate) in at.reactions.iter_mut().zip(&self.kept).zip(&self.rates)
+            {
+                reaction.extrapolate(kept, rate, step.h);
             }
             return;
         }
@@ -257,7 +259,10 @@ impl Alpha {
         let made = equations.made;
         self.stats.iterations += made;
         self.stats.evaluations += made;
-        if outcome.is_err() || made > SLOW {
+        if self.frozen.corrections == 0 {
+            self.frozen.corrections = made;
+        }
+        if outcome.is_err() || made > self.frozen.corrections + SLOW {
             self.frozen.h = 0.0;
         }
         outcome.map(|_| ())
@@ -274,6 +279,13 @@ impl Alpha {
         for k in 0..next.a.len() {
             next.a[k] = self.weights.share() * at.phi[k] + at.known_a[k];
             self.phi_rate[k] = (at.phi[k] - step.state.phi[k]) / step.h;
+        }
+        for ((reaction, kept), rate) in at.reactions.iter().zip(&self.kept).zip(&mut self.rates) {
+            rate.between(
+                kept,
+                reaction,
+                if self.is_warm { step.h } else { f64::INFINITY },
+            );
         }
         std::mem::swap(&mut self.kept, &mut at.reactions);
         next.h = step.h;

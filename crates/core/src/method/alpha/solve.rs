@@ -2,7 +2,7 @@
 
 use super::frozen::Frozen;
 use super::{Reactions, State};
-use crate::linalg::{copy, max_norm};
+use crate::linalg::{add_scaled, copy, max_norm};
 use crate::newton::Equations;
 use crate::problem::mechanical::SecondOrderModel;
 use crate::tableau::Alpha;
@@ -21,6 +21,29 @@ pub(super) struct Step<'a> {
 pub(super) struct Reaction {
     pub(super) a: Vec<f64>,
     pub(super) lam: Vec<f64>,
+}
+
+impl Reaction {
+    /// `self = last + h rate`
+    pub(super) fn extrapolate(&mut self, last: &Self, rate: &Self, h: f64) {
+        let ahead = |out: &mut [f64], last: &[f64], rate: &[f64]| {
+            copy(out, last);
+            add_scaled(out, h, rate);
+        };
+        ahead(&mut self.a, &last.a, &rate.a);
+        ahead(&mut self.lam, &last.lam, &rate.lam);
+    }
+
+    /// `self = (new - old) / h`
+    pub(super) fn between(&mut self, old: &Self, new: &Self, h: f64) {
+        let slope = |out: &mut [f64], old: &[f64], new: &[f64]| {
+            for (k, out) in out.iter_mut().enumerate() {
+                *out = (new[k] - old[k]) / h;
+            }
+        };
+        slope(&mut self.a, &old.a, &new.a);
+        slope(&mut self.lam, &old.lam, &new.lam);
+    }
 }
 
 /// How y1 and z1 depend on the unknowns, with c = da1/dφ1:
@@ -318,21 +341,23 @@ impl Solve<'_> {
         }
     }
 
-    /// The corrections h² η and h ζ, in units of the position and of the velocity.
+    /// The corrections h² η and h ζ, in units of the position and of the velocity; without A, the
+    /// velocity goes with the position, whose roundoff it has in units of 1/h.
     fn size(&self) -> f64 {
         let (at, h) = (&*self.solver, self.step.h.abs());
         let (y, z) = (max_norm(&at.y), max_norm(&at.z));
         let eta = h * h * max_norm(&at.eta[..at.y.len()]);
         let zeta = h * max_norm(&at.zeta);
         let relative = |d: f64, x: f64| if d == 0.0 { 0.0 } else { d / x.max(d) };
-        relative(eta, y.max(h * z)).max(relative(zeta, z.max(h * max_norm(&at.phi))))
+        let of_y = relative(eta, y.max(h * z));
+        match at.reactions_by {
+            Reactions::Position => of_y,
+            Reactions::Extended { .. } => of_y.max(relative(zeta, z.max(h * max_norm(&at.phi)))),
+        }
     }
 }
 
 impl Equations for Solve<'_> {
-    // what is left is damped, unlike in a symplectic method
-    const TOLERANCE: f64 = f64::EPSILON;
-
     fn correct(&mut self) -> Result<f64, Trouble> {
         self.evaluate()?;
         self.correct_velocity();
@@ -340,5 +365,14 @@ impl Equations for Solve<'_> {
         self.apply();
         self.made += 1;
         Ok(self.size())
+    }
+
+    fn tolerance(&self) -> f64 {
+        match self.solver.reactions_by {
+            // what is left is damped, unlike in a symplectic method
+            Reactions::Extended { .. } => f64::EPSILON,
+            // what is left in the position is divided by h in the velocity
+            Reactions::Position => 1e-3 * f64::EPSILON,
+        }
     }
 }
