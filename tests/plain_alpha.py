@@ -1,6 +1,6 @@
-"""The alpha methods written down as they are defined, with every unknown of a step in one Newton.
+"""The alpha methods written down as they are defined, every unknown of a step in one Newton.
 
-Nothing is eliminated or scaled: it is slow, and as near to the formulas of ``docs/theory/hht.md`` as
+Nothing is eliminated or scaled: slow, and as near to the formulas of ``docs/theory/hht.md`` as
 a program can be.
 """
 
@@ -52,6 +52,7 @@ class Plain:
         self.F = ca.Function("F", [t, y, z], [F])
         self.r = ca.Function("r", [t, y, psi], [r])
         self.g = ca.Function("g", [t, y], [g])
+        self.G = ca.Function("G", [t, y], [ca.densify(ca.jacobian(g, y))])
         self.w = ca.Function("w", [t, y, z], [w])
         slope = ca.jtimes(w, ca.vertcat(t, y, z), ca.vertcat(1, z, a))
         unknown, rest = ca.vertcat(a, psi), ca.vertcat(M @ a - F - r, slope)
