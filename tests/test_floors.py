@@ -24,7 +24,7 @@ CORE_FLOORS = (
 )
 PACKAGE_FLOORS = (
     ("_core", "errors"),
-    ("tape",),
+    ("_arguments", "tape"),
     ("methods", "systems"),
     ("solution",),
     ("integrate",),

@@ -3,7 +3,10 @@
 from liouville.errors import IntegrationError as IntegrationError
 from liouville.export import load as load
 from liouville.integrate import integrate as integrate
+from liouville.methods import HHT as HHT
 from liouville.methods import METHODS as METHODS
+from liouville.methods import ArnoldBruls as ArnoldBruls
+from liouville.methods import GeneralizedAlpha as GeneralizedAlpha
 from liouville.methods import Spark as Spark
 from liouville.solution import Solution as Solution
 from liouville.systems import Hamiltonian as Hamiltonian

@@ -1,14 +1,24 @@
 """The border between Python and the core, whole."""
 
+from collections.abc import Sequence
 from typing import Any, Literal, final
 
 import numpy as np
 from numpy.typing import NDArray
 
-_Pattern = tuple[int, int, list[int], list[int]]
+_Pattern = tuple[int, int, NDArray[np.int64], NDArray[np.int64]]
 _Trouble = dict[str, Any]
 
-__all__ = ["OPERATIONS", "Mechanical", "MechanicalRun", "Tape", "gauss_lobatto", "project"]
+__all__ = [
+    "OPERATIONS",
+    "Mechanical",
+    "MechanicalRun",
+    "Rows",
+    "SecondOrder",
+    "Tape",
+    "gauss_lobatto",
+    "project",
+]
 
 OPERATIONS: dict[str, int]
 
@@ -25,6 +35,23 @@ class Tape:
     def map(
         self, params: NDArray[np.float64], args: list[NDArray[np.float64]]
     ) -> NDArray[np.float64]: ...
+    def with_terms(
+        self,
+        constant: NDArray[np.float64],
+        products: list[tuple[int, int, float, Rows]],
+        forms: list[tuple[int, int, float, Rows]],
+    ) -> Tape: ...
+
+@final
+class Rows:
+    def __new__(
+        cls,
+        rows: int,
+        cols: int,
+        row: NDArray[np.int64],
+        col: NDArray[np.int64],
+        values: NDArray[np.float64],
+    ) -> Rows: ...
 
 @final
 class Mechanical:
@@ -38,21 +65,33 @@ class Mechanical:
     ) -> Mechanical: ...
 
 @final
+class SecondOrder:
+    def __new__(
+        cls,
+        problem: Mechanical,
+        tapes: dict[str, Tape],
+        patterns: dict[str, _Pattern],
+        power_of_lam: bool,
+    ) -> SecondOrder: ...
+
+@final
 class MechanicalRun:
     @staticmethod
     def start(
-        problem: Mechanical,
+        problem: Mechanical | SecondOrder,
         method: object,
         observer: Tape,
         params: NDArray[np.float64],
-        y: NDArray[np.float64],
-        z: NDArray[np.float64],
+        start: Sequence[NDArray[np.float64]],
         span: tuple[float, float, int, int],
+        control: tuple[float, NDArray[np.float64], float, float] | None,
         states: bool,
     ) -> MechanicalRun | _Trouble: ...
     def advance(self, seconds: float) -> Literal["paused", "done"] | _Trouble: ...
     @property
     def done(self) -> int: ...
+    @property
+    def t(self) -> float: ...
     @property
     def stats(self) -> dict[str, int]: ...
     def take(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]: ...

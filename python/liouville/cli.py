@@ -119,6 +119,13 @@ def run(
     model: Model,
     method: Method = "spark",
     h: Annotated[float | None, typer.Option(help="Step size.", show_default="the model's")] = None,
+    rtol: Annotated[
+        float | None, typer.Option(help="Control the steps by this relative tolerance.")
+    ] = None,
+    atol: Annotated[
+        float | None, typer.Option(help="Absolute tolerance.", show_default="rtol/1000")
+    ] = None,
+    h_min: Annotated[float | None, typer.Option(help="Least of the controlled steps.")] = None,
     until: Until = None,
     every: Annotated[int, typer.Option(help="Keep one step in this many.")] = 1,
     start: Annotated[
@@ -148,7 +155,7 @@ def run(
             for name, value in _assigned("--param", param or []).items()
         }
         interval = _interval(module, until)
-        h = _step(module) if h is None else h
+        h = _step(module, chosen) if h is None and rtol is None else h
         outline: Any = getattr(module, "outline", None)
         if out is not None:
             export.check(out)
@@ -162,10 +169,10 @@ def run(
                     "hint: leave --animate out, or define outline as the planar problems do"
                 )
         try:
-            with _progress(model) as report:
+            with _progress(model, "steps" if rtol is None else "of time") as report:
                 solution = lv.integrate(
-                    system, chosen, t=interval, h=h, every=every, params=values or None,
-                    progress=report, **begin,
+                    system, chosen, t=interval, h=h, rtol=rtol, atol=atol, h_min=h_min,
+                    every=every, params=values or None, progress=report, **begin,
                 )  # fmt: skip
         except lv.IntegrationError as error:
             _complain(error)
@@ -216,7 +223,7 @@ def order(
             until = min(references)
         interval = _interval(module, until)
         reference = _at(references, interval[1])
-        sizes = h or [_step(module) * 2.0**k for k in range(3, -3, -1)]
+        sizes = h or [_step(module, chosen) * 2.0**k for k in range(3, -3, -1)]
         begin = getattr(module, "start", {})
         of = tuple(name for name in (reference or begin) if name != "lam")
         study = convergence.study(system, chosen, interval, sizes, begin, reference or None, of)
@@ -335,12 +342,13 @@ def _interval(module: ModuleType, until: float | None) -> tuple[float, float]:
     return float(first), float(end)
 
 
-def _step(module: ModuleType) -> float:
+def _step(module: ModuleType, method: Any) -> float:
+    """Give the model's step, which is made for Spark(3), for about as much work with any method."""
     if not hasattr(module, "h"):
         raise ValueError(
             f"the step size is not said\nhint: give --h, or define h in {module.__name__}.py"
         )
-    return float(module.h)
+    return float(module.h) / (1 if method.form == "general" else 8)
 
 
 def _at(reference: Mapping[float, Any], t: float) -> dict[str, Any]:
@@ -355,7 +363,9 @@ def _summary(solution: lv.Solution, reference: Mapping[str, Any], conserved: Seq
     table = Table(box=None, show_header=False, pad_edge=False)
     table.add_row("status", solution.status)
     table.add_row("method", solution.method)
-    table.add_row("h", f"{solution.h:.10g}")
+    table.add_row("mean h" if solution.tolerances else "h", f"{solution.h:.10g}")
+    for name, tolerance in solution.tolerances.items():
+        table.add_row(name, f"{tolerance:g}")
     table.add_row("t", f"{solution.t[0]:.10g} to {solution.t[-1]:.10g}")
     for name, number in solution.stats.items():
         table.add_row(name, f"{number:.4g}" if isinstance(number, float) else str(number))
@@ -365,12 +375,14 @@ def _summary(solution: lv.Solution, reference: Mapping[str, Any], conserved: Seq
     for name in solution.invariants:
         word = "drift" if name in conserved else "change"
         table.add_row(f"{name} {word}", f"{np.max(solution.invariant_drift(name)):.2e}")
+    for name, values in solution.balance.items():
+        table.add_row(name, f"{values[-1]:.6g}")
     for name, values in reference.items():
         if name in solution.states:
             error = convergence.distance(solution.states[name][-1], values)
             table.add_row(f"{name} from reference", f"{error:.2e}")
     _print(table)
-    names = [name for name in solution.states if name != "lam"]
+    names = [name for name in solution.states if name not in ("lam", "acceleration", "a")]
     if names:
         table = _table("at the end", *names)
         for i, coordinate in enumerate(solution.names["coordinates"]):
@@ -380,14 +392,18 @@ def _summary(solution: lv.Solution, reference: Mapping[str, Any], conserved: Seq
 
 
 class _Rate(ProgressColumn):
-    """Steps a second."""
+    """Steps a second, or the time of the model where steps are controlled."""
+
+    def __init__(self, unit: str) -> None:
+        super().__init__()
+        self.unit = unit
 
     def render(self, task: Task) -> Text:
-        return Text(f"{task.speed:,.0f} steps/s" if task.speed else "", style="dim")
+        return Text(f"{task.speed:,.5g} {self.unit}/s" if task.speed else "", style="dim")
 
 
 @contextmanager
-def _progress(name: str) -> Iterator[Callable[[int, int], None] | None]:
+def _progress(name: str, unit: str) -> Iterator[Callable[[float, float], None] | None]:
     """Show a bar with rate and time left while the block runs, if someone is there to see it."""
     console = _console(stderr=True)
     if not console.is_terminal:
@@ -397,7 +413,7 @@ def _progress(name: str) -> Iterator[Callable[[int, int], None] | None]:
         TextColumn("{task.description}"),
         BarColumn(),
         TaskProgressColumn(),
-        _Rate(),
+        _Rate(unit),
         TimeRemainingColumn(),
         TextColumn("left", style="dim"),
     )

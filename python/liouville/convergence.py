@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike
 
 from liouville.errors import IntegrationError
 from liouville.integrate import integrate
-from liouville.methods import Spark
+from liouville.methods import Method
 from liouville.solution import Array
 from liouville.systems import Mechanics
 
@@ -44,7 +44,7 @@ class Study:
 
 def study(
     system: Mechanics,
-    method: Spark,
+    method: Method,
     t: tuple[float, float],
     hs: Sequence[float],
     start: Mapping[str, Any],

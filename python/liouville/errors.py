@@ -84,6 +84,19 @@ def describe(
             "try a smaller h, keep away from singular positions, and let the velocity depend on z",
             "stages",
         )
+    if kind == "step too small":
+        return (
+            f"the error asks for a step of {trouble['h']:.1e}, less than h_min",
+            "look for a force that jumps or grows without bound there; else a larger rtol, atol or "
+            "a smaller h_min may help",
+            "step",
+        )
+    if kind == "no memory":
+        return (
+            "what is kept would soon not fit in memory",
+            "keep fewer with every=, or none with states=False; a larger rtol takes fewer steps",
+            "memory",
+        )
     return (
         f"the iteration did not converge (last correction {trouble['size']:.0e})",
         "try a smaller h",

@@ -1,9 +1,9 @@
 """Solutions as xarray datasets and as files: NetCDF and Zarr both ways, CSV for reading elsewhere.
 
-A dataset has the dimensions ``time``, ``coordinate``, ``constraint``, ``invariant`` and
-``residual``, labelled by the names of the solution. Its variables are the states under their own
-letters, ``invariants``, ``residuals``, and ``observed_NAME`` for each observed quantity; how the
-run went is in its attributes. What is saved comes back bit for bit.
+A dataset has the dimensions ``time``, ``coordinate``, ``constraint``, ``invariant``, ``residual``
+and ``term``, labelled by the names of the solution. Its variables are the states under their own
+letters, ``invariants``, ``residuals``, ``balance``, and ``observed_NAME`` for each observed
+quantity; how the run went is in its attributes. What is saved comes back bit for bit.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from liouville.solution import Array, Solution
+from liouville.solution import STATES, Array, Solution
 
 if TYPE_CHECKING:
     import xarray
@@ -59,6 +59,9 @@ def to_xarray(solution: Solution) -> xarray.Dataset:
     if solution.residuals:
         rows = np.stack(list(solution.residuals.values()), axis=1)
         variables["residuals"] = (("time", "residual", "constraint"), rows)
+    if solution.balance:
+        columns = np.stack(list(solution.balance.values()), axis=1)
+        variables["balance"] = (("time", "term"), columns)
     for name, values in solution.observed.items():
         label = "observed_" + name.replace("/", SLASH)
         variables[label] = (("time", f"{label}_axis")[: values.ndim], values, {"name": name})
@@ -67,6 +70,7 @@ def to_xarray(solution: Solution) -> xarray.Dataset:
         "constraint": names["constraints"],
         "invariant": solution.invariants,
         "residual": solution.residuals,
+        "term": solution.balance,
     }
     dataset: xarray.Dataset = xr.Dataset(
         variables,
@@ -78,6 +82,7 @@ def to_xarray(solution: Solution) -> xarray.Dataset:
             "message": solution.message,
             "method": solution.method,
             "h": solution.h,
+            "tolerances": json.dumps(solution.tolerances, default=_plain),
             # Zarr forgets the order of variables.
             "order": json.dumps(list(variables)),
             "stats": json.dumps(solution.stats, default=_plain),
@@ -216,11 +221,7 @@ def _from_xarray(dataset: xarray.Dataset) -> Solution:
     variables = {name: dataset[name] for name in json.loads(attributes["order"])}
     return Solution(
         t=dataset["time"].values,
-        states={
-            name: variable.values
-            for name, variable in variables.items()
-            if name in ("q", "y", "z", "v", "p", "lam")
-        },
+        states={name: variable.values for name, variable in variables.items() if name in STATES},
         invariants=columns("invariants", "invariant"),
         residuals=columns("residuals", "residual"),
         observed={
@@ -228,8 +229,10 @@ def _from_xarray(dataset: xarray.Dataset) -> Solution:
             for name, variable in variables.items()
             if name.startswith("observed_")
         },
+        balance=columns("balance", "term"),
         names={"coordinates": names("coordinate"), "constraints": names("constraint")},
         h=float(attributes["h"]),
+        tolerances=json.loads(attributes["tolerances"]),
         method=attributes["method"],
         stats=json.loads(attributes["stats"]),
         params=json.loads(attributes["params"]),
@@ -244,7 +247,7 @@ def _save_csv(solution: Solution, path: Path) -> None:
     for name, values in solution.states.items():
         labels = names["constraints" if name == "lam" else "coordinates"]
         columns |= {f"{name}[{label}]": values[:, i] for i, label in enumerate(labels)}
-    columns |= solution.invariants
+    columns |= solution.invariants | solution.balance
     for name, values in solution.residuals.items():
         labels = names["constraints"]
         columns |= {f"{name}[{label}]": values[:, i] for i, label in enumerate(labels)}

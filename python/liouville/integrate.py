@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import math
-import os
 import time
 from collections.abc import Callable, Mapping
 from typing import Any
@@ -12,47 +10,60 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from liouville import _core
+from liouville._arguments import MOST_STEPS, Steps, check_memory, count, memory, steps_of
 from liouville.errors import IntegrationError, describe, hinted
-from liouville.methods import METHODS, Spark
-from liouville.solution import Solution
-from liouville.systems import Mechanics
+from liouville.methods import METHODS, Method, Spark
+from liouville.solution import STATES, Solution
+from liouville.systems import Mechanical, Mechanics
 
 #: Seconds between two looks at the signals and the progress bar.
 SLICE = 0.05
 
-#: Beyond this, a step's number and its time are no longer exact.
-MOST_STEPS = 2**53
+KEEP_LESS = "keep fewer with every=, or none with states=False"
 
 
 def integrate(
     system: Mechanics,
-    method: Spark,
+    method: Method,
     *,
     t: tuple[float, float],
     h: float | None = None,
     steps: int | None = None,
+    rtol: float | None = None,
+    atol: ArrayLike | None = None,
+    h_min: float | None = None,
     every: int = 1,
     observe: Mapping[str, Callable[..., Any]] | None = None,
     params: Mapping[str, ArrayLike] | None = None,
     states: bool = True,
-    progress: Callable[[int, int], None] | None = None,
+    progress: Callable[[float, float], None] | None = None,
     **start: ArrayLike,
 ) -> Solution:
-    r"""Integrate a system with a constant step size.
+    r"""Integrate a system with equal steps, or with steps controlled by their errors.
 
     Parameters
     ----------
-    system : Lagrangian, Hamiltonian or Mechanical
+    system : Lagrangian, Hamiltonian, Mechanical or Structure
         What is integrated.
-    method : Spark
+    method : Spark, HHT, GeneralizedAlpha or ArnoldBruls
         How; see :doc:`/choose`.
     t : tuple of two floats
         Start and end, in the system's unit of time; an end before the start goes backwards.
     h : float, optional
         Step size, positive. The step used is ``(t1 - t0) / steps`` with the least number of steps
-        that makes it at most `h`.
+        that makes it at most `h`. With `rtol`, the first step; by default the method chooses it.
     steps : int, optional
         Number of steps, instead of `h`.
+    rtol : float, optional
+        Relative tolerance, which asks for controlled steps: the estimated error that a step adds
+        to the coordinates is at most ``atol + rtol * |y|``, in the root mean square over them. All
+        methods but ``Spark`` take it.
+    atol : float or array_like, shape (n,), optional
+        Absolute tolerance, for all coordinates or for each, in their own unit; ``rtol / 1000`` by
+        default.
+    h_min : float, optional
+        The run fails where it would need a smaller step; by default :math:`10^{-10}` of the
+        interval.
     every : int, default 1
         Keep one state in this many; the start and the end are always kept.
     observe : mapping of str to callable, optional
@@ -64,10 +75,12 @@ def integrate(
         Whether states and multipliers are kept; without them only invariants, residuals and
         observed quantities are.
     progress : callable, optional
-        ``progress(done, total)``, called about twenty times a second.
+        ``progress(done, total)``, called about twenty times a second: numbers of steps, or times
+        where steps are controlled.
     **start : array_like
         Start values by the system's names, each of shape (n,): ``q`` and ``v``, ``q`` and ``p``,
-        or ``y`` and ``z``. A dict by coordinate name is taken too.
+        or ``y`` and ``z``. A dict by coordinate name is taken too. All methods but ``Spark`` also
+        take their own ``a``, to go on from ``solution.a[-1]`` with the same step size.
 
     Returns
     -------
@@ -78,66 +91,78 @@ def integrate(
     Raises
     ------
     TypeError
-        An argument is of the wrong kind or missing.
+        An argument is of the wrong kind or missing, or the method does not take this system.
     ValueError
         An argument is out of range, or the start violates the constraints.
     MemoryError
-        What is to be kept would not fit in memory.
+        What is to be kept would not fit in memory, or the matrices of the method.
     IntegrationError
         A step failed; ``error.solution`` is what was computed before it.
 
     Notes
     -----
-    Times are :math:`t_0 + n h`, computed and not summed up.
+    Times are :math:`t_0 + n h`, computed and not summed up, but for controlled steps.
     """
     _check_kinds(system, method, states, progress)
-    t0, t1 = _interval(t)
-    count = _steps(t0, t1, h, steps)
-    every = min(_positive("every", every), count)
+    is_general = method.form == "general"
+    control = {"rtol": rtol, "atol": atol, "h_min": h_min}
+    equal = type(method).__name__ if is_general else ""
+    pace = steps_of(t, h, steps, control, system.coordinates, equal)
+    every = min(count("every", every), pace.count if pace.control is None else MOST_STEPS)
     values = system.values(params)
-    y, z = system.start(start)
-    system.check(t0, y, z, values)
+    begin = system.start(start, () if is_general else ("a",))
+    system.check(pace.t0, begin[0], begin[1], values)
     tape, widths = system.observer(observe, states)
-    _check_memory(-(-count // every) + 1, tape.outputs + (3 * y.size if states else 0))
+    columns = _columns(system, method, widths, states)
+    row = 8 * (1 + sum(columns.values()))
+    _check_sizes(system, method, -(-pace.count // every) + 1, row)
+    problem = system.problem if is_general else system.second_order
 
-    step = (t1 - t0) / count
-    begin = time.perf_counter()
+    clock = time.perf_counter()
     run = _core.MechanicalRun.start(
-        system.problem, method, tape, values, y, z, (t0, step, count, every), states
-    )
+        problem, method, tape, values, begin, (pace.t0, pace.t1, pace.count, every),
+        pace.control, states,
+    )  # fmt: skip
     outcome: str | dict[str, Any]
     if isinstance(run, dict):
         outcome = run
-        times, rows = np.empty(0), np.empty((0, sum(_columns(system, widths, states).values())))
+        times, rows = np.empty(0), np.empty((0, sum(columns.values())))
         stats: dict[str, Any] = {"steps": 0}
     else:
-        outcome = _drive(run, count, progress)
+        outcome = _drive(run, pace, progress, every * memory() / row)
         (times, rows), stats = run.take(), {"steps": run.done, **run.stats}
-    stats["seconds"] = time.perf_counter() - begin
+    stats["seconds"] = time.perf_counter() - clock
 
     status, message, quantity = "done", "", ""
     if isinstance(outcome, dict):
         status = "failed"
-        message, quantity = _explain(outcome, system, method, widths, (t0, count))
+        message, quantity = _explain(outcome, system, method, widths, pace)
     elif outcome == "interrupted":
-        status, message = outcome, f"interrupted after {stats['steps']} of {count} steps"
-    if stats["steps"]:
+        status, message = outcome, f"interrupted after {stats['steps']}{pace.total} steps"
+    if stats["steps"] and is_general:
         stats["solver"] = _solver(stats)
-    solution = _solution(
-        system,
-        method,
-        times,
-        _split(system, widths, states, rows),
-        h=step,
+    parts = dict(zip(columns, np.split(rows, np.cumsum([*columns.values()])[:-1], 1), strict=True))
+    solution = Solution(
+        t=times,
+        states={name: parts[name] for name in STATES if name in parts},
+        invariants=_named("invariant ", parts),
+        residuals={name: parts[name] for name in ("constraint", "hidden")},
+        observed=_named("observed ", parts),
+        balance=_balance(system, parts),
+        names={"coordinates": system.coordinates, "constraints": system.constraints},
+        h=pace.mean(times, stats["steps"]),
+        tolerances=pace.tolerances,
+        method=repr(method),
         stats=stats,
-        params=params,
+        params=_plain({**system.params, **dict(params or {})}),
         status=status,
         message=message,
+        system=system,
     )
     if isinstance(outcome, dict):
         raise IntegrationError(
             message,
-            t=outcome.get("start", t0),
+            t=outcome.get("start", pace.t0),
             step=stats["steps"],
             quantity=quantity,
             solution=solution,
@@ -157,84 +182,39 @@ def _check_kinds(system: Any, method: Any, states: Any, progress: Any) -> None:
         raise TypeError(f"progress is a function, not {progress!r}")
 
 
-def _interval(t: Any) -> tuple[float, float]:
-    if not isinstance(t, (tuple, list, np.ndarray)) or len(t) != 2:
-        raise TypeError(f"t is a pair (start, end), not {t!r}")
-    t0, t1 = (_number("t is a pair of numbers", x) for x in t)
-    if not math.isfinite(t1 - t0):
-        raise ValueError(f"t is a finite interval, not ({t0:g}, {t1:g})")
-    if t0 == t1:
-        raise ValueError(f"t = ({t0:g}, {t1:g}) is no interval")
-    return t0, t1
-
-
-def _number(wanted: str, value: Any) -> float:
-    if isinstance(value, (bool, np.bool_)) or not isinstance(
-        value, (int, float, np.integer, np.floating)
-    ):
-        raise TypeError(f"{wanted}, not {value!r}")
-    try:
-        return float(value)
-    except OverflowError:
-        return math.inf
-
-
-def _positive(name: str, value: Any) -> int:
-    if isinstance(value, (bool, np.bool_)) or not isinstance(value, (int, np.integer)):
-        raise TypeError(f"{name} is an integer, not {value!r}")
-    if value < 1:
-        raise ValueError(f"{name} is at least 1, not {value}")
-    return int(value)
-
-
-def _steps(t0: float, t1: float, h: Any, steps: Any) -> int:
-    if (h is None) == (steps is None):
-        raise TypeError("give either h or steps")
-    if h is None:
-        count = float(min(_positive("steps", steps), MOST_STEPS))
-    else:
-        h = _number("h is a number", h)
-        if not (math.isfinite(h) and h > 0):
-            raise ValueError(
-                hinted(f"h is positive and finite, not {h}", "to go backwards, give t=(end, start)")
-            )
-        if h > abs(t1 - t0) * (1 + 1e-9):
-            raise ValueError(f"h = {h:g} is larger than the interval, {abs(t1 - t0):g}")
-        count = abs(t1 - t0) / h * (1 - 1e-12)
-    if count >= MOST_STEPS:
-        what = "steps" if h is None else f"h = {h:g}"
-        raise ValueError(f"{what}: more than {MOST_STEPS:.0e} steps cannot be counted")
-    count = math.ceil(count)
-    if t0 + (t1 - t0) / count == t0:
-        raise ValueError(f"a step of {(t1 - t0) / count:g} does not move t = {t0:g}")
-    return count
-
-
-def _check_memory(kept: int, width: int) -> None:
-    needed = 8 * kept * (width + 1)
-    there = 2**36
-    if hasattr(os, "sysconf"):
-        there = os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES")
-    if needed > 0.8 * there:
-        raise MemoryError(
-            hinted(
-                f"keeping {kept} states takes {needed / 2**30:.0f} GiB, more than this machine has",
-                "keep fewer with every=, or none with states=False",
-            )
-        )
+def _check_sizes(system: Mechanics, method: Method, kept: int, row: int) -> None:
+    check_memory(f"keeping {kept} states", kept * row, KEEP_LESS)
+    if isinstance(method, Spark):
+        n, m, s = len(system.coordinates), len(system.constraints), method.stages
+        dense = s * m * (n + s * m) if method.solver == "node-schur" else 2 * (s * (n + m)) ** 2
+        hint = "HHT and its relatives take large sparse systems"
+        check_memory(f"{method!r} has dense matrices: {n} coordinates", 8 * dense, hint)
 
 
 def _drive(
-    run: _core.MechanicalRun, count: int, progress: Callable[[int, int], None] | None
+    run: _core.MechanicalRun,
+    pace: Steps,
+    progress: Callable[[float, float], None] | None,
+    most: float,
 ) -> str | dict[str, Any]:
+    """Advance to the end, and at most by so many steps; returns how that ended."""
+
+    def report() -> None:
+        if progress is None:
+            return
+        if pace.control is None:
+            progress(run.done, pace.count)
+        else:
+            progress(abs(run.t - pace.t0), abs(pace.t1 - pace.t0))
+
     try:
         while (outcome := run.advance(SLICE)) == "paused":
-            if progress is not None:
-                progress(run.done, count)
+            report()
+            if run.done > most:
+                return {"kind": "no memory", "step": run.done, "start": run.t}
     except KeyboardInterrupt:
         return "interrupted"
-    if progress is not None:
-        progress(run.done, count)
+    report()
     return outcome
 
 
@@ -244,46 +224,29 @@ def _solver(stats: Mapping[str, int]) -> str:
     return "newton" if stats["newton_steps"] >= stats["steps"] else "node-schur and newton"
 
 
-def _columns(system: Mechanics, widths: Mapping[str, int], states: bool) -> dict[str, int]:
+def _columns(
+    system: Mechanics, method: Method, widths: Mapping[str, int], states: bool
+) -> dict[str, int]:
     """Name the columns of a run's rows, with their widths."""
     n, m = len(system.coordinates), len(system.constraints)
     own = dict(zip((*system.states, "lam"), (n, n, m), strict=True)) if states else {}
+    if method.form == "second order":
+        own |= {"acceleration": n, "a": n} if states else {}
+        own["work"] = 1
     return {**own, **widths}
 
 
-def _split(
-    system: Mechanics, widths: Mapping[str, int], states: bool, rows: np.ndarray
-) -> dict[str, np.ndarray]:
-    columns = _columns(system, widths, states)
-    edges = np.cumsum(list(columns.values()))[:-1]
-    return dict(zip(columns, np.split(rows, edges, axis=1), strict=True))
+def _named(prefix: str, parts: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
+    found = {k.removeprefix(prefix): x for k, x in parts.items() if k.startswith(prefix)}
+    return {name: x[:, 0] if x.shape[1] == 1 else x for name, x in found.items()}
 
 
-def _solution(
-    system: Mechanics,
-    method: Spark,
-    times: np.ndarray,
-    parts: dict[str, np.ndarray],
-    *,
-    params: Mapping[str, ArrayLike] | None,
-    **fields: Any,
-) -> Solution:
-    def those(prefix: str) -> dict[str, np.ndarray]:
-        found = {k.removeprefix(prefix): x for k, x in parts.items() if k.startswith(prefix)}
-        return {name: x[:, 0] if x.shape[1] == 1 else x for name, x in found.items()}
-
-    return Solution(
-        t=times,
-        states={k: parts[k] for k in (*system.states, "v", "p", "lam") if k in parts},
-        invariants=those("invariant "),
-        residuals={k: parts[k] for k in ("constraint", "hidden")},
-        observed=those("observed "),
-        names={"coordinates": system.coordinates, "constraints": system.constraints},
-        method=repr(method),
-        params=_plain({**system.params, **dict(params or {})}),
-        system=system,
-        **fields,
-    )
+def _balance(system: Mechanics, parts: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
+    """Say where the energy went, if the system tells forces with a potential from others."""
+    if "work" not in parts or isinstance(system, Mechanical):
+        return {}
+    energy, work = (parts[name][:, 0] for name in ("invariant energy", "work"))
+    return {"work": work, "dissipated": energy[:1] + work - energy}
 
 
 def _plain(params: Mapping[str, Any]) -> dict[str, float | list[float]]:
@@ -294,19 +257,18 @@ def _plain(params: Mapping[str, Any]) -> dict[str, float | list[float]]:
 def _explain(
     trouble: dict[str, Any],
     system: Mechanics,
-    method: Spark,
+    method: Method,
     widths: Mapping[str, int],
-    span: tuple[float, int],
+    pace: Steps,
 ) -> tuple[str, str]:
     if trouble.get("quantity") == "observable":
         trouble |= _observable(trouble["index"], widths)
-    t0, count = span
     if "step" in trouble:
-        where = f"step {trouble['step']} of {count} at t = {trouble['start']:.6g} failed"
+        where = f"step {trouble['step']}{pace.total} at t = {trouble['start']:.6g} failed"
     else:
-        where = f"the start at t = {t0:.6g} cannot be taken"
+        where = f"the start at t = {pace.t0:.6g} cannot be taken"
     sentence, hint, quantity = describe(trouble, system.coordinates, system.constraints)
-    if trouble["kind"] == "not converged" and method.solver == "node-schur":
+    if trouble["kind"] == "not converged" and getattr(method, "solver", "") == "node-schur":
         hint += ", or solver='auto', which takes stiff forces too"
     return hinted(f"{where}: {sentence}", hint), quantity
 

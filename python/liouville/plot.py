@@ -161,6 +161,54 @@ def invariants(
     return _sizes(ax, solution.t, sizes, "drift of invariants", "$|I(t) - I(0)|\\,/\\,|I(0)|$")
 
 
+def energy(solution: Solution, *, ax: Axes | None = None) -> Axes:
+    """Draw where the energy went: its change, the work of other forces, and what was dissipated.
+
+    Parameters
+    ----------
+    solution : Solution
+        What to draw; its method must record them, see ``Solution.balance``.
+    ax : Axes, optional
+        Where to draw; a new figure by default.
+
+    Returns
+    -------
+    Axes
+        With a curve for each; the work is left out where there is none.
+
+    Raises
+    ------
+    AttributeError
+        The solution has no such record.
+    """
+    columns = {"change": solution.work - solution.dissipated}
+    columns |= {name: values for name, values in solution.balance.items() if values.any()}
+    return _curves(ax, solution.t, columns, "energy", "")
+
+
+def steps(solution: Solution, *, ax: Axes | None = None) -> Axes:
+    """Draw the times between kept states on a log scale, the step sizes where all are kept.
+
+    Parameters
+    ----------
+    solution : Solution
+        What to draw.
+    ax : Axes, optional
+        Where to draw; a new figure by default.
+
+    Returns
+    -------
+    Axes
+        With one curve.
+    """
+    sizes = np.abs(np.diff(solution.t))
+    is_whole = len(sizes) == solution.stats.get("steps", len(sizes))
+    title = "step sizes" if is_whole else "times between kept states"
+    axes = _curves(ax, solution.t[:-1], {"h": sizes}, title, "$h$")
+    axes.set_yscale("log")
+    return axes
+
+
 def residuals(solution: Solution, *, ax: Axes | None = None) -> Axes:
     """Draw how well the constraint and the hidden constraint are kept, on a log scale.
 
@@ -222,8 +270,9 @@ def multipliers(
 def overview(solution: Solution) -> Figure:
     """Draw what a person wants to see first: motion, invariants, constraints and multipliers.
 
-    A panel that would have nothing to show is left out: multipliers of a system without
-    constraints, motion of a run that stored no states (its observed scalars are drawn instead).
+    Methods that damp have a panel of the energy too, and controlled steps one of their sizes. A
+    panel that would have nothing to show is left out: multipliers of a system without constraints,
+    motion of a run that stored no states (its observed scalars are drawn instead).
 
     Parameters
     ----------
@@ -244,17 +293,21 @@ def overview(solution: Solution) -> Figure:
         panels.append(lambda solution, ax: _curves(ax, solution.t, scalars, "observed", ""))
     if solution.invariants:
         panels.append(invariants)
+    if solution.balance:
+        panels.append(energy)
     if solution.names["constraints"]:
         panels.append(residuals)
         if solution.states:
             panels.append(multipliers)
-    rows = 2 if len(panels) == 4 else 1
+    if solution.tolerances and len(solution.t) > 1:
+        panels.append(steps)
+    rows = 2 if len(panels) >= 4 else 1
     columns = max(1, -(-len(panels) // rows))
     figure = _figure(5.2 * columns, 3.5 * rows + 0.5)
     for i, panel in enumerate(panels):
         panel(solution, ax=figure.add_subplot(rows, columns, i + 1))
-    steps = solution.stats.get("steps", len(solution.t) - 1)
-    head = f"{solution.method},  h = {solution.h:.6g},  {steps} steps"
+    count = solution.stats.get("steps", len(solution.t) - 1)
+    head = f"{solution.method},  {solution.step_size},  {count} steps"
     failed = solution.status != "done"
     figure.suptitle(
         f"{head}, {solution.status}" if failed else head,

@@ -20,6 +20,9 @@ Array = NDArray[np.float64]
 # An invariant that starts below this is a zero with roundoff: its drift is measured absolutely.
 ZERO = 1e-12
 
+#: All that a state may be called, in the order of a solution's states.
+STATES = ("q", "y", "z", "v", "p", "lam", "acceleration", "a")
+
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Solution:
@@ -34,18 +37,24 @@ class Solution:
         Times of the kept steps: the start, every k-th step, and always the last step.
     states : dict of str to ndarray
         ``q``, ``v``, ``p`` of shape (k, n) and ``lam`` of shape (k, m); a ``Mechanical`` system has
-        ``y`` and ``z`` in the place of ``q``. Empty if the run stored no states. Each state is also
-        an attribute: ``solution.q``.
+        ``y`` and ``z`` in the place of ``q``. Methods of the alpha family add ``acceleration`` and
+        their own ``a``. Empty if the run stored no states. Each state is also an attribute:
+        ``solution.q``.
     invariants : dict of str to ndarray, shape (k,)
         Energy and the system's own invariants, by name.
     residuals : dict of str to ndarray, shape (k, m)
         ``constraint`` is :math:`g(t, q)`, ``hidden`` is :math:`g_t + g_q v`.
     observed : dict of str to ndarray, shape (k,) or (k, j)
         What ``observe=`` asked for, by name.
+    balance : dict of str to ndarray, shape (k,)
+        Where the energy of a Lagrangian or a Structure went, if the method records it: ``work``
+        and ``dissipated``, which are attributes too. Empty otherwise.
     names : dict of str to tuple of str
         ``coordinates`` (n of them) and ``constraints`` (m of them).
     h : float
-        Step size used.
+        Step size used, the mean of them if they are controlled.
+    tolerances : dict of str to float or list of float
+        ``rtol`` and ``atol`` of controlled steps; empty if the steps are equal.
     method : str
         The method, as its repr.
     stats : dict
@@ -71,6 +80,8 @@ class Solution:
     method: str
     stats: dict[str, int | float | str]
     params: dict[str, Any] = field(default_factory=dict)
+    balance: dict[str, Array] = field(default_factory=dict)
+    tolerances: dict[str, Any] = field(default_factory=dict)
     status: str = "done"
     message: str = ""
     system: Mechanics | None = None
@@ -78,7 +89,8 @@ class Solution:
     def __post_init__(self) -> None:
         """Make the arrays read-only: what is recorded is not edited."""
         self.t.setflags(write=False)
-        for group in (self.states, self.invariants, self.residuals, self.observed):
+        groups = (self.states, self.invariants, self.residuals, self.observed, self.balance)
+        for group in groups:
             for values in group.values():
                 values.setflags(write=False)
 
@@ -88,11 +100,16 @@ class Solution:
             return f"<Solution {self.status}: nothing computed, {self.method}>"
         steps = self.stats.get("steps", len(self.t) - 1)
         span = f"t = {self.t[0]:g} to {self.t[-1]:g}"
-        head = f"{self.status}: {steps} steps of h = {self.h:g}, {span}, {self.method}"
+        head = f"{self.status}: {steps} steps of {self.step_size}, {span}, {self.method}"
         residuals = {name: np.max(np.abs(r)) for name, r in self.residuals.items() if r.size}
         drifts = {name: np.max(self.invariant_drift(name)) for name in self.invariants}
         kept = [*_worst("residual", residuals), *_worst("drift", drifts)]
         return "\n ".join([f"<Solution {head}", *([", ".join(kept)] if kept else [])]) + ">"
+
+    @property
+    def step_size(self) -> str:
+        """The step size in words: "h = 0.01", or "mean h = 0.01" of controlled steps."""
+        return f"{'mean ' if self.tolerances else ''}h = {self.h:.6g}"
 
     @property
     def q(self) -> Array:
@@ -123,6 +140,42 @@ class Solution:
     def z(self) -> Array:
         """Second half of the state of a ``Mechanical`` system, shape (k, n)."""
         return self._state("z")
+
+    @property
+    def acceleration(self) -> Array:
+        """Accelerations, with the reactions in them, shape (k, n)."""
+        return self._state("acceleration")
+
+    @property
+    def a(self) -> Array:
+        r"""The method's own accelerations without the reactions, at :math:`t + \Delta h`, (k, n).
+
+        :math:`\Delta = \alpha_m - \alpha_f`; give the last to :func:`liouville.integrate` as ``a=``
+        to go on with a run.
+        """
+        return self._state("a")
+
+    @property
+    def work(self) -> Array:
+        """Energy that forces without a potential have put in since the start, shape (k,)."""
+        return self._balanced("work")
+
+    @property
+    def dissipated(self) -> Array:
+        r"""Energy lost since the start, :math:`E(0) + W - E(t)`, shape (k,).
+
+        What the damping of the method took and, in a ``Structure``, that of its damping matrix;
+        with it the errors of energy and work.
+        """
+        return self._balanced("dissipated")
+
+    def _balanced(self, name: str) -> Array:
+        if name in self.balance:
+            return self.balance[name]
+        raise AttributeError(
+            f"the solution has no {name!r}\n"
+            "hint: HHT and its relatives record it, for a Lagrangian or a Structure"
+        )
 
     def _state(self, name: str) -> Array:
         if name in self.states:

@@ -3,11 +3,14 @@
 mod support;
 
 use liouville_core::method::Stepper;
+use liouville_core::method::alpha::{Alpha, Reactions, Tolerance};
 use liouville_core::method::spark::{Solver, Spark};
-use liouville_core::problem::mechanical::{Acceleration, Model};
+use liouville_core::problem::mechanical::{Acceleration, Model, SecondOrderModel};
+use liouville_core::tableau;
 use std::alloc::{GlobalAlloc, Layout, System};
 use std::cell::Cell;
 use std::sync::Arc;
+use support::walk::{START, driven_start, heavy};
 use support::{Functions, LAM, PENDULUM, T, Y, Z, dot, input, inputs, pendulum};
 
 struct Counting;
@@ -109,6 +112,35 @@ fn a_step_takes_no_memory() {
             let general = steps(&general(), &[], &[0.0, -1.0, 1.0, -1.0], s, solver);
             assert_eq!(general.1, 0, "with {solver:?}, s = {s}");
         }
+    }
+}
+
+#[test]
+fn a_step_of_the_alpha_family_takes_no_memory() {
+    let model = SecondOrderModel::new(heavy().second_order(), &[]);
+    let hht = tableau::Alpha {
+        alpha_m: 0.0,
+        alpha_f: 0.1,
+        gamma: 0.6,
+        beta: 0.3025,
+    };
+    let extended = |predicted| Reactions::Extended { b: 0.0, predicted };
+    let tolerance = Tolerance {
+        rtol: 1e-6,
+        atol: vec![1e-6; 3],
+    };
+    for reactions in [extended(false), extended(true), Reactions::Position] {
+        let mut alpha = Alpha::new(model.clone(), hht, reactions, Some(tolerance.clone()));
+        let (y, z) = driven_start();
+        let mut state = alpha.start(START, &y, &z, None).expect("a start");
+        let mut t = START;
+        let mut step = |h| {
+            alpha.step(t, h, &mut state).expect("a step can be made");
+            t += h;
+        };
+        step(0.01);
+        let count = allocations(|| [0.01, 0.01, 0.005, 0.02].into_iter().for_each(&mut step));
+        assert_eq!(count, 0, "with {reactions:?}");
     }
 }
 

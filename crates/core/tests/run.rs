@@ -1,8 +1,8 @@
 //! The loop keeps what it should, stops where it fails, and computes its times.
 
-use liouville_core::method::{Stats, Stepper};
+use liouville_core::method::{Estimating, Stats, Stepper};
 use liouville_core::problem::Observe;
-use liouville_core::run::{Advance, Run, Span, Status};
+use liouville_core::run::{Advance, Controlled, Equal, Run, Status};
 use liouville_core::trouble::{Quantity, Trouble};
 use proptest::prelude::*;
 use std::time::Duration;
@@ -50,10 +50,8 @@ const BLIND: Trouble = Trouble::NotFinite {
     t: 0.0,
 };
 
-impl Observe for Look {
-    type State = usize;
-
-    fn width(&self) -> usize {
+impl Observe<usize> for Look {
+    fn width(&self, _: &usize) -> usize {
         2
     }
 
@@ -75,13 +73,30 @@ fn time(t0: f64, n: usize, h: f64) -> f64 {
     t0 + real(n) * h
 }
 
-fn run(span: Span, fails_at: Option<usize>, until: f64) -> Run<Counter, Look> {
+/// Steps of equal size, and how many of their states are kept.
+#[derive(Clone, Copy)]
+struct Span {
+    t0: f64,
+    h: f64,
+    steps: usize,
+    every: usize,
+}
+
+fn run(span: Span, fails_at: Option<usize>, until: f64) -> Run<Counter, Look, Equal> {
     let stepper = Counter {
         fails_at,
         wanted: Some((span.t0, span.h)),
         made: 0,
     };
-    Run::new(stepper, Look { until }, 0, span).expect("the start can be recorded")
+    let Span {
+        t0,
+        h,
+        steps,
+        every,
+    } = span;
+    let pace = Equal::new(t0, h, steps);
+    Run::new(stepper, Look { until }, 0, pace, every, steps / every + 2)
+        .expect("the start can be recorded")
 }
 
 const ALL_DAY: Duration = Duration::from_secs(86400);
@@ -128,7 +143,8 @@ proptest! {
         let span = Span { t0, h, steps, every };
         let mut run = run(span, None, f64::INFINITY);
         prop_assert_eq!(run.advance(ALL_DAY), Status::Done);
-        prop_assert_eq!((run.done(), run.stats().iterations), (steps, steps));
+        prop_assert_eq!((run.done(), run.stats().0.iterations), (steps, steps));
+        prop_assert_eq!(run.time().to_bits(), time(t0, steps, h).to_bits());
         let wanted: Vec<usize> =
             (0..=steps).filter(|n| n.is_multiple_of(every) || *n == steps).collect();
         prop_assert_eq!(records(&mut run, span), wanted);
@@ -163,7 +179,7 @@ proptest! {
             pauses += 1;
             prop_assert_eq!(paused.done(), pauses);
         }
-        prop_assert_eq!(pauses, steps);
+        prop_assert_eq!(pauses, steps.saturating_sub(1));
         let mut whole = run(span, None, f64::INFINITY);
         whole.advance(ALL_DAY);
         prop_assert_eq!(paused.take(), whole.take());
@@ -188,14 +204,15 @@ fn a_run_over_is_over() {
     let mut run = run(span, None, f64::INFINITY);
     assert_eq!(run.advance(ALL_DAY), Status::Done);
     assert_eq!(run.advance(ALL_DAY), Status::Done);
-    assert_eq!(run.stats().iterations, 3);
+    assert_eq!(run.stats().0.iterations, 3);
     assert_eq!(records(&mut run, span), [0, 2, 3]);
 }
 
 #[test]
 fn a_start_that_cannot_be_recorded_is_refused() {
     let look = Look { until: 0.0 };
-    let refused = Run::new(Counter::default(), look, 0, span(3, 1)).err();
+    let pace = Equal::new(0.1, 0.7, 3);
+    let refused = Run::new(Counter::default(), look, 0, pace, 1, 4).err();
     assert_eq!(refused, Some(BLIND));
 }
 
@@ -218,4 +235,132 @@ fn a_long_run_pauses() {
     let mut run = run(span, None, f64::INFINITY);
     assert_eq!(run.advance(Duration::from_millis(1)), Status::Paused);
     assert!((1..1 << 40).contains(&run.done()));
+}
+
+/// A method whose error is (h/wanted)³ with `wanted` small around t = 0.5; its state is where it is.
+struct Passage {
+    narrow: f64,
+    error: f64,
+    before: f64,
+}
+
+impl Stepper for Passage {
+    type State = f64;
+
+    fn step(&mut self, t: f64, h: f64, state: &mut f64) -> Result<(), Trouble> {
+        assert_eq!(
+            t.to_bits(),
+            state.to_bits(),
+            "the state is where the run is"
+        );
+        if h.abs() > 0.5 {
+            return Err(Trouble::SingularNewton);
+        }
+        let wanted = if (t + h / 2.0 - 0.5).abs() < 0.1 {
+            self.narrow
+        } else {
+            0.2
+        };
+        self.error = (h / wanted).abs().powi(3);
+        self.before = *state;
+        *state = t + h;
+        Ok(())
+    }
+
+    fn stats(&self) -> Stats {
+        Stats::default()
+    }
+}
+
+impl Estimating for Passage {
+    fn error(&self) -> f64 {
+        self.error
+    }
+
+    fn undo(&mut self, state: &mut f64) {
+        *state = self.before;
+    }
+}
+
+struct Place;
+
+impl Observe<f64> for Place {
+    fn width(&self, _: &f64) -> usize {
+        1
+    }
+
+    fn observe(&mut self, _: f64, state: &f64, row: &mut Vec<f64>) -> Result<(), Trouble> {
+        row.push(*state);
+        Ok(())
+    }
+}
+
+fn passage(t: (f64, f64), narrow: f64, least: f64) -> Run<Passage, Place, Controlled> {
+    let stepper = Passage {
+        narrow,
+        error: 0.0,
+        before: 0.0,
+    };
+    let pace = Controlled::new(t.0, t.1, 2.0, least);
+    Run::new(stepper, Place, t.0, pace, 1, 0).expect("the start can be recorded")
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig { failure_persistence: None, ..ProptestConfig::default() })]
+
+    #[test]
+    fn controlled_steps_follow_the_error_and_end_where_they_should(
+        narrow in 1e-4..0.2,
+        t1 in prop_oneof![0.7..3.0, -3.0..-1.0],
+    ) {
+        let mut run = passage((0.0, t1), narrow, 1e-9);
+        prop_assert_eq!(run.advance(ALL_DAY), Status::Done);
+        let (times, rows) = run.take();
+        prop_assert_eq!(times.last().copied().map(f64::to_bits), Some(t1.to_bits()));
+        prop_assert_eq!(times.len(), run.done() + 1);
+        prop_assert_eq!(&times[..times.len() - 1], &rows[..rows.len() - 1]);
+        let sizes: Vec<f64> = times.windows(2).map(|t| (t[1] - t[0]).abs()).collect();
+        for (t, h) in times.iter().zip(&sizes) {
+            let middle = t + h.copysign(t1) / 2.0;
+            let wanted = if (middle - 0.5).abs() < 0.0999 { narrow } else { 0.2 };
+            prop_assert!(*h <= wanted * 1.0001, "step {} at {}", h, t);
+        }
+        // in the narrow passage steps are as long as the error allows, but for the safety factor
+        let inside = times.iter().filter(|t| (**t - 0.5).abs() < 0.1).count();
+        prop_assert!(t1 < 0.0 || real(inside) < 0.2 / (0.6 * narrow) + 12.0);
+        prop_assert!(run.stats().1 > 0, "the first step was too long");
+    }
+}
+
+#[test]
+fn a_step_below_the_least_ends_the_run_at_the_last_good_state() {
+    let mut run = passage((0.0, 1.0), 1e-5, 1e-3);
+    let Status::Failed { n, t, trouble } = run.advance(ALL_DAY) else {
+        panic!("the passage is too narrow");
+    };
+    let Trouble::StepTooSmall { h, error } = trouble else {
+        panic!("{trouble}");
+    };
+    assert!(h < 1e-3 && error > 1.0);
+    let (times, rows) = run.take();
+    assert_eq!(times.len(), n + 1);
+    assert_eq!(times[n].to_bits(), t.to_bits());
+    assert_eq!(rows[n].to_bits(), t.to_bits());
+    assert!(
+        (0.3..0.41).contains(&t),
+        "it stands before the passage, at {t}"
+    );
+}
+
+#[test]
+fn a_step_without_a_solution_is_tried_shorter_until_it_is_the_least() {
+    let mut run = passage((0.0, 100.0), 0.2, 1.0);
+    assert!(matches!(
+        run.advance(ALL_DAY),
+        Status::Failed {
+            n: 0,
+            trouble: Trouble::SingularNewton,
+            ..
+        }
+    ));
 }

@@ -1,9 +1,9 @@
 //! Arrays in, core types out.
 
 use crate::errors::refused;
-use liouville_core::linalg::Pattern;
+use liouville_core::linalg::{self, Pattern};
 use liouville_core::problem::mechanical::{self, Patterns};
-use liouville_core::tape::{self, Line, Op};
+use liouville_core::tape::{self, Line, Op, Term};
 use numpy::{PyArray2, PyArrayMethods, PyReadonlyArray1, PyReadonlyArray2, PyUntypedArrayMethods};
 use pyo3::exceptions::{PyKeyError, PyValueError};
 use pyo3::prelude::*;
@@ -78,6 +78,37 @@ impl Tape {
         numpy::PyArray1::from_vec(py, values).reshape([k, self.0.outputs()])
     }
 
+    /// The same program with a constant (one value an output, or none) and terms added to its values:
+    /// products (first output, input group, factor, A) add factor A x, forms (output, input group,
+    /// factor, A) add factor xᵀ A x.
+    fn with_terms(
+        &self,
+        constant: PyReadonlyArray1<'_, f64>,
+        products: Vec<(usize, usize, f64, PyRef<'_, Rows>)>,
+        forms: Vec<(usize, usize, f64, PyRef<'_, Rows>)>,
+    ) -> PyResult<Self> {
+        let products = products
+            .iter()
+            .map(|(first, group, factor, rows)| Term::Product {
+                first: *first,
+                group: *group,
+                factor: *factor,
+                matrix: rows.0.clone(),
+            });
+        let forms = forms
+            .iter()
+            .map(|(output, group, factor, rows)| Term::Form {
+                output: *output,
+                group: *group,
+                factor: *factor,
+                matrix: rows.0.clone(),
+            });
+        let tape = tape::Tape::clone(&self.0);
+        tape.with_terms(constant.as_slice()?, products.chain(forms).collect())
+            .map(|tape| Self(Arc::new(tape)))
+            .map_err(refused)
+    }
+
     /// Number of instructions an evaluation runs.
     fn __len__(&self) -> usize {
         self.0.len()
@@ -97,9 +128,6 @@ impl Tape {
 }
 
 fn line(row: [i64; 4], value: f64) -> PyResult<Line> {
-    let index = |x: i64| {
-        usize::try_from(x).map_err(|_| PyValueError::new_err(format!("{x} is not an index")))
-    };
     let (slot, a, b) = (index(row[1])?, index(row[2])?, index(row[3])?);
     match row[0] {
         INPUT => Ok(Line::Input {
@@ -118,6 +146,37 @@ fn line(row: [i64; 4], value: f64) -> PyResult<Line> {
                 "there is no operation {code}"
             ))),
         },
+    }
+}
+
+/// A sparse matrix of constant values.
+#[pyclass(frozen, module = "liouville._core")]
+pub(crate) struct Rows(Arc<linalg::Rows>);
+
+#[pymethods]
+impl Rows {
+    /// A matrix from the row, column and value of each entry.
+    #[new]
+    fn new(
+        rows: usize,
+        cols: usize,
+        row: PyReadonlyArray1<'_, i64>,
+        col: PyReadonlyArray1<'_, i64>,
+        values: PyReadonlyArray1<'_, f64>,
+    ) -> PyResult<Self> {
+        if row.len() != values.len() || col.len() != values.len() || u32::try_from(cols).is_err() {
+            return Err(PyValueError::new_err(
+                "a matrix has a row and a column below 2^32 for each value",
+            ));
+        }
+        linalg::Rows::new(
+            (rows, cols),
+            &indices(&row)?,
+            &indices(&col)?,
+            values.as_slice()?,
+        )
+        .map(|rows| Self(Arc::new(rows)))
+        .map_err(refused)
     }
 }
 
@@ -181,11 +240,25 @@ pub(crate) fn item<'py>(dict: &Bound<'py, PyDict>, name: &str) -> PyResult<Bound
 }
 
 pub(crate) fn pattern(value: &Bound<'_, PyAny>) -> PyResult<Pattern> {
-    let (rows, cols, row, col): (usize, usize, Vec<usize>, Vec<usize>) = value.extract()?;
+    let (rows, cols, row, col): (
+        usize,
+        usize,
+        PyReadonlyArray1<'_, i64>,
+        PyReadonlyArray1<'_, i64>,
+    ) = value.extract()?;
     if row.len() != col.len() {
         return Err(PyValueError::new_err(
             "a pattern has as many rows as columns of entries",
         ));
     }
-    Pattern::new(rows, cols, row.into_iter().zip(col).collect()).map_err(refused)
+    let entries = indices(&row)?.into_iter().zip(indices(&col)?);
+    Pattern::new(rows, cols, entries.collect()).map_err(refused)
+}
+
+fn indices(values: &PyReadonlyArray1<'_, i64>) -> PyResult<Vec<usize>> {
+    values.as_array().iter().map(|x| index(*x)).collect()
+}
+
+fn index(x: i64) -> PyResult<usize> {
+    usize::try_from(x).map_err(|_| PyValueError::new_err(format!("{x} is not an index")))
 }

@@ -20,7 +20,7 @@ mod _core {
     use pyo3::types::PyDict;
 
     #[pymodule_export]
-    use super::convert::{Mechanical, Tape};
+    use super::convert::{Mechanical, Rows, Tape};
     #[pymodule_export]
     use super::run::{MechanicalRun, gauss_lobatto, project};
     #[pymodule_export]

@@ -252,21 +252,19 @@ fn alpha(
         Err(trouble) => return Ok(Err(trouble)),
     };
     let width = observer.width(&state);
-    let run: Result<Box<dyn Advance + Sync>, Trouble> = match control {
-        Some((_, _, first, least)) => {
-            let first = if first > 0.0 {
-                first
-            } else {
-                stepper.first_step(&state, t1 - t0)
-            };
-            let pace = Controlled::new(t0, t1, first, least);
-            Run::new(stepper, observer, state, pace, every, 0).map(|run| Box::new(run) as _)
-        }
-        None => {
-            let pace = Equal::new(t0, (t1 - t0) / steps as f64, steps);
-            let expected = steps / every + 2;
-            Run::new(stepper, observer, state, pace, every, expected).map(|run| Box::new(run) as _)
-        }
+    let run: Result<Box<dyn Advance + Sync>, Trouble> = if let Some((_, _, first, least)) = control
+    {
+        let first = if first > 0.0 {
+            first
+        } else {
+            stepper.first_step(&state, t1 - t0)
+        };
+        let pace = Controlled::new(t0, t1, first, least);
+        Run::new(stepper, observer, state, pace, every, 0).map(|run| Box::new(run) as _)
+    } else {
+        let pace = Equal::new(t0, (t1 - t0) / steps as f64, steps);
+        let expected = steps / every + 2;
+        Run::new(stepper, observer, state, pace, every, expected).map(|run| Box::new(run) as _)
     };
     Ok(run.map(|run| MechanicalRun {
         run,

@@ -6,7 +6,7 @@ import math
 from dataclasses import dataclass, field
 from typing import Any, ClassVar
 
-import numpy as np
+from liouville._arguments import number
 
 Coefficients = tuple[float, float, float, float]
 
@@ -78,7 +78,7 @@ class HHT:
 
     def __post_init__(self) -> None:
         """Refuse numbers that make no method."""
-        if not -1 / 3 <= _number("alpha", self.alpha) <= 0:
+        if not -1 / 3 <= number("alpha is a number", self.alpha) <= 0:
             raise ValueError(
                 f"alpha is from -1/3 to 0, not {self.alpha:g}: above 0 the method is unstable, "
                 "below -1/3 it damps fast oscillations less again"
@@ -218,7 +218,7 @@ def _of_radius(rho: float) -> Coefficients:
 
 
 def _check_radius(rho: Any) -> None:
-    if not 0 <= _number("rho", rho) <= 1:
+    if not 0 <= number("rho is a number", rho) <= 1:
         raise ValueError(
             f"rho is from 0 to 1, not {rho:g}: it is what a step leaves of a fast oscillation"
         )
@@ -227,18 +227,12 @@ def _check_radius(rho: Any) -> None:
 def _check_reactions(b: Any, less_implicit: Any) -> None:
     if not isinstance(less_implicit, bool):
         raise TypeError(f"less_implicit is True or False, not {less_implicit!r}")
-    if abs(1 - 2 * _number("b", b)) < LEAST_GAP:
+    gap = abs(1 - 2 * number("b is a number", b))
+    if not math.isfinite(gap):
+        raise ValueError(f"b is finite, not {b:g}")
+    if gap < LEAST_GAP:
         raise ValueError(
             f"b is not near 1/2, as {b:g} is: the two constraints of a step become dependent, "
             "and roundoff grows as 1/|1 - 2b|"
         )
 
-
-def _number(name: str, value: Any) -> float:
-    if isinstance(value, (bool, np.bool_)) or not isinstance(
-        value, (int, float, np.integer, np.floating)
-    ):
-        raise TypeError(f"{name} is a number, not {value!r}")
-    if not math.isfinite(value):
-        raise ValueError(f"{name} is finite, not {value}")
-    return float(value)

@@ -7,9 +7,11 @@ mod factor;
 mod kernels;
 mod matrix;
 mod pattern;
+mod rows;
 
 pub use assembly::Assembly;
 pub use factor::{Factor, Lu, Singular, dependent_rows};
 pub use kernels::{add_scaled, combine, copy, copy_scaled, dot, max_norm};
 pub use matrix::Matrix;
 pub use pattern::{Pattern, PatternError};
+pub use rows::Rows;

@@ -107,18 +107,15 @@ impl Controlled {
     }
 
     fn accept(&mut self, h: f64, error: f64) {
-        self.t = if self.t1 - self.t == h {
-            self.t1
-        } else {
-            self.t + h
-        };
+        let is_last = h.abs() >= (self.t1 - self.t).abs();
+        self.t = if is_last { self.t1 } else { self.t + h };
         let error = error.max(LEAST_ERROR);
-        let factor = SAFETY * error.powf(-0.7 / 3.0) * self.last_error.powf(0.4 / 3.0);
+        let possible = SAFETY * error.powf(-1.0 / 3.0);
+        if !(1.0..WORTH_IT).contains(&possible) {
+            let factor = SAFETY * error.powf(-0.7 / 3.0) * self.last_error.powf(0.4 / 3.0);
+            self.h = factor.clamp(SHRINK, GROW) * h.abs();
+        }
         self.last_error = error;
-        self.h = match factor.clamp(SHRINK, GROW) {
-            factor if (1.0..WORTH_IT).contains(&factor) => h.abs(),
-            factor => factor * h.abs(),
-        };
     }
 
     /// Shortens the step, unless it is the shortest.
@@ -143,26 +140,25 @@ impl<S: Estimating> Pace<S> for Controlled {
     }
 
     fn step(&mut self, stepper: &mut S, state: &mut S::State) -> Result<(), Trouble> {
-        let mut is_first_try = true;
+        let before = self.rejected;
         loop {
             let h = self.fitted();
-            let error = match stepper.step(self.t, h, state) {
-                Ok(()) => stepper.error(),
-                Err(trouble) => {
-                    self.reject(h, RETRY, f64::INFINITY).map_err(|_| trouble)?;
-                    continue;
+            match stepper.step(self.t, h, state) {
+                Ok(()) if stepper.error() <= 1.0 => {
+                    self.accept(h, stepper.error());
+                    if self.rejected > before {
+                        // what was just too long is not tried again at once
+                        self.h = self.h.min(h.abs());
+                    }
+                    return Ok(());
                 }
-            };
-            if error <= 1.0 {
-                self.accept(h, error);
-                if !is_first_try {
-                    self.h = self.h.min(h.abs());
+                Ok(()) => {
+                    let error = stepper.error();
+                    stepper.undo(state);
+                    self.reject(h, SAFETY * error.powf(-1.0 / 3.0), error)?;
                 }
-                return Ok(());
+                Err(trouble) => self.reject(h, RETRY, f64::INFINITY).map_err(|_| trouble)?,
             }
-            stepper.undo(state);
-            is_first_try = false;
-            self.reject(h, SAFETY * error.powf(-1.0 / 3.0), error)?;
         }
     }
 

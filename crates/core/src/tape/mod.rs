@@ -8,17 +8,23 @@
 //! so that evaluation copies neither inputs nor constants nor outputs through instructions of their
 //! own. The last input group is the parameters; [`Tape::bind`] runs what depends on them alone, once.
 //! The order of operations is the program's own, hence its values bit for bit.
+//!
+//! A tape may add [`Term`]s to its program's values: the large matrices of an assembled structure are
+//! not written out as instructions.
 
 mod execute;
 mod plan;
+mod terms;
 
 pub use execute::Op;
+pub use terms::Term;
 
 use crate::linalg::copy;
 use crate::real::{Lanes, Real, WIDTH};
 use execute::{Instr, execute};
 use plan::Plan;
 use std::ops::Range;
+use terms::Terms;
 
 /// One line of an incoming program. Slots are numbered by the program and may be reused.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -87,8 +93,26 @@ pub enum TapeError {
     Twice { line: usize, element: usize },
     #[error("output {element} is never written")]
     Missing { element: usize },
-    #[error("the program has more than 2^24 inputs and outputs")]
+    #[error("the program has more than 2^26 inputs and outputs")]
     TooLarge,
+    #[error("there are {found} constants for {outputs} outputs")]
+    Constant { found: usize, outputs: usize },
+    #[error("term {term}: there is no input {group}")]
+    Group { term: usize, group: usize },
+    #[error("term {term}: a {rows} by {cols} matrix does not take an input of size {size}")]
+    Shape {
+        term: usize,
+        rows: usize,
+        cols: usize,
+        size: usize,
+    },
+    #[error("term {term}: {count} values from output {first} on do not fit {outputs} outputs")]
+    Range {
+        term: usize,
+        first: usize,
+        count: usize,
+        outputs: usize,
+    },
 }
 
 /// A validated program, read-only and shared.
@@ -100,6 +124,7 @@ pub struct Tape {
     prologue: Vec<Instr>,
     body: Vec<Instr>,
     registers: usize,
+    terms: Option<Box<Terms>>,
 }
 
 /// The memory one evaluation works in, with the parameters already bound.
@@ -115,11 +140,8 @@ impl Tape {
     /// [`TapeError`] names the first line that cannot be trusted.
     pub fn new(inputs: &[usize], outputs: usize, lines: &[Line]) -> Result<Self, TapeError> {
         let plan = Plan::new(inputs, outputs, lines)?;
-        let starts: Vec<usize> = inputs
-            .iter()
-            .scan(0, |next, size| Some(std::mem::replace(next, *next + size)))
-            .collect();
-        let first_output = starts.last().zip(inputs.last()).map_or(0, |(a, b)| a + b);
+        let groups = groups(inputs);
+        let first_output = groups.last().map_or(0, |group| group.end);
         let first_temporary = first_output + outputs + plan.pinned;
         let registers = first_temporary + plan.slots;
         let mut tape = Self {
@@ -129,6 +151,7 @@ impl Tape {
             prologue: Vec::new(),
             body: Vec::new(),
             registers,
+            terms: None,
         };
         let mut held = vec![0_u32; plan.slots];
         let mut next_pinned = first_output + outputs;
@@ -136,22 +159,22 @@ impl Tape {
             next_pinned += 1;
             next_pinned - 1
         };
-        #[allow(clippy::cast_possible_truncation)] // 2^24 values, and no more slots than lines
+        #[allow(clippy::cast_possible_truncation)] // 2^26 values, and no more slots than lines
         for (k, line) in lines.iter().enumerate() {
             match *line {
                 Line::Input {
                     slot,
                     group,
                     element,
-                } => held[slot] = (starts[group] + element) as u32,
+                } => held[slot] = (groups[group].start + element) as u32,
                 Line::Constant { slot, value } => {
                     held[slot] = pin() as u32;
                     tape.constants.push((held[slot], value));
                 }
                 Line::Apply { op, slot, a, b } => {
                     let out = match (plan.direct[k], plan.fixed[k]) {
-                        (Some(element), _) => first_output + element,
-                        (None, true) => pin(),
+                        (_, true) => pin(), // outputs written once are not read: terms may add to them
+                        (Some(element), false) => first_output + element,
                         (None, false) => first_temporary + slot,
                     } as u32;
                     let b = if op.arity() == 2 { b } else { a };
@@ -189,6 +212,26 @@ impl Tape {
         }
     }
 
+    /// Adds to the program's values a constant (none if empty) and terms, in their order; those it had
+    /// are replaced.
+    ///
+    /// # Errors
+    /// [`TapeError`] names the first term that does not fit the inputs and outputs.
+    pub fn with_terms(mut self, constant: &[f64], terms: Vec<Term>) -> Result<Self, TapeError> {
+        let mut fixed = vec![true; self.outputs()];
+        for instr in &self.body {
+            let out = instr.out as usize;
+            if self.outputs.contains(&out) {
+                fixed[out - self.outputs.start] = false;
+            }
+        }
+        let terms = Terms::new(&groups(&self.inputs), &fixed, constant, terms)?;
+        let earlier = self.terms.map_or(0, |terms| terms.registers());
+        self.registers = self.registers - earlier + terms.registers();
+        self.terms = Some(Box::new(terms));
+        Ok(self)
+    }
+
     /// Number of instructions one evaluation runs.
     pub fn len(&self) -> usize {
         self.body.len()
@@ -196,7 +239,7 @@ impl Tape {
 
     /// Whether an evaluation has nothing to run: every output depends on parameters alone.
     pub fn is_empty(&self) -> bool {
-        self.body.is_empty()
+        self.body.is_empty() && self.terms.as_ref().is_none_or(|terms| terms.is_empty())
     }
 
     /// Sizes of the input groups; the last is the parameters.
@@ -225,7 +268,19 @@ impl Tape {
             registers[*register as usize] = R::splat(*value);
         }
         execute(&self.prologue, &mut registers);
+        if let Some(terms) = &self.terms {
+            let (head, kept) = registers.split_at_mut(self.registers - terms.registers());
+            terms.bind(&mut head[self.outputs.clone()], kept);
+        }
         Registers(registers)
+    }
+
+    /// Adds the terms to what the program has written.
+    #[inline(never)]
+    fn add_terms<R: Real>(&self, terms: &Terms, registers: &mut [R]) {
+        let (head, kept) = registers.split_at_mut(self.registers - terms.registers());
+        let (inputs, rest) = head.split_at_mut(self.outputs.start);
+        terms.add(inputs, &mut rest[..self.outputs.len()], kept);
     }
 
     /// Evaluates the tape at `args`, one slice for each input group but the parameters.
@@ -252,6 +307,9 @@ impl Tape {
             start += size;
         }
         execute(&self.body, registers);
+        if let Some(terms) = &self.terms {
+            self.add_terms(terms, registers);
+        }
         &registers[self.outputs.clone()]
     }
 
@@ -284,6 +342,9 @@ impl Tape {
                 start += size;
             }
             execute(&self.body, &mut registers);
+            if let Some(terms) = &self.terms {
+                self.add_terms(terms, &mut registers);
+            }
             let values = &registers[self.outputs.clone()];
             let rows = result[first * width..].chunks_mut(width.max(1));
             for (i, row) in rows.take(WIDTH).enumerate() {
@@ -294,4 +355,13 @@ impl Tape {
         }
         result
     }
+}
+
+/// The registers of each input group.
+fn groups(inputs: &[usize]) -> Vec<Range<usize>> {
+    let ends = inputs.iter().scan(0, |end, size| {
+        *end += size;
+        Some(*end - size..*end)
+    });
+    ends.collect()
 }

@@ -10,7 +10,7 @@ struct Held {
 }
 
 /// A tape of more inputs and outputs than this is no model.
-const MOST_VALUES: usize = 1 << 24;
+const MOST_VALUES: usize = 1 << 26;
 
 /// What the first pass over a program learns.
 pub(super) struct Plan {

@@ -5,7 +5,7 @@
 pub(crate) mod walk;
 
 use liouville_core::linalg::Pattern;
-use liouville_core::problem::mechanical::{Mechanical, Patterns};
+use liouville_core::problem::mechanical::{Mechanical, Patterns, SecondOrder, SecondOrderPatterns};
 use liouville_core::tape::{Line, Op, Tape};
 use std::collections::HashMap;
 use std::ops::{Add, Mul, Neg, Sub};
@@ -18,6 +18,8 @@ pub(crate) const Y: usize = 1;
 pub(crate) const Z: usize = 2;
 pub(crate) const LAM: usize = 2;
 pub(crate) const PARAMS: usize = 3;
+/// u or λ in the tapes of a second-order system.
+const FOURTH: usize = 3;
 
 /// An expression, shared by those it is part of.
 #[derive(Clone)]
@@ -77,6 +79,15 @@ impl Expr {
                     other => unreachable!("no test differentiates {}", other.name()),
                 }
             }
+        }
+    }
+
+    /// The same with the inputs of one group taken from another.
+    fn moved(&self, from: usize, to: usize) -> Expr {
+        match &*self.0 {
+            Node::Input(g, e) if *g == from => input(to, *e),
+            Node::Constant(_) | Node::Input(..) => self.clone(),
+            Node::Apply(op, a, b) => Expr::apply(*op, &a.moved(from, to), &b.moved(from, to)),
         }
     }
 
@@ -154,7 +165,7 @@ impl Neg for Expr {
 }
 
 /// Records expressions as a tape, equal ones once.
-pub(crate) fn tape(sizes: [usize; 4], outputs: &[Expr]) -> Tape {
+pub(crate) fn tape<const K: usize>(sizes: [usize; K], outputs: &[Expr]) -> Tape {
     let mut recorder = Recorder::default();
     for (element, output) in outputs.iter().enumerate() {
         let slot = recorder.record(output);
@@ -278,6 +289,56 @@ impl Functions {
                 g_y: g_y.0,
                 r_lam: r_lam.0,
                 r_y: r_y.0,
+            },
+        };
+        Arc::new(problem.checked().expect("tapes and patterns fit together"))
+    }
+}
+
+impl Functions {
+    /// The same system in the second-order form; it has no parameters, v = z, and p is linear in z.
+    pub(crate) fn second_order(&self) -> Arc<SecondOrder> {
+        let (n, m) = (self.p.len(), self.g.len());
+        assert!(
+            self.v.is_none() && self.params == 0,
+            "a second-order system"
+        );
+        let (z, fourth) = (inputs(Z, n), inputs(FOURTH, n));
+        let along = |x: &Expr| {
+            let slopes: Vec<_> = (0..n).map(|k| x.d(Y, k)).collect();
+            x.d(T, 0) + dot(&slopes, &z)
+        };
+        let row = |k: usize| (0..n).map(move |j| self.p[k].d(Z, j)).collect::<Vec<_>>();
+        let times = |x: &[Expr]| (0..n).map(|k| dot(&row(k), x)).collect::<Vec<_>>();
+        let residual: Vec<_> = (0..n)
+            .zip(times(&fourth))
+            .map(|(k, mass)| &self.f[k] - along(&self.p[k]) - mass)
+            .collect();
+        let reaction = self.r.clone().unwrap_or_else(|| self.ideal_reaction());
+        let pull: Vec<_> = times(&z) // the place of z is a's
+            .into_iter()
+            .zip(&reaction)
+            .map(|(mass, r)| mass - r.moved(LAM, FOURTH))
+            .collect();
+        let hidden: Vec<_> = self.g.iter().map(along).collect();
+        let mass = jacobian(&self.p, Z, n, n);
+        let (j_y, j_z) = (jacobian(&residual, Y, n, n), jacobian(&residual, Z, n, n));
+        let n_y = jacobian(&pull, Y, n, n);
+        let (end, node) = ([1, n, n, n, 0], [1, n, n, m, 0]);
+        let record = |sizes, parts: &[&[Expr]]| tape(sizes, &parts.concat());
+        let problem = SecondOrder {
+            mechanical: self.build(),
+            residual: record(end, &[&residual, &self.g, &hidden]),
+            jacobian: record(end, &[&mass.1, &j_y.1, &j_z.1]),
+            reaction: record(node, &[&pull]),
+            reaction_jacobian: record(node, &[&n_y.1]),
+            power: None,
+            power_of_lam: false,
+            patterns: SecondOrderPatterns {
+                mass: mass.0,
+                j_y: j_y.0,
+                j_z: j_z.0,
+                n_y: n_y.0,
             },
         };
         Arc::new(problem.checked().expect("tapes and patterns fit together"))

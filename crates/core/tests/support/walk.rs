@@ -33,6 +33,20 @@ pub(crate) fn driven() -> Functions {
     }
 }
 
+/// The same ball with a mass matrix M(t, y), for methods that want one.
+pub(crate) fn heavy() -> Functions {
+    let (t, y, z) = (input(T, 0), inputs(Y, 3), inputs(Z, 3));
+    let mass = t.sin() * 0.3 + &y[0] * &y[0] * 0.1 + 1.0;
+    Functions {
+        p: vec![
+            &mass * &z[0] + &y[1] * &z[2] * 0.2,
+            &mass * &z[1] + y[0].sin() * &z[1] * 0.1,
+            &mass * &z[2] + &y[1] * &z[0] * 0.2,
+        ],
+        ..driven()
+    }
+}
+
 /// The same ball with v ≠ z and a reaction that is nonlinear in λ.
 pub(crate) fn general() -> Functions {
     let (y, z) = (inputs(Y, 3), inputs(Z, 3));

@@ -11,7 +11,7 @@
 //! grows as h → 0: both tend to the matrix of the acceleration-level solve.
 
 use super::solve::{Solver, Step};
-use crate::linalg::{Assembly, Factor, copy};
+use crate::linalg::{Assembly, Factor, Matrix, copy};
 use crate::problem::mechanical::{Mass, Model, Saddle, SecondOrderModel};
 use crate::trouble::Trouble;
 
@@ -110,13 +110,22 @@ impl Frozen {
         Ok(())
     }
 
+    /// The second matrix, dense.
+    pub(super) fn matrix(&self) -> Matrix {
+        let (rows, cols) = self.matrix.pattern().shape();
+        let mut dense = Matrix::zeros(rows, cols);
+        let pattern = self.matrix.pattern();
+        pattern.add_to(self.matrix.values(), 1.0, &mut dense, 0, 0);
+        dense
+    }
+
     /// Solves with the second matrix in place: η over μ.
     pub(super) fn solve(&mut self, x: &mut [f64]) {
         self.factor.solve(x);
     }
 
     /// `x = P x`, with P the projection along r_λ onto what the constraints leave free.
-    pub(super) fn project(&mut self, model: &mut Model, x: &mut [f64]) {
+    pub(super) fn project(&mut self, model: &Model, x: &mut [f64]) {
         if self.none.is_empty() {
             return;
         }

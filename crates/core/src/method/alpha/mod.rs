@@ -21,7 +21,7 @@ mod frozen;
 mod solve;
 
 use super::{Estimating, Stats, Stepper};
-use crate::linalg::{add_scaled, copy};
+use crate::linalg::{Matrix, add_scaled, copy};
 use crate::newton;
 use crate::problem::mechanical::{Acceleration, Carried, SecondOrderModel};
 use crate::tableau;
@@ -181,6 +181,11 @@ impl Alpha {
         })
     }
 
+    /// The matrix of the last Newton iterations, for whoever wants to know its condition.
+    pub fn newton_matrix(&self) -> Matrix {
+        self.frozen.matrix()
+    }
+
     /// A first step whose acceleration moves the coordinates by about the tolerance.
     pub fn first_step(&mut self, state: &State, span: f64) -> f64 {
         self.other.y.copy_from_slice(&state.y);
@@ -208,7 +213,8 @@ impl Alpha {
     /// (3a)–(3e), by whichever start and factors lead to a solution.
     fn solve(&mut self, step: Step) -> Result<(), Trouble> {
         if self.is_warm {
-            if self.frozen.h == step.h && self.iterate_from(step, true).is_ok() {
+            if self.frozen.h.to_bits() == step.h.to_bits() && self.iterate_from(step, true).is_ok()
+            {
                 return Ok(());
             }
             if self.freeze_from(step, true).is_ok() && self.iterate_from(step, true).is_ok() {
@@ -339,7 +345,7 @@ impl Alpha {
                 *error += h2 * (1.0 / 6.0 - b / 2.0) * (last.a[k] - first.a[k]);
             }
         }
-        self.frozen.project(&mut self.model.general, error);
+        self.frozen.project(&self.model.general, error);
         self.error = self.weighted(&step.state.y, &self.local_error);
         if self.error.is_nan() {
             self.error = f64::INFINITY;

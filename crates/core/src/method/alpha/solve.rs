@@ -184,11 +184,12 @@ impl Solver {
             gamma,
             beta,
         } = self.weights;
-        let ratio = if state.h == 0.0 { 1.0 } else { h / state.h };
+        let is_same = state.h == 0.0 || state.h.to_bits() == h.to_bits();
+        let ratio = h / state.h;
         for k in 0..state.y.len() {
             let (y, z, phi) = (state.y[k], state.z[k], state.phi[k]);
             // a lies at t0 + Δ h: another step size moves it
-            let a = if ratio == 1.0 {
+            let a = if is_same {
                 state.a[k]
             } else {
                 phi + ratio * (state.a[k] - phi)
@@ -282,7 +283,7 @@ impl Solve<'_> {
                 *d = -(z[0] * at.pulls[0][k] + z[1] * at.pulls[1][k]);
             }
             let saddle = &mut self.frozen.saddle;
-            saddle.solve(&mut self.model.general, &mut at.d, &mut at.nu);
+            saddle.solve(&self.model.general, &mut at.d, &mut at.nu);
         }
     }
 
