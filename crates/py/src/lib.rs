@@ -6,6 +6,7 @@
 
 mod convert;
 mod errors;
+mod project;
 mod run;
 
 use pyo3::prelude::*;
@@ -21,7 +22,9 @@ mod _core {
     #[pymodule_export]
     use super::convert::{Mechanical, Tape};
     #[pymodule_export]
-    use super::run::{MechanicalRun, gauss_lobatto, project};
+    use super::project::project;
+    #[pymodule_export]
+    use super::run::{MechanicalRun, gauss_lobatto};
 
     #[pymodule_init]
     fn init(module: &Bound<'_, PyModule>) -> PyResult<()> {

@@ -1,9 +1,9 @@
 //! Runs, as Python drives them: a slice of time, then a look at the signals.
 
-use crate::convert::{self, Mechanical, pattern};
+use crate::convert::{self, Mechanical};
 use crate::errors;
 use liouville_core::method::spark::{Solver, Spark};
-use liouville_core::problem::mechanical::{self, Model, Observer, Projection};
+use liouville_core::problem::mechanical::{Model, Observer};
 use liouville_core::run::{Advance, Run, Span, Status};
 use liouville_core::tableau::GaussLobatto;
 use liouville_core::tape::Tape;
@@ -150,34 +150,6 @@ fn spark(model: Model, method: &Bound<'_, PyAny>) -> PyResult<Spark> {
         ));
     }
     Ok(Spark::new(model, stages, solver))
-}
-
-/// The point nearest to `x` that meets a projection's equations, or the trouble of finding it.
-#[pyfunction]
-pub(crate) fn project<'py>(
-    py: Python<'py>,
-    tapes: (
-        PyRef<'py, convert::Tape>,
-        PyRef<'py, convert::Tape>,
-        PyRef<'py, convert::Tape>,
-    ),
-    entries: &Bound<'py, PyAny>,
-    x: PyReadonlyArray1<'py, f64>,
-    held: PyReadonlyArray1<'py, f64>,
-    params: PyReadonlyArray1<'py, f64>,
-) -> PyResult<Bound<'py, PyAny>> {
-    let (residual, jacobian, metric) = tapes;
-    let (x, held, params) = (x.as_slice()?, held.as_slice()?, params.as_slice()?);
-    let projection = Projection {
-        residual: Tape::clone(&residual.0),
-        jacobian: Tape::clone(&jacobian.0),
-        pattern: pattern(entries)?,
-        metric: Tape::clone(&metric.0),
-    };
-    match mechanical::project(&projection, x, held, params) {
-        Ok(x) => Ok(PyArray1::from_vec(py, x).into_any()),
-        Err(trouble) => Ok(errors::trouble(py, &trouble)?.into_any()),
-    }
 }
 
 /// Coefficients of the s-stage Gauss–Lobatto SPARK method, by their letters.
