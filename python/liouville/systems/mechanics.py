@@ -236,8 +236,8 @@ class Mechanics:
     def _project(
         self, what: str, t: float, x: np.ndarray, held: np.ndarray, params: np.ndarray
     ) -> np.ndarray:
-        tapes, pattern, names = self._projections[what]
-        found = _core.project(tapes, pattern, x, np.append(held, t), params)
+        tapes, patterns, names = self._projections[what]
+        found = _core.project(tapes, patterns, x, np.append(held, t), params)
         if isinstance(found, dict):
             if found["kind"] == "not finite":
                 found["t"] = t
@@ -267,15 +267,14 @@ class Mechanics:
     def _projections(self) -> dict[str, Any]:
         """Tapes (x, held and t, params) of c, c_x and the metric, for each kind of projection.
 
-        With them come the pattern of c_x and the names of the rows of c.
+        With them come the patterns of the last two and the names of the rows of c.
         """
         s, model = self._symbols, self._model
         w = total_derivative(model.g, s, model.v)
         p_z, v_z = ca.jacobian(model.p, s.z), ca.jacobian(model.v, s.z)
         compliance = ca.solve(v_z.T, p_z.T).T if differ(model.v, s.z) else p_z
         hidden = tuple(f"hidden {name}" for name in self.constraints)
-        w_y = ca.jacobian(w, s.y)
-        moved = [k for k in range(w.numel()) if not w_y[k, :].is_zero()]
+        moved = sorted(set(ca.sparsify(ca.jacobian(w, s.y)).sparsity().row()))
         rows = ca.vertcat(model.g, *(w[k] for k in moved))
         both = rows, (*self.constraints, *(hidden[k] for k in moved))
         cases = {
@@ -290,9 +289,9 @@ class Mechanics:
             tapes = (
                 record(what, inputs, c),
                 record(what, inputs, c_x, dense=False),
-                record(what, inputs, metric.T),
+                record(what, inputs, metric, dense=False),
             )
-            projections[what] = (tapes, pattern_of(c_x), names)
+            projections[what] = (tapes, (pattern_of(c_x), pattern_of(metric)), names)
         return projections
 
     def reaction(
