@@ -45,6 +45,62 @@ def test_the_stages_do_not_spoil_the_constraints(row, name):
     assert np.abs(found.residuals["hidden"]).max() < 5e-15
 
 
+SECOND_ORDER = [name for name in names() if name != "relativistic_particle"]
+
+
+def worst(found):
+    """Return the largest residuals of both constraints, relative to coordinates and velocities."""
+    g, w = np.abs(found.residuals["constraint"]), np.abs(found.residuals["hidden"])
+    length, speed = max(1, np.abs(found.q).max()), max(1, np.abs(found.v).max())
+    return g.max() / length, w.max() / speed
+
+
+@pytest.mark.parametrize("name", SECOND_ORDER)
+@pytest.mark.parametrize(
+    "method",
+    [lv.HHT(-0.1), lv.HHT(-1 / 3, b=-1, less_implicit=True), lv.GeneralizedAlpha(0.8)],
+    ids=ids,
+)
+def test_the_alpha_methods_keep_both_constraints_over_1e4_steps(method, name):
+    problem = load(name)
+    found = lv.integrate(
+        problem.system, method, t=(0.0, 5e3 * problem.h), steps=10_000, **problem.start
+    )
+    assert max(worst(found)) < 1e-12
+
+
+@pytest.mark.parametrize("name", SECOND_ORDER)
+@pytest.mark.parametrize("method", [lv.HHT(-0.1), lv.GeneralizedAlpha(0.8)], ids=ids)
+def test_the_alpha_methods_keep_both_constraints_with_controlled_steps(method, name):
+    problem = load(name)
+    found = lv.integrate(
+        problem.system, method, t=problem.interval, rtol=1e-4, atol=1e-6, **problem.start
+    )
+    assert max(worst(found)) < 1e-12
+
+
+def test_the_alpha_methods_keep_both_constraints_over_1e5_steps():
+    problem = load("moving_wire")
+    h = problem.h / 2
+    found = lv.integrate(
+        problem.system, lv.HHT(-0.1), t=(0.0, 1e5 * h), steps=100_000, **problem.start
+    )
+    assert max(worst(found)) < 1e-12
+
+
+@pytest.mark.parametrize("name", ["pendulum", "slider_crank", "moving_wire"])
+def test_arnold_and_bruls_leave_the_hidden_constraint_by_order_2(name):
+    problem = load(name)
+    t = 0.0, 500 * problem.h
+    coarse, fine = (
+        worst(lv.integrate(problem.system, lv.ArnoldBruls(), t=t, steps=steps, **problem.start))
+        for steps in (2_000, 4_000)
+    )
+    assert max(coarse[0], fine[0]) < 1e-13
+    assert fine[1] > 1e-7
+    assert np.log2(coarse[1] / fine[1]) == pytest.approx(2, abs=0.2)
+
+
 # --- symmetry ----------------------------------------------------------------------------------
 
 

@@ -1,8 +1,10 @@
 """Published and independently computed values, to the digits they have."""
 
+from fractions import Fraction
+
 import numpy as np
 import pytest
-from registry import REFERENCE, SYSTEMS, printed
+from registry import PROBLEMS, REFERENCE, SYSTEMS, printed
 
 import liouville as lv
 from liouville import _core
@@ -54,6 +56,51 @@ def test_multipliers_at_the_start_are_exact(name):
     found = lv.integrate(SYSTEMS[name](), lv.Spark(1), t=(0.0, 1e-3), steps=1, q=y0, v=z0)
     (expected,) = printed(name, "initial_psi")
     np.testing.assert_allclose(found.lam[0], expected, rtol=1e-15, atol=1e-15)
+
+
+ALPHA_CASES = REFERENCE["extended_hht"]["cases"]
+
+
+def alpha_method(case):
+    """Return the method of a case; its parameter stands after the equals sign."""
+    family, parameter = case["method"].split("=")
+    cls = lv.HHT if family.startswith("HHT") else lv.GeneralizedAlpha
+    number = float(Fraction(parameter))
+    return cls(number, float(Fraction(case["b"])), case["less_implicit_R1"])
+
+
+def alpha_case(case):
+    less = ", less implicit" if case["less_implicit_R1"] else ""
+    return f"{case['method']}, b={case['b']}{less}, {case['steps']} steps"
+
+
+@pytest.mark.parametrize("case", ALPHA_CASES, ids=alpha_case)
+def test_the_alpha_methods_have_the_digits_of_69_digit_arithmetic(case):
+    problem, method = PROBLEMS["breathing sphere"], alpha_method(case)
+    h, steps = float(Fraction(case["h"])), case["steps"]
+    found = lv.integrate(problem.system, method, t=(0.0, steps * h), steps=steps, **problem.start)
+    np.testing.assert_allclose(found.q[-1], numbers(case["y"]), rtol=0, atol=1e-15)
+    np.testing.assert_allclose(found.v[-1], numbers(case["z"]), rtol=0, atol=3e-15)
+    np.testing.assert_allclose(found.a[-1], numbers(case["a"]), rtol=0, atol=3e-15)
+    exact = [float(Fraction(case["params"][key])) for key in ("am", "af", "ga", "be")]
+    np.testing.assert_allclose(method.coefficients, exact, rtol=1e-15, atol=1e-16)
+
+
+@pytest.mark.parametrize("case", ALPHA_CASES, ids=alpha_case)
+def test_the_plain_implementation_has_them_too(case):
+    problem, method = PROBLEMS["breathing sphere"], alpha_method(case)
+    plain = problem.plain
+    states = plain.run(
+        plain.start(0.0, problem.start["q"], problem.start["v"]),
+        [float(Fraction(case["h"]))] * case["steps"],
+        method.coefficients,
+        b=method.b,
+        kind=method.reaction,
+    )
+    for key in "yza":
+        np.testing.assert_allclose(getattr(states[-1], key), numbers(case[key]), atol=1e-14)
+    for key, psi in zip(("Psi0", "Psi1"), states[-1].psi, strict=True):
+        np.testing.assert_allclose(psi, numbers(case[key]), atol=1e-12)
 
 
 TABLES = {

@@ -196,7 +196,7 @@ impl Sparse {
             // beside an exactly singular matrix stands one that has factors, and almost its null vector
             let values = self.matrix.val_mut().iter_mut();
             for (k, value) in values.enumerate() {
-                *value *= 1.0 + 1e-8 * (k as f64 * 0.618_033_988_749_895).fract();
+                *value += 1e-8 * (k as f64 * 0.618_033_988_749_895).fract();
             }
             if let Err(index) = self.factor_equilibrated() {
                 let column = self.symbolic.col_perm().arrays().0[index];
