@@ -3,8 +3,9 @@ A beam on a hinge
 =================
 
 scikit-fem assembles a beam, clamped on its left; a constraint hinges the middle of its right end to
-the ground, and a load falls on it at once. The mesh has modes far faster than a step. The trapezoidal
-rule keeps them ringing in the force of the hinge; HHT takes them out and leaves the beam's own swing.
+the ground, and a load falls on it at once. The mesh has modes far faster than a step. The
+trapezoidal rule keeps them ringing in the force of the hinge; HHT takes them out and leaves the
+beam's own swing.
 """
 
 import matplotlib.pyplot as plt
