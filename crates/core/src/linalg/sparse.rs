@@ -204,11 +204,16 @@ impl Sparse {
             }
             self.probed();
         }
-        let least = PART * super::max_norm(&self.x);
-        let column = self.x.iter().rposition(|x| x.abs() > least);
+        let column = self.null_vector().rposition(|part| part);
         Singular {
             column: column.unwrap_or(0),
         }
+    }
+
+    /// Which columns a null vector combines, once [`Sparse::factor`] found the matrix singular.
+    pub(super) fn null_vector(&self) -> impl ExactSizeIterator<Item = bool> + DoubleEndedIterator {
+        let least = PART * super::max_norm(&self.x);
+        self.x.iter().map(move |x| x.abs() > least)
     }
 }
 
