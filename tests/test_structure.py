@@ -277,11 +277,9 @@ def test_all_kinds_of_degrees_of_freedom_have_names():
 def test_a_body_that_does_not_fit_is_refused(monkeypatch):
     body = beam(2)
     basis, eye = body.basis, sp.eye_array(5)
-    with pytest.raises(ValueError, match="'u.1 vertex 0' is clamped and no coordinate"):
+    with pytest.raises(ValueError, match=r"'u\^1 vertex 0' is clamped and no coordinate"):
         body.at(basis.get_dofs("left"))
-    with pytest.raises(
-        ValueError, match=r"mass has shape \(5, 5\), the basis \d+ degrees(.|\n)*hi"
-    ):
+    with pytest.raises(ValueError, match=r"mass has shape \(5, 5\), the basis \d+ deg(.|\n)*hint"):
         fem.Body(basis, eye, eye)
     with pytest.raises(TypeError, match="mass is a sparse matrix of SciPy's"):
         fem.Body(basis, np.eye(basis.N), eye)

@@ -19,10 +19,11 @@ from liouville.systems._form import (
     compiled,
     differ,
     observing,
-    pattern_of,
+    record_blocks,
     second_order,
     total_derivative,
 )
+from liouville.systems._linear import Block
 from liouville.tape import record
 
 #: A start may miss its constraints by this much of the size of what they are made of.
@@ -285,13 +286,13 @@ class Mechanics:
         projections = {}
         for what, (x, held, (c, names), metric) in cases.items():
             inputs = {"x": x, "held": ca.vertcat(held, s.t), "params": s.params.vector}
-            c_x = ca.jacobian(c, x)
+            slope, weight = Block(ca.jacobian(c, x)), Block(metric, model.linear.mass)
             tapes = (
                 record(what, inputs, c),
-                record(what, inputs, c_x, dense=False),
-                record(what, inputs, metric, dense=False),
+                record_blocks(what, inputs, [slope]),
+                record_blocks(what, inputs, [weight]),
             )
-            projections[what] = (tapes, (pattern_of(c_x), pattern_of(metric)), names)
+            projections[what] = (tapes, (slope.pattern, weight.pattern), names)
         return projections
 
     def reaction(
