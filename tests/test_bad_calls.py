@@ -45,6 +45,7 @@ def general(**changes):
 
 
 PENDULUM = system()
+OSCILLATOR = lv.Hamiltonian(lambda t, q, p, params: p[0] ** 2 + q[0] ** 2, q=1)
 MOVING_WALL = system(constraint=lambda t, q, params: {"wall": q[0] - ca.sin(t)})
 
 
@@ -52,6 +53,11 @@ def run(model=PENDULUM, method=lv.Spark(3), **changes):  # noqa: B008
     """Swing the pendulum from rest for one second, with something changed."""
     call = {"t": (0.0, 1.0), "h": 0.01, "q": [1.0, 0.0], "v": [0.0, 0.0], **changes}
     return lv.integrate(model, method, **call)
+
+
+def damped(model=PENDULUM, **changes):
+    """Swing it with controlled steps of a damping method, with something changed."""
+    return run(model, lv.HHT(), **{"h": None, "rtol": 1e-3, **changes})
 
 
 def project(model=PENDULUM, **changes):
@@ -207,6 +213,53 @@ ROWS = [
     ("method a class", lambda: run(method=lv.Spark), TypeError, "Spark'> does not step.*: Spark"),
     ("system a function", lambda: run(kinetic), TypeError, "system is a Lagrangian.*kinetic"),
     ("system None", lambda: run(None), TypeError, "system is a Lagrangian.*not None"),
+    ("alpha above 0", lambda: lv.HHT(0.1), ValueError, "-1/3 to 0, not 0.1: above 0.*unstable"),
+    ("alpha below", lambda: lv.HHT(-0.4), ValueError, "not -0.4:.*damps fast oscillations less"),
+    ("alpha NaN", lambda: lv.HHT(NAN), ValueError, "alpha is from -1/3 to 0, not nan"),
+    ("alpha a string", lambda: lv.HHT("-0.1"), TypeError, "alpha is a number, not '-0.1'"),
+    ("b one half", lambda: lv.HHT(b=0.5), ValueError, "from 1/2, not 0.5:.*dependent"),
+    ("b near it", lambda: lv.GeneralizedAlpha(b=0.497), ValueError, "from 1/2, not 0.497"),
+    ("b infinite", lambda: lv.HHT(b=INF), ValueError, "b is finite, not inf"),
+    ("less a number", lambda: lv.HHT(less_implicit=1), TypeError, "True or False, not 1"),
+    ("rho above 1", lambda: lv.GeneralizedAlpha(1.1), ValueError, "rho is from 0 to 1, not 1.1"),
+    ("rho below 0", lambda: lv.ArnoldBruls(-0.1), ValueError, "rho is from 0 to 1, not -0.1"),
+    (
+        "momentum not linear",
+        lambda: damped(system(lambda t, q, v, params: ca.dot(v, v) ** 2 + ca.dot(v, v), None)),
+        TypeError,
+        "not linear in its velocity.*\nhint: take Spark",
+    ),
+    (
+        "velocity not z",
+        lambda: lv.integrate(OSCILLATOR, lv.HHT(), t=(0, 1), h=0.1, q=[1], p=[0]),
+        TypeError,
+        "velocity of this system is not its z.*\nhint: write the system as a Lagrangian",
+    ),
+    # controlled steps
+    ("rtol with Spark", lambda: run(rtol=1e-3), TypeError, "Spark takes equal steps and no rtol"),
+    ("h_min with Spark", lambda: run(h_min=1e-3), TypeError, "equal steps and no h_min"),
+    ("no h nor rtol", lambda: damped(rtol=None), TypeError, "either h or steps, or rtol"),
+    ("rtol and steps", lambda: damped(steps=10), TypeError, "either steps, which are equal, or"),
+    ("atol alone", lambda: damped(rtol=None, h=0.1, atol=1), TypeError, "atol is for.*\nhint"),
+    ("rtol zero", lambda: damped(rtol=0), ValueError, "rtol is from 1e-12 to below 1, not 0"),
+    ("rtol too small", lambda: damped(rtol=1e-13), ValueError, "to below 1, not 1e-13"),
+    ("rtol one", lambda: damped(rtol=1), ValueError, "rtol is from 1e-12 to below 1, not 1"),
+    ("rtol NaN", lambda: damped(rtol=NAN), ValueError, "to below 1, not nan"),
+    ("rtol a string", lambda: damped(rtol="1e-3"), TypeError, "rtol is a number, not '1e-3'"),
+    ("atol zero", lambda: damped(atol=[1, 0]), ValueError, "atol is positive.*0 for 'y'\nhint"),
+    ("atol NaN", lambda: damped(atol=NAN), ValueError, "positive and finite, not nan for 'x'"),
+    ("atol too long", lambda: damped(atol=[1] * 3), ValueError, r"shape \(3,\), wanted.*\(2,\)"),
+    ("atol ragged", lambda: damped(atol=[[1], 2]), TypeError, "atol is a number or an array"),
+    ("atol a bool", lambda: damped(atol=True), TypeError, "atol is a number.*not True"),
+    ("first step", lambda: damped(h=2.0), ValueError, "h = 2 is larger than the interval, 1"),
+    ("h_min zero", lambda: damped(h_min=0), ValueError, "h_min is positive and finite, not 0"),
+    ("h_min above h", lambda: damped(h=0.1, h_min=0.2), ValueError, "h_min = 0.2 is larger than"),
+    (
+        "h_min lost in t",
+        lambda: damped(t=(0, 1e9), h_min=1e-9),
+        ValueError,
+        r"a step of 1e-09 does not move t = 1e\+09",
+    ),
     # time and steps
     ("h negative", lambda: run(h=-0.1), ValueError, r"(?s)positive.*not -0\.1.*t=\(end, start\)"),
     ("h zero", lambda: run(h=0), ValueError, "h is positive and finite, not 0"),
@@ -255,7 +308,9 @@ ROWS = [
         "'v' is missing: this system takes q= and v=",
     ),
     ("p for v", lambda: run(p=[0, 0]), TypeError, "'p' is no start value.* q= and v="),
-    ("an unknown option", lambda: run(rtol=1e-3), TypeError, "'rtol' is no start value"),
+    ("an unknown option", lambda: run(tol=1e-3), TypeError, "'tol' is no start value"),
+    ("a for Spark", lambda: run(a=[0, 0]), TypeError, "'a' is no start value"),
+    ("a too long", lambda: damped(a=[0]), ValueError, r"a has shape \(1,\), wanted \(2,\)"),
     ("q too long", lambda: run(q=[1, 0, 0]), ValueError, r"q has shape \(3,\), wanted \(2,\)"),
     ("q a row", lambda: run(q=[[1.0, 0.0]]), ValueError, r"q has shape \(1, 2\), wanted \(2,\)"),
     ("q ragged", lambda: run(q=[[1.0], 0.0]), TypeError, r"real numbers, not \[\[1\.0\], 0\.0\]"),
@@ -391,8 +446,15 @@ def test_the_table_has_no_row_twice():
 
 
 def test_the_right_call_is_taken():
-    assert run().status == "done"
+    assert run().status == damped().status == "done"
     assert set(project()) == {"q", "v"}
+
+
+def test_dense_matrices_that_would_not_fit_are_refused_before_they_are_made(monkeypatch):
+    monkeypatch.setattr("liouville._arguments.memory", lambda: 1000)
+    with pytest.raises(MemoryError, match=r"dense matrices: 2 coordinates.*\nhint: HHT"):
+        run(t=(0, 0.01))
+    assert run(t=(0, 0.01), method=lv.HHT()).status == "done"
 
 
 def test_a_slice_longer_than_the_run_keeps_start_and_end():

@@ -58,6 +58,16 @@ def test_a_study_finds_the_order_of_the_method(known):
     np.testing.assert_allclose(slopes[1:], 4.0, atol=0.3)
 
 
+@pytest.mark.parametrize("method", [lv.HHT(), lv.GeneralizedAlpha(), lv.ArnoldBruls()])
+def test_a_study_finds_the_order_of_a_damping_method(method):
+    wire = problems.load("moving_wire")
+    hs = [0.02, 0.01, 0.005, 0.0025]
+    result = study(wire.system, method, (0.0, 2.0), hs, wire.start, of=("q", "v", "a"))
+    assert result.order["q"] == pytest.approx(2.0, abs=0.15)
+    assert result.order["v"] == pytest.approx(2.0, abs=0.15)
+    assert result.order["a"] == pytest.approx(1.0, abs=0.3)  # it stands for a time t + Delta h
+
+
 def test_a_run_that_fails_has_no_error_and_does_not_stop_the_study(monkeypatch):
     def integrate(system, method, *, t, h, **rest):
         if h > 0.3:

@@ -10,15 +10,17 @@ import liouville as lv
 from liouville import problems
 from liouville.export import to_xarray
 
-ARRAYS = ("states", "invariants", "residuals", "observed")
-FACTS = ("names", "h", "method", "stats", "params", "status", "message")
+ARRAYS = ("states", "invariants", "residuals", "observed", "balance")
+FACTS = ("names", "h", "tolerances", "method", "stats", "params", "status", "message")
 
 
 @pytest.fixture(scope="module")
 def solution():
     """Give a short run, with values in it that are easily lost on the way to a file."""
     pendulum = problems.load("pendulum")
-    run = lv.integrate(pendulum.system, lv.Spark(stages=2), t=(0.0, 1.0), h=0.02, **pendulum.start)
+    run = lv.integrate(
+        pendulum.system, lv.HHT(), t=(0.0, 1.0), rtol=1e-3, atol=[1e-5, 1 / 3], **pendulum.start
+    )
     hard = np.resize([-0.0, 5e-324, np.inf, np.nan, 9.969209968386869e36, 1 / 3], len(run.t))
     hard[7] = np.array([0x7FF8DEADBEEF0001], dtype=np.uint64).view(np.float64)[0]
     return replace(
@@ -60,6 +62,8 @@ def test_saving_again_replaces_what_was_there(solution, tmp_path, name):
         solution,
         states={},
         observed={},
+        balance={},
+        tolerances={},
         residuals={"constraint": none, "hidden": none},
         names={"coordinates": ("x", "y"), "constraints": ()},
     )
@@ -79,6 +83,7 @@ def test_a_dataset_is_labelled_by_names(solution):
         data.residuals.sel(residual="hidden", constraint="rod"), solution.residuals["hidden"][:, 0]
     )
     np.testing.assert_array_equal(data.observed_q, solution.v)
+    np.testing.assert_array_equal(data.balance.sel(term="dissipated"), solution.dissipated)
     assert data.q.sel(time=0.5, method="nearest").shape == (2,)
 
 
@@ -89,6 +94,8 @@ def test_a_csv_file_has_a_named_column_with_all_digits_for_each_number(solution,
     for column, values in {
         "t": solution.t,
         "v[y]": solution.v[:, 1],
+        "a[x]": solution.a[:, 0],
+        "dissipated": solution.dissipated,
         "lam[rod]": solution.lam[:, 0],
         "hidden[rod]": solution.residuals["hidden"][:, 0],
         "a/b": solution.observed["a/b"],

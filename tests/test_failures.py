@@ -12,6 +12,9 @@ import pytest
 from registry import printed, top
 
 import liouville as lv
+from liouville import problems
+
+MODULE = sys.modules["liouville.integrate"]  # the name itself is the function in it
 
 H = 1 / 64  # times are exact, so that t = 1 is met to the bit
 
@@ -294,6 +297,88 @@ def test_a_step_too_large_is_refused_and_never_answered_wrongly(stages, solver):
             assert (error.step, error.quantity) == (0, "stages")
             assert "try a smaller h" in str(error)
     assert below < max(reached) < fold
+
+
+def bursting(t, q, v, params):
+    """Drive x = 1 / (1 - t)^2."""
+    return [6 * q[0] ** 2]
+
+
+@pytest.mark.parametrize(
+    ("force", "options", "quantity", "message", "reached"),
+    [
+        (bursting, {}, "step", r"asks for a step of .*less than h_min\nhint: .*h_min", 1e-6),
+        (bursting, {"h_min": 1e-3}, "step", r"less than h_min\nhint: ", 0.5),
+        (
+            lambda t, q, v, params: [root(t, q, v, params)],
+            {},
+            "x",
+            r"force of coordinate 'x' is not finite at t = 1.*\nhint: look for",
+            1e-3,
+        ),
+    ],
+    ids=["blow-up", "a large h_min", "a root"],
+)
+def test_controlled_steps_go_as_far_as_they_can(force, options, quantity, message, reached):
+    system = sliding(force, q=("x",))
+    span = {"t": (0, 2), "rtol": 1e-6, **options}
+    with pytest.raises(lv.IntegrationError, match=message) as caught:
+        lv.integrate(system, lv.HHT(), **span, q=[1], v=[2])
+    error, kept = caught.value, caught.value.solution
+    assert (error.quantity, error.step) == (quantity, len(kept.t) - 1)
+    assert "step " in str(error)
+    assert " of " not in str(error).split("failed")[0]
+    assert error.t == kept.t[-1]
+    assert 1 - reached < kept.t[-1] < 1 + 1e-3
+    assert kept.status == "failed"
+    assert kept.tolerances["rtol"] == 1e-6
+    if force is bursting:
+        far = kept.t < 0.9
+        np.testing.assert_allclose(kept.q[far, 0], (1 - kept.t[far]) ** -2, rtol=1e-3)
+
+
+@pytest.mark.parametrize("method", [lv.HHT(), lv.GeneralizedAlpha(0.5, less_implicit=True)])
+def test_a_run_goes_on_from_its_end(method):
+    wire = problems.load("moving_wire")
+    whole = lv.integrate(wire.system, method, t=(0, 2), steps=200, **wire.start)
+    half = lv.integrate(wire.system, method, t=(0, 1), steps=100, **wire.start)
+    begin = {"t": (1, 2), "steps": 100, "q": half.q[-1], "v": half.v[-1]}
+    rest = lv.integrate(wire.system, method, **begin, a=half.a[-1])
+    other = lv.integrate(wire.system, method, **begin)
+    for name, values in whole.states.items():
+        np.testing.assert_allclose(rest.states[name], values[100:], atol=1e-10, err_msg=name)
+    assert np.abs(other.q[-1] - whole.q[-1]).max() > 1e-8
+    np.testing.assert_allclose(half.work[-1] + rest.work, whole.work[100:], atol=1e-10)
+
+
+def test_progress_of_controlled_steps_goes_by_time(monkeypatch):
+    monkeypatch.setattr(MODULE, "SLICE", 1e-3)
+    pendulum, start = spinning()
+    seen = []
+
+    def look(*progress):
+        seen.append(progress)
+        if len(seen) == 3:
+            signal.raise_signal(signal.SIGINT)
+
+    solution = lv.integrate(
+        pendulum, lv.HHT(), t=(10, -1e6), rtol=1e-4, every=1000, progress=look, **start
+    )
+    done, total = np.transpose(seen)
+    assert np.all(total == 10 + 1e6)
+    assert np.all(np.diff(done) > 0)
+    assert solution.status == "interrupted"
+    assert solution.message == f"interrupted after {solution.stats['steps']} steps"
+    assert 10 - solution.t[-1] >= done[-1] > 0 > solution.h
+
+
+def test_a_run_stops_before_its_states_fill_the_memory(monkeypatch):
+    monkeypatch.setattr(MODULE, "SLICE", 1e-3)
+    monkeypatch.setattr(MODULE, "memory", lambda: 1e5)
+    pendulum, start = spinning()
+    with pytest.raises(lv.IntegrationError, match=r"not fit in memory\nhint: .*every=") as caught:
+        lv.integrate(pendulum, lv.HHT(), t=(0, 1e9), rtol=1e-4, **start)
+    assert len(caught.value.solution.t) > 500
 
 
 @pytest.mark.parametrize("stages", [1, 2, 3])

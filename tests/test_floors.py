@@ -28,12 +28,13 @@ PACKAGE_FLOORS = (
     ("methods", "systems"),
     ("solution",),
     ("integrate",),
-    ("convergence", "export", "plot", "problems"),
+    ("convergence", "export", "fem", "plot", "problems"),
     ("cli",),
 )
 LAZY = {("solution", "export")}  # to_xarray() and save() fetch the exporter when called
 
 CORE_ROOMS = {
+    "faer": ("linalg/sparse.rs",),
     "libm": ("tape/execute.rs",),
     "twofloat": ("tableau/",),
     "pyo3": (),
@@ -44,6 +45,7 @@ PACKAGE_ROOMS = {
     "h5netcdf": ("export.py",),
     "matplotlib": ("plot.py",),
     "rich": ("cli.py",),
+    "skfem": ("fem.py",),
     "typer": ("cli.py",),
     "xarray": ("export.py",),
     "zarr": ("export.py",),

@@ -49,6 +49,25 @@ def test_an_overview_shows_motion_invariants_constraints_and_multipliers(solutio
         figure.savefig(tmp_path / f"overview{suffix}")
 
 
+def test_an_overview_of_a_damping_method_shows_where_the_energy_went_and_the_steps(tmp_path):
+    pendulum = problems.load("pendulum")
+    span = {"t": (0.0, 1.0), "rtol": 1e-3}
+    solution = lv.integrate(pendulum.system, lv.HHT(), **span, **pendulum.start)
+    figure = plot.overview(solution)
+    assert titles(figure) == [
+        "positions", "drift of invariants", "energy", "residuals", "multipliers", "step sizes",
+    ]  # fmt: skip
+    assert "mean h = " in figure.get_suptitle()
+    energy, steps = figure.axes[2], figure.axes[5]
+    assert legend(energy) == ["change", "dissipated"]  # no force does work
+    change, dissipated = (line.get_ydata() for line in curves(energy))
+    np.testing.assert_allclose(change, -dissipated, atol=1e-15)
+    np.testing.assert_array_equal(curves(steps)[0].get_ydata(), np.diff(solution.t))
+    figure.savefig(tmp_path / "overview.png")
+    thin = lv.integrate(pendulum.system, lv.HHT(), every=3, **span, **pendulum.start)
+    assert titles(plot.overview(thin))[-1] == "times between kept states"
+
+
 def test_an_overview_leaves_out_what_there_is_nothing_to_show_of(solution):
     free = unconstrained(solution)
     assert titles(plot.overview(free)) == ["positions", "drift of invariants"]

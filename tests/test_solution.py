@@ -1,7 +1,9 @@
 from dataclasses import FrozenInstanceError, replace
 
+import casadi as ca
 import numpy as np
 import pytest
+from scipy import integrate
 
 import liouville as lv
 from liouville import problems
@@ -44,6 +46,58 @@ def test_what_is_recorded_cannot_be_edited(solution):
 def test_drift_is_measured_from_the_start(solution, values, drift):
     changed = replace(solution, invariants={"energy": np.array(values)})
     np.testing.assert_allclose(changed.invariant_drift("energy"), drift, rtol=1e-15)
+
+
+@pytest.fixture(scope="module")
+def damped():
+    pendulum = problems.load("pendulum")
+    return lv.integrate(
+        pendulum.system, lv.HHT(-0.3), t=(0.0, 1.0), rtol=1e-3, atol=[1e-3, 1e-4], **pendulum.start
+    )
+
+
+def test_accelerations_are_those_of_the_forces_and_reactions(damped):
+    gravity = np.array([0, -9.81])
+    np.testing.assert_allclose(damped.acceleration, gravity + damped.reaction(), atol=1e-12)
+    np.testing.assert_allclose(damped.a, np.broadcast_to(gravity, damped.a.shape), atol=1e-12)
+
+
+def test_the_energy_is_what_it_was_and_the_work_less_what_was_dissipated(solution):
+    pushed = lv.Lagrangian(
+        lambda t, q, v, params: v[0] ** 2 / 2 - 200 * q[0] ** 2,
+        force=lambda t, q, v, params: [ca.cos(t)],
+        q=("x",),
+    )
+    run = lv.integrate(pushed, lv.HHT(), t=(0.0, 4.0), h=0.05, q=[0.1], v=[0.0])
+    energy = run.invariants["energy"]
+    np.testing.assert_allclose(energy, energy[0] + run.work - run.dissipated, rtol=1e-14)
+    work = integrate.cumulative_trapezoid(run.v[:, 0] * np.cos(run.t), run.t, initial=0)
+    np.testing.assert_allclose(run.work, work, atol=1e-14)
+    assert 0.1 * energy[0] < run.dissipated[-1] < energy[0]
+    with pytest.raises(AttributeError, match=r"no 'work'\nhint: HHT and its relatives"):
+        _ = solution.work
+
+
+def test_a_system_that_tells_no_potential_has_no_balance():
+    free = lv.Mechanical(
+        velocity=lambda t, y, z, params: z,
+        momentum=lambda t, y, z, params: z,
+        force=lambda t, y, z, params: -z,
+        y=1,
+        invariants={"energy": lambda t, y, z, params: z[0] ** 2 / 2},
+    )
+    solution = lv.integrate(free, lv.HHT(), t=(0.0, 1.0), h=0.1, y=[0.0], z=[1.0])
+    assert solution.balance == {}
+    assert solution.a.shape == (11, 1)
+    with pytest.raises(AttributeError, match=r"hint: .* for a Lagrangian or a Structure"):
+        _ = solution.dissipated
+
+
+def test_controlled_steps_are_told_as_such(damped):
+    steps = np.diff(damped.t)
+    assert damped.h == pytest.approx(np.mean(steps))
+    assert damped.tolerances == {"rtol": 1e-3, "atol": [1e-3, 1e-4]}
+    assert f"{len(steps)} steps of mean h = {damped.h:.6g}" in repr(damped)
 
 
 def test_an_unknown_invariant_is_refused_with_those_there_are(solution):

@@ -12,3 +12,4 @@ from liouville.solution import Solution as Solution
 from liouville.systems import Hamiltonian as Hamiltonian
 from liouville.systems import Lagrangian as Lagrangian
 from liouville.systems import Mechanical as Mechanical
+from liouville.systems import Structure as Structure

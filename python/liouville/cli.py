@@ -95,7 +95,13 @@ def _method_options(function: Callable[..., None]) -> Callable[..., None]:
 
 
 def _default(item: Field[Any]) -> str:
-    return "" if item.default is MISSING else f", default {item.default}"
+    if item.default is MISSING:
+        return ""
+    return (
+        f", default {item.default:g}"
+        if isinstance(item.default, float)
+        else f", default {item.default}"
+    )
 
 
 def _plain(kind: Any) -> Any:
@@ -399,7 +405,9 @@ class _Rate(ProgressColumn):
         self.unit = unit
 
     def render(self, task: Task) -> Text:
-        return Text(f"{task.speed:,.5g} {self.unit}/s" if task.speed else "", style="dim")
+        speed = task.speed or 0.0
+        number = f"{speed:,.0f}" if speed >= 100 else f"{speed:.3g}"
+        return Text(f"{number} {self.unit}/s" if speed else "", style="dim")
 
 
 @contextmanager

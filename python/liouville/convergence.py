@@ -53,12 +53,12 @@ def study(
     params: Mapping[str, ArrayLike] | None = None,
     floor: float = 2e-14,
 ) -> Study:
-    """Integrate with each step size and compare the end states with a reference.
+    r"""Integrate with each step size and compare the end states with a reference.
 
     Parameters
     ----------
     system, method
-        As for :func:`liouville.integrate`.
+        As for :func:`liouville.integrate`; the steps are equal.
     t : tuple of float
         The interval; the end states are compared at its end.
     hs : sequence of float
@@ -69,7 +69,9 @@ def study(
         End states by name. By default those of a run with a quarter of the smallest step size,
         which is good enough for methods of order 2 and above.
     of : sequence of str, default ("q", "v")
-        The states to compare.
+        The states to compare. The ``a`` of an alpha method stands for a time that depends on the
+        step size, :math:`t + \Delta h`: at the end of the interval it differs by O(h) from that of
+        a fine run, and only a reference of its own would show its order 2.
     params : dict, optional
         As for :func:`liouville.integrate`.
     floor : float, default 2e-14

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import dataclass
 
 import casadi as ca
 import numpy as np
@@ -18,7 +19,35 @@ _NAMES: dict[int, str] = {
 }
 
 
-def record(name: str, inputs: Mapping[str, ca.SX], *outputs: ca.SX, dense: bool = True) -> Tape:
+@dataclass(frozen=True)
+class Part:
+    """Outputs that follow one another: expressions at some places, zero at the others.
+
+    Attributes
+    ----------
+    values : SX
+        The expressions, a dense column of k.
+    places : ndarray
+        Where they are, shape (k,).
+    size : int
+        Number of outputs.
+    """
+
+    values: ca.SX
+    places: np.ndarray
+    size: int
+
+    @classmethod
+    def of(cls, x: ca.SX, dense: bool) -> Part:
+        """Return the elements of a matrix, column by column."""
+        if not dense:
+            return cls(ca.vec(x.nz[:]), np.arange(x.nnz()), x.nnz())
+        return cls(ca.vec(x.nz[:]), np.array(x.sparsity().find(), dtype=np.int64), x.numel())
+
+
+def record(
+    name: str, inputs: Mapping[str, ca.SX], *outputs: ca.SX | Part, dense: bool = True
+) -> Tape:
     """Record expressions as one tape, what they have in common once.
 
     Parameters
@@ -27,10 +56,10 @@ def record(name: str, inputs: Mapping[str, ca.SX], *outputs: ca.SX, dense: bool 
         What the tape is called in messages.
     inputs : mapping of str to SX
         The input groups in order; the last is the parameters.
-    *outputs : SX
-        Expressions whose values follow one another, column by column.
+    *outputs : SX or Part
+        What follows one another on the tape; of a matrix its elements, column by column.
     dense : bool, default True
-        Whether structural zeros of the outputs are values too.
+        Whether structural zeros of matrices are values too.
 
     Returns
     -------
@@ -42,47 +71,109 @@ def record(name: str, inputs: Mapping[str, ca.SX], *outputs: ca.SX, dense: bool 
         An expression has an operation that is not on the tape, a symbol that is not an input, or
         the constant NaN.
     """
-    columns = [ca.vec(ca.densify(x)) if dense else ca.vec(x.nz[:]) for x in outputs]
-    column = ca.cse(ca.vertcat(*columns))
+    parts = [x if isinstance(x, Part) else Part.of(x, dense) for x in outputs]
+    column = ca.cse(ca.vertcat(ca.SX(0, 1), *(part.values for part in parts)))
+    function = _function(name, inputs, column)
+    lines, values = _program(function)
+    lines[:, 0] = _codes(name, function, lines[:, 0])
+    starts = np.cumsum([0, *(part.size for part in parts)])
+    places = np.concatenate(
+        [
+            np.empty(0, dtype=np.int64),
+            *(x.places + at for x, at in zip(parts, starts, strict=False)),
+        ]
+    )
+    is_output = lines[:, 0] == _OUTPUT
+    lines[is_output, 2] = places[lines[is_output, 2]]
+    zeros = np.ones(starts[-1], dtype=bool)
+    zeros[places] = False
+    lines, values = _with_zeros(lines, values, np.flatnonzero(zeros))
+    return Tape([x.numel() for x in inputs.values()], int(starts[-1]), lines, values)
+
+
+def check(name: str, inputs: Mapping[str, ca.SX], expression: ca.SX) -> None:
+    """Refuse an expression that :func:`record` would refuse."""
+    function = _function(name, inputs, ca.vec(expression.nz[:]))
+    _codes(name, function, _instructions(function))
+
+
+def _function(name: str, inputs: Mapping[str, ca.SX], column: ca.SX) -> ca.Function:
     function = ca.Function("tape", list(inputs.values()), [column], {"allow_free": True})
     if function.has_free():
         free = ", ".join(sorted(str(x) for x in function.free_sx()))
         raise ValueError(f"{name} depends on symbols that are not its arguments: {free}")
-    lines, values = _program(name, function)
-    if np.isnan(values).any():
-        raise ValueError(
-            hinted(
-                f"{name} contains the constant nan",
-                "on symbols use casadi's functions (ca.sin); math.sin makes them nan",
-            )
-        )
-    return Tape([x.numel() for x in inputs.values()], column.numel(), lines, values)
+    return function
 
 
-def _program(name: str, function: ca.Function) -> tuple[np.ndarray, np.ndarray]:
-    """Flatten a function into the core's lines (code, slot, a, b) and their values."""
+def _instructions(function: ca.Function) -> np.ndarray:
+    """Return CasADi's code of each instruction."""
     count = function.n_instructions()
-    lines = np.zeros((count, 4), dtype=np.int64)
-    values = np.zeros(count)
-    for k in range(count):
-        code = function.instruction_id(k)
-        if code == ca.OP_INPUT:
-            lines[k] = (_INPUT, *function.instruction_output(k), *function.instruction_input(k))
-        elif code == ca.OP_CONST:
-            lines[k, :2] = (_CONSTANT, *function.instruction_output(k))
-            values[k] = function.instruction_constant(k)
-        elif code == ca.OP_OUTPUT:
-            (slot,), (_, element) = function.instruction_input(k), function.instruction_output(k)
-            lines[k, :3] = (_OUTPUT, slot, element)
+    return np.fromiter(map(function.instruction_id, range(count)), np.int64, count)
+
+
+def _distinct(codes: np.ndarray) -> list[int]:
+    return np.flatnonzero(np.bincount(codes)).tolist()
+
+
+def _program(function: ca.Function) -> tuple[np.ndarray, np.ndarray]:
+    """Flatten a function into the core's lines (code, slot, a, b), codes CasADi's, and values."""
+    codes = _instructions(function)
+    lines = np.zeros((codes.size, 4), dtype=np.int64)
+    lines[:, 0] = codes
+    values = np.zeros(codes.size)
+    for code in _distinct(codes):
+        at = np.flatnonzero(codes == code)
+        inputs = [function.instruction_input(k) for k in at.tolist()]
+        outputs = [function.instruction_output(k) for k in at.tolist()]
+        if code == ca.OP_OUTPUT:
+            lines[at, 1] = np.array(inputs)[:, 0]
+            lines[at, 2] = np.array(outputs)[:, 1]
+            continue
+        lines[at, 1] = np.array(outputs)[:, 0]
+        if code == ca.OP_CONST:
+            values[at] = [function.instruction_constant(k) for k in at.tolist()]
         else:
-            operands = function.instruction_input(k)
-            (slot,) = function.instruction_output(k)
-            lines[k, : 2 + len(operands)] = (_operation(name, code), slot, *operands)
+            operands = np.array(inputs)
+            lines[at, 2 : 2 + operands.shape[1]] = operands
     return lines, values
 
 
+def _codes(name: str, function: ca.Function, codes: np.ndarray) -> np.ndarray:
+    """Return the core's codes for CasADi's, once each is seen to have a place on a tape."""
+    found = np.empty_like(codes)
+    for code in _distinct(codes):
+        at = codes == code
+        if code == ca.OP_CONST:
+            constants = np.flatnonzero(at).tolist()
+            if np.isnan([function.instruction_constant(k) for k in constants]).any():
+                raise ValueError(
+                    hinted(
+                        f"{name} contains the constant nan",
+                        "on symbols use casadi's functions (ca.sin); math.sin makes them nan",
+                    )
+                )
+        found[at] = _operation(name, code)
+    return found
+
+
 def _operation(name: str, code: int) -> int:
+    special = {ca.OP_INPUT: _INPUT, ca.OP_CONST: _CONSTANT, ca.OP_OUTPUT: _OUTPUT}
+    if code in special:
+        return special[code]
     operation = _NAMES.get(code, str(code))
     if operation not in OPERATIONS:
         raise ValueError(f"{name} uses the operation '{operation}', which has no place on a tape")
     return OPERATIONS[operation]
+
+
+def _with_zeros(
+    lines: np.ndarray, values: np.ndarray, places: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """Write zero to these outputs, from a slot of its own."""
+    if places.size == 0:
+        return lines, values
+    slot = lines[:, 1].max(initial=-1) + 1
+    more = np.zeros((1 + places.size, 4), dtype=np.int64)
+    more[0] = _CONSTANT, slot, 0, 0
+    more[1:, 0], more[1:, 1], more[1:, 2] = _OUTPUT, slot, places
+    return np.vstack([lines, more]), np.concatenate([values, np.zeros(len(more))])

@@ -3,8 +3,8 @@
 #![allow(clippy::float_cmp)] // what is compared here is exact
 
 use liouville_core::linalg::{
-    Assembly, Factor, Lu, Matrix, Pattern, PatternError, Singular, add_scaled, combine, copy,
-    dependent_rows, max_norm,
+    Assembly, Factor, Lu, Matrix, Pattern, PatternError, Singular, Sparse, add_scaled, combine,
+    copy, dependent_rows, max_norm,
 };
 use proptest::prelude::*;
 
@@ -43,6 +43,81 @@ fn residual(a: &Matrix, x: &[f64], b: &[f64]) -> f64 {
         .fold(0.0, f64::max)
 }
 
+/// A sparse saddle-point matrix [[K, -R], [G, 0]]: its pattern, and values for it from a seed.
+///
+/// K is banded, each constraint joins two coordinates with its own and shares one with the next.
+#[derive(Clone, Debug)]
+struct Kkt {
+    pattern: Pattern,
+    n: usize,
+}
+
+impl Kkt {
+    fn new(n: usize, m: usize, band: usize) -> Self {
+        let order = n + m;
+        let mut entries = Vec::new();
+        for i in 0..n {
+            entries.extend((i.saturating_sub(band)..(i + band + 1).min(n)).map(|j| (i, j)));
+        }
+        for k in 0..m {
+            for i in [k * n / m, (k * n / m + 1) % n, (k * n / m + n / 2) % n] {
+                if !entries.contains(&(n + k, i)) {
+                    entries.push((n + k, i));
+                    entries.push((i, n + k));
+                }
+            }
+        }
+        let pattern = Pattern::new(order, order, entries).expect("entries inside");
+        Self { pattern, n }
+    }
+
+    /// Values in (-1, 1), with `stiffness` on K, whose diagonal is strong.
+    fn values(&self, seed: u64, stiffness: f64) -> Vec<f64> {
+        let mut random = noise(seed);
+        let value = |&(i, j): &(usize, usize)| {
+            let strong = if i == j { 8.0 } else { 0.0 };
+            let factor = if i.max(j) < self.n { stiffness } else { 1.0 };
+            factor * (random() + strong)
+        };
+        self.pattern.entries().iter().map(value).collect()
+    }
+}
+
+/// Numbers in (-1, 1) that look random.
+fn noise(seed: u64) -> impl FnMut() -> f64 {
+    let mut state = seed.wrapping_mul(2).wrapping_add(1);
+    move || {
+        state = state
+            .wrapping_mul(6_364_136_223_846_793_005)
+            .wrapping_add(1_442_695_040_888_963_407);
+        #[allow(clippy::cast_precision_loss)]
+        let unit = (state >> 11) as f64 / (1_u64 << 53) as f64;
+        2.0 * unit - 1.0
+    }
+}
+
+/// The largest residual of a row relative to what was summed, as [`residual`], by the pattern.
+fn sparse_residual(pattern: &Pattern, values: &[f64], x: &[f64], b: &[f64]) -> f64 {
+    let mut left: Vec<f64> = b.iter().map(|b| -b).collect();
+    let mut size: Vec<f64> = b.iter().map(|b| b.abs()).collect();
+    for (&(i, j), value) in pattern.entries().iter().zip(values) {
+        left[i] += value * x[j];
+        size[i] += (value * x[j]).abs();
+    }
+    left.iter()
+        .zip(size)
+        .map(|(left, size)| left.abs() / size)
+        .fold(0.0, f64::max)
+}
+
+fn both(pattern: &Pattern) -> [Factor; 2] {
+    let order = pattern.shape().0;
+    [
+        Factor::Dense(Lu::new(order)),
+        Factor::Sparse(Box::new(Sparse::new(pattern))),
+    ]
+}
+
 fn config() -> ProptestConfig {
     ProptestConfig {
         cases: if cfg!(miri) { 8 } else { 1000 },
@@ -76,6 +151,61 @@ proptest! {
                 prop_assert!((sum - b).abs() <= 1e-12 * size);
             }
         }
+    }
+
+    #[test]
+    fn sparse_equals_dense_and_forgets_what_it_factored_before(
+        (n, m, band) in (6..40_usize).prop_flat_map(|n| (Just(n), 0..n / 2, 0..4_usize)),
+        seeds in prop::collection::vec(any::<u64>(), 3),
+    ) {
+        let kkt = Kkt::new(n, m, band);
+        let [mut dense, mut sparse] = both(&kkt.pattern);
+        for seed in seeds {
+            let values = kkt.values(seed, 1.0);
+            let factored = [&mut dense, &mut sparse].map(|factor| factor.factor(&kkt.pattern, &values));
+            prop_assert_eq!(factored[0].is_ok(), factored[1].is_ok());
+            if factored[0].is_ok() {
+                let b: Vec<f64> = std::iter::repeat_with(noise(seed)).take(n + m).collect();
+                let (mut x, mut y) = (b.clone(), b.clone());
+                dense.solve(&mut x);
+                sparse.solve(&mut y);
+                let size = max_norm(&x);
+                prop_assert!(x.iter().zip(&y).all(|(x, y)| (x - y).abs() <= 1e-9 * size));
+                prop_assert!(sparse_residual(&kkt.pattern, &values, &y, &b) < 1e-11);
+            }
+        }
+    }
+
+    #[test]
+    fn sparse_names_a_column_that_depends_on_those_before_it(
+        order in 8..40_usize,
+        picks in (any::<prop::sample::Index>(), any::<prop::sample::Index>(), any::<prop::sample::Index>()),
+        seed in any::<u64>(),
+        exactly in any::<bool>(),
+    ) {
+        // tridiagonal, but for a column that is a combination of two others
+        let mut places = [picks.0.index(order), picks.1.index(order), picks.2.index(order)];
+        places.sort_unstable();
+        let [first, second, last] = places;
+        prop_assume!(first < second && second < last);
+        let mut random = noise(seed);
+        let tridiagonal: Vec<f64> = (0..3 * order).map(|k| random() + if k % 3 == 1 { 4.0 } else { 0.0 }).collect();
+        let at = |i: usize, j: usize| if i.abs_diff(j) <= 1 { tridiagonal[3 * j + i + 1 - j] } else { 0.0 };
+        let weights = if exactly { [1.0, 0.0] } else { [0.7, -1.3] };
+        let value = |i: usize, j: usize| if j == last {
+            weights[0] * at(i, first) + weights[1] * at(i, second)
+        } else {
+            at(i, j)
+        };
+        let entries: Vec<_> = (0..order)
+            .flat_map(|i| (0..order).map(move |j| (i, j)))
+            .filter(|(i, j)| *j == last || i.abs_diff(*j) <= 1)
+            .collect();
+        let values: Vec<f64> = entries.iter().map(|(i, j)| value(*i, *j)).collect();
+        let pattern = Pattern::new(order, order, entries).expect("entries inside");
+        let [mut dense, mut sparse] = both(&pattern);
+        prop_assert_eq!(dense.factor(&pattern, &values), Err(Singular { column: last }));
+        prop_assert_eq!(sparse.factor(&pattern, &values), Err(Singular { column: last }));
     }
 
     #[test]
@@ -343,6 +473,138 @@ fn a_diagonal_pattern_is_solved_as_the_dense_matrix() {
     fast.solve(&mut a);
     dense.solve(&mut b);
     assert_eq!((a, b), ([0.5, -0.25, 0.75], [0.5, -0.25, 0.75]));
+}
+
+#[test]
+fn large_sparse_matrices_are_factored_sparse() {
+    let large = Kkt::new(40, 10, 0).pattern;
+    assert!(matches!(Factor::new(&large), Factor::Sparse(_)));
+    let small = Kkt::new(10, 5, 0).pattern;
+    assert!(matches!(Factor::new(&small), Factor::Dense(_)));
+}
+
+#[test]
+fn stiffness_and_constraints_far_apart_are_solved_as_well() {
+    let kkt = Kkt::new(200, 60, 2);
+    for stiffness in [1e-8, 1.0, 1e6, 1e11, 1e16] {
+        let values = kkt.values(7, stiffness);
+        let mut factor = Factor::new(&kkt.pattern);
+        factor.factor(&kkt.pattern, &values).expect("regular");
+        let b: Vec<f64> = std::iter::repeat_with(noise(3)).take(260).collect();
+        let mut x = b.clone();
+        factor.solve(&mut x);
+        let residual = sparse_residual(&kkt.pattern, &values, &x, &b);
+        assert!(residual < 1e-12, "{residual:e} at {stiffness:e}");
+    }
+}
+
+#[test]
+fn a_sparse_matrix_without_factors_is_refused_at_a_column() {
+    let kkt = Kkt::new(40, 12, 1);
+    let mut sparse = Sparse::new(&kkt.pattern);
+    let regular = kkt.values(1, 1.0);
+    let entries = kkt.pattern.entries();
+    let with = |change: &dyn Fn(usize, usize) -> Option<f64>| -> Vec<f64> {
+        let each = entries.iter().zip(&regular);
+        each.map(|(&(i, j), value)| change(i, j).unwrap_or(*value))
+            .collect()
+    };
+    for bad in [f64::NAN, f64::INFINITY, f64::NEG_INFINITY] {
+        let values = with(&|i, j| ((i, j) == (17, 18)).then_some(bad));
+        assert_eq!(
+            sparse.factor(&values),
+            Err(Singular { column: 18 }),
+            "{bad}"
+        );
+    }
+    let no_column = with(&|_, j| (j == 5).then_some(0.0));
+    assert_eq!(sparse.factor(&no_column), Err(Singular { column: 5 }));
+    let no_row = with(&|i, _| (i == 5).then_some(0.0));
+    assert!(sparse.factor(&no_row).is_err());
+    assert_eq!(
+        sparse.factor(&vec![0.0; regular.len()]),
+        Err(Singular { column: 0 })
+    );
+    assert_eq!(sparse.factor(&regular), Ok(()));
+    let b = vec![1.0; 52];
+    let mut x = b.clone();
+    sparse.solve(&mut x);
+    assert!(sparse_residual(&kkt.pattern, &regular, &x, &b) < 1e-13);
+}
+
+#[test]
+fn a_constraint_given_twice_makes_a_sparse_matrix_singular() {
+    for (n, exactly) in [(60, true), (60, false), (4000, true), (4000, false)] {
+        // each constraint holds the distance of neighbours; the last is the first again, or twice it and noise
+        let mut entries: Vec<_> = (0..n).map(|i| (i, i)).collect();
+        let mut values = vec![1.5; n];
+        for k in 0..n / 2 {
+            let (at, factor) = if k + 1 == n / 2 {
+                (0, 2.0)
+            } else {
+                (2 * k, 1.0)
+            };
+            for (place, value) in [(at, 0.3), (at + 1, 0.7)] {
+                let rounded = if exactly {
+                    value
+                } else {
+                    value * (1.0 + 1e-15)
+                };
+                let value = factor * if factor == 1.0 { value } else { rounded };
+                entries.extend([(n + k, place), (place, n + k)]);
+                values.extend([value, -value]);
+            }
+        }
+        let pattern = Pattern::new(n + n / 2, n + n / 2, entries).expect("entries inside");
+        let singular = Sparse::new(&pattern).factor(&values);
+        assert_eq!(
+            singular,
+            Err(Singular {
+                column: n + n / 2 - 1
+            })
+        );
+    }
+}
+
+#[test]
+fn panels_factor_as_single_entries_do() {
+    // five-point stencils: dense panels pay from some size on
+    for side in [4, 12, 40] {
+        let order = side * side;
+        let near = |k: usize| {
+            [Some(k), k.checked_sub(side), Some(k + side)]
+                .into_iter()
+                .flatten()
+                .chain((k % side > 0).then(|| k - 1))
+                .chain((k % side + 1 < side).then_some(k + 1))
+        };
+        let entries: Vec<_> = (0..order)
+            .flat_map(|i| near(i).map(move |j| (i, j)))
+            .filter(|(_, j)| *j < order)
+            .collect();
+        let mut random = noise(5);
+        let values: Vec<f64> = entries
+            .iter()
+            .map(|(i, j)| if i == j { 5.0 } else { random() })
+            .collect();
+        let pattern = Pattern::new(order, order, entries).expect("entries inside");
+        let mut sparse = Sparse::new(&pattern);
+        for _ in 0..2 {
+            sparse.factor(&values).expect("diagonally dominant");
+            let b = vec![1.0; order];
+            let mut x = b.clone();
+            sparse.solve(&mut x);
+            assert!(sparse_residual(&pattern, &values, &x, &b) < 1e-13);
+        }
+        let zero: Vec<f64> = pattern
+            .entries()
+            .iter()
+            .zip(&values)
+            .map(|((_, j), value)| if j % side == 2 { 0.0 } else { *value })
+            .collect();
+        assert_eq!(sparse.factor(&zero), Err(Singular { column: 2 }));
+        assert!(sparse.factor(&values).is_ok());
+    }
 }
 
 #[test]

@@ -1,4 +1,4 @@
-r"""The :math:`\alpha` family: methods of second order that damp fast oscillations."""
+"""The alpha family: methods of second order that damp fast oscillations."""
 
 from __future__ import annotations
 
@@ -10,17 +10,17 @@ from liouville._arguments import number
 
 Coefficients = tuple[float, float, float, float]
 
-#: The two reactions of a step are told apart by 1 - 2b: roundoff grows as its inverse.
+#: The reactions of a step are told apart by 1 - 2b: at a tenth of this, real mechanisms fail.
 LEAST_GAP = 0.01
 
-_B = "where the reaction of the step's end stands in the positions, not 1/2"
+_B = "weight of the last reaction of a step in the positions, not 1/2"
 _RHO = "spectral radius at infinity, from 0 (damps most) to 1 (not at all)"
 _LESS_IMPLICIT = "take the reaction at a predicted position"
 
 
 @dataclass(frozen=True)
 class HHT:
-    r"""Extended HHT-:math:`\alpha` method for constrained mechanics, order 2.
+    r"""Extended HHT-alpha method for constrained mechanics, order 2.
 
     A step of size h from :math:`(y_0, z_0, a_0)`, with
     :math:`\varphi := M^{-1} (f - p_t - p_y z)` and :math:`M := p_z`:
@@ -98,7 +98,7 @@ class HHT:
 
 @dataclass(frozen=True)
 class GeneralizedAlpha:
-    r"""Extended generalised-:math:`\alpha` method for constrained mechanics, order 2.
+    r"""Extended generalised-alpha method for constrained mechanics, order 2.
 
     As :class:`HHT`, but for
 
@@ -160,7 +160,7 @@ class GeneralizedAlpha:
 
 @dataclass(frozen=True)
 class ArnoldBruls:
-    r"""Generalised-:math:`\alpha` method with the position constraint alone, order 2.
+    r"""Generalised-alpha method with the position constraint alone, order 2.
 
     With the coefficients of :class:`GeneralizedAlpha`, but with the reaction as a part of the
     accelerations, :math:`M \varphi_1 = f - p_t - p_y z + r(t_1, y_1, \lambda_1)`:
@@ -179,7 +179,7 @@ class ArnoldBruls:
     Parameters
     ----------
     rho : float, default 0.8
-        Spectral radius at infinity, from 0 to 1; with constraints it must be below 1.
+        Spectral radius at infinity, from 0 to 1. With constraints, 1 is weakly unstable.
 
     Raises
     ------
@@ -232,7 +232,6 @@ def _check_reactions(b: Any, less_implicit: Any) -> None:
         raise ValueError(f"b is finite, not {b:g}")
     if gap < LEAST_GAP:
         raise ValueError(
-            f"b is not near 1/2, as {b:g} is: the two constraints of a step become dependent, "
-            "and roundoff grows as 1/|1 - 2b|"
+            f"b is at least {LEAST_GAP / 2:g} away from 1/2, not {b:g}: the two constraints of a "
+            "step become dependent there, and errors grow as 1/|1 - 2b|"
         )
-

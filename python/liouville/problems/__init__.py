@@ -5,7 +5,8 @@ Every module has
 ``system``
     the system, see :mod:`liouville.systems`;
 ``start``, ``interval``, ``h``
-    start values by name, the times to begin and end at, a sensible step for ``Spark(stages=3)``;
+    start values by name, the times to begin and end at, a sensible step for ``Spark(stages=3)``,
+    which a method of order 2 takes eighths of;
 ``conserved``
     names of the invariants that are constant along the motion;
 ``reference``

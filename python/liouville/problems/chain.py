@@ -48,11 +48,9 @@ def build(links: int) -> Lagrangian:
     def constraint(t: ca.SX, q: ca.SX, params: Parameters) -> dict[str, ca.SX]:
         length = params.l / links
         ends = ca.horzcat(ca.SX(2, 1), ca.reshape(q, 2, links))  # column i is r_i, i = 0..N
-        arms = [ends[:, i + 1] - ends[:, i] for i in range(links)]
-        return {
-            f"link{i}": (ca.dot(arm, arm) - length**2) / (2 * length)
-            for i, arm in enumerate(arms, start=1)
-        }
+        arms = ends[:, 1:] - ends[:, :-1]
+        excess = (ca.sum1(arms**2) - length**2) / (2 * length)
+        return {f"link{i}": x for i, x in enumerate(ca.horzsplit(excess), start=1)}
 
     names = tuple(f"{axis}{i}" for i in range(1, links + 1) for axis in "xy")
     return Lagrangian(lagrangian, constraint, q=names, params={"m": 1.0, "l": 1.0, "g": 1.0})

@@ -4,3 +4,4 @@ from liouville.systems.mechanical import Hamiltonian as Hamiltonian
 from liouville.systems.mechanical import Lagrangian as Lagrangian
 from liouville.systems.mechanical import Mechanical as Mechanical
 from liouville.systems.mechanics import Mechanics as Mechanics
+from liouville.systems.structure import Structure as Structure

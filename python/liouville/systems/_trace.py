@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import keyword
+from collections import Counter
 from collections.abc import Callable, Iterable, Mapping, Sequence, Set
 from typing import Any
 
@@ -10,7 +11,7 @@ import casadi as ca
 import numpy as np
 from numpy.typing import ArrayLike
 
-from liouville.tape import record
+from liouville.tape import check
 
 
 class Parameters:
@@ -99,9 +100,9 @@ def names(value: Sequence[str] | int, prefix: str) -> tuple[str, ...]:
     found = tuple(value)
     if not found or not all(isinstance(name, str) and name for name in found):
         raise ValueError(f"{prefix} needs at least one name, and each a string: {value!r}")
-    twice = sorted({name for name in found if found.count(name) > 1})
+    twice = [name for name, count in Counter(found).items() if count > 1]
     if twice:
-        raise ValueError(f"{prefix} names {twice[0]!r} twice")
+        raise ValueError(f"{prefix} names {min(twice)!r} twice")
     return found
 
 
@@ -117,10 +118,29 @@ def column(
     what: str, function: Callable[..., Any], args: tuple[Any, ...], size: int | None = None
 ) -> ca.SX:
     """Call a function and return its expressions as a column, of the wanted size if any."""
-    expression = _column(what, _call(what, function, args))
+    return _sized(what, _column(what, _call(what, function, args)), args, size)
+
+
+def _sized(what: str, expression: ca.SX, args: tuple[Any, ...], size: int | None) -> ca.SX:
     count = expression.numel()
     if count == 0 or (size is not None and count != size):
         raise ValueError(f"{what} returns {count} values, wanted {size or 'at least one'}")
+    return _checked(what, expression, args)
+
+
+def placed(
+    what: str, function: Callable[..., Any], args: tuple[Any, ...], places: tuple[str, ...]
+) -> ca.SX:
+    """Call a function and return one expression a place: of a column, or a mapping of some."""
+    value = _call(what, function, args)
+    if not isinstance(value, Mapping):
+        return _sized(what, _column(what, value), args, len(places))
+    expression = ca.SX(len(places), 1)
+    index = {name: k for k, name in enumerate(places)}
+    for name, part in mapping(what, value).items():
+        if name not in index:
+            raise ValueError(f"{what} has a value for '{name}', which is no coordinate")
+        expression[index[name]] = _scalar(f"{what} '{name}'", part)
     return _checked(what, expression, args)
 
 
@@ -162,7 +182,7 @@ def _scalar(what: str, value: Any) -> ca.SX:
 def _checked(what: str, expression: ca.SX, args: tuple[Any, ...]) -> ca.SX:
     """Return an expression once it is seen to fit on a tape: the user's name is still known."""
     *symbols, params = args
-    record(what, {str(k): x for k, x in enumerate([*symbols, params.vector])}, expression)
+    check(what, {str(k): x for k, x in enumerate([*symbols, params.vector])}, expression)
     return expression
 
 
@@ -181,4 +201,4 @@ def _column(what: str, value: Any) -> ca.SX:
     except (NotImplementedError, TypeError):
         kind = type(value).__name__
         raise TypeError(f"{what} returns a {kind}, wanted CasADi's SX or numbers") from None
-    return ca.vec(ca.densify(expression))
+    return ca.vec(expression)

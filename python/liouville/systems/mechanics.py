@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
 
@@ -14,42 +13,23 @@ from numpy.typing import ArrayLike
 from liouville import _core
 from liouville.errors import describe, hinted
 from liouville.systems import _trace
+from liouville.systems._form import (
+    Model,
+    Symbols,
+    compiled,
+    differ,
+    observing,
+    pattern_of,
+    second_order,
+    total_derivative,
+)
 from liouville.tape import record
-
-#: Rows, columns, and the row and column of each entry.
-Pattern = tuple[int, int, list[int], list[int]]
 
 #: A start may miss its constraints by this much of the size of what they are made of.
 TOLERANCE = 1e-10
 
 #: What roundoff may leave of coordinates that start at zero, in their own unit.
 FLOOR = 1e-14
-
-
-@dataclass(frozen=True)
-class Symbols:
-    """The symbols of a system: time, coordinates, their partner, multipliers and parameters."""
-
-    t: ca.SX
-    y: ca.SX
-    z: ca.SX
-    params: _trace.Parameters
-
-    def inputs(self, **more: ca.SX) -> dict[str, ca.SX]:
-        """Return the inputs of a tape, the parameters last."""
-        return {"t": self.t, "y": self.y, **more, "params": self.params.vector}
-
-
-@dataclass(frozen=True)
-class Model:
-    """The expressions v, p, f, r and g of the general form; r depends on `lam`."""
-
-    v: ca.SX
-    p: ca.SX
-    f: ca.SX
-    r: ca.SX
-    g: ca.SX
-    lam: ca.SX
 
 
 class Mechanics:
@@ -93,12 +73,14 @@ class Mechanics:
         self._model = model
         self._invariants = dict(invariants)
         self._power = power
-        self._tapes, self._patterns, self.problem = _compile(symbols, model)
+        self._tapes, self._patterns, self.problem = compiled(symbols, model)
 
     def __repr__(self) -> str:
         """Name the kind of system and its coordinates."""
-        kind = type(self).__name__
-        return f"{kind}({', '.join(self.coordinates)}; {len(self.constraints)} constraints)"
+        kind, names = type(self).__name__, self.coordinates
+        if len(names) > 20:
+            names = (*names[:3], "...", names[-1])
+        return f"{kind}({', '.join(names)}; {len(self.constraints)} constraints)"
 
     @property
     def params(self) -> dict[str, float | np.ndarray]:
@@ -278,7 +260,7 @@ class Mechanics:
             The velocity is not z, or the momentum is not linear in it.
         """
         return _core.SecondOrder(
-            self.problem, *_second_order(self._symbols, self._model, self._power)
+            self.problem, *second_order(self._symbols, self._model, self._power)
         )
 
     @cached_property
@@ -288,9 +270,9 @@ class Mechanics:
         With them come the pattern of c_x and the names of the rows of c.
         """
         s, model = self._symbols, self._model
-        w = _total_derivative(model.g, s, model.v)
+        w = total_derivative(model.g, s, model.v)
         p_z, v_z = ca.jacobian(model.p, s.z), ca.jacobian(model.v, s.z)
-        compliance = ca.solve(v_z.T, p_z.T).T if _differ(model.v, s.z) else p_z
+        compliance = ca.solve(v_z.T, p_z.T).T if differ(model.v, s.z) else p_z
         hidden = tuple(f"hidden {name}" for name in self.constraints)
         w_y = ca.jacobian(w, s.y)
         moved = [k for k in range(w.numel()) if not w_y[k, :].is_zero()]
@@ -310,7 +292,7 @@ class Mechanics:
                 record(what, inputs, c_x, dense=False),
                 record(what, inputs, metric.T),
             )
-            projections[what] = (tapes, _pattern(c_x), names)
+            projections[what] = (tapes, pattern_of(c_x), names)
         return projections
 
     def reaction(
@@ -342,128 +324,11 @@ class Mechanics:
         if states:
             parts |= {"p": model.p} if self.states[1] != "p" else {}
             parts |= {"v": model.v} if self.states[1] != "v" else {}
-        parts |= {"constraint": model.g, "hidden": _total_derivative(model.g, s, model.v)}
+        parts |= {"constraint": model.g, "hidden": total_derivative(model.g, s, model.v)}
         parts |= {f"invariant {name}": x for name, x in self._invariants.items()}
         for name, function in _trace.mapping("observe", observe).items():
             args = (s.t, s.y, s.z, s.params)
             parts[f"observed {name}"] = _trace.column(f"observed '{name}'", function, args)
         tape = record("observer", s.inputs(z=s.z), *parts.values())
-        return tape, {name: x.numel() for name, x in parts.items()}
-
-
-def _differ(a: ca.SX, b: ca.SX) -> bool:
-    return not ca.is_equal(a, b, 1)
-
-
-def _total_derivative(x: ca.SX, s: Symbols, v: ca.SX) -> ca.SX:
-    """x_t + x_y v."""
-    return ca.jtimes(x, ca.vertcat(s.t, s.y), ca.vertcat(1, v))
-
-
-def _pattern(matrix: ca.SX) -> Pattern:
-    rows, cols = matrix.sparsity().get_triplet()
-    return matrix.shape[0], matrix.shape[1], rows, cols
-
-
-def _compile(
-    s: Symbols, model: Model
-) -> tuple[dict[str, _core.Tape], dict[str, Pattern], _core.Mechanical]:
-    """Differentiate and record: the tapes and patterns of `problem::mechanical` in the core."""
-    v, p, f, r, g, lam = model.v, model.p, model.f, model.r, model.g, model.lam
-    own_velocity = _differ(v, s.z)
-    w = _total_derivative(g, s, v)
-    jac = {
-        "p_z": ca.jacobian(p, s.z),
-        "v_z": ca.jacobian(v, s.z),
-        "p_y": ca.jacobian(p, s.y),
-        "f_y": ca.jacobian(f, s.y),
-        "f_z": ca.jacobian(f, s.z),
-        "v_y": ca.jacobian(v, s.y),
-        "g_y": ca.jacobian(g, s.y),
-        "r_lam": ca.jacobian(r, lam),
-        "r_y": ca.jacobian(r, s.y),
-    }
-    is_linear = not (
-        ca.depends_on(ca.veccat(jac["p_z"], jac["v_z"]), s.z)
-        or ca.depends_on(ca.vec(jac["r_lam"]), lam)
-    )
-    if not own_velocity:
-        del jac["v_z"]
-    velocity = [v] if own_velocity else []
-    at_stage, at_node = s.inputs(z=s.z), s.inputs(lam=lam)
-
-    def blocks(name: str, inputs: dict[str, ca.SX], *wanted: str) -> _core.Tape:
-        return record(name, inputs, *(jac[key] for key in wanted if key in jac), dense=False)
-
-    tapes = {
-        "stage": record("stage", at_stage, p, f, *velocity),
-        "stage_blocks": blocks("stage_blocks", at_stage, "p_z", "v_z"),
-        "stage_jacobian": blocks("stage_jacobian", at_stage, "p_y", "f_y", "f_z", "v_y"),
-        "node": record("node", at_node, g, r),
-        "node_blocks": blocks("node_blocks", at_node, "g_y", "r_lam"),
-        "node_jacobian": blocks("node_jacobian", at_node, "r_y"),
-        "end": record("end", at_stage, p, w, *velocity),
-        "acceleration": record(
-            "acceleration", at_stage, f - _total_derivative(p, s, v), _total_derivative(w, s, v)
-        ),
-    }
-    patterns = {name: _pattern(matrix) for name, matrix in jac.items()}
-    problem = _core.Mechanical(s.y.numel(), g.numel(), is_linear, tapes, patterns)
-    return tapes, patterns, problem
-
-
-def _second_order(
-    s: Symbols, model: Model, power: ca.SX | None
-) -> tuple[dict[str, _core.Tape], dict[str, Pattern], bool]:
-    """Record M(t, y) z' = F(t, y, z) + r and 0 = g, 0 = w, with u and a in the place of z'.
-
-    Returns the tapes and patterns of `problem::second_order` in the core, and whether the power of
-    forces without potential depends on the multipliers.
-    """
-    _check_second_order(s, model)
-    n = s.y.numel()
-    u, a = ca.SX.sym("u", n), ca.SX.sym("a", n)
-    mass = ca.jacobian(model.p, s.z)
-    residual = model.f - _total_derivative(model.p, s, s.z) - ca.mtimes(mass, u)
-    reaction = ca.mtimes(mass, a) - model.r
-    jac = {
-        "mass": mass,
-        "j_y": ca.jacobian(residual, s.y),
-        "j_z": ca.jacobian(residual, s.z),
-        "n_y": ca.jacobian(reaction, s.y),
-    }
-    w = _total_derivative(model.g, s, s.z)
-    at_end, at_node = s.inputs(z=s.z, u=u), s.inputs(a=a, lam=model.lam)
-    tapes = {
-        "residual": record("residual", at_end, residual, model.g, w),
-        "reaction": record("reaction", at_node, reaction),
-        "jacobian": record(
-            "jacobian", at_end, *(jac[name] for name in ("mass", "j_y", "j_z")), dense=False
-        ),
-        "reaction_jacobian": record("reaction_jacobian", at_node, jac["n_y"], dense=False),
-    }
-    if power is None or power.is_zero():
-        power = ca.SX(0)
-    else:
-        tapes["power"] = record("power", s.inputs(z=s.z, lam=model.lam), power)
-    patterns = {name: _pattern(matrix) for name, matrix in jac.items()}
-    return tapes, patterns, ca.depends_on(power, model.lam)
-
-
-def _check_second_order(s: Symbols, model: Model) -> None:
-    """Refuse what is no second order equation for y with a mass M(t, y)."""
-    if _differ(model.v, s.z):
-        raise TypeError(
-            hinted(
-                "the velocity of this system is not its z itself, and the method steps velocities",
-                "write the system as a Lagrangian, or take Spark",
-            )
-        )
-    if ca.depends_on(ca.jacobian(model.p, s.z), s.z):
-        raise TypeError(
-            hinted(
-                "the momentum of this system is not linear in its velocity, and the method wants "
-                "a mass matrix M(t, q)",
-                "take Spark",
-            )
-        )
+        widths = {name: x.numel() for name, x in parts.items()}
+        return observing(tape, widths, model.linear), widths

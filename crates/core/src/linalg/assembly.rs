@@ -76,4 +76,9 @@ impl Assembly {
     pub fn values(&self) -> &[f64] {
         &self.values
     }
+
+    /// The pattern, and where the entries of the first block are in it.
+    pub(super) fn into_slots(mut self) -> (Pattern, Vec<usize>) {
+        (self.pattern, self.slots.swap_remove(0))
+    }
 }

@@ -1,6 +1,6 @@
 //! Factorisations, and what to say of a matrix that has none.
 
-use super::{Matrix, Pattern, add_scaled, dot, max_norm};
+use super::{Matrix, Pattern, Sparse, add_scaled, dot, max_norm};
 
 /// No pivot in this column: it depends on the columns before it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -121,6 +121,15 @@ pub enum Factor {
     Diagonal(Vec<f64>),
     /// Dense LU.
     Dense(Lu),
+    /// Sparse LU.
+    Sparse(Box<Sparse>),
+}
+
+/// Whether the sparse LU is the faster one. Measured, dense over sparse: chains (three entries a row)
+/// 0.95 at order 30, 1.1 at 36, 6.5 at 201; seven a row 0.5 at 24, 1.9 at 100; full 0.6 at 128, 1.4 at 200.
+fn prefers_sparse(pattern: &Pattern) -> bool {
+    let (n, _) = pattern.shape();
+    n >= 32 && (10 * pattern.len() <= n * n || n >= 160)
 }
 
 impl Factor {
@@ -129,6 +138,8 @@ impl Factor {
         let (n, _) = pattern.shape();
         if pattern.is_diagonal() {
             Self::Diagonal(vec![0.0; n])
+        } else if prefers_sparse(pattern) {
+            Self::Sparse(Box::new(Sparse::new(pattern)))
         } else {
             Self::Dense(Lu::new(n))
         }
@@ -155,6 +166,7 @@ impl Factor {
                 pattern.add_to(values, 1.0, lu.matrix_mut(), 0, 0);
                 lu.factor()
             }
+            Self::Sparse(lu) => lu.factor(values),
         }
     }
 
@@ -167,6 +179,7 @@ impl Factor {
                 .zip(inverse.iter())
                 .for_each(|(b, inverse)| *b *= inverse),
             Self::Dense(lu) => lu.solve(b),
+            Self::Sparse(lu) => lu.solve(b),
         }
     }
 }

@@ -1,4 +1,4 @@
-//! Matrices as the steppers need them: small and dense, a sparsity pattern, and two factorisations.
+//! Matrices as the steppers need them: small and dense, sparsity patterns, and their factorisations.
 //!
 //! Everything is sized once and then overwritten; nothing a step calls allocates.
 
@@ -8,6 +8,7 @@ mod kernels;
 mod matrix;
 mod pattern;
 mod rows;
+mod sparse;
 
 pub use assembly::Assembly;
 pub use factor::{Factor, Lu, Singular, dependent_rows};
@@ -15,3 +16,4 @@ pub use kernels::{add_scaled, combine, copy, copy_scaled, dot, max_norm};
 pub use matrix::Matrix;
 pub use pattern::{Pattern, PatternError};
 pub use rows::Rows;
+pub use sparse::Sparse;

@@ -1,0 +1,204 @@
+"""The general form of mechanical systems: its expressions, and their tapes for the core.
+
+Where a model has constant matrices beside its expressions, they are terms of the tapes and constant
+entries of the derivatives.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+import casadi as ca
+import numpy as np
+
+from liouville import _core
+from liouville.errors import hinted
+from liouville.systems import _trace
+from liouville.systems._linear import Block, Linear, Pattern, Term
+from liouville.tape import record
+
+
+@dataclass(frozen=True)
+class Symbols:
+    """The symbols of a system: time, coordinates, their partner, multipliers and parameters."""
+
+    t: ca.SX
+    y: ca.SX
+    z: ca.SX
+    params: _trace.Parameters
+
+    def inputs(self, **more: ca.SX) -> dict[str, ca.SX]:
+        """Return the inputs of a tape, the parameters last."""
+        return {"t": self.t, "y": self.y, **more, "params": self.params.vector}
+
+
+@dataclass(frozen=True)
+class Model:
+    """The expressions v, p, f, r and g of the general form; r depends on `lam`.
+
+    A linear part, which wants v = z, adds to p and f.
+    """
+
+    v: ca.SX
+    p: ca.SX
+    f: ca.SX
+    r: ca.SX
+    g: ca.SX
+    lam: ca.SX
+    linear: Linear = field(default_factory=Linear)
+
+
+def compiled(
+    s: Symbols, model: Model
+) -> tuple[dict[str, _core.Tape], dict[str, Pattern], _core.Mechanical]:
+    """Differentiate and record: the tapes and patterns of `problem::mechanical` in the core."""
+    v, p, f, r, g, lam = model.v, model.p, model.f, model.r, model.g, model.lam
+    n, linear, own_velocity = s.y.numel(), model.linear, differ(v, s.z)
+    w = total_derivative(g, s, v)
+    p_z, v_z, r_lam = ca.jacobian(p, s.z), ca.jacobian(v, s.z), ca.jacobian(r, lam)
+    is_linear = not (
+        any(ca.depends_on(entries(x), s.z) for x in (p_z, v_z))
+        or ca.depends_on(entries(r_lam), lam)
+    )
+    jac = {
+        "p_z": Block(p_z, linear.mass),
+        **({"v_z": Block(v_z)} if own_velocity else {}),
+        "p_y": Block(ca.jacobian(p, s.y)),
+        "f_y": Block(ca.jacobian(f, s.y), linear.stiffness, -1.0),
+        "f_z": Block(ca.jacobian(f, s.z), linear.damping, -1.0),
+        "v_y": Block(ca.jacobian(v, s.y)),
+        "g_y": Block(ca.jacobian(g, s.y)),
+        "r_lam": Block(r_lam),
+        "r_y": Block(ca.jacobian(r, s.y)),
+    }
+    velocity = [v] if own_velocity else []
+    at_stage, at_node = s.inputs(z=s.z), s.inputs(lam=lam)
+    momentum = linear.terms(0, mass=(2, 1.0))
+
+    def force(first: int) -> list[Term]:
+        return linear.terms(first, damping=(2, -1.0), stiffness=(1, -1.0))
+
+    def blocks(name: str, inputs: dict[str, ca.SX], *wanted: str) -> _core.Tape:
+        return record_blocks(name, inputs, [jac[key] for key in wanted if key in jac])
+
+    tapes = {
+        "stage": _add(record("stage", at_stage, p, f, *velocity), [*momentum, *force(n)]),
+        "stage_blocks": blocks("stage_blocks", at_stage, "p_z", "v_z"),
+        "stage_jacobian": blocks("stage_jacobian", at_stage, "p_y", "f_y", "f_z", "v_y"),
+        "node": record("node", at_node, g, r),
+        "node_blocks": blocks("node_blocks", at_node, "g_y", "r_lam"),
+        "node_jacobian": blocks("node_jacobian", at_node, "r_y"),
+        "end": _add(record("end", at_stage, p, w, *velocity), momentum),
+        "acceleration": _add(
+            record(
+                "acceleration", at_stage, f - total_derivative(p, s, v), total_derivative(w, s, v)
+            ),
+            force(0),
+        ),
+    }
+    patterns = {name: block.pattern for name, block in jac.items()}
+    problem = _core.Mechanical(n, g.numel(), is_linear, tapes, patterns)
+    return tapes, patterns, problem
+
+
+def second_order(
+    s: Symbols, model: Model, power: ca.SX | None
+) -> tuple[dict[str, _core.Tape], dict[str, Pattern], bool]:
+    """Record M(t, y) z' = F(t, y, z) + r and 0 = g, 0 = w, with u and a in the place of z'.
+
+    Returns the tapes and patterns of `problem::second_order` in the core, and whether the power of
+    forces without potential depends on the multipliers.
+    """
+    mass = ca.jacobian(model.p, s.z)
+    _check_second_order(s, model, mass)
+    n, linear = s.y.numel(), model.linear
+    u, a = ca.SX.sym("u", n), ca.SX.sym("a", n)
+    residual = model.f - total_derivative(model.p, s, s.z) - ca.mtimes(mass, u)
+    reaction = ca.mtimes(mass, a) - model.r
+    jac = {
+        "mass": Block(mass, linear.mass),
+        "j_y": Block(ca.jacobian(residual, s.y), linear.stiffness, -1.0),
+        "j_z": Block(ca.jacobian(residual, s.z), linear.damping, -1.0),
+        "n_y": Block(ca.jacobian(reaction, s.y)),
+    }
+    w = total_derivative(model.g, s, s.z)
+    at_end, at_node = s.inputs(z=s.z, u=u), s.inputs(a=a, lam=model.lam)
+    tapes = {
+        "residual": _add(
+            record("residual", at_end, residual, model.g, w),
+            linear.terms(0, mass=(3, -1.0), damping=(2, -1.0), stiffness=(1, -1.0)),
+        ),
+        "reaction": _add(record("reaction", at_node, reaction), linear.terms(0, mass=(2, 1.0))),
+        "jacobian": record_blocks("jacobian", at_end, [jac[k] for k in ("mass", "j_y", "j_z")]),
+        "reaction_jacobian": record_blocks("reaction_jacobian", at_node, [jac["n_y"]]),
+    }
+    if power is None or power.is_zero():
+        power = ca.SX(0)
+    else:
+        tapes["power"] = record("power", s.inputs(z=s.z, lam=model.lam), power)
+    patterns = {name: block.pattern for name, block in jac.items()}
+    return tapes, patterns, ca.depends_on(power, model.lam)
+
+
+def _check_second_order(s: Symbols, model: Model, mass: ca.SX) -> None:
+    """Refuse what is no second order equation for y with a mass M(t, y)."""
+    if differ(model.v, s.z):
+        raise TypeError(
+            hinted(
+                "the velocity of this system is not its z itself, and the method steps velocities",
+                "write the system as a Lagrangian, or take Spark",
+            )
+        )
+    if ca.depends_on(entries(mass), s.z):
+        raise TypeError(
+            hinted(
+                "the momentum of this system is not linear in its velocity, and the method wants "
+                "a mass matrix M(t, q)",
+                "take Spark",
+            )
+        )
+
+
+def observing(tape: _core.Tape, widths: Mapping[str, int], linear: Linear) -> _core.Tape:
+    """Add the linear part to an observer's momentum and energy."""
+    starts = dict(zip(widths, np.cumsum([0, *widths.values()]).tolist(), strict=False))
+    momentum, energy = starts.get("p"), starts.get("invariant energy")
+    return _add(
+        tape,
+        [] if momentum is None else linear.terms(momentum, mass=(2, 1.0)),
+        [] if energy is None else linear.terms(energy, mass=(2, 0.5), stiffness=(1, 0.5)),
+    )
+
+
+def _add(tape: _core.Tape, products: list[Term], forms: list[Term] | None = None) -> _core.Tape:
+    if not (products or forms):
+        return tape
+    return tape.with_terms(np.empty(0), products, forms or [])
+
+
+def record_blocks(name: str, inputs: dict[str, ca.SX], blocks: list[Block]) -> _core.Tape:
+    """Record the entries of derivatives, one after another."""
+    tape = record(name, inputs, *(block.part for block in blocks))
+    constant = np.concatenate([np.empty(0), *(block.constant for block in blocks)])
+    return tape.with_terms(constant, [], []) if constant.any() else tape
+
+
+def differ(a: ca.SX, b: ca.SX) -> bool:
+    """Say whether two expressions are written differently."""
+    return not ca.is_equal(a, b, 1)
+
+
+def entries(matrix: ca.SX) -> ca.SX:
+    """Return the entries of a sparse matrix as a dense column."""
+    return ca.vec(ca.SX(matrix.nz[:]))
+
+
+def total_derivative(x: ca.SX, s: Symbols, v: ca.SX) -> ca.SX:
+    """x_t + x_y v."""
+    return ca.jtimes(x, ca.vertcat(s.t, s.y), ca.vertcat(1, v))
+
+
+def pattern_of(matrix: ca.SX) -> Pattern:
+    """Return where the entries of a matrix are."""
+    return Block(matrix).pattern

@@ -1,0 +1,132 @@
+"""Constant matrices of a model: they go to the core as they are, and never through CasADi."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import casadi as ca
+import numpy as np
+
+from liouville import _core
+from liouville.tape import Part
+
+#: Rows, columns, and the row and column of each entry.
+Pattern = tuple[int, int, np.ndarray, np.ndarray]
+
+#: A term of a tape: first output, input group, factor and matrix.
+Term = tuple[int, int, float, _core.Rows]
+
+
+@dataclass(frozen=True)
+class Matrix:
+    """A constant sparse matrix of order n.
+
+    Attributes
+    ----------
+    n : int
+        The order.
+    places : ndarray
+        ``column * n + row`` of each entry, increasing: the order of CasADi's entries.
+    values : ndarray
+        The entries.
+    """
+
+    n: int
+    places: np.ndarray
+    values: np.ndarray
+
+    @classmethod
+    def read(cls, name: str, given: Any) -> Matrix:
+        """Read a sparse matrix of SciPy's, a square array, or the array of a diagonal."""
+        if hasattr(given, "tocoo"):
+            coo = given.tocoo()
+            return cls._of(name, coo.shape, coo.row, coo.col, np.asarray(coo.data))
+        array = np.asarray(given)
+        if array.ndim == 1:
+            diagonal = np.arange(array.size)
+            return cls._of(name, (array.size, array.size), diagonal, diagonal, array)
+        if array.ndim != 2:
+            raise ValueError(f"{name} has shape {array.shape}, wanted (n, n), or (n,) if diagonal")
+        row, col = np.nonzero(array)
+        return cls._of(name, array.shape, row, col, array[row, col])
+
+    @classmethod
+    def _of(
+        cls, name: str, shape: tuple[int, ...], row: np.ndarray, col: np.ndarray, data: np.ndarray
+    ) -> Matrix:
+        if data.dtype.kind not in "iuf":
+            raise TypeError(f"{name} is a matrix of real numbers, not of {data.dtype}")
+        n = shape[0]
+        if shape != (n, n) or n == 0:
+            raise ValueError(f"{name} has shape {shape}, wanted a square matrix")
+        bad = np.flatnonzero(~np.isfinite(data))
+        if bad.size:
+            k = bad[0]
+            raise ValueError(f"{name}[{row[k]}, {col[k]}] is {data[k]}")
+        places, entry = np.unique(col.astype(np.int64) * n + row, return_inverse=True)
+        values = np.bincount(entry, data.astype(float), places.size)
+        return cls(n, places[values != 0], values[values != 0])
+
+    @property
+    def row(self) -> np.ndarray:
+        """The row of each entry."""
+        return self.places % self.n
+
+    @property
+    def col(self) -> np.ndarray:
+        """The column of each entry."""
+        return self.places // self.n
+
+    @cached_property
+    def rows(self) -> _core.Rows:
+        """The matrix as the core multiplies with it."""
+        return _core.Rows(self.n, self.n, self.row, self.col, self.values)
+
+
+@dataclass(frozen=True)
+class Linear:
+    """What M z adds to a model's p and -C z - K y to its f; a matrix that is None adds nothing."""
+
+    mass: Matrix | None = None
+    damping: Matrix | None = None
+    stiffness: Matrix | None = None
+
+    def terms(self, first: int, **groups: tuple[int, float]) -> list[Term]:
+        """Return terms from an output on: of each matrix by name, its input group and factor."""
+        found = []
+        for name, (group, factor) in groups.items():
+            matrix: Matrix | None = getattr(self, name)
+            if matrix is not None:
+                found.append((first, group, factor, matrix.rows))
+        return found
+
+
+class Block:
+    """A derivative of a model: traced entries, and a constant matrix times a factor.
+
+    Attributes
+    ----------
+    pattern : tuple
+        Where entries of either are.
+    part : Part
+        The traced entries on the pattern.
+    constant : ndarray
+        Those of the constant matrix on the pattern.
+    """
+
+    def __init__(self, traced: ca.SX, matrix: Matrix | None = None, factor: float = 1.0) -> None:
+        rows, cols = traced.shape
+        row, col = (np.array(x, dtype=np.int64) for x in traced.sparsity().get_triplet())
+        own = col * rows + row
+        places = own
+        if matrix is not None:
+            both = np.sort(np.concatenate([own, matrix.places]))
+            places = both[np.diff(both, prepend=-1) > 0]
+        self.pattern: Pattern = (rows, cols, places % max(rows, 1), places // max(rows, 1))
+        values = ca.vec(ca.SX(traced.nz[:]))
+        self.part = Part(values, np.searchsorted(places, own), places.size)
+        self.constant = np.zeros(places.size)
+        if matrix is not None:
+            self.constant[np.searchsorted(places, matrix.places)] = factor * matrix.values

@@ -1,0 +1,136 @@
+"""The front door for assembled structures: constant matrices beside traced functions."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any
+
+import casadi as ca
+import numpy as np
+from numpy.typing import ArrayLike
+
+from liouville.errors import hinted
+from liouville.systems import _trace
+from liouville.systems._form import Model
+from liouville.systems._linear import Linear, Matrix
+from liouville.systems.mechanical import declared, extra_power, holonomic, ideal, recorded
+from liouville.systems.mechanics import Mechanics
+
+Function = Callable[..., Any]
+
+
+class Structure(Mechanics):
+    r"""A structure with constant mass, damping and stiffness matrices, as finite elements give.
+
+    .. math::
+
+        M q'' + C q' + K q = Q(t, q, q') - g_q^T \lambda, \quad 0 = g(t, q)
+
+    The matrices go to the core as they are; only the functions are traced. So a structure may have
+    a hundred thousand coordinates, and contacts, followers and joints on a few of them.
+
+    Parameters
+    ----------
+    mass, stiffness, damping : sparse matrix or array_like
+        M, K and C: sparse matrices of SciPy's or square arrays, shape (n, n), or arrays of shape
+        (n,) for diagonal ones. Stiffness and damping are zero unless given; every coordinate has
+        mass.
+    force : callable or array_like, optional
+        ``force(t, q, v, params)``, the forces Q: n values, or a dict of those that are not zero by
+        coordinate names. An array of n numbers is a constant load.
+    constraint : callable, optional
+        ``constraint(t, q, params)``: a scalar, a sequence of m, or a dict that names them.
+    q : sequence of str, optional
+        Names of the n coordinates; q0, q1, ... unless given.
+    params : mapping of str to float or 1-D array_like, optional
+        Parameters by name, with default values; the functions see ``params.name``.
+    invariants : mapping of str to callable, optional
+        Quantities ``f(t, q, v, params)`` to record besides "energy",
+        :math:`\tfrac12 v^T M v + \tfrac12 q^T K q`.
+
+    Raises
+    ------
+    TypeError, ValueError
+        The matrices do not fit each other, a coordinate has no mass, or a function is refused as
+        for :class:`Lagrangian`.
+
+    Examples
+    --------
+    >>> import liouville as lv
+    >>> lv.Structure([1.0, 1.0], [[2.0, -1.0], [-1.0, 2.0]], force=[0.0, 1.0])
+    Structure(q0, q1; 0 constraints)
+    """
+
+    def __init__(
+        self,
+        mass: Any,
+        stiffness: Any = None,
+        damping: Any = None,
+        *,
+        force: Function | ArrayLike | None = None,
+        constraint: Function | None = None,
+        q: Sequence[str] | None = None,
+        params: Mapping[str, ArrayLike] | None = None,
+        invariants: Mapping[str, Function] | None = None,
+    ) -> None:
+        given = {"mass": mass, "damping": damping, "stiffness": stiffness}
+        matrices = {
+            name: Matrix.read(name, value)
+            for name, value in given.items()
+            if value is not None or name == "mass"
+        }
+        n = matrices["mass"].n
+        for name, matrix in matrices.items():
+            if matrix.n != n:
+                raise ValueError(f"{name} has order {matrix.n}, the mass matrix {n}")
+        coordinates, s = declared(n if q is None else q, "q", params)
+        if len(coordinates) != n:
+            raise ValueError(f"q names {len(coordinates)} coordinates, the mass matrix has {n}")
+        _check_mass(matrices["mass"], coordinates)
+        args = (s.t, s.y, s.z, s.params)
+        extra = _load(force, args, coordinates)
+        names, g, lam = holonomic(constraint, s)
+        zero = ca.SX(n, 1)
+        super().__init__(
+            s,
+            Model(
+                v=s.z, p=zero, f=extra, r=ideal(g, s, lam), g=g, lam=lam, linear=Linear(**matrices)
+            ),
+            states=("q", "v"),
+            coordinates=coordinates,
+            constraints=names,
+            invariants={"energy": ca.SX(0), **recorded(invariants, args)},
+            power=extra_power(extra, s.z, ca.SX(0), g, s, lam),
+        )
+
+
+def _check_mass(mass: Matrix, coordinates: tuple[str, ...]) -> None:
+    massless = np.bincount(mass.row, minlength=mass.n) == 0
+    if massless.any():
+        name = coordinates[int(np.argmax(massless))]
+        raise ValueError(
+            hinted(
+                f"coordinate '{name}' has no mass: its row of the mass matrix is empty",
+                "condense it out of the matrices, or give it a mass",
+            )
+        )
+
+
+def _load(
+    force: Function | ArrayLike | None, args: tuple[Any, ...], coordinates: tuple[str, ...]
+) -> ca.SX:
+    """Trace a force, or take a constant one."""
+    n = len(coordinates)
+    if force is None:
+        return ca.SX(n, 1)
+    if callable(force):
+        return _trace.placed("force", force, args, coordinates)
+    array = _trace.numbers(force)
+    if array is None:
+        raise TypeError(f"force is a function or an array of numbers, not {force!r}")
+    if array.shape != (n,):
+        raise ValueError(f"force has shape {array.shape}, wanted ({n},)")
+    bad = np.flatnonzero(~np.isfinite(array))
+    if bad.size:
+        raise ValueError(f"force of '{coordinates[bad[0]]}' is {array[bad[0]]}")
+    return ca.SX(ca.sparsify(ca.DM(array)))
