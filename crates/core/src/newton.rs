@@ -11,6 +11,11 @@ use crate::trouble::Trouble;
 
 /// A system of equations in the middle of being solved.
 pub trait Equations {
+    /// Corrections still expected below this fraction of the solution end the iteration. By default what
+    /// a symplectic method needs: they are of one sign step after step, so even a hundredth of ε would
+    /// show as a drift of the energy.
+    const TOLERANCE: f64 = 3e-3 * f64::EPSILON;
+
     /// Evaluates the residual, solves for a correction, applies it, and returns its relative size.
     ///
     /// # Errors
@@ -18,9 +23,6 @@ pub trait Equations {
     fn correct(&mut self) -> Result<f64, Trouble>;
 }
 
-/// Corrections still expected below this fraction of the solution end the iteration: they are of one
-/// sign step after step, so even a hundredth of ε would show as a drift of the energy.
-const TOLERANCE: f64 = 3e-3 * f64::EPSILON;
 /// A first ratio of corrections above this says that the solution found need not be the nearby one.
 const NEARBY: f64 = 0.5;
 /// Corrections below this fraction may be nothing but roundoff.
@@ -30,7 +32,7 @@ const NOISE: f64 = 1e3 * f64::EPSILON;
 ///
 /// # Errors
 /// [`Trouble::NotConverged`] as soon as `most` corrections will not be enough.
-pub fn solve(equations: &mut impl Equations, most: usize) -> Result<usize, Trouble> {
+pub fn solve<E: Equations>(equations: &mut E, most: usize) -> Result<usize, Trouble> {
     let mut last = f64::INFINITY;
     let mut expected = f64::INFINITY;
     let mut rate = None;
@@ -47,13 +49,18 @@ pub fn solve(equations: &mut impl Equations, most: usize) -> Result<usize, Troub
             rate = Some(theta);
         }
         let is_converged = size == 0.0
-            || iterations > 1 && still_to_come(rate.unwrap_or(theta), expected) < TOLERANCE
+            || iterations > 1 && still_to_come(rate.unwrap_or(theta), expected) < E::TOLERANCE
             || is_noise && rate.is_none() && theta >= 0.5
             || is_noise && iterations == most;
         if is_converged {
             return Ok(iterations);
         }
-        if !size.is_finite() || iterations == most || is_hopeless(size, theta, iterations, most) {
+        let is_too_slow =
+            still_to_come(theta, size) * theta.powf((most - iterations) as f64) > E::TOLERANCE;
+        if !size.is_finite()
+            || iterations == most
+            || is_hopeless(size, theta, iterations, is_too_slow)
+        {
             return Err(Trouble::NotConverged { iterations, size });
         }
         last = size;
@@ -74,14 +81,13 @@ fn still_to_come(rate: f64, size: f64) -> f64 {
 }
 
 /// Growing, at its present rate too slow, or started too far away.
-fn is_hopeless(size: f64, theta: f64, iterations: usize, most: usize) -> bool {
-    let left = (most - iterations) as f64;
+fn is_hopeless(size: f64, theta: f64, iterations: usize, is_too_slow: bool) -> bool {
     match iterations {
         _ if size < NOISE => false,
         1 => false,
         2 => theta > NEARBY,
         3 => theta >= 2.0,
         // a Newton iteration may have needed three corrections to find its rate
-        _ => theta >= 2.0 || still_to_come(theta, size) * theta.powf(left) > TOLERANCE,
+        _ => theta >= 2.0 || is_too_slow,
     }
 }

@@ -57,4 +57,8 @@ pub enum Trouble {
         "the iteration did not converge: after {iterations} the last correction was {size:e} of the state"
     )]
     NotConverged { iterations: usize, size: f64 },
+    #[error(
+        "a step of {h:e} would be needed, below the least: the last one had {error:e} of the tolerance"
+    )]
+    StepTooSmall { h: f64, error: f64 },
 }

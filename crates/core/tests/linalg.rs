@@ -3,8 +3,8 @@
 #![allow(clippy::float_cmp)] // what is compared here is exact
 
 use liouville_core::linalg::{
-    Factor, Lu, Matrix, Pattern, PatternError, Singular, add_scaled, combine, copy, dependent_rows,
-    max_norm,
+    Assembly, Factor, Lu, Matrix, Pattern, PatternError, Singular, add_scaled, combine, copy,
+    dependent_rows, max_norm,
 };
 use proptest::prelude::*;
 
@@ -287,6 +287,42 @@ fn a_pattern_multiplies_as_the_matrix_it_stands_for() {
     assert_eq!(dense.row(1), [1.0, 5.0, 1.0, 1.0]);
     assert_eq!(dense.row(2), [1.0, -1.0, 1.0, 11.0]);
     assert!(!pattern.is_diagonal() && !pattern.is_empty());
+}
+
+#[test]
+fn blocks_add_up_where_they_overlap() {
+    let square = Pattern::new(2, 2, vec![(0, 0), (1, 1), (0, 1)]).expect("entries inside");
+    let row = Pattern::new(1, 3, vec![(0, 2), (0, 0)]).expect("entries inside");
+    let mut sum = Assembly::new((3, 4), &[(&square, 0, 0), (&square, 1, 1), (&row, 1, 1)]);
+    sum.add(0, &[1.0, 2.0, 3.0], 1.0);
+    sum.add(1, &[10.0, 20.0, 30.0], -1.0);
+    sum.add(2, &[100.0, 200.0], 0.5);
+    let mut dense = Matrix::zeros(3, 4);
+    sum.pattern().add_to(sum.values(), 1.0, &mut dense, 0, 0);
+    assert_eq!(dense.row(0), [1.0, 3.0, 0.0, 0.0]);
+    assert_eq!(dense.row(1), [0.0, 2.0 - 10.0 + 100.0, -30.0, 50.0]);
+    assert_eq!(dense.row(2), [0.0, 0.0, -20.0, 0.0]);
+    let entries = sum.pattern().entries();
+    assert_eq!(entries, [(0, 0), (0, 1), (1, 1), (1, 2), (2, 2), (1, 3)]);
+    sum.clear();
+    assert_eq!(
+        (sum.values(), sum.pattern().shape()),
+        (&[0.0; 6][..], (3, 4))
+    );
+}
+
+#[test]
+#[should_panic(expected = "a 2 by 2 block at (2, 0) lies in a 3 by 2 matrix")]
+fn a_block_outside_its_matrix_is_refused() {
+    let square = Pattern::new(2, 2, vec![]).expect("no entries");
+    Assembly::new((3, 2), &[(&square, 0, 0), (&square, 2, 0)]);
+}
+
+#[test]
+#[should_panic(expected = "values of block 0")]
+fn a_block_with_values_missing_is_refused() {
+    let square = Pattern::new(2, 2, vec![(0, 0), (1, 1)]).expect("entries inside");
+    Assembly::new((2, 2), &[(&square, 0, 0)]).add(0, &[1.0], 1.0);
 }
 
 #[test]

@@ -175,7 +175,7 @@ impl Mechanical {
     }
 }
 
-fn item<'py>(dict: &Bound<'py, PyDict>, name: &str) -> PyResult<Bound<'py, PyAny>> {
+pub(crate) fn item<'py>(dict: &Bound<'py, PyDict>, name: &str) -> PyResult<Bound<'py, PyAny>> {
     dict.get_item(name)?
         .ok_or_else(|| PyKeyError::new_err(name.to_owned()))
 }

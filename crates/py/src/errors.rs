@@ -36,6 +36,11 @@ pub(crate) fn trouble<'py>(py: Python<'py>, trouble: &Trouble) -> PyResult<Bound
             dict.set_item("size", size)?;
             "not converged"
         }
+        Trouble::StepTooSmall { h, error } => {
+            dict.set_item("h", h)?;
+            dict.set_item("error", error)?;
+            "step too small"
+        }
     };
     dict.set_item("kind", kind)?;
     Ok(dict)

@@ -7,6 +7,7 @@
 mod convert;
 mod errors;
 mod run;
+mod second_order;
 
 use pyo3::prelude::*;
 
@@ -22,6 +23,8 @@ mod _core {
     use super::convert::{Mechanical, Tape};
     #[pymodule_export]
     use super::run::{MechanicalRun, gauss_lobatto, project};
+    #[pymodule_export]
+    use super::second_order::SecondOrder;
 
     #[pymodule_init]
     fn init(module: &Bound<'_, PyModule>) -> PyResult<()> {

@@ -75,8 +75,8 @@ class Lagrangian(Mechanics):
         coordinates, s = _symbols(q, "q", params)
         args = (s.t, s.y, s.z, s.params)
         L = _trace.scalar("lagrangian", lagrangian, args)
-        p = ca.gradient(L, s.z)
-        f = ca.gradient(L, s.y) + _force(force, args, len(coordinates))
+        p, extra = ca.gradient(L, s.z), _force(force, args, len(coordinates))
+        f = ca.gradient(L, s.y) + extra
         names, g, lam = _constraint(constraint, s)
         super().__init__(
             s,
@@ -85,6 +85,7 @@ class Lagrangian(Mechanics):
             coordinates=coordinates,
             constraints=names,
             invariants={"energy": ca.dot(s.z, p) - L, **_invariants(invariants, args)},
+            power=_power(extra, s.z, -ca.jacobian(L, s.t), g, s, lam),
         )
 
 
@@ -125,15 +126,17 @@ class Hamiltonian(Mechanics):
         coordinates, s = _symbols(q, "q", params)
         args = (s.t, s.y, s.z, s.params)
         H = _trace.scalar("hamiltonian", hamiltonian, args)
-        f = -ca.gradient(H, s.y) + _force(force, args, len(coordinates))
+        v, extra = ca.gradient(H, s.z), _force(force, args, len(coordinates))
+        f = -ca.gradient(H, s.y) + extra
         names, g, lam = _constraint(constraint, s)
         super().__init__(
             s,
-            Model(v=ca.gradient(H, s.z), p=s.z, f=f, r=_ideal(g, s, lam), g=g, lam=lam),
+            Model(v=v, p=s.z, f=f, r=_ideal(g, s, lam), g=g, lam=lam),
             states=("q", "p"),
             coordinates=coordinates,
             constraints=names,
             invariants={"energy": H, **_invariants(invariants, args)},
+            power=_power(extra, v, ca.jacobian(H, s.t), g, s, lam),
         )
 
 
@@ -248,6 +251,11 @@ def _ideal(g: ca.SX, s: Symbols, lam: ca.SX) -> ca.SX:
     if lam.numel() == 0:
         return ca.SX.zeros(s.y.numel())
     return -ca.jtimes(g, s.y, lam, True)
+
+
+def _power(force: ca.SX, v: ca.SX, energy_t: ca.SX, g: ca.SX, s: Symbols, lam: ca.SX) -> ca.SX:
+    """Q^T v + E_t + lam^T g_t: what changes the energy."""
+    return ca.dot(force, v) + energy_t + ca.dot(lam, ca.jacobian(g, s.t))
 
 
 def _invariants(

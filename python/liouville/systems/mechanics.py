@@ -84,6 +84,7 @@ class Mechanics:
         coordinates: tuple[str, ...],
         constraints: tuple[str, ...],
         invariants: Mapping[str, ca.SX],
+        power: ca.SX | None = None,
     ) -> None:
         self.coordinates = coordinates
         self.constraints = constraints
@@ -91,6 +92,7 @@ class Mechanics:
         self._symbols = symbols
         self._model = model
         self._invariants = dict(invariants)
+        self._power = power
         self._tapes, self._patterns, self.problem = _compile(symbols, model)
 
     def __repr__(self) -> str:
@@ -113,8 +115,10 @@ class Mechanics:
         """Return the parameter vector with changes; ValueError names an unknown one."""
         return self._symbols.params.values(params)
 
-    def start(self, start: Mapping[str, Any]) -> tuple[np.ndarray, np.ndarray]:
+    def start(self, start: Mapping[str, Any], also: tuple[str, ...] = ()) -> tuple[np.ndarray, ...]:
         """Check start values and return them as arrays of shape (n,).
+
+        Those named in `also` may be left out; a method starts them itself.
 
         Raises
         ------
@@ -125,13 +129,13 @@ class Mechanics:
         """
         wanted = " and ".join(f"{name}=" for name in self.states)
         for name in start:
-            if name not in self.states:
+            if name not in (*self.states, *also):
                 raise TypeError(f"'{name}' is no start value of this system, which takes {wanted}")
         for name in self.states:
             if name not in start:
                 raise TypeError(f"start value '{name}' is missing: this system takes {wanted}")
-        y, z = (self._vector(name, start[name]) for name in self.states)
-        return y, z
+        given = (*self.states, *(name for name in also if start.get(name) is not None))
+        return tuple(self._vector(name, start[name]) for name in given)
 
     def _vector(self, name: str, value: Any) -> np.ndarray:
         if isinstance(value, Mapping):
@@ -265,6 +269,19 @@ class Mechanics:
         return found
 
     @cached_property
+    def second_order(self) -> _core.SecondOrder:
+        """What the methods for second order equations step.
+
+        Raises
+        ------
+        TypeError
+            The velocity is not z, or the momentum is not linear in it.
+        """
+        return _core.SecondOrder(
+            self.problem, *_second_order(self._symbols, self._model, self._power)
+        )
+
+    @cached_property
     def _projections(self) -> dict[str, Any]:
         """Tapes (x, held and t, params) of c, c_x and the metric, for each kind of projection.
 
@@ -393,3 +410,60 @@ def _compile(
     patterns = {name: _pattern(matrix) for name, matrix in jac.items()}
     problem = _core.Mechanical(s.y.numel(), g.numel(), is_linear, tapes, patterns)
     return tapes, patterns, problem
+
+
+def _second_order(
+    s: Symbols, model: Model, power: ca.SX | None
+) -> tuple[dict[str, _core.Tape], dict[str, Pattern], bool]:
+    """Record M(t, y) z' = F(t, y, z) + r and 0 = g, 0 = w, with u and a in the place of z'.
+
+    Returns the tapes and patterns of `problem::second_order` in the core, and whether the power of
+    forces without potential depends on the multipliers.
+    """
+    _check_second_order(s, model)
+    n = s.y.numel()
+    u, a = ca.SX.sym("u", n), ca.SX.sym("a", n)
+    mass = ca.jacobian(model.p, s.z)
+    residual = model.f - _total_derivative(model.p, s, s.z) - ca.mtimes(mass, u)
+    reaction = ca.mtimes(mass, a) - model.r
+    jac = {
+        "mass": mass,
+        "j_y": ca.jacobian(residual, s.y),
+        "j_z": ca.jacobian(residual, s.z),
+        "n_y": ca.jacobian(reaction, s.y),
+    }
+    w = _total_derivative(model.g, s, s.z)
+    at_end, at_node = s.inputs(z=s.z, u=u), s.inputs(a=a, lam=model.lam)
+    tapes = {
+        "residual": record("residual", at_end, residual, model.g, w),
+        "reaction": record("reaction", at_node, reaction),
+        "jacobian": record(
+            "jacobian", at_end, *(jac[name] for name in ("mass", "j_y", "j_z")), dense=False
+        ),
+        "reaction_jacobian": record("reaction_jacobian", at_node, jac["n_y"], dense=False),
+    }
+    if power is None or power.is_zero():
+        power = ca.SX(0)
+    else:
+        tapes["power"] = record("power", s.inputs(z=s.z, lam=model.lam), power)
+    patterns = {name: _pattern(matrix) for name, matrix in jac.items()}
+    return tapes, patterns, ca.depends_on(power, model.lam)
+
+
+def _check_second_order(s: Symbols, model: Model) -> None:
+    """Refuse what is no second order equation for y with a mass M(t, y)."""
+    if _differ(model.v, s.z):
+        raise TypeError(
+            hinted(
+                "the velocity of this system is not its z itself, and the method steps velocities",
+                "write the system as a Lagrangian, or take Spark",
+            )
+        )
+    if ca.depends_on(ca.jacobian(model.p, s.z), s.z):
+        raise TypeError(
+            hinted(
+                "the momentum of this system is not linear in its velocity, and the method wants "
+                "a mass matrix M(t, q)",
+                "take Spark",
+            )
+        )

@@ -160,11 +160,11 @@ impl Factor {
 
     /// Solves `A x = b` in place.
     #[inline]
-    pub fn solve(&self, b: &mut [f64]) {
+    pub fn solve(&mut self, b: &mut [f64]) {
         match self {
             Self::Diagonal(inverse) => b
                 .iter_mut()
-                .zip(inverse)
+                .zip(inverse.iter())
                 .for_each(|(b, inverse)| *b *= inverse),
             Self::Dense(lu) => lu.solve(b),
         }

@@ -5,9 +5,9 @@ use super::Matrix;
 /// Where the nonzeros of a matrix are; their values come from a tape, in the same order.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Pattern {
-    rows: usize,
-    cols: usize,
-    entries: Vec<(usize, usize)>,
+    pub(super) rows: usize,
+    pub(super) cols: usize,
+    pub(super) entries: Vec<(usize, usize)>,
 }
 
 /// A pattern with an entry outside its matrix.

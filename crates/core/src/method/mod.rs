@@ -1,5 +1,6 @@
 //! Methods at work: a stepper owns the memory of a step and advances a state.
 
+pub mod alpha;
 pub mod spark;
 
 use crate::trouble::Trouble;
@@ -11,6 +12,8 @@ pub struct Stats {
     pub iterations: usize,
     /// Evaluations of the forces, one for each stage.
     pub evaluations: usize,
+    /// Factorisations of a Newton matrix that may serve several steps.
+    pub factorizations: usize,
     /// Steps whose stages were found by the full simplified Newton iteration.
     pub newton_steps: usize,
     /// Steps whose extrapolated start failed, so that a cold one was made.
@@ -30,4 +33,13 @@ pub trait Stepper: Send {
 
     /// What it has done so far.
     fn stats(&self) -> Stats;
+}
+
+/// A method that knows how far off its last step is.
+pub trait Estimating: Stepper {
+    /// The estimated local error of the last step, in units of the tolerance; infinite if it is unknown.
+    fn error(&self) -> f64;
+
+    /// Puts `state` back to where it was before the last step.
+    fn undo(&mut self, state: &mut Self::State);
 }

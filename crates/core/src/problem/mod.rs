@@ -5,16 +5,13 @@ pub mod mechanical;
 use crate::trouble::Trouble;
 
 /// Turns a state into the numbers a run keeps of it.
-pub trait Observe: Send {
-    /// What it looks at.
-    type State;
-
-    /// How many numbers it appends.
-    fn width(&self) -> usize;
+pub trait Observe<State>: Send {
+    /// How many numbers it appends for a state like this.
+    fn width(&self, state: &State) -> usize;
 
     /// Appends the row of `state` at time `t`, or nothing.
     ///
     /// # Errors
     /// A quantity that is not finite, or multipliers that cannot be solved for.
-    fn observe(&mut self, t: f64, state: &Self::State, row: &mut Vec<f64>) -> Result<(), Trouble>;
+    fn observe(&mut self, t: f64, state: &State, row: &mut Vec<f64>) -> Result<(), Trouble>;
 }

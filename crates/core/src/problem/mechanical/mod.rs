@@ -10,16 +10,19 @@ mod model;
 mod observe;
 mod projection;
 mod saddle;
+mod second_order;
 
 pub use acceleration::Acceleration;
 pub use model::{Model, finite};
-pub use observe::Observer;
+pub use observe::{Carried, Observer};
 pub use projection::{Projection, project};
 pub use saddle::{Mass, Saddle};
 pub(crate) use saddle::{add_product, explain};
+pub use second_order::{SecondOrder, SecondOrderModel, SecondOrderPatterns};
 
 use crate::linalg::Pattern;
 use crate::tape::Tape;
+use model::cut;
 
 /// The tapes and patterns of a mechanical system with n coordinates and m constraints.
 ///

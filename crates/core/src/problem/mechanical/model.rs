@@ -26,7 +26,7 @@ pub struct Model {
 type Parts<'a, const K: usize> = [&'a [f64]; K];
 
 #[inline]
-fn cut<const K: usize>(values: &[f64], sizes: [usize; K]) -> Parts<'_, K> {
+pub(super) fn cut<const K: usize>(values: &[f64], sizes: [usize; K]) -> Parts<'_, K> {
     let mut start = 0;
     sizes.map(|size| {
         start += size;

@@ -5,7 +5,32 @@ use crate::problem::Observe;
 use crate::tape::{Registers, Tape};
 use crate::trouble::{Quantity, Trouble};
 
-/// Records y, z, λ (where states are wanted), then the outputs of a tape (t, y, z) → quantities.
+/// What a method carries from step to step.
+pub trait Carried {
+    /// Coordinates.
+    fn y(&self) -> &[f64];
+
+    /// Velocities or momenta, as the system has them.
+    fn z(&self) -> &[f64];
+
+    /// The method's accelerations and the work done so far, where it carries them.
+    fn accelerations(&self) -> Option<(&[f64], f64)> {
+        None
+    }
+}
+
+impl Carried for State {
+    fn y(&self) -> &[f64] {
+        &self.y
+    }
+
+    fn z(&self) -> &[f64] {
+        &self.z
+    }
+}
+
+/// Records y, z, λ, and z' and a of methods that carry a (where states are wanted); then the work of
+/// such methods; then the outputs of a tape (t, y, z) → quantities.
 #[derive(Clone, Debug)]
 pub struct Observer {
     model: Model,
@@ -35,32 +60,43 @@ impl Observer {
             registers,
         }
     }
-}
 
-impl Observe for Observer {
-    type State = State;
-
-    fn width(&self) -> usize {
-        let states = 2 * self.model.problem.n + self.model.problem.m;
-        self.tape.outputs() + if self.states.is_some() { states } else { 0 }
-    }
-
-    fn observe(&mut self, t: f64, state: &State, row: &mut Vec<f64>) -> Result<(), Trouble> {
-        let start = row.len();
-        if let Some(acceleration) = &mut self.states {
-            acceleration.solve(&mut self.model, t, &state.y, &state.z)?;
-            row.extend_from_slice(&state.y);
-            row.extend_from_slice(&state.z);
-            row.extend_from_slice(&acceleration.lam);
+    fn append<S: Carried>(&mut self, t: f64, state: &S, row: &mut Vec<f64>) -> Result<(), Trouble> {
+        if let Some(states) = &mut self.states {
+            states.solve(&mut self.model, t, state.y(), state.z())?;
+            row.extend_from_slice(state.y());
+            row.extend_from_slice(state.z());
+            row.extend_from_slice(&states.lam);
         }
-        let values = self
-            .tape
-            .eval(&mut self.registers, [&[t], &state.y, &state.z]);
-        if let Err(trouble) = finite(values, Quantity::Observable, t) {
-            row.truncate(start);
-            return Err(trouble);
+        if let Some((a, work)) = state.accelerations() {
+            if let Some(states) = &self.states {
+                row.extend_from_slice(&states.z_dot);
+                row.extend_from_slice(a);
+            }
+            row.push(work);
         }
+        let args: [&[f64]; 3] = [&[t], state.y(), state.z()];
+        let values = self.tape.eval(&mut self.registers, args);
+        finite(values, Quantity::Observable, t)?;
         row.extend_from_slice(values);
         Ok(())
+    }
+}
+
+impl<S: Carried> Observe<S> for Observer {
+    fn width(&self, state: &S) -> usize {
+        let (n, m) = (self.model.problem.n, self.model.problem.m);
+        let accelerations = state.accelerations().map_or(0, |(a, _)| a.len());
+        let states = self
+            .states
+            .as_ref()
+            .map_or(0, |_| n + n + m + 2 * accelerations);
+        states + usize::from(state.accelerations().is_some()) + self.tape.outputs()
+    }
+
+    fn observe(&mut self, t: f64, state: &S, row: &mut Vec<f64>) -> Result<(), Trouble> {
+        let start = row.len();
+        self.append(t, state, row)
+            .inspect_err(|_| row.truncate(start))
     }
 }

@@ -70,7 +70,7 @@ impl Mass {
 
     /// `x = p_z⁻¹ x`
     #[inline]
-    pub fn solve(&self, x: &mut [f64]) {
+    pub fn solve(&mut self, x: &mut [f64]) {
         self.factor.solve(x);
     }
 

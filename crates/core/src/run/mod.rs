@@ -1,4 +1,8 @@
-//! The one integration loop: steps of equal size, some of them recorded.
+//! The one integration loop: steps, some of them recorded.
+
+mod pace;
+
+pub use pace::{Controlled, Equal, Pace};
 
 use crate::method::{Stats, Stepper};
 use crate::problem::Observe;
@@ -23,60 +27,59 @@ pub enum Status {
     },
 }
 
-/// What a run covers.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Span {
-    /// Where it starts.
-    pub t0: f64,
-    /// Step size.
-    pub h: f64,
-    /// Number of steps.
-    pub steps: usize,
-    /// One state in this many is recorded, at least 1, and the last.
-    pub every: usize,
-}
-
 /// A run of any stepper, independent of its type.
 pub trait Advance: Send {
     /// Makes steps for about this long, or until the end.
     fn advance(&mut self, budget: Duration) -> Status;
     /// Number of steps made.
     fn done(&self) -> usize;
-    /// What the stepper has done.
-    fn stats(&self) -> Stats;
+    /// The time they lead to.
+    fn time(&self) -> f64;
+    /// What the stepper has done, and how many of its steps were thrown away.
+    fn stats(&self) -> (Stats, usize);
     /// Times of the records, and their rows one after another, the present state last. The run is
     /// over and keeps none.
     fn take(&mut self) -> (Vec<f64>, Vec<f64>);
 }
 
-/// A stepper, its state, and the recorder.
-pub struct Run<S: Stepper, O> {
+/// A stepper, its state, the length of its steps, and the recorder.
+pub struct Run<S: Stepper, O, P> {
     stepper: S,
     observer: O,
     state: S::State,
-    span: Span,
+    pace: P,
+    every: usize,
     n: usize,
     is_recordable: bool,
     times: Vec<f64>,
     rows: Vec<f64>,
 }
 
-impl<S: Stepper, O: Observe<State = S::State>> Run<S, O> {
-    /// A run about to start; the start is recorded at once.
+impl<S: Stepper, O: Observe<S::State>, P: Pace<S>> Run<S, O, P> {
+    /// A run about to start; the start is recorded at once, and then one state in `every` and the last.
+    ///
+    /// `expected` is how many records will be made, if that is known.
     ///
     /// # Errors
     /// The start cannot be recorded.
-    pub fn new(stepper: S, mut observer: O, state: S::State, span: Span) -> Result<Self, Trouble> {
-        let kept = span.steps / span.every + 2;
-        let mut times = Vec::with_capacity(kept.min(1 << 20));
-        let mut rows = Vec::with_capacity((kept * observer.width()).min(1 << 24));
-        observer.observe(span.t0, &state, &mut rows)?;
-        times.push(span.t0);
+    pub fn new(
+        stepper: S,
+        mut observer: O,
+        state: S::State,
+        pace: P,
+        every: usize,
+        expected: usize,
+    ) -> Result<Self, Trouble> {
+        let mut times = Vec::with_capacity(expected.min(1 << 20));
+        let mut rows = Vec::with_capacity((expected * observer.width(&state)).min(1 << 24));
+        observer.observe(pace.time(), &state, &mut rows)?;
+        times.push(pace.time());
         Ok(Self {
             stepper,
             observer,
             state,
-            span,
+            pace,
+            every,
             n: 0,
             is_recordable: true,
             times,
@@ -84,15 +87,10 @@ impl<S: Stepper, O: Observe<State = S::State>> Run<S, O> {
         })
     }
 
-    fn time(&self) -> f64 {
-        self.span.t0 + self.n as f64 * self.span.h
-    }
-
     fn step(&mut self) -> Result<(), Trouble> {
-        self.stepper
-            .step(self.time(), self.span.h, &mut self.state)?;
+        self.pace.step(&mut self.stepper, &mut self.state)?;
         self.n += 1;
-        if self.n.is_multiple_of(self.span.every) || self.n == self.span.steps {
+        if self.is_due() {
             self.record().inspect_err(|_| {
                 self.n -= 1;
                 self.is_recordable = false;
@@ -101,26 +99,33 @@ impl<S: Stepper, O: Observe<State = S::State>> Run<S, O> {
         Ok(())
     }
 
+    fn is_due(&self) -> bool {
+        self.n.is_multiple_of(self.every) || self.pace.is_over()
+    }
+
     fn record(&mut self) -> Result<(), Trouble> {
-        let t = self.time();
+        let t = self.pace.time();
         self.observer.observe(t, &self.state, &mut self.rows)?;
         self.times.push(t);
         Ok(())
     }
 }
 
-impl<S: Stepper, O: Observe<State = S::State>> Advance for Run<S, O>
+impl<S: Stepper, O: Observe<S::State>, P: Pace<S>> Advance for Run<S, O, P>
 where
     S::State: Send,
 {
     fn advance(&mut self, budget: Duration) -> Status {
         let start = Instant::now();
-        let mut batch = 1;
-        while self.n < self.span.steps {
-            for _ in 0..batch.min(self.span.steps - self.n) {
-                let (n, t) = (self.n, self.time());
+        let mut batch = 1_usize;
+        while !self.pace.is_over() {
+            for _ in 0..batch {
+                let (n, t) = (self.n, self.pace.time());
                 if let Err(trouble) = self.step() {
                     return Status::Failed { n, t, trouble };
+                }
+                if self.pace.is_over() {
+                    return Status::Done;
                 }
             }
             let spent = start.elapsed();
@@ -141,13 +146,16 @@ where
         self.n
     }
 
-    fn stats(&self) -> Stats {
-        self.stepper.stats()
+    fn time(&self) -> f64 {
+        self.pace.time()
+    }
+
+    fn stats(&self) -> (Stats, usize) {
+        (self.stepper.stats(), self.pace.rejected())
     }
 
     fn take(&mut self) -> (Vec<f64>, Vec<f64>) {
-        let is_recorded = self.n.is_multiple_of(self.span.every) || self.n == self.span.steps;
-        if self.is_recordable && !is_recorded {
+        if self.is_recordable && !self.is_due() {
             // where it cannot be recorded, the records end before it
             let _ = self.record();
         }

@@ -1,0 +1,346 @@
+//! The extended HHT-α method and its relatives, order 2, for M(t, y) z' = F(t, y, z) + r(t, y, λ).
+//!
+//! One step from (t0, y0, z0, a0) to t1 = t0 + h, with φ := M⁻¹ F:
+//!
+//!     (3a) y1 = y0 + h z0 + h² ((1/2 − β) a0 + β a1) + h²/2 ((1 − b) A0 + b A1)
+//!     (3b) z1 = z0 + h ((1 − γ) a0 + γ a1) + h/2 (A0 + A1)
+//!     (3c) (1 − α_m) a1 + α_m a0 = (1 − α_f) φ1 + α_f φ0,   M(t1, y1) φ1 = F(t1, y1, z1)
+//!     (3d) M(t0, y0) A0 = r(t0, y0, Λ0),   M(t1, Y) A1 = r(t1, Y, Λ1)
+//!     (3e) 0 = g(t1, y1),   0 = g_t(t1, y1) + g_y(t1, y1) z1
+//!
+//! with Y = y1, or y0 + h z0 in the less implicit variant. a_n approximates φ(t_n + Δ h),
+//! Δ = α_m − α_f: it excludes the reaction. The Λ are internal and not passed on. Before a step whose
+//! size differs from the last one's, a0 is moved along: a0 ← φ0 + (h/h_old)(a0 − φ0).
+//!
+//! The index-3 relative of arnold2007 has no A; its φ1 is the whole acceleration,
+//! M φ1 = F + r(t1, y1, λ1), and only the constraint itself is imposed.
+//!
+//! Source: jay2007hht, jay2009; the paper's R is M A, its ψ our Λ.
+
+mod frozen;
+mod solve;
+
+use super::{Estimating, Stats, Stepper};
+use crate::linalg::{add_scaled, copy};
+use crate::newton;
+use crate::problem::mechanical::{Acceleration, Carried, SecondOrderModel};
+use crate::tableau;
+use crate::trouble::Trouble;
+use frozen::Frozen;
+use solve::{Reaction, Solver, Step};
+
+/// How the constraints' reactions enter a step.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Reactions {
+    /// By A0 and A1, with the weight b; A1 at the predicted position if it is said so.
+    Extended {
+        /// The weight of A1 in the position.
+        b: f64,
+        /// Whether r is taken at y0 + h z0.
+        predicted: bool,
+    },
+    /// As a part of φ, by the constraint on the position alone.
+    Position,
+}
+
+/// Errors are measured by `atol + rtol |y|`, in the mean over the coordinates.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Tolerance {
+    /// Part of the coordinate.
+    pub rtol: f64,
+    /// In the unit of each coordinate.
+    pub atol: Vec<f64>,
+}
+
+/// What is carried from step to step.
+#[derive(Clone, Debug, PartialEq)]
+pub struct State {
+    /// Coordinates.
+    pub y: Vec<f64>,
+    /// Velocities.
+    pub z: Vec<f64>,
+    /// The method's accelerations.
+    pub a: Vec<f64>,
+    /// φ at the present time.
+    pub phi: Vec<f64>,
+    /// The last step, 0 before there is one.
+    pub h: f64,
+    /// What forces without a potential have put in, by the trapezoidal rule.
+    pub work: f64,
+    power: f64,
+}
+
+impl Carried for State {
+    fn y(&self) -> &[f64] {
+        &self.y
+    }
+
+    fn z(&self) -> &[f64] {
+        &self.z
+    }
+
+    fn accelerations(&self) -> Option<(&[f64], f64)> {
+        Some((&self.a, self.work))
+    }
+}
+
+/// Corrections after which factors are made anew for the next step.
+const SLOW: usize = 5;
+/// Corrections a step may take.
+const MOST_ITERATIONS: usize = 30;
+
+/// A method of the α family at work.
+#[derive(Clone, Debug)]
+pub struct Alpha {
+    model: SecondOrderModel,
+    weights: tableau::Alpha,
+    reactions: Reactions,
+    tolerance: Option<Tolerance>,
+    solver: Solver,
+    frozen: Frozen,
+    acceleration: Acceleration,
+    /// dφ/dt and the reactions of the last step, to start the next with.
+    phi_rate: Vec<f64>,
+    kept: [Reaction; 2],
+    /// The state before the last step; during a step, the one after it.
+    other: State,
+    local_error: Vec<f64>,
+    error: f64,
+    is_warm: bool,
+    stats: Stats,
+}
+
+impl Alpha {
+    /// A method with these weights for this model; without a tolerance, errors are not estimated.
+    pub fn new(
+        model: SecondOrderModel,
+        weights: tableau::Alpha,
+        reactions: Reactions,
+        tolerance: Option<Tolerance>,
+    ) -> Self {
+        let n = model.problem.mechanical.n;
+        let zeros = || vec![0.0; n];
+        let solver = Solver::new(&model, weights, reactions);
+        Self {
+            weights,
+            reactions,
+            tolerance,
+            frozen: Frozen::new(&model),
+            acceleration: Acceleration::new(&model.general),
+            phi_rate: zeros(),
+            kept: solver.reactions.clone(),
+            other: State {
+                y: zeros(),
+                z: zeros(),
+                a: zeros(),
+                phi: zeros(),
+                h: 0.0,
+                work: 0.0,
+                power: 0.0,
+            },
+            local_error: zeros(),
+            error: f64::INFINITY,
+            is_warm: false,
+            stats: Stats::default(),
+            solver,
+            model,
+        }
+    }
+
+    /// The state at (t, y, z); a is φ there unless it is given.
+    ///
+    /// # Errors
+    /// A value that is not finite, or a singular matrix.
+    pub fn start(
+        &mut self,
+        t: f64,
+        y: &[f64],
+        z: &[f64],
+        a: Option<&[f64]>,
+    ) -> Result<State, Trouble> {
+        self.acceleration.solve(&mut self.model.general, t, y, z)?;
+        let phi = if self.reactions == Reactions::Position {
+            self.acceleration.z_dot.clone()
+        } else {
+            self.frozen.mass.update(&mut self.model.general, t, y, z)?;
+            let none = vec![0.0; y.len()];
+            let mut phi = self.model.residual(t, y, z, &none)?[0].to_vec();
+            self.frozen.mass.solve(&mut phi);
+            phi
+        };
+        Ok(State {
+            y: y.to_vec(),
+            z: z.to_vec(),
+            a: a.unwrap_or(&phi).to_vec(),
+            phi,
+            h: 0.0,
+            work: 0.0,
+            power: self.model.power(t, y, z, &self.acceleration.lam),
+        })
+    }
+
+    /// A first step whose acceleration moves the coordinates by about the tolerance.
+    pub fn first_step(&mut self, state: &State, span: f64) -> f64 {
+        self.other.y.copy_from_slice(&state.y);
+        let moved = self
+            .weighted(&state.y, &state.phi)
+            .max(self.weighted(&state.y, &state.a));
+        let h = (2.0 / moved.max(f64::MIN_POSITIVE)).sqrt();
+        h.min(span.abs() / 100.0)
+    }
+
+    /// The root mean square of x in units of the tolerance, at the larger of y and `other.y`.
+    fn weighted(&self, y: &[f64], x: &[f64]) -> f64 {
+        let Some(Tolerance { rtol, atol }) = &self.tolerance else {
+            return f64::INFINITY;
+        };
+        let sum: f64 = (0..x.len())
+            .map(|k| {
+                let size = y[k].abs().max(self.other.y[k].abs());
+                (x[k] / (atol[k] + rtol * size)).powi(2)
+            })
+            .sum();
+        (sum / x.len() as f64).sqrt()
+    }
+
+    /// (3a)–(3e), by whichever start and factors lead to a solution.
+    fn solve(&mut self, step: Step) -> Result<(), Trouble> {
+        if self.is_warm {
+            if self.frozen.h == step.h && self.iterate_from(step, true).is_ok() {
+                return Ok(());
+            }
+            if self.freeze_from(step, true).is_ok() && self.iterate_from(step, true).is_ok() {
+                return Ok(());
+            }
+            self.stats.cold_starts += 1;
+        }
+        self.acceleration.solve(
+            &mut self.model.general,
+            step.t,
+            &step.state.y,
+            &step.state.z,
+        )?;
+        self.freeze_from(step, false)?;
+        self.iterate_from(step, false)
+    }
+
+    /// The unknowns to start with: those of the last step, or what is known at the start of this one.
+    fn predict(&mut self, step: Step, is_warm: bool) {
+        let at = &mut self.solver;
+        copy(&mut at.phi, &step.state.phi);
+        if is_warm {
+            add_scaled(&mut at.phi, step.h, &self.phi_rate);
+            for (reaction, kept) in at.reactions.iter_mut().zip(&self.kept) {
+                copy(&mut reaction.a, &kept.a);
+                copy(&mut reaction.lam, &kept.lam);
+            }
+            return;
+        }
+        for reaction in &mut at.reactions {
+            copy(&mut reaction.lam, &self.acceleration.lam);
+            for (k, a) in reaction.a.iter_mut().enumerate() {
+                *a = self.acceleration.z_dot[k] - step.state.phi[k];
+            }
+        }
+    }
+
+    fn freeze_from(&mut self, step: Step, is_warm: bool) -> Result<(), Trouble> {
+        self.predict(step, is_warm);
+        self.stats.factorizations += 1;
+        self.frozen.update(&mut self.model, &mut self.solver, step)
+    }
+
+    fn iterate_from(&mut self, step: Step, is_warm: bool) -> Result<(), Trouble> {
+        self.predict(step, is_warm);
+        let mut equations = self.solver.start(&mut self.model, &mut self.frozen, step);
+        let outcome = newton::solve(&mut equations, MOST_ITERATIONS);
+        let made = equations.made;
+        self.stats.iterations += made;
+        self.stats.evaluations += made;
+        if outcome.is_err() || made > SLOW {
+            self.frozen.h = 0.0;
+        }
+        outcome.map(|_| ())
+    }
+
+    /// The state after the step, in `other`.
+    fn finish(&mut self, step: Step) -> Result<(), Trouble> {
+        let t1 = step.t + step.h;
+        let (at, next) = (&mut self.solver, &mut self.other);
+        at.place(step.h);
+        copy(&mut next.y, &at.y);
+        copy(&mut next.z, &at.z);
+        copy(&mut next.phi, &at.phi);
+        for k in 0..next.a.len() {
+            next.a[k] = self.weights.share() * at.phi[k] + at.known_a[k];
+            self.phi_rate[k] = (at.phi[k] - step.state.phi[k]) / step.h;
+        }
+        std::mem::swap(&mut self.kept, &mut at.reactions);
+        next.h = step.h;
+        if self.model.problem.power_of_lam {
+            self.acceleration
+                .solve(&mut self.model.general, t1, &next.y, &next.z)?;
+        }
+        next.power = self
+            .model
+            .power(t1, &next.y, &next.z, &self.acceleration.lam);
+        next.work = step.state.work + step.h / 2.0 * (step.state.power + next.power);
+        Ok(())
+    }
+}
+
+impl Stepper for Alpha {
+    type State = State;
+
+    fn step(&mut self, t: f64, h: f64, state: &mut State) -> Result<(), Trouble> {
+        let step = Step { t, h, state };
+        self.solver.prepare(step);
+        self.solve(step).inspect_err(|_| self.is_warm = false)?;
+        self.finish(step)?;
+        self.is_warm = true;
+        if self.tolerance.is_some() {
+            self.estimate(step);
+        }
+        std::mem::swap(state, &mut self.other);
+        Ok(())
+    }
+
+    fn stats(&self) -> Stats {
+        self.stats
+    }
+}
+
+impl Alpha {
+    /// The local error of y, to leading order, along the constraints:
+    ///
+    ///     h² P ((1/6 − Δ/2 − β) (a1 − a0) + (1/6 − b/2) (A1 − A0)),   P = I − M⁻¹ r_λ (g_y M⁻¹ r_λ)⁻¹ g_y
+    fn estimate(&mut self, step: Step) {
+        let constant = self.weights.error_constant();
+        let h2 = step.h * step.h;
+        let error = &mut self.local_error;
+        for (k, error) in error.iter_mut().enumerate() {
+            *error = h2 * constant * (self.other.a[k] - self.solver.a[k]);
+        }
+        if let Reactions::Extended { b, .. } = self.reactions {
+            let [first, last] = &self.kept;
+            for (k, error) in error.iter_mut().enumerate() {
+                *error += h2 * (1.0 / 6.0 - b / 2.0) * (last.a[k] - first.a[k]);
+            }
+        }
+        self.frozen.project(&mut self.model.general, error);
+        self.error = self.weighted(&step.state.y, &self.local_error);
+        if self.error.is_nan() {
+            self.error = f64::INFINITY;
+        }
+    }
+}
+
+impl Estimating for Alpha {
+    fn error(&self) -> f64 {
+        self.error
+    }
+
+    fn undo(&mut self, state: &mut State) {
+        std::mem::swap(state, &mut self.other);
+    }
+}

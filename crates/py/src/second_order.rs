@@ -1,0 +1,53 @@
+//! Systems in the second-order form, as the front end hands them over.
+
+use crate::convert::{Mechanical, Tape, item, pattern};
+use crate::errors::refused;
+use liouville_core::problem::mechanical::{self, SecondOrderPatterns};
+use liouville_core::tape;
+use pyo3::prelude::*;
+use pyo3::types::PyDict;
+use std::sync::Arc;
+
+/// A mechanical system as the α methods step it.
+#[pyclass(frozen, module = "liouville._core")]
+#[derive(Clone)]
+pub(crate) struct SecondOrder(pub(crate) Arc<mechanical::SecondOrder>);
+
+#[pymethods]
+impl SecondOrder {
+    /// Tapes and patterns by name; there is no "power" where no force puts energy in.
+    #[new]
+    fn new(
+        problem: &Mechanical,
+        tapes: &Bound<'_, PyDict>,
+        patterns: &Bound<'_, PyDict>,
+        power_of_lam: bool,
+    ) -> PyResult<Self> {
+        let tape = |name: &str| -> PyResult<tape::Tape> {
+            let found = item(tapes, name)?.extract::<PyRef<'_, Tape>>()?.0.clone();
+            Ok(tape::Tape::clone(&found))
+        };
+        let pattern = |name: &str| pattern(&item(patterns, name)?);
+        let power = if tapes.contains("power")? {
+            Some(tape("power")?)
+        } else {
+            None
+        };
+        let system = mechanical::SecondOrder {
+            mechanical: problem.0.clone(),
+            residual: tape("residual")?,
+            jacobian: tape("jacobian")?,
+            reaction: tape("reaction")?,
+            reaction_jacobian: tape("reaction_jacobian")?,
+            power,
+            power_of_lam,
+            patterns: SecondOrderPatterns {
+                mass: pattern("mass")?,
+                j_y: pattern("j_y")?,
+                j_z: pattern("j_z")?,
+                n_y: pattern("n_y")?,
+            },
+        };
+        Ok(Self(Arc::new(system.checked().map_err(refused)?)))
+    }
+}
