@@ -19,7 +19,7 @@ import sksundae
 from .implicit import pointer
 
 IGNORED = 1e30
-MOST_STEPS = 10**7
+MOST_STEPS = 20_000
 
 
 def libraries():
