@@ -26,6 +26,11 @@ pub trait Equations {
         None
     }
 
+    /// No rate below this is believed.
+    fn least_rate(&self) -> f64 {
+        0.0
+    }
+
     /// Corrections still expected below this fraction of the solution end the iteration. By default what
     /// a symplectic method needs: they are of one sign step after step, so even a hundredth of ε would
     /// show as a drift of the energy.
@@ -44,7 +49,7 @@ const NOISE: f64 = 1e3 * f64::EPSILON;
 pub struct Outcome {
     /// Corrections made.
     pub iterations: usize,
-    /// The ratio of the last two above the noise, or the one known before.
+    /// The largest ratio of successive corrections above the noise, or the one known before.
     pub rate: Option<f64>,
 }
 
@@ -53,10 +58,11 @@ pub struct Outcome {
 /// # Errors
 /// [`Trouble::NotConverged`] as soon as `most` corrections will not be enough.
 pub fn solve(equations: &mut impl Equations, most: usize) -> Result<Outcome, Trouble> {
-    let tolerance = equations.tolerance();
+    let (tolerance, least) = (equations.tolerance(), equations.least_rate());
     let mut last = f64::INFINITY;
     let mut expected = f64::INFINITY;
     let mut rate = equations.rate();
+    let mut worst: Option<f64> = None;
     for iterations in 1..=most {
         let size = equations.correct()?;
         let theta = size / last;
@@ -68,13 +74,18 @@ pub fn solve(equations: &mut impl Equations, most: usize) -> Result<Outcome, Tro
         };
         if iterations > 1 && !is_noise {
             rate = Some(theta);
+            worst = Some(worst.map_or(theta, |worst| worst.max(theta)));
         }
         let is_converged = size == 0.0
-            || iterations > 1 && still_to_come(rate.unwrap_or(theta), expected) < tolerance
+            || iterations > 1
+                && still_to_come(rate.unwrap_or(theta).max(least), expected) < tolerance
             || is_noise && rate.is_none() && theta >= 0.5
             || is_noise && iterations == most;
         if is_converged {
-            return Ok(Outcome { iterations, rate });
+            return Ok(Outcome {
+                iterations,
+                rate: worst.or(rate),
+            });
         }
         let is_too_slow =
             still_to_come(theta, size) * theta.powf((most - iterations) as f64) > tolerance;

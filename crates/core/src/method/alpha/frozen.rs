@@ -45,6 +45,9 @@ pub(super) struct Frozen {
     none: Vec<f64>,
 }
 
+/// In a large system, where factors cost ten corrections, steps that differ by less share them.
+const SIMILAR: f64 = 0.25;
+
 /// Blocks of the matrix, in the order they are given to the assembly.
 const MASS: usize = 0;
 const J_Z: usize = 1;
@@ -143,6 +146,12 @@ impl Frozen {
         self.corrections = 0;
         self.rate = None;
         Ok(())
+    }
+
+    /// Whether the factors are good enough to begin a step of this size with.
+    pub(super) fn serve(&self, h: f64) -> bool {
+        let is_large = matches!(self.factor, Factor::Sparse(_));
+        h.to_bits() == self.h.to_bits() || is_large && (h / self.h - 1.0).abs() <= SIMILAR
     }
 
     /// K, and what couples η with d.

@@ -213,8 +213,7 @@ impl Alpha {
     /// (3a)–(3e), by whichever start and factors lead to a solution.
     fn solve(&mut self, step: Step) -> Result<(), Trouble> {
         if self.is_warm {
-            if self.frozen.h.to_bits() == step.h.to_bits() && self.iterate_from(step, true).is_ok()
-            {
+            if self.frozen.serve(step.h) && self.iterate_from(step, true).is_ok() {
                 return Ok(());
             }
             if self.freeze_from(step, true).is_ok() && self.iterate_from(step, true).is_ok() {

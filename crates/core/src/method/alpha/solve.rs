@@ -3,7 +3,7 @@
 use super::frozen::Frozen;
 use super::{Reactions, State};
 use crate::linalg::{add_scaled, copy, copy_scaled, max_norm};
-use crate::newton::Equations;
+use crate::newton::{Broyden, Equations};
 use crate::problem::mechanical::SecondOrderModel;
 use crate::tableau::Alpha;
 use crate::trouble::Trouble;
@@ -122,6 +122,8 @@ pub(super) struct Solver {
     /// The right-hand side of the Newton matrix, then η, d, dΛ0, dΛ1; or η and dλ1 y_φ.
     x: Vec<f64>,
     zeta: Vec<f64>,
+    delta: Vec<f64>,
+    broyden: Broyden,
 }
 
 /// The equations of one step in the middle of being solved.
@@ -159,6 +161,8 @@ impl Solver {
             pulls: [zeros(), zeros()],
             x: Vec::new(),
             zeta: zeros(),
+            delta: vec![0.0; 3 * n + 2 * m],
+            broyden: Broyden::new(3 * n + 2 * m, 3 * n),
         };
         solver.x = vec![
             0.0;
@@ -223,6 +227,7 @@ impl Solver {
         frozen: &'a mut Frozen,
         step: Step<'a>,
     ) -> Solve<'a> {
+        self.broyden.restart();
         Solve {
             solver: self,
             model,
@@ -311,14 +316,28 @@ impl Solve<'_> {
         patterns.j_y.multiply_add(&frozen.j_y, h * h, eta, d_phi);
         patterns.j_z.multiply_add(&frozen.j_z, h, &at.zeta, d_phi);
         frozen.mass.solve(d_phi);
+        let m = lam_first.len();
+        let delta = &mut at.delta;
         for k in 0..n {
-            at.phi[k] += d_phi[k];
             let [d_first, d_last] = at.coupling.apart(eta[k] - y_phi * d_phi[k], d[k]);
-            first.a[k] += d_first;
-            last.a[k] += d_last;
+            delta[k] = d_phi[k];
+            delta[n + k] = d_first;
+            delta[2 * n + k] = d_last;
         }
-        add_scaled(&mut first.lam, 1.0, lam_first);
-        add_scaled(&mut last.lam, 1.0, lam_last);
+        delta[3 * n..3 * n + m].copy_from_slice(lam_first);
+        delta[3 * n + m..].copy_from_slice(lam_last);
+        at.broyden.improve(delta);
+        add_scaled(&mut at.phi, 1.0, &delta[..n]);
+        add_scaled(&mut first.a, 1.0, &delta[n..2 * n]);
+        add_scaled(&mut last.a, 1.0, &delta[2 * n..3 * n]);
+        add_scaled(&mut first.lam, 1.0, &delta[3 * n..3 * n + m]);
+        add_scaled(&mut last.lam, 1.0, &delta[3 * n + m..]);
+        let (y, phi) = (at.coupling.y, at.coupling.phi);
+        for k in 0..n {
+            let (p, a0, a1) = (delta[k], delta[n + k], delta[2 * n + k]);
+            at.x[k] = phi[0] * p + y[0] * a0 + y[1] * a1;
+            at.zeta[k] = phi[1] * p + 0.5 * (a0 + a1);
+        }
     }
 
     /// The corrections h² η and h ζ, in units of the position and of the velocity; without A, the
@@ -352,6 +371,10 @@ impl Equations for Solve<'_> {
 
     fn rate(&self) -> Option<f64> {
         self.frozen.rate
+    }
+
+    fn least_rate(&self) -> f64 {
+        0.03 // Broyden's corrections fall faster and faster, but not evenly
     }
 
     fn tolerance(&self) -> f64 {
