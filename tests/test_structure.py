@@ -92,7 +92,10 @@ def test_every_tape_is_the_lagrangians(kind):
 
 
 def test_a_run_is_the_lagrangians():
-    start = lagrangian().consistent(q=np.full(N, 0.2), v=np.zeros(N))
+    near = {"q": np.full(N, 0.2), "v": np.zeros(N)}
+    start, other = (system.consistent(**near) for system in (structure(), lagrangian()))
+    np.testing.assert_allclose(start["q"], other["q"], rtol=0, atol=1e-13)
+    np.testing.assert_allclose(start["v"], other["v"], rtol=0, atol=1e-13)
     runs = [
         lv.integrate(system, lv.Spark(3), t=(0.0, 2.0), h=0.02, **start)
         for system in (structure(), lagrangian())
@@ -277,11 +280,9 @@ def test_all_kinds_of_degrees_of_freedom_have_names():
 def test_a_body_that_does_not_fit_is_refused(monkeypatch):
     body = beam(2)
     basis, eye = body.basis, sp.eye_array(5)
-    with pytest.raises(ValueError, match="'u.1 vertex 0' is clamped and no coordinate"):
+    with pytest.raises(ValueError, match=r"'u\^1 vertex 0' is clamped and no coordinate"):
         body.at(basis.get_dofs("left"))
-    with pytest.raises(
-        ValueError, match=r"mass has shape \(5, 5\), the basis \d+ degrees(.|\n)*hi"
-    ):
+    with pytest.raises(ValueError, match=r"mass has shape \(5, 5\), the basis \d+ deg(.|\n)*hint"):
         fem.Body(basis, eye, eye)
     with pytest.raises(TypeError, match="mass is a sparse matrix of SciPy's"):
         fem.Body(basis, np.eye(basis.N), eye)

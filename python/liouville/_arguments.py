@@ -21,8 +21,8 @@ LEAST_TOLERANCE = 1e-12
 #: The absolute tolerance by default, in units of the relative one.
 SMALL = 1e-3
 
-#: The least step by default, in units of the interval.
-SHORT = 1e-10
+#: The least step by default, in units of the last digit of t.
+DIGITS = 64
 
 
 @dataclass(frozen=True)
@@ -135,7 +135,7 @@ def _controlled(
         raise ValueError(f"rtol is from {LEAST_TOLERANCE:g} to below 1, not {rtol:g}")
     first = 0.0 if h is None else _step("h", h, t0, t1)
     if h_min is None:
-        least = max(SHORT * abs(t1 - t0), 16 * float(np.spacing(max(abs(t0), abs(t1)))))
+        least = DIGITS * float(np.spacing(max(abs(t0), abs(t1))))
         least = min(least, first) if first else least
     else:
         least = _step("h_min", h_min, t0, t1)

@@ -98,7 +98,7 @@ class MechanicalRun:
 
 def project(
     tapes: tuple[Tape, Tape, Tape],
-    entries: _Pattern,
+    patterns: tuple[_Pattern, _Pattern],
     x: NDArray[np.float64],
     held: NDArray[np.float64],
     params: NDArray[np.float64],

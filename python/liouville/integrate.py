@@ -62,8 +62,8 @@ def integrate(
         Absolute tolerance, for all coordinates or for each, in their own unit; ``rtol / 1000`` by
         default.
     h_min : float, optional
-        The run fails where it would need a smaller step; by default :math:`10^{-10}` of the
-        interval.
+        The run fails where it would need a smaller step; by default where the time has too few
+        digits for it.
     every : int, default 1
         Keep one state in this many; the start and the end are always kept.
     observe : mapping of str to callable, optional
@@ -172,7 +172,9 @@ def integrate(
 
 def _check_kinds(system: Any, method: Any, states: Any, progress: Any) -> None:
     if not isinstance(system, Mechanics):
-        raise TypeError(f"system is a Lagrangian, Hamiltonian or Mechanical, not {system!r}")
+        raise TypeError(
+            f"system is a Lagrangian, Hamiltonian, Mechanical or Structure, not {system!r}"
+        )
     if not isinstance(method, tuple(METHODS.values())):
         known = ", ".join(cls.__name__ for cls in METHODS.values())
         raise TypeError(f"{method!r} does not step mechanical systems; methods that do: {known}")
@@ -188,7 +190,7 @@ def _check_sizes(system: Mechanics, method: Method, kept: int, row: int) -> None
         n, m, s = len(system.coordinates), len(system.constraints), method.stages
         dense = s * m * (n + s * m) if method.solver == "node-schur" else 2 * (s * (n + m)) ** 2
         hint = "HHT and its relatives take large sparse systems"
-        check_memory(f"{method!r} has dense matrices: {n} coordinates", 8 * dense, hint)
+        check_memory(f"{method!r} on {n} coordinates, dense,", 8 * dense, hint)
 
 
 def _drive(

@@ -66,7 +66,7 @@ class Solution:
         its last good step.
     message : str
         Why it is not done; empty when it is.
-    system : Lagrangian, Hamiltonian, Mechanical or None
+    system : Lagrangian, Hamiltonian, Mechanical, Structure or None
         The system integrated; None after :func:`liouville.load`.
     """
 

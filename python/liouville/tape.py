@@ -38,16 +38,12 @@ class Part:
     size: int
 
     @classmethod
-    def of(cls, x: ca.SX, dense: bool) -> Part:
-        """Return the elements of a matrix, column by column."""
-        if not dense:
-            return cls(ca.vec(x.nz[:]), np.arange(x.nnz()), x.nnz())
+    def of(cls, x: ca.SX) -> Part:
+        """Return all elements of a matrix, column by column."""
         return cls(ca.vec(x.nz[:]), np.array(x.sparsity().find(), dtype=np.int64), x.numel())
 
 
-def record(
-    name: str, inputs: Mapping[str, ca.SX], *outputs: ca.SX | Part, dense: bool = True
-) -> Tape:
+def record(name: str, inputs: Mapping[str, ca.SX], *outputs: ca.SX | Part) -> Tape:
     """Record expressions as one tape, what they have in common once.
 
     Parameters
@@ -57,9 +53,7 @@ def record(
     inputs : mapping of str to SX
         The input groups in order; the last is the parameters.
     *outputs : SX or Part
-        What follows one another on the tape; of a matrix its elements, column by column.
-    dense : bool, default True
-        Whether structural zeros of matrices are values too.
+        What follows one another on the tape; of a matrix all elements, column by column.
 
     Returns
     -------
@@ -71,7 +65,7 @@ def record(
         An expression has an operation that is not on the tape, a symbol that is not an input, or
         the constant NaN.
     """
-    parts = [x if isinstance(x, Part) else Part.of(x, dense) for x in outputs]
+    parts = [x if isinstance(x, Part) else Part.of(x) for x in outputs]
     column = ca.cse(ca.vertcat(ca.SX(0, 1), *(part.values for part in parts)))
     function = _function(name, inputs, column)
     lines, values = _program(function)

@@ -6,7 +6,7 @@
 mod support;
 
 use criterion::{BenchmarkId, Criterion, Throughput, criterion_group, criterion_main};
-use liouville_core::linalg::Lu;
+use liouville_core::linalg::{Factor, Lu, Pattern};
 use liouville_core::method::Stepper;
 use liouville_core::method::spark::{Solver, Spark};
 use liouville_core::problem::mechanical::Model;
@@ -114,6 +114,36 @@ fn factors(c: &mut Criterion) {
     group.finish();
 }
 
+/// The saddle-point matrix of a chain in the plane, with a diagonal mass.
+fn sparse_factors(c: &mut Criterion) {
+    let mut group = c.benchmark_group("sparse factor and solve");
+    for links in [30_usize, 300, 3000] {
+        let (n, order) = (2 * links, 3 * links);
+        let mut entries: Vec<(usize, usize)> = (0..n).map(|i| (i, i)).collect();
+        for k in 0..links {
+            let of_link = (2 * k).saturating_sub(2)..2 * k + 2;
+            entries.extend(of_link.flat_map(|i| [(n + k, i), (i, n + k)]));
+        }
+        let value = |(i, j): &(usize, usize)| 1.0 + 0.1 * ((7 * i + 3 * j) % 11) as f64;
+        let values: Vec<f64> = entries.iter().map(value).collect();
+        let Ok(pattern) = Pattern::new(order, order, entries) else {
+            unreachable!("entries lie inside")
+        };
+        let mut factor = Factor::new(&pattern);
+        let mut x = vec![1.0; order];
+        group.throughput(Throughput::Elements(order as u64));
+        group.bench_function(BenchmarkId::from_parameter(order), |b| {
+            b.iter(|| {
+                x.fill(1.0);
+                let regular = factor.factor(&pattern, black_box(&values)).is_ok();
+                factor.solve(&mut x);
+                (regular, x[0])
+            });
+        });
+    }
+    group.finish();
+}
+
 fn steps(c: &mut Criterion) {
     let mut group = c.benchmark_group("pendulum step");
     for s in 1..=4 {
@@ -139,6 +169,6 @@ fn quick() -> Criterion {
 criterion_group! {
     name = kernels;
     config = quick();
-    targets = tapes, factors, steps
+    targets = tapes, factors, sparse_factors, steps
 }
 criterion_main!(kernels);

@@ -2,6 +2,7 @@
 
 mod support;
 
+use liouville_core::linalg::{Factor, Pattern};
 use liouville_core::method::Stepper;
 use liouville_core::method::alpha::{Alpha, Reactions, Tolerance};
 use liouville_core::method::spark::{Solver, Spark};
@@ -185,4 +186,27 @@ fn evaluations_take_no_memory() {
         model.node_blocks(0.5, &y, &[0.0, 0.0]);
     });
     assert_eq!(count, 0);
+}
+
+#[test]
+fn a_sparse_matrix_is_factored_and_solved_with_in_the_memory_of_the_first_time() {
+    let order = 200;
+    let near = |i: usize| i.saturating_sub(2)..(i + 3).min(order);
+    let entries = (0..order).flat_map(|i| near(i).map(move |j| (i, j)));
+    let pattern = Pattern::new(order, order, entries.collect()).expect("entries inside");
+    let diagonal = |at: &(usize, usize)| if at.0 == at.1 { 4.0 } else { -1.0 };
+    let mut values: Vec<f64> = pattern.entries().iter().map(diagonal).collect();
+    let mut factor = Factor::new(&pattern);
+    assert!(matches!(factor, Factor::Sparse(_)));
+    let mut x = vec![1.0; order];
+    let mut work = |values: &[f64]| {
+        let factored = factor.factor(&pattern, values);
+        factor.solve(&mut x);
+        factored
+    };
+    work(&values).expect("regular");
+    values = values.iter().map(|value| 1.5 * value).collect();
+    assert_eq!(allocations(|| assert!(work(&values).is_ok())), 0);
+    values.fill(0.0);
+    assert_eq!(allocations(|| assert!(work(&values).is_err())), 0);
 }

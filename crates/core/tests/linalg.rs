@@ -575,7 +575,7 @@ fn panels_factor_as_single_entries_do() {
             [Some(k), k.checked_sub(side), Some(k + side)]
                 .into_iter()
                 .flatten()
-                .chain((k % side > 0).then(|| k - 1))
+                .chain((!k.is_multiple_of(side)).then(|| k - 1))
                 .chain((k % side + 1 < side).then_some(k + 1))
         };
         let entries: Vec<_> = (0..order)
@@ -655,4 +655,39 @@ fn the_largest_magnitude_of_a_nan_is_infinite() {
     assert_eq!(max_norm(&[]).to_bits(), 0.0_f64.to_bits());
     assert!(max_norm(&[1.0, f64::NAN, 2.0]).is_infinite());
     assert!(max_norm(&[f64::NEG_INFINITY]).is_infinite());
+}
+
+/// Run with `cargo test --release -p liouville-core --test linalg -- --ignored --nocapture`.
+#[test]
+#[ignore = "a measurement"]
+#[allow(clippy::print_stdout)]
+fn time_of_a_sparse_factor_and_solve_grows_as_the_chain_does() {
+    for links in [334_usize, 1_000, 3_334, 10_000, 33_334] {
+        let (n, order) = (2 * links, 3 * links);
+        let mut entries: Vec<_> = (0..n).map(|i| (i, i)).collect();
+        for k in 0..links {
+            let of_link = (2 * k).saturating_sub(2)..2 * k + 2;
+            entries.extend(of_link.flat_map(|i| [(n + k, i), (i, n + k)]));
+        }
+        let mut random = noise(1);
+        let values: Vec<f64> = entries.iter().map(|_| 1.5 + random()).collect();
+        let pattern = Pattern::new(order, order, entries).expect("entries inside");
+        let start = std::time::Instant::now();
+        let mut factor = Factor::new(&pattern);
+        let ordering = start.elapsed();
+        let mut x = vec![1.0; order];
+        let mut least = [std::time::Duration::MAX; 2];
+        for _ in 0..20 {
+            let start = std::time::Instant::now();
+            factor.factor(&pattern, &values).expect("regular");
+            least[0] = least[0].min(start.elapsed());
+            let start = std::time::Instant::now();
+            factor.solve(&mut x);
+            least[1] = least[1].min(start.elapsed());
+        }
+        println!(
+            "order {order}: ordering {ordering:.1?}, factor {:.1?}, solve {:.1?}",
+            least[0], least[1]
+        );
+    }
 }

@@ -6,6 +6,7 @@
 
 mod convert;
 mod errors;
+mod project;
 mod run;
 mod second_order;
 
@@ -22,7 +23,9 @@ mod _core {
     #[pymodule_export]
     use super::convert::{Mechanical, Rows, Tape};
     #[pymodule_export]
-    use super::run::{MechanicalRun, gauss_lobatto, project};
+    use super::project::project;
+    #[pymodule_export]
+    use super::run::{MechanicalRun, gauss_lobatto};
     #[pymodule_export]
     use super::second_order::SecondOrder;
 

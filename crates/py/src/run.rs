@@ -1,12 +1,12 @@
 //! Runs, as Python drives them: a slice of time, then a look at the signals.
 
-use crate::convert::{self, Mechanical, pattern};
+use crate::convert::{self, Mechanical};
 use crate::errors;
 use crate::second_order::SecondOrder;
 use liouville_core::method::alpha::{Alpha, Reactions, Tolerance};
 use liouville_core::method::spark::{Solver, Spark};
 use liouville_core::problem::Observe;
-use liouville_core::problem::mechanical::{self, Model, Observer, Projection, SecondOrderModel};
+use liouville_core::problem::mechanical::{Model, Observer, SecondOrderModel};
 use liouville_core::run::{Advance, Controlled, Equal, Run, Status};
 use liouville_core::tableau;
 use liouville_core::tableau::GaussLobatto;
@@ -271,34 +271,6 @@ fn alpha(
         width,
         is_alpha: true,
     }))
-}
-
-/// The point nearest to `x` that meets a projection's equations, or the trouble of finding it.
-#[pyfunction]
-pub(crate) fn project<'py>(
-    py: Python<'py>,
-    tapes: (
-        PyRef<'py, convert::Tape>,
-        PyRef<'py, convert::Tape>,
-        PyRef<'py, convert::Tape>,
-    ),
-    entries: &Bound<'py, PyAny>,
-    x: PyReadonlyArray1<'py, f64>,
-    held: PyReadonlyArray1<'py, f64>,
-    params: PyReadonlyArray1<'py, f64>,
-) -> PyResult<Bound<'py, PyAny>> {
-    let (residual, jacobian, metric) = tapes;
-    let (x, held, params) = (x.as_slice()?, held.as_slice()?, params.as_slice()?);
-    let projection = Projection {
-        residual: Tape::clone(&residual.0),
-        jacobian: Tape::clone(&jacobian.0),
-        pattern: pattern(entries)?,
-        metric: Tape::clone(&metric.0),
-    };
-    match mechanical::project(&projection, x, held, params) {
-        Ok(x) => Ok(PyArray1::from_vec(py, x).into_any()),
-        Err(trouble) => Ok(errors::trouble(py, &trouble)?.into_any()),
-    }
 }
 
 /// Coefficients of the s-stage Gauss–Lobatto SPARK method, by their letters.

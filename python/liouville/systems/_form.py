@@ -197,8 +197,3 @@ def entries(matrix: ca.SX) -> ca.SX:
 def total_derivative(x: ca.SX, s: Symbols, v: ca.SX) -> ca.SX:
     """x_t + x_y v."""
     return ca.jtimes(x, ca.vertcat(s.t, s.y), ca.vertcat(1, v))
-
-
-def pattern_of(matrix: ca.SX) -> Pattern:
-    """Return where the entries of a matrix are."""
-    return Block(matrix).pattern

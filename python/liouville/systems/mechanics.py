@@ -19,10 +19,11 @@ from liouville.systems._form import (
     compiled,
     differ,
     observing,
-    pattern_of,
+    record_blocks,
     second_order,
     total_derivative,
 )
+from liouville.systems._linear import Block
 from liouville.tape import record
 
 #: A start may miss its constraints by this much of the size of what they are made of.
@@ -236,8 +237,8 @@ class Mechanics:
     def _project(
         self, what: str, t: float, x: np.ndarray, held: np.ndarray, params: np.ndarray
     ) -> np.ndarray:
-        tapes, pattern, names = self._projections[what]
-        found = _core.project(tapes, pattern, x, np.append(held, t), params)
+        tapes, patterns, names = self._projections[what]
+        found = _core.project(tapes, patterns, x, np.append(held, t), params)
         if isinstance(found, dict):
             if found["kind"] == "not finite":
                 found["t"] = t
@@ -267,15 +268,14 @@ class Mechanics:
     def _projections(self) -> dict[str, Any]:
         """Tapes (x, held and t, params) of c, c_x and the metric, for each kind of projection.
 
-        With them come the pattern of c_x and the names of the rows of c.
+        With them come the patterns of the last two and the names of the rows of c.
         """
         s, model = self._symbols, self._model
         w = total_derivative(model.g, s, model.v)
         p_z, v_z = ca.jacobian(model.p, s.z), ca.jacobian(model.v, s.z)
         compliance = ca.solve(v_z.T, p_z.T).T if differ(model.v, s.z) else p_z
         hidden = tuple(f"hidden {name}" for name in self.constraints)
-        w_y = ca.jacobian(w, s.y)
-        moved = [k for k in range(w.numel()) if not w_y[k, :].is_zero()]
+        moved = sorted(set(ca.sparsify(ca.jacobian(w, s.y)).sparsity().row()))
         rows = ca.vertcat(model.g, *(w[k] for k in moved))
         both = rows, (*self.constraints, *(hidden[k] for k in moved))
         cases = {
@@ -286,13 +286,13 @@ class Mechanics:
         projections = {}
         for what, (x, held, (c, names), metric) in cases.items():
             inputs = {"x": x, "held": ca.vertcat(held, s.t), "params": s.params.vector}
-            c_x = ca.jacobian(c, x)
+            slope, weight = Block(ca.jacobian(c, x)), Block(metric, model.linear.mass)
             tapes = (
                 record(what, inputs, c),
-                record(what, inputs, c_x, dense=False),
-                record(what, inputs, metric.T),
+                record_blocks(what, inputs, [slope]),
+                record_blocks(what, inputs, [weight]),
             )
-            projections[what] = (tapes, pattern_of(c_x), names)
+            projections[what] = (tapes, (slope.pattern, weight.pattern), names)
         return projections
 
     def reaction(

@@ -217,3 +217,44 @@ pub fn dependent_rows(mut matrix: Matrix) -> Option<Vec<usize>> {
     }
     None
 }
+
+/// Up to this many entries, dense copies of a matrix are nothing to think of: 2 MB.
+const SMALL: usize = 250_000;
+
+/// [`dependent_rows`] of a sparse matrix; where it is large, more than one dependency may be in what is named.
+///
+/// Large, it is the null vector of [[1, Aᵀ], [A, 0]] that names them.
+pub fn dependencies(pattern: &Pattern, values: &[f64]) -> Option<Vec<usize>> {
+    let (rows, cols) = pattern.shape();
+    if rows * cols <= SMALL {
+        let mut dense = Matrix::zeros(rows, cols);
+        pattern.add_to(values, 1.0, &mut dense, 0, 0);
+        return dependent_rows(dense);
+    }
+    let mut scale = vec![0.0_f64; rows];
+    for (&(row, _), value) in pattern.entries().iter().zip(values) {
+        scale[row] = scale[row].max(value.abs());
+    }
+    if let Some(row) = scale.iter().position(|scale| *scale == 0.0) {
+        return Some(vec![row]);
+    }
+    let each = || pattern.entries().iter().zip(values);
+    let below = each().map(|(&(i, j), value)| ((cols + i, j), value / scale[i]));
+    let right = each().map(|(&(i, j), value)| ((j, cols + i), value / scale[i]));
+    let one = (0..cols).map(|k| ((k, k), 1.0));
+    let (entries, values): (Vec<_>, Vec<_>) = one.chain(below).chain(right).unzip();
+    let whole = Pattern {
+        rows: rows + cols,
+        cols: rows + cols,
+        entries,
+    };
+    let mut factor = Sparse::new(&whole);
+    factor.factor(&values).err()?;
+    let parts = factor.null_vector().skip(cols);
+    Some(
+        parts
+            .enumerate()
+            .filter_map(|(row, part)| part.then_some(row))
+            .collect(),
+    )
+}

@@ -11,7 +11,7 @@ mod rows;
 mod sparse;
 
 pub use assembly::Assembly;
-pub use factor::{Factor, Lu, Singular, dependent_rows};
+pub use factor::{Factor, Lu, Singular, dependencies, dependent_rows};
 pub use kernels::{add_scaled, combine, copy, copy_scaled, dot, max_norm};
 pub use matrix::Matrix;
 pub use pattern::{Pattern, PatternError};

@@ -49,6 +49,25 @@ impl Pattern {
         }
     }
 
+    /// The diagonal of a matrix of order `n`.
+    pub fn diagonal(n: usize) -> Self {
+        Self {
+            rows: n,
+            cols: n,
+            entries: (0..n).map(|k| (k, k)).collect(),
+        }
+    }
+
+    /// The pattern of the transposed matrix, its entries in the order of this one's.
+    #[must_use]
+    pub fn transposed(&self) -> Self {
+        Self {
+            rows: self.cols,
+            cols: self.rows,
+            entries: self.entries.iter().map(|(row, col)| (*col, *row)).collect(),
+        }
+    }
+
     /// Number of rows and columns.
     pub fn shape(&self) -> (usize, usize) {
         (self.rows, self.cols)

@@ -150,7 +150,9 @@ impl Sparse {
                 return Err(Singular { column });
             }
             *scale = inverse_power(largest);
-            values.iter_mut().for_each(|value| *value *= *scale);
+            for value in values {
+                *value *= *scale;
+            }
         }
         Ok(())
     }
@@ -204,11 +206,16 @@ impl Sparse {
             }
             self.probed();
         }
-        let least = PART * super::max_norm(&self.x);
-        let column = self.x.iter().rposition(|x| x.abs() > least);
+        let column = self.null_vector().rposition(|part| part);
         Singular {
             column: column.unwrap_or(0),
         }
+    }
+
+    /// Which columns a null vector combines, once [`Sparse::factor`] found the matrix singular.
+    pub(super) fn null_vector(&self) -> impl ExactSizeIterator<Item = bool> + DoubleEndedIterator {
+        let least = PART * super::max_norm(&self.x);
+        self.x.iter().map(move |x| x.abs() > least)
     }
 }
 

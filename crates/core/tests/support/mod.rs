@@ -165,13 +165,13 @@ impl Neg for Expr {
 }
 
 /// Records expressions as a tape, equal ones once.
-pub(crate) fn tape<const K: usize>(sizes: [usize; K], outputs: &[Expr]) -> Tape {
+pub(crate) fn tape(sizes: impl AsRef<[usize]>, outputs: &[Expr]) -> Tape {
     let mut recorder = Recorder::default();
     for (element, output) in outputs.iter().enumerate() {
         let slot = recorder.record(output);
         recorder.lines.push(Line::Output { element, slot });
     }
-    Tape::new(&sizes, outputs.len(), &recorder.lines).expect("a recorded program is valid")
+    Tape::new(sizes.as_ref(), outputs.len(), &recorder.lines).expect("a recorded program is valid")
 }
 
 #[derive(Default)]

@@ -2,14 +2,18 @@
 //!
 //! Gauss–Newton on c(x) = 0: each correction is the smallest in the metric W,
 //!
-//!     dx = W⁻¹ cᵀ_x μ,   (c_x W⁻¹ cᵀ_x) μ = −c
+//!     [ W    −cᵀ_x ] [ dx ]   [  0 ]
+//!     [ c_x    0   ] [ μ  ] = [ −c ]
+//!
+//! in units of x that make the diagonal of W one, and units of c that make its gradients so.
 
-use crate::linalg::{Lu, Matrix, Pattern, dependent_rows, max_norm};
+use super::explain;
+use crate::linalg::{Assembly, Factor, Pattern, max_norm};
 use crate::newton::{self, Equations};
 use crate::tape::{Registers, Tape};
 use crate::trouble::{Quantity, Trouble};
 
-/// Equations to be met, by tapes (x, held, params) → c, `c_x` and the diagonal blocks of the metric.
+/// Equations to be met, by tapes (x, held, params) → c, `c_x` and the metric.
 #[derive(Clone, Debug)]
 pub struct Projection {
     /// (x, held) → c
@@ -18,8 +22,10 @@ pub struct Projection {
     pub jacobian: Tape,
     /// Where `c_x` is not zero.
     pub pattern: Pattern,
-    /// (x, held) → W, row by row
+    /// (x, held) → W on its pattern
     pub metric: Tape,
+    /// Where W is not zero.
+    pub metric_pattern: Pattern,
 }
 
 struct Solve<'a> {
@@ -27,8 +33,14 @@ struct Solve<'a> {
     registers: [Registers<f64>; 3],
     held: &'a [f64],
     x: Vec<f64>,
-    metric: Lu,
-    normal: Lu,
+    /// W and `c_x`, then what their units make of them.
+    blocks: [Vec<f64>; 2],
+    /// Units of x, then of c.
+    units: Vec<f64>,
+    metric: Factor,
+    matrix: Assembly,
+    factor: Factor,
+    unknowns: Vec<f64>,
 }
 
 /// The point nearest to `x` where the projection's equations hold.
@@ -44,7 +56,11 @@ pub fn project(
     held: &[f64],
     params: &[f64],
 ) -> Result<Vec<f64>, Trouble> {
-    let (c, n) = projection.pattern.shape();
+    let (rows, n) = projection.pattern.shape();
+    let (c_x, metric) = (&projection.pattern, &projection.metric_pattern);
+    let transposed = c_x.transposed();
+    let blocks = [(metric, 0, 0), (c_x, n, 0), (&transposed, 0, n)];
+    let matrix = Assembly::new((n + rows, n + rows), &blocks);
     let mut solve = Solve {
         projection,
         registers: [
@@ -55,8 +71,12 @@ pub fn project(
         .map(|tape| tape.bind(params)),
         held,
         x: x.to_vec(),
-        metric: Lu::new(n),
-        normal: Lu::new(c),
+        blocks: [metric, c_x].map(|pattern| vec![0.0; pattern.len()]),
+        units: vec![0.0; n + rows],
+        metric: Factor::new(metric),
+        factor: Factor::new(matrix.pattern()),
+        matrix,
+        unknowns: vec![0.0; n + rows],
     };
     newton::solve(&mut solve, 100)?;
     Ok(solve.x)
@@ -64,7 +84,7 @@ pub fn project(
 
 impl Equations for Solve<'_> {
     fn correct(&mut self) -> Result<f64, Trouble> {
-        let (rows, n) = self.projection.pattern.shape();
+        let (_, n) = self.projection.pattern.shape();
         let args: [&[f64]; 2] = [&self.x, self.held];
         let [residual, jacobian, metric] = &mut self.registers;
         let c = self.projection.residual.eval(residual, args);
@@ -87,42 +107,52 @@ impl Equations for Solve<'_> {
         {
             return Err(not_finite(Quantity::Derivative)(index));
         }
-        self.metric.matrix_mut().flat_mut().copy_from_slice(metric);
-        self.metric
-            .factor()
-            .map_err(|singular| Trouble::SingularMass {
-                coordinate: singular.column,
-            })?;
-        let mut dense = Matrix::zeros(rows, n);
-        self.projection.pattern.add_to(c_x, 1.0, &mut dense, 0, 0);
-        let mut columns = dense.clone();
-        for k in 0..rows {
-            self.metric.solve(columns.row_mut(k));
-        }
-        let normal = self.normal.matrix_mut();
-        for i in 0..rows {
-            for j in 0..rows {
-                normal[(i, j)] = dense
-                    .row(i)
-                    .iter()
-                    .zip(columns.row(j))
-                    .map(|(a, b)| a * b)
-                    .sum();
+        let [w, scaled] = &mut self.blocks;
+        w.copy_from_slice(metric);
+        scaled.copy_from_slice(c_x);
+        let (at_c, at_w) = (&self.projection.pattern, &self.projection.metric_pattern);
+        let (of_x, of_c) = self.units.split_at_mut(n);
+        of_x.fill(1.0);
+        for (&(i, j), w) in at_w.entries().iter().zip(&*w) {
+            let unit = w.abs().sqrt().recip();
+            if i == j && unit.is_normal() {
+                of_x[i] = unit;
             }
         }
-        let mut mu: Vec<f64> = c.iter().map(|c| -c).collect();
-        self.normal.factor().map_err(|_| {
-            dependent_rows(dense).map_or(Trouble::SingularNewton, |constraints| {
-                Trouble::Redundant { constraints }
-            })
-        })?;
-        self.normal.solve(&mut mu);
-        let mut dx = vec![0.0; n];
-        for (k, mu) in mu.iter().enumerate() {
-            crate::linalg::add_scaled(&mut dx, *mu, columns.row(k));
+        for (&(i, j), w) in at_w.entries().iter().zip(&mut *w) {
+            *w *= of_x[i] * of_x[j];
         }
-        self.x.iter_mut().zip(&dx).for_each(|(x, dx)| *x += dx);
-        let size = max_norm(&dx);
+        of_c.fill(0.0);
+        for (&(i, j), c_x) in at_c.entries().iter().zip(&mut *scaled) {
+            *c_x *= of_x[j];
+            of_c[i] = c_x.abs().max(of_c[i]);
+        }
+        for (&(i, _), c_x) in at_c.entries().iter().zip(&mut *scaled) {
+            *c_x /= of_c[i];
+        }
+        let factored = self.metric.factor(at_w, w);
+        factored.map_err(|singular| Trouble::SingularMass {
+            coordinate: singular.column,
+        })?;
+        self.matrix.clear();
+        self.matrix.add(0, w, 1.0);
+        self.matrix.add(1, scaled, 1.0);
+        self.matrix.add(2, scaled, -1.0);
+        let factored = self
+            .factor
+            .factor(self.matrix.pattern(), self.matrix.values());
+        factored.map_err(|_| explain(at_c, c_x, Trouble::SingularNewton))?;
+        self.unknowns[..n].fill(0.0);
+        for ((out, c), unit) in self.unknowns[n..].iter_mut().zip(c).zip(of_c) {
+            *out = -c / *unit;
+        }
+        self.factor.solve(&mut self.unknowns);
+        let dx = &mut self.unknowns[..n];
+        for ((x, dx), unit) in self.x.iter_mut().zip(&mut *dx).zip(of_x) {
+            *dx *= *unit;
+            *x += *dx;
+        }
+        let size = max_norm(dx);
         Ok(if size == 0.0 {
             0.0
         } else {

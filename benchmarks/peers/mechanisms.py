@@ -1,0 +1,199 @@
+"""Exudyn: the three mechanisms of its own bodies and joints, stepped by its generalised alpha.
+
+Rigid bodies in the plane have three coordinates each, so Andrews' mechanism has 21 with 20
+constraints where the library's angles have 7 with 6; the chain's mass points are the same. The
+compiled module without range checks is used, nothing is written or drawn, and only SolveDynamic is
+timed. A "tolerance" is a number of steps here; Newton's is set below the discretisation's error.
+"""
+
+import sys
+import time
+
+import numpy as np
+
+sys.exudynFast = True
+
+import exudyn  # noqa: E402 - the line above selects its fast module
+from exudyn import itemInterface as item  # noqa: E402
+
+RHO = 0.9
+
+
+class Plane:
+    """A mechanism in the making, out of bodies, joints and loads in the plane."""
+
+    def __init__(self):
+        self.container = exudyn.SystemContainer()
+        self.mbs = self.container.AddSystem()
+        self.ground = self.mbs.AddObject(item.ObjectGround())
+        self.bodies = []
+
+    def body(self, mass, inertia, centre, angle, velocity=(0.0, 0.0), spin=0.0):
+        """Add a rigid body by its centre of mass; return its number."""
+        node = self.mbs.AddNode(
+            item.NodeRigidBody2D(
+                referenceCoordinates=[*centre, angle], initialVelocities=[*velocity, spin]
+            )
+        )
+        body = self.mbs.AddObject(
+            item.ObjectRigidBody2D(physicsMass=mass, physicsInertia=inertia, nodeNumber=node)
+        )
+        self.bodies.append(body)
+        return body
+
+    def point(self, mass, place, velocity):
+        """Add a mass point; return its number."""
+        node = self.mbs.AddNode(
+            item.NodePoint2D(referenceCoordinates=list(place), initialVelocities=list(velocity))
+        )
+        return self.mbs.AddObject(item.MassPoint2D(physicsMass=mass, nodeNumber=node))
+
+    def at(self, body, *place):
+        """Mark a place on a body, in its own axes from its centre of mass."""
+        return self.mbs.AddMarker(
+            item.MarkerBodyPosition(bodyNumber=body, localPosition=[*place, 0.0])
+        )
+
+    def join(self, one, other):
+        """Let two marked places coincide."""
+        self.mbs.AddObject(item.ObjectJointRevolute2D(markerNumbers=[one, other]))
+
+    def weigh(self, body, force):
+        """Let a constant vertical force act on a body's centre of mass."""
+        place = self.at(body, 0.0, 0.0)
+        self.mbs.AddLoad(item.Force(markerNumber=place, loadVector=[0.0, force, 0.0]))
+
+
+def chain(system, start):
+    p, plane = system.params, Plane()
+    q, v = np.reshape(start["q"], (-1, 2)), np.reshape(start["v"], (-1, 2))
+    links = len(q)
+    before = plane.at(plane.ground, 0.0, 0.0)
+    for place, velocity in zip(q, v, strict=True):
+        point = plane.point(p["m"] / links, place, velocity)
+        here = plane.at(point, 0.0, 0.0)
+        plane.mbs.AddObject(
+            item.ObjectConnectorDistance(markerNumbers=[before, here], distance=p["l"] / links)
+        )
+        plane.weigh(point, -p["m"] / links * p["g"])
+        before = here
+    return plane, lambda x: x
+
+
+def slider_crank(system, start):
+    p, plane = system.params, Plane()
+    (a, b, s), (da, db, ds) = start["q"], start["v"]
+    l1, l2 = p["l1"], p["l2"]
+    pin, turn = l1 * direction(a), l1 * da * direction(a + np.pi / 2)
+    crank = plane.body(p["m1"], p["j1"], pin / 2, a, turn / 2, da)
+    half, swing = l2 / 2 * direction(b), l2 / 2 * db * direction(b + np.pi / 2)
+    rod = plane.body(p["m2"], p["j2"], pin + half, b, turn + swing, db)
+    slider = plane.point(p["m3"], (s, 0.0), (ds, 0.0))
+    plane.join(plane.at(plane.ground, 0.0, 0.0), plane.at(crank, -l1 / 2, 0.0))
+    plane.join(plane.at(crank, l1 / 2, 0.0), plane.at(rod, -l2 / 2, 0.0))
+    plane.join(plane.at(rod, l2 / 2, 0.0), plane.at(slider, 0.0, 0.0))
+    height = plane.mbs.AddMarker(
+        item.MarkerNodeCoordinate(
+            nodeNumber=plane.mbs.GetObjectParameter(slider, "nodeNumber"), coordinate=1
+        )
+    )
+    fixed = plane.mbs.AddNode(item.NodePointGround())
+    zero = plane.mbs.AddMarker(item.MarkerNodeCoordinate(nodeNumber=fixed, coordinate=0))
+    plane.mbs.AddObject(item.ObjectConnectorCoordinate(markerNumbers=[zero, height]))
+    plane.weigh(crank, -p["m1"] * p["g"])
+    plane.weigh(rod, -p["m2"] * p["g"])
+    return plane, lambda x: x[[2, 5, 6]]
+
+
+def andrews(system, start):
+    """Build Andrews' mechanism; each body's first axis is the one its angle is counted from."""
+    p, plane = system.params, Plane()
+    beta, theta, gamma, phi, delta, omega, epsilon = start["q"]
+    e1 = direction
+    origin, a, b = np.zeros(2), np.array([p["xa"], p["ya"]]), np.array([p["xb"], p["yb"]])
+    quarter = np.pi / 2
+
+    def body(number, pivot, angle, centre):
+        """Place a body by its pivot, where its centre of mass is seen from it in its own axes."""
+        c, s = np.cos(angle), np.sin(angle)
+        there = pivot + np.array([c * centre[0] - s * centre[1], s * centre[0] + c * centre[1]])
+        return plane.body(p[f"m{number}"], p[f"i{number}"], there, angle)
+
+    # Angle, centre of mass and joints by the formulas of the problem's loops.
+    crank_pin = p["rr"] * e1(beta)
+    left = a + p["zt"] * e1(delta)
+    right = a + p["u"] * e1(epsilon - quarter)
+    k1 = body(1, origin, beta, (p["ra"], 0.0))
+    k2 = body(2, crank_pin, beta + theta, (-p["da"], 0.0))
+    k3 = body(3, b, gamma, (p["sb"], -p["sa"]))
+    k4 = body(4, left, phi + delta - quarter, (p["e"] - p["ea"], 0.0))
+    k5 = body(5, a, delta, (p["ta"], p["tb"]))
+    k6 = body(6, right, omega + epsilon, (p["zf"] - p["fa"], 0.0))
+    k7 = body(7, a, epsilon - quarter, (p["ua"], p["ub"]))
+    joint = plane.at(k2, p["da"] - p["d"], 0.0)
+
+    def ground(place):
+        return plane.at(plane.ground, *place)
+
+    plane.join(ground(origin), plane.at(k1, -p["ra"], 0.0))
+    plane.join(plane.at(k1, p["rr"] - p["ra"], 0.0), plane.at(k2, p["da"], 0.0))
+    plane.join(ground(b), plane.at(k3, -p["sb"], p["sa"]))
+    plane.join(joint, plane.at(k3, -p["sb"], p["sa"] - p["ss"]))
+    plane.join(ground(a), plane.at(k5, -p["ta"], -p["tb"]))
+    plane.join(plane.at(k5, p["zt"] - p["ta"], -p["tb"]), plane.at(k4, p["ea"] - p["e"], 0.0))
+    plane.join(joint, plane.at(k4, p["ea"], 0.0))
+    plane.join(ground(a), plane.at(k7, -p["ua"], -p["ub"]))
+    plane.join(plane.at(k7, p["u"] - p["ua"], -p["ub"]), plane.at(k6, p["fa"] - p["zf"], 0.0))
+    plane.join(joint, plane.at(k6, p["fa"], 0.0))
+    hook = plane.at(k3, p["sd"] - p["sb"], p["sa"] - p["sc"])
+    plane.mbs.AddObject(
+        item.ObjectConnectorSpringDamper(
+            markerNumbers=[ground((p["xc"], p["yc"])), hook],
+            referenceLength=p["l0"],
+            stiffness=p["c0"],
+        )
+    )
+    turning = plane.mbs.AddMarker(item.MarkerBodyRigid(bodyNumber=k1))
+    plane.mbs.AddLoad(item.Torque(markerNumber=turning, loadVector=[0.0, 0.0, p["mom"]]))
+
+    def angles(x):
+        """Return the library's angles (or their rates) from those of the bodies."""
+        one, two, three, four, five, six, seven = x[2::3]
+        return np.array([one, two - one, three, four - five, five, six - seven, seven])
+
+    return plane, angles
+
+
+def direction(angle):
+    return np.array([np.cos(angle), np.sin(angle)])
+
+
+class Exudyn:
+    """One mechanism, solved with a number of equal steps."""
+
+    def __init__(self, build, system, start, span):
+        self.plane, self.coordinates = build(system, start)
+        self.mbs = self.plane.mbs
+        self.mbs.Assemble()
+        self.span = span
+        settings = exudyn.SimulationSettings()
+        solution, stepping = settings.solutionSettings, settings.timeIntegration
+        solution.writeSolutionToFile = False
+        stepping.startTime, stepping.endTime = span
+        stepping.verboseMode = 0
+        stepping.generalizedAlpha.spectralRadius = RHO
+        stepping.newton.relativeTolerance = 1e-6
+        stepping.newton.modifiedNewtonJacUpdatePerStep = True  # faster here than its default
+        self.settings = settings
+        zero = self.mbs.systemData.GetODE2Coordinates
+        self.reference = np.array(zero(exudyn.ConfigurationType.Reference))
+        self.offset = np.array(start["q"]) - self.coordinates(self.reference)
+
+    def run(self, steps):
+        self.settings.timeIntegration.numberOfSteps = steps
+        begin = time.perf_counter()
+        exudyn.SolveDynamic(self.mbs, self.settings)
+        seconds = time.perf_counter() - begin
+        data = self.mbs.systemData
+        q = self.reference + data.GetODE2Coordinates()
+        return seconds, self.offset + self.coordinates(q), self.coordinates(data.GetODE2Coordinates_t())

@@ -1,0 +1,149 @@
+"""Cost of a step and memory of HHT from 1e3 to 1e5 unknowns: a chain and a beam.
+
+The chain has point masses on rigid links, a third of its unknowns multipliers; the beam is a
+strip of plane-stress elements, four high, clamped on the left, supported on the right by a
+constraint, under a load that comes suddenly. A step's time is the difference of a long and a short
+run, minimum of repeats, so the ordering of the factorisation is not in it. Each size runs in a
+process of its own; memory is that process's peak less what the imports took, building the system
+included. Run as ``python benchmarks/sparse_scaling.py``; takes some minutes.
+"""
+
+import json
+import resource
+import subprocess
+import sys
+import time
+
+import numpy as np
+import scipy.sparse as sp
+from report import publish
+
+import liouville as lv
+from liouville import problems
+
+SIZES = (1_000, 3_000, 10_000, 30_000, 100_000)
+SHORT, LONG, REPEATS = 5, 25, 3
+HIGH = 4
+
+
+def chain(unknowns):
+    """Return a chain with its start and a step that follows its links."""
+    links = round(unknowns / 3)
+    problem = problems.load("chain")
+    return problem.build(links), problem.start_for(links), 0.2 / links
+
+
+def beam(unknowns):
+    """Return a strip of square elements of side 1 with E = rho = 1, its start and a step."""
+    long = round(unknowns / (2 * (HIGH + 1)))
+    stiffness, mass = element()
+    nodes = np.arange((long + 1) * (HIGH + 1)).reshape(long + 1, HIGH + 1)
+    corners = [nodes[:-1, :-1], nodes[1:, :-1], nodes[1:, 1:], nodes[:-1, 1:]]
+    dofs = (2 * np.stack([c.ravel() for c in corners], 1)[:, :, None] + [0, 1]).reshape(-1, 8)
+    rows, cols = (np.broadcast_to(x, (len(dofs), 8, 8)) for x in (dofs[:, :, None], dofs[:, None]))
+    n, clamped = 2 * nodes.size, 2 * (HIGH + 1)
+
+    def assembled(block):
+        values = np.broadcast_to(block, rows.shape).ravel()
+        whole = sp.coo_array((values, (rows.ravel(), cols.ravel())), shape=(n, n)).tocsr()
+        return whole[clamped:, clamped:]
+
+    n -= clamped
+    load = np.zeros(n)
+    load[n // 2 // 10 * 10 + 1] = 1e-3
+    support = n - (HIGH // 2 + 1) * 2 + 1
+    system = lv.Structure(
+        assembled(mass),
+        assembled(stiffness),
+        force=load,
+        constraint=lambda t, q, params: q[support],
+    )
+    return system, {"q": np.zeros(n), "v": np.zeros(n)}, 0.5
+
+
+def element(poisson=0.3):
+    """Return stiffness and mass of the bilinear square of side 1, from 2 by 2 Gauss points."""
+    elastic = np.array([[1, poisson, 0], [poisson, 1, 0], [0, 0, (1 - poisson) / 2]])
+    elastic /= 1 - poisson**2
+    stiffness, mass = np.zeros((8, 8)), np.zeros((8, 8))
+    points = 0.5 + np.array([-0.5, 0.5]) / np.sqrt(3)
+    for x in points:
+        for y in points:
+            shape = np.array([(1 - x) * (1 - y), x * (1 - y), x * y, (1 - x) * y])
+            by_x = np.array([y - 1, 1 - y, y, -y])
+            by_y = np.array([x - 1, -x, x, 1 - x])
+            strain = np.zeros((3, 8))
+            strain[0, ::2] = strain[2, 1::2] = by_x
+            strain[1, 1::2] = strain[2, ::2] = by_y
+            move = np.zeros((2, 8))
+            move[0, ::2] = move[1, 1::2] = shape
+            stiffness += strain.T @ elastic @ strain / 4
+            mass += move.T @ move / 4
+    return stiffness, mass
+
+
+def peak():
+    """Peak memory of this process so far, in MiB."""
+    return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
+
+
+def one(kind, unknowns):
+    """Return the row of one size; runs in its own process."""
+    imports = peak()
+    begin = time.perf_counter()
+    system, start, h = {"chain": chain, "beam": beam}[kind](unknowns)
+    building = time.perf_counter() - begin
+
+    def run(steps):
+        return lv.integrate(
+            system, lv.HHT(-0.1), t=(0.0, steps * h), steps=steps, every=steps, **start
+        ).stats
+
+    pairs = [(run(SHORT), run(LONG)) for _ in range(REPEATS)]
+    short, long = (min((pair[k] for pair in pairs), key=lambda s: s["seconds"]) for k in (0, 1))
+    n, m = len(system.coordinates), len(system.constraints)
+    seconds = (long["seconds"] - short["seconds"]) / (LONG - SHORT)
+    return {
+        "model": kind,
+        "n": n,
+        "m": m,
+        "ms a step": 1e3 * seconds,
+        "us a step and unknown": 1e6 * seconds / (n + m),
+        "iterations": round((long["iterations"] - short["iterations"]) / (LONG - SHORT), 2),
+        "factorizations": round(
+            (long["factorizations"] - short["factorizations"]) / (LONG - SHORT), 2
+        ),
+        "building s": round(building, 2),
+        "MiB": peak() - imports,
+        "KiB an unknown": 1024 * (peak() - imports) / (n + m),
+    }
+
+
+def exponent(rows, key):
+    """Fit the power of the number of unknowns that a quantity grows with."""
+    sizes = np.log([row["n"] + row["m"] for row in rows])
+    return float(np.polyfit(sizes, np.log([row[key] for row in rows]), 1)[0])
+
+
+def main():
+    if len(sys.argv) == 3:
+        print(json.dumps(one(sys.argv[1], int(sys.argv[2]))))
+        return
+    rows, powers = [], []
+    for kind in ("chain", "beam"):
+        own = []
+        for size in SIZES:
+            command = [sys.executable, __file__, kind, str(size)]
+            done = subprocess.run(command, check=True, capture_output=True, text=True)
+            own.append(json.loads(done.stdout))
+        powers.append(
+            {"model": kind, **{key: round(exponent(own, key), 3) for key in ("ms a step", "MiB")}}
+        )
+        rows += own
+    publish("sparse_scaling", rows)
+    print()
+    publish("sparse_scaling_powers", powers)
+
+
+if __name__ == "__main__":
+    main()

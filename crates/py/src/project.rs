@@ -1,0 +1,39 @@
+//! Start values moved onto their constraints.
+
+use crate::convert::{self, pattern};
+use crate::errors;
+use liouville_core::problem::mechanical::{self, Projection};
+use liouville_core::tape::Tape;
+use numpy::{PyArray1, PyReadonlyArray1};
+use pyo3::prelude::*;
+
+/// The point nearest to `x` that meets a projection's equations, or the trouble of finding it.
+///
+/// Tapes of c, `c_x` and the metric; patterns of the last two.
+#[pyfunction]
+pub(crate) fn project<'py>(
+    py: Python<'py>,
+    tapes: (
+        PyRef<'py, convert::Tape>,
+        PyRef<'py, convert::Tape>,
+        PyRef<'py, convert::Tape>,
+    ),
+    patterns: (Bound<'py, PyAny>, Bound<'py, PyAny>),
+    x: PyReadonlyArray1<'py, f64>,
+    held: PyReadonlyArray1<'py, f64>,
+    params: PyReadonlyArray1<'py, f64>,
+) -> PyResult<Bound<'py, PyAny>> {
+    let (residual, jacobian, metric) = tapes;
+    let (x, held, params) = (x.as_slice()?, held.as_slice()?, params.as_slice()?);
+    let projection = Projection {
+        residual: Tape::clone(&residual.0),
+        jacobian: Tape::clone(&jacobian.0),
+        pattern: pattern(&patterns.0)?,
+        metric: Tape::clone(&metric.0),
+        metric_pattern: pattern(&patterns.1)?,
+    };
+    match mechanical::project(&projection, x, held, params) {
+        Ok(x) => Ok(PyArray1::from_vec(py, x).into_any()),
+        Err(trouble) => Ok(errors::trouble(py, &trouble)?.into_any()),
+    }
+}
