@@ -41,14 +41,14 @@ def beam(unknowns):
     corners = [nodes[:-1, :-1], nodes[1:, :-1], nodes[1:, 1:], nodes[:-1, 1:]]
     dofs = (2 * np.stack([c.ravel() for c in corners], 1)[:, :, None] + [0, 1]).reshape(-1, 8)
     rows, cols = (np.broadcast_to(x, (len(dofs), 8, 8)) for x in (dofs[:, :, None], dofs[:, None]))
-    n, clamped = 2 * nodes.size, 2 * (HIGH + 1)
+    every, clamped = 2 * nodes.size, 2 * (HIGH + 1)
+    n = every - clamped
 
     def assembled(block):
         values = np.broadcast_to(block, rows.shape).ravel()
-        whole = sp.coo_array((values, (rows.ravel(), cols.ravel())), shape=(n, n)).tocsr()
+        whole = sp.coo_array((values, (rows.ravel(), cols.ravel())), shape=(every, every)).tocsr()
         return whole[clamped:, clamped:]
 
-    n -= clamped
     load = np.zeros(n)
     load[n // 2 // 10 * 10 + 1] = 1e-3
     support = n - (HIGH // 2 + 1) * 2 + 1

@@ -190,10 +190,11 @@ class Exudyn:
         self.offset = np.array(start["q"]) - self.coordinates(self.reference)
 
     def run(self, steps):
+        """Integrate with a number of equal steps."""
         self.settings.timeIntegration.numberOfSteps = steps
         begin = time.perf_counter()
         exudyn.SolveDynamic(self.mbs, self.settings)
         seconds = time.perf_counter() - begin
         data = self.mbs.systemData
-        q = self.reference + data.GetODE2Coordinates()
-        return seconds, self.offset + self.coordinates(q), self.coordinates(data.GetODE2Coordinates_t())
+        q = self.coordinates(self.reference + data.GetODE2Coordinates())
+        return seconds, self.offset + q, self.coordinates(data.GetODE2Coordinates_t())
