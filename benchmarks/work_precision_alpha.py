@@ -119,8 +119,8 @@ def long_chain(links):
         ends.append((found.q[-1], found.v[-1]))
     if max(np.abs(a - b).max() for a, b in zip(*ends, strict=True)) > 1e-10:
         raise AssertionError("the chain's end state is not settled")
-    steps = tuple(int(links * 2 ** (k / 2)) for k in range(3, 15))
-    spark = tuple(links * k // 4 for k in (2, 3, 4, 6, 8, 16))
+    steps = tuple(int(20 * 2 ** (k / 2)) for k in range(15))
+    spark = (6, 8, 12, 16, 24, 40)
     build, name = partial(chain.build, links), f"chain of {links}"
     return Case(name, build, start, chain.interval, ends[1], mechanisms.chain, steps, spark)
 
@@ -175,8 +175,9 @@ def entries(case):
     for form in general.FORMS:
         given = case.system, form, case.start, *place, TOLERANCES
         add("CasADi IDAS", form, TOLERANCES, general.Idas, *given)
-    given = case.mechanism, case.system, case.start, case.span
-    add("Exudyn", "equal steps", case.steps, mechanisms.Exudyn, *given)
+    for solver in ("dense", "sparse") if sparse else ("dense",):
+        given = case.mechanism, case.system, case.start, case.span, solver
+        add("Exudyn", f"equal steps, {solver}", case.steps, mechanisms.Exudyn, *given)
     return found, took
 
 

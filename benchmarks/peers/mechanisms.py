@@ -171,7 +171,7 @@ def direction(angle):
 class Exudyn:
     """One mechanism, solved with a number of equal steps."""
 
-    def __init__(self, build, system, start, span):
+    def __init__(self, build, system, start, span, solver="dense"):
         self.plane, self.coordinates = build(system, start)
         self.mbs = self.plane.mbs
         self.mbs.Assemble()
@@ -184,6 +184,8 @@ class Exudyn:
         stepping.generalizedAlpha.spectralRadius = RHO
         stepping.newton.relativeTolerance = 1e-6
         stepping.newton.modifiedNewtonJacUpdatePerStep = True  # faster here than its default
+        if solver == "sparse":
+            settings.linearSolverType = exudyn.LinearSolverType.EigenSparse
         self.settings = settings
         zero = self.mbs.systemData.GetODE2Coordinates
         self.reference = np.array(zero(exudyn.ConfigurationType.Reference))
