@@ -452,7 +452,7 @@ def test_the_right_call_is_taken():
 
 def test_dense_matrices_that_would_not_fit_are_refused_before_they_are_made(monkeypatch):
     monkeypatch.setattr("liouville._arguments.memory", lambda: 1000)
-    with pytest.raises(MemoryError, match=r"dense matrices: 2 coordinates.*\nhint: HHT"):
+    with pytest.raises(MemoryError, match=r"Spark.* on 2 coordinates, dense, takes.*\nhint: HHT"):
         run(t=(0, 0.01))
     assert run(t=(0, 0.01), method=lv.HHT()).status == "done"
 

@@ -128,6 +128,14 @@ def test_every_name_is_legible_in_a_legend(solution, tmp_path):
     axes.figure.savefig(tmp_path / "many.png")
 
 
+def test_an_overview_shows_some_of_very_many_coordinates(solution):
+    names = tuple(f"x{i}" for i in range(1000))
+    q = np.outer(np.ones(51), np.arange(1000))
+    many = replace(solution, states={"q": q, "lam": solution.lam})
+    figure = plot.overview(replace(many, names={**solution.names, "coordinates": names}))
+    assert len(curves(figure.axes[0])) == plot.CURVES
+
+
 @pytest.mark.parametrize("count", [2, 7, 8, 40])
 def test_colours_differ_in_lightness_or_in_blue_so_that_all_eyes_tell_them_apart(count):
     # What a red-green blind eye keeps of a colour: about its lightness and its blue.

@@ -43,6 +43,9 @@ except ImportError as error:
         'the command line needs typer and rich\nhint: pip install "liouville[cli]"'
     ) from error
 
+#: As many coordinates of the end state are printed; the others are in the file.
+ROWS = 100
+
 DONE, FAILED, WRONG, INTERRUPTED = 0, 1, 2, 130
 
 app = typer.Typer(
@@ -391,9 +394,12 @@ def _summary(solution: lv.Solution, reference: Mapping[str, Any], conserved: Seq
     names = [name for name in solution.states if name not in ("lam", "acceleration", "a")]
     if names:
         table = _table("at the end", *names)
-        for i, coordinate in enumerate(solution.names["coordinates"]):
+        coordinates = solution.names["coordinates"]
+        for i, coordinate in enumerate(coordinates[:ROWS]):
             numbers = [f"{solution.states[name][-1, i]:.15g}" for name in names]
             table.add_row(coordinate, *numbers)
+        if len(coordinates) > ROWS:
+            table.add_row(f"and {len(coordinates) - ROWS} more")
         _print(table)
 
 

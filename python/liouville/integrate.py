@@ -190,7 +190,7 @@ def _check_sizes(system: Mechanics, method: Method, kept: int, row: int) -> None
         n, m, s = len(system.coordinates), len(system.constraints), method.stages
         dense = s * m * (n + s * m) if method.solver == "node-schur" else 2 * (s * (n + m)) ** 2
         hint = "HHT and its relatives take large sparse systems"
-        check_memory(f"{method!r} has dense matrices: {n} coordinates", 8 * dense, hint)
+        check_memory(f"{method!r} on {n} coordinates, dense,", 8 * dense, hint)
 
 
 def _drive(

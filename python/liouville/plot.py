@@ -33,6 +33,9 @@ FLOOR = 1e-17
 # More points than this do not show; a curve keeps the extremes of what it leaves out.
 POINTS = 4000
 
+# An overview shows no more curves than this in a panel, evenly chosen.
+CURVES = 40
+
 UNITS = "(system's units)"
 COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#000000")
 GREY = "#6e6e6e"
@@ -288,7 +291,8 @@ def overview(solution: Solution) -> Figure:
     scalars = {name: values for name, values in solution.observed.items() if values.ndim == 1}
     if solution.states:
         of = "y" if "y" in solution.states else "q"
-        panels.append(lambda solution, ax: trajectories(solution, of, ax=ax))
+        shown = _some(solution.names["coordinates"])
+        panels.append(lambda solution, ax: trajectories(solution, of, names=shown, ax=ax))
     elif scalars:
         panels.append(lambda solution, ax: _curves(ax, solution.t, scalars, "observed", ""))
     if solution.invariants:
@@ -298,7 +302,8 @@ def overview(solution: Solution) -> Figure:
     if solution.names["constraints"]:
         panels.append(residuals)
         if solution.states:
-            panels.append(multipliers)
+            held = _some(solution.names["constraints"])
+            panels.append(lambda solution, ax: multipliers(solution, names=held, ax=ax))
     if solution.tolerances and len(solution.t) > 1:
         panels.append(steps)
     rows = 2 if len(panels) >= 4 else 1
@@ -445,6 +450,10 @@ def _sizes(ax: Axes | None, t: Array, columns: Mapping[str, Array], title: str, 
         )
     _legend(axes, list(columns), title)
     return axes
+
+
+def _some(names: Sequence[str]) -> Sequence[str]:
+    return names[:: max(1, -(-len(names) // CURVES))]
 
 
 def _extremes(values: Array) -> Any:

@@ -575,7 +575,7 @@ fn panels_factor_as_single_entries_do() {
             [Some(k), k.checked_sub(side), Some(k + side)]
                 .into_iter()
                 .flatten()
-                .chain((k % side > 0).then(|| k - 1))
+                .chain((!k.is_multiple_of(side)).then(|| k - 1))
                 .chain((k % side + 1 < side).then_some(k + 1))
         };
         let entries: Vec<_> = (0..order)

@@ -59,6 +59,7 @@ impl Pattern {
     }
 
     /// The pattern of the transposed matrix, its entries in the order of this one's.
+    #[must_use]
     pub fn transposed(&self) -> Self {
         Self {
             rows: self.cols,

@@ -150,7 +150,9 @@ impl Sparse {
                 return Err(Singular { column });
             }
             *scale = inverse_power(largest);
-            values.iter_mut().for_each(|value| *value *= *scale);
+            for value in values {
+                *value *= *scale;
+            }
         }
         Ok(())
     }

@@ -113,7 +113,7 @@ impl Controlled {
         let possible = SAFETY * error.powf(-1.0 / 3.0);
         if !(1.0..WORTH_IT).contains(&possible) {
             let factor = SAFETY * error.powf(-0.7 / 3.0) * self.last_error.powf(0.4 / 3.0);
-            self.h = factor.clamp(SHRINK, GROW) * h.abs();
+            self.h = (factor.clamp(SHRINK, GROW) * h.abs()).max(self.least);
         }
         self.last_error = error;
     }

@@ -43,7 +43,7 @@ pub(super) struct Terms {
     /// Outputs written once that terms are added to; their values are kept behind all registers.
     kept: Vec<usize>,
     /// The terms, each with its input's registers.
-    terms: Vec<(Term, Range<usize>)>,
+    added: Vec<(Term, Range<usize>)>,
 }
 
 impl Terms {
@@ -113,7 +113,7 @@ impl Terms {
             once: constants().filter(|(k, _)| fixed[*k]).collect(),
             each: constants().filter(|(k, _)| !fixed[*k]).collect(),
             kept: (0..outputs).filter(|k| fixed[*k] && added[*k]).collect(),
-            terms: placed,
+            added: placed,
         })
     }
 
@@ -124,7 +124,7 @@ impl Terms {
 
     /// Whether an evaluation has nothing to add.
     pub(super) fn is_empty(&self) -> bool {
-        self.each.is_empty() && self.terms.is_empty()
+        self.each.is_empty() && self.added.is_empty()
     }
 
     /// Completes what the program has written once.
@@ -145,7 +145,7 @@ impl Terms {
         for &(output, value) in &self.each {
             outputs[output] = outputs[output] + R::splat(value);
         }
-        for (term, registers) in &self.terms {
+        for (term, registers) in &self.added {
             let x = &inputs[registers.clone()];
             match term {
                 Term::Product {

@@ -106,6 +106,8 @@ impl Coupling {
 pub(super) struct Solver {
     weights: Alpha,
     reactions_by: Reactions,
+    /// Whether one correction solves the equations: no derivative depends on anything but parameters.
+    is_affine: bool,
     pub(super) coupling: Coupling,
     /// φ1
     pub(super) phi: Vec<f64>,
@@ -156,6 +158,7 @@ impl Solver {
         Self {
             weights,
             reactions_by: reactions,
+            is_affine: model.problem.is_affine(),
             coupling: Coupling::new(weights, reactions),
             phi: zeros(),
             reactions: [reaction(), reaction()],
@@ -365,7 +368,12 @@ impl Equations for Solve<'_> {
         self.correct_position();
         self.apply();
         self.made += 1;
-        Ok(self.size())
+        let size = self.size();
+        Ok(if self.solver.is_affine && size.is_finite() {
+            0.0
+        } else {
+            size
+        })
     }
 
     fn tolerance(&self) -> f64 {

@@ -92,6 +92,12 @@ impl SecondOrder {
         }
         Ok(self)
     }
+
+    /// Whether M, all forces and the constraints are linear in the coordinates, with constant factors.
+    pub fn is_affine(&self) -> bool {
+        let tapes = [&self.jacobian, &self.mechanical.node_blocks];
+        tapes.iter().all(|tape| tape.is_empty()) && self.patterns.n_y.is_empty()
+    }
 }
 
 /// A second-order system ready to be evaluated.
