@@ -36,7 +36,7 @@ build: $(VENV)/built  ## Compile the core and install it into .venv
 docs: $(VENV)/tools  ## Build the documentation into docs/_build/html; runs the gallery
 	$(SPHINX) docs docs/_build/html
 
-bench:  ## Time the kernels of the core; benchmarks/*.py time the rest
+bench:  ## Time the kernels of the core; benchmarks/*.py time the rest, the peers with the extra 'bench'
 	cargo bench -p liouville-core
 
 ci: lint test docs  ## What .ci/run runs

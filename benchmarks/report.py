@@ -20,7 +20,7 @@ def processor() -> str:
     return names[0] if names else platform.processor() or platform.machine()
 
 
-def surroundings() -> dict[str, Any]:
+def surroundings(packages: Sequence[str] = ()) -> dict[str, Any]:
     """Return what figures depend on besides the code: machine, load and versions."""
     return {
         "taken": datetime.now(UTC).isoformat(timespec="seconds"),
@@ -29,11 +29,11 @@ def surroundings() -> dict[str, Any]:
         "load": [round(x, 2) for x in os.getloadavg()],
         "platform": platform.platform(),
         "python": platform.python_version(),
-        **{name: version(name) for name in ("casadi", "numpy")},
+        **{name: version(name) for name in ("casadi", "numpy", *packages)},
     }
 
 
-def publish(name: str, rows: Sequence[dict[str, Any]]) -> None:
+def publish(name: str, rows: Sequence[dict[str, Any]], packages: Sequence[str] = ()) -> None:
     """Print rows as a Markdown table and write them to results/<name>.json."""
     cells = [[_text(value) for value in row.values()] for row in rows]
     header = list(rows[0])
@@ -43,7 +43,7 @@ def publish(name: str, rows: Sequence[dict[str, Any]]) -> None:
     print(*(_line(row, widths) for row in cells), sep="\n")
     RESULTS.mkdir(exist_ok=True)
     path = RESULTS / f"{name}.json"
-    result = {"surroundings": surroundings(), "rows": list(rows)}
+    result = {"surroundings": surroundings(packages), "rows": list(rows)}
     path.write_text(json.dumps(result, indent=1) + "\n", encoding="utf-8")
     print(f"\n{processor()}; written to {path.relative_to(RESULTS.parent.parent)}")
 

@@ -15,21 +15,23 @@ import os
 
 os.environ.update(OPENBLAS_NUM_THREADS="1", OMP_NUM_THREADS="1")
 
-import argparse  # noqa: E402
-import time  # noqa: E402
-from dataclasses import dataclass, field  # noqa: E402
+import argparse
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cached_property, partial
 
-import matplotlib.pyplot as plt  # noqa: E402
-import numpy as np  # noqa: E402
-from peers import general, implicit, mechanisms, sundials  # noqa: E402
-from report import RESULTS, publish  # noqa: E402
+import matplotlib.pyplot as plt
+import numpy as np
+from peers import general, implicit, mechanisms, sundials
+from report import RESULTS, publish
 
-import liouville as lv  # noqa: E402
-from liouville import problems  # noqa: E402
+import liouville as lv
+from liouville import problems
 
 TOLERANCES = tuple(10.0**-k for k in range(2, 9))
 LEVELS = (1e-3, 1e-4, 1e-5, 1e-6)
-SHARE = 0.3  # seconds of repeats a run may take, within 3 and 40 repeats
+SHARE = 0.3  # seconds of repeats a run may take, within 1 and 40 repeats
 OWN = ("HHT", "generalised alpha", "Spark(3)")
 
 
@@ -38,17 +40,22 @@ class Case:
     """A problem with its end state, and the numbers of steps that equal steps are tried with."""
 
     name: str
-    system: lv.Lagrangian
+    build: Callable
     start: dict
     span: tuple
     reference: tuple
-    build: object
+    mechanism: Callable
     steps: tuple
     spark: tuple
-    rotations: bool = True
+
+    @cached_property
+    def system(self):
+        """The system, traced."""
+        return self.build()
 
     @property
     def scales(self):
+        """The largest position and velocity of the end state."""
         return tuple(float(np.abs(state).max()) for state in self.reference)
 
 
@@ -73,127 +80,120 @@ class Own:
     method: object
     case: Case
     control: bool
-    last: dict = field(default_factory=dict)
 
     def run(self, setting):
+        """Integrate with a relative tolerance or a number of steps."""
+        case, pace = self.case, {"steps": setting}
         if self.control:
-            pace = {"rtol": setting, "atol": setting * self.case.scales[0]}
-        else:
-            pace = {"steps": setting}
+            pace = {"rtol": setting, "atol": setting * case.scales[0]}
         found = lv.integrate(
-            self.case.system, self.method, t=self.case.span, every=10**9, **pace, **self.case.start
+            case.system, self.method, t=case.span, every=10**9, **pace, **case.start
         )
-        self.last[setting] = found.stats
         return found.stats["seconds"], found.q[-1], found.v[-1]
 
 
 def case(name, steps, spark):
+    """Return one of the library's problems that have a mechanism and a reference."""
     problem = problems.load(name)
     end = problem.reference[problem.interval[1]]
     reference = tuple(np.array(end[state]) for state in "qv")
-    build = getattr(mechanisms, name)
-    return Case(
-        name, problem.system, problem.start, problem.interval, reference, build, steps, spark
-    )
+
+    def build():
+        names, params = problem.system.coordinates, problem.system.params
+        return lv.Lagrangian(problem.lagrangian, problem.constraint, q=names, params=params)
+
+    if name == "chain":
+        build = partial(problem.build, 10)
+    start, mechanism = problem.start, getattr(mechanisms, name)
+    return Case(name, build, start, problem.interval, reference, mechanism, steps, spark)
 
 
 def long_chain(links):
     """Return a chain without a published end state; its own is that of Spark(5)."""
     chain = problems.load("chain")
-    system, start = chain.build(links), chain.start_for(links)
-    ends = []
+    start, ends = chain.start_for(links), []
     for count in (20 * links, 40 * links):
-        found = lv.integrate(system, lv.Spark(5), t=chain.interval, steps=count, **start)
+        found = lv.integrate(
+            chain.build(links), lv.Spark(5), t=chain.interval, steps=count, **start
+        )
         ends.append((found.q[-1], found.v[-1]))
     if max(np.abs(a - b).max() for a, b in zip(*ends, strict=True)) > 1e-10:
         raise AssertionError("the chain's end state is not settled")
-    steps = tuple(links * k for k in (4, 8, 16, 32, 64, 128, 256, 512))
-    spark = tuple(links * k // 4 for k in (2, 3, 4, 6, 8, 16))
-    return Case(
-        f"chain of {links}", system, start, chain.interval, ends[1], mechanisms.chain, steps, spark
-    )
+    steps = tuple(int(20 * 2 ** (k / 2)) for k in range(15))
+    spark = (6, 8, 12, 16, 24, 40)
+    build, name = partial(chain.build, links), f"chain of {links}"
+    return Case(name, build, start, chain.interval, ends[1], mechanisms.chain, steps, spark)
 
 
 def cases():
+    """Yield the cases by name, each made when it is its turn."""
     crank = tuple(int(100 * 2 ** (k / 2)) for k in range(16))
-    return (
-        case("slider_crank", crank, (20, 30, 40, 60, 80, 120, 160)),
-        case("andrews", crank, (45, 50, 60, 75, 90, 110, 150)),
-        case("chain", tuple(int(10 * 2 ** (k / 2)) for k in range(16)), (3, 4, 6, 8, 10, 15, 20)),
-        long_chain(40),
-    )
+    few = tuple(int(10 * 2 ** (k / 2)) for k in range(16))
+    yield "slider_crank", partial(case, "slider_crank", crank, (20, 30, 40, 60, 80, 120, 160))
+    yield "andrews", partial(case, "andrews", crank, (45, 50, 60, 75, 90, 110, 150))
+    yield "chain", partial(case, "chain", few, (3, 4, 6, 8, 10, 15, 20))
+    yield "chain of 40", partial(long_chain, 40)
 
 
 def entries(case):
     """Set up every code on a case; returns its runs and the seconds that setting up took."""
     found, took = [], {}
 
-    def add(family, variant, settings, make):
+    def add(family, variant, settings, make, *args):
         begin = time.perf_counter()
         try:
-            solver = make()
+            solver = make(*args)
         except Exception as trouble:
-            print(f"{case.name}: {family} {variant} is left out: {trouble}")
+            print(f"{case.name}: {family}, {variant} is left out: {trouble}")
             return
-        took.setdefault(family, []).append(time.perf_counter() - begin)
+        took[family] = took.get(family, 0.0) + time.perf_counter() - begin
         found.extend(Entry(family, variant, setting, solver) for setting in settings)
 
-    own = (("HHT", lv.HHT(-0.1)), ("generalised alpha", lv.GeneralizedAlpha(0.9)))
-    for family, method in own:
-        add(family, "controlled", (*TOLERANCES, 1e-10, 1e-11), lambda: Own(method, case, True))
-        add(family, "equal steps", case.steps, lambda: Own(method, case, False))
-    add("Spark(3)", "equal steps", case.spark, lambda: Own(lv.Spark(3), case, False))
-    sparse = len(case.start["q"]) > 20
+    begin = time.perf_counter()
+    _ = case.system
+    took["Spark(3)"] = time.perf_counter() - begin
+    _ = case.system.second_order
+    for family, method in (("HHT", lv.HHT(-0.1)), ("generalised alpha", lv.GeneralizedAlpha(0.9))):
+        took[family] = time.perf_counter() - begin
+        add(family, "controlled", (*TOLERANCES, 1e-10, 1e-11), Own, method, case, True)
+        add(family, "equal steps", case.steps, Own, method, case, False)
+    add("Spark(3)", "equal steps", case.spark, Own, lv.Spark(3), case, False)
+    place, sparse = (case.span, case.scales), len(case.start["q"]) > 20
     for form in implicit.FORMS:
         begin = time.perf_counter()
         equation = implicit.implicit(case.system, form, case.start, case.span[0])
         _ = equation.library
         compiling = time.perf_counter() - begin
-        place = case.span, case.scales
-        add("IDA in C", form, TOLERANCES, lambda: sundials.InC(equation, *place, sparse))
-        add(
-            "IDA, scikit-sundae",
-            form,
-            TOLERANCES,
-            lambda: sundials.ScikitSundae(equation, *place, sparse),
-        )
+        add("IDA in C", form, TOLERANCES, sundials.InC, equation, *place, sparse)
+        package = sundials.ScikitSundae
+        add("IDA, scikit-sundae", form, TOLERANCES, package, equation, *place, sparse)
         for method in ("Radau", "BDF") if form != "index2" else ():
-            add(
-                "scipy_dae",
-                f"{method}, {form}",
-                TOLERANCES[1:6],
-                lambda: general.ScipyDae(equation, *place, method),
-            )
+            variant, few = f"{method}, {form}", TOLERANCES[1:6]
+            add("scipy_dae", variant, few, general.ScipyDae, equation, *place, method)
         for family in ("IDA in C", "IDA, scikit-sundae", "scipy_dae"):
-            took[family][-1] += compiling
+            took[family] = took.get(family, 0.0) + compiling
     for form in general.FORMS:
-        add(
-            "CasADi IDAS",
-            form,
-            TOLERANCES,
-            lambda: general.Idas(case.system, form, case.start, case.span, case.scales),
-        )
-    add(
-        "Exudyn",
-        "equal steps",
-        case.steps,
-        lambda: mechanisms.Exudyn(case.build, case.system, case.start, case.span),
-    )
-    return found, {family: sum(parts) for family, parts in took.items()}
+        given = case.system, form, case.start, *place, TOLERANCES
+        add("CasADi IDAS", form, TOLERANCES, general.Idas, *given)
+    for solver in ("dense", "sparse") if sparse else ("dense",):
+        given = case.mechanism, case.system, case.start, case.span, solver
+        add("Exudyn", f"equal steps, {solver}", case.steps, mechanisms.Exudyn, *given)
+    return found, took
 
 
 def measure(case, entries):
     """Run all once for warmth and errors, then in turn until each has had its share."""
     for entry in entries:
         try:
-            entry.solver.run(entry.setting)
             seconds, *end = entry.solver.run(entry.setting)
+            if seconds < SHARE:
+                seconds, *end = entry.solver.run(entry.setting)
         except Exception as trouble:
             entry.trouble = str(trouble).splitlines()[0]
             continue
         pairs = zip(end, case.reference, case.scales, strict=True)
         entry.errors = tuple(float(np.abs(x - y).max()) / scale for x, y, scale in pairs)
-        entry.seconds, entry.repeats = seconds, int(np.clip(SHARE / seconds, 3, 40))
+        entry.seconds, entry.repeats = seconds, int(np.clip(SHARE / seconds, 1, 40))
     for round_ in range(40):
         for entry in entries:
             if round_ < entry.repeats:
@@ -221,31 +221,38 @@ def seconds_at(error, front):
 def compare(case, entries):
     """Return a row for each state and error: milliseconds of all, and ratios to the peers."""
     families = list(dict.fromkeys(entry.family for entry in entries))
-    for state, name in enumerate(("q", "v")):
+    peers = [family for family in families if family not in OWN]
+    for state, name in enumerate("qv"):
         fronts = {f: best([e for e in entries if e.family == f], state) for f in families}
         for error in LEVELS:
             times = {f: 1e3 * seconds_at(error, fronts[f]) for f in families}
-            peers = [times[f] for f in families if f not in OWN]
             row = {"problem": case.name, "of": name, "error": error, **times}
-            for own in OWN[:2]:
-                row[f"fastest peer / {own}"] = np.nanmin(peers) / times[own]
-            packages = [times[f] for f in families if f not in (*OWN, "IDA in C")]
-            row["fastest package / HHT"] = np.nanmin(packages) / times["HHT"]
-            yield {k: round(x, 3) if isinstance(x, float) and k != "error" else x for k, x in row.items()}
+            for own in OWN:
+                row[f"fastest peer / {own}"] = least(times[f] for f in peers) / times[own]
+            packages = (times[f] for f in peers if f != "IDA in C")
+            row["fastest package / HHT"] = least(packages) / times["HHT"]
+            row["Exudyn / HHT"] = times["Exudyn"] / times["HHT"]
+            yield row
+
+
+def least(times):
+    """Return the least of the times there are."""
+    return min((x for x in times if np.isfinite(x)), default=np.nan)
 
 
 def draw(results):
-    colours = dict(zip(dict.fromkeys(e.family for _, es in results for e in es), "C3 C1 C0 k C7 C8 C2 C4".split(), strict=False))
-    figure, axes = plt.subplots(2, len(results), figsize=(4 * len(results), 7), sharey="row", squeeze=False)
+    """Draw each code's best runs: a column a problem, a row a state."""
+    families = dict.fromkeys(entry.family for _, found in results for entry in found)
+    colours = dict(zip(families, ("C3", "C1", "C0", "k", "C7", "C8", "C2", "C4"), strict=True))
+    size = 4 * len(results), 7
+    figure, axes = plt.subplots(2, len(results), figsize=size, sharey="row", squeeze=False)
     for column, (case, found) in zip(axes.T, results, strict=True):
         for state, axis in enumerate(column):
             for family, colour in colours.items():
                 front = best([e for e in found if e.family == family], state)
-                if len(front):
-                    dashes = "-" if family in OWN else "--"
-                    axis.loglog(*front.T, dashes, marker=".", color=colour, label=family)
-            axis.set(xlabel=f"relative error of {'qv'[state]}", xlim=(1e-8, 1e-1))
-            axis.invert_xaxis()
+                dashes = "-" if family in OWN else "--"
+                axis.loglog(*front.T, dashes, marker=".", color=colour, label=family)
+            axis.set(xlabel=f"relative error of {'qv'[state]}", xlim=(1e-1, 1e-8))
             axis.grid(alpha=0.3)
         column[0].set_title(case.name)
     for axis in axes[:, 0]:
@@ -261,32 +268,39 @@ def main():
     parser.add_argument("problems", nargs="*", help="some of the problems, by name")
     wanted = parser.parse_args().problems
     sundials.libraries()
-    results, table, runs = [], [], []
-    for case in cases():
-        if wanted and case.name not in wanted:
+    results, table, setups, runs = [], [], [], []
+    for name, make in cases():
+        if wanted and name not in wanted:
             continue
+        case = make()
         found, took = entries(case)
         measure(case, found)
         results.append((case, found))
         table += compare(case, found)
-        print(case.name, "set up in seconds:", {k: round(x, 2) for k, x in took.items()})
-        runs += [
-            {
-                "problem": case.name,
-                "code": e.family,
-                "variant": e.variant,
-                "setting": e.setting,
-                "ms": round(1e3 * e.seconds, 4) if e.errors else None,
-                "error q": e.errors[0] if e.errors else None,
-                "error v": e.errors[1] if e.errors else None,
-                "trouble": e.trouble,
-            }
-            for e in found
-        ]
+        setups.append({"problem": name, **{f: round(x, 3) for f, x in took.items()}})
+        runs += [row(case, entry) for entry in found]
     draw(results)
-    publish("work_precision_alpha_runs", runs)
-    print()
-    publish("work_precision_alpha", table)
+    packages = ("scikit-sundae", "scipy_dae", "exudyn", "numba", "scipy")
+    publish("work_precision_alpha_runs", runs, packages)
+    print("\nSeconds of setting up, all forms together:\n")
+    publish("work_precision_alpha_setup", setups, packages)
+    print("\nMilliseconds of a run:\n")
+    publish("work_precision_alpha", table, packages)
+
+
+def row(case, entry):
+    """Return one run as a row."""
+    error_q, error_v = entry.errors or (None, None)
+    return {
+        "problem": case.name,
+        "code": entry.family,
+        "variant": entry.variant,
+        "setting": entry.setting,
+        "ms": 1e3 * entry.seconds if entry.errors else None,
+        "error q": error_q,
+        "error v": error_v,
+        "trouble": entry.trouble,
+    }
 
 
 if __name__ == "__main__":

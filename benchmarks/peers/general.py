@@ -37,7 +37,7 @@ def semi_explicit(system, form):
 class Idas:
     """CasADi's interface to SUNDIALS IDAS, one integrator for each tolerance."""
 
-    def __init__(self, system, form, start, span, scales):
+    def __init__(self, system, form, start, span, scales, tolerances):
         self.equations, self.span, self.scales = semi_explicit(system, form), span, scales
         q, v = (np.array(start[name], dtype=float) for name in "qv")
         a, lam = accelerations(system)(span[0], q, v)
@@ -45,9 +45,10 @@ class Idas:
         rest = np.zeros(size - len(a) - len(lam))
         self.x0, self.z0 = np.concatenate([q, v]), np.concatenate([a, lam, rest])
         self.rates = [*v, *a]
-        self.made = {}
+        self.made = {tol: self.integrator(tol) for tol in tolerances}
 
     def integrator(self, tol):
+        """Compile an integrator of this tolerance."""
         atol = [tol * scale for scale in self.scales for _ in range(self.n)]
         options = {
             "reltol": tol,
@@ -65,9 +66,9 @@ class Idas:
         return ca.integrator("solve", "idas", self.equations, *self.span, options)
 
     def run(self, tol):
-        solve = self.made.get(tol) or self.made.setdefault(tol, self.integrator(tol))
+        """Integrate with one of the tolerances."""
         begin = time.perf_counter()
-        found = solve(x0=self.x0, z0=self.z0)
+        found = self.made[tol](x0=self.x0, z0=self.z0)
         seconds = time.perf_counter() - begin
         x = np.array(found["xf"])[:, 0]
         return seconds, x[: self.n], x[self.n :]
@@ -81,6 +82,7 @@ class ScipyDae:
         self.residual, self.jacobians = functions(equation)
 
     def run(self, tol):
+        """Integrate with a relative tolerance, absolute in units of the scales."""
         n, size = self.equation.n, len(self.equation.start[0])
         scale = np.concatenate([np.repeat(self.scales, n) * tol, np.full(size - 2 * n, 1.0)])
         if self.method == "BDF":  # Radau stops with multipliers that weigh nothing

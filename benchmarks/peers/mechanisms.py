@@ -171,7 +171,7 @@ def direction(angle):
 class Exudyn:
     """One mechanism, solved with a number of equal steps."""
 
-    def __init__(self, build, system, start, span):
+    def __init__(self, build, system, start, span, solver="dense"):
         self.plane, self.coordinates = build(system, start)
         self.mbs = self.plane.mbs
         self.mbs.Assemble()
@@ -184,16 +184,19 @@ class Exudyn:
         stepping.generalizedAlpha.spectralRadius = RHO
         stepping.newton.relativeTolerance = 1e-6
         stepping.newton.modifiedNewtonJacUpdatePerStep = True  # faster here than its default
+        if solver == "sparse":
+            settings.linearSolverType = exudyn.LinearSolverType.EigenSparse
         self.settings = settings
         zero = self.mbs.systemData.GetODE2Coordinates
         self.reference = np.array(zero(exudyn.ConfigurationType.Reference))
         self.offset = np.array(start["q"]) - self.coordinates(self.reference)
 
     def run(self, steps):
+        """Integrate with a number of equal steps."""
         self.settings.timeIntegration.numberOfSteps = steps
         begin = time.perf_counter()
         exudyn.SolveDynamic(self.mbs, self.settings)
         seconds = time.perf_counter() - begin
         data = self.mbs.systemData
-        q = self.reference + data.GetODE2Coordinates()
-        return seconds, self.offset + self.coordinates(q), self.coordinates(data.GetODE2Coordinates_t())
+        q = self.coordinates(self.reference + data.GetODE2Coordinates())
+        return seconds, self.offset + q, self.coordinates(data.GetODE2Coordinates_t())

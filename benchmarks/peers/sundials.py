@@ -9,15 +9,24 @@ error test, in scikit-sundae by an absolute tolerance of 1e30, as it has no such
 import ctypes
 import time
 from ctypes import byref, c_double, c_int, c_long, c_void_p
-from functools import cached_property
 from pathlib import Path
 
 import numba
 import numpy as np
+import scipy.sparse as sp
 import sksundae
 
 from .implicit import pointer
 
+LIBRARIES = [
+    "core",
+    "nvecserial",
+    "sunmatrixdense",
+    "sunmatrixsparse",
+    "sunlinsoldense",
+    "sunlinsolsuperlumt",
+    "ida",
+]
 IGNORED = 1e30
 MOST_STEPS = 20_000
 
@@ -27,8 +36,7 @@ def libraries():
     folder = Path(sksundae.__file__).parent.parent / "scikit_sundae.libs"
     return {
         key: ctypes.CDLL(str(next(folder.glob(f"libsundials_{key}-*"))), ctypes.RTLD_GLOBAL)
-        for key in ("core", "nvecserial", "sunmatrixdense", "sunmatrixsparse", "sunlinsoldense",
-                    "sunlinsolsuperlumt", "ida")
+        for key in LIBRARIES
     }
 
 
@@ -54,7 +62,6 @@ class InC:
         size = len(x0)
         self.x, self.xp, self.atol = np.empty(size), np.empty(size), np.ones(size)
         kind = 1.0 - np.isin(np.arange(size), equation.algebraic)
-        self.kind = kind
         make = lib["nvecserial"].N_VMake_Serial
         make.restype = c_void_p
         make.argtypes = [c_int, c_void_p, c_void_p]
@@ -64,7 +71,7 @@ class InC:
         ]
         x, xp, atol, kind = self.vectors
         code = equation.library
-        columns, rows = equation.sparsity
+        _, rows = equation.sparsity
         if sparse:
             new, arguments = lib["sunmatrixsparse"].SUNSparseMatrix, (size, size, len(rows), 0)
             solver, jacobian = lib["sunlinsolsuperlumt"].SUNLinSol_SuperLUMT, code.ida_sparse
@@ -89,6 +96,7 @@ class InC:
         check(ida.IDASetMaxNumSteps(memory, c_long(MOST_STEPS)))
 
     def run(self, tol):
+        """Integrate with a relative tolerance, absolute in units of the scales."""
         ida, memory = self.ida, self.memory
         x, xp, atol, _ = self.vectors
         self.atol[:] = tolerances(self.equation, self.scales, tol)
@@ -101,8 +109,6 @@ class InC:
         flag = ida.IDASolve(memory, c_double(self.span[1]), byref(reached), x, xp, 1)
         seconds = time.perf_counter() - begin
         check(flag)
-        self.steps = c_long()
-        ida.IDAGetNumSteps(memory, byref(self.steps))
         return seconds, *self.equation.split(self.x)
 
 
@@ -120,13 +126,12 @@ class ScikitSundae:
         self.options = {"linsolver": "dense"}
         if sparse:
             columns, rows = equation.sparsity
-            import scipy.sparse as sp
-
             size = len(columns) - 1
             pattern = sp.csc_matrix((np.ones(len(rows)), rows, columns), shape=(size, size))
             self.options = {"linsolver": "sparse", "sparsity": pattern, "nthreads": 1}
 
     def run(self, tol):
+        """Integrate with a relative tolerance, absolute in units of the scales."""
         solver = sksundae.ida.IDA(
             self.residual,
             jacfn=self.jacobian,
