@@ -21,77 +21,78 @@ pub trait Equations {
     /// A value is not finite, or a matrix is singular.
     fn correct(&mut self) -> Result<f64, Trouble>;
 
-    /// The rate at which corrections fell the last time, if their equations were much like these.
-    fn rate(&self) -> Option<f64> {
-        None
-    }
-
-    /// No rate below this is believed.
-    fn least_rate(&self) -> f64 {
-        0.0
-    }
-
-    /// Corrections still expected below this fraction of the solution end the iteration. By default what
-    /// a symplectic method needs: they are of one sign step after step, so even a hundredth of ε would
-    /// show as a drift of the energy.
-    fn tolerance(&self) -> f64 {
-        3e-3 * f64::EPSILON
+    /// When to stop.
+    fn stop(&self) -> Stop {
+        Stop::default()
     }
 }
 
-/// A first ratio of corrections above this says that the solution found need not be the nearby one.
-const NEARBY: f64 = 0.5;
+/// What ends an iteration, as fractions of the solution.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Stop {
+    /// Corrections still expected below this are not made.
+    pub tolerance: f64,
+    /// Whether corrections fall at an even rate, so that the one seen above the noise holds below it.
+    pub is_even: bool,
+    /// No rate below this is believed.
+    pub least_rate: f64,
+}
+
+impl Default for Stop {
+    /// What a symplectic method needs: what is not corrected is of one sign step after step, so even a
+    /// hundredth of ε would show as a drift of the energy.
+    fn default() -> Self {
+        Self {
+            tolerance: 3e-3 * f64::EPSILON,
+            is_even: true,
+            least_rate: 0.0,
+        }
+    }
+}
+
 /// Corrections below this fraction may be nothing but roundoff.
 const NOISE: f64 = 1e3 * f64::EPSILON;
+/// A first ratio of corrections above this says that the solution found need not be the nearby one.
+const NEARBY: f64 = 0.5;
 
-/// How an iteration went.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Outcome {
-    /// Corrections made.
-    pub iterations: usize,
-    /// The largest ratio of successive corrections above the noise, or the one known before.
-    pub rate: Option<f64>,
-}
-
-/// Corrects until converged.
+/// Corrects until converged and returns how many corrections that took.
 ///
 /// # Errors
 /// [`Trouble::NotConverged`] as soon as `most` corrections will not be enough.
-pub fn solve(equations: &mut impl Equations, most: usize) -> Result<Outcome, Trouble> {
-    let (tolerance, least) = (equations.tolerance(), equations.least_rate());
+pub fn solve(equations: &mut impl Equations, most: usize) -> Result<usize, Trouble> {
+    let Stop {
+        tolerance,
+        is_even,
+        least_rate,
+    } = equations.stop();
     let mut last = f64::INFINITY;
     let mut expected = f64::INFINITY;
-    let mut rate = equations.rate();
-    let mut worst: Option<f64> = None;
+    let mut rate: Option<f64> = None;
     for iterations in 1..=most {
         let size = equations.correct()?;
         let theta = size / last;
         let is_noise = size < NOISE;
+        let is_hidden = is_noise && is_even;
         // noise hides what is still converging: the rate seen above it is believed
         expected = match rate {
-            Some(rate) if is_noise => size.min(rate * expected),
+            Some(rate) if is_hidden => size.min(rate * expected),
             _ => size,
         };
-        if iterations > 1 && !is_noise {
-            rate = Some(theta);
-            worst = Some(worst.map_or(theta, |worst| worst.max(theta)));
+        if iterations > 1 && !is_hidden {
+            rate = Some(theta.max(least_rate));
         }
         let is_converged = size == 0.0
-            || iterations > 1
-                && still_to_come(rate.unwrap_or(theta).max(least), expected) < tolerance
-            || is_noise && rate.is_none() && theta >= 0.5
+            || iterations > 1 && still_to_come(rate.unwrap_or(theta), expected) < tolerance
+            || is_noise && (rate.is_none() || !is_even) && theta >= 0.5
             || is_noise && iterations == most;
         if is_converged {
-            return Ok(Outcome {
-                iterations,
-                rate: worst.or(rate),
-            });
+            return Ok(iterations);
         }
-        let is_too_slow =
-            still_to_come(theta, size) * theta.powf((most - iterations) as f64) > tolerance;
+        let left = (most - iterations) as f64;
+        let is_too_slow = still_to_come(theta, size) * theta.powf(left) > tolerance;
         if !size.is_finite()
             || iterations == most
-            || is_hopeless(size, theta, iterations, is_too_slow)
+            || !is_noise && is_hopeless(theta, iterations, is_too_slow)
         {
             return Err(Trouble::NotConverged { iterations, size });
         }
@@ -113,9 +114,8 @@ fn still_to_come(rate: f64, size: f64) -> f64 {
 }
 
 /// Growing, at its present rate too slow, or started too far away.
-fn is_hopeless(size: f64, theta: f64, iterations: usize, is_too_slow: bool) -> bool {
+fn is_hopeless(theta: f64, iterations: usize, is_too_slow: bool) -> bool {
     match iterations {
-        _ if size < NOISE => false,
         1 => false,
         2 => theta > NEARBY,
         3 => theta >= 2.0,

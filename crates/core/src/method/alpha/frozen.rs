@@ -37,8 +37,6 @@ pub(super) struct Frozen {
     pub(super) h: f64,
     /// Corrections of the first step they were used for; 0 before.
     pub(super) corrections: usize,
-    /// The rate at which corrections fell when it was last seen.
-    pub(super) rate: Option<f64>,
     /// Where the local error is wanted: what projects it.
     saddle: Option<Saddle>,
     momentum: Vec<f64>,
@@ -111,7 +109,6 @@ impl Frozen {
             unit: 1.0,
             h: 0.0,
             corrections: 0,
-            rate: None,
             saddle: is_controlled.then(|| Saddle::new(&model.general)),
             momentum: vec![0.0; n],
             none: vec![0.0; model.problem.mechanical.m],
@@ -144,7 +141,6 @@ impl Frozen {
             .map_err(|_| Trouble::SingularNewton)?;
         self.h = step.h;
         self.corrections = 0;
-        self.rate = None;
         Ok(())
     }
 

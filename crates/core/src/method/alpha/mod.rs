@@ -22,7 +22,7 @@ mod solve;
 
 use super::{Estimating, Stats, Stepper};
 use crate::linalg::{Matrix, add_scaled, copy};
-use crate::newton::{self, Outcome};
+use crate::newton;
 use crate::problem::mechanical::{Acceleration, Carried, SecondOrderModel};
 use crate::tableau;
 use crate::trouble::Trouble;
@@ -260,11 +260,10 @@ impl Alpha {
     fn iterate_from(&mut self, step: Step, is_warm: bool) -> Result<(), Trouble> {
         self.predict(step, is_warm);
         let mut equations = self.solver.start(&mut self.model, &mut self.frozen, step);
-        let Outcome { iterations, rate } =
+        let iterations =
             newton::solve(&mut equations, MOST_ITERATIONS).inspect_err(|_| self.frozen.h = 0.0)?;
         self.stats.iterations += iterations;
         self.stats.evaluations += iterations;
-        self.frozen.rate = rate;
         if self.frozen.corrections == 0 {
             self.frozen.corrections = iterations;
         }
@@ -333,15 +332,15 @@ impl Alpha {
     ///
     ///     h² P ((1/6 − Δ/2 − β) (a1 − a0) + (1/6 − b/2) (A1 − A0)),   P = I − M⁻¹ r_λ (g_y M⁻¹ r_λ)⁻¹ g_y
     ///
-    /// Around b = 1/3, where the reactions' part of it vanishes, what they leave in z counts: −1/12, as
-    /// in the trapezoidal rule.
+    /// Around b = 1/3, where the reactions' part of it vanishes, what they leave in z counts: they are
+    /// weighted as a is.
     fn estimate(&mut self, step: Step) {
         let constant = self.weights.error_constant();
         let of_reactions = match self.reactions {
-            Reactions::Extended { b, .. } if (1.0 / 6.0 - b / 2.0).abs() > 1.0 / 12.0 => {
+            Reactions::Extended { b, .. } if (1.0 / 6.0 - b / 2.0).abs() > constant.abs() => {
                 1.0 / 6.0 - b / 2.0
             }
-            Reactions::Extended { .. } => -1.0 / 12.0,
+            Reactions::Extended { .. } => constant,
             Reactions::Position => 0.0,
         };
         let h2 = step.h * step.h;

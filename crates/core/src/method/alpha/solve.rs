@@ -3,10 +3,13 @@
 use super::frozen::Frozen;
 use super::{Reactions, State};
 use crate::linalg::{add_scaled, copy, copy_scaled, max_norm};
-use crate::newton::{Broyden, Equations};
+use crate::newton::{Broyden, Equations, Stop};
 use crate::problem::mechanical::SecondOrderModel;
 use crate::tableau::Alpha;
 use crate::trouble::Trouble;
+
+/// Corrections below this fraction are roundoff, from which there is nothing to learn.
+const NOISE: f64 = 64.0 * f64::EPSILON;
 
 /// The step being made.
 #[derive(Clone, Copy)]
@@ -299,7 +302,7 @@ impl Solve<'_> {
     }
 
     /// The corrections of φ1, A and Λ that belong to them.
-    fn apply(&mut self) {
+    fn apply(&mut self, is_noise: bool) {
         let (at, h) = (&mut *self.solver, self.step.h);
         let (frozen, patterns) = (&mut *self.frozen, &self.model.problem.patterns);
         let (n, is_paired) = (at.force.len(), at.is_paired());
@@ -326,7 +329,9 @@ impl Solve<'_> {
         }
         delta[3 * n..3 * n + m].copy_from_slice(lam_first);
         delta[3 * n + m..].copy_from_slice(lam_last);
-        at.broyden.improve(delta);
+        if !is_noise {
+            at.broyden.improve(delta);
+        }
         add_scaled(&mut at.phi, 1.0, &delta[..n]);
         add_scaled(&mut first.a, 1.0, &delta[n..2 * n]);
         add_scaled(&mut last.a, 1.0, &delta[2 * n..3 * n]);
@@ -345,44 +350,58 @@ impl Solve<'_> {
     fn size(&self) -> f64 {
         let (at, h) = (&*self.solver, self.step.h.abs());
         let (y, z, phi) = (max_norm(&at.y), max_norm(&at.z), max_norm(&at.phi));
-        let eta = h * h * max_norm(&at.x[..at.y.len()]);
-        let zeta = h * max_norm(&at.zeta);
-        let relative = |d: f64, x: f64| if d == 0.0 { 0.0 } else { d / x.max(d) };
+        let [eta, zeta] = self.moved();
         let of_y = relative(eta, y.max(h * z).max(h * h * phi));
         match at.reactions_by {
             Reactions::Position => of_y,
             Reactions::Extended { .. } => of_y.max(relative(zeta, z.max(h * phi))),
         }
     }
+
+    /// How far the correction has moved y1 and z1.
+    fn moved(&self) -> [f64; 2] {
+        let (at, h) = (&*self.solver, self.step.h.abs());
+        let eta = &at.x[..at.y.len()];
+        [h * h * max_norm(eta), h * max_norm(&at.zeta)]
+    }
+
+    /// Whether the correction just made was the last of linear equations: its own roundoff is none of y1
+    /// and z1, since it was not larger than they are.
+    fn is_last(&mut self) -> bool {
+        let at = &mut *self.solver;
+        at.place(self.step.h);
+        let (y, z) = (max_norm(&at.y), max_norm(&at.z));
+        let [by_y, by_z] = self.moved();
+        by_y <= y && by_z <= z
+    }
+}
+
+/// `d` in units of `x`, at most 1.
+fn relative(d: f64, x: f64) -> f64 {
+    if d == 0.0 { 0.0 } else { d / x.max(d) }
 }
 
 impl Equations for Solve<'_> {
     fn correct(&mut self) -> Result<f64, Trouble> {
         self.evaluate()?;
         self.solve();
-        self.apply();
+        self.apply(self.size() < NOISE);
         let size = self.size();
-        Ok(if self.solver.is_affine && size.is_finite() {
-            0.0
-        } else {
-            size
-        })
+        let is_last = self.solver.is_affine && size.is_finite() && self.is_last();
+        Ok(if is_last { 0.0 } else { size })
     }
 
-    fn rate(&self) -> Option<f64> {
-        self.frozen.rate
-    }
-
-    fn least_rate(&self) -> f64 {
-        0.03 // Broyden's corrections fall faster and faster, but not evenly
-    }
-
-    fn tolerance(&self) -> f64 {
-        match self.solver.reactions_by {
-            // what is left is damped, unlike in a symplectic method
-            Reactions::Extended { .. } => f64::EPSILON,
-            // what is left in the position is divided by h in the velocity
-            Reactions::Position => 1e-3 * f64::EPSILON,
+    fn stop(&self) -> Stop {
+        Stop {
+            tolerance: match self.solver.reactions_by {
+                // what is left is damped, unlike in a symplectic method
+                Reactions::Extended { .. } => f64::EPSILON,
+                // what is left in the position is divided by h in the velocity
+                Reactions::Position => 1e-3 * f64::EPSILON,
+            },
+            // Broyden's corrections fall faster and faster
+            is_even: false,
+            least_rate: 0.1,
         }
     }
 }
