@@ -11,6 +11,7 @@ from test_order import orders, shifted_phi
 
 import liouville as lv
 from liouville.convergence import slope
+from liouville.problems import chain
 
 METHODS = [
     lv.HHT(0.0),
@@ -307,3 +308,44 @@ def test_a_stiff_mode_dies_within_20_steps_where_spark_keeps_its_energy():
     assert kept[-100:].max() == pytest.approx(kept[0], rel=1e-2)
     slow = found.v[:, 0] ** 2 / 2 + found.q[:, 0] ** 2 / 2
     assert slow[-1] > 0.98 * slow[0]
+
+
+# --- taut constraints --------------------------------------------------------------------------
+
+
+def sideways(method, product, links=10, steps=400):
+    """Return how far a hanging chain swings after a nudge of 1e-6, with this h omega."""
+    tension = np.arange(links, 0, -1)
+    difference = np.eye(links) - np.eye(links, k=-1)
+    omega = np.sqrt(np.linalg.eigvalsh(links * difference.T @ np.diag(tension) @ difference)[-1])
+    system, hanging = chain.build(links), chain.start_for(links)["q"]
+    nudge = np.zeros(2 * links)
+    nudge[::2] = 1e-6 * np.random.default_rng(1).standard_normal(links)
+    start = system.consistent(q=hanging, v=nudge)
+    try:
+        found = lv.integrate(
+            system, method, t=(0.0, steps * product / omega), steps=steps, every=10, **start
+        )
+    except lv.IntegrationError:
+        return np.inf
+    return np.abs(found.q[:, ::2]).max()
+
+
+@pytest.mark.parametrize(("b", "limit"), [(0, 2), (1 / 3, 2 * np.sqrt(3))])
+def test_taut_constraints_limit_the_step_by_b_and_not_by_alpha(b, limit):
+    for alpha in (0.0, -1 / 3):
+        assert sideways(lv.HHT(alpha, b), 0.97 * limit) < 1e-5
+        assert sideways(lv.HHT(alpha, b), 1.06 * limit) > 1e-4
+
+
+@pytest.mark.xfail(reason="the iteration, which freezes the reactions, does not converge there")
+def test_taut_constraints_do_not_limit_the_step_with_a_b_above_one_half():
+    assert sideways(lv.HHT(-0.1, b=1), 10.0) < 1e-5
+
+
+def test_taut_constraints_make_the_less_implicit_variant_grow():
+    assert sideways(lv.HHT(-0.1, less_implicit=True), 1.5) > 1e-4
+
+
+def test_arnold_and_bruls_step_over_taut_constraints():
+    assert sideways(lv.ArnoldBruls(), 20.0) < 1e-5

@@ -38,7 +38,10 @@ impl Equations for Sizes<'_> {
 
 fn after(sizes: &[f64], most: usize) -> (Result<usize, Trouble>, usize) {
     let mut equations = Sizes { sizes, made: 0 };
-    (solve(&mut equations, most), equations.made)
+    (
+        solve(&mut equations, most).map(|made| made.iterations),
+        equations.made,
+    )
 }
 
 fn not_converged(iterations: usize, size: f64) -> Result<usize, Trouble> {

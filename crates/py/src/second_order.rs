@@ -45,6 +45,7 @@ impl SecondOrder {
                 mass: pattern("mass")?,
                 j_y: pattern("j_y")?,
                 j_z: pattern("j_z")?,
+                w_y: pattern("w_y")?,
                 n_y: pattern("n_y")?,
             },
         };

@@ -116,13 +116,14 @@ def second_order(
     u, a = ca.SX.sym("u", n), ca.SX.sym("a", n)
     residual = model.f - total_derivative(model.p, s, s.z) - ca.mtimes(mass, u)
     reaction = ca.mtimes(mass, a) - model.r
+    w = total_derivative(model.g, s, s.z)
     jac = {
         "mass": Block(mass, linear.mass),
         "j_y": Block(ca.jacobian(residual, s.y), linear.stiffness, -1.0),
         "j_z": Block(ca.jacobian(residual, s.z), linear.damping, -1.0),
+        "w_y": Block(ca.jacobian(w, s.y)),
         "n_y": Block(ca.jacobian(reaction, s.y)),
     }
-    w = total_derivative(model.g, s, s.z)
     at_end, at_node = s.inputs(z=s.z, u=u), s.inputs(a=a, lam=model.lam)
     tapes = {
         "residual": _add(
@@ -130,7 +131,7 @@ def second_order(
             linear.terms(0, mass=(3, -1.0), damping=(2, -1.0), stiffness=(1, -1.0)),
         ),
         "reaction": _add(record("reaction", at_node, reaction), linear.terms(0, mass=(2, 1.0))),
-        "jacobian": record_blocks("jacobian", at_end, [jac[k] for k in ("mass", "j_y", "j_z")]),
+        "jacobian": record_blocks("jacobian", at_end, [jac[name] for name in jac if name != "n_y"]),
         "reaction_jacobian": record_blocks("reaction_jacobian", at_node, [jac["n_y"]]),
     }
     if power is None or power.is_zero():

@@ -323,13 +323,13 @@ impl Functions {
         let hidden: Vec<_> = self.g.iter().map(along).collect();
         let mass = jacobian(&self.p, Z, n, n);
         let (j_y, j_z) = (jacobian(&residual, Y, n, n), jacobian(&residual, Z, n, n));
-        let n_y = jacobian(&pull, Y, n, n);
+        let (n_y, w_y) = (jacobian(&pull, Y, n, n), jacobian(&hidden, Y, m, n));
         let (end, node) = ([1, n, n, n, 0], [1, n, n, m, 0]);
         let record = |sizes, parts: &[&[Expr]]| tape(sizes, &parts.concat());
         let problem = SecondOrder {
             mechanical: self.build(),
             residual: record(end, &[&residual, &self.g, &hidden]),
-            jacobian: record(end, &[&mass.1, &j_y.1, &j_z.1]),
+            jacobian: record(end, &[&mass.1, &j_y.1, &j_z.1, &w_y.1]),
             reaction: record(node, &[&pull]),
             reaction_jacobian: record(node, &[&n_y.1]),
             power: None,
@@ -338,6 +338,7 @@ impl Functions {
                 mass: mass.0,
                 j_y: j_y.0,
                 j_z: j_z.0,
+                w_y: w_y.0,
                 n_y: n_y.0,
             },
         };

@@ -1,25 +1,27 @@
-//! The Newton matrices of the α family, frozen and factored. Corrections h² η of y1 and h ζ of z1
-//! decouple when M, r_λ and g_y at both ends of a step are taken to be the same:
+//! The Newton matrix of the α family, frozen and factored.
 //!
-//!     [ M      −r_λ ] [ d ]   [ … ]
-//!     [ g_y      0  ] [ ν ] = [ … ],     d = ζ − (γ/β) η
+//! Corrections are h² η of y1 and h ζ of z1. With ζ = (γ/β) η + d, the derivative of F enters one
+//! equation only, and with K = M − z_φ h F_z − y_φ h² (F − M u)_y + y_1 h² (M a − r)_y the corrections
+//! η, d, dΛ0 and dΛ1 solve
 //!
-//!     [ M − γ c h F_z − β c h² (F − M u)_y + ω h² (M a − r)_y    −r_λ ] [ η ]   [ … ]
-//!     [ g_y                                                        0  ] [ μ ] = [ … ]
+//!     [ K                  −y_φ h F_z   −y_0 r_λ(t0)   −y_1 r_λ(t1) ]
+//!     [ z_1 h² (M a − r)_y      M       −z_0 r_λ(t0)   −z_1 r_λ(t1) ]
+//!     [ g_y                     0            0              0       ]
+//!     [ h w_y                  g_y           0              0       ]
 //!
-//! with c = (1 − α_f)/(1 − α_m) and ω the weight of the last reaction in y1. No entry of either
-//! grows as h → 0: both tend to the matrix of the acceleration-level solve.
+//! with the weights of [`super::solve::Coupling`]. Without constraints, and for the relative without A,
+//! what is left of it are K, r_λ and g_y. No entry grows as h → 0: the limit is the matrix of the
+//! acceleration-level solve, twice.
 
+use super::Reactions;
 use super::solve::{Solver, Step};
-use crate::linalg::{Assembly, Factor, Matrix, copy};
-use crate::problem::mechanical::{Mass, Model, Saddle, SecondOrderModel};
+use crate::linalg::{Assembly, Factor, Matrix, Pattern, copy, max_norm};
+use crate::problem::mechanical::{Mass, Saddle, SecondOrderModel};
 use crate::trouble::Trouble;
 
 /// The factors, with the derivatives they came from.
 #[derive(Clone, Debug)]
 pub(super) struct Frozen {
-    /// The first matrix.
-    pub(super) saddle: Saddle,
     /// M alone.
     pub(super) mass: Mass,
     matrix: Assembly,
@@ -29,45 +31,94 @@ pub(super) struct Frozen {
     pub(super) j_y: Vec<f64>,
     /// F_z
     pub(super) j_z: Vec<f64>,
+    /// Multipliers are solved for in this unit, so that soft systems are not singular to the eye.
+    unit: f64,
     /// The step they are for; 0 when they are of no use.
     pub(super) h: f64,
     /// Corrections of the first step they were used for; 0 before.
     pub(super) corrections: usize,
+    /// The rate at which corrections fell when it was last seen.
+    pub(super) rate: Option<f64>,
+    /// Where the local error is wanted: what projects it.
+    saddle: Option<Saddle>,
     momentum: Vec<f64>,
     none: Vec<f64>,
 }
 
+/// In a large system, where factors cost ten corrections, steps that differ by less share them.
+const SIMILAR: f64 = 0.25;
+
+/// Blocks of the matrix, in the order they are given to the assembly.
+const MASS: usize = 0;
+const J_Z: usize = 1;
+const J_Y: usize = 2;
+const N_Y: usize = 3;
+const G_Y: usize = 4;
+const R_LAST: usize = 5;
+const R_FIRST: usize = 6;
+const D_J_Z: usize = 7;
+const D_MASS: usize = 8;
+const D_N_Y: usize = 9;
+const D_R_FIRST: usize = 10;
+const D_R_LAST: usize = 11;
+const D_G_Y: usize = 12;
+const W_Y: usize = 13;
+
+fn assembly(model: &SecondOrderModel, is_paired: bool) -> Assembly {
+    let (n, m) = (model.problem.mechanical.n, model.problem.mechanical.m);
+    let (at, general) = (&model.problem.patterns, &model.problem.mechanical.patterns);
+    let (d, first, last) = if is_paired {
+        (n, 2 * n, 2 * n + m)
+    } else {
+        (0, 0, n)
+    };
+    let order = last + m;
+    let mut blocks: Vec<(&Pattern, usize, usize)> = vec![
+        (&at.mass, 0, 0),
+        (&at.j_z, 0, 0),
+        (&at.j_y, 0, 0),
+        (&at.n_y, 0, 0),
+        (&general.g_y, if is_paired { first } else { last }, 0),
+        (&general.r_lam, 0, last),
+    ];
+    if is_paired {
+        blocks.extend([
+            (&general.r_lam, 0, first),
+            (&at.j_z, 0, d),
+            (&at.mass, d, d),
+            (&at.n_y, d, 0),
+            (&general.r_lam, d, first),
+            (&general.r_lam, d, last),
+            (&general.g_y, last, d),
+            (&at.w_y, last, 0),
+        ]);
+    }
+    Assembly::new((order, order), &blocks)
+}
+
 impl Frozen {
-    pub(super) fn new(model: &SecondOrderModel) -> Self {
-        let (problem, general) = (&model.problem, &model.general);
-        let (n, m, at) = (general.problem.n, general.problem.m, &problem.patterns);
-        let matrix = Assembly::new(
-            (n + m, n + m),
-            &[
-                (&at.mass, 0, 0),
-                (&at.j_z, 0, 0),
-                (&at.j_y, 0, 0),
-                (&at.n_y, 0, 0),
-                (&general.problem.patterns.r_lam, 0, n),
-                (&general.problem.patterns.g_y, n, 0),
-            ],
-        );
+    /// Memory for this model; the projection of local errors only where they are wanted.
+    pub(super) fn new(model: &SecondOrderModel, solver: &Solver, is_controlled: bool) -> Self {
+        let (n, at) = (model.problem.mechanical.n, &model.problem.patterns);
+        let matrix = assembly(model, solver.is_paired());
         Self {
-            saddle: Saddle::new(general),
-            mass: Mass::new(general),
+            mass: Mass::new(&model.general),
             factor: Factor::new(matrix.pattern()),
             matrix,
             mass_values: vec![0.0; at.mass.len()],
             j_y: vec![0.0; at.j_y.len()],
             j_z: vec![0.0; at.j_z.len()],
+            unit: 1.0,
             h: 0.0,
             corrections: 0,
+            rate: None,
+            saddle: is_controlled.then(|| Saddle::new(&model.general)),
             momentum: vec![0.0; n],
-            none: vec![0.0; m],
+            none: vec![0.0; model.problem.mechanical.m],
         }
     }
 
-    /// Factors both at the solver's unknowns.
+    /// Factors the matrix at the solver's unknowns.
     pub(super) fn update(
         &mut self,
         model: &mut SecondOrderModel,
@@ -76,64 +127,128 @@ impl Frozen {
     ) -> Result<(), Trouble> {
         self.h = 0.0;
         solver.place(step.h);
-        let (t, h) = (step.t + step.h, step.h);
-        let Solver {
-            y,
-            z,
-            phi,
-            coupling,
-            reactions,
-            ..
-        } = &*solver;
-        let [_, last] = reactions;
-        self.saddle.update(&mut model.general, t, y, z, &last.lam)?;
-        self.mass.update(&mut model.general, t, y, z)?;
-        let [mass, j_y, j_z] = model.jacobian(t, y, z, phi)?;
-        copy(&mut self.mass_values, mass);
-        copy(&mut self.j_y, j_y);
-        copy(&mut self.j_z, j_z);
-        self.matrix.clear();
-        self.matrix.add(0, &self.mass_values, 1.0);
-        self.matrix.add(1, &self.j_z, -coupling.phi[1] * h);
-        self.matrix.add(2, &self.j_y, -coupling.phi[0] * h * h);
-        if coupling.moving != 0.0 {
-            let n_y = model.reaction_jacobian(t, y, &last.a, &last.lam)?;
-            self.matrix.add(3, n_y, coupling.moving * h * h);
+        let t1 = step.t + step.h;
+        if let Some(saddle) = &mut self.saddle {
+            let lam = &solver.reactions[1].lam;
+            saddle.update(&mut model.general, t1, &solver.y, &solver.z, lam)?;
         }
-        self.matrix.add(4, self.saddle.r_lam(), -1.0);
-        self.matrix.add(5, self.saddle.g_y(), 1.0);
+        self.mass
+            .update(&mut model.general, t1, &solver.y, &solver.z)?;
+        self.matrix.clear();
+        self.add_forces(model, solver, step)?;
+        if !self.none.is_empty() {
+            self.add_constraints(model, solver, step)?;
+        }
         self.factor
             .factor(self.matrix.pattern(), self.matrix.values())
             .map_err(|_| Trouble::SingularNewton)?;
-        self.h = h;
+        self.h = step.h;
         self.corrections = 0;
+        self.rate = None;
         Ok(())
     }
 
-    /// The second matrix, dense.
+    /// Whether the factors are good enough to begin a step of this size with.
+    pub(super) fn serve(&self, h: f64) -> bool {
+        let is_large = matches!(self.factor, Factor::Sparse(_));
+        h.to_bits() == self.h.to_bits() || is_large && (h / self.h - 1.0).abs() <= SIMILAR
+    }
+
+    /// K, and what couples η with d.
+    fn add_forces(
+        &mut self,
+        model: &mut SecondOrderModel,
+        at: &Solver,
+        Step { t, h, .. }: Step,
+    ) -> Result<(), Trouble> {
+        let [y_phi, z_phi] = at.coupling.phi;
+        let [mass, j_y, j_z, w_y] = model.jacobian(t + h, &at.y, &at.z, &at.phi)?;
+        copy(&mut self.mass_values, mass);
+        copy(&mut self.j_y, j_y);
+        copy(&mut self.j_z, j_z);
+        let matrix = &mut self.matrix;
+        matrix.add(MASS, mass, 1.0);
+        matrix.add(J_Z, j_z, -z_phi * h);
+        matrix.add(J_Y, j_y, -y_phi * h * h);
+        if at.is_paired() {
+            matrix.add(D_J_Z, j_z, -y_phi * h);
+            matrix.add(D_MASS, mass, 1.0);
+            matrix.add(W_Y, w_y, h);
+        }
+        self.unit = max_norm(self.matrix.values());
+        Ok(())
+    }
+
+    /// Everything that comes from g and r.
+    fn add_constraints(
+        &mut self,
+        model: &mut SecondOrderModel,
+        at: &Solver,
+        Step { t, h, state }: Step,
+    ) -> Result<(), Trouble> {
+        let [first, last] = &at.reactions;
+        let (y, z) = (at.coupling.y, at.coupling.z);
+        let matrix = &mut self.matrix;
+        let [g_y, r_lam] = model.node_blocks(t + h, &at.y, &last.lam)?;
+        self.unit /= max_norm(r_lam).max(f64::MIN_POSITIVE);
+        let unit = self.unit;
+        matrix.add(G_Y, g_y, 1.0);
+        if !at.is_paired() {
+            matrix.add(R_LAST, r_lam, -unit);
+            let n_y = model.reaction_jacobian(t + h, &at.y, &at.none, &last.lam)?;
+            matrix.add(N_Y, n_y, at.coupling.phi[0] * h * h);
+            return Ok(());
+        }
+        matrix.add(D_G_Y, g_y, 1.0);
+        if let Reactions::Extended {
+            predicted: true, ..
+        } = at.reactions_by
+        {
+            let [_, r_lam] = model.node_blocks(t + h, &at.predicted, &last.lam)?;
+            matrix.add(R_LAST, r_lam, -unit * y[1]);
+            matrix.add(D_R_LAST, r_lam, -unit * z[1]);
+        } else {
+            matrix.add(R_LAST, r_lam, -unit * y[1]);
+            matrix.add(D_R_LAST, r_lam, -unit * z[1]);
+            let n_y = model.reaction_jacobian(t + h, &at.y, &last.a, &last.lam)?;
+            matrix.add(N_Y, n_y, y[1] * h * h);
+            matrix.add(D_N_Y, n_y, z[1] * h * h);
+        }
+        let [_, r_lam] = model.node_blocks(t, &state.y, &first.lam)?;
+        matrix.add(R_FIRST, r_lam, -unit * y[0]);
+        matrix.add(D_R_FIRST, r_lam, -unit * z[0]);
+        Ok(())
+    }
+
+    /// The matrix, dense.
     pub(super) fn matrix(&self) -> Matrix {
-        let (rows, cols) = self.matrix.pattern().shape();
-        let mut dense = Matrix::zeros(rows, cols);
         let pattern = self.matrix.pattern();
+        let mut dense = Matrix::zeros(pattern.shape().0, pattern.shape().1);
         pattern.add_to(self.matrix.values(), 1.0, &mut dense, 0, 0);
         dense
     }
 
-    /// Solves with the second matrix in place: η over μ.
-    pub(super) fn solve(&mut self, x: &mut [f64]) {
+    /// Solves in place; multipliers begin at `multipliers`.
+    pub(super) fn solve(&mut self, x: &mut [f64], multipliers: usize) {
         self.factor.solve(x);
+        x[multipliers..]
+            .iter_mut()
+            .for_each(|lam| *lam *= self.unit);
     }
 
     /// `x = P x`, with P the projection along r_λ onto what the constraints leave free.
-    pub(super) fn project(&mut self, model: &Model, x: &mut [f64]) {
+    pub(super) fn project(&mut self, model: &SecondOrderModel, x: &mut [f64]) {
+        let Some(saddle) = &mut self.saddle else {
+            return;
+        };
         if self.none.is_empty() {
             return;
         }
         self.momentum.fill(0.0);
-        let pattern = &model.problem.patterns.p_z;
+        let pattern = &model.problem.patterns.mass;
         pattern.multiply_add(&self.mass_values, 1.0, x, &mut self.momentum);
         self.none.fill(0.0);
-        self.saddle.solve(model, &mut self.momentum, &mut self.none);
+        saddle.solve(&model.general, &mut self.momentum, &mut self.none);
         copy(x, &self.momentum);
     }
 }

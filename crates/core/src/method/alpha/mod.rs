@@ -22,7 +22,7 @@ mod solve;
 
 use super::{Estimating, Stats, Stepper};
 use crate::linalg::{Matrix, add_scaled, copy};
-use crate::newton;
+use crate::newton::{self, Outcome};
 use crate::problem::mechanical::{Acceleration, Carried, SecondOrderModel};
 use crate::tableau;
 use crate::trouble::Trouble;
@@ -125,8 +125,8 @@ impl Alpha {
         Self {
             weights,
             reactions,
+            frozen: Frozen::new(&model, &solver, tolerance.is_some()),
             tolerance,
-            frozen: Frozen::new(&model),
             acceleration: Acceleration::new(&model.general),
             phi_rate: zeros(),
             kept: solver.reactions.clone(),
@@ -213,8 +213,7 @@ impl Alpha {
     /// (3a)–(3e), by whichever start and factors lead to a solution.
     fn solve(&mut self, step: Step) -> Result<(), Trouble> {
         if self.is_warm {
-            if self.frozen.h.to_bits() == step.h.to_bits() && self.iterate_from(step, true).is_ok()
-            {
+            if self.frozen.serve(step.h) && self.iterate_from(step, true).is_ok() {
                 return Ok(());
             }
             if self.freeze_from(step, true).is_ok() && self.iterate_from(step, true).is_ok() {
@@ -261,17 +260,18 @@ impl Alpha {
     fn iterate_from(&mut self, step: Step, is_warm: bool) -> Result<(), Trouble> {
         self.predict(step, is_warm);
         let mut equations = self.solver.start(&mut self.model, &mut self.frozen, step);
-        let outcome = newton::solve(&mut equations, MOST_ITERATIONS);
-        let made = equations.made;
-        self.stats.iterations += made;
-        self.stats.evaluations += made;
+        let Outcome { iterations, rate } =
+            newton::solve(&mut equations, MOST_ITERATIONS).inspect_err(|_| self.frozen.h = 0.0)?;
+        self.stats.iterations += iterations;
+        self.stats.evaluations += iterations;
+        self.frozen.rate = rate;
         if self.frozen.corrections == 0 {
-            self.frozen.corrections = made;
+            self.frozen.corrections = iterations;
         }
-        if outcome.is_err() || made > self.frozen.corrections + SLOW {
+        if iterations > self.frozen.corrections + SLOW {
             self.frozen.h = 0.0;
         }
-        outcome.map(|_| ())
+        Ok(())
     }
 
     /// The state after the step, in `other`.
@@ -351,7 +351,7 @@ impl Alpha {
             *error = h2 * (by_a + of_reactions * (last.a[k] - first.a[k]));
         }
         let error = &mut self.local_error;
-        self.frozen.project(&self.model.general, error);
+        self.frozen.project(&self.model, error);
         self.error = self.weighted(&step.state.y, &self.local_error);
         if self.error.is_nan() {
             self.error = f64::INFINITY;

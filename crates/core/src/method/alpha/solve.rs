@@ -2,8 +2,8 @@
 
 use super::frozen::Frozen;
 use super::{Reactions, State};
-use crate::linalg::{add_scaled, copy, max_norm};
-use crate::newton::Equations;
+use crate::linalg::{add_scaled, copy, copy_scaled, max_norm};
+use crate::newton::{Broyden, Equations};
 use crate::problem::mechanical::SecondOrderModel;
 use crate::tableau::Alpha;
 use crate::trouble::Trouble;
@@ -46,57 +46,45 @@ impl Reaction {
     }
 }
 
-/// How y1 and z1 depend on the unknowns, with c = da1/dφ1:
+/// How y1 and z1 depend on the unknowns, with c = da1/dφ1, and A0 and A1 apart where there are any:
 ///
-///     y1 = … + h² (β c φ1 + y_0 A0 + y_1 A1),   z1 = … + h (γ c φ1 + z_0 A0 + z_1 A1)
+///     y1 = … + h² (y_φ φ1 + y_0 A0 + y_1 A1),      y_φ = β c,  y_0 = (1 − b)/2,  y_1 = b/2
+///     z1 = … + h (z_φ φ1 + A0/2 + A1/2),           z_φ = γ c
+///     z_i = 1/2 − (γ/β) y_i
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Coupling {
-    /// β c, γ c
+    /// y_φ, z_φ
     pub(super) phi: [f64; 2],
-    /// y_0, y_1; all zero where there is no A.
-    y: [f64; 2],
-    /// z_i − (γ/β) y_i
-    z: [f64; 2],
+    /// y_0, y_1
+    pub(super) y: [f64; 2],
+    /// z_0, z_1
+    pub(super) z: [f64; 2],
     /// γ/β
     slope: f64,
-    /// y_0 z_1 − y_1 z_0 = (1 − 2 b)/4
-    determinant: f64,
-    /// The weight in y1 of the reaction taken at y1.
-    pub(super) moving: f64,
 }
 
 impl Coupling {
     fn new(weights: Alpha, reactions: Reactions) -> Self {
         let c = weights.share();
-        let phi = [weights.beta * c, weights.gamma * c];
         let slope = weights.gamma / weights.beta;
-        let (y, moving) = match reactions {
-            Reactions::Extended {
-                b,
-                predicted: false,
-            } => ([(1.0 - b) / 2.0, b / 2.0], b / 2.0),
-            Reactions::Extended { b, predicted: true } => ([(1.0 - b) / 2.0, b / 2.0], 0.0),
-            Reactions::Position => ([0.0; 2], phi[0]),
-        };
-        let z = match reactions {
-            Reactions::Extended { .. } => y.map(|y| 0.5 - slope * y),
+        let y = match reactions {
+            Reactions::Extended { b, .. } => [(1.0 - b) / 2.0, b / 2.0],
             Reactions::Position => [0.0; 2],
         };
         Self {
-            phi,
+            phi: [weights.beta * c, weights.gamma * c],
             y,
-            z,
+            z: y.map(|y| 0.5 - slope * y),
             slope,
-            determinant: y[0] * z[1] - y[1] * z[0],
-            moving,
         }
     }
 
-    /// x_0 and x_1 from y_0 x_0 + y_1 x_1 and the same with z.
+    /// x_0 and x_1 from y_0 x_0 + y_1 x_1 and z_0 x_0 + z_1 x_1.
     fn apart(&self, by_y: f64, by_z: f64) -> [f64; 2] {
+        let determinant = self.y[0] * self.z[1] - self.y[1] * self.z[0]; // (1 − 2 b)/4
         [
-            (self.z[1] * by_y - self.y[1] * by_z) / self.determinant,
-            (self.y[0] * by_z - self.z[0] * by_y) / self.determinant,
+            (self.z[1] * by_y - self.y[1] * by_z) / determinant,
+            (self.y[0] * by_z - self.z[0] * by_y) / determinant,
         ]
     }
 }
@@ -105,7 +93,7 @@ impl Coupling {
 #[derive(Clone, Debug)]
 pub(super) struct Solver {
     weights: Alpha,
-    reactions_by: Reactions,
+    pub(super) reactions_by: Reactions,
     /// Whether one correction solves the equations: no derivative depends on anything but parameters.
     is_affine: bool,
     pub(super) coupling: Coupling,
@@ -124,17 +112,18 @@ pub(super) struct Solver {
     known_y: Vec<f64>,
     known_z: Vec<f64>,
     /// y0 + h z0
-    predicted: Vec<f64>,
+    pub(super) predicted: Vec<f64>,
+    /// No acceleration.
+    pub(super) none: Vec<f64>,
     /// F − M φ1
     force: Vec<f64>,
     /// M A − r of each reaction.
     pulls: [Vec<f64>; 2],
-    d: Vec<f64>,
-    nu: Vec<f64>,
-    /// η over μ
-    eta: Vec<f64>,
+    /// The right-hand side of the Newton matrix, then η, d, dΛ0, dΛ1; or η and dλ1 y_φ.
+    x: Vec<f64>,
     zeta: Vec<f64>,
-    none: Vec<f64>,
+    delta: Vec<f64>,
+    broyden: Broyden,
 }
 
 /// The equations of one step in the middle of being solved.
@@ -143,8 +132,6 @@ pub(super) struct Solve<'a> {
     model: &'a mut SecondOrderModel,
     frozen: &'a mut Frozen,
     step: Step<'a>,
-    /// Corrections made.
-    pub(super) made: usize,
 }
 
 impl Solver {
@@ -155,7 +142,7 @@ impl Solver {
             a: zeros(),
             lam: vec![0.0; m],
         };
-        Self {
+        let mut solver = Self {
             weights,
             reactions_by: reactions,
             is_affine: model.problem.is_affine(),
@@ -169,14 +156,28 @@ impl Solver {
             known_y: zeros(),
             known_z: zeros(),
             predicted: zeros(),
+            none: zeros(),
             force: zeros(),
             pulls: [zeros(), zeros()],
-            d: zeros(),
-            nu: vec![0.0; m],
-            eta: vec![0.0; n + m],
+            x: Vec::new(),
             zeta: zeros(),
-            none: zeros(),
-        }
+            delta: vec![0.0; 3 * n + 2 * m],
+            broyden: Broyden::new(3 * n + 2 * m, 3 * n),
+        };
+        solver.x = vec![
+            0.0;
+            if solver.is_paired() {
+                2 * (n + m)
+            } else {
+                n + m
+            }
+        ];
+        solver
+    }
+
+    /// Whether A0 and A1 are unknowns, each with its multipliers.
+    pub(super) fn is_paired(&self) -> bool {
+        !self.reactions[0].lam.is_empty() && self.reactions_by != Reactions::Position
     }
 
     /// Everything that is known before the unknowns are.
@@ -210,18 +211,13 @@ impl Solver {
     pub(super) fn place(&mut self, h: f64) {
         let Coupling { phi, y, .. } = self.coupling;
         let [first, last] = &self.reactions;
-        let each = if self.has_accelerations() { 0.5 } else { 0.0 };
+        let each = if self.is_paired() { 0.5 } else { 0.0 };
         for k in 0..self.y.len() {
             let (a0, a1) = (first.a[k], last.a[k]);
             let by_y = phi[0] * self.phi[k] + (y[0] * a0 + y[1] * a1);
             self.y[k] = self.known_y[k] + h * h * by_y;
             self.z[k] = self.known_z[k] + h * (phi[1] * self.phi[k] + each * (a0 + a1));
         }
-    }
-
-    /// Whether the reactions have accelerations of their own.
-    fn has_accelerations(&self) -> bool {
-        !self.nu.is_empty() && self.reactions_by != Reactions::Position
     }
 
     /// The equations of a step, from where the unknowns are now.
@@ -231,117 +227,116 @@ impl Solver {
         frozen: &'a mut Frozen,
         step: Step<'a>,
     ) -> Solve<'a> {
+        self.broyden.restart();
         Solve {
             solver: self,
             model,
             frozen,
             step,
-            made: 0,
         }
     }
 }
 
 impl Solve<'_> {
-    /// The right-hand sides: F − M φ1 in `force`, M A − r in `pulls`, those of the constraints in μ and ν.
+    /// F − M φ1 in `force`, M A − r in `pulls`, and the constraints in their places of `x`.
     fn evaluate(&mut self) -> Result<(), Trouble> {
         let Step { t, h, state } = self.step;
         let (at, t1, n) = (&mut *self.solver, t + h, state.y.len());
         at.place(h);
+        let is_paired = at.is_paired();
         let [force, g, w] = self.model.residual(t1, &at.y, &at.z, &at.phi)?;
         copy(&mut at.force, force);
-        for (k, (g, w)) in g.iter().zip(w).enumerate() {
-            at.eta[n + k] = -g / (h * h);
-            at.nu[k] = (at.coupling.slope * g / h - w) / h;
-        }
-        if at.nu.is_empty() {
-            return Ok(());
+        let slope = at.coupling.slope;
+        if is_paired {
+            let (of_g, of_w) = at.x[2 * n..].split_at_mut(g.len());
+            for (k, (g, w)) in g.iter().zip(w).enumerate() {
+                of_g[k] = -g / (h * h);
+                of_w[k] = (slope * g / h - w) / h;
+            }
+        } else {
+            for (out, g) in at.x[n..].iter_mut().zip(g) {
+                *out = -g / (h * h);
+            }
         }
         let [first, last] = &at.reactions;
         match at.reactions_by {
-            Reactions::Extended { predicted, .. } => {
+            Reactions::Extended { predicted, .. } if is_paired => {
                 let y = if predicted { &at.predicted } else { &at.y };
                 let pull = self.model.reaction(t, &state.y, &first.a, &first.lam)?;
                 copy(&mut at.pulls[0], pull);
                 let pull = self.model.reaction(t1, y, &last.a, &last.lam)?;
                 copy(&mut at.pulls[1], pull);
             }
-            Reactions::Position => {
+            Reactions::Position if !last.lam.is_empty() => {
                 let pull = self.model.reaction(t1, &at.y, &at.none, &last.lam)?;
-                at.force
-                    .iter_mut()
-                    .zip(pull)
-                    .for_each(|(f, pull)| *f -= pull);
+                add_scaled(&mut at.force, -1.0, pull);
             }
+            _ => {}
         }
         Ok(())
     }
 
-    /// d and ν: what corrects the hidden constraint beyond what comes with the position.
-    fn correct_velocity(&mut self) {
+    /// η, ζ and the corrections of the multipliers, by the Newton matrix.
+    fn solve(&mut self) {
         let at = &mut *self.solver;
-        at.d.fill(0.0);
-        if at.has_accelerations() {
-            let z = at.coupling.z;
-            for (k, d) in at.d.iter_mut().enumerate() {
-                *d = -(z[0] * at.pulls[0][k] + z[1] * at.pulls[1][k]);
-            }
-            let saddle = &mut self.frozen.saddle;
-            saddle.solve(&self.model.general, &mut at.d, &mut at.nu);
+        let (n, Coupling { phi, y, z, slope }) = (at.force.len(), at.coupling);
+        copy_scaled(&mut at.x[..n], phi[0], &at.force);
+        if !at.is_paired() {
+            self.frozen.solve(&mut at.x, n);
+            copy_scaled(&mut at.zeta, slope, &at.x[..n]);
+            return;
         }
-    }
-
-    /// η and μ, and with them ζ = (γ/β) η + d.
-    fn correct_position(&mut self) {
-        let (at, h) = (&mut *self.solver, self.step.h);
-        let (j_z, patterns) = (&self.frozen.j_z, &self.model.problem.patterns);
-        let (n, Coupling { phi, y, slope, .. }) = (at.d.len(), at.coupling);
-        let eta = &mut at.eta[..n];
-        copy(eta, &at.force);
-        patterns.j_z.multiply_add(j_z, h, &at.d, eta);
-        for (k, eta) in eta.iter_mut().enumerate() {
-            *eta = phi[0] * *eta - (y[0] * at.pulls[0][k] + y[1] * at.pulls[1][k]);
+        let (of_eta, of_d) = at.x[..2 * n].split_at_mut(n);
+        let [first, last] = &at.pulls;
+        for k in 0..n {
+            of_eta[k] -= y[0] * first[k] + y[1] * last[k];
+            of_d[k] = -(z[0] * first[k] + z[1] * last[k]);
         }
-        self.frozen.solve(&mut at.eta);
+        self.frozen.solve(&mut at.x, 2 * n);
         for (k, zeta) in at.zeta.iter_mut().enumerate() {
-            *zeta = slope * at.eta[k] + at.d[k];
+            *zeta = slope * at.x[k] + at.x[n + k];
         }
     }
 
-    /// The corrections of φ1, A and Λ that η, ζ, μ and ν stand for.
+    /// The corrections of φ1, A and Λ that belong to them.
     fn apply(&mut self) {
         let (at, h) = (&mut *self.solver, self.step.h);
         let (frozen, patterns) = (&mut *self.frozen, &self.model.problem.patterns);
-        let (n, phi) = (at.d.len(), at.coupling.phi);
-        let (eta, mu) = at.eta.split_at(n);
-        let [first, last] = &mut at.reactions;
-        if at.nu.is_empty() || at.reactions_by == Reactions::Position {
-            at.phi
-                .iter_mut()
-                .zip(eta)
-                .for_each(|(out, eta)| *out += eta / phi[0]);
-            last.lam
-                .iter_mut()
-                .zip(mu)
-                .for_each(|(out, mu)| *out += mu / phi[0]);
+        let (n, is_paired) = (at.force.len(), at.is_paired());
+        let (y_phi, [first, last]) = (at.coupling.phi[0], &mut at.reactions);
+        if !is_paired {
+            add_scaled(&mut at.phi, 1.0 / y_phi, &at.x[..n]);
+            add_scaled(&mut last.lam, 1.0 / y_phi, &at.x[n..]);
             return;
         }
-        patterns
-            .j_y
-            .multiply_add(&frozen.j_y, h * h, eta, &mut at.force);
-        patterns
-            .j_z
-            .multiply_add(&frozen.j_z, h, &at.zeta, &mut at.force);
-        frozen.mass.solve(&mut at.force);
+        let (eta, rest) = at.x.split_at(n);
+        let (d, lam) = rest.split_at(n);
+        let (lam_first, lam_last) = lam.split_at(first.lam.len());
+        let d_phi = &mut at.force;
+        patterns.j_y.multiply_add(&frozen.j_y, h * h, eta, d_phi);
+        patterns.j_z.multiply_add(&frozen.j_z, h, &at.zeta, d_phi);
+        frozen.mass.solve(d_phi);
+        let m = lam_first.len();
+        let delta = &mut at.delta;
         for k in 0..n {
-            at.phi[k] += at.force[k];
-            let [d_first, d_last] = at.coupling.apart(eta[k] - phi[0] * at.force[k], at.d[k]);
-            first.a[k] += d_first;
-            last.a[k] += d_last;
+            let [d_first, d_last] = at.coupling.apart(eta[k] - y_phi * d_phi[k], d[k]);
+            delta[k] = d_phi[k];
+            delta[n + k] = d_first;
+            delta[2 * n + k] = d_last;
         }
-        for (k, (mu, nu)) in mu.iter().zip(&at.nu).enumerate() {
-            let [d_first, d_last] = at.coupling.apart(*mu, *nu);
-            first.lam[k] += d_first;
-            last.lam[k] += d_last;
+        delta[3 * n..3 * n + m].copy_from_slice(lam_first);
+        delta[3 * n + m..].copy_from_slice(lam_last);
+        at.broyden.improve(delta);
+        add_scaled(&mut at.phi, 1.0, &delta[..n]);
+        add_scaled(&mut first.a, 1.0, &delta[n..2 * n]);
+        add_scaled(&mut last.a, 1.0, &delta[2 * n..3 * n]);
+        add_scaled(&mut first.lam, 1.0, &delta[3 * n..3 * n + m]);
+        add_scaled(&mut last.lam, 1.0, &delta[3 * n + m..]);
+        let (y, phi) = (at.coupling.y, at.coupling.phi);
+        for k in 0..n {
+            let (p, a0, a1) = (delta[k], delta[n + k], delta[2 * n + k]);
+            at.x[k] = phi[0] * p + y[0] * a0 + y[1] * a1;
+            at.zeta[k] = phi[1] * p + 0.5 * (a0 + a1);
         }
     }
 
@@ -349,14 +344,14 @@ impl Solve<'_> {
     /// velocity goes with the position, whose roundoff it has in units of 1/h.
     fn size(&self) -> f64 {
         let (at, h) = (&*self.solver, self.step.h.abs());
-        let (y, z) = (max_norm(&at.y), max_norm(&at.z));
-        let eta = h * h * max_norm(&at.eta[..at.y.len()]);
+        let (y, z, phi) = (max_norm(&at.y), max_norm(&at.z), max_norm(&at.phi));
+        let eta = h * h * max_norm(&at.x[..at.y.len()]);
         let zeta = h * max_norm(&at.zeta);
         let relative = |d: f64, x: f64| if d == 0.0 { 0.0 } else { d / x.max(d) };
-        let of_y = relative(eta, y.max(h * z));
+        let of_y = relative(eta, y.max(h * z).max(h * h * phi));
         match at.reactions_by {
             Reactions::Position => of_y,
-            Reactions::Extended { .. } => of_y.max(relative(zeta, z.max(h * max_norm(&at.phi)))),
+            Reactions::Extended { .. } => of_y.max(relative(zeta, z.max(h * phi))),
         }
     }
 }
@@ -364,16 +359,22 @@ impl Solve<'_> {
 impl Equations for Solve<'_> {
     fn correct(&mut self) -> Result<f64, Trouble> {
         self.evaluate()?;
-        self.correct_velocity();
-        self.correct_position();
+        self.solve();
         self.apply();
-        self.made += 1;
         let size = self.size();
         Ok(if self.solver.is_affine && size.is_finite() {
             0.0
         } else {
             size
         })
+    }
+
+    fn rate(&self) -> Option<f64> {
+        self.frozen.rate
+    }
+
+    fn least_rate(&self) -> f64 {
+        0.03 // Broyden's corrections fall faster and faster, but not evenly
     }
 
     fn tolerance(&self) -> f64 {

@@ -142,7 +142,7 @@ impl Spark {
             MOST_ITERATIONS
         };
         let (stages, model) = (&mut self.stages, &mut self.model);
-        newton::solve(&mut self.schur.start(stages, model, step), most)
+        newton::solve(&mut self.schur.start(stages, model, step), most).map(|made| made.iterations)
     }
 
     fn iterate_newton(&mut self, step: Step) -> Result<usize, Trouble> {
@@ -152,6 +152,7 @@ impl Spark {
             .full
             .get_or_insert_with(|| Box::new(FullNewton::new(model, stages)));
         newton::solve(&mut full.start(stages, model, step), MOST_ITERATIONS)
+            .map(|made| made.iterations)
     }
 }
 

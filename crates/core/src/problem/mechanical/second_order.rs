@@ -16,7 +16,7 @@ pub struct SecondOrder {
     pub mechanical: Arc<Mechanical>,
     /// (t, y, z, u) → F − M u, g, w
     pub residual: Tape,
-    /// (t, y, z, u) → M, (F − M u)_y, F_z
+    /// (t, y, z, u) → M, (F − M u)_y, F_z, w_y
     pub jacobian: Tape,
     /// (t, y, a, λ) → M a − r
     pub reaction: Tape,
@@ -30,13 +30,14 @@ pub struct SecondOrder {
     pub patterns: SecondOrderPatterns,
 }
 
-/// The sparsity of M, (F − M u)_y, F_z and (M a − r)_y.
+/// The sparsity of M, (F − M u)_y, F_z, w_y and (M a − r)_y.
 #[derive(Clone, Debug)]
 #[allow(missing_docs)]
 pub struct SecondOrderPatterns {
     pub mass: Pattern,
     pub j_y: Pattern,
     pub j_z: Pattern,
+    pub w_y: Pattern,
     pub n_y: Pattern,
 }
 
@@ -63,7 +64,7 @@ impl SecondOrder {
                 "jacobian",
                 &self.jacobian,
                 n,
-                at.mass.len() + at.j_y.len() + at.j_z.len(),
+                at.mass.len() + at.j_y.len() + at.j_z.len() + at.w_y.len(),
             ),
             ("reaction", &self.reaction, m, n),
             (
@@ -81,13 +82,14 @@ impl SecondOrder {
             }
             check(name, tape.outputs(), outputs)?;
         }
-        for (name, pattern) in [
-            ("mass", &at.mass),
-            ("j_y", &at.j_y),
-            ("j_z", &at.j_z),
-            ("n_y", &at.n_y),
+        for (name, pattern, rows) in [
+            ("mass", &at.mass, n),
+            ("j_y", &at.j_y, n),
+            ("j_z", &at.j_z, n),
+            ("w_y", &at.w_y, m),
+            ("n_y", &at.n_y, n),
         ] {
-            check(name, pattern.shape().0, n)?;
+            check(name, pattern.shape().0, rows)?;
             check(name, pattern.shape().1, n)?;
         }
         Ok(self)
@@ -168,7 +170,7 @@ impl SecondOrderModel {
         Ok(values)
     }
 
-    /// M, (F − M u)_y, F_z at (t, y, z).
+    /// M, (F − M u)_y, F_z, w_y at (t, y, z).
     ///
     /// # Errors
     /// One of them is not finite.
@@ -178,15 +180,26 @@ impl SecondOrderModel {
         y: &[f64],
         z: &[f64],
         u: &[f64],
-    ) -> Result<[&[f64]; 3], Trouble> {
+    ) -> Result<[&[f64]; 4], Trouble> {
         let at = &self.problem.patterns;
-        let sizes = [at.mass.len(), at.j_y.len(), at.j_z.len()];
+        let sizes = [at.mass.len(), at.j_y.len(), at.j_z.len(), at.w_y.len()];
         let values = self
             .problem
             .jacobian
             .eval(&mut self.jacobian, [&[t], y, z, u]);
         finite(values, Quantity::Derivative, t)?;
         Ok(cut(values, sizes))
+    }
+
+    /// g_y, r_λ at (t, y, λ).
+    ///
+    /// # Errors
+    /// One of them is not finite.
+    pub fn node_blocks(&mut self, t: f64, y: &[f64], lam: &[f64]) -> Result<[&[f64]; 2], Trouble> {
+        let blocks = self.general.node_blocks(t, y, lam);
+        finite(blocks[0], Quantity::Derivative, t)?;
+        finite(blocks[1], Quantity::Derivative, t)?;
+        Ok(blocks)
     }
 
     /// (M a − r)_y at (t, y, λ).

@@ -7,6 +7,10 @@
 //! correction more than half the first ends it at once: Newton's method may converge from there, but
 //! to what solution is anybody's guess. Source: hairer1996, IV.8; deuflhard2004, 2.1.
 
+mod broyden;
+
+pub use broyden::Broyden;
+
 use crate::trouble::Trouble;
 
 /// A system of equations in the middle of being solved.
@@ -16,6 +20,16 @@ pub trait Equations {
     /// # Errors
     /// A value is not finite, or a matrix is singular.
     fn correct(&mut self) -> Result<f64, Trouble>;
+
+    /// The rate at which corrections fell the last time, if their equations were much like these.
+    fn rate(&self) -> Option<f64> {
+        None
+    }
+
+    /// No rate below this is believed.
+    fn least_rate(&self) -> f64 {
+        0.0
+    }
 
     /// Corrections still expected below this fraction of the solution end the iteration. By default what
     /// a symplectic method needs: they are of one sign step after step, so even a hundredth of ε would
@@ -30,15 +44,25 @@ const NEARBY: f64 = 0.5;
 /// Corrections below this fraction may be nothing but roundoff.
 const NOISE: f64 = 1e3 * f64::EPSILON;
 
-/// Corrects until converged and returns how many corrections that took.
+/// How an iteration went.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Outcome {
+    /// Corrections made.
+    pub iterations: usize,
+    /// The largest ratio of successive corrections above the noise, or the one known before.
+    pub rate: Option<f64>,
+}
+
+/// Corrects until converged.
 ///
 /// # Errors
 /// [`Trouble::NotConverged`] as soon as `most` corrections will not be enough.
-pub fn solve(equations: &mut impl Equations, most: usize) -> Result<usize, Trouble> {
-    let tolerance = equations.tolerance();
+pub fn solve(equations: &mut impl Equations, most: usize) -> Result<Outcome, Trouble> {
+    let (tolerance, least) = (equations.tolerance(), equations.least_rate());
     let mut last = f64::INFINITY;
     let mut expected = f64::INFINITY;
-    let mut rate = None;
+    let mut rate = equations.rate();
+    let mut worst: Option<f64> = None;
     for iterations in 1..=most {
         let size = equations.correct()?;
         let theta = size / last;
@@ -50,13 +74,18 @@ pub fn solve(equations: &mut impl Equations, most: usize) -> Result<usize, Troub
         };
         if iterations > 1 && !is_noise {
             rate = Some(theta);
+            worst = Some(worst.map_or(theta, |worst| worst.max(theta)));
         }
         let is_converged = size == 0.0
-            || iterations > 1 && still_to_come(rate.unwrap_or(theta), expected) < tolerance
+            || iterations > 1
+                && still_to_come(rate.unwrap_or(theta).max(least), expected) < tolerance
             || is_noise && rate.is_none() && theta >= 0.5
             || is_noise && iterations == most;
         if is_converged {
-            return Ok(iterations);
+            return Ok(Outcome {
+                iterations,
+                rate: worst.or(rate),
+            });
         }
         let is_too_slow =
             still_to_come(theta, size) * theta.powf((most - iterations) as f64) > tolerance;
