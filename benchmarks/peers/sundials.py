@@ -111,6 +111,16 @@ class InC:
         check(flag)
         return seconds, *self.equation.split(self.x)
 
+    def counts(self):
+        """Return how often the last run stepped, evaluated and factored."""
+        names = {"steps": "NumSteps", "residuals": "NumResEvals", "factorizations": "NumJacEvals"}
+        found = {}
+        for key, name in names.items():
+            count = c_long()
+            check(getattr(self.ida, f"IDAGet{name}")(self.memory, byref(count)))
+            found[key] = count.value
+        return found
+
 
 def check(flag):
     if flag < 0:
