@@ -338,7 +338,6 @@ def test_taut_constraints_limit_the_step_by_b_and_not_by_alpha(b, limit):
         assert sideways(lv.HHT(alpha, b), 1.06 * limit) > 1e-4
 
 
-@pytest.mark.xfail(reason="the iteration, which freezes the reactions, does not converge there")
 def test_taut_constraints_do_not_limit_the_step_with_a_b_above_one_half():
     assert sideways(lv.HHT(-0.1, b=1), 10.0) < 1e-5
 

@@ -58,7 +58,7 @@ def worst(found):
 @pytest.mark.parametrize("name", SECOND_ORDER)
 @pytest.mark.parametrize(
     "method",
-    [lv.HHT(-0.1), lv.HHT(-1 / 3, b=-1, less_implicit=True), lv.GeneralizedAlpha(0.8)],
+    [lv.HHT(-0.1), lv.HHT(-1 / 3, b=-1), lv.GeneralizedAlpha(0.8)],
     ids=ids,
 )
 def test_the_alpha_methods_keep_both_constraints_over_1e4_steps(method, name):

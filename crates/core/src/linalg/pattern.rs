@@ -68,6 +68,17 @@ impl Pattern {
         }
     }
 
+    /// The pattern of a matrix without zeros, column by column.
+    pub fn full(rows: usize, cols: usize) -> Self {
+        Self {
+            rows,
+            cols,
+            entries: (0..cols)
+                .flat_map(|col| (0..rows).map(move |row| (row, col)))
+                .collect(),
+        }
+    }
+
     /// Number of rows and columns.
     pub fn shape(&self) -> (usize, usize) {
         (self.rows, self.cols)

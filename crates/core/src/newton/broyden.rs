@@ -56,7 +56,9 @@ impl Broyden {
             }
             let stretch = 1.0 / (1.0 - share(&self.made[last], self.squares[last], correction));
             if stretch > 0.0 && stretch < MOST {
-                correction.iter_mut().for_each(|x| *x *= stretch);
+                for x in correction.iter_mut() {
+                    *x *= stretch;
+                }
             } else {
                 self.count = 0;
             }

@@ -24,6 +24,7 @@ use crate::trouble::Trouble;
 pub(super) struct Frozen {
     /// M alone.
     pub(super) mass: Mass,
+    transport: Option<Transport>,
     matrix: Assembly,
     factor: Factor,
     mass_values: Vec<f64>,
@@ -62,7 +63,18 @@ const D_R_LAST: usize = 11;
 const D_G_Y: usize = 12;
 const W_Y: usize = 13;
 
-fn assembly(model: &SecondOrderModel, is_paired: bool) -> Assembly {
+/// Up to this size of r_λ, A0 is weighed with its own M where M changes.
+const SMALL: usize = 1 << 12;
+
+/// What takes A0, which belongs to M(t0), to the equations of M(t1): M(t1) M(t0)⁻¹.
+#[derive(Clone, Debug)]
+struct Transport {
+    mass: Mass,
+    /// r_λ(t0), transported, column by column.
+    r_lam: Vec<f64>,
+}
+
+fn assembly(model: &SecondOrderModel, is_paired: bool, first_r_lam: &Pattern) -> Assembly {
     let (n, m) = (model.problem.mechanical.n, model.problem.mechanical.m);
     let (at, general) = (&model.problem.patterns, &model.problem.mechanical.patterns);
     let (d, first, last) = if is_paired {
@@ -81,11 +93,11 @@ fn assembly(model: &SecondOrderModel, is_paired: bool) -> Assembly {
     ];
     if is_paired {
         blocks.extend([
-            (&general.r_lam, 0, first),
+            (first_r_lam, 0, first),
             (&at.j_z, 0, d),
             (&at.mass, d, d),
             (&at.n_y, d, 0),
-            (&general.r_lam, d, first),
+            (first_r_lam, d, first),
             (&general.r_lam, d, last),
             (&general.g_y, last, d),
             (&at.w_y, last, 0),
@@ -97,10 +109,20 @@ fn assembly(model: &SecondOrderModel, is_paired: bool) -> Assembly {
 impl Frozen {
     /// Memory for this model; the projection of local errors only where they are wanted.
     pub(super) fn new(model: &SecondOrderModel, solver: &Solver, is_controlled: bool) -> Self {
-        let (n, at) = (model.problem.mechanical.n, &model.problem.patterns);
-        let matrix = assembly(model, solver.is_paired());
+        let (n, m) = (model.problem.mechanical.n, model.problem.mechanical.m);
+        let at = &model.problem.patterns;
+        let is_moved = solver.is_paired() && n * m <= SMALL && !model.problem.has_constant_mass();
+        let transport = is_moved.then(|| Transport {
+            mass: Mass::new(&model.general),
+            r_lam: vec![0.0; n * m],
+        });
+        let full = Pattern::full(n, m);
+        let r_lam = &model.problem.mechanical.patterns.r_lam;
+        let first_r_lam = if is_moved { &full } else { r_lam };
+        let matrix = assembly(model, solver.is_paired(), first_r_lam);
         Self {
             mass: Mass::new(&model.general),
+            transport,
             factor: Factor::new(matrix.pattern()),
             matrix,
             mass_values: vec![0.0; at.mass.len()],
@@ -111,7 +133,7 @@ impl Frozen {
             corrections: 0,
             saddle: is_controlled.then(|| Saddle::new(&model.general)),
             momentum: vec![0.0; n],
-            none: vec![0.0; model.problem.mechanical.m],
+            none: vec![0.0; m],
         }
     }
 
@@ -210,10 +232,36 @@ impl Frozen {
             matrix.add(N_Y, n_y, y[1] * h * h);
             matrix.add(D_N_Y, n_y, z[1] * h * h);
         }
+        let problem = model.problem.clone();
         let [_, r_lam] = model.node_blocks(t, &state.y, &first.lam)?;
+        let r_lam = match &mut self.transport {
+            None => r_lam,
+            Some(Transport { mass, r_lam: moved }) => {
+                moved.fill(0.0);
+                let n = state.y.len();
+                let pattern = &problem.mechanical.patterns.r_lam;
+                for (&(row, col), value) in pattern.entries().iter().zip(r_lam) {
+                    moved[col * n + row] = *value;
+                }
+                mass.update(&mut model.general, t, &state.y, &state.z)?;
+                let at_end = (&problem.patterns.mass, &self.mass_values[..]);
+                for column in moved.chunks_exact_mut(n) {
+                    transport(mass, at_end, &mut self.momentum, column);
+                }
+                moved
+            }
+        };
         matrix.add(R_FIRST, r_lam, -unit * y[0]);
         matrix.add(D_R_FIRST, r_lam, -unit * z[0]);
         Ok(())
+    }
+
+    /// Takes M A0 − r to the equations of M(t1).
+    pub(super) fn move_pull(&mut self, model: &SecondOrderModel, pull: &mut [f64]) {
+        if let Some(Transport { mass, .. }) = &mut self.transport {
+            let at_end = (&model.problem.patterns.mass, &self.mass_values[..]);
+            transport(mass, at_end, &mut self.momentum, pull);
+        }
     }
 
     /// The matrix, dense.
@@ -247,4 +295,12 @@ impl Frozen {
         saddle.solve(&model.general, &mut self.momentum, &mut self.none);
         copy(x, &self.momentum);
     }
+}
+
+/// `x = M(t1) M(t0)⁻¹ x`, with M(t0) factored and M(t1) by its pattern and values.
+fn transport(start: &mut Mass, end: (&Pattern, &[f64]), spare: &mut [f64], x: &mut [f64]) {
+    start.solve(x);
+    spare.fill(0.0);
+    end.0.multiply_add(end.1, 1.0, x, spare);
+    copy(x, spare);
 }

@@ -267,6 +267,7 @@ impl Solve<'_> {
                 let y = if predicted { &at.predicted } else { &at.y };
                 let pull = self.model.reaction(t, &state.y, &first.a, &first.lam)?;
                 copy(&mut at.pulls[0], pull);
+                self.frozen.move_pull(self.model, &mut at.pulls[0]);
                 let pull = self.model.reaction(t1, y, &last.a, &last.lam)?;
                 copy(&mut at.pulls[1], pull);
             }

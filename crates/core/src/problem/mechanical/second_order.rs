@@ -95,6 +95,11 @@ impl SecondOrder {
         Ok(self)
     }
 
+    /// Whether M depends on parameters alone.
+    pub fn has_constant_mass(&self) -> bool {
+        self.mechanical.stage_blocks.is_empty()
+    }
+
     /// Whether M, all forces and the constraints are linear in the coordinates, with constant factors.
     pub fn is_affine(&self) -> bool {
         let tapes = [&self.jacobian, &self.mechanical.node_blocks];
