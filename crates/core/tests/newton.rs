@@ -1,6 +1,6 @@
 //! The iteration ends at roundoff, and says early when it will not.
 
-use liouville_core::newton::{Equations, solve};
+use liouville_core::newton::{Broyden, Equations, Stop, solve};
 use liouville_core::trouble::{Quantity, Trouble};
 
 /// Equations in one unknown: `step` gives the correction of x.
@@ -157,4 +157,51 @@ fn a_trouble_of_the_equations_is_passed_on() {
     };
     assert_eq!(trouble.to_string(), "force 2 is not finite at t = 0.5");
     assert_eq!(solve(&mut Broken(trouble.clone()), 5), Err(trouble));
+}
+
+/// A linear system whose matrix is known only roughly, corrected with Broyden's update or without.
+struct Roughly {
+    x: Vec<f64>,
+    broyden: Option<Broyden>,
+}
+
+impl Equations for Roughly {
+    fn correct(&mut self) -> Result<f64, Trouble> {
+        let n = self.x.len();
+        // A = I + B with |B| about 0.6; the rough matrix is I, the solution (1, …, 1)
+        let entry =
+            |i: usize, j: usize| 0.6 * f64::sin((3 * i + 7 * j + 1) as f64) / (n as f64).sqrt();
+        let row = |i: usize, x: &[f64]| x[i] + (0..n).map(|j| entry(i, j) * x[j]).sum::<f64>();
+        let ones = vec![1.0; n];
+        let mut d: Vec<f64> = (0..n).map(|i| row(i, &ones) - row(i, &self.x)).collect();
+        if let Some(broyden) = &mut self.broyden {
+            broyden.improve(&mut d);
+        }
+        self.x.iter_mut().zip(&d).for_each(|(x, d)| *x += d);
+        Ok(d.iter().fold(0.0_f64, |most, d| most.max(d.abs())))
+    }
+
+    fn stop(&self) -> Stop {
+        Stop {
+            tolerance: f64::EPSILON,
+            is_even: false,
+            least_rate: 0.1,
+        }
+    }
+}
+
+#[test]
+fn broyden_s_update_makes_a_rough_matrix_good_enough() {
+    let iterations = |broyden| {
+        let x = vec![0.7; 4];
+        let mut equations = Roughly { x, broyden };
+        let made = solve(&mut equations, 200).expect("a rate below one");
+        assert!(equations.x.iter().all(|x| (x - 1.0).abs() < 1e-14));
+        made
+    };
+    let (with, without) = (iterations(Some(Broyden::new(4, 4))), iterations(None));
+    assert!(
+        3 * with < without,
+        "{with} corrections with it, {without} without"
+    );
 }

@@ -52,6 +52,8 @@ impl Default for Stop {
 
 /// Corrections below this fraction may be nothing but roundoff.
 const NOISE: f64 = 1e3 * f64::EPSILON;
+/// Corrections that fall no more below this are roundoff too, of ill-conditioned matrices.
+const LOUD_NOISE: f64 = 1e6 * f64::EPSILON;
 /// A first ratio of corrections above this says that the solution found need not be the nearby one.
 const NEARBY: f64 = 0.5;
 
@@ -84,6 +86,7 @@ pub fn solve(equations: &mut impl Equations, most: usize) -> Result<usize, Troub
         let is_converged = size == 0.0
             || iterations > 1 && still_to_come(rate.unwrap_or(theta), expected) < tolerance
             || is_noise && (rate.is_none() || !is_even) && theta >= 0.5
+            || !is_even && iterations > 2 && size < LOUD_NOISE && theta >= 0.9
             || is_noise && iterations == most;
         if is_converged {
             return Ok(iterations);
