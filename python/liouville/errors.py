@@ -116,6 +116,8 @@ def _not_finite(
         name = f"{what} of coordinate '{quantity}'"
     elif what == "derivative":
         quantity, name = what, "a derivative of the model"
+    elif what == "power":
+        quantity, name = what, "the power of the forces"
     else:
         kind, _, quantity = what.partition(" ")  # "observed NAME" or "invariant NAME"
         name = f"{kind} '{quantity}'"

@@ -17,6 +17,8 @@ pub enum Quantity {
     Hidden,
     /// A derivative of one of them.
     Derivative,
+    /// The rate at which forces without a potential put energy in.
+    Power,
     /// An invariant or another quantity to be recorded.
     Observable,
 }
@@ -32,6 +34,7 @@ impl Quantity {
             Self::Constraint => "constraint",
             Self::Hidden => "hidden constraint",
             Self::Derivative => "derivative",
+            Self::Power => "power",
             Self::Observable => "observable",
         }
     }

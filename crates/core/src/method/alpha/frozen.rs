@@ -116,10 +116,9 @@ impl Frozen {
             mass: Mass::new(&model.general),
             r_lam: vec![0.0; n * m],
         });
-        let full = Pattern::full(n, m);
+        let full = is_moved.then(|| Pattern::full(n, m));
         let r_lam = &model.problem.mechanical.patterns.r_lam;
-        let first_r_lam = if is_moved { &full } else { r_lam };
-        let matrix = assembly(model, solver.is_paired(), first_r_lam);
+        let matrix = assembly(model, solver.is_paired(), full.as_ref().unwrap_or(r_lam));
         Self {
             mass: Mass::new(&model.general),
             transport,
@@ -166,10 +165,15 @@ impl Frozen {
         Ok(())
     }
 
+    /// Whether the factors were made for steps of this size.
+    pub(super) fn are_for(&self, h: f64) -> bool {
+        h.to_bits() == self.h.to_bits()
+    }
+
     /// Whether the factors are good enough to begin a step of this size with.
     pub(super) fn serve(&self, h: f64) -> bool {
         let is_large = matches!(self.factor, Factor::Sparse(_));
-        h.to_bits() == self.h.to_bits() || is_large && (h / self.h - 1.0).abs() <= SIMILAR
+        self.are_for(h) || is_large && (h / self.h - 1.0).abs() <= SIMILAR
     }
 
     /// K, and what couples η with d.

@@ -177,7 +177,7 @@ impl Alpha {
             phi,
             h: 0.0,
             work: 0.0,
-            power: self.model.power(t, y, z, &self.acceleration.lam),
+            power: self.model.power(t, y, z, &self.acceleration.lam)?,
         })
     }
 
@@ -300,7 +300,7 @@ impl Alpha {
         }
         next.power = self
             .model
-            .power(t1, &next.y, &next.z, &self.acceleration.lam);
+            .power(t1, &next.y, &next.z, &self.acceleration.lam)?;
         next.work = step.state.work + step.h / 2.0 * (step.state.power + next.power);
         Ok(())
     }

@@ -366,11 +366,14 @@ impl Solve<'_> {
         [h * h * max_norm(eta), h * max_norm(&at.zeta)]
     }
 
-    /// Whether the correction just made was the last of linear equations: its own roundoff is none of y1
-    /// and z1, since it was not larger than they are.
-    fn is_last(&mut self) -> bool {
-        let at = &mut *self.solver;
-        at.place(self.step.h);
+    /// Whether the correction just made was the only one needed: the equations are linear, the factors
+    /// theirs, and its own roundoff is none of y1 and z1, since it was not larger than they are.
+    fn is_exact(&mut self) -> bool {
+        let (at, h) = (&mut *self.solver, self.step.h);
+        if !(at.is_affine && self.frozen.are_for(h)) {
+            return false;
+        }
+        at.place(h);
         let (y, z) = (max_norm(&at.y), max_norm(&at.z));
         let [by_y, by_z] = self.moved();
         by_y <= y && by_z <= z
@@ -388,8 +391,8 @@ impl Equations for Solve<'_> {
         self.solve();
         self.apply(self.size() < NOISE);
         let size = self.size();
-        let is_last = self.solver.is_affine && size.is_finite() && self.is_last();
-        Ok(if is_last { 0.0 } else { size })
+        let is_done = size.is_finite() && self.is_exact();
+        Ok(if is_done { 0.0 } else { size })
     }
 
     fn stop(&self) -> Stop {

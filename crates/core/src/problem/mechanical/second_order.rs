@@ -225,10 +225,15 @@ impl SecondOrderModel {
     }
 
     /// The power of the forces without a potential at (t, y, z, λ).
-    pub fn power(&mut self, t: f64, y: &[f64], z: &[f64], lam: &[f64]) -> f64 {
-        match (&self.problem.power, &mut self.power) {
-            (Some(tape), Some(registers)) => tape.eval(registers, [&[t], y, z, lam])[0],
-            _ => 0.0,
-        }
+    ///
+    /// # Errors
+    /// It is not finite.
+    pub fn power(&mut self, t: f64, y: &[f64], z: &[f64], lam: &[f64]) -> Result<f64, Trouble> {
+        let (Some(tape), Some(registers)) = (&self.problem.power, &mut self.power) else {
+            return Ok(0.0);
+        };
+        let values = tape.eval(registers, [&[t], y, z, lam]);
+        finite(values, Quantity::Power, t)?;
+        Ok(values[0])
     }
 }
