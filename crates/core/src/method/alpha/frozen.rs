@@ -212,7 +212,8 @@ impl Frozen {
         let (y, z) = (at.coupling.y, at.coupling.z);
         let matrix = &mut self.matrix;
         let [g_y, r_lam] = model.node_blocks(t + h, &at.y, &last.lam)?;
-        self.unit /= max_norm(r_lam).max(f64::MIN_POSITIVE);
+        let unit = self.unit / max_norm(r_lam);
+        self.unit = if unit.is_normal() { unit } else { 1.0 };
         let unit = self.unit;
         matrix.add(G_Y, g_y, 1.0);
         if !at.is_paired() {
