@@ -126,10 +126,11 @@ pub enum Factor {
 }
 
 /// Whether the sparse LU is the faster one. Measured, dense over sparse: chains (three entries a row)
-/// 0.95 at order 30, 1.1 at 36, 6.5 at 201; seven a row 0.5 at 24, 1.9 at 100; full 0.6 at 128, 1.4 at 200.
+/// 0.95 at order 30, 1.1 at 36, 6.5 at 201; seven a row 0.5 at 24, 1.5 at 60 (of a whole step), 1.9 at
+/// 100; full 0.6 at 128, 1.4 at 200.
 fn prefers_sparse(pattern: &Pattern) -> bool {
     let (n, _) = pattern.shape();
-    n >= 32 && (10 * pattern.len() <= n * n || n >= 160)
+    n >= 32 && (6 * pattern.len() <= n * n || n >= 160)
 }
 
 impl Factor {
