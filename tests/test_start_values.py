@@ -254,3 +254,10 @@ def test_redundant_constraints_are_named():
     )
     with pytest.raises(ValueError, match=r"no consistent start.*'once' and 'twice' are redundant"):
         doubled.consistent(q=[2, 0], v=[0, 0])
+
+
+def test_a_start_may_be_moved_to_zero():
+    rod = lv.Structure([1.0, 2.0], constraint=lambda t, q, params: q[1] ** 2 / 2 + q[1])
+    found = rod.consistent(q=[0.0, 0.01], v=[1.0, 0.01])
+    assert np.abs(found["q"]).max() < 1e-15
+    np.testing.assert_allclose(found["v"], [1.0, 0.0], atol=1e-15)

@@ -32,6 +32,8 @@ struct Solve<'a> {
     projection: &'a Projection,
     registers: [Registers<f64>; 3],
     held: &'a [f64],
+    /// The size of the start: the point found may be zero.
+    scale: f64,
     x: Vec<f64>,
     /// W and `c_x`, then what their units make of them.
     blocks: [Vec<f64>; 2],
@@ -70,6 +72,7 @@ pub fn project(
         ]
         .map(|tape| tape.bind(params)),
         held,
+        scale: max_norm(x),
         x: x.to_vec(),
         blocks: [metric, c_x].map(|pattern| vec![0.0; pattern.len()]),
         units: vec![0.0; n + rows],
@@ -156,7 +159,7 @@ impl Equations for Solve<'_> {
         Ok(if size == 0.0 {
             0.0
         } else {
-            size / max_norm(&self.x).max(size)
+            size / max_norm(&self.x).max(self.scale).max(size)
         })
     }
 }
