@@ -20,7 +20,7 @@ use std::mem::MaybeUninit;
 const PANELS: SupernodalThreshold = SupernodalThreshold(0.2);
 
 /// A solution this much larger than its right-hand side, both equilibrated, tells of a singular matrix.
-const LARGEST: f64 = 1.0 / (64.0 * f64::EPSILON);
+const LARGEST: f64 = 1.0 / (1024.0 * f64::EPSILON);
 
 /// Parts of a null vector above this fraction of its largest count.
 const PART: f64 = 1e-4;
