@@ -3,7 +3,7 @@ How large a step a taut chain bears
 ===================================
 
 A chain of ten links hangs at rest and is nudged. Its links vibrate sideways, the faster the tauter
-they are, and every method has a largest step that such vibrations bear: dashed are the
+they are, and SPARK with s stages has a largest step that such vibrations bear: dashed are the
 limits of linear theory, which *Choosing* lists. Crosses are runs that ended in an error.
 """
 

@@ -34,7 +34,7 @@ class Solution:
     Attributes
     ----------
     t : ndarray, shape (k,)
-        Times of the kept steps: the start, every k-th step, and always the last step.
+        Times of the kept steps: the start, one step in ``every``, and always the last step.
     states : dict of str to ndarray
         ``q``, ``v``, ``p`` of shape (k, n) and ``lam`` of shape (k, m); a ``Mechanical`` system has
         ``y`` and ``z`` in the place of ``q``. Methods of the alpha family add ``acceleration`` and
@@ -58,7 +58,8 @@ class Solution:
     method : str
         The method, as its repr.
     stats : dict
-        Numbers of the run: steps, iterations, evaluations, seconds, the solver chosen.
+        Numbers of the run: steps, iterations, evaluations, cold starts, seconds; with ``Spark`` the
+        solver chosen, with the alpha family factorizations and rejected steps.
     params : dict of str to float or list of float
         Parameters the run used.
     status : str

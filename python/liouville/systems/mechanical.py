@@ -1,4 +1,4 @@
-"""The three front doors of mechanics: Lagrangian, Hamiltonian, and the general system."""
+"""Three front doors of mechanics: Lagrangian, Hamiltonian, and the general system."""
 
 from __future__ import annotations
 

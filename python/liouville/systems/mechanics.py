@@ -34,7 +34,7 @@ FLOOR = 1e-14
 
 
 class Mechanics:
-    r"""A mechanical system in the general form, made by one of its three front doors.
+    r"""A mechanical system in the general form, made by one of its front doors.
 
     .. math::
 

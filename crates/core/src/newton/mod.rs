@@ -2,8 +2,9 @@
 //!
 //! Whoever has equations to solve says how one correction is made; this file says when to stop.
 //! With θ the ratio of successive corrections δ (relative to the size of the solution), the
-//! iteration ends when what is still to come, θ δ / (1 − θ), is far below ε. Within the noise of its own
-//! evaluation δ tells nothing any more; θ is then that of the corrections above it. A second
+//! iteration ends when what is still to come, θ δ / (1 − θ), is below the tolerance of its [`Stop`]. Within
+//! the noise of its own evaluation δ tells nothing any more: where corrections fall evenly, θ is then that
+//! of those above it; where they do not, what falls no more is roundoff. A second
 //! correction more than half the first ends it at once: Newton's method may converge from there, but
 //! to what solution is anybody's guess. Source: hairer1996, IV.8; deuflhard2004, 2.1.
 

@@ -9,8 +9,8 @@
 //!     [ g_y                     0            0              0       ]
 //!     [ h w_y                  g_y           0              0       ]
 //!
-//! with the weights of [`super::solve::Coupling`]. Without constraints, and for the relative without A,
-//! what is left of it are K, r_λ and g_y. No entry grows as h → 0: the limit is the matrix of the
+//! with the weights of [`super::solve::Coupling`]. Without constraints, what is left of it is K; for the
+//! relative without A, K with y_φ h² (−r)_y in its last term, bordered by −r_λ and g_y. No entry grows as h → 0: the limit is the matrix of the
 //! acceleration-level solve, twice.
 
 use super::Reactions;

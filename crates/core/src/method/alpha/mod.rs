@@ -84,7 +84,7 @@ impl Carried for State {
     }
 }
 
-/// Factors are made anew when they cost this many corrections more than when they were new.
+/// Factors are made anew when they cost more corrections than when they were new, by more than this.
 const SLOW: usize = 2;
 /// Corrections a step may take.
 const MOST_ITERATIONS: usize = 30;
