@@ -3,10 +3,10 @@
 The chain has point masses on rigid links, a third of its unknowns multipliers; the beam is a
 strip of plane-stress elements, four high, clamped on the left, supported on the right by a
 constraint, under a load that comes suddenly. A step's time is the difference of a long and a short
-run, minimum of repeats; steps are equal, so these take no factorisation. What starts a run, the
-ordering and the first factorisation above all, has a column of its own. Each size runs in a
-process of its own; memory is that process's peak less what the imports took, building the system
-included. Run as ``python benchmarks/sparse_scaling.py``; takes some minutes.
+run, minimum of repeats; steps are equal, so the beam's take no factorisation and the chain's take
+few. What starts a run, the ordering and the first factorisation above all, has a column of its own.
+Each size runs in a process of its own; memory is that process's peak less what the imports took,
+building the system included. Run as ``python benchmarks/sparse_scaling.py``; takes some minutes.
 """
 
 import json

@@ -93,7 +93,7 @@ pub fn solve(equations: &mut impl Equations, most: usize) -> Result<usize, Troub
             return Ok(iterations);
         }
         let left = (most - iterations) as f64;
-        let is_too_slow = still_to_come(theta, size) * theta.powf(left) > tolerance;
+        let is_too_slow = is_even && still_to_come(theta, size) * theta.powf(left) > tolerance;
         if !size.is_finite()
             || iterations == most
             || !is_noise && is_hopeless(theta, iterations, is_too_slow)
