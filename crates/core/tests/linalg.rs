@@ -1,4 +1,5 @@
-//! Factorisations against plain multiplication, and what is said of matrices that have none.
+//! Factorisations against plain multiplication, and what is said of matrices that have none. All kinds
+//! of factors are tried on the same families of matrices, hence in one file.
 
 #![allow(clippy::float_cmp)] // what is compared here is exact
 

@@ -9,7 +9,7 @@
 //!     [ g_y                     0            0              0       ]
 //!     [ h w_y                  g_y           0              0       ]
 //!
-//! with the weights of [`super::solve::Coupling`]. Without constraints, what is left of it is K; for the
+//! with the weights of [`super::coupling::Coupling`]. Without constraints, what is left of it is K; for the
 //! relative without A, K with y_φ h² (−r)_y in its last term, bordered by −r_λ and g_y. No entry grows as h → 0: the limit is the matrix of the
 //! acceleration-level solve, twice.
 

@@ -17,6 +17,7 @@
 //!
 //! Source: jay2007hht, jay2009; the paper's R is M A, its ψ our Λ.
 
+mod coupling;
 mod frozen;
 mod solve;
 
