@@ -2,6 +2,7 @@
 
 pub mod alpha;
 pub mod spark;
+pub mod volume;
 
 use crate::trouble::Trouble;
 
