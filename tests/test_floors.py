@@ -26,7 +26,7 @@ PACKAGE_FLOORS = (
     ("_core", "errors"),
     ("_arguments", "tape"),
     ("methods", "systems"),
-    ("solution",),
+    ("routes", "solution"),
     ("integrate",),
     ("convergence", "export", "fem", "plot", "problems"),
     ("cli",),

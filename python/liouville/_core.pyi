@@ -12,11 +12,12 @@ _Trouble = dict[str, Any]
 __all__ = [
     "OPERATIONS",
     "Mechanical",
-    "MechanicalRun",
     "Rows",
+    "Run",
     "SecondOrder",
     "Tape",
     "gauss_lobatto",
+    "mechanical_run",
     "project",
 ]
 
@@ -75,18 +76,7 @@ class SecondOrder:
     ) -> SecondOrder: ...
 
 @final
-class MechanicalRun:
-    @staticmethod
-    def start(
-        problem: Mechanical | SecondOrder,
-        method: object,
-        observer: Tape,
-        params: NDArray[np.float64],
-        start: Sequence[NDArray[np.float64]],
-        span: tuple[float, float, int, int],
-        control: tuple[float, NDArray[np.float64], float, float] | None,
-        states: bool,
-    ) -> MechanicalRun | _Trouble: ...
+class Run:
     def advance(self, seconds: float) -> Literal["paused", "done"] | _Trouble: ...
     @property
     def done(self) -> int: ...
@@ -96,6 +86,16 @@ class MechanicalRun:
     def stats(self) -> dict[str, int]: ...
     def take(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]: ...
 
+def mechanical_run(
+    problem: Mechanical | SecondOrder,
+    method: object,
+    observer: Tape,
+    params: NDArray[np.float64],
+    start: Sequence[NDArray[np.float64]],
+    span: tuple[float, float, int, int],
+    control: tuple[float, NDArray[np.float64], float, float] | None,
+    states: bool,
+) -> Run | _Trouble: ...
 def project(
     tapes: tuple[Tape, Tape, Tape],
     patterns: tuple[_Pattern, _Pattern],

@@ -10,20 +10,19 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from liouville import _core
-from liouville._arguments import MOST_STEPS, Steps, check_memory, count, memory, steps_of
-from liouville.errors import IntegrationError, describe, hinted
-from liouville.methods import METHODS, Method, Spark
+from liouville._arguments import memory
+from liouville.errors import IntegrationError, hinted
+from liouville.methods import Method
+from liouville.routes import Asked, Route, route
 from liouville.solution import STATES, Solution
-from liouville.systems import Mechanical, Mechanics
+from liouville.systems import System
 
 #: Seconds between two looks at the signals and the progress bar.
 SLICE = 0.05
 
-KEEP_LESS = "keep fewer with every=, or none with states=False"
-
 
 def integrate(
-    system: Mechanics,
+    system: System,
     method: Method,
     *,
     t: tuple[float, float],
@@ -103,63 +102,54 @@ def integrate(
     -----
     Times are :math:`t_0 + n h`, computed and not summed up, but for controlled steps.
     """
-    _check_kinds(system, method, states, progress)
-    is_general = method.form == "general"
-    control = {"rtol": rtol, "atol": atol, "h_min": h_min}
-    equal = type(method).__name__ if is_general else ""
-    pace = steps_of(t, h, steps, control, system.coordinates, equal)
-    every = min(count("every", every), pace.count if pace.control is None else MOST_STEPS)
-    values = system.values(params)
-    begin = system.start(start, () if is_general else ("a",))
-    goes_on = len(begin) == 3 and getattr(method, "reaction", "") == "position"
-    # such a method leaves the hidden constraint by itself, and goes on from there
-    system.check(pace.t0, begin[0], begin[1], values, hidden=not goes_on)
-    tape, widths = system.observer(observe, states)
-    columns = _columns(system, method, widths, states)
-    row = 8 * (1 + sum(columns.values()))
-    _check_sizes(system, method, -(-pace.count // every) + 1, row)
-    problem = system.problem if is_general else system.second_order
-
-    clock = time.perf_counter()
-    run = _core.MechanicalRun.start(
-        problem, method, tape, values, begin, (pace.t0, pace.t1, pace.count, every),
-        pace.control, states,
+    asked = Asked(
+        t=t, h=h, steps=steps, control={"rtol": rtol, "atol": atol, "h_min": h_min}, every=every,
+        observe=observe, params=params, states=states, start=start,
     )  # fmt: skip
+    return run(route(system, method, asked), progress)
+
+
+def run(path: Route, progress: Callable[[float, float], None] | None = None) -> Solution:
+    """Go the route of a system and a method to its end, and give what it left."""
+    if progress is not None and not callable(progress):
+        raise TypeError(f"progress is a function, not {progress!r}")
+    pace = path.pace
+    clock = time.perf_counter()
+    started = path.start()
     outcome: str | dict[str, Any]
-    if isinstance(run, dict):
-        outcome = run
-        times, rows = np.empty(0), np.empty((0, sum(columns.values())))
+    if isinstance(started, dict):
+        outcome = started
+        times, rows = np.empty(0), np.empty((0, *path.members, sum(path.columns.values())))
         stats: dict[str, Any] = {"steps": 0}
     else:
-        outcome = _drive(run, pace, progress, every * memory() / row)
-        (times, rows), stats = run.take(), {"steps": run.done, **run.stats}
+        outcome = _drive(started, path, progress)
+        (times, rows), stats = started.take(), path.stats(started)
     stats["seconds"] = time.perf_counter() - clock
 
     status, message, quantity = "done", "", ""
     if isinstance(outcome, dict):
         status = "failed"
-        message, quantity = _explain(outcome, system, method, widths, pace)
+        message, quantity = _explain(outcome, path)
     elif outcome == "interrupted":
         status, message = outcome, f"interrupted after {stats['steps']}{pace.total} steps"
-    if stats["steps"] and is_general:
-        stats["solver"] = _solver(stats)
-    parts = dict(zip(columns, np.split(rows, np.cumsum([*columns.values()])[:-1], 1), strict=True))
+    cuts = np.cumsum([*path.columns.values()])[:-1]
+    parts = dict(zip(path.columns, np.split(rows, cuts, axis=-1), strict=True))
     solution = Solution(
         t=times,
         states={name: parts[name] for name in STATES if name in parts},
         invariants=_named("invariant ", parts),
-        residuals={name: parts[name] for name in ("constraint", "hidden")},
+        residuals={name: parts[name] for name in ("constraint", "hidden") if name in parts},
         observed=_named("observed ", parts),
-        balance=_balance(system, parts),
-        names={"coordinates": system.coordinates, "constraints": system.constraints},
+        balance=path.balance(parts),
+        names={"coordinates": path.system.coordinates, "constraints": path.constraints},
         h=pace.mean(times, stats["steps"]),
         tolerances=pace.tolerances,
-        method=repr(method),
+        method=path.method,
         stats=stats,
-        params=_plain({**system.params, **dict(params or {})}),
+        params=_plain(path.params),
         status=status,
         message=message,
-        system=system,
+        system=path.system,
     )
     if isinstance(outcome, dict):
         raise IntegrationError(
@@ -172,36 +162,12 @@ def integrate(
     return solution
 
 
-def _check_kinds(system: Any, method: Any, states: Any, progress: Any) -> None:
-    if not isinstance(system, Mechanics):
-        raise TypeError(
-            f"system is a Lagrangian, Hamiltonian, Mechanical or Structure, not {system!r}"
-        )
-    if not isinstance(method, tuple(METHODS.values())):
-        known = ", ".join(cls.__name__ for cls in METHODS.values())
-        raise TypeError(f"{method!r} does not step mechanical systems; methods that do: {known}")
-    if not isinstance(states, bool):
-        raise TypeError(f"states is True or False, not {states!r}")
-    if progress is not None and not callable(progress):
-        raise TypeError(f"progress is a function, not {progress!r}")
-
-
-def _check_sizes(system: Mechanics, method: Method, kept: int, row: int) -> None:
-    check_memory(f"keeping {kept} states", kept * row, KEEP_LESS)
-    if isinstance(method, Spark):
-        n, m, s = len(system.coordinates), len(system.constraints), method.stages
-        dense = s * m * (n + s * m) if method.solver == "node-schur" else 2 * (s * (n + m)) ** 2
-        hint = "HHT and its relatives take large sparse systems"
-        check_memory(f"{method!r} on {n} coordinates, dense,", 8 * dense, hint)
-
-
 def _drive(
-    run: _core.MechanicalRun,
-    pace: Steps,
-    progress: Callable[[float, float], None] | None,
-    most: float,
+    run: _core.Run, path: Route, progress: Callable[[float, float], None] | None
 ) -> str | dict[str, Any]:
-    """Advance to the end, and at most by so many steps; returns how that ended."""
+    """Advance to the end, or until memory is full; returns how that ended."""
+    pace = path.pace
+    most = path.every * memory() / path.row
 
     def report() -> None:
         if progress is None:
@@ -222,35 +188,9 @@ def _drive(
     return outcome
 
 
-def _solver(stats: Mapping[str, int]) -> str:
-    if stats["newton_steps"] == 0:
-        return "node-schur"
-    return "newton" if stats["newton_steps"] >= stats["steps"] else "node-schur and newton"
-
-
-def _columns(
-    system: Mechanics, method: Method, widths: Mapping[str, int], states: bool
-) -> dict[str, int]:
-    """Name the columns of a run's rows, with their widths."""
-    n, m = len(system.coordinates), len(system.constraints)
-    own = dict(zip((*system.states, "lam"), (n, n, m), strict=True)) if states else {}
-    if method.form == "second order":
-        own |= {"acceleration": n, "a": n} if states else {}
-        own["work"] = 1
-    return {**own, **widths}
-
-
 def _named(prefix: str, parts: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
     found = {k.removeprefix(prefix): x for k, x in parts.items() if k.startswith(prefix)}
-    return {name: x[:, 0] if x.shape[1] == 1 else x for name, x in found.items()}
-
-
-def _balance(system: Mechanics, parts: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
-    """Say where the energy went, if the system tells forces with a potential from others."""
-    if "work" not in parts or isinstance(system, Mechanical):
-        return {}
-    energy, work = (parts[name][:, 0] for name in ("invariant energy", "work"))
-    return {"work": work, "dissipated": energy[:1] + work - energy}
+    return {name: x[..., 0] if x.shape[-1] == 1 else x for name, x in found.items()}
 
 
 def _plain(params: Mapping[str, Any]) -> dict[str, float | list[float]]:
@@ -258,30 +198,10 @@ def _plain(params: Mapping[str, Any]) -> dict[str, float | list[float]]:
     return {name: x.tolist() if x.ndim else float(x) for name, x in arrays.items()}
 
 
-def _explain(
-    trouble: dict[str, Any],
-    system: Mechanics,
-    method: Method,
-    widths: Mapping[str, int],
-    pace: Steps,
-) -> tuple[str, str]:
-    if trouble.get("quantity") == "observable":
-        trouble |= _observable(trouble["index"], widths)
+def _explain(trouble: dict[str, Any], path: Route) -> tuple[str, str]:
     if "step" in trouble:
-        where = f"step {trouble['step']}{pace.total} at t = {trouble['start']:.6g} failed"
+        where = f"step {trouble['step']}{path.pace.total} at t = {trouble['start']:.6g} failed"
     else:
-        where = f"the start at t = {pace.t0:.6g} cannot be taken"
-    sentence, hint, quantity = describe(trouble, system.coordinates, system.constraints)
-    if trouble["kind"] == "not converged" and getattr(method, "solver", "") == "node-schur":
-        hint += ", or solver='auto', which takes stiff forces too"
+        where = f"the start at t = {path.pace.t0:.6g} cannot be taken"
+    sentence, hint, quantity = path.describe(trouble)
     return hinted(f"{where}: {sentence}", hint), quantity
-
-
-def _observable(index: int, widths: Mapping[str, int]) -> dict[str, Any]:
-    """Say which part of a record an index falls into, and where in that part."""
-    models = {"p": "momentum", "v": "velocity", "hidden": "hidden constraint"}
-    for part, width in widths.items():
-        if index < width:
-            return {"quantity": models.get(part, part), "index": index}
-        index -= width
-    return {}

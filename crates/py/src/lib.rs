@@ -6,9 +6,11 @@
 
 mod convert;
 mod errors;
+mod mechanical_run;
 mod project;
 mod run;
 mod second_order;
+mod tableau;
 
 use pyo3::prelude::*;
 
@@ -23,11 +25,15 @@ mod _core {
     #[pymodule_export]
     use super::convert::{Mechanical, Rows, Tape};
     #[pymodule_export]
+    use super::mechanical_run::mechanical_run;
+    #[pymodule_export]
     use super::project::project;
     #[pymodule_export]
-    use super::run::{MechanicalRun, gauss_lobatto};
+    use super::run::Run;
     #[pymodule_export]
     use super::second_order::SecondOrder;
+    #[pymodule_export]
+    use super::tableau::gauss_lobatto;
 
     #[pymodule_init]
     fn init(module: &Bound<'_, PyModule>) -> PyResult<()> {

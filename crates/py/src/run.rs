@@ -1,109 +1,39 @@
 //! Runs, as Python drives them: a slice of time, then a look at the signals.
 
-use crate::convert::{self, Mechanical};
 use crate::errors;
-use crate::second_order::SecondOrder;
-use liouville_core::method::alpha::{Alpha, Reactions, Tolerance};
-use liouville_core::method::spark::{Solver, Spark};
-use liouville_core::problem::Observe;
-use liouville_core::problem::mechanical::{Model, Observer, SecondOrderModel};
-use liouville_core::run::{Advance, Controlled, Equal, Run, Status};
-use liouville_core::tableau;
-use liouville_core::tableau::GaussLobatto;
-use liouville_core::tape::Tape;
+use liouville_core::run::{Advance, Status};
 use liouville_core::trouble::Trouble;
-use numpy::{PyArray1, PyArray2, PyArrayMethods, PyReadonlyArray1};
-use pyo3::exceptions::PyValueError;
+use numpy::{PyArray1, PyArrayDyn, PyArrayMethods};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 use std::time::Duration;
 
-/// A run of a mechanical system.
+/// A run of any system by any method.
 #[pyclass(module = "liouville._core")]
-pub(crate) struct MechanicalRun {
+pub(crate) struct Run {
     run: Box<dyn Advance + Sync>,
-    width: usize,
-    is_alpha: bool,
+    shape: Vec<usize>,
 }
 
-/// What every run begins with.
-struct Begin<'a> {
-    params: &'a [f64],
-    start: &'a [&'a [f64]],
-    span: (f64, f64, usize, usize),
-    states: bool,
-}
-
-impl Begin<'_> {
-    /// Refuses arrays that are not of the problem's sizes, and runs of no steps.
-    fn check(&self, n: usize, params: usize, observer: &Tape, most: usize) -> PyResult<()> {
-        let (_, _, steps, every) = self.span;
-        let fits = steps > 0
-            && every > 0
-            && (2..=most).contains(&self.start.len())
-            && self.start.iter().all(|x| x.len() == n)
-            && observer.inputs() == [1, n, n, params]
-            && self.params.len() == params;
-        if fits {
-            return Ok(());
+impl Run {
+    /// A run whose records have this shape, or the trouble of starting it, for Python.
+    pub(crate) fn handed<'py, A: Advance + Sync + 'static>(
+        py: Python<'py>,
+        run: Result<A, Trouble>,
+        shape: &[usize],
+    ) -> PyResult<Bound<'py, PyAny>> {
+        match run {
+            Ok(run) => {
+                let (run, shape) = (Box::new(run), shape.to_vec());
+                Ok(Bound::new(py, Self { run, shape })?.into_any())
+            }
+            Err(trouble) => Ok(errors::trouble(py, &trouble)?.into_any()),
         }
-        Err(PyValueError::new_err(format!(
-            "a start has 2 to {most} arrays of size {n}, params has size {params}"
-        )))
     }
 }
 
 #[pymethods]
-impl MechanicalRun {
-    /// A run about to start; `method` is read by attribute, `start` is (y, z) or (y, z, a).
-    ///
-    /// `span` is (t0, t1, steps, every); `control`, for steps of their own choice instead of equal
-    /// ones, is (rtol, atol, first step or 0, least step). Returns the run, or the trouble of starting.
-    #[staticmethod]
-    #[allow(clippy::too_many_arguments)] // the whole border in one call
-    #[pyo3(signature = (problem, method, observer, params, start, span, control, states))]
-    fn start<'py>(
-        py: Python<'py>,
-        problem: &Bound<'py, PyAny>,
-        method: &Bound<'py, PyAny>,
-        observer: &convert::Tape,
-        params: PyReadonlyArray1<'py, f64>,
-        start: Vec<PyReadonlyArray1<'py, f64>>,
-        span: (f64, f64, usize, usize),
-        control: Option<(f64, PyReadonlyArray1<'py, f64>, f64, f64)>,
-        states: bool,
-    ) -> PyResult<Bound<'py, PyAny>> {
-        let start = start
-            .iter()
-            .map(|x| x.as_slice())
-            .collect::<Result<Vec<_>, _>>()?;
-        let (params, observer) = (params.as_slice()?, Tape::clone(&observer.0));
-        let begin = Begin {
-            params,
-            start: &start,
-            span,
-            states,
-        };
-        let run = if let Ok(problem) = problem.extract::<PyRef<'_, SecondOrder>>() {
-            let control = control
-                .as_ref()
-                .map(|(rtol, atol, h, least)| PyResult::Ok((*rtol, atol.as_slice()?, *h, *least)))
-                .transpose()?;
-            alpha(&problem, method, observer, &begin, control)?
-        } else {
-            spark(
-                &*problem.extract::<PyRef<'_, Mechanical>>()?,
-                method,
-                observer,
-                &begin,
-            )?
-        };
-        match run {
-            Ok(run) => Ok(Bound::new(py, run)?.into_any()),
-            Err(trouble) => Ok(errors::trouble(py, &trouble)?.into_any()),
-        }
-    }
-
+impl Run {
     /// Makes steps for `seconds`; "paused", "done", or the trouble with the step and its time.
     fn advance<'py>(&mut self, py: Python<'py>, seconds: f64) -> PyResult<Bound<'py, PyAny>> {
         let run = &mut self.run;
@@ -140,13 +70,10 @@ impl MechanicalRun {
         let dict = PyDict::new(py);
         dict.set_item("iterations", stats.iterations)?;
         dict.set_item("evaluations", stats.evaluations)?;
-        if self.is_alpha {
-            dict.set_item("factorizations", stats.factorizations)?;
-            dict.set_item("rejected", rejected)?;
-        } else {
-            dict.set_item("newton_steps", stats.newton_steps)?;
-        }
+        dict.set_item("factorizations", stats.factorizations)?;
+        dict.set_item("newton_steps", stats.newton_steps)?;
         dict.set_item("cold_starts", stats.cold_starts)?;
+        dict.set_item("rejected", rejected)?;
         Ok(dict)
     }
 
@@ -155,152 +82,12 @@ impl MechanicalRun {
     fn take<'py>(
         &mut self,
         py: Python<'py>,
-    ) -> PyResult<(Bound<'py, PyArray1<f64>>, Bound<'py, PyArray2<f64>>)> {
+    ) -> PyResult<(Bound<'py, PyArray1<f64>>, Bound<'py, PyArrayDyn<f64>>)> {
         let (times, rows) = self.run.take();
-        let shape = [times.len(), self.width];
+        let shape = [&[times.len()], self.shape.as_slice()].concat();
         Ok((
             PyArray1::from_vec(py, times),
             PyArray1::from_vec(py, rows).reshape(shape)?,
         ))
     }
-}
-
-fn spark(
-    problem: &Mechanical,
-    method: &Bound<'_, PyAny>,
-    observer: Tape,
-    begin: &Begin<'_>,
-) -> PyResult<Result<MechanicalRun, Trouble>> {
-    let stages: usize = method.getattr("stages")?.extract()?;
-    let solver: String = method.getattr("solver")?.extract()?;
-    let solver = match solver.as_str() {
-        "auto" => Solver::Auto,
-        "node-schur" => Solver::NodeSchur,
-        "newton" => Solver::Newton,
-        other => {
-            return Err(PyValueError::new_err(format!(
-                "there is no solver {other:?}"
-            )));
-        }
-    };
-    if stages == 0 {
-        return Err(PyValueError::new_err(
-            "a SPARK method has at least one stage",
-        ));
-    }
-    begin.check(problem.0.n, problem.0.stage.inputs()[3], &observer, 2)?;
-    let (t0, t1, steps, every) = begin.span;
-    let mut model = Model::new(problem.0.clone(), begin.params);
-    let observer = Observer::new(model.clone(), begin.params, observer, begin.states);
-    let state = model.state(t0, begin.start[0], begin.start[1]);
-    let width = observer.width(&state);
-    let pace = Equal::new(t0, (t1 - t0) / steps as f64, steps);
-    let expected = steps / every + 2;
-    let stepper = Spark::new(model, stages, solver);
-    let run = Run::new(stepper, observer, state, pace, every, expected);
-    Ok(run.map(|run| MechanicalRun {
-        run: Box::new(run),
-        width,
-        is_alpha: false,
-    }))
-}
-
-fn alpha(
-    problem: &SecondOrder,
-    method: &Bound<'_, PyAny>,
-    observer: Tape,
-    begin: &Begin<'_>,
-    control: Option<(f64, &[f64], f64, f64)>,
-) -> PyResult<Result<MechanicalRun, Trouble>> {
-    let (alpha_m, alpha_f, gamma, beta) = method.getattr("coefficients")?.extract()?;
-    let weights = tableau::Alpha {
-        alpha_m,
-        alpha_f,
-        gamma,
-        beta,
-    };
-    let reaction: String = method.getattr("reaction")?.extract()?;
-    let reactions = match reaction.as_str() {
-        "position" => Reactions::Position,
-        "extended" | "predicted" => Reactions::Extended {
-            b: method.getattr("b")?.extract()?,
-            predicted: reaction == "predicted",
-        },
-        other => {
-            return Err(PyValueError::new_err(format!(
-                "there is no reaction {other:?}"
-            )));
-        }
-    };
-    let n = problem.0.mechanical.n;
-    begin.check(n, problem.0.mechanical.stage.inputs()[3], &observer, 3)?;
-    let tolerance = control.map(|(rtol, atol, ..)| Tolerance {
-        rtol,
-        atol: atol.to_vec(),
-    });
-    if tolerance.as_ref().is_some_and(|x| x.atol.len() != n) {
-        return Err(PyValueError::new_err(format!("atol has size {n}")));
-    }
-    let (t0, t1, steps, every) = begin.span;
-    let model = SecondOrderModel::new(problem.0.clone(), begin.params);
-    let general = model.general.clone();
-    let observer = Observer::new(general, begin.params, observer, begin.states);
-    let mut stepper = Alpha::new(model, weights, reactions, tolerance);
-    let (y, z, a) = (begin.start[0], begin.start[1], begin.start.get(2).copied());
-    let state = match stepper.start(t0, y, z, a) {
-        Ok(state) => state,
-        Err(trouble) => return Ok(Err(trouble)),
-    };
-    let width = observer.width(&state);
-    let run: Result<Box<dyn Advance + Sync>, Trouble> = if let Some((_, _, first, least)) = control
-    {
-        let first = if first > 0.0 {
-            first
-        } else {
-            stepper.first_step(&state, t1 - t0)
-        };
-        let pace = Controlled::new(t0, t1, first, least);
-        Run::new(stepper, observer, state, pace, every, 0).map(|run| Box::new(run) as _)
-    } else {
-        let pace = Equal::new(t0, (t1 - t0) / steps as f64, steps);
-        let expected = steps / every + 2;
-        Run::new(stepper, observer, state, pace, every, expected).map(|run| Box::new(run) as _)
-    };
-    Ok(run.map(|run| MechanicalRun {
-        run,
-        width,
-        is_alpha: true,
-    }))
-}
-
-/// Coefficients of the s-stage Gauss–Lobatto SPARK method, by their letters.
-#[pyfunction]
-pub(crate) fn gauss_lobatto(py: Python<'_>, stages: usize) -> PyResult<Bound<'_, PyDict>> {
-    if stages == 0 {
-        return Err(PyValueError::new_err(
-            "a SPARK method has at least one stage",
-        ));
-    }
-    let tableau = GaussLobatto::new(stages);
-    let dict = PyDict::new(py);
-    for (name, matrix) in [
-        ("a", &tableau.a),
-        ("a_bar", &tableau.a_bar),
-        ("a_hat", &tableau.a_hat),
-    ] {
-        let shape = [matrix.rows(), matrix.cols()];
-        dict.set_item(
-            name,
-            PyArray1::from_slice(py, matrix.flat()).reshape(shape)?,
-        )?;
-    }
-    for (name, vector) in [
-        ("b", &tableau.b),
-        ("c", &tableau.c),
-        ("b_hat", &tableau.b_hat),
-        ("c_hat", &tableau.c_hat),
-    ] {
-        dict.set_item(name, PyArray1::from_slice(py, vector))?;
-    }
-    Ok(dict)
 }

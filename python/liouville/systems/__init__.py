@@ -5,3 +5,6 @@ from liouville.systems.mechanical import Lagrangian as Lagrangian
 from liouville.systems.mechanical import Mechanical as Mechanical
 from liouville.systems.mechanics import Mechanics as Mechanics
 from liouville.systems.structure import Structure as Structure
+
+#: Whatever can be integrated.
+System = Mechanics

@@ -3,6 +3,7 @@
 pub mod alpha;
 pub mod composition;
 pub mod spark;
+pub mod volume;
 
 use crate::trouble::Trouble;
 
