@@ -13,6 +13,7 @@
 //! 5. `method`
 //! 6. `run`
 
+pub mod elementary;
 pub mod linalg;
 pub mod method;
 pub mod newton;
@@ -22,3 +23,4 @@ pub mod run;
 pub mod tableau;
 pub mod tape;
 pub mod trouble;
+pub mod vector;
