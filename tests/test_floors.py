@@ -24,9 +24,9 @@ CORE_FLOORS = (
 )
 PACKAGE_FLOORS = (
     ("_core", "errors"),
-    ("_arguments", "tape"),
+    ("_arguments", "tape", "terms"),
     ("methods", "systems"),
-    ("routes", "solution"),
+    ("routes", "solution", "splitting"),
     ("integrate",),
     ("convergence", "export", "fem", "plot", "problems"),
     ("cli",),
