@@ -1,9 +1,10 @@
 """Solutions as xarray datasets and as files: NetCDF and Zarr both ways, CSV for reading elsewhere.
 
 A dataset has the dimensions ``time``, ``coordinate``, ``constraint``, ``invariant``, ``residual``
-and ``term``, and ``member`` where it is of an ensemble, labelled by the names of the solution. Its variables are the states under their own
-letters, ``invariants``, ``residuals``, ``balance``, and ``observed_NAME`` for each observed
-quantity; how the run went is in its attributes. What is saved comes back bit for bit.
+and ``term``, and ``member`` where it is of an ensemble, labelled by the names of the solution. Its
+variables are the states under their own letters, ``invariants``, ``residuals``, ``balance``, and
+``observed_NAME`` for each observed quantity; how the run went is in its attributes. What is saved
+comes back bit for bit.
 """
 
 from __future__ import annotations
@@ -217,7 +218,8 @@ def _from_xarray(dataset: xarray.Dataset) -> Solution:
         if variable not in dataset:
             return {}
         values = dataset[variable].values
-        return {name: values[..., i].copy() for i, name in enumerate(names(dim))}
+        axis = dataset[variable].dims.index(dim)
+        return {name: values.take(i, axis) for i, name in enumerate(names(dim))}
 
     attributes = dataset.attrs
     variables = {name: dataset[name] for name in json.loads(attributes["order"])}
