@@ -1,7 +1,7 @@
 """Solutions as xarray datasets and as files: NetCDF and Zarr both ways, CSV for reading elsewhere.
 
 A dataset has the dimensions ``time``, ``coordinate``, ``constraint``, ``invariant``, ``residual``
-and ``term``, labelled by the names of the solution. Its variables are the states under their own
+and ``term``, and ``member`` where it is of an ensemble, labelled by the names of the solution. Its variables are the states under their own
 letters, ``invariants``, ``residuals``, ``balance``, and ``observed_NAME`` for each observed
 quantity; how the run went is in its attributes. What is saved comes back bit for bit.
 """
@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 SUFFIXES = (".nc", ".zarr", ".csv")
 
 # The attribute that tells our files from others, and the version of their layout.
-MARK, VERSION = "liouville_solution", 1
+MARK, VERSION = "liouville_solution", 2
 
 # Neither NetCDF nor Zarr takes a slash in a variable's name; this one only looks like it.
 SLASH = "\u2215"
@@ -51,11 +51,12 @@ def to_xarray(solution: Solution) -> xarray.Dataset:
     xr = _needed("xarray")
     names = solution.names
     variables: dict[str, Any] = {}
+    lead = ("time",) if solution.members is None else ("time", "member")
     for name, values in solution.states.items():
-        variables[name] = (("time", "constraint" if name == "lam" else "coordinate"), values)
+        variables[name] = ((*lead, "constraint" if name == "lam" else "coordinate"), values)
     if solution.invariants:
-        columns = np.stack(list(solution.invariants.values()), axis=1)
-        variables["invariants"] = (("time", "invariant"), columns)
+        columns = np.stack(list(solution.invariants.values()), axis=-1)
+        variables["invariants"] = ((*lead, "invariant"), columns)
     if solution.residuals:
         rows = np.stack(list(solution.residuals.values()), axis=1)
         variables["residuals"] = (("time", "residual", "constraint"), rows)
@@ -64,7 +65,7 @@ def to_xarray(solution: Solution) -> xarray.Dataset:
         variables["balance"] = (("time", "term"), columns)
     for name, values in solution.observed.items():
         label = "observed_" + name.replace("/", SLASH)
-        variables[label] = (("time", f"{label}_axis")[: values.ndim], values, {"name": name})
+        variables[label] = ((*lead, f"{label}_axis")[: values.ndim], values, {"name": name})
     labels = {
         "coordinate": names["coordinates"],
         "constraint": names["constraints"],
@@ -82,6 +83,7 @@ def to_xarray(solution: Solution) -> xarray.Dataset:
             "message": solution.message,
             "method": solution.method,
             "h": solution.h,
+            "members": -1 if solution.members is None else solution.members,
             "tolerances": json.dumps(solution.tolerances, default=_plain),
             # Zarr forgets the order of variables.
             "order": json.dumps(list(variables)),
@@ -215,7 +217,7 @@ def _from_xarray(dataset: xarray.Dataset) -> Solution:
         if variable not in dataset:
             return {}
         values = dataset[variable].values
-        return {name: values[:, i].copy() for i, name in enumerate(names(dim))}
+        return {name: values[..., i].copy() for i, name in enumerate(names(dim))}
 
     attributes = dataset.attrs
     variables = {name: dataset[name] for name in json.loads(attributes["order"])}
@@ -232,6 +234,7 @@ def _from_xarray(dataset: xarray.Dataset) -> Solution:
         balance=columns("balance", "term"),
         names={"coordinates": names("coordinate"), "constraints": names("constraint")},
         h=float(attributes["h"]),
+        members=None if attributes["members"] < 0 else int(attributes["members"]),
         tolerances=json.loads(attributes["tolerances"]),
         method=attributes["method"],
         stats=json.loads(attributes["stats"]),
@@ -242,6 +245,8 @@ def _from_xarray(dataset: xarray.Dataset) -> Solution:
 
 
 def _save_csv(solution: Solution, path: Path) -> None:
+    if solution.members is not None:
+        raise ValueError("a table has no room for an ensemble\nhint: save it as .nc or .zarr")
     names = solution.names
     columns = {"t": solution.t}
     for name, values in solution.states.items():

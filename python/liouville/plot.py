@@ -36,6 +36,9 @@ POINTS = 4000
 # An overview shows no more curves than this in a panel, evenly chosen.
 CURVES = 40
 
+# Nor more members of an ensemble.
+MEMBERS = 50
+
 UNITS = "(system's units)"
 COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#000000")
 GREY = "#6e6e6e"
@@ -90,7 +93,7 @@ def trajectories(
     solution : Solution
         What to draw; it must have stored its states.
     of : str, default "q"
-        The state to draw: ``q``, ``v``, ``p``, ``y`` or ``z``.
+        The state to draw: ``q``, ``v``, ``p``, ``y``, ``z`` or ``x``.
     names : sequence of str, optional
         Names of the coordinates to draw; all by default.
     against : str, optional
@@ -118,14 +121,16 @@ def trajectories(
             raise ValueError(
                 f"the solution has no coordinate {name!r}\nhint: it has {', '.join(known)}"
             )
-    columns = {name: values[:, known.index(name)] for name in chosen}
-    title = {"v": "velocities", "p": "momenta", "z": "z"}.get(of, "positions")
+    if solution.members is not None:
+        values = values[:, :: max(1, -(-solution.members // MEMBERS))]
+    columns = {name: values[..., known.index(name)] for name in chosen}
+    title = {"v": "velocities", "p": "momenta", "z": "z", "x": "states"}.get(of, "positions")
     if against is None:
         return _curves(ax, solution.t, columns, title, f"${of}$")
-    symbol = "" if of in ("q", "y") else f"${of}$ of "
+    symbol = "" if of in ("q", "y", "x") else f"${of}$ of "
     labels = [f"{symbol}{', '.join(map(_text, some))} {UNITS}" for some in ([against], chosen)]
     axes = _axes(ax, *labels)
-    x = values[:, known.index(against)]
+    x = values[..., known.index(against)]
     stride = max(1, len(x) // (5 * POINTS))
     for column, colour in zip(columns.values(), _colours(len(columns)), strict=True):
         axes.plot(x[::stride], column[::stride], color=colour, lw=1.3)
@@ -152,7 +157,8 @@ def invariants(
     Returns
     -------
     Axes
-        Dots are :meth:`Solution.invariant_drift`, lines their maximum so far.
+        Dots are :meth:`Solution.invariant_drift`, the largest of an ensemble, lines their maximum
+        so far.
 
     Raises
     ------
@@ -161,6 +167,8 @@ def invariants(
     """
     names = list(solution.invariants) if names is None else names
     sizes = {name: solution.invariant_drift(name) for name in names}
+    if solution.members is not None:
+        sizes = {name: drift.max(axis=1) for name, drift in sizes.items()}
     return _sizes(ax, solution.t, sizes, "drift of invariants", "$|I(t) - I(0)|\\,/\\,|I(0)|$")
 
 
@@ -290,7 +298,7 @@ def overview(solution: Solution) -> Figure:
     panels: list[Callable[..., Axes]] = []
     scalars = {name: values for name, values in solution.observed.items() if values.ndim == 1}
     if solution.states:
-        of = "y" if "y" in solution.states else "q"
+        of = next(name for name in ("q", "y", "x") if name in solution.states)
         shown = _some(solution.names["coordinates"])
         panels.append(lambda solution, ax: trajectories(solution, of, names=shown, ax=ax))
     elif scalars:
@@ -416,8 +424,9 @@ def _curves(
 ) -> Axes:
     axes = _axes(ax, f"time $t$ {UNITS}", f"{symbol} {UNITS}")
     for values, colour in zip(columns.values(), _colours(len(columns)), strict=True):
-        at = _extremes(values)
-        axes.plot(t[at], values[at], color=colour, lw=1.3)
+        for curve in values.reshape(len(t), -1).T:
+            at = _extremes(curve)
+            axes.plot(t[at], curve[at], color=colour, lw=1.3)
     _legend(axes, list(columns), title)
     return axes
 

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 if TYPE_CHECKING:
     import xarray
 
-    from liouville.systems import Mechanics
+    from liouville.systems import System
 
 Array = NDArray[np.float64]
 
@@ -21,15 +21,16 @@ Array = NDArray[np.float64]
 ZERO = 1e-12
 
 #: All that a state may be called, in the order of a solution's states.
-STATES = ("q", "y", "z", "v", "p", "lam", "acceleration", "a")
+STATES = ("x", "q", "y", "z", "v", "p", "lam", "acceleration", "a")
 
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Solution:
     r"""A run's result: arrays with time as the first axis, and the record of how it went.
 
-    Below, k is the number of kept steps, n of coordinates and m of constraints. All arrays are
-    read-only; all numbers are in the system's own units.
+    Below, k is the number of kept steps, n of coordinates and m of constraints. In an ensemble of P
+    members, every array but ``t`` has the member as its second axis: ``x`` has shape (k, P, n).
+    All arrays are read-only; all numbers are in the system's own units.
 
     Attributes
     ----------
@@ -37,7 +38,7 @@ class Solution:
         Times of the kept steps: the start, one step in ``every``, and always the last step.
     states : dict of str to ndarray
         ``q``, ``v``, ``p`` of shape (k, n) and ``lam`` of shape (k, m); a ``Mechanical`` system has
-        ``y`` and ``z`` in the place of ``q``. Methods of the alpha family add ``acceleration`` and
+        ``y`` and ``z`` in the place of ``q``, a ``PolynomialField`` has ``x``. Methods of the alpha family add ``acceleration`` and
         their own ``a``. Empty if the run stored no states. Each state is also an attribute:
         ``solution.q``.
     invariants : dict of str to ndarray, shape (k,)
@@ -67,7 +68,9 @@ class Solution:
         its last good step.
     message : str
         Why it is not done; empty when it is.
-    system : Lagrangian, Hamiltonian, Mechanical, Structure or None
+    members : int or None
+        Number P of members of an ensemble, None for a single run.
+    system : System or None
         The system integrated; None after :func:`liouville.load`.
     """
 
@@ -85,7 +88,8 @@ class Solution:
     tolerances: dict[str, Any] = field(default_factory=dict)
     status: str = "done"
     message: str = ""
-    system: Mechanics | None = None
+    members: int | None = None
+    system: System | None = None
 
     def __post_init__(self) -> None:
         """Make the arrays read-only: what is recorded is not edited."""
@@ -101,7 +105,8 @@ class Solution:
             return f"<Solution {self.status}: nothing computed, {self.method}>"
         steps = self.stats.get("steps", len(self.t) - 1)
         span = f"t = {self.t[0]:g} to {self.t[-1]:g}"
-        head = f"{self.status}: {steps} steps of {self.step_size}, {span}, {self.method}"
+        many = "" if self.members is None else f", {self.members} members"
+        head = f"{self.status}: {steps} steps of {self.step_size}, {span}{many}, {self.method}"
         residuals = {name: np.max(np.abs(r)) for name, r in self.residuals.items() if r.size}
         drifts = {name: np.max(self.invariant_drift(name)) for name in self.invariants}
         kept = [*_worst("residual", residuals), *_worst("drift", drifts)]
@@ -111,6 +116,11 @@ class Solution:
     def step_size(self) -> str:
         """The step size in words: "h = 0.01", or "mean h = 0.01" of controlled steps."""
         return f"{'mean ' if self.tolerances else ''}h = {self.h:.6g}"
+
+    @property
+    def x(self) -> Array:
+        """States of a ``PolynomialField``, shape (k, n), or (k, P, n) of an ensemble."""
+        return self._state("x")
 
     @property
     def q(self) -> Array:
@@ -200,7 +210,7 @@ class Solution:
 
         Returns
         -------
-        ndarray, shape (k,)
+        ndarray, shape (k,) or (k, P)
             The relative drift; the absolute one if :math:`|I(0)| \le 10^{-12}`.
 
         Raises

@@ -1,14 +1,15 @@
-//! The one scalar trait and its two types: `f64`, and eight of them side by side.
+//! The scalar traits and their types: `f64`, and several of them side by side.
 //!
 //! Lanes advance in lock-step: an operation on `Lanes` is the same operation on each `f64`, so a
 //! lane's result has the same bits as the scalar one. Plain arrays are enough for the compiler to
-//! use whatever vector width the target has.
+//! use whatever vector width the target has. What needs derivatives too is generic over [`Scalar`]
+//! alone, which dual numbers are as well.
 #![allow(clippy::inline_always)] // an operation on lanes must vanish into the loop around it
 
 use std::ops::{Add, Div, Mul, Neg, Sub};
 
-/// A real number, or several in lock-step.
-pub trait Real:
+/// What the arithmetic of a step is done in.
+pub trait Scalar:
     Copy
     + Send
     + Sync
@@ -19,8 +20,39 @@ pub trait Real:
     + Div<Output = Self>
     + Neg<Output = Self>
 {
-    /// The same value in every lane.
+    /// How many trajectories advance in lock-step.
+    const MEMBERS: usize;
+
+    /// The same value for every member.
     fn splat(value: f64) -> Self;
+    /// The value of one member.
+    fn member(&self, member: usize) -> f64;
+    /// Sets the value of one member.
+    fn set_member(&mut self, member: usize, value: f64);
+    /// This times a constant.
+    #[must_use]
+    fn scaled(self, factor: f64) -> Self;
+    /// e^x
+    #[must_use]
+    fn exp(self) -> Self;
+    /// e^x - 1
+    #[must_use]
+    fn exp_m1(self) -> Self;
+    /// ln(1 + x)
+    #[must_use]
+    fn ln_1p(self) -> Self;
+    /// sin x
+    #[must_use]
+    fn sin(self) -> Self;
+    /// cos x
+    #[must_use]
+    fn cos(self) -> Self;
+    /// Whether the test holds for the value of any member.
+    fn any(self, test: impl Fn(f64) -> bool) -> bool;
+}
+
+/// A real number, or several in lock-step.
+pub trait Real: Scalar {
     /// Applies a scalar function lane by lane.
     #[must_use]
     fn map(self, f: impl Fn(f64) -> f64) -> Self;
@@ -29,11 +61,52 @@ pub trait Real:
     fn zip(self, other: Self, f: impl Fn(f64, f64) -> f64) -> Self;
 }
 
-impl Real for f64 {
+impl Scalar for f64 {
+    const MEMBERS: usize = 1;
+
     #[inline(always)]
     fn splat(value: f64) -> Self {
         value
     }
+    #[inline(always)]
+    fn member(&self, _: usize) -> f64 {
+        *self
+    }
+    #[inline(always)]
+    fn set_member(&mut self, _: usize, value: f64) {
+        *self = value;
+    }
+    #[inline(always)]
+    fn scaled(self, factor: f64) -> Self {
+        self * factor
+    }
+    #[inline(always)]
+    fn exp(self) -> Self {
+        f64::exp(self)
+    }
+    #[inline(always)]
+    fn exp_m1(self) -> Self {
+        f64::exp_m1(self)
+    }
+    #[inline(always)]
+    fn ln_1p(self) -> Self {
+        f64::ln_1p(self)
+    }
+    #[inline(always)]
+    fn sin(self) -> Self {
+        f64::sin(self)
+    }
+    #[inline(always)]
+    fn cos(self) -> Self {
+        f64::cos(self)
+    }
+    #[inline(always)]
+    fn any(self, test: impl Fn(f64) -> bool) -> bool {
+        test(self)
+    }
+}
+
+impl Real for f64 {
     #[inline(always)]
     fn map(self, f: impl Fn(f64) -> f64) -> Self {
         f(self)
@@ -44,19 +117,60 @@ impl Real for f64 {
     }
 }
 
-/// How many `f64` advance together in [`Lanes`].
+/// How many `f64` advance together in [`Lanes`], unless said otherwise.
 pub const WIDTH: usize = 8;
 
-/// Eight `f64` in lock-step.
+/// Several `f64` in lock-step.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[repr(align(64))]
-pub struct Lanes(pub [f64; WIDTH]);
+pub struct Lanes<const W: usize = WIDTH>(pub [f64; W]);
 
-impl Real for Lanes {
+impl<const W: usize> Scalar for Lanes<W> {
+    const MEMBERS: usize = W;
+
     #[inline(always)]
     fn splat(value: f64) -> Self {
-        Self([value; WIDTH])
+        Self([value; W])
     }
+    #[inline(always)]
+    fn member(&self, member: usize) -> f64 {
+        self.0[member]
+    }
+    #[inline(always)]
+    fn set_member(&mut self, member: usize, value: f64) {
+        self.0[member] = value;
+    }
+    #[inline(always)]
+    fn scaled(self, factor: f64) -> Self {
+        self.map(|a| a * factor)
+    }
+    #[inline(always)]
+    fn exp(self) -> Self {
+        self.map(Scalar::exp)
+    }
+    #[inline(always)]
+    fn exp_m1(self) -> Self {
+        self.map(Scalar::exp_m1)
+    }
+    #[inline(always)]
+    fn ln_1p(self) -> Self {
+        self.map(Scalar::ln_1p)
+    }
+    #[inline(always)]
+    fn sin(self) -> Self {
+        self.map(Scalar::sin)
+    }
+    #[inline(always)]
+    fn cos(self) -> Self {
+        self.map(Scalar::cos)
+    }
+    #[inline(always)]
+    fn any(self, test: impl Fn(f64) -> bool) -> bool {
+        self.0.iter().fold(false, |any, x| any | test(*x))
+    }
+}
+
+impl<const W: usize> Real for Lanes<W> {
     #[inline(always)]
     fn map(self, f: impl Fn(f64) -> f64) -> Self {
         Self(std::array::from_fn(|i| f(self.0[i])))
@@ -67,7 +181,7 @@ impl Real for Lanes {
     }
 }
 
-impl Add for Lanes {
+impl<const W: usize> Add for Lanes<W> {
     type Output = Self;
     #[inline(always)]
     fn add(self, other: Self) -> Self {
@@ -75,7 +189,7 @@ impl Add for Lanes {
     }
 }
 
-impl Sub for Lanes {
+impl<const W: usize> Sub for Lanes<W> {
     type Output = Self;
     #[inline(always)]
     fn sub(self, other: Self) -> Self {
@@ -83,7 +197,7 @@ impl Sub for Lanes {
     }
 }
 
-impl Mul for Lanes {
+impl<const W: usize> Mul for Lanes<W> {
     type Output = Self;
     #[inline(always)]
     fn mul(self, other: Self) -> Self {
@@ -91,7 +205,7 @@ impl Mul for Lanes {
     }
 }
 
-impl Div for Lanes {
+impl<const W: usize> Div for Lanes<W> {
     type Output = Self;
     #[inline(always)]
     fn div(self, other: Self) -> Self {
@@ -99,7 +213,7 @@ impl Div for Lanes {
     }
 }
 
-impl Neg for Lanes {
+impl<const W: usize> Neg for Lanes<W> {
     type Output = Self;
     #[inline(always)]
     fn neg(self) -> Self {

@@ -1,6 +1,6 @@
 //! An operation on lanes is the same operation on each number.
 
-use liouville_core::real::{Lanes, Real, WIDTH};
+use liouville_core::real::{Lanes, Scalar, WIDTH};
 
 fn same(a: f64, b: f64) -> bool {
     a.to_bits() == b.to_bits() || (a.is_nan() && b.is_nan())

@@ -41,6 +41,18 @@ pub(crate) fn trouble<'py>(py: Python<'py>, trouble: &Trouble) -> PyResult<Bound
             dict.set_item("error", error)?;
             "step too small"
         }
+        Trouble::Singular { piece, member, t } => {
+            dict.set_item("piece", piece)?;
+            dict.set_item("member", member)?;
+            dict.set_item("t", t)?;
+            "singular piece"
+        }
+        Trouble::Overflow { index, member, t } => {
+            dict.set_item("index", index)?;
+            dict.set_item("member", member)?;
+            dict.set_item("t", t)?;
+            "overflow"
+        }
     };
     dict.set_item("kind", kind)?;
     Ok(dict)

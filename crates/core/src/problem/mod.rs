@@ -1,6 +1,7 @@
 //! What is integrated, read-only: a user's system as tapes and patterns.
 
 pub mod mechanical;
+pub mod polynomial;
 
 use crate::trouble::Trouble;
 

@@ -20,7 +20,7 @@ pub use execute::Op;
 pub use terms::Term;
 
 use crate::linalg::copy;
-use crate::real::{Lanes, Real, WIDTH};
+use crate::real::{Lanes, Real, Scalar, WIDTH};
 use execute::{Instr, execute};
 use plan::Plan;
 use std::ops::Range;

@@ -1,0 +1,288 @@
+//! The pieces of a split field, checked for what makes their flows explicit and volume-preserving.
+
+use super::terms::{finite, size};
+use super::{Malformed, Polynomials};
+
+/// cos(k · x + phase), a factor like a variable: wave q of a piece is factor n + q.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Wave {
+    /// The variables it depends on.
+    pub places: Vec<usize>,
+    /// Its wave vector, one number a place.
+    pub k: Vec<f64>,
+    /// Its phase.
+    pub phase: f64,
+}
+
+/// A divergence-free field that is easy to step.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Piece {
+    /// x_i' = R_i, no R_i containing a variable the piece changes: x_i += h R_i.
+    Natural {
+        /// The variables i.
+        rows: Vec<usize>,
+        /// R_i, one row each.
+        change: Polynomials,
+        /// Factors n + q of `change`.
+        waves: Vec<Wave>,
+    },
+    /// x' = g(x) a with a · grad g = 0, which is the caller's to know: x += h g(x) a.
+    Shear {
+        /// The variables where a is not zero.
+        places: Vec<usize>,
+        /// a at these places.
+        direction: Vec<f64>,
+        /// g, the only row.
+        change: Polynomials,
+        /// Factors n + q of `change`.
+        waves: Vec<Wave>,
+    },
+    /// x_i' = p_i x_i, no p_i containing a variable the piece changes, and Σ p_i = 0, which is the
+    /// caller's to know: x_i *= exp(h p_i).
+    Scaling {
+        /// The variables i.
+        rows: Vec<usize>,
+        /// p_i, one row each.
+        rate: Polynomials,
+    },
+    /// x_i' = c_i x_i x^j with one monomial x^j and Σ c_i (j_i + 1) = 0.
+    Exponential {
+        /// The variables i.
+        rows: Vec<usize>,
+        /// c_i
+        rates: Vec<f64>,
+        /// The variables of x^j, with repetition.
+        monomial: Vec<usize>,
+    },
+    /// x_i' = F_i with F_i depending on what precedes i in the order, and on variables outside it;
+    /// stepped by an explicit Runge-Kutta method.
+    Triangular {
+        /// The variables i in this order.
+        order: Vec<usize>,
+        /// F_i, one row each.
+        change: Polynomials,
+        /// The method's matrix, row by row.
+        a: Vec<f64>,
+        /// The method's weights.
+        b: Vec<f64>,
+    },
+    /// x' = A x + c with tr A = 0, in all variables.
+    Affine {
+        /// A, row by row.
+        matrix: Vec<f64>,
+        /// c
+        vector: Vec<f64>,
+    },
+}
+
+/// A field of n variables as the sum of pieces.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Split {
+    n: usize,
+    pieces: Vec<Piece>,
+}
+
+impl Split {
+    /// A split, once its pieces are seen to be what they say.
+    ///
+    /// # Errors
+    /// The first piece that is not, and why.
+    pub fn new(n: usize, pieces: Vec<Piece>) -> Result<Self, Malformed> {
+        if n >= 1 << 31 {
+            return Err(Malformed::TooLarge);
+        }
+        let mut places = vec![NOWHERE; n];
+        for (piece, content) in pieces.iter().enumerate() {
+            check(content, &mut places).map_err(|defect| Malformed::Piece {
+                piece,
+                defect: Box::new(defect),
+            })?;
+            places.fill(NOWHERE);
+        }
+        Ok(Self { n, pieces })
+    }
+
+    /// Number of variables.
+    pub fn n(&self) -> usize {
+        self.n
+    }
+
+    /// The pieces in their order.
+    pub fn pieces(&self) -> &[Piece] {
+        &self.pieces
+    }
+}
+
+/// The place of a variable that is not in a list.
+const NOWHERE: u32 = u32::MAX;
+
+/// How far a divergence may be off zero, of the sum of the magnitudes in it.
+const ROUNDOFF: f64 = 1e-12;
+
+/// Checks one piece; `place` is where each variable is in the list of those the piece changes.
+fn check(piece: &Piece, place: &mut [u32]) -> Result<(), Malformed> {
+    let n = place.len();
+    match piece {
+        Piece::Natural {
+            rows,
+            change,
+            waves,
+        } => {
+            locate(rows, place)?;
+            check_waves(waves, n)?;
+            size("change", change.rows(), rows.len())?;
+            size("variables", change.variables(), n + waves.len())?;
+            uncoupled(rows, change, waves, place)
+        }
+        Piece::Shear {
+            places,
+            direction,
+            change,
+            waves,
+        } => {
+            locate(places, place)?;
+            check_waves(waves, n)?;
+            size("direction", direction.len(), places.len())?;
+            finite("direction", direction)?;
+            size("change", change.rows(), 1)?;
+            size("variables", change.variables(), n + waves.len())
+        }
+        Piece::Scaling { rows, rate } => {
+            locate(rows, place)?;
+            size("rate", rate.rows(), rows.len())?;
+            size("variables", rate.variables(), n)?;
+            uncoupled(rows, rate, &[], place)
+        }
+        Piece::Exponential {
+            rows,
+            rates,
+            monomial,
+        } => {
+            locate(rows, place)?;
+            size("rates", rates.len(), rows.len())?;
+            finite("rate", rates)?;
+            inside(monomial, n)?;
+            let powers = rows.iter().map(|row| {
+                let power = monomial.iter().filter(|place| *place == row).count();
+                power as f64 + 1.0
+            });
+            balanced(rates.iter().zip(powers).map(|(rate, power)| rate * power))
+        }
+        Piece::Triangular {
+            order,
+            change,
+            a,
+            b,
+        } => {
+            locate(order, place)?;
+            size("change", change.rows(), order.len())?;
+            size("variables", change.variables(), n)?;
+            triangular(order, change, place)?;
+            explicit(a, b)
+        }
+        Piece::Affine { matrix, vector } => {
+            size("matrix", matrix.len(), n * n)?;
+            size("vector", vector.len(), n)?;
+            finite("matrix entry", matrix)?;
+            finite("vector entry", vector)?;
+            balanced(matrix.iter().step_by(n + 1).copied())
+        }
+    }
+}
+
+fn inside(variables: &[usize], n: usize) -> Result<(), Malformed> {
+    match variables.iter().find(|variable| **variable >= n) {
+        Some(&variable) => Err(Malformed::Variable { variable, n }),
+        None => Ok(()),
+    }
+}
+
+/// Notes the place of each of these variables.
+#[allow(clippy::cast_possible_truncation)] // fewer than 2^31
+fn locate(variables: &[usize], place: &mut [u32]) -> Result<(), Malformed> {
+    inside(variables, place.len())?;
+    for (k, &variable) in variables.iter().enumerate() {
+        if place[variable] != NOWHERE {
+            return Err(Malformed::Repeated { variable });
+        }
+        place[variable] = k as u32;
+    }
+    Ok(())
+}
+
+fn check_waves(waves: &[Wave], n: usize) -> Result<(), Malformed> {
+    for wave in waves {
+        inside(&wave.places, n)?;
+        size("wave vector", wave.k.len(), wave.places.len())?;
+        finite("wave number", &wave.k)?;
+        finite("phase", &[wave.phase])?;
+    }
+    Ok(())
+}
+
+/// Refuses a rate that contains a variable of the piece, alone or in a wave.
+fn uncoupled(
+    rows: &[usize],
+    change: &Polynomials,
+    waves: &[Wave],
+    place: &[u32],
+) -> Result<(), Malformed> {
+    let n = place.len();
+    let changed = |variable: &usize| place[*variable] != NOWHERE;
+    for (k, &row) in rows.iter().enumerate() {
+        for &factor in change.row_factors(k) {
+            let found = match waves.get((factor as usize).wrapping_sub(n)) {
+                Some(wave) => wave.places.iter().copied().find(changed),
+                None => Some(factor as usize).filter(changed),
+            };
+            if let Some(variable) = found {
+                return Err(Malformed::Coupled { row, variable });
+            }
+        }
+    }
+    Ok(())
+}
+
+fn triangular(order: &[usize], change: &Polynomials, place: &[u32]) -> Result<(), Malformed> {
+    for (k, &row) in order.iter().enumerate() {
+        let late = |variable: &usize| {
+            let place = place[*variable];
+            place != NOWHERE && place as usize >= k
+        };
+        let factors = change.row_factors(k).iter();
+        if let Some(variable) = factors.map(|factor| *factor as usize).find(late) {
+            return Err(Malformed::Order { row, variable });
+        }
+    }
+    Ok(())
+}
+
+fn explicit(a: &[f64], b: &[f64]) -> Result<(), Malformed> {
+    let s = b.len();
+    size("tableau", a.len(), s * s)?;
+    finite("tableau entry", a)?;
+    finite("weight", b)?;
+    let is_implicit = |stage: &usize| {
+        a[stage * s + stage..(stage + 1) * s]
+            .iter()
+            .any(|a| *a != 0.0)
+    };
+    match (0..s).find(is_implicit) {
+        Some(stage) => Err(Malformed::Implicit { stage }),
+        None => Ok(()),
+    }
+}
+
+/// Refuses numbers whose sum is not zero to roundoff.
+fn balanced(parts: impl Iterator<Item = f64>) -> Result<(), Malformed> {
+    let (mut divergence, mut size) = (0.0, 0.0);
+    for part in parts {
+        divergence += part;
+        size += part.abs();
+    }
+    if divergence.abs() <= ROUNDOFF * size {
+        Ok(())
+    } else {
+        Err(Malformed::Divergence { divergence })
+    }
+}
