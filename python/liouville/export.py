@@ -236,7 +236,7 @@ def _from_xarray(dataset: xarray.Dataset) -> Solution:
         balance=columns("balance", "term"),
         names={"coordinates": names("coordinate"), "constraints": names("constraint")},
         h=float(attributes["h"]),
-        members=None if attributes["members"] < 0 else int(attributes["members"]),
+        members=_members(attributes.get("members", -1)),
         tolerances=json.loads(attributes["tolerances"]),
         method=attributes["method"],
         stats=json.loads(attributes["stats"]),
@@ -244,6 +244,10 @@ def _from_xarray(dataset: xarray.Dataset) -> Solution:
         status=attributes["status"],
         message=attributes["message"],
     )
+
+
+def _members(count: int) -> int | None:
+    return None if count < 0 else int(count)
 
 
 def _save_csv(solution: Solution, path: Path) -> None:
