@@ -11,10 +11,15 @@ mod code;
 mod exponential;
 mod kernel;
 mod motion;
+mod observe;
 mod order;
 mod rows;
+mod section;
 mod stages;
 mod triangular;
+
+pub use observe::{Observer, Seen};
+pub use section::{Direction, Plane, Section};
 
 use super::{Flow, Parts};
 use crate::problem::polynomial::{Piece, Split};
