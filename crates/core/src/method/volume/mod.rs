@@ -40,6 +40,14 @@ pub struct State<S> {
     low: Vec<S>,
 }
 
+impl<S: Copy> State<S> {
+    /// Takes the values of another state of the same stepper.
+    fn copy_from(&mut self, other: &Self) {
+        self.x.copy_from_slice(&other.x);
+        self.low.copy_from_slice(&other.low);
+    }
+}
+
 /// The flows of a split field's pieces, for one trajectory or several in lock-step.
 #[derive(Clone, Debug)]
 pub struct Volume<S> {
@@ -255,7 +263,7 @@ impl<S: Stored> Parts for Volume<S> {
             return false;
         }
         match &mut self.kept {
-            Some(kept) => kept.clone_from(state),
+            Some(kept) => kept.copy_from(state),
             none => *none = Some(state.clone()),
         }
         true
@@ -263,7 +271,7 @@ impl<S: Stored> Parts for Volume<S> {
 
     fn restore(&mut self, state: &mut State<S>) {
         if let Some(kept) = &self.kept {
-            state.clone_from(kept);
+            state.copy_from(kept);
         }
     }
 }
