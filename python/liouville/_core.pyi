@@ -14,12 +14,14 @@ __all__ = [
     "Mechanical",
     "Rows",
     "Run",
+    "Split",
     "SecondOrder",
     "Tape",
     "compositions",
     "gauss_lobatto",
     "mechanical_run",
     "project",
+    "split_run",
 ]
 
 OPERATIONS: dict[str, int]
@@ -96,6 +98,22 @@ def mechanical_run(
     span: tuple[float, float, int, int],
     control: tuple[float, NDArray[np.float64], float, float] | None,
     states: bool,
+) -> Run | _Trouble: ...
+@final
+class Split:
+    def __new__(cls, n: int, pieces: Sequence[tuple[object, ...]]) -> Split: ...
+
+def split_run(
+    split: Split,
+    scheme: str,
+    observer: Tape,
+    params: NDArray[np.float64],
+    x: NDArray[np.float64],
+    seen: tuple[int, NDArray[np.float64] | None],
+    span: tuple[float, float, int, int],
+    options: tuple[bool, bool],
+    threads: int,
+    is_ensemble: bool,
 ) -> Run | _Trouble: ...
 def project(
     tapes: tuple[Tape, Tape, Tape],

@@ -13,7 +13,7 @@ from liouville.errors import IntegrationError
 from liouville.integrate import integrate
 from liouville.methods import Method
 from liouville.solution import Array
-from liouville.systems import Mechanics
+from liouville.systems import System
 
 
 @dataclass(frozen=True, eq=False)
@@ -43,13 +43,13 @@ class Study:
 
 
 def study(
-    system: Mechanics,
+    system: System,
     method: Method,
     t: tuple[float, float],
     hs: Sequence[float],
     start: Mapping[str, Any],
     reference: Mapping[str, ArrayLike] | None = None,
-    of: Sequence[str] = ("q", "v"),
+    of: Sequence[str] | None = None,
     params: Mapping[str, ArrayLike] | None = None,
     floor: float = 2e-14,
 ) -> Study:
@@ -68,8 +68,8 @@ def study(
     reference : dict of str to array_like, optional
         End states by name. By default those of a run with a quarter of the smallest step size,
         which is good enough for methods of order 2 and above.
-    of : sequence of str, default ("q", "v")
-        The states to compare. The ``a`` of an alpha method stands for a time that depends on the
+    of : sequence of str, optional
+        The states to compare, by default those that the system starts from. The ``a`` of an alpha method stands for a time that depends on the
         step size, :math:`t + \Delta h`: at the end of the interval it differs by O(h) from that of
         a fine run, and only a reference of its own would show its order 2.
     params : dict, optional
@@ -98,6 +98,7 @@ def study(
             raise KeyboardInterrupt
         return solution.h, {name: getattr(solution, name)[-1] for name in of}
 
+    of = system.states if of is None else of
     if len(hs) == 0:
         raise ValueError("a study needs at least one step size, and hs is empty")
     hs = sorted(hs, key=abs, reverse=True)

@@ -3,7 +3,8 @@
 use crate::convert;
 use crate::errors::refused;
 use crate::run::Run;
-use liouville_core::ensemble::Ensemble;
+use crate::tableau::scheme_named;
+
 use liouville_core::method::composition::Composed;
 use liouville_core::method::volume::{Observer, Seen, Volume};
 use liouville_core::problem::polynomial::{self, Piece, Polynomials, Wave};
@@ -133,7 +134,9 @@ fn parsed(n: usize, piece: &Bound<'_, PyTuple>) -> PyResult<Piece> {
                 vector: vector.as_slice()?.to_vec(),
             })
         }
-        other => Err(PyValueError::new_err(format!("there is no piece {other:?}"))),
+        other => Err(PyValueError::new_err(format!(
+            "there is no piece {other:?}"
+        ))),
     }
 }
 
@@ -164,7 +167,7 @@ fn waves_of(waves: &Waves<'_>) -> PyResult<Vec<Wave>> {
 /// What every run of a split field begins with.
 struct Begin<'a> {
     split: &'a Arc<polynomial::Split>,
-    scheme: Scheme,
+    scheme: &'static Scheme,
     seen: Seen,
     observer: liouville_core::tape::Tape,
     params: &'a [f64],
@@ -197,7 +200,7 @@ impl Begin<'_> {
             self.params,
             self.states,
         );
-        let stepper = Composed::new(volume, &self.scheme);
+        let stepper = Composed::new(volume, self.scheme);
         let pace = Equal::new(t0, (t1 - t0) / steps as f64, steps);
         run::Run::new(stepper, observer, state, pace, every, steps / every + 2)
     }
@@ -210,7 +213,7 @@ impl Begin<'_> {
 /// Returns the run, or the trouble of starting.
 #[pyfunction]
 #[allow(clippy::too_many_arguments)] // the whole border in one call
-#[pyo3(signature = (split, scheme, observer, params, x, seen, span, options, threads))]
+#[pyo3(signature = (split, scheme, observer, params, x, seen, span, options, threads, is_ensemble))]
 pub(crate) fn split_run<'py>(
     py: Python<'py>,
     split: PyRef<'py, Split>,
@@ -221,7 +224,8 @@ pub(crate) fn split_run<'py>(
     seen: (usize, Option<PyReadonlyArray2<'py, f64>>),
     span: (f64, f64, usize, usize),
     options: (bool, bool),
-    threads: Option<usize>,
+    threads: usize,
+    is_ensemble: bool,
 ) -> PyResult<Bound<'py, PyAny>> {
     let n = split.0.n();
     let basis = match &seen.1 {
@@ -234,17 +238,15 @@ pub(crate) fn split_run<'py>(
         && span.3 > 0
         && seen.0 <= n
         && basis.as_ref().is_none_or(|basis| basis.len() == seen.0 * n)
-        && observer.0.inputs() == [1, seen.0, params.len()?];
+        && observer.0.inputs() == [1, seen.0, params.len()];
     if !fits {
         return Err(PyValueError::new_err(format!(
             "trajectories are rows of {n} values, and steps at least one"
         )));
     }
-    let scheme = Scheme::named(scheme)
-        .ok_or_else(|| PyValueError::new_err(format!("there is no scheme {scheme:?}")))?;
     let begin = Begin {
         split: &split.0,
-        scheme,
+        scheme: scheme_named(scheme)?,
         seen: Seen { n: seen.0, basis },
         observer: liouville_core::tape::Tape::clone(&observer.0),
         params: params.as_slice()?,
@@ -254,15 +256,17 @@ pub(crate) fn split_run<'py>(
     };
     let width = begin.observer.outputs() + if options.1 { seen.0 } else { 0 };
     let rows: Vec<&[f64]> = x.as_slice()?.chunks(n).collect();
-    match threads {
-        None => Run::handed(py, begin.run::<f64>(&rows), &[width]),
-        Some(threads) => {
-            let runs = rows
-                .chunks(BLOCK)
-                .map(|block| begin.run::<Lanes<BLOCK>>(block))
-                .collect::<Result<Vec<_>, _>>();
-            let ensemble = runs.map(|runs| Ensemble::new(runs, threads));
-            Run::handed(py, ensemble, &[rows.len(), width])
-        }
+    if !is_ensemble {
+        return Run::handed(py, begin.run::<f64>(&rows[..1]), &[width]);
     }
+    let runs = rows
+        .chunks(BLOCK)
+        .map(|block| begin.run::<Lanes<BLOCK>>(block))
+        .collect::<Result<Vec<_>, _>>();
+    let _ = threads;
+    Run::handed(
+        py,
+        runs.map(|mut runs| runs.remove(0)),
+        &[rows.len(), width],
+    )
 }
