@@ -46,6 +46,7 @@ PACKAGE_ROOMS = {
     "matplotlib": ("plot.py",),
     "rich": ("cli.py",),
     "skfem": ("fem.py",),
+    "sympy": ("systems/_sympy.py",),
     "typer": ("cli.py",),
     "xarray": ("export.py",),
     "zarr": ("export.py",),
