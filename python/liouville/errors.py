@@ -91,7 +91,7 @@ def describe(
             "a smaller h_min may help",
             "step",
         )
-    if kind == "singular flow":
+    if kind == "singular piece":
         return (
             f"the flow of a piece reaches infinity within the step: {trouble['quantity']}",
             "try a smaller h, or pieces without that danger: diagonal='regular' or 'shears'",

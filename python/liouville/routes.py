@@ -292,7 +292,7 @@ class FieldRoute:
         """Say what a trouble means in the user's names: sentence, hint and quantity."""
         if trouble.get("quantity") == "observable":
             trouble |= observable(trouble["index"], self._widths)
-        if trouble["kind"] == "singular flow":
+        if trouble["kind"] == "singular piece":
             trouble["quantity"] = str(self._split.pieces[trouble["piece"]])
         names = (*self.system.coordinates, "t")
         if trouble["kind"] == "overflow" and self._split.basis is not None:

@@ -4,12 +4,13 @@ use crate::convert;
 use crate::errors::refused;
 use crate::run::Run;
 use crate::tableau::scheme_named;
+use liouville_core::ensemble::{Ensemble, Layout};
 
 use liouville_core::method::composition::Composed;
 use liouville_core::method::volume::{Observer, Seen, Volume};
 use liouville_core::problem::polynomial::{self, Piece, Polynomials, Wave};
 use liouville_core::real::{Lanes, Scalar};
-use liouville_core::run::{self, Equal};
+use liouville_core::run::{self, Advance, Equal};
 use liouville_core::tableau::Scheme;
 use liouville_core::trouble::Trouble;
 use numpy::{PyReadonlyArray1, PyReadonlyArray2, PyUntypedArrayMethods};
@@ -259,14 +260,11 @@ pub(crate) fn split_run<'py>(
     if !is_ensemble {
         return Run::handed(py, begin.run::<f64>(&rows[..1]), &[width]);
     }
-    let runs = rows
-        .chunks(BLOCK)
-        .map(|block| begin.run::<Lanes<BLOCK>>(block))
-        .collect::<Result<Vec<_>, _>>();
-    let _ = threads;
-    Run::handed(
-        py,
-        runs.map(|mut runs| runs.remove(0)),
-        &[rows.len(), width],
-    )
+    let runs = rows.chunks(BLOCK).map(|block| {
+        let run = begin.run::<Lanes<BLOCK>>(block)?;
+        Ok((Box::new(run) as Box<dyn Advance + Sync>, block.len()))
+    });
+    let runs: Result<Vec<_>, Trouble> = runs.collect();
+    let ensemble = runs.map(|runs| Ensemble::new(runs, threads, Layout::Together));
+    Run::handed(py, ensemble, &[rows.len(), width])
 }
