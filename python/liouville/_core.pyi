@@ -99,6 +99,7 @@ def mechanical_run(
     control: tuple[float, NDArray[np.float64], float, float] | None,
     states: bool,
 ) -> Run | _Trouble: ...
+
 @final
 class Split:
     def __new__(cls, n: int, pieces: Sequence[tuple[object, ...]]) -> Split: ...

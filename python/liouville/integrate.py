@@ -191,14 +191,14 @@ def run(path: Route, progress: Callable[[float, float], None] | None = None) -> 
         times, rows = np.empty(0), np.empty((0, *path.members, sum(path.columns.values())))
         stats: dict[str, Any] = {"steps": 0}
     else:
-        outcome = _drive(started, path, progress)
+        outcome = drive(started, path, progress)
         (times, rows), stats = started.take(), path.stats(started)
     stats["seconds"] = time.perf_counter() - clock
 
     status, message, quantity = "done", "", ""
     if isinstance(outcome, dict):
         status = "failed"
-        message, quantity = _explain(outcome, path)
+        message, quantity = explained(outcome, path)
     elif outcome == "interrupted":
         status, message = outcome, f"interrupted after {stats['steps']}{pace.total} steps"
     cuts = np.cumsum([*path.columns.values()])[:-1]
@@ -232,7 +232,7 @@ def run(path: Route, progress: Callable[[float, float], None] | None = None) -> 
     return solution
 
 
-def _drive(
+def drive(
     run: _core.Run, path: Route, progress: Callable[[float, float], None] | None
 ) -> str | dict[str, Any]:
     """Advance to the end, or until memory is full; returns how that ended."""
@@ -268,7 +268,8 @@ def _plain(params: Mapping[str, Any]) -> dict[str, float | list[float]]:
     return {name: x.tolist() if x.ndim else float(x) for name, x in arrays.items()}
 
 
-def _explain(trouble: dict[str, Any], path: Route) -> tuple[str, str]:
+def explained(trouble: dict[str, Any], path: Route) -> tuple[str, str]:
+    """Say where a run failed, why, and what to try; with it, which quantity is to blame."""
     if "step" in trouble:
         where = f"step {trouble['step']}{path.pace.total} at t = {trouble['start']:.6g} failed"
     else:

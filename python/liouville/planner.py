@@ -352,7 +352,9 @@ def _linear(
         return "exact", ["the field is affine: one exact flow is all of it"]
     matrix = np.zeros((terms.n, terms.n))
     is_linear = affine.degrees == 1
-    matrix[affine.component[is_linear], affine.variables[is_linear, -1]] = affine.to_float().coefficient[is_linear]
+    matrix[affine.component[is_linear], affine.variables[is_linear, -1]] = (
+        affine.to_float().coefficient[is_linear]
+    )
     rate = float(np.linalg.norm(matrix, 2)) * abs(h)
     parts = [np.linalg.norm(part.to_float().evaluate(states)) for part in (affine, terms - affine)]
     if rate > 0.5 and parts[0] > parts[1]:
@@ -360,13 +362,13 @@ def _linear(
     return "split", []
 
 
-def _candidates(
-    terms: Terms, method: VolumeSplitting
-) -> tuple[list[VolumeSplitting], list[str]]:
+def _candidates(terms: Terms, method: VolumeSplitting) -> tuple[list[VolumeSplitting], list[str]]:
     """List what is worth trying, the safest first, and say why."""
     diagonals, offs, reasons = _by_structure(terms, method)
     pairs = [
-        (diagonal, "natural" if diagonal == "n+d" else off) for diagonal in diagonals for off in offs
+        (diagonal, "natural" if diagonal == "n+d" else off)
+        for diagonal in diagonals
+        for off in offs
     ]
     if method.diagonal == "auto" and method.off_diagonal == "auto" and len(diagonals) > 1:
         # shears fill in what triangular pieces are for
@@ -375,9 +377,7 @@ def _candidates(
     return [replace(method, diagonal=d, off_diagonal=o) for d, o in distinct], reasons
 
 
-def _by_structure(
-    terms: Terms, method: VolumeSplitting
-) -> tuple[list[str], list[str], list[str]]:
+def _by_structure(terms: Terms, method: VolumeSplitting) -> tuple[list[str], list[str], list[str]]:
     diagonal, reasons = terms.diagonal(), []
     offs = ["natural"] if terms.waves else ["natural", "triangular"]
     if method.off_diagonal != "auto":
@@ -394,7 +394,11 @@ def _by_structure(
     diagonals = ["exponentials", "shears"]
     diagonals += ["regular"] if terms.degree == 2 and terms.n >= 3 else []
     diagonals += ["n+d"] if method.off_diagonal == "auto" else []
-    return diagonals, offs, ["the field is dense, without invariant planes or reversing reflections"]
+    return (
+        diagonals,
+        offs,
+        ["the field is dense, without invariant planes or reversing reflections"],
+    )
 
 
 def _keeps_structure(terms: Terms) -> str:

@@ -246,18 +246,18 @@ class FieldRoute:
         self.every = kept(self.pace, asked.every)
         x = system.start(asked.start, asked.is_ensemble)
         self.members: tuple[int, ...] = x.shape[:-1]
-        self._threads = threads_of(asked.threads)
+        self.threads = threads_of(asked.threads)
         self._states = asked.states
         self._observer, self._widths = system.observer(asked.observe, asked.states)
         self.columns = ({"x": x.shape[-1]} if asked.states else {}) | self._widths
         records = -(-self.pace.count // self.every) + 1
         check_memory(f"keeping {records} states", records * self.row, KEEP_LESS)
-        self._x = system.extended(np.atleast_2d(x), self.pace.t0)
+        self.x = system.extended(np.atleast_2d(x), self.pace.t0)
         h = (self.pace.t1 - self.pace.t0) / self.pace.count
         if isinstance(method, Plan):
-            self.plan, self._split = method, method.split(system.terms)
+            self.plan, self.split = method, method.split(system.terms)
         else:
-            self.plan, self._split = planned(system.terms, method, h, self._x)
+            self.plan, self.split = planned(system.terms, method, h, self.x)
         self.method = repr(self.plan.method)
 
     @property
@@ -267,12 +267,12 @@ class FieldRoute:
 
     def start(self) -> _core.Run | dict[str, Any]:
         """Start the run, or say what is the trouble."""
-        pace, parts, method = self.pace, self._split, self.plan.method
+        pace, parts, method = self.pace, self.split, self.plan.method
         return _core.split_run(
             crossed(parts), method.composition, self._observer, self.system.values(None),
-            parts.inward(self._x), (len(self.system.coordinates), parts.outward),
+            parts.inward(self.x), (len(self.system.coordinates), parts.outward),
             (pace.t0, pace.t1, pace.count, self.every), (method.compensated, self._states),
-            self._threads, bool(self.members),
+            self.threads, bool(self.members),
         )  # fmt: skip
 
     def stats(self, run: _core.Run) -> dict[str, Any]:
@@ -280,7 +280,7 @@ class FieldRoute:
         return {
             "steps": run.done,
             "flows": run.stats["evaluations"],
-            "pieces": len(self._split.pieces),
+            "pieces": len(self.split.pieces),
         }
 
     def balance(self, parts: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
@@ -293,9 +293,9 @@ class FieldRoute:
         if trouble.get("quantity") == "observable":
             trouble |= observable(trouble["index"], self._widths)
         if trouble["kind"] == "singular piece":
-            trouble["quantity"] = str(self._split.pieces[trouble["piece"]])
+            trouble["quantity"] = str(self.split.pieces[trouble["piece"]])
         names = (*self.system.coordinates, "t")
-        if trouble["kind"] == "overflow" and self._split.basis is not None:
+        if trouble["kind"] == "overflow" and self.split.basis is not None:
             names = tuple(f"y{k}" for k in range(len(names)))
         sentence, hint, quantity = describe(trouble, names, ())
         if self.members and "member" in trouble:
