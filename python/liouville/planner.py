@@ -264,6 +264,10 @@ def planned(
 
     Returns the plan and the field split by it.
     """
+    if "auto" not in (method.diagonal, method.off_diagonal, method.composition, method.linear):
+        parts = _split(terms, method, ())
+        reasons = ["everything is as asked for"]
+        return _plan(terms, method, parts, _costly_outside(parts), (), h, seed, reasons, [])
     scheme = COMPOSITION if method.composition == "auto" else method.composition
     rng = np.random.default_rng(seed)
     states = x[rng.permutation(len(x))[:STATES]]
@@ -445,7 +449,9 @@ def _cost(parts: Split, scheme: str) -> float:
     """Count the operations of a step in a long run, where neighbouring exact flows are one."""
     costs = [_operations(piece) for piece in parts.pieces]
     halves = len(SCHEMES[scheme]["flows"])
-    ends = [c for c, p in ((costs[k], parts.pieces[k]) for k in (0, -1)) if p.is_exact]
+    if halves == 1:
+        return sum(costs)
+    ends = [costs[k] for k in (0, -1) if parts.pieces[k].is_exact]
     return halves * (sum(costs) - sum(ends) / 2)
 
 
@@ -479,8 +485,8 @@ class _Pilot:
         tape = _core.Tape([1, n, 0], 0, np.empty((0, 4), dtype=np.int64), np.empty(0))
         y = parts.inward(self.x)
         run = _core.split_run(
-            crossed(parts), scheme, tape, np.empty(0), y, (n, parts.basis_or_none()),
-            (0.0, h * steps, steps, steps), (False, True), 1,
+            crossed(parts), scheme, tape, np.empty(0), y, (n, parts.outward),
+            (0.0, h * steps, steps, steps), (False, True), 1, True,
         )  # fmt: skip
         if isinstance(run, dict) or run.advance(1e6) != "done":
             return None
