@@ -1,8 +1,8 @@
 """Colours for groups of assignments, so that those of one colour are one simultaneous assignment.
 
 Groups conflict if one reads what the other writes. The fewest colours are the chromatic number of
-that graph; a greedy colouring in two orders, mended by Kempe's chains, comes close, and is exact for
-the lattices met in practice.
+that graph; a greedy colouring in two orders, mended by Kempe's chains, comes close, and is exact
+for the lattices met in practice.
 """
 
 from __future__ import annotations

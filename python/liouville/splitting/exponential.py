@@ -18,8 +18,8 @@ def exponentials(terms: Terms, merged: bool = True) -> list[Scaling | Exponentia
     terms : Terms
         Each term contains the variable of its component, and no wave.
     merged : bool
-        Whether monomials that stand still in the flow are united while none that is read is changed.
-        Else there is one piece for each monomial, lower degrees first.
+        Whether monomials that stand still in their flow are united while none that is read is
+        changed. Else there is one piece for each monomial, lower degrees first.
     """
     if not len(terms):
         return []

@@ -125,7 +125,7 @@ class Exponential:
 
 @dataclass(frozen=True, eq=False)
 class Triangular:
-    """A step of an explicit Runge-Kutta method: f_i depends only on what stands before i in `order`.
+    """A step of an explicit Runge-Kutta method: f_i depends only on what is before i in `order`.
 
     `order` holds the variables that change; those that do not may occur anywhere.
     """

@@ -1,4 +1,4 @@
-"""Exponentials that cannot blow up: shears first take the squares x_i^2 out of the diagonal part."""
+"""Exponentials that cannot blow up: shears take the squares out of the diagonal part first."""
 
 from __future__ import annotations
 
@@ -22,9 +22,9 @@ def regular(terms: Terms) -> tuple[list[Shear], Terms]:
 
         g = sum_(i<l) w_il (x_i - x_l)^2,   w_il = (s_i + s_l - S / (m - 1)) / (m - 2),
 
-    where s_i is the coefficient of x_i^2 in component i and S the sum of these: then a g has the same
-    squares, as sum_l w_il = s_i. In a dense field there is one such shear, in a sparse one they are
-    along few variables each.
+    where s_i is the coefficient of x_i^2 in component i and S the sum of these: then a g has the
+    same squares, as sum_l w_il = s_i. In a dense field there is one such shear, in a sparse one
+    they are along few variables each.
 
     Parameters
     ----------
@@ -64,10 +64,7 @@ def regular(terms: Terms) -> tuple[list[Shear], Terms]:
     s = np.zeros(terms.n, dtype=object if terms.is_exact else float)
     s[squares.component] = squares.coefficient
     is_dense = len(terms) >= SPARSE * terms.n * (terms.n + 1) * (terms.n + 2) / 2
-    if is_dense:
-        groups = [np.arange(terms.n)]
-    else:
-        groups = _groups(terms, squares.component)
+    groups = [np.arange(terms.n)] if is_dense else _groups(terms, squares.component)
     pieces = [_shear(terms.n, group, s[group], terms.is_exact) for group in groups]
     rest = terms.joined(*(piece.field().scaled(-1) for piece in pieces)).merged()
     has_square = (rest.variables == rest.component[:, None]).sum(axis=1) == 2

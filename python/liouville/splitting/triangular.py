@@ -1,4 +1,4 @@
-"""Strictly triangular pieces: in a permuted order, no component depends on what stands behind it."""
+"""Strictly triangular pieces: in some order, no component depends on what stands behind it."""
 
 from __future__ import annotations
 

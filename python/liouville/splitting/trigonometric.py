@@ -77,7 +77,7 @@ def _check_is_shear(part: Terms, names: Sequence[str]) -> None:
     raise ValueError(
         hinted(
             f"the terms {written} in {components} are neither off-diagonal nor a shear",
-            "a wave cos(k.x) may move only variables that it does not contain, or all of them along "
-            "a direction at right angles to k, free of the other factors",
+            "a wave cos(k.x) may move variables it does not contain, or some along a direction "
+            "at right angles to k, free of the other factors",
         )
     )

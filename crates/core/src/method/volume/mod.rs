@@ -280,32 +280,3 @@ impl<S> Kernel<S> for IsFinite<'_, S> {
         windows.each(self.x.len(), &mut self)
     }
 }
-
-impl<S: Scalar> crate::method::composition::Parts for Volume<S> {
-    type State = State<S>;
-    fn count(&self) -> usize {
-        self.count()
-    }
-    fn is_exact(&self, part: usize) -> bool {
-        self.is_exact(part)
-    }
-    fn flow(
-        &mut self,
-        part: usize,
-        is_adjoint: bool,
-        t: f64,
-        h: f64,
-        state: &mut State<S>,
-    ) -> Result<(), Trouble> {
-        self.flow(part, is_adjoint, t, h, state)
-    }
-    fn check(&self, t: f64, state: &State<S>) -> Result<(), Trouble> {
-        self.check(t, state)
-    }
-    fn keep(&mut self, state: &State<S>) -> bool {
-        self.keep(state)
-    }
-    fn restore(&mut self, state: &mut State<S>) {
-        self.restore(state);
-    }
-}
