@@ -21,6 +21,7 @@ __all__ = [
     "gauss_lobatto",
     "mechanical_run",
     "project",
+    "section_run",
     "split_run",
 ]
 
@@ -115,6 +116,16 @@ def split_run(
     options: tuple[bool, bool],
     threads: int,
     is_ensemble: bool,
+) -> Run | _Trouble: ...
+def section_run(
+    split: Split,
+    scheme: str,
+    x: NDArray[np.float64],
+    seen: tuple[int, NDArray[np.float64] | None],
+    plane: tuple[NDArray[np.float64], float, float | None, int],
+    span: tuple[float, float, int],
+    is_compensated: bool,
+    threads: int,
 ) -> Run | _Trouble: ...
 def project(
     tapes: tuple[Tape, Tape, Tape],
