@@ -397,6 +397,16 @@ def test_sympy_parameters_time_and_invariants():
     np.testing.assert_allclose(values, [[0.09 + 0.01, 1.1]], rtol=1e-14)
 
 
+def test_sympy_matrices_floats_and_symbols_with_assumptions_are_taken():
+    x, y = sympy.symbols("x y", real=True)
+    k = sympy.Symbol("k", positive=True)
+    rows = sympy.Matrix([0.25 * y + sympy.Poly(k * y**2, y).as_expr(), sympy.cos(sympy.pi) * x])
+    field = PolynomialField.from_sympy(rows, [x, y], params={"k": 3.0})
+    expected = {(0, (1,)): 0.25, (0, (1, 1)): 3, (1, (0,)): -1}
+    assert terms_of(field) == expected
+    assert field.terms.is_exact
+
+
 def test_what_sympy_cannot_expand_is_refused():
     x, y, z = SYMBOLS
     for bad, message in (

@@ -174,7 +174,7 @@ class PolynomialField:
             as a mapping, ``{"x": 1, "y": 2}``. The name t, if no coordinate has it, is the time.
 
             Or, for millions of terms, arrays: components of shape (N,), coefficients of shape (N,),
-            and indices of variables of shape (N, d), -1 where there are less than d.
+            taken as floats, and indices of variables of shape (N, d), -1 where there are less.
         invariants : mapping, optional
             As for :class:`PolynomialField`.
         repair : bool, default False
