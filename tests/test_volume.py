@@ -1,4 +1,4 @@
-"""Volume-preserving splitting: printed steps and end states, determinants, round trips, long runs."""
+"""Volume-preserving splitting: printed steps and end states, determinants, and round trips."""
 
 import json
 from fractions import Fraction
@@ -58,7 +58,11 @@ def takes(field, diagonal, off_diagonal):
     return not (terms.waves and (diagonal in ("n+d", "shears")))
 
 
-@pytest.mark.parametrize("case", REFERENCE["canonical_steps"], ids=lambda c: f"{c['field']}-{c['method']}-{c['composition']}")
+@pytest.mark.parametrize(
+    "case",
+    REFERENCE["canonical_steps"],
+    ids=lambda c: f"{c['field']}-{c['method']}-{c['composition']}",
+)
 def test_canonical_steps_have_their_printed_digits(case):
     field, x0 = printed(case["field"])
     n, d = field.terms.n, field.terms.degree
@@ -93,7 +97,9 @@ def test_end_states_are_the_printed_ones(name):
     assert np.abs(found - wanted).max() <= 1e-12 * np.abs(wanted).max()
 
 
-@pytest.mark.parametrize("name", [name for name, each in FIELDS.items() if not each["divergence_free"]])
+@pytest.mark.parametrize(
+    "name", [name for name, each in FIELDS.items() if not each["divergence_free"]]
+)
 def test_fields_with_a_divergence_are_refused(name):
     monomials = "|".join(f"x{v[0]}" for _, v in FIELDS[name]["divergence"])
     with pytest.raises(ValueError, match=rf"not divergence-free: div f contains .*({monomials})"):

@@ -1,5 +1,6 @@
 """Structure-preserving time integrators: a Rust core with a Python front."""
 
+from liouville.determinant import determinant as determinant
 from liouville.errors import IntegrationError as IntegrationError
 from liouville.export import load as load
 from liouville.integrate import ensemble as ensemble
@@ -13,6 +14,8 @@ from liouville.methods import Spark as Spark
 from liouville.methods import VolumeSplitting as VolumeSplitting
 from liouville.planner import Plan as Plan
 from liouville.planner import plan as plan
+from liouville.section import Section as Section
+from liouville.section import section as section
 from liouville.solution import Solution as Solution
 from liouville.systems import Hamiltonian as Hamiltonian
 from liouville.systems import Lagrangian as Lagrangian

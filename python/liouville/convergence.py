@@ -69,9 +69,10 @@ def study(
         End states by name. By default those of a run with a quarter of the smallest step size,
         which is good enough for methods of order 2 and above.
     of : sequence of str, optional
-        The states to compare, by default those that the system starts from. The ``a`` of an alpha method stands for a time that depends on the
-        step size, :math:`t + \Delta h`: at the end of the interval it differs by O(h) from that of
-        a fine run, and only a reference of its own would show its order 2.
+        The states to compare, by default those that the system starts from. The ``a`` of an alpha
+        method stands for a time that depends on the step size, :math:`t + \Delta h`: at the end of
+        the interval it differs by O(h) from that of a fine run, and only a reference of its own
+        would show its order 2.
     params : dict, optional
         As for :func:`liouville.integrate`.
     floor : float, default 2e-14
@@ -91,34 +92,35 @@ def study(
     KeyboardInterrupt
         A run was interrupted: its end state is not that of the interval.
     """
+    of = system.states if of is None else of
+    names = tuple(of)
 
     def end(h: float) -> tuple[float, dict[str, Array]]:
         solution = integrate(system, method, t=t, h=h, every=10**9, params=params, **start)
         if solution.status == "interrupted":
             raise KeyboardInterrupt
-        return solution.h, {name: getattr(solution, name)[-1] for name in of}
+        return solution.h, {name: getattr(solution, name)[-1] for name in names}
 
-    of = system.states if of is None else of
     if len(hs) == 0:
         raise ValueError("a study needs at least one step size, and hs is empty")
     hs = sorted(hs, key=abs, reverse=True)
     if reference is None:
         reference = end(hs[-1] / 4)[1]
-    elif missing := [name for name in of if name not in reference]:
+    elif missing := [name for name in names if name not in reference]:
         raise ValueError(
             f"the reference lacks {', '.join(missing)}\n"
-            f"hint: of={tuple(name for name in of if name in reference)} leaves it out"
+            f"hint: of={tuple(name for name in names if name in reference)} leaves it out"
         )
     used, errors = [], []
     for h in hs:
         try:
             h, states = end(h)
-            errors.append([distance(states[name], reference[name]) for name in of])
+            errors.append([distance(states[name], reference[name]) for name in names])
         except IntegrationError:
-            errors.append([np.nan] * len(of))
+            errors.append([np.nan] * len(names))
         used.append(abs(h))
     sizes = np.array(used)
-    columns = dict(zip(of, np.array(errors).T, strict=True))
+    columns = dict(zip(names, np.array(errors).T, strict=True))
     order = {name: slope(sizes, column, floor) for name, column in columns.items()}
     return Study(sizes, columns, order)
 

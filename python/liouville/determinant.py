@@ -45,9 +45,9 @@ def determinant(
     Returns
     -------
     Solution
-        Beside ``x`` has ``observed["log_determinant"]``, the sum of :math:`\ln|\det D\Phi_h|` over the
-        steps so far, and ``observed["defect"]``, the largest :math:`|\det D\Phi_h - 1|` so far, both
-        of shape (k,).
+        Beside ``x`` has ``observed["log_determinant"]``, the sum of :math:`\ln|\det D\Phi_h|` over
+        the steps so far, and ``observed["defect"]``, the largest :math:`|\det D\Phi_h - 1|` so far,
+        both of shape (k,).
 
     Raises
     ------

@@ -62,7 +62,6 @@ class Route(Protocol):
         ``(P,)`` for an ensemble of P members, else ``()``.
     """
 
-    system: System
     method: str
     constraints: tuple[str, ...]
     params: Mapping[str, Any]
@@ -70,6 +69,10 @@ class Route(Protocol):
     every: int
     columns: dict[str, int]
     members: tuple[int, ...]
+
+    @property
+    def system(self) -> System:
+        """What is integrated."""
 
     @property
     def row(self) -> int:
@@ -131,7 +134,7 @@ class MechanicalRoute:
     members: tuple[int, ...] = ()
 
     def __init__(self, system: Mechanics, method: Method, asked: Asked) -> None:
-        self.system = system
+        self._system = system
         self.method = repr(method)
         self.constraints = system.constraints
         self._method = method
@@ -153,6 +156,11 @@ class MechanicalRoute:
         self._observer, self._widths = system.observer(asked.observe, asked.states)
         self.columns = self._columns()
         self._check_sizes()
+
+    @property
+    def system(self) -> Mechanics:
+        """What is integrated."""
+        return self._system
 
     @property
     def row(self) -> int:
@@ -238,7 +246,7 @@ class FieldRoute:
     def __init__(
         self, system: PolynomialField, method: VolumeSplitting | Plan, asked: Asked
     ) -> None:
-        self.system = system = system.with_params(asked.params)
+        self._system = system = system.with_params(asked.params)
         self.params: Mapping[str, Any] = system.params
         self.pace = steps_of(
             asked.t, asked.h, asked.steps, asked.control, system.coordinates, "VolumeSplitting"
@@ -261,9 +269,14 @@ class FieldRoute:
         self.method = repr(self.plan.method)
 
     @property
+    def system(self) -> PolynomialField:
+        """What is integrated."""
+        return self._system
+
+    @property
     def row(self) -> int:
         """Bytes of a record."""
-        return 8 * (1 + sum(self.columns.values()) * (self.members or (1,))[0])
+        return 8 * (1 + sum(self.columns.values()) * (self.members[0] if self.members else 1))
 
     def start(self) -> _core.Run | dict[str, Any]:
         """Start the run, or say what is the trouble."""
@@ -307,4 +320,4 @@ def threads_of(value: Any) -> int:
     """Return a number of threads, by default as many as there are processors."""
     if value is None:
         return os.cpu_count() or 1
-    return count("threads", value)
+    return int(count("threads", value))

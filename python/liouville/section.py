@@ -130,8 +130,9 @@ def section(
     True
     """
     asked = Asked(
-        t=t, h=h, steps=steps, control={"rtol": None, "atol": None, "h_min": None}, every=MOST_STEPS,
-        observe=None, params=params, states=True, start={"x": x}, is_ensemble=True, threads=threads,
+        t=t, h=h, steps=steps, control={"rtol": None, "atol": None, "h_min": None},
+        every=MOST_STEPS, observe=None, params=params, states=True, start={"x": x},
+        is_ensemble=True, threads=threads,
     )  # fmt: skip
     path = route(system, method, asked)
     if not isinstance(path, FieldRoute):
@@ -163,7 +164,8 @@ def _plane(plane: str | ArrayLike, names: Sequence[str]) -> Array:
     if isinstance(plane, str):
         if plane not in names:
             raise ValueError(f"there is no coordinate '{plane}': the system has {', '.join(names)}")
-        return np.eye(len(names))[names.index(plane)]
+        axis: Array = np.eye(len(names))[names.index(plane)]
+        return axis
     try:
         normal = np.array(plane, dtype=float)
     except (TypeError, ValueError):
