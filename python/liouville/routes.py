@@ -112,7 +112,7 @@ def route(system: System, method: Method | Plan, asked: Asked) -> Route:
         raise _no_route(method, "field", "polynomial fields")
     if asked.is_ensemble:
         raise TypeError(f"ensembles are of a PolynomialField so far, not of {system!r}")
-    if isinstance(method, Composition | tuple(METHODS.values())) and method.form != "field":
+    if isinstance(method, (Composition, *METHODS.values())) and method.form != "field":
         return MechanicalRoute(system, method, asked)
     raise _no_route(method, "mechanical", "mechanical systems")
 
@@ -276,7 +276,8 @@ class FieldRoute:
     @property
     def row(self) -> int:
         """Bytes of a record."""
-        return 8 * (1 + sum(self.columns.values()) * (self.members[0] if self.members else 1))
+        members: int = self.members[0] if self.members else 1
+        return 8 * (1 + members * sum(self.columns.values()))
 
     def start(self) -> _core.Run | dict[str, Any]:
         """Start the run, or say what is the trouble."""
