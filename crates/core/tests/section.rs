@@ -2,7 +2,7 @@
 
 use liouville_core::ensemble::{Ensemble, Layout};
 use liouville_core::method::composition::Composed;
-use liouville_core::method::volume::{Direction, Plane, Section, Seen, State, Volume};
+use liouville_core::method::volume::{Direction, Plane, Section, Seen, Volume};
 use liouville_core::problem::polynomial::{Piece, Polynomials, Split};
 use liouville_core::real::{Lanes, Real, Scalar};
 use liouville_core::run::{Advance, Equal, Run, Status};
@@ -107,7 +107,7 @@ fn run<S: Stored + Real>(
             x.set_member(member, *value);
         }
     }
-    let state: State<S> = volume.state(&x);
+    let state = volume.state(&x);
     let pace = Equal::new(0.0, h, steps);
     Run::new(Composed::new(volume, scheme), section, state, pace, 1, 0).expect("a start")
 }
