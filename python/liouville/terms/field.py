@@ -14,20 +14,13 @@ from typing import Any
 
 import numpy as np
 
+from liouville.terms.waves import Wave, expanded
+
 #: A sum of floating-point numbers is zero if it is below this times the sum of their sizes.
 ROUNDOFF = 64 * np.finfo(float).eps
 
 #: One monomial: its variables, sorted, each as often as its exponent says.
 Monomial = tuple[int, ...]
-
-
-@dataclass(frozen=True)
-class Wave:
-    """The factor cos(k . x[places] + phase)."""
-
-    places: tuple[int, ...]
-    k: tuple[float, ...]
-    phase: float = 0.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -82,7 +75,12 @@ class Terms:
         They are exact unless a coefficient is a floating-point number: integers, fractions, and
         strings such as ``"-3/8"`` are.
         """
-        rows = list(terms)
+        return cls._listed(n, list(terms), waves).merged()
+
+    @classmethod
+    def _listed(
+        cls, n: int, rows: Sequence[tuple[int, Any, Sequence[int]]], waves: tuple[Wave, ...]
+    ) -> Terms:
         component = np.array([row[0] for row in rows], dtype=np.int64)
         width = max((len(row[2]) for row in rows), default=0)
         variables = np.full((len(rows), width), -1, dtype=np.int64)
@@ -91,7 +89,7 @@ class Terms:
         given = [row[1] for row in rows]
         is_exact = not any(isinstance(c, (float, np.floating)) for c in given)
         coefficient = exact(given) if is_exact else np.array([float(Fraction(c)) for c in given])
-        return cls(n, component, coefficient, variables, waves).merged()
+        return cls(n, component, coefficient, variables, waves)
 
     @classmethod
     def none(cls, n: int, is_exact: bool = False) -> Terms:
@@ -134,7 +132,7 @@ class Terms:
         """Return the field times a number, or times one for each term."""
         return replace(self, coefficient=self.coefficient * factor)
 
-    def selected(self, chosen: np.ndarray) -> Terms:
+    def selected(self, chosen: Any) -> Terms:
         """Return some of the terms, by a mask or by their numbers."""
         return replace(
             self,
@@ -223,31 +221,26 @@ class Terms:
 
     def _derived(self, by: np.ndarray) -> Terms:
         """Return the derivative of each term with respect to a variable of its own."""
-        hits = self.variables == by[:, None]
+        parts = [self._derived_factor(self.variables == by[:, None], -1)]
+        for q, wave in enumerate(self.waves):
+            slope = np.zeros(self.n)
+            slope[list(wave.places)] = wave.k
+            slopes = slope[by]
+            turned = replace(wave, phase=wave.phase + np.pi / 2)
+            hits = (self.variables == self.n + q) & (slopes != 0)[:, None]
+            new = replace(self, waves=(*self.waves, turned)).scaled(
+                exact(slopes) if self.is_exact else slopes
+            )
+            parts.append(new._derived_factor(hits, self.n + len(self.waves)))
+        return parts[0].joined(*parts[1:])
+
+    def _derived_factor(self, hits: np.ndarray, derivative: int) -> Terms:
+        """Put a factor's derivative in the place of one that is hit, as often as there are."""
         there = hits.any(axis=1)
         part = self.selected(there).scaled(hits.sum(axis=1)[there])
         variables = part.variables.copy()
-        variables[np.arange(len(part)), hits[there].argmax(axis=1)] = -1
-        parts = [replace(part, variables=np.sort(variables, axis=1))]
-        parts += [
-            self._wave_derived(by, q, hits=self.variables == self.n + q)
-            for q in range(len(self.waves))
-        ]
-        return parts[0].joined(*parts[1:])
-
-    def _wave_derived(self, by: np.ndarray, q: int, hits: np.ndarray) -> Terms:
-        """Differentiate the wave q alone, which is not squared: it turns by a right angle."""
-        wave = self.waves[q]
-        turned = replace(wave, phase=wave.phase + np.pi / 2)
-        slope = np.zeros(self.n)
-        slope[list(wave.places)] = wave.k
-        there = hits.any(axis=1) & (slope[by] != 0)
-        part = self.selected(there)
-        factors = slope[by[there]]
-        part = part.scaled(exact(factors) if self.is_exact else factors)
-        last = self.n + len(self.waves)
-        variables = np.sort(np.where(hits[there], last, part.variables), axis=1)
-        return replace(part, variables=variables, waves=(*self.waves, turned))
+        variables[np.arange(len(part)), hits[there].argmax(axis=1)] = derivative
+        return replace(part, variables=np.sort(variables, axis=1))
 
     def divergence(self) -> Terms:
         """Return sum_i df_i/dx_i, a scalar field, whatever its roundoff."""
@@ -255,18 +248,46 @@ class Terms:
 
     def _own_derivatives(self) -> Terms:
         derived = self._derived(self.component)
-        return replace(derived, component=np.zeros_like(derived.component))
+        return replace(derived, component=np.zeros_like(derived.component)).resolved()
 
-    def offending(self) -> list[tuple[Monomial, Any]]:
-        """Return the monomials of the divergence that do not vanish, and their sums.
+    def resolved(self) -> Terms:
+        """Return the field with at most one wave in a term, which is a cosine or a sine.
+
+        Products of waves become sums, and phases become cosines and sines: waves of equal k are
+        then the same, or independent.
+        """
+        with_wave = (self.variables >= self.n).any(axis=1)
+        if not with_wave.any():
+            return replace(self, waves=())
+        numbers: dict[Wave, int] = {}
+        rows = []
+        part = self.selected(with_wave)
+        for i, c, row in zip(part.component, part.coefficient, part.variables, strict=True):
+            places = row[(row >= 0) & (row < self.n)].tolist()
+            product = expanded([self.waves[v - self.n] for v in row[row >= self.n]])
+            for factor, wave in product:
+                known = [] if wave is None else [self.n + numbers.setdefault(wave, len(numbers))]
+                rows.append((int(i), c * factor, places + known))
+        plain = replace(self.selected(~with_wave), waves=())
+        return plain.joined(Terms._listed(self.n, rows, tuple(numbers)))
+
+    def excess(self) -> Terms:
+        """Return what does not vanish of the divergence, a scalar field.
 
         For every monomial x^j must sum_i (j_i + 1) c_i vanish, where c_i is the coefficient of
         x_i x^j in component i: exactly if the coefficients are exact, else up to ``ROUNDOFF``.
         """
         terms = self.to_float() if self.waves else self
-        left = terms._own_derivatives().merged(ROUNDOFF)
-        factors = (tuple(row[row >= 0].tolist()) for row in left.variables)
-        return list(zip(factors, left.coefficient.tolist(), strict=True))
+        return terms._own_derivatives().merged(ROUNDOFF)
+
+    def offending(self) -> list[tuple[Monomial, Any]]:
+        """List the monomials of ``excess()``, whose waves they mean, and their sums."""
+        return self.excess().monomials()
+
+    def monomials(self) -> list[tuple[Monomial, Any]]:
+        """List the monomials and coefficients of a scalar field."""
+        factors = (tuple(row[row >= 0].tolist()) for row in self.variables)
+        return list(zip(factors, self.coefficient.tolist(), strict=True))
 
     def repaired(self) -> Terms:
         """Return the nearest field of the same terms without divergence.
