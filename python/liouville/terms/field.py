@@ -215,6 +215,16 @@ class Terms:
         """Return the terms that do not contain the variable whose velocity they are."""
         return self.selected(~self._is_diagonal())
 
+    def dependencies(self) -> tuple[np.ndarray, np.ndarray]:
+        """Return pairs of a term and a variable that it depends on, also through a wave."""
+        term, column = np.nonzero((self.variables >= 0) & (self.variables < self.n))
+        pairs = [(term, self.variables[term, column])]
+        for q, wave in enumerate(self.waves):
+            has = np.flatnonzero((self.variables == self.n + q).any(axis=1))
+            pairs.append((np.repeat(has, len(wave.places)), np.tile(wave.places, has.size)))
+        terms, variables = (np.concatenate(parts) for parts in zip(*pairs, strict=True))
+        return terms, variables
+
     def derivative(self, variable: int) -> Terms:
         """Return the derivative of all components with respect to a variable."""
         return self._derived(np.full(len(self), variable)).merged()

@@ -5,6 +5,8 @@ pub mod composition;
 pub mod spark;
 pub mod volume;
 
+pub use composition::{Composed, Flow, Parts};
+
 use crate::trouble::Trouble;
 
 /// What a stepper has done so far.

@@ -2,9 +2,9 @@
 
 use super::{State, Volume};
 use crate::problem::Observe;
-use crate::real::Scalar;
 use crate::tape::{Registers, Tape};
 use crate::trouble::{Quantity, Trouble};
+use crate::vector::Stored;
 
 /// Variables that the user sees: all of a split, or the first of them, in coordinates of their own.
 #[derive(Clone, Debug)]
@@ -16,7 +16,29 @@ pub struct Seen {
 }
 
 impl Seen {
-    fn write(&self, y: &[f64], x: &mut [f64]) {
+    /// A normal of what is seen as one of what is stepped: where it is not zero, and its values there.
+    ///
+    /// # Panics
+    /// When it is not of the size of what is seen.
+    pub(super) fn stepped(&self, normal: &[f64], n: usize) -> Vec<(usize, f64)> {
+        assert_eq!(normal.len(), self.n, "size of a normal");
+        let stepped: Vec<f64> = match &self.basis {
+            None => normal.to_vec(),
+            Some(basis) => (0..n)
+                .map(|j| {
+                    normal
+                        .iter()
+                        .zip(basis.chunks(n))
+                        .map(|(a, row)| a * row[j])
+                        .sum()
+                })
+                .collect(),
+        };
+        let entries = stepped.into_iter().enumerate();
+        entries.filter(|(_, a)| *a != 0.0).collect()
+    }
+
+    pub(super) fn write(&self, y: &[f64], x: &mut [f64]) {
         match &self.basis {
             None => x.copy_from_slice(&y[..self.n]),
             Some(basis) => {
@@ -43,7 +65,7 @@ pub struct Observer<S> {
     x: Vec<f64>,
 }
 
-impl<S: Scalar> Observer<S> {
+impl<S: Stored> Observer<S> {
     /// An observer of the first `members` trajectories that `volume` steps.
     ///
     /// # Panics
@@ -95,7 +117,7 @@ impl<S: Scalar> Observer<S> {
     }
 }
 
-impl<S: Scalar> Observe<State<S>> for Observer<S> {
+impl<S: Stored> Observe<State<S>> for Observer<S> {
     fn width(&self, _: &State<S>) -> usize {
         let states = if self.states { self.seen.n } else { 0 };
         self.members * (states + self.tape.outputs())
