@@ -16,7 +16,16 @@ from numpy.typing import ArrayLike
 from liouville import _core
 from liouville._arguments import MOST_STEPS, Steps, check_memory, count, steps_of
 from liouville.errors import describe
-from liouville.methods import METHODS, Composition, Method, Spark, VolumeSplitting
+from liouville.methods import (
+    HHT,
+    METHODS,
+    ArnoldBruls,
+    Composition,
+    GeneralizedAlpha,
+    Method,
+    Spark,
+    VolumeSplitting,
+)
 from liouville.planner import Plan, planned
 from liouville.splitting import crossed
 from liouville.systems import Mechanical, Mechanics, PolynomialField, System
@@ -112,7 +121,7 @@ def route(system: System, method: Method | Plan, asked: Asked) -> Route:
         raise _no_route(method, "field", "polynomial fields")
     if asked.is_ensemble:
         raise TypeError(f"ensembles are of a PolynomialField so far, not of {system!r}")
-    if isinstance(method, (Composition, *METHODS.values())) and method.form != "field":
+    if isinstance(method, Spark | HHT | GeneralizedAlpha | ArnoldBruls | Composition):
         return MechanicalRoute(system, method, asked)
     raise _no_route(method, "mechanical", "mechanical systems")
 
@@ -276,8 +285,7 @@ class FieldRoute:
     @property
     def row(self) -> int:
         """Bytes of a record."""
-        members: int = self.members[0] if self.members else 1
-        return 8 * (1 + members * sum(self.columns.values()))
+        return 8 * (1 + int(np.prod(self.members)) * sum(self.columns.values()))
 
     def start(self) -> _core.Run | dict[str, Any]:
         """Start the run, or say what is the trouble."""

@@ -82,7 +82,7 @@ class PolynomialField:
 
     References
     ----------
-    :cite:t:`mclachlan2008volume`, :cite:t:`hairer2006`, section VI.9.
+    :cite:t:`mclachlan2008`, :cite:t:`hairer2006`, section VI.9.
 
     Examples
     --------
