@@ -60,9 +60,7 @@ def on_ring(n, *terms):
     i = np.arange(n)
     component = np.concatenate([i for _ in terms])
     coefficient = np.repeat([float(c) for c, _ in terms], n)
-    variables = np.concatenate(
-        [np.column_stack([(i + s) % n for s in shifts]) for _, shifts in terms]
-    )
+    variables = np.concatenate([np.column_stack([(i + s) % n for s in shifts]) for _, shifts in terms])
     return Terms(n, component, coefficient, variables).merged()
 
 
