@@ -248,8 +248,6 @@ class Terms:
         """Put a factor's derivative in the place of one that is hit, as often as there are."""
         there = hits.any(axis=1)
         part = self.selected(there).scaled(hits.sum(axis=1)[there])
-        if not len(part):
-            return part
         variables = part.variables.copy()
         variables[np.arange(len(part)), hits[there].argmax(axis=1)] = derivative
         return replace(part, variables=np.sort(variables, axis=1))
@@ -310,13 +308,13 @@ class Terms:
         merged = self.merged()
         hits = merged.variables == merged.component[:, None]
         rows = np.flatnonzero(hits.any(axis=1))
-        if not rows.size:
-            return merged
         w = hits.sum(axis=1)[rows]
         variables = merged.variables[rows]
         variables[np.arange(rows.size), hits[rows].argmax(axis=1)] = -1
         monomials = replace(merged.selected(rows), variables=np.sort(variables, axis=1))
         order, starts = grouped(monomials._keys(component=False), self.n + len(self.waves))
+        if not rows.size:
+            return merged
         group = np.empty(rows.size, dtype=np.int64)
         group[order] = np.repeat(np.arange(starts.size), np.diff([*starts, rows.size]))
         excess = np.add.reduceat((monomials.coefficient * w)[order], starts)
@@ -344,15 +342,10 @@ class Terms:
         """Write a monomial in the user's names: ``x*y**2``."""
         words = []
         for v in sorted(set(monomial)):
-            word = names[v] if v < self.n else self._written_wave(v - self.n, names)
+            word = names[v] if v < self.n else self.waves[v - self.n].written(names)
             power = monomial.count(v)
             words.append(word if power == 1 else f"{word}**{power}")
         return "*".join(words) or "1"
-
-    def _written_wave(self, q: int, names: Sequence[str]) -> str:
-        wave = self.waves[q]
-        angle = " + ".join(f"{k:g}*{names[v]}" for v, k in zip(wave.places, wave.k, strict=True))
-        return f"cos({angle} + {wave.phase:g})" if wave.phase else f"cos({angle})"
 
 
 def exact(numbers: Iterable[Any]) -> np.ndarray:

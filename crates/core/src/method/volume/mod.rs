@@ -32,7 +32,7 @@ use rows::Rows;
 use std::sync::Arc;
 
 /// Where the variables are.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Debug, PartialEq)]
 pub struct State<S> {
     /// The variables in the order of the stepper, and room for waves.
     x: Vec<S>,
@@ -40,11 +40,18 @@ pub struct State<S> {
     low: Vec<S>,
 }
 
-impl<S: Copy> State<S> {
-    /// Takes the values of another state of the same stepper.
-    fn copy_from(&mut self, other: &Self) {
-        self.x.copy_from_slice(&other.x);
-        self.low.copy_from_slice(&other.low);
+impl<S: Clone> Clone for State<S> {
+    fn clone(&self) -> Self {
+        Self {
+            x: self.x.clone(),
+            low: self.low.clone(),
+        }
+    }
+
+    /// Into the memory there is: steps keep copies.
+    fn clone_from(&mut self, source: &Self) {
+        self.x.clone_from(&source.x);
+        self.low.clone_from(&source.low);
     }
 }
 
@@ -263,7 +270,7 @@ impl<S: Stored> Parts for Volume<S> {
             return false;
         }
         match &mut self.kept {
-            Some(kept) => kept.copy_from(state),
+            Some(kept) => kept.clone_from(state),
             none => *none = Some(state.clone()),
         }
         true
@@ -271,7 +278,7 @@ impl<S: Stored> Parts for Volume<S> {
 
     fn restore(&mut self, state: &mut State<S>) {
         if let Some(kept) = &self.kept {
-            state.copy_from(kept);
+            state.clone_from(kept);
         }
     }
 }
