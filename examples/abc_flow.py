@@ -4,8 +4,8 @@ Islands in the ABC flow
 
 The flow of Arnold, Beltrami and Childress is a sum of waves, three shears: a step of the splitting
 is three assignments, and keeps volume to roundoff. Dots are passages through the planes z = 0, 2π,
-4π, ..., a colour for each of eighty trajectories. Those in a vortex wind round it on a surface, here
-a closed curve, and never leave it; the others share a chaotic sea.
+4π, ..., a colour for each of eighty trajectories. Those in a vortex wind round it on a surface,
+here a closed curve, and never leave it; the others share a chaotic sea.
 """
 
 import matplotlib.pyplot as plt

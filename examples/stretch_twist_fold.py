@@ -3,9 +3,9 @@ Tracers in a stretch-twist-fold flow
 ====================================
 
 The flow of Bajer and Moffatt stretches, twists and folds what it carries about inside a sphere, as
-a dynamo would a magnetic field. Dots are passages of thirty tracers through the plane y = 0, a colour
-for each. If the fluid turns slowly about the y-axis, alpha small, a tracer stays near a surface for
-long and moves from one to another; at alpha = 1 each of them comes everywhere.
+a dynamo would a magnetic field. Dots are passages of thirty tracers through the plane y = 0, a
+colour for each. If the fluid turns slowly about the y-axis, alpha small, a tracer stays near a
+surface for long and moves from one to another; at alpha = 1 each of them comes everywhere.
 """
 
 import matplotlib.pyplot as plt
@@ -29,8 +29,8 @@ starts = 0.95 * directions * rng.uniform(size=(30, 1)) ** (1 / 3)  # evenly in t
 print(lv.plan(problem.system, h=problem.h, x=starts))
 
 # %%
-# Volume is kept, so the tracers stay spread evenly through the ball. The sphere itself is kept to the
-# accuracy of the method only: with too large a step some tracers would leave through it.
+# Volume is kept, so the tracers stay spread evenly through the ball. The sphere itself is kept to
+# the accuracy of the method only: with too large a step some tracers would leave through it.
 
 fig, axes = plt.subplots(1, 2, figsize=(10, 5.4), layout="constrained", sharey=True)
 for ax, alpha in zip(axes, (0.1, 1.0), strict=True):
