@@ -14,8 +14,8 @@ CORE = ROOT / "crates" / "core" / "src"
 PACKAGE = ROOT / "python" / "liouville"
 
 CORE_FLOORS = (
-    ("parallel", "real", "trouble"),
-    ("linalg",),
+    ("elementary", "parallel", "real", "trouble"),
+    ("linalg", "vector"),
     ("tableau", "tape"),
     ("newton",),
     ("problem",),
@@ -40,6 +40,7 @@ LAZY = {("solution", "export")}  # to_xarray() and save() fetch the exporter whe
 CORE_ROOMS = {
     "faer": ("linalg/sparse.rs",),
     "libm": ("tape/execute.rs",),
+    "pulp": ("vector.rs",),
     "rayon": ("ensemble.rs", "parallel.rs"),
     "twofloat": ("tableau/",),
     "pyo3": (),

@@ -71,9 +71,6 @@ pub trait Windows: Copy {
 
     /// Visits all parts of each of `count` numbers stored one after another; false where it was stopped.
     fn each<V: Visit<Self::Stored>>(self, count: usize, visitor: &mut V) -> bool;
-
-    /// The same in smaller parts, for what needs many registers.
-    fn each_small<V: Visit<Self::Stored>>(self, count: usize, visitor: &mut V) -> bool;
 }
 
 /// A computation on what is stored.
@@ -427,10 +424,6 @@ impl<S: Simd> Windows for InRuns<S> {
     fn each<V: Visit<f64>>(self, count: usize, visitor: &mut V) -> bool {
         self.blocks::<8, V>(count, visitor)
     }
-    #[inline(always)]
-    fn each_small<V: Visit<f64>>(self, count: usize, visitor: &mut V) -> bool {
-        self.blocks::<4, V>(count, visitor)
-    }
 }
 
 struct OfNumbers<K>(K);
@@ -516,14 +509,6 @@ impl<S: Simd, const W: usize> Windows for InParts<S, W> {
             2 => self.parts::<2, V>(count, visitor),
             4 => self.parts::<4, V>(count, visitor),
             _ => self.parts::<8, V>(count, visitor),
-        }
-    }
-    #[inline(always)]
-    fn each_small<V: Visit<Lanes<W>>>(self, count: usize, visitor: &mut V) -> bool {
-        match W / S::F64_LANES {
-            1 => self.parts::<1, V>(count, visitor),
-            2 => self.parts::<2, V>(count, visitor),
-            _ => self.parts::<4, V>(count, visitor),
         }
     }
 }

@@ -206,7 +206,7 @@ fn scale_rows<W: Windows>(windows: W, rows: &Rows, h: f64, state: &mut State<W::
             h,
             state: &mut *state,
         };
-        windows.each_small(run.count, &mut row);
+        windows.each(run.count, &mut row);
     }
 }
 
@@ -234,7 +234,7 @@ fn set_waves<W: Windows>(windows: W, waves: &Rows, state: &mut State<W::Stored>)
             place: run.place,
             x: &mut state.x,
         };
-        windows.each_small(run.count, &mut wave);
+        windows.each(run.count, &mut wave);
     }
 }
 
@@ -362,7 +362,7 @@ fn exponential<W: Windows>(
         state,
         failed: 0,
     };
-    if windows.each_small(1, &mut grow) {
+    if windows.each(1, &mut grow) {
         Ok(())
     } else {
         Err(grow.failed)

@@ -159,7 +159,7 @@ pub(super) fn substitute<W: Windows>(
                 state: &mut *state,
                 stages: &mut scratch.stages,
             };
-            windows.each_small(run.count, &mut substitute);
+            windows.each(run.count, &mut substitute);
         }
     }
 }
