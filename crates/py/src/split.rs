@@ -194,9 +194,10 @@ type Single<S> = run::Run<Composed<Volume<S>>, Observer<S>, Equal>;
 
 impl Begin<'_> {
     /// A run of these trajectories, which are rows of n values, in lock-step.
-    fn run<S: Stored>(&self, x: &[&[f64]]) -> Result<Single<S>, Trouble> {
+    fn run<S: Stored>(&self, x: &[&[f64]], threads: usize) -> Result<Single<S>, Trouble> {
         let (t0, t1, steps, every) = self.span;
         let volume = Volume::<S>::new(self.split.clone(), self.is_compensated);
+        let volume = volume.with_threads(threads);
         let state = volume.state(&side_by_side(x));
         let observer = Observer::new(
             volume.clone(),
@@ -256,10 +257,10 @@ pub(crate) fn split_run<'py>(
     };
     let rows: Vec<&[f64]> = x.as_slice()?.chunks(n).collect();
     if !is_ensemble {
-        return Run::handed(py, begin.run::<f64>(&rows[..1]), &[width]);
+        return Run::handed(py, begin.run::<f64>(&rows[..1], threads), &[width]);
     }
     let runs = rows.chunks(BLOCK).map(|block| {
-        let run = begin.run::<Lanes<BLOCK>>(block)?;
+        let run = begin.run::<Lanes<BLOCK>>(block, 1)?;
         Ok((Box::new(run) as Box<dyn Advance + Sync>, block.len()))
     });
     let runs: Result<Vec<_>, Trouble> = runs.collect();
