@@ -24,9 +24,9 @@ CORE_FLOORS = (
 )
 PACKAGE_FLOORS = (
     ("_core", "errors"),
-    ("_arguments", "tape"),
+    ("_arguments", "tape", "terms"),
     ("methods", "systems"),
-    ("routes", "solution"),
+    ("routes", "solution", "splitting"),
     ("integrate",),
     ("convergence", "export", "fem", "plot", "problems"),
     ("cli",),
@@ -46,6 +46,7 @@ PACKAGE_ROOMS = {
     "matplotlib": ("plot.py",),
     "rich": ("cli.py",),
     "skfem": ("fem.py",),
+    "sympy": ("systems/_sympy.py",),
     "typer": ("cli.py",),
     "xarray": ("export.py",),
     "zarr": ("export.py",),

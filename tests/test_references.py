@@ -141,10 +141,13 @@ def by_definition(mp, s):
     """Return the coefficients by their definitions, in the precision of `mp`."""
     legendre = [(-1) ** (s + k) * mp.binomial(s, k) * mp.binomial(s + k, k) for k in range(s + 1)]
     slope = [k * c for k, c in enumerate(legendre)][1:]
-    zeros = {"maxsteps": 500, "extraprec": 200, "asc": True}
-    c = sorted(mp.re(x) for x in mp.polyroots(legendre, **zeros))
-    inner = sorted(mp.re(x) for x in mp.polyroots(slope, **zeros)) if s > 1 else []
-    c_hat = [mp.mpf(0), *inner, mp.mpf(1)]
+
+    def zeros(coefficients):
+        guesses = np.polynomial.Polynomial([float(x) for x in coefficients]).roots()
+        value = lambda x: mp.fsum(a * x**k for k, a in enumerate(coefficients))  # noqa: E731
+        return sorted(mp.findroot(value, float(guess.real)) for guess in guesses)
+
+    c, c_hat = zeros(legendre), [mp.mpf(0), *zeros(slope), mp.mpf(1)]
 
     def integral(nodes, j, x):
         basis = [mp.mpf(1)]  # coefficients, ascending

@@ -16,6 +16,7 @@ __all__ = [
     "Run",
     "SecondOrder",
     "Tape",
+    "compositions",
     "gauss_lobatto",
     "mechanical_run",
     "project",
@@ -104,3 +105,4 @@ def project(
     params: NDArray[np.float64],
 ) -> NDArray[np.float64] | _Trouble: ...
 def gauss_lobatto(stages: int) -> dict[str, NDArray[np.float64]]: ...
+def compositions() -> dict[str, dict[str, Any]]: ...

@@ -1,9 +1,10 @@
 """Solutions as xarray datasets and as files: NetCDF and Zarr both ways, CSV for reading elsewhere.
 
 A dataset has the dimensions ``time``, ``coordinate``, ``constraint``, ``invariant``, ``residual``
-and ``term``, and ``member`` where it is of an ensemble, labelled by the names of the solution. Its variables are the states under their own
-letters, ``invariants``, ``residuals``, ``balance``, and ``observed_NAME`` for each observed
-quantity; how the run went is in its attributes. What is saved comes back bit for bit.
+and ``term``, and ``member`` where it is of an ensemble, labelled by the names of the solution. Its
+variables are the states under their own letters, ``invariants``, ``residuals``, ``balance``, and
+``observed_NAME`` for each observed quantity; how the run went is in its attributes. What is saved
+comes back bit for bit.
 """
 
 from __future__ import annotations
@@ -217,7 +218,8 @@ def _from_xarray(dataset: xarray.Dataset) -> Solution:
         if variable not in dataset:
             return {}
         values = dataset[variable].values
-        return {name: values[..., i].copy() for i, name in enumerate(names(dim))}
+        axis = dataset[variable].dims.index(dim)
+        return {name: values.take(i, axis) for i, name in enumerate(names(dim))}
 
     attributes = dataset.attrs
     variables = {name: dataset[name] for name in json.loads(attributes["order"])}
@@ -234,7 +236,7 @@ def _from_xarray(dataset: xarray.Dataset) -> Solution:
         balance=columns("balance", "term"),
         names={"coordinates": names("coordinate"), "constraints": names("constraint")},
         h=float(attributes["h"]),
-        members=None if attributes["members"] < 0 else int(attributes["members"]),
+        members=_members(attributes.get("members", -1)),
         tolerances=json.loads(attributes["tolerances"]),
         method=attributes["method"],
         stats=json.loads(attributes["stats"]),
@@ -242,6 +244,10 @@ def _from_xarray(dataset: xarray.Dataset) -> Solution:
         status=attributes["status"],
         message=attributes["message"],
     )
+
+
+def _members(count: int) -> int | None:
+    return None if count < 0 else int(count)
 
 
 def _save_csv(solution: Solution, path: Path) -> None:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 
 import casadi as ca
@@ -17,6 +17,7 @@ _NAMES: dict[int, str] = {
     for name, code in vars(ca).items()
     if name.startswith("OP_") and isinstance(code, int)
 }
+_CODES = {name: code for code, name in _NAMES.items()}
 
 
 @dataclass(frozen=True)
@@ -89,6 +90,44 @@ def check(name: str, inputs: Mapping[str, ca.SX], expression: ca.SX) -> None:
     """Refuse an expression that :func:`record` would refuse."""
     function = _function(name, inputs, ca.vec(expression.nz[:]))
     _codes(name, function, _instructions(function))
+
+
+def read(
+    name: str, inputs: Mapping[str, ca.SX], column: ca.SX
+) -> Iterator[tuple[str, int, list[int], float]]:
+    """Take a dense column of expressions apart into elementary operations, in order.
+
+    Parameters
+    ----------
+    name, inputs
+        As for :func:`record`.
+    column : SX
+        The expressions.
+
+    Yields
+    ------
+    operation : str
+        "input", "const", "output", or the name of CasADi's operation.
+    slot : int
+        What it writes; of an output, its place in the column.
+    reads : list of int
+        The slots that it reads; of an input, the group and the place in it.
+    value : float
+        The constant.
+    """
+    function = _function(name, inputs, column)
+    for k in range(function.n_instructions()):
+        code = function.instruction_id(k)
+        slot = function.instruction_output(k)[1 if code == ca.OP_OUTPUT else 0]
+        value = function.instruction_constant(k) if code == ca.OP_CONST else 0.0
+        yield _NAMES[code], slot, function.instruction_input(k), value
+
+
+def evaluate(operation: str, *values: float) -> float:
+    """Apply CasADi's operation of this name to one or two numbers."""
+    code = _CODES[operation]
+    apply = ca.DM.unary if len(values) == 1 else ca.DM.binary
+    return float(apply(code, *(ca.DM(x) for x in values)))
 
 
 def _function(name: str, inputs: Mapping[str, ca.SX], column: ca.SX) -> ca.Function:

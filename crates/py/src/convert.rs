@@ -255,7 +255,7 @@ pub(crate) fn pattern(value: &Bound<'_, PyAny>) -> PyResult<Pattern> {
     Pattern::new(rows, cols, entries.collect()).map_err(refused)
 }
 
-fn indices(values: &PyReadonlyArray1<'_, i64>) -> PyResult<Vec<usize>> {
+pub(crate) fn indices(values: &PyReadonlyArray1<'_, i64>) -> PyResult<Vec<usize>> {
     values.as_array().iter().map(|x| index(*x)).collect()
 }
 

@@ -4,6 +4,7 @@
 //! back. No Python runs inside a step; the loop runs detached from the interpreter.
 #![allow(clippy::needless_pass_by_value)] // PyO3 hands arguments over by value
 
+mod composition;
 mod convert;
 mod errors;
 mod mechanical_run;
@@ -22,6 +23,8 @@ mod _core {
     use pyo3::prelude::*;
     use pyo3::types::PyDict;
 
+    #[pymodule_export]
+    use super::composition::compositions;
     #[pymodule_export]
     use super::convert::{Mechanical, Rows, Tape};
     #[pymodule_export]

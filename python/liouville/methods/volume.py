@@ -25,23 +25,23 @@ class VolumeSplitting:
         \Phi_h = \psi^m_h \circ \dots \circ \psi^1_h, \qquad
         \Phi^*_h = \psi^{1*}_h \circ \dots \circ \psi^{m*}_h
 
-    are composed, :math:`\dots \Phi_{\alpha_2 h} \circ \Phi^*_{\alpha_1 h}`, to a symmetric method of
-    order 2 to 10. The determinant of its Jacobian is 1 to roundoff for every step size.
+    are composed, :math:`\dots \Phi_{\alpha_2 h} \circ \Phi^*_{\alpha_1 h}`, to a symmetric method
+    of order 2 to 10. The determinant of its Jacobian is 1 to roundoff for every step size.
 
-    The *diagonal* part of a field are the terms of :math:`x_i'` that contain :math:`x_i`; the rest is
-    *off-diagonal*.
+    The *diagonal* part of a field are the terms of :math:`x_i'` that contain :math:`x_i`; the rest
+    is *off-diagonal*.
 
     Parameters
     ----------
     diagonal : {"auto", "shears", "exponentials", "regular", "n+d"}
-        Pieces of the diagonal part: d ``"shears"`` :math:`x' = a\, g(x)`, :math:`a \cdot \nabla g = 0`,
-        for degree d; ``"exponentials"``, one for each monomial, which keep every hyperplane
-        :math:`x_i = 0` but may blow up for a long step; ``"regular"``, exponentials without that
-        danger (degree 2); or ``"n+d"`` shears for the whole field.
+        Pieces of the diagonal part: d ``"shears"`` :math:`x' = a\, g(x)` with
+        :math:`a \cdot \nabla g = 0` for degree d; ``"exponentials"``, one for each monomial, which
+        keep every hyperplane :math:`x_i = 0` but may blow up for a long step; ``"regular"``,
+        exponentials without that danger (degree 2); or ``"n+d"`` shears for the whole field.
     off_diagonal : {"auto", "natural", "triangular"}
-        Pieces of the off-diagonal part: ``"natural"`` shears, which change one variable each, or all
-        those of one colour; or strictly ``"triangular"`` pieces, by a Runge-Kutta method and its
-        adjoint.
+        Pieces of the off-diagonal part: ``"natural"`` shears, which change one variable each, or
+        all those of one colour; or strictly ``"triangular"`` pieces, by a Runge-Kutta method and
+        its adjoint.
     composition : str
         Name of the composition: order 2 ``S2``; order 4 ``Y4``, ``SU4``, ``M4s4``, ``M4s5``,
         ``OMF4``, ``BM4``; order 6 ``Y6``, ``KL6``, ``SS6s11``, ``SS6s13``, ``BM6``; order 8

@@ -4,7 +4,8 @@ from liouville.systems.mechanical import Hamiltonian as Hamiltonian
 from liouville.systems.mechanical import Lagrangian as Lagrangian
 from liouville.systems.mechanical import Mechanical as Mechanical
 from liouville.systems.mechanics import Mechanics as Mechanics
+from liouville.systems.polynomial import PolynomialField as PolynomialField
 from liouville.systems.structure import Structure as Structure
 
 #: Whatever can be integrated.
-System = Mechanics
+System = Mechanics | PolynomialField

@@ -5,6 +5,7 @@ from __future__ import annotations
 import keyword
 from collections import Counter
 from collections.abc import Callable, Iterable, Mapping, Sequence, Set
+from copy import copy
 from typing import Any
 
 import casadi as ca
@@ -46,6 +47,13 @@ class Parameters:
                 )
             values[name] = new
         return np.concatenate([np.empty(0), *(x.ravel() for x in values.values())])
+
+    def replaced(self, values: np.ndarray) -> Parameters:
+        """Return the same parameters with other defaults, one after another."""
+        other, places = copy(self), np.cumsum([x.size for x in self.defaults.values()])[:-1]
+        parts = zip(self.defaults.items(), np.split(values, places), strict=True)
+        other.defaults = {name: part.reshape(x.shape) for (name, x), part in parts}
+        return other
 
 
 class _Namespace:

@@ -1,6 +1,7 @@
 //! Methods at work: a stepper owns the memory of a step and advances a state.
 
 pub mod alpha;
+pub mod composition;
 pub mod spark;
 pub mod volume;
 
@@ -11,7 +12,7 @@ use crate::trouble::Trouble;
 pub struct Stats {
     /// Corrections of the stage equations.
     pub iterations: usize,
-    /// Evaluations of the forces, one for each stage.
+    /// Evaluations of the forces, one for each stage; flows, where a step is made of them.
     pub evaluations: usize,
     /// Factorisations of a Newton matrix that may serve several steps.
     pub factorizations: usize,
@@ -32,9 +33,20 @@ pub trait Stepper: Send {
     /// Why the step could not be made.
     fn step(&mut self, t: f64, h: f64, state: &mut Self::State) -> Result<(), Trouble>;
 
+    /// Makes what was held back of the steps so far; a state is looked at after this.
+    ///
+    /// # Errors
+    /// Why it could not be made: the state is not to be used then.
+    fn settle(&mut self, _state: &mut Self::State) -> Result<(), Trouble> {
+        Ok(())
+    }
+
     /// What it has done so far.
     fn stats(&self) -> Stats;
 }
+
+/// A method whose step of −h undoes its step of h.
+pub trait Symmetric: Stepper {}
 
 /// A method that knows how far off its last step is.
 pub trait Estimating: Stepper {

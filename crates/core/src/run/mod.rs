@@ -104,6 +104,7 @@ impl<S: Stepper, O: Observe<S::State>, P: Pace<S>> Run<S, O, P> {
     }
 
     fn record(&mut self) -> Result<(), Trouble> {
+        self.stepper.settle(&mut self.state)?;
         let t = self.pace.time();
         self.observer.observe(t, &self.state, &mut self.rows)?;
         self.times.push(t);

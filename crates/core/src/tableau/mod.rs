@@ -2,7 +2,9 @@
 
 mod alpha;
 mod collocation;
+pub mod composition;
 mod spark;
 
 pub use alpha::Alpha;
+pub use composition::Scheme;
 pub use spark::GaussLobatto;

@@ -21,7 +21,7 @@ mod predictor;
 mod stages;
 mod update;
 
-use super::{Stats, Stepper};
+use super::{Stats, Stepper, Symmetric};
 use crate::newton;
 use crate::problem::mechanical::{Model, State};
 use crate::trouble::Trouble;
@@ -178,3 +178,5 @@ impl Stepper for Spark {
         }
     }
 }
+
+impl Symmetric for Spark {}

@@ -2,6 +2,10 @@
 //!
 //! Source: quispel1995, mclachlan2002.
 
+mod observe;
+
+pub use observe::{Observer, Seen};
+
 use crate::problem::polynomial::{Piece, Polynomials, Split, Wave};
 use crate::real::Scalar;
 use crate::trouble::Trouble;

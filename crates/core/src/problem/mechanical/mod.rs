@@ -154,7 +154,7 @@ fn check(name: &'static str, found: usize, wanted: usize) -> Result<(), Mismatch
 }
 
 /// Where a mechanical system is, with the low parts its compensated sums carry.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Debug, PartialEq)]
 pub struct State {
     /// Coordinates.
     pub y: Vec<f64>,
@@ -166,4 +166,25 @@ pub struct State {
     pub y_low: Vec<f64>,
     /// What `p` has lost to rounding.
     pub p_low: Vec<f64>,
+}
+
+impl Clone for State {
+    fn clone(&self) -> Self {
+        Self {
+            y: self.y.clone(),
+            z: self.z.clone(),
+            p: self.p.clone(),
+            y_low: self.y_low.clone(),
+            p_low: self.p_low.clone(),
+        }
+    }
+
+    /// Into the memory there is: steps keep copies.
+    fn clone_from(&mut self, source: &Self) {
+        self.y.clone_from(&source.y);
+        self.z.clone_from(&source.z);
+        self.p.clone_from(&source.p);
+        self.y_low.clone_from(&source.y_low);
+        self.p_low.clone_from(&source.p_low);
+    }
 }

@@ -1,0 +1,360 @@
+//! Compositions of parts: a step is a list of flows, made once from a scheme.
+//!
+//! With parts ψ¹ .. ψᵐ the basic step is Φ_h = ψᵐ_h ∘ … ∘ ψ¹_h, and its adjoint
+//! Φ*_h = ψ¹*_h ∘ … ∘ ψᵐ*_h; a scheme composes them (see [`crate::tableau::composition`]). Where Φ and Φ*
+//! meet, equal parts do: exact flows add up, ψ_{βh} ∘ ψ_{αh} = ψ_{(α+β)h}, and are made as one. So do the
+//! last flow of a step and the first of the next: the last is held back until the next step, or until
+//! somebody looks at the state. A composition of a symmetric method has that method as its only part.
+//!
+//! Time dependence: a flow goes from the time its map begins at, and takes α h, as everything else in that map.
+
+use super::{Stats, Stepper, Symmetric};
+use crate::tableau::Scheme;
+use crate::trouble::Trouble;
+
+/// What a composed step is made of: flows of a state, one after another.
+pub trait Parts: Send {
+    /// What they move.
+    type State;
+
+    /// How many parts there are.
+    fn count(&self) -> usize;
+
+    /// Whether the part is an exact flow: its own adjoint, and flows of it add up.
+    fn is_exact(&self, part: usize) -> bool;
+
+    /// Moves `state` by a part, or by its adjoint, from `t` to `t + h`.
+    ///
+    /// # Errors
+    /// Why that could not be; the state may be anything then.
+    fn flow(
+        &mut self,
+        part: usize,
+        is_adjoint: bool,
+        t: f64,
+        h: f64,
+        state: &mut Self::State,
+    ) -> Result<(), Trouble>;
+
+    /// Refuses a state that is not finite.
+    ///
+    /// Asked after each step where copies are kept, otherwise now and then, and always before a state is
+    /// looked at.
+    ///
+    /// # Errors
+    /// What is not finite.
+    fn check(&self, t: f64, state: &Self::State) -> Result<(), Trouble>;
+
+    /// Keeps a copy of the state before a step, or says that it is too large for that.
+    fn keep(&mut self, state: &Self::State) -> bool;
+
+    /// Puts back what was kept last.
+    fn restore(&mut self, state: &mut Self::State);
+
+    /// What was done, given the number of flows.
+    fn stats(&self, flows: usize) -> Stats {
+        Stats {
+            evaluations: flows,
+            ..Stats::default()
+        }
+    }
+}
+
+/// A flow in the list of a step.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Flow {
+    /// Which part.
+    pub part: usize,
+    /// Whether its adjoint; never so for an exact flow.
+    pub is_adjoint: bool,
+    /// How much of the step it takes.
+    pub weight: f64,
+    /// How much of the step is over when it begins.
+    pub offset: f64,
+}
+
+/// A flow about to be made.
+#[derive(Clone, Copy, Debug)]
+struct Held {
+    part: usize,
+    is_adjoint: bool,
+    t: f64,
+    h: f64,
+}
+
+impl Flow {
+    fn at(self, t: f64, h: f64) -> Held {
+        Held {
+            part: self.part,
+            is_adjoint: self.is_adjoint,
+            t: t + self.offset * h,
+            h: self.weight * h,
+        }
+    }
+}
+
+/// Steps between two looks at a state of which no copy is kept.
+const CHECKED_EVERY: usize = 16;
+
+/// A composition at work.
+#[derive(Clone, Debug)]
+pub struct Composed<P: Parts> {
+    parts: P,
+    program: Vec<Flow>,
+    /// Whether the last flow of a step and the first of the next are one.
+    is_cyclic: bool,
+    /// The last flow of the step before, not made yet.
+    held: Option<Held>,
+    /// What made the state unusable, if anything did.
+    lost: Option<Trouble>,
+    /// Where the last step ended, and how many were made since the state was looked at.
+    end: f64,
+    unchecked: usize,
+    flows: usize,
+}
+
+/// A scheme of Φ and Φ* where there is no Φ*.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
+#[error("{0} composes a step with its adjoint, which a symmetric step has no use for")]
+pub struct NeedsAdjoint(pub &'static str);
+
+/// A symmetric method as the one part of a composition.
+#[derive(Clone, Debug)]
+pub struct Base<S: Stepper> {
+    stepper: S,
+    kept: Option<S::State>,
+}
+
+impl<S: Symmetric> Composed<Base<S>>
+where
+    S::State: Clone + Send,
+{
+    /// A symmetric method, composed by the stages γ of `scheme`.
+    ///
+    /// # Errors
+    /// The scheme has no such stages.
+    pub fn of_symmetric(stepper: S, scheme: &Scheme) -> Result<Self, NeedsAdjoint> {
+        let stages = scheme.stages().ok_or(NeedsAdjoint(scheme.name))?;
+        let mut offset = 0.0;
+        let program = stages.into_iter().map(|weight| {
+            let flow = Flow {
+                part: 0,
+                is_adjoint: false,
+                weight,
+                offset,
+            };
+            offset += weight;
+            flow
+        });
+        let program = program.collect();
+        let base = Base {
+            stepper,
+            kept: None,
+        };
+        Ok(Self::following(base, program))
+    }
+}
+
+impl<S: Symmetric> Parts for Base<S>
+where
+    S::State: Clone + Send,
+{
+    type State = S::State;
+
+    fn count(&self) -> usize {
+        1
+    }
+
+    fn is_exact(&self, _: usize) -> bool {
+        false
+    }
+
+    fn flow(
+        &mut self,
+        _: usize,
+        _: bool,
+        t: f64,
+        h: f64,
+        state: &mut S::State,
+    ) -> Result<(), Trouble> {
+        self.stepper.step(t, h, state)
+    }
+
+    /// The method has looked.
+    fn check(&self, _: f64, _: &S::State) -> Result<(), Trouble> {
+        Ok(())
+    }
+
+    fn keep(&mut self, state: &S::State) -> bool {
+        match &mut self.kept {
+            Some(kept) => kept.clone_from(state),
+            none => *none = Some(state.clone()),
+        }
+        true
+    }
+
+    fn restore(&mut self, state: &mut S::State) {
+        if let Some(kept) = &self.kept {
+            state.clone_from(kept);
+        }
+    }
+
+    fn stats(&self, _: usize) -> Stats {
+        self.stepper.stats()
+    }
+}
+
+impl<P: Parts> Composed<P> {
+    /// These parts, composed by `scheme`.
+    pub fn new(parts: P, scheme: &Scheme) -> Self {
+        let mut program = Vec::new();
+        let mut offset = 0.0;
+        for (is_adjoint, alpha) in scheme.flows() {
+            for k in 0..parts.count() {
+                let part = if is_adjoint { parts.count() - 1 - k } else { k };
+                let flow = Flow {
+                    part,
+                    is_adjoint: is_adjoint && !parts.is_exact(part),
+                    weight: alpha,
+                    offset,
+                };
+                append(&mut program, flow, parts.is_exact(part));
+            }
+            offset += alpha;
+        }
+        Self::following(parts, program)
+    }
+
+    fn following(parts: P, program: Vec<Flow>) -> Self {
+        let is_cyclic = match (program.first(), program.last()) {
+            (Some(first), Some(last)) => first.part == last.part && parts.is_exact(first.part),
+            _ => false,
+        };
+        Self {
+            parts,
+            program,
+            is_cyclic,
+            held: None,
+            lost: None,
+            end: 0.0,
+            unchecked: 0,
+            flows: 0,
+        }
+    }
+
+    /// What is composed.
+    pub fn parts(&self) -> &P {
+        &self.parts
+    }
+
+    /// The flows of a step, first to last; where [`Composed::is_cyclic`], the last waits for the next first.
+    pub fn program(&self) -> &[Flow] {
+        &self.program
+    }
+
+    /// Whether the last flow of a step and the first of the next are made as one.
+    pub fn is_cyclic(&self) -> bool {
+        self.is_cyclic
+    }
+
+    /// All flows of a step, the last one held back if it can be.
+    fn walk(&mut self, t: f64, h: f64, state: &mut P::State) -> Result<(), Trouble> {
+        let Self { parts, program, .. } = self;
+        let last = program.len() - usize::from(self.is_cyclic);
+        let mut held = self.held.take();
+        for flow in &program[..last] {
+            let mut now = flow.at(t, h);
+            if let Some(before) = held.take() {
+                now = before.joined(now);
+            }
+            self.flows += 1;
+            parts.flow(now.part, now.is_adjoint, now.t, now.h, state)?;
+        }
+        if self.is_cyclic {
+            let now = program[last].at(t, h);
+            // a program of one flow has nothing to do before
+            self.held = Some(held.map_or(now, |before| before.joined(now)));
+        }
+        Ok(())
+    }
+
+    /// Looks whether the state is finite, unless it is large and was looked at lately.
+    fn look(&mut self, t: f64, is_kept: bool, state: &P::State) -> Result<(), Trouble> {
+        self.end = t;
+        self.unchecked += 1;
+        if is_kept || self.unchecked >= CHECKED_EVERY {
+            self.unchecked = 0;
+            return self.parts.check(t, state);
+        }
+        Ok(())
+    }
+
+    /// Makes the flow that was held back, and looks at the state.
+    fn finish(&mut self, state: &mut P::State) -> Result<(), Trouble> {
+        if let Some(now) = self.held.take() {
+            self.flows += 1;
+            self.parts
+                .flow(now.part, now.is_adjoint, now.t, now.h, state)?;
+        }
+        self.parts.check(self.end, state)
+    }
+}
+
+impl Held {
+    /// This flow and the next, which is one of the same exact part.
+    fn joined(self, next: Self) -> Self {
+        Self {
+            h: self.h + next.h,
+            ..self
+        }
+    }
+}
+
+/// Appends a flow, or adds it to the last one if both are of the same exact part.
+fn append(program: &mut Vec<Flow>, flow: Flow, is_exact: bool) {
+    match program.last_mut() {
+        Some(last) if is_exact && last.part == flow.part => last.weight += flow.weight,
+        _ => program.push(flow),
+    }
+}
+
+impl<P: Parts> Stepper for Composed<P> {
+    type State = P::State;
+
+    /// Where no copy of the state can be kept, a failed step leaves a state that is not to be used:
+    /// [`Stepper::settle`] refuses it from then on.
+    fn step(&mut self, t: f64, h: f64, state: &mut P::State) -> Result<(), Trouble> {
+        if let Some(trouble) = &self.lost {
+            return Err(trouble.clone());
+        }
+        let is_kept = self.parts.keep(state);
+        let held = self.held;
+        let outcome = self
+            .walk(t, h, state)
+            .and_then(|()| self.look(t + h, is_kept, state));
+        outcome.inspect_err(|trouble| {
+            self.held = held;
+            if is_kept {
+                self.parts.restore(state);
+            } else {
+                self.lost = Some(trouble.clone());
+            }
+        })
+    }
+
+    fn settle(&mut self, state: &mut P::State) -> Result<(), Trouble> {
+        if let Some(trouble) = &self.lost {
+            return Err(trouble.clone());
+        }
+        if self.held.is_none() && self.unchecked == 0 {
+            return Ok(());
+        }
+        self.unchecked = 0;
+        self.finish(state)
+            .inspect_err(|trouble| self.lost = Some(trouble.clone()))
+    }
+
+    fn stats(&self) -> Stats {
+        self.parts.stats(self.flows)
+    }
+}

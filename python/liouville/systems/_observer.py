@@ -1,0 +1,114 @@
+"""What a run of a polynomial field records besides its state."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import casadi as ca
+import numpy as np
+
+from liouville import _core
+from liouville.systems import _trace
+from liouville.systems._linear import Matrix, Term
+from liouville.tape import record
+
+
+@dataclass(frozen=True)
+class Symbols:
+    """The symbols of a field of n coordinates, made when they are needed."""
+
+    n: int
+    params: _trace.Parameters
+
+    @cached_property
+    def t(self) -> ca.SX:
+        return ca.SX.sym("t")
+
+    @cached_property
+    def x(self) -> ca.SX:
+        return ca.SX.sym("x", self.n)
+
+    @property
+    def args(self) -> tuple[Any, ...]:
+        """What a user's function is called with."""
+        return self.t, self.x, self.params
+
+    @property
+    def inputs(self) -> dict[str, ca.SX]:
+        """The inputs of a tape."""
+        return {"t": self.t, "x": self.x, "params": self.params.vector}
+
+
+@dataclass(frozen=True)
+class Invariant:
+    """A quantity to record: an expression, plus a . x, plus x^T A x."""
+
+    expression: ca.SX
+    linear: _core.Rows | None = None
+    quadratic: _core.Rows | None = None
+
+    @classmethod
+    def read(cls, name: str, value: Any, s: Symbols) -> Invariant:
+        """Take a function, the array a or the matrix A."""
+        what = f"invariant '{name}'"
+        if callable(value):
+            return cls(_trace.scalar(what, value, s.args))
+        if np.ndim(value) == 1:
+            array = _trace.numbers(value)
+            if array is None or array.shape != (s.n,) or not np.isfinite(array).all():
+                raise ValueError(f"{what} is a function or {s.n} finite numbers, not {value!r}")
+            places = np.arange(s.n)
+            return cls(ca.SX(0), linear=_core.Rows(1, s.n, np.zeros_like(places), places, array))
+        matrix = Matrix.read(what, value)
+        if matrix.n != s.n:
+            raise ValueError(f"{what} is a matrix of order {matrix.n}, wanted {s.n}")
+        return cls(ca.SX(0), quadratic=matrix.rows)
+
+
+class Observer:
+    """The invariants of a field, and tapes of them and of more.
+
+    Attributes
+    ----------
+    invariants : dict of str to Invariant
+        The invariants by name.
+    """
+
+    def __init__(self, symbols: Symbols, invariants: Mapping[str, Any] | None) -> None:
+        self.invariants = {
+            name: Invariant.read(name, value, symbols)
+            for name, value in _trace.mapping("invariants", invariants).items()
+        }
+        self._symbols = symbols
+
+    @cached_property
+    def _alone(self) -> tuple[_core.Tape, dict[str, int]]:
+        return self._record({})
+
+    def tape(
+        self, observe: Mapping[str, Callable[..., Any]] | None
+    ) -> tuple[_core.Tape, dict[str, int]]:
+        """Return the tape of t, x and params, and the width of each of its parts."""
+        return self._record(_trace.mapping("observe", observe)) if observe else self._alone
+
+    def _record(
+        self, observe: Mapping[str, Callable[..., Any]]
+    ) -> tuple[_core.Tape, dict[str, int]]:
+        s = self._symbols
+        parts = {f"invariant {name}": x.expression for name, x in self.invariants.items()}
+        for name, function in observe.items():
+            parts[f"observed {name}"] = _trace.column(f"observed '{name}'", function, s.args)
+        tape = record("observer", s.inputs, *parts.values())
+        products: list[Term] = []
+        forms: list[Term] = []
+        for k, invariant in enumerate(self.invariants.values()):
+            if invariant.linear is not None:
+                products.append((k, 1, 1.0, invariant.linear))
+            if invariant.quadratic is not None:
+                forms.append((k, 1, 1.0, invariant.quadratic))
+        if products or forms:
+            tape = tape.with_terms(np.empty(0), products, forms)
+        return tape, {name: x.numel() for name, x in parts.items()}

@@ -1,0 +1,170 @@
+"""SymPy's polynomials and expressions as fields; SymPy is imported when it is needed."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from fractions import Fraction
+from typing import Any
+
+import casadi as ca
+import numpy as np
+
+from liouville.errors import hinted
+from liouville.systems import _given, _trace
+from liouville.systems._expand import ONE, Expansion, Polynomial, Refused, Value, value_of
+from liouville.terms import Terms
+
+
+@dataclass(frozen=True)
+class Given:
+    """A field as a user gives it with SymPy's symbols.
+
+    Attributes
+    ----------
+    names : tuple of str
+        Names of the coordinates.
+    params : dict of str to float
+        Parameters with their values.
+    is_driven : bool
+        Whether the time is among the variables.
+    """
+
+    names: tuple[str, ...]
+    params: dict[str, Any]
+    is_driven: bool
+    expressions: tuple[Any, ...]
+    variables: tuple[Any, ...]
+    constants: tuple[Any, ...]
+
+    def terms(self, values: np.ndarray) -> Terms:
+        """Expand the field with numbers for its parameters."""
+        reader = _Reader(self, values)
+        components = [reader.component(k) for k in range(len(self.names))]
+        return reader.expansion.terms(components, self.is_driven)
+
+    def function(self, invariant: Any) -> Any:
+        """Return an expression of SymPy's as a function f(t, x, params), all else as it is."""
+        import sympy
+
+        if isinstance(invariant, sympy.Poly):
+            invariant = invariant.as_expr()
+        if not isinstance(invariant, sympy.Basic):
+            return invariant
+        known = (*self.variables, *self.constants)
+        for symbol in sorted(invariant.free_symbols - set(known), key=str):
+            raise ValueError(f"an invariant contains '{symbol}', which is no coordinate")
+        casadi = {name: getattr(ca, name) for name in ("sin", "cos", "exp", "log", "sqrt", "tanh")}
+        compiled = sympy.lambdify(known, invariant, modules=[casadi])
+
+        def function(t: ca.SX, x: ca.SX, params: Any) -> Any:
+            time = (t,) if self.is_driven else ()
+            numbers = (getattr(params, str(symbol)) for symbol in self.constants)
+            return compiled(*ca.vertsplit(x), *time, *numbers)
+
+        return function
+
+
+def read(
+    expressions: Sequence[Any], symbols: Sequence[Any], t: Any, params: Mapping[Any, Any] | None
+) -> Given:
+    """Check what is given.
+
+    Raises
+    ------
+    TypeError, ValueError
+        A coordinate is no symbol, or their number is not that of the expressions.
+    """
+    import sympy
+
+    for symbol in (*symbols, *(() if t is None else (t,))):
+        if not isinstance(symbol, sympy.Symbol):
+            raise TypeError(f"coordinates are symbols of SymPy's, not {symbol!r}")
+    names = _trace.names([str(symbol) for symbol in symbols], "x")
+    if isinstance(expressions, sympy.MatrixBase):
+        expressions = list(expressions)
+    found = [x if isinstance(x, sympy.Poly) else sympy.sympify(x) for x in expressions]
+    if len(found) != len(names):
+        raise ValueError(f"the field has {len(found)} expressions, wanted {len(names)}")
+    constants = tuple(sympy.Symbol(x) if isinstance(x, str) else x for x in params or {})
+    values = {str(name): value for name, value in (params or {}).items()}
+    variables = tuple(symbols) if t is None else (*symbols, t)
+    return Given(names, values, t is not None, tuple(found), variables, constants)
+
+
+class _Reader:
+    """Expands SymPy's trees."""
+
+    def __init__(self, given: Given, values: np.ndarray) -> None:
+        import sympy
+
+        self.sympy = sympy
+        self.given = given
+        time = (_given.TIME,) if given.is_driven else ()
+        self.expansion = Expansion((*given.names, *time))
+        self._place = {symbol: k for k, symbol in enumerate(given.variables)}
+        self._number = dict(zip(given.constants, values.tolist(), strict=True))
+
+    def component(self, k: int) -> Polynomial:
+        """Expand a component, or name what keeps it from being a polynomial."""
+        found = self.value(self.given.expressions[k])
+        if isinstance(found, Refused):
+            raise ValueError(f"component '{self.given.names[k]}' contains {found}")
+        return found
+
+    def value(self, expression: Any) -> Value:
+        """Expand an expression."""
+        sympy, expansion = self.sympy, self.expansion
+        if isinstance(expression, sympy.Poly):
+            return self._poly(expression)
+        if expression in self._place:
+            return expansion.variable(self._place[expression])
+        if expression in self._number:
+            return expansion.constant(self._number[expression])
+        if expression.is_Rational:
+            return expansion.rational(Fraction(int(expression.p), int(expression.q)))
+        if expression.is_Symbol:
+            hint = f"give it a value: params={{'{expression}': ...}}"
+            raise ValueError(
+                hinted(f"'{expression}' is neither a coordinate nor a parameter", hint)
+            )
+        if expression.is_Add or expression.is_Mul:
+            operation = "add" if expression.is_Add else "mul"
+            found, *others = (self.value(arg) for arg in expression.args)
+            for other in others:
+                found = expansion.apply(operation, found, other)
+            return found
+        if expression.is_Pow:
+            return self._power(*(self.value(arg) for arg in expression.args))
+        if isinstance(expression, (sympy.sin, sympy.cos)):
+            return expansion.apply(expression.func.__name__, self.value(expression.args[0]))
+        if not expression.free_symbols & self._place.keys():
+            return self._constant(expression)
+        return Refused(f"{expression}, which is no polynomial")
+
+    def _poly(self, poly: Any) -> Value:
+        total: Value = {}
+        gens = [self.value(gen) for gen in poly.gens]
+        for exponents, coefficient in poly.terms():
+            term = self.value(coefficient)
+            for gen, exponent in zip(gens, exponents, strict=True):
+                if exponent:
+                    power = self._power(gen, self.expansion.rational(Fraction(int(exponent))))
+                    term = self.expansion.apply("mul", term, power)
+            total = self.expansion.apply("add", total, term)
+        return total
+
+    def _power(self, base: Value, exponent: Value) -> Value:
+        if isinstance(base, dict) and isinstance(exponent, dict):
+            number = value_of(exponent)
+            if number is not None and number < 0 and value_of(base):
+                inverse = self.expansion.divide(ONE, base)
+                return self.expansion.apply("pow", inverse, self.expansion.negative(exponent))
+        return self.expansion.apply("pow", base, exponent)
+
+    def _constant(self, expression: Any) -> Value:
+        """Evaluate what depends on parameters at most."""
+        number = complex(expression.subs(self._number))
+        if number.imag or not np.isfinite(number.real):
+            return Refused(f"{expression}, which is {number:.6g}")
+        return self.expansion.constant(number.real)

@@ -1,0 +1,394 @@
+"""Polynomial vector fields without divergence."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from copy import copy
+from dataclasses import replace
+from typing import Any, Self
+
+import casadi as ca
+import numpy as np
+from numpy.typing import ArrayLike
+
+from liouville import _core
+from liouville.errors import hinted
+from liouville.systems import _given, _sympy, _trace
+from liouville.systems._expand import expand
+from liouville.systems._observer import Observer, Symbols
+from liouville.terms import Terms
+
+Function = Callable[..., Any]
+
+#: How many monomials a message names.
+NAMED = 5
+
+
+class PolynomialField:
+    r"""A polynomial vector field without divergence.
+
+    .. math::
+
+        x' = f(t, x), \qquad f_i(t, x) = \sum_j c_{ij}(t)\, x_1^{j_1} \cdots x_n^{j_n}, \qquad
+        \sum_i \frac{\partial f_i}{\partial x_i} = 0
+
+    Its flow preserves volume. The divergence vanishes if for every monomial :math:`x^j` the sum
+    :math:`\sum_i (j_i + 1) c_i` does, where :math:`c_i` is the coefficient of :math:`x_i x^j` in
+    :math:`f_i`. This is checked when the field is made. Sines and cosines of affine functions of t
+    and x may be factors too.
+
+    Parameters
+    ----------
+    field : callable
+        ``field(t, x, params)``: n expressions, or a dict of those that are not zero by coordinate
+        names. A CasADi ``Function`` of x, of t and x, or of t, x and all parameters as one column
+        is taken too. It is called once; its products and powers are multiplied out exactly.
+    x : sequence of str, or int
+        Names of the n coordinates, or their number.
+    params : mapping of str to float or 1-D array_like, optional
+        Parameters by name, with default values; the function sees ``params.name``. Coefficients may
+        depend on them in any way.
+    invariants : mapping of str to callable or array, optional
+        Quantities to record: functions ``f(t, x, params)``; or, which for a million coordinates is
+        much faster, an array a of shape (n,) for :math:`a \cdot x`, or a matrix A of shape (n, n),
+        sparse or not, for :math:`x^T A x`.
+
+    Attributes
+    ----------
+    coordinates : tuple of str
+        Names of the n coordinates.
+    states : tuple of str
+        What a start and a solution call the state: ("x",).
+    terms : Terms
+        The terms of the field; if it is driven, the time is a further variable, with velocity 1.
+    is_driven : bool
+        Whether the field depends on time.
+
+    Raises
+    ------
+    TypeError
+        An argument is of the wrong kind.
+    ValueError
+        The field has a divergence, is no polynomial, or is zero; the message names the monomials,
+        or the component, the operation and its arguments.
+
+    Notes
+    -----
+    Numbers of a function that are fractions with numerator and denominator up to :math:`2^{31}`,
+    such as 3, 0.75 or the 3 in ``x / 3``, are taken as they stand: if all are, the coefficients are
+    rational, ``terms.is_exact``, and so is the check. Otherwise, as with 0.1, the coefficients are
+    floats, rounded once; one that roundoff of the constants could have made is taken for zero, and
+    a divergence is taken for zero up to 64 units in the last place of its terms.
+
+    References
+    ----------
+    :cite:t:`mclachlan2008`, :cite:t:`hairer2006`, section VI.9.
+
+    Examples
+    --------
+    >>> import liouville as lv
+    >>> from liouville.systems import PolynomialField
+    >>> def rotation(t, x, params):
+    ...     return [params.a * x[1] * x[2], -x[0] * x[2], (1 - params.a) * x[0] * x[1]]
+    >>> PolynomialField(rotation, x=("x", "y", "z"), params={"a": 0.5})
+    PolynomialField(x, y, z; 3 terms of degree 2)
+    >>> PolynomialField(lambda t, x, params: [x[1], -x[0] + x[1] * x[2], 1 - x[1] ** 2], x="xyz")
+    Traceback (most recent call last):
+    ...
+    TypeError: x is a sequence of names or a number, not 'xyz'
+    """
+
+    states = ("x",)
+
+    def __init__(
+        self,
+        field: Function,
+        *,
+        x: Sequence[str] | int,
+        params: Mapping[str, ArrayLike] | None = None,
+        invariants: Mapping[str, Any] | None = None,
+    ) -> None:
+        names, parameters = _trace.names(x, "x"), _trace.Parameters(params)
+        s = Symbols(len(names), parameters)
+        column = _trace.placed("field", _unpacked(field, s), s.args, names)
+        is_driven = ca.depends_on(column, s.t)
+        variables = (*names, _given.TIME) if is_driven else names
+
+        def expanded(values: np.ndarray) -> Terms:
+            expansion, components = expand(column, (s.t, s.x, parameters.vector), values, variables)
+            return expansion.terms(components, is_driven)
+
+        self._build(names, s, expanded, is_driven, invariants)
+
+    def _build(
+        self,
+        names: tuple[str, ...],
+        symbols: Symbols,
+        source: Callable[[np.ndarray], Terms],
+        is_driven: bool,
+        invariants: Mapping[str, Any] | None,
+    ) -> Self:
+        self.coordinates = names
+        self.is_driven = is_driven
+        self._symbols = symbols
+        self._source = source
+        self._observer = Observer(symbols, invariants)
+        self._values = self.values(None)
+        self.terms = self._expanded(self._values)
+        return self
+
+    def _expanded(self, values: np.ndarray) -> Terms:
+        try:
+            terms = self._source(values)
+        except OverflowError:
+            raise ValueError("a coefficient of the field is too large for a float") from None
+        if len(terms) == self.is_driven:
+            raise ValueError(hinted("the field is zero: nothing moves", "is a term missing?"))
+        check_divergence(terms, self._variables)
+        return terms
+
+    @classmethod
+    def from_terms(
+        cls,
+        x: Sequence[str] | int,
+        terms: Any,
+        *,
+        invariants: Mapping[str, Any] | None = None,
+        repair: bool = False,
+    ) -> Self:
+        r"""Make a field from its terms.
+
+        Parameters
+        ----------
+        x : sequence of str, or int
+            Names of the n coordinates, or their number.
+        terms : iterable of tuple, or tuple of three ndarray
+            Terms ``(component, coefficient, variables)``. The component is an index or a name. The
+            coefficient is a number, or a string such as ``"-3/8"``; if none is a float, all are
+            kept and checked as fractions. The variables are indices or names, each as often as its
+            power says: ``("x", "y", "y")`` is x*y**2, and ``()`` is 1. Powers can be given instead
+            as a mapping, ``{"x": 1, "y": 2}``. The name t, if no coordinate has it, is the time.
+
+            Or, for millions of terms, arrays: components of shape (N,), coefficients of shape (N,),
+            and indices of variables of shape (N, d), -1 where there are less than d.
+        invariants : mapping, optional
+            As for :class:`PolynomialField`.
+        repair : bool, default False
+            Take the nearest field with these terms that has no divergence, for coefficients with
+            few digits. From each :math:`c_i` of a monomial of the divergence is subtracted
+            :math:`w_i \sum_l w_l c_l / \sum_l w_l^2` with :math:`w_i = j_i + 1`.
+
+        Returns
+        -------
+        PolynomialField
+
+        Raises
+        ------
+        TypeError, ValueError
+            A term is malformed, which is named by its number from 0; or as for
+            :class:`PolynomialField`.
+
+        Examples
+        --------
+        >>> from liouville.systems import PolynomialField
+        >>> terms = [("x", 1, ("y",)), ("y", -1, ("x",)), ("y", 1, ("y", "z")), ("z", 1, ())]
+        >>> PolynomialField.from_terms(("x", "y", "z"), [*terms, ("z", "-1/2", {"z": 2})])
+        PolynomialField(x, y, z; 5 terms of degree 2)
+        """
+        names = _trace.names(x, "x")
+        found, is_driven = _given.read(names, terms)
+        if repair:
+            found = found.repaired()
+        symbols = Symbols(len(names), _trace.Parameters(None))
+        return cls.__new__(cls)._build(names, symbols, lambda _: found, is_driven, invariants)
+
+    @classmethod
+    def from_sympy(
+        cls,
+        expressions: Sequence[Any],
+        symbols: Sequence[Any],
+        *,
+        t: Any = None,
+        params: Mapping[Any, ArrayLike] | None = None,
+        invariants: Mapping[str, Any] | None = None,
+    ) -> Self:
+        """Make a field from SymPy's polynomials or expressions; rational numbers stay exact.
+
+        Parameters
+        ----------
+        expressions : sequence of sympy.Poly or sympy.Expr
+            The n components.
+        symbols : sequence of sympy.Symbol
+            The n coordinates.
+        t : sympy.Symbol, optional
+            The time, if the field depends on it.
+        params : mapping of sympy.Symbol or str to float, optional
+            Values of the other symbols.
+        invariants : mapping, optional
+            As for :class:`PolynomialField`; SymPy's expressions are taken too.
+
+        Returns
+        -------
+        PolynomialField
+
+        Raises
+        ------
+        TypeError, ValueError
+            An expression has another symbol, or as for :class:`PolynomialField`.
+
+        Examples
+        --------
+        >>> import sympy
+        >>> from liouville.systems import PolynomialField
+        >>> x, y = sympy.symbols("x y")
+        >>> PolynomialField.from_sympy([x * (x - 2 * y) / 3, y * (y - 2 * x) / 3], [x, y])
+        PolynomialField(x, y; 4 terms of degree 2)
+        """
+        given = _sympy.read(expressions, symbols, t, params)
+        s = Symbols(len(given.names), _trace.Parameters(given.params))
+        functions = {
+            name: given.function(value)
+            for name, value in _trace.mapping("invariants", invariants).items()
+        }
+        return cls.__new__(cls)._build(given.names, s, given.terms, given.is_driven, functions)
+
+    def __repr__(self) -> str:
+        """Name the coordinates, and say how many terms there are."""
+        names = self.coordinates
+        if len(names) > 20:
+            names = (*names[:3], "...", names[-1])
+        count, time = len(self.terms) - self.is_driven, ", driven" if self.is_driven else ""
+        words = f"{count} term{'s' if count > 1 else ''} of degree {self.terms.degree}{time}"
+        return f"{type(self).__name__}({', '.join(names)}; {words})"
+
+    @property
+    def _variables(self) -> tuple[str, ...]:
+        return (*self.coordinates, _given.TIME) if self.is_driven else self.coordinates
+
+    @property
+    def params(self) -> dict[str, float | np.ndarray]:
+        """The parameters' default values."""
+        defaults = self._symbols.params.defaults
+        return {name: x.copy() if x.ndim else float(x) for name, x in defaults.items()}
+
+    @property
+    def invariants(self) -> tuple[str, ...]:
+        """Names of the invariants."""
+        return tuple(self._observer.invariants)
+
+    def values(self, params: Mapping[str, ArrayLike] | None) -> np.ndarray:
+        """Return the parameter vector with changes; ValueError names an unknown one."""
+        return self._symbols.params.values(params)
+
+    def with_params(self, params: Mapping[str, ArrayLike] | np.ndarray | None) -> Self:
+        """Return the field expanded with other numbers, by name or as :meth:`values` gives them.
+
+        Raises
+        ------
+        ValueError
+            There is no such parameter, or the field has a divergence then.
+        """
+        values = params if isinstance(params, np.ndarray) else self.values(params)
+        if np.array_equal(values, self._values):
+            return self
+        other = copy(self)
+        other._symbols = replace(self._symbols, params=self._symbols.params.replaced(values))
+        other._values = values
+        other.terms = other._expanded(values)
+        return other
+
+    def start(self, start: Mapping[str, Any], members: bool = False) -> np.ndarray:
+        """Check a start and return it as an array of shape (n,), or (P, n) for P members.
+
+        Raises
+        ------
+        TypeError
+            x is missing or no array of numbers, or there is another start value.
+        ValueError
+            x has a wrong shape, an unknown coordinate, or is not finite.
+        """
+        for name in start:
+            if name not in self.states:
+                raise TypeError(f"'{name}' is no start value of this system, which takes x=")
+        if "x" not in start:
+            raise TypeError("start value 'x' is missing: this system takes x=")
+        array = self._array(start["x"])
+        n = len(self.coordinates)
+        wanted = f"(P, {n}) for P members" if members else f"({n},)"
+        if array.ndim != 1 + members or array.shape[-1] != n or array.size == 0:
+            raise ValueError(f"x has shape {array.shape}, wanted {wanted}")
+        bad = np.argwhere(~np.isfinite(array))
+        if bad.size:
+            place = tuple(bad[0])
+            member = f" of member {place[0]}" if members else ""
+            raise ValueError(f"x of '{self.coordinates[place[-1]]}'{member} is {array[place]}")
+        return np.ascontiguousarray(array)
+
+    def extended(self, x: np.ndarray, t: float) -> np.ndarray:
+        """Return states (P, n) with the time as a further variable, where the field has it."""
+        return np.pad(x, ((0, 0), (0, 1)), constant_values=t) if self.is_driven else x
+
+    def _array(self, value: Any) -> np.ndarray:
+        """Return a start as an array, the coordinate last."""
+        if isinstance(value, Mapping):
+            if set(value) != set(self.coordinates):
+                raise ValueError(f"x gives {list(value)}, wanted {list(self.coordinates)}")
+            value = [value[coordinate] for coordinate in self.coordinates]
+            array = _trace.numbers(value)
+            array = array if array is None else array.T
+        else:
+            array = _trace.numbers(value)
+        if array is None:
+            raise TypeError(f"x is an array of real numbers, not {value!r}")
+        return array
+
+    def observer(
+        self, observe: Mapping[str, Callable[..., Any]] | None, states: bool = True
+    ) -> tuple[_core.Tape, dict[str, int]]:
+        """Record what a run keeps besides x; returns the tape of t, x and params, and widths."""
+        return self._observer.tape(observe)
+
+
+def check_divergence(terms: Terms, names: Sequence[str]) -> None:
+    """Refuse terms whose divergence does not vanish.
+
+    Raises
+    ------
+    ValueError
+        The message has the monomials of the divergence.
+    """
+    found = terms.offending()
+    if not found:
+        return
+    words = [f"{_written(value)} * {terms.written(monomial, names)}" for monomial, value in found]
+    more = f" and {len(words) - NAMED} more" if len(words) > NAMED else ""
+    raise ValueError(
+        hinted(
+            f"the field is not divergence-free: div f contains {', '.join(words[:NAMED])}{more}",
+            "look for a sign or a missing term; if these are rounding errors of given "
+            "coefficients, from_terms(..., repair=True) removes them",
+        )
+    )
+
+
+def _written(value: Any) -> str:
+    return f"{value:.6g}" if isinstance(value, float) else str(value)
+
+
+def _unpacked(field: Any, s: Symbols) -> Any:
+    """Return what calls a CasADi function with as many of its arguments as it takes."""
+    if not isinstance(field, ca.Function):
+        return field
+    args = {1: (s.x,), 2: (s.t, s.x), 3: (s.t, s.x, s.params.vector)}.get(field.n_in())
+    if args is None or field.n_out() != 1:
+        raise ValueError(
+            f"the CasADi function '{field.name()}' has {field.n_in()} inputs and {field.n_out()} "
+            "outputs, wanted x, or t and x, or t, x and params, and one output"
+        )
+    for k, arg in enumerate(args):
+        if field.numel_in(k) != arg.numel():
+            raise ValueError(
+                f"input {k} of the CasADi function '{field.name()}' has {field.numel_in(k)} "
+                f"elements, wanted {arg.numel()}"
+            )
+    return lambda *_: field(*args)

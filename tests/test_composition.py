@@ -1,0 +1,105 @@
+"""The composition schemes: their digits satisfy the order conditions, and the core steps with them.
+
+The conditions are checked in the free algebra of letters E_1, E_2, ... of degrees 1, 2, ..., in
+which a general step and its adjoint are
+
+    Phi_a = exp(a E_1 + a^2 E_2 + a^3 E_3 + ...),    Phi*_a = exp(a E_1 - a^2 E_2 + a^3 E_3 - ...)
+
+A composition has order p if it equals exp(E_1) in all words of degree at most p: the coefficient
+of the word E_i E_j .. E_k of r letters in Phi_a is a^(i + j + .. + k) / r!.
+"""
+
+from math import factorial
+
+import pytest
+from mpmath import mp, mpf
+
+from liouville import _core
+
+SCHEMES = _core.compositions()
+
+
+@pytest.fixture(autouse=True)
+def digits():
+    """Compute with more digits than there are."""
+    with mp.workdps(45):
+        yield
+
+
+def mirrored(half, middle):
+    return [*half, *middle, *half[::-1]]
+
+
+def flows(scheme):
+    """(is_adjoint, alpha) of a scheme, from its digits."""
+    numbers = {name: [mpf(x) for x in texts] for name, texts in scheme["digits"].items()}
+    if scheme["kind"] == "basic":
+        return [(False, mpf(1))]
+    if scheme["kind"] == "symmetric":
+        *half, middle = numbers["gammas"]
+        gammas = mirrored(half, [middle])
+        return [(is_adjoint, gamma / 2) for gamma in gammas for is_adjoint in (True, False)]
+    a, b = numbers["a"], numbers["b"]
+    is_a_left = len(a) == len(b)
+    middle = 1 - 2 * sum(a if is_a_left else b)
+    a, b = (mirrored(a, [middle]), mirrored(b, [])) if is_a_left else (
+        mirrored(a, []), mirrored(b, [middle])
+    )  # fmt: skip
+    merged = [x for pair in zip(a, b, strict=False) for x in pair] + a[-1:]
+    alphas = [merged[0]]
+    for coefficient in merged[1:-1]:
+        alphas.append(coefficient - alphas[-1])
+    assert abs(alphas[-1] - merged[-1]) < mpf(10) ** -38
+    return [(k % 2 == 1, alpha) for k, alpha in enumerate(alphas)]
+
+
+def words(degree):
+    """Tuples of positive integers with this sum."""
+    if degree == 0:
+        return [()]
+    return [(k, *rest) for k in range(1, degree + 1) for rest in words(degree - k)]
+
+
+def residuals(flows, most):
+    """Largest difference to exp(E_1) among words of each degree up to `most`."""
+    all_words = [word for degree in range(most + 1) for word in words(degree)]
+    series = {word: mpf(word == ()) for word in all_words}
+    for is_adjoint, alpha in flows:
+        powers = [alpha**k for k in range(most + 1)]
+
+        def letters(word, is_adjoint=is_adjoint, powers=powers):
+            even = sum(k % 2 == 0 for k in word) if is_adjoint else 0
+            return (-1) ** even * powers[sum(word)] / factorial(len(word))
+
+        step = {word: letters(word) for word in all_words}
+        series = {
+            word: mp.fsum(series[word[:k]] * step[word[k:]] for k in range(len(word) + 1))
+            for word in all_words
+        }
+    exact = {word: mpf(set(word) <= {1}) / factorial(len(word)) for word in all_words}
+    return [
+        max(abs(series[word] - exact[word]) for word in words(degree)) for degree in range(most + 1)
+    ]
+
+
+@pytest.mark.parametrize("name", SCHEMES)
+def test_a_scheme_satisfies_the_conditions_of_its_order_and_no_more(name):
+    scheme = SCHEMES[name]
+    found = residuals(flows(scheme), scheme["order"] + 1)
+    assert max(found[:-1]) < mpf(10) ** -37
+    assert found[-1] > 1e-9
+
+
+@pytest.mark.parametrize("name", SCHEMES)
+def test_the_core_steps_with_the_fractions_of_the_digits(name):
+    scheme = SCHEMES[name]
+    wanted = flows(scheme)
+    assert [is_adjoint for is_adjoint, _ in wanted] == [x for x, _ in scheme["flows"]]
+    for (_, exact), (_, alpha) in zip(wanted, scheme["flows"], strict=True):
+        assert abs(mpf(alpha) - exact) <= abs(exact) * mpf(2) ** -53
+
+
+def test_a_wrong_digit_is_seen():
+    wrong = [(kind, alpha + (k in (0, 1)) * mpf(10) ** -36) for k, (kind, alpha) in
+             enumerate(flows(SCHEMES["SS8s21"]))]  # fmt: skip
+    assert max(residuals(wrong, 8)) > mpf(10) ** -37
