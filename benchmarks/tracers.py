@@ -101,7 +101,9 @@ def entries(start, threads):
             ("DOP853, one system", flow.SciPy(start, SPAN, sample=0), TOLERANCES[2:]),
             ("DOP853, each alone", flow.SciPy(start, SPAN, sample=SAMPLE), TOLERANCES[2:]),
         ]
-    return [Entry(name, solver, setting) for name, solver, settings in codes for setting in settings]
+    return [
+        Entry(name, solver, setting) for name, solver, settings in codes for setting in settings
+    ]
 
 
 def reference(start):
@@ -147,7 +149,9 @@ def main():
     publish("tracers_runs", runs, PACKAGES)
     print("\nMicroseconds a tracer:\n")
     for row in table:
-        print(*(f"{key}: {x:.3g}" if isinstance(x, float) else x for key, x in row.items()), sep="; ")
+        print(
+            *(f"{key}: {x:.3g}" if isinstance(x, float) else x for key, x in row.items()), sep="; "
+        )
     publish("tracers", table, PACKAGES)
 
 
