@@ -1,9 +1,9 @@
 """Error against work for every composition: which one is best for 1e-4, 1e-6, 1e-9, 1e-12.
 
-Work is the number of times a step goes through the pieces, there or back, times the number of steps;
-it knows no machine. Each problem of the library with a polynomial field is split the same way for all
-schemes; errors are the largest differences from a run of order 10 with small steps, relative to
-the largest component. Work at an error is interpolated in powers.
+Work is the number of times a step goes through the pieces, there or back, times the number of
+steps; it knows no machine. Each problem is split the same way for all schemes; errors are the
+largest differences from a run of order 10 with small steps, relative to the largest component. Work
+at an error is interpolated in powers.
 
 Run as ``python benchmarks/compositions.py``; takes a minute. Draws results/compositions.png.
 """

@@ -2,10 +2,11 @@
 
 First what a step costs: nanoseconds a site, from the difference of a long and a short run, beside
 RK4 in Numba and beside the memory: a STREAM triad over as many bytes as the state has, in the same
-round with the same threads. A flow of one colour reads the state and writes its share of it, 8 + 8/3
-bytes a site; that many times the flows of a step is what the step moves, and over the triad's speed the
-part of the bandwidth that is reached. Then the time for T = 1 at equal error, for one random state of each
-size: the root mean square over the sites against RK4 with very small steps.
+round with the same threads. A flow of one colour reads the state and writes its share of it,
+8 + 8/3 bytes a site. That many times the flows of a step is what the step moves, colour by colour;
+its speed over the triad's is the part of the bandwidth that is reached. Then the time for T = 1 at
+equal error, for one random state of each size: the root mean square over the sites, against RK4
+with very small steps.
 
 Run as ``python benchmarks/lattice.py``, after ``pip install liouville[bench]``; takes some minutes
 and, with ten million sites, some gigabytes.

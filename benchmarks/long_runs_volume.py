@@ -1,10 +1,10 @@
-"""Long runs of volume-preserving splittings: what stays bounded, what drifts, and what is roundoff.
+"""Long runs of volume-preserving splittings: what is bounded, what drifts, and what is roundoff.
 
-The first table: the largest error of each conserved quantity in the first tenth of a run and in all of
-it, for the splitting and for RK4 with three steps to one of BM4, which makes as many evaluations of the
-field as BM4 goes through the pieces; and how far the determinants of steps along the run are from 1.
-The second: invariants where the method's own error is below roundoff, with and without compensated
-sums; the exponent says how the error grows with time, 1/2 is a random walk and 1 a drift.
+The first table: the largest error of each conserved quantity in the first tenth of a run and in all
+of it, for the splitting and for RK4 with three steps to one of BM4, which evaluates the field as
+often as BM4 goes through the pieces; and how far the determinants of steps are from 1. The second:
+invariants where the method's own error is below roundoff, with and without compensated sums; the
+power says how the error grows with time, 1/2 is a random walk and 1 a drift.
 
 Run as ``python benchmarks/long_runs_volume.py``, after ``pip install liouville[bench]``; takes some
 minutes.

@@ -63,7 +63,7 @@ def front(entries, measure):
 
 
 def seconds_at(error, points):
-    """Interpolate powers between runs; not a number where an error is beyond them on either side."""
+    """Interpolate powers between runs; not a number for an error beyond all of them."""
     if not len(points) or not points[-1, 0] <= error <= points[0, 0]:
         return np.nan
     errors, seconds = np.log(points[::-1].T)

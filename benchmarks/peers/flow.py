@@ -111,7 +111,7 @@ def derivative(x):
 
 
 class NumPy:
-    """RK4 in NumPy, as one writes it down: arrays of all tracers, or of as many as a cache holds."""
+    """RK4 in NumPy: arrays of all tracers, or of as many as the cache holds."""
 
     def __init__(self, start, span, *, chunk=CHUNK):
         self.start, self.span, self.chunk = start, span, chunk or len(start)
@@ -195,6 +195,8 @@ class SciPy:
         return time.perf_counter() - begin, x.reshape(3, -1).T
 
     def alone(self, x, tol):
+        """Return the end of one tracer."""
+
         def of_one(t, state):
             x, y, z = state.tolist()
             return z - 8 * x * y, 11 * x * x + 3 * y * y + z * z + x * z - 3, -x + 2 * y * z - x * y
@@ -202,6 +204,7 @@ class SciPy:
         return self.solve(of_one, x, tol)
 
     def solve(self, function, x, tol):
+        """Return the end of a system."""
         found = solve_ivp(function, (0.0, self.span), x, method="DOP853", rtol=tol, atol=tol)
         if not found.success:
             raise RuntimeError(found.message)

@@ -1,4 +1,4 @@
-"""RK4 on any polynomial field, from its terms, compiled by Numba: what a long run is held against."""
+"""RK4 on any polynomial field, from its terms, compiled by Numba: the control of long runs."""
 
 import numba
 import numpy as np
