@@ -14,13 +14,14 @@ CORE = ROOT / "crates" / "core" / "src"
 PACKAGE = ROOT / "python" / "liouville"
 
 CORE_FLOORS = (
-    ("real", "trouble"),
+    ("parallel", "real", "trouble"),
     ("linalg",),
     ("tableau", "tape"),
     ("newton",),
     ("problem",),
     ("method",),
     ("run",),
+    ("ensemble",),
 )
 PACKAGE_FLOORS = (
     ("_core", "errors"),
@@ -36,6 +37,7 @@ LAZY = {("solution", "export")}  # to_xarray() and save() fetch the exporter whe
 CORE_ROOMS = {
     "faer": ("linalg/sparse.rs",),
     "libm": ("tape/execute.rs",),
+    "rayon": ("ensemble.rs", "parallel.rs"),
     "twofloat": ("tableau/",),
     "pyo3": (),
     "numpy": (),

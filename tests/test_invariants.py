@@ -6,7 +6,7 @@ import pytest
 from registry import PROBLEMS, ROWS, spherical_pendulum
 
 import liouville as lv
-from liouville.problems import load, names
+from liouville.problems import MECHANICAL, load
 
 #: Weights of the central difference of order 8, for offsets 1 to 4.
 STENCIL = (4 / 5, -1 / 5, 4 / 105, -1 / 280)
@@ -25,7 +25,7 @@ def ids(value):
 # --- constraints -------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("name", names())
+@pytest.mark.parametrize("name", MECHANICAL)
 def test_both_constraints_hold_to_roundoff_over_1e5_steps(name):
     problem = load(name)
     h = problem.h if problem.interval[1] / problem.h > 1e4 else problem.interval[1] / 1e5
@@ -45,7 +45,7 @@ def test_the_stages_do_not_spoil_the_constraints(row, name):
     assert np.abs(found.residuals["hidden"]).max() < 5e-15
 
 
-SECOND_ORDER = [name for name in names() if name != "relativistic_particle"]
+SECOND_ORDER = [name for name in MECHANICAL if name != "relativistic_particle"]
 
 
 def worst(found):

@@ -1,4 +1,4 @@
-"""Each problem of the library starts consistently, reaches its reference and keeps what it says."""
+"""Each mechanical problem of the library starts consistently, reaches its reference and keeps what it says."""
 
 import json
 from pathlib import Path
@@ -15,7 +15,7 @@ DATA = json.loads((Path(__file__).parent / "data" / "mechanics_reference.json").
 
 # Largest error at the references, relative to the largest entry, with Spark(6) and the module's h:
 # ten times what was measured. The top turns some fifty times, so roundoff weighs more.
-TOLERANCE = dict.fromkeys(problems.names(), 1e-13) | {"heavy_top": 1e-11}
+TOLERANCE = dict.fromkeys(problems.MECHANICAL, 1e-13) | {"heavy_top": 1e-11}
 # What the motion does not depend on: one mass scale, and the completion of the top's mass matrix.
 IRRELEVANT = {
     "pendulum": {"m"},
@@ -72,7 +72,7 @@ def error(problem, solution, keys=("q", "v")):
     return worst
 
 
-@pytest.fixture(scope="module", params=problems.names())
+@pytest.fixture(scope="module", params=problems.MECHANICAL)
 def case(request):
     problem = problems.load(request.param)
     return request.param, problem, integrate(problem)

@@ -12,7 +12,9 @@
 //! 4. `problem`
 //! 5. `method`
 //! 6. `run`
+//! 7. `ensemble`
 
+pub mod ensemble;
 pub mod linalg;
 pub mod method;
 pub mod newton;

@@ -68,4 +68,28 @@ pub enum Trouble {
     Singular { piece: usize, member: usize, t: f64 },
     #[error("variable {index} is not finite at t = {t}")]
     Overflow { index: usize, member: usize, t: f64 },
+    #[error("member {member}: {trouble}")]
+    Member {
+        member: usize,
+        trouble: Box<Trouble>,
+    },
+}
+
+impl Trouble {
+    /// The trouble as one of a group of members that begins with this one.
+    #[must_use]
+    pub fn of_member(mut self, first: usize) -> Self {
+        match &mut self {
+            Self::Singular { member, .. }
+            | Self::Overflow { member, .. }
+            | Self::Member { member, .. } => {
+                *member += first;
+                self
+            }
+            _ => Self::Member {
+                member: first,
+                trouble: Box::new(self),
+            },
+        }
+    }
 }

@@ -2,9 +2,9 @@
 
 mod support;
 
-use liouville_core::method::composition::{Base, Composed, NeedsAdjoint, Parts};
+use liouville_core::method::composition::{Base, Composed, NeedsAdjoint};
 use liouville_core::method::spark::{Solver, Spark};
-use liouville_core::method::{Stats, Stepper, Symmetric};
+use liouville_core::method::{Parts, Stats, Stepper, Symmetric};
 use liouville_core::problem::Observe;
 use liouville_core::problem::mechanical::Model;
 use liouville_core::run::{Advance, Equal, Run, Status};

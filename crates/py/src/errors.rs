@@ -53,6 +53,11 @@ pub(crate) fn trouble<'py>(py: Python<'py>, trouble: &Trouble) -> PyResult<Bound
             dict.set_item("t", t)?;
             "overflow"
         }
+        Trouble::Member { member, trouble } => {
+            let dict = self::trouble(py, trouble)?;
+            dict.set_item("member", member)?;
+            return Ok(dict);
+        }
     };
     dict.set_item("kind", kind)?;
     Ok(dict)

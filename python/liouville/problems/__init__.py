@@ -5,16 +5,20 @@ Every module has
 ``system``
     the system, see :mod:`liouville.systems`;
 ``start``, ``interval``, ``h``
-    start values by name, the times to begin and end at, a sensible step for ``Spark(stages=3)``,
-    which a method of order 2 takes eighths of;
+    start values by name, the times to begin and end at, a sensible step: of a mechanical system for
+    ``Spark(stages=3)``, which a method of order 2 takes eighths of, and of a polynomial field for
+    ``VolumeSplitting(composition="BM4")``;
 ``conserved``
     names of the invariants that are constant along the motion;
 ``reference``
-    states at some times, ``{time: {"q": ..., "v": ...}}``, exact to the digits given;
+    states at some times, ``{time: {"q": ..., "v": ...}}`` or ``{time: {"x": ...}}``, exact to the
+    digits given;
 ``source``
     where the problem and the reference come from;
 
-and, where the mechanism is planar, ``outline(q, params)``: the polylines of its bodies.
+where the mechanism is planar, ``outline(q, params)``: the polylines of its bodies;
+and, where the number of coordinates is free, ``build`` and ``start_for``: the system and its start
+for any.
 
 Examples
 --------
@@ -30,7 +34,8 @@ from typing import Protocol
 
 import casadi as ca
 
-NAMES = (
+#: The mechanical systems.
+MECHANICAL = (
     "pendulum",
     "spherical_pendulum",
     "double_pendulum",
@@ -43,6 +48,23 @@ NAMES = (
     "relativistic_particle",
 )
 
+#: The polynomial fields without divergence.
+FIELDS = (
+    "euler_top",
+    "bajer_moffatt",
+    "hill_vortex",
+    "abc_flow",
+    "maxwell_bloch",
+    "cubic_charge",
+    "volterra_lattice",
+    "toda_lattice",
+    "lorenz96",
+    "sabra",
+    "euler2d",
+)
+
+NAMES = (*MECHANICAL, *FIELDS)
+
 
 class Parameters(Protocol):
     """What a model function gets as ``params``: each parameter, a symbol, under its name."""
@@ -52,7 +74,7 @@ class Parameters(Protocol):
 
 
 def names() -> tuple[str, ...]:
-    """Return the names of all problems, simplest first."""
+    """Return the names of all problems: mechanical systems, then fields, simplest first."""
     return NAMES
 
 

@@ -52,16 +52,15 @@ class Invariant:
 
     @classmethod
     def read(cls, name: str, value: Any, s: Symbols) -> Invariant:
-        """Take a function, the array a or the matrix A."""
+        """Take a function, the row a, or the matrix A."""
         what = f"invariant '{name}'"
         if callable(value):
             return cls(_trace.scalar(what, value, s.args))
-        if np.ndim(value) == 1:
-            array = _trace.numbers(value)
-            if array is None or array.shape != (s.n,) or not np.isfinite(array).all():
-                raise ValueError(f"{what} is a function or {s.n} finite numbers, not {value!r}")
-            places = np.arange(s.n)
-            return cls(ca.SX(0), linear=_core.Rows(1, s.n, np.zeros_like(places), places, array))
+        if np.shape(value) == (1, s.n):
+            row = value.toarray() if hasattr(value, "toarray") else np.asarray(value)
+            matrix = Matrix.read(what, row[0])  # as a diagonal
+            zeros = np.zeros_like(matrix.row)
+            return cls(ca.SX(0), linear=_core.Rows(1, s.n, zeros, matrix.row, matrix.values))
         matrix = Matrix.read(what, value)
         if matrix.n != s.n:
             raise ValueError(f"{what} is a matrix of order {matrix.n}, wanted {s.n}")

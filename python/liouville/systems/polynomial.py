@@ -49,9 +49,9 @@ class PolynomialField:
         Parameters by name, with default values; the function sees ``params.name``. Coefficients may
         depend on them in any way.
     invariants : mapping of str to callable or array, optional
-        Quantities to record: functions ``f(t, x, params)``; or, which for a million coordinates is
-        much faster, an array a of shape (n,) for :math:`a \cdot x`, or a matrix A of shape (n, n),
-        sparse or not, for :math:`x^T A x`.
+        Quantities to record: functions ``f(t, x, params)``; or, much faster for a million
+        coordinates, a matrix A for :math:`x^T A x`, sparse or not, of shape (n, n) or, if diagonal,
+        (n,); or one of shape (1, n) for a linear function of x.
 
     Attributes
     ----------
@@ -357,10 +357,10 @@ def check_divergence(terms: Terms, names: Sequence[str]) -> None:
     ValueError
         The message has the monomials of the divergence.
     """
-    found = terms.offending()
-    if not found:
+    left = terms.excess()
+    if not len(left):
         return
-    words = [f"{_written(value)} * {terms.written(monomial, names)}" for monomial, value in found]
+    words = [f"{_written(value)} * {left.written(m, names)}" for m, value in left.monomials()]
     more = f" and {len(words) - NAMED} more" if len(words) > NAMED else ""
     raise ValueError(
         hinted(

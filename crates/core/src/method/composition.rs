@@ -36,6 +36,24 @@ pub trait Parts: Send {
         state: &mut Self::State,
     ) -> Result<(), Trouble>;
 
+    /// Moves `state` by flows one after another, of a step from `t` to `t + h`.
+    ///
+    /// # Errors
+    /// Why that could not be; the state may be anything then.
+    fn flows(
+        &mut self,
+        flows: &[Flow],
+        t: f64,
+        h: f64,
+        state: &mut Self::State,
+    ) -> Result<(), Trouble> {
+        for flow in flows {
+            let now = flow.at(t, h);
+            self.flow(now.part, now.is_adjoint, now.t, now.h, state)?;
+        }
+        Ok(())
+    }
+
     /// Refuses a state that is not finite.
     ///
     /// Asked after each step where copies are kept, otherwise now and then, and always before a state is
@@ -262,14 +280,16 @@ impl<P: Parts> Composed<P> {
         let Self { parts, program, .. } = self;
         let last = program.len() - usize::from(self.is_cyclic);
         let mut held = self.held.take();
-        for flow in &program[..last] {
-            let mut now = flow.at(t, h);
-            if let Some(before) = held.take() {
-                now = before.joined(now);
-            }
-            self.flows += 1;
+        let mut first = 0;
+        if last > 0
+            && let Some(before) = held.take()
+        {
+            let now = before.joined(program[0].at(t, h));
             parts.flow(now.part, now.is_adjoint, now.t, now.h, state)?;
+            first = 1;
         }
+        parts.flows(&program[first..last], t, h, state)?;
+        self.flows += last;
         if self.is_cyclic {
             let now = program[last].at(t, h);
             // a program of one flow has nothing to do before

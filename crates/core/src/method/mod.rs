@@ -5,6 +5,8 @@ pub mod composition;
 pub mod spark;
 pub mod volume;
 
+pub use composition::{Composed, Flow, Parts};
+
 use crate::trouble::Trouble;
 
 /// What a stepper has done so far.
@@ -20,6 +22,20 @@ pub struct Stats {
     pub newton_steps: usize,
     /// Steps whose extrapolated start failed, so that a cold one was made.
     pub cold_starts: usize,
+}
+
+impl std::ops::Add for Stats {
+    type Output = Self;
+
+    fn add(self, other: Self) -> Self {
+        Self {
+            iterations: self.iterations + other.iterations,
+            evaluations: self.evaluations + other.evaluations,
+            factorizations: self.factorizations + other.factorizations,
+            newton_steps: self.newton_steps + other.newton_steps,
+            cold_starts: self.cold_starts + other.cold_starts,
+        }
+    }
 }
 
 /// A method at work on a problem.

@@ -7,10 +7,11 @@ use crate::trouble::Trouble;
 
 /// Turns a state into the numbers a run keeps of it.
 pub trait Observe<State>: Send {
-    /// How many numbers it appends for a state like this.
+    /// How many numbers a row has for a state like this.
     fn width(&self, state: &State) -> usize;
 
-    /// Appends the row of `state` at time `t`, or nothing.
+    /// Appends the row of `state` at time `t`: most append one, some as many as have come since the last
+    /// state. On failure, nothing.
     ///
     /// # Errors
     /// A quantity that is not finite, or multipliers that cannot be solved for.

@@ -30,15 +30,19 @@ pub enum Status {
 /// A run of any stepper, independent of its type.
 pub trait Advance: Send {
     /// Makes steps for about this long, or until the end.
-    fn advance(&mut self, budget: Duration) -> Status;
+    fn advance(&mut self, budget: Duration) -> Status {
+        self.advance_to(usize::MAX, budget)
+    }
+    /// Makes steps for about this long, or until so many are made in all, or until the end.
+    fn advance_to(&mut self, steps: usize, budget: Duration) -> Status;
     /// Number of steps made.
     fn done(&self) -> usize;
     /// The time they lead to.
     fn time(&self) -> f64;
     /// What the stepper has done, and how many of its steps were thrown away.
     fn stats(&self) -> (Stats, usize);
-    /// Times of the records, and their rows one after another, the present state last. The run is
-    /// over and keeps none.
+    /// Times of the records, one a row, and the rows one after another, the present state last. The
+    /// run is over and keeps none.
     fn take(&mut self) -> (Vec<f64>, Vec<f64>);
 }
 
@@ -64,17 +68,15 @@ impl<S: Stepper, O: Observe<S::State>, P: Pace<S>> Run<S, O, P> {
     /// The start cannot be recorded.
     pub fn new(
         stepper: S,
-        mut observer: O,
+        observer: O,
         state: S::State,
         pace: P,
         every: usize,
         expected: usize,
     ) -> Result<Self, Trouble> {
-        let mut times = Vec::with_capacity(expected.min(1 << 20));
-        let mut rows = Vec::with_capacity((expected * observer.width(&state)).min(1 << 24));
-        observer.observe(pace.time(), &state, &mut rows)?;
-        times.push(pace.time());
-        Ok(Self {
+        let times = Vec::with_capacity(expected.min(1 << 20));
+        let rows = Vec::with_capacity((expected * observer.width(&state)).min(1 << 24));
+        let mut run = Self {
             stepper,
             observer,
             state,
@@ -84,7 +86,9 @@ impl<S: Stepper, O: Observe<S::State>, P: Pace<S>> Run<S, O, P> {
             is_recordable: true,
             times,
             rows,
-        })
+        };
+        run.record()?;
+        Ok(run)
     }
 
     fn step(&mut self) -> Result<(), Trouble> {
@@ -106,8 +110,14 @@ impl<S: Stepper, O: Observe<S::State>, P: Pace<S>> Run<S, O, P> {
     fn record(&mut self) -> Result<(), Trouble> {
         self.stepper.settle(&mut self.state)?;
         let t = self.pace.time();
+        let before = self.rows.len();
         self.observer.observe(t, &self.state, &mut self.rows)?;
-        self.times.push(t);
+        // some observers have several rows for a state, or none
+        let rows = match self.observer.width(&self.state) {
+            0 => 1,
+            width => (self.rows.len() - before) / width,
+        };
+        self.times.extend(std::iter::repeat_n(t, rows));
         Ok(())
     }
 }
@@ -116,11 +126,14 @@ impl<S: Stepper, O: Observe<S::State>, P: Pace<S>> Advance for Run<S, O, P>
 where
     S::State: Send,
 {
-    fn advance(&mut self, budget: Duration) -> Status {
+    fn advance_to(&mut self, steps: usize, budget: Duration) -> Status {
         let start = Instant::now();
         let mut batch = 1_usize;
         while !self.pace.is_over() {
             for _ in 0..batch {
+                if self.n >= steps {
+                    return Status::Paused;
+                }
                 let (n, t) = (self.n, self.pace.time());
                 if let Err(trouble) = self.step() {
                     return Status::Failed { n, t, trouble };

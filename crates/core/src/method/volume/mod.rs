@@ -3,8 +3,10 @@
 //! Source: quispel1995, mclachlan2002.
 
 mod observe;
+mod section;
 
 pub use observe::{Observer, Seen};
+pub use section::{Direction, Plane, Section};
 
 use crate::problem::polynomial::{Piece, Polynomials, Split, Wave};
 use crate::real::Scalar;

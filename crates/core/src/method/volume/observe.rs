@@ -16,7 +16,29 @@ pub struct Seen {
 }
 
 impl Seen {
-    fn write(&self, y: &[f64], x: &mut [f64]) {
+    /// A normal of what is seen as one of what is stepped: where it is not zero, and its values there.
+    ///
+    /// # Panics
+    /// When it is not of the size of what is seen.
+    pub(super) fn stepped(&self, normal: &[f64], n: usize) -> Vec<(usize, f64)> {
+        assert_eq!(normal.len(), self.n, "size of a normal");
+        let stepped: Vec<f64> = match &self.basis {
+            None => normal.to_vec(),
+            Some(basis) => (0..n)
+                .map(|j| {
+                    normal
+                        .iter()
+                        .zip(basis.chunks(n))
+                        .map(|(a, row)| a * row[j])
+                        .sum()
+                })
+                .collect(),
+        };
+        let entries = stepped.into_iter().enumerate();
+        entries.filter(|(_, a)| *a != 0.0).collect()
+    }
+
+    pub(super) fn write(&self, y: &[f64], x: &mut [f64]) {
         match &self.basis {
             None => x.copy_from_slice(&y[..self.n]),
             Some(basis) => {
