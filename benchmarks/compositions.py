@@ -21,14 +21,14 @@ from liouville.methods.composition import SCHEMES
 PROBLEMS = {
     "bajer_moffatt": 2.0,
     "hill_vortex": 4.0,
-    "rigid_body": 10.0,
-    "volterra": 5.0,
-    "toda": 5.0,
+    "euler_top": 10.0,
+    "volterra_lattice": 5.0,
+    "toda_lattice": 5.0,
     "lorenz96": 2.0,
     "euler2d": 2.0,
     "sabra": 1.0,
     "maxwell_bloch": 5.0,
-    "charged_particle": 5.0,
+    "cubic_charge": 5.0,
     "abc_flow": 5.0,
 }
 LEVELS = (1e-4, 1e-6, 1e-9, 1e-12)

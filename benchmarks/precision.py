@@ -33,7 +33,7 @@ class Entry:
         }
 
 
-def race(entries, errors, rounds=5, longest=20.0):
+def race(entries, errors, rounds=5, longest=6.0):
     """Run each entry once for warmth and its errors, then all in turn.
 
     An entry that fails has its trouble written down; one that would take longer than ``longest``
