@@ -14,6 +14,7 @@
 //! 6. `run`
 //! 7. `ensemble`
 
+pub mod elementary;
 pub mod ensemble;
 pub mod linalg;
 pub mod method;
@@ -24,3 +25,4 @@ pub mod run;
 pub mod tableau;
 pub mod tape;
 pub mod trouble;
+pub mod vector;

@@ -2,24 +2,13 @@
 //!
 //! Lanes advance in lock-step: an operation on `Lanes` is the same operation on each `f64`, so a
 //! lane's result has the same bits as the scalar one. Plain arrays are enough for the compiler to
-//! use whatever vector width the target has. What needs derivatives too is generic over [`Scalar`]
-//! alone, which dual numbers are as well.
+//! use whatever vector width the target has.
 #![allow(clippy::inline_always)] // an operation on lanes must vanish into the loop around it
 
 use std::ops::{Add, Div, Mul, Neg, Sub};
 
-/// What the arithmetic of a step is done in.
-pub trait Scalar:
-    Copy
-    + Send
-    + Sync
-    + 'static
-    + Add<Output = Self>
-    + Sub<Output = Self>
-    + Mul<Output = Self>
-    + Div<Output = Self>
-    + Neg<Output = Self>
-{
+/// What a state is made of: a number, or the same number of several trajectories.
+pub trait Scalar: Copy + Send + Sync + 'static {
     /// How many trajectories advance in lock-step.
     const MEMBERS: usize;
 
@@ -29,30 +18,17 @@ pub trait Scalar:
     fn member(&self, member: usize) -> f64;
     /// Sets the value of one member.
     fn set_member(&mut self, member: usize, value: f64);
-    /// This times a constant.
-    #[must_use]
-    fn scaled(self, factor: f64) -> Self;
-    /// e^x
-    #[must_use]
-    fn exp(self) -> Self;
-    /// e^x - 1
-    #[must_use]
-    fn exp_m1(self) -> Self;
-    /// ln(1 + x)
-    #[must_use]
-    fn ln_1p(self) -> Self;
-    /// sin x
-    #[must_use]
-    fn sin(self) -> Self;
-    /// cos x
-    #[must_use]
-    fn cos(self) -> Self;
-    /// Whether the test holds for the value of any member.
-    fn any(self, test: impl Fn(f64) -> bool) -> bool;
 }
 
 /// A real number, or several in lock-step.
-pub trait Real: Scalar {
+pub trait Real:
+    Scalar
+    + Add<Output = Self>
+    + Sub<Output = Self>
+    + Mul<Output = Self>
+    + Div<Output = Self>
+    + Neg<Output = Self>
+{
     /// Applies a scalar function lane by lane.
     #[must_use]
     fn map(self, f: impl Fn(f64) -> f64) -> Self;
@@ -75,34 +51,6 @@ impl Scalar for f64 {
     #[inline(always)]
     fn set_member(&mut self, _: usize, value: f64) {
         *self = value;
-    }
-    #[inline(always)]
-    fn scaled(self, factor: f64) -> Self {
-        self * factor
-    }
-    #[inline(always)]
-    fn exp(self) -> Self {
-        f64::exp(self)
-    }
-    #[inline(always)]
-    fn exp_m1(self) -> Self {
-        f64::exp_m1(self)
-    }
-    #[inline(always)]
-    fn ln_1p(self) -> Self {
-        f64::ln_1p(self)
-    }
-    #[inline(always)]
-    fn sin(self) -> Self {
-        f64::sin(self)
-    }
-    #[inline(always)]
-    fn cos(self) -> Self {
-        f64::cos(self)
-    }
-    #[inline(always)]
-    fn any(self, test: impl Fn(f64) -> bool) -> bool {
-        test(self)
     }
 }
 
@@ -139,34 +87,6 @@ impl<const W: usize> Scalar for Lanes<W> {
     #[inline(always)]
     fn set_member(&mut self, member: usize, value: f64) {
         self.0[member] = value;
-    }
-    #[inline(always)]
-    fn scaled(self, factor: f64) -> Self {
-        self.map(|a| a * factor)
-    }
-    #[inline(always)]
-    fn exp(self) -> Self {
-        self.map(Scalar::exp)
-    }
-    #[inline(always)]
-    fn exp_m1(self) -> Self {
-        self.map(Scalar::exp_m1)
-    }
-    #[inline(always)]
-    fn ln_1p(self) -> Self {
-        self.map(Scalar::ln_1p)
-    }
-    #[inline(always)]
-    fn sin(self) -> Self {
-        self.map(Scalar::sin)
-    }
-    #[inline(always)]
-    fn cos(self) -> Self {
-        self.map(Scalar::cos)
-    }
-    #[inline(always)]
-    fn any(self, test: impl Fn(f64) -> bool) -> bool {
-        self.0.iter().fold(false, |any, x| any | test(*x))
     }
 }
 

@@ -1,22 +1,40 @@
 //! Volume-preserving steps of split polynomial fields: the flow of each piece, with det = 1.
 //!
-//! Source: quispel1995, mclachlan2002.
+//! The pieces' own formulas stand in [`crate::problem::polynomial`] and in the files of this folder; all
+//! are explicit. They are compiled once to short programs ([`code`]), which run over registers of
+//! whatever is stored: trajectories in lock-step, or neighbouring variables of one large state. A
+//! trajectory has the same bits alone, in lock-step, and on any machine.
+//! Source: mclachlan2008, xue2013.
 
+mod affine;
+mod code;
+mod exponential;
+mod kernel;
+mod motion;
 mod observe;
+mod order;
+mod rows;
 mod section;
+mod stages;
+mod triangular;
 
 pub use observe::{Observer, Seen};
 pub use section::{Direction, Plane, Section};
 
-use crate::problem::polynomial::{Piece, Polynomials, Split, Wave};
-use crate::real::Scalar;
+use super::{Flow, Parts};
+use crate::problem::polynomial::{Piece, Split};
 use crate::trouble::Trouble;
+use crate::vector::{Kernel, Machine, Stored, Visit, Window, Windows};
+use kernel::{Flows, Scratch};
+use motion::{Layout, Motion};
+use order::Order;
+use rows::Rows;
 use std::sync::Arc;
 
 /// Where the variables are.
 #[derive(Clone, Debug, PartialEq)]
 pub struct State<S> {
-    /// The variables, in the order of the stepper.
+    /// The variables in the order of the stepper, and room for waves.
     x: Vec<S>,
     /// What they have lost to rounding, where that is kept.
     low: Vec<S>,
@@ -26,25 +44,83 @@ pub struct State<S> {
 #[derive(Clone, Debug)]
 pub struct Volume<S> {
     split: Arc<Split>,
+    plan: Arc<Plan>,
+    machine: Machine,
     is_compensated: bool,
-    /// What is about to be added to the variables of a piece.
-    change: Vec<S>,
+    scratch: Scratch<S>,
+    /// The changes of affine flows by length and part, the oldest first.
+    affine: Vec<(u64, usize, Rows)>,
     kept: Option<State<S>>,
+}
+
+/// A split, compiled.
+#[derive(Debug)]
+struct Plan {
+    order: Order,
+    motions: Vec<Motion>,
+    /// How many waves a piece has at most.
+    waves: usize,
 }
 
 /// States above this size are not copied before each step.
 const LARGEST_KEPT: usize = 1 << 14;
+/// Affine flows of so many lengths are remembered.
+const MOST_AFFINE: usize = 256;
 
-impl<S: Scalar> Volume<S> {
+impl<S: Stored> Volume<S> {
     /// The flows of the pieces of `split`, with or without compensated sums.
     pub fn new(split: Arc<Split>, is_compensated: bool) -> Self {
-        let change = vec![S::splat(0.0); split.n()];
+        let order = Order::new(&split);
+        let layout = Layout {
+            split: &split,
+            order: &order,
+            in_runs: S::MEMBERS == 1,
+        };
+        let motions: Vec<Motion> = split
+            .pieces()
+            .iter()
+            .map(|piece| layout.motion(piece))
+            .collect();
+        let waves = split.pieces().iter().map(|piece| match piece {
+            Piece::Natural { waves, .. } | Piece::Shear { waves, .. } => waves.len(),
+            _ => 0,
+        });
+        let waves = waves.max().unwrap_or(0);
+        let n = split.n();
+        let zeros = |n: usize| vec![S::splat(0.0); n];
+        let stages = motions.iter().map(|motion| match motion {
+            Motion::Triangular(piece) if !piece.is_euler() => piece.stages,
+            _ => 0,
+        });
+        let stages = stages.max().unwrap_or(0);
+        let has_affine = motions
+            .iter()
+            .any(|motion| matches!(motion, Motion::Affine(_)));
+        let scratch = Scratch {
+            change: zeros(if has_affine { n } else { 0 }),
+            stages: (0..stages).map(|_| [zeros(n + waves), zeros(n)]).collect(),
+        };
+        let plan = Arc::new(Plan {
+            order,
+            motions,
+            waves,
+        });
         Self {
             split,
+            plan,
+            machine: Machine::default(),
             is_compensated,
-            change,
+            scratch,
+            affine: Vec::new(),
             kept: None,
         }
+    }
+
+    /// The same with another instruction set, which gives the same bits.
+    #[must_use]
+    pub fn on(mut self, machine: Machine) -> Self {
+        self.machine = machine;
+        self
     }
 
     /// What is split.
@@ -57,10 +133,14 @@ impl<S: Scalar> Volume<S> {
     /// # Panics
     /// When there are not as many as variables.
     pub fn state(&self, x: &[S]) -> State<S> {
-        assert_eq!(x.len(), self.split.n(), "size of a state");
-        let low = if self.is_compensated { x.len() } else { 0 };
+        let n = self.split.n();
+        assert_eq!(x.len(), n, "size of a state");
+        let order = &self.plan.order;
+        let values = (0..n).map(|place| x[order.variable_at(place)]);
+        let room = std::iter::repeat_n(S::splat(0.0), self.plan.waves);
+        let low = if self.is_compensated { n } else { 0 };
         State {
-            x: x.to_vec(),
+            x: values.chain(room).collect(),
             low: vec![S::splat(0.0); low],
         }
     }
@@ -70,104 +150,98 @@ impl<S: Scalar> Volume<S> {
     /// # Panics
     /// When there are not as many places as variables.
     pub fn values(&self, state: &State<S>, x: &mut [S]) {
-        x.copy_from_slice(&state.x);
+        assert_eq!(x.len(), self.split.n(), "size of a state");
+        for (variable, x) in x.iter_mut().enumerate() {
+            *x = state.x[self.plan.order.place_of(variable)];
+        }
     }
 
-    /// Number of pieces.
-    pub fn count(&self) -> usize {
-        self.split.pieces().len()
+    /// Makes the affine flows among these known.
+    fn prepare(&mut self, flows: &[Flow], h: f64) {
+        for flow in flows {
+            if let Motion::Affine(affine) = &self.plan.motions[flow.part] {
+                let h = flow.weight * h;
+                let bits = h.to_bits();
+                let is_known =
+                    |(known, part, _): &(u64, usize, Rows)| *known == bits && *part == flow.part;
+                if !self.affine.iter().any(is_known) {
+                    if self.affine.len() == MOST_AFFINE {
+                        self.affine.remove(0);
+                    }
+                    self.affine.push((bits, flow.part, affine.change(h)));
+                }
+            }
+        }
+    }
+}
+
+impl<S: Stored> Parts for Volume<S> {
+    type State = State<S>;
+
+    fn count(&self) -> usize {
+        self.plan.motions.len()
     }
 
-    /// Whether the flow of a piece is exact.
-    pub fn is_exact(&self, part: usize) -> bool {
-        !matches!(self.split.pieces()[part], Piece::Triangular { .. })
+    fn is_exact(&self, part: usize) -> bool {
+        !matches!(self.plan.motions[part], Motion::Triangular(_))
     }
 
-    /// Moves `state` along a piece, or by the adjoint of its method.
-    ///
-    /// # Errors
-    /// An exponential piece has no flow as long as this.
-    pub fn flow(
+    fn flow(
         &mut self,
         part: usize,
-        _is_adjoint: bool,
+        is_adjoint: bool,
         t: f64,
         h: f64,
         state: &mut State<S>,
     ) -> Result<(), Trouble> {
-        let split = Arc::clone(&self.split);
-        match &split.pieces()[part] {
-            Piece::Natural {
-                rows,
-                change,
-                waves,
-            } => {
-                for row in 0..rows.len() {
-                    self.change[row] = value(change, row, waves, &state.x);
-                }
-                for (&row, &change) in rows.iter().zip(&self.change) {
-                    state.x[row] = state.x[row] + change.scaled(h);
-                }
-            }
-            Piece::Exponential {
-                rows,
-                rates,
-                monomial,
-            } => {
-                let m = monomial
-                    .iter()
-                    .fold(S::splat(1.0), |m, place| m * state.x[*place]);
-                let power = |row: &usize| monomial.iter().filter(|place| *place == row).count();
-                let alpha: f64 = rows
-                    .iter()
-                    .zip(rates)
-                    .map(|(row, rate)| rate * power(row) as f64)
-                    .sum();
-                let z = m.scaled(alpha * h);
-                #[allow(clippy::neg_cmp_op_on_partial_ord)] // NaN is refused too
-                if z.any(|z| !(z < 1.0)) {
-                    return Err(Trouble::Singular {
-                        piece: part,
-                        member: 0,
-                        t,
-                    });
-                }
-                let time = if alpha == 0.0 {
-                    m.scaled(h)
-                } else {
-                    (-z).ln_1p().scaled(-1.0 / alpha)
-                };
-                for (&row, &rate) in rows.iter().zip(rates) {
-                    state.x[row] = state.x[row] * time.scaled(rate).exp();
-                }
-            }
-            _ => todo!("the kernels"),
-        }
-        Ok(())
+        let flow = Flow {
+            part,
+            is_adjoint,
+            weight: 1.0,
+            offset: 0.0,
+        };
+        self.flows(&[flow], t, h, state)
     }
 
-    /// Refuses a state that is not finite.
-    ///
-    /// # Errors
-    /// The first variable that is not finite, and in which trajectory.
-    pub fn check(&self, t: f64, state: &State<S>) -> Result<(), Trouble> {
-        let is_bad = |x: f64| !x.is_finite();
-        match state.x.iter().position(|x| x.any(is_bad)) {
-            None => Ok(()),
-            Some(index) => {
-                let mut members = 0..S::MEMBERS;
-                let member = members.find(|member| is_bad(state.x[index].member(*member)));
-                Err(Trouble::Overflow {
-                    index,
-                    member: member.unwrap_or(0),
-                    t,
-                })
-            }
-        }
+    fn flows(
+        &mut self,
+        flows: &[Flow],
+        t: f64,
+        h: f64,
+        state: &mut State<S>,
+    ) -> Result<(), Trouble> {
+        self.prepare(flows, h);
+        let kernel = Flows {
+            motions: &self.plan.motions,
+            affine: &self.affine,
+            flows,
+            t,
+            h,
+            state,
+            scratch: &mut self.scratch,
+        };
+        S::run(self.machine, kernel)
     }
 
-    /// Keeps a copy of the state, or says that it is too large for that.
-    pub fn keep(&mut self, state: &State<S>) -> bool {
+    fn check(&self, t: f64, state: &State<S>) -> Result<(), Trouble> {
+        let n = self.split.n();
+        let x = &state.x[..n];
+        if S::run(self.machine, IsFinite { x }) {
+            return Ok(());
+        }
+        // in the order of the split, so that all ways to store a state name the same variable
+        let members = 0..S::MEMBERS;
+        let bad = members.flat_map(|member| (0..n).map(move |index| (member, index)));
+        let is_bad = |(member, index): &(usize, usize)| {
+            !x[self.plan.order.place_of(*index)]
+                .member(*member)
+                .is_finite()
+        };
+        let (member, index) = bad.into_iter().find(is_bad).unwrap_or((0, 0));
+        Err(Trouble::Overflow { index, member, t })
+    }
+
+    fn keep(&mut self, state: &State<S>) -> bool {
         if state.x.len() > LARGEST_KEPT {
             return false;
         }
@@ -178,32 +252,31 @@ impl<S: Scalar> Volume<S> {
         true
     }
 
-    /// Puts back what was kept last.
-    pub fn restore(&mut self, state: &mut State<S>) {
+    fn restore(&mut self, state: &mut State<S>) {
         if let Some(kept) = &self.kept {
             state.clone_from(kept);
         }
     }
 }
 
-/// The value of a polynomial, term by term.
-fn value<S: Scalar>(polynomials: &Polynomials, row: usize, waves: &[Wave], x: &[S]) -> S {
-    let factor = |factor: &u32| match waves.get((*factor as usize).wrapping_sub(x.len())) {
-        None => x[*factor as usize],
-        Some(wave) => {
-            let places = wave.places.iter().zip(&wave.k);
-            let start = S::splat(wave.phase);
-            places
-                .fold(start, |sum, (place, k)| sum + x[*place].scaled(*k))
-                .cos()
-        }
-    };
-    polynomials
-        .row(row)
-        .fold(S::splat(0.0), |sum, (coefficient, factors)| {
-            let start = S::splat(coefficient);
-            sum + factors
-                .iter()
-                .fold(start, |term, index| term * factor(index))
-        })
+/// Whether all numbers are finite.
+struct IsFinite<'a, S> {
+    x: &'a [S],
+}
+
+impl<S> Visit<S> for IsFinite<'_, S> {
+    #[inline(always)]
+    fn visit<W: Window<Stored = S>>(&mut self, window: W) -> bool {
+        use crate::vector::Number;
+        window.load(self.x, 0).is_finite()
+    }
+}
+
+impl<S> Kernel<S> for IsFinite<'_, S> {
+    type Output = bool;
+
+    #[inline(always)]
+    fn run<W: Windows<Stored = S>>(mut self, windows: W) -> bool {
+        windows.each(self.x.len(), &mut self)
+    }
 }

@@ -2,9 +2,9 @@
 
 use super::{State, Volume};
 use crate::problem::Observe;
-use crate::real::Scalar;
 use crate::tape::{Registers, Tape};
 use crate::trouble::{Quantity, Trouble};
+use crate::vector::Stored;
 
 /// Variables that the user sees: all of a split, or the first of them, in coordinates of their own.
 #[derive(Clone, Debug)]
@@ -65,7 +65,7 @@ pub struct Observer<S> {
     x: Vec<f64>,
 }
 
-impl<S: Scalar> Observer<S> {
+impl<S: Stored> Observer<S> {
     /// An observer of the first `members` trajectories that `volume` steps.
     ///
     /// # Panics
@@ -117,7 +117,7 @@ impl<S: Scalar> Observer<S> {
     }
 }
 
-impl<S: Scalar> Observe<State<S>> for Observer<S> {
+impl<S: Stored> Observe<State<S>> for Observer<S> {
     fn width(&self, _: &State<S>) -> usize {
         let states = if self.states { self.seen.n } else { 0 };
         self.members * (states + self.tape.outputs())

@@ -10,8 +10,8 @@
 use super::{Seen, State, Volume};
 use crate::method::Stepper;
 use crate::problem::Observe;
-use crate::real::Scalar;
 use crate::trouble::Trouble;
+use crate::vector::Stored;
 
 /// Which way a plane is passed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -85,7 +85,7 @@ struct Passage<M> {
     x: Vec<f64>,
 }
 
-impl<S: Scalar, M: Stepper<State = State<f64>>> Section<S, M> {
+impl<S: Stored, M: Stepper<State = State<f64>>> Section<S, M> {
     /// Sections of the first `members` trajectories that `volume` steps, which are numbered from `first`
     /// on. `stepper` makes the same steps for one trajectory, a state of `single`.
     ///
@@ -188,10 +188,10 @@ impl<M: Stepper<State = State<f64>>> Passage<M> {
 }
 
 /// s for the variables that are stepped.
-fn height<S: Scalar>(normal: &[(usize, f64)], offset: f64, y: &[S]) -> S {
+fn height<S: Stored>(normal: &[(usize, f64)], offset: f64, y: &[S]) -> S {
     normal
         .iter()
-        .fold(S::splat(-offset), |sum, (i, a)| sum + y[*i].scaled(*a))
+        .fold(S::splat(-offset), |sum, (i, a)| sum + y[*i] * S::splat(*a))
 }
 
 /// Where in the bracket to look next, with so many halvings to go: the secant's zero, moved towards the
@@ -214,7 +214,7 @@ fn estimate((a, b): (f64, f64), (s_a, s_b): (f64, f64), halvings: i32) -> f64 {
     }
 }
 
-impl<S: Scalar, M: Stepper<State = State<f64>>> Observe<State<S>> for Section<S, M> {
+impl<S: Stored, M: Stepper<State = State<f64>>> Observe<State<S>> for Section<S, M> {
     fn width(&self, _: &State<S>) -> usize {
         2 + self.passage.x.len()
     }

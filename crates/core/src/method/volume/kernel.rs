@@ -1,0 +1,376 @@
+//! The flows, over whatever the state is stored in.
+#![allow(clippy::inline_always)] // all of a kernel is compiled for one instruction set
+
+use super::State;
+use super::code::{Code, evaluate};
+use super::exponential::Exponential;
+use super::motion::Motion;
+use super::rows::Rows;
+use super::stages::{runge_kutta, substitute};
+use crate::method::Flow;
+use crate::trouble::Trouble;
+use crate::vector::{Kernel, Number, Visit, Window, Windows};
+
+/// What flows work in beside the state.
+#[derive(Clone, Debug)]
+pub(super) struct Scratch<S> {
+    /// What is about to be added.
+    pub(super) change: Vec<S>,
+    /// Z_r of each stage, and its K_r.
+    pub(super) stages: Vec<[Vec<S>; 2]>,
+}
+
+/// Flows to be made one after another.
+pub(super) struct Flows<'a, S> {
+    pub(super) motions: &'a [Motion],
+    /// The change of each affine flow, in the order they come.
+    pub(super) affine: &'a [(u64, usize, Rows)],
+    pub(super) flows: &'a [Flow],
+    pub(super) t: f64,
+    pub(super) h: f64,
+    pub(super) state: &'a mut State<S>,
+    pub(super) scratch: &'a mut Scratch<S>,
+}
+
+impl<S: Copy> Kernel<S> for Flows<'_, S> {
+    type Output = Result<(), Trouble>;
+
+    #[inline(always)]
+    fn run<W: Windows<Stored = S>>(self, windows: W) -> Result<(), Trouble> {
+        let Self { state, scratch, .. } = self;
+        for flow in self.flows {
+            let h = flow.weight * self.h;
+            match &self.motions[flow.part] {
+                Motion::Natural { rows, waves } => {
+                    set_waves(windows, waves, state);
+                    add_rows(windows, rows, h, state);
+                }
+                Motion::Shear {
+                    change,
+                    waves,
+                    places,
+                } => {
+                    set_waves(windows, waves, state);
+                    shear(windows, change, places, h, state);
+                }
+                Motion::Scaling { rows } => scale_rows(windows, rows, h, state),
+                Motion::Exponential(piece) => {
+                    exponential(windows, piece, h, state).map_err(|member| Trouble::Singular {
+                        piece: flow.part,
+                        member,
+                        t: self.t + flow.offset * self.h,
+                    })?;
+                }
+                Motion::Triangular(piece) if piece.is_euler() => {
+                    if flow.is_adjoint {
+                        for level in &piece.levels {
+                            add_rows(windows, level, h, state);
+                        }
+                    } else {
+                        for level in piece.levels.iter().rev() {
+                            add_rows(windows, level, h, state);
+                        }
+                    }
+                }
+                Motion::Triangular(piece) => {
+                    if flow.is_adjoint {
+                        substitute(windows, piece, h, state, scratch);
+                    } else {
+                        runge_kutta(windows, piece, h, state, scratch);
+                    }
+                }
+                Motion::Affine(_) => {
+                    let made = |entry: &&(u64, usize, Rows)| {
+                        entry.0 == h.to_bits() && entry.1 == flow.part
+                    };
+                    if let Some((.., rows)) = self.affine.iter().find(made) {
+                        affine(windows, rows, state, scratch);
+                    }
+                }
+            }
+        }
+        Ok(())
+    }
+}
+
+/// Adds to what a window sees, with what was lost to rounding before where that is kept.
+#[inline(always)]
+pub(super) fn add<W: Window>(
+    window: W,
+    state: &mut State<W::Stored>,
+    place: usize,
+    change: W::Number,
+) {
+    let x = window.load(&state.x, place);
+    if state.low.is_empty() {
+        window.store(&mut state.x, place, x + change);
+        return;
+    }
+    let change = change + window.load(&state.low, place);
+    let sum = x + change;
+    let back = sum - x;
+    let lost = (x - (sum - back)) + (change - back);
+    window.store(&mut state.x, place, sum);
+    window.store(&mut state.low, place, lost);
+}
+
+/// Multiplies what a window sees by e^exponent.
+#[inline(always)]
+fn multiply<W: Window>(window: W, state: &mut State<W::Stored>, place: usize, exponent: W::Number) {
+    let x = window.load(&state.x, place);
+    if state.low.is_empty() {
+        window.store(&mut state.x, place, x * exponent.exp());
+    } else {
+        add(window, state, place, x * exponent.exp_m1());
+    }
+}
+
+/// The value of a row for what a window sees.
+#[inline(always)]
+pub(super) fn value<W: Window>(window: W, program: &[Code], x: &[W::Stored]) -> W::Number {
+    let zero = window.constant(0.0);
+    evaluate(program, zero, |place| window.load(x, place))
+}
+
+struct AddRow<'a, S> {
+    program: &'a [Code],
+    place: usize,
+    h: f64,
+    state: &'a mut State<S>,
+}
+
+impl<S> Visit<S> for AddRow<'_, S> {
+    #[inline(always)]
+    fn visit<W: Window<Stored = S>>(&mut self, window: W) -> bool {
+        let change = value(window, self.program, &self.state.x).scaled(self.h);
+        add(window, self.state, self.place, change);
+        true
+    }
+}
+
+#[inline(always)]
+fn add_rows<W: Windows>(windows: W, rows: &Rows, h: f64, state: &mut State<W::Stored>) {
+    for (run, program) in rows.iter() {
+        let place = run.place;
+        let mut row = AddRow {
+            program,
+            place,
+            h,
+            state: &mut *state,
+        };
+        windows.each(run.count, &mut row);
+    }
+}
+
+struct ScaleRow<'a, S> {
+    program: &'a [Code],
+    place: usize,
+    h: f64,
+    state: &'a mut State<S>,
+}
+
+impl<S> Visit<S> for ScaleRow<'_, S> {
+    #[inline(always)]
+    fn visit<W: Window<Stored = S>>(&mut self, window: W) -> bool {
+        let rate = value(window, self.program, &self.state.x);
+        multiply(window, self.state, self.place, rate.scaled(self.h));
+        true
+    }
+}
+
+#[inline(always)]
+fn scale_rows<W: Windows>(windows: W, rows: &Rows, h: f64, state: &mut State<W::Stored>) {
+    for (run, program) in rows.iter() {
+        let place = run.place;
+        let mut row = ScaleRow {
+            program,
+            place,
+            h,
+            state: &mut *state,
+        };
+        windows.each_small(run.count, &mut row);
+    }
+}
+
+/// A wave behind the variables.
+struct SetWave<'a, S> {
+    program: &'a [Code],
+    place: usize,
+    x: &'a mut [S],
+}
+
+impl<S> Visit<S> for SetWave<'_, S> {
+    #[inline(always)]
+    fn visit<W: Window<Stored = S>>(&mut self, window: W) -> bool {
+        let argument = value(window, self.program, self.x);
+        window.store(self.x, self.place, argument.cos());
+        true
+    }
+}
+
+#[inline(always)]
+fn set_waves<W: Windows>(windows: W, waves: &Rows, state: &mut State<W::Stored>) {
+    for (run, program) in waves.iter() {
+        let mut wave = SetWave {
+            program,
+            place: run.place,
+            x: &mut state.x,
+        };
+        windows.each_small(run.count, &mut wave);
+    }
+}
+
+struct ShearBy<'a, S> {
+    program: &'a [Code],
+    places: &'a [(u32, f64)],
+    h: f64,
+    state: &'a mut State<S>,
+}
+
+impl<S> Visit<S> for ShearBy<'_, S> {
+    #[inline(always)]
+    fn visit<W: Window<Stored = S>>(&mut self, window: W) -> bool {
+        let change = value(window, self.program, &self.state.x).scaled(self.h);
+        for &(place, direction) in self.places {
+            add(window, self.state, place as usize, change.scaled(direction));
+        }
+        true
+    }
+}
+
+#[inline(always)]
+fn shear<W: Windows>(
+    windows: W,
+    change: &Rows,
+    places: &[(u32, f64)],
+    h: f64,
+    state: &mut State<W::Stored>,
+) {
+    for (_, program) in change.iter() {
+        let mut shear = ShearBy {
+            program,
+            places,
+            h,
+            state: &mut *state,
+        };
+        windows.each(1, &mut shear);
+    }
+}
+
+struct Grow<'a, S> {
+    piece: &'a Exponential,
+    h: f64,
+    state: &'a mut State<S>,
+    /// The first trajectory of the part whose flow is too long.
+    failed: usize,
+}
+
+impl<S> Visit<S> for Grow<'_, S> {
+    #[inline(always)]
+    fn visit<W: Window<Stored = S>>(&mut self, window: W) -> bool {
+        let Exponential {
+            rates,
+            monomial,
+            alpha,
+        } = self.piece;
+        let one = window.constant(1.0);
+        let load = |place: &u32| window.load(&self.state.x, *place as usize);
+        let m = monomial.iter().fold(one, |m, place| m * load(place));
+        let time = if *alpha == 0.0 {
+            m.scaled(self.h)
+        } else {
+            let z = m.scaled(-alpha * self.h);
+            if !z.scaled(-1.0).is_below(1.0) {
+                self.failed = window.first();
+                return false;
+            }
+            z.ln_1p().scaled(-1.0 / alpha)
+        };
+        for &(place, rate) in rates {
+            multiply(window, self.state, place as usize, time.scaled(rate));
+        }
+        true
+    }
+}
+
+/// On failure the first trajectory whose flow may be too long.
+#[inline(always)]
+fn exponential<W: Windows>(
+    windows: W,
+    piece: &Exponential,
+    h: f64,
+    state: &mut State<W::Stored>,
+) -> Result<(), usize> {
+    let mut grow = Grow {
+        piece,
+        h,
+        state,
+        failed: 0,
+    };
+    if windows.each_small(1, &mut grow) {
+        Ok(())
+    } else {
+        Err(grow.failed)
+    }
+}
+
+/// out = row, or the change of the state where there is none.
+struct SetRow<'a, S> {
+    program: &'a [Code],
+    place: usize,
+    x: &'a [S],
+    out: &'a mut [S],
+}
+
+impl<S> Visit<S> for SetRow<'_, S> {
+    #[inline(always)]
+    fn visit<W: Window<Stored = S>>(&mut self, window: W) -> bool {
+        let value = value(window, self.program, self.x);
+        window.store(self.out, self.place, value);
+        true
+    }
+}
+
+#[inline(always)]
+pub(super) fn set_rows<W: Windows>(
+    windows: W,
+    rows: &Rows,
+    x: &[W::Stored],
+    out: &mut [W::Stored],
+) {
+    for (run, program) in rows.iter() {
+        let mut row = SetRow {
+            program,
+            place: run.place,
+            x,
+            out: &mut *out,
+        };
+        windows.each(run.count, &mut row);
+    }
+}
+
+/// x += change
+struct AddChange<'a, S> {
+    change: &'a [S],
+    state: &'a mut State<S>,
+}
+
+impl<S> Visit<S> for AddChange<'_, S> {
+    #[inline(always)]
+    fn visit<W: Window<Stored = S>>(&mut self, window: W) -> bool {
+        add(window, self.state, 0, window.load(self.change, 0));
+        true
+    }
+}
+
+#[inline(always)]
+fn affine<W: Windows>(
+    windows: W,
+    rows: &Rows,
+    state: &mut State<W::Stored>,
+    scratch: &mut Scratch<W::Stored>,
+) {
+    set_rows(windows, rows, &state.x, &mut scratch.change);
+    let change = scratch.change.as_slice();
+    windows.each(change.len(), &mut AddChange { change, state });
+}
