@@ -1,14 +1,13 @@
 //! Poincaré sections: points of the method, in the plane, at the times of the motion.
 
 use liouville_core::ensemble::{Ensemble, Layout};
-use liouville_core::method::Parts;
 use liouville_core::method::composition::Composed;
-use liouville_core::method::volume::{Direction, Plane, Section, Seen, State, Volume};
+use liouville_core::method::volume::{Direction, Plane, Section, Seen, Volume};
 use liouville_core::problem::polynomial::{Piece, Polynomials, Split};
-use liouville_core::real::{Lanes, Scalar};
+use liouville_core::real::{Lanes, Real, Scalar};
 use liouville_core::run::{Advance, Equal, Run, Status};
 use liouville_core::tableau::Scheme;
-use liouville_core::trouble::Trouble;
+use liouville_core::vector::Stored;
 use std::f64::consts::PI;
 use std::sync::Arc;
 use std::time::Duration;
@@ -57,44 +56,6 @@ fn plane(normal: &[f64], offset: f64, direction: Direction) -> Plane {
     }
 }
 
-/// The pieces' flows.
-struct Flows<S>(Volume<S>);
-
-impl<S: Scalar> Parts for Flows<S> {
-    type State = State<S>;
-
-    fn count(&self) -> usize {
-        self.0.count()
-    }
-
-    fn is_exact(&self, part: usize) -> bool {
-        self.0.is_exact(part)
-    }
-
-    fn flow(
-        &mut self,
-        part: usize,
-        is_adjoint: bool,
-        t: f64,
-        h: f64,
-        state: &mut State<S>,
-    ) -> Result<(), Trouble> {
-        self.0.flow(part, is_adjoint, t, h, state)
-    }
-
-    fn check(&self, t: f64, state: &State<S>) -> Result<(), Trouble> {
-        self.0.check(t, state)
-    }
-
-    fn keep(&mut self, state: &State<S>) -> bool {
-        self.0.keep(state)
-    }
-
-    fn restore(&mut self, state: &mut State<S>) {
-        self.0.restore(state);
-    }
-}
-
 /// What is stepped, by which scheme, and how it is seen.
 struct Motion {
     split: Arc<Split>,
@@ -113,10 +74,10 @@ fn motion(split: Arc<Split>, scheme: &'static str) -> Motion {
 /// Members numbered from `first` on, and their starts.
 type Starts<'a> = (usize, &'a [&'a [f64]]);
 
-type Sections<S> = Run<Composed<Flows<S>>, Section<S, Composed<Flows<f64>>>, Equal>;
+type Sections<S> = Run<Composed<Volume<S>>, Section<S, Composed<Volume<f64>>>, Equal>;
 
 /// Steps of `h` of so many members as a scalar has.
-fn run<S: Scalar>(
+fn run<S: Stored + Real>(
     motion: &Motion,
     plane: &Plane,
     (first, starts): Starts<'_>,
@@ -130,7 +91,7 @@ fn run<S: Scalar>(
         n: split.n(),
         basis: motion.basis.clone(),
     };
-    let stepper = Composed::new(Flows(single.clone()), scheme);
+    let stepper = Composed::new(single.clone(), scheme);
     let members = (first, starts.len());
     let section = Section::new(
         volume.clone(),
@@ -146,17 +107,9 @@ fn run<S: Scalar>(
             x.set_member(member, *value);
         }
     }
-    let state: State<S> = volume.state(&x);
+    let state = volume.state(&x);
     let pace = Equal::new(0.0, h, steps);
-    Run::new(
-        Composed::new(Flows(volume), scheme),
-        section,
-        state,
-        pace,
-        1,
-        0,
-    )
-    .expect("a start")
+    Run::new(Composed::new(volume, scheme), section, state, pace, 1, 0).expect("a start")
 }
 
 /// The passages (member, t, x) of trajectories stepped one by one.

@@ -10,6 +10,7 @@
 use super::{Seen, State, Volume};
 use crate::method::Stepper;
 use crate::problem::Observe;
+use crate::real::Real;
 use crate::trouble::Trouble;
 use crate::vector::Stored;
 
@@ -85,7 +86,7 @@ struct Passage<M> {
     x: Vec<f64>,
 }
 
-impl<S: Stored, M: Stepper<State = State<f64>>> Section<S, M> {
+impl<S: Stored + Real, M: Stepper<State = State<f64>>> Section<S, M> {
     /// Sections of the first `members` trajectories that `volume` steps, which are numbered from `first`
     /// on. `stepper` makes the same steps for one trajectory, a state of `single`.
     ///
@@ -188,7 +189,7 @@ impl<M: Stepper<State = State<f64>>> Passage<M> {
 }
 
 /// s for the variables that are stepped.
-fn height<S: Stored>(normal: &[(usize, f64)], offset: f64, y: &[S]) -> S {
+fn height<S: Real>(normal: &[(usize, f64)], offset: f64, y: &[S]) -> S {
     normal
         .iter()
         .fold(S::splat(-offset), |sum, (i, a)| sum + y[*i] * S::splat(*a))
@@ -214,7 +215,7 @@ fn estimate((a, b): (f64, f64), (s_a, s_b): (f64, f64), halvings: i32) -> f64 {
     }
 }
 
-impl<S: Stored, M: Stepper<State = State<f64>>> Observe<State<S>> for Section<S, M> {
+impl<S: Stored + Real, M: Stepper<State = State<f64>>> Observe<State<S>> for Section<S, M> {
     fn width(&self, _: &State<S>) -> usize {
         2 + self.passage.x.len()
     }
