@@ -9,8 +9,11 @@ A composition has order p if it equals exp(E_1) in all words of degree at most p
 of the word E_i E_j .. E_k of r letters in Phi_a is a^(i + j + .. + k) / r!.
 """
 
+from fractions import Fraction
+from functools import partial
 from math import factorial
 
+import plain_splitting as plain
 import pytest
 from mpmath import mp, mpf
 
@@ -103,3 +106,57 @@ def test_a_wrong_digit_is_seen():
     wrong = [(kind, alpha + (k in (0, 1)) * mpf(10) ** -36) for k, (kind, alpha) in
              enumerate(flows(SCHEMES["SS8s21"]))]  # fmt: skip
     assert max(residuals(wrong, 8)) > mpf(10) ** -37
+
+
+THIRD = [[0, 0, 0], [0.5, 0, 0], [-1, 2, 0]], [0.25, 0.5, 0.25]
+EXAMPLE = [
+    # x_0' = x_1 x_2 / 2 - 1/4
+    ("natural", [0], [0, 0], [0.5, -0.25], [[1, 2], [-1, -1]], []),
+    # (1, -1, 0) (x_0 + x_1)^2 / 4
+    ("shear", [0, 1], [1, -1], [0] * 3, [0.25, 0.5, 0.25], [[0, 0], [0, 1], [1, 1]], []),
+    ("scaling", [0, 1], [0, 1], [0.5, -0.5], [[2], [2]]),
+    # x_0' = 3/4 x_0^2, x_1' = -x_0 x_1, x_2' = -x_0 x_2 / 2: alpha = 3/4
+    ("exponential", [0, 1, 2], [0.75, -1, -0.5], [0]),
+    ("triangular", [2, 0, 1], [1, 2, 2], [0.5, 1, -0.75], [[2, 2], [0, 2], [0, 0]], *THIRD),
+    ("affine", [[0.25, 1, 0], [-1, -0.5, 0.5], [0, 0, 0.25]], [0, 0.125, 0]),
+]
+START = [Fraction(1, 5), Fraction(-1, 3), Fraction(2, 7)]
+
+
+def distance(x, y):
+    return max(abs(mpf(1) * a - b) for a, b in zip(x, y, strict=True))
+
+
+def test_plain_pieces_move_along_their_fields_and_keep_volume():
+    h = mpf(1) / 8
+    for piece in EXAMPLE:
+        wanted = plain.solution(plain.field([piece]), START, h, 2)
+        found = plain.flow(piece, False, START, h)
+        is_exact = piece[0] != "triangular"
+        assert (distance(found, wanted) < mpf(10) ** -40) == is_exact
+        assert distance(found, wanted) < h**3
+        for is_adjoint in (False, True):
+            move = partial(plain.flow, piece, is_adjoint, h=h)
+            assert abs(plain.determinant(move, START) - 1) < mpf(10) ** -18
+
+
+def test_the_plain_adjoint_undoes_the_step_of_minus_h():
+    rational = [piece for piece in EXAMPLE if piece[0] in ("natural", "shear", "triangular")]
+    h = Fraction(3, 8)
+    there = plain.basic(rational, False, START, -h)
+    assert plain.basic(rational, True, there, h) == START
+    assert plain.basic(rational, False, there, h) != START
+    there = plain.basic(EXAMPLE, False, START, -h)
+    assert distance(plain.basic(EXAMPLE, True, there, h), START) < mpf(10) ** -43
+
+
+@pytest.mark.parametrize("name", SCHEMES)
+def test_a_composition_has_its_order_in_many_digits(name):
+    scheme = SCHEMES[name]
+    pieces, start = plain.in_digits(EXAMPLE[1:5]), plain.in_digits(START)
+    wanted, maps = plain.solution(plain.field(pieces), start, mpf(1) / 4, 2), flows(scheme)
+    errors = [
+        distance(plain.walk(pieces, maps, start, mpf(1) / (4 * n), n), wanted) for n in (6, 12)
+    ]
+    assert abs(mp.log(errors[0] / errors[1], 2) - scheme["order"]) < 0.1
+    assert errors[1] > mpf(10) ** -38

@@ -27,8 +27,11 @@ PACKAGE_FLOORS = (
     ("_core", "errors"),
     ("_arguments", "tape", "terms"),
     ("methods", "systems"),
-    ("routes", "solution", "splitting"),
+    ("solution", "splitting"),
+    ("planner",),
+    ("routes",),
     ("integrate",),
+    ("determinant", "section"),
     ("convergence", "export", "fem", "plot", "problems"),
     ("cli",),
 )

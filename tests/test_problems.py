@@ -1,4 +1,4 @@
-"""Each mechanical problem of the library starts consistently, reaches its reference and keeps what it says."""
+"""Each mechanical problem starts consistently, reaches its reference and keeps what it says."""
 
 import json
 from pathlib import Path

@@ -15,11 +15,14 @@ __all__ = [
     "Rows",
     "Run",
     "SecondOrder",
+    "Split",
     "Tape",
     "compositions",
     "gauss_lobatto",
     "mechanical_run",
     "project",
+    "section_run",
+    "split_run",
 ]
 
 OPERATIONS: dict[str, int]
@@ -96,6 +99,33 @@ def mechanical_run(
     span: tuple[float, float, int, int],
     control: tuple[float, NDArray[np.float64], float, float] | None,
     states: bool,
+) -> Run | _Trouble: ...
+
+@final
+class Split:
+    def __new__(cls, n: int, pieces: Sequence[tuple[object, ...]]) -> Split: ...
+
+def split_run(
+    split: Split,
+    scheme: str,
+    observer: Tape,
+    params: NDArray[np.float64],
+    x: NDArray[np.float64],
+    seen: tuple[int, NDArray[np.float64] | None],
+    span: tuple[float, float, int, int],
+    options: tuple[bool, bool],
+    threads: int,
+    is_ensemble: bool,
+) -> Run | _Trouble: ...
+def section_run(
+    split: Split,
+    scheme: str,
+    x: NDArray[np.float64],
+    seen: tuple[int, NDArray[np.float64] | None],
+    plane: tuple[NDArray[np.float64], float, float | None, int],
+    span: tuple[float, float, int],
+    is_compensated: bool,
+    threads: int,
 ) -> Run | _Trouble: ...
 def project(
     tapes: tuple[Tape, Tape, Tape],

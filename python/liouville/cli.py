@@ -49,7 +49,7 @@ ROWS = 100
 DONE, FAILED, WRONG, INTERRUPTED = 0, 1, 2, 130
 
 app = typer.Typer(
-    help="Integrate mechanical systems and keep their structure.",
+    help="Integrate mechanical systems and polynomial fields, and keep their structure.",
     add_completion=False,
     pretty_exceptions_enable=False,
 )
@@ -118,7 +118,12 @@ def _plain(kind: Any) -> Any:
 Model = Annotated[
     str, typer.Argument(help="A problem's name, or MODEL.PY:SYSTEM.", show_default=False)
 ]
-Method = Annotated[str, typer.Option(help="One of 'liouville methods'.")]
+Method = Annotated[
+    str | None,
+    typer.Option(
+        help="One of 'liouville methods'.", show_default="spark, or volume-splitting of a field"
+    ),
+]
 Until = Annotated[float | None, typer.Option(help="End time.", show_default="the model's own")]
 
 
@@ -126,7 +131,7 @@ Until = Annotated[float | None, typer.Option(help="End time.", show_default="the
 @_method_options
 def run(
     model: Model,
-    method: Method = "spark",
+    method: Method = None,
     h: Annotated[float | None, typer.Option(help="Step size.", show_default="the model's")] = None,
     rtol: Annotated[
         float | None, typer.Option(help="Control the steps by this relative tolerance.")
@@ -157,7 +162,7 @@ def run(
     """Integrate a problem of the library or a model of your own."""
     with _leaving_with(WRONG):
         module, system = _load(model)
-        chosen = _method(method, options)
+        chosen = _method(method, options, system)
         begin = {**getattr(module, "start", {}), **_assigned("--start", start or [])}
         values = {
             name: value[0] if len(value) == 1 else value
@@ -211,7 +216,7 @@ def run(
 @_method_options
 def order(
     model: Model,
-    method: Method = "spark",
+    method: Method = None,
     h: Annotated[
         list[float] | None,
         typer.Option(help="Step size; repeat it.", show_default="8 h to h/4 of the model's h"),
@@ -226,7 +231,7 @@ def order(
     """
     with _leaving_with(WRONG):
         module, system = _load(model)
-        chosen = _method(method, options)
+        chosen = _method(method, options, system)
         references = getattr(module, "reference", {})
         if until is None and references:
             until = min(references)
@@ -259,7 +264,7 @@ def list_problems() -> None:
     table = _table("problem", "n", "m", "until", "h", "what")
     for name in problems.names():
         module = problems.load(name)
-        sizes = len(module.system.coordinates), len(module.system.constraints)
+        sizes = len(module.system.coordinates), len(getattr(module.system, "constraints", ()))
         until, title = module.interval[1], _title(module)
         table.add_row(name, *map(str, sizes), f"{until:g}", f"{module.h:g}", title)
     _print(table)
@@ -312,7 +317,9 @@ def _load(model: str) -> tuple[ModuleType, Any]:
     return module, system
 
 
-def _method(name: str, options: Mapping[str, Any]) -> Any:
+def _method(name: str | None, options: Mapping[str, Any], system: Any) -> Any:
+    if name is None:
+        name = "volume-splitting" if isinstance(system, lv.PolynomialField) else "spark"
     if name not in lv.METHODS:
         raise ValueError(f"no method is called {name!r}\nhint: there are {', '.join(lv.METHODS)}")
     given = {option: value for option, value in options.items() if value is not None}
@@ -352,12 +359,12 @@ def _interval(module: ModuleType, until: float | None) -> tuple[float, float]:
 
 
 def _step(module: ModuleType, method: Any) -> float:
-    """Give the model's step, which is made for Spark(3), for about as much work with any method."""
+    """Give the model's step; one made for Spark(3), for about as much work with any method."""
     if not hasattr(module, "h"):
         raise ValueError(
             f"the step size is not said\nhint: give --h, or define h in {module.__name__}.py"
         )
-    return float(module.h) / (1 if method.form == "general" else 8)
+    return float(module.h) / (8 if method.form == "second order" else 1)
 
 
 def _at(reference: Mapping[float, Any], t: float) -> dict[str, Any]:

@@ -13,7 +13,7 @@ from liouville.errors import IntegrationError
 from liouville.integrate import integrate
 from liouville.methods import Method
 from liouville.solution import Array
-from liouville.systems import Mechanics
+from liouville.systems import System
 
 
 @dataclass(frozen=True, eq=False)
@@ -43,13 +43,13 @@ class Study:
 
 
 def study(
-    system: Mechanics,
+    system: System,
     method: Method,
     t: tuple[float, float],
     hs: Sequence[float],
     start: Mapping[str, Any],
     reference: Mapping[str, ArrayLike] | None = None,
-    of: Sequence[str] = ("q", "v"),
+    of: Sequence[str] | None = None,
     params: Mapping[str, ArrayLike] | None = None,
     floor: float = 2e-14,
 ) -> Study:
@@ -68,10 +68,11 @@ def study(
     reference : dict of str to array_like, optional
         End states by name. By default those of a run with a quarter of the smallest step size,
         which is good enough for methods of order 2 and above.
-    of : sequence of str, default ("q", "v")
-        The states to compare. The ``a`` of an alpha method stands for a time that depends on the
-        step size, :math:`t + \Delta h`: at the end of the interval it differs by O(h) from that of
-        a fine run, and only a reference of its own would show its order 2.
+    of : sequence of str, optional
+        The states to compare, by default those that the system starts from. The ``a`` of an alpha
+        method stands for a time that depends on the step size, :math:`t + \Delta h`: at the end of
+        the interval it differs by O(h) from that of a fine run, and only a reference of its own
+        would show its order 2.
     params : dict, optional
         As for :func:`liouville.integrate`.
     floor : float, default 2e-14
@@ -91,33 +92,35 @@ def study(
     KeyboardInterrupt
         A run was interrupted: its end state is not that of the interval.
     """
+    of = system.states if of is None else of
+    names = tuple(of)
 
     def end(h: float) -> tuple[float, dict[str, Array]]:
         solution = integrate(system, method, t=t, h=h, every=10**9, params=params, **start)
         if solution.status == "interrupted":
             raise KeyboardInterrupt
-        return solution.h, {name: getattr(solution, name)[-1] for name in of}
+        return solution.h, {name: getattr(solution, name)[-1] for name in names}
 
     if len(hs) == 0:
         raise ValueError("a study needs at least one step size, and hs is empty")
     hs = sorted(hs, key=abs, reverse=True)
     if reference is None:
         reference = end(hs[-1] / 4)[1]
-    elif missing := [name for name in of if name not in reference]:
+    elif missing := [name for name in names if name not in reference]:
         raise ValueError(
             f"the reference lacks {', '.join(missing)}\n"
-            f"hint: of={tuple(name for name in of if name in reference)} leaves it out"
+            f"hint: of={tuple(name for name in names if name in reference)} leaves it out"
         )
     used, errors = [], []
     for h in hs:
         try:
             h, states = end(h)
-            errors.append([distance(states[name], reference[name]) for name in of])
+            errors.append([distance(states[name], reference[name]) for name in names])
         except IntegrationError:
-            errors.append([np.nan] * len(of))
+            errors.append([np.nan] * len(names))
         used.append(abs(h))
     sizes = np.array(used)
-    columns = dict(zip(of, np.array(errors).T, strict=True))
+    columns = dict(zip(names, np.array(errors).T, strict=True))
     order = {name: slope(sizes, column, floor) for name, column in columns.items()}
     return Study(sizes, columns, order)
 

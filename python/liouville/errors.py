@@ -91,6 +91,19 @@ def describe(
             "a smaller h_min may help",
             "step",
         )
+    if kind == "singular piece":
+        return (
+            f"the flow of a piece reaches infinity within the step: {trouble['quantity']}",
+            "try a smaller h, or pieces without that danger: diagonal='regular' or 'shears'",
+            trouble["quantity"],
+        )
+    if kind == "overflow":
+        name = coordinates[trouble["index"]]
+        return (
+            f"'{name}' is not finite after it",
+            "a trajectory goes to infinity there; if it should not, try a smaller h",
+            name,
+        )
     if kind == "no memory":
         return (
             "what is kept would soon not fit in memory",

@@ -13,6 +13,7 @@ from liouville import _core
 from liouville._arguments import memory
 from liouville.errors import IntegrationError, hinted
 from liouville.methods import Method
+from liouville.planner import Plan
 from liouville.routes import Asked, Route, route
 from liouville.solution import STATES, Solution
 from liouville.systems import System
@@ -23,7 +24,7 @@ SLICE = 0.05
 
 def integrate(
     system: System,
-    method: Method,
+    method: Method | Plan,
     *,
     t: tuple[float, float],
     h: float | None = None,
@@ -36,15 +37,16 @@ def integrate(
     params: Mapping[str, ArrayLike] | None = None,
     states: bool = True,
     progress: Callable[[float, float], None] | None = None,
+    threads: int | None = None,
     **start: ArrayLike,
 ) -> Solution:
     r"""Integrate a system with equal steps, or with steps controlled by their errors.
 
     Parameters
     ----------
-    system : Lagrangian, Hamiltonian, Mechanical or Structure
+    system : Lagrangian, Hamiltonian, Mechanical, Structure or PolynomialField
         What is integrated.
-    method : Spark, HHT, GeneralizedAlpha or ArnoldBruls
+    method : Spark, HHT, GeneralizedAlpha, ArnoldBruls, Composition, VolumeSplitting or Plan
         How; see :doc:`/choose`.
     t : tuple of two floats
         Start and end, in the system's unit of time; an end before the start goes backwards.
@@ -55,8 +57,8 @@ def integrate(
         Number of steps, instead of `h`.
     rtol : float, optional
         Relative tolerance, which asks for controlled steps: the estimated error that a step adds
-        to the coordinates is at most ``atol + rtol * |y|``, in the root mean square over them. All
-        methods but ``Spark`` take it.
+        to the coordinates is at most ``atol + rtol * |y|``, in the root mean square over them. The
+        alpha family takes it.
     atol : float or array_like, shape (n,), optional
         Absolute tolerance, for all coordinates or for each, in their own unit; ``rtol / 1000`` by
         default.
@@ -76,10 +78,13 @@ def integrate(
     progress : callable, optional
         ``progress(done, total)``, called about twenty times a second: numbers of steps, or times
         where steps are controlled.
+    threads : int, optional
+        Threads for a polynomial field of very many variables, as many as there are processors by
+        default. The result does not depend on them, bit for bit.
     **start : array_like
         Start values by the system's names, each of shape (n,): ``q`` and ``v``, ``q`` and ``p``,
-        or ``y`` and ``z``. A dict by coordinate name is taken too. All methods but ``Spark`` also
-        take their own ``a``, to go on from ``solution.a[-1]`` with the same step size.
+        ``y`` and ``z``, or ``x``. A dict by coordinate name is taken too. The alpha family also
+        takes its own ``a``, to go on from ``solution.a[-1]`` with the same step size.
 
     Returns
     -------
@@ -104,7 +109,71 @@ def integrate(
     """
     asked = Asked(
         t=t, h=h, steps=steps, control={"rtol": rtol, "atol": atol, "h_min": h_min}, every=every,
-        observe=observe, params=params, states=states, start=start,
+        observe=observe, params=params, states=states, start=start, threads=threads,
+    )  # fmt: skip
+    return run(route(system, method, asked), progress)
+
+
+def ensemble(
+    system: System,
+    method: Method | Plan,
+    *,
+    t: tuple[float, float],
+    h: float | None = None,
+    steps: int | None = None,
+    every: int = 1,
+    observe: Mapping[str, Callable[..., Any]] | None = None,
+    params: Mapping[str, ArrayLike] | None = None,
+    states: bool = True,
+    progress: Callable[[float, float], None] | None = None,
+    threads: int | None = None,
+    **start: ArrayLike,
+) -> Solution:
+    """Integrate a system from many start values at once, in lock-step lanes and on many threads.
+
+    All members take the same steps, and each has the same bits as a run of its own.
+
+    Parameters
+    ----------
+    system : PolynomialField
+        What is integrated.
+    method : VolumeSplitting or Plan
+        How.
+    t, h, steps, every, observe, params, states
+        As for :func:`integrate`.
+    progress : callable, optional
+        ``progress(done, total)``, called about twenty times a second with numbers of steps.
+    threads : int, optional
+        How many, as many as there are processors by default. The result does not depend on them,
+        bit for bit.
+    **start : array_like
+        ``x`` of shape (P, n): a row for each of P members.
+
+    Returns
+    -------
+    Solution
+        Its arrays have the member as their second axis: ``x`` of shape (k, P, n), invariants of
+        shape (k, P).
+
+    Raises
+    ------
+    TypeError, ValueError, MemoryError
+        As for :func:`integrate`.
+    IntegrationError
+        A step of a member failed; ``error.solution`` is what all members have done.
+
+    Examples
+    --------
+    >>> import liouville as lv
+    >>> from liouville.problems import euler_top
+    >>> many = [[1.0, 0.1, 0.0], [0.0, 1.0, 0.1]]
+    >>> lv.ensemble(euler_top.system, lv.VolumeSplitting(), t=(0, 1), steps=10, x=many).x.shape
+    (11, 2, 3)
+    """
+    asked = Asked(
+        t=t, h=h, steps=steps, control={"rtol": None, "atol": None, "h_min": None}, every=every,
+        observe=observe, params=params, states=states, start=start, is_ensemble=True,
+        threads=threads,
     )  # fmt: skip
     return run(route(system, method, asked), progress)
 
@@ -122,14 +191,14 @@ def run(path: Route, progress: Callable[[float, float], None] | None = None) -> 
         times, rows = np.empty(0), np.empty((0, *path.members, sum(path.columns.values())))
         stats: dict[str, Any] = {"steps": 0}
     else:
-        outcome = _drive(started, path, progress)
+        outcome = drive(started, path, progress)
         (times, rows), stats = started.take(), path.stats(started)
     stats["seconds"] = time.perf_counter() - clock
 
     status, message, quantity = "done", "", ""
     if isinstance(outcome, dict):
         status = "failed"
-        message, quantity = _explain(outcome, path)
+        message, quantity = explained(outcome, path)
     elif outcome == "interrupted":
         status, message = outcome, f"interrupted after {stats['steps']}{pace.total} steps"
     cuts = np.cumsum([*path.columns.values()])[:-1]
@@ -149,6 +218,7 @@ def run(path: Route, progress: Callable[[float, float], None] | None = None) -> 
         params=_plain(path.params),
         status=status,
         message=message,
+        members=path.members[0] if path.members else None,
         system=path.system,
     )
     if isinstance(outcome, dict):
@@ -162,7 +232,7 @@ def run(path: Route, progress: Callable[[float, float], None] | None = None) -> 
     return solution
 
 
-def _drive(
+def drive(
     run: _core.Run, path: Route, progress: Callable[[float, float], None] | None
 ) -> str | dict[str, Any]:
     """Advance to the end, or until memory is full; returns how that ended."""
@@ -198,7 +268,8 @@ def _plain(params: Mapping[str, Any]) -> dict[str, float | list[float]]:
     return {name: x.tolist() if x.ndim else float(x) for name, x in arrays.items()}
 
 
-def _explain(trouble: dict[str, Any], path: Route) -> tuple[str, str]:
+def explained(trouble: dict[str, Any], path: Route) -> tuple[str, str]:
+    """Say where a run failed, why, and what to try; with it, which quantity is to blame."""
     if "step" in trouble:
         where = f"step {trouble['step']}{path.pace.total} at t = {trouble['start']:.6g} failed"
     else:

@@ -5,6 +5,7 @@ A route checks what was asked, starts the run, and knows what its records mean.
 
 from __future__ import annotations
 
+import os
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any, Protocol
@@ -15,8 +16,19 @@ from numpy.typing import ArrayLike
 from liouville import _core
 from liouville._arguments import MOST_STEPS, Steps, check_memory, count, steps_of
 from liouville.errors import describe
-from liouville.methods import METHODS, Method, Spark
-from liouville.systems import Mechanical, Mechanics, System
+from liouville.methods import (
+    HHT,
+    METHODS,
+    ArnoldBruls,
+    Composition,
+    GeneralizedAlpha,
+    Method,
+    Spark,
+    VolumeSplitting,
+)
+from liouville.planner import Plan, planned
+from liouville.splitting import crossed
+from liouville.systems import Mechanical, Mechanics, PolynomialField, System
 
 KEEP_LESS = "keep fewer with every=, or none with states=False"
 
@@ -34,6 +46,8 @@ class Asked:
     params: Mapping[str, ArrayLike] | None
     states: Any
     start: Mapping[str, Any]
+    is_ensemble: bool = False
+    threads: Any = None
 
 
 class Route(Protocol):
@@ -57,7 +71,6 @@ class Route(Protocol):
         ``(P,)`` for an ensemble of P members, else ``()``.
     """
 
-    system: System
     method: str
     constraints: tuple[str, ...]
     params: Mapping[str, Any]
@@ -65,6 +78,10 @@ class Route(Protocol):
     every: int
     columns: dict[str, int]
     members: tuple[int, ...]
+
+    @property
+    def system(self) -> System:
+        """What is integrated."""
 
     @property
     def row(self) -> int:
@@ -83,7 +100,7 @@ class Route(Protocol):
         """Say what a trouble means in the user's names: sentence, hint and quantity."""
 
 
-def route(system: System, method: Method, asked: Asked) -> Route:
+def route(system: System, method: Method | Plan, asked: Asked) -> Route:
     """Find the route of a system by a method.
 
     Raises
@@ -91,16 +108,28 @@ def route(system: System, method: Method, asked: Asked) -> Route:
     TypeError
         One of them is no such thing, or the method does not step such a system.
     """
-    if not isinstance(system, Mechanics):
+    if not isinstance(system, Mechanics | PolynomialField):
         raise TypeError(
-            f"system is a Lagrangian, Hamiltonian, Mechanical or Structure, not {system!r}"
+            "system is a Lagrangian, Hamiltonian, Mechanical, Structure or PolynomialField, not "
+            f"{system!r}"
         )
-    if not isinstance(method, tuple(METHODS.values())):
-        known = ", ".join(cls.__name__ for cls in METHODS.values())
-        raise TypeError(f"{method!r} does not step mechanical systems; methods that do: {known}")
     if not isinstance(asked.states, bool):
         raise TypeError(f"states is True or False, not {asked.states!r}")
-    return MechanicalRoute(system, method, asked)
+    if isinstance(system, PolynomialField):
+        if isinstance(method, VolumeSplitting | Plan):
+            return FieldRoute(system, method, asked)
+        raise _no_route(method, "field", "polynomial fields")
+    if asked.is_ensemble:
+        raise TypeError(f"ensembles are of a PolynomialField so far, not of {system!r}")
+    if isinstance(method, Spark | HHT | GeneralizedAlpha | ArnoldBruls | Composition):
+        return MechanicalRoute(system, method, asked)
+    raise _no_route(method, "mechanical", "mechanical systems")
+
+
+def _no_route(method: Any, form: str, systems: str) -> TypeError:
+    known = [cls.__name__ for cls in METHODS.values() if (cls.form == "field") == (form == "field")]
+    known += ["Plan"] if form == "field" else ["Composition"]
+    return TypeError(f"{method!r} does not step {systems}; methods that do: {', '.join(known)}")
 
 
 def kept(pace: Steps, every: Any) -> int:
@@ -114,12 +143,13 @@ class MechanicalRoute:
     members: tuple[int, ...] = ()
 
     def __init__(self, system: Mechanics, method: Method, asked: Asked) -> None:
-        self.system = system
+        self._system = system
         self.method = repr(method)
         self.constraints = system.constraints
         self._method = method
         self._is_general = method.form == "general"
         equal = type(method).__name__ if self._is_general else ""
+        self._base = method.base if isinstance(method, Composition) else method
         self.pace = steps_of(
             asked.t, asked.h, asked.steps, asked.control, system.coordinates, equal
         )
@@ -135,6 +165,11 @@ class MechanicalRoute:
         self._observer, self._widths = system.observer(asked.observe, asked.states)
         self.columns = self._columns()
         self._check_sizes()
+
+    @property
+    def system(self) -> Mechanics:
+        """What is integrated."""
+        return self._system
 
     @property
     def row(self) -> int:
@@ -171,7 +206,7 @@ class MechanicalRoute:
         if trouble.get("quantity") == "observable":
             trouble |= observable(trouble["index"], self._widths)
         sentence, hint, quantity = describe(trouble, self.system.coordinates, self.constraints)
-        node_schur = getattr(self._method, "solver", "") == "node-schur"
+        node_schur = getattr(self._base, "solver", "") == "node-schur"
         if trouble["kind"] == "not converged" and node_schur:
             hint += ", or solver='auto', which takes stiff forces too"
         return sentence, hint, quantity
@@ -188,7 +223,7 @@ class MechanicalRoute:
     def _check_sizes(self) -> None:
         records = -(-self.pace.count // self.every) + 1
         check_memory(f"keeping {records} states", records * self.row, KEEP_LESS)
-        method = self._method
+        method = self._base
         if isinstance(method, Spark):
             n, m, s = len(self.system.coordinates), len(self.constraints), method.stages
             dense = s * m * (n + s * m) if method.solver == "node-schur" else 2 * (s * (n + m)) ** 2
@@ -210,3 +245,88 @@ def observable(index: int, widths: Mapping[str, int]) -> dict[str, Any]:
             return {"quantity": models.get(part, part), "index": index}
         index -= width
     return {}
+
+
+class FieldRoute:
+    """A polynomial field on its way, or an ensemble of its states; see :class:`Route`."""
+
+    constraints: tuple[str, ...] = ()
+
+    def __init__(
+        self, system: PolynomialField, method: VolumeSplitting | Plan, asked: Asked
+    ) -> None:
+        self._system = system = system.with_params(asked.params)
+        self.params: Mapping[str, Any] = system.params
+        self.pace = steps_of(
+            asked.t, asked.h, asked.steps, asked.control, system.coordinates, "VolumeSplitting"
+        )
+        self.every = kept(self.pace, asked.every)
+        x = system.start(asked.start, asked.is_ensemble)
+        self.members: tuple[int, ...] = x.shape[:-1]
+        self.threads = threads_of(asked.threads)
+        self._states = asked.states
+        self._observer, self._widths = system.observer(asked.observe, asked.states)
+        self.columns = ({"x": x.shape[-1]} if asked.states else {}) | self._widths
+        records = -(-self.pace.count // self.every) + 1
+        check_memory(f"keeping {records} states", records * self.row, KEEP_LESS)
+        self.x = system.extended(np.atleast_2d(x), self.pace.t0)
+        h = (self.pace.t1 - self.pace.t0) / self.pace.count
+        if isinstance(method, Plan):
+            self.plan, self.split = method, method.split(system.terms)
+        else:
+            self.plan, self.split = planned(system.terms, method, h, self.x)
+        self.method = repr(self.plan.method)
+
+    @property
+    def system(self) -> PolynomialField:
+        """What is integrated."""
+        return self._system
+
+    @property
+    def row(self) -> int:
+        """Bytes of a record."""
+        return 8 * (1 + int(np.prod(self.members)) * sum(self.columns.values()))
+
+    def start(self) -> _core.Run | dict[str, Any]:
+        """Start the run, or say what is the trouble."""
+        pace, parts, method = self.pace, self.split, self.plan.method
+        return _core.split_run(
+            crossed(parts), method.composition, self._observer, self.system.values(None),
+            parts.inward(self.x), (len(self.system.coordinates), parts.outward),
+            (pace.t0, pace.t1, pace.count, self.every), (method.compensated, self._states),
+            self.threads, bool(self.members),
+        )  # fmt: skip
+
+    def stats(self, run: _core.Run) -> dict[str, Any]:
+        """Return the numbers of a run: steps, flows of pieces, and how many pieces there are."""
+        return {
+            "steps": run.done,
+            "flows": run.stats["evaluations"],
+            "pieces": len(self.split.pieces),
+        }
+
+    def balance(self, parts: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
+        """Return nothing: a field has no energy of its own."""
+        del parts
+        return {}
+
+    def describe(self, trouble: dict[str, Any]) -> tuple[str, str, str]:
+        """Say what a trouble means in the user's names: sentence, hint and quantity."""
+        if trouble.get("quantity") == "observable":
+            trouble |= observable(trouble["index"], self._widths)
+        if trouble["kind"] == "singular piece":
+            trouble["quantity"] = str(self.split.pieces[trouble["piece"]])
+        names = (*self.system.coordinates, "t")
+        if trouble["kind"] == "overflow" and self.split.basis is not None:
+            names = tuple(f"y{k}" for k in range(len(names)))
+        sentence, hint, quantity = describe(trouble, names, ())
+        if self.members and "member" in trouble:
+            sentence = f"member {trouble['member']}: {sentence}"
+        return sentence, hint, quantity
+
+
+def threads_of(value: Any) -> int:
+    """Return a number of threads, by default as many as there are processors."""
+    if value is None:
+        return os.cpu_count() or 1
+    return int(count("threads", value))

@@ -10,10 +10,10 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from liouville.systems import Mechanics, System
+
 if TYPE_CHECKING:
     import xarray
-
-    from liouville.systems import System
 
 Array = NDArray[np.float64]
 
@@ -265,6 +265,7 @@ class Solution:
                 "reaction forces need the system, which a loaded solution does not carry\n"
                 "hint: dataclasses.replace(solution, system=...) gives it back"
             )
+        assert isinstance(self.system, Mechanics)
         return self.system.reaction(self.t, y, lam, self.params)
 
     def to_xarray(self) -> xarray.Dataset:

@@ -285,3 +285,40 @@ pub fn sin<R: Register>(x: R) -> R {
 pub fn cos<R: Register>(x: R) -> R {
     x.replace_beyond(REDUCIBLE, sin_turned(x, 1), f64::cos)
 }
+
+/// x^(-1/2) by a guess from the exponent and two corrections.
+#[inline(always)]
+pub fn inverse_sqrt<R: Register>(x: R) -> R {
+    let y = inverse_root_guess(x, 0.5, 6_590_334_613_690.777);
+    let e = x.like(1.0) - x * (y * y);
+    let e2 = e * e;
+    let y = y * polynomial!(e, e2;
+        0.999_999_257_744_548_6, 0.499_999_283_945_774, 0.376_276_076_910_575_85,
+        0.313_669_208_508_954_3);
+    let e = x.like(1.0) - x * (y * y);
+    y + y * (e * (x.like(0.5) + x.like(0.375) * e))
+}
+
+/// x^(-1/3) for x > 0, by a guess from the exponent and two corrections.
+#[inline(always)]
+pub fn inverse_cbrt<R: Register>(x: R) -> R {
+    const THIRD: f64 = 1.0 / 3.0;
+    let y = inverse_root_guess(x, THIRD, 5_858_043_119_219.507);
+    let e = x.like(1.0) - x * (y * y * y);
+    let e2 = e * e;
+    let y = y * polynomial!(e, e2;
+        0.999_998_025_760_664_2, 0.333_331_466_153_214_3, 0.223_735_051_141_698_62,
+        0.174_180_867_687_085_93);
+    let e = x.like(1.0) - x * (y * y * y);
+    y + y * (e * (x.like(THIRD) + x.like(2.0 * THIRD * THIRD) * e))
+}
+
+/// x^-power to some digits: the upper bits of x, read as an integer, are nearly its logarithm.
+#[inline(always)]
+fn inverse_root_guess<R: Register>(x: R, power: f64, origin: f64) -> R {
+    const DROPPED: u32 = 20;
+    const TWO_52: f64 = 4_503_599_627_370_496.0;
+    let upper = x.or_bits(x.down::<DROPPED>(x.bits()), x.bits_like(TWO_52.to_bits()));
+    let guess = x.like(ROUND + origin + TWO_52 * power) - x.with_bits(upper) * x.like(power);
+    x.with_bits(x.up::<DROPPED>(guess.bits()))
+}

@@ -8,7 +8,6 @@
 use crate::elementary::{self, Register};
 use crate::real::{Lanes, Scalar};
 use pulp::{Arch, Simd, WithSimd};
-use std::array::from_fn;
 use std::ops::{Add, Div, Mul, Sub};
 
 /// What a kernel computes with.
@@ -33,7 +32,10 @@ pub trait Number:
     /// cos x
     #[must_use]
     fn cos(self) -> Self;
-    /// Whether all values are below a bound; what is not a number is not.
+    /// x^(-1/q) for x > 0 and q = 1, 2, 3.
+    #[must_use]
+    fn inverse_root(self, q: u32) -> Self;
+    /// Whether all values are finite and below a bound.
     fn is_below(self, bound: f64) -> bool;
     /// Whether all values are finite.
     fn is_finite(self) -> bool;
@@ -119,56 +121,36 @@ struct Block<S: Simd, const N: usize> {
     registers: [S::f64s; N],
 }
 
-impl<S: Simd, const N: usize> Block<S, N> {
-    #[inline(always)]
-    fn map(self, f: impl Fn(S, S::f64s) -> S::f64s) -> Self {
-        let (simd, a) = (self.simd, self.registers);
-        Self {
-            simd,
-            registers: from_fn(|i| f(simd, a[i])),
-        }
-    }
-
-    #[inline(always)]
-    fn zip(self, other: Self, f: impl Fn(S, S::f64s, S::f64s) -> S::f64s) -> Self {
-        let (simd, a, b) = (self.simd, self.registers, other.registers);
-        Self {
-            simd,
-            registers: from_fn(|i| f(simd, a[i], b[i])),
-        }
-    }
-
-    #[inline(always)]
-    fn all(self, is: impl Fn(S, S::f64s) -> S::m64s) -> bool {
-        let simd = self.simd;
-        let count = |x| simd.first_true_m64s(simd.not_m64s(is(simd, x)));
-        self.registers
-            .iter()
-            .fold(true, |all, x| all & (count(*x) == S::F64_LANES))
-    }
-}
-
-macro_rules! operator {
-    ($operator:ident, $name:ident, $with:ident) => {
+// Loops and no closures: what is not inlined is compiled without the instructions it is for.
+macro_rules! operators {
+    ($($operator:ident $name:ident $with:ident,)*) => {$(
         impl<S: Simd, const N: usize> $operator for Block<S, N> {
             type Output = Self;
             #[inline(always)]
-            fn $name(self, other: Self) -> Self {
-                self.zip(other, |simd, a, b| simd.$with(a, b))
+            fn $name(mut self, other: Self) -> Self {
+                for i in 0..N {
+                    self.registers[i] = self.simd.$with(self.registers[i], other.registers[i]);
+                }
+                self
             }
         }
-    };
+    )*};
 }
-operator!(Add, add, add_f64s);
-operator!(Sub, sub, sub_f64s);
-operator!(Mul, mul, mul_f64s);
-operator!(Div, div, div_f64s);
+operators! {
+    Add add add_f64s,
+    Sub sub sub_f64s,
+    Mul mul mul_f64s,
+    Div div div_f64s,
+}
 
 macro_rules! on_bits {
     ($($name:ident $with:ident,)*) => {$(
         #[inline(always)]
-        fn $name(self, a: Self::Bits, b: Self::Bits) -> Self::Bits {
-            from_fn(|i| self.simd.$with(a[i], b[i]))
+        fn $name(self, mut a: Self::Bits, b: Self::Bits) -> Self::Bits {
+            for i in 0..N {
+                a[i] = self.simd.$with(a[i], b[i]);
+            }
+            a
         }
     )*};
 }
@@ -185,8 +167,9 @@ impl<S: Simd, const N: usize> Register for Block<S, N> {
     }
 
     #[inline(always)]
-    fn like(self, value: f64) -> Self {
-        self.map(|simd, _| simd.splat_f64s(value))
+    fn like(mut self, value: f64) -> Self {
+        self.registers = [self.simd.splat_f64s(value); N];
+        self
     }
     #[inline(always)]
     fn bits_like(self, bits: u64) -> Self::Bits {
@@ -194,15 +177,18 @@ impl<S: Simd, const N: usize> Register for Block<S, N> {
     }
     #[inline(always)]
     fn bits(self) -> Self::Bits {
-        from_fn(|i| pulp::cast(self.registers[i]))
+        let mut bits = self.bits_like(0);
+        for i in 0..N {
+            bits[i] = pulp::cast(self.registers[i]);
+        }
+        bits
     }
     #[inline(always)]
-    fn with_bits(self, bits: Self::Bits) -> Self {
-        let simd = self.simd;
-        Self {
-            simd,
-            registers: from_fn(|i| pulp::cast(bits[i])),
+    fn with_bits(mut self, bits: Self::Bits) -> Self {
+        for i in 0..N {
+            self.registers[i] = pulp::cast(bits[i]);
         }
+        self
     }
     #[inline(always)]
     fn up<const BY: u32>(self, mut a: Self::Bits) -> Self::Bits {
@@ -219,26 +205,35 @@ impl<S: Simd, const N: usize> Register for Block<S, N> {
         a
     }
     #[inline(always)]
-    fn if_less(self, other: Self, yes: Self, no: Self) -> Self {
+    fn if_less(mut self, other: Self, yes: Self, no: Self) -> Self {
         let simd = self.simd;
-        let choose = |i: usize| {
+        for i in 0..N {
             let is_less = simd.less_than_f64s(self.registers[i], other.registers[i]);
-            simd.select_f64s(is_less, yes.registers[i], no.registers[i])
-        };
-        Self {
-            simd,
-            registers: from_fn(choose),
+            self.registers[i] = simd.select_f64s(is_less, yes.registers[i], no.registers[i]);
         }
+        self
     }
     #[inline(always)]
     fn replace_beyond(self, most: f64, values: Self, f: fn(f64) -> f64) -> Self {
-        let is_near =
-            |simd: S, x| simd.less_than_or_equal_f64s(simd.abs_f64s(x), simd.splat_f64s(most));
-        if self.all(is_near) {
+        if self.is_within(most) {
             values
         } else {
             replaced(self, most, values, f)
         }
+    }
+}
+
+impl<S: Simd, const N: usize> Block<S, N> {
+    /// Whether all magnitudes are at most this.
+    #[inline(always)]
+    fn is_within(self, most: f64) -> bool {
+        let (simd, most) = (self.simd, self.simd.splat_f64s(most));
+        let mut all = simd.less_than_or_equal_f64s(simd.abs_f64s(self.registers[0]), most);
+        for i in 1..N {
+            let magnitude = simd.abs_f64s(self.registers[i]);
+            all = simd.and_m64s(all, simd.less_than_or_equal_f64s(magnitude, most));
+        }
+        simd.first_true_m64s(simd.not_m64s(all)) == S::F64_LANES
     }
 }
 
@@ -284,6 +279,14 @@ macro_rules! number {
         fn cos(self) -> Self {
             elementary::cos(self)
         }
+        #[inline(always)]
+        fn inverse_root(self, q: u32) -> Self {
+            match q {
+                1 => Register::like(self, 1.0) / self,
+                2 => elementary::inverse_sqrt(self),
+                _ => elementary::inverse_cbrt(self),
+            }
+        }
     };
 }
 
@@ -291,7 +294,7 @@ impl Number for f64 {
     number!();
     #[inline(always)]
     fn is_below(self, bound: f64) -> bool {
-        self < bound
+        (-f64::MAX..bound).contains(&self)
     }
     #[inline(always)]
     fn is_finite(self) -> bool {
@@ -303,12 +306,19 @@ impl<S: Simd, const N: usize> Number for Block<S, N> {
     number!();
     #[inline(always)]
     fn is_below(self, bound: f64) -> bool {
-        self.all(|simd, x| simd.less_than_f64s(x, simd.splat_f64s(bound)))
+        let simd = self.simd;
+        let (least, bound) = (simd.splat_f64s(-f64::MAX), simd.splat_f64s(bound));
+        let mut all = simd.less_than_f64s(self.registers[0], bound);
+        for i in 0..N {
+            all = simd.and_m64s(all, simd.less_than_f64s(self.registers[i], bound));
+            let is_finite = simd.greater_than_or_equal_f64s(self.registers[i], least);
+            all = simd.and_m64s(all, is_finite);
+        }
+        simd.first_true_m64s(simd.not_m64s(all)) == S::F64_LANES
     }
     #[inline(always)]
     fn is_finite(self) -> bool {
-        let most = |simd: S| simd.splat_f64s(f64::MAX);
-        self.all(|simd, x| simd.less_than_or_equal_f64s(simd.abs_f64s(x), most(simd)))
+        self.is_within(f64::MAX)
     }
 }
 

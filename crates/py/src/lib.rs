@@ -11,6 +11,7 @@ mod mechanical_run;
 mod project;
 mod run;
 mod second_order;
+mod split;
 mod tableau;
 
 use pyo3::prelude::*;
@@ -35,6 +36,8 @@ mod _core {
     use super::run::Run;
     #[pymodule_export]
     use super::second_order::SecondOrder;
+    #[pymodule_export]
+    use super::split::{Split, section_run, split_run};
     #[pymodule_export]
     use super::tableau::gauss_lobatto;
 

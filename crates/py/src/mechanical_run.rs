@@ -1,10 +1,12 @@
 //! Runs of mechanical systems: a problem, a method and start values become a stepper in the loop.
 
 use crate::convert::{self, Mechanical};
-use crate::errors;
+use crate::errors::{self, refused};
 use crate::run::Run;
 use crate::second_order::SecondOrder;
+use crate::tableau::scheme_named;
 use liouville_core::method::alpha::{Alpha, Reactions, Tolerance};
+use liouville_core::method::composition::Composed;
 use liouville_core::method::spark::{Solver, Spark};
 use liouville_core::problem::Observe;
 use liouville_core::problem::mechanical::{Model, Observer, SecondOrderModel};
@@ -90,8 +92,16 @@ fn spark<'py>(
     observer: Tape,
     begin: &Begin<'_>,
 ) -> PyResult<Bound<'py, PyAny>> {
-    let stages: usize = method.getattr("stages")?.extract()?;
-    let solver: String = method.getattr("solver")?.extract()?;
+    let scheme = match method.getattr_opt("scheme")? {
+        Some(name) => Some(scheme_named(&name.extract::<String>()?)?),
+        None => None,
+    };
+    let base = match scheme {
+        Some(_) => &method.getattr("base")?,
+        None => method,
+    };
+    let stages: usize = base.getattr("stages")?.extract()?;
+    let solver: String = base.getattr("solver")?.extract()?;
     let solver = match solver.as_str() {
         "auto" => Solver::Auto,
         "node-schur" => Solver::NodeSchur,
@@ -116,6 +126,11 @@ fn spark<'py>(
     let pace = Equal::new(t0, (t1 - t0) / steps as f64, steps);
     let expected = steps / every + 2;
     let stepper = Spark::new(model, stages, solver);
+    if let Some(scheme) = scheme {
+        let stepper = Composed::of_symmetric(stepper, scheme).map_err(refused)?;
+        let run = run::Run::new(stepper, observer, state, pace, every, expected);
+        return Run::handed(py, run, &[width]);
+    }
     let run = run::Run::new(stepper, observer, state, pace, every, expected);
     Run::handed(py, run, &[width])
 }

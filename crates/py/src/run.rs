@@ -77,14 +77,18 @@ impl Run {
         Ok(dict)
     }
 
-    /// Times and rows of the records; the run keeps none.
+    /// Times and rows of the records; the run keeps none. A section has rows of its own times.
     #[allow(clippy::type_complexity)]
     fn take<'py>(
         &mut self,
         py: Python<'py>,
     ) -> PyResult<(Bound<'py, PyArray1<f64>>, Bound<'py, PyArrayDyn<f64>>)> {
         let (times, rows) = self.run.take();
-        let shape = [&[times.len()], self.shape.as_slice()].concat();
+        let count = match self.shape.iter().product() {
+            0 => times.len(),
+            width => rows.len() / width,
+        };
+        let shape = [&[count], self.shape.as_slice()].concat();
         Ok((
             PyArray1::from_vec(py, times),
             PyArray1::from_vec(py, rows).reshape(shape)?,

@@ -3,14 +3,17 @@
 use crate::convert;
 use crate::errors::refused;
 use crate::run::Run;
-use liouville_core::ensemble::Ensemble;
+use crate::tableau::scheme_named;
+use liouville_core::ensemble::{Ensemble, Layout};
+
 use liouville_core::method::composition::Composed;
-use liouville_core::method::volume::{Observer, Seen, Volume};
+use liouville_core::method::volume::{Direction, Observer, Plane, Section, Seen, Volume};
 use liouville_core::problem::polynomial::{self, Piece, Polynomials, Wave};
-use liouville_core::real::{Lanes, Scalar};
-use liouville_core::run::{self, Equal};
+use liouville_core::real::Lanes;
+use liouville_core::run::{self, Advance, Equal};
 use liouville_core::tableau::Scheme;
 use liouville_core::trouble::Trouble;
+use liouville_core::vector::Stored;
 use numpy::{PyReadonlyArray1, PyReadonlyArray2, PyUntypedArrayMethods};
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
@@ -133,7 +136,9 @@ fn parsed(n: usize, piece: &Bound<'_, PyTuple>) -> PyResult<Piece> {
                 vector: vector.as_slice()?.to_vec(),
             })
         }
-        other => Err(PyValueError::new_err(format!("there is no piece {other:?}"))),
+        other => Err(PyValueError::new_err(format!(
+            "there is no piece {other:?}"
+        ))),
     }
 }
 
@@ -161,10 +166,21 @@ fn waves_of(waves: &Waves<'_>) -> PyResult<Vec<Wave>> {
     waves.iter().map(wave).collect()
 }
 
+/// Trajectories in lock-step; places without one follow the last.
+fn side_by_side<S: Stored>(x: &[&[f64]]) -> Vec<S> {
+    let mut start = vec![S::splat(0.0); x[0].len()];
+    for (i, value) in start.iter_mut().enumerate() {
+        for member in 0..S::MEMBERS {
+            value.set_member(member, x[member.min(x.len() - 1)][i]);
+        }
+    }
+    start
+}
+
 /// What every run of a split field begins with.
 struct Begin<'a> {
     split: &'a Arc<polynomial::Split>,
-    scheme: Scheme,
+    scheme: &'static Scheme,
     seen: Seen,
     observer: liouville_core::tape::Tape,
     params: &'a [f64],
@@ -178,17 +194,10 @@ type Single<S> = run::Run<Composed<Volume<S>>, Observer<S>, Equal>;
 
 impl Begin<'_> {
     /// A run of these trajectories, which are rows of n values, in lock-step.
-    fn run<S: Scalar>(&self, x: &[&[f64]]) -> Result<Single<S>, Trouble> {
+    fn run<S: Stored>(&self, x: &[&[f64]]) -> Result<Single<S>, Trouble> {
         let (t0, t1, steps, every) = self.span;
         let volume = Volume::<S>::new(self.split.clone(), self.is_compensated);
-        let mut start = vec![S::splat(0.0); self.split.n()];
-        for (i, value) in start.iter_mut().enumerate() {
-            for member in 0..S::MEMBERS {
-                // places without a trajectory follow the last one
-                value.set_member(member, x[member.min(x.len() - 1)][i]);
-            }
-        }
-        let state = volume.state(&start);
+        let state = volume.state(&side_by_side(x));
         let observer = Observer::new(
             volume.clone(),
             self.seen.clone(),
@@ -197,7 +206,7 @@ impl Begin<'_> {
             self.params,
             self.states,
         );
-        let stepper = Composed::new(volume, &self.scheme);
+        let stepper = Composed::new(volume, self.scheme);
         let pace = Equal::new(t0, (t1 - t0) / steps as f64, steps);
         run::Run::new(stepper, observer, state, pace, every, steps / every + 2)
     }
@@ -210,7 +219,7 @@ impl Begin<'_> {
 /// Returns the run, or the trouble of starting.
 #[pyfunction]
 #[allow(clippy::too_many_arguments)] // the whole border in one call
-#[pyo3(signature = (split, scheme, observer, params, x, seen, span, options, threads))]
+#[pyo3(signature = (split, scheme, observer, params, x, seen, span, options, threads, is_ensemble))]
 pub(crate) fn split_run<'py>(
     py: Python<'py>,
     split: PyRef<'py, Split>,
@@ -221,48 +230,116 @@ pub(crate) fn split_run<'py>(
     seen: (usize, Option<PyReadonlyArray2<'py, f64>>),
     span: (f64, f64, usize, usize),
     options: (bool, bool),
-    threads: Option<usize>,
+    threads: usize,
+    is_ensemble: bool,
 ) -> PyResult<Bound<'py, PyAny>> {
     let n = split.0.n();
-    let basis = match &seen.1 {
-        Some(basis) => Some(basis.as_slice()?.to_vec()),
-        None => None,
-    };
+    let seen = seen_of(&seen, n)?;
     let fits = x.shape()[1] == n
         && x.shape()[0] > 0
         && span.2 > 0
         && span.3 > 0
-        && seen.0 <= n
-        && basis.as_ref().is_none_or(|basis| basis.len() == seen.0 * n)
-        && observer.0.inputs() == [1, seen.0, params.len()?];
+        && observer.0.inputs() == [1, seen.n, params.len()];
     if !fits {
-        return Err(PyValueError::new_err(format!(
-            "trajectories are rows of {n} values, and steps at least one"
-        )));
+        return Err(malformed(n));
     }
-    let scheme = Scheme::named(scheme)
-        .ok_or_else(|| PyValueError::new_err(format!("there is no scheme {scheme:?}")))?;
+    let width = observer.0.outputs() + if options.1 { seen.n } else { 0 };
     let begin = Begin {
         split: &split.0,
-        scheme,
-        seen: Seen { n: seen.0, basis },
+        scheme: scheme_named(scheme)?,
+        seen,
         observer: liouville_core::tape::Tape::clone(&observer.0),
         params: params.as_slice()?,
         span,
         is_compensated: options.0,
         states: options.1,
     };
-    let width = begin.observer.outputs() + if options.1 { seen.0 } else { 0 };
     let rows: Vec<&[f64]> = x.as_slice()?.chunks(n).collect();
-    match threads {
-        None => Run::handed(py, begin.run::<f64>(&rows), &[width]),
-        Some(threads) => {
-            let runs = rows
-                .chunks(BLOCK)
-                .map(|block| begin.run::<Lanes<BLOCK>>(block))
-                .collect::<Result<Vec<_>, _>>();
-            let ensemble = runs.map(|runs| Ensemble::new(runs, threads));
-            Run::handed(py, ensemble, &[rows.len(), width])
-        }
+    if !is_ensemble {
+        return Run::handed(py, begin.run::<f64>(&rows[..1]), &[width]);
     }
+    let runs = rows.chunks(BLOCK).map(|block| {
+        let run = begin.run::<Lanes<BLOCK>>(block)?;
+        Ok((Box::new(run) as Box<dyn Advance + Sync>, block.len()))
+    });
+    let runs: Result<Vec<_>, Trouble> = runs.collect();
+    let ensemble = runs.map(|runs| Ensemble::new(runs, threads, Layout::Together));
+    Run::handed(py, ensemble, &[rows.len(), width])
+}
+
+/// How a plane crosses the border: (normal, offset, period, 1 up or −1 down or 0 both).
+type Cut<'py> = (Values<'py>, f64, Option<f64>, i8);
+
+/// Sections of an ensemble, whose trajectories are the rows of `x`, by a plane.
+///
+/// The records are rows (member, t, x); `span` is (t0, t1, steps), the rest as for `split_run`.
+#[pyfunction]
+#[allow(clippy::too_many_arguments)] // the whole border in one call
+#[pyo3(signature = (split, scheme, x, seen, plane, span, is_compensated, threads))]
+pub(crate) fn section_run<'py>(
+    py: Python<'py>,
+    split: PyRef<'py, Split>,
+    scheme: &str,
+    x: PyReadonlyArray2<'py, f64>,
+    seen: (usize, Option<PyReadonlyArray2<'py, f64>>),
+    plane: Cut<'py>,
+    span: (f64, f64, usize),
+    is_compensated: bool,
+    threads: usize,
+) -> PyResult<Bound<'py, PyAny>> {
+    let n = split.0.n();
+    let seen = seen_of(&seen, n)?;
+    let (normal, offset, period, direction) = plane;
+    let plane = Plane {
+        normal: normal.as_slice()?.to_vec(),
+        offset,
+        period,
+        direction: match direction {
+            1 => Direction::Up,
+            -1 => Direction::Down,
+            _ => Direction::Both,
+        },
+    };
+    if x.shape()[1] != n || x.shape()[0] == 0 || span.2 == 0 || plane.normal.len() != seen.n {
+        return Err(malformed(n));
+    }
+    let scheme = scheme_named(scheme)?;
+    let width = 2 + seen.n;
+    let rows: Vec<&[f64]> = x.as_slice()?.chunks(n).collect();
+    let cut = |(block, x): (usize, &[&[f64]])| {
+        let (volume, single) = (
+            Volume::<Lanes<BLOCK>>::new(split.0.clone(), is_compensated),
+            Volume::<f64>::new(split.0.clone(), is_compensated),
+        );
+        let state = volume.state(&side_by_side(x));
+        let scalar = (single.clone(), Composed::new(single, scheme));
+        let members = (block * BLOCK, x.len());
+        let observer = Section::new(volume.clone(), scalar, seen.clone(), members, plane.clone());
+        let pace = Equal::new(span.0, (span.1 - span.0) / span.2 as f64, span.2);
+        let run = run::Run::new(Composed::new(volume, scheme), observer, state, pace, 1, 0)?;
+        Ok((Box::new(run) as Box<dyn Advance + Sync>, x.len()))
+    };
+    let runs: Result<Vec<_>, Trouble> = rows.chunks(BLOCK).enumerate().map(cut).collect();
+    let ensemble = runs.map(|runs| Ensemble::new(runs, threads, Layout::Apart));
+    Run::handed(py, ensemble, &[width])
+}
+
+/// The variables the user sees.
+fn seen_of(seen: &(usize, Option<PyReadonlyArray2<'_, f64>>), n: usize) -> PyResult<Seen> {
+    let basis = match &seen.1 {
+        Some(basis) => Some(basis.as_slice()?.to_vec()),
+        None => None,
+    };
+    let fits = seen.0 <= n && basis.as_ref().is_none_or(|basis| basis.len() == n * n);
+    if fits {
+        Ok(Seen { n: seen.0, basis })
+    } else {
+        Err(malformed(n))
+    }
+}
+
+fn malformed(n: usize) -> PyErr {
+    PyValueError::new_err(format!(
+        "trajectories are rows of {n} values, and steps at least one"
+    ))
 }

@@ -1,6 +1,6 @@
 //! Coefficients of the methods, as Python sees them.
 
-use liouville_core::tableau::GaussLobatto;
+use liouville_core::tableau::{GaussLobatto, Scheme};
 use numpy::{PyArray1, PyArrayMethods};
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
@@ -36,4 +36,9 @@ pub(crate) fn gauss_lobatto(py: Python<'_>, stages: usize) -> PyResult<Bound<'_,
         dict.set_item(name, PyArray1::from_slice(py, vector))?;
     }
     Ok(dict)
+}
+
+/// The composition scheme of this name.
+pub(crate) fn scheme_named(name: &str) -> PyResult<&'static Scheme> {
+    Scheme::named(name).ok_or_else(|| PyValueError::new_err(format!("there is no scheme {name:?}")))
 }

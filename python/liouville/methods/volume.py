@@ -63,7 +63,7 @@ class VolumeSplitting:
 
     References
     ----------
-    :cite:t:`mclachlan2008volume`; see :doc:`/theory/volume`.
+    :cite:t:`mclachlan2008`; see :doc:`/theory/volume`.
     """
 
     form: ClassVar[str] = "field"

@@ -48,7 +48,7 @@ system = PolynomialField(
 )
 start = {"x": (0.9, 0.0, 0.4, 0.1, 0.5, 0.3)}
 interval = (0.0, 10.0)
-h = 0.05
+h = 0.1
 conserved = ("energy",)
 reference = {
     1.0: {

@@ -108,7 +108,7 @@ def start_for(largest: int) -> dict[str, NDArray[np.float64]]:
 system = build(2)
 start = start_for(2)
 interval = (0.0, 10.0)
-h = 0.05
+h = 0.1
 conserved = ("energy", "enstrophy")
 reference = {
     1.0: {

@@ -41,7 +41,7 @@ system = PolynomialField(
 )
 start = {"x": (0.6, -0.3, 0.7)}
 interval = (0.0, 10.0)
-h = 0.1
+h = 0.2
 conserved = ("energy", "momentum")
 reference = {
     4.0: {

@@ -50,7 +50,7 @@ def start_for(sites: int) -> dict[str, NDArray[np.float64]]:
 system = build(36)
 start = start_for(36)
 interval = (0.0, 5.0)
-h = 0.02
+h = 0.05
 conserved = ("energy",)
 reference = {
     1.0: {

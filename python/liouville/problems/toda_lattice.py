@@ -94,7 +94,7 @@ def start_for(particles: int) -> dict[str, NDArray[np.float64]]:
 system = build(8)
 start = start_for(8)
 interval = (0.0, 10.0)
-h = 0.05
+h = 0.1
 conserved = ("momentum", "energy", "product", "cubic")
 reference = {
     1.0: {

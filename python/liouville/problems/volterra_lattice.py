@@ -76,7 +76,7 @@ def start_for(species: int) -> dict[str, NDArray[np.float64]]:
 system = build(12)
 start = start_for(12)
 interval = (0.0, 10.0)
-h = 0.05
+h = 0.1
 conserved = ("sum", "product", "energy")
 reference = {
     1.0: {

@@ -83,10 +83,11 @@ def read(
     names = _trace.names([str(symbol) for symbol in symbols], "x")
     if isinstance(expressions, sympy.MatrixBase):
         expressions = list(expressions)
-    found = [x if isinstance(x, sympy.Poly) else sympy.sympify(x) for x in expressions]
+    found = [x if isinstance(x, sympy.Poly) else sympy.sympify(x, strict=True) for x in expressions]
     if len(found) != len(names):
         raise ValueError(f"the field has {len(found)} expressions, wanted {len(names)}")
-    constants = tuple(sympy.Symbol(x) if isinstance(x, str) else x for x in params or {})
+    by_name = {str(symbol): symbol for x in found for symbol in x.free_symbols}
+    constants = tuple(by_name.get(x, sympy.Symbol(str(x))) for x in map(str, params or {}))
     values = {str(name): value for name, value in (params or {}).items()}
     variables = tuple(symbols) if t is None else (*symbols, t)
     return Given(names, values, t is not None, tuple(found), variables, constants)

@@ -92,13 +92,17 @@ class PolynomialField:
     ...     return [params.a * x[1] * x[2], -x[0] * x[2], (1 - params.a) * x[0] * x[1]]
     >>> PolynomialField(rotation, x=("x", "y", "z"), params={"a": 0.5})
     PolynomialField(x, y, z; 3 terms of degree 2)
-    >>> PolynomialField(lambda t, x, params: [x[1], -x[0] + x[1] * x[2], 1 - x[1] ** 2], x="xyz")
+    >>> def sprott(t, x, params):
+    ...     return [x[1], -x[0] + x[1] * x[2], 1 - x[1] ** 2]
+    >>> PolynomialField(sprott, x=("x", "y", "z"))
     Traceback (most recent call last):
     ...
-    TypeError: x is a sequence of names or a number, not 'xyz'
+    ValueError: the field is not divergence-free: div f contains 1 * z
+    hint: ...
     """
 
     states = ("x",)
+    constraints: tuple[str, ...] = ()
 
     def __init__(
         self,
@@ -170,7 +174,7 @@ class PolynomialField:
             as a mapping, ``{"x": 1, "y": 2}``. The name t, if no coordinate has it, is the time.
 
             Or, for millions of terms, arrays: components of shape (N,), coefficients of shape (N,),
-            and indices of variables of shape (N, d), -1 where there are less than d.
+            taken as floats, and indices of variables of shape (N, d), -1 where there are less.
         invariants : mapping, optional
             As for :class:`PolynomialField`.
         repair : bool, default False

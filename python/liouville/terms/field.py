@@ -215,6 +215,16 @@ class Terms:
         """Return the terms that do not contain the variable whose velocity they are."""
         return self.selected(~self._is_diagonal())
 
+    def dependencies(self) -> tuple[np.ndarray, np.ndarray]:
+        """Return pairs of a term and a variable that it depends on, also through a wave."""
+        term, column = np.nonzero((self.variables >= 0) & (self.variables < self.n))
+        pairs = [(term, self.variables[term, column])]
+        for q, wave in enumerate(self.waves):
+            has = np.flatnonzero((self.variables == self.n + q).any(axis=1))
+            pairs.append((np.repeat(has, len(wave.places)), np.tile(wave.places, has.size)))
+        terms, variables = (np.concatenate(parts) for parts in zip(*pairs, strict=True))
+        return terms, variables
+
     def derivative(self, variable: int) -> Terms:
         """Return the derivative of all components with respect to a variable."""
         return self._derived(np.full(len(self), variable)).merged()
@@ -238,8 +248,6 @@ class Terms:
         """Put a factor's derivative in the place of one that is hit, as often as there are."""
         there = hits.any(axis=1)
         part = self.selected(there).scaled(hits.sum(axis=1)[there])
-        if not len(part):
-            return part
         variables = part.variables.copy()
         variables[np.arange(len(part)), hits[there].argmax(axis=1)] = derivative
         return replace(part, variables=np.sort(variables, axis=1))
@@ -300,13 +308,13 @@ class Terms:
         merged = self.merged()
         hits = merged.variables == merged.component[:, None]
         rows = np.flatnonzero(hits.any(axis=1))
-        if not rows.size:
-            return merged
         w = hits.sum(axis=1)[rows]
         variables = merged.variables[rows]
         variables[np.arange(rows.size), hits[rows].argmax(axis=1)] = -1
         monomials = replace(merged.selected(rows), variables=np.sort(variables, axis=1))
         order, starts = grouped(monomials._keys(component=False), self.n + len(self.waves))
+        if not rows.size:
+            return merged
         group = np.empty(rows.size, dtype=np.int64)
         group[order] = np.repeat(np.arange(starts.size), np.diff([*starts, rows.size]))
         excess = np.add.reduceat((monomials.coefficient * w)[order], starts)

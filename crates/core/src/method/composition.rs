@@ -36,20 +36,24 @@ pub trait Parts: Send {
         state: &mut Self::State,
     ) -> Result<(), Trouble>;
 
-    /// Moves `state` by flows one after another, of a step from `t` to `t + h`.
+    /// Moves `state` by flows one after another, of a step from `t` to `t + h`; the first takes `before`
+    /// longer than it says.
     ///
     /// # Errors
     /// Why that could not be; the state may be anything then.
     fn flows(
         &mut self,
         flows: &[Flow],
+        before: f64,
         t: f64,
         h: f64,
         state: &mut Self::State,
     ) -> Result<(), Trouble> {
+        let mut before = before;
         for flow in flows {
             let now = flow.at(t, h);
-            self.flow(now.part, now.is_adjoint, now.t, now.h, state)?;
+            self.flow(now.part, now.is_adjoint, now.t, before + now.h, state)?;
+            before = 0.0;
         }
         Ok(())
     }
@@ -280,16 +284,11 @@ impl<P: Parts> Composed<P> {
         let Self { parts, program, .. } = self;
         let last = program.len() - usize::from(self.is_cyclic);
         let mut held = self.held.take();
-        let mut first = 0;
-        if last > 0
-            && let Some(before) = held.take()
-        {
-            let now = before.joined(program[0].at(t, h));
-            parts.flow(now.part, now.is_adjoint, now.t, now.h, state)?;
-            first = 1;
+        if last > 0 {
+            let before = held.take().map_or(0.0, |held| held.h);
+            parts.flows(&program[..last], before, t, h, state)?;
+            self.flows += last;
         }
-        parts.flows(&program[first..last], t, h, state)?;
-        self.flows += last;
         if self.is_cyclic {
             let now = program[last].at(t, h);
             // a program of one flow has nothing to do before

@@ -44,23 +44,31 @@ pub(super) struct Code {
     op: Op,
 }
 
-/// Runs a program; `load` reads a variable.
+/// Where a program reads its variables.
+pub(super) trait Source {
+    /// What it computes with.
+    type Number: Number;
+
+    /// Reads a variable.
+    fn load(&self, place: u32) -> Self::Number;
+}
+
+/// Runs a program.
 #[inline(always)]
-pub(super) fn evaluate<N: Number>(program: &[Code], zero: N, load: impl Fn(usize) -> N) -> N {
+pub(super) fn evaluate<X: Source>(program: &[Code], zero: X::Number, x: &X) -> X::Number {
     let (mut bracket, mut sum) = (zero, zero);
     for code in program {
-        let x = || load(code.place as usize);
         match code.op {
             Op::Constant => bracket = zero.like(code.factor),
-            Op::Start => bracket = x().scaled(code.factor),
-            Op::StartPlain => bracket = x(),
-            Op::Add => bracket = bracket + x().scaled(code.factor),
-            Op::AddPlain => bracket = bracket + x(),
-            Op::Subtract => bracket = bracket - x(),
-            Op::Times => bracket = bracket * x(),
+            Op::Start => bracket = x.load(code.place).scaled(code.factor),
+            Op::StartPlain => bracket = x.load(code.place),
+            Op::Add => bracket = bracket + x.load(code.place).scaled(code.factor),
+            Op::AddPlain => bracket = bracket + x.load(code.place),
+            Op::Subtract => bracket = bracket - x.load(code.place),
+            Op::Times => bracket = bracket * x.load(code.place),
             Op::Put => sum = bracket,
-            Op::PutTimes => sum = bracket * x(),
-            Op::SumTimes => sum = sum + bracket * x(),
+            Op::PutTimes => sum = bracket * x.load(code.place),
+            Op::SumTimes => sum = sum + bracket * x.load(code.place),
         }
     }
     sum

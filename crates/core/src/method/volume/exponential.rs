@@ -1,6 +1,9 @@
 //! The flow of x_i' = c_i x_i m with m = x^j: with α = Σ c_i j_i is m' = α m², hence
 //!
 //!     x_i *= exp(c_i t*),   t* = −ln(1 − α h m)/α,   or h m where α = 0.
+//!
+//! Where α ≠ 0 this is (1 − α h m)^(−c_i/α); exponents that are multiples of 1, 1/2 or 1/3, as they are
+//! for small integer rates, need a root and some products only.
 
 /// A piece of one monomial.
 #[derive(Clone, Debug)]
@@ -10,6 +13,40 @@ pub(super) struct Exponential {
     /// The places in x^j, with repetition.
     pub(super) monomial: Vec<u32>,
     pub(super) alpha: f64,
+    pub(super) roots: Option<Roots>,
+}
+
+/// Exponents −c_i/α = a − b/q.
+#[derive(Clone, Debug, PartialEq)]
+pub(super) struct Roots {
+    pub(super) q: u32,
+    /// Place, a and b of each variable.
+    pub(super) powers: Vec<(u32, u32, u32)>,
+}
+
+/// Largest power that is taken by products.
+const LARGEST_POWER: f64 = 12.0;
+
+impl Roots {
+    fn new(rates: &[(u32, f64)], alpha: f64) -> Option<Self> {
+        (1..=3_u32).find_map(|q| {
+            let powers = rates.iter().map(|(place, rate)| {
+                let wanted = -rate / alpha * f64::from(q);
+                let found = wanted.round();
+                let is_near = (wanted - found).abs() <= 4.0 * f64::EPSILON * wanted.abs();
+                let whole = (found / f64::from(q)).ceil().max(0.0);
+                let rest = whole * f64::from(q) - found;
+                #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)] // 0 to 12
+                (is_near && whole <= LARGEST_POWER && rest <= LARGEST_POWER).then_some((
+                    *place,
+                    whole as u32,
+                    rest as u32,
+                ))
+            });
+            let powers = powers.collect::<Option<Vec<_>>>()?;
+            Some(Self { q, powers })
+        })
+    }
 }
 
 impl Exponential {
@@ -25,10 +62,16 @@ impl Exponential {
         } else {
             alpha
         };
+        let roots = if alpha == 0.0 {
+            None
+        } else {
+            Roots::new(&rates, alpha)
+        };
         Self {
             rates,
             monomial,
             alpha,
+            roots,
         }
     }
 }

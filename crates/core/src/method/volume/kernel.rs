@@ -2,7 +2,7 @@
 #![allow(clippy::inline_always)] // all of a kernel is compiled for one instruction set
 
 use super::State;
-use super::code::{Code, evaluate};
+use super::code::{Code, Source, evaluate};
 use super::exponential::Exponential;
 use super::motion::Motion;
 use super::rows::Rows;
@@ -26,6 +26,8 @@ pub(super) struct Flows<'a, S> {
     /// The change of each affine flow, in the order they come.
     pub(super) affine: &'a [(u64, usize, Rows)],
     pub(super) flows: &'a [Flow],
+    /// How much longer the first is than it says.
+    pub(super) before: f64,
     pub(super) t: f64,
     pub(super) h: f64,
     pub(super) state: &'a mut State<S>,
@@ -38,8 +40,10 @@ impl<S: Copy> Kernel<S> for Flows<'_, S> {
     #[inline(always)]
     fn run<W: Windows<Stored = S>>(self, windows: W) -> Result<(), Trouble> {
         let Self { state, scratch, .. } = self;
+        let mut before = self.before;
         for flow in self.flows {
-            let h = flow.weight * self.h;
+            let h = before + flow.weight * self.h;
+            before = 0.0;
             match &self.motions[flow.part] {
                 Motion::Natural { rows, waves } => {
                     set_waves(windows, waves, state);
@@ -125,11 +129,25 @@ fn multiply<W: Window>(window: W, state: &mut State<W::Stored>, place: usize, ex
     }
 }
 
+/// What a window sees of the variables.
+struct Seen<'a, W: Window> {
+    window: W,
+    x: &'a [W::Stored],
+}
+
+impl<W: Window> Source for Seen<'_, W> {
+    type Number = W::Number;
+
+    #[inline(always)]
+    fn load(&self, place: u32) -> W::Number {
+        self.window.load(self.x, place as usize)
+    }
+}
+
 /// The value of a row for what a window sees.
 #[inline(always)]
 pub(super) fn value<W: Window>(window: W, program: &[Code], x: &[W::Stored]) -> W::Number {
-    let zero = window.constant(0.0);
-    evaluate(program, zero, |place| window.load(x, place))
+    evaluate(program, window.constant(0.0), &Seen { window, x })
 }
 
 struct AddRow<'a, S> {
@@ -268,29 +286,66 @@ struct Grow<'a, S> {
 impl<S> Visit<S> for Grow<'_, S> {
     #[inline(always)]
     fn visit<W: Window<Stored = S>>(&mut self, window: W) -> bool {
-        let Exponential {
-            rates,
-            monomial,
-            alpha,
-        } = self.piece;
-        let one = window.constant(1.0);
-        let load = |place: &u32| window.load(&self.state.x, *place as usize);
-        let m = monomial.iter().fold(one, |m, place| m * load(place));
-        let time = if *alpha == 0.0 {
-            m.scaled(self.h)
-        } else {
-            let z = m.scaled(-alpha * self.h);
-            if !z.scaled(-1.0).is_below(1.0) {
-                self.failed = window.first();
-                return false;
-            }
-            z.ln_1p().scaled(-1.0 / alpha)
+        let piece = self.piece;
+        let x = &self.state.x;
+        let mut m = match piece.monomial.first() {
+            Some(&place) => window.load(x, place as usize),
+            None => window.constant(1.0),
         };
-        for &(place, rate) in rates {
-            multiply(window, self.state, place as usize, time.scaled(rate));
+        for &place in piece.monomial.iter().skip(1) {
+            m = m * window.load(x, place as usize);
+        }
+        if piece.alpha == 0.0 {
+            self.multiply(window, m.scaled(self.h));
+            return true;
+        }
+        let z = m.scaled(piece.alpha * self.h);
+        if !z.is_below(1.0) {
+            self.failed = window.first();
+            return false;
+        }
+        match &piece.roots {
+            Some(roots) if self.state.low.is_empty() => {
+                let base = window.constant(1.0) - z;
+                let root = base.inverse_root(roots.q);
+                for &(place, a, b) in &roots.powers {
+                    let x = window.load(&self.state.x, place as usize);
+                    let x = times_power(times_power(x, base, a), root, b);
+                    window.store(&mut self.state.x, place as usize, x);
+                }
+            }
+            _ => {
+                let time = (window.constant(0.0) - z).ln_1p();
+                self.multiply(window, time.scaled(-1.0 / piece.alpha));
+            }
         }
         true
     }
+}
+
+impl<S> Grow<'_, S> {
+    /// x *= exp(c t)
+    #[inline(always)]
+    fn multiply<W: Window<Stored = S>>(&mut self, window: W, time: W::Number) {
+        for &(place, rate) in &self.piece.rates {
+            multiply(window, self.state, place as usize, time.scaled(rate));
+        }
+    }
+}
+
+/// x y^power
+#[inline(always)]
+fn times_power<N: Number>(mut x: N, mut y: N, mut power: u32) -> N {
+    while power > 0 {
+        if power & 1 == 1 {
+            x = x * y;
+        }
+        power >>= 1;
+        if power > 0 {
+            y = y * y;
+        }
+    }
+    x
 }
 
 /// On failure the first trajectory whose flow may be too long.

@@ -60,6 +60,7 @@ struct Plan {
     motions: Vec<Motion>,
     /// How many waves a piece has at most.
     waves: usize,
+    has_affine: bool,
 }
 
 /// States above this size are not copied before each step.
@@ -104,6 +105,7 @@ impl<S: Stored> Volume<S> {
             order,
             motions,
             waves,
+            has_affine,
         });
         Self {
             split,
@@ -157,10 +159,13 @@ impl<S: Stored> Volume<S> {
     }
 
     /// Makes the affine flows among these known.
-    fn prepare(&mut self, flows: &[Flow], h: f64) {
+    fn prepare(&mut self, flows: &[Flow], before: f64, h: f64) {
+        let mut before = before;
         for flow in flows {
+            let length = before + flow.weight * h;
+            before = 0.0;
             if let Motion::Affine(affine) = &self.plan.motions[flow.part] {
-                let h = flow.weight * h;
+                let h = length;
                 let bits = h.to_bits();
                 let is_known =
                     |(known, part, _): &(u64, usize, Rows)| *known == bits && *part == flow.part;
@@ -200,21 +205,25 @@ impl<S: Stored> Parts for Volume<S> {
             weight: 1.0,
             offset: 0.0,
         };
-        self.flows(&[flow], t, h, state)
+        self.flows(&[flow], 0.0, t, h, state)
     }
 
     fn flows(
         &mut self,
         flows: &[Flow],
+        before: f64,
         t: f64,
         h: f64,
         state: &mut State<S>,
     ) -> Result<(), Trouble> {
-        self.prepare(flows, h);
+        if self.plan.has_affine {
+            self.prepare(flows, before, h);
+        }
         let kernel = Flows {
             motions: &self.plan.motions,
             affine: &self.affine,
             flows,
+            before,
             t,
             h,
             state,

@@ -35,13 +35,11 @@ fn combined<W: Window>(
     stages: &[[Vec<W::Stored>; 2]],
     place: usize,
 ) -> W::Number {
-    let zero = window.constant(0.0);
-    weights
-        .iter()
-        .zip(stages)
-        .fold(zero, |sum, (weight, [_, k])| {
-            sum + window.load(k, place).scaled(*weight)
-        })
+    let mut sum = window.constant(0.0);
+    for (weight, [_, k]) in weights.iter().zip(stages) {
+        sum = sum + window.load(k, place).scaled(*weight);
+    }
+    sum
 }
 
 /// x += h Σ b_r K_r, for a run.

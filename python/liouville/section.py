@@ -1,0 +1,191 @@
+"""Poincare sections: where trajectories cross a plane."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from liouville import _core
+from liouville._arguments import MOST_STEPS, number
+from liouville.errors import IntegrationError
+from liouville.integrate import drive, explained
+from liouville.methods import VolumeSplitting
+from liouville.planner import Plan
+from liouville.routes import Asked, FieldRoute, route
+from liouville.solution import Array
+from liouville.splitting import crossed
+from liouville.systems import PolynomialField
+
+DIRECTIONS = {"both": 0, "up": 1, "down": -1}
+
+
+@dataclass(frozen=True, eq=False)
+class Section:
+    """The points where trajectories cross a plane, in the order of members, then of time.
+
+    Attributes
+    ----------
+    x : ndarray, shape (K, n)
+        The points, on the plane to roundoff.
+    t : ndarray, shape (K,)
+        When.
+    member : ndarray of int, shape (K,)
+        Of which trajectory.
+    members : int
+        How many trajectories there were.
+    names : tuple of str
+        The coordinates.
+    plane : tuple of ndarray and float
+        Normal and offset.
+    method : str
+        The method, as its repr.
+    status : str
+        ``"done"``, or ``"interrupted"`` with what was found before.
+    """
+
+    x: Array
+    t: Array
+    member: np.ndarray
+    members: int
+    names: tuple[str, ...]
+    plane: tuple[Array, float]
+    method: str
+    status: str = "done"
+
+    def __len__(self) -> int:
+        """Return how many crossings there are."""
+        return self.t.size
+
+    def __repr__(self) -> str:
+        """Tell how many crossings of how many trajectories."""
+        return f"<Section {self.status}: {len(self)} crossings of {self.members} trajectories>"
+
+
+def section(
+    system: PolynomialField,
+    method: VolumeSplitting | Plan,
+    *,
+    t: tuple[float, float],
+    plane: str | ArrayLike,
+    offset: float = 0.0,
+    period: float | None = None,
+    direction: str = "both",
+    h: float | None = None,
+    steps: int | None = None,
+    params: Mapping[str, ArrayLike] | None = None,
+    progress: Callable[[float, float], None] | None = None,
+    threads: int | None = None,
+    x: ArrayLike,
+) -> Section:
+    r"""Find where trajectories cross the plane :math:`a \cdot x = c`, without keeping their states.
+
+    A crossing is between two steps; it is found by one more step from the first of them, of a part
+    of h, with the same method. The points have the accuracy of the method and lie on the plane to
+    roundoff. Two crossings within a step are not seen.
+
+    Parameters
+    ----------
+    system, method, t, h, steps, params, progress, threads
+        As for :func:`liouville.ensemble`.
+    plane : str or array_like, shape (n,)
+        The name of a coordinate, or the normal a.
+    offset : float, default 0
+        The c of the plane.
+    period : float, optional
+        Distance of parallel planes that are all meant, such as :math:`2 \pi` for an angle.
+    direction : {"both", "up", "down"}
+        Whether :math:`a \cdot x` must grow or fall.
+    x : array_like, shape (P, n)
+        Starts of P trajectories.
+
+    Returns
+    -------
+    Section
+        The points, their times and members.
+
+    Raises
+    ------
+    TypeError, ValueError
+        As for :func:`liouville.ensemble`, or there is no such plane.
+    IntegrationError
+        A step of a member failed.
+
+    References
+    ----------
+    :cite:t:`henon1982`; the zero is found as by :cite:t:`oliveira2020`.
+
+    Examples
+    --------
+    >>> import liouville as lv
+    >>> from liouville.problems import euler_top
+    >>> found = lv.section(
+    ...     euler_top.system, lv.VolumeSplitting(), t=(0, 20), h=0.1, plane="x", x=[[0.1, 1.0, 0.1]]
+    ... )
+    >>> bool(abs(found.x[:, 0]).max() < 1e-14)
+    True
+    """
+    asked = Asked(
+        t=t, h=h, steps=steps, control={"rtol": None, "atol": None, "h_min": None},
+        every=MOST_STEPS, observe=None, params=params, states=True, start={"x": x},
+        is_ensemble=True, threads=threads,
+    )  # fmt: skip
+    path = route(system, method, asked)
+    if not isinstance(path, FieldRoute):
+        raise TypeError(f"sections are those of a PolynomialField, not of {system!r}")
+    names = system.coordinates
+    normal, cuts = _plane(plane, names), _cuts(offset, period, direction)
+    pace, parts, chosen = path.pace, path.split, path.plan.method
+    run = _core.section_run(
+        crossed(parts), chosen.composition, parts.inward(path.x), (len(names), parts.outward),
+        (normal, *cuts), (pace.t0, pace.t1, pace.count), chosen.compensated, path.threads,
+    )  # fmt: skip
+    outcome = run if isinstance(run, dict) else drive(run, path, progress)
+    _, rows = (None, np.empty((0, 2 + len(names)))) if isinstance(run, dict) else run.take()
+    order = np.lexsort((rows[:, 1], rows[:, 0]))
+    if pace.t1 < pace.t0:
+        order = np.lexsort((-rows[:, 1], rows[:, 0]))
+    if isinstance(outcome, dict):
+        message, quantity = explained(outcome, path)
+        raise IntegrationError(message, step=outcome.get("step", 0), quantity=quantity)
+    return Section(
+        x=rows[order, 2:], t=rows[order, 1], member=rows[order, 0].astype(np.int64),
+        members=path.members[0], names=names, plane=(normal, float(offset)), method=path.method,
+        status="done" if outcome == "done" else "interrupted",
+    )  # fmt: skip
+
+
+def _plane(plane: str | ArrayLike, names: Sequence[str]) -> Array:
+    """Return the normal of a plane."""
+    if isinstance(plane, str):
+        if plane not in names:
+            raise ValueError(f"there is no coordinate '{plane}': the system has {', '.join(names)}")
+        axis: Array = np.eye(len(names))[names.index(plane)]
+        return axis
+    try:
+        normal = np.array(plane, dtype=float)
+    except (TypeError, ValueError):
+        raise TypeError(f"plane is a coordinate's name or an array, not {plane!r}") from None
+    if normal.shape != (len(names),):
+        raise ValueError(f"plane has shape {normal.shape}, wanted ({len(names)},)")
+    if not np.isfinite(normal).all() or not normal.any():
+        raise ValueError("the normal of a plane is finite and not zero")
+    return normal
+
+
+def _cuts(offset: Any, period: Any, direction: Any) -> tuple[float, float | None, int]:
+    """Return the offset, the period, and +1 for up, -1 for down, 0 for both."""
+    c = number("offset is a number", offset)
+    if not math.isfinite(c):
+        raise ValueError(f"offset is finite, not {c}")
+    if period is not None:
+        period = number("period is a number", period)
+        if not (math.isfinite(period) and period > 0):
+            raise ValueError(f"period is positive and finite, not {period}")
+    if direction not in DIRECTIONS:
+        raise ValueError(f"direction is one of {', '.join(DIRECTIONS)}, not {direction!r}")
+    return c, period, DIRECTIONS[direction]

@@ -1,0 +1,12 @@
+"""Divergence-free fields as sums of pieces with explicit volume-preserving maps."""
+
+from liouville.splitting.border import crossed as crossed
+from liouville.splitting.choice import split as split
+from liouville.splitting.pieces import Affine as Affine
+from liouville.splitting.pieces import Exponential as Exponential
+from liouville.splitting.pieces import Natural as Natural
+from liouville.splitting.pieces import Piece as Piece
+from liouville.splitting.pieces import Scaling as Scaling
+from liouville.splitting.pieces import Shear as Shear
+from liouville.splitting.pieces import Split as Split
+from liouville.splitting.pieces import Triangular as Triangular

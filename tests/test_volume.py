@@ -1,0 +1,182 @@
+"""Volume-preserving splitting: printed steps and end states, determinants, and round trips."""
+
+import json
+from fractions import Fraction
+from pathlib import Path
+
+import numpy as np
+import pytest
+from fields import random_field
+
+import liouville as lv
+from liouville import _core
+from liouville.problems import load
+from liouville.splitting import crossed, split
+
+DATA = Path(__file__).parent / "data"
+REFERENCE = json.loads((DATA / "volume_reference.json").read_text())
+FIELDS = {each["name"]: each for each in REFERENCE["fields"]}
+TOLERANCES = REFERENCE["tolerances"]
+
+PARTS = (
+    ("exponentials", "natural"),
+    ("exponentials", "triangular"),
+    ("regular", "natural"),
+    ("regular", "triangular"),
+    ("shears", "natural"),
+    ("shears", "triangular"),
+    ("n+d", "natural"),
+)
+COMPOSITIONS = tuple(_core.compositions())
+PROBLEMS = (
+    "bajer_moffatt",
+    "hill_vortex",
+    "euler_top",
+    "volterra_lattice",
+    "toda_lattice",
+    "lorenz96",
+    "euler2d",
+    "sabra",
+    "maxwell_bloch",
+    "cubic_charge",
+    "abc_flow",
+)
+
+
+def printed(name):
+    """Return a printed field and its start."""
+    each = FIELDS[name]
+    field = lv.PolynomialField.from_terms(each["n"], each["terms"])
+    return field, [float(Fraction(x)) for x in each["x0"]]
+
+
+def takes(field, diagonal, off_diagonal):
+    """Say whether a field can be split so."""
+    terms = field.terms
+    if diagonal == "regular" and (terms.degree > 2 or terms.n < 3 or terms.waves):
+        return False
+    return not (terms.waves and (diagonal in ("n+d", "shears")))
+
+
+@pytest.mark.parametrize(
+    "case",
+    REFERENCE["canonical_steps"],
+    ids=lambda c: f"{c['field']}-{c['method']}-{c['composition']}",
+)
+def test_canonical_steps_have_their_printed_digits(case):
+    field, x0 = printed(case["field"])
+    n, d = field.terms.n, field.terms.degree
+    diagonal = {"shear+nat": "shears", "exp+nat": "exponentials"}[case["method"]]
+    directions = [[Fraction(i + 1) ** k for k in range(d)] for i in range(n)]
+    parts = split(
+        field.terms, diagonal, "natural", merged=False,
+        directions=directions if diagonal == "shears" else None,
+    )  # fmt: skip
+    assert len(parts.pieces) == case["pieces"]
+    scheme = {"Phi": "Lie"}.get(case["composition"], case["composition"])
+    h, steps = float(Fraction(case["h"])), case["steps"]
+    tape = _core.Tape([1, n, 0], 0, np.empty((0, 4), dtype=np.int64), np.empty(0))
+    run = _core.split_run(
+        crossed(parts), scheme, tape, np.empty(0), np.array([x0]), (n, None),
+        (0.0, h * steps, steps, steps), (False, True), 1, False,
+    )  # fmt: skip
+    assert run.advance(1e3) == "done"
+    end = run.take()[1][-1]
+    wanted = np.array([float(x) for x in case["x"]])
+    # badly scaled directions on purpose: roundoff grows with the size of the pieces
+    assert np.abs(end - wanted).max() <= 2e-12 * max(1.0, np.abs(wanted).max())
+
+
+@pytest.mark.parametrize("name", [name for name, each in FIELDS.items() if each["divergence_free"]])
+def test_end_states_are_the_printed_ones(name):
+    field, x0 = printed(name)
+    t = float(Fraction(FIELDS[name]["T"]))
+    wanted = np.array([float(x) for x in FIELDS[name]["x_T"]])
+    method = lv.VolumeSplitting(composition="SS10s35", compensated=True)
+    found = lv.integrate(field, method, t=(0.0, t), steps=200, every=200, x=x0).x[-1]
+    assert np.abs(found - wanted).max() <= 1e-12 * np.abs(wanted).max()
+
+
+@pytest.mark.parametrize(
+    "name", [name for name, each in FIELDS.items() if not each["divergence_free"]]
+)
+def test_fields_with_a_divergence_are_refused(name):
+    monomials = "|".join(f"x{v[0]}" for _, v in FIELDS[name]["divergence"])
+    with pytest.raises(ValueError, match=rf"not divergence-free: div f contains .*({monomials})"):
+        printed(name)
+
+
+def defect(field, method, x, h):
+    """Return the largest |det - 1| over some steps."""
+    found = lv.determinant(field, method, t=(0.0, 3 * h), steps=3, x=x)
+    assert abs(found.observed["log_determinant"][-1]) <= 3 * 2e-12
+    return found.observed["defect"][-1]
+
+
+@pytest.mark.parametrize(("diagonal", "off_diagonal"), PARTS)
+@pytest.mark.parametrize(("n", "d"), [(3, 1), (4, 2), (6, 2), (3, 3), (5, 3), (10, 2), (3, 4)])
+def test_every_method_and_composition_keeps_volume(n, d, diagonal, off_diagonal):
+    field = lv.PolynomialField.from_terms(n, random_field(n, d, seed=10 * n + d))
+    if not takes(field, diagonal, off_diagonal):
+        pytest.skip("has no such splitting")
+    x = np.random.default_rng(n).uniform(-0.5, 0.5, n)
+    for composition in COMPOSITIONS:
+        for runge_kutta in ("euler", "rk4") if off_diagonal == "triangular" else ("euler",):
+            method = lv.VolumeSplitting(
+                diagonal, off_diagonal, composition, "split", runge_kutta=runge_kutta
+            )
+            assert defect(field, method, x, 0.01) <= TOLERANCES["det_minus_1"], composition
+
+
+@pytest.mark.parametrize(("diagonal", "off_diagonal"), PARTS)
+@pytest.mark.parametrize("name", PROBLEMS)
+def test_every_problem_keeps_volume(name, diagonal, off_diagonal):
+    problem = load(name)
+    if not takes(problem.system, diagonal, off_diagonal):
+        pytest.skip("has no such splitting")
+    method = lv.VolumeSplitting(diagonal, off_diagonal, "BM4", "split")
+    x = problem.start["x"]
+    assert defect(problem.system, method, x, problem.h) <= TOLERANCES["det_minus_1"]
+
+
+@pytest.mark.parametrize(("diagonal", "off_diagonal"), PARTS)
+def test_a_step_back_undoes_a_step(diagonal, off_diagonal):
+    field = lv.PolynomialField.from_terms(5, random_field(5, 2, seed=4))
+    x = np.random.default_rng(1).uniform(-0.5, 0.5, 5)
+    for composition in COMPOSITIONS[1:]:
+        method = lv.VolumeSplitting(diagonal, off_diagonal, composition, "split", "heun")
+        there = lv.integrate(field, method, t=(0.0, 0.2), steps=10, x=x).x[-1]
+        back = lv.integrate(field, method, t=(0.2, 0.0), steps=10, x=there).x[-1]
+        assert np.abs(back - x).max() <= TOLERANCES["adjoint_roundtrip"], composition
+
+
+def test_an_ensemble_is_its_members_bit_for_bit():
+    problem = load("bajer_moffatt")
+    rng = np.random.default_rng(2)
+    x = rng.uniform(-0.5, 0.5, (70, 3))
+    for diagonal in ("exponentials", "shears", "n+d"):
+        method = lv.VolumeSplitting(diagonal, "natural", "BM4", "split")
+        runs = [
+            lv.ensemble(problem.system, method, t=(0, 1), h=0.02, every=7, x=x, threads=threads)
+            for threads in (1, 2, 3)
+        ]
+        assert runs[0].x.shape == (9, 70, 3)
+        for other in runs[1:]:
+            assert np.array_equal(runs[0].x, other.x)
+            assert np.array_equal(runs[0].invariants["sphere"], other.invariants["sphere"])
+        for k in (0, 31, 32, 69):
+            single = lv.integrate(problem.system, method, t=(0, 1), h=0.02, every=7, x=x[k])
+            assert np.array_equal(single.x, runs[0].x[:, k])
+
+
+def test_a_huge_state_does_not_depend_on_threads():
+    lorenz = load("lorenz96")
+    field = lorenz.lorenz96(100_000)
+    x = np.random.default_rng(3).normal(size=100_000)
+    method = lv.VolumeSplitting(composition="S2")
+    ends = [
+        lv.integrate(field, method, t=(0, 0.05), h=0.01, every=5, x=x, threads=threads).x[-1]
+        for threads in (1, 2, 3)
+    ]
+    assert np.array_equal(ends[0], ends[1])
+    assert np.array_equal(ends[0], ends[2])
