@@ -266,7 +266,8 @@ class FieldRoute:
         self.threads = threads_of(asked.threads)
         self._states = asked.states
         self._observer, self._widths = system.observer(asked.observe, asked.states)
-        self.columns = ({"x": x.shape[-1]} if asked.states else {}) | self._widths
+        self.columns: dict[str, int] = {"x": x.shape[-1]} if asked.states else {}
+        self.columns |= self._widths
         records = -(-self.pace.count // self.every) + 1
         check_memory(f"keeping {records} states", records * self.row, KEEP_LESS)
         self.x = system.extended(np.atleast_2d(x), self.pace.t0)

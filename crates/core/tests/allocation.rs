@@ -3,10 +3,12 @@
 mod support;
 
 use liouville_core::linalg::{Factor, Pattern};
-use liouville_core::method::Stepper;
 use liouville_core::method::alpha::{Alpha, Reactions, Tolerance};
 use liouville_core::method::spark::{Solver, Spark};
+use liouville_core::method::volume::Volume;
+use liouville_core::method::{Composed, Stepper};
 use liouville_core::problem::mechanical::{Acceleration, Model, SecondOrderModel};
+use liouville_core::problem::polynomial::{Piece, Polynomials, Split};
 use liouville_core::tableau;
 use std::alloc::{GlobalAlloc, Layout, System};
 use std::cell::Cell;
@@ -143,6 +145,37 @@ fn a_step_of_the_alpha_family_takes_no_memory() {
         let count = allocations(|| [0.01, 0.01, 0.005, 0.02].into_iter().for_each(&mut step));
         assert_eq!(count, 0, "with {reactions:?}");
     }
+}
+
+/// Allocations of steps after the first.
+fn others<S: Stepper>(stepper: &mut S, state: &mut S::State) -> usize {
+    let mut step = |n| {
+        let t = 0.01 * f64::from(n);
+        stepper.step(t, 0.01, state).expect("a step can be made");
+        stepper.settle(state).expect("it can be settled");
+    };
+    step(0);
+    allocations(|| (1..20).for_each(step))
+}
+
+#[test]
+fn a_composed_step_takes_no_memory() {
+    let mut model = Model::new(pendulum().build(), &PENDULUM);
+    let mut state = model.state(0.0, &[1.0, 0.0], &[0.0, 0.0]);
+    let spark = Spark::new(model, 1, Solver::Auto);
+    let scheme = tableau::Scheme::named("SU4").expect("a scheme");
+    let mut composed = Composed::of_symmetric(spark, scheme).expect("stages");
+    assert_eq!(others(&mut composed, &mut state), 0);
+
+    let turn = |row, coefficient, factor| Piece::Natural {
+        rows: vec![row],
+        change: Polynomials::new(1, 2, &[0], &[coefficient], &[factor], 1).expect("a term"),
+        waves: vec![],
+    };
+    let split = Split::new(2, vec![turn(0, 1.0, 1), turn(1, -1.0, 0)]).expect("a split");
+    let volume = Volume::<f64>::new(Arc::new(split), true);
+    let mut state = volume.state(&[1.0, 0.0]);
+    assert_eq!(others(&mut Composed::new(volume, scheme), &mut state), 0);
 }
 
 #[test]

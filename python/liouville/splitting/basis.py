@@ -6,6 +6,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
+from liouville.errors import hinted
 from liouville.terms import Terms, exact
 
 #: Tensors of more entries are not formed.
@@ -26,11 +27,20 @@ def transformed(terms: Terms, outward: np.ndarray, inward: np.ndarray) -> Terms:
     return Terms.none(terms.n, terms.is_exact).joined(*parts)
 
 
+def check_size(n: int, degree: int) -> None:
+    """Refuse fields whose terms in other coordinates are too many."""
+    if n ** (degree + 1) > MOST_ENTRIES:
+        raise ValueError(
+            hinted(
+                f"a dense field of degree {degree} in {n} variables is too large",
+                "take diagonal='exponentials', which keeps a sparse field sparse",
+            )
+        )
+
+
 def _by_degree(terms: Terms, outward: np.ndarray, inward: np.ndarray) -> Iterator[Terms]:
     n, degrees = terms.n, terms.degrees
     for m in np.unique(degrees).tolist():
-        if n ** (m + 1) > MOST_ENTRIES:
-            raise ValueError(f"a dense field of degree {m} in {n} variables is too large")
         part = terms.selected(degrees == m)
         kind = object if terms.is_exact else float
         tensor = np.zeros((n,) * (m + 1), dtype=kind)

@@ -213,7 +213,9 @@ class Split:
         """Return y of states x, of shape (n,) or (P, n)."""
         if self.inverse is None:
             return x
-        return np.ascontiguousarray(x @ np.asarray(self.inverse, dtype=float).T)
+        columns = np.asarray(self.inverse, dtype=float).T
+        # column by column: a matrix product rounds a state differently alone and among others
+        return np.asarray(sum(x[..., j, None] * column for j, column in enumerate(columns)))
 
     def fields(self) -> list[Terms]:
         """Return each piece as a vector field of x."""

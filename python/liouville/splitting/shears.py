@@ -13,8 +13,8 @@ from liouville.splitting.elimination import SingularError, solved
 from liouville.splitting.pieces import Shear, one_component, same_kind
 from liouville.terms import Terms
 
-#: Larger sums of dense shears are not formed.
-MOST_TERMS = 3 * 10**7
+#: Shears that would have more terms in all components are not formed.
+MOST_TERMS = 10**8
 
 #: Diagonal terms that are left over by roundoff are below this, relative to the pieces.
 LEFT_OVER = 1e-8
@@ -47,6 +47,9 @@ def shears(terms: Terms, directions: np.ndarray | None = None) -> tuple[list[She
     terms = terms.merged()
     diagonal = terms.diagonal()
     d = diagonal.degree
+    if terms.n * len(diagonal) > MOST_TERMS:
+        hint = "take diagonal='exponentials', which keeps a sparse field sparse"
+        raise ValueError(hinted("shears along dense directions would fill the field in", hint))
     b = _directions(terms, d, directions)
     parts: list[list[tuple[np.ndarray, np.ndarray]]] = [[] for _ in range(d)]
     for m in range(1, d + 1):
@@ -56,9 +59,6 @@ def shears(terms: Terms, directions: np.ndarray | None = None) -> tuple[list[She
                 parts[k].append((gamma[:, k], rows))
     scalars = [one_component(terms.n, part, terms.is_exact) for part in parts]
     pieces = [Shear(b[:, k], g) for k, g in enumerate(scalars) if len(g)]
-    if terms.n * sum(map(len, scalars)) > MOST_TERMS:
-        hint = "take diagonal='exponentials', which keeps a sparse field sparse"
-        raise ValueError(hinted("shears along dense directions would fill the field in", hint))
     return pieces, _rest(terms, pieces)
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from liouville.errors import hinted
-from liouville.splitting.basis import transformed
+from liouville.splitting.basis import check_size, transformed
 from liouville.splitting.directions import harmonic, spread
 from liouville.splitting.elimination import SingularError, inverse
 from liouville.splitting.natural import natural
@@ -37,6 +37,7 @@ def whole(terms: Terms, directions: np.ndarray | None = None, merged: bool = Tru
         The directions are not in general position.
     """
     n, d = terms.n, max(terms.degree, 1)
+    check_size(n, d)
     if directions is None:
         frame = harmonic(n, d, terms.is_exact)
     else:

@@ -342,15 +342,10 @@ class Terms:
         """Write a monomial in the user's names: ``x*y**2``."""
         words = []
         for v in sorted(set(monomial)):
-            word = names[v] if v < self.n else self._written_wave(v - self.n, names)
+            word = names[v] if v < self.n else self.waves[v - self.n].written(names)
             power = monomial.count(v)
             words.append(word if power == 1 else f"{word}**{power}")
         return "*".join(words) or "1"
-
-    def _written_wave(self, q: int, names: Sequence[str]) -> str:
-        wave = self.waves[q]
-        angle = " + ".join(f"{k:g}*{names[v]}" for v, k in zip(wave.places, wave.k, strict=True))
-        return f"cos({angle} + {wave.phase:g})" if wave.phase else f"cos({angle})"
 
 
 def exact(numbers: Iterable[Any]) -> np.ndarray:

@@ -24,6 +24,17 @@ class Wave:
     k: tuple[float, ...]
     phase: float = 0.0
 
+    def written(self, names: Sequence[str]) -> str:
+        """Write the factor in the user's names: ``sin(2*x - y)``."""
+        angle = ""
+        for v, k in zip(self.places, self.k, strict=True):
+            word = names[v] if abs(k) == 1 else f"{abs(k):g}*{names[v]}"
+            angle += (" - " if k < 0 else " + ") + word
+        angle = angle.removeprefix(" + ")
+        if self.phase == -math.pi / 2:
+            return f"sin({angle})"
+        return f"cos({angle} + {self.phase:g})" if self.phase else f"cos({angle})"
+
 
 def expanded(waves: Sequence[Wave]) -> Iterator[tuple[Fraction | float, Wave | None]]:
     """Write a product of waves as a sum: numbers, and cosines or sines of no phase.

@@ -36,8 +36,8 @@ pub trait Parts: Send {
         state: &mut Self::State,
     ) -> Result<(), Trouble>;
 
-    /// Moves `state` by flows one after another, of a step from `t` to `t + h`; the first takes `before`
-    /// longer than it says.
+    /// Moves `state` by flows one after another, of a step from `t` to `t + h`; the first begins `before`
+    /// earlier than it says.
     ///
     /// # Errors
     /// Why that could not be; the state may be anything then.
@@ -52,7 +52,8 @@ pub trait Parts: Send {
         let mut before = before;
         for flow in flows {
             let now = flow.at(t, h);
-            self.flow(now.part, now.is_adjoint, now.t, before + now.h, state)?;
+            let (t, h) = (now.t - before, before + now.h);
+            self.flow(now.part, now.is_adjoint, t, h, state)?;
             before = 0.0;
         }
         Ok(())

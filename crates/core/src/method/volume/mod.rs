@@ -32,12 +32,27 @@ use rows::Rows;
 use std::sync::Arc;
 
 /// Where the variables are.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Debug, PartialEq)]
 pub struct State<S> {
     /// The variables in the order of the stepper, and room for waves.
     x: Vec<S>,
     /// What they have lost to rounding, where that is kept.
     low: Vec<S>,
+}
+
+impl<S: Clone> Clone for State<S> {
+    fn clone(&self) -> Self {
+        Self {
+            x: self.x.clone(),
+            low: self.low.clone(),
+        }
+    }
+
+    /// Into the memory there is: steps keep copies.
+    fn clone_from(&mut self, source: &Self) {
+        self.x.clone_from(&source.x);
+        self.low.clone_from(&source.low);
+    }
 }
 
 /// The flows of a split field's pieces, for one trajectory or several in lock-step.
