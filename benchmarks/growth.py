@@ -1,4 +1,4 @@
-"""How much larger the pieces of a splitting are than the field they sum to, for random dense fields.
+"""How much larger the pieces of a splitting are than the field, for random dense fields.
 
 The growth is the sum of the pieces' norms over that of the field, in Bombieri's norm: coefficients
 of x^j count j! / |j|!, and rotations change nothing. The fields are homogeneous, with normally

@@ -56,11 +56,13 @@ def random_normal(n, d, seed):
 
 
 def on_ring(n, *terms):
-    """The field x_i' = sum of c x_(i+a) x_(i+b) ..., modulo n; terms are (c, shifts)."""
+    """Return the field x_i' = sum of c x_(i+a) x_(i+b) ..., modulo n; terms are (c, shifts)."""
     i = np.arange(n)
     component = np.concatenate([i for _ in terms])
     coefficient = np.repeat([float(c) for c, _ in terms], n)
-    variables = np.concatenate([np.column_stack([(i + s) % n for s in shifts]) for _, shifts in terms])
+    variables = np.concatenate(
+        [np.column_stack([(i + s) % n for s in shifts]) for _, shifts in terms]
+    )
     return Terms(n, component, coefficient, variables).merged()
 
 
@@ -85,7 +87,7 @@ SINE = -np.pi / 2
 
 
 def abc_flow(a, b, c):
-    """x' = a sin z + c cos y, y' = b sin x + a cos z, z' = c sin y + b cos x."""
+    """Return x' = a sin z + c cos y, y' = b sin x + a cos z, z' = c sin y + b cos x."""
     waves = [Wave((v,), (1.0,), phase) for v in range(3) for phase in (0.0, SINE)]
     cosine, sine = [3, 5, 7], [4, 6, 8]
     rows = [

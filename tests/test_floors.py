@@ -14,8 +14,10 @@ CORE = ROOT / "crates" / "core" / "src"
 PACKAGE = ROOT / "python" / "liouville"
 
 CORE_FLOORS = (
-    ("parallel", "real", "trouble"),
-    ("linalg",),
+    ("elementary", "parallel", "trouble"),
+    ("real",),
+    ("vector",),
+    ("dual", "linalg"),
     ("tableau", "tape"),
     ("newton",),
     ("problem",),
@@ -40,6 +42,7 @@ LAZY = {("solution", "export")}  # to_xarray() and save() fetch the exporter whe
 CORE_ROOMS = {
     "faer": ("linalg/sparse.rs",),
     "libm": ("tape/execute.rs",),
+    "pulp": ("vector/",),
     "rayon": ("ensemble.rs", "parallel.rs"),
     "twofloat": ("tableau/",),
     "pyo3": (),

@@ -197,7 +197,7 @@ def test_squares_of_sine_and_cosine_make_a_constant():
 
 
 def test_a_wave_that_expands_is_refused():
-    with pytest.raises(ValueError, match=r"div f contains 1 \* cos\(1\*x\)"):
+    with pytest.raises(ValueError, match=r"div f contains 1 \* cos\(x\)"):
         traced(lambda t, x, y, z, p: ca.sin(x), lambda *_: 0, lambda *_: 0)
 
 
@@ -229,7 +229,7 @@ REFUSED = [
     (lambda t, x, y, z, p: ca.fabs(y), r"contains fabs\(y\), which is no polynomial"),
     (lambda t, x, y, z, p: ca.if_else(y > 0, 1, z), r"contains lt\(0, y\), which is no polynomial"),
     (lambda t, x, y, z, p: ca.sin(y * z), r"contains sin\(y\*z\), whose argument is not affine"),
-    (lambda t, x, y, z, p: ca.sin(ca.cos(y)), r"contains sin\(cos\(1\*y\)\), whose argument"),
+    (lambda t, x, y, z, p: ca.sin(ca.cos(y)), r"contains sin\(cos\(y\)\), whose argument"),
     (lambda t, x, y, z, p: ca.log(p.a - 3) * y, r"contains log\(-1\), which is nan"),
     (lambda t, x, y, z, p: y / (p.a - 2), r"contains y/0, which is no polynomial"),
     (lambda t, x, y, z, p: y * ca.inf, r"contains the constant inf"),

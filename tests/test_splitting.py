@@ -12,16 +12,29 @@ from pathlib import Path
 import numpy as np
 import pytest
 from fields import (
-    SINE, abc_flow, lorenz96, on_ring, random_exact, random_normal, toda, volterra,
+    SINE,
+    abc_flow,
+    lorenz96,
+    on_ring,
+    random_exact,
+    random_normal,
+    toda,
+    volterra,
 )  # fmt: skip
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from liouville.splitting import (
-    Affine, Exponential, Natural, Scaling, Shear, Split, Triangular, split,
+    Affine,
+    Exponential,
+    Natural,
+    Scaling,
+    Shear,
+    Split,
+    Triangular,
+    split,
 )  # fmt: skip
 from liouville.splitting.directions import along, growth, harmonic, norm, powers
-from liouville.splitting.permutations import family
 from liouville.splitting.pieces import same_kind
 from liouville.terms import Terms, Wave
 
@@ -165,38 +178,6 @@ def test_regular_exponentials_never_blow_up():
     assert max(np.count_nonzero(p.direction) for p in parts.pieces if isinstance(p, Shear)) <= 5
 
 
-# Families of permutations
-
-
-@pytest.mark.parametrize(
-    ("n", "size"), [(int(n), t) for n, t in REFERENCE["permutations"]["quadratic_min"].items()]
-)
-def test_families_for_quadratic_fields_are_minimal(n, size):
-    positions = family(n, 2)
-    assert len(positions) == size
-    assert (np.sort(positions, axis=1) == np.arange(n)).all()
-    rng = np.random.default_rng(n)
-    i, v, w = np.indices((n, n, n)).reshape(3, -1) if n <= 82 else rng.integers(n, size=(3, 10**5))
-    other = (i != v) & (i != w)
-    i, v, w = i[other], v[other], w[other]
-    assert ((positions[:, i] > positions[:, v]) & (positions[:, i] > positions[:, w])).any(0).all()
-
-
-@pytest.mark.parametrize(
-    ("d", "n", "size"),
-    [(1, 7, 2), (3, 4, 4), (3, 5, 4), (3, 6, 6), (3, 7, 6), (3, 8, 7)]
-    + [(4, 5, 5), (4, 6, 5), (4, 7, 7), (4, 8, 8)],
-)
-def test_families_for_higher_degrees_are_small(d, n, size):
-    positions = family(n, d)
-    assert len(positions) <= size
-    indices = np.indices((n,) * (d + 1)).reshape(d + 1, -1)
-    i, others = indices[0], indices[1:]
-    other = (others != i).all(axis=0)
-    after = positions[:, i[other]] > positions[:, others[:, other]].max(axis=1)
-    assert after.any(axis=0).all()
-
-
 def test_sparse_fields_of_high_degree_have_few_permutations():
     rng = np.random.default_rng(0)
     rows = np.array([rng.choice(40, 4, replace=False) for _ in range(60)])
@@ -317,7 +298,7 @@ def test_waves_that_do_not_move_themselves_are_natural():
 
 
 def cells(*extra):
-    """sin x cos y, -cos x sin y and z-shears along a direction at right angles to k."""
+    """Return cells (sin x cos y, -cos x sin y), and shears of z and x by other waves."""
     one = [Wave((v,), (1.0,), phase) for v in (0, 1) for phase in (SINE, 0.0)]
     rows = [(0, 1.0, (3, 6)), (1, -1.0, (4, 5)), (2, 0.5, (3,)), (0, 0.25, (2,)), *extra]
     return Terms.of(3, rows, tuple(one))

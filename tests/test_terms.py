@@ -23,7 +23,7 @@ points = st.lists(numbers, min_size=N, max_size=N)
 
 
 def plainly(terms, x):
-    """The field at x, by its definition."""
+    """Return the field at x, by its definition."""
     f = [Fraction(0)] * N
     for i, c, factors in terms:
         f[i] += c * prod(x[v] for v in factors)

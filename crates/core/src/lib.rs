@@ -5,20 +5,24 @@
 //!
 //! Floors, lowest first; a module uses only floors below its own:
 //!
-//! 0. `real`, `trouble`
-//! 1. `linalg`
-//! 2. `tape`, `tableau`
-//! 3. `newton`
-//! 4. `problem`
-//! 5. `method`
-//! 6. `run`
-//! 7. `ensemble`
+//! 0. `elementary`, `parallel`, `trouble`
+//! 1. `real`
+//! 2. `vector`
+//! 3. `dual`, `linalg`
+//! 4. `tape`, `tableau`
+//! 5. `newton`
+//! 6. `problem`
+//! 7. `method`
+//! 8. `run`
+//! 9. `ensemble`
 
+pub mod dual;
 pub mod elementary;
 pub mod ensemble;
 pub mod linalg;
 pub mod method;
 pub mod newton;
+pub mod parallel;
 pub mod problem;
 pub mod real;
 pub mod run;

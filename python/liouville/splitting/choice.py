@@ -16,7 +16,7 @@ from liouville.splitting.pieces import Affine, Piece, Split
 from liouville.splitting.regular import regular
 from liouville.splitting.shears import shears
 from liouville.splitting.triangular import triangular
-from liouville.splitting.trigonometric import wave_shears
+from liouville.splitting.trigonometric import numbered, wave_shears
 from liouville.splitting.whole import whole
 from liouville.terms import Terms
 
@@ -51,7 +51,6 @@ def split(
     Parameters
     ----------
     terms : Terms
-        The field.
     diagonal : {"exponentials", "shears", "regular", "n+d"}
         Pieces of the terms of a component that contain its own variable. ``"n+d"`` shears are the
         whole field.
@@ -68,8 +67,8 @@ def split(
     linear : {"split", "exact"}
         Whether terms of degree 0 and 1 are one affine piece.
     merged : bool
-        Whether pieces that can be made at once are one. If not, they come in the canonical order:
-        those of the diagonal part by monomial, then natural shears by component.
+        Whether pieces that can be made at once are one. Else those of the diagonal part come by
+        monomial, then natural shears by component.
     names : sequence of str, optional
         The variables, for messages.
 
@@ -81,7 +80,6 @@ def split(
     _check_word("diagonal", diagonal, DIAGONAL)
     _check_word("off_diagonal", off_diagonal, OFF_DIAGONAL)
     _check_word("linear", linear, ("split", "exact"))
-    names = names or [f"x{i}" for i in range(terms.n)] if terms.waves else names
     terms = terms.resolved().merged()
     _check_divergence(terms, names)
     affine: list[Piece] = []
@@ -90,7 +88,7 @@ def split(
         affine = [piece] if piece else []
     if diagonal == "n+d":
         return _whole(terms, affine, _turned(terms, "n+d", directions, turn), merged)
-    waves, terms = wave_shears(terms, names or ())
+    waves, terms = wave_shears(terms, names)
     parts, rest = _diagonal(terms, diagonal, _turned(terms, diagonal, directions, turn), merged)
     off = _off_diagonal(rest, off_diagonal, permutations, runge_kutta, merged)
     return Split(terms.n, (*affine, *waves, *parts, *off))
@@ -186,7 +184,7 @@ def _check_divergence(terms: Terms, names: Sequence[str] | None) -> None:
     excess = terms.excess()
     if not len(excess):
         return
-    names = names or [f"x{i}" for i in range(terms.n)]
+    names = names or numbered(terms.n)
     found = excess.monomials()
     words = [f"{c} * {excess.written(monomial, names)}" for monomial, c in found[:MOST_NAMED]]
     more = f", and {len(found) - MOST_NAMED} more terms" if len(found) > MOST_NAMED else ""

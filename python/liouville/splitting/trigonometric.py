@@ -12,7 +12,12 @@ from liouville.splitting.pieces import Shear
 from liouville.terms import ROUNDOFF, Terms, grouped
 
 
-def wave_shears(terms: Terms, names: Sequence[str]) -> tuple[list[Shear], Terms]:
+def numbered(n: int) -> list[str]:
+    """Name variables that have no names."""
+    return [f"x{i}" for i in range(n)]
+
+
+def wave_shears(terms: Terms, names: Sequence[str] | None = None) -> tuple[list[Shear], Terms]:
     """Take the diagonal terms with waves from a field, as shears.
 
     Terms of equal factors are x' = a m(x) cos(k . x + phase), which is a shear if a . k = 0 and m
@@ -22,7 +27,7 @@ def wave_shears(terms: Terms, names: Sequence[str]) -> tuple[list[Shear], Terms]
     ----------
     terms : Terms
         A field with at most one wave in a term, a cosine or a sine: ``Terms.resolved``.
-    names : sequence of str
+    names : sequence of str, optional
         The variables, for messages.
 
     Returns
@@ -45,7 +50,7 @@ def wave_shears(terms: Terms, names: Sequence[str]) -> tuple[list[Shear], Terms]
     found: dict[tuple[Any, ...], list[Terms]] = {}
     for rows in np.split(order, starts[1:]):
         part = diagonal.selected(rows)
-        _check_is_shear(part, names)
+        _check_is_shear(part, names or numbered(terms.n))
         size = part.coefficient[np.abs(part.coefficient).argmax()]
         direction = tuple(zip(part.component.tolist(), part.coefficient / size, strict=True))
         g = Terms(terms.n, np.zeros(1), np.array([size]), part.variables[:1], terms.waves)

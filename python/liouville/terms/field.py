@@ -248,6 +248,8 @@ class Terms:
         """Put a factor's derivative in the place of one that is hit, as often as there are."""
         there = hits.any(axis=1)
         part = self.selected(there).scaled(hits.sum(axis=1)[there])
+        if not len(part):
+            return part
         variables = part.variables.copy()
         variables[np.arange(len(part)), hits[there].argmax(axis=1)] = derivative
         return replace(part, variables=np.sort(variables, axis=1))
@@ -308,13 +310,13 @@ class Terms:
         merged = self.merged()
         hits = merged.variables == merged.component[:, None]
         rows = np.flatnonzero(hits.any(axis=1))
+        if not rows.size:
+            return merged
         w = hits.sum(axis=1)[rows]
         variables = merged.variables[rows]
         variables[np.arange(rows.size), hits[rows].argmax(axis=1)] = -1
         monomials = replace(merged.selected(rows), variables=np.sort(variables, axis=1))
         order, starts = grouped(monomials._keys(component=False), self.n + len(self.waves))
-        if not rows.size:
-            return merged
         group = np.empty(rows.size, dtype=np.int64)
         group[order] = np.repeat(np.arange(starts.size), np.diff([*starts, rows.size]))
         excess = np.add.reduceat((monomials.coefficient * w)[order], starts)

@@ -77,6 +77,15 @@ impl Lu {
         Ok(())
     }
 
+    /// The determinant of the matrix.
+    pub fn determinant(&self) -> f64 {
+        let pivots = self.swaps.iter().enumerate().map(|(k, swap)| {
+            let sign = if k == *swap { 1.0 } else { -1.0 };
+            sign / self.factors[(k, k)]
+        });
+        pivots.product()
+    }
+
     /// Solves `A x = b` in place.
     #[inline]
     pub fn solve(&self, b: &mut [f64]) {

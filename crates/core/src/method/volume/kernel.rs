@@ -5,7 +5,7 @@ use super::State;
 use super::code::{Code, Source, evaluate};
 use super::exponential::Exponential;
 use super::motion::Motion;
-use super::rows::Rows;
+use super::rows::{Rows, Run};
 use super::stages::{runge_kutta, substitute};
 use crate::method::Flow;
 use crate::trouble::Trouble;
@@ -47,7 +47,7 @@ impl<S: Copy> Kernel<S> for Flows<'_, S> {
             match &self.motions[flow.part] {
                 Motion::Natural { rows, waves } => {
                     set_waves(windows, waves, state);
-                    add_rows(windows, rows, h, state);
+                    change_rows(windows, Change::Add, rows, h, state);
                 }
                 Motion::Shear {
                     change,
@@ -57,7 +57,7 @@ impl<S: Copy> Kernel<S> for Flows<'_, S> {
                     set_waves(windows, waves, state);
                     shear(windows, change, places, h, state);
                 }
-                Motion::Scaling { rows } => scale_rows(windows, rows, h, state),
+                Motion::Scaling { rows } => change_rows(windows, Change::Scale, rows, h, state),
                 Motion::Exponential(piece) => {
                     exponential(windows, piece, h, state).map_err(|member| Trouble::Singular {
                         piece: flow.part,
@@ -68,11 +68,11 @@ impl<S: Copy> Kernel<S> for Flows<'_, S> {
                 Motion::Triangular(piece) if piece.is_euler() => {
                     if flow.is_adjoint {
                         for level in &piece.levels {
-                            add_rows(windows, level, h, state);
+                            change_rows(windows, Change::Add, level, h, state);
                         }
                     } else {
                         for level in piece.levels.iter().rev() {
-                            add_rows(windows, level, h, state);
+                            change_rows(windows, Change::Add, level, h, state);
                         }
                     }
                 }
@@ -101,31 +101,36 @@ impl<S: Copy> Kernel<S> for Flows<'_, S> {
 #[inline(always)]
 pub(super) fn add<W: Window>(
     window: W,
-    state: &mut State<W::Stored>,
+    (x, low): (&mut [W::Stored], &mut [W::Stored]),
     place: usize,
     change: W::Number,
 ) {
-    let x = window.load(&state.x, place);
-    if state.low.is_empty() {
-        window.store(&mut state.x, place, x + change);
+    let now = window.load(x, place);
+    if low.is_empty() {
+        window.store(x, place, now + change);
         return;
     }
-    let change = change + window.load(&state.low, place);
-    let sum = x + change;
-    let back = sum - x;
-    let lost = (x - (sum - back)) + (change - back);
-    window.store(&mut state.x, place, sum);
-    window.store(&mut state.low, place, lost);
+    let change = change + window.load(low, place);
+    let sum = now + change;
+    let back = sum - now;
+    let lost = (now - (sum - back)) + (change - back);
+    window.store(x, place, sum);
+    window.store(low, place, lost);
 }
 
 /// Multiplies what a window sees by e^exponent.
 #[inline(always)]
-fn multiply<W: Window>(window: W, state: &mut State<W::Stored>, place: usize, exponent: W::Number) {
-    let x = window.load(&state.x, place);
-    if state.low.is_empty() {
-        window.store(&mut state.x, place, x * exponent.exp());
+pub(super) fn multiply<W: Window>(
+    window: W,
+    (x, low): (&mut [W::Stored], &mut [W::Stored]),
+    place: usize,
+    exponent: W::Number,
+) {
+    let now = window.load(x, place);
+    if low.is_empty() {
+        window.store(x, place, now * exponent.exp());
     } else {
-        add(window, state, place, x * exponent.exp_m1());
+        add(window, (x, low), place, now * exponent.exp_m1());
     }
 }
 
@@ -150,63 +155,65 @@ pub(super) fn value<W: Window>(window: W, program: &[Code], x: &[W::Stored]) -> 
     evaluate(program, window.constant(0.0), &Seen { window, x })
 }
 
-struct AddRow<'a, S> {
+/// What is done with the value of a row.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Change {
+    /// x += h R
+    Add,
+    /// x *= exp(h p)
+    Scale,
+}
+
+struct ChangeRow<'a, S> {
     program: &'a [Code],
+    change: Change,
     place: usize,
     h: f64,
     state: &'a mut State<S>,
 }
 
-impl<S> Visit<S> for AddRow<'_, S> {
+impl<S> Visit<S> for ChangeRow<'_, S> {
     #[inline(always)]
     fn visit<W: Window<Stored = S>>(&mut self, window: W) -> bool {
-        let change = value(window, self.program, &self.state.x).scaled(self.h);
-        add(window, self.state, self.place, change);
+        let value = value(window, self.program, &self.state.x).scaled(self.h);
+        match self.change {
+            Change::Add => add(window, self.state.parts(), self.place, value),
+            Change::Scale => multiply(window, self.state.parts(), self.place, value),
+        }
         true
     }
 }
 
+/// Changes a run of rows.
 #[inline(always)]
-fn add_rows<W: Windows>(windows: W, rows: &Rows, h: f64, state: &mut State<W::Stored>) {
-    for (run, program) in rows.iter() {
-        let place = run.place;
-        let mut row = AddRow {
-            program,
-            place,
-            h,
-            state: &mut *state,
-        };
-        windows.each(run.count, &mut row);
-    }
-}
-
-struct ScaleRow<'a, S> {
-    program: &'a [Code],
-    place: usize,
+pub(super) fn change_run<W: Windows>(
+    windows: W,
+    change: Change,
+    (run, program): (&Run, &[Code]),
     h: f64,
-    state: &'a mut State<S>,
-}
-
-impl<S> Visit<S> for ScaleRow<'_, S> {
-    #[inline(always)]
-    fn visit<W: Window<Stored = S>>(&mut self, window: W) -> bool {
-        let rate = value(window, self.program, &self.state.x);
-        multiply(window, self.state, self.place, rate.scaled(self.h));
-        true
-    }
+    state: &mut State<W::Stored>,
+) {
+    let place = run.place;
+    let mut row = ChangeRow {
+        program,
+        change,
+        place,
+        h,
+        state,
+    };
+    windows.each(run.count, &mut row);
 }
 
 #[inline(always)]
-fn scale_rows<W: Windows>(windows: W, rows: &Rows, h: f64, state: &mut State<W::Stored>) {
-    for (run, program) in rows.iter() {
-        let place = run.place;
-        let mut row = ScaleRow {
-            program,
-            place,
-            h,
-            state: &mut *state,
-        };
-        windows.each_small(run.count, &mut row);
+fn change_rows<W: Windows>(
+    windows: W,
+    change: Change,
+    rows: &Rows,
+    h: f64,
+    state: &mut State<W::Stored>,
+) {
+    for run in rows.iter() {
+        change_run(windows, change, run, h, state);
     }
 }
 
@@ -234,7 +241,7 @@ fn set_waves<W: Windows>(windows: W, waves: &Rows, state: &mut State<W::Stored>)
             place: run.place,
             x: &mut state.x,
         };
-        windows.each_small(run.count, &mut wave);
+        windows.each(run.count, &mut wave);
     }
 }
 
@@ -250,7 +257,8 @@ impl<S> Visit<S> for ShearBy<'_, S> {
     fn visit<W: Window<Stored = S>>(&mut self, window: W) -> bool {
         let change = value(window, self.program, &self.state.x).scaled(self.h);
         for &(place, direction) in self.places {
-            add(window, self.state, place as usize, change.scaled(direction));
+            let change = change.scaled(direction);
+            add(window, self.state.parts(), place as usize, change);
         }
         true
     }
@@ -328,7 +336,8 @@ impl<S> Grow<'_, S> {
     #[inline(always)]
     fn multiply<W: Window<Stored = S>>(&mut self, window: W, time: W::Number) {
         for &(place, rate) in &self.piece.rates {
-            multiply(window, self.state, place as usize, time.scaled(rate));
+            let exponent = time.scaled(rate);
+            multiply(window, self.state.parts(), place as usize, exponent);
         }
     }
 }
@@ -362,7 +371,7 @@ fn exponential<W: Windows>(
         state,
         failed: 0,
     };
-    if windows.each_small(1, &mut grow) {
+    if windows.each(1, &mut grow) {
         Ok(())
     } else {
         Err(grow.failed)
@@ -413,7 +422,8 @@ struct AddChange<'a, S> {
 impl<S> Visit<S> for AddChange<'_, S> {
     #[inline(always)]
     fn visit<W: Window<Stored = S>>(&mut self, window: W) -> bool {
-        add(window, self.state, 0, window.load(self.change, 0));
+        let change = window.load(self.change, 0);
+        add(window, self.state.parts(), 0, change);
         true
     }
 }

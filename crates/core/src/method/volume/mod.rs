@@ -8,26 +8,31 @@
 
 mod affine;
 mod code;
+mod determinant;
 mod exponential;
 mod kernel;
 mod motion;
 mod observe;
 mod order;
+mod plan;
 mod rows;
 mod section;
+mod shared;
 mod stages;
 mod triangular;
 
+pub use determinant::{Determinant, Determined};
 pub use observe::{Observer, Seen};
 pub use section::{Direction, Plane, Section};
 
 use super::{Flow, Parts};
-use crate::problem::polynomial::{Piece, Split};
+use crate::parallel::Crew;
+use crate::problem::polynomial::Split;
 use crate::trouble::Trouble;
 use crate::vector::{Kernel, Machine, Stored, Visit, Window, Windows};
-use kernel::{Flows, Scratch};
-use motion::{Layout, Motion};
-use order::Order;
+use kernel::{Change, Flows, Scratch};
+use motion::Motion;
+use plan::Plan;
 use rows::Rows;
 use std::sync::Arc;
 
@@ -55,27 +60,26 @@ impl<S: Clone> Clone for State<S> {
     }
 }
 
+impl<S> State<S> {
+    /// The variables, and what they have lost.
+    #[inline]
+    fn parts(&mut self) -> (&mut [S], &mut [S]) {
+        (&mut self.x, &mut self.low)
+    }
+}
+
 /// The flows of a split field's pieces, for one trajectory or several in lock-step.
 #[derive(Clone, Debug)]
 pub struct Volume<S> {
     split: Arc<Split>,
     plan: Arc<Plan>,
     machine: Machine,
+    crew: Option<Crew>,
     is_compensated: bool,
     scratch: Scratch<S>,
     /// The changes of affine flows by length and part, the oldest first.
     affine: Vec<(u64, usize, Rows)>,
     kept: Option<State<S>>,
-}
-
-/// A split, compiled.
-#[derive(Debug)]
-struct Plan {
-    order: Order,
-    motions: Vec<Motion>,
-    /// How many waves a piece has at most.
-    waves: usize,
-    has_affine: bool,
 }
 
 /// States above this size are not copied before each step.
@@ -86,46 +90,19 @@ const MOST_AFFINE: usize = 256;
 impl<S: Stored> Volume<S> {
     /// The flows of the pieces of `split`, with or without compensated sums.
     pub fn new(split: Arc<Split>, is_compensated: bool) -> Self {
-        let order = Order::new(&split);
-        let layout = Layout {
-            split: &split,
-            order: &order,
-            in_runs: S::MEMBERS == 1,
-        };
-        let motions: Vec<Motion> = split
-            .pieces()
-            .iter()
-            .map(|piece| layout.motion(piece))
-            .collect();
-        let waves = split.pieces().iter().map(|piece| match piece {
-            Piece::Natural { waves, .. } | Piece::Shear { waves, .. } => waves.len(),
-            _ => 0,
-        });
-        let waves = waves.max().unwrap_or(0);
+        let plan = Arc::new(Plan::new(&split, S::MEMBERS == 1));
         let n = split.n();
         let zeros = |n: usize| vec![S::splat(0.0); n];
-        let stages = motions.iter().map(|motion| match motion {
-            Motion::Triangular(piece) if !piece.is_euler() => piece.stages,
-            _ => 0,
-        });
-        let stages = stages.max().unwrap_or(0);
-        let has_affine = motions
-            .iter()
-            .any(|motion| matches!(motion, Motion::Affine(_)));
+        let stages = (0..plan.stages).map(|_| [zeros(n + plan.waves), zeros(n)]);
         let scratch = Scratch {
-            change: zeros(if has_affine { n } else { 0 }),
-            stages: (0..stages).map(|_| [zeros(n + waves), zeros(n)]).collect(),
+            change: zeros(if plan.has_affine { n } else { 0 }),
+            stages: stages.collect(),
         };
-        let plan = Arc::new(Plan {
-            order,
-            motions,
-            waves,
-            has_affine,
-        });
         Self {
             split,
             plan,
             machine: Machine::default(),
+            crew: None,
             is_compensated,
             scratch,
             affine: Vec::new(),
@@ -140,6 +117,13 @@ impl<S: Stored> Volume<S> {
         self
     }
 
+    /// The same with so many threads, which give the same bits; they serve large states.
+    #[must_use]
+    pub fn with_threads(mut self, threads: usize) -> Self {
+        self.crew = Crew::new(threads);
+        self
+    }
+
     /// What is split.
     pub fn split(&self) -> &Split {
         &self.split
@@ -151,15 +135,25 @@ impl<S: Stored> Volume<S> {
     /// When there are not as many as variables.
     pub fn state(&self, x: &[S]) -> State<S> {
         let n = self.split.n();
-        assert_eq!(x.len(), n, "size of a state");
-        let order = &self.plan.order;
-        let values = (0..n).map(|place| x[order.variable_at(place)]);
-        let room = std::iter::repeat_n(S::splat(0.0), self.plan.waves);
-        let low = if self.is_compensated { n } else { 0 };
-        State {
-            x: values.chain(room).collect(),
-            low: vec![S::splat(0.0); low],
+        let zeros = |n: usize| vec![S::splat(0.0); n];
+        let mut state = State {
+            x: zeros(n + self.plan.waves),
+            low: zeros(if self.is_compensated { n } else { 0 }),
+        };
+        self.set(x, &mut state);
+        state
+    }
+
+    /// Makes a state the one at these values of the variables.
+    ///
+    /// # Panics
+    /// When there are not as many as variables.
+    pub fn set(&self, x: &[S], state: &mut State<S>) {
+        assert_eq!(x.len(), self.split.n(), "size of a state");
+        for (variable, x) in x.iter().enumerate() {
+            state.x[self.plan.order.place_of(variable)] = *x;
         }
+        state.low.fill(S::splat(0.0));
     }
 
     /// Writes the values of the variables, in the order of the split.
@@ -171,6 +165,56 @@ impl<S: Stored> Volume<S> {
         for (variable, x) in x.iter_mut().enumerate() {
             *x = state.x[self.plan.order.place_of(variable)];
         }
+    }
+
+    /// Makes flows on this thread.
+    fn alone(
+        &mut self,
+        flows: &[Flow],
+        before: f64,
+        (t, h): (f64, f64),
+        state: &mut State<S>,
+    ) -> Result<(), Trouble> {
+        let kernel = Flows {
+            motions: &self.plan.motions,
+            affine: &self.affine,
+            flows,
+            before,
+            t,
+            h,
+            state,
+            scratch: &mut self.scratch,
+        };
+        S::run(self.machine, kernel)
+    }
+
+    /// Makes a flow of length `h` on all threads, if it is one of rows.
+    fn shared(&self, flow: &Flow, h: f64, state: &mut State<S>) -> bool {
+        let Some(crew) = &self.crew else {
+            return false;
+        };
+        let mut change = |change, rows: &Rows| {
+            shared::change_rows((crew, self.machine), change, rows, h, state);
+        };
+        match &self.plan.motions[flow.part] {
+            Motion::Natural { rows, waves } if waves.is_empty() => change(Change::Add, rows),
+            Motion::Scaling { rows } => change(Change::Scale, rows),
+            Motion::Triangular(piece) if piece.is_euler() && flow.is_adjoint => {
+                piece
+                    .levels
+                    .iter()
+                    .for_each(|level| change(Change::Add, level));
+            }
+            Motion::Triangular(piece) if piece.is_euler() => {
+                piece
+                    .levels
+                    .iter()
+                    .rev()
+                    .for_each(|level| change(Change::Add, level));
+            }
+            _ => return false,
+        }
+        true
     }
 
     /// Makes the affine flows among these known.
@@ -234,17 +278,17 @@ impl<S: Stored> Parts for Volume<S> {
         if self.plan.has_affine {
             self.prepare(flows, before, h);
         }
-        let kernel = Flows {
-            motions: &self.plan.motions,
-            affine: &self.affine,
-            flows,
-            before,
-            t,
-            h,
-            state,
-            scratch: &mut self.scratch,
-        };
-        S::run(self.machine, kernel)
+        if self.crew.is_none() {
+            return self.alone(flows, before, (t, h), state);
+        }
+        let mut before = before;
+        for flow in flows {
+            if !self.shared(flow, before + flow.weight * h, state) {
+                self.alone(std::slice::from_ref(flow), before, (t, h), state)?;
+            }
+            before = 0.0;
+        }
+        Ok(())
     }
 
     fn check(&self, t: f64, state: &State<S>) -> Result<(), Trouble> {

@@ -65,6 +65,11 @@ impl Rows {
         });
     }
 
+    /// Whether there are none.
+    pub(super) fn is_empty(&self) -> bool {
+        self.runs.is_empty()
+    }
+
     /// The runs, and the program of each run's first row.
     #[inline]
     pub(super) fn iter(&self) -> impl DoubleEndedIterator<Item = (&Run, &[Code])> {

@@ -55,7 +55,8 @@ impl<S> Visit<S> for Finish<'_, S> {
     #[inline(always)]
     fn visit<W: Window<Stored = S>>(&mut self, window: W) -> bool {
         let change = combined(window, self.weights, self.stages, self.place);
-        add(window, self.state, self.place, change.scaled(self.h));
+        let change = change.scaled(self.h);
+        add(window, self.state.parts(), self.place, change);
         true
     }
 }
@@ -123,7 +124,8 @@ impl<S> Visit<S> for Substitute<'_, S> {
             window.store(k, self.place, change);
         }
         let change = combined(window, &self.piece.b, self.stages, self.place);
-        add(window, self.state, self.place, change.scaled(self.h));
+        let change = change.scaled(self.h);
+        add(window, self.state.parts(), self.place, change);
         let end = window.load(&self.state.x, self.place);
         for r in 0..s {
             let weights = &self.piece.a[r * s..r * s + r];
@@ -159,7 +161,7 @@ pub(super) fn substitute<W: Windows>(
                 state: &mut *state,
                 stages: &mut scratch.stages,
             };
-            windows.each_small(run.count, &mut substitute);
+            windows.each(run.count, &mut substitute);
         }
     }
 }

@@ -1,0 +1,38 @@
+"""
+Islands in the ABC flow
+=======================
+
+The flow of Arnold, Beltrami and Childress is a sum of waves, three shears: a step of the splitting
+is three assignments, and keeps volume to roundoff. Dots are passages through the planes z = 0, 2π,
+4π, ..., a colour for each of eighty trajectories. Those in a vortex wind round it on a surface,
+here a closed curve, and never leave it; the others share a chaotic sea.
+"""
+
+import matplotlib.pyplot as plt
+import numpy as np
+
+import liouville as lv
+from liouville.problems import abc_flow as problem
+
+rng = np.random.default_rng(0)
+starts = np.column_stack([rng.uniform(0.0, 2 * np.pi, (80, 2)), np.zeros(80)])
+points = lv.section(
+    problem.system,
+    lv.VolumeSplitting(composition="BM4"),
+    t=(0.0, 6000.0),
+    h=0.1,
+    plane="z",
+    period=2 * np.pi,
+    params={"A": 1.0, "B": np.sqrt(2 / 3), "C": np.sqrt(1 / 3)},
+    x=starts,
+)
+print(points)
+
+# %%
+# Coordinates are angles. Where z' is zero trajectories touch the plane, and there are no dots.
+
+x, y, _ = (points.x % (2 * np.pi)).T
+fig, ax = plt.subplots(figsize=(7, 7), layout="constrained")
+ax.scatter(x, y, s=0.4, c=points.member, cmap="prism", linewidths=0, rasterized=True)
+ax.set(xlabel="x", ylabel="y", aspect="equal", xlim=(0, 2 * np.pi), ylim=(0, 2 * np.pi))
+plt.show()
