@@ -18,6 +18,7 @@ __all__ = [
     "Split",
     "Tape",
     "compositions",
+    "determinant_run",
     "gauss_lobatto",
     "mechanical_run",
     "project",
@@ -116,6 +117,13 @@ def split_run(
     options: tuple[bool, bool],
     threads: int,
     is_ensemble: bool,
+) -> Run | _Trouble: ...
+def determinant_run(
+    split: Split,
+    scheme: str,
+    x: NDArray[np.float64],
+    seen: tuple[int, NDArray[np.float64] | None],
+    span: tuple[float, float, int, int],
 ) -> Run | _Trouble: ...
 def section_run(
     split: Split,

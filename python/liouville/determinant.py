@@ -93,5 +93,5 @@ class _DeterminantRoute(FieldRoute):
         return _core.determinant_run(
             crossed(parts), method.composition, np.ascontiguousarray(parts.inward(self.x)[0]),
             (len(self.system.coordinates), parts.outward),
-            (pace.t0, pace.t1, pace.count, self.every), method.compensated,
+            (pace.t0, pace.t1, pace.count, self.every),
         )  # fmt: skip

@@ -37,7 +37,7 @@ mod _core {
     #[pymodule_export]
     use super::second_order::SecondOrder;
     #[pymodule_export]
-    use super::split::{Split, section_run, split_run};
+    use super::split::{Split, determinant_run, section_run, split_run};
     #[pymodule_export]
     use super::tableau::gauss_lobatto;
 

@@ -7,7 +7,9 @@ use crate::tableau::scheme_named;
 use liouville_core::ensemble::{Ensemble, Layout};
 
 use liouville_core::method::composition::Composed;
-use liouville_core::method::volume::{Direction, Observer, Plane, Section, Seen, Volume};
+use liouville_core::method::volume::{
+    Determinant, Determined, Direction, Observer, Plane, Section, Seen, Volume,
+};
 use liouville_core::problem::polynomial::{self, Piece, Polynomials, Wave};
 use liouville_core::real::Lanes;
 use liouville_core::run::{self, Advance, Equal};
@@ -197,9 +199,10 @@ type Single<S> = run::Run<Composed<Volume<S>>, Observer<S>, Equal>;
 
 impl Begin<'_> {
     /// A run of these trajectories, which are rows of n values, in lock-step.
-    fn run<S: Stored>(&self, x: &[&[f64]]) -> Result<Single<S>, Trouble> {
+    fn run<S: Stored>(&self, x: &[&[f64]], threads: usize) -> Result<Single<S>, Trouble> {
         let (t0, t1, steps, every) = self.span;
         let volume = Volume::<S>::new(self.split.clone(), self.is_compensated);
+        let volume = volume.with_threads(threads);
         let state = volume.state(&side_by_side(x));
         let observer = Observer::new(
             volume.clone(),
@@ -217,7 +220,7 @@ impl Begin<'_> {
     /// Runs of so many trajectories each, and how many of them there are.
     fn blocks<const W: usize>(&self, x: &[&[f64]]) -> Result<Vec<Member>, Trouble> {
         let member = |block: &[&[f64]]| {
-            let run = self.run::<Lanes<W>>(block)?;
+            let run = self.run::<Lanes<W>>(block, 1)?;
             Ok((Box::new(run) as Box<dyn Advance + Sync>, block.len()))
         };
         x.chunks(W).map(member).collect()
@@ -268,7 +271,7 @@ pub(crate) fn split_run<'py>(
     };
     let rows: Vec<&[f64]> = x.as_slice()?.chunks(n).collect();
     if !is_ensemble {
-        return Run::handed(py, begin.run::<f64>(&rows[..1]), &[width]);
+        return Run::handed(py, begin.run::<f64>(&rows[..1], threads), &[width]);
     }
     let runs = if rows.len() < BLOCK * threads {
         begin.blocks::<SMALL_BLOCK>(&rows)
@@ -354,4 +357,31 @@ fn malformed(n: usize) -> PyErr {
     PyValueError::new_err(format!(
         "trajectories are rows of {n} values, and steps at least one"
     ))
+}
+
+/// A run of one trajectory with the determinants of its steps: rows (x, ln |det|, largest |det − 1|).
+///
+/// The arguments are as for `split_run`.
+#[pyfunction]
+#[pyo3(signature = (split, scheme, x, seen, span))]
+pub(crate) fn determinant_run<'py>(
+    py: Python<'py>,
+    split: PyRef<'py, Split>,
+    scheme: &str,
+    x: PyReadonlyArray1<'py, f64>,
+    seen: (usize, Option<PyReadonlyArray2<'py, f64>>),
+    span: (f64, f64, usize, usize),
+) -> PyResult<Bound<'py, PyAny>> {
+    let n = split.0.n();
+    let (seen, x) = (seen_of(&seen, n)?, x.as_slice()?);
+    let (t0, t1, steps, every) = span;
+    if x.len() != n || steps == 0 || every == 0 {
+        return Err(malformed(n));
+    }
+    let width = seen.n + 2;
+    let stepper = Determinant::new(split.0.clone(), scheme_named(scheme)?);
+    let pace = Equal::new(t0, (t1 - t0) / steps as f64, steps);
+    let state = Determined::new(x);
+    let run = run::Run::new(stepper, seen, state, pace, every, steps / every + 2);
+    Run::handed(py, run, &[width])
 }

@@ -2,13 +2,14 @@
 //!
 //! The columns of the derivative of a step are pushed through it as dual numbers, eight at a time.
 
-use super::{State, Volume};
+use super::{Seen, State, Volume};
 use crate::dual::{DIRECTIONS, Dual};
 use crate::linalg::Lu;
 use crate::method::{Composed, Stats, Stepper};
+use crate::problem::Observe;
 use crate::problem::polynomial::Split;
 use crate::tableau::Scheme;
-use crate::trouble::Trouble;
+use crate::trouble::{Quantity, Trouble};
 use std::sync::Arc;
 
 /// A composition of a split, with the derivative of each of its steps.
@@ -102,5 +103,25 @@ impl Stepper for Determinant {
 
     fn stats(&self) -> Stats {
         self.stepper.stats()
+    }
+}
+
+/// Records x, ln |det| of all steps so far, and the largest |det − 1|.
+impl Observe<Determined> for Seen {
+    fn width(&self, _: &Determined) -> usize {
+        self.n + 2
+    }
+
+    fn observe(&mut self, t: f64, state: &Determined, row: &mut Vec<f64>) -> Result<(), Trouble> {
+        let found = [state.logarithm, state.largest];
+        if let Some(index) = found.iter().position(|value| !value.is_finite()) {
+            let quantity = Quantity::Observable;
+            return Err(Trouble::NotFinite { quantity, index, t });
+        }
+        let start = row.len();
+        row.resize(start + self.n, 0.0);
+        self.write(&state.x, &mut row[start..]);
+        row.extend(found);
+        Ok(())
     }
 }
