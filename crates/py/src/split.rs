@@ -22,8 +22,10 @@ use pyo3::prelude::*;
 use pyo3::types::PyTuple;
 use std::sync::Arc;
 
-/// How many trajectories advance in lock-step.
-const BLOCK: usize = 32;
+/// How many trajectories advance in lock-step: many hide what deciding on their next flow costs ...
+const BLOCK: usize = 128;
+/// ... but where there are few, a block would be mostly empty, or threads would have none.
+const SMALL_BLOCK: usize = 16;
 
 type Index<'py> = PyReadonlyArray1<'py, i64>;
 type Values<'py> = PyReadonlyArray1<'py, f64>;
@@ -192,6 +194,7 @@ struct Begin<'a> {
     states: bool,
 }
 
+type Member = (Box<dyn Advance + Sync>, usize);
 type Single<S> = run::Run<Composed<Volume<S>>, Observer<S>, Equal>;
 
 impl Begin<'_> {
@@ -212,6 +215,15 @@ impl Begin<'_> {
         let stepper = Composed::new(volume, self.scheme);
         let pace = Equal::new(t0, (t1 - t0) / steps as f64, steps);
         run::Run::new(stepper, observer, state, pace, every, steps / every + 2)
+    }
+
+    /// Runs of so many trajectories each, and how many of them there are.
+    fn blocks<const W: usize>(&self, x: &[&[f64]]) -> Result<Vec<Member>, Trouble> {
+        let member = |block: &[&[f64]]| {
+            let run = self.run::<Lanes<W>>(block, 1)?;
+            Ok((Box::new(run) as Box<dyn Advance + Sync>, block.len()))
+        };
+        x.chunks(W).map(member).collect()
     }
 }
 
@@ -261,11 +273,11 @@ pub(crate) fn split_run<'py>(
     if !is_ensemble {
         return Run::handed(py, begin.run::<f64>(&rows[..1], threads), &[width]);
     }
-    let runs = rows.chunks(BLOCK).map(|block| {
-        let run = begin.run::<Lanes<BLOCK>>(block, 1)?;
-        Ok((Box::new(run) as Box<dyn Advance + Sync>, block.len()))
-    });
-    let runs: Result<Vec<_>, Trouble> = runs.collect();
+    let runs = if rows.len() < BLOCK * threads {
+        begin.blocks::<SMALL_BLOCK>(&rows)
+    } else {
+        begin.blocks::<BLOCK>(&rows)
+    };
     let ensemble = runs.map(|runs| Ensemble::new(runs, threads, Layout::Together));
     Run::handed(py, ensemble, &[rows.len(), width])
 }
