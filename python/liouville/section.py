@@ -124,7 +124,7 @@ def section(
     >>> import liouville as lv
     >>> from liouville.problems import euler_top
     >>> found = lv.section(
-    ...     euler_top.system, lv.VolumeSplitting(), t=(0, 20), h=0.1, plane="x", x=[[0.1, 1.0, 0.1]]
+    ...     euler_top.system, lv.VolumeSplitting(), t=(0, 20), h=0.1, plane="m1", x=[[0.1, 1.0, 0.1]]
     ... )
     >>> bool(abs(found.x[:, 0]).max() < 1e-14)
     True
@@ -163,7 +163,8 @@ def _plane(plane: str | ArrayLike, names: Sequence[str]) -> Array:
     """Return the normal of a plane."""
     if isinstance(plane, str):
         if plane not in names:
-            raise ValueError(f"there is no coordinate '{plane}': the system has {', '.join(names)}")
+            known = ", ".join(names[:10]) + (", ..." if len(names) > 10 else "")
+            raise ValueError(f"there is no coordinate '{plane}': the system has {known}")
         axis: Array = np.eye(len(names))[names.index(plane)]
         return axis
     try:

@@ -42,6 +42,8 @@ def affine_part(
 
 def candidates_of(terms: Terms, method: VolumeSplitting) -> tuple[list[VolumeSplitting], list[str]]:
     """List what is worth trying, the safest first, and say why."""
+    if method.linear == "exact":
+        terms = terms.selected(terms.degrees > 1)
     diagonals, offs, reasons = _by_structure(terms, method)
     pairs = [
         (diagonal, "natural" if diagonal == "n+d" else off)
@@ -62,6 +64,8 @@ def _by_structure(terms: Terms, method: VolumeSplitting) -> tuple[list[str], lis
         offs = [method.off_diagonal]
     if method.diagonal != "auto":
         return [method.diagonal], offs, ["the diagonal part is as asked for"]
+    if not len(terms):
+        return ["exponentials"], ["natural"], []
     if not len(diagonal):
         reasons = ["no component contains its own variable: no diagonal part, no fill-in"]
         return ["exponentials"], offs, reasons
