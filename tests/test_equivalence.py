@@ -149,3 +149,24 @@ def test_reactions_are_what_the_multipliers_do():
     found = lv.integrate(problem.system, lv.Spark(3), t=problem.t, steps=10, **problem.start)
     gradient = np.stack([-found.q[:, 0], np.ones(len(found.t))], axis=1)
     np.testing.assert_allclose(found.reaction(), -gradient * found.lam, rtol=1e-15, atol=1e-16)
+
+
+def test_a_composition_keeps_the_constraints_and_comes_back():
+    problem = PROBLEMS["top"]
+    method = lv.Composition(lv.Spark(1), "SU4")
+    there = lv.integrate(problem.system, method, t=(0.0, 1.0), steps=20, **problem.start)
+    assert np.abs(there.residuals["constraint"]).max() < 1e-14
+    assert np.abs(there.residuals["hidden"]).max() < 1e-13
+    end = {state: there.states[state][-1] for state in problem.start}
+    back = lv.integrate(problem.system, method, t=(1.0, 0.0), steps=20, **end)
+    for state, start in problem.start.items():
+        assert np.abs(back.states[state][-1] - start).max() < 1e-13
+
+
+def test_a_composition_by_one_stage_is_its_base():
+    problem = PROBLEMS["top"]
+    one, base = (
+        lv.integrate(problem.system, method, t=(0.0, 1.0), steps=20, **problem.start)
+        for method in (lv.Composition(lv.Spark(2), "S2"), lv.Spark(2))
+    )
+    assert np.array_equal(one.q, base.q)

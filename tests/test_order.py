@@ -125,3 +125,32 @@ def test_arnold_and_bruls_have_order_2_in_positions_and_velocities(rho, name):
     found = orders(lv.ArnoldBruls(rho), name)
     assert abs(found["q"] - 2) < 0.1
     assert abs(found["v"] - 2) < 0.1
+
+
+COMPOSED = {
+    "Y4": (64, 96, 144, 216),
+    "SU4": (32, 48, 72, 108),
+    "SS6s11": (20, 26, 34, 44),
+    "KL6": (32, 40, 50, 64),
+    "SS8s21": (10, 12, 14, 17),
+    "SS10s35": (7, 8, 9, 10),
+}
+# Of the moving wire errors change sign, of the relativistic particle they are at roundoff too soon.
+SMOOTH = [
+    (scheme, name)
+    for scheme in COMPOSED
+    for name in PROBLEMS
+    if scheme[:2] != "SS" or scheme[2] == "6" or name not in ("moving wire", "relativistic")
+]
+
+
+@pytest.mark.parametrize(("scheme", "name"), SMOOTH)
+def test_a_composition_of_spark_has_the_order_of_its_scheme(scheme, name, exact):
+    problem = PROBLEMS[name]
+    method = lv.Composition(lv.Spark(1), scheme)
+    span = problem.t[1] - problem.t[0]
+    finer = {"moving wire": 2, "top": 2}.get(name, 1)
+    hs = [span / (finer * steps) for steps in COMPOSED[scheme]]
+    found = study(problem.system, method, problem.t, hs, problem.start, exact[name], of=problem.of)
+    for state in problem.of[:2]:
+        assert abs(found.order[state] - method.order) < 0.3, (state, found.errors[state])

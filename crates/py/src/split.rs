@@ -22,8 +22,10 @@ use pyo3::prelude::*;
 use pyo3::types::PyTuple;
 use std::sync::Arc;
 
-/// How many trajectories advance in lock-step.
-const BLOCK: usize = 32;
+/// How many trajectories advance in lock-step: many hide what deciding on their next flow costs ...
+const BLOCK: usize = 128;
+/// ... but where there are few, a block would be mostly empty, or threads would have none.
+const SMALL_BLOCK: usize = 16;
 
 type Index<'py> = PyReadonlyArray1<'py, i64>;
 type Values<'py> = PyReadonlyArray1<'py, f64>;
@@ -192,14 +194,13 @@ struct Begin<'a> {
     states: bool,
 }
 
+type Member = (Box<dyn Advance + Sync>, usize);
 type Single<S> = run::Run<Composed<Volume<S>>, Observer<S>, Equal>;
 
 impl Begin<'_> {
     /// A run of these trajectories, which are rows of n values, in lock-step.
-    fn run<S: Stored>(&self, x: &[&[f64]], threads: usize) -> Result<Single<S>, Trouble> {
+    fn run<S: Stored>(&self, volume: Volume<S>, x: &[&[f64]]) -> Result<Single<S>, Trouble> {
         let (t0, t1, steps, every) = self.span;
-        let volume = Volume::<S>::new(self.split.clone(), self.is_compensated);
-        let volume = volume.with_threads(threads);
         let state = volume.state(&side_by_side(x));
         let observer = Observer::new(
             volume.clone(),
@@ -212,6 +213,16 @@ impl Begin<'_> {
         let stepper = Composed::new(volume, self.scheme);
         let pace = Equal::new(t0, (t1 - t0) / steps as f64, steps);
         run::Run::new(stepper, observer, state, pace, every, steps / every + 2)
+    }
+
+    /// Runs of so many trajectories each, and how many of them there are.
+    fn blocks<const W: usize>(&self, x: &[&[f64]]) -> Result<Vec<Member>, Trouble> {
+        let volume = Volume::<Lanes<W>>::new(self.split.clone(), self.is_compensated);
+        let member = |block: &[&[f64]]| {
+            let run = self.run(volume.clone(), block)?;
+            Ok((Box::new(run) as Box<dyn Advance + Sync>, block.len()))
+        };
+        x.chunks(W).map(member).collect()
     }
 }
 
@@ -259,13 +270,15 @@ pub(crate) fn split_run<'py>(
     };
     let rows: Vec<&[f64]> = x.as_slice()?.chunks(n).collect();
     if !is_ensemble {
-        return Run::handed(py, begin.run::<f64>(&rows[..1], threads), &[width]);
+        let volume = Volume::<f64>::new(split.0.clone(), begin.is_compensated);
+        let run = begin.run(volume.with_threads(threads), &rows[..1]);
+        return Run::handed(py, run, &[width]);
     }
-    let runs = rows.chunks(BLOCK).map(|block| {
-        let run = begin.run::<Lanes<BLOCK>>(block, 1)?;
-        Ok((Box::new(run) as Box<dyn Advance + Sync>, block.len()))
-    });
-    let runs: Result<Vec<_>, Trouble> = runs.collect();
+    let runs = if rows.len() < BLOCK * threads {
+        begin.blocks::<SMALL_BLOCK>(&rows)
+    } else {
+        begin.blocks::<BLOCK>(&rows)
+    };
     let ensemble = runs.map(|runs| Ensemble::new(runs, threads, Layout::Together));
     Run::handed(py, ensemble, &[rows.len(), width])
 }
@@ -309,20 +322,19 @@ pub(crate) fn section_run<'py>(
     let scheme = scheme_named(scheme)?;
     let width = 2 + seen.n;
     let rows: Vec<&[f64]> = x.as_slice()?.chunks(n).collect();
+    let many = Volume::<Lanes<SMALL_BLOCK>>::new(split.0.clone(), is_compensated);
+    let one = Volume::<f64>::new(split.0.clone(), is_compensated);
     let cut = |(block, x): (usize, &[&[f64]])| {
-        let (volume, single) = (
-            Volume::<Lanes<BLOCK>>::new(split.0.clone(), is_compensated),
-            Volume::<f64>::new(split.0.clone(), is_compensated),
-        );
+        let (volume, single) = (many.clone(), one.clone());
         let state = volume.state(&side_by_side(x));
         let scalar = (single.clone(), Composed::new(single, scheme));
-        let members = (block * BLOCK, x.len());
+        let members = (block * SMALL_BLOCK, x.len());
         let observer = Section::new(volume.clone(), scalar, seen.clone(), members, plane.clone());
         let pace = Equal::new(span.0, (span.1 - span.0) / span.2 as f64, span.2);
         let run = run::Run::new(Composed::new(volume, scheme), observer, state, pace, 1, 0)?;
         Ok((Box::new(run) as Box<dyn Advance + Sync>, x.len()))
     };
-    let runs: Result<Vec<_>, Trouble> = rows.chunks(BLOCK).enumerate().map(cut).collect();
+    let runs: Result<Vec<_>, Trouble> = rows.chunks(SMALL_BLOCK).enumerate().map(cut).collect();
     let ensemble = runs.map(|runs| Ensemble::new(runs, threads, Layout::Apart));
     Run::handed(py, ensemble, &[width])
 }

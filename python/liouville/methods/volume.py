@@ -29,7 +29,8 @@ class VolumeSplitting:
     of order 2 to 10. The determinant of its Jacobian is 1 to roundoff for every step size.
 
     The *diagonal* part of a field are the terms of :math:`x_i'` that contain :math:`x_i`; the rest
-    is *off-diagonal*.
+    is *off-diagonal*. What is ``"auto"`` is chosen by :func:`liouville.plan` from the structure of
+    the field and a pilot run, always in the same way for the same field, start and step.
 
     Parameters
     ----------
@@ -52,9 +53,6 @@ class VolumeSplitting:
         The method of triangular pieces; any keeps volume.
     compensated : bool, default False
         Carry the rounding errors of sums along: less noise in runs of many steps, for some cost.
-
-    What is ``"auto"`` is chosen by :func:`liouville.plan` from the structure of the field and a
-    pilot run, always in the same way for the same field, start and step.
 
     Raises
     ------
