@@ -51,7 +51,7 @@ CORE_ROOMS = {
 PACKAGE_ROOMS = {
     "casadi": ("problems/", "systems/", "tape.py"),
     "h5netcdf": ("export.py",),
-    "matplotlib": ("plot.py",),
+    "matplotlib": ("plot/",),
     "rich": ("cli.py",),
     "skfem": ("fem.py",),
     "sympy": ("systems/_sympy.py",),

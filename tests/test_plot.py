@@ -9,6 +9,7 @@ from PIL import Image
 
 import liouville as lv
 from liouville import plot, problems
+from liouville.plot import canvas, panels
 
 
 @pytest.fixture(scope="module")
@@ -111,7 +112,7 @@ def test_a_long_curve_is_thinned_but_keeps_its_extremes(solution):
     wave[54_321] = 7.0
     long = replace(solution, t=t, states={"q": np.stack([wave, t], axis=1)})
     spiked, _ = curves(plot.trajectories(long))
-    assert len(spiked.get_xdata()) <= plot.POINTS + 2
+    assert len(spiked.get_xdata()) <= panels.POINTS + 2
     assert spiked.get_xdata()[np.argmax(spiked.get_ydata())] == 54_321
     assert spiked.get_xdata()[-1] == t[-1]
 
@@ -133,13 +134,13 @@ def test_an_overview_shows_some_of_very_many_coordinates(solution):
     q = np.outer(np.ones(51), np.arange(1000))
     many = replace(solution, states={"q": q, "lam": solution.lam})
     figure = plot.overview(replace(many, names={**solution.names, "coordinates": names}))
-    assert len(curves(figure.axes[0])) == plot.CURVES
+    assert len(curves(figure.axes[0])) == panels.CURVES
 
 
 @pytest.mark.parametrize("count", [2, 7, 8, 40])
 def test_colours_differ_in_lightness_or_in_blue_so_that_all_eyes_tell_them_apart(count):
     # What a red-green blind eye keeps of a colour: about its lightness and its blue.
-    seen = np.array([to_rgb(colour) for colour in plot._colours(count)]) @ np.array(
+    seen = np.array([to_rgb(colour) for colour in canvas.colours(count)]) @ np.array(
         [[0.3, 0.0], [0.6, 0.0], [0.1, 1.0]]
     )
     apart = np.linalg.norm(seen[:, None] - seen, axis=2) + np.eye(count)

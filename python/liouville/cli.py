@@ -1,4 +1,4 @@
-"""The command line: ``liouville run``, ``order``, ``problems`` and ``methods``.
+"""The command line: ``liouville run``, ``order``, ``plan``, ``problems`` and ``methods``.
 
 Results go to standard output and everything else to standard error. Exit codes: 0 done, 1 a run
 failed (what was computed before is saved and drawn all the same), 2 a wrong call, 130 interrupted
@@ -125,6 +125,13 @@ Method = Annotated[
     ),
 ]
 Until = Annotated[float | None, typer.Option(help="End time.", show_default="the model's own")]
+Step = Annotated[float | None, typer.Option(help="Step size.", show_default="the model's")]
+Start = Annotated[list[str] | None, typer.Option(help="Start value, as q=1,0; may be repeated.")]
+Param = Annotated[list[str] | None, typer.Option(help="Parameter, as m=2.0; may be repeated.")]
+PlanFile = Annotated[
+    Path | None,
+    typer.Option("--plan", help="Split a field by a plan that 'liouville plan' saved."),
+]
 
 
 @app.command()
@@ -132,7 +139,7 @@ Until = Annotated[float | None, typer.Option(help="End time.", show_default="the
 def run(
     model: Model,
     method: Method = None,
-    h: Annotated[float | None, typer.Option(help="Step size.", show_default="the model's")] = None,
+    h: Step = None,
     rtol: Annotated[
         float | None, typer.Option(help="Control the steps by this relative tolerance.")
     ] = None,
@@ -142,12 +149,9 @@ def run(
     h_min: Annotated[float | None, typer.Option(help="Least of the controlled steps.")] = None,
     until: Until = None,
     every: Annotated[int, typer.Option(help="Keep one step in this many.")] = 1,
-    start: Annotated[
-        list[str] | None, typer.Option(help="Start value, as q=1,0; may be repeated.")
-    ] = None,
-    param: Annotated[
-        list[str] | None, typer.Option(help="Parameter, as m=2.0; may be repeated.")
-    ] = None,
+    start: Start = None,
+    param: Param = None,
+    plan: PlanFile = None,
     out: Annotated[
         Path | None, typer.Option(help=f"Save the solution: {', '.join(export.SUFFIXES)}.")
     ] = None,
@@ -162,12 +166,9 @@ def run(
     """Integrate a problem of the library or a model of your own."""
     with _leaving_with(WRONG):
         module, system = _load(model)
-        chosen = _method(method, options, system)
+        chosen = _method(method, options, system, plan)
         begin = {**getattr(module, "start", {}), **_assigned("--start", start or [])}
-        values = {
-            name: value[0] if len(value) == 1 else value
-            for name, value in _assigned("--param", param or []).items()
-        }
+        values = _parameters(param)
         interval = _interval(module, until)
         h = _step(module, chosen) if h is None and rtol is None else h
         outline: Any = getattr(module, "outline", None)
@@ -186,7 +187,7 @@ def run(
             with _progress(model, "steps" if rtol is None else "of time") as report:
                 solution = lv.integrate(
                     system, chosen, t=interval, h=h, rtol=rtol, atol=atol, h_min=h_min,
-                    every=every, params=values or None, progress=report, **begin,
+                    every=every, params=values, progress=report, **begin,
                 )  # fmt: skip
         except lv.IntegrationError as error:
             _complain(error)
@@ -222,16 +223,18 @@ def order(
         typer.Option(help="Step size; repeat it.", show_default="8 h to h/4 of the model's h"),
     ] = None,
     until: Until = None,
+    plan: PlanFile = None,
     **options: Any,
 ) -> None:
     """Show the error against the step size, with its slope.
 
     The error is taken to the problem's reference, or else to a run with a quarter of the smallest
-    step. It is relative, in the largest component of each state.
+    step. It is relative, in the largest component of each state. What the splitting of a field leaves
+    open is chosen once, for the step size in the middle.
     """
     with _leaving_with(WRONG):
         module, system = _load(model)
-        chosen = _method(method, options, system)
+        chosen = _method(method, options, system, plan)
         references = getattr(module, "reference", {})
         if until is None and references:
             until = min(references)
@@ -252,10 +255,52 @@ def order(
     fits = [f"{fit:.2f}" if np.isfinite(fit) else "none" for fit in study.order.values()]
     table.add_row("fitted", *(cell for fit in fits for cell in ("", fit)))
     _print(table)
+    _say(f"of {study.method}")
     if "none" in fits:
         _say("a slope needs three errors above roundoff: give other steps with --h")
     if np.isnan(list(study.errors.values())).any():
         raise typer.Exit(FAILED)
+
+
+@app.command("plan")
+@_method_options
+def show_plan(
+    model: Model,
+    h: Step = None,
+    start: Start = None,
+    param: Param = None,
+    seed: Annotated[int, typer.Option(help="Of the random search.")] = 0,
+    trials: Annotated[int, typer.Option(help="How many orders of the pieces are tried.")] = 50,
+    out: Annotated[
+        Path | None, typer.Option(help="Save the plan as .json, for --plan of 'run'.")
+    ] = None,
+    **options: Any,
+) -> None:
+    """Choose how to split a polynomial field, and say why.
+
+    What the options fix is not chosen: --composition BM6, for one.
+    """
+    with _leaving_with(WRONG):
+        module, system = _load(model)
+        if not isinstance(system, lv.PolynomialField):
+            raise TypeError(
+                f"{model} is no polynomial field, and plans are for those\n"
+                "hint: liouville methods lists what steps it"
+            )
+        chosen = _method(None, options, system)
+        begin = {**getattr(module, "start", {}), **_assigned("--start", start or [])}
+        if out is not None and not out.absolute().parent.is_dir():
+            raise FileNotFoundError(f"the folder of {str(out)!r} does not exist\nhint: create it")
+        h = _step(module, chosen) if h is None else h
+        found = lv.plan(
+            system, chosen, h=h, t=_begin(module), params=_parameters(param), seed=seed,
+            trials=trials, **begin,
+        )  # fmt: skip
+    print(found)
+    with _leaving_with(FAILED):
+        if out is not None:
+            found.save(out)
+            _say(f"wrote {out}")
 
 
 @app.command("problems")
@@ -317,7 +362,19 @@ def _load(model: str) -> tuple[ModuleType, Any]:
     return module, system
 
 
-def _method(name: str | None, options: Mapping[str, Any], system: Any) -> Any:
+def _method(
+    name: str | None, options: Mapping[str, Any], system: Any, plan: Path | None = None
+) -> Any:
+    """Make the method asked for, or read it from a plan, which leaves nothing to ask for."""
+    if plan is not None:
+        asked = [option for option, value in options.items() if value is not None]
+        if name is not None or asked:
+            option = asked[0] if asked else "method"
+            raise ValueError(
+                f"a plan is a method with nothing left to choose: it takes no --{option}\n"
+                "hint: give it to 'liouville plan', or leave --plan out"
+            )
+        return lv.Plan.load(plan)
     if name is None:
         name = "volume-splitting" if isinstance(system, lv.PolynomialField) else "spark"
     if name not in lv.METHODS:
@@ -347,15 +404,24 @@ def _assigned(option: str, items: Sequence[str]) -> dict[str, list[float]]:
     return values
 
 
+def _parameters(items: Sequence[str] | None) -> dict[str, Any] | None:
+    values = _assigned("--param", items or [])
+    return {name: x[0] if len(x) == 1 else x for name, x in values.items()} or None
+
+
+def _begin(module: ModuleType) -> float:
+    return float(getattr(module, "interval", (0.0, None))[0])
+
+
 def _interval(module: ModuleType, until: float | None) -> tuple[float, float]:
-    first, last = getattr(module, "interval", (0.0, None))
+    _, last = getattr(module, "interval", (0.0, None))
     end = last if until is None else until
     if end is None:
         raise ValueError(
             "the end time is not said\n"
             f"hint: give --until, or define interval = (t0, t1) in {module.__name__}.py"
         )
-    return float(first), float(end)
+    return _begin(module), float(end)
 
 
 def _step(module: ModuleType, method: Any) -> float:

@@ -42,6 +42,10 @@ class Section:
         The coordinates.
     plane : tuple of ndarray and float
         Normal and offset.
+    period : float or None
+        Distance of the parallel planes, if there are many.
+    direction : str
+        ``"both"``, ``"up"`` or ``"down"``.
     method : str
         The method, as its repr.
     status : str
@@ -55,6 +59,8 @@ class Section:
     names: tuple[str, ...]
     plane: tuple[Array, float]
     method: str
+    period: float | None = None
+    direction: str = "both"
     status: str = "done"
 
     def __len__(self) -> int:
@@ -155,7 +161,7 @@ def section(
     return Section(
         x=rows[order, 2:], t=rows[order, 1], member=rows[order, 0].astype(np.int64),
         members=path.members[0], names=names, plane=(normal, float(offset)), method=path.method,
-        status="done" if outcome == "done" else "interrupted",
+        period=cuts[1], direction=direction, status="done" if outcome == "done" else "interrupted",
     )  # fmt: skip
 
 

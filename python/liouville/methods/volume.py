@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields
 from typing import Any, ClassVar
 
 from liouville.methods.composition import SCHEMES, scheme_name
@@ -13,7 +13,7 @@ LINEAR = ("auto", "split", "exact")
 RUNGE_KUTTA = ("euler", "midpoint", "heun", "kutta3", "rk4")
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class VolumeSplitting:
     r"""Explicit volume-preserving splitting of a divergence-free polynomial field.
 
@@ -93,6 +93,15 @@ class VolumeSplitting:
                 "the n + d shears are the whole field: with diagonal='n+d' there is no "
                 "off_diagonal='triangular'"
             )
+
+    def __repr__(self) -> str:
+        """Name what is not as by default."""
+        own = [
+            f"{f.name}={getattr(self, f.name)!r}"
+            for f in fields(self)
+            if getattr(self, f.name) != f.default
+        ]
+        return f"{type(self).__name__}({', '.join(own)})"
 
     @property
     def order(self) -> int | None:

@@ -1,0 +1,133 @@
+"""What all figures share: axes, colours, names and legends; matplotlib is imported when called."""
+
+from __future__ import annotations
+
+import importlib
+import os
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+FIGURES, ANIMATIONS = (".png", ".pdf", ".svg"), (".gif",)
+
+# A log axis has no zero: what is exactly kept is drawn here, below the roundoff of one operation.
+FLOOR = 1e-17
+
+UNITS = "(system's units)"
+COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#000000")
+GREY = "#6e6e6e"
+GREEK = (
+    "alpha beta gamma delta epsilon zeta eta theta iota kappa lambda mu nu xi pi rho sigma tau"
+    " upsilon phi chi psi omega Gamma Delta Theta Lambda Xi Pi Sigma Upsilon Phi Psi Omega"
+)
+
+
+def check(path: str | os.PathLike[str], suffixes: Sequence[str] = FIGURES) -> None:
+    """Refuse a path that a figure could not be saved to, before a long run and not after it.
+
+    Parameters
+    ----------
+    path : path
+        Where the figure is to go.
+    suffixes : sequence of str, default FIGURES
+        The kinds of file allowed; ``ANIMATIONS`` for animations.
+
+    Raises
+    ------
+    ValueError
+        The suffix is none of those allowed.
+    FileNotFoundError
+        The folder does not exist.
+    ImportError
+        matplotlib is not installed.
+    """
+    matplotlib("figure")
+    if Path(path).suffix not in suffixes:
+        raise ValueError(
+            f"cannot draw to {str(path)!r}\nhint: use a name that ends in {' or '.join(suffixes)}"
+        )
+    if not Path(path).absolute().parent.is_dir():
+        raise FileNotFoundError(f"the folder of {str(path)!r} does not exist\nhint: create it")
+
+
+def matplotlib(module: str) -> Any:
+    """Import matplotlib, or a module of it."""
+    try:
+        return importlib.import_module(f"matplotlib.{module}" if module else "matplotlib")
+    except ImportError as error:
+        raise ImportError('figures need matplotlib\nhint: pip install "liouville[plot]"') from error
+
+
+def blank(width: float, height: float) -> Figure:
+    """Return an empty figure of a size in inches."""
+    figure: Figure = matplotlib("figure").Figure(
+        figsize=(width, height), dpi=150, layout="constrained"
+    )
+    return figure
+
+
+def drawn_on(ax: Axes | None, xlabel: str, ylabel: str) -> Axes:
+    """Dress the axes given, or those of a new figure."""
+    axes: Axes = blank(6.0, 3.8).add_subplot() if ax is None else ax
+    axes.set_xlabel(xlabel, fontsize=9)
+    axes.set_ylabel(ylabel, fontsize=9)
+    axes.tick_params(labelsize=8, color=GREY)
+    axes.spines[["top", "right"]].set_visible(False)
+    axes.grid(color="#e4e4e4", lw=0.6)
+    axes.set_axisbelow(True)
+    return axes
+
+
+def colours(count: int) -> Sequence[Any]:
+    """Return as many colours, in an order that shows."""
+    if count <= len(COLOURS):
+        return COLOURS[:count]
+    viridis = matplotlib("").colormaps["viridis"]
+    return [viridis(k * 0.92 / (count - 1)) for k in range(count)]
+
+
+def _is_greek(name: str) -> bool:
+    return name in GREEK.split()
+
+
+def text(name: str) -> str:
+    """Give a name as text: Greek letters as such, signs that mean something to matplotlib not."""
+    if _is_greek(name):
+        return f"$\\{name}$"
+    return name.replace("$", r"\$").replace("_", r"$\_$")
+
+
+def legend(axes: Axes, lines: Sequence[Any], names: Sequence[str], title: str) -> None:
+    """Write a title, and below it names for lines, of which very many are not all named."""
+    if len(names) > 14:  # the ends and a few between tell the order of the colours
+        last = len(names) - 1
+        shown = [round(k * last / 5) for k in range(6)]
+        lines, names = [lines[i] for i in shown], [names[i] for i in shown]
+    rows = 0
+    if names:
+        width = max(1 if _is_greek(name) else len(name) for name in names) + 6
+        rows = -(-len(names) * width // 70)
+        columns = -(-len(names) // rows)
+        found = axes.legend(
+            lines,
+            [text(name) for name in names],
+            ncols=columns,
+            loc="lower left",
+            bbox_to_anchor=(0, 1),
+            frameon=False,
+            fontsize=8,
+            handlelength=1.2,
+            columnspacing=1.2,
+            borderaxespad=0.2,
+            borderpad=0,
+        )
+        for handle in found.legend_handles:
+            if handle is not None:
+                handle.set_alpha(1)  # of curves that many others shine through, too
+    else:
+        axes.text(0.5, 0.5, "nothing to show", transform=axes.transAxes, ha="center", color=GREY)
+    axes.set_title(title, loc="left", fontsize=10, pad=6 + 13 * rows)

@@ -1,0 +1,109 @@
+"""Animations of planar mechanisms."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from liouville.plot.canvas import ANIMATIONS, COLOURS, GREY, blank, check, colours, matplotlib
+from liouville.solution import Array, Solution
+
+if TYPE_CHECKING:
+    from matplotlib.animation import FuncAnimation
+
+# More poses than this do not show.
+POSES = 4000
+
+Outline = Callable[[Array, Any], Sequence[ArrayLike]]
+
+
+def animation(
+    solution: Solution,
+    outline: Outline,
+    path: str | os.PathLike[str] | None = None,
+    *,
+    seconds: float = 6.0,
+    fps: int = 25,
+) -> FuncAnimation:
+    """Animate a planar mechanism.
+
+    Parameters
+    ----------
+    solution : Solution
+        The motion; it must have stored its states. A frame shows the kept step nearest in time.
+    outline : callable
+        ``outline(q, params)`` gives the bodies at one configuration, q of shape (n,), as a list of
+        polylines of shape (k, 2); ``params`` is ``solution.params``. The last vertex of the first
+        polyline leaves a trace of a second.
+    path : path, optional
+        Where to write the animation, as ``.gif``; not written by default.
+    seconds : float, default 6
+        How long the animation plays, in seconds.
+    fps : int, default 25
+        Frames per second.
+
+    Returns
+    -------
+    FuncAnimation
+        ``to_jshtml()`` shows it in a notebook.
+
+    Raises
+    ------
+    AttributeError
+        The solution has no positions.
+    ValueError, FileNotFoundError, ImportError
+        As :func:`check` does.
+    """
+    if path is not None:
+        check(path, ANIMATIONS)
+    mpl = matplotlib("animation")
+    q = solution.y if "y" in solution.states else solution.q
+    fine = np.unique(np.linspace(0, len(q) - 1, POSES).round().astype(int))
+    shapes = [
+        [np.asarray(line, dtype=float) for line in outline(q[i], solution.params)] for i in fine
+    ]
+    corners = np.concatenate([line for shape in shapes for line in shape])
+    trace = np.array([shape[0][-1] for shape in shapes])
+    t, way = solution.t[fine], np.sign(solution.t[-1] - solution.t[0])
+    times = np.linspace(t[0], t[-1], max(2, round(seconds * fps)))
+    frames = np.searchsorted(way * (t[1:] + t[:-1]) / 2, way * times)
+
+    low, high = corners.min(axis=0), corners.max(axis=0)
+    margin = 0.06 * max(*(high - low), 1e-12)
+    width, height = high - low + 2 * margin
+    scale = 5.0 / max(width, height)
+    figure = blank(max(2.5, scale * width), max(2.5, scale * height) + 0.3)
+    axes = figure.add_subplot(
+        aspect="equal",
+        xlim=(low[0] - margin, high[0] + margin),
+        ylim=(low[1] - margin, high[1] + margin),
+    )
+    axes.axis("off")
+    (tail,) = axes.plot([], [], color=COLOURS[1], lw=1.2, alpha=0.7)
+    bodies = [
+        axes.plot([], [], color=colour, lw=2.5, marker="o", ms=4, mfc="white", mew=1.2)[0]
+        for colour in colours(len(shapes[0]))
+    ]
+    clock = axes.set_title("", loc="left", fontsize=9, color=GREY)
+
+    digits = max(0, 2 - int(np.floor(np.log10(abs(t[-1] - t[0]) or 1.0))))
+
+    def draw(i: int) -> list[Any]:
+        for body, line in zip(bodies, shapes[frames[i]], strict=True):
+            body.set_data(line[:, 0], line[:, 1])
+        recent = slice(frames[max(0, i - fps)], frames[i] + 1)
+        tail.set_data(trace[recent, 0], trace[recent, 1])
+        clock.set_text(f"t = {t[frames[i]]:.{digits}f}")
+        return [*bodies, tail, clock]
+
+    film: FuncAnimation = mpl.FuncAnimation(
+        figure, draw, frames=len(frames), interval=1000 / fps, blit=False
+    )
+    if path is not None:
+        film.save(Path(path), writer=mpl.PillowWriter(fps=fps), dpi=100)
+    return film
