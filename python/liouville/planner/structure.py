@@ -69,8 +69,8 @@ def _by_structure(terms: Terms, method: VolumeSplitting) -> tuple[list[str], lis
     if not len(diagonal):
         reasons = ["no component contains its own variable: no diagonal part, no fill-in"]
         return ["exponentials"], offs, reasons
-    why = _keeps_structure(terms)
-    if why or terms.degree == 1 or terms.waves:
+    why = "the field has waves beside a diagonal part" if terms.waves else _keeps_structure(terms)
+    if why or terms.degree == 1:
         reasons = [why or "the diagonal part is linear"]
         return ["exponentials"], (["natural"] if method.off_diagonal == "auto" else offs), reasons
     diagonals = ["exponentials", "shears"]
