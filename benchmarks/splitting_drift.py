@@ -1,9 +1,9 @@
 """Which splittings let integrals drift: the same fields in long runs, split in four ways.
 
 All keep volume. The orbits of Euler's top are closed, those of the Volterra lattice lie on tori of
-less than half its dimension, and reflections reverse both; Hill's vortex winds round tori of two
-frequencies. Printed is the largest error of an integral in the first tenth of a run and in all of
-it: ten times as large is a drift.
+less than half its dimension, and symmetries that reverse them are kept by some of the splittings;
+Hill's vortex winds round tori of two frequencies. Printed is the largest error of an integral in
+the first tenth of a run and in all of it: ten times as large is a drift.
 
 Run as ``python benchmarks/splitting_drift.py``; takes ten seconds.
 """

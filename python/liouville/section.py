@@ -130,7 +130,7 @@ def section(
     >>> import liouville as lv
     >>> from liouville.problems import euler_top
     >>> found = lv.section(
-    ...     euler_top.system, lv.VolumeSplitting(), t=(0, 20), h=0.1, plane="x", x=[[0.1, 1.0, 0.1]]
+    ...     euler_top.system, lv.VolumeSplitting(), t=(0, 9), h=0.1, plane="m1", x=[[0.3, 0.2, 1]]
     ... )
     >>> bool(abs(found.x[:, 0]).max() < 1e-14)
     True

@@ -32,7 +32,7 @@ def operations_of(parts: Split, scheme: str) -> float:
     """Count the operations of a step in a long run, where neighbouring exact flows are one."""
     costs = [_of_piece(piece) for piece in parts.pieces]
     halves = len(SCHEMES[scheme]["flows"])
-    if halves == 1:
+    if halves == 1 or len(costs) < 2:
         return sum(costs)
     ends = [costs[k] for k in (0, -1) if parts.pieces[k].is_exact]
     return halves * (sum(costs) - sum(ends) / 2)

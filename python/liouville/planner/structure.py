@@ -45,6 +45,8 @@ def candidates_of(
     terms: Terms, method: VolumeSplitting, names: Sequence[str]
 ) -> tuple[list[VolumeSplitting], list[str]]:
     """List what is worth trying, the safest first, and say why."""
+    if method.linear == "exact":
+        terms = terms.selected(terms.degrees > 1)
     diagonals, offs, reasons = _by_structure(terms, method, names)
     pairs = [
         (diagonal, "natural" if diagonal == "n+d" else off)
@@ -67,11 +69,15 @@ def _by_structure(
         offs = [method.off_diagonal]
     if method.diagonal != "auto":
         return [method.diagonal], offs, ["the diagonal part is as asked for"]
+    if not len(terms):
+        return ["exponentials"], ["natural"], []
     if not len(diagonal):
         reasons = ["no component contains its own variable: no diagonal part, no fill-in"]
         return ["exponentials"], offs, reasons
-    why = _keeps_structure(terms, names)
-    if why or terms.degree == 1 or terms.waves:
+    why = "the field has waves beside a diagonal part"
+    if not terms.waves:
+        why = _keeps_structure(terms, names)
+    if why or terms.degree == 1:
         reasons = [why or "the diagonal part is linear"]
         return ["exponentials"], (["natural"] if method.off_diagonal == "auto" else offs), reasons
     diagonals = ["exponentials", "shears"]
