@@ -32,6 +32,7 @@ from liouville.splitting import (
     Shear,
     Split,
     Triangular,
+    described,
     split,
 )  # fmt: skip
 from liouville.splitting.directions import along, growth, harmonic, norm, powers
@@ -53,7 +54,7 @@ def terms_of(name):
 
 def check_piece(piece):
     """Assert that a piece is of its kind, and without divergence."""
-    assert not piece.field().offending(), str(piece)
+    assert not piece.field().offending(), described(piece)
     match piece:
         case Natural(terms=terms):
             _, read = terms.dependencies()
@@ -389,7 +390,12 @@ def test_a_field_of_nothing_has_no_pieces():
 
 def test_pieces_say_what_they_are():
     terms = terms_of("random_d2_n3")
-    words = {str(piece) for method in METHODS for piece in split(terms, *method).pieces}
-    assert "natural shear of 1 variable, 6 terms" in words
+    words = {
+        described(piece, "xyz") for method in METHODS for piece in split(terms, *method).pieces
+    }
+    assert {"natural shear of x: 6 terms", "exponential of x, y, z by y"} <= words
+    assert {each.split(" of ")[0].split(" in ")[0].split(" along ")[0] for each in words} == {
+        "natural shear", "exponential", "scaling", "triangular", "shear",
+    }  # fmt: skip
     assert all(piece.operations > 0 for piece in split(terms, "regular", "triangular").pieces)
     assert split(terms).pieces[0].functions == Fraction(3)

@@ -229,8 +229,8 @@ def order(
     """Show the error against the step size, with its slope.
 
     The error is taken to the problem's reference, or else to a run with a quarter of the smallest
-    step. It is relative, in the largest component of each state. What the splitting of a field leaves
-    open is chosen once, for the step size in the middle.
+    step. It is relative, in the largest component of each state. What the splitting of a field
+    leaves open is chosen once, for the step size in the middle.
     """
     with _leaving_with(WRONG):
         module, system = _load(model)
@@ -363,7 +363,10 @@ def _load(model: str) -> tuple[ModuleType, Any]:
 
 
 def _method(
-    name: str | None, options: Mapping[str, Any], system: Any, plan: Path | None = None
+    name: str | None,
+    options: Mapping[str, Any],
+    system: Any = None,
+    plan: Path | None = None,
 ) -> Any:
     """Make the method asked for, or read it from a plan, which leaves nothing to ask for."""
     if plan is not None:

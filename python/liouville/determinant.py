@@ -69,13 +69,14 @@ def determinant(
     >>> bool(found.observed["defect"][-1] < 1e-14)
     True
     """
+    if not isinstance(system, PolynomialField):
+        raise TypeError(f"determinants are those of a PolynomialField, not of {system!r}")
     asked = Asked(
         t=t, h=h, steps=steps, control={"rtol": None, "atol": None, "h_min": None}, every=every,
         observe=None, params=params, states=True, start={"x": x},
     )  # fmt: skip
     path = route(system, method, asked)
-    if not isinstance(path, FieldRoute):
-        raise TypeError(f"determinants are those of a PolynomialField, not of {system!r}")
+    assert isinstance(path, FieldRoute)
     return run(_DeterminantRoute(path), progress)
 
 

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from liouville.section import Section
     from liouville.solution import Solution
 
 
@@ -20,8 +21,12 @@ class IntegrationError(RuntimeError):
         Number of the failed step, from 0.
     quantity : str
         What failed, by the user's name: a coordinate, a constraint, or a function of the model.
+    member : int or None
+        Which member of an ensemble failed.
     solution : Solution or None
         Everything up to the last good step.
+    section : Section or None
+        Where a section was asked for, the crossings found before.
     """
 
     def __init__(
@@ -31,13 +36,17 @@ class IntegrationError(RuntimeError):
         t: float = float("nan"),
         step: int = 0,
         quantity: str = "",
+        member: int | None = None,
         solution: Solution | None = None,
+        section: Section | None = None,
     ) -> None:
         super().__init__(message)
         self.t = t
         self.step = step
         self.quantity = quantity
+        self.member = member
         self.solution = solution
+        self.section = section
 
 
 def hinted(message: str, hint: str) -> str:

@@ -180,8 +180,6 @@ def ensemble(
 
 def run(path: Route, progress: Callable[[float, float], None] | None = None) -> Solution:
     """Go the route of a system and a method to its end, and give what it left."""
-    if progress is not None and not callable(progress):
-        raise TypeError(f"progress is a function, not {progress!r}")
     pace = path.pace
     clock = time.perf_counter()
     started = path.start()
@@ -227,6 +225,7 @@ def run(path: Route, progress: Callable[[float, float], None] | None = None) -> 
             t=outcome.get("start", pace.t0),
             step=stats["steps"],
             quantity=quantity,
+            member=outcome.get("member") if path.members else None,
             solution=solution,
         )
     return solution
@@ -236,6 +235,8 @@ def drive(
     run: _core.Run, path: Route, progress: Callable[[float, float], None] | None
 ) -> str | dict[str, Any]:
     """Advance to the end, or until memory is full; returns how that ended."""
+    if progress is not None and not callable(progress):
+        raise TypeError(f"progress is a function, not {progress!r}")
     pace = path.pace
     most = path.every * memory() / path.row
 

@@ -15,7 +15,7 @@ from numpy.typing import ArrayLike
 
 from liouville import _core
 from liouville._arguments import MOST_STEPS, Steps, check_memory, count, steps_of
-from liouville.errors import describe
+from liouville.errors import describe, hinted
 from liouville.methods import (
     HHT,
     METHODS,
@@ -27,7 +27,7 @@ from liouville.methods import (
     VolumeSplitting,
 )
 from liouville.planner import Plan, planned
-from liouville.splitting import crossed
+from liouville.splitting import crossed, described, variables_of
 from liouville.systems import Mechanical, Mechanics, PolynomialField, System
 
 KEEP_LESS = "keep fewer with every=, or none with states=False"
@@ -257,6 +257,7 @@ class FieldRoute:
     ) -> None:
         self._system = system = system.with_params(asked.params)
         self.params: Mapping[str, Any] = system.params
+        _check_equal({**asked.control, **asked.start})
         self.pace = steps_of(
             asked.t, asked.h, asked.steps, asked.control, system.coordinates, "VolumeSplitting"
         )
@@ -273,9 +274,9 @@ class FieldRoute:
         self.x = system.extended(np.atleast_2d(x), self.pace.t0)
         h = (self.pace.t1 - self.pace.t0) / self.pace.count
         if isinstance(method, Plan):
-            self.plan, self.split = method, method.split(system.terms)
+            self.plan, self.split = method, method.split(system.terms, system.variables)
         else:
-            self.plan, self.split = planned(system.terms, method, h, self.x)
+            self.plan, self.split = planned(system.terms, method, h, self.x, names=system.variables)
         self.method = repr(self.plan.method)
 
     @property
@@ -315,15 +316,26 @@ class FieldRoute:
         """Say what a trouble means in the user's names: sentence, hint and quantity."""
         if trouble.get("quantity") == "observable":
             trouble |= observable(trouble["index"], self._widths)
+        names = self.system.variables
         if trouble["kind"] == "singular piece":
-            trouble["quantity"] = str(self.split.pieces[trouble["piece"]])
-        names = (*self.system.coordinates, "t")
-        if trouble["kind"] == "overflow" and self.split.basis is not None:
-            names = tuple(f"y{k}" for k in range(len(names)))
+            piece = self.split.pieces[trouble["piece"]]
+            trouble["quantity"] = described(piece, variables_of(self.split, names))
+        outward = self.split.outward
+        if trouble["kind"] == "overflow" and outward is not None:
+            # the coordinate that has most of what is not finite
+            trouble["index"] = int(np.abs(outward[:, trouble["index"]]).argmax())
         sentence, hint, quantity = describe(trouble, names, ())
         if self.members and "member" in trouble:
             sentence = f"member {trouble['member']}: {sentence}"
         return sentence, hint, quantity
+
+
+def _check_equal(options: Mapping[str, Any]) -> None:
+    """Refuse steps that would depend on the state."""
+    given = [name for name in ("rtol", "atol", "h_min") if options.get(name) is not None]
+    if given:
+        hint = "give h or steps: with a step size that depends on the state, volume is not kept"
+        raise TypeError(hinted(f"VolumeSplitting takes equal steps and no {given[0]}", hint))
 
 
 def threads_of(value: Any) -> int:

@@ -49,7 +49,7 @@ class Section:
     method : str
         The method, as its repr.
     status : str
-        ``"done"``, or ``"interrupted"`` with what was found before.
+        ``"done"``, or ``"interrupted"`` or ``"failed"`` with what was found before.
     """
 
     x: Array
@@ -119,7 +119,7 @@ def section(
     TypeError, ValueError
         As for :func:`liouville.ensemble`, or there is no such plane.
     IntegrationError
-        A step of a member failed.
+        A step of a member failed; ``error.section`` is what was found before.
 
     References
     ----------
@@ -135,14 +135,15 @@ def section(
     >>> bool(abs(found.x[:, 0]).max() < 1e-14)
     True
     """
+    if not isinstance(system, PolynomialField):
+        raise TypeError(f"sections are those of a PolynomialField, not of {system!r}")
     asked = Asked(
         t=t, h=h, steps=steps, control={"rtol": None, "atol": None, "h_min": None},
         every=MOST_STEPS, observe=None, params=params, states=True, start={"x": x},
         is_ensemble=True, threads=threads,
     )  # fmt: skip
     path = route(system, method, asked)
-    if not isinstance(path, FieldRoute):
-        raise TypeError(f"sections are those of a PolynomialField, not of {system!r}")
+    assert isinstance(path, FieldRoute)
     names = system.coordinates
     normal, cuts = _plane(plane, names), _cuts(offset, period, direction)
     pace, parts, chosen = path.pace, path.split, path.plan.method
@@ -152,17 +153,21 @@ def section(
     )  # fmt: skip
     outcome = run if isinstance(run, dict) else drive(run, path, progress)
     _, rows = (None, np.empty((0, 2 + len(names)))) if isinstance(run, dict) else run.take()
-    order = np.lexsort((rows[:, 1], rows[:, 0]))
-    if pace.t1 < pace.t0:
-        order = np.lexsort((-rows[:, 1], rows[:, 0]))
+    forwards = np.sign(pace.t1 - pace.t0)
+    order = np.lexsort((forwards * rows[:, 1], rows[:, 0]))
+    found = Section(
+        x=rows[order, 2:], t=rows[order, 1], member=rows[order, 0].astype(np.int64),
+        members=path.members[0], names=names, plane=(normal, cuts[0]), method=path.method,
+        period=cuts[1], direction=direction,
+        status="failed" if isinstance(outcome, dict) else outcome,
+    )  # fmt: skip
     if isinstance(outcome, dict):
         message, quantity = explained(outcome, path)
-        raise IntegrationError(message, step=outcome.get("step", 0), quantity=quantity)
-    return Section(
-        x=rows[order, 2:], t=rows[order, 1], member=rows[order, 0].astype(np.int64),
-        members=path.members[0], names=names, plane=(normal, float(offset)), method=path.method,
-        period=cuts[1], direction=direction, status="done" if outcome == "done" else "interrupted",
-    )  # fmt: skip
+        raise IntegrationError(
+            message, t=outcome.get("start", pace.t0), step=outcome.get("step", 0),
+            quantity=quantity, member=outcome.get("member"), section=found,
+        )  # fmt: skip
+    return found
 
 
 def _plane(plane: str | ArrayLike, names: Sequence[str]) -> Array:

@@ -198,9 +198,20 @@ type Member = (Box<dyn Advance + Sync>, usize);
 type Single<S> = run::Run<Composed<Volume<S>>, Observer<S>, Equal>;
 
 impl Begin<'_> {
+    /// What steps all of them.
+    fn stepper<S: Stored>(&self, threads: usize) -> Composed<Volume<S>> {
+        let volume = Volume::new(self.split.clone(), self.is_compensated).with_threads(threads);
+        Composed::new(volume, self.scheme)
+    }
+
     /// A run of these trajectories, which are rows of n values, in lock-step.
-    fn run<S: Stored>(&self, volume: Volume<S>, x: &[&[f64]]) -> Result<Single<S>, Trouble> {
+    fn run<S: Stored>(
+        &self,
+        stepper: Composed<Volume<S>>,
+        x: &[&[f64]],
+    ) -> Result<Single<S>, Trouble> {
         let (t0, t1, steps, every) = self.span;
+        let volume = stepper.parts();
         let state = volume.state(&side_by_side(x));
         let observer = Observer::new(
             volume.clone(),
@@ -210,16 +221,15 @@ impl Begin<'_> {
             self.params,
             self.states,
         );
-        let stepper = Composed::new(volume, self.scheme);
         let pace = Equal::new(t0, (t1 - t0) / steps as f64, steps);
         run::Run::new(stepper, observer, state, pace, every, steps / every + 2)
     }
 
     /// Runs of so many trajectories each, and how many of them there are.
     fn blocks<const W: usize>(&self, x: &[&[f64]]) -> Result<Vec<Member>, Trouble> {
-        let volume = Volume::<Lanes<W>>::new(self.split.clone(), self.is_compensated);
+        let stepper = self.stepper::<Lanes<W>>(1);
         let member = |block: &[&[f64]]| {
-            let run = self.run(volume.clone(), block)?;
+            let run = self.run(stepper.clone(), block)?;
             Ok((Box::new(run) as Box<dyn Advance + Sync>, block.len()))
         };
         x.chunks(W).map(member).collect()
@@ -270,8 +280,7 @@ pub(crate) fn split_run<'py>(
     };
     let rows: Vec<&[f64]> = x.as_slice()?.chunks(n).collect();
     if !is_ensemble {
-        let volume = Volume::<f64>::new(split.0.clone(), begin.is_compensated);
-        let run = begin.run(volume.with_threads(threads), &rows[..1]);
+        let run = begin.run(begin.stepper::<f64>(threads), &rows[..1]);
         return Run::handed(py, run, &[width]);
     }
     let runs = if rows.len() < BLOCK * threads {

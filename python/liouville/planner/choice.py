@@ -13,7 +13,8 @@ from liouville.methods import VolumeSplitting
 from liouville.planner.pilot import STATES, Pilot, costly_outside, operations_of, search
 from liouville.planner.plan import Plan, Trial, ordered, parted
 from liouville.planner.structure import affine_part, candidates_of
-from liouville.splitting import Split
+from liouville.splitting import Split, described, variables_of
+from liouville.splitting.trigonometric import numbered
 from liouville.systems import PolynomialField
 from liouville.terms import Terms
 
@@ -24,6 +25,9 @@ COMPOSITION = "BM4"
 MOST_PILOTED = 2000
 #: ... and those of more terms are tried in fewer orders.
 MOST_TERMS, FEW = 2000, 10
+
+#: A plan says what so many of its pieces are.
+SHOWN = 20
 
 
 def plan(
@@ -90,41 +94,48 @@ def plan(
     if not isinstance(method, VolumeSplitting | None):
         raise TypeError(f"method is a VolumeSplitting, not {method!r}")
     step, time = number("h is a number", h), number("t is a number", t)
-    if not np.isfinite(step) or step == 0:
-        raise ValueError(f"h is finite and not zero, not {step}")
+    if not (np.isfinite(step) and step > 0):
+        raise ValueError(f"h is positive and finite, not {step}")
     if not np.isfinite(time):
         raise ValueError(f"t is finite, not {time}")
     system = system.with_params(params)
     states = np.atleast_2d(system.start({"x": x}, np.ndim(x) == 2))
     found, _ = planned(
         system.terms, method or VolumeSplitting(), step, system.extended(states, time), seed,
-        count("trials", trials),
+        count("trials", trials), system.variables,
     )  # fmt: skip
     return found
 
 
 def planned(
-    terms: Terms, method: VolumeSplitting, h: float, x: np.ndarray, seed: int = 0, trials: int = 50
+    terms: Terms,
+    method: VolumeSplitting,
+    h: float,
+    x: np.ndarray,
+    seed: int = 0,
+    trials: int = 50,
+    names: Sequence[str] | None = None,
 ) -> tuple[Plan, Split]:
     """Choose whatever a method leaves open, for a field at states x of shape (P, n) and a step h.
 
-    Returns the plan and the field split by it.
+    Returns the plan and the field split by it. Messages name the variables as in `names`.
     """
+    names = names or numbered(terms.n)
     if "auto" not in (method.diagonal, method.off_diagonal, method.composition, method.linear):
-        parts = parted(terms, method, ())
+        parts = parted(terms, method, names=names)
         reasons = ["everything is as asked for"]
-        return _plan(terms, method, parts, costly_outside(parts), (), h, seed, reasons, [])
+        return _plan(terms, names, method, parts, costly_outside(parts), (), h, seed, reasons, [])
     scheme = COMPOSITION if method.composition == "auto" else method.composition
     rng = np.random.default_rng(seed)
     states = x[rng.permutation(len(x))[:STATES]]
     linear, linear_reasons = affine_part(terms, method, h, states)
     open_method = replace(method, composition=scheme, linear=linear)
-    candidates, reasons = candidates_of(terms, open_method)
+    candidates, reasons = candidates_of(terms, open_method, names)
     reasons = [*linear_reasons, *reasons]
-    splits = [parted(terms, candidate, ()) for candidate in candidates]
+    splits = [parted(terms, candidate, names=names) for candidate in candidates]
     if terms.n > MOST_PILOTED or (len(candidates) == 1 and len(splits[0].pieces) == 1):
         order = costly_outside(splits[0])
-        return _plan(terms, candidates[0], splits[0], order, (), h, seed, reasons, [])
+        return _plan(terms, names, candidates[0], splits[0], order, (), h, seed, reasons, [])
     pilot = Pilot(terms, splits, states, h)
     found = [
         (pilot.trial(candidate, parts), candidate, parts)
@@ -142,7 +153,7 @@ def planned(
         f"orders of the best: cost at equal error {best.score / trial.score:.2f} of the first's",
     ]
     tried = [each[0] for each in found]
-    return _plan(terms, candidate, parts, order, turn, h, seed, reasons, tried)
+    return _plan(terms, names, candidate, parts, order, turn, h, seed, reasons, tried)
 
 
 def _counted(count: int, what: str) -> str:
@@ -151,6 +162,7 @@ def _counted(count: int, what: str) -> str:
 
 def _plan(
     terms: Terms,
+    names: Sequence[str],
     method: VolumeSplitting,
     parts: Split,
     order: tuple[int, ...],
@@ -161,9 +173,10 @@ def _plan(
     trials: Sequence[Trial],
 ) -> tuple[Plan, Split]:
     parts = ordered(parted(terms, method, turn) if turn else parts, order)
+    words = tuple(described(piece, variables_of(parts, names)) for piece in parts.pieces[:SHOWN])
     plan = Plan(
         method=method, order=order, turn=turn, n=terms.n, terms=len(terms), h=h, seed=seed,
-        cost=operations_of(parts, method.composition), pieces=tuple(map(str, parts.pieces[:20])),
+        cost=operations_of(parts, method.composition), pieces=words,
         reasons=tuple(reasons), trials=tuple(trials),
     )  # fmt: skip
     return plan, parts

@@ -16,6 +16,9 @@ from liouville.methods import VolumeSplitting
 from liouville.splitting import Split, split
 from liouville.terms import Terms
 
+#: What to try where a plan does not fit.
+AGAIN = "make one for this field with lv.plan(...)"
+
 #: Errors below this say nothing.
 ROUNDOFF = 1e-15
 
@@ -47,7 +50,7 @@ class Trial:
         return float(self.cost * max(self.error, ROUNDOFF) ** (1.0 / (self.method.order or 1)))
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Plan:
     """A splitting with nothing left to choose, and why.
 
@@ -88,8 +91,8 @@ class Plan:
     reasons: tuple[str, ...] = ()
     trials: tuple[Trial, ...] = field(default=(), repr=False)
 
-    def split(self, terms: Terms) -> Split:
-        """Split a field as planned.
+    def split(self, terms: Terms, names: Sequence[str] | None = None) -> Split:
+        """Split a field as planned; `names` are those of its variables, for messages.
 
         Raises
         ------
@@ -101,10 +104,23 @@ class Plan:
                 hinted(
                     f"the plan is for a field of {self.n} variables and {self.terms} terms, not "
                     f"{terms.n} and {len(terms)}",
-                    "make one for this field with lv.plan(...)",
+                    AGAIN,
                 )
             )
-        return ordered(parted(terms, self.method, self.turn), self.order)
+        parts = parted(terms, self.method, self.turn, names)
+        if sorted(self.order) != list(range(len(parts.pieces))):
+            raise ValueError(
+                hinted(
+                    f"the plan is for a field of {len(self.order)} pieces, and this one has "
+                    f"{len(parts.pieces)}",
+                    AGAIN,
+                )
+            )
+        return ordered(parts, self.order)
+
+    def __repr__(self) -> str:
+        """Name the method and how many pieces there are."""
+        return f"<Plan of {len(self.order)} pieces: {self.method!r}>"
 
     def __str__(self) -> str:
         """Explain the plan: which pieces, why, and what a step costs."""
@@ -118,6 +134,8 @@ class Plan:
             "pieces, in the order of the first half of a step",
             *(f"  {text}" for text in self.pieces),
         ]
+        if len(self.order) > len(self.pieces):
+            lines.append(f"  and {len(self.order) - len(self.pieces)} more")
         if self.trials:
             lines.append("pilot: operations a step, error, cost at equal error")
             best = self.trials[0].score
@@ -166,11 +184,16 @@ def _words(method: VolumeSplitting) -> str:
     return ", ".join([*exact, diagonal, *off])
 
 
-def parted(terms: Terms, method: VolumeSplitting, turn: Sequence[int]) -> Split:
+def parted(
+    terms: Terms,
+    method: VolumeSplitting,
+    turn: Sequence[int] = (),
+    names: Sequence[str] | None = None,
+) -> Split:
     """Split a field by a method without ``"auto"``."""
     return split(
         terms, method.diagonal, method.off_diagonal, turn=turn or None,
-        runge_kutta=method.runge_kutta, linear=method.linear,
+        runge_kutta=method.runge_kutta, linear=method.linear, names=names,
     )  # fmt: skip
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 from math import comb
 
@@ -40,11 +41,13 @@ def affine_part(
     return "split", []
 
 
-def candidates_of(terms: Terms, method: VolumeSplitting) -> tuple[list[VolumeSplitting], list[str]]:
+def candidates_of(
+    terms: Terms, method: VolumeSplitting, names: Sequence[str]
+) -> tuple[list[VolumeSplitting], list[str]]:
     """List what is worth trying, the safest first, and say why."""
     if method.linear == "exact":
         terms = terms.selected(terms.degrees > 1)
-    diagonals, offs, reasons = _by_structure(terms, method)
+    diagonals, offs, reasons = _by_structure(terms, method, names)
     pairs = [
         (diagonal, "natural" if diagonal == "n+d" else off)
         for diagonal in diagonals
@@ -57,7 +60,9 @@ def candidates_of(terms: Terms, method: VolumeSplitting) -> tuple[list[VolumeSpl
     return [replace(method, diagonal=d, off_diagonal=o) for d, o in distinct], reasons
 
 
-def _by_structure(terms: Terms, method: VolumeSplitting) -> tuple[list[str], list[str], list[str]]:
+def _by_structure(
+    terms: Terms, method: VolumeSplitting, names: Sequence[str]
+) -> tuple[list[str], list[str], list[str]]:
     diagonal, reasons = terms.diagonal(), []
     offs = ["natural"] if terms.waves else ["natural", "triangular"]
     if method.off_diagonal != "auto":
@@ -69,7 +74,9 @@ def _by_structure(terms: Terms, method: VolumeSplitting) -> tuple[list[str], lis
     if not len(diagonal):
         reasons = ["no component contains its own variable: no diagonal part, no fill-in"]
         return ["exponentials"], offs, reasons
-    why = "the field has waves beside a diagonal part" if terms.waves else _keeps_structure(terms)
+    why = "the field has waves beside a diagonal part"
+    if not terms.waves:
+        why = _keeps_structure(terms, names)
     if why or terms.degree == 1:
         reasons = [why or "the diagonal part is linear"]
         return ["exponentials"], (["natural"] if method.off_diagonal == "auto" else offs), reasons
@@ -83,7 +90,7 @@ def _by_structure(terms: Terms, method: VolumeSplitting) -> tuple[list[str], lis
     )
 
 
-def _keeps_structure(terms: Terms) -> str:
+def _keeps_structure(terms: Terms, names: Sequence[str]) -> str:
     """Say what of the field only exponentials and natural shears keep, if there is anything."""
     n, d = terms.n, terms.degree
     dense = n * comb(n + d, d)
@@ -91,7 +98,7 @@ def _keeps_structure(terms: Terms) -> str:
         return f"the field is sparse: {len(terms)} terms of {dense}"
     planes = np.setdiff1d(np.arange(n), terms.off_diagonal().component)
     if planes.size:
-        return f"the plane x_{planes[0]} = 0 is invariant, and stays so"
+        return f"the plane {names[planes[0]]} = 0 is invariant, and stays so"
     if _has_reversing_reflection(terms):
         return "a reflection of some variables reverses the flow, and keeps doing so"
     return ""

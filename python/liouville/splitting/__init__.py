@@ -10,3 +10,5 @@ from liouville.splitting.pieces import Scaling as Scaling
 from liouville.splitting.pieces import Shear as Shear
 from liouville.splitting.pieces import Split as Split
 from liouville.splitting.pieces import Triangular as Triangular
+from liouville.splitting.words import described as described
+from liouville.splitting.words import variables_of as variables_of

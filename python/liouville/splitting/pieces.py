@@ -30,10 +30,6 @@ class Natural:
         """Return how many additions and multiplications a step takes."""
         return _operations(self.terms)
 
-    def __str__(self) -> str:
-        """Say what it is."""
-        return f"natural shear of {_counted(self.terms.component)}, {len(self.terms)} terms"
-
 
 @dataclass(frozen=True, eq=False)
 class Shear:
@@ -57,11 +53,6 @@ class Shear:
         """Return how many additions and multiplications a step takes."""
         return _operations(self.g) + 2 * int(np.count_nonzero(self.direction))
 
-    def __str__(self) -> str:
-        """Say what it is."""
-        places = np.flatnonzero(self.direction)
-        return f"shear along a direction of {_counted(places)}, {len(self.g)} terms"
-
 
 @dataclass(frozen=True, eq=False)
 class Scaling:
@@ -84,10 +75,6 @@ class Scaling:
     def functions(self) -> int:
         """Return how many exponentials a step takes."""
         return int(np.unique(self.rate.component).size)
-
-    def __str__(self) -> str:
-        """Say what it is."""
-        return f"scaling of {_counted(self.rate.component)}, {len(self.rate)} terms"
 
 
 @dataclass(frozen=True, eq=False)
@@ -118,10 +105,6 @@ class Exponential:
         """Return how many exponentials and logarithms a step takes."""
         return int(self.places.size) + 1
 
-    def __str__(self) -> str:
-        """Say what it is."""
-        return f"exponential of {_counted(self.places)}, a monomial of degree {len(self.monomial)}"
-
 
 @dataclass(frozen=True, eq=False)
 class Triangular:
@@ -144,10 +127,6 @@ class Triangular:
     def operations(self) -> int:
         """Return how many additions and multiplications a step takes."""
         return self.tableau.stages * (_operations(self.terms) + self.order.size)
-
-    def __str__(self) -> str:
-        """Say what it is."""
-        return f"triangular in {_counted(self.order)}, {len(self.terms)} terms"
 
 
 @dataclass(frozen=True, eq=False)
@@ -174,10 +153,6 @@ class Affine:
     def operations(self) -> int:
         """Return how many additions and multiplications a step takes."""
         return 2 * self.matrix.size
-
-    def __str__(self) -> str:
-        """Say what it is."""
-        return f"affine in {_counted(np.arange(self.vector.size))}, {len(self.field())} terms"
 
 
 Piece = Natural | Shear | Scaling | Exponential | Triangular | Affine
@@ -266,8 +241,3 @@ def same_kind(numbers: np.ndarray, terms: Terms) -> np.ndarray:
 
 def _operations(terms: Terms) -> int:
     return int((terms.degrees + 1).sum())
-
-
-def _counted(places: np.ndarray) -> str:
-    count = np.unique(places).size
-    return "1 variable" if count == 1 else f"{count} variables"

@@ -148,7 +148,7 @@ class PolynomialField:
             raise ValueError("a coefficient of the field is too large for a float") from None
         if len(terms) == self.is_driven:
             raise ValueError(hinted("the field is zero: nothing moves", "is a term missing?"))
-        check_divergence(terms, self._variables)
+        check_divergence(terms, self.variables)
         return terms
 
     @classmethod
@@ -266,7 +266,8 @@ class PolynomialField:
         return f"{type(self).__name__}({', '.join(names)}; {words})"
 
     @property
-    def _variables(self) -> tuple[str, ...]:
+    def variables(self) -> tuple[str, ...]:
+        """Names of the variables of the terms: the coordinates, and of a driven field the time."""
         return (*self.coordinates, _given.TIME) if self.is_driven else self.coordinates
 
     @property
@@ -320,7 +321,11 @@ class PolynomialField:
         n = len(self.coordinates)
         wanted = f"(P, {n}) for P members" if members else f"({n},)"
         if array.ndim != 1 + members or array.shape[-1] != n or array.size == 0:
-            raise ValueError(f"x has shape {array.shape}, wanted {wanted}")
+            message = f"x has shape {array.shape}, wanted {wanted}"
+            if array.ndim == 2 - members and array.size and array.shape[-1] == n:
+                other = "integrate takes one start" if members else "ensemble takes many starts"
+                message = hinted(message, f"lv.{other}")
+            raise ValueError(message)
         bad = np.argwhere(~np.isfinite(array))
         if bad.size:
             place = tuple(bad[0])

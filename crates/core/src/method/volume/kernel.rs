@@ -8,6 +8,7 @@ use super::motion::Motion;
 use super::rows::{Rows, Run};
 use super::stages::{runge_kutta, substitute};
 use crate::method::Flow;
+use crate::real::Scalar;
 use crate::trouble::Trouble;
 use crate::vector::{Kernel, Number, Visit, Window, Windows};
 
@@ -34,7 +35,7 @@ pub(super) struct Flows<'a, S> {
     pub(super) scratch: &'a mut Scratch<S>,
 }
 
-impl<S: Copy> Kernel<S> for Flows<'_, S> {
+impl<S: Scalar> Kernel<S> for Flows<'_, S> {
     type Output = Result<(), Trouble>;
 
     #[inline(always)]
@@ -287,7 +288,7 @@ struct Grow<'a, S> {
     piece: &'a Exponential,
     h: f64,
     state: &'a mut State<S>,
-    /// The first trajectory of the part whose flow is too long.
+    /// The first trajectory of the part in which a flow is too long.
     failed: usize,
 }
 
@@ -357,14 +358,17 @@ fn times_power<N: Number>(mut x: N, mut y: N, mut power: u32) -> N {
     x
 }
 
-/// On failure the first trajectory whose flow may be too long.
+/// On failure the first trajectory whose flow is too long.
 #[inline(always)]
 fn exponential<W: Windows>(
     windows: W,
     piece: &Exponential,
     h: f64,
     state: &mut State<W::Stored>,
-) -> Result<(), usize> {
+) -> Result<(), usize>
+where
+    W::Stored: Scalar,
+{
     let mut grow = Grow {
         piece,
         h,
@@ -372,10 +376,18 @@ fn exponential<W: Windows>(
         failed: 0,
     };
     if windows.each(1, &mut grow) {
-        Ok(())
-    } else {
-        Err(grow.failed)
+        return Ok(());
     }
+    let first = grow.failed;
+    let is_too_long = |member: &usize| {
+        let monomial = piece.monomial.iter();
+        let m: f64 = monomial
+            .map(|&place| state.x[place as usize].member(*member))
+            .product();
+        !(m * (piece.alpha * h)).is_below(1.0)
+    };
+    let members = first..W::Stored::MEMBERS;
+    Err(members.into_iter().find(is_too_long).unwrap_or(first))
 }
 
 /// out = row, or the change of the state where there is none.
