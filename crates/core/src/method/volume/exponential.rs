@@ -5,6 +5,9 @@
 //! Where α ≠ 0 this is (1 − α h m)^(−c_i/α); exponents that are multiples of 1, 1/2 or 1/3, as they are
 //! for small integer rates, need a root and some products only.
 
+use crate::real::Scalar;
+use crate::vector::Number;
+
 /// A piece of one monomial.
 #[derive(Clone, Debug)]
 pub(super) struct Exponential {
@@ -73,5 +76,14 @@ impl Exponential {
             alpha,
             roots,
         }
+    }
+    /// The first trajectory, from `first` on, whose flow of length `h` reaches infinity.
+    #[cold]
+    pub(super) fn too_long<S: Scalar>(&self, h: f64, x: &[S], first: usize) -> Option<usize> {
+        (first..S::MEMBERS).find(|member| {
+            let factors = self.monomial.iter();
+            let factors = factors.map(|place| x[*place as usize].member(*member));
+            !(factors.product::<f64>() * (self.alpha * h)).is_below(1.0)
+        })
     }
 }

@@ -8,6 +8,7 @@ use super::motion::Motion;
 use super::rows::{Rows, Run};
 use super::stages::{runge_kutta, substitute};
 use crate::method::Flow;
+use crate::real::Scalar;
 use crate::trouble::Trouble;
 use crate::vector::{Kernel, Number, Visit, Window, Windows};
 
@@ -21,7 +22,7 @@ pub(super) struct Scratch<S> {
 }
 
 /// Flows to be made one after another.
-pub(super) struct Flows<'a, S> {
+pub(super) struct Moves<'a, S> {
     pub(super) motions: &'a [Motion],
     /// The change of each affine flow, in the order they come.
     pub(super) affine: &'a [(u64, usize, Rows)],
@@ -34,7 +35,7 @@ pub(super) struct Flows<'a, S> {
     pub(super) scratch: &'a mut Scratch<S>,
 }
 
-impl<S: Copy> Kernel<S> for Flows<'_, S> {
+impl<S: Scalar> Kernel<S> for Moves<'_, S> {
     type Output = Result<(), Trouble>;
 
     #[inline(always)]
@@ -357,24 +358,28 @@ fn times_power<N: Number>(mut x: N, mut y: N, mut power: u32) -> N {
     x
 }
 
-/// On failure the first trajectory whose flow may be too long.
+/// On failure the first trajectory whose flow is too long.
 #[inline(always)]
 fn exponential<W: Windows>(
     windows: W,
     piece: &Exponential,
     h: f64,
     state: &mut State<W::Stored>,
-) -> Result<(), usize> {
+) -> Result<(), usize>
+where
+    W::Stored: Scalar,
+{
     let mut grow = Grow {
         piece,
         h,
-        state,
+        state: &mut *state,
         failed: 0,
     };
     if windows.each(1, &mut grow) {
         Ok(())
     } else {
-        Err(grow.failed)
+        let first = grow.failed;
+        Err(piece.too_long(h, &state.x, first).unwrap_or(first))
     }
 }
 
