@@ -115,6 +115,7 @@ def route(system: System, method: Method | Plan, asked: Asked) -> Route:
         )
     if not isinstance(asked.states, bool):
         raise TypeError(f"states is True or False, not {asked.states!r}")
+    threads_of(asked.threads)
     if isinstance(system, PolynomialField):
         if isinstance(method, VolumeSplitting | Plan):
             return FieldRoute(system, method, asked)
