@@ -104,7 +104,16 @@ class Plan:
                     "make one for this field with lv.plan(...)",
                 )
             )
-        return ordered(parted(terms, self.method, self.turn), self.order)
+        parts = parted(terms, self.method, self.turn)
+        if sorted(self.order) != list(range(len(parts.pieces))):
+            raise ValueError(
+                hinted(
+                    f"the plan orders pieces {self.order}, and this field has "
+                    f"{len(parts.pieces)} of them",
+                    "make one for this field with lv.plan(...)",
+                )
+            )
+        return ordered(parts, self.order)
 
     def __str__(self) -> str:
         """Explain the plan: which pieces, why, and what a step costs."""

@@ -128,7 +128,9 @@ def _coefficient(k: int, value: Any) -> Fraction | float:
             if not np.isfinite(value):
                 raise ValueError
             return float(value)
-        return Fraction(value.item() if isinstance(value, np.generic) else value)
-    except (TypeError, ValueError, ZeroDivisionError):
+        exact = Fraction(value.item() if isinstance(value, np.generic) else value)
+        float(exact)  # must have one
+        return exact
+    except (TypeError, ValueError, ZeroDivisionError, OverflowError):
         wanted = "a finite number, a fraction or a string such as '-3/8'"
         raise ValueError(f"the coefficient of term {k} is {value!r}, wanted {wanted}") from None
