@@ -30,6 +30,9 @@ from liouville.planner import Plan, planned
 from liouville.splitting import crossed, described, variables_of
 from liouville.systems import Mechanical, Mechanics, PolynomialField, System
 
+#: Half of the digits of an affine flow are left after so many of its own times.
+MOST_TURNS = 1e8
+
 KEEP_LESS = "keep fewer with every=, or none with states=False"
 
 
@@ -279,6 +282,7 @@ class FieldRoute:
         else:
             self.plan, self.split = planned(system.terms, method, h, self.x, names=system.variables)
         self.method = repr(self.plan.method)
+        _check_affine(self.split, h)
 
     @property
     def system(self) -> PolynomialField:
@@ -340,6 +344,21 @@ def _check_equal(options: Mapping[str, Any]) -> None:
     if given:
         hint = "give h or steps: with a step size that depends on the state, volume is not kept"
         raise TypeError(hinted(f"VolumeSplitting takes equal steps and no {given[0]}", hint))
+
+
+def _check_affine(parts: Split, h: float) -> None:
+    """Refuse a step after which the flow of an affine piece has no digits left."""
+    for piece in parts.pieces:
+        if isinstance(piece, Affine):
+            length = float(np.abs(piece.matrix.astype(float)).sum(axis=1).max()) * abs(h)
+            if length > MOST_TURNS:
+                raise ValueError(
+                    hinted(
+                        f"a step of {h:g} is {length:.1e} times as long as the affine part of the "
+                        "field takes to change: few digits of its flow would be left",
+                        "give a smaller h",
+                    )
+                )
 
 
 def threads_of(value: Any) -> int:

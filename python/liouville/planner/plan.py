@@ -108,7 +108,7 @@ class Plan:
                 )
             )
         parts = parted(terms, self.method, self.turn, names)
-        if len(self.order) != len(parts.pieces):
+        if sorted(self.order) != list(range(len(parts.pieces))):
             raise ValueError(
                 hinted(
                     f"the plan is for a field of {len(self.order)} pieces, and this one has "
