@@ -27,7 +27,7 @@ from liouville.methods import (
     VolumeSplitting,
 )
 from liouville.planner import Plan, planned
-from liouville.splitting import crossed, described, variables_of
+from liouville.splitting import Affine, Split, crossed, described, variables_of
 from liouville.systems import Mechanical, Mechanics, PolynomialField, System
 
 #: Half of the digits of an affine flow are left after so many of its own times.
