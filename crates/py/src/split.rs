@@ -228,11 +228,12 @@ impl Begin<'_> {
     /// Runs of so many trajectories each, and how many of them there are.
     fn blocks<const W: usize>(&self, x: &[&[f64]]) -> Result<Vec<Member>, Trouble> {
         let stepper = self.stepper::<Lanes<W>>(1);
-        let member = |block: &[&[f64]]| {
-            let run = self.run(stepper.clone(), block)?;
+        let member = |(place, block): (usize, &[&[f64]])| {
+            let run = self.run(stepper.clone(), block);
+            let run = run.map_err(|trouble| trouble.of_member(place * W))?;
             Ok((Box::new(run) as Box<dyn Advance + Sync>, block.len()))
         };
-        x.chunks(W).map(member).collect()
+        x.chunks(W).enumerate().map(member).collect()
     }
 }
 
@@ -340,7 +341,8 @@ pub(crate) fn section_run<'py>(
         let members = (block * SMALL_BLOCK, x.len());
         let observer = Section::new(volume.clone(), scalar, seen.clone(), members, plane.clone());
         let pace = Equal::new(span.0, (span.1 - span.0) / span.2 as f64, span.2);
-        let run = run::Run::new(Composed::new(volume, scheme), observer, state, pace, 1, 0)?;
+        let run = run::Run::new(Composed::new(volume, scheme), observer, state, pace, 1, 0)
+            .map_err(|trouble| trouble.of_member(members.0))?;
         Ok((Box::new(run) as Box<dyn Advance + Sync>, x.len()))
     };
     let runs: Result<Vec<_>, Trouble> = rows.chunks(SMALL_BLOCK).enumerate().map(cut).collect();
