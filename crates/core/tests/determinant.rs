@@ -1,4 +1,5 @@
 //! Dual numbers, the derivatives of steps, and their determinants.
+#![allow(clippy::cast_possible_wrap)] // a handful of variables
 
 use liouville_core::dual::{DIRECTIONS, Dual};
 use liouville_core::method::volume::{Determinant, Determined, Seen, Volume};
