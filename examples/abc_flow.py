@@ -12,6 +12,7 @@ import matplotlib.pyplot as plt
 import numpy as np
 
 import liouville as lv
+from liouville import plot
 from liouville.problems import abc_flow as problem
 
 rng = np.random.default_rng(0)
@@ -31,8 +32,6 @@ print(points)
 # %%
 # Coordinates are angles. Where z' is zero trajectories touch the plane, and there are no dots.
 
-x, y, _ = (points.x % (2 * np.pi)).T
 fig, ax = plt.subplots(figsize=(7, 7), layout="constrained")
-ax.scatter(x, y, s=0.4, c=points.member, cmap="prism", linewidths=0, rasterized=True)
-ax.set(xlabel="x", ylabel="y", aspect="equal", xlim=(0, 2 * np.pi), ylim=(0, 2 * np.pi))
+plot.section(points, period=2 * np.pi, ax=ax)
 plt.show()

@@ -12,6 +12,7 @@ import matplotlib.pyplot as plt
 import numpy as np
 
 import liouville as lv
+from liouville import plot
 from liouville.problems import bajer_moffatt as problem
 
 # %%
@@ -43,8 +44,7 @@ for ax, alpha in zip(axes, (0.1, 1.0), strict=True):
         params={"alpha": alpha},
         x=starts,
     )
-    x, _, z = points.x.T
-    ax.scatter(x, z, s=0.4, c=points.member, cmap="prism", linewidths=0, rasterized=True)
-    ax.set(title=rf"$\alpha = {alpha}$", xlabel="x", aspect="equal")
-axes[0].set(ylabel="z", xlim=(-1.02, 1.02), ylim=(-1.02, 1.02))
+    plot.section(points, ax=ax)
+    ax.set_title(rf"y = 0 for $\alpha = {alpha}$", loc="left")
+    ax.set(xlim=(-1.02, 1.02), ylim=(-1.02, 1.02))
 plt.show()

@@ -103,7 +103,8 @@ def describe(
     if kind == "singular piece":
         return (
             f"the flow of a piece reaches infinity within the step: {trouble['quantity']}",
-            "try a smaller h, or pieces without that danger: diagonal='regular' or 'shears'",
+            "a trajectory may go to infinity there; if it should not, try a smaller h, or pieces "
+            "without that danger: diagonal='shears', or 'regular' for degree 2",
             trouble["quantity"],
         )
     if kind == "overflow":

@@ -135,7 +135,7 @@ def save(solution: Solution, path: str | os.PathLike[str]) -> None:
     Raises
     ------
     ValueError, FileNotFoundError, ImportError
-        As :func:`check` does.
+        As :func:`check` does; or an ensemble is to go to a ``.csv``.
     """
     path = Path(path)
     check(path)

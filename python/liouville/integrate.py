@@ -196,11 +196,13 @@ def run(path: Route, progress: Callable[[float, float], None] | None = None) -> 
     status, message, quantity = "done", "", ""
     if isinstance(outcome, dict):
         status = "failed"
+        stats["steps"] = outcome.get("step", 0)
         message, quantity = explained(outcome, path)
     elif outcome == "interrupted":
         status, message = outcome, f"interrupted after {stats['steps']}{pace.total} steps"
     cuts = np.cumsum([*path.columns.values()])[:-1]
-    parts = dict(zip(path.columns, np.split(rows, cuts, axis=-1), strict=True))
+    # without any columns there is one empty part
+    parts = dict(zip(path.columns, np.split(rows, cuts, axis=-1), strict=bool(path.columns)))
     solution = Solution(
         t=times,
         states={name: parts[name] for name in STATES if name in parts},

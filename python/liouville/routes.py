@@ -27,8 +27,11 @@ from liouville.methods import (
     VolumeSplitting,
 )
 from liouville.planner import Plan, planned
-from liouville.splitting import crossed, described, variables_of
+from liouville.splitting import Affine, Split, crossed, described, variables_of
 from liouville.systems import Mechanical, Mechanics, PolynomialField, System
+
+#: Half of the digits of an affine flow are left after so many of its own times.
+MOST_TURNS = 1e8
 
 KEEP_LESS = "keep fewer with every=, or none with states=False"
 
@@ -115,6 +118,7 @@ def route(system: System, method: Method | Plan, asked: Asked) -> Route:
         )
     if not isinstance(asked.states, bool):
         raise TypeError(f"states is True or False, not {asked.states!r}")
+    threads_of(asked.threads)
     if isinstance(system, PolynomialField):
         if isinstance(method, VolumeSplitting | Plan):
             return FieldRoute(system, method, asked)
@@ -278,6 +282,7 @@ class FieldRoute:
         else:
             self.plan, self.split = planned(system.terms, method, h, self.x, names=system.variables)
         self.method = repr(self.plan.method)
+        _check_affine(self.split, h)
 
     @property
     def system(self) -> PolynomialField:
@@ -301,8 +306,11 @@ class FieldRoute:
 
     def stats(self, run: _core.Run) -> dict[str, Any]:
         """Return the numbers of a run: steps, flows of pieces, and how many pieces there are."""
+        pace, steps = self.pace, run.done
+        if self.members:  # those that all members have made
+            steps = round((run.t - pace.t0) / (pace.t1 - pace.t0) * pace.count)
         return {
-            "steps": run.done,
+            "steps": steps,
             "flows": run.stats["evaluations"],
             "pieces": len(self.split.pieces),
         }
@@ -336,6 +344,21 @@ def _check_equal(options: Mapping[str, Any]) -> None:
     if given:
         hint = "give h or steps: with a step size that depends on the state, volume is not kept"
         raise TypeError(hinted(f"VolumeSplitting takes equal steps and no {given[0]}", hint))
+
+
+def _check_affine(parts: Split, h: float) -> None:
+    """Refuse a step after which the flow of an affine piece has no digits left."""
+    for piece in parts.pieces:
+        if isinstance(piece, Affine):
+            length = float(np.abs(piece.matrix.astype(float)).sum(axis=1).max()) * abs(h)
+            if length > MOST_TURNS:
+                raise ValueError(
+                    hinted(
+                        f"a step of {h:g} is {length:.1e} times as long as the affine part of the "
+                        "field takes to change: few digits of its flow would be left",
+                        "give a smaller h",
+                    )
+                )
 
 
 def threads_of(value: Any) -> int:

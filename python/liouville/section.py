@@ -181,7 +181,9 @@ def _plane(plane: str | ArrayLike, names: Sequence[str]) -> Array:
     try:
         normal = np.array(plane, dtype=float)
     except (TypeError, ValueError):
-        raise TypeError(f"plane is a coordinate's name or an array, not {plane!r}") from None
+        normal = np.empty(())
+    if not normal.ndim:
+        raise TypeError(f"plane is a coordinate's name or an array of numbers, not {plane!r}")
     if normal.shape != (len(names),):
         raise ValueError(f"plane has shape {normal.shape}, wanted ({len(names)},)")
     if not np.isfinite(normal).all() or not normal.any():

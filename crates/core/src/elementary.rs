@@ -218,11 +218,7 @@ pub fn ln_1p<R: Register>(x: R) -> R {
     // the ends: ln 0, the logarithm of a negative number, of infinity, of what is none
     let infinity = x.like(f64::INFINITY);
     let value = x.if_less(infinity, value, x);
-    let end = x.if_less(
-        x.like(-1.0),
-        x.like(f64::NAN),
-        x.like(f64::NEG_INFINITY) + (x - x),
-    );
+    let end = x.if_less(x.like(-1.0), x.like(f64::NAN), x * infinity);
     let is_inside = x.like(-1.0).if_less(x, one, x.like(0.0));
     x.like(0.5).if_less(is_inside, value, end)
 }

@@ -5,14 +5,16 @@ mod support;
 use liouville_core::linalg::{Factor, Pattern};
 use liouville_core::method::alpha::{Alpha, Reactions, Tolerance};
 use liouville_core::method::spark::{Solver, Spark};
-use liouville_core::method::volume::Volume;
+use liouville_core::method::volume::{Determinant, Volume};
 use liouville_core::method::{Composed, Stepper};
 use liouville_core::problem::mechanical::{Acceleration, Model, SecondOrderModel};
 use liouville_core::problem::polynomial::{Piece, Polynomials, Split};
+use liouville_core::real::{Lanes, Scalar};
 use liouville_core::tableau;
 use std::alloc::{GlobalAlloc, Layout, System};
 use std::cell::Cell;
 use std::sync::Arc;
+use support::splits::{Draw, every_kind};
 use support::walk::{START, driven_start, heavy};
 use support::{Functions, LAM, PENDULUM, T, Y, Z, dot, input, inputs, pendulum};
 
@@ -173,9 +175,29 @@ fn a_composed_step_takes_no_memory() {
         waves: vec![],
     };
     let split = Split::new(2, vec![turn(0, 1.0, 1), turn(1, -1.0, 0)]).expect("a split");
-    let volume = Volume::<f64>::new(Arc::new(split), true);
+    let split = Arc::new(split);
+    let volume = Volume::<f64>::new(Arc::clone(&split), true);
     let mut state = volume.state(&[1.0, 0.0]);
     assert_eq!(others(&mut Composed::new(volume, scheme), &mut state), 0);
+    let mut determinant = Determinant::new(split, scheme, true);
+    let mut state = determinant.state(&[1.0, 0.0]);
+    assert_eq!(others(&mut determinant, &mut state), 0);
+}
+
+#[test]
+fn a_flow_of_any_piece_takes_no_memory() {
+    let pieces = every_kind(&mut Draw::new(5), 6);
+    let split = Arc::new(Split::new(6, pieces).expect("proper pieces"));
+    let scheme = tableau::Scheme::named("S2").expect("a scheme");
+    let volume = Volume::<Lanes<16>>::new(Arc::clone(&split), false);
+    let mut state = volume.state(&[Lanes::splat(0.1); 6]);
+    assert_eq!(others(&mut Composed::new(volume, scheme), &mut state), 0);
+    let volume = Volume::<f64>::new(Arc::clone(&split), true);
+    let mut state = volume.state(&[0.1; 6]);
+    assert_eq!(others(&mut Composed::new(volume, scheme), &mut state), 0);
+    let mut determinant = Determinant::new(split, scheme, true);
+    let mut state = determinant.state(&[0.1; 6]);
+    assert_eq!(others(&mut determinant, &mut state), 0);
 }
 
 #[test]

@@ -104,6 +104,11 @@ class VolumeSplitting:
         return f"{type(self).__name__}({', '.join(own)})"
 
     @property
+    def is_open(self) -> bool:
+        """Whether something is left to choose."""
+        return "auto" in (self.diagonal, self.off_diagonal, self.composition, self.linear)
+
+    @property
     def order(self) -> int | None:
         """Order of the composition, None while that is to be chosen."""
         return None if self.composition == "auto" else int(SCHEMES[self.composition]["order"])

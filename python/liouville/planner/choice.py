@@ -92,12 +92,14 @@ def plan(
     if not isinstance(system, PolynomialField):
         raise TypeError(f"a plan is for a PolynomialField, not {system!r}")
     if not isinstance(method, VolumeSplitting | None):
-        raise TypeError(f"method is a VolumeSplitting, not {method!r}")
+        raise TypeError(f"{method!r} does not split fields: method is a VolumeSplitting")
     step, time = number("h is a number", h), number("t is a number", t)
     if not (np.isfinite(step) and step > 0):
         raise ValueError(f"h is positive and finite, not {step}")
     if not np.isfinite(time):
         raise ValueError(f"t is finite, not {time}")
+    if isinstance(seed, bool) or not isinstance(seed, int) or seed < 0:
+        raise ValueError(f"seed is an integer from 0 on, not {seed!r}")
     system = system.with_params(params)
     states = np.atleast_2d(system.start({"x": x}, np.ndim(x) == 2))
     found, _ = planned(
@@ -107,6 +109,7 @@ def plan(
     return found
 
 
+@np.errstate(over="ignore", invalid="ignore")  # a pilot run may go to infinity
 def planned(
     terms: Terms,
     method: VolumeSplitting,
@@ -121,7 +124,7 @@ def planned(
     Returns the plan and the field split by it. Messages name the variables as in `names`.
     """
     names = names or numbered(terms.n)
-    if "auto" not in (method.diagonal, method.off_diagonal, method.composition, method.linear):
+    if not method.is_open:
         parts = parted(terms, method, names=names)
         reasons = ["everything is as asked for"]
         return _plan(terms, names, method, parts, costly_outside(parts), (), h, seed, reasons, [])
@@ -143,8 +146,11 @@ def planned(
     ]
     found.sort(key=lambda each: each[0].score)
     trial, candidate, parts = found[0]
+    tried = [each[0] for each in found]
     if not np.isfinite(trial.error):
-        reasons = [*reasons, "no candidate came through the pilot run: h is too large"]
+        reasons = [*reasons, "no candidate came through the pilot run: h may be too large"]
+        order = costly_outside(parts)
+        return _plan(terms, names, candidate, parts, order, (), h, seed, reasons, tried)
     trials = trials if len(terms) <= MOST_TERMS else min(trials, FEW)
     order, turn, best = search(terms, pilot, candidate, parts, rng, trials)
     reasons = [
@@ -152,7 +158,6 @@ def planned(
         f"{_counted(len(found), 'candidate')} on {_counted(len(pilot.x), 'state')}, then {trials} "
         f"orders of the best: cost at equal error {best.score / trial.score:.2f} of the first's",
     ]
-    tried = [each[0] for each in found]
     return _plan(terms, names, candidate, parts, order, turn, h, seed, reasons, tried)
 
 

@@ -140,11 +140,11 @@ class Plan:
             lines.append("pilot: operations a step, error, cost at equal error")
             best = self.trials[0].score
             for trial in self.trials:
-                error = f"{trial.error:.1e}" if np.isfinite(trial.error) else "failed"
-                lines.append(
-                    f"  {_words(trial.method):34} {trial.cost:8.3g} {error:>8} "
-                    f"{trial.score / best:6.2f}"
-                )
+                line = f"  {_words(trial.method):34} {trial.cost:8.3g} "
+                if np.isfinite(trial.error):
+                    lines.append(f"{line} {trial.error:7.1e} {trial.score / best:6.2f}")
+                else:
+                    lines.append(f"{line}  failed")
         return "\n".join(lines)
 
     def save(self, path: str | os.PathLike[str]) -> None:
@@ -157,22 +157,38 @@ class Plan:
 
         Raises
         ------
+        FileNotFoundError
+            There is no such file.
         ValueError
             The file is no plan.
         """
+        if not Path(path).is_file():
+            raise FileNotFoundError(f"there is no plan file {str(path)!r}")
         try:
-            given = json.loads(Path(path).read_text(encoding="utf-8"))
-            trials = tuple(
-                Trial(**{**trial, "method": VolumeSplitting(**trial["method"])})
-                for trial in given.pop("trials")
-            )
-            method = VolumeSplitting(**given.pop("method"))
-            rest: dict[str, Any] = {
-                name: tuple(x) if isinstance(x, list) else x for name, x in given.items()
-            }
-            return cls(method=method, trials=trials, **rest)
+            return cls._read(json.loads(Path(path).read_bytes()))
         except (ValueError, TypeError, KeyError, AttributeError) as error:
-            raise ValueError(f"{str(path)!r} is no plan: {error}") from error
+            why = f"{error} is missing" if isinstance(error, KeyError) else error
+            message = f"{str(path)!r} is no plan that liouville saved: {why}"
+            raise ValueError(hinted(message, "lv.plan(...).save(path) writes one")) from error
+
+    @classmethod
+    def _read(cls, given: Any) -> Plan:
+        if not isinstance(given, dict):
+            raise TypeError(f"it holds a {type(given).__name__}")
+        trials, method = given.pop("trials"), VolumeSplitting(**given.pop("method"))
+        tried = tuple(Trial(VolumeSplitting(**each.pop("method")), **each) for each in trials)
+        rest: dict[str, Any] = {k: tuple(x) if isinstance(x, list) else x for k, x in given.items()}
+        plan = cls(method=method, trials=tried, **rest)
+        if plan.method.is_open:
+            raise ValueError("its method leaves something to choose")
+        kinds = {"n": int, "terms": int, "seed": int, "h": float, "cost": float}
+        for name, kind in kinds.items():
+            if not isinstance(getattr(plan, name), kind):
+                raise TypeError(f"{name} is no {kind.__name__}")
+        for name, count in (("order", len(plan.order)), ("turn", plan.n if plan.turn else 0)):
+            if sorted(getattr(plan, name)) != list(range(count)):
+                raise ValueError(f"{name} is no permutation")
+        return plan
 
 
 def _words(method: VolumeSplitting) -> str:

@@ -190,7 +190,8 @@ class Split:
             return x
         columns = np.asarray(self.inverse, dtype=float).T
         # column by column: a matrix product rounds a state differently alone and among others
-        return np.asarray(sum(x[..., j, None] * column for j, column in enumerate(columns)))
+        with np.errstate(over="ignore", invalid="ignore"):  # the run says what is not finite
+            return np.asarray(sum(x[..., j, None] * column for j, column in enumerate(columns)))
 
     def fields(self) -> list[Terms]:
         """Return each piece as a vector field of x."""

@@ -11,6 +11,9 @@ import numpy as np
 from liouville.errors import hinted
 from liouville.terms import Terms
 
+#: Larger powers are a slip of the pen.
+MOST_FACTORS = 100
+
 #: The name of the time, where no coordinate has it.
 TIME = "t"
 
@@ -89,6 +92,10 @@ def _powers(k: int, row: Sequence[Any]) -> list[tuple[Any, int]]:
             raise TypeError(_FORM.format(k=k, row=row))
         return [(variable, 1) for variable in variables]
     for variable, exponent in variables.items():
+        if isinstance(exponent, int) and exponent > MOST_FACTORS:
+            raise ValueError(
+                f"term {k} has {variable!r} to the power of {exponent}: no more than {MOST_FACTORS}"
+            )
         is_natural = isinstance(exponent, (int, np.integer)) and exponent >= 0
         if not is_natural or isinstance(exponent, bool):
             raise ValueError(
@@ -128,7 +135,9 @@ def _coefficient(k: int, value: Any) -> Fraction | float:
             if not np.isfinite(value):
                 raise ValueError
             return float(value)
-        return Fraction(value.item() if isinstance(value, np.generic) else value)
-    except (TypeError, ValueError, ZeroDivisionError):
+        exact = Fraction(value.item() if isinstance(value, np.generic) else value)
+        float(exact)  # must have one
+        return exact
+    except (TypeError, ValueError, ZeroDivisionError, OverflowError):
         wanted = "a finite number, a fraction or a string such as '-3/8'"
         raise ValueError(f"the coefficient of term {k} is {value!r}, wanted {wanted}") from None

@@ -161,13 +161,13 @@ impl Stored for f64 {
 
 /// N registers of the trajectories in lock-step.
 #[derive(Clone, Copy)]
-struct Part<S, const W: usize, const N: usize> {
+struct Share<S, const W: usize, const N: usize> {
     simd: S,
     part: usize,
     offset: usize,
 }
 
-impl<S: Simd, const W: usize, const N: usize> Window for Part<S, W, N> {
+impl<S: Simd, const W: usize, const N: usize> Window for Share<S, W, N> {
     type Stored = Lanes<W>;
     type Number = Block<S, N>;
 
@@ -207,7 +207,7 @@ impl<S: Simd, const W: usize> InParts<S, W> {
         let simd = self.simd;
         for offset in 0..count {
             for part in 0..W / (N * S::F64_LANES) {
-                if !visitor.visit(Part::<S, W, N> { simd, part, offset }) {
+                if !visitor.visit(Share::<S, W, N> { simd, part, offset }) {
                     return false;
                 }
             }

@@ -5,9 +5,14 @@
 //! as the change D = exp(h M) − 1, by the Padé approximation of order 14, 2 U / (V − U) with odd and
 //! even parts U and V, and repeated squaring D ← 2 D + D². Source: higham2005.
 
+#![allow(clippy::inline_always)] // all of a kernel is compiled for one instruction set
+
+use super::State;
+use super::kernel::{Scratch, add, set_rows};
 use super::order::Order;
 use super::rows::{Rows, narrow};
 use crate::linalg::{Lu, Matrix, combine, max_norm};
+use crate::vector::{Visit, Window, Windows};
 
 /// An affine piece.
 #[derive(Clone, Debug)]
@@ -130,4 +135,31 @@ fn product(a: &Matrix, b: &Matrix) -> Matrix {
     let mut out = Matrix::zeros(a.rows(), b.cols());
     combine(out.flat_mut(), a, b, |_, _, sum| sum);
     out
+}
+
+/// x += change
+struct AddChange<'a, S> {
+    change: &'a [S],
+    state: &'a mut State<S>,
+}
+
+impl<S> Visit<S> for AddChange<'_, S> {
+    #[inline(always)]
+    fn visit<W: Window<Stored = S>>(&mut self, window: W) -> bool {
+        let change = window.load(self.change, 0);
+        add(window, self.state.parts(), 0, change);
+        true
+    }
+}
+
+#[inline(always)]
+pub(super) fn move_along<W: Windows>(
+    windows: W,
+    rows: &Rows,
+    state: &mut State<W::Stored>,
+    scratch: &mut Scratch<W::Stored>,
+) {
+    set_rows(windows, rows, &state.x, &mut scratch.change);
+    let change = scratch.change.as_slice();
+    windows.each(change.len(), &mut AddChange { change, state });
 }

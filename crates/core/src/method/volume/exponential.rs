@@ -5,6 +5,13 @@
 //! Where α ≠ 0 this is (1 − α h m)^(−c_i/α); exponents that are multiples of 1, 1/2 or 1/3, as they are
 //! for small integer rates, need a root and some products only.
 
+#![allow(clippy::inline_always)] // all of a kernel is compiled for one instruction set
+
+use super::State;
+use super::kernel::multiply;
+use crate::real::Scalar;
+use crate::vector::{Number, Visit, Window, Windows};
+
 /// A piece of one monomial.
 #[derive(Clone, Debug)]
 pub(super) struct Exponential {
@@ -73,5 +80,113 @@ impl Exponential {
             alpha,
             roots,
         }
+    }
+    /// The first trajectory, from `first` on, whose flow of length `h` reaches infinity.
+    #[cold]
+    pub(super) fn too_long<S: Scalar>(&self, h: f64, x: &[S], first: usize) -> Option<usize> {
+        (first..S::MEMBERS).find(|member| {
+            let factors = self.monomial.iter();
+            let factors = factors.map(|place| x[*place as usize].member(*member));
+            !(factors.product::<f64>() * (self.alpha * h)).is_below(1.0)
+        })
+    }
+}
+
+struct Grow<'a, S> {
+    piece: &'a Exponential,
+    h: f64,
+    state: &'a mut State<S>,
+    /// The first trajectory of the part whose flow is too long.
+    failed: usize,
+}
+
+impl<S> Visit<S> for Grow<'_, S> {
+    #[inline(always)]
+    fn visit<W: Window<Stored = S>>(&mut self, window: W) -> bool {
+        let piece = self.piece;
+        let x = &self.state.x;
+        let mut m = match piece.monomial.first() {
+            Some(&place) => window.load(x, place as usize),
+            None => window.constant(1.0),
+        };
+        for &place in piece.monomial.iter().skip(1) {
+            m = m * window.load(x, place as usize);
+        }
+        if piece.alpha == 0.0 {
+            self.multiply(window, m.scaled(self.h));
+            return true;
+        }
+        let z = m.scaled(piece.alpha * self.h);
+        if !z.is_below(1.0) {
+            self.failed = window.first();
+            return false;
+        }
+        match &piece.roots {
+            Some(roots) if self.state.low.is_empty() => {
+                let base = window.constant(1.0) - z;
+                let root = base.inverse_root(roots.q);
+                for &(place, a, b) in &roots.powers {
+                    let x = window.load(&self.state.x, place as usize);
+                    let x = times_power(times_power(x, base, a), root, b);
+                    window.store(&mut self.state.x, place as usize, x);
+                }
+            }
+            _ => {
+                let time = (window.constant(0.0) - z).ln_1p();
+                self.multiply(window, time.scaled(-1.0 / piece.alpha));
+            }
+        }
+        true
+    }
+}
+
+impl<S> Grow<'_, S> {
+    /// x *= exp(c t)
+    #[inline(always)]
+    fn multiply<W: Window<Stored = S>>(&mut self, window: W, time: W::Number) {
+        for &(place, rate) in &self.piece.rates {
+            let exponent = time.scaled(rate);
+            multiply(window, self.state.parts(), place as usize, exponent);
+        }
+    }
+}
+
+/// x y^power
+#[inline(always)]
+fn times_power<N: Number>(mut x: N, mut y: N, mut power: u32) -> N {
+    while power > 0 {
+        if power & 1 == 1 {
+            x = x * y;
+        }
+        power >>= 1;
+        if power > 0 {
+            y = y * y;
+        }
+    }
+    x
+}
+
+/// On failure the first trajectory whose flow is too long.
+#[inline(always)]
+pub(super) fn grow<W: Windows>(
+    windows: W,
+    piece: &Exponential,
+    h: f64,
+    state: &mut State<W::Stored>,
+) -> Result<(), usize>
+where
+    W::Stored: Scalar,
+{
+    let mut growth = Grow {
+        piece,
+        h,
+        state: &mut *state,
+        failed: 0,
+    };
+    if windows.each(1, &mut growth) {
+        Ok(())
+    } else {
+        let first = growth.failed;
+        Err(piece.too_long(h, &state.x, first).unwrap_or(first))
     }
 }

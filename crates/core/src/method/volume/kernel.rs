@@ -2,8 +2,9 @@
 #![allow(clippy::inline_always)] // all of a kernel is compiled for one instruction set
 
 use super::State;
+use super::affine::move_along;
 use super::code::{Code, Source, evaluate};
-use super::exponential::Exponential;
+use super::exponential::grow;
 use super::motion::Motion;
 use super::rows::{Rows, Run};
 use super::stages::{runge_kutta, substitute};
@@ -22,7 +23,7 @@ pub(super) struct Scratch<S> {
 }
 
 /// Flows to be made one after another.
-pub(super) struct Flows<'a, S> {
+pub(super) struct Moves<'a, S> {
     pub(super) motions: &'a [Motion],
     /// The change of each affine flow, in the order they come.
     pub(super) affine: &'a [(u64, usize, Rows)],
@@ -35,7 +36,7 @@ pub(super) struct Flows<'a, S> {
     pub(super) scratch: &'a mut Scratch<S>,
 }
 
-impl<S: Scalar> Kernel<S> for Flows<'_, S> {
+impl<S: Scalar> Kernel<S> for Moves<'_, S> {
     type Output = Result<(), Trouble>;
 
     #[inline(always)]
@@ -60,7 +61,7 @@ impl<S: Scalar> Kernel<S> for Flows<'_, S> {
                 }
                 Motion::Scaling { rows } => change_rows(windows, Change::Scale, rows, h, state),
                 Motion::Exponential(piece) => {
-                    exponential(windows, piece, h, state).map_err(|member| Trouble::Singular {
+                    grow(windows, piece, h, state).map_err(|member| Trouble::Singular {
                         piece: flow.part,
                         member,
                         t: self.t + flow.offset * self.h,
@@ -89,7 +90,7 @@ impl<S: Scalar> Kernel<S> for Flows<'_, S> {
                         entry.0 == h.to_bits() && entry.1 == flow.part
                     };
                     if let Some((.., rows)) = self.affine.iter().find(made) {
-                        affine(windows, rows, state, scratch);
+                        move_along(windows, rows, state, scratch);
                     }
                 }
             }
@@ -284,112 +285,6 @@ fn shear<W: Windows>(
     }
 }
 
-struct Grow<'a, S> {
-    piece: &'a Exponential,
-    h: f64,
-    state: &'a mut State<S>,
-    /// The first trajectory of the part in which a flow is too long.
-    failed: usize,
-}
-
-impl<S> Visit<S> for Grow<'_, S> {
-    #[inline(always)]
-    fn visit<W: Window<Stored = S>>(&mut self, window: W) -> bool {
-        let piece = self.piece;
-        let x = &self.state.x;
-        let mut m = match piece.monomial.first() {
-            Some(&place) => window.load(x, place as usize),
-            None => window.constant(1.0),
-        };
-        for &place in piece.monomial.iter().skip(1) {
-            m = m * window.load(x, place as usize);
-        }
-        if piece.alpha == 0.0 {
-            self.multiply(window, m.scaled(self.h));
-            return true;
-        }
-        let z = m.scaled(piece.alpha * self.h);
-        if !z.is_below(1.0) {
-            self.failed = window.first();
-            return false;
-        }
-        match &piece.roots {
-            Some(roots) if self.state.low.is_empty() => {
-                let base = window.constant(1.0) - z;
-                let root = base.inverse_root(roots.q);
-                for &(place, a, b) in &roots.powers {
-                    let x = window.load(&self.state.x, place as usize);
-                    let x = times_power(times_power(x, base, a), root, b);
-                    window.store(&mut self.state.x, place as usize, x);
-                }
-            }
-            _ => {
-                let time = (window.constant(0.0) - z).ln_1p();
-                self.multiply(window, time.scaled(-1.0 / piece.alpha));
-            }
-        }
-        true
-    }
-}
-
-impl<S> Grow<'_, S> {
-    /// x *= exp(c t)
-    #[inline(always)]
-    fn multiply<W: Window<Stored = S>>(&mut self, window: W, time: W::Number) {
-        for &(place, rate) in &self.piece.rates {
-            let exponent = time.scaled(rate);
-            multiply(window, self.state.parts(), place as usize, exponent);
-        }
-    }
-}
-
-/// x y^power
-#[inline(always)]
-fn times_power<N: Number>(mut x: N, mut y: N, mut power: u32) -> N {
-    while power > 0 {
-        if power & 1 == 1 {
-            x = x * y;
-        }
-        power >>= 1;
-        if power > 0 {
-            y = y * y;
-        }
-    }
-    x
-}
-
-/// On failure the first trajectory whose flow is too long.
-#[inline(always)]
-fn exponential<W: Windows>(
-    windows: W,
-    piece: &Exponential,
-    h: f64,
-    state: &mut State<W::Stored>,
-) -> Result<(), usize>
-where
-    W::Stored: Scalar,
-{
-    let mut grow = Grow {
-        piece,
-        h,
-        state,
-        failed: 0,
-    };
-    if windows.each(1, &mut grow) {
-        return Ok(());
-    }
-    let first = grow.failed;
-    let is_too_long = |member: &usize| {
-        let monomial = piece.monomial.iter();
-        let m: f64 = monomial
-            .map(|&place| state.x[place as usize].member(*member))
-            .product();
-        !(m * (piece.alpha * h)).is_below(1.0)
-    };
-    let members = first..W::Stored::MEMBERS;
-    Err(members.into_iter().find(is_too_long).unwrap_or(first))
-}
-
 /// out = row, or the change of the state where there is none.
 struct SetRow<'a, S> {
     program: &'a [Code],
@@ -423,31 +318,4 @@ pub(super) fn set_rows<W: Windows>(
         };
         windows.each(run.count, &mut row);
     }
-}
-
-/// x += change
-struct AddChange<'a, S> {
-    change: &'a [S],
-    state: &'a mut State<S>,
-}
-
-impl<S> Visit<S> for AddChange<'_, S> {
-    #[inline(always)]
-    fn visit<W: Window<Stored = S>>(&mut self, window: W) -> bool {
-        let change = window.load(self.change, 0);
-        add(window, self.state.parts(), 0, change);
-        true
-    }
-}
-
-#[inline(always)]
-fn affine<W: Windows>(
-    windows: W,
-    rows: &Rows,
-    state: &mut State<W::Stored>,
-    scratch: &mut Scratch<W::Stored>,
-) {
-    set_rows(windows, rows, &state.x, &mut scratch.change);
-    let change = scratch.change.as_slice();
-    windows.each(change.len(), &mut AddChange { change, state });
 }

@@ -5,6 +5,7 @@
 //! whatever is stored: trajectories in lock-step, or neighbouring variables of one large state. A
 //! trajectory has the same bits alone, in lock-step, and on any machine.
 //! Source: mclachlan2008, xue2013.
+#![allow(clippy::inline_always)] // all of a kernel is compiled for one instruction set
 
 mod affine;
 mod code;
@@ -30,7 +31,7 @@ use crate::parallel::Crew;
 use crate::problem::polynomial::Split;
 use crate::trouble::Trouble;
 use crate::vector::{Kernel, Machine, Stored, Visit, Window, Windows};
-use kernel::{Change, Flows, Scratch};
+use kernel::{Change, Moves, Scratch};
 use motion::Motion;
 use plan::Plan;
 use rows::Rows;
@@ -175,7 +176,7 @@ impl<S: Stored> Volume<S> {
         (t, h): (f64, f64),
         state: &mut State<S>,
     ) -> Result<(), Trouble> {
-        let kernel = Flows {
+        let kernel = Moves {
             motions: &self.plan.motions,
             affine: &self.affine,
             flows,

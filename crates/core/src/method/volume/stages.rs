@@ -4,6 +4,7 @@
 use super::State;
 use super::code::Code;
 use super::kernel::{Scratch, add, set_rows, value};
+use super::rows::Rows;
 use super::triangular::Triangular;
 use crate::vector::{Number, Visit, Window, Windows};
 
@@ -73,7 +74,7 @@ pub(super) fn runge_kutta<W: Windows>(
     W::Stored: Copy,
 {
     let s = piece.stages;
-    let runs = || piece.levels.iter().flat_map(|level| level.iter());
+    let runs = || piece.levels.iter().flat_map(Rows::iter);
     for r in 0..s {
         let (earlier, later) = scratch.stages.split_at_mut(r);
         let [z, k] = &mut later[0];
