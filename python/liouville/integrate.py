@@ -196,6 +196,7 @@ def run(path: Route, progress: Callable[[float, float], None] | None = None) -> 
     status, message, quantity = "done", "", ""
     if isinstance(outcome, dict):
         status = "failed"
+        stats["steps"] = outcome.get("step", 0)
         message, quantity = explained(outcome, path)
     elif outcome == "interrupted":
         status, message = outcome, f"interrupted after {stats['steps']}{pace.total} steps"

@@ -27,7 +27,7 @@ from liouville.methods import (
     VolumeSplitting,
 )
 from liouville.planner import Plan, planned
-from liouville.splitting import crossed, described, variables_of
+from liouville.splitting import Affine, Split, crossed, described, variables_of
 from liouville.systems import Mechanical, Mechanics, PolynomialField, System
 
 #: Half of the digits of an affine flow are left after so many of its own times.
@@ -306,8 +306,11 @@ class FieldRoute:
 
     def stats(self, run: _core.Run) -> dict[str, Any]:
         """Return the numbers of a run: steps, flows of pieces, and how many pieces there are."""
+        pace, steps = self.pace, run.done
+        if self.members:  # those that all members have made
+            steps = round((run.t - pace.t0) / (pace.t1 - pace.t0) * pace.count)
         return {
-            "steps": run.done,
+            "steps": steps,
             "flows": run.stats["evaluations"],
             "pieces": len(self.split.pieces),
         }

@@ -8,7 +8,7 @@ use liouville_core::ensemble::{Ensemble, Layout};
 
 use liouville_core::method::composition::Composed;
 use liouville_core::method::volume::{
-    Determinant, Determined, Direction, Observer, Plane, Section, Seen, Volume,
+    Determinant, Direction, Observer, Plane, Section, Seen, Volume,
 };
 use liouville_core::problem::polynomial::{self, Piece, Polynomials, Wave};
 use liouville_core::real::Lanes;
@@ -228,11 +228,12 @@ impl Begin<'_> {
     /// Runs of so many trajectories each, and how many of them there are.
     fn blocks<const W: usize>(&self, x: &[&[f64]]) -> Result<Vec<Member>, Trouble> {
         let stepper = self.stepper::<Lanes<W>>(1);
-        let member = |block: &[&[f64]]| {
-            let run = self.run(stepper.clone(), block)?;
+        let member = |(place, block): (usize, &[&[f64]])| {
+            let run = self.run(stepper.clone(), block);
+            let run = run.map_err(|trouble| trouble.of_member(place * W))?;
             Ok((Box::new(run) as Box<dyn Advance + Sync>, block.len()))
         };
-        x.chunks(W).map(member).collect()
+        x.chunks(W).enumerate().map(member).collect()
     }
 }
 
@@ -340,7 +341,8 @@ pub(crate) fn section_run<'py>(
         let members = (block * SMALL_BLOCK, x.len());
         let observer = Section::new(volume.clone(), scalar, seen.clone(), members, plane.clone());
         let pace = Equal::new(span.0, (span.1 - span.0) / span.2 as f64, span.2);
-        let run = run::Run::new(Composed::new(volume, scheme), observer, state, pace, 1, 0)?;
+        let run = run::Run::new(Composed::new(volume, scheme), observer, state, pace, 1, 0)
+            .map_err(|trouble| trouble.of_member(members.0))?;
         Ok((Box::new(run) as Box<dyn Advance + Sync>, x.len()))
     };
     let runs: Result<Vec<_>, Trouble> = rows.chunks(SMALL_BLOCK).enumerate().map(cut).collect();
@@ -372,7 +374,7 @@ fn malformed(n: usize) -> PyErr {
 ///
 /// The arguments are as for `split_run`.
 #[pyfunction]
-#[pyo3(signature = (split, scheme, x, seen, span))]
+#[pyo3(signature = (split, scheme, x, seen, span, is_compensated))]
 pub(crate) fn determinant_run<'py>(
     py: Python<'py>,
     split: PyRef<'py, Split>,
@@ -380,6 +382,7 @@ pub(crate) fn determinant_run<'py>(
     x: PyReadonlyArray1<'py, f64>,
     seen: (usize, Option<PyReadonlyArray2<'py, f64>>),
     span: (f64, f64, usize, usize),
+    is_compensated: bool,
 ) -> PyResult<Bound<'py, PyAny>> {
     let n = split.0.n();
     let (seen, x) = (seen_of(&seen, n)?, x.as_slice()?);
@@ -388,9 +391,9 @@ pub(crate) fn determinant_run<'py>(
         return Err(malformed(n));
     }
     let width = seen.n + 2;
-    let stepper = Determinant::new(split.0.clone(), scheme_named(scheme)?);
+    let stepper = Determinant::new(split.0.clone(), scheme_named(scheme)?, is_compensated);
     let pace = Equal::new(t0, (t1 - t0) / steps as f64, steps);
-    let state = Determined::new(x);
+    let state = stepper.state(x);
     let run = run::Run::new(stepper, seen, state, pace, every, steps / every + 2);
     Run::handed(py, run, &[width])
 }

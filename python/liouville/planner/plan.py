@@ -172,20 +172,22 @@ class Plan:
             raise ValueError(hinted(message, "lv.plan(...).save(path) writes one")) from error
 
     @classmethod
-    def _read(cls, given: dict[str, Any]) -> Plan:
+    def _read(cls, given: Any) -> Plan:
+        if not isinstance(given, dict):
+            raise TypeError(f"it holds a {type(given).__name__}")
         trials, method = given.pop("trials"), VolumeSplitting(**given.pop("method"))
         tried = tuple(Trial(VolumeSplitting(**each.pop("method")), **each) for each in trials)
         rest: dict[str, Any] = {k: tuple(x) if isinstance(x, list) else x for k, x in given.items()}
         plan = cls(method=method, trials=tried, **rest)
         if plan.method.is_open:
             raise ValueError("its method leaves something to choose")
-        for name in ("n", "terms"):
-            if not isinstance(getattr(plan, name), int):
-                raise TypeError(f"{name} is an integer")
+        kinds = {"n": int, "terms": int, "seed": int, "h": float, "cost": float}
+        for name, kind in kinds.items():
+            if not isinstance(getattr(plan, name), kind):
+                raise TypeError(f"{name} is no {kind.__name__}")
         for name, count in (("order", len(plan.order)), ("turn", plan.n if plan.turn else 0)):
             if sorted(getattr(plan, name)) != list(range(count)):
                 raise ValueError(f"{name} is no permutation")
-        str(plan)  # what else there is can be printed
         return plan
 
 

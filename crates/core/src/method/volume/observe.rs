@@ -127,7 +127,10 @@ impl<S: Stored> Observe<State<S>> for Observer<S> {
         let start = row.len();
         self.volume.values(state, &mut self.values);
         (0..self.members)
-            .try_for_each(|member| self.append(member, t, row))
+            .try_for_each(|member| {
+                let appended = self.append(member, t, row);
+                appended.map_err(|trouble| trouble.of_member(member))
+            })
             .inspect_err(|_| row.truncate(start))
     }
 }

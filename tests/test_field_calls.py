@@ -1,0 +1,415 @@
+"""Runs of polynomial fields: wrong calls are refused before they start, failures say where and why.
+
+One table, one row a mistake; then the runs that fail. None of them returns numbers that are wrong.
+"""
+
+import json
+import math
+import signal
+import sys
+
+import casadi as ca
+import numpy as np
+import pytest
+
+import liouville as lv
+from liouville.problems import load
+from liouville.systems import PolynomialField
+
+MODULE = sys.modules["liouville.integrate"]  # the name itself is the function in it
+NAN, INF = math.nan, math.inf
+
+TOP = load("euler_top").system  # m1, m2, m3
+VORTEX = load("hill_vortex").system  # of degree 3
+ABC = load("abc_flow").system
+PENDULUM = load("pendulum")
+PLAN = lv.plan(TOP, h=0.1, x=[1.0, 0.5, 0.2])
+V = lv.VolumeSplitting
+ONE, TWO = [1.0, 0.5, 0.2], [[1.0, 0.5, 0.2], [0.1, 1.0, 0.0]]
+
+
+def of(function, **usual):
+    """Return a function that calls another as usual, with something changed."""
+
+    def call(system=TOP, method=V(composition="S2"), **changes):  # noqa: B008
+        return function(system, method, **{**usual, **changes})
+
+    return call
+
+
+SPAN = {"t": (0.0, 1.0), "h": 0.1}
+run, many = of(lv.integrate, **SPAN, x=ONE), of(lv.ensemble, **SPAN, x=TWO)
+cut, det = of(lv.section, **SPAN, plane="m1", x=TWO), of(lv.determinant, **SPAN, x=ONE)
+plan = of(lv.plan, h=0.1, x=ONE)
+
+
+def swing(method, function=lv.integrate, **more):
+    return function(PENDULUM.system, method, **SPAN, **PENDULUM.start, **more)
+
+
+def of_terms(x, *terms):
+    """Make a field of terms such as ("x", 1, "yyz") in coordinates such as "xyz"."""
+    return PolynomialField.from_terms(tuple(x), [(i, c, tuple(v)) for i, c, v in terms])
+
+
+SPROTT_A = [("x", 1, "y"), ("y", -1, "x"), ("y", 1, "yz"), ("z", 1, ""), ("z", -1, "yy")]
+NOSE_HOOVER = [("x", 1, "y"), ("y", -1, "x"), ("y", -1, "yz"), ("z", 1, "yy"), ("z", -1, "")]
+
+DRIFTING = PolynomialField(
+    lambda t, x, params: [params.a * x[0] * x[1], -(x[1] ** 2) / 2], x=("x", "y"), params={"a": 1.0}
+)
+
+# id, the call, the exception, the message
+ROWS = [
+    # a method for the system, a system for the method
+    ("Spark", lambda: run(method=lv.Spark()), TypeError, "Spark.*polynomial fields; .*: Volume"),
+    ("HHT", lambda: many(method=lv.HHT()), TypeError, "HHT.*does not step polynomial fields"),
+    ("cut Spark", lambda: cut(method=lv.Spark()), TypeError, "does not step polynomial fields"),
+    ("det Spark", lambda: det(method=lv.Spark()), TypeError, "does not step polynomial fields"),
+    ("plan Spark", lambda: plan(method=lv.Spark()), TypeError, "Spark.* is a VolumeSplitting"),
+    (
+        "Composition",
+        lambda: run(method=lv.Composition(lv.Spark(1))),
+        TypeError,
+        "Composition.*does not step polynomial fields; methods that do: VolumeSplitting, Plan",
+    ),
+    ("a class", lambda: run(method=V), TypeError, "class.*does not step polynomial fields"),
+    ("a name", lambda: run(method="BM4"), TypeError, "'BM4' does not step polynomial fields"),
+    (
+        "a pendulum",
+        lambda: swing(V()),
+        TypeError,
+        r"VolumeSplitting\(\) does not step mechanical systems; methods that do: Spark, HHT",
+    ),
+    ("plan of it", lambda: swing(PLAN), TypeError, "<Plan of 3 pieces.*mechanical systems"),
+    ("pendulums", lambda: swing(V(), lv.ensemble), TypeError, "PolynomialField.*Lagrangian.x, y"),
+    ("cut one", lambda: cut(PENDULUM.system), TypeError, "PolynomialField, not of Lagrangian"),
+    ("det one", lambda: det(PENDULUM.system), TypeError, "PolynomialField, not of Lagrangian"),
+    ("plan one", lambda: plan(PENDULUM.system), TypeError, "PolynomialField, not Lagrangian"),
+    # the method alone
+    ("scheme", lambda: V(composition="BM5"), ValueError, r"'BM5'.*\nhint: did you mean 'BM6'\?"),
+    ("no scheme", lambda: V(composition=4), TypeError, "the name of a scheme, not 4"),
+    ("diagonal", lambda: V("shear"), ValueError, r"shears, exp.*, regular, n\+d, not 'shear'"),
+    ("off", lambda: V(off_diagonal="x"), ValueError, "off_diagonal is one of auto.*not 'x'"),
+    ("linear", lambda: V(linear=True), ValueError, "auto, split, exact, not True"),
+    ("RK", lambda: V(runge_kutta="rk5"), ValueError, "euler.*rk4, not 'rk5'"),
+    ("compensated", lambda: V(compensated=1), TypeError, "True or False, not 1"),
+    ("n+d and c", lambda: V("n+d", "triangular"), ValueError, "the whole field.*'n.d'.*'triang"),
+    (
+        "regular cubic",
+        lambda: run(VORTEX, V("regular")),
+        ValueError,
+        "for a diagonal part of degree 2, not 3\nhint: take diagonal='exponentials' or 'shears'",
+    ),
+    ("n+d waves", lambda: run(ABC, V("n+d")), ValueError, r"has waves\nhint: take diagonal='exp"),
+    # steps
+    (
+        "rtol",
+        lambda: run(rtol=1e-3),
+        TypeError,
+        "(?s)equal steps and no rtol.*hint: give h or steps.*depends on the state, volume is not",
+    ),
+    ("atol", lambda: run(atol=1e-3), TypeError, "equal steps and no atol"),
+    ("h_min", lambda: run(h_min=1e-3), TypeError, "equal steps and no h_min"),
+    ("many rtol", lambda: many(rtol=1e-3), TypeError, r"no rtol\nhint: .* volume is not kept"),
+    ("h zero", lambda: run(h=0), ValueError, "h is positive and finite, not 0"),
+    ("h negative", lambda: run(h=-0.1), ValueError, r"(?s)not -0\.1.*hint: .*t=\(end, start\)"),
+    ("h NaN", lambda: run(h=NAN), ValueError, "h is positive and finite, not nan"),
+    ("many h", lambda: many(h=0), ValueError, "h is positive and finite, not 0"),
+    ("cut h", lambda: cut(h=-1), ValueError, "h is positive and finite, not -1"),
+    ("det h", lambda: det(h=0), ValueError, "h is positive and finite, not 0"),
+    ("plan h", lambda: plan(h=0), ValueError, "h is positive and finite, not 0"),
+    ("plan -h", lambda: plan(h=-0.1), ValueError, "h is positive and finite, not -0.1"),
+    ("plan h NaN", lambda: plan(h=NAN), ValueError, "h is positive and finite, not nan"),
+    ("plan h word", lambda: plan(h="0.1"), TypeError, "h is a number, not '0.1'"),
+    ("no h", lambda: run(h=None), TypeError, "give either h or steps"),
+    ("h and steps", lambda: cut(steps=3), TypeError, "give either h or steps"),
+    ("no time", lambda: det(t=(1, 1)), ValueError, "is no interval"),
+    ("too much", lambda: many(h=1e-12), MemoryError, r"(?s)states takes .* GiB.*hint: .*every="),
+    # starts
+    ("x long", lambda: run(x=[1, 2, 3, 4]), ValueError, r"shape \(4,\), wanted \(3,\)"),
+    ("x many", lambda: run(x=TWO), ValueError, r"\(2, 3\), wanted \(3,\)\nhint: lv.ensemble"),
+    ("x one", lambda: many(x=ONE), ValueError, r"wanted \(P, 3\).*\nhint: lv.integrate"),
+    ("x deep", lambda: many(x=[TWO]), ValueError, r"\(1, 2, 3\), wanted \(P, 3\) for P members$"),
+    ("x none", lambda: many(x=np.empty((0, 3))), ValueError, r"shape \(0, 3\), wanted \(P, 3\)"),
+    ("x NaN", lambda: run(x=[1, NAN, 0]), ValueError, "x of 'm2' is nan"),
+    ("x infinite", lambda: det(x=[1, 0, -INF]), ValueError, "x of 'm3' is -inf"),
+    ("x NaN of one", lambda: many(x=[ONE, [1, 2, NAN]]), ValueError, "'m3' of member 1 is nan"),
+    ("cut NaN", lambda: cut(x=[ONE, [1, 2, NAN]]), ValueError, "x of 'm3' of member 1 is nan"),
+    ("plan NaN", lambda: plan(x=[ONE, [NAN, 2, 1]]), ValueError, "'m1' of member 1 is nan"),
+    ("plan x", lambda: plan(x=[1, 2]), ValueError, r"shape \(2,\), wanted \(3,\)"),
+    ("q", lambda: run(q=[1]), TypeError, "'q' is no start value of this system, which takes x="),
+    ("no x", lambda: lv.integrate(TOP, V(), **SPAN), TypeError, "'x' is missing: .* takes x="),
+    # plans
+    ("other plan", lambda: run(VORTEX, PLAN), ValueError, "3 variables and 3 terms, not 3 and 14"),
+    ("replan", lambda: plan(method=PLAN), TypeError, "Plan of 3.*method is a VolumeSplitting"),
+    ("trials", lambda: plan(trials=0), ValueError, "trials is at least 1, not 0"),
+    ("seed", lambda: plan(seed=-1), ValueError, "seed is an integer from 0 on, not -1"),
+    ("plan t", lambda: plan(t=INF), ValueError, "t is finite, not inf"),
+    ("plan params", lambda: plan(params={"b": 1}), ValueError, "no parameter 'b'.*: a"),
+    # planes
+    ("plane", lambda: cut(plane="w"), ValueError, "no coordinate 'w': the system has m1, m2, m3"),
+    ("plane 2", lambda: cut(plane=[0, 1]), ValueError, r"plane has shape \(2,\), wanted \(3,\)"),
+    ("plane zero", lambda: cut(plane=[0, 0, 0]), ValueError, "a plane is finite and not zero"),
+    ("plane NaN", lambda: cut(plane=[0, NAN, 0]), ValueError, "a plane is finite and not zero"),
+    ("plane None", lambda: cut(plane=None), TypeError, "name or an array of numbers, not None"),
+    ("offset", lambda: cut(offset=NAN), ValueError, "offset is finite, not nan"),
+    ("offset word", lambda: cut(offset="1"), TypeError, "offset is a number, not '1'"),
+    ("period", lambda: cut(period=0), ValueError, "period is positive and finite, not 0"),
+    ("direction", lambda: cut(direction="left"), ValueError, "both, up, down, not 'left'"),
+    # what else a run takes
+    ("threads", lambda: run(threads=0), ValueError, "threads is at least 1, not 0"),
+    ("many threads", lambda: many(threads=-2), ValueError, "threads is at least 1, not -2"),
+    ("cut threads", lambda: cut(threads=0), ValueError, "threads is at least 1, not 0"),
+    ("half a thread", lambda: run(threads=1.5), TypeError, "threads is an integer, not 1.5"),
+    ("pendulum's", lambda: swing(lv.Spark(), threads=0), ValueError, "threads is at least 1"),
+    ("every", lambda: many(every=0), ValueError, "every is at least 1, not 0"),
+    ("states", lambda: run(states=1), TypeError, "states is True or False, not 1"),
+    ("progress", lambda: cut(progress=3), TypeError, "progress is a function, not 3"),
+    ("det progress", lambda: det(progress=3), TypeError, "progress is a function, not 3"),
+    ("observe", lambda: run(observe={"r": 3}), TypeError, "'r' is a function, not 3"),
+    ("params", lambda: many(params={"b": 1}), ValueError, "no parameter 'b'.*: a"),
+    ("params NaN", lambda: run(params={"a": [1, 2, NAN]}), ValueError, "'a' is not finite"),
+    # fields with a divergence
+    ("Sprott A", lambda: of_terms("xyz", *SPROTT_A), ValueError, r"div f contains 1 \* z\nhint"),
+    (
+        "Nose-Hoover",
+        lambda: of_terms("xyz", *NOSE_HOOVER),
+        ValueError,
+        r"div f contains -1 \* z\nhint",
+    ),
+    (
+        "by a parameter",
+        lambda: run(DRIFTING, x=[1, 1], params={"a": 3.0}),
+        ValueError,
+        r"div f contains 2 \* y\nhint",
+    ),
+]
+
+
+@pytest.mark.parametrize(
+    ("call", "error", "message"), [pytest.param(*row, id=name) for name, *row in ROWS]
+)
+def test_a_bad_call_is_refused(call, error, message):
+    with pytest.raises(error, match=message):
+        call()
+
+
+def test_the_right_calls_are_taken():
+    assert run().status == many().status == det().status == cut().status == "done"
+    assert run(method=PLAN).status == many(method=plan()).status == "done"
+    assert run(DRIFTING, x=[1, 1]).status == "done"
+
+
+PLANS = {
+    "nothing": ("", "Expecting value"),
+    "no dict": ("[1]", "it holds a list"),
+    "empty": ("{}", "'trials' is missing"),
+    "open": ({"method": {"diagonal": "auto"}}, "leaves something to choose"),
+    "word": ({"method": {"diagonal": "all"}}, "diagonal is one of"),
+    "order": ({"order": [0, 0, 1]}, "order is no permutation"),
+    "turn": ({"turn": [5]}, "turn is no permutation"),
+    "size": ({"n": "three"}, "n is no int"),
+    "cost": ({"cost": "much"}, "cost is no float"),
+    "more": ({"colour": "red"}, "'colour'"),
+}
+
+
+@pytest.mark.parametrize(("change", "message"), PLANS.values(), ids=PLANS)
+def test_a_file_that_is_no_plan_is_refused(tmp_path, change, message):
+    path = tmp_path / "plan.json"
+    if isinstance(change, dict):
+        PLAN.save(path)
+        change = json.dumps({**json.loads(path.read_text()), **change})
+    path.write_text(change)
+    with pytest.raises(ValueError, match=rf"no plan that liouville saved: .*{message}.*\nhint: "):
+        lv.Plan.load(path)
+
+
+def test_a_plan_file_that_is_not_there_is_named(tmp_path):
+    with pytest.raises(FileNotFoundError, match=r"there is no plan file '.*mine\.json'"):
+        lv.Plan.load(tmp_path / "mine.json")
+
+
+# --- runs that fail ------------------------------------------------------------------------------
+
+# x' = x^2, y' = -2 x y: a trajectory from x = 1 is at infinity at t = 1
+BURSTING = of_terms("xy", ("x", 1, "xx"), ("y", -2, "xy"))
+# the same without a diagonal part: x'' = 2 x^3, at infinity at t = 1 from x = x' = 1
+FALLING = of_terms("xv", ("x", 1, "v"), ("v", 2, "xxx"))
+H = 1 / 64  # times are exact
+
+# id, system, method, start, last step that is good, what fails and what is said of it
+FAILURES = [
+    ("shears", BURSTING, V("shears"), [1, 1], 63, "x", "'x' is not finite after it"),
+    ("natural shears", FALLING, V(), [1, 1], 63, "v", "'v' is not finite after it"),
+    ("n + d shears", BURSTING, V("n+d"), [1, 1], 63, "x", "'x' is not finite after it"),
+    (
+        "an exponential",
+        BURSTING,
+        V("exponentials", composition="S2"),
+        [1, 1],
+        62,
+        "exponential of x, y by x",
+        "flow of a piece reaches infinity within the step: exponential of x, y by x",
+    ),
+]
+
+
+def finite(solution):
+    groups = solution.states, solution.invariants, solution.observed
+    return all(np.isfinite(values).all() for group in groups for values in group.values())
+
+
+@pytest.mark.parametrize(
+    ("system", "method", "x", "near", "quantity", "message"),
+    [pytest.param(*row, id=name) for name, *row in FAILURES],
+)
+def test_a_trajectory_to_infinity_ends_with_where_and_what(
+    system, method, x, near, quantity, message
+):
+    with pytest.raises(lv.IntegrationError, match=message) as caught:
+        lv.integrate(system, method, t=(0, 2), h=H, x=x)
+    error, solution = caught.value, caught.value.solution
+    assert near <= error.step <= near + 20  # an approximation goes on for a while
+    assert (error.quantity, error.member) == (quantity, None)
+    assert error.t == error.step * H == solution.t[-1]
+    assert f"step {error.step} of 128 at t = {error.t:.6g} failed" in str(error)
+    assert "\nhint: a trajectory " in str(error)
+    assert (solution.status, solution.message) == ("failed", str(error))
+    assert finite(solution)
+    plan = lv.plan(system, method, h=H, x=x)
+    until = lv.integrate(system, plan, t=(0, error.t), steps=error.step, x=x)
+    assert np.array_equal(solution.x, until.x)
+
+
+@pytest.mark.parametrize("diagonal", ["shears", "exponentials"])
+def test_the_member_that_fails_is_named(diagonal):
+    method = V(diagonal, "natural", "BM4", "split")
+    x = np.stack([np.linspace(-1, -0.1, 200), np.ones(200)], axis=1)
+    x[137, 0] = 1.0
+    with pytest.raises(lv.IntegrationError, match="failed: member 137: ") as caught:
+        lv.ensemble(BURSTING, method, t=(0, 2), h=H, every=3, x=x)
+    error, solution = caught.value, caught.value.solution
+    with pytest.raises(lv.IntegrationError) as alone:
+        lv.integrate(BURSTING, method, t=(0, 2), h=H, every=3, x=x[137])
+    assert (error.member, error.step, error.t) == (137, alone.value.step, alone.value.t)
+    assert error.quantity == alone.value.quantity
+    k = len(solution.t)  # the last state of all, of those that are kept
+    assert error.t - 3 * H < solution.t[-1] <= error.t
+    assert np.array_equal(solution.x[:, 137], alone.value.solution.x[:k])
+    assert finite(solution)
+
+
+def test_the_first_member_that_fails_is_named_whatever_the_threads():
+    x = np.stack([np.linspace(0.1, 2, 300), np.ones(300)], axis=1)
+    errors = []
+    for threads in (1, 2, 3):
+        with pytest.raises(lv.IntegrationError) as caught:
+            lv.ensemble(BURSTING, V("shears"), t=(0, 2), h=H, x=x, threads=threads)
+        errors.append(caught.value)
+    assert len({str(error) for error in errors}) == 1
+    for error in errors[1:]:
+        assert np.array_equal(error.solution.x, errors[0].solution.x)
+
+
+def test_a_failed_section_keeps_the_crossings_before():
+    x = [[0.1, 1.0], [1.0, 1.0], [0.4, 1.0]]
+    with pytest.raises(lv.IntegrationError, match="failed: member 1: ") as caught:
+        lv.section(BURSTING, V("shears"), t=(0, 2), h=H, plane="x", offset=0.5, x=x)
+    error = caught.value
+    assert error.section.status == "failed"
+    assert error.section.member.tolist() == [2]
+    np.testing.assert_allclose(error.section.t, 0.5, atol=1e-6)  # 1 / (5/2 - t) = 1/2
+    assert error.t >= error.section.t.max()
+
+
+def test_a_failed_determinant_keeps_what_it_has():
+    with pytest.raises(lv.IntegrationError, match="'x' is not finite after it") as caught:
+        lv.determinant(BURSTING, V("shears"), t=(0, 2), h=H, x=[1, 1])
+    assert finite(caught.value.solution)
+    assert len(caught.value.solution.t) == caught.value.step + 1
+
+
+@pytest.mark.parametrize("diagonal", ["shears", "exponentials", "n+d"])
+@pytest.mark.parametrize("size", [1e150, 1e308])
+def test_starts_next_to_infinity_fail_and_give_no_numbers(diagonal, size):
+    with pytest.raises(lv.IntegrationError, match="step 0 of 128 at t = 0 failed") as caught:
+        lv.integrate(BURSTING, V(diagonal), t=(0, 2), h=H, x=[size, size])
+    assert finite(caught.value.solution)
+
+
+def test_what_is_observed_of_a_member_may_fail():
+    sliding = of_terms("x", ("x", 1, ""))
+    depth = {"depth": lambda t, x, params: ca.log(1.5 - x[0])}
+    with pytest.raises(
+        lv.IntegrationError, match="member 1: observed 'depth' is not finite at t = 1\n"
+    ) as caught:
+        lv.ensemble(sliding, V(), t=(0, 2), h=H, x=[[-5.0], [0.5]], observe=depth)
+    assert (caught.value.step, caught.value.member, caught.value.quantity) == (63, 1, "depth")
+    assert finite(caught.value.solution)
+    x = np.full((200, 1), -5.0)
+    x[150] = 1.5
+    with pytest.raises(
+        lv.IntegrationError, match=r"start at t = 0 cannot.*: member 150: "
+    ) as caught:
+        lv.ensemble(sliding, V(), t=(0, 2), h=H, x=x, observe=depth)
+    assert (caught.value.member, caught.value.solution.x.shape) == (150, (0, 200, 1))
+
+
+def test_an_affine_field_far_out_overflows_at_a_named_coordinate():
+    saddle = of_terms("xy", ("x", 1, "x"), ("y", -1, "y"))
+    with pytest.raises(lv.IntegrationError, match="'x' is not finite after it") as caught:
+        lv.integrate(saddle, V(linear="exact"), t=(0, 1000), h=1.0, x=[1, 1])
+    assert caught.value.step == 709  # exp(710) is too large
+    np.testing.assert_allclose(caught.value.solution.x[-1, 0], np.exp(709.0), rtol=1e-12)
+
+
+# --- Ctrl-C --------------------------------------------------------------------------------------
+
+
+def interrupt():
+    """Return a progress function that is interrupted after a while."""
+    seen = []
+
+    def look(done, total):
+        seen.append(done)
+        assert seen == sorted(seen)
+        assert done < total
+        if len(seen) == 20:
+            signal.raise_signal(signal.SIGINT)
+
+    return look
+
+
+@pytest.mark.parametrize("kind", ["one", "many", "determinant"])
+def test_an_interrupt_returns_what_was_done(kind, monkeypatch):
+    monkeypatch.setattr(MODULE, "SLICE", 1e-3)
+    function, x = {
+        "one": (lv.integrate, ONE),
+        "many": (lv.ensemble, TWO * 40),
+        "determinant": (lv.determinant, ONE),
+    }[kind]
+    span = {"t": (0, 2.0**24), "h": H, "every": 256}
+    solution = function(TOP, PLAN, **span, x=x, progress=interrupt())
+    steps = solution.stats["steps"]
+    assert solution.status == "interrupted"
+    assert solution.message == f"interrupted after {steps} of {2**30} steps"
+    assert finite(solution)
+    kept = steps // 256
+    assert 0 < kept < 2**22
+    until = function(TOP, PLAN, **{**span, "t": (0, max(1, 4.0 * kept))}, x=x)
+    assert np.array_equal(solution.x[: kept + 1], until.x[: kept + 1])
+
+
+def test_an_interrupted_section_has_what_was_found(monkeypatch):
+    monkeypatch.setattr(MODULE, "SLICE", 1e-3)
+    span = {"h": 0.1, "plane": "m1", "x": [[0.1, 1.0, 0.3], [0.2, 1.0, -0.3]]}
+    found = lv.section(TOP, PLAN, t=(0, 1e8), **span, progress=interrupt())
+    assert found.status == "interrupted"
+    assert len(found) > 50
+    assert set(found.member) == {0, 1}
+    whole = lv.section(TOP, PLAN, t=(0, 0.1 * math.ceil(found.t.max() / 0.1)), **span)
+    for member in range(2):
+        mine, theirs = found.x[found.member == member], whole.x[whole.member == member]
+        assert np.array_equal(mine, theirs[: len(mine)])
