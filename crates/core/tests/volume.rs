@@ -12,7 +12,7 @@ use liouville_core::trouble::Trouble;
 use liouville_core::vector::{Machine, Stored};
 use proptest::prelude::*;
 use std::sync::Arc;
-use support::splits::{Draw, every_kind, lorenz, plain, polynomials, reach};
+use support::splits::{Draw, affine, every_kind, lorenz, plain, polynomials, reach};
 
 /// A split with a piece of each kind, and a state for it.
 fn field(seed: u64) -> (Arc<Split>, Vec<f64>) {
@@ -256,4 +256,25 @@ fn compensated_sums_keep_what_others_lose() {
         compensated < 1e-15 && plain > 10.0 * compensated,
         "{plain:e} {compensated:e}"
     );
+}
+
+#[test]
+fn affine_flows_of_many_lengths_add_up() {
+    let mut draw = Draw::new(11);
+    let split = Arc::new(Split::new(4, vec![affine(&mut draw, 4)]).expect("a proper piece"));
+    let mut volume = Volume::<f64>::new(split, false);
+    let x = draw.reals(4);
+    let mut state = volume.state(&x);
+    let mut length = 0.0;
+    for n in 0..700 {
+        let h = 1e-4 * f64::from(n % 600);
+        volume.flow(0, false, 0.0, h, &mut state).expect("a flow");
+        length += h;
+    }
+    let mut end = x.clone();
+    volume.values(&state, &mut end);
+    let at_once = flowed(&mut volume, whole(0, false), length, &x).expect("a flow");
+    let size = at_once.iter().fold(0.0_f64, |size, x| size.max(x.abs()));
+    let far = end.iter().zip(&at_once).map(|(a, b)| (a - b).abs() / size);
+    assert!(far.fold(0.0, f64::max) < 1e-11);
 }

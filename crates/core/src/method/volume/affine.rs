@@ -9,9 +9,11 @@
 
 use super::State;
 use super::kernel::{Scratch, add, set_rows};
+use super::motion::Motion;
 use super::order::Order;
 use super::rows::{Rows, narrow};
 use crate::linalg::{Lu, Matrix, combine, max_norm};
+use crate::method::Flow;
 use crate::vector::{Visit, Window, Windows};
 
 /// An affine piece.
@@ -65,6 +67,49 @@ impl Affine {
             rows.push(i, &terms);
         }
         rows
+    }
+}
+
+/// The changes of affine flows, by part and length.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Changes(Vec<(usize, u64, Rows)>);
+
+/// So many are remembered, or as many as one step has.
+const MOST_REMEMBERED: usize = 256;
+
+impl Changes {
+    /// Makes those of these flows; the first takes `before` longer than it says.
+    pub(super) fn prepare(&mut self, motions: &[Motion], flows: &[Flow], before: f64, h: f64) {
+        if self.0.len() > MOST_REMEMBERED {
+            self.0.clear();
+        }
+        let mut before = before;
+        for flow in flows {
+            let length = before + flow.weight * h;
+            before = 0.0;
+            if let Motion::Affine(affine) = &motions[flow.part]
+                && self.position(flow.part, length).is_none()
+            {
+                let change = affine.change(length);
+                self.0.push((flow.part, length.to_bits(), change));
+            }
+        }
+    }
+
+    fn position(&self, part: usize, h: f64) -> Option<usize> {
+        let is_it = |(of, bits, _): &(usize, u64, Rows)| *of == part && *bits == h.to_bits();
+        self.0.iter().position(is_it)
+    }
+
+    /// The change of a flow.
+    ///
+    /// # Panics
+    /// When it was not made.
+    pub(super) fn find(&self, part: usize, h: f64) -> &Rows {
+        match self.position(part, h) {
+            Some(position) => &self.0[position].2,
+            None => unreachable!("affine flows are made before they are used"),
+        }
     }
 }
 

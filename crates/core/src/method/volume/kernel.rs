@@ -2,7 +2,7 @@
 #![allow(clippy::inline_always)] // all of a kernel is compiled for one instruction set
 
 use super::State;
-use super::affine::move_along;
+use super::affine::{Changes, move_along};
 use super::code::{Code, Source, evaluate};
 use super::exponential::grow;
 use super::motion::Motion;
@@ -25,8 +25,7 @@ pub(super) struct Scratch<S> {
 /// Flows to be made one after another.
 pub(super) struct Moves<'a, S> {
     pub(super) motions: &'a [Motion],
-    /// The change of each affine flow, in the order they come.
-    pub(super) affine: &'a [(u64, usize, Rows)],
+    pub(super) changes: &'a Changes,
     pub(super) flows: &'a [Flow],
     /// How much longer the first is than it says.
     pub(super) before: f64,
@@ -86,12 +85,8 @@ impl<S: Scalar> Kernel<S> for Moves<'_, S> {
                     }
                 }
                 Motion::Affine(_) => {
-                    let made = |entry: &&(u64, usize, Rows)| {
-                        entry.0 == h.to_bits() && entry.1 == flow.part
-                    };
-                    if let Some((.., rows)) = self.affine.iter().find(made) {
-                        move_along(windows, rows, state, scratch);
-                    }
+                    let change = self.changes.find(flow.part, h);
+                    move_along(windows, change, state, scratch);
                 }
             }
         }

@@ -31,6 +31,7 @@ use crate::parallel::Crew;
 use crate::problem::polynomial::Split;
 use crate::trouble::Trouble;
 use crate::vector::{Kernel, Machine, Stored, Visit, Window, Windows};
+use affine::Changes;
 use kernel::{Change, Moves, Scratch};
 use motion::Motion;
 use plan::Plan;
@@ -78,15 +79,12 @@ pub struct Volume<S> {
     crew: Option<Crew>,
     is_compensated: bool,
     scratch: Scratch<S>,
-    /// The changes of affine flows by length and part, the oldest first.
-    affine: Vec<(u64, usize, Rows)>,
+    changes: Changes,
     kept: Option<State<S>>,
 }
 
 /// States above this size are not copied before each step.
 const LARGEST_KEPT: usize = 1 << 14;
-/// Affine flows of so many lengths are remembered.
-const MOST_AFFINE: usize = 256;
 
 impl<S: Stored> Volume<S> {
     /// The flows of the pieces of `split`, with or without compensated sums.
@@ -106,7 +104,7 @@ impl<S: Stored> Volume<S> {
             crew: None,
             is_compensated,
             scratch,
-            affine: Vec::new(),
+            changes: Changes::default(),
             kept: None,
         }
     }
@@ -178,7 +176,7 @@ impl<S: Stored> Volume<S> {
     ) -> Result<(), Trouble> {
         let kernel = Moves {
             motions: &self.plan.motions,
-            affine: &self.affine,
+            changes: &self.changes,
             flows,
             before,
             t,
@@ -216,27 +214,6 @@ impl<S: Stored> Volume<S> {
             _ => return false,
         }
         true
-    }
-
-    /// Makes the affine flows among these known.
-    fn prepare(&mut self, flows: &[Flow], before: f64, h: f64) {
-        let mut before = before;
-        for flow in flows {
-            let length = before + flow.weight * h;
-            before = 0.0;
-            if let Motion::Affine(affine) = &self.plan.motions[flow.part] {
-                let h = length;
-                let bits = h.to_bits();
-                let is_known =
-                    |(known, part, _): &(u64, usize, Rows)| *known == bits && *part == flow.part;
-                if !self.affine.iter().any(is_known) {
-                    if self.affine.len() == MOST_AFFINE {
-                        self.affine.remove(0);
-                    }
-                    self.affine.push((bits, flow.part, affine.change(h)));
-                }
-            }
-        }
     }
 }
 
@@ -277,7 +254,7 @@ impl<S: Stored> Parts for Volume<S> {
         state: &mut State<S>,
     ) -> Result<(), Trouble> {
         if self.plan.has_affine {
-            self.prepare(flows, before, h);
+            self.changes.prepare(&self.plan.motions, flows, before, h);
         }
         if self.crew.is_none() {
             return self.alone(flows, before, (t, h), state);
