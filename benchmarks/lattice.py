@@ -1,155 +1,163 @@
 """One large sparse field: inviscid Lorenz-96 with up to ten million sites.
 
-First what a step costs: nanoseconds a site, from the difference of a long and a short run, beside
-RK4 in Numba and beside the memory: a STREAM triad over as many bytes as the state has, in the same
-round with the same threads. A flow of one colour reads the state and writes its share of it,
-8 + 8/3 bytes a site. That many times the flows of a step is what the step moves, colour by colour;
-its speed over the triad's is the part of the bandwidth that is reached. Then the time for T = 1 at
-equal error, for one random state of each size: the root mean square over the sites, against RK4
-with very small steps.
+First what a step costs: nanoseconds a site, beside RK4 in Numba and beside the memory: a STREAM
+triad over as many bytes as the state has, in turn and with the same threads. Costs are the least
+over slices of a twentieth of a second; what starts a run is not in them. A flow of one colour reads
+the state and writes its share of it, 8 + 8/3 bytes a site; that many times the flows of a step is
+what the step moves, colour by colour, and its speed over the triad's is the part of the bandwidth
+that is reached. Then the time for T = 1 at equal error, for one random state of each size: the root
+mean square over the sites, against RK4 with very small steps; times are steps times their cost.
 
-Run as ``python benchmarks/lattice.py``, after ``pip install liouville[bench]``; takes some minutes
+Run as ``python benchmarks/lattice.py``, after ``pip install liouville[bench]``; takes ten minutes
 and, with ten million sites, some gigabytes.
 """
 
 import argparse
 import time
+from itertools import pairwise
 
 import numpy as np
 from peers import lattice
-from precision import Entry, race, times_at
+from precision import Entry, times_at
 from report import publish
 
 import liouville as lv
-from liouville import problems
+from liouville.problems import lorenz96
 
 SIZES = (10_000, 100_000, 1_000_000, 10_000_000)
 COMPARED = (10_000, 100_000, 1_000_000)
-UPDATES = 40_000_000  # sites times steps in the long run
-SHORT, ROUNDS, SEED = 4, 7, 1
-H, SPAN = 0.005, 1.0
+THREADS = (1, 2)
+SLICE, SLICES, ROUNDS, SEED = 0.05, 12, 3, 1
+SMALL, SPAN = 1e-4, 1.0
 LEVELS = (1e-4, 1e-6, 1e-8, 1e-10)
-SWEEPS = {"S2": 2, "BM4": 12}  # half steps through all colours
 COLOURS = 3
+SWEEPS = {"S2": 2, "BM4": 12, "BM6": 20, "SS8s21": 42}  # half steps through all colours
 STEPS = {
-    "S2": (100, 400, 1600, 6400),
-    "BM4": (6, 9, 13, 20, 30, 45, 70, 110, 170, 260),
-    "BM6": (4, 6, 8, 11, 15, 21, 30, 42, 60),
-    "SS8s21": (3, 4, 5, 7, 9, 12, 16, 22),
+    "S2": (60, 200, 600, 2000),
+    "BM4": (4, 6, 10, 16, 28, 50, 90, 150),
+    "BM6": (3, 4, 6, 9, 13, 20, 30),
+    "SS8s21": (3, 4, 6, 9, 13),
 }
-RK4 = (10, 15, 22, 33, 50, 75, 110, 170, 250, 380)
+RK4 = (10, 16, 25, 40, 64, 100, 160, 250, 400)
 REFERENCE = (1500, 3000)
 
 
 class Splitting:
     """The library's own run, with a plan made beforehand."""
 
-    def __init__(self, field, start, span, *, composition, threads):
+    def __init__(self, field, start, composition):
         method = lv.VolumeSplitting("exponentials", "natural", composition=composition)
-        self.field, self.start, self.span, self.threads = field, start, span, threads
-        self.plan = lv.plan(field, method, h=H, x=start)
+        self.field, self.start = field, start
+        self.plan = lv.plan(field, method, h=SMALL, x=start)
 
-    def run(self, steps):
-        """Integrate with a number of steps."""
-        begin = time.perf_counter()
+    def run(self, span, steps, threads=1, progress=None):
+        """Integrate, and return the end."""
         found = lv.integrate(
             self.field,
             self.plan,
-            t=(0.0, self.span),
+            t=(0.0, span),
             steps=steps,
             every=steps,
+            progress=progress,
+            threads=threads,
             x=self.start,
-            threads=self.threads,
         )
-        return time.perf_counter() - begin, found.x[-1]
+        return found.x[-1]
 
-    def step(self, steps):
-        """Return the seconds of a step, from a long and a short run, and the state."""
-        times = []
-        for count in (SHORT, SHORT + steps):
-            self.span = count * H
-            times.append(self.run(count)[0])
-        return (times[1] - times[0]) / steps, None
+    def cost(self, guess, threads):
+        """Return the seconds of a step: the least over the slices that progress is told of."""
+        marks = []
+        steps = 1 + int(SLICE * SLICES / guess)
+
+        def mark(done, total):
+            marks.append((time.perf_counter(), done))
+
+        self.run(SMALL * steps, steps, threads, mark)
+        return min((b[0] - a[0]) / (b[1] - a[1]) for a, b in pairwise(marks) if b[1] > a[1])
 
 
-class Steps:
-    """What a peer's steps cost, in the manner of `Splitting.step`."""
+class Peer:
+    """RK4 in Numba, asked in the same way."""
 
-    def __init__(self, peer):
-        self.peer = peer
+    def __init__(self, start, threads, *, tiled):
+        self.code = lattice.Numba(start, SPAN, tiled=tiled, threads=threads)
 
-    def step(self, steps):
-        """Return the seconds of a step."""
-        times = []
-        for count in (SHORT, SHORT + steps):
-            self.peer.span = count * H
-            times.append(self.peer.run(count)[0])
-        return (times[1] - times[0]) / steps, None
+    def run(self, steps):
+        """Integrate to the end, and return it."""
+        self.code.span = SPAN
+        return self.code.run(steps)[1]
+
+    def cost(self, guess, threads):
+        """Return the seconds of a step: the least over slices."""
+        steps = 1 + int(SLICE / guess)
+        self.code.span = steps * SMALL
+        return min(self.code.run(steps)[0] for _ in range(SLICES)) / steps
+
+
+def codes(field, start, threads, schemes):
+    """Return the codes by name."""
+    found = {scheme: Splitting(field, start, scheme) for scheme in schemes}
+    found["RK4, tiles"] = Peer(start, threads, tiled=True)
+    if threads == 1:
+        found["RK4, plain"] = Peer(start, threads, tiled=False)
+    return found
 
 
 def costs(n, threads):
-    """Return the row of one size and number of threads."""
+    """Return the seconds of a step of each code, in turn, and the bytes a second of the triad."""
     start = np.random.default_rng(SEED).normal(size=n)
-    field = problems.load("lorenz96").build(n)
-    steps = max(8, UPDATES // n)
-    codes = {
-        scheme: Splitting(field, start, H, composition=scheme, threads=threads) for scheme in SWEEPS
-    }
-    codes |= {
-        f"RK4, {name}": Steps(lattice.Numba(start, H, tiled=tiled, threads=threads))
-        for name, tiled in (("plain", False), ("tiles", True))
-        if tiled or threads == 1
-    }
+    few = n > COMPARED[-1]
+    found = codes(lorenz96.build(n), start, threads, ["S2"] if few else STEPS)
     triad = lattice.Triad(8 * n, threads=threads)
-    seconds, speed = dict.fromkeys(codes, np.inf), 0.0
-    for _ in range(ROUNDS):
-        for name, code in codes.items():
-            seconds[name] = min(seconds[name], code.step(steps)[0])
-        speed = max(speed, triad.run(steps)[1])
+    seconds, speed = dict.fromkeys(found, np.inf), 0.0
+    for _ in range(1 if few else ROUNDS):
+        for name, code in found.items():
+            guess = 1e-9 * n * SWEEPS.get(name, 4) / 4 / threads
+            seconds[name] = min(seconds[name], code.cost(guess, threads))
+        repeats = 1 + int(SLICE * 2e10 / (8 * n))
+        speed = max(speed, *(triad.run(repeats)[1] for _ in range(SLICES)))
+    return seconds, speed
+
+
+def costs_row(n, threads, seconds, speed):
+    """Return costs as a row of a table."""
     row = {"n": n, "threads": threads}
-    row |= {f"ns a site, {name}": 1e9 * x / n for name, x in seconds.items()}
-    row["triad GB/s"] = 1e-9 * speed
-    for scheme, sweeps in SWEEPS.items():
-        flows = sweeps * (COLOURS - 1)  # neighbouring flows of one colour are one
-        moved = flows * 8 * (1 + 1 / COLOURS) * n / seconds[scheme]
-        row[f"{scheme} GB/s"] = 1e-9 * moved
-        row[f"{scheme} of triad"] = moved / speed
-    return row
+    names = (*STEPS, "RK4, tiles", "RK4, plain")
+    row |= {f"{name} ns": 1e9 * seconds.get(name, np.nan) / n for name in names}
+    flows = SWEEPS["S2"] * (COLOURS - 1)  # neighbouring flows of one colour are one
+    moved = flows * 8 * (1 + 1 / COLOURS) * n / seconds["S2"]
+    return row | {"triad GB/s": 1e-9 * speed, "S2 GB/s": 1e-9 * moved, "share": moved / speed}
 
 
-def compare(n, threads):
-    """Return the runs of one size, and a row for each error."""
+def errors(n):
+    """Return the error of each code with each number of steps."""
     start = np.random.default_rng(SEED).normal(size=n)
-    field = problems.load("lorenz96").build(n)
-    coarse, end = (
-        lattice.Numba(start, SPAN, tiled=True, threads=1).run(steps)[1] for steps in REFERENCE
-    )
-    if np.abs(coarse - end).max() > 1e-11:
+    found = codes(lorenz96.build(n), start, 1, STEPS)
+    del found["RK4, plain"]  # in other words what the tiles do
+    coarse, end = (found["RK4, tiles"].run(steps) for steps in REFERENCE)
+    if np.abs(coarse - end).max() > 1e-10:
         raise AssertionError("the reference is not settled")
+    reached = {}
+    for name, code in found.items():
+        for steps in STEPS.get(name, RK4):
+            x = code.run(SPAN, steps) if name in STEPS else code.run(steps)
+            reached[name, steps] = float(np.sqrt(((x - end) ** 2).mean()))
+    return reached
 
-    def errors(x):
-        return {"rms": float(np.sqrt(((x - end) ** 2).mean()))}
 
-    found = [
-        Entry(scheme, solver, setting)
-        for scheme, settings in STEPS.items()
-        for solver in [Splitting(field, start, SPAN, composition=scheme, threads=threads)]
-        for setting in settings
-    ]
-    for name, tiled in (("RK4, plain", False), ("RK4, tiles", True)):
-        if tiled or threads == 1:
-            solver = lattice.Numba(start, SPAN, tiled=tiled, threads=threads)
-            found += [Entry(name, solver, setting) for setting in RK4]
-    race(found, errors)
-    rows = []
+def compare(n, threads, seconds, reached):
+    """Return a row for each error: milliseconds of each code, and how many times our fastest's."""
+    runs = []
+    for name, cost in seconds.items():
+        for (code, steps), error in reached.items():
+            if code == name or (code, name) == ("RK4, tiles", "RK4, plain"):
+                runs.append(Entry(name, None, steps, steps * cost, {"rms": error}))
     for error in LEVELS:
-        times = times_at(found, "rms", error)
-        own = min((times[scheme] for scheme in STEPS if np.isfinite(times[scheme])), default=np.nan)
+        times = times_at(runs, "rms", error)
+        own = min(times[scheme] for scheme in STEPS if np.isfinite(times[scheme]))
         row = {"n": n, "threads": threads, "error": error}
-        row |= {f"{code} ms": 1e3 * x for code, x in times.items()}
-        row |= {f"{code} / ours": x / own for code, x in times.items() if code not in STEPS}
-        rows.append(row)
-    return [{"n": n, "threads": threads, **entry.row()} for entry in found], rows
+        row |= {f"{name} ms": 1e3 * x for name, x in times.items()}
+        yield row | {f"{name} / ours": x / own for name, x in times.items() if name not in STEPS}
 
 
 def main():
@@ -157,16 +165,17 @@ def main():
     parser.add_argument("--largest", type=int, default=SIZES[-1], help="leave out larger ones")
     largest = parser.parse_args().largest
     sizes = [n for n in SIZES if n <= largest]
-    for threads in (1, 2):
-        publish(f"lattice_steps_{threads}", [costs(n, threads) for n in sizes], ("numba",))
-        runs, table = [], []
-        for n in COMPARED:
-            if n <= largest:
-                more, rows = compare(n, threads)
-                runs, table = runs + more, table + rows
-        publish(f"lattice_runs_{threads}", runs, ("numba",))
-        print("\nMilliseconds for T = 1:\n")
-        publish(f"lattice_{threads}", table, ("numba",))
+    found = {(n, threads): costs(n, threads) for n in sizes for threads in THREADS}
+    publish("lattice_steps", [costs_row(*key, *cost) for key, cost in found.items()], ("numba",))
+    reached = {n: errors(n) for n in COMPARED if n <= largest}
+    for threads in THREADS:
+        print(f"\nMilliseconds for T = 1, threads: {threads}\n")
+        rows = [
+            row
+            for n, errors_of_n in reached.items()
+            for row in compare(n, threads, found[n, threads][0], errors_of_n)
+        ]
+        publish(f"lattice_{threads}", rows, ("numba",))
 
 
 if __name__ == "__main__":

@@ -148,6 +148,42 @@ def test_every_problem_keeps_volume(name, diagonal, off_diagonal):
     assert defect(problem.system, method, x, problem.h / 10) <= TOLERANCES["det_minus_1"]
 
 
+@pytest.mark.parametrize("compensated", [False, True])
+def test_determinants_leave_the_run_as_it_is(compensated):
+    problem = load("bajer_moffatt")
+    method = lv.VolumeSplitting(composition="BM4", compensated=compensated)
+    for every in (1, 7):
+        call = {"t": (0, 1), "h": 0.02, "every": every, **problem.start}
+        measured = lv.determinant(problem.system, method, **call)
+        assert np.array_equal(measured.x, lv.integrate(problem.system, method, **call).x)
+        assert (measured.observed["defect"][1:] > 0).all()
+
+
+def test_a_spoiled_piece_is_found_out():
+    # x0 += h x0^2 is no shear
+    pieces = crossed(split(dense(3, 2, seed=1).terms, "shears", "natural"))
+    one, square = np.array([0]), np.array([[0, 0]])
+    shear = ("shear", one, np.ones(1), one, np.ones(1), square, [])
+    spoiled = _core.Split(3, [shear])
+    found = []
+    for each in (pieces, spoiled):
+        run = _core.determinant_run(
+            each, "Lie", np.array([0.5, 0.2, 0.1]), (3, None), (0.0, 0.1, 1, 1), False
+        )
+        assert run.advance(1e3) == "done"
+        found.append(run.take()[1][-1, 3:])
+    assert np.abs(found[0]).max() <= 1e-14
+    assert found[1] == pytest.approx([np.log(1.1), 0.1], rel=1e-14)
+
+
+def test_an_unknown_determinant_is_named():
+    top = load("euler_top").system
+    with pytest.raises(lv.IntegrationError, match="Jacobian of the step is singular to roundoff"):
+        lv.determinant(
+            top, lv.VolumeSplitting(composition="S2"), t=(0, 1), steps=1, x=[1e9, 1e9, 1e9]
+        )
+
+
 @pytest.mark.parametrize(("diagonal", "off_diagonal"), PARTS)
 def test_a_step_back_undoes_a_step(diagonal, off_diagonal):
     field = dense(5, 2, seed=4)

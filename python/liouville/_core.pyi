@@ -124,6 +124,7 @@ def determinant_run(
     x: NDArray[np.float64],
     seen: tuple[int, NDArray[np.float64] | None],
     span: tuple[float, float, int, int],
+    is_compensated: bool,
 ) -> Run | _Trouble: ...
 def section_run(
     split: Split,

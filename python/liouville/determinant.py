@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from liouville import _core
+from liouville._arguments import check_memory
 from liouville.integrate import run
 from liouville.methods import VolumeSplitting
 from liouville.planner import Plan
@@ -33,7 +34,8 @@ def determinant(
     r"""Measure the volume that a run keeps: det of the Jacobian of its steps, by forward tangents.
 
     The tangents of each step start from the identity, so that the determinant of a step is known to
-    roundoff however chaotic the flow is; that of the run is the product of those of its steps.
+    roundoff however chaotic the flow is; that of the run is the product of those of its steps. The
+    trajectory is that of :func:`liouville.integrate`, bit for bit.
 
     Parameters
     ----------
@@ -87,6 +89,8 @@ class _DeterminantRoute(FieldRoute):
         vars(self).update(vars(path))
         n = len(path.system.coordinates)
         self.columns = {"x": n, "observed log_determinant": 1, "observed defect": 1}
+        hint = "this is for fields of up to a few hundred variables: take a smaller one of the kind"
+        check_memory(f"the Jacobian of {n} variables", 8.0 * n * n, hint)
 
     def start(self) -> _core.Run | dict[str, Any]:
         """Start the run, or say what is the trouble."""
@@ -94,5 +98,15 @@ class _DeterminantRoute(FieldRoute):
         return _core.determinant_run(
             crossed(parts), method.composition, np.ascontiguousarray(parts.inward(self.x)[0]),
             (len(self.system.coordinates), parts.outward),
-            (pace.t0, pace.t1, pace.count, self.every),
+            (pace.t0, pace.t1, pace.count, self.every), method.compensated,
         )  # fmt: skip
+
+    def describe(self, trouble: dict[str, Any]) -> tuple[str, str, str]:
+        """Say what a trouble means in the user's names: sentence, hint and quantity."""
+        if trouble.get("quantity") == "observable":
+            return (
+                "the Jacobian of the step is singular to roundoff, its determinant unknown",
+                "the step stretches some directions too much over others: try a smaller h",
+                "determinant",
+            )
+        return super().describe(trouble)

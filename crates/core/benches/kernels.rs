@@ -5,14 +5,22 @@
 #[path = "../tests/support/mod.rs"]
 mod support;
 
-use criterion::{BenchmarkId, Criterion, Throughput, criterion_group, criterion_main};
+use criterion::measurement::WallTime;
+use criterion::{
+    BenchmarkGroup, BenchmarkId, Criterion, Throughput, criterion_group, criterion_main,
+};
 use liouville_core::linalg::{Factor, Lu, Pattern};
-use liouville_core::method::Stepper;
 use liouville_core::method::spark::{Solver, Spark};
+use liouville_core::method::volume::Volume;
+use liouville_core::method::{Composed, Stepper};
 use liouville_core::problem::mechanical::Model;
+use liouville_core::problem::polynomial::{Piece, Split};
 use liouville_core::real::{Lanes, Real, WIDTH};
+use liouville_core::tableau::Scheme;
 use liouville_core::tape::{Line, Op, Tape};
+use liouville_core::vector::Stored;
 use std::hint::black_box;
+use std::sync::Arc;
 use std::time::Duration;
 
 const SLOTS: usize = 24;
@@ -160,6 +168,71 @@ fn steps(c: &mut Criterion) {
     group.finish();
 }
 
+/// x' = z − 8 x y, y' = 11 x² + 3 y² + z² + 0.3 x z − 3, z' = −x + 2 y z − 0.3 x y, a stretching,
+/// twisting and folding flow: an exponential piece and three natural ones.
+fn folding() -> Split {
+    let natural = |row: usize, terms: &[(usize, f64, Vec<usize>)]| Piece::Natural {
+        rows: vec![row],
+        change: support::splits::polynomials(1, 3, terms),
+        waves: Vec::new(),
+    };
+    let growth = Piece::Exponential {
+        rows: vec![0, 1, 2],
+        rates: vec![-8.0, 3.0, 2.0],
+        monomial: vec![1],
+    };
+    let quadratic = [
+        (0, 11.0, vec![0, 0]),
+        (0, 1.0, vec![2, 2]),
+        (0, 0.3, vec![0, 2]),
+        (0, -3.0, vec![]),
+    ];
+    let pieces = vec![
+        growth,
+        natural(0, &[(0, 1.0, vec![2])]),
+        natural(2, &[(0, -1.0, vec![0]), (0, -0.3, vec![0, 1])]),
+        natural(1, &quadratic),
+    ];
+    let Ok(split) = Split::new(3, pieces) else {
+        unreachable!("proper pieces")
+    };
+    split
+}
+
+fn composed<S: Stored>(group: &mut Group<'_>, name: &str, split: &Arc<Split>, scheme: &str) {
+    let n = split.n();
+    let volume = Volume::<S>::new(Arc::clone(split), false);
+    let x: Vec<S> = (0..n).map(|k| S::splat((k as f64).sin())).collect();
+    let mut state = volume.state(&x);
+    let Some(scheme) = Scheme::named(scheme) else {
+        unreachable!("a scheme of this name")
+    };
+    let mut stepper = Composed::new(volume, scheme);
+    group.throughput(Throughput::Elements((S::MEMBERS * n) as u64));
+    group.bench_function(name, |b| {
+        b.iter(|| {
+            let made = stepper.step(0.0, black_box(1e-4), &mut state);
+            assert!(made.is_ok(), "{made:?}");
+        });
+    });
+}
+
+/// Throughputs count variables.
+fn volume(c: &mut Criterion) {
+    let mut group = c.benchmark_group("volume");
+    let split = Arc::new(folding());
+    composed::<f64>(&mut group, "BM4, one trajectory", &split, "BM4");
+    composed::<Lanes<32>>(&mut group, "BM4, 32 trajectories", &split, "BM4");
+    composed::<Lanes<128>>(&mut group, "BM4, 128 trajectories", &split, "BM4");
+    for n in [10_000, 1_000_000] {
+        let split = Arc::new(support::splits::lorenz(n, 4));
+        composed::<f64>(&mut group, &format!("S2, ring of {n}"), &split, "S2");
+    }
+    group.finish();
+}
+
+type Group<'a> = BenchmarkGroup<'a, WallTime>;
+
 fn quick() -> Criterion {
     Criterion::default()
         .warm_up_time(Duration::from_millis(500))
@@ -169,6 +242,6 @@ fn quick() -> Criterion {
 criterion_group! {
     name = kernels;
     config = quick();
-    targets = tapes, factors, sparse_factors, steps
+    targets = tapes, factors, sparse_factors, steps, volume
 }
 criterion_main!(kernels);

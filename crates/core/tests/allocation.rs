@@ -5,7 +5,7 @@ mod support;
 use liouville_core::linalg::{Factor, Pattern};
 use liouville_core::method::alpha::{Alpha, Reactions, Tolerance};
 use liouville_core::method::spark::{Solver, Spark};
-use liouville_core::method::volume::{Determinant, Determined, Volume};
+use liouville_core::method::volume::{Determinant, Volume};
 use liouville_core::method::{Composed, Stepper};
 use liouville_core::problem::mechanical::{Acceleration, Model, SecondOrderModel};
 use liouville_core::problem::polynomial::{Piece, Polynomials, Split};
@@ -175,9 +175,13 @@ fn a_composed_step_takes_no_memory() {
         waves: vec![],
     };
     let split = Split::new(2, vec![turn(0, 1.0, 1), turn(1, -1.0, 0)]).expect("a split");
-    let volume = Volume::<f64>::new(Arc::new(split), true);
+    let split = Arc::new(split);
+    let volume = Volume::<f64>::new(Arc::clone(&split), true);
     let mut state = volume.state(&[1.0, 0.0]);
     assert_eq!(others(&mut Composed::new(volume, scheme), &mut state), 0);
+    let mut determinant = Determinant::new(split, scheme, true);
+    let mut state = determinant.state(&[1.0, 0.0]);
+    assert_eq!(others(&mut determinant, &mut state), 0);
 }
 
 #[test]
@@ -191,8 +195,9 @@ fn a_flow_of_any_piece_takes_no_memory() {
     let volume = Volume::<f64>::new(Arc::clone(&split), true);
     let mut state = volume.state(&[0.1; 6]);
     assert_eq!(others(&mut Composed::new(volume, scheme), &mut state), 0);
-    let mut determinant = Determinant::new(split, scheme);
-    assert_eq!(others(&mut determinant, &mut Determined::new(&[0.1; 6])), 0);
+    let mut determinant = Determinant::new(split, scheme, true);
+    let mut state = determinant.state(&[0.1; 6]);
+    assert_eq!(others(&mut determinant, &mut state), 0);
 }
 
 #[test]

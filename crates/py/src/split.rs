@@ -8,7 +8,7 @@ use liouville_core::ensemble::{Ensemble, Layout};
 
 use liouville_core::method::composition::Composed;
 use liouville_core::method::volume::{
-    Determinant, Determined, Direction, Observer, Plane, Section, Seen, Volume,
+    Determinant, Direction, Observer, Plane, Section, Seen, Volume,
 };
 use liouville_core::problem::polynomial::{self, Piece, Polynomials, Wave};
 use liouville_core::real::Lanes;
@@ -374,7 +374,7 @@ fn malformed(n: usize) -> PyErr {
 ///
 /// The arguments are as for `split_run`.
 #[pyfunction]
-#[pyo3(signature = (split, scheme, x, seen, span))]
+#[pyo3(signature = (split, scheme, x, seen, span, is_compensated))]
 pub(crate) fn determinant_run<'py>(
     py: Python<'py>,
     split: PyRef<'py, Split>,
@@ -382,6 +382,7 @@ pub(crate) fn determinant_run<'py>(
     x: PyReadonlyArray1<'py, f64>,
     seen: (usize, Option<PyReadonlyArray2<'py, f64>>),
     span: (f64, f64, usize, usize),
+    is_compensated: bool,
 ) -> PyResult<Bound<'py, PyAny>> {
     let n = split.0.n();
     let (seen, x) = (seen_of(&seen, n)?, x.as_slice()?);
@@ -390,9 +391,9 @@ pub(crate) fn determinant_run<'py>(
         return Err(malformed(n));
     }
     let width = seen.n + 2;
-    let stepper = Determinant::new(split.0.clone(), scheme_named(scheme)?);
+    let stepper = Determinant::new(split.0.clone(), scheme_named(scheme)?, is_compensated);
     let pace = Equal::new(t0, (t1 - t0) / steps as f64, steps);
-    let state = Determined::new(x);
+    let state = stepper.state(x);
     let run = run::Run::new(stepper, seen, state, pace, every, steps / every + 2);
     Run::handed(py, run, &[width])
 }

@@ -320,6 +320,21 @@ impl<P: Parts> Composed<P> {
     }
 }
 
+impl<P: Parts> Composed<P>
+where
+    P::State: Clone,
+{
+    /// Makes `out` what [`Stepper::settle`] would make of a state, which goes on as it is.
+    ///
+    /// # Errors
+    /// Why the flow that was held back could not be made.
+    pub fn peek(&mut self, state: &P::State, out: &mut P::State) -> Result<(), Trouble> {
+        out.clone_from(state);
+        let flow = |now: Held| (self.parts).flow(now.part, now.is_adjoint, now.t, now.h, out);
+        self.held.map_or(Ok(()), flow)
+    }
+}
+
 impl Held {
     /// This flow and the next, which is one of the same exact part.
     fn joined(self, next: Self) -> Self {

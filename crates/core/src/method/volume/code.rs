@@ -11,36 +11,43 @@
 use crate::vector::Number;
 use std::collections::HashMap;
 
-/// What an instruction does with the running bracket and the running sum.
+/// What an instruction does with the running bracket and the running sum; x is its variable, y another.
 #[derive(Clone, Copy, Debug, PartialEq)]
 enum Op {
-    /// bracket = factor
+    /// sum = factor
     Constant,
+    /// sum = factor x
+    Only,
+    /// sum += factor x
+    Linear,
+    /// sum += factor x y
+    Product,
+    /// sum += x y
+    ProductPlain,
     /// bracket = factor x
     Start,
     /// bracket = x
     StartPlain,
     /// bracket += factor x
     Add,
-    /// bracket += x
-    AddPlain,
-    /// bracket -= x
-    Subtract,
     /// bracket *= x
     Times,
-    /// sum = bracket
-    Put,
-    /// sum = bracket x
-    PutTimes,
     /// sum += bracket x
-    SumTimes,
+    Close,
+    /// sum += (bracket + factor x) y
+    AddClose,
+    /// sum += (bracket + x) y
+    AddPlainClose,
+    /// sum += (bracket - x) y
+    SubtractClose,
 }
 
-/// An instruction, and where its variable is.
+/// An instruction, and where its variables are.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Code {
     factor: f64,
-    place: u32,
+    x: u32,
+    y: u32,
     op: Op,
 }
 
@@ -55,20 +62,24 @@ pub(super) trait Source {
 
 /// Runs a program.
 #[inline(always)]
-pub(super) fn evaluate<X: Source>(program: &[Code], zero: X::Number, x: &X) -> X::Number {
+pub(super) fn evaluate<X: Source>(program: &[Code], zero: X::Number, from: &X) -> X::Number {
     let (mut bracket, mut sum) = (zero, zero);
     for code in program {
-        match code.op {
-            Op::Constant => bracket = zero.like(code.factor),
-            Op::Start => bracket = x.load(code.place).scaled(code.factor),
-            Op::StartPlain => bracket = x.load(code.place),
-            Op::Add => bracket = bracket + x.load(code.place).scaled(code.factor),
-            Op::AddPlain => bracket = bracket + x.load(code.place),
-            Op::Subtract => bracket = bracket - x.load(code.place),
-            Op::Times => bracket = bracket * x.load(code.place),
-            Op::Put => sum = bracket,
-            Op::PutTimes => sum = bracket * x.load(code.place),
-            Op::SumTimes => sum = sum + bracket * x.load(code.place),
+        let Code { factor, x, y, op } = *code;
+        match op {
+            Op::Constant => sum = zero.like(factor),
+            Op::Only => sum = from.load(x).scaled(factor),
+            Op::Linear => sum = sum + from.load(x).scaled(factor),
+            Op::Product => sum = sum + from.load(x).scaled(factor) * from.load(y),
+            Op::ProductPlain => sum = sum + from.load(x) * from.load(y),
+            Op::Start => bracket = from.load(x).scaled(factor),
+            Op::StartPlain => bracket = from.load(x),
+            Op::Add => bracket = bracket + from.load(x).scaled(factor),
+            Op::Times => bracket = bracket * from.load(x),
+            Op::Close => sum = sum + bracket * from.load(x),
+            Op::AddClose => sum = sum + (bracket + from.load(x).scaled(factor)) * from.load(y),
+            Op::AddPlainClose => sum = sum + (bracket + from.load(x)) * from.load(y),
+            Op::SubtractClose => sum = sum + (bracket - from.load(x)) * from.load(y),
         }
     }
     sum
@@ -79,72 +90,91 @@ pub(super) type Term = (f64, Vec<u32>);
 
 /// Appends the program of a row.
 pub(super) fn compile(terms: &[Term], program: &mut Vec<Code>) {
-    let mut writer = Writer {
-        program,
-        is_first: true,
-    };
-    let constant: f64 = terms
-        .iter()
-        .filter(|(_, factors)| factors.is_empty())
-        .map(|(coefficient, _)| coefficient)
-        .sum();
+    let start = program.len();
+    let mut push = |op, factor, x, y| program.push(Code { factor, x, y, op });
+    let constants = terms.iter().filter(|(_, factors)| factors.is_empty());
+    let constant: f64 = constants.map(|(coefficient, _)| coefficient).sum();
     let linear = terms.iter().filter(|(_, factors)| factors.len() == 1);
-    let mut bracket: Vec<(f64, u32)> = linear.map(|(c, factors)| (*c, factors[0])).collect();
-    bracket.sort_by_key(|(_, place)| *place);
-    if constant != 0.0 || !bracket.is_empty() {
-        writer.group(constant, &bracket, &[]);
+    let mut linear: Vec<(u32, f64)> = linear.map(|(c, factors)| (factors[0], *c)).collect();
+    linear.sort_by_key(|(x, _)| *x);
+    let mut is_first = constant == 0.0;
+    if !is_first {
+        push(Op::Constant, constant, 0, 0);
+    }
+    for (x, factor) in linear {
+        push(if is_first { Op::Only } else { Op::Linear }, factor, x, 0);
+        is_first = false;
     }
     for (common, bracket) in groups(terms) {
-        writer.group(0.0, &bracket, &common);
+        write_group(&bracket, &common, &mut push);
     }
-    if writer.is_first {
-        writer.group(0.0, &[], &[]);
+    if program.len() == start {
+        program.push(Code {
+            factor: 0.0,
+            x: 0,
+            y: 0,
+            op: Op::Constant,
+        });
     }
 }
 
-struct Writer<'a> {
-    program: &'a mut Vec<Code>,
-    is_first: bool,
+/// A bracket times what its terms have in common, of which there is something.
+#[allow(clippy::float_cmp)] // factors of exactly one need no product
+fn write_group(bracket: &[(f64, u32)], common: &[u32], push: &mut impl FnMut(Op, f64, u32, u32)) {
+    let [(first, x), others @ ..] = bracket else {
+        return;
+    };
+    let (Some((&y, others_in_common)), Some((last, between))) =
+        (common.split_last(), others.split_last())
+    else {
+        return write_product((*first, *x), common, push);
+    };
+    if *first == 1.0 {
+        push(Op::StartPlain, 1.0, *x, 0);
+    } else {
+        push(Op::Start, *first, *x, 0);
+    }
+    for (factor, x) in between {
+        push(Op::Add, *factor, *x, 0);
+    }
+    if others_in_common.is_empty() {
+        let op = match last.0 {
+            1.0 => Op::AddPlainClose,
+            -1.0 => Op::SubtractClose,
+            _ => Op::AddClose,
+        };
+        return push(op, last.0, last.1, y);
+    }
+    push(Op::Add, last.0, last.1, 0);
+    for &x in others_in_common {
+        push(Op::Times, 1.0, x, 0);
+    }
+    push(Op::Close, 1.0, y, 0);
 }
 
-impl Writer<'_> {
-    fn push(&mut self, op: Op, factor: f64, place: u32) {
-        self.program.push(Code { factor, place, op });
+/// A single term of degree 2 or more.
+#[allow(clippy::float_cmp)]
+fn write_product(
+    (factor, x): (f64, u32),
+    common: &[u32],
+    push: &mut impl FnMut(Op, f64, u32, u32),
+) {
+    let Some((&last, others)) = common.split_last() else {
+        return;
+    };
+    if others.is_empty() {
+        let op = if factor == 1.0 {
+            Op::ProductPlain
+        } else {
+            Op::Product
+        };
+        return push(op, factor, x, last);
     }
-
-    #[allow(clippy::float_cmp)] // factors of exactly one need no product
-    fn group(&mut self, constant: f64, bracket: &[(f64, u32)], common: &[u32]) {
-        let mut is_empty = constant == 0.0 && !bracket.is_empty();
-        if !is_empty {
-            self.push(Op::Constant, constant, 0);
-        }
-        for &(factor, place) in bracket {
-            let op = match (is_empty, factor) {
-                (true, 1.0) => Op::StartPlain,
-                (true, _) => Op::Start,
-                (false, 1.0) => Op::AddPlain,
-                (false, -1.0) => Op::Subtract,
-                (false, _) => Op::Add,
-            };
-            self.push(op, factor, place);
-            is_empty = false;
-        }
-        match common.split_last() {
-            None => self.push(Op::Put, 0.0, 0),
-            Some((&last, others)) => {
-                for &place in others {
-                    self.push(Op::Times, 0.0, place);
-                }
-                let op = if self.is_first {
-                    Op::PutTimes
-                } else {
-                    Op::SumTimes
-                };
-                self.push(op, 0.0, last);
-            }
-        }
-        self.is_first = false;
+    push(Op::Start, factor, x, 0);
+    for &x in others {
+        push(Op::Times, 1.0, x, 0);
     }
+    push(Op::Close, 1.0, last, 0);
 }
 
 /// Terms with the same common factors.
