@@ -135,6 +135,22 @@ def test_an_interrupted_run_is_kept_and_leaves_with_130(tmp_path):
         ("run pendulum --rtol 1e-3", "hint: give h or steps, or take a method that"),
         ("run pendulum --method hht --atol 1e-3", "hint: give rtol="),
         ("run relativistic_particle --method hht", "not linear in its velocity"),
+        ("run lorenz96 --method spark", "does not step polynomial fields; methods that do: Vol"),
+        ("run lorenz96 --rtol 1e-3", "depends on the state, volume is not kept"),
+        ("run lorenz96 --composition BM5", "hint: did you mean 'BM6'?"),
+        ("run lorenz96 --start x=1,2", "x has shape (2,), wanted (36,)"),
+        ("run hill_vortex --diagonal regular", "for a diagonal part of degree 2, not 3"),
+        ("run hill_vortex --plan plan.json", "for a field of 3 variables and 3 terms, not 3 and"),
+        ("run pendulum --plan plan.json", "<Plan of 3 pieces: VolumeSplitting("),
+        ("run euler_top --plan plan.json --composition S2", "it takes no --composition\nhint: "),
+        ("run euler_top --plan plan.json --method hht", "it takes no --method\nhint: "),
+        ("run euler_top --plan none.json", "there is no plan file 'none.json'"),
+        ("run euler_top --plan broken.py", "'broken.py' is no plan that liouville saved"),
+        ("plan pendulum", "pendulum is no polynomial field"),
+        ("plan euler_top --stages 2", "method volume-splitting has no option 'stages'"),
+        ("plan euler_top --out nowhere/plan.json", "the folder of"),
+        ("plan euler_top --trials 0", "trials is at least 1, not 0"),
+        ("order euler_top --h 0", "h is positive and finite, not 0"),
         ("run pendulum --stages 0", "stages"),
         ("run pendulum --h -0.1", "h is positive"),
         ("run pendulum --start q=1,1", "constraint"),
@@ -157,6 +173,8 @@ def test_a_wrong_call_leaves_with_2_before_anything_runs(
     tmp_path, model, words, complaint, monkeypatch, capsys
 ):
     (tmp_path / "broken.py").write_text("import casadi\nsystem = nothing\n")
+    top = problems.load("euler_top")
+    lv.plan(top.system, h=0.1, **top.start).save(tmp_path / "plan.json")
     monkeypatch.chdir(tmp_path)
     monkeypatch.setattr(sys, "argv", ["liouville", *words.split()])
     monkeypatch.setattr(sys, "path", list(sys.path))
@@ -170,6 +188,57 @@ def test_a_wrong_call_leaves_with_2_before_anything_runs(
     assert complained.startswith("error: ")
     assert complaint in complained
     assert sorted(tmp_path.iterdir()) == before
+
+
+FIELD = """
+import liouville as lv
+
+terms = [("x", 1, ("y",)), ("y", -1, ("x",)), ("y", -1, ("x", "x"))]
+waves = lv.PolynomialField.from_terms(("x", "y"), terms)
+start = {"x": [0.1, 0.2]}
+interval = (0.0, 2.0)
+h = 0.1
+"""
+
+
+def test_a_field_runs_by_volume_splitting(tmp_path):
+    words = "run lorenz96 --composition BM6 --out run.nc --plot run.png"
+    ran = liouville(words, cwd=tmp_path)
+    assert ran.returncode == 0, ran.stderr
+    solution = lv.load(tmp_path / "run.nc")
+    lorenz = problems.load("lorenz96")
+    same = lv.integrate(
+        lorenz.system, lv.VolumeSplitting(composition="BM6"), t=lorenz.interval, h=lorenz.h,
+        **lorenz.start,
+    )  # fmt: skip
+    np.testing.assert_array_equal(solution.x, same.x)
+    assert same.method in ran.stdout
+    assert "energy drift" in ran.stdout
+    line = next(line for line in ran.stdout.splitlines() if line.startswith("x from reference"))
+    assert float(line.split()[-1]) < 1e-8
+    assert (tmp_path / "run.png").exists()
+    (tmp_path / "model.py").write_text(FIELD)
+    ran = liouville("run model.py:waves --start x=0.2,0 --out run.nc", cwd=tmp_path)
+    assert ran.returncode == 0, ran.stderr
+    assert "VolumeSplitting" in lv.load(tmp_path / "run.nc").method
+
+
+def test_a_plan_is_shown_saved_and_forced(tmp_path):
+    ran = liouville("plan bajer_moffatt --composition S2 --h 0.05 --out plan.json", cwd=tmp_path)
+    assert ran.returncode == 0, ran.stderr
+    plan = lv.Plan.load(tmp_path / "plan.json")
+    flow = problems.load("bajer_moffatt")
+    method = lv.VolumeSplitting(composition="S2")
+    assert plan == lv.plan(flow.system, method, h=0.05, **flow.start)
+    assert ran.stdout == f"{plan}\n"
+    assert ran.stderr == "wrote plan.json\n"
+    ran = liouville("run bajer_moffatt --plan plan.json --until 1 --out run.nc", cwd=tmp_path)
+    assert ran.returncode == 0, ran.stderr
+    same = lv.integrate(flow.system, plan, t=(0.0, 1.0), h=flow.h, **flow.start)
+    np.testing.assert_array_equal(lv.load(tmp_path / "run.nc").x, same.x)
+    ran = liouville("order bajer_moffatt --plan plan.json --until 1", cwd=tmp_path)
+    assert ran.returncode == 0, ran.stderr
+    assert float(ran.stdout.split()[-1]) == pytest.approx(2.0, abs=0.1)
 
 
 def test_a_damping_method_runs_with_steps_of_its_own(tmp_path):
@@ -208,6 +277,14 @@ def test_an_order_is_the_slope_of_the_error_against_h(tmp_path, method, order):
     assert name == "fitted"
     assert float(of_q) == pytest.approx(order, abs=0.15)
     assert float(of_v) == pytest.approx(order, abs=0.15)
+
+
+def test_the_order_of_a_field_is_that_of_its_composition(tmp_path):
+    ran = liouville("order euler_top --composition BM6 --diagonal shears", cwd=tmp_path)
+    assert ran.returncode == 0, ran.stderr
+    assert float(ran.stdout.split()[-1]) == pytest.approx(6.0, abs=0.15)
+    chosen = lv.VolumeSplitting("shears", "natural", "BM6", "split")
+    assert ran.stderr == f"of {chosen!r}\n"
 
 
 def test_problems_and_methods_are_listed_one_a_line(tmp_path):

@@ -68,6 +68,21 @@ def test_a_study_finds_the_order_of_a_damping_method(method):
     assert result.order["a"] == pytest.approx(1.0, abs=0.3)  # it stands for a time t + Delta h
 
 
+@pytest.mark.parametrize(("composition", "order"), [("BM4", 4), ("BM6", 6)])
+@pytest.mark.parametrize("name", ["euler_top", "abc_flow", "lorenz96"])
+def test_a_study_of_a_field_is_that_of_one_plan(name, composition, order):
+    problem = problems.load(name)
+    t = min(problem.reference)
+    hs = problem.h * 2.0 ** np.arange(2, -3, -1)
+    method = lv.VolumeSplitting(composition=composition)
+    result = study(problem.system, method, (0.0, t), hs, problem.start, problem.reference[t])
+    assert result.order["x"] == pytest.approx(order, abs=0.15)
+    plan = lv.plan(problem.system, method, h=hs[2], **problem.start)
+    assert result.method == repr(plan.method)
+    forced = study(problem.system, plan, (0.0, t), hs, problem.start, problem.reference[t])
+    np.testing.assert_array_equal(forced.errors["x"], result.errors["x"])
+
+
 def test_a_run_that_fails_has_no_error_and_does_not_stop_the_study(monkeypatch):
     def integrate(system, method, *, t, h, **rest):
         if h > 0.3:

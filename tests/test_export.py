@@ -72,6 +72,46 @@ def test_saving_again_replaces_what_was_there(solution, tmp_path, name):
     assert_same(bare, lv.load(tmp_path / name))
 
 
+@pytest.fixture(scope="module")
+def ensemble():
+    """Give a short ensemble, with hard values in it, scalars and vectors that were observed."""
+    vortex = problems.load("hill_vortex")
+    x = np.random.default_rng(1).uniform(-0.5, 0.5, (5, 3))
+    observe = {"height": lambda t, x, params: x[2], "flat": lambda t, x, params: x[:2]}
+    run = lv.ensemble(
+        vortex.system, lv.VolumeSplitting(), t=(0, 1), h=0.05, every=3, x=x, observe=observe
+    )
+    hard = np.resize([-0.0, 5e-324, np.inf, np.nan, 1 / 3], run.observed["height"].shape)
+    return replace(run, observed={**run.observed, "a/b": hard})
+
+
+@pytest.mark.parametrize("name", ["run.nc", "run.zarr"])
+@pytest.mark.parametrize("states", [True, False])
+def test_an_ensemble_comes_back_bit_for_bit(ensemble, tmp_path, name, states):
+    saved = ensemble if states else replace(ensemble, states={})
+    assert saved.observed["flat"].shape == (8, 5, 2)
+    saved.save(tmp_path / name)
+    loaded = lv.load(tmp_path / name)
+    assert_same(saved, loaded)
+    assert loaded.members == 5
+    assert repr(loaded) == repr(saved)
+
+
+def test_the_members_of_an_ensemble_are_a_dimension(ensemble):
+    data = ensemble.to_xarray()
+    assert data.x.dims == ("time", "member", "coordinate")
+    np.testing.assert_array_equal(data.x.sel(member=3, coordinate="z"), ensemble.x[:, 3, 2])
+    np.testing.assert_array_equal(
+        data.invariants.sel(invariant="swirl"), ensemble.invariants["swirl"]
+    )
+
+
+def test_a_table_of_an_ensemble_is_refused(ensemble, tmp_path):
+    with pytest.raises(ValueError, match=r"no room for an ensemble\nhint: save it as \.nc or \.za"):
+        ensemble.save(tmp_path / "run.csv")
+    assert not any(tmp_path.iterdir())
+
+
 def test_a_dataset_is_labelled_by_names(solution):
     data = solution.to_xarray()
     assert data.q.dims == ("time", "coordinate")

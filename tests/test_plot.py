@@ -147,6 +147,118 @@ def test_colours_differ_in_lightness_or_in_blue_so_that_all_eyes_tell_them_apart
     assert apart.min() > 0.3 / count
 
 
+@pytest.fixture(scope="module")
+def ensemble():
+    vortex = problems.load("hill_vortex")
+    x = np.random.default_rng(1).uniform(-0.5, 0.5, (120, 3))
+    observe = {"height": lambda t, x, params: x[2], "flat": lambda t, x, params: x[:2]}
+    return lv.ensemble(vortex.system, lv.VolumeSplitting(), t=(0, 1), h=0.05, x=x, observe=observe)
+
+
+def test_of_an_ensemble_some_members_are_drawn_mixed(ensemble, tmp_path):
+    axes = plot.trajectories(ensemble)
+    lines = curves(axes)
+    assert len(lines) == 3 * panels.MEMBERS
+    assert legend(axes) == ["x", "y", "z"]
+    shades = [line.get_color() for line in axes.get_legend().legend_handles]
+    assert shades == [line.get_color() for line in lines[:3]] == list(plot.COLOURS[:3])
+    assert axes.get_title(loc="left") == "states, 50 of 120 members"
+    for line, values in zip(lines, ensemble.x[:, 0].T, strict=False):
+        np.testing.assert_array_equal(line.get_ydata(), values)
+    np.testing.assert_array_equal(lines[-1].get_ydata(), ensemble.x[:, 117, 2])
+    axes = plot.trajectories(ensemble, names=["z"], against="x")
+    np.testing.assert_array_equal(curves(axes)[1].get_xydata(), ensemble.x[:, 2, [0, 2]])
+    axes.figure.savefig(tmp_path / "against.png")
+
+
+def test_the_overview_of_an_ensemble_has_its_worst_member(ensemble, tmp_path):
+    figure = plot.overview(ensemble)
+    assert titles(figure) == [
+        "states, 50 of 120 members", "drift of invariants, largest of 120 members",
+    ]  # fmt: skip
+    worst = curves(figure.axes[1])[0].get_ydata()
+    assert worst[-1] == ensemble.invariant_drift("stream").max()
+    figure.savefig(tmp_path / "overview.png")
+    light = plot.overview(replace(ensemble, states={}))
+    assert titles(light)[0] == "observed, 50 of 120 members"
+    assert legend(light.axes[0]) == ["height"]
+    few = replace(ensemble, members=2, states={"x": ensemble.x[:, :2]}, invariants={})
+    assert titles(plot.overview(few)) == ["states, 2 members"]
+
+
+def test_a_long_method_has_room_in_the_title(ensemble):
+    title = plot.overview(replace(ensemble, method="a method " * 30)).get_suptitle()
+    assert title.count("\n") == 2
+    assert "20 steps" in title
+
+
+@pytest.fixture(scope="module")
+def section():
+    flow = problems.load("abc_flow")
+    x = np.random.default_rng(0).uniform(0, 2 * np.pi, (9, 3))
+    plane = {"plane": "z", "period": 2 * np.pi, "direction": "up"}
+    return lv.section(flow.system, lv.VolumeSplitting(), t=(0, 200), h=0.1, **plane, x=x)
+
+
+def points(axes):
+    (drawn,) = axes.collections
+    return np.asarray(drawn.get_offsets()), drawn.get_facecolor()
+
+
+def rows(*columns):
+    return set(zip(*(np.asarray(column).tolist() for column in columns), strict=True))
+
+
+def test_a_section_has_its_points_in_the_colours_of_their_trajectories(section, tmp_path):
+    axes = plot.section(section)
+    where, shades = points(axes)
+    colours = np.array(canvas.colours(9))[section.member]
+    assert rows(*where.T, *shades.T) == rows(*section.x[:, :2].T, *colours.T)
+    assert axes.collections[0].get_rasterized()
+    assert axes.get_aspect() == 1.0
+    assert axes.get_xlabel() == "x (system's units)"
+    assert axes.get_ylabel() == "y (system's units)"
+    title = axes.get_title(loc="left")
+    assert title == f"z = 0 mod 2π, upwards: {len(section)} crossings of 9 trajectories"
+    for suffix in plot.FIGURES:
+        axes.figure.savefig(tmp_path / f"section{suffix}")
+
+
+def test_angles_of_a_section_are_folded(section):
+    axes = plot.section(section, period=2 * np.pi)
+    where, _ = points(axes)
+    assert rows(*where.T) == rows(*np.mod(section.x[:, :2], 2 * np.pi).T)
+    assert axes.get_xlim() == axes.get_ylim() == (0, 2 * np.pi)
+    assert [tick.get_text() for tick in axes.get_xticklabels()] == ["0", "π/2", "π", "3π/2", "2π"]
+    where, _ = points(plot.section(section, ("z", "x"), period={"x": 1.0}))
+    assert rows(*where.T) == rows(section.x[:, 2], np.mod(section.x[:, 0], 1.0))
+    assert section.x.max() > 2 * np.pi  # nothing is done to the section itself
+
+
+def test_other_planes_have_a_picture_too(section):
+    normal = np.array([0.6, 0.0, 0.8])
+    slanted = replace(section, plane=(normal, np.pi), period=None, direction="both")
+    axes = plot.section(slanted)
+    assert (axes.get_xlabel()[0], axes.get_ylabel()[0]) == ("x", "y")
+    assert axes.get_title(loc="left").startswith("0.6 x + 0.8 z = π: ")
+    none = replace(section, x=np.empty((0, 3)), t=np.empty(0), member=np.empty(0, dtype=int))
+    axes = plot.section(replace(none, status="interrupted"))
+    assert [text.get_text() for text in axes.texts] == ["no crossings"]
+    assert axes.get_title(loc="left").endswith("0 crossings of 9 trajectories, interrupted")
+
+
+def test_a_section_that_cannot_be_drawn_is_refused(section):
+    with pytest.raises(ValueError, match=r"no coordinate 'w'\nhint: it has x, y, z"):
+        plot.section(section, ("x", "w"))
+    with pytest.raises(ValueError, match="names of two coordinates, not 'xy'"):
+        plot.section(section, "xy")
+    with pytest.raises(ValueError, match="period is positive and finite, not 0"):
+        plot.section(section, period=0.0)
+    line = replace(section, x=section.x[:, :2], names=("x", "y"), plane=(np.array([0, 1.0]), 0.0))
+    with pytest.raises(ValueError, match="section of 2 coordinates is no picture"):
+        plot.section(line)
+
+
 def test_an_unknown_name_is_refused_with_those_there_are(solution):
     with pytest.raises(ValueError, match=r"no coordinate 'z'\nhint: it has x, y"):
         plot.trajectories(solution, against="z")
