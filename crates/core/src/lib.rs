@@ -5,7 +5,7 @@
 //!
 //! Floors, lowest first; a module uses only floors below its own:
 //!
-//! 0. `elementary`, `parallel`, `trouble`
+//! 0. `elementary`, `parallel`, `patience`, `trouble`
 //! 1. `real`
 //! 2. `vector`
 //! 3. `dual`, `linalg`
@@ -23,6 +23,7 @@ pub mod linalg;
 pub mod method;
 pub mod newton;
 pub mod parallel;
+pub mod patience;
 pub mod problem;
 pub mod real;
 pub mod run;

@@ -68,6 +68,12 @@ pub enum Trouble {
     Singular { piece: usize, member: usize, t: f64 },
     #[error("variable {index} is not finite at t = {t}")]
     Overflow { index: usize, member: usize, t: f64 },
+    #[error("the norm is {norm} at t = {t}, where it was {start}")]
+    Norm { norm: f64, start: f64, t: f64 },
+    #[error("the step at t = {t} spans {theta} of the spectrum, the method takes {most}")]
+    Spectrum { theta: f64, most: f64, t: f64 },
+    #[error("interrupted")]
+    Interrupted,
     #[error("member {member}: {trouble}")]
     Member {
         member: usize,

@@ -53,6 +53,19 @@ pub(crate) fn trouble<'py>(py: Python<'py>, trouble: &Trouble) -> PyResult<Bound
             dict.set_item("t", t)?;
             "overflow"
         }
+        Trouble::Norm { norm, start, t } => {
+            dict.set_item("norm", norm)?;
+            dict.set_item("norm_at_start", start)?;
+            dict.set_item("t", t)?;
+            "norm"
+        }
+        Trouble::Spectrum { theta, most, t } => {
+            dict.set_item("theta", theta)?;
+            dict.set_item("most", most)?;
+            dict.set_item("t", t)?;
+            "spectrum"
+        }
+        Trouble::Interrupted => "interrupted",
         Trouble::Member { member, trouble } => {
             let dict = self::trouble(py, trouble)?;
             dict.set_item("member", member)?;

@@ -68,6 +68,21 @@ impl Rows {
         (self.starts.len() - 1, self.width)
     }
 
+    /// Columns and values of a row.
+    #[inline]
+    pub fn entries(&self, i: usize) -> impl Iterator<Item = (usize, f64)> {
+        let entries = self.starts[i]..self.starts[i + 1];
+        let cols = self.cols[entries.clone()].iter().map(|col| *col as usize);
+        cols.zip(self.values[entries].iter().copied())
+    }
+
+    /// The largest distance of an entry from the diagonal.
+    pub fn reach(&self) -> usize {
+        let rows = 0..self.starts.len() - 1;
+        let distances = rows.flat_map(|i| self.entries(i).map(move |(j, _)| i.abs_diff(j)));
+        distances.max().unwrap_or(0)
+    }
+
     /// `(A x)_i`
     #[inline]
     fn row_times<R: Real>(&self, i: usize, x: &[R]) -> R {

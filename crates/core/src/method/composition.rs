@@ -248,7 +248,8 @@ impl<P: Parts> Composed<P> {
         Self::following(parts, program)
     }
 
-    fn following(parts: P, program: Vec<Flow>) -> Self {
+    /// These parts, moved by a list of flows.
+    pub fn following(parts: P, program: Vec<Flow>) -> Self {
         let is_cyclic = match (program.first(), program.last()) {
             (Some(first), Some(last)) => first.part == last.part && parts.is_exact(first.part),
             _ => false,
@@ -268,6 +269,11 @@ impl<P: Parts> Composed<P> {
     /// What is composed.
     pub fn parts(&self) -> &P {
         &self.parts
+    }
+
+    /// What is composed, to change it between steps.
+    pub fn parts_mut(&mut self) -> &mut P {
+        &mut self.parts
     }
 
     /// The flows of a step, first to last; where [`Composed::is_cyclic`], the last waits for the next first.

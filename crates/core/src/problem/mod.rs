@@ -2,6 +2,7 @@
 
 pub mod mechanical;
 pub mod polynomial;
+pub mod quantum;
 
 use crate::trouble::Trouble;
 

@@ -1,0 +1,66 @@
+//! The Schrödinger equation i ψ' = H ψ with real symmetric H, as q' = H p, p' = −H q of ψ = q + i p.
+//!
+//! What is stepped is e^{iσt} ψ(t), by H − σ with σ in the middle of the spectrum; a state keeps σt.
+
+mod observe;
+mod shears;
+mod sweep;
+
+pub use observe::{Observable, Observer};
+pub use shears::Shears;
+pub use sweep::{Move, Sums, Sweeper};
+
+use crate::real::Scalar;
+use std::f64::consts::TAU;
+
+/// A wave function ψ = e^{−i phase} (q + i p), or several in lock-step.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Wave<S> {
+    /// Real part.
+    pub q: Vec<S>,
+    /// Imaginary part.
+    pub p: Vec<S>,
+    /// Phase that is still to be taken off, below a turn.
+    pub phase: f64,
+    /// Sum of the squares at the start, which stays.
+    pub start: S,
+}
+
+impl<S: Scalar> Wave<S> {
+    /// A wave function at the start of a run.
+    ///
+    /// # Panics
+    /// When its parts differ in length.
+    pub fn new(q: Vec<S>, p: Vec<S>) -> Self {
+        assert_eq!(q.len(), p.len(), "parts of a wave function");
+        let start = squares(&q, &p);
+        Self {
+            q,
+            p,
+            phase: 0.0,
+            start,
+        }
+    }
+
+    /// Turns by an angle, which is kept for later.
+    pub fn turn(&mut self, angle: f64) {
+        self.phase = (self.phase + angle) % TAU;
+    }
+}
+
+/// Σ q² + p², member by member, summed block by block so that rounding errors stay small.
+pub(super) fn squares<S: Scalar>(q: &[S], p: &[S]) -> S {
+    const BLOCK: usize = 256;
+    let mut total = S::splat(0.0);
+    for (q, p) in q.chunks(BLOCK).zip(p.chunks(BLOCK)) {
+        for member in 0..S::MEMBERS {
+            let terms = q.iter().zip(p);
+            let sum = terms.fold(0.0, |sum, (q, p)| {
+                let (q, p) = (q.member(member), p.member(member));
+                sum + (q * q + p * p)
+            });
+            total.set_member(member, total.member(member) + sum);
+        }
+    }
+    total
+}

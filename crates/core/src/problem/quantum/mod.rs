@@ -1,0 +1,89 @@
+//! A real symmetric Hamiltonian, known by its products: i ψ' = H ψ with H = Σ w_k H_k.
+//!
+//! With ψ = q + i p this is q' = H p, p' = −H q. Terms are of two kinds. Those given by rows can make some
+//! rows of a product from what lies around them in x, so that several products go over the matrix in one
+//! sweep and threads share the rows; whole terms make all of a product at once.
+
+mod hamiltonian;
+mod product;
+mod rows;
+
+pub use hamiltonian::{Hamiltonian, Weighted};
+pub use product::Product;
+
+use crate::linalg::Rows;
+use crate::vector::{Machine, Stored};
+use std::sync::Arc;
+
+/// What becomes of a product: out ← keep·out + factor·H x + diagonal·x.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Update {
+    /// How much of `out` stays.
+    pub keep: f64,
+    /// What the product is multiplied by.
+    pub factor: f64,
+    /// What else is added of x itself.
+    pub diagonal: f64,
+}
+
+impl Update {
+    /// A product is added to what is there.
+    pub fn added(factor: f64) -> Self {
+        Self {
+            keep: 1.0,
+            factor,
+            diagonal: 0.0,
+        }
+    }
+}
+
+/// Some rows of a product, and what lies around them in x.
+#[derive(Debug)]
+pub struct Block<'a, S> {
+    /// The row of `out[0]`.
+    pub row: usize,
+    /// What is updated.
+    pub out: &'a mut [S],
+    /// The place of `x[0]` in all of x.
+    pub place: usize,
+    /// At least [`Operator::reach`] places more than the rows, on both sides, as far as there are any.
+    pub x: &'a [S],
+}
+
+/// One real symmetric matrix H_k.
+#[derive(Clone)]
+pub enum Operator {
+    /// A sparse matrix by rows.
+    Rows(Arc<Rows>),
+    /// Any function that makes products.
+    Product(Arc<dyn Product>),
+}
+
+impl Operator {
+    /// Number of rows.
+    pub fn size(&self) -> usize {
+        match self {
+            Self::Rows(rows) => rows.shape().0,
+            Self::Product(product) => product.size(),
+        }
+    }
+
+    /// How far from the diagonal a term by rows has entries; none for a whole term.
+    pub fn reach(&self) -> Option<usize> {
+        match self {
+            Self::Rows(rows) => Some(rows.reach()),
+            Self::Product(_) => None,
+        }
+    }
+
+    /// Updates some rows.
+    ///
+    /// # Panics
+    /// When this is a whole term.
+    pub fn act<S: Stored>(&self, machine: Machine, update: Update, block: Block<'_, S>) {
+        match self {
+            Self::Rows(rows) => rows::act(rows, machine, update, block),
+            Self::Product(_) => unreachable!("whole terms have no rows"),
+        }
+    }
+}
