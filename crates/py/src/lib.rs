@@ -4,12 +4,15 @@
 //! back. No Python runs inside a step; the loop runs detached from the interpreter.
 #![allow(clippy::needless_pass_by_value)] // PyO3 hands arguments over by value
 
+mod caught;
 mod composition;
 mod convert;
 mod errors;
 mod mechanical_run;
+mod operator;
 mod project;
 mod run;
+mod schrodinger;
 mod second_order;
 mod split;
 mod tableau;
@@ -31,9 +34,13 @@ mod _core {
     #[pymodule_export]
     use super::mechanical_run::mechanical_run;
     #[pymodule_export]
+    use super::operator::{Hamiltonian, Operator};
+    #[pymodule_export]
     use super::project::project;
     #[pymodule_export]
     use super::run::Run;
+    #[pymodule_export]
+    use super::schrodinger::schrodinger_run;
     #[pymodule_export]
     use super::second_order::SecondOrder;
     #[pymodule_export]

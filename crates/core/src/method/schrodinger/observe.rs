@@ -57,6 +57,13 @@ impl Observer {
         }
     }
 
+    /// How many numbers a wave function of n places has in a row.
+    pub fn columns(&self, n: usize) -> usize {
+        let states = if self.states { 2 * n } else { 0 };
+        let observed: usize = self.observables.iter().map(Observable::width).sum();
+        states + 1 + observed
+    }
+
     fn append(&mut self, phase: f64, row: &mut Vec<f64>) -> Result<(), Trouble> {
         let (sin, cos) = phase.sin_cos();
         let turned = |q: f64, p: f64| (q * cos + p * sin, p * cos - q * sin);
@@ -116,9 +123,7 @@ fn form(a: &[f64], q: &[f64], p: &[f64]) -> f64 {
 
 impl<S: Scalar> Observe<Wave<S>> for Observer {
     fn width(&self, state: &Wave<S>) -> usize {
-        let states = if self.states { 2 * state.q.len() } else { 0 };
-        let observed: usize = self.observables.iter().map(Observable::width).sum();
-        self.members * (states + 1 + observed)
+        self.members * self.columns(state.q.len())
     }
 
     fn observe(&mut self, t: f64, state: &Wave<S>, row: &mut Vec<f64>) -> Result<(), Trouble> {
