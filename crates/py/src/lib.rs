@@ -7,6 +7,7 @@
 mod composition;
 mod convert;
 mod errors;
+mod ladder;
 mod mechanical_run;
 mod project;
 mod run;
@@ -28,6 +29,8 @@ mod _core {
     use super::composition::compositions;
     #[pymodule_export]
     use super::convert::{Mechanical, Rows, Tape};
+    #[pymodule_export]
+    use super::ladder::ladder;
     #[pymodule_export]
     use super::mechanical_run::mechanical_run;
     #[pymodule_export]
