@@ -4,6 +4,7 @@ mod alpha;
 mod collocation;
 pub mod composition;
 mod spark;
+pub mod splitting;
 
 pub use alpha::Alpha;
 pub use composition::Scheme;
