@@ -107,7 +107,10 @@ impl Weighted<'_> {
                         }
                     }
                 }
-                Operator::Rows(_) => {
+                Operator::Rows(_)
+                | Operator::Diagonals(_)
+                | Operator::Dense(_)
+                | Operator::Spins(_) => {
                     let out = &mut *out;
                     let (row, place) = (0, 0);
                     let block = Block { row, out, place, x };

@@ -4,12 +4,19 @@
 //! rows of a product from what lies around them in x, so that several products go over the matrix in one
 //! sweep and threads share the rows; whole terms make all of a product at once.
 
+mod dense;
+mod diagonals;
 mod hamiltonian;
 mod product;
 mod rows;
+mod spins;
+mod update;
 
+pub use dense::Dense;
+pub use diagonals::Diagonals;
 pub use hamiltonian::{Hamiltonian, Weighted};
 pub use product::Product;
+pub use spins::{Bond, Spins};
 
 use crate::linalg::Rows;
 use crate::vector::{Machine, Stored};
@@ -55,6 +62,12 @@ pub struct Block<'a, S> {
 pub enum Operator {
     /// A sparse matrix by rows.
     Rows(Arc<Rows>),
+    /// A matrix by its diagonals.
+    Diagonals(Arc<Diagonals>),
+    /// A dense matrix.
+    Dense(Arc<Dense>),
+    /// A chain of spins.
+    Spins(Arc<Spins>),
     /// Any function that makes products.
     Product(Arc<dyn Product>),
 }
@@ -64,6 +77,9 @@ impl Operator {
     pub fn size(&self) -> usize {
         match self {
             Self::Rows(rows) => rows.shape().0,
+            Self::Diagonals(diagonals) => diagonals.size(),
+            Self::Dense(dense) => dense.size(),
+            Self::Spins(spins) => spins.size(),
             Self::Product(product) => product.size(),
         }
     }
@@ -72,6 +88,9 @@ impl Operator {
     pub fn reach(&self) -> Option<usize> {
         match self {
             Self::Rows(rows) => Some(rows.reach()),
+            Self::Diagonals(diagonals) => Some(diagonals.reach()),
+            Self::Dense(dense) => Some(dense.size()),
+            Self::Spins(spins) => Some(spins.size()),
             Self::Product(_) => None,
         }
     }
@@ -83,6 +102,9 @@ impl Operator {
     pub fn act<S: Stored>(&self, machine: Machine, update: Update, block: Block<'_, S>) {
         match self {
             Self::Rows(rows) => rows::act(rows, machine, update, block),
+            Self::Diagonals(diagonals) => diagonals.act(machine, update, block),
+            Self::Dense(dense) => dense.act(machine, update, block),
+            Self::Spins(spins) => spins.act(machine, update, block),
             Self::Product(_) => unreachable!("whole terms have no rows"),
         }
     }
