@@ -139,6 +139,7 @@ def section_run(
     is_compensated: bool,
     threads: int,
 ) -> Run | _Trouble: ...
+
 @final
 class Operator:
     @staticmethod

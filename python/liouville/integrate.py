@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -14,6 +14,7 @@ from liouville._arguments import memory
 from liouville.errors import IntegrationError, hinted
 from liouville.methods import Method
 from liouville.planner import Plan
+from liouville.propagation import Propagation
 from liouville.routes import Asked, Route, route
 from liouville.solution import STATES, Solution
 from liouville.systems import System
@@ -24,14 +25,15 @@ SLICE = 0.05
 
 def integrate(
     system: System,
-    method: Method | Plan,
+    method: Method | Plan | Propagation | str,
     *,
-    t: tuple[float, float],
+    t: tuple[float, float] | Sequence[float],
     h: float | None = None,
     steps: int | None = None,
     rtol: float | None = None,
     atol: ArrayLike | None = None,
     h_min: float | None = None,
+    tol: float | None = None,
     every: int = 1,
     observe: Mapping[str, Callable[..., Any]] | None = None,
     params: Mapping[str, ArrayLike] | None = None,
@@ -110,15 +112,16 @@ def integrate(
     asked = Asked(
         t=t, h=h, steps=steps, control={"rtol": rtol, "atol": atol, "h_min": h_min}, every=every,
         observe=observe, params=params, states=states, start=start, threads=threads,
+        tol=tol,
     )  # fmt: skip
     return run(route(system, method, asked), progress)
 
 
 def ensemble(
     system: System,
-    method: Method | Plan,
+    method: Method | Plan | Propagation | str,
     *,
-    t: tuple[float, float],
+    t: tuple[float, float] | Sequence[float],
     h: float | None = None,
     steps: int | None = None,
     every: int = 1,
@@ -202,7 +205,8 @@ def run(path: Route, progress: Callable[[float, float], None] | None = None) -> 
         status, message = outcome, f"interrupted after {stats['steps']}{pace.total} steps"
     cuts = np.cumsum([*path.columns.values()])[:-1]
     # without any columns there is one empty part
-    parts = dict(zip(path.columns, np.split(rows, cuts, axis=-1), strict=bool(path.columns)))
+    columns = dict(zip(path.columns, np.split(rows, cuts, axis=-1), strict=bool(path.columns)))
+    parts = path.read(columns)
     solution = Solution(
         t=times,
         states={name: parts[name] for name in STATES if name in parts},

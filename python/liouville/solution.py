@@ -21,7 +21,7 @@ Array = NDArray[np.float64]
 ZERO = 1e-12
 
 #: All that a state may be called, in the order of a solution's states.
-STATES = ("x", "q", "y", "z", "v", "p", "lam", "acceleration", "a")
+STATES = ("x", "psi", "q", "y", "z", "v", "p", "lam", "acceleration", "a")
 
 
 @dataclass(frozen=True, eq=False, repr=False)

@@ -4,16 +4,32 @@ from liouville.methods.alpha import HHT as HHT
 from liouville.methods.alpha import ArnoldBruls as ArnoldBruls
 from liouville.methods.alpha import GeneralizedAlpha as GeneralizedAlpha
 from liouville.methods.composition import Composition as Composition
+from liouville.methods.schrodinger import Chebyshev as Chebyshev
+from liouville.methods.schrodinger import Lanczos as Lanczos
+from liouville.methods.schrodinger import SchrodingerSplitting as SchrodingerSplitting
 from liouville.methods.spark import Spark as Spark
 from liouville.methods.volume import VolumeSplitting as VolumeSplitting
 
-Method = Spark | HHT | GeneralizedAlpha | ArnoldBruls | Composition | VolumeSplitting
+Method = (
+    Spark
+    | HHT
+    | GeneralizedAlpha
+    | ArnoldBruls
+    | Composition
+    | VolumeSplitting
+    | SchrodingerSplitting
+    | Chebyshev
+    | Lanczos
+)
 
 #: Every method by the name the command line knows it by.
-METHODS: dict[str, type[Spark | HHT | GeneralizedAlpha | ArnoldBruls | VolumeSplitting]] = {
+METHODS: dict[str, type[Method]] = {
     "spark": Spark,
     "hht": HHT,
     "generalized-alpha": GeneralizedAlpha,
     "arnold-bruls": ArnoldBruls,
     "volume-splitting": VolumeSplitting,
+    "schrodinger-splitting": SchrodingerSplitting,
+    "chebyshev": Chebyshev,
+    "lanczos": Lanczos,
 }
