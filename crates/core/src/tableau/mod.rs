@@ -3,8 +3,10 @@
 mod alpha;
 mod collocation;
 pub mod composition;
+mod ladder;
 mod spark;
 
 pub use alpha::Alpha;
 pub use composition::Scheme;
+pub use ladder::Ladder;
 pub use spark::GaussLobatto;
