@@ -2,7 +2,7 @@
 
 use super::{Wave, squares};
 use crate::problem::Observe;
-use crate::problem::quantum::{Hamiltonian, Weighted};
+use crate::problem::quantum::{Hamiltonian, Present, Scratch};
 use crate::real::Scalar;
 use crate::trouble::{Quantity, Trouble};
 use crate::vector::Machine;
@@ -13,7 +13,7 @@ use std::sync::Arc;
 pub enum Observable {
     /// ⟨ψ|A|ψ⟩ of a diagonal A.
     Diagonal(Vec<f64>),
-    /// ⟨ψ|A|ψ⟩ of a real symmetric A.
+    /// ⟨ψ|A|ψ⟩ of a real symmetric A, at the time of the record if it depends on time.
     Symmetric(Arc<Hamiltonian>),
     /// ⟨φ|ψ⟩ of a state φ = q + i p, two numbers.
     Overlap(Vec<f64>, Vec<f64>),
@@ -35,25 +35,31 @@ pub struct Observer {
     members: usize,
     states: bool,
     observables: Vec<Observable>,
+    presents: Vec<Option<Present>>,
     machine: Machine,
     q: Vec<f64>,
     p: Vec<f64>,
     product: Vec<f64>,
-    scratch: [Vec<f64>; 2],
+    scratch: Scratch,
 }
 
 impl Observer {
     /// An observer of the first `members` wave functions of a state.
     pub fn new(members: usize, states: bool, observables: Vec<Observable>) -> Self {
+        let presents = observables.iter().map(|observable| match observable {
+            Observable::Symmetric(hamiltonian) => hamiltonian.present(),
+            _ => None,
+        });
         Self {
             members,
             states,
+            presents: presents.collect(),
             observables,
             machine: Machine::default(),
             q: Vec::new(),
             p: Vec::new(),
             product: Vec::new(),
-            scratch: [Vec::new(), Vec::new()],
+            scratch: Scratch::default(),
         }
     }
 
@@ -97,7 +103,7 @@ impl Observer {
         let Observable::Symmetric(hamiltonian) = &self.observables[k] else {
             return Ok(0.0);
         };
-        let sum: Weighted<'_> = hamiltonian.sum();
+        let sum = hamiltonian.at(self.presents[k].as_ref());
         self.product.resize(self.q.len(), 0.0);
         let mut total = 0.0;
         for x in [&self.q, &self.p] {
@@ -128,6 +134,11 @@ impl<S: Scalar> Observe<Wave<S>> for Observer {
 
     fn observe(&mut self, t: f64, state: &Wave<S>, row: &mut Vec<f64>) -> Result<(), Trouble> {
         let start = row.len();
+        for (observable, present) in self.observables.iter().zip(&mut self.presents) {
+            if let (Observable::Symmetric(hamiltonian), Some(present)) = (observable, present) {
+                present.set(hamiltonian, &[(1.0, t)]);
+            }
+        }
         for member in 0..self.members {
             let parts = [(&mut self.q, &state.q), (&mut self.p, &state.p)];
             for (mine, theirs) in parts {

@@ -4,11 +4,20 @@
 //! rows of a product from what lies around them in x, so that several products go over the matrix in one
 //! sweep and threads share the rows; whole terms make all of a product at once.
 
+mod drive;
+pub mod fourier;
 mod hamiltonian;
+mod kinetic;
+mod potential;
+mod present;
 mod product;
 mod rows;
 
-pub use hamiltonian::{Hamiltonian, Weighted};
+pub use drive::Drive;
+pub use hamiltonian::{Hamiltonian, Scratch, Weighted};
+pub use kinetic::Kinetic;
+pub use potential::Potential;
+pub use present::Present;
 pub use product::Product;
 
 use crate::linalg::Rows;
@@ -55,6 +64,8 @@ pub struct Block<'a, S> {
 pub enum Operator {
     /// A sparse matrix by rows.
     Rows(Arc<Rows>),
+    /// Kinetic energy on a grid.
+    Kinetic(Arc<Kinetic>),
     /// Any function that makes products.
     Product(Arc<dyn Product>),
 }
@@ -64,6 +75,7 @@ impl Operator {
     pub fn size(&self) -> usize {
         match self {
             Self::Rows(rows) => rows.shape().0,
+            Self::Kinetic(kinetic) => kinetic.size(),
             Self::Product(product) => product.size(),
         }
     }
@@ -72,7 +84,7 @@ impl Operator {
     pub fn reach(&self) -> Option<usize> {
         match self {
             Self::Rows(rows) => Some(rows.reach()),
-            Self::Product(_) => None,
+            Self::Kinetic(_) | Self::Product(_) => None,
         }
     }
 
@@ -83,7 +95,7 @@ impl Operator {
     pub fn act<S: Stored>(&self, machine: Machine, update: Update, block: Block<'_, S>) {
         match self {
             Self::Rows(rows) => rows::act(rows, machine, update, block),
-            Self::Product(_) => unreachable!("whole terms have no rows"),
+            Self::Kinetic(_) | Self::Product(_) => unreachable!("whole terms have no rows"),
         }
     }
 }
