@@ -63,7 +63,8 @@ fn program_of(coefficients: &[f64]) -> Vec<Flow> {
     coefficients.iter().enumerate().map(shear).collect()
 }
 
-/// Observables are tuples: ("diagonal", values), ("symmetric", Hamiltonian) or ("overlap", q, p).
+/// Observables are tuples: ("diagonal", values), ("symmetric", Hamiltonian), ("overlap", q, p) or ("start",),
+/// the overlap with the state at the start.
 fn observable_of(observable: &Bound<'_, PyTuple>) -> PyResult<Observable> {
     let kind: String = observable.get_item(0)?.extract()?;
     let rest = observable.get_slice(1, observable.len());
@@ -76,6 +77,7 @@ fn observable_of(observable: &Bound<'_, PyTuple>) -> PyResult<Observable> {
             let (operator,): (PyRef<'_, Hamiltonian>,) = rest.extract()?;
             Ok(Observable::Symmetric(operator.inner.clone()))
         }
+        "start" => Ok(Observable::Start),
         "overlap" => {
             let (q, p): (Values<'_>, Values<'_>) = rest.extract()?;
             Ok(Observable::Overlap(
@@ -139,25 +141,36 @@ impl Begin {
         Ok(Box::new(run))
     }
 
-    /// Runs of several wave functions each.
-    fn blocks<S: Stored>(&self, psi: &[&[Complex64]]) -> Result<Vec<Member>, Trouble> {
-        let blocks = psi.chunks(S::MEMBERS).enumerate();
-        let member = |(place, block): (usize, &[&[Complex64]])| {
-            let run = self.run::<S>(1, Patience::default(), block);
-            let run = run.map_err(|trouble| trouble.of_member(place * S::MEMBERS))?;
-            Ok((run, block.len()))
+    /// Runs of as many wave functions in lock-step as that works for, `first` being the first of them.
+    fn runs<S: Stored>(&self, first: usize, psi: &[&[Complex64]]) -> Result<Vec<Member>, Trouble> {
+        let run = |(place, psi): (usize, &[&[Complex64]])| {
+            let run = self.run::<S>(1, Patience::default(), psi);
+            let run = run.map_err(|trouble| trouble.of_member(first + place * S::MEMBERS))?;
+            Ok((run, S::MEMBERS))
         };
-        blocks.map(member).collect()
+        let blocks = psi.chunks_exact(S::MEMBERS).enumerate();
+        blocks.map(run).collect()
+    }
+
+    /// Runs of all of them: in lock-step if they share a matrix by rows, the rest one by one.
+    fn ensemble(&self, psi: &[&[Complex64]]) -> Result<Vec<Member>, Trouble> {
+        if self.hamiltonian.reach().is_none() {
+            return self.runs::<f64>(0, psi);
+        }
+        let together = psi.len() - psi.len() % WIDTH;
+        let mut runs = self.runs::<Lanes<WIDTH>>(0, &psi[..together])?;
+        runs.extend(self.runs::<f64>(together, &psi[together..])?);
+        Ok(runs)
     }
 }
 
-/// Wave functions in lock-step; places without one follow the last.
+/// Wave functions in lock-step.
 fn side_by_side<S: Stored>(psi: &[&[Complex64]]) -> Wave<S> {
     let part = |of: fn(&Complex64) -> f64| {
         let mut values = vec![S::splat(0.0); psi[0].len()];
         for (i, value) in values.iter_mut().enumerate() {
             for member in 0..S::MEMBERS {
-                value.set_member(member, of(&psi[member.min(psi.len() - 1)][i]));
+                value.set_member(member, of(&psi[member][i]));
             }
         }
         values
@@ -209,12 +222,7 @@ pub(crate) fn schrodinger_run<'py>(
         caught.push(signals);
         return Run::caught(py, run, &[width], caught);
     }
-    let runs = if begin.hamiltonian.reach().is_some() && rows.len() > 1 {
-        begin.blocks::<Lanes<WIDTH>>(&rows)
-    } else {
-        begin.blocks::<f64>(&rows)
-    };
-    let ensemble = runs.map(|runs| {
+    let ensemble = begin.ensemble(&rows).map(|runs| {
         let ensemble = Ensemble::new(runs, threads, Layout::Together);
         Box::new(ensemble) as Box<dyn Advance + Sync>
     });

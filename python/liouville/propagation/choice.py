@@ -43,7 +43,8 @@ class Span:
     @property
     def intervals(self) -> NDArray[np.float64]:
         """Lengths of the intervals between the states that are kept."""
-        return np.abs(np.diff([self.t0, *self.times]))
+        lengths: NDArray[np.float64] = np.abs(np.diff([self.t0, *self.times]))
+        return lengths
 
     @property
     def thetas(self) -> NDArray[np.float64]:
