@@ -8,12 +8,17 @@ from liouville.integrate import integrate as integrate
 from liouville.methods import HHT as HHT
 from liouville.methods import METHODS as METHODS
 from liouville.methods import ArnoldBruls as ArnoldBruls
+from liouville.methods import Chebyshev as Chebyshev
 from liouville.methods import Composition as Composition
 from liouville.methods import GeneralizedAlpha as GeneralizedAlpha
+from liouville.methods import Lanczos as Lanczos
+from liouville.methods import SchrodingerSplitting as SchrodingerSplitting
 from liouville.methods import Spark as Spark
 from liouville.methods import VolumeSplitting as VolumeSplitting
 from liouville.planner import Plan as Plan
 from liouville.planner import plan as plan
+from liouville.propagation import Propagation as Propagation
+from liouville.propagation import propagation as propagation
 from liouville.section import Section as Section
 from liouville.section import section as section
 from liouville.solution import Solution as Solution

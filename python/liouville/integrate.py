@@ -46,12 +46,13 @@ def integrate(
 
     Parameters
     ----------
-    system : Lagrangian, Hamiltonian, Mechanical, Structure or PolynomialField
+    system : Lagrangian, Hamiltonian, Mechanical, Structure, PolynomialField or Schrodinger
         What is integrated.
-    method : Spark, HHT, GeneralizedAlpha, ArnoldBruls, Composition, VolumeSplitting or Plan
-        How; see :doc:`/choose`.
-    t : tuple of two floats
-        Start and end, in the system's unit of time; an end before the start goes backwards.
+    method : Method, Plan or Propagation
+        How; see :doc:`/choose`. ``"auto"`` for a Schrödinger equation.
+    t : tuple of two floats, or sequence of float
+        Start and end, in the system's unit of time; an end before the start goes backwards. A
+        Schrödinger equation takes the times of all states to keep.
     h : float, optional
         Step size, positive. The step used is ``(t1 - t0) / steps`` with the least number of steps
         that makes it at most `h`. With `rtol`, the first step; by default the method chooses it.
@@ -67,6 +68,8 @@ def integrate(
     h_min : float, optional
         The run fails where it would need a smaller step; by default where the time has too few
         digits for it.
+    tol : float, optional
+        Error of a wave function at the end, relative to its norm, which decides on the steps.
     every : int, default 1
         Keep one state in this many; the start and the end are always kept.
     observe : mapping of str to callable, optional
@@ -85,8 +88,9 @@ def integrate(
         default. The result does not depend on them, bit for bit.
     **start : array_like
         Start values by the system's names, each of shape (n,): ``q`` and ``v``, ``q`` and ``p``,
-        ``y`` and ``z``, or ``x``. A dict by coordinate name is taken too. The alpha family also
-        takes its own ``a``, to go on from ``solution.a[-1]`` with the same step size.
+        ``y`` and ``z``, ``x``, or ``psi``. A dict by coordinate name is taken too, but for
+        ``psi``. The alpha family also takes its own ``a``, to go on from ``solution.a[-1]`` with
+        the same step size.
 
     Returns
     -------
@@ -124,6 +128,7 @@ def ensemble(
     t: tuple[float, float] | Sequence[float],
     h: float | None = None,
     steps: int | None = None,
+    tol: float | None = None,
     every: int = 1,
     observe: Mapping[str, Callable[..., Any]] | None = None,
     params: Mapping[str, ArrayLike] | None = None,
@@ -138,11 +143,11 @@ def ensemble(
 
     Parameters
     ----------
-    system : PolynomialField
+    system : PolynomialField or Schrodinger
         What is integrated.
-    method : VolumeSplitting or Plan
+    method : VolumeSplitting, Plan, or a method for Schrödinger equations
         How.
-    t, h, steps, every, observe, params, states
+    t, h, steps, tol, every, observe, params, states
         As for :func:`integrate`.
     progress : callable, optional
         ``progress(done, total)``, called about twenty times a second with numbers of steps.
@@ -150,7 +155,7 @@ def ensemble(
         How many, as many as there are processors by default. The result does not depend on them,
         bit for bit.
     **start : array_like
-        ``x`` of shape (P, n): a row for each of P members.
+        ``x`` of shape (P, n), or ``psi``: a row for each of P members.
 
     Returns
     -------
@@ -233,7 +238,7 @@ def run(path: Route, progress: Callable[[float, float], None] | None = None) -> 
             quantity=quantity,
             member=outcome.get("member") if path.members else None,
             solution=solution,
-        )
+        ) from outcome.get("error")
     return solution
 
 
@@ -255,7 +260,7 @@ def drive(
             progress(abs(run.t - pace.t0), abs(pace.t1 - pace.t0))
 
     try:
-        while (outcome := run.advance(SLICE)) == "paused":
+        while (outcome := _advanced(run)) == "paused":
             report()
             if run.done > most:
                 return {"kind": "no memory", "step": run.done, "start": run.t}
@@ -263,6 +268,13 @@ def drive(
         return "interrupted"
     report()
     return outcome
+
+
+def _advanced(run: _core.Run) -> str | dict[str, Any]:
+    try:
+        return run.advance(SLICE)
+    except Exception as error:  # of a function of the user's that makes products
+        return {"kind": "raised", "error": error, "step": run.done, "start": run.t}
 
 
 def _named(prefix: str, parts: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:

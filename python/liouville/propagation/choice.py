@@ -2,18 +2,22 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from liouville import _core
+from liouville._arguments import times_of
 from liouville.errors import hinted
 from liouville.methods import Chebyshev, Lanczos, SchrodingerSplitting
 from liouville.propagation.ladder import ROUNDOFF, Choice, cheapest
 from liouville.propagation.plan import Propagation
 from liouville.systems import Schrodinger
+
+Method = SchrodingerSplitting | Chebyshev | Lanczos
 
 #: Beyond so many steps a stable method is taken.
 MANY = 50
@@ -57,9 +61,69 @@ class Span:
         return tuple((t, int(n)) for t, n in zip(self.times, steps, strict=True))
 
 
+def propagation(
+    system: Schrodinger,
+    method: Method | str = "auto",
+    *,
+    t: Sequence[float],
+    tol: float | None = None,
+    is_real: bool = False,
+    params: Mapping[str, ArrayLike] | None = None,
+) -> Propagation:
+    """Choose method and steps for a Schrödinger equation, and say what they cost, without a run.
+
+    :func:`liouville.integrate` does the same and takes the result as a method.
+
+    Parameters
+    ----------
+    system : Schrodinger
+        What is to be integrated.
+    method : SchrodingerSplitting, Chebyshev or Lanczos, default "auto"
+        How; ``"auto"`` is ``SchrodingerSplitting()``.
+    t : sequence of float
+        Times of the start and of all states to keep.
+    tol : float, optional
+        The error at the end, relative to the norm, instead of the method's own.
+    is_real : bool, default False
+        Whether the start is real, which makes a Chebyshev series shorter.
+    params : mapping, optional
+        Parameters that differ from the system's defaults.
+
+    Returns
+    -------
+    Propagation
+        ``print`` it for steps, products, the bound of the error, and the reasons.
+
+    Raises
+    ------
+    TypeError, ValueError
+        An argument is of the wrong kind or out of range, or the tolerance out of reach.
+
+    Examples
+    --------
+    >>> import liouville as lv
+    >>> chain = lv.Schrodinger(lv.Lattice(50))
+    >>> lv.propagation(chain, t=(0, 10), tol=1e-6).products
+    22.0
+    """
+    if not isinstance(system, Schrodinger):
+        raise TypeError(f"system is a Schrodinger equation, not {system!r}")
+    chosen = method_of(method, tol)
+    if not isinstance(chosen, SchrodingerSplitting | Chebyshev | Lanczos):
+        raise TypeError(f"method is a SchrodingerSplitting, Chebyshev or Lanczos, not {method!r}")
+    return planned(system.with_params(params), chosen, times_of(t), is_real)
+
+
+def method_of(method: Any, tol: float | None) -> Any:
+    """Return what ``"auto"`` stands for, and any method with another tolerance."""
+    if isinstance(method, str) and method == "auto":
+        method = SchrodingerSplitting()
+    return method if tol is None else replace(method, tol=tol)
+
+
 def planned(
     system: Schrodinger,
-    method: SchrodingerSplitting | Chebyshev | Lanczos,
+    method: Method,
     times: Sequence[float],
     is_real: bool = False,
 ) -> Propagation:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -12,7 +11,7 @@ from liouville import _core
 from liouville._arguments import Steps, check_memory, times_of
 from liouville.errors import describe, hinted
 from liouville.methods import Chebyshev, Lanczos, SchrodingerSplitting
-from liouville.propagation import Propagation, planned
+from liouville.propagation import Propagation, method_of, planned
 from liouville.routes.route import KEEP_LESS, Asked, observable, threads_of
 from liouville.systems import Schrodinger
 
@@ -62,8 +61,7 @@ class WaveRoute:
                 raise TypeError("a Propagation has its tol: give it without tol=")
             method.check(times, self._system)
             return method
-        if asked.tol is not None:
-            method = replace(method, tol=asked.tol)
+        method = method_of(method, asked.tol)
         _check_open(type(method).__name__, asked)
         is_real = not np.any(self.psi.imag)
         return planned(self._system, method, times, is_real)
@@ -79,7 +77,7 @@ class WaveRoute:
         )  # fmt: skip
 
     def stats(self, run: _core.Run) -> dict[str, Any]:
-        """Return the numbers of a run: steps, products of each state, and the bound of its error."""
+        """Return the numbers of a run: steps, products for each state, the bound of its error."""
         members = int(np.prod(self.members))
         stats = {"steps": run.done, "products": run.stats["evaluations"] / 2 / members}
         return stats if self.plan.bound is None else {**stats, "bound": self.plan.bound}
