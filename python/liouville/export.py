@@ -258,7 +258,10 @@ def _paired(variable: xarray.DataArray) -> xarray.DataArray:
     if variable.dtype.kind != "c":
         return variable
     pairs = np.ascontiguousarray(variable.values)[..., None].view(float)
-    return _needed("xarray").DataArray(pairs, dims=(*variable.dims, PART), attrs=variable.attrs)
+    paired: xarray.DataArray = _needed("xarray").DataArray(
+        pairs, dims=(*variable.dims, PART), attrs=variable.attrs
+    )
+    return paired
 
 
 def _complex(variable: xarray.DataArray) -> xarray.DataArray:
@@ -266,7 +269,10 @@ def _complex(variable: xarray.DataArray) -> xarray.DataArray:
     if PART not in variable.dims:
         return variable
     values = np.ascontiguousarray(variable.values).view(complex)[..., 0]
-    return _needed("xarray").DataArray(values, dims=variable.dims[:-1], attrs=variable.attrs)
+    whole: xarray.DataArray = _needed("xarray").DataArray(
+        values, dims=variable.dims[:-1], attrs=variable.attrs
+    )
+    return whole
 
 
 def _members(count: int) -> int | None:

@@ -61,10 +61,10 @@ class WaveRoute:
                 raise TypeError("a Propagation has its tol: give it without tol=")
             method.check(times, self._system)
             return method
-        method = method_of(method, asked.tol)
-        _check_open(type(method).__name__, asked)
+        chosen: Method = method_of(method, asked.tol)
+        _check_open(type(chosen).__name__, asked)
         is_real = not np.any(self.psi.imag)
-        return planned(self._system, method, times, is_real)
+        return planned(self._system, chosen, times, is_real)
 
     def start(self) -> _core.Run | dict[str, Any]:
         """Start the run, or say what is the trouble."""

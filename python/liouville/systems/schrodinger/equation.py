@@ -113,6 +113,7 @@ class Schrodinger:
     """
 
     states = ("psi",)
+    coordinates: tuple[str, ...] = ()
     constraints: tuple[str, ...] = ()
 
     def __init__(
