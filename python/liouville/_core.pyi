@@ -27,6 +27,7 @@ __all__ = [
     "project",
     "schrodinger_run",
     "section_run",
+    "split_program",
     "split_run",
 ]
 
@@ -159,6 +160,7 @@ class Hamiltonian:
     def size(self) -> int: ...
     def multiply(self, x: NDArray[np.float64]) -> NDArray[np.float64]: ...
 
+def split_program(name: str) -> list[tuple[bool, float, float]]: ...
 def schrodinger_run(
     hamiltonian: Hamiltonian,
     method: tuple[object, ...],

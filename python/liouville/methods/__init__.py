@@ -6,7 +6,9 @@ from liouville.methods.alpha import GeneralizedAlpha as GeneralizedAlpha
 from liouville.methods.composition import Composition as Composition
 from liouville.methods.schrodinger import Chebyshev as Chebyshev
 from liouville.methods.schrodinger import Lanczos as Lanczos
+from liouville.methods.schrodinger import Magnus as Magnus
 from liouville.methods.schrodinger import SchrodingerSplitting as SchrodingerSplitting
+from liouville.methods.schrodinger import SplitOperator as SplitOperator
 from liouville.methods.spark import Spark as Spark
 from liouville.methods.volume import VolumeSplitting as VolumeSplitting
 
@@ -20,6 +22,8 @@ Method = (
     | SchrodingerSplitting
     | Chebyshev
     | Lanczos
+    | SplitOperator
+    | Magnus
 )
 
 #: Every method by the name the command line knows it by.
@@ -32,4 +36,6 @@ METHODS: dict[str, type[Method]] = {
     "schrodinger-splitting": SchrodingerSplitting,
     "chebyshev": Chebyshev,
     "lanczos": Lanczos,
+    "split-operator": SplitOperator,
+    "magnus": Magnus,
 }

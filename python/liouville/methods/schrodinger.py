@@ -7,8 +7,12 @@ from typing import ClassVar
 
 from liouville._arguments import count, number
 from liouville.errors import hinted
+from liouville.methods.composition import SCHEMES, scheme_name
 
 MODES = ("auto", "fast", "stable")
+
+#: Orders of the splittings of Runge-Kutta-Nyström type.
+NYSTROM = {"RKN4s6": 4, "RKN6s11": 6}
 
 #: No tolerance is smaller: it would be that of a few roundings.
 LEAST_TOLERANCE = 1e-14
@@ -138,3 +142,86 @@ class Lanczos:
         _check_tolerance(self.tol)
         if not 2 <= count("dimension", self.dimension) <= 200:
             raise ValueError(f"dimension is from 2 to 200, not {self.dimension}")
+
+
+@dataclass(frozen=True)
+class SplitOperator:
+    r"""Split operator on a grid: flows of kinetic and potential energy in turn, each exact.
+
+    .. math::
+
+        \psi \leftarrow e^{-i b_s h V} e^{-i a_{s-1} h T} \cdots
+            e^{-i a_1 h T} e^{-i b_1 h V} \psi, \qquad H = T + V(t, x)
+
+    One pair of FFTs for each flow of T. Unitary; a potential that depends on time is taken at the
+    time that the flows of T before it have reached. The best for smooth states of low energy.
+
+    Parameters
+    ----------
+    scheme : str, default "RKN6s11"
+        Order 2 ``S2``; order 4 ``BM4``, ``RKN4s6``; order 6 ``BM6``, ``RKN6s11``; or another name
+        of a composition (see :class:`VolumeSplitting`). Those called RKN use that V and its
+        commutators with T have special forms.
+
+    Raises
+    ------
+    TypeError, ValueError
+        There is no such scheme.
+
+    References
+    ----------
+    :cite:t:`blanes2002`.
+    """
+
+    form: ClassVar[str] = "wave"
+    scheme: str = field(default="RKN6s11", metadata={"help": "as RKN6s11, BM4, S2"})
+
+    def __post_init__(self) -> None:
+        """Refuse what is no scheme."""
+        scheme_name(self.scheme, (*SCHEMES, *NYSTROM))
+
+    @property
+    def order(self) -> int:
+        """Order of the method."""
+        return NYSTROM.get(self.scheme) or int(SCHEMES[self.scheme]["order"])
+
+
+@dataclass(frozen=True)
+class Magnus:
+    r"""Commutator-free Magnus method for :math:`H(t)`, each exponential by a splitting.
+
+    Order 2 is the exponential midpoint rule; order 4, with
+    :math:`H_{1,2} = H(t + (\tfrac12 \mp \tfrac{\sqrt 3}{6}) h)` and
+    :math:`a_{1,2} = \tfrac14 \pm \tfrac{\sqrt 3}{6}`,
+
+    .. math::
+
+        \psi \leftarrow e^{-i h (a_2 H_1 + a_1 H_2)}\, e^{-i h (a_1 H_1 + a_2 H_2)}\, \psi
+
+    Parameters
+    ----------
+    order : {4, 2}
+        Order in h.
+    tol : float, default 1e-10
+        The error of all exponentials together, relative to the norm; that of the Magnus method
+        itself comes on top, and falls with h.
+
+    Raises
+    ------
+    TypeError, ValueError
+        A parameter is none of these.
+
+    References
+    ----------
+    :cite:t:`alvermann2011`.
+    """
+
+    form: ClassVar[str] = "wave"
+    order: int = field(default=4, metadata={"help": "order in h, 2 or 4"})
+    tol: float = field(default=1e-10, metadata={"help": "error of all exponentials together"})
+
+    def __post_init__(self) -> None:
+        """Refuse what makes no method."""
+        if count("order", self.order) not in (2, 4):
+            raise ValueError(f"order is 2 or 4, not {self.order}")
+        _check_tolerance(self.tol)

@@ -51,7 +51,7 @@ def route(system: System, method: Method | Plan | Propagation | str, asked: Aske
     if isinstance(system, Schrodinger):
         if isinstance(method, str) and method == "auto":
             method = SchrodingerSplitting()
-        if isinstance(method, SchrodingerSplitting | Chebyshev | Lanczos | Propagation):
+        if not isinstance(method, str) and method.form == "wave":
             return WaveRoute(system, method, asked)
         raise _no_route(method, "wave", "Schrödinger equations")
     if asked.tol is not None:

@@ -3,19 +3,20 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
 
 from liouville import _core
-from liouville._arguments import Steps, check_memory, times_of
+from liouville._arguments import Steps, check_memory, steps_of, times_of
 from liouville.errors import describe, hinted
-from liouville.methods import Chebyshev, Lanczos, SchrodingerSplitting
-from liouville.propagation import Propagation, method_of, planned
-from liouville.routes.route import KEEP_LESS, Asked, observable, threads_of
+from liouville.methods import Chebyshev, Lanczos, Magnus, SchrodingerSplitting, SplitOperator
+from liouville.propagation import Propagation, method_of, planned, stepped
+from liouville.routes.route import KEEP_LESS, Asked, kept, observable, threads_of
 from liouville.systems import Schrodinger
 
-Method = SchrodingerSplitting | Chebyshev | Lanczos
+Method = SchrodingerSplitting | Chebyshev | Lanczos | SplitOperator | Magnus
 
 
 class WaveRoute:
@@ -61,7 +62,14 @@ class WaveRoute:
                 raise TypeError("a Propagation has its tol: give it without tol=")
             method.check(times, self._system)
             return method
-        chosen: Method = method_of(method, asked.tol)
+        if isinstance(method, SplitOperator) and asked.tol is not None:
+            raise TypeError("SplitOperator takes h or steps, and no tol")
+        chosen = method_of(method, asked.tol)
+        if isinstance(chosen, SplitOperator | Magnus):
+            return stepped(self._system, chosen, times[0], _stops(times, chosen, asked))
+        if self._system.is_driven:
+            hint = "take Magnus(), or SplitOperator() on a grid, with h or steps"
+            raise TypeError(hinted(f"{type(chosen).__name__} is for an H without time", hint))
         _check_open(type(chosen).__name__, asked)
         is_real = not np.any(self.psi.imag)
         return planned(self._system, chosen, times, is_real)
@@ -133,6 +141,23 @@ def _start(start: Mapping[str, Any]) -> Any:
         given = ", ".join(sorted(start)) or "nothing"
         raise TypeError(f"a Schrodinger equation starts with psi=, not with {given}")
     return start["psi"]
+
+
+def _stops(
+    times: tuple[float, ...], method: SplitOperator | Magnus, asked: Asked
+) -> list[tuple[float, int]]:
+    """Return the times of the states that are kept, with the steps to each."""
+    name = type(method).__name__
+    if len(times) > 2:
+        if asked.h is None or asked.steps is not None or asked.every != 1:
+            raise TypeError(f"{name} takes h= with a sequence of times, and neither steps nor every")
+        ends = [steps_of(pair, asked.h, None, asked.control, (), name) for pair in pairwise(times)]
+        return [(each.t1, each.count) for each in ends]
+    pace = steps_of(times, asked.h, asked.steps, asked.control, (), name)
+    every = kept(pace, asked.every)
+    size = (pace.t1 - pace.t0) / pace.count
+    whole = [(pace.t0 + k * size, every) for k in range(every, pace.count, every)]
+    return [*whole, (pace.t1, pace.count - every * len(whole))]
 
 
 def _check_open(name: str, asked: Asked) -> None:

@@ -264,6 +264,14 @@ class Schrodinger:
             found.append(bounds)
         return found
 
+    @property
+    def operator_bounds(self) -> list[Bounds]:
+        """Bounds of each operator of the core, whose sums over a term are those of the term."""
+        found: list[Bounds] = []
+        for term, bounds in zip(self._terms, self.term_bounds, strict=True):
+            found += [bounds, *[(0.0, 0.0)] * (len(term.operators) - 1)]
+        return found
+
     @cached_property
     def bounds(self) -> Bounds:
         r"""Numbers below and above all eigenvalues of :math:`H / \hbar`; if driven, at t = 0.
