@@ -55,6 +55,7 @@ PACKAGE_ROOMS = {
     "h5netcdf": ("export.py",),
     "matplotlib": ("plot/",),
     "rich": ("cli.py",),
+    "scipy": ("systems/schrodinger/graph.py",),
     "skfem": ("fem.py",),
     "sympy": ("systems/_sympy.py",),
     "typer": ("cli.py",),

@@ -11,20 +11,24 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from liouville import _core
-from liouville._arguments import number
 from liouville.errors import hinted
 from liouville.systems import _trace
 from liouville.systems.schrodinger import clock, graph, observed
+from liouville.systems.schrodinger.bounds import (
+    LANCZOS,
+    check_inside,
+    check_symmetric,
+    interval,
+    positive,
+)
 from liouville.systems.schrodinger.entries import Bounds, Entries
 from liouville.systems.schrodinger.forms import operators
 from liouville.systems.schrodinger.frame import Frame
 from liouville.systems.schrodinger.grid import Grid
 from liouville.systems.schrodinger.lattice import Lattice
+from liouville.systems.schrodinger.observed import Observable
 from liouville.systems.schrodinger.products import Product
 from liouville.systems.schrodinger.spins import SpinChain
-
-#: Steps of Lanczos' method, and the seed of its start, where bounds are found or checked by it.
-LANCZOS = (30, 1)
 
 
 @dataclass(frozen=True)
@@ -52,8 +56,8 @@ class Schrodinger:
     hbar : float, default 1.0
         Planck's constant in the units of the Hamiltonian.
     drive : sequence of tuple, optional
-        Pairs :math:`(f_k, H_k)`: a function ``f(t, params)``, called once with CasADi symbols, and a
-        matrix, or the array of a diagonal one.
+        Pairs :math:`(f_k, H_k)`: a function ``f(t, params)``, called once with CasADi symbols, and
+        a matrix, or the array of a diagonal one.
     params : mapping of str to float or 1-D array_like, optional
         Parameters by name, with default values; functions see ``params.name``.
 
@@ -126,9 +130,9 @@ class Schrodinger:
         params: Mapping[str, ArrayLike] | None = None,
     ) -> None:
         self.source, self._drive = hamiltonian, drive
-        self.hbar = _positive("hbar", hbar)
+        self.hbar = positive("hbar", hbar)
         self._params = _trace.Parameters(params)
-        self._given = _interval(bounds, self.hbar)
+        self._given = interval(bounds, self.hbar)
         self.grid = hamiltonian if isinstance(hamiltonian, Grid) else None
         source = Product.read("H", hamiltonian) if self.grid is None else self.grid
         source = source or _entries(hamiltonian)
@@ -191,7 +195,7 @@ class Schrodinger:
             more["potential"] = (tape, params, np.ascontiguousarray(self.grid.points.ravel()))
         self.hamiltonian = _core.Hamiltonian(flat, **more)
         if isinstance(source, Product):
-            _check_symmetric(self._static)
+            check_symmetric(self._static)
 
     def _of(self, part: Entries | Product, closed: Callable[[], Bounds] | None = None) -> _Term:
         """Make a term, within further bounds of its energies if a model knows them."""
@@ -284,7 +288,7 @@ class Schrodinger:
         if self._given is None:
             return self.bounds_at(0.0)
         if not self.is_driven:
-            _check_inside(self._given, self._static, self.hbar)
+            check_inside(self._given, self._static, self.hbar)
         return self._given
 
     def bounds_at(self, t: float) -> Bounds:
@@ -326,7 +330,7 @@ class Schrodinger:
 
     def observables(
         self, observe: Mapping[str, Any] | None
-    ) -> list[tuple[str, int, tuple[Any, ...]]]:
+    ) -> list[Observable]:
         r"""Return names, widths and the core's form of what a run keeps besides states.
 
         Parameters
@@ -361,51 +365,3 @@ def _entries(given: Any) -> Entries:
     if callable(given):
         raise TypeError(hinted("H is a function of unknown size", "give (N, function)"))
     return Entries.read("H", given)
-
-
-def _positive(name: str, value: Any) -> float:
-    found = number(f"{name} is a number", value)
-    if not (np.isfinite(found) and found > 0):
-        raise ValueError(f"{name} is positive and finite, not {found:g}")
-    return found
-
-
-def _interval(bounds: Any, hbar: float) -> Bounds | None:
-    if bounds is None:
-        return None
-    if not isinstance(bounds, (tuple, list, np.ndarray)) or len(bounds) != 2:
-        raise TypeError(f"bounds is a pair (least energy, largest energy), not {bounds!r}")
-    low, high = (number("bounds is a pair of numbers", x) for x in bounds)
-    if not (np.isfinite(high - low) and low < high):
-        raise ValueError(f"bounds = ({low:g}, {high:g}) is no interval")
-    return low / hbar, high / hbar
-
-
-def _check_inside(given: Bounds, hamiltonian: _core.Hamiltonian, hbar: float) -> None:
-    """Refuse bounds with a Ritz value beyond: there is an eigenvalue farther out."""
-    ritz_low, _, ritz_high, _ = hamiltonian.ritz(*LANCZOS)
-    slack = 1e-12 * max(abs(ritz_low), abs(ritz_high))
-    for word, bound, ritz, beyond in (
-        ("below", given[0], ritz_low, given[0] - ritz_low),
-        ("above", given[1], ritz_high, ritz_high - given[1]),
-    ):
-        if beyond > slack:
-            raise ValueError(
-                hinted(
-                    f"bounds say that no energy is {word} {bound * hbar:.6g}, "
-                    f"but there is one {word} {ritz * hbar:.6g} or there",
-                    "leave bounds= out, and they are found",
-                )
-            )
-
-
-def _check_symmetric(hamiltonian: _core.Hamiltonian) -> None:
-    """Refuse products that random vectors see to belong to no symmetric matrix."""
-    found = hamiltonian.asymmetry(LANCZOS[1])
-    if not found <= 1e-10:
-        raise ValueError(
-            hinted(
-                f"H is not symmetric: x . H y and y . H x differ by {found:.1e} of their size",
-                "only a Hermitian operator keeps the norm; absorbing potentials are not taken",
-            )
-        )
