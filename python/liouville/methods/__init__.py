@@ -12,19 +12,10 @@ from liouville.methods.schrodinger import SplitOperator as SplitOperator
 from liouville.methods.spark import Spark as Spark
 from liouville.methods.volume import VolumeSplitting as VolumeSplitting
 
-Method = (
-    Spark
-    | HHT
-    | GeneralizedAlpha
-    | ArnoldBruls
-    | Composition
-    | VolumeSplitting
-    | SchrodingerSplitting
-    | Chebyshev
-    | Lanczos
-    | SplitOperator
-    | Magnus
-)
+#: What steps a wave function.
+WaveMethod = SchrodingerSplitting | Chebyshev | Lanczos | SplitOperator | Magnus
+
+Method = Spark | HHT | GeneralizedAlpha | ArnoldBruls | Composition | VolumeSplitting | WaveMethod
 
 #: Every method by the name the command line knows it by.
 METHODS: dict[str, type[Method]] = {

@@ -12,14 +12,13 @@ from liouville.methods import (
     HHT,
     METHODS,
     ArnoldBruls,
-    Chebyshev,
     Composition,
     GeneralizedAlpha,
-    Lanczos,
     Method,
     SchrodingerSplitting,
     Spark,
     VolumeSplitting,
+    WaveMethod,
 )
 from liouville.planner import Plan
 from liouville.propagation import Propagation
@@ -51,7 +50,7 @@ def route(system: System, method: Method | Plan | Propagation | str, asked: Aske
     if isinstance(system, Schrodinger):
         if isinstance(method, str) and method == "auto":
             method = SchrodingerSplitting()
-        if not isinstance(method, str) and method.form == "wave":
+        if isinstance(method, WaveMethod | Propagation):
             return WaveRoute(system, method, asked)
         raise _no_route(method, "wave", "Schrödinger equations")
     if asked.tol is not None:

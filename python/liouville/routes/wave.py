@@ -11,12 +11,10 @@ import numpy as np
 from liouville import _core
 from liouville._arguments import Steps, check_memory, steps_of, times_of
 from liouville.errors import describe, hinted
-from liouville.methods import Chebyshev, Lanczos, Magnus, SchrodingerSplitting, SplitOperator
+from liouville.methods import Magnus, SplitOperator, WaveMethod
 from liouville.propagation import Propagation, method_of, planned, stepped
 from liouville.routes.route import KEEP_LESS, Asked, kept, observable, threads_of
 from liouville.systems import Schrodinger
-
-Method = SchrodingerSplitting | Chebyshev | Lanczos | SplitOperator | Magnus
 
 
 class WaveRoute:
@@ -24,7 +22,7 @@ class WaveRoute:
 
     constraints: tuple[str, ...] = ()
 
-    def __init__(self, system: Schrodinger, method: Method | Propagation, asked: Asked) -> None:
+    def __init__(self, system: Schrodinger, method: WaveMethod | Propagation, asked: Asked) -> None:
         self._system = system = system.with_params(asked.params)
         self.params: Mapping[str, Any] = system.params
         times = times_of(asked.t)
@@ -55,7 +53,7 @@ class WaveRoute:
         return 8 * (1 + int(np.prod(self.members)) * sum(self.columns.values()))
 
     def _planned(
-        self, method: Method | Propagation, times: tuple[float, ...], asked: Asked
+        self, method: WaveMethod | Propagation, times: tuple[float, ...], asked: Asked
     ) -> Propagation:
         if isinstance(method, Propagation):
             if asked.tol is not None:
@@ -150,7 +148,9 @@ def _stops(
     name = type(method).__name__
     if len(times) > 2:
         if asked.h is None or asked.steps is not None or asked.every != 1:
-            raise TypeError(f"{name} takes h= with a sequence of times, and neither steps nor every")
+            raise TypeError(
+                f"{name} takes h= with a sequence of times, and neither steps nor every"
+            )
         ends = [steps_of(pair, asked.h, None, asked.control, (), name) for pair in pairwise(times)]
         return [(each.t1, each.count) for each in ends]
     pace = steps_of(times, asked.h, asked.steps, asked.control, (), name)

@@ -328,9 +328,7 @@ class Schrodinger:
         is_model = isinstance(self.source, (Grid, Lattice))
         return [(self.size,), *([shape] if is_model and len(shape) > 1 else [])]
 
-    def observables(
-        self, observe: Mapping[str, Any] | None
-    ) -> list[Observable]:
+    def observables(self, observe: Mapping[str, Any] | None) -> list[Observable]:
         r"""Return names, widths and the core's form of what a run keeps besides states.
 
         Parameters
