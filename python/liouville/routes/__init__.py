@@ -68,7 +68,7 @@ def route(system: System, method: Method | Plan | Propagation | str, asked: Aske
 
 
 def _no_route(method: Any, form: str, systems: str) -> TypeError:
-    mechanical = ("general", "second-order")
+    mechanical = ("general", "second order")
     forms = mechanical if form == "mechanical" else (form,)
     known = [cls.__name__ for cls in METHODS.values() if cls.form in forms]
     known += {"field": ["Plan"], "mechanical": ["Composition"], "wave": ["Propagation"]}[form]
