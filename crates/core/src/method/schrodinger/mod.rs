@@ -2,15 +2,19 @@
 //!
 //! What is stepped is e^{iσt} ψ(t), by H − σ with σ in the middle of the spectrum; a state keeps σt.
 
+pub mod bessel;
+mod chebyshev;
 mod observe;
 mod shears;
 mod sweep;
 
+pub use chebyshev::Chebyshev;
 pub use observe::{Observable, Observer};
 pub use shears::Shears;
 pub use sweep::{Move, Sums, Sweeper};
 
 use crate::real::Scalar;
+use crate::trouble::Trouble;
 use std::f64::consts::TAU;
 
 /// A wave function ψ = e^{−i phase} (q + i p), or several in lock-step.
@@ -63,4 +67,33 @@ pub(super) fn squares<S: Scalar>(q: &[S], p: &[S]) -> S {
         }
     }
     total
+}
+
+/// Refuses sums of squares `now` that are not fine, of what was `start`: both go to `is_fine` by their roots.
+fn refuse<S: Scalar>(
+    now: S,
+    start: S,
+    t: f64,
+    is_fine: impl Fn(f64, f64) -> bool,
+) -> Result<(), Trouble> {
+    for member in 0..S::MEMBERS {
+        let (norm, start) = (now.member(member).sqrt(), start.member(member).sqrt());
+        if !is_fine(norm, start) {
+            let trouble = Trouble::Norm { norm, start, t };
+            return Err(if S::MEMBERS > 1 {
+                trouble.of_member(member)
+            } else {
+                trouble
+            });
+        }
+    }
+    Ok(())
+}
+
+/// Refuses a norm that has changed by more than `tolerance`, relatively: outside the bounds of the spectrum a
+/// step is not stable.
+pub(super) fn guard<S: Scalar>(now: S, start: S, tolerance: f64, t: f64) -> Result<(), Trouble> {
+    refuse(now, start, t, |now, start| {
+        (now - start).abs() <= tolerance * start
+    })
 }
