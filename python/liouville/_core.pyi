@@ -19,6 +19,7 @@ __all__ = [
     "SecondOrder",
     "Split",
     "Tape",
+    "chebyshev_degree",
     "compositions",
     "determinant_run",
     "gauss_lobatto",
@@ -160,6 +161,7 @@ class Hamiltonian:
     def size(self) -> int: ...
     def multiply(self, x: NDArray[np.float64]) -> NDArray[np.float64]: ...
 
+def chebyshev_degree(theta: float, tolerance: float) -> int: ...
 def split_program(name: str) -> list[tuple[bool, float, float]]: ...
 def schrodinger_run(
     hamiltonian: Hamiltonian,

@@ -1,6 +1,6 @@
 //! Methods for Schrödinger equations, as tuples.
 
-use liouville_core::method::schrodinger::{Phases, Shears, Sweeper, Wave};
+use liouville_core::method::schrodinger::{Chebyshev, Phases, Shears, Sweeper, Wave, bessel};
 use liouville_core::method::{Composed, Flow, Stepper};
 use liouville_core::problem::quantum::Hamiltonian;
 use liouville_core::tableau::{Turn, split_program};
@@ -25,6 +25,12 @@ pub(super) enum Lockstep {
         shift: f64,
         tolerance: f64,
     },
+    Chebyshev {
+        bounds: (f64, f64),
+        rate: f64,
+        tolerance: f64,
+        is_doubled: bool,
+    },
 }
 
 pub(super) enum Alone {
@@ -38,6 +44,8 @@ impl Method {
     /// Methods are tuples, their kind first:
     ///
     ///     ("shears", coefficients of q and p in turn, shift, how far the norm may be off)
+    ///     ("chebyshev", bounds of the spectrum, error allowed in a unit of time, how far the norm may be off,
+    ///      whether H acts on real and imaginary part one after the other)
     ///     ("phases", name of a splitting, how far the norm may be off)
     pub(super) fn of(
         method: &Bound<'_, PyTuple>,
@@ -53,6 +61,15 @@ impl Method {
                     program: shears(coefficients.as_slice()?),
                     shift,
                     tolerance,
+                }))
+            }
+            "chebyshev" => {
+                let (bounds, rate, tolerance, is_doubled) = rest.extract()?;
+                Ok(Self::Lockstep(Lockstep::Chebyshev {
+                    bounds,
+                    rate,
+                    tolerance,
+                    is_doubled,
                 }))
             }
             "phases" => {
@@ -86,6 +103,19 @@ impl Lockstep {
                 let shears = Shears::new(sweeper, *shift, *tolerance);
                 Box::new(Composed::following(shears, program.clone()))
             }
+            Self::Chebyshev {
+                bounds,
+                rate,
+                tolerance,
+                is_doubled,
+            } => {
+                let series = Chebyshev::new(sweeper, *bounds, *rate, *tolerance);
+                Box::new(if *is_doubled {
+                    series.hermitian()
+                } else {
+                    series
+                })
+            }
         }
     }
 }
@@ -113,6 +143,12 @@ fn flow(turn: Turn) -> Flow {
 fn turns(name: &str) -> PyResult<Vec<Turn>> {
     let unknown = || PyValueError::new_err(format!("there is no splitting {name:?}"));
     split_program(name).ok_or_else(unknown)
+}
+
+/// The degree of the Chebyshev series of e^{−iθx} on [−1, 1] that leaves out at most `tolerance`.
+#[pyfunction]
+pub(crate) fn chebyshev_degree(theta: f64, tolerance: f64) -> usize {
+    bessel::series(theta, tolerance).len() - 1
 }
 
 /// The flows of a splitting of T + V: whether a kick, its weight, and the weights of the drifts before it.
