@@ -36,6 +36,9 @@ pub trait Number:
     /// cos x
     #[must_use]
     fn cos(self) -> Self;
+    /// sin x
+    #[must_use]
+    fn sin(self) -> Self;
     /// x^(-1/q) for x > 0 and q = 1, 2, 3.
     #[must_use]
     fn inverse_root(self, q: u32) -> Self;
