@@ -117,6 +117,7 @@ class Schrodinger:
     """
 
     states = ("psi",)
+    coordinates: tuple[str, ...] = ()
     constraints: tuple[str, ...] = ()
 
     def __init__(
@@ -265,6 +266,14 @@ class Schrodinger:
                 low, high = self._static.extent(*LANCZOS)
                 bounds = low, high
             found.append(bounds)
+        return found
+
+    @property
+    def operator_bounds(self) -> list[Bounds]:
+        """Bounds of each operator of the core, whose sums over a term are those of the term."""
+        found: list[Bounds] = []
+        for term, bounds in zip(self._terms, self.term_bounds, strict=True):
+            found += [bounds, *[(0.0, 0.0)] * (len(term.operators) - 1)]
         return found
 
     @cached_property

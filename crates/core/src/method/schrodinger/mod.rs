@@ -2,11 +2,14 @@
 //!
 //! What is stepped is e^{iσt} ψ(t), by H − σ with σ in the middle of the spectrum; a state keeps σt.
 
+pub mod bessel;
+mod chebyshev;
 mod observe;
 mod phases;
 mod shears;
 mod sweep;
 
+pub use chebyshev::Chebyshev;
 pub use observe::{Observable, Observer};
 pub use phases::Phases;
 pub use shears::Shears;
@@ -68,17 +71,16 @@ pub(super) fn squares<S: Scalar>(q: &[S], p: &[S]) -> S {
     total
 }
 
-/// Refuses a norm that has changed by more than `tolerance`, relatively.
-pub(super) fn check_norm<S: Scalar>(
+/// Refuses sums of squares `now` that are not fine, of what was `start`: both go to `is_fine` by their roots.
+fn refuse<S: Scalar>(
+    now: S,
+    start: S,
     t: f64,
-    tolerance: f64,
-    state: &Wave<S>,
+    is_fine: impl Fn(f64, f64) -> bool,
 ) -> Result<(), Trouble> {
-    let now = squares(&state.q, &state.p);
     for member in 0..S::MEMBERS {
-        let (norm, start) = (now.member(member).sqrt(), state.start.member(member).sqrt());
-        let is_kept = (norm - start).abs() <= tolerance * start;
-        if !is_kept {
+        let (norm, start) = (now.member(member).sqrt(), start.member(member).sqrt());
+        if !is_fine(norm, start) {
             let trouble = Trouble::Norm { norm, start, t };
             return Err(if S::MEMBERS > 1 {
                 trouble.of_member(member)
@@ -88,4 +90,12 @@ pub(super) fn check_norm<S: Scalar>(
         }
     }
     Ok(())
+}
+
+/// Refuses a norm that has changed by more than `tolerance`, relatively: outside the bounds of the spectrum a
+/// step is not stable.
+pub(super) fn guard<S: Scalar>(now: S, start: S, tolerance: f64, t: f64) -> Result<(), Trouble> {
+    refuse(now, start, t, |now, start| {
+        (now - start).abs() <= tolerance * start
+    })
 }

@@ -1,7 +1,7 @@
 //! Shears q ← q + c h (H − σ) p and p ← p − c h (H − σ) q, the parts of splittings that know H by its
 //! products only.
 
-use super::{Move, Sweeper, Wave, check_norm};
+use super::{Move, Sweeper, Wave, guard, squares};
 use crate::method::{Flow, Parts, Stats};
 use crate::problem::quantum::Update;
 use crate::trouble::Trouble;
@@ -101,9 +101,8 @@ impl<S: Stored> Parts for Shears<S> {
         Ok(())
     }
 
-    /// Refuses a norm that has changed: outside the bounds of the spectrum a step is not stable.
     fn check(&self, t: f64, state: &Wave<S>) -> Result<(), Trouble> {
-        check_norm(t, self.tolerance, state)
+        guard(squares(&state.q, &state.p), state.start, self.tolerance, t)
     }
 
     /// No copy: two vectors are all the memory there is.
