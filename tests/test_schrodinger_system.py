@@ -1,4 +1,4 @@
-"""Hamiltonians cross to the core as they are, bounds hold, and what is no Hamiltonian is refused."""
+"""Hamiltonians cross to the core as they are, bounds hold, and others are refused."""
 
 import numpy as np
 import pytest
@@ -38,7 +38,8 @@ def agrees(system, matrix, rng):
     wanted = matrix @ psi
     energies = np.linalg.eigvalsh(matrix)
     low, high = system.bounds
-    assert low <= energies[0] and energies[-1] <= high
+    assert low <= energies[0]
+    assert energies[-1] <= high
     return np.allclose(multiplied(system, psi), wanted, rtol=0, atol=1e-13 * n * abs(wanted).max())
 
 
@@ -245,15 +246,15 @@ def test_what_depends_on_time_has_bounds_at_each_time():
     assert system.bounds_at(1.5) == (pytest.approx(-12.0), pytest.approx(top + 3 * 3.75))
     matrix, term = np.diag([1.0, 2.0]), np.diag([1.0, -1.0])
     driven = lv.Schrodinger(matrix, drive=[(lambda t, params: -t, term)])
-    assert driven.term_bounds == pytest.approx([(1.0, 2.0), (-1.0, 1.0)], abs=1e-12)
+    assert np.allclose(driven.term_bounds, [(1.0, 2.0), (-1.0, 1.0)], rtol=0, atol=1e-12)
     assert driven.bounds_at(2.0) == pytest.approx((-1.0, 4.0), abs=1e-12)
 
 
 def test_products_and_linear_operators_are_taken():
     rng, n = np.random.default_rng(7), 50
     matrix = symmetric(rng, n, 0.2)
-    for given in (aslinearoperator(matrix), (n, lambda x: matrix @ x)):
-        system = lv.Schrodinger(given, hbar=2.0)
+    for product in (aslinearoperator(matrix), (n, lambda x: matrix @ x)):
+        system = lv.Schrodinger(product, hbar=2.0)
         assert agrees(system, matrix / 2, rng)
 
 
