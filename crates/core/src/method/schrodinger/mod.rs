@@ -4,11 +4,15 @@
 
 pub mod bessel;
 mod chebyshev;
+mod extent;
+mod lanczos;
 mod observe;
 mod shears;
 mod sweep;
 
 pub use chebyshev::Chebyshev;
+pub use extent::{Ritz, asymmetry, ritz};
+pub use lanczos::Lanczos;
 pub use observe::{Observable, Observer};
 pub use shears::Shears;
 pub use sweep::{Move, Sums, Sweeper};

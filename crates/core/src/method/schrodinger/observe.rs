@@ -108,7 +108,7 @@ impl Observer {
     }
 }
 
-fn dot(x: &[f64], y: &[f64]) -> f64 {
+pub(super) fn dot(x: &[f64], y: &[f64]) -> f64 {
     const BLOCK: usize = 256;
     let blocks = x.chunks(BLOCK).zip(y.chunks(BLOCK));
     blocks
