@@ -134,7 +134,7 @@ impl Hamiltonian {
         }
         let (x, mut out) = (x.as_slice()?, vec![0.0; x.len()]);
         let outcome = py.detach(|| {
-            let scratch = &mut [Vec::new(), Vec::new()];
+            let scratch = &mut quantum::Scratch::default();
             (self.inner.sum()).multiply(Machine::default(), x, &mut out, scratch)
         });
         outcome.map_err(|trouble| self.raised().unwrap_or_else(|| refused(trouble)))?;

@@ -7,7 +7,7 @@
 //! Source: parklight1986; hochbruck1997.
 
 use super::observe::dot;
-use super::{Move, Sweeper, Wave, guard, squares};
+use super::{Move, Sweeper, Wave, check_norm, squares};
 use crate::linalg::{Tridiagonal, add_scaled};
 use crate::method::{Stats, Stepper};
 use crate::problem::quantum::Update;
@@ -189,7 +189,7 @@ impl Lanczos {
             self.combine(tau.copysign(h), norm, state);
             left -= tau;
         }
-        guard(squares(&state.q, &state.p), state.start, self.guard, t + h)
+        check_norm(t + h, self.guard, state)
     }
 }
 
