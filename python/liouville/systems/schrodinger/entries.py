@@ -130,7 +130,9 @@ class Entries:
         if i == j:
             sentence = f"{name}[{i}, {i}] = {self.values[k]:.6g} is not real"
         else:
-            sentence = f"{name}[{i}, {j}] = {self.values[k]:.6g}, but [{j}, {i}] = {other:.6g}"
+            sentence = (
+                f"{name}[{i}, {j}] = {self.values[k]:.6g}, but {name}[{j}, {i}] = {other:.6g}"
+            )
         hint = "only a Hermitian matrix keeps the norm; absorbing potentials are not taken"
         raise ValueError(hinted(f"{name} is not Hermitian: {sentence}", hint))
 

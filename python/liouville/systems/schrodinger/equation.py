@@ -134,10 +134,13 @@ class Schrodinger:
         self._params = _trace.Parameters(params)
         self._given = interval(bounds, self.hbar)
         self.grid = hamiltonian if isinstance(hamiltonian, Grid) else None
-        source = Product.read("H", hamiltonian) if self.grid is None else self.grid
+        is_model = isinstance(hamiltonian, (Grid, SpinChain))
+        source = hamiltonian if is_model else Product.read("H", hamiltonian)
         source = source or _entries(hamiltonian)
         self.size: int = source.n if isinstance(source, (Entries, Product)) else source.size
         self._functions, driven = self._read(drive)
+        if isinstance(source, SpinChain) and not all(matrix.is_real for matrix in driven):
+            source = source.entries()
         self.frame = self._framed([source, *driven])
         self._build(source, driven)
 
@@ -161,7 +164,7 @@ class Schrodinger:
         if not all(matrix.is_real for matrix in matrices):
             if len(matrices) < len(parts):
                 sentence = "a complex drive wants a Hamiltonian that is a matrix"
-                raise TypeError(hinted(sentence, "a grid or products take real ones"))
+                raise TypeError(hinted(sentence, "grids and products take real ones"))
             phases = graph.gauge(matrices)
             is_doubled = phases is None
         order = None
@@ -175,14 +178,8 @@ class Schrodinger:
         """Make the terms, and what the core calls them."""
         self.potential: np.ndarray | None = None
         self._moving: clock.Traced | None = None
-        if isinstance(source, Grid):
-            first = self._of_grid(source)
-        else:
-            first = self._of(
-                source,
-                self.source.bounds if isinstance(self.source, (Lattice, SpinChain)) else None,
-            )
-        self._terms = [first, *map(self._of, driven)]
+        self._terms = [self._of_grid(source) if isinstance(source, Grid) else self._of(source)]
+        self._terms += map(self._of_matrix, driven)
         self.is_driven = bool(driven) or self._moving is not None
         flat = [operator for term in self._terms for operator in term.operators]
         params = self._params.values(None)
@@ -197,16 +194,24 @@ class Schrodinger:
         if isinstance(source, Product):
             check_symmetric(self._static)
 
-    def _of(self, part: Entries | Product, closed: Callable[[], Bounds] | None = None) -> _Term:
-        """Make a term, within further bounds of its energies if a model knows them."""
-        if isinstance(part, Product):
-            return _Term([part.operator(1 / self.hbar)], None)
-        part = part.times(1 / self.hbar)
-        low, high = part.bounds
-        if closed is not None:
-            least, largest = closed()
-            low, high = max(low, least / self.hbar), min(high, largest / self.hbar)
-        return _Term(operators(self.frame.entries(part)), (low, high))
+    def _of(self, source: Entries | Product | SpinChain) -> _Term:
+        """Make the first term; a model may know closer bounds than its matrix."""
+        scale = 1 / self.hbar
+        if isinstance(source, Product):
+            return _Term([source.operator(scale)], None)
+        if isinstance(source, SpinChain):
+            low, high = source.bounds()
+            return _Term([source.operator(scale)], (scale * low, scale * high))
+        term = self._of_matrix(source)
+        if not isinstance(self.source, Lattice) or term.bounds is None:
+            return term
+        low, high = self.source.bounds()
+        closer = (max(term.bounds[0], scale * low), min(term.bounds[1], scale * high))
+        return _Term(term.operators, closer)
+
+    def _of_matrix(self, matrix: Entries) -> _Term:
+        matrix = matrix.times(1 / self.hbar)
+        return _Term(operators(self.frame.entries(matrix)), matrix.bounds)
 
     def _of_grid(self, grid: Grid) -> _Term:
         kinetic = [energies / self.hbar for energies in grid.kinetic(self.hbar)]
@@ -244,7 +249,8 @@ class Schrodinger:
         if not params:
             return self
         found = self._params.replaced(self._params.values(params)).defaults
-        bounds = None if self._given is None else tuple(x * self.hbar for x in self._given)
+        given = self._given
+        bounds = None if given is None else (given[0] * self.hbar, given[1] * self.hbar)
         return type(self)(
             self.source, bounds=bounds, hbar=self.hbar, drive=self._drive, params=found
         )
@@ -358,7 +364,7 @@ class Schrodinger:
 
 
 def _entries(given: Any) -> Entries:
-    if isinstance(given, (Lattice, SpinChain)):
+    if isinstance(given, Lattice):
         return given.entries()
     if callable(given):
         raise TypeError(hinted("H is a function of unknown size", "give (N, function)"))
