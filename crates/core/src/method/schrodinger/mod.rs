@@ -2,11 +2,13 @@
 //!
 //! What is stepped is e^{iσt} ψ(t), by H − σ with σ in the middle of the spectrum; a state keeps σt.
 
+mod magnus;
 mod observe;
 mod phases;
 mod shears;
 mod sweep;
 
+pub use magnus::{Exponential, Magnus, Nodes};
 pub use observe::{Observable, Observer};
 pub use phases::Phases;
 pub use shears::Shears;
