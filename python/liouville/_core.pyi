@@ -22,6 +22,7 @@ __all__ = [
     "compositions",
     "determinant_run",
     "gauss_lobatto",
+    "ladder",
     "mechanical_run",
     "project",
     "schrodinger_run",
@@ -139,6 +140,7 @@ def section_run(
     is_compensated: bool,
     threads: int,
 ) -> Run | _Trouble: ...
+
 @final
 class Operator:
     @staticmethod
@@ -176,3 +178,4 @@ def project(
 ) -> NDArray[np.float64] | _Trouble: ...
 def gauss_lobatto(stages: int) -> dict[str, NDArray[np.float64]]: ...
 def compositions() -> dict[str, dict[str, Any]]: ...
+def ladder() -> list[dict[str, Any]]: ...

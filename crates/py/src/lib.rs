@@ -8,6 +8,7 @@ mod caught;
 mod composition;
 mod convert;
 mod errors;
+mod ladder;
 mod mechanical_run;
 mod operator;
 mod project;
@@ -31,6 +32,8 @@ mod _core {
     use super::composition::compositions;
     #[pymodule_export]
     use super::convert::{Mechanical, Rows, Tape};
+    #[pymodule_export]
+    use super::ladder::ladder;
     #[pymodule_export]
     use super::mechanical_run::mechanical_run;
     #[pymodule_export]

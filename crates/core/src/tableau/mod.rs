@@ -3,9 +3,11 @@
 mod alpha;
 mod collocation;
 pub mod composition;
+mod ladder;
 mod spark;
 pub mod splitting;
 
 pub use alpha::Alpha;
 pub use composition::Scheme;
+pub use ladder::Ladder;
 pub use spark::GaussLobatto;

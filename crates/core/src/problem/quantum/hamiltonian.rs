@@ -172,7 +172,10 @@ impl Weighted<'_> {
                 Operator::Kinetic(kinetic) => {
                     kinetic.update(update, x, out, &mut scratch.memory);
                 }
-                Operator::Rows(_) => term.act(machine, update, Block { row, out, place, x }),
+                Operator::Rows(_)
+                | Operator::Diagonals(_)
+                | Operator::Dense(_)
+                | Operator::Spins(_) => term.act(machine, update, Block { row, out, place, x }),
             }
         }
         self.add_potential(update.factor, Block { row, out, place, x });

@@ -4,6 +4,8 @@
 //! rows of a product from what lies around them in x, so that several products go over the matrix in one
 //! sweep and threads share the rows; whole terms make all of a product at once.
 
+mod dense;
+mod diagonals;
 mod drive;
 pub mod fourier;
 mod hamiltonian;
@@ -12,13 +14,18 @@ mod potential;
 mod present;
 mod product;
 mod rows;
+mod spins;
+mod update;
 
+pub use dense::Dense;
+pub use diagonals::Diagonals;
 pub use drive::Drive;
 pub use hamiltonian::{Hamiltonian, Scratch, Weighted};
 pub use kinetic::Kinetic;
 pub use potential::Potential;
 pub use present::Present;
 pub use product::Product;
+pub use spins::{Bond, Spins};
 
 use crate::linalg::Rows;
 use crate::vector::{Machine, Stored};
@@ -66,6 +73,12 @@ pub enum Operator {
     Rows(Arc<Rows>),
     /// Kinetic energy on a grid.
     Kinetic(Arc<Kinetic>),
+    /// A matrix by its diagonals.
+    Diagonals(Arc<Diagonals>),
+    /// A dense matrix.
+    Dense(Arc<Dense>),
+    /// A chain of spins.
+    Spins(Arc<Spins>),
     /// Any function that makes products.
     Product(Arc<dyn Product>),
 }
@@ -76,6 +89,9 @@ impl Operator {
         match self {
             Self::Rows(rows) => rows.shape().0,
             Self::Kinetic(kinetic) => kinetic.size(),
+            Self::Diagonals(diagonals) => diagonals.size(),
+            Self::Dense(dense) => dense.size(),
+            Self::Spins(spins) => spins.size(),
             Self::Product(product) => product.size(),
         }
     }
@@ -85,6 +101,9 @@ impl Operator {
         match self {
             Self::Rows(rows) => Some(rows.reach()),
             Self::Kinetic(_) | Self::Product(_) => None,
+            Self::Diagonals(diagonals) => Some(diagonals.reach()),
+            Self::Dense(dense) => Some(dense.size()),
+            Self::Spins(spins) => Some(spins.size()),
         }
     }
 
@@ -96,6 +115,9 @@ impl Operator {
         match self {
             Self::Rows(rows) => rows::act(rows, machine, update, block),
             Self::Kinetic(_) | Self::Product(_) => unreachable!("whole terms have no rows"),
+            Self::Diagonals(diagonals) => diagonals.act(machine, update, block),
+            Self::Dense(dense) => dense.act(machine, update, block),
+            Self::Spins(spins) => spins.act(machine, update, block),
         }
     }
 }
