@@ -40,7 +40,7 @@ PACKAGE_FLOORS = (
 LAZY = {("solution", "export")}  # to_xarray() and save() fetch the exporter when called
 
 CORE_ROOMS = {
-    "faer": ("linalg/sparse.rs",),
+    "faer": ("linalg/sparse.rs", "linalg/tridiagonal.rs"),
     "libm": ("tape/execute.rs",),
     "pulp": ("vector/",),
     "rayon": ("ensemble.rs", "parallel.rs"),

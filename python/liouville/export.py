@@ -149,7 +149,7 @@ def save(solution: Solution, path: str | os.PathLike[str]) -> None:
     if path.suffix == ".csv":
         _save_csv(solution, path)
         return
-    dataset = to_xarray(solution).map(_paired, keep_attrs=True)
+    dataset = _paired(to_xarray(solution))
     # No fill value: a stored NaN is the run's own NaN.
     encoding = {
         name: {"_FillValue": None}
@@ -202,7 +202,7 @@ def load(path: str | os.PathLike[str]) -> Solution:
         with _needed("xarray").open_dataset(
             path, decode_times=False, mask_and_scale=False, **options
         ) as opened:
-            dataset = opened.load().map(_complex, keep_attrs=True)
+            dataset = _complex(opened.load())
     except (OSError, KeyError, ValueError) as error:
         raise ValueError(f"{str(path)!r} cannot be read as {path.suffix}: {error}") from error
     found = dataset.attrs.get(MARK)
@@ -253,26 +253,26 @@ def _from_xarray(dataset: xarray.Dataset) -> Solution:
     )
 
 
-def _paired(variable: xarray.DataArray) -> xarray.DataArray:
+def _paired(dataset: xarray.Dataset) -> xarray.Dataset:
     """Give complex numbers as pairs: neither kind of file has them."""
-    if variable.dtype.kind != "c":
-        return variable
-    pairs = np.ascontiguousarray(variable.values)[..., None].view(float)
-    paired: xarray.DataArray = _needed("xarray").DataArray(
-        pairs, dims=(*variable.dims, PART), attrs=variable.attrs
+    return dataset.assign(
+        {
+            name: ((*x.dims, PART), np.ascontiguousarray(x.values)[..., None].view(float), x.attrs)
+            for name, x in dataset.items()
+            if x.dtype.kind == "c"
+        }
     )
-    return paired
 
 
-def _complex(variable: xarray.DataArray) -> xarray.DataArray:
+def _complex(dataset: xarray.Dataset) -> xarray.Dataset:
     """Give pairs as complex numbers."""
-    if PART not in variable.dims:
-        return variable
-    values = np.ascontiguousarray(variable.values).view(complex)[..., 0]
-    whole: xarray.DataArray = _needed("xarray").DataArray(
-        values, dims=variable.dims[:-1], attrs=variable.attrs
+    return dataset.assign(
+        {
+            name: (x.dims[:-1], np.ascontiguousarray(x.values).view(complex)[..., 0], x.attrs)
+            for name, x in dataset.items()
+            if PART in x.dims
+        }
     )
-    return whole
 
 
 def _members(count: int) -> int | None:

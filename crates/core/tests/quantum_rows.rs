@@ -2,9 +2,7 @@
 
 use liouville_core::linalg::Rows;
 //use liouville_core::method::schrodinger::{Move, Sweeper};
-use liouville_core::problem::quantum::{
-    Block, Bond, Dense, Diagonals, Operator, Spins, Update,
-};
+use liouville_core::problem::quantum::{Block, Bond, Dense, Diagonals, Operator, Spins, Update};
 use liouville_core::real::{Lanes, Scalar};
 use liouville_core::vector::{Machine, Stored};
 use proptest::prelude::*;
@@ -18,7 +16,10 @@ struct Draw(u64);
 
 impl Draw {
     fn below(&mut self, most: usize) -> usize {
-        self.0 = self.0.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1);
+        self.0 = self
+            .0
+            .wrapping_mul(6_364_136_223_846_793_005)
+            .wrapping_add(1);
         (self.0 >> 33) as usize % most
     }
 
@@ -67,7 +68,11 @@ fn sparse(matrix: &Matrix) -> Rows {
     let n = matrix.len();
     let (mut row, mut col, mut values) = (vec![], vec![], vec![]);
     for (i, of_row) in matrix.iter().enumerate() {
-        for (j, value) in of_row.iter().enumerate().filter(|(_, value)| **value != 0.0) {
+        for (j, value) in of_row
+            .iter()
+            .enumerate()
+            .filter(|(_, value)| **value != 0.0)
+        {
             row.push(i);
             col.push(j);
             values.push(*value);
@@ -81,7 +86,11 @@ fn bonds(draw: &mut Draw, length: usize) -> (Vec<Bond>, Vec<f64>) {
     let mut bonds = Vec::new();
     for k in 0..length {
         let (i, j) = (draw.below(length), draw.below(length));
-        let sites = if draw.below(2) == 0 { (k, (k + 1) % length) } else { (i, j) };
+        let sites = if draw.below(2) == 0 {
+            (k, (k + 1) % length)
+        } else {
+            (i, j)
+        };
         let sites = (sites.0 as u32, sites.1 as u32);
         if sites.0 != sites.1 {
             let (xy, z) = (draw.next(), draw.next());
@@ -125,10 +134,26 @@ fn product(matrix: &Matrix, x: &[f64]) -> Vec<f64> {
 }
 
 const UPDATES: [Update; 4] = [
-    Update { keep: 1.0, factor: 0.7, diagonal: -0.4 },
-    Update { keep: -1.0, factor: 2.0, diagonal: 0.0 },
-    Update { keep: 0.0, factor: -0.3, diagonal: 0.2 },
-    Update { keep: 1.0, factor: 1.0, diagonal: 0.0 },
+    Update {
+        keep: 1.0,
+        factor: 0.7,
+        diagonal: -0.4,
+    },
+    Update {
+        keep: -1.0,
+        factor: 2.0,
+        diagonal: 0.0,
+    },
+    Update {
+        keep: 0.0,
+        factor: -0.3,
+        diagonal: 0.2,
+    },
+    Update {
+        keep: 1.0,
+        factor: 1.0,
+        diagonal: 0.0,
+    },
 ];
 
 /// Makes all rows in blocks, each with no more of x around it than it may have.
@@ -181,7 +206,11 @@ fn check(draw: &mut Draw, operator: &Operator, matrix: &Matrix) {
         for i in 0..n {
             let want = update.keep * out[i] + update.factor * product[i] + update.diagonal * x[i];
             let scale: f64 = 1.0 + matrix[i].iter().map(|a| a.abs()).sum::<f64>();
-            assert!((one[i] - want).abs() < 1e-14 * scale, "row {i}: {} {want}", one[i]);
+            assert!(
+                (one[i] - want).abs() < 1e-14 * scale,
+                "row {i}: {} {want}",
+                one[i]
+            );
         }
     }
 }

@@ -3,9 +3,11 @@
 use crate::caught::Caught;
 use crate::convert::{Rows, Tape};
 use crate::errors::refused;
+use liouville_core::method::schrodinger::{self, Sweeper};
 use liouville_core::problem::quantum::{
     self, Bond, Dense, Diagonals, Drive, Kinetic, Potential, Spins,
 };
+use liouville_core::trouble::Trouble;
 use liouville_core::vector::Machine;
 use numpy::{PyArray1, PyReadonlyArray1, PyReadonlyArray2, PyUntypedArrayMethods};
 use pyo3::exceptions::PyValueError;
@@ -243,14 +245,31 @@ impl Hamiltonian {
             let scratch = &mut quantum::Scratch::default();
             (self.inner.sum()).multiply(Machine::default(), x, &mut out, scratch)
         });
-        outcome.map_err(|trouble| self.raised().unwrap_or_else(|| refused(trouble)))?;
+        outcome.map_err(|trouble| self.explained(trouble))?;
         Ok(PyArray1::from_vec(py, out))
+    }
+
+    /// The smallest Ritz value and its residual, and the largest, after so many Lanczos steps from a random
+    /// vector.
+    fn ritz(&self, py: Python<'_>, steps: usize, seed: u64) -> PyResult<(f64, f64, f64, f64)> {
+        let mut sweeper = Sweeper::new(self.inner.clone());
+        let found = py.detach(|| schrodinger::ritz(&mut sweeper, steps.max(1), seed));
+        let found = found.map_err(|trouble| self.explained(trouble))?;
+        Ok((found.low.0, found.low.1, found.high.0, found.high.1))
+    }
+
+    /// |x H y − y H x| / (|x| |H y|) of two random vectors, which is nothing where H is symmetric.
+    fn asymmetry(&self, py: Python<'_>, seed: u64) -> PyResult<f64> {
+        let mut sweeper = Sweeper::new(self.inner.clone());
+        let found = py.detach(|| schrodinger::asymmetry(&mut sweeper, seed));
+        found.map_err(|trouble| self.explained(trouble))
     }
 }
 
 impl Hamiltonian {
-    /// What a function raised that makes products.
-    fn raised(&self) -> Option<PyErr> {
-        self.caught.iter().find_map(Caught::take)
+    /// What a function raised that makes products, or what else there is to say.
+    fn explained(&self, trouble: Trouble) -> PyErr {
+        let raised = self.caught.iter().find_map(Caught::take);
+        raised.unwrap_or_else(|| refused(trouble))
     }
 }

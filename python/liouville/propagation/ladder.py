@@ -16,6 +16,9 @@ Array = NDArray[np.float64]
 #: Half the distance of 1 to the next number.
 ROUNDOFF = 2.0**-53
 
+#: Roundings of the energies turn the phase by so much of the last digit of each unit of it.
+PHASE = 8.0
+
 #: How much longer than the longest possible steps are tried to be shorter.
 SHORTER = (1.0, 1.06, 1.12, 1.25, 1.5, 2.0)
 
@@ -73,7 +76,7 @@ class Rung:
         if self.stable:
             kappa = self.kappa[place]
             bound = min(bound, steps * self.dphi[place] + kappa + kappa**2 / 2)
-        return float(bound + ROUNDOFF * np.sqrt(steps) * self.gain)
+        return float(bound + ROUNDOFF * (np.sqrt(steps) * self.gain + PHASE * steps * x))
 
     def norm_bound(self, x: float, steps: int) -> float:
         """Bound how far the norm may be off after any number of steps up to this."""

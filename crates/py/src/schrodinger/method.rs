@@ -1,6 +1,8 @@
 //! Methods for Schrödinger equations, as tuples.
 
-use liouville_core::method::schrodinger::{Chebyshev, Phases, Shears, Sweeper, Wave, bessel};
+use liouville_core::method::schrodinger::{
+    Chebyshev, Exponential, Magnus, Nodes, Phases, Shears, Sweeper, Wave, bessel,
+};
 use liouville_core::method::{Composed, Flow, Stepper};
 use liouville_core::problem::quantum::Hamiltonian;
 use liouville_core::tableau::{Turn, split_program};
@@ -31,12 +33,22 @@ pub(super) enum Lockstep {
         tolerance: f64,
         is_doubled: bool,
     },
+    Magnus {
+        nodes: Nodes,
+        exponential: Exponential,
+        bounds: Vec<(f64, f64)>,
+    },
 }
 
 pub(super) enum Alone {
     Phases {
         program: Vec<Flow>,
         phases: Box<Phases>,
+    },
+    Lanczos {
+        dimension: usize,
+        rate: f64,
+        tolerance: f64,
     },
 }
 
@@ -46,6 +58,9 @@ impl Method {
     ///     ("shears", coefficients of q and p in turn, shift, how far the norm may be off)
     ///     ("chebyshev", bounds of the spectrum, error allowed in a unit of time, how far the norm may be off,
     ///      whether H acts on real and imaginary part one after the other)
+    ///     ("lanczos", dimension, error allowed in a unit of time, how far the norm may be off)
+    ///     ("magnus", order, coefficients of q and p in turn, half the width of the spectrum times a step of
+    ///      them at most, how far the norm may be off, bounds of the spectra of all terms)
     ///     ("phases", name of a splitting, how far the norm may be off)
     pub(super) fn of(
         method: &Bound<'_, PyTuple>,
@@ -72,6 +87,15 @@ impl Method {
                     is_doubled,
                 }))
             }
+            "lanczos" => {
+                let (dimension, rate, tolerance) = rest.extract()?;
+                Ok(Self::Alone(Alone::Lanczos {
+                    dimension,
+                    rate,
+                    tolerance,
+                }))
+            }
+            "magnus" => magnus(&rest).map(Self::Lockstep),
             "phases" => {
                 let (name, tolerance): (String, f64) = rest.extract()?;
                 let no_grid = || PyValueError::new_err("H is no kinetic energy and a potential");
@@ -116,8 +140,41 @@ impl Lockstep {
                     series
                 })
             }
+            Self::Magnus {
+                nodes,
+                exponential,
+                bounds,
+            } => Box::new(Magnus::new(
+                sweeper,
+                nodes.clone(),
+                exponential.clone(),
+                bounds.clone(),
+            )),
         }
     }
+}
+
+fn magnus(method: &Bound<'_, PyTuple>) -> PyResult<Lockstep> {
+    let (order, coefficients, theta, tolerance, bounds): (
+        usize,
+        PyReadonlyArray1<'_, f64>,
+        f64,
+        f64,
+        Vec<(f64, f64)>,
+    ) = method.extract()?;
+    Ok(Lockstep::Magnus {
+        nodes: if order == 2 {
+            Nodes::midpoint()
+        } else {
+            Nodes::gauss()
+        },
+        exponential: Exponential {
+            program: shears(coefficients.as_slice()?),
+            theta,
+            tolerance,
+        },
+        bounds,
+    })
 }
 
 /// Shears of q and p in turn.

@@ -8,7 +8,7 @@ use crate::caught::Caught;
 use crate::operator::Hamiltonian;
 use crate::run::Run;
 use liouville_core::ensemble::{Ensemble, Layout};
-use liouville_core::method::schrodinger::{Observable, Observer, Sweeper, Wave};
+use liouville_core::method::schrodinger::{Lanczos, Observable, Observer, Sweeper, Wave};
 use liouville_core::method::{Composed, Stepper};
 use liouville_core::patience::Patience;
 use liouville_core::problem::quantum;
@@ -89,6 +89,15 @@ impl Begin {
                 Alone::Phases { program, phases } => {
                     let phases = phases.clone().with_patience(patience);
                     self.started(Box::new(Composed::following(phases, program.clone())), psi)
+                }
+                Alone::Lanczos {
+                    dimension,
+                    rate,
+                    tolerance,
+                } => {
+                    let sweeper = self.sweeper(threads, patience);
+                    let lanczos = Lanczos::new(sweeper, *dimension, *rate, *tolerance);
+                    self.started(Box::new(lanczos), psi)
                 }
             },
         }

@@ -14,6 +14,9 @@ from liouville.systems.schrodinger.entries import Bounds
 #: Steps of Lanczos' method, and the seed of its start, where bounds are found or checked by it.
 LANCZOS = (30, 1)
 
+#: What is found by it is widened by so much at each end.
+WIDENED = 0.01
+
 #: Products of a symmetric matrix may seem so asymmetric, by roundoff.
 ASYMMETRY = 1e-10
 
@@ -36,6 +39,14 @@ def interval(bounds: Any, hbar: float) -> Bounds | None:
     if not (np.isfinite(high - low) and low < high):
         raise ValueError(f"bounds = ({low:g}, {high:g}) is no interval")
     return low / hbar, high / hbar
+
+
+def extent(hamiltonian: _core.Hamiltonian) -> Bounds:
+    """Find the ends of a spectrum by Lanczos' method, with their residuals, and widen it by 1 %."""
+    low, low_residual, high, high_residual = hamiltonian.ritz(*LANCZOS)
+    low, high = low - low_residual, high + high_residual
+    beyond = WIDENED * (high - low)
+    return low - beyond, high + beyond
 
 
 def check_inside(given: Bounds, hamiltonian: _core.Hamiltonian, hbar: float) -> None:

@@ -15,9 +15,9 @@ from liouville.errors import hinted
 from liouville.systems import _trace
 from liouville.systems.schrodinger import clock, graph, observed
 from liouville.systems.schrodinger.bounds import (
-    LANCZOS,
     check_inside,
     check_symmetric,
+    extent,
     interval,
     positive,
 )
@@ -265,14 +265,7 @@ class Schrodinger:
 
         A potential that depends on time is in none of them.
         """
-        found = []
-        for term in self._terms:
-            bounds = term.bounds
-            if bounds is None:
-                low, high = self._static.extent(*LANCZOS)
-                bounds = low, high
-            found.append(bounds)
-        return found
+        return [term.bounds or extent(self._static) for term in self._terms]
 
     @property
     def operator_bounds(self) -> list[Bounds]:

@@ -4,12 +4,18 @@
 
 pub mod bessel;
 mod chebyshev;
+mod extent;
+mod lanczos;
+mod magnus;
 mod observe;
 mod phases;
 mod shears;
 mod sweep;
 
 pub use chebyshev::Chebyshev;
+pub use extent::{Ritz, asymmetry, ritz};
+pub use lanczos::Lanczos;
+pub use magnus::{Exponential, Magnus, Nodes};
 pub use observe::{Observable, Observer};
 pub use phases::Phases;
 pub use shears::Shears;
@@ -92,10 +98,18 @@ fn refuse<S: Scalar>(
     Ok(())
 }
 
-/// Refuses a norm that has changed by more than `tolerance`, relatively: outside the bounds of the spectrum a
-/// step is not stable.
-pub(super) fn guard<S: Scalar>(now: S, start: S, tolerance: f64, t: f64) -> Result<(), Trouble> {
+/// Refuses sums of squares `now` whose roots are not what they were by more than `tolerance`, relatively.
+fn guard<S: Scalar>(now: S, start: S, tolerance: f64, t: f64) -> Result<(), Trouble> {
     refuse(now, start, t, |now, start| {
         (now - start).abs() <= tolerance * start
     })
+}
+
+/// Refuses a norm that has changed by more than `tolerance`, relatively.
+pub(super) fn check_norm<S: Scalar>(
+    t: f64,
+    tolerance: f64,
+    state: &Wave<S>,
+) -> Result<(), Trouble> {
+    guard(squares(&state.q, &state.p), state.start, tolerance, t)
 }

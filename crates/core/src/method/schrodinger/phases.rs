@@ -5,7 +5,7 @@
 //! depends on time (blanes2002). Planes of the grid stay transformed along all axes but the outermost between
 //! two flows of V, and a flow of V visits them one by one.
 
-use super::{Wave, guard, squares};
+use super::{Wave, check_norm};
 use crate::method::{Flow, Parts, Stats};
 use crate::patience::Patience;
 use crate::problem::quantum::fourier::{Complex, Memory};
@@ -272,7 +272,7 @@ impl Parts for Phases {
     }
 
     fn check(&self, t: f64, state: &Wave<f64>) -> Result<(), Trouble> {
-        guard(squares(&state.q, &state.p), state.start, self.tolerance, t)
+        check_norm(t, self.tolerance, state)
     }
 
     /// No copy: what is lost is lost.

@@ -1,7 +1,7 @@
 //! Shears q ← q + c h (H − σ) p and p ← p − c h (H − σ) q, the parts of splittings that know H by its
 //! products only.
 
-use super::{Move, Sweeper, Wave, guard, squares};
+use super::{Move, Sweeper, Wave, check_norm};
 use crate::method::{Flow, Parts, Stats};
 use crate::problem::quantum::Update;
 use crate::trouble::Trouble;
@@ -102,7 +102,7 @@ impl<S: Stored> Parts for Shears<S> {
     }
 
     fn check(&self, t: f64, state: &Wave<S>) -> Result<(), Trouble> {
-        guard(squares(&state.q, &state.p), state.start, self.tolerance, t)
+        check_norm(t, self.tolerance, state)
     }
 
     /// No copy: two vectors are all the memory there is.
