@@ -24,7 +24,7 @@ OMEGA = 0.2
 
 def bowl(sites: int) -> NDArray[np.float64]:
     """Return the potential along an axis."""
-    x: NDArray[np.float64] = np.arange(sites) - (sites - 1) / 2
+    x = np.arange(float(sites)) - (sites - 1) / 2
     return OMEGA**2 / 2 * x**2
 
 
@@ -47,8 +47,7 @@ def build(sites: int) -> Schrodinger:
 
 def start_for(sites: int) -> dict[str, NDArray[np.float64]]:
     """Start with a packet, as it is in the reference: of norm 1 up to roundoff."""
-    line = packet(sites)
-    line /= np.linalg.norm(line)
+    line = packet(sites) / np.linalg.norm(packet(sites))
     psi = np.multiply.outer(line, line)
     return {"psi": psi.ravel()}
 
