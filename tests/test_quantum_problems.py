@@ -59,7 +59,7 @@ def test_the_states_of_the_well_are_eigenstates_with_the_energies_of_the_formula
     for n in range(poschl_teller.STATES):
         state = poschl_teller.state(n)
         residual = system.hamiltonian.multiply(state) - poschl_teller.energy(n) * state
-        assert np.linalg.norm(residual) < 1e-11
+        assert np.linalg.norm(residual) < 1e-10
     overlaps = [[a @ b for a in map(poschl_teller.state, (0, 3, 8))] for b in
                 map(poschl_teller.state, (0, 3, 8))]  # fmt: skip
     assert abs(np.array(overlaps) - np.eye(3)).max() < 1e-13
@@ -73,20 +73,15 @@ def test_the_coherent_state_solves_the_equation_of_the_grid():
         product = system.hamiltonian.multiply(psi.real.copy()) + 1j * system.hamiltonian.multiply(
             psi.imag.copy()
         )
-        assert np.linalg.norm((ahead - behind) / (2 * h) * 1j - product) < 1e-5
+        assert np.linalg.norm((ahead - behind) / (2 * h) * 1j - product) < 3e-5
 
 
 def test_the_ground_state_of_the_molecule_has_the_energy_of_morse():
     grid = walker_preston.system.grid
-    system = lv.Schrodinger(
-        lv.Grid(grid.low[0], grid.high[0], 64, walker_preston.potential, walker_preston.MASS),
-        params={**walker_preston.PARAMS, "A": 0.0},
-    )
-    assert system.is_driven  # A is a parameter
     d, alpha = walker_preston.PARAMS["D"], walker_preston.PARAMS["alpha"]
     quantum = alpha * np.sqrt(2 * d / walker_preston.MASS)
     x, psi = grid.points[:, 0], walker_preston.start["psi"]
-    values = np.array([walker_preston.PARAMS["D"] * (1 - np.exp(-alpha * x)) ** 2]).ravel()
+    values = d * (1 - np.exp(-alpha * x)) ** 2
     static = lv.Schrodinger(lv.Grid(-0.8, 4.32, 64, values, walker_preston.MASS))
     wanted = quantum / 2 - quantum**2 / (16 * d)
     assert psi @ static.hamiltonian.multiply(psi) == pytest.approx(wanted, rel=1e-9)
@@ -101,8 +96,6 @@ def test_disorder_is_the_same_everywhere():
 RUNS = [
     *((name, lv.SchrodingerSplitting(tol=1e-10)) for name in STATIC),
     *((name, lv.Chebyshev(tol=1e-10)) for name in STATIC),
-    ("walker_preston", lv.SplitOperator("RKN6s11", tol=1e-9)),
-    ("walker_preston", lv.Magnus(order=4, tol=1e-9)),
 ]
 
 
@@ -115,6 +108,21 @@ def test_a_run_reaches_the_reference_and_keeps_what_it_should(name, method):
         assert off(solution.psi[k], wanted["psi"]) < 5 * method.tol
     for invariant in problem.conserved:
         assert solution.invariant_drift(invariant).max() < 1e-9
+
+
+@pytest.mark.parametrize(
+    ("method", "steps", "error"),
+    [
+        (lv.SplitOperator("RKN6s11"), 72, 1e-9),
+        (lv.SplitOperator("BM4"), 400, 1e-8),
+        (lv.Magnus(order=4, tol=1e-9), 1000, 1e-7),
+    ],
+)
+def test_the_molecule_in_the_laser_reaches_its_reference(method, steps, error):
+    t = walker_preston.interval
+    solution = lv.integrate(walker_preston.system, method, t=t, steps=steps, **walker_preston.start)
+    assert off(solution.psi[-1], walker_preston.reference[t[1]]["psi"]) < error
+    assert solution.invariant_drift("norm").max() < 1e-8
 
 
 def test_the_chain_of_spins_reaches_its_observables():

@@ -9,7 +9,7 @@ with velocity 2 and is reflected at the ends. The energies lie between :math:`\p
 With disorder the :math:`V_j` are spread evenly over [-W/2, W/2]; in two dimensions every state is
 then localised. ``disordered`` is a square of 16 by 16 sites with W = 4.
 
-P. W. Anderson, Phys. Rev. 109 (1958) 1492-1505. The references are by diagonalisation in 40 digits
+P. W. Anderson, Phys. Rev. 109 (1958) 1492-1505. The references are by Taylor series in 40 digits
 (``tools/quantum_references.py``).
 """
 
@@ -88,4 +88,4 @@ disordered_reference = {
         }
     }
 }
-source = "diagonalisation in 40-digit arithmetic"
+source = "Taylor series in 40-digit arithmetic"
