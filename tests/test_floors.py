@@ -44,6 +44,8 @@ CORE_ROOMS = {
     "libm": ("tape/execute.rs",),
     "pulp": ("vector/",),
     "rayon": ("ensemble.rs", "parallel.rs"),
+    "realfft": ("problem/quantum/fourier.rs",),
+    "rustfft": ("problem/quantum/fourier.rs",),
     "twofloat": ("tableau/",),
     "pyo3": (),
     "numpy": (),

@@ -17,8 +17,12 @@ from liouville.planner import plan as plan
 from liouville.section import Section as Section
 from liouville.section import section as section
 from liouville.solution import Solution as Solution
+from liouville.systems import Grid as Grid
 from liouville.systems import Hamiltonian as Hamiltonian
 from liouville.systems import Lagrangian as Lagrangian
+from liouville.systems import Lattice as Lattice
 from liouville.systems import Mechanical as Mechanical
 from liouville.systems import PolynomialField as PolynomialField
+from liouville.systems import Schrodinger as Schrodinger
+from liouville.systems import SpinChain as SpinChain
 from liouville.systems import Structure as Structure

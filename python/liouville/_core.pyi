@@ -1,6 +1,6 @@
 """The border between Python and the core, whole."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import Any, Literal, final
 
 import numpy as np
@@ -11,7 +11,9 @@ _Trouble = dict[str, Any]
 
 __all__ = [
     "OPERATIONS",
+    "Hamiltonian",
     "Mechanical",
+    "Operator",
     "Rows",
     "Run",
     "SecondOrder",
@@ -23,6 +25,7 @@ __all__ = [
     "ladder",
     "mechanical_run",
     "project",
+    "schrodinger_run",
     "section_run",
     "split_run",
 ]
@@ -136,6 +139,35 @@ def section_run(
     span: tuple[float, float, int],
     is_compensated: bool,
     threads: int,
+) -> Run | _Trouble: ...
+
+@final
+class Operator:
+    @staticmethod
+    def rows(rows: Rows) -> Operator: ...
+    @staticmethod
+    def product(
+        n: int, function: Callable[[NDArray[np.float64]], NDArray[np.float64]]
+    ) -> Operator: ...
+    @property
+    def size(self) -> int: ...
+
+@final
+class Hamiltonian:
+    def __new__(cls, terms: Sequence[Operator]) -> Hamiltonian: ...
+    @property
+    def size(self) -> int: ...
+    def multiply(self, x: NDArray[np.float64]) -> NDArray[np.float64]: ...
+
+def schrodinger_run(
+    hamiltonian: Hamiltonian,
+    method: tuple[object, ...],
+    psi: NDArray[np.complex128],
+    span: tuple[float, Sequence[tuple[float, int]]],
+    observables: Sequence[tuple[object, ...]],
+    states: bool,
+    threads: int,
+    is_ensemble: bool,
 ) -> Run | _Trouble: ...
 def project(
     tapes: tuple[Tape, Tape, Tape],

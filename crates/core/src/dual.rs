@@ -116,6 +116,9 @@ impl Number for Dual {
     fn cos(self) -> Self {
         self.chain(elementary::cos(self.value), -elementary::sin(self.value))
     }
+    fn sin(self) -> Self {
+        self.chain(elementary::sin(self.value), elementary::cos(self.value))
+    }
     fn inverse_root(self, q: u32) -> Self {
         let value = self.value.inverse_root(q);
         self.chain(value, -value / (f64::from(q) * self.value))

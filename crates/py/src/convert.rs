@@ -151,7 +151,7 @@ fn line(row: [i64; 4], value: f64) -> PyResult<Line> {
 
 /// A sparse matrix of constant values.
 #[pyclass(frozen, module = "liouville._core")]
-pub(crate) struct Rows(Arc<linalg::Rows>);
+pub(crate) struct Rows(pub(crate) Arc<linalg::Rows>);
 
 #[pymethods]
 impl Rows {

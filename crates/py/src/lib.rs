@@ -4,13 +4,16 @@
 //! back. No Python runs inside a step; the loop runs detached from the interpreter.
 #![allow(clippy::needless_pass_by_value)] // PyO3 hands arguments over by value
 
+mod caught;
 mod composition;
 mod convert;
 mod errors;
 mod ladder;
 mod mechanical_run;
+mod operator;
 mod project;
 mod run;
+mod schrodinger;
 mod second_order;
 mod split;
 mod tableau;
@@ -34,9 +37,13 @@ mod _core {
     #[pymodule_export]
     use super::mechanical_run::mechanical_run;
     #[pymodule_export]
+    use super::operator::{Hamiltonian, Operator};
+    #[pymodule_export]
     use super::project::project;
     #[pymodule_export]
     use super::run::Run;
+    #[pymodule_export]
+    use super::schrodinger::schrodinger_run;
     #[pymodule_export]
     use super::second_order::SecondOrder;
     #[pymodule_export]

@@ -1,5 +1,6 @@
 //! Runs, as Python drives them: a slice of time, then a look at the signals.
 
+use crate::caught::Caught;
 use crate::errors;
 use liouville_core::run::{Advance, Status};
 use liouville_core::trouble::Trouble;
@@ -11,8 +12,9 @@ use std::time::Duration;
 /// A run of any system by any method.
 #[pyclass(module = "liouville._core")]
 pub(crate) struct Run {
-    run: Box<dyn Advance + Sync>,
+    inner: Box<dyn Advance + Sync>,
     shape: Vec<usize>,
+    caught: Vec<Caught>,
 }
 
 impl Run {
@@ -22,27 +24,50 @@ impl Run {
         run: Result<A, Trouble>,
         shape: &[usize],
     ) -> PyResult<Bound<'py, PyAny>> {
+        let run = run.map(|run| Box::new(run) as Box<dyn Advance + Sync>);
+        Self::caught(py, run, shape, Vec::new())
+    }
+
+    /// The same for a run inside whose steps Python may raise an exception.
+    pub(crate) fn caught<'py>(
+        py: Python<'py>,
+        run: Result<Box<dyn Advance + Sync>, Trouble>,
+        shape: &[usize],
+        caught: Vec<Caught>,
+    ) -> PyResult<Bound<'py, PyAny>> {
         match run {
-            Ok(run) => {
-                let (run, shape) = (Box::new(run), shape.to_vec());
-                Ok(Bound::new(py, Self { run, shape })?.into_any())
+            Ok(inner) => {
+                let shape = shape.to_vec();
+                let run = Self {
+                    inner,
+                    shape,
+                    caught,
+                };
+                Ok(Bound::new(py, run)?.into_any())
             }
-            Err(trouble) => Ok(errors::trouble(py, &trouble)?.into_any()),
+            Err(trouble) => match caught.iter().find_map(Caught::take) {
+                Some(error) => Err(error),
+                None => Ok(errors::trouble(py, &trouble)?.into_any()),
+            },
         }
     }
 }
 
 #[pymethods]
 impl Run {
-    /// Makes steps for `seconds`; "paused", "done", or the trouble with the step and its time.
+    /// Makes steps for `seconds`; "paused", "done", or the trouble with the step and its time. What Python
+    /// raised inside a step is raised here.
     fn advance<'py>(&mut self, py: Python<'py>, seconds: f64) -> PyResult<Bound<'py, PyAny>> {
-        let run = &mut self.run;
+        let run = &mut self.inner;
         let budget = Duration::try_from_secs_f64(seconds).map_err(errors::refused)?;
         let status = py.detach(|| run.advance(budget));
         match status {
             Status::Paused => Ok("paused".into_pyobject(py)?.into_any()),
             Status::Done => Ok("done".into_pyobject(py)?.into_any()),
             Status::Failed { n, t, trouble } => {
+                if let Some(error) = self.caught.iter().find_map(Caught::take) {
+                    return Err(error);
+                }
                 let dict = errors::trouble(py, &trouble)?;
                 dict.set_item("step", n)?;
                 dict.set_item("start", t)?;
@@ -54,19 +79,19 @@ impl Run {
     /// Number of steps made.
     #[getter]
     fn done(&self) -> usize {
-        self.run.done()
+        self.inner.done()
     }
 
     /// The time reached.
     #[getter]
     fn t(&self) -> f64 {
-        self.run.time()
+        self.inner.time()
     }
 
     /// What the stepper has done.
     #[getter]
     fn stats<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
-        let (stats, rejected) = self.run.stats();
+        let (stats, rejected) = self.inner.stats();
         let dict = PyDict::new(py);
         dict.set_item("iterations", stats.iterations)?;
         dict.set_item("evaluations", stats.evaluations)?;
@@ -83,7 +108,7 @@ impl Run {
         &mut self,
         py: Python<'py>,
     ) -> PyResult<(Bound<'py, PyArray1<f64>>, Bound<'py, PyArrayDyn<f64>>)> {
-        let (times, rows) = self.run.take();
+        let (times, rows) = self.inner.take();
         let count = match self.shape.iter().product() {
             0 => times.len(),
             width => rows.len() / width,

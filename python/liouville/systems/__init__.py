@@ -5,7 +5,11 @@ from liouville.systems.mechanical import Lagrangian as Lagrangian
 from liouville.systems.mechanical import Mechanical as Mechanical
 from liouville.systems.mechanics import Mechanics as Mechanics
 from liouville.systems.polynomial import PolynomialField as PolynomialField
+from liouville.systems.schrodinger import Grid as Grid
+from liouville.systems.schrodinger import Lattice as Lattice
+from liouville.systems.schrodinger import Schrodinger as Schrodinger
+from liouville.systems.schrodinger import SpinChain as SpinChain
 from liouville.systems.structure import Structure as Structure
 
 #: Whatever can be integrated.
-System = Mechanics | PolynomialField
+System = Mechanics | PolynomialField | Schrodinger

@@ -68,6 +68,18 @@ impl Rows {
         (self.starts.len() - 1, self.width)
     }
 
+    /// Columns of a row, and the values there.
+    #[inline]
+    pub fn row(&self, i: usize) -> (&[u32], &[f64]) {
+        let entries = self.starts[i]..self.starts[i + 1];
+        (&self.cols[entries.clone()], &self.values[entries])
+    }
+
+    /// Number of entries.
+    pub fn count(&self) -> usize {
+        self.values.len()
+    }
+
     /// Columns and values of a row.
     #[inline]
     pub fn entries(&self, i: usize) -> impl Iterator<Item = (usize, f64)> {

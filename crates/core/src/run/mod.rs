@@ -2,7 +2,7 @@
 
 mod pace;
 
-pub use pace::{Controlled, Equal, Pace};
+pub use pace::{Controlled, Equal, Listed, Pace};
 
 use crate::method::{Stats, Stepper};
 use crate::problem::Observe;
@@ -104,7 +104,7 @@ impl<S: Stepper, O: Observe<S::State>, P: Pace<S>> Run<S, O, P> {
     }
 
     fn is_due(&self) -> bool {
-        self.n.is_multiple_of(self.every) || self.pace.is_over()
+        self.pace.is_due(self.n, self.every) || self.pace.is_over()
     }
 
     fn record(&mut self) -> Result<(), Trouble> {

@@ -5,6 +5,7 @@ mod collocation;
 pub mod composition;
 mod ladder;
 mod spark;
+pub mod splitting;
 
 pub use alpha::Alpha;
 pub use composition::Scheme;

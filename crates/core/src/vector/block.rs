@@ -172,6 +172,10 @@ macro_rules! number {
             elementary::cos(self)
         }
         #[inline(always)]
+        fn sin(self) -> Self {
+            elementary::sin(self)
+        }
+        #[inline(always)]
         fn inverse_root(self, q: u32) -> Self {
             match q {
                 1 => Register::like(self, 1.0) / self,

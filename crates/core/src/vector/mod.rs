@@ -36,6 +36,9 @@ pub trait Number:
     /// cos x
     #[must_use]
     fn cos(self) -> Self;
+    /// sin x
+    #[must_use]
+    fn sin(self) -> Self;
     /// x^(-1/q) for x > 0 and q = 1, 2, 3.
     #[must_use]
     fn inverse_root(self, q: u32) -> Self;
@@ -56,6 +59,10 @@ pub trait Window: Copy {
     fn constant(self, value: f64) -> Self::Number;
     /// Reads this part of `x[place]`, or what follows it.
     fn load(self, x: &[Self::Stored], place: usize) -> Self::Number;
+    /// Reads `values[place]`, the same for all trajectories, or what follows it.
+    fn shared(self, values: &[f64], place: usize) -> Self::Number;
+    /// Reads this part of `x[place]`, the same again and again for what follows it.
+    fn every(self, x: &[Self::Stored], place: usize) -> Self::Number;
     /// Writes this part of `x[place]`, or what follows it.
     fn store(self, x: &mut [Self::Stored], place: usize, value: Self::Number);
     /// The first trajectory in this part.

@@ -33,6 +33,14 @@ impl<S: Simd, const N: usize> Window for Consecutive<S, N> {
         Block { simd, registers }
     }
     #[inline(always)]
+    fn shared(self, values: &[f64], place: usize) -> Block<S, N> {
+        self.load(values, place)
+    }
+    #[inline(always)]
+    fn every(self, x: &[f64], place: usize) -> Block<S, N> {
+        self.constant(x[place])
+    }
+    #[inline(always)]
     fn store(self, x: &mut [f64], place: usize, value: Block<S, N>) {
         let from = place + self.offset;
         let x = &mut x[from..from + N * S::F64_LANES];
@@ -62,6 +70,14 @@ impl<S: Scalar + Number> Window for Alone<S> {
     #[inline(always)]
     fn load(self, x: &[S], place: usize) -> S {
         x[place + self.offset]
+    }
+    #[inline(always)]
+    fn shared(self, values: &[f64], place: usize) -> S {
+        S::splat(values[place + self.offset])
+    }
+    #[inline(always)]
+    fn every(self, x: &[S], place: usize) -> S {
+        x[place]
     }
     #[inline(always)]
     fn store(self, x: &mut [S], place: usize, value: S) {
@@ -181,6 +197,17 @@ impl<S: Simd, const W: usize, const N: usize> Window for Share<S, W, N> {
     fn load(self, x: &[Lanes<W>], place: usize) -> Block<S, N> {
         let simd = self.simd;
         let parts = S::as_simd_f64s(&x[place + self.offset].0).0;
+        let registers = parts.as_chunks::<N>().0[self.part];
+        Block { simd, registers }
+    }
+    #[inline(always)]
+    fn shared(self, values: &[f64], place: usize) -> Block<S, N> {
+        self.constant(values[place + self.offset])
+    }
+    #[inline(always)]
+    fn every(self, x: &[Lanes<W>], place: usize) -> Block<S, N> {
+        let simd = self.simd;
+        let parts = S::as_simd_f64s(&x[place].0).0;
         let registers = parts.as_chunks::<N>().0[self.part];
         Block { simd, registers }
     }

@@ -3,14 +3,17 @@
 //! What is stepped is e^{iσt} ψ(t), by H − σ with σ in the middle of the spectrum; a state keeps σt.
 
 mod observe;
+mod phases;
 mod shears;
 mod sweep;
 
 pub use observe::{Observable, Observer};
+pub use phases::Phases;
 pub use shears::Shears;
 pub use sweep::{Move, Sums, Sweeper};
 
 use crate::real::Scalar;
+use crate::trouble::Trouble;
 use std::f64::consts::TAU;
 
 /// A wave function ψ = e^{−i phase} (q + i p), or several in lock-step.
@@ -63,4 +66,26 @@ pub(super) fn squares<S: Scalar>(q: &[S], p: &[S]) -> S {
         }
     }
     total
+}
+
+/// Refuses a norm that has changed by more than `tolerance`, relatively.
+pub(super) fn check_norm<S: Scalar>(
+    t: f64,
+    tolerance: f64,
+    state: &Wave<S>,
+) -> Result<(), Trouble> {
+    let now = squares(&state.q, &state.p);
+    for member in 0..S::MEMBERS {
+        let (norm, start) = (now.member(member).sqrt(), state.start.member(member).sqrt());
+        let is_kept = (norm - start).abs() <= tolerance * start;
+        if !is_kept {
+            let trouble = Trouble::Norm { norm, start, t };
+            return Err(if S::MEMBERS > 1 {
+                trouble.of_member(member)
+            } else {
+                trouble
+            });
+        }
+    }
+    Ok(())
 }

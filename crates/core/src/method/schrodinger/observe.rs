@@ -2,7 +2,7 @@
 
 use super::{Wave, squares};
 use crate::problem::Observe;
-use crate::problem::quantum::{Hamiltonian, Weighted};
+use crate::problem::quantum::{Hamiltonian, Present, Scratch};
 use crate::real::Scalar;
 use crate::trouble::{Quantity, Trouble};
 use crate::vector::Machine;
@@ -13,18 +13,31 @@ use std::sync::Arc;
 pub enum Observable {
     /// ⟨ψ|A|ψ⟩ of a diagonal A.
     Diagonal(Vec<f64>),
-    /// ⟨ψ|A|ψ⟩ of a real symmetric A.
+    /// ⟨ψ|A|ψ⟩ of a real symmetric A, at the time of the record if it depends on time; twice as large as
+    /// ψ where it acts on real and imaginary parts one after the other.
     Symmetric(Arc<Hamiltonian>),
     /// ⟨φ|ψ⟩ of a state φ = q + i p, two numbers.
     Overlap(Vec<f64>, Vec<f64>),
+    /// ⟨ψ(0)|ψ⟩, the overlap with what is observed first.
+    Start,
 }
 
 impl Observable {
     fn width(&self) -> usize {
         match self {
-            Self::Overlap(..) => 2,
-            _ => 1,
+            Self::Overlap(..) | Self::Start => 2,
+            Self::Diagonal(_) | Self::Symmetric(_) => 1,
         }
+    }
+
+    /// H as it is at a time.
+    fn present(&self, t: f64) -> Option<Present> {
+        let Self::Symmetric(hamiltonian) = self else {
+            return None;
+        };
+        let mut present = hamiltonian.present()?;
+        present.set(hamiltonian, &[(1.0, t)]);
+        Some(present)
     }
 }
 
@@ -35,11 +48,11 @@ pub struct Observer {
     members: usize,
     states: bool,
     observables: Vec<Observable>,
+    /// What each member was first, if that is to be known.
+    starts: Vec<[Vec<f64>; 2]>,
     machine: Machine,
-    q: Vec<f64>,
-    p: Vec<f64>,
     product: Vec<f64>,
-    scratch: [Vec<f64>; 2],
+    scratch: Scratch,
 }
 
 impl Observer {
@@ -49,58 +62,64 @@ impl Observer {
             members,
             states,
             observables,
+            starts: Vec::new(),
             machine: Machine::default(),
-            q: Vec::new(),
-            p: Vec::new(),
             product: Vec::new(),
-            scratch: [Vec::new(), Vec::new()],
+            scratch: Scratch::default(),
         }
     }
 
-    fn append(&mut self, phase: f64, row: &mut Vec<f64>) -> Result<(), Trouble> {
-        let (sin, cos) = phase.sin_cos();
-        let turned = |q: f64, p: f64| (q * cos + p * sin, p * cos - q * sin);
+    /// How many numbers a wave function of n places has in a row.
+    pub fn columns(&self, n: usize) -> usize {
+        let states = if self.states { 2 * n } else { 0 };
+        let observed: usize = self.observables.iter().map(Observable::width).sum();
+        states + 1 + observed
+    }
+
+    fn append(
+        &mut self,
+        member: usize,
+        t: f64,
+        parts @ [q, p]: &[Vec<f64>; 2],
+        row: &mut Vec<f64>,
+    ) -> Result<(), Trouble> {
         if self.states {
-            for (q, p) in self.q.iter().zip(&self.p) {
-                let (q, p) = turned(*q, *p);
-                row.extend([q, p]);
-            }
+            row.extend(q.iter().zip(p).flat_map(|(q, p)| [*q, *p]));
         }
-        let norm = squares(&self.q, &self.p);
-        row.push(norm.sqrt());
+        row.push(squares(q, p).sqrt());
         for k in 0..self.observables.len() {
             match &self.observables[k] {
-                Observable::Diagonal(values) => row.push(form(values, &self.q, &self.p)),
-                Observable::Symmetric(_) => {
-                    let value = self.expectation(k)?;
-                    row.push(value);
-                }
-                Observable::Overlap(q, p) => {
-                    let real = dot(q, &self.q) + dot(p, &self.p);
-                    let imaginary = dot(q, &self.p) - dot(p, &self.q);
-                    let (real, imaginary) = turned(real, imaginary);
-                    row.extend([real, imaginary]);
+                Observable::Diagonal(values) => row.push(form(values, q, p)),
+                Observable::Symmetric(_) => row.push(self.expectation(k, t, parts)?),
+                Observable::Overlap(a, b) => row.extend(overlap([a, b], [q, p])),
+                Observable::Start => {
+                    let [a, b] = &self.starts[member];
+                    row.extend(overlap([a, b], [q, p]));
                 }
             }
         }
         Ok(())
     }
 
-    fn expectation(&mut self, k: usize) -> Result<f64, Trouble> {
+    fn expectation(&mut self, k: usize, t: f64, [q, p]: &[Vec<f64>; 2]) -> Result<f64, Trouble> {
+        let present = self.observables[k].present(t);
         let Observable::Symmetric(hamiltonian) = &self.observables[k] else {
             return Ok(0.0);
         };
-        let sum: Weighted<'_> = hamiltonian.sum();
-        self.product.resize(self.q.len(), 0.0);
-        let mut total = 0.0;
-        for x in [&self.q, &self.p] {
+        let sum = hamiltonian.at(present.as_ref());
+        let mut of = |x: &[f64]| {
+            self.product.resize(x.len(), 0.0);
             sum.multiply(self.machine, x, &mut self.product, &mut self.scratch)?;
-            total += dot(x, &self.product);
+            Ok(dot(x, &self.product))
+        };
+        if hamiltonian.size() > q.len() {
+            return of(&[q.as_slice(), p].concat());
         }
-        Ok(total)
+        Ok(of(q)? + of(p)?)
     }
 }
 
+/// Σ x y, block by block so that rounding errors stay small.
 fn dot(x: &[f64], y: &[f64]) -> f64 {
     const BLOCK: usize = 256;
     let blocks = x.chunks(BLOCK).zip(y.chunks(BLOCK));
@@ -114,23 +133,39 @@ fn form(a: &[f64], q: &[f64], p: &[f64]) -> f64 {
     terms.map(|((a, q), p)| a * (q * q + p * p)).sum()
 }
 
+/// ⟨a + i b | q + i p⟩
+fn overlap([a, b]: [&[f64]; 2], [q, p]: [&[f64]; 2]) -> [f64; 2] {
+    [dot(a, q) + dot(b, p), dot(a, p) - dot(b, q)]
+}
+
+/// Real and imaginary part of a member, with the phase taken off.
+fn parts<S: Scalar>(state: &Wave<S>, member: usize) -> [Vec<f64>; 2] {
+    let (sin, cos) = state.phase.sin_cos();
+    let pairs = state.q.iter().zip(&state.p);
+    let turned = pairs.map(|(q, p)| {
+        let (q, p) = (q.member(member), p.member(member));
+        (q * cos + p * sin, p * cos - q * sin)
+    });
+    let (q, p) = turned.unzip();
+    [q, p]
+}
+
 impl<S: Scalar> Observe<Wave<S>> for Observer {
     fn width(&self, state: &Wave<S>) -> usize {
-        let states = if self.states { 2 * state.q.len() } else { 0 };
-        let observed: usize = self.observables.iter().map(Observable::width).sum();
-        self.members * (states + 1 + observed)
+        self.members * self.columns(state.q.len())
     }
 
     fn observe(&mut self, t: f64, state: &Wave<S>, row: &mut Vec<f64>) -> Result<(), Trouble> {
         let start = row.len();
+        let is_wanted = |observable: &Observable| matches!(observable, Observable::Start);
+        let keeps_starts = self.starts.is_empty() && self.observables.iter().any(is_wanted);
         for member in 0..self.members {
-            let parts = [(&mut self.q, &state.q), (&mut self.p, &state.p)];
-            for (mine, theirs) in parts {
-                mine.clear();
-                mine.extend(theirs.iter().map(|x| x.member(member)));
-            }
             let from = row.len();
-            let appended = self.append(state.phase, row).and_then(|()| {
+            let parts = parts(state, member);
+            if keeps_starts {
+                self.starts.push(parts.clone());
+            }
+            let appended = self.append(member, t, &parts, row).and_then(|()| {
                 match row[from..].iter().position(|value| !value.is_finite()) {
                     None => Ok(()),
                     Some(index) => {

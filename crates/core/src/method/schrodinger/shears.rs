@@ -1,7 +1,7 @@
 //! Shears q ← q + c h (H − σ) p and p ← p − c h (H − σ) q, the parts of splittings that know H by its
 //! products only.
 
-use super::{Move, Sweeper, Wave, squares};
+use super::{Move, Sweeper, Wave, check_norm};
 use crate::method::{Flow, Parts, Stats};
 use crate::problem::quantum::Update;
 use crate::trouble::Trouble;
@@ -103,24 +103,7 @@ impl<S: Stored> Parts for Shears<S> {
 
     /// Refuses a norm that has changed: outside the bounds of the spectrum a step is not stable.
     fn check(&self, t: f64, state: &Wave<S>) -> Result<(), Trouble> {
-        let now = squares(&state.q, &state.p);
-        for member in 0..S::MEMBERS {
-            let (now, start) = (now.member(member).sqrt(), state.start.member(member).sqrt());
-            let is_kept = (now - start).abs() <= self.tolerance * start;
-            if !is_kept {
-                let trouble = Trouble::Norm {
-                    norm: now,
-                    start,
-                    t,
-                };
-                return Err(if S::MEMBERS > 1 {
-                    trouble.of_member(member)
-                } else {
-                    trouble
-                });
-            }
-        }
-        Ok(())
+        check_norm(t, self.tolerance, state)
     }
 
     /// No copy: two vectors are all the memory there is.

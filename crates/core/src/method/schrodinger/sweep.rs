@@ -2,9 +2,10 @@
 
 use crate::parallel::Crew;
 use crate::patience::Patience;
-use crate::problem::quantum::{Block, Hamiltonian, Update, Weighted};
+use crate::problem::quantum::{Hamiltonian, Present, Scratch, Update};
 use crate::trouble::Trouble;
 use crate::vector::{Machine, Stored};
+use std::marker::PhantomData;
 use std::sync::Arc;
 
 /// One product: a ← keep·a + factor·H b + diagonal·b, or the same into b from a.
@@ -25,29 +26,29 @@ pub type Sums<'a, S> = Option<(&'a mut [S], &'a mut [S])>;
 #[derive(Clone)]
 pub struct Sweeper<S> {
     hamiltonian: Arc<Hamiltonian>,
-    /// Weights of the terms of H, which change where H depends on time.
-    pub weights: Option<Vec<f64>>,
+    /// What of H is in force, where H depends on time.
+    pub present: Option<Present>,
     machine: Machine,
     #[expect(dead_code)] // until rows are shared
     crew: Option<Crew>,
     patience: Patience,
-    product: Vec<S>,
-    scratch: [Vec<f64>; 2],
+    scratch: Scratch,
     products: usize,
+    stored: PhantomData<S>,
 }
 
 impl<S: Stored> Sweeper<S> {
     /// Products of this Hamiltonian.
     pub fn new(hamiltonian: Arc<Hamiltonian>) -> Self {
         Self {
+            present: hamiltonian.present(),
             hamiltonian,
-            weights: None,
             machine: Machine::default(),
             crew: None,
             patience: Patience::default(),
-            product: Vec::new(),
-            scratch: [Vec::new(), Vec::new()],
+            scratch: Scratch::default(),
             products: 0,
+            stored: PhantomData,
         }
     }
 
@@ -109,29 +110,8 @@ impl<S: Stored> Sweeper<S> {
         sum: Option<&mut [S]>,
     ) -> Result<(), Trouble> {
         self.products += S::MEMBERS;
-        let weighted = Weighted {
-            terms: self.hamiltonian.terms(),
-            weights: self.weights.as_deref(),
-        };
-        if self.hamiltonian.reach().is_some() {
-            let (row, place) = (0, 0);
-            let block = Block { row, out, place, x };
-            weighted.act(self.machine, step.update, block);
-        } else {
-            self.product.resize(x.len(), S::splat(0.0));
-            weighted.multiply(self.machine, x, &mut self.product, &mut self.scratch)?;
-            let Update {
-                keep,
-                factor,
-                diagonal,
-            } = step.update;
-            for ((out, x), product) in out.iter_mut().zip(x).zip(&self.product) {
-                for m in 0..S::MEMBERS {
-                    let change = factor * product.member(m) + diagonal * x.member(m);
-                    out.set_member(m, keep * out.member(m) + change);
-                }
-            }
-        }
+        let weighted = self.hamiltonian.at(self.present.as_ref());
+        weighted.update(self.machine, step.update, x, out, &mut self.scratch)?;
         if let Some(sum) = sum {
             for (sum, out) in sum.iter_mut().zip(out) {
                 for m in 0..S::MEMBERS {

@@ -4,12 +4,28 @@
 //! rows of a product from what lies around them in x, so that several products go over the matrix in one
 //! sweep and threads share the rows; whole terms make all of a product at once.
 
+mod dense;
+mod diagonals;
+mod drive;
+pub mod fourier;
 mod hamiltonian;
+mod kinetic;
+mod potential;
+mod present;
 mod product;
 mod rows;
+mod spins;
+mod update;
 
-pub use hamiltonian::{Hamiltonian, Weighted};
+pub use dense::Dense;
+pub use diagonals::Diagonals;
+pub use drive::Drive;
+pub use hamiltonian::{Hamiltonian, Scratch, Weighted};
+pub use kinetic::Kinetic;
+pub use potential::Potential;
+pub use present::Present;
 pub use product::Product;
+pub use spins::{Bond, Spins};
 
 use crate::linalg::Rows;
 use crate::vector::{Machine, Stored};
@@ -55,6 +71,14 @@ pub struct Block<'a, S> {
 pub enum Operator {
     /// A sparse matrix by rows.
     Rows(Arc<Rows>),
+    /// Kinetic energy on a grid.
+    Kinetic(Arc<Kinetic>),
+    /// A matrix by its diagonals.
+    Diagonals(Arc<Diagonals>),
+    /// A dense matrix.
+    Dense(Arc<Dense>),
+    /// A chain of spins.
+    Spins(Arc<Spins>),
     /// Any function that makes products.
     Product(Arc<dyn Product>),
 }
@@ -64,6 +88,10 @@ impl Operator {
     pub fn size(&self) -> usize {
         match self {
             Self::Rows(rows) => rows.shape().0,
+            Self::Kinetic(kinetic) => kinetic.size(),
+            Self::Diagonals(diagonals) => diagonals.size(),
+            Self::Dense(dense) => dense.size(),
+            Self::Spins(spins) => spins.size(),
             Self::Product(product) => product.size(),
         }
     }
@@ -72,7 +100,10 @@ impl Operator {
     pub fn reach(&self) -> Option<usize> {
         match self {
             Self::Rows(rows) => Some(rows.reach()),
-            Self::Product(_) => None,
+            Self::Kinetic(_) | Self::Product(_) => None,
+            Self::Diagonals(diagonals) => Some(diagonals.reach()),
+            Self::Dense(dense) => Some(dense.size()),
+            Self::Spins(spins) => Some(spins.size()),
         }
     }
 
@@ -83,7 +114,10 @@ impl Operator {
     pub fn act<S: Stored>(&self, machine: Machine, update: Update, block: Block<'_, S>) {
         match self {
             Self::Rows(rows) => rows::act(rows, machine, update, block),
-            Self::Product(_) => unreachable!("whole terms have no rows"),
+            Self::Kinetic(_) | Self::Product(_) => unreachable!("whole terms have no rows"),
+            Self::Diagonals(diagonals) => diagonals.act(machine, update, block),
+            Self::Dense(dense) => dense.act(machine, update, block),
+            Self::Spins(spins) => spins.act(machine, update, block),
         }
     }
 }

@@ -1,20 +1,70 @@
 //! Rows of a product with a sparse matrix.
+#![allow(clippy::inline_always)] // all of a kernel is compiled for one instruction set
 
+use super::update::update;
 use super::{Block, Update};
 use crate::linalg::Rows;
-use crate::vector::{Machine, Stored};
+use crate::vector::{Kernel, Machine, Number, Stored, Visit, Window, Windows};
 
 /// Updates a block of rows.
-pub(super) fn act<S: Stored>(rows: &Rows, _: Machine, update: Update, block: Block<'_, S>) {
-    let Block { row, out, place, x } = block;
-    for (k, out) in out.iter_mut().enumerate() {
-        let i = row + k;
-        for member in 0..S::MEMBERS {
-            let product = rows.entries(i).fold(0.0, |sum, (col, value)| {
-                sum + value * x[col - place].member(member)
-            });
-            let change = update.factor * product + update.diagonal * x[i - place].member(member);
-            out.set_member(member, update.keep * out.member(member) + change);
+pub(super) fn act<S: Stored>(rows: &Rows, machine: Machine, update: Update, block: Block<'_, S>) {
+    let act = Act {
+        rows,
+        update,
+        block,
+    };
+    S::run(machine, act);
+}
+
+struct Act<'a, S> {
+    rows: &'a Rows,
+    update: Update,
+    block: Block<'a, S>,
+}
+
+impl<S> Kernel<S> for Act<'_, S> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run<W: Windows<Stored = S>>(self, windows: W) {
+        let Block { row, out, place, x } = self.block;
+        for (k, out) in out.iter_mut().enumerate() {
+            let (cols, values) = self.rows.row(row + k);
+            let mut one = Row {
+                cols,
+                values,
+                update: self.update,
+                at: row + k - place,
+                place,
+                x,
+                out: std::slice::from_mut(out),
+            };
+            windows.each(1, &mut one);
         }
+    }
+}
+
+/// One row.
+struct Row<'a, S> {
+    cols: &'a [u32],
+    values: &'a [f64],
+    update: Update,
+    /// Where x_i is.
+    at: usize,
+    place: usize,
+    x: &'a [S],
+    out: &'a mut [S],
+}
+
+impl<S> Visit<S> for Row<'_, S> {
+    #[inline(always)]
+    fn visit<W: Window<Stored = S>>(&mut self, window: W) -> bool {
+        let mut sum = window.constant(0.0);
+        for (col, value) in self.cols.iter().zip(self.values) {
+            let x = window.load(self.x, *col as usize - self.place);
+            sum = sum + x.scaled(*value);
+        }
+        update(window, self.update, (self.x, self.at), (self.out, 0), sum);
+        true
     }
 }

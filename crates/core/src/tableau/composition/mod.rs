@@ -114,7 +114,7 @@ fn mirrored(half: &[TwoFloat]) -> Vec<f64> {
 }
 
 /// The value of decimal digits, to some 31 of them.
-fn parse(digits: &str) -> TwoFloat {
+pub(super) fn parse(digits: &str) -> TwoFloat {
     let (sign, digits) = match digits.strip_prefix('-') {
         Some(rest) => (-1.0, rest),
         None => (1.0, digits),

@@ -1,0 +1,36 @@
+//! Exceptions that Python raises inside a step: they wait until the step is over.
+
+use liouville_core::patience::Patience;
+use pyo3::prelude::*;
+use std::sync::{Arc, Mutex, PoisonError};
+
+/// A place for the first exception; clones are the same place.
+#[derive(Clone, Default)]
+pub(crate) struct Caught(Arc<Mutex<Option<PyErr>>>);
+
+impl Caught {
+    /// Keeps what was raised, if anything was; whether nothing was.
+    pub(crate) fn is_fine(&self, outcome: PyResult<()>) -> bool {
+        let Err(error) = outcome else {
+            return true;
+        };
+        self.0
+            .lock()
+            .unwrap_or_else(PoisonError::into_inner)
+            .get_or_insert(error);
+        false
+    }
+
+    /// What was raised.
+    pub(crate) fn take(&self) -> Option<PyErr> {
+        self.0.lock().unwrap_or_else(PoisonError::into_inner).take()
+    }
+
+    /// Patience that ends with a signal, such as Ctrl-C.
+    pub(crate) fn patience(&self) -> Patience {
+        let caught = self.clone();
+        #[allow(clippy::redundant_closure_for_method_calls)]
+        // the method itself has too short a lifetime
+        Patience::new(move || !caught.is_fine(Python::attach(|py| py.check_signals())))
+    }
+}

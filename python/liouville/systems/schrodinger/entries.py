@@ -1,0 +1,183 @@
+"""Hermitian matrices by their entries: read, checked, and bounded."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+
+from liouville.errors import hinted
+
+#: Entries that mirror one another may differ by this much of the largest entry: roundoff.
+ROUNDOFF = 1e-14
+
+#: Up to this order the eigenvalues at the ends are cheap to find.
+SMALL = 256
+
+#: An interval of eigenvalues.
+Bounds = tuple[float, float]
+
+
+@dataclass(frozen=True)
+class Entries:
+    """A Hermitian matrix of order n, each place once, by rows.
+
+    Attributes
+    ----------
+    n : int
+        The order.
+    row, col : ndarray
+        The places, by rows.
+    values : ndarray
+        The entries, real or complex, none of them zero.
+    """
+
+    n: int
+    row: np.ndarray
+    col: np.ndarray
+    values: np.ndarray
+
+    @classmethod
+    def of(cls, n: int, row: np.ndarray, col: np.ndarray, values: np.ndarray) -> Entries:
+        """Return a matrix from entries in any order; those at the same place are added."""
+        places = row.astype(np.int64) * n + col
+        places, entry = np.unique(places, return_inverse=True)
+        total = np.zeros(places.size, dtype=values.dtype)
+        np.add.at(total, entry, values)
+        kept = total != 0
+        return cls(n, places[kept] // n, places[kept] % n, total[kept])
+
+    @classmethod
+    def read(cls, name: str, given: Any) -> Entries:
+        """Read a sparse matrix of SciPy's, a square array, or the array of a diagonal.
+
+        Raises
+        ------
+        TypeError
+            It is no matrix of numbers.
+        ValueError
+            It is not square, not finite or not Hermitian; the message names the entry.
+        """
+        if hasattr(given, "tocsr"):
+            csr = given.tocsr(copy=True)
+            csr.sum_duplicates()
+            row = np.repeat(np.arange(csr.shape[0]), np.diff(csr.indptr))
+            found = (csr.shape, row, csr.indices, csr.data)
+        else:
+            array = np.asarray(given)
+            if array.ndim == 1:
+                diagonal = np.arange(array.size)
+                found = ((array.size, array.size), diagonal, diagonal, array)
+            elif array.ndim == 2:
+                row, col = np.nonzero(array)
+                found = (array.shape, row, col, array[row, col])
+            else:
+                raise ValueError(f"{name} has shape {array.shape}, wanted (N, N)")
+        return cls._checked(name, *found)
+
+    @classmethod
+    def _checked(
+        cls, name: str, shape: tuple[int, ...], row: np.ndarray, col: np.ndarray, data: np.ndarray
+    ) -> Entries:
+        if data.dtype.kind not in "biufc":
+            raise TypeError(f"{name} is a matrix of numbers, not of {data.dtype}")
+        n = shape[0]
+        if shape != (n, n) or n == 0:
+            raise ValueError(f"{name} has shape {shape}, wanted a square matrix")
+        bad = np.flatnonzero(~np.isfinite(data))
+        if bad.size:
+            k = bad[0]
+            raise ValueError(f"{name}[{row[k]}, {col[k]}] is {data[k]}")
+        values = data.astype(complex if data.dtype.kind == "c" else float)
+        kept = values != 0
+        row, col, values = row[kept].astype(np.int64), col[kept].astype(np.int64), values[kept]
+        if values.dtype.kind == "c" and not values.imag.any():
+            values = values.real.copy()
+        return cls(n, row, col, values)._symmetric(name)
+
+    def _symmetric(self, name: str) -> Entries:
+        """Return the matrix with roundoff taken from its symmetry."""
+        mirror = np.argsort(self.col, kind="stable")
+        places = self.row * self.n + self.col
+        mirrored = self.col[mirror] * self.n + self.row[mirror]
+        slack = ROUNDOFF * np.abs(self.values).max(initial=0.0)
+        if not np.array_equal(places, mirrored):
+            alone = np.setxor1d(places, mirrored)
+            small = np.abs(self.values) <= slack
+            lonely = np.isin(places, alone)
+            if (lonely & ~small).any():
+                self._refuse(name, int(np.flatnonzero(lonely & ~small)[0]))
+            kept = ~lonely
+            return Entries(self.n, self.row[kept], self.col[kept], self.values[kept])._symmetric(
+                name
+            )
+        other = self.values[mirror].conj()
+        far = np.flatnonzero(np.abs(self.values - other) > slack)
+        if far.size:
+            self._refuse(name, int(far[0]))
+        return Entries(self.n, self.row, self.col, (self.values + other) / 2)
+
+    def _refuse(self, name: str, k: int) -> None:
+        i, j = int(self.row[k]), int(self.col[k])
+        other = self.at(j, i) if not self.is_real else self.at(j, i).real
+        if i == j:
+            sentence = f"{name}[{i}, {i}] = {self.values[k]:.6g} is not real"
+        else:
+            sentence = f"{name}[{i}, {j}] = {self.values[k]:.6g}, but [{j}, {i}] = {other:.6g}"
+        hint = "only a Hermitian matrix keeps the norm; absorbing potentials are not taken"
+        raise ValueError(hinted(f"{name} is not Hermitian: {sentence}", hint))
+
+    def at(self, i: int, j: int) -> complex:
+        """Return an entry."""
+        found = np.flatnonzero((self.row == i) & (self.col == j))
+        return complex(self.values[found[0]]) if found.size else 0j
+
+    @property
+    def is_real(self) -> bool:
+        """Whether all entries are real."""
+        return self.values.dtype.kind == "f"
+
+    @property
+    def is_diagonal(self) -> bool:
+        """Whether there is nothing beside the diagonal."""
+        return bool((self.row == self.col).all())
+
+    @property
+    def reach(self) -> int:
+        """How far from the diagonal there are entries."""
+        return int(np.abs(self.row - self.col).max(initial=0))
+
+    def times(self, factor: float) -> Entries:
+        """Return the matrix times a number."""
+        return Entries(self.n, self.row, self.col, self.values * factor)
+
+    def moved(self, order: np.ndarray) -> Entries:
+        """Return the matrix whose row i is row ``order[i]``."""
+        place = np.empty_like(order)
+        place[order] = np.arange(self.n)
+        row, col = place[self.row], place[self.col]
+        by_row = np.argsort(row * self.n + col)
+        return Entries(self.n, row[by_row], col[by_row], self.values[by_row])
+
+    def dense(self) -> np.ndarray:
+        """Return the matrix as an array."""
+        array = np.zeros((self.n, self.n), dtype=self.values.dtype)
+        array[self.row, self.col] = self.values
+        return array
+
+    @cached_property
+    def bounds(self) -> Bounds:
+        """Bounds of the eigenvalues: Gershgorin's, or those of a small matrix themselves."""
+        on = self.row == self.col
+        diagonal = np.bincount(self.row[on], self.values[on].real, self.n)
+        radius = np.bincount(self.row[~on], np.abs(self.values[~on]), self.n)
+        low, high = (diagonal - radius).min(), (diagonal + radius).max()
+        slack = ROUNDOFF * (np.abs(diagonal) + radius).max()
+        if self.n <= SMALL and not self.is_diagonal:
+            eigenvalues = np.linalg.eigvalsh(self.dense())
+            # a computed eigenvalue is off by a small multiple of n units of the norm
+            low = max(low, eigenvalues[0] - self.n * slack)
+            high = min(high, eigenvalues[-1] + self.n * slack)
+        return float(low - slack), float(high + slack)

@@ -1,0 +1,402 @@
+"""The Schrödinger equation as a system."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any, Self
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from liouville import _core
+from liouville._arguments import number
+from liouville.errors import hinted
+from liouville.systems import _trace
+from liouville.systems.schrodinger import clock, graph, observed
+from liouville.systems.schrodinger.entries import Bounds, Entries
+from liouville.systems.schrodinger.forms import operators
+from liouville.systems.schrodinger.frame import Frame
+from liouville.systems.schrodinger.grid import Grid
+from liouville.systems.schrodinger.lattice import Lattice
+from liouville.systems.schrodinger.products import Product
+from liouville.systems.schrodinger.spins import SpinChain
+
+#: Steps of Lanczos' method, and the seed of its start, where bounds are found or checked by it.
+LANCZOS = (30, 1)
+
+
+@dataclass(frozen=True)
+class _Term:
+    """A constant part of H: its operators in the core, and bounds of its eigenvalues if known."""
+
+    operators: list[_core.Operator]
+    bounds: Bounds | None
+
+
+class Schrodinger:
+    r"""The Schrödinger equation.
+
+    .. math::
+
+        i \hbar\, \psi' = H \psi, \qquad H = H_0 + \sum_k f_k(t) H_k
+
+    Parameters
+    ----------
+    hamiltonian : sparse matrix, array_like, Grid, Lattice, SpinChain, LinearOperator or tuple
+        :math:`H_0`, Hermitian: a sparse matrix of SciPy's, a square array, one of the library's
+        models, or, if it is real, what makes products, a LinearOperator or ``(N, function)``.
+    bounds : tuple of two floats, optional
+        Numbers below and above all eigenvalues of H, at all times; found by default.
+    hbar : float, default 1.0
+        Planck's constant in the units of the Hamiltonian.
+    drive : sequence of tuple, optional
+        Pairs :math:`(f_k, H_k)`: a function ``f(t, params)``, called once with CasADi symbols, and a
+        matrix, or the array of a diagonal one.
+    params : mapping of str to float or 1-D array_like, optional
+        Parameters by name, with default values; functions see ``params.name``.
+
+    Attributes
+    ----------
+    states : tuple of str
+        What a start and a solution call the state: ("psi",).
+    size : int
+        Number of components N of a state.
+    source, hbar
+        The Hamiltonian and Planck's constant as given.
+    grid : Grid or None
+        The grid, if there is one.
+    is_driven : bool
+        Whether H depends on time.
+    is_real : bool
+        Whether H is real, after its phases are taken away where that can be done.
+    frame : Frame
+        How the core has the components of a state.
+    hamiltonian : _core.Hamiltonian
+        :math:`H / \hbar` in the core.
+    potential : ndarray or None
+        Of a grid whose potential is constant, :math:`V / \hbar`.
+
+    Raises
+    ------
+    TypeError
+        An argument is of the wrong kind, or a complex H is known by its products only.
+    ValueError
+        H is not Hermitian, not finite or not square, or a drive does not fit it; the message names
+        the entry.
+
+    Notes
+    -----
+    Entries that mirror one another may differ by 1e-14 of the largest; their mean is taken.
+
+    A complex H has a gauge if phases g make all :math:`\bar g_i H_{ij} g_j` real, which is so if
+    the flux through every loop is 0 or :math:`\pi`. Then :math:`\bar g \psi` is propagated with a
+    real matrix. Otherwise `is_real` is False, and H acts as a real matrix on twice as many numbers.
+
+    Bounds are those of Gershgorin for a matrix, the least and largest energies of a grid, closed
+    formulas for a lattice, the energies of blocks for a chain of spins; up to N = 256 they are the
+    eigenvalues at the ends. All are rigorous but those of what is known by products: there they
+    are found by Lanczos' method, and widened by 1 %.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import liouville as lv
+    >>> lv.Schrodinger(np.array([[0.0, 1.0], [1.0, 0.0]]))
+    Schrodinger(2 components)
+    >>> lv.Schrodinger(np.array([[0.0, 1.0], [2.0, 0.0]]))
+    Traceback (most recent call last):
+    ...
+    ValueError: H is not Hermitian: H[0, 1] = 1, but H[1, 0] = 2
+    hint: ...
+    """
+
+    states = ("psi",)
+    constraints: tuple[str, ...] = ()
+
+    def __init__(
+        self,
+        hamiltonian: Any,
+        *,
+        bounds: tuple[float, float] | None = None,
+        hbar: float = 1.0,
+        drive: Sequence[tuple[Callable[..., Any], Any]] = (),
+        params: Mapping[str, ArrayLike] | None = None,
+    ) -> None:
+        self.source, self._drive = hamiltonian, drive
+        self.hbar = _positive("hbar", hbar)
+        self._params = _trace.Parameters(params)
+        self._given = _interval(bounds, self.hbar)
+        self.grid = hamiltonian if isinstance(hamiltonian, Grid) else None
+        source = Product.read("H", hamiltonian) if self.grid is None else self.grid
+        source = source or _entries(hamiltonian)
+        self.size: int = source.n if isinstance(source, (Entries, Product)) else source.size
+        self._functions, driven = self._read(drive)
+        self.frame = self._framed([source, *driven])
+        self._build(source, driven)
+
+    def _read(
+        self, drive: Sequence[tuple[Callable[..., Any], Any]]
+    ) -> tuple[list[clock.Traced], list[Entries]]:
+        functions, matrices = [], []
+        for k, pair in enumerate(drive):
+            if not (isinstance(pair, (tuple, list)) and len(pair) == 2):
+                raise TypeError(f"drive[{k}] is a pair of a function and a matrix, not {pair!r}")
+            name = f"H{k + 1}"
+            functions.append(clock.Traced(f"drive[{k}]", pair[0], self._params))
+            matrices.append(Entries.read(name, pair[1]))
+            if matrices[-1].n != self.size:
+                raise ValueError(f"{name} has order {matrices[-1].n}, H has {self.size}")
+        return functions, matrices
+
+    def _framed(self, parts: Sequence[Any]) -> Frame:
+        matrices = [part for part in parts if isinstance(part, Entries)]
+        phases, is_doubled = None, False
+        if not all(matrix.is_real for matrix in matrices):
+            if len(matrices) < len(parts):
+                sentence = "a complex drive wants a Hamiltonian that is a matrix"
+                raise TypeError(hinted(sentence, "a grid or products take real ones"))
+            phases = graph.gauge(matrices)
+            is_doubled = phases is None
+        order = None
+        if isinstance(self.source, Lattice):
+            order = self.source.order()
+        elif len(matrices) == len(parts):
+            order = graph.narrow(matrices)
+        return Frame(self.size, order, phases, is_doubled)
+
+    def _build(self, source: Any, driven: list[Entries]) -> None:
+        """Make the terms, and what the core calls them."""
+        self.potential: np.ndarray | None = None
+        self._moving: clock.Traced | None = None
+        if isinstance(source, Grid):
+            first = self._of_grid(source)
+        else:
+            first = self._of(
+                source,
+                self.source.bounds if isinstance(self.source, (Lattice, SpinChain)) else None,
+            )
+        self._terms = [first, *map(self._of, driven)]
+        self.is_driven = bool(driven) or self._moving is not None
+        flat = [operator for term in self._terms for operator in term.operators]
+        params = self._params.values(None)
+        more: dict[str, Any] = {}
+        if driven:
+            repeats = [len(term.operators) for term in self._terms]
+            more["drive"] = (clock.weights(self._functions, repeats, self._params), params)
+        if self._moving is not None and self.grid is not None:
+            tape = self._moving.tape(1 / self.hbar)
+            more["potential"] = (tape, params, np.ascontiguousarray(self.grid.points.ravel()))
+        self.hamiltonian = _core.Hamiltonian(flat, **more)
+        if isinstance(source, Product):
+            _check_symmetric(self._static)
+
+    def _of(self, part: Entries | Product, closed: Callable[[], Bounds] | None = None) -> _Term:
+        """Make a term, within further bounds of its energies if a model knows them."""
+        if isinstance(part, Product):
+            return _Term([part.operator(1 / self.hbar)], None)
+        part = part.times(1 / self.hbar)
+        low, high = part.bounds
+        if closed is not None:
+            least, largest = closed()
+            low, high = max(low, least / self.hbar), min(high, largest / self.hbar)
+        return _Term(operators(self.frame.entries(part)), (low, high))
+
+    def _of_grid(self, grid: Grid) -> _Term:
+        kinetic = [energies / self.hbar for energies in grid.kinetic(self.hbar)]
+        terms = [_core.Operator.kinetic(kinetic)]
+        low, high = 0.0, float(sum(energies.max() for energies in kinetic))
+        found = clock.potential(grid, self._params)
+        if isinstance(found, clock.Traced):
+            self._moving = found
+            return _Term(terms, (low, high))
+        self.potential = found / self.hbar
+        low, high = low + float(self.potential.min()), high + float(self.potential.max())
+        if self.potential.any():
+            terms.append(_core.Operator.diagonals(grid.size, [0], [self.potential]))
+        return _Term(terms, (low, high))
+
+    def __repr__(self) -> str:
+        """Name the model, or the number of components."""
+        is_model = isinstance(self.source, (Grid, Lattice, SpinChain))
+        what = repr(self.source) if is_model else f"{self.size} components"
+        return f"{type(self).__name__}({what}{', driven' if self.is_driven else ''})"
+
+    @property
+    def is_real(self) -> bool:
+        """Whether H is real, after its phases are taken away where that can be done."""
+        return not self.frame.is_doubled
+
+    @property
+    def params(self) -> dict[str, float | np.ndarray]:
+        """The parameters' default values."""
+        defaults = self._params.defaults
+        return {name: x.copy() if x.ndim else float(x) for name, x in defaults.items()}
+
+    def with_params(self, params: Mapping[str, ArrayLike] | None) -> Self:
+        """Return the equation with other parameters; ValueError names an unknown one."""
+        if not params:
+            return self
+        found = self._params.replaced(self._params.values(params)).defaults
+        bounds = None if self._given is None else tuple(x * self.hbar for x in self._given)
+        return type(self)(
+            self.source, bounds=bounds, hbar=self.hbar, drive=self._drive, params=found
+        )
+
+    @cached_property
+    def _static(self) -> _core.Hamiltonian:
+        return _core.Hamiltonian(self._terms[0].operators)
+
+    @cached_property
+    def term_bounds(self) -> list[Bounds]:
+        r"""Bounds of the eigenvalues of :math:`H_0 / \hbar` and of each :math:`H_k / \hbar`.
+
+        A potential that depends on time is in none of them.
+        """
+        found = []
+        for term in self._terms:
+            bounds = term.bounds
+            if bounds is None:
+                low, high = self._static.extent(*LANCZOS)
+                bounds = low, high
+            found.append(bounds)
+        return found
+
+    @cached_property
+    def bounds(self) -> Bounds:
+        r"""Numbers below and above all eigenvalues of :math:`H / \hbar`; if driven, at t = 0.
+
+        Raises
+        ------
+        ValueError
+            The bounds that were given leave out an eigenvalue; the message has both.
+        """
+        if self._given is None:
+            return self.bounds_at(0.0)
+        if not self.is_driven:
+            _check_inside(self._given, self._static, self.hbar)
+        return self._given
+
+    def bounds_at(self, t: float) -> Bounds:
+        r"""Bound the eigenvalues of :math:`H / \hbar` at a time."""
+        if self._given is not None:
+            return self._given
+        low, high = self.term_bounds[0]
+        for traced, ends in zip(self._functions, self.term_bounds[1:], strict=True):
+            weight = float(traced.at(t)[0])
+            ends = (weight * ends[0], weight * ends[1])
+            low, high = low + min(ends), high + max(ends)
+        if self._moving is not None and self.grid is not None:
+            values = self._moving.at(t, self.grid.points) / self.hbar
+            low, high = low + float(values.min()), high + float(values.max())
+        return low, high
+
+    def inward(self, psi: Any, is_ensemble: bool = False) -> np.ndarray:
+        """Check a state and return it as the core has it, or P states as its rows.
+
+        Raises
+        ------
+        TypeError
+            It is no array of numbers.
+        ValueError
+            It has a wrong shape, is zero, or not finite; the message names the component.
+        """
+        return self.frame.inward(observed.checked(psi, self._shapes, is_ensemble))
+
+    def outward(self, psi: np.ndarray) -> np.ndarray:
+        """Return states of the core as the user has them; components are the last axis."""
+        return self.frame.outward(psi)
+
+    @property
+    def _shapes(self) -> list[tuple[int, ...]]:
+        """The shapes that a state may have."""
+        shape = getattr(self.source, "shape", (self.size,))
+        is_model = isinstance(self.source, (Grid, Lattice))
+        return [(self.size,), *([shape] if is_model and len(shape) > 1 else [])]
+
+    def observables(
+        self, observe: Mapping[str, Any] | None
+    ) -> list[tuple[str, int, tuple[Any, ...]]]:
+        r"""Return names, widths and the core's form of what a run keeps besides states.
+
+        Parameters
+        ----------
+        observe : mapping of str to array_like or sparse matrix
+            A real array of shape (N,) is a diagonal A, a matrix or an operator is A itself, for
+            :math:`\langle \psi | A | \psi \rangle`; a complex array of shape (N,) is a state
+            :math:`\phi`, for :math:`\langle \phi | \psi \rangle`. On a grid also a function of
+            position, ``f(t, x, params)``, constant in time.
+
+        Raises
+        ------
+        TypeError, ValueError
+            One is of the wrong kind or shape, or not Hermitian; the message has its name.
+        """
+        return observed.observables(observe, self.frame, self._shapes, self._at_points)
+
+    def _at_points(self, name: str, function: Callable[..., Any]) -> np.ndarray:
+        if self.grid is None:
+            raise TypeError(
+                f"observable '{name}' is a function, and there is no grid to take it on"
+            )
+        traced = clock.Traced(f"observable '{name}'", function, self._params, len(self.grid.shape))
+        if traced.is_driven:
+            raise ValueError(f"observable '{name}' depends on time, which none may")
+        return traced.at(0.0, self.grid.points)
+
+
+def _entries(given: Any) -> Entries:
+    if isinstance(given, (Lattice, SpinChain)):
+        return given.entries()
+    if callable(given):
+        raise TypeError(hinted("H is a function of unknown size", "give (N, function)"))
+    return Entries.read("H", given)
+
+
+def _positive(name: str, value: Any) -> float:
+    found = number(f"{name} is a number", value)
+    if not (np.isfinite(found) and found > 0):
+        raise ValueError(f"{name} is positive and finite, not {found:g}")
+    return found
+
+
+def _interval(bounds: Any, hbar: float) -> Bounds | None:
+    if bounds is None:
+        return None
+    if not isinstance(bounds, (tuple, list, np.ndarray)) or len(bounds) != 2:
+        raise TypeError(f"bounds is a pair (least energy, largest energy), not {bounds!r}")
+    low, high = (number("bounds is a pair of numbers", x) for x in bounds)
+    if not (np.isfinite(high - low) and low < high):
+        raise ValueError(f"bounds = ({low:g}, {high:g}) is no interval")
+    return low / hbar, high / hbar
+
+
+def _check_inside(given: Bounds, hamiltonian: _core.Hamiltonian, hbar: float) -> None:
+    """Refuse bounds with a Ritz value beyond: there is an eigenvalue farther out."""
+    ritz_low, _, ritz_high, _ = hamiltonian.ritz(*LANCZOS)
+    slack = 1e-12 * max(abs(ritz_low), abs(ritz_high))
+    for word, bound, ritz, beyond in (
+        ("below", given[0], ritz_low, given[0] - ritz_low),
+        ("above", given[1], ritz_high, ritz_high - given[1]),
+    ):
+        if beyond > slack:
+            raise ValueError(
+                hinted(
+                    f"bounds say that no energy is {word} {bound * hbar:.6g}, "
+                    f"but there is one {word} {ritz * hbar:.6g} or there",
+                    "leave bounds= out, and they are found",
+                )
+            )
+
+
+def _check_symmetric(hamiltonian: _core.Hamiltonian) -> None:
+    """Refuse products that random vectors see to belong to no symmetric matrix."""
+    found = hamiltonian.asymmetry(LANCZOS[1])
+    if not found <= 1e-10:
+        raise ValueError(
+            hinted(
+                f"H is not symmetric: x . H y and y . H x differ by {found:.1e} of their size",
+                "only a Hermitian operator keeps the norm; absorbing potentials are not taken",
+            )
+        )

@@ -1,0 +1,111 @@
+"""States as they are given, and what is observed of them."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+from liouville import _core
+from liouville.errors import hinted
+from liouville.systems import _trace
+from liouville.systems.schrodinger.entries import Entries
+from liouville.systems.schrodinger.forms import operators
+from liouville.systems.schrodinger.frame import Frame
+from liouville.systems.schrodinger.products import Product
+
+#: The name of an observable, how many numbers it has, and what the core makes of it.
+Observable = tuple[str, int, tuple[Any, ...]]
+
+
+def checked(psi: Any, shapes: Sequence[tuple[int, ...]], is_ensemble: bool) -> np.ndarray:
+    """Return a state as a flat complex array, or states as its rows."""
+    array = _numbers("psi", psi)
+    extra = 1 if is_ensemble else 0
+    if array.ndim < extra or array.shape[extra:] not in shapes or not array.size:
+        wanted = " or ".join(f"(P, {', '.join(map(str, s))})" if extra else str(s) for s in shapes)
+        message = f"psi has shape {array.shape}, wanted {wanted}"
+        if array.shape[1 - extra :] in shapes:
+            message = hinted(
+                message, f"lv.{'integrate takes one state' if extra else 'ensemble takes many'}"
+            )
+        raise ValueError(message)
+    flat = array.reshape(*array.shape[:extra], -1)
+    bad = np.argwhere(~np.isfinite(flat))
+    if bad.size:
+        place = tuple(bad[0].tolist())
+        raise ValueError(f"psi[{', '.join(map(str, place))}] is {flat[place]}")
+    zero = np.flatnonzero(~flat.any(axis=-1))
+    if zero.size:
+        member = f" of member {zero[0]}" if is_ensemble else ""
+        raise ValueError(f"psi{member} is zero: there is no state")
+    return flat
+
+
+def observables(
+    observe: Mapping[str, Any] | None,
+    frame: Frame,
+    shapes: Sequence[tuple[int, ...]],
+    at_points: Callable[[str, Callable[..., Any]], np.ndarray],
+) -> list[Observable]:
+    """Return what is observed, as the core takes it."""
+    found = []
+    for name, given in _trace.mapping("observe", observe).items():
+        what = f"observable '{name}'"
+        is_operator = hasattr(given, "matvec") or isinstance(given, tuple)
+        if callable(given) and not is_operator:
+            given = at_points(name, given)
+        if is_operator or hasattr(given, "tocsr"):
+            found.append((name, 1, _symmetric(what, given, frame)))
+            continue
+        array = _numbers(what, given)
+        if array.shape in shapes:
+            found.append((name, *_of_array(what, array.ravel(), frame)))
+        elif array.shape == (frame.size, frame.size):
+            found.append((name, 1, _symmetric(what, array, frame)))
+        else:
+            wanted = " or ".join(map(str, [*shapes, (frame.size, frame.size)]))
+            raise ValueError(f"{what} has shape {array.shape}, wanted {wanted}")
+    return found
+
+
+def _of_array(what: str, array: np.ndarray, frame: Frame) -> tuple[int, tuple[Any, ...]]:
+    bad = np.flatnonzero(~np.isfinite(array))
+    if bad.size:
+        raise ValueError(f"{what} is {array[bad[0]]} in place {bad[0]}")
+    if array.dtype.kind != "c":
+        return 1, ("diagonal", frame.diagonal(array.astype(float)))
+    phi = frame.inward(array)
+    return 2, ("overlap", phi.real.copy(), phi.imag.copy())
+
+
+def _symmetric(what: str, given: Any, frame: Frame) -> tuple[Any, ...]:
+    product = Product.read(what, given)
+    if product is not None:
+        if not frame.is_plain:
+            sentence = f"{what} is known by its products only, and H has been transformed"
+            raise TypeError(hinted(sentence, "give it as a matrix"))
+        return ("symmetric", _core.Hamiltonian([product.operator(1.0)]))
+    matrix = Entries.read(what, given)
+    if matrix.n != frame.size:
+        raise ValueError(f"{what} has order {matrix.n}, H has {frame.size}")
+    inside = frame.entries(matrix)
+    if not inside.is_real:
+        raise ValueError(
+            hinted(
+                f"{what} is complex where H is real",
+                "keep the states, and take the expectation of them",
+            )
+        )
+    return ("symmetric", _core.Hamiltonian(operators(inside)))
+
+
+def _numbers(what: str, value: Any) -> np.ndarray:
+    try:
+        array = np.asarray(value)
+    except (TypeError, ValueError):  # rows of different lengths
+        array = np.array(None)
+    if array.dtype.kind not in "iufc":
+        raise TypeError(f"{what} is an array of numbers, not {value!r}")
+    return array
