@@ -4,11 +4,13 @@
 
 mod observe;
 mod phases;
+mod processor;
 mod shears;
 mod sweep;
 
 pub use observe::{Observable, Observer};
 pub use phases::Phases;
+pub use processor::Processor;
 pub use shears::Shears;
 pub use sweep::{Move, Sums, Sweeper};
 
