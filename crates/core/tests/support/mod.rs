@@ -2,6 +2,7 @@
 
 #![allow(dead_code)] // each binary that includes this file uses a part of it
 
+pub(crate) mod quantum;
 pub(crate) mod splits;
 pub(crate) mod walk;
 pub(crate) mod waves;
