@@ -11,3 +11,4 @@ pub use alpha::Alpha;
 pub use composition::Scheme;
 pub use ladder::Ladder;
 pub use spark::GaussLobatto;
+pub use splitting::{Turn, split_program};

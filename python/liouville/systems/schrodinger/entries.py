@@ -43,11 +43,16 @@ class Entries:
     def of(cls, n: int, row: np.ndarray, col: np.ndarray, values: np.ndarray) -> Entries:
         """Return a matrix from entries in any order; those at the same place are added."""
         places = row.astype(np.int64) * n + col
-        places, entry = np.unique(places, return_inverse=True)
-        total = np.zeros(places.size, dtype=values.dtype)
-        np.add.at(total, entry, values)
-        kept = total != 0
-        return cls(n, places[kept] // n, places[kept] % n, total[kept])
+        by_place = np.argsort(places)
+        places, values = places[by_place], values[by_place]
+        is_new = np.diff(places, prepend=-1) != 0
+        if not is_new.all():
+            values = np.add.reduceat(values, np.flatnonzero(is_new))
+            places = places[is_new]
+        kept = values != 0
+        places, values = places[kept], values[kept]
+        row = places // n
+        return cls(n, row, places - row * n, values)
 
     @classmethod
     def read(cls, name: str, given: Any) -> Entries:
@@ -125,7 +130,9 @@ class Entries:
         if i == j:
             sentence = f"{name}[{i}, {i}] = {self.values[k]:.6g} is not real"
         else:
-            sentence = f"{name}[{i}, {j}] = {self.values[k]:.6g}, but [{j}, {i}] = {other:.6g}"
+            sentence = (
+                f"{name}[{i}, {j}] = {self.values[k]:.6g}, but {name}[{j}, {i}] = {other:.6g}"
+            )
         hint = "only a Hermitian matrix keeps the norm; absorbing potentials are not taken"
         raise ValueError(hinted(f"{name} is not Hermitian: {sentence}", hint))
 

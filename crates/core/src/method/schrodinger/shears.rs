@@ -103,7 +103,6 @@ impl<S: Stored> Parts for Shears<S> {
         Ok(())
     }
 
-    /// Refuses a norm that has changed: outside the bounds of the spectrum a step is not stable.
     fn check(&self, t: f64, state: &Wave<S>) -> Result<(), Trouble> {
         check_norm(t, self.tolerance, state)
     }
