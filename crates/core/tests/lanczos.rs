@@ -53,7 +53,10 @@ fn tolerances_hold_in_pieces_of_any_number() {
                     let error = distance(&state, &chain_after(potential, t, &start));
                     let products = lanczos.stats().evaluations;
                     println!("{dimension} {theta} {tolerance}: {error:e} {products}");
-                    assert!(error < tolerance, "{dimension} {theta} {tolerance}: {error}");
+                    assert!(
+                        error < tolerance,
+                        "{dimension} {theta} {tolerance}: {error}"
+                    );
                     // the tolerance is made use of
                     assert!(error > 1e-5 * tolerance || tolerance < 1e-9);
                 }

@@ -1,7 +1,8 @@
 //! Methods for Schrödinger equations, as tuples.
 
 use liouville_core::method::schrodinger::{
-    Chebyshev, Exponential, Magnus, Nodes, Phases, Processed, Processor, Shears, Sweeper, Wave, bessel,
+    Chebyshev, Exponential, Magnus, Nodes, Phases, Processed, Processor, Shears, Sweeper, Wave,
+    bessel,
 };
 use liouville_core::method::{Composed, Flow, Stepper};
 use liouville_core::problem::quantum::Hamiltonian;
@@ -184,7 +185,8 @@ fn processed(method: &Bound<'_, PyTuple>) -> PyResult<Lockstep> {
     let (order, stages, shift, largest, tolerance) = method.extract()?;
     let unknown = || PyValueError::new_err("there is no such method for the longest stable steps");
     let method = Stable::find(Purpose::Stability, order, stages).ok_or_else(unknown)?;
-    let too_long = || PyValueError::new_err("a step so near to the limit of stability has no processor");
+    let too_long =
+        || PyValueError::new_err("a step so near to the limit of stability has no processor");
     let processor = Processor::new(method, largest, PROCESSED).ok_or_else(too_long)?;
     Ok(Lockstep::Processed {
         method,

@@ -107,6 +107,18 @@ impl Operator {
         }
     }
 
+    /// How many bytes of a term by rows a row is, on average.
+    pub fn bytes_a_row(&self) -> usize {
+        let bytes = match self {
+            Self::Rows(rows) => rows.bytes(),
+            Self::Diagonals(diagonals) => diagonals.bytes(),
+            Self::Dense(dense) => dense.bytes(),
+            Self::Spins(spins) => spins.bytes(),
+            Self::Kinetic(_) | Self::Product(_) => 0,
+        };
+        bytes.div_ceil(self.size())
+    }
+
     /// Updates some rows.
     ///
     /// # Panics

@@ -1,12 +1,22 @@
 //! Products one after another, each with what the one before has left.
+//!
+//! By rows, several of them go over the matrix in one sweep, and threads share the rows; no bit of the result
+//! depends on how many.
+
+mod front;
+mod shared;
+mod tiles;
 
 use crate::parallel::Crew;
 use crate::patience::Patience;
-use crate::problem::quantum::{Hamiltonian, Present, Scratch, Update};
+use crate::problem::quantum::{Hamiltonian, Operator, Present, Scratch, Update};
 use crate::trouble::Trouble;
 use crate::vector::{Machine, Stored};
+use front::{Edges, Work, add_scaled};
+use shared::All;
 use std::marker::PhantomData;
 use std::sync::Arc;
+use tiles::Tiles;
 
 /// One product: a ← keep·a + factor·H b + diagonal·b, or the same into b from a.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -29,12 +39,33 @@ pub struct Sweeper<S> {
     /// What of H is in force, where H depends on time.
     pub present: Option<Present>,
     machine: Machine,
-    #[expect(dead_code)] // until rows are shared
     crew: Option<Crew>,
     patience: Patience,
     scratch: Scratch,
     products: usize,
+    by_rows: Option<ByRows>,
     stored: PhantomData<S>,
+}
+
+/// What is known of a Hamiltonian all of whose terms are given by rows.
+#[derive(Clone, Copy)]
+struct ByRows {
+    reach: usize,
+    bytes: usize,
+    tiles: Tiles,
+}
+
+impl ByRows {
+    fn new<S>(hamiltonian: &Hamiltonian, threads: usize) -> Option<Self> {
+        let (n, reach) = (hamiltonian.size(), hamiltonian.reach()?);
+        let of_terms = hamiltonian.terms().iter().map(Operator::bytes_a_row);
+        let bytes = 2 * size_of::<S>() + of_terms.sum::<usize>();
+        Some(Self {
+            reach,
+            bytes,
+            tiles: Tiles::new(n, reach, bytes, threads),
+        })
+    }
 }
 
 impl<S: Stored> Sweeper<S> {
@@ -42,6 +73,7 @@ impl<S: Stored> Sweeper<S> {
     pub fn new(hamiltonian: Arc<Hamiltonian>) -> Self {
         Self {
             present: hamiltonian.present(),
+            by_rows: ByRows::new::<S>(&hamiltonian, 1),
             hamiltonian,
             machine: Machine::default(),
             crew: None,
@@ -52,11 +84,24 @@ impl<S: Stored> Sweeper<S> {
         }
     }
 
-    /// The same with so many threads; no bit of the result depends on them.
+    /// The same with so many threads.
     #[must_use]
     pub fn with_threads(self, threads: usize) -> Self {
         let crew = Crew::new(threads);
-        Self { crew, ..self }
+        let threads = crew.as_ref().map_or(1, Crew::threads);
+        Self {
+            by_rows: ByRows::new::<S>(&self.hamiltonian, threads),
+            crew,
+            ..self
+        }
+    }
+
+    /// The same with so many rows in a block and moves in a sweep, which else are chosen for the machine.
+    #[must_use]
+    pub fn with_tiles(self, rows: usize, moves: usize) -> Self {
+        let tiles = Tiles { rows, moves };
+        let by_rows = self.by_rows.map(|by_rows| ByRows { tiles, ..by_rows });
+        Self { by_rows, ..self }
     }
 
     /// The same, stopping where `patience` is lost.
@@ -86,6 +131,9 @@ impl<S: Stored> Sweeper<S> {
         b: &mut [S],
         mut sums: Sums<'_, S>,
     ) -> Result<(), Trouble> {
+        if let Some(by_rows) = self.by_rows {
+            return self.run_by_rows(by_rows, moves, &mut All { a, b, sums });
+        }
         for step in moves {
             if self.patience.is_lost() {
                 return Err(Trouble::Interrupted);
@@ -102,6 +150,45 @@ impl<S: Stored> Sweeper<S> {
         Ok(())
     }
 
+    fn run_by_rows(
+        &mut self,
+        by_rows: ByRows,
+        moves: &[Move],
+        all: &mut All<'_, S>,
+    ) -> Result<(), Trouble> {
+        let ByRows {
+            reach,
+            bytes,
+            tiles,
+        } = by_rows;
+        let n = self.hamiltonian.size();
+        let sweeps = moves.len().div_ceil(tiles.moves).max(1);
+        for moves in moves.chunks(moves.len().div_ceil(sweeps).max(1)) {
+            let work = Work {
+                hamiltonian: self.hamiltonian.at(self.present.as_ref()),
+                machine: self.machine,
+                n,
+                reach,
+                bytes,
+                tiles,
+                moves,
+            };
+            let patience = &mut self.patience;
+            let crew = self.crew.as_ref().filter(|_| tiles.rows < n);
+            let is_made = if let Some(crew) = crew {
+                work.share(crew, all, patience)
+            } else {
+                let mut part = all.part();
+                work.sweep(Edges::all(n), &mut part, Some(patience))
+            };
+            if !is_made {
+                return Err(Trouble::Interrupted);
+            }
+            self.products += S::MEMBERS * moves.len();
+        }
+        Ok(())
+    }
+
     fn one(
         &mut self,
         step: &Move,
@@ -113,11 +200,7 @@ impl<S: Stored> Sweeper<S> {
         let weighted = self.hamiltonian.at(self.present.as_ref());
         weighted.update(self.machine, step.update, x, out, &mut self.scratch)?;
         if let Some(sum) = sum {
-            for (sum, out) in sum.iter_mut().zip(out) {
-                for m in 0..S::MEMBERS {
-                    sum.set_member(m, sum.member(m) + step.weight * out.member(m));
-                }
-            }
+            add_scaled(self.machine, step.weight, out, sum);
         }
         Ok(())
     }
