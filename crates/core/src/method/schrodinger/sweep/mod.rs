@@ -92,6 +92,10 @@ impl<S: Stored> Sweeper<S> {
     /// The same with so many threads.
     #[must_use]
     pub fn with_threads(self, threads: usize) -> Self {
+        let n = self.hamiltonian.size();
+        if self.by_rows.is_none_or(|by_rows| by_rows.tiles.rows == n) {
+            return self; // there is nothing to share
+        }
         let crew = Crew::new(threads);
         let threads = crew.as_ref().map_or(1, Crew::threads);
         Self {
