@@ -40,12 +40,13 @@ fn diagonals(draw: &mut Draw, n: usize) -> Vec<(usize, Vec<f64>)> {
     offsets.dedup();
     let mut diagonals = Vec::new();
     for offset in offsets {
-        let (kind, value, hole) = (draw.below(4), draw.next(), 2 + draw.below(400));
+        let (kind, value, hole) = (draw.below(5), draw.next(), 2 + draw.below(400));
         let value = |i: usize| match kind {
             0 => value,
             1 if i % hole == hole - 1 => 0.0,
             1 => value,
             2 if i > hole => value,
+            3 if i % hole > 0 => 0.0,
             _ => draw.next(),
         };
         diagonals.push((offset, (0..n - offset).map(value).collect()));
@@ -224,6 +225,7 @@ proptest! {
         let diagonals = diagonals(&mut draw, n);
         let matrix = of_diagonals(n, &diagonals);
         check(&mut draw, &Operator::Rows(Arc::new(sparse(&matrix))), &matrix);
+        check(&mut draw, &Operator::sparse(Arc::new(sparse(&matrix))), &matrix);
         check(&mut draw, &Operator::Diagonals(Arc::new(Diagonals::new(n, &diagonals))), &matrix);
     }
 

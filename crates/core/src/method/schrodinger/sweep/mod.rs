@@ -18,6 +18,9 @@ use std::marker::PhantomData;
 use std::sync::Arc;
 use tiles::Tiles;
 
+/// Threads share no fewer bytes.
+const LEAST: usize = 1 << 21;
+
 /// One product: a ← keep·a + factor·H b + diagonal·b, or the same into b from a.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Move {
@@ -53,6 +56,7 @@ struct ByRows {
     reach: usize,
     bytes: usize,
     tiles: Tiles,
+    is_worth_sharing: bool,
 }
 
 impl ByRows {
@@ -64,6 +68,7 @@ impl ByRows {
             reach,
             bytes,
             tiles: Tiles::new(n, reach, bytes, threads),
+            is_worth_sharing: n * bytes >= LEAST,
         })
     }
 }
@@ -100,11 +105,16 @@ impl<S: Stored> Sweeper<S> {
         }
     }
 
-    /// The same with so many rows in a block and moves in a sweep, which else are chosen for the machine.
+    /// The same with so many rows in a block and moves in a sweep, which else are chosen for the machine, and
+    /// with rows shared however few they are.
     #[must_use]
     pub fn with_tiles(self, rows: usize, moves: usize) -> Self {
         let tiles = Tiles { rows, moves };
-        let by_rows = self.by_rows.map(|by_rows| ByRows { tiles, ..by_rows });
+        let by_rows = self.by_rows.map(|by_rows| ByRows {
+            tiles,
+            is_worth_sharing: true,
+            ..by_rows
+        });
         Self { by_rows, ..self }
     }
 
@@ -164,6 +174,7 @@ impl<S: Stored> Sweeper<S> {
             reach,
             bytes,
             tiles,
+            is_worth_sharing,
         } = by_rows;
         let n = self.hamiltonian.size();
         let sweeps = moves.len().div_ceil(tiles.moves).max(1);
@@ -178,7 +189,7 @@ impl<S: Stored> Sweeper<S> {
                 moves,
             };
             let patience = &mut self.patience;
-            let crew = self.crew.as_ref().filter(|_| tiles.rows < n);
+            let crew = self.crew.as_ref().filter(|_| is_worth_sharing);
             let is_made = if let Some(crew) = crew {
                 work.share(crew, all, patience)
             } else {

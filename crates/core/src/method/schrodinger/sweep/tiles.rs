@@ -1,7 +1,7 @@
 //! How many rows and moves are worked on at a time, so that what they need stays in a core's cache.
 
 /// Bytes that stay in a core's own cache.
-const NEAR: usize = 1 << 19;
+const NEAR: usize = 1 << 20;
 /// Bytes that stay in the cache that cores share.
 const FAR: usize = 1 << 22;
 /// Somebody may lose patience while a thread does more bytes than that.
@@ -25,13 +25,13 @@ impl Tiles {
     /// on both sides.
     pub(super) fn new(n: usize, reach: usize, bytes: usize, threads: usize) -> Self {
         let plain = Self {
-            rows: (NEAR / 4 / bytes).next_multiple_of(64).min(n),
+            rows: (NEAR / 8 / bytes).next_multiple_of(64).min(n),
             moves: 1,
         };
-        if n * bytes <= NEAR {
+        if n * bytes <= 2 * NEAR {
             return Self { rows: n, ..plain };
         }
-        let rows = (reach / 2).next_multiple_of(64).clamp(ROWS.0, ROWS.1);
+        let rows = reach.next_multiple_of(64).clamp(ROWS.0, ROWS.1);
         let tiles = Self { rows, moves: 1 };
         let of_move = tiles.lag(reach) * rows * bytes;
         let moves = match NEAR / of_move {
