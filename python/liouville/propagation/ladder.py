@@ -59,10 +59,6 @@ class Rung:
         """Number of shears of a step."""
         return len(self.coefficients)
 
-    def shears(self, steps: int, intervals: int) -> int:
-        """Return the real products of so many steps: where q begins and ends, two are one."""
-        return steps * self.n if self.n % 2 == 0 else steps * (self.n - 1) + intervals
-
     def bound(self, x: float, steps: int) -> float:
         r"""Bound the error after so many steps of size :math:`h \beta = x`, relative to the norm.
 
@@ -118,7 +114,7 @@ class Choice:
     @property
     def shears(self) -> int:
         """Real products in all."""
-        return self.rung.shears(int(self.steps.sum()), len(self.steps))
+        return int(self.steps.sum()) * self.rung.n
 
 
 def choices(thetas: Array, tol: float, stable: bool) -> Iterator[Choice]:

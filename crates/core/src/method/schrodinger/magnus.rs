@@ -10,6 +10,7 @@
 
 use super::{Shears, Sweeper, Wave};
 use crate::method::{Composed, Flow, Stats, Stepper};
+use crate::problem::quantum::Present;
 use crate::trouble::Trouble;
 use crate::vector::Stored;
 
@@ -82,6 +83,10 @@ impl<S: Stored> Magnus<S> {
         assert_eq!(bounds.len(), terms, "number of bounds");
         let mut rows = nodes.rows.iter();
         assert!(rows.all(|row| row.len() == nodes.nodes.len()), "weights");
+        let mut sweeper = sweeper;
+        if sweeper.present.is_none() {
+            sweeper.present = Some(Present::new(sweeper.hamiltonian()));
+        }
         let shears = Shears::new(sweeper, 0.0, exponential.tolerance);
         Self {
             shears: Composed::following(shears, exponential.program),
@@ -101,25 +106,21 @@ impl<S: Stored> Magnus<S> {
         self.taken.extend(weighted.map(|(a, c)| (*a, t + c * h)));
         let sweeper = self.shears.parts_mut().sweeper_mut();
         let hamiltonian = sweeper.hamiltonian().clone();
-        let weight: f64 = self.nodes.rows[row].iter().sum();
         let (mut low, mut high) = (0.0, 0.0);
         let mut add = |weight: f64, (least, largest): (f64, f64)| {
             let (a, b) = (weight * least, weight * largest);
             low += a.min(b);
             high += a.max(b);
         };
-        match &mut sweeper.present {
-            Some(present) => {
-                present.set(&hamiltonian, &self.taken);
-                for (weight, bounds) in present.weights().iter().zip(&self.bounds) {
-                    add(*weight, *bounds);
-                }
-                let potential = present.potential();
-                let least = potential.iter().copied().reduce(f64::min);
-                let largest = potential.iter().copied().reduce(f64::max);
-                add(1.0, (least.unwrap_or(0.0), largest.unwrap_or(0.0)));
+        if let Some(present) = &mut sweeper.present {
+            present.set(&hamiltonian, &self.taken);
+            for (weight, bounds) in present.weights().iter().zip(&self.bounds) {
+                add(*weight, *bounds);
             }
-            None => self.bounds.iter().for_each(|bounds| add(weight, *bounds)),
+            let potential = present.potential();
+            let least = potential.iter().copied().reduce(f64::min);
+            let largest = potential.iter().copied().reduce(f64::max);
+            add(1.0, (least.unwrap_or(0.0), largest.unwrap_or(0.0)));
         }
         (low, high)
     }
