@@ -309,14 +309,14 @@ def test_a_method_added_to_the_list_brings_its_options(monkeypatch):
     seen = {}
     monkeypatch.setitem(lv.METHODS, "damped", Damped)
     monkeypatch.setattr(cli, "app", cli.typer.Typer())
-    cli.app.command()(cli._method_options(lambda **options: seen.update(options)))
+    cli.app.command()(cli.options.method_options(lambda **options: seen.update(options)))
     monkeypatch.setattr(sys, "argv", ["liouville", "--damping", "0.25"])
     with pytest.raises(SystemExit) as left:
         cli.main()
     assert not left.value.code
-    assert cli._method("damped", seen) == Damped(damping=0.25)
+    assert cli.options.method_named("damped", seen) == Damped(damping=0.25)
     with pytest.raises(ValueError, match=r"spark has no option 'damping'\nhint: it has stages"):
-        cli._method("spark", seen)
+        cli.options.method_named("spark", seen)
 
 
 @pytest.mark.parametrize("environment", [{}, {"TERM": "xterm"}, {"NO_COLOR": "1"}])

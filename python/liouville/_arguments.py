@@ -91,6 +91,22 @@ def interval(t: Any) -> tuple[float, float]:
     return t0, t1
 
 
+def times_of(t: Any) -> tuple[float, ...]:
+    """Return a start and later times, or earlier ones: a pair, or as many as wanted."""
+    if isinstance(t, np.ndarray) and t.ndim == 1:
+        t = t.tolist()
+    if not isinstance(t, (tuple, list)) or len(t) < 2:
+        raise TypeError(f"t is a pair (start, end) or a sequence of times, not {t!r}")
+    times = tuple(number("t is made of numbers", x) for x in t)
+    interval((times[0], times[-1]))
+    steps = np.diff(times)
+    bad = np.flatnonzero(~(np.isfinite(steps) & (steps * (times[-1] - times[0]) > 0)))
+    if bad.size:
+        k = int(bad[0])
+        raise ValueError(f"times rise or fall: t has {times[k]:g} and then {times[k + 1]:g}")
+    return times
+
+
 def steps_of(
     t: Any, h: Any, steps: Any, control: Mapping[str, Any], coordinates: Sequence[str], equal: str
 ) -> Steps:

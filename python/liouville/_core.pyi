@@ -19,6 +19,7 @@ __all__ = [
     "SecondOrder",
     "Split",
     "Tape",
+    "chebyshev_degree",
     "compositions",
     "determinant_run",
     "gauss_lobatto",
@@ -27,6 +28,7 @@ __all__ = [
     "project",
     "schrodinger_run",
     "section_run",
+    "split_program",
     "split_run",
     "stability",
 ]
@@ -147,6 +149,18 @@ class Operator:
     @staticmethod
     def rows(rows: Rows) -> Operator: ...
     @staticmethod
+    def diagonals(
+        n: int, offsets: Sequence[int], values: Sequence[NDArray[np.float64]]
+    ) -> Operator: ...
+    @staticmethod
+    def dense(matrix: NDArray[np.float64]) -> Operator: ...
+    @staticmethod
+    def spins(
+        bonds: Sequence[tuple[int, int, float, float]], fields: Sequence[float], up: int | None
+    ) -> Operator: ...
+    @staticmethod
+    def kinetic(energies: Sequence[NDArray[np.float64]]) -> Operator: ...
+    @staticmethod
     def product(
         n: int, function: Callable[[NDArray[np.float64]], NDArray[np.float64]]
     ) -> Operator: ...
@@ -155,11 +169,20 @@ class Operator:
 
 @final
 class Hamiltonian:
-    def __new__(cls, terms: Sequence[Operator]) -> Hamiltonian: ...
+    def __new__(
+        cls,
+        terms: Sequence[Operator],
+        drive: tuple[Tape, NDArray[np.float64]] | None = None,
+        potential: tuple[Tape, NDArray[np.float64], NDArray[np.float64]] | None = None,
+    ) -> Hamiltonian: ...
     @property
     def size(self) -> int: ...
     def multiply(self, x: NDArray[np.float64]) -> NDArray[np.float64]: ...
+    def ritz(self, steps: int, seed: int) -> tuple[float, float, float, float]: ...
+    def asymmetry(self, seed: int) -> float: ...
 
+def chebyshev_degree(theta: float, tolerance: float) -> int: ...
+def split_program(name: str) -> list[tuple[bool, float, float]]: ...
 def schrodinger_run(
     hamiltonian: Hamiltonian,
     method: tuple[object, ...],

@@ -178,6 +178,6 @@ def distance(x: ArrayLike, reference: ArrayLike) -> float:
     float
         The relative error; zero if n = 0.
     """
-    x, reference = np.asarray(x, dtype=float), np.asarray(reference, dtype=float)
+    x, reference = np.asarray(x), np.asarray(reference)
     size = np.max(np.abs(reference), initial=0.0)
     return float(np.max(np.abs(x - reference), initial=0.0) / (size if size > 0 else 1.0))

@@ -114,6 +114,13 @@ def describe(
             "a trajectory goes to infinity there; if it should not, try a smaller h",
             name,
         )
+    if kind == "raised":
+        error = trouble["error"]
+        return (
+            f"a function of the model raised {type(error).__name__}: {error}",
+            "its own traceback stands above",
+            "model",
+        )
     if kind == "no memory":
         return (
             "what is kept would soon not fit in memory",

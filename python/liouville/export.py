@@ -4,7 +4,8 @@ A dataset has the dimensions ``time``, ``coordinate``, ``constraint``, ``invaria
 and ``term``, and ``member`` where it is of an ensemble, labelled by the names of the solution. Its
 variables are the states under their own letters, ``invariants``, ``residuals``, ``balance``, and
 ``observed_NAME`` for each observed quantity; how the run went is in its attributes. What is saved
-comes back bit for bit.
+comes back bit for bit. A wave function has the dimension ``place``, without labels; in a file,
+complex numbers are pairs along ``part``.
 """
 
 from __future__ import annotations
@@ -26,6 +27,12 @@ SUFFIXES = (".nc", ".zarr", ".csv")
 
 # The attribute that tells our files from others, and the version of their layout.
 MARK, VERSION = "liouville_solution", 2
+
+# The axis of real and imaginary parts.
+PART = "part"
+
+# The axis of a state, where it is not "coordinate".
+AXES = {"lam": "constraint", "psi": "place"}
 
 # Neither NetCDF nor Zarr takes a slash in a variable's name; this one only looks like it.
 SLASH = "\u2215"
@@ -54,7 +61,7 @@ def to_xarray(solution: Solution) -> xarray.Dataset:
     variables: dict[str, Any] = {}
     lead = ("time",) if solution.members is None else ("time", "member")
     for name, values in solution.states.items():
-        variables[name] = ((*lead, "constraint" if name == "lam" else "coordinate"), values)
+        variables[name] = ((*lead, AXES.get(name, "coordinate")), values)
     if solution.invariants:
         columns = np.stack(list(solution.invariants.values()), axis=-1)
         variables["invariants"] = ((*lead, "invariant"), columns)
@@ -142,7 +149,7 @@ def save(solution: Solution, path: str | os.PathLike[str]) -> None:
     if path.suffix == ".csv":
         _save_csv(solution, path)
         return
-    dataset = to_xarray(solution)
+    dataset = _paired(to_xarray(solution))
     # No fill value: a stored NaN is the run's own NaN.
     encoding = {
         name: {"_FillValue": None}
@@ -195,7 +202,7 @@ def load(path: str | os.PathLike[str]) -> Solution:
         with _needed("xarray").open_dataset(
             path, decode_times=False, mask_and_scale=False, **options
         ) as opened:
-            dataset = opened.load()
+            dataset = _complex(opened.load())
     except (OSError, KeyError, ValueError) as error:
         raise ValueError(f"{str(path)!r} cannot be read as {path.suffix}: {error}") from error
     found = dataset.attrs.get(MARK)
@@ -246,6 +253,28 @@ def _from_xarray(dataset: xarray.Dataset) -> Solution:
     )
 
 
+def _paired(dataset: xarray.Dataset) -> xarray.Dataset:
+    """Give complex numbers as pairs: neither kind of file has them."""
+    return dataset.assign(
+        {
+            name: ((*x.dims, PART), np.ascontiguousarray(x.values)[..., None].view(float), x.attrs)
+            for name, x in dataset.items()
+            if x.dtype.kind == "c"
+        }
+    )
+
+
+def _complex(dataset: xarray.Dataset) -> xarray.Dataset:
+    """Give pairs as complex numbers."""
+    return dataset.assign(
+        {
+            name: (x.dims[:-1], np.ascontiguousarray(x.values).view(complex)[..., 0], x.attrs)
+            for name, x in dataset.items()
+            if PART in x.dims
+        }
+    )
+
+
 def _members(count: int) -> int | None:
     return None if count < 0 else int(count)
 
@@ -257,6 +286,7 @@ def _save_csv(solution: Solution, path: Path) -> None:
     columns = {"t": solution.t}
     for name, values in solution.states.items():
         labels = names["constraints" if name == "lam" else "coordinates"]
+        labels = labels or tuple(str(i) for i in range(values.shape[1]))
         columns |= {f"{name}[{label}]": values[:, i] for i, label in enumerate(labels)}
     columns |= solution.invariants | solution.balance
     for name, values in solution.residuals.items():
@@ -267,9 +297,17 @@ def _save_csv(solution: Solution, path: Path) -> None:
             columns[name] = values
         else:
             columns |= {f"{name}[{i}]": values[:, i] for i in range(values.shape[1])}
+    columns = {label: part for name, x in columns.items() for label, part in _real(name, x)}
     header = ",".join(f'"{name}"' if "," in name else name for name in columns)
     rows = np.stack(list(columns.values()), axis=1)
     np.savetxt(path, rows, delimiter=",", header=header, comments="", fmt="%.17g")
+
+
+def _real(name: str, values: Array) -> list[tuple[str, Array]]:
+    """Give a column as it is, or real and imaginary parts of a complex one."""
+    if not np.iscomplexobj(values):
+        return [(name, values)]
+    return [(f"re {name}", values.real), (f"im {name}", values.imag)]
 
 
 def _plain(value: Any) -> Any:

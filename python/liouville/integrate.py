@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -14,6 +14,7 @@ from liouville._arguments import memory
 from liouville.errors import IntegrationError, hinted
 from liouville.methods import Method
 from liouville.planner import Plan
+from liouville.propagation import Propagation
 from liouville.routes import Asked, Route, route
 from liouville.solution import STATES, Solution
 from liouville.systems import System
@@ -24,14 +25,15 @@ SLICE = 0.05
 
 def integrate(
     system: System,
-    method: Method | Plan,
+    method: Method | Plan | Propagation | str,
     *,
-    t: tuple[float, float],
+    t: tuple[float, float] | Sequence[float],
     h: float | None = None,
     steps: int | None = None,
     rtol: float | None = None,
     atol: ArrayLike | None = None,
     h_min: float | None = None,
+    tol: float | None = None,
     every: int = 1,
     observe: Mapping[str, Callable[..., Any]] | None = None,
     params: Mapping[str, ArrayLike] | None = None,
@@ -44,12 +46,13 @@ def integrate(
 
     Parameters
     ----------
-    system : Lagrangian, Hamiltonian, Mechanical, Structure or PolynomialField
+    system : Lagrangian, Hamiltonian, Mechanical, Structure, PolynomialField or Schrodinger
         What is integrated.
-    method : Spark, HHT, GeneralizedAlpha, ArnoldBruls, Composition, VolumeSplitting or Plan
-        How; see :doc:`/choose`.
-    t : tuple of two floats
-        Start and end, in the system's unit of time; an end before the start goes backwards.
+    method : Method, Plan or Propagation
+        How; see :doc:`/choose`. ``"auto"`` for a Schrödinger equation.
+    t : tuple of two floats, or sequence of float
+        Start and end, in the system's unit of time; an end before the start goes backwards. A
+        Schrödinger equation takes the times of all states to keep.
     h : float, optional
         Step size, positive. The step used is ``(t1 - t0) / steps`` with the least number of steps
         that makes it at most `h`. With `rtol`, the first step; by default the method chooses it.
@@ -65,6 +68,8 @@ def integrate(
     h_min : float, optional
         The run fails where it would need a smaller step; by default where the time has too few
         digits for it.
+    tol : float, optional
+        Error of a wave function at the end, relative to its norm, which decides on the steps.
     every : int, default 1
         Keep one state in this many; the start and the end are always kept.
     observe : mapping of str to callable, optional
@@ -83,8 +88,9 @@ def integrate(
         default. The result does not depend on them, bit for bit.
     **start : array_like
         Start values by the system's names, each of shape (n,): ``q`` and ``v``, ``q`` and ``p``,
-        ``y`` and ``z``, or ``x``. A dict by coordinate name is taken too. The alpha family also
-        takes its own ``a``, to go on from ``solution.a[-1]`` with the same step size.
+        ``y`` and ``z``, ``x``, or ``psi``. A dict by coordinate name is taken too, but for
+        ``psi``. The alpha family also takes its own ``a``, to go on from ``solution.a[-1]`` with
+        the same step size.
 
     Returns
     -------
@@ -110,17 +116,19 @@ def integrate(
     asked = Asked(
         t=t, h=h, steps=steps, control={"rtol": rtol, "atol": atol, "h_min": h_min}, every=every,
         observe=observe, params=params, states=states, start=start, threads=threads,
+        tol=tol,
     )  # fmt: skip
     return run(route(system, method, asked), progress)
 
 
 def ensemble(
     system: System,
-    method: Method | Plan,
+    method: Method | Plan | Propagation | str,
     *,
-    t: tuple[float, float],
+    t: tuple[float, float] | Sequence[float],
     h: float | None = None,
     steps: int | None = None,
+    tol: float | None = None,
     every: int = 1,
     observe: Mapping[str, Callable[..., Any]] | None = None,
     params: Mapping[str, ArrayLike] | None = None,
@@ -135,11 +143,11 @@ def ensemble(
 
     Parameters
     ----------
-    system : PolynomialField
+    system : PolynomialField or Schrodinger
         What is integrated.
-    method : VolumeSplitting or Plan
+    method : VolumeSplitting, Plan, or a method for Schrödinger equations
         How.
-    t, h, steps, every, observe, params, states
+    t, h, steps, tol, every, observe, params, states
         As for :func:`integrate`.
     progress : callable, optional
         ``progress(done, total)``, called about twenty times a second with numbers of steps.
@@ -147,7 +155,7 @@ def ensemble(
         How many, as many as there are processors by default. The result does not depend on them,
         bit for bit.
     **start : array_like
-        ``x`` of shape (P, n): a row for each of P members.
+        ``x`` of shape (P, n), or ``psi``: a row for each of P members.
 
     Returns
     -------
@@ -202,7 +210,8 @@ def run(path: Route, progress: Callable[[float, float], None] | None = None) -> 
         status, message = outcome, f"interrupted after {stats['steps']}{pace.total} steps"
     cuts = np.cumsum([*path.columns.values()])[:-1]
     # without any columns there is one empty part
-    parts = dict(zip(path.columns, np.split(rows, cuts, axis=-1), strict=bool(path.columns)))
+    columns = dict(zip(path.columns, np.split(rows, cuts, axis=-1), strict=bool(path.columns)))
+    parts = path.read(columns)
     solution = Solution(
         t=times,
         states={name: parts[name] for name in STATES if name in parts},
@@ -229,7 +238,7 @@ def run(path: Route, progress: Callable[[float, float], None] | None = None) -> 
             quantity=quantity,
             member=outcome.get("member") if path.members else None,
             solution=solution,
-        )
+        ) from outcome.get("error")
     return solution
 
 
@@ -251,7 +260,7 @@ def drive(
             progress(abs(run.t - pace.t0), abs(pace.t1 - pace.t0))
 
     try:
-        while (outcome := run.advance(SLICE)) == "paused":
+        while (outcome := _advanced(run)) == "paused":
             report()
             if run.done > most:
                 return {"kind": "no memory", "step": run.done, "start": run.t}
@@ -259,6 +268,13 @@ def drive(
         return "interrupted"
     report()
     return outcome
+
+
+def _advanced(run: _core.Run) -> str | dict[str, Any]:
+    try:
+        return run.advance(SLICE)
+    except Exception as error:  # of a function of the user's that makes products
+        return {"kind": "raised", "error": error, "step": run.done, "start": run.t}
 
 
 def _named(prefix: str, parts: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:

@@ -15,13 +15,13 @@ from liouville.systems import Mechanics, System
 if TYPE_CHECKING:
     import xarray
 
-Array = NDArray[np.float64]
+Array = NDArray[Any]
 
 # An invariant that starts below this is a zero with roundoff: its drift is measured absolutely.
 ZERO = 1e-12
 
 #: All that a state may be called, in the order of a solution's states.
-STATES = ("x", "q", "y", "z", "v", "p", "lam", "acceleration", "a")
+STATES = ("x", "psi", "q", "y", "z", "v", "p", "lam", "acceleration", "a")
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -38,15 +38,17 @@ class Solution:
         Times of the kept steps: the start, one step in ``every``, and always the last step.
     states : dict of str to ndarray
         ``q``, ``v``, ``p`` of shape (k, n) and ``lam`` of shape (k, m); a ``Mechanical`` system has
-        ``y`` and ``z`` in the place of ``q``, a ``PolynomialField`` has ``x``. Methods of the alpha
+        ``y`` and ``z`` in the place of ``q``, a ``PolynomialField`` has ``x``, a ``Schrodinger``
+        equation has ``psi``, complex. Methods of the alpha
         family add ``acceleration`` and their own ``a``. Empty if the run stored no states. Each
         state is also an attribute: ``solution.q``.
     invariants : dict of str to ndarray, shape (k,)
-        Energy and the system's own invariants, by name.
+        Energy and the system's own invariants, by name; the norm of a wave function.
     residuals : dict of str to ndarray, shape (k, m)
         ``constraint`` is :math:`g(t, q)`, ``hidden`` is :math:`g_t + g_q v`.
     observed : dict of str to ndarray, shape (k,) or (k, j)
-        What ``observe=`` asked for, by name.
+        What ``observe=`` asked for, by name; of a wave function also its complex
+        ``autocorrelation``, :math:`\langle \psi(0) | \psi(t) \rangle`.
     balance : dict of str to ndarray, shape (k,)
         Where the energy of a Lagrangian or a Structure went, if the method records it: ``work``
         and ``dissipated``, which are attributes too. Empty otherwise.
@@ -60,7 +62,9 @@ class Solution:
         The method, as its repr.
     stats : dict
         Numbers of the run: steps, iterations, evaluations, cold starts, seconds; with ``Spark`` the
-        solver chosen, with the alpha family factorizations and rejected steps.
+        solver chosen, with the alpha family factorizations and rejected steps; of a wave function
+        ``products``, those :math:`H \psi` that the steps took (two real ones each), and the
+        a-priori ``bound`` of its error.
     params : dict of str to float or list of float
         Parameters the run used.
     status : str
@@ -121,6 +125,11 @@ class Solution:
     def x(self) -> Array:
         """States of a ``PolynomialField``, shape (k, n), or (k, P, n) of an ensemble."""
         return self._state("x")
+
+    @property
+    def psi(self) -> Array:
+        """Wave functions of a ``Schrodinger`` equation, complex, shape (k, N) or (k, P, N)."""
+        return self._state("psi")
 
     @property
     def q(self) -> Array:

@@ -4,16 +4,19 @@ mod support;
 
 use liouville_core::linalg::{Factor, Pattern};
 use liouville_core::method::alpha::{Alpha, Reactions, Tolerance};
+use liouville_core::method::schrodinger::{Exponential, Magnus, Nodes, Phases, Sweeper};
 use liouville_core::method::spark::{Solver, Spark};
 use liouville_core::method::volume::{Determinant, Volume};
 use liouville_core::method::{Composed, Stepper};
 use liouville_core::problem::mechanical::{Acceleration, Model, SecondOrderModel};
 use liouville_core::problem::polynomial::{Piece, Polynomials, Split};
+use liouville_core::problem::quantum::Hamiltonian;
 use liouville_core::real::{Lanes, Scalar};
 use liouville_core::tableau;
 use std::alloc::{GlobalAlloc, Layout, System};
 use std::cell::Cell;
 use std::sync::Arc;
+use support::quantum::{flows, kinetic, packet, rotor};
 use support::splits::{Draw, every_kind};
 use support::walk::{START, driven_start, heavy};
 use support::{Functions, LAM, PENDULUM, T, Y, Z, dot, input, inputs, pendulum};
@@ -198,6 +201,31 @@ fn a_flow_of_any_piece_takes_no_memory() {
     let mut determinant = Determinant::new(split, scheme, true);
     let mut state = determinant.state(&[0.1; 6]);
     assert_eq!(others(&mut determinant, &mut state), 0);
+}
+
+#[test]
+fn a_step_of_a_wave_function_on_a_grid_takes_no_memory() {
+    let hamiltonian = Arc::new(rotor(32, 1.0));
+    let phases = Phases::new(hamiltonian.clone(), 1e-10).expect("T and diagonals");
+    let mut stepper = Composed::following(phases, flows("RKN6s11"));
+    assert_eq!(others(&mut stepper, &mut packet(32)), 0);
+    let plane = Phases::new(Arc::new(Hamiltonian::new(vec![kinetic(&[4, 2, 4])])), 1e-10);
+    let plane = plane.expect("T alone");
+    let mut stepper = Composed::following(plane, flows("BM4"));
+    assert_eq!(others(&mut stepper, &mut packet(32)), 0);
+    let exponential = Exponential {
+        program: flows("SS10s35"),
+        theta: 0.5,
+        tolerance: 1e-10,
+    };
+    let bounds = vec![(0.0, 128.0), (-2.0, 2.0)];
+    let mut stepper = Magnus::new(
+        Sweeper::new(hamiltonian),
+        Nodes::gauss(),
+        exponential,
+        bounds,
+    );
+    assert_eq!(others(&mut stepper, &mut packet(32)), 0);
 }
 
 #[test]

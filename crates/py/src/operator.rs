@@ -1,11 +1,15 @@
 //! Terms of a Hamiltonian in, products out.
 
 use crate::caught::Caught;
-use crate::convert::Rows;
+use crate::convert::{Rows, Tape};
 use crate::errors::refused;
-use liouville_core::problem::quantum;
+use liouville_core::method::schrodinger::{self, Sweeper};
+use liouville_core::problem::quantum::{
+    self, Bond, Dense, Diagonals, Drive, Kinetic, Potential, Spins,
+};
+use liouville_core::trouble::Trouble;
 use liouville_core::vector::Machine;
-use numpy::{PyArray1, PyReadonlyArray1, PyUntypedArrayMethods};
+use numpy::{PyArray1, PyReadonlyArray1, PyReadonlyArray2, PyUntypedArrayMethods};
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 use std::sync::Arc;
@@ -65,6 +69,82 @@ impl Operator {
         quantum::Operator::Rows(rows.0.clone()).into()
     }
 
+    /// A matrix of n rows by its diagonals: `values[k][i]` is H[i, i + offsets[k]] and H[i + offsets[k], i].
+    #[staticmethod]
+    fn diagonals(
+        n: usize,
+        offsets: Vec<usize>,
+        values: Vec<PyReadonlyArray1<'_, f64>>,
+    ) -> PyResult<Self> {
+        let is_fitting = offsets.iter().zip(&values).all(|(d, x)| d + x.len() == n);
+        let mut distinct = offsets.clone();
+        distinct.sort_unstable();
+        distinct.dedup();
+        if offsets.len() != values.len() || distinct.len() != offsets.len() || !is_fitting {
+            return Err(PyValueError::new_err("diagonals of n - offset values each"));
+        }
+        let diagonals: Vec<(usize, Vec<f64>)> = offsets
+            .into_iter()
+            .zip(&values)
+            .map(|(offset, values)| Ok((offset, values.as_slice()?.to_vec())))
+            .collect::<PyResult<_>>()?;
+        let diagonals = Diagonals::new(n, &diagonals);
+        Ok(quantum::Operator::Diagonals(Arc::new(diagonals)).into())
+    }
+
+    /// A dense matrix.
+    #[staticmethod]
+    fn dense(matrix: PyReadonlyArray2<'_, f64>) -> PyResult<Self> {
+        let [rows, cols] = [matrix.shape()[0], matrix.shape()[1]];
+        if rows != cols {
+            return Err(PyValueError::new_err("a square matrix"));
+        }
+        let dense = Dense::new(rows, matrix.as_slice()?);
+        Ok(quantum::Operator::Dense(Arc::new(dense)).into())
+    }
+
+    /// Spins with bonds (i, j, xy, z), the sum over them of xy (S^x_i S^x_j + S^y_i S^y_j) + z S^z_i S^z_j, and
+    /// fields along z; all states, or those with so many spins up.
+    #[staticmethod]
+    #[pyo3(signature = (bonds, fields, up))]
+    fn spins(
+        bonds: Vec<(u32, u32, f64, f64)>,
+        fields: Vec<f64>,
+        up: Option<u32>,
+    ) -> PyResult<Self> {
+        let length = fields.len();
+        let is_inside = |i: u32| (i as usize) < length;
+        let mut ends = bonds.iter().map(|(i, j, ..)| (*i, *j));
+        if length > 32
+            || up.is_some_and(|up| up as usize > length)
+            || !ends.all(|(i, j)| i != j && is_inside(i) && is_inside(j))
+        {
+            return Err(PyValueError::new_err(
+                "at most 32 spins, with bonds between them",
+            ));
+        }
+        let bond = |(i, j, xy, z)| Bond {
+            sites: (i, j),
+            xy,
+            z,
+        };
+        let bonds: Vec<Bond> = bonds.into_iter().map(bond).collect();
+        let spins = Spins::new(&bonds, &fields, up);
+        Ok(quantum::Operator::Spins(Arc::new(spins)).into())
+    }
+
+    /// Kinetic energy on a periodic grid, with these energies along each axis in the order of a transform.
+    #[staticmethod]
+    fn kinetic(energies: Vec<PyReadonlyArray1<'_, f64>>) -> PyResult<Self> {
+        let energies: Vec<Vec<f64>> = energies
+            .iter()
+            .map(|energies| Ok(energies.as_slice()?.to_vec()))
+            .collect::<PyResult<_>>()?;
+        let unfit = || PyValueError::new_err("even energies along one to three axes");
+        let kinetic = Kinetic::new(&energies).ok_or_else(unfit)?;
+        Ok(quantum::Operator::Kinetic(Arc::new(kinetic)).into())
+    }
+
     /// A function that makes products of n numbers: an array in, an array out.
     #[staticmethod]
     fn product(n: usize, function: Py<PyAny>) -> Self {
@@ -87,6 +167,16 @@ impl Operator {
     }
 }
 
+/// A tape of t and parameters, and the parameters.
+type Driven<'py> = (PyRef<'py, Tape>, PyReadonlyArray1<'py, f64>);
+
+/// A tape of t, x and parameters, the parameters, and the coordinates x of all points.
+type Moving<'py> = (
+    PyRef<'py, Tape>,
+    PyReadonlyArray1<'py, f64>,
+    PyReadonlyArray1<'py, f64>,
+);
+
 /// A sum of operators of the same size.
 #[pyclass(frozen, module = "liouville._core")]
 pub(crate) struct Hamiltonian {
@@ -96,8 +186,16 @@ pub(crate) struct Hamiltonian {
 
 #[pymethods]
 impl Hamiltonian {
+    /// A sum of terms, with weights that depend on time if there is a `drive`, (tape of t and parameters, the
+    /// parameters), and a diagonal that does if there is a `potential`, (tape of t, x and parameters, the
+    /// parameters, the coordinates x of all points).
     #[new]
-    fn new(terms: Vec<PyRef<'_, Operator>>) -> PyResult<Self> {
+    #[pyo3(signature = (terms, drive = None, potential = None))]
+    fn new(
+        terms: Vec<PyRef<'_, Operator>>,
+        drive: Option<Driven<'_>>,
+        potential: Option<Moving<'_>>,
+    ) -> PyResult<Self> {
         let is_uniform = terms
             .windows(2)
             .all(|pair| pair[0].size() == pair[1].size());
@@ -111,10 +209,20 @@ impl Hamiltonian {
             .filter_map(|term| term.caught.clone())
             .collect();
         let terms = terms.iter().map(|term| term.inner.clone()).collect();
-        Ok(Self {
-            inner: Arc::new(quantum::Hamiltonian::new(terms)),
-            caught,
-        })
+        let mut inner = quantum::Hamiltonian::new(terms);
+        let unfit = || PyValueError::new_err("a drive or a potential of another size");
+        if let Some((tape, params)) = drive {
+            let weights = inner.terms().len();
+            let drive = Drive::new(tape.0.clone(), params.as_slice()?, weights);
+            inner = inner.with_drive(drive.ok_or_else(unfit)?);
+        }
+        if let Some((tape, params, points)) = potential {
+            let potential = Potential::new(tape.0.clone(), params.as_slice()?, points.as_slice()?);
+            let potential = potential.filter(|potential| potential.size() == inner.size());
+            inner = inner.with_potential(potential.ok_or_else(unfit)?);
+        }
+        let inner = Arc::new(inner);
+        Ok(Self { inner, caught })
     }
 
     /// Number of rows.
@@ -137,14 +245,31 @@ impl Hamiltonian {
             let scratch = &mut quantum::Scratch::default();
             (self.inner.sum()).multiply(Machine::default(), x, &mut out, scratch)
         });
-        outcome.map_err(|trouble| self.raised().unwrap_or_else(|| refused(trouble)))?;
+        outcome.map_err(|trouble| self.explained(trouble))?;
         Ok(PyArray1::from_vec(py, out))
+    }
+
+    /// The smallest Ritz value and its residual, and the largest, after so many Lanczos steps from a random
+    /// vector.
+    fn ritz(&self, py: Python<'_>, steps: usize, seed: u64) -> PyResult<(f64, f64, f64, f64)> {
+        let mut sweeper = Sweeper::new(self.inner.clone());
+        let found = py.detach(|| schrodinger::ritz(&mut sweeper, steps.max(1), seed));
+        let found = found.map_err(|trouble| self.explained(trouble))?;
+        Ok((found.low.0, found.low.1, found.high.0, found.high.1))
+    }
+
+    /// |x H y − y H x| / (|x| |H y|) of two random vectors, which is nothing where H is symmetric.
+    fn asymmetry(&self, py: Python<'_>, seed: u64) -> PyResult<f64> {
+        let mut sweeper = Sweeper::new(self.inner.clone());
+        let found = py.detach(|| schrodinger::asymmetry(&mut sweeper, seed));
+        found.map_err(|trouble| self.explained(trouble))
     }
 }
 
 impl Hamiltonian {
-    /// What a function raised that makes products.
-    fn raised(&self) -> Option<PyErr> {
-        self.caught.iter().find_map(Caught::take)
+    /// What a function raised that makes products, or what else there is to say.
+    fn explained(&self, trouble: Trouble) -> PyErr {
+        let raised = self.caught.iter().find_map(Caught::take);
+        raised.unwrap_or_else(|| refused(trouble))
     }
 }

@@ -4,16 +4,29 @@ from liouville.methods.alpha import HHT as HHT
 from liouville.methods.alpha import ArnoldBruls as ArnoldBruls
 from liouville.methods.alpha import GeneralizedAlpha as GeneralizedAlpha
 from liouville.methods.composition import Composition as Composition
+from liouville.methods.schrodinger import Chebyshev as Chebyshev
+from liouville.methods.schrodinger import Lanczos as Lanczos
+from liouville.methods.schrodinger import Magnus as Magnus
+from liouville.methods.schrodinger import SchrodingerSplitting as SchrodingerSplitting
+from liouville.methods.schrodinger import SplitOperator as SplitOperator
 from liouville.methods.spark import Spark as Spark
 from liouville.methods.volume import VolumeSplitting as VolumeSplitting
 
-Method = Spark | HHT | GeneralizedAlpha | ArnoldBruls | Composition | VolumeSplitting
+#: What steps a wave function.
+WaveMethod = SchrodingerSplitting | Chebyshev | Lanczos | SplitOperator | Magnus
+
+Method = Spark | HHT | GeneralizedAlpha | ArnoldBruls | Composition | VolumeSplitting | WaveMethod
 
 #: Every method by the name the command line knows it by.
-METHODS: dict[str, type[Spark | HHT | GeneralizedAlpha | ArnoldBruls | VolumeSplitting]] = {
+METHODS: dict[str, type[Method]] = {
     "spark": Spark,
     "hht": HHT,
     "generalized-alpha": GeneralizedAlpha,
     "arnold-bruls": ArnoldBruls,
     "volume-splitting": VolumeSplitting,
+    "schrodinger-splitting": SchrodingerSplitting,
+    "chebyshev": Chebyshev,
+    "lanczos": Lanczos,
+    "split-operator": SplitOperator,
+    "magnus": Magnus,
 }

@@ -17,6 +17,7 @@ from liouville.plot.panels import (
     steps,
     trajectories,
 )
+from liouville.plot.quantum import autocorrelation, cost, density, spectrum
 from liouville.plot.sections import section
 
 __all__ = [
@@ -25,13 +26,17 @@ __all__ = [
     "FIGURES",
     "FLOOR",
     "animation",
+    "autocorrelation",
     "check",
+    "cost",
+    "density",
     "energy",
     "invariants",
     "multipliers",
     "overview",
     "residuals",
     "section",
+    "spectrum",
     "steps",
     "trajectories",
 ]

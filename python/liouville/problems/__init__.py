@@ -16,6 +16,8 @@ Every module has
 ``source``
     where the problem and the reference come from;
 
+of a Schrödinger equation instead of `h`, ``tol``, a sensible tolerance, and references
+``{time: {"psi": ...}}``, of a grid with a closed form whole states, else a dict of some components;
 where the mechanism is planar, ``outline(q, params)``: the polylines of its bodies;
 and, where the number of coordinates is free, ``build`` and ``start_for``: the system and its start
 for any.
@@ -63,7 +65,18 @@ FIELDS = (
     "euler2d",
 )
 
-NAMES = (*MECHANICAL, *FIELDS)
+#: The Schrödinger equations.
+QUANTUM = (
+    "harmonic_oscillator",
+    "poschl_teller",
+    "walker_preston",
+    "tight_binding",
+    "heisenberg",
+    "lattice2d",
+    "lattice3d",
+)
+
+NAMES = (*MECHANICAL, *FIELDS, *QUANTUM)
 
 
 class Parameters(Protocol):
@@ -74,7 +87,7 @@ class Parameters(Protocol):
 
 
 def names() -> tuple[str, ...]:
-    """Return the names of all problems: mechanical systems, then fields, simplest first."""
+    """Return the names of all problems: mechanical systems, fields, then Schrödinger equations."""
     return NAMES
 
 

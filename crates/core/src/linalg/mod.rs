@@ -9,6 +9,7 @@ mod matrix;
 mod pattern;
 mod rows;
 mod sparse;
+mod tridiagonal;
 
 pub use assembly::Assembly;
 pub use factor::{Factor, Lu, Singular, dependencies, dependent_rows};
@@ -17,3 +18,4 @@ pub use matrix::Matrix;
 pub use pattern::{Pattern, PatternError};
 pub use rows::Rows;
 pub use sparse::Sparse;
+pub use tridiagonal::Tridiagonal;

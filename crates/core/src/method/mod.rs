@@ -62,6 +62,22 @@ pub trait Stepper: Send {
     fn stats(&self) -> Stats;
 }
 
+impl<S: Stepper + ?Sized> Stepper for Box<S> {
+    type State = S::State;
+
+    fn step(&mut self, t: f64, h: f64, state: &mut S::State) -> Result<(), Trouble> {
+        (**self).step(t, h, state)
+    }
+
+    fn settle(&mut self, state: &mut S::State) -> Result<(), Trouble> {
+        (**self).settle(state)
+    }
+
+    fn stats(&self) -> Stats {
+        (**self).stats()
+    }
+}
+
 /// A method whose step of −h undoes its step of h.
 pub trait Symmetric: Stepper {}
 

@@ -12,4 +12,5 @@ pub use alpha::Alpha;
 pub use composition::Scheme;
 pub use ladder::Ladder;
 pub use spark::GaussLobatto;
+pub use splitting::{Turn, split_program};
 pub use stability::{Purpose, Stable};

@@ -2,8 +2,10 @@
 
 #![allow(dead_code)] // each binary that includes this file uses a part of it
 
+pub(crate) mod quantum;
 pub(crate) mod splits;
 pub(crate) mod walk;
+pub(crate) mod waves;
 
 use liouville_core::linalg::Pattern;
 use liouville_core::problem::mechanical::{Mechanical, Patterns, SecondOrder, SecondOrderPatterns};

@@ -20,6 +20,17 @@ SMALL = 256
 Bounds = tuple[float, float]
 
 
+def numbers(what: str, value: Any) -> np.ndarray:
+    """Return an array of numbers, real or complex; TypeError names what is none."""
+    try:
+        array = np.asarray(value)
+    except (TypeError, ValueError):  # rows of different lengths
+        array = np.array(None)
+    if array.dtype.kind not in "iufc":
+        raise TypeError(f"{what} is an array of numbers, not {value!r}")
+    return array
+
+
 @dataclass(frozen=True)
 class Entries:
     """A Hermitian matrix of order n, each place once, by rows.
@@ -43,11 +54,16 @@ class Entries:
     def of(cls, n: int, row: np.ndarray, col: np.ndarray, values: np.ndarray) -> Entries:
         """Return a matrix from entries in any order; those at the same place are added."""
         places = row.astype(np.int64) * n + col
-        places, entry = np.unique(places, return_inverse=True)
-        total = np.zeros(places.size, dtype=values.dtype)
-        np.add.at(total, entry, values)
-        kept = total != 0
-        return cls(n, places[kept] // n, places[kept] % n, total[kept])
+        by_place = np.argsort(places)
+        places, values = places[by_place], values[by_place]
+        is_new = np.diff(places, prepend=-1) != 0
+        if not is_new.all():
+            values = np.add.reduceat(values, np.flatnonzero(is_new))
+            places = places[is_new]
+        kept = values != 0
+        places, values = places[kept], values[kept]
+        row = places // n
+        return cls(n, row, places - row * n, values)
 
     @classmethod
     def read(cls, name: str, given: Any) -> Entries:
@@ -64,9 +80,9 @@ class Entries:
             csr = given.tocsr(copy=True)
             csr.sum_duplicates()
             row = np.repeat(np.arange(csr.shape[0]), np.diff(csr.indptr))
-            found = (csr.shape, row, csr.indices, csr.data)
+            found = (csr.shape, row, csr.indices, numbers(name, csr.data))
         else:
-            array = np.asarray(given)
+            array = numbers(name, given)
             if array.ndim == 1:
                 diagonal = np.arange(array.size)
                 found = ((array.size, array.size), diagonal, diagonal, array)
@@ -81,8 +97,6 @@ class Entries:
     def _checked(
         cls, name: str, shape: tuple[int, ...], row: np.ndarray, col: np.ndarray, data: np.ndarray
     ) -> Entries:
-        if data.dtype.kind not in "biufc":
-            raise TypeError(f"{name} is a matrix of numbers, not of {data.dtype}")
         n = shape[0]
         if shape != (n, n) or n == 0:
             raise ValueError(f"{name} has shape {shape}, wanted a square matrix")
@@ -125,7 +139,9 @@ class Entries:
         if i == j:
             sentence = f"{name}[{i}, {i}] = {self.values[k]:.6g} is not real"
         else:
-            sentence = f"{name}[{i}, {j}] = {self.values[k]:.6g}, but [{j}, {i}] = {other:.6g}"
+            sentence = (
+                f"{name}[{i}, {j}] = {self.values[k]:.6g}, but {name}[{j}, {i}] = {other:.6g}"
+            )
         hint = "only a Hermitian matrix keeps the norm; absorbing potentials are not taken"
         raise ValueError(hinted(f"{name} is not Hermitian: {sentence}", hint))
 

@@ -11,20 +11,24 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from liouville import _core
-from liouville._arguments import number
 from liouville.errors import hinted
 from liouville.systems import _trace
 from liouville.systems.schrodinger import clock, graph, observed
+from liouville.systems.schrodinger.bounds import (
+    check_inside,
+    check_symmetric,
+    extent,
+    interval,
+    positive,
+)
 from liouville.systems.schrodinger.entries import Bounds, Entries
 from liouville.systems.schrodinger.forms import operators
 from liouville.systems.schrodinger.frame import Frame
 from liouville.systems.schrodinger.grid import Grid
 from liouville.systems.schrodinger.lattice import Lattice
+from liouville.systems.schrodinger.observed import Observable
 from liouville.systems.schrodinger.products import Product
 from liouville.systems.schrodinger.spins import SpinChain
-
-#: Steps of Lanczos' method, and the seed of its start, where bounds are found or checked by it.
-LANCZOS = (30, 1)
 
 
 @dataclass(frozen=True)
@@ -52,8 +56,8 @@ class Schrodinger:
     hbar : float, default 1.0
         Planck's constant in the units of the Hamiltonian.
     drive : sequence of tuple, optional
-        Pairs :math:`(f_k, H_k)`: a function ``f(t, params)``, called once with CasADi symbols, and a
-        matrix, or the array of a diagonal one.
+        Pairs :math:`(f_k, H_k)`: a function ``f(t, params)``, called once with CasADi symbols, and
+        a matrix, or the array of a diagonal one.
     params : mapping of str to float or 1-D array_like, optional
         Parameters by name, with default values; functions see ``params.name``.
 
@@ -113,6 +117,7 @@ class Schrodinger:
     """
 
     states = ("psi",)
+    coordinates: tuple[str, ...] = ()
     constraints: tuple[str, ...] = ()
 
     def __init__(
@@ -125,14 +130,17 @@ class Schrodinger:
         params: Mapping[str, ArrayLike] | None = None,
     ) -> None:
         self.source, self._drive = hamiltonian, drive
-        self.hbar = _positive("hbar", hbar)
+        self.hbar = positive("hbar", hbar)
         self._params = _trace.Parameters(params)
-        self._given = _interval(bounds, self.hbar)
+        self._given = interval(bounds, self.hbar)
         self.grid = hamiltonian if isinstance(hamiltonian, Grid) else None
-        source = Product.read("H", hamiltonian) if self.grid is None else self.grid
+        is_model = isinstance(hamiltonian, (Grid, SpinChain))
+        source = hamiltonian if is_model else Product.read("H", hamiltonian)
         source = source or _entries(hamiltonian)
         self.size: int = source.n if isinstance(source, (Entries, Product)) else source.size
         self._functions, driven = self._read(drive)
+        if isinstance(source, SpinChain) and not all(matrix.is_real for matrix in driven):
+            source = source.entries()
         self.frame = self._framed([source, *driven])
         self._build(source, driven)
 
@@ -156,7 +164,7 @@ class Schrodinger:
         if not all(matrix.is_real for matrix in matrices):
             if len(matrices) < len(parts):
                 sentence = "a complex drive wants a Hamiltonian that is a matrix"
-                raise TypeError(hinted(sentence, "a grid or products take real ones"))
+                raise TypeError(hinted(sentence, "grids and products take real ones"))
             phases = graph.gauge(matrices)
             is_doubled = phases is None
         order = None
@@ -170,14 +178,8 @@ class Schrodinger:
         """Make the terms, and what the core calls them."""
         self.potential: np.ndarray | None = None
         self._moving: clock.Traced | None = None
-        if isinstance(source, Grid):
-            first = self._of_grid(source)
-        else:
-            first = self._of(
-                source,
-                self.source.bounds if isinstance(self.source, (Lattice, SpinChain)) else None,
-            )
-        self._terms = [first, *map(self._of, driven)]
+        self._terms = [self._of_grid(source) if isinstance(source, Grid) else self._of(source)]
+        self._terms += map(self._of_matrix, driven)
         self.is_driven = bool(driven) or self._moving is not None
         flat = [operator for term in self._terms for operator in term.operators]
         params = self._params.values(None)
@@ -190,18 +192,26 @@ class Schrodinger:
             more["potential"] = (tape, params, np.ascontiguousarray(self.grid.points.ravel()))
         self.hamiltonian = _core.Hamiltonian(flat, **more)
         if isinstance(source, Product):
-            _check_symmetric(self._static)
+            check_symmetric(self._static)
 
-    def _of(self, part: Entries | Product, closed: Callable[[], Bounds] | None = None) -> _Term:
-        """Make a term, within further bounds of its energies if a model knows them."""
-        if isinstance(part, Product):
-            return _Term([part.operator(1 / self.hbar)], None)
-        part = part.times(1 / self.hbar)
-        low, high = part.bounds
-        if closed is not None:
-            least, largest = closed()
-            low, high = max(low, least / self.hbar), min(high, largest / self.hbar)
-        return _Term(operators(self.frame.entries(part)), (low, high))
+    def _of(self, source: Entries | Product | SpinChain) -> _Term:
+        """Make the first term; a model may know closer bounds than its matrix."""
+        scale = 1 / self.hbar
+        if isinstance(source, Product):
+            return _Term([source.operator(scale)], None)
+        if isinstance(source, SpinChain):
+            low, high = source.bounds()
+            return _Term([source.operator(scale)], (scale * low, scale * high))
+        term = self._of_matrix(source)
+        if not isinstance(self.source, Lattice) or term.bounds is None:
+            return term
+        low, high = self.source.bounds()
+        closer = (max(term.bounds[0], scale * low), min(term.bounds[1], scale * high))
+        return _Term(term.operators, closer)
+
+    def _of_matrix(self, matrix: Entries) -> _Term:
+        matrix = matrix.times(1 / self.hbar)
+        return _Term(operators(self.frame.entries(matrix)), matrix.bounds)
 
     def _of_grid(self, grid: Grid) -> _Term:
         kinetic = [energies / self.hbar for energies in grid.kinetic(self.hbar)]
@@ -239,7 +249,8 @@ class Schrodinger:
         if not params:
             return self
         found = self._params.replaced(self._params.values(params)).defaults
-        bounds = None if self._given is None else tuple(x * self.hbar for x in self._given)
+        given = self._given
+        bounds = None if given is None else (given[0] * self.hbar, given[1] * self.hbar)
         return type(self)(
             self.source, bounds=bounds, hbar=self.hbar, drive=self._drive, params=found
         )
@@ -254,13 +265,14 @@ class Schrodinger:
 
         A potential that depends on time is in none of them.
         """
-        found = []
-        for term in self._terms:
-            bounds = term.bounds
-            if bounds is None:
-                low, high = self._static.extent(*LANCZOS)
-                bounds = low, high
-            found.append(bounds)
+        return [term.bounds or extent(self._static) for term in self._terms]
+
+    @property
+    def operator_bounds(self) -> list[Bounds]:
+        """Bounds of each operator of the core, whose sums over a term are those of the term."""
+        found: list[Bounds] = []
+        for term, bounds in zip(self._terms, self.term_bounds, strict=True):
+            found += [bounds, *[(0.0, 0.0)] * (len(term.operators) - 1)]
         return found
 
     @cached_property
@@ -275,7 +287,7 @@ class Schrodinger:
         if self._given is None:
             return self.bounds_at(0.0)
         if not self.is_driven:
-            _check_inside(self._given, self._static, self.hbar)
+            check_inside(self._given, self._static, self.hbar)
         return self._given
 
     def bounds_at(self, t: float) -> Bounds:
@@ -315,9 +327,7 @@ class Schrodinger:
         is_model = isinstance(self.source, (Grid, Lattice))
         return [(self.size,), *([shape] if is_model and len(shape) > 1 else [])]
 
-    def observables(
-        self, observe: Mapping[str, Any] | None
-    ) -> list[tuple[str, int, tuple[Any, ...]]]:
+    def observables(self, observe: Mapping[str, Any] | None) -> list[Observable]:
         r"""Return names, widths and the core's form of what a run keeps besides states.
 
         Parameters
@@ -347,56 +357,8 @@ class Schrodinger:
 
 
 def _entries(given: Any) -> Entries:
-    if isinstance(given, (Lattice, SpinChain)):
+    if isinstance(given, Lattice):
         return given.entries()
     if callable(given):
         raise TypeError(hinted("H is a function of unknown size", "give (N, function)"))
     return Entries.read("H", given)
-
-
-def _positive(name: str, value: Any) -> float:
-    found = number(f"{name} is a number", value)
-    if not (np.isfinite(found) and found > 0):
-        raise ValueError(f"{name} is positive and finite, not {found:g}")
-    return found
-
-
-def _interval(bounds: Any, hbar: float) -> Bounds | None:
-    if bounds is None:
-        return None
-    if not isinstance(bounds, (tuple, list, np.ndarray)) or len(bounds) != 2:
-        raise TypeError(f"bounds is a pair (least energy, largest energy), not {bounds!r}")
-    low, high = (number("bounds is a pair of numbers", x) for x in bounds)
-    if not (np.isfinite(high - low) and low < high):
-        raise ValueError(f"bounds = ({low:g}, {high:g}) is no interval")
-    return low / hbar, high / hbar
-
-
-def _check_inside(given: Bounds, hamiltonian: _core.Hamiltonian, hbar: float) -> None:
-    """Refuse bounds with a Ritz value beyond: there is an eigenvalue farther out."""
-    ritz_low, _, ritz_high, _ = hamiltonian.ritz(*LANCZOS)
-    slack = 1e-12 * max(abs(ritz_low), abs(ritz_high))
-    for word, bound, ritz, beyond in (
-        ("below", given[0], ritz_low, given[0] - ritz_low),
-        ("above", given[1], ritz_high, ritz_high - given[1]),
-    ):
-        if beyond > slack:
-            raise ValueError(
-                hinted(
-                    f"bounds say that no energy is {word} {bound * hbar:.6g}, "
-                    f"but there is one {word} {ritz * hbar:.6g} or there",
-                    "leave bounds= out, and they are found",
-                )
-            )
-
-
-def _check_symmetric(hamiltonian: _core.Hamiltonian) -> None:
-    """Refuse products that random vectors see to belong to no symmetric matrix."""
-    found = hamiltonian.asymmetry(LANCZOS[1])
-    if not found <= 1e-10:
-        raise ValueError(
-            hinted(
-                f"H is not symmetric: x . H y and y . H x differ by {found:.1e} of their size",
-                "only a Hermitian operator keeps the norm; absorbing potentials are not taken",
-            )
-        )

@@ -2,11 +2,46 @@
 
 from __future__ import annotations
 
+import numpy as np
+
 from liouville import _core
 from liouville.systems.schrodinger.entries import Entries
 
+#: A matrix with more than this part of its places taken is a dense one.
+FULL = 0.25
+
+#: A diagonal with more than this part of its places taken is stored whole, ...
+FILLED = 0.5
+
+#: ... if there are no more of them than this.
+MOST_DIAGONALS = 24
+
 
 def operators(matrix: Entries) -> list[_core.Operator]:
-    """Return a real symmetric matrix as terms of the core."""
+    """Return a real symmetric matrix as terms: dense, by diagonals, and the rest by rows."""
     n = matrix.n
-    return [_core.Operator.rows(_core.Rows(n, n, matrix.row, matrix.col, matrix.values))]
+    if matrix.values.size > FULL * n * n and n > 1:
+        return [_core.Operator.dense(matrix.dense())]
+    offset = matrix.col - matrix.row
+    offsets, counts = np.unique(offset[offset >= 0], return_counts=True)
+    whole = offsets[counts > FILLED * (n - offsets)]
+    if not 0 < whole.size <= MOST_DIAGONALS:
+        return [by_rows(matrix)]
+    values = []
+    for k in whole.tolist():
+        at = offset == k
+        diagonal = np.zeros(n - k)
+        diagonal[matrix.row[at]] = matrix.values[at]
+        values.append(diagonal)
+    terms = [_core.Operator.diagonals(n, whole.tolist(), values)]
+    left = ~np.isin(np.abs(offset), whole)
+    if left.any():
+        rest = Entries(n, matrix.row[left], matrix.col[left], matrix.values[left])
+        terms.append(by_rows(rest))
+    return terms
+
+
+def by_rows(matrix: Entries) -> _core.Operator:
+    """Return a matrix by its rows."""
+    n = matrix.n
+    return _core.Operator.rows(_core.Rows(n, n, matrix.row, matrix.col, matrix.values))

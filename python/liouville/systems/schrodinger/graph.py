@@ -59,7 +59,7 @@ def _along_a_tree(
     np.minimum.at(roots, component, np.arange(n))
     tails, heads = np.full(count, n), roots
     graph = _graph(n + 1, np.concatenate([row, tails]), np.concatenate([col, heads]))
-    order, parent = sparse.csgraph.breadth_first_order(graph, n, directed=True)
+    _, parent = sparse.csgraph.breadth_first_order(graph, n, directed=True)
     above = parent[:n].astype(np.int64)
     is_root = above == n
     step = np.ones(n, dtype=complex)

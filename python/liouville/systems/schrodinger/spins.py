@@ -10,16 +10,16 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from liouville._arguments import count
-from liouville.errors import hinted
+from liouville import _core
+from liouville._arguments import check_memory, count
 from liouville.systems._trace import numbers
-from liouville.systems.schrodinger.entries import Bounds, Entries
+from liouville.systems.schrodinger.entries import SMALL, Bounds, Entries
 
 #: Blocks of so many bonds are diagonalised to bound the energies.
 BLOCK = 7
 
-#: More states than this have no place in 32-bit indices.
-MOST = 2**32 - 1
+#: The core takes no longer chains.
+LONGEST = 32
 
 
 @dataclass(frozen=True, init=False, eq=False, repr=False)
@@ -100,13 +100,10 @@ class SpinChain:
         }  # fmt: skip
         for name, value in found.items():
             object.__setattr__(self, name, value)
-        if self.size > MOST:
-            raise ValueError(
-                hinted(
-                    f"a chain of {n} spins has {self.size:.1e} states, too many",
-                    "give up=, the number of spins that are up, or fewer spins",
-                )
-            )
+        hint = "give up=, the number of spins that are up, or fewer spins"
+        if n > LONGEST:
+            raise ValueError(f"length = {n}: chains have at most {LONGEST} spins")
+        check_memory(f"a state of {n} spins", 16.0 * self.size, hint)
 
     def __repr__(self) -> str:
         """Name the length and the sector."""
@@ -152,36 +149,60 @@ class SpinChain:
     def entries(self) -> Entries:
         """Return the matrix H in the basis."""
         basis, n = self.basis, self.size
-        diagonal = sum((h * self.sz(i) for i, h in enumerate(self.field) if h), np.zeros(n))
-        row, col, values = [np.arange(n)], [np.arange(n)], [diagonal]
-        for (i, j), xy, z in zip(self.bonds, self.xy, self.z, strict=True):
-            differ = (basis >> i & 1) != (basis >> j & 1)
-            diagonal += np.where(differ, -z / 4, z / 4)
+        row, col, values = [np.arange(n)], [np.arange(n)], [self._discs()[0]]
+        for (i, j), xy in zip(self.bonds, self.xy, strict=True):
             if xy:
-                at = np.flatnonzero(differ)
+                at = np.flatnonzero(self._differ(i, j))
                 row.append(at)
                 col.append(np.searchsorted(basis, basis[at] ^ (1 << i | 1 << j)))
                 values.append(np.full(at.size, xy / 2))
         return Entries.of(n, np.concatenate(row), np.concatenate(col), np.concatenate(values))
 
     def bounds(self) -> Bounds:
-        """Bound the energies: those of blocks of bonds, each on its own, add up to bounds."""
+        """Bound the energies in the sector, by those of blocks of bonds, and as Gershgorin does."""
+        if self.size <= SMALL:
+            return self.entries().bounds
+        diagonal, radius = self._discs()
+        low, high = self._of_blocks()
+        return max(low, float((diagonal - radius).min())), min(
+            high, float((diagonal + radius).max())
+        )
+
+    def _discs(self) -> tuple[np.ndarray, np.ndarray]:
+        """Return the diagonal, and the sum of what is beside it in each row."""
+        diagonal = sum((h * self.sz(i) for i, h in enumerate(self.field) if h), np.zeros(self.size))
+        radius = np.zeros(self.size)
+        for (i, j), xy, z in zip(self.bonds, self.xy, self.z, strict=True):
+            differ = self._differ(i, j)
+            diagonal += np.where(differ, -z / 4, z / 4)
+            radius += np.where(differ, abs(xy) / 2, 0.0)
+        return diagonal, radius
+
+    def _differ(self, i: int, j: int) -> np.ndarray:
+        differ: np.ndarray = ((self.basis >> i ^ self.basis >> j) & 1).astype(bool)
+        return differ
+
+    def operator(self, factor: float) -> _core.Operator:
+        """Return H times a number, without a matrix."""
+        bonds = [
+            (i, j, factor * float(xy), factor * float(z))
+            for (i, j), xy, z in zip(self.bonds, self.xy, self.z, strict=True)
+        ]
+        return _core.Operator.spins(bonds, (factor * self.field).tolist(), self.up)
+
+    def _of_blocks(self) -> Bounds:
+        """Add the energies of blocks of bonds; a spin's field is shared by the blocks it is in."""
         low, high, bonds = 0.0, 0.0, self.length - 1
-        seen: dict[bytes, tuple[float, float]] = {}
-        share = self.field / 2  # a spin's field goes to the two bonds beside it
-        outer = np.zeros(self.length)
-        if not self.periodic:
-            outer[[0, -1]] = share[[0, -1]]
-        for first in range(0, bonds, BLOCK):
-            at = slice(first, min(first + BLOCK, bonds))
-            inside = np.full(at.stop - first + 1, 2.0)
-            inside[[0, -1]] = 1.0
-            own = share[first : at.stop + 1] * inside + outer[first : at.stop + 1]
-            found = self._of_block(self.xy[at], self.z[at], own, seen)
-            low, high = low + found[0], high + found[1]
+        seen: dict[bytes, Bounds] = {}
+        blocks = [(np.arange(k, min(k + BLOCK, bonds))) for k in range(0, bonds, BLOCK)]
+        spins = [np.append(block, block[-1] + 1) for block in blocks]
         if self.periodic:
-            ends = share[[-1, 0]]
-            found = self._of_block(self.xy[-1:], self.z[-1:], ends, seen)
+            blocks.append(np.array([bonds]))
+            spins.append(np.array([bonds, 0]))
+        shares = np.bincount(np.concatenate(spins), minlength=self.length)
+        for block, inside in zip(blocks, spins, strict=True):
+            own = self.field[inside] / shares[inside]
+            found = self._of_block(self.xy[block], self.z[block], own, seen)
             low, high = low + found[0], high + found[1]
         return low, high
 

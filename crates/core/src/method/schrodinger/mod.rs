@@ -2,12 +2,21 @@
 //!
 //! What is stepped is e^{iσt} ψ(t), by H − σ with σ in the middle of the spectrum; a state keeps σt.
 
+pub mod bessel;
+mod chebyshev;
+mod extent;
+mod lanczos;
+mod magnus;
 mod observe;
 mod phases;
 mod processor;
 mod shears;
 mod sweep;
 
+pub use chebyshev::Chebyshev;
+pub use extent::{Ritz, asymmetry, ritz};
+pub use lanczos::Lanczos;
+pub use magnus::{Exponential, Magnus, Nodes};
 pub use observe::{Observable, Observer};
 pub use phases::Phases;
 pub use processor::Processor;
@@ -70,17 +79,16 @@ pub(super) fn squares<S: Scalar>(q: &[S], p: &[S]) -> S {
     total
 }
 
-/// Refuses a norm that has changed by more than `tolerance`, relatively.
-pub(super) fn check_norm<S: Scalar>(
+/// Refuses sums of squares `now` that are not fine, of what was `start`: both go to `is_fine` by their roots.
+fn refuse<S: Scalar>(
+    now: S,
+    start: S,
     t: f64,
-    tolerance: f64,
-    state: &Wave<S>,
+    is_fine: impl Fn(f64, f64) -> bool,
 ) -> Result<(), Trouble> {
-    let now = squares(&state.q, &state.p);
     for member in 0..S::MEMBERS {
-        let (norm, start) = (now.member(member).sqrt(), state.start.member(member).sqrt());
-        let is_kept = (norm - start).abs() <= tolerance * start;
-        if !is_kept {
+        let (norm, start) = (now.member(member).sqrt(), start.member(member).sqrt());
+        if !is_fine(norm, start) {
             let trouble = Trouble::Norm { norm, start, t };
             return Err(if S::MEMBERS > 1 {
                 trouble.of_member(member)
@@ -90,4 +98,20 @@ pub(super) fn check_norm<S: Scalar>(
         }
     }
     Ok(())
+}
+
+/// Refuses sums of squares `now` whose roots are not what they were by more than `tolerance`, relatively.
+fn guard<S: Scalar>(now: S, start: S, tolerance: f64, t: f64) -> Result<(), Trouble> {
+    refuse(now, start, t, |now, start| {
+        (now - start).abs() <= tolerance * start
+    })
+}
+
+/// Refuses a norm that has changed by more than `tolerance`, relatively.
+pub(super) fn check_norm<S: Scalar>(
+    t: f64,
+    tolerance: f64,
+    state: &Wave<S>,
+) -> Result<(), Trouble> {
+    guard(squares(&state.q, &state.p), state.start, tolerance, t)
 }

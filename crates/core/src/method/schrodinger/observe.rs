@@ -120,7 +120,7 @@ impl Observer {
 }
 
 /// Σ x y, block by block so that rounding errors stay small.
-fn dot(x: &[f64], y: &[f64]) -> f64 {
+pub(super) fn dot(x: &[f64], y: &[f64]) -> f64 {
     const BLOCK: usize = 256;
     let blocks = x.chunks(BLOCK).zip(y.chunks(BLOCK));
     blocks

@@ -42,7 +42,7 @@ impl Potential {
     }
 
     /// Number of points.
-    pub(super) fn size(&self) -> usize {
+    pub fn size(&self) -> usize {
         self.size
     }
 

@@ -16,7 +16,8 @@ pub struct Present {
 }
 
 impl Present {
-    pub(super) fn new(hamiltonian: &Hamiltonian) -> Self {
+    /// Memory for what is in force of this Hamiltonian; until it is set, all weights are 1 and there is no potential.
+    pub fn new(hamiltonian: &Hamiltonian) -> Self {
         let potential = hamiltonian.potential.as_ref();
         Self {
             weights: vec![1.0; hamiltonian.terms.len()],

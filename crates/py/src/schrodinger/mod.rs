@@ -1,17 +1,22 @@
 //! Schrödinger equations: a Hamiltonian, a method and wave functions in, runs out.
 
+mod method;
+
+pub(crate) use method::{chebyshev_degree, split_program_of};
+
 use crate::caught::Caught;
 use crate::operator::Hamiltonian;
 use crate::run::Run;
 use liouville_core::ensemble::{Ensemble, Layout};
-use liouville_core::method::schrodinger::{Observable, Observer, Shears, Sweeper, Wave};
-use liouville_core::method::{Composed, Flow, Stepper};
+use liouville_core::method::schrodinger::{Lanczos, Observable, Observer, Sweeper, Wave};
+use liouville_core::method::{Composed, Stepper};
 use liouville_core::patience::Patience;
 use liouville_core::problem::quantum;
 use liouville_core::real::{Lanes, WIDTH};
 use liouville_core::run::{self, Advance, Listed};
 use liouville_core::trouble::Trouble;
 use liouville_core::vector::Stored;
+use method::{Alone, Lockstep, Method};
 use numpy::{Complex64, PyReadonlyArray1, PyReadonlyArray2, PyUntypedArrayMethods};
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
@@ -20,50 +25,8 @@ use std::sync::Arc;
 
 type Values<'py> = PyReadonlyArray1<'py, f64>;
 
-/// A method and its numbers.
-#[derive(Clone)]
-enum Method {
-    /// A list of shears.
-    Shears {
-        program: Vec<Flow>,
-        shift: f64,
-        tolerance: f64,
-    },
-}
-
-/// Methods are tuples, their kind first:
-///
-///     ("shears", coefficients of q and p in turn, shift, how far the norm may be off)
-fn method_of(method: &Bound<'_, PyTuple>) -> PyResult<Method> {
-    let kind: String = method.get_item(0)?.extract()?;
-    let rest = method.get_slice(1, method.len());
-    match kind.as_str() {
-        "shears" => {
-            let (coefficients, shift, tolerance): (Values<'_>, f64, f64) = rest.extract()?;
-            Ok(Method::Shears {
-                program: program_of(coefficients.as_slice()?),
-                shift,
-                tolerance,
-            })
-        }
-        other => Err(PyValueError::new_err(format!(
-            "there is no method {other:?}"
-        ))),
-    }
-}
-
-/// Shears of q and p in turn.
-fn program_of(coefficients: &[f64]) -> Vec<Flow> {
-    let shear = |(k, weight): (usize, &f64)| Flow {
-        part: k % 2,
-        is_adjoint: false,
-        weight: *weight,
-        offset: 0.0,
-    };
-    coefficients.iter().enumerate().map(shear).collect()
-}
-
-/// Observables are tuples: ("diagonal", values), ("symmetric", Hamiltonian) or ("overlap", q, p).
+/// Observables are tuples: ("diagonal", values), ("symmetric", Hamiltonian), ("overlap", q, p) or ("start",),
+/// the overlap with the state at the start.
 fn observable_of(observable: &Bound<'_, PyTuple>) -> PyResult<Observable> {
     let kind: String = observable.get_item(0)?.extract()?;
     let rest = observable.get_slice(1, observable.len());
@@ -76,6 +39,7 @@ fn observable_of(observable: &Bound<'_, PyTuple>) -> PyResult<Observable> {
             let (operator,): (PyRef<'_, Hamiltonian>,) = rest.extract()?;
             Ok(Observable::Symmetric(operator.inner.clone()))
         }
+        "start" => Ok(Observable::Start),
         "overlap" => {
             let (q, p): (Values<'_>, Values<'_>) = rest.extract()?;
             Ok(Observable::Overlap(
@@ -102,36 +66,48 @@ struct Begin {
 type Member = (Box<dyn Advance + Sync>, usize);
 
 impl Begin {
-    /// A run of these wave functions in lock-step.
-    fn run<S: Stored>(
+    /// What makes products for wave functions in lock-step.
+    fn sweeper<S: Stored>(&self, threads: usize, patience: Patience) -> Sweeper<S> {
+        Sweeper::new(self.hamiltonian.clone())
+            .with_threads(threads)
+            .with_patience(patience)
+    }
+
+    /// A run of one wave function.
+    fn single(
         &self,
         threads: usize,
         patience: Patience,
         psi: &[&[Complex64]],
     ) -> Result<Box<dyn Advance + Sync>, Trouble> {
-        let sweeper = Sweeper::<S>::new(self.hamiltonian.clone())
-            .with_threads(threads)
-            .with_patience(patience);
-        match self.method.clone() {
-            Method::Shears {
-                program,
-                shift,
-                tolerance,
-            } => {
-                let shears = Shears::new(sweeper, shift, tolerance);
-                self.started(Composed::following(shears, program), psi)
+        match &self.method {
+            Method::Lockstep(method) => {
+                let sweeper = self.sweeper::<f64>(threads, patience);
+                self.started(method.stepper(sweeper), psi)
             }
+            Method::Alone(method) => match method {
+                Alone::Phases { program, phases } => {
+                    let phases = phases.clone().with_patience(patience);
+                    self.started(Box::new(Composed::following(phases, program.clone())), psi)
+                }
+                Alone::Lanczos {
+                    dimension,
+                    rate,
+                    tolerance,
+                } => {
+                    let sweeper = self.sweeper(threads, patience);
+                    let lanczos = Lanczos::new(sweeper, *dimension, *rate, *tolerance);
+                    self.started(Box::new(lanczos), psi)
+                }
+            },
         }
     }
 
-    fn started<S: Stored, M>(
+    fn started<S: Stored>(
         &self,
-        stepper: M,
+        stepper: Box<dyn Stepper<State = Wave<S>> + Sync>,
         psi: &[&[Complex64]],
-    ) -> Result<Box<dyn Advance + Sync>, Trouble>
-    where
-        M: Stepper<State = Wave<S>> + Sync + 'static,
-    {
+    ) -> Result<Box<dyn Advance + Sync>, Trouble> {
         let observer = Observer::new(psi.len(), self.states, self.observables.clone());
         let pace = Listed::new(self.t0, self.stops.clone());
         let (state, records) = (side_by_side(psi), self.stops.len() + 1);
@@ -139,25 +115,40 @@ impl Begin {
         Ok(Box::new(run))
     }
 
-    /// Runs of several wave functions each.
-    fn blocks<S: Stored>(&self, psi: &[&[Complex64]]) -> Result<Vec<Member>, Trouble> {
-        let blocks = psi.chunks(S::MEMBERS).enumerate();
-        let member = |(place, block): (usize, &[&[Complex64]])| {
-            let run = self.run::<S>(1, Patience::default(), block);
-            let run = run.map_err(|trouble| trouble.of_member(place * S::MEMBERS))?;
-            Ok((run, block.len()))
+    /// Runs of so many wave functions in lock-step each, `first` being the first of them.
+    fn blocks(&self, method: &Lockstep, psi: &[&[Complex64]]) -> Result<Vec<Member>, Trouble> {
+        let run = |(place, psi): (usize, &[&[Complex64]])| {
+            let sweeper = self.sweeper::<Lanes<WIDTH>>(1, Patience::default());
+            let run = self.started(method.stepper(sweeper), psi);
+            let run = run.map_err(|trouble| trouble.of_member(place * WIDTH))?;
+            Ok((run, WIDTH))
         };
-        blocks.map(member).collect()
+        psi.chunks_exact(WIDTH).enumerate().map(run).collect()
+    }
+
+    /// Runs of all of them: in lock-step if they share a matrix by rows, the rest one by one.
+    fn ensemble(&self, psi: &[&[Complex64]]) -> Result<Vec<Member>, Trouble> {
+        let mut runs = match &self.method {
+            Method::Lockstep(method) if self.hamiltonian.reach().is_some() => {
+                self.blocks(method, psi)?
+            }
+            _ => Vec::new(),
+        };
+        for member in runs.len() * WIDTH..psi.len() {
+            let run = self.single(1, Patience::default(), &psi[member..=member]);
+            runs.push((run.map_err(|trouble| trouble.of_member(member))?, 1));
+        }
+        Ok(runs)
     }
 }
 
-/// Wave functions in lock-step; places without one follow the last.
+/// Wave functions in lock-step.
 fn side_by_side<S: Stored>(psi: &[&[Complex64]]) -> Wave<S> {
     let part = |of: fn(&Complex64) -> f64| {
         let mut values = vec![S::splat(0.0); psi[0].len()];
         for (i, value) in values.iter_mut().enumerate() {
             for member in 0..S::MEMBERS {
-                value.set_member(member, of(&psi[member.min(psi.len() - 1)][i]));
+                value.set_member(member, of(&psi[member][i]));
             }
         }
         values
@@ -194,7 +185,7 @@ pub(crate) fn schrodinger_run<'py>(
         .collect::<PyResult<_>>()?;
     let begin = Begin {
         hamiltonian: hamiltonian.inner.clone(),
-        method: method_of(&method)?,
+        method: Method::of(&method, &hamiltonian.inner)?,
         observables,
         states,
         t0,
@@ -205,16 +196,11 @@ pub(crate) fn schrodinger_run<'py>(
     let mut caught = hamiltonian.caught.clone();
     if !is_ensemble {
         let signals = Caught::default();
-        let run = begin.run::<f64>(threads, signals.patience(), &rows[..1]);
+        let run = begin.single(threads, signals.patience(), &rows[..1]);
         caught.push(signals);
         return Run::caught(py, run, &[width], caught);
     }
-    let runs = if begin.hamiltonian.reach().is_some() && rows.len() > 1 {
-        begin.blocks::<Lanes<WIDTH>>(&rows)
-    } else {
-        begin.blocks::<f64>(&rows)
-    };
-    let ensemble = runs.map(|runs| {
+    let ensemble = begin.ensemble(&rows).map(|runs| {
         let ensemble = Ensemble::new(runs, threads, Layout::Together);
         Box::new(ensemble) as Box<dyn Advance + Sync>
     });

@@ -1,0 +1,218 @@
+//! Methods for Schrödinger equations, as tuples.
+
+use liouville_core::method::schrodinger::{
+    Chebyshev, Exponential, Magnus, Nodes, Phases, Shears, Sweeper, Wave, bessel,
+};
+use liouville_core::method::{Composed, Flow, Stepper};
+use liouville_core::problem::quantum::Hamiltonian;
+use liouville_core::tableau::{Turn, split_program};
+use liouville_core::vector::Stored;
+use numpy::PyReadonlyArray1;
+use pyo3::exceptions::PyValueError;
+use pyo3::prelude::*;
+use pyo3::types::PyTuple;
+use std::sync::Arc;
+
+/// A method and its numbers.
+pub(super) enum Method {
+    /// One that steps any number of wave functions at once.
+    Lockstep(Lockstep),
+    /// One that steps a single wave function.
+    Alone(Alone),
+}
+
+pub(super) enum Lockstep {
+    Shears {
+        program: Vec<Flow>,
+        shift: f64,
+        tolerance: f64,
+    },
+    Chebyshev {
+        bounds: (f64, f64),
+        rate: f64,
+        tolerance: f64,
+        is_doubled: bool,
+    },
+    Magnus {
+        nodes: Nodes,
+        exponential: Exponential,
+        bounds: Vec<(f64, f64)>,
+    },
+}
+
+pub(super) enum Alone {
+    Phases {
+        program: Vec<Flow>,
+        phases: Box<Phases>,
+    },
+    Lanczos {
+        dimension: usize,
+        rate: f64,
+        tolerance: f64,
+    },
+}
+
+impl Method {
+    /// Methods are tuples, their kind first:
+    ///
+    ///     ("shears", coefficients of q and p in turn, shift, how far the norm may be off)
+    ///     ("chebyshev", bounds of the spectrum, error allowed in a unit of time, how far the norm may be off,
+    ///      whether H acts on real and imaginary part one after the other)
+    ///     ("lanczos", dimension, error allowed in a unit of time, how far the norm may be off)
+    ///     ("magnus", order, coefficients of q and p in turn, half the width of the spectrum times a step of
+    ///      them at most, how far the norm may be off, bounds of the spectra of all terms)
+    ///     ("phases", name of a splitting, how far the norm may be off)
+    pub(super) fn of(
+        method: &Bound<'_, PyTuple>,
+        hamiltonian: &Arc<Hamiltonian>,
+    ) -> PyResult<Self> {
+        let kind: String = method.get_item(0)?.extract()?;
+        let rest = method.get_slice(1, method.len());
+        match kind.as_str() {
+            "shears" => {
+                let (coefficients, shift, tolerance): (PyReadonlyArray1<'_, f64>, f64, f64) =
+                    rest.extract()?;
+                Ok(Self::Lockstep(Lockstep::Shears {
+                    program: shears(coefficients.as_slice()?),
+                    shift,
+                    tolerance,
+                }))
+            }
+            "chebyshev" => {
+                let (bounds, rate, tolerance, is_doubled) = rest.extract()?;
+                Ok(Self::Lockstep(Lockstep::Chebyshev {
+                    bounds,
+                    rate,
+                    tolerance,
+                    is_doubled,
+                }))
+            }
+            "lanczos" => {
+                let (dimension, rate, tolerance) = rest.extract()?;
+                Ok(Self::Alone(Alone::Lanczos {
+                    dimension,
+                    rate,
+                    tolerance,
+                }))
+            }
+            "magnus" => magnus(&rest).map(Self::Lockstep),
+            "phases" => {
+                let (name, tolerance): (String, f64) = rest.extract()?;
+                let no_grid = || PyValueError::new_err("H is no kinetic energy and a potential");
+                let phases = Phases::new(hamiltonian.clone(), tolerance).ok_or_else(no_grid)?;
+                Ok(Self::Alone(Alone::Phases {
+                    program: turns(&name)?.into_iter().map(flow).collect(),
+                    phases: Box::new(phases),
+                }))
+            }
+            other => Err(PyValueError::new_err(format!(
+                "there is no method {other:?}"
+            ))),
+        }
+    }
+}
+
+impl Lockstep {
+    /// The method at work, on as many wave functions as `S` has members.
+    pub(super) fn stepper<S: Stored>(
+        &self,
+        sweeper: Sweeper<S>,
+    ) -> Box<dyn Stepper<State = Wave<S>> + Sync> {
+        match self {
+            Self::Shears {
+                program,
+                shift,
+                tolerance,
+            } => {
+                let shears = Shears::new(sweeper, *shift, *tolerance);
+                Box::new(Composed::following(shears, program.clone()))
+            }
+            Self::Chebyshev {
+                bounds,
+                rate,
+                tolerance,
+                is_doubled,
+            } => {
+                let series = Chebyshev::new(sweeper, *bounds, *rate, *tolerance);
+                Box::new(if *is_doubled {
+                    series.hermitian()
+                } else {
+                    series
+                })
+            }
+            Self::Magnus {
+                nodes,
+                exponential,
+                bounds,
+            } => Box::new(Magnus::new(
+                sweeper,
+                nodes.clone(),
+                exponential.clone(),
+                bounds.clone(),
+            )),
+        }
+    }
+}
+
+fn magnus(method: &Bound<'_, PyTuple>) -> PyResult<Lockstep> {
+    let (order, coefficients, theta, tolerance, bounds): (
+        usize,
+        PyReadonlyArray1<'_, f64>,
+        f64,
+        f64,
+        Vec<(f64, f64)>,
+    ) = method.extract()?;
+    Ok(Lockstep::Magnus {
+        nodes: if order == 2 {
+            Nodes::midpoint()
+        } else {
+            Nodes::gauss()
+        },
+        exponential: Exponential {
+            program: shears(coefficients.as_slice()?),
+            theta,
+            tolerance,
+        },
+        bounds,
+    })
+}
+
+/// Shears of q and p in turn.
+fn shears(coefficients: &[f64]) -> Vec<Flow> {
+    let shear = |(k, weight): (usize, &f64)| Flow {
+        part: k % 2,
+        is_adjoint: false,
+        weight: *weight,
+        offset: 0.0,
+    };
+    coefficients.iter().enumerate().map(shear).collect()
+}
+
+fn flow(turn: Turn) -> Flow {
+    Flow {
+        part: usize::from(turn.is_kick),
+        is_adjoint: false,
+        weight: turn.weight,
+        offset: turn.offset,
+    }
+}
+
+fn turns(name: &str) -> PyResult<Vec<Turn>> {
+    let unknown = || PyValueError::new_err(format!("there is no splitting {name:?}"));
+    split_program(name).ok_or_else(unknown)
+}
+
+/// The degree of the Chebyshev series of e^{−iθx} on [−1, 1] that leaves out at most `tolerance`.
+#[pyfunction]
+pub(crate) fn chebyshev_degree(theta: f64, tolerance: f64) -> usize {
+    bessel::series(theta, tolerance).len() - 1
+}
+
+/// The flows of a splitting of T + V: whether a kick, its weight, and the weights of the drifts before it.
+#[pyfunction(name = "split_program")]
+pub(crate) fn split_program_of(name: &str) -> PyResult<Vec<(bool, f64, f64)>> {
+    let turns = turns(name)?.into_iter();
+    Ok(turns
+        .map(|turn| (turn.is_kick, turn.weight, turn.offset))
+        .collect())
+}

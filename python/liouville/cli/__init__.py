@@ -1,0 +1,50 @@
+"""The command line: ``liouville run``, ``order``, ``plan``, ``problems`` and ``methods``.
+
+Results go to standard output and everything else to standard error. Exit codes: 0 done, 1 a run
+failed (what was computed before is saved and drawn all the same), 2 a wrong call, 130 interrupted
+(saved and drawn too). Nothing else in the package prints.
+"""
+
+from __future__ import annotations
+
+import sys
+
+try:
+    import rich as rich
+    import typer as typer
+except ImportError as error:
+    raise ImportError(
+        'the command line needs typer and rich\nhint: pip install "liouville[cli]"'
+    ) from error
+
+from liouville.cli.integrating import run
+from liouville.cli.listing import list_methods, list_problems
+from liouville.cli.planning import show_plan
+from liouville.cli.screen import WRONG, complain
+from liouville.cli.studying import order
+
+app = typer.Typer(
+    help="Integrate mechanisms, polynomial fields and wave functions, and keep their structure.",
+    add_completion=False,
+    pretty_exceptions_enable=False,
+)
+app.command()(run)
+app.command()(order)
+app.command("plan")(show_plan)
+app.command("problems")(list_problems)
+app.command("methods")(list_methods)
+
+
+def main() -> None:
+    """Run the command line and leave with its exit code."""
+    try:
+        code = app(prog_name="liouville", standalone_mode=False)
+    except Exception as error:
+        # Only a call that typer could not read is formatted: its class has moved between versions.
+        if not hasattr(error, "format_message"):
+            raise
+        command = getattr(getattr(error, "ctx", None), "command_path", "liouville")
+        message = error.format_message().rstrip(".")
+        complain(f"{message}\nhint: {command} --help shows what there is")
+        code = WRONG
+    sys.exit(code)

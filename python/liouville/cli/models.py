@@ -1,0 +1,81 @@
+"""Models by name or file, and what they say of themselves."""
+
+from __future__ import annotations
+
+import importlib.util
+import sys
+import traceback
+from collections.abc import Mapping
+from pathlib import Path
+from types import ModuleType
+from typing import Any
+
+from liouville import problems
+
+
+def system_of(model: str) -> tuple[ModuleType, Any]:
+    """Import a problem by its name or a model file, and find the system in it."""
+    path, _, attribute = model.rpartition(":") if ".py:" in model else (model, "", "system")
+    if not path.endswith(".py"):
+        module = problems.load(model)
+        return module, module.system
+    file = Path(path)
+    if not file.is_file():
+        raise FileNotFoundError(f"there is no model file {path!r}")
+    spec = importlib.util.spec_from_file_location(file.stem, file)
+    assert spec is not None
+    assert spec.loader is not None
+    module = importlib.util.module_from_spec(spec)
+    sys.path.insert(0, str(file.parent.absolute()))
+    try:
+        spec.loader.exec_module(module)
+    except Exception as error:
+        lines = [
+            f":{frame.lineno}"
+            for frame in traceback.extract_tb(error.__traceback__)
+            if Path(frame.filename) == file.absolute() or frame.filename == str(file)
+        ]
+        where = path + (lines[-1] if lines else "")
+        raise ValueError(f"{where}: {type(error).__name__}: {error}") from error
+    system = getattr(module, attribute, None)
+    if not hasattr(system, "coordinates"):
+        found = [name for name, value in vars(module).items() if hasattr(value, "coordinates")]
+        raise ValueError(
+            f"{path} has no system called {attribute!r}\n"
+            f"hint: name one after a colon, {path}:NAME; it has {', '.join(found) or 'none'}"
+        )
+    return module, system
+
+
+def start_of(module: ModuleType) -> float:
+    """Give the time a model starts at."""
+    return float(getattr(module, "interval", (0.0, None))[0])
+
+
+def interval_of(module: ModuleType, until: float | None) -> tuple[float, float]:
+    """Give the interval of a model, or up to another end."""
+    _, last = getattr(module, "interval", (0.0, None))
+    end = last if until is None else until
+    if end is None:
+        raise ValueError(
+            "the end time is not said\n"
+            f"hint: give --until, or define interval = (t0, t1) in {module.__name__}.py"
+        )
+    return start_of(module), float(end)
+
+
+def step_of(module: ModuleType, method: Any) -> float:
+    """Give the model's step; one made for Spark(3), for about as much work with any method."""
+    if not hasattr(module, "h"):
+        raise ValueError(
+            f"the step size is not said\nhint: give --h, or define h in {module.__name__}.py"
+        )
+    return float(module.h) / (8 if method.form == "second order" else 1)
+
+
+def reference_at(reference: Mapping[float, Any], t: float) -> dict[str, Any]:
+    """Give the reference at a time, empty if there is none."""
+    for time, states in reference.items():
+        if abs(time - t) <= 1e-12 * max(abs(time), abs(t)):
+            return dict(states)
+    return {}

@@ -1,0 +1,61 @@
+"""``liouville order``."""
+
+from __future__ import annotations
+
+from typing import Annotated, Any
+
+import numpy as np
+import typer
+
+from liouville import convergence
+from liouville.cli.models import interval_of, reference_at, step_of, system_of
+from liouville.cli.options import Method, Model, PlanFile, Until, method_named, method_options
+from liouville.cli.screen import FAILED, WRONG, headed, leaving_with, say, show
+
+
+@method_options
+def order(
+    model: Model,
+    method: Method = None,
+    h: Annotated[
+        list[float] | None,
+        typer.Option(help="Step size; repeat it.", show_default="8 h to h/4 of the model's h"),
+    ] = None,
+    until: Until = None,
+    plan: PlanFile = None,
+    **options: Any,
+) -> None:
+    """Show the error against the step size, with its slope.
+
+    The error is taken to the problem's reference, or else to a run with a quarter of the smallest
+    step. It is relative, in the largest component of each state. What the splitting of a field
+    leaves open is chosen once, for the step size in the middle.
+    """
+    with leaving_with(WRONG):
+        module, system = system_of(model)
+        chosen = method_named(method, options, system, plan)
+        references = getattr(module, "reference", {})
+        if until is None and references:
+            until = min(references)
+        interval = interval_of(module, until)
+        reference = reference_at(references, interval[1])
+        sizes = h or [step_of(module, chosen) * 2.0**k for k in range(3, -3, -1)]
+        begin = getattr(module, "start", {})
+        of = tuple(name for name in (reference or begin) if name != "lam")
+        study = convergence.study(system, chosen, interval, sizes, begin, reference or None, of)
+    table = headed("h", *(column for name in of for column in (f"error of {name}", "slope")))
+    for i, size in enumerate(study.h):
+        cells = []
+        for name in of:
+            error, slope = study.errors[name][i], study.slopes(name)[i]
+            cells += ["failed" if np.isnan(error) else f"{error:.2e}"]
+            cells += [f"{slope:.2f}" if np.isfinite(slope) else ""]
+        table.add_row(f"{size:.6g}", *cells)
+    fits = [f"{fit:.2f}" if np.isfinite(fit) else "none" for fit in study.order.values()]
+    table.add_row("fitted", *(cell for fit in fits for cell in ("", fit)))
+    show(table)
+    say(f"of {study.method}")
+    if "none" in fits:
+        say("a slope needs three errors above roundoff: give other steps with --h")
+    if np.isnan(list(study.errors.values())).any():
+        raise typer.Exit(FAILED)

@@ -1,0 +1,227 @@
+"""Methods for the Schrödinger equation that know the Hamiltonian by its products."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import ClassVar
+
+from liouville._arguments import count, number
+from liouville.errors import hinted
+from liouville.methods.composition import SCHEMES, scheme_name
+
+MODES = ("auto", "fast", "stable")
+
+#: Orders of the splittings of Runge-Kutta-Nyström type.
+NYSTROM = {"RKN4s6": 4, "RKN6s11": 6}
+
+#: No tolerance is smaller: it would be that of a few roundings.
+LEAST_TOLERANCE = 1e-14
+
+
+def _check_tolerance(tol: object) -> None:
+    value = number("tol is a number", tol)
+    if not LEAST_TOLERANCE <= value < 1:
+        hint = "it is the error of psi at the end, relative to its norm"
+        raise ValueError(hinted(f"tol is from {LEAST_TOLERANCE:g} to below 1, not {value:g}", hint))
+
+
+@dataclass(frozen=True)
+class SchrodingerSplitting:
+    r"""Symplectic splitting of :math:`i \psi' = H \psi` into shears, optimised for accuracy.
+
+    With :math:`\psi = q + i p` and real symmetric H a step is a list of shears
+
+    .. math::
+
+        q \leftarrow q + c_1 h (H - \sigma) p, \quad p \leftarrow p - c_2 h (H - \sigma) q, \quad
+        q \leftarrow q + c_3 h (H - \sigma) p, \ \dots
+
+    whose error for every eigenvalue within :math:`|\lambda - \sigma| h \le \theta` is below a bound
+    known beforehand. From a ladder of such methods the one is taken, with the number of its steps,
+    that needs the fewest products for the tolerance. No inner products, two real vectors of
+    memory, each step exactly symplectic and reversible.
+
+    Parameters
+    ----------
+    tol : float, default 1e-8
+        The error of :math:`\psi` at the end, relative to its norm. It is kept to a priori: the
+        bound holds for every state.
+    mode : {"auto", "fast", "stable"}
+        ``"stable"`` methods keep a quadratic form close to the norm exactly, so that the norm does
+        not drift over any number of steps; ``"fast"`` are all of the ladder. ``"auto"`` takes any,
+        a stable one beyond 50 steps, and a Chebyshev series where no splitting reaches the
+        tolerance, where a series is shorter, and for a Hamiltonian that no gauge makes real.
+
+    Raises
+    ------
+    TypeError, ValueError
+        A parameter is none of these.
+
+    References
+    ----------
+    :cite:t:`blanes2015`; see :doc:`/theory/schrodinger`.
+    """
+
+    form: ClassVar[str] = "wave"
+    tol: float = field(default=1e-8, metadata={"help": "error at the end, relative to the norm"})
+    mode: str = field(default="auto", metadata={"help": "one of " + ", ".join(MODES)})
+
+    def __post_init__(self) -> None:
+        """Refuse what makes no method."""
+        _check_tolerance(self.tol)
+        if self.mode not in MODES:
+            raise ValueError(f"mode is one of {', '.join(MODES)}, not {self.mode!r}")
+
+
+@dataclass(frozen=True)
+class Chebyshev:
+    r"""The Chebyshev series of the propagator, truncated where its tail is below the tolerance.
+
+    .. math::
+
+        \psi(t + h) = e^{-i \sigma h} \sum_{k=0}^{M} (2 - \delta_{k0}) (-i)^k J_k(\beta h)\,
+            T_k\!\left(\frac{H - \sigma}{\beta}\right) \psi(t)
+
+    M products an interval between two states that are kept, half of that from a real state. Not
+    unitary: the norm is kept to the tolerance only.
+
+    Parameters
+    ----------
+    tol : float, default 1e-8
+        The error of :math:`\psi` at the end, relative to its norm; an interval has its share.
+
+    Raises
+    ------
+    TypeError, ValueError
+        A parameter is out of range.
+
+    References
+    ----------
+    :cite:t:`talezer1984`.
+    """
+
+    form: ClassVar[str] = "wave"
+    tol: float = field(default=1e-8, metadata={"help": "error at the end, relative to the norm"})
+
+    def __post_init__(self) -> None:
+        """Refuse what makes no method."""
+        _check_tolerance(self.tol)
+
+
+@dataclass(frozen=True)
+class Lanczos:
+    r"""Short iterative Lanczos: the propagator in Krylov spaces of the state.
+
+    Steps are as long as the estimated error allows. The best where a state is made of few
+    eigenvectors and the tolerance is loose; it takes `dimension` complex vectors of memory and
+    inner products.
+
+    Parameters
+    ----------
+    tol : float, default 1e-8
+        The error of :math:`\psi` at the end, relative to its norm, as far as estimates hold.
+    dimension : int, default 20
+        Dimension of a Krylov space, from 2 to 200.
+
+    Raises
+    ------
+    TypeError, ValueError
+        A parameter is out of range.
+
+    References
+    ----------
+    :cite:t:`park1986`.
+    """
+
+    form: ClassVar[str] = "wave"
+    tol: float = field(default=1e-8, metadata={"help": "error at the end, relative to the norm"})
+    dimension: int = field(default=20, metadata={"help": "dimension of a Krylov space"})
+
+    def __post_init__(self) -> None:
+        """Refuse what makes no method."""
+        _check_tolerance(self.tol)
+        if not 2 <= count("dimension", self.dimension) <= 200:
+            raise ValueError(f"dimension is from 2 to 200, not {self.dimension}")
+
+
+@dataclass(frozen=True)
+class SplitOperator:
+    r"""Split operator on a grid: flows of kinetic and potential energy in turn, each exact.
+
+    .. math::
+
+        \psi \leftarrow e^{-i b_s h V} e^{-i a_{s-1} h T} \cdots
+            e^{-i a_1 h T} e^{-i b_1 h V} \psi, \qquad H = T + V(t, x)
+
+    One pair of FFTs for each flow of T. Unitary; a potential that depends on time is taken at the
+    time that the flows of T before it have reached. The best for smooth states of low energy.
+
+    Parameters
+    ----------
+    scheme : str, default "RKN6s11"
+        Order 2 ``S2``; order 4 ``BM4``, ``RKN4s6``; order 6 ``BM6``, ``RKN6s11``; or another name
+        of a composition (see :class:`VolumeSplitting`). Those called RKN use that V and its
+        commutators with T have special forms.
+
+    Raises
+    ------
+    TypeError, ValueError
+        There is no such scheme.
+
+    References
+    ----------
+    :cite:t:`blanes2002`.
+    """
+
+    form: ClassVar[str] = "wave"
+    scheme: str = field(default="RKN6s11", metadata={"help": "as RKN6s11, BM4, S2"})
+
+    def __post_init__(self) -> None:
+        """Refuse what is no scheme."""
+        scheme_name(self.scheme, (*SCHEMES, *NYSTROM))
+
+    @property
+    def order(self) -> int:
+        """Order of the method."""
+        return NYSTROM.get(self.scheme) or int(SCHEMES[self.scheme]["order"])
+
+
+@dataclass(frozen=True)
+class Magnus:
+    r"""Commutator-free Magnus method for :math:`H(t)`, each exponential by a splitting.
+
+    Order 2 is the exponential midpoint rule; order 4, with
+    :math:`H_{1,2} = H(t + (\tfrac12 \mp \tfrac{\sqrt 3}{6}) h)` and
+    :math:`a_{1,2} = \tfrac14 \pm \tfrac{\sqrt 3}{6}`,
+
+    .. math::
+
+        \psi \leftarrow e^{-i h (a_2 H_1 + a_1 H_2)}\, e^{-i h (a_1 H_1 + a_2 H_2)}\, \psi
+
+    Parameters
+    ----------
+    order : {4, 2}
+        Order in h.
+    tol : float, default 1e-10
+        The error of all exponentials together, relative to the norm; that of the Magnus method
+        itself comes on top, and falls with h.
+
+    Raises
+    ------
+    TypeError, ValueError
+        A parameter is none of these.
+
+    References
+    ----------
+    :cite:t:`alvermann2011`.
+    """
+
+    form: ClassVar[str] = "wave"
+    order: int = field(default=4, metadata={"help": "order in h, 2 or 4"})
+    tol: float = field(default=1e-10, metadata={"help": "error of all exponentials together"})
+
+    def __post_init__(self) -> None:
+        """Refuse what makes no method."""
+        if count("order", self.order) not in (2, 4):
+            raise ValueError(f"order is 2 or 4, not {self.order}")
+        _check_tolerance(self.tol)

@@ -1,0 +1,258 @@
+"""The choice of a propagation: by the bounds of the errors and the number of products."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from liouville import _core
+from liouville._arguments import times_of
+from liouville.errors import hinted
+from liouville.methods import Chebyshev, Lanczos, SchrodingerSplitting
+from liouville.propagation.ladder import ROUNDOFF, Choice, cheapest
+from liouville.propagation.plan import Propagation
+from liouville.systems import Schrodinger
+
+Method = SchrodingerSplitting | Chebyshev | Lanczos
+
+#: Beyond so many steps a stable method is taken.
+MANY = 50
+
+#: The norm may be off by ten times what the method promises, and by so much in any case.
+TIMES, LEAST = 10.0, 1e-10
+
+
+@dataclass(frozen=True)
+class Span:
+    """Where a propagation starts, the times of the states that are kept, and the spectrum."""
+
+    t0: float
+    times: tuple[float, ...]
+    bounds: tuple[float, float]
+
+    @property
+    def beta(self) -> float:
+        """Half the width of the spectrum."""
+        return 0.5 * (self.bounds[1] - self.bounds[0])
+
+    @property
+    def sigma(self) -> float:
+        """The middle of the spectrum."""
+        return 0.5 * (self.bounds[1] + self.bounds[0])
+
+    @property
+    def intervals(self) -> NDArray[np.float64]:
+        """Lengths of the intervals between the states that are kept."""
+        lengths: NDArray[np.float64] = np.abs(np.diff([self.t0, *self.times]))
+        return lengths
+
+    @property
+    def thetas(self) -> NDArray[np.float64]:
+        """The same in units of 1/beta."""
+        thetas: NDArray[np.float64] = self.beta * self.intervals
+        return thetas
+
+    def stops(self, steps: Sequence[float] | NDArray[np.float64]) -> tuple[tuple[float, int], ...]:
+        """Return the times with the steps to each."""
+        return tuple((t, int(n)) for t, n in zip(self.times, steps, strict=True))
+
+
+def propagation(
+    system: Schrodinger,
+    method: Method | str = "auto",
+    *,
+    t: Sequence[float],
+    tol: float | None = None,
+    is_real: bool = False,
+    params: Mapping[str, ArrayLike] | None = None,
+) -> Propagation:
+    """Choose method and steps for a Schrödinger equation, and say what they cost, without a run.
+
+    :func:`liouville.integrate` does the same and takes the result as a method.
+
+    Parameters
+    ----------
+    system : Schrodinger
+        What is to be integrated.
+    method : SchrodingerSplitting, Chebyshev or Lanczos, default "auto"
+        How; ``"auto"`` is ``SchrodingerSplitting()``.
+    t : sequence of float
+        Times of the start and of all states to keep.
+    tol : float, optional
+        The error at the end, relative to the norm, instead of the method's own.
+    is_real : bool, default False
+        Whether the start is real, which makes a Chebyshev series shorter.
+    params : mapping, optional
+        Parameters that differ from the system's defaults.
+
+    Returns
+    -------
+    Propagation
+        ``print`` it for steps, products, the bound of the error, and the reasons.
+
+    Raises
+    ------
+    TypeError, ValueError
+        An argument is of the wrong kind or out of range, or the tolerance out of reach.
+
+    Examples
+    --------
+    >>> import liouville as lv
+    >>> chain = lv.Schrodinger(lv.Lattice(50))
+    >>> lv.propagation(chain, t=(0, 10), tol=1e-6).products
+    22.0
+    """
+    if not isinstance(system, Schrodinger):
+        raise TypeError(f"system is a Schrodinger equation, not {system!r}")
+    chosen = method_of(method, tol)
+    if not isinstance(chosen, SchrodingerSplitting | Chebyshev | Lanczos):
+        raise TypeError(f"method is a SchrodingerSplitting, Chebyshev or Lanczos, not {method!r}")
+    return planned(system.with_params(params), chosen, times_of(t), is_real)
+
+
+def method_of(method: Any, tol: float | None) -> Any:
+    """Return what ``"auto"`` stands for, and any method with another tolerance."""
+    if isinstance(method, str) and method == "auto":
+        method = SchrodingerSplitting()
+    return method if tol is None else replace(method, tol=tol)
+
+
+def planned(
+    system: Schrodinger,
+    method: Method,
+    times: Sequence[float],
+    is_real: bool = False,
+) -> Propagation:
+    """Choose the steps of a method, and for ``"auto"`` the method.
+
+    `times` are those of the start and of the states to keep; `is_real` says whether the start is
+    known to be real.
+    """
+    span = Span(times[0], tuple(times[1:]), system.bounds)
+    _check_reach(span, method.tol)
+    if isinstance(method, Lanczos):
+        return _lanczos(span, method)
+    if isinstance(method, Chebyshev):
+        return _chebyshev(span, method.tol, system, is_real, ("asked for",))
+    if not system.is_real:
+        if method.mode != "auto":
+            raise ValueError(
+                hinted(
+                    "H is complex and no gauge makes it real: a splitting would gain nothing",
+                    "take mode='auto', which uses a Chebyshev series then",
+                )
+            )
+        why = "H is complex and no gauge makes it real"
+        return _chebyshev(span, method.tol, system, is_real, (why,))
+    found = _splitting(span, method)
+    if found is None and method.mode != "auto":
+        raise ValueError(
+            hinted(
+                f"no {method.mode} splitting reaches tol = {method.tol:g} for a span of "
+                f"{span.thetas.sum():.3g} / beta",
+                "give a larger tol, or mode='auto', which takes a Chebyshev series then",
+            )
+        )
+    series = _chebyshev(span, method.tol, system, is_real, ())
+    if found is None:
+        why = f"no splitting reaches {method.tol:g} over {span.thetas.sum():.3g} / beta"
+        return replace(series, reasons=(why,))
+    splitting = _split(span, found, method)
+    if method.mode == "auto" and series.products < splitting.products:
+        why = f"a splitting would take {splitting.products:g} products"
+        return replace(series, reasons=(*series.reasons, why))
+    why = f"a Chebyshev series would take {series.products:g} products"
+    return replace(splitting, reasons=(*splitting.reasons, why))
+
+
+def _check_reach(span: Span, tol: float) -> None:
+    """Refuse a tolerance below what roundings of the spectrum leave."""
+    low, high = span.bounds
+    turns = max(abs(low), abs(high)) * float(span.intervals.sum())
+    least = 4 * ROUNDOFF * max(turns, 1.0)
+    if tol < least:
+        raise ValueError(
+            hinted(
+                f"tol = {tol:g} is out of reach: a phase of {turns:.3g} has an error of "
+                f"{least:.1e} in double precision",
+                f"give tol of {10 ** np.ceil(np.log10(least)):g} or more, or a shorter interval",
+            )
+        )
+
+
+def _splitting(span: Span, method: SchrodingerSplitting) -> Choice | None:
+    found = cheapest(span.thetas, method.tol, method.mode == "stable")
+    if found is not None and method.mode == "auto" and found.steps.sum() > MANY:
+        return cheapest(span.thetas, method.tol, True) or found
+    return found
+
+
+def _split(span: Span, found: Choice, method: SchrodingerSplitting) -> Propagation:
+    rung, steps = found.rung, int(found.steps.sum())
+    kind = "stable" if rung.stable else "fast"
+    norm = rung.norm_bound(found.x, steps)
+    why = "fewest products of the splittings that keep to the tolerance"
+    if kind == "stable" and method.mode == "auto" and steps > MANY:
+        why += f", stable ones beyond {MANY} steps"
+    return Propagation(
+        method=f"{rung.name} ({kind} splitting of {rung.n} shears)",
+        tol=method.tol,
+        t0=span.t0,
+        stops=span.stops(found.steps),
+        theta=found.x,
+        bounds=span.bounds,
+        products=found.shears / 2,
+        bound=found.bound,
+        reasons=(why,),
+        core=("shears", rung.coefficients, span.sigma, max(TIMES * norm, LEAST)),
+    )
+
+
+def _chebyshev(
+    span: Span, tol: float, system: Schrodinger, is_real: bool, why: tuple[str, ...]
+) -> Propagation:
+    """One series for each interval, with its share of the tolerance."""
+    thetas = span.thetas
+    rate = tol / float(span.intervals.sum())
+    degrees = [
+        _core.chebyshev_degree(theta, rate * dt)
+        for theta, dt in zip(thetas, span.intervals, strict=True)
+    ]
+    products = float(sum(degrees))
+    if is_real and system.is_real:
+        products -= degrees[0] / 2
+        why = (*why, "the start is real, which halves the products of the first interval")
+    return Propagation(
+        method=f"Chebyshev (series of degree {max(degrees)})",
+        tol=tol,
+        t0=span.t0,
+        stops=span.stops(np.ones(len(thetas))),
+        theta=float(thetas.max()),
+        bounds=span.bounds,
+        products=products,
+        bound=tol,
+        reasons=why,
+        core=("chebyshev", span.bounds, rate, max(TIMES * tol, LEAST), not system.is_real),
+    )
+
+
+def _lanczos(span: Span, method: Lanczos) -> Propagation:
+    """Guess the products: a Krylov space of dimension m goes about m/2 / beta."""
+    products = float(np.maximum(np.ceil(2 * span.thetas / method.dimension), 1).sum())
+    rate = method.tol / float(span.intervals.sum())
+    return Propagation(
+        method=f"Lanczos (Krylov spaces of dimension {method.dimension})",
+        tol=method.tol,
+        t0=span.t0,
+        stops=span.stops(np.ones(len(span.times))),
+        theta=float(span.thetas.max()),
+        bounds=span.bounds,
+        products=products * method.dimension,
+        bound=None,
+        reasons=("asked for; the number of products is a guess",),
+        core=("lanczos", method.dimension, rate, max(TIMES * method.tol, LEAST)),
+    )

@@ -1,0 +1,119 @@
+"""The way of a mechanical system."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+
+from liouville import _core
+from liouville._arguments import check_memory, steps_of
+from liouville.errors import describe
+from liouville.methods import Composition, Method, Spark
+from liouville.routes.route import KEEP_LESS, Asked, kept, observable
+from liouville.systems import Mechanical, Mechanics
+
+
+class MechanicalRoute:
+    """A mechanical system on its way, see :class:`Route`."""
+
+    members: tuple[int, ...] = ()
+
+    def __init__(self, system: Mechanics, method: Method, asked: Asked) -> None:
+        self._system = system
+        self.method = repr(method)
+        self.constraints = system.constraints
+        self._method = method
+        self._is_general = method.form == "general"
+        equal = type(method).__name__ if self._is_general else ""
+        self._base = method.base if isinstance(method, Composition) else method
+        self.pace = steps_of(
+            asked.t, asked.h, asked.steps, asked.control, system.coordinates, equal
+        )
+        self.every = kept(self.pace, asked.every)
+        self._values = system.values(asked.params)
+        self.params: Mapping[str, Any] = {**system.params, **dict(asked.params or {})}
+        self._begin = system.start(asked.start, () if self._is_general else ("a",))
+        goes_on = len(self._begin) == 3 and getattr(method, "reaction", "") == "position"
+        # such a method leaves the hidden constraint by itself, and goes on from there
+        y, z = self._begin[:2]
+        system.check(self.pace.t0, y, z, self._values, hidden=not goes_on)
+        self._states = asked.states
+        self._observer, self._widths = system.observer(asked.observe, asked.states)
+        self.columns = self._columns()
+        self._check_sizes()
+
+    @property
+    def system(self) -> Mechanics:
+        """What is integrated."""
+        return self._system
+
+    @property
+    def row(self) -> int:
+        """Bytes of a record."""
+        return 8 * (1 + sum(self.columns.values()))
+
+    def start(self) -> _core.Run | dict[str, Any]:
+        """Start the run, or say what is the trouble."""
+        pace = self.pace
+        problem = self.system.problem if self._is_general else self.system.second_order
+        return _core.mechanical_run(
+            problem, self._method, self._observer, self._values, self._begin,
+            (pace.t0, pace.t1, pace.count, self.every), pace.control, self._states,
+        )  # fmt: skip
+
+    def stats(self, run: _core.Run) -> dict[str, Any]:
+        """Return the numbers of a run that this method has."""
+        found: dict[str, Any] = {"steps": run.done, **run.stats}
+        foreign = ("factorizations", "rejected") if self._is_general else ("newton_steps",)
+        stats = {name: value for name, value in found.items() if name not in foreign}
+        if run.done and self._is_general:
+            stats["solver"] = _solver(stats)
+        return stats
+
+    def read(self, parts: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
+        """Give the columns of all records as they are."""
+        return parts
+
+    def balance(self, parts: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
+        """Say where the energy went, if the system tells forces with a potential from others."""
+        if "work" not in parts or isinstance(self.system, Mechanical):
+            return {}
+        energy, work = (parts[name][:, 0] for name in ("invariant energy", "work"))
+        return {"work": work, "dissipated": energy[:1] + work - energy}
+
+    def describe(self, trouble: dict[str, Any]) -> tuple[str, str, str]:
+        """Say what a trouble means in the user's names: sentence, hint and quantity."""
+        if trouble.get("quantity") == "observable":
+            trouble |= observable(trouble["index"], self._widths)
+        sentence, hint, quantity = describe(trouble, self.system.coordinates, self.constraints)
+        node_schur = getattr(self._base, "solver", "") == "node-schur"
+        if trouble["kind"] == "not converged" and node_schur:
+            hint += ", or solver='auto', which takes stiff forces too"
+        return sentence, hint, quantity
+
+    def _columns(self) -> dict[str, int]:
+        system, states = self.system, self._states
+        n, m = len(system.coordinates), len(self.constraints)
+        own = dict(zip((*system.states, "lam"), (n, n, m), strict=True)) if states else {}
+        if not self._is_general:
+            own |= {"acceleration": n, "a": n} if states else {}
+            own["work"] = 1
+        return {**own, **self._widths}
+
+    def _check_sizes(self) -> None:
+        records = -(-self.pace.count // self.every) + 1
+        check_memory(f"keeping {records} states", records * self.row, KEEP_LESS)
+        method = self._base
+        if isinstance(method, Spark):
+            n, m, s = len(self.system.coordinates), len(self.constraints), method.stages
+            dense = s * m * (n + s * m) if method.solver == "node-schur" else 2 * (s * (n + m)) ** 2
+            hint = "HHT and its relatives take large sparse systems"
+            check_memory(f"{method!r} on {n} coordinates, dense,", 8 * dense, hint)
+
+
+def _solver(stats: Mapping[str, int]) -> str:
+    if stats["newton_steps"] == 0:
+        return "node-schur"
+    return "newton" if stats["newton_steps"] >= stats["steps"] else "node-schur and newton"
