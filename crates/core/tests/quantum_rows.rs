@@ -2,7 +2,9 @@
 
 use liouville_core::linalg::Rows;
 use liouville_core::method::schrodinger::{Move, Sweeper};
-use liouville_core::problem::quantum::{Block, Bond, Dense, Diagonals, Operator, Spins, Update};
+use liouville_core::problem::quantum::{
+    Block, Bond, Dense, Diagonals, Hamiltonian, Operator, Spins, Update,
+};
 use liouville_core::real::{Lanes, Scalar};
 use liouville_core::vector::{Machine, Stored};
 use proptest::prelude::*;
