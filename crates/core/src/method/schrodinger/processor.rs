@@ -159,14 +159,20 @@ mod tests {
         let mut sweeper = Sweeper::new(Arc::new(Hamiltonian::new(vec![operator])));
         let mut wave = Wave::new(vec![1.0; n], vec![0.0; n]);
         let at = (shift, h);
-        processor.apply(&mut sweeper, at, &mut wave, true).unwrap();
+        processor
+            .apply(&mut sweeper, at, &mut wave, true)
+            .expect("products");
         let mut shears = Shears::new(sweeper.clone(), shift, 1.0);
         for _ in 0..steps {
             for (k, c) in method.coefficients.iter().enumerate() {
-                shears.flow(k % 2, false, 0.0, c * h, &mut wave).unwrap();
+                shears
+                    .flow(k % 2, false, 0.0, c * h, &mut wave)
+                    .expect("a product");
             }
         }
-        processor.apply(&mut sweeper, at, &mut wave, false).unwrap();
+        processor
+            .apply(&mut sweeper, at, &mut wave, false)
+            .expect("products");
         let ends = wave.q.iter().zip(&wave.p);
         ends.map(|(q, p)| ((-p).atan2(*q), q.hypot(*p))).unzip()
     }
