@@ -5,7 +5,7 @@ mod support;
 use liouville_core::linalg::{Factor, Pattern, Rows};
 use liouville_core::method::alpha::{Alpha, Reactions, Tolerance};
 use liouville_core::method::schrodinger::{
-    Exponential, Magnus, Nodes, Phases, Shears, Sweeper, Wave,
+    Chebyshev, Exponential, Lanczos, Magnus, Nodes, Phases, Shears, Sweeper, Wave,
 };
 use liouville_core::method::spark::{Solver, Spark};
 use liouville_core::method::volume::{Determinant, Volume};
@@ -21,6 +21,7 @@ use std::sync::Arc;
 use support::quantum::{flows, kinetic, packet, rotor};
 use support::splits::{Draw, every_kind};
 use support::walk::{START, driven_start, heavy};
+use support::waves::{anyhow, ring};
 use support::{Functions, LAM, PENDULUM, T, Y, Z, dot, input, inputs, pendulum};
 
 struct Counting;
@@ -326,4 +327,26 @@ fn a_sparse_matrix_is_factored_and_solved_with_in_the_memory_of_the_first_time()
     assert_eq!(allocations(|| assert!(work(&values).is_ok())), 0);
     values.fill(0.0);
     assert_eq!(allocations(|| assert!(work(&values).is_err())), 0);
+}
+
+#[test]
+fn steps_of_wave_functions_allocate_nothing() {
+    let sweeper = || Sweeper::<f64>::new(ring(20, 0.0));
+    let mut steppers: [Box<dyn Stepper<State = Wave<f64>>>; 3] = [
+        Box::new(Chebyshev::new(sweeper(), (-2.0, 2.0), 1e-9, 1e-6)),
+        Box::new(Chebyshev::new(sweeper(), (-2.0, 2.0), 1e-9, 1e-6).hermitian()),
+        Box::new(Lanczos::new(sweeper(), 12, 1e-9, 1e-6)),
+    ];
+    for (k, stepper) in steppers.iter_mut().enumerate() {
+        let (q, p) = anyhow(if k == 1 { 20 } else { 40 });
+        let mut state = Wave::new(q, p);
+        let mut advance = |n: usize| {
+            for i in 0..n {
+                let h = [0.3, 9.0][i % 2];
+                stepper.step(0.0, h, &mut state).expect("a step");
+            }
+        };
+        advance(2);
+        assert_eq!(allocations(|| advance(10)), 0, "{k}");
+    }
 }
