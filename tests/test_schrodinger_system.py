@@ -80,13 +80,13 @@ def test_bounds_of_gershgorin_hold_where_eigenvalues_are_not_computed(seed, n):
     assert agrees(lv.Schrodinger(sp.csr_array(matrix)), matrix, rng)
 
 
-@pytest.mark.parametrize("wraps", [0, 2])
-def test_diagonals_are_seen_and_what_is_left_goes_by_rows(wraps):
+@pytest.mark.parametrize(("scattered", "terms"), [(0, 1), (2, 1), (24, 2)])
+def test_diagonals_are_seen_and_what_is_scattered_goes_by_rows(scattered, terms):
     rng, n = np.random.default_rng(0), 60
     matrix = np.diag(rng.normal(size=n)) + np.diag(np.ones(n - 1), 1) + np.diag(np.ones(n - 1), -1)
-    for k in range(wraps):
-        matrix[k, n - 1 - k] = matrix[n - 1 - k, k] = 1.0
-    assert len(forms.operators(Entries.read("H", matrix))) == 1 + (wraps > 0)
+    for k in range(scattered):
+        matrix[0, 5 + 2 * k] = matrix[5 + 2 * k, 0] = 1.0
+    assert len(forms.operators(Entries.read("H", matrix))) == terms
     assert agrees(lv.Schrodinger(matrix), matrix, rng)
 
 

@@ -27,6 +27,7 @@ pub struct Phases {
     patience: Patience,
     machine: Machine,
     tables: Vec<Table>,
+    kicks: Vec<Kick>,
     psi: Vec<Complex>,
     turns: [Vec<f64>; 2],
     memory: Memory,
@@ -41,8 +42,18 @@ struct Table {
     within: Vec<Complex>,
 }
 
+/// cos and sin of V s for a length of time, where V does not depend on it.
+#[derive(Clone)]
+struct Kick {
+    s: f64,
+    turns: [Vec<f64>; 2],
+}
+
 /// Tables kept: a step of any list has fewer distinct flows.
 const TABLES: usize = 64;
+
+/// Points that tables of V may have in all: half a gigabyte.
+const POINTS: usize = 1 << 25;
 
 impl Phases {
     /// Flows of a Hamiltonian with one kinetic term of weight 1 whose other terms are diagonal, none if it is
@@ -66,6 +77,7 @@ impl Phases {
             psi: vec![Complex::default(); n],
             patience: Patience::default(),
             tables: Vec::with_capacity(TABLES),
+            kicks: Vec::new(),
             memory: Memory::default(),
             made: 0,
             hamiltonian,
@@ -110,22 +122,39 @@ impl Phases {
         })
     }
 
+    /// The place of the table for a flow of V; none where V depends on time, or the grid is too large.
+    fn kick(&mut self, s: f64) -> Option<usize> {
+        if self.present.is_some() {
+            return None;
+        }
+        let is_this = |kick: &Kick| kick.s.to_bits() == s.to_bits();
+        self.kicks.iter().position(is_this).or_else(|| {
+            if self.kicks.len() >= TABLES.min(POINTS / self.potential.len()) {
+                return None;
+            }
+            let mut turns = [0, 1].map(|_| vec![0.0; self.potential.len()]);
+            turn(self.machine, &self.potential, s, &mut turns);
+            self.kicks.push(Kick { s, turns });
+            Some(self.kicks.len() - 1)
+        })
+    }
+
     /// All planes, transformed first or last or both, with V between if `s` says how long.
     fn planes(&mut self, from: bool, s: Option<f64>, to: bool) {
+        let kick = s.and_then(|s| self.kick(s));
         let grid = self.kinetic.grid();
-        let planes = self.psi.chunks_exact_mut(grid.plane());
-        let potentials = self.potential.chunks_exact(grid.plane());
-        for (plane, v) in planes.zip(potentials) {
+        let size = grid.plane();
+        for (k, plane) in self.psi.chunks_exact_mut(size).enumerate() {
+            let within = k * size..(k + 1) * size;
             if from {
                 grid.inverse(plane, &mut self.memory);
             }
-            if let Some(s) = s {
-                let [cos, sin] = &mut self.turns;
-                f64::run(self.machine, Turns { v, s, cos, sin });
-                for ((psi, cos), sin) in plane.iter_mut().zip(&*cos).zip(&*sin) {
-                    let Complex { re, im } = *psi;
-                    *psi = Complex::new(re * cos + im * sin, im * cos - re * sin);
-                }
+            if let Some(kick) = kick {
+                let [cos, sin] = &self.kicks[kick].turns;
+                multiply(plane, &cos[within.clone()], &sin[within]);
+            } else if let Some(s) = s {
+                turn(self.machine, &self.potential[within], s, &mut self.turns);
+                multiply(plane, &self.turns[0], &self.turns[1]);
             }
             if to {
                 grid.forward(plane, &mut self.memory);
@@ -203,7 +232,19 @@ fn sum(diagonals: &[(usize, Vec<f64>)], weight: impl Fn(usize) -> f64, out: &mut
     }
 }
 
+/// Takes phases off: e^{−iφ} psi.
+fn multiply(psi: &mut [Complex], cos: &[f64], sin: &[f64]) {
+    for ((psi, cos), sin) in psi.iter_mut().zip(cos).zip(sin) {
+        let Complex { re, im } = *psi;
+        *psi = Complex::new(re * cos + im * sin, im * cos - re * sin);
+    }
+}
+
 /// cos(v s) and sin(v s)
+fn turn(machine: Machine, v: &[f64], s: f64, [cos, sin]: &mut [Vec<f64>; 2]) {
+    f64::run(machine, Turns { v, s, cos, sin });
+}
+
 struct Turns<'a> {
     v: &'a [f64],
     s: f64,
