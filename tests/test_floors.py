@@ -153,7 +153,9 @@ def test_outside_names_keep_to_their_room_in_python(file):
     assert not bad, f"python/liouville/{file} imports {bad}"
     text = python_files()[file].read_text(encoding="utf-8")
     assert "OP_" not in text or file == "tape.py", f"python/liouville/{file} knows CasADi's codes"
-    assert file.startswith("cli/") or not re.search(r"^\s*print\(", text, re.MULTILINE), f"{file} prints"
+    assert file.startswith("cli/") or not re.search(r"^\s*print\(", text, re.MULTILINE), (
+        f"{file} prints"
+    )
 
 
 def test_a_module_that_reaches_up_is_seen():

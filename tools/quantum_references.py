@@ -1,8 +1,8 @@
 """Compute the references of the quantum problems: ``python tools/quantum_references.py``.
 
-Lattices and chains of spins are diagonalised in 40 digits; on the separable lattices that is done
-axis by axis. The driven oscillator is integrated by its Taylor series in extended precision, with
-two steps that must agree. Five minutes, most of them the square with disorder.
+Lattices and chains of spins are propagated by the Taylor series in 70 digits, of which cancellation
+leaves 40; the separable lattices axis by axis. The driven oscillator is integrated by its Taylor
+series step by step in extended precision, with two steps that must agree. Half a minute.
 """
 
 import sys
@@ -14,17 +14,27 @@ import numpy as np
 
 from liouville.problems import heisenberg, lattice2d, lattice3d, tight_binding, walker_preston
 from liouville.systems import Grid
+from liouville.systems.schrodinger.entries import Entries
 
-mp.mp.dps = 40
+#: The results have so many digits; terms of the series are larger than their sum by 10^30.
+DIGITS = 40
+mp.mp.dps = DIGITS + 30
 
 
-def propagator(matrix: np.ndarray, start: list, t: float) -> list:
-    """Return exp(-i t H) psi by the eigenvectors of H."""
-    n = len(matrix)
-    energies, vectors = mp.eigsy(mp.matrix([[mp.mpf(x) for x in row] for row in matrix.tolist()]))
-    psi = mp.matrix(start)
-    inside = [mp.fdot(vectors[:, k], psi) * mp.expj(-t * energies[k]) for k in range(n)]
-    return [mp.fsum(vectors[i, k] * inside[k] for k in range(n)) for i in range(n)]
+def propagator(entries: Entries, start: list, t: float) -> list:
+    """Return exp(-i t H) psi by its Taylor series."""
+    places = list(zip(entries.row.tolist(), entries.col.tolist(), strict=True))
+    values = [mp.mpf(x) for x in entries.values.tolist()]
+    term = [mp.mpc(x) for x in start]
+    psi, k = list(term), 0
+    while max(map(abs, term)) > mp.mpf(10) ** -DIGITS or k < 10:
+        k += 1
+        product = [mp.mpc(0)] * len(term)
+        for (i, j), value in zip(places, values, strict=True):
+            product[i] += value * term[j]
+        term = [x * mp.mpc(0, -t) / k for x in product]
+        psi = [a + b for a, b in zip(psi, term, strict=True)]
+    return psi
 
 
 def show(name: str, amplitudes: dict) -> None:
@@ -48,7 +58,7 @@ def of_lattice(problem: ModuleType, axes: int) -> Iterator[tuple[int, mp.mpc]]:
     packet = [mp.mpf(x) for x in problem.packet(problem.SITES)]
     norm = mp.sqrt(mp.fsum(x**2 for x in packet))
     start = [x / norm for x in packet]
-    line = propagator(chain.entries().dense(), start, problem.interval[1])
+    line = propagator(chain.entries(), start, problem.interval[1])
     middle = problem.SITES // 2
     for i in few(line, 4):
         place, value = 0, mp.mpc(1)
@@ -90,14 +100,14 @@ def taylor(grid: Grid, start: np.ndarray, span: tuple, steps: int) -> np.ndarray
 
 def main() -> None:
     """Print all references."""
-    chain = tight_binding.system.source.entries().dense()
+    chain = tight_binding.system.source.entries()
     start = list(tight_binding.start["psi"])
     show("tight_binding", few(propagator(chain, start, 10.0), 8))
-    square = tight_binding.disordered.source.entries().dense()
+    square = tight_binding.disordered.source.entries()
     start = list(tight_binding.disordered_start["psi"])
     show("tight_binding, disordered", few(propagator(square, start, 10.0)))
     spins = heisenberg.system.source
-    psi = propagator(spins.entries().dense(), list(heisenberg.start["psi"]), 5.0)
+    psi = propagator(spins.entries(), list(heisenberg.start["psi"]), 5.0)
     show("heisenberg", {85: psi[spins.index(85)], 170: psi[spins.index(170)]})
     show("lattice2d", dict(of_lattice(lattice2d, 2)))
     show("lattice3d", dict(of_lattice(lattice3d, 3)))

@@ -11,11 +11,13 @@ from liouville.methods import ArnoldBruls as ArnoldBruls
 from liouville.methods import Chebyshev as Chebyshev
 from liouville.methods import Composition as Composition
 from liouville.methods import GeneralizedAlpha as GeneralizedAlpha
+from liouville.methods import GrayManolopoulos as GrayManolopoulos
 from liouville.methods import Lanczos as Lanczos
 from liouville.methods import Magnus as Magnus
 from liouville.methods import SchrodingerSplitting as SchrodingerSplitting
 from liouville.methods import Spark as Spark
 from liouville.methods import SplitOperator as SplitOperator
+from liouville.methods import StabilitySplitting as StabilitySplitting
 from liouville.methods import VolumeSplitting as VolumeSplitting
 from liouville.planner import Plan as Plan
 from liouville.planner import plan as plan

@@ -32,4 +32,18 @@ impl Crew {
             }
         });
     }
+
+    /// How many they are.
+    pub fn threads(&self) -> usize {
+        self.0.current_num_threads()
+    }
+
+    /// Works on all parts.
+    pub fn all<T: Send, F>(&self, parts: &mut [T], work: F)
+    where
+        F: Fn(&mut T) + Sync,
+    {
+        self.0
+            .install(|| parts.par_iter_mut().with_max_len(1).for_each(&work));
+    }
 }

@@ -1,7 +1,7 @@
 //! Products of Hamiltonians by rows: against dense ones, member by member, and many in one sweep.
 
 use liouville_core::linalg::Rows;
-//use liouville_core::method::schrodinger::{Move, Sweeper};
+use liouville_core::method::schrodinger::{Move, Sweeper};
 use liouville_core::problem::quantum::{Block, Bond, Dense, Diagonals, Operator, Spins, Update};
 use liouville_core::real::{Lanes, Scalar};
 use liouville_core::vector::{Machine, Stored};
@@ -40,12 +40,13 @@ fn diagonals(draw: &mut Draw, n: usize) -> Vec<(usize, Vec<f64>)> {
     offsets.dedup();
     let mut diagonals = Vec::new();
     for offset in offsets {
-        let (kind, value, hole) = (draw.below(4), draw.next(), 2 + draw.below(400));
+        let (kind, value, hole) = (draw.below(5), draw.next(), 2 + draw.below(400));
         let value = |i: usize| match kind {
             0 => value,
             1 if i % hole == hole - 1 => 0.0,
             1 => value,
             2 if i > hole => value,
+            3 if i % hole > 0 => 0.0,
             _ => draw.next(),
         };
         diagonals.push((offset, (0..n - offset).map(value).collect()));
@@ -224,6 +225,7 @@ proptest! {
         let diagonals = diagonals(&mut draw, n);
         let matrix = of_diagonals(n, &diagonals);
         check(&mut draw, &Operator::Rows(Arc::new(sparse(&matrix))), &matrix);
+        check(&mut draw, &Operator::sparse(Arc::new(sparse(&matrix))), &matrix);
         check(&mut draw, &Operator::Diagonals(Arc::new(Diagonals::new(n, &diagonals))), &matrix);
     }
 
@@ -248,5 +250,95 @@ proptest! {
             let spins = Operator::Spins(Arc::new(Spins::new(&bonds, &fields, up)));
             check(&mut draw, &spins, &chain(&bonds, &fields, up));
         }
+    }
+}
+
+fn moves(draw: &mut Draw, count: usize) -> Vec<Move> {
+    let mut one = |k| Move {
+        into_second: if draw.below(8) == 0 {
+            k % 2 == 0
+        } else {
+            k % 2 == 1
+        },
+        update: UPDATES[draw.below(4)],
+        weight: draw.next(),
+    };
+    (0..count).map(&mut one).collect()
+}
+
+/// a, b and their sums after some moves, of which each is made by itself.
+fn one_by_one<S: Stored>(operator: &Operator, moves: &[Move], start: &[Vec<S>; 4]) -> [Vec<S>; 4] {
+    let [mut a, mut b, mut sum_a, mut sum_b] = start.clone();
+    for step in moves {
+        let (x, out, sum) = if step.into_second {
+            (&a, &mut b, &mut sum_b)
+        } else {
+            (&b, &mut a, &mut sum_a)
+        };
+        *out = updated((operator, Machine::default()), step.update, x.len(), x, out);
+        for (sum, out) in sum.iter_mut().zip(&*out) {
+            for m in 0..S::MEMBERS {
+                sum.set_member(m, sum.member(m) + step.weight * out.member(m));
+            }
+        }
+    }
+    [a, b, sum_a, sum_b]
+}
+
+fn swept<S: Stored>(sweeper: &mut Sweeper<S>, moves: &[Move], start: &[Vec<S>; 4]) -> [Vec<S>; 4] {
+    let mut all = start.clone();
+    let [a, b, sum_a, sum_b] = &mut all;
+    sweeper
+        .run(moves, a, b, Some((sum_a, sum_b)))
+        .expect("products can be made");
+    all
+}
+
+/// Compares sweeps in any way with moves one by one.
+fn check_sweeps<S: Stored + PartialEq + std::fmt::Debug>(
+    draw: &mut Draw,
+    operator: &Operator,
+    vector: impl Fn(&mut Draw) -> Vec<S>,
+) {
+    let start = std::array::from_fn(|_| vector(draw));
+    let count = 1 + draw.below(12);
+    let moves = moves(draw, count);
+    let want = one_by_one(operator, &moves, &start);
+    let hamiltonian = Arc::new(Hamiltonian::new(vec![operator.clone()]));
+    for threads in [1, 2, 3] {
+        let sweeper = Sweeper::new(Arc::clone(&hamiltonian)).with_threads(threads);
+        assert_eq!(swept(&mut sweeper.clone(), &moves, &start), want);
+        for _ in 0..4 {
+            let (rows, at_once) = (1 + draw.below(operator.size()), 1 + draw.below(12));
+            let mut sweeper = sweeper.clone().with_tiles(rows, at_once);
+            let got = swept(&mut sweeper, &moves, &start);
+            assert_eq!(got, want, "{rows} rows, {at_once} moves, {threads} threads");
+            assert_eq!(sweeper.products(), S::MEMBERS * count);
+        }
+    }
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig { failure_persistence: None, ..ProptestConfig::with_cases(32) })]
+
+    #[test]
+    fn sweeps_are_moves_one_by_one(seed: u64, n in 1_usize..3000, most in 0_usize..40) {
+        let mut draw = Draw(seed);
+        let mut diagonals = diagonals(&mut draw, n);
+        diagonals.retain(|(offset, _)| *offset <= most);
+        let operator = Operator::Diagonals(Arc::new(Diagonals::new(n, &diagonals)));
+        check_sweeps(&mut draw, &operator, |draw| draw.vector(n));
+        check_sweeps(&mut draw, &operator, |draw| lanes(draw, n));
+    }
+}
+
+#[test]
+fn sweeps_of_far_reaching_terms_are_moves_one_by_one() {
+    let mut draw = Draw(3);
+    let (bonds, fields) = bonds(&mut draw, 9);
+    for up in [None, Some(4)] {
+        let spins = Operator::Spins(Arc::new(Spins::new(&bonds, &fields, up)));
+        let n = spins.size();
+        check_sweeps(&mut draw, &spins, |draw| draw.vector(n));
     }
 }

@@ -1,6 +1,6 @@
 //! The methods for the Schrödinger equation that are coefficients of shears, as Python sees them.
 
-use liouville_core::tableau::Ladder;
+use liouville_core::tableau::{Ladder, Purpose, Stable};
 use numpy::PyArray1;
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyList};
@@ -27,6 +27,28 @@ pub(crate) fn ladder(py: Python<'_>) -> PyResult<Bound<'_, PyList>> {
         ] {
             dict.set_item(name, PyArray1::from_slice(py, values))?;
         }
+        methods.append(dict)?;
+    }
+    Ok(methods)
+}
+
+/// All methods made for stability or for their order, with their coefficients, a and b in turn.
+#[pyfunction]
+pub(crate) fn stability(py: Python<'_>) -> PyResult<Bound<'_, PyList>> {
+    let methods = PyList::empty(py);
+    for method in Stable::all() {
+        let kind = match method.purpose {
+            Purpose::Stability => "stability",
+            Purpose::Order => "gray-manolopoulos",
+        };
+        let dict = PyDict::new(py);
+        dict.set_item("kind", kind)?;
+        dict.set_item("order", method.order)?;
+        dict.set_item("stages", method.stages)?;
+        dict.set_item("limit", method.limit)?;
+        dict.set_item("gain", method.gain)?;
+        let coefficients = PyArray1::from_slice(py, &method.coefficients);
+        dict.set_item("coefficients", coefficients)?;
         methods.append(dict)?;
     }
     Ok(methods)

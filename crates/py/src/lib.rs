@@ -33,7 +33,7 @@ mod _core {
     #[pymodule_export]
     use super::convert::{Mechanical, Rows, Tape};
     #[pymodule_export]
-    use super::ladder::ladder;
+    use super::ladder::{ladder, stability};
     #[pymodule_export]
     use super::mechanical_run::mechanical_run;
     #[pymodule_export]

@@ -5,15 +5,29 @@ from liouville.methods.alpha import ArnoldBruls as ArnoldBruls
 from liouville.methods.alpha import GeneralizedAlpha as GeneralizedAlpha
 from liouville.methods.composition import Composition as Composition
 from liouville.methods.schrodinger import Chebyshev as Chebyshev
+from liouville.methods.schrodinger import GrayManolopoulos as GrayManolopoulos
 from liouville.methods.schrodinger import Lanczos as Lanczos
 from liouville.methods.schrodinger import Magnus as Magnus
 from liouville.methods.schrodinger import SchrodingerSplitting as SchrodingerSplitting
 from liouville.methods.schrodinger import SplitOperator as SplitOperator
+from liouville.methods.schrodinger import StabilitySplitting as StabilitySplitting
+from liouville.methods.schrodinger import shears_of as shears_of
 from liouville.methods.spark import Spark as Spark
 from liouville.methods.volume import VolumeSplitting as VolumeSplitting
 
 #: What steps a wave function.
-WaveMethod = SchrodingerSplitting | Chebyshev | Lanczos | SplitOperator | Magnus
+WaveMethod = (
+    SchrodingerSplitting
+    | Chebyshev
+    | Lanczos
+    | SplitOperator
+    | Magnus
+    | StabilitySplitting
+    | GrayManolopoulos
+)
+
+#: What steps a wave function by steps of a given size.
+Stepped = SplitOperator | Magnus | StabilitySplitting | GrayManolopoulos
 
 Method = Spark | HHT | GeneralizedAlpha | ArnoldBruls | Composition | VolumeSplitting | WaveMethod
 
@@ -29,4 +43,6 @@ METHODS: dict[str, type[Method]] = {
     "lanczos": Lanczos,
     "split-operator": SplitOperator,
     "magnus": Magnus,
+    "stability-splitting": StabilitySplitting,
+    "gray-manolopoulos": GrayManolopoulos,
 }

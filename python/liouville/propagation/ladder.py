@@ -16,9 +16,6 @@ Array = NDArray[np.float64]
 #: Half the distance of 1 to the next number.
 ROUNDOFF = 2.0**-53
 
-#: Roundings of the energies turn the phase by so much of the last digit of each unit of it.
-PHASE = 8.0
-
 #: How much longer than the longest possible steps are tried to be shorter.
 SHORTER = (1.0, 1.06, 1.12, 1.25, 1.5, 2.0)
 
@@ -59,15 +56,12 @@ class Rung:
         """Number of shears of a step."""
         return len(self.coefficients)
 
-    def shears(self, steps: int, intervals: int) -> int:
-        """Return the real products of so many steps: where q begins and ends, two are one."""
-        return steps * self.n if self.n % 2 == 0 else steps * (self.n - 1) + intervals
-
     def bound(self, x: float, steps: int) -> float:
         r"""Bound the error after so many steps of size :math:`h \beta = x`, relative to the norm.
 
         :math:`(1 + e)^N - 1` for the error e of a step; of a stable method at most
-        :math:`N \delta\phi + \kappa + \kappa^2/2`. Roundings come on top.
+        :math:`N \delta\phi + \kappa + \kappa^2/2`. Roundings in the shears are in it, those of
+        the energies come on top.
         """
         place = int(np.searchsorted(self.fractions * self.theta * (1 + 1e-12), x))
         if place == len(self.fractions):
@@ -76,7 +70,7 @@ class Rung:
         if self.stable:
             kappa = self.kappa[place]
             bound = min(bound, steps * self.dphi[place] + kappa + kappa**2 / 2)
-        return float(bound + ROUNDOFF * (np.sqrt(steps) * self.gain + PHASE * steps * x))
+        return float(bound + ROUNDOFF * np.sqrt(steps) * self.gain)
 
     def norm_bound(self, x: float, steps: int) -> float:
         """Bound how far the norm may be off after any number of steps up to this."""
@@ -118,7 +112,7 @@ class Choice:
     @property
     def shears(self) -> int:
         """Real products in all."""
-        return self.rung.shears(int(self.steps.sum()), len(self.steps))
+        return int(self.steps.sum()) * self.rung.n
 
 
 def choices(thetas: Array, tol: float, stable: bool) -> Iterator[Choice]:

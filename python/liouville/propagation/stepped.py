@@ -1,4 +1,4 @@
-"""Propagations with steps of a given size: split operator, and Magnus methods for H(t)."""
+"""Propagations with steps of a given size: split operator, Magnus methods for H(t), and shears."""
 
 from __future__ import annotations
 
@@ -8,7 +8,14 @@ import numpy as np
 
 from liouville import _core
 from liouville.errors import hinted
-from liouville.methods import Magnus, SplitOperator
+from liouville.methods import (
+    GrayManolopoulos,
+    Magnus,
+    SplitOperator,
+    StabilitySplitting,
+    Stepped,
+    shears_of,
+)
 from liouville.propagation.ladder import cheapest
 from liouville.propagation.plan import Propagation
 from liouville.systems import Schrodinger
@@ -16,19 +23,24 @@ from liouville.systems import Schrodinger
 #: So many times are looked at for the largest width of the spectrum of H(t).
 LOOKS = 33
 
-#: The norm may be off by so much.
+#: The norm may be off by so much, ...
 NORM = 1e-6
+#: ... and by so much where a step is not close to unitary but only its powers are bounded.
+LOOSE = 0.5
+
+#: So much of the longest stable step is taken at most.
+LONGEST = 0.99
 
 Stops = Sequence[tuple[float, int]]
 
 
-def stepped(
-    system: Schrodinger, method: SplitOperator | Magnus, t0: float, stops: Stops
-) -> Propagation:
+def stepped(system: Schrodinger, method: Stepped, t0: float, stops: Stops) -> Propagation:
     """Plan a run from t0 with steps between `stops`: times with the steps to each."""
     if isinstance(method, SplitOperator):
         return _split_operator(system, method, t0, stops)
-    return _magnus(system, method, t0, stops)
+    if isinstance(method, Magnus):
+        return _magnus(system, method, t0, stops)
+    return _shears(system, method, t0, stops)
 
 
 def _split_operator(
@@ -41,10 +53,9 @@ def _split_operator(
                 "take SchrodingerSplitting, or Magnus for H(t)",
             )
         )
-    steps = sum(n for _, n in stops)
+    steps, h = _sizes(t0, stops)
     drifts = sum(not is_kick for is_kick, _, _ in _core.split_program(method.scheme))
     low, high = system.bounds_at(t0)
-    h = max(abs(b - a) / n for a, (b, n) in zip([t0, *(t for t, _ in stops)], stops, strict=False))
     return Propagation(
         method=f"split operator {method.scheme}",
         tol=None,
@@ -62,14 +73,12 @@ def _split_operator(
 def _magnus(system: Schrodinger, method: Magnus, t0: float, stops: Stops) -> Propagation:
     if not system.is_real:
         raise TypeError("H is complex and no gauge makes it real, which Magnus methods need here")
-    steps = sum(n for _, n in stops)
-    times = np.array([t0, *(t for t, _ in stops)])
-    sizes = np.abs(np.diff(times)) / [n for _, n in stops]
-    looks = np.linspace(times[0], times[-1], LOOKS)
+    steps, h = _sizes(t0, stops)
+    looks = np.linspace(t0, stops[-1][0], LOOKS)
     widths = [np.ptp(system.bounds_at(t)) for t in looks]
     low, high = system.bounds_at(float(looks[int(np.argmax(widths))]))
     exponentials = 2 if method.order == 4 else 1
-    theta = 0.5 * (high - low) * float(sizes.max()) / exponentials
+    theta = 0.5 * (high - low) * h / exponentials
     found = cheapest(np.array([theta]), method.tol / (exponentials * steps), stable=False)
     if found is None:
         sentence = f"no splitting reaches {method.tol:g} in {exponentials * steps} exponentials"
@@ -90,3 +99,51 @@ def _magnus(system: Schrodinger, method: Magnus, t0: float, stops: Stops) -> Pro
         ),
         core=core,
     )
+
+
+def _shears(
+    system: Schrodinger, method: StabilitySplitting | GrayManolopoulos, t0: float, stops: Stops
+) -> Propagation:
+    name = type(method).__name__
+    if system.is_driven or not system.is_real:
+        hint = "take Magnus for H(t), or a Chebyshev series for a complex one"
+        raise TypeError(hinted(f"{name} is for a real H without time", hint))
+    is_processed = isinstance(method, StabilitySplitting)
+    kind = "stability" if is_processed else "gray-manolopoulos"
+    stages = getattr(method, "stages", method.order)
+    table = shears_of(kind, method.order, stages)
+    steps, h = _sizes(t0, stops)
+    low, high = system.bounds
+    theta, sigma = 0.5 * (high - low) * h, 0.5 * (high + low)
+    if theta >= LONGEST * table["limit"]:
+        longest = 2 * LONGEST * table["limit"] / (high - low)
+        raise ValueError(
+            hinted(
+                f"steps of {h:g} are not stable: {theta:.4g} / beta, of {table['limit']:.4g}",
+                f"give h of {longest:.6g} or less",
+            )
+        )
+    core = (
+        ("processed", method.order, stages, sigma, theta, NORM)
+        if is_processed
+        else ("shears", table["coefficients"], sigma, LOOSE)
+    )
+    return Propagation(
+        method=f"{name} of order {method.order}, {2 * stages} shears",
+        tol=None,
+        t0=t0,
+        stops=tuple(stops),
+        theta=theta,
+        bounds=(low, high),
+        products=steps * stages,
+        bound=None,
+        reasons=("asked for, with steps of this size",),
+        core=core,
+    )
+
+
+def _sizes(t0: float, stops: Stops) -> tuple[int, float]:
+    """Return the number of steps and the size of the longest."""
+    times, steps = zip(*stops, strict=True)
+    lengths = np.abs(np.diff([t0, *times])) / steps
+    return sum(steps), float(lengths.max())

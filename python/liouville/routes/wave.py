@@ -11,7 +11,7 @@ import numpy as np
 from liouville import _core
 from liouville._arguments import Steps, check_memory, steps_of, times_of
 from liouville.errors import describe, hinted
-from liouville.methods import Magnus, SplitOperator, WaveMethod
+from liouville.methods import Magnus, Stepped, WaveMethod
 from liouville.propagation import Propagation, method_of, planned, stepped
 from liouville.routes.route import KEEP_LESS, Asked, kept, observable, threads_of
 from liouville.systems import Schrodinger
@@ -60,10 +60,10 @@ class WaveRoute:
                 raise TypeError("a Propagation has its tol: give it without tol=")
             method.check(times, self._system)
             return method
-        if isinstance(method, SplitOperator) and asked.tol is not None:
-            raise TypeError("SplitOperator takes h or steps, and no tol")
+        if isinstance(method, Stepped) and asked.tol is not None and not isinstance(method, Magnus):
+            raise TypeError(f"{type(method).__name__} takes h or steps, and no tol")
         chosen = method_of(method, asked.tol)
-        if isinstance(chosen, SplitOperator | Magnus):
+        if isinstance(chosen, Stepped):
             return stepped(self._system, chosen, times[0], _stops(times, chosen, asked))
         if self._system.is_driven:
             hint = "take Magnus(), or SplitOperator() on a grid, with h or steps"
@@ -141,9 +141,7 @@ def _start(start: Mapping[str, Any]) -> Any:
     return start["psi"]
 
 
-def _stops(
-    times: tuple[float, ...], method: SplitOperator | Magnus, asked: Asked
-) -> list[tuple[float, int]]:
+def _stops(times: tuple[float, ...], method: Stepped, asked: Asked) -> list[tuple[float, int]]:
     """Return the times of the states that are kept, with the steps to each."""
     name = type(method).__name__
     if len(times) > 2:

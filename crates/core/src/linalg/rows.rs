@@ -75,9 +75,9 @@ impl Rows {
         (&self.cols[entries.clone()], &self.values[entries])
     }
 
-    /// Number of entries.
-    pub fn count(&self) -> usize {
-        self.values.len()
+    /// How many bytes it takes.
+    pub fn bytes(&self) -> usize {
+        size_of_val(&*self.starts) + size_of_val(&*self.cols) + size_of_val(&*self.values)
     }
 
     /// Columns and values of a row.

@@ -6,9 +6,11 @@ pub mod composition;
 mod ladder;
 mod spark;
 pub mod splitting;
+mod stability;
 
 pub use alpha::Alpha;
 pub use composition::Scheme;
 pub use ladder::Ladder;
 pub use spark::GaussLobatto;
 pub use splitting::{Turn, split_program};
+pub use stability::{Purpose, Stable};

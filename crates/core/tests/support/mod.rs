@@ -5,6 +5,7 @@
 pub(crate) mod quantum;
 pub(crate) mod splits;
 pub(crate) mod walk;
+pub(crate) mod waves;
 
 use liouville_core::linalg::Pattern;
 use liouville_core::problem::mechanical::{Mechanical, Patterns, SecondOrder, SecondOrderPatterns};

@@ -1,17 +1,24 @@
 //! Methods for Schrödinger equations, as tuples.
 
 use liouville_core::method::schrodinger::{
-    Chebyshev, Exponential, Magnus, Nodes, Phases, Shears, Sweeper, Wave, bessel,
+    Chebyshev, Exponential, Magnus, Nodes, Phases, Processed, Processor, Shears, Sweeper, Wave,
+    bessel,
 };
 use liouville_core::method::{Composed, Flow, Stepper};
 use liouville_core::problem::quantum::Hamiltonian;
-use liouville_core::tableau::{Turn, split_program};
+use liouville_core::tableau::{Purpose, Stable, Turn, split_program};
 use liouville_core::vector::Stored;
 use numpy::PyReadonlyArray1;
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 use pyo3::types::PyTuple;
 use std::sync::Arc;
+
+/// To this the processor of a kernel is exact.
+const PROCESSED: f64 = 1e-13;
+
+/// The norm of what a kernel steps may be so many times larger; it grows without end where it is not stable.
+const KERNEL: f64 = 100.0;
 
 /// A method and its numbers.
 pub(super) enum Method {
@@ -32,6 +39,12 @@ pub(super) enum Lockstep {
         rate: f64,
         tolerance: f64,
         is_doubled: bool,
+    },
+    Processed {
+        method: &'static Stable,
+        processor: Processor,
+        shift: f64,
+        tolerance: f64,
     },
     Magnus {
         nodes: Nodes,
@@ -59,6 +72,8 @@ impl Method {
     ///     ("chebyshev", bounds of the spectrum, error allowed in a unit of time, how far the norm may be off,
     ///      whether H acts on real and imaginary part one after the other)
     ///     ("lanczos", dimension, error allowed in a unit of time, how far the norm may be off)
+    ///     ("processed", order, stages, shift, half the width of the spectrum times a step, how far the norm
+    ///      may be off)
     ///     ("magnus", order, coefficients of q and p in turn, half the width of the spectrum times a step of
     ///      them at most, how far the norm may be off, bounds of the spectra of all terms)
     ///     ("phases", name of a splitting, how far the norm may be off)
@@ -95,6 +110,7 @@ impl Method {
                     tolerance,
                 }))
             }
+            "processed" => processed(&rest).map(Self::Lockstep),
             "magnus" => magnus(&rest).map(Self::Lockstep),
             "phases" => {
                 let (name, tolerance): (String, f64) = rest.extract()?;
@@ -140,6 +156,17 @@ impl Lockstep {
                     series
                 })
             }
+            Self::Processed {
+                method,
+                processor,
+                shift,
+                tolerance,
+            } => {
+                // between the processor and its inverse the norm is another one
+                let kernel = Shears::new(sweeper, *shift, KERNEL);
+                let kernel = Composed::following(kernel, shears(&method.coefficients));
+                Box::new(Processed::new(kernel, processor.clone(), *tolerance))
+            }
             Self::Magnus {
                 nodes,
                 exponential,
@@ -152,6 +179,21 @@ impl Lockstep {
             )),
         }
     }
+}
+
+fn processed(method: &Bound<'_, PyTuple>) -> PyResult<Lockstep> {
+    let (order, stages, shift, largest, tolerance) = method.extract()?;
+    let unknown = || PyValueError::new_err("there is no such method for the longest stable steps");
+    let method = Stable::find(Purpose::Stability, order, stages).ok_or_else(unknown)?;
+    let too_long =
+        || PyValueError::new_err("a step so near to the limit of stability has no processor");
+    let processor = Processor::new(method, largest, PROCESSED).ok_or_else(too_long)?;
+    Ok(Lockstep::Processed {
+        method,
+        processor,
+        shift,
+        tolerance,
+    })
 }
 
 fn magnus(method: &Bound<'_, PyTuple>) -> PyResult<Lockstep> {

@@ -20,6 +20,17 @@ SMALL = 256
 Bounds = tuple[float, float]
 
 
+def numbers(what: str, value: Any) -> np.ndarray:
+    """Return an array of numbers, real or complex; TypeError names what is none."""
+    try:
+        array = np.asarray(value)
+    except (TypeError, ValueError):  # rows of different lengths
+        array = np.array(None)
+    if array.dtype.kind not in "iufc":
+        raise TypeError(f"{what} is an array of numbers, not {value!r}")
+    return array
+
+
 @dataclass(frozen=True)
 class Entries:
     """A Hermitian matrix of order n, each place once, by rows.
@@ -69,9 +80,9 @@ class Entries:
             csr = given.tocsr(copy=True)
             csr.sum_duplicates()
             row = np.repeat(np.arange(csr.shape[0]), np.diff(csr.indptr))
-            found = (csr.shape, row, csr.indices, csr.data)
+            found = (csr.shape, row, csr.indices, numbers(name, csr.data))
         else:
-            array = np.asarray(given)
+            array = numbers(name, given)
             if array.ndim == 1:
                 diagonal = np.arange(array.size)
                 found = ((array.size, array.size), diagonal, diagonal, array)
@@ -86,8 +97,6 @@ class Entries:
     def _checked(
         cls, name: str, shape: tuple[int, ...], row: np.ndarray, col: np.ndarray, data: np.ndarray
     ) -> Entries:
-        if data.dtype.kind not in "biufc":
-            raise TypeError(f"{name} is a matrix of numbers, not of {data.dtype}")
         n = shape[0]
         if shape != (n, n) or n == 0:
             raise ValueError(f"{name} has shape {shape}, wanted a square matrix")

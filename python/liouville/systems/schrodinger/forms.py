@@ -10,11 +10,11 @@ from liouville.systems.schrodinger.entries import Entries
 #: A matrix with more than this part of its places taken is a dense one.
 FULL = 0.25
 
-#: A diagonal with more than this part of its places taken is stored whole, ...
-FILLED = 0.5
-
-#: ... if there are no more of them than this.
+#: Diagonals are stored whole if there are no more of them than this, ...
 MOST_DIAGONALS = 24
+
+#: ... and more than this part of the places of all is taken.
+FILLED = 0.25
 
 
 def operators(matrix: Entries) -> list[_core.Operator]:
@@ -24,7 +24,9 @@ def operators(matrix: Entries) -> list[_core.Operator]:
         return [_core.Operator.dense(matrix.dense())]
     offset = matrix.col - matrix.row
     offsets, counts = np.unique(offset[offset >= 0], return_counts=True)
-    whole = offsets[counts > FILLED * (n - offsets)]
+    whole = offsets
+    if whole.size > MOST_DIAGONALS or counts.sum() <= FILLED * (n - offsets).sum():
+        whole = offsets[counts > FILLED * (n - offsets)]
     if not 0 < whole.size <= MOST_DIAGONALS:
         return [by_rows(matrix)]
     values = []

@@ -10,7 +10,7 @@ import numpy as np
 from liouville import _core
 from liouville.errors import hinted
 from liouville.systems import _trace
-from liouville.systems.schrodinger.entries import Entries
+from liouville.systems.schrodinger.entries import Entries, numbers
 from liouville.systems.schrodinger.forms import operators
 from liouville.systems.schrodinger.frame import Frame
 from liouville.systems.schrodinger.products import Product
@@ -21,7 +21,7 @@ Observable = tuple[str, int, tuple[Any, ...]]
 
 def checked(psi: Any, shapes: Sequence[tuple[int, ...]], is_ensemble: bool) -> np.ndarray:
     """Return a state as a flat complex array, or states as its rows."""
-    array = _numbers("psi", psi)
+    array = numbers("psi", psi)
     extra = 1 if is_ensemble else 0
     if array.ndim < extra or array.shape[extra:] not in shapes or not array.size:
         wanted = " or ".join(f"(P, {', '.join(map(str, s))})" if extra else str(s) for s in shapes)
@@ -59,7 +59,7 @@ def observables(
         if is_operator or hasattr(given, "tocsr"):
             found.append((name, 1, _symmetric(what, given, frame)))
             continue
-        array = _numbers(what, given)
+        array = numbers(what, given)
         if array.shape in shapes:
             found.append((name, *_of_array(what, array.ravel(), frame)))
         elif array.shape == (frame.size, frame.size):
@@ -99,13 +99,3 @@ def _symmetric(what: str, given: Any, frame: Frame) -> tuple[Any, ...]:
             )
         )
     return ("symmetric", _core.Hamiltonian(operators(inside)))
-
-
-def _numbers(what: str, value: Any) -> np.ndarray:
-    try:
-        array = np.asarray(value)
-    except (TypeError, ValueError):  # rows of different lengths
-        array = np.array(None)
-    if array.dtype.kind not in "iufc":
-        raise TypeError(f"{what} is an array of numbers, not {value!r}")
-    return array

@@ -185,9 +185,11 @@ impl Lanczos {
             }
             let sure = self.build(t, state, norm, left)?;
             let most = self.reach(sure, left);
-            let tau = left / (left / most).ceil();
+            let next = left - left / (left / most).ceil();
+            // rounded so that all pieces add up to h
+            let tau = left - next;
             self.combine(tau.copysign(h), norm, state);
-            left -= tau;
+            left = next;
         }
         check_norm(t + h, self.guard, state)
     }

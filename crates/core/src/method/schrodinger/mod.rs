@@ -9,6 +9,8 @@ mod lanczos;
 mod magnus;
 mod observe;
 mod phases;
+mod processed;
+mod processor;
 mod shears;
 mod sweep;
 
@@ -18,6 +20,8 @@ pub use lanczos::Lanczos;
 pub use magnus::{Exponential, Magnus, Nodes};
 pub use observe::{Observable, Observer};
 pub use phases::Phases;
+pub use processed::Processed;
+pub use processor::Processor;
 pub use shears::Shears;
 pub use sweep::{Move, Sums, Sweeper};
 

@@ -32,6 +32,11 @@ impl<S: Stored> Shears<S> {
         &mut self.sweeper
     }
 
+    /// The shift.
+    pub fn shift(&self) -> f64 {
+        self.shift
+    }
+
     /// Changes the shift, between two steps.
     pub fn set_shift(&mut self, shift: f64) {
         self.shift = shift;

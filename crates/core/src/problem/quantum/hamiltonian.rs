@@ -173,6 +173,7 @@ impl Weighted<'_> {
                     kinetic.update(update, x, out, &mut scratch.memory);
                 }
                 Operator::Rows(_)
+                | Operator::Sparse(_)
                 | Operator::Diagonals(_)
                 | Operator::Dense(_)
                 | Operator::Spins(_) => term.act(machine, update, Block { row, out, place, x }),

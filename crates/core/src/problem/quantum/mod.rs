@@ -14,6 +14,7 @@ mod potential;
 mod present;
 mod product;
 mod rows;
+mod sparse;
 mod spins;
 mod update;
 
@@ -25,6 +26,7 @@ pub use kinetic::Kinetic;
 pub use potential::Potential;
 pub use present::Present;
 pub use product::Product;
+pub use sparse::Sparse;
 pub use spins::{Bond, Spins};
 
 use crate::linalg::Rows;
@@ -71,6 +73,8 @@ pub struct Block<'a, S> {
 pub enum Operator {
     /// A sparse matrix by rows.
     Rows(Arc<Rows>),
+    /// A sparse matrix, most of it by diagonals.
+    Sparse(Arc<Sparse>),
     /// Kinetic energy on a grid.
     Kinetic(Arc<Kinetic>),
     /// A matrix by its diagonals.
@@ -84,10 +88,19 @@ pub enum Operator {
 }
 
 impl Operator {
+    /// A sparse matrix, by diagonals if it has some that hold most of it.
+    pub fn sparse(rows: Arc<Rows>) -> Self {
+        match Sparse::new(&rows) {
+            Some(sparse) => Self::Sparse(Arc::new(sparse)),
+            None => Self::Rows(rows),
+        }
+    }
+
     /// Number of rows.
     pub fn size(&self) -> usize {
         match self {
             Self::Rows(rows) => rows.shape().0,
+            Self::Sparse(sparse) => sparse.size(),
             Self::Kinetic(kinetic) => kinetic.size(),
             Self::Diagonals(diagonals) => diagonals.size(),
             Self::Dense(dense) => dense.size(),
@@ -100,11 +113,25 @@ impl Operator {
     pub fn reach(&self) -> Option<usize> {
         match self {
             Self::Rows(rows) => Some(rows.reach()),
+            Self::Sparse(sparse) => Some(sparse.reach()),
             Self::Kinetic(_) | Self::Product(_) => None,
             Self::Diagonals(diagonals) => Some(diagonals.reach()),
             Self::Dense(dense) => Some(dense.size()),
             Self::Spins(spins) => Some(spins.size()),
         }
+    }
+
+    /// How many bytes of a term by rows a row is, on average.
+    pub fn bytes_a_row(&self) -> usize {
+        let bytes = match self {
+            Self::Rows(rows) => rows.bytes(),
+            Self::Sparse(sparse) => sparse.bytes(),
+            Self::Diagonals(diagonals) => diagonals.bytes(),
+            Self::Dense(dense) => dense.bytes(),
+            Self::Spins(spins) => spins.bytes(),
+            Self::Kinetic(_) | Self::Product(_) => 0,
+        };
+        bytes.div_ceil(self.size())
     }
 
     /// Updates some rows.
@@ -114,6 +141,7 @@ impl Operator {
     pub fn act<S: Stored>(&self, machine: Machine, update: Update, block: Block<'_, S>) {
         match self {
             Self::Rows(rows) => rows::act(rows, machine, update, block),
+            Self::Sparse(sparse) => sparse.act(machine, update, block),
             Self::Kinetic(_) | Self::Product(_) => unreachable!("whole terms have no rows"),
             Self::Diagonals(diagonals) => diagonals.act(machine, update, block),
             Self::Dense(dense) => dense.act(machine, update, block),

@@ -5,6 +5,7 @@ use super::update::update;
 use super::{Block, Update};
 use crate::linalg::Rows;
 use crate::vector::{Kernel, Machine, Number, Stored, Visit, Window, Windows};
+use std::ops::Range;
 
 /// Updates a block of rows.
 pub(super) fn act<S: Stored>(rows: &Rows, machine: Machine, update: Update, block: Block<'_, S>) {
@@ -38,6 +39,52 @@ impl<S> Kernel<S> for Act<'_, S> {
                 place,
                 x,
                 out: std::slice::from_mut(out),
+            };
+            windows.each(1, &mut one);
+        }
+    }
+}
+
+/// Adds the products of some listed rows.
+pub(super) fn add_listed<S: Stored>(
+    listed: (&Rows, &[usize], Range<usize>),
+    machine: Machine,
+    factor: f64,
+    block: Block<'_, S>,
+) {
+    let update = Update::added(factor);
+    let act = Listed {
+        which: listed,
+        update,
+        block,
+    };
+    S::run(machine, act);
+}
+
+struct Listed<'a, S> {
+    /// Rows, their numbers, and which of them.
+    which: (&'a Rows, &'a [usize], Range<usize>),
+    update: Update,
+    block: Block<'a, S>,
+}
+
+impl<S> Kernel<S> for Listed<'_, S> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run<W: Windows<Stored = S>>(self, windows: W) {
+        let Block { row, out, place, x } = self.block;
+        let (rows, numbers, which) = self.which;
+        for k in which {
+            let (i, (cols, values)) = (numbers[k], rows.row(k));
+            let mut one = Row {
+                cols,
+                values,
+                update: self.update,
+                at: i - place,
+                place,
+                x,
+                out: &mut out[i - row..],
             };
             windows.each(1, &mut one);
         }

@@ -2,11 +2,12 @@
 //!
 //! Bits above the lowest six are the same in all of them: a turn of two such spins reads 64 neighbours
 //! elsewhere, of one spin above and one below 64 neighbours of which half count, and of two spins below
-//! neighbours at two distances, of which a quarter count each.
+//! neighbours at two distances, of which a quarter count each. Members of a batch need none of this.
 #![allow(clippy::inline_always)] // all of a kernel is compiled for one instruction set
 
 use super::super::update::update;
 use super::{Block, Flip, Update};
+use crate::real::Scalar;
 use crate::vector::{Kernel, Machine, Number, Stored, Visit, Window, Windows};
 
 const LOW: u32 = 6;
@@ -51,14 +52,16 @@ impl Pattern {
 
 impl Full {
     pub(super) fn new(length: u32, flips: &[Flip]) -> Self {
+        let mut flips = flips.to_vec();
+        flips.sort_by_key(|flip| (flip.i < LOW, flip.j < LOW));
         let of = |is_wanted: fn(&Flip) -> bool| flips.iter().copied().filter(is_wanted);
         let across = of(|flip| flip.i < LOW && flip.j >= LOW);
         Self {
             groups: (1 << length) / GROUP,
-            flips: flips.to_vec(),
             above: of(|flip| flip.i >= LOW).collect(),
             across: across.map(|flip| (flip.j, Pattern::new(flip))).collect(),
             below: of(|flip| flip.j < LOW).map(Pattern::new).collect(),
+            flips,
         }
     }
 
@@ -93,7 +96,7 @@ struct Act<'a, S> {
     block: Block<'a, S>,
 }
 
-impl<S> Kernel<S> for Act<'_, S> {
+impl<S: Scalar> Kernel<S> for Act<'_, S> {
     type Output = ();
 
     #[inline(always)]
@@ -113,7 +116,7 @@ impl<S> Kernel<S> for Act<'_, S> {
                 x,
                 out: &mut out[start - row..next - row],
             };
-            if self.full.is_at_the_edge(group) {
+            if S::MEMBERS > 1 || self.full.is_at_the_edge(group) {
                 for _ in start..next {
                     windows.each(1, &mut Single(&mut states));
                     states.state += 1;
