@@ -2,15 +2,17 @@
 
 mod support;
 
-use liouville_core::linalg::{Factor, Pattern};
+use liouville_core::linalg::{Factor, Pattern, Rows};
 use liouville_core::method::alpha::{Alpha, Reactions, Tolerance};
-use liouville_core::method::schrodinger::{Exponential, Magnus, Nodes, Phases, Sweeper};
+use liouville_core::method::schrodinger::{
+    Exponential, Magnus, Nodes, Phases, Shears, Sweeper, Wave,
+};
 use liouville_core::method::spark::{Solver, Spark};
 use liouville_core::method::volume::{Determinant, Volume};
 use liouville_core::method::{Composed, Stepper};
 use liouville_core::problem::mechanical::{Acceleration, Model, SecondOrderModel};
 use liouville_core::problem::polynomial::{Piece, Polynomials, Split};
-use liouville_core::problem::quantum::Hamiltonian;
+use liouville_core::problem::quantum::{Bond, Dense, Diagonals, Hamiltonian, Operator, Spins};
 use liouville_core::real::{Lanes, Scalar};
 use liouville_core::tableau;
 use std::alloc::{GlobalAlloc, Layout, System};
@@ -226,6 +228,38 @@ fn a_step_of_a_wave_function_on_a_grid_takes_no_memory() {
         bounds,
     );
     assert_eq!(others(&mut stepper, &mut packet(32)), 0);
+}
+
+#[test]
+fn a_shear_by_rows_takes_no_memory() {
+    let n = 70;
+    let rows = Rows::new((n, n), &[0, 3], &[3, 0], &[0.5; 2]).expect("entries inside");
+    let spins = |up| {
+        let sites = (1, 0);
+        let (xy, z) = (1.0, 0.5);
+        Operator::Spins(Arc::new(Spins::new(
+            &[Bond { sites, xy, z }],
+            &[0.1; 7],
+            up,
+        )))
+    };
+    let operators = [
+        Operator::Rows(Arc::new(rows)),
+        Operator::Diagonals(Arc::new(Diagonals::new(n, &[(0, vec![0.3; n])]))),
+        Operator::Dense(Arc::new(Dense::new(n, &vec![0.01; n * n]))),
+        spins(None),
+        spins(Some(3)),
+    ];
+    let scheme = tableau::Scheme::named("S2").expect("a scheme");
+    for operator in operators {
+        let n = operator.size();
+        let hamiltonian = Arc::new(Hamiltonian::new(vec![operator]));
+        let sweeper = Sweeper::<Lanes<8>>::new(hamiltonian).with_tiles(16, 3);
+        let lanes = || vec![Lanes::splat(0.1); n];
+        let mut state = Wave::new(lanes(), lanes());
+        let shears = Shears::new(sweeper, 0.2, 1.0);
+        assert_eq!(others(&mut Composed::new(shears, scheme), &mut state), 0);
+    }
 }
 
 #[test]
