@@ -99,7 +99,7 @@ def test_errors_are_below_what_the_tables_promise(method):
 
 
 def test_tables_are_not_more_careful_than_need_be():
-    for method in LADDER[::7]:
+    for method in LADDER[::10]:
         grid = [method["theta"] * mpf(k) / 500 for k in range(1, 501)]
         found = max(distance(stability_matrix(method["coefficients"], x), x) for x in grid)
         assert found > 0.95 * method["err"][-1], method["id"]
@@ -117,7 +117,9 @@ def test_stable_methods_stay_stable_for_a_million_steps():
         assert growth <= kappa * (1 + kappa) + 1e-9, method["id"]
 
 
-@pytest.mark.parametrize(("n", "theta", "is_stable"), [(4, 0.4647, True), (16, 5.3185, True)])
+@pytest.mark.parametrize(
+    ("n", "theta", "is_stable"), [(4, 0.2326, True), (10, 0.2653, False), (24, 3.46, True)]
+)
 @pytest.mark.usefixtures("tools")
 def test_the_generator_makes_what_is_shipped(n, theta, is_stable):
     from ladder import design

@@ -92,6 +92,20 @@ def write(path: Path, methods: Iterable[Method]) -> None:
     path.write_text(HEAD + fractions + "".join(map(entry, in_order)), encoding="utf-8")
 
 
+def frame(n: int, theta: float, is_stable: bool) -> tuple[arb_mat, arb_mat, list[arb]]:
+    """Return the matrices that give nu and 1 + mu at Chebyshev's nodes, and w there."""
+    m = math.ceil(1.5 * n)
+    u = [((2 * i + 1) * arb.pi() / (4 * m)).cos() for i in range(m)]
+    x = [theta * y for y in u]
+    cos, sin = [y.cos() for y in x], [y.sin() for y in x]
+    basis = [[y.chebyshev_t(k) for k in range(n + 1)] for y in u]
+    w = [s * s if is_stable else y * y / (y * y + 1) for y, s in zip(x, sin, strict=True)]
+    rows = list(zip(basis, cos, sin, strict=True))
+    nus = arb_mat([[(-c if k % 2 else s) * t for k, t in enumerate(row)] for row, c, s in rows])
+    mus = arb_mat([[(s if k % 2 else c) * t for k, t in enumerate(row)] for row, c, s in rows])
+    return nus, mus, w
+
+
 def rotation(
     n: int, theta: float, is_stable: bool, ratio: float
 ) -> tuple[arb_poly, arb_poly, list[acb]]:
@@ -102,15 +116,8 @@ def rotation(
     eps^2 / 2 times a function w, eps the largest nu (or ``ratio`` times that). The weight of the
     latter grows until |beta|^2 is positive, and somewhat on where that is so for |x| < theta only.
     """
-    m = math.ceil(1.5 * n)
-    u = [((2 * i + 1) * arb.pi() / (4 * m)).cos() for i in range(m)]
-    x = [theta * y for y in u]
-    cos, sin = [y.cos() for y in x], [y.sin() for y in x]
-    basis = [[y.chebyshev_t(k) for k in range(n + 1)] for y in u]
-    w = [s * s if is_stable else y * y / (y * y + 1) for y, s in zip(x, sin, strict=True)]
-    rows = list(zip(basis, cos, sin, strict=True))
-    nus = arb_mat([[(-c if k % 2 else s) * t for k, t in enumerate(row)] for row, c, s in rows])
-    mus = arb_mat([[(s if k % 2 else c) * t for k, t in enumerate(row)] for row, c, s in rows])
+    nus, mus, w = frame(n, theta, is_stable)
+    m = len(w)
     held, values = constraints(n, theta, is_stable)
     gram = nus.transpose() * nus
     mu, nu, room, weight = [arb(0)] * m, [arb(0)] * m, arb(0), arb(1)
@@ -229,6 +236,8 @@ def design(n: int, theta: float, is_stable: bool = True, ratio: float = 1.0) -> 
     _, best = searched(tried, len(pairs))
     digits = tuple(c.str(25, radius=False) for c in best)
     method = Method(is_stable, ratio, theta, digits)
+    if error_tables(method.coefficients, theta)[0][-1] > 0.1:
+        raise ArithmeticError(f"the roots are too close to one another: change theta = {theta}")
     if is_stable and growth(method) > 1.1 * error_tables(method.coefficients, theta)[2][-1] + 1e-6:
         return Method(False, ratio, theta, digits)
     return method
