@@ -415,3 +415,19 @@ def test_a_potential_that_is_not_finite_is_named_with_its_place():
     grid = lv.Grid(-1.0, 1.0, 4, lambda t, x, params: 1 / x)
     with pytest.raises(ValueError, match=r"potential is inf at t = 0 at x = \[0.0\]"):
         lv.Schrodinger(grid)
+
+
+def test_a_ring_with_flux_runs_by_a_series_and_refuses_what_wants_a_real_matrix():
+    rng, n = np.random.default_rng(9), 12
+    matrix = symmetric(rng, n, is_complex=True)
+    psi, system = rng.normal(size=n), lv.Schrodinger(matrix)
+    energies, vectors = np.linalg.eigh(matrix)
+    wanted = vectors @ (np.exp(-2j * energies) * (vectors.conj().T @ psi))
+    solution = lv.integrate(
+        system, "auto", t=(0, 2), psi=psi, tol=1e-10, observe={"energy of H": matrix}
+    )
+    assert np.linalg.norm(solution.psi[-1] - wanted) < 1e-10 * np.linalg.norm(psi)
+    assert np.ptp(solution.observed["energy of H"]) < 1e-8
+    for method in (lv.Lanczos(), lv.SchrodingerSplitting(mode="stable")):
+        with pytest.raises(ValueError, match="H is complex and no gauge makes it real"):
+            lv.integrate(system, method, t=(0, 2), psi=psi)
