@@ -141,7 +141,8 @@ def planned(
     `times` are those of the start and of the states to keep; `is_real` says whether the start is
     known to be real.
     """
-    span = Span(times[0], tuple(times[1:]), system.bounds)
+    low, high = system.bounds
+    span = Span(times[0], tuple(times[1:]), (float(low), float(high)))
     _check_reach(span, method.tol)
     if isinstance(method, Lanczos):
         if not system.is_real:
