@@ -25,6 +25,7 @@ __all__ = [
     "gauss_lobatto",
     "ladder",
     "mechanical_run",
+    "processor_degree",
     "project",
     "schrodinger_run",
     "section_run",
@@ -182,6 +183,7 @@ class Hamiltonian:
     def asymmetry(self, seed: int) -> float: ...
 
 def chebyshev_degree(theta: float, tolerance: float) -> int: ...
+def processor_degree(order: int, stages: int, largest: float) -> int | None: ...
 def split_program(name: str) -> list[tuple[bool, float, float]]: ...
 def schrodinger_run(
     hamiltonian: Hamiltonian,

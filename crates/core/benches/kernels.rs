@@ -9,12 +9,14 @@ use criterion::measurement::WallTime;
 use criterion::{
     BenchmarkGroup, BenchmarkId, Criterion, Throughput, criterion_group, criterion_main,
 };
-use liouville_core::linalg::{Factor, Lu, Pattern};
+use liouville_core::linalg::{Factor, Lu, Pattern, Rows};
+use liouville_core::method::schrodinger::{Move, Sweeper};
 use liouville_core::method::spark::{Solver, Spark};
 use liouville_core::method::volume::Volume;
 use liouville_core::method::{Composed, Stepper};
 use liouville_core::problem::mechanical::Model;
 use liouville_core::problem::polynomial::{Piece, Split};
+use liouville_core::problem::quantum::{Diagonals, Hamiltonian, Operator, Update};
 use liouville_core::real::{Lanes, Real, WIDTH};
 use liouville_core::tableau::Scheme;
 use liouville_core::tape::{Line, Op, Tape};
@@ -231,6 +233,77 @@ fn volume(c: &mut Criterion) {
     group.finish();
 }
 
+/// A particle on a square of side², hopping to its four neighbours, over a rugged ground: the diagonals of H.
+fn lattice(side: usize) -> Vec<(usize, Vec<f64>)> {
+    let n = side * side;
+    let ground = (0..n).map(|i| (i as f64).sin());
+    let hops = |k: usize| if k % side == side - 1 { 0.0 } else { -1.0 };
+    let across = (0..n - 1).map(hops);
+    vec![
+        (0, ground.collect()),
+        (1, across.collect()),
+        (side, vec![-1.0; n - side]),
+    ]
+}
+
+/// The same matrix by rows.
+fn by_rows(n: usize, diagonals: &[(usize, Vec<f64>)]) -> Rows {
+    let mut entries = Vec::new();
+    for (offset, values) in diagonals {
+        for (i, value) in values.iter().enumerate().filter(|(_, v)| **v != 0.0) {
+            entries.push((i, i + offset, *value));
+            if *offset > 0 {
+                entries.push((i + offset, i, *value));
+            }
+        }
+    }
+    let row: Vec<usize> = entries.iter().map(|(i, ..)| *i).collect();
+    let col: Vec<usize> = entries.iter().map(|(_, j, _)| *j).collect();
+    let values: Vec<f64> = entries.iter().map(|(.., value)| *value).collect();
+    let Ok(rows) = Rows::new((n, n), &row, &col, &values) else {
+        unreachable!("entries lie inside")
+    };
+    rows
+}
+
+/// Shears of q by p and of p by q in turn. Throughputs count rows of one shear.
+fn shears(c: &mut Criterion) {
+    const MOVES: usize = 24;
+    let moves: [Move; MOVES] = std::array::from_fn(|k| {
+        let into_second = k % 2 == 1;
+        let factor = if into_second { -0.01 } else { 0.01 };
+        let update = Update::added(factor);
+        Move {
+            into_second,
+            update,
+            weight: 0.0,
+        }
+    });
+    let mut group = c.benchmark_group("shear on a lattice");
+    for side in [64, 256, 1024] {
+        let n = side * side;
+        let diagonals = lattice(side);
+        let rows = Operator::Rows(Arc::new(by_rows(n, &diagonals)));
+        let diagonals = Operator::Diagonals(Arc::new(Diagonals::new(n, &diagonals)));
+        group.throughput(Throughput::Elements((MOVES * n) as u64));
+        for (name, operator) in [("rows", rows), ("diagonals", diagonals)] {
+            let swept = Sweeper::<f64>::new(Arc::new(Hamiltonian::new(vec![operator])));
+            let plain = swept.clone().with_tiles(n, 1);
+            for (how, mut sweeper) in [("one by one", plain), ("in sweeps", swept)] {
+                let mut q: Vec<f64> = (0..n).map(|i| (0.37 * i as f64).cos()).collect();
+                let mut p = vec![0.0; n];
+                group.bench_function(BenchmarkId::new(format!("{name}, {how}"), n), |b| {
+                    b.iter(|| {
+                        let made = sweeper.run(black_box(&moves), &mut q, &mut p, None);
+                        assert!(made.is_ok(), "{made:?}");
+                    });
+                });
+            }
+        }
+    }
+    group.finish();
+}
+
 type Group<'a> = BenchmarkGroup<'a, WallTime>;
 
 fn quick() -> Criterion {
@@ -242,6 +315,6 @@ fn quick() -> Criterion {
 criterion_group! {
     name = kernels;
     config = quick();
-    targets = tapes, factors, sparse_factors, steps, volume
+    targets = tapes, factors, sparse_factors, steps, volume, shears
 }
 criterion_main!(kernels);

@@ -2,15 +2,17 @@
 
 mod support;
 
-use liouville_core::linalg::{Factor, Pattern};
+use liouville_core::linalg::{Factor, Pattern, Rows};
 use liouville_core::method::alpha::{Alpha, Reactions, Tolerance};
-use liouville_core::method::schrodinger::{Exponential, Magnus, Nodes, Phases, Sweeper};
+use liouville_core::method::schrodinger::{
+    Chebyshev, Exponential, Lanczos, Magnus, Nodes, Phases, Shears, Sweeper, Wave,
+};
 use liouville_core::method::spark::{Solver, Spark};
 use liouville_core::method::volume::{Determinant, Volume};
 use liouville_core::method::{Composed, Stepper};
 use liouville_core::problem::mechanical::{Acceleration, Model, SecondOrderModel};
 use liouville_core::problem::polynomial::{Piece, Polynomials, Split};
-use liouville_core::problem::quantum::Hamiltonian;
+use liouville_core::problem::quantum::{Bond, Dense, Diagonals, Hamiltonian, Operator, Spins};
 use liouville_core::real::{Lanes, Scalar};
 use liouville_core::tableau;
 use std::alloc::{GlobalAlloc, Layout, System};
@@ -19,6 +21,7 @@ use std::sync::Arc;
 use support::quantum::{flows, kinetic, packet, rotor};
 use support::splits::{Draw, every_kind};
 use support::walk::{START, driven_start, heavy};
+use support::waves::{anyhow, ring};
 use support::{Functions, LAM, PENDULUM, T, Y, Z, dot, input, inputs, pendulum};
 
 struct Counting;
@@ -229,6 +232,38 @@ fn a_step_of_a_wave_function_on_a_grid_takes_no_memory() {
 }
 
 #[test]
+fn a_shear_by_rows_takes_no_memory() {
+    let n = 70;
+    let rows = Rows::new((n, n), &[0, 3], &[3, 0], &[0.5; 2]).expect("entries inside");
+    let spins = |up| {
+        let sites = (1, 0);
+        let (xy, z) = (1.0, 0.5);
+        Operator::Spins(Arc::new(Spins::new(
+            &[Bond { sites, xy, z }],
+            &[0.1; 7],
+            up,
+        )))
+    };
+    let operators = [
+        Operator::Rows(Arc::new(rows)),
+        Operator::Diagonals(Arc::new(Diagonals::new(n, &[(0, vec![0.3; n])]))),
+        Operator::Dense(Arc::new(Dense::new(n, &vec![0.01; n * n]))),
+        spins(None),
+        spins(Some(3)),
+    ];
+    let scheme = tableau::Scheme::named("S2").expect("a scheme");
+    for operator in operators {
+        let n = operator.size();
+        let hamiltonian = Arc::new(Hamiltonian::new(vec![operator]));
+        let sweeper = Sweeper::<Lanes<8>>::new(hamiltonian).with_tiles(16, 3);
+        let lanes = || vec![Lanes::splat(0.1); n];
+        let mut state = Wave::new(lanes(), lanes());
+        let shears = Shears::new(sweeper, 0.2, 1.0);
+        assert_eq!(others(&mut Composed::new(shears, scheme), &mut state), 0);
+    }
+}
+
+#[test]
 fn another_step_size_takes_no_memory() {
     let mut model = Model::new(pendulum().build(), &PENDULUM);
     let mut state = model.state(0.0, &[1.0, 0.0], &[0.0, 0.0]);
@@ -292,4 +327,26 @@ fn a_sparse_matrix_is_factored_and_solved_with_in_the_memory_of_the_first_time()
     assert_eq!(allocations(|| assert!(work(&values).is_ok())), 0);
     values.fill(0.0);
     assert_eq!(allocations(|| assert!(work(&values).is_err())), 0);
+}
+
+#[test]
+fn steps_of_wave_functions_allocate_nothing() {
+    let sweeper = || Sweeper::<f64>::new(ring(20, 0.0));
+    let mut steppers: [Box<dyn Stepper<State = Wave<f64>>>; 3] = [
+        Box::new(Chebyshev::new(sweeper(), (-2.0, 2.0), 1e-9, 1e-6)),
+        Box::new(Chebyshev::new(sweeper(), (-2.0, 2.0), 1e-9, 1e-6).hermitian()),
+        Box::new(Lanczos::new(sweeper(), 12, 1e-9, 1e-6)),
+    ];
+    for (k, stepper) in steppers.iter_mut().enumerate() {
+        let (q, p) = anyhow(if k == 1 { 20 } else { 40 });
+        let mut state = Wave::new(q, p);
+        let mut advance = |n: usize| {
+            for i in 0..n {
+                let h = [0.3, 9.0][i % 2];
+                stepper.step(0.0, h, &mut state).expect("a step");
+            }
+        };
+        advance(2);
+        assert_eq!(allocations(|| advance(10)), 0, "{k}");
+    }
 }

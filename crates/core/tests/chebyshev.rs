@@ -136,6 +136,17 @@ fn tolerances_hold_and_products_are_as_many_as_the_degree() {
 }
 
 #[test]
+fn a_series_of_many_terms_is_as_exact_as_the_phases() {
+    let (n, theta) = (30, 1e5);
+    let t = theta / edge(n);
+    let mut chebyshev = stepper(&chain(n, 0.0), (-edge(n), edge(n)), 1e-9 / t);
+    let mut state = wave(&anyhow(n));
+    chebyshev.step(0.0, t, &mut state).expect("a step");
+    let error = distance(&state, &chain_after(0.0, t, &anyhow(n)));
+    assert!(error < 1e-9, "{error}");
+}
+
+#[test]
 fn what_is_allowed_in_a_step_is_rate_times_its_length() {
     let n = 40;
     let mut chebyshev = stepper(&chain(n, 0.0), (-edge(n), edge(n)), 1e-5);

@@ -2,7 +2,9 @@
 
 use liouville_core::linalg::Rows;
 use liouville_core::method::schrodinger::{Move, Sweeper};
-use liouville_core::problem::quantum::{Block, Bond, Dense, Diagonals, Operator, Spins, Update};
+use liouville_core::problem::quantum::{
+    Block, Bond, Dense, Diagonals, Hamiltonian, Operator, Spins, Update,
+};
 use liouville_core::real::{Lanes, Scalar};
 use liouville_core::vector::{Machine, Stored};
 use proptest::prelude::*;
@@ -42,11 +44,10 @@ fn diagonals(draw: &mut Draw, n: usize) -> Vec<(usize, Vec<f64>)> {
     for offset in offsets {
         let (kind, value, hole) = (draw.below(5), draw.next(), 2 + draw.below(400));
         let value = |i: usize| match kind {
-            0 => value,
             1 if i % hole == hole - 1 => 0.0,
-            1 => value,
+            0 | 1 => value,
             2 if i > hole => value,
-            3 if i % hole > 0 => 0.0,
+            3 if !i.is_multiple_of(hole) => 0.0,
             _ => draw.next(),
         };
         diagonals.push((offset, (0..n - offset).map(value).collect()));
@@ -83,22 +84,20 @@ fn sparse(matrix: &Matrix) -> Rows {
 }
 
 /// Bonds between any spins, in a field.
-fn bonds(draw: &mut Draw, length: usize) -> (Vec<Bond>, Vec<f64>) {
+fn bonds(draw: &mut Draw, length: u8) -> (Vec<Bond>, Vec<f64>) {
     let mut bonds = Vec::new();
-    for k in 0..length {
-        let (i, j) = (draw.below(length), draw.below(length));
-        let sites = if draw.below(2) == 0 {
-            (k, (k + 1) % length)
-        } else {
-            (i, j)
+    for k in 0..u32::from(length) {
+        let site = |draw: &mut Draw| (0..u32::from(length)).nth(draw.below(length.into()));
+        let (i, j) = match draw.below(2) {
+            0 => (k, (k + 1) % u32::from(length)),
+            _ => (k, site(draw).expect("a site")),
         };
-        let sites = (sites.0 as u32, sites.1 as u32);
-        if sites.0 != sites.1 {
-            let (xy, z) = (draw.next(), draw.next());
+        if i != j {
+            let (sites, xy, z) = ((i, j), draw.next(), draw.next());
             bonds.push(Bond { sites, xy, z });
         }
     }
-    (bonds, draw.vector(length))
+    (bonds, draw.vector(length.into()))
 }
 
 /// The chain's matrix by products of spin matrices, S⁺ S⁻ among them, on the states of a sector.
@@ -243,10 +242,10 @@ proptest! {
     }
 
     #[test]
-    fn spins_turn_as_their_matrix_says(seed: u64, length in 1_usize..11, up: u32) {
+    fn spins_turn_as_their_matrix_says(seed: u64, length in 1_u8..11, up: u32) {
         let mut draw = Draw(seed);
         let (bonds, fields) = bonds(&mut draw, length);
-        for up in [None, Some(up % (length as u32 + 1))] {
+        for up in [None, Some(up % u32::from(length + 1))] {
             let spins = Operator::Spins(Arc::new(Spins::new(&bonds, &fields, up)));
             check(&mut draw, &spins, &chain(&bonds, &fields, up));
         }

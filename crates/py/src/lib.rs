@@ -43,7 +43,9 @@ mod _core {
     #[pymodule_export]
     use super::run::Run;
     #[pymodule_export]
-    use super::schrodinger::{chebyshev_degree, schrodinger_run, split_program_of};
+    use super::schrodinger::{
+        chebyshev_degree, processor_degree, schrodinger_run, split_program_of,
+    };
     #[pymodule_export]
     use super::second_order::SecondOrder;
     #[pymodule_export]

@@ -66,7 +66,7 @@ impl Operator {
     /// A sparse matrix.
     #[staticmethod]
     fn rows(rows: PyRef<'_, Rows>) -> Self {
-        quantum::Operator::Rows(rows.0.clone()).into()
+        quantum::Operator::sparse(rows.0.clone()).into()
     }
 
     /// A matrix of n rows by its diagonals: `values[k][i]` is H[i, i + offsets[k]] and H[i + offsets[k], i].

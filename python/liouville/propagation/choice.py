@@ -144,6 +144,9 @@ def planned(
     span = Span(times[0], tuple(times[1:]), system.bounds)
     _check_reach(span, method.tol)
     if isinstance(method, Lanczos):
+        if not system.is_real:
+            sentence = "H is complex and no gauge makes it real, which Lanczos wants here"
+            raise ValueError(hinted(sentence, "take 'auto', which uses a Chebyshev series then"))
         return _lanczos(span, method)
     if isinstance(method, Chebyshev):
         return _chebyshev(span, method.tol, system, is_real, ("asked for",))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 
@@ -108,8 +109,7 @@ def _shears(
     if system.is_driven or not system.is_real:
         hint = "take Magnus for H(t), or a Chebyshev series for a complex one"
         raise TypeError(hinted(f"{name} is for a real H without time", hint))
-    is_processed = isinstance(method, StabilitySplitting)
-    kind = "stability" if is_processed else "gray-manolopoulos"
+    kind = "stability" if isinstance(method, StabilitySplitting) else "gray-manolopoulos"
     stages = getattr(method, "stages", method.order)
     table = shears_of(kind, method.order, stages)
     steps, h = _sizes(t0, stops)
@@ -123,11 +123,15 @@ def _shears(
                 f"give h of {longest:.6g} or less",
             )
         )
-    core = (
-        ("processed", method.order, stages, sigma, theta, NORM)
-        if is_processed
-        else ("shears", table["coefficients"], sigma, LOOSE)
-    )
+    core: tuple[Any, ...] = ("shears", table["coefficients"], sigma, LOOSE)
+    products = float(steps * stages)
+    if isinstance(method, StabilitySplitting) and method.processed:
+        degree = _core.processor_degree(method.order, stages, theta)
+        if degree is None:
+            sentence = f"{method!r} has no processor for steps of {theta:.4g} / beta"
+            raise ValueError(hinted(sentence, "give a smaller h, order 2 or 6, or processed=False"))
+        core = ("processed", method.order, stages, sigma, theta, NORM)
+        products += 2 * degree * len(stops)
     return Propagation(
         method=f"{name} of order {method.order}, {2 * stages} shears",
         tol=None,
@@ -135,7 +139,7 @@ def _shears(
         stops=tuple(stops),
         theta=theta,
         bounds=(low, high),
-        products=steps * stages,
+        products=products,
         bound=None,
         reasons=("asked for, with steps of this size",),
         core=core,

@@ -244,6 +244,13 @@ fn turns(name: &str) -> PyResult<Vec<Turn>> {
     split_program(name).ok_or_else(unknown)
 }
 
+/// The products that a processor takes, or none if it takes too many.
+#[pyfunction]
+pub(crate) fn processor_degree(order: usize, stages: usize, largest: f64) -> Option<usize> {
+    let method = Stable::find(Purpose::Stability, order, stages)?;
+    Processor::new(method, largest, PROCESSED).map(|processor| processor.degree())
+}
+
 /// The degree of the Chebyshev series of e^{−iθx} on [−1, 1] that leaves out at most `tolerance`.
 #[pyfunction]
 pub(crate) fn chebyshev_degree(theta: f64, tolerance: f64) -> usize {

@@ -2,7 +2,7 @@
 
 mod method;
 
-pub(crate) use method::{chebyshev_degree, split_program_of};
+pub(crate) use method::{chebyshev_degree, processor_degree, split_program_of};
 
 use crate::caught::Caught;
 use crate::operator::Hamiltonian;

@@ -212,9 +212,8 @@ impl<S: Stored> Stepper for Chebyshev<S> {
         }
         let [q, p] = &self.next;
         guard(squares(q, p), state.start, self.guard, t + h)?;
-        let [q, p] = &mut self.next;
-        std::mem::swap(q, &mut state.q);
-        std::mem::swap(p, &mut state.p);
+        state.q.copy_from_slice(q);
+        state.p.copy_from_slice(p);
         state.turn(self.sigma * h);
         Ok(())
     }

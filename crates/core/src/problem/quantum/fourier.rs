@@ -11,7 +11,8 @@ use std::sync::Arc;
 /// A complex number.
 pub type Complex = rustfft::num_complex::Complex<f64>;
 
-/// Lines in a tile: two cache lines of each number of the axis.
+/// Lines in a tile: two cache lines from each place along the axis. On 512² and 1024² points 4 and 8 lines take
+/// the same time, 16 a tenth more and 32 a third.
 const LINES: usize = 8;
 
 /// Memory of transforms.
