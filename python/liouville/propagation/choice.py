@@ -113,7 +113,7 @@ def propagation(
     >>> import liouville as lv
     >>> chain = lv.Schrodinger(lv.Lattice(50))
     >>> lv.propagation(chain, t=(0, 10), tol=1e-6).products
-    22.0
+    20.0
     """
     if not isinstance(system, Schrodinger):
         raise TypeError(f"system is a Schrodinger equation, not {system!r}")
