@@ -308,7 +308,7 @@ ROWS = [
         "'v' is missing: this system takes q= and v=",
     ),
     ("p for v", lambda: run(p=[0, 0]), TypeError, "'p' is no start value.* q= and v="),
-    ("an unknown option", lambda: run(tol=1e-3), TypeError, "'tol' is no start value"),
+    ("an unknown option", lambda: run(accuracy=1e-3), TypeError, "'accuracy' is no start value"),
     ("a for Spark", lambda: run(a=[0, 0]), TypeError, "'a' is no start value"),
     ("a too long", lambda: damped(a=[0]), ValueError, r"a has shape \(1,\), wanted \(2,\)"),
     ("q too long", lambda: run(q=[1, 0, 0]), ValueError, r"q has shape \(3,\), wanted \(2,\)"),

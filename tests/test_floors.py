@@ -30,7 +30,7 @@ PACKAGE_FLOORS = (
     ("_arguments", "tape", "terms"),
     ("methods", "systems"),
     ("solution", "splitting"),
-    ("planner",),
+    ("planner", "propagation"),
     ("routes",),
     ("integrate",),
     ("determinant", "section"),

@@ -25,10 +25,16 @@ def symmetric(rng, n, density=1.0, is_complex=False):
 def multiplied(system, psi):
     """Return H psi / hbar as the core makes it, in the user's components."""
     inside = system.inward(psi)
-    parts = [
-        system.hamiltonian.multiply(np.ascontiguousarray(x)) for x in (inside.real, inside.imag)
-    ]
-    return system.outward(parts[0] + 1j * parts[1])
+    return system.outward(applied(system.hamiltonian, inside))
+
+
+def applied(operator, psi):
+    """Return a product of the core with a complex vector, the operator perhaps a doubled one."""
+    if operator.size > psi.size:
+        parts = np.split(operator.multiply(np.concatenate([psi.real, psi.imag])), 2)
+    else:
+        parts = [operator.multiply(np.ascontiguousarray(x)) for x in (psi.real, psi.imag)]
+    return parts[0] + 1j * parts[1]
 
 
 def agrees(system, matrix, rng):
@@ -192,7 +198,7 @@ def values_of(system, observe, psi):
         if kind == "diagonal":
             found[name] = (rest[0] * (q**2 + p**2)).sum()
         elif kind == "symmetric":
-            found[name] = q @ rest[0].multiply(q) + p @ rest[0].multiply(p)
+            found[name] = (inside.conj() @ applied(rest[0], inside)).real
         else:
             found[name] = (rest[0] - 1j * rest[1]) @ inside
         assert width == (2 if kind == "overlap" else 1)
@@ -212,13 +218,23 @@ def test_observables_are_those_of_the_states_that_the_user_sees(which):
     psi = rng.normal(size=n) + 1j * rng.normal(size=n)
     phi = rng.normal(size=n) + 1j * rng.normal(size=n)
     diagonal = rng.normal(size=n)
+    twisted = symmetric(rng, n, is_complex=True)
     found = values_of(
-        system, {"x": diagonal, "H": matrix, "sparse": sp.csr_array(matrix), "phi": phi}, psi
+        system,
+        {
+            "x": diagonal,
+            "H": matrix,
+            "sparse": sp.csr_array(matrix),
+            "phi": phi,
+            "twisted": twisted,
+        },
+        psi,
     )
     energy = (psi.conj() @ matrix @ psi).real
     assert np.isclose(found["x"], (diagonal * abs(psi) ** 2).sum(), rtol=1e-12)
     assert np.isclose(found["H"], energy, rtol=1e-12)
     assert np.isclose(found["sparse"], energy, rtol=1e-12)
+    assert np.isclose(found["twisted"], (psi.conj() @ twisted @ psi).real, rtol=1e-12)
     assert np.isclose(found["phi"], phi.conj() @ psi, rtol=1e-12)
 
 
@@ -399,3 +415,19 @@ def test_a_potential_that_is_not_finite_is_named_with_its_place():
     grid = lv.Grid(-1.0, 1.0, 4, lambda t, x, params: 1 / x)
     with pytest.raises(ValueError, match=r"potential is inf at t = 0 at x = \[0.0\]"):
         lv.Schrodinger(grid)
+
+
+def test_a_ring_with_flux_runs_by_a_series_and_refuses_what_wants_a_real_matrix():
+    rng, n = np.random.default_rng(9), 12
+    matrix = symmetric(rng, n, is_complex=True)
+    psi, system = rng.normal(size=n), lv.Schrodinger(matrix)
+    energies, vectors = np.linalg.eigh(matrix)
+    wanted = vectors @ (np.exp(-2j * energies) * (vectors.conj().T @ psi))
+    solution = lv.integrate(
+        system, "auto", t=(0, 2), psi=psi, tol=1e-10, observe={"energy of H": matrix}
+    )
+    assert np.linalg.norm(solution.psi[-1] - wanted) < 1e-10 * np.linalg.norm(psi)
+    assert np.ptp(solution.observed["energy of H"]) < 1e-8
+    for method in (lv.Lanczos(), lv.SchrodingerSplitting(mode="stable")):
+        with pytest.raises(ValueError, match="H is complex and no gauge makes it real"):
+            lv.integrate(system, method, t=(0, 2), psi=psi)

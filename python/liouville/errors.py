@@ -115,7 +115,7 @@ def describe(
             name,
         )
     if kind == "raised":
-        error = trouble["error"]
+        error = trouble["cause"]
         return (
             f"a function of the model raised {type(error).__name__}: {error}",
             "its own traceback stands above",

@@ -238,7 +238,7 @@ def run(path: Route, progress: Callable[[float, float], None] | None = None) -> 
             quantity=quantity,
             member=outcome.get("member") if path.members else None,
             solution=solution,
-        ) from outcome.get("error")
+        ) from outcome.get("cause")
     return solution
 
 
@@ -274,7 +274,7 @@ def _advanced(run: _core.Run) -> str | dict[str, Any]:
     try:
         return run.advance(SLICE)
     except Exception as error:  # of a function of the user's that makes products
-        return {"kind": "raised", "error": error, "step": run.done, "start": run.t}
+        return {"kind": "raised", "cause": error, "step": run.done, "start": run.t}
 
 
 def _named(prefix: str, parts: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:

@@ -131,7 +131,7 @@ class Lanczos:
 
     References
     ----------
-    :cite:t:`park1986`.
+    :cite:t:`parklight1986`.
     """
 
     form: ClassVar[str] = "wave"

@@ -113,7 +113,7 @@ def propagation(
     >>> import liouville as lv
     >>> chain = lv.Schrodinger(lv.Lattice(50))
     >>> lv.propagation(chain, t=(0, 10), tol=1e-6).products
-    22.0
+    20.0
     """
     if not isinstance(system, Schrodinger):
         raise TypeError(f"system is a Schrodinger equation, not {system!r}")
@@ -141,9 +141,13 @@ def planned(
     `times` are those of the start and of the states to keep; `is_real` says whether the start is
     known to be real.
     """
-    span = Span(times[0], tuple(times[1:]), system.bounds)
+    low, high = system.bounds
+    span = Span(times[0], tuple(times[1:]), (float(low), float(high)))
     _check_reach(span, method.tol)
     if isinstance(method, Lanczos):
+        if not system.is_real:
+            sentence = "H is complex and no gauge makes it real, which Lanczos wants here"
+            raise ValueError(hinted(sentence, "take 'auto', which uses a Chebyshev series then"))
         return _lanczos(span, method)
     if isinstance(method, Chebyshev):
         return _chebyshev(span, method.tol, system, is_real, ("asked for",))

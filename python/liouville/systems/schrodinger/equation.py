@@ -23,7 +23,7 @@ from liouville.systems.schrodinger.bounds import (
 )
 from liouville.systems.schrodinger.entries import Bounds, Entries
 from liouville.systems.schrodinger.forms import operators
-from liouville.systems.schrodinger.frame import Frame
+from liouville.systems.schrodinger.frame import Frame, doubled
 from liouville.systems.schrodinger.grid import Grid
 from liouville.systems.schrodinger.lattice import Lattice
 from liouville.systems.schrodinger.observed import Observable
@@ -96,7 +96,8 @@ class Schrodinger:
 
     A complex H has a gauge if phases g make all :math:`\bar g_i H_{ij} g_j` real, which is so if
     the flux through every loop is 0 or :math:`\pi`. Then :math:`\bar g \psi` is propagated with a
-    real matrix. Otherwise `is_real` is False, and H acts as a real matrix on twice as many numbers.
+    real matrix. Otherwise `is_real` is False, and H acts as a real matrix on real and imaginary
+    parts.
 
     Bounds are those of Gershgorin for a matrix, the least and largest energies of a grid, closed
     formulas for a lattice, the energies of blocks for a chain of spins; up to N = 256 they are the
@@ -211,7 +212,9 @@ class Schrodinger:
 
     def _of_matrix(self, matrix: Entries) -> _Term:
         matrix = matrix.times(1 / self.hbar)
-        return _Term(operators(self.frame.entries(matrix)), matrix.bounds)
+        inside = self.frame.entries(matrix)
+        inside = doubled(inside) if self.frame.is_doubled else inside
+        return _Term(operators(inside), matrix.bounds)
 
     def _of_grid(self, grid: Grid) -> _Term:
         kinetic = [energies / self.hbar for energies in grid.kinetic(self.hbar)]

@@ -16,16 +16,6 @@ FLUX = 1e-13
 class Frame:
     r"""What is done to a state on its way to the core, :math:`\phi_k = \bar g_{o(k)} \psi_{o(k)}`.
 
-    A complex Hermitian H = A + iB without a gauge becomes real in twice as many components: on
-    states :math:`\phi = (\psi, -i \psi) / \sqrt 2` the symmetric matrix
-
-    .. math::
-
-        \begin{pmatrix} A & -B \\ B & A \end{pmatrix}
-
-    does what H does to :math:`\psi`, and norms and expectations are those of :math:`\psi`. The two
-    halves are interleaved, so that entries stay near the diagonal.
-
     Attributes
     ----------
     size : int
@@ -35,7 +25,7 @@ class Frame:
     gauge : ndarray or None
         The phases g.
     is_doubled : bool
-        Whether there are 2N components in the core.
+        Whether H stays complex: the core then has it as a real matrix, see :func:`doubled`.
     """
 
     size: int
@@ -54,15 +44,10 @@ class Frame:
             psi = psi * self.gauge.conj()
         if self.order is not None:
             psi = psi[..., self.order]
-        if self.is_doubled:
-            halves = np.stack([psi, -1j * psi], axis=-1) * np.sqrt(0.5)
-            psi = halves.reshape(*psi.shape[:-1], -1)
         return np.ascontiguousarray(psi, dtype=complex)
 
     def outward(self, phi: np.ndarray) -> np.ndarray:
         """Return the core's states as the user has them."""
-        if self.is_doubled:
-            phi = (phi[..., ::2] + 1j * phi[..., 1::2]) * np.sqrt(0.5)
         if self.order is not None:
             psi = np.empty_like(phi)
             psi[..., self.order] = phi
@@ -72,7 +57,7 @@ class Frame:
     def diagonal(self, values: np.ndarray) -> np.ndarray:
         """Return a diagonal as the core has it."""
         values = values if self.order is None else values[self.order]
-        return np.ascontiguousarray(np.repeat(values, 2) if self.is_doubled else values)
+        return np.ascontiguousarray(values)
 
     def entries(self, matrix: Entries) -> Entries:
         """Return a matrix as the core has it; it is complex where the gauge does not fit it."""
@@ -82,16 +67,21 @@ class Frame:
             if np.abs(values.imag).max(initial=0.0) <= FLUX * np.abs(values).max(initial=0.0):
                 values = values.real.copy()
         found = Entries(matrix.n, matrix.row, matrix.col, values)
-        found = found if self.order is None else found.moved(self.order)
-        return _doubled(found) if self.is_doubled else found
+        return found if self.order is None else found.moved(self.order)
 
 
-def _doubled(matrix: Entries) -> Entries:
+def doubled(matrix: Entries) -> Entries:
+    r"""Return a complex matrix A + iB as a real one, which acts on real and imaginary parts.
+
+    .. math::
+
+        \begin{pmatrix} A & -B \\ B & A \end{pmatrix}
+    """
     a, b = matrix.values.real, matrix.values.imag
-    row, col = 2 * matrix.row, 2 * matrix.col
+    row, col, n = matrix.row, matrix.col, matrix.n
     return Entries.of(
-        2 * matrix.n,
-        np.concatenate([row, row, row + 1, row + 1]),
-        np.concatenate([col, col + 1, col, col + 1]),
+        2 * n,
+        np.concatenate([row, row, row + n, row + n]),
+        np.concatenate([col, col + n, col, col + n]),
         np.concatenate([a, -b, b, a]),
     )

@@ -12,7 +12,7 @@ from liouville.errors import hinted
 from liouville.systems import _trace
 from liouville.systems.schrodinger.entries import Entries, numbers
 from liouville.systems.schrodinger.forms import operators
-from liouville.systems.schrodinger.frame import Frame
+from liouville.systems.schrodinger.frame import Frame, doubled
 from liouville.systems.schrodinger.products import Product
 
 #: The name of an observable, how many numbers it has, and what the core makes of it.
@@ -91,11 +91,5 @@ def _symmetric(what: str, given: Any, frame: Frame) -> tuple[Any, ...]:
     if matrix.n != frame.size:
         raise ValueError(f"{what} has order {matrix.n}, H has {frame.size}")
     inside = frame.entries(matrix)
-    if not inside.is_real:
-        raise ValueError(
-            hinted(
-                f"{what} is complex where H is real",
-                "keep the states, and take the expectation of them",
-            )
-        )
+    inside = inside if inside.is_real else doubled(inside)
     return ("symmetric", _core.Hamiltonian(operators(inside)))

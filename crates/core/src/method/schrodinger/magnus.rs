@@ -134,10 +134,11 @@ impl<S: Stored> Magnus<S> {
     ) -> Result<(), Trouble> {
         let (low, high) = self.take(row, t, h);
         let (theta, most) = ((high - low) / 2.0 * h.abs(), self.theta);
-        if !theta.is_finite() {
+        let steps = theta / most;
+        if !steps.is_finite() {
             return Err(Trouble::Spectrum { theta, most, t });
         }
-        let steps = (theta / most).ceil().max(1.0);
+        let steps = steps.ceil().max(1.0);
         self.shears.parts_mut().set_shift(low.midpoint(high));
         let mut left = steps;
         while left > 0.0 {

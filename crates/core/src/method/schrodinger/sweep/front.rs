@@ -1,8 +1,8 @@
 //! Several moves in one sweep over the rows.
 //!
-//! A move follows the one before at a distance: on block b when that one is on block b + lag, with
-//! (lag − 1) B ≥ reach for blocks of B rows. Everything it reads is made then, and the two read and write
-//! different rows. What a block needs is in the cache while all moves pass it, and each number is the
+//! A move follows the one before at a distance: on block b just after that one was on block b + lag, with
+//! lag B ≥ reach for blocks of B rows. Everything it reads is made then, and the one before reads no more of
+//! what it changes. What a block needs is in the cache while all moves pass it, and each number is the
 //! result of the same operations as if moves were made one after another.
 #![allow(clippy::inline_always)] // all of a kernel is compiled for one instruction set
 

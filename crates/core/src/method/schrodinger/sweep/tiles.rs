@@ -33,7 +33,7 @@ impl Tiles {
         }
         let rows = reach.next_multiple_of(64).clamp(ROWS.0, ROWS.1);
         let tiles = Self { rows, moves: 1 };
-        let of_move = tiles.lag(reach) * rows * bytes;
+        let of_move = (tiles.lag(reach) + 1) * rows * bytes;
         let moves = match NEAR / of_move {
             0..4 => FAR / threads / of_move,
             moves => moves,
@@ -45,9 +45,9 @@ impl Tiles {
         }
     }
 
-    /// How many blocks a move is behind the one before: so many that it finds everything made, and nothing
-    /// of what the one before still reads is its own.
+    /// How many blocks a move is behind the one before: so many that it finds everything made that it reads,
+    /// and nothing that the one before still reads is its own.
     pub(super) fn lag(self, reach: usize) -> usize {
-        reach.div_ceil(self.rows) + 1
+        reach.div_ceil(self.rows)
     }
 }

@@ -2,12 +2,11 @@
 //!
 //! Bits above the lowest six are the same in all of them: a turn of two such spins reads 64 neighbours
 //! elsewhere, of one spin above and one below 64 neighbours of which half count, and of two spins below
-//! neighbours at two distances, of which a quarter count each. Members of a batch need none of this.
+//! neighbours at two distances, of which a quarter count each.
 #![allow(clippy::inline_always)] // all of a kernel is compiled for one instruction set
 
 use super::super::update::update;
 use super::{Block, Flip, Update};
-use crate::real::Scalar;
 use crate::vector::{Kernel, Machine, Number, Stored, Visit, Window, Windows};
 
 const LOW: u32 = 6;
@@ -96,7 +95,7 @@ struct Act<'a, S> {
     block: Block<'a, S>,
 }
 
-impl<S: Scalar> Kernel<S> for Act<'_, S> {
+impl<S> Kernel<S> for Act<'_, S> {
     type Output = ();
 
     #[inline(always)]
@@ -116,7 +115,7 @@ impl<S: Scalar> Kernel<S> for Act<'_, S> {
                 x,
                 out: &mut out[start - row..next - row],
             };
-            if S::MEMBERS > 1 || self.full.is_at_the_edge(group) {
+            if self.full.is_at_the_edge(group) {
                 for _ in start..next {
                     windows.each(1, &mut Single(&mut states));
                     states.state += 1;

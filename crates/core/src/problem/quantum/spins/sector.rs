@@ -2,7 +2,7 @@
 //!
 //! The bits fall into high and low ones. States with the same high bits stand beside each other: their low
 //! bits are all those with so many ones, in ascending order. The rank of a state is that of its high
-//! bits' first state plus that of its low bits among these, two small tables @lin1990.
+//! bits' first state plus that of its low bits among these, two small tables. Source: lin1990.
 #![allow(clippy::inline_always)] // all of a kernel is compiled for one instruction set
 
 use super::super::update::update;
