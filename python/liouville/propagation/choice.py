@@ -248,7 +248,7 @@ def _chebyshev(
         products=products,
         bound=tol,
         reasons=why,
-        core=("chebyshev", span.bounds, rate, max(TIMES * tol, LEAST), False),
+        core=("chebyshev", span.bounds, rate, max(TIMES * tol, LEAST), not system.is_real),
     )
 
 
