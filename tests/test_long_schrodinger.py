@@ -1,5 +1,7 @@
 """What stable splittings keep over a million steps, beside series and Krylov spaces that drift."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -27,21 +29,27 @@ def tenths(drift):
     return drift[1 : tenth + 1].max(), drift[-tenth:].max()
 
 
-def test_the_norm_is_bounded_over_a_million_steps():
-    t = np.linspace(0.0, 4.8e7 / BETA, 1001)
-    plan = lv.propagation(CHAIN, lv.SchrodingerSplitting(1e-2, "stable"), t=t)
-    assert plan.steps >= 1_000_000
-    solution = lv.integrate(CHAIN, plan, t=t, psi=start(), states=False, threads=1)
+@pytest.mark.parametrize(("theta", "tol"), [(3.0, 1e-3), (18.0, 1e-6)])
+def test_the_norm_is_bounded_over_a_million_steps(theta, tol):
+    # the plan of a single step, a million times
+    step = theta / BETA
+    plan = lv.propagation(CHAIN, lv.SchrodingerSplitting(tol, "stable"), t=(0.0, step))
+    assert plan.steps == 1
+    t = 1000 * step * np.arange(1001.0)
+    plan = replace(plan, stops=tuple((end, 1000) for end in t[1:].tolist()))
+    solution = lv.integrate(CHAIN, plan, t=t, psi=start(), states=False)
+    assert solution.stats["steps"] == 1_000_000
+
     rung = rung_of(plan)
-    kappa = rung.kappa[np.searchsorted(rung.fractions * rung.theta * (1 + 1e-12), plan.theta)]
-    roundings = ROUNDOFF * rung.gain * np.sqrt(plan.steps)
+    kappa = rung.kappa[np.searchsorted(rung.fractions * rung.theta * (1 + 1e-12), theta)]
+    roundings = ROUNDOFF * rung.gain * 1000
     drift = solution.invariant_drift("norm")
     first, last = tenths(drift)
     assert drift.max() <= kappa + kappa**2 + roundings
-    assert last <= 1.1 * first + roundings
+    assert last <= 1.5 * first + roundings
+    assert 100 * roundings < kappa
     energy = solution.invariants["energy"]
-    assert np.abs(energy - energy[0]).max() <= 2 * kappa * BETA + roundings * BETA
-    assert solution.stats["steps"] == plan.steps
+    assert np.abs(energy - energy[0]).max() <= 2 * kappa * BETA
 
 
 @pytest.mark.parametrize(
@@ -61,16 +69,16 @@ def test_series_and_krylov_spaces_drift(method, interval):
 
 
 @pytest.mark.parametrize("stages", [6, 12])
-def test_the_longest_stable_steps_keep_a_norm_near_the_norm(stages):
-    # without its processor the kernel keeps a form, and the norm swings between bounds
-    method = lv.StabilitySplitting(2, stages)
-    h = 0.9 * method.limit / BETA
-    drift = lv.integrate(
-        CHAIN, method, t=(0.0, 100_000 * h), steps=100_000, every=100, psi=start(), states=False
-    ).invariant_drift("norm")
-    first, last = tenths(drift)
-    assert last <= 1.2 * first
-    assert drift.max() < 0.5
+def test_steps_near_the_limit_of_stability_stay_bounded(stages):
+    for processed, part, most in ((True, 0.9, 1e-10), (False, 0.4, 0.5)):
+        method = lv.StabilitySplitting(2, stages, processed)
+        h = part * method.limit / BETA
+        drift = lv.integrate(
+            CHAIN, method, t=(0.0, 1e5 * h), steps=100_000, every=100, psi=start(), states=False
+        ).invariant_drift("norm")
+        first, last = tenths(drift)
+        assert last <= 1.5 * first + 1e-10
+        assert drift.max() < most
 
 
 @pytest.mark.slow
