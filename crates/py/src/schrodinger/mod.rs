@@ -183,9 +183,10 @@ pub(crate) fn schrodinger_run<'py>(
         .iter()
         .map(observable_of)
         .collect::<PyResult<_>>()?;
+    let is_back = stops.first().is_some_and(|(t, _)| *t < t0);
     let begin = Begin {
         hamiltonian: hamiltonian.inner.clone(),
-        method: Method::of(&method, &hamiltonian.inner)?,
+        method: Method::of(&method, &hamiltonian.inner, is_back)?,
         observables,
         states,
         t0,
