@@ -87,7 +87,7 @@ def peers(exact, span, psi, end):
         for tol in FINE:
             try:
                 found = code.run(tol)[1]
-            except Exception as trouble:  # noqa: BLE001 - integrators give up in many ways
+            except Exception as trouble:  # they give up in many ways
                 print(integrator, tol, str(trouble).splitlines()[0])
                 continue
             runs.append((code.products, float(np.linalg.norm(found - end))))
@@ -113,9 +113,7 @@ def measure(name, system, start, theta, *, is_wide):
         row["real Chebyshev"], row["real Chebyshev error"], _ = ours(
             system, lv.Chebyshev(), span, real, tol, real_end
         )
-        krylov = [
-            ours(system, lv.Lanczos(dimension=d), span, psi, tol, end) for d in DIMENSIONS
-        ]
+        krylov = [ours(system, lv.Lanczos(dimension=d), span, psi, tol, end) for d in DIMENSIONS]
         row["Lanczos"], row["Lanczos error"] = fewest(krylov, tol)
         row["QuTiP"], row["QuTiP error"] = fewest(others, tol)
         yield row
