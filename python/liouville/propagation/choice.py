@@ -15,6 +15,7 @@ from liouville.errors import hinted
 from liouville.methods import Chebyshev, Lanczos, SchrodingerSplitting
 from liouville.propagation.ladder import ROUNDOFF, Choice, cheapest
 from liouville.propagation.plan import Propagation
+from liouville.propagation.speed import series_cost
 from liouville.systems import Schrodinger
 
 Method = SchrodingerSplitting | Chebyshev | Lanczos
@@ -175,11 +176,20 @@ def planned(
         why = f"no splitting reaches {method.tol:g} over {span.thetas.sum():.3g} / beta"
         return replace(series, reasons=(why,))
     splitting = _split(span, found, method)
-    if method.mode == "auto" and series.products < splitting.products:
-        why = f"a splitting would take {splitting.products:g} products"
-        return replace(series, reasons=(*series.reasons, why))
-    why = f"a Chebyshev series would take {series.products:g} products"
-    return replace(splitting, reasons=(*splitting.reasons, why))
+    return _faster(system, splitting, series) if method.mode == "auto" else splitting
+
+
+def _faster(system: Schrodinger, splitting: Propagation, series: Propagation) -> Propagation:
+    """Choose by the time that the products will take."""
+    why = [f"a Chebyshev series would take {series.products:g} products"]
+    if series.products < splitting.products:
+        cost = series_cost(system, series.products)
+        slower = f"a product takes about {cost:g} times as long in a series as in a splitting"
+        if cost * series.products < splitting.products:
+            other = f"a splitting would take {splitting.products:g} products"
+            return replace(series, reasons=(*series.reasons, other, slower))
+        why.append(slower)
+    return replace(splitting, reasons=(*splitting.reasons, *why))
 
 
 def _check_reach(span: Span, tol: float) -> None:
@@ -248,7 +258,7 @@ def _chebyshev(
         products=products,
         bound=tol,
         reasons=why,
-        core=("chebyshev", span.bounds, rate, max(TIMES * tol, LEAST), False),
+        core=("chebyshev", span.bounds, rate, max(TIMES * tol, LEAST), not system.is_real),
     )
 
 

@@ -66,7 +66,8 @@ class Rung:
         place = int(np.searchsorted(self.fractions * self.theta * (1 + 1e-12), x))
         if place == len(self.fractions):
             return np.inf
-        bound = np.expm1(steps * np.log1p(self.err[place]))
+        with np.errstate(over="ignore"):
+            bound = np.expm1(steps * np.log1p(self.err[place]))
         if self.stable:
             kappa = self.kappa[place]
             bound = min(bound, steps * self.dphi[place] + kappa + kappa**2 / 2)

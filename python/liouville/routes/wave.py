@@ -35,7 +35,7 @@ class WaveRoute:
         self.pace = Steps(self.plan.t0, self.plan.stops[-1][0], self.plan.steps)
         self.every = -(-self.plan.steps // len(self.plan.stops))
         self._observed = system.observables(asked.observe)
-        self.columns = {"psi": 2 * system.hamiltonian.size} if asked.states else {}
+        self.columns = {"psi": 2 * system.size} if asked.states else {}
         energy = "observed energy" if system.is_driven else "invariant energy"
         self.columns |= {"invariant norm": 1, energy: 1, "observed autocorrelation": 2}
         self.columns |= {f"observed {name}": width for name, width, _ in self._observed}

@@ -75,6 +75,8 @@ class Schrodinger:
         Whether H depends on time.
     is_real : bool
         Whether H is real, after its phases are taken away where that can be done.
+    is_foreign : bool
+        Whether a function of the user's makes the products.
     frame : Frame
         How the core has the components of a state.
     hamiltonian : _core.Hamiltonian
@@ -181,6 +183,7 @@ class Schrodinger:
         self._moving: clock.Traced | None = None
         self._terms = [self._of_grid(source) if isinstance(source, Grid) else self._of(source)]
         self._terms += map(self._of_matrix, driven)
+        self.is_foreign = isinstance(source, Product)
         self.is_driven = bool(driven) or self._moving is not None
         flat = [operator for term in self._terms for operator in term.operators]
         params = self._params.values(None)
