@@ -129,6 +129,18 @@ impl Method {
     }
 }
 
+impl Method {
+    /// What is taken from the energies at all times.
+    pub(super) fn shift(&self) -> f64 {
+        match self {
+            Self::Lockstep(Lockstep::Shears { shift, .. } | Lockstep::Processed { shift, .. }) => {
+                *shift
+            }
+            _ => 0.0,
+        }
+    }
+}
+
 impl Lockstep {
     /// The method at work, on as many wave functions as `S` has members.
     pub(super) fn stepper<S: Stored>(

@@ -110,7 +110,8 @@ impl Begin {
     ) -> Result<Box<dyn Advance + Sync>, Trouble> {
         let observer = Observer::new(psi.len(), self.states, self.observables.clone());
         let pace = Listed::new(self.t0, self.stops.clone());
-        let (state, records) = (side_by_side(psi), self.stops.len() + 1);
+        let state = side_by_side(psi).with_phase(self.method.shift() * self.t0);
+        let records = self.stops.len() + 1;
         let run = run::Run::new(stepper, observer, state, pace, 1, records)?;
         Ok(Box::new(run))
     }
