@@ -220,7 +220,7 @@ def _splitting(span: Span, method: SchrodingerSplitting) -> Choice | None:
 def _split(span: Span, found: Choice, method: SchrodingerSplitting) -> Propagation:
     rung, steps = found.rung, int(found.steps.sum())
     kind = "stable" if rung.stable else "fast"
-    norm = rung.norm_bound(found.x, steps)
+    norm = rung.norm_bound(found.x, steps) if rung.stable else found.bound
     why = "fewest products of the splittings that keep to the tolerance"
     if kind == "stable" and method.mode == "auto" and steps > MANY:
         why += f", stable ones beyond {MANY} steps"
