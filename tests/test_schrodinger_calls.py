@@ -1,4 +1,4 @@
-"""Wave functions: wrong calls are refused, failures say where and why, files give back what was put.
+"""Wave functions: wrong calls are refused, failures say where and why, files give all back.
 
 One table, one row a mistake; then spectra that are not what they were said to be, functions that
 raise, Ctrl-C, and the ways out: files and the command line. No run ends with a wrong state.
@@ -271,10 +271,7 @@ def test_bounds_that_are_too_narrow_never_give_a_wrong_state(narrow, method, by_
 
 
 def test_what_the_check_before_a_run_cannot_see_is_caught_in_it():
-    # an impurity that a random vector does not see: no product reaches it from outside
-    hidden = np.zeros(10**4)
-    hidden[7] = 1.3
-    seen = []
+    seen = []  # a function that makes another matrix once the run has begun
 
     def product(x):
         y = -np.roll(x, 1) - np.roll(x, -1)
@@ -287,7 +284,7 @@ def test_what_the_check_before_a_run_cannot_see_is_caught_in_it():
     assert system.bounds == (-2.0, 2.0)
     seen.append("now")
     for method in (Splitting(1e-6, "fast"), Splitting(1e-6, "stable"), lv.Chebyshev(1e-6)):
-        with pytest.raises(lv.IntegrationError, match=r"(?s)norm|bounds") as caught:
+        with pytest.raises(lv.IntegrationError, match="failed: ") as caught:
             lv.integrate(system, method, t=np.linspace(0, 40, 9), psi=psi)
         error = caught.value
         assert "outside the bounds [-2, 2]" in str(error)
@@ -438,7 +435,7 @@ def test_the_command_line_runs_plans_and_lists_wave_functions(tmp_path):
     listed = liouville("problems", tmp_path)
     assert "walker_preston" in listed.stdout
     methods = liouville("methods", tmp_path)
-    for name in ("SchrodingerSplitting", "Chebyshev", "Lanczos", "SplitOperator", "Magnus"):
+    for name in ("schrodinger-splitting", "chebyshev", "lanczos", "split-operator", "magnus"):
         assert name in methods.stdout
     refused = liouville("run tight_binding --tol 1e-16", tmp_path)
     assert refused.returncode == 2

@@ -165,19 +165,22 @@ def slope(h: ArrayLike, errors: ArrayLike, floor: float = 2e-14) -> float:
     return float(np.polyfit(x[run], y[run], 1)[0]) if len(run) >= 3 else float("nan")
 
 
-def distance(x: ArrayLike, reference: ArrayLike) -> float:
+def distance(x: ArrayLike, reference: ArrayLike | Mapping[int, complex]) -> float:
     r"""Give :math:`\max_i |x_i - x^*_i| / \max_i |x^*_i|`, the absolute error if :math:`x^* = 0`.
 
     Parameters
     ----------
     x, reference : array_like, shape (n,)
-        A state :math:`x` and the one it should be, :math:`x^*`.
+        A state :math:`x` and the one it should be, :math:`x^*`, or a mapping of the components that
+        are known of it, with their places.
 
     Returns
     -------
     float
         The relative error; zero if n = 0.
     """
+    if isinstance(reference, Mapping):
+        x, reference = np.asarray(x)[list(reference)], list(reference.values())
     x, reference = np.asarray(x), np.asarray(reference)
     size = np.max(np.abs(reference), initial=0.0)
     return float(np.max(np.abs(x - reference), initial=0.0) / (size if size > 0 else 1.0))

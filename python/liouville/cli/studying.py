@@ -41,7 +41,7 @@ def order(
         reference = reference_at(references, interval[1])
         sizes = h or [step_of(module, chosen) * 2.0**k for k in range(3, -3, -1)]
         begin = getattr(module, "start", {})
-        of = tuple(name for name in (reference or begin) if name != "lam")
+        of = tuple(name for name in (reference or begin) if name in begin and name != "lam")
         study = convergence.study(system, chosen, interval, sizes, begin, reference or None, of)
     table = headed("h", *(column for name in of for column in (f"error of {name}", "slope")))
     for i, size in enumerate(study.h):

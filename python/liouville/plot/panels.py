@@ -19,6 +19,7 @@ from liouville.plot.canvas import (
     legend,
     text,
 )
+from liouville.plot.quantum import shown
 from liouville.solution import Array, Solution
 
 if TYPE_CHECKING:
@@ -248,7 +249,8 @@ def multipliers(
 def overview(solution: Solution) -> Figure:
     """Draw what a person wants to see first: motion, invariants, constraints and multipliers.
 
-    Methods that damp have a panel of the energy too, and controlled steps one of their sizes. A
+    Methods that damp have a panel of the energy too, and controlled steps one of their sizes; wave
+    functions have their density and autocorrelation in the place of the motion. A
     panel that would have nothing to show is left out: multipliers of a system without constraints,
     motion of a run that stored no states (its observed scalars are drawn instead).
 
@@ -264,10 +266,12 @@ def overview(solution: Solution) -> Figure:
     """
     panels: list[Callable[..., Axes]] = []
     of_scalar = 1 if solution.members is None else 2
-    scalars = {k: values for k, values in solution.observed.items() if values.ndim == of_scalar}
-    if solution.states:
-        shown = _some(solution.names["coordinates"])
-        panels.append(lambda solution, ax: trajectories(solution, names=shown, ax=ax))
+    real = {k: values for k, values in solution.observed.items() if values.dtype.kind != "c"}
+    scalars = {k: values for k, values in real.items() if values.ndim == of_scalar}
+    panels += shown(solution)
+    if "psi" not in solution.states and solution.states:
+        moving = _some(solution.names["coordinates"])
+        panels.append(lambda solution, ax: trajectories(solution, names=moving, ax=ax))
     elif scalars:
         chosen, note = _few(solution, scalars)
         title = f"observed{note}"

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -155,6 +155,17 @@ def spectrum(
         names[0] = "spectrum, folded: states are kept too seldom"
     legend(axes, lines, names, "spectrum of the autocorrelation")
     return axes
+
+
+def shown(solution: Solution) -> list[Callable[..., Axes]]:
+    """Return what an overview shows of wave functions; nothing if there are none."""
+    panels: list[Callable[..., Axes]] = []
+    places = getattr(getattr(solution.system, "source", None), "shape", ())
+    if "psi" in solution.states and len(places) < 3:
+        panels.append(density)
+    if "autocorrelation" in solution.observed and solution.members is None:
+        panels.append(autocorrelation)
+    return panels
 
 
 def transformed(t: Array, overlap: Array, low: float) -> tuple[Array, Array]:
