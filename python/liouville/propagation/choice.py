@@ -142,6 +142,9 @@ def planned(
     `times` are those of the start and of the states to keep; `is_real` says whether the start is
     known to be real.
     """
+    if system.is_driven:
+        hint = "take Magnus(), or SplitOperator() on a grid, with h or steps"
+        raise TypeError(hinted(f"{type(method).__name__} is for an H without time", hint))
     low, high = system.bounds
     span = Span(times[0], tuple(times[1:]), (float(low), float(high)))
     _check_reach(span, method.tol)

@@ -66,6 +66,12 @@ class Propagation:
             raise ValueError(hinted("the plan was made for other times", AGAIN))
         if self.bounds != system.bounds:
             raise ValueError(hinted("the plan was made for another spectrum", AGAIN))
+        if system.is_driven:
+            raise ValueError("the plan was made for an H without time")
+        is_complex = self.core[0] == "chebyshev" and self.core[-1]
+        if is_complex == system.is_real:
+            kind = "complex" if is_complex else "real"
+            raise ValueError(hinted(f"the plan was made for a {kind} H", AGAIN))
 
     def __repr__(self) -> str:
         """Name the method, steps and products."""

@@ -58,6 +58,7 @@ class WaveRoute:
         if isinstance(method, Propagation):
             if asked.tol is not None:
                 raise TypeError("a Propagation has its tol: give it without tol=")
+            _check_open("Propagation", asked)
             method.check(times, self._system)
             return method
         if isinstance(method, Stepped) and asked.tol is not None and not isinstance(method, Magnus):
@@ -65,9 +66,6 @@ class WaveRoute:
         chosen = method_of(method, asked.tol)
         if isinstance(chosen, Stepped):
             return stepped(self._system, chosen, times[0], _stops(times, chosen, asked))
-        if self._system.is_driven:
-            hint = "take Magnus(), or SplitOperator() on a grid, with h or steps"
-            raise TypeError(hinted(f"{type(chosen).__name__} is for an H without time", hint))
         _check_open(type(chosen).__name__, asked)
         is_real = not np.any(self.psi.imag)
         return planned(self._system, chosen, times, is_real)

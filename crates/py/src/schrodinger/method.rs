@@ -41,7 +41,7 @@ pub(super) enum Lockstep {
         is_doubled: bool,
     },
     Processed {
-        method: &'static Stable,
+        program: Vec<Flow>,
         processor: Processor,
         shift: f64,
         tolerance: f64,
@@ -80,6 +80,7 @@ impl Method {
     pub(super) fn of(
         method: &Bound<'_, PyTuple>,
         hamiltonian: &Arc<Hamiltonian>,
+        is_back: bool,
     ) -> PyResult<Self> {
         let kind: String = method.get_item(0)?.extract()?;
         let rest = method.get_slice(1, method.len());
@@ -88,7 +89,7 @@ impl Method {
                 let (coefficients, shift, tolerance): (PyReadonlyArray1<'_, f64>, f64, f64) =
                     rest.extract()?;
                 Ok(Self::Lockstep(Lockstep::Shears {
-                    program: shears(coefficients.as_slice()?),
+                    program: shears(coefficients.as_slice()?, is_back),
                     shift,
                     tolerance,
                 }))
@@ -110,8 +111,8 @@ impl Method {
                     tolerance,
                 }))
             }
-            "processed" => processed(&rest).map(Self::Lockstep),
-            "magnus" => magnus(&rest).map(Self::Lockstep),
+            "processed" => processed(&rest, is_back).map(Self::Lockstep),
+            "magnus" => magnus(&rest, is_back).map(Self::Lockstep),
             "phases" => {
                 let (name, tolerance): (String, f64) = rest.extract()?;
                 let no_grid = || PyValueError::new_err("H is no kinetic energy and a potential");
@@ -124,6 +125,18 @@ impl Method {
             other => Err(PyValueError::new_err(format!(
                 "there is no method {other:?}"
             ))),
+        }
+    }
+}
+
+impl Method {
+    /// What is taken from the energies at all times.
+    pub(super) fn shift(&self) -> f64 {
+        match self {
+            Self::Lockstep(Lockstep::Shears { shift, .. } | Lockstep::Processed { shift, .. }) => {
+                *shift
+            }
+            _ => 0.0,
         }
     }
 }
@@ -157,14 +170,14 @@ impl Lockstep {
                 })
             }
             Self::Processed {
-                method,
+                program,
                 processor,
                 shift,
                 tolerance,
             } => {
                 // between the processor and its inverse the norm is another one
                 let kernel = Shears::new(sweeper, *shift, KERNEL);
-                let kernel = Composed::following(kernel, shears(&method.coefficients));
+                let kernel = Composed::following(kernel, program.clone());
                 Box::new(Processed::new(kernel, processor.clone(), *tolerance))
             }
             Self::Magnus {
@@ -181,7 +194,7 @@ impl Lockstep {
     }
 }
 
-fn processed(method: &Bound<'_, PyTuple>) -> PyResult<Lockstep> {
+fn processed(method: &Bound<'_, PyTuple>, is_back: bool) -> PyResult<Lockstep> {
     let (order, stages, shift, largest, tolerance) = method.extract()?;
     let unknown = || PyValueError::new_err("there is no such method for the longest stable steps");
     let method = Stable::find(Purpose::Stability, order, stages).ok_or_else(unknown)?;
@@ -189,14 +202,14 @@ fn processed(method: &Bound<'_, PyTuple>) -> PyResult<Lockstep> {
         || PyValueError::new_err("a step so near to the limit of stability has no processor");
     let processor = Processor::new(method, largest, PROCESSED).ok_or_else(too_long)?;
     Ok(Lockstep::Processed {
-        method,
+        program: shears(&method.coefficients, is_back),
         processor,
         shift,
         tolerance,
     })
 }
 
-fn magnus(method: &Bound<'_, PyTuple>) -> PyResult<Lockstep> {
+fn magnus(method: &Bound<'_, PyTuple>, is_back: bool) -> PyResult<Lockstep> {
     let (order, coefficients, theta, tolerance, bounds): (
         usize,
         PyReadonlyArray1<'_, f64>,
@@ -211,7 +224,7 @@ fn magnus(method: &Bound<'_, PyTuple>) -> PyResult<Lockstep> {
             Nodes::gauss()
         },
         exponential: Exponential {
-            program: shears(coefficients.as_slice()?),
+            program: shears(coefficients.as_slice()?, is_back),
             theta,
             tolerance,
         },
@@ -219,15 +232,19 @@ fn magnus(method: &Bound<'_, PyTuple>) -> PyResult<Lockstep> {
     })
 }
 
-/// Shears of q and p in turn.
-fn shears(coefficients: &[f64]) -> Vec<Flow> {
+/// Shears of q and p in turn; back in time they are undone, last to first.
+fn shears(coefficients: &[f64], is_back: bool) -> Vec<Flow> {
     let shear = |(k, weight): (usize, &f64)| Flow {
         part: k % 2,
         is_adjoint: false,
         weight: *weight,
         offset: 0.0,
     };
-    coefficients.iter().enumerate().map(shear).collect()
+    let mut program: Vec<Flow> = coefficients.iter().enumerate().map(shear).collect();
+    if is_back {
+        program.reverse();
+    }
+    program
 }
 
 fn flow(turn: Turn) -> Flow {

@@ -110,7 +110,8 @@ impl Begin {
     ) -> Result<Box<dyn Advance + Sync>, Trouble> {
         let observer = Observer::new(psi.len(), self.states, self.observables.clone());
         let pace = Listed::new(self.t0, self.stops.clone());
-        let (state, records) = (side_by_side(psi), self.stops.len() + 1);
+        let state = side_by_side(psi).with_phase(self.method.shift() * self.t0);
+        let records = self.stops.len() + 1;
         let run = run::Run::new(stepper, observer, state, pace, 1, records)?;
         Ok(Box::new(run))
     }
@@ -183,9 +184,10 @@ pub(crate) fn schrodinger_run<'py>(
         .iter()
         .map(observable_of)
         .collect::<PyResult<_>>()?;
+    let is_back = stops.first().is_some_and(|(t, _)| *t < t0);
     let begin = Begin {
         hamiltonian: hamiltonian.inner.clone(),
-        method: Method::of(&method, &hamiltonian.inner)?,
+        method: Method::of(&method, &hamiltonian.inner, is_back)?,
         observables,
         states,
         t0,

@@ -139,12 +139,17 @@ impl<S: Stored> Magnus<S> {
             return Err(Trouble::Spectrum { theta, most, t });
         }
         let steps = steps.ceil().max(1.0);
-        self.shears.parts_mut().set_shift(low.midpoint(high));
+        let shift = low.midpoint(high);
+        self.shears.parts_mut().set_shift(shift);
+        // half of the phase before the shears and half of it after them: back in time this is undone
+        state.turn(shift * h / 2.0);
+        state.take_phase();
         let mut left = steps;
         while left > 0.0 {
             self.shears.step(t, h / steps, state)?;
             left -= 1.0;
         }
+        state.turn(-shift * h / 2.0);
         self.shears.settle(state)
     }
 }

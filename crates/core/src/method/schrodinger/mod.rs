@@ -62,6 +62,30 @@ impl<S: Scalar> Wave<S> {
     pub fn turn(&mut self, angle: f64) {
         self.phase = (self.phase + angle) % TAU;
     }
+
+    /// Takes the phase off that is kept.
+    pub fn take_phase(&mut self) {
+        let (sin, cos) = std::mem::take(&mut self.phase).sin_cos();
+        for (q, p) in self.q.iter_mut().zip(&mut self.p) {
+            for member in 0..S::MEMBERS {
+                let (a, b) = (q.member(member), p.member(member));
+                q.set_member(member, a * cos + b * sin);
+                p.set_member(member, b * cos - a * sin);
+            }
+        }
+    }
+
+    /// The same with a phase that is to be taken off.
+    ///
+    /// Shears do not commute with a change of phase: e^{iσt} ψ, whose phase is σt, has to be the same at a
+    /// time t however a run has come there, so that the next one undoes it or goes on.
+    #[must_use]
+    pub fn with_phase(mut self, phase: f64) -> Self {
+        self.turn(-phase);
+        self.take_phase();
+        self.turn(phase);
+        self
+    }
 }
 
 /// Σ q² + p², member by member, summed block by block so that rounding errors stay small.

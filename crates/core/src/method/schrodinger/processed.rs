@@ -21,6 +21,9 @@ pub struct Processed<S: Stored> {
 
 impl<S: Stored> Processed<S> {
     /// A kernel with a processor made for it; the norm may be off by `tolerance`, relatively.
+    ///
+    /// The kernel of steps back in time is the inverse, with the same processor: its flows are undone, last
+    /// to first.
     pub fn new(kernel: Composed<Shears<S>>, processor: Processor, tolerance: f64) -> Self {
         Self {
             kernel,
@@ -34,7 +37,8 @@ impl<S: Stored> Processed<S> {
         let shears = self.kernel.parts_mut();
         let shift = shears.shift();
         let sweeper = shears.sweeper_mut();
-        self.processor.apply(sweeper, (shift, h), state, is_inverse)
+        self.processor
+            .apply(sweeper, (shift, h.abs()), state, is_inverse)
     }
 }
 
