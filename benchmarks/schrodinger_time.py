@@ -9,9 +9,9 @@ is that of the fastest integrator and tolerance that reach 1e-6 with 10^4 rows, 
 10^6. Both take one thread.
 
 ns: nanoseconds a row, of a real product of the splitting and of a complex one of the series.
-share: the bytes that real products would move if each went through memory alone, a row 32 on the
+share: the bytes that a real product would move if each went through memory alone, a row 32 on the
 lattice (the other vector, its own twice, the potential) and 80 of the matrix, over what a STREAM
-triad of the size of a state moves in the same time on as many threads. Several products go over H
+triad moves in the same time, over as many bytes and on as many threads. Several products go over H
 in one sweep, so it may be more than 1.
 
 Run as ``python benchmarks/schrodinger_time.py``, after ``pip install liouville[bench]``; takes four
@@ -144,9 +144,10 @@ def compare(kind, system, matrix, threads, others, best):
         codes["QuTiP"] = wave.QuTiP(matrix, psi, span, integrator, counted=False), tol
     seconds, errors = least(codes, end, n)
     own, series = codes["splitting"][0], codes["series"][0]
-    triad = lattice.Triad(16 * n, threads=threads)
-    speed = max(triad.run(1 + 10**8 // (16 * n))[1] for _ in range(10))
-    moved = 2 * own.products * MOVED[kind] * n / own.inside
+    size = MOVED[kind] * n
+    triad = lattice.Triad(size, threads=threads)
+    speed = max(triad.run(1 + 10**8 // size)[1] for _ in range(20))
+    moved = 2 * own.products * size / own.inside
     row = {"H": kind, "n": n, "threads": threads, "products": own.products}
     row |= {f"{name} ms": 1e3 * seconds.get(name, np.nan) for name in (*codes, "SciPy", "QuTiP")}
     row |= {f"{name} error": errors.get(name, np.nan) for name in (*codes, "SciPy", "QuTiP")}

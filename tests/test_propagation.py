@@ -143,7 +143,8 @@ def test_the_bound_is_within_ten_times_the_error_of_the_problem(name):
             problem.system, METHODS[method](problem.tol), t=problem.interval, psi=psi
         )
         error = np.linalg.norm(solution.psi[-1] - wanted)
-        assert error <= solution.stats["bound"] < 10 * error, method
+        # below 1e-12 it is that of roundings, which seldom add up
+        assert error <= solution.stats["bound"] < max(10 * error, 1e-12), method
 
 
 @pytest.mark.parametrize("mode", ["auto", "fast", "stable"])

@@ -1,0 +1,39 @@
+"""
+A wall between spins
+====================
+
+Sixteen spins one half, the left half up and the right half down, and neighbours that may exchange
+them. If exchange along z is weak, the wall melts at the speed of the fastest magnon; if it is
+strong, the wall stays. The number of spins that are up is kept, so the 12870 states with eight of
+them are all that there is. The magnetisation is observed; states are not kept.
+"""
+
+import matplotlib.pyplot as plt
+import numpy as np
+
+import liouville as lv
+
+LENGTH = 16
+times = np.linspace(0.0, 12.0, 121)
+profiles = {}
+for delta in (0.0, 1.0, 2.0):
+    chain = lv.SpinChain(LENGTH, z=delta, up=LENGTH // 2)
+    wall = np.zeros(chain.size)
+    wall[chain.index(0xFF00)] = 1.0  # bit i is set where spin i is down
+    observe = {f"spin {i}": chain.sz(i) for i in range(LENGTH)}
+    solution = lv.integrate(
+        lv.Schrodinger(chain), "auto", t=times, psi=wall, tol=1e-6, states=False, observe=observe
+    )
+    profiles[delta] = np.stack([solution.observed[name] for name in observe], axis=1)
+print(solution)
+
+fig, axes = plt.subplots(1, 3, figsize=(10, 4), layout="constrained", sharey=True)
+for ax, (delta, profile) in zip(axes, profiles.items(), strict=True):
+    shown = ax.pcolormesh(
+        np.arange(LENGTH), times, profile, vmin=-0.5, vmax=0.5, cmap="RdBu_r", shading="nearest"
+    )
+    ax.set_title(rf"$\Delta = {delta:g}$", loc="left")
+    ax.set(xlabel="spin")
+axes[0].set_ylabel("t")
+fig.colorbar(shown, ax=axes, label=r"$\langle S^z \rangle$")
+plt.show()

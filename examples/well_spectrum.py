@@ -1,0 +1,35 @@
+r"""
+Energies from a wave packet
+===========================
+
+A packet that is let go in a well comes back in part, again and again. How much of it, the
+autocorrelation :math:`C(t) = \langle \psi(0) | \psi(t) \rangle`, is a sum of waves, one for each
+energy, so its Fourier transform has a peak at every energy, as high as the packet has of that
+state. In Pöschl and Teller's well the energies are known: marks below the peaks. No state is kept,
+only the autocorrelation.
+"""
+
+import matplotlib.pyplot as plt
+import numpy as np
+
+import liouville as lv
+from liouville import plot
+from liouville.problems import poschl_teller as problem
+
+x = problem.grid.points[:, 0]
+psi = np.exp(-((x - 0.5) ** 2) / 0.15)
+psi /= np.linalg.norm(psi)
+times = np.linspace(0.0, 10.0, 3001)
+solution = lv.integrate(problem.system, "auto", t=times, psi=psi, tol=1e-6, states=False)
+print(solution)
+
+fig, axes = plt.subplots(2, 1, figsize=(8, 6.5), layout="constrained")
+plot.autocorrelation(solution, ax=axes[0])
+axes[0].set_xlim(0.0, 3.0)
+energies = [problem.energy(n) for n in range(problem.LAMBDA)]
+plot.spectrum(solution, energies=energies, ax=axes[1])
+axes[1].set_xlim(-136.0, 4.0)
+plt.show()
+
+# %%
+# A peak is as wide as the run is short: here :math:`2 \pi / 10`.
