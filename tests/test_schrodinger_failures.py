@@ -1,0 +1,252 @@
+"""Runs of wave functions that end otherwise than asked: none of them with a wrong state.
+
+Spectra that are not what they were said to be, functions that raise, Ctrl-C; and the ways out of a
+run, files and the command line.
+"""
+
+import csv
+import math
+import os
+import signal
+import subprocess
+import sys
+import threading
+import time
+
+import numpy as np
+import pytest
+
+import liouville as lv
+from liouville.problems import load
+
+PSI = np.eye(10)[0]
+Splitting = lv.SchrodingerSplitting
+
+
+def run(system=None, method="auto", *, function=lv.integrate, psi=PSI, t=(0.0, 1.0), **more):
+    return function(system or lv.Schrodinger(lv.Lattice(10)), method, t=t, psi=psi, **more)
+
+
+# --- spectra that reach out of their bounds ------------------------------------------------------
+
+#: A band of energies, and beyond it an impurity that a state may be on or not.
+SITES = 400
+BAND = np.diag(np.full(SITES - 1, -1.0), 1)
+BAND = BAND + BAND.T
+BAND[200, 200] = 1.5
+ENERGIES, VECTORS = np.linalg.eigh(BAND)
+
+
+def exact(psi, t):
+    return VECTORS @ (np.exp(-1j * ENERGIES * t) * (VECTORS.T @ psi))
+
+
+@pytest.mark.parametrize("by_products", [False, True])
+@pytest.mark.parametrize("method", ["auto", "fast", "stable", "Chebyshev", "Lanczos"])
+@pytest.mark.parametrize("narrow", [1e-3, 0.01, 0.1, 0.5])
+def test_bounds_that_are_too_narrow_never_give_a_wrong_state(narrow, method, by_products):
+    rng = np.random.default_rng(4)
+    h = (SITES, lambda x: BAND @ x) if by_products else BAND
+    inside = np.where(np.abs(ENERGIES) < 0.5, rng.normal(size=SITES), 0.0)
+    starts = np.eye(SITES)[200], np.eye(SITES)[0], rng.normal(size=SITES), VECTORS @ inside
+    seen = set()
+    middle, half = ENERGIES[[0, -1]].mean(), np.ptp(ENERGIES) / 2
+    for bounds in (
+        (ENERGIES[0] - 1e-3, middle + (1 - narrow) * half),
+        (middle - (1 - narrow) * half, ENERGIES[-1] + 1e-3),
+    ):
+        for start in starts:
+            psi = start / np.linalg.norm(start) * (0.6 + 0.8j)
+            for tol in (1e-3, 1e-8):
+                chosen = {
+                    "Chebyshev": lv.Chebyshev(tol), "Lanczos": lv.Lanczos(tol),
+                }.get(method) or Splitting(tol, method)  # fmt: skip
+                system = lv.Schrodinger(h, bounds=bounds)
+                try:
+                    end = lv.integrate(system, chosen, t=(0.0, 40.0), psi=psi).psi[-1]
+                except ValueError as error:
+                    assert "bounds say that no energy is" in str(error)  # noqa: PT017
+                    seen.add("refused")
+                except lv.IntegrationError as error:
+                    assert "eigenvalues outside the bounds" in str(error)  # noqa: PT017
+                    seen.add("caught")
+                else:
+                    assert np.linalg.norm(end - exact(psi, 40.0)) <= tol
+                    seen.add("fine")
+    if narrow >= 0.01:
+        assert "refused" in seen
+
+
+def test_what_the_check_before_a_run_cannot_see_is_caught_in_it():
+    seen = []  # a function that makes another matrix once the run has begun
+
+    def product(x):
+        y = -np.roll(x, 1) - np.roll(x, -1)
+        if seen:
+            y[7] += 40.0 * x[7]
+        return y
+
+    system = lv.Schrodinger((10**4, product), bounds=(-2.0, 2.0))
+    psi = np.eye(10**4)[7]
+    assert system.bounds == (-2.0, 2.0)
+    seen.append("now")
+    for method in (Splitting(1e-6, "fast"), Splitting(1e-6, "stable"), lv.Chebyshev(1e-6)):
+        with pytest.raises(lv.IntegrationError, match="failed: ") as caught:
+            lv.integrate(system, method, t=np.linspace(0, 40, 9), psi=psi)
+        error = caught.value
+        assert "outside the bounds [-2, 2]" in str(error)
+        assert np.isfinite(error.solution.psi).all()
+        assert error.quantity == "norm"
+
+
+# --- functions that raise, and Ctrl-C ------------------------------------------------------------
+
+
+class Broken(RuntimeError):
+    pass
+
+
+@pytest.mark.parametrize("method", ["stable", "Chebyshev", "Lanczos"])
+def test_a_product_that_raises_ends_a_run_with_what_was_done(method):
+    calls, last = [], [10**9]
+
+    def product(x):
+        calls.append(1)
+        if len(calls) > last[0]:
+            raise Broken("no more")
+        return BAND @ x
+
+    system = lv.Schrodinger((SITES, product), bounds=(-3.0, 3.0))
+    chosen = {"Chebyshev": lv.Chebyshev(), "Lanczos": lv.Lanczos()}.get(method) or Splitting(
+        mode=method
+    )
+    t, psi = np.linspace(0.0, 40.0, 21), np.eye(SITES)[0] * (1 + 0j)
+    assert system.bounds == (-3.0, 3.0)
+    calls.clear()
+    whole = lv.integrate(system, chosen, t=t, psi=psi)
+    used = len(calls)
+    calls.clear()
+    last[0] = used // 2
+    with pytest.raises(lv.IntegrationError, match="no more") as caught:
+        lv.integrate(system, chosen, t=t, psi=psi)
+    error, solution = caught.value, caught.value.solution
+    assert isinstance(error.__cause__, Broken)
+    assert solution.status == "failed"
+    assert 5 < len(solution.t) < 16
+    assert np.array_equal(solution.psi, whole.psi[: len(solution.t)])
+
+
+@pytest.mark.parametrize("value", ["nan", "short", "none"])
+def test_a_product_that_goes_wrong_in_a_run_gives_no_numbers(value):
+    wrong, is_on = {"nan": np.full(SITES, math.nan), "short": np.ones(3), "none": None}[value], []
+    system = lv.Schrodinger((SITES, lambda x: wrong if is_on else BAND @ x), bounds=(-3.0, 3.0))
+    assert system.bounds == (-3.0, 3.0)
+    is_on.append(True)
+    for method in (Splitting(mode="stable"), lv.Chebyshev(), lv.Lanczos()):
+        with pytest.raises((lv.IntegrationError, TypeError, ValueError)) as caught:
+            lv.integrate(system, method, t=(0.0, 1.0), psi=np.eye(SITES)[0])
+        if isinstance(caught.value, lv.IntegrationError):
+            assert np.isfinite(caught.value.solution.psi).all()
+
+
+@pytest.mark.parametrize("method", ["stable", "Chebyshev", "Lanczos", "Magnus", "SplitOperator"])
+def test_ctrl_c_is_answered_in_the_middle_of_a_step(method):
+    rng = np.random.default_rng(0)
+    lattice = lv.Lattice((500, 500), potential=rng.normal(size=(500, 500)))
+    system, more = lv.Schrodinger(lattice), {}
+    chosen = {
+        "stable": Splitting(1e-6, "stable"), "Chebyshev": lv.Chebyshev(1e-6),
+        "Lanczos": lv.Lanczos(1e-6), "Magnus": lv.Magnus(), "SplitOperator": lv.SplitOperator(),
+    }[method]  # fmt: skip
+    if method == "SplitOperator":
+        grid = lv.Grid((-5, -5), (5, 5), (1024, 1024), rng.normal(size=(1024, 1024)))
+        system, more = lv.Schrodinger(grid), {"steps": 1000}
+    if method == "Magnus":
+        more = {"steps": 1000}
+    psi = rng.normal(size=system.size) + 0j
+    _ = system.bounds
+    times = []
+
+    def press():
+        times.append(time.perf_counter())
+        os.kill(os.getpid(), signal.SIGINT)
+
+    timer = threading.Timer(1.0, press)
+    timer.start()
+    try:
+        solution = run(system, chosen, psi=psi, t=(0.0, 2e4), states=False, **more)
+    finally:
+        timer.cancel()
+    assert time.perf_counter() - times[0] < 1.5
+    assert solution.status == "interrupted"
+    assert np.isfinite(solution.invariants["norm"]).all()
+
+
+# --- files and the command line ------------------------------------------------------------------
+
+
+@pytest.fixture(scope="module")
+def solution():
+    psi = np.array([0.6 + 0j, 0.8j])[:, None] * np.eye(2, 10)
+    return run(
+        function=lv.ensemble, psi=psi, t=[0.0, 0.5, 1.0],
+        observe={"x": np.arange(10.0), "phi": PSI * 1j},
+    )  # fmt: skip
+
+
+@pytest.mark.parametrize("name", ["run.nc", "run.zarr"])
+def test_complex_states_come_back_bit_for_bit(solution, tmp_path, name):
+    one = run(t=[0.0, 0.5, 1.0], observe={"phi": PSI * 1j})
+    for each in (solution, one):
+        each.save(tmp_path / name)
+        loaded = lv.load(tmp_path / name)
+        assert loaded.psi.dtype == complex
+        assert np.array_equal(loaded.psi, each.psi)
+        assert list(loaded.observed) == list(each.observed)
+        for key, values in each.observed.items():
+            assert loaded.observed[key].dtype == values.dtype
+            assert np.array_equal(loaded.observed[key], values), key
+        assert np.array_equal(loaded.invariants["norm"], each.invariants["norm"])
+        assert (loaded.stats, loaded.members) == (each.stats, each.members)
+
+
+def test_a_table_has_real_and_imaginary_parts(tmp_path):
+    solution = run(t=[0.0, 0.5, 1.0])
+    solution.save(tmp_path / "run.csv")
+    with open(tmp_path / "run.csv", newline="") as file:
+        rows = list(csv.DictReader(file))
+    assert len(rows) == 3
+    values = [float(value) for value in rows[-1].values()]
+    for part in (solution.psi[-1].real, solution.psi[-1].imag):
+        assert all(x in values for x in part)
+    assert solution.observed["autocorrelation"][-1].real in values
+
+
+def liouville(words, cwd):
+    command = [sys.executable, "-W", "error", "-c", "from liouville.cli import main; main()"]
+    env = {name: value for name, value in os.environ.items() if name not in ("FORCE_COLOR", "TERM")}
+    return subprocess.run(
+        [*command, *words.split()], cwd=cwd, env=env, capture_output=True, text=True, check=False
+    )
+
+
+def test_the_command_line_runs_plans_and_lists_wave_functions(tmp_path):
+    ran = liouville("run tight_binding --tol 1e-8 --keep 4 --out run.nc --plot run.png", tmp_path)
+    assert ran.returncode == 0, ran.stderr
+    loaded = lv.load(tmp_path / "run.nc")
+    problem = load("tight_binding")
+    same = lv.integrate(
+        problem.system, Splitting(1e-8), t=np.linspace(*problem.interval, 5), **problem.start
+    )
+    assert np.array_equal(loaded.psi, same.psi)
+    planned = liouville("plan tight_binding --tol 1e-8", tmp_path)
+    assert planned.returncode == 0, planned.stderr
+    assert "products H psi" in planned.stdout
+    listed = liouville("problems", tmp_path)
+    assert "walker_preston" in listed.stdout
+    methods = liouville("methods", tmp_path)
+    for name in ("schrodinger-splitting", "chebyshev", "lanczos", "split-operator", "magnus"):
+        assert name in methods.stdout
+    refused = liouville("run tight_binding --tol 1e-16", tmp_path)
+    assert refused.returncode == 2
+    assert refused.stderr.startswith("error: tol is from 1e-14")
