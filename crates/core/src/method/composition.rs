@@ -23,7 +23,7 @@ pub trait Parts: Send {
     /// Whether the part is an exact flow: its own adjoint, and flows of it add up.
     fn is_exact(&self, part: usize) -> bool;
 
-    /// Moves `state` by a part, or by its adjoint, from `t` to `t + h`.
+    /// Moves `state` by a part, or its adjoint, from `t` to `t + h`.
     ///
     /// # Errors
     /// Why that could not be; the state may be anything then.
@@ -169,12 +169,11 @@ where
             offset += weight;
             flow
         });
-        let program = program.collect();
         let base = Base {
             stepper,
             kept: None,
         };
-        Ok(Self::following(base, program))
+        Ok(Self::following(base, program.collect()))
     }
 }
 
@@ -271,7 +270,7 @@ impl<P: Parts> Composed<P> {
         &self.parts
     }
 
-    /// What is composed, to change it between steps.
+    /// The same, to change it between steps.
     pub fn parts_mut(&mut self) -> &mut P {
         &mut self.parts
     }
