@@ -24,7 +24,7 @@ Method = SchrodingerSplitting | Chebyshev | Lanczos
 MANY = 50
 
 #: Roundings of an energy count so many times in the phase.
-PHASE = 8.0
+PHASE = 4.0
 
 #: The norm may be off by ten times what the method promises, and by so much in any case.
 TIMES, LEAST = 10.0, 1e-10
