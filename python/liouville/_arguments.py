@@ -100,7 +100,7 @@ def times_of(t: Any) -> tuple[float, ...]:
     times = tuple(number("t is made of numbers", x) for x in t)
     interval((times[0], times[-1]))
     steps = np.diff(times)
-    bad = np.flatnonzero(~(np.isfinite(steps) & (steps * (times[-1] - times[0]) > 0)))
+    bad = np.flatnonzero(~(np.isfinite(steps) & (steps * np.sign(times[-1] - times[0]) > 0)))
     if bad.size:
         k = int(bad[0])
         raise ValueError(f"times rise or fall: t has {times[k]:g} and then {times[k + 1]:g}")

@@ -142,27 +142,15 @@ def planned(
     `times` are those of the start and of the states to keep; `is_real` says whether the start is
     known to be real.
     """
-    if system.is_driven:
-        hint = "take Magnus(), or SplitOperator() on a grid, with h or steps"
-        raise TypeError(hinted(f"{type(method).__name__} is for an H without time", hint))
+    _check_system(system, method)
     low, high = system.bounds
     span = Span(times[0], tuple(times[1:]), (float(low), float(high)))
     _check_reach(span, method.tol)
     if isinstance(method, Lanczos):
-        if not system.is_real:
-            sentence = "H is complex and no gauge makes it real, which Lanczos wants here"
-            raise ValueError(hinted(sentence, "take 'auto', which uses a Chebyshev series then"))
         return _lanczos(span, method)
     if isinstance(method, Chebyshev):
         return _chebyshev(span, method.tol, system, is_real, ("asked for",))
     if not system.is_real:
-        if method.mode != "auto":
-            raise ValueError(
-                hinted(
-                    "H is complex and no gauge makes it real: a splitting would gain nothing",
-                    "take mode='auto', which uses a Chebyshev series then",
-                )
-            )
         why = "H is complex and no gauge makes it real"
         return _chebyshev(span, method.tol, system, is_real, (why,))
     found = _splitting(span, method)
@@ -180,6 +168,18 @@ def planned(
         return replace(series, reasons=(why,))
     splitting = _split(span, found, method)
     return _faster(system, splitting, series) if method.mode == "auto" else splitting
+
+
+def _check_system(system: Schrodinger, method: Method) -> None:
+    """Refuse an H that depends on time, and a complex one for what needs a real one."""
+    name = type(method).__name__
+    if system.is_driven:
+        hint = "take Magnus(), or SplitOperator() on a grid, with h or steps"
+        raise TypeError(hinted(f"{name} is for an H without time", hint))
+    takes_complex = isinstance(method, Chebyshev) or getattr(method, "mode", "") == "auto"
+    if not (system.is_real or takes_complex):
+        sentence = f"H is complex and no gauge makes it real, which {method!r} needs"
+        raise ValueError(hinted(sentence, "take 'auto', which uses a Chebyshev series then"))
 
 
 def _faster(system: Schrodinger, splitting: Propagation, series: Propagation) -> Propagation:
