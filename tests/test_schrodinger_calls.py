@@ -109,7 +109,7 @@ ROWS = [
     ("tol out of reach", lambda: run(t=(0, 1e6), tol=1e-10), ValueError, "out of reach.*\nhint"),
     (
         "stable out of reach",
-        lambda: run(method=Splitting(1e-14, "stable")),
+        lambda: run(t=(0, 4), method=Splitting(1e-14, "stable")),
         ValueError,
         "no stable",
     ),

@@ -53,6 +53,7 @@ def start_for(points: int) -> dict[str, NDArray[np.float64]]:
 system = build(64)
 start = start_for(64)
 interval = (0.0, 4 * np.pi / PARAMS["omega"])
+h = interval[1] / 144
 tol = 1e-8
 conserved = ("norm",)
 reference = {

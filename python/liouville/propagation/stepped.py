@@ -26,8 +26,8 @@ LOOKS = 33
 
 #: The norm may be off by so much, ...
 NORM = 1e-6
-#: ... and by so much where a step is not close to unitary but only its powers are bounded.
-LOOSE = 0.5
+#: ... and by so many times it where a step is not close to unitary but only its powers are bounded.
+LOOSE = 10.0
 
 #: So much of the longest stable step is taken at most.
 LONGEST = 0.99
@@ -54,6 +54,9 @@ def _split_operator(
                 "take SchrodingerSplitting, or Magnus for H(t)",
             )
         )
+    if len(system.term_bounds) > 1:
+        hint = "take Magnus, or give the drive as a potential of t and x"
+        raise TypeError(hinted("SplitOperator takes no drive by matrices", hint))
     steps, h = _sizes(t0, stops)
     drifts = sum(not is_kick for is_kick, _, _ in _core.split_program(method.scheme))
     low, high = system.bounds_at(t0)
