@@ -404,12 +404,13 @@ def test_an_interrupt_returns_what_was_done(kind, monkeypatch):
 
 def test_an_interrupted_section_has_what_was_found(monkeypatch):
     monkeypatch.setattr(MODULE, "SLICE", 1e-3)
-    span = {"h": 0.1, "plane": "m1", "x": [[0.1, 1.0, 0.3], [0.2, 1.0, -0.3]]}
-    found = lv.section(TOP, PLAN, t=(0, 1e8), **span, progress=interrupt())
+    # h is a power of two: both runs then have the same steps, to the bit
+    span = {"h": 0.125, "plane": "m1", "x": [[0.1, 1.0, 0.3], [0.2, 1.0, -0.3]]}
+    found = lv.section(TOP, PLAN, t=(0, 2.0**26), **span, progress=interrupt())
     assert found.status == "interrupted"
     assert len(found) > 50
     assert set(found.member) == {0, 1}
-    whole = lv.section(TOP, PLAN, t=(0, 0.1 * math.ceil(found.t.max() / 0.1)), **span)
+    whole = lv.section(TOP, PLAN, t=(0, 0.125 * math.ceil(found.t.max() / 0.125)), **span)
     for member in range(2):
         mine, theirs = found.x[found.member == member], whole.x[whole.member == member]
         assert np.array_equal(mine, theirs[: len(mine)])
