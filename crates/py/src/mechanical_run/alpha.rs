@@ -1,0 +1,70 @@
+//! The extended HHT-α method and its relatives.
+
+use super::launch::{launch, launch_controlled};
+use super::{Begin, Control};
+use crate::errors;
+use crate::second_order::SecondOrder;
+use liouville_core::method::alpha::{Alpha, Reactions, Tolerance};
+use liouville_core::problem::mechanical::{Observer, SecondOrderModel};
+use liouville_core::tableau;
+use liouville_core::tape::Tape;
+use pyo3::exceptions::PyValueError;
+use pyo3::prelude::*;
+
+pub(super) fn alpha<'py>(
+    py: Python<'py>,
+    problem: &SecondOrder,
+    method: &Bound<'_, PyAny>,
+    observer: Tape,
+    begin: &Begin<'_>,
+    control: Option<Control<'_>>,
+) -> PyResult<Bound<'py, PyAny>> {
+    let (alpha_m, alpha_f, gamma, beta) = method.getattr("coefficients")?.extract()?;
+    let weights = tableau::Alpha {
+        alpha_m,
+        alpha_f,
+        gamma,
+        beta,
+    };
+    let reaction: String = method.getattr("reaction")?.extract()?;
+    let reactions = match reaction.as_str() {
+        "position" => Reactions::Position,
+        "extended" | "predicted" => Reactions::Extended {
+            b: method.getattr("b")?.extract()?,
+            predicted: reaction == "predicted",
+        },
+        other => {
+            return Err(PyValueError::new_err(format!(
+                "there is no reaction {other:?}"
+            )));
+        }
+    };
+    let n = problem.0.mechanical.n;
+    begin.check(n, problem.0.mechanical.stage.inputs()[3], &observer, 3)?;
+    let tolerance = control.map(|(rtol, atol, ..)| Tolerance {
+        rtol,
+        atol: atol.to_vec(),
+    });
+    if tolerance.as_ref().is_some_and(|x| x.atol.len() != n) {
+        return Err(PyValueError::new_err(format!("atol has size {n}")));
+    }
+    let (t0, t1, ..) = begin.span;
+    let model = SecondOrderModel::new(problem.0.clone(), begin.params);
+    let general = model.general.clone();
+    let observer = Observer::new(general, begin.params, observer, begin.states);
+    let mut stepper = Alpha::new(model, weights, reactions, tolerance);
+    let (y, z, a) = (begin.start[0], begin.start[1], begin.start.get(2).copied());
+    let state = match stepper.start(t0, y, z, a) {
+        Ok(state) => state,
+        Err(trouble) => return Ok(errors::trouble(py, &trouble)?.into_any()),
+    };
+    let Some((_, _, first, least)) = control else {
+        return launch(py, begin, stepper, observer, state);
+    };
+    let first = if first > 0.0 {
+        first
+    } else {
+        stepper.first_step(&state, t1 - t0)
+    };
+    launch_controlled(py, begin, stepper, observer, state, (first, least))
+}
