@@ -121,10 +121,10 @@ class Plain:
 
     def _equations(self, tab):
         """Return the residual of a step's equations, their Jacobian and y1."""
-        n, m, l, s, last = self.n, self.m, self.l, len(tab.c), len(tab.c_hat) - 1
+        n, s, last = self.n, len(tab.c), len(tab.c_hat) - 1
         t, h, y, z = ca.SX.sym("t"), ca.SX.sym("h"), ca.SX.sym("y", n), ca.SX.sym("z", n)
         V, Z, z1 = ca.SX.sym("V", n, s), ca.SX.sym("Z", n, s), ca.SX.sym("z1", n)
-        psi, nu = ca.SX.sym("psi", m, last + 1), ca.SX.sym("nu", l, s)
+        psi, nu = ca.SX.sym("psi", self.m, last + 1), ca.SX.sym("nu", self.l, s)
 
         def sum_of(row, values):
             return sum((float(a) * x for a, x in zip(row, values, strict=True)), ca.SX(n, 1))
@@ -158,7 +158,7 @@ class Plain:
         unknown = ca.vertcat(ca.vec(V), ca.vec(Z), ca.vec(psi), ca.vec(nu), z1)
         residual = ca.vertcat(*rest)
         found = [residual, ca.densify(ca.jacobian(residual, unknown)), y1]
-        return ca.Function("step", [unknown, t, y, z, h], found), (m * (last + 1), l * s)
+        return ca.Function("step", [unknown, t, y, z, h], found), (self.m * (last + 1), self.l * s)
 
 
 def column(function, *args):

@@ -210,7 +210,7 @@ def circular_track(times: Sequence[int] = (2, 5)) -> None:
 
 
 def knife_edge(times: Sequence[int] = (1, 5)) -> None:
-    """The blade turns at w = 3/2 on a plane with gravity a = 1 down the slope."""
+    """Heading w t, w = 3/2, on a plane with gravity a = 1 down the slope."""
     w = mpf(3) / 2
     for t in times:
         s, c = mp.sin(w * t), mp.cos(w * t)
@@ -225,7 +225,7 @@ def rolling_disk(times: Sequence[mpf] = (mpf(1), mpf(5))) -> None:
     spin, turn = m * r**2 / 2, m * r**2 / 4
 
     def field(x: State) -> State:
-        _, _, b, f, db, df = x
+        f, db, df = x[3:]
         slope = -m * a * r * mp.cos(f) / (m * r**2 + spin)
         return [r * mp.cos(f) * db, r * mp.sin(f) * db, db, df, slope, k * mp.sin(f) / turn]
 
@@ -237,10 +237,11 @@ def rolling_disk(times: Sequence[mpf] = (mpf(1), mpf(5))) -> None:
     states = checked("rolling_disk", field, energy, x, times)
     for t, state in zip(times, states, strict=True):
         rates = field(state)
-        (x_, y_, b, f, db, df), (vx, vy, *_, ddb, _) = state, rates
+        *q, db, df = state
+        (vx, vy, *_, ddb, _), f = rates, q[3]
         along = m * (r * mp.cos(f) * ddb - r * mp.sin(f) * db * df + a)
         across = m * (r * mp.sin(f) * ddb + r * mp.cos(f) * db * df)
-        values = {"q": (x_, y_, b, f), "v": (vx, vy, db, df), "lam": [-along, -across]}
+        values = {"q": q, "v": (vx, vy, db, df), "lam": [-along, -across]}
         show("rolling_disk", mp.nstr(t, 3), values)
 
 
@@ -277,7 +278,7 @@ def chaplygin_sleigh(times: Sequence[int] = (5, 10)) -> None:
 
 
 def rolling_ball(times: Sequence[mpf] = (mpf(5), mpf(10))) -> None:
-    """The centre circles at J / (J + m r^2) of the turntable's rate; 2 p' = w p for the attitude."""
+    """Circle at J / (J + m r^2) of the turntable's rate; 2 p' = w p for the attitude p."""
     m, inertia, r, table = mpf(1), mpf("0.1"), mpf("0.5"), mpf(2)
     place, velocity, spin = mp.mpc("0.5", 0), mp.mpc("0.3", "0.5"), mpf(1)
     rate = table * inertia / (inertia + m * r**2)
