@@ -14,6 +14,7 @@ from liouville.methods import (
     ArnoldBruls,
     Composition,
     GeneralizedAlpha,
+    LobattoPair,
     Method,
     SchrodingerSplitting,
     Spark,
@@ -62,7 +63,7 @@ def route(system: System, method: Method | Plan | Propagation | str, asked: Aske
         raise _no_route(method, "field", "polynomial fields")
     if asked.is_ensemble:
         raise TypeError(f"ensembles are of a PolynomialField so far, not of {system!r}")
-    if isinstance(method, Spark | HHT | GeneralizedAlpha | ArnoldBruls | Composition):
+    if isinstance(method, Spark | LobattoPair | HHT | GeneralizedAlpha | ArnoldBruls | Composition):
         return MechanicalRoute(system, method, asked)
     raise _no_route(method, "mechanical", "mechanical systems")
 

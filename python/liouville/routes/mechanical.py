@@ -10,7 +10,7 @@ import numpy as np
 from liouville import _core
 from liouville._arguments import check_memory, steps_of
 from liouville.errors import describe
-from liouville.methods import Composition, Method, Spark
+from liouville.methods import Composition, LobattoPair, Method, Spark
 from liouville.routes.route import KEEP_LESS, Asked, kept, observable
 from liouville.systems import Mechanical, Mechanics
 
@@ -106,9 +106,12 @@ class MechanicalRoute:
         records = -(-self.pace.count // self.every) + 1
         check_memory(f"keeping {records} states", records * self.row, KEEP_LESS)
         method = self._base
-        if isinstance(method, Spark):
-            n, m, s = len(self.system.coordinates), len(self.constraints), method.stages
-            dense = s * m * (n + s * m) if method.solver == "node-schur" else 2 * (s * (n + m)) ** 2
+        if isinstance(method, Spark | LobattoPair):
+            n, s = len(self.system.coordinates), method.stages
+            multipliers = method.intervals * len(self.constraints)
+            dense = multipliers * (n + multipliers)
+            if method.solver != "node-schur":
+                dense = 2 * (s * n + multipliers) ** 2
             hint = "HHT and its relatives take large sparse systems"
             check_memory(f"{method!r} on {n} coordinates, dense,", 8 * dense, hint)
 
