@@ -75,11 +75,6 @@ impl Rattle {
         })
     }
 
-    /// The next step starts cold.
-    pub fn forget(&mut self) {
-        self.guess.forget();
-    }
-
     /// f and G at the start, unless the step before has left them.
     fn begin(&mut self, step: Step) -> Result<(), Trouble> {
         let State { y, .. } = step.state;
@@ -175,6 +170,10 @@ impl Stepper for Rattle {
         copy(&mut self.start_y, &state.y);
         self.start = Some(t + h);
         Ok(())
+    }
+
+    fn forget(&mut self) {
+        self.guess.forget();
     }
 
     fn stats(&self) -> Stats {
