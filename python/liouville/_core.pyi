@@ -89,6 +89,10 @@ class SecondOrder:
     ) -> SecondOrder: ...
 
 @final
+class Separable:
+    def __new__(cls, problem: Mechanical, tapes: dict[str, Tape]) -> Separable: ...
+
+@final
 class Run:
     def advance(self, seconds: float) -> Literal["paused", "done"] | _Trouble: ...
     @property
@@ -100,7 +104,7 @@ class Run:
     def take(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]: ...
 
 def mechanical_run(
-    problem: Mechanical | SecondOrder,
+    problem: Mechanical | SecondOrder | Separable,
     method: object,
     observer: Tape,
     params: NDArray[np.float64],

@@ -47,7 +47,7 @@ mod _core {
         chebyshev_degree, processor_degree, schrodinger_run, split_program_of,
     };
     #[pymodule_export]
-    use super::second_order::SecondOrder;
+    use super::second_order::{SecondOrder, Separable};
     #[pymodule_export]
     use super::split::{Split, determinant_run, section_run, split_run};
     #[pymodule_export]

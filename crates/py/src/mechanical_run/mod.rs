@@ -2,10 +2,11 @@
 
 mod alpha;
 mod launch;
+mod rattle;
 mod spark;
 
 use crate::convert::{self, Mechanical};
-use crate::second_order::SecondOrder;
+use crate::second_order::{SecondOrder, Separable};
 use liouville_core::tape::Tape;
 use numpy::PyReadonlyArray1;
 use pyo3::exceptions::PyValueError;
@@ -76,6 +77,8 @@ pub(crate) fn mechanical_run<'py>(
             .map(|(rtol, atol, h, least)| PyResult::Ok((*rtol, atol.as_slice()?, *h, *least)))
             .transpose()?;
         alpha::alpha(py, &problem, method, observer, &begin, control)
+    } else if let Ok(problem) = problem.extract::<PyRef<'_, Separable>>() {
+        rattle::rattle(py, &problem, method, observer, &begin)
     } else {
         let problem = problem.extract::<PyRef<'_, Mechanical>>()?;
         spark::spark(py, &problem, method, observer, &begin)

@@ -11,6 +11,7 @@ mod observe;
 mod projection;
 mod saddle;
 mod second_order;
+mod separable;
 
 pub use acceleration::Acceleration;
 pub use model::{Model, finite};
@@ -19,6 +20,7 @@ pub use projection::{Projection, project};
 pub use saddle::{Mass, Saddle};
 pub(crate) use saddle::{add_product, explain};
 pub use second_order::{SecondOrder, SecondOrderModel, SecondOrderPatterns};
+pub use separable::{Separable, SeparableModel};
 
 use crate::linalg::Pattern;
 use crate::tape::Tape;
