@@ -5,6 +5,7 @@ mod collocation;
 pub mod composition;
 mod ladder;
 mod lobatto;
+mod radau;
 mod spark;
 pub mod splitting;
 mod stability;
