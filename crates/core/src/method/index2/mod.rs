@@ -163,6 +163,10 @@ impl Stepper for Index2 {
         Ok(())
     }
 
+    fn forget(&mut self) {
+        self.predictor.forget();
+    }
+
     fn stats(&self) -> Stats {
         Stats {
             evaluations: self.stages.evaluations,

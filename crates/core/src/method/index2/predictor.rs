@@ -43,6 +43,11 @@ impl Predictor {
         true
     }
 
+    /// The next step starts cold.
+    pub(super) fn forget(&mut self) {
+        self.h = None;
+    }
+
     /// Keeps the stages of a finished step.
     pub(super) fn keep(&mut self, stages: &Stages, h: f64) {
         copy(self.v.flat_mut(), stages.v.flat());

@@ -3,7 +3,7 @@
 use crate::linalg::{Matrix, add_scaled, combine, copy, copy_scaled, max_norm};
 use crate::problem::mechanical::finite;
 use crate::problem::semi_explicit::{Model, State};
-use crate::tableau::{GaussLobatto, moments};
+use crate::tableau::{Spark, moments};
 use crate::trouble::{Quantity, Trouble};
 
 /// The step being made: from `state` at `t` over `h`.
@@ -41,15 +41,15 @@ pub(super) struct Stages {
 
 impl Stages {
     pub(super) fn new(model: &Model, s: usize) -> Self {
-        let tableau = GaussLobatto::new(s);
+        let tableau = Spark::gauss(s);
         let (n, l) = (model.problem.n, model.problem.l);
         let mut ends = Matrix::zeros(1, s);
         lagrange(&tableau.c, [1.0].into_iter(), &mut ends);
-        let weight = |i, j| if i < s { tableau.mu[(i, j)] } else { 1.0 };
+        let weight = |i, j| if i < s { tableau.mu_f[(i, j)] } else { 1.0 };
         Self {
             weights: Matrix::from_fn(s + 1, s, weight),
             moments: moments(&tableau.b, &tableau.c),
-            a: tableau.a,
+            a: tableau.a_f,
             b: tableau.b,
             c: tableau.c,
             v: Matrix::zeros(s, n),
