@@ -15,6 +15,7 @@ mod project;
 mod run;
 mod schrodinger;
 mod second_order;
+mod semi_explicit;
 mod split;
 mod tableau;
 
@@ -48,6 +49,8 @@ mod _core {
     };
     #[pymodule_export]
     use super::second_order::{SecondOrder, Separable};
+    #[pymodule_export]
+    use super::semi_explicit::{SemiExplicit, semi_explicit_run};
     #[pymodule_export]
     use super::split::{Split, determinant_run, section_run, split_run};
     #[pymodule_export]
