@@ -21,6 +21,8 @@ pub enum Quantity {
     Power,
     /// An invariant or another quantity to be recorded.
     Observable,
+    /// A function whose zeros are events.
+    Event,
 }
 
 impl Quantity {
@@ -36,6 +38,7 @@ impl Quantity {
             Self::Derivative => "derivative",
             Self::Power => "power",
             Self::Observable => "observable",
+            Self::Event => "event",
         }
     }
 }
