@@ -17,6 +17,7 @@ mod schrodinger;
 mod second_order;
 mod split;
 mod tableau;
+mod watch;
 
 use pyo3::prelude::*;
 
@@ -54,6 +55,9 @@ mod _core {
     use super::tableau::gauss_lobatto;
     #[pymodule_export]
     use super::tableau::lobatto_pair;
+
+    #[pymodule_export]
+    use super::watch::mechanical_path;
 
     #[pymodule_init]
     fn init(module: &Bound<'_, PyModule>) -> PyResult<()> {

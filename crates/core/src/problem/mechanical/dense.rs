@@ -114,6 +114,8 @@ pub struct Path {
     most: usize,
     knots: Vec<Knot>,
     spare: Vec<Knot>,
+    /// Which of the knots of a known trajectory is the last one.
+    followed: Option<usize>,
     is_fitted: bool,
     of_y: Newton,
     of_z: Newton,
@@ -144,6 +146,7 @@ impl Path {
             most,
             knots: Vec::with_capacity(most),
             spare: vec![knot; most],
+            followed: None,
             is_fitted: false,
             of_y: Newton::default(),
             of_z: Newton::default(),
@@ -200,6 +203,43 @@ impl Path {
         }
         self.knots.push(knot);
         self.is_fitted = false;
+        Ok(())
+    }
+
+    /// Goes to the point at time `t` of a trajectory of which all steps are known: their ends `times`, and
+    /// y and z there, one row a time. The times asked for in turn follow the trajectory.
+    ///
+    /// # Errors
+    /// A value that is not finite, or a singular matrix.
+    pub fn follow(
+        &mut self,
+        t: f64,
+        times: &[f64],
+        (y, z): (&[f64], &[f64]),
+    ) -> Result<(), Trouble> {
+        let n = self.model.problem.n;
+        let is_forward = times.first() <= times.last();
+        let end = times.partition_point(|end| if is_forward { *end < t } else { *end > t });
+        let last = end.max(self.most - 1).min(times.len() - 1);
+        let next = self
+            .followed
+            .filter(|held| *held <= last && held + self.most > last);
+        let first = match next {
+            Some(held) => held + 1,
+            None => {
+                self.spare.append(&mut self.knots);
+                (last + 1).saturating_sub(self.most)
+            }
+        };
+        for k in first..=last {
+            let row = k * n..(k + 1) * n;
+            copy(&mut self.point.y, &y[row.clone()]);
+            copy(&mut self.point.z, &z[row]);
+            let point = self.point.clone();
+            self.push(times[k], &point)?;
+        }
+        self.followed = Some(last);
+        self.move_to(t);
         Ok(())
     }
 
