@@ -23,6 +23,8 @@ pub enum Quantity {
     Power,
     /// An invariant or another quantity to be recorded.
     Observable,
+    /// A function whose zeros are events.
+    Event,
 }
 
 impl Quantity {
@@ -39,6 +41,7 @@ impl Quantity {
             Self::Derivative => "derivative",
             Self::Power => "power",
             Self::Observable => "observable",
+            Self::Event => "event",
         }
     }
 }

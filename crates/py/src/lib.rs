@@ -18,6 +18,7 @@ mod second_order;
 mod semi_explicit;
 mod split;
 mod tableau;
+mod watch;
 
 use pyo3::prelude::*;
 
@@ -57,6 +58,9 @@ mod _core {
     use super::tableau::gauss_lobatto;
     #[pymodule_export]
     use super::tableau::lobatto_pair;
+
+    #[pymodule_export]
+    use super::watch::mechanical_path;
 
     #[pymodule_init]
     fn init(module: &Bound<'_, PyModule>) -> PyResult<()> {
