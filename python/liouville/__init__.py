@@ -34,5 +34,6 @@ from liouville.systems import Lattice as Lattice
 from liouville.systems import Mechanical as Mechanical
 from liouville.systems import PolynomialField as PolynomialField
 from liouville.systems import Schrodinger as Schrodinger
+from liouville.systems import SemiExplicit as SemiExplicit
 from liouville.systems import SpinChain as SpinChain
 from liouville.systems import Structure as Structure

@@ -15,8 +15,10 @@ mod project;
 mod run;
 mod schrodinger;
 mod second_order;
+mod semi_explicit;
 mod split;
 mod tableau;
+mod watch;
 
 use pyo3::prelude::*;
 
@@ -49,9 +51,14 @@ mod _core {
     #[pymodule_export]
     use super::second_order::{SecondOrder, Separable};
     #[pymodule_export]
+    use super::semi_explicit::{SemiExplicit, semi_explicit_run};
+    #[pymodule_export]
     use super::split::{Split, determinant_run, section_run, split_run};
     #[pymodule_export]
     use super::tableau::{lobatto_pair, spark_tableau};
+
+    #[pymodule_export]
+    use super::watch::mechanical_path;
 
     #[pymodule_init]
     fn init(module: &Bound<'_, PyModule>) -> PyResult<()> {

@@ -93,7 +93,11 @@ def compiled(
         "end": _add(record("end", at_stage, p, w, *velocity), momentum),
         "acceleration": _add(
             record(
-                "acceleration", at_stage, f - total_derivative(p, s, v), total_derivative(w, s, v)
+                "acceleration",
+                at_stage,
+                f - total_derivative(p, s, v),
+                total_derivative(w, s, v),
+                *(total_derivative(x, s, v) for x in velocity),
             ),
             force(0),
         ),

@@ -258,7 +258,10 @@ impl Functions {
         };
         let hidden: Vec<_> = self.g.iter().map(along).collect();
         let drift = self.p.iter().zip(&self.f).map(|(p, f)| f - along(p));
-        let acceleration: Vec<_> = drift.chain(hidden.iter().map(along)).collect();
+        let acceleration: Vec<_> = drift
+            .chain(hidden.iter().map(along))
+            .chain(own_velocity.iter().map(along))
+            .collect();
 
         let (p_z, v_z) = (
             jacobian(&self.p, Z, n, n),
