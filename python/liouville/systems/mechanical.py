@@ -53,7 +53,7 @@ class Lagrangian(Mechanics):
 
     References
     ----------
-    :cite:t:`jay2007`; :cite:t:`jay2009nonholonomic` for nonholonomic constraints.
+    :cite:t:`jay2007`; :cite:t:`jay2009lagrange` for nonholonomic constraints.
 
     Examples
     --------
@@ -89,7 +89,16 @@ class Lagrangian(Mechanics):
         more, own = rolling(nonholonomic, s, s.z, names)
         super().__init__(
             s,
-            Model(v=s.z, p=p, f=f, r=ideal(g, s, lam), g=g, lam=lam, nonholonomic=own),
+            Model(
+                v=s.z,
+                p=p,
+                f=f,
+                r=ideal(g, s, lam),
+                g=g,
+                lam=lam,
+                is_ideal=True,
+                nonholonomic=own,
+            ),
             states=("q", "v"),
             coordinates=coordinates,
             constraints=names + more,
@@ -144,7 +153,16 @@ class Hamiltonian(Mechanics):
         more, own = rolling(nonholonomic, s, v, names)
         super().__init__(
             s,
-            Model(v=v, p=s.z, f=f, r=ideal(g, s, lam), g=g, lam=lam, nonholonomic=own),
+            Model(
+                v=v,
+                p=s.z,
+                f=f,
+                r=ideal(g, s, lam),
+                g=g,
+                lam=lam,
+                is_ideal=True,
+                nonholonomic=own,
+            ),
             states=("q", "p"),
             coordinates=coordinates,
             constraints=names + more,
@@ -224,7 +242,16 @@ class Mechanical(Mechanics):
         more, own = rolling_of_z(nonholonomic, nonholonomic_reaction, s, v, names)
         super().__init__(
             s,
-            Model(v=v, p=p, f=f, r=r, g=g, lam=lam, nonholonomic=own),
+            Model(
+                v=v,
+                p=p,
+                f=f,
+                r=r,
+                g=g,
+                lam=lam,
+                is_ideal=reaction is None,
+                nonholonomic=own,
+            ),
             states=("y", "z"),
             coordinates=coordinates,
             constraints=names + more,

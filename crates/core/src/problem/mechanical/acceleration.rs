@@ -58,7 +58,7 @@ impl Acceleration {
         z: &[f64],
     ) -> Result<(), Trouble> {
         let m = model.problem.m;
-        let [force, drift] = model.acceleration(t, y, z);
+        let [force, drift, _] = model.acceleration(t, y, z);
         finite(force, Quantity::Force, t)?;
         finite(&drift[..m], Quantity::Hidden, t)?;
         finite_k(&drift[m..], m, t)?;

@@ -7,14 +7,17 @@
 //! are any, have a file of their own. Source: jay2007.
 
 mod acceleration;
+mod dense;
 mod model;
 mod nonholonomic;
 mod observe;
 mod projection;
 mod saddle;
 mod second_order;
+mod separable;
 
 pub use acceleration::Acceleration;
+pub use dense::{Path, Point};
 pub use model::{Model, finite, finite_k};
 pub use nonholonomic::{Nonholonomic, NonholonomicPatterns};
 pub use observe::{Carried, Observer};
@@ -22,6 +25,7 @@ pub use projection::{Projection, project};
 pub use saddle::{Mass, Saddle};
 pub(crate) use saddle::{add_product, explain};
 pub use second_order::{SecondOrder, SecondOrderModel, SecondOrderPatterns};
+pub use separable::{Separable, SeparableModel};
 
 use crate::linalg::Pattern;
 use crate::tape::Tape;
@@ -53,7 +57,7 @@ pub struct Mechanical {
     pub node_jacobian: Tape,
     /// (t, y, z) → p, w, v
     pub end: Tape,
-    /// (t, y, z) → f − p_t − p_y v, w_t + w_y v, k_t + k_y v
+    /// (t, y, z) → f − p_t − p_y v, w_t + w_y v, k_t + k_y v, v_t + v_y v
     pub acceleration: Tape,
     /// Where the derivatives are not zero.
     pub patterns: Patterns,
@@ -118,7 +122,7 @@ impl Mechanical {
                 "acceleration",
                 &self.acceleration,
                 n,
-                n + self.multipliers(),
+                n + self.multipliers() + v,
             ),
         ];
         for (name, tape, third, outputs) in tapes {

@@ -3,7 +3,7 @@
 //!     d/dt p(t, y, z) = f(t, y, z) + r(t, y, λ) + r_n(t, y, z, ν),   0 = k(t, y, z)
 //!
 //! where k is any function of positions and velocities. Ideal reactions, r_n = −(∂k/∂v)ᵀ ν, do no work
-//! where k is linear in v. Source: jay2009nonholonomic; the paper's ψ is ν.
+//! where k is linear in v. Source: jay2009lagrange; the paper's ψ is ν.
 
 use super::{Mass, Mechanical, Mismatch, check, check_pattern, cut};
 use crate::linalg::{Matrix, Pattern, add_scaled, dependent_rows};
