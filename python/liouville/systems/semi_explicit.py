@@ -195,7 +195,10 @@ class SemiExplicit:
             raise ValueError(f"{l} constraints on {n} coordinates leave nothing to move")
         of_y = set(ca.sparsify(ca.jacobian(self._constraint, self._symbols.y)).sparsity().row())
         of_z = ca.sparsify(ca.jacobian(self._hidden, self._symbols.z)).sparsity()
-        rows, columns = set(of_z.row()), {k for k in range(l) if of_z.colind(k + 1) > of_z.colind(k)}
+        rows, columns = (
+            set(of_z.row()),
+            {k for k in range(l) if of_z.colind(k + 1) > of_z.colind(k)},
+        )
         for k, name in enumerate(self.constraints):
             if k not in of_y:
                 raise ValueError(

@@ -298,6 +298,7 @@ impl Functions {
                 r_lam: r_lam.0,
                 r_y: r_y.0,
             },
+            nonholonomic: None,
         };
         Arc::new(problem.checked().expect("tapes and patterns fit together"))
     }
