@@ -129,7 +129,6 @@ def mechanical_run(
     control: tuple[float, NDArray[np.float64], float, float] | None,
     states: bool,
 ) -> Run | _Trouble: ...
-
 def semi_explicit_run(
     problem: SemiExplicit,
     method: object,

@@ -78,7 +78,8 @@ def trajectories(
     """
     if of is None:
         of = next((name for name in ("y", "x") if name in solution.states), "q")
-    values, known = getattr(solution, of), solution.names["coordinates"]
+    kind = "unknowns" if of == "z" else ""
+    values, known = getattr(solution, of), solution.names.get(kind, solution.names["coordinates"])
     chosen = list(names) if names is not None else [name for name in known if name != against]
     for name in [*chosen, *([against] if against is not None else [])]:
         if name not in known:
@@ -282,9 +283,11 @@ def overview(solution: Solution) -> Figure:
         panels.append(energy)
     if solution.names["constraints"]:
         panels.append(residuals)
-        if solution.states:
+        if "lam" in solution.states:
             held = _some(solution.names["constraints"])
             panels.append(lambda solution, ax: multipliers(solution, names=held, ax=ax))
+    if solution.states and (unknowns := _some(solution.names.get("unknowns", ()))):
+        panels.append(lambda solution, ax: trajectories(solution, "z", names=unknowns, ax=ax))
     if solution.tolerances and len(solution.t) > 1:
         panels.append(steps)
     rows = 2 if len(panels) >= 4 else 1
