@@ -1,7 +1,8 @@
 """Solutions as xarray datasets and as files: NetCDF and Zarr both ways, CSV for reading elsewhere.
 
 A dataset has the dimensions ``time``, ``coordinate``, ``constraint``, ``invariant``, ``residual``
-and ``term``, and ``member`` where it is of an ensemble, labelled by the names of the solution. Its
+and ``term``, ``unknown`` where the system has algebraic unknowns, and ``member`` where it is of an
+ensemble, labelled by the names of the solution. Its
 variables are the states under their own letters, ``invariants``, ``residuals``, ``balance``, and
 ``observed_NAME`` for each observed quantity; how the run went is in its attributes. What is saved
 comes back bit for bit. A wave function has the dimension ``place``, without labels; in a file,
@@ -60,8 +61,9 @@ def to_xarray(solution: Solution) -> xarray.Dataset:
     names = solution.names
     variables: dict[str, Any] = {}
     lead = ("time",) if solution.members is None else ("time", "member")
+    axes = AXES | ({"z": "unknown"} if "unknowns" in names else {})
     for name, values in solution.states.items():
-        variables[name] = ((*lead, AXES.get(name, "coordinate")), values)
+        variables[name] = ((*lead, axes.get(name, "coordinate")), values)
     if solution.invariants:
         columns = np.stack(list(solution.invariants.values()), axis=-1)
         variables["invariants"] = ((*lead, "invariant"), columns)
@@ -80,6 +82,7 @@ def to_xarray(solution: Solution) -> xarray.Dataset:
     labels = {
         "coordinate": names["coordinates"],
         "constraint": names["constraints"],
+        **({"unknown": names["unknowns"]} if "unknowns" in names else {}),
         "invariant": solution.invariants,
         "residual": solution.residuals,
         "term": solution.balance,
@@ -247,7 +250,11 @@ def _from_xarray(dataset: xarray.Dataset) -> Solution:
             if name.startswith("observed_")
         },
         balance=columns("balance", "term"),
-        names={"coordinates": names("coordinate"), "constraints": names("constraint")},
+        names={
+            "coordinates": names("coordinate"),
+            "constraints": names("constraint"),
+            **({"unknowns": names("unknown")} if "unknown" in dataset.coords else {}),
+        },
         h=float(attributes["h"]),
         members=_members(attributes.get("members", -1)),
         tolerances=json.loads(attributes["tolerances"]),
@@ -297,7 +304,8 @@ def _save_csv(solution: Solution, path: Path) -> None:
     names = solution.names
     columns = {"t": solution.t}
     for name, values in solution.states.items():
-        labels = names["constraints" if name == "lam" else "coordinates"]
+        kind = "unknowns" if name == "z" and "unknowns" in names else "coordinates"
+        labels = names["constraints" if name == "lam" else kind]
         labels = labels or tuple(str(i) for i in range(values.shape[1]))
         columns |= {f"{name}[{label}]": values[:, i] for i, label in enumerate(labels)}
     columns |= solution.invariants | solution.balance

@@ -89,9 +89,9 @@ def integrate(
         default. The result does not depend on them, bit for bit.
     **start : array_like
         Start values by the system's names, each of shape (n,): ``q`` and ``v``, ``q`` and ``p``,
-        ``y`` and ``z`` (of a ``SemiExplicit`` a guess, not needed), ``x``, or ``psi``. A dict by coordinate name is taken too, but for
-        ``psi``. The alpha family also takes its own ``a``, to go on from ``solution.a[-1]`` with
-        the same step size.
+        ``y`` and ``z``, ``x``, or ``psi``. Of a ``SemiExplicit`` system z is a guess that may be
+        left out. A dict by coordinate name is taken too, but for ``psi``. The alpha family also
+        takes its own ``a``, to go on from ``solution.a[-1]`` with the same step size.
 
     Returns
     -------

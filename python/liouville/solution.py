@@ -58,7 +58,8 @@ class Solution:
         Where the energy of a Lagrangian or a Structure went, if the method records it: ``work``
         and ``dissipated``, which are attributes too. Empty otherwise.
     names : dict of str to tuple of str
-        ``coordinates`` (n of them) and ``constraints`` (m of them, the nonholonomic ones last).
+        ``coordinates`` (n of them) and ``constraints`` (m of them, the nonholonomic ones last); of a
+        ``SemiExplicit`` system also its ``unknowns`` z.
     h : float
         Step size used, the mean of them if they are controlled.
     tolerances : dict of str to float or list of float
@@ -158,12 +159,15 @@ class Solution:
 
     @property
     def y(self) -> Array:
-        """Positions of a ``Mechanical`` system, shape (k, n)."""
+        """Positions of a ``Mechanical`` system, coordinates of a ``SemiExplicit``, shape (k, n)."""
         return self._state("y")
 
     @property
     def z(self) -> Array:
-        """Second half of the state of a ``Mechanical`` system, shape (k, n)."""
+        """Second half of the state of a ``Mechanical`` system, shape (k, n).
+
+        Of a ``SemiExplicit`` system its algebraic unknowns, shape (k, l).
+        """
         return self._state("z")
 
     @property

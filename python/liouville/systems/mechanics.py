@@ -128,23 +128,7 @@ class Mechanics:
             if name not in start:
                 raise TypeError(f"start value '{name}' is missing: this system takes {wanted}")
         given = (*self.states, *(name for name in also if start.get(name) is not None))
-        return tuple(self._vector(name, start[name]) for name in given)
-
-    def _vector(self, name: str, value: Any) -> np.ndarray:
-        if isinstance(value, Mapping):
-            if set(value) != set(self.coordinates):
-                raise ValueError(f"{name} gives {list(value)}, wanted {list(self.coordinates)}")
-            value = [value[coordinate] for coordinate in self.coordinates]
-        array = _trace.numbers(value)
-        if array is None:
-            raise TypeError(f"{name} is an array of real numbers, not {value!r}")
-        n = len(self.coordinates)
-        if array.shape != (n,):
-            raise ValueError(f"{name} has shape {array.shape}, wanted ({n},)")
-        bad = np.flatnonzero(~np.isfinite(array))
-        if bad.size:
-            raise ValueError(f"{name} of '{self.coordinates[bad[0]]}' is {array[bad[0]]}")
-        return array
+        return tuple(_trace.vector(name, start[name], self.coordinates) for name in given)
 
     def check(
         self,
