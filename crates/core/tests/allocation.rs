@@ -11,9 +11,7 @@ use liouville_core::method::schrodinger::{
 use liouville_core::method::spark::{Solver, Spark};
 use liouville_core::method::volume::{Determinant, Volume};
 use liouville_core::method::{Composed, Stepper};
-use liouville_core::problem::mechanical::{
-    Acceleration, Model, SecondOrderModel, SeparableModel,
-};
+use liouville_core::problem::mechanical::{Acceleration, Model, SecondOrderModel, SeparableModel};
 use liouville_core::problem::polynomial::{Piece, Polynomials, Split};
 use liouville_core::problem::quantum::{Bond, Dense, Diagonals, Hamiltonian, Operator, Spins};
 use liouville_core::real::{Lanes, Scalar};
