@@ -17,6 +17,7 @@ __all__ = [
     "Rows",
     "Run",
     "SecondOrder",
+    "SemiExplicit",
     "Split",
     "Tape",
     "chebyshev_degree",
@@ -30,6 +31,7 @@ __all__ = [
     "project",
     "schrodinger_run",
     "section_run",
+    "semi_explicit_run",
     "split_program",
     "split_run",
     "stability",
@@ -90,6 +92,27 @@ class SecondOrder:
     ) -> SecondOrder: ...
 
 @final
+class Separable:
+    def __new__(cls, problem: Mechanical, tapes: dict[str, Tape]) -> Separable: ...
+
+class SemiExplicit:
+    def __new__(
+        cls,
+        n: int,
+        l: int,
+        is_linear: bool,
+        tapes: dict[str, Tape],
+        patterns: dict[str, _Pattern],
+    ) -> SemiExplicit: ...
+    def unknowns(
+        self,
+        t: float,
+        y: NDArray[np.float64],
+        z: NDArray[np.float64],
+        params: NDArray[np.float64],
+    ) -> NDArray[np.float64] | _Trouble: ...
+
+@final
 class Run:
     def advance(self, seconds: float) -> Literal["paused", "done"] | _Trouble: ...
     @property
@@ -104,7 +127,7 @@ class Run:
     def take(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]: ...
 
 def mechanical_run(
-    problem: Mechanical | SecondOrder,
+    problem: Mechanical | SecondOrder | Separable,
     method: object,
     observer: Tape,
     params: NDArray[np.float64],
@@ -123,6 +146,15 @@ def mechanical_path(
     z: NDArray[np.float64],
     times: NDArray[np.float64],
 ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]] | _Trouble: ...
+def semi_explicit_run(
+    problem: SemiExplicit,
+    method: object,
+    observer: Tape,
+    params: NDArray[np.float64],
+    start: tuple[NDArray[np.float64], NDArray[np.float64]],
+    span: tuple[float, float, int, int],
+    states: bool,
+) -> Run | _Trouble: ...
 
 @final
 class Split:

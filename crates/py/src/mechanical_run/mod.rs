@@ -2,10 +2,11 @@
 
 mod alpha;
 mod launch;
+mod rattle;
 mod spark;
 
 use crate::convert::{self, Mechanical};
-use crate::second_order::SecondOrder;
+use crate::second_order::{SecondOrder, Separable};
 use crate::watch::{Asked, Watching};
 use liouville_core::tape::Tape;
 use numpy::PyReadonlyArray1;
@@ -46,7 +47,8 @@ impl Begin<'_> {
 /// A run about to start; `method` is read by attribute, `start` is (y, z) or (y, z, a).
 ///
 /// `span` is (t0, t1, steps, every); `control`, for steps of their own choice instead of equal
-/// ones, is (rtol, atol, first step or 0, least step); `watch` is what else is looked at. Returns the run, or the trouble of starting.
+/// ones, is (rtol, atol, first step or 0, least step); `watch` is what else is looked at. Returns the
+/// run, or the trouble of starting.
 #[pyfunction]
 #[allow(clippy::too_many_arguments)] // the whole border in one call
 #[pyo3(signature = (problem, method, observer, params, start, span, control, watch, states))]
@@ -83,6 +85,8 @@ pub(crate) fn mechanical_run<'py>(
             .map(|(rtol, atol, h, least)| PyResult::Ok((*rtol, atol.as_slice()?, *h, *least)))
             .transpose()?;
         alpha::alpha(py, &problem, method, observer, &begin, control)
+    } else if let Ok(problem) = problem.extract::<PyRef<'_, Separable>>() {
+        rattle::rattle(py, &problem, method, observer, &begin)
     } else {
         let problem = problem.extract::<PyRef<'_, Mechanical>>()?;
         spark::spark(py, &problem, method, observer, &begin)

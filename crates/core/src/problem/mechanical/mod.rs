@@ -12,6 +12,7 @@ mod observe;
 mod projection;
 mod saddle;
 mod second_order;
+mod separable;
 
 pub use acceleration::Acceleration;
 pub use dense::{Path, Point};
@@ -21,6 +22,7 @@ pub use projection::{Projection, project};
 pub use saddle::{Mass, Saddle};
 pub(crate) use saddle::{add_product, explain};
 pub use second_order::{SecondOrder, SecondOrderModel, SecondOrderPatterns};
+pub use separable::{Separable, SeparableModel};
 
 use crate::linalg::Pattern;
 use crate::tape::Tape;
