@@ -7,6 +7,7 @@
 
 mod acceleration;
 mod model;
+mod monitor;
 mod observe;
 mod projection;
 mod saddle;
@@ -14,6 +15,7 @@ mod second_order;
 
 pub use acceleration::Acceleration;
 pub use model::{Model, finite};
+pub use monitor::{MechanicalMonitor, TimeScale, Traced};
 pub use observe::{Carried, Observer};
 pub use projection::{Projection, project};
 pub use saddle::{Mass, Saddle};
