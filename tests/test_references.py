@@ -106,7 +106,7 @@ def test_the_plain_implementation_has_them_too(case):
 TABLES = {
     "gauss_c": "c",
     "gauss_b": "b",
-    "gauss_A": "a",
+    "gauss_A": "a_v",
     "lobatto_c": "c_hat",
     "lobatto_b": "b_hat",
     "abar": "a_bar",
@@ -162,7 +162,7 @@ def by_definition(mp, s):
     b_hat = [integral(c_hat, j, mp.mpf(1)) for j in range(s + 1)]
     a_bar = [[integral(c, j, x) for j in range(s)] for x in c_hat]
     return {
-        "a": [[integral(c, j, x) for j in range(s)] for x in c],
+        "a_v": [[integral(c, j, x) for j in range(s)] for x in c],
         "a_bar": a_bar,
         "a_hat": [
             [mp.mpf(0) if j == s else b_hat[j] * (1 - a_bar[j][i] / b[i]) for j in range(s + 1)]

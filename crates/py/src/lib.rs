@@ -52,6 +52,8 @@ mod _core {
     use super::split::{Split, determinant_run, section_run, split_run};
     #[pymodule_export]
     use super::tableau::gauss_lobatto;
+    #[pymodule_export]
+    use super::tableau::lobatto_pair;
 
     #[pymodule_init]
     fn init(module: &Bound<'_, PyModule>) -> PyResult<()> {

@@ -1,6 +1,6 @@
 //! Coefficients of the methods, as Python sees them.
 
-use liouville_core::tableau::{GaussLobatto, Scheme};
+use liouville_core::tableau::{Force, Scheme, Spark};
 use numpy::{PyArray1, PyArrayMethods};
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
@@ -9,15 +9,51 @@ use pyo3::types::PyDict;
 /// Coefficients of the s-stage Gauss–Lobatto SPARK method, by their letters.
 #[pyfunction]
 pub(crate) fn gauss_lobatto(py: Python<'_>, stages: usize) -> PyResult<Bound<'_, PyDict>> {
+    coefficients(py, &gauss_of(stages)?)
+}
+
+/// The Gauss–Lobatto method with this number of stages.
+pub(crate) fn gauss_of(stages: usize) -> PyResult<Spark> {
     if stages == 0 {
         return Err(PyValueError::new_err(
             "a SPARK method has at least one stage",
         ));
     }
-    let tableau = GaussLobatto::new(stages);
+    Ok(Spark::gauss(stages))
+}
+
+/// Coefficients of the Lobatto pair with S stages and these coefficients of the forces, by their letters.
+#[pyfunction]
+pub(crate) fn lobatto_pair<'py>(
+    py: Python<'py>,
+    stages: usize,
+    force: &str,
+) -> PyResult<Bound<'py, PyDict>> {
+    coefficients(py, &lobatto_named(stages, force)?)
+}
+
+/// The Lobatto pair whose forces have the coefficients of this name.
+pub(crate) fn lobatto_named(stages: usize, force: &str) -> PyResult<Spark> {
+    if stages < 2 {
+        return Err(PyValueError::new_err(
+            "a Lobatto pair has at least two stages",
+        ));
+    }
+    let force = Force::named(force)
+        .ok_or_else(|| PyValueError::new_err(format!("there is no Lobatto III{force}")))?;
+    Ok(Spark::lobatto(stages, force))
+}
+
+fn coefficients<'py>(py: Python<'py>, tableau: &Spark) -> PyResult<Bound<'py, PyDict>> {
     let dict = PyDict::new(py);
     for (name, matrix) in [
-        ("a", &tableau.a),
+        ("a_v", &tableau.a_v),
+        ("a_f", &tableau.a_f),
+        ("a_r", &tableau.a_r),
+        ("mu_v", &tableau.mu_v),
+        ("mu_f", &tableau.mu_f),
+        ("mu_bar", &tableau.mu_bar),
+        ("mu_hat", &tableau.mu_hat),
         ("a_bar", &tableau.a_bar),
         ("a_hat", &tableau.a_hat),
     ] {

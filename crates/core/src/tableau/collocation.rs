@@ -1,10 +1,13 @@
-//! Gauss and Lobatto quadrature on [0, 1], and the integrals of the Gauss basis polynomials.
+//! Gauss and Lobatto quadrature on [0, 1], and the integrals of their basis polynomials.
 //!
 //! P_k are the Legendre polynomials shifted to [0, 1]; c_1..c_s are the zeros of P_s (Gauss), and
 //! 0, 1 with the zeros of P_s' the s + 1 Lobatto nodes. With the Christoffel weights
 //!
 //!     b_j = 1 / Σ_{k<s} (2k+1) P_k(c_j)²
 //!     ∫_0^x ℓ_j = b_j Σ_{k<s} P_k(c_j) I_k(x),   I_0 = x,  I_k = (P_{k+1}(x) − P_{k−1}(x)) / 2
+//!
+//! On the s + 1 Lobatto points the sum goes to k = s; the quadrature takes ∫ P_s² for (2s+1)/s times
+//! what it is, and the last term is divided by that.
 //!
 //! Source: hairer2006, II.1.3 and IV.
 
@@ -14,6 +17,9 @@ use twofloat::TwoFloat;
 pub(super) struct Quadrature {
     pub(super) nodes: Vec<TwoFloat>,
     pub(super) weights: Vec<TwoFloat>,
+    /// ∫ P² over what the formula takes it for, P the Legendre polynomial one degree below the number
+    /// of points.
+    norm: TwoFloat,
 }
 
 /// The s-point Gauss formula, exact to degree 2s − 1.
@@ -37,7 +43,11 @@ pub(super) fn gauss(s: usize) -> Quadrature {
             TwoFloat::from(1.0) / norm
         })
         .collect();
-    Quadrature { nodes, weights }
+    Quadrature {
+        nodes,
+        weights,
+        norm: TwoFloat::from(1.0),
+    }
 }
 
 /// The Lobatto formula with s + 1 points, both ends among them; exact to degree 2s − 1.
@@ -65,12 +75,23 @@ pub(super) fn lobatto(s: usize) -> Quadrature {
             TwoFloat::from(1.0) / (p * p * real(s * (s + 1)))
         })
         .collect();
-    Quadrature { nodes, weights }
+    Quadrature {
+        nodes,
+        weights,
+        norm: TwoFloat::from(real(s)) / real(2 * s + 1),
+    }
 }
 
-/// ∫_0^x ℓ_j for each Gauss basis polynomial ℓ_j.
-pub(super) fn integrals(gauss: &Quadrature, x: TwoFloat) -> Vec<TwoFloat> {
-    let s = gauss.nodes.len();
+/// The Legendre polynomial one degree below the number of points, at each of them.
+pub(super) fn top(points: &Quadrature) -> Vec<TwoFloat> {
+    let degree = points.nodes.len() - 1;
+    let at = |x: &TwoFloat| legendre(degree, *x * 2.0 - 1.0)[degree];
+    points.nodes.iter().map(at).collect()
+}
+
+/// ∫_0^x ℓ_j for each basis polynomial ℓ_j of these points.
+pub(super) fn integrals(points: &Quadrature, x: TwoFloat) -> Vec<TwoFloat> {
+    let s = points.nodes.len();
     let at_x = legendre(s, x * 2.0 - 1.0);
     let integral = |k: usize| {
         if k == 0 {
@@ -79,12 +100,13 @@ pub(super) fn integrals(gauss: &Quadrature, x: TwoFloat) -> Vec<TwoFloat> {
             (at_x[k + 1] - at_x[k - 1]) / 2.0
         }
     };
-    gauss
+    points
         .nodes
         .iter()
-        .zip(&gauss.weights)
+        .zip(&points.weights)
         .map(|(c, b)| {
-            let at_c = legendre(s, *c * 2.0 - 1.0);
+            let mut at_c = legendre(s, *c * 2.0 - 1.0);
+            at_c[s - 1] = at_c[s - 1] * points.norm;
             *b * (0..s).fold(TwoFloat::from(0.0), |sum, k| sum + at_c[k] * integral(k))
         })
         .collect()

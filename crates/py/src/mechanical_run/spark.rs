@@ -4,7 +4,7 @@ use super::Begin;
 use super::launch::launch;
 use crate::convert::Mechanical;
 use crate::errors::refused;
-use crate::tableau::scheme_named;
+use crate::tableau::{gauss_of, lobatto_named, scheme_named};
 use liouville_core::method::composition::Composed;
 use liouville_core::method::spark::{Solver, Spark};
 use liouville_core::problem::mechanical::{Model, Observer};
@@ -39,16 +39,15 @@ pub(super) fn spark<'py>(
             )));
         }
     };
-    if stages == 0 {
-        return Err(PyValueError::new_err(
-            "a SPARK method has at least one stage",
-        ));
-    }
+    let tableau = match base.getattr_opt("force")? {
+        Some(force) => lobatto_named(stages, &force.extract::<String>()?)?,
+        None => gauss_of(stages)?,
+    };
     begin.check(problem.0.n, problem.0.stage.inputs()[3], &observer, 2)?;
     let mut model = Model::new(problem.0.clone(), begin.params);
     let observer = Observer::new(model.clone(), begin.params, observer, begin.states);
     let state = model.state(begin.span.0, begin.start[0], begin.start[1]);
-    let stepper = Spark::new(model, stages, solver);
+    let stepper = Spark::of(model, tableau, solver);
     match scheme {
         Some(scheme) => {
             let stepper = Composed::of_symmetric(stepper, scheme).map_err(refused)?;

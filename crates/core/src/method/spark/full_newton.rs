@@ -1,12 +1,12 @@
 //! The full simplified Newton iteration: stages and multipliers together, with f_y, f_z, p_y and r_y,
 //! for forces too stiff for node Schur. Unknowns are dZ_i, dΛ_k with Λ = h λ; dV_i is eliminated by
 //!
-//!     E dV = v_z dZ − R1,      E_ij = δ_ij − h a_ij v_y(i)
+//!     E dV = v_z dZ − R1,      E_ij = δ_ij − h aᵛ_ij v_y(i)
 //!
 //! and with C the coefficients of dV in the momentum equations,
 //!
-//!     C_ij = h a_ij p_y(i) − h² Σ_l a_il f_y(l) a_lj − h² Σ_k â_ik r_y(k) ā_kj
-//!     [ δ_ij p_z(i) − h a_ij f_z(j) + (C E⁻¹)_ij v_z(j)    −â_ik r_λ(k) ] [ dZ ]   [ −R2 + C E⁻¹ R1 ]
+//!     C_ij = h aᵛ_ij p_y(i) − h² Σ_l aᶠ_il f_y(l) aᵛ_lj − h² Σ_k â_ik r_y(k) ā_kj
+//!     [ δ_ij p_z(i) − h aᶠ_ij f_z(j) + (C E⁻¹)_ij v_z(j)    −â_ik r_λ(k) ] [ dZ ]   [ −R2 + C E⁻¹ R1 ]
 //!     [ (D E⁻¹)_kj v_z(j),  D_kj = ā_kj g_y(k)                   0      ] [ dΛ ] = [ −g/h + D E⁻¹ R1 ]
 //!
 //! All blocks are frozen at the start of the iteration.
@@ -20,7 +20,7 @@ use crate::trouble::{Quantity, Trouble};
 /// The factored Newton matrix and what the right-hand sides need.
 #[derive(Clone, Debug)]
 pub(super) struct FullNewton {
-    /// C over D, then C E⁻¹ over D E⁻¹: s (n + m) by s n.
+    /// C over D, then C E⁻¹ over D E⁻¹: s n + k m by s n.
     coupling: Matrix,
     /// E, where v depends on y.
     elimination: Option<Lu>,
@@ -45,16 +45,17 @@ pub(super) struct Solve<'a> {
 
 impl FullNewton {
     pub(super) fn new(model: &Model, stages: &Stages) -> Self {
-        let (n, m, s) = (model.problem.n, model.problem.m, stages.tableau.stages);
+        let (n, m) = (model.problem.n, model.problem.m);
+        let (s, k) = (stages.tableau.stages, stages.tableau.intervals);
         let v_depends_on_y = !model.problem.patterns.v_y.is_empty();
         Self {
-            coupling: Matrix::zeros(s * (n + m), s * n),
+            coupling: Matrix::zeros(s * n + k * m, s * n),
             elimination: v_depends_on_y.then(|| Lu::new(s * n)),
             v_z: vec![Matrix::from_fn(n, n, |i, j| f64::from(u8::from(i == j))); s],
-            newton: Lu::new(s * (n + m)),
+            newton: Lu::new(s * n + k * m),
             mass: Mass::new(model),
-            r_lam: Matrix::zeros(s, model.problem.patterns.r_lam.len()),
-            unknowns: vec![0.0; s * (n + m)],
+            r_lam: Matrix::zeros(k, model.problem.patterns.r_lam.len()),
+            unknowns: vec![0.0; s * n + k * m],
             d_v: Matrix::zeros(s, n),
         }
     }
@@ -103,7 +104,8 @@ impl Solve<'_> {
             ..
         } = self;
         let (n, s, h) = (model.problem.n, stages.tableau.stages, step.h);
-        let (problem, a) = (model.problem.clone(), &stages.tableau.a);
+        let problem = model.problem.clone();
+        let (a_v, a_f) = (&stages.tableau.a_v, &stages.tableau.a_f);
         let at = &problem.patterns;
         if let Some(lu) = &mut solver.elimination {
             lu.matrix_mut().clear();
@@ -127,15 +129,15 @@ impl Solve<'_> {
             }
             for j in 0..s {
                 at.p_y
-                    .add_to(p_y, h * a[(l, j)], &mut solver.coupling, l * n, j * n);
+                    .add_to(p_y, h * a_v[(l, j)], &mut solver.coupling, l * n, j * n);
                 if let Some(lu) = &mut solver.elimination {
                     at.v_y
-                        .add_to(v_y, -h * a[(l, j)], lu.matrix_mut(), l * n, j * n);
+                        .add_to(v_y, -h * a_v[(l, j)], lu.matrix_mut(), l * n, j * n);
                 }
                 for i in 0..s {
                     at.f_y.add_to(
                         f_y,
-                        -h * h * a[(i, l)] * a[(l, j)],
+                        -h * h * a_f[(i, l)] * a_v[(l, j)],
                         &mut solver.coupling,
                         i * n,
                         j * n,
@@ -145,7 +147,7 @@ impl Solve<'_> {
             for i in 0..s {
                 at.f_z.add_to(
                     f_z,
-                    -h * a[(i, l)],
+                    -h * a_f[(i, l)],
                     solver.newton.matrix_mut(),
                     i * n,
                     l * n,
@@ -179,7 +181,8 @@ impl Solve<'_> {
             &stages.tableau.a_bar,
             &stages.tableau.a_hat,
         );
-        for k in 0..=s {
+        let nodes = stages.tableau.intervals;
+        for k in 0..=nodes {
             let t = stages.node_time(*step, k);
             let [g_y, r_lam] =
                 model.node_blocks(t, stages.node_y.row(k), stages.unknowns.lam.row(k));
@@ -196,7 +199,7 @@ impl Solve<'_> {
                     );
                 }
             }
-            if k < s {
+            if k < nodes {
                 copy(solver.r_lam.row_mut(k), r_lam);
                 for i in 0..s {
                     at.r_lam.add_to(
@@ -256,9 +259,10 @@ impl Solve<'_> {
             }
         }
         newton.factor().map_err(|_| {
-            let t = stages.node_time(*step, s);
+            let k = stages.tableau.intervals;
+            let t = stages.node_time(*step, k);
             let pattern = model.problem.patterns.g_y.clone();
-            let [g_y, _] = model.node_blocks(t, stages.node_y.row(s), stages.unknowns.lam.row(s));
+            let [g_y, _] = model.node_blocks(t, stages.node_y.row(k), stages.unknowns.lam.row(k));
             explain(&pattern, g_y, Trouble::SingularNewton)
         })
     }

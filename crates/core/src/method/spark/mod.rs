@@ -1,18 +1,18 @@
-//! The (s,s)-Gauss–Lobatto SPARK methods for index-3 mechanical systems, order 2s.
+//! SPARK methods for index-3 mechanical systems, of any coefficients with s stages and k + 1 nodes.
 //!
-//! One step from (t0, y0, z0) to t1 = t0 + h, with Gauss stages T_i = t0 + c_i h and Lobatto nodes
+//! One step from (t0, y0, z0) to t1 = t0 + h, with stages T_i = t0 + c_i h and nodes
 //! T̂_j = t0 + ĉ_j h:
 //!
-//!     (S1)  Y_i = y0 + h Σ_j a_ij v(T_j, Y_j, Z_j)                                      i = 1..s
-//!     (S2)  Ŷ_i = y0 + h Σ_j ā_ij v(T_j, Y_j, Z_j)                                      i = 0..s
-//!     (S3)  p(T_i, Y_i, Z_i) = p0 + h Σ_j a_ij f(T_j, Y_j, Z_j) + h Σ_{j<s} â_ij r(T̂_j, Ŷ_j, λ_j)
-//!     (S4)  0 = g(T̂_i, Ŷ_i)                                                            i = 1..s
+//!     (S1)  Y_i = y0 + h Σ_j aᵛ_ij v(T_j, Y_j, Z_j)                                     i = 1..s
+//!     (S2)  Ŷ_i = y0 + h Σ_j ā_ij v(T_j, Y_j, Z_j)                                      i = 0..k
+//!     (S3)  p(T_i, Y_i, Z_i) = p0 + h Σ_j aᶠ_ij f(T_j, Y_j, Z_j) + h Σ_{j<k} â_ij r(T̂_j, Ŷ_j, λ_j)
+//!     (S4)  0 = g(T̂_i, Ŷ_i)                                                            i = 1..k
 //!     (U1)  y1 = y0 + h Σ_j b_j v(T_j, Y_j, Z_j)
-//!     (U2)  p(t1, y1, z1) = p0 + h Σ_j b_j f(T_j, Y_j, Z_j) + h Σ_{j≤s} b̂_j r(T̂_j, Ŷ_j, λ_j)
+//!     (U2)  p(t1, y1, z1) = p0 + h Σ_j b_j f(T_j, Y_j, Z_j) + h Σ_{j≤k} b̂_j r(T̂_j, Ŷ_j, λ_j)
 //!     (U3)  0 = g_t(t1, y1) + g_y(t1, y1) v(t1, y1, z1)
 //!
-//! (S1)–(S4) give Z_i and λ_0..λ_{s−1}, with V_i = v(T_i, Y_i, Z_i) as unknowns of their own;
-//! (U2), (U3) then give z1 and λ_s. The λ_j are internal: they are not passed on to the next step.
+//! (S1)–(S4) give Z_i and λ_0..λ_{k−1}, with V_i = v(T_i, Y_i, Z_i) as unknowns of their own;
+//! (U2), (U3) then give z1 and λ_k. The λ_j are internal: they are not passed on to the next step.
 //! y and p are summed with their rounding errors carried along. Source: jay2007; the paper's ψ is λ.
 
 mod full_newton;
@@ -24,6 +24,7 @@ mod update;
 use super::{Stats, Stepper, Symmetric};
 use crate::newton;
 use crate::problem::mechanical::{Model, State};
+use crate::tableau;
 use crate::trouble::Trouble;
 use full_newton::FullNewton;
 use node_schur::NodeSchur;
@@ -50,7 +51,7 @@ const MOST_ITERATIONS: usize = 100;
 /// Steps node Schur rests at most after failing; each failure in a row doubles the rest.
 const LONGEST_REST: usize = 1023;
 
-/// Gauss–Lobatto SPARK at work.
+/// A SPARK method at work.
 #[derive(Clone, Debug)]
 pub struct Spark {
     model: Model,
@@ -69,12 +70,17 @@ pub struct Spark {
 }
 
 impl Spark {
-    /// The s-stage method for this model.
+    /// The (s,s)-Gauss–Lobatto method for this model.
     ///
     /// # Panics
     /// When `s` is zero.
     pub fn new(model: Model, s: usize, solver: Solver) -> Self {
-        let stages = Stages::new(&model, s);
+        Self::of(model, tableau::Spark::gauss(s), solver)
+    }
+
+    /// The method of these coefficients.
+    pub fn of(model: Model, tableau: tableau::Spark, solver: Solver) -> Self {
+        let stages = Stages::new(&model, tableau);
         Self {
             solver,
             schur: NodeSchur::new(&model, &stages),
@@ -162,7 +168,7 @@ impl Stepper for Spark {
         let step = Step { t, h, state };
         self.solve_stages(step)?;
         // the update needs forces at the last iterate: older ones cost a drift in the energy
-        let last = self.stages.tableau.stages - 1;
+        let last = self.stages.tableau.intervals - 1;
         self.stages.evaluate_values(&mut self.model, step, last);
         self.update.solve(&mut self.model, &mut self.stages, step)?;
         self.predictor

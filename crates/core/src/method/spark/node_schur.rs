@@ -1,9 +1,9 @@
-//! Node Schur: the multipliers first, by the s m equations that are left when the stages are
-//! eliminated with h² terms dropped but g_y and r_λ kept at their own Lobatto nodes:
+//! Node Schur: the multipliers first, by the k m equations that are left when the stages are
+//! eliminated with h² terms dropped but g_y and r_λ kept at their own nodes:
 //!
-//!     S_kl = (Σ_j ā_kj â_jl) G_k B R_l     k = 1..s,  l = 0..s−1,   B = v_z p_z⁻¹
+//!     S_il = (Σ_j ā_ij â_jl) G_i B R_l     i = 1..k,  l = 0..k−1,   B = v_z p_z⁻¹
 //!
-//! with G_k = g_y and R_l = r_λ at nodes k and l, frozen at the start of the iteration, and B at its
+//! with G_i = g_y and R_l = r_λ at nodes i and l, frozen at the start of the iteration, and B at its
 //! middle stage. The error shrinks by O(h²) a correction where B is constant and the forces do not
 //! depend on z, by O(h) otherwise. With Λ = h λ the matrix is O(1) as h → 0.
 
@@ -28,6 +28,7 @@ pub(super) struct NodeSchur {
     compliance: Vec<Matrix>,
     schur: Lu,
     velocity: Matrix,
+    node_velocity: Matrix,
     d_lam: Vec<f64>,
     impulse: Matrix,
     d_z: Matrix,
@@ -45,24 +46,26 @@ pub(super) struct Solve<'a> {
 
 impl NodeSchur {
     pub(super) fn new(model: &Model, stages: &Stages) -> Self {
-        let (n, m, s) = (model.problem.n, model.problem.m, stages.tableau.stages);
+        let (n, m) = (model.problem.n, model.problem.m);
+        let (s, k) = (stages.tableau.stages, stages.tableau.intervals);
         let at = &model.problem.patterns;
         let (a_bar, a_hat) = (&stages.tableau.a_bar, &stages.tableau.a_hat);
         Self {
             problem: model.problem.clone(),
             mass: Mass::new(model),
-            product: Matrix::from_fn(s, s, |k, l| {
-                (0..s).map(|j| a_bar[(k + 1, j)] * a_hat[(j, l)]).sum()
+            product: Matrix::from_fn(k, k, |i, l| {
+                (0..s).map(|j| a_bar[(i + 1, j)] * a_hat[(j, l)]).sum()
             }),
-            a_bar: Matrix::from_fn(s, s, |k, j| a_bar[(k + 1, j)]),
-            a_hat: Matrix::from_fn(s, s, |i, l| a_hat[(i, l)]),
-            g_y: Matrix::zeros(s + 1, at.g_y.len()),
-            r_lam: Matrix::zeros(s + 1, at.r_lam.len()),
-            compliance: vec![Matrix::zeros(m, n); s],
-            schur: Lu::new(s * m),
+            a_bar: Matrix::from_fn(k, s, |i, j| a_bar[(i + 1, j)]),
+            a_hat: Matrix::from_fn(s, k, |i, l| a_hat[(i, l)]),
+            g_y: Matrix::zeros(k + 1, at.g_y.len()),
+            r_lam: Matrix::zeros(k + 1, at.r_lam.len()),
+            compliance: vec![Matrix::zeros(m, n); k],
+            schur: Lu::new(k * m),
             velocity: Matrix::zeros(s, n),
-            d_lam: vec![0.0; s * m],
-            impulse: Matrix::zeros(s, n),
+            node_velocity: Matrix::zeros(k, n),
+            d_lam: vec![0.0; k * m],
+            impulse: Matrix::zeros(k, n),
             d_z: Matrix::zeros(s, n),
             d_v: Matrix::zeros(s, n),
         }
@@ -94,8 +97,8 @@ impl Solve<'_> {
             step,
             ..
         } = self;
-        let (s, m) = (stages.tableau.stages, model.problem.m);
-        let middle = s / 2;
+        let (nodes, m) = (stages.tableau.intervals, model.problem.m);
+        let middle = stages.tableau.stages / 2;
         let t = stages.stage_time(*step, middle);
         solver.mass.update(
             model,
@@ -107,7 +110,7 @@ impl Solve<'_> {
             return Ok(());
         }
         let problem = &solver.problem;
-        for j in 0..=s {
+        for j in 0..=nodes {
             let t = stages.node_time(*step, j);
             let [g_y, r_lam] =
                 model.node_blocks(t, stages.node_y.row(j), stages.unknowns.lam.row(j));
@@ -117,13 +120,13 @@ impl Solve<'_> {
             copy(solver.r_lam.row_mut(j), r_lam);
         }
         solver.schur.matrix_mut().clear();
-        for l in 0..s {
+        for l in 0..nodes {
             solver.mass.compliance(
                 &problem.patterns.r_lam,
                 solver.r_lam.row(l),
                 &mut solver.compliance[l],
             );
-            for k in 0..s {
+            for k in 0..nodes {
                 let (g_y, corner) = (solver.g_y.row(k + 1), (k * m, l * m));
                 let factor = solver.product[(k, l)];
                 let target = solver.schur.matrix_mut();
@@ -140,7 +143,7 @@ impl Solve<'_> {
         let singular = |_| {
             explain(
                 &problem.patterns.g_y,
-                solver.g_y.row(s),
+                solver.g_y.row(nodes),
                 Trouble::SingularNewton,
             )
         };
@@ -150,34 +153,31 @@ impl Solve<'_> {
     /// Λ: the velocities B R2_j + R1_j that the residuals alone would take away must meet g.
     fn solve_multipliers(&mut self) {
         let (solver, stages, h) = (&mut *self.solver, &mut *self.stages, self.step.h);
-        let (s, m, at) = (
-            stages.tableau.stages,
-            solver.problem.m,
-            &solver.problem.patterns,
-        );
-        for j in 0..s {
+        let (nodes, m) = (stages.tableau.intervals, solver.problem.m);
+        let at = &solver.problem.patterns;
+        for j in 0..stages.tableau.stages {
             let u = solver.velocity.row_mut(j);
             copy(u, stages.momentum_residual.row(j));
             solver.mass.solve_velocity(u);
             add_scaled(u, 1.0, stages.velocity_residual.row(j));
         }
         combine(
-            solver.d_v.flat_mut(),
+            solver.node_velocity.flat_mut(),
             &solver.a_bar,
             &solver.velocity,
             |_, _, sum| sum,
         );
-        for k in 0..s {
+        for k in 0..nodes {
             let out = &mut solver.d_lam[k * m..(k + 1) * m];
             for (out, g) in out.iter_mut().zip(stages.g.row(k + 1)) {
                 *out = -g / h;
             }
             at.g_y
-                .multiply_add(solver.g_y.row(k + 1), 1.0, solver.d_v.row(k), out);
+                .multiply_add(solver.g_y.row(k + 1), 1.0, solver.node_velocity.row(k), out);
         }
         solver.schur.solve(&mut solver.d_lam);
         solver.impulse.clear();
-        for l in 0..s {
+        for l in 0..nodes {
             let (d_lam, r_lam) = (&solver.d_lam[l * m..(l + 1) * m], solver.r_lam.row(l));
             at.r_lam
                 .multiply_add(r_lam, 1.0, d_lam, solver.impulse.row_mut(l));

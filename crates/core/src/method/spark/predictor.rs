@@ -1,13 +1,14 @@
 //! Start values of the stages: from the polynomials of the step before, or cold.
 //!
-//! Warm: the polynomial of degree s + 1 through {z0, Z_1..Z_s, z1} at {0, c, 1}, and that of degree s
-//! through λ_0..λ_s at the Lobatto nodes, both evaluated one step on. Cold: z0' and λ from the
-//! acceleration-level solve, Z_i = z0 + c_i h z0'.
+//! Warm: the polynomial through {z0, Z_1..Z_s, z1} at {0, c, 1}, and that through λ_0..λ_k at the
+//! nodes, both evaluated one step on. A stage at 0 or 1 is not on the polynomial, for there it has z0
+//! and z1; what it is off them scales as h to the degree. Cold: z0' and λ from the acceleration-level
+//! solve, Z_i = z0 + c_i h z0'.
 
 use super::stages::{Stages, Step, Unknowns};
 use crate::linalg::{Matrix, add_scaled, combine, copy};
 use crate::problem::mechanical::{Acceleration, Model};
-use crate::tableau::GaussLobatto;
+use crate::tableau;
 use crate::trouble::Trouble;
 
 /// What the next step starts from.
@@ -18,8 +19,11 @@ pub(super) struct Predictor {
     /// The step size of the polynomials held, and the ratio their weights were made for.
     h: Option<f64>,
     ratio: f64,
-    /// 0, c_1..c_s, 1
+    /// 0, c_1..c_s, 1, and which of them the polynomial goes through.
     nodes: Vec<f64>,
+    knots: Vec<usize>,
+    /// All of the nodes 0..k.
+    node_knots: Vec<usize>,
     stage_weights: Matrix,
     end_weights: Matrix,
     node_weights: Matrix,
@@ -30,21 +34,28 @@ pub(super) struct Predictor {
 }
 
 impl Predictor {
-    pub(super) fn new(model: &Model, tableau: &GaussLobatto) -> Self {
-        let s = tableau.stages;
+    pub(super) fn new(model: &Model, tableau: &tableau::Spark) -> Self {
+        let (s, k) = (tableau.stages, tableau.intervals);
         let (n, m) = (model.problem.n, model.problem.m);
+        let nodes = [&[0.0], &tableau.c[..], &[1.0]].concat();
+        let is_inside = |k: &usize| 0.0 < nodes[*k] && nodes[*k] < 1.0;
         Self {
+            knots: std::iter::once(0)
+                .chain((1..=s).filter(is_inside))
+                .chain(std::iter::once(s + 1))
+                .collect(),
+            nodes,
+            node_knots: (0..=k).collect(),
             acceleration: Acceleration::new(model),
             velocity_is_z: model.problem.patterns.v_z.is_none(),
             h: None,
             ratio: f64::NAN,
-            nodes: [&[0.0], &tableau.c[..], &[1.0]].concat(),
             stage_weights: Matrix::zeros(s, s + 2),
             end_weights: Matrix::zeros(1, s + 2),
-            node_weights: Matrix::zeros(s + 1, s + 1),
+            node_weights: Matrix::zeros(k + 1, k + 1),
             z: Matrix::zeros(s + 2, n),
             v: Matrix::zeros(s + 2, n),
-            lam: Matrix::zeros(s + 1, m),
+            lam: Matrix::zeros(k + 1, m),
         }
     }
 
@@ -54,15 +65,7 @@ impl Predictor {
         let ratio = h / last;
         if ratio.to_bits() != self.ratio.to_bits() {
             self.ratio = ratio;
-            lagrange(
-                &self.nodes,
-                &stages.tableau.c,
-                ratio,
-                &mut self.stage_weights,
-            );
-            lagrange(&self.nodes, &[1.0], ratio, &mut self.end_weights);
-            let nodes = &stages.tableau.c_hat;
-            lagrange(nodes, nodes, ratio, &mut self.node_weights);
+            self.weigh(&stages.tableau, ratio);
         }
         let as_is = |_, _, sum| sum;
         let Unknowns { z, v, lam } = &mut stages.unknowns;
@@ -78,6 +81,28 @@ impl Predictor {
             combine(lam.flat_mut(), &self.node_weights, &self.lam, as_is);
         }
         true
+    }
+
+    /// The weights of what is held, for steps that are `ratio` times as long.
+    fn weigh(&mut self, tableau: &tableau::Spark, ratio: f64) {
+        let (knots, nodes) = (&self.knots, &self.nodes);
+        let weights = &mut self.stage_weights;
+        lagrange(nodes, knots, &tableau.c, ratio, weights);
+        let degree = i32::try_from(knots.len() - 1).expect("a small degree");
+        for (i, c) in tableau.c.iter().enumerate() {
+            if knots.contains(&(i + 1)) {
+                continue;
+            }
+            let (end, shift) = (
+                if *c < 0.5 { 0 } else { tableau.stages + 1 },
+                ratio.powi(degree),
+            );
+            weights[(i, i + 1)] = shift;
+            weights[(i, end)] -= shift;
+        }
+        lagrange(nodes, knots, &[1.0], ratio, &mut self.end_weights);
+        let (nodes, all) = (&tableau.c_hat, &self.node_knots);
+        lagrange(nodes, all, nodes, ratio, &mut self.node_weights);
     }
 
     /// Writes the cold start.
@@ -109,7 +134,7 @@ impl Predictor {
         }
         z1.copy_from_slice(&state.z);
         add_scaled(z1, h, z_dot);
-        for j in 0..=stages.tableau.stages {
+        for j in 0..=stages.tableau.intervals {
             stages
                 .unknowns
                 .lam
@@ -138,13 +163,14 @@ impl Predictor {
     }
 }
 
-/// Values of the Lagrange basis on `nodes` at 1 + ratio x for each x of `targets`, one row a target.
-fn lagrange(nodes: &[f64], targets: &[f64], ratio: f64, weights: &mut Matrix) {
+/// Values of the Lagrange basis on those `nodes` that are `knots`, at 1 + ratio x for each x of
+/// `targets`, one row a target.
+fn lagrange(nodes: &[f64], knots: &[usize], targets: &[f64], ratio: f64, weights: &mut Matrix) {
     for (i, x) in targets.iter().map(|x| 1.0 + ratio * x).enumerate() {
-        for (k, node) in nodes.iter().enumerate() {
-            let others = nodes.iter().enumerate().filter(|(l, _)| *l != k);
-            weights[(i, k)] = others
-                .map(|(_, other)| (x - other) / (node - other))
+        for k in knots {
+            let others = knots.iter().filter(|l| *l != k);
+            weights[(i, *k)] = others
+                .map(|l| (x - nodes[*l]) / (nodes[*k] - nodes[*l]))
                 .product();
         }
     }

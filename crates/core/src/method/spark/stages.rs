@@ -2,7 +2,7 @@
 
 use crate::linalg::{Matrix, combine, copy, copy_scaled, max_norm};
 use crate::problem::mechanical::{Model, State, finite};
-use crate::tableau::GaussLobatto;
+use crate::tableau;
 use crate::trouble::{Quantity, Trouble};
 
 /// The step being made: from `state` at `t` over `h`.
@@ -29,10 +29,10 @@ impl Unknowns {
     }
 }
 
-/// Unknowns and values at the Gauss stages 1..s (rows 0..s) and at the Lobatto nodes 0..s.
+/// Unknowns and values at the stages 1..s (rows 0..s) and at the nodes 0..k.
 #[derive(Clone, Debug)]
 pub(super) struct Stages {
-    pub(super) tableau: GaussLobatto,
+    pub(super) tableau: tableau::Spark,
     pub(super) unknowns: Unknowns,
     /// Values at the stages.
     pub(super) y: Matrix,
@@ -40,39 +40,40 @@ pub(super) struct Stages {
     /// Values at the nodes.
     pub(super) node_y: Matrix,
     pub(super) g: Matrix,
-    /// Moves h b_j V_j, and impulses: h b_j F_j, then h b̂_j R_j, j = 0..s.
+    /// Moves h b_j V_j, and impulses: h b_j F_j, then h b̂_j R_j, j = 0..k.
     pub(super) moves: Matrix,
     pub(super) impulses: Matrix,
     /// Residuals V_i − v(T_i, Y_i, Z_i) and those of the momentum equation.
     pub(super) velocity_residual: Matrix,
     pub(super) momentum_residual: Matrix,
     pub(super) evaluations: usize,
-    /// μ and μ̂ side by side, the last column of μ̂, which is zero, left out.
+    /// μᶠ and μ̂ side by side, the last column of μ̂, which is zero, left out.
     force_weights: Matrix,
 }
 
 impl Stages {
-    pub(super) fn new(model: &Model, s: usize) -> Self {
+    pub(super) fn new(model: &Model, tableau: tableau::Spark) -> Self {
         let (n, m) = (model.problem.n, model.problem.m);
-        let (tableau, at_stages) = (GaussLobatto::new(s), Matrix::zeros(s, n));
+        let (s, k) = (tableau.stages, tableau.intervals);
+        let at_stages = Matrix::zeros(s, n);
         Self {
             unknowns: Unknowns {
                 z: at_stages.clone(),
                 v: at_stages.clone(),
-                lam: Matrix::zeros(s + 1, m),
+                lam: Matrix::zeros(k + 1, m),
             },
             y: at_stages.clone(),
             p: at_stages.clone(),
-            node_y: Matrix::zeros(s + 1, n),
-            g: Matrix::zeros(s + 1, m),
+            node_y: Matrix::zeros(k + 1, n),
+            g: Matrix::zeros(k + 1, m),
             moves: at_stages.clone(),
-            impulses: Matrix::zeros(2 * s + 1, n),
+            impulses: Matrix::zeros(s + k + 1, n),
             velocity_residual: at_stages.clone(),
             momentum_residual: at_stages,
             evaluations: 0,
-            force_weights: Matrix::from_fn(s, 2 * s, |i, j| {
+            force_weights: Matrix::from_fn(s, s + k, |i, j| {
                 if j < s {
-                    tableau.mu[(i, j)]
+                    tableau.mu_f[(i, j)]
                 } else {
                     tableau.mu_hat[(i, j - s)]
                 }
@@ -93,7 +94,7 @@ impl Stages {
 
     /// Evaluates the model at the current unknowns, and the residuals of (S1)–(S4).
     pub(super) fn evaluate(&mut self, model: &mut Model, step: Step) -> Result<(), Trouble> {
-        self.evaluate_values(model, step, self.tableau.stages);
+        self.evaluate_values(model, step, self.tableau.intervals);
         self.subtract_impulses(step);
         let is_finite = |x: &Matrix| x.flat().iter().all(|x| x.is_finite());
         if is_finite(&self.momentum_residual)
@@ -141,14 +142,14 @@ impl Stages {
         }
     }
 
-    /// Y_i = y0 + Σ μ_ij (h b_j V_j) and Ŷ_i = y0 + Σ μ̄_ij (h b_j V_j), the low part of y0 first.
+    /// Y_i = y0 + Σ μᵛ_ij (h b_j V_j) and Ŷ_i = y0 + Σ μ̄_ij (h b_j V_j), the low part of y0 first.
     fn move_points(&mut self, step: Step) {
         for (j, b) in self.tableau.b.iter().enumerate() {
             copy_scaled(self.moves.row_mut(j), step.h * b, self.unknowns.v.row(j));
         }
         let State { y, y_low, .. } = step.state;
         let finish = |_, k: usize, sum| y[k] + (y_low[k] + sum);
-        combine(self.y.flat_mut(), &self.tableau.mu, &self.moves, finish);
+        combine(self.y.flat_mut(), &self.tableau.mu_v, &self.moves, finish);
         combine(
             self.node_y.flat_mut(),
             &self.tableau.mu_bar,
@@ -157,7 +158,7 @@ impl Stages {
         );
     }
 
-    /// P_i − p0 − Σ μ_ij (h b_j F_j) − Σ_{j<s} μ̂_ij (h b̂_j R_j).
+    /// P_i − p0 − Σ μᶠ_ij (h b_j F_j) − Σ_{j<k} μ̂_ij (h b̂_j R_j).
     fn subtract_impulses(&mut self, step: Step) {
         let (State { p, p_low, .. }, stage_p) = (step.state, &self.p);
         let out = self.momentum_residual.flat_mut();
@@ -182,7 +183,7 @@ impl Stages {
         };
         let found = (0..s)
             .map(at_stage)
-            .chain((0..=s).map(at_node))
+            .chain((0..=self.tableau.intervals).map(at_node))
             .find_map(Result::err);
         found.unwrap_or(Trouble::NotConverged {
             iterations: 0,

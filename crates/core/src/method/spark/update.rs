@@ -1,4 +1,4 @@
-//! The end of a step: (U1), then z1 and λ_s from (U2) and (U3).
+//! The end of a step: (U1), then z1 and λ_k from (U2) and (U3).
 //!
 //! Increments are summed first and added last, with what the addition loses kept in the low part.
 
@@ -57,13 +57,14 @@ impl Update {
         stages: &mut Stages,
         step: Step,
     ) -> Result<(), Trouble> {
-        let (s, h, state) = (stages.tableau.stages, step.h, step.state);
+        let (s, k) = (stages.tableau.stages, stages.tableau.intervals);
+        let (h, state) = (step.h, step.state);
         copy(&mut self.y_low, &state.y_low);
         copy(&mut self.p_low, &state.p_low);
         for j in 0..s {
             add_scaled(&mut self.y_low, 1.0, stages.moves.row(j));
         }
-        for j in 0..2 * s {
+        for j in 0..s + k {
             add_scaled(&mut self.p_low, 1.0, stages.impulses.row(j));
         }
         carry(&state.y, &mut self.y_low, &mut self.y);
@@ -81,10 +82,10 @@ impl Update {
             newton::solve(&mut solve, MOST_ITERATIONS)?;
         }
 
-        add_scaled(&mut self.p_low, h * stages.tableau.b_hat[s], &self.reaction);
+        add_scaled(&mut self.p_low, h * stages.tableau.b_hat[k], &self.reaction);
         carry(&state.p, &mut self.p_low, &mut self.p);
         if model.problem.patterns.v_z.is_some() {
-            let t = stages.node_time(step, s);
+            let t = stages.node_time(step, k);
             copy(&mut self.v, model.end(t, &self.y, &self.z)[2]);
         } else {
             copy(&mut self.v, &self.z);
@@ -106,17 +107,15 @@ impl Equations for Solve<'_> {
     fn correct(&mut self) -> Result<f64, Trouble> {
         let (update, model) = (&mut *self.update, &mut *self.model);
         let (stages, step) = (&mut *self.stages, self.step);
-        let (s, t) = (
-            stages.tableau.stages,
-            stages.node_time(step, stages.tableau.stages),
-        );
-        let weight = step.h * stages.tableau.b_hat[s];
+        let k = stages.tableau.intervals;
+        let t = stages.node_time(step, k);
+        let weight = step.h * stages.tableau.b_hat[k];
         update
             .saddle
-            .update(model, t, &update.y, &update.z, stages.unknowns.lam.row(s))?;
+            .update(model, t, &update.y, &update.z, stages.unknowns.lam.row(k))?;
         copy(&mut update.momentum, &update.p_low);
         if model.problem.m > 0 {
-            let [_, r] = model.node(t, &update.y, stages.unknowns.lam.row(s));
+            let [_, r] = model.node(t, &update.y, stages.unknowns.lam.row(k));
             finite(r, Quantity::Reaction, t)?;
             copy(&mut update.reaction, r);
             add_scaled(&mut update.momentum, weight, r);
@@ -131,7 +130,7 @@ impl Equations for Solve<'_> {
         let (momentum, hidden) = (&mut update.momentum, &mut update.hidden);
         update.saddle.solve(model, momentum, hidden);
         add_scaled(&mut update.z, 1.0, &update.momentum);
-        add_scaled(stages.unknowns.lam.row_mut(s), 1.0 / weight, &update.hidden);
+        add_scaled(stages.unknowns.lam.row_mut(k), 1.0 / weight, &update.hidden);
         let at = &model.problem.patterns;
         let (r_lam, d_lam) = (update.saddle.r_lam(), &update.hidden);
         at.r_lam
