@@ -96,7 +96,7 @@ class Run:
     @property
     def t(self) -> float: ...
     @property
-    def stats(self) -> dict[str, int]: ...
+    def stats(self) -> dict[str, int | float]: ...
     def take(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]: ...
 
 def mechanical_run(
@@ -106,7 +106,7 @@ def mechanical_run(
     params: NDArray[np.float64],
     start: Sequence[NDArray[np.float64]],
     span: tuple[float, float, int, int],
-    control: tuple[float, NDArray[np.float64], float, float] | None,
+    control: tuple[object, ...] | None,
     states: bool,
 ) -> Run | _Trouble: ...
 

@@ -3,7 +3,8 @@
 mod support;
 
 use liouville_core::linalg::{Factor, Pattern, Rows};
-use liouville_core::method::alpha::{Alpha, Reactions, Tolerance};
+use liouville_core::method::Tolerance;
+use liouville_core::method::alpha::{Alpha, Reactions};
 use liouville_core::method::schrodinger::{
     Chebyshev, Exponential, Lanczos, Magnus, Nodes, Phases, Shears, Sweeper, Wave,
 };

@@ -48,6 +48,7 @@ MECHANICAL = (
     "heavy_top",
     "moving_wire",
     "relativistic_particle",
+    "kepler_on_sphere",
 )
 
 #: The polynomial fields without divergence.

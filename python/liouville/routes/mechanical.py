@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from liouville import _core
-from liouville._arguments import check_memory, steps_of
+from liouville._arguments import CONTROLS, LEAST_TOLERANCE, Takes, check_memory, steps_of
 from liouville.errors import describe
 from liouville.methods import Composition, Method, Spark
 from liouville.routes.route import KEEP_LESS, Asked, kept, observable
@@ -26,11 +26,12 @@ class MechanicalRoute:
         self.constraints = system.constraints
         self._method = method
         self._is_general = method.form == "general"
-        equal = type(method).__name__ if self._is_general else ""
         self._base = method.base if isinstance(method, Composition) else method
         self.pace = steps_of(
-            asked.t, asked.h, asked.steps, asked.control, system.coordinates, equal
+            asked.t, asked.h, asked.steps, asked.control, system.coordinates, _takes(method)
         )
+        monitor = asked.control.get("monitor")
+        self._monitor = None if monitor is None else system.monitor(monitor)
         self.every = kept(self.pace, asked.every)
         self._values = system.values(asked.params)
         self.params: Mapping[str, Any] = {**system.params, **dict(asked.params or {})}
@@ -58,15 +59,22 @@ class MechanicalRoute:
         """Start the run, or say what is the trouble."""
         pace = self.pace
         problem = self.system.problem if self._is_general else self.system.second_order
+        control = pace.control
+        if control is not None and control[0] == "reversible":
+            control = (*control, self._monitor)
         return _core.mechanical_run(
             problem, self._method, self._observer, self._values, self._begin,
-            (pace.t0, pace.t1, pace.count, self.every), pace.control, self._states,
+            (pace.t0, pace.t1, pace.count, self.every), control, self._states,
         )  # fmt: skip
 
     def stats(self, run: _core.Run) -> dict[str, Any]:
         """Return the numbers of a run that this method has."""
         found: dict[str, Any] = {"steps": run.done, **run.stats}
-        foreign = ("factorizations", "rejected") if self._is_general else ("newton_steps",)
+        foreign = ["factorizations"] if self._is_general else ["newton_steps"]
+        if self._is_general and (self.pace.control is None or self.pace.control[0] != "error"):
+            foreign.append("rejected")
+        if not run.done:
+            foreign += ["h_smallest", "h_largest"]
         stats = {name: value for name, value in found.items() if name not in foreign}
         if run.done and self._is_general:
             stats["solver"] = _solver(stats)
@@ -111,6 +119,17 @@ class MechanicalRoute:
             dense = s * m * (n + s * m) if method.solver == "node-schur" else 2 * (s * (n + m)) ** 2
             hint = "HHT and its relatives take large sparse systems"
             check_memory(f"{method!r} on {n} coordinates, dense,", 8 * dense, hint)
+
+
+def _takes(method: Method) -> Takes:
+    """Say which controls of the steps a method takes."""
+    name = type(method).__name__
+    if method.form != "general":
+        return Takes(name, ("error",))
+    estimates = not isinstance(method, Composition)
+    takes = {"error": estimates, "reversible": getattr(method, "is_symmetric", True)}
+    controls = tuple(kind for kind in CONTROLS if takes[kind])
+    return Takes(name, controls, LEAST_TOLERANCE / 100)
 
 
 def _solver(stats: Mapping[str, int]) -> str:

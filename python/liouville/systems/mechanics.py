@@ -24,6 +24,7 @@ from liouville.systems._form import (
     total_derivative,
 )
 from liouville.systems._linear import Block
+from liouville.systems._monitor import traced
 from liouville.tape import record
 
 #: A start may miss its constraints by this much of the size of what they are made of.
@@ -316,6 +317,10 @@ class Mechanics:
     def _at(self, name: str, params: np.ndarray, *args: ArrayLike) -> np.ndarray:
         values: np.ndarray = self._map(name, params, *args)[0]
         return values
+
+    def monitor(self, function: Callable[..., Any]) -> tuple[_core.Tape, bool]:
+        """Record a function of (t, y, z) and its rate along the motion; say if z' is in it."""
+        return traced(self._symbols, self._model.v, function)
 
     def observer(
         self, observe: Mapping[str, Callable[..., Any]] | None, states: bool

@@ -2,10 +2,10 @@
 
 use super::Begin;
 use crate::run::Run;
-use liouville_core::method::{Estimating, Stepper};
-use liouville_core::problem::Observe;
+use liouville_core::method::{Estimating, Stepper, Symmetric};
 use liouville_core::problem::mechanical::Observer;
-use liouville_core::run::{self, Controlled, Equal};
+use liouville_core::problem::{Monitor, Observe};
+use liouville_core::run::{self, Controlled, Equal, Reversible};
 use pyo3::prelude::*;
 
 /// A run by equal steps.
@@ -46,6 +46,29 @@ where
     let (t0, t1, _, every) = begin.span;
     let width = observer.width(&state);
     let pace = Controlled::new(t0, t1, first, least);
+    let run = run::Run::new(stepper, observer, state, pace, every, 0);
+    Run::handed(py, run, &[width])
+}
+
+/// A run whose steps follow a monitor reversibly, from the first on, none below `least`.
+pub(super) fn launch_reversible<'py, S, M>(
+    py: Python<'py>,
+    begin: &Begin<'_>,
+    stepper: S,
+    observer: Observer,
+    state: S::State,
+    monitor: M,
+    (first, least): (f64, f64),
+) -> PyResult<Bound<'py, PyAny>>
+where
+    S: Symmetric + Sync + 'static,
+    S::State: Send + Sync,
+    M: Monitor<S::State> + Sync + 'static,
+    Observer: Observe<S::State>,
+{
+    let (t0, t1, _, every) = begin.span;
+    let width = observer.width(&state);
+    let pace = Reversible::new((t0, t1), first, least, monitor, &state);
     let run = run::Run::new(stepper, observer, state, pace, every, 0);
     Run::handed(py, run, &[width])
 }

@@ -139,11 +139,7 @@ impl Point {
         add_scaled(&mut self.z, step, &other.z_dot);
     }
 
-    fn solve(
-        &mut self,
-        model: &mut Model,
-        acceleration: &mut Acceleration,
-    ) -> Result<(), Trouble> {
+    fn solve(&mut self, model: &mut Model, acceleration: &mut Acceleration) -> Result<(), Trouble> {
         let [_, _, v] = model.end(self.t, &self.y, &self.z);
         finite(v, Quantity::Velocity, self.t)?;
         copy(&mut self.v, if v.is_empty() { &self.z } else { v });
@@ -172,7 +168,9 @@ impl TimeScale {
             model,
         };
         // what cannot be evaluated there is said by the first rate
-        let _ = monitor.here.solve(&mut monitor.model, &mut monitor.acceleration);
+        let _ = monitor
+            .here
+            .solve(&mut monitor.model, &mut monitor.acceleration);
         monitor.least_size = LEAST_SIZE * max_norm(y).max(max_norm(&monitor.here.v) * h);
         monitor
     }
@@ -199,7 +197,11 @@ impl TimeScale {
         self.metric.squares(&mut self.model, here, [&here.z_dot]);
         let size = max_norm(&here.y).max(self.least_size);
         let change = max_norm(&here.v) + (max_norm(&self.metric.velocity) * size).sqrt();
-        if change > 0.0 { PART * size / change } else { 0.0 }
+        if change > 0.0 {
+            PART * size / change
+        } else {
+            0.0
+        }
     }
 
     /// s^(−8/3), `shift` ahead of here.
@@ -234,7 +236,10 @@ impl Metric {
         let [p_z, v_z] = model.stage_blocks(at.t, &at.y, &at.z);
         vectors.map(|x| {
             self.momentum.fill(0.0);
-            problem.patterns.p_z.multiply_add(p_z, 1.0, x, &mut self.momentum);
+            problem
+                .patterns
+                .p_z
+                .multiply_add(p_z, 1.0, x, &mut self.momentum);
             match &problem.patterns.v_z {
                 Some(pattern) => {
                     self.velocity.fill(0.0);
