@@ -250,9 +250,19 @@ ROWS = [
     ),
     # controlled steps
     ("rtol of steps", lambda: composed(rtol=1e-3), TypeError, "does not estimate.*\nhint: give h"),
-    ("h_min alone", lambda: run(h_min=1e-3), TypeError, "h_min is for controlled.*\nhint: give rtol"),
+    (
+        "h_min alone",
+        lambda: run(h_min=1e-3),
+        TypeError,
+        "h_min is for controlled.*\nhint: give rtol",
+    ),
     ("control alone", lambda: damped(rtol=None, control="error"), TypeError, "error' takes rtol"),
-    ("no such control", lambda: run(control="pid"), ValueError, "control is 'error', 'revers.*'pid'"),
+    (
+        "no such control",
+        lambda: run(control="pid"),
+        ValueError,
+        "control is 'error', 'revers.*'pid'",
+    ),
     ("not symmetric", lambda: reversible(method=lv.HHT()), TypeError, "HHT is not symm.*\nhint"),
     ("reversible rtol", lambda: reversible(rtol=1e-3), TypeError, "'reversible' takes no rtol"),
     ("reversible atol", lambda: reversible(atol=1e-3), TypeError, "'reversible' takes no atol"),

@@ -49,7 +49,15 @@ UNITS = {
 }
 # Polylines at the end of an outline that are springs and may stretch.
 SPRINGS = {"car_axis": 2, "andrews": 1}
-PLANAR = ("pendulum", "double_pendulum", "chain", "slider_crank", "car_axis", "andrews")
+PLANAR = (
+    "pendulum",
+    "double_pendulum",
+    "chain",
+    "slider_crank",
+    "car_axis",
+    "andrews",
+    "circular_track",
+)
 
 
 def integrate(problem, stages=6, **options):

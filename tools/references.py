@@ -7,6 +7,11 @@ the package (closed form, quadrature, or minimal coordinates), and printed with 
     slider_crank           one degree of freedom: t = int sqrt(I(a) / (2 (E - V(a)))) da
     chain                  link angles, integrated by Gragg-Bulirsch-Stoer extrapolation
     relativistic_particle  canonical equations in spherical angles, integrated likewise
+    circular_track         closed form
+    knife_edge             closed form
+    rolling_disk           its two angles, integrated likewise
+    chaplygin_sleigh       speed and angle in closed form, the path by quadrature
+    rolling_ball           the centre in closed form, the attitude integrated likewise
 
 Each is computed twice, with another tolerance or another partition of the quadrature, and the
 difference is printed with it. Needs only mpmath: ``python tools/references.py`` (two minutes).
@@ -197,8 +202,124 @@ def relativistic_particle(times: Sequence[mpf] = (mpf(5), mpf(10))) -> None:
         show("relativistic_particle", mp.nstr(t, 3), {"q": (sa * cf, sa * sf, ca), "v": v})
 
 
+def circular_track(times: Sequence[int] = (2, 5)) -> None:
+    """Angle t^2 from the y-axis, clockwise."""
+    for t in map(mpf, times):
+        x, y = mp.sin(t**2), mp.cos(t**2)
+        show("circular_track", t, {"q": (x, y), "v": (2 * t * y, -2 * t * x), "lam": [4 * t**2]})
+
+
+def knife_edge(times: Sequence[int] = (1, 5)) -> None:
+    """Heading w t, w = 3/2, on a plane with gravity a = 1 down the slope."""
+    w = mpf(3) / 2
+    for t in times:
+        s, c = mp.sin(w * t), mp.cos(w * t)
+        x, y = s**2 / (2 * w**2), (w * t - s * c) / (2 * w**2)
+        v = (s * c / w, s**2 / w, w)
+        show("knife_edge", t, {"q": (x, y, w * t), "v": v, "lam": [2 * s]})
+
+
+def rolling_disk(times: Sequence[mpf] = (mpf(1), mpf(5))) -> None:
+    """(m r^2 + I) b'' = -m a r cos f and J f'' = k sin f: rolling angle b, heading f."""
+    m, r, a, k = mpf(1), mpf(1), mpf(1) / 2, mpf(1) / 3
+    spin, turn = m * r**2 / 2, m * r**2 / 4
+
+    def field(x: State) -> State:
+        f, db, df = x[3:]
+        slope = -m * a * r * mp.cos(f) / (m * r**2 + spin)
+        return [r * mp.cos(f) * db, r * mp.sin(f) * db, db, df, slope, k * mp.sin(f) / turn]
+
+    def energy(x: State) -> mpf:
+        rolling = (m * r**2 + spin) * x[4] ** 2 / 2 + turn * x[5] ** 2 / 2
+        return rolling + m * a * x[0] + k * mp.cos(x[3])
+
+    x = [mpf(0)] * 4 + [mpf(1), mpf(1) / 2]
+    states = checked("rolling_disk", field, energy, x, times)
+    for t, state in zip(times, states, strict=True):
+        rates = field(state)
+        *q, db, df = state
+        (vx, vy, *_, ddb, _), f = rates, q[3]
+        along = m * (r * mp.cos(f) * ddb - r * mp.sin(f) * db * df + a)
+        across = m * (r * mp.sin(f) * ddb + r * mp.cos(f) * db * df)
+        values = {"q": q, "v": (vx, vy, db, df), "lam": [-along, -across]}
+        show("rolling_disk", mp.nstr(t, 3), values)
+
+
+def chaplygin_sleigh(times: Sequence[int] = (5, 10)) -> None:
+    """Speed u = A tanh s and rate A sech(s) / k, s = s0 + a A t / k^2, k^2 = a^2 + J / m."""
+    a, inertia, speed, rate = mpf(1), mpf("0.44"), mpf("-0.8"), mpf("0.5")
+    k = mp.sqrt(a**2 + inertia)
+    top = mp.sqrt(speed**2 + (k * rate) ** 2)
+    first, pace = mp.atanh(speed / top), a * top / k**2
+
+    def angle(t: mpf) -> mpf:
+        half = (mp.tanh(s / 2) for s in (first + pace * t, first))
+        end, begin = (2 * mp.atan(x) for x in half)
+        return k / a * (end - begin)
+
+    def along(t: mpf) -> mpf:
+        return top * mp.tanh(first + pace * t)
+
+    def path(t: mpf, pieces: int) -> mp.mpc:
+        return mp.quad(lambda s: along(s) * mp.expj(angle(s)), mp.linspace(0, t, pieces + 1))
+
+    for t in map(mpf, times):
+        f, w = angle(t), top / k * mp.sech(first + pace * t)
+        place, velocity = path(t, 7), along(t) * mp.expj(f)
+        apart = abs(path(t, 11) - place)
+        print(f"chaplygin_sleigh: another partition differs by {mp.nstr(apart, 2)}")
+        # across the blade: m (u w + a w') with w' = -(a / k^2) u w
+        values = {
+            "q": (place.real, place.imag, f),
+            "v": (velocity.real, velocity.imag, w),
+            "lam": [-(1 - (a / k) ** 2) * along(t) * w],
+        }
+        show("chaplygin_sleigh", mp.nstr(t, 3), values)
+
+
+def rolling_ball(times: Sequence[mpf] = (mpf(5), mpf(10))) -> None:
+    """Circle at J / (J + m r^2) of the turntable's rate; 2 p' = w p for the attitude p."""
+    m, inertia, r, table = mpf(1), mpf("0.1"), mpf("0.5"), mpf(2)
+    place, velocity, spin = mp.mpc("0.5", 0), mp.mpc("0.3", "0.5"), mpf(1)
+    rate = table * inertia / (inertia + m * r**2)
+    centre = place - velocity / (1j * rate)
+
+    def motion(t: mpf) -> tuple[mp.mpc, mp.mpc]:
+        turn = mp.expj(rate * t)
+        return centre + turn * (place - centre), turn * velocity
+
+    def field(x: State) -> State:
+        t, p0, p1, p2, p3 = x
+        z, v = motion(t)
+        # the ball's lowest point moves with the table
+        across = (table * z + 1j * v) / r
+        wx, wy, wz = across.real, across.imag, spin
+        rates = (
+            -wx * p1 - wy * p2 - wz * p3,
+            wx * p0 + wy * p3 - wz * p2,
+            wy * p0 + wz * p1 - wx * p3,
+            wz * p0 + wx * p2 - wy * p1,
+        )
+        return [mpf(1), *(x / 2 for x in rates)]
+
+    def length(x: State) -> mpf:
+        return sum((p**2 for p in x[1:]), mpf(0))
+
+    x = [mpf(0), mpf(1), mpf(0), mpf(0), mpf(0)]
+    states = checked("rolling_ball", field, length, x, times)
+    for t, state in zip(times, states, strict=True):
+        z, v = motion(t)
+        q = (z.real, z.imag, *state[1:])
+        show("rolling_ball", mp.nstr(t, 3), {"q": q, "v": (v.real, v.imag, *field(state)[1:])})
+
+
 if __name__ == "__main__":
     pendulum()
     slider_crank()
     relativistic_particle()
+    circular_track()
+    knife_edge()
+    rolling_disk()
+    chaplygin_sleigh()
+    rolling_ball()
     chain()

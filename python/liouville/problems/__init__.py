@@ -48,6 +48,7 @@ MECHANICAL = (
     "heavy_top",
     "moving_wire",
     "relativistic_particle",
+    "circular_track",
     "kepler_on_sphere",
 )
 

@@ -2,6 +2,8 @@
 
 pub mod alpha;
 pub mod composition;
+pub mod index2;
+pub mod rattle;
 pub mod schrodinger;
 pub mod spark;
 pub mod volume;
@@ -58,6 +60,9 @@ pub trait Stepper: Send {
         Ok(())
     }
 
+    /// Forgets the step before: the next one starts cold, from wherever its state is.
+    fn forget(&mut self) {}
+
     /// What it has done so far.
     fn stats(&self) -> Stats;
 }
@@ -71,6 +76,10 @@ impl<S: Stepper + ?Sized> Stepper for Box<S> {
 
     fn settle(&mut self, state: &mut S::State) -> Result<(), Trouble> {
         (**self).settle(state)
+    }
+
+    fn forget(&mut self) {
+        (**self).forget();
     }
 
     fn stats(&self) -> Stats {

@@ -1,11 +1,14 @@
 //! A stepper, its observer and a pace become a run: the one place where they meet.
 
 use super::Begin;
+use super::control::{Control, refused};
 use crate::run::Run;
 use liouville_core::method::{Estimating, Stepper, Symmetric};
-use liouville_core::problem::mechanical::Observer;
-use liouville_core::problem::{Monitor, Observe};
-use liouville_core::run::{self, Controlled, Equal, Reversible};
+use liouville_core::problem::Observe;
+use liouville_core::problem::mechanical::{
+    Carried, MechanicalMonitor, Observer, Path, TimeScale, Traced,
+};
+use liouville_core::run::{self, Controlled, Equal, Pace, Reversible, Watcher};
 use pyo3::prelude::*;
 
 /// A run by equal steps.
@@ -17,16 +20,18 @@ pub(super) fn launch<'py, S>(
     state: S::State,
 ) -> PyResult<Bound<'py, PyAny>>
 where
-    S: Stepper + Sync + 'static,
-    S::State: Send + Sync,
-    Observer: Observe<S::State>,
+    S: Stepper + Clone + Sync + 'static,
+    S::State: Carried + Clone + Send + Sync,
 {
     let (t0, t1, steps, every) = begin.span;
-    let width = observer.width(&state);
     let pace = Equal::new(t0, (t1 - t0) / steps as f64, steps);
-    let expected = steps / every + 2;
-    let run = run::Run::new(stepper, observer, state, pace, every, expected);
-    Run::handed(py, run, &[width])
+    paced(
+        py,
+        begin,
+        (stepper, observer, state),
+        pace,
+        steps / every + 2,
+    )
 }
 
 /// A run whose steps are controlled by their errors, from the first on, none below `least`.
@@ -39,36 +44,78 @@ pub(super) fn launch_controlled<'py, S>(
     (first, least): (f64, f64),
 ) -> PyResult<Bound<'py, PyAny>>
 where
-    S: Estimating + Sync + 'static,
-    S::State: Send + Sync,
-    Observer: Observe<S::State>,
+    S: Estimating + Clone + Sync + 'static,
+    S::State: Carried + Clone + Send + Sync,
 {
-    let (t0, t1, _, every) = begin.span;
-    let width = observer.width(&state);
+    let (t0, t1, ..) = begin.span;
     let pace = Controlled::new(t0, t1, first, least);
-    let run = run::Run::new(stepper, observer, state, pace, every, 0);
+    paced(py, begin, (stepper, observer, state), pace, 0)
+}
+
+/// A run at this pace, watched if that is asked for, with so many records expected.
+fn paced<'py, S, P>(
+    py: Python<'py>,
+    begin: &Begin<'_>,
+    (stepper, observer, state): (S, Observer, S::State),
+    pace: P,
+    expected: usize,
+) -> PyResult<Bound<'py, PyAny>>
+where
+    S: Stepper + Clone + Sync + 'static,
+    S::State: Carried + Clone + Send + Sync,
+    P: Pace<S> + Sync + 'static,
+{
+    let every = begin.span.3;
+    let width = observer.width(&state);
+    let Some(watching) = &begin.watch else {
+        let run = run::Run::new(stepper, observer, state, pace, every, expected);
+        return Run::handed(py, run, &[width]);
+    };
+    let path = Path::new(observer.model().clone(), watching.order);
+    let (events, times) = (watching.events.clone(), watching.times.clone());
+    let expected = times.as_ref().map_or(expected, Vec::len);
+    let watch = Watcher::new(path, stepper.clone(), &state, events, times);
+    let run = run::Run::watched(stepper, observer, state, pace, (every, expected), watch);
     Run::handed(py, run, &[width])
 }
 
-/// A run whose steps follow a monitor reversibly, from the first on, none below `least`.
-pub(super) fn launch_reversible<'py, S, M>(
+/// A run by equal steps, or by steps that follow a monitor reversibly.
+pub(super) fn launch_symmetric<'py, S>(
     py: Python<'py>,
     begin: &Begin<'_>,
     stepper: S,
     observer: Observer,
     state: S::State,
-    monitor: M,
-    (first, least): (f64, f64),
 ) -> PyResult<Bound<'py, PyAny>>
 where
-    S: Symmetric + Sync + 'static,
-    S::State: Send + Sync,
-    M: Monitor<S::State> + Sync + 'static,
-    Observer: Observe<S::State>,
+    S: Symmetric + Clone + Sync + 'static,
+    S::State: Carried + Clone + Send + Sync,
 {
-    let (t0, t1, _, every) = begin.span;
-    let width = observer.width(&state);
+    let (first, least, monitor) = match &begin.control {
+        Control::Equal => return launch(py, begin, stepper, observer, state),
+        Control::Error { .. } => return Err(refused("error")),
+        Control::Reversible {
+            first,
+            least,
+            monitor,
+        } => (*first, *least, monitor),
+    };
+    let (t0, t1, ..) = begin.span;
+    let model = observer.model().clone();
+    let monitor = match monitor {
+        Some((tape, of_acceleration)) => MechanicalMonitor::Traced(Box::new(Traced::new(
+            model,
+            begin.params,
+            tape.clone(),
+            *of_acceleration,
+        ))),
+        None => MechanicalMonitor::Own(Box::new(TimeScale::new(
+            model,
+            t1 - t0,
+            (t0, begin.start[0], begin.start[1]),
+            first,
+        ))),
+    };
     let pace = Reversible::new((t0, t1), first, least, monitor, &state);
-    let run = run::Run::new(stepper, observer, state, pace, every, 0);
-    Run::handed(py, run, &[width])
+    paced(py, begin, (stepper, observer, state), pace, 0)
 }

@@ -3,10 +3,12 @@
 mod alpha;
 mod control;
 mod launch;
+mod rattle;
 mod spark;
 
 use crate::convert::{self, Mechanical};
-use crate::second_order::SecondOrder;
+use crate::second_order::{SecondOrder, Separable};
+use crate::watch::{Asked, Watching};
 use control::Control;
 use liouville_core::tape::Tape;
 use numpy::PyReadonlyArray1;
@@ -21,6 +23,7 @@ struct Begin<'a> {
     span: (f64, f64, usize, usize),
     control: Control,
     states: bool,
+    watch: Option<Watching>,
 }
 
 impl Begin<'_> {
@@ -46,10 +49,11 @@ impl Begin<'_> {
 ///
 /// `span` is (t0, t1, steps, every); `control` is None for equal steps, else ("error", rtol, atol,
 /// first step or 0, least step) or ("reversible", first step, least step, monitor or None), the
-/// monitor being a tape with whether it wants z'. Returns the run, or the trouble of starting.
+/// monitor being a tape with whether it wants z'; `watch` is what else is looked at. Returns the run,
+/// or the trouble of starting.
 #[pyfunction]
 #[allow(clippy::too_many_arguments)] // the whole border in one call
-#[pyo3(signature = (problem, method, observer, params, start, span, control, states))]
+#[pyo3(signature = (problem, method, observer, params, start, span, control, watch, states))]
 pub(crate) fn mechanical_run<'py>(
     py: Python<'py>,
     problem: &Bound<'py, PyAny>,
@@ -59,6 +63,7 @@ pub(crate) fn mechanical_run<'py>(
     start: Vec<PyReadonlyArray1<'py, f64>>,
     span: (f64, f64, usize, usize),
     control: Option<Bound<'py, PyTuple>>,
+    watch: Option<Asked<'py>>,
     states: bool,
 ) -> PyResult<Bound<'py, PyAny>> {
     let start = start
@@ -72,9 +77,15 @@ pub(crate) fn mechanical_run<'py>(
         span,
         control: Control::read(control.as_ref())?,
         states,
+        watch: watch
+            .as_ref()
+            .map(|asked| Watching::read(asked, params))
+            .transpose()?,
     };
     if let Ok(problem) = problem.extract::<PyRef<'_, SecondOrder>>() {
         alpha::alpha(py, &problem, method, observer, &begin)
+    } else if let Ok(problem) = problem.extract::<PyRef<'_, Separable>>() {
+        rattle::rattle(py, &problem, method, observer, &begin)
     } else {
         let problem = problem.extract::<PyRef<'_, Mechanical>>()?;
         spark::spark(py, &problem, method, observer, &begin)

@@ -45,7 +45,7 @@ pub enum Reactions {
 }
 
 /// What is carried from step to step.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Debug, PartialEq)]
 pub struct State {
     /// Coordinates.
     pub y: Vec<f64>,
@@ -60,6 +60,27 @@ pub struct State {
     /// What forces without a potential have put in, by the trapezoidal rule.
     pub work: f64,
     power: f64,
+}
+
+impl Clone for State {
+    fn clone(&self) -> Self {
+        Self {
+            y: self.y.clone(),
+            z: self.z.clone(),
+            a: self.a.clone(),
+            phi: self.phi.clone(),
+            ..*self
+        }
+    }
+
+    /// Into the memory there is.
+    fn clone_from(&mut self, source: &Self) {
+        self.y.clone_from(&source.y);
+        self.z.clone_from(&source.z);
+        self.a.clone_from(&source.a);
+        self.phi.clone_from(&source.phi);
+        (self.h, self.work, self.power) = (source.h, source.work, source.power);
+    }
 }
 
 impl Carried for State {
@@ -296,6 +317,10 @@ impl Stepper for Alpha {
         }
         std::mem::swap(state, &mut self.other);
         Ok(())
+    }
+
+    fn forget(&mut self) {
+        self.is_warm = false;
     }
 
     fn stats(&self) -> Stats {

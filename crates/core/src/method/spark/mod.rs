@@ -188,6 +188,10 @@ impl Stepper for Spark {
         Ok(())
     }
 
+    fn forget(&mut self) {
+        self.predictor.forget();
+    }
+
     fn stats(&self) -> Stats {
         Stats {
             evaluations: self.stages.evaluations,

@@ -62,6 +62,11 @@ impl Predictor {
         }
     }
 
+    /// Forgets the polynomials: the next start is cold.
+    pub(super) fn forget(&mut self) {
+        self.h = None;
+    }
+
     /// Writes the extrapolated unknowns and `z1`; says whether there was a step to extrapolate.
     pub(super) fn extrapolate(&mut self, stages: &mut Stages, z1: &mut [f64], h: f64) -> bool {
         let Some(last) = self.h else { return false };

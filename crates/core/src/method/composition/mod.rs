@@ -8,9 +8,12 @@
 //!
 //! Time dependence: a flow goes from the time its map begins at, and takes α h, as everything else in that map.
 
-use super::{Stats, Stepper, Symmetric};
+mod symmetric;
+
+use super::{Stats, Stepper};
 use crate::tableau::Scheme;
 use crate::trouble::Trouble;
+pub use symmetric::Base;
 
 /// What a composed step is made of: flows of a state, one after another.
 pub trait Parts: Send {
@@ -73,6 +76,9 @@ pub trait Parts: Send {
 
     /// Puts back what was kept last.
     fn restore(&mut self, state: &mut Self::State);
+
+    /// Forgets the flows before; see [`Stepper::forget`].
+    fn forget(&mut self) {}
 
     /// What was done, given the number of flows.
     fn stats(&self, flows: usize) -> Stats {
@@ -140,91 +146,6 @@ pub struct Composed<P: Parts> {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 #[error("{0} composes a step with its adjoint, which a symmetric step has no use for")]
 pub struct NeedsAdjoint(pub &'static str);
-
-/// A symmetric method as the one part of a composition.
-#[derive(Clone, Debug)]
-pub struct Base<S: Stepper> {
-    stepper: S,
-    kept: Option<S::State>,
-}
-
-impl<S: Symmetric> Composed<Base<S>>
-where
-    S::State: Clone + Send,
-{
-    /// A symmetric method, composed by the stages γ of `scheme`.
-    ///
-    /// # Errors
-    /// The scheme has no such stages.
-    pub fn of_symmetric(stepper: S, scheme: &Scheme) -> Result<Self, NeedsAdjoint> {
-        let stages = scheme.stages().ok_or(NeedsAdjoint(scheme.name))?;
-        let mut offset = 0.0;
-        let program = stages.into_iter().map(|weight| {
-            let flow = Flow {
-                part: 0,
-                is_adjoint: false,
-                weight,
-                offset,
-            };
-            offset += weight;
-            flow
-        });
-        let base = Base {
-            stepper,
-            kept: None,
-        };
-        Ok(Self::following(base, program.collect()))
-    }
-}
-
-impl<S: Symmetric> Parts for Base<S>
-where
-    S::State: Clone + Send,
-{
-    type State = S::State;
-
-    fn count(&self) -> usize {
-        1
-    }
-
-    fn is_exact(&self, _: usize) -> bool {
-        false
-    }
-
-    fn flow(
-        &mut self,
-        _: usize,
-        _: bool,
-        t: f64,
-        h: f64,
-        state: &mut S::State,
-    ) -> Result<(), Trouble> {
-        self.stepper.step(t, h, state)
-    }
-
-    /// The method has looked.
-    fn check(&self, _: f64, _: &S::State) -> Result<(), Trouble> {
-        Ok(())
-    }
-
-    fn keep(&mut self, state: &S::State) -> bool {
-        match &mut self.kept {
-            Some(kept) => kept.clone_from(state),
-            none => *none = Some(state.clone()),
-        }
-        true
-    }
-
-    fn restore(&mut self, state: &mut S::State) {
-        if let Some(kept) = &self.kept {
-            state.clone_from(kept);
-        }
-    }
-
-    fn stats(&self, _: usize) -> Stats {
-        self.stepper.stats()
-    }
-}
 
 impl<P: Parts> Composed<P> {
     /// These parts, composed by `scheme`.
@@ -392,6 +313,10 @@ impl<P: Parts> Stepper for Composed<P> {
         self.unchecked = 0;
         self.finish(state)
             .inspect_err(|trouble| self.lost = Some(trouble.clone()))
+    }
+
+    fn forget(&mut self) {
+        self.parts.forget();
     }
 
     fn stats(&self) -> Stats {

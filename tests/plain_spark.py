@@ -1,0 +1,169 @@
+"""SPARK steps written down as they are defined, every unknown of a step in one Newton.
+
+Nothing is eliminated, scaled or started cleverly: slow, and as near to the formulas of
+``docs/theory`` as a program can be. Coefficients come from Legendre series of NumPy's.
+"""
+
+from dataclasses import dataclass
+
+import casadi as ca
+import numpy as np
+from numpy.polynomial import legendre
+
+
+def integrals(nodes, ends):
+    """Return the integrals from 0 to each of `ends` of the Lagrange polynomials of `nodes`."""
+    basis = np.linalg.inv(legendre.legvander(2 * nodes - 1, len(nodes) - 1))
+    primitives = legendre.legint(basis, lbnd=-1, axis=0) / 2
+    return legendre.legval(2 * np.asarray(ends) - 1, primitives).T
+
+
+def lobatto_nodes(points):
+    """Return 0, the zeros of the derivative of a Legendre polynomial, and 1."""
+    inner = legendre.legroots(legendre.legder(np.eye(points)[-1]))
+    return np.concatenate([[0.0], (inner + 1) / 2, [1.0]])
+
+
+@dataclass(frozen=True)
+class Tableau:
+    """Coefficients of v, f and rn at stages `c`, of g and r at nodes `c_hat`."""
+
+    c: np.ndarray
+    b: np.ndarray
+    a_v: np.ndarray
+    a_f: np.ndarray
+    a_rn: np.ndarray
+    c_hat: np.ndarray
+    b_hat: np.ndarray
+    a_bar: np.ndarray
+    a_hat: np.ndarray
+
+
+def gauss(s):
+    """Return Gauss's coefficients, with Lobatto's nodes for constraints."""
+    c = (legendre.leggauss(s)[0] + 1) / 2
+    b = integrals(c, [1.0])[0]
+    a = integrals(c, c)
+    c_hat = lobatto_nodes(s + 1)
+    b_hat, a_bar = integrals(c_hat, [1.0])[0], integrals(c, c_hat)
+    a_hat = b_hat * (1 - a_bar.T / b[:, None])
+    return Tableau(c, b, a, a, a, c_hat, b_hat, a_bar, a_hat)
+
+
+def lobatto(points, force="B"):
+    """Return Lobatto IIIA for positions, IIIB for reactions and a choice for forces."""
+    c = lobatto_nodes(points)
+    b = integrals(c, [1.0])[0]
+    a = {"A": integrals(c, c)}
+    a["B"] = b * (1 - a["A"].T / b[:, None])
+    # IIIC: b_1 in the first column, exact for polynomials of degree points - 2
+    a["C"] = np.empty((points, points))
+    a["C"][:, 0] = b[0]
+    powers = np.arange(points - 1)
+    moments = c[:, None] ** (powers + 1) / (powers + 1) - b[0] * c[0] ** powers
+    a["C"][:, 1:] = moments @ np.linalg.inv(c[1:, None] ** powers)
+    a["C*"] = b * (1 - a["C"].T / b[:, None])
+    a["D"] = (a["C"] + a["C*"]) / 2
+    return Tableau(c, b, a["A"], a[force], a["B"], c, b, a["A"], a["B"])
+
+
+class Plain:
+    """y' = v, d/dt p = f + r(t, y, psi) + rn(t, y, z, nu), 0 = g(t, y), 0 = k(t, y, z).
+
+    The functions take CasADi symbols t, y, z; without reactions of their own r is -g_y^T psi and
+    rn is -k_z^T nu, which is the ideal one where v = z.
+    """
+
+    def __init__(self, n, p, f, g=None, k=None, *, v=None, r=None, rn=None):
+        t, y, z = ca.SX.sym("t"), ca.SX.sym("y", n), ca.SX.sym("z", n)
+        velocity = z if v is None else v(t, y, z)
+        g_, k_ = column(g, t, y), column(k, t, y, z)
+        self.n, self.m, self.l = n, g_.numel(), k_.numel()
+        psi, nu = ca.SX.sym("psi", self.m), ca.SX.sym("nu", self.l)
+        ideal = -ca.jacobian(g_, y).T @ psi, -ca.jacobian(k_, z).T @ nu
+        held = ca.jtimes(g_, ca.vertcat(t, y), ca.vertcat(1, velocity))
+        at = [t, y, z]
+        self.v, self.p = ca.Function("v", at, [velocity]), ca.Function("p", at, [p(*at)])
+        self.f, self.k = ca.Function("f", at, [f(*at)]), ca.Function("k", at, [k_])
+        self.g, self.w = ca.Function("g", [t, y], [g_]), ca.Function("w", at, [held])
+        self.r = ca.Function("r", [t, y, psi], [r(t, y, psi) if r else ideal[0]])
+        self.rn = ca.Function("rn", [*at, nu], [rn(*at, nu) if rn else ideal[1]])
+        self._steps = {}
+
+    @classmethod
+    def lagrangian(cls, n, lagrangian, g=None, k=None, force=None):
+        """Make it of L(t, q, v), with d/dt L_v = L_q + Q - g_q^T psi - k_v^T nu."""
+
+        def momentum(t, q, v):
+            return ca.gradient(lagrangian(t, q, v), v)
+
+        def all_forces(t, q, v):
+            own = force(t, q, v) if force else 0
+            return ca.gradient(lagrangian(t, q, v), q) + own
+
+        return cls(n, momentum, all_forces, g, k)
+
+    def step(self, key, tableau, t, y, z, h):
+        """Return y1 and z1, and the multipliers psi at nodes and nu at stages."""
+        if key not in self._steps:
+            self._steps[key] = self._equations(tableau)
+        equations, shapes = self._steps[key]
+        stages = len(tableau.c)
+        v = self.v(t, y, z).full().ravel()
+        guess = [np.tile(v, stages), np.tile(z, stages), *map(np.zeros, shapes), z]
+        x = np.concatenate(guess)
+        for _ in range(12):
+            rest, slope, _ = equations(x, t, y, z, h)
+            x = x - np.linalg.solve(slope.full(), rest.full().ravel())
+        *_, psi, nu, z1 = np.split(x, np.cumsum([len(part) for part in guess])[:-1])
+        y1 = equations(x, t, y, z, h)[2].full().ravel()
+        return y1, z1, psi.reshape(-1, max(self.m, 1)), nu.reshape(-1, max(self.l, 1))
+
+    def _equations(self, tab):
+        """Return the residual of a step's equations, their Jacobian and y1."""
+        n, s, last = self.n, len(tab.c), len(tab.c_hat) - 1
+        t, h, y, z = ca.SX.sym("t"), ca.SX.sym("h"), ca.SX.sym("y", n), ca.SX.sym("z", n)
+        V, Z, z1 = ca.SX.sym("V", n, s), ca.SX.sym("Z", n, s), ca.SX.sym("z1", n)
+        psi, nu = ca.SX.sym("psi", self.m, last + 1), ca.SX.sym("nu", self.l, s)
+
+        def sum_of(row, values):
+            return sum((float(a) * x for a, x in zip(row, values, strict=True)), ca.SX(n, 1))
+
+        rates, times = ca.horzsplit(V), [t + c * h for c in tab.c_hat]
+        Y = [y + h * sum_of(row, rates) for row in tab.a_v]
+        nodes = [y + h * sum_of(row, rates) for row in tab.a_bar]
+        at = list(zip([t + c * h for c in tab.c], Y, ca.horzsplit(Z), strict=True))
+        F = [self.f(*x) for x in at]
+        N = [self.rn(*x, nu[:, i]) for i, x in enumerate(at)]
+        R = [self.r(*x, psi[:, j]) for j, x in enumerate(zip(times, nodes, strict=True))]
+        K = [self.k(*x) for x in at]
+        p0, y1 = self.p(t, y, z), y + h * sum_of(tab.b, rates)
+        end = t + h, y1, z1
+        rest = [rate - self.v(*x) for rate, x in zip(rates, at, strict=True)]
+        rest += [
+            self.p(*x) - p0 - h * (sum_of(f, F) + sum_of(rn, N) + sum_of(r, R))
+            for x, f, rn, r in zip(at, tab.a_f, tab.a_rn, tab.a_hat, strict=True)
+        ]
+        rest += [self.g(*x) for x in list(zip(times, nodes, strict=True))[1:]]
+        rest += [
+            sum(float(b * legendre.legval(2 * c - 1, np.eye(s)[i])) * k
+                for b, c, k in zip(tab.b, tab.c, K, strict=True))
+            for i in range(s - 1)
+        ]  # fmt: skip
+        rest += [
+            self.p(*end) - p0 - h * (sum_of(tab.b, F) + sum_of(tab.b, N) + sum_of(tab.b_hat, R)),
+            self.w(*end),
+            self.k(*end),
+        ]
+        unknown = ca.vertcat(ca.vec(V), ca.vec(Z), ca.vec(psi), ca.vec(nu), z1)
+        residual = ca.vertcat(*rest)
+        found = [residual, ca.densify(ca.jacobian(residual, unknown)), y1]
+        return ca.Function("step", [unknown, t, y, z, h], found), (self.m * (last + 1), self.l * s)
+
+
+def column(function, *args):
+    """Return the values of a function as a column, empty without a function."""
+    if function is None:
+        return ca.SX(0, 1)
+    values = function(*args)
+    return ca.vertcat(*values) if isinstance(values, list) else values
