@@ -13,6 +13,7 @@ from liouville.methods import Composition as Composition
 from liouville.methods import GeneralizedAlpha as GeneralizedAlpha
 from liouville.methods import GrayManolopoulos as GrayManolopoulos
 from liouville.methods import Lanczos as Lanczos
+from liouville.methods import LobattoPair as LobattoPair
 from liouville.methods import Magnus as Magnus
 from liouville.methods import SchrodingerSplitting as SchrodingerSplitting
 from liouville.methods import Spark as Spark
@@ -33,5 +34,6 @@ from liouville.systems import Lattice as Lattice
 from liouville.systems import Mechanical as Mechanical
 from liouville.systems import PolynomialField as PolynomialField
 from liouville.systems import Schrodinger as Schrodinger
+from liouville.systems import SemiExplicit as SemiExplicit
 from liouville.systems import SpinChain as SpinChain
 from liouville.systems import Structure as Structure

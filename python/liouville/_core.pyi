@@ -17,6 +17,7 @@ __all__ = [
     "Rows",
     "Run",
     "SecondOrder",
+    "SemiExplicit",
     "Split",
     "Tape",
     "chebyshev_degree",
@@ -29,6 +30,7 @@ __all__ = [
     "project",
     "schrodinger_run",
     "section_run",
+    "semi_explicit_run",
     "split_program",
     "split_run",
     "stability",
@@ -89,6 +91,27 @@ class SecondOrder:
     ) -> SecondOrder: ...
 
 @final
+class Separable:
+    def __new__(cls, problem: Mechanical, tapes: dict[str, Tape]) -> Separable: ...
+
+class SemiExplicit:
+    def __new__(
+        cls,
+        n: int,
+        l: int,
+        is_linear: bool,
+        tapes: dict[str, Tape],
+        patterns: dict[str, _Pattern],
+    ) -> SemiExplicit: ...
+    def unknowns(
+        self,
+        t: float,
+        y: NDArray[np.float64],
+        z: NDArray[np.float64],
+        params: NDArray[np.float64],
+    ) -> NDArray[np.float64] | _Trouble: ...
+
+@final
 class Run:
     def advance(self, seconds: float) -> Literal["paused", "done"] | _Trouble: ...
     @property
@@ -100,13 +123,22 @@ class Run:
     def take(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]: ...
 
 def mechanical_run(
-    problem: Mechanical | SecondOrder,
+    problem: Mechanical | SecondOrder | Separable,
     method: object,
     observer: Tape,
     params: NDArray[np.float64],
     start: Sequence[NDArray[np.float64]],
     span: tuple[float, float, int, int],
     control: tuple[float, NDArray[np.float64], float, float] | None,
+    states: bool,
+) -> Run | _Trouble: ...
+def semi_explicit_run(
+    problem: SemiExplicit,
+    method: object,
+    observer: Tape,
+    params: NDArray[np.float64],
+    start: tuple[NDArray[np.float64], NDArray[np.float64]],
+    span: tuple[float, float, int, int],
     states: bool,
 ) -> Run | _Trouble: ...
 

@@ -141,7 +141,7 @@ def _not_finite(
     if what in ("constraint", "hidden constraint"):
         quantity = constraints[index]
         name = f"{what} '{quantity}'"
-    elif what in ("velocity", "momentum", "force", "reaction"):
+    elif what in ("velocity", "momentum", "force", "reaction", "field"):
         quantity = coordinates[index]
         name = f"{what} of coordinate '{quantity}'"
     elif what == "derivative":

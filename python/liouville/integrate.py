@@ -17,7 +17,7 @@ from liouville.planner import Plan
 from liouville.propagation import Propagation
 from liouville.routes import Asked, Route, route
 from liouville.solution import STATES, Solution
-from liouville.systems import System
+from liouville.systems import SemiExplicit, System
 
 #: Seconds between two looks at the signals and the progress bar.
 SLICE = 0.05
@@ -46,8 +46,9 @@ def integrate(
 
     Parameters
     ----------
-    system : Lagrangian, Hamiltonian, Mechanical, Structure, PolynomialField or Schrodinger
-        What is integrated.
+    system : System
+        A Lagrangian, Hamiltonian, Mechanical, Structure, SemiExplicit, PolynomialField or
+        Schrodinger: what is integrated.
     method : Method, Plan or Propagation
         How; see :doc:`/choose`. ``"auto"`` for a Schrödinger equation.
     t : tuple of two floats, or sequence of float
@@ -88,7 +89,7 @@ def integrate(
         default. The result does not depend on them, bit for bit.
     **start : array_like
         Start values by the system's names, each of shape (n,): ``q`` and ``v``, ``q`` and ``p``,
-        ``y`` and ``z``, ``x``, or ``psi``. A dict by coordinate name is taken too, but for
+        ``y`` and ``z`` (of a ``SemiExplicit`` a guess, not needed), ``x``, or ``psi``. A dict by coordinate name is taken too, but for
         ``psi``. The alpha family also takes its own ``a``, to go on from ``solution.a[-1]`` with
         the same step size.
 
@@ -220,7 +221,7 @@ def run(path: Route, progress: Callable[[float, float], None] | None = None) -> 
         residuals={name: parts[name] for name in ("constraint", "hidden") if name in parts},
         observed=_named("observed ", parts),
         balance=path.balance(parts),
-        names={"coordinates": path.system.coordinates, "constraints": path.constraints},
+        names=_names(path),
         h=pace.mean(times, stats["steps"]),
         tolerances=pace.tolerances,
         method=path.method,
@@ -276,6 +277,13 @@ def _advanced(run: _core.Run) -> str | dict[str, Any]:
         return run.advance(SLICE)
     except Exception as error:  # of a function of the user's that makes products
         return {"kind": "raised", "cause": error, "step": run.done, "start": run.t}
+
+
+def _names(path: Route) -> dict[str, tuple[str, ...]]:
+    names = {"coordinates": path.system.coordinates, "constraints": path.constraints}
+    if isinstance(path.system, SemiExplicit):
+        names["unknowns"] = path.system.unknowns
+    return names
 
 
 def _named(prefix: str, parts: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:

@@ -9,6 +9,8 @@ pub enum Quantity {
     Momentum,
     /// f(t, y, z)
     Force,
+    /// y' = f(t, y, z) of a system without momenta.
+    Field,
     /// r(t, y, λ)
     Reaction,
     /// g(t, y)
@@ -21,6 +23,8 @@ pub enum Quantity {
     Power,
     /// An invariant or another quantity to be recorded.
     Observable,
+    /// A function whose zeros are events.
+    Event,
 }
 
 impl Quantity {
@@ -30,12 +34,14 @@ impl Quantity {
             Self::Velocity => "velocity",
             Self::Momentum => "momentum",
             Self::Force => "force",
+            Self::Field => "field",
             Self::Reaction => "reaction",
             Self::Constraint => "constraint",
             Self::Hidden => "hidden constraint",
             Self::Derivative => "derivative",
             Self::Power => "power",
             Self::Observable => "observable",
+            Self::Event => "event",
         }
     }
 }
@@ -54,6 +60,8 @@ pub enum Trouble {
     SingularMass { coordinate: usize },
     #[error("the gradients of constraints {constraints:?} are linearly dependent")]
     Redundant { constraints: Vec<usize> },
+    #[error("the hidden constraint does not determine unknown {unknown}")]
+    SingularHidden { unknown: usize },
     #[error("the Newton matrix of the stages is singular")]
     SingularNewton,
     #[error(

@@ -30,6 +30,10 @@ pub(crate) fn trouble<'py>(py: Python<'py>, trouble: &Trouble) -> PyResult<Bound
             dict.set_item("constraints", constraints)?;
             "redundant"
         }
+        Trouble::SingularHidden { unknown } => {
+            dict.set_item("index", unknown)?;
+            "singular hidden"
+        }
         Trouble::SingularNewton => "singular",
         Trouble::NotConverged { iterations, size } => {
             dict.set_item("iterations", iterations)?;

@@ -13,6 +13,20 @@ MOST_STAGES = 64
 SOLVERS = ("auto", "node-schur", "newton")
 
 
+def check_stages(stages: object, least: int, most: int) -> None:
+    """Refuse what is no number of stages."""
+    if isinstance(stages, bool) or not isinstance(stages, (int, np.integer)):
+        raise TypeError(f"stages is an integer, not {stages!r}")
+    if not least <= stages <= most:
+        raise ValueError(f"stages is from {least} to {most}, not {stages}")
+
+
+def check_solver(solver: object) -> None:
+    """Refuse what is no solver."""
+    if solver not in SOLVERS:
+        raise ValueError(f"solver is one of {', '.join(SOLVERS)}, not {solver!r}")
+
+
 @dataclass(frozen=True)
 class Spark:
     r"""Gauss-Lobatto SPARK for constrained mechanics, order 2s with s stages.
@@ -60,14 +74,20 @@ class Spark:
 
     def __post_init__(self) -> None:
         """Refuse numbers that make no method."""
-        if isinstance(self.stages, bool) or not isinstance(self.stages, (int, np.integer)):
-            raise TypeError(f"stages is an integer, not {self.stages!r}")
-        if not 1 <= self.stages <= MOST_STAGES:
-            raise ValueError(f"stages is from 1 to {MOST_STAGES}, not {self.stages}")
-        if self.solver not in SOLVERS:
-            raise ValueError(f"solver is one of {', '.join(SOLVERS)}, not {self.solver!r}")
+        check_stages(self.stages, 1, MOST_STAGES)
+        check_solver(self.solver)
 
     @property
     def order(self) -> int:
         """Order of the method, 2s."""
         return 2 * int(self.stages)
+
+    @property
+    def intervals(self) -> int:
+        """Intervals between the nodes of the constraints."""
+        return int(self.stages)
+
+    @property
+    def is_symmetric(self) -> bool:
+        """Whether a step back undoes a step."""
+        return True

@@ -14,6 +14,7 @@ from liouville.methods import (
     ArnoldBruls,
     Composition,
     GeneralizedAlpha,
+    LobattoPair,
     Method,
     SchrodingerSplitting,
     Spark,
@@ -27,8 +28,9 @@ from liouville.routes.mechanical import MechanicalRoute as MechanicalRoute
 from liouville.routes.route import Asked as Asked
 from liouville.routes.route import Route as Route
 from liouville.routes.route import threads_of
+from liouville.routes.semi_explicit import SemiExplicitRoute as SemiExplicitRoute
 from liouville.routes.wave import WaveRoute as WaveRoute
-from liouville.systems import Mechanics, PolynomialField, Schrodinger, System
+from liouville.systems import Mechanics, PolynomialField, Schrodinger, SemiExplicit, System
 
 
 def route(system: System, method: Method | Plan | Propagation | str, asked: Asked) -> Route:
@@ -39,10 +41,10 @@ def route(system: System, method: Method | Plan | Propagation | str, asked: Aske
     TypeError
         One of them is no such thing, or the method does not step such a system.
     """
-    if not isinstance(system, Mechanics | PolynomialField | Schrodinger):
+    if not isinstance(system, Mechanics | SemiExplicit | PolynomialField | Schrodinger):
         raise TypeError(
-            "system is a Lagrangian, Hamiltonian, Mechanical, Structure, PolynomialField or "
-            f"Schrodinger, not {system!r}"
+            "system is a Lagrangian, Hamiltonian, Mechanical, Structure, SemiExplicit, "
+            f"PolynomialField or Schrodinger, not {system!r}"
         )
     if not isinstance(asked.states, bool):
         raise TypeError(f"states is True or False, not {asked.states!r}")
@@ -62,7 +64,13 @@ def route(system: System, method: Method | Plan | Propagation | str, asked: Aske
         raise _no_route(method, "field", "polynomial fields")
     if asked.is_ensemble:
         raise TypeError(f"ensembles are of a PolynomialField so far, not of {system!r}")
-    if isinstance(method, Spark | HHT | GeneralizedAlpha | ArnoldBruls | Composition):
+    if isinstance(system, SemiExplicit):
+        if isinstance(method, Spark | Composition):
+            return SemiExplicitRoute(system, method, asked)
+        raise TypeError(
+            f"{method!r} does not step semi-explicit systems; methods that do: Spark, Composition"
+        )
+    if isinstance(method, Spark | LobattoPair | HHT | GeneralizedAlpha | ArnoldBruls | Composition):
         return MechanicalRoute(system, method, asked)
     raise _no_route(method, "mechanical", "mechanical systems")
 

@@ -9,7 +9,8 @@ from liouville.systems.schrodinger import Grid as Grid
 from liouville.systems.schrodinger import Lattice as Lattice
 from liouville.systems.schrodinger import Schrodinger as Schrodinger
 from liouville.systems.schrodinger import SpinChain as SpinChain
+from liouville.systems.semi_explicit import SemiExplicit as SemiExplicit
 from liouville.systems.structure import Structure as Structure
 
 #: Whatever can be integrated.
-System = Mechanics | PolynomialField | Schrodinger
+System = Mechanics | SemiExplicit | PolynomialField | Schrodinger

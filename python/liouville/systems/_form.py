@@ -37,7 +37,7 @@ class Symbols:
 class Model:
     """The expressions v, p, f, r and g of the general form; r depends on `lam`.
 
-    A linear part, which wants v = z, adds to p and f.
+    A linear part, which wants v = z, adds to p and f. Ideal reactions r are -g_y^T lam.
     """
 
     v: ca.SX
@@ -47,6 +47,7 @@ class Model:
     g: ca.SX
     lam: ca.SX
     linear: Linear = field(default_factory=Linear)
+    is_ideal: bool = False
 
 
 def compiled(
@@ -92,7 +93,11 @@ def compiled(
         "end": _add(record("end", at_stage, p, w, *velocity), momentum),
         "acceleration": _add(
             record(
-                "acceleration", at_stage, f - total_derivative(p, s, v), total_derivative(w, s, v)
+                "acceleration",
+                at_stage,
+                f - total_derivative(p, s, v),
+                total_derivative(w, s, v),
+                *(total_derivative(x, s, v) for x in velocity),
             ),
             force(0),
         ),
@@ -140,6 +145,30 @@ def second_order(
         tapes["power"] = record("power", s.inputs(z=s.z, lam=model.lam), power)
     patterns = {name: block.pattern for name, block in jac.items()}
     return tapes, patterns, ca.depends_on(power, model.lam)
+
+
+def is_separable(s: Symbols, model: Model) -> bool:
+    """Say whether p and v are linear in z with constant factors, f is f(t, y) and r is ideal."""
+    p, v, held = model.p, model.v, ca.vertcat(s.t, s.y)
+    blocks = ca.vertcat(entries(ca.jacobian(p, s.z)), entries(ca.jacobian(v, s.z)))
+    return (
+        model.is_ideal
+        and model.linear.damping is None
+        and not ca.depends_on(ca.vertcat(p, v), held)
+        and not ca.depends_on(blocks, s.z)
+        and not ca.depends_on(model.f, s.z)
+    )
+
+
+def separable(s: Symbols, model: Model) -> dict[str, _core.Tape]:
+    """Record f(t, y), g(t, y) and its derivatives g_y and g_t by themselves."""
+    at_y, g_y = s.inputs(), Block(ca.jacobian(model.g, s.y))
+    force = record("force", at_y, model.f)
+    return {
+        "force": _add(force, model.linear.terms(0, stiffness=(1, -1.0))),
+        "constraint": record("constraint", at_y, model.g),
+        "gradient": record("gradient", at_y, g_y.part, ca.jacobian(model.g, s.t)),
+    }
 
 
 def _check_second_order(s: Symbols, model: Model, mass: ca.SX) -> None:

@@ -81,7 +81,7 @@ class Lagrangian(Mechanics):
         names, g, lam = holonomic(constraint, s)
         super().__init__(
             s,
-            Model(v=s.z, p=p, f=f, r=ideal(g, s, lam), g=g, lam=lam),
+            Model(v=s.z, p=p, f=f, r=ideal(g, s, lam), g=g, lam=lam, is_ideal=True),
             states=("q", "v"),
             coordinates=coordinates,
             constraints=names,
@@ -132,7 +132,7 @@ class Hamiltonian(Mechanics):
         names, g, lam = holonomic(constraint, s)
         super().__init__(
             s,
-            Model(v=v, p=s.z, f=f, r=ideal(g, s, lam), g=g, lam=lam),
+            Model(v=v, p=s.z, f=f, r=ideal(g, s, lam), g=g, lam=lam, is_ideal=True),
             states=("q", "p"),
             coordinates=coordinates,
             constraints=names,
@@ -206,7 +206,7 @@ class Mechanical(Mechanics):
                     raise ValueError(f"reaction does not depend on the multiplier of '{name}'")
         super().__init__(
             s,
-            Model(v=v, p=p, f=f, r=r, g=g, lam=lam),
+            Model(v=v, p=p, f=f, r=r, g=g, lam=lam, is_ideal=reaction is None),
             states=("y", "z"),
             coordinates=coordinates,
             constraints=names,

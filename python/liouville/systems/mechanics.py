@@ -18,9 +18,11 @@ from liouville.systems._form import (
     Symbols,
     compiled,
     differ,
+    is_separable,
     observing,
     record_blocks,
     second_order,
+    separable,
     total_derivative,
 )
 from liouville.systems._linear import Block
@@ -265,6 +267,13 @@ class Mechanics:
         return _core.SecondOrder(
             self.problem, *second_order(self._symbols, self._model, self._power)
         )
+
+    @cached_property
+    def separable(self) -> _core.Separable | None:
+        """What RATTLE steps: the system whose forces and velocities do not meet, if it is one."""
+        if not is_separable(self._symbols, self._model):
+            return None
+        return _core.Separable(self.problem, separable(self._symbols, self._model))
 
     @cached_property
     def _projections(self) -> dict[str, Any]:

@@ -2,6 +2,8 @@
 
 pub mod alpha;
 pub mod composition;
+pub mod index2;
+pub mod rattle;
 pub mod schrodinger;
 pub mod spark;
 pub mod volume;

@@ -3,6 +3,7 @@
 pub mod mechanical;
 pub mod polynomial;
 pub mod quantum;
+pub mod semi_explicit;
 
 use crate::trouble::Trouble;
 

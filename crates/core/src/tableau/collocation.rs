@@ -106,7 +106,7 @@ pub(super) fn integrals(points: &Quadrature, x: TwoFloat) -> Vec<TwoFloat> {
         .zip(&points.weights)
         .map(|(c, b)| {
             let mut at_c = legendre(s, *c * 2.0 - 1.0);
-            at_c[s - 1] = at_c[s - 1] * points.norm;
+            at_c[s - 1] *= points.norm;
             *b * (0..s).fold(TwoFloat::from(0.0), |sum, k| sum + at_c[k] * integral(k))
         })
         .collect()

@@ -85,6 +85,25 @@ impl Spark {
         Self::with(&stages, &nodes, [all.clone(), all.clone(), all])
     }
 
+    /// Whether a step back undoes a step: the reflection of stages and nodes turns each coefficient
+    /// into its weight less itself.
+    pub fn is_symmetric(&self) -> bool {
+        let is_reflected = |mu: &Matrix| {
+            let (last, cols) = (mu.rows() - 1, mu.cols());
+            let entries = (0..=last).flat_map(|i| (0..cols).map(move |j| (i, j)));
+            let sum = |(i, j)| mu[(i, j)] + mu[(last - i, cols - 1 - j)];
+            entries.map(sum).all(|x: f64| (x - 1.0).abs() < 1e-9)
+        };
+        let all = [
+            &self.mu_v,
+            &self.mu_f,
+            &self.mu_r,
+            &self.mu_bar,
+            &self.mu_hat,
+        ];
+        all.into_iter().all(is_reflected)
+    }
+
     /// The method of these symmetric points whose coefficients of v, of f, and of reactions at stages
     /// are `between`.
     pub(super) fn with(stages: &Quadrature, nodes: &Quadrature, between: [Between; 3]) -> Self {

@@ -43,6 +43,9 @@ pub(super) fn spark<'py>(
         Some(force) => lobatto_named(stages, &force.extract::<String>()?)?,
         None => gauss_of(stages)?,
     };
+    if scheme.is_some() && !tableau.is_symmetric() {
+        return Err(PyValueError::new_err("only a symmetric method is composed"));
+    }
     begin.check(problem.0.n, problem.0.stage.inputs()[3], &observer, 2)?;
     let mut model = Model::new(problem.0.clone(), begin.params);
     let observer = Observer::new(model.clone(), begin.params, observer, begin.states);

@@ -54,7 +54,7 @@ impl Acceleration {
         y: &[f64],
         z: &[f64],
     ) -> Result<(), Trouble> {
-        let [force, drift] = model.acceleration(t, y, z);
+        let [force, drift, _] = model.acceleration(t, y, z);
         finite(force, Quantity::Force, t)?;
         finite(drift, Quantity::Hidden, t)?;
         self.force.copy_from_slice(force);

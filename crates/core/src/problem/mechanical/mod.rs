@@ -6,19 +6,23 @@
 //! p = L_v; a Hamiltonian one p = z and v = H_p; both r = −g_yᵀ λ. Source: jay2007.
 
 mod acceleration;
+mod dense;
 mod model;
 mod observe;
 mod projection;
 mod saddle;
 mod second_order;
+mod separable;
 
 pub use acceleration::Acceleration;
+pub use dense::{Path, Point};
 pub use model::{Model, finite};
 pub use observe::{Carried, Observer};
 pub use projection::{Projection, project};
 pub use saddle::{Mass, Saddle};
 pub(crate) use saddle::{add_product, explain};
 pub use second_order::{SecondOrder, SecondOrderModel, SecondOrderPatterns};
+pub use separable::{Separable, SeparableModel};
 
 use crate::linalg::Pattern;
 use crate::tape::Tape;
@@ -50,7 +54,7 @@ pub struct Mechanical {
     pub node_jacobian: Tape,
     /// (t, y, z) → p, w, v
     pub end: Tape,
-    /// (t, y, z) → f − p_t − p_y v, w_t + w_y v
+    /// (t, y, z) → f − p_t − p_y v, w_t + w_y v, v_t + v_y v
     pub acceleration: Tape,
     /// Where the derivatives are not zero.
     pub patterns: Patterns,
@@ -109,7 +113,7 @@ impl Mechanical {
             ),
             ("node_jacobian", &self.node_jacobian, m, at.r_y.len()),
             ("end", &self.end, n, n + m + v),
-            ("acceleration", &self.acceleration, n, n + m),
+            ("acceleration", &self.acceleration, n, n + m + v),
         ];
         for (name, tape, third, outputs) in tapes {
             check(name, tape.inputs().len(), 4)?;

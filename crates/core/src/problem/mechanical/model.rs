@@ -138,9 +138,9 @@ impl Model {
         )
     }
 
-    /// f − p_t − `p_y` v and `w_t` + `w_y` v at (t, y, z).
-    pub fn acceleration(&mut self, t: f64, y: &[f64], z: &[f64]) -> Parts<'_, 2> {
-        let sizes = [self.problem.n, self.problem.m];
+    /// f − p_t − `p_y` v, `w_t` + `w_y` v and `v_t` + `v_y` v at (t, y, z); the last is empty where v is z.
+    pub fn acceleration(&mut self, t: f64, y: &[f64], z: &[f64]) -> Parts<'_, 3> {
+        let sizes = [self.problem.n, self.problem.m, self.v_size];
         cut(
             self.problem
                 .acceleration
@@ -169,8 +169,10 @@ impl Model {
 /// [`Trouble::NotFinite`].
 #[inline]
 pub fn finite(values: &[f64], quantity: Quantity, t: f64) -> Result<(), Trouble> {
-    match values.iter().position(|x| !x.is_finite()) {
-        Some(index) => Err(Trouble::NotFinite { quantity, index, t }),
-        None => Ok(()),
+    // without a way out, so that several are looked at in one instruction
+    if values.iter().fold(true, |all, x| all & x.is_finite()) {
+        return Ok(());
     }
+    let index = values.iter().position(|x| !x.is_finite()).unwrap_or(0);
+    Err(Trouble::NotFinite { quantity, index, t })
 }

@@ -61,6 +61,11 @@ impl Observer {
         }
     }
 
+    /// What is observed.
+    pub fn model(&self) -> &Model {
+        &self.model
+    }
+
     fn append<S: Carried>(&mut self, t: f64, state: &S, row: &mut Vec<f64>) -> Result<(), Trouble> {
         if let Some(states) = &mut self.states {
             states.solve(&mut self.model, t, state.y(), state.z())?;

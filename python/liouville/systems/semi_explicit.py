@@ -1,0 +1,415 @@
+"""Semi-explicit differential-algebraic systems of index 2."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import casadi as ca
+import numpy as np
+from numpy.typing import ArrayLike
+
+from liouville import _core
+from liouville.errors import describe, hinted
+from liouville.systems import _trace
+from liouville.systems._form import entries, record_blocks
+from liouville.systems._linear import Block
+from liouville.tape import record
+
+Function = Callable[..., Any]
+
+#: A start may miss its constraints by this much of the size of what they are made of.
+TOLERANCE = 1e-10
+
+#: What roundoff may leave of coordinates that start at zero, in their own unit.
+FLOOR = 1e-14
+
+
+@dataclass(frozen=True)
+class Symbols:
+    """The symbols of a system: time, coordinates, algebraic unknowns and parameters."""
+
+    t: ca.SX
+    y: ca.SX
+    z: ca.SX
+    params: _trace.Parameters
+
+    @property
+    def point(self) -> dict[str, ca.SX]:
+        """The inputs of a tape that depends on z."""
+        return {"t": self.t, "y": self.y, "z": self.z, "params": self.params.vector}
+
+    @property
+    def place(self) -> dict[str, ca.SX]:
+        """The inputs of a tape that does not."""
+        return {"t": self.t, "y": self.y, "params": self.params.vector}
+
+    @property
+    def args(self) -> tuple[Any, ...]:
+        """What a user's function of a point is called with."""
+        return self.t, self.y, self.z, self.params
+
+
+class SemiExplicit:
+    r"""A semi-explicit differential-algebraic system of index 2.
+
+    .. math::
+
+        y' = f(t, y, z), \quad 0 = k(t, y), \qquad k_y f_z \text{ invertible}
+
+    with n coordinates y and l algebraic unknowns z, as many as constraints. They follow from the
+    hidden constraint :math:`0 = w := k_t + k_y f(t, y, z)`. All derivatives and their sparsity come
+    from CasADi; parameters stay symbolic.
+
+    Parameters
+    ----------
+    field : callable
+        ``field(t, y, z, params)``: the n components of f, or a dict of those that are not zero by
+        coordinate names.
+    constraint : callable
+        ``constraint(t, y, params)``: a scalar, a sequence of l, or a dict that names them.
+    y : sequence of str, or int
+        Names of the n coordinates, or their number.
+    z : sequence of str, or int
+        Names of the l algebraic unknowns, or their number.
+    params : mapping of str to float or 1-D array_like, optional
+        Parameters by name, with default values; the functions see ``params.name``.
+    invariants : mapping of str to callable, optional
+        Quantities ``f(t, y, z, params)`` to record.
+
+    Attributes
+    ----------
+    coordinates : tuple of str
+        Names of the n coordinates.
+    unknowns : tuple of str
+        Names of the l algebraic unknowns.
+    constraints : tuple of str
+        Names of the l constraints.
+    states : tuple of str
+        ``("y", "z")``.
+    invariants : tuple of str
+        Names of what is recorded along a run.
+
+    Raises
+    ------
+    TypeError, ValueError
+        A function returns the wrong number of values, or uses an operation without a place on a
+        tape; there are not as many constraints as unknowns, more of them than coordinates, or one
+        whose rate of change no unknown enters.
+
+    References
+    ----------
+    :cite:t:`jay2006`.
+
+    Examples
+    --------
+    A pendulum whose velocities are constrained too; the second unknown is zero along the motion.
+
+    >>> import casadi as ca
+    >>> import liouville as lv
+    >>> pendulum = lv.SemiExplicit(
+    ...     field=lambda t, y, z, params: [
+    ...         y[2] - y[0] * z[1],
+    ...         y[3] - y[1] * z[1],
+    ...         -y[0] * z[0],
+    ...         -y[1] * z[0] - params.g,
+    ...     ],
+    ...     constraint=lambda t, y, params: {
+    ...         "rod": (y[0] ** 2 + y[1] ** 2 - 1) / 2,
+    ...         "speed": y[0] * y[2] + y[1] * y[3],
+    ...     },
+    ...     y=("x", "y", "u", "v"),
+    ...     z=("tension", "shift"),
+    ...     params={"g": 9.81},
+    ... )
+    >>> pendulum
+    SemiExplicit(x, y, u, v; tension, shift)
+    >>> solution = lv.integrate(pendulum, lv.Spark(3), t=(0, 1), h=0.01, y=[1, 0, 0, 0])
+    >>> float(abs(solution.residuals["constraint"]).max()) < 1e-14
+    True
+    """
+
+    states = ("y", "z")
+
+    def __init__(
+        self,
+        *,
+        field: Function,
+        constraint: Function,
+        y: Sequence[str] | int,
+        z: Sequence[str] | int,
+        params: Mapping[str, ArrayLike] | None = None,
+        invariants: Mapping[str, Function] | None = None,
+    ) -> None:
+        self.coordinates, self.unknowns = _trace.names(y, "y"), _trace.names(z, "z")
+        n, l = len(self.coordinates), len(self.unknowns)
+        self._symbols = s = Symbols(
+            ca.SX.sym("t"), ca.SX.sym("y", n), ca.SX.sym("z", l), _trace.Parameters(params)
+        )
+        self._field = _trace.placed("field", field, s.args, self.coordinates)
+        given = _trace.named("constraint", constraint, (s.t, s.y, s.params))
+        self.constraints, self._constraint = given
+        self._hidden = ca.jtimes(self._constraint, ca.vertcat(s.t, s.y), ca.vertcat(1, self._field))
+        self._check_shape()
+        self._invariants = {
+            name: _trace.scalar(f"invariant '{name}'", function, s.args)
+            for name, function in _trace.mapping("invariants", invariants).items()
+        }
+        self.problem = self._compiled()
+
+    def __repr__(self) -> str:
+        """Name the coordinates and the unknowns."""
+        names = [
+            (*x[:3], "...", x[-1]) if len(x) > 20 else x for x in (self.coordinates, self.unknowns)
+        ]
+        return f"SemiExplicit({'; '.join(', '.join(x) for x in names)})"
+
+    @property
+    def params(self) -> dict[str, float | np.ndarray]:
+        """The parameters' default values."""
+        defaults = self._symbols.params.defaults
+        return {name: x.copy() if x.ndim else float(x) for name, x in defaults.items()}
+
+    @property
+    def invariants(self) -> tuple[str, ...]:
+        """Names of the invariants."""
+        return tuple(self._invariants)
+
+    def values(self, params: Mapping[str, ArrayLike] | None) -> np.ndarray:
+        """Return the parameter vector with changes; ValueError names an unknown one."""
+        return self._symbols.params.values(params)
+
+    def _check_shape(self) -> None:
+        """Refuse what cannot be of index 2, by what depends on what."""
+        n, l = len(self.coordinates), len(self.unknowns)
+        if len(self.constraints) != l:
+            raise ValueError(
+                hinted(
+                    f"there are {len(self.constraints)} constraints and {l} unknowns z",
+                    "index 2 wants as many of one as of the other",
+                )
+            )
+        if l > n:
+            raise ValueError(f"{l} constraints on {n} coordinates leave nothing to move")
+        of_y = set(ca.sparsify(ca.jacobian(self._constraint, self._symbols.y)).sparsity().row())
+        of_z = ca.sparsify(ca.jacobian(self._hidden, self._symbols.z)).sparsity()
+        rows, columns = set(of_z.row()), {k for k in range(l) if of_z.colind(k + 1) > of_z.colind(k)}
+        for k, name in enumerate(self.constraints):
+            if k not in of_y:
+                raise ValueError(
+                    hinted(
+                        f"constraint '{name}' is the same for all coordinates",
+                        "return what is to vanish, not a comparison",
+                    )
+                )
+            if k not in rows:
+                raise ValueError(
+                    hinted(
+                        f"no unknown enters the rate of change of constraint '{name}': "
+                        "the index is higher than 2",
+                        "require its derivative to vanish instead, or as well with an unknown more",
+                    )
+                )
+        for k, name in enumerate(self.unknowns):
+            if k not in columns:
+                raise ValueError(
+                    hinted(
+                        f"unknown '{name}' enters the rate of change of no constraint",
+                        "k_y f_z is to be invertible; leave out what has no effect",
+                    )
+                )
+
+    def _compiled(self) -> _core.SemiExplicit:
+        """Differentiate and record."""
+        s, f, k, w = self._symbols, self._field, self._constraint, self._hidden
+        jac = {
+            "f_y": Block(ca.jacobian(f, s.y)),
+            "f_z": Block(ca.jacobian(f, s.z)),
+            "k_y": Block(ca.jacobian(k, s.y)),
+            "w_z": Block(ca.jacobian(w, s.z)),
+        }
+        tapes = {
+            "field": record("field", s.point, f),
+            "field_jacobian": record_blocks("field", s.point, [jac["f_y"], jac["f_z"]]),
+            "constraint": record("constraint", s.place, k),
+            "constraint_jacobian": record_blocks("constraint", s.place, [jac["k_y"]]),
+            "hidden": record("hidden constraint", s.point, w, f),
+            "hidden_jacobian": record_blocks("hidden", s.point, [jac["w_z"], jac["f_z"]]),
+        }
+        self._tapes = tapes
+        is_linear = not ca.depends_on(entries(ca.jacobian(f, s.z)), s.z)
+        patterns = {name: block.pattern for name, block in jac.items()}
+        self._slope = jac["k_y"]
+        return _core.SemiExplicit(
+            len(self.coordinates), len(self.unknowns), is_linear, tapes, patterns
+        )
+
+    def start(self, start: Mapping[str, Any]) -> tuple[np.ndarray, np.ndarray]:
+        """Check start values: y, and a guess of z, zeros by default.
+
+        Raises
+        ------
+        TypeError
+            y is missing or no array of numbers, or there is another start value.
+        ValueError
+            One has a wrong shape, an unknown name, or is not finite.
+        """
+        for name in start:
+            if name not in self.states:
+                raise TypeError(
+                    f"'{name}' is no start value of this system, which takes y= and, as a guess, z="
+                )
+        if "y" not in start:
+            raise TypeError("start value 'y' is missing: this system takes y= and, as a guess, z=")
+        z = start.get("z")
+        guess = np.zeros(len(self.unknowns)) if z is None else z
+        return (
+            _vector("y", start["y"], self.coordinates),
+            _vector("z", guess, self.unknowns),
+        )
+
+    def check(
+        self,
+        t: float,
+        y: np.ndarray,
+        params: np.ndarray,
+        hint: str = "system.consistent(y=...) moves a start onto its constraints",
+    ) -> None:
+        """Refuse a start that violates a constraint."""
+        args = [np.array([[t]]), y[None, :]]
+        k = self._tapes["constraint"].map(params, args)[0]
+        slope = self._tapes["constraint_jacobian"].map(params, args)[0]
+        size = np.bincount(self._slope.pattern[2], np.abs(slope), len(k))
+        limit = size * (TOLERANCE * np.abs(y).max() + FLOOR)
+        if not np.isfinite(k).all():
+            at = int(np.argmin(np.isfinite(k)))
+            raise ValueError(
+                hinted(
+                    f"the constraint '{self.constraints[at]}' is {k[at]} at the start, t = {t:g}",
+                    "look for a division by zero, a root or a logarithm of the model there",
+                )
+            )
+        at = int(np.argmax(np.abs(k) - limit))
+        if not abs(k[at]) <= limit[at]:
+            raise ValueError(
+                hinted(
+                    f"start violates the constraint '{self.constraints[at]}': |k(y)| = "
+                    f"{abs(k[at]):.1e} at t = {t:g}, wanted at most {limit[at]:.1e}",
+                    hint,
+                )
+            )
+
+    def consistent(
+        self, t: float = 0.0, params: Mapping[str, ArrayLike] | None = None, **start: Any
+    ) -> dict[str, np.ndarray]:
+        """Move a start onto the constraints, and solve for the unknowns there.
+
+        Coordinates are moved by the transposed gradients of the constraints until these vanish,
+        which from afar is the least change only nearly.
+
+        Parameters
+        ----------
+        t : float, default 0
+            Time, for constraints that depend on it.
+        params : mapping, optional
+            Parameters that differ from their defaults.
+        **start : array_like
+            ``y`` near the constraints, shape (n,); ``z``, shape (l,), a guess where f is nonlinear
+            in it, zeros by default.
+
+        Returns
+        -------
+        dict of str to ndarray
+            ``y`` and ``z``, start values for :func:`liouville.integrate`.
+
+        Raises
+        ------
+        TypeError, ValueError
+            An argument is wrong, or no consistent start is found near the one given.
+        """
+        time = _trace.numbers(t)
+        if time is None or time.shape != () or not np.isfinite(time):
+            raise ValueError(f"t is a finite number, not {t!r}")
+        y, z = self.start(start)
+        values = self.values(params)
+        moved = _core.project(*self._projection, y, time.reshape(1), values)
+        if isinstance(moved, dict):
+            raise self._none_near(moved, float(time))
+        self.check(float(time), moved, values, "start nearer to the constraints")
+        found = self.problem.unknowns(float(time), moved, z, values)
+        if isinstance(found, dict):
+            raise self._none_near(found, float(time))
+        return {"y": moved, "z": found}
+
+    def _none_near(self, trouble: dict[str, Any], t: float) -> ValueError:
+        if trouble["kind"] == "not finite":
+            trouble["t"] = t
+        sentence, _, _ = self.describe(trouble)
+        return ValueError(
+            hinted(
+                f"no consistent start is near the one given: {sentence}",
+                "start nearer to the constraints, or give a guess z=",
+            )
+        )
+
+    def describe(self, trouble: dict[str, Any]) -> tuple[str, str, str]:
+        """Say what a trouble means in the user's names: sentence, hint and quantity."""
+        if trouble["kind"] == "singular hidden":
+            name = self.unknowns[trouble["index"]]
+            return (
+                f"the constraints do not determine unknown '{name}': k_y f_z is singular",
+                "look for a constraint that repeats another, for an unknown that enters f twice, "
+                "or for a position where a gradient vanishes",
+                name,
+            )
+        if trouble["kind"] == "singular":
+            return (
+                "the equations of the stages are singular",
+                "try a smaller h, and keep away from where k_y f_z is singular",
+                "stages",
+            )
+        return describe(trouble, self.coordinates, self.constraints)
+
+    @cached_property
+    def _projection(self) -> tuple[Any, Any]:
+        """Tapes (y, t, params) of k, k_y and the metric, and the patterns of the last two."""
+        s = self._symbols
+        inputs = {"y": s.y, "t": s.t, "params": s.params.vector}
+        weight = Block(ca.SX.eye(len(self.coordinates)))
+        tapes = (
+            record("constraint", inputs, self._constraint),
+            record_blocks("constraint", inputs, [self._slope]),
+            record_blocks("metric", inputs, [weight]),
+        )
+        return tapes, (self._slope.pattern, weight.pattern)
+
+    def observer(
+        self, observe: Mapping[str, Callable[..., Any]] | None
+    ) -> tuple[_core.Tape, dict[str, int]]:
+        """Record what a run keeps besides y and z; returns the tape and each part's width."""
+        parts = {"constraint": self._constraint, "hidden": self._hidden}
+        parts |= {f"invariant {name}": x for name, x in self._invariants.items()}
+        for name, function in _trace.mapping("observe", observe).items():
+            what = f"observed '{name}'"
+            parts[f"observed {name}"] = _trace.column(what, function, self._symbols.args)
+        tape = record("observer", self._symbols.point, *parts.values())
+        return tape, {name: x.numel() for name, x in parts.items()}
+
+
+def _vector(name: str, value: Any, places: tuple[str, ...]) -> np.ndarray:
+    """Return a start value as an array with a number for each name."""
+    if isinstance(value, Mapping):
+        if set(value) != set(places):
+            raise ValueError(f"{name} gives {list(value)}, wanted {list(places)}")
+        value = [value[place] for place in places]
+    array = _trace.numbers(value)
+    if array is None:
+        raise TypeError(f"{name} is an array of real numbers, not {value!r}")
+    if array.shape != (len(places),):
+        raise ValueError(f"{name} has shape {array.shape}, wanted ({len(places)},)")
+    bad = np.flatnonzero(~np.isfinite(array))
+    if bad.size:
+        raise ValueError(f"{name} of '{places[bad[0]]}' is {array[bad[0]]}")
+    return array
