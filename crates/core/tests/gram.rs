@@ -34,14 +34,18 @@ fn mesh(side: usize) -> Vec<(usize, usize)> {
     let beads = (0..side).flat_map(|i| (0..side).map(move |j| i * side + j));
     let right = move |k: usize| (k % side + 1 < side).then_some((k, k + 1));
     let down = move |k: usize| (k / side + 1 < side).then_some((k, k + side));
-    beads.flat_map(|k| right(k).into_iter().chain(down(k))).collect()
+    beads
+        .flat_map(|k| right(k).into_iter().chain(down(k)))
+        .collect()
 }
 
 /// The largest difference from what dense LU finds, relative to the largest number it finds.
 fn difference(pattern: &Pattern) -> f64 {
     let m = pattern.shape().0;
     let a: Vec<f64> = (0..pattern.len()).map(|k| noise(k + 1)).collect();
-    let b: Vec<f64> = (0..pattern.len()).map(|k| noise(k + 1) + 0.05 * noise(3 * k + 2)).collect();
+    let b: Vec<f64> = (0..pattern.len())
+        .map(|k| noise(k + 1) + 0.05 * noise(3 * k + 2))
+        .collect();
     let mut lu = Lu::new(m);
     lu.matrix_mut().clear();
     for (one, a) in pattern.entries().iter().zip(&a) {
@@ -82,6 +86,8 @@ fn it_solves_as_dense_lu_does() {
 fn rows_that_depend_on_each_other_are_refused() {
     let pattern = pattern(3, &[(0, 1), (1, 2), (0, 1)]);
     let entries = pattern.entries().iter();
-    let values: Vec<f64> = entries.map(|(row, col)| noise(col + 9 * (row % 2) + 1)).collect();
+    let values: Vec<f64> = entries
+        .map(|(row, col)| noise(col + 9 * (row % 2) + 1))
+        .collect();
     assert!(Gram::new(&pattern).factor(&values, &values).is_err());
 }
