@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
@@ -93,6 +94,15 @@ def describe(
             "try a smaller h, keep away from singular positions, and let the velocity depend on z",
             "stages",
         )
+    if kind == "step too small" and not math.isfinite(trouble["error"]):
+        return (
+            f"a step of {trouble['h']:.1e} would be needed, less than h_min",
+            "look for a singularity there, where forces grow without bound or steps have no "
+            "solution; else a smaller h_min may help",
+            "step",
+        )
+    if kind == "monitor":
+        return _monitor(trouble)
     if kind == "step too small":
         return (
             f"the error asks for a step of {trouble['h']:.1e}, less than h_min",
@@ -134,11 +144,25 @@ def describe(
     )
 
 
+def _monitor(trouble: dict[str, Any]) -> tuple[str, str, str]:
+    value, rate = trouble["value"], trouble["rate"]
+    what = (
+        f"the monitor is {value:.6g}"
+        if not value > 0 or value == math.inf
+        else (f"the rate of the monitor is {rate:.6g}")
+    )
+    return (
+        f"{what} at t = {trouble['t']:.6g}",
+        "a monitor is the size of a step, up to a factor: positive and smooth",
+        "monitor",
+    )
+
+
 def _not_finite(
     trouble: dict[str, Any], coordinates: Sequence[str], constraints: Sequence[str]
 ) -> tuple[str, str, str]:
     what, index = trouble["quantity"], trouble["index"]
-    if what in ("constraint", "hidden constraint"):
+    if what in ("constraint", "hidden constraint", "nonholonomic constraint"):
         quantity = constraints[index]
         name = f"{what} '{quantity}'"
     elif what in ("velocity", "momentum", "force", "reaction", "field"):

@@ -17,6 +17,8 @@ pub enum Quantity {
     Constraint,
     /// g_t + g_y v
     Hidden,
+    /// k(t, y, z); its index counts the holonomic constraints first
+    Nonholonomic,
     /// A derivative of one of them.
     Derivative,
     /// The rate at which forces without a potential put energy in.
@@ -38,6 +40,7 @@ impl Quantity {
             Self::Reaction => "reaction",
             Self::Constraint => "constraint",
             Self::Hidden => "hidden constraint",
+            Self::Nonholonomic => "nonholonomic constraint",
             Self::Derivative => "derivative",
             Self::Power => "power",
             Self::Observable => "observable",
@@ -72,6 +75,8 @@ pub enum Trouble {
         "a step of {h:e} would be needed, below the least: the last one had {error:e} of the tolerance"
     )]
     StepTooSmall { h: f64, error: f64 },
+    #[error("the monitor is {value} and changes at the rate {rate} at t = {t}")]
+    Monitor { value: f64, rate: f64, t: f64 },
     #[error("the flow of piece {piece} reaches infinity within the step from t = {t}")]
     Singular { piece: usize, member: usize, t: f64 },
     #[error("variable {index} is not finite at t = {t}")]
