@@ -14,7 +14,9 @@
 //! (S1)–(S4) give Z_i and λ_0..λ_{k−1}, with V_i = v(T_i, Y_i, Z_i) as unknowns of their own;
 //! (U2), (U3) then give z1 and λ_k. The λ_j are internal: they are not passed on to the next step.
 //! y and p are summed with their rounding errors carried along. Source: jay2007; the paper's ψ is λ.
+//! Nonholonomic constraints bring equations of their own, in `coupled`.
 
+mod coupled;
 mod full_newton;
 mod node_schur;
 mod predictor;
@@ -26,6 +28,7 @@ use crate::newton;
 use crate::problem::mechanical::{Model, State};
 use crate::tableau;
 use crate::trouble::Trouble;
+use coupled::Coupled;
 use full_newton::FullNewton;
 use node_schur::NodeSchur;
 use predictor::Predictor;
@@ -59,6 +62,8 @@ pub struct Spark {
     stages: Stages,
     schur: NodeSchur,
     full: Option<Box<FullNewton>>,
+    /// What solves everything at once, where there are nonholonomic constraints.
+    coupled: Option<Box<Coupled>>,
     predictor: Predictor,
     update: Update,
     /// Where node Schur started, for full Newton to start there too.
@@ -85,6 +90,7 @@ impl Spark {
             solver,
             schur: NodeSchur::new(&model, &stages),
             full: None,
+            coupled: (model.problem.l() > 0).then(|| Box::new(Coupled::new(&model, &stages))),
             predictor: Predictor::new(&model, &stages.tableau),
             update: Update::new(&model),
             start: stages.unknowns.clone(),
@@ -113,7 +119,12 @@ impl Spark {
     }
 
     fn iterate(&mut self, step: Step) -> Result<(), Trouble> {
-        let iterations = if self.wants_newton() {
+        let iterations = if let Some(coupled) = &mut self.coupled {
+            self.stats.newton_steps += 1;
+            let (stages, model) = (&mut self.stages, &mut self.model);
+            let mut equations = coupled.start(stages, model, &mut self.update.z, step);
+            newton::solve(&mut equations, MOST_ITERATIONS)?
+        } else if self.wants_newton() {
             self.iterate_newton(step)?
         } else {
             self.start.copy_from(&self.stages.unknowns);

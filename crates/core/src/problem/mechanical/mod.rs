@@ -19,6 +19,7 @@ mod separable;
 pub use acceleration::Acceleration;
 pub use dense::{Path, Point};
 pub use model::{Model, finite, finite_k};
+pub(crate) use nonholonomic::explain_all;
 pub use nonholonomic::{Nonholonomic, NonholonomicPatterns};
 pub use observe::{Carried, Observer};
 pub use projection::{Projection, project};
