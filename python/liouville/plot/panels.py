@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
+from functools import partial
 from textwrap import fill
 from typing import TYPE_CHECKING, Any
 
@@ -78,7 +79,8 @@ def trajectories(
     """
     if of is None:
         of = next((name for name in ("y", "x") if name in solution.states), "q")
-    values, known = getattr(solution, of), solution.names["coordinates"]
+    kind = "unknowns" if of == "z" else ""
+    values, known = getattr(solution, of), solution.names.get(kind, solution.names["coordinates"])
     chosen = list(names) if names is not None else [name for name in known if name != against]
     for name in [*chosen, *([against] if against is not None else [])]:
         if name not in known:
@@ -276,8 +278,7 @@ def overview(solution: Solution) -> Figure:
     scalars = {k: values for k, values in real.items() if values.ndim == of_scalar}
     panels += shown(solution)
     if "psi" not in solution.states and solution.states:
-        moving = _some(solution.names["coordinates"])
-        panels.append(lambda solution, ax: trajectories(solution, names=moving, ax=ax))
+        panels.append(partial(trajectories, names=_some(solution.names["coordinates"])))
     elif scalars:
         chosen, note = _few(solution, scalars)
         title = f"observed{note}"
@@ -288,9 +289,10 @@ def overview(solution: Solution) -> Figure:
         panels.append(energy)
     if solution.names["constraints"]:
         panels.append(residuals)
-        if solution.states:
-            held = _some(solution.names["constraints"])
-            panels.append(lambda solution, ax: multipliers(solution, names=held, ax=ax))
+        if "lam" in solution.states:
+            panels.append(partial(multipliers, names=_some(solution.names["constraints"])))
+    if solution.states and (unknowns := _some(solution.names.get("unknowns", ()))):
+        panels.append(partial(trajectories, of="z", names=unknowns))
     if solution.tolerances and len(solution.t) > 1:
         panels.append(steps)
     rows = 2 if len(panels) >= 4 else 1

@@ -49,6 +49,8 @@ MECHANICAL = (
     "moving_wire",
     "relativistic_particle",
     "circular_track",
+    "fekete",
+    "kepler_on_sphere",
 )
 
 #: The polynomial fields without divergence.

@@ -17,6 +17,7 @@
 //! Nonholonomic constraints bring equations of their own, in `coupled`.
 
 mod coupled;
+mod estimate;
 mod full_newton;
 mod node_schur;
 mod predictor;
@@ -29,6 +30,7 @@ use crate::problem::mechanical::{Model, State};
 use crate::tableau;
 use crate::trouble::Trouble;
 use coupled::Coupled;
+use estimate::Estimate;
 use full_newton::FullNewton;
 use node_schur::NodeSchur;
 use predictor::Predictor;
@@ -66,6 +68,8 @@ pub struct Spark {
     coupled: Option<Box<Coupled>>,
     predictor: Predictor,
     update: Update,
+    /// What tells errors, where they are wanted.
+    estimate: Option<Box<Estimate>>,
     /// Where node Schur started, for full Newton to start there too.
     start: Unknowns,
     /// Steps still to be made by full Newton, and how many it was last time.
@@ -93,6 +97,7 @@ impl Spark {
             coupled: (model.problem.l() > 0).then(|| Box::new(Coupled::new(&model, &stages))),
             predictor: Predictor::new(&model, &stages.tableau),
             update: Update::new(&model),
+            estimate: None,
             start: stages.unknowns.clone(),
             resting: 0,
             rest: 0,
@@ -184,7 +189,13 @@ impl Stepper for Spark {
         self.update.solve(&mut self.model, &mut self.stages, step)?;
         self.predictor
             .keep(&self.stages, h, &state.z, &self.update.z, &self.update.v);
+        if let Some(estimate) = &mut self.estimate {
+            estimate.keep(state);
+        }
         self.update.commit(state);
+        if let Some(estimate) = &mut self.estimate {
+            estimate.measure(self.predictor.velocities(), h, state);
+        }
         Ok(())
     }
 
