@@ -26,7 +26,7 @@ def nonlinear(**more):
         u = y[1] / growth
         return [
             y[0] * u**2 * z**2,
-            (y[0] ** 2 * u**2 - 3 * u**2 * z) * growth + u * ca.cos(t),
+            (u**2 * z - 3 * y[0] ** 2 * u**2) * growth + u * ca.cos(t),
         ]
 
     return lv.SemiExplicit(
