@@ -14,7 +14,7 @@ CORE = ROOT / "crates" / "core" / "src"
 PACKAGE = ROOT / "python" / "liouville"
 
 CORE_FLOORS = (
-    ("elementary", "parallel", "patience", "trouble"),
+    ("bracket", "elementary", "parallel", "patience", "trouble"),
     ("real",),
     ("vector",),
     ("dual", "linalg"),

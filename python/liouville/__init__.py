@@ -13,6 +13,7 @@ from liouville.methods import Composition as Composition
 from liouville.methods import GeneralizedAlpha as GeneralizedAlpha
 from liouville.methods import GrayManolopoulos as GrayManolopoulos
 from liouville.methods import Lanczos as Lanczos
+from liouville.methods import LobattoPair as LobattoPair
 from liouville.methods import Magnus as Magnus
 from liouville.methods import SchrodingerSplitting as SchrodingerSplitting
 from liouville.methods import Spark as Spark

@@ -23,14 +23,15 @@ __all__ = [
     "chebyshev_degree",
     "compositions",
     "determinant_run",
-    "gauss_lobatto",
     "ladder",
+    "lobatto_pair",
     "mechanical_run",
     "processor_degree",
     "project",
     "schrodinger_run",
     "section_run",
     "semi_explicit_run",
+    "spark_tableau",
     "split_program",
     "split_run",
     "stability",
@@ -91,6 +92,9 @@ class SecondOrder:
     ) -> SecondOrder: ...
 
 @final
+class Separable:
+    def __new__(cls, problem: Mechanical, tapes: dict[str, Tape]) -> Separable: ...
+
 class SemiExplicit:
     def __new__(
         cls,
@@ -120,7 +124,7 @@ class Run:
     def take(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]: ...
 
 def mechanical_run(
-    problem: Mechanical | SecondOrder,
+    problem: Mechanical | SecondOrder | Separable,
     method: object,
     observer: Tape,
     params: NDArray[np.float64],
@@ -231,7 +235,8 @@ def project(
     held: NDArray[np.float64],
     params: NDArray[np.float64],
 ) -> NDArray[np.float64] | _Trouble: ...
-def gauss_lobatto(stages: int) -> dict[str, NDArray[np.float64]]: ...
+def lobatto_pair(stages: int, force: str) -> dict[str, NDArray[np.float64]]: ...
+def spark_tableau(stages: int, points: str) -> dict[str, NDArray[np.float64]]: ...
 def compositions() -> dict[str, dict[str, Any]]: ...
 def ladder() -> list[dict[str, Any]]: ...
 def stability() -> list[dict[str, Any]]: ...

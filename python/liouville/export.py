@@ -68,7 +68,10 @@ def to_xarray(solution: Solution) -> xarray.Dataset:
         columns = np.stack(list(solution.invariants.values()), axis=-1)
         variables["invariants"] = ((*lead, "invariant"), columns)
     if solution.residuals:
-        rows = np.stack(list(solution.residuals.values()), axis=1)
+        known = names["constraints"]
+        rows = np.full((solution.t.size, len(solution.residuals), len(known)), np.nan)
+        for place, (name, values) in enumerate(solution.residuals.items()):
+            rows[:, place, _place(name, values, known)] = values
         variables["residuals"] = (("time", "residual", "constraint"), rows)
     if solution.balance:
         columns = np.stack(list(solution.balance.values()), axis=1)
@@ -237,7 +240,10 @@ def _from_xarray(dataset: xarray.Dataset) -> Solution:
         t=dataset["time"].values,
         states={name: variable.values for name, variable in variables.items() if name in STATES},
         invariants=columns("invariants", "invariant"),
-        residuals=columns("residuals", "residual"),
+        residuals={
+            name: values[:, ~np.isnan(values).any(axis=0)]
+            for name, values in columns("residuals", "residual").items()
+        },
         observed={
             variable.attrs["name"]: variable.values
             for name, variable in variables.items()
@@ -282,6 +288,12 @@ def _complex(dataset: xarray.Dataset) -> xarray.Dataset:
     )
 
 
+def _place(residual: str, values: Array, constraints: tuple[str, ...]) -> slice:
+    """Say to which constraints a residual belongs."""
+    first = len(constraints) - values.shape[1] if residual == "nonholonomic" else 0
+    return slice(first, first + values.shape[1])
+
+
 def _members(count: int) -> int | None:
     return None if count < 0 else int(count)
 
@@ -298,7 +310,7 @@ def _save_csv(solution: Solution, path: Path) -> None:
         columns |= {f"{name}[{label}]": values[:, i] for i, label in enumerate(labels)}
     columns |= solution.invariants | solution.balance
     for name, values in solution.residuals.items():
-        labels = names["constraints"]
+        labels = names["constraints"][_place(name, values, names["constraints"])]
         columns |= {f"{name}[{label}]": values[:, i] for i, label in enumerate(labels)}
     for name, values in solution.observed.items():
         if values.ndim == 1:

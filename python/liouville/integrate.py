@@ -16,7 +16,7 @@ from liouville.methods import Method
 from liouville.planner import Plan
 from liouville.propagation import Propagation
 from liouville.routes import Asked, Route, route
-from liouville.solution import STATES, Solution
+from liouville.solution import RESIDUALS, STATES, Solution
 from liouville.systems import SemiExplicit, System
 
 #: Seconds between two looks at the signals and the progress bar.
@@ -218,7 +218,7 @@ def run(path: Route, progress: Callable[[float, float], None] | None = None) -> 
         t=times,
         states={name: parts[name] for name in STATES if name in parts},
         invariants=_named("invariant ", parts),
-        residuals={name: parts[name] for name in ("constraint", "hidden") if name in parts},
+        residuals={name: parts[name] for name in RESIDUALS if name in parts},
         observed=_named("observed ", parts),
         balance=path.balance(parts),
         names=_names(path),

@@ -5,7 +5,7 @@
 //!
 //! Floors, lowest first; a module uses only floors below its own:
 //!
-//! 0. `elementary`, `parallel`, `patience`, `trouble`
+//! 0. `bracket`, `elementary`, `parallel`, `patience`, `trouble`
 //! 1. `real`
 //! 2. `vector`
 //! 3. `dual`, `linalg`
@@ -16,6 +16,7 @@
 //! 8. `run`
 //! 9. `ensemble`
 
+pub mod bracket;
 pub mod dual;
 pub mod elementary;
 pub mod ensemble;

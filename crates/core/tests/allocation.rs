@@ -5,13 +5,14 @@ mod support;
 use liouville_core::linalg::{Factor, Pattern, Rows};
 use liouville_core::method::alpha::{Alpha, Reactions, Tolerance};
 use liouville_core::method::index2::Index2;
+use liouville_core::method::rattle::Rattle;
 use liouville_core::method::schrodinger::{
     Chebyshev, Exponential, Lanczos, Magnus, Nodes, Phases, Shears, Sweeper, Wave,
 };
 use liouville_core::method::spark::{Solver, Spark};
 use liouville_core::method::volume::{Determinant, Volume};
 use liouville_core::method::{Composed, Stepper};
-use liouville_core::problem::mechanical::{Acceleration, Model, SecondOrderModel};
+use liouville_core::problem::mechanical::{Acceleration, Model, SecondOrderModel, SeparableModel};
 use liouville_core::problem::polynomial::{Piece, Polynomials, Split};
 use liouville_core::problem::quantum::{Bond, Dense, Diagonals, Hamiltonian, Operator, Spins};
 use liouville_core::problem::semi_explicit::Model as SemiExplicitModel;
@@ -127,6 +128,39 @@ fn a_step_takes_no_memory() {
             let general = steps(&general(), &[], &[0.0, -1.0, 1.0, -1.0], s, solver);
             assert_eq!(general.1, 0, "with {solver:?}, s = {s}");
         }
+    }
+}
+
+/// A pendulum of two arms that hang on each other, with masses that one spring couples, or not.
+fn arms(coupling: f64) -> Functions {
+    let (y, z) = (inputs(Y, 4), inputs(Z, 4));
+    let arm = [&y[2] - &y[0], &y[3] - &y[1]];
+    Functions {
+        v: None,
+        p: vec![
+            &z[0] + &z[2] * coupling,
+            z[1].clone(),
+            &z[2] + &z[0] * coupling,
+            z[3].clone(),
+        ],
+        f: vec![-&y[0], (-9.81).into(), input(T, 0).sin(), (-9.81).into()],
+        r: None,
+        g: vec![
+            (dot(&y[..2], &y[..2]) - 1.0) * 0.5,
+            (dot(&arm, &arm) - 1.0) * 0.5,
+        ],
+        params: 0,
+    }
+}
+
+#[test]
+fn a_step_of_rattle_takes_no_memory() {
+    for coupling in [0.0, 0.2] {
+        let mut model = SeparableModel::new(arms(coupling).separable(), &[]);
+        let y = [0.0, -1.0, 1.0, -1.0];
+        let mut state = model.general.state(0.0, &y, &[0.0; 4]);
+        let mut rattle = Rattle::new(model).expect("a mass");
+        assert_eq!(others(&mut rattle, &mut state), 0, "coupled by {coupling}");
     }
 }
 

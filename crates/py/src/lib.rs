@@ -18,6 +18,7 @@ mod second_order;
 mod semi_explicit;
 mod split;
 mod tableau;
+mod watch;
 
 use pyo3::prelude::*;
 
@@ -48,15 +49,16 @@ mod _core {
         chebyshev_degree, processor_degree, schrodinger_run, split_program_of,
     };
     #[pymodule_export]
-    use super::second_order::SecondOrder;
+    use super::second_order::{SecondOrder, Separable};
     #[pymodule_export]
     use super::semi_explicit::{SemiExplicit, semi_explicit_run};
     #[pymodule_export]
     use super::split::{Split, determinant_run, section_run, split_run};
     #[pymodule_export]
-    use super::tableau::gauss_lobatto;
+    use super::tableau::{lobatto_pair, spark_tableau};
+
     #[pymodule_export]
-    use super::tableau::lobatto_pair;
+    use super::watch::mechanical_path;
 
     #[pymodule_init]
     fn init(module: &Bound<'_, PyModule>) -> PyResult<()> {

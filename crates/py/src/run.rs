@@ -102,6 +102,24 @@ impl Run {
         Ok(dict)
     }
 
+    /// For each event function times and rows (y, z, lam) one after another; then which one ended the run,
+    /// and when.
+    #[allow(clippy::type_complexity)]
+    fn seen<'py>(
+        &mut self,
+        py: Python<'py>,
+    ) -> (
+        Vec<(Bound<'py, PyArray1<f64>>, Bound<'py, PyArray1<f64>>)>,
+        Option<(usize, f64)>,
+    ) {
+        let seen = self.inner.seen();
+        let events = seen.events.into_iter().map(|(times, rows)| {
+            let times = PyArray1::from_vec(py, times);
+            (times, PyArray1::from_vec(py, rows))
+        });
+        (events.collect(), seen.end)
+    }
+
     /// Times and rows of the records; the run keeps none. A section has rows of its own times.
     #[allow(clippy::type_complexity)]
     fn take<'py>(

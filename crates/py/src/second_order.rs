@@ -1,4 +1,4 @@
-//! Systems in the second-order form, as the front end hands them over.
+//! Systems in their special forms, as the front end hands them over.
 
 use crate::convert::{Mechanical, Tape, item, pattern};
 use crate::errors::refused;
@@ -48,6 +48,30 @@ impl SecondOrder {
                 w_y: pattern("w_y")?,
                 n_y: pattern("n_y")?,
             },
+        };
+        Ok(Self(Arc::new(system.checked().map_err(refused)?)))
+    }
+}
+
+/// A mechanical system as RATTLE steps it.
+#[pyclass(frozen, module = "liouville._core")]
+#[derive(Clone)]
+pub(crate) struct Separable(pub(crate) Arc<mechanical::Separable>);
+
+#[pymethods]
+impl Separable {
+    /// Tapes by name.
+    #[new]
+    fn new(problem: &Mechanical, tapes: &Bound<'_, PyDict>) -> PyResult<Self> {
+        let tape = |name: &str| -> PyResult<tape::Tape> {
+            let found = item(tapes, name)?.extract::<PyRef<'_, Tape>>()?.0.clone();
+            Ok(tape::Tape::clone(&found))
+        };
+        let system = mechanical::Separable {
+            mechanical: problem.0.clone(),
+            force: tape("force")?,
+            constraint: tape("constraint")?,
+            gradient: tape("gradient")?,
         };
         Ok(Self(Arc::new(system.checked().map_err(refused)?)))
     }

@@ -4,6 +4,7 @@ from liouville.methods.alpha import HHT as HHT
 from liouville.methods.alpha import ArnoldBruls as ArnoldBruls
 from liouville.methods.alpha import GeneralizedAlpha as GeneralizedAlpha
 from liouville.methods.composition import Composition as Composition
+from liouville.methods.lobatto import LobattoPair as LobattoPair
 from liouville.methods.schrodinger import Chebyshev as Chebyshev
 from liouville.methods.schrodinger import GrayManolopoulos as GrayManolopoulos
 from liouville.methods.schrodinger import Lanczos as Lanczos
@@ -29,11 +30,21 @@ WaveMethod = (
 #: What steps a wave function by steps of a given size.
 Stepped = SplitOperator | Magnus | StabilitySplitting | GrayManolopoulos
 
-Method = Spark | HHT | GeneralizedAlpha | ArnoldBruls | Composition | VolumeSplitting | WaveMethod
+Method = (
+    Spark
+    | LobattoPair
+    | HHT
+    | GeneralizedAlpha
+    | ArnoldBruls
+    | Composition
+    | VolumeSplitting
+    | WaveMethod
+)
 
 #: Every method by the name the command line knows it by.
 METHODS: dict[str, type[Method]] = {
     "spark": Spark,
+    "lobatto-pair": LobattoPair,
     "hht": HHT,
     "generalized-alpha": GeneralizedAlpha,
     "arnold-bruls": ArnoldBruls,

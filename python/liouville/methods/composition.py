@@ -6,6 +6,7 @@ from dataclasses import dataclass, field
 from difflib import get_close_matches
 
 from liouville import _core
+from liouville.methods.lobatto import LobattoPair
 from liouville.methods.spark import Spark
 
 #: What :func:`liouville._core.compositions` says of each scheme, by name.
@@ -42,8 +43,8 @@ class Composition:
 
     Parameters
     ----------
-    base : Spark
-        The method :math:`\Phi_h`, symmetric and of order 2: ``Spark(1)``.
+    base : Spark or LobattoPair
+        The method :math:`\Phi_h`, symmetric and of order 2: ``Spark(1)`` or ``LobattoPair(2)``.
     scheme : str, default "SS6s11"
         Name of the :math:`\gamma_i`: order 4 ``Y4``, ``SU4``; order 6 ``Y6``, ``KL6``, ``SS6s11``,
         ``SS6s13``; order 8 ``Y8D``, ``SU8``, ``KL8``, ``SS8s21``; order 10 ``SS10s35``.
@@ -62,15 +63,20 @@ class Composition:
     :cite:t:`hairer2006`, section V.3; see :doc:`/theory/composition`.
     """
 
-    base: Spark
+    base: Spark | LobattoPair
     scheme: str = field(default="SS6s11", metadata={"help": f"one of {', '.join(SYMMETRIC)}"})
 
     def __post_init__(self) -> None:
         """Refuse what is no composition."""
-        if not isinstance(self.base, Spark):
+        if not isinstance(self.base, Spark | LobattoPair):
             raise TypeError(
-                f"only a symmetric method is composed, such as Spark(1), not {self.base!r}\n"
-                "hint: VolumeSplitting takes composition= itself"
+                "only a symmetric method is composed, such as Spark(1) or LobattoPair(2), not "
+                f"{self.base!r}\nhint: VolumeSplitting takes composition= itself"
+            )
+        if not self.base.is_symmetric:
+            raise ValueError(
+                f"only a symmetric method is composed, and {self.base!r} is not: a step back does "
+                "not undo a step\nhint: Spark(1) and LobattoPair(2) are symmetric, and symplectic"
             )
         scheme_name(self.scheme, SYMMETRIC)
 

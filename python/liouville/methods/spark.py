@@ -1,4 +1,4 @@
-"""Gauss-Lobatto SPARK."""
+"""SPARK methods with Gauss or Radau stages."""
 
 from __future__ import annotations
 
@@ -12,12 +12,29 @@ MOST_STAGES = 64
 
 SOLVERS = ("auto", "node-schur", "newton")
 
+#: Where the stages are.
+POINTS = ("gauss", "radau")
+
+
+def check_stages(stages: object, least: int, most: int) -> None:
+    """Refuse what is no number of stages."""
+    if isinstance(stages, bool) or not isinstance(stages, (int, np.integer)):
+        raise TypeError(f"stages is an integer, not {stages!r}")
+    if not least <= stages <= most:
+        raise ValueError(f"stages is from {least} to {most}, not {stages}")
+
+
+def check_solver(solver: object) -> None:
+    """Refuse what is no solver."""
+    if solver not in SOLVERS:
+        raise ValueError(f"solver is one of {', '.join(SOLVERS)}, not {solver!r}")
+
 
 @dataclass(frozen=True)
 class Spark:
-    r"""Gauss-Lobatto SPARK for constrained mechanics, order 2s with s stages.
+    r"""SPARK for constrained mechanics with s Gauss stages, order 2s, or Radau stages, order 2s - 1.
 
-    With Gauss stages :math:`T_i = t_0 + c_i h`, :math:`i = 1..s`, and Lobatto nodes
+    With stages :math:`T_i = t_0 + c_i h`, :math:`i = 1..s`, and Lobatto nodes
     :math:`\hat T_j = t_0 + \hat c_j h`, :math:`j = 0..s`:
 
     .. math::
@@ -37,12 +54,20 @@ class Spark:
     Lagrangian and Hamiltonian systems. Needs :math:`p_z` and :math:`g_y v_z p_z^{-1} r_\lambda`
     invertible; without constraints it is the Gauss collocation method.
 
+    With ``points="radau"`` the :math:`c_i` are the Radau points, :math:`c_s = 1`, in the same
+    equations. This is for dissipative systems: order :math:`2s - 1` in positions, velocities and
+    multipliers, both constraints to roundoff, neither symmetric nor symplectic, and stiff forces
+    are damped out within a few steps, which Gauss stages leave oscillating for ever. Without
+    constraints it is Radau IIA.
+
     Parameters
     ----------
     stages : int, default 3
-        Number s of Gauss stages, from 1 to 64.
+        Number s of stages, from 1 to 64.
     solver : {"auto", "node-schur", "newton"}, default "auto"
         How the stage equations are solved; the result is the same to roundoff.
+    points : {"gauss", "radau"}, default "gauss"
+        Where the stages are.
 
     Raises
     ------
@@ -51,23 +76,32 @@ class Spark:
 
     References
     ----------
-    :cite:t:`jay2007`; see :doc:`/theory/spark`.
+    :cite:t:`jay2007`, and :cite:t:`hairer1996` on Radau IIA; see :doc:`/theory/spark`.
     """
 
     form: ClassVar[str] = "general"
-    stages: int = field(default=3, metadata={"help": "number of Gauss stages, from 1 to 64"})
+    stages: int = field(default=3, metadata={"help": "number of stages, from 1 to 64"})
     solver: str = field(default="auto", metadata={"help": "one of " + ", ".join(SOLVERS)})
+    points: str = field(default="gauss", metadata={"help": "one of " + ", ".join(POINTS)})
 
     def __post_init__(self) -> None:
         """Refuse numbers that make no method."""
-        if isinstance(self.stages, bool) or not isinstance(self.stages, (int, np.integer)):
-            raise TypeError(f"stages is an integer, not {self.stages!r}")
-        if not 1 <= self.stages <= MOST_STAGES:
-            raise ValueError(f"stages is from 1 to {MOST_STAGES}, not {self.stages}")
-        if self.solver not in SOLVERS:
-            raise ValueError(f"solver is one of {', '.join(SOLVERS)}, not {self.solver!r}")
+        check_stages(self.stages, 1, MOST_STAGES)
+        check_solver(self.solver)
+        if self.points not in POINTS:
+            raise ValueError(f"points is one of {', '.join(POINTS)}, not {self.points!r}")
 
     @property
     def order(self) -> int:
-        """Order of the method, 2s."""
-        return 2 * int(self.stages)
+        """Order of the method, 2s or 2s - 1."""
+        return 2 * int(self.stages) - (self.points == "radau")
+
+    @property
+    def intervals(self) -> int:
+        """Intervals between the nodes of the constraints."""
+        return int(self.stages)
+
+    @property
+    def is_symmetric(self) -> bool:
+        """Whether a step back undoes a step."""
+        return self.points == "gauss"

@@ -191,7 +191,7 @@ def steps(solution: Solution, *, ax: Axes | None = None) -> Axes:
 
 
 def residuals(solution: Solution, *, ax: Axes | None = None) -> Axes:
-    """Draw how well the constraint and the hidden constraint are kept, on a log scale.
+    """Draw how well each kind of constraint is kept, on a log scale.
 
     Parameters
     ----------
@@ -210,7 +210,13 @@ def residuals(solution: Solution, *, ax: Axes | None = None) -> Axes:
         for name, values in solution.residuals.items()
         if values.size
     }
-    return _sizes(ax, solution.t, sizes, "residuals", "$\\max |g|$,  $\\max |g_t + g_q v|$")
+    symbols = {
+        "constraint": "$\\max |g|$",
+        "hidden": "$\\max |g_t + g_q v|$",
+        "nonholonomic": "$\\max |k|$",
+    }
+    label = ",  ".join(symbols[name] for name in sizes)
+    return _sizes(ax, solution.t, sizes, "residuals", label)
 
 
 def multipliers(

@@ -14,6 +14,7 @@ from liouville.methods import (
     ArnoldBruls,
     Composition,
     GeneralizedAlpha,
+    LobattoPair,
     Method,
     SchrodingerSplitting,
     Spark,
@@ -69,7 +70,7 @@ def route(system: System, method: Method | Plan | Propagation | str, asked: Aske
         raise TypeError(
             f"{method!r} does not step semi-explicit systems; methods that do: Spark, Composition"
         )
-    if isinstance(method, Spark | HHT | GeneralizedAlpha | ArnoldBruls | Composition):
+    if isinstance(method, Spark | LobattoPair | HHT | GeneralizedAlpha | ArnoldBruls | Composition):
         return MechanicalRoute(system, method, asked)
     raise _no_route(method, "mechanical", "mechanical systems")
 

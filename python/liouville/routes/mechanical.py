@@ -10,7 +10,7 @@ import numpy as np
 from liouville import _core
 from liouville._arguments import check_memory, steps_of
 from liouville.errors import describe
-from liouville.methods import Composition, Method, Spark
+from liouville.methods import Composition, LobattoPair, Method, Spark
 from liouville.routes.route import KEEP_LESS, Asked, kept, observable
 from liouville.systems import Mechanical, Mechanics
 
@@ -31,6 +31,8 @@ class MechanicalRoute:
         self.pace = steps_of(
             asked.t, asked.h, asked.steps, asked.control, system.coordinates, equal
         )
+        self._problem = self._form()
+        self._is_rattle = isinstance(self._problem, _core.Separable)
         self.every = kept(self.pace, asked.every)
         self._values = system.values(asked.params)
         self.params: Mapping[str, Any] = {**system.params, **dict(asked.params or {})}
@@ -57,19 +59,28 @@ class MechanicalRoute:
     def start(self) -> _core.Run | dict[str, Any]:
         """Start the run, or say what is the trouble."""
         pace = self.pace
-        problem = self.system.problem if self._is_general else self.system.second_order
         return _core.mechanical_run(
-            problem, self._method, self._observer, self._values, self._begin,
+            self._problem, self._method, self._observer, self._values, self._begin,
             (pace.t0, pace.t1, pace.count, self.every), pace.control, self._states,
         )  # fmt: skip
+
+    def _form(self) -> _core.Mechanical | _core.SecondOrder | _core.Separable:
+        """Return the system in the form that the method steps fastest."""
+        if not self._is_general:
+            return self.system.second_order
+        takes_fast_path = self._base == LobattoPair(2) and self.pace.control is None
+        fast = self.system.separable if takes_fast_path else None
+        return self.system.problem if fast is None else fast
 
     def stats(self, run: _core.Run) -> dict[str, Any]:
         """Return the numbers of a run that this method has."""
         found: dict[str, Any] = {"steps": run.done, **run.stats}
         foreign = ("factorizations", "rejected") if self._is_general else ("newton_steps",)
+        if self._is_rattle:
+            foreign = ("newton_steps", "rejected")
         stats = {name: value for name, value in found.items() if name not in foreign}
         if run.done and self._is_general:
-            stats["solver"] = _solver(stats)
+            stats["solver"] = "rattle" if self._is_rattle else _solver(stats)
         return stats
 
     def read(self, parts: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
@@ -106,9 +117,12 @@ class MechanicalRoute:
         records = -(-self.pace.count // self.every) + 1
         check_memory(f"keeping {records} states", records * self.row, KEEP_LESS)
         method = self._base
-        if isinstance(method, Spark):
-            n, m, s = len(self.system.coordinates), len(self.constraints), method.stages
-            dense = s * m * (n + s * m) if method.solver == "node-schur" else 2 * (s * (n + m)) ** 2
+        if isinstance(method, Spark | LobattoPair) and not self._is_rattle:
+            n, s = len(self.system.coordinates), method.stages
+            multipliers = method.intervals * len(self.constraints)
+            dense = multipliers * (n + multipliers)
+            if method.solver != "node-schur":
+                dense = 2 * (s * n + multipliers) ** 2
             hint = "HHT and its relatives take large sparse systems"
             check_memory(f"{method!r} on {n} coordinates, dense,", 8 * dense, hint)
 

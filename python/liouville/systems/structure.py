@@ -94,7 +94,14 @@ class Structure(Mechanics):
         super().__init__(
             s,
             Model(
-                v=s.z, p=zero, f=extra, r=ideal(g, s, lam), g=g, lam=lam, linear=Linear(**matrices)
+                v=s.z,
+                p=zero,
+                f=extra,
+                r=ideal(g, s, lam),
+                g=g,
+                lam=lam,
+                linear=Linear(**matrices),
+                is_ideal=True,
             ),
             states=("q", "v"),
             coordinates=coordinates,

@@ -114,3 +114,12 @@ pub fn max_norm(x: &[f64]) -> f64 {
 pub fn dot(x: &[f64], y: &[f64]) -> f64 {
     x.iter().zip(y).map(|(x, y)| x * y).sum()
 }
+
+/// `sum = high + low`, and `low` becomes what the addition lost (Knuth's two-sum).
+pub fn carry(high: &[f64], low: &mut [f64], sum: &mut [f64]) {
+    for ((high, low), sum) in high.iter().zip(low).zip(sum) {
+        *sum = high + *low;
+        let part = *sum - high;
+        *low = (high - (*sum - part)) + (*low - part);
+    }
+}

@@ -3,7 +3,9 @@
 //! Everything is sized once and then overwritten; nothing a step calls allocates.
 
 mod assembly;
+mod elimination;
 mod factor;
+mod gram;
 mod kernels;
 mod matrix;
 mod pattern;
@@ -13,7 +15,8 @@ mod tridiagonal;
 
 pub use assembly::Assembly;
 pub use factor::{Factor, Lu, Singular, dependencies, dependent_rows};
-pub use kernels::{add_scaled, combine, copy, copy_scaled, dot, max_norm};
+pub use gram::Gram;
+pub use kernels::{add_scaled, carry, combine, copy, copy_scaled, dot, max_norm};
 pub use matrix::Matrix;
 pub use pattern::{Pattern, PatternError};
 pub use rows::Rows;

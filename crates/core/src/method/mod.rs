@@ -3,6 +3,7 @@
 pub mod alpha;
 pub mod composition;
 pub mod index2;
+pub mod rattle;
 pub mod schrodinger;
 pub mod spark;
 pub mod volume;

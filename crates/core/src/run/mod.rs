@@ -1,8 +1,12 @@
 //! The one integration loop: steps, some of them recorded.
 
 mod pace;
+mod record;
+mod watch;
 
 pub use pace::{Controlled, Equal, Listed, Pace};
+pub use record::Recorder;
+pub use watch::{Event, Seen, Unwatched, Watch, Watcher};
 
 use crate::method::{Stats, Stepper};
 use crate::problem::Observe;
@@ -44,19 +48,24 @@ pub trait Advance: Send {
     /// Times of the records, one a row, and the rows one after another, the present state last. The
     /// run is over and keeps none.
     fn take(&mut self) -> (Vec<f64>, Vec<f64>);
+    /// The events met; to be asked for after the records.
+    fn seen(&mut self) -> Seen {
+        Seen::default()
+    }
 }
 
-/// A stepper, its state, the length of its steps, and the recorder.
-pub struct Run<S: Stepper, O, P> {
+/// A stepper, its state, the length of its steps, the recorder, and who else looks.
+pub struct Run<S: Stepper, O, P, W = Unwatched> {
     stepper: S,
-    observer: O,
     state: S::State,
     pace: P,
     every: usize,
     n: usize,
     is_recordable: bool,
-    times: Vec<f64>,
-    rows: Vec<f64>,
+    records: Recorder<O>,
+    watch: W,
+    /// Where the watch has ended the run.
+    end: Option<f64>,
 }
 
 impl<S: Stepper, O: Observe<S::State>, P: Pace<S>> Run<S, O, P> {
@@ -74,62 +83,101 @@ impl<S: Stepper, O: Observe<S::State>, P: Pace<S>> Run<S, O, P> {
         every: usize,
         expected: usize,
     ) -> Result<Self, Trouble> {
-        let times = Vec::with_capacity(expected.min(1 << 20));
-        let rows = Vec::with_capacity((expected * observer.width(&state)).min(1 << 24));
+        Self::watched(stepper, observer, state, pace, (every, expected), Unwatched)
+    }
+}
+
+impl<S: Stepper, O: Observe<S::State>, P: Pace<S>, W: Watch<S, O>> Run<S, O, P, W> {
+    /// The same with someone who looks at each step.
+    ///
+    /// # Errors
+    /// The start cannot be recorded, or cannot be looked at.
+    pub fn watched(
+        stepper: S,
+        observer: O,
+        state: S::State,
+        pace: P,
+        (every, expected): (usize, usize),
+        watch: W,
+    ) -> Result<Self, Trouble> {
+        let width = observer.width(&state);
         let mut run = Self {
             stepper,
-            observer,
             state,
             pace,
             every,
             n: 0,
             is_recordable: true,
-            times,
-            rows,
+            records: Recorder::new(observer, expected, width),
+            watch,
+            end: None,
         };
-        run.record()?;
+        if W::IS_AWAKE {
+            run.stepper.settle(&mut run.state)?;
+            (run.watch).start(run.pace.time(), &run.state, &mut run.records)?;
+        }
+        if !run.watch.is_recording() {
+            run.record()?;
+        }
         Ok(run)
     }
 
     fn step(&mut self) -> Result<(), Trouble> {
+        if W::IS_AWAKE {
+            self.watch.before(self.pace.time(), &self.state);
+        }
         self.pace.step(&mut self.stepper, &mut self.state)?;
         self.n += 1;
-        if self.is_due() {
-            self.record().inspect_err(|_| {
-                self.n -= 1;
-                self.is_recordable = false;
-            })?;
+        self.look().inspect_err(|_| {
+            self.n -= 1;
+            self.is_recordable = false;
+        })
+    }
+
+    fn look(&mut self) -> Result<(), Trouble> {
+        if W::IS_AWAKE {
+            self.stepper.settle(&mut self.state)?;
+            let t = self.pace.time();
+            self.end = (self.watch).after(t, &mut self.state, &mut self.records)?;
+        }
+        // a run that ends where a step began has its last record
+        let is_there = self.end.is_some() && self.end == self.records.last();
+        if self.is_due() && !is_there {
+            self.record()?;
         }
         Ok(())
     }
 
+    fn is_over(&self) -> bool {
+        self.end.is_some() || self.pace.is_over()
+    }
+
     fn is_due(&self) -> bool {
-        self.pace.is_due(self.n, self.every) || self.pace.is_over()
+        !self.watch.is_recording() && (self.pace.is_due(self.n, self.every) || self.is_over())
+    }
+
+    fn present(&self) -> f64 {
+        self.end.unwrap_or_else(|| self.pace.time())
     }
 
     fn record(&mut self) -> Result<(), Trouble> {
         self.stepper.settle(&mut self.state)?;
-        let t = self.pace.time();
-        let before = self.rows.len();
-        self.observer.observe(t, &self.state, &mut self.rows)?;
-        // some observers have several rows for a state, or none
-        let rows = match self.observer.width(&self.state) {
-            0 => 1,
-            width => (self.rows.len() - before) / width,
-        };
-        self.times.extend(std::iter::repeat_n(t, rows));
-        Ok(())
+        self.records.record(self.present(), &self.state)
     }
 }
 
-impl<S: Stepper, O: Observe<S::State>, P: Pace<S>> Advance for Run<S, O, P>
+impl<S, O, P, W> Advance for Run<S, O, P, W>
 where
+    S: Stepper,
     S::State: Send,
+    O: Observe<S::State>,
+    P: Pace<S>,
+    W: Watch<S, O>,
 {
     fn advance_to(&mut self, steps: usize, budget: Duration) -> Status {
         let start = Instant::now();
         let mut batch = 1_usize;
-        while !self.pace.is_over() {
+        while !self.is_over() {
             for _ in 0..batch {
                 if self.n >= steps {
                     return Status::Paused;
@@ -138,7 +186,7 @@ where
                 if let Err(trouble) = self.step() {
                     return Status::Failed { n, t, trouble };
                 }
-                if self.pace.is_over() {
+                if self.is_over() {
                     return Status::Done;
                 }
             }
@@ -161,7 +209,7 @@ where
     }
 
     fn time(&self) -> f64 {
-        self.pace.time()
+        self.present()
     }
 
     fn stats(&self) -> (Stats, usize) {
@@ -169,13 +217,16 @@ where
     }
 
     fn take(&mut self) -> (Vec<f64>, Vec<f64>) {
-        if self.is_recordable && !self.is_due() {
+        if self.watch.is_recording() {
+            self.watch.finish(&mut self.records);
+        } else if self.is_recordable && !self.is_due() {
             // where it cannot be recorded, the records end before it
             let _ = self.record();
         }
-        (
-            std::mem::take(&mut self.times),
-            std::mem::take(&mut self.rows),
-        )
+        self.records.take()
+    }
+
+    fn seen(&mut self) -> Seen {
+        self.watch.take()
     }
 }

@@ -42,11 +42,6 @@ impl Force {
             _ => return None,
         })
     }
-
-    /// Whether the pair is symmetric: C and C* are each other's adjoints.
-    pub fn is_symmetric(self) -> bool {
-        !matches!(self, Self::C | Self::CStar)
-    }
 }
 
 impl Spark {

@@ -9,7 +9,7 @@
 //! reflection of both formulas and free of cancellation. Source: jay2007.
 //!
 //! The (s,s)-Gauss–Lobatto method has the Gauss points as stages, the s + 1 Lobatto points as nodes,
-//! and aᵛ = aᶠ = aʳ = ∫_0^{c_i} ℓ_j; Lobatto pairs are next door.
+//! and aᵛ = aᶠ = aʳ = ∫_0^{c_i} ℓ_j; Lobatto pairs and Radau stages are next door.
 //!
 //! Steps use the coefficients divided by their weights, μ_ij = a_ij / b_j, μ̄_ij = ā_ij / b_j and
 //! μ̂_ij = â_ij / b̂_j, for which symplecticity reads
@@ -83,6 +83,25 @@ impl Spark {
             mu: Matrix::from_fn(s, s, |i, j| complementary(mu(i, j), mu(j, i))),
         };
         Self::with(&stages, &nodes, [all.clone(), all.clone(), all])
+    }
+
+    /// Whether a step back undoes a step: the reflection of stages and nodes turns each coefficient
+    /// into its weight less itself.
+    pub fn is_symmetric(&self) -> bool {
+        let is_reflected = |mu: &Matrix| {
+            let (last, cols) = (mu.rows() - 1, mu.cols());
+            let entries = (0..=last).flat_map(|i| (0..cols).map(move |j| (i, j)));
+            let sum = |(i, j)| mu[(i, j)] + mu[(last - i, cols - 1 - j)];
+            entries.map(sum).all(|x: f64| (x - 1.0).abs() < 1e-9)
+        };
+        let all = [
+            &self.mu_v,
+            &self.mu_f,
+            &self.mu_r,
+            &self.mu_bar,
+            &self.mu_hat,
+        ];
+        all.into_iter().all(is_reflected)
     }
 
     /// The method of these symmetric points whose coefficients of v, of f, and of reactions at stages

@@ -8,7 +8,9 @@ pub(crate) mod walk;
 pub(crate) mod waves;
 
 use liouville_core::linalg::Pattern;
-use liouville_core::problem::mechanical::{Mechanical, Patterns, SecondOrder, SecondOrderPatterns};
+use liouville_core::problem::mechanical::{
+    Mechanical, Patterns, SecondOrder, SecondOrderPatterns, Separable,
+};
 use liouville_core::problem::semi_explicit::{self, SemiExplicit};
 use liouville_core::tape::{Line, Op, Tape};
 use std::collections::HashMap;
@@ -257,7 +259,10 @@ impl Functions {
         };
         let hidden: Vec<_> = self.g.iter().map(along).collect();
         let drift = self.p.iter().zip(&self.f).map(|(p, f)| f - along(p));
-        let acceleration: Vec<_> = drift.chain(hidden.iter().map(along)).collect();
+        let acceleration: Vec<_> = drift
+            .chain(hidden.iter().map(along))
+            .chain(own_velocity.iter().map(along))
+            .collect();
 
         let (p_z, v_z) = (
             jacobian(&self.p, Z, n, n),
@@ -294,6 +299,7 @@ impl Functions {
                 r_lam: r_lam.0,
                 r_y: r_y.0,
             },
+            nonholonomic: None,
         };
         Arc::new(problem.checked().expect("tapes and patterns fit together"))
     }
@@ -394,9 +400,26 @@ pub(crate) fn turning() -> (Vec<Expr>, Vec<Expr>) {
     (f.to_vec(), vec![&y[0] - (input(T, 0) * 2.0).sin() * 0.25])
 }
 
+impl Functions {
+    /// The same system in the separable form; it has no parameters.
+    pub(crate) fn separable(&self) -> Arc<Separable> {
+        let (n, m) = (self.p.len(), self.g.len());
+        let gradient = jacobian(&self.g, Y, m, n).1;
+        let drift: Vec<_> = self.g.iter().map(|g| g.d(T, 0)).collect();
+        let record = |outputs: &[Expr]| tape([1, n, 0], outputs);
+        let problem = Separable {
+            mechanical: self.build(),
+            force: record(&self.f),
+            constraint: record(&self.g),
+            gradient: record(&[gradient, drift].concat()),
+        };
+        Arc::new(problem.checked().expect("tapes fit together"))
+    }
+}
+
 fn jacobian(of: &[Expr], group: usize, rows: usize, cols: usize) -> (Pattern, Vec<Expr>) {
-    let (entries, values) = (0..of.len())
-        .flat_map(|i| (0..cols).map(move |j| (i, j)))
+    let (entries, values) = (0..cols)
+        .flat_map(|j| (0..of.len()).map(move |i| (i, j)))
         .map(|(i, j)| ((i, j), of[i].d(group, j)))
         .filter(|(_, value)| !value.is(0.0))
         .unzip();

@@ -4,8 +4,8 @@ use super::Begin;
 use crate::run::Run;
 use liouville_core::method::{Estimating, Stepper};
 use liouville_core::problem::Observe;
-use liouville_core::problem::mechanical::Observer;
-use liouville_core::run::{self, Controlled, Equal};
+use liouville_core::problem::mechanical::{Carried, Observer, Path};
+use liouville_core::run::{self, Controlled, Equal, Pace, Watcher};
 use pyo3::prelude::*;
 
 /// A run by equal steps.
@@ -17,16 +17,18 @@ pub(super) fn launch<'py, S>(
     state: S::State,
 ) -> PyResult<Bound<'py, PyAny>>
 where
-    S: Stepper + Sync + 'static,
-    S::State: Send + Sync,
-    Observer: Observe<S::State>,
+    S: Stepper + Clone + Sync + 'static,
+    S::State: Carried + Clone + Send + Sync,
 {
     let (t0, t1, steps, every) = begin.span;
-    let width = observer.width(&state);
     let pace = Equal::new(t0, (t1 - t0) / steps as f64, steps);
-    let expected = steps / every + 2;
-    let run = run::Run::new(stepper, observer, state, pace, every, expected);
-    Run::handed(py, run, &[width])
+    paced(
+        py,
+        begin,
+        (stepper, observer, state),
+        pace,
+        steps / every + 2,
+    )
 }
 
 /// A run whose steps are controlled by their errors, from the first on, none below `least`.
@@ -39,13 +41,37 @@ pub(super) fn launch_controlled<'py, S>(
     (first, least): (f64, f64),
 ) -> PyResult<Bound<'py, PyAny>>
 where
-    S: Estimating + Sync + 'static,
-    S::State: Send + Sync,
-    Observer: Observe<S::State>,
+    S: Estimating + Clone + Sync + 'static,
+    S::State: Carried + Clone + Send + Sync,
 {
-    let (t0, t1, _, every) = begin.span;
-    let width = observer.width(&state);
+    let (t0, t1, ..) = begin.span;
     let pace = Controlled::new(t0, t1, first, least);
-    let run = run::Run::new(stepper, observer, state, pace, every, 0);
+    paced(py, begin, (stepper, observer, state), pace, 0)
+}
+
+/// A run at this pace, watched if that is asked for, with so many records expected.
+fn paced<'py, S, P>(
+    py: Python<'py>,
+    begin: &Begin<'_>,
+    (stepper, observer, state): (S, Observer, S::State),
+    pace: P,
+    expected: usize,
+) -> PyResult<Bound<'py, PyAny>>
+where
+    S: Stepper + Clone + Sync + 'static,
+    S::State: Carried + Clone + Send + Sync,
+    P: Pace<S> + Sync + 'static,
+{
+    let every = begin.span.3;
+    let width = observer.width(&state);
+    let Some(watching) = &begin.watch else {
+        let run = run::Run::new(stepper, observer, state, pace, every, expected);
+        return Run::handed(py, run, &[width]);
+    };
+    let path = Path::new(observer.model().clone(), watching.order);
+    let (events, times) = (watching.events.clone(), watching.times.clone());
+    let expected = times.as_ref().map_or(expected, Vec::len);
+    let watch = Watcher::new(path, stepper.clone(), &state, events, times);
+    let run = run::Run::watched(stepper, observer, state, pace, (every, expected), watch);
     Run::handed(py, run, &[width])
 }

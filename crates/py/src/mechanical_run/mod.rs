@@ -2,10 +2,12 @@
 
 mod alpha;
 mod launch;
+mod rattle;
 mod spark;
 
 use crate::convert::{self, Mechanical};
-use crate::second_order::SecondOrder;
+use crate::second_order::{SecondOrder, Separable};
+use crate::watch::{Asked, Watching};
 use liouville_core::tape::Tape;
 use numpy::PyReadonlyArray1;
 use pyo3::exceptions::PyValueError;
@@ -20,6 +22,7 @@ struct Begin<'a> {
     start: &'a [&'a [f64]],
     span: (f64, f64, usize, usize),
     states: bool,
+    watch: Option<Watching>,
 }
 
 impl Begin<'_> {
@@ -44,10 +47,11 @@ impl Begin<'_> {
 /// A run about to start; `method` is read by attribute, `start` is (y, z) or (y, z, a).
 ///
 /// `span` is (t0, t1, steps, every); `control`, for steps of their own choice instead of equal
-/// ones, is (rtol, atol, first step or 0, least step). Returns the run, or the trouble of starting.
+/// ones, is (rtol, atol, first step or 0, least step); `watch` is what else is looked at. Returns the
+/// run, or the trouble of starting.
 #[pyfunction]
 #[allow(clippy::too_many_arguments)] // the whole border in one call
-#[pyo3(signature = (problem, method, observer, params, start, span, control, states))]
+#[pyo3(signature = (problem, method, observer, params, start, span, control, watch, states))]
 pub(crate) fn mechanical_run<'py>(
     py: Python<'py>,
     problem: &Bound<'py, PyAny>,
@@ -57,6 +61,7 @@ pub(crate) fn mechanical_run<'py>(
     start: Vec<PyReadonlyArray1<'py, f64>>,
     span: (f64, f64, usize, usize),
     control: Option<(f64, PyReadonlyArray1<'py, f64>, f64, f64)>,
+    watch: Option<Asked<'py>>,
     states: bool,
 ) -> PyResult<Bound<'py, PyAny>> {
     let start = start
@@ -69,6 +74,10 @@ pub(crate) fn mechanical_run<'py>(
         start: &start,
         span,
         states,
+        watch: watch
+            .as_ref()
+            .map(|asked| Watching::read(asked, params))
+            .transpose()?,
     };
     if let Ok(problem) = problem.extract::<PyRef<'_, SecondOrder>>() {
         let control = control
@@ -76,6 +85,8 @@ pub(crate) fn mechanical_run<'py>(
             .map(|(rtol, atol, h, least)| PyResult::Ok((*rtol, atol.as_slice()?, *h, *least)))
             .transpose()?;
         alpha::alpha(py, &problem, method, observer, &begin, control)
+    } else if let Ok(problem) = problem.extract::<PyRef<'_, Separable>>() {
+        rattle::rattle(py, &problem, method, observer, &begin)
     } else {
         let problem = problem.extract::<PyRef<'_, Mechanical>>()?;
         spark::spark(py, &problem, method, observer, &begin)

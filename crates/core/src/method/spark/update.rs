@@ -3,7 +3,7 @@
 //! Increments are summed first and added last, with what the addition loses kept in the low part.
 
 use super::stages::{Stages, Step};
-use crate::linalg::{add_scaled, copy, copy_scaled, max_norm};
+use crate::linalg::{add_scaled, carry, copy, copy_scaled, max_norm};
 use crate::newton::{self, Equations};
 use crate::problem::mechanical::{Model, Saddle, State, finite};
 use crate::trouble::{Quantity, Trouble};
@@ -139,14 +139,5 @@ impl Equations for Solve<'_> {
         let mass = &update.saddle.mass;
         mass.add_velocity(&update.momentum, &mut update.v);
         Ok(stages.relative(max_norm(&update.v), step))
-    }
-}
-
-/// `sum = high + low`, and `low` becomes what the addition lost (Knuth's two-sum).
-fn carry(high: &[f64], low: &mut [f64], sum: &mut [f64]) {
-    for ((high, low), sum) in high.iter().zip(low).zip(sum) {
-        *sum = high + *low;
-        let part = *sum - high;
-        *low = (high - (*sum - part)) + (*low - part);
     }
 }

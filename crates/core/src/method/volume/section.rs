@@ -3,11 +3,11 @@
 //! With s(x) = a · x − c, a trajectory passes between two steps where s changes its sign, or passes a
 //! multiple of the period where there is one. There it is stepped once more, from the state before and by the
 //! same method, for that part θ h of the step with which s vanishes: the point is one of the method's own,
-//! of its order, and lies in the plane to roundoff. θ is found by the ITP iteration, as fast as secants and
-//! never slower than bisection. A trajectory that passes twice within a step is not seen to. Source:
+//! of its order, and lies in the plane to roundoff. θ is found by the iteration of [`crate::bracket`]. A trajectory that passes twice within a step is not seen to. Source:
 //! oliveira2020.
 
 use super::{Seen, State, Volume};
+use crate::bracket::Bracket;
 use crate::method::Stepper;
 use crate::problem::Observe;
 use crate::real::Real;
@@ -148,34 +148,32 @@ impl<S: Stored + Real, M: Stepper<State = State<f64>>> Section<S, M> {
 const TOLERANCE: f64 = f64::EPSILON / 2.0;
 /// So many halvings lead there from the whole step; the iteration may take one more.
 const HALVINGS: i32 = 52;
-/// How far an estimate of the secant is moved towards the middle, as a part of the square of the bracket.
-const TRUNCATION: f64 = 0.01;
 
 impl<M: Stepper<State = State<f64>>> Passage<M> {
     /// The part of the step h from t, and from `y`, after which s is `level`; leaves `x` there.
     fn find(&mut self, t: f64, h: f64, ends: (f64, f64), level: f64) -> Result<f64, Trouble> {
         let start = self.single.state(&self.y);
         let mut state = start.clone();
-        let ((mut a, mut b), (mut s_a, mut s_b)) = ((0.0, 1.0), ends);
-        let size = s_a.abs() + s_b.abs() + self.offset.abs() + level.abs();
+        let mut bracket = Bracket {
+            a: (0.0, ends.0),
+            b: (1.0, ends.1),
+        };
+        let size = ends.0.abs() + ends.1.abs() + self.offset.abs() + level.abs();
         let noise = f64::EPSILON * size;
         let mut part = 1.0;
         for halving in (0..=HALVINGS + 1).rev() {
-            if s_b != 0.0 {
-                part = estimate((a, b), (s_a, s_b), halving);
+            if bracket.b.1 != 0.0 {
+                part = bracket.estimate(halving, TOLERANCE);
             }
             state.clone_from(&start);
             self.stepper.step(t, part * h, &mut state)?;
             self.stepper.settle(&mut state)?;
             let s = self.height(&state, level);
-            if s.abs() <= noise || s_b == 0.0 || b - a <= 2.0 * TOLERANCE {
+            let is_narrow = bracket.width() <= 2.0 * TOLERANCE;
+            if s.abs() <= noise || bracket.b.1 == 0.0 || is_narrow {
                 break;
             }
-            if (s > 0.0) == (s_b > 0.0) {
-                (b, s_b) = (part, s);
-            } else {
-                (a, s_a) = (part, s);
-            }
+            bracket.tighten(part, s);
         }
         self.seen.write(&self.y, &mut self.x);
         Ok(part)
@@ -193,26 +191,6 @@ fn height<S: Real>(normal: &[(usize, f64)], offset: f64, y: &[S]) -> S {
     normal
         .iter()
         .fold(S::splat(-offset), |sum, (i, a)| sum + y[*i] * S::splat(*a))
-}
-
-/// Where in the bracket to look next, with so many halvings to go: the secant's zero, moved towards the
-/// middle, and no further from it than bisection can make good.
-fn estimate((a, b): (f64, f64), (s_a, s_b): (f64, f64), halvings: i32) -> f64 {
-    let middle = f64::midpoint(a, b);
-    let secant = (s_b * a - s_a * b) / (s_b - s_a);
-    let side = (middle - secant).signum();
-    let shift = TRUNCATION * (b - a) * (b - a);
-    let moved = if shift <= (middle - secant).abs() {
-        secant + side * shift
-    } else {
-        middle
-    };
-    let reach = TOLERANCE * f64::from(halvings).exp2() - (b - a) / 2.0;
-    if (moved - middle).abs() <= reach {
-        moved
-    } else {
-        middle - side * reach
-    }
 }
 
 impl<S: Stored + Real, M: Stepper<State = State<f64>>> Observe<State<S>> for Section<S, M> {

@@ -1,0 +1,38 @@
+//! RATTLE, alone or composed.
+
+use super::Begin;
+use super::launch::launch;
+use crate::errors;
+use crate::second_order::Separable;
+use crate::tableau::scheme_named;
+use liouville_core::method::composition::Composed;
+use liouville_core::method::rattle::Rattle;
+use liouville_core::problem::mechanical::{Observer, SeparableModel};
+use liouville_core::tape::Tape;
+use pyo3::prelude::*;
+
+pub(super) fn rattle<'py>(
+    py: Python<'py>,
+    problem: &Separable,
+    method: &Bound<'_, PyAny>,
+    observer: Tape,
+    begin: &Begin<'_>,
+) -> PyResult<Bound<'py, PyAny>> {
+    let general = &problem.0.mechanical;
+    begin.check(general.n, general.stage.inputs()[3], &observer, 2)?;
+    let mut model = SeparableModel::new(problem.0.clone(), begin.params);
+    let observer = Observer::new(model.general.clone(), begin.params, observer, begin.states);
+    let state = model
+        .general
+        .state(begin.span.0, begin.start[0], begin.start[1]);
+    let stepper = match Rattle::new(model) {
+        Ok(stepper) => stepper,
+        Err(trouble) => return Ok(errors::trouble(py, &trouble)?.into_any()),
+    };
+    let Some(name) = method.getattr_opt("scheme")? else {
+        return launch(py, begin, stepper, observer, state);
+    };
+    let scheme = scheme_named(&name.extract::<String>()?)?;
+    let stepper = Composed::of_symmetric(stepper, scheme).map_err(errors::refused)?;
+    launch(py, begin, stepper, observer, state)
+}
