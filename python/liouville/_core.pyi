@@ -25,6 +25,7 @@ __all__ = [
     "determinant_run",
     "ladder",
     "lobatto_pair",
+    "mechanical_path",
     "mechanical_run",
     "processor_degree",
     "project",
@@ -120,7 +121,10 @@ class Run:
     @property
     def t(self) -> float: ...
     @property
-    def stats(self) -> dict[str, int]: ...
+    def stats(self) -> dict[str, int | float]: ...
+    def seen(
+        self,
+    ) -> tuple[list[tuple[NDArray[np.float64], NDArray[np.float64]]], tuple[int, float] | None]: ...
     def take(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]: ...
 
 def mechanical_run(
@@ -130,9 +134,19 @@ def mechanical_run(
     params: NDArray[np.float64],
     start: Sequence[NDArray[np.float64]],
     span: tuple[float, float, int, int],
-    control: tuple[float, NDArray[np.float64], float, float] | None,
+    control: tuple[object, ...] | None,
+    watch: tuple[int, NDArray[np.float64] | None, list[tuple[Tape, int, int, bool]]] | None,
     states: bool,
 ) -> Run | _Trouble: ...
+def mechanical_path(
+    problem: Mechanical,
+    params: NDArray[np.float64],
+    order: int,
+    t: NDArray[np.float64],
+    y: NDArray[np.float64],
+    z: NDArray[np.float64],
+    times: NDArray[np.float64],
+) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]] | _Trouble: ...
 def semi_explicit_run(
     problem: SemiExplicit,
     method: object,

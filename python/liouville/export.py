@@ -4,9 +4,10 @@ A dataset has the dimensions ``time``, ``coordinate``, ``constraint``, ``invaria
 and ``term``, ``unknown`` where the system has algebraic unknowns, and ``member`` where it is of an
 ensemble, labelled by the names of the solution. Its
 variables are the states under their own letters, ``invariants``, ``residuals``, ``balance``, and
-``observed_NAME`` for each observed quantity; how the run went is in its attributes. What is saved
-comes back bit for bit. A wave function has the dimension ``place``, without labels; in a file,
-complex numbers are pairs along ``part``.
+``observed_NAME`` for each observed quantity, ``event_t_NAME`` for the times of events and
+``event_q_NAME`` and so on for the states there; how the run went is in its attributes. What is
+saved comes back bit for bit. A wave function has the dimension ``place``, without labels; in a
+file, complex numbers are pairs along ``part``.
 """
 
 from __future__ import annotations
@@ -19,6 +20,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from liouville.points import Points
 from liouville.solution import STATES, Array, Solution
 
 if TYPE_CHECKING:
@@ -79,6 +81,13 @@ def to_xarray(solution: Solution) -> xarray.Dataset:
     for name, values in solution.observed.items():
         label = "observed_" + name.replace("/", SLASH)
         variables[label] = ((*lead, f"{label}_axis")[: values.ndim], values, {"name": name})
+    for name, points in solution.events.items():
+        label = name.replace("/", SLASH)
+        axis = f"event_axis_{label}"
+        variables[f"event_t_{label}"] = ((axis,), points.t, {"name": name})
+        for state, values in points.states.items():
+            axes = (axis, AXES.get(state, "coordinate"))
+            variables[f"event_{state}_{label}"] = (axes, values, {"name": name, "state": state})
     labels = {
         "coordinate": names["coordinates"],
         "constraint": names["constraints"],
@@ -97,6 +106,7 @@ def to_xarray(solution: Solution) -> xarray.Dataset:
             "message": solution.message,
             "method": solution.method,
             "h": solution.h,
+            "dense_order": solution.dense_order,
             "members": -1 if solution.members is None else solution.members,
             "tolerances": json.dumps(solution.tolerances, default=_plain),
             # Zarr forgets the order of variables.
@@ -250,6 +260,8 @@ def _from_xarray(dataset: xarray.Dataset) -> Solution:
             if name.startswith("observed_")
         },
         balance=columns("balance", "term"),
+        events=_events(variables),
+        dense_order=int(attributes.get("dense_order", 0)),
         names={
             "coordinates": names("coordinate"),
             "constraints": names("constraint"),
@@ -264,6 +276,17 @@ def _from_xarray(dataset: xarray.Dataset) -> Solution:
         status=attributes["status"],
         message=attributes["message"],
     )
+
+
+def _events(variables: dict[str, Any]) -> dict[str, Points]:
+    found = [x for name, x in variables.items() if name.startswith("event_")]
+    points = {}
+    for times in found:
+        if "state" not in times.attrs:
+            name = times.attrs["name"]
+            of = [x for x in found if "state" in x.attrs and x.attrs["name"] == name]
+            points[name] = Points(times.values, {x.attrs["state"]: x.values for x in of})
+    return points
 
 
 def _paired(dataset: xarray.Dataset) -> xarray.Dataset:

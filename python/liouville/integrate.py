@@ -12,8 +12,10 @@ from numpy.typing import ArrayLike
 from liouville import _core
 from liouville._arguments import memory
 from liouville.errors import IntegrationError, hinted
+from liouville.events import Event
 from liouville.methods import Method
 from liouville.planner import Plan
+from liouville.points import Points
 from liouville.propagation import Propagation
 from liouville.routes import Asked, Route, route
 from liouville.solution import RESIDUALS, STATES, Solution
@@ -33,8 +35,12 @@ def integrate(
     rtol: float | None = None,
     atol: ArrayLike | None = None,
     h_min: float | None = None,
+    control: str | None = None,
+    monitor: Callable[..., Any] | None = None,
     tol: float | None = None,
     every: int = 1,
+    t_eval: ArrayLike | None = None,
+    events: Mapping[str, Event | Callable[..., Any]] | None = None,
     observe: Mapping[str, Callable[..., Any]] | None = None,
     params: Mapping[str, ArrayLike] | None = None,
     states: bool = True,
@@ -42,7 +48,7 @@ def integrate(
     threads: int | None = None,
     **start: ArrayLike,
 ) -> Solution:
-    r"""Integrate a system with equal steps, or with steps controlled by their errors.
+    r"""Integrate a system with equal steps, or with steps of its own choice.
 
     Parameters
     ----------
@@ -57,22 +63,39 @@ def integrate(
     h : float, optional
         Step size, positive. The step used is ``(t1 - t0) / steps`` with the least number of steps
         that makes it at most `h`. With `rtol`, the first step; by default the method chooses it.
+        With ``control="reversible"``, the step at the start.
     steps : int, optional
         Number of steps, instead of `h`.
     rtol : float, optional
         Relative tolerance, which asks for controlled steps: the estimated error that a step adds
-        to the coordinates is at most ``atol + rtol * |y|``, in the root mean square over them. The
-        alpha family takes it.
+        to the coordinates is at most ``atol + rtol * |y|``, in the root mean square over them.
+        ``Spark``, ``LobattoPair`` and the alpha family take it. Such steps are for forces that
+        dissipate and for short runs: in the long run they lose what a symplectic method keeps.
     atol : float or array_like, shape (n,), optional
         Absolute tolerance, for all coordinates or for each, in their own unit; ``rtol / 1000`` by
         default.
     h_min : float, optional
         The run fails where it would need a smaller step; by default where the time has too few
         digits for it.
+    control : {"error", "reversible"}, optional
+        What decides on the steps, None for equal ones. ``"error"`` is what `rtol` asks for.
+        ``"reversible"`` makes them follow a monitor by a rule that time reversal does not see, so
+        that a symmetric method keeps its long-time behaviour; see :doc:`/theory/spark`.
+    monitor : callable, optional
+        ``monitor(t, q, v, params)`` (the system's own states), a positive scalar: how long steps
+        should be, up to a factor, which `h` gives. By default a time scale of the acceleration,
+        :math:`r^{3/2}` near a centre of gravity.
     tol : float, optional
         Error of a wave function at the end, relative to its norm, which decides on the steps.
     every : int, default 1
         Keep one state in this many; the start and the end are always kept.
+    t_eval : array_like, shape (k,), optional
+        Times to keep states at, in the order of the run and within it, instead of one state in
+        `every`. The steps are the same; between them states are interpolated, and the residuals of
+        the constraints then show the error of that. Of mechanical systems.
+    events : mapping of str to Event or callable, optional
+        Functions ``f(t, q, v, lam, params)`` whose changes of sign are wanted, by name; see
+        :class:`Event` for those that have a direction or end the run. Of mechanical systems.
     observe : mapping of str to callable, optional
         Further quantities ``f(t, q, v, params)`` (the system's own states), scalars or vectors,
         evaluated in the core at each kept step.
@@ -97,7 +120,7 @@ def integrate(
     -------
     Solution
         With k = ceil(steps / every) + 1 kept times. An interrupt (Ctrl-C) returns what was done,
-        with status "interrupted".
+        with status "interrupted". A run that an event ended is done, and its message says so.
 
     Raises
     ------
@@ -112,12 +135,15 @@ def integrate(
 
     Notes
     -----
-    Times are :math:`t_0 + n h`, computed and not summed up, but for controlled steps.
+    Times are :math:`t_0 + n h`, computed and not summed up; those of steps that are not equal are
+    summed with what rounding loses.
     """
     asked = Asked(
-        t=t, h=h, steps=steps, control={"rtol": rtol, "atol": atol, "h_min": h_min}, every=every,
-        observe=observe, params=params, states=states, start=start, threads=threads,
-        tol=tol,
+        t=t, h=h, steps=steps, every=every, observe=observe, params=params, states=states,
+        control={
+            "rtol": rtol, "atol": atol, "h_min": h_min, "control": control, "monitor": monitor
+        },
+        start=start, threads=threads, tol=tol, t_eval=t_eval, events=events,
     )  # fmt: skip
     return run(route(system, method, asked), progress)
 
@@ -181,7 +207,7 @@ def ensemble(
     (11, 2, 3)
     """
     asked = Asked(
-        t=t, h=h, steps=steps, control={"rtol": None, "atol": None, "h_min": None}, every=every,
+        t=t, h=h, steps=steps, control={}, every=every,
         observe=observe, params=params, states=states, start=start, is_ensemble=True,
         threads=threads,
     )  # fmt: skip
@@ -194,16 +220,20 @@ def run(path: Route, progress: Callable[[float, float], None] | None = None) -> 
     clock = time.perf_counter()
     started = path.start()
     outcome: str | dict[str, Any]
+    events: dict[str, Points] = {}
+    reached, end = pace.t0, ""
     if isinstance(started, dict):
         outcome = started
         times, rows = np.empty(0), np.empty((0, *path.members, sum(path.columns.values())))
         stats: dict[str, Any] = {"steps": 0}
     else:
         outcome = drive(started, path, progress)
+        reached = started.t
         (times, rows), stats = started.take(), path.stats(started)
+        events, end = path.seen(started)
     stats["seconds"] = time.perf_counter() - clock
 
-    status, message, quantity = "done", "", ""
+    status, message, quantity = "done", end, ""
     if isinstance(outcome, dict):
         status = "failed"
         stats["steps"] = outcome.get("step", 0)
@@ -222,7 +252,9 @@ def run(path: Route, progress: Callable[[float, float], None] | None = None) -> 
         observed=_named("observed ", parts),
         balance=path.balance(parts),
         names=_names(path),
-        h=pace.mean(times, stats["steps"]),
+        events=events,
+        dense_order=path.dense_order,
+        h=pace.mean(np.array([reached]), stats["steps"]),
         tolerances=pace.tolerances,
         method=path.method,
         stats=stats,

@@ -8,8 +8,9 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
+from liouville.points import Points
 from liouville.systems import Mechanics, System
 
 if TYPE_CHECKING:
@@ -57,9 +58,14 @@ class Solution:
     balance : dict of str to ndarray, shape (k,)
         Where the energy of a Lagrangian or a Structure went, if the method records it: ``work``
         and ``dissipated``, which are attributes too. Empty otherwise.
+    events : dict of str to Points
+        Where the functions of ``events=`` changed their sign, by name, with the states there.
+    dense_order : int
+        The order of the method, where the states of all steps are kept and the system is a
+        mechanical one: then ``solution(t)`` gives the states between them. 0 otherwise.
     names : dict of str to tuple of str
-        ``coordinates`` (n of them) and ``constraints`` (m of them, the nonholonomic ones last);
-        of a ``SemiExplicit`` system also its ``unknowns`` z.
+        ``coordinates`` (n of them) and ``constraints`` (m of them, the nonholonomic ones last); of a
+        ``SemiExplicit`` system also its ``unknowns`` z.
     h : float
         Step size used, the mean of them if they are controlled.
     tolerances : dict of str to float or list of float
@@ -77,7 +83,7 @@ class Solution:
         ``"done"``, ``"failed"`` or ``"interrupted"``; a run that did not get done is kept up to
         its last good step.
     message : str
-        Why it is not done; empty when it is.
+        Why it is not done, or which event ended it; empty otherwise.
     members : int or None
         Number P of members of an ensemble, None for a single run.
     system : System or None
@@ -96,6 +102,8 @@ class Solution:
     params: dict[str, Any] = field(default_factory=dict)
     balance: dict[str, Array] = field(default_factory=dict)
     tolerances: dict[str, Any] = field(default_factory=dict)
+    events: dict[str, Points] = field(default_factory=dict)
+    dense_order: int = 0
     status: str = "done"
     message: str = ""
     members: int | None = None
@@ -121,6 +129,63 @@ class Solution:
         drifts = {name: np.max(self.invariant_drift(name)) for name in self.invariants}
         kept = [*_worst("residual", residuals), *_worst("drift", drifts)]
         return "\n ".join([f"<Solution {head}", *([", ".join(kept)] if kept else [])]) + ">"
+
+    def __call__(self, t: ArrayLike) -> Points:
+        r"""Give the states at any time within the run, by interpolation.
+
+        Coordinates are interpolated by the polynomial that has their values, velocities and
+        accelerations at the ends of the step, of degree 5; with a method of order above 4, at the
+        start of the step before too, of degree 8. Velocities are its derivative; a second half of
+        the state that is no velocity has a polynomial of its own. Multipliers are solved for at the
+        interpolated point. Constraints hold there to the order of all this.
+
+        Parameters
+        ----------
+        t : float or array_like, shape (k,)
+            Times, in any order.
+
+        Returns
+        -------
+        Points
+            The states, each of shape (k, n), or (n,) for a single time; at the end of a step those
+            of the solution, bit for bit.
+
+        Raises
+        ------
+        ValueError
+            A time is outside the run; not all steps are kept; the solution was loaded and knows no
+            system; or the accelerations cannot be solved for.
+        TypeError
+            t is no array of numbers.
+        """
+        system = self.system
+        if system is None and self.dense_order:
+            raise ValueError(
+                "dense output needs the system, which a loaded solution does not carry\n"
+                "hint: dataclasses.replace(solution, system=...) gives it back"
+            )
+        if not self.dense_order or not isinstance(system, Mechanics):
+            raise ValueError(
+                "dense output needs the states of all steps of a mechanical system\n"
+                "hint: integrate with every=1, states=True and without t_eval"
+            )
+        times = np.asarray(t)
+        if times.dtype.kind not in "iuf" or times.ndim > 1:
+            raise TypeError(f"t is a number or an array of numbers, not {t!r}")
+        flat = times.astype(float).ravel()
+        first, last = self.t[0], self.t[-1]
+        outside = flat[~((min(first, last) <= flat) & (flat <= max(first, last)))]
+        if outside.size:
+            raise ValueError(
+                f"t = {outside[0]:g} is outside the run, which goes from {first:g} to {last:g}"
+            )
+        order = np.argsort(flat if first <= last else -flat, kind="stable")
+        y, z = (self.states[name] for name in system.states)
+        values = system.values(self.params)
+        found = system.between(self.dense_order, (self.t, y, z), flat[order], values)
+        back = np.argsort(order)
+        states = {name: x[back].reshape(*times.shape, -1) for name, x in found.items()}
+        return Points(flat if times.ndim else float(flat[0]), states)
 
     @property
     def step_size(self) -> str:

@@ -12,6 +12,7 @@ from liouville._arguments import check_memory, steps_of
 from liouville.errors import describe, hinted
 from liouville.methods import VolumeSplitting
 from liouville.planner import Plan, planned
+from liouville.points import Points
 from liouville.routes.route import KEEP_LESS, Asked, kept, observable, threads_of
 from liouville.splitting import Affine, Split, crossed, described, variables_of
 from liouville.systems import PolynomialField
@@ -93,6 +94,15 @@ class FieldRoute:
         del parts
         return {}
 
+    @property
+    def dense_order(self) -> int:
+        """Say that there is no dense output of such a run."""
+        return 0
+
+    def seen(self, run: _core.Run) -> tuple[dict[str, Points], str]:
+        """Say that such a run looks for no events."""
+        return {}, ""
+
     def describe(self, trouble: dict[str, Any]) -> tuple[str, str, str]:
         """Say what a trouble means in the user's names: sentence, hint and quantity."""
         if trouble.get("quantity") == "observable":
@@ -113,7 +123,8 @@ class FieldRoute:
 
 def _check_equal(options: Mapping[str, Any]) -> None:
     """Refuse steps that would depend on the state."""
-    given = [name for name in ("rtol", "atol", "h_min") if options.get(name) is not None]
+    own = ("rtol", "atol", "h_min", "control", "monitor")
+    given = [name for name in own if options.get(name) is not None]
     if given:
         hint = "give h or steps: with a step size that depends on the state, volume is not kept"
         raise TypeError(hinted(f"VolumeSplitting takes equal steps and no {given[0]}", hint))

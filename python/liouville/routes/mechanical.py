@@ -8,10 +8,12 @@ from typing import Any
 import numpy as np
 
 from liouville import _core
-from liouville._arguments import check_memory, steps_of
+from liouville._arguments import CONTROLS, LEAST_TOLERANCE, Takes, check_memory, steps_of
 from liouville.errors import describe
 from liouville.methods import Composition, LobattoPair, Method, Spark
+from liouville.points import Points
 from liouville.routes.route import KEEP_LESS, Asked, kept, observable
+from liouville.routes.watching import Watching
 from liouville.systems import Mechanical, Mechanics
 
 
@@ -26,14 +28,20 @@ class MechanicalRoute:
         self.constraints = system.constraints
         self._method = method
         self._is_general = method.form == "general"
-        equal = type(method).__name__ if self._is_general else ""
         self._base = method.base if isinstance(method, Composition) else method
         self.pace = steps_of(
-            asked.t, asked.h, asked.steps, asked.control, system.coordinates, equal
+            asked.t, asked.h, asked.steps, asked.control, system.coordinates, _takes(method)
         )
+        monitor = asked.control.get("monitor")
+        self._monitor = None if monitor is None else system.monitor(monitor)
+        self._control = None if self.pace.control is None else self.pace.control[0]
         self._problem = self._form()
         self._is_rattle = isinstance(self._problem, _core.Separable)
         self.every = kept(self.pace, asked.every)
+        self._order = int(getattr(method, "order", 0))
+        span = (self.pace.t0, self.pace.t1)
+        self._watching = Watching(asked.events, asked.t_eval, span, self.every)
+        self._watch = self._watching.asked(system, self._order)
         self._values = system.values(asked.params)
         self.params: Mapping[str, Any] = {**system.params, **dict(asked.params or {})}
         self._begin = system.start(asked.start, () if self._is_general else ("a",))
@@ -59,25 +67,44 @@ class MechanicalRoute:
     def start(self) -> _core.Run | dict[str, Any]:
         """Start the run, or say what is the trouble."""
         pace = self.pace
+        control = pace.control
+        if control is not None and self._control == "reversible":
+            control = (*control, self._monitor)
         return _core.mechanical_run(
             self._problem, self._method, self._observer, self._values, self._begin,
-            (pace.t0, pace.t1, pace.count, self.every), pace.control, self._states,
+            (pace.t0, pace.t1, pace.count, self.every), control, self._watch, self._states,
         )  # fmt: skip
+
+    @property
+    def dense_order(self) -> int:
+        """The order of the method, where the states of all steps are kept, else 0."""
+        is_whole = self.every == 1 and self._watching.times is None and self._states
+        return self._order if is_whole else 0
+
+    def seen(self, run: _core.Run) -> tuple[dict[str, Points], str]:
+        """Return the events met, by name, and a sentence on the one that ended the run."""
+        return self._watching.seen(run, self.system, self._values)
 
     def _form(self) -> _core.Mechanical | _core.SecondOrder | _core.Separable:
         """Return the system in the form that the method steps fastest."""
         if not self._is_general:
             return self.system.second_order
-        takes_fast_path = self._base == LobattoPair(2) and self.pace.control is None
+        takes_fast_path = self._base == LobattoPair(2) and self._control != "error"
         fast = self.system.separable if takes_fast_path else None
         return self.system.problem if fast is None else fast
 
     def stats(self, run: _core.Run) -> dict[str, Any]:
         """Return the numbers of a run that this method has."""
         found: dict[str, Any] = {"steps": run.done, **run.stats}
-        foreign = ("factorizations", "rejected") if self._is_general else ("newton_steps",)
-        if self._is_rattle:
-            foreign = ("newton_steps", "rejected")
+        foreign = {"factorizations", "rejected", "newton_steps"}
+        if self._is_rattle or not self._is_general:
+            foreign.discard("factorizations")
+        if not self._is_general or self._control == "error":
+            foreign.discard("rejected")
+        if self._is_general and not self._is_rattle:
+            foreign.discard("newton_steps")
+        if not run.done:
+            foreign |= {"h_smallest", "h_largest"}
         stats = {name: value for name, value in found.items() if name not in foreign}
         if run.done and self._is_general:
             stats["solver"] = "rattle" if self._is_rattle else _solver(stats)
@@ -98,6 +125,8 @@ class MechanicalRoute:
         """Say what a trouble means in the user's names: sentence, hint and quantity."""
         if trouble.get("quantity") == "observable":
             trouble |= observable(trouble["index"], self._widths)
+        if trouble.get("quantity") == "event":
+            trouble["quantity"] = f"event {[*self._watching.events][trouble['index']]}"
         sentence, hint, quantity = describe(trouble, self.system.coordinates, self.constraints)
         node_schur = getattr(self._base, "solver", "") == "node-schur"
         if trouble["kind"] == "not converged" and node_schur:
@@ -114,7 +143,8 @@ class MechanicalRoute:
         return {**own, **self._widths}
 
     def _check_sizes(self) -> None:
-        records = -(-self.pace.count // self.every) + 1
+        times = self._watching.times
+        records = -(-self.pace.count // self.every) + 1 if times is None else times.size
         check_memory(f"keeping {records} states", records * self.row, KEEP_LESS)
         method = self._base
         if isinstance(method, Spark | LobattoPair) and not self._is_rattle:
@@ -125,6 +155,17 @@ class MechanicalRoute:
                 dense = 2 * (s * n + multipliers) ** 2
             hint = "HHT and its relatives take large sparse systems"
             check_memory(f"{method!r} on {n} coordinates, dense,", 8 * dense, hint)
+
+
+def _takes(method: Method) -> Takes:
+    """Say which controls of the steps a method takes."""
+    name = type(method).__name__
+    if method.form != "general":
+        return Takes(name, ("error",))
+    estimates = not isinstance(method, Composition)
+    takes = {"error": estimates, "reversible": getattr(method, "is_symmetric", True)}
+    controls = tuple(kind for kind in CONTROLS if takes[kind])
+    return Takes(name, controls, LEAST_TOLERANCE / 100)
 
 
 def _solver(stats: Mapping[str, int]) -> str:

@@ -26,6 +26,7 @@ from liouville.systems._form import (
     total_derivative,
 )
 from liouville.systems._linear import Block
+from liouville.systems._monitor import traced
 from liouville.tape import record
 
 #: A start may miss its constraints by this much of the size of what they are made of.
@@ -330,6 +331,70 @@ class Mechanics:
     def _at(self, name: str, params: np.ndarray, *args: ArrayLike) -> np.ndarray:
         values: np.ndarray = self._map(name, params, *args)[0]
         return values
+
+    def event(self, name: str, function: Callable[..., Any]) -> tuple[_core.Tape, bool]:
+        """Record a function of (t, y, z, lam, params), and say whether it uses the multipliers."""
+        s, lam, what = self._symbols, self._model.lam, f"event '{name}'"
+        value = _trace.scalar(what, function, (s.t, s.y, s.z, lam, s.params))
+        moving = ca.vertcat(s.t, s.y, s.z, lam)
+        if not ca.depends_on(value, moving):
+            raise ValueError(
+                hinted(
+                    f"{what} is the same for all states",
+                    "return what is to change its sign, such as q[1] - params.height",
+                )
+            )
+        needs_lam = lam.numel() > 0 and ca.depends_on(value, lam)
+        return record(what, s.inputs(z=s.z, lam=lam), value), needs_lam
+
+    def between(
+        self,
+        order: int,
+        run: tuple[np.ndarray, np.ndarray, np.ndarray],
+        times: np.ndarray,
+        params: np.ndarray,
+    ) -> dict[str, np.ndarray]:
+        """Return the states at times within a run, of which t, y and z of all steps are given.
+
+        The times are in the order of the run, the method has the order `order`.
+
+        Raises
+        ------
+        ValueError
+            The accelerations cannot be solved for there.
+        """
+        t, y, z = (np.ascontiguousarray(x) for x in run)
+        found = _core.mechanical_path(self.problem, params, order, t, y, z, times)
+        if isinstance(found, dict):
+            sentence, hint, _ = describe(found, self.coordinates, self.constraints)
+            raise ValueError(hinted(sentence, hint))
+        return self.states_at(times, np.concatenate(found, axis=1), params)
+
+    def states_at(
+        self, t: np.ndarray, rows: np.ndarray, params: np.ndarray
+    ) -> dict[str, np.ndarray]:
+        """Name all states at k points, of which rows (y, z, lam) are given."""
+        n, (tape, widths) = len(self.coordinates), self._states_tape
+        y, z, lam = np.split(rows, [n, 2 * n], axis=1)
+        args = [np.ascontiguousarray(x) for x in (t.reshape(-1, 1), y, z)]
+        cuts = np.cumsum([*widths.values()])[:-1]
+        more = np.split(tape.map(params, args), cuts, axis=1)
+        own = dict(zip((*self.states, "lam"), (y, z, lam), strict=True))
+        return own | dict(zip(widths, more, strict=True))
+
+    @cached_property
+    def _states_tape(self) -> tuple[_core.Tape, dict[str, int]]:
+        """The tape of what (y, z) are not called, p and v, with the width of each."""
+        s, model = self._symbols, self._model
+        parts = {"p": model.p, "v": model.v}
+        parts = {name: x for name, x in parts.items() if name != self.states[1]}
+        tape = record("states", s.inputs(z=s.z), *parts.values())
+        widths = {name: x.numel() for name, x in parts.items()}
+        return observing(tape, widths, model.linear), widths
+
+    def monitor(self, function: Callable[..., Any]) -> tuple[_core.Tape, bool]:
+        """Record a function of (t, y, z) and its rate along the motion; say if z' is in it."""
+        return traced(self._symbols, self._model.v, function)
 
     def observer(
         self, observe: Mapping[str, Callable[..., Any]] | None, states: bool

@@ -356,6 +356,23 @@ impl Functions {
     }
 }
 
+impl Functions {
+    /// The same system in the separable form; it has no parameters.
+    pub(crate) fn separable(&self) -> Arc<Separable> {
+        let (n, m) = (self.p.len(), self.g.len());
+        let gradient = jacobian(&self.g, Y, m, n).1;
+        let drift: Vec<_> = self.g.iter().map(|g| g.d(T, 0)).collect();
+        let record = |outputs: &[Expr]| tape([1, n, 0], outputs);
+        let problem = Separable {
+            mechanical: self.build(),
+            force: record(&self.f),
+            constraint: record(&self.g),
+            gradient: record(&[gradient, drift].concat()),
+        };
+        Arc::new(problem.checked().expect("tapes fit together"))
+    }
+}
+
 /// The semi-explicit system y' = f, 0 = k of these functions, with all derivatives; it has no parameters.
 pub(crate) fn semi_explicit(f: &[Expr], k: &[Expr]) -> Arc<SemiExplicit> {
     let (n, l) = (f.len(), k.len());
@@ -398,23 +415,6 @@ pub(crate) fn turning() -> (Vec<Expr>, Vec<Expr>) {
     ];
     let f = [(1, 2), (2, 0), (0, 1)].map(|(i, j)| &axis[i] * &y[j] - &axis[j] * &y[i]);
     (f.to_vec(), vec![&y[0] - (input(T, 0) * 2.0).sin() * 0.25])
-}
-
-impl Functions {
-    /// The same system in the separable form; it has no parameters.
-    pub(crate) fn separable(&self) -> Arc<Separable> {
-        let (n, m) = (self.p.len(), self.g.len());
-        let gradient = jacobian(&self.g, Y, m, n).1;
-        let drift: Vec<_> = self.g.iter().map(|g| g.d(T, 0)).collect();
-        let record = |outputs: &[Expr]| tape([1, n, 0], outputs);
-        let problem = Separable {
-            mechanical: self.build(),
-            force: record(&self.f),
-            constraint: record(&self.g),
-            gradient: record(&[gradient, drift].concat()),
-        };
-        Arc::new(problem.checked().expect("tapes fit together"))
-    }
 }
 
 fn jacobian(of: &[Expr], group: usize, rows: usize, cols: usize) -> (Pattern, Vec<Expr>) {
