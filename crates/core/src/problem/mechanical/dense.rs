@@ -61,7 +61,7 @@ impl Newton {
     fn fit<'a, const K: usize>(
         &mut self,
         h: f64,
-        knots: impl Iterator<Item = (f64, &'a [Vec<f64>; K])> + Clone,
+        knots: &(impl Iterator<Item = (f64, &'a [Vec<f64>; K])> + Clone),
     ) {
         self.nodes.clear();
         self.coefficients.clear();
@@ -224,12 +224,11 @@ impl Path {
         let next = self
             .followed
             .filter(|held| *held <= last && held + self.most > last);
-        let first = match next {
-            Some(held) => held + 1,
-            None => {
-                self.spare.append(&mut self.knots);
-                (last + 1).saturating_sub(self.most)
-            }
+        let first = if let Some(held) = next {
+            held + 1
+        } else {
+            self.spare.append(&mut self.knots);
+            (last + 1).saturating_sub(self.most)
         };
         for k in first..=last {
             let row = k * n..(k + 1) * n;
@@ -346,10 +345,10 @@ impl Path {
         let order = [2, 1, 3, 4].into_iter().filter(|back| *back <= count);
         let knots = order.map(|back| &self.knots[count - back]);
         let at = |knot: &Knot| (knot.t - start) / h;
-        self.of_y
-            .fit(h, knots.clone().map(|knot| (at(knot), &knot.y)));
+        let of_y = knots.clone().map(|knot| (at(knot), &knot.y));
+        self.of_y.fit(h, &of_y);
         if self.model.problem.patterns.v_z.is_some() {
-            self.of_z.fit(h, knots.map(|knot| (at(knot), &knot.z)));
+            self.of_z.fit(h, &knots.map(|knot| (at(knot), &knot.z)));
         }
     }
 

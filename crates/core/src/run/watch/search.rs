@@ -232,5 +232,11 @@ fn roughly(scene: &mut impl Scene, ends: Bracket) -> Result<(f64, f64), Trouble>
 
 /// How many halvings lead from a width to twice a tolerance.
 fn halvings(width: f64, tolerance: f64) -> i32 {
-    (width / (2.0 * tolerance)).log2().ceil().max(0.0) as i32
+    let mut count = 0;
+    let mut left = width;
+    while left > 2.0 * tolerance {
+        left /= 2.0;
+        count += 1;
+    }
+    count
 }
