@@ -23,8 +23,8 @@ __all__ = [
     "chebyshev_degree",
     "compositions",
     "determinant_run",
-    "gauss_lobatto",
     "ladder",
+    "lobatto_pair",
     "mechanical_path",
     "mechanical_run",
     "processor_degree",
@@ -32,6 +32,7 @@ __all__ = [
     "schrodinger_run",
     "section_run",
     "semi_explicit_run",
+    "spark_tableau",
     "split_program",
     "split_run",
     "stability",
@@ -248,7 +249,8 @@ def project(
     held: NDArray[np.float64],
     params: NDArray[np.float64],
 ) -> NDArray[np.float64] | _Trouble: ...
-def gauss_lobatto(stages: int) -> dict[str, NDArray[np.float64]]: ...
+def lobatto_pair(stages: int, force: str) -> dict[str, NDArray[np.float64]]: ...
+def spark_tableau(stages: int, points: str) -> dict[str, NDArray[np.float64]]: ...
 def compositions() -> dict[str, dict[str, Any]]: ...
 def ladder() -> list[dict[str, Any]]: ...
 def stability() -> list[dict[str, Any]]: ...

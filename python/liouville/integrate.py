@@ -18,7 +18,7 @@ from liouville.planner import Plan
 from liouville.points import Points
 from liouville.propagation import Propagation
 from liouville.routes import Asked, Route, route
-from liouville.solution import STATES, Solution
+from liouville.solution import RESIDUALS, STATES, Solution
 from liouville.systems import SemiExplicit, System
 
 #: Seconds between two looks at the signals and the progress bar.
@@ -100,9 +100,9 @@ def integrate(
         default. The result does not depend on them, bit for bit.
     **start : array_like
         Start values by the system's names, each of shape (n,): ``q`` and ``v``, ``q`` and ``p``,
-        ``y`` and ``z`` (of a ``SemiExplicit`` a guess, not needed), ``x``, or ``psi``. A dict by coordinate name is taken too, but for
-        ``psi``. The alpha family also takes its own ``a``, to go on from ``solution.a[-1]`` with
-        the same step size.
+        ``y`` and ``z``, ``x``, or ``psi``. Of a ``SemiExplicit`` system z is a guess that may be
+        left out. A dict by coordinate name is taken too, but for ``psi``. The alpha family also
+        takes its own ``a``, to go on from ``solution.a[-1]`` with the same step size.
 
     Returns
     -------
@@ -233,7 +233,7 @@ def run(path: Route, progress: Callable[[float, float], None] | None = None) -> 
         t=times,
         states={name: parts[name] for name in STATES if name in parts},
         invariants=_named("invariant ", parts),
-        residuals={name: parts[name] for name in ("constraint", "hidden") if name in parts},
+        residuals={name: parts[name] for name in RESIDUALS if name in parts},
         observed=_named("observed ", parts),
         balance=path.balance(parts),
         names=_names(path),

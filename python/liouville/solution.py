@@ -24,12 +24,16 @@ ZERO = 1e-12
 #: All that a state may be called, in the order of a solution's states.
 STATES = ("x", "psi", "q", "y", "z", "v", "p", "lam", "acceleration", "a")
 
+#: All residuals that a solution may have, in their order.
+RESIDUALS = ("constraint", "hidden", "nonholonomic")
+
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Solution:
     r"""A run's result: arrays with time as the first axis, and the record of how it went.
 
-    Below, k is the number of kept steps, n of coordinates and m of constraints. In an ensemble of P
+    Below, k is the number of kept steps, n of coordinates and m of constraints, l of them
+    nonholonomic. In an ensemble of P
     members, every array but ``t`` has the member as its second axis: ``x`` has shape (k, P, n).
     All arrays are read-only; all numbers are in the system's own units.
 
@@ -45,8 +49,9 @@ class Solution:
         state is also an attribute: ``solution.q``.
     invariants : dict of str to ndarray, shape (k,)
         Energy and the system's own invariants, by name; the norm of a wave function.
-    residuals : dict of str to ndarray, shape (k, m)
-        ``constraint`` is :math:`g(t, q)`, ``hidden`` is :math:`g_t + g_q v`.
+    residuals : dict of str to ndarray, shape (k, m - l)
+        ``constraint`` is :math:`g(t, q)`, ``hidden`` is :math:`g_t + g_q v`; ``nonholonomic``, of
+        shape (k, l) and only where there are such constraints, is :math:`k(t, q, v)`.
     observed : dict of str to ndarray, shape (k,) or (k, j)
         What ``observe=`` asked for, by name; of a wave function also its complex
         ``autocorrelation``, :math:`\langle \psi(0) | \psi(t) \rangle`.
@@ -59,7 +64,8 @@ class Solution:
         The order of the method, where the states of all steps are kept and the system is a
         mechanical one: then ``solution(t)`` gives the states between them. 0 otherwise.
     names : dict of str to tuple of str
-        ``coordinates`` (n of them) and ``constraints`` (m of them).
+        ``coordinates`` (n of them) and ``constraints`` (m of them, the nonholonomic ones last); of a
+        ``SemiExplicit`` system also its ``unknowns`` z.
     h : float
         Step size used, the mean of them if they are controlled.
     tolerances : dict of str to float or list of float
@@ -218,12 +224,15 @@ class Solution:
 
     @property
     def y(self) -> Array:
-        """Positions of a ``Mechanical`` system, shape (k, n)."""
+        """Positions of a ``Mechanical`` system, coordinates of a ``SemiExplicit``, shape (k, n)."""
         return self._state("y")
 
     @property
     def z(self) -> Array:
-        """Second half of the state of a ``Mechanical`` system, shape (k, n)."""
+        """Second half of the state of a ``Mechanical`` system, shape (k, n).
+
+        Of a ``SemiExplicit`` system its algebraic unknowns, shape (k, l).
+        """
         return self._state("z")
 
     @property
@@ -301,7 +310,8 @@ class Solution:
     def reaction(self, constraint: str | int | None = None) -> Array:
         r"""Give the generalised reaction forces :math:`r(t, q, \lambda)` of the constraints.
 
-        For ``Lagrangian`` and ``Hamiltonian`` systems :math:`r = -g_q^T \lambda`.
+        For ``Lagrangian`` and ``Hamiltonian`` systems :math:`r = -g_q^T \lambda`, and
+        :math:`-k_v^T \nu` of nonholonomic constraints.
 
         Parameters
         ----------
@@ -340,7 +350,8 @@ class Solution:
                 "hint: dataclasses.replace(solution, system=...) gives it back"
             )
         assert isinstance(self.system, Mechanics)
-        return self.system.reaction(self.t, y, lam, self.params)
+        z = self.states[self.system.states[1]]
+        return self.system.reaction(self.t, y, lam, self.params, z)
 
     def to_xarray(self) -> xarray.Dataset:
         """Give the solution as an xarray ``Dataset``; see :func:`liouville.export.to_xarray`."""
