@@ -1,6 +1,6 @@
 //! Events of a mechanical system, and its states at given times.
 
-use super::search::{self, Node, Scene, Zero};
+use super::search::{self, Node, Scene, Trust, Zero};
 use super::{Event, Seen, Watch};
 use crate::method::Stepper;
 use crate::problem::Observe;
@@ -216,6 +216,11 @@ where
         event.earlier = Some((probe.h.abs() / SAMPLES as f64, event.samples[SAMPLES - 2]));
         event.last = event.samples[SAMPLES - 1];
         let resolution = f64::EPSILON / 2.0 * (probe.t / probe.h).abs().max(1.0);
+        let trust = if path.is_rough() {
+            Trust::LOOSE
+        } else {
+            Trust::FIRM
+        };
         let mut sign = event.sign;
         let mut looking = Looking {
             path,
@@ -223,7 +228,7 @@ where
             event,
             end,
         };
-        search::zeros(&mut looking, nodes, &mut sign, resolution, zeros)?;
+        search::zeros(&mut looking, nodes, &mut sign, (trust, resolution), zeros)?;
         event.sign = sign;
         let wanted = zeros.iter().filter(|zero| event.wants(zero.sign));
         self.found.extend(wanted.map(|zero| (zero.x, index)));
