@@ -60,6 +60,19 @@ def damped(model=PENDULUM, **changes):
     return run(model, lv.HHT(), **{"h": None, "rtol": 1e-3, **changes})
 
 
+def reversible(**changes):
+    """Swing it with reversible steps, with something changed."""
+    return run(**{"control": "reversible", **changes})
+
+
+def composed(**changes):
+    return run(method=lv.Composition(lv.Spark(1), "SU4"), **{"h": None, **changes})
+
+
+def second(t, q, v, params):
+    return q
+
+
 def project(model=PENDULUM, **changes):
     return model.consistent(**{"q": [1.0, 0.1], "v": [0.0, 0.0], **changes})
 
@@ -236,8 +249,29 @@ ROWS = [
         "velocity of this system is not its z.*\nhint: write the system as a Lagrangian",
     ),
     # controlled steps
-    ("rtol with Spark", lambda: run(rtol=1e-3), TypeError, "Spark takes equal steps and no rtol"),
-    ("h_min with Spark", lambda: run(h_min=1e-3), TypeError, "equal steps and no h_min"),
+    ("rtol of steps", lambda: composed(rtol=1e-3), TypeError, "does not estimate.*\nhint: give h"),
+    (
+        "h_min alone",
+        lambda: run(h_min=1e-3),
+        TypeError,
+        "h_min is for controlled.*\nhint: give rtol",
+    ),
+    ("control alone", lambda: damped(rtol=None, control="error"), TypeError, "error' takes rtol"),
+    (
+        "no such control",
+        lambda: run(control="pid"),
+        ValueError,
+        "control is 'error', 'revers.*'pid'",
+    ),
+    ("not symmetric", lambda: reversible(method=lv.HHT()), TypeError, "HHT is not symm.*\nhint"),
+    ("reversible rtol", lambda: reversible(rtol=1e-3), TypeError, "'reversible' takes no rtol"),
+    ("reversible atol", lambda: reversible(atol=1e-3), TypeError, "'reversible' takes no atol"),
+    ("reversible steps", lambda: reversible(steps=9), TypeError, "either steps, .*'reversible'"),
+    ("reversible, no h", lambda: reversible(h=None), TypeError, "takes h, the step at the start"),
+    ("monitor alone", lambda: run(monitor=abs), TypeError, "hint: give control='reversible' too"),
+    ("monitor of errors", lambda: damped(monitor=abs), TypeError, "'error' takes no monitor"),
+    ("monitor of 2", lambda: reversible(monitor=second), ValueError, "monitor returns 2 values"),
+    ("monitor no function", lambda: reversible(monitor=1.0), TypeError, "monitor is a function"),
     ("no h nor rtol", lambda: damped(rtol=None), TypeError, "either h or steps, or rtol"),
     ("rtol and steps", lambda: damped(steps=10), TypeError, "either steps, which are equal, or"),
     ("atol alone", lambda: damped(rtol=None, h=0.1, atol=1), TypeError, "atol is for.*\nhint"),

@@ -15,8 +15,11 @@ from liouville.errors import hinted
 #: Beyond this, a step's number and its time are no longer exact.
 MOST_STEPS = 2**53
 
-#: Below this, errors are those of roundoff.
+#: Below this, the errors of a method of order 2 are those of roundoff.
 LEAST_TOLERANCE = 1e-12
+
+#: What may decide on the steps, if they are not equal.
+CONTROLS = ("error", "reversible")
 
 #: The absolute tolerance by default, in units of the relative one.
 SMALL = 1e-3
@@ -29,14 +32,14 @@ DIGITS = 64
 class Steps:
     """How a run goes from t0 to t1: `count` equal steps, or controlled ones.
 
-    `control` is what the core is told: rtol, atol of shape (n,), the first step or 0 where the
-    method is to choose it, and the least.
+    `control` is what the core is told: "error" with rtol, atol of shape (n,), the first step or 0
+    where the method is to choose it, and the least; or "reversible" with the first and the least.
     """
 
     t0: float
     t1: float
     count: int = 1
-    control: tuple[float, np.ndarray, float, float] | None = None
+    control: tuple[Any, ...] | None = None
 
     @property
     def total(self) -> str:
@@ -48,7 +51,9 @@ class Steps:
         """Return what controls the steps, if anything does."""
         if self.control is None:
             return {}
-        rtol, atol, _, _ = self.control
+        if self.control[0] == "reversible":
+            return {"h": self.control[1]}
+        _, rtol, atol, _, _ = self.control
         return {"rtol": rtol, "atol": float(atol[0]) if np.ptp(atol) == 0 else atol.tolist()}
 
     def mean(self, times: np.ndarray, steps: int) -> float:
@@ -107,27 +112,96 @@ def times_of(t: Any) -> tuple[float, ...]:
     return times
 
 
-def steps_of(
-    t: Any, h: Any, steps: Any, control: Mapping[str, Any], coordinates: Sequence[str], equal: str
-) -> Steps:
-    """Return the steps asked for; `equal` names the method if it takes only equal ones.
+@dataclass(frozen=True)
+class Takes:
+    """A method's name, the controls of :data:`CONTROLS` it takes, and its least tolerance."""
 
-    `control` has "rtol", "atol" and "h_min", None where they are not given.
+    name: str
+    controls: tuple[str, ...] = ()
+    least: float = LEAST_TOLERANCE
+
+
+def steps_of(
+    t: Any,
+    h: Any,
+    steps: Any,
+    control: Mapping[str, Any],
+    coordinates: Sequence[str],
+    takes: Takes | str,
+) -> Steps:
+    """Return the steps asked for, of a method of which the name says enough if they are equal.
+
+    `control` has "control", "monitor", "rtol", "atol" and "h_min", None where they are not given.
     """
     t0, t1 = interval(t)
-    given = [name for name, value in control.items() if value is not None]
-    if given and equal:
+    takes = Takes(takes) if isinstance(takes, str) else takes
+    given = {name: value for name, value in control.items() if value is not None}
+    if given and not takes.controls:
         hint = "give h or steps, or take a method that controls its steps, such as HHT"
-        raise TypeError(hinted(f"{equal} takes equal steps and no {given[0]}", hint))
-    if control["rtol"] is not None:
-        if steps is not None:
-            raise TypeError("give either steps, which are equal, or rtol, which controls them")
-        return _controlled(t0, t1, h, coordinates, **control)
-    if given:
-        raise TypeError(hinted(f"{given[0]} is for controlled steps", "give rtol= too"))
+        raise TypeError(hinted(f"{takes.name} takes equal steps and no {next(iter(given))}", hint))
+    kind = _kind(given, takes)
+    if kind is not None and steps is not None:
+        asks = "rtol, which controls them" if "rtol" in given else f"control='{kind}'"
+        raise TypeError(f"give either steps, which are equal, or {asks}")
+    if kind == "error":
+        rtol = _relative(given, takes.least)
+        first, least = _bounds(t0, t1, h, given.get("h_min"))
+        atol = _tolerances(given.get("atol"), rtol, coordinates)
+        return Steps(t0, t1, control=(kind, rtol, atol, first, least))
+    if kind == "reversible":
+        if h is None:
+            raise TypeError("control='reversible' takes h, the step at the start")
+        return Steps(t0, t1, control=(kind, *_bounds(t0, t1, h, given.get("h_min"))))
     if (h is None) == (steps is None):
-        raise TypeError("give either h or steps" + (", or rtol" if not (equal or steps) else ""))
+        more = "" if "error" not in takes.controls or steps else ", or rtol"
+        raise TypeError(f"give either h or steps{more}")
     return _equal(t0, t1, h, steps)
+
+
+def _kind(given: Mapping[str, Any], takes: Takes) -> str | None:
+    """Return which control is asked for, and refuse what belongs to another."""
+    kind = given.get("control", "error" if "rtol" in given else None)
+    if kind is None:
+        for name in given:
+            wanted = "control='reversible'" if name == "monitor" else "rtol="
+            raise TypeError(hinted(f"{name} is for controlled steps", f"give {wanted} too"))
+        return None
+    if kind not in CONTROLS:
+        raise ValueError(f"control is 'error', 'reversible' or None, not {kind!r}")
+    if kind not in takes.controls:
+        why, hint = {
+            "error": ("does not estimate its errors", "give h or steps, or take Spark or HHT"),
+            "reversible": ("is not symmetric, as reversible steps want it", "take Spark"),
+        }[kind]
+        raise TypeError(hinted(f"{takes.name} {why}", hint))
+    foreign = ("monitor",) if kind == "error" else ("rtol", "atol")
+    for name in foreign:
+        if name in given:
+            raise TypeError(f"control='{kind}' takes no {name}")
+    return str(kind)
+
+
+def _relative(given: Mapping[str, Any], least: float) -> float:
+    if "rtol" not in given:
+        raise TypeError("control='error' takes rtol, the relative tolerance")
+    rtol = number("rtol is a number", given["rtol"])
+    if not least <= rtol < 1:
+        raise ValueError(f"rtol is from {least:g} to below 1, not {rtol:g}")
+    return rtol
+
+
+def _bounds(t0: float, t1: float, h: Any, h_min: Any) -> tuple[float, float]:
+    """Return the first step, or 0, and the least."""
+    first = 0.0 if h is None else _step("h", h, t0, t1)
+    if h_min is None:
+        least = DIGITS * float(np.spacing(max(abs(t0), abs(t1))))
+        least = min(least, first) if first else least
+    else:
+        least = _step("h_min", h_min, t0, t1)
+        if first and least > first:
+            raise ValueError(f"h_min = {least:g} is larger than the first step, h = {first:g}")
+    _check_moves(math.copysign(least, t1 - t0), max(t0, t1, key=abs))
+    return first, least
 
 
 def _equal(t0: float, t1: float, h: Any, steps: Any) -> Steps:
@@ -141,24 +215,6 @@ def _equal(t0: float, t1: float, h: Any, steps: Any) -> Steps:
     n = math.ceil(n)
     _check_moves((t1 - t0) / n, t0)
     return Steps(t0, t1, n)
-
-
-def _controlled(
-    t0: float, t1: float, h: Any, coordinates: Sequence[str], *, rtol: Any, atol: Any, h_min: Any
-) -> Steps:
-    rtol = number("rtol is a number", rtol)
-    if not LEAST_TOLERANCE <= rtol < 1:
-        raise ValueError(f"rtol is from {LEAST_TOLERANCE:g} to below 1, not {rtol:g}")
-    first = 0.0 if h is None else _step("h", h, t0, t1)
-    if h_min is None:
-        least = DIGITS * float(np.spacing(max(abs(t0), abs(t1))))
-        least = min(least, first) if first else least
-    else:
-        least = _step("h_min", h_min, t0, t1)
-        if first and least > first:
-            raise ValueError(f"h_min = {least:g} is larger than the first step, h = {first:g}")
-    _check_moves(math.copysign(least, t1 - t0), max(t0, t1, key=abs))
-    return Steps(t0, t1, control=(rtol, _tolerances(atol, rtol, coordinates), first, least))
 
 
 def _tolerances(atol: Any, rtol: float, coordinates: Sequence[str]) -> np.ndarray:

@@ -121,7 +121,7 @@ class Run:
     @property
     def t(self) -> float: ...
     @property
-    def stats(self) -> dict[str, int]: ...
+    def stats(self) -> dict[str, int | float]: ...
     def seen(
         self,
     ) -> tuple[list[tuple[NDArray[np.float64], NDArray[np.float64]]], tuple[int, float] | None]: ...
@@ -134,7 +134,7 @@ def mechanical_run(
     params: NDArray[np.float64],
     start: Sequence[NDArray[np.float64]],
     span: tuple[float, float, int, int],
-    control: tuple[float, NDArray[np.float64], float, float] | None,
+    control: tuple[object, ...] | None,
     watch: tuple[int, NDArray[np.float64] | None, list[tuple[Tape, int, int, bool]]] | None,
     states: bool,
 ) -> Run | _Trouble: ...

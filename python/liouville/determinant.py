@@ -74,7 +74,7 @@ def determinant(
     if not isinstance(system, PolynomialField):
         raise TypeError(f"determinants are those of a PolynomialField, not of {system!r}")
     asked = Asked(
-        t=t, h=h, steps=steps, control={"rtol": None, "atol": None, "h_min": None}, every=every,
+        t=t, h=h, steps=steps, control={}, every=every,
         observe=None, params=params, states=True, start={"x": x},
     )  # fmt: skip
     path = route(system, method, asked)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
@@ -93,6 +94,15 @@ def describe(
             "try a smaller h, keep away from singular positions, and let the velocity depend on z",
             "stages",
         )
+    if kind == "step too small" and not math.isfinite(trouble["error"]):
+        return (
+            f"a step of {trouble['h']:.1e} would be needed, less than h_min",
+            "look for a singularity there, where forces grow without bound or steps have no "
+            "solution; else a smaller h_min may help",
+            "step",
+        )
+    if kind == "monitor":
+        return _monitor(trouble)
     if kind == "step too small":
         return (
             f"the error asks for a step of {trouble['h']:.1e}, less than h_min",
@@ -131,6 +141,20 @@ def describe(
         f"the iteration did not converge (last correction {trouble['size']:.0e})",
         "try a smaller h",
         "stages",
+    )
+
+
+def _monitor(trouble: dict[str, Any]) -> tuple[str, str, str]:
+    value, rate = trouble["value"], trouble["rate"]
+    what = (
+        f"the monitor is {value:.6g}"
+        if not value > 0 or value == math.inf
+        else (f"the rate of the monitor is {rate:.6g}")
+    )
+    return (
+        f"{what} at t = {trouble['t']:.6g}",
+        "a monitor is the size of a step, up to a factor: positive and smooth",
+        "monitor",
     )
 
 

@@ -35,6 +35,8 @@ def integrate(
     rtol: float | None = None,
     atol: ArrayLike | None = None,
     h_min: float | None = None,
+    control: str | None = None,
+    monitor: Callable[..., Any] | None = None,
     tol: float | None = None,
     every: int = 1,
     t_eval: ArrayLike | None = None,
@@ -46,7 +48,7 @@ def integrate(
     threads: int | None = None,
     **start: ArrayLike,
 ) -> Solution:
-    r"""Integrate a system with equal steps, or with steps controlled by their errors.
+    r"""Integrate a system with equal steps, or with steps of its own choice.
 
     Parameters
     ----------
@@ -61,18 +63,28 @@ def integrate(
     h : float, optional
         Step size, positive. The step used is ``(t1 - t0) / steps`` with the least number of steps
         that makes it at most `h`. With `rtol`, the first step; by default the method chooses it.
+        With ``control="reversible"``, the step at the start.
     steps : int, optional
         Number of steps, instead of `h`.
     rtol : float, optional
         Relative tolerance, which asks for controlled steps: the estimated error that a step adds
-        to the coordinates is at most ``atol + rtol * |y|``, in the root mean square over them. The
-        alpha family takes it.
+        to the coordinates is at most ``atol + rtol * |y|``, in the root mean square over them.
+        ``Spark``, ``LobattoPair`` and the alpha family take it. Such steps are for forces that
+        dissipate and for short runs: in the long run they lose what a symplectic method keeps.
     atol : float or array_like, shape (n,), optional
         Absolute tolerance, for all coordinates or for each, in their own unit; ``rtol / 1000`` by
         default.
     h_min : float, optional
         The run fails where it would need a smaller step; by default where the time has too few
         digits for it.
+    control : {"error", "reversible"}, optional
+        What decides on the steps, None for equal ones. ``"error"`` is what `rtol` asks for.
+        ``"reversible"`` makes them follow a monitor by a rule that time reversal does not see, so
+        that a symmetric method keeps its long-time behaviour; see :doc:`/theory/spark`.
+    monitor : callable, optional
+        ``monitor(t, q, v, params)`` (the system's own states), a positive scalar: how long steps
+        should be, up to a factor, which `h` gives. By default a time scale of the acceleration,
+        :math:`r^{3/2}` near a centre of gravity.
     tol : float, optional
         Error of a wave function at the end, relative to its norm, which decides on the steps.
     every : int, default 1
@@ -123,12 +135,15 @@ def integrate(
 
     Notes
     -----
-    Times are :math:`t_0 + n h`, computed and not summed up, but for controlled steps.
+    Times are :math:`t_0 + n h`, computed and not summed up; those of steps that are not equal are
+    summed with what rounding loses.
     """
     asked = Asked(
-        t=t, h=h, steps=steps, control={"rtol": rtol, "atol": atol, "h_min": h_min}, every=every,
-        observe=observe, params=params, states=states, start=start, threads=threads,
-        tol=tol, t_eval=t_eval, events=events,
+        t=t, h=h, steps=steps, every=every, observe=observe, params=params, states=states,
+        control={
+            "rtol": rtol, "atol": atol, "h_min": h_min, "control": control, "monitor": monitor
+        },
+        start=start, threads=threads, tol=tol, t_eval=t_eval, events=events,
     )  # fmt: skip
     return run(route(system, method, asked), progress)
 
@@ -192,7 +207,7 @@ def ensemble(
     (11, 2, 3)
     """
     asked = Asked(
-        t=t, h=h, steps=steps, control={"rtol": None, "atol": None, "h_min": None}, every=every,
+        t=t, h=h, steps=steps, control={}, every=every,
         observe=observe, params=params, states=states, start=start, is_ensemble=True,
         threads=threads,
     )  # fmt: skip

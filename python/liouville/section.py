@@ -137,7 +137,7 @@ def section(
     if not isinstance(system, PolynomialField):
         raise TypeError(f"sections are those of a PolynomialField, not of {system!r}")
     asked = Asked(
-        t=t, h=h, steps=steps, control={"rtol": None, "atol": None, "h_min": None},
+        t=t, h=h, steps=steps, control={},
         every=MOST_STEPS, observe=None, params=params, states=True, start={"x": x},
         is_ensemble=True, threads=threads,
     )  # fmt: skip

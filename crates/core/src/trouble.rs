@@ -75,6 +75,8 @@ pub enum Trouble {
         "a step of {h:e} would be needed, below the least: the last one had {error:e} of the tolerance"
     )]
     StepTooSmall { h: f64, error: f64 },
+    #[error("the monitor is {value} and changes at the rate {rate} at t = {t}")]
+    Monitor { value: f64, rate: f64, t: f64 },
     #[error("the flow of piece {piece} reaches infinity within the step from t = {t}")]
     Singular { piece: usize, member: usize, t: f64 },
     #[error("variable {index} is not finite at t = {t}")]

@@ -3,7 +3,8 @@
 mod support;
 
 use liouville_core::linalg::{Factor, Pattern, Rows};
-use liouville_core::method::alpha::{Alpha, Reactions, Tolerance};
+use liouville_core::method::Tolerance;
+use liouville_core::method::alpha::{Alpha, Reactions};
 use liouville_core::method::index2::Index2;
 use liouville_core::method::rattle::Rattle;
 use liouville_core::method::schrodinger::{

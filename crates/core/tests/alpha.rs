@@ -3,7 +3,8 @@
 mod support;
 
 use liouville_core::linalg::{Lu, Matrix};
-use liouville_core::method::alpha::{Alpha, Reactions, State, Tolerance};
+use liouville_core::method::Tolerance;
+use liouville_core::method::alpha::{Alpha, Reactions, State};
 use liouville_core::method::{Estimating, Stepper};
 use liouville_core::problem::mechanical::SecondOrderModel;
 use liouville_core::tableau;

@@ -45,6 +45,12 @@ pub(crate) fn trouble<'py>(py: Python<'py>, trouble: &Trouble) -> PyResult<Bound
             dict.set_item("error", error)?;
             "step too small"
         }
+        Trouble::Monitor { value, rate, t } => {
+            dict.set_item("value", value)?;
+            dict.set_item("rate", rate)?;
+            dict.set_item("t", t)?;
+            "monitor"
+        }
         Trouble::Singular { piece, member, t } => {
             dict.set_item("piece", piece)?;
             dict.set_item("member", member)?;

@@ -99,6 +99,11 @@ impl Run {
         dict.set_item("newton_steps", stats.newton_steps)?;
         dict.set_item("cold_starts", stats.cold_starts)?;
         dict.set_item("rejected", rejected)?;
+        if let Some(sizes) = self.inner.sizes() {
+            dict.set_item("h_smallest", sizes.smallest)?;
+            dict.set_item("h_largest", sizes.largest)?;
+            dict.set_item("h_next", sizes.next)?;
+        }
         Ok(dict)
     }
 

@@ -50,6 +50,7 @@ MECHANICAL = (
     "relativistic_particle",
     "circular_track",
     "fekete",
+    "kepler_on_sphere",
 )
 
 #: The polynomial fields without divergence.

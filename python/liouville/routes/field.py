@@ -123,7 +123,8 @@ class FieldRoute:
 
 def _check_equal(options: Mapping[str, Any]) -> None:
     """Refuse steps that would depend on the state."""
-    given = [name for name in ("rtol", "atol", "h_min") if options.get(name) is not None]
+    own = ("rtol", "atol", "h_min", "control", "monitor")
+    given = [name for name in own if options.get(name) is not None]
     if given:
         hint = "give h or steps: with a step size that depends on the state, volume is not kept"
         raise TypeError(hinted(f"VolumeSplitting takes equal steps and no {given[0]}", hint))

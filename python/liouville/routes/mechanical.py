@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from liouville import _core
-from liouville._arguments import check_memory, steps_of
+from liouville._arguments import CONTROLS, LEAST_TOLERANCE, Takes, check_memory, steps_of
 from liouville.errors import describe
 from liouville.methods import Composition, LobattoPair, Method, Spark
 from liouville.points import Points
@@ -28,11 +28,13 @@ class MechanicalRoute:
         self.constraints = system.constraints
         self._method = method
         self._is_general = method.form == "general"
-        equal = type(method).__name__ if self._is_general else ""
         self._base = method.base if isinstance(method, Composition) else method
         self.pace = steps_of(
-            asked.t, asked.h, asked.steps, asked.control, system.coordinates, equal
+            asked.t, asked.h, asked.steps, asked.control, system.coordinates, _takes(method)
         )
+        monitor = asked.control.get("monitor")
+        self._monitor = None if monitor is None else system.monitor(monitor)
+        self._control = None if self.pace.control is None else self.pace.control[0]
         self._problem = self._form()
         self._is_rattle = isinstance(self._problem, _core.Separable)
         self.every = kept(self.pace, asked.every)
@@ -65,10 +67,12 @@ class MechanicalRoute:
     def start(self) -> _core.Run | dict[str, Any]:
         """Start the run, or say what is the trouble."""
         pace = self.pace
+        control = pace.control
+        if control is not None and self._control == "reversible":
+            control = (*control, self._monitor)
         return _core.mechanical_run(
             self._problem, self._method, self._observer, self._values, self._begin,
-            (pace.t0, pace.t1, pace.count, self.every), pace.control, self._watch,
-            self._states,
+            (pace.t0, pace.t1, pace.count, self.every), control, self._watch, self._states,
         )  # fmt: skip
 
     @property
@@ -85,16 +89,22 @@ class MechanicalRoute:
         """Return the system in the form that the method steps fastest."""
         if not self._is_general:
             return self.system.second_order
-        takes_fast_path = self._base == LobattoPair(2) and self.pace.control is None
+        takes_fast_path = self._base == LobattoPair(2) and self._control != "error"
         fast = self.system.separable if takes_fast_path else None
         return self.system.problem if fast is None else fast
 
     def stats(self, run: _core.Run) -> dict[str, Any]:
         """Return the numbers of a run that this method has."""
         found: dict[str, Any] = {"steps": run.done, **run.stats}
-        foreign = ("factorizations", "rejected") if self._is_general else ("newton_steps",)
-        if self._is_rattle:
-            foreign = ("newton_steps", "rejected")
+        foreign = {"factorizations", "rejected", "newton_steps"}
+        if self._is_rattle or not self._is_general:
+            foreign.discard("factorizations")
+        if not self._is_general or self._control == "error":
+            foreign.discard("rejected")
+        if self._is_general and not self._is_rattle:
+            foreign.discard("newton_steps")
+        if not run.done:
+            foreign |= {"h_smallest", "h_largest"}
         stats = {name: value for name, value in found.items() if name not in foreign}
         if run.done and self._is_general:
             stats["solver"] = "rattle" if self._is_rattle else _solver(stats)
@@ -145,6 +155,17 @@ class MechanicalRoute:
                 dense = 2 * (s * n + multipliers) ** 2
             hint = "HHT and its relatives take large sparse systems"
             check_memory(f"{method!r} on {n} coordinates, dense,", 8 * dense, hint)
+
+
+def _takes(method: Method) -> Takes:
+    """Say which controls of the steps a method takes."""
+    name = type(method).__name__
+    if method.form != "general":
+        return Takes(name, ("error",))
+    estimates = not isinstance(method, Composition)
+    takes = {"error": estimates, "reversible": getattr(method, "is_symmetric", True)}
+    controls = tuple(kind for kind in CONTROLS if takes[kind])
+    return Takes(name, controls, LEAST_TOLERANCE / 100)
 
 
 def _solver(stats: Mapping[str, int]) -> str:

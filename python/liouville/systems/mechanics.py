@@ -26,6 +26,7 @@ from liouville.systems._form import (
     total_derivative,
 )
 from liouville.systems._linear import Block
+from liouville.systems._monitor import traced
 from liouville.tape import record
 
 #: A start may miss its constraints by this much of the size of what they are made of.
@@ -390,6 +391,10 @@ class Mechanics:
         tape = record("states", s.inputs(z=s.z), *parts.values())
         widths = {name: x.numel() for name, x in parts.items()}
         return observing(tape, widths, model.linear), widths
+
+    def monitor(self, function: Callable[..., Any]) -> tuple[_core.Tape, bool]:
+        """Record a function of (t, y, z) and its rate along the motion; say if z' is in it."""
+        return traced(self._symbols, self._model.v, function)
 
     def observer(
         self, observe: Mapping[str, Callable[..., Any]] | None, states: bool

@@ -90,10 +90,46 @@ impl<S: Stepper + ?Sized> Stepper for Box<S> {
 /// A method whose step of −h undoes its step of h.
 pub trait Symmetric: Stepper {}
 
+impl<S: Symmetric> Symmetric for Composed<composition::Base<S>> where S::State: Clone + Send {}
+
+/// Errors of coordinates are measured by `atol + rtol |y|`, in the mean over them.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Tolerance {
+    /// Part of the coordinate.
+    pub rtol: f64,
+    /// In the unit of each coordinate.
+    pub atol: Vec<f64>,
+}
+
+impl Tolerance {
+    /// The root mean square of x in units of the tolerance, at the larger of two values of each
+    /// coordinate.
+    pub fn weigh(&self, [y0, y1]: [&[f64]; 2], x: impl Iterator<Item = f64>) -> f64 {
+        let sum: f64 = x
+            .enumerate()
+            .map(|(k, x)| {
+                let size = y0[k].abs().max(y1[k].abs());
+                (x / (self.atol[k] + self.rtol * size)).powi(2)
+            })
+            .sum();
+        (sum / y0.len() as f64).sqrt()
+    }
+
+    /// A first step whose acceleration moves the coordinates by about the tolerance.
+    pub fn first_step(&self, y: &[f64], accelerations: [&[f64]; 2], span: f64) -> f64 {
+        let [a, b] = accelerations.map(|a| self.weigh([y, y], a.iter().copied()));
+        let h = (2.0 / a.max(b).max(f64::MIN_POSITIVE)).sqrt();
+        h.min(span.abs() / 100.0)
+    }
+}
+
 /// A method that knows how far off its last step is.
 pub trait Estimating: Stepper {
     /// The estimated local error of the last step, in units of the tolerance; infinite if it is unknown.
     fn error(&self) -> f64;
+
+    /// The power of h with which that estimate falls.
+    fn error_order(&self) -> f64;
 
     /// Puts `state` back to where it was before the last step.
     fn undo(&mut self, state: &mut Self::State);

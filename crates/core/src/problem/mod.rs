@@ -19,3 +19,12 @@ pub trait Observe<State>: Send {
     /// A quantity that is not finite, or multipliers that cannot be solved for.
     fn observe(&mut self, t: f64, state: &State, row: &mut Vec<f64>) -> Result<(), Trouble>;
 }
+
+/// Tells how long steps should be, by a positive function s of time and state.
+pub trait Monitor<State>: Send {
+    /// (ds/dt)/s along the motion.
+    ///
+    /// # Errors
+    /// s is not positive, or a value is not finite.
+    fn rate(&mut self, t: f64, state: &State) -> Result<f64, Trouble>;
+}

@@ -4,7 +4,7 @@ mod pace;
 mod record;
 mod watch;
 
-pub use pace::{Controlled, Equal, Listed, Pace};
+pub use pace::{Controlled, Equal, Listed, Pace, Reversible, Sizes};
 pub use record::Recorder;
 pub use watch::{Event, Seen, Unwatched, Watch, Watcher};
 
@@ -45,6 +45,10 @@ pub trait Advance: Send {
     fn time(&self) -> f64;
     /// What the stepper has done, and how many of its steps were thrown away.
     fn stats(&self) -> (Stats, usize);
+    /// The sizes of its steps, where they are not equal.
+    fn sizes(&self) -> Option<Sizes> {
+        None
+    }
     /// Times of the records, one a row, and the rows one after another, the present state last. The
     /// run is over and keeps none.
     fn take(&mut self) -> (Vec<f64>, Vec<f64>);
@@ -214,6 +218,10 @@ where
 
     fn stats(&self) -> (Stats, usize) {
         (self.stepper.stats(), self.pace.rejected())
+    }
+
+    fn sizes(&self) -> Option<Sizes> {
+        self.pace.sizes()
     }
 
     fn take(&mut self) -> (Vec<f64>, Vec<f64>) {

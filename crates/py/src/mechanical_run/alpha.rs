@@ -1,10 +1,11 @@
 //! The extended HHT-α method and its relatives.
 
+use super::Begin;
+use super::control::{Control, refused};
 use super::launch::{launch, launch_controlled};
-use super::{Begin, Control};
 use crate::errors;
 use crate::second_order::SecondOrder;
-use liouville_core::method::alpha::{Alpha, Reactions, Tolerance};
+use liouville_core::method::alpha::{Alpha, Reactions};
 use liouville_core::problem::mechanical::{Observer, SecondOrderModel};
 use liouville_core::tableau;
 use liouville_core::tape::Tape;
@@ -17,7 +18,6 @@ pub(super) fn alpha<'py>(
     method: &Bound<'_, PyAny>,
     observer: Tape,
     begin: &Begin<'_>,
-    control: Option<Control<'_>>,
 ) -> PyResult<Bound<'py, PyAny>> {
     let (alpha_m, alpha_f, gamma, beta) = method.getattr("coefficients")?.extract()?;
     let weights = tableau::Alpha {
@@ -41,13 +41,12 @@ pub(super) fn alpha<'py>(
     };
     let n = problem.0.mechanical.n;
     begin.check(n, problem.0.mechanical.stage.inputs()[3], &observer, 3)?;
-    let tolerance = control.map(|(rtol, atol, ..)| Tolerance {
-        rtol,
-        atol: atol.to_vec(),
-    });
-    if tolerance.as_ref().is_some_and(|x| x.atol.len() != n) {
-        return Err(PyValueError::new_err(format!("atol has size {n}")));
-    }
+    begin.control.check(n)?;
+    let tolerance = match &begin.control {
+        Control::Equal => None,
+        Control::Error { tolerance, .. } => Some(tolerance.clone()),
+        Control::Reversible { .. } => return Err(refused("reversible")),
+    };
     let (t0, t1, ..) = begin.span;
     let model = SecondOrderModel::new(problem.0.clone(), begin.params);
     let general = model.general.clone();
@@ -58,13 +57,15 @@ pub(super) fn alpha<'py>(
         Ok(state) => state,
         Err(trouble) => return Ok(errors::trouble(py, &trouble)?.into_any()),
     };
-    let Some((_, _, first, least)) = control else {
-        return launch(py, begin, stepper, observer, state);
-    };
-    let first = if first > 0.0 {
-        first
-    } else {
-        stepper.first_step(&state, t1 - t0)
-    };
-    launch_controlled(py, begin, stepper, observer, state, (first, least))
+    match begin.control {
+        Control::Error { first, least, .. } => {
+            let first = if first > 0.0 {
+                first
+            } else {
+                stepper.first_step(&state, t1 - t0)
+            };
+            launch_controlled(py, begin, stepper, observer, state, (first, least))
+        }
+        _ => launch(py, begin, stepper, observer, state),
+    }
 }

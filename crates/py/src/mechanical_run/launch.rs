@@ -1,11 +1,14 @@
 //! A stepper, its observer and a pace become a run: the one place where they meet.
 
 use super::Begin;
+use super::control::{Control, refused};
 use crate::run::Run;
-use liouville_core::method::{Estimating, Stepper};
+use liouville_core::method::{Estimating, Stepper, Symmetric};
 use liouville_core::problem::Observe;
-use liouville_core::problem::mechanical::{Carried, Observer, Path};
-use liouville_core::run::{self, Controlled, Equal, Pace, Watcher};
+use liouville_core::problem::mechanical::{
+    Carried, MechanicalMonitor, Observer, Path, TimeScale, Traced,
+};
+use liouville_core::run::{self, Controlled, Equal, Pace, Reversible, Watcher};
 use pyo3::prelude::*;
 
 /// A run by equal steps.
@@ -74,4 +77,45 @@ where
     let watch = Watcher::new(path, stepper.clone(), &state, events, times);
     let run = run::Run::watched(stepper, observer, state, pace, (every, expected), watch);
     Run::handed(py, run, &[width])
+}
+
+/// A run by equal steps, or by steps that follow a monitor reversibly.
+pub(super) fn launch_symmetric<'py, S>(
+    py: Python<'py>,
+    begin: &Begin<'_>,
+    stepper: S,
+    observer: Observer,
+    state: S::State,
+) -> PyResult<Bound<'py, PyAny>>
+where
+    S: Symmetric + Clone + Sync + 'static,
+    S::State: Carried + Clone + Send + Sync,
+{
+    let (first, least, monitor) = match &begin.control {
+        Control::Equal => return launch(py, begin, stepper, observer, state),
+        Control::Error { .. } => return Err(refused("error")),
+        Control::Reversible {
+            first,
+            least,
+            monitor,
+        } => (*first, *least, monitor),
+    };
+    let (t0, t1, ..) = begin.span;
+    let model = observer.model().clone();
+    let monitor = match monitor {
+        Some((tape, of_acceleration)) => MechanicalMonitor::Traced(Box::new(Traced::new(
+            model,
+            begin.params,
+            tape.clone(),
+            *of_acceleration,
+        ))),
+        None => MechanicalMonitor::Own(Box::new(TimeScale::new(
+            model,
+            t1 - t0,
+            (t0, begin.start[0], begin.start[1]),
+            first,
+        ))),
+    };
+    let pace = Reversible::new((t0, t1), first, least, monitor, &state);
+    paced(py, begin, (stepper, observer, state), pace, 0)
 }

@@ -1,6 +1,7 @@
 //! Runs of mechanical systems: a problem, a method and start values become a stepper in the loop.
 
 mod alpha;
+mod control;
 mod launch;
 mod rattle;
 mod spark;
@@ -8,19 +9,19 @@ mod spark;
 use crate::convert::{self, Mechanical};
 use crate::second_order::{SecondOrder, Separable};
 use crate::watch::{Asked, Watching};
+use control::Control;
 use liouville_core::tape::Tape;
 use numpy::PyReadonlyArray1;
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
-
-/// How errors control the steps: rtol, atol, the first step or 0, the least step.
-type Control<'a> = (f64, &'a [f64], f64, f64);
+use pyo3::types::PyTuple;
 
 /// What every run begins with.
 struct Begin<'a> {
     params: &'a [f64],
     start: &'a [&'a [f64]],
     span: (f64, f64, usize, usize),
+    control: Control,
     states: bool,
     watch: Option<Watching>,
 }
@@ -46,9 +47,10 @@ impl Begin<'_> {
 
 /// A run about to start; `method` is read by attribute, `start` is (y, z) or (y, z, a).
 ///
-/// `span` is (t0, t1, steps, every); `control`, for steps of their own choice instead of equal
-/// ones, is (rtol, atol, first step or 0, least step); `watch` is what else is looked at. Returns the
-/// run, or the trouble of starting.
+/// `span` is (t0, t1, steps, every); `control` is None for equal steps, else ("error", rtol, atol,
+/// first step or 0, least step) or ("reversible", first step, least step, monitor or None), the
+/// monitor being a tape with whether it wants z'; `watch` is what else is looked at. Returns the run,
+/// or the trouble of starting.
 #[pyfunction]
 #[allow(clippy::too_many_arguments)] // the whole border in one call
 #[pyo3(signature = (problem, method, observer, params, start, span, control, watch, states))]
@@ -60,7 +62,7 @@ pub(crate) fn mechanical_run<'py>(
     params: PyReadonlyArray1<'py, f64>,
     start: Vec<PyReadonlyArray1<'py, f64>>,
     span: (f64, f64, usize, usize),
-    control: Option<(f64, PyReadonlyArray1<'py, f64>, f64, f64)>,
+    control: Option<Bound<'py, PyTuple>>,
     watch: Option<Asked<'py>>,
     states: bool,
 ) -> PyResult<Bound<'py, PyAny>> {
@@ -73,6 +75,7 @@ pub(crate) fn mechanical_run<'py>(
         params,
         start: &start,
         span,
+        control: Control::read(control.as_ref())?,
         states,
         watch: watch
             .as_ref()
@@ -80,11 +83,7 @@ pub(crate) fn mechanical_run<'py>(
             .transpose()?,
     };
     if let Ok(problem) = problem.extract::<PyRef<'_, SecondOrder>>() {
-        let control = control
-            .as_ref()
-            .map(|(rtol, atol, h, least)| PyResult::Ok((*rtol, atol.as_slice()?, *h, *least)))
-            .transpose()?;
-        alpha::alpha(py, &problem, method, observer, &begin, control)
+        alpha::alpha(py, &problem, method, observer, &begin)
     } else if let Ok(problem) = problem.extract::<PyRef<'_, Separable>>() {
         rattle::rattle(py, &problem, method, observer, &begin)
     } else {

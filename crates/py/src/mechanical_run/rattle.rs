@@ -1,7 +1,7 @@
 //! RATTLE, alone or composed.
 
 use super::Begin;
-use super::launch::launch;
+use super::launch::launch_symmetric;
 use crate::errors;
 use crate::second_order::Separable;
 use crate::tableau::scheme_named;
@@ -30,9 +30,9 @@ pub(super) fn rattle<'py>(
         Err(trouble) => return Ok(errors::trouble(py, &trouble)?.into_any()),
     };
     let Some(name) = method.getattr_opt("scheme")? else {
-        return launch(py, begin, stepper, observer, state);
+        return launch_symmetric(py, begin, stepper, observer, state);
     };
     let scheme = scheme_named(&name.extract::<String>()?)?;
     let stepper = Composed::of_symmetric(stepper, scheme).map_err(errors::refused)?;
-    launch(py, begin, stepper, observer, state)
+    launch_symmetric(py, begin, stepper, observer, state)
 }

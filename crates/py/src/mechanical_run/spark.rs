@@ -1,13 +1,14 @@
 //! SPARK methods, alone or composed.
 
 use super::Begin;
-use super::launch::launch;
+use super::control::{Control, refused};
+use super::launch::{launch_controlled, launch_symmetric};
 use crate::convert::Mechanical;
-use crate::errors::refused;
+use crate::errors;
 use crate::tableau::{lobatto_named, scheme_named, spark_named};
 use liouville_core::method::composition::Composed;
 use liouville_core::method::spark::{Solver, Spark};
-use liouville_core::problem::mechanical::{Model, Observer};
+use liouville_core::problem::mechanical::{Model, Observer, State};
 use liouville_core::tape::Tape;
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
@@ -50,12 +51,43 @@ pub(super) fn spark<'py>(
     let mut model = Model::new(problem.0.clone(), begin.params);
     let observer = Observer::new(model.clone(), begin.params, observer, begin.states);
     let state = model.state(begin.span.0, begin.start[0], begin.start[1]);
+    begin.control.check(problem.0.n)?;
     let stepper = Spark::of(model, tableau, solver);
-    match scheme {
-        Some(scheme) => {
-            let stepper = Composed::of_symmetric(stepper, scheme).map_err(refused)?;
-            launch(py, begin, stepper, observer, state)
+    match (&begin.control, scheme) {
+        (Control::Error { .. }, None) => estimating(py, begin, stepper, observer, state),
+        (_, None) => launch_symmetric(py, begin, stepper, observer, state),
+        (_, Some(scheme)) => {
+            let stepper = Composed::of_symmetric(stepper, scheme).map_err(errors::refused)?;
+            launch_symmetric(py, begin, stepper, observer, state)
         }
-        None => launch(py, begin, stepper, observer, state),
     }
+}
+
+/// A run whose steps are controlled by their errors.
+fn estimating<'py>(
+    py: Python<'py>,
+    begin: &Begin<'_>,
+    stepper: Spark,
+    observer: Observer,
+    state: State,
+) -> PyResult<Bound<'py, PyAny>> {
+    let Control::Error {
+        tolerance,
+        first,
+        least,
+    } = &begin.control
+    else {
+        return Err(refused("none"));
+    };
+    let (t0, t1, ..) = begin.span;
+    let mut stepper = stepper.estimating(tolerance.clone());
+    let first = if *first > 0.0 {
+        *first
+    } else {
+        match stepper.first_step(t0, &state, t1 - t0) {
+            Ok(first) => first,
+            Err(trouble) => return Ok(errors::trouble(py, &trouble)?.into_any()),
+        }
+    };
+    launch_controlled(py, begin, stepper, observer, state, (first, *least))
 }

@@ -21,7 +21,7 @@ mod coupling;
 mod frozen;
 mod solve;
 
-use super::{Estimating, Stats, Stepper};
+use super::{Estimating, Stats, Stepper, Tolerance};
 use crate::linalg::{Matrix, add_scaled, copy};
 use crate::newton;
 use crate::problem::mechanical::{Acceleration, Carried, SecondOrderModel};
@@ -42,15 +42,6 @@ pub enum Reactions {
     },
     /// As a part of φ, by the constraint on the position alone.
     Position,
-}
-
-/// Errors are measured by `atol + rtol |y|`, in the mean over the coordinates.
-#[derive(Clone, Debug, PartialEq)]
-pub struct Tolerance {
-    /// Part of the coordinate.
-    pub rtol: f64,
-    /// In the unit of each coordinate.
-    pub atol: Vec<f64>,
 }
 
 /// What is carried from step to step.
@@ -209,27 +200,11 @@ impl Alpha {
     }
 
     /// A first step whose acceleration moves the coordinates by about the tolerance.
-    pub fn first_step(&mut self, state: &State, span: f64) -> f64 {
-        self.other.y.copy_from_slice(&state.y);
-        let moved = self
-            .weighted(&state.y, &state.phi)
-            .max(self.weighted(&state.y, &state.a));
-        let h = (2.0 / moved.max(f64::MIN_POSITIVE)).sqrt();
-        h.min(span.abs() / 100.0)
-    }
-
-    /// The root mean square of x in units of the tolerance, at the larger of y and `other.y`.
-    fn weighted(&self, y: &[f64], x: &[f64]) -> f64 {
-        let Some(Tolerance { rtol, atol }) = &self.tolerance else {
-            return f64::INFINITY;
-        };
-        let sum: f64 = (0..x.len())
-            .map(|k| {
-                let size = y[k].abs().max(self.other.y[k].abs());
-                (x[k] / (atol[k] + rtol * size)).powi(2)
-            })
-            .sum();
-        (sum / x.len() as f64).sqrt()
+    pub fn first_step(&self, state: &State, span: f64) -> f64 {
+        match &self.tolerance {
+            Some(tolerance) => tolerance.first_step(&state.y, [&state.phi, &state.a], span),
+            None => span.abs() / 100.0,
+        }
     }
 
     /// (3a)–(3e), by whichever start and factors lead to a solution.
@@ -377,16 +352,21 @@ impl Alpha {
         }
         let error = &mut self.local_error;
         self.frozen.project(&self.model, error);
-        self.error = self.weighted(&step.state.y, &self.local_error);
-        if self.error.is_nan() {
-            self.error = f64::INFINITY;
-        }
+        let error = self.tolerance.as_ref().map(|tolerance| {
+            let ends = [&step.state.y[..], &self.other.y];
+            tolerance.weigh(ends, self.local_error.iter().copied())
+        });
+        self.error = error.filter(|e| !e.is_nan()).unwrap_or(f64::INFINITY);
     }
 }
 
 impl Estimating for Alpha {
     fn error(&self) -> f64 {
         self.error
+    }
+
+    fn error_order(&self) -> f64 {
+        3.0
     }
 
     fn undo(&mut self, state: &mut State) {

@@ -15,6 +15,7 @@
 //! (U2), (U3) then give z1 and λ_k. The λ_j are internal: they are not passed on to the next step.
 //! y and p are summed with their rounding errors carried along. Source: jay2007; the paper's ψ is λ.
 
+mod estimate;
 mod full_newton;
 mod node_schur;
 mod predictor;
@@ -26,6 +27,7 @@ use crate::newton;
 use crate::problem::mechanical::{Model, State};
 use crate::tableau;
 use crate::trouble::Trouble;
+use estimate::Estimate;
 use full_newton::FullNewton;
 use node_schur::NodeSchur;
 use predictor::Predictor;
@@ -61,6 +63,8 @@ pub struct Spark {
     full: Option<Box<FullNewton>>,
     predictor: Predictor,
     update: Update,
+    /// What tells errors, where they are wanted.
+    estimate: Option<Box<Estimate>>,
     /// Where node Schur started, for full Newton to start there too.
     start: Unknowns,
     /// Steps still to be made by full Newton, and how many it was last time.
@@ -87,6 +91,7 @@ impl Spark {
             full: None,
             predictor: Predictor::new(&model, &stages.tableau),
             update: Update::new(&model),
+            estimate: None,
             start: stages.unknowns.clone(),
             resting: 0,
             rest: 0,
@@ -173,7 +178,13 @@ impl Stepper for Spark {
         self.update.solve(&mut self.model, &mut self.stages, step)?;
         self.predictor
             .keep(&self.stages, h, &state.z, &self.update.z, &self.update.v);
+        if let Some(estimate) = &mut self.estimate {
+            estimate.keep(state);
+        }
         self.update.commit(state);
+        if let Some(estimate) = &mut self.estimate {
+            estimate.measure(self.predictor.velocities(), h, state);
+        }
         Ok(())
     }
 

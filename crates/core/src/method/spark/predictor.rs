@@ -7,7 +7,7 @@
 
 use super::stages::{Stages, Step, Unknowns};
 use crate::linalg::{Matrix, add_scaled, combine, copy};
-use crate::problem::mechanical::{Acceleration, Model};
+use crate::problem::mechanical::{Acceleration, Model, State};
 use crate::tableau;
 use crate::trouble::Trouble;
 
@@ -19,6 +19,8 @@ pub(super) struct Predictor {
     /// The step size of the polynomials held, and the ratio their weights were made for.
     h: Option<f64>,
     ratio: f64,
+    /// Where the next step begins on what is held: at its end, 1, or once more at its start, 0.
+    begin: f64,
     /// 0, c_1..c_s, 1, and which of them the polynomial goes through.
     nodes: Vec<f64>,
     knots: Vec<usize>,
@@ -50,6 +52,7 @@ impl Predictor {
             velocity_is_z: model.problem.patterns.v_z.is_none(),
             h: None,
             ratio: f64::NAN,
+            begin: 1.0,
             stage_weights: Matrix::zeros(s, s + 2),
             end_weights: Matrix::zeros(1, s + 2),
             node_weights: Matrix::zeros(k + 1, k + 1),
@@ -90,9 +93,9 @@ impl Predictor {
 
     /// The weights of what is held, for steps that are `ratio` times as long.
     fn weigh(&mut self, tableau: &tableau::Spark, ratio: f64) {
-        let (knots, nodes) = (&self.knots, &self.nodes);
+        let (knots, nodes, begin) = (&self.knots, &self.nodes, self.begin);
         let weights = &mut self.stage_weights;
-        lagrange(nodes, knots, &tableau.c, ratio, weights);
+        lagrange(nodes, knots, &tableau.c, (begin, ratio), weights);
         let degree = i32::try_from(knots.len() - 1).expect("a small degree");
         for (i, c) in tableau.c.iter().enumerate() {
             if knots.contains(&(i + 1)) {
@@ -105,9 +108,9 @@ impl Predictor {
             weights[(i, i + 1)] = shift;
             weights[(i, end)] -= shift;
         }
-        lagrange(nodes, knots, &[1.0], ratio, &mut self.end_weights);
+        lagrange(nodes, knots, &[1.0], (begin, ratio), &mut self.end_weights);
         let (nodes, all) = (&tableau.c_hat, &self.node_knots);
-        lagrange(nodes, all, nodes, ratio, &mut self.node_weights);
+        lagrange(nodes, all, nodes, (begin, ratio), &mut self.node_weights);
     }
 
     /// Writes the cold start.
@@ -152,7 +155,7 @@ impl Predictor {
     /// Keeps the polynomials of a finished step from `z0` to `z1`, where v is `v1`.
     pub(super) fn keep(&mut self, stages: &Stages, h: f64, z0: &[f64], z1: &[f64], v1: &[f64]) {
         let s = stages.tableau.stages;
-        if self.h.is_some() {
+        if self.h.is_some() && self.begin > 0.0 {
             let (head, tail) = self.v.flat_mut().split_at_mut((s + 1) * v1.len());
             head[..v1.len()].copy_from_slice(tail);
         }
@@ -165,13 +168,43 @@ impl Predictor {
         copy(self.v.row_mut(s + 1), v1);
         copy(self.lam.flat_mut(), stages.unknowns.lam.flat());
         self.h = Some(h);
+        if self.begin == 0.0 {
+            (self.begin, self.ratio) = (1.0, f64::NAN);
+        }
+    }
+
+    /// v' at a state, or z' where v is not z: how fast the velocities begin to change.
+    pub(super) fn acceleration(
+        &mut self,
+        model: &mut Model,
+        t: f64,
+        state: &State,
+    ) -> Result<&[f64], Trouble> {
+        self.acceleration.solve(model, t, &state.y, &state.z)?;
+        Ok(&self.acceleration.z_dot)
+    }
+
+    /// v at the start of the step held, V_1..V_s, and v at its end.
+    pub(super) fn velocities(&self) -> &Matrix {
+        &self.v
+    }
+
+    /// The next step begins where the one held began, which says where it goes.
+    pub(super) fn undo(&mut self) {
+        (self.begin, self.ratio) = (0.0, f64::NAN);
     }
 }
 
-/// Values of the Lagrange basis on those `nodes` that are `knots`, at 1 + ratio x for each x of
+/// Values of the Lagrange basis on those `nodes` that are `knots`, at begin + ratio x for each x of
 /// `targets`, one row a target.
-fn lagrange(nodes: &[f64], knots: &[usize], targets: &[f64], ratio: f64, weights: &mut Matrix) {
-    for (i, x) in targets.iter().map(|x| 1.0 + ratio * x).enumerate() {
+fn lagrange(
+    nodes: &[f64],
+    knots: &[usize],
+    targets: &[f64],
+    (begin, ratio): (f64, f64),
+    weights: &mut Matrix,
+) {
+    for (i, x) in targets.iter().map(|x| begin + ratio * x).enumerate() {
         for k in knots {
             let others = knots.iter().filter(|l| *l != k);
             weights[(i, *k)] = others

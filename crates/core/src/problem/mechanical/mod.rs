@@ -9,6 +9,7 @@
 mod acceleration;
 mod dense;
 mod model;
+mod monitor;
 mod nonholonomic;
 mod observe;
 mod projection;
@@ -19,6 +20,7 @@ mod separable;
 pub use acceleration::Acceleration;
 pub use dense::{Path, Point};
 pub use model::{Model, finite, finite_k};
+pub use monitor::{MechanicalMonitor, TimeScale, Traced};
 pub use nonholonomic::{Nonholonomic, NonholonomicPatterns};
 pub use observe::{Carried, Observer};
 pub use projection::{Projection, project};

@@ -1,0 +1,37 @@
+//! Steps of equal size.
+
+use super::Pace;
+use crate::method::Stepper;
+use crate::trouble::Trouble;
+
+/// Steps of equal size; times are t0 + n h, computed and not summed up.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Equal {
+    t0: f64,
+    h: f64,
+    steps: usize,
+    n: usize,
+}
+
+impl Equal {
+    /// This many steps of size `h` from `t0`.
+    pub fn new(t0: f64, h: f64, steps: usize) -> Self {
+        Self { t0, h, steps, n: 0 }
+    }
+}
+
+impl<S: Stepper> Pace<S> for Equal {
+    fn time(&self) -> f64 {
+        self.t0 + self.n as f64 * self.h
+    }
+
+    fn is_over(&self) -> bool {
+        self.n == self.steps
+    }
+
+    fn step(&mut self, stepper: &mut S, state: &mut S::State) -> Result<(), Trouble> {
+        stepper.step(Pace::<S>::time(self), self.h, state)?;
+        self.n += 1;
+        Ok(())
+    }
+}

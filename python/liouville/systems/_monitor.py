@@ -1,0 +1,24 @@
+"""A function that tells how long steps should be, with its rate along the motion."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import casadi as ca
+
+from liouville import _core
+from liouville.systems import _trace
+from liouville.systems._form import Symbols, total_derivative
+from liouville.tape import record
+
+
+def traced(s: Symbols, velocity: ca.SX, function: Callable[..., Any]) -> tuple[_core.Tape, bool]:
+    r"""Record (t, y, z, z') :math:`\mapsto` s, ds/dt, and say whether z' is in it.
+
+    .. math:: ds/dt = s_t + s_y v + s_z z'
+    """
+    expression = _trace.scalar("monitor", function, (s.t, s.y, s.z, s.params))
+    u = ca.SX.sym("u", s.z.numel())
+    rate = total_derivative(expression, s, velocity) + ca.jtimes(expression, s.z, u)
+    return record("monitor", s.inputs(z=s.z, u=u), expression, rate), ca.depends_on(rate, u)
