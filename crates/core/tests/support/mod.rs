@@ -9,7 +9,8 @@ pub(crate) mod waves;
 
 use liouville_core::linalg::Pattern;
 use liouville_core::problem::mechanical::{
-    Mechanical, Patterns, SecondOrder, SecondOrderPatterns, Separable,
+    Mechanical, Nonholonomic, NonholonomicPatterns, Patterns, SecondOrder, SecondOrderPatterns,
+    Separable,
 };
 use liouville_core::problem::semi_explicit::{self, SemiExplicit};
 use liouville_core::tape::{Line, Op, Tape};
