@@ -30,7 +30,7 @@ use support::splits::{Draw, every_kind};
 use support::walk::{START, driven_start, heavy};
 use support::waves::{anyhow, ring};
 use support::{
-    Functions, LAM, PENDULUM, T, Y, Z, dot, input, inputs, pendulum, semi_explicit, turning,
+    FOURTH, Functions, LAM, PENDULUM, T, Y, Z, dot, input, inputs, pendulum, semi_explicit, turning,
 };
 
 struct Counting;
@@ -165,6 +165,37 @@ fn a_step_of_rattle_takes_no_memory() {
         let mut state = model.general.state(0.0, &y, &[0.0; 4]);
         let mut rattle = Rattle::new(model).expect("a mass");
         assert_eq!(others(&mut rattle, &mut state), 0, "coupled by {coupling}");
+    }
+}
+
+#[test]
+fn a_step_with_nonholonomic_constraints_takes_no_memory() {
+    let (functions, z) = (general(), inputs(Z, 4));
+    let (fast, nu) = (dot(&z, &z) - 1.0, input(FOURTH, 0));
+    let pushes: Vec<_> = z.iter().map(|z| -(z * &nu)).collect();
+    let mut model = Model::new(functions.rolling(&[fast], &pushes), &[]);
+    let (y, z) = (
+        [0.0, -1.0, 1.0, -1.0],
+        [0.5, -0.05, 0.495, -0.502_475_f64.sqrt()],
+    );
+    let mut acceleration = Acceleration::new(&model);
+    for tableau in [
+        tableau::Spark::gauss(3),
+        tableau::Spark::lobatto(3, tableau::Force::B),
+    ] {
+        let mut state = model.state(0.0, &y, &z);
+        let mut spark = Spark::of(model.clone(), tableau, Solver::Auto);
+        let mut n = 0;
+        let mut step = || {
+            let t = 0.01 * f64::from(n);
+            spark.step(t, 0.01, &mut state).expect("a step can be made");
+            n += 1;
+        };
+        step();
+        assert_eq!(allocations(|| (1..50).for_each(|_| step())), 0);
+        let mut solve = || acceleration.solve(&mut model, 0.5, &state.y, &state.z);
+        solve().expect("a solution");
+        assert_eq!(allocations(|| drop(solve())), 0);
     }
 }
 
