@@ -1,7 +1,10 @@
 //! The hot loop allocates nothing. This binary counts what the global allocator hands out.
 
+#[path = "support/counting.rs"]
+mod counting;
 mod support;
 
+use counting::allocations;
 use liouville_core::linalg::{Factor, Pattern, Rows};
 use liouville_core::method::Tolerance;
 use liouville_core::method::alpha::{Alpha, Reactions};
@@ -22,8 +25,6 @@ use liouville_core::problem::quantum::{Bond, Dense, Diagonals, Hamiltonian, Oper
 use liouville_core::problem::semi_explicit::Model as SemiExplicitModel;
 use liouville_core::real::{Lanes, Scalar};
 use liouville_core::tableau;
-use std::alloc::{GlobalAlloc, Layout, System};
-use std::cell::Cell;
 use std::sync::Arc;
 use support::quantum::{flows, kinetic, packet, rotor};
 use support::splits::{Draw, every_kind};
@@ -32,38 +33,6 @@ use support::waves::{anyhow, ring};
 use support::{
     FOURTH, Functions, LAM, PENDULUM, T, Y, Z, dot, input, inputs, pendulum, semi_explicit, turning,
 };
-
-struct Counting;
-
-thread_local! {
-    static COUNT: Cell<usize> = const { Cell::new(0) };
-}
-
-// SAFETY: every call goes on to the system's allocator as it came; counting takes no memory.
-#[allow(unsafe_code)]
-unsafe impl GlobalAlloc for Counting {
-    unsafe fn alloc(&self, layout: Layout) -> *mut u8 {
-        COUNT.with(|count| count.set(count.get() + 1));
-        unsafe { System.alloc(layout) }
-    }
-    unsafe fn dealloc(&self, pointer: *mut u8, layout: Layout) {
-        unsafe { System.dealloc(pointer, layout) }
-    }
-    unsafe fn realloc(&self, pointer: *mut u8, layout: Layout, size: usize) -> *mut u8 {
-        COUNT.with(|count| count.set(count.get() + 1));
-        unsafe { System.realloc(pointer, layout, size) }
-    }
-}
-
-#[global_allocator]
-static ALLOCATOR: Counting = Counting;
-
-/// How often memory is taken while `work` runs on this thread.
-fn allocations(work: impl FnOnce()) -> usize {
-    let before = COUNT.get();
-    work();
-    COUNT.get() - before
-}
 
 /// Two coupled arms with v ≠ z, a full mass matrix, and a reaction that is nonlinear in λ.
 fn general() -> Functions {
