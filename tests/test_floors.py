@@ -27,7 +27,7 @@ CORE_FLOORS = (
 )
 PACKAGE_FLOORS = (
     ("_core", "errors"),
-    ("_arguments", "tape", "terms"),
+    ("_arguments", "events", "points", "tape", "terms"),
     ("methods", "systems"),
     ("solution", "splitting"),
     ("planner", "propagation"),

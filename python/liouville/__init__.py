@@ -2,6 +2,7 @@
 
 from liouville.determinant import determinant as determinant
 from liouville.errors import IntegrationError as IntegrationError
+from liouville.events import Event as Event
 from liouville.export import load as load
 from liouville.integrate import ensemble as ensemble
 from liouville.integrate import integrate as integrate
@@ -22,6 +23,7 @@ from liouville.methods import StabilitySplitting as StabilitySplitting
 from liouville.methods import VolumeSplitting as VolumeSplitting
 from liouville.planner import Plan as Plan
 from liouville.planner import plan as plan
+from liouville.points import Points as Points
 from liouville.propagation import Propagation as Propagation
 from liouville.propagation import propagation as propagation
 from liouville.section import Section as Section

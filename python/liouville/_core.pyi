@@ -23,14 +23,16 @@ __all__ = [
     "chebyshev_degree",
     "compositions",
     "determinant_run",
-    "gauss_lobatto",
     "ladder",
+    "lobatto_pair",
+    "mechanical_path",
     "mechanical_run",
     "processor_degree",
     "project",
     "schrodinger_run",
     "section_run",
     "semi_explicit_run",
+    "spark_tableau",
     "split_program",
     "split_run",
     "stability",
@@ -120,6 +122,9 @@ class Run:
     def t(self) -> float: ...
     @property
     def stats(self) -> dict[str, int | float]: ...
+    def seen(
+        self,
+    ) -> tuple[list[tuple[NDArray[np.float64], NDArray[np.float64]]], tuple[int, float] | None]: ...
     def take(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]: ...
 
 def mechanical_run(
@@ -130,8 +135,18 @@ def mechanical_run(
     start: Sequence[NDArray[np.float64]],
     span: tuple[float, float, int, int],
     control: tuple[object, ...] | None,
+    watch: tuple[int, NDArray[np.float64] | None, list[tuple[Tape, int, int, bool]]] | None,
     states: bool,
 ) -> Run | _Trouble: ...
+def mechanical_path(
+    problem: Mechanical,
+    params: NDArray[np.float64],
+    order: int,
+    t: NDArray[np.float64],
+    y: NDArray[np.float64],
+    z: NDArray[np.float64],
+    times: NDArray[np.float64],
+) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]] | _Trouble: ...
 def semi_explicit_run(
     problem: SemiExplicit,
     method: object,
@@ -234,7 +249,8 @@ def project(
     held: NDArray[np.float64],
     params: NDArray[np.float64],
 ) -> NDArray[np.float64] | _Trouble: ...
-def gauss_lobatto(stages: int) -> dict[str, NDArray[np.float64]]: ...
+def lobatto_pair(stages: int, force: str) -> dict[str, NDArray[np.float64]]: ...
+def spark_tableau(stages: int, points: str) -> dict[str, NDArray[np.float64]]: ...
 def compositions() -> dict[str, dict[str, Any]]: ...
 def ladder() -> list[dict[str, Any]]: ...
 def stability() -> list[dict[str, Any]]: ...

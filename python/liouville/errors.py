@@ -162,7 +162,7 @@ def _not_finite(
     trouble: dict[str, Any], coordinates: Sequence[str], constraints: Sequence[str]
 ) -> tuple[str, str, str]:
     what, index = trouble["quantity"], trouble["index"]
-    if what in ("constraint", "hidden constraint"):
+    if what in ("constraint", "hidden constraint", "nonholonomic constraint"):
         quantity = constraints[index]
         name = f"{what} '{quantity}'"
     elif what in ("velocity", "momentum", "force", "reaction", "field"):

@@ -1,11 +1,13 @@
 """Solutions as xarray datasets and as files: NetCDF and Zarr both ways, CSV for reading elsewhere.
 
 A dataset has the dimensions ``time``, ``coordinate``, ``constraint``, ``invariant``, ``residual``
-and ``term``, and ``member`` where it is of an ensemble, labelled by the names of the solution. Its
+and ``term``, ``unknown`` where the system has algebraic unknowns, and ``member`` where it is of an
+ensemble, labelled by the names of the solution. Its
 variables are the states under their own letters, ``invariants``, ``residuals``, ``balance``, and
-``observed_NAME`` for each observed quantity; how the run went is in its attributes. What is saved
-comes back bit for bit. A wave function has the dimension ``place``, without labels; in a file,
-complex numbers are pairs along ``part``.
+``observed_NAME`` for each observed quantity, ``event_t_NAME`` for the times of events and
+``event_q_NAME`` and so on for the states there; how the run went is in its attributes. What is
+saved comes back bit for bit. A wave function has the dimension ``place``, without labels; in a
+file, complex numbers are pairs along ``part``.
 """
 
 from __future__ import annotations
@@ -18,6 +20,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from liouville.points import Points
 from liouville.solution import STATES, Array, Solution
 
 if TYPE_CHECKING:
@@ -60,13 +63,17 @@ def to_xarray(solution: Solution) -> xarray.Dataset:
     names = solution.names
     variables: dict[str, Any] = {}
     lead = ("time",) if solution.members is None else ("time", "member")
+    axes = AXES | ({"z": "unknown"} if "unknowns" in names else {})
     for name, values in solution.states.items():
-        variables[name] = ((*lead, AXES.get(name, "coordinate")), values)
+        variables[name] = ((*lead, axes.get(name, "coordinate")), values)
     if solution.invariants:
         columns = np.stack(list(solution.invariants.values()), axis=-1)
         variables["invariants"] = ((*lead, "invariant"), columns)
     if solution.residuals:
-        rows = np.stack(list(solution.residuals.values()), axis=1)
+        known = names["constraints"]
+        rows = np.full((solution.t.size, len(solution.residuals), len(known)), np.nan)
+        for place, (name, values) in enumerate(solution.residuals.items()):
+            rows[:, place, _place(name, values, known)] = values
         variables["residuals"] = (("time", "residual", "constraint"), rows)
     if solution.balance:
         columns = np.stack(list(solution.balance.values()), axis=1)
@@ -74,9 +81,17 @@ def to_xarray(solution: Solution) -> xarray.Dataset:
     for name, values in solution.observed.items():
         label = "observed_" + name.replace("/", SLASH)
         variables[label] = ((*lead, f"{label}_axis")[: values.ndim], values, {"name": name})
+    for name, points in solution.events.items():
+        label = name.replace("/", SLASH)
+        axis = f"event_axis_{label}"
+        variables[f"event_t_{label}"] = ((axis,), points.t, {"name": name})
+        for state, values in points.states.items():
+            axes = (axis, AXES.get(state, "coordinate"))
+            variables[f"event_{state}_{label}"] = (axes, values, {"name": name, "state": state})
     labels = {
         "coordinate": names["coordinates"],
         "constraint": names["constraints"],
+        **({"unknown": names["unknowns"]} if "unknowns" in names else {}),
         "invariant": solution.invariants,
         "residual": solution.residuals,
         "term": solution.balance,
@@ -91,6 +106,7 @@ def to_xarray(solution: Solution) -> xarray.Dataset:
             "message": solution.message,
             "method": solution.method,
             "h": solution.h,
+            "dense_order": solution.dense_order,
             "members": -1 if solution.members is None else solution.members,
             "tolerances": json.dumps(solution.tolerances, default=_plain),
             # Zarr forgets the order of variables.
@@ -234,14 +250,23 @@ def _from_xarray(dataset: xarray.Dataset) -> Solution:
         t=dataset["time"].values,
         states={name: variable.values for name, variable in variables.items() if name in STATES},
         invariants=columns("invariants", "invariant"),
-        residuals=columns("residuals", "residual"),
+        residuals={
+            name: values[:, ~np.isnan(values).any(axis=0)]
+            for name, values in columns("residuals", "residual").items()
+        },
         observed={
             variable.attrs["name"]: variable.values
             for name, variable in variables.items()
             if name.startswith("observed_")
         },
         balance=columns("balance", "term"),
-        names={"coordinates": names("coordinate"), "constraints": names("constraint")},
+        events=_events(variables),
+        dense_order=int(attributes.get("dense_order", 0)),
+        names={
+            "coordinates": names("coordinate"),
+            "constraints": names("constraint"),
+            **({"unknowns": names("unknown")} if "unknown" in dataset.coords else {}),
+        },
         h=float(attributes["h"]),
         members=_members(attributes.get("members", -1)),
         tolerances=json.loads(attributes["tolerances"]),
@@ -251,6 +276,17 @@ def _from_xarray(dataset: xarray.Dataset) -> Solution:
         status=attributes["status"],
         message=attributes["message"],
     )
+
+
+def _events(variables: dict[str, Any]) -> dict[str, Points]:
+    found = [x for name, x in variables.items() if name.startswith("event_")]
+    points = {}
+    for times in found:
+        if "state" not in times.attrs:
+            name = times.attrs["name"]
+            of = [x for x in found if "state" in x.attrs and x.attrs["name"] == name]
+            points[name] = Points(times.values, {x.attrs["state"]: x.values for x in of})
+    return points
 
 
 def _paired(dataset: xarray.Dataset) -> xarray.Dataset:
@@ -275,6 +311,12 @@ def _complex(dataset: xarray.Dataset) -> xarray.Dataset:
     )
 
 
+def _place(residual: str, values: Array, constraints: tuple[str, ...]) -> slice:
+    """Say to which constraints a residual belongs."""
+    first = len(constraints) - values.shape[1] if residual == "nonholonomic" else 0
+    return slice(first, first + values.shape[1])
+
+
 def _members(count: int) -> int | None:
     return None if count < 0 else int(count)
 
@@ -285,12 +327,13 @@ def _save_csv(solution: Solution, path: Path) -> None:
     names = solution.names
     columns = {"t": solution.t}
     for name, values in solution.states.items():
-        labels = names["constraints" if name == "lam" else "coordinates"]
+        kind = "unknowns" if name == "z" and "unknowns" in names else "coordinates"
+        labels = names["constraints" if name == "lam" else kind]
         labels = labels or tuple(str(i) for i in range(values.shape[1]))
         columns |= {f"{name}[{label}]": values[:, i] for i, label in enumerate(labels)}
     columns |= solution.invariants | solution.balance
     for name, values in solution.residuals.items():
-        labels = names["constraints"]
+        labels = names["constraints"][_place(name, values, names["constraints"])]
         columns |= {f"{name}[{label}]": values[:, i] for i, label in enumerate(labels)}
     for name, values in solution.observed.items():
         if values.ndim == 1:

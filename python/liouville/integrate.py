@@ -12,11 +12,13 @@ from numpy.typing import ArrayLike
 from liouville import _core
 from liouville._arguments import memory
 from liouville.errors import IntegrationError, hinted
+from liouville.events import Event
 from liouville.methods import Method
 from liouville.planner import Plan
+from liouville.points import Points
 from liouville.propagation import Propagation
 from liouville.routes import Asked, Route, route
-from liouville.solution import STATES, Solution
+from liouville.solution import RESIDUALS, STATES, Solution
 from liouville.systems import SemiExplicit, System
 
 #: Seconds between two looks at the signals and the progress bar.
@@ -37,6 +39,8 @@ def integrate(
     monitor: Callable[..., Any] | None = None,
     tol: float | None = None,
     every: int = 1,
+    t_eval: ArrayLike | None = None,
+    events: Mapping[str, Event | Callable[..., Any]] | None = None,
     observe: Mapping[str, Callable[..., Any]] | None = None,
     params: Mapping[str, ArrayLike] | None = None,
     states: bool = True,
@@ -85,6 +89,13 @@ def integrate(
         Error of a wave function at the end, relative to its norm, which decides on the steps.
     every : int, default 1
         Keep one state in this many; the start and the end are always kept.
+    t_eval : array_like, shape (k,), optional
+        Times to keep states at, in the order of the run and within it, instead of one state in
+        `every`. The steps are the same; between them states are interpolated, and the residuals of
+        the constraints then show the error of that. Of mechanical systems.
+    events : mapping of str to Event or callable, optional
+        Functions ``f(t, q, v, lam, params)`` whose changes of sign are wanted, by name; see
+        :class:`Event` for those that have a direction or end the run. Of mechanical systems.
     observe : mapping of str to callable, optional
         Further quantities ``f(t, q, v, params)`` (the system's own states), scalars or vectors,
         evaluated in the core at each kept step.
@@ -101,15 +112,15 @@ def integrate(
         default. The result does not depend on them, bit for bit.
     **start : array_like
         Start values by the system's names, each of shape (n,): ``q`` and ``v``, ``q`` and ``p``,
-        ``y`` and ``z`` (of a ``SemiExplicit`` a guess, not needed), ``x``, or ``psi``. A dict by coordinate name is taken too, but for
-        ``psi``. The alpha family also takes its own ``a``, to go on from ``solution.a[-1]`` with
-        the same step size.
+        ``y`` and ``z``, ``x``, or ``psi``. Of a ``SemiExplicit`` system z is a guess that may be
+        left out. A dict by coordinate name is taken too, but for ``psi``. The alpha family also
+        takes its own ``a``, to go on from ``solution.a[-1]`` with the same step size.
 
     Returns
     -------
     Solution
         With k = ceil(steps / every) + 1 kept times. An interrupt (Ctrl-C) returns what was done,
-        with status "interrupted".
+        with status "interrupted". A run that an event ended is done, and its message says so.
 
     Raises
     ------
@@ -132,7 +143,7 @@ def integrate(
         control={
             "rtol": rtol, "atol": atol, "h_min": h_min, "control": control, "monitor": monitor
         },
-        start=start, threads=threads, tol=tol,
+        start=start, threads=threads, tol=tol, t_eval=t_eval, events=events,
     )  # fmt: skip
     return run(route(system, method, asked), progress)
 
@@ -209,16 +220,20 @@ def run(path: Route, progress: Callable[[float, float], None] | None = None) -> 
     clock = time.perf_counter()
     started = path.start()
     outcome: str | dict[str, Any]
+    events: dict[str, Points] = {}
+    reached, end = pace.t0, ""
     if isinstance(started, dict):
         outcome = started
         times, rows = np.empty(0), np.empty((0, *path.members, sum(path.columns.values())))
         stats: dict[str, Any] = {"steps": 0}
     else:
         outcome = drive(started, path, progress)
+        reached = started.t
         (times, rows), stats = started.take(), path.stats(started)
+        events, end = path.seen(started)
     stats["seconds"] = time.perf_counter() - clock
 
-    status, message, quantity = "done", "", ""
+    status, message, quantity = "done", end, ""
     if isinstance(outcome, dict):
         status = "failed"
         stats["steps"] = outcome.get("step", 0)
@@ -233,11 +248,13 @@ def run(path: Route, progress: Callable[[float, float], None] | None = None) -> 
         t=times,
         states={name: parts[name] for name in STATES if name in parts},
         invariants=_named("invariant ", parts),
-        residuals={name: parts[name] for name in ("constraint", "hidden") if name in parts},
+        residuals={name: parts[name] for name in RESIDUALS if name in parts},
         observed=_named("observed ", parts),
         balance=path.balance(parts),
         names=_names(path),
-        h=pace.mean(times, stats["steps"]),
+        events=events,
+        dense_order=path.dense_order,
+        h=pace.mean(np.array([reached]), stats["steps"]),
         tolerances=pace.tolerances,
         method=path.method,
         stats=stats,

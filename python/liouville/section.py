@@ -13,6 +13,7 @@ from numpy.typing import ArrayLike
 from liouville import _core
 from liouville._arguments import MOST_STEPS, number
 from liouville.errors import IntegrationError
+from liouville.events import DIRECTIONS
 from liouville.integrate import drive, explained
 from liouville.methods import VolumeSplitting
 from liouville.planner import Plan
@@ -20,8 +21,6 @@ from liouville.routes import Asked, FieldRoute, route
 from liouville.solution import Array
 from liouville.splitting import crossed
 from liouville.systems import PolynomialField
-
-DIRECTIONS = {"both": 0, "up": 1, "down": -1}
 
 
 @dataclass(frozen=True, eq=False)

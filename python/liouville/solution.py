@@ -8,8 +8,9 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
+from liouville.points import Points
 from liouville.systems import Mechanics, System
 
 if TYPE_CHECKING:
@@ -23,12 +24,16 @@ ZERO = 1e-12
 #: All that a state may be called, in the order of a solution's states.
 STATES = ("x", "psi", "q", "y", "z", "v", "p", "lam", "acceleration", "a")
 
+#: All residuals that a solution may have, in their order.
+RESIDUALS = ("constraint", "hidden", "nonholonomic")
+
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Solution:
     r"""A run's result: arrays with time as the first axis, and the record of how it went.
 
-    Below, k is the number of kept steps, n of coordinates and m of constraints. In an ensemble of P
+    Below, k is the number of kept steps, n of coordinates and m of constraints, l of them
+    nonholonomic. In an ensemble of P
     members, every array but ``t`` has the member as its second axis: ``x`` has shape (k, P, n).
     All arrays are read-only; all numbers are in the system's own units.
 
@@ -44,16 +49,23 @@ class Solution:
         state is also an attribute: ``solution.q``.
     invariants : dict of str to ndarray, shape (k,)
         Energy and the system's own invariants, by name; the norm of a wave function.
-    residuals : dict of str to ndarray, shape (k, m)
-        ``constraint`` is :math:`g(t, q)`, ``hidden`` is :math:`g_t + g_q v`.
+    residuals : dict of str to ndarray, shape (k, m - l)
+        ``constraint`` is :math:`g(t, q)`, ``hidden`` is :math:`g_t + g_q v`; ``nonholonomic``, of
+        shape (k, l) and only where there are such constraints, is :math:`k(t, q, v)`.
     observed : dict of str to ndarray, shape (k,) or (k, j)
         What ``observe=`` asked for, by name; of a wave function also its complex
         ``autocorrelation``, :math:`\langle \psi(0) | \psi(t) \rangle`.
     balance : dict of str to ndarray, shape (k,)
         Where the energy of a Lagrangian or a Structure went, if the method records it: ``work``
         and ``dissipated``, which are attributes too. Empty otherwise.
+    events : dict of str to Points
+        Where the functions of ``events=`` changed their sign, by name, with the states there.
+    dense_order : int
+        The order of the method, where the states of all steps are kept and the system is a
+        mechanical one: then ``solution(t)`` gives the states between them. 0 otherwise.
     names : dict of str to tuple of str
-        ``coordinates`` (n of them) and ``constraints`` (m of them).
+        ``coordinates`` (n of them) and ``constraints`` (m of them, the nonholonomic ones last); of a
+        ``SemiExplicit`` system also its ``unknowns`` z.
     h : float
         Step size used, the mean of them if they are controlled.
     tolerances : dict of str to float or list of float
@@ -71,7 +83,7 @@ class Solution:
         ``"done"``, ``"failed"`` or ``"interrupted"``; a run that did not get done is kept up to
         its last good step.
     message : str
-        Why it is not done; empty when it is.
+        Why it is not done, or which event ended it; empty otherwise.
     members : int or None
         Number P of members of an ensemble, None for a single run.
     system : System or None
@@ -90,6 +102,8 @@ class Solution:
     params: dict[str, Any] = field(default_factory=dict)
     balance: dict[str, Array] = field(default_factory=dict)
     tolerances: dict[str, Any] = field(default_factory=dict)
+    events: dict[str, Points] = field(default_factory=dict)
+    dense_order: int = 0
     status: str = "done"
     message: str = ""
     members: int | None = None
@@ -115,6 +129,63 @@ class Solution:
         drifts = {name: np.max(self.invariant_drift(name)) for name in self.invariants}
         kept = [*_worst("residual", residuals), *_worst("drift", drifts)]
         return "\n ".join([f"<Solution {head}", *([", ".join(kept)] if kept else [])]) + ">"
+
+    def __call__(self, t: ArrayLike) -> Points:
+        r"""Give the states at any time within the run, by interpolation.
+
+        Coordinates are interpolated by the polynomial that has their values, velocities and
+        accelerations at the ends of the step, of degree 5; with a method of order above 4, at the
+        start of the step before too, of degree 8. Velocities are its derivative; a second half of
+        the state that is no velocity has a polynomial of its own. Multipliers are solved for at the
+        interpolated point. Constraints hold there to the order of all this.
+
+        Parameters
+        ----------
+        t : float or array_like, shape (k,)
+            Times, in any order.
+
+        Returns
+        -------
+        Points
+            The states, each of shape (k, n), or (n,) for a single time; at the end of a step those
+            of the solution, bit for bit.
+
+        Raises
+        ------
+        ValueError
+            A time is outside the run; not all steps are kept; the solution was loaded and knows no
+            system; or the accelerations cannot be solved for.
+        TypeError
+            t is no array of numbers.
+        """
+        system = self.system
+        if system is None and self.dense_order:
+            raise ValueError(
+                "dense output needs the system, which a loaded solution does not carry\n"
+                "hint: dataclasses.replace(solution, system=...) gives it back"
+            )
+        if not self.dense_order or not isinstance(system, Mechanics):
+            raise ValueError(
+                "dense output needs the states of all steps of a mechanical system\n"
+                "hint: integrate with every=1, states=True and without t_eval"
+            )
+        times = np.asarray(t)
+        if times.dtype.kind not in "iuf" or times.ndim > 1:
+            raise TypeError(f"t is a number or an array of numbers, not {t!r}")
+        flat = times.astype(float).ravel()
+        first, last = self.t[0], self.t[-1]
+        outside = flat[~((min(first, last) <= flat) & (flat <= max(first, last)))]
+        if outside.size:
+            raise ValueError(
+                f"t = {outside[0]:g} is outside the run, which goes from {first:g} to {last:g}"
+            )
+        order = np.argsort(flat if first <= last else -flat, kind="stable")
+        y, z = (self.states[name] for name in system.states)
+        values = system.values(self.params)
+        found = system.between(self.dense_order, (self.t, y, z), flat[order], values)
+        back = np.argsort(order)
+        states = {name: x[back].reshape(*times.shape, -1) for name, x in found.items()}
+        return Points(flat if times.ndim else float(flat[0]), states)
 
     @property
     def step_size(self) -> str:
@@ -153,12 +224,15 @@ class Solution:
 
     @property
     def y(self) -> Array:
-        """Positions of a ``Mechanical`` system, shape (k, n)."""
+        """Positions of a ``Mechanical`` system, coordinates of a ``SemiExplicit``, shape (k, n)."""
         return self._state("y")
 
     @property
     def z(self) -> Array:
-        """Second half of the state of a ``Mechanical`` system, shape (k, n)."""
+        """Second half of the state of a ``Mechanical`` system, shape (k, n).
+
+        Of a ``SemiExplicit`` system its algebraic unknowns, shape (k, l).
+        """
         return self._state("z")
 
     @property
@@ -236,7 +310,8 @@ class Solution:
     def reaction(self, constraint: str | int | None = None) -> Array:
         r"""Give the generalised reaction forces :math:`r(t, q, \lambda)` of the constraints.
 
-        For ``Lagrangian`` and ``Hamiltonian`` systems :math:`r = -g_q^T \lambda`.
+        For ``Lagrangian`` and ``Hamiltonian`` systems :math:`r = -g_q^T \lambda`, and
+        :math:`-k_v^T \nu` of nonholonomic constraints.
 
         Parameters
         ----------
@@ -275,7 +350,8 @@ class Solution:
                 "hint: dataclasses.replace(solution, system=...) gives it back"
             )
         assert isinstance(self.system, Mechanics)
-        return self.system.reaction(self.t, y, lam, self.params)
+        z = self.states[self.system.states[1]]
+        return self.system.reaction(self.t, y, lam, self.params, z)
 
     def to_xarray(self) -> xarray.Dataset:
         """Give the solution as an xarray ``Dataset``; see :func:`liouville.export.to_xarray`."""

@@ -17,6 +17,8 @@ pub enum Quantity {
     Constraint,
     /// g_t + g_y v
     Hidden,
+    /// k(t, y, z); its index counts the holonomic constraints first
+    Nonholonomic,
     /// A derivative of one of them.
     Derivative,
     /// The rate at which forces without a potential put energy in.
@@ -38,6 +40,7 @@ impl Quantity {
             Self::Reaction => "reaction",
             Self::Constraint => "constraint",
             Self::Hidden => "hidden constraint",
+            Self::Nonholonomic => "nonholonomic constraint",
             Self::Derivative => "derivative",
             Self::Power => "power",
             Self::Observable => "observable",

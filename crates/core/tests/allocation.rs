@@ -5,6 +5,7 @@ mod support;
 use liouville_core::linalg::{Factor, Pattern, Rows};
 use liouville_core::method::Tolerance;
 use liouville_core::method::alpha::{Alpha, Reactions};
+use liouville_core::method::index2::Index2;
 use liouville_core::method::rattle::Rattle;
 use liouville_core::method::schrodinger::{
     Chebyshev, Exponential, Lanczos, Magnus, Nodes, Phases, Shears, Sweeper, Wave,
@@ -18,6 +19,7 @@ use liouville_core::problem::mechanical::{
 };
 use liouville_core::problem::polynomial::{Piece, Polynomials, Split};
 use liouville_core::problem::quantum::{Bond, Dense, Diagonals, Hamiltonian, Operator, Spins};
+use liouville_core::problem::semi_explicit::Model as SemiExplicitModel;
 use liouville_core::real::{Lanes, Scalar};
 use liouville_core::tableau;
 use std::alloc::{GlobalAlloc, Layout, System};
@@ -27,7 +29,9 @@ use support::quantum::{flows, kinetic, packet, rotor};
 use support::splits::{Draw, every_kind};
 use support::walk::{START, driven_start, heavy};
 use support::waves::{anyhow, ring};
-use support::{Functions, LAM, PENDULUM, T, Y, Z, dot, input, inputs, pendulum};
+use support::{
+    Functions, LAM, PENDULUM, T, Y, Z, dot, input, inputs, pendulum, semi_explicit, turning,
+};
 
 struct Counting;
 
@@ -202,6 +206,18 @@ fn others<S: Stepper>(stepper: &mut S, state: &mut S::State) -> usize {
     };
     step(0);
     allocations(|| (1..20).for_each(step))
+}
+
+#[test]
+fn a_step_of_index_2_takes_no_memory() {
+    let (f, k) = turning();
+    for s in [1, 3, 6] {
+        let mut model = SemiExplicitModel::new(semi_explicit(&f, &k), &[]);
+        let start = model.state(0.0, &[0.0, 0.0, 1.0], &[0.0], 0.01);
+        let mut state = start.expect("a start");
+        let count = others(&mut Index2::new(model, s), &mut state);
+        assert_eq!(count, 0, "with s = {s}");
+    }
 }
 
 #[test]

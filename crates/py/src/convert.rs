@@ -2,7 +2,7 @@
 
 use crate::errors::refused;
 use liouville_core::linalg::{self, Pattern};
-use liouville_core::problem::mechanical::{self, Patterns};
+use liouville_core::problem::mechanical::{self, Nonholonomic, NonholonomicPatterns, Patterns};
 use liouville_core::tape::{self, Line, Op, Term};
 use numpy::{PyArray2, PyArrayMethods, PyReadonlyArray1, PyReadonlyArray2, PyUntypedArrayMethods};
 use pyo3::exceptions::{PyKeyError, PyValueError};
@@ -187,7 +187,8 @@ pub(crate) struct Mechanical(pub(crate) Arc<mechanical::Mechanical>);
 
 #[pymethods]
 impl Mechanical {
-    /// Tapes by name; patterns by name as (rows, columns, row of each entry, column of each entry).
+    /// Tapes by name; patterns by name as (rows, columns, row of each entry, column of each entry). There
+    /// is no "nonholonomic" where the system has no such constraint.
     #[new]
     fn new(
         n: usize,
@@ -203,6 +204,25 @@ impl Mechanical {
         let pattern = |name: &str| pattern(&item(patterns, name)?);
         let v_z = if patterns.contains("v_z")? {
             Some(pattern("v_z")?)
+        } else {
+            None
+        };
+        let nonholonomic = if tapes.contains("nonholonomic")? {
+            let at = NonholonomicPatterns {
+                k_y: pattern("k_y")?,
+                k_z: pattern("k_z")?,
+                r_y: pattern("rn_y")?,
+                r_z: pattern("rn_z")?,
+                r_nu: pattern("rn_nu")?,
+                w_y: pattern("w_y")?,
+            };
+            Some(Box::new(Nonholonomic {
+                l: at.k_z.shape().0,
+                values: tape("nonholonomic")?,
+                blocks: tape("nonholonomic_blocks")?,
+                hidden: tape("nonholonomic_hidden")?,
+                patterns: at,
+            }))
         } else {
             None
         };
@@ -229,6 +249,7 @@ impl Mechanical {
                 r_lam: pattern("r_lam")?,
                 r_y: pattern("r_y")?,
             },
+            nonholonomic,
         };
         Ok(Self(Arc::new(system.checked().map_err(refused)?)))
     }

@@ -55,9 +55,7 @@ mod _core {
     #[pymodule_export]
     use super::split::{Split, determinant_run, section_run, split_run};
     #[pymodule_export]
-    use super::tableau::gauss_lobatto;
-    #[pymodule_export]
-    use super::tableau::lobatto_pair;
+    use super::tableau::{lobatto_pair, spark_tableau};
 
     #[pymodule_export]
     use super::watch::mechanical_path;

@@ -6,20 +6,30 @@ use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 
-/// Coefficients of the s-stage Gauss–Lobatto SPARK method, by their letters.
+/// Coefficients of the SPARK method with s stages at these points, by their letters.
 #[pyfunction]
-pub(crate) fn gauss_lobatto(py: Python<'_>, stages: usize) -> PyResult<Bound<'_, PyDict>> {
-    coefficients(py, &gauss_of(stages)?)
+pub(crate) fn spark_tableau<'py>(
+    py: Python<'py>,
+    stages: usize,
+    points: &str,
+) -> PyResult<Bound<'py, PyDict>> {
+    coefficients(py, &spark_named(stages, points)?)
 }
 
-/// The Gauss–Lobatto method with this number of stages.
-pub(crate) fn gauss_of(stages: usize) -> PyResult<Spark> {
+/// The SPARK method with this number of stages, at the points of this name.
+pub(crate) fn spark_named(stages: usize, points: &str) -> PyResult<Spark> {
     if stages == 0 {
         return Err(PyValueError::new_err(
             "a SPARK method has at least one stage",
         ));
     }
-    Ok(Spark::gauss(stages))
+    match points {
+        "gauss" => Ok(Spark::gauss(stages)),
+        "radau" => Ok(Spark::radau(stages)),
+        other => Err(PyValueError::new_err(format!(
+            "there are no points {other:?}"
+        ))),
+    }
 }
 
 /// Coefficients of the Lobatto pair with S stages and these coefficients of the forces, by their letters.

@@ -56,16 +56,22 @@ def summary(solution: lv.Solution, reference: Mapping[str, Any], conserved: Sequ
             error = convergence.distance(solution.states[name][-1], values)
             table.add_row(f"{name} from reference", f"{error:.2e}")
     show(table)
-    names = [name for name in solution.states if name not in ("lam", "acceleration", "a", "psi")]
-    if names:
-        table = headed("at the end", *names)
-        coordinates = solution.names["coordinates"]
-        for i, coordinate in enumerate(coordinates[:ROWS]):
-            numbers = [f"{solution.states[name][-1, i]:.15g}" for name in names]
-            table.add_row(coordinate, *numbers)
-        if len(coordinates) > ROWS:
-            table.add_row(f"and {len(coordinates) - ROWS} more")
-        show(table)
+    unknowns = solution.names.get("unknowns", ())
+    apart = ("lam", "acceleration", "a", "psi", *(("z",) if unknowns else ()))
+    ends(solution, solution.names["coordinates"], [x for x in solution.states if x not in apart])
+    ends(solution, unknowns, [x for x in solution.states if unknowns and x == "z"])
+
+
+def ends(solution: lv.Solution, labels: Sequence[str], states: Sequence[str]) -> None:
+    """Show where states ended that have a number for each label."""
+    if not states:
+        return
+    table = headed("at the end", *states)
+    for i, label in enumerate(labels[:ROWS]):
+        table.add_row(label, *(f"{solution.states[name][-1, i]:.15g}" for name in states))
+    if len(labels) > ROWS:
+        table.add_row(f"and {len(labels) - ROWS} more")
+    show(table)
 
 
 class Rate(ProgressColumn):

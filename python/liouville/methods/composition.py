@@ -76,7 +76,7 @@ class Composition:
         if not self.base.is_symmetric:
             raise ValueError(
                 f"only a symmetric method is composed, and {self.base!r} is not: a step back does "
-                "not undo a step\nhint: force='B' is symmetric, and symplectic"
+                "not undo a step\nhint: Spark(1) and LobattoPair(2) are symmetric, and symplectic"
             )
         scheme_name(self.scheme, SYMMETRIC)
 

@@ -1,4 +1,4 @@
-"""Gauss-Lobatto SPARK."""
+"""SPARK methods with Gauss or Radau stages."""
 
 from __future__ import annotations
 
@@ -11,6 +11,9 @@ import numpy as np
 MOST_STAGES = 64
 
 SOLVERS = ("auto", "node-schur", "newton")
+
+#: Where the stages are.
+POINTS = ("gauss", "radau")
 
 
 def check_stages(stages: object, least: int, most: int) -> None:
@@ -29,9 +32,9 @@ def check_solver(solver: object) -> None:
 
 @dataclass(frozen=True)
 class Spark:
-    r"""Gauss-Lobatto SPARK for constrained mechanics, order 2s with s stages.
+    r"""SPARK for constrained mechanics with s Gauss stages, order 2s, or Radau stages, order 2s - 1.
 
-    With Gauss stages :math:`T_i = t_0 + c_i h`, :math:`i = 1..s`, and Lobatto nodes
+    With stages :math:`T_i = t_0 + c_i h`, :math:`i = 1..s`, and Lobatto nodes
     :math:`\hat T_j = t_0 + \hat c_j h`, :math:`j = 0..s`:
 
     .. math::
@@ -51,12 +54,20 @@ class Spark:
     Lagrangian and Hamiltonian systems. Needs :math:`p_z` and :math:`g_y v_z p_z^{-1} r_\lambda`
     invertible; without constraints it is the Gauss collocation method.
 
+    With ``points="radau"`` the :math:`c_i` are the Radau points, :math:`c_s = 1`, in the same
+    equations. This is for dissipative systems: order :math:`2s - 1` in positions, velocities and
+    multipliers, both constraints to roundoff, neither symmetric nor symplectic, and stiff forces
+    are damped out within a few steps, which Gauss stages leave oscillating for ever. Without
+    constraints it is Radau IIA.
+
     Parameters
     ----------
     stages : int, default 3
-        Number s of Gauss stages, from 1 to 64.
+        Number s of stages, from 1 to 64.
     solver : {"auto", "node-schur", "newton"}, default "auto"
         How the stage equations are solved; the result is the same to roundoff.
+    points : {"gauss", "radau"}, default "gauss"
+        Where the stages are.
 
     Raises
     ------
@@ -65,22 +76,25 @@ class Spark:
 
     References
     ----------
-    :cite:t:`jay2007`; see :doc:`/theory/spark`.
+    :cite:t:`jay2007`, and :cite:t:`hairer1996` on Radau IIA; see :doc:`/theory/spark`.
     """
 
     form: ClassVar[str] = "general"
-    stages: int = field(default=3, metadata={"help": "number of Gauss stages, from 1 to 64"})
+    stages: int = field(default=3, metadata={"help": "number of stages, from 1 to 64"})
     solver: str = field(default="auto", metadata={"help": "one of " + ", ".join(SOLVERS)})
+    points: str = field(default="gauss", metadata={"help": "one of " + ", ".join(POINTS)})
 
     def __post_init__(self) -> None:
         """Refuse numbers that make no method."""
         check_stages(self.stages, 1, MOST_STAGES)
         check_solver(self.solver)
+        if self.points not in POINTS:
+            raise ValueError(f"points is one of {', '.join(POINTS)}, not {self.points!r}")
 
     @property
     def order(self) -> int:
-        """Order of the method, 2s."""
-        return 2 * int(self.stages)
+        """Order of the method, 2s or 2s - 1."""
+        return 2 * int(self.stages) - (self.points == "radau")
 
     @property
     def intervals(self) -> int:
@@ -90,4 +104,4 @@ class Spark:
     @property
     def is_symmetric(self) -> bool:
         """Whether a step back undoes a step."""
-        return True
+        return self.points == "gauss"

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
+from functools import partial
 from textwrap import fill
 from typing import TYPE_CHECKING, Any
 
@@ -78,7 +79,8 @@ def trajectories(
     """
     if of is None:
         of = next((name for name in ("y", "x") if name in solution.states), "q")
-    values, known = getattr(solution, of), solution.names["coordinates"]
+    kind = "unknowns" if of == "z" else ""
+    values, known = getattr(solution, of), solution.names.get(kind, solution.names["coordinates"])
     chosen = list(names) if names is not None else [name for name in known if name != against]
     for name in [*chosen, *([against] if against is not None else [])]:
         if name not in known:
@@ -189,7 +191,7 @@ def steps(solution: Solution, *, ax: Axes | None = None) -> Axes:
 
 
 def residuals(solution: Solution, *, ax: Axes | None = None) -> Axes:
-    """Draw how well the constraint and the hidden constraint are kept, on a log scale.
+    """Draw how well each kind of constraint is kept, on a log scale.
 
     Parameters
     ----------
@@ -208,7 +210,13 @@ def residuals(solution: Solution, *, ax: Axes | None = None) -> Axes:
         for name, values in solution.residuals.items()
         if values.size
     }
-    return _sizes(ax, solution.t, sizes, "residuals", "$\\max |g|$,  $\\max |g_t + g_q v|$")
+    symbols = {
+        "constraint": "$\\max |g|$",
+        "hidden": "$\\max |g_t + g_q v|$",
+        "nonholonomic": "$\\max |k|$",
+    }
+    label = ",  ".join(symbols[name] for name in sizes)
+    return _sizes(ax, solution.t, sizes, "residuals", label)
 
 
 def multipliers(
@@ -270,8 +278,7 @@ def overview(solution: Solution) -> Figure:
     scalars = {k: values for k, values in real.items() if values.ndim == of_scalar}
     panels += shown(solution)
     if "psi" not in solution.states and solution.states:
-        moving = _some(solution.names["coordinates"])
-        panels.append(lambda solution, ax: trajectories(solution, names=moving, ax=ax))
+        panels.append(partial(trajectories, names=_some(solution.names["coordinates"])))
     elif scalars:
         chosen, note = _few(solution, scalars)
         title = f"observed{note}"
@@ -282,9 +289,10 @@ def overview(solution: Solution) -> Figure:
         panels.append(energy)
     if solution.names["constraints"]:
         panels.append(residuals)
-        if solution.states:
-            held = _some(solution.names["constraints"])
-            panels.append(lambda solution, ax: multipliers(solution, names=held, ax=ax))
+        if "lam" in solution.states:
+            panels.append(partial(multipliers, names=_some(solution.names["constraints"])))
+    if solution.states and (unknowns := _some(solution.names.get("unknowns", ()))):
+        panels.append(partial(trajectories, of="z", names=unknowns))
     if solution.tolerances and len(solution.t) > 1:
         panels.append(steps)
     rows = 2 if len(panels) >= 4 else 1

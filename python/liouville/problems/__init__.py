@@ -49,6 +49,7 @@ MECHANICAL = (
     "moving_wire",
     "relativistic_particle",
     "circular_track",
+    "fekete",
     "kepler_on_sphere",
 )
 

@@ -49,6 +49,10 @@ def route(system: System, method: Method | Plan | Propagation | str, asked: Aske
     if not isinstance(asked.states, bool):
         raise TypeError(f"states is True or False, not {asked.states!r}")
     threads_of(asked.threads)
+    if not isinstance(system, Mechanics):
+        for name, value in (("t_eval", asked.t_eval), ("events", asked.events)):
+            if value is not None:
+                raise TypeError(f"{name} is for a mechanical system, not for {system!r}")
     if isinstance(system, Schrodinger):
         if isinstance(method, str) and method == "auto":
             method = SchrodingerSplitting()

@@ -12,6 +12,7 @@ from liouville._arguments import check_memory, steps_of
 from liouville.errors import describe, hinted
 from liouville.methods import VolumeSplitting
 from liouville.planner import Plan, planned
+from liouville.points import Points
 from liouville.routes.route import KEEP_LESS, Asked, kept, observable, threads_of
 from liouville.splitting import Affine, Split, crossed, described, variables_of
 from liouville.systems import PolynomialField
@@ -92,6 +93,15 @@ class FieldRoute:
         """Return nothing: a field has no energy of its own."""
         del parts
         return {}
+
+    @property
+    def dense_order(self) -> int:
+        """Say that there is no dense output of such a run."""
+        return 0
+
+    def seen(self, run: _core.Run) -> tuple[dict[str, Points], str]:
+        """Say that such a run looks for no events."""
+        return {}, ""
 
     def describe(self, trouble: dict[str, Any]) -> tuple[str, str, str]:
         """Say what a trouble means in the user's names: sentence, hint and quantity."""

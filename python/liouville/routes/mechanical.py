@@ -11,7 +11,9 @@ from liouville import _core
 from liouville._arguments import CONTROLS, LEAST_TOLERANCE, Takes, check_memory, steps_of
 from liouville.errors import describe
 from liouville.methods import Composition, LobattoPair, Method, Spark
+from liouville.points import Points
 from liouville.routes.route import KEEP_LESS, Asked, kept, observable
+from liouville.routes.watching import Watching
 from liouville.systems import Mechanical, Mechanics
 
 
@@ -36,6 +38,10 @@ class MechanicalRoute:
         self._problem = self._form()
         self._is_rattle = isinstance(self._problem, _core.Separable)
         self.every = kept(self.pace, asked.every)
+        self._order = int(getattr(method, "order", 0))
+        span = (self.pace.t0, self.pace.t1)
+        self._watching = Watching(asked.events, asked.t_eval, span, self.every)
+        self._watch = self._watching.asked(system, self._order)
         self._values = system.values(asked.params)
         self.params: Mapping[str, Any] = {**system.params, **dict(asked.params or {})}
         self._begin = system.start(asked.start, () if self._is_general else ("a",))
@@ -66,8 +72,18 @@ class MechanicalRoute:
             control = (*control, self._monitor)
         return _core.mechanical_run(
             self._problem, self._method, self._observer, self._values, self._begin,
-            (pace.t0, pace.t1, pace.count, self.every), control, self._states,
+            (pace.t0, pace.t1, pace.count, self.every), control, self._watch, self._states,
         )  # fmt: skip
+
+    @property
+    def dense_order(self) -> int:
+        """The order of the method, where the states of all steps are kept, else 0."""
+        is_whole = self.every == 1 and self._watching.times is None and self._states
+        return self._order if is_whole else 0
+
+    def seen(self, run: _core.Run) -> tuple[dict[str, Points], str]:
+        """Return the events met, by name, and a sentence on the one that ended the run."""
+        return self._watching.seen(run, self.system, self._values)
 
     def _form(self) -> _core.Mechanical | _core.SecondOrder | _core.Separable:
         """Return the system in the form that the method steps fastest."""
@@ -109,6 +125,8 @@ class MechanicalRoute:
         """Say what a trouble means in the user's names: sentence, hint and quantity."""
         if trouble.get("quantity") == "observable":
             trouble |= observable(trouble["index"], self._widths)
+        if trouble.get("quantity") == "event":
+            trouble["quantity"] = f"event {[*self._watching.events][trouble['index']]}"
         sentence, hint, quantity = describe(trouble, self.system.coordinates, self.constraints)
         node_schur = getattr(self._base, "solver", "") == "node-schur"
         if trouble["kind"] == "not converged" and node_schur:
@@ -125,7 +143,8 @@ class MechanicalRoute:
         return {**own, **self._widths}
 
     def _check_sizes(self) -> None:
-        records = -(-self.pace.count // self.every) + 1
+        times = self._watching.times
+        records = -(-self.pace.count // self.every) + 1 if times is None else times.size
         check_memory(f"keeping {records} states", records * self.row, KEEP_LESS)
         method = self._base
         if isinstance(method, Spark | LobattoPair) and not self._is_rattle:

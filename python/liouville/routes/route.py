@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike
 
 from liouville import _core
 from liouville._arguments import MOST_STEPS, Steps, count
+from liouville.points import Points
 from liouville.systems import System
 
 KEEP_LESS = "keep fewer with every=, or none with states=False"
@@ -33,6 +34,8 @@ class Asked:
     is_ensemble: bool = False
     threads: Any = None
     tol: Any = None
+    t_eval: Any = None
+    events: Any = None
 
 
 class Route(Protocol):
@@ -83,6 +86,13 @@ class Route(Protocol):
 
     def balance(self, parts: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
         """Say where the energy went, where that is known."""
+
+    @property
+    def dense_order(self) -> int:
+        """The order of a method whose steps have a dense output, else 0."""
+
+    def seen(self, run: _core.Run) -> tuple[dict[str, Points], str]:
+        """Return the events met, by name, and a sentence on the one that ended the run."""
 
     def describe(self, trouble: dict[str, Any]) -> tuple[str, str, str]:
         """Say what a trouble means in the user's names: sentence, hint and quantity."""

@@ -10,6 +10,7 @@ import numpy as np
 from liouville import _core
 from liouville._arguments import check_memory, steps_of
 from liouville.methods import Composition, Spark
+from liouville.points import Points
 from liouville.routes.route import KEEP_LESS, Asked, kept, observable
 from liouville.systems import SemiExplicit
 
@@ -70,6 +71,15 @@ class SemiExplicitRoute:
         """Return nothing: such a system has no energy of its own."""
         del parts
         return {}
+
+    @property
+    def dense_order(self) -> int:
+        """Say that there is no dense output of such a run."""
+        return 0
+
+    def seen(self, run: _core.Run) -> tuple[dict[str, Points], str]:
+        """Say that such a run looks for no events."""
+        return {}, ""
 
     def describe(self, trouble: dict[str, Any]) -> tuple[str, str, str]:
         """Say what a trouble means in the user's names: sentence, hint and quantity."""

@@ -12,6 +12,7 @@ from liouville import _core
 from liouville._arguments import Steps, check_memory, steps_of, times_of
 from liouville.errors import describe, hinted
 from liouville.methods import Magnus, Stepped, WaveMethod
+from liouville.points import Points
 from liouville.propagation import Propagation, method_of, planned, stepped
 from liouville.routes.route import KEEP_LESS, Asked, kept, observable, threads_of
 from liouville.systems import Schrodinger
@@ -104,6 +105,15 @@ class WaveRoute:
         """Return nothing: no energy goes anywhere."""
         del parts
         return {}
+
+    @property
+    def dense_order(self) -> int:
+        """Say that there is no dense output of such a run."""
+        return 0
+
+    def seen(self, run: _core.Run) -> tuple[dict[str, Points], str]:
+        """Say that such a run looks for no events."""
+        return {}, ""
 
     def describe(self, trouble: dict[str, Any]) -> tuple[str, str, str]:
         """Say what a trouble means in the user's names: sentence, hint and quantity."""

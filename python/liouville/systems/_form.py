@@ -33,6 +33,19 @@ class Symbols:
         return {"t": self.t, "y": self.y, **more, "params": self.params.vector}
 
 
+def _none() -> ca.SX:
+    return ca.SX(0, 1)
+
+
+@dataclass(frozen=True)
+class Nonholonomic:
+    """Constraints k(t, y, z) and their reactions rn(t, y, z, nu)."""
+
+    k: ca.SX = field(default_factory=_none)
+    rn: ca.SX = field(default_factory=_none)
+    nu: ca.SX = field(default_factory=_none)
+
+
 @dataclass(frozen=True)
 class Model:
     """The expressions v, p, f, r and g of the general form; r depends on `lam`.
@@ -46,6 +59,7 @@ class Model:
     r: ca.SX
     g: ca.SX
     lam: ca.SX
+    nonholonomic: Nonholonomic = field(default_factory=Nonholonomic)
     linear: Linear = field(default_factory=Linear)
     is_ideal: bool = False
 
@@ -58,9 +72,12 @@ def compiled(
     n, linear, own_velocity = s.y.numel(), model.linear, differ(v, s.z)
     w = total_derivative(g, s, v)
     p_z, v_z, r_lam = ca.jacobian(p, s.z), ca.jacobian(v, s.z), ca.jacobian(r, lam)
+    own = model.nonholonomic
+    k_z, rn_nu = ca.jacobian(own.k, s.z), ca.jacobian(own.rn, own.nu)
     is_linear = not (
-        any(ca.depends_on(entries(x), s.z) for x in (p_z, v_z))
+        any(ca.depends_on(entries(x), s.z) for x in (p_z, v_z, k_z))
         or ca.depends_on(entries(r_lam), lam)
+        or ca.depends_on(entries(rn_nu), own.nu)
     )
     jac = {
         "p_z": Block(p_z, linear.mass),
@@ -96,15 +113,38 @@ def compiled(
                 "acceleration",
                 at_stage,
                 f - total_derivative(p, s, v),
-                total_derivative(w, s, v),
-                *(total_derivative(x, s, v) for x in velocity),
+                *(total_derivative(x, s, v) for x in (w, own.k, *velocity)),
             ),
             force(0),
         ),
     }
+    if own.k.numel():
+        more_tapes, more = _nonholonomic(s, own, k_z, rn_nu, w)
+        tapes, jac = tapes | more_tapes, jac | more
     patterns = {name: block.pattern for name, block in jac.items()}
     problem = _core.Mechanical(n, g.numel(), is_linear, tapes, patterns)
     return tapes, patterns, problem
+
+
+def _nonholonomic(
+    s: Symbols, own: Nonholonomic, k_z: ca.SX, rn_nu: ca.SX, w: ca.SX
+) -> tuple[dict[str, _core.Tape], dict[str, Block]]:
+    """Record the tapes of `problem::mechanical::Nonholonomic` in the core."""
+    blocks = {
+        "k_y": Block(ca.jacobian(own.k, s.y)),
+        "k_z": Block(k_z),
+        "rn_y": Block(ca.jacobian(own.rn, s.y)),
+        "rn_z": Block(ca.jacobian(own.rn, s.z)),
+        "rn_nu": Block(rn_nu),
+    }
+    w_y = Block(ca.jacobian(w, s.y))
+    inputs = s.inputs(z=s.z, nu=own.nu)
+    tapes = {
+        "nonholonomic": record("nonholonomic", inputs, own.k, own.rn),
+        "nonholonomic_blocks": record_blocks("nonholonomic_blocks", inputs, list(blocks.values())),
+        "nonholonomic_hidden": record_blocks("nonholonomic_hidden", s.inputs(z=s.z), [w_y]),
+    }
+    return tapes, {**blocks, "w_y": w_y}
 
 
 def second_order(
@@ -153,6 +193,7 @@ def is_separable(s: Symbols, model: Model) -> bool:
     blocks = ca.vertcat(entries(ca.jacobian(p, s.z)), entries(ca.jacobian(v, s.z)))
     return (
         model.is_ideal
+        and not model.nonholonomic.k.numel()
         and model.linear.damping is None
         and not ca.depends_on(ca.vertcat(p, v), held)
         and not ca.depends_on(blocks, s.z)
@@ -173,6 +214,13 @@ def separable(s: Symbols, model: Model) -> dict[str, _core.Tape]:
 
 def _check_second_order(s: Symbols, model: Model, mass: ca.SX) -> None:
     """Refuse what is no second order equation for y with a mass M(t, y)."""
+    if model.nonholonomic.k.numel():
+        raise TypeError(
+            hinted(
+                "the system has nonholonomic constraints, and the method holds only holonomic ones",
+                "take Spark",
+            )
+        )
     if differ(model.v, s.z):
         raise TypeError(
             hinted(

@@ -85,6 +85,23 @@ def numbers(value: Any) -> np.ndarray | None:
     return array.astype(float) if array.dtype.kind in "iuf" else None
 
 
+def vector(name: str, value: Any, places: tuple[str, ...]) -> np.ndarray:
+    """Return a start value as an array with a number for each name."""
+    if isinstance(value, Mapping):
+        if set(value) != set(places):
+            raise ValueError(f"{name} gives {list(value)}, wanted {list(places)}")
+        value = [value[place] for place in places]
+    array = numbers(value)
+    if array is None:
+        raise TypeError(f"{name} is an array of real numbers, not {value!r}")
+    if array.shape != (len(places),):
+        raise ValueError(f"{name} has shape {array.shape}, wanted ({len(places)},)")
+    bad = np.flatnonzero(~np.isfinite(array))
+    if bad.size:
+        raise ValueError(f"{name} of '{places[bad[0]]}' is {array[bad[0]]}")
+    return array
+
+
 def mapping(what: str, value: Mapping[str, Any] | None) -> dict[str, Any]:
     """Return a mapping of names, or an empty one for None."""
     if value is None:

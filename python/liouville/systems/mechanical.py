@@ -11,13 +11,14 @@ from numpy.typing import ArrayLike
 from liouville.errors import hinted
 from liouville.systems import _trace
 from liouville.systems._form import Model, Symbols
+from liouville.systems._nonholonomic import check_felt, rolling, rolling_of_z
 from liouville.systems.mechanics import Mechanics
 
 Function = Callable[..., Any]
 
 
 class Lagrangian(Mechanics):
-    r"""A system with Lagrangian :math:`L(t, q, v)`, holonomic constraints and extra forces.
+    r"""A system with Lagrangian :math:`L(t, q, v)`, constraints and extra forces.
 
     .. math::
 
@@ -30,6 +31,11 @@ class Lagrangian(Mechanics):
         ``lagrangian(t, q, v, params)``, a scalar.
     constraint : callable, optional
         ``constraint(t, q, params)``: a scalar, a sequence of m, or a dict that names them.
+    nonholonomic : callable, optional
+        ``nonholonomic(t, q, v, params)``, constraints :math:`0 = k(t, q, v)` on the velocities that
+        are no derivatives of such on q alone: a scalar, a sequence of l, or a dict that names them.
+        They add the reactions :math:`-k_v^T \nu`; their multipliers :math:`\nu` come after
+        :math:`\lambda` in ``solution.lam``. Methods: :class:`~liouville.Spark`.
     q : sequence of str, or int
         Names of the n coordinates, or their number.
     params : mapping of str to float or 1-D array_like, optional
@@ -47,7 +53,7 @@ class Lagrangian(Mechanics):
 
     References
     ----------
-    :cite:t:`jay2007`.
+    :cite:t:`jay2007`; :cite:t:`jay2009lagrange` for nonholonomic constraints.
 
     Examples
     --------
@@ -68,6 +74,7 @@ class Lagrangian(Mechanics):
         lagrangian: Function,
         constraint: Function | None = None,
         *,
+        nonholonomic: Function | None = None,
         q: Sequence[str] | int,
         params: Mapping[str, ArrayLike] | None = None,
         force: Function | None = None,
@@ -79,19 +86,29 @@ class Lagrangian(Mechanics):
         p, extra = ca.gradient(L, s.z), _force(force, args, len(coordinates))
         f = ca.gradient(L, s.y) + extra
         names, g, lam = holonomic(constraint, s)
+        more, own = rolling(nonholonomic, s, s.z, names)
         super().__init__(
             s,
-            Model(v=s.z, p=p, f=f, r=ideal(g, s, lam), g=g, lam=lam, is_ideal=True),
+            Model(
+                v=s.z,
+                p=p,
+                f=f,
+                r=ideal(g, s, lam),
+                g=g,
+                lam=lam,
+                is_ideal=True,
+                nonholonomic=own,
+            ),
             states=("q", "v"),
             coordinates=coordinates,
-            constraints=names,
+            constraints=names + more,
             invariants={"energy": ca.dot(s.z, p) - L, **recorded(invariants, args)},
             power=extra_power(extra, s.z, -ca.jacobian(L, s.t), g, s, lam),
         )
 
 
 class Hamiltonian(Mechanics):
-    r"""A system with Hamiltonian :math:`H(t, q, p)`, holonomic constraints and extra forces.
+    r"""A system with Hamiltonian :math:`H(t, q, p)`, constraints and extra forces.
 
     .. math::
 
@@ -103,6 +120,8 @@ class Hamiltonian(Mechanics):
         ``hamiltonian(t, q, p, params)``, a scalar.
     constraint, q, params
         As for :class:`Lagrangian`.
+    nonholonomic : callable, optional
+        ``nonholonomic(t, q, v, params)`` as for :class:`Lagrangian`, with :math:`v = H_p`.
     force : callable, optional
         ``force(t, q, p, params)``: the n generalised forces Q that do not come from H.
     invariants : mapping of str to callable, optional
@@ -119,6 +138,7 @@ class Hamiltonian(Mechanics):
         hamiltonian: Function,
         constraint: Function | None = None,
         *,
+        nonholonomic: Function | None = None,
         q: Sequence[str] | int,
         params: Mapping[str, ArrayLike] | None = None,
         force: Function | None = None,
@@ -130,12 +150,22 @@ class Hamiltonian(Mechanics):
         v, extra = ca.gradient(H, s.z), _force(force, args, len(coordinates))
         f = -ca.gradient(H, s.y) + extra
         names, g, lam = holonomic(constraint, s)
+        more, own = rolling(nonholonomic, s, v, names)
         super().__init__(
             s,
-            Model(v=v, p=s.z, f=f, r=ideal(g, s, lam), g=g, lam=lam, is_ideal=True),
+            Model(
+                v=v,
+                p=s.z,
+                f=f,
+                r=ideal(g, s, lam),
+                g=g,
+                lam=lam,
+                is_ideal=True,
+                nonholonomic=own,
+            ),
             states=("q", "p"),
             coordinates=coordinates,
-            constraints=names,
+            constraints=names + more,
             invariants={"energy": H, **recorded(invariants, args)},
             power=extra_power(extra, v, ca.jacobian(H, s.t), g, s, lam),
         )
@@ -150,7 +180,8 @@ class Mechanical(Mechanics):
         0 = g(t, y)
 
     where p may be nonlinear in z and r nonlinear in :math:`\lambda`; :math:`p_z` and
-    :math:`g_y v_z p_z^{-1} r_\lambda` are invertible.
+    :math:`g_y v_z p_z^{-1} r_\lambda` are invertible. Nonholonomic constraints
+    :math:`0 = k(t, y, z)` add reactions :math:`r_n(t, y, z, \nu)`.
 
     Parameters
     ----------
@@ -160,6 +191,11 @@ class Mechanical(Mechanics):
         ``reaction(t, y, lam, params)``, n values; :math:`-g_y^T \lambda` unless given.
     constraint : callable, optional
         ``constraint(t, y, params)``: a scalar, a sequence of m, or a dict that names them.
+    nonholonomic : callable, optional
+        ``nonholonomic(t, y, z, params)``: a scalar, a sequence of l, or a dict that names them.
+    nonholonomic_reaction : callable, optional
+        ``nonholonomic_reaction(t, y, z, lam, params)`` with the l multipliers of these constraints,
+        n values; :math:`-(\partial k / \partial v)^T \nu` unless given.
     y : sequence of str, or int
         Names of the n coordinates, or their number.
     params : mapping of str to float or 1-D array_like, optional
@@ -185,6 +221,8 @@ class Mechanical(Mechanics):
         force: Function,
         reaction: Function | None = None,
         constraint: Function | None = None,
+        nonholonomic: Function | None = None,
+        nonholonomic_reaction: Function | None = None,
         y: Sequence[str] | int,
         params: Mapping[str, ArrayLike] | None = None,
         invariants: Mapping[str, Function] | None = None,
@@ -200,16 +238,23 @@ class Mechanical(Mechanics):
             r = ideal(g, s, lam)
         else:
             r = _trace.column("reaction", reaction, (s.t, s.y, lam, s.params), n)
-            felt = set(ca.sparsify(ca.jacobian(r, lam)).sparsity().get_col())
-            for k, name in enumerate(names):
-                if k not in felt:
-                    raise ValueError(f"reaction does not depend on the multiplier of '{name}'")
+            check_felt("reaction", r, lam, names)
+        more, own = rolling_of_z(nonholonomic, nonholonomic_reaction, s, v, names)
         super().__init__(
             s,
-            Model(v=v, p=p, f=f, r=r, g=g, lam=lam, is_ideal=reaction is None),
+            Model(
+                v=v,
+                p=p,
+                f=f,
+                r=r,
+                g=g,
+                lam=lam,
+                is_ideal=reaction is None,
+                nonholonomic=own,
+            ),
             states=("y", "z"),
             coordinates=coordinates,
-            constraints=names,
+            constraints=names + more,
             invariants=recorded(invariants, args),
         )
 

@@ -44,15 +44,16 @@ class Mechanics:
         y' = v(t, y, z), \quad \frac{d}{dt} p(t, y, z) = f(t, y, z) + r(t, y, \lambda), \quad
         0 = g(t, y)
 
-    with the hidden constraint :math:`w := g_t + g_y v`. All derivatives and their sparsity come
-    from CasADi; parameters stay symbolic.
+    with the hidden constraint :math:`w := g_t + g_y v`. Nonholonomic constraints
+    :math:`0 = k(t, y, z)` add reactions :math:`r_n(t, y, z, \nu)` of their own. All derivatives and
+    their sparsity come from CasADi; parameters stay symbolic.
 
     Attributes
     ----------
     coordinates : tuple of str
         Names of the n coordinates.
     constraints : tuple of str
-        Names of the m constraints.
+        Names of the m holonomic constraints, then of the l nonholonomic ones.
     states : tuple of str
         What its coordinates and their partner are called: ("q", "v"), ("q", "p") or ("y", "z").
     invariants : tuple of str
@@ -72,6 +73,8 @@ class Mechanics:
     ) -> None:
         self.coordinates = coordinates
         self.constraints = constraints
+        m = model.g.numel()
+        self._holonomic, self._nonholonomic = constraints[:m], constraints[m:]
         self.states = states
         self._symbols = symbols
         self._model = model
@@ -85,7 +88,11 @@ class Mechanics:
         kind, names = type(self).__name__, self.coordinates
         if len(names) > 20:
             names = (*names[:3], "...", names[-1])
-        return f"{kind}({', '.join(names)}; {len(self.constraints)} constraints)"
+        counts = [f"{len(self._holonomic)} constraints"] * bool(
+            self._holonomic or not self._nonholonomic
+        )
+        counts += [f"{len(self._nonholonomic)} nonholonomic"] * bool(self._nonholonomic)
+        return f"{kind}({', '.join(names)}; {', '.join(counts)})"
 
     @property
     def params(self) -> dict[str, float | np.ndarray]:
@@ -122,23 +129,7 @@ class Mechanics:
             if name not in start:
                 raise TypeError(f"start value '{name}' is missing: this system takes {wanted}")
         given = (*self.states, *(name for name in also if start.get(name) is not None))
-        return tuple(self._vector(name, start[name]) for name in given)
-
-    def _vector(self, name: str, value: Any) -> np.ndarray:
-        if isinstance(value, Mapping):
-            if set(value) != set(self.coordinates):
-                raise ValueError(f"{name} gives {list(value)}, wanted {list(self.coordinates)}")
-            value = [value[coordinate] for coordinate in self.coordinates]
-        array = _trace.numbers(value)
-        if array is None:
-            raise TypeError(f"{name} is an array of real numbers, not {value!r}")
-        n = len(self.coordinates)
-        if array.shape != (n,):
-            raise ValueError(f"{name} has shape {array.shape}, wanted ({n},)")
-        bad = np.flatnonzero(~np.isfinite(array))
-        if bad.size:
-            raise ValueError(f"{name} of '{self.coordinates[bad[0]]}' is {array[bad[0]]}")
-        return array
+        return tuple(_trace.vector(name, start[name], self.coordinates) for name in given)
 
     def check(
         self,
@@ -151,38 +142,38 @@ class Mechanics:
         hidden: bool = True,
     ) -> None:
         """Refuse a start that violates the constraint or, if asked, the hidden constraint."""
-        m = len(self.constraints)
-        if m == 0:
+        if not self.constraints:
             return
-        lam, n = np.zeros(m), len(y)
-        g = self._at("node", params, t, y, lam)[:m]
+        m, n = len(self._holonomic), len(y)
+        lam = np.zeros(m)
         end = self._at("end", params, t, y, z)
         w, v = end[n : n + m], end[n + m :] if end.size > n + m else z
-        _, _, rows, _ = self._patterns["g_y"]
-        size = np.bincount(rows, np.abs(self._at("node_blocks", params, t, y, lam)[: len(rows)]), m)
         length, speed = np.abs(y).max(), np.abs(v).max()
+        size = self._slopes("g_y", self._at("node_blocks", params, t, y, lam))
+        g = self._at("node", params, t, y, lam)[:m]
         limits = [size * (TOLERANCE * x + FLOOR) for x in (length, speed + 1e-2 * length)]
         symbols = (f"g({self.states[0]})", f"g_t + g_{self.states[0]} v")
-        levels = ("constraint", "hidden constraint") if hidden else ("constraint",)
-        for what, symbol, value, limit in zip(levels, symbols, (g, w), limits, strict=False):
-            if not np.isfinite(value).all():
-                k = int(np.argmin(np.isfinite(value)))
-                raise ValueError(
-                    hinted(
-                        f"the {what} '{self.constraints[k]}' is {value[k]} at the start, t = {t:g}",
-                        "look for a division by zero, a root or a logarithm of the model there",
-                    )
-                )
-            over = np.abs(value) - limit
-            k = int(np.argmax(over))
-            if not over[k] <= 0:
-                raise ValueError(
-                    hinted(
-                        f"start violates the {what} '{self.constraints[k]}': |{symbol}| = "
-                        f"{abs(value[k]):.1e} at t = {t:g}, wanted at most {limit[k]:.1e}",
-                        hint.format(*self.states),
-                    )
-                )
+        cases = [("constraint", symbols[0], self._holonomic, g, limits[0])] * bool(m)
+        if hidden and m:
+            cases.append(("hidden constraint", symbols[1], self._holonomic, w, limits[1]))
+        if self._nonholonomic:
+            nu = np.zeros(len(self._nonholonomic))
+            k = self._at("nonholonomic", params, t, y, z, nu)[: nu.size]
+            blocks = self._at("nonholonomic_blocks", params, t, y, z, nu)
+            entries = len(self._patterns["k_y"][2])
+            of_y, of_z = self._slopes("k_y", blocks), self._slopes("k_z", blocks[entries:])
+            limit = of_y * (TOLERANCE * length + FLOOR) + of_z * (
+                TOLERANCE * (np.abs(z).max() + 1e-2 * length) + FLOOR
+            )
+            symbol = f"k({', '.join(self.states)})"
+            cases.append(("nonholonomic constraint", symbol, self._nonholonomic, k, limit))
+        for case in cases:
+            _check_residual(*case, t, hint.format(*self.states))
+
+    def _slopes(self, name: str, values: np.ndarray) -> np.ndarray:
+        """Return the sum of the sizes of a derivative's entries, row by row."""
+        count, _, rows, _ = self._patterns[name]
+        return np.bincount(rows, np.abs(values[: len(rows)]), count)
 
     def consistent(
         self,
@@ -194,8 +185,8 @@ class Mechanics:
         r"""Move a start onto the constraints by the least change in the mass metric.
 
         Positions are moved by :math:`M^{-1} g_y^T \mu` until :math:`g = 0`, which from afar is the
-        least change only nearly, then velocities (or momenta) by the same directions until
-        :math:`g_t + g_y v = 0`.
+        least change only nearly, then velocities (or momenta) by the same directions, and those
+        of nonholonomic constraints, until :math:`g_t + g_y v = 0` and :math:`k = 0`.
 
         Parameters
         ----------
@@ -206,7 +197,7 @@ class Mechanics:
         hold : str, optional
             What must not move: the name of the positions ("q" or "y"), which must satisfy g = 0
             already, or of their partner ("v", "p" or "z"), for which positions are sought that
-            satisfy both constraints.
+            satisfy all constraints.
         **start : array_like
             Start values near the constraints, by the system's names, each of shape (n,).
 
@@ -243,6 +234,8 @@ class Mechanics:
         self, what: str, t: float, x: np.ndarray, held: np.ndarray, params: np.ndarray
     ) -> np.ndarray:
         tapes, patterns, names = self._projections[what]
+        if not names:
+            return x
         found = _core.project(tapes, patterns, x, np.append(held, t), params)
         if isinstance(found, dict):
             if found["kind"] == "not finite":
@@ -286,14 +279,15 @@ class Mechanics:
         w = total_derivative(model.g, s, model.v)
         p_z, v_z = ca.jacobian(model.p, s.z), ca.jacobian(model.v, s.z)
         compliance = ca.solve(v_z.T, p_z.T).T if differ(model.v, s.z) else p_z
-        hidden = tuple(f"hidden {name}" for name in self.constraints)
-        moved = sorted(set(ca.sparsify(ca.jacobian(w, s.y)).sparsity().row()))
-        rows = ca.vertcat(model.g, *(w[k] for k in moved))
-        both = rows, (*self.constraints, *(hidden[k] for k in moved))
+        hidden = tuple(f"hidden {name}" for name in self._holonomic)
+        levels = ca.vertcat(w, model.nonholonomic.k), (*hidden, *self._nonholonomic)
+        moved = sorted(set(ca.sparsify(ca.jacobian(levels[0], s.y)).sparsity().row()))
+        rows = ca.vertcat(model.g, *(levels[0][k] for k in moved))
+        both = rows, (*self._holonomic, *(levels[1][k] for k in moved))
         cases = {
-            "positions": (s.y, s.z, (model.g, self.constraints), compliance),
+            "positions": (s.y, s.z, (model.g, self._holonomic), compliance),
             "both": (s.y, s.z, both, compliance),
-            "partner": (s.z, s.y, (w, hidden), ca.mtimes(v_z.T, p_z)),
+            "partner": (s.z, s.y, levels, ca.mtimes(v_z.T, p_z)),
         }
         projections = {}
         for what, (x, held, (c, names), metric) in cases.items():
@@ -313,10 +307,21 @@ class Mechanics:
         y: np.ndarray,
         lam: np.ndarray,
         params: Mapping[str, ArrayLike] | None = None,
+        z: np.ndarray | None = None,
     ) -> np.ndarray:
-        """Return the generalised reaction forces r(t, y, lam), shape (k, n), at k points."""
-        values = self._map("node", self.values(params), t, y, lam)
-        return values[:, len(self.constraints) :]
+        r"""Return the generalised reaction forces r(t, y, lam), shape (k, n), at k points.
+
+        Those of nonholonomic constraints, whose multipliers come last in `lam`, are among them;
+        they want `z` too.
+        """
+        values, m, own = self.values(params), len(self._holonomic), len(self._nonholonomic)
+        lam = np.reshape(lam, (np.size(t), m + own))
+        forces = self._map("node", values, t, y, lam[:, :m])[:, m:]
+        if own:
+            if z is None:
+                raise TypeError("reactions of nonholonomic constraints depend on z: give z=")
+            forces = forces + self._map("nonholonomic", values, t, y, z, lam[:, m:])[:, own:]
+        return forces
 
     def _map(self, name: str, params: np.ndarray, *args: ArrayLike) -> np.ndarray:
         k = np.size(args[0])
@@ -326,6 +331,66 @@ class Mechanics:
     def _at(self, name: str, params: np.ndarray, *args: ArrayLike) -> np.ndarray:
         values: np.ndarray = self._map(name, params, *args)[0]
         return values
+
+    def event(self, name: str, function: Callable[..., Any]) -> tuple[_core.Tape, bool]:
+        """Record a function of (t, y, z, lam, params), and say whether it uses the multipliers."""
+        s, lam, what = self._symbols, self._model.lam, f"event '{name}'"
+        value = _trace.scalar(what, function, (s.t, s.y, s.z, lam, s.params))
+        moving = ca.vertcat(s.t, s.y, s.z, lam)
+        if not ca.depends_on(value, moving):
+            raise ValueError(
+                hinted(
+                    f"{what} is the same for all states",
+                    "return what is to change its sign, such as q[1] - params.height",
+                )
+            )
+        needs_lam = lam.numel() > 0 and ca.depends_on(value, lam)
+        return record(what, s.inputs(z=s.z, lam=lam), value), needs_lam
+
+    def between(
+        self,
+        order: int,
+        run: tuple[np.ndarray, np.ndarray, np.ndarray],
+        times: np.ndarray,
+        params: np.ndarray,
+    ) -> dict[str, np.ndarray]:
+        """Return the states at times within a run, of which t, y and z of all steps are given.
+
+        The times are in the order of the run, the method has the order `order`.
+
+        Raises
+        ------
+        ValueError
+            The accelerations cannot be solved for there.
+        """
+        t, y, z = (np.ascontiguousarray(x) for x in run)
+        found = _core.mechanical_path(self.problem, params, order, t, y, z, times)
+        if isinstance(found, dict):
+            sentence, hint, _ = describe(found, self.coordinates, self.constraints)
+            raise ValueError(hinted(sentence, hint))
+        return self.states_at(times, np.concatenate(found, axis=1), params)
+
+    def states_at(
+        self, t: np.ndarray, rows: np.ndarray, params: np.ndarray
+    ) -> dict[str, np.ndarray]:
+        """Name all states at k points, of which rows (y, z, lam) are given."""
+        n, (tape, widths) = len(self.coordinates), self._states_tape
+        y, z, lam = np.split(rows, [n, 2 * n], axis=1)
+        args = [np.ascontiguousarray(x) for x in (t.reshape(-1, 1), y, z)]
+        cuts = np.cumsum([*widths.values()])[:-1]
+        more = np.split(tape.map(params, args), cuts, axis=1)
+        own = dict(zip((*self.states, "lam"), (y, z, lam), strict=True))
+        return own | dict(zip(widths, more, strict=True))
+
+    @cached_property
+    def _states_tape(self) -> tuple[_core.Tape, dict[str, int]]:
+        """The tape of what (y, z) are not called, p and v, with the width of each."""
+        s, model = self._symbols, self._model
+        parts = {"p": model.p, "v": model.v}
+        parts = {name: x for name, x in parts.items() if name != self.states[1]}
+        tape = record("states", s.inputs(z=s.z), *parts.values())
+        widths = {name: x.numel() for name, x in parts.items()}
+        return observing(tape, widths, model.linear), widths
 
     def monitor(self, function: Callable[..., Any]) -> tuple[_core.Tape, bool]:
         """Record a function of (t, y, z) and its rate along the motion; say if z' is in it."""
@@ -350,6 +415,7 @@ class Mechanics:
             parts |= {"p": model.p} if self.states[1] != "p" else {}
             parts |= {"v": model.v} if self.states[1] != "v" else {}
         parts |= {"constraint": model.g, "hidden": total_derivative(model.g, s, model.v)}
+        parts |= {"nonholonomic": model.nonholonomic.k} if self._nonholonomic else {}
         parts |= {f"invariant {name}": x for name, x in self._invariants.items()}
         for name, function in _trace.mapping("observe", observe).items():
             args = (s.t, s.y, s.z, s.params)
@@ -357,3 +423,33 @@ class Mechanics:
         tape = record("observer", s.inputs(z=s.z), *parts.values())
         widths = {name: x.numel() for name, x in parts.items()}
         return observing(tape, widths, model.linear), widths
+
+
+def _check_residual(
+    what: str,
+    symbol: str,
+    names: tuple[str, ...],
+    value: np.ndarray,
+    limit: np.ndarray,
+    t: float,
+    hint: str,
+) -> None:
+    """Refuse values of constraints at the start that are not finite or over their limits."""
+    if not np.isfinite(value).all():
+        k = int(np.argmin(np.isfinite(value)))
+        raise ValueError(
+            hinted(
+                f"the {what} '{names[k]}' is {value[k]} at the start, t = {t:g}",
+                "look for a division by zero, a root or a logarithm of the model there",
+            )
+        )
+    over = np.abs(value) - limit
+    k = int(np.argmax(over))
+    if not over[k] <= 0:
+        raise ValueError(
+            hinted(
+                f"start violates the {what} '{names[k]}': |{symbol}| = {abs(value[k]):.1e} "
+                f"at t = {t:g}, wanted at most {limit[k]:.1e}",
+                hint,
+            )
+        )

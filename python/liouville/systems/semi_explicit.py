@@ -16,15 +16,10 @@ from liouville.errors import describe, hinted
 from liouville.systems import _trace
 from liouville.systems._form import entries, record_blocks
 from liouville.systems._linear import Block
+from liouville.systems.mechanics import FLOOR, TOLERANCE
 from liouville.tape import record
 
 Function = Callable[..., Any]
-
-#: A start may miss its constraints by this much of the size of what they are made of.
-TOLERANCE = 1e-10
-
-#: What roundoff may leave of coordinates that start at zero, in their own unit.
-FLOOR = 1e-14
 
 
 @dataclass(frozen=True)
@@ -144,9 +139,11 @@ class SemiExplicit:
         invariants: Mapping[str, Function] | None = None,
     ) -> None:
         self.coordinates, self.unknowns = _trace.names(y, "y"), _trace.names(z, "z")
-        n, l = len(self.coordinates), len(self.unknowns)
         self._symbols = s = Symbols(
-            ca.SX.sym("t"), ca.SX.sym("y", n), ca.SX.sym("z", l), _trace.Parameters(params)
+            ca.SX.sym("t"),
+            ca.SX.sym("y", len(self.coordinates)),
+            ca.SX.sym("z", len(self.unknowns)),
+            _trace.Parameters(params),
         )
         self._field = _trace.placed("field", field, s.args, self.coordinates)
         given = _trace.named("constraint", constraint, (s.t, s.y, s.params))
@@ -183,22 +180,19 @@ class SemiExplicit:
 
     def _check_shape(self) -> None:
         """Refuse what cannot be of index 2, by what depends on what."""
-        n, l = len(self.coordinates), len(self.unknowns)
-        if len(self.constraints) != l:
+        n, count = len(self.coordinates), len(self.unknowns)
+        if len(self.constraints) != count:
             raise ValueError(
                 hinted(
-                    f"there are {len(self.constraints)} constraints and {l} unknowns z",
+                    f"there are {len(self.constraints)} constraints and {count} unknowns z",
                     "index 2 wants as many of one as of the other",
                 )
             )
-        if l > n:
-            raise ValueError(f"{l} constraints on {n} coordinates leave nothing to move")
+        if count > n:
+            raise ValueError(f"{count} constraints on {n} coordinates leave nothing to move")
         of_y = set(ca.sparsify(ca.jacobian(self._constraint, self._symbols.y)).sparsity().row())
         of_z = ca.sparsify(ca.jacobian(self._hidden, self._symbols.z)).sparsity()
-        rows, columns = (
-            set(of_z.row()),
-            {k for k in range(l) if of_z.colind(k + 1) > of_z.colind(k)},
-        )
+        rows, columns = (set(x) for x in of_z.get_triplet())
         for k, name in enumerate(self.constraints):
             if k not in of_y:
                 raise ValueError(
@@ -269,8 +263,8 @@ class SemiExplicit:
         z = start.get("z")
         guess = np.zeros(len(self.unknowns)) if z is None else z
         return (
-            _vector("y", start["y"], self.coordinates),
-            _vector("z", guess, self.unknowns),
+            _trace.vector("y", start["y"], self.coordinates),
+            _trace.vector("z", guess, self.unknowns),
         )
 
     def check(
@@ -399,20 +393,3 @@ class SemiExplicit:
             parts[f"observed {name}"] = _trace.column(what, function, self._symbols.args)
         tape = record("observer", self._symbols.point, *parts.values())
         return tape, {name: x.numel() for name, x in parts.items()}
-
-
-def _vector(name: str, value: Any, places: tuple[str, ...]) -> np.ndarray:
-    """Return a start value as an array with a number for each name."""
-    if isinstance(value, Mapping):
-        if set(value) != set(places):
-            raise ValueError(f"{name} gives {list(value)}, wanted {list(places)}")
-        value = [value[place] for place in places]
-    array = _trace.numbers(value)
-    if array is None:
-        raise TypeError(f"{name} is an array of real numbers, not {value!r}")
-    if array.shape != (len(places),):
-        raise ValueError(f"{name} has shape {array.shape}, wanted ({len(places)},)")
-    bad = np.flatnonzero(~np.isfinite(array))
-    if bad.size:
-        raise ValueError(f"{name} of '{places[bad[0]]}' is {array[bad[0]]}")
-    return array

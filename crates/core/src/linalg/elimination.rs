@@ -85,6 +85,19 @@ impl Elimination {
         &mut self.values
     }
 
+    /// The diagonal and what is below it, to be overwritten; [`Elimination::mirror`] does the rest.
+    #[inline]
+    pub(super) fn lower_mut(&mut self) -> &mut [f64] {
+        let above = self.values.len() - self.neighbours.len();
+        &mut self.values[..above]
+    }
+
+    /// Writes above the diagonal what stands below.
+    pub(super) fn mirror(&mut self) {
+        let (m, count) = (self.order.len(), self.neighbours.len());
+        self.values.copy_within(m..m + count, m + count);
+    }
+
     fn range(&self, step: usize) -> std::ops::Range<usize> {
         self.starts[step] as usize..self.starts[step + 1] as usize
     }
@@ -165,15 +178,25 @@ impl Elimination {
             let at = start..*end as usize;
             start = at.end;
             let value = x[step];
-            for (k, factor) in self.neighbours[at.clone()].iter().zip(&lower[at]) {
-                x[*k as usize] -= factor * value;
+            match (&self.neighbours[at.clone()], &lower[at]) {
+                ([k], [factor]) => x[*k as usize] -= factor * value,
+                (neighbours, factors) => {
+                    for (k, factor) in neighbours.iter().zip(factors) {
+                        x[*k as usize] -= factor * value;
+                    }
+                }
             }
         }
         for (step, start) in self.starts[..m].iter().enumerate().rev() {
             let at = *start as usize..self.starts[step + 1] as usize;
             let mut value = x[step];
-            for (k, factor) in self.neighbours[at.clone()].iter().zip(&upper[at]) {
-                value -= factor * x[*k as usize];
+            match (&self.neighbours[at.clone()], &upper[at]) {
+                ([k], [factor]) => value -= factor * x[*k as usize],
+                (neighbours, factors) => {
+                    for (k, factor) in neighbours.iter().zip(factors) {
+                        value -= factor * x[*k as usize];
+                    }
+                }
             }
             value *= diagonal[step];
             x[step] = value;

@@ -104,12 +104,27 @@ impl Gram {
         }
     }
 
-    /// Factors the product of A, with these values, and B.
+    /// Factors the product of A and B with these values.
     ///
     /// # Errors
     /// The first column without a pivot.
     pub fn factor(&mut self, a: &[f64], b: &[f64]) -> Result<(), Singular> {
+        self.multiply(a, b, false);
+        self.eliminate()
+    }
+
+    /// Factors the product of A and W A, with these values, which is symmetric.
+    ///
+    /// # Errors
+    /// The first column without a pivot.
+    pub fn factor_symmetric(&mut self, a: &[f64], w_a: &[f64]) -> Result<(), Singular> {
+        self.multiply(a, w_a, true);
+        self.eliminate()
+    }
+
+    fn multiply(&mut self, a: &[f64], b: &[f64], is_symmetric: bool) {
         let values = match &mut self.solver {
+            Solver::Eliminated(elimination) if is_symmetric => elimination.lower_mut(),
             Solver::Eliminated(elimination) => elimination.values_mut(),
             Solver::Pivoted { values, .. } => values,
         };
@@ -117,9 +132,15 @@ impl Gram {
         for (value, end) in values.iter_mut().zip(&self.starts[1..]) {
             let end = *end as usize;
             let products = self.products[start..end].iter();
-            *value = products.map(|(i, j)| a[*i as usize] * b[*j as usize]).sum();
+            *value = products.fold(0.0, |sum, (i, j)| sum + a[*i as usize] * b[*j as usize]);
             start = end;
         }
+        if let (Solver::Eliminated(elimination), true) = (&mut self.solver, is_symmetric) {
+            elimination.mirror();
+        }
+    }
+
+    fn eliminate(&mut self) -> Result<(), Singular> {
         match &mut self.solver {
             Solver::Eliminated(elimination) => elimination.factor(),
             Solver::Pivoted {

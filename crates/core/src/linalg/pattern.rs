@@ -119,4 +119,10 @@ impl Pattern {
             target[(row + i, col + j)] += factor * value;
         }
     }
+    /// Adds Aᵀ to `target`, from its row `first` on.
+    pub fn add_transposed(&self, values: &[f64], target: &mut Matrix, first: usize) {
+        for (&(i, j), value) in self.entries.iter().zip(values) {
+            target[(first + j, i)] += value;
+        }
+    }
 }

@@ -1,7 +1,7 @@
-//! Gauss and Lobatto quadrature on [0, 1], and the integrals of their basis polynomials.
+//! Gauss, Radau and Lobatto quadrature on [0, 1], and the integrals of their basis polynomials.
 //!
-//! P_k are the Legendre polynomials shifted to [0, 1]; c_1..c_s are the zeros of P_s (Gauss), and
-//! 0, 1 with the zeros of P_s' the s + 1 Lobatto nodes. With the Christoffel weights
+//! P_k are the Legendre polynomials shifted to [0, 1]; c_1..c_s are the zeros of P_s (Gauss) or of
+//! P_s − P_{s−1} (Radau, c_s = 1), and 0, 1 with the zeros of P_s' the s + 1 Lobatto nodes. With the Christoffel weights
 //!
 //!     b_j = 1 / Σ_{k<s} (2k+1) P_k(c_j)²
 //!     ∫_0^x ℓ_j = b_j Σ_{k<s} P_k(c_j) I_k(x),   I_0 = x,  I_k = (P_{k+1}(x) − P_{k−1}(x)) / 2
@@ -33,6 +33,25 @@ pub(super) fn gauss(s: usize) -> Quadrature {
             })
         })
         .collect();
+    christoffel(nodes)
+}
+
+/// The s-point Radau formula with its last point at 1, exact to degree 2s − 2.
+pub(super) fn radau(s: usize) -> Quadrature {
+    let inner = (1..s).map(|i| {
+        let guess = (std::f64::consts::TAU * real(s - i) / real(2 * s - 1)).cos();
+        newton(guess, |u| {
+            let p = legendre(s, u);
+            let slope = derivative(s, u, &p) - derivative(s - 1, u, &p);
+            (p[s] - p[s - 1], slope)
+        })
+    });
+    christoffel(inner.chain(std::iter::once(TwoFloat::from(1.0))).collect())
+}
+
+/// The formula on these points, exact at least to degree 2s − 2.
+fn christoffel(nodes: Vec<TwoFloat>) -> Quadrature {
+    let s = nodes.len();
     let weights = nodes
         .iter()
         .map(|c| {

@@ -6,6 +6,7 @@ pub mod composition;
 mod ladder;
 mod lobatto;
 mod moments;
+mod radau;
 mod spark;
 pub mod splitting;
 mod stability;

@@ -9,7 +9,7 @@
 //! reflection of both formulas and free of cancellation. Source: jay2007.
 //!
 //! The (s,s)-Gauss–Lobatto method has the Gauss points as stages, the s + 1 Lobatto points as nodes,
-//! and aᵛ = aᶠ = aʳ = ∫_0^{c_i} ℓ_j; Lobatto pairs are next door.
+//! and aᵛ = aᶠ = aʳ = ∫_0^{c_i} ℓ_j; Lobatto pairs and Radau stages are next door.
 //!
 //! Steps use the coefficients divided by their weights, μ_ij = a_ij / b_j, μ̄_ij = ā_ij / b_j and
 //! μ̂_ij = â_ij / b̂_j, for which symplecticity reads

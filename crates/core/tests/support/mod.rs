@@ -11,6 +11,7 @@ use liouville_core::linalg::Pattern;
 use liouville_core::problem::mechanical::{
     Mechanical, Patterns, SecondOrder, SecondOrderPatterns, Separable,
 };
+use liouville_core::problem::semi_explicit::{self, SemiExplicit};
 use liouville_core::tape::{Line, Op, Tape};
 use std::collections::HashMap;
 use std::ops::{Add, Mul, Neg, Sub};
@@ -298,6 +299,7 @@ impl Functions {
                 r_lam: r_lam.0,
                 r_y: r_y.0,
             },
+            nonholonomic: None,
         };
         Arc::new(problem.checked().expect("tapes and patterns fit together"))
     }
@@ -369,6 +371,50 @@ impl Functions {
         };
         Arc::new(problem.checked().expect("tapes fit together"))
     }
+}
+
+/// The semi-explicit system y' = f, 0 = k of these functions, with all derivatives; it has no parameters.
+pub(crate) fn semi_explicit(f: &[Expr], k: &[Expr]) -> Arc<SemiExplicit> {
+    let (n, l) = (f.len(), k.len());
+    let along = |x: &Expr| {
+        let slopes: Vec<_> = (0..n).map(|j| x.d(Y, j)).collect();
+        x.d(T, 0) + dot(&slopes, f)
+    };
+    let w: Vec<_> = k.iter().map(along).collect();
+    let (f_y, f_z) = (jacobian(f, Y, n, n), jacobian(f, Z, n, l));
+    let (k_y, w_z) = (jacobian(k, Y, l, n), jacobian(&w, Z, l, l));
+    let (point, place) = ([1, n, l, 0], [1, n, 0]);
+    let record = |sizes: &[usize], parts: &[&[Expr]]| tape(sizes, &parts.concat());
+    let problem = SemiExplicit {
+        n,
+        l,
+        is_linear: !f_z.1.iter().any(|x| x.depends_on(Z)),
+        field: record(&point, &[f]),
+        field_jacobian: record(&point, &[&f_y.1, &f_z.1]),
+        constraint: record(&place, &[k]),
+        constraint_jacobian: record(&place, &[&k_y.1]),
+        hidden: record(&point, &[&w, f]),
+        hidden_jacobian: record(&point, &[&w_z.1, &f_z.1]),
+        patterns: semi_explicit::Patterns {
+            f_y: f_y.0,
+            f_z: f_z.0,
+            k_y: k_y.0,
+            w_z: w_z.0,
+        },
+    };
+    Arc::new(problem.checked().expect("tapes and patterns fit together"))
+}
+
+/// A turning vector whose first component is prescribed, nonlinear in the unknown: (f, k).
+pub(crate) fn turning() -> (Vec<Expr>, Vec<Expr>) {
+    let (y, z) = (inputs(Y, 3), input(Z, 0));
+    let axis = [
+        (input(T, 0) * 3.0).sin() * 0.2,
+        z.clone(),
+        (&z * &z + 1.0) * 0.5,
+    ];
+    let f = [(1, 2), (2, 0), (0, 1)].map(|(i, j)| &axis[i] * &y[j] - &axis[j] * &y[i]);
+    (f.to_vec(), vec![&y[0] - (input(T, 0) * 2.0).sin() * 0.25])
 }
 
 fn jacobian(of: &[Expr], group: usize, rows: usize, cols: usize) -> (Pattern, Vec<Expr>) {

@@ -5,7 +5,7 @@ use super::control::{Control, refused};
 use super::launch::{launch_controlled, launch_symmetric};
 use crate::convert::Mechanical;
 use crate::errors;
-use crate::tableau::{gauss_of, lobatto_named, scheme_named};
+use crate::tableau::{lobatto_named, scheme_named, spark_named};
 use liouville_core::method::composition::Composed;
 use liouville_core::method::spark::{Solver, Spark};
 use liouville_core::problem::mechanical::{Model, Observer, State};
@@ -42,7 +42,7 @@ pub(super) fn spark<'py>(
     };
     let tableau = match base.getattr_opt("force")? {
         Some(force) => lobatto_named(stages, &force.extract::<String>()?)?,
-        None => gauss_of(stages)?,
+        None => spark_named(stages, &base.getattr("points")?.extract::<String>()?)?,
     };
     if scheme.is_some() && !tableau.is_symmetric() {
         return Err(PyValueError::new_err("only a symmetric method is composed"));

@@ -16,7 +16,7 @@ mod predictor;
 mod stages;
 
 use super::{Stats, Stepper, Symmetric};
-use crate::linalg::{copy, max_norm};
+use crate::linalg::{add_scaled, copy, max_norm};
 use crate::newton::{self, Equations};
 use crate::problem::semi_explicit::{Algebraic, Model, State};
 use crate::trouble::Trouble;
@@ -36,6 +36,8 @@ pub struct Index2 {
     predictor: Predictor,
     algebraic: Algebraic,
     z: Vec<f64>,
+    /// f at the start of a cold step.
+    slope: Vec<f64>,
     y_low: Vec<f64>,
     stats: Stats,
 }
@@ -61,6 +63,7 @@ impl Index2 {
             predictor: Predictor::new(&stages),
             algebraic: Algebraic::new(&model),
             z: vec![0.0; model.problem.l],
+            slope: vec![0.0; model.problem.n],
             y_low: vec![0.0; model.problem.n],
             stats: Stats::default(),
             stages,
@@ -85,18 +88,44 @@ impl Index2 {
             self.stats.cold_starts += 1;
             self.frozen.discard();
         }
-        self.start_cold(step);
+        self.start_by_euler(step);
+        if self.iterate(step).is_ok() {
+            return Ok(());
+        }
+        self.start_constant(step);
         self.iterate(step)
             .map_err(|trouble| self.explain(step, trouble))
     }
 
-    /// V_i and Z_i as they are at the start of the step.
-    fn start_cold(&mut self, step: Step) {
+    /// V_i and Z_i where Euler's method leads to, each z from the hidden constraint there.
+    fn start_by_euler(&mut self, step: Step) {
         let State { y, z, .. } = step.state;
-        let v = self.model.field(step.t, y, z);
+        copy(&mut self.slope, self.model.field(step.t, y, z));
+        let speed = max_norm(y) / step.h.abs();
         for i in 0..self.stages.count() {
-            copy(self.stages.v.row_mut(i), v);
-            copy(self.stages.z.row_mut(i), z);
+            let t = self.stages.time(step, i);
+            let (point, unknowns) = (self.stages.y.row_mut(i), self.stages.z.row_mut(i));
+            copy(point, y);
+            add_scaled(point, t - step.t, &self.slope);
+            copy(unknowns, z);
+            let found = self
+                .algebraic
+                .solve(&mut self.model, t, point, unknowns, speed);
+            if found.is_err() {
+                copy(unknowns, z);
+            }
+            copy(
+                self.stages.v.row_mut(i),
+                self.model.field(t, point, unknowns),
+            );
+        }
+    }
+
+    /// V_i and Z_i as they are at the start of the step.
+    fn start_constant(&mut self, step: Step) {
+        for i in 0..self.stages.count() {
+            copy(self.stages.v.row_mut(i), &self.slope);
+            copy(self.stages.z.row_mut(i), &step.state.z);
         }
     }
 

@@ -162,11 +162,11 @@ impl Stepper for Rattle {
         self.move_coordinates(step);
         self.solve_velocities(step)?;
         self.guess.keep(h, &self.positions.lam);
-        copy(&mut state.y, self.positions.y());
-        copy(&mut state.y_low, &self.y_low);
-        copy(&mut state.p, &self.p);
-        copy(&mut state.p_low, &self.low);
         self.inertia.state(&self.p, &self.low, &mut state.z);
+        std::mem::swap(&mut state.y, self.positions.y_mut());
+        std::mem::swap(&mut state.y_low, &mut self.y_low);
+        std::mem::swap(&mut state.p, &mut self.p);
+        std::mem::swap(&mut state.p_low, &mut self.low);
         copy(&mut self.start_y, &state.y);
         self.start = Some(t + h);
         Ok(())

@@ -21,13 +21,13 @@ pub(super) struct Positions {
     pub(super) lam: Vec<f64>,
     d_lam: Vec<f64>,
     y: Vec<f64>,
-    v: Vec<f64>,
     /// What p has lost to rounding, with the impulse of the forces.
     low: Vec<f64>,
-    /// −G0ᵀ λ, and its change.
+    /// The move that comes without reactions.
+    free: Vec<f64>,
+    /// −G0ᵀ λ, and what it moves.
     reaction: Vec<f64>,
-    change: Vec<f64>,
-    momenta: Vec<f64>,
+    moves: Vec<f64>,
 }
 
 /// The equation in the middle of being solved.
@@ -37,7 +37,7 @@ pub(super) struct Solve<'a> {
     inertia: &'a mut Inertia,
     reactions: &'a mut Reactions,
     step: Step<'a>,
-    /// The velocity that moves the coordinates by their own size, and those there are.
+    /// What a move is small against: the coordinates, and the move itself.
     scale: Option<f64>,
     pub(super) factorizations: usize,
 }
@@ -49,11 +49,10 @@ impl Positions {
             lam: vec![0.0; m],
             d_lam: vec![0.0; m],
             y: zeros.clone(),
-            v: zeros.clone(),
             low: zeros.clone(),
+            free: zeros.clone(),
             reaction: zeros.clone(),
-            change: zeros.clone(),
-            momenta: zeros,
+            moves: zeros,
         }
     }
 
@@ -66,8 +65,19 @@ impl Positions {
         force: &[f64],
         step: Step<'a>,
     ) -> Solve<'a> {
-        copy(&mut self.low, &step.state.p_low);
-        add_scaled(&mut self.low, 0.5 * step.h, force);
+        let (
+            h,
+            State {
+                p, p_low, y_low, ..
+            },
+        ) = (step.h, step.state);
+        for ((out, low), f) in self.low.iter_mut().zip(p_low).zip(force) {
+            *out = low + 0.5 * h * f;
+        }
+        inertia.velocity(p, &self.low, &mut self.free);
+        for (free, low) in self.free.iter_mut().zip(y_low) {
+            *free = low + h * *free;
+        }
         self.reaction.fill(0.0);
         reactions.push(&self.lam, -1.0, &mut self.reaction);
         Solve {
@@ -86,7 +96,7 @@ impl Positions {
         &self.y
     }
 
-    pub(super) fn y_mut(&mut self) -> &mut [f64] {
+    pub(super) fn y_mut(&mut self) -> &mut Vec<f64> {
         &mut self.y
     }
 
@@ -98,39 +108,45 @@ impl Positions {
     }
 }
 
+impl Solve<'_> {
+    /// y1 with the reactions there are.
+    fn move_coordinates(&mut self) {
+        let (at, y) = (&mut *self.at, &self.step.state.y);
+        copy(&mut at.moves, &at.reaction);
+        self.inertia.move_by(&mut at.moves);
+        let time = 0.5 * self.step.h * self.step.h;
+        let moves = at.free.iter().zip(&at.moves);
+        for ((out, y), (free, moved)) in at.y.iter_mut().zip(y).zip(moves) {
+            *out = y + (free + time * moved);
+        }
+    }
+}
+
 impl Equations for Solve<'_> {
     fn correct(&mut self) -> Result<f64, Trouble> {
-        let (at, Step { t, h, state }) = (&mut *self.at, self.step);
-        if at.lam.is_empty() {
+        if self.at.lam.is_empty() {
             return Ok(0.0);
         }
-        let half = 0.5 * h;
-        let mut momenta = std::mem::take(&mut at.momenta);
-        at.impulse(half, &mut momenta);
-        self.inertia.velocity(&state.p, &momenta, &mut at.v);
-        at.momenta = momenta;
-        let from = state.y.iter().zip(&state.y_low);
-        for (out, ((y, low), v)) in at.y.iter_mut().zip(from.zip(&at.v)) {
-            *out = y + (low + h * v);
-        }
+        self.move_coordinates();
+        let (at, Step { t, h, state }) = (&mut *self.at, self.step);
+        let time = 0.5 * h * h;
         copy(&mut at.d_lam, self.model.constraint(t + h, &at.y)?);
         let scale = if let Some(scale) = self.scale {
             scale
         } else {
             let reactions = &mut *self.reactions;
             self.factorizations += reactions.factor_at(self.model, t + h, &at.y)?;
-            *self
-                .scale
-                .insert(max_norm(&at.v) + max_norm(&state.y) / h.abs())
+            let apart = at.y.iter().zip(&state.y);
+            let moved = apart.fold(0.0_f64, |most, (y1, y)| most.max((y1 - y).abs()));
+            *self.scale.insert(max_norm(&state.y) + moved)
         };
         self.reactions.solve_positions(self.model, &mut at.d_lam);
-        let unit = 1.0 / (half * h);
-        add_scaled(&mut at.lam, unit, &at.d_lam);
-        at.change.fill(0.0);
-        self.reactions.push(&at.d_lam, -unit, &mut at.change);
-        add_scaled(&mut at.reaction, 1.0, &at.change);
-        self.inertia.move_by(&mut at.change);
-        let size = half.abs() * max_norm(&at.change);
+        add_scaled(&mut at.lam, 1.0 / time, &at.d_lam);
+        at.moves.fill(0.0);
+        self.reactions.push(&at.d_lam, -1.0, &mut at.moves);
+        add_scaled(&mut at.reaction, 1.0 / time, &at.moves);
+        self.inertia.move_by(&mut at.moves);
+        let size = max_norm(&at.moves);
         Ok(if size == 0.0 { 0.0 } else { size / scale })
     }
 }

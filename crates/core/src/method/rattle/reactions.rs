@@ -62,10 +62,15 @@ impl Columns {
         for (out, end) in out.iter_mut().zip(&self.starts[1..]) {
             let entries = start..*end as usize;
             start = entries.end;
-            let mut sum = 0.0;
-            for (row, value) in self.rows[entries.clone()].iter().zip(&values[entries]) {
-                sum += value * x[*row as usize];
-            }
+            // two bonds hold most coordinates of most molecules
+            let sum = match (&self.rows[entries.clone()], &values[entries]) {
+                ([i, j], [a, b]) => a * x[*i as usize] + b * x[*j as usize],
+                ([i], [a]) => a * x[*i as usize],
+                (rows, values) => {
+                    let products = rows.iter().zip(values);
+                    products.map(|(row, value)| value * x[*row as usize]).sum()
+                }
+            };
             *out += factor * sum;
         }
     }
@@ -170,7 +175,7 @@ impl Reactions {
             return Ok(0);
         }
         let gram = &mut eliminated.of_velocities;
-        gram.factor(&self.gradient, &eliminated.moved)
+        gram.factor_symmetric(&self.gradient, &eliminated.moved)
             .map_err(|singular| dependent(model, &self.gradient, singular))?;
         eliminated.is_ready = true;
         Ok(1)

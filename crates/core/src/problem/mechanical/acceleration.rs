@@ -1,11 +1,13 @@
 //! The acceleration-level solve A(t, y, z): the index-1 form of the system, for z' and λ.
 //!
-//!     p_z z' + p_y v + p_t = f + r(t, y, λ)
+//!     p_z z' + p_y v + p_t = f + r(t, y, λ) + r_n(t, y, z, ν)
 //!     w_z z' + w_y v + w_t = 0
+//!     k_z z' + k_y v + k_t = 0
 //!
 //! It gives the multipliers at full order and the cold start of an integration.
 
-use super::{Model, Saddle, model::finite};
+use super::model::{finite, finite_k};
+use super::{Model, Saddle};
 use crate::linalg::max_norm;
 use crate::newton::{self, Equations};
 use crate::trouble::{Quantity, Trouble};
@@ -16,7 +18,7 @@ pub struct Acceleration {
     saddle: Saddle,
     /// z', as last solved for.
     pub z_dot: Vec<f64>,
-    /// λ, as last solved for; the start of the next solve where r is nonlinear in it.
+    /// λ, then ν, as last solved for; the start of the next solve where r is nonlinear in it.
     pub lam: Vec<f64>,
     force: Vec<f64>,
     drift: Vec<f64>,
@@ -32,7 +34,7 @@ struct Solve<'a> {
 impl Acceleration {
     /// Memory for this model.
     pub fn new(model: &Model) -> Self {
-        let (n, m) = (model.problem.n, model.problem.m);
+        let (n, m) = (model.problem.n, model.problem.multipliers());
         Self {
             saddle: Saddle::new(model),
             z_dot: vec![0.0; n],
@@ -46,7 +48,8 @@ impl Acceleration {
     /// Solves for `z_dot` and `lam` at (t, y, z).
     ///
     /// # Errors
-    /// A value that is not finite, a singular matrix, or no convergence where r is nonlinear in λ.
+    /// A value that is not finite, a singular matrix, or no convergence where reactions are nonlinear
+    /// in their multipliers.
     pub fn solve(
         &mut self,
         model: &mut Model,
@@ -54,9 +57,11 @@ impl Acceleration {
         y: &[f64],
         z: &[f64],
     ) -> Result<(), Trouble> {
+        let m = model.problem.m;
         let [force, drift, _] = model.acceleration(t, y, z);
         finite(force, Quantity::Force, t)?;
-        finite(drift, Quantity::Hidden, t)?;
+        finite(&drift[..m], Quantity::Hidden, t)?;
+        finite_k(&drift[m..], m, t)?;
         self.force.copy_from_slice(force);
         self.drift.copy_from_slice(drift);
         let is_linear = model.problem.is_linear;
@@ -82,8 +87,14 @@ impl Equations for Solve<'_> {
         let at = &mut *self.at;
         at.saddle.update(self.model, t, y, z, &at.lam)?;
         at.z_dot.copy_from_slice(&at.force);
-        if !at.lam.is_empty() {
-            let [_, r] = self.model.node(t, y, &at.lam);
+        let (lam, nu) = at.lam.split_at(self.model.problem.m);
+        if !lam.is_empty() {
+            let [_, r] = self.model.node(t, y, lam);
+            finite(r, Quantity::Reaction, t)?;
+            at.z_dot.iter_mut().zip(r).for_each(|(out, r)| *out += r);
+        }
+        if !nu.is_empty() {
+            let [_, r] = self.model.nonholonomic(t, y, z, nu);
             finite(r, Quantity::Reaction, t)?;
             at.z_dot.iter_mut().zip(r).for_each(|(out, r)| *out += r);
         }

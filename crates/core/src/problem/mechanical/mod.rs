@@ -3,12 +3,14 @@
 //!     y' = v(t, y, z),   d/dt p(t, y, z) = f(t, y, z) + r(t, y, λ),   0 = g(t, y)
 //!
 //! with the hidden constraint 0 = w(t, y, z) := g_t + g_y v. A Lagrangian system has v = z and
-//! p = L_v; a Hamiltonian one p = z and v = H_p; both r = −g_yᵀ λ. Source: jay2007.
+//! p = L_v; a Hamiltonian one p = z and v = H_p; both r = −g_yᵀ λ. Nonholonomic constraints, if there
+//! are any, have a file of their own. Source: jay2007.
 
 mod acceleration;
 mod dense;
 mod model;
 mod monitor;
+mod nonholonomic;
 mod observe;
 mod projection;
 mod saddle;
@@ -17,8 +19,9 @@ mod separable;
 
 pub use acceleration::Acceleration;
 pub use dense::{Path, Point};
-pub use model::{Model, finite};
+pub use model::{Model, finite, finite_k};
 pub use monitor::{MechanicalMonitor, TimeScale, Traced};
+pub use nonholonomic::{Nonholonomic, NonholonomicPatterns};
 pub use observe::{Carried, Observer};
 pub use projection::{Projection, project};
 pub use saddle::{Mass, Saddle};
@@ -38,9 +41,9 @@ use model::cut;
 pub struct Mechanical {
     /// Number of coordinates.
     pub n: usize,
-    /// Number of constraints.
+    /// Number of holonomic constraints.
     pub m: usize,
-    /// p is linear in z, v linear in z, and r linear in λ.
+    /// p, v and k are linear in z, and reactions linear in their multipliers.
     pub is_linear: bool,
     /// (t, y, z) → p, f, v
     pub stage: Tape,
@@ -56,10 +59,12 @@ pub struct Mechanical {
     pub node_jacobian: Tape,
     /// (t, y, z) → p, w, v
     pub end: Tape,
-    /// (t, y, z) → f − p_t − p_y v, w_t + w_y v, v_t + v_y v
+    /// (t, y, z) → f − p_t − p_y v, w_t + w_y v, k_t + k_y v, v_t + v_y v
     pub acceleration: Tape,
     /// Where the derivatives are not zero.
     pub patterns: Patterns,
+    /// Constraints on velocities, and their reactions.
+    pub nonholonomic: Option<Box<Nonholonomic>>,
 }
 
 /// The sparsity of each derivative.
@@ -115,7 +120,12 @@ impl Mechanical {
             ),
             ("node_jacobian", &self.node_jacobian, m, at.r_y.len()),
             ("end", &self.end, n, n + m + v),
-            ("acceleration", &self.acceleration, n, n + m + v),
+            (
+                "acceleration",
+                &self.acceleration,
+                n,
+                n + self.multipliers() + v,
+            ),
         ];
         for (name, tape, third, outputs) in tapes {
             check(name, tape.inputs().len(), 4)?;
@@ -140,11 +150,32 @@ impl Mechanical {
             .chain(v_z)
             .chain(shaped)
         {
-            check(name, pattern.shape().0, rows)?;
-            check(name, pattern.shape().1, cols)?;
+            check_pattern(name, pattern, (rows, cols))?;
+        }
+        if let Some(nonholonomic) = &self.nonholonomic {
+            nonholonomic.check(n, m, params)?;
         }
         Ok(self)
     }
+
+    /// Number l of nonholonomic constraints.
+    pub fn l(&self) -> usize {
+        self.nonholonomic.as_ref().map_or(0, |own| own.l)
+    }
+
+    /// Number of all multipliers, λ then ν.
+    pub fn multipliers(&self) -> usize {
+        self.m + self.l()
+    }
+}
+
+fn check_pattern(
+    name: &'static str,
+    pattern: &Pattern,
+    (rows, cols): (usize, usize),
+) -> Result<(), Mismatch> {
+    check(name, pattern.shape().0, rows)?;
+    check(name, pattern.shape().1, cols)
 }
 
 fn check(name: &'static str, found: usize, wanted: usize) -> Result<(), Mismatch> {

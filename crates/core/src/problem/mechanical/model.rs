@@ -1,5 +1,6 @@
 //! A mechanical system with its parameters bound, and the memory its tapes work in.
 
+use super::nonholonomic::{Bound, Nonholonomic};
 use super::{Mechanical, State};
 use crate::tape::Registers;
 use crate::trouble::{Quantity, Trouble};
@@ -18,6 +19,7 @@ pub struct Model {
     node_jacobian: Registers<f64>,
     end: Registers<f64>,
     acceleration: Registers<f64>,
+    nonholonomic: Option<Box<Bound>>,
     /// n, or 0 where v is z.
     v_size: usize,
 }
@@ -49,6 +51,10 @@ impl Model {
             node_jacobian: problem.node_jacobian.bind(params),
             end: problem.end.bind(params),
             acceleration: problem.acceleration.bind(params),
+            nonholonomic: problem
+                .nonholonomic
+                .as_ref()
+                .map(|own| Box::new(Bound::new(own, params))),
             v_size: if problem.patterns.v_z.is_some() {
                 problem.n
             } else {
@@ -138,15 +144,51 @@ impl Model {
         )
     }
 
-    /// f − p_t − `p_y` v, `w_t` + `w_y` v and `v_t` + `v_y` v at (t, y, z); the last is empty where v is z.
+    /// f − p_t − `p_y` v, then `w_t` + `w_y` v with `k_t` + `k_y` v behind it, and `v_t` + `v_y` v at (t, y, z);
+    /// the last is empty where v is z.
     pub fn acceleration(&mut self, t: f64, y: &[f64], z: &[f64]) -> Parts<'_, 3> {
-        let sizes = [self.problem.n, self.problem.m, self.v_size];
+        let sizes = [self.problem.n, self.problem.multipliers(), self.v_size];
         cut(
             self.problem
                 .acceleration
                 .eval(&mut self.acceleration, [&[t], y, z]),
             sizes,
         )
+    }
+
+    /// k, `r_n` at (t, y, z, ν); empty where there is no such constraint.
+    pub fn nonholonomic(&mut self, t: f64, y: &[f64], z: &[f64], nu: &[f64]) -> Parts<'_, 2> {
+        match self.bound() {
+            Some((problem, bound)) => bound.values(problem, [&[t], y, z, nu]),
+            None => [&[]; 2],
+        }
+    }
+
+    /// `k_y`, `k_z`, and of `r_n` its derivatives by y, z and ν, at (t, y, z, ν).
+    pub fn nonholonomic_blocks(
+        &mut self,
+        t: f64,
+        y: &[f64],
+        z: &[f64],
+        nu: &[f64],
+    ) -> Parts<'_, 5> {
+        match self.bound() {
+            Some((problem, bound)) => bound.blocks(problem, [&[t], y, z, nu]),
+            None => [&[]; 5],
+        }
+    }
+
+    /// `w_y` at (t, y, z), where there are nonholonomic constraints too.
+    pub fn hidden_jacobian(&mut self, t: f64, y: &[f64], z: &[f64]) -> &[f64] {
+        match self.bound() {
+            Some((problem, bound)) => bound.hidden(problem, [&[t], y, z]),
+            None => &[],
+        }
+    }
+
+    fn bound(&mut self) -> Option<(&Nonholonomic, &mut Bound)> {
+        let problem = self.problem.nonholonomic.as_deref()?;
+        Some((problem, self.nonholonomic.as_deref_mut()?))
     }
 
     /// The state at (t, y, z), with nothing lost to rounding yet.
@@ -175,4 +217,19 @@ pub fn finite(values: &[f64], quantity: Quantity, t: f64) -> Result<(), Trouble>
     }
     let index = values.iter().position(|x| !x.is_finite()).unwrap_or(0);
     Err(Trouble::NotFinite { quantity, index, t })
+}
+
+/// [`finite`] of k, whose constraints come after the m holonomic ones.
+///
+/// # Errors
+/// [`Trouble::NotFinite`].
+pub fn finite_k(k: &[f64], m: usize, t: f64) -> Result<(), Trouble> {
+    match k.iter().position(|x| !x.is_finite()) {
+        Some(index) => Err(Trouble::NotFinite {
+            quantity: Quantity::Nonholonomic,
+            index: m + index,
+            t,
+        }),
+        None => Ok(()),
+    }
 }

@@ -29,7 +29,7 @@ impl Carried for State {
     }
 }
 
-/// Records y, z, λ, and z' and a of methods that carry a (where states are wanted); then the work of
+/// Records y, z, λ and ν, and z' and a of methods that carry a (where states are wanted); then the work of
 /// such methods; then the outputs of a tape (t, y, z) → quantities.
 #[derive(Clone, Debug)]
 pub struct Observer {
@@ -90,7 +90,7 @@ impl Observer {
 
 impl<S: Carried> Observe<S> for Observer {
     fn width(&self, state: &S) -> usize {
-        let (n, m) = (self.model.problem.n, self.model.problem.m);
+        let (n, m) = (self.model.problem.n, self.model.problem.multipliers());
         let accelerations = state.accelerations().map_or(0, |(a, _)| a.len());
         let states = self
             .states

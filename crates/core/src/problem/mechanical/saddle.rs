@@ -4,9 +4,10 @@
 //!     [ g_y v_z    0  ] [ μ ] = [ b ],     S = g_y v_z p_z⁻¹ r_λ   (m by m)
 //!
 //! or, where S would be large, as it stands: with V = v_z x for a further unknown, in the units of μ that
-//! make r_λ as large as p_z.
+//! make r_λ as large as p_z. Nonholonomic constraints add the rows k_z and the columns −∂r_n/∂ν.
 
 use super::model::finite;
+use super::nonholonomic::explain_all;
 use super::{Mechanical, Model};
 use crate::linalg::{
     Assembly, Factor, Lu, Matrix, Pattern, Singular, copy, copy_scaled, dependencies, max_norm,
@@ -119,6 +120,23 @@ impl Mass {
             self.solve_velocity(out.row_mut(col));
         }
     }
+
+    /// Each row x of `rows` becomes `v_z x`.
+    fn take_velocities(&mut self, rows: &mut Matrix) {
+        if self.v_z.is_some() {
+            for row in 0..rows.rows() {
+                copy(&mut self.column, rows.row(row));
+                rows.row_mut(row).fill(0.0);
+                self.add_velocity(&self.column, rows.row_mut(row));
+            }
+        }
+    }
+
+    /// `v_z`, where it is not the identity.
+    pub(super) fn v_z(&self) -> Option<(&Pattern, &[f64])> {
+        let (pattern, values) = self.v_z.as_ref()?;
+        Some((pattern, values))
+    }
 }
 
 /// `target[row.., col..] += factor * A Cᵀ` for a sparse A and the rows of C.
@@ -154,6 +172,14 @@ pub struct Saddle {
     factors: Factors,
     g_y: Vec<f64>,
     r_lam: Vec<f64>,
+    nonholonomic: Option<Border>,
+}
+
+/// What nonholonomic constraints add to the saddle.
+#[derive(Clone, Debug)]
+struct Border {
+    k_z: Vec<f64>,
+    r_nu: Vec<f64>,
 }
 
 /// The matrix in one of two forms.
@@ -184,12 +210,13 @@ impl Saddle {
     /// Memory for the saddle of this model.
     pub fn new(model: &Model) -> Self {
         let problem = &model.problem;
-        let factors = if problem.m >= WHOLE {
+        let order = problem.multipliers();
+        let factors = if order >= WHOLE {
             Factors::Whole(Box::new(Whole::new(problem)))
         } else {
             Factors::Schur {
-                compliance: Matrix::zeros(problem.m, problem.n),
-                schur: Lu::new(problem.m),
+                compliance: Matrix::zeros(order, problem.n),
+                schur: Lu::new(order),
                 velocity: vec![0.0; problem.n],
             }
         };
@@ -198,6 +225,10 @@ impl Saddle {
             factors,
             g_y: vec![0.0; problem.patterns.g_y.len()],
             r_lam: vec![0.0; problem.patterns.r_lam.len()],
+            nonholonomic: problem.nonholonomic.as_ref().map(|own| Border {
+                k_z: vec![0.0; own.patterns.k_z.len()],
+                r_nu: vec![0.0; own.patterns.r_nu.len()],
+            }),
         }
     }
 
@@ -211,7 +242,7 @@ impl Saddle {
         &self.r_lam
     }
 
-    /// Factors the matrix at (t, y, z, λ).
+    /// Factors the matrix at (t, y, z, λ), ν behind λ.
     ///
     /// # Errors
     /// A singular mass, redundant constraints, or a derivative that is not finite.
@@ -224,52 +255,92 @@ impl Saddle {
         lam: &[f64],
     ) -> Result<(), Trouble> {
         self.mass.update(model, t, y, z)?;
-        if model.problem.m == 0 {
+        if model.problem.multipliers() == 0 {
             return Ok(());
         }
+        let (lam, nu) = lam.split_at(model.problem.m);
         let [g_y, r_lam] = model.node_blocks(t, y, lam);
         finite(g_y, Quantity::Derivative, t)?;
         finite(r_lam, Quantity::Derivative, t)?;
         copy(&mut self.g_y, g_y);
         copy(&mut self.r_lam, r_lam);
+        if let Some(own) = &mut self.nonholonomic {
+            let [_, k_z, _, _, r_nu] = model.nonholonomic_blocks(t, y, z, nu);
+            finite(k_z, Quantity::Derivative, t)?;
+            finite(r_nu, Quantity::Derivative, t)?;
+            copy(&mut own.k_z, k_z);
+            copy(&mut own.r_nu, r_nu);
+        }
         let factored = match &mut self.factors {
-            Factors::Schur {
-                compliance, schur, ..
-            } => {
-                let at = &model.problem.patterns;
-                self.mass.compliance(&at.r_lam, &self.r_lam, compliance);
-                schur.matrix_mut().clear();
-                add_product(
-                    &at.g_y,
-                    &self.g_y,
-                    1.0,
-                    compliance,
-                    schur.matrix_mut(),
-                    (0, 0),
-                );
-                schur.factor()
-            }
+            Factors::Schur { .. } => self.factor_schur(&model.problem),
             Factors::Whole(whole) => {
-                whole.factor(model.stage_blocks(t, y, z), &self.g_y, &self.r_lam)
+                let own = self.nonholonomic.as_ref();
+                whole.factor(model.stage_blocks(t, y, z), &self.g_y, &self.r_lam, own)
             }
         };
-        let pattern = &model.problem.patterns.g_y;
-        factored.map_err(|_| explain(pattern, &self.g_y, Trouble::SingularNewton))
+        factored.map_err(|_| match &self.nonholonomic {
+            None => explain(
+                &model.problem.patterns.g_y,
+                &self.g_y,
+                Trouble::SingularNewton,
+            ),
+            Some(own) => explain_all(&model.problem, &self.mass, &self.g_y, &own.k_z),
+        })
+    }
+
+    fn factor_schur(&mut self, problem: &Mechanical) -> Result<(), Singular> {
+        let Factors::Schur {
+            compliance, schur, ..
+        } = &mut self.factors
+        else {
+            return Ok(());
+        };
+        let at = &problem.patterns;
+        schur.matrix_mut().clear();
+        match (&problem.nonholonomic, &self.nonholonomic) {
+            (Some(problem), Some(own)) => {
+                let at_own = &problem.patterns;
+                let m = compliance.rows() - problem.l;
+                compliance.clear();
+                at.r_lam.add_transposed(&self.r_lam, compliance, 0);
+                at_own.r_nu.add_transposed(&own.r_nu, compliance, m);
+                for row in 0..compliance.rows() {
+                    self.mass.solve(compliance.row_mut(row));
+                }
+                let target = schur.matrix_mut();
+                add_product(&at_own.k_z, &own.k_z, 1.0, compliance, target, (m, 0));
+                self.mass.take_velocities(compliance);
+            }
+            _ => self.mass.compliance(&at.r_lam, &self.r_lam, compliance),
+        }
+        let target = schur.matrix_mut();
+        add_product(&at.g_y, &self.g_y, 1.0, compliance, target, (0, 0));
+        schur.factor()
     }
 
     /// Solves in place: `a` becomes x, `b` becomes μ.
     pub fn solve(&mut self, model: &Model, a: &mut [f64], b: &mut [f64]) {
-        let at = &model.problem.patterns;
+        let (problem, at) = (&model.problem, &model.problem.patterns);
         match &mut self.factors {
             _ if b.is_empty() => self.mass.solve(a),
             Factors::Schur {
                 schur, velocity, ..
             } => {
                 copy(velocity, a);
+                if let (Some(problem), Some(own)) = (&problem.nonholonomic, &self.nonholonomic) {
+                    let (b, at_own) = (&mut b[at.g_y.shape().0..], &problem.patterns);
+                    self.mass.solve(velocity);
+                    at_own.k_z.multiply_add(&own.k_z, -1.0, velocity, b);
+                    copy(velocity, a);
+                }
                 self.mass.solve_velocity(velocity);
                 at.g_y.multiply_add(&self.g_y, -1.0, velocity, b);
                 schur.solve(b);
                 at.r_lam.multiply_add(&self.r_lam, 1.0, b, a);
+                if let (Some(problem), Some(own)) = (&problem.nonholonomic, &self.nonholonomic) {
+                    let nu = &b[at.g_y.shape().0..];
+                    problem.patterns.r_nu.multiply_add(&own.r_nu, 1.0, nu, a);
+                }
                 self.mass.solve(a);
             }
             Factors::Whole(whole) => whole.solve(a, b),
@@ -293,12 +364,19 @@ impl Whole {
             (&at.g_y, end, end - n),
         ];
         blocks.extend(velocity.iter().flat_map(|v_z| [(*v_z, n, 0), (&one, n, n)]));
-        let matrix = Assembly::new((end + m, end + m), &blocks);
+        let own = problem.nonholonomic.as_ref().map(|own| &own.patterns);
+        let place = end + m;
+        blocks.extend(
+            own.iter()
+                .flat_map(|at| [(&at.r_nu, 0, place), (&at.k_z, place, 0)]),
+        );
+        let order = end + problem.multipliers();
+        let matrix = Assembly::new((order, order), &blocks);
         let factor = Factor::new(matrix.pattern());
         Self {
             factor,
             matrix,
-            unknowns: vec![0.0; end + m],
+            unknowns: vec![0.0; order],
             minus_one: vec![-1.0; end - n],
             unit: 1.0,
         }
@@ -309,8 +387,10 @@ impl Whole {
         [p_z, v_z]: [&[f64]; 2],
         g_y: &[f64],
         r_lam: &[f64],
+        nonholonomic: Option<&Border>,
     ) -> Result<(), Singular> {
-        let unit = max_norm(p_z) / max_norm(r_lam);
+        let r_nu = nonholonomic.map_or(0.0, |own| max_norm(&own.r_nu));
+        let unit = max_norm(p_z) / max_norm(r_lam).max(r_nu);
         self.unit = if unit.is_normal() { unit } else { 1.0 };
         self.matrix.clear();
         self.matrix.add(0, p_z, 1.0);
@@ -319,6 +399,11 @@ impl Whole {
         if !self.minus_one.is_empty() {
             self.matrix.add(3, v_z, 1.0);
             self.matrix.add(4, &self.minus_one, 1.0);
+        }
+        if let Some(own) = nonholonomic {
+            let next = if self.minus_one.is_empty() { 3 } else { 5 };
+            self.matrix.add(next, &own.r_nu, -self.unit);
+            self.matrix.add(next + 1, &own.k_z, 1.0);
         }
         self.factor
             .factor(self.matrix.pattern(), self.matrix.values())

@@ -45,7 +45,8 @@ impl SecondOrder {
     /// The system, once its parts are seen to fit together.
     ///
     /// # Errors
-    /// The first tape or pattern that has not the size the others imply, or a velocity that is not z.
+    /// The first tape or pattern that has not the size the others imply, a velocity that is not z, or
+    /// nonholonomic constraints.
     pub fn checked(self) -> Result<Self, Mismatch> {
         let (n, m, at) = (self.mechanical.n, self.mechanical.m, &self.patterns);
         let params = self.mechanical.stage.inputs()[3];
@@ -58,6 +59,7 @@ impl SecondOrder {
                 .map_or(0, Pattern::len),
             0,
         )?;
+        check("nonholonomic", self.mechanical.l(), 0)?;
         let tapes = [
             ("residual", &self.residual, n, n + m + m),
             (

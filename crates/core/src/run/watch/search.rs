@@ -180,6 +180,8 @@ fn zero(scene: &mut impl Scene, a: Node, b: Node, resolution: f64) -> Result<Opt
     };
     let scale = a.value.abs().max(b.value.abs());
     let (mut x, slope) = roughly(scene, exact)?;
+    // the rough slope may be that of the rough function's way to an exact end
+    let steep = slope.abs().min((b.value - a.value).abs() / exact.width());
     let (mut best, mut stale) = ((x, f64::INFINITY), 0);
     let most = halvings(exact.width(), resolution) + 2;
     for left in (0..=most).rev() {
@@ -188,7 +190,7 @@ fn zero(scene: &mut impl Scene, a: Node, b: Node, resolution: f64) -> Result<Opt
         if stale == 0 {
             best = (x, value.abs());
         }
-        if value.abs() <= slope.abs() * resolution {
+        if value.abs() <= steep * resolution {
             return Ok(Some(x));
         }
         exact.tighten(x, value);

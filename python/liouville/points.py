@@ -1,0 +1,52 @@
+"""Points of a trajectory: states at times that are not those of the steps."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Points:
+    """States of a trajectory at some times, each also an attribute: ``points.q``.
+
+    Attributes
+    ----------
+    t : ndarray, shape (k,), or float
+        The times.
+    states : dict of str to ndarray
+        ``q``, ``v``, ``p`` of shape (k, n) and ``lam`` of shape (k, m), by the names that the
+        solution has them under; without the first axis where t is a single time.
+    """
+
+    t: Any
+    states: dict[str, NDArray[Any]]
+
+    def __post_init__(self) -> None:
+        """Make the arrays read-only."""
+        for values in (self.t, *self.states.values()):
+            if isinstance(values, np.ndarray):
+                values.setflags(write=False)
+
+    def __getattr__(self, name: str) -> NDArray[Any]:
+        """Give a state by its name."""
+        states = self.__dict__.get("states", {})
+        if name in states:
+            found: NDArray[Any] = states[name]
+            return found
+        raise AttributeError(
+            f"the points have no {name!r}\nhint: their states are {', '.join(states)}"
+        )
+
+    def __len__(self) -> int:
+        """Return how many there are."""
+        return int(np.size(self.t))
+
+    def __repr__(self) -> str:
+        """Tell how many points of which states."""
+        times = np.atleast_1d(self.t)
+        span = f", t = {times[0]:g} to {times[-1]:g}" if times.size else ""
+        return f"<{len(self)} Points{span}: {', '.join(self.states)}>"

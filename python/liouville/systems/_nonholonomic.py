@@ -1,0 +1,80 @@
+"""Constraints on velocities, and the reactions that keep them."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import casadi as ca
+
+from liouville.errors import hinted
+from liouville.systems import _trace
+from liouville.systems._form import Nonholonomic, Symbols, differ
+
+
+def rolling(
+    constraint: Callable[..., Any] | None, s: Symbols, v: ca.SX, holonomic: tuple[str, ...]
+) -> tuple[tuple[str, ...], Nonholonomic]:
+    """Trace k(t, q, v) with ideal reactions -k_v^T nu, where v may be an expression of z."""
+    if constraint is None:
+        return (), Nonholonomic()
+    u = ca.SX.sym("v", v.numel())
+    names, k = _named(constraint, s, u, holonomic)
+    nu = ca.SX.sym("nu", len(names))
+    rn = -ca.jtimes(k, u, nu, True)
+    return names, Nonholonomic(ca.substitute(k, u, v), ca.substitute(rn, u, v), nu)
+
+
+def rolling_of_z(
+    constraint: Callable[..., Any] | None,
+    reaction: Callable[..., Any] | None,
+    s: Symbols,
+    v: ca.SX,
+    holonomic: tuple[str, ...],
+) -> tuple[tuple[str, ...], Nonholonomic]:
+    """Trace k(t, y, z) and its reactions, ideal ones unless given."""
+    if constraint is None:
+        if reaction is not None:
+            raise TypeError("nonholonomic_reaction is given without nonholonomic constraints")
+        return (), Nonholonomic()
+    names, k = _named(constraint, s, s.z, holonomic)
+    nu = ca.SX.sym("nu", len(names))
+    if reaction is None:
+        rn = -ca.jtimes(k, s.z, nu, True)
+        if differ(v, s.z):
+            rn = ca.solve(ca.jacobian(v, s.z).T, rn)
+    else:
+        args = (s.t, s.y, s.z, nu, s.params)
+        rn = _trace.column("nonholonomic_reaction", reaction, args, s.y.numel())
+        check_felt("nonholonomic_reaction", rn, nu, names)
+    return names, Nonholonomic(k, rn, nu)
+
+
+def check_felt(what: str, reaction: ca.SX, multipliers: ca.SX, names: tuple[str, ...]) -> None:
+    """Refuse a reaction that leaves a multiplier out."""
+    felt = set(ca.sparsify(ca.jacobian(reaction, multipliers)).sparsity().get_col())
+    for k, name in enumerate(names):
+        if k not in felt:
+            raise ValueError(f"{what} does not depend on the multiplier of '{name}'")
+
+
+def _named(
+    constraint: Callable[..., Any], s: Symbols, velocity: ca.SX, holonomic: tuple[str, ...]
+) -> tuple[tuple[str, ...], ca.SX]:
+    names, k = _trace.named("nonholonomic", constraint, (s.t, s.y, velocity, s.params))
+    n, count = s.y.numel(), len(names) + len(holonomic)
+    twice = set(names) & set(holonomic)
+    if twice:
+        raise ValueError(f"'{min(twice)}' names a holonomic and a nonholonomic constraint")
+    if count > n:
+        raise ValueError(f"{count} constraints on {n} coordinates leave nothing to move")
+    moved = set(ca.sparsify(ca.jacobian(k, velocity)).sparsity().row())
+    for row, name in enumerate(names):
+        if row not in moved:
+            raise ValueError(
+                hinted(
+                    f"nonholonomic constraint '{name}' does not depend on the velocity",
+                    "it is holonomic then: give it to constraint=",
+                )
+            )
+    return names, k

@@ -1,0 +1,175 @@
+"""States between steps: their order, and what is asked for wrongly."""
+
+from dataclasses import replace
+
+import casadi as ca
+import numpy as np
+import pytest
+
+import liouville as lv
+from liouville import problems
+
+wire = problems.load("moving_wire")
+
+# the same bead by its momenta, so that v is no z, depends on time, and has a z that is no velocity
+momenta = lv.Hamiltonian(
+    lambda t, q, p, params: ca.dot(p, p) / (2 * (1 + 0.2 * ca.sin(t))) + q[1] + q[0] ** 4 / 8,
+    lambda t, q, params: q[1] - q[0] ** 2 / 2 - ca.sin(2 * t) / 2,
+    q=("x", "y"),
+)
+FORMS = {"velocities": (wire.system, wire.start), "momenta": (momenta, None)}
+
+
+def started(form):
+    system, start = FORMS[form]
+    return system, start or momenta.consistent(q=(1.0, 0.5), p=(0.3, 1.0))
+
+
+def far_off(form, method, h, places):
+    """Return the largest errors of both halves of the state within the first step."""
+    system, start = started(form)
+    run = lv.integrate(system, method, t=(0, h), steps=1, **start)
+    points = run(h * places)
+    exact = [
+        lv.integrate(system, lv.Spark(8), t=(0, h * x), steps=4, every=4, **start) for x in places
+    ]
+    return [
+        max(
+            np.abs(found - other.states[name][-1]).max()
+            for found, other in zip(rows, exact, strict=True)
+        )
+        for name, rows in ((name, points.states[name]) for name in (*system.states, "lam"))
+    ]
+
+
+@pytest.mark.parametrize("form", FORMS)
+@pytest.mark.parametrize(("stages", "order"), [(1, 3), (2, 5), (3, 6), (4, 6)])
+def test_a_single_step_has_the_order_of_the_quintic(form, stages, order):
+    places, h = np.array([0.35, 0.6]), 0.2 if stages > 2 else 0.05
+    coarse, fine = (far_off(form, lv.Spark(stages), x, places) for x in (h, h / 2))
+    y, z, lam = np.log2(np.divide(coarse, fine))
+    assert y == pytest.approx(order, abs=0.3)
+    # a cubic of z and z' is of order 4
+    assert z > (order - 1 if form == "velocities" else min(order - 1, 4)) - 0.3
+    assert lam > (order - 2 if form == "velocities" else min(order - 1, 4)) - 0.3
+
+
+@pytest.mark.parametrize("form", FORMS)
+def test_several_steps_of_a_high_order_have_an_order_of_nine(form):
+    system, start = started(form)
+    method, times = lv.Spark(6), np.linspace(0.81, 1.59, 7)
+    exact = lv.integrate(system, lv.Spark(8), t=(0, 2), h=0.02, **start)(times)
+    errors = []
+    for h in (0.2, 0.1):
+        points = lv.integrate(system, method, t=(0, 2), h=h, **start)(times)
+        names = (*system.states, "lam")
+        errors.append([np.abs(points.states[x] - exact.states[x]).max() for x in names])
+    y, z, lam = np.log2(np.divide(*errors))
+    assert y > 8.5
+    assert z > 7.5
+    assert lam > 6.5
+
+
+@pytest.mark.parametrize("method", [lv.Spark(2), lv.Spark(4), lv.HHT(-0.1)], ids=repr)
+@pytest.mark.parametrize("backwards", [False, True], ids=["forwards", "backwards"])
+def test_given_times_are_those_of_the_dense_output_bit_for_bit(method, backwards):
+    span = (0.0, -2.0) if backwards else (0.0, 2.0)
+    whole = lv.integrate(wire.system, method, t=span, h=0.1, **wire.start)
+    times = np.concatenate([whole.t[:5], np.linspace(*span, 31)])
+    times = np.unique(times)[:: -1 if backwards else 1]
+    some = lv.integrate(wire.system, method, t=span, h=0.1, t_eval=times, **wire.start)
+    points = whole(times)
+    np.testing.assert_array_equal(some.t, times)
+    for name, values in points.states.items():
+        np.testing.assert_array_equal(some.states[name], values, err_msg=name)
+    # at the ends of steps nothing is interpolated
+    for name, values in whole(whole.t).states.items():
+        np.testing.assert_array_equal(values, whole.states[name], err_msg=name)
+    assert some.stats["steps"] == whole.stats["steps"]
+    between = np.abs(some.residuals["constraint"]).max()
+    assert np.abs(whole.residuals["constraint"]).max() < 1e-14 < between < 1e-3
+
+
+def test_times_may_come_in_any_order_and_alone():
+    run = lv.integrate(wire.system, lv.Spark(3), t=(0, 1), h=0.1, **wire.start)
+    three = run([0.31, 0.05, 0.77])
+    np.testing.assert_array_equal(three.t, [0.31, 0.05, 0.77])
+    for k, t in enumerate(three.t):
+        one = run(t)
+        assert one.t == t
+        assert len(one) == 1
+        assert {name: x.shape for name, x in one.states.items()} == {
+            "q": (2,), "v": (2,), "lam": (1,), "p": (2,)
+        }  # fmt: skip
+        np.testing.assert_array_equal(one.q, three.q[k])
+        np.testing.assert_array_equal(one.lam, three.lam[k])
+    assert repr(three) == "<3 Points, t = 0.31 to 0.77: q, v, lam, p>"
+    with pytest.raises(AttributeError, match=r"no 'z'\nhint: their states are q, v, lam, p"):
+        _ = three.z
+    with pytest.raises(ValueError, match="read-only"):
+        three.q[0] = 0.0
+
+
+def test_a_composed_method_and_controlled_steps_have_dense_output():
+    exact = lv.integrate(wire.system, lv.Spark(6), t=(0, 2), h=0.05, **wire.start)(0.777)
+    composed = lv.Composition(lv.Spark(1), "SS6s11")
+    found = lv.integrate(wire.system, composed, t=(0, 2), h=0.05, **wire.start)(0.777)
+    np.testing.assert_allclose(found.q, exact.q, atol=1e-8)
+    damped = lv.integrate(
+        wire.system, lv.HHT(0.0), t=(0, 2), rtol=1e-6, t_eval=[0.777], **wire.start
+    )
+    np.testing.assert_allclose(damped.q[0], exact.q, atol=1e-4)
+    np.testing.assert_allclose(damped.acceleration[0, 1], damped.a[0, 1], atol=20)
+
+
+def test_given_times_keep_what_is_observed_without_the_states():
+    times = [0.123, 0.5, 0.9]
+    run = lv.integrate(
+        wire.system, lv.Spark(3), t=(0, 1), h=0.05, t_eval=times, states=False,
+        observe={"height": lambda t, q, v, params: q[1]}, **wire.start,
+    )  # fmt: skip
+    whole = lv.integrate(wire.system, lv.Spark(3), t=(0, 1), h=0.05, **wire.start)
+    np.testing.assert_array_equal(run.observed["height"], whole(times).q[:, 1])
+
+
+def test_what_has_no_dense_output_says_why():
+    keep = {"t": (0, 1), "h": 0.1, **wire.start}
+    run = lv.integrate(wire.system, lv.Spark(3), **keep)
+    with pytest.raises(ValueError, match=r"t = 1\.5 is outside the run, which goes from 0 to 1"):
+        run([0.5, 1.5])
+    with pytest.raises(ValueError, match="t = nan is outside"):
+        run(np.nan)
+    with pytest.raises(TypeError, match="t is a number or an array of numbers, not 'now'"):
+        run("now")
+    with pytest.raises(ValueError, match=r"does not carry\nhint: .*replace"):
+        replace(run, system=None)(0.5)
+    for less in ({"every": 2}, {"states": False}, {"t_eval": [0.5]}):
+        other = lv.integrate(wire.system, lv.Spark(3), **keep, **less)
+        with pytest.raises(ValueError, match=r"all steps .*\nhint: integrate with every=1"):
+            other(0.5)
+
+
+@pytest.mark.parametrize(
+    ("times", "message"),
+    [
+        ([], "t_eval has no times"),
+        ([0.5, 0.2], r"in the order of the run\nhint: np.unique"),
+        ([0.5, np.nan], "t_eval is finite"),
+        ([0.5, 1.2], r"t_eval has 1\.2, which is outside t = \(0, 1\)"),
+        ("often", "t_eval is a sequence of numbers, not 'often'"),
+        (0.5, "t_eval is a sequence of numbers, not 0.5"),
+        ([0.5], "give either every= or t_eval="),
+    ],
+)
+def test_wrong_times_are_refused(times, message):
+    every = 2 if "every" in message else 1
+    with pytest.raises((TypeError, ValueError), match=message):
+        lv.integrate(
+            wire.system, lv.Spark(3), t=(0, 1), h=0.1, t_eval=times, every=every, **wire.start
+        )
+
+
+def test_times_and_events_are_for_mechanical_systems():
+    field = problems.load("euler_top")
+    with pytest.raises(TypeError, match="t_eval is for a mechanical system"):
+        lv.integrate(field.system, lv.VolumeSplitting(), t=(0, 1), h=0.1, t_eval=[0.5], x=[1, 0, 0])

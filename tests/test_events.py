@@ -1,0 +1,290 @@
+"""Events: found where closed forms have them, all of them, and nothing else changed by it."""
+
+import casadi as ca
+import mpmath
+import numpy as np
+import pytest
+
+import liouville as lv
+from liouville import problems
+
+pendulum = problems.load("pendulum")
+G = 9.81
+
+
+def spin(t, q, v, lam, params):
+    """Angular momentum: it vanishes where the pendulum turns."""
+    return q[0] * v[1] - q[1] * v[0]
+
+
+def quarter(amplitude):
+    """Return the time from the lowest point to the turning point, to 30 digits."""
+    with mpmath.workdps(30):
+        k = mpmath.sin(mpmath.mpf(amplitude) / 2)
+        return mpmath.ellipk(k**2) / mpmath.sqrt(mpmath.mpf("9.81"))
+
+
+def swinging(amplitude):
+    """Start at the lowest point with the speed that just leads to this angle."""
+    speed = 2 * np.sqrt(G) * np.sin(amplitude / 2)
+    return {"q": (0.0, -1.0), "v": (speed, 0.0)}
+
+
+def swing(method, t, events, amplitude=2.0, h=0.05, **more):
+    return lv.integrate(
+        pendulum.system, method, t=t, h=h, events=events, **(swinging(amplitude) | more)
+    )
+
+
+@pytest.mark.parametrize("amplitude", [0.3, 2.0, 3.0])
+def test_turning_points_of_a_pendulum(amplitude):
+    run = swing(lv.Spark(6), (0, 12), {"turning": spin}, amplitude)
+    exact = quarter(amplitude)
+    found = run.events["turning"]
+    wanted = [(2 * k + 1) * exact for k in range(len(found))]
+    assert len(found) == int((12 / exact + 1) / 2)
+    assert max(abs(t / x - 1) for t, x in zip(found.t, wanted, strict=True)) < 1e-12
+    # the points are those of the method: on the constraint, and at rest
+    assert np.abs(np.hypot(*found.q.T) - 1).max() < 1e-14
+    assert np.abs(found.v).max() < 1e-12
+    np.testing.assert_allclose(found.p, found.v, atol=1e-15)
+    np.testing.assert_allclose(found.lam[:, 0], G * np.cos(np.pi - amplitude) * -1, rtol=1e-10)
+
+
+def test_a_bob_bounces_off_a_wall():
+    """It is reflected at the lowest point, and back there after half a period each time."""
+    wall = lv.Event(lambda t, q, v, lam, params: q[0], terminal=True)
+    amplitude = 1.3
+    exact = quarter(amplitude)
+    start = {"q": (np.sin(amplitude), -np.cos(amplitude)), "v": (0.0, 0.0)}
+    t, times = 0.0, []
+    for _ in range(6):
+        run = lv.integrate(
+            pendulum.system, lv.Spark(6), t=(t, t + 9), h=0.05, events={"wall": wall}, **start
+        )
+        assert run.status == "done"
+        assert run.message == f"event 'wall' at t = {run.t[-1]:.6g}"
+        hit = run.events["wall"]
+        assert len(hit) == 1
+        np.testing.assert_array_equal(hit.q[-1], run.q[-1])
+        assert hit.t[-1] == run.t[-1]
+        t = run.t[-1]
+        times.append(t)
+        start = {"q": run.q[-1], "v": -run.v[-1]}
+    wanted = [(2 * k + 1) * exact for k in range(6)]
+    assert max(abs(t / x - 1) for t, x in zip(times, wanted, strict=True)) < 1e-12
+
+
+def test_a_string_goes_slack():
+    """Its tension vanishes where cos(angle) = (2 g l - v0^2) / (3 g l)."""
+    speed = np.sqrt(3.5 * G)
+    slack = lv.Event(lambda t, q, v, lam, params: lam[0], "down", terminal=True)
+    run = swing(lv.Spark(5), (0, 5), {"slack": slack}, q=(0.0, -1.0), v=(speed, 0.0), h=0.04)
+    assert run.q[-1, 1] == pytest.approx((3.5 - 2) / 3, rel=1e-12)
+    assert run.events["slack"].lam[0, 0] == pytest.approx(0.0, abs=1e-11)
+    assert run.lam[:-1].min() > 0
+    # going on from there, it does not go slack at once but has
+    again = lv.integrate(
+        pendulum.system, lv.Spark(5), t=(0, 0.3), h=0.04, events={"slack": slack},
+        q=run.q[-1], v=run.v[-1],
+    )  # fmt: skip
+    assert not len(again.events["slack"])
+    assert again.lam[-1, 0] < 0
+
+
+def oscillators(n):
+    return lv.Lagrangian(
+        lambda t, q, v, params: ca.dot(v, v) / 2 - ca.dot(params.w**2, q**2) / 2,
+        q=n,
+        params={"w": np.ones(n)},
+    )
+
+
+def level(k, c):
+    return lambda t, q, v, lam, params: q[k] - c
+
+
+def test_none_of_ten_thousand_is_missed():
+    """Where a cos(w t + b) = c, also for levels so near a that both are within a step."""
+    n, span, total, worst = 8, 40.0, 0, 0.0
+    system, random = oscillators(n), np.random.default_rng(6)
+    for _ in range(26):
+        w, b = random.uniform(0.3, 2.2, n), random.uniform(0, 2 * np.pi, n)
+        a = random.uniform(0.1, 10, n)
+        near = 1 - 10 ** random.uniform(-11, -1, n)
+        c = np.where(random.random(n) < 0.5, near, random.uniform(0, 1, n)) * a
+        c *= random.choice([-1, 1], n)
+        run = lv.integrate(
+            system, lv.Spark(7), t=(0, span), h=0.4, every=1000, params={"w": w},
+            q=a * np.cos(b), v=-a * w * np.sin(b),
+            events={f"e{k}": level(k, c[k]) for k in range(n)},
+        )  # fmt: skip
+        for k in range(n):
+            turns = 2 * np.pi * np.arange(-1, span * w[k] / 6 + 3)
+            angle = np.arccos(c[k] / a[k])
+            exact = np.sort(np.concatenate([(turns + x - b[k]) / w[k] for x in (angle, -angle)]))
+            exact = exact[(exact > 1e-9) & (exact < span - 1e-9)]
+            found = run.events[f"e{k}"]
+            assert len(found) == len(exact), (k, c[k] / a[k], found.t, exact)
+            # how far a rounding of the amplitude moves the time
+            slope = np.sin(angle)
+            worst = max(worst, slope * np.abs(found.t - exact).max())
+            total += len(exact)
+    assert total > 4000
+    assert worst < 1e-11
+
+
+def test_a_pair_within_a_step_is_found_and_no_touching():
+    """The largest deflection is met by levels below it, in pairs, and by none above."""
+    system = oscillators(1)
+    for gap in (1e-4, 1e-8, 1e-12):
+        for above in (False, True):
+            c = 1 + gap if above else 1 - gap
+            run = lv.integrate(
+                system, lv.Spark(6), t=(0, 6), h=0.5, q=[0.0], v=[1.0], events={"top": level(0, c)}
+            )
+            times = run.events["top"].t
+            assert len(times) == (0 if above else 2)
+            if not above:
+                apart = np.sqrt(2 * gap)
+                np.testing.assert_allclose(times - np.pi / 2, [-apart, apart], rtol=1e-2, atol=1e-9)
+
+
+def test_direction_is_that_of_the_run():
+    events = {
+        name: lv.Event(lambda t, q, v, lam, params: q[0], name) for name in ("both", "up", "down")
+    }
+    there = swing(lv.Spark(4), (0, 5), events)
+    both, up, down = (there.events[name].t for name in ("both", "up", "down"))
+    np.testing.assert_array_equal(np.sort(np.concatenate([up, down])), both)
+    assert (there.events["up"].v[:, 0] > 0).all()
+    assert (there.events["down"].v[:, 0] < 0).all()
+    back = lv.integrate(
+        pendulum.system, lv.Spark(4), t=(5, 0), h=0.05, events=events, q=there.q[-1], v=there.v[-1]
+    )
+    np.testing.assert_allclose(back.events["both"].t[::-1][-len(both) :], both, rtol=1e-10)
+    np.testing.assert_allclose(back.events["up"].t[::-1], down, rtol=1e-10)
+
+
+def test_events_end_a_run_after_as_many_as_wanted():
+    low = lv.Event(lambda t, q, v, lam, params: q[0], terminal=3)
+    run = swing(lv.Spark(4), (0, 9), {"turning": spin, "low": low})
+    assert len(run.events["low"]) == 3
+    assert len(run.events["turning"]) == 3
+    assert run.t[-1] == run.events["low"].t[-1]
+    assert (run.events["turning"].t < run.t[-1]).all()
+    assert run.message == f"event 'low' at t = {run.t[-1]:.6g}"
+    assert run.stats["steps"] == len(run.t) - 1
+    assert abs(run.q[-1, 0]) < 1e-14
+    assert np.abs(run.residuals["constraint"]).max() < 1e-14
+    # the dense output ends there too
+    np.testing.assert_array_equal(run(run.t[-1]).q, run.q[-1])
+    with pytest.raises(ValueError, match="outside the run"):
+        run(run.t[-1] + 1e-3)
+
+
+@pytest.mark.parametrize(
+    "method", [lv.Spark(1), lv.Spark(4), lv.HHT(-0.1), lv.Composition(lv.Spark(1), "Y4")], ids=repr
+)
+def test_looking_changes_no_bit(method):
+    events = {"turning": spin, "tension": lambda t, q, v, lam, params: lam[0] - 15}
+    alone = swing(method, (0, 5), None)
+    watched = swing(method, (0, 5), events)
+    assert all(len(points) > 4 for points in watched.events.values())
+    for name, values in alone.states.items():
+        np.testing.assert_array_equal(values, watched.states[name])
+    assert {**alone.stats, "seconds": 0} == {**watched.stats, "seconds": 0}
+
+
+def test_controlled_steps_meet_events_too():
+    run = lv.integrate(
+        pendulum.system, lv.HHT(0.0), t=(0, 3), rtol=1e-7, **swinging(2.0),
+        events={"turning": spin, "end": lv.Event(spin, terminal=2)}, t_eval=[0.5, 1.0, 2.5],
+    )  # fmt: skip
+    exact = float(quarter(2.0))
+    np.testing.assert_allclose(run.events["turning"].t, [exact, 3 * exact], rtol=1e-5)
+    assert run.status == "done"
+    assert "event 'end'" in run.message
+    np.testing.assert_array_equal(run.t, [t for t in (0.5, 1.0, 2.5) if t < 3 * exact])
+    assert run.h == pytest.approx(3 * exact / run.stats["steps"], rel=1e-4)
+
+
+def test_a_start_on_an_event_is_none():
+    low = lambda t, q, v, lam, params: q[0]  # noqa: E731
+    run = swing(lv.Spark(4), (0, 2), {"low": low})
+    exact = float(quarter(2.0))
+    np.testing.assert_allclose(run.events["low"].t, [2 * exact], rtol=1e-8)
+    again = swing(lv.Spark(4), (0, 2 * exact + 1), {"low": lv.Event(low, terminal=True)})
+    onwards = lv.integrate(
+        pendulum.system, lv.Spark(4), t=(again.t[-1], 2), h=0.05, events={"low": low},
+        q=again.q[-1], v=again.v[-1],
+    )  # fmt: skip
+    assert not len(onwards.events["low"])
+
+
+def test_a_small_bounce_within_the_first_step_is_seen():
+    """A ball that leaves the ground upwards is back after 2 v / g, however soon that is."""
+    ball = lv.Lagrangian(lambda t, q, v, params: v[0] ** 2 / 2 - q[0], q=1)
+    for speed in (1.0, 1e-2, 1e-4):
+        run = lv.integrate(
+            ball, lv.Spark(2), t=(0, 3), h=0.3, q=[0.0], v=[speed],
+            events={"ground": lv.Event(level(0, 0.0), "down", terminal=True)},
+        )  # fmt: skip
+        assert run.t[-1] == pytest.approx(2 * speed, rel=1e-11)
+
+
+def test_an_interrupted_and_a_failed_run_keep_their_events():
+    def tired(done, total):
+        if done > 40:
+            raise KeyboardInterrupt
+
+    events = {"turning": spin}
+    run = lv.integrate(
+        pendulum.system, lv.Spark(4), t=(0, 1e6), h=1e-3, every=1000, events=events,
+        progress=tired, **swinging(2.0),
+    )  # fmt: skip
+    assert run.status == "interrupted"
+    assert len(run.events["turning"]) == int((run.t[-1] / float(quarter(2.0)) + 1) / 2)
+    with pytest.raises(
+        lv.IntegrationError, match=r"event 'root' is not finite at t = 0\.8"
+    ) as info:
+        swing(lv.Spark(4), (0, 5), events | {"root": lambda t, q, v, lam, params: ca.sqrt(0.8 - t)})
+    assert info.value.quantity == "root"
+    assert len(info.value.solution.events["turning"]) == 1
+    with pytest.raises(lv.IntegrationError, match=r"the start at t = 0 .* event 'log'"):
+        swing(lv.Spark(4), (0, 5), {"log": lambda t, q, v, lam, params: ca.log(t)})
+
+
+@pytest.mark.parametrize("suffix", [".nc", ".zarr"])
+def test_events_are_saved(tmp_path, suffix):
+    none = lambda t, q, v, lam, params: q[0] - 2  # noqa: E731
+    run = swing(lv.Spark(4), (0, 3), {"turning": spin, "per/cent": spin, "none": none})
+    run.save(tmp_path / f"run{suffix}")
+    loaded = lv.load(tmp_path / f"run{suffix}")
+    assert list(loaded.events) == ["turning", "per/cent", "none"]
+    assert loaded.dense_order == 8
+    for name, points in run.events.items():
+        np.testing.assert_array_equal(loaded.events[name].t, points.t)
+        assert list(loaded.events[name].states) == list(points.states)
+        for state, values in points.states.items():
+            np.testing.assert_array_equal(loaded.events[name].states[state], values)
+
+
+def test_wrong_events_are_refused():
+    with pytest.raises(TypeError, match="function is a function, not 3"):
+        lv.Event(3)
+    with pytest.raises(ValueError, match="direction is one of both, up, down, not 'left'"):
+        lv.Event(spin, "left")
+    with pytest.raises(ValueError, match="terminal is at least 1, or False, not -1"):
+        lv.Event(spin, terminal=-1)
+    with pytest.raises(TypeError, match="terminal is True, False or a number, not 'yes'"):
+        lv.Event(spin, terminal="yes")
+    for events, message in (
+        (spin, r"events is a mapping of names, .*\nhint: name it"),
+        ({3: spin}, "3 is not a name"),
+        ({"a": 3}, "event 'a' is an Event or a function, not 3"),
+        ({"a": lambda t, q, v, lam, params: q}, "event 'a' returns 2 values, wanted a scalar"),
+        ({"a": lambda t, q, v, lam, params: 1.0}, "event 'a' is the same for all states"),
+    ):
+        with pytest.raises((TypeError, ValueError), match=message):
+            swing(lv.Spark(2), (0, 1), events)
