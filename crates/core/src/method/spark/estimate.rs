@@ -29,14 +29,17 @@ pub(super) struct Estimate {
     error: f64,
 }
 
-/// Errors of methods of few stages pass zeros at other places than e does: they want a margin.
-fn constant(intervals: usize) -> f64 {
-    match intervals {
+/// c_s. Errors of methods of few stages pass zeros at other places than e does, and those of Lobatto
+/// pairs are larger: they want a margin.
+fn constant(tableau: &tableau::Spark) -> f64 {
+    let of_gauss = match tableau.intervals {
         1 => 5.0,
         2 => 4.0,
         3 => 2.0,
         _ => 1.0,
-    }
+    };
+    let is_pair = tableau.stages > tableau.intervals;
+    of_gauss * if is_pair { 4.0 } else { 1.0 }
 }
 
 impl Estimate {
@@ -53,7 +56,7 @@ impl Estimate {
         let none = || vec![0.0; tolerance.atol.len()];
         Self {
             weights: [first.collect(), last.collect()],
-            constant: constant(tableau.intervals),
+            constant: constant(tableau),
             order: 2.0 * tableau.intervals as f64 + 1.0,
             before: State {
                 y: none(),
