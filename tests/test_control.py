@@ -63,7 +63,7 @@ def test_a_step_adds_about_the_tolerance(method, name):
 @pytest.mark.parametrize("method", [lv.Spark(2), lv.Spark(3), lv.LobattoPair(3)], ids=str)
 @pytest.mark.parametrize("name", ["pendulum", "double_pendulum", "moving_wire"])
 def test_the_error_falls_with_the_tolerance(method, name):
-    """A local error of order 2s + 1 at the tolerance leaves a global one of its power 2s/(2s + 1)."""
+    """A local error of order p + 1 at the tolerance leaves a global one of its power p/(p + 1)."""
     problem, tolerances = load(name), 10.0 ** -np.arange(4, 11)
     t = 0.0, min(2.0, problem.interval[1])
     exact = lv.integrate(problem.system, lv.Spark(6), t=t, h=problem.h / 2, **problem.start).q[-1]
@@ -270,7 +270,7 @@ def test_a_monitor_that_is_not_positive_says_when(value):
         "negative": lambda t, q, v, params: 1 - t,
         "not finite": lambda t, q, v, params: ca.sqrt(1 - t),
     }
-    with pytest.raises(lv.IntegrationError, match="monitor|h_min") as caught:
+    with pytest.raises(lv.IntegrationError, match=r"monitor|h_min") as caught:
         orbit(lv.Spark(2), 1.0, h=0.05, control="reversible", monitor=shapes[value], h_min=0.04)
     assert 0 <= caught.value.t <= 1.05
     at_once = {"control": "reversible", "monitor": lambda t, q, v, params: -q[2]}
