@@ -346,7 +346,7 @@ fn a_step_of_its_own_choice_takes_no_memory() {
     let count = allocations(|| [0.02, 0.01, 0.03].into_iter().for_each(&mut step));
     assert_eq!(count, 0);
     let start = (0.0, &state.y[..], &state.z[..]);
-    let mut monitor = TimeScale::new(model, 1.0, start, 0.01);
+    let mut monitor = TimeScale::new(model, start, 0.01);
     let mut rate = || monitor.rate(0.0, &state).expect("a rate");
     rate();
     assert_eq!(allocations(|| assert!(rate().is_finite())), 0);
