@@ -12,8 +12,11 @@ use liouville_core::method::schrodinger::{
 };
 use liouville_core::method::spark::{Solver, Spark};
 use liouville_core::method::volume::{Determinant, Volume};
-use liouville_core::method::{Composed, Stepper};
-use liouville_core::problem::mechanical::{Acceleration, Model, SecondOrderModel, SeparableModel};
+use liouville_core::method::{Composed, Estimating, Stepper};
+use liouville_core::problem::Monitor;
+use liouville_core::problem::mechanical::{
+    Acceleration, Model, SecondOrderModel, SeparableModel, TimeScale,
+};
 use liouville_core::problem::polynomial::{Piece, Polynomials, Split};
 use liouville_core::problem::quantum::{Bond, Dense, Diagonals, Hamiltonian, Operator, Spins};
 use liouville_core::problem::semi_explicit::Model as SemiExplicitModel;
@@ -323,6 +326,30 @@ fn another_step_size_takes_no_memory() {
     step(0.01);
     let count = allocations(|| [0.005, 0.01, -0.02, 0.03].into_iter().for_each(&mut step));
     assert_eq!(count, 0);
+}
+
+#[test]
+fn a_step_of_its_own_choice_takes_no_memory() {
+    let mut model = Model::new(pendulum().build(), &PENDULUM);
+    let mut state = model.state(0.0, &[1.0, 0.0], &[0.0, 0.0]);
+    let tolerance = Tolerance {
+        rtol: 1e-6,
+        atol: vec![1e-9; 2],
+    };
+    let mut spark = Spark::new(model.clone(), 3, Solver::Auto).estimating(tolerance);
+    let mut step = |h| {
+        spark.step(0.0, h, &mut state).expect("a step can be made");
+        assert!(spark.error() > 0.0);
+        spark.undo(&mut state);
+    };
+    step(0.01);
+    let count = allocations(|| [0.02, 0.01, 0.03].into_iter().for_each(&mut step));
+    assert_eq!(count, 0);
+    let start = (0.0, &state.y[..], &state.z[..]);
+    let mut monitor = TimeScale::new(model, 1.0, start, 0.01);
+    let mut rate = || monitor.rate(0.0, &state).expect("a rate");
+    rate();
+    assert_eq!(allocations(|| assert!(rate().is_finite())), 0);
 }
 
 #[test]

@@ -97,7 +97,7 @@ impl Traced {
         }
     }
 
-    fn rate(&mut self, t: f64, y: &[f64], z: &[f64]) -> Result<f64, Trouble> {
+    fn rate_at(&mut self, t: f64, y: &[f64], z: &[f64]) -> Result<f64, Trouble> {
         let z_dot = match &mut self.acceleration {
             Some(acceleration) => {
                 acceleration.solve(&mut self.model, t, y, z)?;
@@ -175,7 +175,7 @@ impl TimeScale {
         monitor
     }
 
-    fn rate(&mut self, t: f64, y: &[f64], z: &[f64]) -> Result<f64, Trouble> {
+    fn rate_at(&mut self, t: f64, y: &[f64], z: &[f64]) -> Result<f64, Trouble> {
         self.here.t = t;
         copy(&mut self.here.y, y);
         copy(&mut self.here.z, z);
@@ -252,11 +252,23 @@ impl Metric {
     }
 }
 
+impl<S: Carried> Monitor<S> for Traced {
+    fn rate(&mut self, t: f64, state: &S) -> Result<f64, Trouble> {
+        self.rate_at(t, state.y(), state.z())
+    }
+}
+
+impl<S: Carried> Monitor<S> for TimeScale {
+    fn rate(&mut self, t: f64, state: &S) -> Result<f64, Trouble> {
+        self.rate_at(t, state.y(), state.z())
+    }
+}
+
 impl<S: Carried> Monitor<S> for MechanicalMonitor {
     fn rate(&mut self, t: f64, state: &S) -> Result<f64, Trouble> {
         match self {
-            Self::Traced(monitor) => monitor.rate(t, state.y(), state.z()),
-            Self::Own(monitor) => monitor.rate(t, state.y(), state.z()),
+            Self::Traced(monitor) => monitor.rate(t, state),
+            Self::Own(monitor) => monitor.rate(t, state),
         }
     }
 }
