@@ -306,7 +306,8 @@ class Mechanics:
 
     def event(self, name: str, function: Callable[..., Any]) -> tuple[_core.Tape, bool]:
         """Record a function of (t, y, z, lam, params), and say whether it uses the multipliers."""
-        s, lam, what = self._symbols, self._model.lam, f"event '{name}'"
+        s, what = self._symbols, f"event '{name}'"
+        lam = ca.vertcat(self._model.lam, self._model.nonholonomic.nu)
         value = _trace.scalar(what, function, (s.t, s.y, s.z, lam, s.params))
         moving = ca.vertcat(s.t, s.y, s.z, lam)
         if not ca.depends_on(value, moving):

@@ -107,7 +107,7 @@ impl Spark {
         }
     }
 
-    /// (S1)–(S4), from the step before or cold.
+    /// (S1)–(S4), from the step before, or cold, or from rest.
     fn solve_stages(&mut self, step: Step) -> Result<(), Trouble> {
         if self
             .predictor
@@ -118,9 +118,17 @@ impl Spark {
             }
             self.stats.cold_starts += 1;
         }
-        self.predictor
-            .start_cold(&mut self.model, &mut self.stages, &mut self.update.z, step)?;
-        self.iterate(step)
+        self.start_cold(step, false)?;
+        let Err(trouble) = self.iterate(step) else {
+            return Ok(());
+        };
+        self.start_cold(step, true)?;
+        self.iterate(step).map_err(|_| trouble)
+    }
+
+    fn start_cold(&mut self, step: Step, still: bool) -> Result<(), Trouble> {
+        let (model, stages, z1) = (&mut self.model, &mut self.stages, &mut self.update.z);
+        self.predictor.start_cold(model, stages, z1, step, still)
     }
 
     fn iterate(&mut self, step: Step) -> Result<(), Trouble> {

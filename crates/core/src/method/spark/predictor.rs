@@ -3,7 +3,7 @@
 //! Warm: the polynomial through {z0, Z_1..Z_s, z1} at {0, c, 1}, and that through λ_0..λ_k at the
 //! nodes, both evaluated one step on. A stage at 0 or 1 is not on the polynomial, for there it has z0
 //! and z1; what it is off them scales as h to the degree. Cold: z0' and λ from the acceleration-level
-//! solve, Z_i = z0 + c_i h z0'.
+//! solve, Z_i = z0 + c_i h z0'. Still, where stiff damping makes that a leap away: Z_i = z0.
 
 use super::stages::{Stages, Step, Unknowns};
 use crate::linalg::{Matrix, add_scaled, combine, copy};
@@ -126,15 +126,17 @@ impl Predictor {
         }
     }
 
-    /// Writes the cold start.
+    /// Writes the cold start; one that is `still` leaves z' out.
     pub(super) fn start_cold(
         &mut self,
         model: &mut Model,
         stages: &mut Stages,
         z1: &mut [f64],
         step: Step,
+        still: bool,
     ) -> Result<(), Trouble> {
         let Step { t, h, state } = step;
+        let reach = if still { 0.0 } else { h };
         self.acceleration.solve(model, t, &state.y, &state.z)?;
         let z_dot = &self.acceleration.z_dot;
         let [_, _, v] = model.end(t, &state.y, &state.z);
@@ -145,7 +147,7 @@ impl Predictor {
             let (c, t) = (stages.tableau.c[i], stages.stage_time(step, i));
             let z = stages.unknowns.z.row_mut(i);
             z.copy_from_slice(&state.z);
-            add_scaled(z, c * h, z_dot);
+            add_scaled(z, c * reach, z_dot);
             let y = stages.y.row_mut(i);
             y.copy_from_slice(&state.y);
             add_scaled(y, c * h, self.v.row(0));
@@ -154,7 +156,7 @@ impl Predictor {
             copy(stages.unknowns.v.row_mut(i), v);
         }
         z1.copy_from_slice(&state.z);
-        add_scaled(z1, h, z_dot);
+        add_scaled(z1, reach, z_dot);
         let (lam, nu) = self.acceleration.lam.split_at(model.problem.m);
         for j in 0..=stages.tableau.intervals {
             stages.unknowns.lam.row_mut(j).copy_from_slice(lam);
