@@ -142,9 +142,13 @@ STEPS = (64, 128, 256), (16, 32, 64), (10, 16, 26), (8, 10, 12)
 FINER = {"pace": 1, "rolling_disk": 1.5, "bowl": 2}
 GAUSS = [(lv.Spark(s), 2 * s, STEPS[s - 1]) for s in (1, 2, 3, 4)]
 PAIRS = [(lv.LobattoPair(s), 2 * s - 2, STEPS[s - 2]) for s in (2, 3, 4)]
+OTHERS = [
+    (lv.LobattoPair(3, force="C"), 4, STEPS[1]),
+    (lv.Spark(2, points="radau"), 3, STEPS[0]),
+]
 
 
-@pytest.mark.parametrize(("method", "order", "steps"), GAUSS + PAIRS, ids=lambda x: str(x))
+@pytest.mark.parametrize(("method", "order", "steps"), GAUSS + PAIRS + OTHERS, ids=str)
 @pytest.mark.parametrize("name", FINER)
 def test_order_is_as_claimed(name, method, order, steps):
     system, start = started(name)
@@ -225,6 +229,26 @@ def test_reactions_of_the_general_system_are_its_own():
         np.testing.assert_allclose(found.y, edge.q, rtol=0, atol=1e-14)
         np.testing.assert_allclose(2 * found.z, edge.v, rtol=0, atol=1e-14)
         np.testing.assert_allclose(found.reaction(), edge.reaction(), rtol=0, atol=1e-13)
+
+
+@pytest.mark.parametrize("kind", ["Lagrangian", "Hamiltonian"])
+def test_many_blades_move_as_each_alone(kind):
+    count, z = 50, {"Lagrangian": "v", "Hamiltonian": "p"}[kind]
+
+    def blades(t, q, v, params):
+        return ca.sin(q[2::3]) * v[::3] - ca.cos(q[2::3]) * v[1::3]
+
+    sign = 1 if kind == "Lagrangian" else -1
+    many = getattr(lv, kind)(
+        lambda t, q, z, params: ca.dot(z, z) / 2 + sign * ca.sum1(q[::3]),
+        nonholonomic=blades,
+        q=3 * count,
+    )
+    start = {"q": np.zeros(3 * count), z: np.tile([0, 0, 1.5], count)}
+    found = lv.integrate(many, lv.Spark(1), t=(0, 0.2), steps=2, **start)
+    alone = run("knife_edge", lv.Spark(1), (0, 0.2), 2)
+    np.testing.assert_allclose(found.q, np.tile(alone.q, count), rtol=0, atol=1e-15)
+    np.testing.assert_allclose(found.lam, np.tile(alone.lam, count), rtol=0, atol=1e-14)
 
 
 def test_names_residuals_and_reactions_tell_the_kinds_apart():
