@@ -4,6 +4,7 @@ import casadi as ca
 import mpmath
 import numpy as np
 import pytest
+from scipy import optimize
 
 import liouville as lv
 from liouville import problems
@@ -106,7 +107,7 @@ def level(k, c):
 
 def test_none_of_ten_thousand_is_missed():
     """Where a cos(w t + b) = c, also for levels so near a that both are within a step."""
-    n, span, total, worst = 8, 40.0, 0, 0.0
+    n, span, total, worst = 8, 120.0, 0, 0.0
     system, random = oscillators(n), np.random.default_rng(6)
     for _ in range(26):
         w, b = random.uniform(0.3, 2.2, n), random.uniform(0, 2 * np.pi, n)
@@ -126,11 +127,10 @@ def test_none_of_ten_thousand_is_missed():
             exact = exact[(exact > 1e-9) & (exact < span - 1e-9)]
             found = run.events[f"e{k}"]
             assert len(found) == len(exact), (k, c[k] / a[k], found.t, exact)
-            # how far a rounding of the amplitude moves the time
-            slope = np.sin(angle)
-            worst = max(worst, slope * np.abs(found.t - exact).max())
+            # near the amplitude its roundings move the times by as much as they are flat there
+            worst = max(worst, np.sin(angle) * np.abs(found.t - exact).max())
             total += len(exact)
-    assert total > 4000
+    assert total > 10_000
     assert worst < 1e-11
 
 
@@ -148,6 +148,51 @@ def test_a_pair_within_a_step_is_found_and_no_touching():
             if not above:
                 apart = np.sqrt(2 * gap)
                 np.testing.assert_allclose(times - np.pi / 2, [-apart, apart], rtol=1e-2, atol=1e-9)
+
+
+@pytest.mark.parametrize("stages", [1, 2])
+@pytest.mark.parametrize("case", range(4))
+def test_pairs_are_those_of_the_method_itself_however_coarse(stages, case):
+    """A turn of e within a step, as parts of that step have it, is met twice just below it."""
+    method, h = lv.Spark(stages), 0.06
+    random = np.random.default_rng(case)
+    angle, speed = random.uniform(-2, 2), random.uniform(-3, 3)
+    start = {
+        "q": (np.sin(angle), -np.cos(angle)),
+        "v": (speed * np.cos(angle), speed * np.sin(angle)),
+    }
+
+    def e(q, v):
+        return q[0] + 0.3 * v[1]
+
+    run = lv.integrate(pendulum.system, method, t=(0, 60 * h), steps=60, **start)
+
+    def part(k, theta):
+        state = {"q": run.q[k], "v": run.v[k]}
+        end = lv.integrate(pendulum.system, method, t=(0, theta * h), steps=1, **state)
+        return e(end.q[-1], end.v[-1])
+
+    values = e(run.q.T, run.v.T)
+    turns = np.flatnonzero(np.diff(np.sign(np.diff(values)))) + 1
+    sign = np.sign(values[turns[0]] - values[turns[0] - 1])
+    found = [
+        optimize.minimize_scalar(
+            lambda x, k=k: -sign * part(k, x),
+            bounds=(0, 1),
+            method="bounded",
+            options={"xatol": 1e-8},
+        )
+        for k in (turns[0] - 1, turns[0])
+    ]
+    k = turns[0] - 1 + int(found[1].fun < found[0].fun)
+    top = -min(x.fun for x in found)
+    for gap, count in ((1e-6, 2), (1e-9, 2), (-1e-9, 0), (-1e-6, 0)):
+        level = sign * (top - gap)
+        near = lv.integrate(
+            pendulum.system, method, t=(0, 60 * h), steps=60, **start,
+            events={"turn": lambda t, q, v, lam, params, c=level: e(q, v) - c},
+        ).events["turn"].t / h  # fmt: skip
+        assert ((near > k - 0.05) & (near < k + 1.05)).sum() == count
 
 
 def test_direction_is_that_of_the_run():
@@ -188,9 +233,9 @@ def test_events_end_a_run_after_as_many_as_wanted():
 )
 def test_looking_changes_no_bit(method):
     events = {"turning": spin, "tension": lambda t, q, v, lam, params: lam[0] - 15}
-    alone = swing(method, (0, 5), None)
-    watched = swing(method, (0, 5), events)
-    assert all(len(points) > 4 for points in watched.events.values())
+    alone = swing(method, (0, 3), None)
+    watched = swing(method, (0, 3), events)
+    assert [len(points) for points in watched.events.values()] == [2, 5]
     for name, values in alone.states.items():
         np.testing.assert_array_equal(values, watched.states[name])
     assert {**alone.stats, "seconds": 0} == {**watched.stats, "seconds": 0}
@@ -202,7 +247,7 @@ def test_controlled_steps_meet_events_too():
         events={"turning": spin, "end": lv.Event(spin, terminal=2)}, t_eval=[0.5, 1.0, 2.5],
     )  # fmt: skip
     exact = float(quarter(2.0))
-    np.testing.assert_allclose(run.events["turning"].t, [exact, 3 * exact], rtol=1e-5)
+    np.testing.assert_allclose(run.events["turning"].t, [exact, 3 * exact], rtol=3e-5)
     assert run.status == "done"
     assert "event 'end'" in run.message
     np.testing.assert_array_equal(run.t, [t for t in (0.5, 1.0, 2.5) if t < 3 * exact])
