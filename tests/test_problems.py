@@ -103,7 +103,8 @@ def test_start_is_consistent(case):
 
 def test_a_start_off_the_constraint_is_refused(case):
     _, problem, _ = case
-    start = dict(problem.start, q=np.asarray(problem.start["q"]) + 1e-3)
+    q = np.asarray(problem.start["q"])
+    start = dict(problem.start, q=q + np.linspace(1e-3, 2e-3, len(q)))
     with pytest.raises(ValueError, match="constraint"):
         integrate(problem, start=start)
 
