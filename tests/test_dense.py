@@ -45,29 +45,30 @@ def far_off(form, method, h, places):
 @pytest.mark.parametrize("form", FORMS)
 @pytest.mark.parametrize(("stages", "order"), [(1, 3), (2, 5), (3, 6), (4, 6)])
 def test_a_single_step_has_the_order_of_the_quintic(form, stages, order):
-    places, h = np.array([0.35, 0.6]), 0.2 if stages > 2 else 0.05
+    places, h = np.array([0.35, 0.6]), 0.1
     coarse, fine = (far_off(form, lv.Spark(stages), x, places) for x in (h, h / 2))
     y, z, lam = np.log2(np.divide(coarse, fine))
-    assert y == pytest.approx(order, abs=0.3)
-    # a cubic of z and z' is of order 4
-    assert z > (order - 1 if form == "velocities" else min(order - 1, 4)) - 0.3
-    assert lam > (order - 2 if form == "velocities" else min(order - 1, 4)) - 0.3
+    assert y == pytest.approx(order, abs=0.15)
+    # of z that is no velocity there is a cubic, of order 4
+    of_z = order - 1 if form == "velocities" else min(order - 1, 4)
+    assert z > of_z - 0.25
+    assert lam > of_z - 0.6
 
 
 @pytest.mark.parametrize("form", FORMS)
 def test_several_steps_of_a_high_order_have_an_order_of_nine(form):
     system, start = started(form)
-    method, times = lv.Spark(6), np.linspace(0.81, 1.59, 7)
+    method, times = lv.Spark(6), np.linspace(0.81, 1.59, 27)
     exact = lv.integrate(system, lv.Spark(8), t=(0, 2), h=0.02, **start)(times)
     errors = []
-    for h in (0.2, 0.1):
+    for h in (0.4, 0.1):
         points = lv.integrate(system, method, t=(0, 2), h=h, **start)(times)
         names = (*system.states, "lam")
         errors.append([np.abs(points.states[x] - exact.states[x]).max() for x in names])
-    y, z, lam = np.log2(np.divide(*errors))
-    assert y > 8.5
-    assert z > 7.5
-    assert lam > 6.5
+    y, z, lam = np.log2(np.divide(*errors)) / 2
+    assert y > 8.2
+    assert z > 7.2
+    assert lam > 7.0
 
 
 @pytest.mark.parametrize("method", [lv.Spark(2), lv.Spark(4), lv.HHT(-0.1)], ids=repr)

@@ -106,7 +106,7 @@ def level(k, c):
 
 def test_none_of_ten_thousand_is_missed():
     """Where a cos(w t + b) = c, also for levels so near a that both are within a step."""
-    n, span, total, worst = 8, 40.0, 0, 0.0
+    n, span, total, worst = 8, 120.0, 0, 0.0
     system, random = oscillators(n), np.random.default_rng(6)
     for _ in range(26):
         w, b = random.uniform(0.3, 2.2, n), random.uniform(0, 2 * np.pi, n)
@@ -126,11 +126,10 @@ def test_none_of_ten_thousand_is_missed():
             exact = exact[(exact > 1e-9) & (exact < span - 1e-9)]
             found = run.events[f"e{k}"]
             assert len(found) == len(exact), (k, c[k] / a[k], found.t, exact)
-            # how far a rounding of the amplitude moves the time
-            slope = np.sin(angle)
-            worst = max(worst, slope * np.abs(found.t - exact).max())
+            # near the amplitude its roundings move the times by as much as they are flat there
+            worst = max(worst, np.sin(angle) * np.abs(found.t - exact).max())
             total += len(exact)
-    assert total > 4000
+    assert total > 10_000
     assert worst < 1e-11
 
 
@@ -188,9 +187,9 @@ def test_events_end_a_run_after_as_many_as_wanted():
 )
 def test_looking_changes_no_bit(method):
     events = {"turning": spin, "tension": lambda t, q, v, lam, params: lam[0] - 15}
-    alone = swing(method, (0, 5), None)
-    watched = swing(method, (0, 5), events)
-    assert all(len(points) > 4 for points in watched.events.values())
+    alone = swing(method, (0, 3), None)
+    watched = swing(method, (0, 3), events)
+    assert [len(points) for points in watched.events.values()] == [2, 5]
     for name, values in alone.states.items():
         np.testing.assert_array_equal(values, watched.states[name])
     assert {**alone.stats, "seconds": 0} == {**watched.stats, "seconds": 0}
@@ -202,7 +201,7 @@ def test_controlled_steps_meet_events_too():
         events={"turning": spin, "end": lv.Event(spin, terminal=2)}, t_eval=[0.5, 1.0, 2.5],
     )  # fmt: skip
     exact = float(quarter(2.0))
-    np.testing.assert_allclose(run.events["turning"].t, [exact, 3 * exact], rtol=1e-5)
+    np.testing.assert_allclose(run.events["turning"].t, [exact, 3 * exact], rtol=3e-5)
     assert run.status == "done"
     assert "event 'end'" in run.message
     np.testing.assert_array_equal(run.t, [t for t in (0.5, 1.0, 2.5) if t < 3 * exact])

@@ -26,7 +26,7 @@ def nonlinear(**more):
         u = y[1] / growth
         return [
             y[0] * u**2 * z**2,
-            (y[0] ** 2 * u**2 - 3 * u**2 * z) * growth + u * ca.cos(t),
+            (u**2 * z - 3 * y[0] ** 2 * u**2) * growth + u * ca.cos(t),
         ]
 
     return lv.SemiExplicit(
@@ -333,7 +333,18 @@ def test_a_wrong_call_is_refused(message):
         lv.integrate(pendulum(), lv.Spark(2), **call)
 
 
-@pytest.mark.parametrize("method", [lv.HHT(), lv.VolumeSplitting(), "auto"])
+@pytest.mark.parametrize(
+    "method",
+    [
+        lv.HHT(),
+        lv.LobattoPair(2),
+        lv.Spark(2, points="radau"),
+        lv.Composition(lv.LobattoPair(2), "SU4"),
+        lv.VolumeSplitting(),
+        "auto",
+    ],
+    ids=str,
+)
 def test_other_methods_say_which_do(method):
     with pytest.raises(TypeError, match="does not step semi-explicit systems; methods that do: Sp"):
         lv.integrate(pendulum(), method, t=(0, 1), h=0.1, y=[1, 0, 0, 0])

@@ -63,9 +63,9 @@ def to_xarray(solution: Solution) -> xarray.Dataset:
     names = solution.names
     variables: dict[str, Any] = {}
     lead = ("time",) if solution.members is None else ("time", "member")
-    axes = AXES | ({"z": "unknown"} if "unknowns" in names else {})
+    axis_of = AXES | ({"z": "unknown"} if "unknowns" in names else {})
     for name, values in solution.states.items():
-        variables[name] = ((*lead, axes.get(name, "coordinate")), values)
+        variables[name] = ((*lead, axis_of.get(name, "coordinate")), values)
     if solution.invariants:
         columns = np.stack(list(solution.invariants.values()), axis=-1)
         variables["invariants"] = ((*lead, "invariant"), columns)

@@ -64,8 +64,8 @@ class Solution:
         The order of the method, where the states of all steps are kept and the system is a
         mechanical one: then ``solution(t)`` gives the states between them. 0 otherwise.
     names : dict of str to tuple of str
-        ``coordinates`` (n of them) and ``constraints`` (m of them, the nonholonomic ones last); of a
-        ``SemiExplicit`` system also its ``unknowns`` z.
+        ``coordinates`` (n of them) and ``constraints`` (m of them, the nonholonomic ones last);
+        of a ``SemiExplicit`` system also its ``unknowns`` z.
     h : float
         Step size used, the mean of them if they are controlled.
     tolerances : dict of str to float or list of float

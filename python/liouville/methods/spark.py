@@ -32,7 +32,7 @@ def check_solver(solver: object) -> None:
 
 @dataclass(frozen=True)
 class Spark:
-    r"""SPARK for constrained mechanics with s Gauss stages, order 2s, or Radau stages, order 2s - 1.
+    r"""SPARK for constrained mechanics: s Gauss stages, order 2s, or Radau stages, order 2s - 1.
 
     With stages :math:`T_i = t_0 + c_i h`, :math:`i = 1..s`, and Lobatto nodes
     :math:`\hat T_j = t_0 + \hat c_j h`, :math:`j = 0..s`:

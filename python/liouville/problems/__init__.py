@@ -42,6 +42,7 @@ MECHANICAL = (
     "spherical_pendulum",
     "double_pendulum",
     "chain",
+    "polymer",
     "slider_crank",
     "car_axis",
     "andrews",

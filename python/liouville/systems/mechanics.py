@@ -54,6 +54,8 @@ class Mechanics:
         Names of the n coordinates.
     constraints : tuple of str
         Names of the m holonomic constraints, then of the l nonholonomic ones.
+    nonholonomic : tuple of str
+        Names of the l nonholonomic constraints alone.
     states : tuple of str
         What its coordinates and their partner are called: ("q", "v"), ("q", "p") or ("y", "z").
     invariants : tuple of str
@@ -74,7 +76,7 @@ class Mechanics:
         self.coordinates = coordinates
         self.constraints = constraints
         m = model.g.numel()
-        self._holonomic, self._nonholonomic = constraints[:m], constraints[m:]
+        self._holonomic, self.nonholonomic = constraints[:m], constraints[m:]
         self.states = states
         self._symbols = symbols
         self._model = model
@@ -89,9 +91,9 @@ class Mechanics:
         if len(names) > 20:
             names = (*names[:3], "...", names[-1])
         counts = [f"{len(self._holonomic)} constraints"] * bool(
-            self._holonomic or not self._nonholonomic
+            self._holonomic or not self.nonholonomic
         )
-        counts += [f"{len(self._nonholonomic)} nonholonomic"] * bool(self._nonholonomic)
+        counts += [f"{len(self.nonholonomic)} nonholonomic"] * bool(self.nonholonomic)
         return f"{kind}({', '.join(names)}; {', '.join(counts)})"
 
     @property
@@ -156,8 +158,8 @@ class Mechanics:
         cases = [("constraint", symbols[0], self._holonomic, g, limits[0])] * bool(m)
         if hidden and m:
             cases.append(("hidden constraint", symbols[1], self._holonomic, w, limits[1]))
-        if self._nonholonomic:
-            nu = np.zeros(len(self._nonholonomic))
+        if self.nonholonomic:
+            nu = np.zeros(len(self.nonholonomic))
             k = self._at("nonholonomic", params, t, y, z, nu)[: nu.size]
             blocks = self._at("nonholonomic_blocks", params, t, y, z, nu)
             entries = len(self._patterns["k_y"][2])
@@ -166,7 +168,7 @@ class Mechanics:
                 TOLERANCE * (np.abs(z).max() + 1e-2 * length) + FLOOR
             )
             symbol = f"k({', '.join(self.states)})"
-            cases.append(("nonholonomic constraint", symbol, self._nonholonomic, k, limit))
+            cases.append(("nonholonomic constraint", symbol, self.nonholonomic, k, limit))
         for case in cases:
             _check_residual(*case, t, hint.format(*self.states))
 
@@ -280,7 +282,7 @@ class Mechanics:
         p_z, v_z = ca.jacobian(model.p, s.z), ca.jacobian(model.v, s.z)
         compliance = ca.solve(v_z.T, p_z.T).T if differ(model.v, s.z) else p_z
         hidden = tuple(f"hidden {name}" for name in self._holonomic)
-        levels = ca.vertcat(w, model.nonholonomic.k), (*hidden, *self._nonholonomic)
+        levels = ca.vertcat(w, model.nonholonomic.k), (*hidden, *self.nonholonomic)
         moved = sorted(set(ca.sparsify(ca.jacobian(levels[0], s.y)).sparsity().row()))
         rows = ca.vertcat(model.g, *(levels[0][k] for k in moved))
         both = rows, (*self._holonomic, *(levels[1][k] for k in moved))
@@ -314,7 +316,7 @@ class Mechanics:
         Those of nonholonomic constraints, whose multipliers come last in `lam`, are among them;
         they want `z` too.
         """
-        values, m, own = self.values(params), len(self._holonomic), len(self._nonholonomic)
+        values, m, own = self.values(params), len(self._holonomic), len(self.nonholonomic)
         lam = np.reshape(lam, (np.size(t), m + own))
         forces = self._map("node", values, t, y, lam[:, :m])[:, m:]
         if own:
@@ -334,7 +336,8 @@ class Mechanics:
 
     def event(self, name: str, function: Callable[..., Any]) -> tuple[_core.Tape, bool]:
         """Record a function of (t, y, z, lam, params), and say whether it uses the multipliers."""
-        s, lam, what = self._symbols, self._model.lam, f"event '{name}'"
+        s, what = self._symbols, f"event '{name}'"
+        lam = ca.vertcat(self._model.lam, self._model.nonholonomic.nu)
         value = _trace.scalar(what, function, (s.t, s.y, s.z, lam, s.params))
         moving = ca.vertcat(s.t, s.y, s.z, lam)
         if not ca.depends_on(value, moving):
@@ -415,7 +418,7 @@ class Mechanics:
             parts |= {"p": model.p} if self.states[1] != "p" else {}
             parts |= {"v": model.v} if self.states[1] != "v" else {}
         parts |= {"constraint": model.g, "hidden": total_derivative(model.g, s, model.v)}
-        parts |= {"nonholonomic": model.nonholonomic.k} if self._nonholonomic else {}
+        parts |= {"nonholonomic": model.nonholonomic.k} if self.nonholonomic else {}
         parts |= {f"invariant {name}": x for name, x in self._invariants.items()}
         for name, function in _trace.mapping("observe", observe).items():
             args = (s.t, s.y, s.z, s.params)

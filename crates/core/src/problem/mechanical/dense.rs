@@ -7,7 +7,7 @@
 //! with z' from the acceleration-level solve. The polynomial that agrees with all three at k successive
 //! knots has degree 3k − 1 and is off by O(h^3k): degree 5 on a single step, 8 with the step before. z is its
 //! derivative where v = z, hence of one order less; elsewhere z has a polynomial of its own, through z and
-//! z', of degree 2k − 1. λ comes from the acceleration-level solve at the interpolated point: there the
+//! z', of degree 2k − 1, and so it has with methods of order 2, whose y is too rough for that. λ comes from the acceleration-level solve at the interpolated point: there the
 //! constraints hold to the order of all this, no better. Source: hairer1993, II.6, for k = 2; the polynomials are
 //! in Newton's form.
 
@@ -61,7 +61,7 @@ impl Newton {
     fn fit<'a, const K: usize>(
         &mut self,
         h: f64,
-        knots: impl Iterator<Item = (f64, &'a [Vec<f64>; K])> + Clone,
+        knots: &(impl Iterator<Item = (f64, &'a [Vec<f64>; K])> + Clone),
     ) {
         self.nodes.clear();
         self.coefficients.clear();
@@ -112,6 +112,9 @@ pub struct Path {
     model: Model,
     acceleration: Acceleration,
     most: usize,
+    is_rough: bool,
+    /// Whether z is interpolated by itself.
+    has_own_z: bool,
     knots: Vec<Knot>,
     spare: Vec<Knot>,
     /// Which of the knots of a known trajectory is the last one.
@@ -127,7 +130,7 @@ impl Path {
     /// A path of `model`, on which a method of this order makes steps.
     pub fn new(model: Model, order: usize) -> Self {
         let n = model.problem.n;
-        let has_own_z = model.problem.patterns.v_z.is_some();
+        let has_own_z = model.problem.patterns.v_z.is_some() || order <= 2;
         let most = match order {
             ..=4 => 2,
             7.. if has_own_z => 4,
@@ -144,6 +147,8 @@ impl Path {
         Self {
             acceleration: Acceleration::new(&model),
             most,
+            is_rough: order <= 2,
+            has_own_z,
             knots: Vec::with_capacity(most),
             spare: vec![knot; most],
             followed: None,
@@ -158,6 +163,11 @@ impl Path {
             },
             model,
         }
+    }
+
+    /// Whether the method is of so low an order that its steps tell from the polynomials at first sight.
+    pub fn is_rough(&self) -> bool {
+        self.is_rough
     }
 
     /// Whether there are as many knots as the path takes into account.
@@ -188,11 +198,13 @@ impl Path {
             if let Some(pattern) = &problem.patterns.v_z {
                 pattern.multiply_add(v_z, 1.0, z_dot, &mut knot.y[2]);
             }
-            copy(&mut knot.z[0], z);
-            copy(&mut knot.z[1], z_dot);
         } else {
             copy(&mut knot.y[1], z);
             copy(&mut knot.y[2], z_dot);
+        }
+        if self.has_own_z {
+            copy(&mut knot.z[0], z);
+            copy(&mut knot.z[1], z_dot);
         }
         finite(&knot.y[1], Quantity::Velocity, t)?;
         finite(&knot.y[2], Quantity::Derivative, t)?;
@@ -224,12 +236,11 @@ impl Path {
         let next = self
             .followed
             .filter(|held| *held <= last && held + self.most > last);
-        let first = match next {
-            Some(held) => held + 1,
-            None => {
-                self.spare.append(&mut self.knots);
-                (last + 1).saturating_sub(self.most)
-            }
+        let first = if let Some(held) = next {
+            held + 1
+        } else {
+            self.spare.append(&mut self.knots);
+            (last + 1).saturating_sub(self.most)
         };
         for k in first..=last {
             let row = k * n..(k + 1) * n;
@@ -254,7 +265,7 @@ impl Path {
     pub fn move_to(&mut self, t: f64) {
         self.carry(t);
         self.t = t;
-        let has_own_z = self.model.problem.patterns.v_z.is_some();
+        let has_own_z = self.has_own_z;
         if let Some(knot) = self.knots.iter().find(|knot| knot.t == t) {
             copy(&mut self.point.y, &knot.y[0]);
             copy(
@@ -346,10 +357,10 @@ impl Path {
         let order = [2, 1, 3, 4].into_iter().filter(|back| *back <= count);
         let knots = order.map(|back| &self.knots[count - back]);
         let at = |knot: &Knot| (knot.t - start) / h;
-        self.of_y
-            .fit(h, knots.clone().map(|knot| (at(knot), &knot.y)));
-        if self.model.problem.patterns.v_z.is_some() {
-            self.of_z.fit(h, knots.map(|knot| (at(knot), &knot.z)));
+        let of_y = knots.clone().map(|knot| (at(knot), &knot.y));
+        self.of_y.fit(h, &of_y);
+        if self.has_own_z {
+            self.of_z.fit(h, &knots.map(|knot| (at(knot), &knot.z)));
         }
     }
 

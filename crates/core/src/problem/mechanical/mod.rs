@@ -21,6 +21,7 @@ pub use acceleration::Acceleration;
 pub use dense::{Path, Point};
 pub use model::{Model, finite, finite_k};
 pub use monitor::{MechanicalMonitor, TimeScale, Traced};
+pub(crate) use nonholonomic::explain_all;
 pub use nonholonomic::{Nonholonomic, NonholonomicPatterns};
 pub use observe::{Carried, Observer};
 pub use projection::{Projection, project};

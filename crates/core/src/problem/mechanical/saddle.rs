@@ -101,10 +101,15 @@ impl Mass {
 
     /// The largest velocity that the impulse `r_λ dΛ` gives.
     pub fn velocity_of(&mut self, r_lam: &[f64], d_lam: &[f64]) -> f64 {
+        let problem = self.problem.clone();
+        self.velocity_by(&problem.patterns.r_lam, r_lam, d_lam)
+    }
+
+    /// The largest velocity that the impulse `A x` gives.
+    pub fn velocity_by(&mut self, pattern: &Pattern, values: &[f64], x: &[f64]) -> f64 {
         let mut velocity = std::mem::take(&mut self.impulse);
         velocity.fill(0.0);
-        let pattern = &self.problem.patterns.r_lam;
-        pattern.multiply_add(r_lam, 1.0, d_lam, &mut velocity);
+        pattern.multiply_add(values, 1.0, x, &mut velocity);
         self.solve_velocity(&mut velocity);
         self.impulse = velocity;
         max_norm(&self.impulse)
@@ -240,6 +245,13 @@ impl Saddle {
     /// `r_λ` it was last factored with.
     pub fn r_lam(&self) -> &[f64] {
         &self.r_lam
+    }
+
+    /// `out += ∂r_n/∂ν x`, as it was last factored with.
+    pub fn add_rolling(&self, model: &Model, x: &[f64], out: &mut [f64]) {
+        if let (Some(problem), Some(own)) = (&model.problem.nonholonomic, &self.nonholonomic) {
+            problem.patterns.r_nu.multiply_add(&own.r_nu, 1.0, x, out);
+        }
     }
 
     /// Factors the matrix at (t, y, z, λ), ν behind λ.

@@ -75,6 +75,6 @@ impl Event {
 
     /// Whether a zero counts where the sign becomes this one.
     pub(super) fn wants(&self, sign: f64) -> bool {
-        self.direction == 0 || f64::from(self.direction) == sign
+        f64::from(self.direction) * sign >= 0.0
     }
 }

@@ -33,9 +33,29 @@ pub(super) struct Zero {
     pub(super) sign: f64,
 }
 
-/// A minimum is decided by the exact function where it is closer to zero than this part of how much the
-/// samples around it bend.
-const CLOSE: f64 = 0.5;
+/// How far the rough function may be from the exact one.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Trust {
+    /// A minimum is decided by the exact function where it is closer to zero than so many times what the
+    /// samples around it bend.
+    close: f64,
+    /// And then between the samples around it, or so far beyond them.
+    aside: f64,
+}
+
+impl Trust {
+    /// Of an interpolation whose error is far below what a step bends.
+    pub(super) const FIRM: Self = Self {
+        close: 0.5,
+        aside: 0.0,
+    };
+    /// Of one whose error is of the same size, as with a method of order 2.
+    pub(super) const LOOSE: Self = Self {
+        close: 8.0,
+        aside: 0.25,
+    };
+}
+
 /// A sample is, where it is smaller than this part of the difference to its neighbours.
 const SMALL: f64 = 0.05;
 /// So far beyond the ends of a step may a minimum lie that is looked at as one of it.
@@ -57,11 +77,11 @@ pub(super) fn zeros(
     scene: &mut impl Scene,
     nodes: &mut Vec<Node>,
     sign: &mut f64,
-    resolution: f64,
+    (trust, resolution): (Trust, f64),
     zeros: &mut Vec<Zero>,
 ) -> Result<(), Trouble> {
     for k in (1..nodes.len() - 1).rev() {
-        if let Some(node) = dip(scene, [nodes[k - 1], nodes[k], nodes[k + 1]])? {
+        if let Some(node) = dip(scene, [nodes[k - 1], nodes[k], nodes[k + 1]], trust)? {
             let at = nodes.partition_point(|other| other.x <= node.x);
             nodes.insert(at, node);
         }
@@ -93,20 +113,21 @@ pub(super) fn zeros(
 
 /// A node of another sign than that of three samples, if |e| has a minimum around the middle one that comes
 /// so far.
-fn dip(scene: &mut impl Scene, samples: [Node; 3]) -> Result<Option<Node>, Trouble> {
+fn dip(scene: &mut impl Scene, samples: [Node; 3], trust: Trust) -> Result<Option<Node>, Trouble> {
     let sign = samples[2].value.signum();
     let rough = samples.map(|node| (node.x, sign * node.value));
     let [(from, left), (_, middle), (to, right)] = rough;
     let bend = left + right - 2.0 * middle;
     let is_dip = left > 0.0 && right > 0.0 && (0.0..=left.min(right)).contains(&middle);
-    if !is_dip || middle > bend {
+    if !is_dip || middle > bend.max(trust.close * bend) {
         return Ok(None);
     }
     let (x, value) = lowest(|x| Ok(sign * scene.rough(x)?), rough)?;
-    if value > CLOSE * bend || !(-BEYOND..=1.0 + BEYOND).contains(&x) {
+    let beyond = trust.aside.max(BEYOND);
+    if value > trust.close * bend || !(-beyond..=1.0 + beyond).contains(&x) {
         return Ok(None);
     }
-    let (from, to) = (from.max(0.0), to.min(1.0));
+    let (from, to) = ((from - trust.aside).max(0.0), (to + trust.aside).min(1.0));
     let margin = BEYOND * (to - from);
     let mut exact = [from, x.clamp(from + margin, to - margin), to].map(|x| (x, 0.0));
     for (x, value) in &mut exact {
@@ -232,5 +253,11 @@ fn roughly(scene: &mut impl Scene, ends: Bracket) -> Result<(f64, f64), Trouble>
 
 /// How many halvings lead from a width to twice a tolerance.
 fn halvings(width: f64, tolerance: f64) -> i32 {
-    (width / (2.0 * tolerance)).log2().ceil().max(0.0) as i32
+    let mut count = 0;
+    let mut left = width;
+    while left > 2.0 * tolerance {
+        left /= 2.0;
+        count += 1;
+    }
+    count
 }

@@ -1,6 +1,6 @@
 //! Events of a mechanical system, and its states at given times.
 
-use super::search::{self, Node, Scene, Zero};
+use super::search::{self, Node, Scene, Trust, Zero};
 use super::{Event, Seen, Watch};
 use crate::method::Stepper;
 use crate::problem::Observe;
@@ -194,32 +194,33 @@ where
             value: event.last,
             is_exact: true,
         };
-        let before = match event.earlier {
-            Some((earlier, value)) => Node {
-                x: -earlier / probe.h.abs(),
-                value,
-                is_exact: false,
-            },
-            None => {
-                let x = -1.0 / SAMPLES as f64;
-                let value = rough(path, event, probe.t + x * probe.h).unwrap_or(f64::NAN);
-                first = leaving(path, probe, event, first)?;
-                Node {
-                    x,
-                    value,
-                    is_exact: false,
-                }
-            }
+        let mut before = Node {
+            x: -1.0 / SAMPLES as f64,
+            value: f64::NAN,
+            is_exact: false,
         };
+        if let Some((earlier, value)) = event.earlier {
+            (before.x, before.value) = (-earlier / probe.h.abs(), value);
+        } else {
+            let t = probe.t + before.x * probe.h;
+            // nothing need be there before the start
+            before.value = rough(path, event, t).unwrap_or(f64::NAN);
+            first = leaving(path, probe, event, first)?;
+        }
         nodes.extend([before, first]);
-        nodes.extend(event.samples.iter().zip(1..).map(|(value, k)| Node {
-            x: f64::from(k) / SAMPLES as f64,
+        nodes.extend(event.samples.iter().zip(1_usize..).map(|(value, k)| Node {
+            x: k as f64 / SAMPLES as f64,
             value: *value,
-            is_exact: k == SAMPLES as i32,
+            is_exact: k == SAMPLES,
         }));
         event.earlier = Some((probe.h.abs() / SAMPLES as f64, event.samples[SAMPLES - 2]));
         event.last = event.samples[SAMPLES - 1];
         let resolution = f64::EPSILON / 2.0 * (probe.t / probe.h).abs().max(1.0);
+        let trust = if path.is_rough() {
+            Trust::LOOSE
+        } else {
+            Trust::FIRM
+        };
         let mut sign = event.sign;
         let mut looking = Looking {
             path,
@@ -227,7 +228,7 @@ where
             event,
             end,
         };
-        search::zeros(&mut looking, nodes, &mut sign, resolution, zeros)?;
+        search::zeros(&mut looking, nodes, &mut sign, (trust, resolution), zeros)?;
         event.sign = sign;
         let wanted = zeros.iter().filter(|zero| event.wants(zero.sign));
         self.found.extend(wanted.map(|zero| (zero.x, index)));
