@@ -26,7 +26,7 @@ for a, style in ((0.5, ":"), (1.0, "-"), (2.0, "--")):
     held = np.abs(solution.residuals["nonholonomic"]).max()
     print(f"a = {a:g}: energy within {drift:.1e}, slip at most {held:.1e}")
 
-left.set(title="path of the blade", aspect="equal", xlabel="x", ylabel="y")
+left.set(title="path of the blade", aspect="equal", xlim=(-9, 3), ylim=(-10, 2))
 left.legend(title="centre of mass ahead by")
 right.set(title="rate of turning", xlabel="time")
 plt.show()
