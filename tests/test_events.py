@@ -4,6 +4,7 @@ import casadi as ca
 import mpmath
 import numpy as np
 import pytest
+from scipy import optimize
 
 import liouville as lv
 from liouville import problems
@@ -147,6 +148,51 @@ def test_a_pair_within_a_step_is_found_and_no_touching():
             if not above:
                 apart = np.sqrt(2 * gap)
                 np.testing.assert_allclose(times - np.pi / 2, [-apart, apart], rtol=1e-2, atol=1e-9)
+
+
+@pytest.mark.parametrize("stages", [1, 2])
+@pytest.mark.parametrize("case", range(4))
+def test_pairs_are_those_of_the_method_itself_however_coarse(stages, case):
+    """A turn of e within a step, as parts of that step have it, is met twice just below it."""
+    method, h = lv.Spark(stages), 0.06
+    random = np.random.default_rng(case)
+    angle, speed = random.uniform(-2, 2), random.uniform(-3, 3)
+    start = {
+        "q": (np.sin(angle), -np.cos(angle)),
+        "v": (speed * np.cos(angle), speed * np.sin(angle)),
+    }
+
+    def e(q, v):
+        return q[0] + 0.3 * v[1]
+
+    run = lv.integrate(pendulum.system, method, t=(0, 60 * h), steps=60, **start)
+
+    def part(k, theta):
+        state = {"q": run.q[k], "v": run.v[k]}
+        end = lv.integrate(pendulum.system, method, t=(0, theta * h), steps=1, **state)
+        return e(end.q[-1], end.v[-1])
+
+    values = e(run.q.T, run.v.T)
+    turns = np.flatnonzero(np.diff(np.sign(np.diff(values)))) + 1
+    sign = np.sign(values[turns[0]] - values[turns[0] - 1])
+    found = [
+        optimize.minimize_scalar(
+            lambda x, k=k: -sign * part(k, x),
+            bounds=(0, 1),
+            method="bounded",
+            options={"xatol": 1e-8},
+        )
+        for k in (turns[0] - 1, turns[0])
+    ]
+    k = turns[0] - 1 + int(found[1].fun < found[0].fun)
+    top = -min(x.fun for x in found)
+    for gap, count in ((1e-6, 2), (1e-9, 2), (-1e-9, 0), (-1e-6, 0)):
+        level = sign * (top - gap)
+        near = lv.integrate(
+            pendulum.system, method, t=(0, 60 * h), steps=60, **start,
+            events={"turn": lambda t, q, v, lam, params, c=level: e(q, v) - c},
+        ).events["turn"].t / h  # fmt: skip
+        assert ((near > k - 0.05) & (near < k + 1.05)).sum() == count
 
 
 def test_direction_is_that_of_the_run():

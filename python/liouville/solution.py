@@ -64,8 +64,8 @@ class Solution:
         The order of the method, where the states of all steps are kept and the system is a
         mechanical one: then ``solution(t)`` gives the states between them. 0 otherwise.
     names : dict of str to tuple of str
-        ``coordinates`` (n of them) and ``constraints`` (m of them, the nonholonomic ones last);
-        of a ``SemiExplicit`` system also its ``unknowns`` z.
+        ``coordinates`` (n of them) and ``constraints`` (m of them, the nonholonomic ones last); of
+        a ``SemiExplicit`` system also its ``unknowns`` z.
     h : float
         Step size used, the mean of them if they are controlled.
     tolerances : dict of str to float or list of float
@@ -135,9 +135,10 @@ class Solution:
 
         Coordinates are interpolated by the polynomial that has their values, velocities and
         accelerations at the ends of the step, of degree 5; with a method of order above 4, at the
-        start of the step before too, of degree 8. Velocities are its derivative; a second half of
-        the state that is no velocity has a polynomial of its own. Multipliers are solved for at the
-        interpolated point. Constraints hold there to the order of all this.
+        start of the step before too, of degree 8. Velocities are its derivative; with methods of
+        order 2, and where the second half of the state is no velocity, it has a polynomial of its
+        own. Multipliers are solved for at the interpolated point. Constraints hold there to the
+        order of all this.
 
         Parameters
         ----------

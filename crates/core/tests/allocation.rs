@@ -1,7 +1,10 @@
 //! The hot loop allocates nothing. This binary counts what the global allocator hands out.
 
+#[path = "support/counting.rs"]
+mod counting;
 mod support;
 
+use counting::allocations;
 use liouville_core::linalg::{Factor, Pattern, Rows};
 use liouville_core::method::Tolerance;
 use liouville_core::method::alpha::{Alpha, Reactions};
@@ -22,48 +25,14 @@ use liouville_core::problem::quantum::{Bond, Dense, Diagonals, Hamiltonian, Oper
 use liouville_core::problem::semi_explicit::Model as SemiExplicitModel;
 use liouville_core::real::{Lanes, Scalar};
 use liouville_core::tableau;
-use std::alloc::{GlobalAlloc, Layout, System};
-use std::cell::Cell;
 use std::sync::Arc;
 use support::quantum::{flows, kinetic, packet, rotor};
 use support::splits::{Draw, every_kind};
 use support::walk::{START, driven_start, heavy};
 use support::waves::{anyhow, ring};
 use support::{
-    Functions, LAM, PENDULUM, T, Y, Z, dot, input, inputs, pendulum, semi_explicit, turning,
+    FOURTH, Functions, LAM, PENDULUM, T, Y, Z, dot, input, inputs, pendulum, semi_explicit, turning,
 };
-
-struct Counting;
-
-thread_local! {
-    static COUNT: Cell<usize> = const { Cell::new(0) };
-}
-
-// SAFETY: every call goes on to the system's allocator as it came; counting takes no memory.
-#[allow(unsafe_code)]
-unsafe impl GlobalAlloc for Counting {
-    unsafe fn alloc(&self, layout: Layout) -> *mut u8 {
-        COUNT.with(|count| count.set(count.get() + 1));
-        unsafe { System.alloc(layout) }
-    }
-    unsafe fn dealloc(&self, pointer: *mut u8, layout: Layout) {
-        unsafe { System.dealloc(pointer, layout) }
-    }
-    unsafe fn realloc(&self, pointer: *mut u8, layout: Layout, size: usize) -> *mut u8 {
-        COUNT.with(|count| count.set(count.get() + 1));
-        unsafe { System.realloc(pointer, layout, size) }
-    }
-}
-
-#[global_allocator]
-static ALLOCATOR: Counting = Counting;
-
-/// How often memory is taken while `work` runs on this thread.
-fn allocations(work: impl FnOnce()) -> usize {
-    let before = COUNT.get();
-    work();
-    COUNT.get() - before
-}
 
 /// Two coupled arms with v ≠ z, a full mass matrix, and a reaction that is nonlinear in λ.
 fn general() -> Functions {
@@ -165,6 +134,37 @@ fn a_step_of_rattle_takes_no_memory() {
         let mut state = model.general.state(0.0, &y, &[0.0; 4]);
         let mut rattle = Rattle::new(model).expect("a mass");
         assert_eq!(others(&mut rattle, &mut state), 0, "coupled by {coupling}");
+    }
+}
+
+#[test]
+fn a_step_with_nonholonomic_constraints_takes_no_memory() {
+    let (functions, z) = (general(), inputs(Z, 4));
+    let (fast, nu) = (dot(&z, &z) - 1.0, input(FOURTH, 0));
+    let pushes: Vec<_> = z.iter().map(|z| -(z * &nu)).collect();
+    let mut model = Model::new(functions.rolling(&[fast], &pushes), &[]);
+    let (y, z) = (
+        [0.0, -1.0, 1.0, -1.0],
+        [0.5, -0.05, 0.495, -0.502_475_f64.sqrt()],
+    );
+    let mut acceleration = Acceleration::new(&model);
+    for tableau in [
+        tableau::Spark::gauss(3),
+        tableau::Spark::lobatto(3, tableau::Force::B),
+    ] {
+        let mut state = model.state(0.0, &y, &z);
+        let mut spark = Spark::of(model.clone(), tableau, Solver::Auto);
+        let mut n = 0;
+        let mut step = || {
+            let t = 0.01 * f64::from(n);
+            spark.step(t, 0.01, &mut state).expect("a step can be made");
+            n += 1;
+        };
+        step();
+        assert_eq!(allocations(|| (1..50).for_each(|_| step())), 0);
+        let mut solve = || acceleration.solve(&mut model, 0.5, &state.y, &state.z);
+        solve().expect("a solution");
+        assert_eq!(allocations(|| drop(solve())), 0);
     }
 }
 
@@ -346,7 +346,7 @@ fn a_step_of_its_own_choice_takes_no_memory() {
     let count = allocations(|| [0.02, 0.01, 0.03].into_iter().for_each(&mut step));
     assert_eq!(count, 0);
     let start = (0.0, &state.y[..], &state.z[..]);
-    let mut monitor = TimeScale::new(model, 1.0, start, 0.01);
+    let mut monitor = TimeScale::new(model, start, 0.01);
     let mut rate = || monitor.rate(0.0, &state).expect("a rate");
     rate();
     assert_eq!(allocations(|| assert!(rate().is_finite())), 0);

@@ -41,8 +41,8 @@ class LobattoPair:
     mass and forces of t and y alone, B, C, C* and D are the same map.
 
     Two stages are RATTLE if the mass is constant and forces depend on t and y alone. The pair does
-    not damp, and is stable for stiff forces only with small steps; where forces are not constant
-    ``Spark(s - 1)`` is as fast, of the same order and more accurate.
+    not damp, and is stable for stiff forces only with small steps. ``Spark(s - 1)`` has the same
+    order with one stage less, errors of the same size, and no such bound.
 
     Parameters
     ----------
