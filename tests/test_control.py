@@ -253,14 +253,12 @@ def test_a_monitor_that_is_constant_gives_equal_steps():
 
 
 def test_the_own_monitor_sees_time_scales_not_zeros():
-    """An oscillation, whose acceleration vanishes, has nearly equal steps; those of a free flight stay bounded."""
-    for ratio, potential in ((1.2, lambda q: q[0] ** 2 / 2), (4, lambda q: 0.0)):
-        system = lv.Lagrangian(lambda t, q, v, params: v[0] ** 2 / 2 - potential(q), q=1)  # noqa: B023
-        found = lv.integrate(
-            system, lv.Spark(2), t=(0, 50), h=0.1, control="reversible", q=[0.3], v=[1.0]
-        )
-        sizes = np.diff(found.t)[:-1]
-        assert sizes.max() < ratio * sizes.min()
+    """An oscillation, whose acceleration vanishes twice a period, has nearly equal steps."""
+    well = lv.Lagrangian(lambda t, q, v, params: (v[0] ** 2 - q[0] ** 2) / 2, q=1)
+    start = {"q": [0.3], "v": [1.0]}
+    found = lv.integrate(well, lv.Spark(2), t=(0, 50), h=0.1, control="reversible", **start)
+    sizes = np.diff(found.t)[:-1]
+    assert sizes.max() < 1.2 * sizes.min()
 
 
 @pytest.mark.parametrize("value", ["zero", "negative", "not finite"])
