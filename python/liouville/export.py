@@ -86,7 +86,7 @@ def to_xarray(solution: Solution) -> xarray.Dataset:
         axis = f"event_axis_{label}"
         variables[f"event_t_{label}"] = ((axis,), points.t, {"name": name})
         for state, values in points.states.items():
-            dims = (axis, axes.get(state, "coordinate"))
+            dims = (axis, axis_of.get(state, "coordinate"))
             variables[f"event_{state}_{label}"] = (dims, values, {"name": name, "state": state})
     labels = {
         "coordinate": names["coordinates"],
