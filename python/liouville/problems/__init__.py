@@ -36,7 +36,7 @@ from typing import Protocol
 
 import casadi as ca
 
-#: The mechanical systems.
+#: The mechanical systems with holonomic constraints.
 MECHANICAL = (
     "pendulum",
     "spherical_pendulum",
@@ -53,6 +53,9 @@ MECHANICAL = (
     "fekete",
     "kepler_on_sphere",
 )
+
+#: Those with nonholonomic constraints.
+NONHOLONOMIC = ("knife_edge", "rolling_disk", "chaplygin_sleigh", "rolling_ball")
 
 #: The polynomial fields without divergence.
 FIELDS = (
@@ -80,7 +83,7 @@ QUANTUM = (
     "lattice3d",
 )
 
-NAMES = (*MECHANICAL, *FIELDS, *QUANTUM)
+NAMES = (*MECHANICAL, *NONHOLONOMIC, *FIELDS, *QUANTUM)
 
 
 class Parameters(Protocol):
