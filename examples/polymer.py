@@ -31,8 +31,6 @@ left.legend()
 energy = solution.invariants["energy"]
 right.plot(solution.t, energy / energy[0] - 1, label="energy, relative error")
 lengths = np.linalg.norm(np.diff(solution.q.reshape(-1, BEADS, 3), axis=1), axis=2)
-right.set(
-    xlabel="time", title=f"bonds are within {np.abs(lengths - 1).max():.0e} of their length"
-)
+right.set(xlabel="time", title=f"bonds are within {np.abs(lengths - 1).max():.0e} of their length")
 right.legend()
 plt.show()

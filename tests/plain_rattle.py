@@ -64,7 +64,7 @@ def run(
 
 
 def bonds(pairs: list[tuple[int, int]], lengths: Vector, size: int) -> tuple[Callable, Callable]:
-    """Return g and g_q of rods |r_j - r_i|^2 = l^2 between points; -1 is the origin, `size` axes."""
+    """Return g and g_q of rods |r_j - r_i|^2 = l^2 in `size` dimensions; -1 is the origin."""
 
     def ends(q: Vector) -> list[tuple[Vector, Vector]]:
         r = np.vstack([q.reshape(-1, size), np.zeros(size)])

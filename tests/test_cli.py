@@ -133,6 +133,9 @@ def test_an_interrupted_run_is_kept_and_leaves_with_130(tmp_path):
         ("run pendulum --method hht --stages 2", "hint: it has alpha, b, less_implicit"),
         ("run pendulum --method hht --alpha 0.1", "alpha is from -1/3 to 0"),
         ("run pendulum --method hht --atol 1e-3", "hint: give rtol="),
+        ("run pendulum --control forward", "control is 'error', 'reversible' or None, not 'forwa"),
+        ("run pendulum --method hht --control reversible", "HHT is not symmetric"),
+        ("run pendulum --at 11", "t_eval"),
         ("run relativistic_particle --method hht", "not linear in its velocity"),
         ("run lorenz96 --method spark", "does not step polynomial fields; methods that do: Vol"),
         ("run lorenz96 --rtol 1e-3", "depends on the state, volume is not kept"),
@@ -261,6 +264,21 @@ def test_tolerances_control_the_steps(tmp_path):
     assert solution.tolerances == {"rtol": 1e-4, "atol": 1e-6}
     assert np.ptp(np.diff(solution.t)) > 0.1 * solution.h
     assert solution.stats["steps"] == len(solution.t) - 1
+
+
+def test_steps_follow_the_motion_reversibly(tmp_path):
+    words = "run kepler_on_sphere --stages 2 --h 0.03 --control reversible --out run.nc"
+    ran = liouville(words, tmp_path)
+    assert ran.returncode == 0, ran.stderr
+    steps = np.diff(lv.load(tmp_path / "run.nc").t)
+    assert steps.max() > 20 * steps.min()
+    assert "mean h" in ran.stdout
+
+
+def test_states_are_kept_at_the_times_asked_for(tmp_path):
+    ran = liouville("run spherical_pendulum --at 1.5 --at 2.5 --out run.nc", tmp_path)
+    assert ran.returncode == 0, ran.stderr
+    np.testing.assert_array_equal(lv.load(tmp_path / "run.nc").t, [1.5, 2.5])
 
 
 @pytest.mark.parametrize(

@@ -6,13 +6,12 @@ import pytest
 from plain_rattle import System, bonds, run
 
 import liouville as lv
-from liouville.problems import polymer
 
 RATTLE = lv.LobattoPair(2)
 
 
 def linked(pairs, masses, size, spring=0.0, lengths=None, **more):
-    """Return points on rods under gravity, and springs between all that no rod joins, twice told."""
+    """Return points on rods under gravity, with springs between those no rod joins, twice told."""
     n, count = size * len(masses), len(masses)
     lengths = np.ones(len(pairs)) if lengths is None else np.asarray(lengths)
     weights = np.repeat(masses, size)
@@ -75,7 +74,7 @@ def tree():
 
 
 def moved():
-    """Return a pendulum whose pivot swings and whose rod breathes, pushed in time, with a mass matrix."""
+    """Return a pendulum of full mass whose pivot swings and rod breathes, pushed in time."""
     mass = np.array([[2.0, 0.3, 0.0], [0.3, 1.0, 0.1], [0.0, 0.1, 1.5]])
 
     def constraint(t, q, params):
@@ -198,3 +197,61 @@ def test_the_energy_does_not_drift():
     slope = np.polyfit(solution.t, error, 1)[0]
     assert abs(error).max() < 3e-5
     assert abs(slope) < 1e-11
+
+
+def falling(force=None, constraint=None):
+    """Return a point in space that moves along x with speed 1."""
+    system = lv.Lagrangian(
+        lambda t, q, v, params: ca.dot(v, v) / 2,
+        constraint,
+        q=("x", "y", "z"),
+        force=force,
+    )
+    return system, {"q": [0, 0, 0], "v": [1, 0, 0]}
+
+
+def rails(t, q, params):
+    """Two planes along x that coincide at x = 1."""
+    return {"floor": q[2], "ramp": q[2] + (1 - q[0]) * q[1]}
+
+
+FAILURES = [
+    (
+        falling(lambda t, q, v, params: [0, ca.sqrt(1 - t), 0]),
+        1 / 64,
+        64,
+        "force of coordinate 'y'",
+    ),
+    (falling(None, rails), 1 / 64, 63, "constraints 'floor', 'ramp' are redundant"),
+    (spherical_pendulum()[::2], 3.0, 0, "did not converge"),
+]
+
+
+@pytest.mark.parametrize(("given", "h", "done", "message"), FAILURES)
+def test_failures_name_what_failed(given, h, done, message):
+    system, start = given
+    with pytest.raises(lv.IntegrationError, match=message) as caught:
+        steps(system, start, h, 100)
+    solution = caught.value.solution
+    assert solution.stats["steps"] == done
+    assert np.isfinite(solution.q).all()
+
+
+@pytest.mark.parametrize(
+    ("system", "start"),
+    [
+        (falling(lambda t, q, v, params: -v)[0], {"q": [0, 0, 0], "v": [1, 0, 0]}),
+        (
+            lv.Lagrangian(lambda t, q, v, params: (1 + q[0] ** 2) * v[0] ** 2 / 2, q=1),
+            {"q": [0.0], "v": [1.0]},
+        ),
+        (
+            lv.Lagrangian(lambda t, q, v, params: (2 + ca.sin(t)) * v[0] ** 2 / 2, q=1),
+            {"q": [0.0], "v": [1.0]},
+        ),
+    ],
+    ids=["damped", "mass of q", "mass of t"],
+)
+def test_what_is_not_separable_goes_the_general_way(system, start):
+    assert system.separable is None
+    assert steps(system, start, 0.01, 3).stats["solver"] != "rattle"

@@ -26,7 +26,7 @@ def nonlinear(**more):
         u = y[1] / growth
         return [
             y[0] * u**2 * z**2,
-            (y[0] ** 2 * u**2 - 3 * u**2 * z) * growth + u * ca.cos(t),
+            (u**2 * z - 3 * y[0] ** 2 * u**2) * growth + u * ca.cos(t),
         ]
 
     return lv.SemiExplicit(
@@ -99,18 +99,18 @@ def track_at(t):
     return np.array([s, c, 2 * t * c, -2 * t * s]), 4 * t**2
 
 
-STEPS = (40, 80, 160), (16, 32, 64), (8, 16, 24), (4, 6, 8, 10)
+STEPS = (80, 160, 320), (32, 64, 128), (12, 16, 24, 32), (10, 12, 16, 20)
 
 
 @pytest.mark.parametrize("s", [1, 2, 3, 4])
 def test_order_is_twice_the_stages_where_f_is_nonlinear_and_the_constraint_moves(s):
-    system, (y, z) = nonlinear(), nonlinear_at(1.0)
+    system, (y, z) = nonlinear(), nonlinear_at(2.0)
     errors = []
     for steps in STEPS[s - 1]:
-        found = lv.integrate(system, lv.Spark(s), t=(0, 1), steps=steps, y=[1, 1], z=[1])
+        found = lv.integrate(system, lv.Spark(s), t=(0, 2), steps=steps, y=[1, 1], z=[1])
         errors.append((abs(found.y[-1] - y).max(), abs(found.z[-1] - z).max()))
     for state in range(2):
-        order = slope([1 / steps for steps in STEPS[s - 1]], [error[state] for error in errors])
+        order = slope([2 / steps for steps in STEPS[s - 1]], [error[state] for error in errors])
         assert abs(order - 2 * s) < 0.15, (state, order, errors)
 
 
@@ -204,7 +204,7 @@ def test_factors_serve_as_long_as_that_pays():
         z=1,
     )
     found = lv.integrate(linear, lv.Spark(2), t=(0, 10), h=0.1, y=[0, 0])
-    assert found.stats["factorizations"] == 1
+    assert found.stats["factorizations"] <= 3  # a start has one for each correction
     turning = lv.integrate(spinning(), lv.Spark(2), t=(0, 10), h=0.05, y=SPINNING)
     assert 1 < turning.stats["factorizations"] < turning.stats["steps"]
 
@@ -333,7 +333,18 @@ def test_a_wrong_call_is_refused(message):
         lv.integrate(pendulum(), lv.Spark(2), **call)
 
 
-@pytest.mark.parametrize("method", [lv.HHT(), lv.VolumeSplitting(), "auto"])
+@pytest.mark.parametrize(
+    "method",
+    [
+        lv.HHT(),
+        lv.LobattoPair(2),
+        lv.Spark(2, points="radau"),
+        lv.Composition(lv.LobattoPair(2), "SU4"),
+        lv.VolumeSplitting(),
+        "auto",
+    ],
+    ids=str,
+)
 def test_other_methods_say_which_do(method):
     with pytest.raises(TypeError, match="does not step semi-explicit systems; methods that do: Sp"):
         lv.integrate(pendulum(), method, t=(0, 1), h=0.1, y=[1, 0, 0, 0])

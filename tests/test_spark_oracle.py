@@ -1,10 +1,24 @@
 """SPARK steps beside the same equations solved all at once, and both beside 69-digit arithmetic."""
 
+from types import SimpleNamespace
+
 import casadi as ca
 import numpy as np
 import pytest
 from plain_spark import Plain, gauss, lobatto
-from registry import REFERENCE, SYSTEMS, printed, top_lagrangian, wire_lagrangian
+from registry import (
+    PROBLEMS,
+    REFERENCE,
+    SYSTEMS,
+    breathing_constraint,
+    breathing_force,
+    printed,
+    top_lagrangian,
+    wire_lagrangian,
+)
+
+import liouville as lv
+from liouville.problems import NONHOLONOMIC, load
 
 PLAIN = {
     "spherical": Plain.lagrangian(
@@ -67,3 +81,52 @@ def test_the_plain_steps_have_the_digits_of_69_digit_arithmetic(name, key, table
     if "Psi_stages" in end:
         exact = np.array(end["Psi_stages"], dtype=float)
         np.testing.assert_allclose(nu, exact, rtol=0, atol=1e-14)
+
+
+METHODS = {
+    **{f"gauss {s}": (lv.Spark(s), gauss(s)) for s in (1, 2, 3)},
+    **{f"lobatto {s}": (lv.LobattoPair(s), lobatto(s)) for s in (2, 3, 4)},
+}
+
+
+def plain_of(problem):
+    """Return the plain equations of a library problem."""
+    params = SimpleNamespace(**problem.system.params)
+
+    def values(function, *args):
+        return list(function(*args, params).values())
+
+    constraint = getattr(problem, "constraint", None)
+    return Plain.lagrangian(
+        len(problem.system.coordinates),
+        lambda t, q, v: problem.lagrangian(t, q, v, params),
+        constraint and (lambda t, q: values(constraint, t, q)),
+        lambda t, q, v: values(problem.nonholonomic, t, q, v),
+    )
+
+
+def assert_same_step(system, plain, key, method, tableau, start, t=0.0, h=0.1):
+    found = lv.integrate(system, method, t=(t, t + h), steps=1, **start)
+    q, v = (np.array(start[state], dtype=float) for state in "qv")
+    q1, v1, *_ = plain.step(key, tableau, t, q, v, h)
+    np.testing.assert_allclose(found.q[-1], q1, rtol=0, atol=2e-15)
+    np.testing.assert_allclose(found.v[-1], v1, rtol=0, atol=1e-14)
+
+
+@pytest.mark.parametrize("key", METHODS)
+@pytest.mark.parametrize("name", NONHOLONOMIC)
+def test_nonholonomic_steps_are_the_plain_ones(name, key):
+    problem = load(name)
+    assert_same_step(problem.system, plain_of(problem), key, *METHODS[key], problem.start)
+
+
+@pytest.mark.parametrize("points", [2, 3, 4])
+@pytest.mark.parametrize("force", ["A", "B", "C", "C*", "D"])
+def test_a_pair_with_any_forces_makes_the_plain_step(force, points):
+    problem = PROBLEMS["breathing sphere"]
+    plain = Plain.lagrangian(
+        3, lambda t, q, v: ca.dot(v, v) / 2, breathing_constraint, force=breathing_force
+    )
+    start = problem.system.consistent(t=0.3, **problem.start)
+    method, tableau = lv.LobattoPair(points, force), lobatto(points, force)
+    assert_same_step(problem.system, plain, force, method, tableau, start, t=0.3)

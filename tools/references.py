@@ -19,7 +19,7 @@ difference is printed with it. Needs only mpmath: ``python tools/references.py``
 """
 # ruff: noqa: T201
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 
 from mpmath import mp, mpf
 
@@ -173,49 +173,89 @@ def chain(links: int = 10, times: Sequence[mpf] = (mpf(1),)) -> None:
         show("chain", mp.nstr(t, 3), {"q": q, "v": v})
 
 
-def polymer(beads: int = 20, times: Sequence[mpf] = (mpf(1) / 2, mpf(1))) -> None:
-    """r_i'' = f_i + s_i b_i - s_{i-1} b_{i-1}: tensions s from b . b'' + |b'|^2 = 0, tridiagonal."""
+def minus(a: State, b: State) -> State:
+    """Subtract vectors."""
+    return [x - y for x, y in zip(a, b, strict=True)]
+
+
+def dot(a: State, b: State) -> mpf:
+    """Multiply vectors."""
+    return sum((x * y for x, y in zip(a, b, strict=True)), mpf(0))
+
+
+def cross(a: State, b: State) -> State:
+    """Multiply vectors in space."""
+    return [a[k - 2] * b[k - 1] - a[k - 1] * b[k - 2] for k in range(3)]
+
+
+def differences(rows: list[State]) -> list[State]:
+    """Subtract each row from the next."""
+    return [minus(rows[i + 1], rows[i]) for i in range(len(rows) - 1)]
+
+
+def tensions(bonds: list[State], load: State) -> State:
+    """Solve 2 |b_i|^2 s_i - b_i . (b_{i-1} s_{i-1} + b_{i+1} s_{i+1}) = load_i."""
+    pivots, s = [2 * dot(bonds[0], bonds[0])], load[:]
+    beside = [-dot(bonds[i], bonds[i + 1]) for i in range(len(bonds) - 1)]
+    for i, c in enumerate(beside):
+        pivots.append(2 * dot(bonds[i + 1], bonds[i + 1]) - c**2 / pivots[i])
+        s[i + 1] -= c / pivots[i] * s[i]
+    s[-1] /= pivots[-1]
+    for i in reversed(range(len(beside))):
+        s[i] = (s[i] - beside[i] * s[i + 1]) / pivots[i]
+    return s
+
+
+def pulled(rows: list[State], bonds: list[State], s: State) -> list[State]:
+    """Add pulls s_i along bonds i to the rows at their ends."""
+    rows = [row[:] for row in rows]
+    for i, (bond, pull) in enumerate(zip(bonds, s, strict=True)):
+        for k in range(3):
+            rows[i][k] += pull * bond[k]
+            rows[i + 1][k] -= pull * bond[k]
+    return rows
+
+
+def draws() -> Iterator[mpf]:
+    """Draw numbers between 0 and 1: x <- 48271 x mod 2^31 - 1, from 1."""
+    x = 1
+    while True:
+        x = 48271 * x % (2**31 - 1)
+        yield mpf(x) / (2**31 - 1)
+
+
+def folded(beads: int, rest: mpf) -> State:
+    """Fold a chain at random and give it random velocities that its bonds allow."""
+    random, sine = draws(), mp.sqrt(1 - rest**2)
+    bond, normal = [mpf(1), mpf(0), mpf(0)], [mpf(0), mpf(0), mpf(1)]
+    r, v = [[mpf(0)] * 3, bond], []
+    for _ in range(beads - 2):
+        turn, inward = 2 * mp.pi * next(random), cross(normal, bond)
+        across = [mp.cos(turn) * a + mp.sin(turn) * c for a, c in zip(inward, normal, strict=True)]
+        after = [rest * a + sine * c for a, c in zip(bond, across, strict=True)]
+        normal = [c / sine for c in cross(bond, after)]
+        bond = after
+        r.append([a + c for a, c in zip(r[-1], bond, strict=True)])
+    for _ in range(beads):
+        v.append([])
+        for _ in range(3):
+            radius = mp.sqrt(-2 * mp.log(next(random)))
+            v[-1].append(radius * mp.cos(2 * mp.pi * next(random)))
+    r, v = (
+        [minus(row, [sum(c) / beads for c in zip(*rows, strict=True)]) for row in rows]
+        for rows in (r, v)
+    )
+    bonds, rates = differences(r), differences(v)
+    along = [dot(bond, rate) for bond, rate in zip(bonds, rates, strict=True)]
+    return [c for row in (*r, *pulled(v, bonds, tensions(bonds, along))) for c in row]
+
+
+def polymer(beads: int = 20, times: Sequence[mpf] = (mpf(1),)) -> None:
+    """r_i'' = f_i + s_i b_i - s_{i-1} b_{i-1}: tensions s from b . b'' + |b'|^2 = 0."""
     rest, stiffness, trap = mpf(1) / 3, mpf(20), mpf("0.02")
-    seed = 1
-
-    def draw() -> mpf:
-        nonlocal seed
-        seed = 48271 * seed % (2**31 - 1)
-        return mpf(seed) / (2**31 - 1)
-
-    def minus(a: State, b: State) -> State:
-        return [x - y for x, y in zip(a, b, strict=True)]
-
-    def dot(a: State, b: State) -> mpf:
-        return sum((x * y for x, y in zip(a, b, strict=True)), mpf(0))
-
-    def cross(a: State, b: State) -> State:
-        return [a[k - 2] * b[k - 1] - a[k - 1] * b[k - 2] for k in range(3)]
 
     def points(x: State) -> list[State]:
         return [x[3 * i : 3 * i + 3] for i in range(beads)]
-
-    def differences(r: list[State]) -> list[State]:
-        return [minus(r[i + 1], r[i]) for i in range(len(r) - 1)]
-
-    def tensions(b: list[State], load: State) -> State:
-        pivots, s = [2 * dot(b[0], b[0])], load[:]
-        beside = [-dot(b[i], b[i + 1]) for i in range(len(b) - 1)]
-        for i, c in enumerate(beside):
-            pivots.append(2 * dot(b[i + 1], b[i + 1]) - c**2 / pivots[i])
-            s[i + 1] -= c / pivots[i] * s[i]
-        s[-1] /= pivots[-1]
-        for i in reversed(range(len(beside))):
-            s[i] = (s[i] - beside[i] * s[i + 1]) / pivots[i]
-        return s
-
-    def pulled(a: list[State], b: list[State], s: State) -> list[State]:
-        a = [row[:] for row in a]
-        for i, (arm, tension) in enumerate(zip(b, s, strict=True)):
-            for k in range(3):
-                a[i][k] += tension * arm[k]
-                a[i + 1][k] -= tension * arm[k]
-        return a
 
     def field(x: State) -> State:
         r, v = points(x[: 3 * beads]), points(x[3 * beads :])
@@ -239,29 +279,7 @@ def polymer(beads: int = 20, times: Sequence[mpf] = (mpf(1) / 2, mpf(1))) -> Non
         kinetic, trapped = dot(x[3 * beads :], x[3 * beads :]), dot(x[: 3 * beads], x[: 3 * beads])
         return (kinetic + stiffness * bent + trap * trapped) / 2
 
-    bond, normal = [mpf(1), mpf(0), mpf(0)], [mpf(0), mpf(0), mpf(1)]
-    r = [[mpf(0)] * 3, bond]
-    for _ in range(beads - 2):
-        turn, sine = 2 * mp.pi * draw(), mp.sqrt(1 - rest**2)
-        inward = cross(normal, bond)
-        across = [mp.cos(turn) * a + mp.sin(turn) * c for a, c in zip(inward, normal, strict=True)]
-        after = [rest * a + sine * c for a, c in zip(bond, across, strict=True)]
-        normal = [c / sine for c in cross(bond, after)]
-        bond = after
-        r.append([a + c for a, c in zip(r[-1], bond, strict=True)])
-    v = []
-    for _ in range(beads):
-        v.append([])
-        for _ in range(3):
-            radius = mp.sqrt(-2 * mp.log(draw()))
-            v[-1].append(radius * mp.cos(2 * mp.pi * draw()))
-    r, v = (
-        [minus(row, [sum(c) / beads for c in zip(*rows, strict=True)]) for row in rows]
-        for rows in (r, v)
-    )
-    b, rates = differences(r), differences(v)
-    v = pulled(v, b, tensions(b, [dot(p, w) for p, w in zip(b, rates, strict=True)]))
-    x = [c for row in (*r, *v) for c in row]
+    x = folded(beads, rest)
     for t, state in zip(times, checked("polymer", field, energy, x, times), strict=True):
         show("polymer", mp.nstr(t, 3), {"q": state[: 3 * beads], "v": state[3 * beads :]})
 

@@ -63,9 +63,9 @@ def to_xarray(solution: Solution) -> xarray.Dataset:
     names = solution.names
     variables: dict[str, Any] = {}
     lead = ("time",) if solution.members is None else ("time", "member")
-    axes = AXES | ({"z": "unknown"} if "unknowns" in names else {})
+    axis_of = AXES | ({"z": "unknown"} if "unknowns" in names else {})
     for name, values in solution.states.items():
-        variables[name] = ((*lead, axes.get(name, "coordinate")), values)
+        variables[name] = ((*lead, axis_of.get(name, "coordinate")), values)
     if solution.invariants:
         columns = np.stack(list(solution.invariants.values()), axis=-1)
         variables["invariants"] = ((*lead, "invariant"), columns)
@@ -86,7 +86,7 @@ def to_xarray(solution: Solution) -> xarray.Dataset:
         axis = f"event_axis_{label}"
         variables[f"event_t_{label}"] = ((axis,), points.t, {"name": name})
         for state, values in points.states.items():
-            dims = (axis, axes.get(state, "coordinate"))
+            dims = (axis, axis_of.get(state, "coordinate"))
             variables[f"event_{state}_{label}"] = (dims, values, {"name": name, "state": state})
     labels = {
         "coordinate": names["coordinates"],

@@ -80,7 +80,7 @@ def integrate(
     control : {"error", "reversible"}, optional
         What decides on the steps, None for equal ones. ``"error"`` is what `rtol` asks for.
         ``"reversible"`` makes them follow a monitor by a rule that time reversal does not see, so
-        that a symmetric method keeps its long-time behaviour; see :doc:`/theory/spark`.
+        that a symmetric method keeps its long-time behaviour; see :doc:`/theory/steps`.
     monitor : callable, optional
         ``monitor(t, q, v, params)`` (the system's own states), a positive scalar: how long steps
         should be, up to a factor, which `h` gives. By default a time scale of the acceleration,

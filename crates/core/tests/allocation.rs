@@ -15,8 +15,11 @@ use liouville_core::method::schrodinger::{
 };
 use liouville_core::method::spark::{Solver, Spark};
 use liouville_core::method::volume::{Determinant, Volume};
-use liouville_core::method::{Composed, Stepper};
-use liouville_core::problem::mechanical::{Acceleration, Model, SecondOrderModel, SeparableModel};
+use liouville_core::method::{Composed, Estimating, Stepper};
+use liouville_core::problem::Monitor;
+use liouville_core::problem::mechanical::{
+    Acceleration, Model, SecondOrderModel, SeparableModel, TimeScale,
+};
 use liouville_core::problem::polynomial::{Piece, Polynomials, Split};
 use liouville_core::problem::quantum::{Bond, Dense, Diagonals, Hamiltonian, Operator, Spins};
 use liouville_core::problem::semi_explicit::Model as SemiExplicitModel;
@@ -28,7 +31,7 @@ use support::splits::{Draw, every_kind};
 use support::walk::{START, driven_start, heavy};
 use support::waves::{anyhow, ring};
 use support::{
-    Functions, LAM, PENDULUM, T, Y, Z, dot, input, inputs, pendulum, semi_explicit, turning,
+    FOURTH, Functions, LAM, PENDULUM, T, Y, Z, dot, input, inputs, pendulum, semi_explicit, turning,
 };
 
 /// Two coupled arms with v ≠ z, a full mass matrix, and a reaction that is nonlinear in λ.
@@ -131,6 +134,37 @@ fn a_step_of_rattle_takes_no_memory() {
         let mut state = model.general.state(0.0, &y, &[0.0; 4]);
         let mut rattle = Rattle::new(model).expect("a mass");
         assert_eq!(others(&mut rattle, &mut state), 0, "coupled by {coupling}");
+    }
+}
+
+#[test]
+fn a_step_with_nonholonomic_constraints_takes_no_memory() {
+    let (functions, z) = (general(), inputs(Z, 4));
+    let (fast, nu) = (dot(&z, &z) - 1.0, input(FOURTH, 0));
+    let pushes: Vec<_> = z.iter().map(|z| -(z * &nu)).collect();
+    let mut model = Model::new(functions.rolling(&[fast], &pushes), &[]);
+    let (y, z) = (
+        [0.0, -1.0, 1.0, -1.0],
+        [0.5, -0.05, 0.495, -0.502_475_f64.sqrt()],
+    );
+    let mut acceleration = Acceleration::new(&model);
+    for tableau in [
+        tableau::Spark::gauss(3),
+        tableau::Spark::lobatto(3, tableau::Force::B),
+    ] {
+        let mut state = model.state(0.0, &y, &z);
+        let mut spark = Spark::of(model.clone(), tableau, Solver::Auto);
+        let mut n = 0;
+        let mut step = || {
+            let t = 0.01 * f64::from(n);
+            spark.step(t, 0.01, &mut state).expect("a step can be made");
+            n += 1;
+        };
+        step();
+        assert_eq!(allocations(|| (1..50).for_each(|_| step())), 0);
+        let mut solve = || acceleration.solve(&mut model, 0.5, &state.y, &state.z);
+        solve().expect("a solution");
+        assert_eq!(allocations(|| drop(solve())), 0);
     }
 }
 
@@ -292,6 +326,30 @@ fn another_step_size_takes_no_memory() {
     step(0.01);
     let count = allocations(|| [0.005, 0.01, -0.02, 0.03].into_iter().for_each(&mut step));
     assert_eq!(count, 0);
+}
+
+#[test]
+fn a_step_of_its_own_choice_takes_no_memory() {
+    let mut model = Model::new(pendulum().build(), &PENDULUM);
+    let mut state = model.state(0.0, &[1.0, 0.0], &[0.0, 0.0]);
+    let tolerance = Tolerance {
+        rtol: 1e-6,
+        atol: vec![1e-9; 2],
+    };
+    let mut spark = Spark::new(model.clone(), 3, Solver::Auto).estimating(tolerance);
+    let mut step = |h| {
+        spark.step(0.0, h, &mut state).expect("a step can be made");
+        assert!(spark.error() > 0.0);
+        spark.undo(&mut state);
+    };
+    step(0.01);
+    let count = allocations(|| [0.02, 0.01, 0.03].into_iter().for_each(&mut step));
+    assert_eq!(count, 0);
+    let start = (0.0, &state.y[..], &state.z[..]);
+    let mut monitor = TimeScale::new(model, start, 0.01);
+    let mut rate = || monitor.rate(0.0, &state).expect("a rate");
+    rate();
+    assert_eq!(allocations(|| assert!(rate().is_finite())), 0);
 }
 
 #[test]

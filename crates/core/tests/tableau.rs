@@ -1,7 +1,7 @@
 //! The coefficients satisfy what defines them, for any number of stages.
 
 use liouville_core::linalg::Matrix;
-use liouville_core::tableau::Spark;
+use liouville_core::tableau::{Force, Spark};
 
 const MOST: usize = 20;
 
@@ -297,4 +297,65 @@ fn three_stages_have_their_closed_forms() {
 #[should_panic(expected = "at least one stage")]
 fn no_stages_are_refused() {
     Spark::gauss(0);
+}
+
+#[test]
+fn symmetric_is_what_reflection_leaves() {
+    for s in [2, 3, 8] {
+        assert!(Spark::gauss(s).is_symmetric() && !Spark::radau(s).is_symmetric());
+        for (force, is_symmetric) in [
+            (Force::A, true),
+            (Force::B, true),
+            (Force::C, false),
+            (Force::CStar, false),
+            (Force::D, true),
+        ] {
+            assert_eq!(Spark::lobatto(s, force).is_symmetric(), is_symmetric);
+        }
+    }
+}
+
+#[test]
+fn a_lobatto_pair_begins_where_the_step_does_and_ends_there() {
+    for points in 2..=MOST {
+        let t = Spark::lobatto(points, Force::B);
+        let (s, k) = (t.stages, t.intervals);
+        assert_eq!((s, k), (points, points - 1));
+        assert_eq!((&t.c, &t.b), (&t.c_hat, &t.b_hat));
+        assert_eq!(t.mu_v.flat(), t.mu_bar.flat());
+        assert_eq!(worst(t.mu_v.row(0).iter().copied()).to_bits(), 0);
+        assert!(
+            t.mu_v
+                .row(k)
+                .iter()
+                .all(|mu| mu.to_bits() == 1.0_f64.to_bits())
+        );
+        assert!((0..s).all(|i| t.mu_hat[(i, k)].abs().to_bits() == 0));
+        for i in 0..s {
+            for j in 0..s {
+                let sum = t.mu_f[(i, j)] + t.mu_v[(j, i)];
+                assert_eq!(sum.to_bits(), 1.0_f64.to_bits(), "s = {s}");
+            }
+        }
+    }
+}
+
+#[test]
+fn radau_stages_end_with_the_step() {
+    for s in 1..=MOST {
+        let t = Spark::radau(s);
+        assert_eq!((t.stages, t.intervals), (s, s));
+        assert!(t.c.windows(2).all(|c| c[0] < c[1]) && t.c[s - 1].to_bits() == 1.0_f64.to_bits());
+        assert_eq!(t.a_v.row(s - 1), t.b);
+        assert!(quadrature(&t.b, &t.c, 2 * s - 1) <= 4e-16);
+        assert!(stage_order(&t.a_v, &t.c, &t.c, s) <= 4e-16);
+        assert!(stage_order(&t.a_bar, &t.c, &t.c_hat, s) <= 4e-16);
+        assert!(stage_order(&t.a_hat, &t.c_hat, &t.c, s - 1) <= 4e-15);
+    }
+}
+
+#[test]
+#[should_panic(expected = "at least two stages")]
+fn a_pair_of_one_stage_is_refused() {
+    Spark::lobatto(1, Force::B);
 }

@@ -49,8 +49,16 @@ def run(
         float | None, typer.Option(help="Absolute tolerance.", show_default="rtol/1000")
     ] = None,
     h_min: Annotated[float | None, typer.Option(help="Least of the controlled steps.")] = None,
+    control: Annotated[
+        str | None,
+        typer.Option(help="'reversible': steps follow the motion, --h is the first of them."),
+    ] = None,
     until: Until = None,
     every: Annotated[int, typer.Option(help="Keep one step in this many.")] = 1,
+    at: Annotated[
+        list[float] | None,
+        typer.Option(help="Keep the state at this time, instead of steps; may be repeated."),
+    ] = None,
     keep: Annotated[
         int, typer.Option(help="Keep so many wave functions, at equal distances.", min=1)
     ] = 100,
@@ -93,10 +101,12 @@ def run(
                     "hint: leave --animate out, or define outline as the planar problems do"
                 )
         try:
-            with progress(model, "steps" if rtol is None else "of time") as report:
+            is_equal = rtol is None and control is None
+            with progress(model, "steps" if is_equal else "of time") as report:
                 solution = lv.integrate(
                     system, chosen, t=times, h=h, rtol=rtol, atol=atol, h_min=h_min,
-                    every=every, params=values, progress=report, **begin,
+                    control=control, t_eval=at or None, every=every, params=values,
+                    progress=report, **begin,
                 )  # fmt: skip
         except lv.IntegrationError as error:
             complain(error)

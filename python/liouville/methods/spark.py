@@ -32,7 +32,7 @@ def check_solver(solver: object) -> None:
 
 @dataclass(frozen=True)
 class Spark:
-    r"""SPARK for constrained mechanics with s Gauss stages, order 2s, or Radau stages, order 2s - 1.
+    r"""SPARK for constrained mechanics: s Gauss stages, order 2s, or Radau stages, order 2s - 1.
 
     With stages :math:`T_i = t_0 + c_i h`, :math:`i = 1..s`, and Lobatto nodes
     :math:`\hat T_j = t_0 + \hat c_j h`, :math:`j = 0..s`:
@@ -53,6 +53,10 @@ class Spark:
     the output points. Keeps both constraints to roundoff, is symmetric, and symplectic for
     Lagrangian and Hamiltonian systems. Needs :math:`p_z` and :math:`g_y v_z p_z^{-1} r_\lambda`
     invertible; without constraints it is the Gauss collocation method.
+
+    Nonholonomic constraints have their reactions at the stages, with the coefficients of f, and
+    hold at the end of every step to roundoff, alone or beside holonomic ones
+    :cite:p:`jay2009lagrange`; orders and symmetry are the same.
 
     With ``points="radau"`` the :math:`c_i` are the Radau points, :math:`c_s = 1`, in the same
     equations. This is for dissipative systems: order :math:`2s - 1` in positions, velocities and

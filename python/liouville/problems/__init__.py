@@ -36,12 +36,13 @@ from typing import Protocol
 
 import casadi as ca
 
-#: The mechanical systems.
+#: The mechanical systems with holonomic constraints.
 MECHANICAL = (
     "pendulum",
     "spherical_pendulum",
     "double_pendulum",
     "chain",
+    "polymer",
     "slider_crank",
     "car_axis",
     "andrews",
@@ -52,6 +53,9 @@ MECHANICAL = (
     "fekete",
     "kepler_on_sphere",
 )
+
+#: Those with nonholonomic constraints.
+NONHOLONOMIC = ("knife_edge", "rolling_disk", "chaplygin_sleigh", "rolling_ball")
 
 #: The polynomial fields without divergence.
 FIELDS = (
@@ -79,7 +83,7 @@ QUANTUM = (
     "lattice3d",
 )
 
-NAMES = (*MECHANICAL, *FIELDS, *QUANTUM)
+NAMES = (*MECHANICAL, *NONHOLONOMIC, *FIELDS, *QUANTUM)
 
 
 class Parameters(Protocol):

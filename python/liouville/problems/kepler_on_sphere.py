@@ -5,8 +5,8 @@ r"""The Kepler problem on the unit sphere, an orbit whose near end is twenty-sev
     L = \tfrac12 |v|^2 + k \cot\theta, \qquad \cot\theta = \frac{z}{\sqrt{x^2 + y^2}}, \qquad
     0 = \tfrac12 (x^2 + y^2 + z^2 - 1)
 
-with k = 1: the pole attracts a particle as a mass attracts a planet, and seen from the centre of
-the sphere on the plane that touches the pole, the orbits are Kepler's ellipses :cite:p:`kozlov1992`,
+with k = 1: the pole attracts a particle as a mass attracts a planet. Seen from the centre of the
+sphere on the plane that touches the pole, its orbits are Kepler's ellipses :cite:p:`kozlov1992`,
 
 .. math:: p \cot\theta = 1 + e \cos\varphi, \qquad p = M^2 / k,
 

@@ -70,9 +70,12 @@ def route(system: System, method: Method | Plan | Propagation | str, asked: Aske
         raise TypeError(f"ensembles are of a PolynomialField so far, not of {system!r}")
     if isinstance(system, SemiExplicit):
         if isinstance(method, Spark | Composition):
-            return SemiExplicitRoute(system, method, asked)
+            base = method.base if isinstance(method, Composition) else method
+            if isinstance(base, Spark) and base.points == "gauss":
+                return SemiExplicitRoute(system, method, asked)
         raise TypeError(
-            f"{method!r} does not step semi-explicit systems; methods that do: Spark, Composition"
+            f"{method!r} does not step semi-explicit systems; methods that do: Spark on Gauss "
+            "points, alone or in a Composition"
         )
     if isinstance(method, Spark | LobattoPair | HHT | GeneralizedAlpha | ArnoldBruls | Composition):
         return MechanicalRoute(system, method, asked)

@@ -9,7 +9,7 @@ import numpy as np
 
 from liouville import _core
 from liouville._arguments import CONTROLS, LEAST_TOLERANCE, Takes, check_memory, steps_of
-from liouville.errors import describe
+from liouville.errors import describe, hinted, quoted
 from liouville.methods import Composition, LobattoPair, Method, Spark
 from liouville.points import Points
 from liouville.routes.route import KEEP_LESS, Asked, kept, observable
@@ -89,6 +89,7 @@ class MechanicalRoute:
         """Return the system in the form that the method steps fastest."""
         if not self._is_general:
             return self.system.second_order
+        self._check_solver()
         takes_fast_path = self._base == LobattoPair(2) and self._control != "error"
         fast = self.system.separable if takes_fast_path else None
         return self.system.problem if fast is None else fast
@@ -141,6 +142,16 @@ class MechanicalRoute:
             own |= {"acceleration": n, "a": n} if states else {}
             own["work"] = 1
         return {**own, **self._widths}
+
+    def _check_solver(self) -> None:
+        if self.system.nonholonomic and getattr(self._base, "solver", "") == "node-schur":
+            raise ValueError(
+                hinted(
+                    "node Schur finds multipliers of holonomic constraints, and the system has "
+                    f"nonholonomic ones: {quoted(self.system.nonholonomic)}",
+                    "take solver='auto', which solves for everything together",
+                )
+            )
 
     def _check_sizes(self) -> None:
         times = self._watching.times

@@ -13,19 +13,17 @@ from numpy.typing import ArrayLike
 from liouville import _core
 from liouville.errors import describe, hinted
 from liouville.systems import _trace
+from liouville.systems._consistent import check_residual, projections
 from liouville.systems._form import (
     Model,
     Symbols,
     compiled,
-    differ,
     is_separable,
     observing,
-    record_blocks,
     second_order,
     separable,
     total_derivative,
 )
-from liouville.systems._linear import Block
 from liouville.systems._monitor import traced
 from liouville.tape import record
 
@@ -54,6 +52,8 @@ class Mechanics:
         Names of the n coordinates.
     constraints : tuple of str
         Names of the m holonomic constraints, then of the l nonholonomic ones.
+    nonholonomic : tuple of str
+        Names of the l nonholonomic constraints alone.
     states : tuple of str
         What its coordinates and their partner are called: ("q", "v"), ("q", "p") or ("y", "z").
     invariants : tuple of str
@@ -74,7 +74,7 @@ class Mechanics:
         self.coordinates = coordinates
         self.constraints = constraints
         m = model.g.numel()
-        self._holonomic, self._nonholonomic = constraints[:m], constraints[m:]
+        self._holonomic, self.nonholonomic = constraints[:m], constraints[m:]
         self.states = states
         self._symbols = symbols
         self._model = model
@@ -89,9 +89,9 @@ class Mechanics:
         if len(names) > 20:
             names = (*names[:3], "...", names[-1])
         counts = [f"{len(self._holonomic)} constraints"] * bool(
-            self._holonomic or not self._nonholonomic
+            self._holonomic or not self.nonholonomic
         )
-        counts += [f"{len(self._nonholonomic)} nonholonomic"] * bool(self._nonholonomic)
+        counts += [f"{len(self.nonholonomic)} nonholonomic"] * bool(self.nonholonomic)
         return f"{kind}({', '.join(names)}; {', '.join(counts)})"
 
     @property
@@ -156,8 +156,8 @@ class Mechanics:
         cases = [("constraint", symbols[0], self._holonomic, g, limits[0])] * bool(m)
         if hidden and m:
             cases.append(("hidden constraint", symbols[1], self._holonomic, w, limits[1]))
-        if self._nonholonomic:
-            nu = np.zeros(len(self._nonholonomic))
+        if self.nonholonomic:
+            nu = np.zeros(len(self.nonholonomic))
             k = self._at("nonholonomic", params, t, y, z, nu)[: nu.size]
             blocks = self._at("nonholonomic_blocks", params, t, y, z, nu)
             entries = len(self._patterns["k_y"][2])
@@ -166,9 +166,9 @@ class Mechanics:
                 TOLERANCE * (np.abs(z).max() + 1e-2 * length) + FLOOR
             )
             symbol = f"k({', '.join(self.states)})"
-            cases.append(("nonholonomic constraint", symbol, self._nonholonomic, k, limit))
+            cases.append(("nonholonomic constraint", symbol, self.nonholonomic, k, limit))
         for case in cases:
-            _check_residual(*case, t, hint.format(*self.states))
+            check_residual(*case, t, hint.format(*self.states))
 
     def _slopes(self, name: str, values: np.ndarray) -> np.ndarray:
         """Return the sum of the sizes of a derivative's entries, row by row."""
@@ -271,35 +271,7 @@ class Mechanics:
 
     @cached_property
     def _projections(self) -> dict[str, Any]:
-        """Tapes (x, held and t, params) of c, c_x and the metric, for each kind of projection.
-
-        With them come the patterns of the last two and the names of the rows of c.
-        """
-        s, model = self._symbols, self._model
-        w = total_derivative(model.g, s, model.v)
-        p_z, v_z = ca.jacobian(model.p, s.z), ca.jacobian(model.v, s.z)
-        compliance = ca.solve(v_z.T, p_z.T).T if differ(model.v, s.z) else p_z
-        hidden = tuple(f"hidden {name}" for name in self._holonomic)
-        levels = ca.vertcat(w, model.nonholonomic.k), (*hidden, *self._nonholonomic)
-        moved = sorted(set(ca.sparsify(ca.jacobian(levels[0], s.y)).sparsity().row()))
-        rows = ca.vertcat(model.g, *(levels[0][k] for k in moved))
-        both = rows, (*self._holonomic, *(levels[1][k] for k in moved))
-        cases = {
-            "positions": (s.y, s.z, (model.g, self._holonomic), compliance),
-            "both": (s.y, s.z, both, compliance),
-            "partner": (s.z, s.y, levels, ca.mtimes(v_z.T, p_z)),
-        }
-        projections = {}
-        for what, (x, held, (c, names), metric) in cases.items():
-            inputs = {"x": x, "held": ca.vertcat(held, s.t), "params": s.params.vector}
-            slope, weight = Block(ca.jacobian(c, x)), Block(metric, model.linear.mass)
-            tapes = (
-                record(what, inputs, c),
-                record_blocks(what, inputs, [slope]),
-                record_blocks(what, inputs, [weight]),
-            )
-            projections[what] = (tapes, (slope.pattern, weight.pattern), names)
-        return projections
+        return projections(self._symbols, self._model, self._holonomic, self.nonholonomic)
 
     def reaction(
         self,
@@ -314,7 +286,7 @@ class Mechanics:
         Those of nonholonomic constraints, whose multipliers come last in `lam`, are among them;
         they want `z` too.
         """
-        values, m, own = self.values(params), len(self._holonomic), len(self._nonholonomic)
+        values, m, own = self.values(params), len(self._holonomic), len(self.nonholonomic)
         lam = np.reshape(lam, (np.size(t), m + own))
         forces = self._map("node", values, t, y, lam[:, :m])[:, m:]
         if own:
@@ -416,7 +388,7 @@ class Mechanics:
             parts |= {"p": model.p} if self.states[1] != "p" else {}
             parts |= {"v": model.v} if self.states[1] != "v" else {}
         parts |= {"constraint": model.g, "hidden": total_derivative(model.g, s, model.v)}
-        parts |= {"nonholonomic": model.nonholonomic.k} if self._nonholonomic else {}
+        parts |= {"nonholonomic": model.nonholonomic.k} if self.nonholonomic else {}
         parts |= {f"invariant {name}": x for name, x in self._invariants.items()}
         for name, function in _trace.mapping("observe", observe).items():
             args = (s.t, s.y, s.z, s.params)
@@ -424,33 +396,3 @@ class Mechanics:
         tape = record("observer", s.inputs(z=s.z), *parts.values())
         widths = {name: x.numel() for name, x in parts.items()}
         return observing(tape, widths, model.linear), widths
-
-
-def _check_residual(
-    what: str,
-    symbol: str,
-    names: tuple[str, ...],
-    value: np.ndarray,
-    limit: np.ndarray,
-    t: float,
-    hint: str,
-) -> None:
-    """Refuse values of constraints at the start that are not finite or over their limits."""
-    if not np.isfinite(value).all():
-        k = int(np.argmin(np.isfinite(value)))
-        raise ValueError(
-            hinted(
-                f"the {what} '{names[k]}' is {value[k]} at the start, t = {t:g}",
-                "look for a division by zero, a root or a logarithm of the model there",
-            )
-        )
-    over = np.abs(value) - limit
-    k = int(np.argmax(over))
-    if not over[k] <= 0:
-        raise ValueError(
-            hinted(
-                f"start violates the {what} '{names[k]}': |{symbol}| = {abs(value[k]):.1e} "
-                f"at t = {t:g}, wanted at most {limit[k]:.1e}",
-                hint,
-            )
-        )

@@ -100,13 +100,22 @@ pub fn copy_scaled(out: &mut [f64], factor: f64, x: &[f64]) {
 /// Largest magnitude; NaN counts as infinite.
 #[inline]
 pub fn max_norm(x: &[f64]) -> f64 {
-    let mut largest = 0.0_f64;
-    let mut finite = true;
-    for x in x {
-        largest = largest.max(x.abs());
-        finite &= !x.is_nan();
+    const SIGN: u64 = 1 << 63;
+    // magnitudes are ordered as their bits are, NaN last, and these compare side by side
+    let (chunks, rest) = x.as_chunks::<4>();
+    let mut largest = [0_u64; 4];
+    for chunk in chunks {
+        for (largest, x) in largest.iter_mut().zip(chunk) {
+            *largest = (*largest).max(x.to_bits() & !SIGN);
+        }
     }
-    if finite { largest } else { f64::INFINITY }
+    let rest = rest.iter().map(|x| x.to_bits() & !SIGN);
+    let largest = f64::from_bits(largest.into_iter().chain(rest).fold(0, u64::max));
+    if largest.is_nan() {
+        f64::INFINITY
+    } else {
+        largest
+    }
 }
 
 /// `Σ x_i y_i`, over as many as both have.

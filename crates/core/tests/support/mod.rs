@@ -9,7 +9,8 @@ pub(crate) mod waves;
 
 use liouville_core::linalg::Pattern;
 use liouville_core::problem::mechanical::{
-    Mechanical, Patterns, SecondOrder, SecondOrderPatterns, Separable,
+    Mechanical, Nonholonomic, NonholonomicPatterns, Patterns, SecondOrder, SecondOrderPatterns,
+    Separable,
 };
 use liouville_core::problem::semi_explicit::{self, SemiExplicit};
 use liouville_core::tape::{Line, Op, Tape};
@@ -24,8 +25,8 @@ pub(crate) const Y: usize = 1;
 pub(crate) const Z: usize = 2;
 pub(crate) const LAM: usize = 2;
 pub(crate) const PARAMS: usize = 3;
-/// u or λ in the tapes of a second-order system.
-const FOURTH: usize = 3;
+/// u or λ in the tapes of a second-order system, ν in those of nonholonomic constraints.
+pub(crate) const FOURTH: usize = 3;
 
 /// An expression, shared by those it is part of.
 #[derive(Clone)]
@@ -249,6 +250,11 @@ impl Functions {
 
     /// The system, with all derivatives.
     pub(crate) fn build(&self) -> Arc<Mechanical> {
+        self.rolling(&[], &[])
+    }
+
+    /// The system with nonholonomic constraints k and their reactions (t, y, z, ν) → r_n beside its own.
+    pub(crate) fn rolling(&self, k: &[Expr], rolling: &[Expr]) -> Arc<Mechanical> {
         let (n, m) = (self.p.len(), self.g.len());
         let velocity = self.v.clone().unwrap_or_else(|| inputs(Z, n));
         let own_velocity = self.v.as_deref().unwrap_or(&[]);
@@ -261,6 +267,7 @@ impl Functions {
         let drift = self.p.iter().zip(&self.f).map(|(p, f)| f - along(p));
         let acceleration: Vec<_> = drift
             .chain(hidden.iter().map(along))
+            .chain(k.iter().map(along))
             .chain(own_velocity.iter().map(along))
             .collect();
 
@@ -279,7 +286,8 @@ impl Functions {
         let problem = Mechanical {
             n,
             m,
-            is_linear: !(nonlinear(&p_z.1) || nonlinear(&v_z.1) || nonlinear(&r_lam.1)),
+            is_linear: k.is_empty()
+                && !(nonlinear(&p_z.1) || nonlinear(&v_z.1) || nonlinear(&r_lam.1)),
             stage: record(stage, &[&self.p, &self.f, own_velocity]),
             stage_blocks: record(stage, &[&p_z.1, &v_z.1]),
             stage_jacobian: record(stage, &[&p_y.1, &f_y.1, &f_z.1, &v_y.1]),
@@ -299,10 +307,46 @@ impl Functions {
                 r_lam: r_lam.0,
                 r_y: r_y.0,
             },
-            nonholonomic: None,
+            nonholonomic: nonholonomic([n, m, self.params], k, rolling, &hidden),
         };
         Arc::new(problem.checked().expect("tapes and patterns fit together"))
     }
+}
+
+/// Nonholonomic constraints, if there are any; their multipliers are the fourth input.
+fn nonholonomic(
+    [n, m, params]: [usize; 3],
+    k: &[Expr],
+    reaction: &[Expr],
+    hidden: &[Expr],
+) -> Option<Box<Nonholonomic>> {
+    let l = k.len();
+    let blocks = [
+        jacobian(k, Y, l, n),
+        jacobian(k, Z, l, n),
+        jacobian(reaction, Y, n, n),
+        jacobian(reaction, Z, n, n),
+        jacobian(reaction, FOURTH, n, l),
+    ];
+    let w_y = jacobian(hidden, Y, m, n);
+    let values: Vec<_> = blocks.iter().flat_map(|block| block.1.clone()).collect();
+    let [k_y, k_z, r_y, r_z, r_nu] = blocks.map(|block| block.0);
+    (l > 0).then(|| {
+        Box::new(Nonholonomic {
+            l,
+            values: tape([1, n, n, l, params], &[k, reaction].concat()),
+            blocks: tape([1, n, n, l, params], &values),
+            hidden: tape([1, n, n, params], &w_y.1),
+            patterns: NonholonomicPatterns {
+                k_y,
+                k_z,
+                r_y,
+                r_z,
+                r_nu,
+                w_y: w_y.0,
+            },
+        })
+    })
 }
 
 impl Functions {

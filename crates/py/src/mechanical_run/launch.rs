@@ -111,7 +111,6 @@ where
         ))),
         None => MechanicalMonitor::Own(Box::new(TimeScale::new(
             model,
-            t1 - t0,
             (t0, begin.start[0], begin.start[1]),
             first,
         ))),

@@ -48,6 +48,9 @@ struct Solve<'a> {
     frozen: &'a mut Frozen,
     model: &'a mut Model,
     step: Step<'a>,
+    is_far: bool,
+    /// Corrections by the factors there are.
+    corrections: f64,
     stats: &'a mut Stats,
 }
 
@@ -75,25 +78,25 @@ impl Index2 {
     fn solve_stages(&mut self, step: Step) -> Result<(), Trouble> {
         let mut is_warm = self.predictor.extrapolate(&mut self.stages, step.h);
         if is_warm && self.frozen.serves(step.h) {
-            if self.iterate(step).is_ok() {
+            if self.iterate(step, false).is_ok() {
                 return Ok(());
             }
             is_warm = self.predictor.extrapolate(&mut self.stages, step.h);
         }
         self.frozen.discard();
         if is_warm {
-            if self.iterate(step).is_ok() {
+            if self.iterate(step, false).is_ok() {
                 return Ok(());
             }
             self.stats.cold_starts += 1;
             self.frozen.discard();
         }
         self.start_by_euler(step);
-        if self.iterate(step).is_ok() {
+        if self.iterate(step, true).is_ok() {
             return Ok(());
         }
         self.start_constant(step);
-        self.iterate(step)
+        self.iterate(step, true)
             .map_err(|trouble| self.explain(step, trouble))
     }
 
@@ -129,12 +132,15 @@ impl Index2 {
         }
     }
 
-    fn iterate(&mut self, step: Step) -> Result<(), Trouble> {
+    /// The iteration; from far away each correction has its own matrix.
+    fn iterate(&mut self, step: Step, is_far: bool) -> Result<(), Trouble> {
         let mut solve = Solve {
             stages: &mut self.stages,
             frozen: &mut self.frozen,
             model: &mut self.model,
             step,
+            is_far,
+            corrections: 0.0,
             stats: &mut self.stats,
         };
         let outcome = newton::solve(&mut solve, MOST_ITERATIONS);
@@ -209,10 +215,13 @@ impl Symmetric for Index2 {}
 impl Equations for Solve<'_> {
     fn correct(&mut self) -> Result<f64, Trouble> {
         self.stages.evaluate(self.model, self.step)?;
-        if !self.frozen.serves(self.step.h) {
+        let is_slow = self.corrections >= self.frozen.patience();
+        if self.is_far || is_slow || !self.frozen.serves(self.step.h) {
             self.frozen.update(self.model, self.stages, self.step)?;
             self.stats.factorizations += 1;
+            self.corrections = 0.0;
         }
+        self.corrections += 1.0;
         let size = self.frozen.correct(self.model, self.stages, self.step.h);
         Ok(self.stages.relative(size, self.step))
     }

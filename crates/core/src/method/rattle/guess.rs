@@ -1,12 +1,17 @@
-//! Where λ of a step is looked for: on the parabola through those of the three steps before.
+//! Where λ of a step is looked for: on the cubic through those of the four steps before.
 
 use crate::linalg::{add_scaled, copy};
 
 /// λ of steps of one size, as many as a polynomial takes.
-const POINTS: usize = 3;
+const POINTS: usize = 4;
 
 /// By the number of steps known, the weights of the last, the one before it, and so on.
-const WEIGHTS: [&[f64]; POINTS] = [&[1.0], &[2.0, -1.0], &[3.0, -3.0, 1.0]];
+const WEIGHTS: [&[f64]; POINTS] = [
+    &[1.0],
+    &[2.0, -1.0],
+    &[3.0, -3.0, 1.0],
+    &[4.0, -6.0, 4.0, -1.0],
+];
 
 /// The multipliers of the last steps.
 #[derive(Clone, Debug)]

@@ -112,12 +112,19 @@ impl Solve<'_> {
     /// y1 with the reactions there are.
     fn move_coordinates(&mut self) {
         let (at, y) = (&mut *self.at, &self.step.state.y);
-        copy(&mut at.moves, &at.reaction);
-        self.inertia.move_by(&mut at.moves);
         let time = 0.5 * self.step.h * self.step.h;
-        let moves = at.free.iter().zip(&at.moves);
-        for ((out, y), (free, moved)) in at.y.iter_mut().zip(y).zip(moves) {
-            *out = y + (free + time * moved);
+        let from = y.iter().zip(&at.free);
+        if let Some(mobility) = self.inertia.mobility() {
+            let moves = at.reaction.iter().zip(mobility);
+            for ((out, (y, free)), (r, mobility)) in at.y.iter_mut().zip(from).zip(moves) {
+                *out = y + (free + time * (mobility * r));
+            }
+        } else {
+            copy(&mut at.moves, &at.reaction);
+            self.inertia.move_by(&mut at.moves);
+            for ((out, (y, free)), moved) in at.y.iter_mut().zip(from).zip(&at.moves) {
+                *out = y + (free + time * moved);
+            }
         }
     }
 }
@@ -136,17 +143,13 @@ impl Equations for Solve<'_> {
         } else {
             let reactions = &mut *self.reactions;
             self.factorizations += reactions.factor_at(self.model, t + h, &at.y)?;
-            let apart = at.y.iter().zip(&state.y);
-            let moved = apart.fold(0.0_f64, |most, (y1, y)| most.max((y1 - y).abs()));
-            *self.scale.insert(max_norm(&state.y) + moved)
+            *self.scale.insert(max_norm(&state.y) + max_norm(&at.free))
         };
         self.reactions.solve_positions(self.model, &mut at.d_lam);
         add_scaled(&mut at.lam, 1.0 / time, &at.d_lam);
-        at.moves.fill(0.0);
-        self.reactions.push(&at.d_lam, -1.0, &mut at.moves);
-        add_scaled(&mut at.reaction, 1.0 / time, &at.moves);
-        self.inertia.move_by(&mut at.moves);
-        let size = max_norm(&at.moves);
+        let moved = (&mut at.reaction[..], &mut at.moves[..]);
+        let reactions = &self.reactions;
+        let size = reactions.pull(self.inertia, &at.d_lam, 1.0 / time, moved);
         Ok(if size == 0.0 { 0.0 } else { size / scale })
     }
 }

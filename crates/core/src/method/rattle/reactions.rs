@@ -2,7 +2,7 @@
 //! otherwise by the saddle-point matrix it is the Schur complement of.
 
 use super::inertia::Inertia;
-use crate::linalg::{Gram, Pattern, Singular, copy};
+use crate::linalg::{Gram, Pattern, Singular, copy, max_norm};
 use crate::problem::mechanical::{Saddle, SeparableModel, explain};
 use crate::trouble::Trouble;
 
@@ -55,11 +55,11 @@ impl Columns {
         }
     }
 
-    /// `out += factor Gᵀ x`
+    /// Hands out the elements of Gᵀ x, one after another.
     #[inline]
-    fn push(&self, values: &[f64], x: &[f64], factor: f64, out: &mut [f64]) {
+    fn transposed(&self, values: &[f64], x: &[f64], mut take: impl FnMut(usize, f64)) {
         let mut start = 0;
-        for (out, end) in out.iter_mut().zip(&self.starts[1..]) {
+        for (col, end) in self.starts[1..].iter().enumerate() {
             let entries = start..*end as usize;
             start = entries.end;
             // two bonds hold most coordinates of most molecules
@@ -71,7 +71,7 @@ impl Columns {
                     products.map(|(row, value)| value * x[*row as usize]).sum()
                 }
             };
-            *out += factor * sum;
+            take(col, sum);
         }
     }
 
@@ -160,10 +160,11 @@ impl Reactions {
         }
         let [gradient, _] = model.gradient(t, y)?;
         let factored = eliminated.of_positions.factor(gradient, &eliminated.moved);
-        match factored {
-            Ok(()) => Ok(1),
-            Err(singular) => Err(dependent(model, &self.gradient, singular)),
-        }
+        let Err(singular) = factored else {
+            return Ok(1);
+        };
+        let gradient = gradient.to_vec();
+        Err(dependent(model, &gradient, singular))
     }
 
     /// Factors what velocities are stopped with, at the start last set; returns how often.
@@ -207,7 +208,27 @@ impl Reactions {
 
     /// `out += factor Gᵀ x`
     pub(super) fn push(&self, x: &[f64], factor: f64, out: &mut [f64]) {
-        self.columns.push(&self.gradient, x, factor, out);
+        let out = &mut out[..self.columns.starts.len() - 1];
+        let columns = &self.columns;
+        columns.transposed(&self.gradient, x, |col, sum| out[col] += factor * sum);
+    }
+
+    /// `reaction −= factor Gᵀ x`; returns the largest move W Gᵀ x.
+    pub(super) fn pull(
+        &self,
+        inertia: &mut Inertia,
+        x: &[f64],
+        factor: f64,
+        (reaction, moves): (&mut [f64], &mut [f64]),
+    ) -> f64 {
+        let size = self.columns.starts.len() - 1;
+        let (reaction, moves) = (&mut reaction[..size], &mut moves[..size]);
+        self.columns.transposed(&self.gradient, x, |col, sum| {
+            moves[col] = sum;
+            reaction[col] -= factor * sum;
+        });
+        inertia.move_by(moves);
+        max_norm(moves)
     }
 
     /// Takes from the momenta what makes velocities `v` leave the constraints.

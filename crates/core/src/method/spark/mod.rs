@@ -14,7 +14,9 @@
 //! (S1)–(S4) give Z_i and λ_0..λ_{k−1}, with V_i = v(T_i, Y_i, Z_i) as unknowns of their own;
 //! (U2), (U3) then give z1 and λ_k. The λ_j are internal: they are not passed on to the next step.
 //! y and p are summed with their rounding errors carried along. Source: jay2007; the paper's ψ is λ.
+//! Nonholonomic constraints bring equations of their own, in `coupled`.
 
+mod coupled;
 mod estimate;
 mod full_newton;
 mod node_schur;
@@ -27,6 +29,7 @@ use crate::newton;
 use crate::problem::mechanical::{Model, State};
 use crate::tableau;
 use crate::trouble::Trouble;
+use coupled::Coupled;
 use estimate::Estimate;
 use full_newton::FullNewton;
 use node_schur::NodeSchur;
@@ -61,6 +64,8 @@ pub struct Spark {
     stages: Stages,
     schur: NodeSchur,
     full: Option<Box<FullNewton>>,
+    /// What solves everything at once, where there are nonholonomic constraints.
+    coupled: Option<Box<Coupled>>,
     predictor: Predictor,
     update: Update,
     /// What tells errors, where they are wanted.
@@ -89,6 +94,7 @@ impl Spark {
             solver,
             schur: NodeSchur::new(&model, &stages),
             full: None,
+            coupled: (model.problem.l() > 0).then(|| Box::new(Coupled::new(&model, &stages))),
             predictor: Predictor::new(&model, &stages.tableau),
             update: Update::new(&model),
             estimate: None,
@@ -101,7 +107,7 @@ impl Spark {
         }
     }
 
-    /// (S1)–(S4), from the step before or cold.
+    /// (S1)–(S4), from the step before, or cold, or from rest.
     fn solve_stages(&mut self, step: Step) -> Result<(), Trouble> {
         if self
             .predictor
@@ -112,13 +118,26 @@ impl Spark {
             }
             self.stats.cold_starts += 1;
         }
-        self.predictor
-            .start_cold(&mut self.model, &mut self.stages, &mut self.update.z, step)?;
-        self.iterate(step)
+        self.start_cold(step, false)?;
+        let Err(trouble) = self.iterate(step) else {
+            return Ok(());
+        };
+        self.start_cold(step, true)?;
+        self.iterate(step).map_err(|_| trouble)
+    }
+
+    fn start_cold(&mut self, step: Step, still: bool) -> Result<(), Trouble> {
+        let (model, stages, z1) = (&mut self.model, &mut self.stages, &mut self.update.z);
+        self.predictor.start_cold(model, stages, z1, step, still)
     }
 
     fn iterate(&mut self, step: Step) -> Result<(), Trouble> {
-        let iterations = if self.wants_newton() {
+        let iterations = if let Some(coupled) = &mut self.coupled {
+            self.stats.newton_steps += 1;
+            let (stages, model) = (&mut self.stages, &mut self.model);
+            let mut equations = coupled.start(stages, model, &mut self.update.z, step);
+            newton::solve(&mut equations, MOST_ITERATIONS)?
+        } else if self.wants_newton() {
             self.iterate_newton(step)?
         } else {
             self.start.copy_from(&self.stages.unknowns);

@@ -3,7 +3,7 @@
 //! Warm: the polynomial through {z0, Z_1..Z_s, z1} at {0, c, 1}, and that through λ_0..λ_k at the
 //! nodes, both evaluated one step on. A stage at 0 or 1 is not on the polynomial, for there it has z0
 //! and z1; what it is off them scales as h to the degree. Cold: z0' and λ from the acceleration-level
-//! solve, Z_i = z0 + c_i h z0'.
+//! solve, Z_i = z0 + c_i h z0'. Still, where stiff damping makes that a leap away: Z_i = z0.
 
 use super::stages::{Stages, Step, Unknowns};
 use crate::linalg::{Matrix, add_scaled, combine, copy};
@@ -33,12 +33,15 @@ pub(super) struct Predictor {
     z: Matrix,
     v: Matrix,
     lam: Matrix,
+    rolling_weights: Matrix,
+    rolling_knots: Vec<usize>,
+    nu: Matrix,
 }
 
 impl Predictor {
     pub(super) fn new(model: &Model, tableau: &tableau::Spark) -> Self {
         let (s, k) = (tableau.stages, tableau.intervals);
-        let (n, m) = (model.problem.n, model.problem.m);
+        let (n, m, l) = (model.problem.n, model.problem.m, model.problem.l());
         let nodes = [&[0.0], &tableau.c[..], &[1.0]].concat();
         let is_inside = |k: &usize| 0.0 < nodes[*k] && nodes[*k] < 1.0;
         Self {
@@ -59,6 +62,9 @@ impl Predictor {
             z: Matrix::zeros(s + 2, n),
             v: Matrix::zeros(s + 2, n),
             lam: Matrix::zeros(k + 1, m),
+            rolling_weights: Matrix::zeros(if l > 0 { s } else { 0 }, s),
+            rolling_knots: (0..s).collect(),
+            nu: Matrix::zeros(s, l),
         }
     }
 
@@ -76,7 +82,7 @@ impl Predictor {
             self.weigh(&stages.tableau, ratio);
         }
         let as_is = |_, _, sum| sum;
-        let Unknowns { z, v, lam } = &mut stages.unknowns;
+        let Unknowns { z, v, lam, nu } = &mut stages.unknowns;
         combine(z.flat_mut(), &self.stage_weights, &self.z, as_is);
         if self.velocity_is_z {
             // nothing but equal starts keeps them equal: their difference is no residual
@@ -87,6 +93,9 @@ impl Predictor {
         combine(z1, &self.end_weights, &self.z, as_is);
         if !lam.flat().is_empty() {
             combine(lam.flat_mut(), &self.node_weights, &self.lam, as_is);
+        }
+        if !nu.flat().is_empty() {
+            combine(nu.flat_mut(), &self.rolling_weights, &self.nu, as_is);
         }
         true
     }
@@ -111,17 +120,23 @@ impl Predictor {
         lagrange(nodes, knots, &[1.0], (begin, ratio), &mut self.end_weights);
         let (nodes, all) = (&tableau.c_hat, &self.node_knots);
         lagrange(nodes, all, nodes, (begin, ratio), &mut self.node_weights);
+        if self.rolling_weights.rows() > 0 {
+            let (nodes, all) = (&tableau.c, &self.rolling_knots);
+            lagrange(nodes, all, nodes, (begin, ratio), &mut self.rolling_weights);
+        }
     }
 
-    /// Writes the cold start.
+    /// Writes the cold start; one that is `still` leaves z' out.
     pub(super) fn start_cold(
         &mut self,
         model: &mut Model,
         stages: &mut Stages,
         z1: &mut [f64],
         step: Step,
+        still: bool,
     ) -> Result<(), Trouble> {
         let Step { t, h, state } = step;
+        let reach = if still { 0.0 } else { h };
         self.acceleration.solve(model, t, &state.y, &state.z)?;
         let z_dot = &self.acceleration.z_dot;
         let [_, _, v] = model.end(t, &state.y, &state.z);
@@ -132,7 +147,7 @@ impl Predictor {
             let (c, t) = (stages.tableau.c[i], stages.stage_time(step, i));
             let z = stages.unknowns.z.row_mut(i);
             z.copy_from_slice(&state.z);
-            add_scaled(z, c * h, z_dot);
+            add_scaled(z, c * reach, z_dot);
             let y = stages.y.row_mut(i);
             y.copy_from_slice(&state.y);
             add_scaled(y, c * h, self.v.row(0));
@@ -141,13 +156,13 @@ impl Predictor {
             copy(stages.unknowns.v.row_mut(i), v);
         }
         z1.copy_from_slice(&state.z);
-        add_scaled(z1, h, z_dot);
+        add_scaled(z1, reach, z_dot);
+        let (lam, nu) = self.acceleration.lam.split_at(model.problem.m);
         for j in 0..=stages.tableau.intervals {
-            stages
-                .unknowns
-                .lam
-                .row_mut(j)
-                .copy_from_slice(&self.acceleration.lam);
+            stages.unknowns.lam.row_mut(j).copy_from_slice(lam);
+        }
+        for i in 0..stages.tableau.stages {
+            stages.unknowns.nu.row_mut(i).copy_from_slice(nu);
         }
         Ok(())
     }
@@ -167,6 +182,7 @@ impl Predictor {
         copy(self.z.row_mut(s + 1), z1);
         copy(self.v.row_mut(s + 1), v1);
         copy(self.lam.flat_mut(), stages.unknowns.lam.flat());
+        copy(self.nu.flat_mut(), stages.unknowns.nu.flat());
         self.h = Some(h);
         if self.begin == 0.0 {
             (self.begin, self.ratio) = (1.0, f64::NAN);

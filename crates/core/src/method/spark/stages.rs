@@ -1,7 +1,7 @@
 //! The stage equations of one step, evaluated; see the module above for the letters.
 
 use crate::linalg::{Matrix, combine, copy, copy_scaled, max_norm};
-use crate::problem::mechanical::{Model, State, finite};
+use crate::problem::mechanical::{Model, State, finite, finite_k};
 use crate::tableau;
 use crate::trouble::{Quantity, Trouble};
 
@@ -13,12 +13,13 @@ pub(super) struct Step<'a> {
     pub(super) state: &'a State,
 }
 
-/// What the stage equations are solved for: Z_i and V_i at the stages, λ_j at the nodes.
+/// What the stage equations are solved for: Z_i, V_i and ν_i at the stages, λ_j at the nodes.
 #[derive(Clone, Debug)]
 pub(super) struct Unknowns {
     pub(super) z: Matrix,
     pub(super) v: Matrix,
     pub(super) lam: Matrix,
+    pub(super) nu: Matrix,
 }
 
 impl Unknowns {
@@ -26,6 +27,7 @@ impl Unknowns {
         copy(self.z.flat_mut(), other.z.flat());
         copy(self.v.flat_mut(), other.v.flat());
         copy(self.lam.flat_mut(), other.lam.flat());
+        copy(self.nu.flat_mut(), other.nu.flat());
     }
 }
 
@@ -37,17 +39,19 @@ pub(super) struct Stages {
     /// Values at the stages.
     pub(super) y: Matrix,
     pub(super) p: Matrix,
+    pub(super) k: Matrix,
     /// Values at the nodes.
     pub(super) node_y: Matrix,
     pub(super) g: Matrix,
-    /// Moves h b_j V_j, and impulses: h b_j F_j, then h b̂_j R_j, j = 0..k.
+    /// Moves h b_j V_j, and impulses: h b_j F_j, then h b̂_j R_j, j = 0..k, then those h b_j R_j of
+    /// nonholonomic constraints.
     pub(super) moves: Matrix,
     pub(super) impulses: Matrix,
     /// Residuals V_i − v(T_i, Y_i, Z_i) and those of the momentum equation.
     pub(super) velocity_residual: Matrix,
     pub(super) momentum_residual: Matrix,
     pub(super) evaluations: usize,
-    /// μᶠ and μ̂ side by side, the last column of μ̂, which is zero, left out.
+    /// μᶠ and μ̂ side by side, the last column of μ̂, which is zero, left out unless μʳ follows.
     force_weights: Matrix,
 }
 
@@ -56,26 +60,32 @@ impl Stages {
         let (n, m) = (model.problem.n, model.problem.m);
         let (s, k) = (tableau.stages, tableau.intervals);
         let at_stages = Matrix::zeros(s, n);
+        let l = model.problem.l();
+        let rolling = if l > 0 { s } else { 0 };
         Self {
             unknowns: Unknowns {
                 z: at_stages.clone(),
                 v: at_stages.clone(),
                 lam: Matrix::zeros(k + 1, m),
+                nu: Matrix::zeros(s, l),
             },
+            k: Matrix::zeros(s, l),
             y: at_stages.clone(),
             p: at_stages.clone(),
             node_y: Matrix::zeros(k + 1, n),
             g: Matrix::zeros(k + 1, m),
             moves: at_stages.clone(),
-            impulses: Matrix::zeros(s + k + 1, n),
+            impulses: Matrix::zeros(s + k + 1 + rolling, n),
             velocity_residual: at_stages.clone(),
             momentum_residual: at_stages,
             evaluations: 0,
-            force_weights: Matrix::from_fn(s, s + k, |i, j| {
+            force_weights: Matrix::from_fn(s, s + k + rolling + usize::from(l > 0), |i, j| {
                 if j < s {
                     tableau.mu_f[(i, j)]
-                } else {
+                } else if j <= s + k {
                     tableau.mu_hat[(i, j - s)]
+                } else {
+                    tableau.mu_r[(i, j - s - k - 1)]
                 }
             }),
             tableau,
@@ -100,6 +110,7 @@ impl Stages {
         if is_finite(&self.momentum_residual)
             && is_finite(&self.velocity_residual)
             && is_finite(&self.g)
+            && is_finite(&self.k)
         {
             Ok(())
         } else {
@@ -128,6 +139,9 @@ impl Stages {
             }
         }
         self.evaluations += s;
+        if self.k.cols() > 0 {
+            self.evaluate_rolling(model, step);
+        }
         if model.problem.m > 0 {
             for j in 0..=last {
                 let t = self.node_time(step, j);
@@ -139,6 +153,19 @@ impl Stages {
                     r,
                 );
             }
+        }
+    }
+
+    /// k and its reactions at the stages.
+    fn evaluate_rolling(&mut self, model: &mut Model, step: Step) {
+        let first = self.tableau.stages + self.tableau.intervals + 1;
+        for i in 0..self.k.rows() {
+            let t = self.stage_time(step, i);
+            let (z, nu) = (self.unknowns.z.row(i), self.unknowns.nu.row(i));
+            let [k, r] = model.nonholonomic(t, self.y.row(i), z, nu);
+            copy(self.k.row_mut(i), k);
+            let impulse = self.impulses.row_mut(first + i);
+            copy_scaled(impulse, step.h * self.tableau.b[i], r);
         }
     }
 
@@ -158,7 +185,7 @@ impl Stages {
         );
     }
 
-    /// P_i − p0 − Σ μᶠ_ij (h b_j F_j) − Σ_{j<k} μ̂_ij (h b̂_j R_j).
+    /// P_i − p0 − Σ μᶠ_ij (h b_j F_j) − Σ_{j<k} μ̂_ij (h b̂_j R_j) − Σ μʳ_ij (h b_j R_j).
     fn subtract_impulses(&mut self, step: Step) {
         let (State { p, p_low, .. }, stage_p) = (step.state, &self.p);
         let out = self.momentum_residual.flat_mut();
@@ -181,9 +208,17 @@ impl Stages {
             finite(self.g.row(j), Quantity::Constraint, t)?;
             finite(self.impulses.row(s + j), Quantity::Reaction, t)
         };
+        let rolling = |i: usize| {
+            let t = self.stage_time(step, i);
+            let first = s + self.tableau.intervals + 1;
+            finite_k(self.k.row(i), self.g.cols(), t)?;
+            finite(self.impulses.row(first + i), Quantity::Reaction, t)
+        };
+        let rolls = if self.k.cols() > 0 { s } else { 0 };
         let found = (0..s)
             .map(at_stage)
             .chain((0..=self.tableau.intervals).map(at_node))
+            .chain((0..rolls).map(rolling))
             .find_map(Result::err);
         found.unwrap_or(Trouble::NotConverged {
             iterations: 0,

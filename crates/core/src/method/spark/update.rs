@@ -1,11 +1,14 @@
 //! The end of a step: (U1), then z1 and λ_k from (U2) and (U3).
 //!
+//! Nonholonomic constraints have been met by then, up to roundoff: what is left of them is taken away by
+//! impulses of their reactions at t1, of the size of roundoff.
+//!
 //! Increments are summed first and added last, with what the addition loses kept in the low part.
 
 use super::stages::{Stages, Step};
 use crate::linalg::{add_scaled, carry, copy, copy_scaled, max_norm};
 use crate::newton::{self, Equations};
-use crate::problem::mechanical::{Model, Saddle, State, finite};
+use crate::problem::mechanical::{Model, Saddle, State, finite, finite_k};
 use crate::trouble::{Quantity, Trouble};
 
 const MOST_ITERATIONS: usize = 30;
@@ -23,7 +26,10 @@ pub(super) struct Update {
     /// r at t1, as (U2) has it.
     reaction: Vec<f64>,
     momentum: Vec<f64>,
+    /// Corrections of w = 0, then of k = 0.
     hidden: Vec<f64>,
+    /// λ_k and ν_s, where there are both.
+    multipliers: Vec<f64>,
 }
 
 struct Solve<'a> {
@@ -46,7 +52,8 @@ impl Update {
             saddle: Saddle::new(model),
             reaction: zeros.clone(),
             momentum: zeros,
-            hidden: vec![0.0; model.problem.m],
+            hidden: vec![0.0; model.problem.multipliers()],
+            multipliers: vec![0.0; model.problem.multipliers()],
         }
     }
 
@@ -65,6 +72,9 @@ impl Update {
             add_scaled(&mut self.y_low, 1.0, stages.moves.row(j));
         }
         for j in 0..s + k {
+            add_scaled(&mut self.p_low, 1.0, stages.impulses.row(j));
+        }
+        for j in s + k + 1..stages.impulses.rows() {
             add_scaled(&mut self.p_low, 1.0, stages.impulses.row(j));
         }
         carry(&state.y, &mut self.y_low, &mut self.y);
@@ -110,9 +120,16 @@ impl Equations for Solve<'_> {
         let k = stages.tableau.intervals;
         let t = stages.node_time(step, k);
         let weight = step.h * stages.tableau.b_hat[k];
-        update
-            .saddle
-            .update(model, t, &update.y, &update.z, stages.unknowns.lam.row(k))?;
+        let m = model.problem.m;
+        let mut lam = stages.unknowns.lam.row(k);
+        let nu = stages.unknowns.nu.row(stages.tableau.stages - 1);
+        if !nu.is_empty() {
+            copy(&mut update.multipliers[..m], lam);
+            copy(&mut update.multipliers[m..], nu);
+            lam = &update.multipliers;
+        }
+        let (y, z) = (&update.y, &update.z);
+        update.saddle.update(model, t, y, z, lam)?;
         copy(&mut update.momentum, &update.p_low);
         if model.problem.m > 0 {
             let [_, r] = model.node(t, &update.y, stages.unknowns.lam.row(k));
@@ -127,6 +144,11 @@ impl Equations for Solve<'_> {
             *out -= p - p0;
         }
         copy_scaled(&mut update.hidden, -1.0, w);
+        if !nu.is_empty() {
+            let [k, _] = model.nonholonomic(t, &update.y, &update.z, nu);
+            finite_k(k, m, t)?;
+            copy_scaled(&mut update.hidden[m..], -1.0, k);
+        }
         let (momentum, hidden) = (&mut update.momentum, &mut update.hidden);
         update.saddle.solve(model, momentum, hidden);
         add_scaled(&mut update.z, 1.0, &update.momentum);
@@ -135,6 +157,9 @@ impl Equations for Solve<'_> {
         let (r_lam, d_lam) = (update.saddle.r_lam(), &update.hidden);
         at.r_lam
             .multiply_add(r_lam, 1.0 / weight, d_lam, &mut update.reaction);
+        update
+            .saddle
+            .add_rolling(model, &update.hidden[m..], &mut update.p_low);
         update.v.fill(0.0);
         let mass = &update.saddle.mass;
         mass.add_velocity(&update.momentum, &mut update.v);

@@ -8,6 +8,7 @@
 
 mod acceleration;
 mod dense;
+mod mass;
 mod model;
 mod monitor;
 mod nonholonomic;
@@ -19,12 +20,14 @@ mod separable;
 
 pub use acceleration::Acceleration;
 pub use dense::{Path, Point};
+pub use mass::Mass;
 pub use model::{Model, finite, finite_k};
 pub use monitor::{MechanicalMonitor, TimeScale, Traced};
+pub(crate) use nonholonomic::explain_all;
 pub use nonholonomic::{Nonholonomic, NonholonomicPatterns};
 pub use observe::{Carried, Observer};
 pub use projection::{Projection, project};
-pub use saddle::{Mass, Saddle};
+pub use saddle::Saddle;
 pub(crate) use saddle::{add_product, explain};
 pub use second_order::{SecondOrder, SecondOrderModel, SecondOrderPatterns};
 pub use separable::{Separable, SeparableModel};

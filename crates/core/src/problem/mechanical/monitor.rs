@@ -1,7 +1,7 @@
 //! How long steps should be: a function of the user's, or the time scale of the acceleration.
 //!
 //! With the metric ‖x‖² = |(v_z x)·(p_z x)| of z, which is xᵀ M x of velocities and xᵀ M⁻¹ x of
-//! momenta, and τ the length of the run,
+//! momenta, and τ ten thousand times the time in which the coordinates change by their own size,
 //!
 //!     s = (√(‖z'‖⁴ + ‖z‖² ‖z''‖²) + ‖z‖²/τ²)^(−3/8)
 //!
@@ -23,6 +23,9 @@ const POWER: f64 = -3.0 / 8.0;
 const PART: f64 = 1.0 / 65536.0;
 /// Coordinates count as having at least this part of the size they had at the start.
 const LEAST_SIZE: f64 = 1e-3;
+/// Accelerations that take longer than the inverse of this times that time to change a velocity by
+/// its own size are none: they may be roundoff.
+const LEAST_RATE: f64 = 1e-4;
 
 /// A monitor of a mechanical system.
 #[derive(Clone, Debug)]
@@ -49,7 +52,6 @@ pub struct Traced {
 pub struct TimeScale {
     model: Model,
     acceleration: Acceleration,
-    span: f64,
     least_size: f64,
     /// The present state, one before or after it, and one before or after that.
     here: Point,
@@ -97,7 +99,7 @@ impl Traced {
         }
     }
 
-    fn rate(&mut self, t: f64, y: &[f64], z: &[f64]) -> Result<f64, Trouble> {
+    fn rate_at(&mut self, t: f64, y: &[f64], z: &[f64]) -> Result<f64, Trouble> {
         let z_dot = match &mut self.acceleration {
             Some(acceleration) => {
                 acceleration.solve(&mut self.model, t, y, z)?;
@@ -150,12 +152,11 @@ impl Point {
 }
 
 impl TimeScale {
-    /// The monitor of a run of length `span` that starts at (t, y, z) with a step of about `h`.
-    pub fn new(model: Model, span: f64, (t, y, z): (f64, &[f64], &[f64]), h: f64) -> Self {
+    /// The monitor of a run that starts at (t, y, z) with a step of about `h`.
+    pub fn new(model: Model, (t, y, z): (f64, &[f64], &[f64]), h: f64) -> Self {
         let zeros = vec![0.0; model.problem.n];
         let mut monitor = Self {
             acceleration: Acceleration::new(&model),
-            span: span.abs(),
             least_size: 0.0,
             here: Point::new(t, y, z),
             side: Point::new(t, y, z),
@@ -175,7 +176,7 @@ impl TimeScale {
         monitor
     }
 
-    fn rate(&mut self, t: f64, y: &[f64], z: &[f64]) -> Result<f64, Trouble> {
+    fn rate_at(&mut self, t: f64, y: &[f64], z: &[f64]) -> Result<f64, Trouble> {
         self.here.t = t;
         copy(&mut self.here.y, y);
         copy(&mut self.here.z, z);
@@ -220,7 +221,8 @@ impl TimeScale {
         let vectors = [&side.z[..], &side.z_dot, &self.z_ddot];
         let [speed, acceleration, jerk] = self.metric.squares(&mut self.model, side, vectors);
         let vigour = (acceleration * acceleration + speed * jerk).sqrt();
-        Ok(vigour + speed / (self.span * self.span))
+        let rate = LEAST_RATE * max_norm(&side.v) / max_norm(&side.y).max(self.least_size);
+        Ok(vigour + speed * rate * rate)
     }
 }
 
@@ -252,11 +254,23 @@ impl Metric {
     }
 }
 
+impl<S: Carried> Monitor<S> for Traced {
+    fn rate(&mut self, t: f64, state: &S) -> Result<f64, Trouble> {
+        self.rate_at(t, state.y(), state.z())
+    }
+}
+
+impl<S: Carried> Monitor<S> for TimeScale {
+    fn rate(&mut self, t: f64, state: &S) -> Result<f64, Trouble> {
+        self.rate_at(t, state.y(), state.z())
+    }
+}
+
 impl<S: Carried> Monitor<S> for MechanicalMonitor {
     fn rate(&mut self, t: f64, state: &S) -> Result<f64, Trouble> {
         match self {
-            Self::Traced(monitor) => monitor.rate(t, state.y(), state.z()),
-            Self::Own(monitor) => monitor.rate(t, state.y(), state.z()),
+            Self::Traced(monitor) => monitor.rate(t, state),
+            Self::Own(monitor) => monitor.rate(t, state),
         }
     }
 }
