@@ -38,6 +38,20 @@ def rolling_disk():
     )
 
 
+def sprung_disk():
+    """Return the disk on a level plane, its centre held by a spring: its motion is bounded."""
+    return lv.Lagrangian(
+        lambda t, q, v, params: (
+            (ca.sumsqr(v[:2]) - ca.sumsqr(q[:2])) / 2 + v[2] ** 2 / 4 + v[3] ** 2 / 8
+        ),
+        nonholonomic=lambda t, q, v, params: [
+            v[0] - ca.cos(q[3]) * v[2],
+            v[1] - ca.sin(q[3]) * v[2],
+        ],
+        q=("x", "y", "th", "ph"),
+    )
+
+
 def pace():
     return lv.Lagrangian(
         lambda t, q, v, params: (
@@ -73,6 +87,7 @@ SYSTEMS = {
     "pace": (pace(), [0.1, 0.2, 0], [0.6, 0.8, 0]),
     "bowl": (bowl(), [0.5, 0.2, 0.1, 0.3], [1, 0.1, 0, 0.7]),
 }
+SPRUNG = (sprung_disk(), {"q": [0.5, 0, 0, 0], "v": [1, 0, 1, 0.7]})
 ALL = tuple(SYSTEMS)
 STATEMENT = REFERENCE["nonholonomic"]
 
@@ -122,20 +137,25 @@ def exact_end(name):
     return {state: found.states[state][-1] for state in ("q", "v", "lam")}
 
 
-STEPS = (64, 128, 256), (16, 32, 64), (10, 16, 26), (8, 12, 16)
+STEPS = (64, 128, 256), (16, 32, 64), (10, 16, 26), (8, 10, 12)
+# how much finer the steps of a system have to be
+FINER = {"pace": 1, "rolling_disk": 1.5, "bowl": 2}
 GAUSS = [(lv.Spark(s), 2 * s, STEPS[s - 1]) for s in (1, 2, 3, 4)]
 PAIRS = [(lv.LobattoPair(s), 2 * s - 2, STEPS[s - 2]) for s in (2, 3, 4)]
+OTHERS = [
+    (lv.LobattoPair(3, force="C"), 4, STEPS[1]),
+    (lv.Spark(2, points="radau"), 3, STEPS[0]),
+]
 
 
-@pytest.mark.parametrize(("method", "order", "steps"), GAUSS + PAIRS, ids=lambda x: str(x))
-@pytest.mark.parametrize("name", ["rolling_disk", "pace", "bowl"])
+@pytest.mark.parametrize(("method", "order", "steps"), GAUSS + PAIRS + OTHERS, ids=str)
+@pytest.mark.parametrize("name", FINER)
 def test_order_is_as_claimed(name, method, order, steps):
     system, start = started(name)
-    found = study(
-        system, method, (0, 2), [2 / k for k in steps], start, exact_end(name),
-        of=("q", "v", "lam"),
-    )  # fmt: skip
-    for state in ("q", "v", "lam"):
+    hs = [2 / int(k * FINER[name]) for k in steps]
+    of = ("q", "v", "lam")
+    found = study(system, method, (0, 2), hs, start, exact_end(name), of=of)
+    for state in of:
         assert abs(found.order[state] - order) < 0.15, (state, found.errors[state])
 
 
@@ -160,12 +180,12 @@ def test_a_step_back_undoes_a_step(name, method):
 
 
 @pytest.mark.parametrize("method", [lv.Spark(1), lv.Spark(2), lv.LobattoPair(2)], ids=str)
-@pytest.mark.parametrize("name", ["knife_edge", "rolling_disk"])
+@pytest.mark.parametrize("name", ["knife_edge", "disk on a spring"])
 def test_energy_is_bounded_without_drift(name, method):
-    found = run(name, method, (0, 300), 3000)
-    error = found.invariants["energy"] - found.invariants["energy"][0]
-    head, tail = np.abs(error[:1000]).max(), np.abs(error[-1000:]).max()
-    assert 1e-15 < tail < 1.2 * head + 1e-12
+    system, start = SPRUNG if name == "disk on a spring" else started(name)
+    found = lv.integrate(system, method, t=(0, 300), steps=3000, **start)
+    error = np.abs(found.invariants["energy"] - found.invariants["energy"][0])
+    assert 1e-12 < error[-1000:].max() < 1.05 * error[:1000].max()
 
 
 def test_both_descriptions_of_a_system_make_the_same_step():
@@ -211,6 +231,26 @@ def test_reactions_of_the_general_system_are_its_own():
         np.testing.assert_allclose(found.reaction(), edge.reaction(), rtol=0, atol=1e-13)
 
 
+@pytest.mark.parametrize("kind", ["Lagrangian", "Hamiltonian"])
+def test_many_blades_move_as_each_alone(kind):
+    count, z = 50, {"Lagrangian": "v", "Hamiltonian": "p"}[kind]
+
+    def blades(t, q, v, params):
+        return ca.sin(q[2::3]) * v[::3] - ca.cos(q[2::3]) * v[1::3]
+
+    sign = 1 if kind == "Lagrangian" else -1
+    many = getattr(lv, kind)(
+        lambda t, q, z, params: ca.dot(z, z) / 2 + sign * ca.sum1(q[::3]),
+        nonholonomic=blades,
+        q=3 * count,
+    )
+    start = {"q": np.zeros(3 * count), z: np.tile([0, 0, 1.5], count)}
+    found = lv.integrate(many, lv.Spark(1), t=(0, 0.2), steps=2, **start)
+    alone = run("knife_edge", lv.Spark(1), (0, 0.2), 2)
+    np.testing.assert_allclose(found.q, np.tile(alone.q, count), rtol=0, atol=1e-15)
+    np.testing.assert_allclose(found.lam, np.tile(alone.lam, count), rtol=0, atol=1e-14)
+
+
 def test_names_residuals_and_reactions_tell_the_kinds_apart():
     system, start = started("bowl")
     assert repr(system) == "Lagrangian(x, y, z, th; 1 constraints, 1 nonholonomic)"
@@ -247,10 +287,12 @@ def test_a_start_is_moved_by_the_least_change(name):
     found = lv.integrate(system, lv.Spark(1), t=(0.3, 0.3 + 1e-6), steps=1, **start)
     for residual, values in found.residuals.items():
         assert values.size == 0 or np.abs(values[0]).max() < 1e-15, residual
-    off = np.array(start["v"]) + 0.01
-    with pytest.raises(ValueError, match="violates the nonholonomic constraint") as error:
-        lv.integrate(system, lv.Spark(1), t=(0.3, 1), steps=1, q=start["q"], v=off)
-    assert system.nonholonomic[0] in str(error.value)
+
+
+def test_a_start_off_its_constraints_is_refused():
+    system, start = started("rolling_disk")
+    with pytest.raises(ValueError, match="the nonholonomic constraint 'rolls along y'") as error:
+        lv.integrate(system, lv.Spark(1), t=(0, 1), steps=1, q=start["q"], v=[1, 0.01, 1, 0.5])
     assert "consistent(q=" in str(error.value)
 
 

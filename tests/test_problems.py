@@ -14,10 +14,12 @@ DATA = json.loads((Path(__file__).parent / "data" / "mechanics_reference.json").
 ]
 
 # Largest error at the references, relative to the largest entry, with Spark(6) and the module's h:
-# ten times what was measured. The top turns some fifty times, so roundoff weighs more.
+# ten times what was measured. The top turns some fifty times, so roundoff weighs more;
+# the Fekete points are almost at rest, so their speeds are small beside it.
 TOLERANCE = dict.fromkeys((*problems.MECHANICAL, *problems.NONHOLONOMIC), 1e-13) | {
     "heavy_top": 1e-11,
     "kepler_on_sphere": 1e-11,
+    "fekete": 1e-12,
 }
 # What the motion does not depend on: one mass scale, and the completion of the top's mass matrix.
 IRRELEVANT = {
@@ -105,7 +107,8 @@ def test_start_is_consistent(case):
 def test_a_start_off_the_constraint_is_refused(case):
     name, problem, _ = case
     key = "v" if name in problems.NONHOLONOMIC else "q"
-    start = dict(problem.start, **{key: np.asarray(problem.start[key]) + 1e-3})
+    values = np.asarray(problem.start[key])
+    start = dict(problem.start, **{key: values + np.linspace(1e-3, 2e-3, len(values))})
     with pytest.raises(ValueError, match="constraint"):
         integrate(problem, start=start)
 

@@ -40,6 +40,9 @@ class LobattoPair:
     Hamiltonian systems; with "A" and "D" it is symmetric, with "C" and "C*" neither. For a constant
     mass and forces of t and y alone, B, C, C* and D are the same map.
 
+    Nonholonomic constraints have their reactions at the stages, with the coefficients
+    :math:`a^B`, and hold at the end of every step to roundoff; the order is the same.
+
     Two stages are RATTLE if the mass is constant and forces depend on t and y alone. The pair does
     not damp, and is stable for stiff forces only with small steps. ``Spark(s - 1)`` has the same
     order with one stage less, errors of the same size, and no such bound.

@@ -54,6 +54,10 @@ class Spark:
     Lagrangian and Hamiltonian systems. Needs :math:`p_z` and :math:`g_y v_z p_z^{-1} r_\lambda`
     invertible; without constraints it is the Gauss collocation method.
 
+    Nonholonomic constraints have their reactions at the stages, with the coefficients of f, and
+    hold at the end of every step to roundoff, alone or beside holonomic ones
+    :cite:p:`jay2009lagrange`; orders and symmetry are the same.
+
     With ``points="radau"`` the :math:`c_i` are the Radau points, :math:`c_s = 1`, in the same
     equations. This is for dissipative systems: order :math:`2s - 1` in positions, velocities and
     multipliers, both constraints to roundoff, neither symmetric nor symplectic, and stiff forces

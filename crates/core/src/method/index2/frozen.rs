@@ -21,6 +21,9 @@ const SPARSE_PRICE: f64 = 10.0;
 /// The same of a dense one, for each row.
 const DENSE_PRICE: f64 = 1.0 / 6.0;
 
+/// Corrections with the same factors that a step takes in any case.
+const LEAST_PATIENCE: f64 = 10.0;
+
 /// The factors, and what they have cost since.
 #[derive(Clone, Debug)]
 pub(super) struct Frozen {
@@ -81,6 +84,11 @@ impl Frozen {
     /// The factors are of no use any more.
     pub(super) fn discard(&mut self) {
         self.h = 0.0;
+    }
+
+    /// After so many corrections in a step new factors are worth their price.
+    pub(super) fn patience(&self) -> f64 {
+        LEAST_PATIENCE + self.price
     }
 
     /// A step took so many corrections.

@@ -49,6 +49,8 @@ struct Solve<'a> {
     model: &'a mut Model,
     step: Step<'a>,
     is_far: bool,
+    /// Corrections by the factors there are.
+    corrections: f64,
     stats: &'a mut Stats,
 }
 
@@ -138,6 +140,7 @@ impl Index2 {
             model: &mut self.model,
             step,
             is_far,
+            corrections: 0.0,
             stats: &mut self.stats,
         };
         let outcome = newton::solve(&mut solve, MOST_ITERATIONS);
@@ -212,10 +215,13 @@ impl Symmetric for Index2 {}
 impl Equations for Solve<'_> {
     fn correct(&mut self) -> Result<f64, Trouble> {
         self.stages.evaluate(self.model, self.step)?;
-        if self.is_far || !self.frozen.serves(self.step.h) {
+        let is_slow = self.corrections >= self.frozen.patience();
+        if self.is_far || is_slow || !self.frozen.serves(self.step.h) {
             self.frozen.update(self.model, self.stages, self.step)?;
             self.stats.factorizations += 1;
+            self.corrections = 0.0;
         }
+        self.corrections += 1.0;
         let size = self.frozen.correct(self.model, self.stages, self.step.h);
         Ok(self.stages.relative(size, self.step))
     }

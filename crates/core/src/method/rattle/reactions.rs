@@ -160,10 +160,11 @@ impl Reactions {
         }
         let [gradient, _] = model.gradient(t, y)?;
         let factored = eliminated.of_positions.factor(gradient, &eliminated.moved);
-        match factored {
-            Ok(()) => Ok(1),
-            Err(singular) => Err(dependent(model, &self.gradient, singular)),
-        }
+        let Err(singular) = factored else {
+            return Ok(1);
+        };
+        let gradient = gradient.to_vec();
+        Err(dependent(model, &gradient, singular))
     }
 
     /// Factors what velocities are stopped with, at the start last set; returns how often.

@@ -60,7 +60,15 @@ impl Algebraic {
             speed,
         };
         if is_linear {
-            solve.correct().map(|_| ())
+            let size = solve.correct()?;
+            if size.is_finite() {
+                Ok(())
+            } else {
+                Err(Trouble::NotConverged {
+                    iterations: 1,
+                    size,
+                })
+            }
         } else {
             newton::solve(&mut solve, MOST_ITERATIONS).map(|_| ())
         }
@@ -91,6 +99,10 @@ impl Equations for Solve<'_> {
             *z -= d;
         }
         let size = max_norm(&at.effect);
-        Ok(if size == 0.0 { 0.0 } else { size / speed })
+        Ok(if size == 0.0 {
+            0.0
+        } else {
+            size / speed.max(size)
+        })
     }
 }

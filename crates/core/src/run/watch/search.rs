@@ -64,12 +64,10 @@ const BEYOND: f64 = 0.02;
 const MOST_VALUES: usize = 16;
 /// A minimum is found to this.
 const RESOLUTION: f64 = 1e-9;
-/// It is not followed further where that gains less than this part of it.
+/// It is not followed further where that gains less than this part of it twice in turn.
 const GAIN: f64 = 0.01;
 /// Zeros of the rough function are found to this.
 const ROUGHLY: f64 = 1e-7;
-/// Values below this part of those around are roundoff where they fall no more.
-const ROUNDOFF: f64 = 1e-10;
 
 /// Appends the zeros within the step to `zeros`; `nodes` are its samples, those beyond its ends included,
 /// and `sign` that of the last clear value before.
@@ -80,6 +78,14 @@ pub(super) fn zeros(
     (trust, resolution): (Trust, f64),
     zeros: &mut Vec<Zero>,
 ) -> Result<(), Trouble> {
+    for k in 1..nodes.len() - 1 {
+        let [before, node, after] = [nodes[k - 1].value, nodes[k].value, nodes[k + 1].value];
+        let change = (before - node).abs().max((after - node).abs());
+        let bend = (before + after - 2.0 * node).abs();
+        if node.abs() < (SMALL * change).max(trust.close * bend) {
+            decide(scene, &mut nodes[k])?;
+        }
+    }
     for k in (1..nodes.len() - 1).rev() {
         if let Some(node) = dip(scene, [nodes[k - 1], nodes[k], nodes[k + 1]], trust)? {
             let at = nodes.partition_point(|other| other.x <= node.x);
@@ -87,26 +93,34 @@ pub(super) fn zeros(
         }
     }
     nodes.retain(|node| (0.0..=1.0).contains(&node.x));
-    for k in 1..nodes.len() - 1 {
-        let [before, node, after] = [nodes[k - 1].value, nodes[k].value, nodes[k + 1].value];
-        let change = (before - node).abs().max((after - node).abs());
-        if !nodes[k].is_exact && node.abs() < SMALL * change {
-            nodes[k].value = scene.exact(nodes[k].x)?;
-            nodes[k].is_exact = true;
-        }
-    }
-    for k in 0..nodes.len() {
+    let mut k = 0;
+    while k < nodes.len() {
         let now = nodes[k].value;
-        if k == 0 || *sign == 0.0 {
-            *sign = if now == 0.0 { *sign } else { now.signum() };
+        if now != 0.0 && (k == 0 || *sign == 0.0) {
+            *sign = now.signum();
         }
-        if now * *sign >= 0.0 {
-            continue;
-        }
-        *sign = now.signum();
-        if let Some(x) = zero(scene, nodes[k - 1], nodes[k], resolution)? {
+        if now * *sign < 0.0 {
+            let Some(x) = zero(scene, nodes[k - 1], nodes[k], resolution)? else {
+                // the rough signs were wrong: once more with the exact ones
+                for node in &mut nodes[k - 1..=k] {
+                    decide(scene, node)?;
+                }
+                k -= 1;
+                continue;
+            };
+            *sign = now.signum();
             zeros.push(Zero { x, sign: *sign });
         }
+        k += 1;
+    }
+    Ok(())
+}
+
+/// Gives a node the exact value.
+fn decide(scene: &mut impl Scene, node: &mut Node) -> Result<(), Trouble> {
+    if !node.is_exact {
+        node.value = scene.exact(node.x)?;
+        node.is_exact = true;
     }
     Ok(())
 }
@@ -122,6 +136,9 @@ fn dip(scene: &mut impl Scene, samples: [Node; 3], trust: Trust) -> Result<Optio
     if !is_dip || middle > bend.max(trust.close * bend) {
         return Ok(None);
     }
+    if samples.iter().all(|node| node.is_exact) {
+        return turned(scene, sign, rough);
+    }
     let (x, value) = lowest(|x| Ok(sign * scene.rough(x)?), rough)?;
     let beyond = trust.aside.max(BEYOND);
     if value > trust.close * bend || !(-beyond..=1.0 + beyond).contains(&x) {
@@ -133,10 +150,19 @@ fn dip(scene: &mut impl Scene, samples: [Node; 3], trust: Trust) -> Result<Optio
     for (x, value) in &mut exact {
         *value = sign * scene.exact(*x)?;
     }
-    let first = exact.into_iter().find(|(_, value)| *value < 0.0);
+    turned(scene, sign, exact)
+}
+
+/// A point of the exact function, times `sign`, that is negative, if parabolas from three lead to one.
+fn turned(
+    scene: &mut impl Scene,
+    sign: f64,
+    points: [(f64, f64); 3],
+) -> Result<Option<Node>, Trouble> {
+    let first = points.into_iter().find(|(_, value)| *value < 0.0);
     let (x, value) = match first {
         Some(found) => found,
-        None => lowest(|x| Ok(sign * scene.exact(x)?), exact)?,
+        None => lowest(|x| Ok(sign * scene.exact(x)?), points)?,
     };
     Ok((value < 0.0).then_some(Node {
         x,
@@ -150,6 +176,7 @@ fn lowest(
     mut f: impl FnMut(f64) -> Result<f64, Trouble>,
     [mut left, mut middle, mut right]: [(f64, f64); 3],
 ) -> Result<(f64, f64), Trouble> {
+    let mut was_slow = false;
     for _ in 0..MOST_VALUES {
         let x = vertex(left, middle, right);
         if (x - middle.0).abs() < RESOLUTION {
@@ -166,9 +193,11 @@ fn lowest(
         } else {
             right = next;
         }
-        if middle.1 < 0.0 || (0.0..GAIN * middle.1).contains(&gain) {
+        let is_slow = (0.0..GAIN * middle.1).contains(&gain);
+        if middle.1 < 0.0 || is_slow && was_slow {
             break;
         }
+        was_slow = is_slow;
     }
     Ok(middle)
 }
@@ -199,23 +228,21 @@ fn zero(scene: &mut impl Scene, a: Node, b: Node, resolution: f64) -> Result<Opt
         a: (a.x, a.value),
         b: (b.x, b.value),
     };
-    let scale = a.value.abs().max(b.value.abs());
     let (mut x, slope) = roughly(scene, exact)?;
     // the rough slope may be that of the rough function's way to an exact end
     let steep = slope.abs().min((b.value - a.value).abs() / exact.width());
-    let (mut best, mut stale) = ((x, f64::INFINITY), 0);
+    let mut best = (x, f64::INFINITY);
     let most = halvings(exact.width(), resolution) + 2;
     for left in (0..=most).rev() {
         let value = scene.exact(x)?;
-        stale = if value.abs() < best.1 { 0 } else { stale + 1 };
-        if stale == 0 {
+        if value.abs() < best.1 {
             best = (x, value.abs());
         }
         if value.abs() <= steep * resolution {
             return Ok(Some(x));
         }
         exact.tighten(x, value);
-        if exact.width() <= 2.0 * resolution || stale > 1 && best.1 < ROUNDOFF * scale {
+        if exact.width() <= 2.0 * resolution {
             break;
         }
         // from the first value twice as far as it says: then the zero is between the two
