@@ -47,7 +47,7 @@ class Event:
     >>> len(run.events["lowest"])
     2
     >>> run.message
-    "event 'lowest' at t = 3.9486"
+    "event 'lowest' at t = 4.14372"
     """
 
     function: Callable[..., Any]
