@@ -4,17 +4,18 @@ Two chains: the library's polymer in space with its angles and trap, h = 0.01, a
 in the plane, h = 0.2/N. A step's time is the difference of a long and a short run, the minimum of
 repeats, in seconds of the processor.
 
-The estimate is what a compiled step has to move and to compute, with n coordinates, m bonds, e
-entries of their gradient and k corrections of the multipliers a step:
+The estimate is what a step has to move and to compute, with n coordinates, m bonds, e entries of
+their gradient, k corrections of the multipliers a step, and a tape of F, G and D instructions a
+bond for forces, constraints and gradient:
 
     numbers    (8 k + 17) n + (k + 7) e + (8 k + 24) m, each read or written once a stage
-    flops      forces f, 2 (k + 4) e for products with G and its transpose, 4 e and 6 e w for two
-               gradients and two matrices (w rows share a coordinate), 10 m and 8 (k + 1) m to
-               eliminate and to solve, (8 k + 17) n for coordinates and momenta
+    program    16 bytes for each of the (F + k G + 2 D) m instructions that a step runs
+    flops      (F + k G + 2 D) m, 2 (k + 4) e for products with the gradient and its transpose, 12 e
+               for two matrices, 10 m and 8 (k + 1) m to eliminate and to solve, (8 k + 17) n for
+               coordinates and momenta
 
 over the bandwidth of STREAM's triad and the peak of a product of matrices, both of one thread and
-measured in the same run. The instructions of the interpreted tape are not in it. Small chains live
-in the cache, which is faster than the triad.
+measured in the same run. A compiled step would have no program to read.
 
 The general Lobatto pair solves the same equations with dense matrices, up to a thousand bonds. With
 OpenMM (``pip install openmm``) its Reference platform steps the same polymer, positions constrained
@@ -34,7 +35,7 @@ from liouville.problems import chain, polymer
 BONDS = (10, 100, 1000, 10_000)
 MOST_DENSE = 1000
 REPEATS = 3
-FORCE_FLOPS = {"polymer": 33, "chain": 0}  # a bead, as the tape of the forces has them
+TAPES = {"polymer": (33, 10, 9), "chain": (0, 7, 6)}  # instructions a bond: f, g and g_q
 
 
 def triad():
@@ -85,13 +86,14 @@ def cost(system, start, h, method, steps):
 
 
 def estimate(kind, n, m, k, rates):
-    """Return the seconds that memory and arithmetic of a step want."""
-    size = 3 if kind == "polymer" else 2
-    e = 2 * size * m
+    """Return the seconds that numbers, program and arithmetic of a step want."""
+    e = (6 if kind == "polymer" else 4) * m
+    force, constraint, gradient = TAPES[kind]
+    program = (force + k * constraint + 2 * gradient) * m
     numbers = (8 * k + 17) * n + (k + 7) * e + (8 * k + 24) * m
-    flops = FORCE_FLOPS[kind] * n / size + 2 * (k + 4) * e + 4 * e + 12 * e
+    flops = program + 2 * (k + 4) * e + 12 * e
     flops += 10 * m + 8 * (k + 1) * m + (8 * k + 17) * n
-    return numbers / rates[0], flops / rates[1]
+    return numbers / rates[0], 2 * program / rates[0], flops / rates[1]
 
 
 def scaling(rates):
@@ -105,16 +107,18 @@ def scaling(rates):
             steps = max(100, 200_000 // bonds)
             seconds, corrections = cost(system, start, h, lv.LobattoPair(2), steps)
             n, m = len(system.coordinates), len(system.constraints)
-            memory, arithmetic = estimate(kind, n, m, corrections, rates)
+            numbers, program, arithmetic = estimate(kind, n, m, corrections, rates)
             row = {
                 "chain": kind,
                 "bonds": bonds,
                 "building s": building,
                 "us a step": 1e6 * seconds,
                 "corrections": corrections,
-                "memory us": 1e6 * memory,
+                "numbers us": 1e6 * numbers,
+                "program us": 1e6 * program,
                 "arithmetic us": 1e6 * arithmetic,
-                "over the estimate": seconds / (memory + arithmetic),
+                "over the estimate": seconds / (numbers + program + arithmetic),
+                "over a compiled one": seconds / (numbers + arithmetic),
                 "general pair us": "-",
                 "general over fast": "-",
             }

@@ -222,7 +222,7 @@ FAILURES = [
         64,
         "force of coordinate 'y'",
     ),
-    (falling(None, rails), 1 / 64, 63, "constraints 'floor', 'ramp' are redundant"),
+    (falling(None, rails), 1 / 64, 63, "constraints 'floor' and 'ramp' are redundant"),
     (spherical_pendulum()[::2], 3.0, 0, "did not converge"),
 ]
 

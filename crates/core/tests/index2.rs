@@ -30,8 +30,8 @@ fn moments_vanish_for_the_polynomials_they_do_not_see() {
         let weights = moments(&tableau.b, &tableau.c);
         assert_eq!((weights.rows(), weights.cols()), (s - 1, s));
         for i in 0..weights.rows() {
-            for degree in 0..i {
-                let powers = tableau.c.iter().map(|c| c.powi(degree as i32));
+            for degree in (0..8).take(i) {
+                let powers = tableau.c.iter().map(|c| c.powi(degree));
                 let sum: f64 = weights.row(i).iter().zip(powers).map(|(w, x)| w * x).sum();
                 assert!(
                     sum.abs() < 1e-15,

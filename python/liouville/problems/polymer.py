@@ -17,7 +17,7 @@ velocities of that temperature, less what would stretch bonds or move the centre
 the energy the angular momentum is constant.
 
 The reference is for twenty beads: accelerations with the tensions of the bonds eliminated,
-extrapolation in 45 digits, two tolerances 2e-33 apart (``tools/references.py``).
+extrapolation in 45 digits, two tolerances 2e-33 apart (``tools/polymer_reference.py``).
 """
 
 from collections.abc import Iterator

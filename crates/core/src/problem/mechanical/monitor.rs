@@ -22,7 +22,7 @@ const POWER: f64 = -3.0 / 8.0;
 /// their own size.
 const PART: f64 = 1.0 / 65536.0;
 /// Coordinates count as having at least this part of the size they had at the start.
-const LEAST_SIZE: f64 = 1e-3;
+const LEAST_SIZE: f64 = 0.25;
 /// Accelerations that take longer than the inverse of this times that time to change a velocity by
 /// its own size are none: they may be roundoff.
 const LEAST_RATE: f64 = 1e-4;
