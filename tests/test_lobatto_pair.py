@@ -71,7 +71,7 @@ def test_a_step_has_the_digits_of_69_digit_arithmetic(name, stages, solver):
     method = lv.LobattoPair(stages, solver=solver)
     found = lv.integrate(SYSTEMS[name](), method, t=(0.0, 0.1), steps=1, q=start[0], v=start[1])
     np.testing.assert_allclose(found.q[-1], floats(exact["y1"]), rtol=0, atol=2.3e-16)
-    np.testing.assert_allclose(found.v[-1], floats(exact["z1"]), rtol=0, atol=4.5e-16)
+    np.testing.assert_allclose(found.v[-1], floats(exact["z1"]), rtol=0, atol=9e-16)
 
 
 @functools.cache

@@ -124,6 +124,16 @@ pub fn dot(x: &[f64], y: &[f64]) -> f64 {
     x.iter().zip(y).map(|(x, y)| x * y).sum()
 }
 
+/// `sum += x`, and what the additions lose is added to `lost` (Knuth's two-sum).
+pub fn gather(sum: &mut [f64], lost: &mut [f64], x: &[f64]) {
+    for ((sum, lost), x) in sum.iter_mut().zip(lost).zip(x) {
+        let total = *sum + x;
+        let part = total - *sum;
+        *lost += (*sum - (total - part)) + (x - part);
+        *sum = total;
+    }
+}
+
 /// `sum = high + low`, and `low` becomes what the addition lost (Knuth's two-sum).
 pub fn carry(high: &[f64], low: &mut [f64], sum: &mut [f64]) {
     for ((high, low), sum) in high.iter().zip(low).zip(sum) {

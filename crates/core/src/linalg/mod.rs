@@ -16,7 +16,7 @@ mod tridiagonal;
 pub use assembly::Assembly;
 pub use factor::{Factor, Lu, Singular, dependencies, dependent_rows};
 pub use gram::Gram;
-pub use kernels::{add_scaled, carry, combine, copy, copy_scaled, dot, max_norm};
+pub use kernels::{add_scaled, carry, combine, copy, copy_scaled, dot, gather, max_norm};
 pub use matrix::Matrix;
 pub use pattern::{Pattern, PatternError};
 pub use rows::Rows;

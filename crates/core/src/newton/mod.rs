@@ -41,10 +41,10 @@ pub struct Stop {
 
 impl Default for Stop {
     /// What a symplectic method needs: what is not corrected is of one sign step after step, so even a
-    /// hundredth of ε would show as a drift of the energy.
+    /// thousandth of ε shows as a drift of the energy, in ten million steps.
     fn default() -> Self {
         Self {
-            tolerance: 3e-3 * f64::EPSILON,
+            tolerance: 1e-5 * f64::EPSILON,
             is_even: true,
             least_rate: 0.0,
         }

@@ -75,6 +75,8 @@ pub struct Spark {
     /// Steps still to be made by full Newton, and how many it was last time.
     resting: usize,
     rest: usize,
+    /// Whether node Schur has found the present stages.
+    is_by_schur: bool,
     stats: Stats,
 }
 
@@ -101,6 +103,7 @@ impl Spark {
             start: stages.unknowns.clone(),
             resting: 0,
             rest: 0,
+            is_by_schur: false,
             stats: Stats::default(),
             stages,
             model,
@@ -132,6 +135,7 @@ impl Spark {
     }
 
     fn iterate(&mut self, step: Step) -> Result<(), Trouble> {
+        self.is_by_schur = false;
         let iterations = if let Some(coupled) = &mut self.coupled {
             self.stats.newton_steps += 1;
             let (stages, model) = (&mut self.stages, &mut self.model);
@@ -150,6 +154,7 @@ impl Spark {
                 }
                 outcome => {
                     self.rest = 0;
+                    self.is_by_schur = outcome.is_ok();
                     outcome?
                 }
             }
@@ -194,6 +199,12 @@ impl Stepper for Spark {
         // the update needs forces at the last iterate: older ones cost a drift in the energy
         let last = self.stages.tableau.intervals - 1;
         self.stages.evaluate_values(&mut self.model, step, last);
+        // where p depends on y, the rounding of Y_i would pass for one of V_i
+        if self.is_by_schur && self.model.problem.patterns.p_y.is_empty() {
+            self.schur.find_lost_moves(&mut self.stages, step);
+        } else {
+            self.stages.lost_moves.clear();
+        }
         self.update.solve(&mut self.model, &mut self.stages, step)?;
         self.predictor
             .keep(&self.stages, h, &state.z, &self.update.z, &self.update.v);

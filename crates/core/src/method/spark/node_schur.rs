@@ -8,7 +8,7 @@
 //! depend on z, by O(h) otherwise. With Λ = h λ the matrix is O(1) as h → 0.
 
 use super::stages::{Stages, Step};
-use crate::linalg::{Lu, Matrix, add_scaled, combine, copy, max_norm};
+use crate::linalg::{Lu, Matrix, add_scaled, combine, copy, copy_scaled, max_norm};
 use crate::newton::Equations;
 use crate::problem::mechanical::{Mass, Mechanical, Model, add_product, explain, finite};
 use crate::trouble::{Quantity, Trouble};
@@ -68,6 +68,19 @@ impl NodeSchur {
             impulse: Matrix::zeros(k, n),
             d_z: Matrix::zeros(s, n),
             d_v: Matrix::zeros(s, n),
+        }
+    }
+
+    /// Finds the moves −h b_j (B R2_j + R1_j), below the last bit of V_j, that the residuals still ask for.
+    pub(super) fn find_lost_moves(&mut self, stages: &mut Stages, step: Step) {
+        stages.subtract_impulses(step);
+        for j in 0..stages.tableau.stages {
+            let u = self.velocity.row_mut(j);
+            copy(u, stages.momentum_residual.row(j));
+            self.mass.solve_velocity(u);
+            add_scaled(u, 1.0, stages.velocity_residual.row(j));
+            let weight = -step.h * stages.tableau.b[j];
+            copy_scaled(stages.lost_moves.row_mut(j), weight, u);
         }
     }
 

@@ -50,6 +50,8 @@ pub(super) struct Stages {
     /// Residuals V_i − v(T_i, Y_i, Z_i) and those of the momentum equation.
     pub(super) velocity_residual: Matrix,
     pub(super) momentum_residual: Matrix,
+    /// Moves that the rounding of velocities has taken away.
+    pub(super) lost_moves: Matrix,
     pub(super) evaluations: usize,
     /// μᶠ and μ̂ side by side, the last column of μ̂, which is zero, left out unless μʳ follows.
     force_weights: Matrix,
@@ -77,6 +79,7 @@ impl Stages {
             moves: at_stages.clone(),
             impulses: Matrix::zeros(s + k + 1 + rolling, n),
             velocity_residual: at_stages.clone(),
+            lost_moves: at_stages.clone(),
             momentum_residual: at_stages,
             evaluations: 0,
             force_weights: Matrix::from_fn(s, s + k + rolling + usize::from(l > 0), |i, j| {
@@ -186,7 +189,7 @@ impl Stages {
     }
 
     /// P_i − p0 − Σ μᶠ_ij (h b_j F_j) − Σ_{j<k} μ̂_ij (h b̂_j R_j) − Σ μʳ_ij (h b_j R_j).
-    fn subtract_impulses(&mut self, step: Step) {
+    pub(super) fn subtract_impulses(&mut self, step: Step) {
         let (State { p, p_low, .. }, stage_p) = (step.state, &self.p);
         let out = self.momentum_residual.flat_mut();
         combine(out, &self.force_weights, &self.impulses, |i, k, sum| {

@@ -3,10 +3,11 @@
 //! Nonholonomic constraints have been met by then, up to roundoff: what is left of them is taken away by
 //! impulses of their reactions at t1, of the size of roundoff.
 //!
-//! Increments are summed first and added last, with what the addition loses kept in the low part.
+//! Increments are summed first and added last. What either loses is kept in the low part: the roundings
+//! of sums in a fixed order are no random ones, and cost a drift of the energy.
 
 use super::stages::{Stages, Step};
-use crate::linalg::{add_scaled, carry, copy, copy_scaled, max_norm};
+use crate::linalg::{add_scaled, carry, copy, copy_scaled, gather, max_norm};
 use crate::newton::{self, Equations};
 use crate::problem::mechanical::{Model, Saddle, State, finite, finite_k};
 use crate::trouble::{Quantity, Trouble};
@@ -22,6 +23,9 @@ pub(super) struct Update {
     y_low: Vec<f64>,
     p: Vec<f64>,
     p_low: Vec<f64>,
+    /// What the sums of increments lose.
+    y_lost: Vec<f64>,
+    p_lost: Vec<f64>,
     saddle: Saddle,
     /// r at t1, as (U2) has it.
     reaction: Vec<f64>,
@@ -49,6 +53,8 @@ impl Update {
             y_low: zeros.clone(),
             p: zeros.clone(),
             p_low: zeros.clone(),
+            y_lost: zeros.clone(),
+            p_lost: zeros.clone(),
             saddle: Saddle::new(model),
             reaction: zeros.clone(),
             momentum: zeros,
@@ -68,16 +74,20 @@ impl Update {
         let (h, state) = (step.h, step.state);
         copy(&mut self.y_low, &state.y_low);
         copy(&mut self.p_low, &state.p_low);
+        self.y_lost.fill(0.0);
+        self.p_lost.fill(0.0);
         for j in 0..s {
-            add_scaled(&mut self.y_low, 1.0, stages.moves.row(j));
+            gather(&mut self.y_low, &mut self.y_lost, stages.moves.row(j));
+            add_scaled(&mut self.y_lost, 1.0, stages.lost_moves.row(j));
         }
         for j in 0..s + k {
-            add_scaled(&mut self.p_low, 1.0, stages.impulses.row(j));
+            gather(&mut self.p_low, &mut self.p_lost, stages.impulses.row(j));
         }
         for j in s + k + 1..stages.impulses.rows() {
-            add_scaled(&mut self.p_low, 1.0, stages.impulses.row(j));
+            gather(&mut self.p_low, &mut self.p_lost, stages.impulses.row(j));
         }
         carry(&state.y, &mut self.y_low, &mut self.y);
+        add_scaled(&mut self.y_low, 1.0, &self.y_lost);
 
         let is_linear = model.problem.is_linear;
         let mut solve = Solve {
@@ -92,8 +102,11 @@ impl Update {
             newton::solve(&mut solve, MOST_ITERATIONS)?;
         }
 
-        add_scaled(&mut self.p_low, h * stages.tableau.b_hat[k], &self.reaction);
+        let impulse = &mut self.momentum;
+        copy_scaled(impulse, h * stages.tableau.b_hat[k], &self.reaction);
+        gather(&mut self.p_low, &mut self.p_lost, impulse);
         carry(&state.p, &mut self.p_low, &mut self.p);
+        add_scaled(&mut self.p_low, 1.0, &self.p_lost);
         if model.problem.patterns.v_z.is_some() {
             let t = stages.node_time(step, k);
             copy(&mut self.v, model.end(t, &self.y, &self.z)[2]);
