@@ -3,8 +3,8 @@
 Brouwer's law: roundoff that favours no sign moves the energy like a random walk, by sigma sqrt(N)
 in N steps. Here sigma is the spread of the energy over short runs that start along the motion.
 
-Run as ``python benchmarks/long_runs.py [STEPS]``, with 1e6 steps unless said otherwise: about a
-minute on two cores, and longer in proportion.
+Run as ``python benchmarks/long_runs.py [STEPS]``, with 1e6 steps unless said otherwise: two
+minutes on two cores, and longer in proportion.
 """
 
 import sys
