@@ -62,7 +62,8 @@ fn equations_of_many_stages_stay_well_conditioned() {
     let norm = |m: &Matrix| m.flat().iter().map(|x| x * x).sum::<f64>().sqrt();
     let mut inverse = Matrix::from_fn(s, s, |i, j| f64::from(u8::from(i == j)));
     (0..s).for_each(|i| lu.solve(inverse.row_mut(i)));
-    assert!(norm(&matrix) * norm(&inverse) < 200.0);
+    // with powers of c in place of P it is 6e5
+    assert!(norm(&matrix) * norm(&inverse) < 300.0);
 }
 
 #[test]
