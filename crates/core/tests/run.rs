@@ -360,7 +360,7 @@ fn a_step_without_a_solution_is_tried_shorter_until_it_is_the_least() {
         run.advance(ALL_DAY),
         Status::Failed {
             n: 0,
-            trouble: Trouble::SingularNewton,
+            trouble: Trouble::StepTooSmall { .. },
             ..
         }
     ));

@@ -50,7 +50,7 @@ pub enum Solver {
 
 /// Corrections node Schur may take before full Newton is the better choice: slower ones cost more
 /// than its matrix, and leave a remainder of one sign under the roundoff.
-const SCHUR_ITERATIONS: usize = 7;
+const SCHUR_ITERATIONS: usize = 6;
 /// Corrections a solver may take when there is no other.
 const MOST_ITERATIONS: usize = 100;
 /// Steps node Schur rests at most after failing; each failure in a row doubles the rest.
