@@ -41,10 +41,10 @@ pub struct Stop {
 
 impl Default for Stop {
     /// What a symplectic method needs: what is not corrected is of one sign step after step, so even a
-    /// thousandth of ε shows as a drift of the energy, in ten million steps.
+    /// hundredth of ε shows as a drift of the energy.
     fn default() -> Self {
         Self {
-            tolerance: 1e-5 * f64::EPSILON,
+            tolerance: 3e-4 * f64::EPSILON,
             is_even: true,
             least_rate: 0.0,
         }
