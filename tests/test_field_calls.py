@@ -79,7 +79,7 @@ ROWS = [
         "a pendulum",
         lambda: swing(V()),
         TypeError,
-        r"VolumeSplitting\(\) does not step mechanical systems; methods that do: Spark, LobattoPair, HHT",
+        r"VolumeSplitting\(\) does not step mechanical systems; methods that do: Spark, Lobatto",
     ),
     ("plan of it", lambda: swing(PLAN), TypeError, "<Plan of 3 pieces.*mechanical systems"),
     ("pendulums", lambda: swing(V(), lv.ensemble), TypeError, "PolynomialField.*Lagrangian.x, y"),
