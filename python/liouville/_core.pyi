@@ -18,6 +18,7 @@ __all__ = [
     "Run",
     "SecondOrder",
     "SemiExplicit",
+    "Separable",
     "Split",
     "Tape",
     "chebyshev_degree",
@@ -96,6 +97,7 @@ class SecondOrder:
 class Separable:
     def __new__(cls, problem: Mechanical, tapes: dict[str, Tape]) -> Separable: ...
 
+@final
 class SemiExplicit:
     def __new__(
         cls,
