@@ -87,6 +87,37 @@ impl<S: Stepper + ?Sized> Stepper for Box<S> {
     }
 }
 
+/// What is brought from one step to the next, as numbers.
+///
+/// Whoever restores what was saved goes on with the same bits: after a checkpoint, or as a stepper of one
+/// member that goes on where a stepper of several in lock-step was. Memory that a step overwrites before it reads it is
+/// not saved.
+pub trait Memory {
+    /// Appends what a member brings.
+    fn save(&self, member: usize, out: &mut Vec<f64>);
+
+    /// Takes what a member brings from the front of `saved`, as [`Memory::save`] wrote it.
+    ///
+    /// # Errors
+    /// It was saved by something of another size.
+    fn restore(&mut self, member: usize, saved: &mut &[f64]) -> Result<(), Foreign>;
+}
+
+/// What was saved belongs to something else.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
+#[error("what was saved is of another run")]
+pub struct Foreign;
+
+/// The first `count` numbers of what was saved.
+///
+/// # Errors
+/// There are not so many left.
+pub fn taken<'a>(saved: &mut &'a [f64], count: usize) -> Result<&'a [f64], Foreign> {
+    let (head, tail) = saved.split_at_checked(count).ok_or(Foreign)?;
+    *saved = tail;
+    Ok(head)
+}
+
 /// A method whose step of −h undoes its step of h.
 pub trait Symmetric: Stepper {}
 
