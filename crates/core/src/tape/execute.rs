@@ -57,9 +57,9 @@ pub(super) struct Instr {
 pub(super) fn execute<R: Real>(program: &[Instr], registers: &mut [R]) {
     let start = registers.as_mut_ptr();
     let truth = |condition: bool| f64::from(u8::from(condition));
-    let mut left = program.iter();
-    let mut next = left.next();
-    while let Some(mut instr) = next {
+    let mut left = program;
+    while let Some((&next, mut rest)) = left.split_first() {
+        let mut instr = next;
         macro_rules! two {
             (|$x:ident, $y:ident| $value:expr) => {
                 loop {
@@ -69,9 +69,8 @@ pub(super) fn execute<R: Real>(program: &[Instr], registers: &mut [R]) {
                         let ($x, $y) = (*start.add(instr.a as usize), *start.add(instr.b as usize));
                         *start.add(instr.out as usize) = $value;
                     }
-                    next = left.next();
-                    match next {
-                        Some(same) if same.op == instr.op => instr = same,
+                    match rest.split_first() {
+                        Some((&next, after)) if next.op == instr.op => (instr, rest) = (next, after),
                         _ => break,
                     }
                 }
@@ -137,6 +136,7 @@ pub(super) fn execute<R: Real>(program: &[Instr], registers: &mut [R]) {
             Op::Expm1 => one!(f64::exp_m1),
             Op::Hypot => two!(|x, y| x.zip(y, f64::hypot)),
         }
+        left = rest;
     }
 }
 
