@@ -7,14 +7,14 @@
 //!
 //! so that evaluation copies neither inputs nor constants nor outputs through instructions of their
 //! own. The last input group is the parameters; [`Tape::bind`] runs what depends on them alone, once.
-//! Operations and their operands are the program's own, hence its values bit for bit; what repeats in a
-//! long program runs in batches.
+//! Operations and their operands are the program's own, hence its values bit for bit; their order is
+//! one that runs fast.
 //!
 //! A tape may add [`Term`]s to its program's values: the large matrices of an assembled structure are
 //! not written out as instructions.
 
-mod batch;
 mod execute;
+mod order;
 mod plan;
 mod program;
 mod terms;
@@ -216,7 +216,7 @@ impl Tape {
                 }
             }
         }
-        match batch::batched(&body, &groups, &tape.outputs, first_temporary) {
+        match order::ordered(&body, &groups, &tape.outputs, first_temporary) {
             None => tape.body = Program::Plain(body),
             Some((program, registers)) => (tape.body, tape.registers) = (program, registers),
         }
