@@ -1,6 +1,6 @@
 //! Factorisations, and what to say of a matrix that has none.
 
-use super::{Matrix, Pattern, Sparse, add_scaled, dot, max_norm};
+use super::{Blocks, Matrix, Pattern, Sparse, add_scaled, dot, max_norm};
 
 /// No pivot in this column: it depends on the columns before it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -128,6 +128,8 @@ impl Lu {
 pub enum Factor {
     /// Reciprocals of the diagonal.
     Diagonal(Vec<f64>),
+    /// Small blocks inverted.
+    Blocks(Box<Blocks>),
     /// Dense LU.
     Dense(Lu),
     /// Sparse LU.
@@ -142,12 +144,17 @@ fn prefers_sparse(pattern: &Pattern) -> bool {
     n >= 32 && (6 * pattern.len() <= n * n || n >= 160)
 }
 
+/// From this order on, a matrix is looked at for blocks.
+const MANY: usize = 24;
+
 impl Factor {
     /// Memory for matrices of this pattern.
     pub fn new(pattern: &Pattern) -> Self {
         let (n, _) = pattern.shape();
         if pattern.is_diagonal() {
             Self::Diagonal(vec![0.0; n])
+        } else if let Some(blocks) = Blocks::new(pattern).filter(|_| n >= MANY) {
+            Self::Blocks(Box::new(blocks))
         } else if prefers_sparse(pattern) {
             Self::Sparse(Box::new(Sparse::new(pattern)))
         } else {
@@ -171,6 +178,7 @@ impl Factor {
                     None => Ok(()),
                 }
             }
+            Self::Blocks(blocks) => blocks.factor(values),
             Self::Dense(lu) => {
                 lu.matrix_mut().clear();
                 pattern.add_to(values, 1.0, lu.matrix_mut(), 0, 0);
@@ -188,8 +196,27 @@ impl Factor {
                 .iter_mut()
                 .zip(inverse.iter())
                 .for_each(|(b, inverse)| *b *= inverse),
+            Self::Blocks(blocks) => blocks.solve(b),
             Self::Dense(lu) => lu.solve(b),
             Self::Sparse(lu) => lu.solve(b),
+        }
+    }
+
+    /// Where the inverse is not zero, if that is known.
+    pub fn inverse_pattern(&self) -> Option<Pattern> {
+        match self {
+            Self::Diagonal(inverse) => Some(Pattern::diagonal(inverse.len())),
+            Self::Blocks(blocks) => Some(blocks.pattern().clone()),
+            Self::Dense(_) | Self::Sparse(_) => None,
+        }
+    }
+
+    /// The inverse on that pattern.
+    pub fn inverse_values(&self) -> &[f64] {
+        match self {
+            Self::Diagonal(inverse) => inverse,
+            Self::Blocks(blocks) => blocks.values(),
+            Self::Dense(_) | Self::Sparse(_) => &[],
         }
     }
 }

@@ -135,6 +135,16 @@ impl Mass {
         }
     }
 
+    /// Where `p_z`⁻¹ is not zero, if it falls into small blocks.
+    pub(super) fn inverse_pattern(&self) -> Option<Pattern> {
+        self.factor.inverse_pattern()
+    }
+
+    /// `p_z`⁻¹ on that pattern.
+    pub(super) fn inverse_values(&self) -> &[f64] {
+        self.factor.inverse_values()
+    }
+
     /// `v_z`, where it is not the identity.
     pub(super) fn v_z(&self) -> Option<(&Pattern, &[f64])> {
         let (pattern, values) = self.v_z.as_ref()?;
