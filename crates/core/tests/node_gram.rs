@@ -9,9 +9,10 @@ fn noise(k: usize) -> f64 {
 
 /// Bonds of beads in the plane as rows, two columns a bead, in the order of the rows.
 fn pattern(beads: usize, bonds: &[(usize, usize)]) -> Pattern {
-    let entries = bonds.iter().enumerate().flat_map(|(row, (a, b))| {
-        [2 * a, 2 * a + 1, 2 * b, 2 * b + 1].map(|col| (row, col))
-    });
+    let entries = bonds
+        .iter()
+        .enumerate()
+        .flat_map(|(row, (a, b))| [2 * a, 2 * a + 1, 2 * b, 2 * b + 1].map(|col| (row, col)));
     Pattern::new(bonds.len(), 2 * beads, entries.collect()).expect("entries lie inside")
 }
 
@@ -84,7 +85,8 @@ fn a_dependent_row_is_named() {
     // the bond from 4 to 5 once more
     let (head, tail) = a.split_at_mut(11 * 4 * 2);
     tail.copy_from_slice(&head[4 * 4 * 2..5 * 4 * 2]);
-    let mut gram = NodeGram::new(&pattern, &pattern.transposed(), &weights(2)).expect("few updates");
+    let mut gram =
+        NodeGram::new(&pattern, &pattern.transposed(), &weights(2)).expect("few updates");
     let singular = gram.factor(&a, &a).expect_err("a row is there twice");
     assert!([4, 11].contains(&singular.column), "{singular:?}");
 }
@@ -102,8 +104,19 @@ fn many_nodes_and_much_fill_in_are_refused() {
 fn scattered_blocks_are_inverted() {
     // blocks {0, 5}, {1}, {2, 3, 7}, {4, 6}, with entries in no order
     let places = [
-        (5, 0), (0, 0), (0, 5), (5, 5), (1, 1), (7, 2), (2, 2), (3, 3), (2, 3), (7, 7), (3, 7),
-        (6, 4), (4, 6),
+        (5, 0),
+        (0, 0),
+        (0, 5),
+        (5, 5),
+        (1, 1),
+        (7, 2),
+        (2, 2),
+        (3, 3),
+        (2, 3),
+        (7, 7),
+        (3, 7),
+        (6, 4),
+        (4, 6),
     ];
     let pattern = Pattern::new(8, 8, places.to_vec()).expect("entries lie inside");
     let values: Vec<f64> = (0..places.len()).map(|k| 1.0 + noise(k)).collect();
@@ -127,7 +140,9 @@ fn scattered_blocks_are_inverted() {
         assert!((value - wanted).abs() < 1e-13, "{value} at ({row}, {col})");
     }
     assert_eq!(
-        blocks.factor(&[0.0; 13]).map_err(|singular| singular.column),
+        blocks
+            .factor(&[0.0; 13])
+            .map_err(|singular| singular.column),
         Err(0)
     );
     assert!(Blocks::new(&Pattern::full(9, 9)).is_none());

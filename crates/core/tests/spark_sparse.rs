@@ -47,7 +47,13 @@ fn chain(is_closed: bool, is_coupled: bool) -> Functions {
         v: None,
         p: (0..n).map(momentum).collect(),
         f: (0..n)
-            .map(|k| if k % 2 == 1 { (-9.81).into() } else { y[k].sin() * -0.3 })
+            .map(|k| {
+                if k % 2 == 1 {
+                    (-9.81).into()
+                } else {
+                    y[k].sin() * -0.3
+                }
+            })
             .collect(),
         r: None,
         g,
@@ -82,7 +88,10 @@ fn sparse_and_dense_solvers_find_one_solution() {
         }
         let sparse = falling(&chain(false, false), s, Solver::NodeSchur, 20);
         let (found, wanted) = (sparse.stats().iterations, dense.stats().iterations);
-        assert!(found.abs_diff(wanted) <= 2, "{found} and {wanted} corrections");
+        assert!(
+            found.abs_diff(wanted) <= 2,
+            "{found} and {wanted} corrections"
+        );
     }
 }
 

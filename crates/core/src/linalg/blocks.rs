@@ -1,26 +1,27 @@
 //! Inverses of matrices that fall into small blocks, as the masses of rigid bodies do.
 
 use super::{Lu, Pattern, Singular};
+use crate::real::Real;
 
 /// Order of the largest block that is inverted.
 const MOST: usize = 8;
 
 /// The inverse of a block-diagonal matrix, whose blocks may stand anywhere.
 #[derive(Clone, Debug)]
-pub struct Blocks {
+pub struct Blocks<R = f64> {
     /// Where the inverse is not zero: block by block, row by row.
     pattern: Pattern,
-    inverse: Vec<f64>,
+    inverse: Vec<R>,
     /// The orders of the blocks, and the unknowns of one after the other.
     orders: Vec<usize>,
     unknowns: Vec<u32>,
     /// Where each entry of the matrix goes.
     slots: Vec<u32>,
     /// By its order, the memory that a block is inverted in.
-    lu: Vec<Lu>,
+    lu: Vec<Lu<R>>,
 }
 
-impl Blocks {
+impl<R: Real> Blocks<R> {
     /// Memory for matrices of this pattern; `None` where a block is large.
     #[allow(clippy::cast_possible_truncation)] // more unknowns would not fit in memory
     pub fn new(pattern: &Pattern) -> Option<Self> {
@@ -50,7 +51,7 @@ impl Blocks {
         let slots = pattern.entries().iter().map(slot).collect();
         blocks.retain(|block| !block.is_empty());
         Some(Self {
-            inverse: vec![0.0; entries.len()],
+            inverse: vec![R::splat(0.0); entries.len()],
             pattern: Pattern {
                 rows: n,
                 cols: n,
@@ -69,7 +70,7 @@ impl Blocks {
     }
 
     /// The inverse, in the order of its pattern.
-    pub fn values(&self) -> &[f64] {
+    pub fn values(&self) -> &[R] {
         &self.inverse
     }
 
@@ -77,10 +78,10 @@ impl Blocks {
     ///
     /// # Errors
     /// The first column without a pivot.
-    pub fn factor(&mut self, values: &[f64]) -> Result<(), Singular> {
-        self.inverse.fill(0.0);
+    pub fn factor(&mut self, values: &[R]) -> Result<(), Singular> {
+        self.inverse.fill(R::splat(0.0));
         for (slot, value) in self.slots.iter().zip(values) {
-            self.inverse[*slot as usize] += value;
+            self.inverse[*slot as usize] += *value;
         }
         let (mut rest, mut unknowns) = (&mut self.inverse[..], &self.unknowns[..]);
         for order in &self.orders {
@@ -96,15 +97,15 @@ impl Blocks {
 
     /// Solves `A x = b` in place.
     #[inline]
-    pub fn solve(&self, b: &mut [f64]) {
+    pub fn solve(&self, b: &mut [R]) {
         let (mut rest, mut unknowns) = (&self.inverse[..], &self.unknowns[..]);
         for order in &self.orders {
             let (own, next) = unknowns.split_at(*order);
             let (block, others) = rest.split_at(order * order);
             if let ([unknown], [inverse]) = (own, block) {
-                b[*unknown as usize] *= inverse;
+                b[*unknown as usize] *= *inverse;
             } else {
-                let mut x = [0.0; MOST];
+                let mut x = [R::splat(0.0); MOST];
                 for (x, unknown) in x.iter_mut().zip(own) {
                     *x = b[*unknown as usize];
                 }
@@ -118,11 +119,11 @@ impl Blocks {
 }
 
 /// A block becomes its inverse.
-fn invert(lu: &mut Lu, block: &mut [f64]) -> Result<(), Singular> {
+fn invert<R: Real>(lu: &mut Lu<R>, block: &mut [R]) -> Result<(), Singular> {
     let order = lu.order();
     if let [value] = block {
-        *value = 1.0 / *value;
-        let is_fine = *value != 0.0 && value.is_finite();
+        *value = R::splat(1.0) / *value;
+        let is_fine = value.all(|x| x != 0.0 && x.is_finite());
         return if is_fine {
             Ok(())
         } else {
@@ -132,8 +133,8 @@ fn invert(lu: &mut Lu, block: &mut [f64]) -> Result<(), Singular> {
     lu.matrix_mut().flat_mut().copy_from_slice(block);
     lu.factor()?;
     for col in 0..order {
-        let mut x = [0.0; MOST];
-        x[col] = 1.0;
+        let mut x = [R::splat(0.0); MOST];
+        x[col] = R::splat(1.0);
         lu.solve(&mut x[..order]);
         for (row, x) in x[..order].iter().enumerate() {
             block[row * order + col] = *x;

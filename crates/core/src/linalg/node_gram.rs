@@ -143,7 +143,7 @@ impl<R: Real> NodeGram<R> {
                 *row = [R::splat(0.0); K];
                 for (sum, weights) in sum.iter().zip(weights.chunks_exact(K)) {
                     for l in 0..K {
-                        row[l] = row[l] + R::splat(weights[l]) * sum[l];
+                        row[l] += sum[l] * weights[l];
                     }
                 }
             }
@@ -190,7 +190,7 @@ impl<R: Real> NodeGram<R> {
         for (x, unknown) in x.iter_mut().zip(&plan.order) {
             let b = &b[*unknown as usize];
             *x = std::array::from_fn(|i| {
-                (0..K).fold(R::splat(0.0), |sum, j| sum + R::splat(rows[i][j]) * b[j])
+                (0..K).fold(R::splat(0.0), |sum, j| sum + b[j] * rows[i][j])
             });
         }
         let mut start = 0;
@@ -236,7 +236,7 @@ fn put<R: Real, const K: usize>(rows: &mut [[R; K]], place: usize, block: Block<
 fn add_outer<R: Real, const K: usize>(sum: &mut Block<R, K>, a: &[R; K], b: &[R; K]) {
     for i in 0..K {
         for l in 0..K {
-            sum[i][l] = sum[i][l] + a[i] * b[l];
+            sum[i][l] += a[i] * b[l];
         }
     }
 }
@@ -247,7 +247,7 @@ fn times<R: Real, const K: usize>(a: &Block<R, K>, b: &Block<R, K>) -> Block<R, 
     for i in 0..K {
         for j in 0..K {
             for l in 0..K {
-                product[i][l] = product[i][l] + a[i][j] * b[j][l];
+                product[i][l] += a[i][j] * b[j][l];
             }
         }
     }
@@ -264,7 +264,7 @@ fn subtract_product<R: Real, const K: usize>(
     for (row, a) in rows[place * K..(place + 1) * K].iter_mut().zip(a) {
         for j in 0..K {
             for l in 0..K {
-                row[l] = row[l] - a[j] * b[j][l];
+                row[l] -= a[j] * b[j][l];
             }
         }
     }
@@ -275,7 +275,7 @@ fn subtract_product<R: Real, const K: usize>(
 fn subtract<R: Real, const K: usize>(x: &mut [R; K], rows: &[[R; K]], y: &[R; K]) {
     for (x, row) in x.iter_mut().zip(&rows[..K]) {
         let sum = (0..K).fold(R::splat(0.0), |sum, j| sum + row[j] * y[j]);
-        *x = *x - sum;
+        *x -= sum;
     }
 }
 
@@ -294,7 +294,7 @@ fn inverted<R: Real, const K: usize>(mut a: Block<R, K>, scale: R) -> Option<Blo
         let inverse = R::splat(1.0) / pivot;
         a[p][p] = R::splat(1.0);
         for x in &mut a[p] {
-            *x = *x * inverse;
+            *x *= inverse;
         }
         let pivot_row = a[p];
         for (i, row) in a.iter_mut().enumerate() {
@@ -302,7 +302,7 @@ fn inverted<R: Real, const K: usize>(mut a: Block<R, K>, scale: R) -> Option<Blo
                 let factor = row[p];
                 row[p] = R::splat(0.0);
                 for l in 0..K {
-                    row[l] = row[l] - factor * pivot_row[l];
+                    row[l] -= factor * pivot_row[l];
                 }
             }
         }
@@ -313,9 +313,7 @@ fn inverted<R: Real, const K: usize>(mut a: Block<R, K>, scale: R) -> Option<Blo
 fn inverse(matrix: &Matrix) -> Matrix {
     let n = matrix.rows();
     let mut lu = Lu::new(n);
-    lu.matrix_mut()
-        .flat_mut()
-        .copy_from_slice(matrix.flat());
+    lu.matrix_mut().flat_mut().copy_from_slice(matrix.flat());
     lu.factor().expect("weights of nodes are independent");
     let mut inverse = Matrix::zeros(n, n);
     for col in 0..n {

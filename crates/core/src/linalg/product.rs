@@ -14,10 +14,14 @@ pub(super) fn meetings(a: &Pattern, b: &Pattern) -> Vec<Meeting> {
     for (j, (row, col)) in b.entries().iter().enumerate() {
         of_row[*row].push((*col, j as u32));
     }
-    let pairs = a.entries().iter().enumerate().flat_map(|(i, (row, inner))| {
-        let beside = of_row[*inner].iter();
-        beside.map(move |(col, j)| ((*row, *col), (i as u32, *j)))
-    });
+    let pairs = a
+        .entries()
+        .iter()
+        .enumerate()
+        .flat_map(|(i, (row, inner))| {
+            let beside = of_row[*inner].iter();
+            beside.map(move |(col, j)| ((*row, *col), (i as u32, *j)))
+        });
     let mut meetings: Vec<Meeting> = pairs.collect();
     meetings.sort_unstable();
     meetings
@@ -75,7 +79,7 @@ impl Product {
             for (i, j) in &self.pairs[start..end] {
                 let (factor, first) = (a[*i as usize], *j as usize * width);
                 for (out, b) in out.iter_mut().zip(&b[first..first + width]) {
-                    *out = *out + factor * *b;
+                    *out += factor * *b;
                 }
             }
             start = end;

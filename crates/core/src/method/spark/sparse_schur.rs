@@ -2,6 +2,7 @@
 
 use crate::linalg::{Matrix, NodeGram, Pattern, Singular, at_size};
 use crate::problem::mechanical::{Compliance, Mass, Mechanical};
+use crate::real::Real;
 
 /// From this order on, the sparse matrix is tried.
 const LARGE: usize = 24;
@@ -9,22 +10,22 @@ const LARGE: usize = 24;
 /// `g_y` at the nodes 1..k, `r_λ` at the nodes 0..k−1, node by node within an entry, and the Schur
 /// complement between them.
 #[derive(Clone, Debug)]
-pub(super) struct SparseSchur {
+pub(super) struct SparseSchur<R = f64> {
     nodes: usize,
     g_at: Vec<(u32, u32)>,
     r_at: Vec<(u32, u32)>,
-    g_y: Vec<f64>,
-    r_lam: Vec<f64>,
-    compliance: Compliance,
-    schur: NodeGram,
-    multipliers: Vec<f64>,
+    g_y: Vec<R>,
+    r_lam: Vec<R>,
+    compliance: Compliance<R>,
+    schur: NodeGram<R>,
+    multipliers: Vec<R>,
     /// Velocities at the nodes, then impulses from there.
-    vectors: Vec<f64>,
+    vectors: Vec<R>,
 }
 
-impl SparseSchur {
+impl<R: Real> SparseSchur<R> {
     /// Memory for this problem and ā â; `None` where dense matrices are as good, or there is much fill-in.
-    pub(super) fn new(problem: &Mechanical, mass: &Mass, product: &Matrix) -> Option<Self> {
+    pub(super) fn new(problem: &Mechanical, mass: &Mass<R>, product: &Matrix) -> Option<Self> {
         let (n, m, nodes) = (problem.n, problem.m, product.rows());
         if nodes * m < LARGE {
             return None;
@@ -36,25 +37,25 @@ impl SparseSchur {
             nodes,
             g_at: short(&at.g_y),
             r_at: short(&at.r_lam),
-            g_y: vec![0.0; nodes * at.g_y.len()],
-            r_lam: vec![0.0; nodes * at.r_lam.len()],
+            g_y: vec![R::splat(0.0); nodes * at.g_y.len()],
+            r_lam: vec![R::splat(0.0); nodes * at.r_lam.len()],
             compliance,
             schur,
-            multipliers: vec![0.0; nodes * m],
-            vectors: vec![0.0; nodes * n],
+            multipliers: vec![R::splat(0.0); nodes * m],
+            vectors: vec![R::splat(0.0); nodes * n],
         })
     }
 
     /// Factors with these blocks, a row a node.
     pub(super) fn factor(
         &mut self,
-        mass: &Mass,
-        g_y: &Matrix,
-        r_lam: &Matrix,
+        mass: &Mass<R>,
+        g_y: &Matrix<R>,
+        r_lam: &Matrix<R>,
     ) -> Result<(), Singular> {
         at_size!(self.nodes, K => {
-            interleave::<K>(g_y, 1, &mut self.g_y);
-            interleave::<K>(r_lam, 0, &mut self.r_lam);
+            interleave::<R, K>(g_y, 1, &mut self.g_y);
+            interleave::<R, K>(r_lam, 0, &mut self.r_lam);
         });
         let compliance = self.compliance.update(mass, &self.r_lam);
         self.schur.factor(&self.g_y, compliance)
@@ -65,10 +66,10 @@ impl SparseSchur {
     pub(super) fn solve(
         &mut self,
         (a_bar, a_hat): (&Matrix, &Matrix),
-        (u, residual): (&Matrix, &Matrix),
-        (g, h): (&Matrix, f64),
-        d_lam: &mut [f64],
-        d_z: &mut Matrix,
+        (u, residual): (&Matrix<R>, &Matrix<R>),
+        (g, h): (&Matrix<R>, f64),
+        d_lam: &mut [R],
+        d_z: &mut Matrix<R>,
     ) {
         at_size!(self.nodes, K => {
             self.meet::<K>(a_bar, u, g, h);
@@ -84,21 +85,21 @@ impl SparseSchur {
     }
 
     /// −g/h + `G_i` Σ ā_ij u_j
-    fn meet<const K: usize>(&mut self, a_bar: &Matrix, u: &Matrix, g: &Matrix, h: f64) {
+    fn meet<const K: usize>(&mut self, a_bar: &Matrix, u: &Matrix<R>, g: &Matrix<R>, h: f64) {
         let multipliers = self.multipliers.as_chunks_mut::<K>().0;
         let vectors = self.vectors.as_chunks_mut::<K>().0;
         let minus = -1.0 / h;
         for i in 0..K {
             for (out, g) in multipliers.iter_mut().zip(g.row(i + 1)) {
-                out[i] = minus * g;
+                out[i] = *g * minus;
             }
             let (first, rest) = a_bar.row(i).split_at(1);
             for (out, u) in vectors.iter_mut().zip(u.row(0)) {
-                out[i] = first[0] * u;
+                out[i] = *u * first[0];
             }
             for (j, weight) in rest.iter().enumerate() {
                 for (out, u) in vectors.iter_mut().zip(u.row(j + 1)) {
-                    out[i] += weight * u;
+                    out[i] += *u * *weight;
                 }
             }
         }
@@ -110,10 +111,10 @@ impl SparseSchur {
         }
     }
 
-    fn push<const K: usize>(&mut self, a_hat: &Matrix, residual: &Matrix, d_z: &mut Matrix) {
+    fn push<const K: usize>(&mut self, a_hat: &Matrix, residual: &Matrix<R>, d_z: &mut Matrix<R>) {
         let multipliers = self.multipliers.as_chunks::<K>().0;
         let vectors = self.vectors.as_chunks_mut::<K>().0;
-        vectors.fill([0.0; K]);
+        vectors.fill([R::splat(0.0); K]);
         for ((row, col), r_lam) in self.r_at.iter().zip(self.r_lam.as_chunks::<K>().0) {
             let (out, lam) = (&mut vectors[*row as usize], &multipliers[*col as usize]);
             for l in 0..K {
@@ -124,18 +125,18 @@ impl SparseSchur {
             let weights: [f64; K] = std::array::from_fn(|l| a_hat[(i, l)]);
             let residual = residual.row(i);
             for ((out, v), residual) in d_z.row_mut(i).iter_mut().zip(&*vectors).zip(residual) {
-                let mut sum = 0.0;
+                let mut sum = R::splat(0.0);
                 for l in 0..K {
-                    sum += weights[l] * v[l];
+                    sum += v[l] * weights[l];
                 }
-                *out = sum - residual;
+                *out = sum - *residual;
             }
         }
     }
 }
 
 /// K rows from the `first` on, side by side entry by entry.
-fn interleave<const K: usize>(rows: &Matrix, first: usize, out: &mut [f64]) {
+fn interleave<R: Real, const K: usize>(rows: &Matrix<R>, first: usize, out: &mut [R]) {
     let out = out.as_chunks_mut::<K>().0;
     for i in 0..K {
         for (out, value) in out.iter_mut().zip(rows.row(first + i)) {
