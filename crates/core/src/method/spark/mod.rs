@@ -45,7 +45,7 @@ use update::Update;
 pub enum Solver {
     /// Node Schur, and full Newton where that is slow.
     Auto,
-    /// Node Schur only.
+    /// Node Schur only, but where its matrix would be dense and large.
     NodeSchur,
     /// Full simplified Newton only.
     Newton,
@@ -183,11 +183,11 @@ impl Spark {
         Ok(())
     }
 
-    /// Whether full Newton is asked for, or node Schur rests after having failed.
+    /// Whether full Newton is asked for or all there is, or node Schur rests after having failed.
     fn wants_newton(&mut self) -> bool {
         let is_resting = self.resting > 0;
         self.resting = self.resting.saturating_sub(1);
-        is_resting || self.solver == Solver::Newton
+        is_resting || self.solver == Solver::Newton || !self.schur.is_able()
     }
 
     fn iterate_schur(&mut self, step: Step) -> Result<usize, Trouble> {

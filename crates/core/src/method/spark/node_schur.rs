@@ -46,7 +46,14 @@ enum Schur<R> {
         lu: Lu<R>,
     },
     Sparse(Box<SparseSchur<R>>),
+    /// Neither sparse nor small: full Newton is the better way.
+    Missing,
 }
+
+/// A dense matrix of a larger order is not factored, nor made of a larger compliance: sparse full Newton takes
+/// less time.
+const LARGEST_DENSE: usize = 400;
+const LARGEST_COMPLIANCE: usize = 10_000_000;
 
 /// The stage equations of one step, solved by node Schur.
 pub(super) struct Solve<'a, R = f64> {
@@ -69,6 +76,7 @@ impl<R: Real> NodeSchur<R> {
         let mass = Mass::new(model);
         let matrix = match SparseSchur::new(&model.problem, &mass, &product) {
             Some(sparse) => Schur::Sparse(Box::new(sparse)),
+            None if k * m > LARGEST_DENSE || k * m * n > LARGEST_COMPLIANCE => Schur::Missing,
             None => Schur::Dense {
                 compliance: vec![Matrix::zeros(m, n); k],
                 lu: Lu::new(k * m),
@@ -93,6 +101,11 @@ impl<R: Real> NodeSchur<R> {
         }
     }
 
+    /// Whether there is a matrix to solve with.
+    pub(super) fn is_able(&self) -> bool {
+        !matches!(self.matrix, Schur::Missing)
+    }
+
     /// Finds the moves −h b_j (B R2_j + R1_j), below the last bit of V_j, that the residuals still ask for.
     pub(super) fn find_lost_moves(&mut self, stages: &mut Stages<R>, step: Step<R>) {
         stages.subtract_impulses(step);
@@ -111,6 +124,7 @@ impl<R: Real> NodeSchur<R> {
         let (compliance, lu) = match &mut self.matrix {
             Schur::Sparse(sparse) => return sparse.factor(&self.mass, &self.g_y, &self.r_lam),
             Schur::Dense { compliance, lu } => (compliance, lu),
+            Schur::Missing => return Err(Singular { column: 0 }),
         };
         let (at, m) = (&self.problem.patterns, self.problem.m);
         lu.matrix_mut().clear();
@@ -205,6 +219,7 @@ impl<R: Real> Solve<'_, R> {
                 }
                 return;
             }
+            Schur::Missing => return,
         };
         combine(
             solver.node_velocity.flat_mut(),
