@@ -65,8 +65,7 @@ def rigid_chain(rods: int = 3, times: Sequence[mpf] = (mpf(1),)) -> None:
             centre = [(a - b) / mass for a, b in zip(pull[i], pull[i + 1], strict=True)]
             centre[2] -= 1
             swing = [
-                a + b
-                for a, b in zip(cross(alpha, arm), cross(spin, cross(spin, arm)), strict=True)
+                a + b for a, b in zip(cross(alpha, arm), cross(spin, cross(spin, arm)), strict=True)
             ]
             gaps.append([a + b - c for a, b, c in zip(centre, swing, below, strict=True)])
             below = [a - b for a, b in zip(centre, swing, strict=True)]

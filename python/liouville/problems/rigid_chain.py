@@ -12,11 +12,12 @@ centres at x_i, attitudes :math:`R(e_i)`, angular velocities
     0 = x_i + R(e_i) a - x_{i-1} + R(e_{i-1}) a, \qquad 0 = \tfrac12 (|e_i|^2 - 1)
 
 with a = (0, 0, l/2N) and the first rod on a hook at the origin. The term with mu completes the mass
-matrix, see :mod:`~liouville.problems.heavy_top`. With ``revolute=True`` each joint is a hinge, about
-the first axes of its two bodies and the second in turn: two more constraints a joint. It starts
-hanging, angular velocities :math:`\omega_i = (s, 1 - s, 1)` with s = (i - 1/2)/N; hinges leave of these
-:math:`(s', 1 - s'', 0)`, with s' and s'' of the last joint of each kind. Spherical joints keep, besides
-the energy, the angular momentum about the vertical.
+matrix, see :mod:`~liouville.problems.heavy_top`. With ``revolute=True`` each joint is a hinge,
+about the first axes of its two bodies and the second in turn: two more constraints a joint.
+
+It starts hanging, with angular velocities :math:`\omega_i = (s, 1 - s, 1)`, s = (i - 1/2)/N, of which
+hinges leave :math:`(s', 1 - s'', 0)`, s' and s'' being those below the last joint of each kind.
+Spherical joints keep, besides the energy, the angular momentum about the vertical.
 
 The reference is for three rods: angular accelerations with the forces of the joints eliminated,
 extrapolation in 45 digits, two tolerances 6e-35 apart (``tools/rigid_chain_reference.py``).
@@ -221,4 +222,4 @@ reference = {
         ),
     },
 }
-source = "rods turning on a hook; attitudes and angular velocities extrapolated in 45-digit arithmetic"
+source = "rods turning on a hook; minimal equations extrapolated in 45-digit arithmetic"
