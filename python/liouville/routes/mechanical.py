@@ -158,14 +158,13 @@ class MechanicalRoute:
         records = -(-self.pace.count // self.every) + 1 if times is None else times.size
         check_memory(f"keeping {records} states", records * self.row, KEEP_LESS)
         method = self._base
-        if isinstance(method, Spark | LobattoPair) and not self._is_rattle:
+        # stages, multipliers and the end of a step in one dense matrix
+        if isinstance(method, Spark | LobattoPair) and self.system.nonholonomic:
             n, s = len(self.system.coordinates), method.stages
-            multipliers = method.intervals * len(self.constraints)
-            dense = multipliers * (n + multipliers)
-            if method.solver != "node-schur":
-                dense = 2 * (s * n + multipliers) ** 2
+            multipliers = (method.intervals + s) * len(self.constraints)
             hint = "HHT and its relatives take large sparse systems"
-            check_memory(f"{method!r} on {n} coordinates, dense,", 8 * dense, hint)
+            what = f"{method!r} on {n} coordinates with nonholonomic constraints, dense,"
+            check_memory(what, 16 * (s * n + n + multipliers) ** 2, hint)
 
 
 def _takes(method: Method) -> Takes:

@@ -7,6 +7,7 @@
 //! are any, have a file of their own. Source: jay2007.
 
 mod acceleration;
+mod compliance;
 mod dense;
 mod mass;
 mod model;
@@ -19,6 +20,7 @@ mod second_order;
 mod separable;
 
 pub use acceleration::Acceleration;
+pub use compliance::Compliance;
 pub use dense::{Path, Point};
 pub use mass::Mass;
 pub use model::{Model, finite, finite_k};
