@@ -67,7 +67,7 @@ def record(name: str, inputs: Mapping[str, ca.SX], *outputs: ca.SX | Part) -> Ta
         the constant NaN.
     """
     parts = [x if isinstance(x, Part) else Part.of(x) for x in outputs]
-    column = ca.cse(ca.vertcat(ca.SX(0, 1), *(part.values for part in parts)))
+    column = ca.vertcat(ca.SX(0, 1), *(part.values for part in parts))
     function = _function(name, inputs, column)
     lines, values = _program(function)
     lines[:, 0] = _codes(name, function, lines[:, 0])

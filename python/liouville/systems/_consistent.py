@@ -8,6 +8,7 @@ import casadi as ca
 import numpy as np
 
 from liouville.errors import hinted
+from liouville.systems._derivatives import jacobian
 from liouville.systems._form import Model, Symbols, differ, record_blocks, total_derivative
 from liouville.systems._linear import Block
 from liouville.tape import record
@@ -21,12 +22,12 @@ def projections(
     With them come the patterns of the last two and the names of the rows of c.
     """
     w = total_derivative(model.g, s, model.v)
-    p_z, v_z = ca.jacobian(model.p, s.z), ca.jacobian(model.v, s.z)
+    p_z, v_z = jacobian(model.p, s.z), jacobian(model.v, s.z)
     compliance = ca.solve(v_z.T, p_z.T).T if differ(model.v, s.z) else p_z
     hidden = tuple(f"hidden {name}" for name in holonomic)
     levels = ca.vertcat(w, model.nonholonomic.k), (*hidden, *nonholonomic)
-    moved = sorted(set(ca.sparsify(ca.jacobian(levels[0], s.y)).sparsity().row()))
-    rows = ca.vertcat(model.g, *(levels[0][k] for k in moved))
+    moved = sorted(set(ca.sparsify(jacobian(levels[0], s.y)).sparsity().row()))
+    rows = ca.vertcat(model.g, levels[0][moved])
     both = rows, (*holonomic, *(levels[1][k] for k in moved))
     cases = {
         "positions": (s.y, s.z, (model.g, holonomic), compliance),
@@ -36,7 +37,7 @@ def projections(
     found: dict[str, Any] = {}
     for what, (x, held, (c, names), metric) in cases.items():
         inputs = {"x": x, "held": ca.vertcat(held, s.t), "params": s.params.vector}
-        slope, weight = Block(ca.jacobian(c, x)), Block(metric, model.linear.mass)
+        slope, weight = Block(jacobian(c, x)), Block(metric, model.linear.mass)
         tapes = (
             record(what, inputs, c),
             record_blocks(what, inputs, [slope]),

@@ -7,7 +7,8 @@
 //!
 //! so that evaluation copies neither inputs nor constants nor outputs through instructions of their
 //! own. The last input group is the parameters; [`Tape::bind`] runs what depends on them alone, once.
-//! The order of operations is the program's own, hence its values bit for bit.
+//! What the program computes twice is left out the second time; the order of operations is its own,
+//! hence its values bit for bit.
 //!
 //! A tape may add [`Term`]s to its program's values: the large matrices of an assembled structure are
 //! not written out as instructions.
@@ -15,6 +16,7 @@
 mod execute;
 mod plan;
 mod terms;
+mod values;
 
 pub use execute::Op;
 pub use terms::Term;
@@ -139,6 +141,8 @@ impl Tape {
     /// # Errors
     /// [`TapeError`] names the first line that cannot be trusted.
     pub fn new(inputs: &[usize], outputs: usize, lines: &[Line]) -> Result<Self, TapeError> {
+        Plan::new(inputs, outputs, lines)?;
+        let lines = &values::once(lines)[..];
         let plan = Plan::new(inputs, outputs, lines)?;
         let groups = groups(inputs);
         let first_output = groups.last().map_or(0, |group| group.end);
