@@ -15,7 +15,7 @@ import numpy as np
 from liouville import _core
 from liouville.errors import hinted
 from liouville.systems import _trace
-from liouville.systems._derivatives import jacobian
+from liouville.systems._derivatives import entries, jacobian
 from liouville.systems._linear import Block, Linear, Pattern, Term
 from liouville.tape import record
 
@@ -266,11 +266,6 @@ def record_blocks(name: str, inputs: dict[str, ca.SX], blocks: list[Block]) -> _
 def differ(a: ca.SX, b: ca.SX) -> bool:
     """Say whether two expressions are written differently."""
     return not ca.is_equal(a, b, 1)
-
-
-def entries(matrix: ca.SX) -> ca.SX:
-    """Return the entries of a sparse matrix as a dense column."""
-    return ca.vec(ca.SX(matrix.nz[:]))
 
 
 def total_derivative(x: ca.SX, s: Symbols, v: ca.SX) -> ca.SX:

@@ -9,7 +9,7 @@ import casadi as ca
 
 from liouville.errors import hinted
 from liouville.systems import _trace
-from liouville.systems._derivatives import jacobian
+from liouville.systems._derivatives import jacobian, solve
 from liouville.systems._form import Nonholonomic, Symbols, differ
 
 
@@ -43,7 +43,7 @@ def rolling_of_z(
     if reaction is None:
         rn = -ca.jtimes(k, s.z, nu, True)
         if differ(v, s.z):
-            rn = ca.solve(jacobian(v, s.z).T, rn)
+            rn = solve(jacobian(v, s.z).T, rn)
     else:
         args = (s.t, s.y, s.z, nu, s.params)
         rn = _trace.column("nonholonomic_reaction", reaction, args, s.y.numel())

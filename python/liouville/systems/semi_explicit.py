@@ -14,8 +14,8 @@ from numpy.typing import ArrayLike
 from liouville import _core
 from liouville.errors import describe, hinted
 from liouville.systems import _trace
-from liouville.systems._derivatives import jacobian
-from liouville.systems._form import entries, record_blocks
+from liouville.systems._derivatives import entries
+from liouville.systems._form import record_blocks
 from liouville.systems._linear import Block
 from liouville.systems.mechanics import FLOOR, TOLERANCE
 from liouville.tape import record
@@ -191,8 +191,8 @@ class SemiExplicit:
             )
         if count > n:
             raise ValueError(f"{count} constraints on {n} coordinates leave nothing to move")
-        of_y = set(ca.sparsify(jacobian(self._constraint, self._symbols.y)).sparsity().row())
-        of_z = ca.sparsify(jacobian(self._hidden, self._symbols.z)).sparsity()
+        of_y = set(ca.sparsify(ca.jacobian(self._constraint, self._symbols.y)).sparsity().row())
+        of_z = ca.sparsify(ca.jacobian(self._hidden, self._symbols.z)).sparsity()
         rows, columns = (set(x) for x in of_z.get_triplet())
         for k, name in enumerate(self.constraints):
             if k not in of_y:
@@ -223,10 +223,10 @@ class SemiExplicit:
         """Differentiate and record."""
         s, f, k, w = self._symbols, self._field, self._constraint, self._hidden
         jac = {
-            "f_y": Block(jacobian(f, s.y)),
-            "f_z": Block(jacobian(f, s.z)),
-            "k_y": Block(jacobian(k, s.y)),
-            "w_z": Block(jacobian(w, s.z)),
+            "f_y": Block(ca.jacobian(f, s.y)),
+            "f_z": Block(ca.jacobian(f, s.z)),
+            "k_y": Block(ca.jacobian(k, s.y)),
+            "w_z": Block(ca.jacobian(w, s.z)),
         }
         tapes = {
             "field": record("field", s.point, f),
@@ -237,7 +237,7 @@ class SemiExplicit:
             "hidden_jacobian": record_blocks("hidden", s.point, [jac["w_z"], jac["f_z"]]),
         }
         self._tapes = tapes
-        is_linear = not ca.depends_on(entries(jacobian(f, s.z)), s.z)
+        is_linear = not ca.depends_on(entries(ca.jacobian(f, s.z)), s.z)
         patterns = {name: block.pattern for name, block in jac.items()}
         self._slope = jac["k_y"]
         return _core.SemiExplicit(
