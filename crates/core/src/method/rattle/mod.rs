@@ -182,3 +182,5 @@ impl Stepper for Rattle {
 }
 
 impl Symmetric for Rattle {}
+
+impl super::Memory for Rattle {}

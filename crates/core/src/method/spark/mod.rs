@@ -231,3 +231,5 @@ impl Stepper for Spark {
 }
 
 impl Symmetric for Spark {}
+
+impl super::Memory for Spark {}

@@ -9,6 +9,7 @@
 use super::model::{finite, finite_k};
 use super::{Model, Saddle};
 use crate::linalg::max_norm;
+use crate::memory::{Foreign, Memory};
 use crate::newton::{self, Equations};
 use crate::trouble::{Quantity, Trouble};
 
@@ -114,5 +115,16 @@ impl Equations for Solve<'_> {
         } else {
             size / max_norm(&at.lam).max(size)
         })
+    }
+}
+
+/// Multipliers, where the next solve starts from.
+impl Memory for Acceleration {
+    fn save(&self, member: usize, out: &mut Vec<f64>) {
+        self.lam.save(member, out);
+    }
+
+    fn restore(&mut self, member: usize, saved: &mut &[f64]) -> Result<(), Foreign> {
+        self.lam.restore(member, saved)
     }
 }
