@@ -114,8 +114,8 @@ def begin(path: Route, where: Place, progress: Progress) -> Solution:
     try:
         arrays.prepare(empty, temporary, chunks)
         folder = Folder(temporary, chunks)
-        told = {"liouville": _core.VERSION, "layout": LAYOUT}
-        group = {"attributes": told, "zarr_format": 3, "node_type": "group"}
+        version = {"liouville": _core.VERSION, "layout": LAYOUT}
+        group = {"attributes": version, "zarr_format": 3, "node_type": "group"}
         (temporary / CHECKPOINT).mkdir()
         folder.commit(META, json.dumps(group).encode())
         folder.commit(JOB, job)

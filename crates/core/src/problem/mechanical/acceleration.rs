@@ -11,7 +11,7 @@ use super::{Model, Saddle};
 use crate::linalg::max_norm;
 use crate::memory::{Foreign, Memory};
 use crate::newton::{self, Equations};
-use crate::real::Real;
+use crate::real::{Real, Scalar};
 use crate::trouble::{Quantity, Trouble};
 
 /// The solver, with its memory.
@@ -113,7 +113,7 @@ impl<R: Real> Equations<R> for Solve<'_, R> {
 }
 
 /// Multipliers, where the next solve starts from.
-impl Memory for Acceleration {
+impl<R: Scalar> Memory for Acceleration<R> {
     fn save(&self, member: usize, out: &mut Vec<f64>) {
         self.lam.save(member, out);
     }

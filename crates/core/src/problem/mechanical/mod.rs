@@ -35,6 +35,7 @@ pub use separable::{Separable, SeparableModel};
 
 use crate::linalg::Pattern;
 use crate::memory::{Foreign, Memory};
+use crate::real::Scalar;
 use crate::tape::Tape;
 use model::cut;
 
@@ -231,7 +232,7 @@ impl<R: Clone> Clone for State<R> {
     }
 }
 
-impl Memory for State {
+impl<R: Scalar> Memory for State<R> {
     fn save(&self, member: usize, out: &mut Vec<f64>) {
         for x in [&self.y, &self.z, &self.p, &self.y_low, &self.p_low] {
             x.save(member, out);
