@@ -12,7 +12,7 @@ from liouville._arguments import CONTROLS, LEAST_TOLERANCE, Takes, check_memory,
 from liouville.errors import describe, hinted, quoted
 from liouville.methods import Composition, LobattoPair, Method, Spark
 from liouville.points import Points
-from liouville.routes.route import KEEP_LESS, Asked, kept, observable
+from liouville.routes.route import Asked, check_records, kept, observable
 from liouville.routes.watching import Watching
 from liouville.systems import Mechanical, Mechanics
 
@@ -52,7 +52,7 @@ class MechanicalRoute:
         self._states = asked.states
         self._observer, self._widths = system.observer(asked.observe, asked.states)
         self.columns = self._columns()
-        self._check_sizes()
+        self._check_sizes(asked)
 
     @property
     def system(self) -> Mechanics:
@@ -153,10 +153,10 @@ class MechanicalRoute:
                 )
             )
 
-    def _check_sizes(self) -> None:
+    def _check_sizes(self, asked: Asked) -> None:
         times = self._watching.times
         records = -(-self.pace.count // self.every) + 1 if times is None else times.size
-        check_memory(f"keeping {records} states", records * self.row, KEEP_LESS)
+        check_records(asked, records, self.row)
         method = self._base
         # stages, multipliers and the end of a step in one dense matrix
         if isinstance(method, Spark | LobattoPair) and self.system.nonholonomic:

@@ -26,7 +26,7 @@ mod sparse_schur;
 mod stages;
 mod update;
 
-use super::{Stats, Stepper, Symmetric};
+use super::{Foreign, Memory, Stats, Stepper, Symmetric};
 use crate::newton;
 use crate::problem::mechanical::{Model, State};
 use crate::tableau;
@@ -256,3 +256,18 @@ impl Stepper for Spark {
 }
 
 impl Symmetric for Spark {}
+
+/// What is extrapolated, and how long node Schur still rests.
+impl Memory for Spark {
+    fn save(&self, member: usize, out: &mut Vec<f64>) {
+        self.predictor.save(member, out);
+        self.resting.save(member, out);
+        self.rest.save(member, out);
+    }
+
+    fn restore(&mut self, member: usize, saved: &mut &[f64]) -> Result<(), Foreign> {
+        self.predictor.restore(member, saved)?;
+        self.resting.restore(member, saved)?;
+        self.rest.restore(member, saved)
+    }
+}

@@ -9,6 +9,7 @@
 mod acceleration;
 mod compliance;
 mod dense;
+mod hermite;
 mod mass;
 mod model;
 mod monitor;
@@ -35,6 +36,8 @@ pub use second_order::{SecondOrder, SecondOrderModel, SecondOrderPatterns};
 pub use separable::{Separable, SeparableModel};
 
 use crate::linalg::Pattern;
+use crate::memory::{Foreign, Memory};
+use crate::real::Scalar;
 use crate::tape::Tape;
 use model::cut;
 
@@ -228,5 +231,26 @@ impl<R: Clone> Clone for State<R> {
         self.p.clone_from(&source.p);
         self.y_low.clone_from(&source.y_low);
         self.p_low.clone_from(&source.p_low);
+    }
+}
+
+impl<R: Scalar> Memory for State<R> {
+    fn save(&self, member: usize, out: &mut Vec<f64>) {
+        for x in [&self.y, &self.z, &self.p, &self.y_low, &self.p_low] {
+            x.save(member, out);
+        }
+    }
+
+    fn restore(&mut self, member: usize, saved: &mut &[f64]) -> Result<(), Foreign> {
+        for x in [
+            &mut self.y,
+            &mut self.z,
+            &mut self.p,
+            &mut self.y_low,
+            &mut self.p_low,
+        ] {
+            x.restore(member, saved)?;
+        }
+        Ok(())
     }
 }
