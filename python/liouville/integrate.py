@@ -4,6 +4,9 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Mapping, Sequence
+from concurrent.futures import Executor
+from dataclasses import replace
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -19,6 +22,7 @@ from liouville.points import Points
 from liouville.propagation import Propagation
 from liouville.routes import Asked, Route, route
 from liouville.solution import RESIDUALS, STATES, Solution
+from liouville.spread import Job, spread
 from liouville.systems import SemiExplicit, System
 
 #: Seconds between two looks at the signals and the progress bar.
@@ -162,6 +166,8 @@ def ensemble(
     states: bool = True,
     progress: Callable[[float, float], None] | None = None,
     threads: int | None = None,
+    executor: Executor | None = None,
+    chunk: int | None = None,
     **start: ArrayLike,
 ) -> Solution:
     """Integrate a system from many start values at once, in lock-step lanes and on many threads.
@@ -180,8 +186,13 @@ def ensemble(
     progress : callable, optional
         ``progress(done, total)``, called about twenty times a second with numbers of steps.
     threads : int, optional
-        How many, as many as there are processors by default. The result does not depend on them,
-        bit for bit.
+        How many, as many as there are processors by default, one in each worker of an executor. The
+        result does not depend on them, bit for bit.
+    executor : concurrent.futures.Executor, optional
+        Whose workers integrate the members, on this machine or others; see :doc:`/cluster`. The
+        result has the same bits.
+    chunk : int, optional
+        Members a worker is given at a time; by default a quarter of its share.
     **start : array_like
         ``x`` of shape (P, n), or ``psi``: a row for each of P members.
 
@@ -209,9 +220,20 @@ def ensemble(
     asked = Asked(
         t=t, h=h, steps=steps, control={}, every=every,
         observe=observe, params=params, states=states, start=start, is_ensemble=True,
-        threads=threads,
+        threads=threads, tol=tol,
     )  # fmt: skip
-    return run(route(system, method, asked), progress)
+    path = route(system, method, asked)
+    if executor is None:
+        if chunk is not None:
+            raise TypeError("chunk is for an executor: give executor= too")
+        return run(path, progress)
+    part = partial(
+        ensemble, path.system, path.choice, t=t, h=h, steps=steps, every=every, states=states,
+        observe=path.system.portable(observe), threads=threads or 1,
+    )  # fmt: skip
+    size = (path.pace.count // path.every + 2) * path.row
+    job = Job(part, start, path.members[0], size, path.pace.t0)
+    return replace(spread(job, executor, chunk, progress), system=path.system)
 
 
 def run(path: Route, progress: Callable[[float, float], None] | None = None) -> Solution:
