@@ -190,8 +190,8 @@ class _Spread:
             raise self._nothing()
         return self._joined.solution(self._lost, is_interrupted, time.perf_counter() - clock)
 
-    def _send(self, chunk: _Chunk, is_asked: bool = False) -> None:
-        is_whole = is_asked or len(self._work) < LARGE or self._whole > 0
+    def _send(self, chunk: _Chunk, is_whole: bool = False) -> None:
+        is_whole = is_whole or len(self._work) < LARGE or self._whole > 0
         self._whole -= 1
         start = self._job.cut(chunk.first, chunk.last)
         work = self._work if is_whole else None
@@ -215,10 +215,10 @@ class _Spread:
             if chunk.tries > AGAIN:
                 self._lost.append((chunk, error))
             else:
-                self._send(chunk)
+                self._send(chunk, is_whole=True)
             return
         if found is None:
-            self._send(chunk, is_asked=True)
+            self._send(chunk, is_whole=True)
             return
         self._joined.add(chunk.first, chunk.last, found)
         if self._progress is not None:
