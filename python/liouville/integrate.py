@@ -189,8 +189,8 @@ def ensemble(
         How many, as many as there are processors by default, one in each worker of an executor. The
         result does not depend on them, bit for bit.
     executor : concurrent.futures.Executor, optional
-        Whose workers integrate the members, on this machine or others; see :doc:`/cluster`. The
-        result has the same bits.
+        Whose workers integrate the members, on this machine or others; see
+        :doc:`/guide/cluster`. The result has the same bits.
     chunk : int, optional
         Members a worker is given at a time; by default a quarter of its share.
     **start : array_like
@@ -231,9 +231,23 @@ def ensemble(
         ensemble, path.system, path.choice, t=t, h=h, steps=steps, every=every, states=states,
         observe=path.system.portable(observe), threads=threads or 1,
     )  # fmt: skip
-    size = (path.pace.count // path.every + 2) * path.row
-    job = Job(part, start, path.members[0], size, path.pace.t0)
+    job = Job(
+        part,
+        _arrays(start),
+        None if params is None or path.system is not system else _arrays(params),
+        system.params,
+        path.members[0],
+        (path.pace.count // path.every + 2) * path.row,
+        path.pace.t0,
+    )
     return replace(spread(job, executor, chunk, progress), system=path.system)
+
+
+def _arrays(given: Mapping[str, Any]) -> dict[str, Any]:
+    """Return arrays for what is none, by name, once for all chunks."""
+    return {
+        name: _arrays(x) if isinstance(x, Mapping) else np.asarray(x) for name, x in given.items()
+    }
 
 
 def run(path: Route, progress: Callable[[float, float], None] | None = None) -> Solution:

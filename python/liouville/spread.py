@@ -62,7 +62,9 @@ class Job:
     integrate : callable
         Integrates some of the members from their start values; it can be pickled.
     start : mapping of str to array
-        Start values and whatever else has the member as its first axis.
+        Start values; what has two axes or more has the member as its first.
+    params : mapping of str to array, or None
+        Parameters; one with an axis more than its default in `defaults` has one for each member.
     members : int
         Number of members P.
     size : int
@@ -73,13 +75,20 @@ class Job:
 
     integrate: Callable[..., Solution]
     start: Mapping[str, Any]
+    params: Mapping[str, Any] | None
+    defaults: Mapping[str, Any]
     members: int
     size: int
     t0: float
 
     def cut(self, first: int, last: int) -> dict[str, Any]:
         """Return what some of the members start from."""
-        return {name: _cut(x, first, last) for name, x in self.start.items()}
+        found = {name: _cut(x, 2, first, last) for name, x in self.start.items()}
+        if self.params is not None:
+            axes = {name: np.ndim(x) for name, x in self.defaults.items()}
+            params = self.params.items()
+            found["params"] = {k: _cut(x, axes[k] + 1, first, last) for k, x in params}
+        return found
 
 
 @dataclass
@@ -342,10 +351,11 @@ def told(failures: Mapping[int, Failure], members: int) -> str:
     return f"{len(failures)} of {members} members failed; the first, member {first}: {why}"
 
 
-def _cut(value: Any, first: int, last: int) -> Any:
+def _cut(value: Any, axes: int, first: int, last: int) -> Any:
+    """Return the rows of some members, of what has so many axes; anything else as it is."""
     if isinstance(value, Mapping):
-        return {name: np.asarray(x)[first:last] for name, x in value.items()}
-    return np.asarray(value)[first:last]
+        return {name: _cut(x, axes - 1, first, last) for name, x in value.items()}
+    return value[first:last] if np.ndim(value) >= axes else value
 
 
 def _has_died(error: BaseException) -> bool:
@@ -355,11 +365,14 @@ def _has_died(error: BaseException) -> bool:
 
 
 def _workers(executor: Executor) -> int:
-    """Return how many workers an executor has, as far as it tells."""
+    """Return how many threads an executor's workers have, as far as it tells."""
     for name in ("num_workers", "_max_workers"):
         found = getattr(executor, name, None)
         if isinstance(found, int) and found > 0:
             return found
+    client = getattr(executor, "_client", None)  # of dask
+    if client is not None and hasattr(client, "ncores"):
+        return max(sum(client.ncores().values()), 1)
     return os.cpu_count() or 1
 
 
