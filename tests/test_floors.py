@@ -31,7 +31,7 @@ PACKAGE_FLOORS = (
     ("methods", "systems"),
     ("solution", "splitting"),
     ("planner", "propagation"),
-    ("routes",),
+    ("routes", "spread"),
     ("integrate",),
     ("determinant", "section"),
     ("convergence", "export", "fem", "plot", "problems"),

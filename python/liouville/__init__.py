@@ -1,6 +1,7 @@
 """Structure-preserving time integrators: a Rust core with a Python front."""
 
 from liouville.determinant import determinant as determinant
+from liouville.errors import Failure as Failure
 from liouville.errors import IntegrationError as IntegrationError
 from liouville.events import Event as Event
 from liouville.export import load as load

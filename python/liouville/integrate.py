@@ -5,6 +5,9 @@ from __future__ import annotations
 import os
 import time
 from collections.abc import Callable, Mapping, Sequence
+from concurrent.futures import Executor
+from dataclasses import replace
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -20,6 +23,7 @@ from liouville.points import Points
 from liouville.propagation import Propagation
 from liouville.routes import Asked, Route, route
 from liouville.solution import RESIDUALS, STATES, Solution
+from liouville.spread import Job, spread
 from liouville.systems import SemiExplicit, System
 
 #: Seconds between two looks at the signals and the progress bar.
@@ -183,6 +187,8 @@ def ensemble(
     states: bool = True,
     progress: Callable[[float, float], None] | None = None,
     threads: int | None = None,
+    executor: Executor | None = None,
+    chunk: int | None = None,
     **start: ArrayLike,
 ) -> Solution:
     """Integrate a system from many start values at once, in lock-step lanes and on many threads.
@@ -201,8 +207,13 @@ def ensemble(
     progress : callable, optional
         ``progress(done, total)``, called about twenty times a second with numbers of steps.
     threads : int, optional
-        How many, as many as there are processors by default. The result does not depend on them,
-        bit for bit.
+        How many, as many as there are processors by default, one in each worker of an executor. The
+        result does not depend on them, bit for bit.
+    executor : concurrent.futures.Executor, optional
+        Whose workers integrate the members, on this machine or others; see
+        :doc:`/guide/cluster`. The result has the same bits.
+    chunk : int, optional
+        Members a worker is given at a time; by default a quarter of its share.
     **start : array_like
         ``x`` of shape (P, n), or ``psi``: a row for each of P members.
 
@@ -230,9 +241,34 @@ def ensemble(
     asked = Asked(
         t=t, h=h, steps=steps, control={}, every=every,
         observe=observe, params=params, states=states, start=start, is_ensemble=True,
-        threads=threads,
+        threads=threads, tol=tol,
     )  # fmt: skip
-    return run(route(system, method, asked), progress)
+    path = route(system, method, asked)
+    if executor is None:
+        if chunk is not None:
+            raise TypeError("chunk is for an executor: give executor= too")
+        return run(path, progress)
+    part = partial(
+        ensemble, path.system, path.choice, t=t, h=h, steps=steps, every=every, states=states,
+        observe=path.system.portable(observe), threads=threads or 1,
+    )  # fmt: skip
+    job = Job(
+        part,
+        _arrays(start),
+        None if params is None or path.system is not system else _arrays(params),
+        system.params,
+        path.members[0],
+        (path.pace.count // path.every + 2) * path.row,
+        path.pace.t0,
+    )
+    return replace(spread(job, executor, chunk, progress), system=path.system)
+
+
+def _arrays(given: Mapping[str, Any]) -> dict[str, Any]:
+    """Return arrays for what is none, by name, once for all chunks."""
+    return {
+        name: _arrays(x) if isinstance(x, Mapping) else np.asarray(x) for name, x in given.items()
+    }
 
 
 def run(path: Route, progress: Callable[[float, float], None] | None = None) -> Solution:

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from liouville.errors import Failure
 from liouville.points import Points
 from liouville.systems import Mechanics, System
 
@@ -86,6 +87,9 @@ class Solution:
         Why it is not done, or which event ended it; empty otherwise.
     members : int or None
         Number P of members of an ensemble, None for a single run.
+    failures : dict of int to Failure
+        Members of an ensemble that have no more states from some time on, by number: the step, the
+        time and the reason. Their later rows are NaN.
     system : System or None
         The system integrated; None after :func:`liouville.load`.
     path : str or None
@@ -109,6 +113,7 @@ class Solution:
     status: str = "done"
     message: str = ""
     members: int | None = None
+    failures: dict[int, Failure] = field(default_factory=dict)
     system: System | None = None
     path: str | None = None
 

@@ -60,6 +60,11 @@ class FieldRoute:
         return self._system
 
     @property
+    def choice(self) -> Plan:
+        """The method, with nothing left to choose."""
+        return self.plan
+
+    @property
     def row(self) -> int:
         """Bytes of a record."""
         return 8 * (1 + int(np.prod(self.members)) * sum(self.columns.values()))

@@ -60,6 +60,11 @@ class MechanicalRoute:
         return self._system
 
     @property
+    def choice(self) -> Method:
+        """The method."""
+        return self._method
+
+    @property
     def row(self) -> int:
         """Bytes of a record."""
         return 8 * (1 + sum(self.columns.values()))

@@ -12,7 +12,10 @@ from numpy.typing import ArrayLike
 
 from liouville import _core
 from liouville._arguments import MOST_STEPS, Steps, check_memory, count
+from liouville.methods import Method
+from liouville.planner import Plan
 from liouville.points import Points
+from liouville.propagation import Propagation
 from liouville.systems import System
 
 KEEP_LESS = "keep fewer with every=, or none with states=False"
@@ -72,6 +75,10 @@ class Route(Protocol):
     @property
     def system(self) -> System:
         """What is integrated."""
+
+    @property
+    def choice(self) -> Method | Plan | Propagation:
+        """The method, with nothing left to choose."""
 
     @property
     def row(self) -> int:

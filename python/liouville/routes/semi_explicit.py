@@ -46,6 +46,11 @@ class SemiExplicitRoute:
         return self._system
 
     @property
+    def choice(self) -> Spark | Composition:
+        """The method."""
+        return self._method
+
+    @property
     def row(self) -> int:
         """Bytes of a record."""
         return 8 * (1 + sum(self.columns.values()))

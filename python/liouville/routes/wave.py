@@ -31,6 +31,7 @@ class WaveRoute:
         self.members: tuple[int, ...] = self.psi.shape[:-1]
         self.threads = threads_of(asked.threads)
         self._states = asked.states
+        self._method = method
         self.plan = self._planned(method, times, asked)
         self.method = self.plan.method
         self.pace = Steps(self.plan.t0, self.plan.stops[-1][0], self.plan.steps)
@@ -47,6 +48,11 @@ class WaveRoute:
     def system(self) -> Schrodinger:
         """What is integrated."""
         return self._system
+
+    @property
+    def choice(self) -> WaveMethod | Propagation:
+        """The method, with nothing left to choose; one of given steps has nothing anyway."""
+        return self._method if isinstance(self._method, Stepped) else self.plan
 
     @property
     def row(self) -> int:
