@@ -24,8 +24,8 @@ NO_VERSIONS = ("taken", "processor", "cores", "load", "platform")
 
 def text(value):
     """Return a cell: three digits of a number, a dash where there is none."""
-    if value is None or isinstance(value, float) and math.isnan(value):
-        return "–"
+    if value is None or (isinstance(value, float) and math.isnan(value)):
+        return "\N{EN DASH}"
     return f"{value:.3g}" if isinstance(value, float) else str(value)
 
 

@@ -270,6 +270,7 @@ def main():
     }
     results, tables = [], {name: [] for name in ("", "_stages", "_taylor", "_setup", "_runs")}
     for name in asked.problems or COUNTS:
+        print(f"{name} ...", flush=True)
         case = published(name)
         setup = entries(case, effort, peers)
         measure(case, setup.entries, effort.share)

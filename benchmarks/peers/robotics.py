@@ -53,7 +53,7 @@ class Chain:
         flags = '<flag contact="disable"/>'
         make = hinges if joints == "hinges" else equalities
         parts = make(self.links, params["m"] / self.links, self.length)
-        text = f"<mujoco><compiler autolimits='true' boundinertia='0'/><option {option}>{flags}</option>{parts}</mujoco>"
+        text = f"<mujoco><option {option}>{flags}</option>{parts}</mujoco>"
         self.model = mujoco.MjModel.from_xml_string(text)
         self.data = mujoco.MjData(self.model)
 
