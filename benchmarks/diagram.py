@@ -10,7 +10,7 @@ import numpy as np
 import liouville as lv
 from liouville import problems
 
-SHARE = 0.3  # seconds of repeats a run may take, within 1 and 40 repeats
+SHARE = 0.3  # seconds of repeats a run may take, 40 at most
 LONGEST = 2.0  # seconds of a run after which tighter settings are left out
 
 
@@ -50,7 +50,7 @@ class Entry:
     notes: dict = field(default_factory=dict)
 
 
-@dataclass
+@dataclass(eq=False)
 class Own:
     """A method of the library; the run is timed as its statistics say, without tracing."""
 
@@ -111,26 +111,27 @@ def first_line(trouble):
     return (str(trouble) or type(trouble).__name__).splitlines()[0]
 
 
-def measure(case, entries, share=SHARE):
-    """Run all once for warmth and errors, then in turn until each has had its share."""
-    over = set()
+def measure(case, entries, share=SHARE, longest=LONGEST):
+    """Run each code for warmth, all settings for errors, then all in turn for their share."""
+    warm, over = set(), set()
     for entry in entries:
         variant = entry.family, entry.variant
         if variant in over:
             entry.trouble = "a looser setting took too long"
             continue
         try:
+            if entry.solver not in warm:
+                warm.add(entry.solver)
+                entry.solver.run(entry.setting)
             seconds, *end = entry.solver.run(entry.setting)
-            if seconds < share:
-                seconds, *end = entry.solver.run(entry.setting)
         except Exception as trouble:
             entry.trouble = first_line(trouble)
             continue
-        if seconds > LONGEST:
+        if seconds > longest:
             over.add(variant)
         pairs = zip(end, case.reference, case.scales, strict=True)
         entry.errors = tuple(float(np.abs(x - y).max()) / scale for x, y, scale in pairs)
-        entry.seconds, entry.repeats = seconds, int(np.clip(share / seconds, 1, 40))
+        entry.seconds, entry.repeats = seconds, int(min(share / seconds, 40))
     for round_ in range(40):
         for entry in entries:
             if round_ < entry.repeats:

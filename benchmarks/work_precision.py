@@ -55,19 +55,18 @@ PACKAGES = ("scikit-sundae", "scipy_dae", "exudyn", "heyoka", "diffrax", "jax", 
 
 @dataclass(frozen=True)
 class Effort:
-    """How many settings, and how many seconds of repeats for each."""
+    """How many settings, and how many seconds of repeats and of a run."""
 
     tolerances: tuple
     taylor: tuple
     per_octave: int
     share: float
+    longest: float
     is_short: bool
 
 
-FULL = Effort(
-    tuple(10.0**-k for k in range(2, 14)), (1e-3, 1e-6, 1e-9, 1e-12, 1e-15), 3, 0.3, False
-)
-SHORT = Effort(tuple(10.0**-k for k in range(3, 14, 2)), (1e-6, 1e-12), 2, 0.1, True)
+FULL = Effort(tuple(10.0**-k for k in range(2, 14)), (1e-4, 1e-9, 1e-14), 3, 0.2, 2.0, False)
+SHORT = Effort(tuple(10.0**-k for k in range(3, 14, 2)), (1e-6, 1e-14), 2, 0.1, 0.5, True)
 
 
 def peer(name):
@@ -109,10 +108,8 @@ def entries(case, effort, peers):
             given = equation, case.span, effort.taylor, effort.is_short
             setup.add("heyoka", form, effort.taylor, peers["taylor"].Heyoka, *given)
         if peers["compiled"]:
-            for method in ("Dopri8",) if effort.is_short else peers["compiled"].METHODS:
-                given = equation, case.span, case.scales, method
-                variant = f"{method}, {form}"
-                setup.add("diffrax", variant, effort.tolerances, peers["compiled"].Diffrax, *given)
+            given = equation, case.span, case.scales
+            setup.add("diffrax", form, effort.tolerances, peers["compiled"].Diffrax, *given)
     return setup
 
 
@@ -134,11 +131,11 @@ def add_implicit(setup, effort, peers):
         ):
             setup.spend(family, compiling)
             setup.add(family, form, effort.tolerances, make, equation, *place)
-        if general and form in general.FORMS:
+        if general and form in general.FORMS[effort.is_short :]:
             setup.spend("scipy_dae", compiling)
             for method, stages in (("Radau", 3), ("Radau", 7), ("BDF", None)):
                 variant = f"{method} {stages or ''}, {form}"
-                few = effort.tolerances[:: 1 if stages == 7 else 2]
+                few = effort.tolerances[effort.is_short :: 2]
                 given = equation, *place, method, stages
                 setup.add("scipy_dae", variant, few, general.ScipyDae, *given)
     for form in general.FORMS if general else ():
@@ -273,7 +270,7 @@ def main():
         print(f"{name} ...", flush=True)
         case = published(name)
         setup = entries(case, effort, peers)
-        measure(case, setup.entries, effort.share)
+        measure(case, setup.entries, effort.share, effort.longest)
         results.append((case, setup.entries))
         tables[""] += times(case, setup.entries)
         tables["_stages"] += by_stages(case, setup.entries)
