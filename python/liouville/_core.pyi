@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 
 _Pattern = tuple[int, int, NDArray[np.int64], NDArray[np.int64]]
 _Trouble = dict[str, Any]
+_Term = tuple[int, int, float, "Rows"]
 
 __all__ = [
     "OPERATIONS",
@@ -46,6 +47,14 @@ class Tape:
     def __new__(
         cls, inputs: list[int], outputs: int, lines: NDArray[np.int64], values: NDArray[np.float64]
     ) -> Tape: ...
+    @staticmethod
+    def unpacked(
+        inputs: list[int],
+        outputs: int,
+        program: bytes,
+        terms: tuple[NDArray[np.float64], list[_Term], list[_Term]] | None = None,
+    ) -> Tape: ...
+    def __reduce__(self) -> tuple[Any, ...]: ...
     def __len__(self) -> int: ...
     @property
     def inputs(self) -> list[int]: ...
@@ -57,8 +66,8 @@ class Tape:
     def with_terms(
         self,
         constant: NDArray[np.float64],
-        products: list[tuple[int, int, float, Rows]],
-        forms: list[tuple[int, int, float, Rows]],
+        products: list[_Term],
+        forms: list[_Term],
     ) -> Tape: ...
 
 @final

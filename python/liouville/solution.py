@@ -117,6 +117,11 @@ class Solution:
             for values in group.values():
                 values.setflags(write=False)
 
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        """Arrive from another process."""
+        self.__dict__.update(state)
+        self.__post_init__()
+
     def __repr__(self) -> str:
         """Tell in two lines how the run went and how well it kept what it should."""
         if not self.t.size:

@@ -11,6 +11,7 @@ mod errors;
 mod ladder;
 mod mechanical_run;
 mod operator;
+mod program;
 mod project;
 mod run;
 mod schrodinger;

@@ -14,8 +14,9 @@ from numpy.typing import ArrayLike
 from liouville import _core
 from liouville.errors import hinted
 from liouville.systems import _given, _sympy, _trace
-from liouville.systems._expand import expand
 from liouville.systems._observer import Observer, Symbols
+from liouville.systems._source import Source
+from liouville.systems._travel import Travels
 from liouville.terms import Terms
 
 Function = Callable[..., Any]
@@ -24,7 +25,7 @@ Function = Callable[..., Any]
 NAMED = 5
 
 
-class PolynomialField:
+class PolynomialField(Travels):
     r"""A polynomial vector field without divergence.
 
     .. math::
@@ -112,17 +113,11 @@ class PolynomialField:
         params: Mapping[str, ArrayLike] | None = None,
         invariants: Mapping[str, Any] | None = None,
     ) -> None:
-        names, parameters = _trace.names(x, "x"), _trace.Parameters(params)
-        s = Symbols(len(names), parameters)
+        names = _trace.names(x, "x")
+        s = Symbols(len(names), _trace.Parameters(params))
         column = _trace.placed("field", _unpacked(field, s), s.args, names)
-        is_driven = ca.depends_on(column, s.t)
-        variables = (*names, _given.TIME) if is_driven else names
-
-        def expanded(values: np.ndarray) -> Terms:
-            expansion, components = expand(column, (s.t, s.x, parameters.vector), values, variables)
-            return expansion.terms(components, is_driven)
-
-        self._build(names, s, expanded, is_driven, invariants)
+        source = Source(column, s, names)
+        self._build(names, s, source, source.is_driven, invariants)
 
     def _build(
         self,
@@ -140,6 +135,11 @@ class PolynomialField:
         self._values = self.values(None)
         self.terms = self._expanded(self._values)
         return self
+
+    def _luggage(self) -> dict[str, Any]:
+        """Return what travels; the terms can only change with parameters."""
+        own = dict(self.__dict__)
+        return own if self._values.size else own | {"_source": None}
 
     def _expanded(self, values: np.ndarray) -> Terms:
         try:
@@ -279,7 +279,7 @@ class PolynomialField:
     @property
     def invariants(self) -> tuple[str, ...]:
         """Names of the invariants."""
-        return tuple(self._observer.invariants)
+        return self._observer.names
 
     def values(self, params: Mapping[str, ArrayLike] | None) -> np.ndarray:
         """Return the parameter vector with changes; ValueError names an unknown one."""

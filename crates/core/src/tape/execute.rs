@@ -1,4 +1,4 @@
-//! Operations, and the loop that runs them.
+//! Operations, and the loops that run them: one after another, or the same on many registers.
 //!
 //! Functions are those of the standard library, which are the C library's; only its inverse
 //! hyperbolic functions are formulas of its own that lose digits, and come from `libm` instead.
@@ -50,15 +50,15 @@ pub(super) struct Instr {
     pub(super) b: u32,
 }
 
-/// Runs a program that [`Tape::new`] made, over the registers it laid out.
+/// Runs instructions that `Tape::new` made over the registers it laid out.
 #[inline]
 #[allow(unsafe_code)]
 pub(super) fn execute<R: Real>(program: &[Instr], registers: &mut [R]) {
     let start = registers.as_mut_ptr();
     let truth = |condition: bool| f64::from(u8::from(condition));
     for instr in program {
-        // SAFETY: `Tape::new` gives out registers below `self.registers` only, and both callers pass
-        // exactly that many.
+        // SAFETY: `Tape::new` gives out registers below `self.registers` only, and whoever runs its
+        // programs passes exactly that many.
         let read = |register: u32| unsafe { *start.add(register as usize) };
         let write = |value: R| unsafe { *start.add(instr.out as usize) = value };
         let one = |f: fn(f64) -> f64| write(read(instr.a).map(f));
@@ -122,6 +122,135 @@ pub(super) fn execute<R: Real>(program: &[Instr], registers: &mut [R]) {
             Op::Log1p => one(f64::ln_1p),
             Op::Expm1 => one(f64::exp_m1),
             Op::Hypot => two!(|x, y| x.zip(y, f64::hypot)),
+        }
+    }
+}
+
+/// The operations that there are batches of: cheap enough for the loop around them to matter.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Cheap {
+    Assign,
+    Add,
+    Sub,
+    Mul,
+    Div,
+    Neg,
+    Sq,
+    Twice,
+    Inv,
+}
+
+impl Cheap {
+    pub(super) fn of(op: Op) -> Option<Self> {
+        Some(match op {
+            Op::Assign => Self::Assign,
+            Op::Add => Self::Add,
+            Op::Sub => Self::Sub,
+            Op::Mul => Self::Mul,
+            Op::Div => Self::Div,
+            Op::Neg => Self::Neg,
+            Op::Sq => Self::Sq,
+            Op::Twice => Self::Twice,
+            Op::Inv => Self::Inv,
+            _ => return None,
+        })
+    }
+
+    /// Runs this operation over many registers.
+    #[inline(always)]
+    fn over<R: Real>(self, many: &impl Many<R>) {
+        match self {
+            Self::Assign => many.each(|x, _| x),
+            Self::Add => many.each(|x, y| x + y),
+            Self::Sub => many.each(|x, y| x - y),
+            Self::Mul => many.each(|x, y| x * y),
+            Self::Div => many.each(|x, y| x / y),
+            Self::Neg => many.each(|x, _| -x),
+            Self::Sq => many.each(|x, _| x * x),
+            Self::Twice => many.each(|x, _| x + x),
+            Self::Inv => many.each(|x, _| R::splat(1.0) / x),
+        }
+    }
+}
+
+/// Where an operation is done many times.
+trait Many<R> {
+    fn each(&self, f: impl Fn(R, R) -> R);
+}
+
+/// Runs instructions of one operation, made by `Tape::new`, over the registers it laid out.
+pub(super) fn execute_alike<R: Real>(op: Cheap, instrs: &[Instr], registers: &mut [R]) {
+    op.over(&Listed(instrs, registers.as_mut_ptr()));
+}
+
+struct Listed<'a, R>(&'a [Instr], *mut R);
+
+impl<R: Real> Many<R> for Listed<'_, R> {
+    #[inline(always)]
+    #[allow(unsafe_code)]
+    fn each(&self, f: impl Fn(R, R) -> R) {
+        for instr in self.0 {
+            // SAFETY: as in `execute`.
+            unsafe {
+                let (x, y) = (*self.1.add(instr.a as usize), *self.1.add(instr.b as usize));
+                *self.1.add(instr.out as usize) = f(x, y);
+            }
+        }
+    }
+}
+
+/// Instructions of one operation whose registers walk with constant strides: the first of them, how
+/// far apart their registers are (out, a, b), and how many there are.
+#[derive(Clone, Debug)]
+pub(super) struct Strided {
+    pub(super) op: Cheap,
+    pub(super) first: Instr,
+    pub(super) strides: [isize; 3],
+    pub(super) count: usize,
+}
+
+/// Runs a batch, made by `Tape::new`, over the registers it laid out.
+pub(super) fn execute_strided<R: Real>(batch: &Strided, registers: &mut [R]) {
+    batch.op.over(&Walked(batch, registers.as_mut_ptr()));
+}
+
+struct Walked<'a, R>(&'a Strided, *mut R);
+
+impl<R: Real> Many<R> for Walked<'_, R> {
+    /// The first three are loops that the compiler turns into vector operations.
+    #[inline(always)]
+    #[allow(unsafe_code)]
+    #[allow(clippy::cast_possible_wrap)] // registers are numbered in 32 bits
+    fn each(&self, f: impl Fn(R, R) -> R) {
+        let (count, first) = (self.0.count, self.0.first);
+        // SAFETY: as in `execute`, since a batch is made of instructions, and holds at least one.
+        unsafe {
+            let out = self.1.add(first.out as usize);
+            let (a, b) = (self.1.add(first.a as usize), self.1.add(first.b as usize));
+            match self.0.strides {
+                [1, 1, 1] => {
+                    for i in 0..count {
+                        *out.add(i) = f(*a.add(i), *b.add(i));
+                    }
+                }
+                [1, 0, 1] => {
+                    let x = *a;
+                    for i in 0..count {
+                        *out.add(i) = f(x, *b.add(i));
+                    }
+                }
+                [1, 1, 0] => {
+                    let y = *b;
+                    for i in 0..count {
+                        *out.add(i) = f(*a.add(i), y);
+                    }
+                }
+                [to, from, and] => {
+                    for i in 0..count as isize {
+                        *out.offset(to * i) = f(*a.offset(from * i), *b.offset(and * i));
+                    }
+                }
+            }
         }
     }
 }

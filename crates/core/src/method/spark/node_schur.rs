@@ -7,45 +7,48 @@
 //! middle stage. The error shrinks by O(h²) a correction where B is constant and the forces do not
 //! depend on z, by O(h) otherwise. With Λ = h λ the matrix is O(1) as h → 0.
 
-use super::stages::{Stages, Step};
+use super::stages::{Stages, Step, Unknowns};
 use crate::linalg::{Lu, Matrix, add_scaled, combine, copy, copy_scaled, max_norm};
 use crate::newton::Equations;
 use crate::problem::mechanical::{Mass, Mechanical, Model, add_product, explain, finite};
+use crate::real::Real;
 use crate::trouble::{Quantity, Trouble};
 use std::sync::Arc;
 
 /// Frozen blocks and the factored Schur complement.
 #[derive(Clone, Debug)]
-pub(super) struct NodeSchur {
+pub(super) struct NodeSchur<R = f64> {
     problem: Arc<Mechanical>,
-    mass: Mass,
+    mass: Mass<R>,
     /// ā without its first row, which is zero, and â without its last column, and ā â.
     a_bar: Matrix,
     a_hat: Matrix,
     product: Matrix,
-    g_y: Matrix,
-    r_lam: Matrix,
-    compliance: Vec<Matrix>,
-    schur: Lu,
-    velocity: Matrix,
-    node_velocity: Matrix,
-    d_lam: Vec<f64>,
-    impulse: Matrix,
-    d_z: Matrix,
-    d_v: Matrix,
+    g_y: Matrix<R>,
+    r_lam: Matrix<R>,
+    compliance: Vec<Matrix<R>>,
+    schur: Lu<R>,
+    velocity: Matrix<R>,
+    node_velocity: Matrix<R>,
+    d_lam: Vec<R>,
+    impulse: Matrix<R>,
+    d_z: Matrix<R>,
+    d_v: Matrix<R>,
+    /// What has been found for members that take no further corrections.
+    kept: Option<Box<Unknowns<R>>>,
 }
 
 /// The stage equations of one step, solved by node Schur.
-pub(super) struct Solve<'a> {
-    solver: &'a mut NodeSchur,
-    stages: &'a mut Stages,
-    model: &'a mut Model,
-    step: Step<'a>,
+pub(super) struct Solve<'a, R = f64> {
+    solver: &'a mut NodeSchur<R>,
+    stages: &'a mut Stages<R>,
+    model: &'a mut Model<R>,
+    step: Step<'a, R>,
     is_frozen: bool,
 }
 
-impl NodeSchur {
-    pub(super) fn new(model: &Model, stages: &Stages) -> Self {
+impl<R: Real> NodeSchur<R> {
+    pub(super) fn new(model: &Model<R>, stages: &Stages<R>) -> Self {
         let (n, m) = (model.problem.n, model.problem.m);
         let (s, k) = (stages.tableau.stages, stages.tableau.intervals);
         let at = &model.problem.patterns;
@@ -64,15 +67,16 @@ impl NodeSchur {
             schur: Lu::new(k * m),
             velocity: Matrix::zeros(s, n),
             node_velocity: Matrix::zeros(k, n),
-            d_lam: vec![0.0; k * m],
+            d_lam: vec![R::splat(0.0); k * m],
             impulse: Matrix::zeros(k, n),
             d_z: Matrix::zeros(s, n),
             d_v: Matrix::zeros(s, n),
+            kept: (R::MEMBERS > 1).then(|| Box::new(stages.unknowns.clone())),
         }
     }
 
     /// Finds the moves −h b_j (B R2_j + R1_j), below the last bit of V_j, that the residuals still ask for.
-    pub(super) fn find_lost_moves(&mut self, stages: &mut Stages, step: Step) {
+    pub(super) fn find_lost_moves(&mut self, stages: &mut Stages<R>, step: Step<R>) {
         stages.subtract_impulses(step);
         for j in 0..stages.tableau.stages {
             let u = self.velocity.row_mut(j);
@@ -87,10 +91,10 @@ impl NodeSchur {
     /// The equations of one step, its blocks still to be frozen.
     pub(super) fn start<'a>(
         &'a mut self,
-        stages: &'a mut Stages,
-        model: &'a mut Model,
-        step: Step<'a>,
-    ) -> Solve<'a> {
+        stages: &'a mut Stages<R>,
+        model: &'a mut Model<R>,
+        step: Step<'a, R>,
+    ) -> Solve<'a, R> {
         Solve {
             solver: self,
             stages,
@@ -101,7 +105,7 @@ impl NodeSchur {
     }
 }
 
-impl Solve<'_> {
+impl<R: Real> Solve<'_, R> {
     fn freeze(&mut self) -> Result<(), Trouble> {
         let Self {
             solver,
@@ -183,7 +187,7 @@ impl Solve<'_> {
         for k in 0..nodes {
             let out = &mut solver.d_lam[k * m..(k + 1) * m];
             for (out, g) in out.iter_mut().zip(stages.g.row(k + 1)) {
-                *out = -g / h;
+                *out = -*g / R::splat(h);
             }
             at.g_y
                 .multiply_add(solver.g_y.row(k + 1), 1.0, solver.node_velocity.row(k), out);
@@ -199,7 +203,7 @@ impl Solve<'_> {
     }
 
     /// dZ_i = p_z⁻¹ (Σ â_il R_l dΛ_l − R2_i), dV_i = v_z dZ_i − R1_i; returns the largest dV.
-    fn correct_stages(&mut self) -> f64 {
+    fn correct_stages(&mut self) -> R {
         let (solver, stages) = (&mut *self.solver, &mut *self.stages);
         let residual = &stages.momentum_residual;
         combine(
@@ -212,7 +216,7 @@ impl Solve<'_> {
             let (d_z, d_v) = (solver.d_z.row_mut(i), solver.d_v.row_mut(i));
             solver.mass.solve(d_z);
             for (d_v, residual) in d_v.iter_mut().zip(stages.velocity_residual.row(i)) {
-                *d_v = -residual;
+                *d_v = -*residual;
             }
             solver.mass.add_velocity(d_z, d_v);
         }
@@ -222,23 +226,23 @@ impl Solve<'_> {
     }
 
     /// What is corrected in the multipliers need not show in the velocities where r is not linear.
-    fn multiplier_size(&mut self) -> f64 {
+    fn multiplier_size(&mut self) -> R {
         let (solver, m) = (&mut *self.solver, self.model.problem.m);
         if self.model.problem.is_linear || m == 0 {
-            return 0.0;
+            return R::splat(0.0);
         }
         let corrections = solver.d_lam.chunks_exact(m).enumerate();
-        corrections.fold(0.0, |size, (l, d_lam)| {
+        corrections.fold(R::splat(0.0), |size, (l, d_lam)| {
             solver
                 .mass
                 .velocity_of(solver.r_lam.row(l), d_lam)
-                .max(size)
+                .zip(size, f64::max)
         })
     }
 }
 
-impl Equations for Solve<'_> {
-    fn correct(&mut self) -> Result<f64, Trouble> {
+impl<R: Real> Equations<R> for Solve<'_, R> {
+    fn correct(&mut self) -> Result<R, Trouble> {
         self.stages.evaluate(self.model, self.step)?;
         if !self.is_frozen {
             self.freeze()?;
@@ -247,7 +251,20 @@ impl Equations for Solve<'_> {
         if self.model.problem.m > 0 {
             self.solve_multipliers();
         }
-        let size = self.correct_stages().max(self.multiplier_size());
+        let size = self.correct_stages();
+        let size = size.zip(self.multiplier_size(), f64::max);
         Ok(self.stages.relative(size, self.step))
+    }
+
+    fn keep(&mut self, member: usize) {
+        if let Some(kept) = &mut self.solver.kept {
+            kept.copy_member(&self.stages.unknowns, member);
+        }
+    }
+
+    fn put_back(&mut self, member: usize) {
+        if let Some(kept) = &self.solver.kept {
+            self.stages.unknowns.copy_member(kept, member);
+        }
     }
 }

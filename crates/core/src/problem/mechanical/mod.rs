@@ -195,20 +195,20 @@ fn check(name: &'static str, found: usize, wanted: usize) -> Result<(), Mismatch
 
 /// Where a mechanical system is, with the low parts its compensated sums carry.
 #[derive(Debug, PartialEq)]
-pub struct State {
+pub struct State<R = f64> {
     /// Coordinates.
-    pub y: Vec<f64>,
+    pub y: Vec<R>,
     /// Velocities or momenta, as the system has them.
-    pub z: Vec<f64>,
+    pub z: Vec<R>,
     /// p(t, y, z), summed up from its increments.
-    pub p: Vec<f64>,
+    pub p: Vec<R>,
     /// What `y` has lost to rounding.
-    pub y_low: Vec<f64>,
+    pub y_low: Vec<R>,
     /// What `p` has lost to rounding.
-    pub p_low: Vec<f64>,
+    pub p_low: Vec<R>,
 }
 
-impl Clone for State {
+impl<R: Clone> Clone for State<R> {
     fn clone(&self) -> Self {
         Self {
             y: self.y.clone(),
