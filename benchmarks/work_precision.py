@@ -48,6 +48,7 @@ COUNTS = {  # numbers of steps of SPARK, the fewest and the most, and of Exudyn
     "chain": ((1, 32), (10, 10_000)),
 }
 STAGES = range(2, 9)
+OWN = ("Spark", "LobattoPair")
 DAE = ("IDA in C", "IDA, scikit-sundae", "CasADi IDAS", "scipy_dae", "Exudyn")
 ODE = ("heyoka", "diffrax")
 PACKAGES = ("scikit-sundae", "scipy_dae", "exudyn", "heyoka", "diffrax", "jax", "numba", "scipy")
@@ -89,7 +90,7 @@ def entries(case, effort, peers):
     setup = Setup(case)
     begin = time.perf_counter()
     _ = case.system
-    setup.spend("Spark", time.perf_counter() - begin)
+    setup.spend("liouville", time.perf_counter() - begin)
     counts = ladder(COUNTS[case.name][0], effort.per_octave)
     for s in STAGES:
         setup.add("Spark", f"s = {s}", counts, Own, lv.Spark(s), case, False)
@@ -237,14 +238,14 @@ def row(case, entry):
 def draw(results):
     """Draw each code's best runs, a panel a problem."""
     figure, axes = plt.subplots(1, len(results), figsize=(3.6 * len(results), 4), squeeze=False)
-    families = ("Spark", "LobattoPair", *DAE, *ODE)
+    families = (*OWN, *DAE, *ODE)
     colours = dict(
         zip(families, ("C3", "C1", "k", "C7", "C2", "C4", "C5", "C0", "C9"), strict=True)
     )
     for axis, (case, found) in zip(axes[0], results, strict=True):
         for family in dict.fromkeys(entry.family for entry in found):
             points = best([entry for entry in found if entry.family == family])
-            line = "-" if family in ("Spark", "LobattoPair") else ":" if family in ODE else "--"
+            line = "-" if family in OWN else ":" if family in ODE else "--"
             axis.loglog(*points.T, line, marker=".", color=colours[family], label=family)
         axis.set(title=case.name, xlabel="relative error of positions", xlim=(1e-1, 1e-14))
         axis.grid(alpha=0.3)
@@ -275,7 +276,7 @@ def main():
         tables[""] += times(case, setup.entries)
         tables["_stages"] += by_stages(case, setup.entries)
         tables["_taylor"] += taylor(case, setup.entries)
-        took = {family: round(seconds, 3) for family, seconds in setup.took.items()}
+        took = {key: round(x, 3) for key, x in setup.took.items() if key not in OWN}
         tables["_setup"].append({"problem": name, "ms a call": call(case), **took})
         tables["_runs"] += (row(case, entry) for entry in setup.entries)
     draw(results)
