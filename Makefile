@@ -38,6 +38,7 @@ docs: $(VENV)/tools  ## Build the documentation into docs/_build/html; runs the 
 
 bench: $(VENV)/bench  ## Measure beside other codes, in under ten minutes; tables in build/benchmarks.md
 	$(BIN)/python benchmarks/work_precision.py --short
+	$(BIN)/python benchmarks/ensembles.py --members 10000
 	$(BIN)/python benchmarks/rattle_chain.py --openmm
 	$(BIN)/python benchmarks/mujoco_chain.py
 	$(BIN)/python benchmarks/tables.py build/benchmarks.md
