@@ -49,7 +49,13 @@ COUNTS = {  # numbers of steps of SPARK, the fewest and the most, and of Exudyn
 }
 STAGES = range(2, 9)
 OWN = ("Spark", "LobattoPair")
-DAE = ("IDA in C", "IDA, scikit-sundae", "CasADi IDAS", "scipy_dae", "Exudyn")
+DAE = (
+    "IDA in C",
+    "IDA, scikit-sundae",
+    "CasADi IDAS",
+    "scipy_dae",
+    "Exudyn",
+)  # no package, then four
 ODE = ("heyoka", "diffrax")
 PACKAGES = ("scikit-sundae", "scipy_dae", "exudyn", "heyoka", "diffrax", "jax", "numba", "scipy")
 
@@ -164,6 +170,7 @@ def ratio(row):
         "problem": row["problem"],
         "error": row["error"],
         "fastest DAE code": least(row[key] for key in DAE if key in row) / own,
+        "fastest DAE package": least(row[key] for key in DAE[1:] if key in row) / own,
         **{key: row[key] / own for key in codes},
     }
 
