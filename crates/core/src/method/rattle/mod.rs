@@ -16,7 +16,7 @@ mod inertia;
 mod positions;
 mod reactions;
 
-use super::{Stats, Stepper, Symmetric};
+use super::{Foreign, Memory, Stats, Stepper, Symmetric, taken};
 use crate::linalg::{add_scaled, carry, copy};
 use crate::newton;
 use crate::problem::mechanical::{SeparableModel, State};
@@ -182,3 +182,26 @@ impl Stepper for Rattle {
 }
 
 impl Symmetric for Rattle {}
+
+/// f and G where the next step starts are evaluated anew, at the same place and time to the bit.
+impl Memory for Rattle {
+    fn save(&self, _: usize, out: &mut Vec<f64>) {
+        self.guess.save(out);
+        out.push(self.start.unwrap_or(f64::NAN));
+        out.extend(&self.start_y);
+    }
+
+    fn restore(&mut self, _: usize, saved: &mut &[f64]) -> Result<(), Foreign> {
+        self.guess.restore(saved)?;
+        let t = taken(saved, 1)?[0];
+        let y = taken(saved, self.start_y.len())?;
+        copy(&mut self.start_y, y);
+        self.start = None;
+        if let (false, Ok(force)) = (t.is_nan(), self.model.force(t, y)) {
+            copy(&mut self.force, force);
+            // what cannot be evaluated here is the trouble of the next step
+            self.start = (self.reactions.start_at(&mut self.model, t, y).is_ok()).then_some(t);
+        }
+        Ok(())
+    }
+}

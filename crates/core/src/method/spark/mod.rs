@@ -19,12 +19,13 @@
 mod coupled;
 mod estimate;
 mod full_newton;
+mod lanes;
 mod node_schur;
 mod predictor;
 mod stages;
 mod update;
 
-use super::{Stats, Stepper, Symmetric};
+use super::{Foreign, Memory, Stats, Stepper, Symmetric, taken};
 use crate::newton;
 use crate::problem::mechanical::{Model, State};
 use crate::tableau;
@@ -36,6 +37,8 @@ use node_schur::NodeSchur;
 use predictor::Predictor;
 use stages::{Stages, Step, Unknowns};
 use update::Update;
+
+pub use lanes::{Together, goes_together};
 
 /// How the stage equations are solved; all ways lead to the same solution, to roundoff.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -231,3 +234,23 @@ impl Stepper for Spark {
 }
 
 impl Symmetric for Spark {}
+
+#[allow(
+    clippy::cast_precision_loss,
+    clippy::cast_possible_truncation,
+    clippy::cast_sign_loss
+)] // rests are short
+impl Memory for Spark {
+    fn save(&self, member: usize, out: &mut Vec<f64>) {
+        out.extend([self.resting as f64, self.rest as f64]);
+        self.predictor.save(member, out);
+    }
+
+    fn restore(&mut self, member: usize, saved: &mut &[f64]) -> Result<(), Foreign> {
+        let [resting, rest] = *taken(saved, 2)? else {
+            return Err(Foreign);
+        };
+        (self.resting, self.rest) = (resting as usize, rest as usize);
+        self.predictor.restore(member, saved)
+    }
+}

@@ -6,6 +6,7 @@
 //! with G_i = g_y and R_l = r_λ at nodes i and l, frozen at the start of the iteration, and B at its
 //! middle stage. The error shrinks by O(h²) a correction where B is constant and the forces do not
 //! depend on z, by O(h) otherwise. With Λ = h λ the matrix is O(1) as h → 0.
+#![allow(clippy::inline_always)] // what is not inlined is compiled without the registers it is for
 
 use super::stages::{Stages, Step, Unknowns};
 use crate::linalg::{Lu, Matrix, add_scaled, combine, copy, copy_scaled, max_norm};
@@ -13,6 +14,7 @@ use crate::newton::Equations;
 use crate::problem::mechanical::{Mass, Mechanical, Model, add_product, explain, finite};
 use crate::real::Real;
 use crate::trouble::{Quantity, Trouble};
+use crate::vector::wide;
 use std::sync::Arc;
 
 /// Frozen blocks and the factored Schur complement.
@@ -168,6 +170,7 @@ impl<R: Real> Solve<'_, R> {
     }
 
     /// Λ: the velocities B R2_j + R1_j that the residuals alone would take away must meet g.
+    #[inline(always)]
     fn solve_multipliers(&mut self) {
         let (solver, stages, h) = (&mut *self.solver, &mut *self.stages, self.step.h);
         let (nodes, m) = (stages.tableau.intervals, solver.problem.m);
@@ -203,6 +206,7 @@ impl<R: Real> Solve<'_, R> {
     }
 
     /// dZ_i = p_z⁻¹ (Σ â_il R_l dΛ_l − R2_i), dV_i = v_z dZ_i − R1_i; returns the largest dV.
+    #[inline(always)]
     fn correct_stages(&mut self) -> R {
         let (solver, stages) = (&mut *self.solver, &mut *self.stages);
         let residual = &stages.momentum_residual;
@@ -248,10 +252,15 @@ impl<R: Real> Equations<R> for Solve<'_, R> {
             self.freeze()?;
             self.is_frozen = true;
         }
-        if self.model.problem.m > 0 {
-            self.solve_multipliers();
-        }
-        let size = self.correct_stages();
+        let size = wide::<R, _>(
+            #[inline(always)]
+            || {
+                if self.model.problem.m > 0 {
+                    self.solve_multipliers();
+                }
+                self.correct_stages()
+            },
+        );
         let size = size.zip(self.multiplier_size(), f64::max);
         Ok(self.stages.relative(size, self.step))
     }
