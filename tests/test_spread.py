@@ -12,6 +12,7 @@ from concurrent.futures import (
     ProcessPoolExecutor,
     ThreadPoolExecutor,
 )
+from dataclasses import replace
 
 import casadi as ca
 import numpy as np
@@ -209,6 +210,38 @@ def test_a_failing_member_has_its_number_in_the_whole_ensemble():
     with pytest.raises(lv.IntegrationError, match="member 37:") as caught:
         lv.ensemble(field, SPLITTING, t=(0, 4), steps=200, x=x, executor=Weak(0), chunk=16)
     assert caught.value.member == 37
+
+
+def troubled(x, params):
+    """Integrate members that fail where x is negative, alone, or at the start if all do."""
+    solution = lv.ensemble(EULER, SPLITTING, t=(0, 1), steps=5, x=abs(x) * params["scale"][:, None])
+    bad = np.flatnonzero(x[:, 0] < 0).tolist()
+    failures = {k: lv.Failure(2, 0.4, "it is so") for k in bad}
+    if len(bad) < len(x):
+        return replace(solution, failures=failures)
+    nothing = {group: {k: v[:0] for k, v in getattr(solution, group).items()} for group in ROWS}
+    nothing = replace(solution, t=np.empty(0), failures=failures, **nothing)
+    raise lv.IntegrationError("all failed", solution=nothing)
+
+
+ROWS = ("states", "invariants")
+
+
+def test_members_that_fail_alone_are_counted_in_the_whole_ensemble():
+    x, scale = abs(starts(64)), np.linspace(1, 2, 64)
+    whole = lv.ensemble(EULER, SPLITTING, t=(0, 1), steps=5, x=x * scale[:, None])
+    bad = [3, 20, *range(32, 48)]
+    x[bad] *= -1
+    job = spread.Job(troubled, {"x": x}, {"scale": scale}, {"scale": 1.0}, 64, 1000, 0.0)
+    found = spread.spread(job, Weak(0), 16)
+    assert list(found.failures) == bad
+    assert found.message == "18 of 64 members failed; the first, member 3: it is so"
+    assert np.isnan(found.x[:, 32:48]).all()
+    assert np.array_equal(found.x[:, :32], whole.x[:, :32])
+    assert np.array_equal(found.x[:, 48:], whole.x[:, 48:])
+    x[:] = -1.0
+    with pytest.raises(lv.IntegrationError, match="64 of 64 members failed"):
+        spread.spread(job, Weak(0), 16)
 
 
 def test_bad_calls_are_refused_before_anything_is_sent():

@@ -240,7 +240,8 @@ def ensemble(
         (path.pace.count // path.every + 2) * path.row,
         path.pace.t0,
     )
-    return replace(spread(job, executor, chunk, progress), system=path.system)
+    found = spread(job, executor, chunk, progress)
+    return replace(found, system=path.system, params=_plain(path.params))
 
 
 def _arrays(given: Mapping[str, Any]) -> dict[str, Any]:

@@ -197,7 +197,11 @@ class _Spread:
                 future.cancel()
         if self._joined.first is None:
             raise self._nothing()
-        return self._joined.solution(self._lost, is_interrupted, time.perf_counter() - clock)
+        seconds = time.perf_counter() - clock
+        solution = self._joined.solution(self._lost, is_interrupted, seconds)
+        if not len(solution.t) and len(solution.failures) == self._job.members:
+            raise IntegrationError(solution.message, t=self._job.t0, member=0, solution=solution)
+        return solution
 
     def _send(self, chunk: _Chunk, is_whole: bool = False) -> None:
         is_whole = is_whole or len(self._work) < LARGE or self._whole > 0
@@ -216,7 +220,9 @@ class _Spread:
         try:
             found = future.result()
         except IntegrationError as error:
-            raise self._failed(chunk, error) from error
+            found = error.solution
+            if found is None or not found.failures:  # members that fail alone stop no others
+                raise self._failed(chunk, error) from error
         except BaseException as error:
             if not _has_died(error):
                 raise
@@ -235,16 +241,22 @@ class _Spread:
 
     def _failed(self, chunk: _Chunk, error: IntegrationError) -> IntegrationError:
         """Return the error of a member with its number in the whole ensemble."""
-        if error.solution is not None:
-            self._joined.add(chunk.first, chunk.last, error.solution)
-        message, member = str(error), error.member
+        message, member, solution = str(error), error.member, error.solution
         if member is not None:
             member += chunk.first
             message = message.replace(f"member {error.member}:", f"member {member}:", 1)
+        if solution is not None:
+            self._joined.add(chunk.first, chunk.last, solution)
+            whole = self._joined.solution([], False, 0.0)
+            solution = replace(whole, status="failed", message=message)
         return IntegrationError(
-            message, t=error.t, step=error.step, quantity=error.quantity, member=member,
-            solution=self._joined.solution([], True, 0.0),
-        )  # fmt: skip
+            message,
+            t=error.t,
+            step=error.step,
+            quantity=error.quantity,
+            member=member,
+            solution=solution,
+        )
 
     def _nothing(self) -> BaseException:
         """Return what kept all chunks from being done."""
@@ -372,7 +384,7 @@ def _workers(executor: Executor) -> int:
             return found
     client = getattr(executor, "_client", None)  # of dask
     if client is not None and hasattr(client, "ncores"):
-        return max(sum(client.ncores().values()), 1)
+        return max(int(sum(client.ncores().values())), 1)
     return os.cpu_count() or 1
 
 
