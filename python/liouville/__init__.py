@@ -30,6 +30,7 @@ from liouville.propagation import propagation as propagation
 from liouville.section import Section as Section
 from liouville.section import section as section
 from liouville.solution import Solution as Solution
+from liouville.stored import resume as resume
 from liouville.systems import Grid as Grid
 from liouville.systems import Hamiltonian as Hamiltonian
 from liouville.systems import Lagrangian as Lagrangian

@@ -67,6 +67,7 @@ mod _core {
         for (code, op) in Op::ALL.iter().enumerate() {
             codes.set_item(op.name(), code)?;
         }
-        module.add("OPERATIONS", codes)
+        module.add("OPERATIONS", codes)?;
+        module.add("VERSION", env!("CARGO_PKG_VERSION"))
     }
 }

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from liouville import _core
-from liouville._arguments import MOST_STEPS, Steps, count
+from liouville._arguments import MOST_STEPS, Steps, check_memory, count
 from liouville.methods import Method
 from liouville.planner import Plan
 from liouville.points import Points
@@ -19,6 +19,7 @@ from liouville.propagation import Propagation
 from liouville.systems import System
 
 KEEP_LESS = "keep fewer with every=, or none with states=False"
+STORE = "; store= keeps all of them in a folder"
 
 
 @dataclass(frozen=True)
@@ -39,6 +40,7 @@ class Asked:
     tol: Any = None
     t_eval: Any = None
     events: Any = None
+    is_stored: bool = False
 
 
 class Route(Protocol):
@@ -108,6 +110,13 @@ class Route(Protocol):
 def kept(pace: Steps, every: Any) -> int:
     """Return how many steps are made for each one that is kept."""
     return min(count("every", every), pace.count if pace.control is None else MOST_STEPS)
+
+
+def check_records(asked: Asked, records: int, row: int) -> None:
+    """Refuse more records than fit in memory, where they are to be kept there."""
+    if not asked.is_stored:
+        hint = KEEP_LESS if asked.is_ensemble else KEEP_LESS + STORE
+        check_memory(f"keeping {records} states", records * row, hint)
 
 
 def observable(index: int, widths: Mapping[str, int]) -> dict[str, Any]:

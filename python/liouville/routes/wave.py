@@ -9,12 +9,12 @@ from typing import Any
 import numpy as np
 
 from liouville import _core
-from liouville._arguments import Steps, check_memory, steps_of, times_of
+from liouville._arguments import Steps, steps_of, times_of
 from liouville.errors import describe, hinted
 from liouville.methods import Magnus, Stepped, WaveMethod
 from liouville.points import Points
 from liouville.propagation import Propagation, method_of, planned, stepped
-from liouville.routes.route import KEEP_LESS, Asked, kept, observable, threads_of
+from liouville.routes.route import Asked, check_records, kept, observable, threads_of
 from liouville.systems import Schrodinger
 
 
@@ -42,7 +42,7 @@ class WaveRoute:
         self.columns |= {"invariant norm": 1, energy: 1, "observed autocorrelation": 2}
         self.columns |= {f"observed {name}": width for name, width, _ in self._observed}
         records = len(self.plan.stops) + 1
-        check_memory(f"keeping {records} states", records * self.row, KEEP_LESS)
+        check_records(asked, records, self.row)
 
     @property
     def system(self) -> Schrodinger:

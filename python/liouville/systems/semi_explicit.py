@@ -13,7 +13,8 @@ from numpy.typing import ArrayLike
 from liouville import _core
 from liouville.errors import describe, hinted
 from liouville.systems import _trace
-from liouville.systems._form import entries, record_blocks
+from liouville.systems._derivatives import entries
+from liouville.systems._form import record_blocks
 from liouville.systems._index2 import Symbols, Traced
 from liouville.systems._linear import Block
 from liouville.systems._recorded import recorded

@@ -1,6 +1,7 @@
 //! What is recorded of a mechanical system at an output point.
 
 use super::{Acceleration, Model, State, model::finite};
+use crate::memory::{Foreign, Memory};
 use crate::problem::Observe;
 use crate::tape::{Registers, Tape};
 use crate::trouble::{Quantity, Trouble};
@@ -103,5 +104,20 @@ impl<S: Carried> Observe<S> for Observer {
         let start = row.len();
         self.append(t, state, row)
             .inspect_err(|_| row.truncate(start))
+    }
+}
+
+impl Memory for Observer {
+    fn save(&self, member: usize, out: &mut Vec<f64>) {
+        if let Some(states) = &self.states {
+            states.save(member, out);
+        }
+    }
+
+    fn restore(&mut self, member: usize, saved: &mut &[f64]) -> Result<(), Foreign> {
+        match &mut self.states {
+            Some(states) => states.restore(member, saved),
+            None => Ok(()),
+        }
     }
 }
