@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from liouville.errors import Failure
+from liouville.failure import Failure
 from liouville.points import Points
 from liouville.systems import Mechanics, System
 
@@ -88,8 +88,8 @@ class Solution:
     members : int or None
         Number P of members of an ensemble, None for a single run.
     failures : dict of int to Failure
-        Members of an ensemble that have no more states from some time on, by number: the step, the
-        time and the reason. Their later rows are NaN.
+        Members of an ensemble that failed, in their order, with the step, its time and why; what
+        they have after it is NaN.
     system : System or None
         The system integrated; None after :func:`liouville.load`.
     path : str or None

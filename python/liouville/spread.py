@@ -26,7 +26,8 @@ from typing import Any
 import numpy as np
 
 from liouville._arguments import count
-from liouville.errors import Failure, IntegrationError, hinted
+from liouville.errors import IntegrationError, hinted
+from liouville.failure import Failure
 from liouville.solution import Solution
 
 #: A task is sent so many times more if its worker dies.
