@@ -12,15 +12,10 @@ import os
 import pickle
 import time
 from collections.abc import Callable, Mapping
-from concurrent.futures import (
-    FIRST_COMPLETED,
-    BrokenExecutor,
-    CancelledError,
-    Executor,
-    Future,
-    wait,
-)
+from concurrent.futures import BrokenExecutor, CancelledError, Executor, Future
+from contextlib import suppress
 from dataclasses import dataclass, replace
+from queue import Empty, SimpleQueue
 from typing import Any
 
 import numpy as np
@@ -174,6 +169,7 @@ class _Spread:
         self._name = hashlib.sha256(self._work).hexdigest()
         self._whole = workers  # so many tasks more have the system with them
         self._pending: dict[Future[Solution | None], _Chunk] = {}
+        self._done: SimpleQueue[Future[Solution | None]] = SimpleQueue()
         self._lost: list[tuple[_Chunk, BaseException]] = []
         self._joined = Joined(job)
 
@@ -184,13 +180,12 @@ class _Spread:
             for first in range(0, self._job.members, size):
                 self._send(_Chunk(first, min(first + size, self._job.members)))
             while self._pending:
-                done, _ = wait(self._pending, PATIENCE, FIRST_COMPLETED)
-                for future in done:
-                    self._take(future)
+                with suppress(Empty):
+                    self._take(self._done.get(timeout=PATIENCE))
         except KeyboardInterrupt:
             is_interrupted, self._progress = True, None
-            for future in [future for future in self._pending if future.done()]:
-                self._take(future)
+            while not self._done.empty():
+                self._take(self._done.get())
             if self._joined.first is None:
                 raise
         finally:
@@ -215,6 +210,7 @@ class _Spread:
             self._lost.append((chunk, error))
         else:
             self._pending[future] = chunk
+            future.add_done_callback(self._done.put)
 
     def _take(self, future: Future[Solution | None]) -> None:
         chunk = self._pending.pop(future)
