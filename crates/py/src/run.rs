@@ -2,7 +2,7 @@
 
 use crate::caught::Caught;
 use crate::errors;
-use liouville_core::run::{Advance, Status};
+use liouville_core::run::{Advance, Failure, Status};
 use liouville_core::trouble::Trouble;
 use numpy::{PyArray1, PyArrayDyn, PyArrayMethods, PyReadonlyArray1};
 use pyo3::prelude::*;
@@ -68,13 +68,13 @@ impl Run {
         let budget = Duration::try_from_secs_f64(seconds).map_err(errors::refused)?;
         let steps = steps.unwrap_or(usize::MAX);
         let status = py.detach(|| run.advance_to(steps, budget));
+        if let Some(error) = self.caught.iter().find_map(Caught::take) {
+            return Err(error);
+        }
         match status {
             Status::Paused => Ok("paused".into_pyobject(py)?.into_any()),
             Status::Done => Ok("done".into_pyobject(py)?.into_any()),
             Status::Failed { n, t, trouble } => {
-                if let Some(error) = self.caught.iter().find_map(Caught::take) {
-                    return Err(error);
-                }
                 let dict = errors::trouble(py, &trouble)?;
                 dict.set_item("step", n)?;
                 dict.set_item("start", t)?;
@@ -93,6 +93,27 @@ impl Run {
     #[getter]
     fn t(&self) -> f64 {
         self.inner.time()
+    }
+
+    /// How many members of an ensemble have come to their end, or failed.
+    #[getter]
+    fn over(&self) -> usize {
+        self.inner.over()
+    }
+
+    /// The members that failed: troubles with the member, and with the step and the time at its start unless it
+    /// was the start itself that could not be taken.
+    fn failures<'py>(&self, py: Python<'py>) -> PyResult<Vec<Bound<'py, PyDict>>> {
+        let told = |failure: Failure| {
+            let dict = errors::trouble(py, &failure.trouble)?;
+            dict.set_item("member", failure.member)?;
+            if let Some((n, t)) = failure.step {
+                dict.set_item("step", n)?;
+                dict.set_item("start", t)?;
+            }
+            Ok(dict)
+        };
+        self.inner.failures().into_iter().map(told).collect()
     }
 
     /// What the stepper has done.

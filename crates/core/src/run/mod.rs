@@ -31,6 +31,25 @@ pub enum Status {
     },
 }
 
+/// Times of the records of equal steps by (t0, t1, steps, every), as a run tells them.
+pub fn times((t0, t1, steps, every): (f64, f64, usize, usize)) -> Vec<f64> {
+    let h = (t1 - t0) / steps as f64;
+    let kept = (0..steps).step_by(every).chain([steps]);
+    kept.map(|n| t0 + n as f64 * h).collect()
+}
+
+/// A member of several that cannot go on.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Failure {
+    /// Which one.
+    pub member: usize,
+    /// The step that could not be made or recorded, and the time at its start; the start itself could not be
+    /// taken where there is none.
+    pub step: Option<(usize, f64)>,
+    /// Why.
+    pub trouble: Trouble,
+}
+
 /// A run of any stepper, independent of its type.
 pub trait Advance: Send {
     /// Makes steps for about this long, or until the end.
@@ -67,6 +86,14 @@ pub trait Advance: Send {
     /// It was another run; this one is not to be used then.
     fn restore(&mut self, _saved: &[f64]) -> Result<(), Foreign> {
         Err(Foreign)
+    }
+    /// Members that could not go on, in their order, while the others did.
+    fn failures(&self) -> Vec<Failure> {
+        Vec::new()
+    }
+    /// How many members have come to their end, or failed.
+    fn over(&self) -> usize {
+        0
     }
     /// The events met since this was last asked for; after the records.
     fn seen(&mut self) -> Seen {

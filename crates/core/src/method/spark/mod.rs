@@ -19,6 +19,7 @@
 mod coupled;
 mod estimate;
 mod full_newton;
+mod lanes;
 mod node_schur;
 mod predictor;
 mod sparse_newton;
@@ -39,6 +40,8 @@ use predictor::Predictor;
 use sparse_newton::SparseNewton;
 use stages::{Stages, Step, Unknowns};
 use update::Update;
+
+pub use lanes::{Together, goes_together};
 
 /// How the stage equations are solved; all ways lead to the same solution, to roundoff.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

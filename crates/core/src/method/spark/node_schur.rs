@@ -6,6 +6,7 @@
 //! with G_i = g_y and R_l = r_λ at nodes i and l, frozen at the start of the iteration, and B at its
 //! middle stage. The error shrinks by O(h²) a correction where B is constant and the forces do not
 //! depend on z, by O(h) otherwise. With Λ = h λ the matrix is O(1) as h → 0.
+#![allow(clippy::inline_always)] // what is not inlined is compiled without the registers it is for
 
 use super::sparse_schur::SparseSchur;
 use super::stages::{Stages, Step, Unknowns};
@@ -14,6 +15,7 @@ use crate::newton::Equations;
 use crate::problem::mechanical::{Mass, Mechanical, Model, add_product, explain, finite};
 use crate::real::Real;
 use crate::trouble::{Quantity, Trouble};
+use crate::vector::wide;
 use std::sync::Arc;
 
 /// Frozen blocks and the factored Schur complement.
@@ -194,6 +196,7 @@ impl<R: Real> Solve<'_, R> {
     }
 
     /// Λ: the velocities B R2_j + R1_j that the residuals alone would take away must meet g.
+    #[inline(always)]
     fn solve_multipliers(&mut self) {
         let (solver, stages, h) = (&mut *self.solver, &mut *self.stages, self.step.h);
         let (nodes, m) = (stages.tableau.intervals, solver.problem.m);
@@ -258,6 +261,7 @@ impl<R: Real> Solve<'_, R> {
     }
 
     /// dZ_i = p_z⁻¹ (Σ â_il R_l dΛ_l − R2_i), dV_i = v_z dZ_i − R1_i; returns the largest dV.
+    #[inline(always)]
     fn correct_stages(&mut self) -> R {
         let (solver, stages) = (&mut *self.solver, &mut *self.stages);
         for i in 0..stages.tableau.stages {
@@ -296,12 +300,17 @@ impl<R: Real> Equations<R> for Solve<'_, R> {
             self.freeze()?;
             self.is_frozen = true;
         }
-        if self.model.problem.m > 0 {
-            self.solve_multipliers();
-        } else {
-            self.combine_impulses();
-        }
-        let size = self.correct_stages();
+        let size = wide::<R, _>(
+            #[inline(always)]
+            || {
+                if self.model.problem.m > 0 {
+                    self.solve_multipliers();
+                } else {
+                    self.combine_impulses();
+                }
+                self.correct_stages()
+            },
+        );
         let size = size.zip(self.multiplier_size(), f64::max);
         Ok(self.stages.relative(size, self.step))
     }

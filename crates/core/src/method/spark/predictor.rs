@@ -244,12 +244,15 @@ impl<R: Real> Memory for Predictor<R> {
 
     fn restore(&mut self, member: usize, saved: &mut &[f64]) -> Result<(), Foreign> {
         self.acceleration.restore(member, saved)?;
+        let begin = self.begin;
         self.h.restore(member, saved)?;
         self.begin.restore(member, saved)?;
         for held in [&mut self.z, &mut self.v, &mut self.lam, &mut self.nu] {
             held.flat_mut().restore(member, saved)?;
         }
-        self.ratio = f64::NAN;
+        if begin.to_bits() != self.begin.to_bits() {
+            self.ratio = f64::NAN;
+        }
         Ok(())
     }
 }

@@ -28,7 +28,7 @@ pub use model::{Model, finite, finite_k};
 pub use monitor::{MechanicalMonitor, TimeScale, Traced};
 pub(crate) use nonholonomic::explain_all;
 pub use nonholonomic::{Nonholonomic, NonholonomicPatterns};
-pub use observe::{Carried, Observer};
+pub use observe::{Carried, Observer, Observers};
 pub use projection::{Projection, project};
 pub use saddle::Saddle;
 pub(crate) use saddle::{add_product, explain};
@@ -37,7 +37,7 @@ pub use separable::{Separable, SeparableModel};
 
 use crate::linalg::Pattern;
 use crate::memory::{Foreign, Memory};
-use crate::real::Scalar;
+use crate::real::{Real, Scalar};
 use crate::tape::Tape;
 use model::cut;
 
@@ -211,6 +211,36 @@ pub struct State<R = f64> {
     pub y_low: Vec<R>,
     /// What `p` has lost to rounding.
     pub p_low: Vec<R>,
+}
+
+impl<R: Real> State<R> {
+    /// A state of n zeros.
+    pub fn zeros(n: usize) -> Self {
+        let zeros = || vec![R::splat(0.0); n];
+        Self {
+            y: zeros(),
+            z: zeros(),
+            p: zeros(),
+            y_low: zeros(),
+            p_low: zeros(),
+        }
+    }
+
+    /// A member becomes one of another state, whose sizes are the same.
+    pub fn copy_member<S: Real>(&mut self, member: usize, other: &State<S>, of: usize) {
+        let pairs = [
+            (&mut self.y, &other.y),
+            (&mut self.z, &other.z),
+            (&mut self.p, &other.p),
+            (&mut self.y_low, &other.y_low),
+            (&mut self.p_low, &other.p_low),
+        ];
+        for (out, x) in pairs {
+            for (out, x) in out.iter_mut().zip(x) {
+                out.set_member(member, x.member(of));
+            }
+        }
+    }
 }
 
 impl<R: Clone> Clone for State<R> {
