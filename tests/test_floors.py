@@ -27,7 +27,7 @@ CORE_FLOORS = (
 )
 PACKAGE_FLOORS = (
     ("_core", "errors"),
-    ("_arguments", "events", "points", "tape", "terms"),
+    ("_arguments", "events", "failure", "points", "tape", "terms"),
     ("methods", "systems"),
     ("solution", "splitting"),
     ("planner", "propagation"),

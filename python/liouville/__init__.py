@@ -4,6 +4,7 @@ from liouville.determinant import determinant as determinant
 from liouville.errors import IntegrationError as IntegrationError
 from liouville.events import Event as Event
 from liouville.export import load as load
+from liouville.failure import Failure as Failure
 from liouville.integrate import ensemble as ensemble
 from liouville.integrate import integrate as integrate
 from liouville.methods import HHT as HHT

@@ -13,6 +13,7 @@ from liouville import _core
 from liouville._arguments import memory
 from liouville.errors import IntegrationError, hinted
 from liouville.events import Event
+from liouville.failure import Failure
 from liouville.methods import Method
 from liouville.planner import Plan
 from liouville.points import Points
@@ -167,36 +168,44 @@ def ensemble(
     """Integrate a system from many start values at once, in lock-step lanes and on many threads.
 
     All members take the same steps, and each has the same bits as a run of its own by the same
-    method.
+    method, whatever the other members are and however many threads there are. A member that fails
+    is put down in ``failures``, and the others go on.
 
     Parameters
     ----------
-    system : PolynomialField or Schrodinger
+    system : Lagrangian, Hamiltonian, Mechanical, Structure, PolynomialField or Schrodinger
         What is integrated.
-    method : VolumeSplitting, Plan, or a method for Schrödinger equations
-        How.
-    t, h, steps, tol, every, observe, params, states
-        As for :func:`integrate`.
+    method : Method or Plan
+        How: any method for the system, with steps of equal size.
+    t, h, steps, tol, every, observe, states
+        As for :func:`integrate`. What is kept of all members is what takes memory:
+        ``every=steps`` keeps starts and ends, ``states=False`` only invariants and `observe`.
+    params : mapping, optional
+        Parameters that differ from the defaults. Those of a mechanical system may have a further,
+        first axis of members: a number as shape (P,), a vector of j numbers as (P, j).
     progress : callable, optional
         ``progress(done, total)``, called about twenty times a second with numbers of steps.
     threads : int, optional
         How many, as many as there are processors by default. The result does not depend on them,
         bit for bit.
     **start : array_like
-        ``x`` of shape (P, n), or ``psi``: a row for each of P members.
+        Start values by the system's names, with a row for each of P members: ``q`` and ``v`` of
+        shape (P, n), and so on. Those of a mechanical system may also have shape (n,), for all
+        members alike.
 
     Returns
     -------
     Solution
-        Its arrays have the member as their second axis: ``x`` of shape (k, P, n), invariants of
-        shape (k, P).
+        Its arrays have the member as their second axis: ``q`` of shape (k, P, n), invariants of
+        shape (k, P). After the step at which a member failed, or which it did not come to before
+        an interrupt (Ctrl-C), its values are NaN.
 
     Raises
     ------
     TypeError, ValueError, MemoryError
         As for :func:`integrate`.
     IntegrationError
-        A step of a member failed; ``error.solution`` is what all members have done.
+        The start of no member can be taken.
 
     Examples
     --------
@@ -207,7 +216,7 @@ def ensemble(
     (11, 2, 3)
     """
     asked = Asked(
-        t=t, h=h, steps=steps, control={}, every=every,
+        t=t, h=h, steps=steps, control={}, every=every, tol=tol,
         observe=observe, params=params, states=states, start=start, is_ensemble=True,
         threads=threads,
     )  # fmt: skip
@@ -234,12 +243,21 @@ def run(path: Route, progress: Callable[[float, float], None] | None = None) -> 
     stats["seconds"] = time.perf_counter() - clock
 
     status, message, quantity = "done", end, ""
+    failures: dict[int, Failure] = {}
+    if path.members and not isinstance(started, dict):
+        failures = failed(started, path)
+        message = told(failures, path)
+        if outcome == "done":
+            stats["steps"] = pace.count
     if isinstance(outcome, dict):
         status = "failed"
         stats["steps"] = outcome.get("step", 0)
         message, quantity = explained(outcome, path)
     elif outcome == "interrupted":
         status, message = outcome, f"interrupted after {stats['steps']}{pace.total} steps"
+        if path.members and not isinstance(started, dict):
+            many = f"interrupted when {started.over} of {path.members[0]} members were over"
+            message = "; ".join([many, *filter(None, [told(failures, path)])])
     cuts = np.cumsum([*path.columns.values()])[:-1]
     # without any columns there is one empty part
     columns = dict(zip(path.columns, np.split(rows, cuts, axis=-1), strict=bool(path.columns)))
@@ -262,8 +280,14 @@ def run(path: Route, progress: Callable[[float, float], None] | None = None) -> 
         status=status,
         message=message,
         members=path.members[0] if path.members else None,
+        failures=failures,
         system=path.system,
     )
+    if failures and not solution.t.size:
+        member, failure = next(iter(failures.items()))
+        raise IntegrationError(
+            message, t=failure.t, step=failure.step, member=member, solution=solution
+        )
     if isinstance(outcome, dict):
         raise IntegrationError(
             message,
@@ -309,6 +333,24 @@ def _advanced(run: _core.Run) -> str | dict[str, Any]:
         return run.advance(SLICE)
     except Exception as error:  # of a function of the user's that makes products
         return {"kind": "raised", "cause": error, "step": run.done, "start": run.t}
+
+
+def failed(run: _core.Run, path: Route) -> dict[int, Failure]:
+    """Return the members that failed, and why."""
+    found = {}
+    for trouble in run.failures():
+        member, t = trouble.pop("member"), trouble.get("start", path.pace.t0)
+        found[member] = Failure(trouble.get("step", 0), t, explained(trouble, path)[0])
+    return found
+
+
+def told(failures: Mapping[int, Failure], path: Route) -> str:
+    """Say how many members failed, and why the first of them did."""
+    if not failures:
+        return ""
+    member, failure = next(iter(failures.items()))
+    count = f"{len(failures)} of {path.members[0]} members failed"
+    return f"{count}; the first, member {member}: {failure.message}"
 
 
 def _names(path: Route) -> dict[str, tuple[str, ...]]:
