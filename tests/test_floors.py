@@ -33,7 +33,7 @@ PACKAGE_FLOORS = (
     ("planner", "propagation"),
     ("routes", "spread"),
     ("integrate",),
-    ("determinant", "section"),
+    ("determinant", "ensemble", "section"),
     ("convergence", "export", "fem", "plot", "problems"),
     ("stored",),
     ("cli",),

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 
@@ -22,3 +23,12 @@ class Failure:
     step: int
     t: float
     message: str
+
+
+def told(failures: Mapping[int, Failure], members: int) -> str:
+    """Say how many of the members of an ensemble failed, and why the first of them did."""
+    if not failures:
+        return ""
+    member, failure = next(iter(failures.items()))
+    count = f"{len(failures)} of {members} members failed"
+    return f"{count}; the first, member {member}: {failure.message}"

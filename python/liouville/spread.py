@@ -22,7 +22,7 @@ import numpy as np
 
 from liouville._arguments import count
 from liouville.errors import IntegrationError, hinted
-from liouville.failure import Failure
+from liouville.failure import Failure, told
 from liouville.solution import Solution
 
 #: A task is sent so many times more if its worker dies.
@@ -322,6 +322,7 @@ class Joined:
         for chunk, error in lost:
             why = Failure(0, self._job.t0, f"its worker died ({type(error).__name__})")
             failures |= dict.fromkeys(range(chunk.first, chunk.last), why)
+        failures = dict(sorted(failures.items()))
         status, message = "done", told(failures, members)
         if is_interrupted or self._is_cut:
             status = "interrupted"
@@ -329,7 +330,7 @@ class Joined:
         more: dict[str, Any] = {"t": self._t.copy(), **self._arrays}
         return replace(
             self.first, **more, stats={**self._summed(), "seconds": seconds},
-            failures=dict(sorted(failures.items())), members=members, status=status,
+            failures=failures, members=members, status=status,
             message=message,
         )  # fmt: skip
 
@@ -349,15 +350,6 @@ class Joined:
             else:
                 found[name] = first
         return found
-
-
-def told(failures: Mapping[int, Failure], members: int) -> str:
-    """Say in a sentence which members of an ensemble failed, if any did."""
-    if not failures:
-        return ""
-    first = min(failures)
-    why = failures[first].message
-    return f"{len(failures)} of {members} members failed; the first, member {first}: {why}"
 
 
 def _cut(value: Any, axes: int, first: int, last: int) -> Any:
