@@ -111,7 +111,7 @@ def ensemble(
     job = Job(
         part,
         _arrays(start),
-        None if params is None or path.system is not system else _arrays(params),
+        _arrays(params) if path.system is system else None,
         system.params,
         path.members[0],
         (path.pace.count // path.every + 2) * path.row,
@@ -121,10 +121,8 @@ def ensemble(
     return replace(found, system=path.system, params=plain(path.params))
 
 
-def _arrays(given: Mapping[str, Any]) -> dict[str, Any]:
-    """Return arrays for what is none, by name, once for all chunks."""
-    found = {}
-    for name, x in given.items():
-        is_array = x is not None and not isinstance(x, Mapping)
-        found[name] = np.asarray(x) if is_array else x and _arrays(x)
-    return found
+def _arrays(given: Any) -> Any:
+    """Return an array of what is none, or such arrays by name, once for all chunks."""
+    if isinstance(given, Mapping):
+        return {name: _arrays(x) for name, x in given.items()}
+    return None if given is None else np.asarray(given)
