@@ -4,6 +4,7 @@
 //! hyperbolic functions are formulas of its own that lose digits, and come from `libm` instead.
 
 use crate::real::Real;
+use crate::vector::wide;
 
 macro_rules! operations {
     ($($name:ident $text:literal $arity:literal,)*) => {
@@ -53,8 +54,26 @@ pub(super) struct Instr {
 /// Runs instructions that `Tape::new` made over the registers it laid out. As long as the operation is
 /// the same, no jump has to be predicted.
 #[inline]
-#[allow(unsafe_code)]
 pub(super) fn execute<R: Real>(program: &[Instr], registers: &mut [R]) {
+    if R::MEMBERS == 1 {
+        run(program, registers);
+    } else {
+        run_wide(program, registers);
+    }
+}
+
+#[inline(never)]
+fn run_wide<R: Real>(program: &[Instr], registers: &mut [R]) {
+    wide::<R, _>(
+        #[inline(always)]
+        || run(program, registers),
+    );
+}
+
+#[allow(clippy::inline_always)] // what is not inlined is compiled without the instructions it is for
+#[allow(unsafe_code)]
+#[inline(always)]
+fn run<R: Real>(program: &[Instr], registers: &mut [R]) {
     let start = registers.as_mut_ptr();
     let truth = |condition: bool| f64::from(u8::from(condition));
     let mut left = program;
