@@ -77,12 +77,50 @@ fn program(pairs: usize, rare: usize) -> Tape {
     Tape::new(&[INPUTS, 0], SLOTS, &lines).expect("a valid program")
 }
 
+/// For each of many links the square of the distance from the link before in space, and its derivatives.
+fn chain(links: usize) -> Tape {
+    let mut lines = Vec::new();
+    for link in 0..links {
+        let input = |slot, place| Line::Input {
+            slot,
+            group: 0,
+            element: 3 * place + slot % 3,
+        };
+        let apply = |op, slot, a, b| Line::Apply { op, slot, a, b };
+        let output = |k, slot| Line::Output {
+            element: 4 * link + k,
+            slot,
+        };
+        for k in 0..3 {
+            lines.extend([
+                input(k, link),
+                input(k + 3, link.saturating_sub(1)),
+                apply(Op::Sub, k, k, k + 3),
+                apply(Op::Twice, k + 3, k, k),
+                output(k + 1, k + 3),
+                apply(Op::Sq, k, k, k),
+            ]);
+        }
+        lines.extend([
+            apply(Op::Add, 0, 0, 1),
+            apply(Op::Add, 0, 0, 2),
+            output(0, 0),
+        ]);
+    }
+    Tape::new(&[3 * links, 0], 4 * links, &lines).expect("a valid program")
+}
+
 fn evaluate<R: Real>(c: &mut Criterion, scalar: &str, width: usize) {
     let mut group = c.benchmark_group(format!("tape/{scalar}"));
-    for (name, rare) in [("arithmetic", usize::MAX), ("one in eight sines", 4)] {
-        let tape = program(300, rare);
+    for (name, tape) in [
+        ("arithmetic", program(300, usize::MAX)),
+        ("one in eight sines", program(300, 4)),
+        ("chain of 10", chain(10)),
+        ("chain of 1000", chain(1000)),
+    ] {
         let mut registers = tape.bind::<R>(&[]);
-        let mut x: [R; INPUTS] = std::array::from_fn(|k| R::splat(1.0 + 0.1 * k as f64));
+        let inputs = 0..tape.inputs()[0];
+        let mut x: Vec<R> = inputs.map(|k| R::splat(1.0 + 0.1 * k as f64)).collect();
         group.throughput(Throughput::Elements((tape.len() * width) as u64));
         group.bench_function(name, |b| {
             b.iter(|| {

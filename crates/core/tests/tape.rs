@@ -159,7 +159,8 @@ fn cut<'a>(program: &Program, point: &'a [[f64; 3]; 3]) -> [&'a [f64]; 3] {
 }
 
 /// A program over again for each of many links, with its inputs and outputs side by side, parameters in
-/// common. Links have three sets of slots in turn, and every third operation reads the link before.
+/// common. Two of three operations of two operands are arithmetic, and of those some read the link before or
+/// one far back: there are sets of slots for half of the links, taken in turn.
 fn repeated(program: &Program, links: usize) -> Program {
     let [x, y, params] = program.sizes;
     let pool = program.lines.iter().map(|line| match *line {
@@ -170,13 +171,17 @@ fn repeated(program: &Program, links: usize) -> Program {
     });
     let pool = pool.max().unwrap_or(0);
     let lines = (0..links).flat_map(|link| {
-        let at = move |link: usize, slot: usize| slot + pool * (link % 3);
-        let other = move |k: usize| {
-            if k % 3 == 0 {
-                link.saturating_sub(1)
-            } else {
-                link
-            }
+        let at = move |link: usize, slot: usize| slot + pool * (link % (links / 2 + 1));
+        let other = move |k: usize| match k % 6 {
+            0 => link.saturating_sub(1),
+            1 => link.saturating_sub(links / 3),
+            _ => link,
+        };
+        let arithmetic = move |k: usize, op: Op| match (op.arity(), k % 6) {
+            (2, 0 | 2) => Op::Sub,
+            (2, 1) => Op::Add,
+            (2, 3) => Op::Mul,
+            _ => op,
         };
         program
             .lines
@@ -201,7 +206,7 @@ fn repeated(program: &Program, links: usize) -> Program {
                     value,
                 },
                 Line::Apply { op, slot, a, b } => Line::Apply {
-                    op,
+                    op: arithmetic(k, op),
                     slot: at(link, slot),
                     a: at(link, a),
                     b: if op.arity() == 2 { at(other(k), b) } else { b },

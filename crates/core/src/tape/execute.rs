@@ -203,6 +203,15 @@ pub(super) struct Strided {
 /// Runs a batch, made by `Tape::new`, over the registers it laid out.
 #[inline(never)]
 pub(super) fn execute_strided<R: Real>(batch: &Strided, registers: &mut [R]) {
+    wide::<R, _>(
+        #[inline(always)]
+        || run_strided(batch, registers),
+    );
+}
+
+#[allow(clippy::inline_always)]
+#[inline(always)]
+fn run_strided<R: Real>(batch: &Strided, registers: &mut [R]) {
     match batch.op {
         Cheap::Assign => walk(batch, registers, |x, _| x),
         Cheap::Add => walk(batch, registers, |x, y| x + y),
@@ -217,7 +226,8 @@ pub(super) fn execute_strided<R: Real>(batch: &Strided, registers: &mut [R]) {
 }
 
 /// The first three are loops that the compiler turns into vector operations.
-#[inline]
+#[allow(clippy::inline_always)]
+#[inline(always)]
 #[allow(unsafe_code)]
 #[allow(clippy::cast_possible_wrap)] // registers are numbered in 32 bits
 fn walk<R: Real>(batch: &Strided, registers: &mut [R], f: impl Fn(R, R) -> R) {

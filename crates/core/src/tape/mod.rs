@@ -219,7 +219,7 @@ impl Tape {
                 }
             }
         }
-        match order::ordered(&body, &groups, &tape.outputs, first_temporary) {
+        match order::ordered(&body, &groups, &tape.outputs, first_temporary..registers) {
             None => tape.body = Program::Plain(body),
             Some((program, registers)) => (tape.body, tape.registers) = (program, registers),
         }

@@ -20,14 +20,15 @@ const ENOUGH: usize = 8;
 /// Components of vectors whose instructions are told apart.
 const MOST_COMPONENTS: usize = 4;
 
-/// Orders a body, with registers from `first` on but for its outputs. Returns it with the number of
-/// registers; `None` if it is long and that would save little.
+/// Orders a body, whose results but for its outputs are in `temporaries`. Returns it with the number of
+/// registers that it then takes; `None` if it is long and that would save little, or cost much memory.
 pub(super) fn ordered(
     body: &[Instr],
     groups: &[Range<usize>],
     outputs: &Range<usize>,
-    first: usize,
+    temporaries: Range<usize>,
 ) -> Option<(Program, usize)> {
+    let first = temporaries.start;
     let read = Reading::new(body, groups, outputs);
     let windows = (0..body.len())
         .step_by(WINDOW)
@@ -48,7 +49,8 @@ pub(super) fn ordered(
     }
     let (instrs, steps) = (writing.instrs, writing.steps);
     let jumps = jumps(&instrs) + 2 * steps.len();
-    if body.len() > WINDOW && 4 * jumps > 3 * self::jumps(body) {
+    let is_dear = writing.next[1] > 2 * temporaries.end + WINDOW;
+    if body.len() > WINDOW && (4 * jumps > 3 * self::jumps(body) || is_dear) {
         return None;
     }
     let program = match steps[..] {
