@@ -96,6 +96,15 @@ fn sparse_and_dense_solvers_find_one_solution() {
 }
 
 #[test]
+fn what_is_neither_sparse_nor_small_is_left_to_newton() {
+    let functions = chain(false, false);
+    let most = falling(&functions, 18, Solver::NodeSchur, 3);
+    assert_eq!(most.stats().newton_steps, 3);
+    let error = apart(&most.state, &falling(&functions, 8, Solver::Auto, 3).state);
+    assert!(error < 1e-12, "{error:e} apart");
+}
+
+#[test]
 fn a_loop_is_closed_by_sparse_solvers_too() {
     let functions = chain(true, false);
     let [auto, schur, newton] = SOLVERS.map(|solver| falling(&functions, 2, solver, 20));
