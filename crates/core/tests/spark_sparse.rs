@@ -2,7 +2,6 @@
 
 mod support;
 
-use liouville_core::method::Stepper;
 use liouville_core::method::spark::{Solver, Spark};
 use liouville_core::problem::mechanical::Model;
 use liouville_core::trouble::Trouble;
