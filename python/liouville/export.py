@@ -229,8 +229,10 @@ def _read(path: Path, are_all: bool = True) -> Solution:
         with _needed("xarray").open_dataset(
             path, decode_times=False, mask_and_scale=False, **options
         ) as opened:
-            step = 1 if are_all else max(1, opened.sizes["time"] - 1)
-            dataset = _complex(opened.isel(time=slice(None, None, step)).load())
+            if not are_all:
+                step = max(1, opened.sizes["time"] - 1)
+                opened = opened.isel(time=slice(None, None, step))
+            dataset = _complex(opened.load())
     except (OSError, KeyError, ValueError) as error:
         raise ValueError(f"{str(path)!r} cannot be read as {path.suffix}: {error}") from error
     found = dataset.attrs.get(MARK)
