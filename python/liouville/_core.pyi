@@ -12,6 +12,7 @@ _Term = tuple[int, int, float, "Rows"]
 
 __all__ = [
     "OPERATIONS",
+    "VERSION",
     "Hamiltonian",
     "Mechanical",
     "Operator",
@@ -41,6 +42,7 @@ __all__ = [
 ]
 
 OPERATIONS: dict[str, int]
+VERSION: str
 
 @final
 class Tape:
@@ -126,7 +128,9 @@ class SemiExplicit:
 
 @final
 class Run:
-    def advance(self, seconds: float) -> Literal["paused", "done"] | _Trouble: ...
+    def advance(
+        self, seconds: float, steps: int | None = None
+    ) -> Literal["paused", "done"] | _Trouble: ...
     @property
     def done(self) -> int: ...
     @property
@@ -137,6 +141,9 @@ class Run:
         self,
     ) -> tuple[list[tuple[NDArray[np.float64], NDArray[np.float64]]], tuple[int, float] | None]: ...
     def take(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]: ...
+    def collect(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]: ...
+    def save(self) -> NDArray[np.float64] | None: ...
+    def restore(self, saved: NDArray[np.float64]) -> None: ...
 
 def mechanical_run(
     problem: Mechanical | SecondOrder | Separable,

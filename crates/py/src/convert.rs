@@ -269,6 +269,7 @@ impl Rows {
         let (mut row, mut col, mut values) = (Vec::new(), Vec::new(), Vec::new());
         for i in 0..rows {
             let (places, found) = matrix.row(i);
+            #[allow(clippy::cast_possible_wrap)] // memory has not so many rows
             row.extend(places.iter().map(|_| i as i64));
             col.extend(places.iter().map(|place| i64::from(*place)));
             values.extend_from_slice(found);

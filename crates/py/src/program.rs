@@ -52,6 +52,7 @@ fn malformed() -> PyErr {
     PyValueError::new_err("these bytes are no program of a tape")
 }
 
+#[allow(clippy::cast_possible_truncation)] // seven bits at a time
 fn write(bytes: &mut Vec<u8>, kind: u8, indices: &[usize]) {
     bytes.push(kind);
     for &index in indices {

@@ -13,6 +13,7 @@ import numpy as np
 from liouville import _core
 from liouville.systems import _trace
 from liouville.systems._linear import Matrix, Term
+from liouville.systems._recorded import recorded
 from liouville.systems._travel import opened, packed
 from liouville.tape import record
 
@@ -119,6 +120,10 @@ class Observer:
     ) -> tuple[_core.Tape, dict[str, int]]:
         """Return the tape of t, x and params, and the width of each of its parts."""
         return self._record(_trace.mapping("observe", observe)) if observe else self._alone
+
+    def portable(self, observe: Mapping[str, Any] | None) -> dict[str, Any]:
+        """Return what is to be observed in a form that travels."""
+        return recorded(observe, self._symbols.args)
 
     def _record(
         self, observe: Mapping[str, Callable[..., Any]]

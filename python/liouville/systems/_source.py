@@ -56,3 +56,22 @@ class Source:
         """Travel as a function, which is read where other parameters are given."""
         own = {**self.__dict__, "_packed": self._packed}
         return {name: x for name, x in own.items() if name != "_column"}
+
+
+def unpacked(field: Any, s: Symbols) -> Any:
+    """Return what calls a CasADi function with as many of its arguments as it takes."""
+    if not isinstance(field, ca.Function):
+        return field
+    args = {1: (s.x,), 2: (s.t, s.x), 3: (s.t, s.x, s.params.vector)}.get(field.n_in())
+    if args is None or field.n_out() != 1:
+        raise ValueError(
+            f"the CasADi function '{field.name()}' has {field.n_in()} inputs and {field.n_out()} "
+            "outputs, wanted x, or t and x, or t, x and params, and one output"
+        )
+    for k, arg in enumerate(args):
+        if field.numel_in(k) != arg.numel():
+            raise ValueError(
+                f"input {k} of the CasADi function '{field.name()}' has {field.numel_in(k)} "
+                f"elements, wanted {arg.numel()}"
+            )
+    return lambda *_: field(*args)

@@ -69,6 +69,11 @@ class _Namespace:
         raise AttributeError(f"there is no parameter '{name}'; the system's parameters: {known}")
 
 
+def vector_of(namespace: Any) -> ca.SX:
+    """Return the parameters that a user's function sees by name, one after another."""
+    return ca.vertcat(ca.SX(0, 1), *vars(namespace).values())
+
+
 def _parameter(name: str, value: ArrayLike) -> np.ndarray:
     if not name.isidentifier() or keyword.iskeyword(name):
         raise ValueError(f"a parameter's name is an identifier and no keyword, not {name!r}")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
@@ -11,6 +12,7 @@ import casadi as ca
 from liouville.systems import _trace
 from liouville.systems._form import Model, Nonholonomic, Symbols
 from liouville.systems._linear import Linear
+from liouville.systems._recorded import recorded
 from liouville.systems._travel import Travels, opened, packed
 
 
@@ -77,6 +79,11 @@ class Expressed(Travels):
     @property
     def _model(self) -> Model:
         return self._traced.model
+
+    def portable(self, observe: Mapping[str, Any] | None) -> dict[str, Any]:
+        """Return what is to be observed in a form that travels."""
+        s = self._symbols
+        return recorded(observe, (s.t, s.y, s.z, s.params))
 
     def _luggage(self) -> dict[str, Any]:
         if "_packed" not in self.__dict__:

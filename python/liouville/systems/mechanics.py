@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike
 from liouville import _core
 from liouville.errors import describe, hinted
 from liouville.systems import _trace
-from liouville.systems._consistent import check_residual, projections
+from liouville.systems._consistent import check_residual, projection
 from liouville.systems._form import (
     Model,
     Symbols,
@@ -81,6 +81,7 @@ class Mechanics(Expressed):
         self.invariants = tuple(invariants)
         self._traced = Traced(symbols, model, dict(invariants), power)
         self._observers: dict[bool, tuple[_core.Tape, dict[str, int]]] = {}
+        self._projections: dict[str, Any] = {}
         self._tapes, self._patterns, self.problem = compiled(symbols, model)
 
     def __repr__(self) -> str:
@@ -228,6 +229,9 @@ class Mechanics(Expressed):
     def _project(
         self, what: str, t: float, x: np.ndarray, held: np.ndarray, params: np.ndarray
     ) -> np.ndarray:
+        if what not in self._projections:
+            named = self._holonomic, self.nonholonomic
+            self._projections[what] = projection(what, self._symbols, self._model, *named)
         tapes, patterns, names = self._projections[what]
         if not names:
             return x
@@ -263,10 +267,6 @@ class Mechanics(Expressed):
         if not is_separable(self._symbols, self._model):
             return None
         return _core.Separable(self.problem, separable(self._symbols, self._model))
-
-    @cached_property
-    def _projections(self) -> dict[str, Any]:
-        return projections(self._symbols, self._model, self._holonomic, self.nonholonomic)
 
     def reaction(
         self,

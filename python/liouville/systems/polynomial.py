@@ -7,7 +7,6 @@ from copy import copy
 from dataclasses import replace
 from typing import Any, Self
 
-import casadi as ca
 import numpy as np
 from numpy.typing import ArrayLike
 
@@ -15,7 +14,7 @@ from liouville import _core
 from liouville.errors import hinted
 from liouville.systems import _given, _sympy, _trace
 from liouville.systems._observer import Observer, Symbols
-from liouville.systems._source import Source
+from liouville.systems._source import Source, unpacked
 from liouville.systems._travel import Travels
 from liouville.terms import Terms
 
@@ -115,7 +114,7 @@ class PolynomialField(Travels):
     ) -> None:
         names = _trace.names(x, "x")
         s = Symbols(len(names), _trace.Parameters(params))
-        column = _trace.placed("field", _unpacked(field, s), s.args, names)
+        column = _trace.placed("field", unpacked(field, s), s.args, names)
         source = Source(column, s, names)
         self._build(names, s, source, source.is_driven, invariants)
 
@@ -357,6 +356,10 @@ class PolynomialField(Travels):
         """Record what a run keeps besides x; returns the tape of t, x and params, and widths."""
         return self._observer.tape(observe)
 
+    def portable(self, observe: Mapping[str, Any] | None) -> dict[str, Any]:
+        """Return what is to be observed in a form that travels."""
+        return self._observer.portable(observe)
+
 
 def check_divergence(terms: Terms, names: Sequence[str]) -> None:
     """Refuse terms whose divergence does not vanish.
@@ -382,22 +385,3 @@ def check_divergence(terms: Terms, names: Sequence[str]) -> None:
 
 def _written(value: Any) -> str:
     return f"{value:.6g}" if isinstance(value, float) else str(value)
-
-
-def _unpacked(field: Any, s: Symbols) -> Any:
-    """Return what calls a CasADi function with as many of its arguments as it takes."""
-    if not isinstance(field, ca.Function):
-        return field
-    args = {1: (s.x,), 2: (s.t, s.x), 3: (s.t, s.x, s.params.vector)}.get(field.n_in())
-    if args is None or field.n_out() != 1:
-        raise ValueError(
-            f"the CasADi function '{field.name()}' has {field.n_in()} inputs and {field.n_out()} "
-            "outputs, wanted x, or t and x, or t, x and params, and one output"
-        )
-    for k, arg in enumerate(args):
-        if field.numel_in(k) != arg.numel():
-            raise ValueError(
-                f"input {k} of the CasADi function '{field.name()}' has {field.numel_in(k)} "
-                f"elements, wanted {arg.numel()}"
-            )
-    return lambda *_: field(*args)

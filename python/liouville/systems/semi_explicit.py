@@ -13,9 +13,11 @@ from numpy.typing import ArrayLike
 from liouville import _core
 from liouville.errors import describe, hinted
 from liouville.systems import _trace
-from liouville.systems._form import entries, record_blocks
+from liouville.systems._derivatives import entries
+from liouville.systems._form import record_blocks
 from liouville.systems._index2 import Symbols, Traced
 from liouville.systems._linear import Block
+from liouville.systems._recorded import recorded
 from liouville.systems._travel import Travels, opened
 from liouville.systems.mechanics import FLOOR, TOLERANCE
 from liouville.tape import record
@@ -391,3 +393,7 @@ class SemiExplicit(Travels):
             parts[f"observed {name}"] = _trace.column(what, function, traced.symbols.args)
         tape = record("observer", traced.symbols.point, *parts.values())
         return tape, {name: x.numel() for name, x in parts.items()}
+
+    def portable(self, observe: Mapping[str, Any] | None) -> dict[str, Any]:
+        """Return what is to be observed in a form that travels."""
+        return recorded(observe, self._traced.symbols.args)

@@ -1,6 +1,6 @@
 //! Factorisations, and what to say of a matrix that has none.
 
-use super::{Matrix, Pattern, Sparse, add_scaled, dot, max_norm};
+use super::{Blocks, Matrix, Pattern, Sparse, add_scaled, dot, max_norm};
 use crate::real::Real;
 
 /// No pivot in this column: it depends on the columns before it.
@@ -193,6 +193,8 @@ fn swap_member<R: Real>(x: &mut [R], i: usize, j: usize, member: usize) {
 pub enum Factor<R = f64> {
     /// Reciprocals of the diagonal.
     Diagonal(Vec<R>),
+    /// Small blocks inverted.
+    Blocks(Box<Blocks<R>>),
     /// Dense LU.
     Dense(Lu<R>),
     /// Sparse LU.
@@ -216,12 +218,17 @@ fn prefers_sparse(pattern: &Pattern) -> bool {
     n >= 32 && (6 * pattern.len() <= n * n || n >= 160)
 }
 
+/// From this order on, a matrix is looked at for blocks.
+const MANY: usize = 24;
+
 impl<R: Real> Factor<R> {
     /// Memory for matrices of this pattern.
     pub fn new(pattern: &Pattern) -> Self {
         let (n, _) = pattern.shape();
         if pattern.is_diagonal() {
             Self::Diagonal(vec![R::splat(0.0); n])
+        } else if let Some(blocks) = Blocks::new(pattern).filter(|_| n >= MANY) {
+            Self::Blocks(Box::new(blocks))
         } else if prefers_sparse(pattern) {
             Self::Sparse(Box::new(SparseOf::new::<R>(pattern)))
         } else {
@@ -246,6 +253,7 @@ impl<R: Real> Factor<R> {
                     None => Ok(()),
                 }
             }
+            Self::Blocks(blocks) => blocks.factor(values),
             Self::Dense(lu) => {
                 lu.matrix_mut().clear();
                 pattern.add_to(values, 1.0, lu.matrix_mut(), 0, 0);
@@ -263,8 +271,27 @@ impl<R: Real> Factor<R> {
                 .iter_mut()
                 .zip(inverse.iter())
                 .for_each(|(b, inverse)| *b *= *inverse),
+            Self::Blocks(blocks) => blocks.solve(b),
             Self::Dense(lu) => lu.solve(b),
             Self::Sparse(lu) => lu.solve(b),
+        }
+    }
+
+    /// Where the inverse is not zero, if that is known.
+    pub fn inverse_pattern(&self) -> Option<Pattern> {
+        match self {
+            Self::Diagonal(inverse) => Some(Pattern::diagonal(inverse.len())),
+            Self::Blocks(blocks) => Some(blocks.pattern().clone()),
+            Self::Dense(_) | Self::Sparse(_) => None,
+        }
+    }
+
+    /// The inverse on that pattern.
+    pub fn inverse_values(&self) -> &[R] {
+        match self {
+            Self::Diagonal(inverse) => inverse,
+            Self::Blocks(blocks) => blocks.values(),
+            Self::Dense(_) | Self::Sparse(_) => &[],
         }
     }
 }

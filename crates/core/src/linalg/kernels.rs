@@ -1,11 +1,12 @@
 //! Loops over short vectors.
+#![allow(clippy::inline_always)] // what is not inlined is compiled without the registers it is for
 
 use super::Matrix;
 use crate::real::Real;
 use std::ops::Mul;
 
 /// `out += factor * x`
-#[inline]
+#[inline(always)]
 pub fn add_scaled<R: Real + Mul<F, Output = R>, F: Copy>(out: &mut [R], factor: F, x: &[R]) {
     for (out, x) in out.iter_mut().zip(x) {
         *out += *x * factor;
@@ -41,7 +42,7 @@ pub fn combine<R: Real>(
     short!(x.cols(), N => combine_short::<R, N>(out, weights, x, finish), combine_long(out, weights, x, finish));
 }
 
-#[inline]
+#[inline(always)]
 fn combine_members<R: Real>(
     out: &mut [R],
     weights: &Matrix,
@@ -115,7 +116,7 @@ pub fn copy<T: Copy>(out: &mut [T], x: &[T]) {
 }
 
 /// `out = factor * x`
-#[inline]
+#[inline(always)]
 pub fn copy_scaled<R: Real + Mul<F, Output = R>, F: Copy>(out: &mut [R], factor: F, x: &[R]) {
     for (out, x) in out.iter_mut().zip(x) {
         *out = *x * factor;
@@ -143,7 +144,7 @@ pub fn max_norm<R: Real>(x: &[R]) -> R {
 }
 
 /// `Σ x_i y_i`, over as many as both have.
-#[inline]
+#[inline(always)]
 pub fn dot<R: Real>(x: &[R], y: &[R]) -> R {
     // as the standard library sums, from −0
     x.iter()
@@ -152,7 +153,7 @@ pub fn dot<R: Real>(x: &[R], y: &[R]) -> R {
 }
 
 /// `sum += x`, and what the additions lose is added to `lost` (Knuth's two-sum).
-#[inline]
+#[inline(always)]
 pub fn gather<R: Real>(sum: &mut [R], lost: &mut [R], x: &[R]) {
     for ((sum, lost), x) in sum.iter_mut().zip(lost).zip(x) {
         let total = *sum + *x;
@@ -163,7 +164,7 @@ pub fn gather<R: Real>(sum: &mut [R], lost: &mut [R], x: &[R]) {
 }
 
 /// `sum = high + low`, and `low` becomes what the addition lost (Knuth's two-sum).
-#[inline]
+#[inline(always)]
 pub fn carry<R: Real>(high: &[R], low: &mut [R], sum: &mut [R]) {
     for ((high, low), sum) in high.iter().zip(low).zip(sum) {
         *sum = *high + *low;

@@ -7,17 +7,18 @@
 //!
 //! so that evaluation copies neither inputs nor constants nor outputs through instructions of their
 //! own. The last input group is the parameters; [`Tape::bind`] runs what depends on them alone, once.
-//! Operations and their operands are the program's own, hence its values bit for bit; what repeats in a
-//! long program runs in batches.
+//! What the program computes twice is left out the second time; operations and their operands are its own,
+//! hence its values bit for bit, and their order is one that runs fast.
 //!
 //! A tape may add [`Term`]s to its program's values: the large matrices of an assembled structure are
 //! not written out as instructions.
 
-mod batch;
 mod execute;
+mod order;
 mod plan;
 mod program;
 mod terms;
+mod values;
 
 pub use execute::Op;
 pub use terms::Term;
@@ -143,6 +144,8 @@ impl Tape {
     /// # Errors
     /// [`TapeError`] names the first line that cannot be trusted.
     pub fn new(inputs: &[usize], outputs: usize, lines: &[Line]) -> Result<Self, TapeError> {
+        Plan::new(inputs, outputs, lines)?;
+        let lines = &values::once(lines)[..];
         let plan = Plan::new(inputs, outputs, lines)?;
         let groups = groups(inputs);
         let first_output = groups.last().map_or(0, |group| group.end);
@@ -216,7 +219,7 @@ impl Tape {
                 }
             }
         }
-        match batch::batched(&body, &groups, &tape.outputs, first_temporary) {
+        match order::ordered(&body, &groups, &tape.outputs, first_temporary) {
             None => tape.body = Program::Plain(body),
             Some((program, registers)) => (tape.body, tape.registers) = (program, registers),
         }

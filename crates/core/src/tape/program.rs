@@ -1,6 +1,6 @@
 //! A program: instructions one after another, or in the steps of its batches.
 
-use super::execute::{Cheap, Instr, Strided, execute, execute_alike, execute_strided};
+use super::execute::{Instr, Strided, execute, execute_strided};
 use crate::real::Real;
 use std::ops::Range;
 
@@ -21,8 +21,6 @@ pub(super) enum Program {
 pub(super) enum Step {
     /// These instructions, one after another.
     Mixed(Range<usize>),
-    /// These instructions, all of one operation.
-    Alike(Cheap, Range<usize>),
     /// Instructions that are not written out.
     Strided(Strided),
 }
@@ -35,7 +33,7 @@ impl Program {
             Self::Batched { instrs, steps } => {
                 let strided = steps.iter().map(|step| match step {
                     Step::Strided(batch) => batch.count,
-                    _ => 0,
+                    Step::Mixed(_) => 0,
                 });
                 instrs.len() + strided.sum::<usize>()
             }
@@ -57,7 +55,6 @@ fn run_steps<R: Real>(instrs: &[Instr], steps: &[Step], registers: &mut [R]) {
     for step in steps {
         match step {
             Step::Mixed(range) => execute(&instrs[range.clone()], registers),
-            Step::Alike(op, range) => execute_alike(*op, &instrs[range.clone()], registers),
             Step::Strided(batch) => execute_strided(batch, registers),
         }
     }

@@ -62,8 +62,7 @@ class Traced:
     def __call__(self, t: ca.SX, *args: Any) -> ca.SX:
         """Apply the function to other symbols: t, those of a point if there are points, params."""
         *x, params = args
-        vector = ca.vertcat(ca.SX(0, 1), *vars(params).values())
-        return opened(self._packed, [t, *(x or [self._x]), vector])[0]
+        return opened(self._packed, [t, *(x or [self._x]), _trace.vector_of(params)])[0]
 
     def __reduce__(self) -> tuple[Any, ...]:
         """Travel without symbols."""

@@ -376,6 +376,10 @@ class Schrodinger(Travels):
         """
         return observed.observables(observe, self.frame, self._shapes, self._at_points)
 
+    def portable(self, observe: Mapping[str, Any] | None) -> dict[str, Any]:
+        """Return what is to be observed in a form that travels: functions by their values."""
+        return observed.portable(observe, self._at_points)
+
     def _at_points(self, name: str, function: Callable[..., Any]) -> np.ndarray:
         if self.grid is None:
             raise TypeError(

@@ -7,6 +7,7 @@
 
 use super::stages::{Stages, Step, Unknowns};
 use crate::linalg::{Matrix, add_scaled, combine, copy};
+use crate::memory::{Foreign, Memory};
 use crate::problem::mechanical::{Acceleration, Model, State};
 use crate::real::Real;
 use crate::tableau;
@@ -228,5 +229,30 @@ fn lagrange(
                 .map(|l| (x - nodes[*l]) / (nodes[*k] - nodes[*l]))
                 .product();
         }
+    }
+}
+
+/// The polynomials; their weights are made again, to the same bits.
+impl<R: Real> Memory for Predictor<R> {
+    fn save(&self, member: usize, out: &mut Vec<f64>) {
+        self.acceleration.save(member, out);
+        (self.h, self.begin).save(member, out);
+        for held in [&self.z, &self.v, &self.lam, &self.nu] {
+            held.flat().save(member, out);
+        }
+    }
+
+    fn restore(&mut self, member: usize, saved: &mut &[f64]) -> Result<(), Foreign> {
+        self.acceleration.restore(member, saved)?;
+        let begin = self.begin;
+        self.h.restore(member, saved)?;
+        self.begin.restore(member, saved)?;
+        for held in [&mut self.z, &mut self.v, &mut self.lam, &mut self.nu] {
+            held.flat_mut().restore(member, saved)?;
+        }
+        if begin.to_bits() != self.begin.to_bits() {
+            self.ratio = f64::NAN;
+        }
+        Ok(())
     }
 }

@@ -5,6 +5,7 @@ use crate::problem::mechanical::{Model, State, finite, finite_k};
 use crate::real::Real;
 use crate::tableau;
 use crate::trouble::{Quantity, Trouble};
+use crate::vector::wide;
 
 /// The step being made: from `state` at `t` over `h`.
 pub(super) struct Step<'a, R = f64> {
@@ -197,17 +198,18 @@ impl<R: Real> Stages<R> {
 
     /// Y_i = y0 + Σ μᵛ_ij (h b_j V_j) and Ŷ_i = y0 + Σ μ̄_ij (h b_j V_j), the low part of y0 first.
     fn move_points(&mut self, step: Step<R>) {
-        for (j, b) in self.tableau.b.iter().enumerate() {
-            copy_scaled(self.moves.row_mut(j), step.h * b, self.unknowns.v.row(j));
-        }
-        let State { y, y_low, .. } = step.state;
-        let finish = |_, k: usize, sum| y[k] + (y_low[k] + sum);
-        combine(self.y.flat_mut(), &self.tableau.mu_v, &self.moves, finish);
-        combine(
-            self.node_y.flat_mut(),
-            &self.tableau.mu_bar,
-            &self.moves,
-            finish,
+        wide::<R, _>(
+            #[inline(always)]
+            || {
+                for (j, b) in self.tableau.b.iter().enumerate() {
+                    copy_scaled(self.moves.row_mut(j), step.h * b, self.unknowns.v.row(j));
+                }
+                let State { y, y_low, .. } = step.state;
+                let finish = |_, k: usize, sum| y[k] + (y_low[k] + sum);
+                let (weights, nodes) = (&self.tableau.mu_v, &self.tableau.mu_bar);
+                combine(self.y.flat_mut(), weights, &self.moves, finish);
+                combine(self.node_y.flat_mut(), nodes, &self.moves, finish);
+            },
         );
     }
 
@@ -215,9 +217,14 @@ impl<R: Real> Stages<R> {
     pub(super) fn subtract_impulses(&mut self, step: Step<R>) {
         let (State { p, p_low, .. }, stage_p) = (step.state, &self.p);
         let out = self.momentum_residual.flat_mut();
-        combine(out, &self.force_weights, &self.impulses, |i, k, sum| {
-            (stage_p[(i, k)] - p[k]) - (p_low[k] + sum)
-        });
+        wide::<R, _>(
+            #[inline(always)]
+            || {
+                combine(out, &self.force_weights, &self.impulses, |i, k, sum| {
+                    (stage_p[(i, k)] - p[k]) - (p_low[k] + sum)
+                });
+            },
+        );
     }
 
     /// Which value is not finite.

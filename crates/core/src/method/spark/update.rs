@@ -12,6 +12,7 @@ use crate::newton::{self, Equations};
 use crate::problem::mechanical::{Model, Saddle, State, finite, finite_k};
 use crate::real::Real;
 use crate::trouble::{Quantity, Trouble};
+use crate::vector::wide;
 
 const MOST_ITERATIONS: usize = 30;
 
@@ -64,15 +65,11 @@ impl<R: Real> Update<R> {
         }
     }
 
-    /// Finds the end of the step; `z` holds a guess before and z1 afterwards.
-    pub(super) fn solve(
-        &mut self,
-        model: &mut Model<R>,
-        stages: &mut Stages<R>,
-        step: Step<R>,
-    ) -> Result<(), Trouble> {
+    /// y1, and what p gains but for the last reaction.
+    #[allow(clippy::inline_always)] // what is not inlined is compiled without the registers it is for
+    #[inline(always)]
+    fn sum_up(&mut self, stages: &Stages<R>, state: &State<R>) {
         let (s, k) = (stages.tableau.stages, stages.tableau.intervals);
-        let (h, state) = (step.h, step.state);
         copy(&mut self.y_low, &state.y_low);
         copy(&mut self.p_low, &state.p_low);
         self.y_lost.fill(R::splat(0.0));
@@ -89,7 +86,21 @@ impl<R: Real> Update<R> {
         }
         carry(&state.y, &mut self.y_low, &mut self.y);
         add_scaled(&mut self.y_low, 1.0, &self.y_lost);
+    }
 
+    /// Finds the end of the step; `z` holds a guess before and z1 afterwards.
+    pub(super) fn solve(
+        &mut self,
+        model: &mut Model<R>,
+        stages: &mut Stages<R>,
+        step: Step<R>,
+    ) -> Result<(), Trouble> {
+        let k = stages.tableau.intervals;
+        let (h, state) = (step.h, step.state);
+        wide::<R, _>(
+            #[inline(always)]
+            || self.sum_up(stages, state),
+        );
         let is_linear = model.problem.is_linear;
         let mut solve = Solve {
             update: self,

@@ -1,9 +1,10 @@
-//! Long programs in batches: the same operation on many values at once.
+//! The order of a program: the same operation on many values, one after another or at once.
 //!
-//! The program of a large mechanism repeats a few operations for each link. It is cut into windows,
-//! whose values fit the cache next to the processor. Within a window instructions are ordered by how
-//! deep the expressions are, then by operation and by the shape of the expression, and their results
-//! get registers side by side, so that most batches walk through the registers with constant strides.
+//! What costs time is less the operations than the jumps from one to the next. So a program is cut into
+//! windows, whose values fit the cache next to the processor, and within a window instructions are
+//! ordered by how deep their expressions are, then by operation and by the shape of the expression.
+//! The program of a large mechanism repeats a few operations for each link; results get registers side
+//! by side, so that most of it walks through the registers with constant strides and runs in batches.
 //! Each value is made by the same operation from the same operands, hence with the same bits.
 
 use super::execute::{Cheap, Instr, Strided};
@@ -19,17 +20,14 @@ const ENOUGH: usize = 8;
 /// Components of vectors whose instructions are told apart.
 const MOST_COMPONENTS: usize = 4;
 
-/// Orders a long body in batches, with registers from `first` on but for its outputs. Returns it with
-/// the number of registers; `None` if little of it would run in batches.
-pub(super) fn batched(
+/// Orders a body, with registers from `first` on but for its outputs. Returns it with the number of
+/// registers; `None` if it is long and that would save little.
+pub(super) fn ordered(
     body: &[Instr],
     groups: &[Range<usize>],
     outputs: &Range<usize>,
     first: usize,
 ) -> Option<(Program, usize)> {
-    if body.len() < 4 * ENOUGH {
-        return None;
-    }
     let read = Reading::new(body, groups, outputs);
     let windows = (0..body.len())
         .step_by(WINDOW)
@@ -43,18 +41,27 @@ pub(super) fn batched(
         next: [first, first + most],
         instrs: Vec::new(),
         steps: Vec::new(),
-        saved: 0,
     };
     for window in windows {
         writing.next[0] = first;
         writing.window(window);
     }
-    if writing.saved < body.len() / 8 {
+    let (instrs, steps) = (writing.instrs, writing.steps);
+    let jumps = jumps(&instrs) + 2 * steps.len();
+    if body.len() > WINDOW && 4 * jumps > 3 * self::jumps(body) {
         return None;
     }
-    let registers = writing.next[1];
-    let (instrs, steps) = (writing.instrs, writing.steps);
-    Some((Program::Batched { instrs, steps }, registers))
+    let program = match steps[..] {
+        [] | [Step::Mixed(_)] => Program::Plain(instrs),
+        _ => Program::Batched { instrs, steps },
+    };
+    Some((program, writing.next[1]))
+}
+
+/// How often the operation changes.
+fn jumps(instrs: &[Instr]) -> usize {
+    let pairs = instrs.windows(2);
+    pairs.filter(|pair| pair[0].op != pair[1].op).count()
 }
 
 /// Where an operand comes from.
@@ -89,9 +96,12 @@ struct Reading {
 
 impl Reading {
     fn new(body: &[Instr], groups: &[Range<usize>], outputs: &Range<usize>) -> Self {
-        let home = |instr: &Instr| match outputs.contains(&(instr.out as usize)) {
-            true => Home::Output,
-            false => Home::Window,
+        let home = |instr: &Instr| {
+            if outputs.contains(&(instr.out as usize)) {
+                Home::Output
+            } else {
+                Home::Window
+            }
         };
         let mut read = Self {
             operands: Vec::with_capacity(body.len()),
@@ -154,8 +164,6 @@ struct Writing<'a> {
     next: [usize; 2],
     instrs: Vec<Instr>,
     steps: Vec<Step>,
-    /// How many instructions' worth of time batches save, roughly.
-    saved: usize,
 }
 
 impl Writing<'_> {
@@ -230,37 +238,32 @@ impl Writing<'_> {
                 rest.extend(walk);
                 continue;
             }
-            self.saved += walk.len() - ENOUGH / 2;
             self.steps.push(Step::Strided(Strided {
                 op,
                 first: walk[0],
-                strides: strides(walk).map(|stride| stride as isize),
+                strides: strides(walk),
                 count: walk.len(),
             }));
         }
     }
 
-    /// Writes instructions out, in batches where there are enough of an operation.
+    /// Writes instructions out.
     fn listed(&mut self, rest: &[Instr]) {
-        for same in rest.chunk_by(|x, y| x.op == y.op) {
-            let from = self.instrs.len();
-            self.instrs.extend(same);
-            let range = from..self.instrs.len();
-            match (Cheap::of(same[0].op), self.steps.last_mut()) {
-                (Some(op), _) if same.len() >= ENOUGH => {
-                    self.saved += (same.len() - ENOUGH / 2) / 2;
-                    self.steps.push(Step::Alike(op, range));
-                }
-                (_, Some(Step::Mixed(last))) => last.end = range.end,
-                _ => self.steps.push(Step::Mixed(range)),
-            }
+        let from = self.instrs.len();
+        self.instrs.extend(rest);
+        let end = self.instrs.len();
+        match self.steps.last_mut() {
+            Some(Step::Mixed(last)) => last.end = end,
+            _ if from < end => self.steps.push(Step::Mixed(from..end)),
+            _ => {}
         }
     }
 }
 
 /// How far the second instruction's registers are from the first one's.
-fn strides(instrs: &[Instr]) -> [i64; 3] {
-    let far = |from: u32, to: u32| i64::from(to) - i64::from(from);
+#[allow(clippy::cast_possible_wrap)] // there are less than 2^31 registers
+fn strides(instrs: &[Instr]) -> [i32; 3] {
+    let far = |from: u32, to: u32| to as i32 - from as i32;
     let (x, y) = (instrs[0], instrs[1]);
     [far(x.out, y.out), far(x.a, y.a), far(x.b, y.b)]
 }
@@ -333,7 +336,10 @@ mod tests {
     }
 
     #[test]
-    fn a_short_program_keeps_its_order() {
-        assert!(matches!(chain(4).body, Program::Plain(_)));
+    fn a_short_program_runs_operation_by_operation() {
+        let Program::Plain(instrs) = &chain(3).body else {
+            panic!("a program without batches");
+        };
+        assert_eq!(super::jumps(instrs), 3); // Sub, Sq, Twice, Add
     }
 }
