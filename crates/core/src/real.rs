@@ -5,7 +5,7 @@
 //! use whatever vector width the target has.
 #![allow(clippy::inline_always)] // an operation on lanes must vanish into the loop around it
 
-use std::ops::{Add, Div, Mul, Neg, Sub};
+use std::ops::{Add, AddAssign, Div, Mul, MulAssign, Neg, Sub, SubAssign};
 
 /// What a state is made of: a number, or the same number of several trajectories.
 pub trait Scalar: Copy + Send + Sync + 'static {
@@ -18,6 +18,14 @@ pub trait Scalar: Copy + Send + Sync + 'static {
     fn member(&self, member: usize) -> f64;
     /// Sets the value of one member.
     fn set_member(&mut self, member: usize, value: f64);
+    /// The values themselves, where there is one member only.
+    fn alone(_x: &[Self]) -> Option<&[f64]> {
+        None
+    }
+    /// The same, to write.
+    fn alone_mut(_x: &mut [Self]) -> Option<&mut [f64]> {
+        None
+    }
 }
 
 /// A real number, or several in lock-step.
@@ -26,8 +34,12 @@ pub trait Real:
     + Add<Output = Self>
     + Sub<Output = Self>
     + Mul<Output = Self>
+    + Mul<f64, Output = Self>
     + Div<Output = Self>
     + Neg<Output = Self>
+    + AddAssign
+    + SubAssign
+    + MulAssign
 {
     /// Applies a scalar function lane by lane.
     #[must_use]
@@ -35,6 +47,8 @@ pub trait Real:
     /// Applies a scalar function of two arguments lane by lane.
     #[must_use]
     fn zip(self, other: Self, f: impl Fn(f64, f64) -> f64) -> Self;
+    /// Whether it holds for every member.
+    fn all(self, f: impl Fn(f64) -> bool) -> bool;
 }
 
 impl Scalar for f64 {
@@ -52,6 +66,14 @@ impl Scalar for f64 {
     fn set_member(&mut self, _: usize, value: f64) {
         *self = value;
     }
+    #[inline(always)]
+    fn alone(x: &[f64]) -> Option<&[f64]> {
+        Some(x)
+    }
+    #[inline(always)]
+    fn alone_mut(x: &mut [f64]) -> Option<&mut [f64]> {
+        Some(x)
+    }
 }
 
 impl Real for f64 {
@@ -62,6 +84,10 @@ impl Real for f64 {
     #[inline(always)]
     fn zip(self, other: Self, f: impl Fn(f64, f64) -> f64) -> Self {
         f(self, other)
+    }
+    #[inline(always)]
+    fn all(self, f: impl Fn(f64) -> bool) -> bool {
+        f(self)
     }
 }
 
@@ -99,6 +125,11 @@ impl<const W: usize> Real for Lanes<W> {
     fn zip(self, other: Self, f: impl Fn(f64, f64) -> f64) -> Self {
         Self(std::array::from_fn(|i| f(self.0[i], other.0[i])))
     }
+    #[inline(always)]
+    fn all(self, f: impl Fn(f64) -> bool) -> bool {
+        // without a way out, so that several are looked at in one instruction
+        self.0.into_iter().fold(true, |all, x| all & f(x))
+    }
 }
 
 impl<const W: usize> Add for Lanes<W> {
@@ -122,6 +153,35 @@ impl<const W: usize> Mul for Lanes<W> {
     #[inline(always)]
     fn mul(self, other: Self) -> Self {
         self.zip(other, |a, b| a * b)
+    }
+}
+
+impl<const W: usize> Mul<f64> for Lanes<W> {
+    type Output = Self;
+    #[inline(always)]
+    fn mul(self, factor: f64) -> Self {
+        self.map(|a| a * factor)
+    }
+}
+
+impl<const W: usize> AddAssign for Lanes<W> {
+    #[inline(always)]
+    fn add_assign(&mut self, other: Self) {
+        *self = *self + other;
+    }
+}
+
+impl<const W: usize> SubAssign for Lanes<W> {
+    #[inline(always)]
+    fn sub_assign(&mut self, other: Self) {
+        *self = *self - other;
+    }
+}
+
+impl<const W: usize> MulAssign for Lanes<W> {
+    #[inline(always)]
+    fn mul_assign(&mut self, other: Self) {
+        *self = *self * other;
     }
 }
 

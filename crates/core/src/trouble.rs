@@ -95,6 +95,25 @@ pub enum Trouble {
 }
 
 impl Trouble {
+    /// Whose trouble it is among several, where that is known.
+    pub fn member(&self) -> Option<usize> {
+        match self {
+            Self::Singular { member, .. }
+            | Self::Overflow { member, .. }
+            | Self::Member { member, .. } => Some(*member),
+            _ => None,
+        }
+    }
+
+    /// The trouble itself, by whomever.
+    #[must_use]
+    pub fn itself(self) -> Self {
+        match self {
+            Self::Member { trouble, .. } => *trouble,
+            own => own,
+        }
+    }
+
     /// The trouble as one of a group of members that begins with this one.
     #[must_use]
     pub fn of_member(mut self, first: usize) -> Self {

@@ -9,8 +9,10 @@ mod composition;
 mod convert;
 mod errors;
 mod ladder;
+mod mechanical_ensemble;
 mod mechanical_run;
 mod operator;
+mod program;
 mod project;
 mod run;
 mod schrodinger;
@@ -36,6 +38,8 @@ mod _core {
     use super::convert::{Mechanical, Rows, Tape};
     #[pymodule_export]
     use super::ladder::{ladder, stability};
+    #[pymodule_export]
+    use super::mechanical_ensemble::mechanical_ensemble;
     #[pymodule_export]
     use super::mechanical_run::mechanical_run;
     #[pymodule_export]
@@ -66,6 +70,7 @@ mod _core {
         for (code, op) in Op::ALL.iter().enumerate() {
             codes.set_item(op.name(), code)?;
         }
-        module.add("OPERATIONS", codes)
+        module.add("OPERATIONS", codes)?;
+        module.add("VERSION", env!("CARGO_PKG_VERSION"))
     }
 }

@@ -5,7 +5,6 @@ use crate::errors::refused;
 use crate::run::Run;
 use crate::tableau::scheme_named;
 use liouville_core::ensemble::{Ensemble, Layout};
-
 use liouville_core::method::composition::Composed;
 use liouville_core::method::volume::{
     Determinant, Direction, Observer, Plane, Section, Seen, Volume,
@@ -182,59 +181,78 @@ fn side_by_side<S: Stored>(x: &[&[f64]]) -> Vec<S> {
 }
 
 /// What every run of a split field begins with.
-struct Begin<'a> {
-    split: &'a Arc<polynomial::Split>,
+struct Begin {
+    split: Arc<polynomial::Split>,
     scheme: &'static Scheme,
     seen: Seen,
     observer: liouville_core::tape::Tape,
-    params: &'a [f64],
+    params: Vec<f64>,
     /// (t0, t1, steps, every)
     span: (f64, f64, usize, usize),
     is_compensated: bool,
     states: bool,
+    /// Rows of n values.
+    x: Vec<f64>,
 }
 
-type Member = (Box<dyn Advance + Sync>, usize);
 type Single<S> = run::Run<Composed<Volume<S>>, Observer<S>, Equal>;
 
-impl Begin<'_> {
+impl Begin {
     /// What steps all of them.
     fn stepper<S: Stored>(&self, threads: usize) -> Composed<Volume<S>> {
         let volume = Volume::new(self.split.clone(), self.is_compensated).with_threads(threads);
         Composed::new(volume, self.scheme)
     }
 
-    /// A run of these trajectories, which are rows of n values, in lock-step.
+    /// A run of these members in lock-step.
     fn run<S: Stored>(
         &self,
         stepper: Composed<Volume<S>>,
-        x: &[&[f64]],
+        members: &[usize],
     ) -> Result<Single<S>, Trouble> {
         let (t0, t1, steps, every) = self.span;
         let volume = stepper.parts();
-        let state = volume.state(&side_by_side(x));
+        let state = volume.state(&side_by_side(&rows_of(&self.x, self.split.n(), members)));
         let observer = Observer::new(
             volume.clone(),
             self.seen.clone(),
-            x.len(),
+            members.len(),
             self.observer.clone(),
-            self.params,
+            &self.params,
             self.states,
         );
         let pace = Equal::new(t0, (t1 - t0) / steps as f64, steps);
         run::Run::new(stepper, observer, state, pace, every, steps / every + 2)
     }
 
-    /// Runs of so many trajectories each, and how many of them there are.
-    fn blocks<const W: usize>(&self, x: &[&[f64]]) -> Result<Vec<Member>, Trouble> {
-        let stepper = self.stepper::<Lanes<W>>(1);
-        let member = |(place, block): (usize, &[&[f64]])| {
-            let run = self.run(stepper.clone(), block);
-            let run = run.map_err(|trouble| trouble.of_member(place * W))?;
-            Ok((Box::new(run) as Box<dyn Advance + Sync>, block.len()))
+    /// All members, in blocks.
+    fn ensemble(self, width: usize, threads: usize) -> Ensemble {
+        let members = self.x.len() / self.split.n();
+        let block = if members < BLOCK * threads {
+            SMALL_BLOCK
+        } else {
+            BLOCK
         };
-        x.chunks(W).enumerate().map(member).collect()
+        let times = run::times(self.span);
+        let t0 = self.span.0;
+        let many = self.stepper::<Lanes<BLOCK>>(1);
+        let few = self.stepper::<Lanes<SMALL_BLOCK>>(1);
+        let begin = move |members: &[usize]| -> Result<Box<dyn Advance + Sync>, Trouble> {
+            Ok(if members.len() > SMALL_BLOCK {
+                Box::new(self.run(many.clone(), members)?)
+            } else {
+                Box::new(self.run(few.clone(), members)?)
+            })
+        };
+        let layout = Layout::Together { times, width };
+        Ensemble::new(Box::new(begin), (members, block), threads, layout, t0)
     }
+}
+
+/// Rows of these members.
+fn rows_of<'a>(x: &'a [f64], n: usize, members: &[usize]) -> Vec<&'a [f64]> {
+    let row = |member: &usize| &x[member * n..(member + 1) * n];
+    members.iter().map(row).collect()
 }
 
 /// A run about to start, of one trajectory or an ensemble, which are the rows of `x`.
@@ -270,27 +288,22 @@ pub(crate) fn split_run<'py>(
     }
     let width = observer.0.outputs() + if options.1 { seen.n } else { 0 };
     let begin = Begin {
-        split: &split.0,
+        split: split.0.clone(),
         scheme: scheme_named(scheme)?,
         seen,
         observer: liouville_core::tape::Tape::clone(&observer.0),
-        params: params.as_slice()?,
+        params: params.as_slice()?.to_vec(),
         span,
         is_compensated: options.0,
         states: options.1,
+        x: x.as_slice()?.to_vec(),
     };
-    let rows: Vec<&[f64]> = x.as_slice()?.chunks(n).collect();
     if !is_ensemble {
-        let run = begin.run(begin.stepper::<f64>(threads), &rows[..1]);
+        let run = begin.run(begin.stepper::<f64>(threads), &[0]);
         return Run::handed(py, run, &[width]);
     }
-    let runs = if rows.len() < BLOCK * threads {
-        begin.blocks::<SMALL_BLOCK>(&rows)
-    } else {
-        begin.blocks::<BLOCK>(&rows)
-    };
-    let ensemble = runs.map(|runs| Ensemble::new(runs, threads, Layout::Together));
-    Run::handed(py, ensemble, &[rows.len(), width])
+    let shape = [x.shape()[0], width];
+    Run::handed(py, Ok(begin.ensemble(width, threads)), &shape)
 }
 
 /// How a plane crosses the border: (normal, offset, period, 1 up or −1 down or 0 both).
@@ -330,24 +343,25 @@ pub(crate) fn section_run<'py>(
         return Err(malformed(n));
     }
     let scheme = scheme_named(scheme)?;
-    let width = 2 + seen.n;
-    let rows: Vec<&[f64]> = x.as_slice()?.chunks(n).collect();
+    let (width, members) = (2 + seen.n, x.shape()[0]);
+    let x = x.as_slice()?.to_vec();
     let many = Volume::<Lanes<SMALL_BLOCK>>::new(split.0.clone(), is_compensated);
     let one = Volume::<f64>::new(split.0.clone(), is_compensated);
-    let cut = |(block, x): (usize, &[&[f64]])| {
+    let cut = move |members: &[usize]| -> Result<Box<dyn Advance + Sync>, Trouble> {
         let (volume, single) = (many.clone(), one.clone());
-        let state = volume.state(&side_by_side(x));
+        let state = volume.state(&side_by_side(&rows_of(&x, n, members)));
         let scalar = (single.clone(), Composed::new(single, scheme));
-        let members = (block * SMALL_BLOCK, x.len());
-        let observer = Section::new(volume.clone(), scalar, seen.clone(), members, plane.clone());
+        let (seen, plane) = (seen.clone(), plane.clone());
+        let observer = Section::new(volume.clone(), scalar, seen, members.to_vec(), plane);
         let pace = Equal::new(span.0, (span.1 - span.0) / span.2 as f64, span.2);
-        let run = run::Run::new(Composed::new(volume, scheme), observer, state, pace, 1, 0)
-            .map_err(|trouble| trouble.of_member(members.0))?;
-        Ok((Box::new(run) as Box<dyn Advance + Sync>, x.len()))
+        let stepper = Composed::new(volume, scheme);
+        Ok(Box::new(run::Run::new(
+            stepper, observer, state, pace, 1, 0,
+        )?))
     };
-    let runs: Result<Vec<_>, Trouble> = rows.chunks(SMALL_BLOCK).enumerate().map(cut).collect();
-    let ensemble = runs.map(|runs| Ensemble::new(runs, threads, Layout::Apart));
-    Run::handed(py, ensemble, &[width])
+    let blocks = (members, SMALL_BLOCK);
+    let ensemble = Ensemble::new(Box::new(cut), blocks, threads, Layout::Apart, span.0);
+    Run::handed(py, Ok(ensemble), &[width])
 }
 
 /// The variables the user sees.

@@ -1,19 +1,21 @@
 //! One sparse matrix made of blocks, whose places are found once.
 
 use super::Pattern;
+use crate::real::Real;
+use std::ops::Mul;
 
 /// The sum of blocks put at their places in a larger matrix, where they may overlap.
 ///
 /// The pattern is the union of theirs, column by column; what [`Assembly::add`] does is one loop.
 #[derive(Clone, Debug)]
-pub struct Assembly {
+pub struct Assembly<R = f64> {
     pattern: Pattern,
-    values: Vec<f64>,
+    values: Vec<R>,
     /// For each block, where each of its entries goes.
     slots: Vec<Vec<usize>>,
 }
 
-impl Assembly {
+impl<R: Real> Assembly<R> {
     /// A matrix of zeros of this shape, for blocks `(pattern, row, column)` with their corners there.
     ///
     /// # Panics
@@ -40,7 +42,7 @@ impl Assembly {
         let slots = places.iter().map(|block| block.iter().map(slot).collect());
         Self {
             slots: slots.collect(),
-            values: vec![0.0; union.len()],
+            values: vec![R::splat(0.0); union.len()],
             pattern: Pattern {
                 rows,
                 cols,
@@ -51,7 +53,7 @@ impl Assembly {
 
     /// Every value set to zero.
     pub fn clear(&mut self) {
-        self.values.fill(0.0);
+        self.values.fill(R::splat(0.0));
     }
 
     /// Adds `factor` times the block with these values on its own pattern.
@@ -59,11 +61,14 @@ impl Assembly {
     /// # Panics
     /// When there is no such block, or it has not as many values.
     #[inline]
-    pub fn add(&mut self, block: usize, values: &[f64], factor: f64) {
+    pub fn add<F: Copy>(&mut self, block: usize, values: &[R], factor: F)
+    where
+        R: Mul<F, Output = R>,
+    {
         let slots = &self.slots[block];
         assert_eq!(slots.len(), values.len(), "values of block {block}");
         for (slot, value) in slots.iter().zip(values) {
-            self.values[*slot] += factor * value;
+            self.values[*slot] += *value * factor;
         }
     }
 
@@ -73,7 +78,7 @@ impl Assembly {
     }
 
     /// The values, in the order of the pattern.
-    pub fn values(&self) -> &[f64] {
+    pub fn values(&self) -> &[R] {
         &self.values
     }
 

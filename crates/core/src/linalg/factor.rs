@@ -1,6 +1,7 @@
 //! Factorisations, and what to say of a matrix that has none.
 
-use super::{Matrix, Pattern, Sparse, add_scaled, dot, max_norm};
+use super::{Blocks, Matrix, Pattern, Sparse, add_scaled, dot, max_norm};
+use crate::real::Real;
 
 /// No pivot in this column: it depends on the columns before it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -9,31 +10,36 @@ pub struct Singular {
     pub column: usize,
 }
 
-/// Dense LU with row pivoting, each row measured by its own largest entry.
+/// Dense LU with row pivoting, each row measured by its own largest entry; each of several members has
+/// pivots of its own.
 #[derive(Clone, Debug)]
-pub struct Lu {
-    factors: Matrix,
+pub struct Lu<R = f64> {
+    factors: Matrix<R>,
+    /// For each column the row it was swapped with, of each member.
     swaps: Vec<usize>,
-    scale: Vec<f64>,
+    scale: Vec<R>,
+    /// Candidates for a pivot.
+    sizes: Vec<R>,
 }
 
-impl Lu {
+impl<R: Real> Lu<R> {
     /// Memory for matrices of order `n`.
     pub fn new(n: usize) -> Self {
         Self {
             factors: Matrix::zeros(n, n),
-            swaps: vec![0; n],
-            scale: vec![0.0; n],
+            swaps: vec![0; n * R::MEMBERS],
+            scale: vec![R::splat(0.0); n],
+            sizes: vec![R::splat(0.0); n],
         }
     }
 
     /// The order of the matrix.
     pub fn order(&self) -> usize {
-        self.swaps.len()
+        self.scale.len()
     }
 
     /// The matrix to factor, to be overwritten; call [`Lu::factor`] afterwards.
-    pub fn matrix_mut(&mut self) -> &mut Matrix {
+    pub fn matrix_mut(&mut self) -> &mut Matrix<R> {
         &mut self.factors
     }
 
@@ -43,33 +49,21 @@ impl Lu {
     /// The first column whose best pivot is at roundoff of its row.
     pub fn factor(&mut self) -> Result<(), Singular> {
         let n = self.order();
-        #[allow(clippy::cast_precision_loss)]
-        let tiny = 4.0 * n as f64 * f64::EPSILON;
         for i in 0..n {
             self.scale[i] = max_norm(self.factors.row(i));
         }
         for k in 0..n {
-            let (mut best, mut size) = (k, 0.0);
-            for i in k..n {
-                let candidate = self.factors[(i, k)].abs() / self.scale[i];
-                if candidate > size {
-                    (best, size) = (i, candidate);
-                }
-            }
-            if !(size > tiny && size.is_finite()) {
-                return Err(Singular { column: k });
-            }
-            self.factors.swap_rows(k, best);
-            self.scale.swap(k, best);
-            self.swaps[k] = best;
+            self.pivot(k)?;
             let (head, tail) = self.factors.flat_mut().split_at_mut((k + 1) * n);
             let pivot_row = &head[k * n..];
-            let inverse = 1.0 / pivot_row[k];
+            let inverse = R::splat(1.0) / pivot_row[k];
             for row in tail.chunks_exact_mut(n) {
                 let factor = row[k] * inverse;
                 row[k] = factor;
-                if factor != 0.0 {
+                if factor.all(|factor| factor != 0.0) {
                     add_scaled(&mut row[k + 1..], -factor, &pivot_row[k + 1..]);
+                } else {
+                    eliminate_some(&mut row[k + 1..], factor, &pivot_row[k + 1..]);
                 }
             }
             self.factors[(k, k)] = inverse; // solves multiply
@@ -77,21 +71,49 @@ impl Lu {
         Ok(())
     }
 
-    /// The determinant of the matrix.
-    pub fn determinant(&self) -> f64 {
-        let pivots = self.swaps.iter().enumerate().map(|(k, swap)| {
-            let sign = if k == *swap { 1.0 } else { -1.0 };
-            sign / self.factors[(k, k)]
-        });
-        pivots.product()
+    /// Brings the largest pivot of column `k` into its place, for each member.
+    fn pivot(&mut self, k: usize) -> Result<(), Singular> {
+        let n = self.order();
+        #[allow(clippy::cast_precision_loss)]
+        let tiny = 4.0 * n as f64 * f64::EPSILON;
+        for i in k..n {
+            self.sizes[i] = self.factors[(i, k)].map(f64::abs) / self.scale[i];
+        }
+        let swaps = &mut self.swaps[k * R::MEMBERS..(k + 1) * R::MEMBERS];
+        for (member, swap) in swaps.iter_mut().enumerate() {
+            let (mut best, mut size) = (k, 0.0);
+            for (i, candidate) in self.sizes.iter().enumerate().skip(k) {
+                let candidate = candidate.member(member);
+                if candidate > size {
+                    (best, size) = (i, candidate);
+                }
+            }
+            if !(size > tiny && size.is_finite()) {
+                return Err(Singular { column: k });
+            }
+            *swap = best;
+        }
+        let first = swaps[0];
+        if swaps.iter().all(|swap| *swap == first) {
+            self.factors.swap_rows(k, first);
+            self.scale.swap(k, first);
+            return Ok(());
+        }
+        for (member, swap) in swaps.iter().enumerate() {
+            for j in 0..n {
+                swap_member(self.factors.flat_mut(), k * n + j, swap * n + j, member);
+            }
+            swap_member(&mut self.scale, k, *swap, member);
+        }
+        Ok(())
     }
 
     /// Solves `A x = b` in place.
     #[inline]
-    pub fn solve(&self, b: &mut [f64]) {
+    pub fn solve(&self, b: &mut [R]) {
         let n = self.order();
-        for (k, swap) in self.swaps.iter().enumerate() {
-            b.swap(k, *swap);
+        for (k, swaps) in self.swaps.chunks_exact(R::MEMBERS).enumerate() {
+            swap(b, k, swaps);
         }
         for i in 1..n {
             let (head, tail) = b.split_at_mut(i);
@@ -105,7 +127,7 @@ impl Lu {
     }
 
     /// Solves `A^T x = b` in place.
-    pub fn solve_transposed(&self, b: &mut [f64]) {
+    pub fn solve_transposed(&self, b: &mut [R]) {
         let n = self.order();
         for i in 0..n {
             let row = self.factors.row(i);
@@ -117,21 +139,75 @@ impl Lu {
             let (head, tail) = b.split_at_mut(i);
             add_scaled(head, -tail[0], &self.factors.row(i)[..i]);
         }
-        for (k, swap) in self.swaps.iter().enumerate().rev() {
-            b.swap(k, *swap);
+        for (k, swaps) in self.swaps.chunks_exact(R::MEMBERS).enumerate().rev() {
+            swap(b, k, swaps);
         }
     }
 }
 
+impl Lu {
+    /// The determinant of the matrix.
+    pub fn determinant(&self) -> f64 {
+        let pivots = self.swaps.iter().enumerate().map(|(k, swap)| {
+            let sign = if k == *swap { 1.0 } else { -1.0 };
+            sign / self.factors[(k, k)]
+        });
+        pivots.product()
+    }
+}
+
+/// `row -= factor * pivot_row` for those members whose factor is not zero: they alone do that.
+#[cold]
+fn eliminate_some<R: Real>(row: &mut [R], factor: R, pivot_row: &[R]) {
+    for member in 0..R::MEMBERS {
+        let factor = factor.member(member);
+        if factor == 0.0 {
+            continue;
+        }
+        for (out, x) in row.iter_mut().zip(pivot_row) {
+            out.set_member(member, out.member(member) + -factor * x.member(member));
+        }
+    }
+}
+
+/// Swaps place `k` with that of each member.
+#[inline]
+fn swap<R: Real>(x: &mut [R], k: usize, with: &[usize]) {
+    if with.iter().all(|other| *other == with[0]) {
+        x.swap(k, with[0]);
+        return;
+    }
+    for (member, other) in with.iter().enumerate() {
+        swap_member(x, k, *other, member);
+    }
+}
+
+fn swap_member<R: Real>(x: &mut [R], i: usize, j: usize, member: usize) {
+    let (a, b) = (x[i].member(member), x[j].member(member));
+    x[i].set_member(member, b);
+    x[j].set_member(member, a);
+}
+
 /// A square matrix ready to be solved with, as its pattern allows; the choice is made once.
 #[derive(Clone, Debug)]
-pub enum Factor {
+pub enum Factor<R = f64> {
     /// Reciprocals of the diagonal.
-    Diagonal(Vec<f64>),
+    Diagonal(Vec<R>),
+    /// Small blocks inverted.
+    Blocks(Box<Blocks<R>>),
     /// Dense LU.
-    Dense(Lu),
+    Dense(Lu<R>),
     /// Sparse LU.
-    Sparse(Box<Sparse>),
+    Sparse(Box<SparseOf>),
+}
+
+/// Sparse LU of each member.
+#[derive(Clone, Debug)]
+pub struct SparseOf {
+    members: Vec<Sparse>,
+    /// Values and a vector of one member.
+    values: Vec<f64>,
+    x: Vec<f64>,
 }
 
 /// Whether the sparse LU is the faster one. Measured, dense over sparse: chains (three entries a row)
@@ -142,14 +218,19 @@ fn prefers_sparse(pattern: &Pattern) -> bool {
     n >= 32 && (6 * pattern.len() <= n * n || n >= 160)
 }
 
-impl Factor {
+/// From this order on, a matrix is looked at for blocks.
+const MANY: usize = 24;
+
+impl<R: Real> Factor<R> {
     /// Memory for matrices of this pattern.
     pub fn new(pattern: &Pattern) -> Self {
         let (n, _) = pattern.shape();
         if pattern.is_diagonal() {
-            Self::Diagonal(vec![0.0; n])
+            Self::Diagonal(vec![R::splat(0.0); n])
+        } else if let Some(blocks) = Blocks::new(pattern).filter(|_| n >= MANY) {
+            Self::Blocks(Box::new(blocks))
         } else if prefers_sparse(pattern) {
-            Self::Sparse(Box::new(Sparse::new(pattern)))
+            Self::Sparse(Box::new(SparseOf::new::<R>(pattern)))
         } else {
             Self::Dense(Lu::new(n))
         }
@@ -159,18 +240,20 @@ impl Factor {
     ///
     /// # Errors
     /// The first column without a pivot.
-    pub fn factor(&mut self, pattern: &Pattern, values: &[f64]) -> Result<(), Singular> {
+    pub fn factor(&mut self, pattern: &Pattern, values: &[R]) -> Result<(), Singular> {
         match self {
             Self::Diagonal(inverse) => {
-                inverse.fill(0.0);
+                inverse.fill(R::splat(0.0));
                 for (&(row, _), value) in pattern.entries().iter().zip(values) {
-                    inverse[row] = 1.0 / value;
+                    inverse[row] = R::splat(1.0) / *value;
                 }
-                match inverse.iter().position(|x| *x == 0.0 || !x.is_finite()) {
+                let is_fine = |x: &R| x.all(|x| x != 0.0 && x.is_finite());
+                match inverse.iter().position(|x| !is_fine(x)) {
                     Some(column) => Err(Singular { column }),
                     None => Ok(()),
                 }
             }
+            Self::Blocks(blocks) => blocks.factor(values),
             Self::Dense(lu) => {
                 lu.matrix_mut().clear();
                 pattern.add_to(values, 1.0, lu.matrix_mut(), 0, 0);
@@ -182,14 +265,72 @@ impl Factor {
 
     /// Solves `A x = b` in place.
     #[inline]
-    pub fn solve(&mut self, b: &mut [f64]) {
+    pub fn solve(&mut self, b: &mut [R]) {
         match self {
             Self::Diagonal(inverse) => b
                 .iter_mut()
                 .zip(inverse.iter())
-                .for_each(|(b, inverse)| *b *= inverse),
+                .for_each(|(b, inverse)| *b *= *inverse),
+            Self::Blocks(blocks) => blocks.solve(b),
             Self::Dense(lu) => lu.solve(b),
             Self::Sparse(lu) => lu.solve(b),
+        }
+    }
+
+    /// Where the inverse is not zero, if that is known.
+    pub fn inverse_pattern(&self) -> Option<Pattern> {
+        match self {
+            Self::Diagonal(inverse) => Some(Pattern::diagonal(inverse.len())),
+            Self::Blocks(blocks) => Some(blocks.pattern().clone()),
+            Self::Dense(_) | Self::Sparse(_) => None,
+        }
+    }
+
+    /// The inverse on that pattern.
+    pub fn inverse_values(&self) -> &[R] {
+        match self {
+            Self::Diagonal(inverse) => inverse,
+            Self::Blocks(blocks) => blocks.values(),
+            Self::Dense(_) | Self::Sparse(_) => &[],
+        }
+    }
+}
+
+impl SparseOf {
+    fn new<R: Real>(pattern: &Pattern) -> Self {
+        let several = usize::from(R::MEMBERS > 1);
+        Self {
+            members: vec![Sparse::new(pattern); R::MEMBERS],
+            values: vec![0.0; several * pattern.len()],
+            x: vec![0.0; several * pattern.shape().0],
+        }
+    }
+
+    fn factor<R: Real>(&mut self, values: &[R]) -> Result<(), Singular> {
+        if let Some(values) = R::alone(values) {
+            return self.members[0].factor(values);
+        }
+        for (member, lu) in self.members.iter_mut().enumerate() {
+            for (out, value) in self.values.iter_mut().zip(values) {
+                *out = value.member(member);
+            }
+            lu.factor(&self.values)?;
+        }
+        Ok(())
+    }
+
+    fn solve<R: Real>(&mut self, b: &mut [R]) {
+        if let Some(b) = R::alone_mut(b) {
+            return self.members[0].solve(b);
+        }
+        for (member, lu) in self.members.iter_mut().enumerate() {
+            for (x, b) in self.x.iter_mut().zip(&*b) {
+                *x = b.member(member);
+            }
+            lu.solve(&mut self.x);
+            for (b, x) in b.iter_mut().zip(&self.x) {
+                b.set_member(member, *x);
+            }
         }
     }
 }

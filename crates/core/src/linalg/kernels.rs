@@ -1,12 +1,15 @@
 //! Loops over short vectors.
+#![allow(clippy::inline_always)] // what is not inlined is compiled without the registers it is for
 
 use super::Matrix;
+use crate::real::Real;
+use std::ops::Mul;
 
 /// `out += factor * x`
-#[inline]
-pub fn add_scaled(out: &mut [f64], factor: f64, x: &[f64]) {
+#[inline(always)]
+pub fn add_scaled<R: Real + Mul<F, Output = R>, F: Copy>(out: &mut [R], factor: F, x: &[R]) {
     for (out, x) in out.iter_mut().zip(x) {
-        *out += factor * x;
+        *out += *x * factor;
     }
 }
 
@@ -26,29 +29,52 @@ macro_rules! short {
 
 /// `out_ik = finish(i, k, Σ_j weights_ij x_jk)`, for as many rows as both `out` and `weights` have.
 #[inline]
-pub fn combine(
-    out: &mut [f64],
+pub fn combine<R: Real>(
+    out: &mut [R],
     weights: &Matrix,
-    x: &Matrix,
-    finish: impl Fn(usize, usize, f64) -> f64,
+    x: &Matrix<R>,
+    finish: impl Fn(usize, usize, R) -> R,
 ) {
-    short!(x.cols(), N => combine_short::<N>(out, weights, x, finish), combine_long(out, weights, x, finish));
+    if R::MEMBERS > 1 {
+        // a sum of several members is kept in registers as it is
+        return combine_members(out, weights, x, finish);
+    }
+    short!(x.cols(), N => combine_short::<R, N>(out, weights, x, finish), combine_long(out, weights, x, finish));
+}
+
+#[inline(always)]
+fn combine_members<R: Real>(
+    out: &mut [R],
+    weights: &Matrix,
+    x: &Matrix<R>,
+    finish: impl Fn(usize, usize, R) -> R,
+) {
+    let rows = weights.flat().chunks_exact(weights.cols());
+    for (i, (out, weights)) in out.chunks_exact_mut(x.cols()).zip(rows).enumerate() {
+        for (k, out) in out.iter_mut().enumerate() {
+            let mut sum = R::splat(0.0);
+            for (weight, x) in weights.iter().zip(x.flat().chunks_exact(x.cols())) {
+                sum += x[k] * *weight;
+            }
+            *out = finish(i, k, sum);
+        }
+    }
 }
 
 #[inline]
-fn combine_short<const N: usize>(
-    out: &mut [f64],
+fn combine_short<R: Real, const N: usize>(
+    out: &mut [R],
     weights: &Matrix,
-    x: &Matrix,
-    finish: impl Fn(usize, usize, f64) -> f64,
+    x: &Matrix<R>,
+    finish: impl Fn(usize, usize, R) -> R,
 ) {
     let (out, x) = (out.as_chunks_mut::<N>().0, x.flat().as_chunks::<N>().0);
     let rows = weights.flat().chunks_exact(weights.cols());
     for (i, (out, weights)) in out.iter_mut().zip(rows).enumerate() {
-        let mut sum = [0.0; N];
+        let mut sum = [R::splat(0.0); N];
         for (weight, x) in weights.iter().zip(x) {
             for k in 0..N {
-                sum[k] += weight * x[k];
+                sum[k] += x[k] * *weight;
             }
         }
         for k in 0..N {
@@ -57,15 +83,15 @@ fn combine_short<const N: usize>(
     }
 }
 
-fn combine_long(
-    out: &mut [f64],
+fn combine_long<R: Real>(
+    out: &mut [R],
     weights: &Matrix,
-    x: &Matrix,
-    finish: impl Fn(usize, usize, f64) -> f64,
+    x: &Matrix<R>,
+    finish: impl Fn(usize, usize, R) -> R,
 ) {
     let rows = weights.flat().chunks_exact(weights.cols());
     for (i, (out, weights)) in out.chunks_exact_mut(x.cols()).zip(rows).enumerate() {
-        out.fill(0.0);
+        out.fill(R::splat(0.0));
         for (weight, x) in weights.iter().zip(x.flat().chunks_exact(x.cols())) {
             add_scaled(out, *weight, x);
         }
@@ -90,55 +116,59 @@ pub fn copy<T: Copy>(out: &mut [T], x: &[T]) {
 }
 
 /// `out = factor * x`
-#[inline]
-pub fn copy_scaled(out: &mut [f64], factor: f64, x: &[f64]) {
+#[inline(always)]
+pub fn copy_scaled<R: Real + Mul<F, Output = R>, F: Copy>(out: &mut [R], factor: F, x: &[R]) {
     for (out, x) in out.iter_mut().zip(x) {
-        *out = factor * x;
+        *out = *x * factor;
     }
 }
 
 /// Largest magnitude; NaN counts as infinite.
 #[inline]
-pub fn max_norm(x: &[f64]) -> f64 {
+pub fn max_norm<R: Real>(x: &[R]) -> R {
     const SIGN: u64 = 1 << 63;
     // magnitudes are ordered as their bits are, NaN last, and these compare side by side
+    let larger = |a: f64, b: f64| f64::from_bits(a.to_bits().max(b.to_bits() & !SIGN));
     let (chunks, rest) = x.as_chunks::<4>();
-    let mut largest = [0_u64; 4];
+    let mut largest = [R::splat(0.0); 4];
     for chunk in chunks {
         for (largest, x) in largest.iter_mut().zip(chunk) {
-            *largest = (*largest).max(x.to_bits() & !SIGN);
+            *largest = largest.zip(*x, larger);
         }
     }
-    let rest = rest.iter().map(|x| x.to_bits() & !SIGN);
-    let largest = f64::from_bits(largest.into_iter().chain(rest).fold(0, u64::max));
-    if largest.is_nan() {
-        f64::INFINITY
-    } else {
-        largest
-    }
+    let largest = largest
+        .iter()
+        .chain(rest)
+        .fold(R::splat(0.0), |a, b| a.zip(*b, larger));
+    largest.map(|x| if x.is_nan() { f64::INFINITY } else { x })
 }
 
 /// `Σ x_i y_i`, over as many as both have.
-#[inline]
-pub fn dot(x: &[f64], y: &[f64]) -> f64 {
-    x.iter().zip(y).map(|(x, y)| x * y).sum()
+#[inline(always)]
+pub fn dot<R: Real>(x: &[R], y: &[R]) -> R {
+    // as the standard library sums, from −0
+    x.iter()
+        .zip(y)
+        .fold(R::splat(-0.0), |sum, (x, y)| sum + *x * *y)
 }
 
 /// `sum += x`, and what the additions lose is added to `lost` (Knuth's two-sum).
-pub fn gather(sum: &mut [f64], lost: &mut [f64], x: &[f64]) {
+#[inline(always)]
+pub fn gather<R: Real>(sum: &mut [R], lost: &mut [R], x: &[R]) {
     for ((sum, lost), x) in sum.iter_mut().zip(lost).zip(x) {
-        let total = *sum + x;
+        let total = *sum + *x;
         let part = total - *sum;
-        *lost += (*sum - (total - part)) + (x - part);
+        *lost += (*sum - (total - part)) + (*x - part);
         *sum = total;
     }
 }
 
 /// `sum = high + low`, and `low` becomes what the addition lost (Knuth's two-sum).
-pub fn carry(high: &[f64], low: &mut [f64], sum: &mut [f64]) {
+#[inline(always)]
+pub fn carry<R: Real>(high: &[R], low: &mut [R], sum: &mut [R]) {
     for ((high, low), sum) in high.iter().zip(low).zip(sum) {
-        *sum = high + *low;
-        let part = *sum - high;
-        *low = (high - (*sum - part)) + (*low - part);
+        *sum = *high + *low;
+        let part = *sum - *high;
+        *low = (*high - (*sum - part)) + (*low - part);
     }
 }

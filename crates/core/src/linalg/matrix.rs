@@ -1,27 +1,28 @@
 //! A small dense matrix.
 
+use crate::real::Real;
 use std::ops::{Index, IndexMut};
 
 /// A dense matrix, row by row.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Matrix {
+pub struct Matrix<R = f64> {
     rows: usize,
     cols: usize,
-    data: Vec<f64>,
+    data: Vec<R>,
 }
 
-impl Matrix {
+impl<R: Real> Matrix<R> {
     /// A matrix of zeros.
     pub fn zeros(rows: usize, cols: usize) -> Self {
         Self {
             rows,
             cols,
-            data: vec![0.0; rows * cols],
+            data: vec![R::splat(0.0); rows * cols],
         }
     }
 
     /// A matrix from a function of row and column.
-    pub fn from_fn(rows: usize, cols: usize, f: impl Fn(usize, usize) -> f64) -> Self {
+    pub fn from_fn(rows: usize, cols: usize, f: impl Fn(usize, usize) -> R) -> Self {
         let data = (0..rows)
             .flat_map(|i| (0..cols).map(move |j| (i, j)))
             .map(|(i, j)| f(i, j));
@@ -34,13 +35,13 @@ impl Matrix {
 
     /// Row `i`.
     #[inline]
-    pub fn row(&self, i: usize) -> &[f64] {
+    pub fn row(&self, i: usize) -> &[R] {
         &self.data[i * self.cols..(i + 1) * self.cols]
     }
 
     /// Row `i`, to write.
     #[inline]
-    pub fn row_mut(&mut self, i: usize) -> &mut [f64] {
+    pub fn row_mut(&mut self, i: usize) -> &mut [R] {
         &mut self.data[i * self.cols..(i + 1) * self.cols]
     }
 
@@ -58,18 +59,18 @@ impl Matrix {
 
     /// Every entry set to zero.
     pub fn clear(&mut self) {
-        self.data.fill(0.0);
+        self.data.fill(R::splat(0.0));
     }
 
     /// All entries, row by row.
     #[inline]
-    pub fn flat(&self) -> &[f64] {
+    pub fn flat(&self) -> &[R] {
         &self.data
     }
 
     /// All entries, row by row, to write.
     #[inline]
-    pub fn flat_mut(&mut self) -> &mut [f64] {
+    pub fn flat_mut(&mut self) -> &mut [R] {
         &mut self.data
     }
 
@@ -82,17 +83,17 @@ impl Matrix {
     }
 }
 
-impl Index<(usize, usize)> for Matrix {
-    type Output = f64;
+impl<R> Index<(usize, usize)> for Matrix<R> {
+    type Output = R;
     #[inline]
-    fn index(&self, (i, j): (usize, usize)) -> &f64 {
+    fn index(&self, (i, j): (usize, usize)) -> &R {
         &self.data[i * self.cols + j]
     }
 }
 
-impl IndexMut<(usize, usize)> for Matrix {
+impl<R> IndexMut<(usize, usize)> for Matrix<R> {
     #[inline]
-    fn index_mut(&mut self, (i, j): (usize, usize)) -> &mut f64 {
+    fn index_mut(&mut self, (i, j): (usize, usize)) -> &mut R {
         &mut self.data[i * self.cols + j]
     }
 }

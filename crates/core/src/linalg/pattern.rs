@@ -1,6 +1,7 @@
 //! Sparsity patterns, for matrices whose values come from a tape.
 
 use super::Matrix;
+use crate::real::Real;
 
 /// Where the nonzeros of a matrix are; their values come from a tape, in the same order.
 #[derive(Clone, Debug, PartialEq)]
@@ -107,22 +108,30 @@ impl Pattern {
 
     /// `out += factor * A x`
     #[inline]
-    pub fn multiply_add(&self, values: &[f64], factor: f64, x: &[f64], out: &mut [f64]) {
+    pub fn multiply_add<R: Real>(&self, values: &[R], factor: f64, x: &[R], out: &mut [R]) {
         for (&(row, col), value) in self.entries.iter().zip(values) {
-            out[row] += factor * value * x[col];
+            out[row] += *value * factor * x[col];
         }
     }
 
     /// Adds `factor * A` to `target`, its corner at `(row, col)`.
-    pub fn add_to(&self, values: &[f64], factor: f64, target: &mut Matrix, row: usize, col: usize) {
+    pub fn add_to<R: Real>(
+        &self,
+        values: &[R],
+        factor: f64,
+        target: &mut Matrix<R>,
+        row: usize,
+        col: usize,
+    ) {
         for (&(i, j), value) in self.entries.iter().zip(values) {
-            target[(row + i, col + j)] += factor * value;
+            target[(row + i, col + j)] += *value * factor;
         }
     }
+
     /// Adds Aᵀ to `target`, from its row `first` on.
-    pub fn add_transposed(&self, values: &[f64], target: &mut Matrix, first: usize) {
+    pub fn add_transposed<R: Real>(&self, values: &[R], target: &mut Matrix<R>, first: usize) {
         for (&(i, j), value) in self.entries.iter().zip(values) {
-            target[(first + j, i)] += value;
+            target[(first + j, i)] += *value;
         }
     }
 }

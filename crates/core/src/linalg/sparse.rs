@@ -49,7 +49,7 @@ impl Sparse {
     pub fn new(pattern: &Pattern) -> Self {
         let (n, cols) = pattern.shape();
         assert_eq!(n, cols, "rows and columns of a matrix to factor");
-        let (columns, slots) = Assembly::new((n, n), &[(pattern, 0, 0)]).into_slots();
+        let (columns, slots) = Assembly::<f64>::new((n, n), &[(pattern, 0, 0)]).into_slots();
         let entries = columns.entries();
         let starts = (0..=n).map(|j| entries.partition_point(|(_, col)| *col < j));
         let rows = entries.iter().map(|(row, _)| *row).collect();

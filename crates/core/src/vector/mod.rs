@@ -11,7 +11,7 @@ mod windows;
 pub use windows::Singly;
 
 use crate::real::Scalar;
-use pulp::Arch;
+use pulp::{Arch, Simd, WithSimd};
 use std::ops::{Add, Div, Mul, Sub};
 
 /// What a kernel computes with.
@@ -107,6 +107,27 @@ impl Default for Machine {
     /// The widest this machine has.
     fn default() -> Self {
         Self(Arch::new())
+    }
+}
+
+struct Whole<F>(F);
+
+impl<O, F: FnOnce() -> O> WithSimd for Whole<F> {
+    type Output = O;
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, _: S) -> O {
+        (self.0)()
+    }
+}
+
+/// Runs `f`, which is to be inlined, with the widest registers that this machine has, where it works on
+/// several members.
+#[inline(always)]
+pub fn wide<R: Scalar, O>(f: impl FnOnce() -> O) -> O {
+    if R::MEMBERS == 1 {
+        f()
+    } else {
+        Arch::new().dispatch(Whole(f))
     }
 }
 

@@ -12,13 +12,8 @@ use liouville_core::tape::Tape;
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 
-pub(super) fn alpha<'py>(
-    py: Python<'py>,
-    problem: &SecondOrder,
-    method: &Bound<'_, PyAny>,
-    observer: Tape,
-    begin: &Begin<'_>,
-) -> PyResult<Bound<'py, PyAny>> {
+/// Coefficients and reactions of such a method, as Python says them.
+pub(crate) fn read(method: &Bound<'_, PyAny>) -> PyResult<(tableau::Alpha, Reactions)> {
     let (alpha_m, alpha_f, gamma, beta) = method.getattr("coefficients")?.extract()?;
     let weights = tableau::Alpha {
         alpha_m,
@@ -39,6 +34,17 @@ pub(super) fn alpha<'py>(
             )));
         }
     };
+    Ok((weights, reactions))
+}
+
+pub(super) fn alpha<'py>(
+    py: Python<'py>,
+    problem: &SecondOrder,
+    method: &Bound<'_, PyAny>,
+    observer: Tape,
+    begin: &Begin<'_>,
+) -> PyResult<Bound<'py, PyAny>> {
+    let (weights, reactions) = read(method)?;
     let n = problem.0.mechanical.n;
     begin.check(n, problem.0.mechanical.stage.inputs()[3], &observer, 3)?;
     begin.control.check(n)?;

@@ -1,10 +1,10 @@
 //! Runs of mechanical systems: a problem, a method and start values become a stepper in the loop.
 
-mod alpha;
+pub(crate) mod alpha;
 mod control;
 mod launch;
 mod rattle;
-mod spark;
+pub(crate) mod spark;
 
 use crate::convert::{self, Mechanical};
 use crate::second_order::{SecondOrder, Separable};

@@ -63,8 +63,6 @@ struct Begin {
     stops: Vec<(f64, usize)>,
 }
 
-type Member = (Box<dyn Advance + Sync>, usize);
-
 impl Begin {
     /// What makes products for wave functions in lock-step.
     fn sweeper<S: Stored>(&self, threads: usize, patience: Patience) -> Sweeper<S> {
@@ -116,40 +114,51 @@ impl Begin {
         Ok(Box::new(run))
     }
 
-    /// Runs of so many wave functions in lock-step each, `first` being the first of them.
-    fn blocks(&self, method: &Lockstep, psi: &[&[Complex64]]) -> Result<Vec<Member>, Trouble> {
-        let run = |(place, psi): (usize, &[&[Complex64]])| {
-            let sweeper = self.sweeper::<Lanes<WIDTH>>(1, Patience::default());
-            let run = self.started(method.stepper(sweeper), psi);
-            let run = run.map_err(|trouble| trouble.of_member(place * WIDTH))?;
-            Ok((run, WIDTH))
-        };
-        psi.chunks_exact(WIDTH).enumerate().map(run).collect()
+    /// A run of wave functions in lock-step.
+    fn block(
+        &self,
+        method: &Lockstep,
+        psi: &[&[Complex64]],
+    ) -> Result<Box<dyn Advance + Sync>, Trouble> {
+        let sweeper = self.sweeper::<Lanes<WIDTH>>(1, Patience::default());
+        self.started(method.stepper(sweeper), psi)
     }
 
-    /// Runs of all of them: in lock-step if they share a matrix by rows, the rest one by one.
-    fn ensemble(&self, psi: &[&[Complex64]]) -> Result<Vec<Member>, Trouble> {
-        let mut runs = match &self.method {
-            Method::Lockstep(method) if self.hamiltonian.reach().is_some() => {
-                self.blocks(method, psi)?
-            }
-            _ => Vec::new(),
+    /// All of them, which are rows of n values: in lock-step if they share a matrix by rows and are not too few.
+    fn ensemble(self, psi: Vec<Complex64>, n: usize, threads: usize) -> Ensemble {
+        let members = psi.len() / n;
+        let is_lockstep =
+            matches!(self.method, Method::Lockstep(_)) && self.hamiltonian.reach().is_some();
+        let block = if is_lockstep && 2 * members >= WIDTH {
+            WIDTH
+        } else {
+            1
         };
-        for member in runs.len() * WIDTH..psi.len() {
-            let run = self.single(1, Patience::default(), &psi[member..=member]);
-            runs.push((run.map_err(|trouble| trouble.of_member(member))?, 1));
-        }
-        Ok(runs)
+        let ends = self.stops.iter().map(|(t, _)| *t);
+        let layout = Layout::Together {
+            times: std::iter::once(self.t0).chain(ends).collect(),
+            width: Observer::new(1, self.states, self.observables.clone()).columns(n),
+        };
+        let t0 = self.t0;
+        let begin = move |members: &[usize]| {
+            let row = |member: &usize| &psi[member * n..(member + 1) * n];
+            let rows: Vec<&[Complex64]> = members.iter().map(row).collect();
+            match &self.method {
+                Method::Lockstep(method) if members.len() > 1 => self.block(method, &rows),
+                _ => self.single(1, Patience::default(), &rows),
+            }
+        };
+        Ensemble::new(Box::new(begin), (members, block), threads, layout, t0)
     }
 }
 
-/// Wave functions in lock-step.
+/// Wave functions in lock-step; places without one follow the last.
 fn side_by_side<S: Stored>(psi: &[&[Complex64]]) -> Wave<S> {
     let part = |of: fn(&Complex64) -> f64| {
         let mut values = vec![S::splat(0.0); psi[0].len()];
         for (i, value) in values.iter_mut().enumerate() {
             for member in 0..S::MEMBERS {
-                value.set_member(member, of(&psi[member][i]));
+                value.set_member(member, of(&psi[member.min(psi.len() - 1)][i]));
             }
         }
         values
@@ -202,9 +211,7 @@ pub(crate) fn schrodinger_run<'py>(
         caught.push(signals);
         return Run::caught(py, run, &[width], caught);
     }
-    let ensemble = begin.ensemble(&rows).map(|runs| {
-        let ensemble = Ensemble::new(runs, threads, Layout::Together);
-        Box::new(ensemble) as Box<dyn Advance + Sync>
-    });
-    Run::caught(py, ensemble, &[rows.len(), width], caught)
+    let shape = [rows.len(), width];
+    let ensemble = begin.ensemble(psi.as_slice()?.to_vec(), n, threads);
+    Run::caught(py, Ok(Box::new(ensemble)), &shape, caught)
 }

@@ -1,6 +1,7 @@
 //! Where λ of a step is looked for: on the cubic through those of the four steps before.
 
 use crate::linalg::{add_scaled, copy};
+use crate::memory::{Foreign, Memory};
 
 /// λ of steps of one size, as many as a polynomial takes.
 const POINTS: usize = 4;
@@ -62,5 +63,23 @@ impl Guess {
     /// The next step starts cold.
     pub(super) fn forget(&mut self) {
         self.count = 0;
+    }
+}
+
+impl Memory for Guess {
+    fn save(&self, member: usize, out: &mut Vec<f64>) {
+        self.h.save(member, out);
+        self.known.save(member, out);
+        self.count.save(member, out);
+    }
+
+    fn restore(&mut self, member: usize, saved: &mut &[f64]) -> Result<(), Foreign> {
+        self.h.restore(member, saved)?;
+        self.known.restore(member, saved)?;
+        self.count.restore(member, saved)?;
+        if self.count > POINTS {
+            return Err(Foreign);
+        }
+        Ok(())
     }
 }

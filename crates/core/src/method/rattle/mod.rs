@@ -16,7 +16,7 @@ mod inertia;
 mod positions;
 mod reactions;
 
-use super::{Stats, Stepper, Symmetric};
+use super::{Foreign, Memory, Stats, Stepper, Symmetric};
 use crate::linalg::{add_scaled, carry, copy};
 use crate::newton;
 use crate::problem::mechanical::{SeparableModel, State};
@@ -182,3 +182,30 @@ impl Stepper for Rattle {
 }
 
 impl Symmetric for Rattle {}
+
+/// The multipliers before, and where f and G are those of the next start.
+impl Memory for Rattle {
+    fn save(&self, member: usize, out: &mut Vec<f64>) {
+        self.guess.save(member, out);
+        self.start.save(member, out);
+        self.start_y.save(member, out);
+    }
+
+    fn restore(&mut self, member: usize, saved: &mut &[f64]) -> Result<(), Foreign> {
+        self.guess.restore(member, saved)?;
+        self.start.restore(member, saved)?;
+        self.start_y.restore(member, saved)?;
+        if let Some(t) = self.start {
+            let force = self.model.force(t, &self.start_y).map_err(|_| Foreign)?;
+            copy(&mut self.force, force);
+            let (reactions, model) = (&mut self.reactions, &mut self.model);
+            let started = reactions.start_at(model, t, &self.start_y);
+            // where G is constant this is done once
+            let factored = started.and_then(|()| reactions.factor(model));
+            if model.problem.mechanical.m > 0 {
+                factored.map_err(|_| Foreign)?;
+            }
+        }
+        Ok(())
+    }
+}

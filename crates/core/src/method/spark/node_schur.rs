@@ -6,73 +6,110 @@
 //! with G_i = g_y and R_l = r_λ at nodes i and l, frozen at the start of the iteration, and B at its
 //! middle stage. The error shrinks by O(h²) a correction where B is constant and the forces do not
 //! depend on z, by O(h) otherwise. With Λ = h λ the matrix is O(1) as h → 0.
+#![allow(clippy::inline_always)] // what is not inlined is compiled without the registers it is for
 
-use super::stages::{Stages, Step};
-use crate::linalg::{Lu, Matrix, add_scaled, combine, copy, copy_scaled, max_norm};
+use super::sparse_schur::SparseSchur;
+use super::stages::{Stages, Step, Unknowns};
+use crate::linalg::{Lu, Matrix, Singular, add_scaled, combine, copy, copy_scaled, max_norm};
 use crate::newton::Equations;
 use crate::problem::mechanical::{Mass, Mechanical, Model, add_product, explain, finite};
+use crate::real::Real;
 use crate::trouble::{Quantity, Trouble};
+use crate::vector::wide;
 use std::sync::Arc;
 
 /// Frozen blocks and the factored Schur complement.
 #[derive(Clone, Debug)]
-pub(super) struct NodeSchur {
+pub(super) struct NodeSchur<R = f64> {
     problem: Arc<Mechanical>,
-    mass: Mass,
+    mass: Mass<R>,
     /// ā without its first row, which is zero, and â without its last column, and ā â.
     a_bar: Matrix,
     a_hat: Matrix,
     product: Matrix,
-    g_y: Matrix,
-    r_lam: Matrix,
-    compliance: Vec<Matrix>,
-    schur: Lu,
-    velocity: Matrix,
-    node_velocity: Matrix,
-    d_lam: Vec<f64>,
-    impulse: Matrix,
-    d_z: Matrix,
-    d_v: Matrix,
+    g_y: Matrix<R>,
+    r_lam: Matrix<R>,
+    matrix: Schur<R>,
+    velocity: Matrix<R>,
+    node_velocity: Matrix<R>,
+    d_lam: Vec<R>,
+    impulse: Matrix<R>,
+    d_z: Matrix<R>,
+    d_v: Matrix<R>,
+    /// What has been found for members that take no further corrections.
+    kept: Option<Box<Unknowns<R>>>,
 }
 
+/// S, factored.
+#[derive(Clone, Debug)]
+enum Schur<R> {
+    Dense {
+        compliance: Vec<Matrix<R>>,
+        lu: Lu<R>,
+    },
+    Sparse(Box<SparseSchur<R>>),
+    /// Neither sparse nor small: full Newton is the better way.
+    Missing,
+}
+
+/// A dense matrix of a larger order is not factored, nor made of a larger compliance: sparse full Newton takes
+/// less time.
+const LARGEST_DENSE: usize = 400;
+const LARGEST_COMPLIANCE: usize = 10_000_000;
+
 /// The stage equations of one step, solved by node Schur.
-pub(super) struct Solve<'a> {
-    solver: &'a mut NodeSchur,
-    stages: &'a mut Stages,
-    model: &'a mut Model,
-    step: Step<'a>,
+pub(super) struct Solve<'a, R = f64> {
+    solver: &'a mut NodeSchur<R>,
+    stages: &'a mut Stages<R>,
+    model: &'a mut Model<R>,
+    step: Step<'a, R>,
     is_frozen: bool,
 }
 
-impl NodeSchur {
-    pub(super) fn new(model: &Model, stages: &Stages) -> Self {
+impl<R: Real> NodeSchur<R> {
+    pub(super) fn new(model: &Model<R>, stages: &Stages<R>) -> Self {
         let (n, m) = (model.problem.n, model.problem.m);
         let (s, k) = (stages.tableau.stages, stages.tableau.intervals);
         let at = &model.problem.patterns;
         let (a_bar, a_hat) = (&stages.tableau.a_bar, &stages.tableau.a_hat);
+        let product = Matrix::from_fn(k, k, |i, l| {
+            (0..s).map(|j| a_bar[(i + 1, j)] * a_hat[(j, l)]).sum()
+        });
+        let mass = Mass::new(model);
+        let matrix = match SparseSchur::new(&model.problem, &mass, &product) {
+            Some(sparse) => Schur::Sparse(Box::new(sparse)),
+            None if k * m > LARGEST_DENSE || k * m * n > LARGEST_COMPLIANCE => Schur::Missing,
+            None => Schur::Dense {
+                compliance: vec![Matrix::zeros(m, n); k],
+                lu: Lu::new(k * m),
+            },
+        };
         Self {
             problem: model.problem.clone(),
-            mass: Mass::new(model),
-            product: Matrix::from_fn(k, k, |i, l| {
-                (0..s).map(|j| a_bar[(i + 1, j)] * a_hat[(j, l)]).sum()
-            }),
+            mass,
+            product,
             a_bar: Matrix::from_fn(k, s, |i, j| a_bar[(i + 1, j)]),
             a_hat: Matrix::from_fn(s, k, |i, l| a_hat[(i, l)]),
             g_y: Matrix::zeros(k + 1, at.g_y.len()),
             r_lam: Matrix::zeros(k + 1, at.r_lam.len()),
-            compliance: vec![Matrix::zeros(m, n); k],
-            schur: Lu::new(k * m),
+            matrix,
             velocity: Matrix::zeros(s, n),
             node_velocity: Matrix::zeros(k, n),
-            d_lam: vec![0.0; k * m],
+            d_lam: vec![R::splat(0.0); k * m],
             impulse: Matrix::zeros(k, n),
             d_z: Matrix::zeros(s, n),
             d_v: Matrix::zeros(s, n),
+            kept: (R::MEMBERS > 1).then(|| Box::new(stages.unknowns.clone())),
         }
     }
 
+    /// Whether there is a matrix to solve with.
+    pub(super) fn is_able(&self) -> bool {
+        !matches!(self.matrix, Schur::Missing)
+    }
+
     /// Finds the moves −h b_j (B R2_j + R1_j), below the last bit of V_j, that the residuals still ask for.
-    pub(super) fn find_lost_moves(&mut self, stages: &mut Stages, step: Step) {
+    pub(super) fn find_lost_moves(&mut self, stages: &mut Stages<R>, step: Step<R>) {
         stages.subtract_impulses(step);
         for j in 0..stages.tableau.stages {
             let u = self.velocity.row_mut(j);
@@ -84,13 +121,34 @@ impl NodeSchur {
         }
     }
 
+    /// Factors S with the blocks as they are frozen.
+    fn factor(&mut self) -> Result<(), Singular> {
+        let (compliance, lu) = match &mut self.matrix {
+            Schur::Sparse(sparse) => return sparse.factor(&self.mass, &self.g_y, &self.r_lam),
+            Schur::Dense { compliance, lu } => (compliance, lu),
+            Schur::Missing => return Err(Singular { column: 0 }),
+        };
+        let (at, m) = (&self.problem.patterns, self.problem.m);
+        lu.matrix_mut().clear();
+        for (l, compliance) in compliance.iter_mut().enumerate() {
+            let r_lam = self.r_lam.row(l);
+            self.mass.compliance(&at.r_lam, r_lam, compliance);
+            for k in 0..self.product.rows() {
+                let (g_y, corner) = (self.g_y.row(k + 1), (k * m, l * m));
+                let factor = self.product[(k, l)];
+                add_product(&at.g_y, g_y, factor, compliance, lu.matrix_mut(), corner);
+            }
+        }
+        lu.factor()
+    }
+
     /// The equations of one step, its blocks still to be frozen.
     pub(super) fn start<'a>(
         &'a mut self,
-        stages: &'a mut Stages,
-        model: &'a mut Model,
-        step: Step<'a>,
-    ) -> Solve<'a> {
+        stages: &'a mut Stages<R>,
+        model: &'a mut Model<R>,
+        step: Step<'a, R>,
+    ) -> Solve<'a, R> {
         Solve {
             solver: self,
             stages,
@@ -101,7 +159,7 @@ impl NodeSchur {
     }
 }
 
-impl Solve<'_> {
+impl<R: Real> Solve<'_, R> {
     fn freeze(&mut self) -> Result<(), Trouble> {
         let Self {
             solver,
@@ -122,7 +180,6 @@ impl Solve<'_> {
         if m == 0 {
             return Ok(());
         }
-        let problem = &solver.problem;
         for j in 0..=nodes {
             let t = stages.node_time(*step, j);
             let [g_y, r_lam] =
@@ -132,38 +189,14 @@ impl Solve<'_> {
             copy(solver.g_y.row_mut(j), g_y);
             copy(solver.r_lam.row_mut(j), r_lam);
         }
-        solver.schur.matrix_mut().clear();
-        for l in 0..nodes {
-            solver.mass.compliance(
-                &problem.patterns.r_lam,
-                solver.r_lam.row(l),
-                &mut solver.compliance[l],
-            );
-            for k in 0..nodes {
-                let (g_y, corner) = (solver.g_y.row(k + 1), (k * m, l * m));
-                let factor = solver.product[(k, l)];
-                let target = solver.schur.matrix_mut();
-                add_product(
-                    &problem.patterns.g_y,
-                    g_y,
-                    factor,
-                    &solver.compliance[l],
-                    target,
-                    corner,
-                );
-            }
-        }
-        let singular = |_| {
-            explain(
-                &problem.patterns.g_y,
-                solver.g_y.row(nodes),
-                Trouble::SingularNewton,
-            )
-        };
-        solver.schur.factor().map_err(singular)
+        solver.factor().map_err(|_| {
+            let (at, g_y) = (&solver.problem.patterns, solver.g_y.row(nodes));
+            explain(&at.g_y, g_y, Trouble::SingularNewton)
+        })
     }
 
     /// Λ: the velocities B R2_j + R1_j that the residuals alone would take away must meet g.
+    #[inline(always)]
     fn solve_multipliers(&mut self) {
         let (solver, stages, h) = (&mut *self.solver, &mut *self.stages, self.step.h);
         let (nodes, m) = (stages.tableau.intervals, solver.problem.m);
@@ -174,6 +207,23 @@ impl Solve<'_> {
             solver.mass.solve_velocity(u);
             add_scaled(u, 1.0, stages.velocity_residual.row(j));
         }
+        let lu = match &mut solver.matrix {
+            Schur::Dense { lu, .. } => lu,
+            Schur::Sparse(sparse) => {
+                sparse.solve(
+                    (&solver.a_bar, &solver.a_hat),
+                    (&solver.velocity, &stages.momentum_residual),
+                    (&stages.g, h),
+                    &mut solver.d_lam,
+                    &mut solver.d_z,
+                );
+                for (l, d_lam) in solver.d_lam.chunks_exact(m).enumerate() {
+                    add_scaled(stages.unknowns.lam.row_mut(l), 1.0 / h, d_lam);
+                }
+                return;
+            }
+            Schur::Missing => return,
+        };
         combine(
             solver.node_velocity.flat_mut(),
             &solver.a_bar,
@@ -183,12 +233,12 @@ impl Solve<'_> {
         for k in 0..nodes {
             let out = &mut solver.d_lam[k * m..(k + 1) * m];
             for (out, g) in out.iter_mut().zip(stages.g.row(k + 1)) {
-                *out = -g / h;
+                *out = -*g / R::splat(h);
             }
             at.g_y
                 .multiply_add(solver.g_y.row(k + 1), 1.0, solver.node_velocity.row(k), out);
         }
-        solver.schur.solve(&mut solver.d_lam);
+        lu.solve(&mut solver.d_lam);
         solver.impulse.clear();
         for l in 0..nodes {
             let (d_lam, r_lam) = (&solver.d_lam[l * m..(l + 1) * m], solver.r_lam.row(l));
@@ -196,23 +246,29 @@ impl Solve<'_> {
                 .multiply_add(r_lam, 1.0, d_lam, solver.impulse.row_mut(l));
             add_scaled(stages.unknowns.lam.row_mut(l), 1.0 / h, d_lam);
         }
+        self.combine_impulses();
+    }
+
+    /// Σ â_il R_l dΛ_l − R2_i
+    fn combine_impulses(&mut self) {
+        let residual = &self.stages.momentum_residual;
+        combine(
+            self.solver.d_z.flat_mut(),
+            &self.solver.a_hat,
+            &self.solver.impulse,
+            |i, k, sum| sum - residual[(i, k)],
+        );
     }
 
     /// dZ_i = p_z⁻¹ (Σ â_il R_l dΛ_l − R2_i), dV_i = v_z dZ_i − R1_i; returns the largest dV.
-    fn correct_stages(&mut self) -> f64 {
+    #[inline(always)]
+    fn correct_stages(&mut self) -> R {
         let (solver, stages) = (&mut *self.solver, &mut *self.stages);
-        let residual = &stages.momentum_residual;
-        combine(
-            solver.d_z.flat_mut(),
-            &solver.a_hat,
-            &solver.impulse,
-            |i, k, sum| sum - residual[(i, k)],
-        );
         for i in 0..stages.tableau.stages {
             let (d_z, d_v) = (solver.d_z.row_mut(i), solver.d_v.row_mut(i));
             solver.mass.solve(d_z);
             for (d_v, residual) in d_v.iter_mut().zip(stages.velocity_residual.row(i)) {
-                *d_v = -residual;
+                *d_v = -*residual;
             }
             solver.mass.add_velocity(d_z, d_v);
         }
@@ -222,32 +278,52 @@ impl Solve<'_> {
     }
 
     /// What is corrected in the multipliers need not show in the velocities where r is not linear.
-    fn multiplier_size(&mut self) -> f64 {
+    fn multiplier_size(&mut self) -> R {
         let (solver, m) = (&mut *self.solver, self.model.problem.m);
         if self.model.problem.is_linear || m == 0 {
-            return 0.0;
+            return R::splat(0.0);
         }
         let corrections = solver.d_lam.chunks_exact(m).enumerate();
-        corrections.fold(0.0, |size, (l, d_lam)| {
+        corrections.fold(R::splat(0.0), |size, (l, d_lam)| {
             solver
                 .mass
                 .velocity_of(solver.r_lam.row(l), d_lam)
-                .max(size)
+                .zip(size, f64::max)
         })
     }
 }
 
-impl Equations for Solve<'_> {
-    fn correct(&mut self) -> Result<f64, Trouble> {
+impl<R: Real> Equations<R> for Solve<'_, R> {
+    fn correct(&mut self) -> Result<R, Trouble> {
         self.stages.evaluate(self.model, self.step)?;
         if !self.is_frozen {
             self.freeze()?;
             self.is_frozen = true;
         }
-        if self.model.problem.m > 0 {
-            self.solve_multipliers();
-        }
-        let size = self.correct_stages().max(self.multiplier_size());
+        let size = wide::<R, _>(
+            #[inline(always)]
+            || {
+                if self.model.problem.m > 0 {
+                    self.solve_multipliers();
+                } else {
+                    self.combine_impulses();
+                }
+                self.correct_stages()
+            },
+        );
+        let size = size.zip(self.multiplier_size(), f64::max);
         Ok(self.stages.relative(size, self.step))
+    }
+
+    fn keep(&mut self, member: usize) {
+        if let Some(kept) = &mut self.solver.kept {
+            kept.copy_member(&self.stages.unknowns, member);
+        }
+    }
+
+    fn put_back(&mut self, member: usize) {
+        if let Some(kept) = &self.solver.kept {
+            self.stages.unknowns.copy_member(kept, member);
+        }
     }
 }

@@ -7,14 +7,16 @@
 
 use super::stages::{Stages, Step, Unknowns};
 use crate::linalg::{Matrix, add_scaled, combine, copy};
+use crate::memory::{Foreign, Memory};
 use crate::problem::mechanical::{Acceleration, Model, State};
+use crate::real::Real;
 use crate::tableau;
 use crate::trouble::Trouble;
 
 /// What the next step starts from.
 #[derive(Clone, Debug)]
-pub(super) struct Predictor {
-    acceleration: Acceleration,
+pub(super) struct Predictor<R = f64> {
+    acceleration: Acceleration<R>,
     velocity_is_z: bool,
     /// The step size of the polynomials held, and the ratio their weights were made for.
     h: Option<f64>,
@@ -30,16 +32,16 @@ pub(super) struct Predictor {
     end_weights: Matrix,
     node_weights: Matrix,
     /// z0, Z_1..Z_s, z1; and the same of v, whose v0 a cold start writes.
-    z: Matrix,
-    v: Matrix,
-    lam: Matrix,
+    z: Matrix<R>,
+    v: Matrix<R>,
+    lam: Matrix<R>,
     rolling_weights: Matrix,
     rolling_knots: Vec<usize>,
-    nu: Matrix,
+    nu: Matrix<R>,
 }
 
-impl Predictor {
-    pub(super) fn new(model: &Model, tableau: &tableau::Spark) -> Self {
+impl<R: Real> Predictor<R> {
+    pub(super) fn new(model: &Model<R>, tableau: &tableau::Spark) -> Self {
         let (s, k) = (tableau.stages, tableau.intervals);
         let (n, m, l) = (model.problem.n, model.problem.m, model.problem.l());
         let nodes = [&[0.0], &tableau.c[..], &[1.0]].concat();
@@ -74,7 +76,7 @@ impl Predictor {
     }
 
     /// Writes the extrapolated unknowns and `z1`; says whether there was a step to extrapolate.
-    pub(super) fn extrapolate(&mut self, stages: &mut Stages, z1: &mut [f64], h: f64) -> bool {
+    pub(super) fn extrapolate(&mut self, stages: &mut Stages<R>, z1: &mut [R], h: f64) -> bool {
         let Some(last) = self.h else { return false };
         let ratio = h / last;
         if ratio.to_bits() != self.ratio.to_bits() {
@@ -129,10 +131,10 @@ impl Predictor {
     /// Writes the cold start; one that is `still` leaves z' out.
     pub(super) fn start_cold(
         &mut self,
-        model: &mut Model,
-        stages: &mut Stages,
-        z1: &mut [f64],
-        step: Step,
+        model: &mut Model<R>,
+        stages: &mut Stages<R>,
+        z1: &mut [R],
+        step: Step<R>,
         still: bool,
     ) -> Result<(), Trouble> {
         let Step { t, h, state } = step;
@@ -168,7 +170,7 @@ impl Predictor {
     }
 
     /// Keeps the polynomials of a finished step from `z0` to `z1`, where v is `v1`.
-    pub(super) fn keep(&mut self, stages: &Stages, h: f64, z0: &[f64], z1: &[f64], v1: &[f64]) {
+    pub(super) fn keep(&mut self, stages: &Stages<R>, h: f64, z0: &[R], z1: &[R], v1: &[R]) {
         let s = stages.tableau.stages;
         if self.h.is_some() && self.begin > 0.0 {
             let (head, tail) = self.v.flat_mut().split_at_mut((s + 1) * v1.len());
@@ -192,16 +194,16 @@ impl Predictor {
     /// v' at a state, or z' where v is not z: how fast the velocities begin to change.
     pub(super) fn acceleration(
         &mut self,
-        model: &mut Model,
+        model: &mut Model<R>,
         t: f64,
-        state: &State,
-    ) -> Result<&[f64], Trouble> {
+        state: &State<R>,
+    ) -> Result<&[R], Trouble> {
         self.acceleration.solve(model, t, &state.y, &state.z)?;
         Ok(&self.acceleration.z_dot)
     }
 
     /// v at the start of the step held, V_1..V_s, and v at its end.
-    pub(super) fn velocities(&self) -> &Matrix {
+    pub(super) fn velocities(&self) -> &Matrix<R> {
         &self.v
     }
 
@@ -227,5 +229,30 @@ fn lagrange(
                 .map(|l| (x - nodes[*l]) / (nodes[*k] - nodes[*l]))
                 .product();
         }
+    }
+}
+
+/// The polynomials; their weights are made again, to the same bits.
+impl<R: Real> Memory for Predictor<R> {
+    fn save(&self, member: usize, out: &mut Vec<f64>) {
+        self.acceleration.save(member, out);
+        (self.h, self.begin).save(member, out);
+        for held in [&self.z, &self.v, &self.lam, &self.nu] {
+            held.flat().save(member, out);
+        }
+    }
+
+    fn restore(&mut self, member: usize, saved: &mut &[f64]) -> Result<(), Foreign> {
+        self.acceleration.restore(member, saved)?;
+        let begin = self.begin;
+        self.h.restore(member, saved)?;
+        self.begin.restore(member, saved)?;
+        for held in [&mut self.z, &mut self.v, &mut self.lam, &mut self.nu] {
+            held.flat_mut().restore(member, saved)?;
+        }
+        if begin.to_bits() != self.begin.to_bits() {
+            self.ratio = f64::NAN;
+        }
+        Ok(())
     }
 }

@@ -2,63 +2,87 @@
 
 use crate::linalg::{Matrix, combine, copy, copy_scaled, max_norm};
 use crate::problem::mechanical::{Model, State, finite, finite_k};
+use crate::real::Real;
 use crate::tableau;
 use crate::trouble::{Quantity, Trouble};
+use crate::vector::wide;
 
 /// The step being made: from `state` at `t` over `h`.
-#[derive(Clone, Copy)]
-pub(super) struct Step<'a> {
+pub(super) struct Step<'a, R = f64> {
     pub(super) t: f64,
     pub(super) h: f64,
-    pub(super) state: &'a State,
+    pub(super) state: &'a State<R>,
 }
+
+impl<R> Clone for Step<'_, R> {
+    fn clone(&self) -> Self {
+        *self
+    }
+}
+
+impl<R> Copy for Step<'_, R> {}
 
 /// What the stage equations are solved for: Z_i, V_i and ν_i at the stages, λ_j at the nodes.
 #[derive(Clone, Debug)]
-pub(super) struct Unknowns {
-    pub(super) z: Matrix,
-    pub(super) v: Matrix,
-    pub(super) lam: Matrix,
-    pub(super) nu: Matrix,
+pub(super) struct Unknowns<R = f64> {
+    pub(super) z: Matrix<R>,
+    pub(super) v: Matrix<R>,
+    pub(super) lam: Matrix<R>,
+    pub(super) nu: Matrix<R>,
 }
 
-impl Unknowns {
+impl<R: Real> Unknowns<R> {
     pub(super) fn copy_from(&mut self, other: &Self) {
         copy(self.z.flat_mut(), other.z.flat());
         copy(self.v.flat_mut(), other.v.flat());
         copy(self.lam.flat_mut(), other.lam.flat());
         copy(self.nu.flat_mut(), other.nu.flat());
     }
+
+    /// Takes what another has for one member.
+    pub(super) fn copy_member(&mut self, other: &Self, member: usize) {
+        let pairs = [
+            (&mut self.z, &other.z),
+            (&mut self.v, &other.v),
+            (&mut self.lam, &other.lam),
+            (&mut self.nu, &other.nu),
+        ];
+        for (out, x) in pairs {
+            for (out, x) in out.flat_mut().iter_mut().zip(x.flat()) {
+                out.set_member(member, x.member(member));
+            }
+        }
+    }
 }
 
 /// Unknowns and values at the stages 1..s (rows 0..s) and at the nodes 0..k.
 #[derive(Clone, Debug)]
-pub(super) struct Stages {
+pub(super) struct Stages<R = f64> {
     pub(super) tableau: tableau::Spark,
-    pub(super) unknowns: Unknowns,
+    pub(super) unknowns: Unknowns<R>,
     /// Values at the stages.
-    pub(super) y: Matrix,
-    pub(super) p: Matrix,
-    pub(super) k: Matrix,
+    pub(super) y: Matrix<R>,
+    pub(super) p: Matrix<R>,
+    pub(super) k: Matrix<R>,
     /// Values at the nodes.
-    pub(super) node_y: Matrix,
-    pub(super) g: Matrix,
+    pub(super) node_y: Matrix<R>,
+    pub(super) g: Matrix<R>,
     /// Moves h b_j V_j, and impulses: h b_j F_j, then h b̂_j R_j, j = 0..k, then those h b_j R_j of
     /// nonholonomic constraints.
-    pub(super) moves: Matrix,
-    pub(super) impulses: Matrix,
+    pub(super) moves: Matrix<R>,
+    pub(super) impulses: Matrix<R>,
     /// Residuals V_i − v(T_i, Y_i, Z_i) and those of the momentum equation.
-    pub(super) velocity_residual: Matrix,
-    pub(super) momentum_residual: Matrix,
+    pub(super) velocity_residual: Matrix<R>,
+    pub(super) momentum_residual: Matrix<R>,
     /// Moves that the rounding of velocities has taken away.
-    pub(super) lost_moves: Matrix,
+    pub(super) lost_moves: Matrix<R>,
     pub(super) evaluations: usize,
     /// μᶠ and μ̂ side by side, the last column of μ̂, which is zero, left out unless μʳ follows.
     force_weights: Matrix,
 }
 
-impl Stages {
-    pub(super) fn new(model: &Model, tableau: tableau::Spark) -> Self {
+impl<R: Real> Stages<R> {
+    pub(super) fn new(model: &Model<R>, tableau: tableau::Spark) -> Self {
         let (n, m) = (model.problem.n, model.problem.m);
         let (s, k) = (tableau.stages, tableau.intervals);
         let at_stages = Matrix::zeros(s, n);
@@ -96,20 +120,20 @@ impl Stages {
     }
 
     /// Time of stage `i`.
-    pub(super) fn stage_time(&self, step: Step, i: usize) -> f64 {
+    pub(super) fn stage_time(&self, step: Step<R>, i: usize) -> f64 {
         step.t + self.tableau.c[i] * step.h
     }
 
     /// Time of node `j`.
-    pub(super) fn node_time(&self, step: Step, j: usize) -> f64 {
+    pub(super) fn node_time(&self, step: Step<R>, j: usize) -> f64 {
         step.t + self.tableau.c_hat[j] * step.h
     }
 
     /// Evaluates the model at the current unknowns, and the residuals of (S1)–(S4).
-    pub(super) fn evaluate(&mut self, model: &mut Model, step: Step) -> Result<(), Trouble> {
+    pub(super) fn evaluate(&mut self, model: &mut Model<R>, step: Step<R>) -> Result<(), Trouble> {
         self.evaluate_values(model, step, self.tableau.intervals);
         self.subtract_impulses(step);
-        let is_finite = |x: &Matrix| x.flat().iter().all(|x| x.is_finite());
+        let is_finite = |x: &Matrix<R>| x.flat().iter().all(|x| x.all(f64::is_finite));
         if is_finite(&self.momentum_residual)
             && is_finite(&self.velocity_residual)
             && is_finite(&self.g)
@@ -123,7 +147,7 @@ impl Stages {
 
     /// Evaluates the model at the current unknowns: points, forces, and constraints and reactions up
     /// to the node `last`.
-    pub(super) fn evaluate_values(&mut self, model: &mut Model, step: Step, last: usize) {
+    pub(super) fn evaluate_values(&mut self, model: &mut Model<R>, step: Step<R>, last: usize) {
         self.move_points(step);
         let s = self.tableau.stages;
         for i in 0..s {
@@ -138,7 +162,7 @@ impl Stages {
                 .zip(self.unknowns.v.row(i))
                 .zip(v)
             {
-                *out = unknown - v;
+                *out = *unknown - *v;
             }
         }
         self.evaluations += s;
@@ -160,7 +184,7 @@ impl Stages {
     }
 
     /// k and its reactions at the stages.
-    fn evaluate_rolling(&mut self, model: &mut Model, step: Step) {
+    fn evaluate_rolling(&mut self, model: &mut Model<R>, step: Step<R>) {
         let first = self.tableau.stages + self.tableau.intervals + 1;
         for i in 0..self.k.rows() {
             let t = self.stage_time(step, i);
@@ -173,32 +197,38 @@ impl Stages {
     }
 
     /// Y_i = y0 + Σ μᵛ_ij (h b_j V_j) and Ŷ_i = y0 + Σ μ̄_ij (h b_j V_j), the low part of y0 first.
-    fn move_points(&mut self, step: Step) {
-        for (j, b) in self.tableau.b.iter().enumerate() {
-            copy_scaled(self.moves.row_mut(j), step.h * b, self.unknowns.v.row(j));
-        }
-        let State { y, y_low, .. } = step.state;
-        let finish = |_, k: usize, sum| y[k] + (y_low[k] + sum);
-        combine(self.y.flat_mut(), &self.tableau.mu_v, &self.moves, finish);
-        combine(
-            self.node_y.flat_mut(),
-            &self.tableau.mu_bar,
-            &self.moves,
-            finish,
+    fn move_points(&mut self, step: Step<R>) {
+        wide::<R, _>(
+            #[inline(always)]
+            || {
+                for (j, b) in self.tableau.b.iter().enumerate() {
+                    copy_scaled(self.moves.row_mut(j), step.h * b, self.unknowns.v.row(j));
+                }
+                let State { y, y_low, .. } = step.state;
+                let finish = |_, k: usize, sum| y[k] + (y_low[k] + sum);
+                let (weights, nodes) = (&self.tableau.mu_v, &self.tableau.mu_bar);
+                combine(self.y.flat_mut(), weights, &self.moves, finish);
+                combine(self.node_y.flat_mut(), nodes, &self.moves, finish);
+            },
         );
     }
 
     /// P_i − p0 − Σ μᶠ_ij (h b_j F_j) − Σ_{j<k} μ̂_ij (h b̂_j R_j) − Σ μʳ_ij (h b_j R_j).
-    pub(super) fn subtract_impulses(&mut self, step: Step) {
+    pub(super) fn subtract_impulses(&mut self, step: Step<R>) {
         let (State { p, p_low, .. }, stage_p) = (step.state, &self.p);
         let out = self.momentum_residual.flat_mut();
-        combine(out, &self.force_weights, &self.impulses, |i, k, sum| {
-            (stage_p[(i, k)] - p[k]) - (p_low[k] + sum)
-        });
+        wide::<R, _>(
+            #[inline(always)]
+            || {
+                combine(out, &self.force_weights, &self.impulses, |i, k, sum| {
+                    (stage_p[(i, k)] - p[k]) - (p_low[k] + sum)
+                });
+            },
+        );
     }
 
     /// Which value is not finite.
-    fn not_finite(&self, step: Step) -> Trouble {
+    fn not_finite(&self, step: Step<R>) -> Trouble {
         let s = self.tableau.stages;
         let at_stage = |i: usize| {
             let t = self.stage_time(step, i);
@@ -230,10 +260,15 @@ impl Stages {
     }
 
     /// The size of a velocity correction, relative to what moves the coordinates by their own size.
-    pub(super) fn relative(&self, correction: f64, step: Step) -> f64 {
-        if correction == 0.0 {
-            return 0.0;
+    pub(super) fn relative(&self, correction: R, step: Step<R>) -> R {
+        if correction.all(|correction| correction == 0.0) {
+            return correction;
         }
-        correction / (max_norm(self.unknowns.v.flat()) + max_norm(&step.state.y) / step.h.abs())
+        let y = max_norm(&step.state.y) / R::splat(step.h.abs());
+        let speed = max_norm(self.unknowns.v.flat()) + y;
+        correction.zip(speed, |correction, speed| match correction {
+            0.0 => 0.0,
+            _ => correction / speed,
+        })
     }
 }

@@ -10,42 +10,44 @@ use super::stages::{Stages, Step};
 use crate::linalg::{add_scaled, carry, copy, copy_scaled, gather, max_norm};
 use crate::newton::{self, Equations};
 use crate::problem::mechanical::{Model, Saddle, State, finite, finite_k};
+use crate::real::Real;
 use crate::trouble::{Quantity, Trouble};
+use crate::vector::wide;
 
 const MOST_ITERATIONS: usize = 30;
 
 /// The state at the end of a step while it is being found.
 #[derive(Clone, Debug)]
-pub(super) struct Update {
-    pub(super) z: Vec<f64>,
-    pub(super) v: Vec<f64>,
-    y: Vec<f64>,
-    y_low: Vec<f64>,
-    p: Vec<f64>,
-    p_low: Vec<f64>,
+pub(super) struct Update<R = f64> {
+    pub(super) z: Vec<R>,
+    pub(super) v: Vec<R>,
+    y: Vec<R>,
+    y_low: Vec<R>,
+    p: Vec<R>,
+    p_low: Vec<R>,
     /// What the sums of increments lose.
-    y_lost: Vec<f64>,
-    p_lost: Vec<f64>,
-    saddle: Saddle,
+    y_lost: Vec<R>,
+    p_lost: Vec<R>,
+    saddle: Saddle<R>,
     /// r at t1, as (U2) has it.
-    reaction: Vec<f64>,
-    momentum: Vec<f64>,
+    reaction: Vec<R>,
+    momentum: Vec<R>,
     /// Corrections of w = 0, then of k = 0.
-    hidden: Vec<f64>,
+    hidden: Vec<R>,
     /// λ_k and ν_s, where there are both.
-    multipliers: Vec<f64>,
+    multipliers: Vec<R>,
 }
 
-struct Solve<'a> {
-    update: &'a mut Update,
-    model: &'a mut Model,
-    stages: &'a mut Stages,
-    step: Step<'a>,
+struct Solve<'a, R> {
+    update: &'a mut Update<R>,
+    model: &'a mut Model<R>,
+    stages: &'a mut Stages<R>,
+    step: Step<'a, R>,
 }
 
-impl Update {
-    pub(super) fn new(model: &Model) -> Self {
-        let zeros = vec![0.0; model.problem.n];
+impl<R: Real> Update<R> {
+    pub(super) fn new(model: &Model<R>) -> Self {
+        let zeros = vec![R::splat(0.0); model.problem.n];
         Self {
             z: zeros.clone(),
             v: zeros.clone(),
@@ -58,24 +60,20 @@ impl Update {
             saddle: Saddle::new(model),
             reaction: zeros.clone(),
             momentum: zeros,
-            hidden: vec![0.0; model.problem.multipliers()],
-            multipliers: vec![0.0; model.problem.multipliers()],
+            hidden: vec![R::splat(0.0); model.problem.multipliers()],
+            multipliers: vec![R::splat(0.0); model.problem.multipliers()],
         }
     }
 
-    /// Finds the end of the step; `z` holds a guess before and z1 afterwards.
-    pub(super) fn solve(
-        &mut self,
-        model: &mut Model,
-        stages: &mut Stages,
-        step: Step,
-    ) -> Result<(), Trouble> {
+    /// y1, and what p gains but for the last reaction.
+    #[allow(clippy::inline_always)] // what is not inlined is compiled without the registers it is for
+    #[inline(always)]
+    fn sum_up(&mut self, stages: &Stages<R>, state: &State<R>) {
         let (s, k) = (stages.tableau.stages, stages.tableau.intervals);
-        let (h, state) = (step.h, step.state);
         copy(&mut self.y_low, &state.y_low);
         copy(&mut self.p_low, &state.p_low);
-        self.y_lost.fill(0.0);
-        self.p_lost.fill(0.0);
+        self.y_lost.fill(R::splat(0.0));
+        self.p_lost.fill(R::splat(0.0));
         for j in 0..s {
             gather(&mut self.y_low, &mut self.y_lost, stages.moves.row(j));
             add_scaled(&mut self.y_lost, 1.0, stages.lost_moves.row(j));
@@ -88,7 +86,21 @@ impl Update {
         }
         carry(&state.y, &mut self.y_low, &mut self.y);
         add_scaled(&mut self.y_low, 1.0, &self.y_lost);
+    }
 
+    /// Finds the end of the step; `z` holds a guess before and z1 afterwards.
+    pub(super) fn solve(
+        &mut self,
+        model: &mut Model<R>,
+        stages: &mut Stages<R>,
+        step: Step<R>,
+    ) -> Result<(), Trouble> {
+        let k = stages.tableau.intervals;
+        let (h, state) = (step.h, step.state);
+        wide::<R, _>(
+            #[inline(always)]
+            || self.sum_up(stages, state),
+        );
         let is_linear = model.problem.is_linear;
         let mut solve = Solve {
             update: self,
@@ -99,7 +111,7 @@ impl Update {
         if is_linear {
             solve.correct()?;
         } else {
-            newton::solve(&mut solve, MOST_ITERATIONS)?;
+            newton::solve_all(&mut solve, MOST_ITERATIONS)?;
         }
 
         let impulse = &mut self.momentum;
@@ -117,7 +129,7 @@ impl Update {
     }
 
     /// The end becomes the state.
-    pub(super) fn commit(&self, state: &mut State) {
+    pub(super) fn commit(&self, state: &mut State<R>) {
         copy(&mut state.y, &self.y);
         copy(&mut state.z, &self.z);
         copy(&mut state.p, &self.p);
@@ -126,8 +138,8 @@ impl Update {
     }
 }
 
-impl Equations for Solve<'_> {
-    fn correct(&mut self) -> Result<f64, Trouble> {
+impl<R: Real> Equations<R> for Solve<'_, R> {
+    fn correct(&mut self) -> Result<R, Trouble> {
         let (update, model) = (&mut *self.update, &mut *self.model);
         let (stages, step) = (&mut *self.stages, self.step);
         let k = stages.tableau.intervals;
@@ -154,7 +166,7 @@ impl Equations for Solve<'_> {
         finite(p, Quantity::Momentum, t)?;
         finite(w, Quantity::Hidden, t)?;
         for ((out, p), p0) in update.momentum.iter_mut().zip(p).zip(&step.state.p) {
-            *out -= p - p0;
+            *out -= *p - *p0;
         }
         copy_scaled(&mut update.hidden, -1.0, w);
         if !nu.is_empty() {
@@ -173,7 +185,7 @@ impl Equations for Solve<'_> {
         update
             .saddle
             .add_rolling(model, &update.hidden[m..], &mut update.p_low);
-        update.v.fill(0.0);
+        update.v.fill(R::splat(0.0));
         let mass = &update.saddle.mass;
         mass.add_velocity(&update.momentum, &mut update.v);
         Ok(stages.relative(max_norm(&update.v), step))

@@ -8,7 +8,7 @@
 
 use super::{Seen, State, Volume};
 use crate::bracket::Bracket;
-use crate::method::Stepper;
+use crate::method::{Foreign, Memory, Stepper};
 use crate::problem::Observe;
 use crate::real::Real;
 use crate::trouble::Trouble;
@@ -63,9 +63,8 @@ impl Plane {
 pub struct Section<S, M> {
     volume: Volume<S>,
     plane: Plane,
-    /// The number of the first member, and how many there are.
-    first: usize,
-    members: usize,
+    /// The numbers of the members.
+    members: Vec<usize>,
     passage: Passage<M>,
     /// Time, variables and s at the last step, if there was one, and the variables at this.
     last: Option<(f64, S)>,
@@ -87,8 +86,7 @@ struct Passage<M> {
 }
 
 impl<S: Stored + Real, M: Stepper<State = State<f64>>> Section<S, M> {
-    /// Sections of the first `members` trajectories that `volume` steps, which are numbered from `first`
-    /// on. `stepper` makes the same steps for one trajectory, a state of `single`.
+    /// Sections of the first trajectories that `volume` steps, whose numbers are `members`. `stepper` makes the same steps for one trajectory, a state of `single`.
     ///
     /// # Panics
     /// When the plane's normal is not of the size of what is seen, or there are not so many members.
@@ -96,10 +94,10 @@ impl<S: Stored + Real, M: Stepper<State = State<f64>>> Section<S, M> {
         volume: Volume<S>,
         (single, stepper): (Volume<f64>, M),
         seen: Seen,
-        (first, members): (usize, usize),
+        members: Vec<usize>,
         plane: Plane,
     ) -> Self {
-        assert!(members <= S::MEMBERS, "members of a section");
+        assert!(members.len() <= S::MEMBERS, "members of a section");
         let n = volume.split().n();
         Self {
             passage: Passage {
@@ -116,7 +114,6 @@ impl<S: Stored + Real, M: Stepper<State = State<f64>>> Section<S, M> {
             last: None,
             volume,
             plane,
-            first,
             members,
         }
     }
@@ -126,7 +123,7 @@ impl<S: Stored + Real, M: Stepper<State = State<f64>>> Section<S, M> {
         let Some((t0, before)) = self.last else {
             return Ok(());
         };
-        for member in 0..self.members {
+        for (member, number) in self.members.iter().enumerate() {
             let (before, after) = (before.member(member), after.member(member));
             let Some(level) = self.plane.passed(before, after) else {
                 continue;
@@ -137,7 +134,7 @@ impl<S: Stored + Real, M: Stepper<State = State<f64>>> Section<S, M> {
             let ends = (before - level, after - level);
             let found = self.passage.find(t0, t - t0, ends, level);
             let part = found.map_err(|trouble| trouble.of_member(member))?;
-            row.extend([(self.first + member) as f64, t0 + part * (t - t0)]);
+            row.extend([*number as f64, t0 + part * (t - t0)]);
             row.extend_from_slice(&self.passage.x);
         }
         Ok(())
@@ -207,5 +204,27 @@ impl<S: Stored + Real, M: Stepper<State = State<f64>>> Observe<State<S>> for Sec
         std::mem::swap(&mut self.before, &mut self.now);
         self.last = Some((t, after));
         Ok(())
+    }
+}
+
+/// Where the last step has led to.
+impl<S: Stored, M: Memory> Memory for Section<S, M> {
+    fn save(&self, member: usize, out: &mut Vec<f64>) {
+        let last = self.last.map(|(t, s)| (t, s.member(member)));
+        last.save(member, out);
+        self.before.save(member, out);
+        self.passage.stepper.save(member, out);
+    }
+
+    fn restore(&mut self, member: usize, saved: &mut &[f64]) -> Result<(), Foreign> {
+        let mut last = Some((0.0, 0.0));
+        last.restore(member, saved)?;
+        self.last = last.map(|(t, value)| {
+            let mut s = self.last.map_or_else(|| S::splat(value), |(_, s)| s);
+            s.set_member(member, value);
+            (t, s)
+        });
+        self.before.restore(member, saved)?;
+        self.passage.stepper.restore(member, saved)
     }
 }

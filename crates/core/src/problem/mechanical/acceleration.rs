@@ -9,39 +9,41 @@
 use super::model::{finite, finite_k};
 use super::{Model, Saddle};
 use crate::linalg::max_norm;
+use crate::memory::{Foreign, Memory};
 use crate::newton::{self, Equations};
+use crate::real::{Real, Scalar};
 use crate::trouble::{Quantity, Trouble};
 
 /// The solver, with its memory.
 #[derive(Clone, Debug)]
-pub struct Acceleration {
-    saddle: Saddle,
+pub struct Acceleration<R = f64> {
+    saddle: Saddle<R>,
     /// z', as last solved for.
-    pub z_dot: Vec<f64>,
+    pub z_dot: Vec<R>,
     /// λ, then ν, as last solved for; the start of the next solve where r is nonlinear in it.
-    pub lam: Vec<f64>,
-    force: Vec<f64>,
-    drift: Vec<f64>,
-    correction: Vec<f64>,
+    pub lam: Vec<R>,
+    force: Vec<R>,
+    drift: Vec<R>,
+    correction: Vec<R>,
 }
 
-struct Solve<'a> {
-    at: &'a mut Acceleration,
-    model: &'a mut Model,
-    point: (f64, &'a [f64], &'a [f64]),
+struct Solve<'a, R> {
+    at: &'a mut Acceleration<R>,
+    model: &'a mut Model<R>,
+    point: (f64, &'a [R], &'a [R]),
 }
 
-impl Acceleration {
+impl<R: Real> Acceleration<R> {
     /// Memory for this model.
-    pub fn new(model: &Model) -> Self {
+    pub fn new(model: &Model<R>) -> Self {
         let (n, m) = (model.problem.n, model.problem.multipliers());
         Self {
             saddle: Saddle::new(model),
-            z_dot: vec![0.0; n],
-            lam: vec![0.0; m],
-            force: vec![0.0; n],
-            drift: vec![0.0; m],
-            correction: vec![0.0; m],
+            z_dot: vec![R::splat(0.0); n],
+            lam: vec![R::splat(0.0); m],
+            force: vec![R::splat(0.0); n],
+            drift: vec![R::splat(0.0); m],
+            correction: vec![R::splat(0.0); m],
         }
     }
 
@@ -50,13 +52,7 @@ impl Acceleration {
     /// # Errors
     /// A value that is not finite, a singular matrix, or no convergence where reactions are nonlinear
     /// in their multipliers.
-    pub fn solve(
-        &mut self,
-        model: &mut Model,
-        t: f64,
-        y: &[f64],
-        z: &[f64],
-    ) -> Result<(), Trouble> {
+    pub fn solve(&mut self, model: &mut Model<R>, t: f64, y: &[R], z: &[R]) -> Result<(), Trouble> {
         let m = model.problem.m;
         let [force, drift, _] = model.acceleration(t, y, z);
         finite(force, Quantity::Force, t)?;
@@ -66,7 +62,7 @@ impl Acceleration {
         self.drift.copy_from_slice(drift);
         let is_linear = model.problem.is_linear;
         if is_linear {
-            self.lam.fill(0.0);
+            self.lam.fill(R::splat(0.0));
         }
         let mut solve = Solve {
             at: self,
@@ -76,13 +72,13 @@ impl Acceleration {
         if is_linear {
             solve.correct().map(|_| ())
         } else {
-            newton::solve(&mut solve, 50).map(|_| ())
+            newton::solve_all(&mut solve, 50)
         }
     }
 }
 
-impl Equations for Solve<'_> {
-    fn correct(&mut self) -> Result<f64, Trouble> {
+impl<R: Real> Equations<R> for Solve<'_, R> {
+    fn correct(&mut self) -> Result<R, Trouble> {
         let (t, y, z) = self.point;
         let at = &mut *self.at;
         at.saddle.update(self.model, t, y, z, &at.lam)?;
@@ -91,28 +87,38 @@ impl Equations for Solve<'_> {
         if !lam.is_empty() {
             let [_, r] = self.model.node(t, y, lam);
             finite(r, Quantity::Reaction, t)?;
-            at.z_dot.iter_mut().zip(r).for_each(|(out, r)| *out += r);
+            at.z_dot.iter_mut().zip(r).for_each(|(out, r)| *out += *r);
         }
         if !nu.is_empty() {
             let [_, r] = self.model.nonholonomic(t, y, z, nu);
             finite(r, Quantity::Reaction, t)?;
-            at.z_dot.iter_mut().zip(r).for_each(|(out, r)| *out += r);
+            at.z_dot.iter_mut().zip(r).for_each(|(out, r)| *out += *r);
         }
         at.correction
             .iter_mut()
             .zip(&at.drift)
-            .for_each(|(out, drift)| *out = -drift);
+            .for_each(|(out, drift)| *out = -*drift);
         at.saddle
             .solve(self.model, &mut at.z_dot, &mut at.correction);
         at.lam
             .iter_mut()
             .zip(&at.correction)
-            .for_each(|(lam, d)| *lam += d);
-        let size = max_norm(&at.correction);
-        Ok(if size == 0.0 {
-            0.0
-        } else {
-            size / max_norm(&at.lam).max(size)
-        })
+            .for_each(|(lam, d)| *lam += *d);
+        let relative = |size: f64, lam: f64| match size {
+            0.0 => 0.0,
+            _ => size / lam.max(size),
+        };
+        Ok(max_norm(&at.correction).zip(max_norm(&at.lam), relative))
+    }
+}
+
+/// Multipliers, where the next solve starts from.
+impl<R: Scalar> Memory for Acceleration<R> {
+    fn save(&self, member: usize, out: &mut Vec<f64>) {
+        self.lam.save(member, out);
+    }
+
+    fn restore(&mut self, member: usize, saved: &mut &[f64]) -> Result<(), Foreign> {
+        self.lam.restore(member, saved)
     }
 }

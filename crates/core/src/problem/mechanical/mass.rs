@@ -3,24 +3,25 @@
 use super::model::finite;
 use super::{Mechanical, Model};
 use crate::linalg::{Factor, Matrix, Pattern, copy, max_norm};
+use crate::real::Real;
 use crate::trouble::{Quantity, Trouble};
 use std::sync::Arc;
 
 /// `p_z` factored, and `v_z`; made once when both depend on parameters alone.
 #[derive(Clone, Debug)]
-pub struct Mass {
+pub struct Mass<R = f64> {
     problem: Arc<Mechanical>,
-    factor: Factor,
-    v_z: Option<(Pattern, Vec<f64>)>,
+    factor: Factor<R>,
+    v_z: Option<(Pattern, Vec<R>)>,
     is_constant: bool,
     is_ready: bool,
-    column: Vec<f64>,
-    impulse: Vec<f64>,
+    column: Vec<R>,
+    impulse: Vec<R>,
 }
 
-impl Mass {
+impl<R: Real> Mass<R> {
     /// Memory for the mass of this model.
-    pub fn new(model: &Model) -> Self {
+    pub fn new(model: &Model<R>) -> Self {
         let at = &model.problem.patterns;
         Self {
             problem: model.problem.clone(),
@@ -28,11 +29,11 @@ impl Mass {
             v_z: at
                 .v_z
                 .clone()
-                .map(|pattern| (pattern.clone(), vec![0.0; pattern.len()])),
+                .map(|pattern| (pattern.clone(), vec![R::splat(0.0); pattern.len()])),
             is_constant: model.problem.stage_blocks.is_empty(),
             is_ready: false,
-            column: vec![0.0; model.problem.n],
-            impulse: vec![0.0; model.problem.n],
+            column: vec![R::splat(0.0); model.problem.n],
+            impulse: vec![R::splat(0.0); model.problem.n],
         }
     }
 
@@ -42,10 +43,10 @@ impl Mass {
     /// [`Trouble::SingularMass`], or a derivative that is not finite.
     pub fn update(
         &mut self,
-        model: &mut Model,
+        model: &mut Model<R>,
         t: f64,
-        y: &[f64],
-        z: &[f64],
+        y: &[R],
+        z: &[R],
     ) -> Result<(), Trouble> {
         if self.is_ready && self.is_constant {
             return Ok(());
@@ -67,57 +68,57 @@ impl Mass {
 
     /// `x = p_z⁻¹ x`
     #[inline]
-    pub fn solve(&mut self, x: &mut [f64]) {
+    pub fn solve(&mut self, x: &mut [R]) {
         self.factor.solve(x);
     }
 
     /// `out += v_z x`
     #[inline]
-    pub fn add_velocity(&self, x: &[f64], out: &mut [f64]) {
+    pub fn add_velocity(&self, x: &[R], out: &mut [R]) {
         match &self.v_z {
             Some((pattern, values)) => pattern.multiply_add(values, 1.0, x, out),
-            None => out.iter_mut().zip(x).for_each(|(out, x)| *out += x),
+            None => out.iter_mut().zip(x).for_each(|(out, x)| *out += *x),
         }
     }
 
     /// `x = v_z p_z⁻¹ x`
-    pub fn solve_velocity(&mut self, x: &mut [f64]) {
+    pub fn solve_velocity(&mut self, x: &mut [R]) {
         self.factor.solve(x);
         if self.v_z.is_some() {
             copy(&mut self.column, x);
-            x.fill(0.0);
+            x.fill(R::splat(0.0));
             self.add_velocity(&self.column, x);
         }
     }
 
     /// The largest velocity that the impulse `r_λ dΛ` gives.
-    pub fn velocity_of(&mut self, r_lam: &[f64], d_lam: &[f64]) -> f64 {
+    pub fn velocity_of(&mut self, r_lam: &[R], d_lam: &[R]) -> R {
         let mut velocity = std::mem::take(&mut self.impulse);
-        velocity.fill(0.0);
+        velocity.fill(R::splat(0.0));
         let pattern = &self.problem.patterns.r_lam;
         pattern.multiply_add(r_lam, 1.0, d_lam, &mut velocity);
         self.largest(velocity)
     }
 
     /// The largest velocity that the impulse `A x` gives.
-    pub fn velocity_by(&mut self, pattern: &Pattern, values: &[f64], x: &[f64]) -> f64 {
+    pub fn velocity_by(&mut self, pattern: &Pattern, values: &[R], x: &[R]) -> R {
         let mut velocity = std::mem::take(&mut self.impulse);
-        velocity.fill(0.0);
+        velocity.fill(R::splat(0.0));
         pattern.multiply_add(values, 1.0, x, &mut velocity);
         self.largest(velocity)
     }
 
-    fn largest(&mut self, mut impulse: Vec<f64>) -> f64 {
+    fn largest(&mut self, mut impulse: Vec<R>) -> R {
         self.solve_velocity(&mut impulse);
         self.impulse = impulse;
         max_norm(&self.impulse)
     }
 
     /// `(v_z p_z⁻¹ A)ᵀ`, one row for each column of A.
-    pub fn compliance(&mut self, pattern: &Pattern, values: &[f64], out: &mut Matrix) {
+    pub fn compliance(&mut self, pattern: &Pattern, values: &[R], out: &mut Matrix<R>) {
         out.clear();
         for (&(row, col), value) in pattern.entries().iter().zip(values) {
-            out[(col, row)] += value;
+            out[(col, row)] += *value;
         }
         for col in 0..pattern.shape().1 {
             self.solve_velocity(out.row_mut(col));
@@ -125,18 +126,28 @@ impl Mass {
     }
 
     /// Each row x of `rows` becomes `v_z x`.
-    pub(super) fn take_velocities(&mut self, rows: &mut Matrix) {
+    pub(super) fn take_velocities(&mut self, rows: &mut Matrix<R>) {
         if self.v_z.is_some() {
             for row in 0..rows.rows() {
                 copy(&mut self.column, rows.row(row));
-                rows.row_mut(row).fill(0.0);
+                rows.row_mut(row).fill(R::splat(0.0));
                 self.add_velocity(&self.column, rows.row_mut(row));
             }
         }
     }
 
+    /// Where `p_z`⁻¹ is not zero, if it falls into small blocks.
+    pub(super) fn inverse_pattern(&self) -> Option<Pattern> {
+        self.factor.inverse_pattern()
+    }
+
+    /// `p_z`⁻¹ on that pattern.
+    pub(super) fn inverse_values(&self) -> &[R] {
+        self.factor.inverse_values()
+    }
+
     /// `v_z`, where it is not the identity.
-    pub(super) fn v_z(&self) -> Option<(&Pattern, &[f64])> {
+    pub(super) fn v_z(&self) -> Option<(&Pattern, &[R])> {
         let (pattern, values) = self.v_z.as_ref()?;
         Some((pattern, values))
     }

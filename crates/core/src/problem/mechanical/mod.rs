@@ -7,7 +7,9 @@
 //! are any, have a file of their own. Source: jay2007.
 
 mod acceleration;
+mod compliance;
 mod dense;
+mod hermite;
 mod mass;
 mod model;
 mod monitor;
@@ -19,13 +21,14 @@ mod second_order;
 mod separable;
 
 pub use acceleration::Acceleration;
+pub use compliance::Compliance;
 pub use dense::{Path, Point};
 pub use mass::Mass;
 pub use model::{Model, finite, finite_k};
 pub use monitor::{MechanicalMonitor, TimeScale, Traced};
 pub(crate) use nonholonomic::explain_all;
 pub use nonholonomic::{Nonholonomic, NonholonomicPatterns};
-pub use observe::{Carried, Observer};
+pub use observe::{Carried, Observer, Observers};
 pub use projection::{Projection, project};
 pub use saddle::Saddle;
 pub(crate) use saddle::{add_product, explain};
@@ -33,6 +36,8 @@ pub use second_order::{SecondOrder, SecondOrderModel, SecondOrderPatterns};
 pub use separable::{Separable, SeparableModel};
 
 use crate::linalg::Pattern;
+use crate::memory::{Foreign, Memory};
+use crate::real::{Real, Scalar};
 use crate::tape::Tape;
 use model::cut;
 
@@ -195,20 +200,50 @@ fn check(name: &'static str, found: usize, wanted: usize) -> Result<(), Mismatch
 
 /// Where a mechanical system is, with the low parts its compensated sums carry.
 #[derive(Debug, PartialEq)]
-pub struct State {
+pub struct State<R = f64> {
     /// Coordinates.
-    pub y: Vec<f64>,
+    pub y: Vec<R>,
     /// Velocities or momenta, as the system has them.
-    pub z: Vec<f64>,
+    pub z: Vec<R>,
     /// p(t, y, z), summed up from its increments.
-    pub p: Vec<f64>,
+    pub p: Vec<R>,
     /// What `y` has lost to rounding.
-    pub y_low: Vec<f64>,
+    pub y_low: Vec<R>,
     /// What `p` has lost to rounding.
-    pub p_low: Vec<f64>,
+    pub p_low: Vec<R>,
 }
 
-impl Clone for State {
+impl<R: Real> State<R> {
+    /// A state of n zeros.
+    pub fn zeros(n: usize) -> Self {
+        let zeros = || vec![R::splat(0.0); n];
+        Self {
+            y: zeros(),
+            z: zeros(),
+            p: zeros(),
+            y_low: zeros(),
+            p_low: zeros(),
+        }
+    }
+
+    /// A member becomes one of another state, whose sizes are the same.
+    pub fn copy_member<S: Real>(&mut self, member: usize, other: &State<S>, of: usize) {
+        let pairs = [
+            (&mut self.y, &other.y),
+            (&mut self.z, &other.z),
+            (&mut self.p, &other.p),
+            (&mut self.y_low, &other.y_low),
+            (&mut self.p_low, &other.p_low),
+        ];
+        for (out, x) in pairs {
+            for (out, x) in out.iter_mut().zip(x) {
+                out.set_member(member, x.member(of));
+            }
+        }
+    }
+}
+
+impl<R: Clone> Clone for State<R> {
     fn clone(&self) -> Self {
         Self {
             y: self.y.clone(),
@@ -226,5 +261,26 @@ impl Clone for State {
         self.p.clone_from(&source.p);
         self.y_low.clone_from(&source.y_low);
         self.p_low.clone_from(&source.p_low);
+    }
+}
+
+impl<R: Scalar> Memory for State<R> {
+    fn save(&self, member: usize, out: &mut Vec<f64>) {
+        for x in [&self.y, &self.z, &self.p, &self.y_low, &self.p_low] {
+            x.save(member, out);
+        }
+    }
+
+    fn restore(&mut self, member: usize, saved: &mut &[f64]) -> Result<(), Foreign> {
+        for x in [
+            &mut self.y,
+            &mut self.z,
+            &mut self.p,
+            &mut self.y_low,
+            &mut self.p_low,
+        ] {
+            x.restore(member, saved)?;
+        }
+        Ok(())
     }
 }

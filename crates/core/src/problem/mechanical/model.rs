@@ -2,33 +2,34 @@
 
 use super::nonholonomic::{Bound, Nonholonomic};
 use super::{Mechanical, State};
+use crate::real::Real;
 use crate::tape::Registers;
 use crate::trouble::{Quantity, Trouble};
 use std::sync::Arc;
 
 /// A system ready to be evaluated.
 #[derive(Clone, Debug)]
-pub struct Model {
+pub struct Model<R = f64> {
     /// The system itself, shared.
     pub problem: Arc<Mechanical>,
-    stage: Registers<f64>,
-    stage_blocks: Registers<f64>,
-    stage_jacobian: Registers<f64>,
-    node: Registers<f64>,
-    node_blocks: Registers<f64>,
-    node_jacobian: Registers<f64>,
-    end: Registers<f64>,
-    acceleration: Registers<f64>,
-    nonholonomic: Option<Box<Bound>>,
+    stage: Registers<R>,
+    stage_blocks: Registers<R>,
+    stage_jacobian: Registers<R>,
+    node: Registers<R>,
+    node_blocks: Registers<R>,
+    node_jacobian: Registers<R>,
+    end: Registers<R>,
+    acceleration: Registers<R>,
+    nonholonomic: Option<Box<Bound<R>>>,
     /// n, or 0 where v is z.
     v_size: usize,
 }
 
 /// Outputs that follow one another, cut at their sizes.
-type Parts<'a, const K: usize> = [&'a [f64]; K];
+type Parts<'a, const K: usize, R = f64> = [&'a [R]; K];
 
 #[inline]
-pub(super) fn cut<const K: usize>(values: &[f64], sizes: [usize; K]) -> Parts<'_, K> {
+pub(super) fn cut<const K: usize, R>(values: &[R], sizes: [usize; K]) -> Parts<'_, K, R> {
     let mut start = 0;
     sizes.map(|size| {
         start += size;
@@ -36,12 +37,12 @@ pub(super) fn cut<const K: usize>(values: &[f64], sizes: [usize; K]) -> Parts<'_
     })
 }
 
-impl Model {
+impl<R: Real> Model<R> {
     /// Binds parameters.
     ///
     /// # Panics
     /// When `params` has not the size the tapes have.
-    pub fn new(problem: Arc<Mechanical>, params: &[f64]) -> Self {
+    pub fn new(problem: Arc<Mechanical>, params: &[R]) -> Self {
         Self {
             stage: problem.stage.bind(params),
             stage_blocks: problem.stage_blocks.bind(params),
@@ -66,17 +67,19 @@ impl Model {
 
     /// p, f, v at (t, y, z); v is empty where it is z.
     #[inline]
-    pub fn stage(&mut self, t: f64, y: &[f64], z: &[f64]) -> Parts<'_, 3> {
+    pub fn stage(&mut self, t: f64, y: &[R], z: &[R]) -> Parts<'_, 3, R> {
         let (n, v) = (self.problem.n, self.v_size);
         cut(
-            self.problem.stage.eval(&mut self.stage, [&[t], y, z]),
+            self.problem
+                .stage
+                .eval(&mut self.stage, [&[R::splat(t)], y, z]),
             [n, n, v],
         )
     }
 
     /// p_z, v_z at (t, y, z).
     #[inline]
-    pub fn stage_blocks(&mut self, t: f64, y: &[f64], z: &[f64]) -> Parts<'_, 2> {
+    pub fn stage_blocks(&mut self, t: f64, y: &[R], z: &[R]) -> Parts<'_, 2, R> {
         let at = &self.problem.patterns;
         let sizes = [
             at.p_z.len(),
@@ -85,36 +88,38 @@ impl Model {
         cut(
             self.problem
                 .stage_blocks
-                .eval(&mut self.stage_blocks, [&[t], y, z]),
+                .eval(&mut self.stage_blocks, [&[R::splat(t)], y, z]),
             sizes,
         )
     }
 
     /// p_y, f_y, f_z, v_y at (t, y, z).
-    pub fn stage_jacobian(&mut self, t: f64, y: &[f64], z: &[f64]) -> Parts<'_, 4> {
+    pub fn stage_jacobian(&mut self, t: f64, y: &[R], z: &[R]) -> Parts<'_, 4, R> {
         let at = &self.problem.patterns;
         let sizes = [at.p_y.len(), at.f_y.len(), at.f_z.len(), at.v_y.len()];
         cut(
             self.problem
                 .stage_jacobian
-                .eval(&mut self.stage_jacobian, [&[t], y, z]),
+                .eval(&mut self.stage_jacobian, [&[R::splat(t)], y, z]),
             sizes,
         )
     }
 
     /// g, r at (t, y, λ).
     #[inline]
-    pub fn node(&mut self, t: f64, y: &[f64], lam: &[f64]) -> Parts<'_, 2> {
+    pub fn node(&mut self, t: f64, y: &[R], lam: &[R]) -> Parts<'_, 2, R> {
         let sizes = [self.problem.m, self.problem.n];
         cut(
-            self.problem.node.eval(&mut self.node, [&[t], y, lam]),
+            self.problem
+                .node
+                .eval(&mut self.node, [&[R::splat(t)], y, lam]),
             sizes,
         )
     }
 
     /// `g_y`, `r_λ` at (t, y, λ).
     #[inline]
-    pub fn node_blocks(&mut self, t: f64, y: &[f64], lam: &[f64]) -> Parts<'_, 2> {
+    pub fn node_blocks(&mut self, t: f64, y: &[R], lam: &[R]) -> Parts<'_, 2, R> {
         let sizes = [
             self.problem.patterns.g_y.len(),
             self.problem.patterns.r_lam.len(),
@@ -122,79 +127,73 @@ impl Model {
         cut(
             self.problem
                 .node_blocks
-                .eval(&mut self.node_blocks, [&[t], y, lam]),
+                .eval(&mut self.node_blocks, [&[R::splat(t)], y, lam]),
             sizes,
         )
     }
 
     /// `r_y` at (t, y, λ).
-    pub fn node_jacobian(&mut self, t: f64, y: &[f64], lam: &[f64]) -> &[f64] {
+    pub fn node_jacobian(&mut self, t: f64, y: &[R], lam: &[R]) -> &[R] {
         self.problem
             .node_jacobian
-            .eval(&mut self.node_jacobian, [&[t], y, lam])
+            .eval(&mut self.node_jacobian, [&[R::splat(t)], y, lam])
     }
 
     /// p, w, v at (t, y, z); v is empty where it is z.
     #[inline]
-    pub fn end(&mut self, t: f64, y: &[f64], z: &[f64]) -> Parts<'_, 3> {
+    pub fn end(&mut self, t: f64, y: &[R], z: &[R]) -> Parts<'_, 3, R> {
         let (n, m, v) = (self.problem.n, self.problem.m, self.v_size);
         cut(
-            self.problem.end.eval(&mut self.end, [&[t], y, z]),
+            self.problem.end.eval(&mut self.end, [&[R::splat(t)], y, z]),
             [n, m, v],
         )
     }
 
     /// f − p_t − `p_y` v, then `w_t` + `w_y` v with `k_t` + `k_y` v behind it, and `v_t` + `v_y` v at (t, y, z);
     /// the last is empty where v is z.
-    pub fn acceleration(&mut self, t: f64, y: &[f64], z: &[f64]) -> Parts<'_, 3> {
+    pub fn acceleration(&mut self, t: f64, y: &[R], z: &[R]) -> Parts<'_, 3, R> {
         let sizes = [self.problem.n, self.problem.multipliers(), self.v_size];
         cut(
             self.problem
                 .acceleration
-                .eval(&mut self.acceleration, [&[t], y, z]),
+                .eval(&mut self.acceleration, [&[R::splat(t)], y, z]),
             sizes,
         )
     }
 
     /// k, `r_n` at (t, y, z, ν); empty where there is no such constraint.
-    pub fn nonholonomic(&mut self, t: f64, y: &[f64], z: &[f64], nu: &[f64]) -> Parts<'_, 2> {
+    pub fn nonholonomic(&mut self, t: f64, y: &[R], z: &[R], nu: &[R]) -> Parts<'_, 2, R> {
         match self.bound() {
-            Some((problem, bound)) => bound.values(problem, [&[t], y, z, nu]),
+            Some((problem, bound)) => bound.values(problem, [&[R::splat(t)], y, z, nu]),
             None => [&[]; 2],
         }
     }
 
     /// `k_y`, `k_z`, and of `r_n` its derivatives by y, z and ν, at (t, y, z, ν).
-    pub fn nonholonomic_blocks(
-        &mut self,
-        t: f64,
-        y: &[f64],
-        z: &[f64],
-        nu: &[f64],
-    ) -> Parts<'_, 5> {
+    pub fn nonholonomic_blocks(&mut self, t: f64, y: &[R], z: &[R], nu: &[R]) -> Parts<'_, 5, R> {
         match self.bound() {
-            Some((problem, bound)) => bound.blocks(problem, [&[t], y, z, nu]),
+            Some((problem, bound)) => bound.blocks(problem, [&[R::splat(t)], y, z, nu]),
             None => [&[]; 5],
         }
     }
 
     /// `w_y` at (t, y, z), where there are nonholonomic constraints too.
-    pub fn hidden_jacobian(&mut self, t: f64, y: &[f64], z: &[f64]) -> &[f64] {
+    pub fn hidden_jacobian(&mut self, t: f64, y: &[R], z: &[R]) -> &[R] {
         match self.bound() {
-            Some((problem, bound)) => bound.hidden(problem, [&[t], y, z]),
+            Some((problem, bound)) => bound.hidden(problem, [&[R::splat(t)], y, z]),
             None => &[],
         }
     }
 
-    fn bound(&mut self) -> Option<(&Nonholonomic, &mut Bound)> {
+    fn bound(&mut self) -> Option<(&Nonholonomic, &mut Bound<R>)> {
         let problem = self.problem.nonholonomic.as_deref()?;
         Some((problem, self.nonholonomic.as_deref_mut()?))
     }
 
     /// The state at (t, y, z), with nothing lost to rounding yet.
-    pub fn state(&mut self, t: f64, y: &[f64], z: &[f64]) -> State {
+    pub fn state(&mut self, t: f64, y: &[R], z: &[R]) -> State<R> {
         let p = self.end(t, y, z)[0].to_vec();
-        let low = vec![0.0; y.len()];
+        let low = vec![R::splat(0.0); y.len()];
         State {
             y: y.to_vec(),
             z: z.to_vec(),
@@ -210,12 +209,18 @@ impl Model {
 /// # Errors
 /// [`Trouble::NotFinite`].
 #[inline]
-pub fn finite(values: &[f64], quantity: Quantity, t: f64) -> Result<(), Trouble> {
+pub fn finite<R: Real>(values: &[R], quantity: Quantity, t: f64) -> Result<(), Trouble> {
     // without a way out, so that several are looked at in one instruction
-    if values.iter().fold(true, |all, x| all & x.is_finite()) {
+    if values
+        .iter()
+        .fold(true, |all, x| all & x.all(f64::is_finite))
+    {
         return Ok(());
     }
-    let index = values.iter().position(|x| !x.is_finite()).unwrap_or(0);
+    let index = values
+        .iter()
+        .position(|x| !x.all(f64::is_finite))
+        .unwrap_or(0);
     Err(Trouble::NotFinite { quantity, index, t })
 }
 
@@ -223,8 +228,8 @@ pub fn finite(values: &[f64], quantity: Quantity, t: f64) -> Result<(), Trouble>
 ///
 /// # Errors
 /// [`Trouble::NotFinite`].
-pub fn finite_k(k: &[f64], m: usize, t: f64) -> Result<(), Trouble> {
-    match k.iter().position(|x| !x.is_finite()) {
+pub fn finite_k<R: Real>(k: &[R], m: usize, t: f64) -> Result<(), Trouble> {
+    match k.iter().position(|x| !x.all(f64::is_finite)) {
         Some(index) => Err(Trouble::NotFinite {
             quantity: Quantity::Nonholonomic,
             index: m + index,

@@ -7,6 +7,7 @@
 
 use super::{Mass, Mechanical, Mismatch, check, check_pattern, cut};
 use crate::linalg::{Matrix, Pattern, add_scaled, dependent_rows};
+use crate::real::Real;
 use crate::tape::{Registers, Tape};
 use crate::trouble::Trouble;
 
@@ -76,14 +77,14 @@ impl Nonholonomic {
 
 /// The memory in which the tapes of [`Nonholonomic`] work.
 #[derive(Clone, Debug)]
-pub(super) struct Bound {
-    values: Registers<f64>,
-    blocks: Registers<f64>,
-    hidden: Registers<f64>,
+pub(super) struct Bound<R = f64> {
+    values: Registers<R>,
+    blocks: Registers<R>,
+    hidden: Registers<R>,
 }
 
-impl Bound {
-    pub(super) fn new(problem: &Nonholonomic, params: &[f64]) -> Self {
+impl<R: Real> Bound<R> {
+    pub(super) fn new(problem: &Nonholonomic, params: &[R]) -> Self {
         Self {
             values: problem.values.bind(params),
             blocks: problem.blocks.bind(params),
@@ -91,28 +92,39 @@ impl Bound {
         }
     }
 
-    pub(super) fn values(&mut self, problem: &Nonholonomic, args: [&[f64]; 4]) -> [&[f64]; 2] {
+    pub(super) fn values(&mut self, problem: &Nonholonomic, args: [&[R]; 4]) -> [&[R]; 2] {
         let n = args[1].len();
         cut(problem.values.eval(&mut self.values, args), [problem.l, n])
     }
 
-    pub(super) fn blocks(&mut self, problem: &Nonholonomic, args: [&[f64]; 4]) -> [&[f64]; 5] {
+    pub(super) fn blocks(&mut self, problem: &Nonholonomic, args: [&[R]; 4]) -> [&[R]; 5] {
         let at = &problem.patterns;
         let sizes = [&at.k_y, &at.k_z, &at.r_y, &at.r_z, &at.r_nu].map(Pattern::len);
         cut(problem.blocks.eval(&mut self.blocks, args), sizes)
     }
 
-    pub(super) fn hidden(&mut self, problem: &Nonholonomic, args: [&[f64]; 3]) -> &[f64] {
+    pub(super) fn hidden(&mut self, problem: &Nonholonomic, args: [&[R]; 3]) -> &[R] {
         problem.hidden.eval(&mut self.hidden, args)
     }
 }
 
 /// The constraints, holonomic and then nonholonomic, whose gradients by z are dependent, if any are.
-pub(crate) fn explain_all(problem: &Mechanical, mass: &Mass, g_y: &[f64], k_z: &[f64]) -> Trouble {
+///
+/// Of several members nothing is said: each is asked alone.
+pub(crate) fn explain_all<R: Real>(
+    problem: &Mechanical,
+    mass: &Mass<R>,
+    g_y: &[R],
+    k_z: &[R],
+) -> Trouble {
+    let (Some(g_y), Some(k_z)) = (R::alone(g_y), R::alone(k_z)) else {
+        return Trouble::SingularNewton;
+    };
     let mut rows = Matrix::zeros(problem.multipliers(), problem.n);
     match mass.v_z() {
         None => problem.patterns.g_y.add_to(g_y, 1.0, &mut rows, 0, 0),
         Some((pattern, values)) => {
+            let values = R::alone(values).unwrap_or_default();
             let mut v_z = Matrix::zeros(problem.n, problem.n);
             pattern.add_to(values, 1.0, &mut v_z, 0, 0);
             for (&(row, col), g_y) in problem.patterns.g_y.entries().iter().zip(g_y) {

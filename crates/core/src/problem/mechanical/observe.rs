@@ -1,7 +1,9 @@
 //! What is recorded of a mechanical system at an output point.
 
 use super::{Acceleration, Model, State, model::finite};
+use crate::memory::{Foreign, Memory};
 use crate::problem::Observe;
+use crate::real::Real;
 use crate::tape::{Registers, Tape};
 use crate::trouble::{Quantity, Trouble};
 
@@ -103,5 +105,75 @@ impl<S: Carried> Observe<S> for Observer {
         let start = row.len();
         self.append(t, state, row)
             .inspect_err(|_| row.truncate(start))
+    }
+}
+
+impl Memory for Observer {
+    fn save(&self, member: usize, out: &mut Vec<f64>) {
+        if let Some(states) = &self.states {
+            states.save(member, out);
+        }
+    }
+
+    fn restore(&mut self, member: usize, saved: &mut &[f64]) -> Result<(), Foreign> {
+        match &mut self.states {
+            Some(states) => states.restore(member, saved),
+            None => Ok(()),
+        }
+    }
+}
+
+/// Records what [`Observer`] does of several members in lock-step, one after another.
+#[derive(Clone, Debug)]
+pub struct Observers {
+    /// One for each member, or one for all of them.
+    each: Vec<Observer>,
+    members: usize,
+    state: Option<State>,
+}
+
+impl Observers {
+    /// Observers of the first `members` in lock-step: one for each, or one for all where they have the same
+    /// parameters.
+    pub fn new(each: Vec<Observer>, members: usize) -> Self {
+        Self {
+            each,
+            members,
+            state: None,
+        }
+    }
+}
+
+impl<R: Real> Observe<State<R>> for Observers {
+    fn width(&self, state: &State<R>) -> usize {
+        let single = State::<f64>::zeros(state.y.len());
+        self.members * self.each[0].width(&single)
+    }
+
+    fn observe(&mut self, t: f64, state: &State<R>, row: &mut Vec<f64>) -> Result<(), Trouble> {
+        let start = row.len();
+        let single = self
+            .state
+            .get_or_insert_with(|| State::zeros(state.y.len()));
+        for member in 0..self.members {
+            single.copy_member(0, state, member);
+            let place = member.min(self.each.len() - 1);
+            if let Err(trouble) = self.each[place].observe(t, single, row) {
+                row.truncate(start);
+                return Err(trouble.of_member(member));
+            }
+        }
+        Ok(())
+    }
+}
+
+impl Memory for Observers {
+    fn save(&self, member: usize, out: &mut Vec<f64>) {
+        self.each[member.min(self.each.len() - 1)].save(0, out);
+    }
+
+    fn restore(&mut self, member: usize, saved: &mut &[f64]) -> Result<(), Foreign> {
+        let place = member.min(self.each.len() - 1);
+        self.each[place].restore(0, saved)
     }
 }

@@ -1,0 +1,242 @@
+//! Several members in lock-step, each with the bits it has alone.
+//!
+//! What nearly all steps do is done for all members at once: the extrapolated start, node Schur, the update.
+//! Each member decides for itself when it has converged. One that leaves this path makes that step
+//! alone: it is moved, with what it brings, to a stepper of one member, and back. It is what makes any other
+//! step, too: the first one, and those by full Newton.
+
+use super::node_schur::NodeSchur;
+use super::predictor::Predictor;
+use super::stages::{Stages, Step};
+use super::update::Update;
+use super::{MOST_ITERATIONS, SCHUR_ITERATIONS, Solver, Spark};
+use crate::method::{Foreign, Memory, Stats, Stepper, Symmetric};
+use crate::newton::{self, Member};
+use crate::problem::mechanical::{Mechanical, Model, State};
+use crate::real::{Lanes, Scalar, WIDTH};
+use crate::tableau;
+use crate::trouble::Trouble;
+use std::sync::Arc;
+
+/// Fewer members than this in lock-step are slower than one by one.
+const FEW: usize = 3;
+/// Coordinates and multipliers up to which lock-step is the faster way.
+const LARGEST: usize = 64;
+
+/// Whether steps of this system by this solver have members in lock-step.
+pub fn goes_together(problem: &Mechanical, solver: Solver) -> bool {
+    problem.is_linear
+        && problem.l() == 0
+        && solver != Solver::Newton
+        && problem.n + problem.m <= LARGEST
+}
+
+/// A SPARK method at work on as many members as there are lanes.
+#[derive(Clone, Debug)]
+pub struct Together {
+    problem: Arc<Mechanical>,
+    solver: Solver,
+    model: Model<Lanes>,
+    stages: Stages<Lanes>,
+    schur: NodeSchur<Lanes>,
+    predictor: Predictor<Lanes>,
+    update: Update<Lanes>,
+    /// What makes a step of one member: of any, where their parameters are the same.
+    alone: Vec<Spark>,
+    state: State,
+    /// Steps each is still to make alone, and how many it was last time.
+    resting: [usize; WIDTH],
+    rest: [usize; WIDTH],
+    members: [Member; WIDTH],
+    saved: Vec<f64>,
+    stats: Stats,
+}
+
+impl Together {
+    /// The method of these coefficients, for parameters of each member.
+    pub fn of(
+        problem: &Arc<Mechanical>,
+        params: &[Lanes],
+        tableau: tableau::Spark,
+        solver: Solver,
+    ) -> Self {
+        let model = Model::new(problem.clone(), params);
+        let is_common = |x: &Lanes| x.0.iter().all(|value| value.to_bits() == x.0[0].to_bits());
+        let count = if params.iter().all(is_common) {
+            1
+        } else {
+            WIDTH
+        };
+        let single = |member: usize| {
+            let params: Vec<f64> = params.iter().map(|x| x.member(member)).collect();
+            Spark::of(
+                Model::new(problem.clone(), &params),
+                tableau.clone(),
+                solver,
+            )
+        };
+        let alone: Vec<Spark> = (0..count).map(single).collect();
+        let stages = Stages::new(&model, tableau);
+        let mut saved = Vec::new();
+        alone[0].save(0, &mut saved);
+        saved.reserve_exact(WIDTH * (saved.len() + 5 * problem.n));
+        Self {
+            solver,
+            schur: NodeSchur::new(&model, &stages),
+            predictor: Predictor::new(&model, &stages.tableau),
+            update: Update::new(&model),
+            alone,
+            state: State::zeros(problem.n),
+            resting: [0; WIDTH],
+            rest: [0; WIDTH],
+            members: [Member::Out; WIDTH],
+            saved,
+            stats: Stats::default(),
+            stages,
+            model,
+            problem: problem.clone(),
+        }
+    }
+
+    /// The members' state at `t`, from y and z.
+    pub fn state(&mut self, t: f64, y: &[Lanes], z: &[Lanes]) -> State<Lanes> {
+        self.model.state(t, y, z)
+    }
+
+    /// The common path, up to where the step has only to be committed; says who has come to its end.
+    fn advance(&mut self, step: Step<Lanes>) -> Result<(), Trouble> {
+        self.members = self.resting.map(|left| match left {
+            0 => Member::Open,
+            _ => Member::Out,
+        });
+        let open = self.resting.iter().filter(|left| **left == 0).count();
+        let (stages, model) = (&mut self.stages, &mut self.model);
+        let z1 = &mut self.update.z;
+        if open < FEW || !self.predictor.extrapolate(stages, z1, step.h) {
+            self.members = [Member::Out; WIDTH];
+            return Ok(());
+        }
+        let most = match self.solver {
+            Solver::Auto => SCHUR_ITERATIONS,
+            _ => MOST_ITERATIONS,
+        };
+        let mut equations = self.schur.start(stages, model, step);
+        newton::solve_each(&mut equations, most, &mut self.members)?;
+        if !self.members.iter().any(has_converged) {
+            return Ok(());
+        }
+        // from here on as a member alone goes
+        let last = stages.tableau.intervals - 1;
+        stages.evaluate_values(model, step, last);
+        if self.problem.patterns.p_y.is_empty() {
+            self.schur.find_lost_moves(stages, step);
+        } else {
+            stages.lost_moves.clear();
+        }
+        self.update.solve(model, stages, step)
+    }
+
+    /// A step of one member alone; what it leads to is appended to what is saved.
+    fn step_alone(
+        &mut self,
+        member: usize,
+        (t, h): (f64, f64),
+        state: &State<Lanes>,
+    ) -> Result<(), Trouble> {
+        let mut saved = std::mem::take(&mut self.saved);
+        let start = saved.len();
+        self.save(member, &mut saved);
+        let place = member.min(self.alone.len() - 1);
+        let alone = &mut self.alone[place];
+        let is_own = alone.restore(0, &mut &saved[start..]).is_ok();
+        debug_assert!(is_own, "it is of the same problem");
+        saved.truncate(start);
+        self.state.copy_member(0, state, member);
+        let made = alone.step(t, h, &mut self.state);
+        if made.is_ok() {
+            alone.save(0, &mut saved);
+            self.state.save(0, &mut saved);
+        }
+        self.saved = saved;
+        made.map_err(|trouble| trouble.of_member(member))
+    }
+
+    /// Puts those who stepped alone back beside the others.
+    fn take_back(&mut self, state: &mut State<Lanes>) -> Result<(), Foreign> {
+        let held = std::mem::take(&mut self.saved);
+        let mut saved = &held[..];
+        let members = self.members;
+        for member in (0..WIDTH).filter(|member| !has_converged(&members[*member])) {
+            self.restore(member, &mut saved)?;
+            state.restore(member, &mut saved)?;
+        }
+        self.saved = held;
+        Ok(())
+    }
+
+    fn count(&mut self) {
+        let stages = self.stages.tableau.stages;
+        for (member, stands) in self.members.iter().enumerate() {
+            if let Member::Converged(iterations) = stands {
+                self.rest[member] = 0;
+                self.stats.iterations += iterations;
+                self.stats.evaluations += (iterations + 1) * stages;
+            }
+        }
+    }
+}
+
+fn has_converged(member: &Member) -> bool {
+    matches!(member, Member::Converged(_))
+}
+
+impl Stepper for Together {
+    type State = State<Lanes>;
+
+    fn step(&mut self, t: f64, h: f64, state: &mut State<Lanes>) -> Result<(), Trouble> {
+        if self.advance(Step { t, h, state }).is_err() {
+            // whose trouble it is, each finds out alone
+            self.members = [Member::Out; WIDTH];
+        }
+        self.saved.clear();
+        for member in 0..WIDTH {
+            if !has_converged(&self.members[member]) {
+                self.step_alone(member, (t, h), state)?;
+            }
+        }
+        if self.members.iter().any(has_converged) {
+            let (predictor, update) = (&mut self.predictor, &self.update);
+            predictor.keep(&self.stages, h, &state.z, &update.z, &update.v);
+            update.commit(state);
+            self.count();
+        }
+        let is_own = self.take_back(state).is_ok();
+        debug_assert!(is_own, "it is of the same problem");
+        Ok(())
+    }
+
+    fn forget(&mut self) {
+        self.predictor.forget();
+    }
+
+    fn stats(&self) -> Stats {
+        let alone = self.alone.iter().map(Stepper::stats);
+        alone.fold(self.stats, |sum, stats| sum + stats)
+    }
+}
+
+impl Symmetric for Together {}
+
+impl Memory for Together {
+    fn save(&self, member: usize, out: &mut Vec<f64>) {
+        self.predictor.save(member, out);
+        self.resting[member].save(0, out);
+        self.rest[member].save(0, out);
+    }
+
+    fn restore(&mut self, member: usize, saved: &mut &[f64]) -> Result<(), Foreign> {
+        self.predictor.restore(member, saved)?;
+        self.resting[member].restore(0, saved)?;
+        self.rest[member].restore(0, saved)
+    }
+}
