@@ -36,8 +36,12 @@ build: $(VENV)/built  ## Compile the core and install it into .venv
 docs: $(VENV)/tools  ## Build the documentation into docs/_build/html; runs the gallery
 	$(SPHINX) docs docs/_build/html
 
-bench:  ## Time the kernels of the core; benchmarks/*.py time the rest, the peers with the extra 'bench'
-	cargo bench -p liouville-core
+bench: $(VENV)/bench  ## Measure beside other codes, in under ten minutes; tables in build/benchmarks.md
+	$(BIN)/python benchmarks/work_precision.py --short
+	$(BIN)/python benchmarks/ensembles.py --members 10000
+	$(BIN)/python benchmarks/rattle_chain.py --openmm
+	$(BIN)/python benchmarks/mujoco_chain.py
+	$(BIN)/python benchmarks/tables.py build/benchmarks.md
 
 ci: lint test docs  ## What .ci/run runs
 
@@ -52,6 +56,10 @@ $(BIN)/python:
 $(VENV)/built: $(BIN)/python $(CORE)
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check -e '.[all]'
 	@touch $@
+
+$(VENV)/bench: $(BIN)/python $(CORE)
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check -e '.[all,bench]'
+	@touch $(VENV)/built $@
 
 $(VENV)/tools: $(BIN)/python $(CORE)
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check -e '.[all,test,lint,docs]'

@@ -5,7 +5,7 @@ import os
 import platform
 from collections.abc import Sequence
 from datetime import UTC, datetime
-from importlib.metadata import version
+from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Any
 
@@ -29,8 +29,16 @@ def surroundings(packages: Sequence[str] = ()) -> dict[str, Any]:
         "load": [round(x, 2) for x in os.getloadavg()],
         "platform": platform.platform(),
         "python": platform.python_version(),
-        **{name: version(name) for name in ("casadi", "numpy", *packages)},
+        **{name: installed(name) for name in ("liouville", "casadi", "numpy", *packages)},
     }
+
+
+def installed(name: str) -> str | None:
+    """Return a package's version, None if it is not there."""
+    try:
+        return version(name)
+    except PackageNotFoundError:
+        return None
 
 
 def publish(name: str, rows: Sequence[dict[str, Any]], packages: Sequence[str] = ()) -> None:

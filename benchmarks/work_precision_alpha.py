@@ -19,10 +19,11 @@ import argparse
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import cached_property, partial
+from functools import partial
 
 import matplotlib.pyplot as plt
 import numpy as np
+from diagram import Case, Own, Setup, best, least, measure, published, seconds_at
 from peers import general, implicit, mechanisms, sundials
 from report import RESULTS, publish
 
@@ -31,81 +32,23 @@ from liouville import problems
 
 TOLERANCES = tuple(10.0**-k for k in range(2, 11))
 LEVELS = (1e-3, 1e-4, 1e-5, 1e-6)
-SHARE = 0.3  # seconds of repeats a run may take, within 1 and 40 repeats
 OWN = ("HHT", "generalised alpha", "Spark(3)")
 
 
 @dataclass
-class Case:
-    """A problem with its end state, and the numbers of steps that equal steps are tried with."""
+class Mechanism(Case):
+    """A case that Exudyn knows, and the numbers of steps that equal steps are tried with."""
 
-    name: str
-    build: Callable
-    start: dict
-    span: tuple
-    reference: tuple
     mechanism: Callable
     steps: tuple
     spark: tuple
 
-    @cached_property
-    def system(self):
-        """The system, traced."""
-        return self.build()
-
-    @property
-    def scales(self):
-        """The largest position and velocity of the end state."""
-        return tuple(float(np.abs(state).max()) for state in self.reference)
-
-
-@dataclass
-class Entry:
-    """One code in one form with one setting, and what it took and reached."""
-
-    family: str
-    variant: str
-    setting: float
-    solver: object
-    seconds: float = np.inf
-    errors: tuple = ()
-    repeats: int = 0
-    trouble: str = ""
-
-
-@dataclass
-class Own:
-    """A method of the library; the run is timed as its statistics say, without tracing."""
-
-    method: object
-    case: Case
-    control: bool
-
-    def run(self, setting):
-        """Integrate with a relative tolerance or a number of steps."""
-        case, pace = self.case, {"steps": setting}
-        if self.control:
-            pace = {"rtol": setting, "atol": setting * case.scales[0]}
-        found = lv.integrate(
-            case.system, self.method, t=case.span, every=10**9, **pace, **case.start
-        )
-        return found.stats["seconds"], found.q[-1], found.v[-1]
-
 
 def case(name, steps, spark):
     """Return one of the library's problems that have a mechanism and a reference."""
-    problem = problems.load(name)
-    end = problem.reference[problem.interval[1]]
-    reference = tuple(np.array(end[state]) for state in "qv")
-
-    def build():
-        names, params = problem.system.coordinates, problem.system.params
-        return lv.Lagrangian(problem.lagrangian, problem.constraint, q=names, params=params)
-
-    if name == "chain":
-        build = partial(problem.build, 10)
-    start, mechanism = problem.start, getattr(mechanisms, name)
-    return Case(name, build, start, problem.interval, reference, mechanism, steps, spark)
+    return Mechanism(
+        **vars(published(name)), mechanism=getattr(mechanisms, name), steps=steps, spark=spark
+    )
 
 
 def long_chain(links):
@@ -122,7 +65,7 @@ def long_chain(links):
     steps = tuple(int(20 * 2 ** (k / 2)) for k in range(15))
     spark = (6, 8, 12, 16, 24, 40)
     build, name = partial(chain.build, links), f"chain of {links}"
-    return Case(name, build, start, chain.interval, ends[1], mechanisms.chain, steps, spark)
+    return Mechanism(name, build, start, chain.interval, ends[1], mechanisms.chain, steps, spark)
 
 
 def cases():
@@ -137,85 +80,37 @@ def cases():
 
 def entries(case):
     """Set up every code on a case; returns its runs and the seconds that setting up took."""
-    found, took = [], {}
-
-    def add(family, variant, settings, make, *args):
-        begin = time.perf_counter()
-        try:
-            solver = make(*args)
-        except Exception as trouble:
-            print(f"{case.name}: {family}, {variant} is left out: {trouble}")
-            return
-        took[family] = took.get(family, 0.0) + time.perf_counter() - begin
-        found.extend(Entry(family, variant, setting, solver) for setting in settings)
-
+    setup = Setup(case)
     begin = time.perf_counter()
     _ = case.system
-    took["Spark(3)"] = time.perf_counter() - begin
+    setup.spend("Spark(3)", time.perf_counter() - begin)
     _ = case.system.second_order
     for family, method in (("HHT", lv.HHT(-0.1)), ("generalised alpha", lv.GeneralizedAlpha(0.9))):
-        took[family] = time.perf_counter() - begin
-        add(family, "controlled", TOLERANCES, Own, method, case, True)
-        add(family, "equal steps", case.steps, Own, method, case, False)
-    add("Spark(3)", "equal steps", case.spark, Own, lv.Spark(3), case, False)
+        setup.spend(family, time.perf_counter() - begin)
+        setup.add(family, "controlled", TOLERANCES, Own, method, case, True)
+        setup.add(family, "equal steps", case.steps, Own, method, case, False)
+    setup.add("Spark(3)", "equal steps", case.spark, Own, lv.Spark(3), case, False)
     place, sparse = (case.span, case.scales), len(case.start["q"]) > 20
     for form in implicit.FORMS:
         begin = time.perf_counter()
         equation = implicit.implicit(case.system, form, case.start, case.span[0])
         _ = equation.library
         compiling = time.perf_counter() - begin
-        add("IDA in C", form, TOLERANCES, sundials.InC, equation, *place, sparse)
+        setup.add("IDA in C", form, TOLERANCES, sundials.InC, equation, *place, sparse)
         package = sundials.ScikitSundae
-        add("IDA, scikit-sundae", form, TOLERANCES, package, equation, *place, sparse)
+        setup.add("IDA, scikit-sundae", form, TOLERANCES, package, equation, *place, sparse)
         for method in ("Radau", "BDF") if form != "index2" else ():
             variant, few = f"{method}, {form}", TOLERANCES[1:6]
-            add("scipy_dae", variant, few, general.ScipyDae, equation, *place, method)
+            setup.add("scipy_dae", variant, few, general.ScipyDae, equation, *place, method)
         for family in ("IDA in C", "IDA, scikit-sundae", "scipy_dae"):
-            took[family] = took.get(family, 0.0) + compiling
+            setup.spend(family, compiling)
     for form in general.FORMS:
         given = case.system, form, case.start, *place, TOLERANCES
-        add("CasADi IDAS", form, TOLERANCES, general.Idas, *given)
+        setup.add("CasADi IDAS", form, TOLERANCES, general.Idas, *given)
     for solver in ("dense", "sparse") if sparse else ("dense",):
         given = case.mechanism, case.system, case.start, case.span, solver
-        add("Exudyn", f"equal steps, {solver}", case.steps, mechanisms.Exudyn, *given)
-    return found, took
-
-
-def measure(case, entries):
-    """Run all once for warmth and errors, then in turn until each has had its share."""
-    for entry in entries:
-        try:
-            seconds, *end = entry.solver.run(entry.setting)
-            if seconds < SHARE:
-                seconds, *end = entry.solver.run(entry.setting)
-        except Exception as trouble:
-            entry.trouble = str(trouble).splitlines()[0]
-            continue
-        pairs = zip(end, case.reference, case.scales, strict=True)
-        entry.errors = tuple(float(np.abs(x - y).max()) / scale for x, y, scale in pairs)
-        entry.seconds, entry.repeats = seconds, int(np.clip(SHARE / seconds, 1, 40))
-    for round_ in range(40):
-        for entry in entries:
-            if round_ < entry.repeats:
-                entry.seconds = min(entry.seconds, entry.solver.run(entry.setting)[0])
-
-
-def best(entries, state):
-    """Return errors and seconds of the runs that no other beats in both, the coarsest first."""
-    points = sorted((e.seconds, e.errors[state]) for e in entries if e.errors)
-    front = []
-    for seconds, error in points:
-        if np.isfinite(error) and error < 1 and (not front or error < front[-1][0]):
-            front.append((error, seconds))
-    return np.array(front).reshape(-1, 2)
-
-
-def seconds_at(error, front):
-    """Interpolate powers; a code whose fastest run is better than wanted takes that one's time."""
-    if not len(front) or error < front[-1, 0]:
-        return np.nan
-    errors, seconds = np.log(front[::-1].T)
-    return float(np.exp(np.interp(np.log(error), errors, seconds)))
+        setup.add("Exudyn", f"equal steps, {solver}", case.steps, mechanisms.Exudyn, *given)
+    return setup.entries, setup.took
 
 
 def compare(case, entries):
@@ -233,11 +128,6 @@ def compare(case, entries):
             row["fastest package / HHT"] = least(packages) / times["HHT"]
             row["Exudyn / HHT"] = times["Exudyn"] / times["HHT"]
             yield row
-
-
-def least(times):
-    """Return the least of the times there are."""
-    return min((x for x in times if np.isfinite(x)), default=np.nan)
 
 
 def draw(results):

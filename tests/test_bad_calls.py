@@ -485,10 +485,13 @@ def test_the_right_call_is_taken():
 
 
 def test_dense_matrices_that_would_not_fit_are_refused_before_they_are_made(monkeypatch):
+    edge = lv.problems.load("knife_edge")
     monkeypatch.setattr("liouville._arguments.memory", lambda: 1000)
-    with pytest.raises(MemoryError, match=r"Spark.* on 2 coordinates, dense, takes.*\nhint: HHT"):
-        run(t=(0, 0.01))
-    assert run(t=(0, 0.01), method=lv.HHT()).status == "done"
+    wanted = r"Spark.* on 3 coordinates with nonholonomic constraints, dense, takes.*\nhint: HHT"
+    with pytest.raises(MemoryError, match=wanted):
+        lv.integrate(edge.system, lv.Spark(3), t=(0, 0.01), steps=1, **edge.start)
+    for method in (lv.Spark(3), lv.HHT()):
+        assert run(t=(0, 0.01), method=method).status == "done"
 
 
 def test_a_slice_longer_than_the_run_keeps_start_and_end():

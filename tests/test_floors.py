@@ -16,7 +16,7 @@ PACKAGE = ROOT / "python" / "liouville"
 CORE_FLOORS = (
     ("bracket", "elementary", "parallel", "patience", "trouble"),
     ("real",),
-    ("vector",),
+    ("memory", "vector"),
     ("dual", "linalg"),
     ("tableau", "tape"),
     ("newton",),
@@ -27,17 +27,19 @@ CORE_FLOORS = (
 )
 PACKAGE_FLOORS = (
     ("_core", "errors"),
-    ("_arguments", "events", "failure", "points", "tape", "terms"),
+    ("_arguments", "events", "points", "tape", "terms"),
     ("methods", "systems"),
     ("solution", "splitting"),
     ("planner", "propagation"),
-    ("routes",),
+    ("routes", "spread"),
     ("integrate",),
     ("determinant", "section"),
     ("convergence", "export", "fem", "plot", "problems"),
+    ("stored",),
     ("cli",),
 )
-LAZY = {("solution", "export")}  # to_xarray() and save() fetch the exporter when called
+# to_xarray() and save() fetch the exporter when called, integrate() what stores a run
+LAZY = {("solution", "export"), ("integrate", "stored")}
 
 CORE_ROOMS = {
     "faer": ("linalg/sparse.rs", "linalg/tridiagonal.rs"),

@@ -26,6 +26,7 @@ IRRELEVANT = {
     "pendulum": {"m"},
     "spherical_pendulum": {"m"},
     "chain": {"m"},
+    "rigid_chain": {"m", "mu"},
     "heavy_top": {"mu"},
     "knife_edge": {"m", "J"},
 }
@@ -244,6 +245,18 @@ def test_chain_of_a_hundred_links_reaches_its_reference():
         0.26940306299187936705,
     )  # computed in extended precision
     np.testing.assert_allclose(tip, expected, rtol=0, atol=1e-13)
+
+
+@pytest.mark.parametrize(("rods", "revolute"), [(1, False), (1, True), (2, True), (9, True)])
+def test_rigid_chain_of_either_joint_keeps_its_energy(rods, revolute):
+    chain = problems.load("rigid_chain")
+    system, start = chain.build(rods, revolute), chain.start_for(rods, revolute)
+    assert len(system.coordinates) == 7 * rods
+    assert len(system.constraints) == (6 if revolute else 4) * rods
+    solution = lv.integrate(system, lv.Spark(stages=4), t=(0.0, 0.2), h=0.05 / rods, **start)
+    assert np.ptp(solution.invariants["energy"]) < 1e-11
+    assert abs(solution.residuals["constraint"]).max() < 1e-14
+    assert abs(solution.residuals["hidden"]).max() < 1e-14
 
 
 @pytest.mark.parametrize("name", PLANAR)

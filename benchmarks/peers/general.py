@@ -6,6 +6,8 @@ CasADi's own. scipy_dae is written in NumPy; residual and Jacobians are the comp
 through numba. z has no part in the error test of either.
 """
 
+import contextlib
+import tempfile
 import time
 from ctypes import c_double, c_void_p
 
@@ -63,7 +65,8 @@ class Idas:
             "compiler": "shell",
             "jit_options": {"flags": ["-O2", "-march=native"], "verbose": False},
         }
-        return ca.integrator("solve", "idas", self.equations, *self.span, options)
+        with contextlib.chdir(tempfile.mkdtemp(prefix="peer-")):  # its C would lie about here
+            return ca.integrator("solve", "idas", self.equations, *self.span, options)
 
     def run(self, tol):
         """Integrate with one of the tolerances."""
@@ -75,10 +78,11 @@ class Idas:
 
 
 class ScipyDae:
-    """scipy_dae's Radau IIA or BDF."""
+    """scipy_dae's Radau IIA, of any odd number of stages, or BDF."""
 
-    def __init__(self, equation, span, scales, method):
+    def __init__(self, equation, span, scales, method, stages=None):
         self.equation, self.span, self.scales, self.method = equation, span, scales, method
+        self.options = {"stages": stages} if stages else {}
         self.residual, self.jacobians = functions(equation)
 
     def run(self, tol):
@@ -96,6 +100,7 @@ class ScipyDae:
             rtol=tol,
             atol=scale,
             jac=self.jacobians,
+            **self.options,
         )
         seconds = time.perf_counter() - begin
         if not found.success:

@@ -1,20 +1,26 @@
-"""Exudyn: the three mechanisms of its own bodies and joints, stepped by its generalised alpha.
+"""Exudyn: mechanisms of its own bodies and joints, stepped by its generalised alpha.
 
 Rigid bodies in the plane have three coordinates each, so Andrews' mechanism has 21 with 20
-constraints where the library's angles have 7 with 6; the chain's mass points are the same. The
-compiled module without range checks is used, nothing is written or drawn, and only SolveDynamic is
-timed. A "tolerance" is a number of steps here; Newton's is set below the discretisation's error.
+constraints where the library's angles have 7 with 6; mass points are the same. The top has its
+centre of mass beside its orientation, by Euler parameters or on the Lie group. The compiled module
+without range checks is used, nothing is written or drawn, and only SolveDynamic is timed. A
+"tolerance" is a number of steps here; Newton's is set below the discretisation's error.
 """
 
 import sys
 import time
 
+import casadi as ca
 import numpy as np
+
+from liouville.problems import heavy_top
 
 sys.exudynFast = True
 
 import exudyn  # noqa: E402 - the line above selects its fast module
 from exudyn import itemInterface as item  # noqa: E402
+
+exudyn.SetWriteToConsole(False)  # a run that fails says so by an exception
 
 RHO = 0.9
 
@@ -77,7 +83,7 @@ def chain(system, start):
         )
         plane.weigh(point, -p["m"] / links * p["g"])
         before = here
-    return plane, lambda x: x
+    return plane, lambda x, u: (x, u)
 
 
 def slider_crank(system, start):
@@ -102,7 +108,7 @@ def slider_crank(system, start):
     plane.mbs.AddObject(item.ObjectConnectorCoordinate(markerNumbers=[zero, height]))
     plane.weigh(crank, -p["m1"] * p["g"])
     plane.weigh(rod, -p["m2"] * p["g"])
-    return plane, lambda x: x[[2, 5, 6]]
+    return plane, lambda x, u: (x[[2, 5, 6]], u[[2, 5, 6]])
 
 
 def andrews(system, start):
@@ -161,7 +167,57 @@ def andrews(system, start):
         one, two, three, four, five, six, seven = x[2::3]
         return np.array([one, two - one, three, four - five, five, six - seven, seven])
 
-    return plane, angles
+    return plane, lambda x, u: (angles(x), angles(u))
+
+
+pendulum = chain  # of one link
+
+
+def top(make):
+    """Hang a body with this node from the ground, by its own place opposite its centre of mass."""
+
+    def build(system, start):
+        p, plane = system.params, Plane()
+        arm, q, v = np.array(p["X"]), np.array(start["q"]), np.array(start["v"])
+        omega = np.array(heavy_top.angular_velocity(ca.DM(q), ca.DM(v)))[:, 0]
+        node, ends = make(plane.mbs, arm, np.cross(omega, arm), q, v, omega)
+        body = plane.mbs.AddObject(
+            item.ObjectRigidBody(
+                physicsMass=p["m"], physicsInertia=[*p["J"], 0.0, 0.0, 0.0], nodeNumber=node
+            )
+        )
+        place = [
+            plane.mbs.AddMarker(item.MarkerBodyPosition(bodyNumber=of, localPosition=list(at)))
+            for of, at in ((plane.ground, np.zeros(3)), (body, -arm), (body, np.zeros(3)))
+        ]
+        plane.mbs.AddObject(item.ObjectJointSpherical(markerNumbers=place[:2]))
+        weight = [0.0, 0.0, -p["m"] * p["g"]]
+        plane.mbs.AddLoad(item.Force(markerNumber=place[2], loadVector=weight))
+        return plane, ends
+
+    return build
+
+
+@top
+def euler_parameters(mbs, centre, motion, q, v, omega):
+    node = item.NodeRigidBodyEP(referenceCoordinates=[*centre, *q], initialVelocities=[*motion, *v])
+    return mbs.AddNode(node), lambda x, u: (x[3:], u[3:])
+
+
+@top
+def lie_group(mbs, centre, motion, q, v, omega):
+    """Start in axes along those of space; of two quaternions that with q0 > 0 comes out."""
+    node = item.NodeRigidBodyRotVecLG(
+        referenceCoordinates=[*centre, 0.0, 0.0, 0.0], initialVelocities=[*motion, *omega]
+    )
+
+    def quaternions(x, u):
+        angle = np.linalg.norm(x[3:])
+        q = np.append(np.cos(angle / 2), np.sinc(angle / 2 / np.pi) / 2 * x[3:])
+        spin = np.append(-q[1:] @ u[3:], q[0] * u[3:] + np.cross(q[1:], u[3:])) / 2
+        return np.sign(q[0]) * q, np.sign(q[0]) * spin
+
+    return mbs.AddNode(node), quaternions
 
 
 def direction(angle):
@@ -172,7 +228,7 @@ class Exudyn:
     """One mechanism, solved with a number of equal steps."""
 
     def __init__(self, build, system, start, span, solver="dense"):
-        self.plane, self.coordinates = build(system, start)
+        self.plane, self.ends = build(system, start)
         self.mbs = self.plane.mbs
         self.mbs.Assemble()
         self.span = span
@@ -189,7 +245,7 @@ class Exudyn:
         self.settings = settings
         zero = self.mbs.systemData.GetODE2Coordinates
         self.reference = np.array(zero(exudyn.ConfigurationType.Reference))
-        self.offset = np.array(start["q"]) - self.coordinates(self.reference)
+        self.offset = np.array(start["q"]) - self.ends(self.reference, self.reference)[0]
 
     def run(self, steps):
         """Integrate with a number of equal steps."""
@@ -198,5 +254,6 @@ class Exudyn:
         exudyn.SolveDynamic(self.mbs, self.settings)
         seconds = time.perf_counter() - begin
         data = self.mbs.systemData
-        q = self.coordinates(self.reference + data.GetODE2Coordinates())
-        return seconds, self.offset + q, self.coordinates(data.GetODE2Coordinates_t())
+        x = self.reference + data.GetODE2Coordinates()
+        q, v = self.ends(x, np.array(data.GetODE2Coordinates_t()))
+        return seconds, self.offset + q, v

@@ -28,7 +28,7 @@ LIBRARIES = [
     "ida",
 ]
 IGNORED = 1e30
-MOST_STEPS = 20_000
+MOST_STEPS = 200_000
 
 
 def libraries():
@@ -152,7 +152,9 @@ class ScikitSundae:
             **self.options,
         )
         begin = time.perf_counter()
-        found = solver.solve(np.array(self.span), *self.equation.start)
+        found = solver.solve(
+            np.linspace(*self.span, 3), *self.equation.start
+        )  # of two it keeps all steps
         seconds = time.perf_counter() - begin
         if not found.success:
             raise RuntimeError(found.message)

@@ -1,10 +1,10 @@
 """Structure-preserving time integrators: a Rust core with a Python front."""
 
 from liouville.determinant import determinant as determinant
+from liouville.errors import Failure as Failure
 from liouville.errors import IntegrationError as IntegrationError
 from liouville.events import Event as Event
 from liouville.export import load as load
-from liouville.failure import Failure as Failure
 from liouville.integrate import ensemble as ensemble
 from liouville.integrate import integrate as integrate
 from liouville.methods import HHT as HHT
@@ -30,6 +30,7 @@ from liouville.propagation import propagation as propagation
 from liouville.section import Section as Section
 from liouville.section import section as section
 from liouville.solution import Solution as Solution
+from liouville.stored import resume as resume
 from liouville.systems import Grid as Grid
 from liouville.systems import Hamiltonian as Hamiltonian
 from liouville.systems import Lagrangian as Lagrangian

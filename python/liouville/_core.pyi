@@ -8,9 +8,11 @@ from numpy.typing import NDArray
 
 _Pattern = tuple[int, int, NDArray[np.int64], NDArray[np.int64]]
 _Trouble = dict[str, Any]
+_Term = tuple[int, int, float, "Rows"]
 
 __all__ = [
     "OPERATIONS",
+    "VERSION",
     "Hamiltonian",
     "Mechanical",
     "Operator",
@@ -41,12 +43,21 @@ __all__ = [
 ]
 
 OPERATIONS: dict[str, int]
+VERSION: str
 
 @final
 class Tape:
     def __new__(
         cls, inputs: list[int], outputs: int, lines: NDArray[np.int64], values: NDArray[np.float64]
     ) -> Tape: ...
+    @staticmethod
+    def unpacked(
+        inputs: list[int],
+        outputs: int,
+        program: bytes,
+        terms: tuple[NDArray[np.float64], list[_Term], list[_Term]] | None = None,
+    ) -> Tape: ...
+    def __reduce__(self) -> tuple[Any, ...]: ...
     def __len__(self) -> int: ...
     @property
     def inputs(self) -> list[int]: ...
@@ -58,8 +69,8 @@ class Tape:
     def with_terms(
         self,
         constant: NDArray[np.float64],
-        products: list[tuple[int, int, float, Rows]],
-        forms: list[tuple[int, int, float, Rows]],
+        products: list[_Term],
+        forms: list[_Term],
     ) -> Tape: ...
 
 @final
@@ -118,7 +129,9 @@ class SemiExplicit:
 
 @final
 class Run:
-    def advance(self, seconds: float) -> Literal["paused", "done"] | _Trouble: ...
+    def advance(
+        self, seconds: float, steps: int | None = None
+    ) -> Literal["paused", "done"] | _Trouble: ...
     @property
     def done(self) -> int: ...
     @property
@@ -132,6 +145,9 @@ class Run:
         self,
     ) -> tuple[list[tuple[NDArray[np.float64], NDArray[np.float64]]], tuple[int, float] | None]: ...
     def take(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]: ...
+    def collect(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]: ...
+    def save(self) -> NDArray[np.float64] | None: ...
+    def restore(self, saved: NDArray[np.float64]) -> None: ...
 
 def mechanical_run(
     problem: Mechanical | SecondOrder | Separable,

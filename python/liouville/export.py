@@ -20,7 +20,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from liouville.failure import Failure
+from liouville.errors import Failure
 from liouville.points import Points
 from liouville.solution import STATES, Array, Solution
 
@@ -168,7 +168,7 @@ def save(solution: Solution, path: str | os.PathLike[str]) -> None:
     if path.suffix == ".csv":
         _save_csv(solution, path)
         return
-    dataset = _paired(to_xarray(solution))
+    dataset = paired(to_xarray(solution))
     # No fill value: a stored NaN is the run's own NaN.
     encoding = {
         name: {"_FillValue": None}
@@ -203,7 +203,15 @@ def load(path: str | os.PathLike[str]) -> Solution:
     ImportError
         xarray or the package for this kind of file is not installed.
     """
-    path = Path(path)
+    return _read(Path(path))
+
+
+def ends(path: Path) -> Solution:
+    """Read the same with its first and its last record only."""
+    return _read(path, are_all=False)
+
+
+def _read(path: Path, are_all: bool = True) -> Solution:
     check(path)
     if path.suffix == ".csv":
         raise ValueError(
@@ -221,7 +229,8 @@ def load(path: str | os.PathLike[str]) -> Solution:
         with _needed("xarray").open_dataset(
             path, decode_times=False, mask_and_scale=False, **options
         ) as opened:
-            dataset = _complex(opened.load())
+            step = 1 if are_all else max(1, opened.sizes["time"] - 1)
+            dataset = _complex(opened.isel(time=slice(None, None, step)).load())
     except (OSError, KeyError, ValueError) as error:
         raise ValueError(f"{str(path)!r} cannot be read as {path.suffix}: {error}") from error
     found = dataset.attrs.get(MARK)
@@ -293,7 +302,7 @@ def _events(variables: dict[str, Any]) -> dict[str, Points]:
     return points
 
 
-def _paired(dataset: xarray.Dataset) -> xarray.Dataset:
+def paired(dataset: xarray.Dataset) -> xarray.Dataset:
     """Give complex numbers as pairs: neither kind of file has them."""
     return dataset.assign(
         {

@@ -2,8 +2,12 @@
 
 from __future__ import annotations
 
+import os
 import time
 from collections.abc import Callable, Mapping, Sequence
+from concurrent.futures import Executor
+from dataclasses import replace
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -11,15 +15,15 @@ from numpy.typing import ArrayLike
 
 from liouville import _core
 from liouville._arguments import memory
-from liouville.errors import IntegrationError, hinted
+from liouville.errors import Failure, IntegrationError, hinted
 from liouville.events import Event
-from liouville.failure import Failure
 from liouville.methods import Method
 from liouville.planner import Plan
 from liouville.points import Points
 from liouville.propagation import Propagation
 from liouville.routes import Asked, Route, route
 from liouville.solution import RESIDUALS, STATES, Solution
+from liouville.spread import Job, spread, told
 from liouville.systems import SemiExplicit, System
 
 #: Seconds between two looks at the signals and the progress bar.
@@ -47,6 +51,8 @@ def integrate(
     states: bool = True,
     progress: Callable[[float, float], None] | None = None,
     threads: int | None = None,
+    store: str | os.PathLike[str] | None = None,
+    checkpoint: int | str | None = None,
     **start: ArrayLike,
 ) -> Solution:
     r"""Integrate a system with equal steps, or with steps of its own choice.
@@ -111,6 +117,12 @@ def integrate(
     threads : int, optional
         Threads for a polynomial field of very many variables, as many as there are processors by
         default. The result does not depend on them, bit for bit.
+    store : path, optional
+        A ``.zarr`` folder that the records go to while the run is going on, in constant memory;
+        there must be nothing there yet. A run that was cut off goes on with :func:`resume`.
+    checkpoint : int or str, optional
+        How often a stored run writes down where it is: after so many steps, or so much time, as in
+        ``"30s"``, ``"10min"`` or ``"2h"``. By default ``"30s"``.
     **start : array_like
         Start values by the system's names, each of shape (n,): ``q`` and ``v``, ``q`` and ``p``,
         ``y`` and ``z``, ``x``, or ``psi``. Of a ``SemiExplicit`` system z is a guess that may be
@@ -122,6 +134,8 @@ def integrate(
     Solution
         With k = ceil(steps / every) + 1 kept times. An interrupt (Ctrl-C) returns what was done,
         with status "interrupted". A run that an event ended is done, and its message says so.
+        With `store` only the first and the last record, and where the others are: its ``path``,
+        for :func:`load` or ``xarray.open_zarr``.
 
     Raises
     ------
@@ -133,6 +147,8 @@ def integrate(
         What is to be kept would not fit in memory, or the matrices of the method.
     IntegrationError
         A step failed; ``error.solution`` is what was computed before it.
+    FileExistsError
+        There is something at `store` already.
 
     Notes
     -----
@@ -145,8 +161,16 @@ def integrate(
             "rtol": rtol, "atol": atol, "h_min": h_min, "control": control, "monitor": monitor
         },
         start=start, threads=threads, tol=tol, t_eval=t_eval, events=events,
+        is_stored=store is not None,
     )  # fmt: skip
-    return run(route(system, method, asked), progress)
+    if store is None:
+        if checkpoint is not None:
+            raise TypeError("checkpoint is for a stored run\nhint: give store= too, a .zarr folder")
+        return run(route(system, method, asked), progress)
+    from liouville import stored
+
+    place = stored.place(store, checkpoint)
+    return stored.begin(route(system, method, asked), place, progress)
 
 
 def ensemble(
@@ -163,6 +187,8 @@ def ensemble(
     states: bool = True,
     progress: Callable[[float, float], None] | None = None,
     threads: int | None = None,
+    executor: Executor | None = None,
+    chunk: int | None = None,
     **start: ArrayLike,
 ) -> Solution:
     """Integrate a system from many start values at once, in lock-step lanes and on many threads.
@@ -186,8 +212,13 @@ def ensemble(
     progress : callable, optional
         ``progress(done, total)``, called about twenty times a second with numbers of steps.
     threads : int, optional
-        How many, as many as there are processors by default. The result does not depend on them,
-        bit for bit.
+        How many, as many as there are processors by default, one in each worker of an executor. The
+        result does not depend on them, bit for bit.
+    executor : concurrent.futures.Executor, optional
+        Whose workers integrate the members, on this machine or others; see
+        :doc:`/guide/cluster`. The result has the same bits.
+    chunk : int, optional
+        Members a worker is given at a time; by default a quarter of its share.
     **start : array_like
         Start values by the system's names, with a row for each of P members: ``q`` and ``v`` of
         shape (P, n), and so on. Those of a mechanical system may also have shape (n,), for all
@@ -216,11 +247,36 @@ def ensemble(
     (11, 2, 3)
     """
     asked = Asked(
-        t=t, h=h, steps=steps, control={}, every=every, tol=tol,
+        t=t, h=h, steps=steps, control={}, every=every,
         observe=observe, params=params, states=states, start=start, is_ensemble=True,
-        threads=threads,
+        threads=threads, tol=tol,
     )  # fmt: skip
-    return run(route(system, method, asked), progress)
+    path = route(system, method, asked)
+    if executor is None:
+        if chunk is not None:
+            raise TypeError("chunk is for an executor: give executor= too")
+        return run(path, progress)
+    part = partial(
+        ensemble, path.system, path.choice, t=t, h=h, steps=steps, every=every, states=states,
+        observe=path.system.portable(observe), threads=threads or 1,
+    )  # fmt: skip
+    job = Job(
+        part,
+        _arrays(start),
+        None if params is None or path.system is not system else _arrays(params),
+        system.params,
+        path.members[0],
+        (path.pace.count // path.every + 2) * path.row,
+        path.pace.t0,
+    )
+    return replace(spread(job, executor, chunk, progress), system=path.system)
+
+
+def _arrays(given: Mapping[str, Any]) -> dict[str, Any]:
+    """Return arrays for what is none, by name, once for all chunks."""
+    return {
+        name: _arrays(x) if isinstance(x, Mapping) else np.asarray(x) for name, x in given.items()
+    }
 
 
 def run(path: Route, progress: Callable[[float, float], None] | None = None) -> Solution:
@@ -242,27 +298,71 @@ def run(path: Route, progress: Callable[[float, float], None] | None = None) -> 
         events, end = path.seen(started)
     stats["seconds"] = time.perf_counter() - clock
 
-    status, message, quantity = "done", end, ""
+    status, message, quantity = verdict(outcome, path, stats, end)
     failures: dict[int, Failure] = {}
     if path.members and not isinstance(started, dict):
         failures = failed(started, path)
-        message = told(failures, path)
+        many = path.members[0]
+        sentences = [told(failures, many)]
         if outcome == "done":
             stats["steps"] = pace.count
+        elif outcome == "interrupted":
+            sentences.insert(0, f"interrupted when {started.over} of {many} members were over")
+        if not isinstance(outcome, dict):
+            message = "; ".join(filter(None, sentences))
+    solution = solution_of(path, times, rows, stats, reached, (status, message), events)
+    solution = replace(solution, failures=failures)
     if isinstance(outcome, dict):
-        status = "failed"
+        raise failure(outcome, path, quantity, solution) from outcome.get("cause")
+    if failures and not solution.t.size:
+        member, first = next(iter(failures.items()))
+        raise IntegrationError(
+            message, t=first.t, step=first.step, member=member, solution=solution
+        )
+    return solution
+
+
+def verdict(
+    outcome: str | dict[str, Any], path: Route, stats: dict[str, Any], end: str
+) -> tuple[str, str, str]:
+    """Give status and message of a run, and which quantity is to blame if it failed."""
+    if isinstance(outcome, dict):
         stats["steps"] = outcome.get("step", 0)
-        message, quantity = explained(outcome, path)
-    elif outcome == "interrupted":
-        status, message = outcome, f"interrupted after {stats['steps']}{pace.total} steps"
-        if path.members and not isinstance(started, dict):
-            many = f"interrupted when {started.over} of {path.members[0]} members were over"
-            message = "; ".join([many, *filter(None, [told(failures, path)])])
+        return ("failed", *explained(outcome, path))
+    if outcome == "interrupted":
+        return outcome, f"interrupted after {stats['steps']}{path.pace.total} steps", ""
+    return "done", end, ""
+
+
+def failure(
+    trouble: dict[str, Any], path: Route, quantity: str, solution: Solution
+) -> IntegrationError:
+    """Give the error of a run that failed, with what was computed before."""
+    return IntegrationError(
+        solution.message,
+        t=trouble.get("start", path.pace.t0),
+        step=int(solution.stats["steps"]),
+        quantity=quantity,
+        member=trouble.get("member") if path.members else None,
+        solution=solution,
+    )
+
+
+def solution_of(
+    path: Route,
+    times: np.ndarray,
+    rows: np.ndarray,
+    stats: dict[str, Any],
+    reached: float,
+    outcome: tuple[str, str],
+    events: Mapping[str, Points],
+) -> Solution:
+    """Say what records of a route mean; `outcome` is status and message."""
     cuts = np.cumsum([*path.columns.values()])[:-1]
     # without any columns there is one empty part
     columns = dict(zip(path.columns, np.split(rows, cuts, axis=-1), strict=bool(path.columns)))
     parts = path.read(columns)
-    solution = Solution(
+    return Solution(
         t=times,
         states={name: parts[name] for name in STATES if name in parts},
         invariants=_named("invariant ", parts),
@@ -270,55 +370,28 @@ def run(path: Route, progress: Callable[[float, float], None] | None = None) -> 
         observed=_named("observed ", parts),
         balance=path.balance(parts),
         names=_names(path),
-        events=events,
+        events=dict(events),
         dense_order=path.dense_order,
-        h=pace.mean(np.array([reached]), stats["steps"]),
-        tolerances=pace.tolerances,
+        h=path.pace.mean(np.array([reached]), stats["steps"]),
+        tolerances=path.pace.tolerances,
         method=path.method,
         stats=stats,
         params=_plain(path.params),
-        status=status,
-        message=message,
+        status=outcome[0],
+        message=outcome[1],
         members=path.members[0] if path.members else None,
-        failures=failures,
         system=path.system,
     )
-    if failures and not solution.t.size:
-        member, failure = next(iter(failures.items()))
-        raise IntegrationError(
-            message, t=failure.t, step=failure.step, member=member, solution=solution
-        )
-    if isinstance(outcome, dict):
-        raise IntegrationError(
-            message,
-            t=outcome.get("start", pace.t0),
-            step=stats["steps"],
-            quantity=quantity,
-            member=outcome.get("member") if path.members else None,
-            solution=solution,
-        ) from outcome.get("cause")
-    return solution
 
 
 def drive(
     run: _core.Run, path: Route, progress: Callable[[float, float], None] | None
 ) -> str | dict[str, Any]:
     """Advance to the end, or until memory is full; returns how that ended."""
-    if progress is not None and not callable(progress):
-        raise TypeError(f"progress is a function, not {progress!r}")
-    pace = path.pace
     most = path.every * memory() / path.row
-
-    def report() -> None:
-        if progress is None:
-            return
-        if pace.control is None:
-            progress(run.done, pace.count)
-        else:
-            progress(abs(run.t - pace.t0), abs(pace.t1 - pace.t0))
-
+    report = reporting(run, path, progress)
     try:
-        while (outcome := _advanced(run)) == "paused":
+        while (outcome := advanced(run)) == "paused":
             report()
             if run.done > most:
                 return {"kind": "no memory", "step": run.done, "start": run.t}
@@ -328,9 +401,29 @@ def drive(
     return outcome
 
 
-def _advanced(run: _core.Run) -> str | dict[str, Any]:
+def reporting(
+    run: _core.Run, path: Route, progress: Callable[[float, float], None] | None
+) -> Callable[[], None]:
+    """Make what tells the caller how far a run is."""
+    if progress is not None and not callable(progress):
+        raise TypeError(f"progress is a function, not {progress!r}")
+    pace = path.pace
+
+    def report() -> None:
+        if progress is None:
+            return
+        if pace.control is None:
+            progress(run.done, pace.count)
+        else:
+            progress(abs(run.t - pace.t0), abs(pace.t1 - pace.t0))
+
+    return report
+
+
+def advanced(run: _core.Run, steps: int | None = None) -> str | dict[str, Any]:
+    """Advance for a slice of time, to so many steps at most; returns how that ended."""
     try:
-        return run.advance(SLICE)
+        return run.advance(SLICE, steps)
     except Exception as error:  # of a function of the user's that makes products
         return {"kind": "raised", "cause": error, "step": run.done, "start": run.t}
 
@@ -342,15 +435,6 @@ def failed(run: _core.Run, path: Route) -> dict[int, Failure]:
         member, t = trouble.pop("member"), trouble.get("start", path.pace.t0)
         found[member] = Failure(trouble.get("step", 0), t, explained(trouble, path)[0])
     return found
-
-
-def told(failures: Mapping[int, Failure], path: Route) -> str:
-    """Say how many members failed, and why the first of them did."""
-    if not failures:
-        return ""
-    member, failure = next(iter(failures.items()))
-    count = f"{len(failures)} of {path.members[0]} members failed"
-    return f"{count}; the first, member {member}: {failure.message}"
 
 
 def _names(path: Route) -> dict[str, tuple[str, ...]]:

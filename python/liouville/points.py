@@ -31,6 +31,11 @@ class Points:
             if isinstance(values, np.ndarray):
                 values.setflags(write=False)
 
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        """Arrive from another process."""
+        self.__dict__.update(state)
+        self.__post_init__()
+
     def __getattr__(self, name: str) -> NDArray[Any]:
         """Give a state by its name."""
         states = self.__dict__.get("states", {})

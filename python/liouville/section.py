@@ -12,15 +12,15 @@ from numpy.typing import ArrayLike
 
 from liouville import _core
 from liouville._arguments import MOST_STEPS, number
-from liouville.errors import IntegrationError
+from liouville.errors import Failure, IntegrationError
 from liouville.events import DIRECTIONS
-from liouville.failure import Failure
-from liouville.integrate import drive, explained, failed, told
+from liouville.integrate import drive, explained, failed
 from liouville.methods import VolumeSplitting
 from liouville.planner import Plan
 from liouville.routes import Asked, FieldRoute, route
 from liouville.solution import Array
 from liouville.splitting import crossed
+from liouville.spread import told
 from liouville.systems import PolynomialField
 
 
@@ -174,7 +174,7 @@ def section(
     if len(failures) == path.members[0]:
         member, failure = next(iter(failures.items()))
         raise IntegrationError(
-            told(failures, path), t=failure.t, step=failure.step, member=member,
+            told(failures, path.members[0]), t=failure.t, step=failure.step, member=member,
             section=replace(found, status="failed"),
         )  # fmt: skip
     return found

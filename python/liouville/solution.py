@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from liouville.failure import Failure
+from liouville.errors import Failure
 from liouville.points import Points
 from liouville.systems import Mechanics, System
 
@@ -88,10 +88,12 @@ class Solution:
     members : int or None
         Number P of members of an ensemble, None for a single run.
     failures : dict of int to Failure
-        Members of an ensemble that failed, in their order, with the step, its time and why; what
-        they have after it is NaN.
+        Members of an ensemble that have no more states from some time on, by number: the step, the
+        time and the reason. What they have after it is NaN.
     system : System or None
         The system integrated; None after :func:`liouville.load`.
+    path : str or None
+        Where all records are, of a run with ``store=``: then only the first and the last are here.
     """
 
     t: Array
@@ -113,6 +115,7 @@ class Solution:
     members: int | None = None
     failures: dict[int, Failure] = field(default_factory=dict)
     system: System | None = None
+    path: str | None = None
 
     def __post_init__(self) -> None:
         """Make the arrays read-only: what is recorded is not edited."""
@@ -122,6 +125,11 @@ class Solution:
             for values in group.values():
                 values.setflags(write=False)
 
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        """Arrive from another process."""
+        self.__dict__.update(state)
+        self.__post_init__()
+
     def __repr__(self) -> str:
         """Tell in two lines how the run went and how well it kept what it should."""
         if not self.t.size:
@@ -130,6 +138,8 @@ class Solution:
         span = f"t = {self.t[0]:g} to {self.t[-1]:g}"
         many = "" if self.members is None else f", {self.members} members"
         head = f"{self.status}: {steps} steps of {self.step_size}, {span}{many}, {self.method}"
+        if self.path is not None:
+            return f"<Solution {head}\n its records are in {self.path!r}>"
         residuals = {name: self._largest(np.abs(r)) for name, r in self.residuals.items() if r.size}
         drifts = {name: self._largest(self.invariant_drift(name)) for name in self.invariants}
         kept = [*_worst("residual", residuals), *_worst("drift", drifts)]

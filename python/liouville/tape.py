@@ -67,8 +67,8 @@ def record(name: str, inputs: Mapping[str, ca.SX], *outputs: ca.SX | Part) -> Ta
         the constant NaN.
     """
     parts = [x if isinstance(x, Part) else Part.of(x) for x in outputs]
-    column = ca.cse(ca.vertcat(ca.SX(0, 1), *(part.values for part in parts)))
-    function = _function(name, inputs, column)
+    column = ca.vertcat(ca.SX(0, 1), *(part.values for part in parts))
+    function = _function(name, inputs, column, reuse=False)
     lines, values = _program(function)
     lines[:, 0] = _codes(name, function, lines[:, 0])
     starts = np.cumsum([0, *(part.size for part in parts)])
@@ -130,8 +130,11 @@ def evaluate(operation: str, *values: float) -> float:
     return float(apply(code, *(ca.DM(x) for x in values)))
 
 
-def _function(name: str, inputs: Mapping[str, ca.SX], column: ca.SX) -> ca.Function:
-    function = ca.Function("tape", list(inputs.values()), [column], {"allow_free": True})
+def _function(
+    name: str, inputs: Mapping[str, ca.SX], column: ca.SX, reuse: bool = True
+) -> ca.Function:
+    options = {"allow_free": True, "live_variables": reuse}
+    function = ca.Function("tape", list(inputs.values()), [column], options)
     if function.has_free():
         free = ", ".join(sorted(str(x) for x in function.free_sx()))
         raise ValueError(f"{name} depends on symbols that are not its arguments: {free}")
@@ -149,25 +152,26 @@ def _distinct(codes: np.ndarray) -> list[int]:
 
 
 def _program(function: ca.Function) -> tuple[np.ndarray, np.ndarray]:
-    """Flatten a function into the core's lines (code, slot, a, b), codes CasADi's, and values."""
+    """Flatten a function into the core's lines (code, slot, a, b), codes CasADi's, and values.
+
+    Without reuse of slots, values and outputs are numbered one after another: CasADi need not be
+    asked where each goes.
+    """
     codes = _instructions(function)
+    is_output = codes == ca.OP_OUTPUT
     lines = np.zeros((codes.size, 4), dtype=np.int64)
     lines[:, 0] = codes
+    lines[:, 1] = np.cumsum(~is_output) - 1
+    lines[is_output, 2] = np.arange(is_output.sum())
     values = np.zeros(codes.size)
     for code in _distinct(codes):
         at = np.flatnonzero(codes == code)
-        inputs = [function.instruction_input(k) for k in at.tolist()]
-        outputs = [function.instruction_output(k) for k in at.tolist()]
-        if code == ca.OP_OUTPUT:
-            lines[at, 1] = np.array(inputs)[:, 0]
-            lines[at, 2] = np.array(outputs)[:, 1]
-            continue
-        lines[at, 1] = np.array(outputs)[:, 0]
         if code == ca.OP_CONST:
             values[at] = [function.instruction_constant(k) for k in at.tolist()]
-        else:
-            operands = np.array(inputs)
-            lines[at, 2 : 2 + operands.shape[1]] = operands
+            continue
+        operands = np.array([function.instruction_input(k) for k in at.tolist()])
+        first = 1 if code == ca.OP_OUTPUT else 2
+        lines[at, first : first + operands.shape[1]] = operands
     return lines, values
 
 

@@ -7,7 +7,7 @@
 //!
 //! 0. `bracket`, `elementary`, `parallel`, `patience`, `trouble`
 //! 1. `real`
-//! 2. `vector`
+//! 2. `memory`, `vector`
 //! 3. `dual`, `linalg`
 //! 4. `tape`, `tableau`
 //! 5. `newton`
@@ -21,6 +21,7 @@ pub mod dual;
 pub mod elementary;
 pub mod ensemble;
 pub mod linalg;
+pub mod memory;
 pub mod method;
 pub mod newton;
 pub mod parallel;

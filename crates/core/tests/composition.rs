@@ -2,6 +2,7 @@
 
 mod support;
 
+use liouville_core::memory::Memory;
 use liouville_core::method::composition::{Base, Composed, NeedsAdjoint};
 use liouville_core::method::spark::{Solver, Spark};
 use liouville_core::method::{Parts, Stats, Stepper, Symmetric};
@@ -45,6 +46,8 @@ fn swing() -> Swing {
 fn damping(t: f64) -> f64 {
     0.3 * (2.0 * t).cos()
 }
+
+impl Memory for Swing {}
 
 impl Parts for Swing {
     type State = [f64; 2];
@@ -96,7 +99,7 @@ impl Parts for Swing {
         !self.is_large
     }
 
-    fn restore(&mut self, state: &mut [f64; 2]) {
+    fn put_back(&mut self, state: &mut [f64; 2]) {
         *state = self.kept;
     }
 }
@@ -198,6 +201,8 @@ fn flows_that_meet_are_one() {
 #[test]
 fn a_method_of_one_exact_flow_is_that_flow() {
     struct Drift;
+    impl Memory for Drift {}
+
     impl Parts for Drift {
         type State = f64;
         fn count(&self) -> usize {
@@ -216,7 +221,7 @@ fn a_method_of_one_exact_flow_is_that_flow() {
         fn keep(&mut self, _: &f64) -> bool {
             false
         }
-        fn restore(&mut self, _: &mut f64) {}
+        fn put_back(&mut self, _: &mut f64) {}
     }
     for name in ["Lie", "S2", "BM4", "SS10s35"] {
         let mut stepper = Composed::new(Drift, scheme(name));
@@ -249,6 +254,8 @@ fn a_symmetric_composition_goes_back_the_way_it_came() {
 
 /// Records the state.
 struct Place;
+
+impl Memory for Place {}
 
 impl Observe<[f64; 2]> for Place {
     fn width(&self, _: &[f64; 2]) -> usize {
@@ -357,6 +364,8 @@ fn states_that_are_not_finite_are_never_recorded() {
 struct Midpoint {
     steps: usize,
 }
+
+impl Memory for Midpoint {}
 
 impl Stepper for Midpoint {
     type State = f64;

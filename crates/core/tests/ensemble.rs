@@ -1,6 +1,7 @@
 //! An ensemble is its members: bit for bit, whoever steps them, and whoever fails.
 
 use liouville_core::ensemble::{Ensemble, Layout};
+use liouville_core::memory::Memory;
 use liouville_core::method::{Stats, Stepper};
 use liouville_core::problem::Observe;
 use liouville_core::run::{self, Advance, Equal, Run, Status};
@@ -16,6 +17,8 @@ struct Turning {
     fails_at: usize,
     trouble: Trouble,
 }
+
+impl Memory for Turning {}
 
 impl Stepper for Turning {
     type State = f64;
@@ -41,6 +44,8 @@ impl Stepper for Turning {
 struct Angle {
     rows: fn(f64) -> usize,
 }
+
+impl Memory for Angle {}
 
 impl Observe<f64> for Angle {
     fn width(&self, _: &f64) -> usize {

@@ -1,5 +1,6 @@
 //! The loop keeps what it should, stops where it fails, and computes its times.
 
+use liouville_core::memory::Memory;
 use liouville_core::method::{Estimating, Stats, Stepper, Symmetric};
 use liouville_core::problem::{Monitor, Observe};
 use liouville_core::run::{Advance, Controlled, Equal, Pace, Reversible, Run, Status};
@@ -14,6 +15,8 @@ struct Counter {
     made: usize,
     wanted: Option<(f64, f64)>,
 }
+
+impl Memory for Counter {}
 
 impl Stepper for Counter {
     type State = usize;
@@ -49,6 +52,8 @@ const BLIND: Trouble = Trouble::NotFinite {
     index: 0,
     t: 0.0,
 };
+
+impl Memory for Look {}
 
 impl Observe<usize> for Look {
     fn width(&self, _: &usize) -> usize {
@@ -244,6 +249,8 @@ struct Passage {
     before: f64,
 }
 
+impl Memory for Passage {}
+
 impl Stepper for Passage {
     type State = f64;
 
@@ -283,6 +290,8 @@ impl Estimating for Passage {
 }
 
 struct Place;
+
+impl Memory for Place {}
 
 impl Observe<f64> for Place {
     fn width(&self, _: &f64) -> usize {
@@ -369,6 +378,8 @@ fn a_step_without_a_solution_is_tried_shorter_until_it_is_the_least() {
 /// Walks along a line at the speed it has, ±1.
 struct Walk;
 
+impl Memory for Walk {}
+
 impl Stepper for Walk {
     type State = (f64, f64);
 
@@ -386,6 +397,8 @@ impl Symmetric for Walk {}
 
 /// A monitor exp(a sin(x) / b), rough where b is small.
 struct Bumps(f64, f64);
+
+impl Memory for Bumps {}
 
 impl Monitor<(f64, f64)> for Bumps {
     fn rate(&mut self, _: f64, (x, v): &(f64, f64)) -> Result<f64, Trouble> {

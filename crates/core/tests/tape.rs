@@ -158,6 +158,101 @@ fn cut<'a>(program: &Program, point: &'a [[f64; 3]; 3]) -> [&'a [f64]; 3] {
     [0, 1, 2].map(|group| &point[group][..program.sizes[group]])
 }
 
+/// A program over again for each of many links, with its inputs and outputs side by side, parameters in
+/// common. Links have three sets of slots in turn, and every third operation reads the link before.
+fn repeated(program: &Program, links: usize) -> Program {
+    let [x, y, params] = program.sizes;
+    let pool = program.lines.iter().map(|line| match *line {
+        Line::Input { slot, .. } | Line::Constant { slot, .. } | Line::Apply { slot, .. } => {
+            slot + 1
+        }
+        Line::Output { .. } => 0,
+    });
+    let pool = pool.max().unwrap_or(0);
+    let lines = (0..links).flat_map(|link| {
+        let at = move |link: usize, slot: usize| slot + pool * (link % 3);
+        let other = move |k: usize| {
+            if k % 3 == 0 {
+                link.saturating_sub(1)
+            } else {
+                link
+            }
+        };
+        program
+            .lines
+            .iter()
+            .enumerate()
+            .map(move |(k, line)| match *line {
+                Line::Input {
+                    slot,
+                    group,
+                    element,
+                } => Line::Input {
+                    slot: at(link, slot),
+                    group,
+                    element: if group < 2 {
+                        element + link * [x, y][group]
+                    } else {
+                        element
+                    },
+                },
+                Line::Constant { slot, value } => Line::Constant {
+                    slot: at(link, slot),
+                    value,
+                },
+                Line::Apply { op, slot, a, b } => Line::Apply {
+                    op,
+                    slot: at(link, slot),
+                    a: at(link, a),
+                    b: if op.arity() == 2 { at(other(k), b) } else { b },
+                },
+                Line::Output { element, slot } => Line::Output {
+                    element: element + link * program.outputs,
+                    slot: at(link, slot),
+                },
+            })
+    });
+    Program {
+        sizes: [x * links, y * links, params],
+        outputs: program.outputs * links,
+        lines: lines.collect(),
+    }
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig { cases: config().cases / 10, ..config() })]
+
+    #[test]
+    fn a_long_tape_has_the_bits_of_its_lines(
+        program in programs(),
+        links in prop_oneof![4 => 5..60_usize, 1 => 200..400_usize],
+        values in prop::collection::vec(value(), 97),
+    ) {
+        let program = repeated(&program, if cfg!(miri) { links.min(20) } else { links });
+        let tape = program.tape();
+        let inputs = |from: usize| program.sizes.map(|size| {
+            values.iter().copied().cycle().skip(from + size).take(size).collect::<Vec<_>>()
+        });
+        let members: [_; WIDTH] = std::array::from_fn(inputs);
+        let lanes = |group: usize| -> Vec<Lanes> {
+            (0..program.sizes[group])
+                .map(|element| Lanes(std::array::from_fn(|i| members[i][group][element])))
+                .collect()
+        };
+        let mut together = tape.bind(&lanes(2));
+        let together = tape.eval(&mut together, [&lanes(0), &lanes(1)]);
+        for (i, [x, y, params]) in members.iter().enumerate() {
+            if let Some(wanted) = program.interpret([x, y, params]) {
+                let mut alone = tape.bind(params);
+                prop_assert!(all_same(tape.eval(&mut alone, [x, y]), &wanted));
+                prop_assert!(all_same(tape.eval(&mut alone, [x, y]), &wanted), "a second time");
+                let member: Vec<f64> = together.iter().map(|lanes| lanes.0[i]).collect();
+                prop_assert!(all_same(&member, &wanted), "lane {i}");
+            }
+        }
+    }
+}
+
 proptest! {
     #![proptest_config(config())]
 

@@ -5,6 +5,7 @@ mod counting;
 mod support;
 
 use counting::allocations;
+use liouville_core::memory::Memory;
 use liouville_core::method::spark::{Solver, Spark};
 use liouville_core::problem::Observe;
 use liouville_core::problem::mechanical::{Carried, Model, Path};
@@ -15,6 +16,8 @@ use support::{Functions, PENDULUM, T, Y, Z, input, pendulum, tape};
 
 /// Records nothing of anything.
 struct Nothing;
+
+impl Memory for Nothing {}
 
 impl<S> Observe<S> for Nothing {
     fn width(&self, _: &S) -> usize {

@@ -1,13 +1,16 @@
 //! Arrays in, core types out.
 
 use crate::errors::refused;
+use crate::program;
 use liouville_core::linalg::{self, Pattern};
 use liouville_core::problem::mechanical::{self, Nonholonomic, NonholonomicPatterns, Patterns};
 use liouville_core::tape::{self, Line, Op, Term};
-use numpy::{PyArray2, PyArrayMethods, PyReadonlyArray1, PyReadonlyArray2, PyUntypedArrayMethods};
+use numpy::{
+    PyArray1, PyArray2, PyArrayMethods, PyReadonlyArray1, PyReadonlyArray2, PyUntypedArrayMethods,
+};
 use pyo3::exceptions::{PyKeyError, PyValueError};
 use pyo3::prelude::*;
-use pyo3::types::PyDict;
+use pyo3::types::{PyBytes, PyDict, PyTuple, PyType};
 use std::sync::Arc;
 
 /// Codes of the lines that are not operations.
@@ -15,10 +18,42 @@ const INPUT: i64 = -1;
 const CONSTANT: i64 = -2;
 const OUTPUT: i64 = -3;
 
-/// A validated program.
+/// What an object is made of again where it arrives: a function and its arguments.
+pub(crate) type Recipe<'py> = (Bound<'py, PyAny>, Bound<'py, PyTuple>);
+
+/// The arguments that a problem was made of; it is made again of them.
+#[derive(Clone)]
+pub(crate) struct Made(Arc<Py<PyTuple>>);
+
+impl Made {
+    /// Remembers the arguments, dictionaries as they are now.
+    pub(crate) fn of<'py>(
+        py: Python<'py>,
+        args: impl IntoPyObject<'py, Target = PyTuple, Output = Bound<'py, PyTuple>, Error = PyErr>,
+    ) -> PyResult<Self> {
+        let args = args.into_pyobject(py)?;
+        let own = args.iter().map(|arg| match arg.cast::<PyDict>() {
+            Ok(dict) => dict.copy().map(Bound::into_any),
+            Err(_) => Ok(arg),
+        });
+        let own = PyTuple::new(py, own.collect::<PyResult<Vec<_>>>()?)?;
+        Ok(Self(Arc::new(own.unbind())))
+    }
+
+    /// How to make another.
+    pub(crate) fn again<'py, T: pyo3::PyTypeInfo>(&self, py: Python<'py>) -> Recipe<'py> {
+        (PyType::new::<T>(py).into_any(), self.0.bind(py).clone())
+    }
+}
+
+/// A validated program, and what it was validated from: the program's bytes, and its terms.
 #[pyclass(frozen, module = "liouville._core")]
 #[derive(Clone)]
-pub(crate) struct Tape(pub(crate) Arc<tape::Tape>);
+pub(crate) struct Tape(
+    pub(crate) Arc<tape::Tape>,
+    Arc<[u8]>,
+    Option<Arc<Py<PyTuple>>>,
+);
 
 #[pymethods]
 impl Tape {
@@ -43,9 +78,35 @@ impl Tape {
             .zip(values.as_array())
             .map(|(row, value)| line([row[0], row[1], row[2], row[3]], *value))
             .collect::<PyResult<_>>()?;
-        Ok(Self(Arc::new(
-            tape::Tape::new(&inputs, outputs, &program).map_err(refused)?,
-        )))
+        Self::of(&inputs, outputs, &program)
+    }
+
+    /// A tape that has travelled: its program, and the arguments of `with_terms` if it has any.
+    #[staticmethod]
+    #[pyo3(signature = (inputs, outputs, program, terms = None))]
+    fn unpacked(
+        py: Python<'_>,
+        inputs: Vec<usize>,
+        outputs: usize,
+        program: &[u8],
+        terms: Option<Bound<'_, PyTuple>>,
+    ) -> PyResult<Self> {
+        let tape = Self::of(&inputs, outputs, &program::unpacked(program)?)?;
+        match terms {
+            None => Ok(tape),
+            Some(terms) => {
+                let (constant, products, forms) = terms.extract()?;
+                tape.with_terms(py, constant, products, forms)
+            }
+        }
+    }
+
+    fn __reduce__<'py>(slf: &Bound<'py, Self>) -> PyResult<Recipe<'py>> {
+        let (py, Self(tape, program, terms)) = (slf.py(), slf.get());
+        let program = PyBytes::new(py, program);
+        let terms = terms.as_ref().map(|terms| terms.bind(py).clone());
+        let args = (tape.inputs().to_vec(), tape.outputs(), program, terms);
+        Ok((slf.get_type().getattr("unpacked")?, args.into_pyobject(py)?))
     }
 
     /// Evaluates at k points: one (k, size) array for each input group but the parameters.
@@ -83,17 +144,20 @@ impl Tape {
     /// factor, A) add factor xᵀ A x.
     fn with_terms(
         &self,
+        py: Python<'_>,
         constant: PyReadonlyArray1<'_, f64>,
-        products: Vec<(usize, usize, f64, PyRef<'_, Rows>)>,
-        forms: Vec<(usize, usize, f64, PyRef<'_, Rows>)>,
+        products: Vec<Added>,
+        forms: Vec<Added>,
     ) -> PyResult<Self> {
+        let own = PyArray1::from_slice(py, constant.as_slice()?);
+        let given = (own, given(py, &products), given(py, &forms)).into_pyobject(py)?;
         let products = products
             .iter()
             .map(|(first, group, factor, rows)| Term::Product {
                 first: *first,
                 group: *group,
                 factor: *factor,
-                matrix: rows.0.clone(),
+                matrix: rows.get().0.clone(),
             });
         let forms = forms
             .iter()
@@ -101,12 +165,17 @@ impl Tape {
                 output: *output,
                 group: *group,
                 factor: *factor,
-                matrix: rows.0.clone(),
+                matrix: rows.get().0.clone(),
             });
-        let tape = tape::Tape::clone(&self.0);
-        tape.with_terms(constant.as_slice()?, products.chain(forms).collect())
-            .map(|tape| Self(Arc::new(tape)))
-            .map_err(refused)
+        let tape = tape::Tape::clone(&self.0)
+            .with_terms(constant.as_slice()?, products.chain(forms).collect())
+            .map_err(refused)?;
+        let program = self.1.clone();
+        Ok(Self(
+            Arc::new(tape),
+            program,
+            Some(Arc::new(given.unbind())),
+        ))
     }
 
     /// Number of instructions an evaluation runs.
@@ -125,6 +194,21 @@ impl Tape {
     fn outputs(&self) -> usize {
         self.0.outputs()
     }
+}
+
+impl Tape {
+    fn of(inputs: &[usize], outputs: usize, program: &[Line]) -> PyResult<Self> {
+        let tape = tape::Tape::new(inputs, outputs, program).map_err(refused)?;
+        Ok(Self(Arc::new(tape), program::packed(program).into(), None))
+    }
+}
+
+/// A term in Python's form: first output, input group, factor and matrix.
+type Added = (usize, usize, f64, Py<Rows>);
+
+fn given(py: Python<'_>, terms: &[Added]) -> Vec<Added> {
+    let own = |term: &Added| (term.0, term.1, term.2, term.3.clone_ref(py));
+    terms.iter().map(own).collect()
 }
 
 fn line(row: [i64; 4], value: f64) -> PyResult<Line> {
@@ -178,12 +262,29 @@ impl Rows {
         .map(|rows| Self(Arc::new(rows)))
         .map_err(refused)
     }
+
+    fn __reduce__<'py>(slf: &Bound<'py, Self>) -> PyResult<Recipe<'py>> {
+        let (py, matrix) = (slf.py(), &slf.get().0);
+        let (rows, cols) = matrix.shape();
+        let (mut row, mut col, mut values) = (Vec::new(), Vec::new(), Vec::new());
+        for i in 0..rows {
+            let (places, found) = matrix.row(i);
+            #[allow(clippy::cast_possible_wrap)] // memory has not so many rows
+            row.extend(places.iter().map(|_| i as i64));
+            col.extend(places.iter().map(|place| i64::from(*place)));
+            values.extend_from_slice(found);
+        }
+        let (row, col) = (PyArray1::from_vec(py, row), PyArray1::from_vec(py, col));
+        let values = PyArray1::from_vec(py, values);
+        let args = (rows, cols, row, col, values).into_pyobject(py)?;
+        Ok((slf.get_type().into_any(), args))
+    }
 }
 
 /// A mechanical system in the core's terms.
 #[pyclass(frozen, module = "liouville._core")]
 #[derive(Clone)]
-pub(crate) struct Mechanical(pub(crate) Arc<mechanical::Mechanical>);
+pub(crate) struct Mechanical(pub(crate) Arc<mechanical::Mechanical>, Made);
 
 #[pymethods]
 impl Mechanical {
@@ -226,6 +327,7 @@ impl Mechanical {
         } else {
             None
         };
+        let made = Made::of(tapes.py(), (n, m, is_linear, tapes, patterns))?;
         let system = mechanical::Mechanical {
             n,
             m,
@@ -251,7 +353,11 @@ impl Mechanical {
             },
             nonholonomic,
         };
-        Ok(Self(Arc::new(system.checked().map_err(refused)?)))
+        Ok(Self(Arc::new(system.checked().map_err(refused)?), made))
+    }
+
+    fn __reduce__<'py>(&self, py: Python<'py>) -> Recipe<'py> {
+        self.1.again::<Self>(py)
     }
 }
 

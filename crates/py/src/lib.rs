@@ -12,6 +12,7 @@ mod ladder;
 mod mechanical_ensemble;
 mod mechanical_run;
 mod operator;
+mod program;
 mod project;
 mod run;
 mod schrodinger;
@@ -69,6 +70,7 @@ mod _core {
         for (code, op) in Op::ALL.iter().enumerate() {
             codes.set_item(op.name(), code)?;
         }
-        module.add("OPERATIONS", codes)
+        module.add("OPERATIONS", codes)?;
+        module.add("VERSION", env!("CARGO_PKG_VERSION"))
     }
 }

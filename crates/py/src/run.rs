@@ -4,7 +4,7 @@ use crate::caught::Caught;
 use crate::errors;
 use liouville_core::run::{Advance, Failure, Status};
 use liouville_core::trouble::Trouble;
-use numpy::{PyArray1, PyArrayDyn, PyArrayMethods};
+use numpy::{PyArray1, PyArrayDyn, PyArrayMethods, PyReadonlyArray1};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 use std::time::Duration;
@@ -55,12 +55,19 @@ impl Run {
 
 #[pymethods]
 impl Run {
-    /// Makes steps for `seconds`; "paused", "done", or the trouble with the step and its time. What Python
-    /// raised inside a step is raised here.
-    fn advance<'py>(&mut self, py: Python<'py>, seconds: f64) -> PyResult<Bound<'py, PyAny>> {
+    /// Makes steps for `seconds`, or until there are `steps` in all; "paused", "done", or the trouble with the
+    /// step and its time. What Python raised inside a step is raised here.
+    #[pyo3(signature = (seconds, steps = None))]
+    fn advance<'py>(
+        &mut self,
+        py: Python<'py>,
+        seconds: f64,
+        steps: Option<usize>,
+    ) -> PyResult<Bound<'py, PyAny>> {
         let run = &mut self.inner;
         let budget = Duration::try_from_secs_f64(seconds).map_err(errors::refused)?;
-        let status = py.detach(|| run.advance(budget));
+        let steps = steps.unwrap_or(usize::MAX);
+        let status = py.detach(|| run.advance_to(steps, budget));
         if let Some(error) = self.caught.iter().find_map(Caught::take) {
             return Err(error);
         }
@@ -152,7 +159,44 @@ impl Run {
         &mut self,
         py: Python<'py>,
     ) -> PyResult<(Bound<'py, PyArray1<f64>>, Bound<'py, PyArrayDyn<f64>>)> {
-        let (times, rows) = self.inner.take();
+        let records = self.inner.take();
+        self.handed_on(py, records)
+    }
+
+    /// The same of a run that goes on: what was recorded since this was last called.
+    #[allow(clippy::type_complexity)]
+    fn collect<'py>(
+        &mut self,
+        py: Python<'py>,
+    ) -> PyResult<(Bound<'py, PyArray1<f64>>, Bound<'py, PyArrayDyn<f64>>)> {
+        let records = self.inner.collect();
+        self.handed_on(py, records)
+    }
+
+    /// All that the rest of the run depends on, but for what was collected and seen; None where that cannot
+    /// be told.
+    fn save<'py>(&self, py: Python<'py>) -> Option<Bound<'py, PyArray1<f64>>> {
+        let mut saved = Vec::new();
+        let is_saved = self.inner.save(&mut saved);
+        is_saved.then(|| PyArray1::from_vec(py, saved))
+    }
+
+    /// Goes on where a run that was begun in the same way was saved.
+    fn restore(&mut self, saved: PyReadonlyArray1<'_, f64>) -> PyResult<()> {
+        self.inner
+            .restore(saved.as_slice()?)
+            .map_err(errors::refused)
+    }
+}
+
+impl Run {
+    /// Times and rows, as arrays.
+    #[allow(clippy::type_complexity)]
+    fn handed_on<'py>(
+        &self,
+        py: Python<'py>,
+        (times, rows): (Vec<f64>, Vec<f64>),
+    ) -> PyResult<(Bound<'py, PyArray1<f64>>, Bound<'py, PyArrayDyn<f64>>)> {
         let count = match self.shape.iter().product() {
             0 => times.len(),
             width => rows.len() / width,

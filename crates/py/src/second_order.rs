@@ -1,6 +1,6 @@
 //! Systems in their special forms, as the front end hands them over.
 
-use crate::convert::{Mechanical, Tape, item, pattern};
+use crate::convert::{Made, Mechanical, Recipe, Tape, item, pattern};
 use crate::errors::refused;
 use liouville_core::problem::mechanical::{self, SecondOrderPatterns};
 use liouville_core::tape;
@@ -11,14 +11,14 @@ use std::sync::Arc;
 /// A mechanical system as the α methods step it.
 #[pyclass(frozen, module = "liouville._core")]
 #[derive(Clone)]
-pub(crate) struct SecondOrder(pub(crate) Arc<mechanical::SecondOrder>);
+pub(crate) struct SecondOrder(pub(crate) Arc<mechanical::SecondOrder>, Made);
 
 #[pymethods]
 impl SecondOrder {
     /// Tapes and patterns by name; there is no "power" where no force puts energy in.
     #[new]
     fn new(
-        problem: &Mechanical,
+        problem: &Bound<'_, Mechanical>,
         tapes: &Bound<'_, PyDict>,
         patterns: &Bound<'_, PyDict>,
         power_of_lam: bool,
@@ -33,8 +33,9 @@ impl SecondOrder {
         } else {
             None
         };
+        let made = Made::of(tapes.py(), (problem, tapes, patterns, power_of_lam))?;
         let system = mechanical::SecondOrder {
-            mechanical: problem.0.clone(),
+            mechanical: problem.get().0.clone(),
             residual: tape("residual")?,
             jacobian: tape("jacobian")?,
             reaction: tape("reaction")?,
@@ -49,30 +50,39 @@ impl SecondOrder {
                 n_y: pattern("n_y")?,
             },
         };
-        Ok(Self(Arc::new(system.checked().map_err(refused)?)))
+        Ok(Self(Arc::new(system.checked().map_err(refused)?), made))
+    }
+
+    fn __reduce__<'py>(&self, py: Python<'py>) -> Recipe<'py> {
+        self.1.again::<Self>(py)
     }
 }
 
 /// A mechanical system as RATTLE steps it.
 #[pyclass(frozen, module = "liouville._core")]
 #[derive(Clone)]
-pub(crate) struct Separable(pub(crate) Arc<mechanical::Separable>);
+pub(crate) struct Separable(pub(crate) Arc<mechanical::Separable>, Made);
 
 #[pymethods]
 impl Separable {
     /// Tapes by name.
     #[new]
-    fn new(problem: &Mechanical, tapes: &Bound<'_, PyDict>) -> PyResult<Self> {
+    fn new(problem: &Bound<'_, Mechanical>, tapes: &Bound<'_, PyDict>) -> PyResult<Self> {
         let tape = |name: &str| -> PyResult<tape::Tape> {
             let found = item(tapes, name)?.extract::<PyRef<'_, Tape>>()?.0.clone();
             Ok(tape::Tape::clone(&found))
         };
+        let made = Made::of(tapes.py(), (problem, tapes))?;
         let system = mechanical::Separable {
-            mechanical: problem.0.clone(),
+            mechanical: problem.get().0.clone(),
             force: tape("force")?,
             constraint: tape("constraint")?,
             gradient: tape("gradient")?,
         };
-        Ok(Self(Arc::new(system.checked().map_err(refused)?)))
+        Ok(Self(Arc::new(system.checked().map_err(refused)?), made))
+    }
+
+    fn __reduce__<'py>(&self, py: Python<'py>) -> Recipe<'py> {
+        self.1.again::<Self>(py)
     }
 }

@@ -1,6 +1,6 @@
 //! Semi-explicit systems of index 2: the problem, its runs, and z at a point.
 
-use crate::convert::{self, item, pattern};
+use crate::convert::{self, Made, Recipe, item, pattern};
 use crate::errors::{self, refused};
 use crate::run::Run;
 use crate::tableau::scheme_named;
@@ -20,7 +20,7 @@ use std::sync::Arc;
 /// A semi-explicit system in the core's terms.
 #[pyclass(frozen, module = "liouville._core")]
 #[derive(Clone)]
-pub(crate) struct SemiExplicit(Arc<semi_explicit::SemiExplicit>);
+pub(crate) struct SemiExplicit(Arc<semi_explicit::SemiExplicit>, Made);
 
 #[pymethods]
 impl SemiExplicit {
@@ -41,6 +41,7 @@ impl SemiExplicit {
             Ok(tape::Tape::clone(&found))
         };
         let pattern = |name: &str| pattern(&item(patterns, name)?);
+        let made = Made::of(tapes.py(), (n, l, is_linear, tapes, patterns))?;
         let system = semi_explicit::SemiExplicit {
             n,
             l,
@@ -58,7 +59,11 @@ impl SemiExplicit {
                 w_z: pattern("w_z")?,
             },
         };
-        Ok(Self(Arc::new(system.checked().map_err(refused)?)))
+        Ok(Self(Arc::new(system.checked().map_err(refused)?), made))
+    }
+
+    fn __reduce__<'py>(&self, py: Python<'py>) -> Recipe<'py> {
+        self.1.again::<Self>(py)
     }
 
     /// The z that the hidden constraint gives at (t, y), from a guess, or the trouble of finding it.

@@ -1,4 +1,4 @@
-"""The command line: ``liouville run``, ``order``, ``plan``, ``problems`` and ``methods``.
+"""The command line: ``run``, ``resume``, ``order``, ``plan``, ``problems`` and ``methods``.
 
 Results go to standard output and everything else to standard error. Exit codes: 0 done, 1 a run
 failed (what was computed before is saved and drawn all the same), 2 a wrong call, 130 interrupted
@@ -17,7 +17,7 @@ except ImportError as error:
         'the command line needs typer and rich\nhint: pip install "liouville[cli]"'
     ) from error
 
-from liouville.cli.integrating import run
+from liouville.cli.integrating import resume, run
 from liouville.cli.listing import list_methods, list_problems
 from liouville.cli.planning import show_plan
 from liouville.cli.screen import WRONG, complain
@@ -29,6 +29,7 @@ app = typer.Typer(
     pretty_exceptions_enable=False,
 )
 app.command()(run)
+app.command()(resume)
 app.command()(order)
 app.command("plan")(show_plan)
 app.command("problems")(list_problems)

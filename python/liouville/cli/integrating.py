@@ -1,9 +1,9 @@
-"""``liouville run``."""
+"""``liouville run`` and ``liouville resume``."""
 
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, NoReturn
 
 import numpy as np
 import typer
@@ -36,6 +36,14 @@ from liouville.cli.screen import (
     summary,
 )
 
+Checkpoint = Annotated[
+    str | None,
+    typer.Option(
+        help="Steps or time between two checkpoints of a stored run, as 10000 or 30s.",
+        show_default="30s",
+    ),
+]
+
 
 @method_options
 def run(
@@ -65,6 +73,10 @@ def run(
     start: Start = None,
     param: Param = None,
     plan: PlanFile = None,
+    store: Annotated[
+        Path | None, typer.Option(help="Store the run in this .zarr folder on its way.")
+    ] = None,
+    checkpoint: Checkpoint = None,
     out: Annotated[
         Path | None, typer.Option(help=f"Save the solution: {', '.join(export.SUFFIXES)}.")
     ] = None,
@@ -89,6 +101,7 @@ def run(
         elif h is None and rtol is None:
             h = step_of(module, chosen)
         outline: Any = getattr(module, "outline", None)
+        _check_stored(store, {"out": out, "plot": figure, "animate": film})
         if out is not None:
             export.check(out)
         if figure is not None:
@@ -106,13 +119,10 @@ def run(
                 solution = lv.integrate(
                     system, chosen, t=times, h=h, rtol=rtol, atol=atol, h_min=h_min,
                     control=control, t_eval=at or None, every=every, params=values,
-                    progress=report, **begin,
+                    progress=report, store=store, checkpoint=often(checkpoint), **begin,
                 )  # fmt: skip
         except lv.IntegrationError as error:
-            complain(error)
-            if error.solution is None or not error.solution.t.size:
-                raise typer.Exit(FAILED) from error
-            solution = error.solution
+            solution = left_by(error)
     with leaving_with(FAILED):
         if out is not None:
             solution.save(out)
@@ -123,10 +133,56 @@ def run(
     reference = {} if start or param else getattr(module, "reference", {})
     conserved = getattr(module, "conserved", tuple(solution.invariants))
     summary(solution, reference_at(reference, solution.t[-1]), conserved)
-    for path in (out, figure, film):
+    for path in (store, out, figure, film):
         if path is not None:
             say(f"wrote {path}")
+    leave(solution)
+
+
+def resume(
+    store: Annotated[Path, typer.Argument(help="A folder that 'liouville run --store' made.")],
+    checkpoint: Checkpoint = None,
+) -> None:
+    """Go on with a stored run that was cut off; only with your own, for it can run any code."""
+    with leaving_with(WRONG):
+        try:
+            with progress(store.name, "") as report:
+                solution = lv.resume(store, checkpoint=often(checkpoint), progress=report)
+        except lv.IntegrationError as error:
+            solution = left_by(error)
+    summary(solution, {}, ())
+    leave(solution)
+
+
+def often(checkpoint: str | None) -> int | str | None:
+    """Read a number of steps, or a time, which stays as it is."""
+    return int(checkpoint) if checkpoint is not None and checkpoint.isdecimal() else checkpoint
+
+
+def left_by(error: lv.IntegrationError) -> lv.Solution:
+    """Say why a run failed, and return what it left, if there is anything."""
+    complain(error)
+    if error.solution is None or not error.solution.t.size:
+        raise typer.Exit(FAILED) from error
+    return error.solution
+
+
+def leave(solution: lv.Solution) -> NoReturn:
+    """Leave with the code of how a run went."""
     if solution.status == "interrupted":
-        complain(f"interrupted at t = {solution.t[-1]:.6g}; what was done is kept")
+        way = "what was done is kept"
+        if solution.path is not None:
+            way = f"'liouville resume {solution.path}' goes on"
+        complain(f"interrupted at t = {solution.t[-1]:.6g}; {way}")
         raise typer.Exit(INTERRUPTED)
     raise typer.Exit(DONE if solution.status == "done" else FAILED)
+
+
+def _check_stored(store: Path | None, wanted: dict[str, Path | None]) -> None:
+    """Refuse what would need all records of a stored run at once."""
+    for option, path in wanted.items():
+        if store is not None and path is not None:
+            raise ValueError(
+                f"a stored run keeps its records in its folder: it takes no --{option}\n"
+                "hint: liouville.load reads the folder, if it fits in memory"
+            )

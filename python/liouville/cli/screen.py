@@ -43,10 +43,12 @@ def summary(solution: lv.Solution, reference: Mapping[str, Any], conserved: Sequ
     table.add_row("t", f"{solution.t[0]:.10g} to {solution.t[-1]:.10g}")
     for name, number in solution.stats.items():
         table.add_row(name, f"{number:.4g}" if isinstance(number, float) else str(number))
+    # of a stored run only the first and the last record are here
+    is_whole = solution.path is None
     for name, values in solution.residuals.items():
-        if values.size:
+        if values.size and is_whole:
             table.add_row(f"{name} residual", f"{np.max(np.abs(values)):.2e}")
-    for name in solution.invariants:
+    for name in solution.invariants if is_whole else ():
         word = "drift" if name in conserved else "change"
         table.add_row(f"{name} {word}", f"{np.max(solution.invariant_drift(name)):.2e}")
     for name, values in solution.balance.items():

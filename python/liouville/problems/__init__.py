@@ -43,6 +43,7 @@ MECHANICAL = (
     "double_pendulum",
     "chain",
     "polymer",
+    "rigid_chain",
     "slider_crank",
     "car_axis",
     "andrews",

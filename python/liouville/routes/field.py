@@ -8,12 +8,12 @@ from typing import Any
 import numpy as np
 
 from liouville import _core
-from liouville._arguments import check_memory, steps_of
+from liouville._arguments import steps_of
 from liouville.errors import describe, hinted
 from liouville.methods import VolumeSplitting
 from liouville.planner import Plan, planned
 from liouville.points import Points
-from liouville.routes.route import KEEP_LESS, Asked, kept, observable, threads_of
+from liouville.routes.route import Asked, check_records, kept, observable, threads_of
 from liouville.splitting import Affine, Split, crossed, described, variables_of
 from liouville.systems import PolynomialField
 
@@ -44,7 +44,7 @@ class FieldRoute:
         self.columns: dict[str, int] = {"x": x.shape[-1]} if asked.states else {}
         self.columns |= self._widths
         records = -(-self.pace.count // self.every) + 1
-        check_memory(f"keeping {records} states", records * self.row, KEEP_LESS)
+        check_records(asked, records, self.row)
         self.x = system.extended(np.atleast_2d(x), self.pace.t0)
         h = (self.pace.t1 - self.pace.t0) / self.pace.count
         if isinstance(method, Plan):
@@ -58,6 +58,11 @@ class FieldRoute:
     def system(self) -> PolynomialField:
         """What is integrated."""
         return self._system
+
+    @property
+    def choice(self) -> Plan:
+        """The method, with nothing left to choose."""
+        return self.plan
 
     @property
     def row(self) -> int:

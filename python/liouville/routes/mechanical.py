@@ -12,7 +12,7 @@ from liouville._arguments import CONTROLS, LEAST_TOLERANCE, Takes, check_memory,
 from liouville.errors import describe, hinted, quoted
 from liouville.methods import Composition, LobattoPair, Method, Spark
 from liouville.points import Points
-from liouville.routes.route import KEEP_LESS, Asked, kept, observable
+from liouville.routes.route import Asked, check_records, kept, observable
 from liouville.routes.watching import Watching
 from liouville.systems import Mechanical, Mechanics
 
@@ -47,12 +47,17 @@ class MechanicalRoute:
         self._states = asked.states
         self._observer, self._widths = system.observer(asked.observe, asked.states)
         self.columns = self._columns()
-        self._check_sizes()
+        self._check_sizes(asked)
 
     @property
     def system(self) -> Mechanics:
         """What is integrated."""
         return self._system
+
+    @property
+    def choice(self) -> Method:
+        """The method."""
+        return self._method
 
     @property
     def row(self) -> int:
@@ -168,19 +173,18 @@ class MechanicalRoute:
                 )
             )
 
-    def _check_sizes(self) -> None:
+    def _check_sizes(self, asked: Asked) -> None:
         times = self._watching.times
         records = -(-self.pace.count // self.every) + 1 if times is None else times.size
-        check_memory(f"keeping {records} states", records * self.row, KEEP_LESS)
+        check_records(asked, records, self.row)
         method = self._base
-        if isinstance(method, Spark | LobattoPair) and not self._is_rattle:
+        # stages, multipliers and the end of a step in one dense matrix
+        if isinstance(method, Spark | LobattoPair) and self.system.nonholonomic:
             n, s = len(self.system.coordinates), method.stages
-            multipliers = method.intervals * len(self.constraints)
-            dense = multipliers * (n + multipliers)
-            if method.solver != "node-schur":
-                dense = 2 * (s * n + multipliers) ** 2
+            multipliers = (method.intervals + s) * len(self.constraints)
             hint = "HHT and its relatives take large sparse systems"
-            check_memory(f"{method!r} on {n} coordinates, dense,", 8 * dense, hint)
+            what = f"{method!r} on {n} coordinates with nonholonomic constraints, dense,"
+            check_memory(what, 16 * (s * n + n + multipliers) ** 2, hint)
 
 
 def _takes(method: Method) -> Takes:

@@ -11,11 +11,15 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from liouville import _core
-from liouville._arguments import MOST_STEPS, Steps, count
+from liouville._arguments import MOST_STEPS, Steps, check_memory, count
+from liouville.methods import Method
+from liouville.planner import Plan
 from liouville.points import Points
+from liouville.propagation import Propagation
 from liouville.systems import System
 
 KEEP_LESS = "keep fewer with every=, or none with states=False"
+STORE = "; store= keeps all of them in a folder"
 
 
 @dataclass(frozen=True)
@@ -36,6 +40,7 @@ class Asked:
     tol: Any = None
     t_eval: Any = None
     events: Any = None
+    is_stored: bool = False
 
 
 class Route(Protocol):
@@ -72,6 +77,10 @@ class Route(Protocol):
         """What is integrated."""
 
     @property
+    def choice(self) -> Method | Plan | Propagation:
+        """The method, with nothing left to choose."""
+
+    @property
     def row(self) -> int:
         """Bytes of a record."""
 
@@ -101,6 +110,13 @@ class Route(Protocol):
 def kept(pace: Steps, every: Any) -> int:
     """Return how many steps are made for each one that is kept."""
     return min(count("every", every), pace.count if pace.control is None else MOST_STEPS)
+
+
+def check_records(asked: Asked, records: int, row: int) -> None:
+    """Refuse more records than fit in memory, where they are to be kept there."""
+    if not asked.is_stored:
+        hint = KEEP_LESS if asked.is_ensemble else KEEP_LESS + STORE
+        check_memory(f"keeping {records} states", records * row, hint)
 
 
 def observable(index: int, widths: Mapping[str, int]) -> dict[str, Any]:

@@ -8,10 +8,10 @@ from typing import Any
 import numpy as np
 
 from liouville import _core
-from liouville._arguments import check_memory, steps_of
+from liouville._arguments import steps_of
 from liouville.methods import Composition, Spark
 from liouville.points import Points
-from liouville.routes.route import KEEP_LESS, Asked, kept, observable
+from liouville.routes.route import Asked, check_records, kept, observable
 from liouville.systems import SemiExplicit
 
 
@@ -38,12 +38,17 @@ class SemiExplicitRoute:
         own = {"y": len(system.coordinates), "z": len(system.unknowns)} if asked.states else {}
         self.columns = {**own, **self._widths}
         records = -(-self.pace.count // self.every) + 1
-        check_memory(f"keeping {records} states", records * self.row, KEEP_LESS)
+        check_records(asked, records, self.row)
 
     @property
     def system(self) -> SemiExplicit:
         """What is integrated."""
         return self._system
+
+    @property
+    def choice(self) -> Spark | Composition:
+        """The method."""
+        return self._method
 
     @property
     def row(self) -> int:

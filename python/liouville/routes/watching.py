@@ -35,6 +35,10 @@ class Watching:
         if times is not None and every != 1:
             raise ValueError("give either every= or t_eval=: both say which states to keep")
 
+    def __getstate__(self) -> dict[str, Any]:
+        """Leave the functions behind: the core has them as tapes."""
+        return {"events": dict.fromkeys(self.events), "times": self.times}
+
     def asked(self, system: Mechanics, order: int) -> Watch | None:
         """Return what the core is told, if anything is looked at."""
         if not self.events and self.times is None:

@@ -9,12 +9,12 @@ from typing import Any
 import numpy as np
 
 from liouville import _core
-from liouville._arguments import Steps, check_memory, steps_of, times_of
+from liouville._arguments import Steps, steps_of, times_of
 from liouville.errors import describe, hinted
 from liouville.methods import Magnus, Stepped, WaveMethod
 from liouville.points import Points
 from liouville.propagation import Propagation, method_of, planned, stepped
-from liouville.routes.route import KEEP_LESS, Asked, kept, observable, threads_of
+from liouville.routes.route import Asked, check_records, kept, observable, threads_of
 from liouville.systems import Schrodinger
 
 
@@ -31,6 +31,7 @@ class WaveRoute:
         self.members: tuple[int, ...] = self.psi.shape[:-1]
         self.threads = threads_of(asked.threads)
         self._states = asked.states
+        self._method = method
         self.plan = self._planned(method, times, asked)
         self.method = self.plan.method
         self.pace = Steps(self.plan.t0, self.plan.stops[-1][0], self.plan.steps)
@@ -41,12 +42,17 @@ class WaveRoute:
         self.columns |= {"invariant norm": 1, energy: 1, "observed autocorrelation": 2}
         self.columns |= {f"observed {name}": width for name, width, _ in self._observed}
         records = len(self.plan.stops) + 1
-        check_memory(f"keeping {records} states", records * self.row, KEEP_LESS)
+        check_records(asked, records, self.row)
 
     @property
     def system(self) -> Schrodinger:
         """What is integrated."""
         return self._system
+
+    @property
+    def choice(self) -> WaveMethod | Propagation:
+        """The method, with nothing left to choose; one of given steps has nothing anyway."""
+        return self._method if isinstance(self._method, Stepped) else self.plan
 
     @property
     def row(self) -> int:

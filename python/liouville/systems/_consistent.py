@@ -2,48 +2,48 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import casadi as ca
 import numpy as np
 
+from liouville import _core
 from liouville.errors import hinted
+from liouville.systems._derivatives import jacobian, solve
 from liouville.systems._form import Model, Symbols, differ, record_blocks, total_derivative
-from liouville.systems._linear import Block
+from liouville.systems._linear import Block, Pattern
 from liouville.tape import record
 
 
-def projections(
-    s: Symbols, model: Model, holonomic: tuple[str, ...], nonholonomic: tuple[str, ...]
-) -> dict[str, Any]:
-    """Record tapes (x, held and t, params) of c, c_x and the metric, for each kind of projection.
+def projection(
+    what: str, s: Symbols, model: Model, holonomic: tuple[str, ...], nonholonomic: tuple[str, ...]
+) -> tuple[tuple[_core.Tape, ...], tuple[Pattern, Pattern], tuple[str, ...]]:
+    """Record what moves "positions", "both" kinds of start values by positions, or the "partner".
 
-    With them come the patterns of the last two and the names of the rows of c.
+    Returns tapes (x, held and t, params) of c, c_x and the metric, the patterns of the last two and
+    the names of the rows of c.
     """
-    w = total_derivative(model.g, s, model.v)
-    p_z, v_z = ca.jacobian(model.p, s.z), ca.jacobian(model.v, s.z)
-    compliance = ca.solve(v_z.T, p_z.T).T if differ(model.v, s.z) else p_z
-    hidden = tuple(f"hidden {name}" for name in holonomic)
-    levels = ca.vertcat(w, model.nonholonomic.k), (*hidden, *nonholonomic)
-    moved = sorted(set(ca.sparsify(ca.jacobian(levels[0], s.y)).sparsity().row()))
-    rows = ca.vertcat(model.g, *(levels[0][k] for k in moved))
-    both = rows, (*holonomic, *(levels[1][k] for k in moved))
-    cases = {
-        "positions": (s.y, s.z, (model.g, holonomic), compliance),
-        "both": (s.y, s.z, both, compliance),
-        "partner": (s.z, s.y, levels, ca.mtimes(v_z.T, p_z)),
-    }
-    found: dict[str, Any] = {}
-    for what, (x, held, (c, names), metric) in cases.items():
-        inputs = {"x": x, "held": ca.vertcat(held, s.t), "params": s.params.vector}
-        slope, weight = Block(ca.jacobian(c, x)), Block(metric, model.linear.mass)
-        tapes = (
-            record(what, inputs, c),
-            record_blocks(what, inputs, [slope]),
-            record_blocks(what, inputs, [weight]),
-        )
-        found[what] = (tapes, (slope.pattern, weight.pattern), names)
-    return found
+    p_z, v_z = jacobian(model.p, s.z), jacobian(model.v, s.z)
+    own_velocity = differ(model.v, s.z)
+    if what == "partner":
+        x, held = s.z, s.y
+        c = ca.vertcat(total_derivative(model.g, s, model.v), model.nonholonomic.k)
+        names = (*(f"hidden {name}" for name in holonomic), *nonholonomic)
+        metric = ca.mtimes(v_z.T, p_z) if own_velocity else p_z
+    else:
+        x, held, c, names = s.y, s.z, model.g, holonomic
+        metric = solve(v_z.T, p_z.T).T if own_velocity else p_z
+    if what == "both":
+        w = total_derivative(model.g, s, model.v)
+        moved = sorted(set(ca.sparsify(jacobian(w, s.y)).sparsity().row()))
+        c = ca.vertcat(c, w[moved] if moved else ca.SX(0, 1))
+        names = (*names, *(f"hidden {holonomic[k]}" for k in moved))
+    inputs = {"x": x, "held": ca.vertcat(held, s.t), "params": s.params.vector}
+    slope, weight = Block(jacobian(c, x)), Block(metric, model.linear.mass)
+    tapes = (
+        record(what, inputs, c),
+        record_blocks(what, inputs, [slope]),
+        record_blocks(what, inputs, [weight]),
+    )
+    return tapes, (slope.pattern, weight.pattern), names
 
 
 def check_residual(

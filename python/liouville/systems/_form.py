@@ -15,6 +15,7 @@ import numpy as np
 from liouville import _core
 from liouville.errors import hinted
 from liouville.systems import _trace
+from liouville.systems._derivatives import entries, jacobian
 from liouville.systems._linear import Block, Linear, Pattern, Term
 from liouville.tape import record
 
@@ -71,9 +72,9 @@ def compiled(
     v, p, f, r, g, lam = model.v, model.p, model.f, model.r, model.g, model.lam
     n, linear, own_velocity = s.y.numel(), model.linear, differ(v, s.z)
     w = total_derivative(g, s, v)
-    p_z, v_z, r_lam = ca.jacobian(p, s.z), ca.jacobian(v, s.z), ca.jacobian(r, lam)
+    p_z, v_z, r_lam = jacobian(p, s.z), jacobian(v, s.z), jacobian(r, lam)
     own = model.nonholonomic
-    k_z, rn_nu = ca.jacobian(own.k, s.z), ca.jacobian(own.rn, own.nu)
+    k_z, rn_nu = jacobian(own.k, s.z), jacobian(own.rn, own.nu)
     is_linear = not (
         any(ca.depends_on(entries(x), s.z) for x in (p_z, v_z, k_z))
         or ca.depends_on(entries(r_lam), lam)
@@ -82,13 +83,13 @@ def compiled(
     jac = {
         "p_z": Block(p_z, linear.mass),
         **({"v_z": Block(v_z)} if own_velocity else {}),
-        "p_y": Block(ca.jacobian(p, s.y)),
-        "f_y": Block(ca.jacobian(f, s.y), linear.stiffness, -1.0),
-        "f_z": Block(ca.jacobian(f, s.z), linear.damping, -1.0),
-        "v_y": Block(ca.jacobian(v, s.y)),
-        "g_y": Block(ca.jacobian(g, s.y)),
+        "p_y": Block(jacobian(p, s.y)),
+        "f_y": Block(jacobian(f, s.y), linear.stiffness, -1.0),
+        "f_z": Block(jacobian(f, s.z), linear.damping, -1.0),
+        "v_y": Block(jacobian(v, s.y)),
+        "g_y": Block(jacobian(g, s.y)),
         "r_lam": Block(r_lam),
-        "r_y": Block(ca.jacobian(r, s.y)),
+        "r_y": Block(jacobian(r, s.y)),
     }
     velocity = [v] if own_velocity else []
     at_stage, at_node = s.inputs(z=s.z), s.inputs(lam=lam)
@@ -131,13 +132,13 @@ def _nonholonomic(
 ) -> tuple[dict[str, _core.Tape], dict[str, Block]]:
     """Record the tapes of `problem::mechanical::Nonholonomic` in the core."""
     blocks = {
-        "k_y": Block(ca.jacobian(own.k, s.y)),
+        "k_y": Block(jacobian(own.k, s.y)),
         "k_z": Block(k_z),
-        "rn_y": Block(ca.jacobian(own.rn, s.y)),
-        "rn_z": Block(ca.jacobian(own.rn, s.z)),
+        "rn_y": Block(jacobian(own.rn, s.y)),
+        "rn_z": Block(jacobian(own.rn, s.z)),
         "rn_nu": Block(rn_nu),
     }
-    w_y = Block(ca.jacobian(w, s.y))
+    w_y = Block(jacobian(w, s.y))
     inputs = s.inputs(z=s.z, nu=own.nu)
     tapes = {
         "nonholonomic": record("nonholonomic", inputs, own.k, own.rn),
@@ -155,7 +156,7 @@ def second_order(
     Returns the tapes and patterns of `problem::second_order` in the core, and whether the power of
     forces without potential depends on the multipliers.
     """
-    mass = ca.jacobian(model.p, s.z)
+    mass = jacobian(model.p, s.z)
     _check_second_order(s, model, mass)
     n, linear = s.y.numel(), model.linear
     u, a = ca.SX.sym("u", n), ca.SX.sym("a", n)
@@ -164,10 +165,10 @@ def second_order(
     w = total_derivative(model.g, s, s.z)
     jac = {
         "mass": Block(mass, linear.mass),
-        "j_y": Block(ca.jacobian(residual, s.y), linear.stiffness, -1.0),
-        "j_z": Block(ca.jacobian(residual, s.z), linear.damping, -1.0),
-        "w_y": Block(ca.jacobian(w, s.y)),
-        "n_y": Block(ca.jacobian(reaction, s.y)),
+        "j_y": Block(jacobian(residual, s.y), linear.stiffness, -1.0),
+        "j_z": Block(jacobian(residual, s.z), linear.damping, -1.0),
+        "w_y": Block(jacobian(w, s.y)),
+        "n_y": Block(jacobian(reaction, s.y)),
     }
     at_end, at_node = s.inputs(z=s.z, u=u), s.inputs(a=a, lam=model.lam)
     tapes = {
@@ -190,7 +191,7 @@ def second_order(
 def is_separable(s: Symbols, model: Model) -> bool:
     """Say whether p and v are linear in z with constant factors, f is f(t, y) and r is ideal."""
     p, v, held = model.p, model.v, ca.vertcat(s.t, s.y)
-    blocks = ca.vertcat(entries(ca.jacobian(p, s.z)), entries(ca.jacobian(v, s.z)))
+    blocks = ca.vertcat(entries(jacobian(p, s.z)), entries(jacobian(v, s.z)))
     return (
         model.is_ideal
         and not model.nonholonomic.k.numel()
@@ -203,12 +204,12 @@ def is_separable(s: Symbols, model: Model) -> bool:
 
 def separable(s: Symbols, model: Model) -> dict[str, _core.Tape]:
     """Record f(t, y), g(t, y) and its derivatives g_y and g_t by themselves."""
-    at_y, g_y = s.inputs(), Block(ca.jacobian(model.g, s.y))
+    at_y, g_y = s.inputs(), Block(jacobian(model.g, s.y))
     force = record("force", at_y, model.f)
     return {
         "force": _add(force, model.linear.terms(0, stiffness=(1, -1.0))),
         "constraint": record("constraint", at_y, model.g),
-        "gradient": record("gradient", at_y, g_y.part, ca.jacobian(model.g, s.t)),
+        "gradient": record("gradient", at_y, g_y.part, jacobian(model.g, s.t)),
     }
 
 
@@ -265,11 +266,6 @@ def record_blocks(name: str, inputs: dict[str, ca.SX], blocks: list[Block]) -> _
 def differ(a: ca.SX, b: ca.SX) -> bool:
     """Say whether two expressions are written differently."""
     return not ca.is_equal(a, b, 1)
-
-
-def entries(matrix: ca.SX) -> ca.SX:
-    """Return the entries of a sparse matrix as a dense column."""
-    return ca.vec(ca.SX(matrix.nz[:]))
 
 
 def total_derivative(x: ca.SX, s: Symbols, v: ca.SX) -> ca.SX:

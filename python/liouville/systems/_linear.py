@@ -10,6 +10,7 @@ import casadi as ca
 import numpy as np
 
 from liouville import _core
+from liouville.systems._derivatives import entries
 from liouville.tape import Part
 
 #: Rows, columns, and the row and column of each entry.
@@ -125,7 +126,7 @@ class Block:
             both = np.sort(np.concatenate([own, matrix.places]))
             places = both[np.diff(both, prepend=-1) > 0]
         self.pattern: Pattern = (rows, cols, places % max(rows, 1), places // max(rows, 1))
-        values = ca.vec(ca.SX(traced.nz[:]))
+        values = entries(traced)
         self.part = Part(values, np.searchsorted(places, own), places.size)
         self.constant = np.zeros(places.size)
         if matrix is not None:

@@ -9,6 +9,7 @@ import casadi as ca
 
 from liouville.errors import hinted
 from liouville.systems import _trace
+from liouville.systems._derivatives import jacobian, solve
 from liouville.systems._form import Nonholonomic, Symbols, differ
 
 
@@ -42,7 +43,7 @@ def rolling_of_z(
     if reaction is None:
         rn = -ca.jtimes(k, s.z, nu, True)
         if differ(v, s.z):
-            rn = ca.solve(ca.jacobian(v, s.z).T, rn)
+            rn = solve(jacobian(v, s.z).T, rn)
     else:
         args = (s.t, s.y, s.z, nu, s.params)
         rn = _trace.column("nonholonomic_reaction", reaction, args, s.y.numel())
@@ -52,7 +53,7 @@ def rolling_of_z(
 
 def check_felt(what: str, reaction: ca.SX, multipliers: ca.SX, names: tuple[str, ...]) -> None:
     """Refuse a reaction that leaves a multiplier out."""
-    felt = set(ca.sparsify(ca.jacobian(reaction, multipliers)).sparsity().get_col())
+    felt = set(ca.sparsify(jacobian(reaction, multipliers)).sparsity().get_col())
     for k, name in enumerate(names):
         if k not in felt:
             raise ValueError(f"{what} does not depend on the multiplier of '{name}'")
@@ -68,7 +69,7 @@ def _named(
         raise ValueError(f"'{min(twice)}' names a holonomic and a nonholonomic constraint")
     if count > n:
         raise ValueError(f"{count} constraints on {n} coordinates leave nothing to move")
-    moved = set(ca.sparsify(ca.jacobian(k, velocity)).sparsity().row())
+    moved = set(ca.sparsify(jacobian(k, velocity)).sparsity().row())
     for row, name in enumerate(names):
         if row not in moved:
             raise ValueError(

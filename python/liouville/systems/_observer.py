@@ -13,6 +13,8 @@ import numpy as np
 from liouville import _core
 from liouville.systems import _trace
 from liouville.systems._linear import Matrix, Term
+from liouville.systems._recorded import recorded
+from liouville.systems._travel import opened, packed
 from liouville.tape import record
 
 
@@ -30,6 +32,10 @@ class Symbols:
     @cached_property
     def x(self) -> ca.SX:
         return ca.SX.sym("x", self.n)
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        """Travel as numbers; there are other symbols then."""
+        return Symbols, (self.n, self.params)
 
     @property
     def args(self) -> tuple[Any, ...]:
@@ -72,8 +78,8 @@ class Observer:
 
     Attributes
     ----------
-    invariants : dict of str to Invariant
-        The invariants by name.
+    names : tuple of str
+        Names of the invariants.
     """
 
     def __init__(self, symbols: Symbols, invariants: Mapping[str, Any] | None) -> None:
@@ -81,7 +87,29 @@ class Observer:
             name: Invariant.read(name, value, symbols)
             for name, value in _trace.mapping("invariants", invariants).items()
         }
+        self.names = tuple(self.invariants)
         self._symbols = symbols
+
+    def __getstate__(self) -> dict[str, Any]:
+        """Travel with the tape of the invariants, which is all that most runs want."""
+        expressions = [x.expression for x in self.invariants.values()]
+        return {
+            "names": self.names,
+            "_symbols": self._symbols,
+            "_alone": self._alone,
+            "_matrices": [(x.linear, x.quadratic) for x in self.invariants.values()],
+            "_packed": packed([*self._symbols.inputs.values()], expressions),
+        }
+
+    _matrices: list[tuple[_core.Rows | None, _core.Rows | None]]
+    _packed: str
+
+    @cached_property
+    def invariants(self) -> dict[str, Invariant]:
+        """The invariants by name; where they have travelled, they are read when they are wanted."""
+        expressions = opened(self._packed, [*self._symbols.inputs.values()])
+        parts = zip(self.names, expressions, self._matrices, strict=True)
+        return {name: Invariant(expression, *matrices) for name, expression, matrices in parts}
 
     @cached_property
     def _alone(self) -> tuple[_core.Tape, dict[str, int]]:
@@ -92,6 +120,10 @@ class Observer:
     ) -> tuple[_core.Tape, dict[str, int]]:
         """Return the tape of t, x and params, and the width of each of its parts."""
         return self._record(_trace.mapping("observe", observe)) if observe else self._alone
+
+    def portable(self, observe: Mapping[str, Any] | None) -> dict[str, Any]:
+        """Return what is to be observed in a form that travels."""
+        return recorded(observe, self._symbols.args)
 
     def _record(
         self, observe: Mapping[str, Callable[..., Any]]

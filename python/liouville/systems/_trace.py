@@ -5,7 +5,6 @@ from __future__ import annotations
 import keyword
 from collections import Counter
 from collections.abc import Callable, Iterable, Mapping, Sequence, Set
-from copy import copy
 from typing import Any
 
 import casadi as ca
@@ -48,9 +47,14 @@ class Parameters:
             values[name] = new
         return np.concatenate([np.empty(0), *(x.ravel() for x in values.values())])
 
+    def __reduce__(self) -> tuple[Any, ...]:
+        """Travel without the symbols, of which there are others then."""
+        return Parameters, (self.defaults,)
+
     def replaced(self, values: np.ndarray) -> Parameters:
         """Return the same parameters with other defaults, one after another."""
-        other, places = copy(self), np.cumsum([x.size for x in self.defaults.values()])[:-1]
+        other, places = Parameters(None), np.cumsum([x.size for x in self.defaults.values()])[:-1]
+        other.vector, other.namespace = self.vector, self.namespace
         parts = zip(self.defaults.items(), np.split(values, places), strict=True)
         other.defaults = {name: part.reshape(x.shape) for (name, x), part in parts}
         return other
@@ -63,6 +67,11 @@ class _Namespace:
     def __getattr__(self, name: str) -> ca.SX:
         known = ", ".join(self.__dict__) or "none"
         raise AttributeError(f"there is no parameter '{name}'; the system's parameters: {known}")
+
+
+def vector_of(namespace: Any) -> ca.SX:
+    """Return the parameters that a user's function sees by name, one after another."""
+    return ca.vertcat(ca.SX(0, 1), *vars(namespace).values())
 
 
 def _parameter(name: str, value: ArrayLike) -> np.ndarray:

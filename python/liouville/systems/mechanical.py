@@ -10,6 +10,7 @@ from numpy.typing import ArrayLike
 
 from liouville.errors import hinted
 from liouville.systems import _trace
+from liouville.systems._derivatives import jacobian
 from liouville.systems._form import Model, Symbols
 from liouville.systems._nonholonomic import check_felt, rolling, rolling_of_z
 from liouville.systems.mechanics import Mechanics
@@ -103,7 +104,7 @@ class Lagrangian(Mechanics):
             coordinates=coordinates,
             constraints=names + more,
             invariants={"energy": ca.dot(s.z, p) - L, **recorded(invariants, args)},
-            power=extra_power(extra, s.z, -ca.jacobian(L, s.t), g, s, lam),
+            power=extra_power(extra, s.z, -jacobian(L, s.t), g, s, lam),
         )
 
 
@@ -167,7 +168,7 @@ class Hamiltonian(Mechanics):
             coordinates=coordinates,
             constraints=names + more,
             invariants={"energy": H, **recorded(invariants, args)},
-            power=extra_power(extra, v, ca.jacobian(H, s.t), g, s, lam),
+            power=extra_power(extra, v, jacobian(H, s.t), g, s, lam),
         )
 
 
@@ -282,7 +283,7 @@ def holonomic(constraint: Function | None, s: Symbols) -> tuple[tuple[str, ...],
     n = s.y.numel()
     if len(names) > n:
         raise ValueError(f"{len(names)} constraints on {n} coordinates leave nothing to move")
-    moved = set(ca.sparsify(ca.jacobian(g, s.y)).sparsity().row())
+    moved = set(ca.sparsify(jacobian(g, s.y)).sparsity().row())
     for k, name in enumerate(names):
         if k not in moved:
             raise ValueError(
@@ -303,7 +304,7 @@ def ideal(g: ca.SX, s: Symbols, lam: ca.SX) -> ca.SX:
 
 def extra_power(force: ca.SX, v: ca.SX, energy_t: ca.SX, g: ca.SX, s: Symbols, lam: ca.SX) -> ca.SX:
     """Q^T v + E_t + lam^T g_t: what changes the energy."""
-    return ca.dot(force, v) + energy_t + ca.dot(lam, ca.jacobian(g, s.t))
+    return ca.dot(force, v) + energy_t + ca.dot(lam, jacobian(g, s.t))
 
 
 def recorded(invariants: Mapping[str, Function] | None, args: tuple[Any, ...]) -> dict[str, ca.SX]:

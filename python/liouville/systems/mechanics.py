@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike
 from liouville import _core
 from liouville.errors import describe, hinted
 from liouville.systems import _trace
-from liouville.systems._consistent import check_residual, projections
+from liouville.systems._consistent import check_residual, projection
 from liouville.systems._form import (
     Model,
     Symbols,
@@ -25,6 +25,7 @@ from liouville.systems._form import (
     total_derivative,
 )
 from liouville.systems._monitor import traced
+from liouville.systems._traced import Expressed, Traced
 from liouville.tape import record
 
 #: A start may miss its constraints by this much of the size of what they are made of.
@@ -34,7 +35,7 @@ TOLERANCE = 1e-10
 FLOOR = 1e-14
 
 
-class Mechanics:
+class Mechanics(Expressed):
     r"""A mechanical system in the general form, made by one of its front doors.
 
     .. math::
@@ -76,11 +77,11 @@ class Mechanics:
         m = model.g.numel()
         self._holonomic, self.nonholonomic = constraints[:m], constraints[m:]
         self.states = states
-        self._symbols = symbols
-        self._model = model
-        self._invariants = dict(invariants)
-        self._power = power
+        self._params = symbols.params
+        self.invariants = tuple(invariants)
+        self._traced = Traced(symbols, model, dict(invariants), power)
         self._observers: dict[bool, tuple[_core.Tape, dict[str, int]]] = {}
+        self._projections: dict[str, Any] = {}
         self._tapes, self._patterns, self.problem = compiled(symbols, model)
 
     def __repr__(self) -> str:
@@ -97,17 +98,12 @@ class Mechanics:
     @property
     def params(self) -> dict[str, float | np.ndarray]:
         """The parameters' default values."""
-        defaults = self._symbols.params.defaults
+        defaults = self._params.defaults
         return {name: x.copy() if x.ndim else float(x) for name, x in defaults.items()}
-
-    @property
-    def invariants(self) -> tuple[str, ...]:
-        """Names of the invariants."""
-        return tuple(self._invariants)
 
     def values(self, params: Mapping[str, ArrayLike] | None) -> np.ndarray:
         """Return the parameter vector with changes; ValueError names an unknown one."""
-        return self._symbols.params.values(params)
+        return self._params.values(params)
 
     def start(self, start: Mapping[str, Any], also: tuple[str, ...] = ()) -> tuple[np.ndarray, ...]:
         """Check start values and return them as arrays of shape (n,).
@@ -233,6 +229,9 @@ class Mechanics:
     def _project(
         self, what: str, t: float, x: np.ndarray, held: np.ndarray, params: np.ndarray
     ) -> np.ndarray:
+        if what not in self._projections:
+            named = self._holonomic, self.nonholonomic
+            self._projections[what] = projection(what, self._symbols, self._model, *named)
         tapes, patterns, names = self._projections[what]
         if not names:
             return x
@@ -259,7 +258,7 @@ class Mechanics:
             The velocity is not z, or the momentum is not linear in it.
         """
         return _core.SecondOrder(
-            self.problem, *second_order(self._symbols, self._model, self._power)
+            self.problem, *second_order(self._symbols, self._model, self._traced.power)
         )
 
     @cached_property
@@ -268,10 +267,6 @@ class Mechanics:
         if not is_separable(self._symbols, self._model):
             return None
         return _core.Separable(self.problem, separable(self._symbols, self._model))
-
-    @cached_property
-    def _projections(self) -> dict[str, Any]:
-        return projections(self._symbols, self._model, self._holonomic, self.nonholonomic)
 
     def reaction(
         self,
@@ -369,6 +364,10 @@ class Mechanics:
         """Record a function of (t, y, z) and its rate along the motion; say if z' is in it."""
         return traced(self._symbols, self._model.v, function)
 
+    def _luggage(self) -> dict[str, Any]:
+        self.observer(None, True)  # what every run needs
+        return super()._luggage()
+
     def observer(
         self, observe: Mapping[str, Callable[..., Any]] | None, states: bool
     ) -> tuple[_core.Tape, dict[str, int]]:
@@ -389,7 +388,7 @@ class Mechanics:
             parts |= {"v": model.v} if self.states[1] != "v" else {}
         parts |= {"constraint": model.g, "hidden": total_derivative(model.g, s, model.v)}
         parts |= {"nonholonomic": model.nonholonomic.k} if self.nonholonomic else {}
-        parts |= {f"invariant {name}": x for name, x in self._invariants.items()}
+        parts |= {f"invariant {name}": x for name, x in self._traced.invariants.items()}
         for name, function in _trace.mapping("observe", observe).items():
             args = (s.t, s.y, s.z, s.params)
             parts[f"observed {name}"] = _trace.column(f"observed '{name}'", function, args)

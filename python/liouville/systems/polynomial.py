@@ -7,15 +7,15 @@ from copy import copy
 from dataclasses import replace
 from typing import Any, Self
 
-import casadi as ca
 import numpy as np
 from numpy.typing import ArrayLike
 
 from liouville import _core
 from liouville.errors import hinted
 from liouville.systems import _given, _sympy, _trace
-from liouville.systems._expand import expand
 from liouville.systems._observer import Observer, Symbols
+from liouville.systems._source import Source, unpacked
+from liouville.systems._travel import Travels
 from liouville.terms import Terms
 
 Function = Callable[..., Any]
@@ -24,7 +24,7 @@ Function = Callable[..., Any]
 NAMED = 5
 
 
-class PolynomialField:
+class PolynomialField(Travels):
     r"""A polynomial vector field without divergence.
 
     .. math::
@@ -112,17 +112,11 @@ class PolynomialField:
         params: Mapping[str, ArrayLike] | None = None,
         invariants: Mapping[str, Any] | None = None,
     ) -> None:
-        names, parameters = _trace.names(x, "x"), _trace.Parameters(params)
-        s = Symbols(len(names), parameters)
-        column = _trace.placed("field", _unpacked(field, s), s.args, names)
-        is_driven = ca.depends_on(column, s.t)
-        variables = (*names, _given.TIME) if is_driven else names
-
-        def expanded(values: np.ndarray) -> Terms:
-            expansion, components = expand(column, (s.t, s.x, parameters.vector), values, variables)
-            return expansion.terms(components, is_driven)
-
-        self._build(names, s, expanded, is_driven, invariants)
+        names = _trace.names(x, "x")
+        s = Symbols(len(names), _trace.Parameters(params))
+        column = _trace.placed("field", unpacked(field, s), s.args, names)
+        source = Source(column, s, names)
+        self._build(names, s, source, source.is_driven, invariants)
 
     def _build(
         self,
@@ -140,6 +134,11 @@ class PolynomialField:
         self._values = self.values(None)
         self.terms = self._expanded(self._values)
         return self
+
+    def _luggage(self) -> dict[str, Any]:
+        """Return what travels; the terms can only change with parameters."""
+        own = dict(self.__dict__)
+        return own if self._values.size else own | {"_source": None}
 
     def _expanded(self, values: np.ndarray) -> Terms:
         try:
@@ -279,7 +278,7 @@ class PolynomialField:
     @property
     def invariants(self) -> tuple[str, ...]:
         """Names of the invariants."""
-        return tuple(self._observer.invariants)
+        return self._observer.names
 
     def values(self, params: Mapping[str, ArrayLike] | None) -> np.ndarray:
         """Return the parameter vector with changes; ValueError names an unknown one."""
@@ -357,6 +356,10 @@ class PolynomialField:
         """Record what a run keeps besides x; returns the tape of t, x and params, and widths."""
         return self._observer.tape(observe)
 
+    def portable(self, observe: Mapping[str, Any] | None) -> dict[str, Any]:
+        """Return what is to be observed in a form that travels."""
+        return self._observer.portable(observe)
+
 
 def check_divergence(terms: Terms, names: Sequence[str]) -> None:
     """Refuse terms whose divergence does not vanish.
@@ -382,22 +385,3 @@ def check_divergence(terms: Terms, names: Sequence[str]) -> None:
 
 def _written(value: Any) -> str:
     return f"{value:.6g}" if isinstance(value, float) else str(value)
-
-
-def _unpacked(field: Any, s: Symbols) -> Any:
-    """Return what calls a CasADi function with as many of its arguments as it takes."""
-    if not isinstance(field, ca.Function):
-        return field
-    args = {1: (s.x,), 2: (s.t, s.x), 3: (s.t, s.x, s.params.vector)}.get(field.n_in())
-    if args is None or field.n_out() != 1:
-        raise ValueError(
-            f"the CasADi function '{field.name()}' has {field.n_in()} inputs and {field.n_out()} "
-            "outputs, wanted x, or t and x, or t, x and params, and one output"
-        )
-    for k, arg in enumerate(args):
-        if field.numel_in(k) != arg.numel():
-            raise ValueError(
-                f"input {k} of the CasADi function '{field.name()}' has {field.numel_in(k)} "
-                f"elements, wanted {arg.numel()}"
-            )
-    return lambda *_: field(*args)

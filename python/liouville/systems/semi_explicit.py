@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
 
@@ -14,40 +13,19 @@ from numpy.typing import ArrayLike
 from liouville import _core
 from liouville.errors import describe, hinted
 from liouville.systems import _trace
-from liouville.systems._form import entries, record_blocks
+from liouville.systems._derivatives import entries
+from liouville.systems._form import record_blocks
+from liouville.systems._index2 import Symbols, Traced
 from liouville.systems._linear import Block
+from liouville.systems._recorded import recorded
+from liouville.systems._travel import Travels, opened
 from liouville.systems.mechanics import FLOOR, TOLERANCE
 from liouville.tape import record
 
 Function = Callable[..., Any]
 
 
-@dataclass(frozen=True)
-class Symbols:
-    """The symbols of a system: time, coordinates, algebraic unknowns and parameters."""
-
-    t: ca.SX
-    y: ca.SX
-    z: ca.SX
-    params: _trace.Parameters
-
-    @property
-    def point(self) -> dict[str, ca.SX]:
-        """The inputs of a tape that depends on z."""
-        return {"t": self.t, "y": self.y, "z": self.z, "params": self.params.vector}
-
-    @property
-    def place(self) -> dict[str, ca.SX]:
-        """The inputs of a tape that does not."""
-        return {"t": self.t, "y": self.y, "params": self.params.vector}
-
-    @property
-    def args(self) -> tuple[Any, ...]:
-        """What a user's function of a point is called with."""
-        return self.t, self.y, self.z, self.params
-
-
-class SemiExplicit:
+class SemiExplicit(Travels):
     r"""A semi-explicit differential-algebraic system of index 2.
 
     .. math::
@@ -139,22 +117,38 @@ class SemiExplicit:
         invariants: Mapping[str, Function] | None = None,
     ) -> None:
         self.coordinates, self.unknowns = _trace.names(y, "y"), _trace.names(z, "z")
-        self._symbols = s = Symbols(
-            ca.SX.sym("t"),
-            ca.SX.sym("y", len(self.coordinates)),
-            ca.SX.sym("z", len(self.unknowns)),
-            _trace.Parameters(params),
-        )
-        self._field = _trace.placed("field", field, s.args, self.coordinates)
-        given = _trace.named("constraint", constraint, (s.t, s.y, s.params))
-        self.constraints, self._constraint = given
-        self._hidden = ca.jtimes(self._constraint, ca.vertcat(s.t, s.y), ca.vertcat(1, self._field))
-        self._check_shape()
-        self._invariants = {
+        self._params = _trace.Parameters(params)
+        s = self._declared()
+        f = _trace.placed("field", field, s.args, self.coordinates)
+        self.constraints, k = _trace.named("constraint", constraint, (s.t, s.y, s.params))
+        w = ca.jtimes(k, ca.vertcat(s.t, s.y), ca.vertcat(1, f))
+        self._check_shape(ca.jacobian(k, s.y), ca.jacobian(w, s.z))
+        recorded = {
             name: _trace.scalar(f"invariant '{name}'", function, s.args)
             for name, function in _trace.mapping("invariants", invariants).items()
         }
+        self.invariants = tuple(recorded)
+        self._traced = Traced(s, f, k, w, recorded)
         self.problem = self._compiled()
+
+    def _declared(self) -> Symbols:
+        y, z = ca.SX.sym("y", len(self.coordinates)), ca.SX.sym("z", len(self.unknowns))
+        return Symbols(ca.SX.sym("t"), y, z, self._params)
+
+    @cached_property
+    def _traced(self) -> Traced:
+        """The expressions; where the system has travelled, they are read when they are wanted."""
+        s = self._declared()
+        f, k, w, *recorded = opened(self._packed, [*s.point.values()])
+        return Traced(s, f, k, w, dict(zip(self.invariants, recorded, strict=True)))
+
+    @cached_property
+    def _packed(self) -> str:
+        return self._traced.packed()
+
+    def _luggage(self) -> dict[str, Any]:
+        own = {**self.__dict__, "_alone": self._alone, "_packed": self._packed}
+        return {name: x for name, x in own.items() if name != "_traced"}
 
     def __repr__(self) -> str:
         """Name the coordinates and the unknowns."""
@@ -166,19 +160,14 @@ class SemiExplicit:
     @property
     def params(self) -> dict[str, float | np.ndarray]:
         """The parameters' default values."""
-        defaults = self._symbols.params.defaults
+        defaults = self._params.defaults
         return {name: x.copy() if x.ndim else float(x) for name, x in defaults.items()}
-
-    @property
-    def invariants(self) -> tuple[str, ...]:
-        """Names of the invariants."""
-        return tuple(self._invariants)
 
     def values(self, params: Mapping[str, ArrayLike] | None) -> np.ndarray:
         """Return the parameter vector with changes; ValueError names an unknown one."""
-        return self._symbols.params.values(params)
+        return self._params.values(params)
 
-    def _check_shape(self) -> None:
+    def _check_shape(self, k_y: ca.SX, w_z: ca.SX) -> None:
         """Refuse what cannot be of index 2, by what depends on what."""
         n, count = len(self.coordinates), len(self.unknowns)
         if len(self.constraints) != count:
@@ -190,8 +179,8 @@ class SemiExplicit:
             )
         if count > n:
             raise ValueError(f"{count} constraints on {n} coordinates leave nothing to move")
-        of_y = set(ca.sparsify(ca.jacobian(self._constraint, self._symbols.y)).sparsity().row())
-        of_z = ca.sparsify(ca.jacobian(self._hidden, self._symbols.z)).sparsity()
+        of_y = set(ca.sparsify(k_y).sparsity().row())
+        of_z = ca.sparsify(w_z).sparsity()
         rows, columns = (set(x) for x in of_z.get_triplet())
         for k, name in enumerate(self.constraints):
             if k not in of_y:
@@ -220,7 +209,8 @@ class SemiExplicit:
 
     def _compiled(self) -> _core.SemiExplicit:
         """Differentiate and record."""
-        s, f, k, w = self._symbols, self._field, self._constraint, self._hidden
+        traced = self._traced
+        s, f, k, w = traced.symbols, traced.field, traced.constraint, traced.hidden
         jac = {
             "f_y": Block(ca.jacobian(f, s.y)),
             "f_z": Block(ca.jacobian(f, s.z)),
@@ -238,7 +228,7 @@ class SemiExplicit:
         self._tapes = tapes
         is_linear = not ca.depends_on(entries(ca.jacobian(f, s.z)), s.z)
         patterns = {name: block.pattern for name, block in jac.items()}
-        self._slope = jac["k_y"]
+        self._slope = jac["k_y"].pattern
         return _core.SemiExplicit(
             len(self.coordinates), len(self.unknowns), is_linear, tapes, patterns
         )
@@ -278,7 +268,7 @@ class SemiExplicit:
         args = [np.array([[t]]), y[None, :]]
         k = self._tapes["constraint"].map(params, args)[0]
         slope = self._tapes["constraint_jacobian"].map(params, args)[0]
-        size = np.bincount(self._slope.pattern[2], np.abs(slope), len(k))
+        size = np.bincount(self._slope[2], np.abs(slope), len(k))
         limit = size * (TOLERANCE * np.abs(y).max() + FLOOR)
         if not np.isfinite(k).all():
             at = int(np.argmin(np.isfinite(k)))
@@ -372,24 +362,38 @@ class SemiExplicit:
     @cached_property
     def _projection(self) -> tuple[Any, Any]:
         """Tapes (y, t, params) of k, k_y and the metric, and the patterns of the last two."""
-        s = self._symbols
+        s, k = self._traced.symbols, self._traced.constraint
         inputs = {"y": s.y, "t": s.t, "params": s.params.vector}
-        weight = Block(ca.SX.eye(len(self.coordinates)))
+        slope, weight = Block(ca.jacobian(k, s.y)), Block(ca.SX.eye(len(self.coordinates)))
         tapes = (
-            record("constraint", inputs, self._constraint),
-            record_blocks("constraint", inputs, [self._slope]),
+            record("constraint", inputs, k),
+            record_blocks("constraint", inputs, [slope]),
             record_blocks("metric", inputs, [weight]),
         )
-        return tapes, (self._slope.pattern, weight.pattern)
+        return tapes, (slope.pattern, weight.pattern)
 
     def observer(
         self, observe: Mapping[str, Callable[..., Any]] | None
     ) -> tuple[_core.Tape, dict[str, int]]:
         """Record what a run keeps besides y and z; returns the tape and each part's width."""
-        parts = {"constraint": self._constraint, "hidden": self._hidden}
-        parts |= {f"invariant {name}": x for name, x in self._invariants.items()}
+        return self._observer(observe) if observe else self._alone
+
+    @cached_property
+    def _alone(self) -> tuple[_core.Tape, dict[str, int]]:
+        return self._observer({})
+
+    def _observer(
+        self, observe: Mapping[str, Callable[..., Any]]
+    ) -> tuple[_core.Tape, dict[str, int]]:
+        traced = self._traced
+        parts = {"constraint": traced.constraint, "hidden": traced.hidden}
+        parts |= {f"invariant {name}": x for name, x in traced.invariants.items()}
         for name, function in _trace.mapping("observe", observe).items():
             what = f"observed '{name}'"
-            parts[f"observed {name}"] = _trace.column(what, function, self._symbols.args)
-        tape = record("observer", self._symbols.point, *parts.values())
+            parts[f"observed {name}"] = _trace.column(what, function, traced.symbols.args)
+        tape = record("observer", traced.symbols.point, *parts.values())
         return tape, {name: x.numel() for name, x in parts.items()}
+
+    def portable(self, observe: Mapping[str, Any] | None) -> dict[str, Any]:
+        """Return what is to be observed in a form that travels."""
+        return recorded(observe, self._traced.symbols.args)

@@ -1,6 +1,6 @@
 //! Factorisations, and what to say of a matrix that has none.
 
-use super::{Matrix, Pattern, Sparse, add_scaled, dot, max_norm};
+use super::{Blocks, Matrix, Pattern, Sparse, add_scaled, dot, max_norm};
 use crate::real::Real;
 
 /// No pivot in this column: it depends on the columns before it.
@@ -76,14 +76,21 @@ impl<R: Real> Lu<R> {
         let n = self.order();
         #[allow(clippy::cast_precision_loss)]
         let tiny = 4.0 * n as f64 * f64::EPSILON;
-        for i in k..n {
-            self.sizes[i] = self.factors[(i, k)].map(f64::abs) / self.scale[i];
+        if R::MEMBERS > 1 {
+            for i in k..n {
+                self.sizes[i] = self.factors[(i, k)].map(f64::abs) / self.scale[i];
+            }
         }
+        let (factors, scale, sizes) = (&self.factors, &self.scale, &self.sizes);
         let swaps = &mut self.swaps[k * R::MEMBERS..(k + 1) * R::MEMBERS];
         for (member, swap) in swaps.iter_mut().enumerate() {
             let (mut best, mut size) = (k, 0.0);
-            for (i, candidate) in self.sizes.iter().enumerate().skip(k) {
-                let candidate = candidate.member(member);
+            for i in k..n {
+                let candidate = if R::MEMBERS > 1 {
+                    sizes[i].member(member)
+                } else {
+                    factors[(i, k)].member(member).abs() / scale[i].member(member)
+                };
                 if candidate > size {
                     (best, size) = (i, candidate);
                 }
@@ -193,6 +200,8 @@ fn swap_member<R: Real>(x: &mut [R], i: usize, j: usize, member: usize) {
 pub enum Factor<R = f64> {
     /// Reciprocals of the diagonal.
     Diagonal(Vec<R>),
+    /// Small blocks inverted.
+    Blocks(Box<Blocks<R>>),
     /// Dense LU.
     Dense(Lu<R>),
     /// Sparse LU.
@@ -216,12 +225,17 @@ fn prefers_sparse(pattern: &Pattern) -> bool {
     n >= 32 && (6 * pattern.len() <= n * n || n >= 160)
 }
 
+/// From this order on, a matrix is looked at for blocks.
+const MANY: usize = 24;
+
 impl<R: Real> Factor<R> {
     /// Memory for matrices of this pattern.
     pub fn new(pattern: &Pattern) -> Self {
         let (n, _) = pattern.shape();
         if pattern.is_diagonal() {
             Self::Diagonal(vec![R::splat(0.0); n])
+        } else if let Some(blocks) = Blocks::new(pattern).filter(|_| n >= MANY) {
+            Self::Blocks(Box::new(blocks))
         } else if prefers_sparse(pattern) {
             Self::Sparse(Box::new(SparseOf::new::<R>(pattern)))
         } else {
@@ -246,6 +260,7 @@ impl<R: Real> Factor<R> {
                     None => Ok(()),
                 }
             }
+            Self::Blocks(blocks) => blocks.factor(values),
             Self::Dense(lu) => {
                 lu.matrix_mut().clear();
                 pattern.add_to(values, 1.0, lu.matrix_mut(), 0, 0);
@@ -263,8 +278,27 @@ impl<R: Real> Factor<R> {
                 .iter_mut()
                 .zip(inverse.iter())
                 .for_each(|(b, inverse)| *b *= *inverse),
+            Self::Blocks(blocks) => blocks.solve(b),
             Self::Dense(lu) => lu.solve(b),
             Self::Sparse(lu) => lu.solve(b),
+        }
+    }
+
+    /// Where the inverse is not zero, if that is known.
+    pub fn inverse_pattern(&self) -> Option<Pattern> {
+        match self {
+            Self::Diagonal(inverse) => Some(Pattern::diagonal(inverse.len())),
+            Self::Blocks(blocks) => Some(blocks.pattern().clone()),
+            Self::Dense(_) | Self::Sparse(_) => None,
+        }
+    }
+
+    /// The inverse on that pattern.
+    pub fn inverse_values(&self) -> &[R] {
+        match self {
+            Self::Diagonal(inverse) => inverse,
+            Self::Blocks(blocks) => blocks.values(),
+            Self::Dense(_) | Self::Sparse(_) => &[],
         }
     }
 }

@@ -126,21 +126,34 @@ pub fn copy_scaled<R: Real + Mul<F, Output = R>, F: Copy>(out: &mut [R], factor:
 /// Largest magnitude; NaN counts as infinite.
 #[inline]
 pub fn max_norm<R: Real>(x: &[R]) -> R {
-    const SIGN: u64 = 1 << 63;
-    // magnitudes are ordered as their bits are, NaN last, and these compare side by side
+    // magnitudes are ordered as their bits are, NaN last
     let larger = |a: f64, b: f64| f64::from_bits(a.to_bits().max(b.to_bits() & !SIGN));
+    if let Some(x) = R::alone(x) {
+        return R::splat(max_norm_alone(x));
+    }
+    let largest = x.iter().fold(R::splat(0.0), |a, b| a.zip(*b, larger));
+    largest.map(|x| if x.is_nan() { f64::INFINITY } else { x })
+}
+
+const SIGN: u64 = 1 << 63;
+
+#[inline]
+fn max_norm_alone(x: &[f64]) -> f64 {
+    // these compare side by side
     let (chunks, rest) = x.as_chunks::<4>();
-    let mut largest = [R::splat(0.0); 4];
+    let mut largest = [0_u64; 4];
     for chunk in chunks {
         for (largest, x) in largest.iter_mut().zip(chunk) {
-            *largest = largest.zip(*x, larger);
+            *largest = (*largest).max(x.to_bits() & !SIGN);
         }
     }
-    let largest = largest
-        .iter()
-        .chain(rest)
-        .fold(R::splat(0.0), |a, b| a.zip(*b, larger));
-    largest.map(|x| if x.is_nan() { f64::INFINITY } else { x })
+    let rest = rest.iter().map(|x| x.to_bits() & !SIGN);
+    let largest = f64::from_bits(largest.into_iter().chain(rest).fold(0, u64::max));
+    if largest.is_nan() {
+        f64::INFINITY
+    } else {
+        largest
+    }
 }
 
 /// `Σ x_i y_i`, over as many as both have.

@@ -3,22 +3,30 @@
 //! Everything is sized once and then overwritten; nothing a step calls allocates.
 
 mod assembly;
+mod blocks;
 mod elimination;
 mod factor;
+mod fill;
 mod gram;
 mod kernels;
 mod matrix;
+mod node_gram;
 mod pattern;
+mod product;
 mod rows;
 mod sparse;
 mod tridiagonal;
 
 pub use assembly::Assembly;
+pub use blocks::Blocks;
 pub use factor::{Factor, Lu, Singular, dependencies, dependent_rows};
 pub use gram::Gram;
 pub use kernels::{add_scaled, carry, combine, copy, copy_scaled, dot, gather, max_norm};
 pub use matrix::Matrix;
+pub use node_gram::NodeGram;
+pub(crate) use node_gram::at_size;
 pub use pattern::{Pattern, PatternError};
+pub use product::Product;
 pub use rows::Rows;
 pub use sparse::Sparse;
 pub use tridiagonal::Tridiagonal;

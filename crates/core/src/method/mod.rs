@@ -8,6 +8,7 @@ pub mod schrodinger;
 pub mod spark;
 pub mod volume;
 
+pub use crate::memory::{Foreign, Memory, taken};
 pub use composition::{Composed, Flow, Parts};
 
 use crate::trouble::Trouble;
@@ -41,10 +42,24 @@ impl std::ops::Add for Stats {
     }
 }
 
+impl std::ops::Sub for Stats {
+    type Output = Self;
+
+    fn sub(self, other: Self) -> Self {
+        Self {
+            iterations: self.iterations - other.iterations,
+            evaluations: self.evaluations - other.evaluations,
+            factorizations: self.factorizations - other.factorizations,
+            newton_steps: self.newton_steps - other.newton_steps,
+            cold_starts: self.cold_starts - other.cold_starts,
+        }
+    }
+}
+
 /// A method at work on a problem.
-pub trait Stepper: Send {
+pub trait Stepper: Memory + Send {
     /// What it advances.
-    type State;
+    type State: Memory;
 
     /// Advances `state` from `t` to `t + h`; on failure the state is as it was.
     ///
@@ -85,37 +100,6 @@ impl<S: Stepper + ?Sized> Stepper for Box<S> {
     fn stats(&self) -> Stats {
         (**self).stats()
     }
-}
-
-/// What is brought from one step to the next, as numbers.
-///
-/// Whoever restores what was saved goes on with the same bits: after a checkpoint, or as a stepper of one
-/// member that goes on where a stepper of several in lock-step was. Memory that a step overwrites before it reads it is
-/// not saved.
-pub trait Memory {
-    /// Appends what a member brings.
-    fn save(&self, member: usize, out: &mut Vec<f64>);
-
-    /// Takes what a member brings from the front of `saved`, as [`Memory::save`] wrote it.
-    ///
-    /// # Errors
-    /// It was saved by something of another size.
-    fn restore(&mut self, member: usize, saved: &mut &[f64]) -> Result<(), Foreign>;
-}
-
-/// What was saved belongs to something else.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
-#[error("what was saved is of another run")]
-pub struct Foreign;
-
-/// The first `count` numbers of what was saved.
-///
-/// # Errors
-/// There are not so many left.
-pub fn taken<'a>(saved: &mut &'a [f64], count: usize) -> Result<&'a [f64], Foreign> {
-    let (head, tail) = saved.split_at_checked(count).ok_or(Foreign)?;
-    *saved = tail;
-    Ok(head)
 }
 
 /// A method whose step of −h undoes its step of h.
@@ -164,4 +148,31 @@ pub trait Estimating: Stepper {
 
     /// Puts `state` back to where it was before the last step.
     fn undo(&mut self, state: &mut Self::State);
+}
+
+impl Memory for Stats {
+    fn save(&self, member: usize, out: &mut Vec<f64>) {
+        for count in [
+            self.iterations,
+            self.evaluations,
+            self.factorizations,
+            self.newton_steps,
+            self.cold_starts,
+        ] {
+            count.save(member, out);
+        }
+    }
+
+    fn restore(&mut self, member: usize, saved: &mut &[f64]) -> Result<(), Foreign> {
+        for count in [
+            &mut self.iterations,
+            &mut self.evaluations,
+            &mut self.factorizations,
+            &mut self.newton_steps,
+            &mut self.cold_starts,
+        ] {
+            count.restore(member, saved)?;
+        }
+        Ok(())
+    }
 }

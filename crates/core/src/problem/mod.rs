@@ -5,10 +5,11 @@ pub mod polynomial;
 pub mod quantum;
 pub mod semi_explicit;
 
+use crate::memory::Memory;
 use crate::trouble::Trouble;
 
 /// Turns a state into the numbers a run keeps of it.
-pub trait Observe<State>: Send {
+pub trait Observe<State>: Memory + Send {
     /// How many numbers a row has for a state like this.
     fn width(&self, state: &State) -> usize;
 
@@ -21,7 +22,7 @@ pub trait Observe<State>: Send {
 }
 
 /// Tells how long steps should be, by a positive function s of time and state.
-pub trait Monitor<State>: Send {
+pub trait Monitor<State>: Memory + Send {
     /// (ds/dt)/s along the motion.
     ///
     /// # Errors

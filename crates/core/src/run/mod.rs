@@ -8,7 +8,7 @@ pub use pace::{Controlled, Equal, Listed, Pace, Reversible, Sizes};
 pub use record::Recorder;
 pub use watch::{Event, Seen, Unwatched, Watch, Watcher};
 
-use crate::method::{Stats, Stepper};
+use crate::method::{Foreign, Memory, Stats, Stepper};
 use crate::problem::Observe;
 use crate::trouble::Trouble;
 use std::time::{Duration, Instant};
@@ -71,6 +71,22 @@ pub trait Advance: Send {
     /// Times of the records, one a row, and the rows one after another, the present state last. The
     /// run is over and keeps none.
     fn take(&mut self) -> (Vec<f64>, Vec<f64>);
+    /// The records so far, which the run keeps no longer; it goes on.
+    fn collect(&mut self) -> (Vec<f64>, Vec<f64>) {
+        (Vec::new(), Vec::new())
+    }
+    /// Appends all that the rest of the run depends on, but for what was collected; says whether that can be
+    /// told.
+    fn save(&self, _out: &mut Vec<f64>) -> bool {
+        false
+    }
+    /// Makes a run that was begun in the same way the one that was saved, with the same bits from here on.
+    ///
+    /// # Errors
+    /// It was another run; this one is not to be used then.
+    fn restore(&mut self, _saved: &[f64]) -> Result<(), Foreign> {
+        Err(Foreign)
+    }
     /// Members that could not go on, in their order, while the others did.
     fn failures(&self) -> Vec<Failure> {
         Vec::new()
@@ -79,7 +95,7 @@ pub trait Advance: Send {
     fn over(&self) -> usize {
         0
     }
-    /// The events met; to be asked for after the records.
+    /// The events met since this was last asked for; after the records.
     fn seen(&mut self) -> Seen {
         Seen::default()
     }
@@ -97,6 +113,9 @@ pub struct Run<S: Stepper, O, P, W = Unwatched> {
     watch: W,
     /// Where the watch has ended the run.
     end: Option<f64>,
+    /// What was done before the run was restored, without what this stepper had done then.
+    before: Stats,
+    apart: Stats,
 }
 
 impl<S: Stepper, O: Observe<S::State>, P: Pace<S>> Run<S, O, P> {
@@ -142,6 +161,8 @@ impl<S: Stepper, O: Observe<S::State>, P: Pace<S>, W: Watch<S, O>> Run<S, O, P, 
             records: Recorder::new(observer, expected, width),
             watch,
             end: None,
+            before: Stats::default(),
+            apart: Stats::default(),
         };
         if W::IS_AWAKE {
             run.stepper.settle(&mut run.state)?;
@@ -244,7 +265,8 @@ where
     }
 
     fn stats(&self) -> (Stats, usize) {
-        (self.stepper.stats(), self.pace.rejected())
+        let stats = self.before + (self.stepper.stats() - self.apart);
+        (stats, self.pace.rejected())
     }
 
     fn sizes(&self) -> Option<Sizes> {
@@ -259,6 +281,41 @@ where
             let _ = self.record();
         }
         self.records.take()
+    }
+
+    fn collect(&mut self) -> (Vec<f64>, Vec<f64>) {
+        self.records.collect()
+    }
+
+    fn save(&self, out: &mut Vec<f64>) -> bool {
+        let whole = 0;
+        (self.n, self.end).save(whole, out);
+        self.stats().0.save(whole, out);
+        self.state.save(whole, out);
+        self.stepper.save(whole, out);
+        self.pace.save(whole, out);
+        self.records.save(whole, out);
+        self.watch.save(whole, out);
+        true
+    }
+
+    fn restore(&mut self, mut saved: &[f64]) -> Result<(), Foreign> {
+        let (whole, saved) = (0, &mut saved);
+        let mut place = (self.n, self.end);
+        place.restore(whole, saved)?;
+        (self.n, self.end) = place;
+        self.before.restore(whole, saved)?;
+        self.state.restore(whole, saved)?;
+        self.stepper.restore(whole, saved)?;
+        self.apart = self.stepper.stats();
+        self.pace.restore(whole, saved)?;
+        self.records.restore(whole, saved)?;
+        self.watch.restore(whole, saved)?;
+        if saved.is_empty() {
+            Ok(())
+        } else {
+            Err(Foreign)
+        }
     }
 
     fn seen(&mut self) -> Seen {

@@ -1,5 +1,6 @@
 //! What a run keeps: times, and rows of what an observer sees.
 
+use crate::memory::{Foreign, Memory};
 use crate::problem::Observe;
 use crate::trouble::Trouble;
 
@@ -9,6 +10,8 @@ pub struct Recorder<O> {
     observer: O,
     times: Vec<f64>,
     rows: Vec<f64>,
+    /// The time of the last record, wherever it is by now.
+    last: Option<f64>,
 }
 
 impl<O> Recorder<O> {
@@ -18,6 +21,7 @@ impl<O> Recorder<O> {
             observer,
             times: Vec::with_capacity(expected.min(1 << 20)),
             rows: Vec::with_capacity((expected * width).min(1 << 24)),
+            last: None,
         }
     }
 
@@ -37,16 +41,41 @@ impl<O> Recorder<O> {
             width => (self.rows.len() - before) / width,
         };
         self.times.extend(std::iter::repeat_n(t, rows));
+        self.last = self.times.last().copied().or(self.last);
         Ok(())
     }
 
     /// The time of the last record.
     pub(super) fn last(&self) -> Option<f64> {
-        self.times.last().copied()
+        self.last
+    }
+
+    /// The records so far; there will be about as many again.
+    pub(super) fn collect(&mut self) -> (Vec<f64>, Vec<f64>) {
+        let again = |x: &mut Vec<f64>| {
+            let next = Vec::with_capacity(x.len());
+            std::mem::replace(x, next)
+        };
+        (again(&mut self.times), again(&mut self.rows))
     }
 
     pub(super) fn take(&mut self) -> (Vec<f64>, Vec<f64>) {
         let rows = std::mem::take(&mut self.rows);
         (std::mem::take(&mut self.times), rows)
+    }
+}
+
+/// What is recorded is with whoever has collected it.
+impl<O: Memory> Memory for Recorder<O> {
+    fn save(&self, member: usize, out: &mut Vec<f64>) {
+        self.observer.save(member, out);
+        self.last.save(member, out);
+    }
+
+    fn restore(&mut self, member: usize, saved: &mut &[f64]) -> Result<(), Foreign> {
+        self.times.clear();
+        self.rows.clear();
+        self.observer.restore(member, saved)?;
+        self.last.restore(member, saved)
     }
 }

@@ -1,4 +1,4 @@
-//! Operations, and the loop that runs them.
+//! Operations, and the loops that run them: one after another, or the same on many registers.
 //!
 //! Functions are those of the standard library, which are the C library's; only its inverse
 //! hyperbolic functions are formulas of its own that lose digits, and come from `libm` instead.
@@ -51,7 +51,8 @@ pub(super) struct Instr {
     pub(super) b: u32,
 }
 
-/// Runs a program that [`Tape::new`] made, over the registers it laid out.
+/// Runs instructions that `Tape::new` made over the registers it laid out. As long as the operation is
+/// the same, no jump has to be predicted.
 #[inline]
 pub(super) fn execute<R: Real>(program: &[Instr], registers: &mut [R]) {
     if R::MEMBERS == 1 {
@@ -75,38 +76,50 @@ fn run_wide<R: Real>(program: &[Instr], registers: &mut [R]) {
 fn run<R: Real>(program: &[Instr], registers: &mut [R]) {
     let start = registers.as_mut_ptr();
     let truth = |condition: bool| f64::from(u8::from(condition));
-    for instr in program {
-        // SAFETY: `Tape::new` gives out registers below `self.registers` only, and both callers pass
-        // exactly that many.
-        let read = |register: u32| unsafe { *start.add(register as usize) };
-        let write = |value: R| unsafe { *start.add(instr.out as usize) = value };
-        let one = |f: fn(f64) -> f64| write(read(instr.a).map(f));
+    let mut left = program;
+    while let Some((&next, mut rest)) = left.split_first() {
+        let mut instr = next;
         macro_rules! two {
-            (|$x:ident, $y:ident| $value:expr) => {{
-                let ($x, $y) = (read(instr.a), read(instr.b));
-                write($value)
-            }};
+            (|$x:ident, $y:ident| $value:expr) => {
+                loop {
+                    // SAFETY: `Tape::new` gives out registers below `self.registers` only, and whoever
+                    // runs its programs passes exactly that many.
+                    unsafe {
+                        let ($x, $y) = (*start.add(instr.a as usize), *start.add(instr.b as usize));
+                        *start.add(instr.out as usize) = $value;
+                    }
+                    match rest.split_first() {
+                        Some((&next, after)) if next.op == instr.op => (instr, rest) = (next, after),
+                        _ => break,
+                    }
+                }
+            };
+        }
+        macro_rules! one {
+            ($f:expr) => {
+                two!(|x, _y| x.map($f))
+            };
         }
         match instr.op {
-            Op::Assign => write(read(instr.a)),
+            Op::Assign => two!(|x, _y| x),
             Op::Add => two!(|x, y| x + y),
             Op::Sub => two!(|x, y| x - y),
             Op::Mul => two!(|x, y| x * y),
             Op::Div => two!(|x, y| x / y),
-            Op::Neg => write(-read(instr.a)),
+            Op::Neg => two!(|x, _y| -x),
             Op::Sq => two!(|x, _y| x * x),
             Op::Twice => two!(|x, _y| x + x),
             Op::Inv => two!(|x, _y| R::splat(1.0) / x),
             Op::Sqrt => two!(|x, _y| x.map(f64::sqrt)),
-            Op::Exp => one(f64::exp),
-            Op::Log => one(f64::ln),
+            Op::Exp => one!(f64::exp),
+            Op::Log => one!(f64::ln),
             Op::Pow | Op::Constpow => two!(|x, y| x.zip(y, f64::powf)),
-            Op::Sin => one(f64::sin),
-            Op::Cos => one(f64::cos),
-            Op::Tan => one(f64::tan),
-            Op::Asin => one(f64::asin),
-            Op::Acos => one(f64::acos),
-            Op::Atan => one(f64::atan),
+            Op::Sin => one!(f64::sin),
+            Op::Cos => one!(f64::cos),
+            Op::Tan => one!(f64::tan),
+            Op::Asin => one!(f64::asin),
+            Op::Acos => one!(f64::acos),
+            Op::Atan => one!(f64::atan),
             Op::Lt => two!(|x, y| x.zip(y, |a, b| truth(a < b))),
             Op::Le => two!(|x, y| x.zip(y, |a, b| truth(a <= b))),
             #[allow(clippy::float_cmp)] // it is what the program asks for
@@ -116,11 +129,11 @@ fn run<R: Real>(program: &[Instr], registers: &mut [R]) {
             Op::Not => two!(|x, _y| x.map(|a| truth(a == 0.0))),
             Op::And => two!(|x, y| x.zip(y, |a, b| truth(a != 0.0 && b != 0.0))),
             Op::Or => two!(|x, y| x.zip(y, |a, b| truth(a != 0.0 || b != 0.0))),
-            Op::Floor => one(f64::floor),
-            Op::Ceil => one(f64::ceil),
+            Op::Floor => one!(f64::floor),
+            Op::Ceil => one!(f64::ceil),
             Op::Fmod => two!(|x, y| x.zip(y, |a, b| a % b)),
-            Op::Fabs => one(f64::abs),
-            Op::Sign => one(|a| {
+            Op::Fabs => one!(f64::abs),
+            Op::Sign => one!(|a: f64| {
                 if a == 0.0 || a.is_nan() {
                     a
                 } else {
@@ -131,16 +144,112 @@ fn run<R: Real>(program: &[Instr], registers: &mut [R]) {
             Op::IfElseZero => two!(|x, y| x.zip(y, |a, b| if a == 0.0 { 0.0 } else { b })),
             Op::Fmin => two!(|x, y| x.zip(y, f64::min)),
             Op::Fmax => two!(|x, y| x.zip(y, f64::max)),
-            Op::Sinh => one(f64::sinh),
-            Op::Cosh => one(f64::cosh),
-            Op::Tanh => one(f64::tanh),
-            Op::Asinh => one(|x| apart(libm::asinh, x)),
-            Op::Acosh => one(|x| apart(libm::acosh, x)),
-            Op::Atanh => one(|x| apart(libm::atanh, x)),
+            Op::Sinh => one!(f64::sinh),
+            Op::Cosh => one!(f64::cosh),
+            Op::Tanh => one!(f64::tanh),
+            Op::Asinh => one!(|x| apart(libm::asinh, x)),
+            Op::Acosh => one!(|x| apart(libm::acosh, x)),
+            Op::Atanh => one!(|x| apart(libm::atanh, x)),
             Op::Atan2 => two!(|x, y| x.zip(y, f64::atan2)),
-            Op::Log1p => one(f64::ln_1p),
-            Op::Expm1 => one(f64::exp_m1),
+            Op::Log1p => one!(f64::ln_1p),
+            Op::Expm1 => one!(f64::exp_m1),
             Op::Hypot => two!(|x, y| x.zip(y, f64::hypot)),
+        }
+        left = rest;
+    }
+}
+
+/// The operations that there are batches of: cheap enough for the loop around them to matter.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Cheap {
+    Assign,
+    Add,
+    Sub,
+    Mul,
+    Div,
+    Neg,
+    Sq,
+    Twice,
+    Inv,
+}
+
+impl Cheap {
+    pub(super) fn of(op: Op) -> Option<Self> {
+        Some(match op {
+            Op::Assign => Self::Assign,
+            Op::Add => Self::Add,
+            Op::Sub => Self::Sub,
+            Op::Mul => Self::Mul,
+            Op::Div => Self::Div,
+            Op::Neg => Self::Neg,
+            Op::Sq => Self::Sq,
+            Op::Twice => Self::Twice,
+            Op::Inv => Self::Inv,
+            _ => return None,
+        })
+    }
+}
+
+/// Instructions of one operation whose registers walk with constant strides: the first of them, how
+/// far apart their registers are (out, a, b), and how many there are.
+#[derive(Clone, Debug)]
+pub(super) struct Strided {
+    pub(super) op: Cheap,
+    pub(super) first: Instr,
+    pub(super) strides: [i32; 3],
+    pub(super) count: usize,
+}
+
+/// Runs a batch, made by `Tape::new`, over the registers it laid out.
+#[inline(never)]
+pub(super) fn execute_strided<R: Real>(batch: &Strided, registers: &mut [R]) {
+    match batch.op {
+        Cheap::Assign => walk(batch, registers, |x, _| x),
+        Cheap::Add => walk(batch, registers, |x, y| x + y),
+        Cheap::Sub => walk(batch, registers, |x, y| x - y),
+        Cheap::Mul => walk(batch, registers, |x, y| x * y),
+        Cheap::Div => walk(batch, registers, |x, y| x / y),
+        Cheap::Neg => walk(batch, registers, |x, _| -x),
+        Cheap::Sq => walk(batch, registers, |x, _| x * x),
+        Cheap::Twice => walk(batch, registers, |x, _| x + x),
+        Cheap::Inv => walk(batch, registers, |x, _| R::splat(1.0) / x),
+    }
+}
+
+/// The first three are loops that the compiler turns into vector operations.
+#[inline]
+#[allow(unsafe_code)]
+#[allow(clippy::cast_possible_wrap)] // registers are numbered in 32 bits
+fn walk<R: Real>(batch: &Strided, registers: &mut [R], f: impl Fn(R, R) -> R) {
+    let (start, first) = (registers.as_mut_ptr(), batch.first);
+    // SAFETY: as in `execute`, since a batch is made of instructions, and holds at least one.
+    unsafe {
+        let out = start.add(first.out as usize);
+        let (a, b) = (start.add(first.a as usize), start.add(first.b as usize));
+        match batch.strides {
+            [1, 1, 1] => {
+                for i in 0..batch.count {
+                    *out.add(i) = f(*a.add(i), *b.add(i));
+                }
+            }
+            [1, 0, 1] => {
+                let x = *a;
+                for i in 0..batch.count {
+                    *out.add(i) = f(x, *b.add(i));
+                }
+            }
+            [1, 1, 0] => {
+                let y = *b;
+                for i in 0..batch.count {
+                    *out.add(i) = f(*a.add(i), y);
+                }
+            }
+            strides => {
+                let [to, from, and] = strides.map(|stride| stride as isize);
+                for i in 0..batch.count as isize {
+                    *out.offset(to * i) = f(*a.offset(from * i), *b.offset(and * i));
+                }
+            }
         }
     }
 }

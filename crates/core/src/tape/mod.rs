@@ -7,14 +7,18 @@
 //!
 //! so that evaluation copies neither inputs nor constants nor outputs through instructions of their
 //! own. The last input group is the parameters; [`Tape::bind`] runs what depends on them alone, once.
-//! The order of operations is the program's own, hence its values bit for bit.
+//! What the program computes twice is left out the second time; operations and their operands are its own,
+//! hence its values bit for bit, and their order is one that runs fast.
 //!
 //! A tape may add [`Term`]s to its program's values: the large matrices of an assembled structure are
 //! not written out as instructions.
 
 mod execute;
+mod order;
 mod plan;
+mod program;
 mod terms;
+mod values;
 
 pub use execute::Op;
 pub use terms::Term;
@@ -23,6 +27,7 @@ use crate::linalg::copy;
 use crate::real::{Lanes, Real, Scalar, WIDTH};
 use execute::{Instr, execute};
 use plan::Plan;
+use program::Program;
 use std::ops::Range;
 use terms::Terms;
 
@@ -122,7 +127,7 @@ pub struct Tape {
     outputs: Range<usize>,
     constants: Vec<(u32, f64)>,
     prologue: Vec<Instr>,
-    body: Vec<Instr>,
+    body: Program,
     registers: usize,
     terms: Option<Box<Terms>>,
 }
@@ -139,6 +144,8 @@ impl Tape {
     /// # Errors
     /// [`TapeError`] names the first line that cannot be trusted.
     pub fn new(inputs: &[usize], outputs: usize, lines: &[Line]) -> Result<Self, TapeError> {
+        Plan::new(inputs, outputs, lines)?;
+        let lines = &values::once(lines)[..];
         let plan = Plan::new(inputs, outputs, lines)?;
         let groups = groups(inputs);
         let first_output = groups.last().map_or(0, |group| group.end);
@@ -149,10 +156,11 @@ impl Tape {
             outputs: first_output..first_output + outputs,
             constants: Vec::new(),
             prologue: Vec::new(),
-            body: Vec::new(),
+            body: Program::Plain(Vec::new()),
             registers,
             terms: None,
         };
+        let mut body = Vec::new();
         let mut held = vec![0_u32; plan.slots];
         let mut next_pinned = first_output + outputs;
         let mut pin = || {
@@ -184,7 +192,12 @@ impl Tape {
                         a: held[a],
                         b: held[b],
                     };
-                    tape.place(instr, plan.fixed[k]);
+                    let part = if plan.fixed[k] {
+                        &mut tape.prologue
+                    } else {
+                        &mut body
+                    };
+                    part.push(instr);
                     held[slot] = out;
                 }
                 Line::Output { element, slot } => {
@@ -196,20 +209,21 @@ impl Tape {
                             a: held[slot],
                             b: held[slot],
                         };
-                        tape.place(instr, plan.fixed[k]);
+                        let part = if plan.fixed[k] {
+                            &mut tape.prologue
+                        } else {
+                            &mut body
+                        };
+                        part.push(instr);
                     }
                 }
             }
         }
-        Ok(tape)
-    }
-
-    fn place(&mut self, instr: Instr, fixed: bool) {
-        if fixed {
-            self.prologue.push(instr);
-        } else {
-            self.body.push(instr);
+        match order::ordered(&body, &groups, &tape.outputs, first_temporary) {
+            None => tape.body = Program::Plain(body),
+            Some((program, registers)) => (tape.body, tape.registers) = (program, registers),
         }
+        Ok(tape)
     }
 
     /// Adds to the program's values a constant (none if empty) and terms, in their order; those it had
@@ -218,11 +232,11 @@ impl Tape {
     /// # Errors
     /// [`TapeError`] names the first term that does not fit the inputs and outputs.
     pub fn with_terms(mut self, constant: &[f64], terms: Vec<Term>) -> Result<Self, TapeError> {
-        let mut fixed = vec![true; self.outputs()];
-        for instr in &self.body {
+        let mut fixed = vec![false; self.outputs()];
+        for instr in &self.prologue {
             let out = instr.out as usize;
             if self.outputs.contains(&out) {
-                fixed[out - self.outputs.start] = false;
+                fixed[out - self.outputs.start] = true;
             }
         }
         let terms = Terms::new(&groups(&self.inputs), &fixed, constant, terms)?;
@@ -239,7 +253,7 @@ impl Tape {
 
     /// Whether an evaluation has nothing to run: every output depends on parameters alone.
     pub fn is_empty(&self) -> bool {
-        self.body.is_empty() && self.terms.as_ref().is_none_or(|terms| terms.is_empty())
+        self.len() == 0 && self.terms.as_ref().is_none_or(|terms| terms.is_empty())
     }
 
     /// Sizes of the input groups; the last is the parameters.
@@ -306,7 +320,7 @@ impl Tape {
             copy(&mut registers[start..start + size], arg);
             start += size;
         }
-        execute(&self.body, registers);
+        self.body.run(registers);
         if let Some(terms) = &self.terms {
             self.add_terms(terms, registers);
         }
@@ -341,7 +355,7 @@ impl Tape {
                 }
                 start += size;
             }
-            execute(&self.body, &mut registers);
+            self.body.run(&mut registers);
             if let Some(terms) = &self.terms {
                 self.add_terms(terms, &mut registers);
             }

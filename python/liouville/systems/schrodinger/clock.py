@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from functools import cached_property
 from typing import Any
 
 import casadi as ca
@@ -11,6 +12,7 @@ import numpy as np
 from liouville import _core
 from liouville.errors import hinted
 from liouville.systems import _trace
+from liouville.systems._travel import opened, packed
 from liouville.systems.schrodinger.grid import Grid
 from liouville.tape import record
 
@@ -44,6 +46,29 @@ class Traced:
         self.expression = _trace.scalar(what, function, (self._t, *points, params))
         self.is_driven = ca.depends_on(self.expression, self._t)
 
+    @cached_property
+    def expression(self) -> ca.SX:
+        """What the function returned; where it has travelled, it is read when it is wanted."""
+        return opened(self._packed, self._symbols)[0]
+
+    @cached_property
+    def _packed(self) -> str:
+        return packed(self._symbols, [self.expression])
+
+    @property
+    def _symbols(self) -> list[ca.SX]:
+        return [self._t, self._x, self._params.vector]
+
+    def __call__(self, t: ca.SX, *args: Any) -> ca.SX:
+        """Apply the function to other symbols: t, those of a point if there are points, params."""
+        *x, params = args
+        return opened(self._packed, [t, *(x or [self._x]), _trace.vector_of(params)])[0]
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        """Travel without symbols."""
+        own = (self.what, self._params, self._x.numel(), self.is_driven, self._packed)
+        return _arrived, own
+
     def tape(self, factor: float) -> _core.Tape:
         """Record it, times a number: t, x if there are points, and parameters in."""
         inputs = {"t": self._t, **({"x": self._x} if self._x.numel() else {})}
@@ -67,14 +92,22 @@ class Traced:
         return np.array(values)
 
 
+def _arrived(
+    what: str, params: _trace.Parameters, axes: int, is_driven: bool, packed: str
+) -> Traced:
+    found = object.__new__(Traced)
+    found._t, found._x, found._params = ca.SX.sym("t"), ca.SX.sym("x", axes), params
+    found.what, found.is_driven, found._packed = what, is_driven, packed
+    return found
+
+
 def potential(grid: Grid, params: _trace.Parameters) -> Traced | np.ndarray:
-    """Return a grid's potential: a function of time, or flat values at all points."""
+    """Return a grid's potential: a function, or flat values at all points."""
     if grid.potential is None:
         return np.zeros(grid.size)
     if not callable(grid.potential):
         return grid.potential.ravel()
-    traced = Traced("potential", grid.potential, params, len(grid.shape))
-    return traced if traced.is_driven else traced.at(0.0, grid.points)
+    return Traced("potential", grid.potential, params, len(grid.shape))
 
 
 def weights(

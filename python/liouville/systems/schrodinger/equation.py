@@ -13,6 +13,7 @@ from numpy.typing import ArrayLike
 from liouville import _core
 from liouville.errors import hinted
 from liouville.systems import _trace
+from liouville.systems._travel import Travels
 from liouville.systems.schrodinger import clock, graph, observed
 from liouville.systems.schrodinger.bounds import (
     check_inside,
@@ -39,7 +40,7 @@ class _Term:
     bounds: Bounds | None
 
 
-class Schrodinger:
+class Schrodinger(Travels):
     r"""The Schrödinger equation.
 
     .. math::
@@ -136,6 +137,11 @@ class Schrodinger:
         self.hbar = positive("hbar", hbar)
         self._params = _trace.Parameters(params)
         self._given = interval(bounds, self.hbar)
+        self._make()
+
+    def _make(self, frame: Frame | None = None) -> None:
+        """Make the core's form of H, in a frame if it is known."""
+        hamiltonian, drive = self.source, self._drive
         self.grid = hamiltonian if isinstance(hamiltonian, Grid) else None
         is_model = isinstance(hamiltonian, (Grid, SpinChain))
         source = hamiltonian if is_model else Product.read("H", hamiltonian)
@@ -144,8 +150,23 @@ class Schrodinger:
         self._functions, driven = self._read(drive)
         if isinstance(source, SpinChain) and not all(matrix.is_real for matrix in driven):
             source = source.entries()
-        self.frame = self._framed([source, *driven])
+        self.frame = self._framed([source, *driven]) if frame is None else frame
         self._build(source, driven)
+
+    def _luggage(self) -> dict[str, Any]:
+        """Return what it is made of, with the bounds, which another processor might round."""
+        source = self.source
+        if self._potential is not None:
+            source = source.with_potential(self._potential)
+        pairs = zip(self._functions, self._drive, strict=True)
+        own = {name: getattr(self, name) for name in ("hbar", "_params", "_given", "frame")}
+        own |= {"source": source, "_drive": [(f, matrix) for f, (_, matrix) in pairs]}
+        found = {name: x for name, x in self.__dict__.items() if name == "bounds"}
+        return {**own, **found, "term_bounds": self.term_bounds}
+
+    def _unpack(self, luggage: dict[str, Any]) -> None:
+        super()._unpack(luggage)
+        self._make(luggage["frame"])
 
     def _read(
         self, drive: Sequence[tuple[Callable[..., Any], Any]]
@@ -180,6 +201,7 @@ class Schrodinger:
     def _build(self, source: Any, driven: list[Entries]) -> None:
         """Make the terms, and what the core calls them."""
         self.potential: np.ndarray | None = None
+        self._potential: clock.Traced | None = None
         self._moving: clock.Traced | None = None
         self._terms = [self._of_grid(source) if isinstance(source, Grid) else self._of(source)]
         self._terms += map(self._of_matrix, driven)
@@ -225,8 +247,11 @@ class Schrodinger:
         low, high = 0.0, float(sum(energies.max() for energies in kinetic))
         found = clock.potential(grid, self._params)
         if isinstance(found, clock.Traced):
-            self._moving = found
-            return _Term(terms, (low, high))
+            self._potential = found
+            if found.is_driven:
+                self._moving = found
+                return _Term(terms, (low, high))
+            found = found.at(0.0, grid.points)
         self.potential = found / self.hbar
         low, high = low + float(self.potential.min()), high + float(self.potential.max())
         if self.potential.any():
@@ -350,6 +375,10 @@ class Schrodinger:
             One is of the wrong kind or shape, or not Hermitian; the message has its name.
         """
         return observed.observables(observe, self.frame, self._shapes, self._at_points)
+
+    def portable(self, observe: Mapping[str, Any] | None) -> dict[str, Any]:
+        """Return what is to be observed in a form that travels: functions by their values."""
+        return observed.portable(observe, self._at_points)
 
     def _at_points(self, name: str, function: Callable[..., Any]) -> np.ndarray:
         if self.grid is None:

@@ -140,6 +140,14 @@ class Grid:
         spans = zip(self.low, self.high, self.shape, strict=True)
         return prod((b - a) / n for a, b, n in spans)
 
+    def __getstate__(self) -> dict[str, Any]:
+        """Travel as it was given."""
+        return {name: x for name, x in self.__dict__.items() if name != "points"}
+
+    def with_potential(self, potential: Callable[..., Any]) -> Grid:
+        """Return the grid with another potential."""
+        return Grid(self.low, self.high, self.shape, potential, self.mass)
+
     def kinetic(self, hbar: float) -> list[np.ndarray]:
         """Return the kinetic energies of the wave numbers along each axis."""
         return [(hbar * k) ** 2 / (2 * m) for k, m in zip(self.k, self.mass, strict=True)]

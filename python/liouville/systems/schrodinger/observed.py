@@ -43,6 +43,18 @@ def checked(psi: Any, shapes: Sequence[tuple[int, ...]], is_ensemble: bool) -> n
     return flat
 
 
+def portable(
+    observe: Mapping[str, Any] | None, at_points: Callable[[str, Callable[..., Any]], np.ndarray]
+) -> dict[str, Any]:
+    """Return observables, those that are functions of position by their values."""
+    found = _trace.mapping("observe", observe)
+    for name, given in found.items():
+        is_operator = hasattr(given, "matvec") or isinstance(given, tuple)
+        if callable(given) and not is_operator:
+            found[name] = at_points(name, given)
+    return found
+
+
 def observables(
     observe: Mapping[str, Any] | None,
     frame: Frame,
@@ -51,11 +63,9 @@ def observables(
 ) -> list[Observable]:
     """Return what is observed, as the core takes it."""
     found = []
-    for name, given in _trace.mapping("observe", observe).items():
+    for name, given in portable(observe, at_points).items():
         what = f"observable '{name}'"
         is_operator = hasattr(given, "matvec") or isinstance(given, tuple)
-        if callable(given) and not is_operator:
-            given = at_points(name, given)
         if is_operator or hasattr(given, "tocsr"):
             found.append((name, 1, _symmetric(what, given, frame)))
             continue

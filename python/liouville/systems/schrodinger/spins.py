@@ -129,6 +129,10 @@ class SpinChain:
         fits = np.flatnonzero((rest >= 0) & (rest <= low))
         return np.concatenate([(high[k] << low) + by_count[rest[k]] for k in fits])
 
+    def __getstate__(self) -> dict[str, Any]:
+        """Travel as it was given."""
+        return {name: x for name, x in self.__dict__.items() if name != "basis"}
+
     def index(self, state: int) -> int:
         """Return the place of a basis state; ValueError if it is in another sector."""
         place = int(np.searchsorted(self.basis, state))

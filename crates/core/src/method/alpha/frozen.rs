@@ -14,8 +14,10 @@
 //! acceleration-level solve, twice.
 
 use super::Reactions;
+use super::origin::Origin;
 use super::solve::{Solver, Step};
 use crate::linalg::{Assembly, Factor, Matrix, Pattern, copy, max_norm};
+use crate::memory::{Foreign, Memory};
 use crate::problem::mechanical::{Mass, Saddle, SecondOrderModel};
 use crate::trouble::Trouble;
 
@@ -38,6 +40,8 @@ pub(super) struct Frozen {
     pub(super) h: f64,
     /// Corrections of the first step they were used for; 0 before.
     pub(super) corrections: usize,
+    /// Where they were made.
+    origin: Origin,
     /// Where the local error is wanted: what projects it.
     saddle: Option<Saddle>,
     momentum: Vec<f64>,
@@ -130,6 +134,7 @@ impl Frozen {
             unit: 1.0,
             h: 0.0,
             corrections: 0,
+            origin: Origin::new(solver),
             saddle: is_controlled.then(|| Saddle::new(&model.general)),
             momentum: vec![0.0; n],
             none: vec![0.0; m],
@@ -162,6 +167,24 @@ impl Frozen {
             .map_err(|_| Trouble::SingularNewton)?;
         self.h = step.h;
         self.corrections = 0;
+        self.origin.keep(solver, step);
+        Ok(())
+    }
+
+    /// Makes the factors again where they were made before.
+    pub(super) fn remake(
+        &mut self,
+        model: &mut SecondOrderModel,
+        solver: &mut Solver,
+    ) -> Result<(), Foreign> {
+        if self.h == 0.0 {
+            return Ok(());
+        }
+        let corrections = self.corrections;
+        let origin = self.origin.clone();
+        let step = origin.put_back(solver, self.h);
+        self.update(model, solver, step).map_err(|_| Foreign)?;
+        self.corrections = corrections;
         Ok(())
     }
 
@@ -308,4 +331,19 @@ fn transport(start: &mut Mass, end: (&Pattern, &[f64]), spare: &mut [f64], x: &m
     spare.fill(0.0);
     end.0.multiply_add(end.1, 1.0, x, spare);
     copy(x, spare);
+}
+
+/// How old the factors are, and where they were made.
+impl Memory for Frozen {
+    fn save(&self, member: usize, out: &mut Vec<f64>) {
+        self.h.save(member, out);
+        self.corrections.save(member, out);
+        self.origin.save(member, out);
+    }
+
+    fn restore(&mut self, member: usize, saved: &mut &[f64]) -> Result<(), Foreign> {
+        self.h.restore(member, saved)?;
+        self.corrections.restore(member, saved)?;
+        self.origin.restore(member, saved)
+    }
 }

@@ -19,16 +19,19 @@
 
 mod coupling;
 mod frozen;
+mod origin;
 mod solve;
+mod state;
 
-use super::{Estimating, Stats, Stepper, Tolerance};
+use super::{Estimating, Foreign, Memory, Stats, Stepper, Tolerance};
 use crate::linalg::{Matrix, add_scaled, copy};
 use crate::newton;
-use crate::problem::mechanical::{Acceleration, Carried, SecondOrderModel};
+use crate::problem::mechanical::{Acceleration, SecondOrderModel};
 use crate::tableau;
 use crate::trouble::Trouble;
 use frozen::Frozen;
 use solve::{Reaction, Solver, Step};
+pub use state::State;
 
 /// How the constraints' reactions enter a step.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -42,59 +45,6 @@ pub enum Reactions {
     },
     /// As a part of φ, by the constraint on the position alone.
     Position,
-}
-
-/// What is carried from step to step.
-#[derive(Debug, PartialEq)]
-pub struct State {
-    /// Coordinates.
-    pub y: Vec<f64>,
-    /// Velocities.
-    pub z: Vec<f64>,
-    /// The method's accelerations.
-    pub a: Vec<f64>,
-    /// φ at the present time.
-    pub phi: Vec<f64>,
-    /// The last step, 0 before there is one.
-    pub h: f64,
-    /// What forces without a potential have put in, by the trapezoidal rule.
-    pub work: f64,
-    power: f64,
-}
-
-impl Clone for State {
-    fn clone(&self) -> Self {
-        Self {
-            y: self.y.clone(),
-            z: self.z.clone(),
-            a: self.a.clone(),
-            phi: self.phi.clone(),
-            ..*self
-        }
-    }
-
-    /// Into the memory there is.
-    fn clone_from(&mut self, source: &Self) {
-        self.y.clone_from(&source.y);
-        self.z.clone_from(&source.z);
-        self.a.clone_from(&source.a);
-        self.phi.clone_from(&source.phi);
-        (self.h, self.work, self.power) = (source.h, source.work, source.power);
-    }
-}
-
-impl Carried for State {
-    fn y(&self) -> &[f64] {
-        &self.y
-    }
-
-    fn z(&self) -> &[f64] {
-        &self.z
-    }
-
-    fn accelerations(&self) -> Option<(&[f64], f64)> {
-        Some((&self.a, self.work))
-    }
 }
 
 /// Factors are made anew when they cost more corrections than when they were new, by more than this.
@@ -371,5 +321,26 @@ impl Estimating for Alpha {
 
     fn undo(&mut self, state: &mut State) {
         std::mem::swap(state, &mut self.other);
+    }
+}
+
+impl Memory for Alpha {
+    fn save(&self, member: usize, out: &mut Vec<f64>) {
+        self.is_warm.save(member, out);
+        self.acceleration.save(member, out);
+        self.phi_rate.save(member, out);
+        self.kept.save(member, out);
+        self.rates.save(member, out);
+        self.frozen.save(member, out);
+    }
+
+    fn restore(&mut self, member: usize, saved: &mut &[f64]) -> Result<(), Foreign> {
+        self.is_warm.restore(member, saved)?;
+        self.acceleration.restore(member, saved)?;
+        self.phi_rate.restore(member, saved)?;
+        self.kept.restore(member, saved)?;
+        self.rates.restore(member, saved)?;
+        self.frozen.restore(member, saved)?;
+        self.frozen.remake(&mut self.model, &mut self.solver)
     }
 }

@@ -4,6 +4,7 @@ use super::coupling::Coupling;
 use super::frozen::Frozen;
 use super::{Reactions, State};
 use crate::linalg::{add_scaled, copy, copy_scaled, max_norm};
+use crate::memory::{Foreign, Memory};
 use crate::newton::{Broyden, Equations, Stop};
 use crate::problem::mechanical::SecondOrderModel;
 use crate::tableau::Alpha;
@@ -365,5 +366,17 @@ impl Equations for Solve<'_> {
             is_even: false,
             least_rate: 0.1,
         }
+    }
+}
+
+impl Memory for Reaction {
+    fn save(&self, member: usize, out: &mut Vec<f64>) {
+        self.a.save(member, out);
+        self.lam.save(member, out);
+    }
+
+    fn restore(&mut self, member: usize, saved: &mut &[f64]) -> Result<(), Foreign> {
+        self.a.restore(member, saved)?;
+        self.lam.restore(member, saved)
     }
 }

@@ -10,15 +10,15 @@
 
 mod symmetric;
 
-use super::{Stats, Stepper};
+use super::{Foreign, Memory, Stats, Stepper};
 use crate::tableau::Scheme;
 use crate::trouble::Trouble;
 pub use symmetric::Base;
 
 /// What a composed step is made of: flows of a state, one after another.
-pub trait Parts: Send {
+pub trait Parts: Memory + Send {
     /// What they move.
-    type State;
+    type State: Memory;
 
     /// How many parts there are.
     fn count(&self) -> usize;
@@ -75,7 +75,7 @@ pub trait Parts: Send {
     fn keep(&mut self, state: &Self::State) -> bool;
 
     /// Puts back what was kept last.
-    fn restore(&mut self, state: &mut Self::State);
+    fn put_back(&mut self, state: &mut Self::State);
 
     /// Forgets the flows before; see [`Stepper::forget`].
     fn forget(&mut self) {}
@@ -296,7 +296,7 @@ impl<P: Parts> Stepper for Composed<P> {
         outcome.inspect_err(|trouble| {
             self.held = held;
             if is_kept {
-                self.parts.restore(state);
+                self.parts.put_back(state);
             } else {
                 self.lost = Some(trouble.clone());
             }
@@ -321,5 +321,35 @@ impl<P: Parts> Stepper for Composed<P> {
 
     fn stats(&self) -> Stats {
         self.parts.stats(self.flows)
+    }
+}
+
+/// What is composed, and what was held back.
+impl<P: Parts> Memory for Composed<P> {
+    fn save(&self, member: usize, out: &mut Vec<f64>) {
+        self.parts.save(member, out);
+        let held = self
+            .held
+            .map(|now| ((now.part, now.is_adjoint), (now.t, now.h)));
+        held.save(member, out);
+        self.end.save(member, out);
+        self.unchecked.save(member, out);
+    }
+
+    fn restore(&mut self, member: usize, saved: &mut &[f64]) -> Result<(), Foreign> {
+        self.parts.restore(member, saved)?;
+        let mut held = Some(((0, false), (0.0, 0.0)));
+        held.restore(member, saved)?;
+        self.held = held.map(|((part, is_adjoint), (t, h))| Held {
+            part,
+            is_adjoint,
+            t,
+            h,
+        });
+        if self.held.is_some_and(|now| now.part >= self.parts.count()) {
+            return Err(Foreign);
+        }
+        self.end.restore(member, saved)?;
+        self.unchecked.restore(member, saved)
     }
 }

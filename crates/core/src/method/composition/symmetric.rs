@@ -1,7 +1,7 @@
 //! A symmetric method as the one part of a composition.
 
 use super::{Composed, Flow, NeedsAdjoint, Parts};
-use crate::method::{Stats, Stepper, Symmetric};
+use crate::method::{Foreign, Memory, Stats, Stepper, Symmetric};
 use crate::tableau::Scheme;
 use crate::trouble::Trouble;
 
@@ -79,7 +79,7 @@ where
         true
     }
 
-    fn restore(&mut self, state: &mut S::State) {
+    fn put_back(&mut self, state: &mut S::State) {
         if let Some(kept) = &self.kept {
             state.clone_from(kept);
         }
@@ -91,5 +91,15 @@ where
 
     fn stats(&self, _: usize) -> Stats {
         self.stepper.stats()
+    }
+}
+
+impl<S: Stepper> Memory for Base<S> {
+    fn save(&self, member: usize, out: &mut Vec<f64>) {
+        self.stepper.save(member, out);
+    }
+
+    fn restore(&mut self, member: usize, saved: &mut &[f64]) -> Result<(), Foreign> {
+        self.stepper.restore(member, saved)
     }
 }

@@ -11,9 +11,10 @@
 //! since they were made, their own price counted in.
 
 use super::stages::{Stages, Step};
-use crate::linalg::{Assembly, Factor, Pattern, add_scaled, copy, max_norm};
+use crate::linalg::{Assembly, Factor, Matrix, Pattern, add_scaled, copy, max_norm};
+use crate::memory::{Foreign, Memory};
 use crate::problem::mechanical::finite;
-use crate::problem::semi_explicit::Model;
+use crate::problem::semi_explicit::{Model, State};
 use crate::trouble::{Quantity, Trouble};
 
 /// What factors of a sparse matrix cost, in corrections.
@@ -38,6 +39,10 @@ pub(super) struct Frozen {
     price: f64,
     cost: f64,
     steps: f64,
+    /// Where they were made: t, and y and z of the stages.
+    t: f64,
+    y: Matrix,
+    z: Matrix,
     unknowns: Vec<f64>,
     effect: Vec<f64>,
 }
@@ -71,6 +76,9 @@ impl Frozen {
             h: 0.0,
             cost: 0.0,
             steps: 0.0,
+            t: 0.0,
+            y: stages.y.clone(),
+            z: stages.z.clone(),
             unknowns: vec![0.0; order],
             effect: vec![0.0; n],
         }
@@ -115,6 +123,32 @@ impl Frozen {
             .factor(self.matrix.pattern(), self.matrix.values())
             .map_err(|_| Trouble::SingularNewton)?;
         (self.h, self.cost, self.steps) = (step.h, self.price, 0.0);
+        self.t = step.t;
+        copy(self.y.flat_mut(), stages.y.flat());
+        copy(self.z.flat_mut(), stages.z.flat());
+        Ok(())
+    }
+
+    /// Makes the factors again where they were made before; the stages are left there.
+    pub(super) fn remake(&mut self, model: &mut Model, stages: &mut Stages) -> Result<(), Foreign> {
+        if self.h == 0.0 {
+            return Ok(());
+        }
+        let (cost, steps) = (self.cost, self.steps);
+        copy(stages.y.flat_mut(), self.y.flat());
+        copy(stages.z.flat_mut(), self.z.flat());
+        let none = State {
+            y: Vec::new(),
+            z: Vec::new(),
+            y_low: Vec::new(),
+        };
+        let step = Step {
+            t: self.t,
+            h: self.h,
+            state: &none,
+        };
+        self.update(model, stages, step).map_err(|_| Foreign)?;
+        (self.cost, self.steps) = (cost, steps);
         Ok(())
     }
 
@@ -190,5 +224,26 @@ impl Frozen {
             size = size.max(max_norm(&self.effect));
         }
         size
+    }
+}
+
+/// What the factors have cost, and where they were made.
+impl Memory for Frozen {
+    fn save(&self, member: usize, out: &mut Vec<f64>) {
+        self.h.save(member, out);
+        self.cost.save(member, out);
+        self.steps.save(member, out);
+        self.t.save(member, out);
+        self.y.flat().save(member, out);
+        self.z.flat().save(member, out);
+    }
+
+    fn restore(&mut self, member: usize, saved: &mut &[f64]) -> Result<(), Foreign> {
+        self.h.restore(member, saved)?;
+        self.cost.restore(member, saved)?;
+        self.steps.restore(member, saved)?;
+        self.t.restore(member, saved)?;
+        self.y.flat_mut().restore(member, saved)?;
+        self.z.flat_mut().restore(member, saved)
     }
 }

@@ -15,7 +15,7 @@ mod frozen;
 mod predictor;
 mod stages;
 
-use super::{Stats, Stepper, Symmetric};
+use super::{Foreign, Memory, Stats, Stepper, Symmetric};
 use crate::linalg::{add_scaled, copy, max_norm};
 use crate::newton::{self, Equations};
 use crate::problem::semi_explicit::{Algebraic, Model, State};
@@ -234,5 +234,18 @@ fn carry(high: &mut [f64], low: &mut [f64]) {
         let part = sum - *high;
         *low = (*high - (sum - part)) + (*low - part);
         *high = sum;
+    }
+}
+
+impl Memory for Index2 {
+    fn save(&self, member: usize, out: &mut Vec<f64>) {
+        self.predictor.save(member, out);
+        self.frozen.save(member, out);
+    }
+
+    fn restore(&mut self, member: usize, saved: &mut &[f64]) -> Result<(), Foreign> {
+        self.predictor.restore(member, saved)?;
+        self.frozen.restore(member, saved)?;
+        self.frozen.remake(&mut self.model, &mut self.stages)
     }
 }

@@ -4,6 +4,7 @@
 
 use super::stages::{Stages, lagrange};
 use crate::linalg::{Matrix, combine, copy};
+use crate::memory::{Foreign, Memory};
 
 /// What the next step starts from.
 #[derive(Clone, Debug)]
@@ -53,5 +54,19 @@ impl Predictor {
         copy(self.v.flat_mut(), stages.v.flat());
         copy(self.z.flat_mut(), stages.z.flat());
         self.h = Some(h);
+    }
+}
+
+impl Memory for Predictor {
+    fn save(&self, member: usize, out: &mut Vec<f64>) {
+        self.h.save(member, out);
+        self.v.flat().save(member, out);
+        self.z.flat().save(member, out);
+    }
+
+    fn restore(&mut self, member: usize, saved: &mut &[f64]) -> Result<(), Foreign> {
+        self.h.restore(member, saved)?;
+        self.v.flat_mut().restore(member, saved)?;
+        self.z.flat_mut().restore(member, saved)
     }
 }

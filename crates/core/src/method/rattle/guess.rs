@@ -1,7 +1,7 @@
 //! Where λ of a step is looked for: on the cubic through those of the four steps before.
 
 use crate::linalg::{add_scaled, copy};
-use crate::method::{Foreign, taken};
+use crate::memory::{Foreign, Memory};
 
 /// λ of steps of one size, as many as a polynomial takes.
 const POINTS: usize = 4;
@@ -60,29 +60,26 @@ impl Guess {
         self.count = (self.count + 1).min(POINTS);
     }
 
-    /// Appends what is known.
-    #[allow(clippy::cast_precision_loss)] // it is at most 4
-    pub(super) fn save(&self, out: &mut Vec<f64>) {
-        out.extend([self.h, self.count as f64]);
-        out.extend(self.known.iter().flatten());
-    }
-
-    /// Takes it from the front of `saved`.
-    #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)]
-    pub(super) fn restore(&mut self, saved: &mut &[f64]) -> Result<(), Foreign> {
-        let [h, count] = *taken(saved, 2)? else {
-            return Err(Foreign);
-        };
-        (self.h, self.count) = (h, (count as usize).min(POINTS));
-        for known in &mut self.known {
-            let values = taken(saved, known.len())?;
-            copy(known, values);
-        }
-        Ok(())
-    }
-
     /// The next step starts cold.
     pub(super) fn forget(&mut self) {
         self.count = 0;
+    }
+}
+
+impl Memory for Guess {
+    fn save(&self, member: usize, out: &mut Vec<f64>) {
+        self.h.save(member, out);
+        self.known.save(member, out);
+        self.count.save(member, out);
+    }
+
+    fn restore(&mut self, member: usize, saved: &mut &[f64]) -> Result<(), Foreign> {
+        self.h.restore(member, saved)?;
+        self.known.restore(member, saved)?;
+        self.count.restore(member, saved)?;
+        if self.count > POINTS {
+            return Err(Foreign);
+        }
+        Ok(())
     }
 }

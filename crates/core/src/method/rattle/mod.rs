@@ -16,7 +16,7 @@ mod inertia;
 mod positions;
 mod reactions;
 
-use super::{Foreign, Memory, Stats, Stepper, Symmetric, taken};
+use super::{Foreign, Memory, Stats, Stepper, Symmetric};
 use crate::linalg::{add_scaled, carry, copy};
 use crate::newton;
 use crate::problem::mechanical::{SeparableModel, State};
@@ -183,24 +183,28 @@ impl Stepper for Rattle {
 
 impl Symmetric for Rattle {}
 
-/// f and G where the next step starts are evaluated anew, at the same place and time to the bit.
+/// The multipliers before, and where f and G are those of the next start.
 impl Memory for Rattle {
-    fn save(&self, _: usize, out: &mut Vec<f64>) {
-        self.guess.save(out);
-        out.push(self.start.unwrap_or(f64::NAN));
-        out.extend(&self.start_y);
+    fn save(&self, member: usize, out: &mut Vec<f64>) {
+        self.guess.save(member, out);
+        self.start.save(member, out);
+        self.start_y.save(member, out);
     }
 
-    fn restore(&mut self, _: usize, saved: &mut &[f64]) -> Result<(), Foreign> {
-        self.guess.restore(saved)?;
-        let t = taken(saved, 1)?[0];
-        let y = taken(saved, self.start_y.len())?;
-        copy(&mut self.start_y, y);
-        self.start = None;
-        if let (false, Ok(force)) = (t.is_nan(), self.model.force(t, y)) {
+    fn restore(&mut self, member: usize, saved: &mut &[f64]) -> Result<(), Foreign> {
+        self.guess.restore(member, saved)?;
+        self.start.restore(member, saved)?;
+        self.start_y.restore(member, saved)?;
+        if let Some(t) = self.start {
+            let force = self.model.force(t, &self.start_y).map_err(|_| Foreign)?;
             copy(&mut self.force, force);
-            // what cannot be evaluated here is the trouble of the next step
-            self.start = (self.reactions.start_at(&mut self.model, t, y).is_ok()).then_some(t);
+            let (reactions, model) = (&mut self.reactions, &mut self.model);
+            let started = reactions.start_at(model, t, &self.start_y);
+            // where G is constant this is done once
+            let factored = started.and_then(|()| reactions.factor(model));
+            if model.problem.mechanical.m > 0 {
+                factored.map_err(|_| Foreign)?;
+            }
         }
         Ok(())
     }

@@ -11,7 +11,7 @@
 
 use super::bessel::series;
 use super::{Move, Sweeper, Wave, guard, refuse, squares};
-use crate::method::{Stats, Stepper};
+use crate::method::{Memory, Stats, Stepper};
 use crate::problem::quantum::Update;
 use crate::trouble::Trouble;
 use crate::vector::Stored;
@@ -241,3 +241,5 @@ fn add<S: Stored>(out: &mut [S], factor: f64, x: &[S]) {
         }
     }
 }
+
+impl<S> Memory for Chebyshev<S> {}

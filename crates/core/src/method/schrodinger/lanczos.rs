@@ -9,7 +9,7 @@
 use super::observe::dot;
 use super::{Move, Sweeper, Wave, check_norm, squares};
 use crate::linalg::{Tridiagonal, add_scaled};
-use crate::method::{Stats, Stepper};
+use crate::method::{Memory, Stats, Stepper};
 use crate::problem::quantum::Update;
 use crate::trouble::Trouble;
 
@@ -254,3 +254,5 @@ impl Stepper for Lanczos {
         }
     }
 }
+
+impl Memory for Lanczos {}

@@ -9,7 +9,7 @@
 //! Its shift and the number of steps come from the bounds of the terms, weighted and added up. Source: alvermann2011.
 
 use super::{Shears, Sweeper, Wave};
-use crate::method::{Composed, Flow, Stats, Stepper};
+use crate::method::{Composed, Flow, Foreign, Memory, Stats, Stepper};
 use crate::problem::quantum::Present;
 use crate::trouble::Trouble;
 use crate::vector::Stored;
@@ -172,5 +172,15 @@ impl<S: Stored> Stepper for Magnus<S> {
 
     fn stats(&self) -> Stats {
         self.shears.stats()
+    }
+}
+
+impl<S: Stored> Memory for Magnus<S> {
+    fn save(&self, member: usize, out: &mut Vec<f64>) {
+        self.shears.save(member, out);
+    }
+
+    fn restore(&mut self, member: usize, saved: &mut &[f64]) -> Result<(), Foreign> {
+        self.shears.restore(member, saved)
     }
 }

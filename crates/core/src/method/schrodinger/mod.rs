@@ -25,6 +25,7 @@ pub use processor::Processor;
 pub use shears::Shears;
 pub use sweep::{Move, Sums, Sweeper};
 
+use crate::memory::{Foreign, Memory};
 use crate::real::Scalar;
 use crate::trouble::Trouble;
 use std::f64::consts::TAU;
@@ -140,4 +141,20 @@ pub(super) fn check_norm<S: Scalar>(
     state: &Wave<S>,
 ) -> Result<(), Trouble> {
     guard(squares(&state.q, &state.p), state.start, tolerance, t)
+}
+
+impl<S: Scalar> Memory for Wave<S> {
+    fn save(&self, member: usize, out: &mut Vec<f64>) {
+        self.q.save(member, out);
+        self.p.save(member, out);
+        self.phase.save(member, out);
+        std::slice::from_ref(&self.start).save(member, out);
+    }
+
+    fn restore(&mut self, member: usize, saved: &mut &[f64]) -> Result<(), Foreign> {
+        self.q.restore(member, saved)?;
+        self.p.restore(member, saved)?;
+        self.phase.restore(member, saved)?;
+        std::slice::from_mut(&mut self.start).restore(member, saved)
+    }
 }

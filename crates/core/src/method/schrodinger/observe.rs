@@ -1,6 +1,7 @@
 //! What is recorded of a wave function at an output point.
 
 use super::{Wave, squares};
+use crate::memory::Memory;
 use crate::problem::Observe;
 use crate::problem::quantum::{Hamiltonian, Present, Scratch};
 use crate::real::Scalar;
@@ -182,3 +183,6 @@ impl<S: Scalar> Observe<Wave<S>> for Observer {
         Ok(())
     }
 }
+
+/// What each member was first is with whoever observes a start.
+impl Memory for Observer {}

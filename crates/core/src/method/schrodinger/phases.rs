@@ -6,9 +6,9 @@
 //! two flows of V, and a flow of V visits them one by one.
 
 use super::{Wave, check_norm};
-use crate::method::{Flow, Parts, Stats};
+use crate::method::{Flow, Memory, Parts, Stats};
 use crate::patience::Patience;
-use crate::problem::quantum::fourier::{Complex, Memory};
+use crate::problem::quantum::fourier::{self, Complex};
 use crate::problem::quantum::{Block, Hamiltonian, Kinetic, Operator, Present, Update};
 use crate::trouble::Trouble;
 use crate::vector::{Kernel, Machine, Number, Stored, Visit, Window, Windows};
@@ -30,7 +30,7 @@ pub struct Phases {
     kicks: Vec<Kick>,
     psi: Vec<Complex>,
     turns: [Vec<f64>; 2],
-    memory: Memory,
+    memory: fourier::Memory,
     made: usize,
 }
 
@@ -78,7 +78,7 @@ impl Phases {
             patience: Patience::default(),
             tables: Vec::with_capacity(TABLES),
             kicks: Vec::new(),
-            memory: Memory::default(),
+            memory: fourier::Memory::default(),
             made: 0,
             hamiltonian,
             kinetic,
@@ -321,7 +321,7 @@ impl Parts for Phases {
         false
     }
 
-    fn restore(&mut self, _: &mut Wave<f64>) {}
+    fn put_back(&mut self, _: &mut Wave<f64>) {}
 
     /// A flow of T is as much as a complex product.
     fn stats(&self, _: usize) -> Stats {
@@ -331,3 +331,5 @@ impl Parts for Phases {
         }
     }
 }
+
+impl Memory for Phases {}

@@ -5,7 +5,7 @@
 
 use super::processor::Processor;
 use super::{Shears, Wave, check_norm};
-use crate::method::{Composed, Stats, Stepper};
+use crate::method::{Composed, Foreign, Memory, Stats, Stepper};
 use crate::trouble::Trouble;
 use crate::vector::Stored;
 
@@ -66,5 +66,17 @@ impl<S: Stored> Stepper for Processed<S> {
 
     fn stats(&self) -> Stats {
         self.kernel.stats()
+    }
+}
+
+impl<S: Stored> Memory for Processed<S> {
+    fn save(&self, member: usize, out: &mut Vec<f64>) {
+        self.kernel.save(member, out);
+        self.inside.save(member, out);
+    }
+
+    fn restore(&mut self, member: usize, saved: &mut &[f64]) -> Result<(), Foreign> {
+        self.kernel.restore(member, saved)?;
+        self.inside.restore(member, saved)
     }
 }

@@ -2,7 +2,7 @@
 //! products only.
 
 use super::{Move, Sweeper, Wave, check_norm};
-use crate::method::{Flow, Parts, Stats};
+use crate::method::{Flow, Memory, Parts, Stats};
 use crate::problem::quantum::Update;
 use crate::trouble::Trouble;
 use crate::vector::Stored;
@@ -117,7 +117,7 @@ impl<S: Stored> Parts for Shears<S> {
         false
     }
 
-    fn restore(&mut self, _: &mut Wave<S>) {}
+    fn put_back(&mut self, _: &mut Wave<S>) {}
 
     fn stats(&self, _: usize) -> Stats {
         Stats {
@@ -126,3 +126,5 @@ impl<S: Stored> Parts for Shears<S> {
         }
     }
 }
+
+impl<S> Memory for Shears<S> {}

@@ -10,7 +10,7 @@ use super::predictor::Predictor;
 use super::stages::{Stages, Step};
 use super::update::Update;
 use super::{MOST_ITERATIONS, SCHUR_ITERATIONS, Solver, Spark};
-use crate::method::{Foreign, Memory, Stats, Stepper, Symmetric, taken};
+use crate::method::{Foreign, Memory, Stats, Stepper, Symmetric};
 use crate::newton::{self, Member};
 use crate::problem::mechanical::{Mechanical, Model, State};
 use crate::real::{Lanes, Scalar, WIDTH};
@@ -155,16 +155,7 @@ impl Together {
         let made = alone.step(t, h, &mut self.state);
         if made.is_ok() {
             alone.save(0, &mut saved);
-            let State {
-                y,
-                z,
-                p,
-                y_low,
-                p_low,
-            } = &self.state;
-            for x in [y, z, p, y_low, p_low] {
-                saved.extend_from_slice(x);
-            }
+            self.state.save(0, &mut saved);
         }
         self.saved = saved;
         made.map_err(|trouble| trouble.of_member(member))
@@ -177,19 +168,7 @@ impl Together {
         let members = self.members;
         for member in (0..WIDTH).filter(|member| !has_converged(&members[*member])) {
             self.restore(member, &mut saved)?;
-            let State {
-                y,
-                z,
-                p,
-                y_low,
-                p_low,
-            } = &mut *state;
-            for x in [y, z, p, y_low, p_low] {
-                let values = taken(&mut saved, x.len())?;
-                for (x, value) in x.iter_mut().zip(values) {
-                    x.set_member(member, *value);
-                }
-            }
+            state.restore(member, &mut saved)?;
         }
         self.saved = held;
         Ok(())
@@ -248,22 +227,16 @@ impl Stepper for Together {
 
 impl Symmetric for Together {}
 
-#[allow(
-    clippy::cast_precision_loss,
-    clippy::cast_possible_truncation,
-    clippy::cast_sign_loss
-)] // rests are short
 impl Memory for Together {
     fn save(&self, member: usize, out: &mut Vec<f64>) {
-        out.extend([self.resting[member] as f64, self.rest[member] as f64]);
         self.predictor.save(member, out);
+        self.resting[member].save(0, out);
+        self.rest[member].save(0, out);
     }
 
     fn restore(&mut self, member: usize, saved: &mut &[f64]) -> Result<(), Foreign> {
-        let [resting, rest] = *taken(saved, 2)? else {
-            return Err(Foreign);
-        };
-        (self.resting[member], self.rest[member]) = (resting as usize, rest as usize);
-        self.predictor.restore(member, saved)
+        self.predictor.restore(member, saved)?;
+        self.resting[member].restore(0, saved)?;
+        self.rest[member].restore(0, saved)
     }
 }

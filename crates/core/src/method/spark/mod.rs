@@ -22,10 +22,12 @@ mod full_newton;
 mod lanes;
 mod node_schur;
 mod predictor;
+mod sparse_newton;
+mod sparse_schur;
 mod stages;
 mod update;
 
-use super::{Foreign, Memory, Stats, Stepper, Symmetric, taken};
+use super::{Foreign, Memory, Stats, Stepper, Symmetric};
 use crate::newton;
 use crate::problem::mechanical::{Model, State};
 use crate::tableau;
@@ -35,6 +37,7 @@ use estimate::Estimate;
 use full_newton::FullNewton;
 use node_schur::NodeSchur;
 use predictor::Predictor;
+use sparse_newton::SparseNewton;
 use stages::{Stages, Step, Unknowns};
 use update::Update;
 
@@ -45,7 +48,7 @@ pub use lanes::{Together, goes_together};
 pub enum Solver {
     /// Node Schur, and full Newton where that is slow.
     Auto,
-    /// Node Schur only.
+    /// Node Schur only, but where its matrix would be dense and large.
     NodeSchur,
     /// Full simplified Newton only.
     Newton,
@@ -59,6 +62,23 @@ const MOST_ITERATIONS: usize = 100;
 /// Steps node Schur rests at most after failing; each failure in a row doubles the rest.
 const LONGEST_REST: usize = 1023;
 
+/// Full Newton, made when it is first wanted.
+#[derive(Clone, Debug)]
+enum Full {
+    Dense(Box<FullNewton>),
+    Sparse(Box<SparseNewton>),
+}
+
+impl Full {
+    fn new(model: &Model, stages: &Stages) -> Self {
+        if SparseNewton::is_for(&model.problem, stages) {
+            Self::Sparse(Box::new(SparseNewton::new(model, stages)))
+        } else {
+            Self::Dense(Box::new(FullNewton::new(model, stages)))
+        }
+    }
+}
+
 /// A SPARK method at work.
 #[derive(Clone, Debug)]
 pub struct Spark {
@@ -66,7 +86,7 @@ pub struct Spark {
     solver: Solver,
     stages: Stages,
     schur: NodeSchur,
-    full: Option<Box<FullNewton>>,
+    full: Option<Full>,
     /// What solves everything at once, where there are nonholonomic constraints.
     coupled: Option<Box<Coupled>>,
     predictor: Predictor,
@@ -166,11 +186,11 @@ impl Spark {
         Ok(())
     }
 
-    /// Whether full Newton is asked for, or node Schur rests after having failed.
+    /// Whether full Newton is asked for or all there is, or node Schur rests after having failed.
     fn wants_newton(&mut self) -> bool {
         let is_resting = self.resting > 0;
         self.resting = self.resting.saturating_sub(1);
-        is_resting || self.solver == Solver::Newton
+        is_resting || self.solver == Solver::Newton || !self.schur.is_able()
     }
 
     fn iterate_schur(&mut self, step: Step) -> Result<usize, Trouble> {
@@ -186,10 +206,15 @@ impl Spark {
     fn iterate_newton(&mut self, step: Step) -> Result<usize, Trouble> {
         self.stats.newton_steps += 1;
         let (stages, model) = (&mut self.stages, &mut self.model);
-        let full = self
-            .full
-            .get_or_insert_with(|| Box::new(FullNewton::new(model, stages)));
-        newton::solve(&mut full.start(stages, model, step), MOST_ITERATIONS)
+        let full = self.full.get_or_insert_with(|| Full::new(model, stages));
+        match full {
+            Full::Dense(full) => {
+                newton::solve(&mut full.start(stages, model, step), MOST_ITERATIONS)
+            }
+            Full::Sparse(full) => {
+                newton::solve(&mut full.start(stages, model, step), MOST_ITERATIONS)
+            }
+        }
     }
 }
 
@@ -235,22 +260,17 @@ impl Stepper for Spark {
 
 impl Symmetric for Spark {}
 
-#[allow(
-    clippy::cast_precision_loss,
-    clippy::cast_possible_truncation,
-    clippy::cast_sign_loss
-)] // rests are short
+/// What is extrapolated, and how long node Schur still rests.
 impl Memory for Spark {
     fn save(&self, member: usize, out: &mut Vec<f64>) {
-        out.extend([self.resting as f64, self.rest as f64]);
         self.predictor.save(member, out);
+        self.resting.save(member, out);
+        self.rest.save(member, out);
     }
 
     fn restore(&mut self, member: usize, saved: &mut &[f64]) -> Result<(), Foreign> {
-        let [resting, rest] = *taken(saved, 2)? else {
-            return Err(Foreign);
-        };
-        (self.resting, self.rest) = (resting as usize, rest as usize);
-        self.predictor.restore(member, saved)
+        self.predictor.restore(member, saved)?;
+        self.resting.restore(member, saved)?;
+        self.rest.restore(member, saved)
     }
 }

@@ -8,8 +8,9 @@
 //! depend on z, by O(h) otherwise. With Λ = h λ the matrix is O(1) as h → 0.
 #![allow(clippy::inline_always)] // what is not inlined is compiled without the registers it is for
 
+use super::sparse_schur::SparseSchur;
 use super::stages::{Stages, Step, Unknowns};
-use crate::linalg::{Lu, Matrix, add_scaled, combine, copy, copy_scaled, max_norm};
+use crate::linalg::{Lu, Matrix, Singular, add_scaled, combine, copy, copy_scaled, max_norm};
 use crate::newton::Equations;
 use crate::problem::mechanical::{Mass, Mechanical, Model, add_product, explain, finite};
 use crate::real::Real;
@@ -28,8 +29,7 @@ pub(super) struct NodeSchur<R = f64> {
     product: Matrix,
     g_y: Matrix<R>,
     r_lam: Matrix<R>,
-    compliance: Vec<Matrix<R>>,
-    schur: Lu<R>,
+    matrix: Schur<R>,
     velocity: Matrix<R>,
     node_velocity: Matrix<R>,
     d_lam: Vec<R>,
@@ -39,6 +39,23 @@ pub(super) struct NodeSchur<R = f64> {
     /// What has been found for members that take no further corrections.
     kept: Option<Box<Unknowns<R>>>,
 }
+
+/// S, factored.
+#[derive(Clone, Debug)]
+enum Schur<R> {
+    Dense {
+        compliance: Vec<Matrix<R>>,
+        lu: Lu<R>,
+    },
+    Sparse(Box<SparseSchur<R>>),
+    /// Neither sparse nor small: full Newton is the better way.
+    Missing,
+}
+
+/// A dense matrix of a larger order is not factored, nor made of a larger compliance: sparse full Newton takes
+/// less time.
+const LARGEST_DENSE: usize = 400;
+const LARGEST_COMPLIANCE: usize = 10_000_000;
 
 /// The stage equations of one step, solved by node Schur.
 pub(super) struct Solve<'a, R = f64> {
@@ -55,18 +72,27 @@ impl<R: Real> NodeSchur<R> {
         let (s, k) = (stages.tableau.stages, stages.tableau.intervals);
         let at = &model.problem.patterns;
         let (a_bar, a_hat) = (&stages.tableau.a_bar, &stages.tableau.a_hat);
+        let product = Matrix::from_fn(k, k, |i, l| {
+            (0..s).map(|j| a_bar[(i + 1, j)] * a_hat[(j, l)]).sum()
+        });
+        let mass = Mass::new(model);
+        let matrix = match SparseSchur::new(&model.problem, &mass, &product) {
+            Some(sparse) => Schur::Sparse(Box::new(sparse)),
+            None if k * m > LARGEST_DENSE || k * m * n > LARGEST_COMPLIANCE => Schur::Missing,
+            None => Schur::Dense {
+                compliance: vec![Matrix::zeros(m, n); k],
+                lu: Lu::new(k * m),
+            },
+        };
         Self {
             problem: model.problem.clone(),
-            mass: Mass::new(model),
-            product: Matrix::from_fn(k, k, |i, l| {
-                (0..s).map(|j| a_bar[(i + 1, j)] * a_hat[(j, l)]).sum()
-            }),
+            mass,
+            product,
             a_bar: Matrix::from_fn(k, s, |i, j| a_bar[(i + 1, j)]),
             a_hat: Matrix::from_fn(s, k, |i, l| a_hat[(i, l)]),
             g_y: Matrix::zeros(k + 1, at.g_y.len()),
             r_lam: Matrix::zeros(k + 1, at.r_lam.len()),
-            compliance: vec![Matrix::zeros(m, n); k],
-            schur: Lu::new(k * m),
+            matrix,
             velocity: Matrix::zeros(s, n),
             node_velocity: Matrix::zeros(k, n),
             d_lam: vec![R::splat(0.0); k * m],
@@ -75,6 +101,11 @@ impl<R: Real> NodeSchur<R> {
             d_v: Matrix::zeros(s, n),
             kept: (R::MEMBERS > 1).then(|| Box::new(stages.unknowns.clone())),
         }
+    }
+
+    /// Whether there is a matrix to solve with.
+    pub(super) fn is_able(&self) -> bool {
+        !matches!(self.matrix, Schur::Missing)
     }
 
     /// Finds the moves −h b_j (B R2_j + R1_j), below the last bit of V_j, that the residuals still ask for.
@@ -88,6 +119,27 @@ impl<R: Real> NodeSchur<R> {
             let weight = -step.h * stages.tableau.b[j];
             copy_scaled(stages.lost_moves.row_mut(j), weight, u);
         }
+    }
+
+    /// Factors S with the blocks as they are frozen.
+    fn factor(&mut self) -> Result<(), Singular> {
+        let (compliance, lu) = match &mut self.matrix {
+            Schur::Sparse(sparse) => return sparse.factor(&self.mass, &self.g_y, &self.r_lam),
+            Schur::Dense { compliance, lu } => (compliance, lu),
+            Schur::Missing => return Err(Singular { column: 0 }),
+        };
+        let (at, m) = (&self.problem.patterns, self.problem.m);
+        lu.matrix_mut().clear();
+        for (l, compliance) in compliance.iter_mut().enumerate() {
+            let r_lam = self.r_lam.row(l);
+            self.mass.compliance(&at.r_lam, r_lam, compliance);
+            for k in 0..self.product.rows() {
+                let (g_y, corner) = (self.g_y.row(k + 1), (k * m, l * m));
+                let factor = self.product[(k, l)];
+                add_product(&at.g_y, g_y, factor, compliance, lu.matrix_mut(), corner);
+            }
+        }
+        lu.factor()
     }
 
     /// The equations of one step, its blocks still to be frozen.
@@ -128,7 +180,6 @@ impl<R: Real> Solve<'_, R> {
         if m == 0 {
             return Ok(());
         }
-        let problem = &solver.problem;
         for j in 0..=nodes {
             let t = stages.node_time(*step, j);
             let [g_y, r_lam] =
@@ -138,35 +189,10 @@ impl<R: Real> Solve<'_, R> {
             copy(solver.g_y.row_mut(j), g_y);
             copy(solver.r_lam.row_mut(j), r_lam);
         }
-        solver.schur.matrix_mut().clear();
-        for l in 0..nodes {
-            solver.mass.compliance(
-                &problem.patterns.r_lam,
-                solver.r_lam.row(l),
-                &mut solver.compliance[l],
-            );
-            for k in 0..nodes {
-                let (g_y, corner) = (solver.g_y.row(k + 1), (k * m, l * m));
-                let factor = solver.product[(k, l)];
-                let target = solver.schur.matrix_mut();
-                add_product(
-                    &problem.patterns.g_y,
-                    g_y,
-                    factor,
-                    &solver.compliance[l],
-                    target,
-                    corner,
-                );
-            }
-        }
-        let singular = |_| {
-            explain(
-                &problem.patterns.g_y,
-                solver.g_y.row(nodes),
-                Trouble::SingularNewton,
-            )
-        };
-        solver.schur.factor().map_err(singular)
+        solver.factor().map_err(|_| {
+            let (at, g_y) = (&solver.problem.patterns, solver.g_y.row(nodes));
+            explain(&at.g_y, g_y, Trouble::SingularNewton)
+        })
     }
 
     /// Λ: the velocities B R2_j + R1_j that the residuals alone would take away must meet g.
@@ -181,6 +207,23 @@ impl<R: Real> Solve<'_, R> {
             solver.mass.solve_velocity(u);
             add_scaled(u, 1.0, stages.velocity_residual.row(j));
         }
+        let lu = match &mut solver.matrix {
+            Schur::Dense { lu, .. } => lu,
+            Schur::Sparse(sparse) => {
+                sparse.solve(
+                    (&solver.a_bar, &solver.a_hat),
+                    (&solver.velocity, &stages.momentum_residual),
+                    (&stages.g, h),
+                    &mut solver.d_lam,
+                    &mut solver.d_z,
+                );
+                for (l, d_lam) in solver.d_lam.chunks_exact(m).enumerate() {
+                    add_scaled(stages.unknowns.lam.row_mut(l), 1.0 / h, d_lam);
+                }
+                return;
+            }
+            Schur::Missing => return,
+        };
         combine(
             solver.node_velocity.flat_mut(),
             &solver.a_bar,
@@ -195,7 +238,7 @@ impl<R: Real> Solve<'_, R> {
             at.g_y
                 .multiply_add(solver.g_y.row(k + 1), 1.0, solver.node_velocity.row(k), out);
         }
-        solver.schur.solve(&mut solver.d_lam);
+        lu.solve(&mut solver.d_lam);
         solver.impulse.clear();
         for l in 0..nodes {
             let (d_lam, r_lam) = (&solver.d_lam[l * m..(l + 1) * m], solver.r_lam.row(l));
@@ -203,19 +246,24 @@ impl<R: Real> Solve<'_, R> {
                 .multiply_add(r_lam, 1.0, d_lam, solver.impulse.row_mut(l));
             add_scaled(stages.unknowns.lam.row_mut(l), 1.0 / h, d_lam);
         }
+        self.combine_impulses();
+    }
+
+    /// Σ â_il R_l dΛ_l − R2_i
+    fn combine_impulses(&mut self) {
+        let residual = &self.stages.momentum_residual;
+        combine(
+            self.solver.d_z.flat_mut(),
+            &self.solver.a_hat,
+            &self.solver.impulse,
+            |i, k, sum| sum - residual[(i, k)],
+        );
     }
 
     /// dZ_i = p_z⁻¹ (Σ â_il R_l dΛ_l − R2_i), dV_i = v_z dZ_i − R1_i; returns the largest dV.
     #[inline(always)]
     fn correct_stages(&mut self) -> R {
         let (solver, stages) = (&mut *self.solver, &mut *self.stages);
-        let residual = &stages.momentum_residual;
-        combine(
-            solver.d_z.flat_mut(),
-            &solver.a_hat,
-            &solver.impulse,
-            |i, k, sum| sum - residual[(i, k)],
-        );
         for i in 0..stages.tableau.stages {
             let (d_z, d_v) = (solver.d_z.row_mut(i), solver.d_v.row_mut(i));
             solver.mass.solve(d_z);
@@ -257,6 +305,8 @@ impl<R: Real> Equations<R> for Solve<'_, R> {
             || {
                 if self.model.problem.m > 0 {
                     self.solve_multipliers();
+                } else {
+                    self.combine_impulses();
                 }
                 self.correct_stages()
             },

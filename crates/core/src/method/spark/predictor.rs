@@ -7,7 +7,7 @@
 
 use super::stages::{Stages, Step, Unknowns};
 use crate::linalg::{Matrix, add_scaled, combine, copy};
-use crate::method::{Foreign, taken};
+use crate::memory::{Foreign, Memory};
 use crate::problem::mechanical::{Acceleration, Model, State};
 use crate::real::Real;
 use crate::tableau;
@@ -191,34 +191,6 @@ impl<R: Real> Predictor<R> {
         }
     }
 
-    /// Appends what a member brings to the next step.
-    pub(super) fn save(&self, member: usize, out: &mut Vec<f64>) {
-        out.extend([self.h.unwrap_or(f64::NAN), self.begin]);
-        let held = [&self.z, &self.v, &self.lam, &self.nu].map(Matrix::flat);
-        for x in held.into_iter().chain([&self.acceleration.lam[..]]) {
-            out.extend(x.iter().map(|x| x.member(member)));
-        }
-    }
-
-    /// Takes it from the front of `saved`.
-    pub(super) fn restore(&mut self, member: usize, saved: &mut &[f64]) -> Result<(), Foreign> {
-        let [h, begin] = *taken(saved, 2)? else {
-            return Err(Foreign);
-        };
-        let held = [&mut self.z, &mut self.v, &mut self.lam, &mut self.nu].map(Matrix::flat_mut);
-        for x in held.into_iter().chain([&mut self.acceleration.lam[..]]) {
-            let values = taken(saved, x.len())?;
-            for (x, value) in x.iter_mut().zip(values) {
-                x.set_member(member, *value);
-            }
-        }
-        self.h = (!h.is_nan()).then_some(h);
-        if begin.to_bits() != self.begin.to_bits() {
-            (self.begin, self.ratio) = (begin, f64::NAN);
-        }
-        Ok(())
-    }
-
     /// v' at a state, or z' where v is not z: how fast the velocities begin to change.
     pub(super) fn acceleration(
         &mut self,
@@ -257,5 +229,30 @@ fn lagrange(
                 .map(|l| (x - nodes[*l]) / (nodes[*k] - nodes[*l]))
                 .product();
         }
+    }
+}
+
+/// The polynomials; their weights are made again, to the same bits.
+impl<R: Real> Memory for Predictor<R> {
+    fn save(&self, member: usize, out: &mut Vec<f64>) {
+        self.acceleration.save(member, out);
+        (self.h, self.begin).save(member, out);
+        for held in [&self.z, &self.v, &self.lam, &self.nu] {
+            held.flat().save(member, out);
+        }
+    }
+
+    fn restore(&mut self, member: usize, saved: &mut &[f64]) -> Result<(), Foreign> {
+        self.acceleration.restore(member, saved)?;
+        let begin = self.begin;
+        self.h.restore(member, saved)?;
+        self.begin.restore(member, saved)?;
+        for held in [&mut self.z, &mut self.v, &mut self.lam, &mut self.nu] {
+            held.flat_mut().restore(member, saved)?;
+        }
+        if begin.to_bits() != self.begin.to_bits() {
+            self.ratio = f64::NAN;
+        }
+        Ok(())
     }
 }

@@ -7,7 +7,7 @@
 use super::{Seen, State, Volume};
 use crate::dual::{DIRECTIONS, Dual};
 use crate::linalg::Lu;
-use crate::method::{Composed, Stats, Stepper};
+use crate::method::{Composed, Foreign, Memory, Stats, Stepper};
 use crate::problem::Observe;
 use crate::problem::polynomial::Split;
 use crate::tableau::Scheme;
@@ -170,3 +170,31 @@ impl Observe<Determined> for Seen {
         Ok(())
     }
 }
+
+impl Memory for Determinant {
+    fn save(&self, member: usize, out: &mut Vec<f64>) {
+        self.stepper.save(member, out);
+    }
+
+    fn restore(&mut self, member: usize, saved: &mut &[f64]) -> Result<(), Foreign> {
+        self.stepper.restore(member, saved)
+    }
+}
+
+impl Memory for Determined {
+    fn save(&self, member: usize, out: &mut Vec<f64>) {
+        self.state.save(member, out);
+        self.x.save(member, out);
+        self.logarithm.save(member, out);
+        self.largest.save(member, out);
+    }
+
+    fn restore(&mut self, member: usize, saved: &mut &[f64]) -> Result<(), Foreign> {
+        self.state.restore(member, saved)?;
+        self.x.restore(member, saved)?;
+        self.logarithm.restore(member, saved)?;
+        self.largest.restore(member, saved)
+    }
+}
+
+impl Memory for Seen {}

@@ -26,7 +26,7 @@ pub use determinant::{Determinant, Determined};
 pub use observe::{Observer, Seen};
 pub use section::{Direction, Plane, Section};
 
-use super::{Flow, Parts};
+use super::{Flow, Foreign, Memory, Parts};
 use crate::parallel::Crew;
 use crate::problem::polynomial::Split;
 use crate::trouble::Trouble;
@@ -298,7 +298,7 @@ impl<S: Stored> Parts for Volume<S> {
         true
     }
 
-    fn restore(&mut self, state: &mut State<S>) {
+    fn put_back(&mut self, state: &mut State<S>) {
         if let Some(kept) = &self.kept {
             state.clone_from(kept);
         }
@@ -324,5 +324,19 @@ impl<S> Kernel<S> for IsFinite<'_, S> {
     #[inline(always)]
     fn run<W: Windows<Stored = S>>(mut self, windows: W) -> bool {
         windows.each(self.x.len(), &mut self)
+    }
+}
+
+impl<S: Stored> Memory for Volume<S> {}
+
+impl<S: Stored> Memory for State<S> {
+    fn save(&self, member: usize, out: &mut Vec<f64>) {
+        self.x.save(member, out);
+        self.low.save(member, out);
+    }
+
+    fn restore(&mut self, member: usize, saved: &mut &[f64]) -> Result<(), Foreign> {
+        self.x.restore(member, saved)?;
+        self.low.restore(member, saved)
     }
 }

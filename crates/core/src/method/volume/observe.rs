@@ -1,6 +1,7 @@
 //! What is recorded of the states of a split field at an output point.
 
 use super::{State, Volume};
+use crate::memory::Memory;
 use crate::problem::Observe;
 use crate::tape::{Registers, Tape};
 use crate::trouble::{Quantity, Trouble};
@@ -134,3 +135,5 @@ impl<S: Stored> Observe<State<S>> for Observer<S> {
             .inspect_err(|_| row.truncate(start))
     }
 }
+
+impl<S> Memory for Observer<S> {}

@@ -8,7 +8,7 @@
 
 use super::{Seen, State, Volume};
 use crate::bracket::Bracket;
-use crate::method::Stepper;
+use crate::method::{Foreign, Memory, Stepper};
 use crate::problem::Observe;
 use crate::real::Real;
 use crate::trouble::Trouble;
@@ -204,5 +204,27 @@ impl<S: Stored + Real, M: Stepper<State = State<f64>>> Observe<State<S>> for Sec
         std::mem::swap(&mut self.before, &mut self.now);
         self.last = Some((t, after));
         Ok(())
+    }
+}
+
+/// Where the last step has led to.
+impl<S: Stored, M: Memory> Memory for Section<S, M> {
+    fn save(&self, member: usize, out: &mut Vec<f64>) {
+        let last = self.last.map(|(t, s)| (t, s.member(member)));
+        last.save(member, out);
+        self.before.save(member, out);
+        self.passage.stepper.save(member, out);
+    }
+
+    fn restore(&mut self, member: usize, saved: &mut &[f64]) -> Result<(), Foreign> {
+        let mut last = Some((0.0, 0.0));
+        last.restore(member, saved)?;
+        self.last = last.map(|(t, value)| {
+            let mut s = self.last.map_or_else(|| S::splat(value), |(_, s)| s);
+            s.set_member(member, value);
+            (t, s)
+        });
+        self.before.restore(member, saved)?;
+        self.passage.stepper.restore(member, saved)
     }
 }

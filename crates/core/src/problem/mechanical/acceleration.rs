@@ -9,8 +9,9 @@
 use super::model::{finite, finite_k};
 use super::{Model, Saddle};
 use crate::linalg::max_norm;
+use crate::memory::{Foreign, Memory};
 use crate::newton::{self, Equations};
-use crate::real::Real;
+use crate::real::{Real, Scalar};
 use crate::trouble::{Quantity, Trouble};
 
 /// The solver, with its memory.
@@ -108,5 +109,16 @@ impl<R: Real> Equations<R> for Solve<'_, R> {
             _ => size / lam.max(size),
         };
         Ok(max_norm(&at.correction).zip(max_norm(&at.lam), relative))
+    }
+}
+
+/// Multipliers, where the next solve starts from.
+impl<R: Scalar> Memory for Acceleration<R> {
+    fn save(&self, member: usize, out: &mut Vec<f64>) {
+        self.lam.save(member, out);
+    }
+
+    fn restore(&mut self, member: usize, saved: &mut &[f64]) -> Result<(), Foreign> {
+        self.lam.restore(member, saved)
     }
 }

@@ -11,8 +11,10 @@
 //! constraints hold to the order of all this, no better. Source: hairer1993, II.6, for k = 2; the polynomials are
 //! in Newton's form.
 
+use super::hermite::Newton;
 use super::{Acceleration, Carried, Model, model::finite};
 use crate::linalg::copy;
+use crate::memory::{Foreign, Memory};
 use crate::trouble::{Quantity, Trouble};
 
 /// A point of a trajectory between steps.
@@ -47,63 +49,6 @@ struct Knot {
     y: [Vec<f64>; 3],
     z: [Vec<f64>; 2],
     carried: Option<(Vec<f64>, f64)>,
-}
-
-/// A polynomial through what is known at several knots: Newton's form, on divided differences.
-#[derive(Clone, Debug, Default)]
-struct Newton {
-    nodes: Vec<f64>,
-    coefficients: Vec<f64>,
-}
-
-impl Newton {
-    /// The polynomial in τ that at each knot has this value and these derivatives with respect to t = h τ.
-    fn fit<'a, const K: usize>(
-        &mut self,
-        h: f64,
-        knots: &(impl Iterator<Item = (f64, &'a [Vec<f64>; K])> + Clone),
-    ) {
-        self.nodes.clear();
-        self.coefficients.clear();
-        for (x, known) in knots.clone() {
-            for _ in 0..K {
-                self.nodes.push(x);
-                self.coefficients.extend_from_slice(&known[0]);
-            }
-        }
-        let m = self.nodes.len();
-        let n = self.coefficients.len() / m;
-        for level in 1..m {
-            for i in (level..m).rev() {
-                let (head, row) = self.coefficients.split_at_mut(i * n);
-                if i % K >= level {
-                    let (_, known) = knots.clone().nth(i / K).unwrap_or_else(|| unreachable!());
-                    let scale = if level == 1 { h } else { h * h / 2.0 };
-                    row.iter_mut()
-                        .zip(&known[level])
-                        .for_each(|(c, x)| *c = scale * x);
-                } else {
-                    let distance = self.nodes[i] - self.nodes[i - level];
-                    let before = &head[(i - 1) * n..];
-                    row[..n]
-                        .iter_mut()
-                        .zip(before)
-                        .for_each(|(c, x)| *c = (*c - x) / distance);
-                }
-            }
-        }
-    }
-
-    /// Value and derivative of component `k` at `x`.
-    fn at(&self, k: usize, x: f64) -> (f64, f64) {
-        let n = self.coefficients.len() / self.nodes.len();
-        let (mut value, mut slope) = (0.0, 0.0);
-        for (i, node) in self.nodes.iter().enumerate().rev() {
-            slope = slope * (x - node) + value;
-            value = value * (x - node) + self.coefficients[i * n + k];
-        }
-        (value, slope)
-    }
 }
 
 /// The last few knots of a trajectory, and its polynomials through them.
@@ -391,5 +336,48 @@ impl Path {
             }
             *work = (1.0 - part) * work0 + part * work1;
         }
+    }
+}
+
+/// The knots; polynomials are fitted again, to the same bits.
+impl Memory for Path {
+    fn save(&self, member: usize, out: &mut Vec<f64>) {
+        self.knots.len().save(member, out);
+        for knot in &self.knots {
+            knot.save(member, out);
+        }
+        self.acceleration.save(member, out);
+    }
+
+    fn restore(&mut self, member: usize, saved: &mut &[f64]) -> Result<(), Foreign> {
+        let mut count = 0_usize;
+        count.restore(member, saved)?;
+        self.spare.append(&mut self.knots);
+        for _ in 0..count {
+            let mut knot = self.spare.pop().ok_or(Foreign)?;
+            knot.restore(member, saved)?;
+            self.knots.push(knot);
+        }
+        self.is_fitted = false;
+        self.acceleration.restore(member, saved)
+    }
+}
+
+impl Memory for Knot {
+    fn save(&self, member: usize, out: &mut Vec<f64>) {
+        self.t.save(member, out);
+        self.y.save(member, out);
+        self.z.save(member, out);
+        self.carried.save(member, out);
+    }
+
+    fn restore(&mut self, member: usize, saved: &mut &[f64]) -> Result<(), Foreign> {
+        self.t.restore(member, saved)?;
+        self.y.restore(member, saved)?;
+        self.z.restore(member, saved)?;
+        let none = || (vec![0.0; self.y[0].len()], 0.0);
+        // what is not there is as large as y
+        self.carried.get_or_insert_with(none);
+        self.carried.restore(member, saved)
     }
 }

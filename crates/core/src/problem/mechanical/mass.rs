@@ -136,6 +136,16 @@ impl<R: Real> Mass<R> {
         }
     }
 
+    /// Where `p_z`⁻¹ is not zero, if it falls into small blocks.
+    pub(super) fn inverse_pattern(&self) -> Option<Pattern> {
+        self.factor.inverse_pattern()
+    }
+
+    /// `p_z`⁻¹ on that pattern.
+    pub(super) fn inverse_values(&self) -> &[R] {
+        self.factor.inverse_values()
+    }
+
     /// `v_z`, where it is not the identity.
     pub(super) fn v_z(&self) -> Option<(&Pattern, &[R])> {
         let (pattern, values) = self.v_z.as_ref()?;

@@ -7,7 +7,9 @@
 //! are any, have a file of their own. Source: jay2007.
 
 mod acceleration;
+mod compliance;
 mod dense;
+mod hermite;
 mod mass;
 mod model;
 mod monitor;
@@ -19,6 +21,7 @@ mod second_order;
 mod separable;
 
 pub use acceleration::Acceleration;
+pub use compliance::Compliance;
 pub use dense::{Path, Point};
 pub use mass::Mass;
 pub use model::{Model, finite, finite_k};
@@ -33,7 +36,8 @@ pub use second_order::{SecondOrder, SecondOrderModel, SecondOrderPatterns};
 pub use separable::{Separable, SeparableModel};
 
 use crate::linalg::Pattern;
-use crate::real::Real;
+use crate::memory::{Foreign, Memory};
+use crate::real::{Real, Scalar};
 use crate::tape::Tape;
 use model::cut;
 
@@ -257,5 +261,26 @@ impl<R: Clone> Clone for State<R> {
         self.p.clone_from(&source.p);
         self.y_low.clone_from(&source.y_low);
         self.p_low.clone_from(&source.p_low);
+    }
+}
+
+impl<R: Scalar> Memory for State<R> {
+    fn save(&self, member: usize, out: &mut Vec<f64>) {
+        for x in [&self.y, &self.z, &self.p, &self.y_low, &self.p_low] {
+            x.save(member, out);
+        }
+    }
+
+    fn restore(&mut self, member: usize, saved: &mut &[f64]) -> Result<(), Foreign> {
+        for x in [
+            &mut self.y,
+            &mut self.z,
+            &mut self.p,
+            &mut self.y_low,
+            &mut self.p_low,
+        ] {
+            x.restore(member, saved)?;
+        }
+        Ok(())
     }
 }

@@ -12,6 +12,7 @@
 
 use super::{Acceleration, Carried, Model, model::finite};
 use crate::linalg::{add_scaled, copy, dot, max_norm};
+use crate::memory::{Foreign, Memory};
 use crate::problem::Monitor;
 use crate::tape::{Registers, Tape};
 use crate::trouble::{Quantity, Trouble};
@@ -272,5 +273,46 @@ impl<S: Carried> Monitor<S> for MechanicalMonitor {
             Self::Traced(monitor) => monitor.rate(t, state),
             Self::Own(monitor) => monitor.rate(t, state),
         }
+    }
+}
+
+impl Memory for MechanicalMonitor {
+    fn save(&self, member: usize, out: &mut Vec<f64>) {
+        match self {
+            Self::Traced(monitor) => monitor.save(member, out),
+            Self::Own(monitor) => monitor.save(member, out),
+        }
+    }
+
+    fn restore(&mut self, member: usize, saved: &mut &[f64]) -> Result<(), Foreign> {
+        match self {
+            Self::Traced(monitor) => monitor.restore(member, saved),
+            Self::Own(monitor) => monitor.restore(member, saved),
+        }
+    }
+}
+
+impl Memory for Traced {
+    fn save(&self, member: usize, out: &mut Vec<f64>) {
+        if let Some(acceleration) = &self.acceleration {
+            acceleration.save(member, out);
+        }
+    }
+
+    fn restore(&mut self, member: usize, saved: &mut &[f64]) -> Result<(), Foreign> {
+        match &mut self.acceleration {
+            Some(acceleration) => acceleration.restore(member, saved),
+            None => Ok(()),
+        }
+    }
+}
+
+impl Memory for TimeScale {
+    fn save(&self, member: usize, out: &mut Vec<f64>) {
+        self.acceleration.save(member, out);
+    }
+
+    fn restore(&mut self, member: usize, saved: &mut &[f64]) -> Result<(), Foreign> {
+        self.acceleration.restore(member, saved)
     }
 }

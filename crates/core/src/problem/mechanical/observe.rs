@@ -1,6 +1,7 @@
 //! What is recorded of a mechanical system at an output point.
 
 use super::{Acceleration, Model, State, model::finite};
+use crate::memory::{Foreign, Memory};
 use crate::problem::Observe;
 use crate::real::Real;
 use crate::tape::{Registers, Tape};
@@ -107,6 +108,21 @@ impl<S: Carried> Observe<S> for Observer {
     }
 }
 
+impl Memory for Observer {
+    fn save(&self, member: usize, out: &mut Vec<f64>) {
+        if let Some(states) = &self.states {
+            states.save(member, out);
+        }
+    }
+
+    fn restore(&mut self, member: usize, saved: &mut &[f64]) -> Result<(), Foreign> {
+        match &mut self.states {
+            Some(states) => states.restore(member, saved),
+            None => Ok(()),
+        }
+    }
+}
+
 /// Records what [`Observer`] does of several members in lock-step, one after another.
 #[derive(Clone, Debug)]
 pub struct Observers {
@@ -148,5 +164,16 @@ impl<R: Real> Observe<State<R>> for Observers {
             }
         }
         Ok(())
+    }
+}
+
+impl Memory for Observers {
+    fn save(&self, member: usize, out: &mut Vec<f64>) {
+        self.each[member.min(self.each.len() - 1)].save(0, out);
+    }
+
+    fn restore(&mut self, member: usize, saved: &mut &[f64]) -> Result<(), Foreign> {
+        let place = member.min(self.each.len() - 1);
+        self.each[place].restore(0, saved)
     }
 }

@@ -15,6 +15,7 @@ pub use observe::Observer;
 
 use super::mechanical::Mismatch;
 use crate::linalg::Pattern;
+use crate::memory::{Foreign, Memory};
 use crate::tape::Tape;
 
 /// The tapes and patterns of a semi-explicit system; the tapes' last input is always the parameters.
@@ -142,5 +143,20 @@ impl Clone for State {
         self.y.clone_from(&source.y);
         self.z.clone_from(&source.z);
         self.y_low.clone_from(&source.y_low);
+    }
+}
+
+impl Memory for State {
+    fn save(&self, member: usize, out: &mut Vec<f64>) {
+        for x in [&self.y, &self.z, &self.y_low] {
+            x.save(member, out);
+        }
+    }
+
+    fn restore(&mut self, member: usize, saved: &mut &[f64]) -> Result<(), Foreign> {
+        for x in [&mut self.y, &mut self.z, &mut self.y_low] {
+            x.restore(member, saved)?;
+        }
+        Ok(())
     }
 }

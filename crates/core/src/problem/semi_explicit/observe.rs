@@ -1,6 +1,7 @@
 //! What is recorded of a semi-explicit system at an output point.
 
 use super::State;
+use crate::memory::Memory;
 use crate::problem::Observe;
 use crate::problem::mechanical::finite;
 use crate::tape::{Registers, Tape};
@@ -50,3 +51,5 @@ impl Observe<State> for Observer {
         Ok(())
     }
 }
+
+impl Memory for Observer {}

@@ -1,6 +1,7 @@
 //! Time on the way to its end, summed with what rounding loses.
 
 use super::Sizes;
+use crate::memory::{Foreign, Memory};
 
 /// The present time, and the steps that led to it.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -58,5 +59,21 @@ impl Clock {
             largest: self.largest,
             next,
         }
+    }
+}
+
+impl Memory for Clock {
+    fn save(&self, member: usize, out: &mut Vec<f64>) {
+        self.t.save(member, out);
+        self.low.save(member, out);
+        self.smallest.save(member, out);
+        self.largest.save(member, out);
+    }
+
+    fn restore(&mut self, member: usize, saved: &mut &[f64]) -> Result<(), Foreign> {
+        self.t.restore(member, saved)?;
+        self.low.restore(member, saved)?;
+        self.smallest.restore(member, saved)?;
+        self.largest.restore(member, saved)
     }
 }

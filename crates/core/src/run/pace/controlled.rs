@@ -2,6 +2,7 @@
 
 use super::clock::Clock;
 use super::{Pace, Sizes};
+use crate::memory::{Foreign, Memory};
 use crate::method::Estimating;
 use crate::trouble::Trouble;
 
@@ -125,5 +126,21 @@ fn unless_said(trouble: Trouble, least: Trouble) -> Trouble {
     match trouble {
         Trouble::NotConverged { .. } | Trouble::SingularNewton => least,
         said => said,
+    }
+}
+
+impl Memory for Controlled {
+    fn save(&self, member: usize, out: &mut Vec<f64>) {
+        self.clock.save(member, out);
+        self.h.save(member, out);
+        self.last_error.save(member, out);
+        self.rejected.save(member, out);
+    }
+
+    fn restore(&mut self, member: usize, saved: &mut &[f64]) -> Result<(), Foreign> {
+        self.clock.restore(member, saved)?;
+        self.h.restore(member, saved)?;
+        self.last_error.restore(member, saved)?;
+        self.rejected.restore(member, saved)
     }
 }

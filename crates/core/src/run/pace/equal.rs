@@ -1,6 +1,7 @@
 //! Steps of equal size.
 
 use super::Pace;
+use crate::memory::{Foreign, Memory};
 use crate::method::Stepper;
 use crate::trouble::Trouble;
 
@@ -33,5 +34,15 @@ impl<S: Stepper> Pace<S> for Equal {
         stepper.step(Pace::<S>::time(self), self.h, state)?;
         self.n += 1;
         Ok(())
+    }
+}
+
+impl Memory for Equal {
+    fn save(&self, member: usize, out: &mut Vec<f64>) {
+        self.n.save(member, out);
+    }
+
+    fn restore(&mut self, member: usize, saved: &mut &[f64]) -> Result<(), Foreign> {
+        self.n.restore(member, saved)
     }
 }

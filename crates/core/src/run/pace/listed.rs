@@ -1,6 +1,7 @@
 //! Steps from each of several times to the next.
 
 use super::Pace;
+use crate::memory::{Foreign, Memory};
 use crate::method::Stepper;
 use crate::trouble::Trouble;
 
@@ -55,5 +56,19 @@ impl<S: Stepper> Pace<S> for Listed {
             self.stop += 1;
         }
         Ok(())
+    }
+}
+
+impl Memory for Listed {
+    fn save(&self, member: usize, out: &mut Vec<f64>) {
+        self.start.save(member, out);
+        self.stop.save(member, out);
+        self.n.save(member, out);
+    }
+
+    fn restore(&mut self, member: usize, saved: &mut &[f64]) -> Result<(), Foreign> {
+        self.start.restore(member, saved)?;
+        self.stop.restore(member, saved)?;
+        self.n.restore(member, saved)
     }
 }

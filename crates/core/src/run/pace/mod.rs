@@ -12,11 +12,12 @@ pub use equal::Equal;
 pub use listed::Listed;
 pub use reversible::Reversible;
 
+use crate::memory::Memory;
 use crate::method::Stepper;
 use crate::trouble::Trouble;
 
 /// What decides on the steps of a run.
-pub trait Pace<S: Stepper>: Send {
+pub trait Pace<S: Stepper>: Memory + Send {
     /// The present time.
     fn time(&self) -> f64;
 

@@ -13,6 +13,7 @@
 
 use super::clock::Clock;
 use super::{Pace, Sizes};
+use crate::memory::{Foreign, Memory};
 use crate::method::Symmetric;
 use crate::problem::Monitor;
 use crate::trouble::Trouble;
@@ -32,8 +33,8 @@ pub struct Reversible<M> {
     h: f64,
     least: f64,
     monitor: M,
-    /// ω at the present state.
-    rate: Result<f64, Trouble>,
+    /// ω at the present state, if it could be told there.
+    rate: Option<f64>,
 }
 
 impl<M> Reversible<M> {
@@ -49,7 +50,7 @@ impl<M> Reversible<M> {
     where
         M: Monitor<State>,
     {
-        let rate = monitor.rate(t0, state);
+        let rate = monitor.rate(t0, state).ok();
         Self {
             clock: Clock::new(t0, t1),
             sign: (t1 - t0).signum(),
@@ -77,7 +78,11 @@ impl<S: Symmetric, M: Monitor<S::State>> Pace<S> for Reversible<M> {
 
     fn step(&mut self, stepper: &mut S, state: &mut S::State) -> Result<(), Trouble> {
         let left = self.clock.left();
-        let wanted = self.updated(self.h, self.rate.clone()?);
+        let rate = match self.rate {
+            Some(rate) => rate,
+            None => self.monitor.rate(self.clock.time(), state)?,
+        };
+        let wanted = self.updated(self.h, rate);
         if wanted < self.least {
             let error = f64::NAN;
             return Err(Trouble::StepTooSmall { h: wanted, error });
@@ -90,15 +95,31 @@ impl<S: Symmetric, M: Monitor<S::State>> Pace<S> for Reversible<M> {
         stepper.step(self.clock.time(), h, state)?;
         stepper.settle(state)?;
         self.clock.advance(h);
-        self.rate = self.monitor.rate(self.clock.time(), state);
-        self.h = match &self.rate {
-            Ok(rate) => self.updated(wanted, *rate),
-            Err(_) => wanted,
+        self.rate = self.monitor.rate(self.clock.time(), state).ok();
+        self.h = match self.rate {
+            Some(rate) => self.updated(wanted, rate),
+            None => wanted,
         };
         Ok(())
     }
 
     fn sizes(&self) -> Option<Sizes> {
         Some(self.clock.sizes(self.h))
+    }
+}
+
+impl<M: Memory> Memory for Reversible<M> {
+    fn save(&self, member: usize, out: &mut Vec<f64>) {
+        self.clock.save(member, out);
+        self.h.save(member, out);
+        self.monitor.save(member, out);
+        self.rate.save(member, out);
+    }
+
+    fn restore(&mut self, member: usize, saved: &mut &[f64]) -> Result<(), Foreign> {
+        self.clock.restore(member, saved)?;
+        self.h.restore(member, saved)?;
+        self.monitor.restore(member, saved)?;
+        self.rate.restore(member, saved)
     }
 }

@@ -1,5 +1,6 @@
 //! A function of the state whose zeros are events.
 
+use crate::memory::{Foreign, Memory};
 use crate::tape::{Registers, Tape};
 use crate::trouble::{Quantity, Trouble};
 
@@ -76,5 +77,21 @@ impl Event {
     /// Whether a zero counts where the sign becomes this one.
     pub(super) fn wants(&self, sign: f64) -> bool {
         f64::from(self.direction) * sign >= 0.0
+    }
+}
+
+impl Memory for Event {
+    fn save(&self, member: usize, out: &mut Vec<f64>) {
+        self.sign.save(member, out);
+        self.last.save(member, out);
+        self.earlier.save(member, out);
+        self.count.save(member, out);
+    }
+
+    fn restore(&mut self, member: usize, saved: &mut &[f64]) -> Result<(), Foreign> {
+        self.sign.restore(member, saved)?;
+        self.last.restore(member, saved)?;
+        self.earlier.restore(member, saved)?;
+        self.count.restore(member, saved)
     }
 }

@@ -1,6 +1,7 @@
 //! What looks at a run between its steps: events, and records at given times.
 
 mod event;
+mod probe;
 mod search;
 mod watcher;
 
@@ -8,11 +9,12 @@ pub use event::Event;
 pub use watcher::Watcher;
 
 use super::Recorder;
+use crate::memory::Memory;
 use crate::method::Stepper;
 use crate::trouble::Trouble;
 
 /// Someone who looks at each step of a run.
-pub trait Watch<S: Stepper, O>: Send {
+pub trait Watch<S: Stepper, O>: Memory + Send {
     /// Whether anybody looks.
     const IS_AWAKE: bool = true;
 
@@ -43,7 +45,7 @@ pub trait Watch<S: Stepper, O>: Send {
     /// The run is over: what was held back is recorded.
     fn finish(&mut self, out: &mut Recorder<O>);
 
-    /// What was found.
+    /// What was found since this was last asked for, and how the run has ended.
     fn take(&mut self) -> Seen;
 }
 
@@ -88,3 +90,5 @@ impl<S: Stepper, O> Watch<S, O> for Unwatched {
         Seen::default()
     }
 }
+
+impl Memory for Unwatched {}

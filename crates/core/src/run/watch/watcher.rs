@@ -1,7 +1,9 @@
 //! Events of a mechanical system, and its states at given times.
 
+use super::probe::Probe;
 use super::search::{self, Node, Scene, Trust, Zero};
 use super::{Event, Seen, Watch};
+use crate::memory::{Foreign, Memory};
 use crate::method::Stepper;
 use crate::problem::Observe;
 use crate::problem::mechanical::{Carried, Path, Point};
@@ -27,38 +29,6 @@ pub struct Watcher<S: Stepper> {
     seen: Seen,
     times: Option<Vec<f64>>,
     next: usize,
-}
-
-/// A stepper that makes parts of a step, and the states before and after.
-struct Probe<S: Stepper> {
-    stepper: S,
-    t: f64,
-    h: f64,
-    /// t + h, as the run has it.
-    end: f64,
-    start: S::State,
-    state: S::State,
-}
-
-impl<S: Stepper> Probe<S>
-where
-    S::State: Clone,
-{
-    /// Makes this part of the step, all of which leads to `end`; returns the time.
-    #[allow(clippy::float_cmp)] // the ends of a step are its ends
-    fn go(&mut self, part: f64, end: &S::State) -> Result<f64, Trouble> {
-        if part == 1.0 {
-            self.state.clone_from(end);
-            return Ok(self.end);
-        }
-        self.state.clone_from(&self.start);
-        if part != 0.0 {
-            self.stepper.forget();
-            self.stepper.step(self.t, part * self.h, &mut self.state)?;
-            self.stepper.settle(&mut self.state)?;
-        }
-        Ok(self.t + part * self.h)
-    }
 }
 
 /// An event's function in a step that is over.
@@ -375,6 +345,38 @@ where
     }
 
     fn take(&mut self) -> Seen {
-        std::mem::take(&mut self.seen)
+        Seen {
+            events: self.seen.events.iter_mut().map(std::mem::take).collect(),
+            end: self.seen.end,
+        }
+    }
+}
+
+/// What was seen is with whoever has taken it.
+impl<S: Stepper> Memory for Watcher<S> {
+    fn save(&self, member: usize, out: &mut Vec<f64>) {
+        self.path.save(member, out);
+        self.probe.stepper.save(member, out);
+        self.probe.h.save(member, out);
+        for event in &self.events {
+            event.save(member, out);
+        }
+        self.seen.end.save(member, out);
+        self.next.save(member, out);
+    }
+
+    fn restore(&mut self, member: usize, saved: &mut &[f64]) -> Result<(), Foreign> {
+        self.path.restore(member, saved)?;
+        self.probe.stepper.restore(member, saved)?;
+        self.probe.h.restore(member, saved)?;
+        for event in &mut self.events {
+            event.restore(member, saved)?;
+        }
+        for (times, rows) in &mut self.seen.events {
+            times.clear();
+            rows.clear();
+        }
+        self.seen.end.restore(member, saved)?;
+        self.next.restore(member, saved)
     }
 }

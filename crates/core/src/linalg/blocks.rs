@@ -1,0 +1,161 @@
+//! Inverses of matrices that fall into small blocks, as the masses of rigid bodies do.
+
+use super::{Lu, Pattern, Singular};
+use crate::real::Real;
+
+/// Order of the largest block that is inverted.
+const MOST: usize = 8;
+
+/// The inverse of a block-diagonal matrix, whose blocks may stand anywhere.
+#[derive(Clone, Debug)]
+pub struct Blocks<R = f64> {
+    /// Where the inverse is not zero: block by block, row by row.
+    pattern: Pattern,
+    inverse: Vec<R>,
+    /// The orders of the blocks, and the unknowns of one after the other.
+    orders: Vec<usize>,
+    unknowns: Vec<u32>,
+    /// Where each entry of the matrix goes.
+    slots: Vec<u32>,
+    /// By its order, the memory that a block is inverted in.
+    lu: Vec<Lu<R>>,
+}
+
+impl<R: Real> Blocks<R> {
+    /// Memory for matrices of this pattern; `None` where a block is large.
+    #[allow(clippy::cast_possible_truncation)] // more unknowns would not fit in memory
+    pub fn new(pattern: &Pattern) -> Option<Self> {
+        let n = pattern.shape().0;
+        let of = components(pattern);
+        let mut blocks: Vec<Vec<u32>> = vec![Vec::new(); n];
+        let mut place = vec![0; n];
+        for unknown in 0..n {
+            let block = &mut blocks[of[unknown]];
+            place[unknown] = block.len();
+            block.push(unknown as u32);
+        }
+        if blocks.iter().any(|block| block.len() > MOST) {
+            return None;
+        }
+        let mut first = vec![0; n];
+        let mut entries = Vec::new();
+        for (number, block) in blocks.iter().enumerate() {
+            first[number] = entries.len();
+            let rows = block.iter().map(|row| *row as usize);
+            entries.extend(rows.flat_map(|row| block.iter().map(move |col| (row, *col as usize))));
+        }
+        let slot = |(row, col): &(usize, usize)| {
+            let block = of[*row];
+            (first[block] + place[*row] * blocks[block].len() + place[*col]) as u32
+        };
+        let slots = pattern.entries().iter().map(slot).collect();
+        blocks.retain(|block| !block.is_empty());
+        Some(Self {
+            inverse: vec![R::splat(0.0); entries.len()],
+            pattern: Pattern {
+                rows: n,
+                cols: n,
+                entries,
+            },
+            orders: blocks.iter().map(Vec::len).collect(),
+            unknowns: blocks.concat(),
+            slots,
+            lu: (0..=MOST).map(Lu::new).collect(),
+        })
+    }
+
+    /// Where the inverse is not zero.
+    pub fn pattern(&self) -> &Pattern {
+        &self.pattern
+    }
+
+    /// The inverse, in the order of its pattern.
+    pub fn values(&self) -> &[R] {
+        &self.inverse
+    }
+
+    /// Inverts the matrix with these values on its pattern.
+    ///
+    /// # Errors
+    /// The first column without a pivot.
+    pub fn factor(&mut self, values: &[R]) -> Result<(), Singular> {
+        self.inverse.fill(R::splat(0.0));
+        for (slot, value) in self.slots.iter().zip(values) {
+            self.inverse[*slot as usize] += *value;
+        }
+        let (mut rest, mut unknowns) = (&mut self.inverse[..], &self.unknowns[..]);
+        for order in &self.orders {
+            let (block, others) = rest.split_at_mut(order * order);
+            let (own, next) = unknowns.split_at(*order);
+            invert(&mut self.lu[*order], block).map_err(|singular| Singular {
+                column: own[singular.column] as usize,
+            })?;
+            (rest, unknowns) = (others, next);
+        }
+        Ok(())
+    }
+
+    /// Solves `A x = b` in place.
+    #[inline]
+    pub fn solve(&self, b: &mut [R]) {
+        let (mut rest, mut unknowns) = (&self.inverse[..], &self.unknowns[..]);
+        for order in &self.orders {
+            let (own, next) = unknowns.split_at(*order);
+            let (block, others) = rest.split_at(order * order);
+            if let ([unknown], [inverse]) = (own, block) {
+                b[*unknown as usize] *= *inverse;
+            } else {
+                let mut x = [R::splat(0.0); MOST];
+                for (x, unknown) in x.iter_mut().zip(own) {
+                    *x = b[*unknown as usize];
+                }
+                for (row, unknown) in block.chunks_exact(*order).zip(own) {
+                    b[*unknown as usize] = super::dot(row, &x);
+                }
+            }
+            (rest, unknowns) = (others, next);
+        }
+    }
+}
+
+/// A block becomes its inverse.
+fn invert<R: Real>(lu: &mut Lu<R>, block: &mut [R]) -> Result<(), Singular> {
+    let order = lu.order();
+    if let [value] = block {
+        *value = R::splat(1.0) / *value;
+        let is_fine = value.all(|x| x != 0.0 && x.is_finite());
+        return if is_fine {
+            Ok(())
+        } else {
+            Err(Singular { column: 0 })
+        };
+    }
+    lu.matrix_mut().flat_mut().copy_from_slice(block);
+    lu.factor()?;
+    for col in 0..order {
+        let mut x = [R::splat(0.0); MOST];
+        x[col] = R::splat(1.0);
+        lu.solve(&mut x[..order]);
+        for (row, x) in x[..order].iter().enumerate() {
+            block[row * order + col] = *x;
+        }
+    }
+    Ok(())
+}
+
+/// For each unknown the first of those it is connected with.
+fn components(pattern: &Pattern) -> Vec<usize> {
+    fn root(of: &mut [usize], mut k: usize) -> usize {
+        while of[k] != k {
+            of[k] = of[of[k]];
+            k = of[k];
+        }
+        k
+    }
+    let mut of: Vec<usize> = (0..pattern.shape().0).collect();
+    for (row, col) in pattern.entries() {
+        let (a, b) = (root(&mut of, *row), root(&mut of, *col));
+        of[a.max(b)] = a.min(b);
+    }
+    (0..of.len()).map(|k| root(&mut of, k)).collect()
+}

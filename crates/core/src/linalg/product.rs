@@ -1,0 +1,88 @@
+//! Products of two sparse matrices, whose places are found once.
+
+use super::Pattern;
+use crate::real::Real;
+
+/// A place of a product, and entries of the factors that meet there.
+pub(super) type Meeting = ((usize, usize), (u32, u32));
+
+/// All pairs of entries of A and B that meet in A B, by their place.
+#[allow(clippy::cast_possible_truncation)] // more entries would not fit in memory
+pub(super) fn meetings(a: &Pattern, b: &Pattern) -> Vec<Meeting> {
+    assert_eq!(a.shape().1, b.shape().0, "columns and rows of a product");
+    let mut of_row: Vec<Vec<(usize, u32)>> = vec![Vec::new(); b.shape().0];
+    for (j, (row, col)) in b.entries().iter().enumerate() {
+        of_row[*row].push((*col, j as u32));
+    }
+    let pairs = a
+        .entries()
+        .iter()
+        .enumerate()
+        .flat_map(|(i, (row, inner))| {
+            let beside = of_row[*inner].iter();
+            beside.map(move |(col, j)| ((*row, *col), (i as u32, *j)))
+        });
+    let mut meetings: Vec<Meeting> = pairs.collect();
+    meetings.sort_unstable();
+    meetings
+}
+
+/// A B, of A and several B with one pattern each.
+#[derive(Clone, Debug)]
+pub struct Product {
+    pattern: Pattern,
+    /// Where the pairs of each entry start; one more than there are entries.
+    starts: Vec<u32>,
+    pairs: Vec<(u32, u32)>,
+}
+
+impl Product {
+    /// Memory for A and B of these patterns.
+    ///
+    /// # Panics
+    /// When A has not as many columns as B has rows.
+    #[allow(clippy::cast_possible_truncation)] // as above
+    pub fn new(a: &Pattern, b: &Pattern) -> Self {
+        let meetings = meetings(a, b);
+        let (mut entries, mut starts) = (Vec::new(), vec![0]);
+        let mut end = 0;
+        for group in meetings.chunk_by(|a, b| a.0 == b.0) {
+            entries.push(group[0].0);
+            end += group.len();
+            starts.push(end as u32);
+        }
+        Self {
+            pattern: Pattern {
+                rows: a.shape().0,
+                cols: b.shape().1,
+                entries,
+            },
+            starts,
+            pairs: meetings.into_iter().map(|(_, pair)| pair).collect(),
+        }
+    }
+
+    /// Where the product is not zero.
+    pub fn pattern(&self) -> &Pattern {
+        &self.pattern
+    }
+
+    /// The products of A and `width` matrices B, whose values stand side by side entry by entry.
+    ///
+    /// # Panics
+    /// When there are fewer values than entries.
+    pub fn multiply<R: Real>(&self, a: &[R], b: &[R], width: usize, out: &mut [R]) {
+        let mut start = 0;
+        for (out, end) in out.chunks_exact_mut(width).zip(&self.starts[1..]) {
+            let end = *end as usize;
+            out.fill(R::splat(0.0));
+            for (i, j) in &self.pairs[start..end] {
+                let (factor, first) = (a[*i as usize], *j as usize * width);
+                for (out, b) in out.iter_mut().zip(&b[first..first + width]) {
+                    *out += factor * *b;
+                }
+            }
+            start = end;
+        }
+    }
+}

@@ -1,0 +1,384 @@
+"""An ensemble in chunks, on any executor of :mod:`concurrent.futures`: cut, sent and joined.
+
+A chunk is a task: a function of this module, and what it works on. The system travels with the
+first tasks, and with each where it is small; a worker keeps it, and asks for it if it has not seen
+it. Tasks whose worker died are sent again.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import os
+import pickle
+import time
+from collections.abc import Callable, Mapping
+from concurrent.futures import (
+    FIRST_COMPLETED,
+    BrokenExecutor,
+    CancelledError,
+    Executor,
+    Future,
+    wait,
+)
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from liouville._arguments import count
+from liouville.errors import Failure, IntegrationError, hinted
+from liouville.solution import Solution
+
+#: A task is sent so many times more if its worker dies.
+AGAIN = 3
+
+#: Tasks a worker, results of a task in bytes at most, and members in lock-step on any machine.
+TASKS, MOST, LANES = 4, 2**26, 16
+
+#: A larger system is not sent with every task, and so many are kept by a worker.
+LARGE, KEPT = 100_000, 4
+
+#: Seconds between two looks at the signals.
+PATIENCE = 0.2
+
+#: What dask.distributed raises where workers die; it is never imported here.
+DIED = {"KilledWorker", "FutureCancelledError", "FuturesCancelledError", "CommClosedError"}
+
+#: The groups of arrays of a solution, whose second axis are members.
+GROUPS = ("states", "invariants", "residuals", "observed", "balance")
+
+#: Numbers of a run that chunks do not add to.
+SAME = ("steps", "pieces")
+
+_kept: dict[str, Callable[..., Solution]] = {}
+
+
+@dataclass(frozen=True)
+class Job:
+    """An ensemble to be spread.
+
+    Attributes
+    ----------
+    integrate : callable
+        Integrates some of the members from their start values; it can be pickled.
+    start : mapping of str to array
+        Start values; what has two axes or more has the member as its first.
+    params : mapping of str to array, or None
+        Parameters; one with an axis more than its default in `defaults` has one for each member.
+    members : int
+        Number of members P.
+    size : int
+        About how many bytes the result has.
+    t0 : float
+        Time of the start.
+    """
+
+    integrate: Callable[..., Solution]
+    start: Mapping[str, Any]
+    params: Mapping[str, Any] | None
+    defaults: Mapping[str, Any]
+    members: int
+    size: int
+    t0: float
+
+    def cut(self, first: int, last: int) -> dict[str, Any]:
+        """Return what some of the members start from."""
+        found = {name: _cut(x, 2, first, last) for name, x in self.start.items()}
+        if self.params is not None:
+            axes = {name: np.ndim(x) for name, x in self.defaults.items()}
+            params = self.params.items()
+            found["params"] = {k: _cut(x, axes[k] + 1, first, last) for k, x in params}
+        return found
+
+
+@dataclass
+class _Chunk:
+    first: int
+    last: int
+    tries: int = 0
+
+
+def spread(
+    job: Job,
+    executor: Executor,
+    chunk: int | None = None,
+    progress: Callable[[float, float], None] | None = None,
+) -> Solution:
+    """Integrate the members of an ensemble on the workers of an executor.
+
+    Parameters
+    ----------
+    job : Job
+        What is to be done.
+    executor : Executor
+        Where.
+    chunk : int, optional
+        Members a task.
+    progress : callable, optional
+        ``progress(done, total)``, called with numbers of members.
+
+    Returns
+    -------
+    Solution
+        Of all members, without a system. Members whose workers died are among its `failures`; an
+        interrupt returns what was done.
+
+    Raises
+    ------
+    TypeError, ValueError
+        The executor is none, or chunk is no positive integer.
+    IntegrationError
+        A step of a member failed.
+    BrokenExecutor
+        No worker has done anything.
+    """
+    if not isinstance(executor, Executor):
+        hint = "dask: client.get_executor(); MPI: mpi4py.futures.MPIPoolExecutor()"
+        raise TypeError(
+            hinted(f"executor is a concurrent.futures.Executor, not {executor!r}", hint)
+        )
+    if progress is not None and not callable(progress):
+        raise TypeError(f"progress is a function, not {progress!r}")
+    workers = _workers(executor)
+    size = _size(job, workers) if chunk is None else count("chunk", chunk)
+    return _Spread(job, executor, workers, progress).run(size)
+
+
+def task(name: str, work: bytes | None, start: dict[str, Any], attempt: int) -> Solution | None:
+    """Integrate a chunk, in a worker; None if the worker does not know the system of this name."""
+    del attempt  # some executors take equal tasks for one
+    integrate = _kept.get(name)
+    if integrate is None:
+        if work is None:
+            return None
+        integrate = pickle.loads(work)
+        if len(_kept) >= KEPT:
+            _kept.clear()
+        _kept[name] = integrate
+    return replace(integrate(**start), system=None)
+
+
+class _Spread:
+    """An ensemble under way."""
+
+    def __init__(
+        self,
+        job: Job,
+        executor: Executor,
+        workers: int,
+        progress: Callable[[float, float], None] | None,
+    ) -> None:
+        self._job, self._executor, self._progress = job, executor, progress
+        self._work = pickle.dumps(job.integrate)
+        self._name = hashlib.sha256(self._work).hexdigest()
+        self._whole = workers  # so many tasks more have the system with them
+        self._pending: dict[Future[Solution | None], _Chunk] = {}
+        self._lost: list[tuple[_Chunk, BaseException]] = []
+        self._joined = Joined(job)
+
+    def run(self, size: int) -> Solution:
+        """Send all chunks, and take what comes back."""
+        clock, is_interrupted = time.perf_counter(), False
+        try:
+            for first in range(0, self._job.members, size):
+                self._send(_Chunk(first, min(first + size, self._job.members)))
+            while self._pending:
+                done, _ = wait(self._pending, PATIENCE, FIRST_COMPLETED)
+                for future in done:
+                    self._take(future)
+        except KeyboardInterrupt:
+            is_interrupted, self._progress = True, None
+            for future in [future for future in self._pending if future.done()]:
+                self._take(future)
+            if self._joined.first is None:
+                raise
+        finally:
+            for future in self._pending:
+                future.cancel()
+        if self._joined.first is None:
+            raise self._nothing()
+        return self._joined.solution(self._lost, is_interrupted, time.perf_counter() - clock)
+
+    def _send(self, chunk: _Chunk, is_whole: bool = False) -> None:
+        is_whole = is_whole or len(self._work) < LARGE or self._whole > 0
+        self._whole -= 1
+        start = self._job.cut(chunk.first, chunk.last)
+        work = self._work if is_whole else None
+        try:
+            future = self._executor.submit(task, self._name, work, start, chunk.tries)
+        except (BrokenExecutor, RuntimeError) as error:  # the latter from one that is shut down
+            self._lost.append((chunk, error))
+        else:
+            self._pending[future] = chunk
+
+    def _take(self, future: Future[Solution | None]) -> None:
+        chunk = self._pending.pop(future)
+        try:
+            found = future.result()
+        except IntegrationError as error:
+            raise self._failed(chunk, error) from error
+        except BaseException as error:
+            if not _has_died(error):
+                raise
+            chunk.tries += 1
+            if chunk.tries > AGAIN:
+                self._lost.append((chunk, error))
+            else:
+                self._send(chunk, is_whole=True)
+            return
+        if found is None:
+            self._send(chunk, is_whole=True)
+            return
+        self._joined.add(chunk.first, chunk.last, found)
+        if self._progress is not None:
+            self._progress(self._joined.done, self._job.members)
+
+    def _failed(self, chunk: _Chunk, error: IntegrationError) -> IntegrationError:
+        """Return the error of a member with its number in the whole ensemble."""
+        if error.solution is not None:
+            self._joined.add(chunk.first, chunk.last, error.solution)
+        message, member = str(error), error.member
+        if member is not None:
+            member += chunk.first
+            message = message.replace(f"member {error.member}:", f"member {member}:", 1)
+        return IntegrationError(
+            message, t=error.t, step=error.step, quantity=error.quantity, member=member,
+            solution=self._joined.solution([], True, 0.0),
+        )  # fmt: skip
+
+    def _nothing(self) -> BaseException:
+        """Return what kept all chunks from being done."""
+        error = self._lost[0][1]
+        error.add_note(
+            "no member of the ensemble was integrated\nhint: processes that are spawned import the "
+            'script: keep its calls under `if __name__ == "__main__":`'
+        )
+        return error
+
+
+class Joined:
+    """The solutions of chunks, member by member.
+
+    Attributes
+    ----------
+    first : Solution or None
+        The first that came.
+    done : int
+        Number of members that are there.
+    """
+
+    def __init__(self, job: Job) -> None:
+        self.first: Solution | None = None
+        self.done = 0
+        self._job = job
+        self._t = np.empty(0)
+        self._arrays: dict[str, dict[str, np.ndarray]] = {group: {} for group in GROUPS}
+        self._failures: dict[int, Failure] = {}
+        self._stats: list[tuple[int, dict[str, Any]]] = []
+        self._is_cut = False
+
+    def add(self, first: int, last: int, part: Solution) -> None:
+        """Put the members from `first` to before `last` into their places."""
+        if self.first is None:
+            self.first = part
+        if len(part.t) > len(self._t):
+            self._t = part.t
+        for group in GROUPS:
+            for name, x in getattr(part, group).items():
+                place = self._place(self._arrays[group], name, x)
+                place[: len(x), first:last] = x
+        self._failures |= {first + member: x for member, x in part.failures.items()}
+        self._stats.append((last - first, part.stats))
+        self._is_cut |= part.status == "interrupted"
+        self.done += last - first
+
+    def _place(self, arrays: dict[str, np.ndarray], name: str, part: np.ndarray) -> np.ndarray:
+        """Return the array for a quantity of all members, at least as long as this part of it."""
+        old = arrays.get(name)
+        k = 0 if old is None else len(old)
+        if old is None or k < len(part):
+            shape = (len(part), self._job.members, *part.shape[2:])
+            arrays[name] = np.full(shape, np.nan, part.dtype)
+            if old is not None:
+                arrays[name][:k] = old
+        return arrays[name]
+
+    def solution(
+        self, lost: list[tuple[_Chunk, BaseException]], is_interrupted: bool, seconds: float
+    ) -> Solution:
+        """Return all of it; what was not reached is NaN."""
+        assert self.first is not None
+        members = self._job.members
+        failures = dict(self._failures)
+        for chunk, error in lost:
+            why = Failure(0, self._job.t0, f"its worker died ({type(error).__name__})")
+            failures |= dict.fromkeys(range(chunk.first, chunk.last), why)
+        status, message = "done", told(failures, members)
+        if is_interrupted or self._is_cut:
+            status = "interrupted"
+            message = f"interrupted after {self.done} of {members} members"
+        more: dict[str, Any] = {"t": self._t.copy(), **self._arrays}
+        return replace(
+            self.first, **more, stats={**self._summed(), "seconds": seconds},
+            failures=dict(sorted(failures.items())), members=members, status=status,
+            message=message,
+        )  # fmt: skip
+
+    def _summed(self) -> dict[str, Any]:
+        """Return numbers of all chunks: counts are added, what is no count is averaged."""
+        found: dict[str, Any] = {}
+        weights = np.array([weight for weight, _ in self._stats])
+        for name, first in self._stats[0][1].items():
+            values = [stats[name] for _, stats in self._stats if name in stats]
+            if name in SAME:
+                found[name] = max(values)
+            elif isinstance(first, int):
+                found[name] = sum(values)
+            elif isinstance(first, float) and len(values) == len(weights):
+                is_same = all(x == first for x in values)
+                found[name] = first if is_same else float(np.average(values, weights=weights))
+            else:
+                found[name] = first
+        return found
+
+
+def told(failures: Mapping[int, Failure], members: int) -> str:
+    """Say in a sentence which members of an ensemble failed, if any did."""
+    if not failures:
+        return ""
+    first = min(failures)
+    why = failures[first].message
+    return f"{len(failures)} of {members} members failed; the first, member {first}: {why}"
+
+
+def _cut(value: Any, axes: int, first: int, last: int) -> Any:
+    """Return the rows of some members, of what has so many axes; anything else as it is."""
+    if isinstance(value, Mapping):
+        return {name: _cut(x, axes - 1, first, last) for name, x in value.items()}
+    return value[first:last] if np.ndim(value) >= axes else value
+
+
+def _has_died(error: BaseException) -> bool:
+    if isinstance(error, (BrokenExecutor, CancelledError)):
+        return True
+    return any(kind.__name__ in DIED for kind in type(error).__mro__)
+
+
+def _workers(executor: Executor) -> int:
+    """Return how many threads an executor's workers have, as far as it tells."""
+    for name in ("num_workers", "_max_workers"):
+        found = getattr(executor, name, None)
+        if isinstance(found, int) and found > 0:
+            return found
+    client = getattr(executor, "_client", None)  # of dask
+    if client is not None and hasattr(client, "ncores"):
+        return max(sum(client.ncores().values()), 1)
+    return os.cpu_count() or 1
+
+
+def _size(job: Job, workers: int) -> int:
+    """Return how many members make a task: whole blocks of lanes, and not too much to send."""
+    size = -(-job.members // (TASKS * workers))
+    size = -(-size // LANES) * LANES
+    member = max(job.size // job.members, 1)
+    return max(min(size, MOST // member), 1)

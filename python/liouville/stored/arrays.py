@@ -1,0 +1,43 @@
+"""What the arrays of a stored run are called, and what is in them: as in any saved solution."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+
+import numpy as np
+
+from liouville import export
+from liouville.solution import Solution
+
+
+def prepare(solution: Solution, path: Path, chunks: Mapping[str, int]) -> None:
+    """Write a solution without records to a folder whose arrays can grow along some axes."""
+    dataset = export.paired(export.to_xarray(solution))
+    encoding = {}
+    for name, variable in dataset.variables.items():
+        if variable.dims[0] in chunks:
+            rest = (max(1, size) for size in variable.shape[1:])
+            shape = (chunks[str(variable.dims[0])], *rest)
+            encoding[name] = {"_FillValue": None, "compressors": None, "chunks": shape}
+    dataset.to_zarr(path, mode="w", encoding=encoding, zarr_format=3, consolidated=False)
+
+
+def along_time(solution: Solution) -> dict[str, np.ndarray]:
+    """Return what has a row for each record."""
+    dataset = export.paired(export.to_xarray(solution))
+    return {
+        str(name): variable.values
+        for name, variable in dataset.variables.items()
+        if variable.dims[0] == "time"
+    }
+
+
+def event_axis(name: str) -> str:
+    """Name the axis of an event."""
+    return f"event_axis_{name.replace('/', export.SLASH)}"
+
+
+def event_variable(axis: str, state: str) -> str:
+    """Name what is known where events were met, along their axis."""
+    return axis.replace("event_axis_", f"event_{state}_", 1)

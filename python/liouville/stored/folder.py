@@ -1,0 +1,107 @@
+"""The files of a stored run: arrays that grow by whole chunks, and files that appear at once."""
+
+from __future__ import annotations
+
+import json
+import os
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+#: Where job and state are, beside the arrays.
+CHECKPOINT = "checkpoint"
+
+META = "zarr.json"
+
+
+class Folder:
+    """A Zarr folder whose arrays grow along their first axes.
+
+    Attributes
+    ----------
+    path : Path
+        Where it is.
+    arrays : dict of str to dict
+        The description of each array that grows, as Zarr has it.
+    """
+
+    def __init__(self, path: Path, axes: Mapping[str, int]) -> None:
+        self.path = path
+        self._new: set[Path] = set()
+        found = {file.parent.name: _read(file) for file in sorted(path.glob(f"*/{META}"))}
+        self.arrays = {
+            name: meta
+            for name, meta in found.items()
+            if meta["node_type"] == "array" and meta["dimension_names"][0] in axes
+        }
+
+    def clear(self) -> None:
+        """Remove what was about to appear when a run was cut off."""
+        for file in (self.path / CHECKPOINT).glob("*.tmp"):
+            file.unlink()
+
+    def put(self, name: str, place: int, values: np.ndarray) -> None:
+        """Write chunk `place` of an array, which `values` may fill in part."""
+        meta = self.arrays[name]
+        shape = meta["chunk_grid"]["configuration"]["chunk_shape"]
+        if not values.size:
+            return
+        assert meta["data_type"] == "float64"
+        assert values.shape[1:] == tuple(shape[1:])
+        rest = ["0"] * (len(shape) - 1)
+        data = np.ascontiguousarray(values, dtype="<f8")
+        self.write(self.path.joinpath(name, "c", str(place), *rest), data, 8 * int(np.prod(shape)))
+
+    def extend(self, axis: str, length: int) -> None:
+        """Say how long the arrays along an axis are."""
+        for name, meta in self.arrays.items():
+            if meta["dimension_names"][0] == axis and meta["shape"][0] != length:
+                meta["shape"][0] = length
+                self.write(self.path / name / META, json.dumps(meta, indent=2).encode())
+
+    def describe(self, attributes: Mapping[str, Any]) -> None:
+        """Write the attributes of the whole."""
+        group = {"attributes": dict(attributes), "zarr_format": 3, "node_type": "group"}
+        self.write(self.path / META, json.dumps(group, indent=2).encode())
+
+    def write(self, file: Path, data: Any, size: int | None = None) -> None:
+        """Write a file that is there as a whole or as it was; it may be longer than its data."""
+        temporary = self.path / CHECKPOINT / f"{len(self._new)}.tmp"
+        with temporary.open("wb") as opened:
+            opened.write(data)
+            if size is not None:
+                opened.truncate(size)
+        file.parent.mkdir(parents=True, exist_ok=True)
+        temporary.replace(file)
+        self._new |= {file, file.parent}
+
+    def commit(self, file: str, data: bytes) -> None:
+        """Write a file of the checkpoint once everything before it is on the disk."""
+        self.sync()
+        self.write(self.path / CHECKPOINT / file, data)
+        self.sync()
+
+    def sync(self) -> None:
+        """Wait until everything written is on the disk."""
+        for path in self._new:
+            if os.name == "nt" and path.is_dir():
+                continue  # which syncs no folders
+            descriptor = os.open(path, os.O_RDONLY if path.is_dir() else os.O_RDWR)
+            try:
+                os.fsync(descriptor)
+            finally:
+                os.close(descriptor)
+        self._new.clear()
+
+
+def attributes_of(path: Path) -> dict[str, Any]:
+    """Return the attributes of a group."""
+    found: dict[str, Any] = _read(path / META)["attributes"]
+    return found
+
+
+def _read(file: Path) -> dict[str, Any]:
+    found: dict[str, Any] = json.loads(file.read_text(encoding="utf-8"))
+    return found

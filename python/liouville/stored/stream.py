@@ -1,0 +1,134 @@
+"""The records of a run on their way to its folder."""
+
+from __future__ import annotations
+
+import io
+import json
+import math
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+
+from liouville import _core
+from liouville.integrate import solution_of
+from liouville.points import Points
+from liouville.routes import Route
+from liouville.solution import Solution
+from liouville.stored import arrays
+from liouville.stored.folder import Folder
+
+#: Bytes of the records in a chunk, and events in one.
+BYTES, EVENTS = 1 << 23, 4096
+
+JOB, STATE = "job.pickle", "state.npz"
+
+#: The axis of records.
+TIME = "time"
+
+Columns = dict[str, np.ndarray]
+
+
+def chunks_of(path: Route, events: Mapping[str, Points]) -> dict[str, int]:
+    """Return how many rows a chunk has along each axis that grows."""
+    most = math.inf if path.pace.control else -(-path.pace.count // path.every) + 1
+    rows = int(max(1, min(BYTES // path.row, most)))
+    return {TIME: rows, **{arrays.event_axis(name): EVENTS for name in events}}
+
+
+class Stream:
+    """What a run has recorded and seen: whole chunks in the folder, the rest here.
+
+    Attributes
+    ----------
+    rows : int
+        Records in a chunk.
+    end : str
+        What ended the run, if an event did.
+    """
+
+    def __init__(self, path: Route, folder: Folder, chunks: Mapping[str, int]) -> None:
+        self._path, self._folder, self._chunks = path, folder, chunks
+        self._rest: dict[str, Columns] = {}
+        self._written = dict.fromkeys(chunks, 0)
+        self._first: Columns = {}
+        self.rows = chunks[TIME]
+        self.end = ""
+
+    def add(self, run: _core.Run, records: tuple[np.ndarray, np.ndarray]) -> None:
+        """Take records, and the events met until then."""
+        times, rows = records
+        if not self._first and times.size:
+            self._first = {"t": times[:1].copy(), "rows": rows[:1].copy()}
+        self._append(TIME, {"t": times, "rows": rows})
+        events, self.end = self._path.seen(run)
+        for name, points in events.items():
+            self._append(arrays.event_axis(name), {"t": points.t, **points.states})
+
+    def _append(self, axis: str, columns: Columns) -> None:
+        rest = self._rest.get(axis)
+        if rest is not None and rest["t"].size:
+            columns = {name: np.concatenate((rest[name], x)) for name, x in columns.items()}
+        size = self._chunks[axis]
+        while columns["t"].size >= size:
+            self._put(axis, {name: x[:size] for name, x in columns.items()})
+            self._written[axis] += 1
+            columns = {name: x[size:] for name, x in columns.items()}
+        # a view would keep the whole array
+        self._rest[axis] = {name: x.copy() for name, x in columns.items()}
+
+    def _put(self, axis: str, columns: Columns) -> None:
+        """Write the next chunk along an axis."""
+        place = self._written[axis]
+        if axis != TIME:
+            for name, values in columns.items():
+                self._folder.put(arrays.event_variable(axis, name), place, values)
+            return
+        # what is measured from the start needs it
+        times = np.concatenate((self._first["t"], columns["t"]))
+        rows = np.concatenate((self._first["rows"], columns["rows"]))
+        found = arrays.along_time(self._solution(times, rows))
+        for name in self._folder.arrays.keys() & found.keys():
+            self._folder.put(name, place, found[name][1:])
+
+    def _solution(self, times: np.ndarray, rows: np.ndarray) -> Solution:
+        t0 = self._path.pace.t0
+        return solution_of(self._path, times, rows, {"steps": 0}, t0, ("", ""), {})
+
+    def save(self, run: _core.Run, stats: Mapping[str, Any]) -> None:
+        """Write the chunks' lengths, and then the state to go on from."""
+        for axis, size in self._chunks.items():
+            self._folder.extend(axis, size * self._written[axis])
+        memory = run.save()
+        assert memory is not None, "ensembles are not stored"
+        rest = {f"{axis}/{name}": x for axis, xs in self._rest.items() for name, x in xs.items()}
+        first = {f"first/{name}": x for name, x in self._first.items()}
+        told = json.dumps({"written": self._written, "stats": dict(stats), "end": self.end})
+        buffer = io.BytesIO()
+        whole: dict[str, Any] = {"memory": memory, "told": np.array(told), **rest, **first}
+        np.savez(buffer, **whole)
+        self._folder.commit(STATE, buffer.getvalue())
+
+    def restore(self, run: _core.Run, state: Mapping[str, Any]) -> dict[str, Any]:
+        """Go back to a state; returns the statistics it was saved with."""
+        run.restore(state["memory"])
+        told = json.loads(str(state["told"]))
+        self._written, self.end = told["written"], told["end"]
+        self._rest = {}
+        for key, values in state.items():
+            axis, slash, name = key.rpartition("/")
+            if slash:
+                columns = self._first if axis == "first" else self._rest.setdefault(axis, {})
+                columns[name] = values
+        for axis, size in self._chunks.items():
+            self._folder.extend(axis, size * self._written[axis])
+        stats: dict[str, Any] = told["stats"]
+        return stats
+
+    def finish(self) -> None:
+        """Write what does not fill a chunk, for who reads the folder."""
+        for axis, columns in self._rest.items():
+            count = columns["t"].size
+            if count:
+                self._put(axis, columns)
+            self._folder.extend(axis, self._chunks[axis] * self._written[axis] + count)

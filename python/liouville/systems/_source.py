@@ -1,0 +1,77 @@
+"""Where the terms of a field come from."""
+
+from __future__ import annotations
+
+from functools import cached_property
+from typing import Any
+
+import casadi as ca
+import numpy as np
+
+from liouville.systems._expand import expand
+from liouville.systems._given import TIME
+from liouville.systems._observer import Symbols
+from liouville.systems._travel import opened, packed
+from liouville.terms import Terms
+
+
+class Source:
+    """Expressions of a field, expanded with numbers for its parameters.
+
+    Parameters
+    ----------
+    column : SX
+        The components.
+    symbols : Symbols
+        The symbols they are of.
+    names : tuple of str
+        Names of the coordinates.
+
+    Attributes
+    ----------
+    is_driven : bool
+        Whether the field depends on time.
+    """
+
+    def __init__(self, column: ca.SX, symbols: Symbols, names: tuple[str, ...]) -> None:
+        self._column, self._symbols = column, symbols
+        self.is_driven = ca.depends_on(column, symbols.t)
+        self._variables = (*names, TIME) if self.is_driven else names
+
+    def __call__(self, values: np.ndarray) -> Terms:
+        """Multiply the components out."""
+        symbols = tuple(self._symbols.inputs.values())
+        expansion, components = expand(self._column, symbols, values, self._variables)
+        return expansion.terms(components, self.is_driven)
+
+    @cached_property
+    def _column(self) -> ca.SX:
+        return opened(self._packed, [*self._symbols.inputs.values()])[0]
+
+    @cached_property
+    def _packed(self) -> str:
+        return packed([*self._symbols.inputs.values()], [self._column])
+
+    def __getstate__(self) -> dict[str, Any]:
+        """Travel as a function, which is read where other parameters are given."""
+        own = {**self.__dict__, "_packed": self._packed}
+        return {name: x for name, x in own.items() if name != "_column"}
+
+
+def unpacked(field: Any, s: Symbols) -> Any:
+    """Return what calls a CasADi function with as many of its arguments as it takes."""
+    if not isinstance(field, ca.Function):
+        return field
+    args = {1: (s.x,), 2: (s.t, s.x), 3: (s.t, s.x, s.params.vector)}.get(field.n_in())
+    if args is None or field.n_out() != 1:
+        raise ValueError(
+            f"the CasADi function '{field.name()}' has {field.n_in()} inputs and {field.n_out()} "
+            "outputs, wanted x, or t and x, or t, x and params, and one output"
+        )
+    for k, arg in enumerate(args):
+        if field.numel_in(k) != arg.numel():
+            raise ValueError(
+                f"input {k} of the CasADi function '{field.name()}' has {field.numel_in(k)} "
+                f"elements, wanted {arg.numel()}"
+            )
+    return lambda *_: field(*args)

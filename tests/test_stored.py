@@ -1,0 +1,401 @@
+"""Stored runs: the bits of runs in memory, whatever they are cut off by."""
+
+import json
+import os
+import random
+import resource
+import shutil
+import signal
+import sys
+import time
+import warnings
+from itertools import count
+from multiprocessing import get_context
+from pathlib import Path
+
+import casadi as ca
+import numpy as np
+import pytest
+import xarray
+
+import liouville as lv
+from liouville import problems
+from liouville.stored import folder, stream
+
+GROUPS = ("states", "invariants", "residuals", "observed", "balance")
+FACTS = ("names", "h", "tolerances", "method", "params", "status", "message", "dense_order")
+
+
+class CutError(BaseException):
+    """Ends a run as nothing does that asks."""
+
+
+def pendulum(**more):
+    module = problems.load("pendulum")
+    return {"system": module.system, "method": lv.HHT(), "t": (0.0, 2.0), **module.start, **more}
+
+
+def both(t, q, v, params):
+    return ca.vertcat(q[0] * v[0], q[1])
+
+
+def height(t, q, v, lam, params):
+    return q[0]
+
+
+def sphere():
+    """Return a system of index 2: a point on the unit sphere, whose z pushes it back."""
+    return lv.SemiExplicit(
+        field=lambda t, y, z, params: [y[1] - y[0] * z[0], -y[0] - y[1] * z[0], -y[2] * z[0]],
+        constraint=lambda t, y, params: (ca.dot(y, y) - 1) / 2,
+        y=3,
+        z=1,
+    )
+
+
+def waves(**more):
+    psi = np.exp(-((np.arange(30) - 9.0) ** 2) / 8 + 0.7j * np.arange(30))
+    start = {"psi": psi / np.linalg.norm(psi), "t": np.linspace(0.0, 4.0, 60)}
+    return {"system": lv.Schrodinger(lv.Lattice(30)), **start, **more}
+
+
+def rotor(**more):
+    """Return a wave function on a ring whose potential swings."""
+    grid = lv.Grid(0.0, 2 * np.pi, 32, lambda t, x, params: 2 * ca.cos(x) * ca.sin(3 * t))
+    psi = np.exp(1j * np.sin(grid.points[:, 0])) / np.sqrt(32)
+    return waves(system=lv.Schrodinger(grid), psi=psi, **more)
+
+
+def field(**more):
+    module = problems.load("euler_top")
+    call = {"system": module.system, "method": lv.VolumeSplitting(), "t": (0.0, 3.0), "steps": 200}
+    return {**call, **module.start, **more}
+
+
+KINDS = {
+    "equal": lambda: pendulum(steps=300, every=7, observe={"a/b": both}),
+    "controlled": lambda: pendulum(rtol=1e-4),
+    "given times": lambda: pendulum(steps=300, t_eval=np.linspace(0, 2, 77)),
+    "events": lambda: pendulum(steps=300, events={"low/high": height}, states=False),
+    "ended": lambda: pendulum(steps=300, events={"low": lv.Event(height, terminal=2)}),
+    "spark": lambda: pendulum(method=lv.Spark(3), steps=200),
+    "reversible": lambda: pendulum(method=lv.Spark(2), h=0.01, control="reversible"),
+    "tolerant": lambda: pendulum(method=lv.Spark(3), rtol=1e-7),
+    "composed": lambda: pendulum(method=lv.Composition(lv.LobattoPair(2), "SU4"), steps=100),
+    "index 2": lambda: dict(
+        system=sphere(), method=lv.Spark(2), t=(0.0, 3.0), steps=90, y=[0.6, 0.0, 0.8]
+    ),
+    "field": lambda: field(every=3),
+    "wave": lambda: waves(method="auto", tol=1e-6),
+    "krylov": lambda: waves(method=lv.Lanczos(tol=1e-6)),
+    "grid": lambda: rotor(method=lv.SplitOperator(), h=0.01),
+}
+
+
+def same(one, other):
+    """Compare two solutions bit for bit."""
+    assert one.t.tobytes() == other.t.tobytes()
+    for group in GROUPS:
+        mine, yours = getattr(one, group), getattr(other, group)
+        assert list(mine) == list(yours)
+        for name in mine:
+            assert mine[name].shape == yours[name].shape
+            assert mine[name].tobytes() == yours[name].tobytes(), name
+    for fact in FACTS:
+        assert getattr(one, fact) == getattr(other, fact)
+    assert {**one.stats, "seconds": 0} == {**other.stats, "seconds": 0}
+    assert list(one.events) == list(other.events)
+    for name, points in one.events.items():
+        assert points.t.tobytes() == other.events[name].t.tobytes()
+        for state, values in points.states.items():
+            assert values.tobytes() == other.events[name].states[state].tobytes()
+
+
+@pytest.fixture
+def small(monkeypatch):
+    """Make chunks so small that a short run has many."""
+    monkeypatch.setattr(stream, "BYTES", 1000)
+    monkeypatch.setattr(stream, "EVENTS", 2)
+
+
+def cutting(every):
+    """Give a progress that cuts the run off when it is called for this time."""
+    calls = count(1)
+
+    def progress(done, total):
+        if next(calls) == every:
+            raise CutError
+
+    return progress
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_a_run_cut_off_again_and_again_has_the_bits_of_one_that_was_not(kind, small, tmp_path):
+    whole = lv.integrate(**KINDS[kind]())
+    path = tmp_path / "run.zarr"
+    with pytest.raises(CutError):
+        lv.integrate(**KINDS[kind](), store=path, checkpoint=25, progress=cutting(2))
+    for cuts in count(1):
+        try:
+            solution = lv.resume(path, progress=cutting(3 + cuts))
+        except CutError:
+            continue
+        break
+    assert cuts > 1
+    same(whole, lv.load(path))
+    assert solution.path == str(path)
+    assert solution.t.tolist() == [whole.t[0], whole.t[-1]]
+    same(whole, lv.load(lv.resume(path).path))
+
+
+def test_a_file_cut_off_in_the_middle_leaves_what_was_there(small, tmp_path, monkeypatch):
+    call = pendulum(steps=90, events={"low": height}, checkpoint=20)
+    whole = lv.integrate(**{**call, "checkpoint": None})
+    write, made, last = folder.Folder.write, count(), None
+
+    def dying(self, file, data, size=None):
+        if next(made) != last:
+            return write(self, file, data, size)
+        if is_late:
+            write(self, file, data, size)
+        else:
+            torn = self.path / folder.CHECKPOINT / "torn.tmp"
+            torn.write_bytes(bytes(data)[: len(bytes(data)) // 2])
+        raise CutError
+
+    monkeypatch.setattr(folder.Folder, "write", dying)
+    begun = 0
+    for last, is_late in ((n, late) for n in count() for late in (False, True)):
+        path = tmp_path / f"{last}-{is_late}.zarr"
+        made = count()
+        try:
+            lv.integrate(**call, store=path)
+            break
+        except CutError:
+            if path.exists():
+                begun += 1
+                same(whole, lv.load(lv.resume(path).path))
+                assert not [*path.rglob("*.tmp")]
+            assert not [*tmp_path.glob(".*")]
+            shutil.rmtree(path, ignore_errors=True)
+    assert begun > 60
+
+
+def go(path, call):
+    lv.resume(path) if path.exists() else lv.integrate(**call, store=path, checkpoint="0.002s")
+
+
+def killed(path, call, cycles, seconds, seed):
+    """Kill a process that makes a run, and the next one, until one is left alone; count them."""
+    draw, context = random.Random(seed), get_context("fork")
+    kills = 0
+    for _ in range(cycles):
+        process = context.Process(target=go, args=(path, call))
+        process.start()
+        process.join(draw.uniform(0.1, 1.0) * seconds)
+        process.kill()
+        process.join()
+        kills += process.exitcode == -signal.SIGKILL
+    process = context.Process(target=go, args=(path, call))
+    process.start()
+    process.join()
+    assert process.exitcode == 0
+    return kills
+
+
+needs_fork = pytest.mark.skipif(sys.platform != "linux", reason="forks processes")
+
+
+@needs_fork
+@pytest.mark.parametrize("cycles", [4, pytest.param(50, marks=pytest.mark.slow)])
+def test_processes_killed_at_any_moment_leave_the_bits_of_one_that_lived(cycles, tmp_path):
+    call = field(system=problems.load("euler_top").system, steps=3000 * cycles, every=2)
+    if cycles == 50:
+        call = pendulum(method=lv.Spark(3), steps=30_000 * cycles, every=10)
+    call["t"] = (0.0, 0.01 * call["steps"])
+    begun = time.perf_counter()
+    whole = lv.integrate(**call)
+    each = 0.2 + (time.perf_counter() - begun) / cycles
+    path = tmp_path / "run.zarr"
+    assert killed(path, call, cycles, each, seed=cycles) > cycles // 3
+    same(whole, lv.load(path))
+
+
+@needs_fork
+def test_memory_does_not_grow_with_the_run(tmp_path, monkeypatch):
+    monkeypatch.setattr(stream, "BYTES", 1 << 20)
+    receive, send = get_context("fork").Pipe(duplex=False)
+
+    def peak(steps):
+        lv.integrate(**field(t=(0.0, 1e-3 * steps), steps=steps), store=tmp_path / f"{steps}.zarr")
+        send.send(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss << 10)
+
+    found = []
+    for steps in (100_000, 1_000_000):
+        process = get_context("fork").Process(target=peak, args=(steps,))
+        process.start()
+        found.append(receive.recv())
+        process.join()
+    records = 900_000 * 8 * 6
+    assert found[1] - found[0] < records / 4
+
+
+def interrupting(done, total):
+    raise KeyboardInterrupt
+
+
+def signalling(done, total):
+    os.kill(os.getpid(), signal.SIGINT)
+
+
+@pytest.mark.parametrize("progress", [interrupting, signalling])
+def test_an_interrupted_run_is_stored_to_where_it_is_and_goes_on(progress, tmp_path):
+    call = pendulum(steps=500, every=9)
+    whole = lv.integrate(**call)
+    path = tmp_path / "run.zarr"
+    solution = lv.integrate(**call, store=path, checkpoint=100, progress=progress)
+    assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
+    assert solution.status == "interrupted"
+    assert solution.message.startswith("interrupted after 100 of 500 steps; liouville.resume(")
+    stored = lv.load(path)
+    # every ninth state and the present one
+    assert stored.q[:-1].tobytes() == whole.q[: len(stored.t) - 1].tobytes()
+    assert stored.t.size == 13
+    assert stored.t[-1] == solution.t[-1] == pytest.approx(0.4)
+    assert lv.resume(path).status == "done"
+    same(whole, lv.load(path))
+
+
+def late(t, q, v, params):
+    return ca.sqrt(1.5 - t)
+
+
+def test_a_failing_run_stores_all_before_it_and_fails_again(small, tmp_path):
+    call = pendulum(steps=400, observe={"root": late})
+    with pytest.raises(lv.IntegrationError) as plain:
+        lv.integrate(**call)
+    path = tmp_path / "run.zarr"
+    for attempt in (lambda: lv.integrate(**call, store=path), lambda: lv.resume(path)):
+        with pytest.raises(lv.IntegrationError) as stored:
+            attempt()
+        assert str(stored.value) == str(plain.value)
+        assert stored.value.step == plain.value.step
+        assert stored.value.solution.t[-1] == plain.value.solution.t[-1]
+        same(plain.value.solution, lv.load(path))
+
+
+def test_a_run_that_cannot_start_leaves_nothing(tmp_path):
+    def singular(t, q, v, params):
+        return 1 / q[1]
+
+    with pytest.raises(lv.IntegrationError):
+        lv.integrate(**pendulum(steps=10, observe={"bad": singular}), store=tmp_path / "run.zarr")
+    assert not [*tmp_path.iterdir()]
+
+
+def test_others_read_the_folder_while_it_grows_and_when_it_is_done(small, tmp_path):
+    path = tmp_path / "run.zarr"
+    lengths = []
+
+    def progress(done, total):
+        with xarray.open_zarr(path, consolidated=False, decode_times=False) as records:
+            lengths.append((done, records.time.size))
+            assert records.attrs["status"] == "interrupted"
+
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        lv.integrate(**pendulum(steps=200), store=path, checkpoint=50, progress=progress)
+        with xarray.open_zarr(path, consolidated=False, decode_times=False) as records:
+            assert records.q.dims == ("time", "coordinate")
+            assert records.time.size == 201
+    assert all(0 <= done + 1 - length < 30 for done, length in lengths[:-1])
+    assert len(lengths) > 3
+
+
+def test_a_light_solution_says_where_its_records_are(tmp_path):
+    path = tmp_path / "run.zarr"
+    solution = lv.integrate(**pendulum(steps=20), store=path)
+    assert repr(solution).endswith(f"its records are in {str(path)!r}>")
+    assert solution.q.shape == (2, 2)
+    with pytest.raises(ValueError, match="dense output needs"):
+        solution(1.0)
+    assert solution.system is not None
+
+
+@pytest.mark.parametrize(
+    ("more", "error", "words"),
+    [
+        ({"store": "run.nc"}, ValueError, r"stored in a \.zarr folder, not in 'run.nc'"),
+        ({"store": 3}, TypeError, "store is a path, not 3"),
+        ({"store": "no/run.zarr"}, FileNotFoundError, "does not exist"),
+        ({"checkpoint": 5}, TypeError, "checkpoint is for a stored run"),
+        ({"store": "run.zarr", "checkpoint": 0}, ValueError, "checkpoint"),
+        ({"store": "run.zarr", "checkpoint": "5 weeks"}, ValueError, "neither steps nor a time"),
+        ({"store": "run.zarr", "checkpoint": "0s"}, ValueError, "neither steps nor a time"),
+        ({"store": "."}, ValueError, "folder"),
+        ({"store": "there.zarr"}, FileExistsError, "liouville.resume"),
+    ],
+)
+def test_what_cannot_be_stored_is_refused_before_the_run(more, error, words, elsewhere):
+    Path("there.zarr").mkdir()
+    with pytest.raises(error, match=words):
+        lv.integrate(**pendulum(steps=10), **more)
+    assert [path.name for path in elsewhere.iterdir()] == ["there.zarr"]
+
+
+def test_what_cannot_be_pickled_is_refused_before_the_run(tmp_path):
+    products = lv.Schrodinger((4, lambda x: 2 * x), bounds=(0.0, 3.0))
+    with pytest.raises(TypeError, match=r"cannot be pickled(.|\n)*hint: define its functions"):
+        lv.integrate(
+            products, lv.Chebyshev(), t=(0.0, 1.0), psi=[1, 0, 0, 0], store=tmp_path / "run.zarr"
+        )
+    assert not [*tmp_path.iterdir()]
+
+
+def cut_off(path):
+    with pytest.raises(CutError):
+        lv.integrate(**pendulum(steps=100), store=path, checkpoint=10, progress=cutting(2))
+
+
+def test_what_is_no_run_to_go_on_with_is_refused(tmp_path):
+    path = tmp_path / "run.zarr"
+    with pytest.raises(FileNotFoundError, match="there is no folder"):
+        lv.resume(path)
+    path.mkdir()
+    with pytest.raises(ValueError, match="holds no run of liouville"):
+        lv.resume(path)
+    path.rmdir()
+    lv.integrate(**pendulum(steps=10)).save(path)
+    with pytest.raises(ValueError, match=r"a solution, and no run(.|\n)*hint: .*store="):
+        lv.resume(path)
+
+
+def test_a_run_of_another_version_is_not_gone_on_with(tmp_path):
+    path = tmp_path / "run.zarr"
+    cut_off(path)
+    told = path / folder.CHECKPOINT / folder.META
+    group = json.loads(told.read_text())
+    assert group["attributes"]["liouville"]
+    group["attributes"]["liouville"] = "0.0.1"
+    told.write_text(json.dumps(group))
+    with pytest.raises(ValueError, match=r"of liouville 0\.0\.1, and this is"):
+        lv.resume(path)
+    assert lv.load(path).status == "interrupted"
+
+
+def test_a_state_that_is_none_or_another_runs_is_refused(tmp_path):
+    path, other = tmp_path / "run.zarr", tmp_path / "other.zarr"
+    cut_off(path)
+    with pytest.raises(CutError):
+        lv.integrate(**field(), store=other, checkpoint=10, progress=cutting(2))
+    state = path / folder.CHECKPOINT / stream.STATE
+    whole = state.read_bytes()
+    state.write_bytes((other / folder.CHECKPOINT / stream.STATE).read_bytes())
+    with pytest.raises(ValueError, match="whose state is of another run"):
+        lv.resume(path)
+    state.write_bytes(whole[:200] + b"bits" + whole[204:])
+    with pytest.raises(ValueError, match=r"whose state (cannot be read|is of another run)"):
+        lv.resume(path)
+    state.unlink()
+    with pytest.raises(ValueError, match="whose state cannot be read"):
+        lv.resume(path)
