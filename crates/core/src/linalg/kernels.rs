@@ -49,14 +49,16 @@ fn combine_members<R: Real>(
     x: &Matrix<R>,
     finish: impl Fn(usize, usize, R) -> R,
 ) {
-    let rows = weights.flat().chunks_exact(weights.cols());
-    for (i, (out, weights)) in out.chunks_exact_mut(x.cols()).zip(rows).enumerate() {
-        for (k, out) in out.iter_mut().enumerate() {
+    let (cols, inner) = (x.cols(), weights.cols());
+    let (weights, x) = (weights.flat(), x.flat());
+    let rows = (out.len() / cols).min(weights.len() / inner);
+    for i in 0..rows {
+        for k in 0..cols {
             let mut sum = R::splat(0.0);
-            for (weight, x) in weights.iter().zip(x.flat().chunks_exact(x.cols())) {
-                sum += x[k] * *weight;
+            for j in 0..inner.min(x.len() / cols) {
+                sum += x[j * cols + k] * weights[i * inner + j];
             }
-            *out = finish(i, k, sum);
+            out[i * cols + k] = finish(i, k, sum);
         }
     }
 }
