@@ -378,11 +378,14 @@ impl Advance for Ensemble {
         let mut queue = mem::take(&mut self.queue);
         for mut block in mem::take(&mut queue.waiting) {
             if let Some(run) = &mut block.run {
+                let (stats, rejected) = run.stats();
+                queue.stats = (queue.stats.0 + stats, queue.stats.1 + rejected);
+                queue.steps += run.done() * block.members.len();
                 let records = run.take();
                 self.keep(&mut queue, &block.members, records, None);
             }
         }
-        match &self.layout {
+        let records = match &self.layout {
             Layout::Together { times, width } => {
                 let total = self.members * width;
                 let mut rows = mem::take(&mut queue.table);
@@ -396,9 +399,12 @@ impl Advance for Ensemble {
             }
             Layout::Apart => {
                 queue.left.sort_by_key(|(member, _)| *member);
-                apart(queue.left, reached, self.t0)
+                apart(mem::take(&mut queue.left), reached, self.t0)
             }
-        }
+        };
+        // what was done is still asked for
+        self.queue = queue;
+        records
     }
 }
 

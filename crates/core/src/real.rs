@@ -4,6 +4,7 @@
 //! lane's result has the same bits as the scalar one. Plain arrays are enough for the compiler to
 //! use whatever vector width the target has.
 #![allow(clippy::inline_always)] // an operation on lanes must vanish into the loop around it
+#![allow(clippy::needless_range_loop)] // and be one that is sure to be unrolled
 
 use std::ops::{Add, AddAssign, Div, Mul, MulAssign, Neg, Sub, SubAssign};
 
@@ -119,48 +120,57 @@ impl<const W: usize> Scalar for Lanes<W> {
 impl<const W: usize> Real for Lanes<W> {
     #[inline(always)]
     fn map(self, f: impl Fn(f64) -> f64) -> Self {
-        Self(std::array::from_fn(|i| f(self.0[i])))
+        let mut out = self;
+        for i in 0..W {
+            out.0[i] = f(self.0[i]);
+        }
+        out
     }
     #[inline(always)]
     fn zip(self, other: Self, f: impl Fn(f64, f64) -> f64) -> Self {
-        Self(std::array::from_fn(|i| f(self.0[i], other.0[i])))
+        let mut out = self;
+        for i in 0..W {
+            out.0[i] = f(self.0[i], other.0[i]);
+        }
+        out
     }
     #[inline(always)]
     fn all(self, f: impl Fn(f64) -> bool) -> bool {
         // without a way out, so that several are looked at in one instruction
-        self.0.into_iter().fold(true, |all, x| all & f(x))
+        let mut all = true;
+        for i in 0..W {
+            all &= f(self.0[i]);
+        }
+        all
     }
 }
 
-impl<const W: usize> Add for Lanes<W> {
-    type Output = Self;
-    #[inline(always)]
-    fn add(self, other: Self) -> Self {
-        self.zip(other, |a, b| a + b)
-    }
+// Loops and no closures: what is not inlined is compiled without the instructions it is for.
+macro_rules! lanewise {
+    ($($operator:ident $name:ident $symbol:tt,)*) => {$(
+        impl<const W: usize> $operator for Lanes<W> {
+            type Output = Self;
+            #[inline(always)]
+            fn $name(mut self, other: Self) -> Self {
+                for i in 0..W {
+                    self.0[i] = self.0[i] $symbol other.0[i];
+                }
+                self
+            }
+        }
+    )*};
 }
 
-impl<const W: usize> Sub for Lanes<W> {
-    type Output = Self;
-    #[inline(always)]
-    fn sub(self, other: Self) -> Self {
-        self.zip(other, |a, b| a - b)
-    }
-}
-
-impl<const W: usize> Mul for Lanes<W> {
-    type Output = Self;
-    #[inline(always)]
-    fn mul(self, other: Self) -> Self {
-        self.zip(other, |a, b| a * b)
-    }
-}
+lanewise! { Add add +, Sub sub -, Mul mul *, Div div /, }
 
 impl<const W: usize> Mul<f64> for Lanes<W> {
     type Output = Self;
     #[inline(always)]
-    fn mul(self, factor: f64) -> Self {
-        self.map(|a| a * factor)
+    fn mul(mut self, factor: f64) -> Self {
+        for i in 0..W {
+            self.0[i] *= factor;
+        }
+        self
     }
 }
 
@@ -182,14 +192,6 @@ impl<const W: usize> MulAssign for Lanes<W> {
     #[inline(always)]
     fn mul_assign(&mut self, other: Self) {
         *self = *self * other;
-    }
-}
-
-impl<const W: usize> Div for Lanes<W> {
-    type Output = Self;
-    #[inline(always)]
-    fn div(self, other: Self) -> Self {
-        self.zip(other, |a, b| a / b)
     }
 }
 

@@ -76,14 +76,21 @@ impl<R: Real> Lu<R> {
         let n = self.order();
         #[allow(clippy::cast_precision_loss)]
         let tiny = 4.0 * n as f64 * f64::EPSILON;
-        for i in k..n {
-            self.sizes[i] = self.factors[(i, k)].map(f64::abs) / self.scale[i];
+        if R::MEMBERS > 1 {
+            for i in k..n {
+                self.sizes[i] = self.factors[(i, k)].map(f64::abs) / self.scale[i];
+            }
         }
+        let (factors, scale, sizes) = (&self.factors, &self.scale, &self.sizes);
         let swaps = &mut self.swaps[k * R::MEMBERS..(k + 1) * R::MEMBERS];
         for (member, swap) in swaps.iter_mut().enumerate() {
             let (mut best, mut size) = (k, 0.0);
-            for (i, candidate) in self.sizes.iter().enumerate().skip(k) {
-                let candidate = candidate.member(member);
+            for i in k..n {
+                let candidate = if R::MEMBERS > 1 {
+                    sizes[i].member(member)
+                } else {
+                    factors[(i, k)].member(member).abs() / scale[i].member(member)
+                };
                 if candidate > size {
                     (best, size) = (i, candidate);
                 }

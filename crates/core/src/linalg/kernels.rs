@@ -49,14 +49,16 @@ fn combine_members<R: Real>(
     x: &Matrix<R>,
     finish: impl Fn(usize, usize, R) -> R,
 ) {
-    let rows = weights.flat().chunks_exact(weights.cols());
-    for (i, (out, weights)) in out.chunks_exact_mut(x.cols()).zip(rows).enumerate() {
-        for (k, out) in out.iter_mut().enumerate() {
+    let (cols, inner) = (x.cols(), weights.cols());
+    let (weights, x) = (weights.flat(), x.flat());
+    let rows = (out.len() / cols).min(weights.len() / inner);
+    for i in 0..rows {
+        for k in 0..cols {
             let mut sum = R::splat(0.0);
-            for (weight, x) in weights.iter().zip(x.flat().chunks_exact(x.cols())) {
-                sum += x[k] * *weight;
+            for j in 0..inner.min(x.len() / cols) {
+                sum += x[j * cols + k] * weights[i * inner + j];
             }
-            *out = finish(i, k, sum);
+            out[i * cols + k] = finish(i, k, sum);
         }
     }
 }
@@ -126,21 +128,34 @@ pub fn copy_scaled<R: Real + Mul<F, Output = R>, F: Copy>(out: &mut [R], factor:
 /// Largest magnitude; NaN counts as infinite.
 #[inline]
 pub fn max_norm<R: Real>(x: &[R]) -> R {
-    const SIGN: u64 = 1 << 63;
-    // magnitudes are ordered as their bits are, NaN last, and these compare side by side
+    // magnitudes are ordered as their bits are, NaN last
     let larger = |a: f64, b: f64| f64::from_bits(a.to_bits().max(b.to_bits() & !SIGN));
+    if let Some(x) = R::alone(x) {
+        return R::splat(max_norm_alone(x));
+    }
+    let largest = x.iter().fold(R::splat(0.0), |a, b| a.zip(*b, larger));
+    largest.map(|x| if x.is_nan() { f64::INFINITY } else { x })
+}
+
+const SIGN: u64 = 1 << 63;
+
+#[inline]
+fn max_norm_alone(x: &[f64]) -> f64 {
+    // these compare side by side
     let (chunks, rest) = x.as_chunks::<4>();
-    let mut largest = [R::splat(0.0); 4];
+    let mut largest = [0_u64; 4];
     for chunk in chunks {
         for (largest, x) in largest.iter_mut().zip(chunk) {
-            *largest = largest.zip(*x, larger);
+            *largest = (*largest).max(x.to_bits() & !SIGN);
         }
     }
-    let largest = largest
-        .iter()
-        .chain(rest)
-        .fold(R::splat(0.0), |a, b| a.zip(*b, larger));
-    largest.map(|x| if x.is_nan() { f64::INFINITY } else { x })
+    let rest = rest.iter().map(|x| x.to_bits() & !SIGN);
+    let largest = f64::from_bits(largest.into_iter().chain(rest).fold(0, u64::max));
+    if largest.is_nan() {
+        f64::INFINITY
+    } else {
+        largest
+    }
 }
 
 /// `Σ x_i y_i`, over as many as both have.
