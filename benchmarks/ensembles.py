@@ -30,7 +30,7 @@ from liouville.problems import spherical_pendulum as problem
 
 OWN = ((2, 0.05), (4, 0.1))  # stages and step
 TOLERANCES = (1e-4, 1e-8, 1e-13)
-SAMPLE, REPEATS = 500, 3
+SAMPLE, REPEATS = 200, 3
 
 
 def members(count):

@@ -43,8 +43,8 @@ def installed(name: str) -> str | None:
 
 def publish(name: str, rows: Sequence[dict[str, Any]], packages: Sequence[str] = ()) -> None:
     """Print rows as a Markdown table and write them to results/<name>.json."""
-    cells = [[_text(value) for value in row.values()] for row in rows]
-    header = list(rows[0])
+    header = list(dict.fromkeys(key for row in rows for key in row))
+    cells = [[_text(row.get(key)) for key in header] for row in rows]
     widths = [max(map(len, column)) for column in zip(header, *cells, strict=True)]
     print(_line(header, widths))
     print("|" + "|".join("-" * (width + 2) for width in widths) + "|")

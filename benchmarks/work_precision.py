@@ -261,7 +261,7 @@ def draw(results):
     figure.tight_layout()
     path = RESULTS.parent.parent / "build" / "work_precision.png"
     path.parent.mkdir(exist_ok=True)
-    figure.savefig(path, dpi=120)
+    figure.savefig(path, dpi=90)
 
 
 def main():

@@ -2,6 +2,7 @@ import os
 import signal
 import subprocess
 import sys
+import time
 from dataclasses import dataclass, field, fields
 
 import numpy as np
@@ -94,6 +95,28 @@ def test_a_failed_run_is_kept_and_leaves_with_1(tmp_path, model):
     assert solution.status == "failed"
     assert 0.9 < solution.t[-1] <= 1.0
     assert (tmp_path / "run.pdf").exists()
+
+
+def test_a_stored_run_that_was_killed_is_resumed(model, tmp_path):
+    words = f"run {model} --until 500 --h 0.01 --checkpoint 1000 --store"
+    path = tmp_path / "run.zarr"
+    process = subprocess.Popen([*COMMAND, *words.split(), "run.zarr"], cwd=tmp_path, env=QUIET)
+    while not path.exists():
+        time.sleep(0.01)
+    process.kill()
+    process.communicate()
+    resumed = liouville("resume run.zarr", tmp_path)
+    assert resumed.returncode == 0
+    assert "0 to 500" in resumed.stdout
+    assert liouville(f"{words} whole.zarr", tmp_path).returncode == 0
+    assert lv.load(path).q.tobytes() == lv.load(tmp_path / "whole.zarr").q.tobytes()
+
+    again = liouville(f"{words} run.zarr", tmp_path)
+    assert again.returncode == 2
+    assert "hint: liouville.resume('run.zarr') goes on" in again.stderr
+    refused = liouville(f"{words} other.zarr --out run.nc", tmp_path)
+    assert refused.returncode == 2
+    assert "it takes no --out" in refused.stderr
 
 
 def test_an_interrupted_run_is_kept_and_leaves_with_130(tmp_path):

@@ -27,13 +27,13 @@ CORE_FLOORS = (
 )
 PACKAGE_FLOORS = (
     ("_core", "errors"),
-    ("_arguments", "events", "points", "tape", "terms"),
+    ("_arguments", "events", "failure", "points", "tape", "terms"),
     ("methods", "systems"),
     ("solution", "splitting"),
     ("planner", "propagation"),
     ("routes", "spread"),
     ("integrate",),
-    ("determinant", "section"),
+    ("determinant", "ensemble", "section"),
     ("convergence", "export", "fem", "plot", "problems"),
     ("stored",),
     ("cli",),

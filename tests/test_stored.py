@@ -113,7 +113,8 @@ def same(one, other):
 
 @pytest.fixture
 def small(monkeypatch):
-    """Make chunks so small that a short run has many."""
+    """Make chunks so small that a short run has many, and trust the disk."""
+    monkeypatch.setattr(folder.os, "fsync", lambda _: None)
     monkeypatch.setattr(stream, "BYTES", 1000)
     monkeypatch.setattr(stream, "EVENTS", 2)
 
@@ -148,8 +149,10 @@ def test_a_run_cut_off_again_and_again_has_the_bits_of_one_that_was_not(kind, sm
     same(whole, lv.load(lv.resume(path).path))
 
 
-def test_a_file_cut_off_in_the_middle_leaves_what_was_there(small, tmp_path, monkeypatch):
-    call = pendulum(steps=90, events={"low": height}, checkpoint=20)
+@pytest.mark.parametrize("stride", [19, pytest.param(1, marks=pytest.mark.slow)])
+def test_a_file_cut_off_in_the_middle_leaves_what_was_there(stride, small, tmp_path, monkeypatch):
+    monkeypatch.setattr(stream, "BYTES", 2500)
+    call = pendulum(steps=70, events={"low": height}, checkpoint=30)
     whole = lv.integrate(**{**call, "checkpoint": None})
     write, made, last = folder.Folder.write, count(), None
 
@@ -165,7 +168,7 @@ def test_a_file_cut_off_in_the_middle_leaves_what_was_there(small, tmp_path, mon
 
     monkeypatch.setattr(folder.Folder, "write", dying)
     begun = 0
-    for last, is_late in ((n, late) for n in count() for late in (False, True)):
+    for last, is_late in ((n, late) for n in count(0, stride) for late in (False, True)):
         path = tmp_path / f"{last}-{is_late}.zarr"
         made = count()
         try:
@@ -178,7 +181,7 @@ def test_a_file_cut_off_in_the_middle_leaves_what_was_there(small, tmp_path, mon
                 assert not [*path.rglob("*.tmp")]
             assert not [*tmp_path.glob(".*")]
             shutil.rmtree(path, ignore_errors=True)
-    assert begun > 60
+    assert begun > 60 / stride
 
 
 def go(path, call):
@@ -226,18 +229,19 @@ def test_memory_does_not_grow_with_the_run(tmp_path, monkeypatch):
     monkeypatch.setattr(stream, "BYTES", 1 << 20)
     receive, send = get_context("fork").Pipe(duplex=False)
 
-    def peak(steps):
-        lv.integrate(**field(t=(0.0, 1e-3 * steps), steps=steps), store=tmp_path / f"{steps}.zarr")
+    def peak(records):
+        call = waves(system=lv.Schrodinger(lv.Lattice(1000)), psi=np.ones(1000))
+        call["t"] = np.linspace(0.0, 1e-3 * records, records)
+        lv.integrate(**call, method=lv.Chebyshev(tol=1e-3), store=tmp_path / f"{records}.zarr")
         send.send(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss << 10)
 
     found = []
-    for steps in (100_000, 1_000_000):
-        process = get_context("fork").Process(target=peak, args=(steps,))
+    for records in (1000, 6000):
+        process = get_context("fork").Process(target=peak, args=(records,))
         process.start()
         found.append(receive.recv())
         process.join()
-    records = 900_000 * 8 * 6
-    assert found[1] - found[0] < records / 4
+    assert found[1] - found[0] < 5000 * 16_000 / 4
 
 
 def interrupting(done, total):
@@ -308,7 +312,9 @@ def test_others_read_the_folder_while_it_grows_and_when_it_is_done(small, tmp_pa
         with xarray.open_zarr(path, consolidated=False, decode_times=False) as records:
             assert records.q.dims == ("time", "coordinate")
             assert records.time.size == 201
-    assert all(0 <= done + 1 - length < 30 for done, length in lengths[:-1])
+    # up to the last whole chunk before the last checkpoint
+    assert all(0 <= done + 1 - length <= 60 for done, length in lengths[:-1])
+    assert max(length for _, length in lengths) > 100
     assert len(lengths) > 3
 
 

@@ -1,11 +1,11 @@
 """Structure-preserving time integrators: a Rust core with a Python front."""
 
 from liouville.determinant import determinant as determinant
-from liouville.errors import Failure as Failure
+from liouville.ensemble import ensemble as ensemble
 from liouville.errors import IntegrationError as IntegrationError
 from liouville.events import Event as Event
 from liouville.export import load as load
-from liouville.integrate import ensemble as ensemble
+from liouville.failure import Failure as Failure
 from liouville.integrate import integrate as integrate
 from liouville.methods import HHT as HHT
 from liouville.methods import METHODS as METHODS

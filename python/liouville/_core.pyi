@@ -28,6 +28,7 @@ __all__ = [
     "determinant_run",
     "ladder",
     "lobatto_pair",
+    "mechanical_ensemble",
     "mechanical_path",
     "mechanical_run",
     "processor_degree",
@@ -134,6 +135,9 @@ class Run:
     @property
     def done(self) -> int: ...
     @property
+    def over(self) -> int: ...
+    def failures(self) -> list[_Trouble]: ...
+    @property
     def t(self) -> float: ...
     @property
     def stats(self) -> dict[str, int | float]: ...
@@ -156,6 +160,16 @@ def mechanical_run(
     watch: tuple[int, NDArray[np.float64] | None, list[tuple[Tape, int, int, bool]]] | None,
     states: bool,
 ) -> Run | _Trouble: ...
+def mechanical_ensemble(
+    problem: Mechanical | SecondOrder | Separable,
+    method: object,
+    observer: Tape,
+    params: NDArray[np.float64],
+    start: Sequence[NDArray[np.float64]],
+    span: tuple[float, float, int, int],
+    states: bool,
+    threads: int,
+) -> Run: ...
 def mechanical_path(
     problem: Mechanical,
     params: NDArray[np.float64],

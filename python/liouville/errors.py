@@ -4,31 +4,11 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from liouville.section import Section
     from liouville.solution import Solution
-
-
-@dataclass(frozen=True)
-class Failure:
-    """Why a member of an ensemble has no more states.
-
-    Attributes
-    ----------
-    step : int
-        Number of the failed step, from 0.
-    t : float
-        Time at its start.
-    message : str
-        What failed, and what to try.
-    """
-
-    step: int
-    t: float
-    message: str
 
 
 class IntegrationError(RuntimeError):

@@ -20,6 +20,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from liouville.failure import Failure
 from liouville.points import Points
 from liouville.solution import STATES, Array, Solution
 
@@ -60,7 +61,7 @@ def to_xarray(solution: Solution) -> xarray.Dataset:
         xarray is not installed.
     """
     xr = _needed("xarray")
-    names = solution.names
+    names, failures = solution.names, solution.failures
     variables: dict[str, Any] = {}
     lead = ("time",) if solution.members is None else ("time", "member")
     axis_of = AXES | ({"z": "unknown"} if "unknowns" in names else {})
@@ -71,13 +72,14 @@ def to_xarray(solution: Solution) -> xarray.Dataset:
         variables["invariants"] = ((*lead, "invariant"), columns)
     if solution.residuals:
         known = names["constraints"]
-        rows = np.full((solution.t.size, len(solution.residuals), len(known)), np.nan)
+        shape = next(iter(solution.residuals.values())).shape[:-1]
+        rows = np.full((*shape, len(solution.residuals), len(known)), np.nan)
         for place, (name, values) in enumerate(solution.residuals.items()):
-            rows[:, place, _place(name, values, known)] = values
-        variables["residuals"] = (("time", "residual", "constraint"), rows)
+            rows[..., place, _place(name, values, known)] = values
+        variables["residuals"] = ((*lead, "residual", "constraint"), rows)
     if solution.balance:
-        columns = np.stack(list(solution.balance.values()), axis=1)
-        variables["balance"] = (("time", "term"), columns)
+        columns = np.stack(list(solution.balance.values()), axis=-1)
+        variables["balance"] = ((*lead, "term"), columns)
     for name, values in solution.observed.items():
         label = "observed_" + name.replace("/", SLASH)
         variables[label] = ((*lead, f"{label}_axis")[: values.ndim], values, {"name": name})
@@ -108,6 +110,7 @@ def to_xarray(solution: Solution) -> xarray.Dataset:
             "h": solution.h,
             "dense_order": solution.dense_order,
             "members": -1 if solution.members is None else solution.members,
+            "failures": json.dumps({k: [x.step, x.t, x.message] for k, x in failures.items()}),
             "tolerances": json.dumps(solution.tolerances, default=_plain),
             # Zarr forgets the order of variables.
             "order": json.dumps(list(variables)),
@@ -226,8 +229,10 @@ def _read(path: Path, are_all: bool = True) -> Solution:
         with _needed("xarray").open_dataset(
             path, decode_times=False, mask_and_scale=False, **options
         ) as opened:
-            step = 1 if are_all else max(1, opened.sizes["time"] - 1)
-            dataset = _complex(opened.isel(time=slice(None, None, step)).load())
+            if not are_all:
+                step = max(1, opened.sizes["time"] - 1)
+                opened = opened.isel(time=slice(None, None, step))
+            dataset = _complex(opened.load())
     except (OSError, KeyError, ValueError) as error:
         raise ValueError(f"{str(path)!r} cannot be read as {path.suffix}: {error}") from error
     found = dataset.attrs.get(MARK)
@@ -260,7 +265,7 @@ def _from_xarray(dataset: xarray.Dataset) -> Solution:
         states={name: variable.values for name, variable in variables.items() if name in STATES},
         invariants=columns("invariants", "invariant"),
         residuals={
-            name: values[:, ~np.isnan(values).any(axis=0)]
+            name: values[..., _filled(values)]
             for name, values in columns("residuals", "residual").items()
         },
         observed={
@@ -278,6 +283,7 @@ def _from_xarray(dataset: xarray.Dataset) -> Solution:
         },
         h=float(attributes["h"]),
         members=_members(attributes.get("members", -1)),
+        failures=_failures(json.loads(attributes.get("failures", "{}"))),
         tolerances=json.loads(attributes["tolerances"]),
         method=attributes["method"],
         stats=json.loads(attributes["stats"]),
@@ -322,8 +328,19 @@ def _complex(dataset: xarray.Dataset) -> xarray.Dataset:
 
 def _place(residual: str, values: Array, constraints: tuple[str, ...]) -> slice:
     """Say to which constraints a residual belongs."""
-    first = len(constraints) - values.shape[1] if residual == "nonholonomic" else 0
-    return slice(first, first + values.shape[1])
+    first = len(constraints) - values.shape[-1] if residual == "nonholonomic" else 0
+    return slice(first, first + values.shape[-1])
+
+
+def _filled(values: Array) -> Array:
+    """Say which columns are there: the others are NaN throughout."""
+    flat = values.reshape(-1, values.shape[-1])
+    is_missing = np.isnan(flat).all(axis=0) & bool(len(flat))
+    return np.logical_not(is_missing)
+
+
+def _failures(given: dict[str, list[Any]]) -> dict[int, Failure]:
+    return {int(member): Failure(*failure) for member, failure in given.items()}
 
 
 def _members(count: int) -> int | None:

@@ -5,9 +5,6 @@ from __future__ import annotations
 import os
 import time
 from collections.abc import Callable, Mapping, Sequence
-from concurrent.futures import Executor
-from dataclasses import replace
-from functools import partial
 from typing import Any
 
 import numpy as np
@@ -17,13 +14,13 @@ from liouville import _core
 from liouville._arguments import memory
 from liouville.errors import IntegrationError, hinted
 from liouville.events import Event
+from liouville.failure import Failure, told
 from liouville.methods import Method
 from liouville.planner import Plan
 from liouville.points import Points
 from liouville.propagation import Propagation
 from liouville.routes import Asked, Route, route
 from liouville.solution import RESIDUALS, STATES, Solution
-from liouville.spread import Job, spread
 from liouville.systems import SemiExplicit, System
 
 #: Seconds between two looks at the signals and the progress bar.
@@ -173,104 +170,6 @@ def integrate(
     return stored.begin(route(system, method, asked), place, progress)
 
 
-def ensemble(
-    system: System,
-    method: Method | Plan | Propagation | str,
-    *,
-    t: tuple[float, float] | Sequence[float],
-    h: float | None = None,
-    steps: int | None = None,
-    tol: float | None = None,
-    every: int = 1,
-    observe: Mapping[str, Callable[..., Any]] | None = None,
-    params: Mapping[str, ArrayLike] | None = None,
-    states: bool = True,
-    progress: Callable[[float, float], None] | None = None,
-    threads: int | None = None,
-    executor: Executor | None = None,
-    chunk: int | None = None,
-    **start: ArrayLike,
-) -> Solution:
-    """Integrate a system from many start values at once, in lock-step lanes and on many threads.
-
-    All members take the same steps, and each has the same bits as a run of its own by the same
-    method.
-
-    Parameters
-    ----------
-    system : PolynomialField or Schrodinger
-        What is integrated.
-    method : VolumeSplitting, Plan, or a method for Schrödinger equations
-        How.
-    t, h, steps, tol, every, observe, params, states
-        As for :func:`integrate`.
-    progress : callable, optional
-        ``progress(done, total)``, called about twenty times a second with numbers of steps.
-    threads : int, optional
-        How many, as many as there are processors by default, one in each worker of an executor. The
-        result does not depend on them, bit for bit.
-    executor : concurrent.futures.Executor, optional
-        Whose workers integrate the members, on this machine or others; see
-        :doc:`/guide/cluster`. The result has the same bits.
-    chunk : int, optional
-        Members a worker is given at a time; by default a quarter of its share.
-    **start : array_like
-        ``x`` of shape (P, n), or ``psi``: a row for each of P members.
-
-    Returns
-    -------
-    Solution
-        Its arrays have the member as their second axis: ``x`` of shape (k, P, n), invariants of
-        shape (k, P).
-
-    Raises
-    ------
-    TypeError, ValueError, MemoryError
-        As for :func:`integrate`.
-    IntegrationError
-        A step of a member failed; ``error.solution`` is what all members have done.
-
-    Examples
-    --------
-    >>> import liouville as lv
-    >>> from liouville.problems import euler_top
-    >>> many = [[1.0, 0.1, 0.0], [0.0, 1.0, 0.1]]
-    >>> lv.ensemble(euler_top.system, lv.VolumeSplitting(), t=(0, 1), steps=10, x=many).x.shape
-    (11, 2, 3)
-    """
-    asked = Asked(
-        t=t, h=h, steps=steps, control={}, every=every,
-        observe=observe, params=params, states=states, start=start, is_ensemble=True,
-        threads=threads, tol=tol,
-    )  # fmt: skip
-    path = route(system, method, asked)
-    if executor is None:
-        if chunk is not None:
-            raise TypeError("chunk is for an executor: give executor= too")
-        return run(path, progress)
-    part = partial(
-        ensemble, path.system, path.choice, t=t, h=h, steps=steps, every=every, states=states,
-        observe=path.system.portable(observe), threads=threads or 1,
-    )  # fmt: skip
-    job = Job(
-        part,
-        _arrays(start),
-        None if params is None or path.system is not system else _arrays(params),
-        system.params,
-        path.members[0],
-        (path.pace.count // path.every + 2) * path.row,
-        path.pace.t0,
-    )
-    return replace(spread(job, executor, chunk, progress), system=path.system)
-
-
-def _arrays(given: Mapping[str, Any]) -> dict[str, Any]:
-    """Return arrays for what is none, by name, once for all chunks."""
-    return {
-        name: _arrays(x) if isinstance(x, Mapping) else np.asarray(x) for name, x in given.items()
-    }
-
-
 def run(path: Route, progress: Callable[[float, float], None] | None = None) -> Solution:
     """Go the route of a system and a method to its end, and give what it left."""
     pace = path.pace
@@ -291,7 +190,19 @@ def run(path: Route, progress: Callable[[float, float], None] | None = None) -> 
     stats["seconds"] = time.perf_counter() - clock
 
     status, message, quantity = verdict(outcome, path, stats, end)
-    solution = solution_of(path, times, rows, stats, reached, (status, message), events)
+    failures: dict[int, Failure] = {}
+    if path.members and not isinstance(started, dict):
+        failures = failed(started, path)
+        message = _of_members(started, path, outcome, message, failures)
+        if outcome == "done":
+            stats["steps"] = pace.count
+    ended = status, message
+    solution = solution_of(path, times, rows, stats, reached, ended, events, failures)
+    if failures and not solution.t.size:
+        member, first = next(iter(failures.items()))
+        raise IntegrationError(
+            message, t=first.t, step=first.step, member=member, solution=solution
+        )
     if isinstance(outcome, dict):
         raise failure(outcome, path, quantity, solution) from outcome.get("cause")
     return solution
@@ -307,6 +218,21 @@ def verdict(
     if outcome == "interrupted":
         return outcome, f"interrupted after {stats['steps']}{path.pace.total} steps", ""
     return "done", end, ""
+
+
+def _of_members(
+    run: _core.Run,
+    path: Route,
+    outcome: str | dict[str, Any],
+    message: str,
+    failures: Mapping[int, Failure],
+) -> str:
+    """Give the message of an ensemble: how many of its members are over, and how many failed."""
+    if isinstance(outcome, dict):
+        return message
+    if outcome == "interrupted":
+        message = f"interrupted when {run.over} of {path.members[0]} members were over"
+    return "; ".join(filter(None, [message, told(failures, path.members[0])]))
 
 
 def failure(
@@ -331,6 +257,7 @@ def solution_of(
     reached: float,
     outcome: tuple[str, str],
     events: Mapping[str, Points],
+    failures: Mapping[int, Failure] | None = None,
 ) -> Solution:
     """Say what records of a route mean; `outcome` is status and message."""
     cuts = np.cumsum([*path.columns.values()])[:-1]
@@ -351,10 +278,11 @@ def solution_of(
         tolerances=path.pace.tolerances,
         method=path.method,
         stats=stats,
-        params=_plain(path.params),
+        params=plain(path.params),
         status=outcome[0],
         message=outcome[1],
         members=path.members[0] if path.members else None,
+        failures=dict(failures or {}),
         system=path.system,
     )
 
@@ -403,6 +331,15 @@ def advanced(run: _core.Run, steps: int | None = None) -> str | dict[str, Any]:
         return {"kind": "raised", "cause": error, "step": run.done, "start": run.t}
 
 
+def failed(run: _core.Run, path: Route) -> dict[int, Failure]:
+    """Return the members that failed, and why."""
+    found = {}
+    for trouble in run.failures():
+        member, t = trouble.pop("member"), trouble.get("start", path.pace.t0)
+        found[member] = Failure(trouble.get("step", 0), t, explained(trouble, path)[0])
+    return found
+
+
 def _names(path: Route) -> dict[str, tuple[str, ...]]:
     names = {"coordinates": path.system.coordinates, "constraints": path.constraints}
     if isinstance(path.system, SemiExplicit):
@@ -415,7 +352,8 @@ def _named(prefix: str, parts: Mapping[str, np.ndarray]) -> dict[str, np.ndarray
     return {name: x[..., 0] if x.shape[-1] == 1 else x for name, x in found.items()}
 
 
-def _plain(params: Mapping[str, Any]) -> dict[str, float | list[float]]:
+def plain(params: Mapping[str, Any]) -> dict[str, float | list[float]]:
+    """Return parameters as numbers and lists of such."""
     arrays = {name: np.asarray(value, dtype=float) for name, value in params.items()}
     return {name: x.tolist() if x.ndim else float(x) for name, x in arrays.items()}
 

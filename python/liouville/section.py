@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -14,7 +14,8 @@ from liouville import _core
 from liouville._arguments import MOST_STEPS, number
 from liouville.errors import IntegrationError
 from liouville.events import DIRECTIONS
-from liouville.integrate import drive, explained
+from liouville.failure import Failure, told
+from liouville.integrate import drive, explained, failed
 from liouville.methods import VolumeSplitting
 from liouville.planner import Plan
 from liouville.routes import Asked, FieldRoute, route
@@ -49,6 +50,8 @@ class Section:
         The method, as its repr.
     status : str
         ``"done"``, or ``"interrupted"`` or ``"failed"`` with what was found before.
+    failures : dict of int to Failure
+        Members that failed, with the step, its time and why; their crossings are those before.
     """
 
     x: Array
@@ -61,6 +64,7 @@ class Section:
     period: float | None = None
     direction: str = "both"
     status: str = "done"
+    failures: dict[int, Failure] = field(default_factory=dict)
 
     def __len__(self) -> int:
         """Return how many crossings there are."""
@@ -118,7 +122,7 @@ def section(
     TypeError, ValueError
         As for :func:`liouville.ensemble`, or there is no such plane.
     IntegrationError
-        A step of a member failed; ``error.section`` is what was found before.
+        All members failed; ``error.section`` is what was found before.
 
     References
     ----------
@@ -152,19 +156,26 @@ def section(
     )  # fmt: skip
     outcome = run if isinstance(run, dict) else drive(run, path, progress)
     _, rows = (None, np.empty((0, 2 + len(names)))) if isinstance(run, dict) else run.take()
+    failures = {} if isinstance(run, dict) else failed(run, path)
     forwards = np.sign(pace.t1 - pace.t0)
     order = np.lexsort((forwards * rows[:, 1], rows[:, 0]))
     found = Section(
         x=rows[order, 2:], t=rows[order, 1], member=rows[order, 0].astype(np.int64),
         members=path.members[0], names=names, plane=(normal, cuts[0]), method=path.method,
         period=cuts[1], direction=direction,
-        status="failed" if isinstance(outcome, dict) else outcome,
+        status="failed" if isinstance(outcome, dict) else outcome, failures=failures,
     )  # fmt: skip
     if isinstance(outcome, dict):
         message, quantity = explained(outcome, path)
         raise IntegrationError(
             message, t=outcome.get("start", pace.t0), step=outcome.get("step", 0),
             quantity=quantity, member=outcome.get("member"), section=found,
+        )  # fmt: skip
+    if len(failures) == path.members[0]:
+        member, failure = next(iter(failures.items()))
+        raise IntegrationError(
+            told(failures, path.members[0]), t=failure.t, step=failure.step, member=member,
+            section=replace(found, status="failed"),
         )  # fmt: skip
     return found
 

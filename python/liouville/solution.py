@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from liouville.errors import Failure
+from liouville.failure import Failure
 from liouville.points import Points
 from liouville.systems import Mechanics, System
 
@@ -88,8 +88,8 @@ class Solution:
     members : int or None
         Number P of members of an ensemble, None for a single run.
     failures : dict of int to Failure
-        Members of an ensemble that have no more states from some time on, by number: the step, the
-        time and the reason. Their later rows are NaN.
+        Members of an ensemble that failed, in their order, with the step, its time and why; what
+        they have after it is NaN.
     system : System or None
         The system integrated; None after :func:`liouville.load`.
     path : str or None
@@ -140,8 +140,8 @@ class Solution:
         head = f"{self.status}: {steps} steps of {self.step_size}, {span}{many}, {self.method}"
         if self.path is not None:
             return f"<Solution {head}\n its records are in {self.path!r}>"
-        residuals = {name: np.max(np.abs(r)) for name, r in self.residuals.items() if r.size}
-        drifts = {name: np.max(self.invariant_drift(name)) for name in self.invariants}
+        residuals = {name: self._largest(np.abs(r)) for name, r in self.residuals.items() if r.size}
+        drifts = {name: self._largest(self.invariant_drift(name)) for name in self.invariants}
         kept = [*_worst("residual", residuals), *_worst("drift", drifts)]
         return "\n ".join([f"<Solution {head}", *([", ".join(kept)] if kept else [])]) + ">"
 
@@ -202,6 +202,12 @@ class Solution:
         back = np.argsort(order)
         states = {name: x[back].reshape(*times.shape, -1) for name, x in found.items()}
         return Points(flat if times.ndim else float(flat[0]), states)
+
+    def _largest(self, sizes: Array) -> float:
+        """Return the largest value, of those members that have come so far."""
+        if self.members is not None and (self.failures or self.status != "done"):
+            sizes = sizes[~np.isnan(sizes)]
+        return float(np.max(sizes, initial=0.0))
 
     @property
     def step_size(self) -> str:
@@ -348,6 +354,11 @@ class Solution:
             The run stored no states.
         """
         lam, y = self.lam, self.y if "y" in self.states else self.q
+        if self.members is not None:
+            raise ValueError(
+                "reaction forces are those of a single run\n"
+                "hint: dataclasses.replace cuts a member out of an ensemble"
+            )
         if constraint is not None:
             names = self.names["constraints"]
             if isinstance(constraint, str):

@@ -12,21 +12,17 @@ import os
 import pickle
 import time
 from collections.abc import Callable, Mapping
-from concurrent.futures import (
-    FIRST_COMPLETED,
-    BrokenExecutor,
-    CancelledError,
-    Executor,
-    Future,
-    wait,
-)
+from concurrent.futures import BrokenExecutor, CancelledError, Executor, Future
+from contextlib import suppress
 from dataclasses import dataclass, replace
+from queue import Empty, SimpleQueue
 from typing import Any
 
 import numpy as np
 
 from liouville._arguments import count
-from liouville.errors import Failure, IntegrationError, hinted
+from liouville.errors import IntegrationError, hinted
+from liouville.failure import Failure, told
 from liouville.solution import Solution
 
 #: A task is sent so many times more if its worker dies.
@@ -173,6 +169,7 @@ class _Spread:
         self._name = hashlib.sha256(self._work).hexdigest()
         self._whole = workers  # so many tasks more have the system with them
         self._pending: dict[Future[Solution | None], _Chunk] = {}
+        self._done: SimpleQueue[Future[Solution | None]] = SimpleQueue()
         self._lost: list[tuple[_Chunk, BaseException]] = []
         self._joined = Joined(job)
 
@@ -183,13 +180,12 @@ class _Spread:
             for first in range(0, self._job.members, size):
                 self._send(_Chunk(first, min(first + size, self._job.members)))
             while self._pending:
-                done, _ = wait(self._pending, PATIENCE, FIRST_COMPLETED)
-                for future in done:
-                    self._take(future)
+                with suppress(Empty):
+                    self._take(self._done.get(timeout=PATIENCE))
         except KeyboardInterrupt:
             is_interrupted, self._progress = True, None
-            for future in [future for future in self._pending if future.done()]:
-                self._take(future)
+            while not self._done.empty():
+                self._take(self._done.get())
             if self._joined.first is None:
                 raise
         finally:
@@ -197,7 +193,11 @@ class _Spread:
                 future.cancel()
         if self._joined.first is None:
             raise self._nothing()
-        return self._joined.solution(self._lost, is_interrupted, time.perf_counter() - clock)
+        seconds = time.perf_counter() - clock
+        solution = self._joined.solution(self._lost, is_interrupted, seconds)
+        if not len(solution.t) and len(solution.failures) == self._job.members:
+            raise IntegrationError(solution.message, t=self._job.t0, member=0, solution=solution)
+        return solution
 
     def _send(self, chunk: _Chunk, is_whole: bool = False) -> None:
         is_whole = is_whole or len(self._work) < LARGE or self._whole > 0
@@ -210,13 +210,16 @@ class _Spread:
             self._lost.append((chunk, error))
         else:
             self._pending[future] = chunk
+            future.add_done_callback(self._done.put)
 
     def _take(self, future: Future[Solution | None]) -> None:
         chunk = self._pending.pop(future)
         try:
             found = future.result()
         except IntegrationError as error:
-            raise self._failed(chunk, error) from error
+            found = error.solution
+            if found is None or not found.failures:  # members that fail alone stop no others
+                raise self._failed(chunk, error) from error
         except BaseException as error:
             if not _has_died(error):
                 raise
@@ -235,16 +238,22 @@ class _Spread:
 
     def _failed(self, chunk: _Chunk, error: IntegrationError) -> IntegrationError:
         """Return the error of a member with its number in the whole ensemble."""
-        if error.solution is not None:
-            self._joined.add(chunk.first, chunk.last, error.solution)
-        message, member = str(error), error.member
+        message, member, solution = str(error), error.member, error.solution
         if member is not None:
             member += chunk.first
             message = message.replace(f"member {error.member}:", f"member {member}:", 1)
+        if solution is not None:
+            self._joined.add(chunk.first, chunk.last, solution)
+            whole = self._joined.solution([], False, 0.0)
+            solution = replace(whole, status="failed", message=message)
         return IntegrationError(
-            message, t=error.t, step=error.step, quantity=error.quantity, member=member,
-            solution=self._joined.solution([], True, 0.0),
-        )  # fmt: skip
+            message,
+            t=error.t,
+            step=error.step,
+            quantity=error.quantity,
+            member=member,
+            solution=solution,
+        )
 
     def _nothing(self) -> BaseException:
         """Return what kept all chunks from being done."""
@@ -313,6 +322,7 @@ class Joined:
         for chunk, error in lost:
             why = Failure(0, self._job.t0, f"its worker died ({type(error).__name__})")
             failures |= dict.fromkeys(range(chunk.first, chunk.last), why)
+        failures = dict(sorted(failures.items()))
         status, message = "done", told(failures, members)
         if is_interrupted or self._is_cut:
             status = "interrupted"
@@ -320,7 +330,7 @@ class Joined:
         more: dict[str, Any] = {"t": self._t.copy(), **self._arrays}
         return replace(
             self.first, **more, stats={**self._summed(), "seconds": seconds},
-            failures=dict(sorted(failures.items())), members=members, status=status,
+            failures=failures, members=members, status=status,
             message=message,
         )  # fmt: skip
 
@@ -340,15 +350,6 @@ class Joined:
             else:
                 found[name] = first
         return found
-
-
-def told(failures: Mapping[int, Failure], members: int) -> str:
-    """Say in a sentence which members of an ensemble failed, if any did."""
-    if not failures:
-        return ""
-    first = min(failures)
-    why = failures[first].message
-    return f"{len(failures)} of {members} members failed; the first, member {first}: {why}"
 
 
 def _cut(value: Any, axes: int, first: int, last: int) -> Any:
@@ -372,7 +373,7 @@ def _workers(executor: Executor) -> int:
             return found
     client = getattr(executor, "_client", None)  # of dask
     if client is not None and hasattr(client, "ncores"):
-        return max(sum(client.ncores().values()), 1)
+        return max(int(sum(client.ncores().values())), 1)
     return os.cpu_count() or 1
 
 

@@ -129,7 +129,10 @@ impl Ensemble {
     /// Gives turns to runs until the deadline, at least one.
     fn work(&self, queue: &Mutex<Queue>, start: Instant, budget: Duration, wanted: f64) {
         let is_whole = matches!(self.layout, Layout::Together { .. });
-        while let Some((mut block, steps)) = next(&mut locked(queue), is_whole) {
+        loop {
+            let Some((mut block, steps)) = next(&mut locked(queue), is_whole) else {
+                return;
+            };
             let left = budget.saturating_sub(start.elapsed());
             let begun = match block.run.take() {
                 Some(run) => Ok(run),

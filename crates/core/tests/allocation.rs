@@ -31,7 +31,8 @@ use support::splits::{Draw, every_kind};
 use support::walk::{START, driven_start, heavy};
 use support::waves::{anyhow, ring};
 use support::{
-    FOURTH, Functions, LAM, PENDULUM, T, Y, Z, dot, input, inputs, pendulum, semi_explicit, turning,
+    Expr, FOURTH, Functions, LAM, PENDULUM, T, Y, Z, dot, input, inputs, pendulum, semi_explicit,
+    turning,
 };
 
 /// Two coupled arms with v ≠ z, a full mass matrix, and a reaction that is nonlinear in λ.
@@ -101,6 +102,42 @@ fn a_step_takes_no_memory() {
             let general = steps(&general(), &[], &[0.0, -1.0, 1.0, -1.0], s, solver);
             assert_eq!(general.1, 0, "with {solver:?}, s = {s}");
         }
+    }
+}
+
+/// A zigzag of links in the plane, as many as make matrices sparse.
+fn zigzag(links: usize) -> (Functions, Vec<f64>) {
+    let (y, z) = (inputs(Y, 2 * links), inputs(Z, 2 * links));
+    let link = |k: usize| {
+        let arm: Vec<Expr> = (2 * k..2 * k + 2)
+            .map(|j| {
+                if k == 0 {
+                    y[j].clone()
+                } else {
+                    &y[j] - &y[j - 2]
+                }
+            })
+            .collect();
+        (dot(&arm, &arm) - 1.0) * 0.5
+    };
+    let functions = Functions {
+        v: None,
+        p: (0..2 * links).map(|k| &z[k] + &z[k ^ 1] * 0.1).collect(),
+        f: (0..2 * links).map(|k| y[k].sin() * -0.3).collect(),
+        r: None,
+        g: (0..links).map(link).collect(),
+        params: 0,
+    };
+    let bead = |k: usize| [0.8 * k as f64, 0.6 * (k % 2) as f64];
+    (functions, (1..=links).flat_map(bead).collect())
+}
+
+#[test]
+fn a_step_of_a_large_mechanism_takes_no_memory() {
+    let (functions, y) = zigzag(60);
+    for s in [1, 2, 4] {
+        let found = steps(&functions, &[], &y, s, Solver::NodeSchur);
+        assert_eq!(found.1, 0, "s = {s}");
     }
 }
 

@@ -1,10 +1,10 @@
-//! An ensemble is its runs: bit for bit, whoever steps them, and however it ends.
+//! An ensemble is its members: bit for bit, whoever steps them, and whoever fails.
 
 use liouville_core::ensemble::{Ensemble, Layout};
 use liouville_core::memory::Memory;
 use liouville_core::method::{Stats, Stepper};
 use liouville_core::problem::Observe;
-use liouville_core::run::{Advance, Equal, Run, Status};
+use liouville_core::run::{self, Advance, Equal, Run, Status};
 use liouville_core::trouble::Trouble;
 use std::time::Duration;
 
@@ -96,11 +96,72 @@ fn run(
     Run::new(stepper, Angle { rows }, x, pace, EVERY, 0).expect("the start can be recorded")
 }
 
-fn ensemble(threads: usize, steps: usize, failures: &[(usize, usize)]) -> Ensemble {
-    let runs = (0..RUNS).map(|place| -> (Box<dyn Advance + Sync>, usize) {
-        (Box::new(run(place, steps, failures, |_| 1)), MEMBERS)
-    });
-    Ensemble::new(runs.collect(), threads, Layout::Together)
+/// Runs of blocks of two members: each has the angle of its own place, and fails with its first member.
+struct Pair {
+    runs: Vec<Run<Turning, Angle, Equal>>,
+}
+
+impl Advance for Pair {
+    fn advance_to(&mut self, steps: usize, budget: Duration) -> Status {
+        let made = self.runs.iter().map(Advance::done).min().unwrap_or(0);
+        for step in made + 1..=steps.min(STEPS) {
+            for (place, run) in self.runs.iter_mut().enumerate() {
+                if let Status::Failed { n, t, trouble } = run.advance_to(step, ALL_DAY) {
+                    let trouble = trouble.of_member(place);
+                    return Status::Failed { n, t, trouble };
+                }
+            }
+            if budget.is_zero() {
+                break;
+            }
+        }
+        if self.done() == STEPS {
+            Status::Done
+        } else {
+            Status::Paused
+        }
+    }
+
+    fn done(&self) -> usize {
+        self.runs.iter().map(Advance::done).min().unwrap_or(0)
+    }
+
+    fn time(&self) -> f64 {
+        self.runs[0].time()
+    }
+
+    fn stats(&self) -> (Stats, usize) {
+        let all = self.runs.iter().map(|run| run.stats().0);
+        (all.fold(Stats::default(), |sum, stats| sum + stats), 0)
+    }
+
+    fn take(&mut self) -> (Vec<f64>, Vec<f64>) {
+        let records: Vec<_> = self.runs.iter_mut().map(Advance::take).collect();
+        let count = records
+            .iter()
+            .map(|(times, _)| times.len())
+            .min()
+            .unwrap_or(0);
+        let rows = (0..count).flat_map(|k| {
+            let row = |(_, rows): &(Vec<f64>, Vec<f64>)| rows[2 * k..2 * k + 2].to_vec();
+            records.iter().flat_map(row).collect::<Vec<f64>>()
+        });
+        (records[0].0[..count].to_vec(), rows.collect())
+    }
+}
+
+fn ensemble(threads: usize, failures: &'static [(usize, usize)]) -> Ensemble {
+    let begin = move |members: &[usize]| -> Result<Box<dyn Advance + Sync>, Trouble> {
+        let one = |member: &usize| run(*member, STEPS, failures, |_| 1);
+        Ok(Box::new(Pair {
+            runs: members.iter().map(one).collect(),
+        }))
+    };
+    let layout = Layout::Together {
+        times: run::times((0.5, 0.5 + STEPS as f64 * H, STEPS, EVERY)),
+        width: 2,
+    };
+    Ensemble::new(Box::new(begin), (RUNS, MEMBERS), threads, layout, 0.5)
 }
 
 /// What the runs record alone, laid out side by side for this many times.
@@ -132,14 +193,14 @@ fn finish(ensemble: &mut Ensemble, slice: Duration) -> Status {
 }
 
 #[test]
-fn an_ensemble_is_its_runs_for_any_number_of_threads() {
+fn an_ensemble_is_its_members_for_any_number_of_threads() {
     let wanted = alone(KEPT);
     for threads in [1, 2, 3, 64] {
         for slice in [ALL_DAY, Duration::ZERO] {
-            let mut ensemble = ensemble(threads, STEPS, &[]);
+            let mut ensemble = ensemble(threads, &[]);
             assert_eq!(ensemble.time().to_bits(), 0.5_f64.to_bits());
             assert_eq!(finish(&mut ensemble, slice), Status::Done);
-            assert_eq!(ensemble.done(), STEPS);
+            assert_eq!((ensemble.done(), ensemble.over()), (STEPS, RUNS));
             assert_eq!(ensemble.stats().0.evaluations, RUNS * STEPS);
             assert_eq!(ensemble.advance(slice), Status::Done);
             assert_eq!(ensemble.take(), wanted);
@@ -148,66 +209,52 @@ fn an_ensemble_is_its_runs_for_any_number_of_threads() {
 }
 
 #[test]
-fn the_earliest_failure_is_told_whoever_finds_it() {
-    // run 4 fails first, run 6 with it, and run 0 before anybody may have got so far
-    let failures = [(0, 70), (4, 38), (6, 38), (8, 39)];
+fn a_member_that_fails_leaves_the_others_as_they_are() {
+    // two of one block, one of another, and one at its very first step
+    const FAILURES: &[(usize, usize)] = &[(0, 70), (1, 38), (4, 38), (8, 0)];
+    let (times, mut rows) = alone(KEPT);
+    for (member, step) in FAILURES {
+        for k in step / EVERY + 1..KEPT {
+            rows[(k * RUNS + member) * 2..][..2].fill(f64::NAN);
+        }
+    }
+    let bits = |x: &[f64]| x.iter().map(|x| x.to_bits()).collect::<Vec<_>>();
     for threads in [1, 2, 3] {
         for slice in [ALL_DAY, Duration::ZERO] {
-            let mut ensemble = ensemble(threads, STEPS, &failures);
-            let Status::Failed { n, t, trouble } = finish(&mut ensemble, slice) else {
-                panic!("runs fail");
-            };
-            assert_eq!((n, t.to_bits()), (38, (0.5 + 38.0 * H).to_bits()));
-            let member = 4 * MEMBERS + 1;
-            let Trouble::Singular {
-                piece: 3,
-                member: found,
-                ..
-            } = trouble
-            else {
-                panic!("{trouble}");
-            };
-            assert_eq!(found, member);
-            assert_eq!(ensemble.time().to_bits(), t.to_bits());
-            // records 0, 4, .. 36 are there for all
-            assert_eq!(ensemble.take(), alone(10));
+            let mut ensemble = ensemble(threads, FAILURES);
+            assert_eq!(finish(&mut ensemble, slice), Status::Done);
+            let found = ensemble.failures();
+            for (failure, (member, step)) in found.iter().zip(FAILURES) {
+                #[allow(clippy::cast_precision_loss)]
+                let t = 0.5 + *step as f64 * H;
+                assert_eq!((failure.member, failure.step), (*member, Some((*step, t))));
+            }
+            assert_eq!((found.len(), ensemble.over()), (FAILURES.len(), RUNS));
+            let (found_times, found_rows) = ensemble.take();
+            assert_eq!(found_times, times);
+            assert_eq!(bits(&found_rows), bits(&rows));
         }
     }
 }
 
 #[test]
-fn a_trouble_that_knows_no_members_is_told_with_one() {
-    let mut ensemble = ensemble(2, STEPS, &[(6, 0)]);
-    let Status::Failed { n: 0, trouble, .. } = finish(&mut ensemble, ALL_DAY) else {
-        panic!("run 6 fails");
-    };
-    assert_eq!(
-        trouble.to_string(),
-        "member 12: the Newton matrix of the stages is singular"
-    );
-}
-
-#[test]
-fn an_interrupted_ensemble_has_what_its_runs_have_in_common() {
-    for threads in [1, 2] {
-        let mut ensemble = ensemble(threads, STEPS, &[]);
-        assert_eq!(ensemble.advance_to(50, ALL_DAY), Status::Paused);
-        assert_eq!(ensemble.done(), 50);
+fn an_interrupted_ensemble_has_the_members_it_came_to() {
+    let mut ensemble = ensemble(1, &[]);
+    while ensemble.over() < 4 {
         assert_eq!(ensemble.advance(Duration::ZERO), Status::Paused);
-        assert!((50..STEPS).contains(&ensemble.done()));
-        assert_eq!(ensemble.time().to_bits(), (0.5 + 50.0 * H).to_bits());
-        // records 0, 4, .. 48; the runs' last states are at different times
-        assert_eq!(ensemble.take(), alone(13));
     }
-}
-
-#[test]
-fn a_long_ensemble_pauses() {
-    let mut ensemble = ensemble(2, 1 << 60, &[]);
-    assert_eq!(ensemble.advance(Duration::from_millis(5)), Status::Paused);
-    let most = ensemble.done();
-    assert!((1..1 << 50).contains(&most));
-    assert!(ensemble.time() > 0.5);
+    assert!((1..STEPS).contains(&ensemble.done()));
+    let (times, rows) = ensemble.take();
+    let (wanted_times, wanted) = alone(KEPT);
+    assert_eq!(times, wanted_times);
+    for (k, (row, wanted)) in rows
+        .chunks(2 * RUNS)
+        .zip(wanted.chunks(2 * RUNS))
+        .enumerate()
+    {
+        assert_eq!(row[..8], wanted[..8], "record {k}");
+        assert!(row[12..].iter().all(|x| x.is_nan()));
+    }
 }
 
 #[test]
@@ -217,27 +264,19 @@ fn rows_of_their_own_come_one_run_after_another() {
         y if y > -0.5 => 0,
         _ => 1,
     };
-    let whole = |place| {
+    let begin = move |members: &[usize]| -> Result<Box<dyn Advance + Sync>, Trouble> {
+        Ok(Box::new(run(members[0], STEPS, &[], rows)))
+    };
+    let mut wanted = (Vec::new(), Vec::new());
+    for place in 0..RUNS {
         let mut run = run(place, STEPS, &[], rows);
         assert_eq!(run.advance(ALL_DAY), Status::Done);
-        run.take()
-    };
-    for until in [STEPS, 60] {
-        let runs = (0..RUNS).map(|place| -> (Box<dyn Advance + Sync>, usize) {
-            (Box::new(run(place, STEPS, &[(3, until)], rows)), MEMBERS)
-        });
-        let mut ensemble = Ensemble::new(runs.collect(), 2, Layout::Apart);
-        finish(&mut ensemble, ALL_DAY);
-        let (times, rows) = ensemble.take();
-        let mut wanted = (Vec::new(), Vec::new());
-        #[allow(clippy::cast_precision_loss)]
-        let reached = 0.5 + until as f64 * H;
-        for (all_times, all_rows) in (0..RUNS).map(whole) {
-            let count = all_times.iter().filter(|t| **t <= reached).count();
-            wanted.0.extend_from_slice(&all_times[..count]);
-            wanted.1.extend_from_slice(&all_rows[..2 * count]);
-        }
-        assert!(wanted.0.len() > 50 && wanted.0.len() != RUNS * KEPT);
-        assert_eq!((times, rows), wanted);
+        let (times, rows) = run.take();
+        wanted.0.extend(times);
+        wanted.1.extend(rows);
     }
+    let mut ensemble = Ensemble::new(Box::new(begin), (RUNS, 1), 2, Layout::Apart, 0.5);
+    assert_eq!(finish(&mut ensemble, ALL_DAY), Status::Done);
+    assert!(wanted.0.len() > 50 && wanted.0.len() != RUNS * KEPT);
+    assert_eq!(ensemble.take(), wanted);
 }

@@ -28,7 +28,10 @@ use support::quantum::{flows, packet, rotor};
 use support::splits::{Draw, every_kind};
 use support::walk::{START, driven_start, heavy};
 use support::waves::{anyhow, chain};
-use support::{PENDULUM, T, Y, Z, input, pendulum, semi_explicit as traced, tape, turning};
+use support::{
+    Functions, PENDULUM, T, Y, Z, dot, input, inputs, pendulum, semi_explicit as traced, tape,
+    turning,
+};
 
 const ALL_DAY: Duration = Duration::from_secs(86400);
 
@@ -37,7 +40,8 @@ const ALL_DAY: Duration = Duration::from_secs(86400);
 struct Left {
     times: Vec<u64>,
     rows: Vec<u64>,
-    events: Vec<u64>,
+    /// Of each kind times and rows.
+    events: Vec<[Vec<u64>; 2]>,
     end: String,
 }
 
@@ -46,9 +50,10 @@ impl Left {
         self.times.extend(times.iter().map(|x| x.to_bits()));
         self.rows.extend(rows.iter().map(|x| x.to_bits()));
         let seen = run.seen();
-        for (times, rows) in &seen.events {
-            let met = times.iter().chain(rows);
-            self.events.extend(met.map(|x| x.to_bits()));
+        self.events.resize(seen.events.len(), <_>::default());
+        for (kept, (times, rows)) in self.events.iter_mut().zip(&seen.events) {
+            kept[0].extend(times.iter().map(|x| x.to_bits()));
+            kept[1].extend(rows.iter().map(|x| x.to_bits()));
         }
         self.end = format!("{:?} {:?} {:?}", run.stats(), run.sizes(), seen.end);
     }
@@ -197,9 +202,18 @@ fn spark_goes_on() {
 #[test]
 fn rattle_goes_on() {
     let make = || {
-        let mut model = SeparableModel::new(pendulum().separable(), &PENDULUM);
+        let (y, z) = (inputs(Y, 2), inputs(Z, 2));
+        let swung = Functions {
+            v: None,
+            p: z,
+            f: vec![input(T, 0).sin(), (-9.81).into()],
+            r: None,
+            g: vec![(dot(&y, &y) - 1.0) * 0.5],
+            params: 0,
+        };
+        let mut model = SeparableModel::new(swung.separable(), &[]);
         let state = model.general.state(0.0, &[1.0, 0.0], &[0.0, 0.0]);
-        let observer = observer(&model.general, &PENDULUM);
+        let observer = observer(&model.general, &[]);
         let rattle = Rattle::new(model).expect("a mass");
         let pace = Equal::new(0.0, 0.02, 90);
         Run::new(rattle, observer, state, pace, 2, 0).expect("a start")
@@ -330,7 +344,9 @@ fn numbers_that_are_no_counts_and_flags_are_refused() {
         let mut count = 0_usize;
         assert_eq!(count.restore(0, &mut &[bad][..]), Err(Foreign), "{bad}");
     };
-    [-1.0, 0.5, f64::NAN, f64::INFINITY, 1e16].map(refuses);
+    [-1.0, 0.5, f64::NAN, f64::INFINITY, 1e16]
+        .into_iter()
+        .for_each(refuses);
     let mut flag = false;
     assert_eq!(flag.restore(0, &mut &[2.0][..]), Err(Foreign));
 }

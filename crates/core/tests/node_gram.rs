@@ -145,5 +145,5 @@ fn scattered_blocks_are_inverted() {
             .map_err(|singular| singular.column),
         Err(0)
     );
-    assert!(Blocks::new(&Pattern::full(9, 9)).is_none());
+    assert!(Blocks::<f64>::new(&Pattern::full(9, 9)).is_none());
 }

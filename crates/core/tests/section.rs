@@ -92,7 +92,7 @@ fn run<S: Stored + Real>(
         basis: motion.basis.clone(),
     };
     let stepper = Composed::new(single.clone(), scheme);
-    let members = (first, starts.len());
+    let members = (first..first + starts.len()).collect();
     let section = Section::new(
         volume.clone(),
         (single, stepper),

@@ -2,7 +2,6 @@
 
 mod support;
 
-use liouville_core::method::Stepper;
 use liouville_core::method::spark::{Solver, Spark};
 use liouville_core::problem::mechanical::Model;
 use liouville_core::trouble::Trouble;
@@ -93,6 +92,16 @@ fn sparse_and_dense_solvers_find_one_solution() {
             "{found} and {wanted} corrections"
         );
     }
+}
+
+#[test]
+fn what_is_neither_sparse_nor_small_is_left_to_newton() {
+    let functions = chain(false, false);
+    let most = falling(&functions, 18, Solver::NodeSchur, 3);
+    // a start that fails is tried again, and counted
+    assert!(most.stats().newton_steps >= 3, "{:?}", most.stats());
+    let error = apart(&most.state, &falling(&functions, 8, Solver::Auto, 3).state);
+    assert!(error < 1e-12, "{error:e} apart");
 }
 
 #[test]

@@ -15,8 +15,8 @@ with a = (0, 0, l/2N) and the first rod on a hook at the origin. The term with m
 matrix, see :mod:`~liouville.problems.heavy_top`. With ``revolute=True`` each joint is a hinge,
 about the first axes of its two bodies and the second in turn: two more constraints a joint.
 
-It starts hanging, with angular velocities :math:`\omega_i = (s, 1 - s, 1)`, s = (i - 1/2)/N, of which
-hinges leave :math:`(s', 1 - s'', 0)`, s' and s'' being those below the last joint of each kind.
+It starts hanging, with angular velocities :math:`\omega_i = (s, 1 - s, 1)`, s = (i - 1/2)/N, of
+which hinges leave :math:`(s', 1 - s'', 0)`: s' and s'' are those below the last joint of each kind.
 Spherical joints keep, besides the energy, the angular momentum about the vertical.
 
 The reference is for three rods: angular accelerations with the forces of the joints eliminated,

@@ -25,6 +25,7 @@ from liouville.planner import Plan
 from liouville.propagation import Propagation
 from liouville.routes.field import FieldRoute as FieldRoute
 from liouville.routes.mechanical import MechanicalRoute as MechanicalRoute
+from liouville.routes.members import MembersRoute as MembersRoute
 from liouville.routes.route import Asked as Asked
 from liouville.routes.route import Route as Route
 from liouville.routes.route import threads_of
@@ -66,9 +67,14 @@ def route(system: System, method: Method | Plan | Propagation | str, asked: Aske
         if isinstance(method, VolumeSplitting | Plan):
             return FieldRoute(system, method, asked)
         raise _no_route(method, "field", "polynomial fields")
-    if asked.is_ensemble:
-        raise TypeError(f"ensembles are of a PolynomialField so far, not of {system!r}")
     if isinstance(system, SemiExplicit):
+        if asked.is_ensemble:
+            raise TypeError(
+                hinted(
+                    f"there are no ensembles of {system!r} so far",
+                    "integrate its members one by one",
+                )
+            )
         if isinstance(method, Spark | Composition):
             base = method.base if isinstance(method, Composition) else method
             if isinstance(base, Spark) and base.points == "gauss":
@@ -78,7 +84,8 @@ def route(system: System, method: Method | Plan | Propagation | str, asked: Aske
             "points, alone or in a Composition"
         )
     if isinstance(method, Spark | LobattoPair | HHT | GeneralizedAlpha | ArnoldBruls | Composition):
-        return MechanicalRoute(system, method, asked)
+        way = MembersRoute if asked.is_ensemble else MechanicalRoute
+        return way(system, method, asked)
     raise _no_route(method, "mechanical", "mechanical systems")
 
 

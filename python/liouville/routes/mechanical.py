@@ -42,13 +42,8 @@ class MechanicalRoute:
         span = (self.pace.t0, self.pace.t1)
         self._watching = Watching(asked.events, asked.t_eval, span, self.every)
         self._watch = self._watching.asked(system, self._order)
-        self._values = system.values(asked.params)
         self.params: Mapping[str, Any] = {**system.params, **dict(asked.params or {})}
-        self._begin = system.start(asked.start, () if self._is_general else ("a",))
-        goes_on = len(self._begin) == 3 and getattr(method, "reaction", "") == "position"
-        # such a method leaves the hidden constraint by itself, and goes on from there
-        y, z = self._begin[:2]
-        system.check(self.pace.t0, y, z, self._values, hidden=not goes_on)
+        self._take(asked)
         self._states = asked.states
         self._observer, self._widths = system.observer(asked.observe, asked.states)
         self.columns = self._columns()
@@ -90,6 +85,26 @@ class MechanicalRoute:
         """Return the events met, by name, and a sentence on the one that ended the run."""
         return self._watching.seen(run, self.system, self._values)
 
+    def _take(self, asked: Asked) -> None:
+        """Take parameters and start values, and see that they fit together."""
+        self._values = self.system.values(asked.params)
+        self._begin = self.system.start(asked.start, self._also)
+        y, z = self._begin[:2]
+        self.system.check(self.pace.t0, y, z, self._values, hidden=self._is_hidden_kept)
+
+    @property
+    def _also(self) -> tuple[str, ...]:
+        return () if self._is_general else ("a",)
+
+    @property
+    def _is_hidden_kept(self) -> bool:
+        """Whether the start satisfies the hidden constraints.
+
+        A method that goes on with its own accelerations may have left them by itself.
+        """
+        goes_on = len(self._begin) == 3 and getattr(self._method, "reaction", "") == "position"
+        return not goes_on
+
     def _form(self) -> _core.Mechanical | _core.SecondOrder | _core.Separable:
         """Return the system in the form that the method steps fastest."""
         if not self._is_general:
@@ -124,7 +139,7 @@ class MechanicalRoute:
         """Say where the energy went, if the system tells forces with a potential from others."""
         if "work" not in parts or isinstance(self.system, Mechanical):
             return {}
-        energy, work = (parts[name][:, 0] for name in ("invariant energy", "work"))
+        energy, work = (parts[name][..., 0] for name in ("invariant energy", "work"))
         return {"work": work, "dissipated": energy[:1] + work - energy}
 
     def describe(self, trouble: dict[str, Any]) -> tuple[str, str, str]:

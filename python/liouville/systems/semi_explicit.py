@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike
 from liouville import _core
 from liouville.errors import describe, hinted
 from liouville.systems import _trace
-from liouville.systems._derivatives import entries
+from liouville.systems._derivatives import entries, jacobian
 from liouville.systems._form import record_blocks
 from liouville.systems._index2 import Symbols, Traced
 from liouville.systems._linear import Block
@@ -122,7 +122,7 @@ class SemiExplicit(Travels):
         f = _trace.placed("field", field, s.args, self.coordinates)
         self.constraints, k = _trace.named("constraint", constraint, (s.t, s.y, s.params))
         w = ca.jtimes(k, ca.vertcat(s.t, s.y), ca.vertcat(1, f))
-        self._check_shape(ca.jacobian(k, s.y), ca.jacobian(w, s.z))
+        self._check_shape(jacobian(k, s.y), jacobian(w, s.z))
         recorded = {
             name: _trace.scalar(f"invariant '{name}'", function, s.args)
             for name, function in _trace.mapping("invariants", invariants).items()
@@ -212,10 +212,10 @@ class SemiExplicit(Travels):
         traced = self._traced
         s, f, k, w = traced.symbols, traced.field, traced.constraint, traced.hidden
         jac = {
-            "f_y": Block(ca.jacobian(f, s.y)),
-            "f_z": Block(ca.jacobian(f, s.z)),
-            "k_y": Block(ca.jacobian(k, s.y)),
-            "w_z": Block(ca.jacobian(w, s.z)),
+            "f_y": Block(jacobian(f, s.y)),
+            "f_z": Block(jacobian(f, s.z)),
+            "k_y": Block(jacobian(k, s.y)),
+            "w_z": Block(jacobian(w, s.z)),
         }
         tapes = {
             "field": record("field", s.point, f),
@@ -226,7 +226,7 @@ class SemiExplicit(Travels):
             "hidden_jacobian": record_blocks("hidden", s.point, [jac["w_z"], jac["f_z"]]),
         }
         self._tapes = tapes
-        is_linear = not ca.depends_on(entries(ca.jacobian(f, s.z)), s.z)
+        is_linear = not ca.depends_on(entries(jacobian(f, s.z)), s.z)
         patterns = {name: block.pattern for name, block in jac.items()}
         self._slope = jac["k_y"].pattern
         return _core.SemiExplicit(
@@ -364,7 +364,7 @@ class SemiExplicit(Travels):
         """Tapes (y, t, params) of k, k_y and the metric, and the patterns of the last two."""
         s, k = self._traced.symbols, self._traced.constraint
         inputs = {"y": s.y, "t": s.t, "params": s.params.vector}
-        slope, weight = Block(ca.jacobian(k, s.y)), Block(ca.SX.eye(len(self.coordinates)))
+        slope, weight = Block(jacobian(k, s.y)), Block(ca.SX.eye(len(self.coordinates)))
         tapes = (
             record("constraint", inputs, k),
             record_blocks("constraint", inputs, [slope]),

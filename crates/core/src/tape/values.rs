@@ -1,9 +1,9 @@
-//! Value numbering: what a program computes twice is computed once {cite}`briggs1997`.
+//! Value numbering: what a program computes twice is computed once.
 //!
 //! Values are numbered in the order in which they are first computed. Two lines have the same value
 //! when they load the same input, hold the same bits, or apply the same operation to the same values,
 //! sums and products in either order. The second is left out, and slots are given out anew: one that
-//! is not read any more is the next to be written.
+//! is not read any more is the next to be written. Source: briggs1997.
 
 use super::{Line, Op};
 use std::collections::HashMap;

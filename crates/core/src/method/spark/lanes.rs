@@ -9,7 +9,7 @@ use super::node_schur::NodeSchur;
 use super::predictor::Predictor;
 use super::stages::{Stages, Step};
 use super::update::Update;
-use super::{MOST_ITERATIONS, SCHUR_ITERATIONS, Solver, Spark};
+use super::{Solver, Spark};
 use crate::method::{Foreign, Memory, Stats, Stepper, Symmetric};
 use crate::newton::{self, Member};
 use crate::problem::mechanical::{Mechanical, Model, State};
@@ -116,10 +116,7 @@ impl Together {
             self.members = [Member::Out; WIDTH];
             return Ok(());
         }
-        let most = match self.solver {
-            Solver::Auto => SCHUR_ITERATIONS,
-            _ => MOST_ITERATIONS,
-        };
+        let most = self.solver.patience(&self.problem, &stages.tableau);
         let mut equations = self.schur.start(stages, model, step);
         newton::solve_each(&mut equations, most, &mut self.members)?;
         if !self.members.iter().any(has_converged) {

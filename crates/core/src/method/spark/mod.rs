@@ -29,7 +29,7 @@ mod update;
 
 use super::{Foreign, Memory, Stats, Stepper, Symmetric};
 use crate::newton;
-use crate::problem::mechanical::{Model, State};
+use crate::problem::mechanical::{Mechanical, Model, State};
 use crate::tableau;
 use crate::trouble::Trouble;
 use coupled::Coupled;
@@ -54,13 +54,30 @@ pub enum Solver {
     Newton,
 }
 
-/// Corrections node Schur may take before full Newton is the better choice: slower ones cost more
-/// than its matrix, and leave a remainder of one sign under the roundoff.
-const SCHUR_ITERATIONS: usize = 6;
+impl Solver {
+    /// Corrections that node Schur may take.
+    fn patience(self, problem: &Mechanical, tableau: &tableau::Spark) -> usize {
+        let order = tableau.stages * problem.n + tableau.intervals * problem.m;
+        match self {
+            Self::Auto => {
+                SCHUR_ITERATIONS[usize::from(order > CHEAP || problem.patterns.p_y.is_empty())]
+            }
+            _ => MOST_ITERATIONS,
+        }
+    }
+}
+
+/// Corrections node Schur may take before full Newton is the better choice, where slower ones leave a
+/// remainder of one sign under the roundoff and a matrix of full Newton is cheap ...
+const SCHUR_ITERATIONS: [usize; 2] = [6, 20];
+/// ... or where it is of a higher order than this, or p does not depend on y: then the remainder is put back.
+const CHEAP: usize = 40;
 /// Corrections a solver may take when there is no other.
 const MOST_ITERATIONS: usize = 100;
 /// Steps node Schur rests at most after failing; each failure in a row doubles the rest.
 const LONGEST_REST: usize = 1023;
+/// Where no start is near enough: shorter steps from the same state, each extrapolated from the one before.
+const SHORTER: [f64; 3] = [0.125, 0.25, 0.5];
 
 /// Full Newton, made when it is first wanted.
 #[derive(Clone, Debug)]
@@ -149,7 +166,47 @@ impl Spark {
             return Ok(());
         };
         self.start_cold(step, true)?;
-        self.iterate(step).map_err(|_| trouble)
+        if self.iterate(step).is_ok() {
+            return Ok(());
+        }
+        self.grow(step).map_err(|_| trouble)
+    }
+
+    /// Makes shorter steps first, and goes no further with them than to where this one starts.
+    fn grow(&mut self, step: Step) -> Result<(), Trouble> {
+        self.predictor.forget();
+        for part in SHORTER {
+            let h = part * step.h;
+            let shorter = Step { h, ..step };
+            let (stages, z1) = (&mut self.stages, &mut self.update.z);
+            if !self.predictor.extrapolate(stages, z1, h) {
+                self.start_cold(shorter, false)?;
+            }
+            self.iterate(shorter)?;
+            self.finish(shorter)?;
+            self.predictor.undo();
+        }
+        let (stages, z1) = (&mut self.stages, &mut self.update.z);
+        self.predictor.extrapolate(stages, z1, step.h);
+        self.iterate(step)
+    }
+
+    /// (U1)–(U3), and what the next step is extrapolated from.
+    fn finish(&mut self, step: Step) -> Result<(), Trouble> {
+        // the update needs forces at the last iterate: older ones cost a drift in the energy
+        let last = self.stages.tableau.intervals - 1;
+        self.stages.evaluate_values(&mut self.model, step, last);
+        // where p depends on y, the rounding of Y_i would pass for one of V_i
+        if self.is_by_schur && self.model.problem.patterns.p_y.is_empty() {
+            self.schur.find_lost_moves(&mut self.stages, step);
+        } else {
+            self.stages.lost_moves.clear();
+        }
+        self.update.solve(&mut self.model, &mut self.stages, step)?;
+        let (z, v) = (&self.update.z, &self.update.v);
+        self.predictor
+            .keep(&self.stages, step.h, &step.state.z, z, v);
+        Ok(())
     }
 
     fn start_cold(&mut self, step: Step, still: bool) -> Result<(), Trouble> {
@@ -194,12 +251,8 @@ impl Spark {
     }
 
     fn iterate_schur(&mut self, step: Step) -> Result<usize, Trouble> {
-        let most = if self.solver == Solver::Auto {
-            SCHUR_ITERATIONS
-        } else {
-            MOST_ITERATIONS
-        };
         let (stages, model) = (&mut self.stages, &mut self.model);
+        let most = self.solver.patience(&model.problem, &stages.tableau);
         newton::solve(&mut self.schur.start(stages, model, step), most)
     }
 
@@ -224,18 +277,7 @@ impl Stepper for Spark {
     fn step(&mut self, t: f64, h: f64, state: &mut State) -> Result<(), Trouble> {
         let step = Step { t, h, state };
         self.solve_stages(step)?;
-        // the update needs forces at the last iterate: older ones cost a drift in the energy
-        let last = self.stages.tableau.intervals - 1;
-        self.stages.evaluate_values(&mut self.model, step, last);
-        // where p depends on y, the rounding of Y_i would pass for one of V_i
-        if self.is_by_schur && self.model.problem.patterns.p_y.is_empty() {
-            self.schur.find_lost_moves(&mut self.stages, step);
-        } else {
-            self.stages.lost_moves.clear();
-        }
-        self.update.solve(&mut self.model, &mut self.stages, step)?;
-        self.predictor
-            .keep(&self.stages, h, &state.z, &self.update.z, &self.update.v);
+        self.finish(step)?;
         if let Some(estimate) = &mut self.estimate {
             estimate.keep(state);
         }

@@ -1,0 +1,128 @@
+"""Many members at once: in lock-step lanes, on many threads, or on an executor."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from concurrent.futures import Executor
+from dataclasses import replace
+from functools import partial
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from liouville.integrate import plain, run
+from liouville.methods import Method
+from liouville.planner import Plan
+from liouville.propagation import Propagation
+from liouville.routes import Asked, route
+from liouville.solution import Solution
+from liouville.spread import Job, spread
+from liouville.systems import System
+
+
+def ensemble(
+    system: System,
+    method: Method | Plan | Propagation | str,
+    *,
+    t: tuple[float, float] | Sequence[float],
+    h: float | None = None,
+    steps: int | None = None,
+    tol: float | None = None,
+    every: int = 1,
+    observe: Mapping[str, Callable[..., Any]] | None = None,
+    params: Mapping[str, ArrayLike] | None = None,
+    states: bool = True,
+    progress: Callable[[float, float], None] | None = None,
+    threads: int | None = None,
+    executor: Executor | None = None,
+    chunk: int | None = None,
+    **start: ArrayLike,
+) -> Solution:
+    """Integrate a system from many start values at once, in lock-step lanes and on many threads.
+
+    All members take the same steps, and each has the same bits as a run of its own by the same
+    method, whatever the other members are and however many threads there are. A member that fails
+    is put down in ``failures``, and the others go on.
+
+    Parameters
+    ----------
+    system : Lagrangian, Hamiltonian, Mechanical, Structure, PolynomialField or Schrodinger
+        What is integrated.
+    method : Method or Plan
+        How: any method for the system, with steps of equal size.
+    t, h, steps, tol, every, observe, states
+        As for :func:`integrate`. What is kept of all members is what takes memory:
+        ``every=steps`` keeps starts and ends, ``states=False`` only invariants and `observe`.
+    params : mapping, optional
+        Parameters that differ from the defaults. Those of a mechanical system may have a further,
+        first axis of members: a number as shape (P,), a vector of j numbers as (P, j).
+    progress : callable, optional
+        ``progress(done, total)``, called about twenty times a second with numbers of steps.
+    threads : int, optional
+        How many, as many as there are processors by default, one in each worker of an executor. The
+        result does not depend on them, bit for bit.
+    executor : concurrent.futures.Executor, optional
+        Whose workers integrate the members, on this machine or others; see
+        :doc:`/guide/cluster`. The result has the same bits.
+    chunk : int, optional
+        Members a worker is given at a time; by default a quarter of its share.
+    **start : array_like
+        Start values by the system's names, with a row for each of P members: ``q`` and ``v`` of
+        shape (P, n), and so on. Those of a mechanical system may also have shape (n,), for all
+        members alike.
+
+    Returns
+    -------
+    Solution
+        Its arrays have the member as their second axis: ``q`` of shape (k, P, n), invariants of
+        shape (k, P). After the step at which a member failed, or which it did not come to before
+        an interrupt (Ctrl-C), its values are NaN.
+
+    Raises
+    ------
+    TypeError, ValueError, MemoryError
+        As for :func:`integrate`.
+    IntegrationError
+        The start of no member can be taken.
+
+    Examples
+    --------
+    >>> import liouville as lv
+    >>> from liouville.problems import euler_top
+    >>> many = [[1.0, 0.1, 0.0], [0.0, 1.0, 0.1]]
+    >>> lv.ensemble(euler_top.system, lv.VolumeSplitting(), t=(0, 1), steps=10, x=many).x.shape
+    (11, 2, 3)
+    """
+    asked = Asked(
+        t=t, h=h, steps=steps, control={}, every=every,
+        observe=observe, params=params, states=states, start=start, is_ensemble=True,
+        threads=threads, tol=tol,
+    )  # fmt: skip
+    path = route(system, method, asked)
+    if executor is None:
+        if chunk is not None:
+            raise TypeError("chunk is for an executor: give executor= too")
+        return run(path, progress)
+    part = partial(
+        ensemble, path.system, path.choice, t=t, h=h, steps=steps, every=every, states=states,
+        observe=path.system.portable(observe), threads=threads or 1,
+    )  # fmt: skip
+    job = Job(
+        part,
+        _arrays(start),
+        _arrays(params) if path.system is system else None,
+        system.params,
+        path.members[0],
+        (path.pace.count // path.every + 2) * path.row,
+        path.pace.t0,
+    )
+    found = spread(job, executor, chunk, progress)
+    return replace(found, system=path.system, params=plain(path.params))
+
+
+def _arrays(given: Any) -> Any:
+    """Return an array of what is none, or such arrays by name, once for all chunks."""
+    if isinstance(given, Mapping):
+        return {name: _arrays(x) for name, x in given.items()}
+    return None if given is None else np.asarray(given)

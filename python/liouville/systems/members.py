@@ -1,0 +1,113 @@
+"""Start values of an ensemble: a row for each member, each on its constraints."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from typing import Any
+
+import numpy as np
+
+from liouville.systems import _trace
+from liouville.systems.mechanics import FLOOR, TOLERANCE, Mechanics
+
+
+def starts(
+    system: Mechanics, start: Mapping[str, Any], also: tuple[str, ...] = ()
+) -> dict[str, np.ndarray]:
+    """Check start values: arrays of shape (P, n), or (n,) for all members alike.
+
+    Raises
+    ------
+    TypeError, ValueError
+        As :meth:`Mechanics.start` does, naming the member.
+    """
+    known, names = (*system.states, *also), system.coordinates
+    found = {}
+    for name, value in start.items():
+        array = _rows(name, value, names) if name in known else None
+        if array is not None:
+            found[name] = array
+    single = {name: np.zeros(len(names)) if name in found else x for name, x in start.items()}
+    given = (*system.states, *(name for name in also if start.get(name) is not None))
+    values = zip(given, system.start(single, also), strict=True)
+    return {name: found.get(name, x) for name, x in values}
+
+
+def check(
+    system: Mechanics,
+    t: float,
+    y: np.ndarray,
+    z: np.ndarray,
+    params: np.ndarray,
+    *,
+    hidden: bool = True,
+) -> None:
+    """Refuse members that violate their constraints; `params` has a row for each, or one."""
+    suspects: Iterable[int] = range(len(y)) if system.constraints else ()
+    if system.constraints and not system.nonholonomic and len(params) == 1:
+        suspects = _suspects(system, t, (y, z), params[0], hidden=hidden)
+    for member in suspects:
+        values = params[member if len(params) > 1 else 0]
+        try:
+            system.check(t, y[member], z[member], values, hidden=hidden)
+        except ValueError as error:
+            raise ValueError(f"member {member}: {error}") from None
+
+
+def _suspects(
+    system: Mechanics,
+    t: float,
+    start: tuple[np.ndarray, np.ndarray],
+    params: np.ndarray,
+    *,
+    hidden: bool,
+) -> Iterable[int]:
+    """Return the members that are to be looked at more closely."""
+    y, z = start
+    (count, n), m = y.shape, len(system.constraints)
+    times, lam = np.full((count, 1), t), np.zeros((count, m))
+    g = system._map("node", params, times, y, lam)[:, :m]
+    slopes = np.abs(system._map("node_blocks", params, times, y, lam))
+    size = np.zeros((count, m))
+    for k, row in enumerate(system._patterns["g_y"][2]):
+        size[:, row] += slopes[:, k]
+    length = np.abs(y).max(axis=1, keepdims=True)
+    is_fine = np.abs(g) <= size * (TOLERANCE * length + FLOOR)
+    if hidden:
+        end = system._map("end", params, times, y, z)
+        w, v = end[:, n : n + m], end[:, n + m :] if end.shape[1] > n + m else z
+        speed = np.abs(v).max(axis=1, keepdims=True)
+        is_fine &= np.abs(w) <= size * (TOLERANCE * (speed + 1e-2 * length) + FLOOR)
+    return [int(member) for member in np.flatnonzero(~is_fine.all(axis=1))]
+
+
+def _rows(name: str, value: Any, places: tuple[str, ...]) -> np.ndarray | None:
+    """Return rows with a number for each coordinate, None where there are not several."""
+    if isinstance(value, Mapping):
+        if set(value) != set(places):
+            return None
+        columns = [x for place in places if (x := _trace.numbers(value[place])) is not None]
+        if len(columns) < len(places) or {x.ndim for x in columns} not in ({1}, {0, 1}):
+            return None
+        lengths = {len(x): place for x, place in zip(columns, places, strict=True) if x.ndim}
+        if len(lengths) > 1:
+            (one, of_one), (other, of_other) = list(lengths.items())[:2]
+            raise ValueError(f"{name} of '{of_one}' has {one} members, of '{of_other}' {other}")
+        array = np.stack(np.broadcast_arrays(*columns), axis=-1)
+    else:
+        given = _trace.numbers(value)
+        if given is None or given.ndim != 2:
+            return None
+        array = given
+    n = len(places)
+    if array.shape[1] != n:
+        raise ValueError(
+            f"{name} has shape {array.shape}, wanted (P, {n}) for P members: its last axis is of "
+            "the coordinates"
+        )
+    bad = np.argwhere(~np.isfinite(array))
+    if bad.size:
+        member, place = (int(k) for k in bad[0])
+        found = array[member, place]
+        raise ValueError(f"{name} of '{places[place]}' of member {member} is {found}")
+    return array

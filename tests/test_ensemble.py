@@ -1,0 +1,245 @@
+"""Ensembles of mechanical systems: each member has the bits of a run of its own."""
+
+import importlib
+import signal
+
+import casadi as ca
+import numpy as np
+import pytest
+
+import liouville as lv
+from liouville.problems import (
+    chain,
+    heavy_top,
+    knife_edge,
+    pendulum,
+    relativistic_particle,
+    spherical_pendulum,
+)
+
+MODULE = importlib.import_module("liouville.integrate")
+POLAR = spherical_pendulum.system
+
+
+def bobs(count, seed=0):
+    """Start spherical pendulums anywhere on the sphere, moving along it."""
+    random = np.random.default_rng(seed)
+    q = random.normal(size=(count, 3))
+    q /= np.linalg.norm(q, axis=1, keepdims=True)
+    v = random.normal(size=(count, 3))
+    v -= q * np.sum(q * v, axis=1, keepdims=True)
+    return {"q": q, "v": v}
+
+
+def nearby(problem, count):
+    """Repeat a start at speeds from nearly rest on."""
+    y, z = problem.system.states
+    speeds = np.linspace(0.01, 1.0, count)[:, None]
+    return {y: np.asarray(problem.start[y], float), z: speeds * np.asarray(problem.start[z], float)}
+
+
+def members(start, count):
+    """Cut starts of an ensemble into those of each member."""
+    return [
+        {name: x[i] if np.ndim(x) == 2 else x for name, x in start.items()} for i in range(count)
+    ]
+
+
+def same(solution, member, alone):
+    """Whether a member has the bits of a run of its own, in all that is recorded."""
+    pairs = [(solution.states, alone.states), (solution.invariants, alone.invariants)]
+    pairs += [(solution.residuals, alone.residuals), (solution.observed, alone.observed)]
+    pairs += [(solution.balance, alone.balance)]
+    for together, single in pairs:
+        assert list(together) == list(single)
+        for name, values in single.items():
+            np.testing.assert_array_equal(together[name][:, member], values, err_msg=name)
+
+
+CASES = {
+    "spherical pendulum": (spherical_pendulum, lv.Spark(2), 0.05, 40),
+    "one stage": (spherical_pendulum, lv.Spark(1), 0.05, 40),
+    "four stages": (pendulum, lv.Spark(4), 0.1, 30),
+    "radau": (pendulum, lv.Spark(2, points="radau"), 0.05, 30),
+    "pair": (spherical_pendulum, lv.LobattoPair(3), 0.05, 30),
+    "rattle": (spherical_pendulum, lv.LobattoPair(2), 0.05, 30),
+    "chain": (chain, lv.Spark(2), 0.02, 30),
+    "top": (heavy_top, lv.Spark(2), 1e-3, 30),
+    "node schur": (heavy_top, lv.Spark(2, solver="node-schur"), 1e-3, 30),
+    "newton": (pendulum, lv.Spark(2, solver="newton"), 0.05, 20),
+    "composed": (spherical_pendulum, lv.Composition(lv.Spark(2), "SU4"), 0.1, 20),
+    "composed rattle": (pendulum, lv.Composition(lv.LobattoPair(2), "SU4"), 0.1, 20),
+    "alpha": (pendulum, lv.HHT(alpha=-0.1), 0.01, 30),
+    "nonholonomic": (knife_edge, lv.Spark(2), 0.05, 20),
+    "not linear": (relativistic_particle, lv.Spark(2), 0.05, 20),
+}
+
+
+@pytest.mark.parametrize("name", CASES)
+def test_a_member_is_a_run_of_its_own(name):
+    problem, method, h, steps = CASES[name]
+    count = 11  # a whole block and a part of one
+    start = nearby(problem, count)
+    span = {"t": (0, steps * h), "steps": steps, "every": 7}
+    solution = lv.ensemble(problem.system, method, **span, **start, threads=2)
+    assert solution.status == "done", solution.message
+    assert solution.members == count
+    for member, own in enumerate(members(start, count)):
+        same(solution, member, lv.integrate(problem.system, method, **span, **own))
+
+
+def test_stiff_members_leave_the_common_path_and_come_back():
+    """Springs from soft to stiff: some members' steps are made by full Newton, by themselves."""
+    stiffness = np.logspace(0, 9, 16)
+    system = lv.Lagrangian(
+        lambda t, q, v, p: ca.dot(v, v) / 2 - p.k * (q[0] - 0.6) ** 2 / 2 - q[2],
+        lambda t, q, p: (ca.dot(q, q) - 1) / 2,
+        q=("x", "y", "z"),
+        params={"k": 1.0},
+    )
+    start = {"q": spherical_pendulum.start["q"], "v": spherical_pendulum.start["v"]}
+    span = {"t": (0, 1), "h": 0.02}
+    solution = lv.ensemble(system, lv.Spark(2), **span, params={"k": stiffness}, **start)
+    assert 0 < solution.stats["newton_steps"] < 16 * 50
+    for member in range(16):
+        params = {"k": stiffness[member]}
+        same(solution, member, lv.integrate(system, lv.Spark(2), **span, params=params, **start))
+
+
+def test_neither_company_nor_place_nor_threads_change_a_bit():
+    start = bobs(21)
+    span = {"t": (0, 1), "h": 0.05, "every": 20}
+    whole = lv.ensemble(POLAR, lv.Spark(2), **span, **start, threads=1)
+    order = np.random.default_rng(1).permutation(21)[:13]
+    for threads in (1, 2, 5):
+        some = {name: x[order] for name, x in start.items()}
+        part = lv.ensemble(POLAR, lv.Spark(2), **span, **some, threads=threads)
+        for name, values in part.states.items():
+            np.testing.assert_array_equal(values, whole.states[name][:, order])
+
+
+def test_parameters_of_each_member():
+    start, g = bobs(9), np.linspace(0.5, 2, 9)
+    span = {"t": (0, 1), "h": 0.05, "every": 5}
+    solution = lv.ensemble(POLAR, lv.Spark(2), **span, params={"g": g, "m": 2.0}, **start)
+    for member, own in enumerate(members(start, 9)):
+        params = {"g": g[member], "m": 2.0}
+        same(solution, member, lv.integrate(POLAR, lv.Spark(2), **span, params=params, **own))
+    np.testing.assert_array_equal(solution.params["g"], g)
+
+
+def spring_to_infinity():
+    """Return a system whose members with k > 0 run away, and starts of ten of which two do."""
+    system = lv.Lagrangian(
+        lambda t, q, v, p: ca.dot(v, v) / 2 + p.k * q[2] ** 4 / 4,
+        lambda t, q, p: q[0],
+        q=("x", "y", "z"),
+        params={"k": -1.0},
+    )
+    k = np.full(10, -1.0)
+    k[[3, 8]] = 1.0
+    return system, k, {"q": np.tile([0.0, 0.0, 1.0], (10, 1)), "v": np.zeros((10, 3))}
+
+
+def test_a_member_that_fails_is_told_and_the_others_go_on():
+    system, k, start = spring_to_infinity()
+    span = {"t": (0, 5), "h": 0.05, "every": 3}
+    solution = lv.ensemble(system, lv.Spark(2), **span, params={"k": k}, **start)
+    assert solution.status == "done"
+    assert [*solution.failures] == [3, 8]
+    assert solution.message.startswith("2 of 10 members failed; the first, member 3: step ")
+    own = {name: x[3] for name, x in start.items()}
+    with pytest.raises(lv.IntegrationError) as alone:
+        lv.integrate(system, lv.Spark(2), **span, params={"k": 1.0}, **own)
+    error = alone.value
+    failure = solution.failures[3]
+    assert (failure.step, failure.t, failure.message) == (error.step, error.t, str(error))
+    kept = (failure.step + 2) // 3
+    np.testing.assert_array_equal(solution.q[:kept, 3], error.solution.q[:kept])
+    assert np.isnan(solution.q[kept:, 3]).all()
+    without = lv.ensemble(
+        system, lv.Spark(2), **span, params={"k": np.delete(k, [3, 8])},
+        **{name: x[:8] for name, x in start.items()},
+    )  # fmt: skip
+    np.testing.assert_array_equal(np.delete(solution.q, [3, 8], axis=1), without.q)
+    assert "nan" not in repr(solution)
+
+
+@pytest.mark.parametrize("suffix", [".nc", ".zarr"])
+def test_failures_are_saved(tmp_path, suffix):
+    system, k, start = spring_to_infinity()
+    span = {"t": (0, 5), "h": 0.05, "every": 30}
+    solution = lv.ensemble(system, lv.Spark(2), **span, params={"k": k}, **start)
+    solution.save(tmp_path / f"run{suffix}")
+    loaded = lv.load(tmp_path / f"run{suffix}")
+    assert loaded.failures == solution.failures
+    for name, values in solution.residuals.items():
+        np.testing.assert_array_equal(loaded.residuals[name], values)
+    np.testing.assert_array_equal(loaded.q, solution.q)
+
+
+def test_final_states_and_observables_alone():
+    start = bobs(10)
+    span = {"t": (0, 1), "h": 0.05}
+    height = {"height": lambda t, q, v, params: q[2]}
+    all_of_it = lv.ensemble(POLAR, lv.Spark(2), **span, **start)
+    ends = lv.ensemble(POLAR, lv.Spark(2), **span, **start, every=20)
+    np.testing.assert_array_equal(ends.q, all_of_it.q[[0, -1]])
+    seen = lv.ensemble(POLAR, lv.Spark(2), **span, **start, observe=height, states=False)
+    assert not seen.states
+    np.testing.assert_array_equal(seen.observed["height"], all_of_it.q[..., 2])
+
+
+def test_an_interrupt_keeps_what_is_done(monkeypatch):
+    monkeypatch.setattr(MODULE, "SLICE", 1e-3)
+    start, looks = bobs(4000), []
+
+    def look(done, total):
+        looks.append((done, total))
+        if len(looks) == 5:
+            signal.raise_signal(signal.SIGINT)
+
+    span = {"t": (0, 5), "h": 0.05, "every": 50}
+    found = lv.ensemble(POLAR, lv.Spark(2), **span, **start, threads=1, progress=look)
+    assert found.status == "interrupted"
+    is_over = np.isfinite(found.q[-1]).all(axis=-1)
+    assert 0 < is_over.sum() < 4000
+    some = {name: x[is_over] for name, x in start.items()}
+    whole = lv.ensemble(POLAR, lv.Spark(2), **span, **some)
+    np.testing.assert_array_equal(found.q[:, is_over], whole.q)
+
+
+WRONG = {
+    "no members": ({"q": [0.6, 0, -0.8], "v": [0, 1, 0]}, {}, r"no start value and no parameter"),
+    "other counts": (
+        {"q": np.tile([0.6, 0, -0.8], (3, 1)), "v": np.zeros((2, 3))}, {},
+        "v has 2 members along its first axis, q has 3",
+    ),
+    "params": (
+        {"q": np.tile([0.6, 0, -0.8], (3, 1)), "v": [0, 0, 0]}, {"g": [1.0, 2.0]},
+        "parameter 'g' has 2 members along its first axis, q has 3",
+    ),
+    "last axis": ({"q": np.zeros((3, 2)), "v": np.zeros((3, 3))}, {}, r"q has shape \(3, 2\)"),
+    "violated": (
+        {"q": [[0.6, 0, -0.8], [0.6, 0.1, -0.8]], "v": [0, 1, 0]}, {},
+        "member 1: start violates the constraint 'rod'",
+    ),
+    "not finite": (
+        {"q": [[0.6, 0, -0.8], [0.6, np.nan, -0.8]], "v": [0, 1, 0]}, {},
+        "q of 'y' of member 1 is nan",
+    ),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("name", WRONG)
+def test_a_wrong_ensemble_is_refused(name):
+    start, params, message = WRONG[name]
+    with pytest.raises(ValueError, match=message):
+        lv.ensemble(POLAR, lv.Spark(2), t=(0, 1), h=0.05, params=params, **start)
+
+
+def test_coordinates_by_name_and_starts_for_all():
+    q = {"x": [0.6, 0.0, 0.8], "y": 0.0, "z": [-0.8, -1.0, 0.6]}
+    found = lv.ensemble(POLAR, lv.Spark(2), t=(0, 1), h=0.1, q=q, v=(0, 1.0, 0))
+    assert found.q.shape == (11, 3, 3)
+    np.testing.assert_array_equal(found.v[0], np.tile([0, 1.0, 0], (3, 1)))
