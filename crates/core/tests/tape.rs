@@ -457,3 +457,37 @@ fn codes_are_positions_in_the_list_of_operations() {
         assert_eq!(Op::ALL.iter().filter(|o| o.name() == op.name()).count(), 1);
     }
 }
+
+#[test]
+fn what_is_needed_far_ahead_is_kept() {
+    const LINKS: usize = 3000;
+    const HALF: usize = 2 * LINKS;
+    let apply = |op, slot, a, b| Line::Apply { op, slot, a, b };
+    let mut lines = vec![Line::Constant {
+        slot: HALF,
+        value: 0.5,
+    }];
+    for link in 0..LINKS {
+        let (x, y, before) = (2 * link, 2 * link + 1, link.saturating_sub(1));
+        lines.extend([
+            input(x, 0, link),
+            apply(Op::Sub, y, x, 2 * before),
+            apply(Op::Mul, y, y, HALF),
+            apply(Op::Mul, HALF + 1, y, 2 * (link / 3) + 1), // of a link far back
+            apply(Op::Add, HALF + 1, HALF + 1, x),
+            output(link, HALF + 1),
+        ]);
+    }
+    let program = Program {
+        sizes: [LINKS, 0, 0],
+        outputs: LINKS,
+        lines,
+    };
+    let x: Vec<f64> = (0..LINKS).map(|k| (k as f64).sin()).collect();
+    let tape = program.tape();
+    let mut registers = tape.bind(&[]);
+    let wanted = program.interpret([&x, &[], &[]]).expect("numbers");
+    for _ in 0..2 {
+        assert_eq!(tape.eval(&mut registers, [&x, &[]]), wanted);
+    }
+}
