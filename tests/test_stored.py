@@ -214,11 +214,11 @@ needs_fork = pytest.mark.skipif(sys.platform != "linux", reason="forks processes
 def test_processes_killed_at_any_moment_leave_the_bits_of_one_that_lived(cycles, tmp_path):
     call = field(system=problems.load("euler_top").system, steps=3000 * cycles, every=2)
     if cycles == 50:
-        call = pendulum(method=lv.Spark(3), steps=30_000 * cycles, every=10)
+        call = pendulum(method=lv.Spark(3), steps=8000 * cycles, every=10)
     call["t"] = (0.0, 0.01 * call["steps"])
     begun = time.perf_counter()
     whole = lv.integrate(**call)
-    each = 0.2 + (time.perf_counter() - begun) / cycles
+    each = 0.5 + (time.perf_counter() - begun) / cycles
     path = tmp_path / "run.zarr"
     assert killed(path, call, cycles, each, seed=cycles) > cycles // 3
     same(whole, lv.load(path))

@@ -121,7 +121,9 @@ impl<S: Scalar> Memory for Vec<S> {
 
 impl<M: Memory, const N: usize> Memory for [M; N] {
     fn save(&self, member: usize, out: &mut Vec<f64>) {
-        self.iter().for_each(|x| x.save(member, out));
+        for x in self {
+            x.save(member, out);
+        }
     }
 
     fn restore(&mut self, member: usize, saved: &mut &[f64]) -> Result<(), Foreign> {

@@ -49,7 +49,7 @@ class Stream:
 
     def __init__(self, path: Route, folder: Folder, chunks: Mapping[str, int]) -> None:
         self._path, self._folder, self._chunks = path, folder, chunks
-        self._rest: dict[str, Columns] = {}
+        self._rest: dict[str, list[Columns]] = {axis: [] for axis in chunks}
         self._written = dict.fromkeys(chunks, 0)
         self._first: Columns = {}
         self.rows = chunks[TIME]
@@ -66,16 +66,18 @@ class Stream:
             self._append(arrays.event_axis(name), {"t": points.t, **points.states})
 
     def _append(self, axis: str, columns: Columns) -> None:
-        rest = self._rest.get(axis)
-        if rest is not None and rest["t"].size:
-            columns = {name: np.concatenate((rest[name], x)) for name, x in columns.items()}
-        size = self._chunks[axis]
+        rest, size = self._rest[axis], self._chunks[axis]
+        if columns["t"].size or not rest:
+            rest.append(columns)
+        if sum(each["t"].size for each in rest) < size:
+            return
+        columns = _joined(rest)
         while columns["t"].size >= size:
             self._put(axis, {name: x[:size] for name, x in columns.items()})
             self._written[axis] += 1
             columns = {name: x[size:] for name, x in columns.items()}
         # a view would keep the whole array
-        self._rest[axis] = {name: x.copy() for name, x in columns.items()}
+        rest[:] = [{name: x.copy() for name, x in columns.items()}]
 
     def _put(self, axis: str, columns: Columns) -> None:
         """Write the next chunk along an axis."""
@@ -101,7 +103,11 @@ class Stream:
             self._folder.extend(axis, size * self._written[axis])
         memory = run.save()
         assert memory is not None, "ensembles are not stored"
-        rest = {f"{axis}/{name}": x for axis, xs in self._rest.items() for name, x in xs.items()}
+        rest = {
+            f"{axis}/{name}": x
+            for axis, each in self._rest.items()
+            for name, x in _joined(each).items()
+        }
         first = {f"first/{name}": x for name, x in self._first.items()}
         told = json.dumps({"written": self._written, "stats": dict(stats), "end": self.end})
         buffer = io.BytesIO()
@@ -114,12 +120,13 @@ class Stream:
         run.restore(state["memory"])
         told = json.loads(str(state["told"]))
         self._written, self.end = told["written"], told["end"]
-        self._rest = {}
+        rest: dict[str, Columns] = {axis: {} for axis in (*self._chunks, "first")}
         for key, values in state.items():
             axis, slash, name = key.rpartition("/")
             if slash:
-                columns = self._first if axis == "first" else self._rest.setdefault(axis, {})
-                columns[name] = values
+                rest[axis][name] = values
+        self._first = rest.pop("first")
+        self._rest = {axis: [columns] for axis, columns in rest.items()}
         for axis, size in self._chunks.items():
             self._folder.extend(axis, size * self._written[axis])
         stats: dict[str, Any] = told["stats"]
@@ -127,8 +134,17 @@ class Stream:
 
     def finish(self) -> None:
         """Write what does not fill a chunk, for who reads the folder."""
-        for axis, columns in self._rest.items():
+        for axis, rest in self._rest.items():
+            columns = _joined(rest)
             count = columns["t"].size
             if count:
                 self._put(axis, columns)
             self._folder.extend(axis, self._chunks[axis] * self._written[axis] + count)
+
+
+def _joined(rest: list[Columns]) -> Columns:
+    """Return columns one after another, as one."""
+    if len(rest) > 1:
+        whole = {name: np.concatenate([each[name] for each in rest]) for name in rest[0]}
+        rest[:] = [whole]
+    return rest[0]
