@@ -2,7 +2,7 @@
 
 Its order follows the tolerance, so each has code of its own, compiled when the integrator is made:
 unrolled, which runs up to three times as fast as its compact mode and takes up to ten times as long
-to compile.
+to compile. What it has compiled before it would find in its caches; they are left out here.
 """
 
 import time
@@ -11,6 +11,9 @@ import heyoka
 import numpy as np
 
 from .reduced import translate
+
+if hasattr(heyoka.llvm_state, "set_diskcache_enabled"):
+    heyoka.llvm_state.set_diskcache_enabled(False)
 
 
 class Heyoka:
@@ -23,6 +26,7 @@ class Heyoka:
         system = list(zip(state, rates, strict=True))
         self.made, self.building, self.drift = {}, {}, {}
         for tol in tolerances:
+            heyoka.llvm_state.clear_memcache()
             begin = time.perf_counter()
             self.made[tol] = heyoka.taylor_adaptive(
                 system, list(equation.start), time=span[0], tol=tol, compact_mode=compact
