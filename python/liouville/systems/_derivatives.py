@@ -47,8 +47,8 @@ def solve(matrix: ca.SX, right: ca.SX) -> ca.SX:
     """
     pattern = matrix.sparsity()
     if pattern.is_diag():
-        diagonal, own = entries(matrix), right.sparsity()
-        return ca.SX(own, entries(right) / diagonal[own.row()])
+        diagonal, places = entries(matrix), right.sparsity()
+        return ca.SX(places, entries(right) / diagonal[places.row()])
     groups, order, starts = (pattern + pattern.T).scc()
     if groups == 1:
         return ca.solve(matrix, right)
@@ -72,8 +72,8 @@ def solve(matrix: ca.SX, right: ca.SX) -> ca.SX:
         found.append((entries(block), own[row], sides[col]))
     if not found:
         return ca.SX(*right.shape)
-    values, row, col = zip(*found, strict=True)
-    return _sparse(right.shape, ca.vertcat(*values), np.concatenate(row), np.concatenate(col))
+    values, rows, cols = zip(*found, strict=True)
+    return _sparse(right.shape, ca.vertcat(*values), np.concatenate(rows), np.concatenate(cols))
 
 
 def _by_group(
