@@ -47,8 +47,8 @@ def solve(matrix: ca.SX, right: ca.SX) -> ca.SX:
     """
     pattern = matrix.sparsity()
     if pattern.is_diag():
-        diagonal, own = entries(matrix), right.sparsity()
-        return ca.SX(own, entries(right) / diagonal[own.row()])
+        diagonal, places = entries(matrix), right.sparsity()
+        return ca.SX(places, entries(right) / diagonal[places.row()])
     groups, order, starts = (pattern + pattern.T).scc()
     if groups == 1:
         return ca.solve(matrix, right)
@@ -57,7 +57,7 @@ def solve(matrix: ca.SX, right: ca.SX) -> ca.SX:
     group[order] = np.repeat(np.arange(groups), sizes)
     place[order] = np.arange(len(order)) - np.repeat(starts[:-1], sizes)
     of_matrix, of_right = (_by_group(x, group, groups) for x in (matrix, right))
-    found = []
+    found: list[tuple[ca.SX, np.ndarray, np.ndarray]] = []
     for k, size in enumerate(sizes.tolist()):
         (a, row, col), (b, at, side) = of_matrix[k], of_right[k]
         if not side.size:
@@ -72,8 +72,9 @@ def solve(matrix: ca.SX, right: ca.SX) -> ca.SX:
         found.append((entries(block), own[row], sides[col]))
     if not found:
         return ca.SX(*right.shape)
-    values, row, col = zip(*found, strict=True)
-    return _sparse(right.shape, ca.vertcat(*values), np.concatenate(row), np.concatenate(col))
+    values, rows, cols = zip(*found, strict=True)
+    column: ca.SX = ca.vertcat(ca.SX(0, 1), *values)
+    return _sparse(right.shape, column, np.concatenate(rows), np.concatenate(cols))
 
 
 def _by_group(
