@@ -343,7 +343,7 @@ impl Advance for Ensemble {
                 a
             }
         };
-        times.fold(self.queue.end, nearest)
+        times.reduce(nearest).unwrap_or(self.queue.end)
     }
 
     fn stats(&self) -> (Stats, usize) {
