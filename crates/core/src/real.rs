@@ -147,13 +147,13 @@ impl<const W: usize> Real for Lanes<W> {
 
 // Loops and no closures: what is not inlined is compiled without the instructions it is for.
 macro_rules! lanewise {
-    ($($operator:ident $name:ident $symbol:tt,)*) => {$(
+    ($($operator:ident $name:ident $assigned:tt,)*) => {$(
         impl<const W: usize> $operator for Lanes<W> {
             type Output = Self;
             #[inline(always)]
             fn $name(mut self, other: Self) -> Self {
                 for i in 0..W {
-                    self.0[i] = self.0[i] $symbol other.0[i];
+                    self.0[i] $assigned other.0[i];
                 }
                 self
             }
@@ -161,7 +161,7 @@ macro_rules! lanewise {
     )*};
 }
 
-lanewise! { Add add +, Sub sub -, Mul mul *, Div div /, }
+lanewise! { Add add +=, Sub sub -=, Mul mul *=, Div div /=, }
 
 impl<const W: usize> Mul<f64> for Lanes<W> {
     type Output = Self;

@@ -4,8 +4,8 @@
 #![allow(clippy::float_cmp)] // what is compared here is exact
 
 use liouville_core::linalg::{
-    Assembly, Factor, Lu, Matrix, Pattern, PatternError, Singular, Sparse, add_scaled, combine,
-    copy, dependent_rows, max_norm,
+    Assembly, Factor, Lu, Matrix, Pattern, PatternError, Singular, Sparse, SparseOf, add_scaled,
+    combine, copy, dependent_rows, max_norm,
 };
 use proptest::prelude::*;
 
@@ -115,7 +115,7 @@ fn both(pattern: &Pattern) -> [Factor; 2] {
     let order = pattern.shape().0;
     [
         Factor::Dense(Lu::new(order)),
-        Factor::Sparse(Box::new(Sparse::new(pattern))),
+        Factor::Sparse(Box::new(SparseOf::new::<f64>(pattern))),
     ]
 }
 
@@ -446,7 +446,7 @@ fn blocks_add_up_where_they_overlap() {
 #[should_panic(expected = "a 2 by 2 block at (2, 0) lies in a 3 by 2 matrix")]
 fn a_block_outside_its_matrix_is_refused() {
     let square = Pattern::new(2, 2, vec![]).expect("no entries");
-    Assembly::new((3, 2), &[(&square, 0, 0), (&square, 2, 0)]);
+    Assembly::<f64>::new((3, 2), &[(&square, 0, 0), (&square, 2, 0)]);
 }
 
 #[test]
@@ -479,9 +479,9 @@ fn a_diagonal_pattern_is_solved_as_the_dense_matrix() {
 #[test]
 fn large_sparse_matrices_are_factored_sparse() {
     let large = Kkt::new(40, 10, 0).pattern;
-    assert!(matches!(Factor::new(&large), Factor::Sparse(_)));
+    assert!(matches!(Factor::<f64>::new(&large), Factor::Sparse(_)));
     let small = Kkt::new(10, 5, 0).pattern;
-    assert!(matches!(Factor::new(&small), Factor::Dense(_)));
+    assert!(matches!(Factor::<f64>::new(&small), Factor::Dense(_)));
 }
 
 #[test]
@@ -653,7 +653,7 @@ fn a_copy_of_another_size_is_refused() {
 #[test]
 fn the_largest_magnitude_of_a_nan_is_infinite() {
     assert_eq!(max_norm(&[1.0, -3.0, 2.0]).to_bits(), 3.0_f64.to_bits());
-    assert_eq!(max_norm(&[]).to_bits(), 0.0_f64.to_bits());
+    assert_eq!(max_norm::<f64>(&[]).to_bits(), 0.0_f64.to_bits());
     assert!(max_norm(&[1.0, f64::NAN, 2.0]).is_infinite());
     assert!(max_norm(&[f64::NEG_INFINITY]).is_infinite());
 }

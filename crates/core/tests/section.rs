@@ -1,6 +1,6 @@
 //! Poincaré sections: points of the method, in the plane, at the times of the motion.
 
-use liouville_core::ensemble::{Ensemble, Layout};
+use liouville_core::ensemble::{Begin, Ensemble, Layout};
 use liouville_core::method::composition::Composed;
 use liouville_core::method::volume::{Direction, Plane, Section, Seen, Volume};
 use liouville_core::problem::polynomial::{Piece, Polynomials, Split};
@@ -213,6 +213,7 @@ fn members_in_lock_step_and_in_ensembles_pass_as_they_do_alone() {
             [angle.cos(), angle.sin(), 0.6]
         })
         .collect();
+    let kept = starts.clone();
     let starts: Vec<&[f64]> = starts.iter().map(|x| &x[..]).collect();
     let oblique = plane(&[0.5, 0.7, -0.2], 0.1, Direction::Both);
     let pace = (0.1, 300);
@@ -223,16 +224,12 @@ fn members_in_lock_step_and_in_ensembles_pass_as_they_do_alone() {
         let s = 0.5 * row[2] + 0.7 * row[3] - 0.2 * row[4] - 0.1;
         assert!(s.abs() < 1e-15, "{s:e} from the plane");
     }
-    let runs =
-        starts
-            .chunks(LANES)
-            .enumerate()
-            .map(|(k, chunk)| -> (Box<dyn Advance + Sync>, usize) {
-                let first = k * LANES;
-                let run = run::<Lanes>(&motion, &oblique, (first, chunk), pace);
-                (Box::new(run), chunk.len())
-            });
-    let mut ensemble = Ensemble::new(runs.collect(), 2, Layout::Apart);
+    let begin: Box<Begin> = Box::new(move |members: &[usize]| {
+        let chunk: Vec<&[f64]> = members.iter().map(|member| &kept[*member][..]).collect();
+        let run = run::<Lanes>(&motion, &oblique, (members[0], &chunk), pace);
+        Ok(Box::new(run) as Box<dyn Advance + Sync>)
+    });
+    let mut ensemble = Ensemble::new(begin, (11, LANES), 2, Layout::Apart, 0.0);
     assert_eq!(ensemble.advance(ALL_DAY), Status::Done);
     let mut together: Vec<Vec<f64>> = ensemble.take().1.chunks(5).map(<[f64]>::to_vec).collect();
     together.sort_by(|a, b| a[0].total_cmp(&b[0]).then(a[1].total_cmp(&b[1])));

@@ -28,7 +28,7 @@ use std::sync::Arc;
 
 /// A system in the form that its method steps, with the method.
 enum Stepped {
-    Spark(Arc<mechanical::Mechanical>, spark::Asked),
+    Spark(Arc<mechanical::Mechanical>, Box<spark::Asked>),
     Rattle(Arc<mechanical::Separable>, Option<&'static Scheme>),
     Alpha(Arc<mechanical::SecondOrder>, tableau::Alpha, Reactions),
 }
@@ -61,13 +61,16 @@ impl Stepped {
             return Ok(Self::Rattle(problem.0.clone(), scheme));
         }
         let problem = problem.extract::<PyRef<'_, Mechanical>>()?;
-        Ok(Self::Spark(problem.0.clone(), spark::Asked::read(method)?))
+        let asked = Box::new(spark::Asked::read(method)?);
+        Ok(Self::Spark(problem.0.clone(), asked))
     }
 
     /// Refuses a scheme that needs adjoint steps.
     fn check(&self) -> PyResult<()> {
-        let (Self::Spark(_, spark::Asked { scheme, .. }) | Self::Rattle(_, scheme)) = self else {
-            return Ok(());
+        let scheme = match self {
+            Self::Spark(_, asked) => asked.scheme,
+            Self::Rattle(_, scheme) => *scheme,
+            Self::Alpha(..) => None,
         };
         match scheme {
             Some(scheme) if scheme.stages().is_none() => {

@@ -72,7 +72,7 @@ def build(rods: int, revolute: bool = False) -> Lagrangian:
 
     def hinges(e: ca.SX) -> dict[str, ca.SX]:
         frames = [column(e, k) for k in range(3)]
-        found = {}
+        found: dict[str, ca.SX] = {}
         for k in (0, 1):
             axis = ca.SX.zeros(3)
             axis[k] = 1

@@ -304,7 +304,8 @@ impl<R: Real> Factor<R> {
 }
 
 impl SparseOf {
-    fn new<R: Real>(pattern: &Pattern) -> Self {
+    /// Memory for matrices of this pattern, of each member.
+    pub fn new<R: Real>(pattern: &Pattern) -> Self {
         let several = usize::from(R::MEMBERS > 1);
         Self {
             members: vec![Sparse::new(pattern); R::MEMBERS],

@@ -19,7 +19,7 @@ mod tridiagonal;
 
 pub use assembly::Assembly;
 pub use blocks::Blocks;
-pub use factor::{Factor, Lu, Singular, dependencies, dependent_rows};
+pub use factor::{Factor, Lu, Singular, SparseOf, dependencies, dependent_rows};
 pub use gram::Gram;
 pub use kernels::{add_scaled, carry, combine, copy, copy_scaled, dot, gather, max_norm};
 pub use matrix::Matrix;

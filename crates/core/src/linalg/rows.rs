@@ -101,7 +101,7 @@ impl Rows {
         let entries = self.starts[i]..self.starts[i + 1];
         let mut sum = R::splat(0.0);
         for (&col, &value) in self.cols[entries.clone()].iter().zip(&self.values[entries]) {
-            sum = sum + R::splat(value) * x[col as usize];
+            sum += R::splat(value) * x[col as usize];
         }
         sum
     }
@@ -112,7 +112,7 @@ impl Rows {
     /// When `x` is shorter than a row or `out` shorter than a column.
     pub fn multiply_add<R: Real>(&self, factor: f64, x: &[R], out: &mut [R]) {
         for (i, out) in out[..self.starts.len() - 1].iter_mut().enumerate() {
-            *out = *out + R::splat(factor) * self.row_times(i, x);
+            *out += R::splat(factor) * self.row_times(i, x);
         }
     }
 

@@ -130,7 +130,7 @@ impl Terms {
     /// Completes what the program has written once.
     pub(super) fn bind<R: Real>(&self, outputs: &mut [R], kept: &mut [R]) {
         for &(output, value) in &self.once {
-            outputs[output] = outputs[output] + R::splat(value);
+            outputs[output] += R::splat(value);
         }
         for (&output, kept) in self.kept.iter().zip(kept) {
             *kept = outputs[output];
@@ -143,7 +143,7 @@ impl Terms {
             outputs[output] = *kept;
         }
         for &(output, value) in &self.each {
-            outputs[output] = outputs[output] + R::splat(value);
+            outputs[output] += R::splat(value);
         }
         for (term, registers) in &self.added {
             let x = &inputs[registers.clone()];
@@ -159,7 +159,7 @@ impl Terms {
                     factor,
                     matrix,
                     ..
-                } => outputs[*output] = outputs[*output] + R::splat(*factor) * matrix.form(x),
+                } => outputs[*output] += R::splat(*factor) * matrix.form(x),
             }
         }
     }
