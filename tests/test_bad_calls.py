@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 import liouville as lv
+from liouville import problems
 
 NAN, INF = math.nan, math.inf
 
@@ -485,7 +486,7 @@ def test_the_right_call_is_taken():
 
 
 def test_dense_matrices_that_would_not_fit_are_refused_before_they_are_made(monkeypatch):
-    edge = lv.problems.load("knife_edge")
+    edge = problems.load("knife_edge")
     monkeypatch.setattr("liouville._arguments.memory", lambda: 1000)
     wanted = r"Spark.* on 3 coordinates with nonholonomic constraints, dense, takes.*\nhint: HHT"
     with pytest.raises(MemoryError, match=wanted):

@@ -98,7 +98,7 @@ def test_a_failed_run_is_kept_and_leaves_with_1(tmp_path, model):
 
 
 def test_a_stored_run_that_was_killed_is_resumed(model, tmp_path):
-    words = f"run {model} --until 100 --h 0.01 --checkpoint 1000 --store"
+    words = f"run {model} --until 600 --h 0.01 --checkpoint 1000 --store"
     path = tmp_path / "run.zarr"
     process = subprocess.Popen([*COMMAND, *words.split(), "run.zarr"], cwd=tmp_path, env=QUIET)
     while not path.exists():
@@ -107,7 +107,7 @@ def test_a_stored_run_that_was_killed_is_resumed(model, tmp_path):
     process.communicate()
     resumed = liouville("resume run.zarr", tmp_path)
     assert resumed.returncode == 0
-    assert "0 to 100" in resumed.stdout
+    assert "0 to 600" in resumed.stdout
     assert liouville(f"{words} whole.zarr", tmp_path).returncode == 0
     assert lv.load(path).q.tobytes() == lv.load(tmp_path / "whole.zarr").q.tobytes()
 

@@ -82,7 +82,7 @@ ROWS = [
         r"VolumeSplitting\(\) does not step mechanical systems; methods that do: Spark, Lobatto",
     ),
     ("plan of it", lambda: swing(PLAN), TypeError, "<Plan of 3 pieces.*mechanical systems"),
-    ("pendulums", lambda: swing(V(), lv.ensemble), TypeError, "PolynomialField.*Lagrangian.x, y"),
+    ("pendulums", lambda: swing(V(), lv.ensemble), TypeError, "does not step mechanical systems"),
     ("cut one", lambda: cut(PENDULUM.system), TypeError, "PolynomialField, not of Lagrangian"),
     ("det one", lambda: det(PENDULUM.system), TypeError, "PolynomialField, not of Lagrangian"),
     ("plan one", lambda: plan(PENDULUM.system), TypeError, "PolynomialField, not Lagrangian"),

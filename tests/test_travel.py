@@ -292,7 +292,7 @@ def test_a_copy_is_the_same_system():
     [
         (lambda: load("pendulum").system, 5e3),
         (lambda: load("andrews").system, 60e3),
-        (lambda: chain.build(100), 100e3),
+        (lambda: chain.build(100), 120e3),
         (lambda: load("lattice3d").system, 4e3),
     ],
     ids=["pendulum", "andrews", "chain of 100", "lattice of 3 dimensions"],

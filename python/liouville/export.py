@@ -14,6 +14,7 @@ from __future__ import annotations
 
 import importlib
 import json
+import math
 import os
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -334,7 +335,7 @@ def _place(residual: str, values: Array, constraints: tuple[str, ...]) -> slice:
 
 def _filled(values: Array) -> Array:
     """Say which columns are there: the others are NaN throughout."""
-    flat = values.reshape(-1, values.shape[-1])
+    flat = values.reshape(math.prod(values.shape[:-1]), values.shape[-1])
     is_missing = np.isnan(flat).all(axis=0) & bool(len(flat))
     return np.logical_not(is_missing)
 

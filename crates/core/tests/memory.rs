@@ -266,6 +266,7 @@ fn split_fields_go_on() {
 #[test]
 fn wave_functions_go_on() {
     type Waving = Box<dyn Stepper<State = Wave<f64>>>;
+    type Stepped<'a> = (&'static str, usize, Box<dyn Fn() -> Waving + 'a>);
     let exponential = || Exponential {
         program: flows("SS10s35"),
         theta: 0.5,
@@ -285,7 +286,7 @@ fn wave_functions_go_on() {
     };
     let phases = || Phases::new(grid(), 1e-6).expect("T and diagonals");
     let bounds = || vec![(0.0, 128.0), (-2.0, 2.0)];
-    let steppers: [(&str, usize, Box<dyn Fn() -> Waving>); 6] = [
+    let steppers: [Stepped<'_>; 6] = [
         (
             "shears",
             40,

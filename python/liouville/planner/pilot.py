@@ -101,7 +101,7 @@ def _path(
         crossed(parts), scheme, tape, np.empty(0), parts.inward(x), (n, parts.outward),
         (0.0, h * steps, steps, every), (False, True), 1, True,
     )  # fmt: skip
-    if isinstance(run, dict) or run.advance(1e6) != "done":
+    if isinstance(run, dict) or run.advance(1e6) != "done" or run.failures():
         return None
     return run.take()[1]
 

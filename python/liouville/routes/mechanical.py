@@ -42,8 +42,8 @@ class MechanicalRoute:
         span = (self.pace.t0, self.pace.t1)
         self._watching = Watching(asked.events, asked.t_eval, span, self.every)
         self._watch = self._watching.asked(system, self._order)
-        self.params: Mapping[str, Any] = {**system.params, **dict(asked.params or {})}
         self._take(asked)
+        self.params: Mapping[str, Any] = {**system.params, **dict(asked.params or {})}
         self._states = asked.states
         self._observer, self._widths = system.observer(asked.observe, asked.states)
         self.columns = self._columns()
