@@ -68,7 +68,7 @@ const RUNS: usize = 9;
 const MEMBERS: usize = 2;
 const SINGULAR: Trouble = Trouble::Singular {
     piece: 3,
-    member: 1,
+    member: 0,
     t: 0.0,
 };
 

@@ -478,7 +478,7 @@ fn a_diagonal_pattern_is_solved_as_the_dense_matrix() {
 
 #[test]
 fn large_sparse_matrices_are_factored_sparse() {
-    let large = Kkt::new(40, 10, 0).pattern;
+    let large = Kkt::new(40, 10, 1).pattern;
     assert!(matches!(Factor::<f64>::new(&large), Factor::Sparse(_)));
     let small = Kkt::new(10, 5, 0).pattern;
     assert!(matches!(Factor::<f64>::new(&small), Factor::Dense(_)));
