@@ -26,7 +26,11 @@ from report import publish
 import liouville as lv
 from liouville.problems import chain, rigid_chain
 
-LINKS = (10, 100, 1000, 10_000)
+LINKS = {
+    "plane": (10, 100, 1000, 10_000),
+    "spherical": (10, 100, 1000),
+    "revolute": (10, 100, 1000),
+}
 METHODS = {
     "Spark(2)": lv.Spark(2),
     "Spark(4)": lv.Spark(4),
@@ -34,7 +38,6 @@ METHODS = {
     "LobattoPair(2)": lv.LobattoPair(2),
     "HHT": lv.HHT(-0.1),
 }
-CHAINS = ("plane", "spherical", "revolute")
 REPEATS = 3
 MORE = 200_000  # steps times links in the long run, but at least 20 steps
 COMPARED = (10, 100)
@@ -86,10 +89,10 @@ def one(kind, links, name):
 def scaling():
     """Return the rows of all sizes, and the slopes."""
     rows, slopes = [], []
-    for kind in CHAINS:
+    for kind, sizes in LINKS.items():
         for name in METHODS:
             own = []
-            for links in LINKS:
+            for links in sizes:
                 command = [sys.executable, __file__, kind, str(links), name]
                 done = subprocess.run(command, capture_output=True, text=True, check=False)
                 if done.returncode:
@@ -98,9 +101,9 @@ def scaling():
                     own.append(json.loads(done.stdout))
             rows += own
             if len(own) > 1:
-                sizes = np.log([row["links"] for row in own])
+                logs = np.log([row["links"] for row in own])
                 powers = {
-                    key: float(np.polyfit(sizes, np.log([row[key] for row in own]), 1)[0])
+                    key: float(np.polyfit(logs, np.log([row[key] for row in own]), 1)[0])
                     for key in ("us a step", "MiB")
                 }
                 slopes.append({"chain": kind, "method": name, **powers})
