@@ -3,7 +3,8 @@
 //! Members run in blocks, each block in lock-step. A block is begun when its turn comes and is not kept longer
 //! than it runs: what is kept of an ensemble are its records. A member that fails leaves its block, which
 //! begins once more without it. The results do not depend on the number of threads, nor on who stepped what: a
-//! pause changes nothing in a run, and a member has the same bits in any company.
+//! pause changes nothing in a run, and a member has the same bits in any company. Turns, failures and records are in
+//! one file because they change together, under one lock.
 
 use crate::method::Stats;
 use crate::run::{Advance, Failure, Status};

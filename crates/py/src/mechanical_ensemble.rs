@@ -5,7 +5,7 @@ use crate::errors;
 use crate::mechanical_run::{alpha, spark};
 use crate::run::Run;
 use crate::second_order::{SecondOrder, Separable};
-use crate::tableau::scheme_named;
+use crate::tableau::scheme_of;
 use liouville_core::ensemble::{Ensemble, Layout};
 use liouville_core::method::alpha::{Alpha, Reactions};
 use liouville_core::method::composition::{Composed, NeedsAdjoint};
@@ -54,11 +54,7 @@ impl Stepped {
             return Ok(Self::Alpha(problem.0.clone(), weights, reactions));
         }
         if let Ok(problem) = problem.extract::<PyRef<'_, Separable>>() {
-            let scheme = match method.getattr_opt("scheme")? {
-                Some(name) => Some(scheme_named(&name.extract::<String>()?)?),
-                None => None,
-            };
-            return Ok(Self::Rattle(problem.0.clone(), scheme));
+            return Ok(Self::Rattle(problem.0.clone(), scheme_of(method)?));
         }
         let problem = problem.extract::<PyRef<'_, Mechanical>>()?;
         let asked = Box::new(spark::Asked::read(method)?);

@@ -3,7 +3,7 @@
 use crate::convert::{self, Made, Recipe, item, pattern};
 use crate::errors::{self, refused};
 use crate::run::Run;
-use crate::tableau::scheme_named;
+use crate::tableau::scheme_of;
 use liouville_core::method::Stepper;
 use liouville_core::method::composition::Composed;
 use liouville_core::method::index2::Index2;
@@ -112,10 +112,7 @@ pub(crate) fn semi_explicit_run<'py>(
     span: (f64, f64, usize, usize),
     states: bool,
 ) -> PyResult<Bound<'py, PyAny>> {
-    let scheme = match method.getattr_opt("scheme")? {
-        Some(name) => Some(scheme_named(&name.extract::<String>()?)?),
-        None => None,
-    };
+    let scheme = scheme_of(method)?;
     let base = match scheme {
         Some(_) => &method.getattr("base")?,
         None => method,

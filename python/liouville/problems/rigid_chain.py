@@ -82,21 +82,6 @@ def build(rods: int, revolute: bool = False) -> Lagrangian:
                 found |= {f"hinge_{name}{i + 1}": tilt[i] for i in range(k, rods, 2)}
         return found
 
-    def parts(q: ca.SX) -> tuple[ca.SX, ca.SX]:
-        """Return positions and quaternions, a column a rod."""
-        rows = ca.reshape(q, 7, rods)
-        return rows[:3, :], rows[3:, :]
-
-    def rates(q: ca.SX, v: ca.SX) -> ca.SX:
-        (w, *u), (dw, *du) = (ca.vertsplit(parts(x)[1]) for x in (q, v))
-        turned = ca.vertcat(
-            *(u[k - 2] * du[k - 1] - u[k - 1] * du[k - 2] for k in range(3))
-        )  # u x u'
-        return 2 * (ca.vertcat(*(w * x for x in du)) - ca.vertcat(*(dw * x for x in u)) - turned)
-
-    def radial(q: ca.SX, v: ca.SX) -> ca.SX:
-        return ca.sum1(parts(q)[1] * parts(v)[1])
-
     def moments(params: Parameters) -> tuple[ca.SX, ca.SX, ca.SX]:
         scale = params.m / rods * (params.l / rods) ** 2
         across = scale * (3 * params.r**2 + 1) / 12
@@ -118,6 +103,24 @@ def build(rods: int, revolute: bool = False) -> Lagrangian:
         params={"m": 1.0, "l": 1.0, "g": 1.0, "r": 0.25, "mu": 0.5},
         invariants={} if revolute else {"spin": spin},
     )
+
+
+def parts(q: ca.SX) -> tuple[ca.SX, ca.SX]:
+    """Return positions and quaternions, a column a rod."""
+    rows = ca.reshape(q, 7, -1)
+    return rows[:3, :], rows[3:, :]
+
+
+def rates(q: ca.SX, v: ca.SX) -> ca.SX:
+    """Return angular velocities about the rods' own axes, a column a rod."""
+    (w, *u), (dw, *du) = (ca.vertsplit(parts(x)[1]) for x in (q, v))
+    turned = ca.vertcat(*(u[k - 2] * du[k - 1] - u[k - 1] * du[k - 2] for k in range(3)))  # u x u'
+    return 2 * (ca.vertcat(*(w * x for x in du)) - ca.vertcat(*(dw * x for x in u)) - turned)
+
+
+def radial(q: ca.SX, v: ca.SX) -> ca.SX:
+    """Return e . e' of each rod."""
+    return ca.sum1(parts(q)[1] * parts(v)[1])
 
 
 def before(first: ca.SX, columns: ca.SX) -> ca.SX:

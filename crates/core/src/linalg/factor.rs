@@ -1,6 +1,6 @@
 //! Factorisations, and what to say of a matrix that has none.
 
-use super::{Blocks, Matrix, Pattern, Sparse, add_scaled, dot, max_norm};
+use super::{Blocks, Matrix, Pattern, Sparse, SparseOf, add_scaled, dot, max_norm};
 use crate::real::Real;
 
 /// No pivot in this column: it depends on the columns before it.
@@ -208,15 +208,6 @@ pub enum Factor<R = f64> {
     Sparse(Box<SparseOf>),
 }
 
-/// Sparse LU of each member.
-#[derive(Clone, Debug)]
-pub struct SparseOf {
-    members: Vec<Sparse>,
-    /// Values and a vector of one member.
-    values: Vec<f64>,
-    x: Vec<f64>,
-}
-
 /// Whether the sparse LU is the faster one. Measured, dense over sparse: chains (three entries a row)
 /// 0.95 at order 30, 1.1 at 36, 6.5 at 201; seven a row 0.5 at 24, 1.5 at 60 (of a whole step), 1.9 at
 /// 100; full 0.6 at 128, 1.4 at 200.
@@ -299,46 +290,6 @@ impl<R: Real> Factor<R> {
             Self::Diagonal(inverse) => inverse,
             Self::Blocks(blocks) => blocks.values(),
             Self::Dense(_) | Self::Sparse(_) => &[],
-        }
-    }
-}
-
-impl SparseOf {
-    /// Memory for matrices of this pattern, of each member.
-    pub fn new<R: Real>(pattern: &Pattern) -> Self {
-        let several = usize::from(R::MEMBERS > 1);
-        Self {
-            members: vec![Sparse::new(pattern); R::MEMBERS],
-            values: vec![0.0; several * pattern.len()],
-            x: vec![0.0; several * pattern.shape().0],
-        }
-    }
-
-    fn factor<R: Real>(&mut self, values: &[R]) -> Result<(), Singular> {
-        if let Some(values) = R::alone(values) {
-            return self.members[0].factor(values);
-        }
-        for (member, lu) in self.members.iter_mut().enumerate() {
-            for (out, value) in self.values.iter_mut().zip(values) {
-                *out = value.member(member);
-            }
-            lu.factor(&self.values)?;
-        }
-        Ok(())
-    }
-
-    fn solve<R: Real>(&mut self, b: &mut [R]) {
-        if let Some(b) = R::alone_mut(b) {
-            return self.members[0].solve(b);
-        }
-        for (member, lu) in self.members.iter_mut().enumerate() {
-            for (x, b) in self.x.iter_mut().zip(&*b) {
-                *x = b.member(member);
-            }
-            lu.solve(&mut self.x);
-            for (b, x) in b.iter_mut().zip(&self.x) {
-                b.set_member(member, *x);
-            }
         }
     }
 }

@@ -4,7 +4,7 @@ use super::Begin;
 use super::launch::launch_symmetric;
 use crate::errors;
 use crate::second_order::Separable;
-use crate::tableau::scheme_named;
+use crate::tableau::scheme_of;
 use liouville_core::method::composition::Composed;
 use liouville_core::method::rattle::Rattle;
 use liouville_core::problem::mechanical::{Observer, SeparableModel};
@@ -29,10 +29,9 @@ pub(super) fn rattle<'py>(
         Ok(stepper) => stepper,
         Err(trouble) => return Ok(errors::trouble(py, &trouble)?.into_any()),
     };
-    let Some(name) = method.getattr_opt("scheme")? else {
+    let Some(scheme) = scheme_of(method)? else {
         return launch_symmetric(py, begin, stepper, observer, state);
     };
-    let scheme = scheme_named(&name.extract::<String>()?)?;
     let stepper = Composed::of_symmetric(stepper, scheme).map_err(errors::refused)?;
     launch_symmetric(py, begin, stepper, observer, state)
 }

@@ -5,7 +5,7 @@ use super::control::{Control, refused};
 use super::launch::{launch_controlled, launch_symmetric};
 use crate::convert::Mechanical;
 use crate::errors;
-use crate::tableau::{lobatto_named, scheme_named, spark_named};
+use crate::tableau::{lobatto_named, scheme_of, spark_named};
 use liouville_core::method::composition::Composed;
 use liouville_core::method::spark::{Solver, Spark};
 use liouville_core::problem::mechanical::{Model, Observer, State};
@@ -23,10 +23,7 @@ pub(crate) struct Asked {
 
 impl Asked {
     pub(crate) fn read(method: &Bound<'_, PyAny>) -> PyResult<Self> {
-        let scheme = match method.getattr_opt("scheme")? {
-            Some(name) => Some(scheme_named(&name.extract::<String>()?)?),
-            None => None,
-        };
+        let scheme = scheme_of(method)?;
         let base = match scheme {
             Some(_) => &method.getattr("base")?,
             None => method,
