@@ -27,8 +27,11 @@ macro_rules! short {
     };
 }
 
+/// Columns that are summed in registers.
+const BLOCK: usize = 32;
+
 /// `out_ik = finish(i, k, Σ_j weights_ij x_jk)`, for as many rows as both `out` and `weights` have.
-#[inline]
+#[inline(always)]
 pub fn combine<R: Real>(
     out: &mut [R],
     weights: &Matrix,
@@ -85,20 +88,35 @@ fn combine_short<R: Real, const N: usize>(
     }
 }
 
+#[inline(always)]
 fn combine_long<R: Real>(
     out: &mut [R],
     weights: &Matrix,
     x: &Matrix<R>,
     finish: impl Fn(usize, usize, R) -> R,
 ) {
+    let cols = x.cols();
     let rows = weights.flat().chunks_exact(weights.cols());
-    for (i, (out, weights)) in out.chunks_exact_mut(x.cols()).zip(rows).enumerate() {
-        out.fill(R::splat(0.0));
-        for (weight, x) in weights.iter().zip(x.flat().chunks_exact(x.cols())) {
-            add_scaled(out, *weight, x);
+    for (i, (out, weights)) in out.chunks_exact_mut(cols).zip(rows).enumerate() {
+        let (blocks, rest) = out.as_chunks_mut::<BLOCK>();
+        for (b, out) in blocks.iter_mut().enumerate() {
+            let mut sum = [R::splat(0.0); BLOCK];
+            for (j, weight) in weights.iter().enumerate() {
+                let x = &x.row(j).as_chunks::<BLOCK>().0[b];
+                for k in 0..BLOCK {
+                    sum[k] += x[k] * *weight;
+                }
+            }
+            *out = sum;
         }
-        for (k, out) in out.iter_mut().enumerate() {
-            *out = finish(i, k, *out);
+        let first = cols - rest.len();
+        rest.fill(R::splat(0.0));
+        for (j, weight) in weights.iter().enumerate() {
+            add_scaled(rest, *weight, &x.row(j)[first..]);
+        }
+        let out = &mut out[..cols];
+        for k in 0..cols {
+            out[k] = finish(i, k, out[k]);
         }
     }
 }

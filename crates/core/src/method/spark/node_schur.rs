@@ -15,7 +15,7 @@ use crate::newton::Equations;
 use crate::problem::mechanical::{Mass, Mechanical, Model, add_product, explain, finite};
 use crate::real::Real;
 use crate::trouble::{Quantity, Trouble};
-use crate::vector::wide;
+use crate::vector::wide_along;
 use std::sync::Arc;
 
 /// Frozen blocks and the factored Schur complement.
@@ -300,7 +300,8 @@ impl<R: Real> Equations<R> for Solve<'_, R> {
             self.freeze()?;
             self.is_frozen = true;
         }
-        let size = wide::<R, _>(
+        let size = wide_along::<R, _>(
+            self.solver.problem.n,
             #[inline(always)]
             || {
                 if self.model.problem.m > 0 {

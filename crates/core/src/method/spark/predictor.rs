@@ -12,6 +12,7 @@ use crate::problem::mechanical::{Acceleration, Model, State};
 use crate::real::Real;
 use crate::tableau;
 use crate::trouble::Trouble;
+use crate::vector::wide_along;
 
 /// What the next step starts from.
 #[derive(Clone, Debug)]
@@ -83,8 +84,18 @@ impl<R: Real> Predictor<R> {
             self.ratio = ratio;
             self.weigh(&stages.tableau, ratio);
         }
+        wide_along::<R, _>(
+            self.z.cols(),
+            #[inline(always)]
+            || self.combine(&mut stages.unknowns, z1),
+        );
+        true
+    }
+
+    #[inline(always)]
+    fn combine(&self, unknowns: &mut Unknowns<R>, z1: &mut [R]) {
         let as_is = |_, _, sum| sum;
-        let Unknowns { z, v, lam, nu } = &mut stages.unknowns;
+        let Unknowns { z, v, lam, nu } = unknowns;
         combine(z.flat_mut(), &self.stage_weights, &self.z, as_is);
         if self.velocity_is_z {
             // nothing but equal starts keeps them equal: their difference is no residual
@@ -99,7 +110,6 @@ impl<R: Real> Predictor<R> {
         if !nu.flat().is_empty() {
             combine(nu.flat_mut(), &self.rolling_weights, &self.nu, as_is);
         }
-        true
     }
 
     /// The weights of what is held, for steps that are `ratio` times as long.

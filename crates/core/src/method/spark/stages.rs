@@ -5,7 +5,7 @@ use crate::problem::mechanical::{Model, State, finite, finite_k};
 use crate::real::Real;
 use crate::tableau;
 use crate::trouble::{Quantity, Trouble};
-use crate::vector::wide;
+use crate::vector::wide_along;
 
 /// The step being made: from `state` at `t` over `h`.
 pub(super) struct Step<'a, R = f64> {
@@ -133,12 +133,24 @@ impl<R: Real> Stages<R> {
     pub(super) fn evaluate(&mut self, model: &mut Model<R>, step: Step<R>) -> Result<(), Trouble> {
         self.evaluate_values(model, step, self.tableau.intervals);
         self.subtract_impulses(step);
-        let is_finite = |x: &Matrix<R>| x.flat().iter().all(|x| x.all(f64::is_finite));
-        if is_finite(&self.momentum_residual)
-            && is_finite(&self.velocity_residual)
-            && is_finite(&self.g)
-            && is_finite(&self.k)
-        {
+        let values = [
+            &self.momentum_residual,
+            &self.velocity_residual,
+            &self.g,
+            &self.k,
+        ];
+        let all_finite = wide_along::<R, _>(
+            self.y.cols(),
+            #[inline(always)]
+            || {
+                let finite = |x: &Matrix<R>| {
+                    let values = x.flat().iter();
+                    values.fold(true, |all, x| all & x.all(f64::is_finite))
+                };
+                values.into_iter().all(finite)
+            },
+        );
+        if all_finite {
             Ok(())
         } else {
             Err(self.not_finite(step))
@@ -153,17 +165,20 @@ impl<R: Real> Stages<R> {
         for i in 0..s {
             let t = self.stage_time(step, i);
             let [p, f, v] = model.stage(t, self.y.row(i), self.unknowns.z.row(i));
+            let (residual, impulse) = (&mut self.velocity_residual, &mut self.impulses);
+            let (unknown, weight) = (&self.unknowns.v, step.h * self.tableau.b[i]);
             copy(self.p.row_mut(i), p);
-            copy_scaled(self.impulses.row_mut(i), step.h * self.tableau.b[i], f);
-            for ((out, unknown), v) in self
-                .velocity_residual
-                .row_mut(i)
-                .iter_mut()
-                .zip(self.unknowns.v.row(i))
-                .zip(v)
-            {
-                *out = *unknown - *v;
-            }
+            wide_along::<R, _>(
+                p.len(),
+                #[inline(always)]
+                || {
+                    copy_scaled(impulse.row_mut(i), weight, f);
+                    let both = unknown.row(i).iter().zip(v);
+                    for (out, (unknown, v)) in residual.row_mut(i).iter_mut().zip(both) {
+                        *out = *unknown - *v;
+                    }
+                },
+            );
         }
         self.evaluations += s;
         if self.k.cols() > 0 {
@@ -174,10 +189,12 @@ impl<R: Real> Stages<R> {
                 let t = self.node_time(step, j);
                 let [g, r] = model.node(t, self.node_y.row(j), self.unknowns.lam.row(j));
                 copy(self.g.row_mut(j), g);
-                copy_scaled(
-                    self.impulses.row_mut(s + j),
-                    step.h * self.tableau.b_hat[j],
-                    r,
+                let impulse = self.impulses.row_mut(s + j);
+                let weight = step.h * self.tableau.b_hat[j];
+                wide_along::<R, _>(
+                    r.len(),
+                    #[inline(always)]
+                    || copy_scaled(impulse, weight, r),
                 );
             }
         }
@@ -198,13 +215,15 @@ impl<R: Real> Stages<R> {
 
     /// Y_i = y0 + Σ μᵛ_ij (h b_j V_j) and Ŷ_i = y0 + Σ μ̄_ij (h b_j V_j), the low part of y0 first.
     fn move_points(&mut self, step: Step<R>) {
-        wide::<R, _>(
+        wide_along::<R, _>(
+            self.y.cols(),
             #[inline(always)]
             || {
                 for (j, b) in self.tableau.b.iter().enumerate() {
                     copy_scaled(self.moves.row_mut(j), step.h * b, self.unknowns.v.row(j));
                 }
-                let State { y, y_low, .. } = step.state;
+                let n = self.moves.cols();
+                let (y, y_low) = (&step.state.y[..n], &step.state.y_low[..n]);
                 let finish = |_, k: usize, sum| y[k] + (y_low[k] + sum);
                 let (weights, nodes) = (&self.tableau.mu_v, &self.tableau.mu_bar);
                 combine(self.y.flat_mut(), weights, &self.moves, finish);
@@ -215,13 +234,15 @@ impl<R: Real> Stages<R> {
 
     /// P_i − p0 − Σ μᶠ_ij (h b_j F_j) − Σ_{j<k} μ̂_ij (h b̂_j R_j) − Σ μʳ_ij (h b_j R_j).
     pub(super) fn subtract_impulses(&mut self, step: Step<R>) {
-        let (State { p, p_low, .. }, stage_p) = (step.state, &self.p);
+        let (stage_p, n) = (&self.p, self.impulses.cols());
         let out = self.momentum_residual.flat_mut();
-        wide::<R, _>(
+        wide_along::<R, _>(
+            n,
             #[inline(always)]
             || {
+                let (p, p_low) = (&step.state.p[..n], &step.state.p_low[..n]);
                 combine(out, &self.force_weights, &self.impulses, |i, k, sum| {
-                    (stage_p[(i, k)] - p[k]) - (p_low[k] + sum)
+                    (stage_p.row(i)[k] - p[k]) - (p_low[k] + sum)
                 });
             },
         );

@@ -12,7 +12,7 @@ use crate::newton::{self, Equations};
 use crate::problem::mechanical::{Model, Saddle, State, finite, finite_k};
 use crate::real::Real;
 use crate::trouble::{Quantity, Trouble};
-use crate::vector::wide;
+use crate::vector::wide_along;
 
 const MOST_ITERATIONS: usize = 30;
 
@@ -97,7 +97,8 @@ impl<R: Real> Update<R> {
     ) -> Result<(), Trouble> {
         let k = stages.tableau.intervals;
         let (h, state) = (step.h, step.state);
-        wide::<R, _>(
+        wide_along::<R, _>(
+            state.y.len(),
             #[inline(always)]
             || self.sum_up(stages, state),
         );
