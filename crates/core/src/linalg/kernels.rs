@@ -3,6 +3,7 @@
 
 use super::Matrix;
 use crate::real::Real;
+use crate::vector::wide_along;
 use std::ops::Mul;
 
 /// `out += factor * x`
@@ -159,6 +160,15 @@ const SIGN: u64 = 1 << 63;
 
 #[inline]
 fn max_norm_alone(x: &[f64]) -> f64 {
+    wide_along::<f64, _>(
+        x.len(),
+        #[inline(always)]
+        || largest(x),
+    )
+}
+
+#[inline(always)]
+fn largest(x: &[f64]) -> f64 {
     // these compare side by side
     let (chunks, rest) = x.as_chunks::<4>();
     let mut largest = [0_u64; 4];

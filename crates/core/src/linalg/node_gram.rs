@@ -5,12 +5,15 @@
 //!     S_cd = P⁻¹ [ P_il (A_i B_l)_cd ]_il      k by k, one block for each entry of A B
 //!
 //! which is (A B)_cd times the identity where A and B are the same at all nodes, and near it otherwise:
-//! such blocks are eliminated without pivoting, as A B itself would be, at k³ times the cost.
+//! such blocks are eliminated without pivoting, as A B itself would be, at k³ times the cost. They are kept
+//! column by column, so that a product with a vector adds columns.
+#![allow(clippy::inline_always)] // what is not inlined is compiled without the registers it is for
 
 use super::fill::Plan;
 use super::product::{Meeting, meetings};
 use super::{Lu, Matrix, Pattern, Singular};
 use crate::real::Real;
+use crate::vector::wide_along;
 
 /// Pivots below this fraction of what stood in their place are roundoff.
 const TINY: f64 = 1e3 * f64::EPSILON;
@@ -41,7 +44,7 @@ pub struct NodeGram<R = f64> {
     /// Where the pairs of each place start; one more than there are places.
     starts: Vec<u32>,
     pairs: Vec<(u32, u32)>,
-    /// P⁻¹, and (P⁻¹)_ij P_jl.
+    /// P⁻¹, and (P⁻¹)_ij P_jl with i the fastest and l the slowest.
     inverse: Matrix,
     weights: Vec<f64>,
     plan: Plan,
@@ -78,7 +81,7 @@ impl<R: Real> NodeGram<R> {
         let slots = plan.slots(&pattern(places));
         let inverse = inverse(weights);
         let weigh = |i: usize, j: usize, l: usize| inverse[(i, j)] * weights[(j, l)];
-        let each = |i| (0..nodes).flat_map(move |j| (0..nodes).map(move |l| (i, j, l)));
+        let each = |l| (0..nodes).flat_map(move |j| (0..nodes).map(move |i| (i, j, l)));
         let mut gram = Self {
             nodes,
             starts: vec![0],
@@ -117,7 +120,11 @@ impl<R: Real> NodeGram<R> {
     /// # Panics
     /// When there are fewer values than entries.
     pub fn factor(&mut self, a: &[R], b: &[R]) -> Result<(), Singular> {
-        at_size!(self.nodes, K => { self.multiply::<K>(a, b); self.eliminate::<K>() })
+        wide_along::<R, _>(
+            self.x.len(),
+            #[inline(always)]
+            || at_size!(self.nodes, K => { self.multiply::<K>(a, b); self.eliminate::<K>() }),
+        )
     }
 
     /// Solves in place: `b` has the right-hand side of the matrix without P⁻¹.
@@ -125,9 +132,14 @@ impl<R: Real> NodeGram<R> {
     /// # Panics
     /// When `b` is too short.
     pub fn solve(&mut self, b: &mut [R]) {
-        at_size!(self.nodes, K => self.substitute::<K>(b));
+        wide_along::<R, _>(
+            self.x.len(),
+            #[inline(always)]
+            || at_size!(self.nodes, K => self.substitute::<K>(b)),
+        );
     }
 
+    #[inline(always)]
     fn multiply<const K: usize>(&mut self, a: &[R], b: &[R]) {
         let (a, b) = (a.as_chunks::<K>().0, b.as_chunks::<K>().0);
         let (values, weights) = (self.values.as_chunks_mut::<K>().0, &self.weights);
@@ -139,17 +151,19 @@ impl<R: Real> NodeGram<R> {
                 add_outer(&mut sum, &a[*i as usize], &b[*j as usize]);
             }
             start = end;
-            for (row, weights) in block.iter_mut().zip(weights.chunks_exact(K * K)) {
-                *row = [R::splat(0.0); K];
-                for (sum, weights) in sum.iter().zip(weights.chunks_exact(K)) {
-                    for l in 0..K {
-                        row[l] += sum[l] * weights[l];
+            let columns = block.iter_mut().zip(&sum);
+            for ((column, sum), weights) in columns.zip(weights.chunks_exact(K * K)) {
+                *column = [R::splat(0.0); K];
+                for (sum, weights) in sum.iter().zip(weights.as_chunks::<K>().0) {
+                    for i in 0..K {
+                        column[i] += *sum * weights[i];
                     }
                 }
             }
         }
     }
 
+    #[inline(always)]
     fn eliminate<const K: usize>(&mut self) -> Result<(), Singular> {
         let plan = &self.plan;
         let (m, count) = (plan.order.len(), plan.neighbours.len());
@@ -180,6 +194,7 @@ impl<R: Real> NodeGram<R> {
         Ok(())
     }
 
+    #[inline(always)]
     fn substitute<const K: usize>(&mut self, b: &mut [R]) {
         let plan = &self.plan;
         let (m, count) = (plan.order.len(), plan.neighbours.len());
@@ -209,78 +224,76 @@ impl<R: Real> NodeGram<R> {
                 let above = &values[(m + count + place) * K..];
                 subtract(&mut value, above, &x[*k as usize]);
             }
-            let mut solved = [R::splat(0.0); K];
-            for (out, row) in solved.iter_mut().zip(&values[step * K..(step + 1) * K]) {
-                *out = (0..K).fold(R::splat(0.0), |sum, j| sum + row[j] * value[j]);
-            }
+            let solved = applied(&values[step * K..], &value);
             x[step] = solved;
             b[plan.order[step] as usize] = solved;
         }
     }
 }
 
+/// The columns of a block.
 type Block<R, const K: usize> = [[R; K]; K];
 
-#[inline]
-fn block<R: Real, const K: usize>(rows: &[[R; K]], place: usize) -> Block<R, K> {
-    let rows = &rows[place * K..(place + 1) * K];
-    std::array::from_fn(|i| rows[i])
+#[inline(always)]
+fn block<R: Real, const K: usize>(columns: &[[R; K]], place: usize) -> Block<R, K> {
+    let columns = &columns[place * K..(place + 1) * K];
+    std::array::from_fn(|l| columns[l])
 }
 
-#[inline]
-fn put<R: Real, const K: usize>(rows: &mut [[R; K]], place: usize, block: Block<R, K>) {
-    rows[place * K..(place + 1) * K].copy_from_slice(&block);
+#[inline(always)]
+fn put<R: Real, const K: usize>(columns: &mut [[R; K]], place: usize, block: Block<R, K>) {
+    columns[place * K..(place + 1) * K].copy_from_slice(&block);
 }
 
-#[inline]
+#[inline(always)]
 fn add_outer<R: Real, const K: usize>(sum: &mut Block<R, K>, a: &[R; K], b: &[R; K]) {
-    for i in 0..K {
-        for l in 0..K {
-            sum[i][l] += a[i] * b[l];
+    for l in 0..K {
+        for i in 0..K {
+            sum[l][i] += a[i] * b[l];
         }
     }
 }
 
-#[inline]
+/// `A y`, A being the first columns.
+#[inline(always)]
+fn applied<R: Real, const K: usize>(columns: &[[R; K]], y: &[R; K]) -> [R; K] {
+    let mut sum = [R::splat(0.0); K];
+    for (column, y) in columns[..K].iter().zip(y) {
+        for i in 0..K {
+            sum[i] += column[i] * *y;
+        }
+    }
+    sum
+}
+
+#[inline(always)]
 fn times<R: Real, const K: usize>(a: &Block<R, K>, b: &Block<R, K>) -> Block<R, K> {
-    let mut product = [[R::splat(0.0); K]; K];
-    for i in 0..K {
-        for j in 0..K {
-            for l in 0..K {
-                product[i][l] += a[i][j] * b[j][l];
-            }
-        }
-    }
-    product
+    std::array::from_fn(|l| applied(a, &b[l]))
 }
 
-#[inline]
+#[inline(always)]
 fn subtract_product<R: Real, const K: usize>(
-    rows: &mut [[R; K]],
+    columns: &mut [[R; K]],
     place: usize,
     a: &Block<R, K>,
     b: &Block<R, K>,
 ) {
-    for (row, a) in rows[place * K..(place + 1) * K].iter_mut().zip(a) {
-        for j in 0..K {
-            for l in 0..K {
-                row[l] -= a[j] * b[j][l];
-            }
-        }
+    for (column, b) in columns[place * K..(place + 1) * K].iter_mut().zip(b) {
+        subtract(column, a, b);
     }
 }
 
-/// `x -= A y`, A being the first rows.
-#[inline]
-fn subtract<R: Real, const K: usize>(x: &mut [R; K], rows: &[[R; K]], y: &[R; K]) {
-    for (x, row) in x.iter_mut().zip(&rows[..K]) {
-        let sum = (0..K).fold(R::splat(0.0), |sum, j| sum + row[j] * y[j]);
-        *x -= sum;
+/// `x -= A y`, A being the first columns.
+#[inline(always)]
+fn subtract<R: Real, const K: usize>(x: &mut [R; K], columns: &[[R; K]], y: &[R; K]) {
+    let product = applied(columns, y);
+    for i in 0..K {
+        x[i] -= product[i];
     }
 }
 
 /// The inverse of a block whose diagonal dominates; `None` where a pivot is roundoff of `scale`.
-#[inline]
+#[inline(always)]
 fn inverted<R: Real, const K: usize>(mut a: Block<R, K>, scale: R) -> Option<Block<R, K>> {
     for p in 0..K {
         let pivot = a[p][p];

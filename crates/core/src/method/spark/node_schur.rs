@@ -205,7 +205,9 @@ impl<R: Real> Solve<'_, R> {
             let u = solver.velocity.row_mut(j);
             copy(u, stages.momentum_residual.row(j));
             solver.mass.solve_velocity(u);
-            add_scaled(u, 1.0, stages.velocity_residual.row(j));
+            if at.v_z.is_some() {
+                add_scaled(u, 1.0, stages.velocity_residual.row(j));
+            }
         }
         let lu = match &mut solver.matrix {
             Schur::Dense { lu, .. } => lu,
@@ -264,6 +266,15 @@ impl<R: Real> Solve<'_, R> {
     #[inline(always)]
     fn correct_stages(&mut self) -> R {
         let (solver, stages) = (&mut *self.solver, &mut *self.stages);
+        if solver.problem.patterns.v_z.is_none() {
+            // R1 is zero, and dV is dZ
+            for i in 0..stages.tableau.stages {
+                solver.mass.solve(solver.d_z.row_mut(i));
+            }
+            add_scaled(stages.unknowns.z.flat_mut(), 1.0, solver.d_z.flat());
+            add_scaled(stages.unknowns.v.flat_mut(), 1.0, solver.d_z.flat());
+            return max_norm(solver.d_z.flat());
+        }
         for i in 0..stages.tableau.stages {
             let (d_z, d_v) = (solver.d_z.row_mut(i), solver.d_v.row_mut(i));
             solver.mass.solve(d_z);
