@@ -27,6 +27,7 @@ macro_rules! short {
         }
     };
 }
+pub(super) use short;
 
 /// Columns that are summed in registers.
 const BLOCK: usize = 32;
@@ -184,6 +185,17 @@ fn largest(x: &[f64]) -> f64 {
     } else {
         largest
     }
+}
+
+/// Whether all values are finite.
+#[inline]
+pub fn all_finite<R: Real>(x: &[R]) -> bool {
+    // without a way out, so that several are looked at in one instruction
+    wide_along::<R, _>(
+        x.len(),
+        #[inline(always)]
+        || x.iter().fold(true, |all, x| all & x.all(f64::is_finite)),
+    )
 }
 
 /// `Σ x_i y_i`, over as many as both have.

@@ -1,6 +1,7 @@
 //! A sparse matrix at several nodes: one pattern, the values of the nodes side by side within an entry.
 //!
-//! Entries are kept row by row, so that a row of a product is summed in registers.
+//! Entries are kept row by row, so that a row of a product is summed in registers, and rows of as many entries
+//! one after another, so that their loops have one length.
 
 use super::Pattern;
 use crate::real::Real;
@@ -11,8 +12,10 @@ pub struct NodeRows<R = f64> {
     pattern: Pattern,
     /// Which entry of the pattern it was made of each of its own is.
     from: Vec<u32>,
-    /// Where the entries of each row start; one more than there are rows.
-    starts: Vec<u32>,
+    /// How many rows there are of as many entries, with those.
+    groups: Vec<(usize, usize)>,
+    /// The row of each, and the columns of its entries.
+    rows: Vec<u32>,
     cols: Vec<u32>,
     values: Vec<R>,
 }
@@ -21,31 +24,37 @@ impl<R: Real> NodeRows<R> {
     /// A matrix of zeros of this pattern at so many nodes.
     #[allow(clippy::cast_possible_truncation)] // more entries would not fit in memory
     pub fn new(pattern: &Pattern, nodes: usize) -> Self {
-        let entries = pattern.entries();
+        let (entries, (height, width)) = (pattern.entries(), pattern.shape());
+        let mut count = vec![0; height];
+        entries.iter().for_each(|(row, _)| count[*row] += 1);
         let mut from: Vec<u32> = (0..entries.len() as u32).collect();
-        from.sort_by_key(|k| entries[*k as usize]);
+        from.sort_by_key(|k| (count[entries[*k as usize].0], entries[*k as usize]));
         let entries: Vec<_> = from.iter().map(|k| entries[*k as usize]).collect();
-        let (rows, cols) = pattern.shape();
-        let starts = (0..=rows).map(|i| entries.partition_point(|(row, _)| *row < i) as u32);
+        let mut rows: Vec<u32> = entries.iter().map(|(row, _)| *row as u32).collect();
+        rows.dedup();
+        let alike = rows.chunk_by(|a, b| count[*a as usize] == count[*b as usize]);
         Self {
-            starts: starts.collect(),
+            groups: alike
+                .map(|rows| (rows.len(), count[rows[0] as usize]))
+                .collect(),
             cols: entries.iter().map(|(_, col)| *col as u32).collect(),
             values: vec![R::splat(0.0); nodes * from.len()],
+            rows,
             from,
             pattern: Pattern {
-                rows,
-                cols,
+                rows: height,
+                cols: width,
                 entries,
             },
         }
     }
 
-    /// Where it is not zero, row by row.
+    /// Where it is not zero, in the order of the values.
     pub fn pattern(&self) -> &Pattern {
         &self.pattern
     }
 
-    /// The values, in the order of that pattern, node by node within an entry.
+    /// The values, node by node within an entry.
     pub fn values(&self) -> &[R] {
         &self.values
     }
@@ -61,25 +70,73 @@ impl<R: Real> NodeRows<R> {
         }
     }
 
+    /// `out += A x` of a single node.
+    ///
+    /// # Panics
+    /// When `x` or `out` is too short.
+    pub fn add_product(&self, x: &[R], out: &mut [R]) {
+        self.multiply_add::<1>(x.as_chunks().0, out.as_chunks_mut().0);
+    }
+
     /// `out += A x` at each node.
     ///
     /// # Panics
-    /// When `x` is too short.
+    /// When `x` or `out` is too short.
     #[allow(clippy::inline_always)] // what is not inlined is compiled without the registers it is for
     #[inline(always)]
     pub fn multiply_add<const K: usize>(&self, x: &[[R; K]], out: &mut [[R; K]]) {
-        let values = self.values.as_chunks::<K>().0;
-        let ends = self.starts[1..].iter();
-        let mut start = 0;
-        for (out, end) in out.iter_mut().zip(ends) {
-            let at = start..*end as usize;
-            start = at.end;
-            for (value, col) in values[at.clone()].iter().zip(&self.cols[at]) {
-                let x = &x[*col as usize];
-                for i in 0..K {
-                    out[i] += value[i] * x[i];
+        let (mut rows, mut cols) = (&self.rows[..], &self.cols[..]);
+        let mut values = self.values.as_chunks::<K>().0;
+        for &(count, width) in &self.groups {
+            let (now, rows_left) = rows.split_at(count);
+            let (at, cols_left) = cols.split_at(count * width);
+            let (own, values_left) = values.split_at(count * width);
+            match width {
+                1 => add_rows::<R, K, 1>(now, at, own, x, out),
+                2 => add_rows::<R, K, 2>(now, at, own, x, out),
+                4 => add_rows::<R, K, 4>(now, at, own, x, out),
+                _ => {
+                    let rows = now.iter().zip(at.chunks_exact(width));
+                    for ((row, cols), values) in rows.zip(own.chunks_exact(width)) {
+                        add_row(&mut out[*row as usize], cols, values, x);
+                    }
                 }
             }
+            (rows, cols, values) = (rows_left, cols_left, values_left);
         }
     }
+}
+
+/// Rows of N entries each.
+#[allow(clippy::inline_always)]
+#[inline(always)]
+fn add_rows<R: Real, const K: usize, const N: usize>(
+    rows: &[u32],
+    cols: &[u32],
+    values: &[[R; K]],
+    x: &[[R; K]],
+    out: &mut [[R; K]],
+) {
+    let (cols, values) = (cols.as_chunks::<N>().0, values.as_chunks::<N>().0);
+    for ((row, cols), values) in rows.iter().zip(cols).zip(values) {
+        add_row(&mut out[*row as usize], cols, values, x);
+    }
+}
+
+#[allow(clippy::inline_always)]
+#[inline(always)]
+fn add_row<R: Real, const K: usize>(
+    out: &mut [R; K],
+    cols: &[u32],
+    values: &[[R; K]],
+    x: &[[R; K]],
+) {
+    let mut sum = *out;
+    for (col, value) in cols.iter().zip(values) {
+        let x = &x[*col as usize];
+        for i in 0..K {
+            sum[i] += value[i] * x[i];
+        }
+    }
+    *out = sum;
 }

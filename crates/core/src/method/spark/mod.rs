@@ -130,7 +130,8 @@ impl Spark {
     }
 
     /// The method of these coefficients.
-    pub fn of(model: Model, tableau: tableau::Spark, solver: Solver) -> Self {
+    pub fn of(mut model: Model, tableau: tableau::Spark, solver: Solver) -> Self {
+        model.widen(tableau.stages, tableau.intervals + 1);
         let stages = Stages::new(&model, tableau);
         Self {
             solver,

@@ -1,7 +1,7 @@
 //! The stage equations of one step, evaluated; see the module above for the letters.
 
-use crate::linalg::{Matrix, combine, copy, copy_scaled, max_norm};
-use crate::problem::mechanical::{Model, State, finite, finite_k};
+use crate::linalg::{Matrix, all_finite, combine, copy, copy_scaled, max_norm};
+use crate::problem::mechanical::{Model, State, Times, finite, finite_k};
 use crate::real::Real;
 use crate::tableau;
 use crate::trouble::{Quantity, Trouble};
@@ -129,28 +129,28 @@ impl<R: Real> Stages<R> {
         step.t + self.tableau.c_hat[j] * step.h
     }
 
+    pub(super) fn stage_times(&self, step: Step<R>) -> Times<'_> {
+        let Step { t, h, .. } = step;
+        let c = &self.tableau.c;
+        Times { t, h, c }
+    }
+
+    pub(super) fn node_times(&self, step: Step<R>) -> Times<'_> {
+        let Step { t, h, .. } = step;
+        let c = &self.tableau.c_hat;
+        Times { t, h, c }
+    }
+
     /// Evaluates the model at the current unknowns, and the residuals of (S1)–(S4).
     pub(super) fn evaluate(&mut self, model: &mut Model<R>, step: Step<R>) -> Result<(), Trouble> {
         self.evaluate_values(model, step, self.tableau.intervals);
         self.subtract_impulses(step);
-        let values = [
-            &self.momentum_residual,
-            &self.velocity_residual,
-            &self.g,
-            &self.k,
-        ];
-        let all_finite = wide_along::<R, _>(
-            self.y.cols(),
-            #[inline(always)]
-            || {
-                let finite = |x: &Matrix<R>| {
-                    let values = x.flat().iter();
-                    values.fold(true, |all, x| all & x.all(f64::is_finite))
-                };
-                values.into_iter().all(finite)
-            },
-        );
-        if all_finite {
+        let is_finite = |x: &Matrix<R>| all_finite(x.flat());
+        if is_finite(&self.momentum_residual)
+            && (model.problem.patterns.v_z.is_none() || is_finite(&self.velocity_residual))
+            && is_finite(&self.g)
+            && is_finite(&self.k)
+        {
             Ok(())
         } else {
             Err(self.not_finite(step))
@@ -162,9 +162,11 @@ impl<R: Real> Stages<R> {
     pub(super) fn evaluate_values(&mut self, model: &mut Model<R>, step: Step<R>, last: usize) {
         self.move_points(step);
         let s = self.tableau.stages;
+        let Step { t, h, .. } = step;
+        let c = &self.tableau.c;
+        let mut stages = model.stages(Times { t, h, c }, &self.y, &self.unknowns.z);
         for i in 0..s {
-            let t = self.stage_time(step, i);
-            let [p, f, v] = model.stage(t, self.y.row(i), self.unknowns.z.row(i));
+            let [p, f, v] = stages.at(i);
             let (residual, impulse) = (&mut self.velocity_residual, &mut self.impulses);
             let (unknown, weight) = (&self.unknowns.v, step.h * self.tableau.b[i]);
             copy(self.p.row_mut(i), p);
@@ -185,9 +187,10 @@ impl<R: Real> Stages<R> {
             self.evaluate_rolling(model, step);
         }
         if model.problem.m > 0 {
+            let c = &self.tableau.c_hat;
+            let mut nodes = model.nodes(Times { t, h, c }, &self.node_y, &self.unknowns.lam);
             for j in 0..=last {
-                let t = self.node_time(step, j);
-                let [g, r] = model.node(t, self.node_y.row(j), self.unknowns.lam.row(j));
+                let [g, r] = nodes.at(j);
                 copy(self.g.row_mut(j), g);
                 let impulse = self.impulses.row_mut(s + j);
                 let weight = step.h * self.tableau.b_hat[j];

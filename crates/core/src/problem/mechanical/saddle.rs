@@ -135,9 +135,14 @@ impl<R: Real> Saddle<R> {
         &self.g_y
     }
 
-    /// `r_λ` it was last factored with.
-    pub fn r_lam(&self) -> &[R] {
-        &self.r_lam
+    /// `out += r_λ x`, as it was last factored with.
+    pub fn add_reaction(&self, model: &Model<R>, x: &[R], out: &mut [R]) {
+        if let Factors::Eliminated(eliminated) = &self.factors {
+            eliminated.r_lam.add_product(x, out);
+        } else {
+            let pattern = &model.problem.patterns.r_lam;
+            pattern.multiply_add(&self.r_lam, 1.0, x, out);
+        }
     }
 
     /// `out += ∂r_n/∂ν x`, as it was last factored with.
@@ -264,13 +269,10 @@ impl<R: Real> Saddle<R> {
                 copy(velocity, a);
                 self.mass.solve_velocity(velocity);
                 b.iter_mut().for_each(|b| *b = -*b);
-                let one = |x| <[R]>::as_chunks::<1>(x).0;
-                eliminated
-                    .g_y
-                    .multiply_add(one(velocity), b.as_chunks_mut().0);
+                eliminated.g_y.add_product(velocity, b);
                 eliminated.schur.solve(b);
                 b.iter_mut().for_each(|b| *b = -*b);
-                eliminated.r_lam.multiply_add(one(b), a.as_chunks_mut().0);
+                eliminated.r_lam.add_product(b, a);
                 self.mass.solve(a);
             }
             Factors::Whole(whole) => whole.solve(a, b),
