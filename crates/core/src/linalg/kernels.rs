@@ -32,13 +32,14 @@ pub(super) use short;
 /// Columns that are summed in registers.
 const BLOCK: usize = 32;
 
-/// `out_ik = finish(i, k, Σ_j weights_ij x_jk)`, for as many rows as both `out` and `weights` have.
+/// `out_ik = Σ_j weights_ij x_jk`, for as many rows as both `out` and `weights` have; then `finish(i, k, sums)`
+/// does what is left to do to some that follow one another.
 #[inline(always)]
 pub fn combine<R: Real>(
     out: &mut [R],
     weights: &Matrix,
     x: &Matrix<R>,
-    finish: impl Fn(usize, usize, R) -> R,
+    finish: impl Fn(usize, usize, &mut [R]),
 ) {
     if R::MEMBERS > 1 {
         // a sum of several members is kept in registers as it is
@@ -52,7 +53,7 @@ fn combine_members<R: Real>(
     out: &mut [R],
     weights: &Matrix,
     x: &Matrix<R>,
-    finish: impl Fn(usize, usize, R) -> R,
+    finish: impl Fn(usize, usize, &mut [R]),
 ) {
     let (cols, inner) = (x.cols(), weights.cols());
     let (weights, x) = (weights.flat(), x.flat());
@@ -63,7 +64,9 @@ fn combine_members<R: Real>(
             for j in 0..inner.min(x.len() / cols) {
                 sum += x[j * cols + k] * weights[i * inner + j];
             }
-            out[i * cols + k] = finish(i, k, sum);
+            let out = &mut out[i * cols + k];
+            *out = sum;
+            finish(i, k, std::slice::from_mut(out));
         }
     }
 }
@@ -73,7 +76,7 @@ fn combine_short<R: Real, const N: usize>(
     out: &mut [R],
     weights: &Matrix,
     x: &Matrix<R>,
-    finish: impl Fn(usize, usize, R) -> R,
+    finish: impl Fn(usize, usize, &mut [R]),
 ) {
     let (out, x) = (out.as_chunks_mut::<N>().0, x.flat().as_chunks::<N>().0);
     let rows = weights.flat().chunks_exact(weights.cols());
@@ -84,9 +87,8 @@ fn combine_short<R: Real, const N: usize>(
                 sum[k] += x[k] * *weight;
             }
         }
-        for k in 0..N {
-            out[k] = finish(i, k, sum[k]);
-        }
+        finish(i, 0, &mut sum);
+        *out = sum;
     }
 }
 
@@ -95,7 +97,7 @@ fn combine_long<R: Real>(
     out: &mut [R],
     weights: &Matrix,
     x: &Matrix<R>,
-    finish: impl Fn(usize, usize, R) -> R,
+    finish: impl Fn(usize, usize, &mut [R]),
 ) {
     let cols = x.cols();
     let rows = weights.flat().chunks_exact(weights.cols());
@@ -109,6 +111,7 @@ fn combine_long<R: Real>(
                     sum[k] += x[k] * *weight;
                 }
             }
+            finish(i, b * BLOCK, &mut sum);
             *out = sum;
         }
         let first = cols - rest.len();
@@ -116,10 +119,7 @@ fn combine_long<R: Real>(
         for (j, weight) in weights.iter().enumerate() {
             add_scaled(rest, *weight, &x.row(j)[first..]);
         }
-        let out = &mut out[..cols];
-        for k in 0..cols {
-            out[k] = finish(i, k, out[k]);
-        }
+        finish(i, first, rest);
     }
 }
 

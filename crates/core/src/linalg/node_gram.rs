@@ -6,7 +6,8 @@
 //!
 //! which is (A B)_cd times the identity where A and B are the same at all nodes, and near it otherwise:
 //! such blocks are eliminated without pivoting, as A B itself would be, at k³ times the cost. They are kept
-//! column by column, so that a product with a vector adds columns.
+//! column by column, so that a product with a vector adds columns, and as the factors of L D U: what one step
+//! of a solve leaves for the next is then a single product.
 #![allow(clippy::inline_always)] // what is not inlined is compiled without the registers it is for
 
 use super::fill::Plan;
@@ -14,6 +15,7 @@ use super::product::{Meeting, meetings};
 use super::{Lu, Matrix, Pattern, Singular};
 use crate::real::Real;
 use crate::vector::wide_along;
+use std::array::from_fn;
 
 /// Pivots below this fraction of what stood in their place are roundoff.
 const TINY: f64 = 1e3 * f64::EPSILON;
@@ -142,7 +144,9 @@ impl<R: Real> NodeGram<R> {
     #[inline(always)]
     fn multiply<const K: usize>(&mut self, a: &[R], b: &[R]) {
         let (a, b) = (a.as_chunks::<K>().0, b.as_chunks::<K>().0);
-        let (values, weights) = (self.values.as_chunks_mut::<K>().0, &self.weights);
+        let values = self.values.as_chunks_mut::<K>().0;
+        let weight = |l, j, i| self.weights[(l * K + j) * K + i];
+        let weights: [Block<f64, K>; K] = from_fn(|l| from_fn(|j| from_fn(|i| weight(l, j, i))));
         let mut start = 0;
         for (block, end) in values.chunks_exact_mut(K).zip(&self.starts[1..]) {
             let end = *end as usize;
@@ -151,14 +155,14 @@ impl<R: Real> NodeGram<R> {
                 add_outer(&mut sum, &a[*i as usize], &b[*j as usize]);
             }
             start = end;
-            let columns = block.iter_mut().zip(&sum);
-            for ((column, sum), weights) in columns.zip(weights.chunks_exact(K * K)) {
-                *column = [R::splat(0.0); K];
-                for (sum, weights) in sum.iter().zip(weights.as_chunks::<K>().0) {
+            for l in 0..K {
+                let mut column = [R::splat(0.0); K];
+                for j in 0..K {
                     for i in 0..K {
-                        column[i] += *sum * weights[i];
+                        column[i] += sum[l][j] * weights[l][j][i];
                     }
                 }
+                block[l] = column;
             }
         }
     }
@@ -180,15 +184,19 @@ impl<R: Real> NodeGram<R> {
                 return Err(Singular { column });
             };
             put(values, step, inverse);
-            let (now, rest) = targets.split_at(degree * degree);
-            targets = rest;
-            for (row, targets) in at.clone().zip(now.chunks_exact(degree.max(1))) {
+            for row in at.clone() {
+                let (now, rest) = targets.split_at(degree);
+                targets = rest;
                 let factor = times(&block(values, m + row), &inverse);
                 put(values, m + row, factor);
-                for (col, target) in at.clone().zip(targets) {
+                for (col, target) in at.clone().zip(now) {
                     let other = block(values, m + count + col);
                     subtract_product(values, *target as usize, &factor, &other);
                 }
+            }
+            for col in at {
+                let scaled = times(&inverse, &block(values, m + count + col));
+                put(values, m + count + col, scaled);
             }
         }
         Ok(())
@@ -200,13 +208,10 @@ impl<R: Real> NodeGram<R> {
         let (m, count) = (plan.order.len(), plan.neighbours.len());
         let values = self.values.as_chunks::<K>().0;
         let (x, b) = (self.x.as_chunks_mut::<K>().0, b.as_chunks_mut::<K>().0);
-        let rows: [[f64; K]; K] =
-            std::array::from_fn(|i| std::array::from_fn(|j| self.inverse[(i, j)]));
+        let rows: [[f64; K]; K] = from_fn(|i| from_fn(|j| self.inverse[(i, j)]));
         for (x, unknown) in x.iter_mut().zip(&plan.order) {
             let b = &b[*unknown as usize];
-            *x = std::array::from_fn(|i| {
-                (0..K).fold(R::splat(0.0), |sum, j| sum + b[j] * rows[i][j])
-            });
+            *x = from_fn(|i| (0..K).fold(R::splat(0.0), |sum, j| sum + b[j] * rows[i][j]));
         }
         let mut start = 0;
         for (step, end) in plan.starts[1..].iter().enumerate() {
@@ -216,6 +221,7 @@ impl<R: Real> NodeGram<R> {
             for (k, place) in plan.neighbours[at.clone()].iter().zip(at) {
                 subtract(&mut x[*k as usize], &values[(m + place) * K..], &value);
             }
+            x[step] = applied(&values[step * K..], &value);
         }
         for step in (0..m).rev() {
             let at = plan.starts[step] as usize..plan.starts[step + 1] as usize;
@@ -224,9 +230,8 @@ impl<R: Real> NodeGram<R> {
                 let above = &values[(m + count + place) * K..];
                 subtract(&mut value, above, &x[*k as usize]);
             }
-            let solved = applied(&values[step * K..], &value);
-            x[step] = solved;
-            b[plan.order[step] as usize] = solved;
+            x[step] = value;
+            b[plan.order[step] as usize] = value;
         }
     }
 }
@@ -237,7 +242,7 @@ type Block<R, const K: usize> = [[R; K]; K];
 #[inline(always)]
 fn block<R: Real, const K: usize>(columns: &[[R; K]], place: usize) -> Block<R, K> {
     let columns = &columns[place * K..(place + 1) * K];
-    std::array::from_fn(|l| columns[l])
+    from_fn(|l| columns[l])
 }
 
 #[inline(always)]
@@ -257,8 +262,8 @@ fn add_outer<R: Real, const K: usize>(sum: &mut Block<R, K>, a: &[R; K], b: &[R;
 /// `A y`, A being the first columns.
 #[inline(always)]
 fn applied<R: Real, const K: usize>(columns: &[[R; K]], y: &[R; K]) -> [R; K] {
-    let mut sum = [R::splat(0.0); K];
-    for (column, y) in columns[..K].iter().zip(y) {
+    let mut sum = columns[0].map(|x| x * y[0]);
+    for (column, y) in columns[..K].iter().zip(y).skip(1) {
         for i in 0..K {
             sum[i] += column[i] * *y;
         }
@@ -268,7 +273,7 @@ fn applied<R: Real, const K: usize>(columns: &[[R; K]], y: &[R; K]) -> [R; K] {
 
 #[inline(always)]
 fn times<R: Real, const K: usize>(a: &Block<R, K>, b: &Block<R, K>) -> Block<R, K> {
-    std::array::from_fn(|l| applied(a, &b[l]))
+    from_fn(|l| applied(a, &b[l]))
 }
 
 #[inline(always)]

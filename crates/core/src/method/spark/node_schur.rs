@@ -231,7 +231,7 @@ impl<R: Real> Solve<'_, R> {
             solver.node_velocity.flat_mut(),
             &solver.a_bar,
             &solver.velocity,
-            |_, _, sum| sum,
+            |_, _, _| (),
         );
         for k in 0..nodes {
             let out = &mut solver.d_lam[k * m..(k + 1) * m];
@@ -259,7 +259,12 @@ impl<R: Real> Solve<'_, R> {
             self.solver.d_z.flat_mut(),
             &self.solver.a_hat,
             &self.solver.impulse,
-            |i, k, sum| sum - residual[(i, k)],
+            |i, k, sums| {
+                let residual = &residual.row(i)[k..k + sums.len()];
+                for (sum, residual) in sums.iter_mut().zip(residual) {
+                    *sum -= *residual;
+                }
+            },
         );
     }
 

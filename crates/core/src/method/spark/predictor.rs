@@ -95,7 +95,7 @@ impl<R: Real> Predictor<R> {
 
     #[inline(always)]
     fn combine(&self, unknowns: &mut Unknowns<R>, z1: &mut [R]) {
-        let as_is = |_, _, sum| sum;
+        let as_is = |_, _, _: &mut [R]| ();
         let Unknowns { z, v, lam, nu } = unknowns;
         combine(z.flat_mut(), &self.stage_weights, &self.z, as_is);
         if self.velocity_is_z {

@@ -225,9 +225,13 @@ impl<R: Real> Stages<R> {
                 for (j, b) in self.tableau.b.iter().enumerate() {
                     copy_scaled(self.moves.row_mut(j), step.h * b, self.unknowns.v.row(j));
                 }
-                let n = self.moves.cols();
-                let (y, y_low) = (&step.state.y[..n], &step.state.y_low[..n]);
-                let finish = |_, k: usize, sum| y[k] + (y_low[k] + sum);
+                let State { y, y_low, .. } = step.state;
+                let finish = |_, k: usize, sums: &mut [R]| {
+                    let at = k..k + sums.len();
+                    for ((sum, y), low) in sums.iter_mut().zip(&y[at.clone()]).zip(&y_low[at]) {
+                        *sum = *y + (*low + *sum);
+                    }
+                };
                 let (weights, nodes) = (&self.tableau.mu_v, &self.tableau.mu_bar);
                 combine(self.y.flat_mut(), weights, &self.moves, finish);
                 combine(self.node_y.flat_mut(), nodes, &self.moves, finish);
@@ -243,10 +247,15 @@ impl<R: Real> Stages<R> {
             n,
             #[inline(always)]
             || {
-                let (p, p_low) = (&step.state.p[..n], &step.state.p_low[..n]);
-                combine(out, &self.force_weights, &self.impulses, |i, k, sum| {
-                    (stage_p.row(i)[k] - p[k]) - (p_low[k] + sum)
-                });
+                let State { p, p_low, .. } = step.state;
+                let finish = |i, k: usize, sums: &mut [R]| {
+                    let at = k..k + sums.len();
+                    let given = stage_p.row(i)[at.clone()].iter().zip(&p[at.clone()]);
+                    for ((sum, (stage_p, p)), low) in sums.iter_mut().zip(given).zip(&p_low[at]) {
+                        *sum = (*stage_p - *p) - (*low + *sum);
+                    }
+                };
+                combine(out, &self.force_weights, &self.impulses, finish);
             },
         );
     }

@@ -135,6 +135,11 @@ impl<R: Real> Saddle<R> {
         &self.g_y
     }
 
+    /// `r_λ` it was last factored with.
+    pub fn r_lam(&self) -> &[R] {
+        &self.r_lam
+    }
+
     /// `out += r_λ x`, as it was last factored with.
     pub fn add_reaction(&self, model: &Model<R>, x: &[R], out: &mut [R]) {
         if let Factors::Eliminated(eliminated) = &self.factors {
