@@ -73,6 +73,12 @@ impl Product {
     /// When there are fewer values than entries.
     pub fn multiply<R: Real, const K: usize>(&self, a: &[R], b: &[R], out: &mut [R]) {
         let (b, out) = (b.as_chunks::<K>().0, out.as_chunks_mut::<K>().0);
+        if self.pairs.len() == out.len() {
+            for (out, (i, j)) in out.iter_mut().zip(&self.pairs) {
+                *out = b[*j as usize].map(|b| a[*i as usize] * b);
+            }
+            return;
+        }
         let mut start = 0;
         for (out, end) in out.iter_mut().zip(&self.starts[1..]) {
             let at = start..*end as usize;

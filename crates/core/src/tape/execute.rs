@@ -269,6 +269,12 @@ fn walk<R: Real>(batch: &Strided, registers: &mut [R], f: impl Fn(R, R) -> R) {
                     *out.add(2 * i) = f(*a.add(2 * i), *b.add(i));
                 }
             }
+            [2, 1, 0] => {
+                let y = *b;
+                for i in 0..batch.count {
+                    *out.add(2 * i) = f(*a.add(i), y);
+                }
+            }
             strides => {
                 let [to, from, and] = strides.map(|stride| stride as isize);
                 for i in 0..batch.count as isize {
