@@ -134,7 +134,7 @@ fn scattered_blocks_are_inverted() {
     }
     let identity = Product::new(&pattern, blocks.pattern());
     let mut product = vec![0.0; identity.pattern().len()];
-    identity.multiply(&values, blocks.values(), 1, &mut product);
+    identity.multiply::<f64, 1>(&values, blocks.values(), &mut product);
     for ((row, col), value) in identity.pattern().entries().iter().zip(product) {
         let wanted = f64::from(u8::from(row == col));
         assert!((value - wanted).abs() < 1e-13, "{value} at ({row}, {col})");

@@ -3,6 +3,7 @@
 use super::kernels::short;
 use super::{Blocks, Matrix, Pattern, Sparse, SparseOf, add_scaled, dot, max_norm};
 use crate::real::Real;
+use crate::vector::wide_along;
 
 /// No pivot in this column: it depends on the columns before it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -292,10 +293,15 @@ impl<R: Real> Factor<R> {
     #[inline]
     pub fn solve(&mut self, b: &mut [R]) {
         match self {
-            Self::Diagonal(inverse) => b
-                .iter_mut()
-                .zip(inverse.iter())
-                .for_each(|(b, inverse)| *b *= *inverse),
+            Self::Diagonal(inverse) => wide_along::<R, _>(
+                b.len(),
+                #[inline(always)]
+                || {
+                    for (b, inverse) in b.iter_mut().zip(inverse) {
+                        *b *= *inverse;
+                    }
+                },
+            ),
             Self::Blocks(blocks) => blocks.solve(b),
             Self::Dense(lu) => lu.solve(b),
             Self::Sparse(lu) => lu.solve(b),

@@ -3,6 +3,7 @@
 
 use super::Matrix;
 use crate::real::Real;
+use crate::vector::wide_along;
 use std::ops::Mul;
 
 /// `out += factor * x`
@@ -28,13 +29,17 @@ macro_rules! short {
 }
 pub(super) use short;
 
-/// `out_ik = finish(i, k, Σ_j weights_ij x_jk)`, for as many rows as both `out` and `weights` have.
-#[inline]
+/// Columns that are summed in registers.
+const BLOCK: usize = 32;
+
+/// `out_ik = Σ_j weights_ij x_jk`, for as many rows as both `out` and `weights` have; then `finish(i, k, sums)`
+/// does what is left to do to some that follow one another.
+#[inline(always)]
 pub fn combine<R: Real>(
     out: &mut [R],
     weights: &Matrix,
     x: &Matrix<R>,
-    finish: impl Fn(usize, usize, R) -> R,
+    finish: impl Fn(usize, usize, &mut [R]),
 ) {
     if R::MEMBERS > 1 {
         // a sum of several members is kept in registers as it is
@@ -48,7 +53,7 @@ fn combine_members<R: Real>(
     out: &mut [R],
     weights: &Matrix,
     x: &Matrix<R>,
-    finish: impl Fn(usize, usize, R) -> R,
+    finish: impl Fn(usize, usize, &mut [R]),
 ) {
     let (cols, inner) = (x.cols(), weights.cols());
     let (weights, x) = (weights.flat(), x.flat());
@@ -59,7 +64,9 @@ fn combine_members<R: Real>(
             for j in 0..inner.min(x.len() / cols) {
                 sum += x[j * cols + k] * weights[i * inner + j];
             }
-            out[i * cols + k] = finish(i, k, sum);
+            let out = &mut out[i * cols + k];
+            *out = sum;
+            finish(i, k, std::slice::from_mut(out));
         }
     }
 }
@@ -69,7 +76,7 @@ fn combine_short<R: Real, const N: usize>(
     out: &mut [R],
     weights: &Matrix,
     x: &Matrix<R>,
-    finish: impl Fn(usize, usize, R) -> R,
+    finish: impl Fn(usize, usize, &mut [R]),
 ) {
     let (out, x) = (out.as_chunks_mut::<N>().0, x.flat().as_chunks::<N>().0);
     let rows = weights.flat().chunks_exact(weights.cols());
@@ -80,27 +87,39 @@ fn combine_short<R: Real, const N: usize>(
                 sum[k] += x[k] * *weight;
             }
         }
-        for k in 0..N {
-            out[k] = finish(i, k, sum[k]);
-        }
+        finish(i, 0, &mut sum);
+        *out = sum;
     }
 }
 
+#[inline(always)]
 fn combine_long<R: Real>(
     out: &mut [R],
     weights: &Matrix,
     x: &Matrix<R>,
-    finish: impl Fn(usize, usize, R) -> R,
+    finish: impl Fn(usize, usize, &mut [R]),
 ) {
+    let cols = x.cols();
     let rows = weights.flat().chunks_exact(weights.cols());
-    for (i, (out, weights)) in out.chunks_exact_mut(x.cols()).zip(rows).enumerate() {
-        out.fill(R::splat(0.0));
-        for (weight, x) in weights.iter().zip(x.flat().chunks_exact(x.cols())) {
-            add_scaled(out, *weight, x);
+    for (i, (out, weights)) in out.chunks_exact_mut(cols).zip(rows).enumerate() {
+        let (blocks, rest) = out.as_chunks_mut::<BLOCK>();
+        for (b, out) in blocks.iter_mut().enumerate() {
+            let mut sum = [R::splat(0.0); BLOCK];
+            for (j, weight) in weights.iter().enumerate() {
+                let x = &x.row(j).as_chunks::<BLOCK>().0[b];
+                for k in 0..BLOCK {
+                    sum[k] += x[k] * *weight;
+                }
+            }
+            finish(i, b * BLOCK, &mut sum);
+            *out = sum;
         }
-        for (k, out) in out.iter_mut().enumerate() {
-            *out = finish(i, k, *out);
+        let first = cols - rest.len();
+        rest.fill(R::splat(0.0));
+        for (j, weight) in weights.iter().enumerate() {
+            add_scaled(rest, *weight, &x.row(j)[first..]);
         }
+        finish(i, first, rest);
     }
 }
 
@@ -142,6 +161,15 @@ const SIGN: u64 = 1 << 63;
 
 #[inline]
 fn max_norm_alone(x: &[f64]) -> f64 {
+    wide_along::<f64, _>(
+        x.len(),
+        #[inline(always)]
+        || largest(x),
+    )
+}
+
+#[inline(always)]
+fn largest(x: &[f64]) -> f64 {
     // these compare side by side
     let (chunks, rest) = x.as_chunks::<4>();
     let mut largest = [0_u64; 4];
@@ -157,6 +185,17 @@ fn max_norm_alone(x: &[f64]) -> f64 {
     } else {
         largest
     }
+}
+
+/// Whether all values are finite.
+#[inline]
+pub fn all_finite<R: Real>(x: &[R]) -> bool {
+    // without a way out, so that several are looked at in one instruction
+    wide_along::<R, _>(
+        x.len(),
+        #[inline(always)]
+        || x.iter().fold(true, |all, x| all & x.all(f64::is_finite)),
+    )
 }
 
 /// `Σ x_i y_i`, over as many as both have.

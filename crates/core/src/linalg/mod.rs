@@ -12,6 +12,7 @@ mod kernels;
 mod matrix;
 mod members;
 mod node_gram;
+mod node_rows;
 mod pattern;
 mod product;
 mod rows;
@@ -22,11 +23,14 @@ pub use assembly::Assembly;
 pub use blocks::Blocks;
 pub use factor::{Factor, Lu, Singular, dependencies, dependent_rows};
 pub use gram::Gram;
-pub use kernels::{add_scaled, carry, combine, copy, copy_scaled, dot, gather, max_norm};
+pub use kernels::{
+    add_scaled, all_finite, carry, combine, copy, copy_scaled, dot, gather, max_norm,
+};
 pub use matrix::Matrix;
 pub use members::SparseOf;
 pub use node_gram::NodeGram;
 pub(crate) use node_gram::at_size;
+pub use node_rows::NodeRows;
 pub use pattern::{Pattern, PatternError};
 pub use product::Product;
 pub use rows::Rows;

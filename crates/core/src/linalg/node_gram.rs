@@ -5,12 +5,17 @@
 //!     S_cd = P⁻¹ [ P_il (A_i B_l)_cd ]_il      k by k, one block for each entry of A B
 //!
 //! which is (A B)_cd times the identity where A and B are the same at all nodes, and near it otherwise:
-//! such blocks are eliminated without pivoting, as A B itself would be, at k³ times the cost.
+//! such blocks are eliminated without pivoting, as A B itself would be, at k³ times the cost. They are kept
+//! column by column, so that a product with a vector adds columns, and as the factors of L D U: what one step
+//! of a solve leaves for the next is then a single product.
+#![allow(clippy::inline_always)] // what is not inlined is compiled without the registers it is for
 
 use super::fill::Plan;
 use super::product::{Meeting, meetings};
 use super::{Lu, Matrix, Pattern, Singular};
 use crate::real::Real;
+use crate::vector::wide_along;
+use std::array::from_fn;
 
 /// Pivots below this fraction of what stood in their place are roundoff.
 const TINY: f64 = 1e3 * f64::EPSILON;
@@ -41,7 +46,7 @@ pub struct NodeGram<R = f64> {
     /// Where the pairs of each place start; one more than there are places.
     starts: Vec<u32>,
     pairs: Vec<(u32, u32)>,
-    /// P⁻¹, and (P⁻¹)_ij P_jl.
+    /// P⁻¹, and (P⁻¹)_ij P_jl with i the fastest and l the slowest.
     inverse: Matrix,
     weights: Vec<f64>,
     plan: Plan,
@@ -78,7 +83,7 @@ impl<R: Real> NodeGram<R> {
         let slots = plan.slots(&pattern(places));
         let inverse = inverse(weights);
         let weigh = |i: usize, j: usize, l: usize| inverse[(i, j)] * weights[(j, l)];
-        let each = |i| (0..nodes).flat_map(move |j| (0..nodes).map(move |l| (i, j, l)));
+        let each = |l| (0..nodes).flat_map(move |j| (0..nodes).map(move |i| (i, j, l)));
         let mut gram = Self {
             nodes,
             starts: vec![0],
@@ -117,7 +122,11 @@ impl<R: Real> NodeGram<R> {
     /// # Panics
     /// When there are fewer values than entries.
     pub fn factor(&mut self, a: &[R], b: &[R]) -> Result<(), Singular> {
-        at_size!(self.nodes, K => { self.multiply::<K>(a, b); self.eliminate::<K>() })
+        wide_along::<R, _>(
+            self.x.len(),
+            #[inline(always)]
+            || at_size!(self.nodes, K => { self.multiply::<K>(a, b); self.eliminate::<K>() }),
+        )
     }
 
     /// Solves in place: `b` has the right-hand side of the matrix without P⁻¹.
@@ -125,12 +134,19 @@ impl<R: Real> NodeGram<R> {
     /// # Panics
     /// When `b` is too short.
     pub fn solve(&mut self, b: &mut [R]) {
-        at_size!(self.nodes, K => self.substitute::<K>(b));
+        wide_along::<R, _>(
+            self.x.len(),
+            #[inline(always)]
+            || at_size!(self.nodes, K => self.substitute::<K>(b)),
+        );
     }
 
+    #[inline(always)]
     fn multiply<const K: usize>(&mut self, a: &[R], b: &[R]) {
         let (a, b) = (a.as_chunks::<K>().0, b.as_chunks::<K>().0);
-        let (values, weights) = (self.values.as_chunks_mut::<K>().0, &self.weights);
+        let values = self.values.as_chunks_mut::<K>().0;
+        let weight = |l, j, i| self.weights[(l * K + j) * K + i];
+        let weights: [Block<f64, K>; K] = from_fn(|l| from_fn(|j| from_fn(|i| weight(l, j, i))));
         let mut start = 0;
         for (block, end) in values.chunks_exact_mut(K).zip(&self.starts[1..]) {
             let end = *end as usize;
@@ -139,17 +155,19 @@ impl<R: Real> NodeGram<R> {
                 add_outer(&mut sum, &a[*i as usize], &b[*j as usize]);
             }
             start = end;
-            for (row, weights) in block.iter_mut().zip(weights.chunks_exact(K * K)) {
-                *row = [R::splat(0.0); K];
-                for (sum, weights) in sum.iter().zip(weights.chunks_exact(K)) {
-                    for l in 0..K {
-                        row[l] += sum[l] * weights[l];
+            for l in 0..K {
+                let mut column = [R::splat(0.0); K];
+                for j in 0..K {
+                    for i in 0..K {
+                        column[i] += sum[l][j] * weights[l][j][i];
                     }
                 }
+                block[l] = column;
             }
         }
     }
 
+    #[inline(always)]
     fn eliminate<const K: usize>(&mut self) -> Result<(), Singular> {
         let plan = &self.plan;
         let (m, count) = (plan.order.len(), plan.neighbours.len());
@@ -166,32 +184,34 @@ impl<R: Real> NodeGram<R> {
                 return Err(Singular { column });
             };
             put(values, step, inverse);
-            let (now, rest) = targets.split_at(degree * degree);
-            targets = rest;
-            for (row, targets) in at.clone().zip(now.chunks_exact(degree.max(1))) {
+            for row in at.clone() {
+                let (now, rest) = targets.split_at(degree);
+                targets = rest;
                 let factor = times(&block(values, m + row), &inverse);
                 put(values, m + row, factor);
-                for (col, target) in at.clone().zip(targets) {
+                for (col, target) in at.clone().zip(now) {
                     let other = block(values, m + count + col);
                     subtract_product(values, *target as usize, &factor, &other);
                 }
+            }
+            for col in at {
+                let scaled = times(&inverse, &block(values, m + count + col));
+                put(values, m + count + col, scaled);
             }
         }
         Ok(())
     }
 
+    #[inline(always)]
     fn substitute<const K: usize>(&mut self, b: &mut [R]) {
         let plan = &self.plan;
         let (m, count) = (plan.order.len(), plan.neighbours.len());
         let values = self.values.as_chunks::<K>().0;
         let (x, b) = (self.x.as_chunks_mut::<K>().0, b.as_chunks_mut::<K>().0);
-        let rows: [[f64; K]; K] =
-            std::array::from_fn(|i| std::array::from_fn(|j| self.inverse[(i, j)]));
+        let rows: [[f64; K]; K] = from_fn(|i| from_fn(|j| self.inverse[(i, j)]));
         for (x, unknown) in x.iter_mut().zip(&plan.order) {
             let b = &b[*unknown as usize];
-            *x = std::array::from_fn(|i| {
-                (0..K).fold(R::splat(0.0), |sum, j| sum + b[j] * rows[i][j])
-            });
+            *x = from_fn(|i| (0..K).fold(R::splat(0.0), |sum, j| sum + b[j] * rows[i][j]));
         }
         let mut start = 0;
         for (step, end) in plan.starts[1..].iter().enumerate() {
@@ -201,6 +221,7 @@ impl<R: Real> NodeGram<R> {
             for (k, place) in plan.neighbours[at.clone()].iter().zip(at) {
                 subtract(&mut x[*k as usize], &values[(m + place) * K..], &value);
             }
+            x[step] = applied(&values[step * K..], &value);
         }
         for step in (0..m).rev() {
             let at = plan.starts[step] as usize..plan.starts[step + 1] as usize;
@@ -209,78 +230,75 @@ impl<R: Real> NodeGram<R> {
                 let above = &values[(m + count + place) * K..];
                 subtract(&mut value, above, &x[*k as usize]);
             }
-            let mut solved = [R::splat(0.0); K];
-            for (out, row) in solved.iter_mut().zip(&values[step * K..(step + 1) * K]) {
-                *out = (0..K).fold(R::splat(0.0), |sum, j| sum + row[j] * value[j]);
-            }
-            x[step] = solved;
-            b[plan.order[step] as usize] = solved;
+            x[step] = value;
+            b[plan.order[step] as usize] = value;
         }
     }
 }
 
+/// The columns of a block.
 type Block<R, const K: usize> = [[R; K]; K];
 
-#[inline]
-fn block<R: Real, const K: usize>(rows: &[[R; K]], place: usize) -> Block<R, K> {
-    let rows = &rows[place * K..(place + 1) * K];
-    std::array::from_fn(|i| rows[i])
+#[inline(always)]
+fn block<R: Real, const K: usize>(columns: &[[R; K]], place: usize) -> Block<R, K> {
+    let columns = &columns[place * K..(place + 1) * K];
+    from_fn(|l| columns[l])
 }
 
-#[inline]
-fn put<R: Real, const K: usize>(rows: &mut [[R; K]], place: usize, block: Block<R, K>) {
-    rows[place * K..(place + 1) * K].copy_from_slice(&block);
+#[inline(always)]
+fn put<R: Real, const K: usize>(columns: &mut [[R; K]], place: usize, block: Block<R, K>) {
+    columns[place * K..(place + 1) * K].copy_from_slice(&block);
 }
 
-#[inline]
+#[inline(always)]
 fn add_outer<R: Real, const K: usize>(sum: &mut Block<R, K>, a: &[R; K], b: &[R; K]) {
-    for i in 0..K {
-        for l in 0..K {
-            sum[i][l] += a[i] * b[l];
+    for l in 0..K {
+        for i in 0..K {
+            sum[l][i] += a[i] * b[l];
         }
     }
 }
 
-#[inline]
+/// `A y`, A being the first columns.
+#[inline(always)]
+fn applied<R: Real, const K: usize>(columns: &[[R; K]], y: &[R; K]) -> [R; K] {
+    let mut sum = columns[0].map(|x| x * y[0]);
+    for (column, y) in columns[..K].iter().zip(y).skip(1) {
+        for i in 0..K {
+            sum[i] += column[i] * *y;
+        }
+    }
+    sum
+}
+
+#[inline(always)]
 fn times<R: Real, const K: usize>(a: &Block<R, K>, b: &Block<R, K>) -> Block<R, K> {
-    let mut product = [[R::splat(0.0); K]; K];
-    for i in 0..K {
-        for j in 0..K {
-            for l in 0..K {
-                product[i][l] += a[i][j] * b[j][l];
-            }
-        }
-    }
-    product
+    from_fn(|l| applied(a, &b[l]))
 }
 
-#[inline]
+#[inline(always)]
 fn subtract_product<R: Real, const K: usize>(
-    rows: &mut [[R; K]],
+    columns: &mut [[R; K]],
     place: usize,
     a: &Block<R, K>,
     b: &Block<R, K>,
 ) {
-    for (row, a) in rows[place * K..(place + 1) * K].iter_mut().zip(a) {
-        for j in 0..K {
-            for l in 0..K {
-                row[l] -= a[j] * b[j][l];
-            }
-        }
+    for (column, b) in columns[place * K..(place + 1) * K].iter_mut().zip(b) {
+        subtract(column, a, b);
     }
 }
 
-/// `x -= A y`, A being the first rows.
-#[inline]
-fn subtract<R: Real, const K: usize>(x: &mut [R; K], rows: &[[R; K]], y: &[R; K]) {
-    for (x, row) in x.iter_mut().zip(&rows[..K]) {
-        let sum = (0..K).fold(R::splat(0.0), |sum, j| sum + row[j] * y[j]);
-        *x -= sum;
+/// `x -= A y`, A being the first columns.
+#[inline(always)]
+fn subtract<R: Real, const K: usize>(x: &mut [R; K], columns: &[[R; K]], y: &[R; K]) {
+    let product = applied(columns, y);
+    for i in 0..K {
+        x[i] -= product[i];
     }
 }
 
 /// The inverse of a block whose diagonal dominates; `None` where a pivot is roundoff of `scale`.
-#[inline]
+#[inline(always)]
 fn inverted<R: Real, const K: usize>(mut a: Block<R, K>, scale: R) -> Option<Block<R, K>> {
     for p in 0..K {
         let pivot = a[p][p];

@@ -67,22 +67,30 @@ impl Product {
         &self.pattern
     }
 
-    /// The products of A and `width` matrices B, whose values stand side by side entry by entry.
+    /// The products of A and K matrices B, whose values stand side by side entry by entry.
     ///
     /// # Panics
     /// When there are fewer values than entries.
-    pub fn multiply<R: Real>(&self, a: &[R], b: &[R], width: usize, out: &mut [R]) {
+    pub fn multiply<R: Real, const K: usize>(&self, a: &[R], b: &[R], out: &mut [R]) {
+        let (b, out) = (b.as_chunks::<K>().0, out.as_chunks_mut::<K>().0);
+        if self.pairs.len() == out.len() {
+            for (out, (i, j)) in out.iter_mut().zip(&self.pairs) {
+                *out = b[*j as usize].map(|b| a[*i as usize] * b);
+            }
+            return;
+        }
         let mut start = 0;
-        for (out, end) in out.chunks_exact_mut(width).zip(&self.starts[1..]) {
-            let end = *end as usize;
-            out.fill(R::splat(0.0));
-            for (i, j) in &self.pairs[start..end] {
-                let (factor, first) = (a[*i as usize], *j as usize * width);
-                for (out, b) in out.iter_mut().zip(&b[first..first + width]) {
-                    *out += factor * *b;
+        for (out, end) in out.iter_mut().zip(&self.starts[1..]) {
+            let at = start..*end as usize;
+            start = at.end;
+            let mut sum = [R::splat(0.0); K];
+            for (i, j) in &self.pairs[at] {
+                let (factor, b) = (a[*i as usize], &b[*j as usize]);
+                for k in 0..K {
+                    sum[k] += factor * b[k];
                 }
             }
-            start = end;
+            *out = sum;
         }
     }
 }

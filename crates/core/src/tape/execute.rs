@@ -214,17 +214,9 @@ pub(super) struct Strided {
 }
 
 /// Runs a batch, made by `Tape::new`, over the registers it laid out.
-#[inline(never)]
-pub(super) fn execute_strided<R: Real>(batch: &Strided, registers: &mut [R]) {
-    wide::<R, _>(
-        #[inline(always)]
-        || run_strided(batch, registers),
-    );
-}
-
 #[allow(clippy::inline_always)]
 #[inline(always)]
-fn run_strided<R: Real>(batch: &Strided, registers: &mut [R]) {
+pub(super) fn execute_strided<R: Real>(batch: &Strided, registers: &mut [R]) {
     match batch.op {
         Cheap::Assign => walk(batch, registers, |x, _| x),
         Cheap::Add => walk(batch, registers, |x, y| x + y),
@@ -238,7 +230,7 @@ fn run_strided<R: Real>(batch: &Strided, registers: &mut [R]) {
     }
 }
 
-/// The first three are loops that the compiler turns into vector operations.
+/// All but the last are loops that the compiler turns into vector operations.
 #[allow(clippy::inline_always)]
 #[inline(always)]
 #[allow(unsafe_code)]
@@ -265,6 +257,22 @@ fn walk<R: Real>(batch: &Strided, registers: &mut [R], f: impl Fn(R, R) -> R) {
                 let y = *b;
                 for i in 0..batch.count {
                     *out.add(i) = f(*a.add(i), y);
+                }
+            }
+            [1, 2, 2] => {
+                for i in 0..batch.count {
+                    *out.add(i) = f(*a.add(2 * i), *b.add(2 * i));
+                }
+            }
+            [2, 2, 1] => {
+                for i in 0..batch.count {
+                    *out.add(2 * i) = f(*a.add(2 * i), *b.add(i));
+                }
+            }
+            [2, 1, 0] => {
+                let y = *b;
+                for i in 0..batch.count {
+                    *out.add(2 * i) = f(*a.add(i), y);
                 }
             }
             strides => {

@@ -2,6 +2,7 @@
 
 use super::execute::{Instr, Strided, execute, execute_strided};
 use crate::real::Real;
+use crate::vector::wide_along;
 use std::ops::Range;
 
 /// What an evaluation runs.
@@ -52,10 +53,16 @@ impl Program {
 
 #[inline(never)]
 fn run_steps<R: Real>(instrs: &[Instr], steps: &[Step], registers: &mut [R]) {
-    for step in steps {
-        match step {
-            Step::Mixed(range) => execute(&instrs[range.clone()], registers),
-            Step::Strided(batch) => execute_strided(batch, registers),
-        }
-    }
+    wide_along::<R, _>(
+        registers.len(),
+        #[inline(always)]
+        || {
+            for step in steps {
+                match step {
+                    Step::Mixed(range) => execute(&instrs[range.clone()], registers),
+                    Step::Strided(batch) => execute_strided(batch, registers),
+                }
+            }
+        },
+    );
 }

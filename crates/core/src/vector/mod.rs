@@ -131,6 +131,19 @@ pub fn wide<R: Scalar, O>(f: impl FnOnce() -> O) -> O {
     }
 }
 
+/// Vectors of one member are long from here on.
+const LONG: usize = 64;
+
+/// [`wide`], and also where one member has vectors of such a `length` that they pay for the call.
+#[inline(always)]
+pub fn wide_along<R: Scalar, O>(length: usize, f: impl FnOnce() -> O) -> O {
+    if R::MEMBERS == 1 && length < LONG {
+        f()
+    } else {
+        Arch::new().dispatch(Whole(f))
+    }
+}
+
 impl Machine {
     /// All that this machine has, the widest last.
     pub fn all() -> Vec<Self> {

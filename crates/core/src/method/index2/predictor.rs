@@ -38,7 +38,7 @@ impl Predictor {
             let targets = stages.c.iter().map(|c| 1.0 + ratio * c);
             lagrange(&stages.c, targets, &mut self.weights);
         }
-        let as_is = |_, _, sum| sum;
+        let as_is = |_, _, _: &mut [f64]| ();
         combine(stages.v.flat_mut(), &self.weights, &self.v, as_is);
         combine(stages.z.flat_mut(), &self.weights, &self.z, as_is);
         true

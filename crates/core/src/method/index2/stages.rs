@@ -114,7 +114,7 @@ impl Stages {
         }
         if s > 1 {
             let out = self.defect.flat_mut();
-            combine(out, &self.moments, &self.k, |_, _, sum| sum);
+            combine(out, &self.moments, &self.k, |_, _, _| ());
         }
         Ok(())
     }
@@ -129,13 +129,18 @@ impl Stages {
             self.y.flat_mut(),
             &self.weights,
             &self.moves,
-            |_, k, sum| y[k] + (y_low[k] + sum),
+            |_, k, sums| {
+                let at = k..k + sums.len();
+                for ((sum, y), low) in sums.iter_mut().zip(&y[at.clone()]).zip(&y_low[at]) {
+                    *sum = y + (low + *sum);
+                }
+            },
         );
     }
 
     /// The polynomial through the Z_i, at t1.
     pub(super) fn end_of_z(&self, z: &mut [f64]) {
-        combine(z, &self.ends, &self.z, |_, _, sum| sum);
+        combine(z, &self.ends, &self.z, |_, _, _| ());
     }
 
     /// Adds y1 − y0 to `sum`.

@@ -61,7 +61,7 @@ impl Curvature {
             return;
         }
         let (blocks, factor) = (self.blocks.flat_mut(), -h * h);
-        combine(blocks, &self.weights, &self.values, |_, _, sum| sum);
+        combine(blocks, &self.weights, &self.values, |_, _, _| ());
         let stages = coupling.cols() / n;
         for ij in 0..stages * stages {
             let (row, col) = (ij / stages * n, ij % stages * n);

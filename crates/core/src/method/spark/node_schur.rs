@@ -15,7 +15,7 @@ use crate::newton::{Equations, Stop};
 use crate::problem::mechanical::{Mass, Mechanical, Model, add_product, explain, finite};
 use crate::real::Real;
 use crate::trouble::{Quantity, Trouble};
-use crate::vector::wide;
+use crate::vector::wide_along;
 use std::sync::Arc;
 
 /// Frozen blocks and the factored Schur complement.
@@ -206,7 +206,9 @@ impl<R: Real> Solve<'_, R> {
             let u = solver.velocity.row_mut(j);
             copy(u, stages.momentum_residual.row(j));
             solver.mass.solve_velocity(u);
-            add_scaled(u, 1.0, stages.velocity_residual.row(j));
+            if at.v_z.is_some() {
+                add_scaled(u, 1.0, stages.velocity_residual.row(j));
+            }
         }
         let lu = match &mut solver.matrix {
             Schur::Dense { lu, .. } => lu,
@@ -229,7 +231,7 @@ impl<R: Real> Solve<'_, R> {
             solver.node_velocity.flat_mut(),
             &solver.a_bar,
             &solver.velocity,
-            |_, _, sum| sum,
+            |_, _, _| (),
         );
         for k in 0..nodes {
             let out = &mut solver.d_lam[k * m..(k + 1) * m];
@@ -257,7 +259,12 @@ impl<R: Real> Solve<'_, R> {
             self.solver.d_z.flat_mut(),
             &self.solver.a_hat,
             &self.solver.impulse,
-            |i, k, sum| sum - residual[(i, k)],
+            |i, k, sums| {
+                let residual = &residual.row(i)[k..k + sums.len()];
+                for (sum, residual) in sums.iter_mut().zip(residual) {
+                    *sum -= *residual;
+                }
+            },
         );
     }
 
@@ -265,6 +272,15 @@ impl<R: Real> Solve<'_, R> {
     #[inline(always)]
     fn correct_stages(&mut self) -> R {
         let (solver, stages) = (&mut *self.solver, &mut *self.stages);
+        if solver.problem.patterns.v_z.is_none() {
+            // R1 is zero, and dV is dZ
+            for i in 0..stages.tableau.stages {
+                solver.mass.solve(solver.d_z.row_mut(i));
+            }
+            add_scaled(stages.unknowns.z.flat_mut(), 1.0, solver.d_z.flat());
+            add_scaled(stages.unknowns.v.flat_mut(), 1.0, solver.d_z.flat());
+            return max_norm(solver.d_z.flat());
+        }
         for i in 0..stages.tableau.stages {
             let (d_z, d_v) = (solver.d_z.row_mut(i), solver.d_v.row_mut(i));
             solver.mass.solve(d_z);
@@ -305,7 +321,8 @@ impl<R: Real> Equations<R> for Solve<'_, R> {
             self.freeze()?;
             self.is_frozen = true;
         }
-        let size = wide::<R, _>(
+        let size = wide_along::<R, _>(
+            self.solver.problem.n,
             #[inline(always)]
             || {
                 if self.model.problem.m > 0 {

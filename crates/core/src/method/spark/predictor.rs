@@ -12,6 +12,7 @@ use crate::problem::mechanical::{Acceleration, Model, State};
 use crate::real::Real;
 use crate::tableau;
 use crate::trouble::Trouble;
+use crate::vector::wide_along;
 
 /// What the next step starts from.
 #[derive(Clone, Debug)]
@@ -31,7 +32,7 @@ pub(super) struct Predictor<R = f64> {
     stage_weights: Matrix,
     end_weights: Matrix,
     node_weights: Matrix,
-    /// z0, Z_1..Z_s, z1; and the same of v, whose v0 a cold start writes.
+    /// z0, Z_1..Z_s, z1; and the same of v where v is not z, whose v0 a cold start writes.
     z: Matrix<R>,
     v: Matrix<R>,
     lam: Matrix<R>,
@@ -45,6 +46,7 @@ impl<R: Real> Predictor<R> {
         let (s, k) = (tableau.stages, tableau.intervals);
         let (n, m, l) = (model.problem.n, model.problem.m, model.problem.l());
         let nodes = [&[0.0], &tableau.c[..], &[1.0]].concat();
+        let velocity_is_z = model.problem.patterns.v_z.is_none();
         let is_inside = |k: &usize| 0.0 < nodes[*k] && nodes[*k] < 1.0;
         Self {
             knots: std::iter::once(0)
@@ -54,7 +56,7 @@ impl<R: Real> Predictor<R> {
             nodes,
             node_knots: (0..=k).collect(),
             acceleration: Acceleration::new(model),
-            velocity_is_z: model.problem.patterns.v_z.is_none(),
+            velocity_is_z,
             h: None,
             ratio: f64::NAN,
             begin: 1.0,
@@ -62,7 +64,7 @@ impl<R: Real> Predictor<R> {
             end_weights: Matrix::zeros(1, s + 2),
             node_weights: Matrix::zeros(k + 1, k + 1),
             z: Matrix::zeros(s + 2, n),
-            v: Matrix::zeros(s + 2, n),
+            v: Matrix::zeros(if velocity_is_z { 0 } else { s + 2 }, n),
             lam: Matrix::zeros(k + 1, m),
             rolling_weights: Matrix::zeros(if l > 0 { s } else { 0 }, s),
             rolling_knots: (0..s).collect(),
@@ -83,8 +85,18 @@ impl<R: Real> Predictor<R> {
             self.ratio = ratio;
             self.weigh(&stages.tableau, ratio);
         }
-        let as_is = |_, _, sum| sum;
-        let Unknowns { z, v, lam, nu } = &mut stages.unknowns;
+        wide_along::<R, _>(
+            self.z.cols(),
+            #[inline(always)]
+            || self.combine(&mut stages.unknowns, z1),
+        );
+        true
+    }
+
+    #[inline(always)]
+    fn combine(&self, unknowns: &mut Unknowns<R>, z1: &mut [R]) {
+        let as_is = |_, _, _: &mut [R]| ();
+        let Unknowns { z, v, lam, nu } = unknowns;
         combine(z.flat_mut(), &self.stage_weights, &self.z, as_is);
         if self.velocity_is_z {
             // nothing but equal starts keeps them equal: their difference is no residual
@@ -99,7 +111,6 @@ impl<R: Real> Predictor<R> {
         if !nu.flat().is_empty() {
             combine(nu.flat_mut(), &self.rolling_weights, &self.nu, as_is);
         }
-        true
     }
 
     /// The weights of what is held, for steps that are `ratio` times as long.
@@ -142,9 +153,14 @@ impl<R: Real> Predictor<R> {
         self.acceleration.solve(model, t, &state.y, &state.z)?;
         let z_dot = &self.acceleration.z_dot;
         let [_, _, v] = model.end(t, &state.y, &state.z);
-        self.v
-            .row_mut(0)
-            .copy_from_slice(if v.is_empty() { &state.z } else { v });
+        if !self.velocity_is_z {
+            self.v.row_mut(0).copy_from_slice(v);
+        }
+        let velocity = if self.velocity_is_z {
+            &state.z
+        } else {
+            self.v.row(0)
+        };
         for i in 0..stages.tableau.stages {
             let (c, t) = (stages.tableau.c[i], stages.stage_time(step, i));
             let z = stages.unknowns.z.row_mut(i);
@@ -152,7 +168,7 @@ impl<R: Real> Predictor<R> {
             add_scaled(z, c * reach, z_dot);
             let y = stages.y.row_mut(i);
             y.copy_from_slice(&state.y);
-            add_scaled(y, c * h, self.v.row(0));
+            add_scaled(y, c * h, velocity);
             let [_, _, v] = model.stage(t, y, z);
             let v = if v.is_empty() { &*z } else { v };
             copy(stages.unknowns.v.row_mut(i), v);
@@ -172,17 +188,21 @@ impl<R: Real> Predictor<R> {
     /// Keeps the polynomials of a finished step from `z0` to `z1`, where v is `v1`.
     pub(super) fn keep(&mut self, stages: &Stages<R>, h: f64, z0: &[R], z1: &[R], v1: &[R]) {
         let s = stages.tableau.stages;
-        if self.h.is_some() && self.begin > 0.0 {
+        if !self.velocity_is_z && self.h.is_some() && self.begin > 0.0 {
             let (head, tail) = self.v.flat_mut().split_at_mut((s + 1) * v1.len());
             head[..v1.len()].copy_from_slice(tail);
         }
         copy(self.z.row_mut(0), z0);
         for i in 0..s {
             copy(self.z.row_mut(i + 1), stages.unknowns.z.row(i));
-            copy(self.v.row_mut(i + 1), stages.unknowns.v.row(i));
         }
         copy(self.z.row_mut(s + 1), z1);
-        copy(self.v.row_mut(s + 1), v1);
+        if !self.velocity_is_z {
+            for i in 0..s {
+                copy(self.v.row_mut(i + 1), stages.unknowns.v.row(i));
+            }
+            copy(self.v.row_mut(s + 1), v1);
+        }
         copy(self.lam.flat_mut(), stages.unknowns.lam.flat());
         copy(self.nu.flat_mut(), stages.unknowns.nu.flat());
         self.h = Some(h);
@@ -204,7 +224,7 @@ impl<R: Real> Predictor<R> {
 
     /// v at the start of the step held, V_1..V_s, and v at its end.
     pub(super) fn velocities(&self) -> &Matrix<R> {
-        &self.v
+        if self.velocity_is_z { &self.z } else { &self.v }
     }
 
     /// The next step begins where the one held began, which says where it goes.

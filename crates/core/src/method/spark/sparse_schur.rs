@@ -1,21 +1,21 @@
 //! The matrix of node Schur of a large mechanism: as sparse as its couplings, k by k blocks of each.
 
-use crate::linalg::{Matrix, NodeGram, Pattern, Singular, at_size};
+#![allow(clippy::inline_always)] // what is not inlined is compiled without the registers it is for
+
+use crate::linalg::{Matrix, NodeGram, NodeRows, Singular, at_size};
 use crate::problem::mechanical::{Compliance, Mass, Mechanical};
 use crate::real::Real;
+use crate::vector::wide_along;
 
 /// From this order on, the sparse matrix is tried.
 const LARGE: usize = 24;
 
-/// `g_y` at the nodes 1..k, `r_λ` at the nodes 0..k−1, node by node within an entry, and the Schur
-/// complement between them.
+/// `g_y` at the nodes 1..k, `r_λ` at the nodes 0..k−1, and the Schur complement between them.
 #[derive(Clone, Debug)]
 pub(super) struct SparseSchur<R = f64> {
     nodes: usize,
-    g_at: Vec<(u32, u32)>,
-    r_at: Vec<(u32, u32)>,
-    g_y: Vec<R>,
-    r_lam: Vec<R>,
+    g_y: NodeRows<R>,
+    r_lam: NodeRows<R>,
     compliance: Compliance<R>,
     schur: NodeGram<R>,
     multipliers: Vec<R>,
@@ -30,15 +30,14 @@ impl<R: Real> SparseSchur<R> {
         if nodes * m < LARGE {
             return None;
         }
-        let at = &problem.patterns;
-        let compliance = Compliance::new(mass, &at.r_lam, nodes)?;
-        let schur = NodeGram::new(&at.g_y, compliance.pattern(), product)?;
+        let g_y = NodeRows::new(&problem.patterns.g_y, nodes);
+        let r_lam = NodeRows::new(&problem.patterns.r_lam, nodes);
+        let compliance = Compliance::new(mass, r_lam.pattern(), nodes)?;
+        let schur = NodeGram::new(g_y.pattern(), compliance.pattern(), product)?;
         Some(Self {
             nodes,
-            g_at: short(&at.g_y),
-            r_at: short(&at.r_lam),
-            g_y: vec![R::splat(0.0); nodes * at.g_y.len()],
-            r_lam: vec![R::splat(0.0); nodes * at.r_lam.len()],
+            g_y,
+            r_lam,
             compliance,
             schur,
             multipliers: vec![R::splat(0.0); nodes * m],
@@ -54,11 +53,11 @@ impl<R: Real> SparseSchur<R> {
         r_lam: &Matrix<R>,
     ) -> Result<(), Singular> {
         at_size!(self.nodes, K => {
-            interleave::<R, K>(g_y, 1, &mut self.g_y);
-            interleave::<R, K>(r_lam, 0, &mut self.r_lam);
+            self.g_y.set::<K>(std::array::from_fn(|i| g_y.row(i + 1)));
+            self.r_lam.set::<K>(std::array::from_fn(|l| r_lam.row(l)));
         });
-        let compliance = self.compliance.update(mass, &self.r_lam);
-        self.schur.factor(&self.g_y, compliance)
+        let compliance = self.compliance.update(mass, self.r_lam.values());
+        self.schur.factor(self.g_y.values(), compliance)
     }
 
     /// dΛ that makes velocities `u` of the stages meet g, and the impulses R_l dΛ_l, whose combinations
@@ -72,55 +71,48 @@ impl<R: Real> SparseSchur<R> {
         d_z: &mut Matrix<R>,
     ) {
         at_size!(self.nodes, K => {
-            self.meet::<K>(a_bar, u, g, h);
+            wide_along::<R, _>(u.cols(), #[inline(always)] || self.meet::<K>(a_bar, u, g, h));
             self.schur.solve(&mut self.multipliers);
-            self.push::<K>(a_hat, residual, d_z);
-            let m = self.multipliers.len() / K;
-            for (c, lam) in self.multipliers.as_chunks::<K>().0.iter().enumerate() {
-                for l in 0..K {
-                    d_lam[l * m + c] = lam[l];
+            wide_along::<R, _>(u.cols(), #[inline(always)] || {
+                self.push::<K>(a_hat, residual, d_z);
+                let multipliers = self.multipliers.as_chunks::<K>().0;
+                for (l, d_lam) in d_lam.chunks_exact_mut(multipliers.len()).enumerate() {
+                    for (out, lam) in d_lam.iter_mut().zip(multipliers) {
+                        *out = lam[l];
+                    }
                 }
-            }
+            });
         });
     }
 
     /// −g/h + `G_i` Σ ā_ij u_j
+    #[inline(always)]
     fn meet<const K: usize>(&mut self, a_bar: &Matrix, u: &Matrix<R>, g: &Matrix<R>, h: f64) {
         let multipliers = self.multipliers.as_chunks_mut::<K>().0;
         let vectors = self.vectors.as_chunks_mut::<K>().0;
+        let g: [&[R]; K] = std::array::from_fn(|i| g.row(i + 1));
         let minus = -1.0 / h;
-        for i in 0..K {
-            for (out, g) in multipliers.iter_mut().zip(g.row(i + 1)) {
-                out[i] = *g * minus;
-            }
-            let (first, rest) = a_bar.row(i).split_at(1);
-            for (out, u) in vectors.iter_mut().zip(u.row(0)) {
-                out[i] = *u * first[0];
-            }
-            for (j, weight) in rest.iter().enumerate() {
-                for (out, u) in vectors.iter_mut().zip(u.row(j + 1)) {
-                    out[i] += *u * *weight;
+        for (c, out) in multipliers.iter_mut().enumerate() {
+            *out = g.map(|g| g[c] * minus);
+        }
+        vectors.fill([R::splat(0.0); K]);
+        for j in 0..u.rows() {
+            let weights: [f64; K] = std::array::from_fn(|i| a_bar[(i, j)]);
+            for (out, u) in vectors.iter_mut().zip(u.row(j)) {
+                for i in 0..K {
+                    out[i] += *u * weights[i];
                 }
             }
         }
-        for ((row, col), g_y) in self.g_at.iter().zip(self.g_y.as_chunks::<K>().0) {
-            let (out, v) = (&mut multipliers[*row as usize], &vectors[*col as usize]);
-            for i in 0..K {
-                out[i] += g_y[i] * v[i];
-            }
-        }
+        self.g_y.multiply_add(vectors, multipliers);
     }
 
+    #[inline(always)]
     fn push<const K: usize>(&mut self, a_hat: &Matrix, residual: &Matrix<R>, d_z: &mut Matrix<R>) {
         let multipliers = self.multipliers.as_chunks::<K>().0;
         let vectors = self.vectors.as_chunks_mut::<K>().0;
         vectors.fill([R::splat(0.0); K]);
-        for ((row, col), r_lam) in self.r_at.iter().zip(self.r_lam.as_chunks::<K>().0) {
-            let (out, lam) = (&mut vectors[*row as usize], &multipliers[*col as usize]);
-            for l in 0..K {
-                out[l] += r_lam[l] * lam[l];
-            }
-        }
+        self.r_lam.multiply_add(multipliers, vectors);
         for i in 0..d_z.rows() {
             let weights: [f64; K] = std::array::from_fn(|l| a_hat[(i, l)]);
             let residual = residual.row(i);
@@ -133,22 +125,4 @@ impl<R: Real> SparseSchur<R> {
             }
         }
     }
-}
-
-/// K rows from the `first` on, side by side entry by entry.
-fn interleave<R: Real, const K: usize>(rows: &Matrix<R>, first: usize, out: &mut [R]) {
-    let out = out.as_chunks_mut::<K>().0;
-    for i in 0..K {
-        for (out, value) in out.iter_mut().zip(rows.row(first + i)) {
-            out[i] = *value;
-        }
-    }
-}
-
-#[allow(clippy::cast_possible_truncation)] // more coordinates would not fit in memory
-fn short(pattern: &Pattern) -> Vec<(u32, u32)> {
-    let entries = pattern.entries().iter();
-    entries
-        .map(|(row, col)| (*row as u32, *col as u32))
-        .collect()
 }

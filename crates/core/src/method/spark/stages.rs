@@ -1,12 +1,12 @@
 //! The stage equations of one step, evaluated; see the module above for the letters.
 
-use crate::linalg::{Matrix, combine, copy, copy_scaled, max_norm};
+use crate::linalg::{Matrix, all_finite, combine, copy, copy_scaled, max_norm};
 use crate::newton::Stop;
 use crate::problem::mechanical::{Mechanical, Model, State, Times, finite, finite_k};
 use crate::real::Real;
 use crate::tableau;
 use crate::trouble::{Quantity, Trouble};
-use crate::vector::wide;
+use crate::vector::wide_along;
 
 /// The step being made: from `state` at `t` over `h`.
 pub(super) struct Step<'a, R = f64> {
@@ -149,9 +149,9 @@ impl<R: Real> Stages<R> {
     pub(super) fn evaluate(&mut self, model: &mut Model<R>, step: Step<R>) -> Result<(), Trouble> {
         self.evaluate_values(model, step, self.tableau.intervals);
         self.subtract_impulses(step);
-        let is_finite = |x: &Matrix<R>| x.flat().iter().all(|x| x.all(f64::is_finite));
+        let is_finite = |x: &Matrix<R>| all_finite(x.flat());
         if is_finite(&self.momentum_residual)
-            && is_finite(&self.velocity_residual)
+            && (model.problem.patterns.v_z.is_none() || is_finite(&self.velocity_residual))
             && is_finite(&self.g)
             && is_finite(&self.k)
         {
@@ -171,17 +171,20 @@ impl<R: Real> Stages<R> {
         let mut stages = model.stages(Times { t, h, c }, &self.y, &self.unknowns.z);
         for i in 0..s {
             let [p, f, v] = stages.at(i);
+            let (residual, impulse) = (&mut self.velocity_residual, &mut self.impulses);
+            let (unknown, weight) = (&self.unknowns.v, step.h * self.tableau.b[i]);
             copy(self.p.row_mut(i), p);
-            copy_scaled(self.impulses.row_mut(i), step.h * self.tableau.b[i], f);
-            for ((out, unknown), v) in self
-                .velocity_residual
-                .row_mut(i)
-                .iter_mut()
-                .zip(self.unknowns.v.row(i))
-                .zip(v)
-            {
-                *out = *unknown - *v;
-            }
+            wide_along::<R, _>(
+                p.len(),
+                #[inline(always)]
+                || {
+                    copy_scaled(impulse.row_mut(i), weight, f);
+                    let both = unknown.row(i).iter().zip(v);
+                    for (out, (unknown, v)) in residual.row_mut(i).iter_mut().zip(both) {
+                        *out = *unknown - *v;
+                    }
+                },
+            );
         }
         self.evaluations += s;
         if self.k.cols() > 0 {
@@ -193,10 +196,12 @@ impl<R: Real> Stages<R> {
             for j in 0..=last {
                 let [g, r] = nodes.at(j);
                 copy(self.g.row_mut(j), g);
-                copy_scaled(
-                    self.impulses.row_mut(s + j),
-                    step.h * self.tableau.b_hat[j],
-                    r,
+                let impulse = self.impulses.row_mut(s + j);
+                let weight = step.h * self.tableau.b_hat[j];
+                wide_along::<R, _>(
+                    r.len(),
+                    #[inline(always)]
+                    || copy_scaled(impulse, weight, r),
                 );
             }
         }
@@ -217,14 +222,20 @@ impl<R: Real> Stages<R> {
 
     /// Y_i = y0 + Σ μᵛ_ij (h b_j V_j) and Ŷ_i = y0 + Σ μ̄_ij (h b_j V_j), the low part of y0 first.
     fn move_points(&mut self, step: Step<R>) {
-        wide::<R, _>(
+        wide_along::<R, _>(
+            self.y.cols(),
             #[inline(always)]
             || {
                 for (j, b) in self.tableau.b.iter().enumerate() {
                     copy_scaled(self.moves.row_mut(j), step.h * b, self.unknowns.v.row(j));
                 }
                 let State { y, y_low, .. } = step.state;
-                let finish = |_, k: usize, sum| y[k] + (y_low[k] + sum);
+                let finish = |_, k: usize, sums: &mut [R]| {
+                    let at = k..k + sums.len();
+                    for ((sum, y), low) in sums.iter_mut().zip(&y[at.clone()]).zip(&y_low[at]) {
+                        *sum = *y + (*low + *sum);
+                    }
+                };
                 let (weights, nodes) = (&self.tableau.mu_v, &self.tableau.mu_bar);
                 combine(self.y.flat_mut(), weights, &self.moves, finish);
                 combine(self.node_y.flat_mut(), nodes, &self.moves, finish);
@@ -234,14 +245,21 @@ impl<R: Real> Stages<R> {
 
     /// P_i − p0 − Σ μᶠ_ij (h b_j F_j) − Σ_{j<k} μ̂_ij (h b̂_j R_j) − Σ μʳ_ij (h b_j R_j).
     pub(super) fn subtract_impulses(&mut self, step: Step<R>) {
-        let (State { p, p_low, .. }, stage_p) = (step.state, &self.p);
+        let (stage_p, n) = (&self.p, self.impulses.cols());
         let out = self.momentum_residual.flat_mut();
-        wide::<R, _>(
+        wide_along::<R, _>(
+            n,
             #[inline(always)]
             || {
-                combine(out, &self.force_weights, &self.impulses, |i, k, sum| {
-                    (stage_p[(i, k)] - p[k]) - (p_low[k] + sum)
-                });
+                let State { p, p_low, .. } = step.state;
+                let finish = |i, k: usize, sums: &mut [R]| {
+                    let at = k..k + sums.len();
+                    let given = stage_p.row(i)[at.clone()].iter().zip(&p[at.clone()]);
+                    for ((sum, (stage_p, p)), low) in sums.iter_mut().zip(given).zip(&p_low[at]) {
+                        *sum = (*stage_p - *p) - (*low + *sum);
+                    }
+                };
+                combine(out, &self.force_weights, &self.impulses, finish);
             },
         );
     }

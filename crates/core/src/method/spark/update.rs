@@ -12,7 +12,7 @@ use crate::newton::{self, Equations};
 use crate::problem::mechanical::{Model, Saddle, State, finite, finite_k};
 use crate::real::Real;
 use crate::trouble::{Quantity, Trouble};
-use crate::vector::wide;
+use crate::vector::wide_along;
 
 const MOST_ITERATIONS: usize = 30;
 
@@ -97,7 +97,8 @@ impl<R: Real> Update<R> {
     ) -> Result<(), Trouble> {
         let k = stages.tableau.intervals;
         let (h, state) = (step.h, step.state);
-        wide::<R, _>(
+        wide_along::<R, _>(
+            state.y.len(),
             #[inline(always)]
             || self.sum_up(stages, state),
         );
@@ -160,15 +161,27 @@ impl<R: Real> Equations<R> for Solve<'_, R> {
             let [_, r] = model.node(t, &update.y, stages.unknowns.lam.row(k));
             finite(r, Quantity::Reaction, t)?;
             copy(&mut update.reaction, r);
-            add_scaled(&mut update.momentum, weight, r);
+            let momentum = &mut update.momentum;
+            wide_along::<R, _>(
+                r.len(),
+                #[inline(always)]
+                || add_scaled(momentum, weight, r),
+            );
         }
         let [p, w, _] = model.end(t, &update.y, &update.z);
         finite(p, Quantity::Momentum, t)?;
         finite(w, Quantity::Hidden, t)?;
-        for ((out, p), p0) in update.momentum.iter_mut().zip(p).zip(&step.state.p) {
-            *out -= *p - *p0;
-        }
-        copy_scaled(&mut update.hidden, -1.0, w);
+        let (momentum, hidden) = (&mut update.momentum, &mut update.hidden);
+        wide_along::<R, _>(
+            p.len(),
+            #[inline(always)]
+            || {
+                for ((out, p), p0) in momentum.iter_mut().zip(p).zip(&step.state.p) {
+                    *out -= *p - *p0;
+                }
+                copy_scaled(hidden, -1.0, w);
+            },
+        );
         if !nu.is_empty() {
             let [k, _] = model.nonholonomic(t, &update.y, &update.z, nu);
             finite_k(k, m, t)?;
@@ -177,11 +190,12 @@ impl<R: Real> Equations<R> for Solve<'_, R> {
         let (momentum, hidden) = (&mut update.momentum, &mut update.hidden);
         update.saddle.solve(model, momentum, hidden);
         add_scaled(&mut update.z, 1.0, &update.momentum);
-        add_scaled(stages.unknowns.lam.row_mut(k), 1.0 / weight, &update.hidden);
-        let at = &model.problem.patterns;
-        let (r_lam, d_lam) = (update.saddle.r_lam(), &update.hidden);
-        at.r_lam
-            .multiply_add(r_lam, 1.0 / weight, d_lam, &mut update.reaction);
+        let (d_lam, _) = update.hidden.split_at_mut(m);
+        d_lam.iter_mut().for_each(|x| *x *= R::splat(1.0 / weight));
+        add_scaled(stages.unknowns.lam.row_mut(k), 1.0, d_lam);
+        update
+            .saddle
+            .add_reaction(model, d_lam, &mut update.reaction);
         update
             .saddle
             .add_rolling(model, &update.hidden[m..], &mut update.p_low);

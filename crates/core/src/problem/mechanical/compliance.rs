@@ -1,7 +1,7 @@
 //! The velocities that reactions give, v_z p_z⁻¹ r_λ, sparse where the mass falls into small blocks.
 
 use super::Mass;
-use crate::linalg::{Pattern, Product};
+use crate::linalg::{Pattern, Product, at_size};
 use crate::real::Real;
 
 /// v_z p_z⁻¹ r_λ of one mass and the reactions at several nodes.
@@ -44,11 +44,11 @@ impl<R: Real> Compliance<R> {
     pub fn update(&mut self, mass: &Mass<R>, r_lam: &[R]) -> &[R] {
         let mut inverse = mass.inverse_values();
         if let (Some((product, values)), Some((_, v_z))) = (&mut self.mobility, mass.v_z()) {
-            product.multiply(v_z, inverse, 1, values);
+            product.multiply::<R, 1>(v_z, inverse, values);
             inverse = values;
         }
         let (nodes, values) = (self.nodes, &mut self.values);
-        self.product.multiply(inverse, r_lam, nodes, values);
+        at_size!(nodes, K => self.product.multiply::<R, K>(inverse, r_lam, values));
         values
     }
 }

@@ -3,7 +3,7 @@
 use super::nonholonomic::{Bound, Nonholonomic};
 use super::points::Memory;
 use super::{Mechanical, State};
-use crate::linalg::Pattern;
+use crate::linalg::{Pattern, all_finite};
 use crate::real::Real;
 use crate::tape::Registers;
 use crate::trouble::{Quantity, Trouble};
@@ -231,11 +231,7 @@ impl<R: Real> Model<R> {
 /// [`Trouble::NotFinite`].
 #[inline]
 pub fn finite<R: Real>(values: &[R], quantity: Quantity, t: f64) -> Result<(), Trouble> {
-    // without a way out, so that several are looked at in one instruction
-    if values
-        .iter()
-        .fold(true, |all, x| all & x.all(f64::is_finite))
-    {
+    if all_finite(values) {
         return Ok(());
     }
     let index = values

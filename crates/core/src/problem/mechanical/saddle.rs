@@ -10,8 +10,8 @@ use super::model::finite;
 use super::nonholonomic::explain_all;
 use super::{Compliance, Mass, Mechanical, Model};
 use crate::linalg::{
-    Assembly, Factor, Lu, Matrix, NodeGram, Pattern, Singular, copy, copy_scaled, dependencies,
-    max_norm,
+    Assembly, Factor, Lu, Matrix, NodeGram, NodeRows, Pattern, Singular, copy, copy_scaled,
+    dependencies, max_norm,
 };
 use crate::real::Real;
 use crate::trouble::{Quantity, Trouble};
@@ -77,6 +77,8 @@ enum Factors<R> {
 /// The Schur complement, sparse.
 #[derive(Clone, Debug)]
 struct Eliminated<R> {
+    g_y: NodeRows<R>,
+    r_lam: NodeRows<R>,
     compliance: Compliance<R>,
     schur: NodeGram<R>,
     velocity: Vec<R>,
@@ -136,6 +138,16 @@ impl<R: Real> Saddle<R> {
     /// `r_λ` it was last factored with.
     pub fn r_lam(&self) -> &[R] {
         &self.r_lam
+    }
+
+    /// `out += r_λ x`, as it was last factored with.
+    pub fn add_reaction(&self, model: &Model<R>, x: &[R], out: &mut [R]) {
+        if let Factors::Eliminated(eliminated) = &self.factors {
+            eliminated.r_lam.add_product(x, out);
+        } else {
+            let pattern = &model.problem.patterns.r_lam;
+            pattern.multiply_add(&self.r_lam, 1.0, x, out);
+        }
     }
 
     /// `out += ∂r_n/∂ν x`, as it was last factored with.
@@ -257,12 +269,15 @@ impl<R: Real> Saddle<R> {
                 if let (true, Some(whole)) = (eliminated.is_whole, &mut eliminated.whole) {
                     return whole.solve(a, b);
                 }
+                // μ is found with its sign changed
                 let velocity = &mut eliminated.velocity;
                 copy(velocity, a);
                 self.mass.solve_velocity(velocity);
-                at.g_y.multiply_add(&self.g_y, -1.0, velocity, b);
+                b.iter_mut().for_each(|b| *b = -*b);
+                eliminated.g_y.add_product(velocity, b);
                 eliminated.schur.solve(b);
-                at.r_lam.multiply_add(&self.r_lam, 1.0, b, a);
+                b.iter_mut().for_each(|b| *b = -*b);
+                eliminated.r_lam.add_product(b, a);
                 self.mass.solve(a);
             }
             Factors::Whole(whole) => whole.solve(a, b),
@@ -280,11 +295,14 @@ impl<R: Real> Eliminated<R> {
         if problem.nonholonomic.is_some() {
             return None;
         }
-        let at = &problem.patterns;
-        let compliance = Compliance::new(mass, &at.r_lam, 1)?;
+        let g_y = NodeRows::new(&problem.patterns.g_y, 1);
+        let r_lam = NodeRows::new(&problem.patterns.r_lam, 1);
+        let compliance = Compliance::new(mass, r_lam.pattern(), 1)?;
         let one = Matrix::from_fn(1, 1, |_, _| 1.0);
         Some(Self {
-            schur: NodeGram::new(&at.g_y, compliance.pattern(), &one)?,
+            schur: NodeGram::new(g_y.pattern(), compliance.pattern(), &one)?,
+            g_y,
+            r_lam,
             compliance,
             velocity: vec![R::splat(0.0); problem.n],
             whole: None,
@@ -294,7 +312,10 @@ impl<R: Real> Eliminated<R> {
 
     fn factor(&mut self, mass: &Mass<R>, g_y: &[R], r_lam: &[R]) -> Result<(), Singular> {
         self.is_whole = false;
-        self.schur.factor(g_y, self.compliance.update(mass, r_lam))
+        self.g_y.set([g_y]);
+        self.r_lam.set([r_lam]);
+        let compliance = self.compliance.update(mass, self.r_lam.values());
+        self.schur.factor(self.g_y.values(), compliance)
     }
 
     /// The matrix as it stands, to be factored instead.
