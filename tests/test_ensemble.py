@@ -60,6 +60,7 @@ CASES = {
     "spherical pendulum": (spherical_pendulum, lv.Spark(2), 0.05, 40),
     "one stage": (spherical_pendulum, lv.Spark(1), 0.05, 40),
     "four stages": (pendulum, lv.Spark(4), 0.1, 30),
+    "to tolerance": (spherical_pendulum, lv.Spark(3, newton_tol=1e-7), 0.05, 40),
     "radau": (pendulum, lv.Spark(2, points="radau"), 0.05, 30),
     "pair": (spherical_pendulum, lv.LobattoPair(3), 0.05, 30),
     "rattle": (spherical_pendulum, lv.LobattoPair(2), 0.05, 30),

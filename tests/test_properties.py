@@ -210,9 +210,9 @@ def test_coordinates_may_be_permuted_or_mixed(model, seed):
         assert_close(one.lam, two.lam, 10)
 
 
-# asinh, acosh and atanh are the core's own; all others are the C library's on both sides
+# sin, cos, asinh, acosh and atanh are the core's own; all others are the C library's on both sides
 UNARY = (
-    *(ca.exp, ca.log, ca.sqrt, ca.sin, ca.cos, ca.tan, ca.asin, ca.acos, ca.atan),
+    *(ca.exp, ca.log, ca.sqrt, ca.tan, ca.asin, ca.acos, ca.atan),
     *(ca.sinh, ca.cosh, ca.tanh, ca.log1p, ca.expm1, ca.floor, ca.ceil, ca.fabs, ca.sign),
     *(ca.logic_not, lambda x: -x, lambda x: 1 / x, lambda x: x * x, lambda x: 2 * x),
 )

@@ -339,6 +339,7 @@ def test_a_wrong_call_is_refused(message):
         lv.HHT(),
         lv.LobattoPair(2),
         lv.Spark(2, points="radau"),
+        lv.Spark(2, newton_tol=1e-8),
         lv.Composition(lv.LobattoPair(2), "SU4"),
         lv.VolumeSplitting(),
         "auto",

@@ -491,3 +491,49 @@ fn what_is_needed_far_ahead_is_kept() {
         assert_eq!(tape.eval(&mut registers, [&x, &[]]), wanted);
     }
 }
+
+#[test]
+fn points_side_by_side_have_the_bits_of_each_alone() {
+    const POINTS: usize = 11; // a whole pass and a part of one
+    let (t, y, lam, scale, acc) = (0, 1, 2, 3, 4);
+    let input = |slot, group, element| Line::Input {
+        slot,
+        group,
+        element,
+    };
+    let apply = |op, a, b| Line::Apply {
+        op,
+        slot: acc,
+        a,
+        b,
+    };
+    let mut lines = vec![
+        input(t, 0, 0),
+        input(y, 1, 1),
+        input(lam, 2, 0),
+        input(scale, 3, 0),
+        apply(Op::Mul, y, scale),
+    ];
+    for round in [t, y, lam].repeat(12) {
+        lines.extend([apply(Op::Add, acc, round), apply(Op::Sin, acc, acc)]);
+    }
+    let output = |element, slot| Line::Output { element, slot };
+    lines.extend([output(0, acc), apply(Op::Div, acc, lam), output(1, acc)]);
+    let tape = Tape::new(&[1, 2, 1, 1], 2, &lines).expect("a valid program");
+    let mut one = tape.bind(&[0.7]);
+    let mut beside = tape.beside(&one, POINTS).expect("long enough");
+    let value = |k: usize| (1.0 + k as f64).sqrt() - 2.0;
+    let (ys, lams): (Vec<f64>, Vec<f64>) = (
+        (0..2 * POINTS).map(value).collect(),
+        (0..POINTS).map(|k| 3.0 * value(k)).collect(),
+    );
+    for start in [0.0, 1e6] {
+        let time = |k: usize| start + 0.1 * k as f64;
+        tape.eval_beside(&mut beside, time, [&ys, &lams]);
+        for k in 0..POINTS {
+            let args = [&[time(k)], &ys[2 * k..][..2], &lams[k..][..1]];
+            let wanted = tape.eval(&mut one, args);
+            assert_eq!(beside.at(k, 2), wanted, "point {k}");
+        }
+    }
+}

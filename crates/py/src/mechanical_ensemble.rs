@@ -10,7 +10,7 @@ use liouville_core::ensemble::{Ensemble, Layout};
 use liouville_core::method::alpha::{Alpha, Reactions};
 use liouville_core::method::composition::{Composed, NeedsAdjoint};
 use liouville_core::method::rattle::Rattle;
-use liouville_core::method::spark::{Spark, Together, goes_together};
+use liouville_core::method::spark::{Together, goes_together};
 use liouville_core::method::{Stepper, Symmetric};
 use liouville_core::problem::Observe;
 use liouville_core::problem::mechanical::{
@@ -129,7 +129,8 @@ impl Begin {
         let y = side_by_side(members, |member| self.start(0, member));
         let z = side_by_side(members, |member| self.start(1, member));
         let tableau = asked.tableau.clone();
-        let mut stepper = Together::of(problem, &params, tableau, asked.solver);
+        let stepper = Together::of(problem, &params, tableau, asked.solver);
+        let mut stepper = stepper.to_tolerance(asked.tolerance);
         let state = stepper.state(self.span.0, &y, &z);
         let each = if self.is_common() {
             &members[..1]
@@ -160,8 +161,12 @@ impl Begin {
     ) -> Begun {
         let mut model = Model::new(problem.clone(), self.params(member));
         let state = model.state(self.span.0, self.start(0, member), self.start(1, member));
-        let stepper = Spark::of(model, asked.tableau.clone(), asked.solver);
-        self.symmetric(stepper, asked.scheme, self.observer(member), state)
+        self.symmetric(
+            asked.stepper(model),
+            asked.scheme,
+            self.observer(member),
+            state,
+        )
     }
 
     fn rattle(

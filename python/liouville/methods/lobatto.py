@@ -6,7 +6,13 @@ from dataclasses import dataclass, field
 from difflib import get_close_matches
 from typing import ClassVar
 
-from liouville.methods.spark import SOLVERS, check_solver, check_stages
+from liouville.methods.spark import (
+    NEWTON_TOL_HELP,
+    SOLVERS,
+    check_newton_tol,
+    check_solver,
+    check_stages,
+)
 
 #: Most stages: more take more time than they save, long before this.
 MOST_STAGES = 32
@@ -55,6 +61,8 @@ class LobattoPair:
         The Lobatto III coefficients :math:`a^F` of the forces.
     solver : {"auto", "node-schur", "newton"}, default "auto"
         How the stage equations are solved; the result is the same to roundoff.
+    newton_tol : float, optional
+        What the stage equations are solved to, as in :class:`Spark`; by default roundoff.
 
     Raises
     ------
@@ -74,6 +82,7 @@ class LobattoPair:
     stages: int = field(default=2, metadata={"help": "number of stages, from 2 to 32"})
     force: str = field(default="B", metadata={"help": "one of " + ", ".join(FORCES)})
     solver: str = field(default="auto", metadata={"help": "one of " + ", ".join(SOLVERS)})
+    newton_tol: float | None = field(default=None, metadata={"help": NEWTON_TOL_HELP})
 
     def __post_init__(self) -> None:
         """Refuse numbers that make no method."""
@@ -85,6 +94,7 @@ class LobattoPair:
                 f"hint: did you mean {near!r}? 'B' is the symplectic one"
             )
         check_solver(self.solver)
+        check_newton_tol(self.newton_tol)
 
     @property
     def order(self) -> int:

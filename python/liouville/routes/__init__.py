@@ -77,11 +77,11 @@ def route(system: System, method: Method | Plan | Propagation | str, asked: Aske
             )
         if isinstance(method, Spark | Composition):
             base = method.base if isinstance(method, Composition) else method
-            if isinstance(base, Spark) and base.points == "gauss":
+            if isinstance(base, Spark) and base.points == "gauss" and base.newton_tol is None:
                 return SemiExplicitRoute(system, method, asked)
         raise TypeError(
             f"{method!r} does not step semi-explicit systems; methods that do: Spark on Gauss "
-            "points, alone or in a Composition"
+            "points without a newton_tol, alone or in a Composition"
         )
     if isinstance(method, Spark | LobattoPair | HHT | GeneralizedAlpha | ArnoldBruls | Composition):
         way = MembersRoute if asked.is_ensemble else MechanicalRoute

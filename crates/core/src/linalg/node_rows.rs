@@ -26,7 +26,9 @@ impl<R: Real> NodeRows<R> {
     pub fn new(pattern: &Pattern, nodes: usize) -> Self {
         let (entries, (height, width)) = (pattern.entries(), pattern.shape());
         let mut count = vec![0; height];
-        entries.iter().for_each(|(row, _)| count[*row] += 1);
+        for (row, _) in entries {
+            count[*row] += 1;
+        }
         let mut from: Vec<u32> = (0..entries.len() as u32).collect();
         from.sort_by_key(|k| (count[entries[*k as usize].0], entries[*k as usize]));
         let entries: Vec<_> = from.iter().map(|k| entries[*k as usize]).collect();

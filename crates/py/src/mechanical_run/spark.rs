@@ -8,6 +8,7 @@ use crate::errors;
 use crate::tableau::{lobatto_named, scheme_of, spark_named};
 use liouville_core::method::composition::Composed;
 use liouville_core::method::spark::{Solver, Spark};
+use liouville_core::newton::Stop;
 use liouville_core::problem::mechanical::{Model, Observer, State};
 use liouville_core::tableau::{self, Scheme};
 use liouville_core::tape::Tape;
@@ -18,6 +19,8 @@ use pyo3::prelude::*;
 pub(crate) struct Asked {
     pub(crate) tableau: tableau::Spark,
     pub(crate) solver: Solver,
+    /// What the stage equations are solved to.
+    pub(crate) tolerance: f64,
     pub(crate) scheme: Option<&'static Scheme>,
 }
 
@@ -40,6 +43,11 @@ impl Asked {
                 )));
             }
         };
+        let tolerance: Option<f64> = base.getattr("newton_tol")?.extract()?;
+        let tolerance = tolerance.unwrap_or(Stop::default().tolerance);
+        if !(tolerance > 0.0 && tolerance < 1.0) {
+            return Err(PyValueError::new_err("newton_tol is between 0 and 1"));
+        }
         let tableau = match base.getattr_opt("force")? {
             Some(force) => lobatto_named(stages, &force.extract::<String>()?)?,
             None => spark_named(stages, &base.getattr("points")?.extract::<String>()?)?,
@@ -50,8 +58,13 @@ impl Asked {
         Ok(Self {
             tableau,
             solver,
+            tolerance,
             scheme,
         })
+    }
+
+    pub(crate) fn stepper(&self, model: Model) -> Spark {
+        Spark::of(model, self.tableau.clone(), self.solver).to_tolerance(self.tolerance)
     }
 }
 
@@ -62,18 +75,14 @@ pub(super) fn spark<'py>(
     observer: Tape,
     begin: &Begin<'_>,
 ) -> PyResult<Bound<'py, PyAny>> {
-    let Asked {
-        tableau,
-        solver,
-        scheme,
-    } = Asked::read(method)?;
+    let asked = Asked::read(method)?;
     begin.check(problem.0.n, problem.0.stage.inputs()[3], &observer, 2)?;
     let mut model = Model::new(problem.0.clone(), begin.params);
     let observer = Observer::new(model.clone(), begin.params, observer, begin.states);
     let state = model.state(begin.span.0, begin.start[0], begin.start[1]);
     begin.control.check(problem.0.n)?;
-    let stepper = Spark::of(model, tableau, solver);
-    match (&begin.control, scheme) {
+    let stepper = asked.stepper(model);
+    match (&begin.control, asked.scheme) {
         (Control::Error { .. }, None) => estimating(py, begin, stepper, observer, state),
         (_, None) => launch_symmetric(py, begin, stepper, observer, state),
         (_, Some(scheme)) => {

@@ -13,7 +13,7 @@
 
 use super::stages::{Stages, Step};
 use crate::linalg::{Lu, Matrix, Pattern, add_scaled, combine, copy, dot, max_norm};
-use crate::newton::Equations;
+use crate::newton::{Equations, Stop};
 use crate::problem::mechanical::{Mass, Model, explain, finite};
 use crate::trouble::{Quantity, Trouble};
 
@@ -360,6 +360,10 @@ impl Solve<'_> {
 }
 
 impl Equations for Solve<'_> {
+    fn stop(&self) -> Stop {
+        self.stages.stop
+    }
+
     fn correct(&mut self) -> Result<f64, Trouble> {
         self.stages.evaluate(self.model, self.step)?;
         if !self.is_frozen {

@@ -98,6 +98,15 @@ impl Together {
         }
     }
 
+    /// The same, with stage equations solved to this fraction of the velocities instead of to roundoff.
+    #[must_use]
+    pub fn to_tolerance(mut self, tolerance: f64) -> Self {
+        self.stages.stop.tolerance = tolerance;
+        let alone = self.alone.into_iter();
+        self.alone = alone.map(|one| one.to_tolerance(tolerance)).collect();
+        self
+    }
+
     /// The members' state at `t`, from y and z.
     pub fn state(&mut self, t: f64, y: &[Lanes], z: &[Lanes]) -> State<Lanes> {
         self.model.state(t, y, z)
@@ -125,7 +134,7 @@ impl Together {
         // from here on as a member alone goes
         let last = stages.tableau.intervals - 1;
         stages.evaluate_values(model, step, last);
-        if self.problem.patterns.p_y.is_empty() {
+        if stages.loses_moves(&self.problem) {
             self.schur.find_lost_moves(stages, step);
         } else {
             stages.lost_moves.clear();

@@ -151,6 +151,13 @@ impl Spark {
         }
     }
 
+    /// The same, with stage equations solved to this fraction of the velocities instead of to roundoff.
+    #[must_use]
+    pub fn to_tolerance(mut self, tolerance: f64) -> Self {
+        self.stages.stop.tolerance = tolerance;
+        self
+    }
+
     /// (S1)–(S4), from the step before, or cold, or from rest.
     fn solve_stages(&mut self, step: Step) -> Result<(), Trouble> {
         if self
@@ -197,8 +204,7 @@ impl Spark {
         // the update needs forces at the last iterate: older ones cost a drift in the energy
         let last = self.stages.tableau.intervals - 1;
         self.stages.evaluate_values(&mut self.model, step, last);
-        // where p depends on y, the rounding of Y_i would pass for one of V_i
-        if self.is_by_schur && self.model.problem.patterns.p_y.is_empty() {
+        if self.is_by_schur && self.stages.loses_moves(&self.model.problem) {
             self.schur.find_lost_moves(&mut self.stages, step);
         } else {
             self.stages.lost_moves.clear();

@@ -11,7 +11,7 @@
 use super::sparse_schur::SparseSchur;
 use super::stages::{Stages, Step, Unknowns};
 use crate::linalg::{Lu, Matrix, Singular, add_scaled, combine, copy, copy_scaled, max_norm};
-use crate::newton::Equations;
+use crate::newton::{Equations, Stop};
 use crate::problem::mechanical::{Mass, Mechanical, Model, add_product, explain, finite};
 use crate::real::Real;
 use crate::trouble::{Quantity, Trouble};
@@ -311,6 +311,10 @@ impl<R: Real> Solve<'_, R> {
 }
 
 impl<R: Real> Equations<R> for Solve<'_, R> {
+    fn stop(&self) -> Stop {
+        self.stages.stop
+    }
+
     fn correct(&mut self) -> Result<R, Trouble> {
         self.stages.evaluate(self.model, self.step)?;
         if !self.is_frozen {

@@ -9,7 +9,7 @@
 
 use super::stages::{Stages, Step};
 use crate::linalg::{Assembly, Factor, Matrix, Pattern, add_scaled, copy, max_norm};
-use crate::newton::Equations;
+use crate::newton::{Equations, Stop};
 use crate::problem::mechanical::{Mass, Mechanical, Model, explain, finite};
 use crate::trouble::{Quantity, Trouble};
 
@@ -303,6 +303,10 @@ impl Solve<'_> {
 }
 
 impl Equations for Solve<'_> {
+    fn stop(&self) -> Stop {
+        self.stages.stop
+    }
+
     fn correct(&mut self) -> Result<f64, Trouble> {
         self.stages.evaluate(self.model, self.step)?;
         if !self.is_frozen {

@@ -1,7 +1,8 @@
 //! The stage equations of one step, evaluated; see the module above for the letters.
 
 use crate::linalg::{Matrix, all_finite, combine, copy, copy_scaled, max_norm};
-use crate::problem::mechanical::{Model, State, Times, finite, finite_k};
+use crate::newton::Stop;
+use crate::problem::mechanical::{Mechanical, Model, State, Times, finite, finite_k};
 use crate::real::Real;
 use crate::tableau;
 use crate::trouble::{Quantity, Trouble};
@@ -77,6 +78,8 @@ pub(super) struct Stages<R = f64> {
     /// Moves that the rounding of velocities has taken away.
     pub(super) lost_moves: Matrix<R>,
     pub(super) evaluations: usize,
+    /// When the stage equations count as solved.
+    pub(super) stop: Stop,
     /// μᶠ and μ̂ side by side, the last column of μ̂, which is zero, left out unless μʳ follows.
     force_weights: Matrix,
 }
@@ -106,6 +109,7 @@ impl<R: Real> Stages<R> {
             lost_moves: at_stages.clone(),
             momentum_residual: at_stages,
             evaluations: 0,
+            stop: Stop::default(),
             force_weights: Matrix::from_fn(s, s + k + rolling + usize::from(l > 0), |i, j| {
                 if j < s {
                     tableau.mu_f[(i, j)]
@@ -258,6 +262,12 @@ impl<R: Real> Stages<R> {
                 combine(out, &self.force_weights, &self.impulses, finish);
             },
         );
+    }
+
+    /// Whether what the rounding of velocities takes away is to be told. Where p depends on y, the rounding of Y_i
+    /// would pass for it.
+    pub(super) fn loses_moves(&self, problem: &Mechanical) -> bool {
+        problem.patterns.p_y.is_empty() && self.stop == Stop::default()
     }
 
     /// Which value is not finite.

@@ -11,7 +11,7 @@ mod blocks;
 
 use super::stages::{Stages, Step};
 use crate::linalg::{Lu, Matrix, add_scaled, copy, copy_scaled, dot, max_norm};
-use crate::newton::Equations;
+use crate::newton::{Equations, Stop};
 use crate::problem::mechanical::{Mass, Model, finite, finite_k};
 use crate::tableau;
 use crate::trouble::{Quantity, Trouble};
@@ -247,6 +247,10 @@ impl Solve<'_> {
 }
 
 impl Equations for Solve<'_> {
+    fn stop(&self) -> Stop {
+        self.stages.stop
+    }
+
     fn correct(&mut self) -> Result<f64, Trouble> {
         self.stages.evaluate(self.model, self.step)?;
         self.evaluate_end()?;
