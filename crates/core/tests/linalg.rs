@@ -271,14 +271,18 @@ proptest! {
 
     #[test]
     fn combinations_are_the_plain_loop(
-        (rows, inner, cols) in (0..5_usize, 1..6_usize, 1..12_usize),
-        values in prop::collection::vec(-1.0..1.0, 5 * 6 + 6 * 12),
+        (rows, inner, cols) in (0..5_usize, 1..6_usize, 1..80_usize),
+        values in prop::collection::vec(-1.0..1.0, 5 * 6 + 6 * 80),
     ) {
         let weights = Matrix::from_fn(rows, inner, |i, j| values[i * inner + j]);
         let x = Matrix::from_fn(inner, cols, |i, j| values[30 + i * cols + j]);
         let mut out = vec![f64::NAN; rows * cols];
         #[allow(clippy::cast_precision_loss)]
-        combine(&mut out, &weights, &x, |i, k, sum| sum + (10 * i + k) as f64);
+        combine(&mut out, &weights, &x, |i, first, sums| {
+            for (k, sum) in (first..).zip(sums) {
+                *sum += (10 * i + k) as f64;
+            }
+        });
         for i in 0..rows {
             for k in 0..cols {
                 let sum: f64 = (0..inner).fold(0.0, |sum, j| sum + weights[(i, j)] * x[(j, k)]);

@@ -1,6 +1,6 @@
-//! Blocks of several nodes, eliminated as dense LU does it or refused, and inverses of small blocks.
+//! Blocks of several nodes, eliminated as dense LU does it or refused, products at nodes, and inverses of small blocks.
 
-use liouville_core::linalg::{Blocks, Lu, Matrix, NodeGram, Pattern, Product};
+use liouville_core::linalg::{Blocks, Lu, Matrix, NodeGram, NodeRows, Pattern, Product};
 
 /// Numbers that look like none.
 fn noise(k: usize) -> f64 {
@@ -146,4 +146,30 @@ fn scattered_blocks_are_inverted() {
         Err(0)
     );
     assert!(Blocks::<f64>::new(&Pattern::full(9, 9)).is_none());
+}
+
+#[test]
+fn products_at_nodes_are_those_of_each_node() {
+    for pattern in shapes() {
+        let (rows, cols) = pattern.shape();
+        let node =
+            |i: usize| -> Vec<f64> { (0..pattern.len()).map(|e| noise(3 * e + i)).collect() };
+        let nodes = [node(0), node(1), node(2)];
+        let x: Vec<[f64; 3]> = (0..cols).map(|k| [1, 2, 3].map(|i| noise(i * k))).collect();
+        let mut all = vec![[1.0; 3]; rows];
+        let mut matrix = NodeRows::new(&pattern, 3);
+        matrix.set([&nodes[0], &nodes[1], &nodes[2]].map(|values| &values[..]));
+        matrix.multiply_add(&x, &mut all);
+        for (i, values) in nodes.iter().enumerate() {
+            let own: Vec<f64> = x.iter().map(|x| x[i]).collect();
+            let mut wanted = vec![1.0; rows];
+            pattern.multiply_add(values, 1.0, &own, &mut wanted);
+            for (row, wanted) in wanted.iter().enumerate() {
+                assert!(
+                    (all[row][i] - wanted).abs() < 1e-15,
+                    "row {row} at node {i}"
+                );
+            }
+        }
+    }
 }

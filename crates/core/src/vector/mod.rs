@@ -131,8 +131,9 @@ pub fn wide<R: Scalar, O>(f: impl FnOnce() -> O) -> O {
     }
 }
 
-/// Vectors of one member are long from here on.
-const LONG: usize = 64;
+/// Vectors of one member are long from here on. Measured on steps of plane chains, wide over not: 1.0 with 20
+/// coordinates, 0.87 with 32, 0.83 with 48.
+const LONG: usize = 32;
 
 /// [`wide`], and also where one member has vectors of such a `length` that they pay for the call.
 #[inline(always)]

@@ -7,7 +7,9 @@ use crate::problem::mechanical::{Compliance, Mass, Mechanical};
 use crate::real::Real;
 use crate::vector::wide_along;
 
-/// From this order on, the sparse matrix is tried.
+/// From this order on, the sparse matrix is tried, and from half of it on where most of `g_y` is zero. Measured
+/// on plane chains, sparse over dense: 0.85 of a step at order 16, 0.77 at 20, 0.5 at 32; with 3 rods in space,
+/// order 24, 0.63.
 const LARGE: usize = 24;
 
 /// `g_y` at the nodes 1..k, `r_λ` at the nodes 0..k−1, and the Schur complement between them.
@@ -27,7 +29,8 @@ impl<R: Real> SparseSchur<R> {
     /// Memory for this problem and ā â; `None` where dense matrices are as good, or there is much fill-in.
     pub(super) fn new(problem: &Mechanical, mass: &Mass<R>, product: &Matrix) -> Option<Self> {
         let (n, m, nodes) = (problem.n, problem.m, product.rows());
-        if nodes * m < LARGE {
+        let order = nodes * m;
+        if order < LARGE && (2 * order < LARGE || !problem.is_sparse()) {
             return None;
         }
         let g_y = NodeRows::new(&problem.patterns.g_y, nodes);

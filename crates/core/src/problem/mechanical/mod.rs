@@ -173,6 +173,11 @@ impl Mechanical {
         self.nonholonomic.as_ref().map_or(0, |own| own.l)
     }
 
+    /// Whether most derivatives of the constraints are zero.
+    pub fn is_sparse(&self) -> bool {
+        4 * self.patterns.g_y.len() <= self.n * self.m
+    }
+
     /// Number of all multipliers, λ then ν.
     pub fn multipliers(&self) -> usize {
         self.m + self.l()

@@ -106,17 +106,16 @@ impl<R: Real> Saddle<R> {
         let problem = &model.problem;
         let order = problem.multipliers();
         let mass = Mass::new(model);
-        let factors = if order >= WHOLE {
-            match Eliminated::new(problem, &mass) {
-                Some(eliminated) => Factors::Eliminated(Box::new(eliminated)),
-                None => Factors::Whole(Box::new(Whole::new(problem))),
-            }
-        } else {
-            Factors::Schur {
+        let is_large = order >= WHOLE || order >= SPARSE && problem.is_sparse();
+        let eliminated = is_large.then(|| Eliminated::new(problem, &mass)).flatten();
+        let factors = match eliminated {
+            Some(eliminated) => Factors::Eliminated(Box::new(eliminated)),
+            None if order >= WHOLE => Factors::Whole(Box::new(Whole::new(problem))),
+            None => Factors::Schur {
                 compliance: Matrix::zeros(order, problem.n),
                 schur: Lu::new(order),
                 velocity: vec![R::splat(0.0); problem.n],
-            }
+            },
         };
         Self {
             mass,
@@ -288,6 +287,9 @@ impl<R: Real> Saddle<R> {
 /// From this many constraints on, the matrix as it stands is solved sooner than by its Schur complement.
 /// Measured on chains with a diagonal mass, Schur over whole: 0.6 at 24 links, 1.0 at 48, 1.4 at 64.
 const WHOLE: usize = 48;
+/// From here on its Schur complement is eliminated where most of `g_y` is zero. Measured on plane chains, sparse
+/// over dense: 0.97 of a step with 10 links, 0.9 with 16, 0.84 with 24.
+const SPARSE: usize = 12;
 
 impl<R: Real> Eliminated<R> {
     /// Memory for the Schur complement of holonomic constraints; `None` where it is not sparse.
