@@ -1,7 +1,9 @@
 //! Factorisations, and what to say of a matrix that has none.
+#![allow(clippy::inline_always)] // what is not inlined is compiled without the registers it is for
 
 use super::{Blocks, Matrix, Pattern, Sparse, SparseOf, add_scaled, dot, max_norm};
 use crate::real::Real;
+use crate::vector::wide;
 
 /// No pivot in this column: it depends on the columns before it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -48,6 +50,14 @@ impl<R: Real> Lu<R> {
     /// # Errors
     /// The first column whose best pivot is at roundoff of its row.
     pub fn factor(&mut self) -> Result<(), Singular> {
+        wide::<R, _>(
+            #[inline(always)]
+            || self.eliminate(),
+        )
+    }
+
+    #[inline(always)]
+    fn eliminate(&mut self) -> Result<(), Singular> {
         let n = self.order();
         for i in 0..n {
             self.scale[i] = max_norm(self.factors.row(i));
@@ -72,6 +82,7 @@ impl<R: Real> Lu<R> {
     }
 
     /// Brings the largest pivot of column `k` into its place, for each member.
+    #[inline(always)]
     fn pivot(&mut self, k: usize) -> Result<(), Singular> {
         let n = self.order();
         #[allow(clippy::cast_precision_loss)]
@@ -116,7 +127,7 @@ impl<R: Real> Lu<R> {
     }
 
     /// Solves `A x = b` in place.
-    #[inline]
+    #[inline(always)]
     pub fn solve(&self, b: &mut [R]) {
         let n = self.order();
         for (k, swaps) in self.swaps.chunks_exact(R::MEMBERS).enumerate() {
@@ -178,7 +189,7 @@ fn eliminate_some<R: Real>(row: &mut [R], factor: R, pivot_row: &[R]) {
 }
 
 /// Swaps place `k` with that of each member.
-#[inline]
+#[inline(always)]
 fn swap<R: Real>(x: &mut [R], k: usize, with: &[usize]) {
     if with.iter().all(|other| *other == with[0]) {
         x.swap(k, with[0]);
@@ -189,6 +200,7 @@ fn swap<R: Real>(x: &mut [R], k: usize, with: &[usize]) {
     }
 }
 
+#[inline(always)]
 fn swap_member<R: Real>(x: &mut [R], i: usize, j: usize, member: usize) {
     let (a, b) = (x[i].member(member), x[j].member(member));
     x[i].set_member(member, b);
@@ -216,6 +228,21 @@ fn prefers_sparse(pattern: &Pattern) -> bool {
     n >= 32 && (6 * pattern.len() <= n * n || n >= 160)
 }
 
+/// The inverse of a diagonal matrix.
+#[inline(always)]
+fn invert<R: Real>(inverse: &mut [R], pattern: &Pattern, values: &[R]) -> Result<(), Singular> {
+    inverse.fill(R::splat(0.0));
+    for (&(row, _), value) in pattern.entries().iter().zip(values) {
+        inverse[row] = R::splat(1.0) / *value;
+    }
+    for (column, x) in inverse.iter().enumerate() {
+        if !x.all(|x| x != 0.0 && x.is_finite()) {
+            return Err(Singular { column });
+        }
+    }
+    Ok(())
+}
+
 /// From this order on, a matrix is looked at for blocks.
 const MANY: usize = 24;
 
@@ -240,17 +267,10 @@ impl<R: Real> Factor<R> {
     /// The first column without a pivot.
     pub fn factor(&mut self, pattern: &Pattern, values: &[R]) -> Result<(), Singular> {
         match self {
-            Self::Diagonal(inverse) => {
-                inverse.fill(R::splat(0.0));
-                for (&(row, _), value) in pattern.entries().iter().zip(values) {
-                    inverse[row] = R::splat(1.0) / *value;
-                }
-                let is_fine = |x: &R| x.all(|x| x != 0.0 && x.is_finite());
-                match inverse.iter().position(|x| !is_fine(x)) {
-                    Some(column) => Err(Singular { column }),
-                    None => Ok(()),
-                }
-            }
+            Self::Diagonal(inverse) => wide::<R, _>(
+                #[inline(always)]
+                || invert(inverse, pattern, values),
+            ),
             Self::Blocks(blocks) => blocks.factor(values),
             Self::Dense(lu) => {
                 lu.matrix_mut().clear();
@@ -262,13 +282,14 @@ impl<R: Real> Factor<R> {
     }
 
     /// Solves `A x = b` in place.
-    #[inline]
+    #[inline(always)]
     pub fn solve(&mut self, b: &mut [R]) {
         match self {
-            Self::Diagonal(inverse) => b
-                .iter_mut()
-                .zip(inverse.iter())
-                .for_each(|(b, inverse)| *b *= *inverse),
+            Self::Diagonal(inverse) => {
+                for (b, inverse) in b.iter_mut().zip(inverse.iter()) {
+                    *b *= *inverse;
+                }
+            }
             Self::Blocks(blocks) => blocks.solve(b),
             Self::Dense(lu) => lu.solve(b),
             Self::Sparse(lu) => lu.solve(b),

@@ -28,7 +28,7 @@ macro_rules! short {
 }
 
 /// `out_ik = finish(i, k, Σ_j weights_ij x_jk)`, for as many rows as both `out` and `weights` have.
-#[inline]
+#[inline(always)]
 pub fn combine<R: Real>(
     out: &mut [R],
     weights: &Matrix,
@@ -37,8 +37,19 @@ pub fn combine<R: Real>(
 ) {
     if R::MEMBERS > 1 {
         // a sum of several members is kept in registers as it is
-        return combine_members(out, weights, x, finish);
+        combine_members(out, weights, x, finish);
+    } else {
+        combine_alone(out, weights, x, finish);
     }
+}
+
+#[inline]
+fn combine_alone<R: Real>(
+    out: &mut [R],
+    weights: &Matrix,
+    x: &Matrix<R>,
+    finish: impl Fn(usize, usize, R) -> R,
+) {
     short!(x.cols(), N => combine_short::<R, N>(out, weights, x, finish), combine_long(out, weights, x, finish));
 }
 
@@ -50,15 +61,14 @@ fn combine_members<R: Real>(
     finish: impl Fn(usize, usize, R) -> R,
 ) {
     let (cols, inner) = (x.cols(), weights.cols());
-    let (weights, x) = (weights.flat(), x.flat());
-    let rows = (out.len() / cols).min(weights.len() / inner);
-    for i in 0..rows {
-        for k in 0..cols {
+    let rows = weights.flat().chunks_exact(inner);
+    for (i, (out, weights)) in out.chunks_exact_mut(cols).zip(rows).enumerate() {
+        for (k, out) in out.iter_mut().enumerate() {
             let mut sum = R::splat(0.0);
-            for j in 0..inner.min(x.len() / cols) {
-                sum += x[j * cols + k] * weights[i * inner + j];
+            for (weight, x) in weights.iter().zip(x.flat().chunks_exact(cols)) {
+                sum += x[k] * *weight;
             }
-            out[i * cols + k] = finish(i, k, sum);
+            *out = finish(i, k, sum);
         }
     }
 }
@@ -107,9 +117,20 @@ fn combine_long<R: Real>(
 ///
 /// # Panics
 /// When the sizes differ.
-#[inline]
+#[inline(always)]
 pub fn copy<T: Copy>(out: &mut [T], x: &[T]) {
     assert_eq!(out.len(), x.len(), "sizes of a copy");
+    if size_of::<T>() > size_of::<f64>() {
+        for (out, x) in out.iter_mut().zip(x) {
+            *out = *x;
+        }
+    } else {
+        copy_alone(out, x);
+    }
+}
+
+#[inline]
+fn copy_alone<T: Copy>(out: &mut [T], x: &[T]) {
     short!(
         x.len(),
         N => if let (Some(out), Some(x)) = (out.first_chunk_mut::<N>(), x.first_chunk::<N>()) { *out = *x; },
@@ -126,15 +147,24 @@ pub fn copy_scaled<R: Real + Mul<F, Output = R>, F: Copy>(out: &mut [R], factor:
 }
 
 /// Largest magnitude; NaN counts as infinite.
-#[inline]
+#[inline(always)]
 pub fn max_norm<R: Real>(x: &[R]) -> R {
-    // magnitudes are ordered as their bits are, NaN last
-    let larger = |a: f64, b: f64| f64::from_bits(a.to_bits().max(b.to_bits() & !SIGN));
     if let Some(x) = R::alone(x) {
         return R::splat(max_norm_alone(x));
     }
-    let largest = x.iter().fold(R::splat(0.0), |a, b| a.zip(*b, larger));
-    largest.map(|x| if x.is_nan() { f64::INFINITY } else { x })
+    let mut largest = R::splat(0.0);
+    for x in x {
+        // magnitudes are ordered as their bits are, NaN last
+        largest = largest.zip(
+            *x,
+            #[inline(always)]
+            |a, b| f64::from_bits(a.to_bits().max(b.to_bits() & !SIGN)),
+        );
+    }
+    largest.map(
+        #[inline(always)]
+        |x| if x.is_nan() { f64::INFINITY } else { x },
+    )
 }
 
 const SIGN: u64 = 1 << 63;
@@ -158,13 +188,21 @@ fn max_norm_alone(x: &[f64]) -> f64 {
     }
 }
 
+/// The sum of [`combine`] as it is.
+#[inline(always)]
+pub fn as_is<R>(_: usize, _: usize, sum: R) -> R {
+    sum
+}
+
 /// `Σ x_i y_i`, over as many as both have.
 #[inline(always)]
 pub fn dot<R: Real>(x: &[R], y: &[R]) -> R {
     // as the standard library sums, from −0
-    x.iter()
-        .zip(y)
-        .fold(R::splat(-0.0), |sum, (x, y)| sum + *x * *y)
+    let mut sum = R::splat(-0.0);
+    for (x, y) in x.iter().zip(y) {
+        sum += *x * *y;
+    }
+    sum
 }
 
 /// `sum += x`, and what the additions lose is added to `lost` (Knuth's two-sum).

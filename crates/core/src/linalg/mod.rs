@@ -22,7 +22,7 @@ pub use assembly::Assembly;
 pub use blocks::Blocks;
 pub use factor::{Factor, Lu, Singular, dependencies, dependent_rows};
 pub use gram::Gram;
-pub use kernels::{add_scaled, carry, combine, copy, copy_scaled, dot, gather, max_norm};
+pub use kernels::{add_scaled, as_is, carry, combine, copy, copy_scaled, dot, gather, max_norm};
 pub use matrix::Matrix;
 pub use members::SparseOf;
 pub use node_gram::NodeGram;

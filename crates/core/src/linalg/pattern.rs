@@ -107,7 +107,7 @@ impl Pattern {
     }
 
     /// `out += factor * A x`
-    #[inline]
+    #[inline(always)]
     pub fn multiply_add<R: Real>(&self, values: &[R], factor: f64, x: &[R], out: &mut [R]) {
         for (&(row, col), value) in self.entries.iter().zip(values) {
             out[row] += *value * factor * x[col];
@@ -115,6 +115,7 @@ impl Pattern {
     }
 
     /// Adds `factor * A` to `target`, its corner at `(row, col)`.
+    #[inline(always)]
     pub fn add_to<R: Real>(
         &self,
         values: &[R],

@@ -4,14 +4,16 @@
 //! nodes, both evaluated one step on. A stage at 0 or 1 is not on the polynomial, for there it has z0
 //! and z1; what it is off them scales as h to the degree. Cold: z0' and λ from the acceleration-level
 //! solve, Z_i = z0 + c_i h z0'. Still, where stiff damping makes that a leap away: Z_i = z0.
+#![allow(clippy::inline_always)] // what is not inlined is compiled without the registers it is for
 
 use super::stages::{Stages, Step, Unknowns};
-use crate::linalg::{Matrix, add_scaled, combine, copy};
+use crate::linalg::{Matrix, add_scaled, as_is, combine, copy};
 use crate::memory::{Foreign, Memory};
 use crate::problem::mechanical::{Acceleration, Model, State};
 use crate::real::Real;
 use crate::tableau;
 use crate::trouble::Trouble;
+use crate::vector::wide;
 
 /// What the next step starts from.
 #[derive(Clone, Debug)]
@@ -83,8 +85,16 @@ impl<R: Real> Predictor<R> {
             self.ratio = ratio;
             self.weigh(&stages.tableau, ratio);
         }
-        let as_is = |_, _, sum| sum;
-        let Unknowns { z, v, lam, nu } = &mut stages.unknowns;
+        wide::<R, _>(
+            #[inline(always)]
+            || self.write_start(&mut stages.unknowns, z1),
+        );
+        true
+    }
+
+    #[inline(always)]
+    fn write_start(&self, unknowns: &mut Unknowns<R>, z1: &mut [R]) {
+        let Unknowns { z, v, lam, nu } = unknowns;
         combine(z.flat_mut(), &self.stage_weights, &self.z, as_is);
         if self.velocity_is_z {
             // nothing but equal starts keeps them equal: their difference is no residual
@@ -99,7 +109,6 @@ impl<R: Real> Predictor<R> {
         if !nu.flat().is_empty() {
             combine(nu.flat_mut(), &self.rolling_weights, &self.nu, as_is);
         }
-        true
     }
 
     /// The weights of what is held, for steps that are `ratio` times as long.
@@ -171,6 +180,18 @@ impl<R: Real> Predictor<R> {
 
     /// Keeps the polynomials of a finished step from `z0` to `z1`, where v is `v1`.
     pub(super) fn keep(&mut self, stages: &Stages<R>, h: f64, z0: &[R], z1: &[R], v1: &[R]) {
+        wide::<R, _>(
+            #[inline(always)]
+            || self.keep_points(stages, z0, z1, v1),
+        );
+        self.h = Some(h);
+        if self.begin == 0.0 {
+            (self.begin, self.ratio) = (1.0, f64::NAN);
+        }
+    }
+
+    #[inline(always)]
+    fn keep_points(&mut self, stages: &Stages<R>, z0: &[R], z1: &[R], v1: &[R]) {
         let s = stages.tableau.stages;
         if self.h.is_some() && self.begin > 0.0 {
             let (head, tail) = self.v.flat_mut().split_at_mut((s + 1) * v1.len());
@@ -185,10 +206,6 @@ impl<R: Real> Predictor<R> {
         copy(self.v.row_mut(s + 1), v1);
         copy(self.lam.flat_mut(), stages.unknowns.lam.flat());
         copy(self.nu.flat_mut(), stages.unknowns.nu.flat());
-        self.h = Some(h);
-        if self.begin == 0.0 {
-            (self.begin, self.ratio) = (1.0, f64::NAN);
-        }
     }
 
     /// v' at a state, or z' where v is not z: how fast the velocities begin to change.

@@ -1,7 +1,8 @@
 //! The stage equations of one step, evaluated; see the module above for the letters.
+#![allow(clippy::inline_always)] // what is not inlined is compiled without the registers it is for
 
 use crate::linalg::{Matrix, combine, copy, copy_scaled, max_norm};
-use crate::problem::mechanical::{Model, State, finite, finite_k};
+use crate::problem::mechanical::{Model, State, all_finite, finite, finite_k};
 use crate::real::Real;
 use crate::tableau;
 use crate::trouble::{Quantity, Trouble};
@@ -39,8 +40,9 @@ impl<R: Real> Unknowns<R> {
         copy(self.nu.flat_mut(), other.nu.flat());
     }
 
-    /// Takes what another has for one member.
-    pub(super) fn copy_member(&mut self, other: &Self, member: usize) {
+    /// Takes what another has for the chosen members.
+    #[inline(always)]
+    pub(super) fn copy_members(&mut self, other: &Self, chosen: R) {
         let pairs = [
             (&mut self.z, &other.z),
             (&mut self.v, &other.v),
@@ -49,7 +51,7 @@ impl<R: Real> Unknowns<R> {
         ];
         for (out, x) in pairs {
             for (out, x) in out.flat_mut().iter_mut().zip(x.flat()) {
-                out.set_member(member, x.member(member));
+                *out = chosen.choose(*x, *out);
             }
         }
     }
@@ -132,13 +134,17 @@ impl<R: Real> Stages<R> {
     /// Evaluates the model at the current unknowns, and the residuals of (S1)–(S4).
     pub(super) fn evaluate(&mut self, model: &mut Model<R>, step: Step<R>) -> Result<(), Trouble> {
         self.evaluate_values(model, step, self.tableau.intervals);
-        self.subtract_impulses(step);
-        let is_finite = |x: &Matrix<R>| x.flat().iter().all(|x| x.all(f64::is_finite));
-        if is_finite(&self.momentum_residual)
-            && is_finite(&self.velocity_residual)
-            && is_finite(&self.g)
-            && is_finite(&self.k)
-        {
+        let is_finite = wide::<R, _>(
+            #[inline(always)]
+            || {
+                self.subtract_impulses(step);
+                all_finite(self.momentum_residual.flat())
+                    && all_finite(self.velocity_residual.flat())
+                    && all_finite(self.g.flat())
+                    && all_finite(self.k.flat())
+            },
+        );
+        if is_finite {
             Ok(())
         } else {
             Err(self.not_finite(step))
@@ -148,6 +154,14 @@ impl<R: Real> Stages<R> {
     /// Evaluates the model at the current unknowns: points, forces, and constraints and reactions up
     /// to the node `last`.
     pub(super) fn evaluate_values(&mut self, model: &mut Model<R>, step: Step<R>, last: usize) {
+        wide::<R, _>(
+            #[inline(always)]
+            || self.evaluate_each(model, step, last),
+        );
+    }
+
+    #[inline(always)]
+    fn evaluate_each(&mut self, model: &mut Model<R>, step: Step<R>, last: usize) {
         self.move_points(step);
         let s = self.tableau.stages;
         for i in 0..s {
@@ -197,37 +211,43 @@ impl<R: Real> Stages<R> {
     }
 
     /// Y_i = y0 + Σ μᵛ_ij (h b_j V_j) and Ŷ_i = y0 + Σ μ̄_ij (h b_j V_j), the low part of y0 first.
+    #[inline(always)]
     fn move_points(&mut self, step: Step<R>) {
-        wide::<R, _>(
-            #[inline(always)]
-            || {
-                for (j, b) in self.tableau.b.iter().enumerate() {
-                    copy_scaled(self.moves.row_mut(j), step.h * b, self.unknowns.v.row(j));
-                }
-                let State { y, y_low, .. } = step.state;
-                let finish = |_, k: usize, sum| y[k] + (y_low[k] + sum);
-                let (weights, nodes) = (&self.tableau.mu_v, &self.tableau.mu_bar);
-                combine(self.y.flat_mut(), weights, &self.moves, finish);
-                combine(self.node_y.flat_mut(), nodes, &self.moves, finish);
-            },
-        );
+        for (j, b) in self.tableau.b.iter().enumerate() {
+            copy_scaled(self.moves.row_mut(j), step.h * b, self.unknowns.v.row(j));
+        }
+        let State { y, y_low, .. } = step.state;
+        let tableau = &self.tableau;
+        for (out, weights) in [
+            (&mut self.y, &tableau.mu_v),
+            (&mut self.node_y, &tableau.mu_bar),
+        ] {
+            combine(
+                out.flat_mut(),
+                weights,
+                &self.moves,
+                #[inline(always)]
+                |_, k, sum| y[k] + (y_low[k] + sum),
+            );
+        }
     }
 
     /// P_i − p0 − Σ μᶠ_ij (h b_j F_j) − Σ_{j<k} μ̂_ij (h b̂_j R_j) − Σ μʳ_ij (h b_j R_j).
+    #[inline(always)]
     pub(super) fn subtract_impulses(&mut self, step: Step<R>) {
         let (State { p, p_low, .. }, stage_p) = (step.state, &self.p);
         let out = self.momentum_residual.flat_mut();
-        wide::<R, _>(
+        combine(
+            out,
+            &self.force_weights,
+            &self.impulses,
             #[inline(always)]
-            || {
-                combine(out, &self.force_weights, &self.impulses, |i, k, sum| {
-                    (stage_p[(i, k)] - p[k]) - (p_low[k] + sum)
-                });
-            },
+            |i, k, sum| (stage_p[(i, k)] - p[k]) - (p_low[k] + sum),
         );
     }
 
     /// Which value is not finite.
+    #[cold]
     fn not_finite(&self, step: Step<R>) -> Trouble {
         let s = self.tableau.stages;
         let at_stage = |i: usize| {
@@ -260,15 +280,20 @@ impl<R: Real> Stages<R> {
     }
 
     /// The size of a velocity correction, relative to what moves the coordinates by their own size.
+    #[inline(always)]
     pub(super) fn relative(&self, correction: R, step: Step<R>) -> R {
         if correction.all(|correction| correction == 0.0) {
             return correction;
         }
         let y = max_norm(&step.state.y) / R::splat(step.h.abs());
         let speed = max_norm(self.unknowns.v.flat()) + y;
-        correction.zip(speed, |correction, speed| match correction {
-            0.0 => 0.0,
-            _ => correction / speed,
-        })
+        correction.zip(
+            speed,
+            #[inline(always)]
+            |correction, speed| match correction {
+                0.0 => 0.0,
+                _ => correction / speed,
+            },
+        )
     }
 }

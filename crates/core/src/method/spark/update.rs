@@ -5,6 +5,7 @@
 //!
 //! Increments are summed first and added last. What either loses is kept in the low part: the roundings
 //! of sums in a fixed order are no random ones, and cost a drift of the energy.
+#![allow(clippy::inline_always)] // what is not inlined is compiled without the registers it is for
 
 use super::stages::{Stages, Step};
 use crate::linalg::{add_scaled, carry, copy, copy_scaled, gather, max_norm};
@@ -66,7 +67,6 @@ impl<R: Real> Update<R> {
     }
 
     /// y1, and what p gains but for the last reaction.
-    #[allow(clippy::inline_always)] // what is not inlined is compiled without the registers it is for
     #[inline(always)]
     fn sum_up(&mut self, stages: &Stages<R>, state: &State<R>) {
         let (s, k) = (stages.tableau.stages, stages.tableau.intervals);
@@ -95,12 +95,22 @@ impl<R: Real> Update<R> {
         stages: &mut Stages<R>,
         step: Step<R>,
     ) -> Result<(), Trouble> {
-        let k = stages.tableau.intervals;
-        let (h, state) = (step.h, step.state);
         wide::<R, _>(
             #[inline(always)]
-            || self.sum_up(stages, state),
-        );
+            || self.find(model, stages, step),
+        )
+    }
+
+    #[inline(always)]
+    fn find(
+        &mut self,
+        model: &mut Model<R>,
+        stages: &mut Stages<R>,
+        step: Step<R>,
+    ) -> Result<(), Trouble> {
+        let k = stages.tableau.intervals;
+        let (h, state) = (step.h, step.state);
+        self.sum_up(stages, state);
         let is_linear = model.problem.is_linear;
         let mut solve = Solve {
             update: self,
@@ -130,16 +140,31 @@ impl<R: Real> Update<R> {
 
     /// The end becomes the state.
     pub(super) fn commit(&self, state: &mut State<R>) {
-        copy(&mut state.y, &self.y);
-        copy(&mut state.z, &self.z);
-        copy(&mut state.p, &self.p);
-        copy(&mut state.y_low, &self.y_low);
-        copy(&mut state.p_low, &self.p_low);
+        wide::<R, _>(
+            #[inline(always)]
+            || {
+                copy(&mut state.y, &self.y);
+                copy(&mut state.z, &self.z);
+                copy(&mut state.p, &self.p);
+                copy(&mut state.y_low, &self.y_low);
+                copy(&mut state.p_low, &self.p_low);
+            },
+        );
     }
 }
 
 impl<R: Real> Equations<R> for Solve<'_, R> {
     fn correct(&mut self) -> Result<R, Trouble> {
+        wide::<R, _>(
+            #[inline(always)]
+            || self.correct_end(),
+        )
+    }
+}
+
+impl<R: Real> Solve<'_, R> {
+    #[inline(always)]
+    fn correct_end(&mut self) -> Result<R, Trouble> {
         let (update, model) = (&mut *self.update, &mut *self.model);
         let (stages, step) = (&mut *self.stages, self.step);
         let k = stages.tableau.intervals;

@@ -24,6 +24,7 @@ pub use acceleration::Acceleration;
 pub use compliance::Compliance;
 pub use dense::{Path, Point};
 pub use mass::Mass;
+pub(crate) use model::all_finite;
 pub use model::{Model, finite, finite_k};
 pub use monitor::{MechanicalMonitor, TimeScale, Traced};
 pub(crate) use nonholonomic::explain_all;

@@ -1,4 +1,5 @@
 //! A mechanical system with its parameters bound, and the memory its tapes work in.
+#![allow(clippy::inline_always)] // what is not inlined is compiled without the registers it is for
 
 use super::nonholonomic::{Bound, Nonholonomic};
 use super::{Mechanical, State};
@@ -28,13 +29,14 @@ pub struct Model<R = f64> {
 /// Outputs that follow one another, cut at their sizes.
 type Parts<'a, const K: usize, R = f64> = [&'a [R]; K];
 
-#[inline]
+#[inline(always)]
 pub(super) fn cut<const K: usize, R>(values: &[R], sizes: [usize; K]) -> Parts<'_, K, R> {
-    let mut start = 0;
-    sizes.map(|size| {
+    let (mut parts, mut start) = ([&values[..0]; K], 0);
+    for (part, size) in parts.iter_mut().zip(sizes) {
+        *part = &values[start..start + size];
         start += size;
-        &values[start - size..start]
-    })
+    }
+    parts
 }
 
 impl<R: Real> Model<R> {
@@ -66,7 +68,7 @@ impl<R: Real> Model<R> {
     }
 
     /// p, f, v at (t, y, z); v is empty where it is z.
-    #[inline]
+    #[inline(always)]
     pub fn stage(&mut self, t: f64, y: &[R], z: &[R]) -> Parts<'_, 3, R> {
         let (n, v) = (self.problem.n, self.v_size);
         cut(
@@ -78,7 +80,7 @@ impl<R: Real> Model<R> {
     }
 
     /// p_z, v_z at (t, y, z).
-    #[inline]
+    #[inline(always)]
     pub fn stage_blocks(&mut self, t: f64, y: &[R], z: &[R]) -> Parts<'_, 2, R> {
         let at = &self.problem.patterns;
         let sizes = [
@@ -106,7 +108,7 @@ impl<R: Real> Model<R> {
     }
 
     /// g, r at (t, y, λ).
-    #[inline]
+    #[inline(always)]
     pub fn node(&mut self, t: f64, y: &[R], lam: &[R]) -> Parts<'_, 2, R> {
         let sizes = [self.problem.m, self.problem.n];
         cut(
@@ -118,7 +120,7 @@ impl<R: Real> Model<R> {
     }
 
     /// `g_y`, `r_λ` at (t, y, λ).
-    #[inline]
+    #[inline(always)]
     pub fn node_blocks(&mut self, t: f64, y: &[R], lam: &[R]) -> Parts<'_, 2, R> {
         let sizes = [
             self.problem.patterns.g_y.len(),
@@ -140,7 +142,7 @@ impl<R: Real> Model<R> {
     }
 
     /// p, w, v at (t, y, z); v is empty where it is z.
-    #[inline]
+    #[inline(always)]
     pub fn end(&mut self, t: f64, y: &[R], z: &[R]) -> Parts<'_, 3, R> {
         let (n, m, v) = (self.problem.n, self.problem.m, self.v_size);
         cut(
@@ -208,20 +210,33 @@ impl<R: Real> Model<R> {
 ///
 /// # Errors
 /// [`Trouble::NotFinite`].
-#[inline]
+#[inline(always)]
 pub fn finite<R: Real>(values: &[R], quantity: Quantity, t: f64) -> Result<(), Trouble> {
-    // without a way out, so that several are looked at in one instruction
-    if values
-        .iter()
-        .fold(true, |all, x| all & x.all(f64::is_finite))
-    {
+    if all_finite(values) {
         return Ok(());
     }
+    Err(not_finite(values, quantity, t))
+}
+
+/// Whether all values are finite.
+#[inline(always)]
+pub(crate) fn all_finite<R: Real>(values: &[R]) -> bool {
+    // without a way out, so that several are looked at in one instruction
+    let mut all = true;
+    for x in values {
+        all &= x.all(f64::is_finite);
+    }
+    all
+}
+
+#[cold]
+#[inline(never)]
+fn not_finite<R: Real>(values: &[R], quantity: Quantity, t: f64) -> Trouble {
     let index = values
         .iter()
         .position(|x| !x.all(f64::is_finite))
         .unwrap_or(0);
-    Err(Trouble::NotFinite { quantity, index, t })
+    Trouble::NotFinite { quantity, index, t }
 }
 
 /// [`finite`] of k, whose constraints come after the m holonomic ones.
