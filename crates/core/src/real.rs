@@ -6,6 +6,7 @@
 #![allow(clippy::inline_always)] // an operation on lanes must vanish into the loop around it
 #![allow(clippy::needless_range_loop)] // and be one that is sure to be unrolled
 
+use crate::elementary::{self, Register};
 use std::ops::{Add, AddAssign, Div, Mul, MulAssign, Neg, Sub, SubAssign};
 
 /// What a state is made of: a number, or the same number of several trajectories.
@@ -53,6 +54,12 @@ pub trait Real:
     fn each<const K: usize>(of: [Self; K], f: impl Fn([f64; K]) -> f64) -> Self;
     /// Whether it holds for every member.
     fn all(self, f: impl Fn(f64) -> bool) -> bool;
+    /// sin x
+    #[must_use]
+    fn sin(self) -> Self;
+    /// cos x
+    #[must_use]
+    fn cos(self) -> Self;
 
     /// `yes` where this is not zero, `no` where it is.
     #[inline(always)]
@@ -107,6 +114,14 @@ impl Real for f64 {
     #[inline(always)]
     fn all(self, f: impl Fn(f64) -> bool) -> bool {
         f(self)
+    }
+    #[inline(always)]
+    fn sin(self) -> Self {
+        elementary::sin(self)
+    }
+    #[inline(always)]
+    fn cos(self) -> Self {
+        elementary::cos(self)
     }
 }
 
@@ -173,6 +188,14 @@ impl<const W: usize> Real for Lanes<W> {
         }
         all
     }
+    #[inline(always)]
+    fn sin(self) -> Self {
+        elementary::sin(self)
+    }
+    #[inline(always)]
+    fn cos(self) -> Self {
+        elementary::cos(self)
+    }
 }
 
 // Loops and no closures: what is not inlined is compiled without the instructions it is for.
@@ -234,4 +257,100 @@ impl<const W: usize> Neg for Lanes<W> {
             |a| -a,
         )
     }
+}
+
+macro_rules! on_bits {
+    ($($name:ident |$a:ident, $b:ident| $value:expr;)*) => {$(
+        #[inline(always)]
+        fn $name(self, mut a: Self::Bits, b: Self::Bits) -> Self::Bits {
+            for i in 0..W {
+                let ($a, $b) = (a[i], b[i]);
+                a[i] = $value;
+            }
+            a
+        }
+    )*};
+}
+
+impl<const W: usize> Register for Lanes<W> {
+    type Bits = [u64; W];
+
+    on_bits! {
+        add_bits |a, b| a.wrapping_add(b);
+        sub_bits |a, b| a.wrapping_sub(b);
+        and_bits |a, b| a & b;
+        or_bits |a, b| a | b;
+        xor_bits |a, b| a ^ b;
+    }
+
+    #[inline(always)]
+    fn like(self, value: f64) -> Self {
+        Self([value; W])
+    }
+    #[inline(always)]
+    fn bits_like(self, bits: u64) -> Self::Bits {
+        [bits; W]
+    }
+    #[inline(always)]
+    fn bits(self) -> Self::Bits {
+        let mut bits = [0; W];
+        for i in 0..W {
+            bits[i] = self.0[i].to_bits();
+        }
+        bits
+    }
+    #[inline(always)]
+    fn with_bits(mut self, bits: Self::Bits) -> Self {
+        for i in 0..W {
+            self.0[i] = f64::from_bits(bits[i]);
+        }
+        self
+    }
+    #[inline(always)]
+    fn up<const BY: u32>(self, mut a: Self::Bits) -> Self::Bits {
+        for i in 0..W {
+            a[i] <<= BY;
+        }
+        a
+    }
+    #[inline(always)]
+    fn down<const BY: u32>(self, mut a: Self::Bits) -> Self::Bits {
+        for i in 0..W {
+            a[i] >>= BY;
+        }
+        a
+    }
+    #[inline(always)]
+    fn if_less(mut self, other: Self, yes: Self, no: Self) -> Self {
+        for i in 0..W {
+            self.0[i] = if self.0[i] < other.0[i] {
+                yes.0[i]
+            } else {
+                no.0[i]
+            };
+        }
+        self
+    }
+    #[inline(always)]
+    fn replace_beyond(self, most: f64, values: Self, f: fn(f64) -> f64) -> Self {
+        if self.all(|x| x.abs() <= most) {
+            values
+        } else {
+            replaced(self, most, values, f)
+        }
+    }
+}
+
+#[cold]
+#[inline(never)]
+fn replaced<const W: usize>(
+    x: Lanes<W>,
+    most: f64,
+    mut values: Lanes<W>,
+    f: fn(f64) -> f64,
+) -> Lanes<W> {
+    for i in 0..W {
+        values.0[i] = x.0[i].replace_beyond(most, values.0[i], f);
+    }
+    values
 }

@@ -457,22 +457,22 @@ fn a_block_with_values_missing_is_refused() {
 }
 
 #[test]
-fn a_diagonal_pattern_is_solved_as_the_dense_matrix() {
+fn a_diagonal_pattern_is_solved_as_blocks_are() {
     let entries = vec![(2, 2), (0, 0), (1, 1)];
     let diagonal = Pattern::new(3, 3, entries.clone()).expect("entries inside");
-    let full = Pattern::new(3, 3, [entries, vec![(0, 2)]].concat()).expect("entries inside");
-    let (mut fast, mut dense) = (Factor::new(&diagonal), Factor::new(&full));
+    let coupled = Pattern::new(3, 3, [entries, vec![(0, 2)]].concat()).expect("entries inside");
+    let (mut fast, mut blocks) = (Factor::new(&diagonal), Factor::new(&coupled));
     assert!(matches!(
-        (&fast, &dense),
-        (Factor::Diagonal(_), Factor::Dense(_))
+        (&fast, &blocks),
+        (Factor::Diagonal(_), Factor::Blocks(_))
     ));
     fast.factor(&diagonal, &[4.0, 2.0, -8.0]).expect("regular");
-    dense
-        .factor(&full, &[4.0, 2.0, -8.0, 0.0])
+    blocks
+        .factor(&coupled, &[4.0, 2.0, -8.0, 0.0])
         .expect("regular");
     let (mut a, mut b) = ([1.0, 2.0, 3.0], [1.0, 2.0, 3.0]);
     fast.solve(&mut a);
-    dense.solve(&mut b);
+    blocks.solve(&mut b);
     assert_eq!((a, b), ([0.5, -0.25, 0.75], [0.5, -0.25, 0.75]));
 }
 

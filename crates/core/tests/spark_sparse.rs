@@ -88,7 +88,7 @@ fn sparse_and_dense_solvers_find_one_solution() {
         let sparse = falling(&chain(false, false), s, Solver::NodeSchur, 20);
         let (found, wanted) = (sparse.stats().iterations, dense.stats().iterations);
         assert!(
-            found.abs_diff(wanted) <= 2,
+            10 * found.abs_diff(wanted) <= wanted,
             "{found} and {wanted} corrections"
         );
     }

@@ -1,7 +1,10 @@
 //! Inverses of matrices that fall into small blocks, as the masses of rigid bodies do.
+#![allow(clippy::inline_always)] // what is not inlined is compiled without the registers it is for
 
+use super::kernels::short;
 use super::{Lu, Pattern, Singular};
 use crate::real::Real;
+use crate::vector::wide;
 
 /// Order of the largest block that is inverted.
 const MOST: usize = 8;
@@ -9,7 +12,7 @@ const MOST: usize = 8;
 /// The inverse of a block-diagonal matrix, whose blocks may stand anywhere.
 #[derive(Clone, Debug)]
 pub struct Blocks<R = f64> {
-    /// Where the inverse is not zero: block by block, row by row.
+    /// Where the inverse is not zero: block by block, column by column.
     pattern: Pattern,
     inverse: Vec<R>,
     /// The orders of the blocks, and the unknowns of one after the other.
@@ -41,12 +44,12 @@ impl<R: Real> Blocks<R> {
         let mut entries = Vec::new();
         for (number, block) in blocks.iter().enumerate() {
             first[number] = entries.len();
-            let rows = block.iter().map(|row| *row as usize);
-            entries.extend(rows.flat_map(|row| block.iter().map(move |col| (row, *col as usize))));
+            let cols = block.iter().map(|col| *col as usize);
+            entries.extend(cols.flat_map(|col| block.iter().map(move |row| (*row as usize, col))));
         }
         let slot = |(row, col): &(usize, usize)| {
             let block = of[*row];
-            (first[block] + place[*row] * blocks[block].len() + place[*col]) as u32
+            (first[block] + place[*col] * blocks[block].len() + place[*row]) as u32
         };
         let slots = pattern.entries().iter().map(slot).collect();
         blocks.retain(|block| !block.is_empty());
@@ -79,6 +82,14 @@ impl<R: Real> Blocks<R> {
     /// # Errors
     /// The first column without a pivot.
     pub fn factor(&mut self, values: &[R]) -> Result<(), Singular> {
+        wide::<R, _>(
+            #[inline(always)]
+            || self.invert_each(values),
+        )
+    }
+
+    #[inline(always)]
+    fn invert_each(&mut self, values: &[R]) -> Result<(), Singular> {
         self.inverse.fill(R::splat(0.0));
         for (slot, value) in self.slots.iter().zip(values) {
             self.inverse[*slot as usize] += *value;
@@ -98,27 +109,65 @@ impl<R: Real> Blocks<R> {
     /// Solves `A x = b` in place.
     #[inline]
     pub fn solve(&self, b: &mut [R]) {
+        wide::<R, _>(
+            #[inline(always)]
+            || self.multiply_each(b),
+        );
+    }
+
+    #[inline(always)]
+    fn multiply_each(&self, b: &mut [R]) {
         let (mut rest, mut unknowns) = (&self.inverse[..], &self.unknowns[..]);
         for order in &self.orders {
             let (own, next) = unknowns.split_at(*order);
             let (block, others) = rest.split_at(order * order);
-            if let ([unknown], [inverse]) = (own, block) {
-                b[*unknown as usize] *= *inverse;
+            if R::MEMBERS > 1 {
+                multiply_members(block, own, b);
             } else {
-                let mut x = [R::splat(0.0); MOST];
-                for (x, unknown) in x.iter_mut().zip(own) {
-                    *x = b[*unknown as usize];
-                }
-                for (row, unknown) in block.chunks_exact(*order).zip(own) {
-                    b[*unknown as usize] = super::dot(row, &x);
-                }
+                short!(*order, N => multiply::<R, N>(block, own, b), ());
             }
             (rest, unknowns) = (others, next);
         }
     }
 }
 
+/// The unknowns of one block, multiplied by its inverse.
+#[inline]
+fn multiply<R: Real, const N: usize>(inverse: &[R], unknowns: &[u32], b: &mut [R]) {
+    let (columns, Some(unknowns)) = (inverse.as_chunks::<N>().0, unknowns.first_chunk::<N>())
+    else {
+        return;
+    };
+    let mut sum = [R::splat(-0.0); N];
+    for (column, unknown) in columns.iter().zip(unknowns) {
+        let x = b[*unknown as usize];
+        for i in 0..N {
+            sum[i] += column[i] * x;
+        }
+    }
+    for (sum, unknown) in sum.iter().zip(unknowns) {
+        b[*unknown as usize] = *sum;
+    }
+}
+
+/// The same of several members, whose sums are vectors already.
+#[inline(always)]
+fn multiply_members<R: Real>(inverse: &[R], unknowns: &[u32], b: &mut [R]) {
+    let mut sums = [R::splat(0.0); MOST];
+    for (i, sum) in sums.iter_mut().enumerate().take(unknowns.len()) {
+        let mut total = R::splat(-0.0);
+        for (column, unknown) in inverse.chunks_exact(unknowns.len()).zip(unknowns) {
+            total += column[i] * b[*unknown as usize];
+        }
+        *sum = total;
+    }
+    for (sum, unknown) in sums.iter().zip(unknowns) {
+        b[*unknown as usize] = *sum;
+    }
+}
+
 /// A block becomes its inverse.
+#[inline(always)]
 fn invert<R: Real>(lu: &mut Lu<R>, block: &mut [R]) -> Result<(), Singular> {
     let order = lu.order();
     if let [value] = block {
@@ -130,15 +179,14 @@ fn invert<R: Real>(lu: &mut Lu<R>, block: &mut [R]) -> Result<(), Singular> {
             Err(Singular { column: 0 })
         };
     }
-    lu.matrix_mut().flat_mut().copy_from_slice(block);
+    for (k, value) in block.iter().enumerate() {
+        lu.matrix_mut()[(k % order, k / order)] = *value;
+    }
     lu.factor()?;
-    for col in 0..order {
-        let mut x = [R::splat(0.0); MOST];
-        x[col] = R::splat(1.0);
-        lu.solve(&mut x[..order]);
-        for (row, x) in x[..order].iter().enumerate() {
-            block[row * order + col] = *x;
-        }
+    block.fill(R::splat(0.0));
+    for (k, column) in block.chunks_exact_mut(order).enumerate() {
+        column[k] = R::splat(1.0);
+        lu.solve(column);
     }
     Ok(())
 }

@@ -1,6 +1,7 @@
 //! Factorisations, and what to say of a matrix that has none.
 #![allow(clippy::inline_always)] // what is not inlined is compiled without the registers it is for
 
+use super::kernels::short;
 use super::{Blocks, Matrix, Pattern, Sparse, SparseOf, add_scaled, dot, max_norm};
 use crate::real::Real;
 use crate::vector::wide;
@@ -78,6 +79,7 @@ impl<R: Real> Lu<R> {
             }
             self.factors[(k, k)] = inverse; // solves multiply
         }
+        self.factors.transpose(); // solves go by columns, whose elements do not wait for each other
         Ok(())
     }
 
@@ -129,33 +131,70 @@ impl<R: Real> Lu<R> {
     /// Solves `A x = b` in place.
     #[inline(always)]
     pub fn solve(&self, b: &mut [R]) {
-        let n = self.order();
         for (k, swaps) in self.swaps.chunks_exact(R::MEMBERS).enumerate() {
             swap(b, k, swaps);
         }
-        for i in 1..n {
-            let (head, tail) = b.split_at_mut(i);
-            tail[0] -= dot(&self.factors.row(i)[..i], head);
+        if R::MEMBERS > 1 {
+            self.solve_long(b);
+        } else {
+            self.solve_alone(b);
         }
-        for i in (0..n).rev() {
-            let (head, tail) = b.split_at_mut(i + 1);
-            let row = self.factors.row(i);
-            head[i] = (head[i] - dot(&row[i + 1..], tail)) * row[i];
+    }
+
+    #[inline]
+    fn solve_alone(&self, b: &mut [R]) {
+        short!(self.order(), N => self.solve_short::<N>(b), self.solve_long(b));
+    }
+
+    #[inline(always)]
+    fn solve_long(&self, b: &mut [R]) {
+        let n = self.order();
+        for j in 0..n {
+            let (head, tail) = b.split_at_mut(j + 1);
+            add_scaled(tail, -head[j], &self.factors.row(j)[j + 1..]);
+        }
+        for j in (0..n).rev() {
+            let (head, tail) = b.split_at_mut(j);
+            let column = self.factors.row(j);
+            tail[0] *= column[j];
+            add_scaled(head, -tail[0], column);
+        }
+    }
+
+    /// The same with loops of known length.
+    #[inline]
+    fn solve_short<const N: usize>(&self, b: &mut [R]) {
+        let (columns, []) = self.factors.flat().as_chunks::<N>() else {
+            return;
+        };
+        let (Some(columns), Some(b)) = (columns.first_chunk::<N>(), b.first_chunk_mut::<N>())
+        else {
+            return;
+        };
+        for j in 0..N {
+            for i in j + 1..N {
+                b[i] += columns[j][i] * -b[j];
+            }
+        }
+        for j in (0..N).rev() {
+            b[j] *= columns[j][j];
+            for i in 0..j {
+                b[i] += columns[j][i] * -b[j];
+            }
         }
     }
 
     /// Solves `A^T x = b` in place.
     pub fn solve_transposed(&self, b: &mut [R]) {
         let n = self.order();
-        for i in 0..n {
-            let row = self.factors.row(i);
-            b[i] *= row[i];
-            let (head, tail) = b.split_at_mut(i + 1);
-            add_scaled(tail, -head[i], &row[i + 1..]);
+        for j in 0..n {
+            let (head, tail) = b.split_at_mut(j);
+            let column = self.factors.row(j);
+            tail[0] = (tail[0] - dot(column, head)) * column[j];
         }
-        for i in (1..n).rev() {
-            let (head, tail) = b.split_at_mut(i);
-            add_scaled(head, -tail[0], &self.factors.row(i)[..i]);
+        for j in (0..n).rev() {
+            let (head, tail) = b.split_at_mut(j + 1);
+            head[j] -= dot(&self.factors.row(j)[j + 1..], tail);
         }
         for (k, swaps) in self.swaps.chunks_exact(R::MEMBERS).enumerate().rev() {
             swap(b, k, swaps);
@@ -243,16 +282,13 @@ fn invert<R: Real>(inverse: &mut [R], pattern: &Pattern, values: &[R]) -> Result
     Ok(())
 }
 
-/// From this order on, a matrix is looked at for blocks.
-const MANY: usize = 24;
-
 impl<R: Real> Factor<R> {
     /// Memory for matrices of this pattern.
     pub fn new(pattern: &Pattern) -> Self {
         let (n, _) = pattern.shape();
         if pattern.is_diagonal() {
             Self::Diagonal(vec![R::splat(0.0); n])
-        } else if let Some(blocks) = Blocks::new(pattern).filter(|_| n >= MANY) {
+        } else if let Some(blocks) = Blocks::new(pattern) {
             Self::Blocks(Box::new(blocks))
         } else if prefers_sparse(pattern) {
             Self::Sparse(Box::new(SparseOf::new::<R>(pattern)))

@@ -26,6 +26,7 @@ macro_rules! short {
         }
     };
 }
+pub(super) use short;
 
 /// `out_ik = finish(i, k, Σ_j weights_ij x_jk)`, for as many rows as both `out` and `weights` have.
 #[inline(always)]

@@ -75,6 +75,18 @@ impl<R: Real> Matrix<R> {
         &mut self.data
     }
 
+    /// A square matrix becomes its transpose.
+    #[inline(always)]
+    pub(super) fn transpose(&mut self) {
+        let n = self.cols;
+        for i in 1..n {
+            let (above, row) = self.data.split_at_mut(i * n);
+            for (j, value) in row[..i].iter_mut().enumerate() {
+                std::mem::swap(value, &mut above[j * n + i]);
+            }
+        }
+    }
+
     #[inline(always)]
     pub(super) fn swap_rows(&mut self, i: usize, j: usize) {
         if i != j {

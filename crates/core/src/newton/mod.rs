@@ -14,7 +14,7 @@ mod broyden;
 
 pub use broyden::Broyden;
 
-use crate::real::{Real, WIDTH};
+use crate::real::Real;
 use crate::trouble::Trouble;
 use crate::vector::wide;
 
@@ -109,16 +109,15 @@ pub enum Member {
 }
 
 /// Corrects several members, those that are [`Member::Open`], until each has converged or will not: by its own
-/// corrections, so that it takes as many as it would alone.
+/// corrections, so that it takes as many as it would alone. There is a place for each.
 ///
 /// # Errors
 /// A correction could not be made: that may be the trouble of any of them.
 pub fn solve_each<R: Real>(
     equations: &mut impl Equations<R>,
     most: usize,
-    members: &mut [Member; WIDTH],
+    members: &mut [Member],
 ) -> Result<(), Trouble> {
-    const { assert!(R::MEMBERS <= WIDTH, "a place for each member") };
     let mut progress = Progress::new(equations.stop());
     let (mut kept, mut has_kept) = (R::splat(0.0), false);
     for iterations in 1..=most {
@@ -131,7 +130,7 @@ pub fn solve_each<R: Real>(
             continue;
         }
         let mut done = R::splat(0.0);
-        for (member, stands) in members.iter_mut().enumerate().take(R::MEMBERS) {
+        for (member, stands) in members.iter_mut().enumerate() {
             let (verdict, size) = (verdicts.member(member), sizes.member(member));
             if *stands != Member::Open || verdict == OPEN {
                 continue;
@@ -143,7 +142,7 @@ pub fn solve_each<R: Real>(
                 Member::Hopeless { iterations, size }
             };
         }
-        if !members[..R::MEMBERS].contains(&Member::Open) {
+        if !members.contains(&Member::Open) {
             break;
         }
         wide::<R, _>(
@@ -162,15 +161,20 @@ pub fn solve_each<R: Real>(
     Ok(())
 }
 
+/// Never more in lock-step.
+const MOST_MEMBERS: usize = 16;
+
 /// Corrects all members until each has converged.
 ///
 /// # Errors
 /// [`Trouble::NotConverged`] as soon as one of them will not.
 pub fn solve_all<R: Real>(equations: &mut impl Equations<R>, most: usize) -> Result<(), Trouble> {
-    let mut members = [Member::Open; WIDTH];
-    solve_each(equations, most, &mut members)?;
-    let hopeless = members.into_iter().find_map(|member| match member {
-        Member::Hopeless { iterations, size } => Some((iterations, size)),
+    const { assert!(R::MEMBERS <= MOST_MEMBERS, "a place for each member") };
+    let mut members = [Member::Open; MOST_MEMBERS];
+    let members = &mut members[..R::MEMBERS];
+    solve_each(equations, most, members)?;
+    let hopeless = members.iter().find_map(|member| match member {
+        Member::Hopeless { iterations, size } => Some((*iterations, *size)),
         _ => None,
     });
     hopeless.map_or(Ok(()), |(iterations, size)| {

@@ -51,6 +51,19 @@ pub(super) struct Instr {
     pub(super) b: u32,
 }
 
+/// What instructions cost, in cheap ones: those done in lanes at once, and those done there one by one.
+pub(super) fn cost(instrs: &[Instr]) -> (usize, usize) {
+    const CALL: usize = 10;
+    instrs
+        .iter()
+        .fold((0, 0), |(cheap, dear), instr| match instr.op {
+            Op::Sin | Op::Cos => (cheap + CALL, dear),
+            Op::Sqrt | Op::Fabs | Op::IfElseZero | Op::Lt | Op::Le => (cheap + 1, dear),
+            op if Cheap::of(op).is_some() => (cheap + 1, dear),
+            _ => (cheap, dear + CALL),
+        })
+}
+
 /// Runs instructions that `Tape::new` made over the registers it laid out. As long as the operation is
 /// the same, no jump has to be predicted.
 #[inline]
@@ -114,8 +127,8 @@ fn run<R: Real>(program: &[Instr], registers: &mut [R]) {
             Op::Exp => one!(f64::exp),
             Op::Log => one!(f64::ln),
             Op::Pow | Op::Constpow => two!(|x, y| x.zip(y, f64::powf)),
-            Op::Sin => one!(f64::sin),
-            Op::Cos => one!(f64::cos),
+            Op::Sin => two!(|x, _y| x.sin()),
+            Op::Cos => two!(|x, _y| x.cos()),
             Op::Tan => one!(f64::tan),
             Op::Asin => one!(f64::asin),
             Op::Acos => one!(f64::acos),

@@ -13,6 +13,7 @@
 //! A tape may add [`Term`]s to its program's values: the large matrices of an assembled structure are
 //! not written out as instructions.
 
+mod beside;
 mod execute;
 mod order;
 mod plan;
@@ -20,11 +21,12 @@ mod program;
 mod terms;
 mod values;
 
+pub use beside::Beside;
 pub use execute::Op;
 pub use terms::Term;
 
 use crate::linalg::copy;
-use crate::real::{Lanes, Real, Scalar, WIDTH};
+use crate::real::Real;
 use execute::{Instr, execute};
 use plan::Plan;
 use program::Program;
@@ -325,49 +327,6 @@ impl Tape {
             self.add_terms(terms, registers);
         }
         &registers[self.outputs.clone()]
-    }
-
-    /// Evaluates the tape at `k` points, eight at a time.
-    ///
-    /// Each argument holds `k` rows of its group's size; the result holds `k` rows of outputs.
-    ///
-    /// # Panics
-    /// When an argument has not `k` rows.
-    pub fn map(&self, params: &[f64], args: &[&[f64]], k: usize) -> Vec<f64> {
-        assert_eq!(args.len() + 1, self.inputs.len(), "number of arguments");
-        for (arg, size) in args.iter().zip(&self.inputs) {
-            assert_eq!(arg.len(), k * size, "size of an argument");
-        }
-        if k == 0 {
-            return Vec::new();
-        }
-        let bound: Vec<Lanes> = params.iter().map(|p| Lanes::splat(*p)).collect();
-        let Registers(mut registers) = self.bind(&bound);
-        let width = self.outputs();
-        let mut result = vec![0.0; k * width];
-        for first in (0..k).step_by(WIDTH) {
-            let mut start = 0;
-            for (arg, size) in args.iter().zip(&self.inputs) {
-                for element in 0..*size {
-                    // the last block repeats its last point
-                    let at = |i: usize| arg[(first + i).min(k - 1) * size + element];
-                    registers[start + element] = Lanes(std::array::from_fn(at));
-                }
-                start += size;
-            }
-            self.body.run(&mut registers);
-            if let Some(terms) = &self.terms {
-                self.add_terms(terms, &mut registers);
-            }
-            let values = &registers[self.outputs.clone()];
-            let rows = result[first * width..].chunks_mut(width.max(1));
-            for (i, row) in rows.take(WIDTH).enumerate() {
-                for (out, value) in row.iter_mut().zip(values) {
-                    *out = value.0[i];
-                }
-            }
-        }
-        result
     }
 }
 

@@ -1,8 +1,10 @@
 //! What the operations of a tape mean.
 
+use liouville_core::elementary;
 use liouville_core::tape::Op;
 
-/// What C's `math.h` and operators say; the standard library's own inverse hyperbolic functions do not.
+/// What C's `math.h` and operators say; the standard library's own inverse hyperbolic functions do not. Sines and
+/// cosines are ours.
 pub(crate) fn meaning(op: Op, a: f64, b: f64) -> f64 {
     let truth = |condition| if condition { 1.0 } else { 0.0 };
     match op {
@@ -17,8 +19,8 @@ pub(crate) fn meaning(op: Op, a: f64, b: f64) -> f64 {
         Op::Sqrt => a.sqrt(),
         Op::Sq => a * a,
         Op::Twice => 2.0 * a,
-        Op::Sin => a.sin(),
-        Op::Cos => a.cos(),
+        Op::Sin => elementary::sin(a),
+        Op::Cos => elementary::cos(a),
         Op::Tan => a.tan(),
         Op::Asin => a.asin(),
         Op::Acos => a.acos(),

@@ -12,7 +12,7 @@
 //! All blocks are frozen at the start of the iteration.
 
 use super::stages::{Stages, Step};
-use crate::linalg::{Lu, Matrix, add_scaled, copy, dot, max_norm};
+use crate::linalg::{Lu, Matrix, Pattern, add_scaled, combine, copy, dot, max_norm};
 use crate::newton::Equations;
 use crate::problem::mechanical::{Mass, Model, explain, finite};
 use crate::trouble::{Quantity, Trouble};
@@ -24,14 +24,50 @@ pub(super) struct FullNewton {
     coupling: Matrix,
     /// E, where v depends on y.
     elimination: Option<Lu>,
-    /// v_z of each stage, dense; the identity where v = z.
+    /// v_z of each stage, dense; none where v = z.
     v_z: Vec<Matrix>,
     newton: Lu,
+    f_y: Curvature,
+    r_y: Curvature,
     /// What tells the size of a multiplier, where r is not linear.
     mass: Mass,
     r_lam: Matrix,
     unknowns: Vec<f64>,
     d_v: Matrix,
+}
+
+/// Derivatives by y at all stages or nodes, and what of them is in each block of C.
+#[derive(Clone, Debug)]
+struct Curvature {
+    /// Row i s + j has the weights aᶠ_il aᵛ_lj, or those of the nodes.
+    weights: Matrix,
+    values: Matrix,
+    blocks: Matrix,
+}
+
+impl Curvature {
+    fn new(stages: usize, entries: usize, of_row: &Matrix, of_col: &Matrix, count: usize) -> Self {
+        let weight = |ij: usize, l| of_row[(ij / stages, l)] * of_col[(l, ij % stages)];
+        Self {
+            weights: Matrix::from_fn(stages * stages, count, weight),
+            values: Matrix::zeros(count, entries),
+            blocks: Matrix::zeros(stages * stages, entries),
+        }
+    }
+
+    /// Adds −h² Σ_l of all blocks.
+    fn add_to(&mut self, pattern: &Pattern, h: f64, n: usize, coupling: &mut Matrix) {
+        if pattern.is_empty() {
+            return;
+        }
+        let (blocks, factor) = (self.blocks.flat_mut(), -h * h);
+        combine(blocks, &self.weights, &self.values, |_, _, sum| sum);
+        let stages = coupling.cols() / n;
+        for ij in 0..stages * stages {
+            let (row, col) = (ij / stages * n, ij % stages * n);
+            pattern.add_to(self.blocks.row(ij), factor, coupling, row, col);
+        }
+    }
 }
 
 /// The stage equations of one step, solved by full Newton.
@@ -47,14 +83,18 @@ impl FullNewton {
     pub(super) fn new(model: &Model, stages: &Stages) -> Self {
         let (n, m) = (model.problem.n, model.problem.m);
         let (s, k) = (stages.tableau.stages, stages.tableau.intervals);
-        let v_depends_on_y = !model.problem.patterns.v_y.is_empty();
+        let (at, tableau) = (&model.problem.patterns, &stages.tableau);
+        let v_depends_on_y = !at.v_y.is_empty();
+        let v_z_count = if at.v_z.is_some() { s } else { 0 };
         Self {
             coupling: Matrix::zeros(s * n + k * m, s * n),
             elimination: v_depends_on_y.then(|| Lu::new(s * n)),
-            v_z: vec![Matrix::from_fn(n, n, |i, j| f64::from(u8::from(i == j))); s],
+            v_z: vec![Matrix::zeros(n, n); v_z_count],
             newton: Lu::new(s * n + k * m),
+            f_y: Curvature::new(s, at.f_y.len(), &tableau.a_f, &tableau.a_v, s),
+            r_y: Curvature::new(s, at.r_y.len(), &tableau.a_hat, &tableau.a_bar, k),
             mass: Mass::new(model),
-            r_lam: Matrix::zeros(k, model.problem.patterns.r_lam.len()),
+            r_lam: Matrix::zeros(k, at.r_lam.len()),
             unknowns: vec![0.0; s * n + k * m],
             d_v: Matrix::zeros(s, n),
         }
@@ -111,9 +151,11 @@ impl Solve<'_> {
             lu.matrix_mut().clear();
             (0..s * n).for_each(|k| lu.matrix_mut()[(k, k)] = 1.0);
         }
+        let times = stages.stage_times(*step);
+        let mut blocks = model.stages_blocks(times, &stages.y, &stages.unknowns.z);
         for l in 0..s {
-            let t = stages.stage_time(*step, l);
-            let [p_z, v_z] = model.stage_blocks(t, stages.y.row(l), stages.unknowns.z.row(l));
+            let t = times.at(l);
+            let [p_z, v_z] = blocks.at(l);
             finite(p_z, Quantity::Derivative, t)?;
             finite(v_z, Quantity::Derivative, t)?;
             at.p_z
@@ -122,8 +164,11 @@ impl Solve<'_> {
                 solver.v_z[l].clear();
                 pattern.add_to(v_z, 1.0, &mut solver.v_z[l], 0, 0);
             }
-            let [p_y, f_y, f_z, v_y] =
-                model.stage_jacobian(t, stages.y.row(l), stages.unknowns.z.row(l));
+        }
+        let mut jacobian = model.stages_jacobian(times, &stages.y, &stages.unknowns.z);
+        for l in 0..s {
+            let t = times.at(l);
+            let [p_y, f_y, f_z, v_y] = jacobian.at(l);
             for values in [p_y, f_y, f_z, v_y] {
                 finite(values, Quantity::Derivative, t)?;
             }
@@ -134,16 +179,8 @@ impl Solve<'_> {
                     at.v_y
                         .add_to(v_y, -h * a_v[(l, j)], lu.matrix_mut(), l * n, j * n);
                 }
-                for i in 0..s {
-                    at.f_y.add_to(
-                        f_y,
-                        -h * h * a_f[(i, l)] * a_v[(l, j)],
-                        &mut solver.coupling,
-                        i * n,
-                        j * n,
-                    );
-                }
             }
+            copy(solver.f_y.values.row_mut(l), f_y);
             for i in 0..s {
                 at.f_z.add_to(
                     f_z,
@@ -154,6 +191,7 @@ impl Solve<'_> {
                 );
             }
         }
+        solver.f_y.add_to(&at.f_y, h, n, &mut solver.coupling);
         match &mut solver.elimination {
             Some(lu) => lu.factor().map_err(|_| Trouble::SingularNewton),
             None => Ok(()),
@@ -182,10 +220,11 @@ impl Solve<'_> {
             &stages.tableau.a_hat,
         );
         let nodes = stages.tableau.intervals;
+        let times = stages.node_times(*step);
+        let mut blocks = model.nodes_blocks(times, &stages.node_y, &stages.unknowns.lam);
         for k in 0..=nodes {
-            let t = stages.node_time(*step, k);
-            let [g_y, r_lam] =
-                model.node_blocks(t, stages.node_y.row(k), stages.unknowns.lam.row(k));
+            let t = times.at(k);
+            let [g_y, r_lam] = blocks.at(k);
             finite(g_y, Quantity::Derivative, t)?;
             finite(r_lam, Quantity::Derivative, t)?;
             if k > 0 {
@@ -210,17 +249,15 @@ impl Solve<'_> {
                         s * n + k * m,
                     );
                 }
-                let r_y = model.node_jacobian(t, stages.node_y.row(k), stages.unknowns.lam.row(k));
-                finite(r_y, Quantity::Derivative, t)?;
-                for i in 0..s {
-                    for j in 0..s {
-                        let factor = -h * h * a_hat[(i, k)] * a_bar[(k, j)];
-                        at.r_y
-                            .add_to(r_y, factor, &mut solver.coupling, i * n, j * n);
-                    }
-                }
             }
         }
+        let mut jacobian = model.nodes_jacobian(times, &stages.node_y, &stages.unknowns.lam);
+        for k in 0..nodes {
+            let [r_y] = jacobian.at(k);
+            finite(r_y, Quantity::Derivative, times.at(k))?;
+            copy(solver.r_y.values.row_mut(k), r_y);
+        }
+        solver.r_y.add_to(&at.r_y, h, n, &mut solver.coupling);
         Ok(())
     }
 
@@ -244,6 +281,10 @@ impl Solve<'_> {
         for row in 0..coupling.rows() {
             if let Some(lu) = elimination {
                 lu.solve_transposed(coupling.row_mut(row));
+            }
+            if v_z.is_empty() {
+                add_scaled(newton.matrix_mut().row_mut(row), 1.0, coupling.row(row));
+                continue;
             }
             for j in 0..s {
                 for k in 0..n {
@@ -290,14 +331,18 @@ impl Solve<'_> {
     /// dV = E⁻¹ (v_z dZ − R1), and everything corrected; returns the largest velocity.
     fn correct_stages(&mut self) -> f64 {
         let (solver, stages) = (&mut *self.solver, &mut *self.stages);
-        let (problem, s) = (&self.model.problem, stages.tableau.stages);
-        let (d_z, d_lam) = solver.unknowns.split_at(s * problem.n);
-        for i in 0..s {
-            let residual = stages.velocity_residual.row(i);
-            for (k, out) in solver.d_v.row_mut(i).iter_mut().enumerate() {
-                *out = dot(solver.v_z[i].row(k), &d_z[i * problem.n..]) - residual[k];
+        let problem = &self.model.problem;
+        let (d_z, d_lam) = solver.unknowns.split_at(solver.d_v.flat().len());
+        let d_v = solver.d_v.flat_mut();
+        if solver.v_z.is_empty() {
+            copy(d_v, d_z);
+        } else {
+            for (i, out) in d_v.iter_mut().enumerate() {
+                let (stage, k) = (i / problem.n, i % problem.n);
+                *out = dot(solver.v_z[stage].row(k), &d_z[stage * problem.n..]);
             }
         }
+        add_scaled(d_v, -1.0, stages.velocity_residual.flat());
         if let Some(elimination) = &solver.elimination {
             elimination.solve(solver.d_v.flat_mut());
         }

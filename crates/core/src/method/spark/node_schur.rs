@@ -196,10 +196,11 @@ impl<R: Real> Solve<'_, R> {
         if m == 0 {
             return Ok(());
         }
+        let times = stages.node_times(*step);
+        let mut blocks = model.nodes_blocks(times, &stages.node_y, &stages.unknowns.lam);
         for j in 0..=nodes {
-            let t = stages.node_time(*step, j);
-            let [g_y, r_lam] =
-                model.node_blocks(t, stages.node_y.row(j), stages.unknowns.lam.row(j));
+            let t = times.at(j);
+            let [g_y, r_lam] = blocks.at(j);
             finite(g_y, Quantity::Derivative, t)?;
             finite(r_lam, Quantity::Derivative, t)?;
             copy(solver.g_y.row_mut(j), g_y);

@@ -2,7 +2,7 @@
 #![allow(clippy::inline_always)] // what is not inlined is compiled without the registers it is for
 
 use crate::linalg::{Matrix, combine, copy, copy_scaled, max_norm};
-use crate::problem::mechanical::{Model, State, all_finite, finite, finite_k};
+use crate::problem::mechanical::{Model, State, Times, all_finite, finite, finite_k};
 use crate::real::Real;
 use crate::tableau;
 use crate::trouble::{Quantity, Trouble};
@@ -131,6 +131,18 @@ impl<R: Real> Stages<R> {
         step.t + self.tableau.c_hat[j] * step.h
     }
 
+    pub(super) fn stage_times(&self, step: Step<R>) -> Times<'_> {
+        let Step { t, h, .. } = step;
+        let c = &self.tableau.c;
+        Times { t, h, c }
+    }
+
+    pub(super) fn node_times(&self, step: Step<R>) -> Times<'_> {
+        let Step { t, h, .. } = step;
+        let c = &self.tableau.c_hat;
+        Times { t, h, c }
+    }
+
     /// Evaluates the model at the current unknowns, and the residuals of (S1)–(S4).
     pub(super) fn evaluate(&mut self, model: &mut Model<R>, step: Step<R>) -> Result<(), Trouble> {
         self.evaluate_values(model, step, self.tableau.intervals);
@@ -164,9 +176,11 @@ impl<R: Real> Stages<R> {
     fn evaluate_each(&mut self, model: &mut Model<R>, step: Step<R>, last: usize) {
         self.move_points(step);
         let s = self.tableau.stages;
+        let Step { t, h, .. } = step;
+        let c = &self.tableau.c;
+        let mut stages = model.stages(Times { t, h, c }, &self.y, &self.unknowns.z);
         for i in 0..s {
-            let t = self.stage_time(step, i);
-            let [p, f, v] = model.stage(t, self.y.row(i), self.unknowns.z.row(i));
+            let [p, f, v] = stages.at(i);
             copy(self.p.row_mut(i), p);
             copy_scaled(self.impulses.row_mut(i), step.h * self.tableau.b[i], f);
             for ((out, unknown), v) in self
@@ -184,9 +198,10 @@ impl<R: Real> Stages<R> {
             self.evaluate_rolling(model, step);
         }
         if model.problem.m > 0 {
+            let c = &self.tableau.c_hat;
+            let mut nodes = model.nodes(Times { t, h, c }, &self.node_y, &self.unknowns.lam);
             for j in 0..=last {
-                let t = self.node_time(step, j);
-                let [g, r] = model.node(t, self.node_y.row(j), self.unknowns.lam.row(j));
+                let [g, r] = nodes.at(j);
                 copy(self.g.row_mut(j), g);
                 copy_scaled(
                     self.impulses.row_mut(s + j),

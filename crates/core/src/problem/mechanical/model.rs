@@ -2,7 +2,9 @@
 #![allow(clippy::inline_always)] // what is not inlined is compiled without the registers it is for
 
 use super::nonholonomic::{Bound, Nonholonomic};
+use super::points::Memory;
 use super::{Mechanical, State};
+use crate::linalg::Pattern;
 use crate::real::Real;
 use crate::tape::Registers;
 use crate::trouble::{Quantity, Trouble};
@@ -13,12 +15,12 @@ use std::sync::Arc;
 pub struct Model<R = f64> {
     /// The system itself, shared.
     pub problem: Arc<Mechanical>,
-    stage: Registers<R>,
-    stage_blocks: Registers<R>,
-    stage_jacobian: Registers<R>,
-    node: Registers<R>,
-    node_blocks: Registers<R>,
-    node_jacobian: Registers<R>,
+    pub(super) stage: Memory<R>,
+    pub(super) stage_blocks: Memory<R>,
+    pub(super) stage_jacobian: Memory<R>,
+    pub(super) node: Memory<R>,
+    pub(super) node_blocks: Memory<R>,
+    pub(super) node_jacobian: Memory<R>,
     end: Registers<R>,
     acceleration: Registers<R>,
     nonholonomic: Option<Box<Bound<R>>>,
@@ -27,7 +29,7 @@ pub struct Model<R = f64> {
 }
 
 /// Outputs that follow one another, cut at their sizes.
-type Parts<'a, const K: usize, R = f64> = [&'a [R]; K];
+pub(super) type Parts<'a, const K: usize, R = f64> = [&'a [R]; K];
 
 #[inline(always)]
 pub(super) fn cut<const K: usize, R>(values: &[R], sizes: [usize; K]) -> Parts<'_, K, R> {
@@ -46,12 +48,12 @@ impl<R: Real> Model<R> {
     /// When `params` has not the size the tapes have.
     pub fn new(problem: Arc<Mechanical>, params: &[R]) -> Self {
         Self {
-            stage: problem.stage.bind(params),
-            stage_blocks: problem.stage_blocks.bind(params),
-            stage_jacobian: problem.stage_jacobian.bind(params),
-            node: problem.node.bind(params),
-            node_blocks: problem.node_blocks.bind(params),
-            node_jacobian: problem.node_jacobian.bind(params),
+            stage: Memory::new(&problem.stage, params),
+            stage_blocks: Memory::new(&problem.stage_blocks, params),
+            stage_jacobian: Memory::new(&problem.stage_jacobian, params),
+            node: Memory::new(&problem.node, params),
+            node_blocks: Memory::new(&problem.node_blocks, params),
+            node_jacobian: Memory::new(&problem.node_jacobian, params),
             end: problem.end.bind(params),
             acceleration: problem.acceleration.bind(params),
             nonholonomic: problem
@@ -70,75 +72,94 @@ impl<R: Real> Model<R> {
     /// p, f, v at (t, y, z); v is empty where it is z.
     #[inline(always)]
     pub fn stage(&mut self, t: f64, y: &[R], z: &[R]) -> Parts<'_, 3, R> {
-        let (n, v) = (self.problem.n, self.v_size);
+        let sizes = self.stage_sizes();
         cut(
             self.problem
                 .stage
-                .eval(&mut self.stage, [&[R::splat(t)], y, z]),
-            [n, n, v],
+                .eval(&mut self.stage.one, [&[R::splat(t)], y, z]),
+            sizes,
         )
+    }
+
+    #[inline(always)]
+    pub(super) fn stage_sizes(&self) -> [usize; 3] {
+        [self.problem.n, self.problem.n, self.v_size]
     }
 
     /// p_z, v_z at (t, y, z).
     #[inline(always)]
     pub fn stage_blocks(&mut self, t: f64, y: &[R], z: &[R]) -> Parts<'_, 2, R> {
-        let at = &self.problem.patterns;
-        let sizes = [
-            at.p_z.len(),
-            at.v_z.as_ref().map_or(0, crate::linalg::Pattern::len),
-        ];
+        let sizes = self.stage_blocks_sizes();
         cut(
             self.problem
                 .stage_blocks
-                .eval(&mut self.stage_blocks, [&[R::splat(t)], y, z]),
+                .eval(&mut self.stage_blocks.one, [&[R::splat(t)], y, z]),
             sizes,
         )
     }
 
+    #[inline(always)]
+    pub(super) fn stage_blocks_sizes(&self) -> [usize; 2] {
+        let at = &self.problem.patterns;
+        [at.p_z.len(), at.v_z.as_ref().map_or(0, Pattern::len)]
+    }
+
     /// p_y, f_y, f_z, v_y at (t, y, z).
     pub fn stage_jacobian(&mut self, t: f64, y: &[R], z: &[R]) -> Parts<'_, 4, R> {
-        let at = &self.problem.patterns;
-        let sizes = [at.p_y.len(), at.f_y.len(), at.f_z.len(), at.v_y.len()];
+        let sizes = self.stage_jacobian_sizes();
         cut(
             self.problem
                 .stage_jacobian
-                .eval(&mut self.stage_jacobian, [&[R::splat(t)], y, z]),
+                .eval(&mut self.stage_jacobian.one, [&[R::splat(t)], y, z]),
             sizes,
         )
+    }
+
+    pub(super) fn stage_jacobian_sizes(&self) -> [usize; 4] {
+        let at = &self.problem.patterns;
+        [at.p_y.len(), at.f_y.len(), at.f_z.len(), at.v_y.len()]
     }
 
     /// g, r at (t, y, λ).
     #[inline(always)]
     pub fn node(&mut self, t: f64, y: &[R], lam: &[R]) -> Parts<'_, 2, R> {
-        let sizes = [self.problem.m, self.problem.n];
+        let sizes = self.node_sizes();
         cut(
             self.problem
                 .node
-                .eval(&mut self.node, [&[R::splat(t)], y, lam]),
+                .eval(&mut self.node.one, [&[R::splat(t)], y, lam]),
             sizes,
         )
+    }
+
+    #[inline(always)]
+    pub(super) fn node_sizes(&self) -> [usize; 2] {
+        [self.problem.m, self.problem.n]
     }
 
     /// `g_y`, `r_λ` at (t, y, λ).
     #[inline(always)]
     pub fn node_blocks(&mut self, t: f64, y: &[R], lam: &[R]) -> Parts<'_, 2, R> {
-        let sizes = [
-            self.problem.patterns.g_y.len(),
-            self.problem.patterns.r_lam.len(),
-        ];
+        let sizes = self.node_blocks_sizes();
         cut(
             self.problem
                 .node_blocks
-                .eval(&mut self.node_blocks, [&[R::splat(t)], y, lam]),
+                .eval(&mut self.node_blocks.one, [&[R::splat(t)], y, lam]),
             sizes,
         )
+    }
+
+    #[inline(always)]
+    pub(super) fn node_blocks_sizes(&self) -> [usize; 2] {
+        let at = &self.problem.patterns;
+        [at.g_y.len(), at.r_lam.len()]
     }
 
     /// `r_y` at (t, y, λ).
     pub fn node_jacobian(&mut self, t: f64, y: &[R], lam: &[R]) -> &[R] {
         self.problem
             .node_jacobian
-            .eval(&mut self.node_jacobian, [&[R::splat(t)], y, lam])
+            .eval(&mut self.node_jacobian.one, [&[R::splat(t)], y, lam])
     }
 
     /// p, w, v at (t, y, z); v is empty where it is z.
