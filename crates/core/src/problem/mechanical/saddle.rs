@@ -290,10 +290,14 @@ impl<R: Real> Saddle<R> {
                 let velocity = &mut eliminated.velocity;
                 copy(velocity, a);
                 self.mass.solve_velocity(velocity);
-                b.iter_mut().for_each(|b| *b = -*b);
+                for b in b.iter_mut() {
+                    *b = -*b;
+                }
                 eliminated.g_y.add_product(velocity, b);
                 eliminated.schur.solve(b);
-                b.iter_mut().for_each(|b| *b = -*b);
+                for b in b.iter_mut() {
+                    *b = -*b;
+                }
                 eliminated.r_lam.add_product(b, a);
                 self.mass.solve(a);
             }
