@@ -246,15 +246,24 @@ impl<R: Real> Stages<R> {
                     copy_scaled(self.moves.row_mut(j), step.h * b, self.unknowns.v.row(j));
                 }
                 let State { y, y_low, .. } = step.state;
-                let finish = |_, k: usize, sums: &mut [R]| {
-                    let at = k..k + sums.len();
-                    for ((sum, y), low) in sums.iter_mut().zip(&y[at.clone()]).zip(&y_low[at]) {
-                        *sum = *y + (*low + *sum);
-                    }
-                };
-                let (weights, nodes) = (&self.tableau.mu_v, &self.tableau.mu_bar);
-                combine(self.y.flat_mut(), weights, &self.moves, finish);
-                combine(self.node_y.flat_mut(), nodes, &self.moves, finish);
+                for (out, weights) in [
+                    (&mut self.y, &self.tableau.mu_v),
+                    (&mut self.node_y, &self.tableau.mu_bar),
+                ] {
+                    combine(
+                        out.flat_mut(),
+                        weights,
+                        &self.moves,
+                        #[inline(always)]
+                        |_, k, sums| {
+                            let at = k..k + sums.len();
+                            let given = y[at.clone()].iter().zip(&y_low[at]);
+                            for (sum, (y, low)) in sums.iter_mut().zip(given) {
+                                *sum = *y + (*low + *sum);
+                            }
+                        },
+                    );
+                }
             },
         );
     }
@@ -269,14 +278,20 @@ impl<R: Real> Stages<R> {
             #[inline(always)]
             || {
                 let State { p, p_low, .. } = step.state;
-                let finish = |i, k: usize, sums: &mut [R]| {
-                    let at = k..k + sums.len();
-                    let given = stage_p.row(i)[at.clone()].iter().zip(&p[at.clone()]);
-                    for ((sum, (stage_p, p)), low) in sums.iter_mut().zip(given).zip(&p_low[at]) {
-                        *sum = (*stage_p - *p) - (*low + *sum);
-                    }
-                };
-                combine(out, &self.force_weights, &self.impulses, finish);
+                combine(
+                    out,
+                    &self.force_weights,
+                    &self.impulses,
+                    #[inline(always)]
+                    |i, k, sums| {
+                        let at = k..k + sums.len();
+                        let given = stage_p.row(i)[at.clone()].iter().zip(&p[at.clone()]);
+                        for ((sum, (stage_p, p)), low) in sums.iter_mut().zip(given).zip(&p_low[at])
+                        {
+                            *sum = (*stage_p - *p) - (*low + *sum);
+                        }
+                    },
+                );
             },
         );
     }

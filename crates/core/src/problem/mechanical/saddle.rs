@@ -141,6 +141,7 @@ impl<R: Real> Saddle<R> {
     }
 
     /// `out += r_λ x`, as it was last factored with.
+    #[inline(always)]
     pub fn add_reaction(&self, model: &Model<R>, x: &[R], out: &mut [R]) {
         if let Factors::Eliminated(eliminated) = &self.factors {
             eliminated.r_lam.add_product(x, out);
@@ -151,6 +152,7 @@ impl<R: Real> Saddle<R> {
     }
 
     /// `out += ∂r_n/∂ν x`, as it was last factored with.
+    #[inline(always)]
     pub fn add_rolling(&self, model: &Model<R>, x: &[R], out: &mut [R]) {
         if let (Some(problem), Some(own)) = (&model.problem.nonholonomic, &self.nonholonomic) {
             problem.patterns.r_nu.multiply_add(&own.r_nu, 1.0, x, out);
