@@ -1,9 +1,8 @@
 //! Factorisations, and what to say of a matrix that has none.
 
 use super::kernels::short;
-use super::{Blocks, Matrix, Pattern, Sparse, SparseOf, add_scaled, dot, max_norm};
+use super::{Blocks, Matrix, Pattern, Sparse, SparseOf, add_scaled, dot, max_norm, scale_each};
 use crate::real::Real;
-use crate::vector::wide_along;
 
 /// No pivot in this column: it depends on the columns before it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -293,15 +292,7 @@ impl<R: Real> Factor<R> {
     #[inline]
     pub fn solve(&mut self, b: &mut [R]) {
         match self {
-            Self::Diagonal(inverse) => wide_along::<R, _>(
-                b.len(),
-                #[inline(always)]
-                || {
-                    for (b, inverse) in b.iter_mut().zip(inverse) {
-                        *b *= *inverse;
-                    }
-                },
-            ),
+            Self::Diagonal(inverse) => scale_each(b, inverse),
             Self::Blocks(blocks) => blocks.solve(b),
             Self::Dense(lu) => lu.solve(b),
             Self::Sparse(lu) => lu.solve(b),

@@ -145,6 +145,20 @@ pub fn copy_scaled<R: Real + Mul<F, Output = R>, F: Copy>(out: &mut [R], factor:
     }
 }
 
+/// `x_i *= factors_i`
+#[inline]
+pub fn scale_each<R: Real>(x: &mut [R], factors: &[R]) {
+    wide_along::<R, _>(
+        x.len(),
+        #[inline(always)]
+        || {
+            for (x, factor) in x.iter_mut().zip(factors) {
+                *x *= *factor;
+            }
+        },
+    );
+}
+
 /// Largest magnitude; NaN counts as infinite.
 #[inline]
 pub fn max_norm<R: Real>(x: &[R]) -> R {
