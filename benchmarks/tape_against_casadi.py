@@ -3,8 +3,8 @@
 The programs are residual and sparse Jacobian of the equations of motion and their constraints for
 a chain of ten links and for Andrews' mechanism, and a plain mix of additions and multiplications.
 Both sides evaluate them at many points in one call that Python takes no part in; the values agree
-but for the last bits of sines, and each time is the minimum of repeats taken in turn. An instruction is one of the
-tape's, for both sides.
+but for the last bits of sines, and each time is the minimum of repeats taken in turn. An
+instruction is one of the tape's, for both sides.
 
 "lanes" is the tape eight points at a time; "f64" one at a time, which only the core's benchmark
 reaches (``cargo bench``), on the plain mix. Run as ``python benchmarks/tape_against_casadi.py``.

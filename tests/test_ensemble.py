@@ -79,7 +79,7 @@ CASES = {
 @pytest.mark.parametrize("name", CASES)
 def test_a_member_is_a_run_of_its_own(name):
     problem, method, h, steps = CASES[name]
-    count = 11  # a whole block and a part of one
+    count = 35  # two whole blocks and a part of one
     start = nearby(problem, count)
     span = {"t": (0, steps * h), "steps": steps, "every": 7}
     solution = lv.ensemble(problem.system, method, **span, **start, threads=2)

@@ -61,90 +61,116 @@ def quoted(names: Sequence[str]) -> str:
     return " and ".join([", ".join(words[:-1]), words[-1]]) if len(words) > 1 else words[0]
 
 
+#: Sentence, hint and quantity of a trouble.
+Description = tuple[str, str, str]
+
+
 def describe(
     trouble: dict[str, Any], coordinates: Sequence[str], constraints: Sequence[str]
-) -> tuple[str, str, str]:
+) -> Description:
     """Say what a trouble of the core means in the user's names: sentence, hint and quantity."""
-    kind = trouble["kind"]
-    if kind == "not finite":
-        return _not_finite(trouble, coordinates, constraints)
-    if kind == "singular mass":
-        name = coordinates[trouble["index"]]
+    match trouble["kind"]:
+        case "not finite":
+            return _not_finite(trouble, coordinates, constraints)
+        case "singular mass":
+            return _singular_mass(coordinates[trouble["index"]])
+        case "overflow":
+            return _overflow(coordinates[trouble["index"]])
+        case "redundant":
+            return _redundant([constraints[k] for k in trouble["constraints"]])
+        case "step too small":
+            return _step_too_small(trouble)
+        case "monitor":
+            return _monitor(trouble)
+        case "singular piece":
+            return _singular_piece(trouble["quantity"])
+        case "raised":
+            return _raised(trouble["cause"])
+        case "singular":
+            return _SINGULAR
+        case "no memory":
+            return _NO_MEMORY
+        case _:
+            sentence = f"the iteration did not converge (last correction {trouble['size']:.0e})"
+            return sentence, "try a smaller h", "stages"
+
+
+_SINGULAR = (
+    "the equations for velocities and multipliers are singular",
+    "try a smaller h, keep away from singular positions, and let the velocity depend on z",
+    "stages",
+)
+_NO_MEMORY = (
+    "what is kept would soon not fit in memory",
+    "keep fewer with every=, or none with states=False; a larger rtol takes fewer steps",
+    "memory",
+)
+
+
+def _singular_mass(name: str) -> Description:
+    return (
+        f"the mass matrix is singular: coordinate '{name}' has no inertia of its own",
+        f"give '{name}' a mass, or a constraint that removes it together with its coordinate",
+        name,
+    )
+
+
+def _overflow(name: str) -> Description:
+    return (
+        f"'{name}' is not finite after it",
+        "a trajectory goes to infinity there; if it should not, try a smaller h",
+        name,
+    )
+
+
+def _redundant(names: Sequence[str]) -> Description:
+    if len(names) == 1:
         return (
-            f"the mass matrix is singular: coordinate '{name}' has no inertia of its own",
-            f"give '{name}' a mass, or a constraint that removes it together with its coordinate",
-            name,
-        )
-    if kind == "redundant":
-        names = [constraints[k] for k in trouble["constraints"]]
-        if len(names) == 1:
-            return (
-                f"the gradient of constraint {quoted(names)} vanishes",
-                "write the constraint so that it does not where the constraint holds",
-                names[0],
-            )
-        return (
-            f"constraints {quoted(names)} are redundant: their gradients are dependent",
-            "remove one of them, or stay away from the singular position",
+            f"the gradient of constraint {quoted(names)} vanishes",
+            "write the constraint so that it does not where the constraint holds",
             names[0],
         )
-    if kind == "singular":
-        return (
-            "the equations for velocities and multipliers are singular",
-            "try a smaller h, keep away from singular positions, and let the velocity depend on z",
-            "stages",
-        )
-    if kind == "step too small" and not math.isfinite(trouble["error"]):
-        return (
-            f"a step of {trouble['h']:.1e} would be needed, less than h_min",
-            "look for a singularity there, where forces grow without bound or steps have no "
-            "solution; else a smaller h_min may help",
-            "step",
-        )
-    if kind == "monitor":
-        return _monitor(trouble)
-    if kind == "step too small":
+    return (
+        f"constraints {quoted(names)} are redundant: their gradients are dependent",
+        "remove one of them, or stay away from the singular position",
+        names[0],
+    )
+
+
+def _step_too_small(trouble: dict[str, Any]) -> Description:
+    if math.isfinite(trouble["error"]):
         return (
             f"the error asks for a step of {trouble['h']:.1e}, less than h_min",
             "look for a force that jumps or grows without bound there; else a larger rtol, atol or "
             "a smaller h_min may help",
             "step",
         )
-    if kind == "singular piece":
-        return (
-            f"the flow of a piece reaches infinity within the step: {trouble['quantity']}",
-            "a trajectory may go to infinity there; if it should not, try a smaller h, or pieces "
-            "without that danger: diagonal='shears', or 'regular' for degree 2",
-            trouble["quantity"],
-        )
-    if kind == "overflow":
-        name = coordinates[trouble["index"]]
-        return (
-            f"'{name}' is not finite after it",
-            "a trajectory goes to infinity there; if it should not, try a smaller h",
-            name,
-        )
-    if kind == "raised":
-        error = trouble["cause"]
-        return (
-            f"a function of the model raised {type(error).__name__}: {error}",
-            "its own traceback stands above",
-            "model",
-        )
-    if kind == "no memory":
-        return (
-            "what is kept would soon not fit in memory",
-            "keep fewer with every=, or none with states=False; a larger rtol takes fewer steps",
-            "memory",
-        )
     return (
-        f"the iteration did not converge (last correction {trouble['size']:.0e})",
-        "try a smaller h",
-        "stages",
+        f"a step of {trouble['h']:.1e} would be needed, less than h_min",
+        "look for a singularity there, where forces grow without bound or steps have no "
+        "solution; else a smaller h_min may help",
+        "step",
     )
 
 
-def _monitor(trouble: dict[str, Any]) -> tuple[str, str, str]:
+def _singular_piece(piece: str) -> Description:
+    return (
+        f"the flow of a piece reaches infinity within the step: {piece}",
+        "a trajectory may go to infinity there; if it should not, try a smaller h, or pieces "
+        "without that danger: diagonal='shears', or 'regular' for degree 2",
+        piece,
+    )
+
+
+def _raised(error: BaseException) -> Description:
+    return (
+        f"a function of the model raised {type(error).__name__}: {error}",
+        "its own traceback stands above",
+        "model",
+    )
+
+
+def _monitor(trouble: dict[str, Any]) -> Description:
     value, rate = trouble["value"], trouble["rate"]
     what = (
         f"the monitor is {value:.6g}"
@@ -160,7 +186,7 @@ def _monitor(trouble: dict[str, Any]) -> tuple[str, str, str]:
 
 def _not_finite(
     trouble: dict[str, Any], coordinates: Sequence[str], constraints: Sequence[str]
-) -> tuple[str, str, str]:
+) -> Description:
     what, index = trouble["quantity"], trouble["index"]
     if what in ("constraint", "hidden constraint", "nonholonomic constraint"):
         quantity = constraints[index]

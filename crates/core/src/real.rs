@@ -49,6 +49,9 @@ pub trait Real:
     /// Applies a scalar function of two arguments lane by lane.
     #[must_use]
     fn zip(self, other: Self, f: impl Fn(f64, f64) -> f64) -> Self;
+    /// Applies a scalar function of several arguments lane by lane.
+    #[must_use]
+    fn each<const K: usize>(of: [Self; K], f: impl Fn([f64; K]) -> f64) -> Self;
     /// Whether it holds for every member.
     fn all(self, f: impl Fn(f64) -> bool) -> bool;
     /// sin x
@@ -57,6 +60,17 @@ pub trait Real:
     /// cos x
     #[must_use]
     fn cos(self) -> Self;
+
+    /// `yes` where this is not zero, `no` where it is.
+    #[inline(always)]
+    #[must_use]
+    fn choose(self, yes: Self, no: Self) -> Self {
+        Self::each(
+            [self, yes, no],
+            #[inline(always)]
+            |[chosen, yes, no]| if chosen == 0.0 { no } else { yes },
+        )
+    }
 }
 
 impl Scalar for f64 {
@@ -92,6 +106,10 @@ impl Real for f64 {
     #[inline(always)]
     fn zip(self, other: Self, f: impl Fn(f64, f64) -> f64) -> Self {
         f(self, other)
+    }
+    #[inline(always)]
+    fn each<const K: usize>(of: [Self; K], f: impl Fn([f64; K]) -> f64) -> Self {
+        f(of)
     }
     #[inline(always)]
     fn all(self, f: impl Fn(f64) -> bool) -> bool {
@@ -146,6 +164,18 @@ impl<const W: usize> Real for Lanes<W> {
         let mut out = self;
         for i in 0..W {
             out.0[i] = f(self.0[i], other.0[i]);
+        }
+        out
+    }
+    #[inline(always)]
+    fn each<const K: usize>(of: [Self; K], f: impl Fn([f64; K]) -> f64) -> Self {
+        let mut out = Self([0.0; W]);
+        for i in 0..W {
+            let mut x = [0.0; K];
+            for k in 0..K {
+                x[k] = of[k].0[i];
+            }
+            out.0[i] = f(x);
         }
         out
     }
@@ -222,7 +252,10 @@ impl<const W: usize> Neg for Lanes<W> {
     type Output = Self;
     #[inline(always)]
     fn neg(self) -> Self {
-        self.map(|a| -a)
+        self.map(
+            #[inline(always)]
+            |a| -a,
+        )
     }
 }
 

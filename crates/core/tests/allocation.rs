@@ -13,7 +13,7 @@ use liouville_core::method::rattle::Rattle;
 use liouville_core::method::schrodinger::{
     Chebyshev, Exponential, Lanczos, Magnus, Nodes, Phases, Shears, Sweeper, Wave,
 };
-use liouville_core::method::spark::{Solver, Spark};
+use liouville_core::method::spark::{Solver, Spark, TOGETHER, Together};
 use liouville_core::method::volume::{Determinant, Volume};
 use liouville_core::method::{Composed, Estimating, Stepper};
 use liouville_core::problem::Monitor;
@@ -243,6 +243,23 @@ fn others<S: Stepper>(stepper: &mut S, state: &mut S::State) -> usize {
     };
     step(0);
     allocations(|| (1..20).for_each(step))
+}
+
+#[test]
+fn a_step_of_several_members_takes_no_memory() {
+    let params = PENDULUM.map(Lanes::<TOGETHER>::splat);
+    let y = [1.0, 0.0].map(Lanes::splat);
+    let z = [
+        Lanes::splat(0.0),
+        Lanes(std::array::from_fn(|k| 0.2 * k as f64)),
+    ];
+    for s in [1, 3, 6] {
+        let tableau = tableau::Spark::gauss(s);
+        let mut together = Together::of(&pendulum().build(), (&params, 11), tableau, Solver::Auto);
+        let mut state = together.state(0.0, &y, &z);
+        let count = others(&mut together, &mut state);
+        assert_eq!(count, 0, "with s = {s}");
+    }
 }
 
 #[test]

@@ -10,13 +10,13 @@ use liouville_core::ensemble::{Ensemble, Layout};
 use liouville_core::method::alpha::{Alpha, Reactions};
 use liouville_core::method::composition::{Composed, NeedsAdjoint};
 use liouville_core::method::rattle::Rattle;
-use liouville_core::method::spark::{Together, goes_together};
+use liouville_core::method::spark::{TOGETHER, Together, goes_together};
 use liouville_core::method::{Stepper, Symmetric};
 use liouville_core::problem::Observe;
 use liouville_core::problem::mechanical::{
     self, Model, Observer, Observers, SecondOrderModel, SeparableModel,
 };
-use liouville_core::real::{Lanes, Scalar, WIDTH};
+use liouville_core::real::{Lanes, Scalar};
 use liouville_core::run::{self, Advance, Equal};
 use liouville_core::tableau::{self, Scheme};
 use liouville_core::tape::Tape;
@@ -87,7 +87,7 @@ impl Stepped {
     /// How many members a block has.
     fn width(&self) -> usize {
         match self {
-            Self::Spark(problem, asked) if goes_together(problem, asked.solver) => WIDTH,
+            Self::Spark(problem, asked) if goes_together(problem, asked.solver) => TOGETHER,
             _ => 1,
         }
     }
@@ -129,7 +129,7 @@ impl Begin {
         let y = side_by_side(members, |member| self.start(0, member));
         let z = side_by_side(members, |member| self.start(1, member));
         let tableau = asked.tableau.clone();
-        let stepper = Together::of(problem, &params, tableau, asked.solver);
+        let stepper = Together::of(problem, (&params, members.len()), tableau, asked.solver);
         let mut stepper = stepper.to_tolerance(asked.tolerance);
         let state = stepper.state(self.span.0, &y, &z);
         let each = if self.is_common() {
@@ -230,9 +230,9 @@ impl Begin {
 }
 
 /// Rows of several members in lock-step; places without one follow the last.
-fn side_by_side<'a>(members: &[usize], row: impl Fn(usize) -> &'a [f64]) -> Vec<Lanes> {
+fn side_by_side<'a>(members: &[usize], row: impl Fn(usize) -> &'a [f64]) -> Vec<Lanes<TOGETHER>> {
     let mut values = vec![Lanes::splat(0.0); row(members[0]).len()];
-    for place in 0..WIDTH {
+    for place in 0..TOGETHER {
         let member = members[place.min(members.len() - 1)];
         for (value, x) in values.iter_mut().zip(row(member)) {
             value.set_member(place, *x);
@@ -290,7 +290,9 @@ pub(crate) fn mechanical_ensemble<'py>(
         states,
         stepped,
     };
-    let block = begin.stepped.width();
+    // as wide as leaves something for each thread
+    let fair = members.div_ceil(threads.max(1));
+    let block = begin.stepped.width().min(fair);
     let own = usize::from(most == 3);
     let states_width = 2 * n + begin.stepped.problem().multipliers() + 2 * own * n;
     let width = usize::from(states) * states_width + own + observer.0.outputs();

@@ -102,17 +102,12 @@ def run(
             h = step_of(module, chosen)
         outline: Any = getattr(module, "outline", None)
         _check_stored(store, {"out": out, "plot": figure, "animate": film})
-        if out is not None:
-            export.check(out)
-        if figure is not None:
-            plot.check(figure)
-        if film is not None:
-            plot.check(film, plot.ANIMATIONS)
-            if outline is None:
-                raise ValueError(
-                    f"{model} cannot be animated: it has no outline(q, params)\n"
-                    "hint: leave --animate out, or define outline as the planar problems do"
-                )
+        _check_paths(out, figure, film)
+        if film is not None and outline is None:
+            raise ValueError(
+                f"{model} cannot be animated: it has no outline(q, params)\n"
+                "hint: leave --animate out, or define outline as the planar problems do"
+            )
         try:
             is_equal = rtol is None and control is None
             with progress(model, "steps" if is_equal else "of time") as report:
@@ -186,3 +181,13 @@ def _check_stored(store: Path | None, wanted: dict[str, Path | None]) -> None:
                 f"a stored run keeps its records in its folder: it takes no --{option}\n"
                 "hint: liouville.load reads the folder, if it fits in memory"
             )
+
+
+def _check_paths(out: Path | None, figure: Path | None, film: Path | None) -> None:
+    """Refuse files that nothing can be written to."""
+    if out is not None:
+        export.check(out)
+    if figure is not None:
+        plot.check(figure)
+    if film is not None:
+        plot.check(film, plot.ANIMATIONS)

@@ -1,8 +1,10 @@
 //! Inverses of matrices that fall into small blocks, as the masses of rigid bodies do.
+#![allow(clippy::inline_always)] // what is not inlined is compiled without the registers it is for
 
 use super::kernels::short;
 use super::{Lu, Pattern, Singular};
 use crate::real::Real;
+use crate::vector::wide;
 
 /// Order of the largest block that is inverted.
 const MOST: usize = 8;
@@ -80,6 +82,14 @@ impl<R: Real> Blocks<R> {
     /// # Errors
     /// The first column without a pivot.
     pub fn factor(&mut self, values: &[R]) -> Result<(), Singular> {
+        wide::<R, _>(
+            #[inline(always)]
+            || self.invert_each(values),
+        )
+    }
+
+    #[inline(always)]
+    fn invert_each(&mut self, values: &[R]) -> Result<(), Singular> {
         self.inverse.fill(R::splat(0.0));
         for (slot, value) in self.slots.iter().zip(values) {
             self.inverse[*slot as usize] += *value;
@@ -99,11 +109,23 @@ impl<R: Real> Blocks<R> {
     /// Solves `A x = b` in place.
     #[inline]
     pub fn solve(&self, b: &mut [R]) {
+        wide::<R, _>(
+            #[inline(always)]
+            || self.multiply_each(b),
+        );
+    }
+
+    #[inline(always)]
+    fn multiply_each(&self, b: &mut [R]) {
         let (mut rest, mut unknowns) = (&self.inverse[..], &self.unknowns[..]);
         for order in &self.orders {
             let (own, next) = unknowns.split_at(*order);
             let (block, others) = rest.split_at(order * order);
-            short!(*order, N => multiply::<R, N>(block, own, b), ());
+            if R::MEMBERS > 1 {
+                multiply_members(block, own, b);
+            } else {
+                short!(*order, N => multiply::<R, N>(block, own, b), ());
+            }
             (rest, unknowns) = (others, next);
         }
     }
@@ -128,7 +150,24 @@ fn multiply<R: Real, const N: usize>(inverse: &[R], unknowns: &[u32], b: &mut [R
     }
 }
 
+/// The same of several members, whose sums are vectors already.
+#[inline(always)]
+fn multiply_members<R: Real>(inverse: &[R], unknowns: &[u32], b: &mut [R]) {
+    let mut sums = [R::splat(0.0); MOST];
+    for (i, sum) in sums.iter_mut().enumerate().take(unknowns.len()) {
+        let mut total = R::splat(-0.0);
+        for (column, unknown) in inverse.chunks_exact(unknowns.len()).zip(unknowns) {
+            total += column[i] * b[*unknown as usize];
+        }
+        *sum = total;
+    }
+    for (sum, unknown) in sums.iter().zip(unknowns) {
+        b[*unknown as usize] = *sum;
+    }
+}
+
 /// A block becomes its inverse.
+#[inline(always)]
 fn invert<R: Real>(lu: &mut Lu<R>, block: &mut [R]) -> Result<(), Singular> {
     let order = lu.order();
     if let [value] = block {

@@ -1,8 +1,10 @@
 //! Factorisations, and what to say of a matrix that has none.
+#![allow(clippy::inline_always)] // what is not inlined is compiled without the registers it is for
 
 use super::kernels::short;
 use super::{Blocks, Matrix, Pattern, Sparse, SparseOf, add_scaled, dot, max_norm, scale_each};
 use crate::real::Real;
+use crate::vector::wide;
 
 /// No pivot in this column: it depends on the columns before it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -49,6 +51,14 @@ impl<R: Real> Lu<R> {
     /// # Errors
     /// The first column whose best pivot is at roundoff of its row.
     pub fn factor(&mut self) -> Result<(), Singular> {
+        wide::<R, _>(
+            #[inline(always)]
+            || self.eliminate(),
+        )
+    }
+
+    #[inline(always)]
+    fn eliminate(&mut self) -> Result<(), Singular> {
         let n = self.order();
         for i in 0..n {
             self.scale[i] = max_norm(self.factors.row(i));
@@ -74,6 +84,7 @@ impl<R: Real> Lu<R> {
     }
 
     /// Brings the largest pivot of column `k` into its place, for each member.
+    #[inline(always)]
     fn pivot(&mut self, k: usize) -> Result<(), Singular> {
         let n = self.order();
         #[allow(clippy::cast_precision_loss)]
@@ -118,15 +129,24 @@ impl<R: Real> Lu<R> {
     }
 
     /// Solves `A x = b` in place.
-    #[inline]
+    #[inline(always)]
     pub fn solve(&self, b: &mut [R]) {
-        let n = self.order();
         for (k, swaps) in self.swaps.chunks_exact(R::MEMBERS).enumerate() {
             swap(b, k, swaps);
         }
-        short!(n, N => self.solve_short::<N>(b), self.solve_long(b));
+        if R::MEMBERS > 1 {
+            self.solve_long(b);
+        } else {
+            self.solve_alone(b);
+        }
     }
 
+    #[inline]
+    fn solve_alone(&self, b: &mut [R]) {
+        short!(self.order(), N => self.solve_short::<N>(b), self.solve_long(b));
+    }
+
+    #[inline(always)]
     fn solve_long(&self, b: &mut [R]) {
         let n = self.order();
         for j in 0..n {
@@ -208,7 +228,7 @@ fn eliminate_some<R: Real>(row: &mut [R], factor: R, pivot_row: &[R]) {
 }
 
 /// Swaps place `k` with that of each member.
-#[inline]
+#[inline(always)]
 fn swap<R: Real>(x: &mut [R], k: usize, with: &[usize]) {
     if with.iter().all(|other| *other == with[0]) {
         x.swap(k, with[0]);
@@ -219,6 +239,7 @@ fn swap<R: Real>(x: &mut [R], k: usize, with: &[usize]) {
     }
 }
 
+#[inline(always)]
 fn swap_member<R: Real>(x: &mut [R], i: usize, j: usize, member: usize) {
     let (a, b) = (x[i].member(member), x[j].member(member));
     x[i].set_member(member, b);
@@ -246,6 +267,21 @@ fn prefers_sparse(pattern: &Pattern) -> bool {
     n >= 32 && (6 * pattern.len() <= n * n || n >= 160)
 }
 
+/// The inverse of a diagonal matrix.
+#[inline(always)]
+fn invert<R: Real>(inverse: &mut [R], pattern: &Pattern, values: &[R]) -> Result<(), Singular> {
+    inverse.fill(R::splat(0.0));
+    for (&(row, _), value) in pattern.entries().iter().zip(values) {
+        inverse[row] = R::splat(1.0) / *value;
+    }
+    for (column, x) in inverse.iter().enumerate() {
+        if !x.all(|x| x != 0.0 && x.is_finite()) {
+            return Err(Singular { column });
+        }
+    }
+    Ok(())
+}
+
 impl<R: Real> Factor<R> {
     /// Memory for matrices of this pattern.
     pub fn new(pattern: &Pattern) -> Self {
@@ -267,17 +303,10 @@ impl<R: Real> Factor<R> {
     /// The first column without a pivot.
     pub fn factor(&mut self, pattern: &Pattern, values: &[R]) -> Result<(), Singular> {
         match self {
-            Self::Diagonal(inverse) => {
-                inverse.fill(R::splat(0.0));
-                for (&(row, _), value) in pattern.entries().iter().zip(values) {
-                    inverse[row] = R::splat(1.0) / *value;
-                }
-                let is_fine = |x: &R| x.all(|x| x != 0.0 && x.is_finite());
-                match inverse.iter().position(|x| !is_fine(x)) {
-                    Some(column) => Err(Singular { column }),
-                    None => Ok(()),
-                }
-            }
+            Self::Diagonal(inverse) => wide::<R, _>(
+                #[inline(always)]
+                || invert(inverse, pattern, values),
+            ),
             Self::Blocks(blocks) => blocks.factor(values),
             Self::Dense(lu) => {
                 lu.matrix_mut().clear();
@@ -289,7 +318,7 @@ impl<R: Real> Factor<R> {
     }
 
     /// Solves `A x = b` in place.
-    #[inline]
+    #[inline(always)]
     pub fn solve(&mut self, b: &mut [R]) {
         match self {
             Self::Diagonal(inverse) => scale_each(b, inverse),

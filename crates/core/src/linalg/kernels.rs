@@ -3,7 +3,7 @@
 
 use super::Matrix;
 use crate::real::Real;
-use crate::vector::wide_along;
+use crate::vector::{wide_alone, wide_along};
 use std::ops::Mul;
 
 /// `out += factor * x`
@@ -43,8 +43,19 @@ pub fn combine<R: Real>(
 ) {
     if R::MEMBERS > 1 {
         // a sum of several members is kept in registers as it is
-        return combine_members(out, weights, x, finish);
+        combine_members(out, weights, x, finish);
+    } else {
+        combine_alone(out, weights, x, finish);
     }
+}
+
+#[inline(always)]
+fn combine_alone<R: Real>(
+    out: &mut [R],
+    weights: &Matrix,
+    x: &Matrix<R>,
+    finish: impl Fn(usize, usize, &mut [R]),
+) {
     short!(x.cols(), N => combine_short::<R, N>(out, weights, x, finish), combine_long(out, weights, x, finish));
 }
 
@@ -56,15 +67,13 @@ fn combine_members<R: Real>(
     finish: impl Fn(usize, usize, &mut [R]),
 ) {
     let (cols, inner) = (x.cols(), weights.cols());
-    let (weights, x) = (weights.flat(), x.flat());
-    let rows = (out.len() / cols).min(weights.len() / inner);
-    for i in 0..rows {
-        for k in 0..cols {
+    let rows = weights.flat().chunks_exact(inner);
+    for (i, (out, weights)) in out.chunks_exact_mut(cols).zip(rows).enumerate() {
+        for (k, out) in out.iter_mut().enumerate() {
             let mut sum = R::splat(0.0);
-            for j in 0..inner.min(x.len() / cols) {
-                sum += x[j * cols + k] * weights[i * inner + j];
+            for (weight, x) in weights.iter().zip(x.flat().chunks_exact(cols)) {
+                sum += x[k] * *weight;
             }
-            let out = &mut out[i * cols + k];
             *out = sum;
             finish(i, k, std::slice::from_mut(out));
         }
@@ -127,9 +136,20 @@ fn combine_long<R: Real>(
 ///
 /// # Panics
 /// When the sizes differ.
-#[inline]
+#[inline(always)]
 pub fn copy<T: Copy>(out: &mut [T], x: &[T]) {
     assert_eq!(out.len(), x.len(), "sizes of a copy");
+    if size_of::<T>() > size_of::<f64>() {
+        for (out, x) in out.iter_mut().zip(x) {
+            *out = *x;
+        }
+    } else {
+        copy_alone(out, x);
+    }
+}
+
+#[inline]
+fn copy_alone<T: Copy>(out: &mut [T], x: &[T]) {
     short!(
         x.len(),
         N => if let (Some(out), Some(x)) = (out.first_chunk_mut::<N>(), x.first_chunk::<N>()) { *out = *x; },
@@ -146,9 +166,9 @@ pub fn copy_scaled<R: Real + Mul<F, Output = R>, F: Copy>(out: &mut [R], factor:
 }
 
 /// `x_i *= factors_i`
-#[inline]
+#[inline(always)]
 pub fn scale_each<R: Real>(x: &mut [R], factors: &[R]) {
-    wide_along::<R, _>(
+    wide_alone::<R, _>(
         x.len(),
         #[inline(always)]
         || {
@@ -160,15 +180,24 @@ pub fn scale_each<R: Real>(x: &mut [R], factors: &[R]) {
 }
 
 /// Largest magnitude; NaN counts as infinite.
-#[inline]
+#[inline(always)]
 pub fn max_norm<R: Real>(x: &[R]) -> R {
-    // magnitudes are ordered as their bits are, NaN last
-    let larger = |a: f64, b: f64| f64::from_bits(a.to_bits().max(b.to_bits() & !SIGN));
     if let Some(x) = R::alone(x) {
         return R::splat(max_norm_alone(x));
     }
-    let largest = x.iter().fold(R::splat(0.0), |a, b| a.zip(*b, larger));
-    largest.map(|x| if x.is_nan() { f64::INFINITY } else { x })
+    let mut largest = R::splat(0.0);
+    for x in x {
+        // magnitudes are ordered as their bits are, NaN last
+        largest = largest.zip(
+            *x,
+            #[inline(always)]
+            |a, b| f64::from_bits(a.to_bits().max(b.to_bits() & !SIGN)),
+        );
+    }
+    largest.map(
+        #[inline(always)]
+        |x| if x.is_nan() { f64::INFINITY } else { x },
+    )
 }
 
 const SIGN: u64 = 1 << 63;
@@ -202,23 +231,35 @@ fn largest(x: &[f64]) -> f64 {
 }
 
 /// Whether all values are finite.
-#[inline]
+#[inline(always)]
 pub fn all_finite<R: Real>(x: &[R]) -> bool {
     // without a way out, so that several are looked at in one instruction
-    wide_along::<R, _>(
+    wide_alone::<R, _>(
         x.len(),
         #[inline(always)]
-        || x.iter().fold(true, |all, x| all & x.all(f64::is_finite)),
+        || {
+            let mut all = true;
+            for x in x {
+                all &= x.all(f64::is_finite);
+            }
+            all
+        },
     )
 }
+
+/// The sums of [`combine`] as they are.
+#[inline(always)]
+pub fn as_is<R>(_: usize, _: usize, _: &mut [R]) {}
 
 /// `Σ x_i y_i`, over as many as both have.
 #[inline(always)]
 pub fn dot<R: Real>(x: &[R], y: &[R]) -> R {
     // as the standard library sums, from −0
-    x.iter()
-        .zip(y)
-        .fold(R::splat(-0.0), |sum, (x, y)| sum + *x * *y)
+    let mut sum = R::splat(-0.0);
+    for (x, y) in x.iter().zip(y) {
+        sum += *x * *y;
+    }
+    sum
 }
 
 /// `sum += x`, and what the additions lose is added to `lost` (Knuth's two-sum).

@@ -1,4 +1,5 @@
 //! A small dense matrix.
+#![allow(clippy::inline_always)] // what is not inlined is compiled without the registers it is for
 
 use crate::real::Real;
 use std::ops::{Index, IndexMut};
@@ -34,47 +35,49 @@ impl<R: Real> Matrix<R> {
     }
 
     /// Row `i`.
-    #[inline]
+    #[inline(always)]
     pub fn row(&self, i: usize) -> &[R] {
         &self.data[i * self.cols..(i + 1) * self.cols]
     }
 
     /// Row `i`, to write.
-    #[inline]
+    #[inline(always)]
     pub fn row_mut(&mut self, i: usize) -> &mut [R] {
         &mut self.data[i * self.cols..(i + 1) * self.cols]
     }
 
     /// Number of rows.
-    #[inline]
+    #[inline(always)]
     pub fn rows(&self) -> usize {
         self.rows
     }
 
     /// Number of columns.
-    #[inline]
+    #[inline(always)]
     pub fn cols(&self) -> usize {
         self.cols
     }
 
     /// Every entry set to zero.
+    #[inline(always)]
     pub fn clear(&mut self) {
         self.data.fill(R::splat(0.0));
     }
 
     /// All entries, row by row.
-    #[inline]
+    #[inline(always)]
     pub fn flat(&self) -> &[R] {
         &self.data
     }
 
     /// All entries, row by row, to write.
-    #[inline]
+    #[inline(always)]
     pub fn flat_mut(&mut self) -> &mut [R] {
         &mut self.data
     }
 
     /// A square matrix becomes its transpose.
+    #[inline(always)]
     pub(super) fn transpose(&mut self) {
         let n = self.cols;
         for i in 1..n {
@@ -85,6 +88,7 @@ impl<R: Real> Matrix<R> {
         }
     }
 
+    #[inline(always)]
     pub(super) fn swap_rows(&mut self, i: usize, j: usize) {
         if i != j {
             let (low, high) = (i.min(j), i.max(j));
@@ -96,14 +100,14 @@ impl<R: Real> Matrix<R> {
 
 impl<R> Index<(usize, usize)> for Matrix<R> {
     type Output = R;
-    #[inline]
+    #[inline(always)]
     fn index(&self, (i, j): (usize, usize)) -> &R {
         &self.data[i * self.cols + j]
     }
 }
 
 impl<R> IndexMut<(usize, usize)> for Matrix<R> {
-    #[inline]
+    #[inline(always)]
     fn index_mut(&mut self, (i, j): (usize, usize)) -> &mut R {
         &mut self.data[i * self.cols + j]
     }

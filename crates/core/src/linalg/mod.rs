@@ -24,7 +24,8 @@ pub use blocks::Blocks;
 pub use factor::{Factor, Lu, Singular, dependencies, dependent_rows};
 pub use gram::Gram;
 pub use kernels::{
-    add_scaled, all_finite, carry, combine, copy, copy_scaled, dot, gather, max_norm, scale_each,
+    add_scaled, all_finite, as_is, carry, combine, copy, copy_scaled, dot, gather, max_norm,
+    scale_each,
 };
 pub use matrix::Matrix;
 pub use members::SparseOf;

@@ -1,4 +1,5 @@
 //! Sparsity patterns, for matrices whose values come from a tape.
+#![allow(clippy::inline_always)] // what is not inlined is compiled without the registers it is for
 
 use super::Matrix;
 use crate::real::Real;
@@ -107,7 +108,7 @@ impl Pattern {
     }
 
     /// `out += factor * A x`
-    #[inline]
+    #[inline(always)]
     pub fn multiply_add<R: Real>(&self, values: &[R], factor: f64, x: &[R], out: &mut [R]) {
         for (&(row, col), value) in self.entries.iter().zip(values) {
             out[row] += *value * factor * x[col];
@@ -115,6 +116,7 @@ impl Pattern {
     }
 
     /// Adds `factor * A` to `target`, its corner at `(row, col)`.
+    #[inline(always)]
     pub fn add_to<R: Real>(
         &self,
         values: &[R],

@@ -7,13 +7,17 @@
 //! of those above it; where they do not, what falls no more is roundoff. A second
 //! correction more than half the first ends it at once: Newton's method may converge from there, but
 //! to what solution is anybody's guess. Source: hairer1996, IV.8; deuflhard2004, 2.1.
+#![allow(clippy::needless_bitwise_bool)] // a way out would end the loop over members
+#![allow(clippy::inline_always)] // what is not inlined is compiled without the registers it is for
+#![allow(clippy::float_cmp)] // verdicts are whole numbers
 
 mod broyden;
 
 pub use broyden::Broyden;
 
-use crate::real::{Real, WIDTH};
+use crate::real::Real;
 use crate::trouble::Trouble;
+use crate::vector::wide;
 
 /// A system of equations in the middle of being solved: one, or those of several members in lock-step.
 pub trait Equations<R = f64> {
@@ -28,11 +32,11 @@ pub trait Equations<R = f64> {
         Stop::default()
     }
 
-    /// Keeps what has been found for a member that takes no further corrections.
-    fn keep(&mut self, _member: usize) {}
+    /// Keeps what has been found for members, those where this is not zero, that take no further corrections.
+    fn keep(&mut self, _members: R) {}
 
-    /// Puts back what was kept for a member.
-    fn put_back(&mut self, _member: usize) {}
+    /// Puts back what was kept for members.
+    fn put_back(&mut self, _members: R) {}
 }
 
 /// What ends an iteration, as fractions of the solution.
@@ -73,10 +77,11 @@ pub fn solve(equations: &mut impl Equations, most: usize) -> Result<usize, Troub
     let mut progress = Progress::new(equations.stop());
     for iterations in 1..=most {
         let size = equations.correct()?;
-        match progress.judge(size, iterations, most) {
-            Verdict::Converged => return Ok(iterations),
-            Verdict::Hopeless => return Err(Trouble::NotConverged { iterations, size }),
-            Verdict::Open => {}
+        let verdict = progress.judge(size, iterations, most);
+        if verdict == CONVERGED {
+            return Ok(iterations);
+        } else if verdict == HOPELESS {
+            return Err(Trouble::NotConverged { iterations, size });
         }
     }
     Err(Trouble::NotConverged {
@@ -105,56 +110,72 @@ pub enum Member {
 }
 
 /// Corrects several members, those that are [`Member::Open`], until each has converged or will not: by its own
-/// corrections, so that it takes as many as it would alone.
+/// corrections, so that it takes as many as it would alone. There is a place for each.
 ///
 /// # Errors
 /// A correction could not be made: that may be the trouble of any of them.
 pub fn solve_each<R: Real>(
     equations: &mut impl Equations<R>,
     most: usize,
-    members: &mut [Member; WIDTH],
+    members: &mut [Member],
 ) -> Result<(), Trouble> {
-    const { assert!(R::MEMBERS <= WIDTH, "a place for each member") };
-    let mut progress = [Progress::new(equations.stop()); WIDTH];
-    let mut kept = [false; WIDTH];
+    let mut progress = Progress::new(equations.stop());
+    let (mut kept, mut has_kept) = (R::splat(0.0), false);
     for iterations in 1..=most {
         let sizes = equations.correct()?;
-        for (member, stands) in members.iter_mut().enumerate().take(R::MEMBERS) {
-            if *stands != Member::Open {
+        let verdicts = wide::<R, _>(
+            #[inline(always)]
+            || progress.judge(sizes, iterations, most),
+        );
+        if verdicts.all(|verdict| verdict == OPEN) {
+            continue;
+        }
+        let mut done = R::splat(0.0);
+        for (member, stands) in members.iter_mut().enumerate() {
+            let (verdict, size) = (verdicts.member(member), sizes.member(member));
+            if *stands != Member::Open || verdict == OPEN {
                 continue;
             }
-            let size = sizes.member(member);
-            *stands = match progress[member].judge(size, iterations, most) {
-                Verdict::Open => Member::Open,
-                Verdict::Converged => Member::Converged(iterations),
-                Verdict::Hopeless => Member::Hopeless { iterations, size },
+            *stands = if verdict == CONVERGED {
+                done.set_member(member, 1.0);
+                Member::Converged(iterations)
+            } else {
+                Member::Hopeless { iterations, size }
             };
         }
-        if !members[..R::MEMBERS].contains(&Member::Open) {
+        if !members.contains(&Member::Open) {
             break;
         }
-        for (member, stands) in members.iter().enumerate().take(R::MEMBERS) {
-            if *stands == Member::Converged(iterations) {
-                equations.keep(member);
-                kept[member] = true;
-            }
-        }
+        wide::<R, _>(
+            #[inline(always)]
+            || equations.keep(done),
+        );
+        kept += done;
+        has_kept = true;
     }
-    for member in (0..R::MEMBERS).filter(|member| kept[*member]) {
-        equations.put_back(member);
+    if has_kept {
+        wide::<R, _>(
+            #[inline(always)]
+            || equations.put_back(kept),
+        );
     }
     Ok(())
 }
+
+/// Never more in lock-step.
+const MOST_MEMBERS: usize = 16;
 
 /// Corrects all members until each has converged.
 ///
 /// # Errors
 /// [`Trouble::NotConverged`] as soon as one of them will not.
 pub fn solve_all<R: Real>(equations: &mut impl Equations<R>, most: usize) -> Result<(), Trouble> {
-    let mut members = [Member::Open; WIDTH];
-    solve_each(equations, most, &mut members)?;
-    let hopeless = members.into_iter().find_map(|member| match member {
-        Member::Hopeless { iterations, size } => Some((iterations, size)),
+    const { assert!(R::MEMBERS <= MOST_MEMBERS, "a place for each member") };
+    let mut members = [Member::Open; MOST_MEMBERS];
+    let members = &mut members[..R::MEMBERS];
+    solve_each(equations, most, members)?;
+    let hopeless = members.iter().find_map(|member| match member {
+        Member::Hopeless { iterations, size } => Some((*iterations, *size)),
         _ => None,
     });
     hopeless.map_or(Ok(()), |(iterations, size)| {
@@ -162,88 +183,142 @@ pub fn solve_all<R: Real>(equations: &mut impl Equations<R>, most: usize) -> Res
     })
 }
 
-/// How far the corrections of a member have come.
+/// How far corrections have come, of each member.
 #[derive(Clone, Copy, Debug)]
-struct Progress {
+struct Progress<R> {
     stop: Stop,
-    last: f64,
-    expected: f64,
-    rate: Option<f64>,
+    last: R,
+    expected: R,
+    /// NaN before there is one.
+    rate: R,
 }
 
-enum Verdict {
-    Open,
-    Converged,
-    Hopeless,
-}
+/// Verdicts on the corrections of a member, as numbers: they are found for all members at once.
+const OPEN: f64 = 0.0;
+const CONVERGED: f64 = 1.0;
+const HOPELESS: f64 = 2.0;
 
-impl Progress {
+impl<R: Real> Progress<R> {
     fn new(stop: Stop) -> Self {
         Self {
             stop,
-            last: f64::INFINITY,
-            expected: f64::INFINITY,
-            rate: None,
+            last: R::splat(f64::INFINITY),
+            expected: R::splat(f64::INFINITY),
+            rate: R::splat(f64::NAN),
         }
     }
 
     /// What another correction, of this size, says.
-    #[inline]
-    fn judge(&mut self, size: f64, iterations: usize, most: usize) -> Verdict {
+    #[inline(always)]
+    fn judge(&mut self, size: R, iterations: usize, most: usize) -> R {
         let Stop {
-            tolerance,
             is_even,
             least_rate,
+            ..
         } = self.stop;
         let theta = size / self.last;
-        let is_noise = size < NOISE;
-        let is_hidden = is_noise && is_even;
         // noise hides what is still converging: the rate seen above it is believed
-        self.expected = match self.rate {
-            Some(rate) if is_hidden => size.min(rate * self.expected),
-            _ => size,
-        };
-        if iterations > 1 && !is_hidden {
-            self.rate = Some(theta.max(least_rate));
-        }
-        let (rate, expected) = (self.rate, self.expected);
-        let is_converged = size == 0.0
-            || iterations > 1 && still_to_come(rate.unwrap_or(theta), expected) < tolerance
-            || is_noise && (rate.is_none() || !is_even) && theta >= 0.5
-            || !is_even && iterations > 2 && size < LOUD_NOISE && theta >= 0.9
-            || is_noise && iterations == most;
-        if is_converged {
-            return Verdict::Converged;
-        }
-        let left = (most - iterations) as f64;
-        let is_too_slow = is_even && still_to_come(theta, size) * theta.powf(left) > tolerance;
-        if !size.is_finite()
-            || iterations == most
-            || !is_noise && is_hopeless(theta, iterations, is_too_slow)
-        {
-            return Verdict::Hopeless;
+        self.expected = size.zip(
+            self.rate * self.expected,
+            #[inline(always)]
+            |size, rest| {
+                if is_even & (size < NOISE) {
+                    size.min(rest)
+                } else {
+                    size
+                }
+            },
+        );
+        if iterations > 1 {
+            self.rate = R::each(
+                [size, theta, self.rate],
+                #[inline(always)]
+                |[size, theta, rate]| {
+                    if is_even & (size < NOISE) {
+                        rate
+                    } else {
+                        theta.max(least_rate)
+                    }
+                },
+            );
         }
         self.last = size;
-        Verdict::Open
+        let slow = self.too_slow(size, theta, iterations, most);
+        let verdict = self.verdict(iterations, most);
+        R::each([size, theta, self.rate, self.expected, slow], verdict)
+    }
+
+    /// Whether a correction size, θ, the rate, what is expected, and whether it is too slow are those of a
+    /// member that has converged or will not.
+    #[inline(always)]
+    fn verdict(&self, iterations: usize, most: usize) -> impl Fn([f64; 5]) -> f64 + use<R> {
+        let Stop {
+            tolerance, is_even, ..
+        } = self.stop;
+        // growing, at its present rate too slow, or started too far away
+        let (worst, minds_slow) = match iterations {
+            1 => (f64::INFINITY, false),
+            2 => (NEARBY.next_up(), false),
+            3 => (2.0, false),
+            // a Newton iteration may have needed three corrections to find its rate
+            _ => (2.0, true),
+        };
+        let (is_first, is_third) = (iterations == 1, iterations > 2);
+        let is_last = iterations == most;
+        #[inline(always)]
+        move |[size, theta, rate, expected, slow]| {
+            let is_noise = size < NOISE;
+            let rate_now = if rate.is_nan() { theta } else { rate };
+            let is_converged = (size == 0.0)
+                | (!is_first & (still_to_come(rate_now, expected) < tolerance))
+                | (is_noise & (rate.is_nan() | !is_even) & (theta >= 0.5))
+                | (!is_even & is_third & (size < LOUD_NOISE) & (theta >= 0.9))
+                | (is_noise & is_last);
+            let is_hopeless = (theta >= worst) | (minds_slow & (slow != 0.0));
+            if is_converged {
+                CONVERGED
+            } else if !size.is_finite() | is_last | (!is_noise & is_hopeless) {
+                HOPELESS
+            } else {
+                OPEN
+            }
+        }
+    }
+
+    /// 1 where the corrections left are not enough at the present rate, where that is asked for.
+    #[inline(always)]
+    fn too_slow(&self, size: R, theta: R, iterations: usize, most: usize) -> R {
+        let Stop {
+            tolerance, is_even, ..
+        } = self.stop;
+        if iterations < 4 || !is_even {
+            return R::splat(0.0);
+        }
+        let to_come = theta.zip(size, still_to_come) * power(theta, most - iterations);
+        to_come.map(
+            #[inline(always)]
+            |size| f64::from(u8::from(size > tolerance)),
+        )
     }
 }
 
 /// The sum of all corrections after one of size `size`, at this rate.
+#[inline(always)]
 fn still_to_come(rate: f64, size: f64) -> f64 {
-    if rate < 1.0 {
-        rate * size / (1.0 - rate)
-    } else {
-        f64::INFINITY
-    }
+    let sum = rate * size / (1.0 - rate);
+    if rate < 1.0 { sum } else { f64::INFINITY }
 }
 
-/// Growing, at its present rate too slow, or started too far away.
-fn is_hopeless(theta: f64, iterations: usize, is_too_slow: bool) -> bool {
-    match iterations {
-        1 => false,
-        2 => theta > NEARBY,
-        3 => theta >= 2.0,
-        // a Newton iteration may have needed three corrections to find its rate
-        _ => theta >= 2.0 || is_too_slow,
+/// x^n, by squares.
+#[inline(always)]
+fn power<R: Real>(x: R, mut n: usize) -> R {
+    let (mut square, mut power) = (x, R::splat(1.0));
+    while n > 0 {
+        if n % 2 == 1 {
+            power *= square;
+        }
+        square *= square;
+        n /= 2;
     }
+    power
 }

@@ -1,4 +1,5 @@
 //! Several points side by side, in lanes: each has the bits it has alone.
+#![allow(clippy::inline_always)] // what is not inlined is compiled without the registers it is for
 
 use super::execute::cost;
 use super::{Program, Registers, Tape};
@@ -15,7 +16,7 @@ pub struct Beside<R> {
 
 impl<R> Beside<R> {
     /// The values at one point, of which there are `width`.
-    #[inline]
+    #[inline(always)]
     pub fn at(&self, point: usize, width: usize) -> &[R] {
         &self.values[point * width..][..width]
     }

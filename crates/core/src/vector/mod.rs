@@ -145,6 +145,16 @@ pub fn wide_along<R: Scalar, O>(length: usize, f: impl FnOnce() -> O) -> O {
     }
 }
 
+/// [`wide_along`] within what is [`wide`] already where there are several members.
+#[inline(always)]
+pub fn wide_alone<R: Scalar, O>(length: usize, f: impl FnOnce() -> O) -> O {
+    if R::MEMBERS == 1 && length >= LONG {
+        Arch::new().dispatch(Whole(f))
+    } else {
+        f()
+    }
+}
+
 impl Machine {
     /// All that this machine has, the widest last.
     pub fn all() -> Vec<Self> {

@@ -13,10 +13,15 @@ use super::{Solver, Spark};
 use crate::method::{Foreign, Memory, Stats, Stepper, Symmetric};
 use crate::newton::{self, Member};
 use crate::problem::mechanical::{Mechanical, Model, State};
-use crate::real::{Lanes, Scalar, WIDTH};
+use crate::real::{Lanes, Scalar};
 use crate::tableau;
 use crate::trouble::Trouble;
 use std::sync::Arc;
+
+/// How many members a block has: two of the widest registers, so that one does not wait for the other.
+pub const TOGETHER: usize = 16;
+/// The same number of each member.
+type Block = Lanes<TOGETHER>;
 
 /// Fewer members than this in lock-step are slower than one by one.
 const FEW: usize = 3;
@@ -36,36 +41,39 @@ pub fn goes_together(problem: &Mechanical, solver: Solver) -> bool {
 pub struct Together {
     problem: Arc<Mechanical>,
     solver: Solver,
-    model: Model<Lanes>,
-    stages: Stages<Lanes>,
-    schur: NodeSchur<Lanes>,
-    predictor: Predictor<Lanes>,
-    update: Update<Lanes>,
+    model: Model<Block>,
+    stages: Stages<Block>,
+    schur: NodeSchur<Block>,
+    predictor: Predictor<Block>,
+    update: Update<Block>,
     /// What makes a step of one member: of any, where their parameters are the same.
     alone: Vec<Spark>,
     state: State,
     /// Steps each is still to make alone, and how many it was last time.
-    resting: [usize; WIDTH],
-    rest: [usize; WIDTH],
-    members: [Member; WIDTH],
+    resting: [usize; TOGETHER],
+    rest: [usize; TOGETHER],
+    members: [Member; TOGETHER],
+    /// How many there are: the last one fills the places that are left, and all it does is done there too.
+    count: usize,
     saved: Vec<f64>,
     stats: Stats,
 }
 
 impl Together {
-    /// The method of these coefficients, for parameters of each member.
+    /// The method of these coefficients, for parameters of each of so many members; the last one is to fill the
+    /// places that are left.
     pub fn of(
         problem: &Arc<Mechanical>,
-        params: &[Lanes],
+        (params, members): (&[Block], usize),
         tableau: tableau::Spark,
         solver: Solver,
     ) -> Self {
         let model = Model::new(problem.clone(), params);
-        let is_common = |x: &Lanes| x.0.iter().all(|value| value.to_bits() == x.0[0].to_bits());
+        let is_common = |x: &Block| x.0.iter().all(|value| value.to_bits() == x.0[0].to_bits());
         let count = if params.iter().all(is_common) {
             1
         } else {
-            WIDTH
+            TOGETHER
         };
         let single = |member: usize| {
             let params: Vec<f64> = params.iter().map(|x| x.member(member)).collect();
@@ -79,7 +87,7 @@ impl Together {
         let stages = Stages::new(&model, tableau);
         let mut saved = Vec::new();
         alone[0].save(0, &mut saved);
-        saved.reserve_exact(WIDTH * (saved.len() + 5 * problem.n));
+        saved.reserve_exact(TOGETHER * (saved.len() + 5 * problem.n));
         Self {
             solver,
             schur: NodeSchur::new(&model, &stages),
@@ -87,9 +95,10 @@ impl Together {
             update: Update::new(&model),
             alone,
             state: State::zeros(problem.n),
-            resting: [0; WIDTH],
-            rest: [0; WIDTH],
-            members: [Member::Out; WIDTH],
+            resting: [0; TOGETHER],
+            rest: [0; TOGETHER],
+            members: [Member::Out; TOGETHER],
+            count: members.clamp(1, TOGETHER),
             saved,
             stats: Stats::default(),
             stages,
@@ -108,21 +117,22 @@ impl Together {
     }
 
     /// The members' state at `t`, from y and z.
-    pub fn state(&mut self, t: f64, y: &[Lanes], z: &[Lanes]) -> State<Lanes> {
+    pub fn state(&mut self, t: f64, y: &[Block], z: &[Block]) -> State<Block> {
         self.model.state(t, y, z)
     }
 
     /// The common path, up to where the step has only to be committed; says who has come to its end.
-    fn advance(&mut self, step: Step<Lanes>) -> Result<(), Trouble> {
+    fn advance(&mut self, step: Step<Block>) -> Result<(), Trouble> {
         self.members = self.resting.map(|left| match left {
             0 => Member::Open,
             _ => Member::Out,
         });
-        let open = self.resting.iter().filter(|left| **left == 0).count();
+        let open = self.resting[..self.count].iter();
+        let open = open.filter(|left| **left == 0).count();
         let (stages, model) = (&mut self.stages, &mut self.model);
         let z1 = &mut self.update.z;
         if open < FEW || !self.predictor.extrapolate(stages, z1, step.h) {
-            self.members = [Member::Out; WIDTH];
+            self.members = [Member::Out; TOGETHER];
             return Ok(());
         }
         let most = self.solver.patience(&self.problem, &stages.tableau);
@@ -147,7 +157,7 @@ impl Together {
         &mut self,
         member: usize,
         (t, h): (f64, f64),
-        state: &State<Lanes>,
+        state: &State<Block>,
     ) -> Result<(), Trouble> {
         let mut saved = std::mem::take(&mut self.saved);
         let start = saved.len();
@@ -168,25 +178,33 @@ impl Together {
     }
 
     /// Puts those who stepped alone back beside the others.
-    fn take_back(&mut self, state: &mut State<Lanes>) -> Result<(), Foreign> {
+    fn take_back(&mut self, state: &mut State<Block>) -> Result<(), Foreign> {
         let held = std::mem::take(&mut self.saved);
         let mut saved = &held[..];
-        let members = self.members;
-        for member in (0..WIDTH).filter(|member| !has_converged(&members[*member])) {
+        for member in 0..TOGETHER {
+            if has_converged(&self.members[member]) {
+                continue;
+            }
+            let before = saved;
             self.restore(member, &mut saved)?;
             state.restore(member, &mut saved)?;
+            if member + 1 >= self.count {
+                saved = before; // for the next place to follow
+            }
         }
         self.saved = held;
         Ok(())
     }
 
-    fn count(&mut self) {
+    fn sum_up(&mut self) {
         let stages = self.stages.tableau.stages;
         for (member, stands) in self.members.iter().enumerate() {
             if let Member::Converged(iterations) = stands {
                 self.rest[member] = 0;
-                self.stats.iterations += iterations;
-                self.stats.evaluations += (iterations + 1) * stages;
+                if member < self.count {
+                    self.stats.iterations += iterations;
+                    self.stats.evaluations += (iterations + 1) * stages;
+                }
             }
         }
     }
@@ -197,15 +215,15 @@ fn has_converged(member: &Member) -> bool {
 }
 
 impl Stepper for Together {
-    type State = State<Lanes>;
+    type State = State<Block>;
 
-    fn step(&mut self, t: f64, h: f64, state: &mut State<Lanes>) -> Result<(), Trouble> {
+    fn step(&mut self, t: f64, h: f64, state: &mut State<Block>) -> Result<(), Trouble> {
         if self.advance(Step { t, h, state }).is_err() {
             // whose trouble it is, each finds out alone
-            self.members = [Member::Out; WIDTH];
+            self.members = [Member::Out; TOGETHER];
         }
         self.saved.clear();
-        for member in 0..WIDTH {
+        for member in 0..self.count {
             if !has_converged(&self.members[member]) {
                 self.step_alone(member, (t, h), state)?;
             }
@@ -214,7 +232,7 @@ impl Stepper for Together {
             let (predictor, update) = (&mut self.predictor, &self.update);
             predictor.keep(&self.stages, h, &state.z, &update.z, &update.v);
             update.commit(state);
-            self.count();
+            self.sum_up();
         }
         let is_own = self.take_back(state).is_ok();
         debug_assert!(is_own, "it is of the same problem");

@@ -41,7 +41,7 @@ use sparse_newton::SparseNewton;
 use stages::{Stages, Step, Unknowns};
 use update::Update;
 
-pub use lanes::{Together, goes_together};
+pub use lanes::{TOGETHER, Together, goes_together};
 
 /// How the stage equations are solved; all ways lead to the same solution, to roundoff.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

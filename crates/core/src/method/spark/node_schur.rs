@@ -10,12 +10,14 @@
 
 use super::sparse_schur::SparseSchur;
 use super::stages::{Stages, Step, Unknowns};
-use crate::linalg::{Lu, Matrix, Singular, add_scaled, combine, copy, copy_scaled, max_norm};
+use crate::linalg::{
+    Lu, Matrix, Singular, add_scaled, as_is, combine, copy, copy_scaled, max_norm,
+};
 use crate::newton::{Equations, Stop};
 use crate::problem::mechanical::{Mass, Mechanical, Model, add_product, explain, finite};
 use crate::real::Real;
 use crate::trouble::{Quantity, Trouble};
-use crate::vector::wide_along;
+use crate::vector::{wide, wide_along};
 use std::sync::Arc;
 
 /// Frozen blocks and the factored Schur complement.
@@ -110,18 +112,24 @@ impl<R: Real> NodeSchur<R> {
 
     /// Finds the moves −h b_j (B R2_j + R1_j), below the last bit of V_j, that the residuals still ask for.
     pub(super) fn find_lost_moves(&mut self, stages: &mut Stages<R>, step: Step<R>) {
-        stages.subtract_impulses(step);
-        for j in 0..stages.tableau.stages {
-            let u = self.velocity.row_mut(j);
-            copy(u, stages.momentum_residual.row(j));
-            self.mass.solve_velocity(u);
-            add_scaled(u, 1.0, stages.velocity_residual.row(j));
-            let weight = -step.h * stages.tableau.b[j];
-            copy_scaled(stages.lost_moves.row_mut(j), weight, u);
-        }
+        wide::<R, _>(
+            #[inline(always)]
+            || {
+                stages.subtract_impulses(step);
+                for j in 0..stages.tableau.stages {
+                    let u = self.velocity.row_mut(j);
+                    copy(u, stages.momentum_residual.row(j));
+                    self.mass.solve_velocity(u);
+                    add_scaled(u, 1.0, stages.velocity_residual.row(j));
+                    let weight = -step.h * stages.tableau.b[j];
+                    copy_scaled(stages.lost_moves.row_mut(j), weight, u);
+                }
+            },
+        );
     }
 
     /// Factors S with the blocks as they are frozen.
+    #[inline(always)]
     fn factor(&mut self) -> Result<(), Singular> {
         let (compliance, lu) = match &mut self.matrix {
             Schur::Sparse(sparse) => return sparse.factor(&self.mass, &self.g_y, &self.r_lam),
@@ -161,6 +169,14 @@ impl<R: Real> NodeSchur<R> {
 
 impl<R: Real> Solve<'_, R> {
     fn freeze(&mut self) -> Result<(), Trouble> {
+        wide::<R, _>(
+            #[inline(always)]
+            || self.freeze_blocks(),
+        )
+    }
+
+    #[inline(always)]
+    fn freeze_blocks(&mut self) -> Result<(), Trouble> {
         let Self {
             solver,
             stages,
@@ -231,7 +247,7 @@ impl<R: Real> Solve<'_, R> {
             solver.node_velocity.flat_mut(),
             &solver.a_bar,
             &solver.velocity,
-            |_, _, _| (),
+            as_is,
         );
         for k in 0..nodes {
             let out = &mut solver.d_lam[k * m..(k + 1) * m];
@@ -253,12 +269,14 @@ impl<R: Real> Solve<'_, R> {
     }
 
     /// Σ â_il R_l dΛ_l − R2_i
+    #[inline(always)]
     fn combine_impulses(&mut self) {
         let residual = &self.stages.momentum_residual;
         combine(
             self.solver.d_z.flat_mut(),
             &self.solver.a_hat,
             &self.solver.impulse,
+            #[inline(always)]
             |i, k, sums| {
                 let residual = &residual.row(i)[k..k + sums.len()];
                 for (sum, residual) in sums.iter_mut().zip(residual) {
@@ -295,6 +313,7 @@ impl<R: Real> Solve<'_, R> {
     }
 
     /// What is corrected in the multipliers need not show in the velocities where r is not linear.
+    #[inline(always)]
     fn multiplier_size(&mut self) -> R {
         let (solver, m) = (&mut *self.solver, self.model.problem.m);
         if self.model.problem.is_linear || m == 0 {
@@ -330,22 +349,25 @@ impl<R: Real> Equations<R> for Solve<'_, R> {
                 } else {
                     self.combine_impulses();
                 }
-                self.correct_stages()
+                let size = self.correct_stages();
+                let size = size.zip(self.multiplier_size(), f64::max);
+                self.stages.relative(size, self.step)
             },
         );
-        let size = size.zip(self.multiplier_size(), f64::max);
-        Ok(self.stages.relative(size, self.step))
+        Ok(size)
     }
 
-    fn keep(&mut self, member: usize) {
+    #[inline(always)]
+    fn keep(&mut self, members: R) {
         if let Some(kept) = &mut self.solver.kept {
-            kept.copy_member(&self.stages.unknowns, member);
+            kept.copy_members(&self.stages.unknowns, members);
         }
     }
 
-    fn put_back(&mut self, member: usize) {
+    #[inline(always)]
+    fn put_back(&mut self, members: R) {
         if let Some(kept) = &self.solver.kept {
-            self.stages.unknowns.copy_member(kept, member);
+            self.stages.unknowns.copy_members(kept, members);
         }
     }
 }

@@ -4,15 +4,16 @@
 //! nodes, both evaluated one step on. A stage at 0 or 1 is not on the polynomial, for there it has z0
 //! and z1; what it is off them scales as h to the degree. Cold: z0' and λ from the acceleration-level
 //! solve, Z_i = z0 + c_i h z0'. Still, where stiff damping makes that a leap away: Z_i = z0.
+#![allow(clippy::inline_always)] // what is not inlined is compiled without the registers it is for
 
 use super::stages::{Stages, Step, Unknowns};
-use crate::linalg::{Matrix, add_scaled, combine, copy};
+use crate::linalg::{Matrix, add_scaled, as_is, combine, copy};
 use crate::memory::{Foreign, Memory};
 use crate::problem::mechanical::{Acceleration, Model, State};
 use crate::real::Real;
 use crate::tableau;
 use crate::trouble::Trouble;
-use crate::vector::wide_along;
+use crate::vector::{wide, wide_along};
 
 /// What the next step starts from.
 #[derive(Clone, Debug)]
@@ -88,14 +89,13 @@ impl<R: Real> Predictor<R> {
         wide_along::<R, _>(
             self.z.cols(),
             #[inline(always)]
-            || self.combine(&mut stages.unknowns, z1),
+            || self.write_start(&mut stages.unknowns, z1),
         );
         true
     }
 
     #[inline(always)]
-    fn combine(&self, unknowns: &mut Unknowns<R>, z1: &mut [R]) {
-        let as_is = |_, _, _: &mut [R]| ();
+    fn write_start(&self, unknowns: &mut Unknowns<R>, z1: &mut [R]) {
         let Unknowns { z, v, lam, nu } = unknowns;
         combine(z.flat_mut(), &self.stage_weights, &self.z, as_is);
         if self.velocity_is_z {
@@ -187,6 +187,18 @@ impl<R: Real> Predictor<R> {
 
     /// Keeps the polynomials of a finished step from `z0` to `z1`, where v is `v1`.
     pub(super) fn keep(&mut self, stages: &Stages<R>, h: f64, z0: &[R], z1: &[R], v1: &[R]) {
+        wide::<R, _>(
+            #[inline(always)]
+            || self.keep_points(stages, z0, z1, v1),
+        );
+        self.h = Some(h);
+        if self.begin == 0.0 {
+            (self.begin, self.ratio) = (1.0, f64::NAN);
+        }
+    }
+
+    #[inline(always)]
+    fn keep_points(&mut self, stages: &Stages<R>, z0: &[R], z1: &[R], v1: &[R]) {
         let s = stages.tableau.stages;
         if !self.velocity_is_z && self.h.is_some() && self.begin > 0.0 {
             let (head, tail) = self.v.flat_mut().split_at_mut((s + 1) * v1.len());
@@ -205,10 +217,6 @@ impl<R: Real> Predictor<R> {
         }
         copy(self.lam.flat_mut(), stages.unknowns.lam.flat());
         copy(self.nu.flat_mut(), stages.unknowns.nu.flat());
-        self.h = Some(h);
-        if self.begin == 0.0 {
-            (self.begin, self.ratio) = (1.0, f64::NAN);
-        }
     }
 
     /// v' at a state, or z' where v is not z: how fast the velocities begin to change.

@@ -1,4 +1,5 @@
 //! The stage equations of one step, evaluated; see the module above for the letters.
+#![allow(clippy::inline_always)] // what is not inlined is compiled without the registers it is for
 
 use crate::linalg::{Matrix, all_finite, combine, copy, copy_scaled, max_norm};
 use crate::newton::Stop;
@@ -6,7 +7,7 @@ use crate::problem::mechanical::{Mechanical, Model, State, Times, finite, finite
 use crate::real::Real;
 use crate::tableau;
 use crate::trouble::{Quantity, Trouble};
-use crate::vector::wide_along;
+use crate::vector::{wide, wide_alone};
 
 /// The step being made: from `state` at `t` over `h`.
 pub(super) struct Step<'a, R = f64> {
@@ -40,8 +41,9 @@ impl<R: Real> Unknowns<R> {
         copy(self.nu.flat_mut(), other.nu.flat());
     }
 
-    /// Takes what another has for one member.
-    pub(super) fn copy_member(&mut self, other: &Self, member: usize) {
+    /// Takes what another has for the chosen members.
+    #[inline(always)]
+    pub(super) fn copy_members(&mut self, other: &Self, chosen: R) {
         let pairs = [
             (&mut self.z, &other.z),
             (&mut self.v, &other.v),
@@ -50,7 +52,7 @@ impl<R: Real> Unknowns<R> {
         ];
         for (out, x) in pairs {
             for (out, x) in out.flat_mut().iter_mut().zip(x.flat()) {
-                out.set_member(member, x.member(member));
+                *out = chosen.choose(*x, *out);
             }
         }
     }
@@ -148,13 +150,18 @@ impl<R: Real> Stages<R> {
     /// Evaluates the model at the current unknowns, and the residuals of (S1)–(S4).
     pub(super) fn evaluate(&mut self, model: &mut Model<R>, step: Step<R>) -> Result<(), Trouble> {
         self.evaluate_values(model, step, self.tableau.intervals);
-        self.subtract_impulses(step);
-        let is_finite = |x: &Matrix<R>| all_finite(x.flat());
-        if is_finite(&self.momentum_residual)
-            && (model.problem.patterns.v_z.is_none() || is_finite(&self.velocity_residual))
-            && is_finite(&self.g)
-            && is_finite(&self.k)
-        {
+        let is_finite = wide::<R, _>(
+            #[inline(always)]
+            || {
+                self.subtract_impulses(step);
+                all_finite(self.momentum_residual.flat())
+                    && (model.problem.patterns.v_z.is_none()
+                        || all_finite(self.velocity_residual.flat()))
+                    && all_finite(self.g.flat())
+                    && all_finite(self.k.flat())
+            },
+        );
+        if is_finite {
             Ok(())
         } else {
             Err(self.not_finite(step))
@@ -164,6 +171,14 @@ impl<R: Real> Stages<R> {
     /// Evaluates the model at the current unknowns: points, forces, and constraints and reactions up
     /// to the node `last`.
     pub(super) fn evaluate_values(&mut self, model: &mut Model<R>, step: Step<R>, last: usize) {
+        wide::<R, _>(
+            #[inline(always)]
+            || self.evaluate_each(model, step, last),
+        );
+    }
+
+    #[inline(always)]
+    fn evaluate_each(&mut self, model: &mut Model<R>, step: Step<R>, last: usize) {
         self.move_points(step);
         let s = self.tableau.stages;
         let Step { t, h, .. } = step;
@@ -174,7 +189,7 @@ impl<R: Real> Stages<R> {
             let (residual, impulse) = (&mut self.velocity_residual, &mut self.impulses);
             let (unknown, weight) = (&self.unknowns.v, step.h * self.tableau.b[i]);
             copy(self.p.row_mut(i), p);
-            wide_along::<R, _>(
+            wide_alone::<R, _>(
                 p.len(),
                 #[inline(always)]
                 || {
@@ -198,7 +213,7 @@ impl<R: Real> Stages<R> {
                 copy(self.g.row_mut(j), g);
                 let impulse = self.impulses.row_mut(s + j);
                 let weight = step.h * self.tableau.b_hat[j];
-                wide_along::<R, _>(
+                wide_alone::<R, _>(
                     r.len(),
                     #[inline(always)]
                     || copy_scaled(impulse, weight, r),
@@ -221,8 +236,9 @@ impl<R: Real> Stages<R> {
     }
 
     /// Y_i = y0 + Σ μᵛ_ij (h b_j V_j) and Ŷ_i = y0 + Σ μ̄_ij (h b_j V_j), the low part of y0 first.
+    #[inline(always)]
     fn move_points(&mut self, step: Step<R>) {
-        wide_along::<R, _>(
+        wide_alone::<R, _>(
             self.y.cols(),
             #[inline(always)]
             || {
@@ -244,10 +260,11 @@ impl<R: Real> Stages<R> {
     }
 
     /// P_i − p0 − Σ μᶠ_ij (h b_j F_j) − Σ_{j<k} μ̂_ij (h b̂_j R_j) − Σ μʳ_ij (h b_j R_j).
+    #[inline(always)]
     pub(super) fn subtract_impulses(&mut self, step: Step<R>) {
         let (stage_p, n) = (&self.p, self.impulses.cols());
         let out = self.momentum_residual.flat_mut();
-        wide_along::<R, _>(
+        wide_alone::<R, _>(
             n,
             #[inline(always)]
             || {
@@ -271,6 +288,7 @@ impl<R: Real> Stages<R> {
     }
 
     /// Which value is not finite.
+    #[cold]
     fn not_finite(&self, step: Step<R>) -> Trouble {
         let s = self.tableau.stages;
         let at_stage = |i: usize| {
@@ -303,15 +321,20 @@ impl<R: Real> Stages<R> {
     }
 
     /// The size of a velocity correction, relative to what moves the coordinates by their own size.
+    #[inline(always)]
     pub(super) fn relative(&self, correction: R, step: Step<R>) -> R {
         if correction.all(|correction| correction == 0.0) {
             return correction;
         }
         let y = max_norm(&step.state.y) / R::splat(step.h.abs());
         let speed = max_norm(self.unknowns.v.flat()) + y;
-        correction.zip(speed, |correction, speed| match correction {
-            0.0 => 0.0,
-            _ => correction / speed,
-        })
+        correction.zip(
+            speed,
+            #[inline(always)]
+            |correction, speed| match correction {
+                0.0 => 0.0,
+                _ => correction / speed,
+            },
+        )
     }
 }

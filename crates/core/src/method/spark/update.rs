@@ -5,6 +5,7 @@
 //!
 //! Increments are summed first and added last. What either loses is kept in the low part: the roundings
 //! of sums in a fixed order are no random ones, and cost a drift of the energy.
+#![allow(clippy::inline_always)] // what is not inlined is compiled without the registers it is for
 
 use super::stages::{Stages, Step};
 use crate::linalg::{add_scaled, carry, copy, copy_scaled, gather, max_norm};
@@ -12,7 +13,7 @@ use crate::newton::{self, Equations};
 use crate::problem::mechanical::{Model, Saddle, State, finite, finite_k};
 use crate::real::Real;
 use crate::trouble::{Quantity, Trouble};
-use crate::vector::wide_along;
+use crate::vector::{wide, wide_along};
 
 const MOST_ITERATIONS: usize = 30;
 
@@ -66,7 +67,6 @@ impl<R: Real> Update<R> {
     }
 
     /// y1, and what p gains but for the last reaction.
-    #[allow(clippy::inline_always)] // what is not inlined is compiled without the registers it is for
     #[inline(always)]
     fn sum_up(&mut self, stages: &Stages<R>, state: &State<R>) {
         let (s, k) = (stages.tableau.stages, stages.tableau.intervals);
@@ -95,13 +95,23 @@ impl<R: Real> Update<R> {
         stages: &mut Stages<R>,
         step: Step<R>,
     ) -> Result<(), Trouble> {
+        wide_along::<R, _>(
+            step.state.y.len(),
+            #[inline(always)]
+            || self.find(model, stages, step),
+        )
+    }
+
+    #[inline(always)]
+    fn find(
+        &mut self,
+        model: &mut Model<R>,
+        stages: &mut Stages<R>,
+        step: Step<R>,
+    ) -> Result<(), Trouble> {
         let k = stages.tableau.intervals;
         let (h, state) = (step.h, step.state);
-        wide_along::<R, _>(
-            state.y.len(),
-            #[inline(always)]
-            || self.sum_up(stages, state),
-        );
+        self.sum_up(stages, state);
         let is_linear = model.problem.is_linear;
         let mut solve = Solve {
             update: self,
@@ -131,16 +141,31 @@ impl<R: Real> Update<R> {
 
     /// The end becomes the state.
     pub(super) fn commit(&self, state: &mut State<R>) {
-        copy(&mut state.y, &self.y);
-        copy(&mut state.z, &self.z);
-        copy(&mut state.p, &self.p);
-        copy(&mut state.y_low, &self.y_low);
-        copy(&mut state.p_low, &self.p_low);
+        wide::<R, _>(
+            #[inline(always)]
+            || {
+                copy(&mut state.y, &self.y);
+                copy(&mut state.z, &self.z);
+                copy(&mut state.p, &self.p);
+                copy(&mut state.y_low, &self.y_low);
+                copy(&mut state.p_low, &self.p_low);
+            },
+        );
     }
 }
 
 impl<R: Real> Equations<R> for Solve<'_, R> {
     fn correct(&mut self) -> Result<R, Trouble> {
+        wide::<R, _>(
+            #[inline(always)]
+            || self.correct_end(),
+        )
+    }
+}
+
+impl<R: Real> Solve<'_, R> {
+    #[inline(always)]
+    fn correct_end(&mut self) -> Result<R, Trouble> {
         let (update, model) = (&mut *self.update, &mut *self.model);
         let (stages, step) = (&mut *self.stages, self.step);
         let k = stages.tableau.intervals;
@@ -161,27 +186,15 @@ impl<R: Real> Equations<R> for Solve<'_, R> {
             let [_, r] = model.node(t, &update.y, stages.unknowns.lam.row(k));
             finite(r, Quantity::Reaction, t)?;
             copy(&mut update.reaction, r);
-            let momentum = &mut update.momentum;
-            wide_along::<R, _>(
-                r.len(),
-                #[inline(always)]
-                || add_scaled(momentum, weight, r),
-            );
+            add_scaled(&mut update.momentum, weight, r);
         }
         let [p, w, _] = model.end(t, &update.y, &update.z);
         finite(p, Quantity::Momentum, t)?;
         finite(w, Quantity::Hidden, t)?;
-        let (momentum, hidden) = (&mut update.momentum, &mut update.hidden);
-        wide_along::<R, _>(
-            p.len(),
-            #[inline(always)]
-            || {
-                for ((out, p), p0) in momentum.iter_mut().zip(p).zip(&step.state.p) {
-                    *out -= *p - *p0;
-                }
-                copy_scaled(hidden, -1.0, w);
-            },
-        );
+        for ((out, p), p0) in update.momentum.iter_mut().zip(p).zip(&step.state.p) {
+            *out -= *p - *p0;
+        }
+        copy_scaled(&mut update.hidden, -1.0, w);
         if !nu.is_empty() {
             let [k, _] = model.nonholonomic(t, &update.y, &update.z, nu);
             finite_k(k, m, t)?;
@@ -191,7 +204,9 @@ impl<R: Real> Equations<R> for Solve<'_, R> {
         update.saddle.solve(model, momentum, hidden);
         add_scaled(&mut update.z, 1.0, &update.momentum);
         let (d_lam, _) = update.hidden.split_at_mut(m);
-        d_lam.iter_mut().for_each(|x| *x *= R::splat(1.0 / weight));
+        for x in d_lam.iter_mut() {
+            *x *= R::splat(1.0 / weight);
+        }
         add_scaled(stages.unknowns.lam.row_mut(k), 1.0, d_lam);
         update
             .saddle

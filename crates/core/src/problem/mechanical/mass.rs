@@ -1,10 +1,12 @@
 //! The mass matrix of a mechanical system, p_z, factored.
+#![allow(clippy::inline_always)] // what is not inlined is compiled without the registers it is for
 
 use super::model::finite;
 use super::{Mechanical, Model};
 use crate::linalg::{Factor, Matrix, Pattern, copy, max_norm};
 use crate::real::Real;
 use crate::trouble::{Quantity, Trouble};
+use crate::vector::wide;
 use std::sync::Arc;
 
 /// `p_z` factored, and `v_z`; made once when both depend on parameters alone.
@@ -51,7 +53,10 @@ impl<R: Real> Mass<R> {
         if self.is_ready && self.is_constant {
             return Ok(());
         }
-        let [p_z, v_z] = model.stage_blocks(t, y, z);
+        let [p_z, v_z] = wide::<R, _>(
+            #[inline(always)]
+            || model.stage_blocks(t, y, z),
+        );
         finite(p_z, Quantity::Derivative, t)?;
         finite(v_z, Quantity::Derivative, t)?;
         if let Some((_, values)) = &mut self.v_z {
@@ -67,21 +72,26 @@ impl<R: Real> Mass<R> {
     }
 
     /// `x = p_z⁻¹ x`
-    #[inline]
+    #[inline(always)]
     pub fn solve(&mut self, x: &mut [R]) {
         self.factor.solve(x);
     }
 
     /// `out += v_z x`
-    #[inline]
+    #[inline(always)]
     pub fn add_velocity(&self, x: &[R], out: &mut [R]) {
         match &self.v_z {
             Some((pattern, values)) => pattern.multiply_add(values, 1.0, x, out),
-            None => out.iter_mut().zip(x).for_each(|(out, x)| *out += *x),
+            None => {
+                for (out, x) in out.iter_mut().zip(x) {
+                    *out += *x;
+                }
+            }
         }
     }
 
     /// `x = v_z p_z⁻¹ x`
+    #[inline(always)]
     pub fn solve_velocity(&mut self, x: &mut [R]) {
         self.factor.solve(x);
         if self.v_z.is_some() {
@@ -92,6 +102,7 @@ impl<R: Real> Mass<R> {
     }
 
     /// The largest velocity that the impulse `r_λ dΛ` gives.
+    #[inline(always)]
     pub fn velocity_of(&mut self, r_lam: &[R], d_lam: &[R]) -> R {
         let mut velocity = std::mem::take(&mut self.impulse);
         velocity.fill(R::splat(0.0));
@@ -108,6 +119,7 @@ impl<R: Real> Mass<R> {
         self.largest(velocity)
     }
 
+    #[inline(always)]
     fn largest(&mut self, mut impulse: Vec<R>) -> R {
         self.solve_velocity(&mut impulse);
         self.impulse = impulse;
@@ -116,13 +128,18 @@ impl<R: Real> Mass<R> {
 
     /// `(v_z p_z⁻¹ A)ᵀ`, one row for each column of A.
     pub fn compliance(&mut self, pattern: &Pattern, values: &[R], out: &mut Matrix<R>) {
-        out.clear();
-        for (&(row, col), value) in pattern.entries().iter().zip(values) {
-            out[(col, row)] += *value;
-        }
-        for col in 0..pattern.shape().1 {
-            self.solve_velocity(out.row_mut(col));
-        }
+        wide::<R, _>(
+            #[inline(always)]
+            || {
+                out.clear();
+                for (&(row, col), value) in pattern.entries().iter().zip(values) {
+                    out[(col, row)] += *value;
+                }
+                for col in 0..pattern.shape().1 {
+                    self.solve_velocity(out.row_mut(col));
+                }
+            },
+        );
     }
 
     /// Each row x of `rows` becomes `v_z x`.

@@ -1,4 +1,5 @@
 //! A mechanical system with its parameters bound, and the memory its tapes work in.
+#![allow(clippy::inline_always)] // what is not inlined is compiled without the registers it is for
 
 use super::nonholonomic::{Bound, Nonholonomic};
 use super::points::Memory;
@@ -30,13 +31,14 @@ pub struct Model<R = f64> {
 /// Outputs that follow one another, cut at their sizes.
 pub(super) type Parts<'a, const K: usize, R = f64> = [&'a [R]; K];
 
-#[inline]
+#[inline(always)]
 pub(super) fn cut<const K: usize, R>(values: &[R], sizes: [usize; K]) -> Parts<'_, K, R> {
-    let mut start = 0;
-    sizes.map(|size| {
+    let (mut parts, mut start) = ([&values[..0]; K], 0);
+    for (part, size) in parts.iter_mut().zip(sizes) {
+        *part = &values[start..start + size];
         start += size;
-        &values[start - size..start]
-    })
+    }
+    parts
 }
 
 impl<R: Real> Model<R> {
@@ -68,7 +70,7 @@ impl<R: Real> Model<R> {
     }
 
     /// p, f, v at (t, y, z); v is empty where it is z.
-    #[inline]
+    #[inline(always)]
     pub fn stage(&mut self, t: f64, y: &[R], z: &[R]) -> Parts<'_, 3, R> {
         let sizes = self.stage_sizes();
         cut(
@@ -79,13 +81,13 @@ impl<R: Real> Model<R> {
         )
     }
 
-    #[inline]
+    #[inline(always)]
     pub(super) fn stage_sizes(&self) -> [usize; 3] {
         [self.problem.n, self.problem.n, self.v_size]
     }
 
     /// p_z, v_z at (t, y, z).
-    #[inline]
+    #[inline(always)]
     pub fn stage_blocks(&mut self, t: f64, y: &[R], z: &[R]) -> Parts<'_, 2, R> {
         let sizes = self.stage_blocks_sizes();
         cut(
@@ -96,7 +98,7 @@ impl<R: Real> Model<R> {
         )
     }
 
-    #[inline]
+    #[inline(always)]
     pub(super) fn stage_blocks_sizes(&self) -> [usize; 2] {
         let at = &self.problem.patterns;
         [at.p_z.len(), at.v_z.as_ref().map_or(0, Pattern::len)]
@@ -119,7 +121,7 @@ impl<R: Real> Model<R> {
     }
 
     /// g, r at (t, y, λ).
-    #[inline]
+    #[inline(always)]
     pub fn node(&mut self, t: f64, y: &[R], lam: &[R]) -> Parts<'_, 2, R> {
         let sizes = self.node_sizes();
         cut(
@@ -130,13 +132,13 @@ impl<R: Real> Model<R> {
         )
     }
 
-    #[inline]
+    #[inline(always)]
     pub(super) fn node_sizes(&self) -> [usize; 2] {
         [self.problem.m, self.problem.n]
     }
 
     /// `g_y`, `r_λ` at (t, y, λ).
-    #[inline]
+    #[inline(always)]
     pub fn node_blocks(&mut self, t: f64, y: &[R], lam: &[R]) -> Parts<'_, 2, R> {
         let sizes = self.node_blocks_sizes();
         cut(
@@ -147,7 +149,7 @@ impl<R: Real> Model<R> {
         )
     }
 
-    #[inline]
+    #[inline(always)]
     pub(super) fn node_blocks_sizes(&self) -> [usize; 2] {
         let at = &self.problem.patterns;
         [at.g_y.len(), at.r_lam.len()]
@@ -161,7 +163,7 @@ impl<R: Real> Model<R> {
     }
 
     /// p, w, v at (t, y, z); v is empty where it is z.
-    #[inline]
+    #[inline(always)]
     pub fn end(&mut self, t: f64, y: &[R], z: &[R]) -> Parts<'_, 3, R> {
         let (n, m, v) = (self.problem.n, self.problem.m, self.v_size);
         cut(
@@ -229,16 +231,22 @@ impl<R: Real> Model<R> {
 ///
 /// # Errors
 /// [`Trouble::NotFinite`].
-#[inline]
+#[inline(always)]
 pub fn finite<R: Real>(values: &[R], quantity: Quantity, t: f64) -> Result<(), Trouble> {
     if all_finite(values) {
         return Ok(());
     }
+    Err(not_finite(values, quantity, t))
+}
+
+#[cold]
+#[inline(never)]
+fn not_finite<R: Real>(values: &[R], quantity: Quantity, t: f64) -> Trouble {
     let index = values
         .iter()
         .position(|x| !x.all(f64::is_finite))
         .unwrap_or(0);
-    Err(Trouble::NotFinite { quantity, index, t })
+    Trouble::NotFinite { quantity, index, t }
 }
 
 /// [`finite`] of k, whose constraints come after the m holonomic ones.

@@ -1,4 +1,5 @@
 //! A model at all stages or nodes of a step: side by side where that is faster, with the same bits.
+#![allow(clippy::inline_always)] // what is not inlined is compiled without the registers it is for
 
 use super::Model;
 use super::model::{Parts, cut};
@@ -25,6 +26,7 @@ impl<R: Real> Memory<R> {
         self.beside = tape.beside(&self.one, points).map(Box::new);
     }
 
+    #[inline(always)]
     fn at<'a, const N: usize>(
         &'a mut self,
         tape: &'a Tape,
@@ -58,7 +60,7 @@ pub struct Times<'a> {
 
 impl Times<'_> {
     /// The time of one.
-    #[inline]
+    #[inline(always)]
     pub fn at(&self, i: usize) -> f64 {
         self.t + self.c[i] * self.h
     }
@@ -76,7 +78,7 @@ pub struct Points<'a, const N: usize, R = f64> {
 
 impl<const N: usize, R: Real> Points<'_, N, R> {
     /// The values at one point.
-    #[inline]
+    #[inline(always)]
     pub fn at(&mut self, i: usize) -> Parts<'_, N, R> {
         let values = if let Some(beside) = &self.memory.beside {
             beside.at(i, self.tape.outputs())
@@ -102,7 +104,7 @@ impl<R: Real> Model<R> {
     }
 
     /// [`Model::stage`] at several points.
-    #[inline]
+    #[inline(always)]
     pub fn stages<'a>(
         &'a mut self,
         times: Times<'a>,
@@ -114,6 +116,7 @@ impl<R: Real> Model<R> {
     }
 
     /// [`Model::stage_blocks`] at several points.
+    #[inline(always)]
     pub fn stages_blocks<'a>(
         &'a mut self,
         times: Times<'a>,
@@ -136,7 +139,7 @@ impl<R: Real> Model<R> {
     }
 
     /// [`Model::node`] at several points.
-    #[inline]
+    #[inline(always)]
     pub fn nodes<'a>(
         &'a mut self,
         times: Times<'a>,
@@ -148,6 +151,7 @@ impl<R: Real> Model<R> {
     }
 
     /// [`Model::node_blocks`] at several points.
+    #[inline(always)]
     pub fn nodes_blocks<'a>(
         &'a mut self,
         times: Times<'a>,

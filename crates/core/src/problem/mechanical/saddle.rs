@@ -5,6 +5,7 @@
 //!
 //! or, where S would be large, as it stands: with V = v_z x for a further unknown, in the units of μ that
 //! make r_λ as large as p_z. Nonholonomic constraints add the rows k_z and the columns −∂r_n/∂ν.
+#![allow(clippy::inline_always)] // what is not inlined is compiled without the registers it is for
 
 use super::model::finite;
 use super::nonholonomic::explain_all;
@@ -15,8 +16,10 @@ use crate::linalg::{
 };
 use crate::real::Real;
 use crate::trouble::{Quantity, Trouble};
+use crate::vector::wide;
 
 /// `target[row.., col..] += factor * A Cᵀ` for a sparse A and the rows of C.
+#[inline(always)]
 pub(crate) fn add_product<R: Real>(
     pattern: &Pattern,
     values: &[R],
@@ -27,10 +30,8 @@ pub(crate) fn add_product<R: Real>(
 ) {
     let width = rows.rows();
     for (&(i, j), value) in pattern.entries().iter().zip(values) {
-        for (k, out) in target.row_mut(row + i)[col..col + width]
-            .iter_mut()
-            .enumerate()
-        {
+        let out = &mut target.row_mut(row + i)[col..col + width];
+        for (k, out) in out.iter_mut().enumerate() {
             *out += *value * factor * rows[(k, j)];
         }
     }
@@ -173,11 +174,17 @@ impl<R: Real> Saddle<R> {
             return Ok(());
         }
         let (lam, nu) = lam.split_at(model.problem.m);
-        let [g_y, r_lam] = model.node_blocks(t, y, lam);
-        finite(g_y, Quantity::Derivative, t)?;
-        finite(r_lam, Quantity::Derivative, t)?;
-        copy(&mut self.g_y, g_y);
-        copy(&mut self.r_lam, r_lam);
+        wide::<R, _>(
+            #[inline(always)]
+            || {
+                let [g_y, r_lam] = model.node_blocks(t, y, lam);
+                finite(g_y, Quantity::Derivative, t)?;
+                finite(r_lam, Quantity::Derivative, t)?;
+                copy(&mut self.g_y, g_y);
+                copy(&mut self.r_lam, r_lam);
+                Ok(())
+            },
+        )?;
         if let Some(own) = &mut self.nonholonomic {
             let [_, k_z, _, _, r_nu] = model.nonholonomic_blocks(t, y, z, nu);
             finite(k_z, Quantity::Derivative, t)?;
@@ -235,12 +242,23 @@ impl<R: Real> Saddle<R> {
             _ => self.mass.compliance(&at.r_lam, &self.r_lam, compliance),
         }
         let target = schur.matrix_mut();
-        add_product(&at.g_y, &self.g_y, 1.0, compliance, target, (0, 0));
+        wide::<R, _>(
+            #[inline(always)]
+            || add_product(&at.g_y, &self.g_y, 1.0, compliance, target, (0, 0)),
+        );
         schur.factor()
     }
 
     /// Solves in place: `a` becomes x, `b` becomes μ.
     pub fn solve(&mut self, model: &Model<R>, a: &mut [R], b: &mut [R]) {
+        wide::<R, _>(
+            #[inline(always)]
+            || self.solve_by(model, a, b),
+        );
+    }
+
+    #[inline(always)]
+    fn solve_by(&mut self, model: &Model<R>, a: &mut [R], b: &mut [R]) {
         let (problem, at) = (&model.problem, &model.problem.patterns);
         match &mut self.factors {
             _ if b.is_empty() => self.mass.solve(a),
@@ -272,10 +290,14 @@ impl<R: Real> Saddle<R> {
                 let velocity = &mut eliminated.velocity;
                 copy(velocity, a);
                 self.mass.solve_velocity(velocity);
-                b.iter_mut().for_each(|b| *b = -*b);
+                for b in &mut *b {
+                    *b = -*b;
+                }
                 eliminated.g_y.add_product(velocity, b);
                 eliminated.schur.solve(b);
-                b.iter_mut().for_each(|b| *b = -*b);
+                for b in &mut *b {
+                    *b = -*b;
+                }
                 eliminated.r_lam.add_product(b, a);
                 self.mass.solve(a);
             }
