@@ -2,9 +2,9 @@
 #![allow(clippy::inline_always)] // what is not inlined is compiled without the registers it is for
 
 use super::kernels::short;
-use super::{Blocks, Matrix, Pattern, Sparse, SparseOf, add_scaled, dot, max_norm};
+use super::{Blocks, Matrix, Pattern, Sparse, SparseOf, add_scaled, dot, max_norm, scale_each};
 use crate::real::Real;
-use crate::vector::{wide, wide_alone};
+use crate::vector::wide;
 
 /// No pivot in this column: it depends on the columns before it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -321,15 +321,7 @@ impl<R: Real> Factor<R> {
     #[inline(always)]
     pub fn solve(&mut self, b: &mut [R]) {
         match self {
-            Self::Diagonal(inverse) => wide_alone::<R, _>(
-                b.len(),
-                #[inline(always)]
-                || {
-                    for (b, inverse) in b.iter_mut().zip(inverse.iter()) {
-                        *b *= *inverse;
-                    }
-                },
-            ),
+            Self::Diagonal(inverse) => scale_each(b, inverse),
             Self::Blocks(blocks) => blocks.solve(b),
             Self::Dense(lu) => lu.solve(b),
             Self::Sparse(lu) => lu.solve(b),

@@ -165,6 +165,20 @@ pub fn copy_scaled<R: Real + Mul<F, Output = R>, F: Copy>(out: &mut [R], factor:
     }
 }
 
+/// `x_i *= factors_i`
+#[inline(always)]
+pub fn scale_each<R: Real>(x: &mut [R], factors: &[R]) {
+    wide_alone::<R, _>(
+        x.len(),
+        #[inline(always)]
+        || {
+            for (x, factor) in x.iter_mut().zip(factors) {
+                *x *= *factor;
+            }
+        },
+    );
+}
+
 /// Largest magnitude; NaN counts as infinite.
 #[inline(always)]
 pub fn max_norm<R: Real>(x: &[R]) -> R {

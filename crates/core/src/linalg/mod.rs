@@ -25,6 +25,7 @@ pub use factor::{Factor, Lu, Singular, dependencies, dependent_rows};
 pub use gram::Gram;
 pub use kernels::{
     add_scaled, all_finite, as_is, carry, combine, copy, copy_scaled, dot, gather, max_norm,
+    scale_each,
 };
 pub use matrix::Matrix;
 pub use members::SparseOf;

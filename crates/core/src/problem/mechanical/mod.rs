@@ -20,6 +20,7 @@ mod projection;
 mod saddle;
 mod second_order;
 mod separable;
+mod whole;
 
 pub use acceleration::Acceleration;
 pub use compliance::Compliance;

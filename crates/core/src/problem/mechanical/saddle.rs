@@ -9,11 +9,9 @@
 
 use super::model::finite;
 use super::nonholonomic::explain_all;
+use super::whole::{Border, Whole};
 use super::{Compliance, Mass, Mechanical, Model};
-use crate::linalg::{
-    Assembly, Factor, Lu, Matrix, NodeGram, NodeRows, Pattern, Singular, copy, copy_scaled,
-    dependencies, max_norm,
-};
+use crate::linalg::{Lu, Matrix, NodeGram, NodeRows, Pattern, Singular, copy, dependencies};
 use crate::real::Real;
 use crate::trouble::{Quantity, Trouble};
 use crate::vector::wide;
@@ -56,13 +54,6 @@ pub struct Saddle<R = f64> {
     nonholonomic: Option<Border<R>>,
 }
 
-/// What nonholonomic constraints add to the saddle.
-#[derive(Clone, Debug)]
-struct Border<R> {
-    k_z: Vec<R>,
-    r_nu: Vec<R>,
-}
-
 /// The matrix in one of three forms.
 #[derive(Clone, Debug)]
 enum Factors<R> {
@@ -86,19 +77,6 @@ struct Eliminated<R> {
     /// What takes a mass that is not definite and wants other pivots, and whether it does now.
     whole: Option<Whole<R>>,
     is_whole: bool,
-}
-
-/// The matrix as it stands, sparse.
-#[derive(Clone, Debug)]
-struct Whole<R> {
-    matrix: Assembly<R>,
-    factor: Factor<R>,
-    /// x, V where there is a `v_z`, and μ in its unit.
-    unknowns: Vec<R>,
-    /// −1 of V, where there is a `v_z`.
-    minus_one: Vec<R>,
-    /// What μ is measured in.
-    unit: R,
 }
 
 impl<R: Real> Saddle<R> {
@@ -141,7 +119,6 @@ impl<R: Real> Saddle<R> {
     }
 
     /// `out += r_λ x`, as it was last factored with.
-    #[inline(always)]
     pub fn add_reaction(&self, model: &Model<R>, x: &[R], out: &mut [R]) {
         if let Factors::Eliminated(eliminated) = &self.factors {
             eliminated.r_lam.add_product(x, out);
@@ -152,7 +129,6 @@ impl<R: Real> Saddle<R> {
     }
 
     /// `out += ∂r_n/∂ν x`, as it was last factored with.
-    #[inline(always)]
     pub fn add_rolling(&self, model: &Model<R>, x: &[R], out: &mut [R]) {
         if let (Some(problem), Some(own)) = (&model.problem.nonholonomic, &self.nonholonomic) {
             problem.patterns.r_nu.multiply_add(&own.r_nu, 1.0, x, out);
@@ -292,13 +268,13 @@ impl<R: Real> Saddle<R> {
                 let velocity = &mut eliminated.velocity;
                 copy(velocity, a);
                 self.mass.solve_velocity(velocity);
-                for x in b.iter_mut() {
-                    *x = -*x;
+                for b in &mut *b {
+                    *b = -*b;
                 }
                 eliminated.g_y.add_product(velocity, b);
                 eliminated.schur.solve(b);
-                for x in b.iter_mut() {
-                    *x = -*x;
+                for b in &mut *b {
+                    *b = -*b;
                 }
                 eliminated.r_lam.add_product(b, a);
                 self.mass.solve(a);
@@ -348,73 +324,5 @@ impl<R: Real> Eliminated<R> {
     fn whole(&mut self, problem: &Mechanical) -> &mut Whole<R> {
         self.is_whole = true;
         self.whole.get_or_insert_with(|| Whole::new(problem))
-    }
-}
-
-impl<R: Real> Whole<R> {
-    fn new(problem: &Mechanical) -> Self {
-        let (n, m, at) = (problem.n, problem.m, &problem.patterns);
-        let one = Pattern::diagonal(n);
-        let velocity = at.v_z.as_ref();
-        let end = if velocity.is_some() { 2 * n } else { n };
-        let mut blocks = vec![
-            (&at.p_z, 0, 0),
-            (&at.r_lam, 0, end),
-            (&at.g_y, end, end - n),
-        ];
-        blocks.extend(velocity.iter().flat_map(|v_z| [(*v_z, n, 0), (&one, n, n)]));
-        let own = problem.nonholonomic.as_ref().map(|own| &own.patterns);
-        let place = end + m;
-        blocks.extend(
-            own.iter()
-                .flat_map(|at| [(&at.r_nu, 0, place), (&at.k_z, place, 0)]),
-        );
-        let order = end + problem.multipliers();
-        let matrix = Assembly::new((order, order), &blocks);
-        let factor = Factor::new(matrix.pattern());
-        Self {
-            factor,
-            matrix,
-            unknowns: vec![R::splat(0.0); order],
-            minus_one: vec![R::splat(-1.0); end - n],
-            unit: R::splat(1.0),
-        }
-    }
-
-    fn factor(
-        &mut self,
-        [p_z, v_z]: [&[R]; 2],
-        g_y: &[R],
-        r_lam: &[R],
-        nonholonomic: Option<&Border<R>>,
-    ) -> Result<(), Singular> {
-        let r_nu = nonholonomic.map_or(R::splat(0.0), |own| max_norm(&own.r_nu));
-        let unit = max_norm(p_z) / max_norm(r_lam).zip(r_nu, f64::max);
-        self.unit = unit.map(|unit| if unit.is_normal() { unit } else { 1.0 });
-        self.matrix.clear();
-        self.matrix.add(0, p_z, 1.0);
-        self.matrix.add(1, r_lam, -self.unit);
-        self.matrix.add(2, g_y, 1.0);
-        if !self.minus_one.is_empty() {
-            self.matrix.add(3, v_z, 1.0);
-            self.matrix.add(4, &self.minus_one, 1.0);
-        }
-        if let Some(own) = nonholonomic {
-            let next = if self.minus_one.is_empty() { 3 } else { 5 };
-            self.matrix.add(next, &own.r_nu, -self.unit);
-            self.matrix.add(next + 1, &own.k_z, 1.0);
-        }
-        self.factor
-            .factor(self.matrix.pattern(), self.matrix.values())
-    }
-
-    fn solve(&mut self, a: &mut [R], b: &mut [R]) {
-        let end = self.unknowns.len() - b.len();
-        self.unknowns[..a.len()].copy_from_slice(a);
-        self.unknowns[a.len()..end].fill(R::splat(0.0));
-        self.unknowns[end..].copy_from_slice(b);
-        self.factor.solve(&mut self.unknowns);
-        a.copy_from_slice(&self.unknowns[..a.len()]);
-        copy_scaled(b, self.unit, &self.unknowns[end..]);
     }
 }
