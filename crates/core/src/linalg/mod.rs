@@ -4,6 +4,7 @@
 
 mod assembly;
 mod blocks;
+mod dependent;
 mod elimination;
 mod factor;
 mod fill;
@@ -21,7 +22,8 @@ mod tridiagonal;
 
 pub use assembly::Assembly;
 pub use blocks::Blocks;
-pub use factor::{Factor, Lu, Singular, dependencies, dependent_rows};
+pub use dependent::{dependencies, dependent_rows};
+pub use factor::{Factor, Lu, Singular};
 pub use gram::Gram;
 pub use kernels::{
     add_scaled, all_finite, as_is, carry, combine, copy, copy_scaled, dot, gather, max_norm,

@@ -5,6 +5,9 @@ use super::execute::cost;
 use super::{Program, Registers, Tape};
 use crate::real::{Lanes, Real, Scalar, WIDTH};
 
+/// What a pass costs beside its instructions and moves, in cheap instructions.
+const PASS: usize = 40;
+
 /// What a tape is evaluated with at several points of one trajectory, and its values there.
 #[derive(Clone, Debug)]
 pub struct Beside<R> {
@@ -33,7 +36,8 @@ impl Tape {
         let (in_lanes, singly) = cost(instrs);
         let passes = points.div_ceil(WIDTH);
         let moves = points * self.outputs.end;
-        let is_faster = passes * (in_lanes + WIDTH * singly) + moves < points * (in_lanes + singly);
+        let beside = passes * (PASS + in_lanes + WIDTH * singly) + moves;
+        let is_faster = beside < points * (in_lanes + singly);
         if self.terms.is_some() || !is_faster {
             return None;
         }
