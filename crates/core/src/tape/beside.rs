@@ -6,7 +6,7 @@ use super::{Program, Registers, Tape};
 use crate::real::{Lanes, Real, Scalar, WIDTH};
 
 /// What a pass costs beside its instructions and moves, in cheap instructions.
-const PASS: usize = 40;
+const PASS: usize = 12;
 
 /// What a tape is evaluated with at several points of one trajectory, and its values there.
 #[derive(Clone, Debug)]
