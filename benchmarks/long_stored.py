@@ -1,10 +1,10 @@
 """Long runs whose records go to disk: the memory they take, and the seconds that storing adds.
 
 The planar pendulum and the heavy top are integrated with ``store=`` and a checkpoint every five
-seconds, every hundredth step stored, and a hundredth of the way also without storing anything but
-the ends. Memory is the peak of the process; it must not grow with the number of steps. Run as
-``python benchmarks/long_stored.py [STEPS]``, with 1e6 steps unless said otherwise; 1e8 take twenty
-minutes on two cores.
+seconds, every hundredth step stored unless said otherwise, and a hundredth of the way also without
+storing anything but the ends. Memory is the peak of the process; it must not grow with the number
+of steps. Run as ``python benchmarks/long_stored.py [STEPS [EVERY]]``, by default with 1e6 steps;
+1e8 take twenty minutes on two cores.
 """
 
 import resource
@@ -21,10 +21,9 @@ import liouville as lv
 from liouville import problems
 
 RUNS = (("pendulum", lv.Spark(2), 0.01), ("heavy_top", lv.Spark(3), 1e-3))
-EVERY = 100
 
 
-def run(name, method, h, steps, store):
+def run(name, method, h, steps, every, store):
     """Integrate in this process; returns seconds, and MiB of memory and on disk."""
     problem = problems.load(name)
     where = {"t": (0.0, steps * h), "steps": steps, **problem.start}
@@ -32,7 +31,7 @@ def run(name, method, h, steps, store):
         path = Path(folder) / "run.zarr"
         begin = time.perf_counter()
         if store:
-            lv.integrate(problem.system, method, every=EVERY, store=path, checkpoint="5s", **where)
+            lv.integrate(problem.system, method, every=every, store=path, checkpoint="5s", **where)
         else:
             lv.integrate(problem.system, method, every=steps, **where)
         took = time.perf_counter() - begin
@@ -47,15 +46,15 @@ def alone(*asked):
         return pool.submit(run, *asked).result()
 
 
-def row(name, method, h, steps):
+def row(name, method, h, steps, every):
     """Return what a run takes, a hundredth of it and all."""
-    bare, *_ = alone(name, method, h, steps // 100, False)
-    stored, least, _ = alone(name, method, h, steps // 100, True)
-    took, most, size = alone(name, method, h, steps, True)
+    bare, *_ = alone(name, method, h, steps // 100, every, False)
+    stored, least, _ = alone(name, method, h, steps // 100, every, True)
+    took, most, size = alone(name, method, h, steps, every, True)
     return {
         "problem": name,
         "steps": steps,
-        "records": steps // EVERY + 1,
+        "records": steps // every + 1,
         "MiB on disk": size,
         "MiB of memory, a hundredth": least,
         "MiB of memory, all": most,
@@ -65,9 +64,10 @@ def row(name, method, h, steps):
 
 
 def main():
-    steps = int(float(sys.argv[1])) if len(sys.argv) > 1 else 1_000_000
+    given = [int(float(x)) for x in sys.argv[1:]]
+    steps, every = (*given, *(1_000_000, 100)[len(given) :])
     with ThreadPoolExecutor(2) as pool:
-        publish("long_stored", list(pool.map(lambda run: row(*run, steps), RUNS)))
+        publish("long_stored", list(pool.map(lambda run: row(*run, steps, every), RUNS)))
 
 
 if __name__ == "__main__":

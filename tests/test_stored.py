@@ -8,6 +8,7 @@ import shutil
 import signal
 import sys
 import time
+import tracemalloc
 import warnings
 from itertools import count
 from multiprocessing import get_context
@@ -19,7 +20,7 @@ import pytest
 import xarray
 
 import liouville as lv
-from liouville import problems
+from liouville import export, problems
 from liouville.stored import folder, stream
 
 GROUPS = ("states", "invariants", "residuals", "observed", "balance")
@@ -414,3 +415,15 @@ def test_a_state_that_is_none_or_another_runs_is_refused(tmp_path):
     state.unlink()
     with pytest.raises(ValueError, match="whose state cannot be read"):
         lv.resume(path)
+
+
+def test_the_ends_of_a_long_run_are_read_without_the_rest(tmp_path):
+    steps = 2_000_000
+    given = pendulum(method=lv.Spark(1), t=(0.0, 2e4), steps=steps, states=False)
+    lv.integrate(**given, store=tmp_path / "run.zarr")
+    tracemalloc.start()
+    found = export.ends(tmp_path / "run.zarr")
+    _, peak = tracemalloc.get_traced_memory()
+    tracemalloc.stop()
+    assert found.t.size == 2
+    assert peak < 8 * steps  # of the times alone

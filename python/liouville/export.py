@@ -221,11 +221,13 @@ def _read(path: Path, are_all: bool = True) -> Solution:
         )
     if not path.exists():
         raise FileNotFoundError(f"there is no file {str(path)!r}")
-    options = (
+    options: dict[str, Any] = (
         {"engine": "h5netcdf"}
         if path.suffix == ".nc"
         else {"engine": "zarr", "consolidated": False}
     )
+    # an index of all times would be made in memory
+    options["create_default_indexes"] = False
     try:
         with _needed("xarray").open_dataset(
             path, decode_times=False, mask_and_scale=False, **options
