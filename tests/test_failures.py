@@ -1,4 +1,8 @@
-"""A run that fails says where, at what and why, and hands over what it had; so does Ctrl-C."""
+"""A run that fails says where, at what and why, and hands over what it had; so does Ctrl-C.
+
+One file for all kinds of failures, since all are asked for the same: time, step, name and what is
+left.
+"""
 
 import os
 import signal

@@ -1,4 +1,7 @@
-"""Stored runs: the bits of runs in memory, whatever they are cut off by."""
+"""Stored runs: the bits of runs in memory, whatever they are cut off by.
+
+One file, since one table of runs goes through every way to be cut off.
+"""
 
 import json
 import os

@@ -1,4 +1,5 @@
-//! The hot loop allocates nothing. This binary counts what the global allocator hands out.
+//! The hot loop allocates nothing. This binary counts what the global allocator hands out, which is why every stepper
+//! has its test in this one file.
 
 #[path = "support/counting.rs"]
 mod counting;

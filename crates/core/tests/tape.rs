@@ -1,4 +1,5 @@
-//! A tape does what its lines say, bit for bit, whatever the lines.
+//! A tape does what its lines say, bit for bit, whatever the lines: plain, batched, in lanes and side by side, in one
+//! file since nearly all are held against the same interpreter of the same programs.
 //!
 //! Miri runs it, in five minutes, with MIRIFLAGS="-Zmiri-disable-isolation -Zmiri-deterministic-floats":
 //!

@@ -24,6 +24,15 @@ impl<R> Clone for Step<'_, R> {
 
 impl<R> Copy for Step<'_, R> {}
 
+impl<R> Step<'_, R> {
+    /// The times of nodes, given as fractions of the step.
+    #[inline(always)]
+    fn times(self, c: &[f64]) -> Times<'_> {
+        let Self { t, h, .. } = self;
+        Times { t, h, c }
+    }
+}
+
 /// What the stage equations are solved for: Z_i, V_i and ν_i at the stages, λ_j at the nodes.
 #[derive(Clone, Debug)]
 pub(super) struct Unknowns<R = f64> {
@@ -127,24 +136,22 @@ impl<R: Real> Stages<R> {
 
     /// Time of stage `i`.
     pub(super) fn stage_time(&self, step: Step<R>, i: usize) -> f64 {
-        step.t + self.tableau.c[i] * step.h
+        step.times(&self.tableau.c).at(i)
     }
 
     /// Time of node `j`.
     pub(super) fn node_time(&self, step: Step<R>, j: usize) -> f64 {
-        step.t + self.tableau.c_hat[j] * step.h
+        step.times(&self.tableau.c_hat).at(j)
     }
 
+    /// Times of all stages.
     pub(super) fn stage_times(&self, step: Step<R>) -> Times<'_> {
-        let Step { t, h, .. } = step;
-        let c = &self.tableau.c;
-        Times { t, h, c }
+        step.times(&self.tableau.c)
     }
 
+    /// Times of all nodes.
     pub(super) fn node_times(&self, step: Step<R>) -> Times<'_> {
-        let Step { t, h, .. } = step;
-        let c = &self.tableau.c_hat;
-        Times { t, h, c }
+        step.times(&self.tableau.c_hat)
     }
 
     /// Evaluates the model at the current unknowns, and the residuals of (S1)–(S4).
@@ -181,9 +188,8 @@ impl<R: Real> Stages<R> {
     fn evaluate_each(&mut self, model: &mut Model<R>, step: Step<R>, last: usize) {
         self.move_points(step);
         let s = self.tableau.stages;
-        let Step { t, h, .. } = step;
-        let c = &self.tableau.c;
-        let mut stages = model.stages(Times { t, h, c }, &self.y, &self.unknowns.z);
+        let times = step.times(&self.tableau.c);
+        let mut stages = model.stages(times, &self.y, &self.unknowns.z);
         for i in 0..s {
             let [p, f, v] = stages.at(i);
             let (residual, impulse) = (&mut self.velocity_residual, &mut self.impulses);
@@ -206,8 +212,8 @@ impl<R: Real> Stages<R> {
             self.evaluate_rolling(model, step);
         }
         if model.problem.m > 0 {
-            let c = &self.tableau.c_hat;
-            let mut nodes = model.nodes(Times { t, h, c }, &self.node_y, &self.unknowns.lam);
+            let times = step.times(&self.tableau.c_hat);
+            let mut nodes = model.nodes(times, &self.node_y, &self.unknowns.lam);
             for j in 0..=last {
                 let [g, r] = nodes.at(j);
                 copy(self.g.row_mut(j), g);
