@@ -1,6 +1,6 @@
 //! Exceptions that Python raises inside a step: they wait until the step is over.
 
-use liouville_core::patience::Patience;
+use liouville_base::cancel::Patience;
 use pyo3::prelude::*;
 use std::sync::{Arc, Mutex, PoisonError};
 

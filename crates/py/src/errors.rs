@@ -1,6 +1,6 @@
 //! Core errors as Python sees them; the names and the advice are added there.
 
-use liouville_core::trouble::Trouble;
+use liouville_base::error::Trouble;
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 use pyo3::types::PyDict;

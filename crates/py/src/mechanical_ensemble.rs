@@ -6,21 +6,19 @@ use crate::mechanical_run::{alpha, spark};
 use crate::run::Run;
 use crate::second_order::{SecondOrder, Separable};
 use crate::tableau::scheme_of;
-use liouville_core::ensemble::{Ensemble, Layout};
-use liouville_core::method::alpha::{Alpha, Reactions};
-use liouville_core::method::composition::{Composed, NeedsAdjoint};
-use liouville_core::method::rattle::Rattle;
-use liouville_core::method::spark::{TOGETHER, Together, goes_together};
-use liouville_core::method::{Stepper, Symmetric};
-use liouville_core::problem::Observe;
-use liouville_core::problem::mechanical::{
-    self, Model, Observer, Observers, SecondOrderModel, SeparableModel,
-};
-use liouville_core::real::{Lanes, Scalar};
-use liouville_core::run::{self, Advance, Equal};
-use liouville_core::tableau::{self, Scheme};
-use liouville_core::tape::Tape;
-use liouville_core::trouble::Trouble;
+use liouville_base::composition::{Composed, NeedsAdjoint};
+use liouville_base::ensemble::{Ensemble, Layout};
+use liouville_base::error::Trouble;
+use liouville_base::method::{Stepper, Symmetric};
+use liouville_base::observe::Observe;
+use liouville_base::real::{Lanes, Scalar};
+use liouville_base::run::{self, Advance, Equal};
+use liouville_base::tableau::{self, Scheme};
+use liouville_base::tape::Tape;
+use liouville_mechanics::alpha::{Alpha, Reactions};
+use liouville_mechanics::problem::{Model, Observer, Observers, SecondOrderModel, SeparableModel};
+use liouville_mechanics::rattle::Rattle;
+use liouville_mechanics::spark::{TOGETHER, Together, goes_together};
 use numpy::{PyReadonlyArray2, PyUntypedArrayMethods};
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
@@ -28,9 +26,19 @@ use std::sync::Arc;
 
 /// A system in the form that its method steps, with the method.
 enum Stepped {
-    Spark(Arc<mechanical::Mechanical>, Box<spark::Asked>),
-    Rattle(Arc<mechanical::Separable>, Option<&'static Scheme>),
-    Alpha(Arc<mechanical::SecondOrder>, tableau::Alpha, Reactions),
+    Spark(
+        Arc<liouville_mechanics::problem::Mechanical>,
+        Box<spark::Asked>,
+    ),
+    Rattle(
+        Arc<liouville_mechanics::problem::Separable>,
+        Option<&'static Scheme>,
+    ),
+    Alpha(
+        Arc<liouville_mechanics::problem::SecondOrder>,
+        tableau::Alpha,
+        Reactions,
+    ),
 }
 
 /// What every run of an ensemble begins with.
@@ -76,7 +84,7 @@ impl Stepped {
         }
     }
 
-    fn problem(&self) -> &Arc<mechanical::Mechanical> {
+    fn problem(&self) -> &Arc<liouville_mechanics::problem::Mechanical> {
         match self {
             Self::Spark(problem, _) => problem,
             Self::Rattle(problem, _) => &problem.mechanical,
@@ -121,7 +129,7 @@ impl Begin {
 
     fn together(
         &self,
-        problem: &Arc<mechanical::Mechanical>,
+        problem: &Arc<liouville_mechanics::problem::Mechanical>,
         asked: &spark::Asked,
         members: &[usize],
     ) -> Begun {
@@ -155,7 +163,7 @@ impl Begin {
 
     fn spark(
         &self,
-        problem: &Arc<mechanical::Mechanical>,
+        problem: &Arc<liouville_mechanics::problem::Mechanical>,
         asked: &spark::Asked,
         member: usize,
     ) -> Begun {
@@ -171,7 +179,7 @@ impl Begin {
 
     fn rattle(
         &self,
-        problem: &Arc<mechanical::Separable>,
+        problem: &Arc<liouville_mechanics::problem::Separable>,
         scheme: Option<&'static Scheme>,
         member: usize,
     ) -> Begun {
@@ -183,7 +191,7 @@ impl Begin {
 
     fn alpha(
         &self,
-        problem: &Arc<mechanical::SecondOrder>,
+        problem: &Arc<liouville_mechanics::problem::SecondOrder>,
         (weights, reactions): (tableau::Alpha, Reactions),
         member: usize,
     ) -> Begun {

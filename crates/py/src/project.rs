@@ -2,8 +2,8 @@
 
 use crate::convert::{self, pattern};
 use crate::errors;
-use liouville_core::problem::mechanical::{self, Projection};
-use liouville_core::tape::Tape;
+use liouville_base::tape::Tape;
+use liouville_mechanics::problem::Projection;
 use numpy::{PyArray1, PyReadonlyArray1};
 use pyo3::prelude::*;
 
@@ -32,7 +32,7 @@ pub(crate) fn project<'py>(
         metric: Tape::clone(&metric.0),
         metric_pattern: pattern(&patterns.1)?,
     };
-    match mechanical::project(&projection, x, held, params) {
+    match liouville_mechanics::problem::project(&projection, x, held, params) {
         Ok(x) => Ok(PyArray1::from_vec(py, x).into_any()),
         Err(trouble) => Ok(errors::trouble(py, &trouble)?.into_any()),
     }

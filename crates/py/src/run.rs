@@ -2,8 +2,8 @@
 
 use crate::caught::Caught;
 use crate::errors;
-use liouville_core::run::{Advance, Failure, Status};
-use liouville_core::trouble::Trouble;
+use liouville_base::error::Trouble;
+use liouville_base::run::{Advance, Failure, Status};
 use numpy::{PyArray1, PyArrayDyn, PyArrayMethods, PyReadonlyArray1};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;

@@ -4,17 +4,15 @@ use crate::convert;
 use crate::errors::refused;
 use crate::run::Run;
 use crate::tableau::scheme_named;
-use liouville_core::ensemble::{Ensemble, Layout};
-use liouville_core::method::composition::Composed;
-use liouville_core::method::volume::{
-    Determinant, Direction, Observer, Plane, Section, Seen, Volume,
-};
-use liouville_core::problem::polynomial::{self, Piece, Polynomials, Wave};
-use liouville_core::real::Lanes;
-use liouville_core::run::{self, Advance, Equal};
-use liouville_core::tableau::Scheme;
-use liouville_core::trouble::Trouble;
-use liouville_core::vector::Stored;
+use liouville_base::composition::Composed;
+use liouville_base::ensemble::{Ensemble, Layout};
+use liouville_base::error::Trouble;
+use liouville_base::real::Lanes;
+use liouville_base::run::{self, Advance, Equal};
+use liouville_base::simd::Stored;
+use liouville_base::tableau::Scheme;
+use liouville_fields::problem::{Piece, Polynomials, Wave};
+use liouville_fields::volume::{Determinant, Direction, Observer, Plane, Section, Seen, Volume};
 use numpy::{PyReadonlyArray1, PyReadonlyArray2, PyUntypedArrayMethods};
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
@@ -32,7 +30,7 @@ type Waves<'py> = Vec<(Index<'py>, Values<'py>, f64)>;
 
 /// A field as a sum of pieces.
 #[pyclass(frozen, module = "liouville._core")]
-pub(crate) struct Split(Arc<polynomial::Split>);
+pub(crate) struct Split(Arc<liouville_fields::problem::Split>);
 
 #[pymethods]
 impl Split {
@@ -52,7 +50,7 @@ impl Split {
             .iter()
             .map(|piece| parsed(n, piece))
             .collect::<PyResult<Vec<_>>>()?;
-        let split = polynomial::Split::new(n, pieces).map_err(refused)?;
+        let split = liouville_fields::problem::Split::new(n, pieces).map_err(refused)?;
         Ok(Self(Arc::new(split)))
     }
 }
@@ -182,10 +180,10 @@ fn side_by_side<S: Stored>(x: &[&[f64]]) -> Vec<S> {
 
 /// What every run of a split field begins with.
 struct Begin {
-    split: Arc<polynomial::Split>,
+    split: Arc<liouville_fields::problem::Split>,
     scheme: &'static Scheme,
     seen: Seen,
-    observer: liouville_core::tape::Tape,
+    observer: liouville_base::tape::Tape,
     params: Vec<f64>,
     /// (t0, t1, steps, every)
     span: (f64, f64, usize, usize),
@@ -291,7 +289,7 @@ pub(crate) fn split_run<'py>(
         split: split.0.clone(),
         scheme: scheme_named(scheme)?,
         seen,
-        observer: liouville_core::tape::Tape::clone(&observer.0),
+        observer: liouville_base::tape::Tape::clone(&observer.0),
         params: params.as_slice()?.to_vec(),
         span,
         is_compensated: options.0,

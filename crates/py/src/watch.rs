@@ -2,9 +2,9 @@
 
 use crate::convert::{Mechanical, Tape};
 use crate::errors;
-use liouville_core::problem::mechanical::{Carried, Model, Path};
-use liouville_core::run::Event;
-use liouville_core::tape;
+use liouville_base::tape;
+use liouville_mechanics::events::Event;
+use liouville_mechanics::problem::{Carried, Model, Path};
 use numpy::{
     PyArray1, PyArray2, PyArrayMethods, PyReadonlyArray1, PyReadonlyArray2, PyUntypedArrayMethods,
 };

@@ -5,10 +5,10 @@ use super::control::{Control, refused};
 use super::launch::{launch, launch_controlled};
 use crate::errors;
 use crate::second_order::SecondOrder;
-use liouville_core::method::alpha::{Alpha, Reactions};
-use liouville_core::problem::mechanical::{Observer, SecondOrderModel};
-use liouville_core::tableau;
-use liouville_core::tape::Tape;
+use liouville_base::tableau;
+use liouville_base::tape::Tape;
+use liouville_mechanics::alpha::{Alpha, Reactions};
+use liouville_mechanics::problem::{Observer, SecondOrderModel};
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 

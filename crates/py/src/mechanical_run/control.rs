@@ -1,8 +1,8 @@
 //! What decides on the steps, as Python says it.
 
 use crate::convert;
-use liouville_core::method::Tolerance;
-use liouville_core::tape::Tape;
+use liouville_base::method::Tolerance;
+use liouville_base::tape::Tape;
 use numpy::PyReadonlyArray1;
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;

@@ -3,12 +3,11 @@
 use super::Begin;
 use super::control::{Control, refused};
 use crate::run::Run;
-use liouville_core::method::{Estimating, Stepper, Symmetric};
-use liouville_core::problem::Observe;
-use liouville_core::problem::mechanical::{
-    Carried, MechanicalMonitor, Observer, Path, TimeScale, Traced,
-};
-use liouville_core::run::{self, Controlled, Equal, Pace, Reversible, Watcher};
+use liouville_base::method::{Estimating, Stepper, Symmetric};
+use liouville_base::observe::Observe;
+use liouville_base::run::{self, Controlled, Equal, Pace, Reversible};
+use liouville_mechanics::events::Watcher;
+use liouville_mechanics::problem::{Carried, MechanicalMonitor, Observer, Path, TimeScale, Traced};
 use pyo3::prelude::*;
 
 /// A run by equal steps.

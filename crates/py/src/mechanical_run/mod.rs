@@ -10,7 +10,7 @@ use crate::convert::{self, Mechanical};
 use crate::second_order::{SecondOrder, Separable};
 use crate::watch::{Asked, Watching};
 use control::Control;
-use liouville_core::tape::Tape;
+use liouville_base::tape::Tape;
 use numpy::PyReadonlyArray1;
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;

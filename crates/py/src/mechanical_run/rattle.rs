@@ -5,10 +5,10 @@ use super::launch::launch_symmetric;
 use crate::errors;
 use crate::second_order::Separable;
 use crate::tableau::scheme_of;
-use liouville_core::method::composition::Composed;
-use liouville_core::method::rattle::Rattle;
-use liouville_core::problem::mechanical::{Observer, SeparableModel};
-use liouville_core::tape::Tape;
+use liouville_base::composition::Composed;
+use liouville_base::tape::Tape;
+use liouville_mechanics::problem::{Observer, SeparableModel};
+use liouville_mechanics::rattle::Rattle;
 use pyo3::prelude::*;
 
 pub(super) fn rattle<'py>(

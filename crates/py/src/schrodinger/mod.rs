@@ -7,15 +7,15 @@ pub(crate) use method::{chebyshev_degree, processor_degree, split_program_of};
 use crate::caught::Caught;
 use crate::operator::Hamiltonian;
 use crate::run::Run;
-use liouville_core::ensemble::{Ensemble, Layout};
-use liouville_core::method::schrodinger::{Lanczos, Observable, Observer, Sweeper, Wave};
-use liouville_core::method::{Composed, Stepper};
-use liouville_core::patience::Patience;
-use liouville_core::problem::quantum;
-use liouville_core::real::{Lanes, WIDTH};
-use liouville_core::run::{self, Advance, Listed};
-use liouville_core::trouble::Trouble;
-use liouville_core::vector::Stored;
+use liouville_base::cancel::Patience;
+use liouville_base::composition::Composed;
+use liouville_base::ensemble::{Ensemble, Layout};
+use liouville_base::error::Trouble;
+use liouville_base::method::Stepper;
+use liouville_base::real::{Lanes, WIDTH};
+use liouville_base::run::{self, Advance, Listed};
+use liouville_base::simd::Stored;
+use liouville_waves::method::{Lanczos, Observable, Observer, Sweeper, Wave};
 use method::{Alone, Lockstep, Method};
 use numpy::{Complex64, PyReadonlyArray1, PyReadonlyArray2, PyUntypedArrayMethods};
 use pyo3::exceptions::PyValueError;
@@ -55,7 +55,7 @@ fn observable_of(observable: &Bound<'_, PyTuple>) -> PyResult<Observable> {
 
 /// What every run begins with.
 struct Begin {
-    hamiltonian: Arc<quantum::Hamiltonian>,
+    hamiltonian: Arc<liouville_waves::problem::Hamiltonian>,
     method: Method,
     observables: Vec<Observable>,
     states: bool,
