@@ -1,4 +1,4 @@
-//! Long steps ask now and then whether somebody has lost patience.
+//! Long steps ask now and then whether somebody has lost cancel.
 
 use std::sync::Arc;
 use std::time::{Duration, Instant};
@@ -8,31 +8,31 @@ const BETWEEN: Duration = Duration::from_millis(40);
 
 /// Asks whether to stop, but not too often; clones ask the same.
 #[derive(Clone)]
-pub struct Patience {
-    is_lost: Arc<dyn Fn() -> bool + Send + Sync>,
+pub struct CancelToken {
+    is_cancelled: Arc<dyn Fn() -> bool + Send + Sync>,
     asked: Instant,
 }
 
-impl Patience {
-    /// Patience that lasts until `is_lost` says otherwise.
-    pub fn new(is_lost: impl Fn() -> bool + Send + Sync + 'static) -> Self {
+impl CancelToken {
+    /// CancelToken that lasts until `is_cancelled` says otherwise.
+    pub fn new(is_cancelled: impl Fn() -> bool + Send + Sync + 'static) -> Self {
         Self {
-            is_lost: Arc::new(is_lost),
+            is_cancelled: Arc::new(is_cancelled),
             asked: Instant::now(),
         }
     }
 
     /// Whether to stop.
-    pub fn is_lost(&mut self) -> bool {
+    pub fn is_cancelled(&mut self) -> bool {
         if self.asked.elapsed() < BETWEEN {
             return false;
         }
         self.asked = Instant::now();
-        (self.is_lost)()
+        (self.is_cancelled)()
     }
 }
 
-impl Default for Patience {
+impl Default for CancelToken {
     /// It lasts for ever.
     fn default() -> Self {
         Self::new(|| false)

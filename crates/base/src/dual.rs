@@ -5,7 +5,7 @@
 
 use crate::elementary;
 use crate::real::Scalar;
-use crate::simd::{Kernel, Machine, Number, Singly, Stored};
+use crate::simd::{InstructionSet, Kernel, Number, ScalarViews, Stored};
 use std::ops::{Add, Div, Mul, Sub};
 
 /// How many directions a dual number has.
@@ -133,7 +133,7 @@ impl Number for Dual {
 }
 
 impl Stored for Dual {
-    fn run<K: Kernel<Self>>(_: Machine, kernel: K) -> K::Output {
-        kernel.run(Singly::default())
+    fn run<K: Kernel<Self>>(_: InstructionSet, kernel: K) -> K::Output {
+        kernel.run(ScalarViews::default())
     }
 }

@@ -6,7 +6,7 @@
 //! pause changes nothing in a run, and a member has the same bits in any company. Turns, failures and records are in
 //! one file because they change together, under one lock.
 
-use crate::error::Trouble;
+use crate::error::StepError;
 use crate::method::Stats;
 use crate::run::{Advance, Failure, Status};
 use rayon::{ThreadPool, ThreadPoolBuilder};
@@ -20,7 +20,7 @@ use std::time::{Duration, Instant};
 pub enum Layout {
     /// Each member has records at these times: at each time a row of all members, one beside another, NaN where
     /// one has not come so far. A run is carried to its end before the next is begun.
-    Together {
+    Aligned {
         /// The times.
         times: Vec<f64>,
         /// How many numbers a member has in a row.
@@ -28,11 +28,11 @@ pub enum Layout {
     },
     /// The runs have records of their own, which begin with the number of a member: all rows of the first, then of the second and so on, up to the
     /// time that all have reached. Runs take short turns, to stay within a few steps of one another.
-    Apart,
+    Ragged,
 }
 
-/// Begins a run of these members; the trouble of one of several is told with its place among them.
-pub type Begin = dyn Fn(&[usize]) -> Result<Box<dyn Advance + Sync>, Trouble> + Send + Sync;
+/// Begins a run of these members; the error of one of several is told with its place among them.
+pub type Begin = dyn Fn(&[usize]) -> Result<Box<dyn Advance + Sync>, StepError> + Send + Sync;
 
 /// A turn of a run lasts about this long, in seconds, where there are few of them ...
 const LONGEST_TURN: f64 = 1e-2;
@@ -129,7 +129,7 @@ impl Ensemble {
 
     /// Gives turns to runs until the deadline, at least one.
     fn work(&self, queue: &Mutex<Queue>, start: Instant, budget: Duration, wanted: f64) {
-        let is_whole = matches!(self.layout, Layout::Together { .. });
+        let is_whole = matches!(self.layout, Layout::Aligned { .. });
         loop {
             let Some((mut block, steps)) = next(&mut locked(queue), is_whole) else {
                 return;
@@ -141,8 +141,8 @@ impl Ensemble {
             };
             let mut run = match begun {
                 Ok(run) => run,
-                Err(trouble) => {
-                    self.part(&mut locked(queue), block, None, trouble);
+                Err(error) => {
+                    self.part(&mut locked(queue), block, None, error);
                     continue;
                 }
             };
@@ -163,8 +163,8 @@ impl Ensemble {
                     queue.end = run.time();
                     self.close(&mut queue, &block.members, run, None);
                 }
-                Status::Failed { n, t, trouble } => {
-                    self.part(&mut queue, block, Some((run, (n, t))), trouble);
+                Status::Failed { n, t, error } => {
+                    self.part(&mut queue, block, Some((run, (n, t))), error);
                 }
             }
             if spent > 2.0 * wanted {
@@ -184,14 +184,14 @@ impl Ensemble {
         queue: &mut Queue,
         block: Block,
         run: Option<(Box<dyn Advance + Sync>, (usize, f64))>,
-        trouble: Trouble,
+        error: StepError,
     ) {
         let Block {
             members, is_again, ..
         } = block;
-        let place = trouble.member().or((members.len() == 1).then_some(0));
+        let place = error.member().or((members.len() == 1).then_some(0));
         let Some(place) = place else {
-            // whose trouble it is, each finds out alone
+            // whose error it is, each finds out alone
             members.chunks(1).rev().for_each(|one| queue.again(one));
             return;
         };
@@ -199,11 +199,11 @@ impl Ensemble {
         let place = place.min(members.len() - 1);
         let mut others = members;
         let member = others.remove(place);
-        let (step, trouble) = (run.as_ref().map(|(_, step)| *step), trouble.itself());
+        let (step, error) = (run.as_ref().map(|(_, step)| *step), error.itself());
         let failure = Failure {
             member,
             step,
-            trouble,
+            error,
         };
         queue.failures.push(failure);
         if let Some((run, _)) = run {
@@ -246,7 +246,7 @@ impl Ensemble {
         (times, rows): Records,
         one: Option<(usize, usize)>,
     ) {
-        let Layout::Together { times: all, width } = &self.layout else {
+        let Layout::Aligned { times: all, width } = &self.layout else {
             let records = match one {
                 None => (times, rows),
                 Some(_) => rows_of(members[0], &times, &rows),
@@ -387,7 +387,7 @@ impl Advance for Ensemble {
             }
         }
         let records = match &self.layout {
-            Layout::Together { times, width } => {
+            Layout::Aligned { times, width } => {
                 let total = self.members * width;
                 let mut rows = mem::take(&mut queue.table);
                 let is_there = |row: &[f64]| row.iter().any(|value| !value.is_nan());
@@ -398,7 +398,7 @@ impl Advance for Ensemble {
                 rows.truncate(count * total);
                 (times[..count].to_vec(), rows)
             }
-            Layout::Apart => {
+            Layout::Ragged => {
                 queue.left.sort_by_key(|(member, _)| *member);
                 apart(mem::take(&mut queue.left), reached, self.t0)
             }

@@ -52,7 +52,7 @@ impl Quantity {
 /// Why a step could not be made.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 #[allow(missing_docs)]
-pub enum Trouble {
+pub enum StepError {
     #[error("{} {index} is not finite at t = {t}", quantity.name())]
     NotFinite {
         quantity: Quantity,
@@ -62,7 +62,7 @@ pub enum Trouble {
     #[error("the mass matrix p_z is singular in coordinate {coordinate}")]
     SingularMass { coordinate: usize },
     #[error("the gradients of constraints {constraints:?} are linearly dependent")]
-    Redundant { constraints: Vec<usize> },
+    DependentConstraints { constraints: Vec<usize> },
     #[error("the hidden constraint does not determine unknown {unknown}")]
     SingularHidden { unknown: usize },
     #[error("the Newton matrix of the stages is singular")]
@@ -87,15 +87,15 @@ pub enum Trouble {
     Spectrum { theta: f64, most: f64, t: f64 },
     #[error("interrupted")]
     Interrupted,
-    #[error("member {member}: {trouble}")]
+    #[error("member {member}: {error}")]
     Member {
         member: usize,
-        trouble: Box<Trouble>,
+        error: Box<StepError>,
     },
 }
 
-impl Trouble {
-    /// Whose trouble it is among several, where that is known.
+impl StepError {
+    /// Whose error it is among several, where that is known.
     pub fn member(&self) -> Option<usize> {
         match self {
             Self::Singular { member, .. }
@@ -105,16 +105,16 @@ impl Trouble {
         }
     }
 
-    /// The trouble itself, by whomever.
+    /// The error itself, by whomever.
     #[must_use]
     pub fn itself(self) -> Self {
         match self {
-            Self::Member { trouble, .. } => *trouble,
+            Self::Member { error, .. } => *error,
             own => own,
         }
     }
 
-    /// The trouble as one of a group of members that begins with this one.
+    /// The error as one of a group of members that begins with this one.
     #[must_use]
     pub fn of_member(mut self, first: usize) -> Self {
         match &mut self {
@@ -126,7 +126,7 @@ impl Trouble {
             }
             _ => Self::Member {
                 member: first,
-                trouble: Box::new(self),
+                error: Box::new(self),
             },
         }
     }

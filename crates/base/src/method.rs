@@ -1,7 +1,7 @@
 //! Methods at work: a stepper owns the memory of a step and advances a state.
 
-use crate::checkpoint::{Foreign, Memory};
-use crate::error::Trouble;
+use crate::checkpoint::{Checkpoint, CheckpointMismatch};
+use crate::error::StepError;
 
 /// What a stepper has done so far.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -47,21 +47,21 @@ impl std::ops::Sub for Stats {
 }
 
 /// A method at work on a problem.
-pub trait Stepper: Memory + Send {
+pub trait Stepper: Checkpoint + Send {
     /// What it advances.
-    type State: Memory;
+    type State: Checkpoint;
 
     /// Advances `state` from `t` to `t + h`; on failure the state is as it was.
     ///
     /// # Errors
     /// Why the step could not be made.
-    fn step(&mut self, t: f64, h: f64, state: &mut Self::State) -> Result<(), Trouble>;
+    fn step(&mut self, t: f64, h: f64, state: &mut Self::State) -> Result<(), StepError>;
 
     /// Makes what was held back of the steps so far; a state is looked at after this.
     ///
     /// # Errors
     /// Why it could not be made: the state is not to be used then.
-    fn settle(&mut self, _state: &mut Self::State) -> Result<(), Trouble> {
+    fn synchronize(&mut self, _state: &mut Self::State) -> Result<(), StepError> {
         Ok(())
     }
 
@@ -75,12 +75,12 @@ pub trait Stepper: Memory + Send {
 impl<S: Stepper + ?Sized> Stepper for Box<S> {
     type State = S::State;
 
-    fn step(&mut self, t: f64, h: f64, state: &mut S::State) -> Result<(), Trouble> {
+    fn step(&mut self, t: f64, h: f64, state: &mut S::State) -> Result<(), StepError> {
         (**self).step(t, h, state)
     }
 
-    fn settle(&mut self, state: &mut S::State) -> Result<(), Trouble> {
-        (**self).settle(state)
+    fn synchronize(&mut self, state: &mut S::State) -> Result<(), StepError> {
+        (**self).synchronize(state)
     }
 
     fn forget(&mut self) {
@@ -138,7 +138,7 @@ pub trait Estimating: Stepper {
     fn undo(&mut self, state: &mut Self::State);
 }
 
-impl Memory for Stats {
+impl Checkpoint for Stats {
     fn save(&self, member: usize, out: &mut Vec<f64>) {
         for count in [
             self.iterations,
@@ -151,7 +151,7 @@ impl Memory for Stats {
         }
     }
 
-    fn restore(&mut self, member: usize, saved: &mut &[f64]) -> Result<(), Foreign> {
+    fn restore(&mut self, member: usize, saved: &mut &[f64]) -> Result<(), CheckpointMismatch> {
         for count in [
             &mut self.iterations,
             &mut self.evaluations,

@@ -6,9 +6,9 @@ use std::sync::Arc;
 
 /// Some threads that work together; clones are the same threads.
 #[derive(Clone, Debug)]
-pub struct Crew(Arc<ThreadPool>);
+pub struct Workers(Arc<ThreadPool>);
 
-impl Crew {
+impl Workers {
     /// So many threads, or none if one is enough or there are no more to be had.
     pub fn new(threads: usize) -> Option<Self> {
         let pool = ThreadPoolBuilder::new().num_threads(threads).build();

@@ -183,7 +183,7 @@ impl Tape {
         self.0.len()
     }
 
-    /// Sizes of the input groups; the last is the parameters.
+    /// StepSizes of the input groups; the last is the parameters.
     #[getter]
     fn inputs(&self) -> Vec<usize> {
         self.0.inputs().to_vec()

@@ -3,8 +3,8 @@
 use crate::caught::Caught;
 use crate::convert::{Rows, Tape};
 use crate::errors::refused;
-use liouville_base::error::Trouble;
-use liouville_base::simd::Machine;
+use liouville_base::error::StepError;
+use liouville_base::simd::InstructionSet;
 use liouville_waves::method::Sweeper;
 use liouville_waves::problem::{Bond, Dense, Diagonals, Drive, Kinetic, Potential, Spins};
 use numpy::{PyArray1, PyReadonlyArray1, PyReadonlyArray2, PyUntypedArrayMethods};
@@ -241,9 +241,9 @@ impl Hamiltonian {
         let (x, mut out) = (x.as_slice()?, vec![0.0; x.len()]);
         let outcome = py.detach(|| {
             let scratch = &mut liouville_waves::problem::Scratch::default();
-            (self.inner.sum()).multiply(Machine::default(), x, &mut out, scratch)
+            (self.inner.sum()).multiply(InstructionSet::default(), x, &mut out, scratch)
         });
-        outcome.map_err(|trouble| self.explained(trouble))?;
+        outcome.map_err(|error| self.explained(error))?;
         Ok(PyArray1::from_vec(py, out))
     }
 
@@ -252,7 +252,7 @@ impl Hamiltonian {
     fn ritz(&self, py: Python<'_>, steps: usize, seed: u64) -> PyResult<(f64, f64, f64, f64)> {
         let mut sweeper = Sweeper::new(self.inner.clone());
         let found = py.detach(|| liouville_waves::method::ritz(&mut sweeper, steps.max(1), seed));
-        let found = found.map_err(|trouble| self.explained(trouble))?;
+        let found = found.map_err(|error| self.explained(error))?;
         Ok((found.low.0, found.low.1, found.high.0, found.high.1))
     }
 
@@ -260,14 +260,14 @@ impl Hamiltonian {
     fn asymmetry(&self, py: Python<'_>, seed: u64) -> PyResult<f64> {
         let mut sweeper = Sweeper::new(self.inner.clone());
         let found = py.detach(|| liouville_waves::method::asymmetry(&mut sweeper, seed));
-        found.map_err(|trouble| self.explained(trouble))
+        found.map_err(|error| self.explained(error))
     }
 }
 
 impl Hamiltonian {
     /// What a function raised that makes products, or what else there is to say.
-    fn explained(&self, trouble: Trouble) -> PyErr {
+    fn explained(&self, error: StepError) -> PyErr {
         let raised = self.caught.iter().find_map(Caught::take);
-        raised.unwrap_or_else(|| refused(trouble))
+        raised.unwrap_or_else(|| refused(error))
     }
 }

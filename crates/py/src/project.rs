@@ -7,7 +7,7 @@ use liouville_mechanics::problem::Projection;
 use numpy::{PyArray1, PyReadonlyArray1};
 use pyo3::prelude::*;
 
-/// The point nearest to `x` that meets a projection's equations, or the trouble of finding it.
+/// The point nearest to `x` that meets a projection's equations, or the error of finding it.
 ///
 /// Tapes of c, `c_x` and the metric; patterns of the last two.
 #[pyfunction]
@@ -34,6 +34,6 @@ pub(crate) fn project<'py>(
     };
     match liouville_mechanics::problem::project(&projection, x, held, params) {
         Ok(x) => Ok(PyArray1::from_vec(py, x).into_any()),
-        Err(trouble) => Ok(errors::trouble(py, &trouble)?.into_any()),
+        Err(error) => Ok(errors::error(py, &error)?.into_any()),
     }
 }

@@ -1,7 +1,7 @@
 //! A stepper on its way, over systems in which nothing can cancel.
 
 use super::{Functions, LAM, T, Y, Z, dot, input, inputs};
-use liouville_base::error::Trouble;
+use liouville_base::error::StepError;
 use liouville_base::method::{Stats, Stepper};
 use liouville_mechanics::problem::{Mechanical, Model, State};
 use liouville_mechanics::spark::{Solver, Spark};
@@ -120,7 +120,7 @@ impl Walk {
         self.t0 + f64::from(self.n) * self.h
     }
 
-    pub fn step(&mut self) -> Result<(), Trouble> {
+    pub fn step(&mut self) -> Result<(), StepError> {
         self.spark.step(self.t(), self.h, &mut self.state)?;
         self.n += 1;
         Ok(())

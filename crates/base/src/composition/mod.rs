@@ -10,16 +10,16 @@
 
 mod symmetric;
 
-use crate::checkpoint::{Foreign, Memory};
-use crate::error::Trouble;
+use crate::checkpoint::{Checkpoint, CheckpointMismatch};
+use crate::error::StepError;
 use crate::method::{Stats, Stepper};
 use crate::tableau::Scheme;
 pub use symmetric::Base;
 
 /// What a composed step is made of: flows of a state, one after another.
-pub trait Parts: Memory + Send {
+pub trait Parts: Checkpoint + Send {
     /// What they move.
-    type State: Memory;
+    type State: Checkpoint;
 
     /// How many parts there are.
     fn count(&self) -> usize;
@@ -38,7 +38,7 @@ pub trait Parts: Memory + Send {
         t: f64,
         h: f64,
         state: &mut Self::State,
-    ) -> Result<(), Trouble>;
+    ) -> Result<(), StepError>;
 
     /// Moves `state` by flows one after another, of a step from `t` to `t + h`; the first begins `before`
     /// earlier than it says.
@@ -52,7 +52,7 @@ pub trait Parts: Memory + Send {
         t: f64,
         h: f64,
         state: &mut Self::State,
-    ) -> Result<(), Trouble> {
+    ) -> Result<(), StepError> {
         let mut before = before;
         for flow in flows {
             let now = flow.at(t, h);
@@ -70,7 +70,7 @@ pub trait Parts: Memory + Send {
     ///
     /// # Errors
     /// What is not finite.
-    fn check(&self, t: f64, state: &Self::State) -> Result<(), Trouble>;
+    fn check(&self, t: f64, state: &Self::State) -> Result<(), StepError>;
 
     /// Keeps a copy of the state before a step, or says that it is too large for that.
     fn keep(&mut self, state: &Self::State) -> bool;
@@ -136,7 +136,7 @@ pub struct Composed<P: Parts> {
     /// The last flow of the step before, not made yet.
     held: Option<Held>,
     /// What made the state unusable, if anything did.
-    lost: Option<Trouble>,
+    lost: Option<StepError>,
     /// Where the last step ended, and how many were made since the state was looked at.
     end: f64,
     unchecked: usize,
@@ -208,7 +208,7 @@ impl<P: Parts> Composed<P> {
     }
 
     /// All flows of a step, the last one held back if it can be.
-    fn walk(&mut self, t: f64, h: f64, state: &mut P::State) -> Result<(), Trouble> {
+    fn walk(&mut self, t: f64, h: f64, state: &mut P::State) -> Result<(), StepError> {
         let Self { parts, program, .. } = self;
         let last = program.len() - usize::from(self.is_cyclic);
         let mut held = self.held.take();
@@ -226,7 +226,7 @@ impl<P: Parts> Composed<P> {
     }
 
     /// Looks whether the state is finite, unless it is large and was looked at lately.
-    fn look(&mut self, t: f64, is_kept: bool, state: &P::State) -> Result<(), Trouble> {
+    fn look(&mut self, t: f64, is_kept: bool, state: &P::State) -> Result<(), StepError> {
         self.end = t;
         self.unchecked += 1;
         if is_kept || self.unchecked >= CHECKED_EVERY {
@@ -237,7 +237,7 @@ impl<P: Parts> Composed<P> {
     }
 
     /// Makes the flow that was held back, and looks at the state.
-    fn finish(&mut self, state: &mut P::State) -> Result<(), Trouble> {
+    fn finish(&mut self, state: &mut P::State) -> Result<(), StepError> {
         if let Some(now) = self.held.take() {
             self.flows += 1;
             self.parts
@@ -251,11 +251,11 @@ impl<P: Parts> Composed<P>
 where
     P::State: Clone,
 {
-    /// Makes `out` what [`Stepper::settle`] would make of a state, which goes on as it is.
+    /// Makes `out` what [`Stepper::synchronize`] would make of a state, which goes on as it is.
     ///
     /// # Errors
     /// Why the flow that was held back could not be made.
-    pub fn peek(&mut self, state: &P::State, out: &mut P::State) -> Result<(), Trouble> {
+    pub fn peek(&mut self, state: &P::State, out: &mut P::State) -> Result<(), StepError> {
         out.clone_from(state);
         let flow = |now: Held| (self.parts).flow(now.part, now.is_adjoint, now.t, now.h, out);
         self.held.map_or(Ok(()), flow)
@@ -284,36 +284,36 @@ impl<P: Parts> Stepper for Composed<P> {
     type State = P::State;
 
     /// Where no copy of the state can be kept, a failed step leaves a state that is not to be used:
-    /// [`Stepper::settle`] refuses it from then on.
-    fn step(&mut self, t: f64, h: f64, state: &mut P::State) -> Result<(), Trouble> {
-        if let Some(trouble) = &self.lost {
-            return Err(trouble.clone());
+    /// [`Stepper::synchronize`] refuses it from then on.
+    fn step(&mut self, t: f64, h: f64, state: &mut P::State) -> Result<(), StepError> {
+        if let Some(error) = &self.lost {
+            return Err(error.clone());
         }
         let is_kept = self.parts.keep(state);
         let held = self.held;
         let outcome = self
             .walk(t, h, state)
             .and_then(|()| self.look(t + h, is_kept, state));
-        outcome.inspect_err(|trouble| {
+        outcome.inspect_err(|error| {
             self.held = held;
             if is_kept {
                 self.parts.put_back(state);
             } else {
-                self.lost = Some(trouble.clone());
+                self.lost = Some(error.clone());
             }
         })
     }
 
-    fn settle(&mut self, state: &mut P::State) -> Result<(), Trouble> {
-        if let Some(trouble) = &self.lost {
-            return Err(trouble.clone());
+    fn synchronize(&mut self, state: &mut P::State) -> Result<(), StepError> {
+        if let Some(error) = &self.lost {
+            return Err(error.clone());
         }
         if self.held.is_none() && self.unchecked == 0 {
             return Ok(());
         }
         self.unchecked = 0;
         self.finish(state)
-            .inspect_err(|trouble| self.lost = Some(trouble.clone()))
+            .inspect_err(|error| self.lost = Some(error.clone()))
     }
 
     fn forget(&mut self) {
@@ -326,7 +326,7 @@ impl<P: Parts> Stepper for Composed<P> {
 }
 
 /// What is composed, and what was held back.
-impl<P: Parts> Memory for Composed<P> {
+impl<P: Parts> Checkpoint for Composed<P> {
     fn save(&self, member: usize, out: &mut Vec<f64>) {
         self.parts.save(member, out);
         let held = self
@@ -337,7 +337,7 @@ impl<P: Parts> Memory for Composed<P> {
         self.unchecked.save(member, out);
     }
 
-    fn restore(&mut self, member: usize, saved: &mut &[f64]) -> Result<(), Foreign> {
+    fn restore(&mut self, member: usize, saved: &mut &[f64]) -> Result<(), CheckpointMismatch> {
         self.parts.restore(member, saved)?;
         let mut held = Some(((0, false), (0.0, 0.0)));
         held.restore(member, saved)?;
@@ -348,7 +348,7 @@ impl<P: Parts> Memory for Composed<P> {
             h,
         });
         if self.held.is_some_and(|now| now.part >= self.parts.count()) {
-            return Err(Foreign);
+            return Err(CheckpointMismatch);
         }
         self.end.restore(member, saved)?;
         self.unchecked.restore(member, saved)

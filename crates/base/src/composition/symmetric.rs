@@ -1,8 +1,8 @@
 //! A symmetric method as the one part of a composition.
 
 use super::{Composed, Flow, NeedsAdjoint, Parts};
-use crate::checkpoint::{Foreign, Memory};
-use crate::error::Trouble;
+use crate::checkpoint::{Checkpoint, CheckpointMismatch};
+use crate::error::StepError;
 use crate::method::{Stats, Stepper, Symmetric};
 use crate::tableau::Scheme;
 
@@ -63,12 +63,12 @@ where
         t: f64,
         h: f64,
         state: &mut S::State,
-    ) -> Result<(), Trouble> {
+    ) -> Result<(), StepError> {
         self.stepper.step(t, h, state)
     }
 
     /// The method has looked.
-    fn check(&self, _: f64, _: &S::State) -> Result<(), Trouble> {
+    fn check(&self, _: f64, _: &S::State) -> Result<(), StepError> {
         Ok(())
     }
 
@@ -95,12 +95,12 @@ where
     }
 }
 
-impl<S: Stepper> Memory for Base<S> {
+impl<S: Stepper> Checkpoint for Base<S> {
     fn save(&self, member: usize, out: &mut Vec<f64>) {
         self.stepper.save(member, out);
     }
 
-    fn restore(&mut self, member: usize, saved: &mut &[f64]) -> Result<(), Foreign> {
+    fn restore(&mut self, member: usize, saved: &mut &[f64]) -> Result<(), CheckpointMismatch> {
         self.stepper.restore(member, saved)
     }
 }

@@ -4,7 +4,7 @@
 use super::kernels::short;
 use super::{Lu, Pattern, Singular};
 use crate::real::Real;
-use crate::simd::wide;
+use crate::simd::dispatch_simd;
 
 /// Order of the largest block that is inverted.
 const MOST: usize = 8;
@@ -82,7 +82,7 @@ impl<R: Real> Blocks<R> {
     /// # Errors
     /// The first column without a pivot.
     pub fn factor(&mut self, values: &[R]) -> Result<(), Singular> {
-        wide::<R, _>(
+        dispatch_simd::<R, _>(
             #[inline(always)]
             || self.invert_each(values),
         )
@@ -109,7 +109,7 @@ impl<R: Real> Blocks<R> {
     /// Solves `A x = b` in place.
     #[inline]
     pub fn solve(&self, b: &mut [R]) {
-        wide::<R, _>(
+        dispatch_simd::<R, _>(
             #[inline(always)]
             || self.multiply_each(b),
         );

@@ -4,7 +4,7 @@
 use super::kernels::short;
 use super::{Blocks, Matrix, Pattern, SparseOf, add_scaled, dot, max_norm, scale_each};
 use crate::real::Real;
-use crate::simd::wide;
+use crate::simd::dispatch_simd;
 
 /// No pivot in this column: it depends on the columns before it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -51,7 +51,7 @@ impl<R: Real> Lu<R> {
     /// # Errors
     /// The first column whose best pivot is at roundoff of its row.
     pub fn factor(&mut self) -> Result<(), Singular> {
-        wide::<R, _>(
+        dispatch_simd::<R, _>(
             #[inline(always)]
             || self.eliminate(),
         )
@@ -303,7 +303,7 @@ impl<R: Real> Factor<R> {
     /// The first column without a pivot.
     pub fn factor(&mut self, pattern: &Pattern, values: &[R]) -> Result<(), Singular> {
         match self {
-            Self::Diagonal(inverse) => wide::<R, _>(
+            Self::Diagonal(inverse) => dispatch_simd::<R, _>(
                 #[inline(always)]
                 || invert(inverse, pattern, values),
             ),

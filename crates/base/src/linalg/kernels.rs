@@ -3,7 +3,7 @@
 
 use super::Matrix;
 use crate::real::Real;
-use crate::simd::{wide_alone, wide_along};
+use crate::simd::{dispatch_simd_long, dispatch_simd_nested};
 use std::ops::Mul;
 
 /// `out += factor * x`
@@ -168,7 +168,7 @@ pub fn copy_scaled<R: Real + Mul<F, Output = R>, F: Copy>(out: &mut [R], factor:
 /// `x_i *= factors_i`
 #[inline(always)]
 pub fn scale_each<R: Real>(x: &mut [R], factors: &[R]) {
-    wide_alone::<R, _>(
+    dispatch_simd_nested::<R, _>(
         x.len(),
         #[inline(always)]
         || {
@@ -204,7 +204,7 @@ const SIGN: u64 = 1 << 63;
 
 #[inline]
 fn max_norm_alone(x: &[f64]) -> f64 {
-    wide_along::<f64, _>(
+    dispatch_simd_long::<f64, _>(
         x.len(),
         #[inline(always)]
         || largest(x),
@@ -234,7 +234,7 @@ fn largest(x: &[f64]) -> f64 {
 #[inline(always)]
 pub fn all_finite<R: Real>(x: &[R]) -> bool {
     // without a way out, so that several are looked at in one instruction
-    wide_alone::<R, _>(
+    dispatch_simd_nested::<R, _>(
         x.len(),
         #[inline(always)]
         || {

@@ -14,7 +14,7 @@ use super::fill::Plan;
 use super::product::{Meeting, meetings};
 use super::{Lu, Matrix, Pattern, Singular};
 use crate::real::Real;
-use crate::simd::wide_alone;
+use crate::simd::dispatch_simd_nested;
 use std::array::from_fn;
 
 /// Pivots below this fraction of what stood in their place are roundoff.
@@ -122,7 +122,7 @@ impl<R: Real> NodeGram<R> {
     /// # Panics
     /// When there are fewer values than entries.
     pub fn factor(&mut self, a: &[R], b: &[R]) -> Result<(), Singular> {
-        wide_alone::<R, _>(
+        dispatch_simd_nested::<R, _>(
             self.x.len(),
             #[inline(always)]
             || at_size!(self.nodes, K => { self.multiply::<K>(a, b); self.eliminate::<K>() }),
@@ -134,7 +134,7 @@ impl<R: Real> NodeGram<R> {
     /// # Panics
     /// When `b` is too short.
     pub fn solve(&mut self, b: &mut [R]) {
-        wide_alone::<R, _>(
+        dispatch_simd_nested::<R, _>(
             self.x.len(),
             #[inline(always)]
             || at_size!(self.nodes, K => self.substitute::<K>(b)),

@@ -15,9 +15,9 @@ mod broyden;
 
 pub use broyden::Broyden;
 
-use crate::error::Trouble;
+use crate::error::StepError;
 use crate::real::Real;
-use crate::simd::wide;
+use crate::simd::dispatch_simd;
 
 /// A system of equations in the middle of being solved: one, or those of several members in lock-step.
 pub trait Equations<R = f64> {
@@ -25,7 +25,7 @@ pub trait Equations<R = f64> {
     ///
     /// # Errors
     /// A value is not finite, or a matrix is singular.
-    fn correct(&mut self) -> Result<R, Trouble>;
+    fn correct(&mut self) -> Result<R, StepError>;
 
     /// When to stop.
     fn stop(&self) -> Stop {
@@ -72,8 +72,8 @@ const NEARBY: f64 = 0.5;
 /// Corrects until converged and returns how many corrections that took.
 ///
 /// # Errors
-/// [`Trouble::NotConverged`] as soon as `most` corrections will not be enough.
-pub fn solve(equations: &mut impl Equations, most: usize) -> Result<usize, Trouble> {
+/// [`StepError::NotConverged`] as soon as `most` corrections will not be enough.
+pub fn solve(equations: &mut impl Equations, most: usize) -> Result<usize, StepError> {
     let mut progress = Progress::new(equations.stop());
     for iterations in 1..=most {
         let size = equations.correct()?;
@@ -81,10 +81,10 @@ pub fn solve(equations: &mut impl Equations, most: usize) -> Result<usize, Troub
         if verdict == CONVERGED {
             return Ok(iterations);
         } else if verdict == HOPELESS {
-            return Err(Trouble::NotConverged { iterations, size });
+            return Err(StepError::NotConverged { iterations, size });
         }
     }
-    Err(Trouble::NotConverged {
+    Err(StepError::NotConverged {
         iterations: 0,
         size: f64::INFINITY,
     })
@@ -113,17 +113,17 @@ pub enum Member {
 /// corrections, so that it takes as many as it would alone. There is a place for each.
 ///
 /// # Errors
-/// A correction could not be made: that may be the trouble of any of them.
+/// A correction could not be made: that may be the error of any of them.
 pub fn solve_each<R: Real>(
     equations: &mut impl Equations<R>,
     most: usize,
     members: &mut [Member],
-) -> Result<(), Trouble> {
+) -> Result<(), StepError> {
     let mut progress = Progress::new(equations.stop());
     let (mut kept, mut has_kept) = (R::splat(0.0), false);
     for iterations in 1..=most {
         let sizes = equations.correct()?;
-        let verdicts = wide::<R, _>(
+        let verdicts = dispatch_simd::<R, _>(
             #[inline(always)]
             || progress.judge(sizes, iterations, most),
         );
@@ -146,7 +146,7 @@ pub fn solve_each<R: Real>(
         if !members.contains(&Member::Open) {
             break;
         }
-        wide::<R, _>(
+        dispatch_simd::<R, _>(
             #[inline(always)]
             || equations.keep(done),
         );
@@ -154,7 +154,7 @@ pub fn solve_each<R: Real>(
         has_kept = true;
     }
     if has_kept {
-        wide::<R, _>(
+        dispatch_simd::<R, _>(
             #[inline(always)]
             || equations.put_back(kept),
         );
@@ -168,8 +168,8 @@ const MOST_MEMBERS: usize = 16;
 /// Corrects all members until each has converged.
 ///
 /// # Errors
-/// [`Trouble::NotConverged`] as soon as one of them will not.
-pub fn solve_all<R: Real>(equations: &mut impl Equations<R>, most: usize) -> Result<(), Trouble> {
+/// [`StepError::NotConverged`] as soon as one of them will not.
+pub fn solve_all<R: Real>(equations: &mut impl Equations<R>, most: usize) -> Result<(), StepError> {
     const { assert!(R::MEMBERS <= MOST_MEMBERS, "a place for each member") };
     let mut members = [Member::Open; MOST_MEMBERS];
     let members = &mut members[..R::MEMBERS];
@@ -179,7 +179,7 @@ pub fn solve_all<R: Real>(equations: &mut impl Equations<R>, most: usize) -> Res
         _ => None,
     });
     hopeless.map_or(Ok(()), |(iterations, size)| {
-        Err(Trouble::NotConverged { iterations, size })
+        Err(StepError::NotConverged { iterations, size })
     })
 }
 

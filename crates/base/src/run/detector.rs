@@ -1,14 +1,14 @@
 //! What looks at a run between its steps: events, and records at given times.
 
 use super::Recorder;
-use crate::checkpoint::Memory;
-use crate::error::Trouble;
+use crate::checkpoint::Checkpoint;
+use crate::error::StepError;
 use crate::method::Stepper;
 
 /// Someone who looks at each step of a run.
-pub trait Watch<S: Stepper, O>: Memory + Send {
+pub trait EventDetector<S: Stepper, O>: Checkpoint + Send {
     /// Whether anybody looks.
-    const IS_AWAKE: bool = true;
+    const IS_ACTIVE: bool = true;
 
     /// Whether the run's records are those at times of its own, and not one state in some.
     fn is_recording(&self) -> bool;
@@ -17,7 +17,7 @@ pub trait Watch<S: Stepper, O>: Memory + Send {
     ///
     /// # Errors
     /// Something that is looked at is not finite, or cannot be recorded.
-    fn start(&mut self, t: f64, state: &S::State, out: &mut Recorder<O>) -> Result<(), Trouble>;
+    fn start(&mut self, t: f64, state: &S::State, out: &mut Recorder<O>) -> Result<(), StepError>;
 
     /// A step is about to be made from here.
     fn before(&mut self, t: f64, state: &S::State);
@@ -32,7 +32,7 @@ pub trait Watch<S: Stepper, O>: Memory + Send {
         t: f64,
         state: &mut S::State,
         out: &mut Recorder<O>,
-    ) -> Result<Option<f64>, Trouble>;
+    ) -> Result<Option<f64>, StepError>;
 
     /// The run is over: what was held back is recorded.
     fn finish(&mut self, out: &mut Recorder<O>);
@@ -52,16 +52,16 @@ pub struct Seen {
 
 /// Nobody looks.
 #[derive(Clone, Copy, Debug, Default)]
-pub struct Unwatched;
+pub struct NoEvents;
 
-impl<S: Stepper, O> Watch<S, O> for Unwatched {
-    const IS_AWAKE: bool = false;
+impl<S: Stepper, O> EventDetector<S, O> for NoEvents {
+    const IS_ACTIVE: bool = false;
 
     fn is_recording(&self) -> bool {
         false
     }
 
-    fn start(&mut self, _: f64, _: &S::State, _: &mut Recorder<O>) -> Result<(), Trouble> {
+    fn start(&mut self, _: f64, _: &S::State, _: &mut Recorder<O>) -> Result<(), StepError> {
         Ok(())
     }
 
@@ -72,7 +72,7 @@ impl<S: Stepper, O> Watch<S, O> for Unwatched {
         _: f64,
         _: &mut S::State,
         _: &mut Recorder<O>,
-    ) -> Result<Option<f64>, Trouble> {
+    ) -> Result<Option<f64>, StepError> {
         Ok(None)
     }
 
@@ -83,4 +83,4 @@ impl<S: Stepper, O> Watch<S, O> for Unwatched {
     }
 }
 
-impl Memory for Unwatched {}
+impl Checkpoint for NoEvents {}

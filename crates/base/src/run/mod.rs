@@ -4,12 +4,12 @@ mod control;
 mod detector;
 mod record;
 
-pub use control::{Controlled, Equal, Listed, Pace, Reversible, Sizes};
-pub use detector::{Seen, Unwatched, Watch};
+pub use control::{Adaptive, Fixed, Listed, Reversible, StepControl, StepSizes};
+pub use detector::{EventDetector, NoEvents, Seen};
 pub use record::Recorder;
 
-use crate::checkpoint::{Foreign, Memory};
-use crate::error::Trouble;
+use crate::checkpoint::{Checkpoint, CheckpointMismatch};
+use crate::error::StepError;
 use crate::method::{Stats, Stepper};
 use crate::observe::Observe;
 use std::time::{Duration, Instant};
@@ -28,7 +28,7 @@ pub enum Status {
         /// Time at its start.
         t: f64,
         /// Why.
-        trouble: Trouble,
+        error: StepError,
     },
 }
 
@@ -45,10 +45,10 @@ pub struct Failure {
     /// Which one.
     pub member: usize,
     /// The step that could not be made or recorded, and the time at its start; the start itself could not be
-    /// taken where there is none.
+    /// split_front where there is none.
     pub step: Option<(usize, f64)>,
     /// Why.
-    pub trouble: Trouble,
+    pub error: StepError,
 }
 
 /// A run of any stepper, independent of its type.
@@ -66,7 +66,7 @@ pub trait Advance: Send {
     /// What the stepper has done, and how many of its steps were thrown away.
     fn stats(&self) -> (Stats, usize);
     /// The sizes of its steps, where they are not equal.
-    fn sizes(&self) -> Option<Sizes> {
+    fn sizes(&self) -> Option<StepSizes> {
         None
     }
     /// Times of the records, one a row, and the rows one after another, the present state last. The
@@ -85,8 +85,8 @@ pub trait Advance: Send {
     ///
     /// # Errors
     /// It was another run; this one is not to be used then.
-    fn restore(&mut self, _saved: &[f64]) -> Result<(), Foreign> {
-        Err(Foreign)
+    fn restore(&mut self, _saved: &[f64]) -> Result<(), CheckpointMismatch> {
+        Err(CheckpointMismatch)
     }
     /// Members that could not go on, in their order, while the others did.
     fn failures(&self) -> Vec<Failure> {
@@ -103,10 +103,10 @@ pub trait Advance: Send {
 }
 
 /// A stepper, its state, the length of its steps, the recorder, and who else looks.
-pub struct Run<S: Stepper, O, P, W = Unwatched> {
+pub struct Run<S: Stepper, O, P, W = NoEvents> {
     stepper: S,
     state: S::State,
-    pace: P,
+    control: P,
     every: usize,
     n: usize,
     is_recordable: bool,
@@ -119,7 +119,7 @@ pub struct Run<S: Stepper, O, P, W = Unwatched> {
     apart: Stats,
 }
 
-impl<S: Stepper, O: Observe<S::State>, P: Pace<S>> Run<S, O, P> {
+impl<S: Stepper, O: Observe<S::State>, P: StepControl<S>> Run<S, O, P> {
     /// A run about to start; the start is recorded at once, and then one state in `every` and the last.
     ///
     /// `expected` is how many records will be made, if that is known.
@@ -130,15 +130,22 @@ impl<S: Stepper, O: Observe<S::State>, P: Pace<S>> Run<S, O, P> {
         stepper: S,
         observer: O,
         state: S::State,
-        pace: P,
+        control: P,
         every: usize,
         expected: usize,
-    ) -> Result<Self, Trouble> {
-        Self::watched(stepper, observer, state, pace, (every, expected), Unwatched)
+    ) -> Result<Self, StepError> {
+        Self::watched(
+            stepper,
+            observer,
+            state,
+            control,
+            (every, expected),
+            NoEvents,
+        )
     }
 }
 
-impl<S: Stepper, O: Observe<S::State>, P: Pace<S>, W: Watch<S, O>> Run<S, O, P, W> {
+impl<S: Stepper, O: Observe<S::State>, P: StepControl<S>, W: EventDetector<S, O>> Run<S, O, P, W> {
     /// The same with someone who looks at each step.
     ///
     /// # Errors
@@ -147,15 +154,15 @@ impl<S: Stepper, O: Observe<S::State>, P: Pace<S>, W: Watch<S, O>> Run<S, O, P, 
         stepper: S,
         observer: O,
         state: S::State,
-        pace: P,
+        control: P,
         (every, expected): (usize, usize),
         watch: W,
-    ) -> Result<Self, Trouble> {
+    ) -> Result<Self, StepError> {
         let width = observer.width(&state);
         let mut run = Self {
             stepper,
             state,
-            pace,
+            control,
             every,
             n: 0,
             is_recordable: true,
@@ -165,9 +172,9 @@ impl<S: Stepper, O: Observe<S::State>, P: Pace<S>, W: Watch<S, O>> Run<S, O, P, 
             before: Stats::default(),
             apart: Stats::default(),
         };
-        if W::IS_AWAKE {
-            run.stepper.settle(&mut run.state)?;
-            (run.watch).start(run.pace.time(), &run.state, &mut run.records)?;
+        if W::IS_ACTIVE {
+            run.stepper.synchronize(&mut run.state)?;
+            (run.watch).start(run.control.time(), &run.state, &mut run.records)?;
         }
         if !run.watch.is_recording() {
             run.record()?;
@@ -175,11 +182,11 @@ impl<S: Stepper, O: Observe<S::State>, P: Pace<S>, W: Watch<S, O>> Run<S, O, P, 
         Ok(run)
     }
 
-    fn step(&mut self) -> Result<(), Trouble> {
-        if W::IS_AWAKE {
-            self.watch.before(self.pace.time(), &self.state);
+    fn step(&mut self) -> Result<(), StepError> {
+        if W::IS_ACTIVE {
+            self.watch.before(self.control.time(), &self.state);
         }
-        self.pace.step(&mut self.stepper, &mut self.state)?;
+        self.control.step(&mut self.stepper, &mut self.state)?;
         self.n += 1;
         self.look().inspect_err(|_| {
             self.n -= 1;
@@ -187,10 +194,10 @@ impl<S: Stepper, O: Observe<S::State>, P: Pace<S>, W: Watch<S, O>> Run<S, O, P, 
         })
     }
 
-    fn look(&mut self) -> Result<(), Trouble> {
-        if W::IS_AWAKE {
-            self.stepper.settle(&mut self.state)?;
-            let t = self.pace.time();
+    fn look(&mut self) -> Result<(), StepError> {
+        if W::IS_ACTIVE {
+            self.stepper.synchronize(&mut self.state)?;
+            let t = self.control.time();
             self.end = (self.watch).after(t, &mut self.state, &mut self.records)?;
         }
         // a run that ends where a step began has its last record
@@ -202,19 +209,19 @@ impl<S: Stepper, O: Observe<S::State>, P: Pace<S>, W: Watch<S, O>> Run<S, O, P, 
     }
 
     fn is_over(&self) -> bool {
-        self.end.is_some() || self.pace.is_over()
+        self.end.is_some() || self.control.is_over()
     }
 
     fn is_due(&self) -> bool {
-        !self.watch.is_recording() && (self.pace.is_due(self.n, self.every) || self.is_over())
+        !self.watch.is_recording() && (self.control.is_due(self.n, self.every) || self.is_over())
     }
 
     fn present(&self) -> f64 {
-        self.end.unwrap_or_else(|| self.pace.time())
+        self.end.unwrap_or_else(|| self.control.time())
     }
 
-    fn record(&mut self) -> Result<(), Trouble> {
-        self.stepper.settle(&mut self.state)?;
+    fn record(&mut self) -> Result<(), StepError> {
+        self.stepper.synchronize(&mut self.state)?;
         self.records.record(self.present(), &self.state)
     }
 }
@@ -224,8 +231,8 @@ where
     S: Stepper,
     S::State: Send,
     O: Observe<S::State>,
-    P: Pace<S>,
-    W: Watch<S, O>,
+    P: StepControl<S>,
+    W: EventDetector<S, O>,
 {
     fn advance_to(&mut self, steps: usize, budget: Duration) -> Status {
         let start = Instant::now();
@@ -235,9 +242,9 @@ where
                 if self.n >= steps {
                     return Status::Paused;
                 }
-                let (n, t) = (self.n, self.pace.time());
-                if let Err(trouble) = self.step() {
-                    return Status::Failed { n, t, trouble };
+                let (n, t) = (self.n, self.control.time());
+                if let Err(error) = self.step() {
+                    return Status::Failed { n, t, error };
                 }
                 if self.is_over() {
                     return Status::Done;
@@ -267,11 +274,11 @@ where
 
     fn stats(&self) -> (Stats, usize) {
         let stats = self.before + (self.stepper.stats() - self.apart);
-        (stats, self.pace.rejected())
+        (stats, self.control.rejected())
     }
 
-    fn sizes(&self) -> Option<Sizes> {
-        self.pace.sizes()
+    fn sizes(&self) -> Option<StepSizes> {
+        self.control.sizes()
     }
 
     fn take(&mut self) -> (Vec<f64>, Vec<f64>) {
@@ -294,13 +301,13 @@ where
         self.stats().0.save(whole, out);
         self.state.save(whole, out);
         self.stepper.save(whole, out);
-        self.pace.save(whole, out);
+        self.control.save(whole, out);
         self.records.save(whole, out);
         self.watch.save(whole, out);
         true
     }
 
-    fn restore(&mut self, mut saved: &[f64]) -> Result<(), Foreign> {
+    fn restore(&mut self, mut saved: &[f64]) -> Result<(), CheckpointMismatch> {
         let (whole, saved) = (0, &mut saved);
         let mut place = (self.n, self.end);
         place.restore(whole, saved)?;
@@ -309,13 +316,13 @@ where
         self.state.restore(whole, saved)?;
         self.stepper.restore(whole, saved)?;
         self.apart = self.stepper.stats();
-        self.pace.restore(whole, saved)?;
+        self.control.restore(whole, saved)?;
         self.records.restore(whole, saved)?;
         self.watch.restore(whole, saved)?;
         if saved.is_empty() {
             Ok(())
         } else {
-            Err(Foreign)
+            Err(CheckpointMismatch)
         }
     }
 

@@ -1,7 +1,7 @@
 //! What a run keeps: times, and rows of what an observer sees.
 
-use crate::checkpoint::{Foreign, Memory};
-use crate::error::Trouble;
+use crate::checkpoint::{Checkpoint, CheckpointMismatch};
+use crate::error::StepError;
 use crate::observe::Observe;
 
 /// An observer and what it has recorded so far.
@@ -29,7 +29,7 @@ impl<O> Recorder<O> {
     ///
     /// # Errors
     /// Why it cannot be recorded; the records are as they were.
-    pub fn record<T>(&mut self, t: f64, state: &T) -> Result<(), Trouble>
+    pub fn record<T>(&mut self, t: f64, state: &T) -> Result<(), StepError>
     where
         O: Observe<T>,
     {
@@ -66,13 +66,13 @@ impl<O> Recorder<O> {
 }
 
 /// What is recorded is with whoever has collected it.
-impl<O: Memory> Memory for Recorder<O> {
+impl<O: Checkpoint> Checkpoint for Recorder<O> {
     fn save(&self, member: usize, out: &mut Vec<f64>) {
         self.observer.save(member, out);
         self.last.save(member, out);
     }
 
-    fn restore(&mut self, member: usize, saved: &mut &[f64]) -> Result<(), Foreign> {
+    fn restore(&mut self, member: usize, saved: &mut &[f64]) -> Result<(), CheckpointMismatch> {
         self.times.clear();
         self.rows.clear();
         self.observer.restore(member, saved)?;

@@ -8,7 +8,7 @@ use std::ops::{Add, Div, Mul, Sub};
 
 /// Several registers, computed with in lock-step to hide the latency of each.
 #[derive(Clone, Copy)]
-pub(super) struct Block<S: Simd, const N: usize> {
+pub(super) struct RegisterBlock<S: Simd, const N: usize> {
     pub(super) simd: S,
     pub(super) registers: [S::f64s; N],
 }
@@ -16,7 +16,7 @@ pub(super) struct Block<S: Simd, const N: usize> {
 // Loops and no closures: what is not inlined is compiled without the instructions it is for.
 macro_rules! operators {
     ($($operator:ident $name:ident $with:ident,)*) => {$(
-        impl<S: Simd, const N: usize> $operator for Block<S, N> {
+        impl<S: Simd, const N: usize> $operator for RegisterBlock<S, N> {
             type Output = Self;
             #[inline(always)]
             fn $name(mut self, other: Self) -> Self {
@@ -47,7 +47,7 @@ macro_rules! on_bits {
     )*};
 }
 
-impl<S: Simd, const N: usize> Register for Block<S, N> {
+impl<S: Simd, const N: usize> Register for RegisterBlock<S, N> {
     type Bits = [S::u64s; N];
 
     on_bits! {
@@ -115,7 +115,7 @@ impl<S: Simd, const N: usize> Register for Block<S, N> {
     }
 }
 
-impl<S: Simd, const N: usize> Block<S, N> {
+impl<S: Simd, const N: usize> RegisterBlock<S, N> {
     /// Whether all magnitudes are at most this.
     #[inline(always)]
     fn is_within(self, most: f64) -> bool {
@@ -132,11 +132,11 @@ impl<S: Simd, const N: usize> Block<S, N> {
 #[cold]
 #[inline(never)]
 fn replaced<S: Simd, const N: usize>(
-    x: Block<S, N>,
+    x: RegisterBlock<S, N>,
     most: f64,
-    mut values: Block<S, N>,
+    mut values: RegisterBlock<S, N>,
     f: fn(f64) -> f64,
-) -> Block<S, N> {
+) -> RegisterBlock<S, N> {
     let x = pulp::bytemuck::cast_slice::<S::f64s, f64>(&x.registers);
     let values_of = pulp::bytemuck::cast_slice_mut::<S::f64s, f64>(&mut values.registers);
     for (value, &x) in values_of.iter_mut().zip(x) {
@@ -198,7 +198,7 @@ impl Number for f64 {
     }
 }
 
-impl<S: Simd, const N: usize> Number for Block<S, N> {
+impl<S: Simd, const N: usize> Number for RegisterBlock<S, N> {
     number!();
     #[inline(always)]
     fn is_below(self, bound: f64) -> bool {

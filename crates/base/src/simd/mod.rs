@@ -8,7 +8,7 @@
 mod block;
 mod windows;
 
-pub use windows::Singly;
+pub use windows::ScalarViews;
 
 use crate::real::Scalar;
 use pulp::{Arch, Simd, WithSimd};
@@ -49,7 +49,7 @@ pub trait Number:
 }
 
 /// How a kernel reads and writes one part of what is stored.
-pub trait Window: Copy {
+pub trait SimdView: Copy {
     /// What is stored.
     type Stored;
     /// What it is computed in.
@@ -70,18 +70,18 @@ pub trait Window: Copy {
 }
 
 /// What is done to each part of what is stored.
-pub trait Visit<S> {
+pub trait ForEach<S> {
     /// Does it for one part; false to stop.
-    fn visit<W: Window<Stored = S>>(&mut self, window: W) -> bool;
+    fn visit<W: SimdView<Stored = S>>(&mut self, window: W) -> bool;
 }
 
 /// How what is stored falls into parts.
-pub trait Windows: Copy {
+pub trait SimdViews: Copy {
     /// What is stored.
     type Stored;
 
     /// Visits all parts of each of `count` numbers stored one after another; false where it was stopped.
-    fn each<V: Visit<Self::Stored>>(self, count: usize, visitor: &mut V) -> bool;
+    fn each<V: ForEach<Self::Stored>>(self, count: usize, visitor: &mut V) -> bool;
 }
 
 /// A computation on what is stored.
@@ -90,29 +90,29 @@ pub trait Kernel<S> {
     type Output;
 
     /// Makes it with these windows.
-    fn run<W: Windows<Stored = S>>(self, windows: W) -> Self::Output;
+    fn run<W: SimdViews<Stored = S>>(self, windows: W) -> Self::Output;
 }
 
 /// What kernels can work on.
 pub trait Stored: Scalar {
     /// Makes a computation on it.
-    fn run<K: Kernel<Self>>(machine: Machine, kernel: K) -> K::Output;
+    fn run<K: Kernel<Self>>(machine: InstructionSet, kernel: K) -> K::Output;
 }
 
 /// The instruction set a kernel is run with.
 #[derive(Clone, Copy, Debug)]
-pub struct Machine(Arch);
+pub struct InstructionSet(Arch);
 
-impl Default for Machine {
+impl Default for InstructionSet {
     /// The widest this machine has.
     fn default() -> Self {
         Self(Arch::new())
     }
 }
 
-struct Whole<F>(F);
+struct Closure<F>(F);
 
-impl<O, F: FnOnce() -> O> WithSimd for Whole<F> {
+impl<O, F: FnOnce() -> O> WithSimd for Closure<F> {
     type Output = O;
     #[inline(always)]
     fn with_simd<S: Simd>(self, _: S) -> O {
@@ -123,39 +123,39 @@ impl<O, F: FnOnce() -> O> WithSimd for Whole<F> {
 /// Runs `f`, which is to be inlined, with the widest registers that this machine has, where it works on
 /// several members.
 #[inline(always)]
-pub fn wide<R: Scalar, O>(f: impl FnOnce() -> O) -> O {
+pub fn dispatch_simd<R: Scalar, O>(f: impl FnOnce() -> O) -> O {
     if R::MEMBERS == 1 {
         f()
     } else {
-        Arch::new().dispatch(Whole(f))
+        Arch::new().dispatch(Closure(f))
     }
 }
 
-/// Vectors of one member are long from here on. Measured on steps of plane chains, wide over not: 1.0 with 20
+/// Vectors of one member are long from here on. Measured on steps of plane chains, dispatch_simd over not: 1.0 with 20
 /// coordinates, 0.87 with 32, 0.83 with 48.
 const LONG: usize = 32;
 
-/// [`wide`], and also where one member has vectors of such a `length` that they pay for the call.
+/// [`dispatch_simd`], and also where one member has vectors of such a `length` that they pay for the call.
 #[inline(always)]
-pub fn wide_along<R: Scalar, O>(length: usize, f: impl FnOnce() -> O) -> O {
+pub fn dispatch_simd_long<R: Scalar, O>(length: usize, f: impl FnOnce() -> O) -> O {
     if R::MEMBERS == 1 && length < LONG {
         f()
     } else {
-        Arch::new().dispatch(Whole(f))
+        Arch::new().dispatch(Closure(f))
     }
 }
 
-/// [`wide_along`] within what is [`wide`] already where there are several members.
+/// [`dispatch_simd_long`] within what is [`dispatch_simd`] already where there are several members.
 #[inline(always)]
-pub fn wide_alone<R: Scalar, O>(length: usize, f: impl FnOnce() -> O) -> O {
+pub fn dispatch_simd_nested<R: Scalar, O>(length: usize, f: impl FnOnce() -> O) -> O {
     if R::MEMBERS == 1 && length >= LONG {
-        Arch::new().dispatch(Whole(f))
+        Arch::new().dispatch(Closure(f))
     } else {
         f()
     }
 }
 
-impl Machine {
+impl InstructionSet {
     /// All that this machine has, the widest last.
     pub fn all() -> Vec<Self> {
         let mut all = vec![Self(Arch::Scalar)];

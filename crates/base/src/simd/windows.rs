@@ -1,8 +1,8 @@
 //! How what is stored falls into registers.
 #![allow(clippy::inline_always)] // what is not inlined is compiled without the instructions it is for
 
-use super::block::Block;
-use super::{Kernel, Machine, Number, Stored, Visit, Window, Windows};
+use super::block::RegisterBlock;
+use super::{ForEach, InstructionSet, Kernel, Number, SimdView, SimdViews, Stored};
 use crate::real::{Lanes, Scalar};
 use pulp::{Simd, WithSimd};
 use std::marker::PhantomData;
@@ -14,34 +14,34 @@ struct Consecutive<S, const N: usize> {
     offset: usize,
 }
 
-impl<S: Simd, const N: usize> Window for Consecutive<S, N> {
+impl<S: Simd, const N: usize> SimdView for Consecutive<S, N> {
     type Stored = f64;
-    type Number = Block<S, N>;
+    type Number = RegisterBlock<S, N>;
 
     #[inline(always)]
-    fn constant(self, value: f64) -> Block<S, N> {
+    fn constant(self, value: f64) -> RegisterBlock<S, N> {
         let simd = self.simd;
         let registers = [simd.splat_f64s(value); N];
-        Block { simd, registers }
+        RegisterBlock { simd, registers }
     }
     #[inline(always)]
-    fn load(self, x: &[f64], place: usize) -> Block<S, N> {
+    fn load(self, x: &[f64], place: usize) -> RegisterBlock<S, N> {
         let from = place + self.offset;
         let x = &x[from..from + N * S::F64_LANES];
         let simd = self.simd;
         let registers = S::as_simd_f64s(x).0.as_chunks::<N>().0[0];
-        Block { simd, registers }
+        RegisterBlock { simd, registers }
     }
     #[inline(always)]
-    fn shared(self, values: &[f64], place: usize) -> Block<S, N> {
+    fn shared(self, values: &[f64], place: usize) -> RegisterBlock<S, N> {
         self.load(values, place)
     }
     #[inline(always)]
-    fn every(self, x: &[f64], place: usize) -> Block<S, N> {
+    fn every(self, x: &[f64], place: usize) -> RegisterBlock<S, N> {
         self.constant(x[place])
     }
     #[inline(always)]
-    fn store(self, x: &mut [f64], place: usize, value: Block<S, N>) {
+    fn store(self, x: &mut [f64], place: usize, value: RegisterBlock<S, N>) {
         let from = place + self.offset;
         let x = &mut x[from..from + N * S::F64_LANES];
         S::as_mut_simd_f64s(x).0.as_chunks_mut::<N>().0[0] = value.registers;
@@ -59,7 +59,7 @@ struct Alone<S> {
     stored: PhantomData<S>,
 }
 
-impl<S: Scalar + Number> Window for Alone<S> {
+impl<S: Scalar + Number> SimdView for Alone<S> {
     type Stored = S;
     type Number = S;
 
@@ -91,19 +91,19 @@ impl<S: Scalar + Number> Window for Alone<S> {
 
 /// Numbers that no register holds: one after another.
 #[derive(Clone, Copy, Debug)]
-pub struct Singly<S>(PhantomData<S>);
+pub struct ScalarViews<S>(PhantomData<S>);
 
-impl<S> Default for Singly<S> {
+impl<S> Default for ScalarViews<S> {
     fn default() -> Self {
         Self(PhantomData)
     }
 }
 
-impl<S: Scalar + Number> Windows for Singly<S> {
+impl<S: Scalar + Number> SimdViews for ScalarViews<S> {
     type Stored = S;
 
     #[inline(always)]
-    fn each<V: Visit<S>>(self, count: usize, visitor: &mut V) -> bool {
+    fn each<V: ForEach<S>>(self, count: usize, visitor: &mut V) -> bool {
         let stored = self.0;
         for offset in 0..count {
             if !visitor.visit(Alone { offset, stored }) {
@@ -116,13 +116,13 @@ impl<S: Scalar + Number> Windows for Singly<S> {
 
 /// Numbers of one trajectory: runs of them in blocks of N registers, the rest in single ones.
 #[derive(Clone, Copy)]
-struct InRuns<S> {
+struct BlockViews<S> {
     simd: S,
 }
 
-impl<S: Simd> InRuns<S> {
+impl<S: Simd> BlockViews<S> {
     #[inline(always)]
-    fn blocks<const N: usize, V: Visit<f64>>(self, count: usize, visitor: &mut V) -> bool {
+    fn blocks<const N: usize, V: ForEach<f64>>(self, count: usize, visitor: &mut V) -> bool {
         let simd = self.simd;
         let mut offset = 0;
         while count - offset >= N * S::F64_LANES {
@@ -150,11 +150,11 @@ impl<S: Simd> InRuns<S> {
     }
 }
 
-impl<S: Simd> Windows for InRuns<S> {
+impl<S: Simd> SimdViews for BlockViews<S> {
     type Stored = f64;
 
     #[inline(always)]
-    fn each<V: Visit<f64>>(self, count: usize, visitor: &mut V) -> bool {
+    fn each<V: ForEach<f64>>(self, count: usize, visitor: &mut V) -> bool {
         self.blocks::<8, V>(count, visitor)
     }
 }
@@ -165,12 +165,12 @@ impl<K: Kernel<f64>> WithSimd for OfNumbers<K> {
     type Output = K::Output;
     #[inline(always)]
     fn with_simd<S: Simd>(self, simd: S) -> K::Output {
-        self.0.run(InRuns { simd })
+        self.0.run(BlockViews { simd })
     }
 }
 
 impl Stored for f64 {
-    fn run<K: Kernel<f64>>(machine: Machine, kernel: K) -> K::Output {
+    fn run<K: Kernel<f64>>(machine: InstructionSet, kernel: K) -> K::Output {
         machine.0.dispatch(OfNumbers(kernel))
     }
 }
@@ -183,36 +183,36 @@ struct Share<S, const W: usize, const N: usize> {
     offset: usize,
 }
 
-impl<S: Simd, const W: usize, const N: usize> Window for Share<S, W, N> {
+impl<S: Simd, const W: usize, const N: usize> SimdView for Share<S, W, N> {
     type Stored = Lanes<W>;
-    type Number = Block<S, N>;
+    type Number = RegisterBlock<S, N>;
 
     #[inline(always)]
-    fn constant(self, value: f64) -> Block<S, N> {
+    fn constant(self, value: f64) -> RegisterBlock<S, N> {
         let simd = self.simd;
         let registers = [simd.splat_f64s(value); N];
-        Block { simd, registers }
+        RegisterBlock { simd, registers }
     }
     #[inline(always)]
-    fn load(self, x: &[Lanes<W>], place: usize) -> Block<S, N> {
+    fn load(self, x: &[Lanes<W>], place: usize) -> RegisterBlock<S, N> {
         let simd = self.simd;
         let parts = S::as_simd_f64s(&x[place + self.offset].0).0;
         let registers = parts.as_chunks::<N>().0[self.part];
-        Block { simd, registers }
+        RegisterBlock { simd, registers }
     }
     #[inline(always)]
-    fn shared(self, values: &[f64], place: usize) -> Block<S, N> {
+    fn shared(self, values: &[f64], place: usize) -> RegisterBlock<S, N> {
         self.constant(values[place + self.offset])
     }
     #[inline(always)]
-    fn every(self, x: &[Lanes<W>], place: usize) -> Block<S, N> {
+    fn every(self, x: &[Lanes<W>], place: usize) -> RegisterBlock<S, N> {
         let simd = self.simd;
         let parts = S::as_simd_f64s(&x[place].0).0;
         let registers = parts.as_chunks::<N>().0[self.part];
-        Block { simd, registers }
+        RegisterBlock { simd, registers }
     }
     #[inline(always)]
-    fn store(self, x: &mut [Lanes<W>], place: usize, value: Block<S, N>) {
+    fn store(self, x: &mut [Lanes<W>], place: usize, value: RegisterBlock<S, N>) {
         let parts = S::as_mut_simd_f64s(&mut x[place + self.offset].0).0;
         parts.as_chunks_mut::<N>().0[self.part] = value.registers;
     }
@@ -230,7 +230,7 @@ struct InParts<S, const W: usize> {
 
 impl<S: Simd, const W: usize> InParts<S, W> {
     #[inline(always)]
-    fn parts<const N: usize, V: Visit<Lanes<W>>>(self, count: usize, visitor: &mut V) -> bool {
+    fn parts<const N: usize, V: ForEach<Lanes<W>>>(self, count: usize, visitor: &mut V) -> bool {
         let simd = self.simd;
         for offset in 0..count {
             for part in 0..W / (N * S::F64_LANES) {
@@ -243,11 +243,11 @@ impl<S: Simd, const W: usize> InParts<S, W> {
     }
 }
 
-impl<S: Simd, const W: usize> Windows for InParts<S, W> {
+impl<S: Simd, const W: usize> SimdViews for InParts<S, W> {
     type Stored = Lanes<W>;
 
     #[inline(always)]
-    fn each<V: Visit<Lanes<W>>>(self, count: usize, visitor: &mut V) -> bool {
+    fn each<V: ForEach<Lanes<W>>>(self, count: usize, visitor: &mut V) -> bool {
         match W / S::F64_LANES {
             1 => self.parts::<1, V>(count, visitor),
             2 => self.parts::<2, V>(count, visitor),
@@ -268,7 +268,7 @@ impl<const W: usize, K: Kernel<Lanes<W>>> WithSimd for OfLanes<(K, [(); W])> {
 }
 
 impl<const W: usize> Stored for Lanes<W> {
-    fn run<K: Kernel<Lanes<W>>>(machine: Machine, kernel: K) -> K::Output {
+    fn run<K: Kernel<Lanes<W>>>(machine: InstructionSet, kernel: K) -> K::Output {
         const { assert!(W.is_power_of_two() && W >= 8, "lanes fill whole registers") };
         machine.0.dispatch(OfLanes((kernel, [(); W])))
     }

@@ -4,7 +4,7 @@
 //! hyperbolic functions are formulas of its own that lose digits, and come from `libm` instead.
 
 use crate::real::Real;
-use crate::simd::wide;
+use crate::simd::dispatch_simd;
 
 macro_rules! operations {
     ($($name:ident $text:literal $arity:literal,)*) => {
@@ -77,7 +77,7 @@ pub(super) fn execute<R: Real>(program: &[Instr], registers: &mut [R]) {
 
 #[inline(never)]
 fn run_wide<R: Real>(program: &[Instr], registers: &mut [R]) {
-    wide::<R, _>(
+    dispatch_simd::<R, _>(
         #[inline(always)]
         || run(program, registers),
     );

@@ -13,7 +13,7 @@
 //! A tape may add [`Term`]s to its program's values: the large matrices of an assembled structure are
 //! not written out as instructions.
 
-mod beside;
+mod batch;
 mod execute;
 mod order;
 mod plan;
@@ -21,7 +21,7 @@ mod program;
 mod terms;
 mod values;
 
-pub use beside::Beside;
+pub use batch::BatchRegisters;
 pub use execute::Op;
 pub use terms::Term;
 
@@ -258,7 +258,7 @@ impl Tape {
         self.len() == 0 && self.terms.as_ref().is_none_or(|terms| terms.is_empty())
     }
 
-    /// Sizes of the input groups; the last is the parameters.
+    /// StepSizes of the input groups; the last is the parameters.
     pub fn inputs(&self) -> &[usize] {
         &self.inputs
     }

@@ -33,7 +33,7 @@ pub(super) fn ordered(
     let windows = (0..body.len())
         .step_by(WINDOW)
         .map(|from| from..(from + WINDOW).min(body.len()));
-    let passing = |window: Range<usize>| window.filter(|k| read.home[*k] == Home::Window).count();
+    let passing = |window: Range<usize>| window.filter(|k| read.home[*k] == Home::SimdView).count();
     let most = windows.clone().map(passing).max().unwrap_or(0);
     let mut writing = Writing {
         read: &read,
@@ -81,7 +81,7 @@ enum Home {
     /// The output's register.
     Output,
     /// A register that the next window uses again.
-    Window,
+    SimdView,
     /// A register of its own.
     Own,
 }
@@ -91,7 +91,7 @@ struct Reading {
     operands: Vec<[Source; 2]>,
     /// How deep its expression is, counted from what earlier windows made.
     level: Vec<u32>,
-    /// Equal for the same operations on elements of the same inputs and on the same constants.
+    /// Fixed for the same operations on elements of the same inputs and on the same constants.
     shape: Vec<u64>,
     home: Vec<Home>,
 }
@@ -102,7 +102,7 @@ impl Reading {
             if outputs.contains(&(instr.out as usize)) {
                 Home::Output
             } else {
-                Home::Window
+                Home::SimdView
             }
         };
         let mut read = Self {
@@ -136,7 +136,7 @@ impl Reading {
     fn needs(&mut self, k: usize, by: usize) {
         if by / WINDOW == k / WINDOW {
             self.level[k] = self.level[k].max(self.level[by] + 1);
-        } else if self.home[by] == Home::Window {
+        } else if self.home[by] == Home::SimdView {
             self.home[by] = Home::Own;
         }
     }
@@ -204,7 +204,7 @@ impl Writing<'_> {
         let instr = self.body[k];
         let own = match self.read.home[k] {
             Home::Output => None,
-            Home::Window => Some(0),
+            Home::SimdView => Some(0),
             Home::Own => Some(1),
         };
         #[allow(clippy::cast_possible_truncation)] // registers are numbered in 32 bits

@@ -2,7 +2,7 @@
 
 use super::execute::{Instr, Strided, execute, execute_strided};
 use crate::real::Real;
-use crate::simd::wide_along;
+use crate::simd::dispatch_simd_long;
 use std::ops::Range;
 
 /// What an evaluation runs.
@@ -53,7 +53,7 @@ impl Program {
 
 #[inline(never)]
 fn run_steps<R: Real>(instrs: &[Instr], steps: &[Step], registers: &mut [R]) {
-    wide_along::<R, _>(
+    dispatch_simd_long::<R, _>(
         registers.len(),
         #[inline(always)]
         || {

@@ -14,7 +14,7 @@ use super::order::Order;
 use super::rows::{Rows, narrow};
 use liouville_base::composition::Flow;
 use liouville_base::linalg::{Lu, Matrix, combine, max_norm};
-use liouville_base::simd::{Visit, Window, Windows};
+use liouville_base::simd::{ForEach, SimdView, SimdViews};
 
 /// An affine piece.
 #[derive(Clone, Debug)]
@@ -188,9 +188,9 @@ struct AddChange<'a, S> {
     state: &'a mut State<S>,
 }
 
-impl<S> Visit<S> for AddChange<'_, S> {
+impl<S> ForEach<S> for AddChange<'_, S> {
     #[inline(always)]
-    fn visit<W: Window<Stored = S>>(&mut self, window: W) -> bool {
+    fn visit<W: SimdView<Stored = S>>(&mut self, window: W) -> bool {
         let change = window.load(self.change, 0);
         add(window, self.state.parts(), 0, change);
         true
@@ -198,7 +198,7 @@ impl<S> Visit<S> for AddChange<'_, S> {
 }
 
 #[inline(always)]
-pub(super) fn move_along<W: Windows>(
+pub(super) fn move_along<W: SimdViews>(
     windows: W,
     rows: &Rows,
     state: &mut State<W::Stored>,

@@ -6,10 +6,10 @@
 
 use super::{Seen, State, Volume};
 use crate::problem::Split;
-use liouville_base::checkpoint::{Foreign, Memory};
+use liouville_base::checkpoint::{Checkpoint, CheckpointMismatch};
 use liouville_base::composition::Composed;
 use liouville_base::dual::{DIRECTIONS, Dual};
-use liouville_base::error::{Quantity, Trouble};
+use liouville_base::error::{Quantity, StepError};
 use liouville_base::linalg::Lu;
 use liouville_base::method::{Stats, Stepper};
 use liouville_base::observe::Observe;
@@ -79,7 +79,7 @@ impl Determinant {
     }
 
     /// det of the derivative of a step.
-    fn determinant(&mut self, t: f64, h: f64, state: &State<f64>) -> Result<f64, Trouble> {
+    fn determinant(&mut self, t: f64, h: f64, state: &State<f64>) -> Result<f64, StepError> {
         self.stepper.peek(state, &mut self.start)?;
         self.volume.values(&self.start, &mut self.x);
         let derivative = self.derivative.matrix_mut();
@@ -100,7 +100,7 @@ impl Determinant {
         if determinant.is_finite() && determinant != 0.0 {
             return Ok(determinant);
         }
-        Err(Trouble::NotFinite {
+        Err(StepError::NotFinite {
             quantity: Quantity::Observable,
             index: 0,
             t,
@@ -121,7 +121,7 @@ impl Tangent {
     }
 
     /// Makes a step with the columns of the derivative from `first` on.
-    fn push(&mut self, first: usize, t: f64, h: f64, start: &[f64]) -> Result<(), Trouble> {
+    fn push(&mut self, first: usize, t: f64, h: f64, start: &[f64]) -> Result<(), StepError> {
         for (i, (x, &start)) in self.x.iter_mut().zip(start).enumerate() {
             *x = Dual::constant(start);
             if (first..first + DIRECTIONS).contains(&i) {
@@ -130,7 +130,7 @@ impl Tangent {
         }
         self.volume.set(&self.x, &mut self.state);
         self.stepper.step(t, h, &mut self.state)?;
-        self.stepper.settle(&mut self.state)?;
+        self.stepper.synchronize(&mut self.state)?;
         self.volume.values(&self.state, &mut self.x);
         Ok(())
     }
@@ -139,7 +139,7 @@ impl Tangent {
 impl Stepper for Determinant {
     type State = Determined;
 
-    fn step(&mut self, t: f64, h: f64, state: &mut Determined) -> Result<(), Trouble> {
+    fn step(&mut self, t: f64, h: f64, state: &mut Determined) -> Result<(), StepError> {
         let determinant = self.determinant(t, h, &state.state)?;
         self.stepper.step(t, h, &mut state.state)?;
         state.logarithm += determinant.abs().ln();
@@ -147,8 +147,8 @@ impl Stepper for Determinant {
         Ok(())
     }
 
-    fn settle(&mut self, state: &mut Determined) -> Result<(), Trouble> {
-        self.stepper.settle(&mut state.state)?;
+    fn synchronize(&mut self, state: &mut Determined) -> Result<(), StepError> {
+        self.stepper.synchronize(&mut state.state)?;
         self.volume.values(&state.state, &mut state.x);
         Ok(())
     }
@@ -164,7 +164,7 @@ impl Observe<Determined> for Seen {
         self.n + 2
     }
 
-    fn observe(&mut self, _: f64, state: &Determined, row: &mut Vec<f64>) -> Result<(), Trouble> {
+    fn observe(&mut self, _: f64, state: &Determined, row: &mut Vec<f64>) -> Result<(), StepError> {
         let start = row.len();
         row.resize(start + self.n, 0.0);
         self.write(&state.x, &mut row[start..]);
@@ -173,17 +173,17 @@ impl Observe<Determined> for Seen {
     }
 }
 
-impl Memory for Determinant {
+impl Checkpoint for Determinant {
     fn save(&self, member: usize, out: &mut Vec<f64>) {
         self.stepper.save(member, out);
     }
 
-    fn restore(&mut self, member: usize, saved: &mut &[f64]) -> Result<(), Foreign> {
+    fn restore(&mut self, member: usize, saved: &mut &[f64]) -> Result<(), CheckpointMismatch> {
         self.stepper.restore(member, saved)
     }
 }
 
-impl Memory for Determined {
+impl Checkpoint for Determined {
     fn save(&self, member: usize, out: &mut Vec<f64>) {
         self.state.save(member, out);
         self.x.save(member, out);
@@ -191,7 +191,7 @@ impl Memory for Determined {
         self.largest.save(member, out);
     }
 
-    fn restore(&mut self, member: usize, saved: &mut &[f64]) -> Result<(), Foreign> {
+    fn restore(&mut self, member: usize, saved: &mut &[f64]) -> Result<(), CheckpointMismatch> {
         self.state.restore(member, saved)?;
         self.x.restore(member, saved)?;
         self.logarithm.restore(member, saved)?;
@@ -199,4 +199,4 @@ impl Memory for Determined {
     }
 }
 
-impl Memory for Seen {}
+impl Checkpoint for Seen {}

@@ -10,7 +10,7 @@
 use super::State;
 use super::kernel::multiply;
 use liouville_base::real::Scalar;
-use liouville_base::simd::{Number, Visit, Window, Windows};
+use liouville_base::simd::{ForEach, Number, SimdView, SimdViews};
 
 /// A piece of one monomial.
 #[derive(Clone, Debug)]
@@ -31,7 +31,7 @@ pub(super) struct Roots {
     pub(super) powers: Vec<(u32, u32, u32)>,
 }
 
-/// Largest power that is taken by products.
+/// Largest power that is split_front by products.
 const LARGEST_POWER: f64 = 12.0;
 
 impl Roots {
@@ -100,9 +100,9 @@ struct Grow<'a, S> {
     failed: usize,
 }
 
-impl<S> Visit<S> for Grow<'_, S> {
+impl<S> ForEach<S> for Grow<'_, S> {
     #[inline(always)]
-    fn visit<W: Window<Stored = S>>(&mut self, window: W) -> bool {
+    fn visit<W: SimdView<Stored = S>>(&mut self, window: W) -> bool {
         let piece = self.piece;
         let x = &self.state.x;
         let mut m = match piece.monomial.first() {
@@ -143,7 +143,7 @@ impl<S> Visit<S> for Grow<'_, S> {
 impl<S> Grow<'_, S> {
     /// x *= exp(c t)
     #[inline(always)]
-    fn multiply<W: Window<Stored = S>>(&mut self, window: W, time: W::Number) {
+    fn multiply<W: SimdView<Stored = S>>(&mut self, window: W, time: W::Number) {
         for &(place, rate) in &self.piece.rates {
             let exponent = time.scaled(rate);
             multiply(window, self.state.parts(), place as usize, exponent);
@@ -168,7 +168,7 @@ fn times_power<N: Number>(mut x: N, mut y: N, mut power: u32) -> N {
 
 /// On failure the first trajectory whose flow is too long.
 #[inline(always)]
-pub(super) fn grow<W: Windows>(
+pub(super) fn grow<W: SimdViews>(
     windows: W,
     piece: &Exponential,
     h: f64,

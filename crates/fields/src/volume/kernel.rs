@@ -9,9 +9,9 @@ use super::motion::Motion;
 use super::rows::{Rows, Run};
 use super::stages::{runge_kutta, substitute};
 use liouville_base::composition::Flow;
-use liouville_base::error::Trouble;
+use liouville_base::error::StepError;
 use liouville_base::real::Scalar;
-use liouville_base::simd::{Kernel, Number, Visit, Window, Windows};
+use liouville_base::simd::{ForEach, Kernel, Number, SimdView, SimdViews};
 
 /// What flows work in beside the state.
 #[derive(Clone, Debug)]
@@ -36,10 +36,10 @@ pub(super) struct Moves<'a, S> {
 }
 
 impl<S: Scalar> Kernel<S> for Moves<'_, S> {
-    type Output = Result<(), Trouble>;
+    type Output = Result<(), StepError>;
 
     #[inline(always)]
-    fn run<W: Windows<Stored = S>>(self, windows: W) -> Result<(), Trouble> {
+    fn run<W: SimdViews<Stored = S>>(self, windows: W) -> Result<(), StepError> {
         let Self { state, scratch, .. } = self;
         let mut before = self.before;
         for flow in self.flows {
@@ -60,7 +60,7 @@ impl<S: Scalar> Kernel<S> for Moves<'_, S> {
                 }
                 Motion::Scaling { rows } => change_rows(windows, Change::Scale, rows, h, state),
                 Motion::Exponential(piece) => {
-                    grow(windows, piece, h, state).map_err(|member| Trouble::Singular {
+                    grow(windows, piece, h, state).map_err(|member| StepError::Singular {
                         piece: flow.part,
                         member,
                         t: self.t + flow.offset * self.h,
@@ -96,7 +96,7 @@ impl<S: Scalar> Kernel<S> for Moves<'_, S> {
 
 /// Adds to what a window sees, with what was lost to rounding before where that is kept.
 #[inline(always)]
-pub(super) fn add<W: Window>(
+pub(super) fn add<W: SimdView>(
     window: W,
     (x, low): (&mut [W::Stored], &mut [W::Stored]),
     place: usize,
@@ -117,7 +117,7 @@ pub(super) fn add<W: Window>(
 
 /// Multiplies what a window sees by e^exponent.
 #[inline(always)]
-pub(super) fn multiply<W: Window>(
+pub(super) fn multiply<W: SimdView>(
     window: W,
     (x, low): (&mut [W::Stored], &mut [W::Stored]),
     place: usize,
@@ -132,12 +132,12 @@ pub(super) fn multiply<W: Window>(
 }
 
 /// What a window sees of the variables.
-struct Seen<'a, W: Window> {
+struct Seen<'a, W: SimdView> {
     window: W,
     x: &'a [W::Stored],
 }
 
-impl<W: Window> Source for Seen<'_, W> {
+impl<W: SimdView> Source for Seen<'_, W> {
     type Number = W::Number;
 
     #[inline(always)]
@@ -148,7 +148,7 @@ impl<W: Window> Source for Seen<'_, W> {
 
 /// The value of a row for what a window sees.
 #[inline(always)]
-pub(super) fn value<W: Window>(window: W, program: &[Code], x: &[W::Stored]) -> W::Number {
+pub(super) fn value<W: SimdView>(window: W, program: &[Code], x: &[W::Stored]) -> W::Number {
     evaluate(program, window.constant(0.0), &Seen { window, x })
 }
 
@@ -169,9 +169,9 @@ struct ChangeRow<'a, S> {
     state: &'a mut State<S>,
 }
 
-impl<S> Visit<S> for ChangeRow<'_, S> {
+impl<S> ForEach<S> for ChangeRow<'_, S> {
     #[inline(always)]
-    fn visit<W: Window<Stored = S>>(&mut self, window: W) -> bool {
+    fn visit<W: SimdView<Stored = S>>(&mut self, window: W) -> bool {
         let value = value(window, self.program, &self.state.x).scaled(self.h);
         match self.change {
             Change::Add => add(window, self.state.parts(), self.place, value),
@@ -183,7 +183,7 @@ impl<S> Visit<S> for ChangeRow<'_, S> {
 
 /// Changes a run of rows.
 #[inline(always)]
-pub(super) fn change_run<W: Windows>(
+pub(super) fn change_run<W: SimdViews>(
     windows: W,
     change: Change,
     (run, program): (&Run, &[Code]),
@@ -202,7 +202,7 @@ pub(super) fn change_run<W: Windows>(
 }
 
 #[inline(always)]
-fn change_rows<W: Windows>(
+fn change_rows<W: SimdViews>(
     windows: W,
     change: Change,
     rows: &Rows,
@@ -221,9 +221,9 @@ struct SetWave<'a, S> {
     x: &'a mut [S],
 }
 
-impl<S> Visit<S> for SetWave<'_, S> {
+impl<S> ForEach<S> for SetWave<'_, S> {
     #[inline(always)]
-    fn visit<W: Window<Stored = S>>(&mut self, window: W) -> bool {
+    fn visit<W: SimdView<Stored = S>>(&mut self, window: W) -> bool {
         let argument = value(window, self.program, self.x);
         window.store(self.x, self.place, argument.cos());
         true
@@ -231,7 +231,7 @@ impl<S> Visit<S> for SetWave<'_, S> {
 }
 
 #[inline(always)]
-fn set_waves<W: Windows>(windows: W, waves: &Rows, state: &mut State<W::Stored>) {
+fn set_waves<W: SimdViews>(windows: W, waves: &Rows, state: &mut State<W::Stored>) {
     for (run, program) in waves.iter() {
         let mut wave = SetWave {
             program,
@@ -249,9 +249,9 @@ struct ShearBy<'a, S> {
     state: &'a mut State<S>,
 }
 
-impl<S> Visit<S> for ShearBy<'_, S> {
+impl<S> ForEach<S> for ShearBy<'_, S> {
     #[inline(always)]
-    fn visit<W: Window<Stored = S>>(&mut self, window: W) -> bool {
+    fn visit<W: SimdView<Stored = S>>(&mut self, window: W) -> bool {
         let change = value(window, self.program, &self.state.x).scaled(self.h);
         for &(place, direction) in self.places {
             let change = change.scaled(direction);
@@ -262,7 +262,7 @@ impl<S> Visit<S> for ShearBy<'_, S> {
 }
 
 #[inline(always)]
-fn shear<W: Windows>(
+fn shear<W: SimdViews>(
     windows: W,
     change: &Rows,
     places: &[(u32, f64)],
@@ -288,9 +288,9 @@ struct SetRow<'a, S> {
     out: &'a mut [S],
 }
 
-impl<S> Visit<S> for SetRow<'_, S> {
+impl<S> ForEach<S> for SetRow<'_, S> {
     #[inline(always)]
-    fn visit<W: Window<Stored = S>>(&mut self, window: W) -> bool {
+    fn visit<W: SimdView<Stored = S>>(&mut self, window: W) -> bool {
         let value = value(window, self.program, self.x);
         window.store(self.out, self.place, value);
         true
@@ -298,7 +298,7 @@ impl<S> Visit<S> for SetRow<'_, S> {
 }
 
 #[inline(always)]
-pub(super) fn set_rows<W: Windows>(
+pub(super) fn set_rows<W: SimdViews>(
     windows: W,
     rows: &Rows,
     x: &[W::Stored],

@@ -29,11 +29,11 @@ pub use section::{Direction, Plane, Section};
 use crate::problem::Split;
 use affine::Changes;
 use kernel::{Change, Moves, Scratch};
-use liouville_base::checkpoint::{Foreign, Memory};
+use liouville_base::checkpoint::{Checkpoint, CheckpointMismatch};
 use liouville_base::composition::{Flow, Parts};
-use liouville_base::error::Trouble;
-use liouville_base::parallel::Crew;
-use liouville_base::simd::{Kernel, Machine, Stored, Visit, Window, Windows};
+use liouville_base::error::StepError;
+use liouville_base::parallel::Workers;
+use liouville_base::simd::{ForEach, InstructionSet, Kernel, SimdView, SimdViews, Stored};
 use motion::Motion;
 use plan::Plan;
 use rows::Rows;
@@ -76,8 +76,8 @@ impl<S> State<S> {
 pub struct Volume<S> {
     split: Arc<Split>,
     plan: Arc<Plan>,
-    machine: Machine,
-    crew: Option<Crew>,
+    machine: InstructionSet,
+    workers: Option<Workers>,
     is_compensated: bool,
     scratch: Scratch<S>,
     changes: Changes,
@@ -101,8 +101,8 @@ impl<S: Stored> Volume<S> {
         Self {
             split,
             plan,
-            machine: Machine::default(),
-            crew: None,
+            machine: InstructionSet::default(),
+            workers: None,
             is_compensated,
             scratch,
             changes: Changes::default(),
@@ -112,7 +112,7 @@ impl<S: Stored> Volume<S> {
 
     /// The same with another instruction set, which gives the same bits.
     #[must_use]
-    pub fn on(mut self, machine: Machine) -> Self {
+    pub fn on(mut self, machine: InstructionSet) -> Self {
         self.machine = machine;
         self
     }
@@ -120,7 +120,7 @@ impl<S: Stored> Volume<S> {
     /// The same with so many threads, which give the same bits; they serve large states.
     #[must_use]
     pub fn with_threads(mut self, threads: usize) -> Self {
-        self.crew = Crew::new(threads);
+        self.workers = Workers::new(threads);
         self
     }
 
@@ -174,7 +174,7 @@ impl<S: Stored> Volume<S> {
         before: f64,
         (t, h): (f64, f64),
         state: &mut State<S>,
-    ) -> Result<(), Trouble> {
+    ) -> Result<(), StepError> {
         let kernel = Moves {
             motions: &self.plan.motions,
             changes: &self.changes,
@@ -190,11 +190,11 @@ impl<S: Stored> Volume<S> {
 
     /// Makes a flow of length `h` on all threads, if it is one of rows.
     fn shared(&self, flow: &Flow, h: f64, state: &mut State<S>) -> bool {
-        let Some(crew) = &self.crew else {
+        let Some(workers) = &self.workers else {
             return false;
         };
         let mut change = |change, rows: &Rows| {
-            shared::change_rows((crew, self.machine), change, rows, h, state);
+            shared::change_rows((workers, self.machine), change, rows, h, state);
         };
         match &self.plan.motions[flow.part] {
             Motion::Natural { rows, waves } if waves.is_empty() => change(Change::Add, rows),
@@ -236,7 +236,7 @@ impl<S: Stored> Parts for Volume<S> {
         t: f64,
         h: f64,
         state: &mut State<S>,
-    ) -> Result<(), Trouble> {
+    ) -> Result<(), StepError> {
         let flow = Flow {
             part,
             is_adjoint,
@@ -253,11 +253,11 @@ impl<S: Stored> Parts for Volume<S> {
         t: f64,
         h: f64,
         state: &mut State<S>,
-    ) -> Result<(), Trouble> {
+    ) -> Result<(), StepError> {
         if self.plan.has_affine {
             self.changes.prepare(&self.plan.motions, flows, before, h);
         }
-        if self.crew.is_none() {
+        if self.workers.is_none() {
             return self.alone(flows, before, (t, h), state);
         }
         let mut before = before;
@@ -270,7 +270,7 @@ impl<S: Stored> Parts for Volume<S> {
         Ok(())
     }
 
-    fn check(&self, t: f64, state: &State<S>) -> Result<(), Trouble> {
+    fn check(&self, t: f64, state: &State<S>) -> Result<(), StepError> {
         let n = self.split.n();
         let x = &state.x[..n];
         if S::run(self.machine, IsFinite { x }) {
@@ -285,7 +285,7 @@ impl<S: Stored> Parts for Volume<S> {
                 .is_finite()
         };
         let (member, index) = bad.into_iter().find(is_bad).unwrap_or((0, 0));
-        Err(Trouble::Overflow { index, member, t })
+        Err(StepError::Overflow { index, member, t })
     }
 
     fn keep(&mut self, state: &State<S>) -> bool {
@@ -311,9 +311,9 @@ struct IsFinite<'a, S> {
     x: &'a [S],
 }
 
-impl<S> Visit<S> for IsFinite<'_, S> {
+impl<S> ForEach<S> for IsFinite<'_, S> {
     #[inline(always)]
-    fn visit<W: Window<Stored = S>>(&mut self, window: W) -> bool {
+    fn visit<W: SimdView<Stored = S>>(&mut self, window: W) -> bool {
         use liouville_base::simd::Number;
         window.load(self.x, 0).is_finite()
     }
@@ -323,20 +323,20 @@ impl<S> Kernel<S> for IsFinite<'_, S> {
     type Output = bool;
 
     #[inline(always)]
-    fn run<W: Windows<Stored = S>>(mut self, windows: W) -> bool {
+    fn run<W: SimdViews<Stored = S>>(mut self, windows: W) -> bool {
         windows.each(self.x.len(), &mut self)
     }
 }
 
-impl<S: Stored> Memory for Volume<S> {}
+impl<S: Stored> Checkpoint for Volume<S> {}
 
-impl<S: Stored> Memory for State<S> {
+impl<S: Stored> Checkpoint for State<S> {
     fn save(&self, member: usize, out: &mut Vec<f64>) {
         self.x.save(member, out);
         self.low.save(member, out);
     }
 
-    fn restore(&mut self, member: usize, saved: &mut &[f64]) -> Result<(), Foreign> {
+    fn restore(&mut self, member: usize, saved: &mut &[f64]) -> Result<(), CheckpointMismatch> {
         self.x.restore(member, saved)?;
         self.low.restore(member, saved)
     }

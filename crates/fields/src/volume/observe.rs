@@ -1,8 +1,8 @@
 //! What is recorded of the states of a split field at an output point.
 
 use super::{State, Volume};
-use liouville_base::checkpoint::Memory;
-use liouville_base::error::{Quantity, Trouble};
+use liouville_base::checkpoint::Checkpoint;
+use liouville_base::error::{Quantity, StepError};
 use liouville_base::observe::Observe;
 use liouville_base::simd::Stored;
 use liouville_base::tape::{Registers, Tape};
@@ -99,7 +99,7 @@ impl<S: Stored> Observer<S> {
         }
     }
 
-    fn append(&mut self, member: usize, t: f64, row: &mut Vec<f64>) -> Result<(), Trouble> {
+    fn append(&mut self, member: usize, t: f64, row: &mut Vec<f64>) -> Result<(), StepError> {
         for (y, value) in self.y.iter_mut().zip(&self.values) {
             *y = value.member(member);
         }
@@ -111,7 +111,7 @@ impl<S: Stored> Observer<S> {
         let values = self.tape.eval(&mut self.registers, args);
         if let Some(index) = values.iter().position(|value| !value.is_finite()) {
             let quantity = Quantity::Observable;
-            return Err(Trouble::NotFinite { quantity, index, t });
+            return Err(StepError::NotFinite { quantity, index, t });
         }
         row.extend_from_slice(values);
         Ok(())
@@ -124,16 +124,16 @@ impl<S: Stored> Observe<State<S>> for Observer<S> {
         self.members * (states + self.tape.outputs())
     }
 
-    fn observe(&mut self, t: f64, state: &State<S>, row: &mut Vec<f64>) -> Result<(), Trouble> {
+    fn observe(&mut self, t: f64, state: &State<S>, row: &mut Vec<f64>) -> Result<(), StepError> {
         let start = row.len();
         self.volume.values(state, &mut self.values);
         (0..self.members)
             .try_for_each(|member| {
                 let appended = self.append(member, t, row);
-                appended.map_err(|trouble| trouble.of_member(member))
+                appended.map_err(|error| error.of_member(member))
             })
             .inspect_err(|_| row.truncate(start))
     }
 }
 
-impl<S> Memory for Observer<S> {}
+impl<S> Checkpoint for Observer<S> {}

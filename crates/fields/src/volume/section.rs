@@ -8,8 +8,8 @@
 
 use super::{Seen, State, Volume};
 use liouville_base::bracket::Bracket;
-use liouville_base::checkpoint::{Foreign, Memory};
-use liouville_base::error::Trouble;
+use liouville_base::checkpoint::{Checkpoint, CheckpointMismatch};
+use liouville_base::error::StepError;
 use liouville_base::method::Stepper;
 use liouville_base::observe::Observe;
 use liouville_base::real::Real;
@@ -120,7 +120,7 @@ impl<S: Stored + Real, M: Stepper<State = State<f64>>> Section<S, M> {
     }
 
     /// Appends a row for each member that passes between the last step and this.
-    fn append(&mut self, t: f64, after: S, row: &mut Vec<f64>) -> Result<(), Trouble> {
+    fn append(&mut self, t: f64, after: S, row: &mut Vec<f64>) -> Result<(), StepError> {
         let Some((t0, before)) = self.last else {
             return Ok(());
         };
@@ -134,7 +134,7 @@ impl<S: Stored + Real, M: Stepper<State = State<f64>>> Section<S, M> {
             }
             let ends = (before - level, after - level);
             let found = self.passage.find(t0, t - t0, ends, level);
-            let part = found.map_err(|trouble| trouble.of_member(member))?;
+            let part = found.map_err(|error| error.of_member(member))?;
             row.extend([*number as f64, t0 + part * (t - t0)]);
             row.extend_from_slice(&self.passage.x);
         }
@@ -149,7 +149,7 @@ const HALVINGS: i32 = 52;
 
 impl<M: Stepper<State = State<f64>>> Passage<M> {
     /// The part of the step h from t, and from `y`, after which s is `level`; leaves `x` there.
-    fn find(&mut self, t: f64, h: f64, ends: (f64, f64), level: f64) -> Result<f64, Trouble> {
+    fn find(&mut self, t: f64, h: f64, ends: (f64, f64), level: f64) -> Result<f64, StepError> {
         let start = self.single.state(&self.y);
         let mut state = start.clone();
         let mut bracket = Bracket {
@@ -165,7 +165,7 @@ impl<M: Stepper<State = State<f64>>> Passage<M> {
             }
             state.clone_from(&start);
             self.stepper.step(t, part * h, &mut state)?;
-            self.stepper.settle(&mut state)?;
+            self.stepper.synchronize(&mut state)?;
             let s = self.height(&state, level);
             let is_narrow = bracket.width() <= 2.0 * TOLERANCE;
             if s.abs() <= noise || bracket.b.1 == 0.0 || is_narrow {
@@ -196,7 +196,7 @@ impl<S: Stored + Real, M: Stepper<State = State<f64>>> Observe<State<S>> for Sec
         2 + self.passage.x.len()
     }
 
-    fn observe(&mut self, t: f64, state: &State<S>, row: &mut Vec<f64>) -> Result<(), Trouble> {
+    fn observe(&mut self, t: f64, state: &State<S>, row: &mut Vec<f64>) -> Result<(), StepError> {
         let start = row.len();
         self.volume.values(state, &mut self.now);
         let after = height(&self.passage.normal, self.plane.offset, &self.now);
@@ -209,7 +209,7 @@ impl<S: Stored + Real, M: Stepper<State = State<f64>>> Observe<State<S>> for Sec
 }
 
 /// Where the last step has led to.
-impl<S: Stored, M: Memory> Memory for Section<S, M> {
+impl<S: Stored, M: Checkpoint> Checkpoint for Section<S, M> {
     fn save(&self, member: usize, out: &mut Vec<f64>) {
         let last = self.last.map(|(t, s)| (t, s.member(member)));
         last.save(member, out);
@@ -217,7 +217,7 @@ impl<S: Stored, M: Memory> Memory for Section<S, M> {
         self.passage.stepper.save(member, out);
     }
 
-    fn restore(&mut self, member: usize, saved: &mut &[f64]) -> Result<(), Foreign> {
+    fn restore(&mut self, member: usize, saved: &mut &[f64]) -> Result<(), CheckpointMismatch> {
         let mut last = Some((0.0, 0.0));
         last.restore(member, saved)?;
         self.last = last.map(|(t, value)| {

@@ -8,8 +8,8 @@ use super::State;
 use super::code::{Code, Source, evaluate};
 use super::kernel::{Change, add, change_run, multiply};
 use super::rows::{Rows, Run};
-use liouville_base::parallel::Crew;
-use liouville_base::simd::{Kernel, Machine, Number, Stored, Visit, Window, Windows};
+use liouville_base::parallel::Workers;
+use liouville_base::simd::{ForEach, InstructionSet, Kernel, Number, SimdView, SimdViews, Stored};
 
 /// So many bytes of a run are one thread's at a time.
 const SHARE: usize = 1 << 17;
@@ -18,7 +18,7 @@ const LEAST_SHARES: usize = 4;
 
 /// Changes all rows, the long runs of them by several threads.
 pub(super) fn change_rows<S: Stored>(
-    (crew, machine): (&Crew, Machine),
+    (workers, machine): (&Workers, InstructionSet),
     change: Change,
     rows: &Rows,
     h: f64,
@@ -45,7 +45,7 @@ pub(super) fn change_rows<S: Stored>(
             None => &mut [],
         };
         let (before, after) = (&*before, &*after);
-        crew.each(share, mine, low, |start, x, low| {
+        workers.each(share, mine, low, |start, x, low| {
             let around = Around {
                 before,
                 after,
@@ -79,7 +79,7 @@ impl<S> Kernel<S> for Short<'_, S> {
     type Output = ();
 
     #[inline(always)]
-    fn run<W: Windows<Stored = S>>(self, windows: W) {
+    fn run<W: SimdViews<Stored = S>>(self, windows: W) {
         let run = (self.run, self.program);
         change_run(windows, self.change, run, self.h, self.state);
     }
@@ -98,12 +98,12 @@ struct Around<'a, S> {
 }
 
 /// What a window sees of them.
-struct Seen<'a, W: Window> {
+struct Seen<'a, W: SimdView> {
     window: W,
     around: Around<'a, W::Stored>,
 }
 
-impl<W: Window> Source for Seen<'_, W> {
+impl<W: SimdView> Source for Seen<'_, W> {
     type Number = W::Number;
 
     #[inline(always)]
@@ -128,9 +128,9 @@ struct Part<'a, S> {
     low: &'a mut [S],
 }
 
-impl<S: Copy> Visit<S> for Part<'_, S> {
+impl<S: Copy> ForEach<S> for Part<'_, S> {
     #[inline(always)]
-    fn visit<W: Window<Stored = S>>(&mut self, window: W) -> bool {
+    fn visit<W: SimdView<Stored = S>>(&mut self, window: W) -> bool {
         let around = self.around;
         let zero = window.constant(0.0);
         let value = evaluate(self.program, zero, &Seen { window, around }).scaled(self.h);
@@ -146,7 +146,7 @@ impl<S: Copy> Kernel<S> for Part<'_, S> {
     type Output = ();
 
     #[inline(always)]
-    fn run<W: Windows<Stored = S>>(mut self, windows: W) {
+    fn run<W: SimdViews<Stored = S>>(mut self, windows: W) {
         windows.each(self.x.len(), &mut self);
     }
 }

@@ -6,7 +6,7 @@ use super::code::Code;
 use super::kernel::{Scratch, add, set_rows, value};
 use super::rows::Rows;
 use super::triangular::Triangular;
-use liouville_base::simd::{Number, Visit, Window, Windows};
+use liouville_base::simd::{ForEach, Number, SimdView, SimdViews};
 
 /// Z_r = x + h Σ_{q<r} A_rq K_q, for a run.
 struct SetStage<'a, S> {
@@ -18,9 +18,9 @@ struct SetStage<'a, S> {
     out: &'a mut [S],
 }
 
-impl<S> Visit<S> for SetStage<'_, S> {
+impl<S> ForEach<S> for SetStage<'_, S> {
     #[inline(always)]
-    fn visit<W: Window<Stored = S>>(&mut self, window: W) -> bool {
+    fn visit<W: SimdView<Stored = S>>(&mut self, window: W) -> bool {
         let x = window.load(self.x, self.place);
         let change = combined(window, self.weights, self.earlier, self.place);
         window.store(self.out, self.place, x + change.scaled(self.h));
@@ -30,7 +30,7 @@ impl<S> Visit<S> for SetStage<'_, S> {
 
 /// Σ weights_q K_q
 #[inline(always)]
-fn combined<W: Window>(
+fn combined<W: SimdView>(
     window: W,
     weights: &[f64],
     stages: &[[Vec<W::Stored>; 2]],
@@ -52,9 +52,9 @@ struct Finish<'a, S> {
     stages: &'a [[Vec<S>; 2]],
 }
 
-impl<S> Visit<S> for Finish<'_, S> {
+impl<S> ForEach<S> for Finish<'_, S> {
     #[inline(always)]
-    fn visit<W: Window<Stored = S>>(&mut self, window: W) -> bool {
+    fn visit<W: SimdView<Stored = S>>(&mut self, window: W) -> bool {
         let change = combined(window, self.weights, self.stages, self.place);
         let change = change.scaled(self.h);
         add(window, self.state.parts(), self.place, change);
@@ -64,7 +64,7 @@ impl<S> Visit<S> for Finish<'_, S> {
 
 /// The step: Z_r and K_r stage after stage.
 #[inline(always)]
-pub(super) fn runge_kutta<W: Windows>(
+pub(super) fn runge_kutta<W: SimdViews>(
     windows: W,
     piece: &Triangular,
     h: f64,
@@ -116,9 +116,9 @@ struct Substitute<'a, S> {
     stages: &'a mut [[Vec<S>; 2]],
 }
 
-impl<S> Visit<S> for Substitute<'_, S> {
+impl<S> ForEach<S> for Substitute<'_, S> {
     #[inline(always)]
-    fn visit<W: Window<Stored = S>>(&mut self, window: W) -> bool {
+    fn visit<W: SimdView<Stored = S>>(&mut self, window: W) -> bool {
         let s = self.piece.stages;
         for [z, k] in &mut self.stages[..s] {
             let change = value(window, self.program, z);
@@ -140,7 +140,7 @@ impl<S> Visit<S> for Substitute<'_, S> {
 
 /// The adjoint step, level after level.
 #[inline(always)]
-pub(super) fn substitute<W: Windows>(
+pub(super) fn substitute<W: SimdViews>(
     windows: W,
     piece: &Triangular,
     h: f64,

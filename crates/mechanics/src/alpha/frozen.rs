@@ -17,8 +17,8 @@ use super::Reactions;
 use super::origin::Origin;
 use super::solve::{Solver, Step};
 use crate::problem::{Mass, Saddle, SecondOrderModel};
-use liouville_base::checkpoint::{Foreign, Memory};
-use liouville_base::error::Trouble;
+use liouville_base::checkpoint::{Checkpoint, CheckpointMismatch};
+use liouville_base::error::StepError;
 use liouville_base::linalg::{Assembly, Factor, Matrix, Pattern, copy, max_norm};
 
 /// The factors, with the derivatives they came from.
@@ -147,7 +147,7 @@ impl Frozen {
         model: &mut SecondOrderModel,
         solver: &mut Solver,
         step: Step,
-    ) -> Result<(), Trouble> {
+    ) -> Result<(), StepError> {
         self.h = 0.0;
         solver.place(step.h);
         let t1 = step.t + step.h;
@@ -164,7 +164,7 @@ impl Frozen {
         }
         self.factor
             .factor(self.matrix.pattern(), self.matrix.values())
-            .map_err(|_| Trouble::SingularNewton)?;
+            .map_err(|_| StepError::SingularNewton)?;
         self.h = step.h;
         self.corrections = 0;
         self.origin.keep(solver, step);
@@ -176,14 +176,15 @@ impl Frozen {
         &mut self,
         model: &mut SecondOrderModel,
         solver: &mut Solver,
-    ) -> Result<(), Foreign> {
+    ) -> Result<(), CheckpointMismatch> {
         if self.h == 0.0 {
             return Ok(());
         }
         let corrections = self.corrections;
         let origin = self.origin.clone();
         let step = origin.put_back(solver, self.h);
-        self.update(model, solver, step).map_err(|_| Foreign)?;
+        self.update(model, solver, step)
+            .map_err(|_| CheckpointMismatch)?;
         self.corrections = corrections;
         Ok(())
     }
@@ -205,7 +206,7 @@ impl Frozen {
         model: &mut SecondOrderModel,
         at: &Solver,
         Step { t, h, .. }: Step,
-    ) -> Result<(), Trouble> {
+    ) -> Result<(), StepError> {
         let [y_phi, z_phi] = at.coupling.phi;
         let [mass, j_y, j_z, w_y] = model.jacobian(t + h, &at.y, &at.z, &at.phi)?;
         copy(&mut self.mass_values, mass);
@@ -230,7 +231,7 @@ impl Frozen {
         model: &mut SecondOrderModel,
         at: &Solver,
         Step { t, h, state }: Step,
-    ) -> Result<(), Trouble> {
+    ) -> Result<(), StepError> {
         let [first, last] = &at.reactions;
         let (y, z) = (at.coupling.y, at.coupling.z);
         let matrix = &mut self.matrix;
@@ -334,14 +335,14 @@ fn transport(start: &mut Mass, end: (&Pattern, &[f64]), spare: &mut [f64], x: &m
 }
 
 /// How old the factors are, and where they were made.
-impl Memory for Frozen {
+impl Checkpoint for Frozen {
     fn save(&self, member: usize, out: &mut Vec<f64>) {
         self.h.save(member, out);
         self.corrections.save(member, out);
         self.origin.save(member, out);
     }
 
-    fn restore(&mut self, member: usize, saved: &mut &[f64]) -> Result<(), Foreign> {
+    fn restore(&mut self, member: usize, saved: &mut &[f64]) -> Result<(), CheckpointMismatch> {
         self.h.restore(member, saved)?;
         self.corrections.restore(member, saved)?;
         self.origin.restore(member, saved)

@@ -25,8 +25,8 @@ mod state;
 
 use crate::problem::{Acceleration, SecondOrderModel};
 use frozen::Frozen;
-use liouville_base::checkpoint::{Foreign, Memory};
-use liouville_base::error::Trouble;
+use liouville_base::checkpoint::{Checkpoint, CheckpointMismatch};
+use liouville_base::error::StepError;
 use liouville_base::linalg::{Matrix, add_scaled, copy};
 use liouville_base::method::{Estimating, Stats, Stepper, Tolerance};
 use liouville_base::newton;
@@ -41,7 +41,7 @@ pub enum Reactions {
     Extended {
         /// The weight of A1 in the position.
         b: f64,
-        /// Whether r is taken at y0 + h z0.
+        /// Whether r is split_front at y0 + h z0.
         predicted: bool,
     },
     /// As a part of φ, by the constraint on the position alone.
@@ -123,7 +123,7 @@ impl Alpha {
         y: &[f64],
         z: &[f64],
         a: Option<&[f64]>,
-    ) -> Result<State, Trouble> {
+    ) -> Result<State, StepError> {
         self.acceleration.solve(&mut self.model.general, t, y, z)?;
         let phi = if self.reactions == Reactions::Position {
             self.acceleration.z_dot.clone()
@@ -159,7 +159,7 @@ impl Alpha {
     }
 
     /// (3a)–(3e), by whichever start and factors lead to a solution.
-    fn solve(&mut self, step: Step) -> Result<(), Trouble> {
+    fn solve(&mut self, step: Step) -> Result<(), StepError> {
         if self.is_warm {
             if self.frozen.serve(step.h) && self.iterate_from(step, true).is_ok() {
                 return Ok(());
@@ -199,13 +199,13 @@ impl Alpha {
         }
     }
 
-    fn freeze_from(&mut self, step: Step, is_warm: bool) -> Result<(), Trouble> {
+    fn freeze_from(&mut self, step: Step, is_warm: bool) -> Result<(), StepError> {
         self.predict(step, is_warm);
         self.stats.factorizations += 1;
         self.frozen.update(&mut self.model, &mut self.solver, step)
     }
 
-    fn iterate_from(&mut self, step: Step, is_warm: bool) -> Result<(), Trouble> {
+    fn iterate_from(&mut self, step: Step, is_warm: bool) -> Result<(), StepError> {
         self.predict(step, is_warm);
         let mut equations = self.solver.start(&mut self.model, &mut self.frozen, step);
         let iterations =
@@ -222,7 +222,7 @@ impl Alpha {
     }
 
     /// The state after the step, in `other`.
-    fn finish(&mut self, step: Step) -> Result<(), Trouble> {
+    fn finish(&mut self, step: Step) -> Result<(), StepError> {
         let t1 = step.t + step.h;
         let (at, next) = (&mut self.solver, &mut self.other);
         at.place(step.h);
@@ -257,7 +257,7 @@ impl Alpha {
 impl Stepper for Alpha {
     type State = State;
 
-    fn step(&mut self, t: f64, h: f64, state: &mut State) -> Result<(), Trouble> {
+    fn step(&mut self, t: f64, h: f64, state: &mut State) -> Result<(), StepError> {
         let step = Step { t, h, state };
         self.solver.prepare(step);
         self.solve(step).inspect_err(|_| self.is_warm = false)?;
@@ -325,7 +325,7 @@ impl Estimating for Alpha {
     }
 }
 
-impl Memory for Alpha {
+impl Checkpoint for Alpha {
     fn save(&self, member: usize, out: &mut Vec<f64>) {
         self.is_warm.save(member, out);
         self.acceleration.save(member, out);
@@ -335,7 +335,7 @@ impl Memory for Alpha {
         self.frozen.save(member, out);
     }
 
-    fn restore(&mut self, member: usize, saved: &mut &[f64]) -> Result<(), Foreign> {
+    fn restore(&mut self, member: usize, saved: &mut &[f64]) -> Result<(), CheckpointMismatch> {
         self.is_warm.restore(member, saved)?;
         self.acceleration.restore(member, saved)?;
         self.phi_rate.restore(member, saved)?;

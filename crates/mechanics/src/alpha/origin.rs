@@ -2,7 +2,7 @@
 
 use super::State;
 use super::solve::{Reaction, Solver, Step};
-use liouville_base::checkpoint::{Foreign, Memory};
+use liouville_base::checkpoint::{Checkpoint, CheckpointMismatch};
 
 /// The step and the unknowns that a frozen matrix belongs to.
 #[derive(Clone, Debug)]
@@ -54,7 +54,7 @@ impl Origin {
     }
 }
 
-impl Memory for Origin {
+impl Checkpoint for Origin {
     fn save(&self, member: usize, out: &mut Vec<f64>) {
         self.t.save(member, out);
         self.state.save(member, out);
@@ -62,7 +62,7 @@ impl Memory for Origin {
         self.reactions.save(member, out);
     }
 
-    fn restore(&mut self, member: usize, saved: &mut &[f64]) -> Result<(), Foreign> {
+    fn restore(&mut self, member: usize, saved: &mut &[f64]) -> Result<(), CheckpointMismatch> {
         self.t.restore(member, saved)?;
         self.state.restore(member, saved)?;
         self.phi.restore(member, saved)?;

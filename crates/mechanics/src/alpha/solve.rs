@@ -4,8 +4,8 @@ use super::coupling::Coupling;
 use super::frozen::Frozen;
 use super::{Reactions, State};
 use crate::problem::SecondOrderModel;
-use liouville_base::checkpoint::{Foreign, Memory};
-use liouville_base::error::Trouble;
+use liouville_base::checkpoint::{Checkpoint, CheckpointMismatch};
+use liouville_base::error::StepError;
 use liouville_base::linalg::{add_scaled, copy, copy_scaled, max_norm};
 use liouville_base::newton::{Broyden, Equations, Stop};
 use liouville_base::tableau::Alpha;
@@ -201,7 +201,7 @@ impl Solver {
 
 impl Solve<'_> {
     /// F − M φ1 in `force`, M A − r in `pulls`, and the constraints in their places of `x`.
-    fn evaluate(&mut self) -> Result<(), Trouble> {
+    fn evaluate(&mut self) -> Result<(), StepError> {
         let Step { t, h, state } = self.step;
         let (at, t1, n) = (&mut *self.solver, t + h, state.y.len());
         at.place(h);
@@ -345,7 +345,7 @@ fn relative(d: f64, x: f64) -> f64 {
 }
 
 impl Equations for Solve<'_> {
-    fn correct(&mut self) -> Result<f64, Trouble> {
+    fn correct(&mut self) -> Result<f64, StepError> {
         self.evaluate()?;
         self.solve();
         self.apply(self.size() < NOISE);
@@ -369,13 +369,13 @@ impl Equations for Solve<'_> {
     }
 }
 
-impl Memory for Reaction {
+impl Checkpoint for Reaction {
     fn save(&self, member: usize, out: &mut Vec<f64>) {
         self.a.save(member, out);
         self.lam.save(member, out);
     }
 
-    fn restore(&mut self, member: usize, saved: &mut &[f64]) -> Result<(), Foreign> {
+    fn restore(&mut self, member: usize, saved: &mut &[f64]) -> Result<(), CheckpointMismatch> {
         self.a.restore(member, saved)?;
         self.lam.restore(member, saved)
     }

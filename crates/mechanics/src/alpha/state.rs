@@ -1,7 +1,7 @@
 //! What a step of the α family begins with.
 
 use crate::problem::Carried;
-use liouville_base::checkpoint::{Foreign, Memory};
+use liouville_base::checkpoint::{Checkpoint, CheckpointMismatch};
 
 /// What is carried from step to step.
 #[derive(Debug, PartialEq)]
@@ -56,7 +56,7 @@ impl Carried for State {
     }
 }
 
-impl Memory for State {
+impl Checkpoint for State {
     fn save(&self, member: usize, out: &mut Vec<f64>) {
         self.y.save(member, out);
         self.z.save(member, out);
@@ -67,7 +67,7 @@ impl Memory for State {
         self.power.save(member, out);
     }
 
-    fn restore(&mut self, member: usize, saved: &mut &[f64]) -> Result<(), Foreign> {
+    fn restore(&mut self, member: usize, saved: &mut &[f64]) -> Result<(), CheckpointMismatch> {
         self.y.restore(member, saved)?;
         self.z.restore(member, saved)?;
         self.a.restore(member, saved)?;

@@ -1,7 +1,7 @@
 //! A function of the state whose zeros are events.
 
-use liouville_base::checkpoint::{Foreign, Memory};
-use liouville_base::error::{Quantity, Trouble};
+use liouville_base::checkpoint::{Checkpoint, CheckpointMismatch};
+use liouville_base::error::{Quantity, StepError};
 use liouville_base::tape::{Registers, Tape};
 
 /// A function e(t, y, z, λ), which of its zeros count, and how many of them end the run.
@@ -62,12 +62,12 @@ impl Event {
         t: f64,
         (y, z): (&[f64], &[f64]),
         lam: &[f64],
-    ) -> Result<f64, Trouble> {
+    ) -> Result<f64, StepError> {
         let value = self.tape.eval(&mut self.registers, [&[t], y, z, lam])[0];
         if value.is_finite() {
             return Ok(value);
         }
-        Err(Trouble::NotFinite {
+        Err(StepError::NotFinite {
             quantity: Quantity::Event,
             index: self.index,
             t,
@@ -80,7 +80,7 @@ impl Event {
     }
 }
 
-impl Memory for Event {
+impl Checkpoint for Event {
     fn save(&self, member: usize, out: &mut Vec<f64>) {
         self.sign.save(member, out);
         self.last.save(member, out);
@@ -88,7 +88,7 @@ impl Memory for Event {
         self.count.save(member, out);
     }
 
-    fn restore(&mut self, member: usize, saved: &mut &[f64]) -> Result<(), Foreign> {
+    fn restore(&mut self, member: usize, saved: &mut &[f64]) -> Result<(), CheckpointMismatch> {
         self.sign.restore(member, saved)?;
         self.last.restore(member, saved)?;
         self.earlier.restore(member, saved)?;

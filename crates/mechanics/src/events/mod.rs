@@ -7,13 +7,13 @@ mod search;
 pub use event::Event;
 
 use crate::problem::{Carried, Path, Point};
-use liouville_base::checkpoint::{Foreign, Memory};
-use liouville_base::error::Trouble;
+use liouville_base::checkpoint::{Checkpoint, CheckpointMismatch};
+use liouville_base::error::StepError;
 use liouville_base::method::Stepper;
 use liouville_base::observe::Observe;
 use liouville_base::run::Recorder;
-use liouville_base::run::{Seen, Watch};
-use partial::Probe;
+use liouville_base::run::{EventDetector, Seen};
+use partial::PartialStep;
 use search::{Node, Scene, Trust, Zero};
 
 /// Samples of an event's function in a step.
@@ -24,9 +24,9 @@ const NOISE: f64 = 256.0 * f64::EPSILON;
 const LEAVING: i32 = -24;
 
 /// Finds events, and records at given times, on the interpolated trajectory.
-pub struct Watcher<S: Stepper> {
+pub struct DenseDetector<S: Stepper> {
     path: Path,
-    probe: Probe<S>,
+    partial: PartialStep<S>,
     events: Vec<Event>,
     nodes: Vec<Node>,
     zeros: Vec<Zero>,
@@ -40,7 +40,7 @@ pub struct Watcher<S: Stepper> {
 /// An event's function in a step that is over.
 struct Looking<'a, S: Stepper> {
     path: &'a mut Path,
-    probe: &'a mut Probe<S>,
+    partial: &'a mut PartialStep<S>,
     event: &'a mut Event,
     end: &'a S::State,
 }
@@ -49,18 +49,18 @@ impl<S: Stepper> Scene for Looking<'_, S>
 where
     S::State: Carried + Clone,
 {
-    fn rough(&mut self, x: f64) -> Result<f64, Trouble> {
-        rough(self.path, self.event, self.probe.t + x * self.probe.h)
+    fn rough(&mut self, x: f64) -> Result<f64, StepError> {
+        rough(self.path, self.event, self.partial.t + x * self.partial.h)
     }
 
-    fn exact(&mut self, x: f64) -> Result<f64, Trouble> {
-        let t = self.probe.go(x, self.end)?;
-        at(self.path, self.event, t, &self.probe.state)
+    fn exact(&mut self, x: f64) -> Result<f64, StepError> {
+        let t = self.partial.go(x, self.end)?;
+        at(self.path, self.event, t, &self.partial.state)
     }
 }
 
 /// An event's function on the interpolated trajectory.
-fn rough(path: &mut Path, event: &mut Event, t: f64) -> Result<f64, Trouble> {
+fn rough(path: &mut Path, event: &mut Event, t: f64) -> Result<f64, StepError> {
     path.move_to(t);
     if event.needs_lam {
         path.solve_there()?;
@@ -70,14 +70,14 @@ fn rough(path: &mut Path, event: &mut Event, t: f64) -> Result<f64, Trouble> {
 }
 
 /// An event's function at a state.
-fn at(path: &mut Path, event: &mut Event, t: f64, state: &impl Carried) -> Result<f64, Trouble> {
+fn at(path: &mut Path, event: &mut Event, t: f64, state: &impl Carried) -> Result<f64, StepError> {
     if event.needs_lam {
         path.solve(t, state)?;
     }
     event.at(t, (state.y(), state.z()), path.lam())
 }
 
-impl<S: Stepper> Watcher<S>
+impl<S: Stepper> DenseDetector<S>
 where
     S::State: Carried + Clone,
 {
@@ -97,7 +97,7 @@ where
         };
         Self {
             path,
-            probe: Probe {
+            partial: PartialStep {
                 stepper,
                 t: 0.0,
                 h: 0.0,
@@ -116,16 +116,16 @@ where
     }
 
     /// All events' functions at the samples of a step, the last of them beyond its end.
-    fn sample(&mut self, end: &S::State) -> Result<(), Trouble> {
+    fn sample(&mut self, end: &S::State) -> Result<(), StepError> {
         let needs_lam = self.events.iter().any(|event| event.needs_lam);
         for event in &mut self.events {
             event.samples.clear();
         }
         for k in 1..=SAMPLES + 1 {
-            let t = self.probe.t + k as f64 / SAMPLES as f64 * self.probe.h;
+            let t = self.partial.t + k as f64 / SAMPLES as f64 * self.partial.h;
             let is_beyond = k > SAMPLES;
             if k == SAMPLES {
-                self.path.move_near(self.probe.end, end, [0.0, 0.0]);
+                self.path.move_near(self.partial.end, end, [0.0, 0.0]);
             } else {
                 self.path.move_to(t);
             }
@@ -153,10 +153,10 @@ where
     }
 
     /// The zeros of one event in a step, appended to `found`.
-    fn search(&mut self, index: usize, end: &S::State) -> Result<(), Trouble> {
+    fn search(&mut self, index: usize, end: &S::State) -> Result<(), StepError> {
         let Self {
             path,
-            probe,
+            partial,
             events,
             nodes,
             zeros,
@@ -176,12 +176,12 @@ where
             is_exact: false,
         };
         if let Some((earlier, value)) = event.earlier {
-            (before.x, before.value) = (-earlier / probe.h.abs(), value);
+            (before.x, before.value) = (-earlier / partial.h.abs(), value);
         } else {
-            let t = probe.t + before.x * probe.h;
+            let t = partial.t + before.x * partial.h;
             // nothing need be there before the start
             before.value = rough(path, event, t).unwrap_or(f64::NAN);
-            first = leaving(path, probe, event, first)?;
+            first = leaving(path, partial, event, first)?;
         }
         nodes.extend([before, first]);
         nodes.extend(event.samples.iter().zip(1_usize..).map(|(value, k)| Node {
@@ -189,9 +189,9 @@ where
             value: *value,
             is_exact: k == SAMPLES,
         }));
-        event.earlier = Some((probe.h.abs() / SAMPLES as f64, event.samples[SAMPLES - 2]));
+        event.earlier = Some((partial.h.abs() / SAMPLES as f64, event.samples[SAMPLES - 2]));
         event.last = event.samples[SAMPLES - 1];
-        let resolution = f64::EPSILON / 2.0 * (probe.t / probe.h).abs().max(1.0);
+        let resolution = f64::EPSILON / 2.0 * (partial.t / partial.h).abs().max(1.0);
         let trust = if path.is_rough() {
             Trust::LOOSE
         } else {
@@ -200,7 +200,7 @@ where
         let mut sign = event.sign;
         let mut looking = Looking {
             path,
-            probe,
+            partial,
             event,
             end,
         };
@@ -212,11 +212,11 @@ where
     }
 
     /// Keeps the events of a step in the order of time, up to one that ends the run.
-    fn keep(&mut self, end: &S::State) -> Result<Option<f64>, Trouble> {
+    fn keep(&mut self, end: &S::State) -> Result<Option<f64>, StepError> {
         self.found.sort_by(|a, b| a.0.total_cmp(&b.0));
         for (part, index) in self.found.drain(..) {
-            let t = self.probe.go(part, end)?;
-            let state = &self.probe.state;
+            let t = self.partial.go(part, end)?;
+            let state = &self.partial.state;
             self.path.solve(t, state)?;
             let (times, rows) = &mut self.seen.events[index];
             times.push(t);
@@ -234,12 +234,12 @@ where
     }
 
     /// Records at the wanted times up to `t`.
-    fn emit<O: Observe<Point>>(&mut self, t: f64, out: &mut Recorder<O>) -> Result<(), Trouble> {
+    fn emit<O: Observe<Point>>(&mut self, t: f64, out: &mut Recorder<O>) -> Result<(), StepError> {
         let Some(times) = &self.times else {
             return Ok(());
         };
         while let Some(wanted) = times.get(self.next) {
-            if (wanted - t) * self.probe.h > 0.0 {
+            if (wanted - t) * self.partial.h > 0.0 {
                 break;
             }
             self.path.move_to(*wanted);
@@ -253,22 +253,22 @@ where
 /// The start of a run for an event: where its function is nothing but roundoff, shortly after it.
 fn leaving<S: Stepper>(
     path: &mut Path,
-    probe: &Probe<S>,
+    partial: &PartialStep<S>,
     event: &mut Event,
     start: Node,
-) -> Result<Node, Trouble>
+) -> Result<Node, StepError>
 where
     S::State: Carried + Clone,
 {
     let slope = (event.samples[0] - start.value).abs() * SAMPLES as f64;
-    let mut noise = NOISE * slope * (probe.t / probe.h).abs().max(1.0);
+    let mut noise = NOISE * slope * (partial.t / partial.h).abs().max(1.0);
     for parts in [[NOISE, NOISE], [NOISE, -NOISE]] {
-        path.move_near(probe.t, &probe.start, parts);
+        path.move_near(partial.t, &partial.start, parts);
         if event.needs_lam {
             path.solve_there()?;
         }
         let Point { y, z, .. } = path.point();
-        let value = event.at(probe.t, (y, z), path.lam())?;
+        let value = event.at(partial.t, (y, z), path.lam())?;
         noise = noise.max((value - start.value).abs());
     }
     if start.value.abs() > noise {
@@ -276,7 +276,7 @@ where
     }
     for power in LEAVING..0 {
         let x = f64::from(power).exp2() / SAMPLES as f64;
-        let value = rough(path, event, probe.t + x * probe.h)?;
+        let value = rough(path, event, partial.t + x * partial.h)?;
         if value.abs() > 2.0 * noise {
             return Ok(Node {
                 x,
@@ -291,7 +291,7 @@ where
     })
 }
 
-impl<S, O> Watch<S, O> for Watcher<S>
+impl<S, O> EventDetector<S, O> for DenseDetector<S>
 where
     S: Stepper,
     S::State: Carried + Clone + Send,
@@ -301,9 +301,9 @@ where
         self.times.is_some()
     }
 
-    fn start(&mut self, t: f64, state: &S::State, _: &mut Recorder<O>) -> Result<(), Trouble> {
+    fn start(&mut self, t: f64, state: &S::State, _: &mut Recorder<O>) -> Result<(), StepError> {
         self.path.push(t, state)?;
-        self.probe.t = t;
+        self.partial.t = t;
         for event in &mut self.events {
             event.last = at(&mut self.path, event, t, state)?;
         }
@@ -311,8 +311,8 @@ where
     }
 
     fn before(&mut self, t: f64, state: &S::State) {
-        self.probe.t = t;
-        self.probe.start.clone_from(state);
+        self.partial.t = t;
+        self.partial.start.clone_from(state);
     }
 
     fn after(
@@ -320,8 +320,8 @@ where
         t: f64,
         state: &mut S::State,
         out: &mut Recorder<O>,
-    ) -> Result<Option<f64>, Trouble> {
-        (self.probe.end, self.probe.h) = (t, t - self.probe.t);
+    ) -> Result<Option<f64>, StepError> {
+        (self.partial.end, self.partial.h) = (t, t - self.partial.t);
         self.path.push(t, state)?;
         let mut end = None;
         if !self.events.is_empty() {
@@ -332,7 +332,7 @@ where
             }
             end = self.keep(state)?;
             if end.is_some() {
-                state.clone_from(&self.probe.state);
+                state.clone_from(&self.partial.state);
             }
         }
         // earlier the polynomials would not be those of the whole run
@@ -358,12 +358,12 @@ where
     }
 }
 
-/// What was seen is with whoever has taken it.
-impl<S: Stepper> Memory for Watcher<S> {
+/// What was seen is with whoever has split_front it.
+impl<S: Stepper> Checkpoint for DenseDetector<S> {
     fn save(&self, member: usize, out: &mut Vec<f64>) {
         self.path.save(member, out);
-        self.probe.stepper.save(member, out);
-        self.probe.h.save(member, out);
+        self.partial.stepper.save(member, out);
+        self.partial.h.save(member, out);
         for event in &self.events {
             event.save(member, out);
         }
@@ -371,10 +371,10 @@ impl<S: Stepper> Memory for Watcher<S> {
         self.next.save(member, out);
     }
 
-    fn restore(&mut self, member: usize, saved: &mut &[f64]) -> Result<(), Foreign> {
+    fn restore(&mut self, member: usize, saved: &mut &[f64]) -> Result<(), CheckpointMismatch> {
         self.path.restore(member, saved)?;
-        self.probe.stepper.restore(member, saved)?;
-        self.probe.h.restore(member, saved)?;
+        self.partial.stepper.restore(member, saved)?;
+        self.partial.h.restore(member, saved)?;
         for event in &mut self.events {
             event.restore(member, saved)?;
         }

@@ -1,10 +1,10 @@
 //! Parts of a step, made once more.
 
-use liouville_base::error::Trouble;
+use liouville_base::error::StepError;
 use liouville_base::method::Stepper;
 
 /// A stepper that makes parts of a step, and the states before and after.
-pub(super) struct Probe<S: Stepper> {
+pub(super) struct PartialStep<S: Stepper> {
     pub(super) stepper: S,
     pub(super) t: f64,
     pub(super) h: f64,
@@ -14,13 +14,13 @@ pub(super) struct Probe<S: Stepper> {
     pub(super) state: S::State,
 }
 
-impl<S: Stepper> Probe<S>
+impl<S: Stepper> PartialStep<S>
 where
     S::State: Clone,
 {
     /// Makes this part of the step, all of which leads to `end`; returns the time.
     #[allow(clippy::float_cmp)] // the ends of a step are its ends
-    pub(super) fn go(&mut self, part: f64, end: &S::State) -> Result<f64, Trouble> {
+    pub(super) fn go(&mut self, part: f64, end: &S::State) -> Result<f64, StepError> {
         if part == 1.0 {
             self.state.clone_from(end);
             return Ok(self.end);
@@ -29,7 +29,7 @@ where
         if part != 0.0 {
             self.stepper.forget();
             self.stepper.step(self.t, part * self.h, &mut self.state)?;
-            self.stepper.settle(&mut self.state)?;
+            self.stepper.synchronize(&mut self.state)?;
         }
         Ok(self.t + part * self.h)
     }

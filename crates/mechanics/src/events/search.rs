@@ -8,14 +8,14 @@
 //! the exact function, and so is where the zero is: by the iteration of [`liouville_base::bracket`], to roundoff in t.
 
 use liouville_base::bracket::Bracket;
-use liouville_base::error::Trouble;
+use liouville_base::error::StepError;
 
 /// A function of θ, rough and exact.
 pub(super) trait Scene {
     /// e on the interpolated trajectory.
-    fn rough(&mut self, x: f64) -> Result<f64, Trouble>;
+    fn rough(&mut self, x: f64) -> Result<f64, StepError>;
     /// e after a step of this part.
-    fn exact(&mut self, x: f64) -> Result<f64, Trouble>;
+    fn exact(&mut self, x: f64) -> Result<f64, StepError>;
 }
 
 /// A value of the function, and whether it is that of the exact one.
@@ -77,7 +77,7 @@ pub(super) fn zeros(
     sign: &mut f64,
     (trust, resolution): (Trust, f64),
     zeros: &mut Vec<Zero>,
-) -> Result<(), Trouble> {
+) -> Result<(), StepError> {
     for k in 1..nodes.len() - 1 {
         let [before, node, after] = [nodes[k - 1].value, nodes[k].value, nodes[k + 1].value];
         let change = (before - node).abs().max((after - node).abs());
@@ -117,7 +117,7 @@ pub(super) fn zeros(
 }
 
 /// Gives a node the exact value.
-fn decide(scene: &mut impl Scene, node: &mut Node) -> Result<(), Trouble> {
+fn decide(scene: &mut impl Scene, node: &mut Node) -> Result<(), StepError> {
     if !node.is_exact {
         node.value = scene.exact(node.x)?;
         node.is_exact = true;
@@ -127,7 +127,11 @@ fn decide(scene: &mut impl Scene, node: &mut Node) -> Result<(), Trouble> {
 
 /// A node of another sign than that of three samples, if |e| has a minimum around the middle one that comes
 /// so far.
-fn dip(scene: &mut impl Scene, samples: [Node; 3], trust: Trust) -> Result<Option<Node>, Trouble> {
+fn dip(
+    scene: &mut impl Scene,
+    samples: [Node; 3],
+    trust: Trust,
+) -> Result<Option<Node>, StepError> {
     let sign = samples[2].value.signum();
     let rough = samples.map(|node| (node.x, sign * node.value));
     let [(from, left), (_, middle), (to, right)] = rough;
@@ -158,7 +162,7 @@ fn turned(
     scene: &mut impl Scene,
     sign: f64,
     points: [(f64, f64); 3],
-) -> Result<Option<Node>, Trouble> {
+) -> Result<Option<Node>, StepError> {
     let first = points.into_iter().find(|(_, value)| *value < 0.0);
     let (x, value) = match first {
         Some(found) => found,
@@ -173,9 +177,9 @@ fn turned(
 
 /// The lowest point that parabolas lead to from three, or the first that is negative.
 fn lowest(
-    mut f: impl FnMut(f64) -> Result<f64, Trouble>,
+    mut f: impl FnMut(f64) -> Result<f64, StepError>,
     [mut left, mut middle, mut right]: [(f64, f64); 3],
-) -> Result<(f64, f64), Trouble> {
+) -> Result<(f64, f64), StepError> {
     let mut was_slow = false;
     for _ in 0..MOST_VALUES {
         let x = vertex(left, middle, right);
@@ -220,7 +224,12 @@ fn vertex(left: (f64, f64), middle: (f64, f64), right: (f64, f64)) -> f64 {
 }
 
 /// The zero between two nodes of opposite sign, if the exact function has one.
-fn zero(scene: &mut impl Scene, a: Node, b: Node, resolution: f64) -> Result<Option<f64>, Trouble> {
+fn zero(
+    scene: &mut impl Scene,
+    a: Node,
+    b: Node,
+    resolution: f64,
+) -> Result<Option<f64>, StepError> {
     if a.value == 0.0 && a.is_exact {
         return Ok(Some(a.x));
     }
@@ -265,7 +274,7 @@ fn zero(scene: &mut impl Scene, a: Node, b: Node, resolution: f64) -> Result<Opt
 }
 
 /// The zero of the rough function, and its slope there.
-fn roughly(scene: &mut impl Scene, ends: Bracket) -> Result<(f64, f64), Trouble> {
+fn roughly(scene: &mut impl Scene, ends: Bracket) -> Result<(f64, f64), StepError> {
     let mut rough = ends;
     for left in (0..=halvings(ends.width(), ROUGHLY) + 1).rev() {
         if rough.width() <= 2.0 * ROUGHLY {

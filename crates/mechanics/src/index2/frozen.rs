@@ -13,8 +13,8 @@
 use super::stages::{Stages, Step};
 use crate::problem::finite;
 use crate::semi_explicit::{Model, State};
-use liouville_base::checkpoint::{Foreign, Memory};
-use liouville_base::error::{Quantity, Trouble};
+use liouville_base::checkpoint::{Checkpoint, CheckpointMismatch};
+use liouville_base::error::{Quantity, StepError};
 use liouville_base::linalg::{Assembly, Factor, Matrix, Pattern, add_scaled, copy, max_norm};
 
 /// What factors of a sparse matrix cost, in corrections.
@@ -95,7 +95,7 @@ impl Frozen {
     }
 
     /// After so many corrections in a step new factors are worth their price.
-    pub(super) fn patience(&self) -> f64 {
+    pub(super) fn max_iterations(&self) -> f64 {
         LEAST_PATIENCE + self.price
     }
 
@@ -114,14 +114,14 @@ impl Frozen {
         model: &mut Model,
         stages: &Stages,
         step: Step,
-    ) -> Result<(), Trouble> {
+    ) -> Result<(), StepError> {
         self.discard();
         self.matrix.clear();
         self.add_fields(model, stages, step)?;
         self.add_constraints(model, stages, step)?;
         self.factor
             .factor(self.matrix.pattern(), self.matrix.values())
-            .map_err(|_| Trouble::SingularNewton)?;
+            .map_err(|_| StepError::SingularNewton)?;
         (self.h, self.cost, self.steps) = (step.h, self.price, 0.0);
         self.t = step.t;
         copy(self.y.flat_mut(), stages.y.flat());
@@ -130,7 +130,11 @@ impl Frozen {
     }
 
     /// Makes the factors again where they were made before; the stages are left there.
-    pub(super) fn remake(&mut self, model: &mut Model, stages: &mut Stages) -> Result<(), Foreign> {
+    pub(super) fn remake(
+        &mut self,
+        model: &mut Model,
+        stages: &mut Stages,
+    ) -> Result<(), CheckpointMismatch> {
         if self.h == 0.0 {
             return Ok(());
         }
@@ -147,7 +151,8 @@ impl Frozen {
             h: self.h,
             state: &none,
         };
-        self.update(model, stages, step).map_err(|_| Foreign)?;
+        self.update(model, stages, step)
+            .map_err(|_| CheckpointMismatch)?;
         (self.cost, self.steps) = (cost, steps);
         Ok(())
     }
@@ -157,7 +162,7 @@ impl Frozen {
         model: &mut Model,
         stages: &Stages,
         step: Step,
-    ) -> Result<(), Trouble> {
+    ) -> Result<(), StepError> {
         let s = stages.count();
         for i in 0..s {
             let t = stages.time(step, i);
@@ -185,7 +190,7 @@ impl Frozen {
         model: &mut Model,
         stages: &Stages,
         step: Step,
-    ) -> Result<(), Trouble> {
+    ) -> Result<(), StepError> {
         let s = stages.count();
         for m in 0..=s {
             let t = stages.time(step, m);
@@ -228,7 +233,7 @@ impl Frozen {
 }
 
 /// What the factors have cost, and where they were made.
-impl Memory for Frozen {
+impl Checkpoint for Frozen {
     fn save(&self, member: usize, out: &mut Vec<f64>) {
         self.h.save(member, out);
         self.cost.save(member, out);
@@ -238,7 +243,7 @@ impl Memory for Frozen {
         self.z.flat().save(member, out);
     }
 
-    fn restore(&mut self, member: usize, saved: &mut &[f64]) -> Result<(), Foreign> {
+    fn restore(&mut self, member: usize, saved: &mut &[f64]) -> Result<(), CheckpointMismatch> {
         self.h.restore(member, saved)?;
         self.cost.restore(member, saved)?;
         self.steps.restore(member, saved)?;

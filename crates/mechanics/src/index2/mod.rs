@@ -17,8 +17,8 @@ mod stages;
 
 use crate::semi_explicit::{Algebraic, Model, State};
 use frozen::Frozen;
-use liouville_base::checkpoint::{Foreign, Memory};
-use liouville_base::error::Trouble;
+use liouville_base::checkpoint::{Checkpoint, CheckpointMismatch};
+use liouville_base::error::StepError;
 use liouville_base::linalg::{add_scaled, copy, max_norm};
 use liouville_base::method::{Stats, Stepper, Symmetric};
 use liouville_base::newton::{self, Equations};
@@ -76,7 +76,7 @@ impl Index2 {
     }
 
     /// (I1)–(I3): from the step before with the factors there are, with new ones, and cold.
-    fn solve_stages(&mut self, step: Step) -> Result<(), Trouble> {
+    fn solve_stages(&mut self, step: Step) -> Result<(), StepError> {
         let mut is_warm = self.predictor.extrapolate(&mut self.stages, step.h);
         if is_warm && self.frozen.serves(step.h) {
             if self.iterate(step, false).is_ok() {
@@ -98,7 +98,7 @@ impl Index2 {
         }
         self.start_constant(step);
         self.iterate(step, true)
-            .map_err(|trouble| self.explain(step, trouble))
+            .map_err(|error| self.diagnose_rank(step, error))
     }
 
     /// V_i and Z_i where Euler's method leads to, each z from the hidden constraint there.
@@ -134,7 +134,7 @@ impl Index2 {
     }
 
     /// The iteration; from far away each correction has its own matrix.
-    fn iterate(&mut self, step: Step, is_far: bool) -> Result<(), Trouble> {
+    fn iterate(&mut self, step: Step, is_far: bool) -> Result<(), StepError> {
         let mut solve = Solve {
             stages: &mut self.stages,
             frozen: &mut self.frozen,
@@ -151,25 +151,25 @@ impl Index2 {
                 self.stats.iterations += iterations;
                 Ok(())
             }
-            Err(trouble) => {
+            Err(error) => {
                 self.frozen.discard();
-                Err(trouble)
+                Err(error)
             }
         }
     }
 
     /// What a singular matrix comes from, where that can be seen at the start of the step.
-    fn explain(&mut self, step: Step, trouble: Trouble) -> Trouble {
-        if trouble != Trouble::SingularNewton {
-            return trouble;
+    fn diagnose_rank(&mut self, step: Step, error: StepError) -> StepError {
+        if error != StepError::SingularNewton {
+            return error;
         }
         copy(&mut self.z, &step.state.z);
         let at_start =
             self.algebraic
                 .solve(&mut self.model, step.t, &step.state.y, &mut self.z, 1.0);
         match at_start {
-            Err(singular @ Trouble::SingularHidden { .. }) => singular,
-            _ => trouble,
+            Err(singular @ StepError::SingularHidden { .. }) => singular,
+            _ => error,
         }
     }
 }
@@ -177,7 +177,7 @@ impl Index2 {
 impl Stepper for Index2 {
     type State = State;
 
-    fn step(&mut self, t: f64, h: f64, state: &mut State) -> Result<(), Trouble> {
+    fn step(&mut self, t: f64, h: f64, state: &mut State) -> Result<(), StepError> {
         let step = Step { t, h, state };
         self.solve_stages(step)?;
         self.stages.move_points(step);
@@ -214,9 +214,9 @@ impl Stepper for Index2 {
 impl Symmetric for Index2 {}
 
 impl Equations for Solve<'_> {
-    fn correct(&mut self) -> Result<f64, Trouble> {
+    fn correct(&mut self) -> Result<f64, StepError> {
         self.stages.evaluate(self.model, self.step)?;
-        let is_slow = self.corrections >= self.frozen.patience();
+        let is_slow = self.corrections >= self.frozen.max_iterations();
         if self.is_far || is_slow || !self.frozen.serves(self.step.h) {
             self.frozen.update(self.model, self.stages, self.step)?;
             self.stats.factorizations += 1;
@@ -238,13 +238,13 @@ fn carry(high: &mut [f64], low: &mut [f64]) {
     }
 }
 
-impl Memory for Index2 {
+impl Checkpoint for Index2 {
     fn save(&self, member: usize, out: &mut Vec<f64>) {
         self.predictor.save(member, out);
         self.frozen.save(member, out);
     }
 
-    fn restore(&mut self, member: usize, saved: &mut &[f64]) -> Result<(), Foreign> {
+    fn restore(&mut self, member: usize, saved: &mut &[f64]) -> Result<(), CheckpointMismatch> {
         self.predictor.restore(member, saved)?;
         self.frozen.restore(member, saved)?;
         self.frozen.remake(&mut self.model, &mut self.stages)

@@ -2,7 +2,7 @@
 
 use crate::problem::finite;
 use crate::semi_explicit::{Model, State};
-use liouville_base::error::{Quantity, Trouble};
+use liouville_base::error::{Quantity, StepError};
 use liouville_base::linalg::{Matrix, add_scaled, combine, copy, copy_scaled, max_norm};
 use liouville_base::tableau::{Spark, moments};
 
@@ -80,7 +80,7 @@ impl Stages {
     }
 
     /// Evaluates the model at the current unknowns, and the residuals of (I1)–(I3).
-    pub(super) fn evaluate(&mut self, model: &mut Model, step: Step) -> Result<(), Trouble> {
+    pub(super) fn evaluate(&mut self, model: &mut Model, step: Step) -> Result<(), StepError> {
         self.move_points(step);
         let s = self.count();
         for i in 0..s {
@@ -100,7 +100,7 @@ impl Stages {
         self.weigh(model, step)
     }
 
-    fn weigh(&mut self, model: &mut Model, step: Step) -> Result<(), Trouble> {
+    fn weigh(&mut self, model: &mut Model, step: Step) -> Result<(), StepError> {
         let s = self.count();
         for i in [s - 1, s] {
             let t = self.time(step, i);

@@ -8,8 +8,8 @@
 
 use super::model::{finite, finite_k};
 use super::{Model, Saddle};
-use liouville_base::checkpoint::{Foreign, Memory};
-use liouville_base::error::{Quantity, Trouble};
+use liouville_base::checkpoint::{Checkpoint, CheckpointMismatch};
+use liouville_base::error::{Quantity, StepError};
 use liouville_base::linalg::max_norm;
 use liouville_base::newton::{self, Equations};
 use liouville_base::real::{Real, Scalar};
@@ -52,7 +52,13 @@ impl<R: Real> Acceleration<R> {
     /// # Errors
     /// A value that is not finite, a singular matrix, or no convergence where reactions are nonlinear
     /// in their multipliers.
-    pub fn solve(&mut self, model: &mut Model<R>, t: f64, y: &[R], z: &[R]) -> Result<(), Trouble> {
+    pub fn solve(
+        &mut self,
+        model: &mut Model<R>,
+        t: f64,
+        y: &[R],
+        z: &[R],
+    ) -> Result<(), StepError> {
         let m = model.problem.m;
         let [force, drift, _] = model.acceleration(t, y, z);
         finite(force, Quantity::Force, t)?;
@@ -78,7 +84,7 @@ impl<R: Real> Acceleration<R> {
 }
 
 impl<R: Real> Equations<R> for Solve<'_, R> {
-    fn correct(&mut self) -> Result<R, Trouble> {
+    fn correct(&mut self) -> Result<R, StepError> {
         let (t, y, z) = self.point;
         let at = &mut *self.at;
         at.saddle.update(self.model, t, y, z, &at.lam)?;
@@ -113,12 +119,12 @@ impl<R: Real> Equations<R> for Solve<'_, R> {
 }
 
 /// Multipliers, where the next solve starts from.
-impl<R: Scalar> Memory for Acceleration<R> {
+impl<R: Scalar> Checkpoint for Acceleration<R> {
     fn save(&self, member: usize, out: &mut Vec<f64>) {
         self.lam.save(member, out);
     }
 
-    fn restore(&mut self, member: usize, saved: &mut &[f64]) -> Result<(), Foreign> {
+    fn restore(&mut self, member: usize, saved: &mut &[f64]) -> Result<(), CheckpointMismatch> {
         self.lam.restore(member, saved)
     }
 }

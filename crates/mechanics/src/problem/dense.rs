@@ -13,8 +13,8 @@
 
 use super::hermite::Newton;
 use super::{Acceleration, Carried, Model, model::finite};
-use liouville_base::checkpoint::{Foreign, Memory};
-use liouville_base::error::{Quantity, Trouble};
+use liouville_base::checkpoint::{Checkpoint, CheckpointMismatch};
+use liouville_base::error::{Quantity, StepError};
 use liouville_base::linalg::copy;
 
 /// A point of a trajectory between steps.
@@ -124,7 +124,7 @@ impl Path {
     ///
     /// # Errors
     /// A value that is not finite, or a singular matrix.
-    pub fn push(&mut self, t: f64, state: &impl Carried) -> Result<(), Trouble> {
+    pub fn push(&mut self, t: f64, state: &impl Carried) -> Result<(), StepError> {
         let (y, z) = (state.y(), state.z());
         self.acceleration.solve(&mut self.model, t, y, z)?;
         let z_dot = &self.acceleration.z_dot;
@@ -173,7 +173,7 @@ impl Path {
         t: f64,
         times: &[f64],
         (y, z): (&[f64], &[f64]),
-    ) -> Result<(), Trouble> {
+    ) -> Result<(), StepError> {
         let n = self.model.problem.n;
         let is_forward = times.first() <= times.last();
         let end = times.partition_point(|end| if is_forward { *end < t } else { *end > t });
@@ -254,7 +254,7 @@ impl Path {
     ///
     /// # Errors
     /// A value that is not finite, or a singular matrix.
-    pub fn solve_there(&mut self) -> Result<(), Trouble> {
+    pub fn solve_there(&mut self) -> Result<(), StepError> {
         let Self {
             acceleration,
             model,
@@ -270,7 +270,7 @@ impl Path {
     ///
     /// # Errors
     /// A value that is not finite, or a singular matrix.
-    pub fn solve(&mut self, t: f64, state: &impl Carried) -> Result<(), Trouble> {
+    pub fn solve(&mut self, t: f64, state: &impl Carried) -> Result<(), StepError> {
         let Self {
             acceleration,
             model,
@@ -340,7 +340,7 @@ impl Path {
 }
 
 /// The knots; polynomials are fitted again, to the same bits.
-impl Memory for Path {
+impl Checkpoint for Path {
     fn save(&self, member: usize, out: &mut Vec<f64>) {
         self.knots.len().save(member, out);
         for knot in &self.knots {
@@ -349,12 +349,12 @@ impl Memory for Path {
         self.acceleration.save(member, out);
     }
 
-    fn restore(&mut self, member: usize, saved: &mut &[f64]) -> Result<(), Foreign> {
+    fn restore(&mut self, member: usize, saved: &mut &[f64]) -> Result<(), CheckpointMismatch> {
         let mut count = 0_usize;
         count.restore(member, saved)?;
         self.spare.append(&mut self.knots);
         for _ in 0..count {
-            let mut knot = self.spare.pop().ok_or(Foreign)?;
+            let mut knot = self.spare.pop().ok_or(CheckpointMismatch)?;
             knot.restore(member, saved)?;
             self.knots.push(knot);
         }
@@ -363,7 +363,7 @@ impl Memory for Path {
     }
 }
 
-impl Memory for Knot {
+impl Checkpoint for Knot {
     fn save(&self, member: usize, out: &mut Vec<f64>) {
         self.t.save(member, out);
         self.y.save(member, out);
@@ -371,7 +371,7 @@ impl Memory for Knot {
         self.carried.save(member, out);
     }
 
-    fn restore(&mut self, member: usize, saved: &mut &[f64]) -> Result<(), Foreign> {
+    fn restore(&mut self, member: usize, saved: &mut &[f64]) -> Result<(), CheckpointMismatch> {
         self.t.restore(member, saved)?;
         self.y.restore(member, saved)?;
         self.z.restore(member, saved)?;

@@ -3,10 +3,10 @@
 
 use super::model::finite;
 use super::{Mechanical, Model};
-use liouville_base::error::{Quantity, Trouble};
+use liouville_base::error::{Quantity, StepError};
 use liouville_base::linalg::{Factor, Matrix, Pattern, copy, max_norm};
 use liouville_base::real::Real;
-use liouville_base::simd::wide;
+use liouville_base::simd::dispatch_simd;
 use std::sync::Arc;
 
 /// `p_z` factored, and `v_z`; made once when both depend on parameters alone.
@@ -42,18 +42,18 @@ impl<R: Real> Mass<R> {
     /// Brings the factors to (t, y, z).
     ///
     /// # Errors
-    /// [`Trouble::SingularMass`], or a derivative that is not finite.
+    /// [`StepError::SingularMass`], or a derivative that is not finite.
     pub fn update(
         &mut self,
         model: &mut Model<R>,
         t: f64,
         y: &[R],
         z: &[R],
-    ) -> Result<(), Trouble> {
+    ) -> Result<(), StepError> {
         if self.is_ready && self.is_constant {
             return Ok(());
         }
-        let [p_z, v_z] = wide::<R, _>(
+        let [p_z, v_z] = dispatch_simd::<R, _>(
             #[inline(always)]
             || model.stage_blocks(t, y, z),
         );
@@ -64,7 +64,7 @@ impl<R: Real> Mass<R> {
         }
         self.factor
             .factor(&self.problem.patterns.p_z, p_z)
-            .map_err(|singular| Trouble::SingularMass {
+            .map_err(|singular| StepError::SingularMass {
                 coordinate: singular.column,
             })?;
         self.is_ready = true;
@@ -128,7 +128,7 @@ impl<R: Real> Mass<R> {
 
     /// `(v_z p_z⁻¹ A)ᵀ`, one row for each column of A.
     pub fn compliance(&mut self, pattern: &Pattern, values: &[R], out: &mut Matrix<R>) {
-        wide::<R, _>(
+        dispatch_simd::<R, _>(
             #[inline(always)]
             || {
                 out.clear();

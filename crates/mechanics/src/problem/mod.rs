@@ -28,17 +28,17 @@ pub use dense::{Path, Point};
 pub use mass::Mass;
 pub use model::{Model, finite, finite_k};
 pub use monitor::{MechanicalMonitor, TimeScale, Traced};
-pub(crate) use nonholonomic::explain_all;
+pub(crate) use nonholonomic::diagnose_rank_all;
 pub use nonholonomic::{Nonholonomic, NonholonomicPatterns};
 pub use observe::{Carried, Observer, Observers};
 pub use points::{Points, Times};
 pub use projection::{Projection, project};
 pub use saddle::Saddle;
-pub(crate) use saddle::{add_product, explain};
+pub(crate) use saddle::{add_product, diagnose_rank};
 pub use second_order::{SecondOrder, SecondOrderModel, SecondOrderPatterns};
 pub use separable::{Separable, SeparableModel};
 
-use liouville_base::checkpoint::{Foreign, Memory};
+use liouville_base::checkpoint::{Checkpoint, CheckpointMismatch};
 use liouville_base::linalg::Pattern;
 use liouville_base::real::{Real, Scalar};
 use liouville_base::tape::Tape;
@@ -272,14 +272,14 @@ impl<R: Clone> Clone for State<R> {
     }
 }
 
-impl<R: Scalar> Memory for State<R> {
+impl<R: Scalar> Checkpoint for State<R> {
     fn save(&self, member: usize, out: &mut Vec<f64>) {
         for x in [&self.y, &self.z, &self.p, &self.y_low, &self.p_low] {
             x.save(member, out);
         }
     }
 
-    fn restore(&mut self, member: usize, saved: &mut &[f64]) -> Result<(), Foreign> {
+    fn restore(&mut self, member: usize, saved: &mut &[f64]) -> Result<(), CheckpointMismatch> {
         for x in [
             &mut self.y,
             &mut self.z,

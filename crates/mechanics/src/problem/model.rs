@@ -2,9 +2,9 @@
 #![allow(clippy::inline_always)] // what is not inlined is compiled without the registers it is for
 
 use super::nonholonomic::{Bound, Nonholonomic};
-use super::points::Memory;
+use super::points::TapeRegisters;
 use super::{Mechanical, State};
-use liouville_base::error::{Quantity, Trouble};
+use liouville_base::error::{Quantity, StepError};
 use liouville_base::linalg::{Pattern, all_finite};
 use liouville_base::real::Real;
 use liouville_base::tape::Registers;
@@ -15,12 +15,12 @@ use std::sync::Arc;
 pub struct Model<R = f64> {
     /// The system itself, shared.
     pub problem: Arc<Mechanical>,
-    pub(super) stage: Memory<R>,
-    pub(super) stage_blocks: Memory<R>,
-    pub(super) stage_jacobian: Memory<R>,
-    pub(super) node: Memory<R>,
-    pub(super) node_blocks: Memory<R>,
-    pub(super) node_jacobian: Memory<R>,
+    pub(super) stage: TapeRegisters<R>,
+    pub(super) stage_blocks: TapeRegisters<R>,
+    pub(super) stage_jacobian: TapeRegisters<R>,
+    pub(super) node: TapeRegisters<R>,
+    pub(super) node_blocks: TapeRegisters<R>,
+    pub(super) node_jacobian: TapeRegisters<R>,
     end: Registers<R>,
     acceleration: Registers<R>,
     nonholonomic: Option<Box<Bound<R>>>,
@@ -48,12 +48,12 @@ impl<R: Real> Model<R> {
     /// When `params` has not the size the tapes have.
     pub fn new(problem: Arc<Mechanical>, params: &[R]) -> Self {
         Self {
-            stage: Memory::new(&problem.stage, params),
-            stage_blocks: Memory::new(&problem.stage_blocks, params),
-            stage_jacobian: Memory::new(&problem.stage_jacobian, params),
-            node: Memory::new(&problem.node, params),
-            node_blocks: Memory::new(&problem.node_blocks, params),
-            node_jacobian: Memory::new(&problem.node_jacobian, params),
+            stage: TapeRegisters::new(&problem.stage, params),
+            stage_blocks: TapeRegisters::new(&problem.stage_blocks, params),
+            stage_jacobian: TapeRegisters::new(&problem.stage_jacobian, params),
+            node: TapeRegisters::new(&problem.node, params),
+            node_blocks: TapeRegisters::new(&problem.node_blocks, params),
+            node_jacobian: TapeRegisters::new(&problem.node_jacobian, params),
             end: problem.end.bind(params),
             acceleration: problem.acceleration.bind(params),
             nonholonomic: problem
@@ -230,9 +230,9 @@ impl<R: Real> Model<R> {
 /// Refuses values that are not finite, naming the first.
 ///
 /// # Errors
-/// [`Trouble::NotFinite`].
+/// [`StepError::NotFinite`].
 #[inline(always)]
-pub fn finite<R: Real>(values: &[R], quantity: Quantity, t: f64) -> Result<(), Trouble> {
+pub fn finite<R: Real>(values: &[R], quantity: Quantity, t: f64) -> Result<(), StepError> {
     if all_finite(values) {
         return Ok(());
     }
@@ -241,21 +241,21 @@ pub fn finite<R: Real>(values: &[R], quantity: Quantity, t: f64) -> Result<(), T
 
 #[cold]
 #[inline(never)]
-fn not_finite<R: Real>(values: &[R], quantity: Quantity, t: f64) -> Trouble {
+fn not_finite<R: Real>(values: &[R], quantity: Quantity, t: f64) -> StepError {
     let index = values
         .iter()
         .position(|x| !x.all(f64::is_finite))
         .unwrap_or(0);
-    Trouble::NotFinite { quantity, index, t }
+    StepError::NotFinite { quantity, index, t }
 }
 
 /// [`finite`] of k, whose constraints come after the m holonomic ones.
 ///
 /// # Errors
-/// [`Trouble::NotFinite`].
-pub fn finite_k<R: Real>(k: &[R], m: usize, t: f64) -> Result<(), Trouble> {
+/// [`StepError::NotFinite`].
+pub fn finite_k<R: Real>(k: &[R], m: usize, t: f64) -> Result<(), StepError> {
     match k.iter().position(|x| !x.all(f64::is_finite)) {
-        Some(index) => Err(Trouble::NotFinite {
+        Some(index) => Err(StepError::NotFinite {
             quantity: Quantity::Nonholonomic,
             index: m + index,
             t,

@@ -11,15 +11,15 @@
 //! Source: hairer2005.
 
 use super::{Acceleration, Carried, Model, model::finite};
-use liouville_base::checkpoint::{Foreign, Memory};
-use liouville_base::error::{Quantity, Trouble};
+use liouville_base::checkpoint::{Checkpoint, CheckpointMismatch};
+use liouville_base::error::{Quantity, StepError};
 use liouville_base::linalg::{add_scaled, copy, dot, max_norm};
 use liouville_base::observe::Monitor;
 use liouville_base::tape::{Registers, Tape};
 
 /// The power of an acceleration squared.
 const POWER: f64 = -3.0 / 8.0;
-/// Central differences are taken over this part of the time in which the coordinates change by
+/// Central differences are split_front over this part of the time in which the coordinates change by
 /// their own size.
 const PART: f64 = 1.0 / 65536.0;
 /// Coordinates count as having at least this part of the size they had at the start.
@@ -100,7 +100,7 @@ impl Traced {
         }
     }
 
-    fn rate_at(&mut self, t: f64, y: &[f64], z: &[f64]) -> Result<f64, Trouble> {
+    fn rate_at(&mut self, t: f64, y: &[f64], z: &[f64]) -> Result<f64, StepError> {
         let z_dot = match &mut self.acceleration {
             Some(acceleration) => {
                 acceleration.solve(&mut self.model, t, y, z)?;
@@ -114,7 +114,7 @@ impl Traced {
         if size.is_finite() && size > 0.0 && rate.is_finite() {
             return Ok(rate / size);
         }
-        Err(Trouble::Monitor {
+        Err(StepError::Monitor {
             value: size,
             rate,
             t,
@@ -142,7 +142,11 @@ impl Point {
         add_scaled(&mut self.z, step, &other.z_dot);
     }
 
-    fn solve(&mut self, model: &mut Model, acceleration: &mut Acceleration) -> Result<(), Trouble> {
+    fn solve(
+        &mut self,
+        model: &mut Model,
+        acceleration: &mut Acceleration,
+    ) -> Result<(), StepError> {
         let [_, _, v] = model.end(self.t, &self.y, &self.z);
         finite(v, Quantity::Velocity, self.t)?;
         copy(&mut self.v, if v.is_empty() { &self.z } else { v });
@@ -177,7 +181,7 @@ impl TimeScale {
         monitor
     }
 
-    fn rate_at(&mut self, t: f64, y: &[f64], z: &[f64]) -> Result<f64, Trouble> {
+    fn rate_at(&mut self, t: f64, y: &[f64], z: &[f64]) -> Result<f64, StepError> {
         self.here.t = t;
         copy(&mut self.here.y, y);
         copy(&mut self.here.z, z);
@@ -207,7 +211,7 @@ impl TimeScale {
     }
 
     /// s^(−8/3), `shift` ahead of here.
-    fn vigour(&mut self, shift: f64, step: f64) -> Result<f64, Trouble> {
+    fn vigour(&mut self, shift: f64, step: f64) -> Result<f64, StepError> {
         let Self { side, far, .. } = self;
         side.shift_from(&self.here, shift);
         side.solve(&mut self.model, &mut self.acceleration)?;
@@ -256,19 +260,19 @@ impl Metric {
 }
 
 impl<S: Carried> Monitor<S> for Traced {
-    fn rate(&mut self, t: f64, state: &S) -> Result<f64, Trouble> {
+    fn rate(&mut self, t: f64, state: &S) -> Result<f64, StepError> {
         self.rate_at(t, state.y(), state.z())
     }
 }
 
 impl<S: Carried> Monitor<S> for TimeScale {
-    fn rate(&mut self, t: f64, state: &S) -> Result<f64, Trouble> {
+    fn rate(&mut self, t: f64, state: &S) -> Result<f64, StepError> {
         self.rate_at(t, state.y(), state.z())
     }
 }
 
 impl<S: Carried> Monitor<S> for MechanicalMonitor {
-    fn rate(&mut self, t: f64, state: &S) -> Result<f64, Trouble> {
+    fn rate(&mut self, t: f64, state: &S) -> Result<f64, StepError> {
         match self {
             Self::Traced(monitor) => monitor.rate(t, state),
             Self::Own(monitor) => monitor.rate(t, state),
@@ -276,7 +280,7 @@ impl<S: Carried> Monitor<S> for MechanicalMonitor {
     }
 }
 
-impl Memory for MechanicalMonitor {
+impl Checkpoint for MechanicalMonitor {
     fn save(&self, member: usize, out: &mut Vec<f64>) {
         match self {
             Self::Traced(monitor) => monitor.save(member, out),
@@ -284,7 +288,7 @@ impl Memory for MechanicalMonitor {
         }
     }
 
-    fn restore(&mut self, member: usize, saved: &mut &[f64]) -> Result<(), Foreign> {
+    fn restore(&mut self, member: usize, saved: &mut &[f64]) -> Result<(), CheckpointMismatch> {
         match self {
             Self::Traced(monitor) => monitor.restore(member, saved),
             Self::Own(monitor) => monitor.restore(member, saved),
@@ -292,14 +296,14 @@ impl Memory for MechanicalMonitor {
     }
 }
 
-impl Memory for Traced {
+impl Checkpoint for Traced {
     fn save(&self, member: usize, out: &mut Vec<f64>) {
         if let Some(acceleration) = &self.acceleration {
             acceleration.save(member, out);
         }
     }
 
-    fn restore(&mut self, member: usize, saved: &mut &[f64]) -> Result<(), Foreign> {
+    fn restore(&mut self, member: usize, saved: &mut &[f64]) -> Result<(), CheckpointMismatch> {
         match &mut self.acceleration {
             Some(acceleration) => acceleration.restore(member, saved),
             None => Ok(()),
@@ -307,12 +311,12 @@ impl Memory for Traced {
     }
 }
 
-impl Memory for TimeScale {
+impl Checkpoint for TimeScale {
     fn save(&self, member: usize, out: &mut Vec<f64>) {
         self.acceleration.save(member, out);
     }
 
-    fn restore(&mut self, member: usize, saved: &mut &[f64]) -> Result<(), Foreign> {
+    fn restore(&mut self, member: usize, saved: &mut &[f64]) -> Result<(), CheckpointMismatch> {
         self.acceleration.restore(member, saved)
     }
 }

@@ -6,7 +6,7 @@
 //! where k is linear in v. Source: jay2009lagrange; the paper's ψ is ν.
 
 use super::{Mass, Mechanical, Mismatch, check, check_pattern, cut};
-use liouville_base::error::Trouble;
+use liouville_base::error::StepError;
 use liouville_base::linalg::{Matrix, Pattern, add_scaled, dependent_rows};
 use liouville_base::real::Real;
 use liouville_base::tape::{Registers, Tape};
@@ -111,14 +111,14 @@ impl<R: Real> Bound<R> {
 /// The constraints, holonomic and then nonholonomic, whose gradients by z are dependent, if any are.
 ///
 /// Of several members nothing is said: each is asked alone.
-pub(crate) fn explain_all<R: Real>(
+pub(crate) fn diagnose_rank_all<R: Real>(
     problem: &Mechanical,
     mass: &Mass<R>,
     g_y: &[R],
     k_z: &[R],
-) -> Trouble {
+) -> StepError {
     let (Some(g_y), Some(k_z)) = (R::alone(g_y), R::alone(k_z)) else {
-        return Trouble::SingularNewton;
+        return StepError::SingularNewton;
     };
     let mut rows = Matrix::zeros(problem.multipliers(), problem.n);
     match mass.v_z() {
@@ -135,7 +135,7 @@ pub(crate) fn explain_all<R: Real>(
     if let Some(own) = &problem.nonholonomic {
         own.patterns.k_z.add_to(k_z, 1.0, &mut rows, problem.m, 0);
     }
-    dependent_rows(rows).map_or(Trouble::SingularNewton, |constraints| Trouble::Redundant {
-        constraints,
+    dependent_rows(rows).map_or(StepError::SingularNewton, |constraints| {
+        StepError::DependentConstraints { constraints }
     })
 }

@@ -1,8 +1,8 @@
 //! What is recorded of a mechanical system at an output point.
 
 use super::{Acceleration, Model, State, model::finite};
-use liouville_base::checkpoint::{Foreign, Memory};
-use liouville_base::error::{Quantity, Trouble};
+use liouville_base::checkpoint::{Checkpoint, CheckpointMismatch};
+use liouville_base::error::{Quantity, StepError};
 use liouville_base::observe::Observe;
 use liouville_base::real::Real;
 use liouville_base::tape::{Registers, Tape};
@@ -68,7 +68,12 @@ impl Observer {
         &self.model
     }
 
-    fn append<S: Carried>(&mut self, t: f64, state: &S, row: &mut Vec<f64>) -> Result<(), Trouble> {
+    fn append<S: Carried>(
+        &mut self,
+        t: f64,
+        state: &S,
+        row: &mut Vec<f64>,
+    ) -> Result<(), StepError> {
         if let Some(states) = &mut self.states {
             states.solve(&mut self.model, t, state.y(), state.z())?;
             row.extend_from_slice(state.y());
@@ -101,21 +106,21 @@ impl<S: Carried> Observe<S> for Observer {
         states + usize::from(state.accelerations().is_some()) + self.tape.outputs()
     }
 
-    fn observe(&mut self, t: f64, state: &S, row: &mut Vec<f64>) -> Result<(), Trouble> {
+    fn observe(&mut self, t: f64, state: &S, row: &mut Vec<f64>) -> Result<(), StepError> {
         let start = row.len();
         self.append(t, state, row)
             .inspect_err(|_| row.truncate(start))
     }
 }
 
-impl Memory for Observer {
+impl Checkpoint for Observer {
     fn save(&self, member: usize, out: &mut Vec<f64>) {
         if let Some(states) = &self.states {
             states.save(member, out);
         }
     }
 
-    fn restore(&mut self, member: usize, saved: &mut &[f64]) -> Result<(), Foreign> {
+    fn restore(&mut self, member: usize, saved: &mut &[f64]) -> Result<(), CheckpointMismatch> {
         match &mut self.states {
             Some(states) => states.restore(member, saved),
             None => Ok(()),
@@ -150,7 +155,7 @@ impl<R: Real> Observe<State<R>> for Observers {
         self.members * self.each[0].width(&single)
     }
 
-    fn observe(&mut self, t: f64, state: &State<R>, row: &mut Vec<f64>) -> Result<(), Trouble> {
+    fn observe(&mut self, t: f64, state: &State<R>, row: &mut Vec<f64>) -> Result<(), StepError> {
         let start = row.len();
         let single = self
             .state
@@ -158,21 +163,21 @@ impl<R: Real> Observe<State<R>> for Observers {
         for member in 0..self.members {
             single.copy_member(0, state, member);
             let place = member.min(self.each.len() - 1);
-            if let Err(trouble) = self.each[place].observe(t, single, row) {
+            if let Err(error) = self.each[place].observe(t, single, row) {
                 row.truncate(start);
-                return Err(trouble.of_member(member));
+                return Err(error.of_member(member));
             }
         }
         Ok(())
     }
 }
 
-impl Memory for Observers {
+impl Checkpoint for Observers {
     fn save(&self, member: usize, out: &mut Vec<f64>) {
         self.each[member.min(self.each.len() - 1)].save(0, out);
     }
 
-    fn restore(&mut self, member: usize, saved: &mut &[f64]) -> Result<(), Foreign> {
+    fn restore(&mut self, member: usize, saved: &mut &[f64]) -> Result<(), CheckpointMismatch> {
         let place = member.min(self.each.len() - 1);
         self.each[place].restore(0, saved)
     }

@@ -5,25 +5,25 @@ use super::Model;
 use super::model::{Parts, cut};
 use liouville_base::linalg::Matrix;
 use liouville_base::real::Real;
-use liouville_base::tape::{Beside, Registers, Tape};
+use liouville_base::tape::{BatchRegisters, Registers, Tape};
 
 /// The memory of one tape.
 #[derive(Clone, Debug)]
-pub(super) struct Memory<R> {
+pub(super) struct TapeRegisters<R> {
     pub(super) one: Registers<R>,
-    pub(super) beside: Option<Box<Beside<R>>>,
+    pub(super) batch: Option<Box<BatchRegisters<R>>>,
 }
 
-impl<R: Real> Memory<R> {
+impl<R: Real> TapeRegisters<R> {
     pub(super) fn new(tape: &Tape, params: &[R]) -> Self {
         Self {
             one: tape.bind(params),
-            beside: None,
+            batch: None,
         }
     }
 
-    fn widen(&mut self, tape: &Tape, points: usize) {
-        self.beside = tape.beside(&self.one, points).map(Box::new);
+    fn reserve_batch(&mut self, tape: &Tape, points: usize) {
+        self.batch = tape.batch(&self.one, points).map(Box::new);
     }
 
     #[inline(always)]
@@ -34,8 +34,8 @@ impl<R: Real> Memory<R> {
         args: [&'a Matrix<R>; 2],
         sizes: [usize; N],
     ) -> Points<'a, N, R> {
-        if let Some(beside) = &mut self.beside {
-            tape.eval_beside(beside, |i| times.at(i), args.map(Matrix::flat));
+        if let Some(batch) = &mut self.batch {
+            tape.eval_batch(batch, |i| times.at(i), args.map(Matrix::flat));
         }
         Points {
             tape,
@@ -70,7 +70,7 @@ impl Times<'_> {
 #[derive(Debug)]
 pub struct Points<'a, const N: usize, R = f64> {
     tape: &'a Tape,
-    memory: &'a mut Memory<R>,
+    memory: &'a mut TapeRegisters<R>,
     times: Times<'a>,
     args: [&'a Matrix<R>; 2],
     sizes: [usize; N],
@@ -80,8 +80,8 @@ impl<const N: usize, R: Real> Points<'_, N, R> {
     /// The values at one point.
     #[inline(always)]
     pub fn at(&mut self, i: usize) -> Parts<'_, N, R> {
-        let values = if let Some(beside) = &self.memory.beside {
-            beside.at(i, self.tape.outputs())
+        let values = if let Some(batch) = &self.memory.batch {
+            batch.at(i, self.tape.outputs())
         } else {
             let [a, b] = self.args.map(|arg| arg.row(i));
             let t = [R::splat(self.times.at(i))];
@@ -93,14 +93,17 @@ impl<const N: usize, R: Real> Points<'_, N, R> {
 
 impl<R: Real> Model<R> {
     /// Takes memory to be evaluated at so many stages and nodes at once.
-    pub fn widen(&mut self, stages: usize, nodes: usize) {
+    pub fn reserve_batch(&mut self, stages: usize, nodes: usize) {
         let problem = &self.problem;
-        self.stage.widen(&problem.stage, stages);
-        self.stage_blocks.widen(&problem.stage_blocks, stages);
-        self.stage_jacobian.widen(&problem.stage_jacobian, stages);
-        self.node.widen(&problem.node, nodes);
-        self.node_blocks.widen(&problem.node_blocks, nodes);
-        self.node_jacobian.widen(&problem.node_jacobian, nodes);
+        self.stage.reserve_batch(&problem.stage, stages);
+        self.stage_blocks
+            .reserve_batch(&problem.stage_blocks, stages);
+        self.stage_jacobian
+            .reserve_batch(&problem.stage_jacobian, stages);
+        self.node.reserve_batch(&problem.node, nodes);
+        self.node_blocks.reserve_batch(&problem.node_blocks, nodes);
+        self.node_jacobian
+            .reserve_batch(&problem.node_jacobian, nodes);
     }
 
     /// [`Model::stage`] at several points.

@@ -7,8 +7,8 @@
 //!
 //! in units of x that make the diagonal of W one, and units of c that make its gradients so.
 
-use super::explain;
-use liouville_base::error::{Quantity, Trouble};
+use super::diagnose_rank;
+use liouville_base::error::{Quantity, StepError};
 use liouville_base::linalg::{Assembly, Factor, Pattern, max_norm};
 use liouville_base::newton::{self, Equations};
 use liouville_base::tape::{Registers, Tape};
@@ -57,7 +57,7 @@ pub fn project(
     x: &[f64],
     held: &[f64],
     params: &[f64],
-) -> Result<Vec<f64>, Trouble> {
+) -> Result<Vec<f64>, StepError> {
     let (rows, n) = projection.pattern.shape();
     let (c_x, metric) = (&projection.pattern, &projection.metric_pattern);
     let transposed = c_x.transposed();
@@ -86,7 +86,7 @@ pub fn project(
 }
 
 impl Equations for Solve<'_> {
-    fn correct(&mut self) -> Result<f64, Trouble> {
+    fn correct(&mut self) -> Result<f64, StepError> {
         let (_, n) = self.projection.pattern.shape();
         let args: [&[f64]; 2] = [&self.x, self.held];
         let [residual, jacobian, metric] = &mut self.registers;
@@ -94,7 +94,7 @@ impl Equations for Solve<'_> {
         let c_x = self.projection.jacobian.eval(jacobian, args);
         let metric = self.projection.metric.eval(metric, args);
         let not_finite = |quantity| {
-            move |index| Trouble::NotFinite {
+            move |index| StepError::NotFinite {
                 quantity,
                 index,
                 t: f64::NAN,
@@ -134,7 +134,7 @@ impl Equations for Solve<'_> {
             *c_x /= of_c[i];
         }
         let factored = self.metric.factor(at_w, w);
-        factored.map_err(|singular| Trouble::SingularMass {
+        factored.map_err(|singular| StepError::SingularMass {
             coordinate: singular.column,
         })?;
         self.matrix.clear();
@@ -144,7 +144,7 @@ impl Equations for Solve<'_> {
         let factored = self
             .factor
             .factor(self.matrix.pattern(), self.matrix.values());
-        factored.map_err(|_| explain(at_c, c_x, Trouble::SingularNewton))?;
+        factored.map_err(|_| diagnose_rank(at_c, c_x, StepError::SingularNewton))?;
         self.unknowns[..n].fill(0.0);
         for ((out, c), unit) in self.unknowns[n..].iter_mut().zip(c).zip(of_c) {
             *out = -c / *unit;

@@ -8,15 +8,15 @@
 #![allow(clippy::inline_always)] // what is not inlined is compiled without the registers it is for
 
 use super::model::finite;
-use super::nonholonomic::explain_all;
+use super::nonholonomic::diagnose_rank_all;
 use super::whole::{Border, Whole};
 use super::{Compliance, Mass, Mechanical, Model};
-use liouville_base::error::{Quantity, Trouble};
+use liouville_base::error::{Quantity, StepError};
 use liouville_base::linalg::{
     Lu, Matrix, NodeGram, NodeRows, Pattern, Singular, copy, dependencies,
 };
 use liouville_base::real::Real;
-use liouville_base::simd::wide;
+use liouville_base::simd::dispatch_simd;
 
 /// `target[row.., col..] += factor * A Cᵀ` for a sparse A and the rows of C.
 #[inline(always)]
@@ -37,12 +37,14 @@ pub(crate) fn add_product<R: Real>(
     }
 }
 
-/// The constraints whose gradients are dependent, if any are; otherwise `trouble` itself.
+/// The constraints whose gradients are dependent, if any are; otherwise `error` itself.
 ///
 /// Of several members nothing is said: each is asked alone.
-pub(crate) fn explain<R: Real>(pattern: &Pattern, g_y: &[R], trouble: Trouble) -> Trouble {
+pub(crate) fn diagnose_rank<R: Real>(pattern: &Pattern, g_y: &[R], error: StepError) -> StepError {
     let found = R::alone(g_y).and_then(|g_y| dependencies(pattern, g_y));
-    found.map_or(trouble, |constraints| Trouble::Redundant { constraints })
+    found.map_or(error, |constraints| StepError::DependentConstraints {
+        constraints,
+    })
 }
 
 /// The saddle-point matrix, factored.
@@ -148,13 +150,13 @@ impl<R: Real> Saddle<R> {
         y: &[R],
         z: &[R],
         lam: &[R],
-    ) -> Result<(), Trouble> {
+    ) -> Result<(), StepError> {
         self.mass.update(model, t, y, z)?;
         if model.problem.multipliers() == 0 {
             return Ok(());
         }
         let (lam, nu) = lam.split_at(model.problem.m);
-        wide::<R, _>(
+        dispatch_simd::<R, _>(
             #[inline(always)]
             || {
                 let [g_y, r_lam] = model.node_blocks(t, y, lam);
@@ -187,12 +189,12 @@ impl<R: Real> Saddle<R> {
             }
         };
         factored.map_err(|_| match &self.nonholonomic {
-            None => explain(
+            None => diagnose_rank(
                 &model.problem.patterns.g_y,
                 &self.g_y,
-                Trouble::SingularNewton,
+                StepError::SingularNewton,
             ),
-            Some(own) => explain_all(&model.problem, &self.mass, &self.g_y, &own.k_z),
+            Some(own) => diagnose_rank_all(&model.problem, &self.mass, &self.g_y, &own.k_z),
         })
     }
 
@@ -222,7 +224,7 @@ impl<R: Real> Saddle<R> {
             _ => self.mass.compliance(&at.r_lam, &self.r_lam, compliance),
         }
         let target = schur.matrix_mut();
-        wide::<R, _>(
+        dispatch_simd::<R, _>(
             #[inline(always)]
             || add_product(&at.g_y, &self.g_y, 1.0, compliance, target, (0, 0)),
         );
@@ -231,7 +233,7 @@ impl<R: Real> Saddle<R> {
 
     /// Solves in place: `a` becomes x, `b` becomes μ.
     pub fn solve(&mut self, model: &Model<R>, a: &mut [R], b: &mut [R]) {
-        wide::<R, _>(
+        dispatch_simd::<R, _>(
             #[inline(always)]
             || self.solve_by(model, a, b),
         );

@@ -4,7 +4,7 @@
 
 use super::model::finite;
 use super::{Mechanical, Mismatch, Model, check, cut};
-use liouville_base::error::{Quantity, Trouble};
+use liouville_base::error::{Quantity, StepError};
 use liouville_base::linalg::Pattern;
 use liouville_base::tape::{Registers, Tape};
 use std::sync::Arc;
@@ -150,7 +150,7 @@ impl SecondOrderModel {
         y: &[f64],
         z: &[f64],
         u: &[f64],
-    ) -> Result<[&[f64]; 3], Trouble> {
+    ) -> Result<[&[f64]; 3], StepError> {
         let (n, m) = (self.problem.mechanical.n, self.problem.mechanical.m);
         let tape = &self.problem.residual;
         let parts = cut(tape.eval(&mut self.residual, [&[t], y, z, u]), [n, m, m]);
@@ -170,7 +170,7 @@ impl SecondOrderModel {
         y: &[f64],
         a: &[f64],
         lam: &[f64],
-    ) -> Result<&[f64], Trouble> {
+    ) -> Result<&[f64], StepError> {
         let tape = &self.problem.reaction;
         let values = tape.eval(&mut self.reaction, [&[t], y, a, lam]);
         finite(values, Quantity::Reaction, t)?;
@@ -187,7 +187,7 @@ impl SecondOrderModel {
         y: &[f64],
         z: &[f64],
         u: &[f64],
-    ) -> Result<[&[f64]; 4], Trouble> {
+    ) -> Result<[&[f64]; 4], StepError> {
         let at = &self.problem.patterns;
         let sizes = [at.mass.len(), at.j_y.len(), at.j_z.len(), at.w_y.len()];
         let values = self
@@ -202,7 +202,12 @@ impl SecondOrderModel {
     ///
     /// # Errors
     /// One of them is not finite.
-    pub fn node_blocks(&mut self, t: f64, y: &[f64], lam: &[f64]) -> Result<[&[f64]; 2], Trouble> {
+    pub fn node_blocks(
+        &mut self,
+        t: f64,
+        y: &[f64],
+        lam: &[f64],
+    ) -> Result<[&[f64]; 2], StepError> {
         let blocks = self.general.node_blocks(t, y, lam);
         finite(blocks[0], Quantity::Derivative, t)?;
         finite(blocks[1], Quantity::Derivative, t)?;
@@ -219,7 +224,7 @@ impl SecondOrderModel {
         y: &[f64],
         a: &[f64],
         lam: &[f64],
-    ) -> Result<&[f64], Trouble> {
+    ) -> Result<&[f64], StepError> {
         let tape = &self.problem.reaction_jacobian;
         let values = tape.eval(&mut self.reaction_jacobian, [&[t], y, a, lam]);
         finite(values, Quantity::Derivative, t)?;
@@ -230,7 +235,7 @@ impl SecondOrderModel {
     ///
     /// # Errors
     /// It is not finite.
-    pub fn power(&mut self, t: f64, y: &[f64], z: &[f64], lam: &[f64]) -> Result<f64, Trouble> {
+    pub fn power(&mut self, t: f64, y: &[f64], z: &[f64], lam: &[f64]) -> Result<f64, StepError> {
         let (Some(tape), Some(registers)) = (&self.problem.power, &mut self.power) else {
             return Ok(0.0);
         };

@@ -5,7 +5,7 @@
 
 use super::model::finite;
 use super::{Mechanical, Mismatch, Model, check, cut};
-use liouville_base::error::{Quantity, Trouble};
+use liouville_base::error::{Quantity, StepError};
 use liouville_base::tape::{Registers, Tape};
 use std::sync::Arc;
 
@@ -85,7 +85,7 @@ impl SeparableModel {
     /// # Errors
     /// It is not finite.
     #[inline]
-    pub fn force(&mut self, t: f64, y: &[f64]) -> Result<&[f64], Trouble> {
+    pub fn force(&mut self, t: f64, y: &[f64]) -> Result<&[f64], StepError> {
         let values = self.problem.force.eval(&mut self.force, [&[t], y]);
         finite(values, Quantity::Force, t)?;
         Ok(values)
@@ -96,7 +96,7 @@ impl SeparableModel {
     /// # Errors
     /// It is not finite.
     #[inline]
-    pub fn constraint(&mut self, t: f64, y: &[f64]) -> Result<&[f64], Trouble> {
+    pub fn constraint(&mut self, t: f64, y: &[f64]) -> Result<&[f64], StepError> {
         let tape = &self.problem.constraint;
         let values = tape.eval(&mut self.constraint, [&[t], y]);
         finite(values, Quantity::Constraint, t)?;
@@ -108,7 +108,7 @@ impl SeparableModel {
     /// # Errors
     /// One of them is not finite.
     #[inline]
-    pub fn gradient(&mut self, t: f64, y: &[f64]) -> Result<[&[f64]; 2], Trouble> {
+    pub fn gradient(&mut self, t: f64, y: &[f64]) -> Result<[&[f64]; 2], StepError> {
         let general = &self.problem.mechanical;
         let sizes = [general.patterns.g_y.len(), general.m];
         let values = self.problem.gradient.eval(&mut self.gradient, [&[t], y]);

@@ -1,7 +1,7 @@
 //! Momenta and what moves with them: z with p(z) = p, and v(z), both linear with constant factors.
 
 use crate::problem::{Mass, Model};
-use liouville_base::error::Trouble;
+use liouville_base::error::StepError;
 use liouville_base::linalg::Pattern;
 
 /// v = W (p − `p_0`) + `v_0` and z = `p_z`⁻¹ (p − `p_0`).
@@ -25,7 +25,7 @@ enum Matrices {
 
 impl Inertia {
     /// The inertia of a model whose `p_z` and `v_z` depend on parameters alone.
-    pub(super) fn new(model: &mut Model) -> Result<Self, Trouble> {
+    pub(super) fn new(model: &mut Model) -> Result<Self, StepError> {
         let n = model.problem.n;
         let zeros = vec![0.0; n];
         let [p, _, v] = model.stage(0.0, &zeros, &zeros);

@@ -19,8 +19,8 @@ mod reactions;
 use crate::problem::{SeparableModel, State};
 use guess::Guess;
 use inertia::Inertia;
-use liouville_base::checkpoint::{Foreign, Memory};
-use liouville_base::error::Trouble;
+use liouville_base::checkpoint::{Checkpoint, CheckpointMismatch};
+use liouville_base::error::StepError;
 use liouville_base::linalg::{add_scaled, carry, copy};
 use liouville_base::method::{Stats, Stepper, Symmetric};
 use liouville_base::newton;
@@ -55,7 +55,7 @@ impl Rattle {
     ///
     /// # Errors
     /// A singular mass.
-    pub fn new(mut model: SeparableModel) -> Result<Self, Trouble> {
+    pub fn new(mut model: SeparableModel) -> Result<Self, StepError> {
         let (n, m) = (model.problem.mechanical.n, model.problem.mechanical.m);
         let zeros = vec![0.0; n];
         let inertia = Inertia::new(&mut model.general)?;
@@ -77,7 +77,7 @@ impl Rattle {
     }
 
     /// f and G at the start, unless the step before has left them.
-    fn begin(&mut self, step: Step) -> Result<(), Trouble> {
+    fn begin(&mut self, step: Step) -> Result<(), StepError> {
         let State { y, .. } = step.state;
         // a time that was added up differs from one that was multiplied by an ulp or two
         let nearly = 4.0 * f64::EPSILON * (step.t.abs() + step.h.abs());
@@ -95,7 +95,7 @@ impl Rattle {
     }
 
     /// λ and y1, from the steps before or cold.
-    fn solve_positions(&mut self, step: Step) -> Result<(), Trouble> {
+    fn solve_positions(&mut self, step: Step) -> Result<(), StepError> {
         let is_warm = self.guess.extrapolate(&mut self.positions.lam, step.h);
         if !is_warm {
             self.positions.lam.fill(0.0);
@@ -110,7 +110,7 @@ impl Rattle {
         }
     }
 
-    fn iterate(&mut self, step: Step) -> Result<(), Trouble> {
+    fn iterate(&mut self, step: Step) -> Result<(), StepError> {
         let mut solve = self.positions.start(
             &mut self.model,
             &mut self.inertia,
@@ -136,7 +136,7 @@ impl Rattle {
     }
 
     /// p1 with f and G at the end; μ is what stops the velocities that leave the constraints.
-    fn solve_velocities(&mut self, step: Step) -> Result<(), Trouble> {
+    fn solve_velocities(&mut self, step: Step) -> Result<(), StepError> {
         let (t, y) = (step.t + step.h, self.positions.y());
         self.start = None;
         copy(&mut self.force, self.model.force(t, y)?);
@@ -156,7 +156,7 @@ impl Rattle {
 impl Stepper for Rattle {
     type State = State;
 
-    fn step(&mut self, t: f64, h: f64, state: &mut State) -> Result<(), Trouble> {
+    fn step(&mut self, t: f64, h: f64, state: &mut State) -> Result<(), StepError> {
         let step = Step { t, h, state };
         self.begin(step)?;
         self.solve_positions(step)?;
@@ -185,26 +185,29 @@ impl Stepper for Rattle {
 impl Symmetric for Rattle {}
 
 /// The multipliers before, and where f and G are those of the next start.
-impl Memory for Rattle {
+impl Checkpoint for Rattle {
     fn save(&self, member: usize, out: &mut Vec<f64>) {
         self.guess.save(member, out);
         self.start.save(member, out);
         self.start_y.save(member, out);
     }
 
-    fn restore(&mut self, member: usize, saved: &mut &[f64]) -> Result<(), Foreign> {
+    fn restore(&mut self, member: usize, saved: &mut &[f64]) -> Result<(), CheckpointMismatch> {
         self.guess.restore(member, saved)?;
         self.start.restore(member, saved)?;
         self.start_y.restore(member, saved)?;
         if let Some(t) = self.start {
-            let force = self.model.force(t, &self.start_y).map_err(|_| Foreign)?;
+            let force = self
+                .model
+                .force(t, &self.start_y)
+                .map_err(|_| CheckpointMismatch)?;
             copy(&mut self.force, force);
             let (reactions, model) = (&mut self.reactions, &mut self.model);
             let started = reactions.start_at(model, t, &self.start_y);
             // where G is constant this is done once
             let factored = started.and_then(|()| reactions.factor(model));
             if model.problem.mechanical.m > 0 {
-                factored.map_err(|_| Foreign)?;
+                factored.map_err(|_| CheckpointMismatch)?;
             }
         }
         Ok(())

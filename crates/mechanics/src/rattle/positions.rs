@@ -3,7 +3,7 @@
 use super::inertia::Inertia;
 use super::reactions::Reactions;
 use crate::problem::{SeparableModel, State};
-use liouville_base::error::Trouble;
+use liouville_base::error::StepError;
 use liouville_base::linalg::{add_scaled, copy, max_norm};
 use liouville_base::newton::Equations;
 
@@ -130,7 +130,7 @@ impl Solve<'_> {
 }
 
 impl Equations for Solve<'_> {
-    fn correct(&mut self) -> Result<f64, Trouble> {
+    fn correct(&mut self) -> Result<f64, StepError> {
         if self.at.lam.is_empty() {
             return Ok(0.0);
         }

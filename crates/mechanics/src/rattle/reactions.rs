@@ -2,8 +2,8 @@
 //! otherwise by the saddle-point matrix it is the Schur complement of.
 
 use super::inertia::Inertia;
-use crate::problem::{Saddle, SeparableModel, explain};
-use liouville_base::error::Trouble;
+use crate::problem::{Saddle, SeparableModel, diagnose_rank};
+use liouville_base::error::StepError;
 use liouville_base::linalg::{Gram, Pattern, Singular, copy, max_norm};
 
 /// G at the start of a step, and what solves for multipliers.
@@ -123,7 +123,7 @@ impl Reactions {
         model: &mut SeparableModel,
         t: f64,
         y: &[f64],
-    ) -> Result<(), Trouble> {
+    ) -> Result<(), StepError> {
         if self.drift.is_empty() {
             return Ok(());
         }
@@ -151,7 +151,7 @@ impl Reactions {
         model: &mut SeparableModel,
         t: f64,
         y: &[f64],
-    ) -> Result<usize, Trouble> {
+    ) -> Result<usize, StepError> {
         let Solver::Eliminated(eliminated) = &mut self.solver else {
             return Ok(0);
         };
@@ -168,7 +168,7 @@ impl Reactions {
     }
 
     /// Factors what velocities are stopped with, at the start last set; returns how often.
-    pub(super) fn factor(&mut self, model: &SeparableModel) -> Result<usize, Trouble> {
+    pub(super) fn factor(&mut self, model: &SeparableModel) -> Result<usize, StepError> {
         let Solver::Eliminated(eliminated) = &mut self.solver else {
             return Ok(1);
         };
@@ -242,7 +242,7 @@ impl Reactions {
     }
 }
 
-fn dependent(model: &SeparableModel, gradient: &[f64], _: Singular) -> Trouble {
+fn dependent(model: &SeparableModel, gradient: &[f64], _: Singular) -> StepError {
     let pattern = &model.problem.mechanical.patterns.g_y;
-    explain(pattern, gradient, Trouble::SingularNewton)
+    diagnose_rank(pattern, gradient, StepError::SingularNewton)
 }

@@ -4,7 +4,7 @@
 
 use super::Model;
 use crate::problem::finite;
-use liouville_base::error::{Quantity, Trouble};
+use liouville_base::error::{Quantity, StepError};
 use liouville_base::linalg::{Factor, copy, max_norm};
 use liouville_base::newton::{self, Equations};
 
@@ -49,7 +49,7 @@ impl Algebraic {
         y: &[f64],
         z: &mut [f64],
         speed: f64,
-    ) -> Result<(), Trouble> {
+    ) -> Result<(), StepError> {
         let is_linear = model.problem.is_linear;
         let mut solve = Solve {
             at: self,
@@ -64,7 +64,7 @@ impl Algebraic {
             if size.is_finite() {
                 Ok(())
             } else {
-                Err(Trouble::NotConverged {
+                Err(StepError::NotConverged {
                     iterations: 1,
                     size,
                 })
@@ -76,7 +76,7 @@ impl Algebraic {
 }
 
 impl Equations for Solve<'_> {
-    fn correct(&mut self) -> Result<f64, Trouble> {
+    fn correct(&mut self) -> Result<f64, StepError> {
         let (t, y, at) = (self.t, self.y, &mut *self.at);
         let (w, f) = self.model.hidden(t, y, self.z);
         finite(w, Quantity::Hidden, t)?;
@@ -87,7 +87,7 @@ impl Equations for Solve<'_> {
         finite(w_z, Quantity::Derivative, t)?;
         let patterns = &problem.patterns;
         let factored = at.factor.factor(&patterns.w_z, w_z);
-        factored.map_err(|singular| Trouble::SingularHidden {
+        factored.map_err(|singular| StepError::SingularHidden {
             unknown: singular.column,
         })?;
         at.factor.solve(&mut at.correction);

@@ -1,7 +1,7 @@
 //! A semi-explicit system with its parameters bound, and the memory its tapes work in.
 
 use super::{Algebraic, SemiExplicit, State};
-use liouville_base::error::Trouble;
+use liouville_base::error::StepError;
 use liouville_base::linalg::max_norm;
 use liouville_base::tape::Registers;
 use std::sync::Arc;
@@ -88,7 +88,7 @@ impl Model {
     ///
     /// # Errors
     /// No z is found there.
-    pub fn state(&mut self, t: f64, y: &[f64], z: &[f64], h: f64) -> Result<State, Trouble> {
+    pub fn state(&mut self, t: f64, y: &[f64], z: &[f64], h: f64) -> Result<State, StepError> {
         let mut found = z.to_vec();
         let speed = max_norm(y) / h.abs();
         Algebraic::new(self).solve(self, t, y, &mut found, speed)?;

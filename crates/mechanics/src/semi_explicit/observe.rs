@@ -2,8 +2,8 @@
 
 use super::State;
 use crate::problem::finite;
-use liouville_base::checkpoint::Memory;
-use liouville_base::error::{Quantity, Trouble};
+use liouville_base::checkpoint::Checkpoint;
+use liouville_base::error::{Quantity, StepError};
 use liouville_base::observe::Observe;
 use liouville_base::tape::{Registers, Tape};
 
@@ -39,7 +39,7 @@ impl Observe<State> for Observer {
         states + self.tape.outputs()
     }
 
-    fn observe(&mut self, t: f64, state: &State, row: &mut Vec<f64>) -> Result<(), Trouble> {
+    fn observe(&mut self, t: f64, state: &State, row: &mut Vec<f64>) -> Result<(), StepError> {
         let args: [&[f64]; 3] = [&[t], &state.y, &state.z];
         let values = self.tape.eval(&mut self.registers, args);
         finite(values, Quantity::Observable, t)?;
@@ -52,4 +52,4 @@ impl Observe<State> for Observer {
     }
 }
 
-impl Memory for Observer {}
+impl Checkpoint for Observer {}

@@ -13,7 +13,7 @@
 
 use super::Spark;
 use crate::problem::State;
-use liouville_base::error::Trouble;
+use liouville_base::error::StepError;
 use liouville_base::linalg::Matrix;
 use liouville_base::method::{Estimating, Tolerance};
 use liouville_base::tableau;
@@ -117,7 +117,7 @@ impl Spark {
     ///
     /// # Errors
     /// The acceleration cannot be solved for.
-    pub fn first_step(&mut self, t: f64, state: &State, span: f64) -> Result<f64, Trouble> {
+    pub fn first_step(&mut self, t: f64, state: &State, span: f64) -> Result<f64, StepError> {
         let longest = span.abs() / 100.0;
         let Some(estimate) = &self.estimate else {
             return Ok(longest);

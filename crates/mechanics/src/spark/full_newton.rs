@@ -12,8 +12,8 @@
 //! All blocks are frozen at the start of the iteration.
 
 use super::stages::{Stages, Step};
-use crate::problem::{Mass, Model, explain, finite};
-use liouville_base::error::{Quantity, Trouble};
+use crate::problem::{Mass, Model, diagnose_rank, finite};
+use liouville_base::error::{Quantity, StepError};
 use liouville_base::linalg::{Lu, Matrix, Pattern, add_scaled, combine, copy, dot, max_norm};
 use liouville_base::newton::{Equations, Stop};
 
@@ -118,7 +118,7 @@ impl FullNewton {
 }
 
 impl Solve<'_> {
-    fn freeze(&mut self) -> Result<(), Trouble> {
+    fn freeze(&mut self) -> Result<(), StepError> {
         self.solver.coupling.clear();
         self.solver.newton.matrix_mut().clear();
         self.add_stage_blocks()?;
@@ -135,7 +135,7 @@ impl Solve<'_> {
     }
 
     /// Everything that comes from p, f and v.
-    fn add_stage_blocks(&mut self) -> Result<(), Trouble> {
+    fn add_stage_blocks(&mut self) -> Result<(), StepError> {
         let Self {
             solver,
             stages,
@@ -193,13 +193,13 @@ impl Solve<'_> {
         }
         solver.f_y.add_to(&at.f_y, h, n, &mut solver.coupling);
         match &mut solver.elimination {
-            Some(lu) => lu.factor().map_err(|_| Trouble::SingularNewton),
+            Some(lu) => lu.factor().map_err(|_| StepError::SingularNewton),
             None => Ok(()),
         }
     }
 
     /// Everything that comes from g and r.
-    fn add_node_blocks(&mut self) -> Result<(), Trouble> {
+    fn add_node_blocks(&mut self) -> Result<(), StepError> {
         let Self {
             solver,
             stages,
@@ -262,7 +262,7 @@ impl Solve<'_> {
     }
 
     /// Eliminates dV and factors.
-    fn close(&mut self) -> Result<(), Trouble> {
+    fn close(&mut self) -> Result<(), StepError> {
         let Self {
             solver,
             stages,
@@ -304,7 +304,7 @@ impl Solve<'_> {
             let t = stages.node_time(*step, k);
             let pattern = model.problem.patterns.g_y.clone();
             let [g_y, _] = model.node_blocks(t, stages.node_y.row(k), stages.unknowns.lam.row(k));
-            explain(&pattern, g_y, Trouble::SingularNewton)
+            diagnose_rank(&pattern, g_y, StepError::SingularNewton)
         })
     }
 }
@@ -364,7 +364,7 @@ impl Equations for Solve<'_> {
         self.stages.stop
     }
 
-    fn correct(&mut self) -> Result<f64, Trouble> {
+    fn correct(&mut self) -> Result<f64, StepError> {
         self.stages.evaluate(self.model, self.step)?;
         if !self.is_frozen {
             self.freeze()?;

@@ -11,8 +11,8 @@ use super::stages::{Stages, Step};
 use super::update::Update;
 use super::{Solver, Spark};
 use crate::problem::{Mechanical, Model, State};
-use liouville_base::checkpoint::{Foreign, Memory};
-use liouville_base::error::Trouble;
+use liouville_base::checkpoint::{Checkpoint, CheckpointMismatch};
+use liouville_base::error::StepError;
 use liouville_base::method::{Stats, Stepper, Symmetric};
 use liouville_base::newton::{self, Member};
 use liouville_base::real::{Lanes, Scalar};
@@ -20,9 +20,9 @@ use liouville_base::tableau;
 use std::sync::Arc;
 
 /// How many members a block has: two of the widest registers, so that one does not wait for the other.
-pub const TOGETHER: usize = 16;
+pub const BATCH: usize = 16;
 /// The same number of each member.
-type Block = Lanes<TOGETHER>;
+type Block = Lanes<BATCH>;
 
 /// Fewer members than this in lock-step are slower than one by one.
 const FEW: usize = 3;
@@ -30,7 +30,7 @@ const FEW: usize = 3;
 const LARGEST: usize = 64;
 
 /// Whether steps of this system by this solver have members in lock-step.
-pub fn goes_together(problem: &Mechanical, solver: Solver) -> bool {
+pub fn supports_batch(problem: &Mechanical, solver: Solver) -> bool {
     problem.is_linear
         && problem.l() == 0
         && solver != Solver::Newton
@@ -39,7 +39,7 @@ pub fn goes_together(problem: &Mechanical, solver: Solver) -> bool {
 
 /// A SPARK method at work on as many members as there are lanes.
 #[derive(Clone, Debug)]
-pub struct Together {
+pub struct SparkBatch {
     problem: Arc<Mechanical>,
     solver: Solver,
     model: Model<Block>,
@@ -51,16 +51,16 @@ pub struct Together {
     alone: Vec<Spark>,
     state: State,
     /// Steps each is still to make alone, and how many it was last time.
-    resting: [usize; TOGETHER],
-    rest: [usize; TOGETHER],
-    members: [Member; TOGETHER],
+    resting: [usize; BATCH],
+    rest: [usize; BATCH],
+    members: [Member; BATCH],
     /// How many there are: the last one fills the places that are left, and all it does is done there too.
     count: usize,
     saved: Vec<f64>,
     stats: Stats,
 }
 
-impl Together {
+impl SparkBatch {
     /// The method of these coefficients, for parameters of each of so many members; the last one is to fill the
     /// places that are left.
     pub fn of(
@@ -74,7 +74,7 @@ impl Together {
         let count = if params.iter().all(is_common) {
             1
         } else {
-            TOGETHER
+            BATCH
         };
         let single = |member: usize| {
             let params: Vec<f64> = params.iter().map(|x| x.member(member)).collect();
@@ -88,7 +88,7 @@ impl Together {
         let stages = Stages::new(&model, tableau);
         let mut saved = Vec::new();
         alone[0].save(0, &mut saved);
-        saved.reserve_exact(TOGETHER * (saved.len() + 5 * problem.n));
+        saved.reserve_exact(BATCH * (saved.len() + 5 * problem.n));
         Self {
             solver,
             schur: NodeSchur::new(&model, &stages),
@@ -96,10 +96,10 @@ impl Together {
             update: Update::new(&model),
             alone,
             state: State::zeros(problem.n),
-            resting: [0; TOGETHER],
-            rest: [0; TOGETHER],
-            members: [Member::Out; TOGETHER],
-            count: members.clamp(1, TOGETHER),
+            resting: [0; BATCH],
+            rest: [0; BATCH],
+            members: [Member::Out; BATCH],
+            count: members.clamp(1, BATCH),
             saved,
             stats: Stats::default(),
             stages,
@@ -123,7 +123,7 @@ impl Together {
     }
 
     /// The common path, up to where the step has only to be committed; says who has come to its end.
-    fn advance(&mut self, step: Step<Block>) -> Result<(), Trouble> {
+    fn advance(&mut self, step: Step<Block>) -> Result<(), StepError> {
         self.members = self.resting.map(|left| match left {
             0 => Member::Open,
             _ => Member::Out,
@@ -133,10 +133,10 @@ impl Together {
         let (stages, model) = (&mut self.stages, &mut self.model);
         let z1 = &mut self.update.z;
         if open < FEW || !self.predictor.extrapolate(stages, z1, step.h) {
-            self.members = [Member::Out; TOGETHER];
+            self.members = [Member::Out; BATCH];
             return Ok(());
         }
-        let most = self.solver.patience(&self.problem, &stages.tableau);
+        let most = self.solver.max_iterations(&self.problem, &stages.tableau);
         let mut equations = self.schur.start(stages, model, step);
         newton::solve_each(&mut equations, most, &mut self.members)?;
         if !self.members.iter().any(has_converged) {
@@ -159,7 +159,7 @@ impl Together {
         member: usize,
         (t, h): (f64, f64),
         state: &State<Block>,
-    ) -> Result<(), Trouble> {
+    ) -> Result<(), StepError> {
         let mut saved = std::mem::take(&mut self.saved);
         let start = saved.len();
         self.save(member, &mut saved);
@@ -175,14 +175,14 @@ impl Together {
             self.state.save(0, &mut saved);
         }
         self.saved = saved;
-        made.map_err(|trouble| trouble.of_member(member))
+        made.map_err(|error| error.of_member(member))
     }
 
     /// Puts those who stepped alone back beside the others.
-    fn take_back(&mut self, state: &mut State<Block>) -> Result<(), Foreign> {
+    fn take_back(&mut self, state: &mut State<Block>) -> Result<(), CheckpointMismatch> {
         let held = std::mem::take(&mut self.saved);
         let mut saved = &held[..];
-        for member in 0..TOGETHER {
+        for member in 0..BATCH {
             if has_converged(&self.members[member]) {
                 continue;
             }
@@ -215,13 +215,13 @@ fn has_converged(member: &Member) -> bool {
     matches!(member, Member::Converged(_))
 }
 
-impl Stepper for Together {
+impl Stepper for SparkBatch {
     type State = State<Block>;
 
-    fn step(&mut self, t: f64, h: f64, state: &mut State<Block>) -> Result<(), Trouble> {
+    fn step(&mut self, t: f64, h: f64, state: &mut State<Block>) -> Result<(), StepError> {
         if self.advance(Step { t, h, state }).is_err() {
-            // whose trouble it is, each finds out alone
-            self.members = [Member::Out; TOGETHER];
+            // whose error it is, each finds out alone
+            self.members = [Member::Out; BATCH];
         }
         self.saved.clear();
         for member in 0..self.count {
@@ -250,16 +250,16 @@ impl Stepper for Together {
     }
 }
 
-impl Symmetric for Together {}
+impl Symmetric for SparkBatch {}
 
-impl Memory for Together {
+impl Checkpoint for SparkBatch {
     fn save(&self, member: usize, out: &mut Vec<f64>) {
         self.predictor.save(member, out);
         self.resting[member].save(0, out);
         self.rest[member].save(0, out);
     }
 
-    fn restore(&mut self, member: usize, saved: &mut &[f64]) -> Result<(), Foreign> {
+    fn restore(&mut self, member: usize, saved: &mut &[f64]) -> Result<(), CheckpointMismatch> {
         self.predictor.restore(member, saved)?;
         self.resting[member].restore(0, saved)?;
         self.rest[member].restore(0, saved)

@@ -31,8 +31,8 @@ use crate::problem::{Mechanical, Model, State};
 use coupled::Coupled;
 use estimate::Estimate;
 use full_newton::FullNewton;
-use liouville_base::checkpoint::{Foreign, Memory};
-use liouville_base::error::Trouble;
+use liouville_base::checkpoint::{Checkpoint, CheckpointMismatch};
+use liouville_base::error::StepError;
 use liouville_base::method::{Stats, Stepper, Symmetric};
 use liouville_base::newton;
 use liouville_base::tableau;
@@ -42,7 +42,7 @@ use sparse_newton::SparseNewton;
 use stages::{Stages, Step, Unknowns};
 use update::Update;
 
-pub use lanes::{TOGETHER, Together, goes_together};
+pub use lanes::{BATCH, SparkBatch, supports_batch};
 
 /// How the stage equations are solved; all ways lead to the same solution, to roundoff.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -57,7 +57,7 @@ pub enum Solver {
 
 impl Solver {
     /// Corrections that node Schur may take.
-    fn patience(self, problem: &Mechanical, tableau: &tableau::Spark) -> usize {
+    fn max_iterations(self, problem: &Mechanical, tableau: &tableau::Spark) -> usize {
         let order = tableau.stages * problem.n + tableau.intervals * problem.m;
         match self {
             Self::Auto => {
@@ -132,7 +132,7 @@ impl Spark {
 
     /// The method of these coefficients.
     pub fn of(mut model: Model, tableau: tableau::Spark, solver: Solver) -> Self {
-        model.widen(tableau.stages, tableau.intervals + 1);
+        model.reserve_batch(tableau.stages, tableau.intervals + 1);
         let stages = Stages::new(&model, tableau);
         Self {
             solver,
@@ -160,7 +160,7 @@ impl Spark {
     }
 
     /// (S1)–(S4), from the step before, or cold, or from rest.
-    fn solve_stages(&mut self, step: Step) -> Result<(), Trouble> {
+    fn solve_stages(&mut self, step: Step) -> Result<(), StepError> {
         if self
             .predictor
             .extrapolate(&mut self.stages, &mut self.update.z, step.h)
@@ -171,18 +171,18 @@ impl Spark {
             self.stats.cold_starts += 1;
         }
         self.start_cold(step, false)?;
-        let Err(trouble) = self.iterate(step) else {
+        let Err(error) = self.iterate(step) else {
             return Ok(());
         };
         self.start_cold(step, true)?;
         if self.iterate(step).is_ok() {
             return Ok(());
         }
-        self.grow(step).map_err(|_| trouble)
+        self.grow(step).map_err(|_| error)
     }
 
     /// Makes shorter steps first, and goes no further with them than to where this one starts.
-    fn grow(&mut self, step: Step) -> Result<(), Trouble> {
+    fn grow(&mut self, step: Step) -> Result<(), StepError> {
         self.predictor.forget();
         for part in SHORTER {
             let h = part * step.h;
@@ -201,7 +201,7 @@ impl Spark {
     }
 
     /// (U1)–(U3), and what the next step is extrapolated from.
-    fn finish(&mut self, step: Step) -> Result<(), Trouble> {
+    fn finish(&mut self, step: Step) -> Result<(), StepError> {
         // the update needs forces at the last iterate: older ones cost a drift in the energy
         let last = self.stages.tableau.intervals - 1;
         self.stages.evaluate_values(&mut self.model, step, last);
@@ -217,12 +217,12 @@ impl Spark {
         Ok(())
     }
 
-    fn start_cold(&mut self, step: Step, still: bool) -> Result<(), Trouble> {
+    fn start_cold(&mut self, step: Step, still: bool) -> Result<(), StepError> {
         let (model, stages, z1) = (&mut self.model, &mut self.stages, &mut self.update.z);
         self.predictor.start_cold(model, stages, z1, step, still)
     }
 
-    fn iterate(&mut self, step: Step) -> Result<(), Trouble> {
+    fn iterate(&mut self, step: Step) -> Result<(), StepError> {
         self.is_by_schur = false;
         let iterations = if let Some(coupled) = &mut self.coupled {
             self.stats.newton_steps += 1;
@@ -258,13 +258,13 @@ impl Spark {
         is_resting || self.solver == Solver::Newton || !self.schur.is_able()
     }
 
-    fn iterate_schur(&mut self, step: Step) -> Result<usize, Trouble> {
+    fn iterate_schur(&mut self, step: Step) -> Result<usize, StepError> {
         let (stages, model) = (&mut self.stages, &mut self.model);
-        let most = self.solver.patience(&model.problem, &stages.tableau);
+        let most = self.solver.max_iterations(&model.problem, &stages.tableau);
         newton::solve(&mut self.schur.start(stages, model, step), most)
     }
 
-    fn iterate_newton(&mut self, step: Step) -> Result<usize, Trouble> {
+    fn iterate_newton(&mut self, step: Step) -> Result<usize, StepError> {
         self.stats.newton_steps += 1;
         let (stages, model) = (&mut self.stages, &mut self.model);
         let full = self.full.get_or_insert_with(|| Full::new(model, stages));
@@ -282,7 +282,7 @@ impl Spark {
 impl Stepper for Spark {
     type State = State;
 
-    fn step(&mut self, t: f64, h: f64, state: &mut State) -> Result<(), Trouble> {
+    fn step(&mut self, t: f64, h: f64, state: &mut State) -> Result<(), StepError> {
         let step = Step { t, h, state };
         self.solve_stages(step)?;
         self.finish(step)?;
@@ -311,14 +311,14 @@ impl Stepper for Spark {
 impl Symmetric for Spark {}
 
 /// What is extrapolated, and how long node Schur still rests.
-impl Memory for Spark {
+impl Checkpoint for Spark {
     fn save(&self, member: usize, out: &mut Vec<f64>) {
         self.predictor.save(member, out);
         self.resting.save(member, out);
         self.rest.save(member, out);
     }
 
-    fn restore(&mut self, member: usize, saved: &mut &[f64]) -> Result<(), Foreign> {
+    fn restore(&mut self, member: usize, saved: &mut &[f64]) -> Result<(), CheckpointMismatch> {
         self.predictor.restore(member, saved)?;
         self.resting.restore(member, saved)?;
         self.rest.restore(member, saved)

@@ -10,14 +10,14 @@
 
 use super::sparse_schur::SparseSchur;
 use super::stages::{Stages, Step, Unknowns};
-use crate::problem::{Mass, Mechanical, Model, add_product, explain, finite};
-use liouville_base::error::{Quantity, Trouble};
+use crate::problem::{Mass, Mechanical, Model, add_product, diagnose_rank, finite};
+use liouville_base::error::{Quantity, StepError};
 use liouville_base::linalg::{
     Lu, Matrix, Singular, add_scaled, as_is, combine, copy, copy_scaled, max_norm,
 };
 use liouville_base::newton::{Equations, Stop};
 use liouville_base::real::Real;
-use liouville_base::simd::{wide, wide_along};
+use liouville_base::simd::{dispatch_simd, dispatch_simd_long};
 use std::sync::Arc;
 
 /// Frozen blocks and the factored Schur complement.
@@ -112,7 +112,7 @@ impl<R: Real> NodeSchur<R> {
 
     /// Finds the moves −h b_j (B R2_j + R1_j), below the last bit of V_j, that the residuals still ask for.
     pub(super) fn find_lost_moves(&mut self, stages: &mut Stages<R>, step: Step<R>) {
-        wide::<R, _>(
+        dispatch_simd::<R, _>(
             #[inline(always)]
             || {
                 stages.subtract_impulses(step);
@@ -168,15 +168,15 @@ impl<R: Real> NodeSchur<R> {
 }
 
 impl<R: Real> Solve<'_, R> {
-    fn freeze(&mut self) -> Result<(), Trouble> {
-        wide::<R, _>(
+    fn freeze(&mut self) -> Result<(), StepError> {
+        dispatch_simd::<R, _>(
             #[inline(always)]
             || self.freeze_blocks(),
         )
     }
 
     #[inline(always)]
-    fn freeze_blocks(&mut self) -> Result<(), Trouble> {
+    fn freeze_blocks(&mut self) -> Result<(), StepError> {
         let Self {
             solver,
             stages,
@@ -208,7 +208,7 @@ impl<R: Real> Solve<'_, R> {
         }
         solver.factor().map_err(|_| {
             let (at, g_y) = (&solver.problem.patterns, solver.g_y.row(nodes));
-            explain(&at.g_y, g_y, Trouble::SingularNewton)
+            diagnose_rank(&at.g_y, g_y, StepError::SingularNewton)
         })
     }
 
@@ -334,13 +334,13 @@ impl<R: Real> Equations<R> for Solve<'_, R> {
         self.stages.stop
     }
 
-    fn correct(&mut self) -> Result<R, Trouble> {
+    fn correct(&mut self) -> Result<R, StepError> {
         self.stages.evaluate(self.model, self.step)?;
         if !self.is_frozen {
             self.freeze()?;
             self.is_frozen = true;
         }
-        let size = wide_along::<R, _>(
+        let size = dispatch_simd_long::<R, _>(
             self.solver.problem.n,
             #[inline(always)]
             || {

@@ -8,11 +8,11 @@
 
 use super::stages::{Stages, Step, Unknowns};
 use crate::problem::{Acceleration, Model, State};
-use liouville_base::checkpoint::{Foreign, Memory};
-use liouville_base::error::Trouble;
+use liouville_base::checkpoint::{Checkpoint, CheckpointMismatch};
+use liouville_base::error::StepError;
 use liouville_base::linalg::{Matrix, add_scaled, as_is, combine, copy};
 use liouville_base::real::Real;
-use liouville_base::simd::{wide, wide_along};
+use liouville_base::simd::{dispatch_simd, dispatch_simd_long};
 use liouville_base::tableau;
 
 /// What the next step starts from.
@@ -86,7 +86,7 @@ impl<R: Real> Predictor<R> {
             self.ratio = ratio;
             self.weigh(&stages.tableau, ratio);
         }
-        wide_along::<R, _>(
+        dispatch_simd_long::<R, _>(
             self.z.cols(),
             #[inline(always)]
             || self.write_start(&mut stages.unknowns, z1),
@@ -147,7 +147,7 @@ impl<R: Real> Predictor<R> {
         z1: &mut [R],
         step: Step<R>,
         still: bool,
-    ) -> Result<(), Trouble> {
+    ) -> Result<(), StepError> {
         let Step { t, h, state } = step;
         let reach = if still { 0.0 } else { h };
         self.acceleration.solve(model, t, &state.y, &state.z)?;
@@ -187,7 +187,7 @@ impl<R: Real> Predictor<R> {
 
     /// Keeps the polynomials of a finished step from `z0` to `z1`, where v is `v1`.
     pub(super) fn keep(&mut self, stages: &Stages<R>, h: f64, z0: &[R], z1: &[R], v1: &[R]) {
-        wide::<R, _>(
+        dispatch_simd::<R, _>(
             #[inline(always)]
             || self.keep_points(stages, z0, z1, v1),
         );
@@ -225,7 +225,7 @@ impl<R: Real> Predictor<R> {
         model: &mut Model<R>,
         t: f64,
         state: &State<R>,
-    ) -> Result<&[R], Trouble> {
+    ) -> Result<&[R], StepError> {
         self.acceleration.solve(model, t, &state.y, &state.z)?;
         Ok(&self.acceleration.z_dot)
     }
@@ -261,7 +261,7 @@ fn lagrange(
 }
 
 /// The polynomials; their weights are made again, to the same bits.
-impl<R: Real> Memory for Predictor<R> {
+impl<R: Real> Checkpoint for Predictor<R> {
     fn save(&self, member: usize, out: &mut Vec<f64>) {
         self.acceleration.save(member, out);
         (self.h, self.begin).save(member, out);
@@ -270,7 +270,7 @@ impl<R: Real> Memory for Predictor<R> {
         }
     }
 
-    fn restore(&mut self, member: usize, saved: &mut &[f64]) -> Result<(), Foreign> {
+    fn restore(&mut self, member: usize, saved: &mut &[f64]) -> Result<(), CheckpointMismatch> {
         self.acceleration.restore(member, saved)?;
         let begin = self.begin;
         self.h.restore(member, saved)?;

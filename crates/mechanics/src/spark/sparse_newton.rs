@@ -8,8 +8,8 @@
 //! Its order of elimination is found once, and a step factors it once.
 
 use super::stages::{Stages, Step};
-use crate::problem::{Mass, Mechanical, Model, explain, finite};
-use liouville_base::error::{Quantity, Trouble};
+use crate::problem::{Mass, Mechanical, Model, diagnose_rank, finite};
+use liouville_base::error::{Quantity, StepError};
 use liouville_base::linalg::{Assembly, Factor, Matrix, Pattern, add_scaled, copy, max_norm};
 use liouville_base::newton::{Equations, Stop};
 
@@ -163,7 +163,7 @@ impl SparseNewton {
 }
 
 impl Solve<'_> {
-    fn freeze(&mut self) -> Result<(), Trouble> {
+    fn freeze(&mut self) -> Result<(), StepError> {
         self.solver.matrix.clear();
         self.add_stage_blocks()?;
         if self.model.problem.m > 0 {
@@ -182,12 +182,12 @@ impl Solve<'_> {
             let t = stages.node_time(self.step, k);
             let problem = model.problem.clone();
             let [g_y, _] = model.node_blocks(t, stages.node_y.row(k), stages.unknowns.lam.row(k));
-            explain(&problem.patterns.g_y, g_y, Trouble::SingularNewton)
+            diagnose_rank(&problem.patterns.g_y, g_y, StepError::SingularNewton)
         })
     }
 
     /// Everything that comes from p, f and v.
-    fn add_stage_blocks(&mut self) -> Result<(), Trouble> {
+    fn add_stage_blocks(&mut self) -> Result<(), StepError> {
         let (solver, stages, h) = (&mut *self.solver, &*self.stages, self.step.h);
         let (at, to) = (&solver.places, &mut solver.matrix);
         let (s, a_v, a_f) = (
@@ -228,7 +228,7 @@ impl Solve<'_> {
     }
 
     /// Everything that comes from g and r.
-    fn add_node_blocks(&mut self) -> Result<(), Trouble> {
+    fn add_node_blocks(&mut self) -> Result<(), StepError> {
         let (solver, stages, h) = (&mut *self.solver, &*self.stages, self.step.h);
         let (at, to, tableau) = (&solver.places, &mut solver.matrix, &stages.tableau);
         let (s, a_bar, a_hat) = (tableau.stages, &tableau.a_bar, &tableau.a_hat);
@@ -307,7 +307,7 @@ impl Equations for Solve<'_> {
         self.stages.stop
     }
 
-    fn correct(&mut self) -> Result<f64, Trouble> {
+    fn correct(&mut self) -> Result<f64, StepError> {
         self.stages.evaluate(self.model, self.step)?;
         if !self.is_frozen {
             self.freeze()?;

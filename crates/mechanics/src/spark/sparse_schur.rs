@@ -6,7 +6,7 @@ use crate::problem::{Compliance, Mass, Mechanical};
 use liouville_base::at_size;
 use liouville_base::linalg::{Matrix, NodeGram, NodeRows, Singular};
 use liouville_base::real::Real;
-use liouville_base::simd::wide_alone;
+use liouville_base::simd::dispatch_simd_nested;
 
 /// From this order on, the sparse matrix is tried, and from half of it on where most of `g_y` is zero. Measured
 /// on plane chains, sparse over dense: 0.85 of a step at order 16, 0.77 at 20, 0.5 at 32; with 3 rods in space,
@@ -75,9 +75,9 @@ impl<R: Real> SparseSchur<R> {
         d_z: &mut Matrix<R>,
     ) {
         at_size!(self.nodes, K => {
-            wide_alone::<R, _>(u.cols(), #[inline(always)] || self.meet::<K>(a_bar, u, g, h));
+            dispatch_simd_nested::<R, _>(u.cols(), #[inline(always)] || self.meet::<K>(a_bar, u, g, h));
             self.schur.solve(&mut self.multipliers);
-            wide_alone::<R, _>(u.cols(), #[inline(always)] || {
+            dispatch_simd_nested::<R, _>(u.cols(), #[inline(always)] || {
                 self.push::<K>(a_hat, residual, d_z);
                 let multipliers = self.multipliers.as_chunks::<K>().0;
                 for (l, d_lam) in d_lam.chunks_exact_mut(multipliers.len()).enumerate() {

@@ -2,11 +2,11 @@
 #![allow(clippy::inline_always)] // what is not inlined is compiled without the registers it is for
 
 use crate::problem::{Mechanical, Model, State, Times, finite, finite_k};
-use liouville_base::error::{Quantity, Trouble};
+use liouville_base::error::{Quantity, StepError};
 use liouville_base::linalg::{Matrix, all_finite, combine, copy, copy_scaled, max_norm};
 use liouville_base::newton::Stop;
 use liouville_base::real::Real;
-use liouville_base::simd::{wide, wide_alone};
+use liouville_base::simd::{dispatch_simd, dispatch_simd_nested};
 use liouville_base::tableau;
 
 /// The step being made: from `state` at `t` over `h`.
@@ -86,7 +86,7 @@ pub(super) struct Stages<R = f64> {
     /// Residuals V_i − v(T_i, Y_i, Z_i) and those of the momentum equation.
     pub(super) velocity_residual: Matrix<R>,
     pub(super) momentum_residual: Matrix<R>,
-    /// Moves that the rounding of velocities has taken away.
+    /// Moves that the rounding of velocities has split_front away.
     pub(super) lost_moves: Matrix<R>,
     pub(super) evaluations: usize,
     /// When the stage equations count as solved.
@@ -155,9 +155,13 @@ impl<R: Real> Stages<R> {
     }
 
     /// Evaluates the model at the current unknowns, and the residuals of (S1)–(S4).
-    pub(super) fn evaluate(&mut self, model: &mut Model<R>, step: Step<R>) -> Result<(), Trouble> {
+    pub(super) fn evaluate(
+        &mut self,
+        model: &mut Model<R>,
+        step: Step<R>,
+    ) -> Result<(), StepError> {
         self.evaluate_values(model, step, self.tableau.intervals);
-        let is_finite = wide::<R, _>(
+        let is_finite = dispatch_simd::<R, _>(
             #[inline(always)]
             || {
                 self.subtract_impulses(step);
@@ -178,7 +182,7 @@ impl<R: Real> Stages<R> {
     /// Evaluates the model at the current unknowns: points, forces, and constraints and reactions up
     /// to the node `last`.
     pub(super) fn evaluate_values(&mut self, model: &mut Model<R>, step: Step<R>, last: usize) {
-        wide::<R, _>(
+        dispatch_simd::<R, _>(
             #[inline(always)]
             || self.evaluate_each(model, step, last),
         );
@@ -195,7 +199,7 @@ impl<R: Real> Stages<R> {
             let (residual, impulse) = (&mut self.velocity_residual, &mut self.impulses);
             let (unknown, weight) = (&self.unknowns.v, step.h * self.tableau.b[i]);
             copy(self.p.row_mut(i), p);
-            wide_alone::<R, _>(
+            dispatch_simd_nested::<R, _>(
                 p.len(),
                 #[inline(always)]
                 || {
@@ -219,7 +223,7 @@ impl<R: Real> Stages<R> {
                 copy(self.g.row_mut(j), g);
                 let impulse = self.impulses.row_mut(s + j);
                 let weight = step.h * self.tableau.b_hat[j];
-                wide_alone::<R, _>(
+                dispatch_simd_nested::<R, _>(
                     r.len(),
                     #[inline(always)]
                     || copy_scaled(impulse, weight, r),
@@ -244,7 +248,7 @@ impl<R: Real> Stages<R> {
     /// Y_i = y0 + Σ μᵛ_ij (h b_j V_j) and Ŷ_i = y0 + Σ μ̄_ij (h b_j V_j), the low part of y0 first.
     #[inline(always)]
     fn move_points(&mut self, step: Step<R>) {
-        wide_alone::<R, _>(
+        dispatch_simd_nested::<R, _>(
             self.y.cols(),
             #[inline(always)]
             || {
@@ -279,7 +283,7 @@ impl<R: Real> Stages<R> {
     pub(super) fn subtract_impulses(&mut self, step: Step<R>) {
         let (stage_p, n) = (&self.p, self.impulses.cols());
         let out = self.momentum_residual.flat_mut();
-        wide_alone::<R, _>(
+        dispatch_simd_nested::<R, _>(
             n,
             #[inline(always)]
             || {
@@ -310,7 +314,7 @@ impl<R: Real> Stages<R> {
 
     /// Which value is not finite.
     #[cold]
-    fn not_finite(&self, step: Step<R>) -> Trouble {
+    fn not_finite(&self, step: Step<R>) -> StepError {
         let s = self.tableau.stages;
         let at_stage = |i: usize| {
             let t = self.stage_time(step, i);
@@ -335,7 +339,7 @@ impl<R: Real> Stages<R> {
             .chain((0..=self.tableau.intervals).map(at_node))
             .chain((0..rolls).map(rolling))
             .find_map(Result::err);
-        found.unwrap_or(Trouble::NotConverged {
+        found.unwrap_or(StepError::NotConverged {
             iterations: 0,
             size: f64::INFINITY,
         })

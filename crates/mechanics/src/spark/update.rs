@@ -1,6 +1,6 @@
 //! The end of a step: (U1), then z1 and λ_k from (U2) and (U3).
 //!
-//! Nonholonomic constraints have been met by then, up to roundoff: what is left of them is taken away by
+//! Nonholonomic constraints have been met by then, up to roundoff: what is left of them is split_front away by
 //! impulses of their reactions at t1, of the size of roundoff.
 //!
 //! Increments are summed first and added last. What either loses is kept in the low part: the roundings
@@ -9,11 +9,11 @@
 
 use super::stages::{Stages, Step};
 use crate::problem::{Model, Saddle, State, finite, finite_k};
-use liouville_base::error::{Quantity, Trouble};
+use liouville_base::error::{Quantity, StepError};
 use liouville_base::linalg::{add_scaled, carry, copy, copy_scaled, gather, max_norm};
 use liouville_base::newton::{self, Equations};
 use liouville_base::real::Real;
-use liouville_base::simd::{wide, wide_along};
+use liouville_base::simd::{dispatch_simd, dispatch_simd_long};
 
 const MOST_ITERATIONS: usize = 30;
 
@@ -94,8 +94,8 @@ impl<R: Real> Update<R> {
         model: &mut Model<R>,
         stages: &mut Stages<R>,
         step: Step<R>,
-    ) -> Result<(), Trouble> {
-        wide_along::<R, _>(
+    ) -> Result<(), StepError> {
+        dispatch_simd_long::<R, _>(
             step.state.y.len(),
             #[inline(always)]
             || self.find(model, stages, step),
@@ -108,7 +108,7 @@ impl<R: Real> Update<R> {
         model: &mut Model<R>,
         stages: &mut Stages<R>,
         step: Step<R>,
-    ) -> Result<(), Trouble> {
+    ) -> Result<(), StepError> {
         let k = stages.tableau.intervals;
         let (h, state) = (step.h, step.state);
         self.sum_up(stages, state);
@@ -141,7 +141,7 @@ impl<R: Real> Update<R> {
 
     /// The end becomes the state.
     pub(super) fn commit(&self, state: &mut State<R>) {
-        wide::<R, _>(
+        dispatch_simd::<R, _>(
             #[inline(always)]
             || {
                 copy(&mut state.y, &self.y);
@@ -155,8 +155,8 @@ impl<R: Real> Update<R> {
 }
 
 impl<R: Real> Equations<R> for Solve<'_, R> {
-    fn correct(&mut self) -> Result<R, Trouble> {
-        wide::<R, _>(
+    fn correct(&mut self) -> Result<R, StepError> {
+        dispatch_simd::<R, _>(
             #[inline(always)]
             || self.correct_end(),
         )
@@ -165,7 +165,7 @@ impl<R: Real> Equations<R> for Solve<'_, R> {
 
 impl<R: Real> Solve<'_, R> {
     #[inline(always)]
-    fn correct_end(&mut self) -> Result<R, Trouble> {
+    fn correct_end(&mut self) -> Result<R, StepError> {
         let (update, model) = (&mut *self.update, &mut *self.model);
         let (stages, step) = (&mut *self.stages, self.step);
         let k = stages.tableau.intervals;

@@ -11,7 +11,7 @@ use pyo3::types::PyTuple;
 /// What decides on the steps.
 pub(super) enum Control {
     /// Their number.
-    Equal,
+    Fixed,
     /// Their errors; the first step is 0 where the method is to choose it.
     Error {
         tolerance: Tolerance,
@@ -29,7 +29,7 @@ pub(super) enum Control {
 impl Control {
     pub(super) fn read(control: Option<&Bound<'_, PyTuple>>) -> PyResult<Self> {
         let Some(control) = control else {
-            return Ok(Self::Equal);
+            return Ok(Self::Fixed);
         };
         match control.get_item(0)?.extract::<String>()?.as_str() {
             "error" => {

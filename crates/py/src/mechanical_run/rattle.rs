@@ -27,7 +27,7 @@ pub(super) fn rattle<'py>(
         .state(begin.span.0, begin.start[0], begin.start[1]);
     let stepper = match Rattle::new(model) {
         Ok(stepper) => stepper,
-        Err(trouble) => return Ok(errors::trouble(py, &trouble)?.into_any()),
+        Err(error) => return Ok(errors::error(py, &error)?.into_any()),
     };
     let Some(scheme) = scheme_of(method)? else {
         return launch_symmetric(py, begin, stepper, observer, state);

@@ -115,7 +115,7 @@ fn estimating<'py>(
     } else {
         match stepper.first_step(t0, &state, t1 - t0) {
             Ok(first) => first,
-            Err(trouble) => return Ok(errors::trouble(py, &trouble)?.into_any()),
+            Err(error) => return Ok(errors::error(py, &error)?.into_any()),
         }
     };
     launch_controlled(py, begin, stepper, observer, state, (first, *least))

@@ -131,7 +131,7 @@ impl Method {
 }
 
 impl Method {
-    /// What is taken from the energies at all times.
+    /// What is split_front from the energies at all times.
     pub(super) fn shift(&self) -> f64 {
         match self {
             Self::Lockstep(Lockstep::Shears { shift, .. } | Lockstep::Processed { shift, .. }) => {

@@ -1,6 +1,6 @@
 //! Chebyshev series: their coefficients, their errors, their costs, and bounds that are wrong.
 
-use liouville_base::error::Trouble;
+use liouville_base::error::StepError;
 use liouville_base::method::Stepper;
 use liouville_base::real::{Lanes, Scalar};
 use liouville_tests::waves::{
@@ -209,7 +209,7 @@ fn with_bounds(bounds: (f64, f64), theta: f64, tolerance: f64, start: &Parts) ->
     let before = state.clone();
     match chebyshev.step(0.0, t, &mut state) {
         Ok(()) => Some(distance(&state, &chain_after(0.0, t, start)) / tolerance),
-        Err(Trouble::Norm { .. }) => {
+        Err(StepError::Norm { .. }) => {
             assert_eq!(state, before);
             None
         }
@@ -318,5 +318,5 @@ fn a_spectrum_of_one_number_only_turns() {
     let exact = (turned(1.0, &q, &p), turned(-1.0, &p, &q));
     assert!(distance(&state, &exact) < 1e-14);
     let narrow = stepper(&hamiltonian, (2.4, 2.4), 1e-9).step(0.0, 1.2, &mut state);
-    assert!(matches!(narrow, Err(Trouble::Norm { .. })));
+    assert!(matches!(narrow, Err(StepError::Norm { .. })));
 }

@@ -1,12 +1,12 @@
 //! Compositions: their order in time-dependent fields, flows made as one, and steps that fail.
 
-use liouville_base::checkpoint::Memory;
+use liouville_base::checkpoint::Checkpoint;
 use liouville_base::composition::Parts;
 use liouville_base::composition::{Base, Composed, NeedsAdjoint};
-use liouville_base::error::Trouble;
+use liouville_base::error::StepError;
 use liouville_base::method::{Stats, Stepper, Symmetric};
 use liouville_base::observe::Observe;
-use liouville_base::run::{Advance, Equal, Run, Status};
+use liouville_base::run::{Advance, Fixed, Run, Status};
 use liouville_base::tableau::Scheme;
 use liouville_mechanics::problem::Model;
 use liouville_mechanics::spark::{Solver, Spark};
@@ -27,7 +27,7 @@ struct Swing {
 
 const OMEGA: f64 = 0.4;
 const EXACT: [bool; 4] = [true, true, false, true];
-const BROKEN: Trouble = Trouble::Singular {
+const BROKEN: StepError = StepError::Singular {
     piece: 7,
     member: 0,
     t: 0.0,
@@ -46,7 +46,7 @@ fn damping(t: f64) -> f64 {
     0.3 * (2.0 * t).cos()
 }
 
-impl Memory for Swing {}
+impl Checkpoint for Swing {}
 
 impl Parts for Swing {
     type State = [f64; 2];
@@ -66,7 +66,7 @@ impl Parts for Swing {
         t: f64,
         h: f64,
         [q, p]: &mut [f64; 2],
-    ) -> Result<(), Trouble> {
+    ) -> Result<(), StepError> {
         self.left = self.left.wrapping_sub(1);
         match part {
             // the last and the first flow are the kick
@@ -82,10 +82,10 @@ impl Parts for Swing {
         if self.left == 0 { Err(BROKEN) } else { Ok(()) }
     }
 
-    fn check(&self, t: f64, state: &[f64; 2]) -> Result<(), Trouble> {
+    fn check(&self, t: f64, state: &[f64; 2]) -> Result<(), StepError> {
         match state.iter().position(|x| !x.is_finite()) {
             None => Ok(()),
-            Some(index) => Err(Trouble::Overflow {
+            Some(index) => Err(StepError::Overflow {
                 index,
                 member: 0,
                 t,
@@ -143,7 +143,7 @@ fn walk<S: Stepper>(stepper: &mut S, mut state: S::State, h: f64, steps: u32) ->
             .step(f64::from(n) * h, h, &mut state)
             .expect("a step can be made");
     }
-    stepper.settle(&mut state).expect("it can be settled");
+    stepper.synchronize(&mut state).expect("it can be settled");
     state
 }
 
@@ -200,7 +200,7 @@ fn flows_that_meet_are_one() {
 #[test]
 fn a_method_of_one_exact_flow_is_that_flow() {
     struct Drift;
-    impl Memory for Drift {}
+    impl Checkpoint for Drift {}
 
     impl Parts for Drift {
         type State = f64;
@@ -210,11 +210,18 @@ fn a_method_of_one_exact_flow_is_that_flow() {
         fn is_exact(&self, _: usize) -> bool {
             true
         }
-        fn flow(&mut self, _: usize, _: bool, _: f64, h: f64, x: &mut f64) -> Result<(), Trouble> {
+        fn flow(
+            &mut self,
+            _: usize,
+            _: bool,
+            _: f64,
+            h: f64,
+            x: &mut f64,
+        ) -> Result<(), StepError> {
             *x += h;
             Ok(())
         }
-        fn check(&self, _: f64, _: &f64) -> Result<(), Trouble> {
+        fn check(&self, _: f64, _: &f64) -> Result<(), StepError> {
             Ok(())
         }
         fn keep(&mut self, _: &f64) -> bool {
@@ -245,7 +252,7 @@ fn a_symmetric_composition_goes_back_the_way_it_came() {
         ] {
             stepper.step(t, h, &mut state).expect("a step");
         }
-        stepper.settle(&mut state).expect("it can be settled");
+        stepper.synchronize(&mut state).expect("it can be settled");
         let is_back = distance(state, START) < 1e-14;
         assert_eq!(is_back, scheme.name != "Lie", "{}: {state:?}", scheme.name);
     }
@@ -254,25 +261,25 @@ fn a_symmetric_composition_goes_back_the_way_it_came() {
 /// Records the state.
 struct Place;
 
-impl Memory for Place {}
+impl Checkpoint for Place {}
 
 impl Observe<[f64; 2]> for Place {
     fn width(&self, _: &[f64; 2]) -> usize {
         2
     }
 
-    fn observe(&mut self, _: f64, state: &[f64; 2], row: &mut Vec<f64>) -> Result<(), Trouble> {
+    fn observe(&mut self, _: f64, state: &[f64; 2], row: &mut Vec<f64>) -> Result<(), StepError> {
         row.extend_from_slice(state);
         Ok(())
     }
 }
 
-type Walk = Run<Composed<Swing>, Place, Equal>;
+type Walk = Run<Composed<Swing>, Place, Fixed>;
 
 fn run(parts: Swing, every: usize) -> Walk {
     let stepper = Composed::new(parts, scheme("BM4"));
-    let pace = Equal::new(0.0, 0.05, 60);
-    Run::new(stepper, Place, START, pace, every, 60).expect("the start can be recorded")
+    let control = Fixed::new(0.0, 0.05, 60);
+    Run::new(stepper, Place, START, control, every, 60).expect("the start can be recorded")
 }
 
 #[test]
@@ -299,10 +306,10 @@ fn a_failed_step_leaves_the_state_before_it() {
     // in the first flow of a step, which is also the last of the one before; and within
     for (left, made) in [(1, 0), (20, 0), (5 * flows + 1, 5), (23 * flows + 17, 23)] {
         let mut broken = run(Swing { left, ..swing() }, 1000);
-        let Status::Failed { n, trouble, .. } = broken.advance(ALL_DAY) else {
+        let Status::Failed { n, error, .. } = broken.advance(ALL_DAY) else {
             panic!("flow {left} fails");
         };
-        assert_eq!((n, trouble), (made, BROKEN));
+        assert_eq!((n, error), (made, BROKEN));
         // the state is still good, and what was held back is made now
         let mut whole = run(swing(), 1000);
         while whole.done() < made {
@@ -320,10 +327,10 @@ fn a_large_state_is_lost_with_the_step_that_fails() {
         ..swing()
     };
     let mut run = run(parts, 10);
-    let Status::Failed { n, trouble, .. } = run.advance(ALL_DAY) else {
+    let Status::Failed { n, error, .. } = run.advance(ALL_DAY) else {
         panic!("flow 500 fails");
     };
-    assert_eq!((n, trouble), (13, BROKEN));
+    assert_eq!((n, error), (13, BROKEN));
     let (times, rows) = run.take();
     assert_eq!((times.len(), rows.len()), (2, 4), "records end at step 10");
     assert!(rows.iter().all(|x| x.is_finite()));
@@ -338,17 +345,17 @@ fn states_that_are_not_finite_are_never_recorded() {
                 ..swing()
             };
             let stepper = Composed::new(parts, scheme("S2"));
-            let pace = Equal::new(0.0, 0.5, 100);
+            let control = Fixed::new(0.0, 0.5, 100);
             // the drift alone leaves the numbers
             let start = [1.5e308, 1e308];
-            let mut run = Run::new(stepper, Place, start, pace, every, 0).expect("a start");
+            let mut run = Run::new(stepper, Place, start, control, every, 0).expect("a start");
             let status = run.advance(ALL_DAY);
             assert!(
                 matches!(
                     status,
                     Status::Failed {
                         n: 0..16,
-                        trouble: Trouble::Overflow { .. },
+                        error: StepError::Overflow { .. },
                         ..
                     }
                 ),
@@ -364,12 +371,12 @@ struct Midpoint {
     steps: usize,
 }
 
-impl Memory for Midpoint {}
+impl Checkpoint for Midpoint {}
 
 impl Stepper for Midpoint {
     type State = f64;
 
-    fn step(&mut self, t: f64, h: f64, x: &mut f64) -> Result<(), Trouble> {
+    fn step(&mut self, t: f64, h: f64, x: &mut f64) -> Result<(), StepError> {
         self.steps += 1;
         let a = h / 2.0 * (3.0 * (t + h / 2.0)).cos();
         *x *= (1.0 + a) / (1.0 - a);

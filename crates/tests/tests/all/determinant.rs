@@ -3,9 +3,9 @@
 
 use liouville_base::composition::Composed;
 use liouville_base::dual::{DIRECTIONS, Dual};
-use liouville_base::error::{Quantity, Trouble};
+use liouville_base::error::{Quantity, StepError};
 use liouville_base::method::Stepper;
-use liouville_base::run::{Advance, Equal, Run, Status};
+use liouville_base::run::{Advance, Fixed, Run, Status};
 use liouville_base::simd::{Number, Stored};
 use liouville_base::tableau::Scheme;
 use liouville_fields::problem::{Piece, Polynomials, Split, Wave};
@@ -148,7 +148,7 @@ fn stepped<S: Stored>(split: &Arc<Split>, name: &str, x: &[S]) -> Vec<S> {
     let mut state = volume.state(x);
     let mut stepper = Composed::new(volume.clone(), scheme(name));
     stepper.step(0.0, 0.1, &mut state).expect("a step");
-    stepper.settle(&mut state).expect("a state");
+    stepper.synchronize(&mut state).expect("a state");
     let mut x = x.to_vec();
     volume.values(&state, &mut x);
     x
@@ -170,13 +170,13 @@ fn determined(
     name: &str,
     x: &[f64],
     steps: usize,
-) -> Result<Determined, Trouble> {
+) -> Result<Determined, StepError> {
     let mut stepper = Determinant::new(Arc::clone(split), scheme(name), false);
     let mut state = stepper.state(x);
     for n in 0..steps {
         stepper.step(0.1 * n as f64, 0.1, &mut state)?;
     }
-    stepper.settle(&mut state)?;
+    stepper.synchronize(&mut state)?;
     Ok(state)
 }
 
@@ -373,7 +373,7 @@ fn a_derivative_without_inverse_is_a_trouble_and_leaves_the_state() {
     let mut stepper = Determinant::new(split, scheme("Lie"), false);
     let mut state = stepper.state(&[1.0, 0.5, 0.25]);
     let before = state.clone();
-    let unknown = Trouble::NotFinite {
+    let unknown = StepError::NotFinite {
         quantity: Quantity::Observable,
         index: 0,
         t: 0.0,
@@ -388,10 +388,10 @@ fn determinants_leave_the_trajectory_as_it_is() {
         let split = moving(piece);
         for (every, is_compensated) in [(1, false), (1, true), (4, false), (4, true)] {
             let seen = Seen { n: 3, basis: None };
-            let pace = || Equal::new(0.0, 0.05, 10);
+            let control = || Fixed::new(0.0, 0.05, 10);
             let stepper = Determinant::new(Arc::clone(&split), scheme("BM4"), is_compensated);
             let state = stepper.state(&START);
-            let mut run = Run::new(stepper, seen, state, pace(), every, 0).expect("a start");
+            let mut run = Run::new(stepper, seen, state, control(), every, 0).expect("a start");
             assert_eq!(run.advance(ALL_DAY), Status::Done);
             let (_, found) = run.take();
 
@@ -406,7 +406,7 @@ fn determinants_leave_the_trajectory_as_it_is() {
                     .step(0.05 * (n - 1) as f64, 0.05, &mut state)
                     .expect("a step");
                 if n % every == 0 || n == 10 {
-                    stepper.settle(&mut state).expect("a state");
+                    stepper.synchronize(&mut state).expect("a state");
                     volume.values(&state, &mut x);
                     let row = rows.next().expect("a row");
                     assert_eq!(&row[..3], &x, "{kind}, one in {every}, {is_compensated}");

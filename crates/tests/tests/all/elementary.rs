@@ -4,7 +4,7 @@
 
 use liouville_base::elementary;
 use liouville_base::real::Lanes;
-use liouville_base::simd::{Kernel, Machine, Number, Stored, Visit, Window, Windows};
+use liouville_base::simd::{ForEach, InstructionSet, Kernel, Number, SimdView, SimdViews, Stored};
 use proptest::prelude::*;
 
 type Function = fn(f64) -> f64;
@@ -108,8 +108,8 @@ struct Apply<'a, S> {
     x: &'a mut [S],
 }
 
-impl<S> Visit<S> for Apply<'_, S> {
-    fn visit<W: Window<Stored = S>>(&mut self, window: W) -> bool {
+impl<S> ForEach<S> for Apply<'_, S> {
+    fn visit<W: SimdView<Stored = S>>(&mut self, window: W) -> bool {
         let x = window.load(self.x, 0);
         let y = match self.function {
             0 => x.exp(),
@@ -127,13 +127,13 @@ impl<S> Visit<S> for Apply<'_, S> {
 impl<S> Kernel<S> for Apply<'_, S> {
     type Output = ();
 
-    fn run<W: Windows<Stored = S>>(mut self, windows: W) {
+    fn run<W: SimdViews<Stored = S>>(mut self, windows: W) {
         windows.each(self.x.len(), &mut self);
     }
 }
 
 /// Bits of the results, trajectory after trajectory; all that is not a number is the same.
-fn applied<S: Stored>(machine: Machine, function: usize, x: &[f64]) -> Vec<u64> {
+fn applied<S: Stored>(machine: InstructionSet, function: usize, x: &[f64]) -> Vec<u64> {
     let mut stored = vec![S::splat(0.0); x.len() / S::MEMBERS];
     for (k, x) in x.iter().enumerate() {
         stored[k / S::MEMBERS].set_member(k % S::MEMBERS, *x);
@@ -169,9 +169,9 @@ fn registers_have_the_bits_of_single_numbers() {
             .collect();
         let alone: Vec<u64> = x
             .iter()
-            .flat_map(|x| applied::<f64>(Machine::default(), function, &[*x]))
+            .flat_map(|x| applied::<f64>(InstructionSet::default(), function, &[*x]))
             .collect();
-        for machine in Machine::all() {
+        for machine in InstructionSet::all() {
             assert_eq!(applied::<f64>(machine, function, &x), alone);
             assert_eq!(applied::<Lanes<8>>(machine, function, &x), alone);
             assert_eq!(applied::<Lanes<64>>(machine, function, &x), alone);

@@ -1,11 +1,11 @@
 //! An ensemble is its members: bit for bit, whoever steps them, and whoever fails.
 
-use liouville_base::checkpoint::Memory;
+use liouville_base::checkpoint::Checkpoint;
 use liouville_base::ensemble::{Ensemble, Layout};
-use liouville_base::error::Trouble;
+use liouville_base::error::StepError;
 use liouville_base::method::{Stats, Stepper};
 use liouville_base::observe::Observe;
-use liouville_base::run::{self, Advance, Equal, Run, Status};
+use liouville_base::run::{self, Advance, Fixed, Run, Status};
 use std::time::Duration;
 
 const ALL_DAY: Duration = Duration::from_secs(86400);
@@ -15,17 +15,17 @@ struct Turning {
     rate: f64,
     made: usize,
     fails_at: usize,
-    trouble: Trouble,
+    error: StepError,
 }
 
-impl Memory for Turning {}
+impl Checkpoint for Turning {}
 
 impl Stepper for Turning {
     type State = f64;
 
-    fn step(&mut self, t: f64, h: f64, x: &mut f64) -> Result<(), Trouble> {
+    fn step(&mut self, t: f64, h: f64, x: &mut f64) -> Result<(), StepError> {
         if self.made == self.fails_at {
-            return Err(self.trouble.clone());
+            return Err(self.error.clone());
         }
         self.made += 1;
         *x += h * (self.rate * *x + t).sin();
@@ -45,14 +45,14 @@ struct Angle {
     rows: fn(f64) -> usize,
 }
 
-impl Memory for Angle {}
+impl Checkpoint for Angle {}
 
 impl Observe<f64> for Angle {
     fn width(&self, _: &f64) -> usize {
         2
     }
 
-    fn observe(&mut self, _: f64, x: &f64, row: &mut Vec<f64>) -> Result<(), Trouble> {
+    fn observe(&mut self, _: f64, x: &f64, row: &mut Vec<f64>) -> Result<(), StepError> {
         for _ in 0..(self.rows)(*x) {
             row.extend([*x, x.sin()]);
         }
@@ -66,7 +66,7 @@ const EVERY: usize = 4;
 const RUNS: usize = 9;
 /// Each run steps two members.
 const MEMBERS: usize = 2;
-const SINGULAR: Trouble = Trouble::Singular {
+const SINGULAR: StepError = StepError::Singular {
     piece: 3,
     member: 0,
     t: 0.0,
@@ -78,7 +78,7 @@ fn run(
     steps: usize,
     failures: &[(usize, usize)],
     rows: fn(f64) -> usize,
-) -> Run<Turning, Angle, Equal> {
+) -> Run<Turning, Angle, Fixed> {
     let failure = failures.iter().find(|(failing, _)| *failing == place);
     #[allow(clippy::cast_precision_loss)]
     let x = 0.1 + place as f64;
@@ -86,19 +86,19 @@ fn run(
         rate: 1.0 + 0.1 * x,
         made: 0,
         fails_at: failure.map_or(usize::MAX, |(_, step)| *step),
-        trouble: if place == 6 {
-            Trouble::SingularNewton
+        error: if place == 6 {
+            StepError::SingularNewton
         } else {
             SINGULAR
         },
     };
-    let pace = Equal::new(0.5, H, steps);
-    Run::new(stepper, Angle { rows }, x, pace, EVERY, 0).expect("the start can be recorded")
+    let control = Fixed::new(0.5, H, steps);
+    Run::new(stepper, Angle { rows }, x, control, EVERY, 0).expect("the start can be recorded")
 }
 
 /// Runs of blocks of two members: each has the angle of its own place, and fails with its first member.
 struct Pair {
-    runs: Vec<Run<Turning, Angle, Equal>>,
+    runs: Vec<Run<Turning, Angle, Fixed>>,
 }
 
 impl Advance for Pair {
@@ -106,9 +106,9 @@ impl Advance for Pair {
         let made = self.runs.iter().map(Advance::done).min().unwrap_or(0);
         for step in made + 1..=steps.min(STEPS) {
             for (place, run) in self.runs.iter_mut().enumerate() {
-                if let Status::Failed { n, t, trouble } = run.advance_to(step, ALL_DAY) {
-                    let trouble = trouble.of_member(place);
-                    return Status::Failed { n, t, trouble };
+                if let Status::Failed { n, t, error } = run.advance_to(step, ALL_DAY) {
+                    let error = error.of_member(place);
+                    return Status::Failed { n, t, error };
                 }
             }
             if budget.is_zero() {
@@ -151,13 +151,13 @@ impl Advance for Pair {
 }
 
 fn ensemble(threads: usize, failures: &'static [(usize, usize)]) -> Ensemble {
-    let begin = move |members: &[usize]| -> Result<Box<dyn Advance + Sync>, Trouble> {
+    let begin = move |members: &[usize]| -> Result<Box<dyn Advance + Sync>, StepError> {
         let one = |member: &usize| run(*member, STEPS, failures, |_| 1);
         Ok(Box::new(Pair {
             runs: members.iter().map(one).collect(),
         }))
     };
-    let layout = Layout::Together {
+    let layout = Layout::Aligned {
         times: run::times((0.5, 0.5 + STEPS as f64 * H, STEPS, EVERY)),
         width: 2,
     };
@@ -264,7 +264,7 @@ fn rows_of_their_own_come_one_run_after_another() {
         y if y > -0.5 => 0,
         _ => 1,
     };
-    let begin = move |members: &[usize]| -> Result<Box<dyn Advance + Sync>, Trouble> {
+    let begin = move |members: &[usize]| -> Result<Box<dyn Advance + Sync>, StepError> {
         Ok(Box::new(run(members[0], STEPS, &[], rows)))
     };
     let mut wanted = (Vec::new(), Vec::new());
@@ -275,7 +275,7 @@ fn rows_of_their_own_come_one_run_after_another() {
         wanted.0.extend(times);
         wanted.1.extend(rows);
     }
-    let mut ensemble = Ensemble::new(Box::new(begin), (RUNS, 1), 2, Layout::Apart, 0.5);
+    let mut ensemble = Ensemble::new(Box::new(begin), (RUNS, 1), 2, Layout::Ragged, 0.5);
     assert_eq!(finish(&mut ensemble, ALL_DAY), Status::Done);
     assert!(wanted.0.len() > 50 && wanted.0.len() != RUNS * KEPT);
     assert_eq!(ensemble.take(), wanted);

@@ -1,6 +1,6 @@
 //! Specialised Runge–Kutta steps for index 2: what holds at their ends, and what a failed one leaves.
 
-use liouville_base::error::Trouble;
+use liouville_base::error::StepError;
 use liouville_base::linalg::Matrix;
 use liouville_base::method::{Stats, Stepper};
 use liouville_base::tableau::{Spark, moments};
@@ -109,9 +109,9 @@ fn a_failed_step_leaves_the_state_as_it_was() {
     let mut stepper = Index2::new(model.clone(), 2);
     stepper.step(0.0, 0.5, &mut state).expect("a good step");
     let before = state.clone();
-    let trouble = stepper.step(0.5, 0.5, &mut state);
-    assert_eq!(trouble, Err(Trouble::SingularHidden { unknown: 0 }));
+    let error = stepper.step(0.5, 0.5, &mut state);
+    assert_eq!(error, Err(StepError::SingularHidden { unknown: 0 }));
     assert_eq!(state, before);
     let singular = model.state(1.0, &[1.0, 0.0], &[1.0], 0.5);
-    assert_eq!(singular, Err(Trouble::SingularHidden { unknown: 0 }));
+    assert_eq!(singular, Err(StepError::SingularHidden { unknown: 0 }));
 }

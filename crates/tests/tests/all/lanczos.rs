@@ -1,6 +1,6 @@
 //! Lanczos steps and Ritz values: their errors, and what they cost.
 
-use liouville_base::error::Trouble;
+use liouville_base::error::StepError;
 use liouville_base::linalg::Tridiagonal;
 use liouville_base::method::Stepper;
 use liouville_tests::waves::{Parts, anyhow, at_site, chain, chain_after, distance, edge, sparse};
@@ -112,7 +112,7 @@ fn numbers_that_are_none_are_refused_and_the_state_stays() {
     let broken = sparse(3, &[(0, 0, 1.0), (1, 1, f64::NAN), (2, 2, 1.0)]);
     let mut state = wave(&anyhow(3));
     let outcome = stepper(&broken, 3, 1e-6).step(2.0, 1.0, &mut state);
-    assert!(matches!(outcome, Err(Trouble::Norm { t: 2.0, .. })));
+    assert!(matches!(outcome, Err(StepError::Norm { t: 2.0, .. })));
     assert_eq!((state.q, state.p), anyhow(3));
 }
 

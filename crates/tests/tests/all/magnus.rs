@@ -1,11 +1,11 @@
 //! Magnus methods on a driven chain, against a Runge–Kutta method.
 
-use liouville_base::error::Trouble;
+use liouville_base::error::StepError;
 use liouville_base::linalg::Rows;
 use liouville_base::method::Stepper;
 use liouville_base::observe::Observe;
 use liouville_base::real::{Lanes, Scalar};
-use liouville_base::simd::{Machine, Stored};
+use liouville_base::simd::{InstructionSet, Stored};
 use liouville_tests::quantum::{diagonal, distance, flows, potential};
 use liouville_tests::{T, input, tape};
 use liouville_waves::method::{Exponential, Magnus, Nodes, Observable, Observer, Sweeper, Wave};
@@ -65,7 +65,7 @@ fn reference() -> Wave<f64> {
         present.set(&hamiltonian, &[(1.0, t)]);
         let h = hamiltonian.at(Some(&present));
         let (mut q, mut p) = (psi.p.clone(), psi.q.clone());
-        let machine = Machine::default();
+        let machine = InstructionSet::default();
         h.multiply(machine, &psi.p, &mut q, &mut scratch)
             .expect("a product");
         h.multiply(machine, &psi.q, &mut p, &mut scratch)
@@ -117,7 +117,7 @@ fn walk<S: Stored>(
             .step(t + f64::from(n) * h, h, &mut psi)
             .expect("a step");
     }
-    method.settle(&mut psi).expect("a state to look at");
+    method.synchronize(&mut psi).expect("a state to look at");
     psi
 }
 
@@ -211,10 +211,10 @@ fn a_spectrum_without_bounds_is_refused_and_the_state_is_lost() {
     let mut psi = start();
     let outcome = method.step(0.0, 0.1, &mut psi);
     assert!(
-        matches!(outcome, Err(Trouble::Spectrum { .. })),
+        matches!(outcome, Err(StepError::Spectrum { .. })),
         "{outcome:?}"
     );
-    assert!(method.settle(&mut psi).is_err());
+    assert!(method.synchronize(&mut psi).is_err());
 }
 
 #[test]

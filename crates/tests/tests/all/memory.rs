@@ -1,14 +1,14 @@
 //! What a run brings from step to step: who restores it goes on with the same bits.
 
-use liouville_base::checkpoint::{Foreign, Memory};
+use liouville_base::checkpoint::{Checkpoint, CheckpointMismatch};
 use liouville_base::composition::Composed;
 use liouville_base::method::{Stepper, Tolerance};
-use liouville_base::run::{Advance, Controlled, Equal, Listed, Pace, Reversible, Run, Status};
+use liouville_base::run::{Adaptive, Advance, Fixed, Listed, Reversible, Run, Status, StepControl};
 use liouville_base::tableau::{self, Purpose, Scheme, Stable};
 use liouville_fields::problem::Split;
 use liouville_fields::volume::{self, Volume};
 use liouville_mechanics::alpha::{Alpha, Reactions};
-use liouville_mechanics::events::{Event, Watcher};
+use liouville_mechanics::events::{DenseDetector, Event};
 use liouville_mechanics::index2::Index2;
 use liouville_mechanics::problem::{
     MechanicalMonitor, Model, Observer, Path, SecondOrderModel, SeparableModel, State, TimeScale,
@@ -83,9 +83,9 @@ fn goes_on<A: Advance>(name: &str, at: &[usize], make: impl Fn() -> A) {
 
     let mut other = make();
     let short = &saved[..saved.len() - 1];
-    assert_eq!(other.restore(short), Err(Foreign), "{name}");
+    assert_eq!(other.restore(short), Err(CheckpointMismatch), "{name}");
     saved.push(0.0);
-    assert_eq!(other.restore(&saved), Err(Foreign), "{name}");
+    assert_eq!(other.restore(&saved), Err(CheckpointMismatch), "{name}");
 }
 
 fn observer(model: &Model, params: &[f64]) -> Observer {
@@ -119,14 +119,14 @@ fn the_alpha_family_goes_on() {
         let model = Model::new(heavy().build(), &[]);
         let equal = || {
             let (alpha, state) = ball(reactions);
-            let pace = Equal::new(START, 0.02, 60);
-            Run::new(alpha, observer(&model, &[]), state, pace, 3, 0).expect("a start")
+            let control = Fixed::new(START, 0.02, 60);
+            Run::new(alpha, observer(&model, &[]), state, control, 3, 0).expect("a start")
         };
         goes_on("equal steps", &[0, 1, 7, 30, 59], equal);
         let controlled = || {
             let (alpha, state) = ball(reactions);
-            let pace = Controlled::new(START, START + 1.0, 0.01, 1e-9);
-            Run::new(alpha, observer(&model, &[]), state, pace, 1, 0).expect("a start")
+            let control = Adaptive::new(START, START + 1.0, 0.01, 1e-9);
+            Run::new(alpha, observer(&model, &[]), state, control, 1, 0).expect("a start")
         };
         goes_on("controlled steps", &[1, 2, 9, 20], controlled);
     }
@@ -141,28 +141,28 @@ fn index_2_goes_on() {
             let state = model.state(0.0, &[0.0, 0.0, 1.0], &[0.0], 0.05);
             let observed = tape([1, 3, 1, 0], &[input(Y, 0)]);
             let observer = semi_explicit::Observer::new(&[], observed, true);
-            let pace = Equal::new(0.0, 0.05, 80);
+            let control = Fixed::new(0.0, 0.05, 80);
             let stepper = Index2::new(model, s);
-            Run::new(stepper, observer, state.expect("a start"), pace, 1, 0).expect("a start")
+            Run::new(stepper, observer, state.expect("a start"), control, 1, 0).expect("a start")
         };
         goes_on("index 2", &[1, 2, 40, 79], make);
     }
 }
 
-/// A pendulum by a stepper, at a pace.
-fn swinging<S: Stepper<State = State>, P: Pace<S>>(
+/// A pendulum by a stepper, at a control.
+fn swinging<S: Stepper<State = State>, P: StepControl<S>>(
     stepper: impl Fn(Model) -> S,
-    pace: impl Fn(&Model, &State) -> P,
+    control: impl Fn(&Model, &State) -> P,
 ) -> Run<S, Observer, P> {
     let mut model = Model::new(pendulum().build(), &PENDULUM);
     let state = model.state(0.0, &[1.0, 0.0], &[0.0, 0.0]);
-    let pace = pace(&model, &state);
+    let control = control(&model, &state);
     let observer = observer(&model, &PENDULUM);
-    Run::new(stepper(model), observer, state, pace, 2, 0).expect("a start")
+    Run::new(stepper(model), observer, state, control, 2, 0).expect("a start")
 }
 
-fn equal(_: &Model, _: &State) -> Equal {
-    Equal::new(0.0, 0.02, 90)
+fn equal(_: &Model, _: &State) -> Fixed {
+    Fixed::new(0.0, 0.02, 90)
 }
 
 #[test]
@@ -190,7 +190,7 @@ fn spark_goes_on() {
             atol: vec![1e-9; 2],
         };
         let estimating = |model| Spark::new(model, 3, solver).estimating(tolerance());
-        let controlled = |_: &Model, _: &State| Controlled::new(0.0, 3.0, 0.01, 1e-9);
+        let controlled = |_: &Model, _: &State| Adaptive::new(0.0, 3.0, 0.01, 1e-9);
         goes_on("controlled", &[1, 2, 8, 15], || {
             swinging(estimating, controlled)
         });
@@ -213,8 +213,8 @@ fn rattle_goes_on() {
         let state = model.general.state(0.0, &[1.0, 0.0], &[0.0, 0.0]);
         let observer = observer(&model.general, &[]);
         let rattle = Rattle::new(model).expect("a mass");
-        let pace = Equal::new(0.0, 0.02, 90);
-        Run::new(rattle, observer, state, pace, 2, 0).expect("a start")
+        let control = Fixed::new(0.0, 0.02, 90);
+        Run::new(rattle, observer, state, control, 2, 0).expect("a start")
     };
     goes_on("rattle", &[1, 2, 44], make);
 }
@@ -233,10 +233,10 @@ fn who_looks_between_the_steps_goes_on_looking() {
             let path = Path::new(model.clone(), order);
             let stepper = Spark::new(model.clone(), order / 2, Solver::Auto);
             let events = events.map(event).collect();
-            let watch = Watcher::new(path, stepper.clone(), &state, events, times);
-            let pace = Equal::new(0.0, 0.02, 150);
+            let watch = DenseDetector::new(path, stepper.clone(), &state, events, times);
+            let control = Fixed::new(0.0, 0.02, 150);
             let observer = observer(&model, &PENDULUM);
-            Run::watched(stepper, observer, state, pace, (2, 0), watch).expect("a start")
+            Run::watched(stepper, observer, state, control, (2, 0), watch).expect("a start")
         };
         goes_on("watched", &[1, 2, 3, 40, 71], make);
     }
@@ -254,8 +254,16 @@ fn split_fields_go_on() {
             let square = tape([1, 6, 0], &[input(1, 0) * input(T, 0)]);
             let observer = volume::Observer::new(volume.clone(), seen, 1, square, &[], true);
             let scheme = Scheme::named("BM4").expect("a scheme");
-            let pace = Equal::new(0.0, 0.003, 60);
-            Run::new(Composed::new(volume, scheme), observer, state, pace, 7, 0).expect("a start")
+            let control = Fixed::new(0.0, 0.003, 60);
+            Run::new(
+                Composed::new(volume, scheme),
+                observer,
+                state,
+                control,
+                7,
+                0,
+            )
+            .expect("a start")
         };
         goes_on("a split field", &[1, 6, 7, 33], make);
     }
@@ -330,8 +338,8 @@ fn wave_functions_go_on() {
             };
             let observables = vec![schrodinger::Observable::Start];
             let observer = schrodinger::Observer::new(1, true, observables);
-            let pace = Listed::new(0.0, vec![(0.3, 9), (1.0, 20), (1.1, 4)]);
-            Run::new(stepper(), observer, start, pace, 1, 0).expect("a start")
+            let control = Listed::new(0.0, vec![(0.3, 9), (1.0, 20), (1.1, 4)]);
+            Run::new(stepper(), observer, start, control, 1, 0).expect("a start")
         };
         goes_on(name, &[1, 8, 9, 17, 30], make);
     }
@@ -341,8 +349,12 @@ fn wave_functions_go_on() {
 fn numbers_that_are_no_counts_and_flags_are_refused() {
     for bad in [-1.0, 0.5, f64::NAN, f64::INFINITY, 1e16] {
         let mut count = 0_usize;
-        assert_eq!(count.restore(0, &mut &[bad][..]), Err(Foreign), "{bad}");
+        assert_eq!(
+            count.restore(0, &mut &[bad][..]),
+            Err(CheckpointMismatch),
+            "{bad}"
+        );
     }
     let mut flag = false;
-    assert_eq!(flag.restore(0, &mut &[2.0][..]), Err(Foreign));
+    assert_eq!(flag.restore(0, &mut &[2.0][..]), Err(CheckpointMismatch));
 }

@@ -1,6 +1,6 @@
 //! The iteration ends at roundoff, and says early when it will not.
 
-use liouville_base::error::{Quantity, Trouble};
+use liouville_base::error::{Quantity, StepError};
 use liouville_base::newton::{Broyden, Equations, Stop, solve};
 
 /// Equations in one unknown: `step` gives the correction of x.
@@ -11,7 +11,7 @@ struct Scalar<F> {
 }
 
 impl<F: FnMut(f64) -> f64> Equations for Scalar<F> {
-    fn correct(&mut self) -> Result<f64, Trouble> {
+    fn correct(&mut self) -> Result<f64, StepError> {
         let correction = (self.step)(self.x);
         self.x += correction;
         self.made += 1;
@@ -24,25 +24,25 @@ fn scalar<F: FnMut(f64) -> f64>(x: f64, step: F) -> Scalar<F> {
 }
 
 /// Corrections of prescribed sizes.
-struct Sizes<'a> {
+struct StepSizes<'a> {
     sizes: &'a [f64],
     made: usize,
 }
 
-impl Equations for Sizes<'_> {
-    fn correct(&mut self) -> Result<f64, Trouble> {
+impl Equations for StepSizes<'_> {
+    fn correct(&mut self) -> Result<f64, StepError> {
         self.made += 1;
         Ok(self.sizes[self.made - 1])
     }
 }
 
-fn after(sizes: &[f64], most: usize) -> (Result<usize, Trouble>, usize) {
-    let mut equations = Sizes { sizes, made: 0 };
+fn after(sizes: &[f64], most: usize) -> (Result<usize, StepError>, usize) {
+    let mut equations = StepSizes { sizes, made: 0 };
     (solve(&mut equations, most), equations.made)
 }
 
-fn not_converged(iterations: usize, size: f64) -> Result<usize, Trouble> {
-    Err(Trouble::NotConverged { iterations, size })
+fn not_converged(iterations: usize, size: f64) -> Result<usize, StepError> {
+    Err(StepError::NotConverged { iterations, size })
 }
 
 #[test]
@@ -133,7 +133,7 @@ fn a_correction_that_is_not_finite_ends_the_iteration() {
     for bad in [f64::NAN, f64::INFINITY] {
         for sizes in [vec![bad], vec![1.0, 1e-5, bad]] {
             let (outcome, made) = after(&sizes, 9);
-            let Err(Trouble::NotConverged { iterations, size }) = outcome else {
+            let Err(StepError::NotConverged { iterations, size }) = outcome else {
                 panic!("{outcome:?}");
             };
             assert_eq!((iterations, made), (sizes.len(), sizes.len()));
@@ -144,19 +144,19 @@ fn a_correction_that_is_not_finite_ends_the_iteration() {
 
 #[test]
 fn a_trouble_of_the_equations_is_passed_on() {
-    struct Broken(Trouble);
+    struct Broken(StepError);
     impl Equations for Broken {
-        fn correct(&mut self) -> Result<f64, Trouble> {
+        fn correct(&mut self) -> Result<f64, StepError> {
             Err(self.0.clone())
         }
     }
-    let trouble = Trouble::NotFinite {
+    let error = StepError::NotFinite {
         quantity: Quantity::Force,
         index: 2,
         t: 0.5,
     };
-    assert_eq!(trouble.to_string(), "force 2 is not finite at t = 0.5");
-    assert_eq!(solve(&mut Broken(trouble.clone()), 5), Err(trouble));
+    assert_eq!(error.to_string(), "force 2 is not finite at t = 0.5");
+    assert_eq!(solve(&mut Broken(error.clone()), 5), Err(error));
 }
 
 /// A linear system whose matrix is known only roughly, corrected with Broyden's update or without.
@@ -166,7 +166,7 @@ struct Roughly {
 }
 
 impl Equations for Roughly {
-    fn correct(&mut self) -> Result<f64, Trouble> {
+    fn correct(&mut self) -> Result<f64, StepError> {
         let n = self.x.len();
         // A = I + B with |B| about 0.6; the rough matrix is I, the solution (1, …, 1)
         let entry =

@@ -2,7 +2,7 @@
 
 use liouville_base::linalg::Rows;
 use liouville_base::real::{Lanes, Scalar};
-use liouville_base::simd::{Machine, Stored};
+use liouville_base::simd::{InstructionSet, Stored};
 use liouville_waves::method::{Move, Sweeper};
 use liouville_waves::problem::{
     Block, Bond, Dense, Diagonals, Hamiltonian, Operator, Spins, Update,
@@ -158,7 +158,7 @@ const UPDATES: [Update; 4] = [
 
 /// Makes all rows in blocks, each with no more of x around it than it may have.
 fn updated<S: Stored>(
-    (operator, machine): (&Operator, Machine),
+    (operator, machine): (&Operator, InstructionSet),
     update: Update,
     block: usize,
     x: &[S],
@@ -188,16 +188,22 @@ fn check(draw: &mut Draw, operator: &Operator, matrix: &Matrix) {
     let of = |x: &[Lanes], member| x.iter().map(|x| x.member(member)).collect::<Vec<f64>>();
     let update = UPDATES[draw.below(4)];
     let block = 1 + draw.below(n);
-    let all = updated((operator, Machine::default()), update, block, &x, &out);
-    for machine in Machine::all() {
+    let all = updated(
+        (operator, InstructionSet::default()),
+        update,
+        block,
+        &x,
+        &out,
+    );
+    for machine in InstructionSet::all() {
         let same = updated((operator, machine), update, n, &x, &out);
         assert_eq!(all, same, "{machine:?}");
     }
     for member in 0..2 {
         let (x, out) = (of(&x, member), of(&out, member));
-        let one = updated((operator, Machine::default()), update, n, &x, &out);
+        let one = updated((operator, InstructionSet::default()), update, n, &x, &out);
         assert_eq!(one, of(&all, member));
-        for machine in Machine::all() {
+        for machine in InstructionSet::all() {
             let block = 1 + draw.below(n);
             let same = updated((operator, machine), update, block, &x, &out);
             assert_eq!(one, same, "{machine:?}, block {block}");
@@ -274,7 +280,13 @@ fn one_by_one<S: Stored>(operator: &Operator, moves: &[Move], start: &[Vec<S>; 4
         } else {
             (&b, &mut a, &mut sum_a)
         };
-        *out = updated((operator, Machine::default()), step.update, x.len(), x, out);
+        *out = updated(
+            (operator, InstructionSet::default()),
+            step.update,
+            x.len(),
+            x,
+            out,
+        );
         for (sum, out) in sum.iter_mut().zip(&*out) {
             for m in 0..S::MEMBERS {
                 sum.set_member(m, sum.member(m) + step.weight * out.member(m));

@@ -1,10 +1,10 @@
 //! The loop keeps what it should, stops where it fails, and computes its times.
 
-use liouville_base::checkpoint::Memory;
-use liouville_base::error::{Quantity, Trouble};
+use liouville_base::checkpoint::Checkpoint;
+use liouville_base::error::{Quantity, StepError};
 use liouville_base::method::{Estimating, Stats, Stepper, Symmetric};
 use liouville_base::observe::{Monitor, Observe};
-use liouville_base::run::{Advance, Controlled, Equal, Pace, Reversible, Run, Status};
+use liouville_base::run::{Adaptive, Advance, Fixed, Reversible, Run, Status, StepControl};
 use proptest::prelude::*;
 use std::time::Duration;
 
@@ -16,14 +16,14 @@ struct Counter {
     wanted: Option<(f64, f64)>,
 }
 
-impl Memory for Counter {}
+impl Checkpoint for Counter {}
 
 impl Stepper for Counter {
     type State = usize;
 
-    fn step(&mut self, t: f64, h: f64, state: &mut usize) -> Result<(), Trouble> {
+    fn step(&mut self, t: f64, h: f64, state: &mut usize) -> Result<(), StepError> {
         if self.fails_at == Some(*state) {
-            return Err(Trouble::SingularNewton);
+            return Err(StepError::SingularNewton);
         }
         if let Some((t0, wanted)) = self.wanted {
             assert_eq!(t.to_bits(), time(t0, *state, h).to_bits());
@@ -47,20 +47,20 @@ struct Look {
     until: f64,
 }
 
-const BLIND: Trouble = Trouble::NotFinite {
+const BLIND: StepError = StepError::NotFinite {
     quantity: Quantity::Observable,
     index: 0,
     t: 0.0,
 };
 
-impl Memory for Look {}
+impl Checkpoint for Look {}
 
 impl Observe<usize> for Look {
     fn width(&self, _: &usize) -> usize {
         2
     }
 
-    fn observe(&mut self, t: f64, state: &usize, row: &mut Vec<f64>) -> Result<(), Trouble> {
+    fn observe(&mut self, t: f64, state: &usize, row: &mut Vec<f64>) -> Result<(), StepError> {
         if t > self.until {
             return Err(BLIND);
         }
@@ -87,7 +87,7 @@ struct Span {
     every: usize,
 }
 
-fn run(span: Span, fails_at: Option<usize>, until: f64) -> Run<Counter, Look, Equal> {
+fn run(span: Span, fails_at: Option<usize>, until: f64) -> Run<Counter, Look, Fixed> {
     let stepper = Counter {
         fails_at,
         wanted: Some((span.t0, span.h)),
@@ -99,9 +99,16 @@ fn run(span: Span, fails_at: Option<usize>, until: f64) -> Run<Counter, Look, Eq
         steps,
         every,
     } = span;
-    let pace = Equal::new(t0, h, steps);
-    Run::new(stepper, Look { until }, 0, pace, every, steps / every + 2)
-        .expect("the start can be recorded")
+    let control = Fixed::new(t0, h, steps);
+    Run::new(
+        stepper,
+        Look { until },
+        0,
+        control,
+        every,
+        steps / every + 2,
+    )
+    .expect("the start can be recorded")
 }
 
 const ALL_DAY: Duration = Duration::from_secs(86400);
@@ -166,7 +173,7 @@ proptest! {
         let failed = Status::Failed {
             n,
             t: time(span.t0, n, span.h),
-            trouble: Trouble::SingularNewton,
+            error: StepError::SingularNewton,
         };
         prop_assert_eq!(run.advance(ALL_DAY), failed);
         prop_assert_eq!(run.done(), n);
@@ -216,8 +223,8 @@ fn a_run_over_is_over() {
 #[test]
 fn a_start_that_cannot_be_recorded_is_refused() {
     let look = Look { until: 0.0 };
-    let pace = Equal::new(0.1, 0.7, 3);
-    let refused = Run::new(Counter::default(), look, 0, pace, 1, 4).err();
+    let control = Fixed::new(0.1, 0.7, 3);
+    let refused = Run::new(Counter::default(), look, 0, control, 1, 4).err();
     assert_eq!(refused, Some(BLIND));
 }
 
@@ -228,7 +235,7 @@ fn a_step_that_cannot_be_recorded_fails() {
     let failed = Status::Failed {
         n: 5,
         t: time(span.t0, 5, span.h),
-        trouble: BLIND,
+        error: BLIND,
     };
     assert_eq!(run.advance(ALL_DAY), failed);
     assert_eq!(records(&mut run, span), [0, 2, 4]);
@@ -249,15 +256,15 @@ struct Passage {
     before: f64,
 }
 
-impl Memory for Passage {}
+impl Checkpoint for Passage {}
 
 impl Stepper for Passage {
     type State = f64;
 
-    fn step(&mut self, t: f64, h: f64, state: &mut f64) -> Result<(), Trouble> {
+    fn step(&mut self, t: f64, h: f64, state: &mut f64) -> Result<(), StepError> {
         assert!((t - *state).abs() < 1e-14, "the state is where the run is");
         if h.abs() > 0.5 {
-            return Err(Trouble::SingularNewton);
+            return Err(StepError::SingularNewton);
         }
         let wanted = if (t + h / 2.0 - 0.5).abs() < 0.1 {
             self.narrow
@@ -291,27 +298,27 @@ impl Estimating for Passage {
 
 struct Place;
 
-impl Memory for Place {}
+impl Checkpoint for Place {}
 
 impl Observe<f64> for Place {
     fn width(&self, _: &f64) -> usize {
         1
     }
 
-    fn observe(&mut self, _: f64, state: &f64, row: &mut Vec<f64>) -> Result<(), Trouble> {
+    fn observe(&mut self, _: f64, state: &f64, row: &mut Vec<f64>) -> Result<(), StepError> {
         row.push(*state);
         Ok(())
     }
 }
 
-fn passage(t: (f64, f64), narrow: f64, least: f64) -> Run<Passage, Place, Controlled> {
+fn passage(t: (f64, f64), narrow: f64, least: f64) -> Run<Passage, Place, Adaptive> {
     let stepper = Passage {
         narrow,
         error: 0.0,
         before: 0.0,
     };
-    let pace = Controlled::new(t.0, t.1, 2.0, least);
-    Run::new(stepper, Place, t.0, pace, 1, 0).expect("the start can be recorded")
+    let control = Adaptive::new(t.0, t.1, 2.0, least);
+    Run::new(stepper, Place, t.0, control, 1, 0).expect("the start can be recorded")
 }
 
 proptest! {
@@ -345,11 +352,11 @@ proptest! {
 #[test]
 fn a_step_below_the_least_ends_the_run_at_the_last_good_state() {
     let mut run = passage((0.0, 1.0), 1e-5, 1e-3);
-    let Status::Failed { n, t, trouble } = run.advance(ALL_DAY) else {
+    let Status::Failed { n, t, error } = run.advance(ALL_DAY) else {
         panic!("the passage is too narrow");
     };
-    let Trouble::StepTooSmall { h, error } = trouble else {
-        panic!("{trouble}");
+    let StepError::StepTooSmall { h, error } = error else {
+        panic!("{error}");
     };
     assert!(h < 1e-3 && error > 1.0);
     let (times, rows) = run.take();
@@ -369,7 +376,7 @@ fn a_step_without_a_solution_is_tried_shorter_until_it_is_the_least() {
         run.advance(ALL_DAY),
         Status::Failed {
             n: 0,
-            trouble: Trouble::StepTooSmall { .. },
+            error: StepError::StepTooSmall { .. },
             ..
         }
     ));
@@ -378,12 +385,12 @@ fn a_step_without_a_solution_is_tried_shorter_until_it_is_the_least() {
 /// Walks along a line at the speed it has, ±1.
 struct Walk;
 
-impl Memory for Walk {}
+impl Checkpoint for Walk {}
 
 impl Stepper for Walk {
     type State = (f64, f64);
 
-    fn step(&mut self, _: f64, h: f64, (x, v): &mut (f64, f64)) -> Result<(), Trouble> {
+    fn step(&mut self, _: f64, h: f64, (x, v): &mut (f64, f64)) -> Result<(), StepError> {
         *x += h * *v;
         Ok(())
     }
@@ -398,10 +405,10 @@ impl Symmetric for Walk {}
 /// A monitor exp(a sin(x) / b), rough where b is small.
 struct Bumps(f64, f64);
 
-impl Memory for Bumps {}
+impl Checkpoint for Bumps {}
 
 impl Monitor<(f64, f64)> for Bumps {
-    fn rate(&mut self, _: f64, (x, v): &(f64, f64)) -> Result<f64, Trouble> {
+    fn rate(&mut self, _: f64, (x, v): &(f64, f64)) -> Result<f64, StepError> {
         Ok(v * self.0 / self.1 * (x / self.1).cos())
     }
 }
@@ -420,21 +427,21 @@ proptest! {
         let mut sizes = Vec::new();
         let mut there = Reversible::new((0.0, sign * 1e9), h, 1e-300, Bumps(a, b), &state);
         for _ in 0..6 {
-            let before: f64 = Pace::<Walk>::time(&there);
+            let before: f64 = StepControl::<Walk>::time(&there);
             there.step(&mut Walk, &mut state).expect("steps are positive");
-            sizes.push((Pace::<Walk>::time(&there) - before).abs());
+            sizes.push((StepControl::<Walk>::time(&there) - before).abs());
         }
         for pair in sizes.windows(2) {
             let ratio = pair[1] / pair[0];
             prop_assert!((0.44..2.26).contains(&ratio), "{} after {}", pair[1], pair[0]);
         }
-        let next = Pace::<Walk>::sizes(&there).expect("it has sizes").next;
+        let next = StepControl::<Walk>::sizes(&there).expect("it has sizes").next;
         state.1 = -state.1;
         let mut back = Reversible::new((0.0, sign * 1e9), next, 1e-300, Bumps(a, b), &state);
         for size in sizes.iter().rev() {
-            let before: f64 = Pace::<Walk>::time(&back);
+            let before: f64 = StepControl::<Walk>::time(&back);
             back.step(&mut Walk, &mut state).expect("steps are positive");
-            let again = (Pace::<Walk>::time(&back) - before).abs();
+            let again = (StepControl::<Walk>::time(&back) - before).abs();
             prop_assert!((again / size - 1.0).abs() < 1e-6, "{again} for {size}");
         }
         prop_assert!((state.0 - 0.3).abs() < 1e-6);

@@ -1,6 +1,6 @@
 //! The saddle-point matrix and the projection of systems large enough to be solved sparse.
 
-use liouville_base::error::Trouble;
+use liouville_base::error::StepError;
 use liouville_base::linalg::{Pattern, dependencies, max_norm};
 use liouville_mechanics::problem::{Model, Projection, Saddle, project};
 use liouville_tests::{Expr, Functions, Y, Z, dot, input, inputs};
@@ -87,11 +87,11 @@ fn a_large_saddle_names_constraints_that_depend() {
     let mut model = Model::new(functions.build(), &[]);
     let mut saddle = Saddle::new(&model);
     let (y, z, lam) = (hanging(LINKS), vec![0.0; 2 * LINKS], vec![0.0; LINKS]);
-    let trouble = saddle
+    let error = saddle
         .update(&mut model, 0.0, &y, &z, &lam)
         .expect_err("one twice");
     let constraints = vec![3, 40];
-    assert_eq!(trouble, Trouble::Redundant { constraints });
+    assert_eq!(error, StepError::DependentConstraints { constraints });
 }
 
 #[test]

@@ -3,7 +3,7 @@
 use liouville_base::composition::Composed;
 use liouville_base::ensemble::{Begin, Ensemble, Layout};
 use liouville_base::real::{Lanes, Real, Scalar};
-use liouville_base::run::{Advance, Equal, Run, Status};
+use liouville_base::run::{Advance, Fixed, Run, Status};
 use liouville_base::simd::Stored;
 use liouville_base::tableau::Scheme;
 use liouville_fields::problem::{Piece, Polynomials, Split};
@@ -74,7 +74,7 @@ fn motion(split: Arc<Split>, scheme: &'static str) -> Motion {
 /// Members numbered from `first` on, and their starts.
 type Starts<'a> = (usize, &'a [&'a [f64]]);
 
-type Sections<S> = Run<Composed<Volume<S>>, Section<S, Composed<Volume<f64>>>, Equal>;
+type Sections<S> = Run<Composed<Volume<S>>, Section<S, Composed<Volume<f64>>>, Fixed>;
 
 /// Steps of `h` of so many members as a scalar has.
 fn run<S: Stored + Real>(
@@ -108,8 +108,8 @@ fn run<S: Stored + Real>(
         }
     }
     let state = volume.state(&x);
-    let pace = Equal::new(0.0, h, steps);
-    Run::new(Composed::new(volume, scheme), section, state, pace, 1, 0).expect("a start")
+    let control = Fixed::new(0.0, h, steps);
+    Run::new(Composed::new(volume, scheme), section, state, control, 1, 0).expect("a start")
 }
 
 /// The passages (member, t, x) of trajectories stepped one by one.
@@ -117,10 +117,10 @@ fn passages(
     motion: &Motion,
     plane: &Plane,
     starts: &[&[f64]],
-    pace: (f64, usize),
+    control: (f64, usize),
 ) -> Vec<Vec<f64>> {
     let runs = starts.iter().enumerate().flat_map(|(member, start)| {
-        let mut run = run::<f64>(motion, plane, (member, &[start]), pace);
+        let mut run = run::<f64>(motion, plane, (member, &[start]), control);
         assert_eq!(run.advance(ALL_DAY), Status::Done);
         let (times, rows) = run.take();
         let width = 2 + motion.split.n();
@@ -128,7 +128,7 @@ fn passages(
         let rows: Vec<Vec<f64>> = rows.chunks(width).map(<[f64]>::to_vec).collect();
         for (t, row) in times.iter().zip(&rows) {
             // seen at the end of the step it lies in
-            assert!((t - row[1]) / pace.0 > -1e-12 && (t - row[1]) / pace.0 < 1.0);
+            assert!((t - row[1]) / control.0 > -1e-12 && (t - row[1]) / control.0 < 1.0);
         }
         rows
     });
@@ -216,9 +216,9 @@ fn members_in_lock_step_and_in_ensembles_pass_as_they_do_alone() {
     let kept = starts.clone();
     let starts: Vec<&[f64]> = starts.iter().map(|x| &x[..]).collect();
     let oblique = plane(&[0.5, 0.7, -0.2], 0.1, Direction::Both);
-    let pace = (0.1, 300);
+    let control = (0.1, 300);
     let motion = motion(body(), "BM4");
-    let alone = passages(&motion, &oblique, &starts, pace);
+    let alone = passages(&motion, &oblique, &starts, control);
     assert!(alone.len() > 50);
     for row in &alone {
         let s = 0.5 * row[2] + 0.7 * row[3] - 0.2 * row[4] - 0.1;
@@ -226,10 +226,10 @@ fn members_in_lock_step_and_in_ensembles_pass_as_they_do_alone() {
     }
     let begin: Box<Begin> = Box::new(move |members: &[usize]| {
         let chunk: Vec<&[f64]> = members.iter().map(|member| &kept[*member][..]).collect();
-        let run = run::<Lanes>(&motion, &oblique, (members[0], &chunk), pace);
+        let run = run::<Lanes>(&motion, &oblique, (members[0], &chunk), control);
         Ok(Box::new(run) as Box<dyn Advance + Sync>)
     });
-    let mut ensemble = Ensemble::new(begin, (11, LANES), 2, Layout::Apart, 0.0);
+    let mut ensemble = Ensemble::new(begin, (11, LANES), 2, Layout::Ragged, 0.0);
     assert_eq!(ensemble.advance(ALL_DAY), Status::Done);
     let mut together: Vec<Vec<f64>> = ensemble.take().1.chunks(5).map(<[f64]>::to_vec).collect();
     together.sort_by(|a, b| a[0].total_cmp(&b[0]).then(a[1].total_cmp(&b[1])));
@@ -271,19 +271,19 @@ fn a_plane_is_one_of_what_is_seen() {
         ..motion(circle(), "SS6s11")
     };
     let plain = motion(circle(), "SS6s11");
-    let (start, pace): (&[f64], _) = (&[0.3, 0.8], (0.2, 100));
+    let (start, control): (&[f64], _) = (&[0.3, 0.8], (0.2, 100));
     // 0.25 x_1 + 0.5 x_2 = y_1 / 2
     let found = passages(
         &seen,
         &plane(&[0.25, 0.5], 0.1, Direction::Up),
         &[start],
-        pace,
+        control,
     );
     let wanted = passages(
         &plain,
         &plane(&[0.5, 0.0], 0.1, Direction::Up),
         &[start],
-        pace,
+        control,
     );
     assert_eq!((found.len(), wanted.len()), (3, 3));
     for (found, wanted) in found.iter().zip(&wanted) {

@@ -1,6 +1,6 @@
 //! Gauss–Lobatto SPARK: three ways to one solution, and what happens where there is none.
 
-use liouville_base::error::{Quantity, Trouble};
+use liouville_base::error::{Quantity, StepError};
 use liouville_base::method::Stepper;
 use liouville_mechanics::problem::Model;
 use liouville_mechanics::spark::{Solver, Spark};
@@ -118,22 +118,26 @@ fn a_trouble_names_what_it_is_and_leaves_the_state() {
         functions.p[1] = 0.0.into();
         functions
     };
-    let not_finite = |quantity, index| Trouble::NotFinite {
+    let not_finite = |quantity, index| StepError::NotFinite {
         quantity,
         index,
         t: 0.0,
     };
-    let cases: [(Functions, [f64; 3], Trouble); 4] = [
+    let cases: [(Functions, [f64; 3], StepError); 4] = [
         (pendulum(), nan, not_finite(Quantity::Force, 1)),
         (pendulum(), heavy, not_finite(Quantity::Force, 1)),
         (
             twice,
             PENDULUM,
-            Trouble::Redundant {
+            StepError::DependentConstraints {
                 constraints: vec![0, 1],
             },
         ),
-        (massless, PENDULUM, Trouble::SingularMass { coordinate: 1 }),
+        (
+            massless,
+            PENDULUM,
+            StepError::SingularMass { coordinate: 1 },
+        ),
     ];
     for (functions, params, wanted) in cases {
         let problem = functions.build();
@@ -158,7 +162,7 @@ fn a_step_too_large_is_refused_and_leaves_the_state() {
                 let refused = walk.step().expect_err("the bob would pass the pivot");
                 let is_too_large = matches!(
                     refused,
-                    Trouble::NotConverged { .. } | Trouble::SingularNewton
+                    StepError::NotConverged { .. } | StepError::SingularNewton
                 );
                 assert!(is_too_large, "{refused} with {solver:?}, s = {s}, h = {h}");
                 assert_eq!(walk.state, before);

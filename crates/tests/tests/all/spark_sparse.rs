@@ -1,6 +1,6 @@
 //! Large mechanisms: sparse solvers find what dense ones do, and say the same of what they refuse.
 
-use liouville_base::error::Trouble;
+use liouville_base::error::StepError;
 use liouville_mechanics::problem::Model;
 use liouville_mechanics::spark::{Solver, Spark};
 use liouville_tests::walk::{SOLVERS, Walk, apart};
@@ -117,7 +117,7 @@ fn a_constraint_there_twice_is_named_as_before() {
     functions.g.push(&functions.g[7] * 2.0);
     for solver in SOLVERS {
         let mut walk = falling(&functions, 2, solver, 0);
-        let wanted = Trouble::Redundant {
+        let wanted = StepError::DependentConstraints {
             constraints: vec![7, LINKS],
         };
         assert_eq!(walk.step(), Err(wanted), "with {solver:?}");

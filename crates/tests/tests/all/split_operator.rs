@@ -1,10 +1,10 @@
 //! Kinetic energy by Fourier transforms, and the split operator with it.
 
 use liouville_base::composition::{Composed, Parts};
-use liouville_base::error::Trouble;
+use liouville_base::error::StepError;
 use liouville_base::method::Stepper;
 use liouville_base::real::{Lanes, Scalar};
-use liouville_base::simd::Machine;
+use liouville_base::simd::InstructionSet;
 use liouville_tests::quantum::{distance, energies, flows, kinetic, packet, places, rotor};
 use liouville_waves::method::{Phases, Wave};
 use liouville_waves::problem::{Hamiltonian, Kinetic, Scratch, Update};
@@ -65,9 +65,13 @@ fn plane_waves_have_their_energies() {
                 factor,
                 diagonal,
             };
-            (hamiltonian
-                .sum()
-                .update(Machine::default(), update, &x, &mut out, &mut scratch))
+            (hamiltonian.sum().update(
+                InstructionSet::default(),
+                update,
+                &x,
+                &mut out,
+                &mut scratch,
+            ))
             .expect("a product");
             for (out, x) in out.iter().zip(&x) {
                 let wanted = 1.0 - 0.5 * energy * x + 0.25 * x;
@@ -90,7 +94,7 @@ fn members_side_by_side_have_the_bits_of_each_alone() {
             x.set_member(member, value);
         }
     }
-    let (mut scratch, machine) = (Scratch::default(), Machine::default());
+    let (mut scratch, machine) = (Scratch::default(), InstructionSet::default());
     let mut all = x.clone();
     let sum = hamiltonian.sum();
     sum.multiply(machine, &x, &mut all, &mut scratch)
@@ -137,7 +141,7 @@ fn walk(
             .step(t + f64::from(n) * h, h, &mut psi)
             .expect("a step");
     }
-    stepper.settle(&mut psi).expect("a state to look at");
+    stepper.synchronize(&mut psi).expect("a state to look at");
     psi
 }
 
@@ -258,7 +262,7 @@ fn a_state_whose_norm_is_off_is_refused() {
     psi.q[0] += 1e-3;
     let outcome = phases.check(1.0, &psi);
     assert!(
-        matches!(outcome, Err(Trouble::Norm { t: 1.0, .. })),
+        matches!(outcome, Err(StepError::Norm { t: 1.0, .. })),
         "{outcome:?}"
     );
     psi.q[0] = f64::NAN;

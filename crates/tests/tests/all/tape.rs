@@ -158,7 +158,7 @@ fn cut<'a>(program: &Program, point: &'a [[f64; 3]; 3]) -> [&'a [f64]; 3] {
 
 /// A program over again for each of many links, with its inputs and outputs side by side, parameters in
 /// common. Two of three operations of two operands are arithmetic, and of those some read the link before or
-/// one far back: there are sets of slots for half of the links, taken in turn.
+/// one far back: there are sets of slots for half of the links, split_front in turn.
 fn repeated(program: &Program, links: usize) -> Program {
     let [x, y, params] = program.sizes;
     let pool = program.lines.iter().map(|line| match *line {
@@ -519,7 +519,7 @@ fn points_side_by_side_have_the_bits_of_each_alone() {
     lines.extend([output(0, acc), apply(Op::Div, acc, lam), output(1, acc)]);
     let tape = Tape::new(&[1, 2, 1, 1], 2, &lines).expect("a valid program");
     let mut one = tape.bind(&[0.7]);
-    let mut beside = tape.beside(&one, POINTS).expect("long enough");
+    let mut batch = tape.batch(&one, POINTS).expect("long enough");
     let value = |k: usize| (1.0 + k as f64).sqrt() - 2.0;
     let (ys, lams): (Vec<f64>, Vec<f64>) = (
         (0..2 * POINTS).map(value).collect(),
@@ -527,11 +527,11 @@ fn points_side_by_side_have_the_bits_of_each_alone() {
     );
     for start in [0.0, 1e6] {
         let time = |k: usize| start + 0.1 * k as f64;
-        tape.eval_beside(&mut beside, time, [&ys, &lams]);
+        tape.eval_batch(&mut batch, time, [&ys, &lams]);
         for k in 0..POINTS {
             let args = [&[time(k)], &ys[2 * k..][..2], &lams[k..][..1]];
             let wanted = tape.eval(&mut one, args);
-            assert_eq!(beside.at(k, 2), wanted, "point {k}");
+            assert_eq!(batch.at(k, 2), wanted, "point {k}");
         }
     }
 }

@@ -2,12 +2,12 @@
 //! common path, step by themselves or fail.
 
 use liouville_base::ensemble::{Ensemble, Layout};
-use liouville_base::error::Trouble;
+use liouville_base::error::StepError;
 use liouville_base::real::{Lanes, Scalar};
-use liouville_base::run::{self, Advance, Equal, Run, Status};
+use liouville_base::run::{self, Advance, Fixed, Run, Status};
 use liouville_base::tableau;
 use liouville_mechanics::problem::{Mechanical, Model, Observer, Observers};
-use liouville_mechanics::spark::{Solver, Spark, TOGETHER, Together};
+use liouville_mechanics::spark::{BATCH, Solver, Spark, SparkBatch};
 use liouville_tests::{Functions, PARAMS, Y, Z, dot, input, inputs, tape};
 use proptest::prelude::*;
 use std::sync::Arc;
@@ -70,7 +70,7 @@ fn member() -> impl Strategy<Value = Member> {
 /// Some members, and one among them that is not like the others.
 fn members() -> impl Strategy<Value = Vec<Member>> {
     let odd = prop_oneof![Just(Odd::Out), Just(Odd::Stiff), Just(Odd::Fails)];
-    let some = prop::collection::vec(member(), 1..=TOGETHER + 4);
+    let some = prop::collection::vec(member(), 1..=BATCH + 4);
     (some, any::<prop::sample::Index>(), odd).prop_map(|(mut members, place, odd)| {
         let place = place.index(members.len());
         let one = &mut members[place];
@@ -83,7 +83,7 @@ fn members() -> impl Strategy<Value = Vec<Member>> {
     })
 }
 
-type Begun = Result<Box<dyn Advance + Sync>, Trouble>;
+type Begun = Result<Box<dyn Advance + Sync>, StepError>;
 
 fn observer(problem: &Arc<Mechanical>, params: &[f64]) -> Observer {
     let model = Model::new(problem.clone(), params);
@@ -93,21 +93,21 @@ fn observer(problem: &Arc<Mechanical>, params: &[f64]) -> Observer {
 fn alone(problem: &Arc<Mechanical>, s: usize, member: &Member) -> Begun {
     let mut model = Model::new(problem.clone(), &member.params);
     let state = model.state(0.0, &member.y, &member.z);
-    let (stepper, pace) = (
+    let (stepper, control) = (
         Spark::new(model, s, Solver::Auto),
-        Equal::new(0.0, H, STEPS),
+        Fixed::new(0.0, H, STEPS),
     );
     let observer = observer(problem, &member.params);
     Ok(Box::new(Run::new(
-        stepper, observer, state, pace, EVERY, 0,
+        stepper, observer, state, control, EVERY, 0,
     )?))
 }
 
 fn together(problem: &Arc<Mechanical>, s: usize, members: &[Member]) -> Begun {
     let last = members.len() - 1;
     let lanes = |value: &dyn Fn(&Member) -> f64| {
-        let mut lanes = Lanes::<TOGETHER>::splat(0.0);
-        (0..TOGETHER).for_each(|place| lanes.set_member(place, value(&members[place.min(last)])));
+        let mut lanes = Lanes::<BATCH>::splat(0.0);
+        (0..BATCH).for_each(|place| lanes.set_member(place, value(&members[place.min(last)])));
         lanes
     };
     let params = [0, 1].map(|k| lanes(&|member| member.params[k]));
@@ -116,13 +116,13 @@ fn together(problem: &Arc<Mechanical>, s: usize, members: &[Member]) -> Begun {
         [0, 1, 2].map(|i| lanes(&|member| of(member)[i]))
     });
     let (tableau, filled) = (tableau::Spark::gauss(s), (&params[..], members.len()));
-    let mut stepper = Together::of(problem, filled, tableau, Solver::Auto);
+    let mut stepper = SparkBatch::of(problem, filled, tableau, Solver::Auto);
     let state = stepper.state(0.0, &y, &z);
     let each = members.iter().map(|own| observer(problem, &own.params));
     let observers = Observers::new(each.collect(), members.len());
-    let pace = Equal::new(0.0, H, STEPS);
+    let control = Fixed::new(0.0, H, STEPS);
     Ok(Box::new(Run::new(
-        stepper, observers, state, pace, EVERY, 0,
+        stepper, observers, state, control, EVERY, 0,
     )?))
 }
 
@@ -150,13 +150,13 @@ proptest! {
     fn a_member_has_the_bits_that_it_has_alone(all in members(), s in 1..4_usize) {
         let problem = held().build();
         let (count, times) = (all.len(), run::times((0.0, STEPS as f64 * H, STEPS, EVERY)));
-        let layout = Layout::Together { times: times.clone(), width: WIDTH };
+        let layout = Layout::Aligned { times: times.clone(), width: WIDTH };
         let (shared, of) = (problem.clone(), all.clone());
         let begin = move |places: &[usize]| match places {
             [one] => alone(&shared, s, &of[*one]),
             _ => together(&shared, s, &places.iter().map(|k| of[*k]).collect::<Vec<_>>()),
         };
-        let mut ensemble = Ensemble::new(Box::new(begin), (count, TOGETHER), 1, layout, 0.0);
+        let mut ensemble = Ensemble::new(Box::new(begin), (count, BATCH), 1, layout, 0.0);
         prop_assert_eq!(ensemble.advance(ALL_DAY), Status::Done);
         let failures = ensemble.failures();
         let (_, rows) = ensemble.take();
@@ -164,9 +164,9 @@ proptest! {
             let mut run = alone(&problem, s, member).expect("a start");
             let failure = failures.iter().find(|failure| failure.member == place);
             match run.advance(ALL_DAY) {
-                Status::Failed { n, t, trouble } => {
+                Status::Failed { n, t, error } => {
                     let failure = failure.expect("it fails in company too");
-                    prop_assert_eq!(&failure.trouble, &trouble);
+                    prop_assert_eq!(&failure.error, &error);
                     prop_assert_eq!(failure.step, Some((n, t)));
                 }
                 status => prop_assert_eq!((status, failure), (Status::Done, None)),

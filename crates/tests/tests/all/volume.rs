@@ -2,10 +2,10 @@
 //! adjoints and determinants.
 
 use liouville_base::composition::{Composed, Flow, Parts};
-use liouville_base::error::Trouble;
+use liouville_base::error::StepError;
 use liouville_base::method::Stepper;
 use liouville_base::real::Lanes;
-use liouville_base::simd::{Machine, Stored};
+use liouville_base::simd::{InstructionSet, Stored};
 use liouville_base::tableau::Scheme;
 use liouville_fields::problem::{Piece, Split};
 use liouville_fields::volume::{Determinant, Volume};
@@ -27,7 +27,7 @@ fn scheme(name: &str) -> &'static Scheme {
 }
 
 /// The values after one flow.
-fn flowed(volume: &mut Volume<f64>, flow: Flow, h: f64, x: &[f64]) -> Result<Vec<f64>, Trouble> {
+fn flowed(volume: &mut Volume<f64>, flow: Flow, h: f64, x: &[f64]) -> Result<Vec<f64>, StepError> {
     let mut state = volume.state(x);
     volume.flows(&[flow], 0.0, 0.0, h, &mut state)?;
     let mut x = x.to_vec();
@@ -58,14 +58,14 @@ fn stepped<S: Stored>(
     name: &str,
     steps: u32,
     x: &[f64],
-) -> Result<Vec<f64>, Trouble> {
+) -> Result<Vec<f64>, StepError> {
     let x: Vec<S> = x.iter().map(|x| S::splat(*x)).collect();
     let mut state = volume.state(&x);
     let mut stepper = Composed::new(volume.clone(), scheme(name));
     for n in 0..steps {
         stepper.step(f64::from(n) * 0.05, 0.05, &mut state)?;
     }
-    stepper.settle(&mut state)?;
+    stepper.synchronize(&mut state)?;
     let mut end = x;
     volume.values(&state, &mut end);
     let members = 0..S::MEMBERS;
@@ -76,7 +76,7 @@ fn stepped<S: Stored>(
     Ok(end.iter().map(|x| x.member(0)).collect())
 }
 
-fn bits(x: &Result<Vec<f64>, Trouble>) -> Result<Vec<u64>, Trouble> {
+fn bits(x: &Result<Vec<f64>, StepError>) -> Result<Vec<u64>, StepError> {
     let x = x.as_ref().map_err(Clone::clone)?;
     Ok(x.iter().map(|x| x.to_bits()).collect())
 }
@@ -94,7 +94,7 @@ proptest! {
                 let fast = flowed(&mut volume, whole(part, is_adjoint), h, &x);
                 let reach = reach(piece, h, &x);
                 if reach >= 1.0 {
-                    let singular = Trouble::Singular { piece: part, member: 0, t: 0.0 };
+                    let singular = StepError::Singular { piece: part, member: 0, t: 0.0 };
                     prop_assert_eq!(fast, Err(singular));
                 } else if reach < 0.9 {
                     let mut slow = x.clone();
@@ -127,7 +127,7 @@ proptest! {
         let (split, x) = field(seed);
         let single = Volume::<f64>::new(Arc::clone(&split), is_compensated);
         let expected = bits(&stepped(&single, "BM4", 2, &x));
-        for machine in Machine::all() {
+        for machine in InstructionSet::all() {
             prop_assert_eq!(&bits(&stepped(&single.clone().on(machine), "BM4", 2, &x)), &expected);
             let lanes = Volume::<Lanes<8>>::new(Arc::clone(&split), is_compensated);
             prop_assert_eq!(&bits(&stepped(&lanes.on(machine), "BM4", 2, &x)), &expected);
@@ -151,7 +151,7 @@ proptest! {
         let mut stepper = Determinant::new(Arc::clone(&split), scheme("S2"), false);
         let mut state = stepper.state(&x);
         let steps = (0..5).try_for_each(|n| stepper.step(f64::from(n) * 0.02, 0.02, &mut state));
-        let steps = steps.and_then(|()| stepper.settle(&mut state));
+        let steps = steps.and_then(|()| stepper.synchronize(&mut state));
         // near a pole the derivative itself is far from known
         prop_assume!(steps.is_ok() && distance(&state.x, &x) < 0.5);
         prop_assert!(state.largest < 1e-12 && state.logarithm.abs() < 5e-12, "{state:?}");
@@ -193,7 +193,7 @@ fn rows_in_runs_have_the_bits_of_rows_alone() {
             3,
             &x,
         );
-        for machine in Machine::all() {
+        for machine in InstructionSet::all() {
             for is_compensated in [false, true] {
                 let volume = Volume::<f64>::new(Arc::clone(&split), is_compensated).on(machine);
                 let runs = stepped(&volume, "S2", 3, &x);

@@ -1,7 +1,7 @@
 //! What is refused: splits that are not what they say, and steps that lead to no number.
 
 use liouville_base::composition::Composed;
-use liouville_base::error::Trouble;
+use liouville_base::error::StepError;
 use liouville_base::method::Stepper;
 use liouville_base::real::{Lanes, Scalar};
 use liouville_base::tableau::Scheme;
@@ -167,13 +167,13 @@ fn a_pole_within_a_step_is_said_with_its_trajectory() {
     let mut state = volume.state(&x);
     let start = state.clone();
     let mut stepper = Composed::new(volume, Scheme::named("Lie").expect("a scheme"));
-    let trouble = stepper.step(3.0, 0.1, &mut state);
-    let singular = Trouble::Singular {
+    let error = stepper.step(3.0, 0.1, &mut state);
+    let singular = StepError::Singular {
         piece: 0,
         member: 21,
         t: 3.0,
     };
-    assert_eq!(trouble, Err(singular));
+    assert_eq!(error, Err(singular));
     assert_eq!(state, start, "the state is as it was");
 }
 
@@ -194,7 +194,7 @@ fn an_overflow_is_said_with_its_variable() {
     let start = state.clone();
     let mut stepper = Composed::new(volume, Scheme::named("Lie").expect("a scheme"));
     let made = stepper.step(0.0, 1.0, &mut state);
-    let overflow = Trouble::Overflow {
+    let overflow = StepError::Overflow {
         index: 1,
         member: 5,
         t: 1.0,

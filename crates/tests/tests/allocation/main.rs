@@ -21,7 +21,7 @@ use liouville_mechanics::problem::{
 };
 use liouville_mechanics::rattle::Rattle;
 use liouville_mechanics::semi_explicit::Model as SemiExplicitModel;
-use liouville_mechanics::spark::{Solver, Spark, TOGETHER, Together};
+use liouville_mechanics::spark::{BATCH, Solver, Spark, SparkBatch};
 use liouville_tests::quantum::{flows, kinetic, packet, rotor};
 use liouville_tests::splits::{Draw, every_kind};
 use liouville_tests::walk::{START, driven_start, heavy};
@@ -240,7 +240,7 @@ fn others<S: Stepper>(stepper: &mut S, state: &mut S::State) -> usize {
     let mut step = |n| {
         let t = 0.01 * f64::from(n);
         stepper.step(t, 0.01, state).expect("a step can be made");
-        stepper.settle(state).expect("it can be settled");
+        stepper.synchronize(state).expect("it can be settled");
     };
     step(0);
     allocations(|| (1..20).for_each(step))
@@ -248,7 +248,7 @@ fn others<S: Stepper>(stepper: &mut S, state: &mut S::State) -> usize {
 
 #[test]
 fn a_step_of_several_members_takes_no_memory() {
-    let params = PENDULUM.map(Lanes::<TOGETHER>::splat);
+    let params = PENDULUM.map(Lanes::<BATCH>::splat);
     let y = [1.0, 0.0].map(Lanes::splat);
     let z = [
         Lanes::splat(0.0),
@@ -256,7 +256,8 @@ fn a_step_of_several_members_takes_no_memory() {
     ];
     for s in [1, 3, 6] {
         let tableau = tableau::Spark::gauss(s);
-        let mut together = Together::of(&pendulum().build(), (&params, 11), tableau, Solver::Auto);
+        let mut together =
+            SparkBatch::of(&pendulum().build(), (&params, 11), tableau, Solver::Auto);
         let mut state = together.state(0.0, &y, &z);
         let count = others(&mut together, &mut state);
         assert_eq!(count, 0, "with s = {s}");

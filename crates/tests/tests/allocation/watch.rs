@@ -1,11 +1,11 @@
 //! Looking between steps: it takes no memory, and the polynomials are those of what they interpolate.
 
 use crate::counting::allocations;
-use liouville_base::checkpoint::Memory;
-use liouville_base::error::Trouble;
+use liouville_base::checkpoint::Checkpoint;
+use liouville_base::error::StepError;
 use liouville_base::observe::Observe;
-use liouville_base::run::{Advance, Equal, Run};
-use liouville_mechanics::events::{Event, Watcher};
+use liouville_base::run::{Advance, Fixed, Run};
+use liouville_mechanics::events::{DenseDetector, Event};
 use liouville_mechanics::problem::{Carried, Model, Path};
 use liouville_mechanics::spark::{Solver, Spark};
 use liouville_tests::{Functions, PENDULUM, T, Y, Z, input, pendulum, tape};
@@ -14,14 +14,14 @@ use std::time::Duration;
 /// Records nothing of anything.
 struct Nothing;
 
-impl Memory for Nothing {}
+impl Checkpoint for Nothing {}
 
 impl<S> Observe<S> for Nothing {
     fn width(&self, _: &S) -> usize {
         0
     }
 
-    fn observe(&mut self, _: f64, _: &S, _: &mut Vec<f64>) -> Result<(), Trouble> {
+    fn observe(&mut self, _: f64, _: &S, _: &mut Vec<f64>) -> Result<(), StepError> {
         Ok(())
     }
 }
@@ -36,9 +36,10 @@ fn looking_for_events_takes_no_memory() {
     let events = events.map(|(k, tape)| Event::new(k, tape, &PENDULUM, 0, 0, k == 1));
     let path = Path::new(model.clone(), 6);
     let stepper = Spark::new(model, 3, Solver::Auto);
-    let watch = Watcher::new(path, stepper.clone(), &state, events.collect(), None);
-    let pace = Equal::new(0.0, 0.01, 60);
-    let mut run = Run::watched(stepper, Nothing, state, pace, (1000, 2), watch).expect("a start");
+    let watch = DenseDetector::new(path, stepper.clone(), &state, events.collect(), None);
+    let control = Fixed::new(0.0, 0.01, 60);
+    let mut run =
+        Run::watched(stepper, Nothing, state, control, (1000, 2), watch).expect("a start");
     let all_day = Duration::from_secs(86400);
     run.advance_to(10, all_day);
     assert_eq!(allocations(|| drop(run.advance_to(50, all_day))), 0);

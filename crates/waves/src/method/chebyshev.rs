@@ -12,8 +12,8 @@
 use super::bessel::series;
 use super::{Move, Sweeper, Wave, guard, refuse, squares};
 use crate::problem::Update;
-use liouville_base::checkpoint::Memory;
-use liouville_base::error::Trouble;
+use liouville_base::checkpoint::Checkpoint;
+use liouville_base::error::StepError;
 use liouville_base::method::{Stats, Stepper};
 use liouville_base::simd::Stored;
 
@@ -118,7 +118,7 @@ impl<S: Stored> Chebyshev<S> {
 
     /// Adds the even terms of the series of u = `turns[0]` to `next[to]`, the odd ones times `sign` to the
     /// other.
-    fn expand(&mut self, series: usize, to: usize, sign: f64, t: f64) -> Result<(), Trouble> {
+    fn expand(&mut self, series: usize, to: usize, sign: f64, t: f64) -> Result<(), StepError> {
         let [u, v] = &mut self.turns;
         let c = &self.kept[series].c;
         let length = squares(u, u);
@@ -169,7 +169,7 @@ impl<S: Stored> Chebyshev<S> {
     }
 
     /// The parts of ψ are real vectors: two recurrences, or one where a part is zero.
-    fn split(&mut self, series: usize, t: f64, state: &Wave<S>) -> Result<(), Trouble> {
+    fn split(&mut self, series: usize, t: f64, state: &Wave<S>) -> Result<(), StepError> {
         self.clear(state.q.len());
         for (to, part) in [&state.q, &state.p].into_iter().enumerate() {
             if is_zero(part) {
@@ -184,7 +184,7 @@ impl<S: Stored> Chebyshev<S> {
 
     /// The terms are complex vectors (q, p): even ones are summed in (C, C'), odd ones in (S, S'), and
     /// ψ = C + S' + i (C' − S).
-    fn double(&mut self, series: usize, t: f64, state: &Wave<S>) -> Result<(), Trouble> {
+    fn double(&mut self, series: usize, t: f64, state: &Wave<S>) -> Result<(), StepError> {
         let n = state.q.len();
         self.clear(2 * n);
         self.turns[0].clone_from(&state.q);
@@ -204,7 +204,7 @@ impl<S: Stored> Chebyshev<S> {
 impl<S: Stored> Stepper for Chebyshev<S> {
     type State = Wave<S>;
 
-    fn step(&mut self, t: f64, h: f64, state: &mut Wave<S>) -> Result<(), Trouble> {
+    fn step(&mut self, t: f64, h: f64, state: &mut Wave<S>) -> Result<(), StepError> {
         let series = self.series_for(h);
         if self.is_doubled {
             self.double(series, t, state)?;
@@ -243,4 +243,4 @@ fn add<S: Stored>(out: &mut [S], factor: f64, x: &[S]) {
     }
 }
 
-impl<S> Memory for Chebyshev<S> {}
+impl<S> Checkpoint for Chebyshev<S> {}

@@ -9,8 +9,8 @@
 use super::observe::dot;
 use super::{Move, Sweeper, Wave, check_norm, squares};
 use crate::problem::Update;
-use liouville_base::checkpoint::Memory;
-use liouville_base::error::Trouble;
+use liouville_base::checkpoint::Checkpoint;
+use liouville_base::error::StepError;
 use liouville_base::linalg::{Tridiagonal, add_scaled};
 use liouville_base::method::{Stats, Stepper};
 
@@ -69,7 +69,7 @@ impl Lanczos {
 
     /// A basis from ψ on, until it is long enough for a time `span` or as long as it may be; says how much of
     /// `span` it is long enough for, whatever the residual does.
-    fn build(&mut self, t: f64, state: &Wave<f64>, norm: f64, span: f64) -> Result<f64, Trouble> {
+    fn build(&mut self, t: f64, state: &Wave<f64>, norm: f64, span: f64) -> Result<f64, StepError> {
         self.alpha.clear();
         self.beta.clear();
         for (v, part) in self.basis[0].iter_mut().zip([&state.q, &state.p]) {
@@ -92,7 +92,7 @@ impl Lanczos {
             let (alpha, beta) = three_terms(&mut self.sweeper, before, &mut old[j], &mut new[0])?;
             if !(alpha.is_finite() && beta.is_finite()) {
                 let start = norm;
-                return Err(Trouble::Norm {
+                return Err(StepError::Norm {
                     norm: beta,
                     start,
                     t,
@@ -177,7 +177,7 @@ impl Lanczos {
         }
     }
 
-    fn walk(&mut self, t: f64, h: f64, state: &mut Wave<f64>) -> Result<(), Trouble> {
+    fn walk(&mut self, t: f64, h: f64, state: &mut Wave<f64>) -> Result<(), StepError> {
         let mut left = h.abs();
         while left > 0.0 {
             let norm = squares(&state.q, &state.p).sqrt();
@@ -204,7 +204,7 @@ pub(super) fn three_terms<const PARTS: usize>(
     beta: f64,
     v: &mut [Vec<f64>; PARTS],
     w: &mut [Vec<f64>; PARTS],
-) -> Result<(f64, f64), Trouble> {
+) -> Result<(f64, f64), StepError> {
     let update = Update {
         keep: -beta,
         factor: 1.0,
@@ -237,7 +237,7 @@ pub(super) fn three_terms<const PARTS: usize>(
 impl Stepper for Lanczos {
     type State = Wave<f64>;
 
-    fn step(&mut self, t: f64, h: f64, state: &mut Wave<f64>) -> Result<(), Trouble> {
+    fn step(&mut self, t: f64, h: f64, state: &mut Wave<f64>) -> Result<(), StepError> {
         let [q, p] = &mut self.before;
         q.clone_from(&state.q);
         p.clone_from(&state.p);
@@ -256,4 +256,4 @@ impl Stepper for Lanczos {
     }
 }
 
-impl Memory for Lanczos {}
+impl Checkpoint for Lanczos {}

@@ -9,10 +9,10 @@
 //! Its shift and the number of steps come from the bounds of the terms, weighted and added up. Source: alvermann2011.
 
 use super::{Shears, Sweeper, Wave};
-use crate::problem::Present;
-use liouville_base::checkpoint::{Foreign, Memory};
+use crate::problem::HamiltonianAt;
+use liouville_base::checkpoint::{Checkpoint, CheckpointMismatch};
 use liouville_base::composition::{Composed, Flow};
-use liouville_base::error::Trouble;
+use liouville_base::error::StepError;
 use liouville_base::method::{Stats, Stepper};
 use liouville_base::simd::Stored;
 
@@ -63,11 +63,11 @@ pub struct Magnus<S: Stored> {
     nodes: Nodes,
     theta: f64,
     /// What made the state unusable, if anything did.
-    lost: Option<Trouble>,
+    lost: Option<StepError>,
     /// Least and largest eigenvalue of each term.
     bounds: Vec<(f64, f64)>,
     /// Weights and times of the nodes of an exponential.
-    taken: Vec<(f64, f64)>,
+    split_front: Vec<(f64, f64)>,
 }
 
 impl<S: Stored> Magnus<S> {
@@ -87,12 +87,12 @@ impl<S: Stored> Magnus<S> {
         assert!(rows.all(|row| row.len() == nodes.nodes.len()), "weights");
         let mut sweeper = sweeper;
         if sweeper.present.is_none() {
-            sweeper.present = Some(Present::new(sweeper.hamiltonian()));
+            sweeper.present = Some(HamiltonianAt::new(sweeper.hamiltonian()));
         }
         let shears = Shears::new(sweeper, 0.0, exponential.tolerance);
         Self {
             shears: Composed::following(shears, exponential.program),
-            taken: Vec::with_capacity(nodes.nodes.len()),
+            split_front: Vec::with_capacity(nodes.nodes.len()),
             theta: exponential.theta,
             lost: None,
             nodes,
@@ -104,8 +104,9 @@ impl<S: Stored> Magnus<S> {
     fn take(&mut self, row: usize, t: f64, h: f64) -> (f64, f64) {
         let nodes = self.nodes.nodes.iter();
         let weighted = self.nodes.rows[row].iter().zip(nodes);
-        self.taken.clear();
-        self.taken.extend(weighted.map(|(a, c)| (*a, t + c * h)));
+        self.split_front.clear();
+        self.split_front
+            .extend(weighted.map(|(a, c)| (*a, t + c * h)));
         let sweeper = self.shears.parts_mut().sweeper_mut();
         let hamiltonian = sweeper.hamiltonian().clone();
         let (mut low, mut high) = (0.0, 0.0);
@@ -115,7 +116,7 @@ impl<S: Stored> Magnus<S> {
             high += a.max(b);
         };
         if let Some(present) = &mut sweeper.present {
-            present.set(&hamiltonian, &self.taken);
+            present.set(&hamiltonian, &self.split_front);
             for (weight, bounds) in present.weights().iter().zip(&self.bounds) {
                 add(*weight, *bounds);
             }
@@ -133,12 +134,12 @@ impl<S: Stored> Magnus<S> {
         t: f64,
         h: f64,
         state: &mut Wave<S>,
-    ) -> Result<(), Trouble> {
+    ) -> Result<(), StepError> {
         let (low, high) = self.take(row, t, h);
         let (theta, most) = ((high - low) / 2.0 * h.abs(), self.theta);
         let steps = theta / most;
         if !steps.is_finite() {
-            return Err(Trouble::Spectrum { theta, most, t });
+            return Err(StepError::Spectrum { theta, most, t });
         }
         let steps = steps.ceil().max(1.0);
         let shift = low.midpoint(high);
@@ -152,23 +153,23 @@ impl<S: Stored> Magnus<S> {
             left -= 1.0;
         }
         state.turn(-shift * h / 2.0);
-        self.shears.settle(state)
+        self.shears.synchronize(state)
     }
 }
 
 impl<S: Stored> Stepper for Magnus<S> {
     type State = Wave<S>;
 
-    /// After a failed step the state is not to be used: [`Stepper::settle`] refuses it from then on.
-    fn step(&mut self, t: f64, h: f64, state: &mut Wave<S>) -> Result<(), Trouble> {
+    /// After a failed step the state is not to be used: [`Stepper::synchronize`] refuses it from then on.
+    fn step(&mut self, t: f64, h: f64, state: &mut Wave<S>) -> Result<(), StepError> {
         for row in 0..self.nodes.rows.len() {
             let made = self.exponential(row, t, h, state);
-            made.inspect_err(|trouble| self.lost = Some(trouble.clone()))?;
+            made.inspect_err(|error| self.lost = Some(error.clone()))?;
         }
         Ok(())
     }
 
-    fn settle(&mut self, _: &mut Wave<S>) -> Result<(), Trouble> {
+    fn synchronize(&mut self, _: &mut Wave<S>) -> Result<(), StepError> {
         self.lost.clone().map_or(Ok(()), Err)
     }
 
@@ -177,12 +178,12 @@ impl<S: Stored> Stepper for Magnus<S> {
     }
 }
 
-impl<S: Stored> Memory for Magnus<S> {
+impl<S: Stored> Checkpoint for Magnus<S> {
     fn save(&self, member: usize, out: &mut Vec<f64>) {
         self.shears.save(member, out);
     }
 
-    fn restore(&mut self, member: usize, saved: &mut &[f64]) -> Result<(), Foreign> {
+    fn restore(&mut self, member: usize, saved: &mut &[f64]) -> Result<(), CheckpointMismatch> {
         self.shears.restore(member, saved)
     }
 }

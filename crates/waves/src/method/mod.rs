@@ -4,7 +4,6 @@
 
 pub mod bessel;
 mod chebyshev;
-mod extent;
 mod lanczos;
 mod magnus;
 mod observe;
@@ -12,10 +11,10 @@ mod phases;
 mod processed;
 mod processor;
 mod shears;
+mod spectral_range;
 mod sweep;
 
 pub use chebyshev::Chebyshev;
-pub use extent::{Ritz, asymmetry, ritz};
 pub use lanczos::Lanczos;
 pub use magnus::{Exponential, Magnus, Nodes};
 pub use observe::{Observable, Observer};
@@ -23,10 +22,11 @@ pub use phases::Phases;
 pub use processed::Processed;
 pub use processor::Processor;
 pub use shears::Shears;
+pub use spectral_range::{Ritz, asymmetry, ritz};
 pub use sweep::{Move, Sums, Sweeper};
 
-use liouville_base::checkpoint::{Foreign, Memory};
-use liouville_base::error::Trouble;
+use liouville_base::checkpoint::{Checkpoint, CheckpointMismatch};
+use liouville_base::error::StepError;
 use liouville_base::real::Scalar;
 use std::f64::consts::TAU;
 
@@ -37,7 +37,7 @@ pub struct Wave<S> {
     pub q: Vec<S>,
     /// Imaginary part.
     pub p: Vec<S>,
-    /// Phase that is still to be taken off, below a turn.
+    /// Phase that is still to be split_front off, below a turn.
     pub phase: f64,
     /// Sum of the squares at the start, which stays.
     pub start: S,
@@ -76,7 +76,7 @@ impl<S: Scalar> Wave<S> {
         }
     }
 
-    /// The same with a phase that is to be taken off.
+    /// The same with a phase that is to be split_front off.
     ///
     /// Shears do not commute with a change of phase: e^{iσt} ψ, whose phase is σt, has to be the same at a
     /// time t however a run has come there, so that the next one undoes it or goes on.
@@ -112,15 +112,15 @@ fn refuse<S: Scalar>(
     start: S,
     t: f64,
     is_fine: impl Fn(f64, f64) -> bool,
-) -> Result<(), Trouble> {
+) -> Result<(), StepError> {
     for member in 0..S::MEMBERS {
         let (norm, start) = (now.member(member).sqrt(), start.member(member).sqrt());
         if !is_fine(norm, start) {
-            let trouble = Trouble::Norm { norm, start, t };
+            let error = StepError::Norm { norm, start, t };
             return Err(if S::MEMBERS > 1 {
-                trouble.of_member(member)
+                error.of_member(member)
             } else {
-                trouble
+                error
             });
         }
     }
@@ -128,7 +128,7 @@ fn refuse<S: Scalar>(
 }
 
 /// Refuses sums of squares `now` whose roots are not what they were by more than `tolerance`, relatively.
-fn guard<S: Scalar>(now: S, start: S, tolerance: f64, t: f64) -> Result<(), Trouble> {
+fn guard<S: Scalar>(now: S, start: S, tolerance: f64, t: f64) -> Result<(), StepError> {
     refuse(now, start, t, |now, start| {
         (now - start).abs() <= tolerance * start
     })
@@ -139,11 +139,11 @@ pub(super) fn check_norm<S: Scalar>(
     t: f64,
     tolerance: f64,
     state: &Wave<S>,
-) -> Result<(), Trouble> {
+) -> Result<(), StepError> {
     guard(squares(&state.q, &state.p), state.start, tolerance, t)
 }
 
-impl<S: Scalar> Memory for Wave<S> {
+impl<S: Scalar> Checkpoint for Wave<S> {
     fn save(&self, member: usize, out: &mut Vec<f64>) {
         self.q.save(member, out);
         self.p.save(member, out);
@@ -151,7 +151,7 @@ impl<S: Scalar> Memory for Wave<S> {
         std::slice::from_ref(&self.start).save(member, out);
     }
 
-    fn restore(&mut self, member: usize, saved: &mut &[f64]) -> Result<(), Foreign> {
+    fn restore(&mut self, member: usize, saved: &mut &[f64]) -> Result<(), CheckpointMismatch> {
         self.q.restore(member, saved)?;
         self.p.restore(member, saved)?;
         self.phase.restore(member, saved)?;

@@ -1,12 +1,12 @@
 //! What is recorded of a wave function at an output point.
 
 use super::{Wave, squares};
-use crate::problem::{Hamiltonian, Present, Scratch};
-use liouville_base::checkpoint::Memory;
-use liouville_base::error::{Quantity, Trouble};
+use crate::problem::{Hamiltonian, HamiltonianAt, Scratch};
+use liouville_base::checkpoint::Checkpoint;
+use liouville_base::error::{Quantity, StepError};
 use liouville_base::observe::Observe;
 use liouville_base::real::Scalar;
-use liouville_base::simd::Machine;
+use liouville_base::simd::InstructionSet;
 use std::sync::Arc;
 
 /// A quantity of a wave function.
@@ -32,7 +32,7 @@ impl Observable {
     }
 
     /// H as it is at a time.
-    fn present(&self, t: f64) -> Option<Present> {
+    fn present(&self, t: f64) -> Option<HamiltonianAt> {
         let Self::Symmetric(hamiltonian) = self else {
             return None;
         };
@@ -51,7 +51,7 @@ pub struct Observer {
     observables: Vec<Observable>,
     /// What each member was first, if that is to be known.
     starts: Vec<[Vec<f64>; 2]>,
-    machine: Machine,
+    machine: InstructionSet,
     product: Vec<f64>,
     scratch: Scratch,
 }
@@ -64,7 +64,7 @@ impl Observer {
             states,
             observables,
             starts: Vec::new(),
-            machine: Machine::default(),
+            machine: InstructionSet::default(),
             product: Vec::new(),
             scratch: Scratch::default(),
         }
@@ -83,7 +83,7 @@ impl Observer {
         t: f64,
         parts @ [q, p]: &[Vec<f64>; 2],
         row: &mut Vec<f64>,
-    ) -> Result<(), Trouble> {
+    ) -> Result<(), StepError> {
         if self.states {
             row.extend(q.iter().zip(p).flat_map(|(q, p)| [*q, *p]));
         }
@@ -102,7 +102,7 @@ impl Observer {
         Ok(())
     }
 
-    fn expectation(&mut self, k: usize, t: f64, [q, p]: &[Vec<f64>; 2]) -> Result<f64, Trouble> {
+    fn expectation(&mut self, k: usize, t: f64, [q, p]: &[Vec<f64>; 2]) -> Result<f64, StepError> {
         let present = self.observables[k].present(t);
         let Observable::Symmetric(hamiltonian) = &self.observables[k] else {
             return Ok(0.0);
@@ -139,7 +139,7 @@ fn overlap([a, b]: [&[f64]; 2], [q, p]: [&[f64]; 2]) -> [f64; 2] {
     [dot(a, q) + dot(b, p), dot(a, p) - dot(b, q)]
 }
 
-/// Real and imaginary part of a member, with the phase taken off.
+/// Real and imaginary part of a member, with the phase split_front off.
 fn parts<S: Scalar>(state: &Wave<S>, member: usize) -> [Vec<f64>; 2] {
     let (sin, cos) = state.phase.sin_cos();
     let pairs = state.q.iter().zip(&state.p);
@@ -156,7 +156,7 @@ impl<S: Scalar> Observe<Wave<S>> for Observer {
         self.members * self.columns(state.q.len())
     }
 
-    fn observe(&mut self, t: f64, state: &Wave<S>, row: &mut Vec<f64>) -> Result<(), Trouble> {
+    fn observe(&mut self, t: f64, state: &Wave<S>, row: &mut Vec<f64>) -> Result<(), StepError> {
         let start = row.len();
         let is_wanted = |observable: &Observable| matches!(observable, Observable::Start);
         let keeps_starts = self.starts.is_empty() && self.observables.iter().any(is_wanted);
@@ -171,13 +171,13 @@ impl<S: Scalar> Observe<Wave<S>> for Observer {
                     None => Ok(()),
                     Some(index) => {
                         let quantity = Quantity::Observable;
-                        Err(Trouble::NotFinite { quantity, index, t })
+                        Err(StepError::NotFinite { quantity, index, t })
                     }
                 }
             });
-            appended.map_err(|trouble| {
+            appended.map_err(|error| {
                 row.truncate(start);
-                trouble.of_member(member)
+                error.of_member(member)
             })?;
         }
         Ok(())
@@ -185,4 +185,4 @@ impl<S: Scalar> Observe<Wave<S>> for Observer {
 }
 
 /// What each member was first is with whoever observes a start.
-impl Memory for Observer {}
+impl Checkpoint for Observer {}

@@ -1,19 +1,19 @@
 //! Split operator: e^{−ihT} and e^{−ihV} in turn, each of them exact, for H = T + V(t) on a periodic grid.
 //!
-//! T is diagonal after a Fourier transform, V before it. Time is a variable that goes on with T: V is taken at
+//! T is diagonal after a Fourier transform, V before it. Time is a variable that goes on with T: V is split_front at
 //! the time that the flows of T before it have reached, so that a list of flows keeps its order where V
 //! depends on time (blanes2002). Planes of the grid stay transformed along all axes but the outermost between
 //! two flows of V, and a flow of V visits them one by one.
 
 use super::{Wave, check_norm};
 use crate::problem::fourier::{self, Complex};
-use crate::problem::{Block, Hamiltonian, Kinetic, Operator, Present, Update};
-use liouville_base::cancel::Patience;
-use liouville_base::checkpoint::Memory;
+use crate::problem::{Block, Hamiltonian, HamiltonianAt, Kinetic, Operator, Update};
+use liouville_base::cancel::CancelToken;
+use liouville_base::checkpoint::Checkpoint;
 use liouville_base::composition::{Flow, Parts};
-use liouville_base::error::Trouble;
+use liouville_base::error::StepError;
 use liouville_base::method::Stats;
-use liouville_base::simd::{Kernel, Machine, Number, Stored, Visit, Window, Windows};
+use liouville_base::simd::{ForEach, InstructionSet, Kernel, Number, SimdView, SimdViews, Stored};
 use std::sync::Arc;
 
 /// Part 0 is T, part 1 is V.
@@ -23,16 +23,16 @@ pub struct Phases {
     kinetic: Arc<Kinetic>,
     /// The other terms, each with its place among all.
     diagonals: Vec<(usize, Vec<f64>)>,
-    present: Option<Present>,
+    present: Option<HamiltonianAt>,
     potential: Vec<f64>,
     tolerance: f64,
-    patience: Patience,
-    machine: Machine,
+    cancel: CancelToken,
+    machine: InstructionSet,
     tables: Vec<Table>,
     kicks: Vec<Kick>,
     psi: Vec<Complex>,
     turns: [Vec<f64>; 2],
-    memory: fourier::Memory,
+    memory: fourier::FourierScratch,
     made: usize,
 }
 
@@ -61,7 +61,7 @@ impl Phases {
     /// Flows of a Hamiltonian with one kinetic term of weight 1 whose other terms are diagonal, none if it is
     /// another one; the norm may be off by `tolerance`, relatively, before a state is refused.
     pub fn new(hamiltonian: Arc<Hamiltonian>, tolerance: f64) -> Option<Self> {
-        let machine = Machine::default();
+        let machine = InstructionSet::default();
         let (mut kinetic, mut diagonals) = (None, Vec::new());
         for (k, term) in hamiltonian.terms().iter().enumerate() {
             match term {
@@ -77,10 +77,10 @@ impl Phases {
             present: hamiltonian.present(),
             turns: [0, 1].map(|_| vec![0.0; kinetic.grid().plane()]),
             psi: vec![Complex::default(); n],
-            patience: Patience::default(),
+            cancel: CancelToken::default(),
             tables: Vec::with_capacity(TABLES),
             kicks: Vec::new(),
-            memory: fourier::Memory::default(),
+            memory: fourier::FourierScratch::default(),
             made: 0,
             hamiltonian,
             kinetic,
@@ -91,10 +91,10 @@ impl Phases {
         })
     }
 
-    /// The same, stopping where `patience` is lost.
+    /// The same, stopping where `cancel` is lost.
     #[must_use]
-    pub fn with_patience(self, patience: Patience) -> Self {
-        Self { patience, ..self }
+    pub fn with_cancel(self, cancel: CancelToken) -> Self {
+        Self { cancel, ..self }
     }
 
     /// Takes the potential at `t`, if it depends on it.
@@ -169,15 +169,15 @@ impl Phases {
         &mut self,
         flows: impl Iterator<Item = (usize, f64, f64)>,
         state: &mut Wave<f64>,
-    ) -> Result<(), Trouble> {
+    ) -> Result<(), StepError> {
         for (psi, (q, p)) in self.psi.iter_mut().zip(state.q.iter().zip(&state.p)) {
             *psi = Complex::new(*q, *p);
         }
         let mut flows = flows.peekable();
         let mut is_transformed = false;
         while let Some((part, t, s)) = flows.next() {
-            if self.patience.is_lost() {
-                return Err(Trouble::Interrupted);
+            if self.cancel.is_cancelled() {
+                return Err(StepError::Interrupted);
             }
             let next_is_kinetic = flows.peek().is_some_and(|next| next.0 == 0);
             if part == 1 {
@@ -207,7 +207,7 @@ impl Phases {
 }
 
 /// The diagonal of a term that has nothing else.
-fn diagonal(machine: Machine, term: &Operator) -> Option<Vec<f64>> {
+fn diagonal(machine: InstructionSet, term: &Operator) -> Option<Vec<f64>> {
     if term.reach()? > 0 {
         return None;
     }
@@ -243,7 +243,7 @@ fn multiply(psi: &mut [Complex], cos: &[f64], sin: &[f64]) {
 }
 
 /// cos(v s) and sin(v s)
-fn turn(machine: Machine, v: &[f64], s: f64, [cos, sin]: &mut [Vec<f64>; 2]) {
+fn turn(machine: InstructionSet, v: &[f64], s: f64, [cos, sin]: &mut [Vec<f64>; 2]) {
     f64::run(machine, Turns { v, s, cos, sin });
 }
 
@@ -259,15 +259,15 @@ impl Kernel<f64> for Turns<'_> {
 
     #[allow(clippy::inline_always)] // compiled for one instruction set as a whole
     #[inline(always)]
-    fn run<W: Windows<Stored = f64>>(mut self, windows: W) {
+    fn run<W: SimdViews<Stored = f64>>(mut self, windows: W) {
         windows.each(self.v.len(), &mut self);
     }
 }
 
-impl Visit<f64> for Turns<'_> {
+impl ForEach<f64> for Turns<'_> {
     #[allow(clippy::inline_always)]
     #[inline(always)]
-    fn visit<W: Window<Stored = f64>>(&mut self, window: W) -> bool {
+    fn visit<W: SimdView<Stored = f64>>(&mut self, window: W) -> bool {
         let angle = window.load(self.v, 0).scaled(self.s);
         window.store(self.cos, 0, angle.cos());
         window.store(self.sin, 0, angle.sin());
@@ -293,7 +293,7 @@ impl Parts for Phases {
         t: f64,
         h: f64,
         state: &mut Wave<f64>,
-    ) -> Result<(), Trouble> {
+    ) -> Result<(), StepError> {
         self.walk([(part, t, h)].into_iter(), state)
     }
 
@@ -305,7 +305,7 @@ impl Parts for Phases {
         t: f64,
         h: f64,
         state: &mut Wave<f64>,
-    ) -> Result<(), Trouble> {
+    ) -> Result<(), StepError> {
         let mut before = before;
         let flows = flows.iter().map(|flow| {
             let length = std::mem::take(&mut before) + flow.weight * h;
@@ -314,7 +314,7 @@ impl Parts for Phases {
         self.walk(flows, state)
     }
 
-    fn check(&self, t: f64, state: &Wave<f64>) -> Result<(), Trouble> {
+    fn check(&self, t: f64, state: &Wave<f64>) -> Result<(), StepError> {
         check_norm(t, self.tolerance, state)
     }
 
@@ -334,4 +334,4 @@ impl Parts for Phases {
     }
 }
 
-impl Memory for Phases {}
+impl Checkpoint for Phases {}

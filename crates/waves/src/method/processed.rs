@@ -5,9 +5,9 @@
 
 use super::processor::Processor;
 use super::{Shears, Wave, check_norm};
-use liouville_base::checkpoint::{Foreign, Memory};
+use liouville_base::checkpoint::{Checkpoint, CheckpointMismatch};
 use liouville_base::composition::Composed;
-use liouville_base::error::Trouble;
+use liouville_base::error::StepError;
 use liouville_base::method::{Stats, Stepper};
 use liouville_base::simd::Stored;
 
@@ -35,7 +35,7 @@ impl<S: Stored> Processed<S> {
         }
     }
 
-    fn process(&mut self, h: f64, state: &mut Wave<S>, is_inverse: bool) -> Result<(), Trouble> {
+    fn process(&mut self, h: f64, state: &mut Wave<S>, is_inverse: bool) -> Result<(), StepError> {
         let shears = self.kernel.parts_mut();
         let shift = shears.shift();
         let sweeper = shears.sweeper_mut();
@@ -48,7 +48,7 @@ impl<S: Stored> Stepper for Processed<S> {
     type State = Wave<S>;
 
     /// The step must be the same until the state is looked at.
-    fn step(&mut self, t: f64, h: f64, state: &mut Wave<S>) -> Result<(), Trouble> {
+    fn step(&mut self, t: f64, h: f64, state: &mut Wave<S>) -> Result<(), StepError> {
         if self.inside.is_none() {
             self.process(h, state, true)?;
         }
@@ -57,8 +57,8 @@ impl<S: Stored> Stepper for Processed<S> {
         Ok(())
     }
 
-    fn settle(&mut self, state: &mut Wave<S>) -> Result<(), Trouble> {
-        self.kernel.settle(state)?;
+    fn synchronize(&mut self, state: &mut Wave<S>) -> Result<(), StepError> {
+        self.kernel.synchronize(state)?;
         if let Some((h, t)) = self.inside.take() {
             self.process(h, state, false)?;
             check_norm(t, self.tolerance, state)?;
@@ -71,13 +71,13 @@ impl<S: Stored> Stepper for Processed<S> {
     }
 }
 
-impl<S: Stored> Memory for Processed<S> {
+impl<S: Stored> Checkpoint for Processed<S> {
     fn save(&self, member: usize, out: &mut Vec<f64>) {
         self.kernel.save(member, out);
         self.inside.save(member, out);
     }
 
-    fn restore(&mut self, member: usize, saved: &mut &[f64]) -> Result<(), Foreign> {
+    fn restore(&mut self, member: usize, saved: &mut &[f64]) -> Result<(), CheckpointMismatch> {
         self.kernel.restore(member, saved)?;
         self.inside.restore(member, saved)
     }

@@ -10,7 +10,7 @@
 
 use super::{Move, Sweeper, Wave};
 use crate::problem::Update;
-use liouville_base::error::Trouble;
+use liouville_base::error::StepError;
 use liouville_base::simd::Stored;
 use liouville_base::tableau::Stable;
 use std::f64::consts::PI;
@@ -62,14 +62,14 @@ impl Processor {
     /// ψ ← P ψ, or P⁻¹ ψ, for steps `h` of H − `shift`.
     ///
     /// # Errors
-    /// A product failed, or patience was lost; ψ is then what it was.
+    /// A product failed, or cancel was lost; ψ is then what it was.
     pub fn apply<S: Stored>(
         &self,
         sweeper: &mut Sweeper<S>,
         (shift, h): (f64, f64),
         wave: &mut Wave<S>,
         is_inverse: bool,
-    ) -> Result<(), Trouble> {
+    ) -> Result<(), StepError> {
         let moves = self.moves(shift, h, is_inverse);
         let first = self.coefficients[0];
         let (mut q, mut p) = (scaled(&wave.q, first), scaled(&wave.p, first));

@@ -3,9 +3,9 @@
 
 use super::{Move, Sweeper, Wave, check_norm};
 use crate::problem::Update;
-use liouville_base::checkpoint::Memory;
+use liouville_base::checkpoint::Checkpoint;
 use liouville_base::composition::{Flow, Parts};
-use liouville_base::error::Trouble;
+use liouville_base::error::StepError;
 use liouville_base::method::Stats;
 use liouville_base::simd::Stored;
 
@@ -59,7 +59,7 @@ impl<S: Stored> Shears<S> {
         });
     }
 
-    fn make(&mut self, state: &mut Wave<S>) -> Result<(), Trouble> {
+    fn make(&mut self, state: &mut Wave<S>) -> Result<(), StepError> {
         self.sweeper
             .run(&self.moves, &mut state.q, &mut state.p, None)
     }
@@ -85,7 +85,7 @@ impl<S: Stored> Parts for Shears<S> {
         _: f64,
         h: f64,
         state: &mut Wave<S>,
-    ) -> Result<(), Trouble> {
+    ) -> Result<(), StepError> {
         self.moves.clear();
         self.add(part, h);
         self.make(state)
@@ -98,7 +98,7 @@ impl<S: Stored> Parts for Shears<S> {
         _: f64,
         h: f64,
         state: &mut Wave<S>,
-    ) -> Result<(), Trouble> {
+    ) -> Result<(), StepError> {
         self.moves.clear();
         let mut before = before;
         for flow in flows {
@@ -110,7 +110,7 @@ impl<S: Stored> Parts for Shears<S> {
         Ok(())
     }
 
-    fn check(&self, t: f64, state: &Wave<S>) -> Result<(), Trouble> {
+    fn check(&self, t: f64, state: &Wave<S>) -> Result<(), StepError> {
         check_norm(t, self.tolerance, state)
     }
 
@@ -129,4 +129,4 @@ impl<S: Stored> Parts for Shears<S> {
     }
 }
 
-impl<S> Memory for Shears<S> {}
+impl<S> Checkpoint for Shears<S> {}

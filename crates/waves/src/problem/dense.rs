@@ -6,7 +6,7 @@
 
 use super::update::update;
 use super::{Block, Update};
-use liouville_base::simd::{Kernel, Machine, Stored, Visit, Window, Windows};
+use liouville_base::simd::{ForEach, InstructionSet, Kernel, SimdView, SimdViews, Stored};
 
 /// Rows of a panel.
 const PANEL: usize = 64;
@@ -47,7 +47,12 @@ impl Dense {
     }
 
     /// Updates a block of rows.
-    pub(super) fn act<S: Stored>(&self, machine: Machine, update: Update, block: Block<'_, S>) {
+    pub(super) fn act<S: Stored>(
+        &self,
+        machine: InstructionSet,
+        update: Update,
+        block: Block<'_, S>,
+    ) {
         let dense = self;
         let act = Act {
             dense,
@@ -68,7 +73,7 @@ impl<S> Kernel<S> for Act<'_, S> {
     type Output = ();
 
     #[inline(always)]
-    fn run<W: Windows<Stored = S>>(self, windows: W) {
+    fn run<W: SimdViews<Stored = S>>(self, windows: W) {
         let Block { row, out, place, x } = self.block;
         let (n, end) = (self.dense.n, row + out.len());
         let x = &x[..n];
@@ -104,9 +109,9 @@ struct Rows<'a, S> {
     out: &'a mut [S],
 }
 
-impl<S> Visit<S> for Rows<'_, S> {
+impl<S> ForEach<S> for Rows<'_, S> {
     #[inline(always)]
-    fn visit<W: Window<Stored = S>>(&mut self, window: W) -> bool {
+    fn visit<W: SimdView<Stored = S>>(&mut self, window: W) -> bool {
         let mut sum = window.constant(0.0);
         for (j, column) in self.panel.chunks_exact(self.width).enumerate() {
             sum = sum + window.shared(column, self.within) * window.every(self.x, j);

@@ -6,7 +6,7 @@
 
 use super::update::update;
 use super::{Block, Update};
-use liouville_base::simd::{Kernel, Machine, Number, Stored, Visit, Window, Windows};
+use liouville_base::simd::{ForEach, InstructionSet, Kernel, Number, SimdView, SimdViews, Stored};
 use std::collections::{HashMap, HashSet};
 use std::ops::Range;
 
@@ -90,7 +90,12 @@ impl Diagonals {
     }
 
     /// Updates a block of rows.
-    pub(super) fn act<S: Stored>(&self, machine: Machine, update: Update, block: Block<'_, S>) {
+    pub(super) fn act<S: Stored>(
+        &self,
+        machine: InstructionSet,
+        update: Update,
+        block: Block<'_, S>,
+    ) {
         let diagonals = self;
         let act = Act {
             diagonals,
@@ -191,7 +196,7 @@ impl<S> Kernel<S> for Act<'_, S> {
     type Output = ();
 
     #[inline(always)]
-    fn run<W: Windows<Stored = S>>(self, windows: W) {
+    fn run<W: SimdViews<Stored = S>>(self, windows: W) {
         let Block { row, out, place, x } = self.block;
         let Diagonals {
             runs,
@@ -233,7 +238,7 @@ struct Rows<'a, S> {
 
 impl<S> Rows<'_, S> {
     #[inline(always)]
-    fn term<W: Window<Stored = S>>(&self, window: W, entry: Entry) -> W::Number {
+    fn term<W: SimdView<Stored = S>>(&self, window: W, entry: Entry) -> W::Number {
         let place = self.row + entry.offset - self.before;
         let x = window.load(self.x, place.cast_unsigned());
         match entry.source {
@@ -245,9 +250,9 @@ impl<S> Rows<'_, S> {
     }
 }
 
-impl<S> Visit<S> for Rows<'_, S> {
+impl<S> ForEach<S> for Rows<'_, S> {
     #[inline(always)]
-    fn visit<W: Window<Stored = S>>(&mut self, window: W) -> bool {
+    fn visit<W: SimdView<Stored = S>>(&mut self, window: W) -> bool {
         let mut sum = window.constant(0.0);
         if let Some((first, others)) = self.entries.split_first() {
             sum = self.term(window, *first);

@@ -15,9 +15,9 @@ pub type Complex = rustfft::num_complex::Complex<f64>;
 /// the same time, 16 a tenth more and 32 a third.
 const LINES: usize = 8;
 
-/// Memory of transforms.
+/// FourierScratch of transforms.
 #[derive(Clone, Debug, Default)]
-pub struct Memory {
+pub struct FourierScratch {
     /// The transform of a real array.
     pub(super) spectrum: Vec<Complex>,
     /// A line of numbers.
@@ -84,8 +84,8 @@ impl Across {
         })
     }
 
-    /// Does `each` to tiles of lines one after another, told the place of their first one.
-    fn tiles<F>(&self, data: &mut [Complex], work: &mut Work, mut each: F)
+    /// Does `each` to blocking of lines one after another, told the place of their first one.
+    fn blocking<F>(&self, data: &mut [Complex], work: &mut Work, mut each: F)
     where
         F: FnMut(usize, &mut [Complex], &mut Work),
     {
@@ -110,7 +110,7 @@ impl Across {
     }
 
     fn run(&self, is_inverse: bool, data: &mut [Complex], work: &mut Work) {
-        self.tiles(data, work, |_, tile, work| {
+        self.blocking(data, work, |_, tile, work| {
             self.line.run(is_inverse, tile, work);
         });
     }
@@ -124,7 +124,7 @@ impl Across {
     ) where
         Complex: std::ops::Mul<T, Output = Complex>,
     {
-        self.tiles(data, work, |first, tile, work| {
+        self.blocking(data, work, |first, tile, work| {
             self.line.run(false, tile, work);
             for (j, line) in tile.chunks_exact_mut(self.length).enumerate() {
                 for (k, value) in line.iter_mut().enumerate() {
@@ -175,13 +175,13 @@ impl RealGrid {
     /// the outermost axis and in a plane, transforms back, and hands each line to `write`.
     pub(super) fn multiply(
         &self,
-        memory: &mut Memory,
+        memory: &mut FourierScratch,
         lines: usize,
         read: impl Fn(usize, &mut [f64]),
         factor: impl Fn(usize, usize) -> f64,
         mut write: impl FnMut(usize, &[f64]),
     ) {
-        let Memory {
+        let FourierScratch {
             spectrum,
             line,
             work,
@@ -254,7 +254,7 @@ impl Grid {
     }
 
     /// Transforms a plane.
-    pub fn forward(&self, plane: &mut [Complex], memory: &mut Memory) {
+    pub fn forward(&self, plane: &mut [Complex], memory: &mut FourierScratch) {
         self.last.run(false, plane, &mut memory.work);
         if let Some(middle) = &self.middle {
             middle.run(false, plane, &mut memory.work);
@@ -262,7 +262,7 @@ impl Grid {
     }
 
     /// Transforms a plane back.
-    pub fn inverse(&self, plane: &mut [Complex], memory: &mut Memory) {
+    pub fn inverse(&self, plane: &mut [Complex], memory: &mut FourierScratch) {
         if let Some(middle) = &self.middle {
             middle.run(true, plane, &mut memory.work);
         }
@@ -273,7 +273,7 @@ impl Grid {
     pub fn multiply(
         &self,
         data: &mut [Complex],
-        memory: &mut Memory,
+        memory: &mut FourierScratch,
         along: &[Complex],
         within: &[Complex],
     ) {

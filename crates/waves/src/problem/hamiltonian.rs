@@ -1,9 +1,9 @@
 //! A Hamiltonian as a weighted sum of its terms.
 
-use super::fourier::Memory;
-use super::{Block, Drive, Operator, Potential, Present, Product, Update};
-use liouville_base::error::Trouble;
-use liouville_base::simd::{Machine, Stored};
+use super::fourier::FourierScratch;
+use super::{Block, Drive, HamiltonianAt, Operator, Potential, Product, Update};
+use liouville_base::error::StepError;
+use liouville_base::simd::{InstructionSet, Stored};
 
 /// The terms H_k, read-only, and how they depend on time: H(t) = Σ f_k(t) H_k + V(t).
 #[derive(Clone)]
@@ -72,8 +72,8 @@ impl Hamiltonian {
     }
 
     /// Memory for what holds at a time; none where nothing depends on it.
-    pub fn present(&self) -> Option<Present> {
-        self.is_driven().then(|| Present::new(self))
+    pub fn present(&self) -> Option<HamiltonianAt> {
+        self.is_driven().then(|| HamiltonianAt::new(self))
     }
 
     /// All terms with weight 1, and no potential.
@@ -82,7 +82,7 @@ impl Hamiltonian {
     }
 
     /// What is in force, if anything depends on time.
-    pub fn at<'a>(&'a self, present: Option<&'a Present>) -> Weighted<'a> {
+    pub fn at<'a>(&'a self, present: Option<&'a HamiltonianAt>) -> Weighted<'a> {
         Weighted {
             terms: &self.terms,
             weights: present.map(|present| &present.weights[..]),
@@ -107,7 +107,7 @@ pub struct Weighted<'a> {
 pub struct Scratch {
     from: Vec<f64>,
     to: Vec<f64>,
-    memory: Memory,
+    memory: FourierScratch,
 }
 
 impl Weighted<'_> {
@@ -129,7 +129,7 @@ impl Weighted<'_> {
     ///
     /// # Panics
     /// When a term is a whole one.
-    pub fn act<S: Stored>(&self, machine: Machine, update: Update, block: Block<'_, S>) {
+    pub fn act<S: Stored>(&self, machine: InstructionSet, update: Update, block: Block<'_, S>) {
         let Block { row, out, place, x } = block;
         for (k, term) in self.terms.iter().enumerate() {
             let out = &mut *out;
@@ -158,12 +158,12 @@ impl Weighted<'_> {
     /// A product failed; `out` may be anything then.
     pub fn update<S: Stored>(
         &self,
-        machine: Machine,
+        machine: InstructionSet,
         update: Update,
         x: &[S],
         out: &mut [S],
         scratch: &mut Scratch,
-    ) -> Result<(), Trouble> {
+    ) -> Result<(), StepError> {
         let (row, place) = (0, 0);
         for (k, term) in self.terms.iter().enumerate() {
             let (update, out) = (self.part(k, update), &mut *out);
@@ -189,11 +189,11 @@ impl Weighted<'_> {
     /// A product failed.
     pub fn multiply<S: Stored>(
         &self,
-        machine: Machine,
+        machine: InstructionSet,
         x: &[S],
         out: &mut [S],
         scratch: &mut Scratch,
-    ) -> Result<(), Trouble> {
+    ) -> Result<(), StepError> {
         out.fill(S::splat(0.0));
         self.update(machine, Update::added(1.0), x, out, scratch)
     }
@@ -206,14 +206,14 @@ fn apply<S: Stored>(
     x: &[S],
     out: &mut [S],
     scratch: &mut Scratch,
-) -> Result<(), Trouble> {
+) -> Result<(), StepError> {
     let Scratch { from, to, .. } = scratch;
     for member in 0..S::MEMBERS {
         from.clear();
         from.extend(x.iter().map(|x| x.member(member)));
         to.resize(x.len(), 0.0);
         if !product.multiply(from, to) {
-            return Err(Trouble::Interrupted);
+            return Err(StepError::Interrupted);
         }
         for ((out, x), product) in out.iter_mut().zip(&*from).zip(&*to) {
             let change = update.factor * product + update.diagonal * x;

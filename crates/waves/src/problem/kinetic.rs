@@ -6,7 +6,7 @@
 //! a real product, by half the work of a complex one.
 
 use super::Update;
-use super::fourier::{Complex, Grid, Memory, RealGrid, padded};
+use super::fourier::{Complex, FourierScratch, Grid, RealGrid, padded};
 use liouville_base::simd::Stored;
 
 /// How far energies of k and −k may differ, relatively to the largest.
@@ -99,7 +99,7 @@ impl Kinetic {
         update: Update,
         x: &[S],
         out: &mut [S],
-        memory: &mut Memory,
+        memory: &mut FourierScratch,
     ) {
         let (length, lines) = (self.shape[2], self.shape[0] * self.shape[1]);
         for member in 0..S::MEMBERS {

@@ -9,9 +9,9 @@ mod diagonals;
 mod drive;
 pub mod fourier;
 mod hamiltonian;
+mod hamiltonian_at;
 mod kinetic;
 mod potential;
-mod present;
 mod product;
 mod rows;
 mod sparse;
@@ -22,15 +22,15 @@ pub use dense::Dense;
 pub use diagonals::Diagonals;
 pub use drive::Drive;
 pub use hamiltonian::{Hamiltonian, Scratch, Weighted};
+pub use hamiltonian_at::HamiltonianAt;
 pub use kinetic::Kinetic;
 pub use potential::Potential;
-pub use present::Present;
 pub use product::Product;
 pub use sparse::Sparse;
 pub use spins::{Bond, Spins};
 
 use liouville_base::linalg::Rows;
-use liouville_base::simd::{Machine, Stored};
+use liouville_base::simd::{InstructionSet, Stored};
 use std::sync::Arc;
 
 /// What becomes of a product: out ← keep·out + factor·H x + diagonal·x.
@@ -138,7 +138,7 @@ impl Operator {
     ///
     /// # Panics
     /// When this is a whole term.
-    pub fn act<S: Stored>(&self, machine: Machine, update: Update, block: Block<'_, S>) {
+    pub fn act<S: Stored>(&self, machine: InstructionSet, update: Update, block: Block<'_, S>) {
         match self {
             Self::Rows(rows) => rows::act(rows, machine, update, block),
             Self::Sparse(sparse) => sparse.act(machine, update, block),

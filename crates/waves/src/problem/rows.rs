@@ -4,11 +4,16 @@
 use super::update::update;
 use super::{Block, Update};
 use liouville_base::linalg::Rows;
-use liouville_base::simd::{Kernel, Machine, Number, Stored, Visit, Window, Windows};
+use liouville_base::simd::{ForEach, InstructionSet, Kernel, Number, SimdView, SimdViews, Stored};
 use std::ops::Range;
 
 /// Updates a block of rows.
-pub(super) fn act<S: Stored>(rows: &Rows, machine: Machine, update: Update, block: Block<'_, S>) {
+pub(super) fn act<S: Stored>(
+    rows: &Rows,
+    machine: InstructionSet,
+    update: Update,
+    block: Block<'_, S>,
+) {
     let act = Act {
         rows,
         update,
@@ -27,7 +32,7 @@ impl<S> Kernel<S> for Act<'_, S> {
     type Output = ();
 
     #[inline(always)]
-    fn run<W: Windows<Stored = S>>(self, windows: W) {
+    fn run<W: SimdViews<Stored = S>>(self, windows: W) {
         let Block { row, out, place, x } = self.block;
         for (k, out) in out.iter_mut().enumerate() {
             let (cols, values) = self.rows.row(row + k);
@@ -48,7 +53,7 @@ impl<S> Kernel<S> for Act<'_, S> {
 /// Adds the products of some listed rows.
 pub(super) fn add_listed<S: Stored>(
     listed: (&Rows, &[usize], Range<usize>),
-    machine: Machine,
+    machine: InstructionSet,
     factor: f64,
     block: Block<'_, S>,
 ) {
@@ -72,7 +77,7 @@ impl<S> Kernel<S> for Listed<'_, S> {
     type Output = ();
 
     #[inline(always)]
-    fn run<W: Windows<Stored = S>>(self, windows: W) {
+    fn run<W: SimdViews<Stored = S>>(self, windows: W) {
         let Block { row, out, place, x } = self.block;
         let (rows, numbers, which) = self.which;
         for k in which {
@@ -103,9 +108,9 @@ struct Row<'a, S> {
     out: &'a mut [S],
 }
 
-impl<S> Visit<S> for Row<'_, S> {
+impl<S> ForEach<S> for Row<'_, S> {
     #[inline(always)]
-    fn visit<W: Window<Stored = S>>(&mut self, window: W) -> bool {
+    fn visit<W: SimdView<Stored = S>>(&mut self, window: W) -> bool {
         let mut sum = window.constant(0.0);
         for (col, value) in self.cols.iter().zip(self.values) {
             let x = window.load(self.x, *col as usize - self.place);

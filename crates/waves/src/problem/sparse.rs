@@ -2,7 +2,7 @@
 
 use super::{Block, Diagonals, Update, rows};
 use liouville_base::linalg::Rows;
-use liouville_base::simd::{Machine, Stored};
+use liouville_base::simd::{InstructionSet, Stored};
 use std::collections::HashMap;
 
 /// Diagonals, and what lies beside them.
@@ -76,7 +76,12 @@ impl Sparse {
     }
 
     /// Updates a block of rows.
-    pub(super) fn act<S: Stored>(&self, machine: Machine, update: Update, block: Block<'_, S>) {
+    pub(super) fn act<S: Stored>(
+        &self,
+        machine: InstructionSet,
+        update: Update,
+        block: Block<'_, S>,
+    ) {
         let Block { row, out, place, x } = block;
         let mine = Block {
             row,

@@ -2,11 +2,11 @@
 #![allow(clippy::inline_always)] // all of a kernel is compiled for one instruction set
 
 use super::Update;
-use liouville_base::simd::{Number, Window};
+use liouville_base::simd::{Number, SimdView};
 
 /// Updates `out[to]`, or what follows it, by a product with what is at `x[from]`.
 #[inline(always)]
-pub(super) fn update<W: Window>(
+pub(super) fn update<W: SimdView>(
     window: W,
     by: Update,
     (x, from): (&[W::Stored], usize),

@@ -1,9 +1,9 @@
 //! Steps as long as the estimated errors allow.
 
-use super::clock::Clock;
-use super::{Pace, Sizes};
-use crate::checkpoint::{Foreign, Memory};
-use crate::error::Trouble;
+use super::time::CompensatedTime;
+use super::{StepControl, StepSizes};
+use crate::checkpoint::{Checkpoint, CheckpointMismatch};
+use crate::error::StepError;
 use crate::method::Estimating;
 
 /// The next step is this much smaller than the one whose error would just be the tolerance.
@@ -24,19 +24,19 @@ const LEAST_ERROR: f64 = 1e-8;
 ///
 /// Source: gustafsson1991; hairer1996, IV.2.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Controlled {
-    clock: Clock,
+pub struct Adaptive {
+    time: CompensatedTime,
     h: f64,
     least: f64,
     last_error: f64,
     rejected: usize,
 }
 
-impl Controlled {
+impl Adaptive {
     /// From `t0` to `t1` with a first step `h`, refusing steps below `least`; both positive.
     pub fn new(t0: f64, t1: f64, h: f64, least: f64) -> Self {
         Self {
-            clock: Clock::new(t0, t1),
+            time: CompensatedTime::new(t0, t1),
             h,
             least,
             last_error: 1.0,
@@ -46,7 +46,7 @@ impl Controlled {
 
     /// The step to try, signed: the last two share what is left.
     fn fitted(&self) -> f64 {
-        let left = self.clock.left();
+        let left = self.time.left();
         let h = if self.h >= left.abs() {
             left.abs()
         } else {
@@ -56,7 +56,7 @@ impl Controlled {
     }
 
     fn accept(&mut self, h: f64, error: f64, order: f64) {
-        self.clock.advance(h);
+        self.time.advance(h);
         let error = error.max(LEAST_ERROR);
         let possible = SAFETY * error.powf(-1.0 / order);
         if !(1.0..WORTH_IT).contains(&possible) {
@@ -67,30 +67,30 @@ impl Controlled {
     }
 
     /// Shortens the step, unless it is the shortest.
-    fn reject(&mut self, h: f64, factor: f64, error: f64) -> Result<(), Trouble> {
+    fn reject(&mut self, h: f64, factor: f64, error: f64) -> Result<(), StepError> {
         self.rejected += 1;
         self.h = factor.max(SHRINK) * h.abs();
         if self.h < self.least {
-            return Err(Trouble::StepTooSmall { h: self.h, error });
+            return Err(StepError::StepTooSmall { h: self.h, error });
         }
         Ok(())
     }
 }
 
-impl<S: Estimating> Pace<S> for Controlled {
+impl<S: Estimating> StepControl<S> for Adaptive {
     fn time(&self) -> f64 {
-        self.clock.time()
+        self.time.time()
     }
 
     fn is_over(&self) -> bool {
-        self.clock.is_over()
+        self.time.is_over()
     }
 
-    fn step(&mut self, stepper: &mut S, state: &mut S::State) -> Result<(), Trouble> {
+    fn step(&mut self, stepper: &mut S, state: &mut S::State) -> Result<(), StepError> {
         let before = self.rejected;
         loop {
             let h = self.fitted();
-            match stepper.step(self.clock.time(), h, state) {
+            match stepper.step(self.time.time(), h, state) {
                 Ok(()) if stepper.error() <= 1.0 => {
                     self.accept(h, stepper.error(), stepper.error_order());
                     if self.rejected > before {
@@ -105,9 +105,9 @@ impl<S: Estimating> Pace<S> for Controlled {
                     let factor = SAFETY * error.powf(-1.0 / stepper.error_order());
                     self.reject(h, factor, error)?;
                 }
-                Err(trouble) => self
+                Err(error) => self
                     .reject(h, RETRY, f64::INFINITY)
-                    .map_err(|least| unless_said(trouble, least))?,
+                    .map_err(|least| unless_said(error, least))?,
             }
         }
     }
@@ -116,29 +116,29 @@ impl<S: Estimating> Pace<S> for Controlled {
         self.rejected
     }
 
-    fn sizes(&self) -> Option<Sizes> {
-        Some(self.clock.sizes(self.h))
+    fn sizes(&self) -> Option<StepSizes> {
+        Some(self.time.sizes(self.h))
     }
 }
 
 /// What ends a run whose shortest step has no solution: what the model says, if it says anything.
-fn unless_said(trouble: Trouble, least: Trouble) -> Trouble {
-    match trouble {
-        Trouble::NotConverged { .. } | Trouble::SingularNewton => least,
+fn unless_said(error: StepError, least: StepError) -> StepError {
+    match error {
+        StepError::NotConverged { .. } | StepError::SingularNewton => least,
         said => said,
     }
 }
 
-impl Memory for Controlled {
+impl Checkpoint for Adaptive {
     fn save(&self, member: usize, out: &mut Vec<f64>) {
-        self.clock.save(member, out);
+        self.time.save(member, out);
         self.h.save(member, out);
         self.last_error.save(member, out);
         self.rejected.save(member, out);
     }
 
-    fn restore(&mut self, member: usize, saved: &mut &[f64]) -> Result<(), Foreign> {
-        self.clock.restore(member, saved)?;
+    fn restore(&mut self, member: usize, saved: &mut &[f64]) -> Result<(), CheckpointMismatch> {
+        self.time.restore(member, saved)?;
         self.h.restore(member, saved)?;
         self.last_error.restore(member, saved)?;
         self.rejected.restore(member, saved)

@@ -1,11 +1,11 @@
 //! Steps from each of several times to the next.
 
-use super::Pace;
-use crate::checkpoint::{Foreign, Memory};
-use crate::error::Trouble;
+use super::StepControl;
+use crate::checkpoint::{Checkpoint, CheckpointMismatch};
+use crate::error::StepError;
 use crate::method::Stepper;
 
-/// Equal steps from each of several times to the next, whose states are those to keep.
+/// Fixed steps from each of several times to the next, whose states are those to keep.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Listed {
     start: f64,
@@ -31,7 +31,7 @@ impl Listed {
     }
 }
 
-impl<S: Stepper> Pace<S> for Listed {
+impl<S: Stepper> StepControl<S> for Listed {
     fn time(&self) -> f64 {
         match self.n {
             0 => self.start,
@@ -47,8 +47,8 @@ impl<S: Stepper> Pace<S> for Listed {
         self.n == 0
     }
 
-    fn step(&mut self, stepper: &mut S, state: &mut S::State) -> Result<(), Trouble> {
-        stepper.step(Pace::<S>::time(self), self.h(), state)?;
+    fn step(&mut self, stepper: &mut S, state: &mut S::State) -> Result<(), StepError> {
+        stepper.step(StepControl::<S>::time(self), self.h(), state)?;
         self.n += 1;
         let (end, steps) = self.stops[self.stop];
         if self.n == steps {
@@ -59,14 +59,14 @@ impl<S: Stepper> Pace<S> for Listed {
     }
 }
 
-impl Memory for Listed {
+impl Checkpoint for Listed {
     fn save(&self, member: usize, out: &mut Vec<f64>) {
         self.start.save(member, out);
         self.stop.save(member, out);
         self.n.save(member, out);
     }
 
-    fn restore(&mut self, member: usize, saved: &mut &[f64]) -> Result<(), Foreign> {
+    fn restore(&mut self, member: usize, saved: &mut &[f64]) -> Result<(), CheckpointMismatch> {
         self.start.restore(member, saved)?;
         self.stop.restore(member, saved)?;
         self.n.restore(member, saved)

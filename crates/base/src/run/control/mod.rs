@@ -2,22 +2,22 @@
 //! reversal does not see.
 
 mod adaptive;
-mod clock;
 mod fixed;
 mod listed;
 mod reversible;
+mod time;
 
-pub use adaptive::Controlled;
-pub use fixed::Equal;
+pub use adaptive::Adaptive;
+pub use fixed::Fixed;
 pub use listed::Listed;
 pub use reversible::Reversible;
 
-use crate::checkpoint::Memory;
-use crate::error::Trouble;
+use crate::checkpoint::Checkpoint;
+use crate::error::StepError;
 use crate::method::Stepper;
 
 /// What decides on the steps of a run.
-pub trait Pace<S: Stepper>: Memory + Send {
+pub trait StepControl<S: Stepper>: Checkpoint + Send {
     /// The present time.
     fn time(&self) -> f64;
 
@@ -33,7 +33,7 @@ pub trait Pace<S: Stepper>: Memory + Send {
     ///
     /// # Errors
     /// Why it could not be made.
-    fn step(&mut self, stepper: &mut S, state: &mut S::State) -> Result<(), Trouble>;
+    fn step(&mut self, stepper: &mut S, state: &mut S::State) -> Result<(), StepError>;
 
     /// How many steps were made and thrown away.
     fn rejected(&self) -> usize {
@@ -41,14 +41,14 @@ pub trait Pace<S: Stepper>: Memory + Send {
     }
 
     /// The sizes of its steps, where they are not fixed.
-    fn sizes(&self) -> Option<Sizes> {
+    fn sizes(&self) -> Option<StepSizes> {
         None
     }
 }
 
-/// Sizes of steps, all positive.
+/// StepSizes of steps, all positive.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Sizes {
+pub struct StepSizes {
     /// The smallest made so far; infinite before there is one.
     pub smallest: f64,
     /// The largest made so far; zero before there is one.

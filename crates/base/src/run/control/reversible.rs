@@ -11,10 +11,10 @@
 //! x' = 1 + ωh/2, and x ≤ 1/B makes x' ≥ B. The step itself is all that has to be known to go on, or
 //! back.
 
-use super::clock::Clock;
-use super::{Pace, Sizes};
-use crate::checkpoint::{Foreign, Memory};
-use crate::error::Trouble;
+use super::time::CompensatedTime;
+use super::{StepControl, StepSizes};
+use crate::checkpoint::{Checkpoint, CheckpointMismatch};
+use crate::error::StepError;
 use crate::method::Symmetric;
 use crate::observe::Monitor;
 
@@ -26,7 +26,7 @@ const NEARLY: f64 = 1e-3;
 /// Steps by the monitor `M`.
 #[derive(Clone, Debug)]
 pub struct Reversible<M> {
-    clock: Clock,
+    time: CompensatedTime,
     /// The sign of the steps.
     sign: f64,
     /// The step size at the present state.
@@ -52,7 +52,7 @@ impl<M> Reversible<M> {
     {
         let rate = monitor.rate(t0, state).ok();
         Self {
-            clock: Clock::new(t0, t1),
+            time: CompensatedTime::new(t0, t1),
             sign: (t1 - t0).signum(),
             h,
             least,
@@ -67,35 +67,35 @@ impl<M> Reversible<M> {
     }
 }
 
-impl<S: Symmetric, M: Monitor<S::State>> Pace<S> for Reversible<M> {
+impl<S: Symmetric, M: Monitor<S::State>> StepControl<S> for Reversible<M> {
     fn time(&self) -> f64 {
-        self.clock.time()
+        self.time.time()
     }
 
     fn is_over(&self) -> bool {
-        self.clock.is_over()
+        self.time.is_over()
     }
 
-    fn step(&mut self, stepper: &mut S, state: &mut S::State) -> Result<(), Trouble> {
-        let left = self.clock.left();
+    fn step(&mut self, stepper: &mut S, state: &mut S::State) -> Result<(), StepError> {
+        let left = self.time.left();
         let rate = match self.rate {
             Some(rate) => rate,
-            None => self.monitor.rate(self.clock.time(), state)?,
+            None => self.monitor.rate(self.time.time(), state)?,
         };
         let wanted = self.updated(self.h, rate);
         if wanted < self.least {
             let error = f64::NAN;
-            return Err(Trouble::StepTooSmall { h: wanted, error });
+            return Err(StepError::StepTooSmall { h: wanted, error });
         }
         let h = if wanted * (1.0 + NEARLY) < left.abs() {
             self.sign * wanted
         } else {
             left
         };
-        stepper.step(self.clock.time(), h, state)?;
-        stepper.settle(state)?;
-        self.clock.advance(h);
-        self.rate = self.monitor.rate(self.clock.time(), state).ok();
+        stepper.step(self.time.time(), h, state)?;
+        stepper.synchronize(state)?;
+        self.time.advance(h);
+        self.rate = self.monitor.rate(self.time.time(), state).ok();
         self.h = match self.rate {
             Some(rate) => self.updated(wanted, rate),
             None => wanted,
@@ -103,21 +103,21 @@ impl<S: Symmetric, M: Monitor<S::State>> Pace<S> for Reversible<M> {
         Ok(())
     }
 
-    fn sizes(&self) -> Option<Sizes> {
-        Some(self.clock.sizes(self.h))
+    fn sizes(&self) -> Option<StepSizes> {
+        Some(self.time.sizes(self.h))
     }
 }
 
-impl<M: Memory> Memory for Reversible<M> {
+impl<M: Checkpoint> Checkpoint for Reversible<M> {
     fn save(&self, member: usize, out: &mut Vec<f64>) {
-        self.clock.save(member, out);
+        self.time.save(member, out);
         self.h.save(member, out);
         self.monitor.save(member, out);
         self.rate.save(member, out);
     }
 
-    fn restore(&mut self, member: usize, saved: &mut &[f64]) -> Result<(), Foreign> {
-        self.clock.restore(member, saved)?;
+    fn restore(&mut self, member: usize, saved: &mut &[f64]) -> Result<(), CheckpointMismatch> {
+        self.time.restore(member, saved)?;
         self.h.restore(member, saved)?;
         self.monitor.restore(member, saved)?;
         self.rate.restore(member, saved)

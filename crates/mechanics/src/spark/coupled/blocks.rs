@@ -1,12 +1,12 @@
 //! The Newton matrix: blocks of the stages, of the nodes and of the end, and what dV adds to them.
 
 use super::{Places, Solve};
-use crate::problem::{explain_all, finite};
-use liouville_base::error::{Quantity, Trouble};
+use crate::problem::{diagnose_rank_all, finite};
+use liouville_base::error::{Quantity, StepError};
 use liouville_base::linalg::{Pattern, add_scaled, copy};
 
 impl Solve<'_> {
-    pub(super) fn freeze(&mut self) -> Result<(), Trouble> {
+    pub(super) fn freeze(&mut self) -> Result<(), StepError> {
         self.solver.coupling.clear();
         self.solver.newton.matrix_mut().clear();
         if let Some(lu) = &mut self.solver.elimination {
@@ -27,7 +27,7 @@ impl Solve<'_> {
     }
 
     /// What comes from p, f and v of stage `j`.
-    fn add_motion(&mut self, j: usize) -> Result<(), Trouble> {
+    fn add_motion(&mut self, j: usize) -> Result<(), StepError> {
         let Self {
             solver,
             stages,
@@ -78,7 +78,7 @@ impl Solve<'_> {
     }
 
     /// What comes from k and its reactions at stage `j`.
-    fn add_rolling(&mut self, j: usize) -> Result<(), Trouble> {
+    fn add_rolling(&mut self, j: usize) -> Result<(), StepError> {
         let Self {
             solver,
             stages,
@@ -123,7 +123,7 @@ impl Solve<'_> {
     }
 
     /// What comes from g and r at a node.
-    fn add_node(&mut self, node: usize) -> Result<(), Trouble> {
+    fn add_node(&mut self, node: usize) -> Result<(), StepError> {
         let Self {
             solver,
             stages,
@@ -172,7 +172,7 @@ impl Solve<'_> {
     }
 
     /// What comes from p, w and k at the end, which moves by h b_j dV_j.
-    fn add_end(&mut self) -> Result<(), Trouble> {
+    fn add_end(&mut self) -> Result<(), StepError> {
         let Self {
             solver,
             stages,
@@ -229,10 +229,10 @@ impl Solve<'_> {
     }
 
     /// Eliminates dV and factors.
-    fn close(&mut self) -> Result<(), Trouble> {
+    fn close(&mut self) -> Result<(), StepError> {
         let (solver, n) = (&mut *self.solver, self.z1.len());
         if let Some(lu) = &mut solver.elimination {
-            lu.factor().map_err(|_| Trouble::SingularNewton)?;
+            lu.factor().map_err(|_| StepError::SingularNewton)?;
         }
         for row in 0..solver.coupling.rows() {
             if let Some(lu) = &solver.elimination {
@@ -261,6 +261,6 @@ impl Solve<'_> {
         let k_z = model.nonholonomic_blocks(t, y1, z1, nu)[1].to_vec();
         let problem = model.problem.clone();
         let [g_y, _] = model.node_blocks(t, y1, stages.unknowns.lam.row(k));
-        Err(explain_all(&problem, &solver.mass, g_y, &k_z))
+        Err(diagnose_rank_all(&problem, &solver.mass, g_y, &k_z))
     }
 }

@@ -11,7 +11,7 @@ mod blocks;
 
 use super::stages::{Stages, Step};
 use crate::problem::{Mass, Model, finite, finite_k};
-use liouville_base::error::{Quantity, Trouble};
+use liouville_base::error::{Quantity, StepError};
 use liouville_base::linalg::{Lu, Matrix, add_scaled, copy, copy_scaled, dot, max_norm};
 use liouville_base::newton::{Equations, Stop};
 use liouville_base::tableau;
@@ -138,7 +138,7 @@ impl Coupled {
 
 impl Solve<'_> {
     /// Residuals of (U2), (U3) and of k at the end.
-    fn evaluate_end(&mut self) -> Result<(), Trouble> {
+    fn evaluate_end(&mut self) -> Result<(), StepError> {
         let (solver, stages, z1) = (&mut *self.solver, &*self.stages, &*self.z1);
         let (k, m) = (stages.tableau.intervals, self.model.problem.m);
         let (t, y1) = (stages.node_time(self.step, k), stages.node_y.row(k));
@@ -251,7 +251,7 @@ impl Equations for Solve<'_> {
         self.stages.stop
     }
 
-    fn correct(&mut self) -> Result<f64, Trouble> {
+    fn correct(&mut self) -> Result<f64, StepError> {
         self.stages.evaluate(self.model, self.step)?;
         self.evaluate_end()?;
         if !self.is_frozen {

@@ -3,20 +3,20 @@
 //! By rows, several of them go over the matrix in one sweep, and threads share the rows; no bit of the result
 //! depends on how many.
 
-mod front;
+mod blocking;
 mod shared;
-mod tiles;
+mod wavefront;
 
-use crate::problem::{Hamiltonian, Operator, Present, Scratch, Update};
-use front::{Edges, Work, add_scaled};
-use liouville_base::cancel::Patience;
-use liouville_base::error::Trouble;
-use liouville_base::parallel::Crew;
-use liouville_base::simd::{Machine, Stored};
+use crate::problem::{Hamiltonian, HamiltonianAt, Operator, Scratch, Update};
+use blocking::Blocking;
+use liouville_base::cancel::CancelToken;
+use liouville_base::error::StepError;
+use liouville_base::parallel::Workers;
+use liouville_base::simd::{InstructionSet, Stored};
 use shared::All;
 use std::marker::PhantomData;
 use std::sync::Arc;
-use tiles::Tiles;
+use wavefront::{Edges, Work, add_scaled};
 
 /// Threads share no fewer bytes.
 const LEAST: usize = 1 << 21;
@@ -40,10 +40,10 @@ pub type Sums<'a, S> = Option<(&'a mut [S], &'a mut [S])>;
 pub struct Sweeper<S> {
     hamiltonian: Arc<Hamiltonian>,
     /// What of H is in force, where H depends on time.
-    pub present: Option<Present>,
-    machine: Machine,
-    crew: Option<Crew>,
-    patience: Patience,
+    pub present: Option<HamiltonianAt>,
+    machine: InstructionSet,
+    workers: Option<Workers>,
+    cancel: CancelToken,
     scratch: Scratch,
     products: usize,
     by_rows: Option<ByRows>,
@@ -55,7 +55,7 @@ pub struct Sweeper<S> {
 struct ByRows {
     reach: usize,
     bytes: usize,
-    tiles: Tiles,
+    blocking: Blocking,
     is_worth_sharing: bool,
 }
 
@@ -67,7 +67,7 @@ impl ByRows {
         Some(Self {
             reach,
             bytes,
-            tiles: Tiles::new(n, reach, bytes, threads),
+            blocking: Blocking::new(n, reach, bytes, threads),
             is_worth_sharing: n * bytes >= LEAST,
         })
     }
@@ -80,9 +80,9 @@ impl<S: Stored> Sweeper<S> {
             present: hamiltonian.present(),
             by_rows: ByRows::new::<S>(&hamiltonian, 1),
             hamiltonian,
-            machine: Machine::default(),
-            crew: None,
-            patience: Patience::default(),
+            machine: InstructionSet::default(),
+            workers: None,
+            cancel: CancelToken::default(),
             scratch: Scratch::default(),
             products: 0,
             stored: PhantomData,
@@ -93,14 +93,17 @@ impl<S: Stored> Sweeper<S> {
     #[must_use]
     pub fn with_threads(self, threads: usize) -> Self {
         let n = self.hamiltonian.size();
-        if self.by_rows.is_none_or(|by_rows| by_rows.tiles.rows == n) {
+        if self
+            .by_rows
+            .is_none_or(|by_rows| by_rows.blocking.rows == n)
+        {
             return self; // there is nothing to share
         }
-        let crew = Crew::new(threads);
-        let threads = crew.as_ref().map_or(1, Crew::threads);
+        let workers = Workers::new(threads);
+        let threads = workers.as_ref().map_or(1, Workers::threads);
         Self {
             by_rows: ByRows::new::<S>(&self.hamiltonian, threads),
-            crew,
+            workers,
             ..self
         }
     }
@@ -109,19 +112,19 @@ impl<S: Stored> Sweeper<S> {
     /// with rows shared however few they are.
     #[must_use]
     pub fn with_tiles(self, rows: usize, moves: usize) -> Self {
-        let tiles = Tiles { rows, moves };
+        let blocking = Blocking { rows, moves };
         let by_rows = self.by_rows.map(|by_rows| ByRows {
-            tiles,
+            blocking,
             is_worth_sharing: true,
             ..by_rows
         });
         Self { by_rows, ..self }
     }
 
-    /// The same, stopping where `patience` is lost.
+    /// The same, stopping where `cancel` is lost.
     #[must_use]
-    pub fn with_patience(self, patience: Patience) -> Self {
-        Self { patience, ..self }
+    pub fn with_cancel(self, cancel: CancelToken) -> Self {
+        Self { cancel, ..self }
     }
 
     /// What is multiplied with.
@@ -137,20 +140,20 @@ impl<S: Stored> Sweeper<S> {
     /// Makes moves one after another.
     ///
     /// # Errors
-    /// A product failed, or patience was lost; a and b may be anything then.
+    /// A product failed, or cancel was lost; a and b may be anything then.
     pub fn run(
         &mut self,
         moves: &[Move],
         a: &mut [S],
         b: &mut [S],
         mut sums: Sums<'_, S>,
-    ) -> Result<(), Trouble> {
+    ) -> Result<(), StepError> {
         if let Some(by_rows) = self.by_rows {
             return self.run_by_rows(by_rows, moves, &mut All { a, b, sums });
         }
         for step in moves {
-            if self.patience.is_lost() {
-                return Err(Trouble::Interrupted);
+            if self.cancel.is_cancelled() {
+                return Err(StepError::Interrupted);
             }
             let sum = sums
                 .as_mut()
@@ -169,15 +172,15 @@ impl<S: Stored> Sweeper<S> {
         by_rows: ByRows,
         moves: &[Move],
         all: &mut All<'_, S>,
-    ) -> Result<(), Trouble> {
+    ) -> Result<(), StepError> {
         let ByRows {
             reach,
             bytes,
-            tiles,
+            blocking,
             is_worth_sharing,
         } = by_rows;
         let n = self.hamiltonian.size();
-        let sweeps = moves.len().div_ceil(tiles.moves).max(1);
+        let sweeps = moves.len().div_ceil(blocking.moves).max(1);
         for moves in moves.chunks(moves.len().div_ceil(sweeps).max(1)) {
             let work = Work {
                 hamiltonian: self.hamiltonian.at(self.present.as_ref()),
@@ -185,19 +188,19 @@ impl<S: Stored> Sweeper<S> {
                 n,
                 reach,
                 bytes,
-                tiles,
+                blocking,
                 moves,
             };
-            let patience = &mut self.patience;
-            let crew = self.crew.as_ref().filter(|_| is_worth_sharing);
-            let is_made = if let Some(crew) = crew {
-                work.share(crew, all, patience)
+            let cancel = &mut self.cancel;
+            let workers = self.workers.as_ref().filter(|_| is_worth_sharing);
+            let is_made = if let Some(workers) = workers {
+                work.share(workers, all, cancel)
             } else {
                 let mut part = all.part();
-                work.sweep(Edges::all(n), &mut part, Some(patience))
+                work.sweep(Edges::all(n), &mut part, Some(cancel))
             };
             if !is_made {
-                return Err(Trouble::Interrupted);
+                return Err(StepError::Interrupted);
             }
             self.products += S::MEMBERS * moves.len();
         }
@@ -210,7 +213,7 @@ impl<S: Stored> Sweeper<S> {
         x: &[S],
         out: &mut [S],
         sum: Option<&mut [S]>,
-    ) -> Result<(), Trouble> {
+    ) -> Result<(), StepError> {
         self.products += S::MEMBERS;
         let weighted = self.hamiltonian.at(self.present.as_ref());
         weighted.update(self.machine, step.update, x, out, &mut self.scratch)?;

@@ -4,12 +4,12 @@
 //! it reads nothing of its neighbours'. What is left lies around the borders and is more with each move; it is
 //! made in the same way next. Where that is more than the rows there are, threads make rows of one move.
 
-use super::front::{Edge, Edges, Part, Work};
-use super::tiles::LONG;
+use super::blocking::LONG;
+use super::wavefront::{Edge, Edges, Part, Work};
 use super::{Move, Sums};
 use crate::problem::Block;
-use liouville_base::cancel::Patience;
-use liouville_base::parallel::Crew;
+use liouville_base::cancel::CancelToken;
+use liouville_base::parallel::Workers;
 use liouville_base::simd::Stored;
 
 /// At most so many pieces at a time.
@@ -62,26 +62,26 @@ struct Piece<'a, S> {
 }
 
 impl Work<'_> {
-    /// Makes all moves by several threads; whether patience lasted.
+    /// Makes all moves by several threads; whether cancel lasted.
     pub(super) fn share<S: Stored>(
         &self,
-        crew: &Crew,
+        workers: &Workers,
         all: &mut All<'_, S>,
-        patience: &mut Patience,
+        cancel: &mut CancelToken,
     ) -> bool {
         let count = self.moves.len();
-        let size = self.n.div_ceil(crew.threads().min(MOST));
+        let size = self.n.div_ceil(workers.threads().min(MOST));
         if count > 1 && size >= 2 * (count + 1) * self.reach {
-            self.share_moves(crew, size, all);
-            return !patience.is_lost();
+            self.share_moves(workers, size, all);
+            return !cancel.is_cancelled();
         }
         let mut moves = self.moves.iter();
-        moves.all(|step| self.share_rows(crew, step, all, patience))
+        moves.all(|step| self.share_rows(workers, step, all, cancel))
     }
 
-    fn share_moves<S: Stored>(&self, crew: &Crew, size: usize, all: &mut All<'_, S>) {
+    fn share_moves<S: Stored>(&self, workers: &Workers, size: usize, all: &mut All<'_, S>) {
         let (n, reach) = (self.n, self.reach);
-        crew.all(&mut all.pieces(0, size), |part| {
+        workers.all(&mut all.pieces(0, size), |part| {
             let Some(part) = part else { return };
             let (first, end) = (part.first, part.first + size);
             let low = if first == 0 {
@@ -97,7 +97,7 @@ impl Work<'_> {
             self.sweep(Edges { low, high }, part, None);
         });
         let half = size / 2;
-        crew.all(&mut all.pieces(half, size), |part| {
+        workers.all(&mut all.pieces(half, size), |part| {
             let Some(part) = part else { return };
             let border = part.first - half + size;
             if border < n {
@@ -110,10 +110,10 @@ impl Work<'_> {
 
     fn share_rows<S: Stored>(
         &self,
-        crew: &Crew,
+        workers: &Workers,
         step: &Move,
         all: &mut All<'_, S>,
-        patience: &mut Patience,
+        cancel: &mut CancelToken,
     ) -> bool {
         let sums = all.sums.as_mut();
         let (x, out, mut sum) = if step.into_second {
@@ -121,11 +121,11 @@ impl Work<'_> {
         } else {
             (&*all.b, &mut *all.a, sums.map(|(sum, _)| &mut **sum))
         };
-        let pieces = (EACH * crew.threads()).min(MOST);
+        let pieces = (EACH * workers.threads()).min(MOST);
         let long = (LONG / self.bytes).clamp(1, self.n.div_ceil(pieces));
         let mut row = 0;
         for out in out.chunks_mut(pieces * long) {
-            if patience.is_lost() {
+            if cancel.is_cancelled() {
                 return false;
             }
             let (rows, later) = match sum.take() {
@@ -146,7 +146,7 @@ impl Work<'_> {
                     sum: sums.as_mut().and_then(Iterator::next),
                 })
             });
-            crew.all(&mut pieces, |piece| {
+            workers.all(&mut pieces, |piece| {
                 let Some(Piece { row, out, sum }) = piece else {
                     return;
                 };

@@ -7,7 +7,7 @@
 
 use super::super::update::update;
 use super::{Block, Flip, Update};
-use liouville_base::simd::{Kernel, Machine, Number, Stored, Visit, Window, Windows};
+use liouville_base::simd::{ForEach, InstructionSet, Kernel, Number, SimdView, SimdViews, Stored};
 
 const LOW: u32 = 6;
 const GROUP: usize = 1 << LOW;
@@ -66,7 +66,7 @@ impl Full {
 
     pub(super) fn act<S: Stored>(
         &self,
-        machine: Machine,
+        machine: InstructionSet,
         diagonal: &[f64],
         update: Update,
         block: Block<'_, S>,
@@ -99,7 +99,7 @@ impl<S> Kernel<S> for Act<'_, S> {
     type Output = ();
 
     #[inline(always)]
-    fn run<W: Windows<Stored = S>>(self, windows: W) {
+    fn run<W: SimdViews<Stored = S>>(self, windows: W) {
         let Block { row, out, place, x } = self.block;
         let end = row + out.len();
         let mut start = row;
@@ -142,14 +142,14 @@ struct States<'a, S> {
 
 impl<S> States<'_, S> {
     #[inline(always)]
-    fn part<W: Window<Stored = S>>(&self, window: W, state: usize) -> W::Number {
+    fn part<W: SimdView<Stored = S>>(&self, window: W, state: usize) -> W::Number {
         window.load(self.x, state - self.place)
     }
 }
 
-impl<S> Visit<S> for States<'_, S> {
+impl<S> ForEach<S> for States<'_, S> {
     #[inline(always)]
-    fn visit<W: Window<Stored = S>>(&mut self, window: W) -> bool {
+    fn visit<W: SimdView<Stored = S>>(&mut self, window: W) -> bool {
         let state = self.state;
         let low = state % GROUP;
         let mut sum = self.part(window, state) * window.shared(self.diagonal, state);
@@ -181,9 +181,9 @@ impl<S> Visit<S> for States<'_, S> {
 /// One state.
 struct Single<'a, 'b, S>(&'a mut States<'b, S>);
 
-impl<S> Visit<S> for Single<'_, '_, S> {
+impl<S> ForEach<S> for Single<'_, '_, S> {
     #[inline(always)]
-    fn visit<W: Window<Stored = S>>(&mut self, window: W) -> bool {
+    fn visit<W: SimdView<Stored = S>>(&mut self, window: W) -> bool {
         let state = self.0.state;
         let mut sum = self.0.part(window, state) * window.shared(self.0.diagonal, state);
         for flip in &self.0.full.flips {

@@ -9,7 +9,7 @@ mod sector;
 
 use super::{Block, Update};
 use full::Full;
-use liouville_base::simd::{Machine, Stored};
+use liouville_base::simd::{InstructionSet, Stored};
 use sector::Sector;
 
 /// Two spins that act on each other.
@@ -106,7 +106,12 @@ impl Spins {
     }
 
     /// Updates a block of rows.
-    pub(super) fn act<S: Stored>(&self, machine: Machine, update: Update, block: Block<'_, S>) {
+    pub(super) fn act<S: Stored>(
+        &self,
+        machine: InstructionSet,
+        update: Update,
+        block: Block<'_, S>,
+    ) {
         let diagonal = &self.diagonal;
         match &self.space {
             Space::Full(full) => full.act(machine, diagonal, update, block),

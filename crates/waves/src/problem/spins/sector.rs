@@ -7,7 +7,7 @@
 
 use super::super::update::update;
 use super::{Block, Flip, Update};
-use liouville_base::simd::{Kernel, Machine, Number, Stored, Visit, Window, Windows};
+use liouville_base::simd::{ForEach, InstructionSet, Kernel, Number, SimdView, SimdViews, Stored};
 use std::ops::Range;
 
 /// At most so many bits are low.
@@ -141,7 +141,7 @@ impl Sector {
 
     pub(super) fn act<S: Stored>(
         &self,
-        machine: Machine,
+        machine: InstructionSet,
         diagonal: &[f64],
         update: Update,
         block: Block<'_, S>,
@@ -204,7 +204,7 @@ impl<S> Kernel<S> for Act<'_, S> {
     type Output = ();
 
     #[inline(always)]
-    fn run<W: Windows<Stored = S>>(self, windows: W) {
+    fn run<W: SimdViews<Stored = S>>(self, windows: W) {
         let Block { row, out, place, x } = self.block;
         let (sector, end) = (self.sector, row + out.len());
         let after = sector
@@ -247,9 +247,9 @@ struct Part<'a, S> {
     out: &'a mut [S],
 }
 
-impl<S> Visit<S> for Part<'_, S> {
+impl<S> ForEach<S> for Part<'_, S> {
     #[inline(always)]
-    fn visit<W: Window<Stored = S>>(&mut self, window: W) -> bool {
+    fn visit<W: SimdView<Stored = S>>(&mut self, window: W) -> bool {
         let (x, at) = (self.x, self.stretch.first + self.from);
         let mut sum = window.load(x, at - self.place) * window.shared(self.diagonal, at);
         for link in &self.sector.links[self.stretch.links.clone()] {
@@ -265,7 +265,7 @@ impl<S> Visit<S> for Part<'_, S> {
 impl<S> Part<'_, S> {
     /// Adds what comes of two low bits.
     #[inline(always)]
-    fn add_within<W: Windows<Stored = S>>(&mut self, windows: W, class: &Class) {
+    fn add_within<W: SimdViews<Stored = S>>(&mut self, windows: W, class: &Class) {
         let x = &self.x[self.stretch.first - self.place..][..class.lows.len()];
         for (k, out) in self.out.iter_mut().enumerate() {
             let t = self.from + k;
@@ -282,7 +282,7 @@ impl<S> Part<'_, S> {
 
     /// Adds what comes of a high and a low bit.
     #[inline(always)]
-    fn add_across<W: Windows<Stored = S>>(&mut self, windows: W) {
+    fn add_across<W: SimdViews<Stored = S>>(&mut self, windows: W) {
         let end = self.from + self.out.len();
         for turn in &self.sector.turns[self.stretch.turns.clone()] {
             let x = &self.x[turn.first - self.place..];
@@ -313,9 +313,9 @@ struct Within<'a, S> {
     out: &'a mut [S],
 }
 
-impl<S> Visit<S> for Within<'_, S> {
+impl<S> ForEach<S> for Within<'_, S> {
     #[inline(always)]
-    fn visit<W: Window<Stored = S>>(&mut self, window: W) -> bool {
+    fn visit<W: SimdView<Stored = S>>(&mut self, window: W) -> bool {
         let mut sum = window.constant(0.0);
         for (to, half) in self.entries {
             sum = sum + window.load(self.x, *to as usize).scaled(*half);

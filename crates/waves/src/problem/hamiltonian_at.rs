@@ -6,7 +6,7 @@ use liouville_base::tape::Registers;
 
 /// The weights of the terms and the potential that are in force.
 #[derive(Clone, Debug)]
-pub struct Present {
+pub struct HamiltonianAt {
     /// Weights of the terms.
     pub(super) weights: Vec<f64>,
     /// The potential, empty if there is none.
@@ -15,7 +15,7 @@ pub struct Present {
     points: Option<Registers<Lanes>>,
 }
 
-impl Present {
+impl HamiltonianAt {
     /// Memory for what is in force of this Hamiltonian; until it is set, all weights are 1 and there is no potential.
     pub fn new(hamiltonian: &Hamiltonian) -> Self {
         let potential = hamiltonian.potential.as_ref();

@@ -5,19 +5,19 @@ use super::execute::cost;
 use super::{Program, Registers, Tape};
 use crate::real::{Lanes, Real, Scalar, WIDTH};
 
-/// What a pass costs beside its instructions and moves, in cheap instructions.
+/// What a pass costs batch its instructions and moves, in cheap instructions.
 const PASS: usize = 12;
 
 /// What a tape is evaluated with at several points of one trajectory, and its values there.
 #[derive(Clone, Debug)]
-pub struct Beside<R> {
+pub struct BatchRegisters<R> {
     registers: Registers<Lanes>,
     times: Vec<R>,
     /// The values of one point after another.
     values: Vec<R>,
 }
 
-impl<R> Beside<R> {
+impl<R> BatchRegisters<R> {
     /// The values at one point, of which there are `width`.
     #[inline(always)]
     pub fn at(&self, point: usize, width: usize) -> &[R] {
@@ -28,7 +28,7 @@ impl<R> Beside<R> {
 impl Tape {
     /// Memory for evaluations at so many points with the parameters of `one`; `None` where one point after another
     /// is no slower, or where there are several members already.
-    pub fn beside<R: Real>(&self, one: &Registers<R>, points: usize) -> Option<Beside<R>> {
+    pub fn batch<R: Real>(&self, one: &Registers<R>, points: usize) -> Option<BatchRegisters<R>> {
         let one = R::alone(&one.0)?;
         let Program::Plain(instrs) = &self.body else {
             return None;
@@ -36,15 +36,15 @@ impl Tape {
         let (in_lanes, singly) = cost(instrs);
         let passes = points.div_ceil(WIDTH);
         let moves = points * self.outputs.end;
-        let beside = passes * (PASS + in_lanes + WIDTH * singly) + moves;
-        let is_faster = beside < points * (in_lanes + singly);
+        let batch = passes * (PASS + in_lanes + WIDTH * singly) + moves;
+        let is_faster = batch < points * (in_lanes + singly);
         if self.terms.is_some() || !is_faster {
             return None;
         }
         let first = self.outputs.start - self.inputs.last()?;
         let params = one[first..self.outputs.start].iter().copied();
         let params: Vec<Lanes> = params.map(Lanes::splat).collect();
-        Some(Beside {
+        Some(BatchRegisters {
             registers: self.bind(&params),
             times: vec![R::splat(0.0); points],
             values: vec![R::splat(0.0); points * self.outputs()],
@@ -56,20 +56,20 @@ impl Tape {
     ///
     /// # Panics
     /// When the arguments or the memory are not of this tape's sizes.
-    pub fn eval_beside<R: Real>(
+    pub fn eval_batch<R: Real>(
         &self,
-        beside: &mut Beside<R>,
+        batch: &mut BatchRegisters<R>,
         time: impl Fn(usize) -> f64,
         [a, b]: [&[R]; 2],
     ) {
-        for (i, t) in beside.times.iter_mut().enumerate() {
+        for (i, t) in batch.times.iter_mut().enumerate() {
             *t = R::splat(time(i));
         }
-        let points = beside.times.len();
-        let arguments = (R::alone(&beside.times), R::alone(a), R::alone(b));
-        let values = R::alone_mut(&mut beside.values);
+        let points = batch.times.len();
+        let arguments = (R::alone(&batch.times), R::alone(a), R::alone(b));
+        let values = R::alone_mut(&mut batch.values);
         if let ((Some(t), Some(a), Some(b)), Some(values)) = (arguments, values) {
-            self.eval_rows(&mut beside.registers, &[t, a, b], points, values);
+            self.eval_rows(&mut batch.registers, &[t, a, b], points, values);
         }
     }
 

@@ -8,7 +8,7 @@ use super::lanczos::{LOST, three_terms};
 use super::observe::dot;
 use super::{Move, Sweeper};
 use crate::problem::Update;
-use liouville_base::error::Trouble;
+use liouville_base::error::StepError;
 use liouville_base::linalg::Tridiagonal;
 
 /// The smallest and the largest Ritz value, with their residuals.
@@ -27,7 +27,7 @@ pub struct Ritz {
 ///
 /// # Panics
 /// When there are no steps.
-pub fn ritz(sweeper: &mut Sweeper<f64>, steps: usize, seed: u64) -> Result<Ritz, Trouble> {
+pub fn ritz(sweeper: &mut Sweeper<f64>, steps: usize, seed: u64) -> Result<Ritz, StepError> {
     assert!(steps > 0, "steps to a Ritz value");
     let n = sweeper.hamiltonian().size();
     let mut v = [random(n, seed)];
@@ -41,7 +41,7 @@ pub fn ritz(sweeper: &mut Sweeper<f64>, steps: usize, seed: u64) -> Result<Ritz,
     while diagonal.len() < steps.min(n) {
         let (alpha, beta) = three_terms(sweeper, before, &mut v, &mut w)?;
         if !(alpha.is_finite() && beta.is_finite()) {
-            return Err(Trouble::Norm {
+            return Err(StepError::Norm {
                 norm: beta,
                 start: 1.0,
                 t: 0.0,
@@ -75,7 +75,7 @@ pub fn ritz(sweeper: &mut Sweeper<f64>, steps: usize, seed: u64) -> Result<Ritz,
 ///
 /// # Errors
 /// A product failed.
-pub fn asymmetry(sweeper: &mut Sweeper<f64>, seed: u64) -> Result<f64, Trouble> {
+pub fn asymmetry(sweeper: &mut Sweeper<f64>, seed: u64) -> Result<f64, StepError> {
     let n = sweeper.hamiltonian().size();
     let (mut x, mut y) = (random(n, seed), random(n, !seed));
     let mut product = |x: &mut [f64]| {

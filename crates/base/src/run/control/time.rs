@@ -1,11 +1,11 @@
 //! Time on the way to its end, summed with what rounding loses.
 
-use super::Sizes;
-use crate::checkpoint::{Foreign, Memory};
+use super::StepSizes;
+use crate::checkpoint::{Checkpoint, CheckpointMismatch};
 
 /// The present time, and the steps that led to it.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) struct Clock {
+pub(super) struct CompensatedTime {
     t: f64,
     low: f64,
     t1: f64,
@@ -13,7 +13,7 @@ pub(super) struct Clock {
     largest: f64,
 }
 
-impl Clock {
+impl CompensatedTime {
     pub(super) fn new(t0: f64, t1: f64) -> Self {
         Self {
             t: t0,
@@ -53,8 +53,8 @@ impl Clock {
         self.t = t;
     }
 
-    pub(super) fn sizes(&self, next: f64) -> Sizes {
-        Sizes {
+    pub(super) fn sizes(&self, next: f64) -> StepSizes {
+        StepSizes {
             smallest: self.smallest,
             largest: self.largest,
             next,
@@ -62,7 +62,7 @@ impl Clock {
     }
 }
 
-impl Memory for Clock {
+impl Checkpoint for CompensatedTime {
     fn save(&self, member: usize, out: &mut Vec<f64>) {
         self.t.save(member, out);
         self.low.save(member, out);
@@ -70,7 +70,7 @@ impl Memory for Clock {
         self.largest.save(member, out);
     }
 
-    fn restore(&mut self, member: usize, saved: &mut &[f64]) -> Result<(), Foreign> {
+    fn restore(&mut self, member: usize, saved: &mut &[f64]) -> Result<(), CheckpointMismatch> {
         self.t.restore(member, saved)?;
         self.low.restore(member, saved)?;
         self.smallest.restore(member, saved)?;

@@ -6,27 +6,27 @@
 //! result of the same operations as if moves were made one after another.
 #![allow(clippy::inline_always)] // all of a kernel is compiled for one instruction set
 
-use super::tiles::Tiles;
+use super::blocking::Blocking;
 use super::{Move, Sums};
 use crate::problem::{Block, Weighted};
-use liouville_base::cancel::Patience;
-use liouville_base::simd::{Kernel, Machine, Number, Stored, Visit, Window, Windows};
+use liouville_base::cancel::CancelToken;
+use liouville_base::simd::{ForEach, InstructionSet, Kernel, Number, SimdView, SimdViews, Stored};
 use std::ops::Range;
 
-/// Patience is asked for after so many blocks.
+/// CancelToken is asked for after so many blocks.
 const BLOCKS: usize = 8;
 
 /// What moves are made with.
 #[derive(Clone, Copy)]
 pub(super) struct Work<'a> {
     pub(super) hamiltonian: Weighted<'a>,
-    pub(super) machine: Machine,
+    pub(super) machine: InstructionSet,
     /// Number of rows.
     pub(super) n: usize,
     pub(super) reach: usize,
     /// How much a row is to go through, vectors and matrix.
     pub(super) bytes: usize,
-    pub(super) tiles: Tiles,
+    pub(super) blocking: Blocking,
     pub(super) moves: &'a [Move],
 }
 
@@ -81,23 +81,23 @@ impl Edges {
 }
 
 impl Work<'_> {
-    /// Makes all moves in one sweep; whether patience lasted.
+    /// Makes all moves in one sweep; whether cancel lasted.
     pub(super) fn sweep<S: Stored>(
         &self,
         edges: Edges,
         part: &mut Part<'_, S>,
-        patience: Option<&mut Patience>,
+        cancel: Option<&mut CancelToken>,
     ) -> bool {
-        let (rows, lag) = (self.tiles.rows, self.tiles.lag(self.reach));
+        let (rows, lag) = (self.blocking.rows, self.blocking.lag(self.reach));
         let last = self.moves.len() - 1;
         let [one, other] = [edges.of_move(0, self.n), edges.of_move(last, self.n)];
         let (first, end) = (one.start.min(other.start), one.end.max(other.end));
         let blocks = end.saturating_sub(first).div_ceil(rows);
-        let mut patience = patience;
+        let mut cancel = cancel;
         for stage in 0..blocks + last * lag {
-            if let Some(patience) = &mut patience
+            if let Some(cancel) = &mut cancel
                 && stage % BLOCKS == 0
-                && patience.is_lost()
+                && cancel.is_cancelled()
             {
                 return false;
             }
@@ -151,7 +151,7 @@ impl Work<'_> {
 }
 
 /// Adds so much of x to a sum.
-pub(super) fn add_scaled<S: Stored>(machine: Machine, weight: f64, x: &[S], sum: &mut [S]) {
+pub(super) fn add_scaled<S: Stored>(machine: InstructionSet, weight: f64, x: &[S], sum: &mut [S]) {
     S::run(machine, AddScaled { weight, x, sum });
 }
 
@@ -165,14 +165,14 @@ impl<S> Kernel<S> for AddScaled<'_, S> {
     type Output = ();
 
     #[inline(always)]
-    fn run<W: Windows<Stored = S>>(mut self, windows: W) {
+    fn run<W: SimdViews<Stored = S>>(mut self, windows: W) {
         windows.each(self.x.len(), &mut self);
     }
 }
 
-impl<S> Visit<S> for AddScaled<'_, S> {
+impl<S> ForEach<S> for AddScaled<'_, S> {
     #[inline(always)]
-    fn visit<W: Window<Stored = S>>(&mut self, window: W) -> bool {
+    fn visit<W: SimdView<Stored = S>>(&mut self, window: W) -> bool {
         let change = window.load(self.x, 0).scaled(self.weight);
         let sum = window.load(self.sum, 0) + change;
         window.store(self.sum, 0, sum);

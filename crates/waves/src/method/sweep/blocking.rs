@@ -4,7 +4,7 @@
 const NEAR: usize = 1 << 20;
 /// Bytes that stay in the cache that cores share.
 const FAR: usize = 1 << 22;
-/// Somebody may lose patience while a thread does more bytes than that.
+/// Somebody may lose cancel while a thread does more bytes than that.
 pub(super) const LONG: usize = 1 << 26;
 /// Fewest and most rows of a block.
 const ROWS: (usize, usize) = (256, 4096);
@@ -13,15 +13,15 @@ const MOVES: usize = 32;
 
 /// Blocks of rows and moves over them.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) struct Tiles {
+pub(super) struct Blocking {
     /// Rows of a block.
     pub(super) rows: usize,
     /// Moves in a sweep.
     pub(super) moves: usize,
 }
 
-impl Tiles {
-    /// Tiles for n rows, of which each has so many bytes of vectors and matrix and reads up to `reach` others
+impl Blocking {
+    /// Blocking for n rows, of which each has so many bytes of vectors and matrix and reads up to `reach` others
     /// on both sides.
     pub(super) fn new(n: usize, reach: usize, bytes: usize, threads: usize) -> Self {
         let plain = Self {
@@ -32,8 +32,8 @@ impl Tiles {
             return Self { rows: n, ..plain };
         }
         let rows = reach.next_multiple_of(64).clamp(ROWS.0, ROWS.1);
-        let tiles = Self { rows, moves: 1 };
-        let of_move = (tiles.lag(reach) + 1) * rows * bytes;
+        let blocking = Self { rows, moves: 1 };
+        let of_move = (blocking.lag(reach) + 1) * rows * bytes;
         let moves = match NEAR / of_move {
             0..4 => FAR / threads / of_move,
             moves => moves,
