@@ -12,7 +12,7 @@ const LARGEST: f64 = 9_007_199_254_740_992.0;
 /// Whoever restores what was saved goes on with the same bits: after a checkpoint, or as a stepper of one
 /// member that goes on where a stepper of several in lock-step was. Memory that a step overwrites before it reads it is
 /// not saved, and neither is what only counts. Who brings nothing implements nothing.
-pub trait Checkpoint {
+pub trait Checkpoint: Send + Sync {
     /// Appends what a member brings.
     fn save(&self, _member: usize, _out: &mut Vec<f64>) {}
 
