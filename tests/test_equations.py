@@ -1,7 +1,6 @@
 """Every formula of the documentation is set by the MathJax that the built pages carry."""
 
 import ast
-import html
 import importlib.util
 import json
 import re
@@ -110,9 +109,9 @@ def in_restructured_text(text, line):
 def in_python(text):
     """Yield the formulas of all docstrings, and of the comments that are text of the gallery."""
     for node in ast.walk(ast.parse(text)):
-        if isinstance(node, ast.Expr) and isinstance(node.value, ast.Constant):
-            if isinstance(node.value.value, str):
-                yield from in_restructured_text(node.value.value, node.lineno)
+        match node:
+            case ast.Expr(ast.Constant(str(docstring))):
+                yield from in_restructured_text(docstring, node.lineno)
     for match in re.finditer(r"(?:^# .*\n|^#\n)+", text, re.M):
         comment = re.sub(r"^# ?", "", match[0], flags=re.M)
         yield from in_restructured_text(comment, 1 + text.count("\n", 0, match.start()))
