@@ -14,17 +14,11 @@ from types import SimpleNamespace
 import pytest
 import sphinx.util.logging  # noqa: F401 - sphinx.ext.mathjax wants it loaded
 from docutils import nodes
-from markdown_it.renderer import RendererHTML
-from myst_parser.config.main import MdParserConfig
-from myst_parser.parsers.mdit import create_md_parser
+from pages import CONF, PAGES, ROOT, name, tokens
 from py_mini_racer import mini_racer
 from sphinx.ext.mathjax import html_visit_displaymath
 
-ROOT = Path(__file__).resolve().parent.parent
-PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").rglob("*.md"))]
-PAGES = [page for page in PAGES if not {"_build", "gallery"} & set(page.parts)]
 SOURCES = [*sorted((ROOT / "python").rglob("*.py")), *sorted((ROOT / "examples").glob("*.py"))]
-CONF = ROOT / "docs" / "conf.py"
 MATHJAX = Path(importlib.util.find_spec("sphinx-mathjax-offline").origin).parent / "static/mathjax"
 
 # The parts of tex-chtml.js, the script of the pages, around a document that is no browser's.
@@ -77,9 +71,7 @@ def written(text, no_wrap=False):
 
 def in_markdown(text):
     """Yield line, formula and whether it is displayed."""
-    extensions = set(runpy.run_path(CONF)["myst_enable_extensions"])
-    parser = create_md_parser(MdParserConfig(enable_extensions=extensions), RendererHTML)
-    for block in parser.parse(text):
+    for block in tokens(text):
         line = block.map[0] + 1 if block.map else 0
         for token in [block, *(block.children or [])]:
             if token.type == "math_inline":
@@ -115,10 +107,6 @@ def in_python(text):
     for match in re.finditer(r"(?:^# .*\n|^#\n)+", text, re.M):
         comment = re.sub(r"^# ?", "", match[0], flags=re.M)
         yield from in_restructured_text(comment, 1 + text.count("\n", 0, match.start()))
-
-
-def name(path):
-    return path.relative_to(ROOT).as_posix()
 
 
 @pytest.mark.parametrize("path", [*PAGES, *SOURCES], ids=name)
