@@ -11,6 +11,7 @@ from pages import PAGES, ROOT, name, tokens
 
 import liouville
 
+PROSE = [*PAGES, ROOT / "CHANGELOG.md", ROOT / "CONTRIBUTING.md"]
 MODULES = sorted(
     module.name
     for module in pkgutil.walk_packages(liouville.__path__, "liouville.")
@@ -58,6 +59,14 @@ def test_every_source_cited_is_in_the_list():
         assert not missing, f"{name(path)} cites {missing}, which docs/references.bib does not have"
 
 
+@pytest.mark.parametrize("page", PROSE, ids=name)
+def test_every_file_that_a_page_names_exists(page):
+    folders = "benchmarks|crates|docs|examples|python|tests|tools"
+    named = re.findall(rf"`(?:python )?((?:{folders})/[\w./-]+)", page.read_text(encoding="utf-8"))
+    missing = [path for path in named if not (ROOT / path).exists()]
+    assert not missing, f"{name(page)} names {missing}"
+
+
 def faults(text):
     """Yield the number of each line that is too long or not one sentence, and why.
 
@@ -84,9 +93,7 @@ def faults(text):
                 yield number, "a sentence is broken"
 
 
-@pytest.mark.parametrize(
-    "page", [*PAGES, ROOT / "CHANGELOG.md", ROOT / "CONTRIBUTING.md"], ids=name
-)
+@pytest.mark.parametrize("page", PROSE, ids=name)
 def test_prose_has_one_sentence_a_line(page):
     found = [f"{name(page)}:{line}: {why}" for line, why in faults(page.read_text("utf-8"))]
     assert not found, "\n".join(found)
