@@ -104,7 +104,7 @@ pub struct Flow {
 }
 
 /// A flow about to be made.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, Default)]
 struct Held {
     part: usize,
     is_adjoint: bool,
@@ -325,32 +325,17 @@ impl<P: Parts> Stepper for Composed<P> {
     }
 }
 
-/// What is composed, and what was held back.
-impl<P: Parts> Checkpoint for Composed<P> {
-    fn save(&self, member: usize, out: &mut Vec<f64>) {
-        self.parts.save(member, out);
-        let held = self
-            .held
-            .map(|now| ((now.part, now.is_adjoint), (now.t, now.h)));
-        held.save(member, out);
-        self.end.save(member, out);
-        self.unchecked.save(member, out);
-    }
+// What is composed, and what was held back.
+crate::checkpoint!(Held {
+    part,
+    is_adjoint,
+    t,
+    h
+});
 
-    fn restore(&mut self, member: usize, saved: &mut &[f64]) -> Result<(), CheckpointMismatch> {
-        self.parts.restore(member, saved)?;
-        let mut held = Some(((0, false), (0.0, 0.0)));
-        held.restore(member, saved)?;
-        self.held = held.map(|((part, is_adjoint), (t, h))| Held {
-            part,
-            is_adjoint,
-            t,
-            h,
-        });
-        if self.held.is_some_and(|now| now.part >= self.parts.count()) {
-            return Err(CheckpointMismatch);
-        }
-        self.end.restore(member, saved)?;
-        self.unchecked.restore(member, saved)
+crate::checkpoint!([P: Parts] Composed<P> { parts, held, end, unchecked } then |composed| {
+    match composed.held {
+        Some(held) if held.part >= composed.parts.count() => Err(CheckpointMismatch),
+        _ => Ok(()),
     }
-}
+});

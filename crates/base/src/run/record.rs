@@ -1,6 +1,6 @@
 //! What a run keeps: times, and rows of what an observer sees.
 
-use crate::checkpoint::{Checkpoint, CheckpointMismatch};
+use crate::checkpoint::Checkpoint;
 use crate::error::StepError;
 use crate::observe::Observe;
 
@@ -65,17 +65,9 @@ impl<O> Recorder<O> {
     }
 }
 
-/// What is recorded is with whoever has collected it.
-impl<O: Checkpoint> Checkpoint for Recorder<O> {
-    fn save(&self, member: usize, out: &mut Vec<f64>) {
-        self.observer.save(member, out);
-        self.last.save(member, out);
-    }
-
-    fn restore(&mut self, member: usize, saved: &mut &[f64]) -> Result<(), CheckpointMismatch> {
-        self.times.clear();
-        self.rows.clear();
-        self.observer.restore(member, saved)?;
-        self.last.restore(member, saved)
-    }
-}
+// What is recorded is with whoever has collected it.
+crate::checkpoint!([O: Checkpoint] Recorder<O> { observer, last } then |recorder| {
+    recorder.times.clear();
+    recorder.rows.clear();
+    Ok(())
+});

@@ -7,7 +7,6 @@ mod search;
 pub use event::Event;
 
 use crate::problem::{Carried, Path, Point};
-use liouville_base::checkpoint::{Checkpoint, CheckpointMismatch};
 use liouville_base::error::StepError;
 use liouville_base::method::Stepper;
 use liouville_base::observe::Observe;
@@ -358,31 +357,14 @@ where
     }
 }
 
-/// What was seen is with whoever has split_front it.
-impl<S: Stepper> Checkpoint for DenseDetector<S> {
-    fn save(&self, member: usize, out: &mut Vec<f64>) {
-        self.path.save(member, out);
-        self.partial.stepper.save(member, out);
-        self.partial.h.save(member, out);
-        for event in &self.events {
-            event.save(member, out);
-        }
-        self.seen.end.save(member, out);
-        self.next.save(member, out);
-    }
-
-    fn restore(&mut self, member: usize, saved: &mut &[f64]) -> Result<(), CheckpointMismatch> {
-        self.path.restore(member, saved)?;
-        self.partial.stepper.restore(member, saved)?;
-        self.partial.h.restore(member, saved)?;
-        for event in &mut self.events {
-            event.restore(member, saved)?;
-        }
-        for (times, rows) in &mut self.seen.events {
+// What was seen is with whoever has split_front it.
+liouville_base::checkpoint!(
+    [S: Stepper] DenseDetector<S> { path, partial.stepper, partial.h, events, seen.end, next }
+    then |detector| {
+        for (times, rows) in &mut detector.seen.events {
             times.clear();
             rows.clear();
         }
-        self.seen.end.restore(member, saved)?;
-        self.next.restore(member, saved)
+        Ok(())
     }
-}
+);

@@ -31,7 +31,6 @@ use crate::problem::{Mechanical, Model, State};
 use coupled::Coupled;
 use estimate::Estimate;
 use full_newton::FullNewton;
-use liouville_base::checkpoint::{Checkpoint, CheckpointMismatch};
 use liouville_base::error::StepError;
 use liouville_base::method::{Stats, Stepper, Symmetric};
 use liouville_base::newton;
@@ -310,17 +309,9 @@ impl Stepper for Spark {
 
 impl Symmetric for Spark {}
 
-/// What is extrapolated, and how long node Schur still rests.
-impl Checkpoint for Spark {
-    fn save(&self, member: usize, out: &mut Vec<f64>) {
-        self.predictor.save(member, out);
-        self.resting.save(member, out);
-        self.rest.save(member, out);
-    }
-
-    fn restore(&mut self, member: usize, saved: &mut &[f64]) -> Result<(), CheckpointMismatch> {
-        self.predictor.restore(member, saved)?;
-        self.resting.restore(member, saved)?;
-        self.rest.restore(member, saved)
-    }
-}
+// What is extrapolated, and how long node Schur still rests.
+liouville_base::checkpoint!(Spark {
+    predictor,
+    resting,
+    rest
+});

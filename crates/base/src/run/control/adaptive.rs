@@ -2,7 +2,6 @@
 
 use super::time::CompensatedTime;
 use super::{StepControl, StepSizes};
-use crate::checkpoint::{Checkpoint, CheckpointMismatch};
 use crate::error::StepError;
 use crate::method::Estimating;
 
@@ -129,18 +128,9 @@ fn unless_said(error: StepError, least: StepError) -> StepError {
     }
 }
 
-impl Checkpoint for Adaptive {
-    fn save(&self, member: usize, out: &mut Vec<f64>) {
-        self.time.save(member, out);
-        self.h.save(member, out);
-        self.last_error.save(member, out);
-        self.rejected.save(member, out);
-    }
-
-    fn restore(&mut self, member: usize, saved: &mut &[f64]) -> Result<(), CheckpointMismatch> {
-        self.time.restore(member, saved)?;
-        self.h.restore(member, saved)?;
-        self.last_error.restore(member, saved)?;
-        self.rejected.restore(member, saved)
-    }
-}
+crate::checkpoint!(Adaptive {
+    time,
+    h,
+    last_error,
+    rejected
+});

@@ -1,7 +1,6 @@
 //! Steps of equal size.
 
 use super::StepControl;
-use crate::checkpoint::{Checkpoint, CheckpointMismatch};
 use crate::error::StepError;
 use crate::method::Stepper;
 
@@ -37,12 +36,4 @@ impl<S: Stepper> StepControl<S> for Fixed {
     }
 }
 
-impl Checkpoint for Fixed {
-    fn save(&self, member: usize, out: &mut Vec<f64>) {
-        self.n.save(member, out);
-    }
-
-    fn restore(&mut self, member: usize, saved: &mut &[f64]) -> Result<(), CheckpointMismatch> {
-        self.n.restore(member, saved)
-    }
-}
+crate::checkpoint!(Fixed { n });

@@ -1,7 +1,6 @@
 //! Steps from each of several times to the next.
 
 use super::StepControl;
-use crate::checkpoint::{Checkpoint, CheckpointMismatch};
 use crate::error::StepError;
 use crate::method::Stepper;
 
@@ -59,16 +58,4 @@ impl<S: Stepper> StepControl<S> for Listed {
     }
 }
 
-impl Checkpoint for Listed {
-    fn save(&self, member: usize, out: &mut Vec<f64>) {
-        self.start.save(member, out);
-        self.stop.save(member, out);
-        self.n.save(member, out);
-    }
-
-    fn restore(&mut self, member: usize, saved: &mut &[f64]) -> Result<(), CheckpointMismatch> {
-        self.start.restore(member, saved)?;
-        self.stop.restore(member, saved)?;
-        self.n.restore(member, saved)
-    }
-}
+crate::checkpoint!(Listed { start, stop, n });

@@ -13,7 +13,7 @@
 
 use super::time::CompensatedTime;
 use super::{StepControl, StepSizes};
-use crate::checkpoint::{Checkpoint, CheckpointMismatch};
+use crate::checkpoint::Checkpoint;
 use crate::error::StepError;
 use crate::method::Symmetric;
 use crate::observe::Monitor;
@@ -108,18 +108,4 @@ impl<S: Symmetric, M: Monitor<S::State>> StepControl<S> for Reversible<M> {
     }
 }
 
-impl<M: Checkpoint> Checkpoint for Reversible<M> {
-    fn save(&self, member: usize, out: &mut Vec<f64>) {
-        self.time.save(member, out);
-        self.h.save(member, out);
-        self.monitor.save(member, out);
-        self.rate.save(member, out);
-    }
-
-    fn restore(&mut self, member: usize, saved: &mut &[f64]) -> Result<(), CheckpointMismatch> {
-        self.time.restore(member, saved)?;
-        self.h.restore(member, saved)?;
-        self.monitor.restore(member, saved)?;
-        self.rate.restore(member, saved)
-    }
-}
+crate::checkpoint!([M: Checkpoint] Reversible<M> { time, h, monitor, rate });
