@@ -1,6 +1,6 @@
 //! Methods at work: a stepper owns the memory of a step and advances a state.
 
-use crate::checkpoint::{Checkpoint, CheckpointMismatch};
+use crate::checkpoint::Checkpoint;
 use crate::error::StepError;
 
 /// What a stepper has done so far.
@@ -118,29 +118,10 @@ pub trait Estimating: Stepper {
     fn undo(&mut self, state: &mut Self::State);
 }
 
-impl Checkpoint for Stats {
-    fn save(&self, member: usize, out: &mut Vec<f64>) {
-        for count in [
-            self.iterations,
-            self.evaluations,
-            self.factorizations,
-            self.newton_steps,
-            self.cold_starts,
-        ] {
-            count.save(member, out);
-        }
-    }
-
-    fn restore(&mut self, member: usize, saved: &mut &[f64]) -> Result<(), CheckpointMismatch> {
-        for count in [
-            &mut self.iterations,
-            &mut self.evaluations,
-            &mut self.factorizations,
-            &mut self.newton_steps,
-            &mut self.cold_starts,
-        ] {
-            count.restore(member, saved)?;
-        }
-        Ok(())
-    }
-}
+crate::checkpoint!(Stats {
+    iterations,
+    evaluations,
+    factorizations,
+    newton_steps,
+    cold_starts,
+});

@@ -68,11 +68,7 @@ pub struct Job {
 ///
 /// # Errors
 /// The job does not fit the split, or the start of a single run failed.
-pub fn start(
-    split: Arc<Split>,
-    method: Method,
-    job: Job,
-) -> Result<Box<dyn Advance>, StartError> {
+pub fn start(split: Arc<Split>, method: Method, job: Job) -> Result<Box<dyn Advance>, StartError> {
     job.check(split.n())?;
     let starter = Starter { split, method, job };
     match (starter.job.members, &starter.job.recorded) {
@@ -185,7 +181,8 @@ impl Starter {
     fn section(self, members: usize, plane: Plane) -> Ensemble {
         let Span { t0, .. } = self.job.span;
         let (threads, width) = (self.job.threads, 2 + self.job.seen.n);
-        let volume = Volume::<Lanes<SMALL_BLOCK>>::new(self.split.clone(), self.method.is_compensated);
+        let volume =
+            Volume::<Lanes<SMALL_BLOCK>>::new(self.split.clone(), self.method.is_compensated);
         let single = Volume::<f64>::new(self.split.clone(), self.method.is_compensated);
         let begin = move |members: &[usize]| {
             let state = volume.state(&self.in_lanes(members));

@@ -104,7 +104,7 @@ pub struct Flow {
 }
 
 /// A flow about to be made.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, Default)]
 struct Deferred {
     part: usize,
     is_adjoint: bool,
@@ -325,32 +325,16 @@ impl<P: Parts> Stepper for Composed<P> {
     }
 }
 
-/// The parts, and the deferred flow.
-impl<P: Parts> Checkpoint for Composed<P> {
-    fn save(&self, member: usize, out: &mut Vec<f64>) {
-        self.parts.save(member, out);
-        let deferred = self
-            .deferred
-            .map(|now| ((now.part, now.is_adjoint), (now.t, now.h)));
-        deferred.save(member, out);
-        self.end.save(member, out);
-        self.unchecked.save(member, out);
-    }
+crate::checkpoint!(Deferred {
+    part,
+    is_adjoint,
+    t,
+    h
+});
 
-    fn restore(&mut self, member: usize, saved: &mut &[f64]) -> Result<(), CheckpointMismatch> {
-        self.parts.restore(member, saved)?;
-        let mut deferred = Some(((0, false), (0.0, 0.0)));
-        deferred.restore(member, saved)?;
-        self.deferred = deferred.map(|((part, is_adjoint), (t, h))| Deferred {
-            part,
-            is_adjoint,
-            t,
-            h,
-        });
-        if self.deferred.is_some_and(|now| now.part >= self.parts.count()) {
-            return Err(CheckpointMismatch);
-        }
-        self.end.restore(member, saved)?;
-        self.unchecked.restore(member, saved)
+crate::checkpoint!([P: Parts] Composed<P> { parts, deferred, end, unchecked } then |composed| {
+    match composed.deferred {
+        Some(flow) if flow.part >= composed.parts.count() => Err(CheckpointMismatch),
+        _ => Ok(()),
     }
-}
+});

@@ -1,7 +1,6 @@
 //! A symmetric method as the one part of a composition.
 
 use super::{Composed, Flow, NeedsAdjoint, Parts};
-use crate::checkpoint::{Checkpoint, CheckpointMismatch};
 use crate::error::StepError;
 use crate::method::{Stats, Stepper, Symmetric};
 use crate::tableau::Scheme;
@@ -100,14 +99,6 @@ where
     }
 }
 
-impl<S: Stepper> Checkpoint for Base<S> {
-    fn save(&self, member: usize, out: &mut Vec<f64>) {
-        self.stepper.save(member, out);
-    }
-
-    fn restore(&mut self, member: usize, saved: &mut &[f64]) -> Result<(), CheckpointMismatch> {
-        self.stepper.restore(member, saved)
-    }
-}
+crate::checkpoint!([S: Stepper] Base<S> { stepper });
 
 impl<S: Symmetric> Symmetric for Composed<Base<S>> where S::State: Clone {}

@@ -212,7 +212,10 @@ impl Queue {
         let place = error.member().or((members.len() == 1).then_some(0));
         let Some(place) = place else {
             // The error does not say which member failed: rerun each alone.
-            members.chunks(1).rev().for_each(|one| self.begin_again(one));
+            members
+                .chunks(1)
+                .rev()
+                .for_each(|one| self.begin_again(one));
             return;
         };
         // places without a member follow the last one
@@ -242,12 +245,7 @@ impl Queue {
     }
 
     /// Keeps the records of a run, or of one of its members.
-    fn close(
-        &mut self,
-        members: &[usize],
-        mut run: Box<dyn Advance>,
-        one: Option<(usize, usize)>,
-    ) {
+    fn close(&mut self, members: &[usize], mut run: Box<dyn Advance>, one: Option<(usize, usize)>) {
         self.over += members.len();
         self.add(members, &mut *run, one);
     }

@@ -11,9 +11,14 @@
 #![allow(clippy::inline_always)] // what is not inlined is compiled without the registers it is for
 #![allow(clippy::float_cmp)] // verdicts are whole numbers
 
+mod block_matrix;
 mod broyden;
+mod condensed;
+mod reuse;
 
+pub use block_matrix::{BlockGrid, BlockHandle, BlockLayout, BlockMatrix};
 pub use broyden::Broyden;
+pub use reuse::Reuse;
 
 use crate::error::StepError;
 use crate::real::Real;

@@ -1,6 +1,5 @@
 //! Records of a run: times, and a row of observed quantities for each.
 
-use crate::checkpoint::{Checkpoint, CheckpointMismatch};
 use crate::error::StepError;
 use crate::observe::Observe;
 
@@ -64,15 +63,9 @@ impl Records {
     }
 }
 
-/// Times and rows are not saved: they were collected before.
-impl Checkpoint for Records {
-    fn save(&self, member: usize, out: &mut Vec<f64>) {
-        self.last.save(member, out);
-    }
-
-    fn restore(&mut self, member: usize, saved: &mut &[f64]) -> Result<(), CheckpointMismatch> {
-        self.times.clear();
-        self.rows.clear();
-        self.last.restore(member, saved)
-    }
-}
+// Times and rows are not saved: they were collected before.
+crate::checkpoint!(Records { last } then |records| {
+    records.times.clear();
+    records.rows.clear();
+    Ok(())
+});

@@ -25,7 +25,6 @@ mod state;
 
 use crate::problem::{Acceleration, SecondOrderModel};
 use frozen::Frozen;
-use liouville_base::checkpoint::{Checkpoint, CheckpointMismatch};
 use liouville_base::error::StepError;
 use liouville_base::linalg::{Matrix, add_scaled, copy};
 use liouville_base::method::{Estimating, Stats, Stepper, Tolerance};
@@ -325,23 +324,7 @@ impl Estimating for Alpha {
     }
 }
 
-impl Checkpoint for Alpha {
-    fn save(&self, member: usize, out: &mut Vec<f64>) {
-        self.is_warm.save(member, out);
-        self.acceleration.save(member, out);
-        self.phi_rate.save(member, out);
-        self.kept.save(member, out);
-        self.rates.save(member, out);
-        self.frozen.save(member, out);
-    }
-
-    fn restore(&mut self, member: usize, saved: &mut &[f64]) -> Result<(), CheckpointMismatch> {
-        self.is_warm.restore(member, saved)?;
-        self.acceleration.restore(member, saved)?;
-        self.phi_rate.restore(member, saved)?;
-        self.kept.restore(member, saved)?;
-        self.rates.restore(member, saved)?;
-        self.frozen.restore(member, saved)?;
-        self.frozen.remake(&mut self.model, &mut self.solver)
-    }
-}
+liouville_base::checkpoint!(
+    Alpha { is_warm, acceleration, phi_rate, kept, rates, frozen }
+    then |alpha| alpha.frozen.remake(&mut alpha.model, &mut alpha.solver)
+);

@@ -4,7 +4,6 @@ use super::coupling::Coupling;
 use super::frozen::Frozen;
 use super::{Reactions, State};
 use crate::problem::SecondOrderModel;
-use liouville_base::checkpoint::{Checkpoint, CheckpointMismatch};
 use liouville_base::error::StepError;
 use liouville_base::linalg::{add_scaled, copy, copy_scaled, max_norm};
 use liouville_base::newton::{Broyden, Equations, Stop};
@@ -369,14 +368,4 @@ impl Equations for Solve<'_> {
     }
 }
 
-impl Checkpoint for Reaction {
-    fn save(&self, member: usize, out: &mut Vec<f64>) {
-        self.a.save(member, out);
-        self.lam.save(member, out);
-    }
-
-    fn restore(&mut self, member: usize, saved: &mut &[f64]) -> Result<(), CheckpointMismatch> {
-        self.a.restore(member, saved)?;
-        self.lam.restore(member, saved)
-    }
-}
+liouville_base::checkpoint!(Reaction { a, lam });

@@ -7,7 +7,7 @@ mod search;
 pub use event::Event;
 
 use crate::problem::{Carried, Observer, Path, Point};
-use liouville_base::checkpoint::{Checkpoint, CheckpointMismatch};
+use liouville_base::checkpoint::Checkpoint;
 use liouville_base::error::StepError;
 use liouville_base::method::Stepper;
 use liouville_base::run::{EventDetector, Events, Records};
@@ -31,25 +31,10 @@ pub struct DenseDetector<State: Checkpoint> {
     /// Zeros of all events in a step: where, and which.
     found: Vec<(f64, usize)>,
     met: Events,
-    recorded: Option<Recorded>,
-}
-
-/// Records at given times.
-pub struct Recorded {
-    times: Vec<f64>,
     observer: Observer,
+    /// Times of the records, where they are the detector's.
+    times: Option<Vec<f64>>,
     next: usize,
-}
-
-impl Recorded {
-    /// Records of what this observer reads at these times.
-    pub fn new(times: Vec<f64>, observer: Observer) -> Self {
-        Self {
-            times,
-            observer,
-            next: 0,
-        }
-    }
 }
 
 /// An event's function in a step that is over.
@@ -90,7 +75,7 @@ fn at(path: &mut Path, event: &mut Event, t: f64, state: &impl Carried) -> Resul
 }
 
 impl<State: Carried + Checkpoint + Clone> DenseDetector<State> {
-    /// A detector of events along a path, with records at times of its own if they are given.
+    /// A detector of events along a path, which records what `observer` reads at `times` if they are given.
     ///
     /// `stepper` makes the same steps as the run, whose state has the size of `state`.
     pub fn new(
@@ -98,7 +83,7 @@ impl<State: Carried + Checkpoint + Clone> DenseDetector<State> {
         stepper: Box<dyn Stepper<State = State>>,
         state: &State,
         events: Vec<Event>,
-        recorded: Option<Recorded>,
+        (observer, times): (Observer, Option<Vec<f64>>),
     ) -> Self {
         let met = Events {
             found: vec![(Vec::new(), Vec::new()); events.len()],
@@ -119,7 +104,9 @@ impl<State: Carried + Checkpoint + Clone> DenseDetector<State> {
             zeros: Vec::new(),
             found: Vec::new(),
             met,
-            recorded,
+            observer,
+            times,
+            next: 0,
         }
     }
 
@@ -243,16 +230,16 @@ impl<State: Carried + Checkpoint + Clone> DenseDetector<State> {
 
     /// Records at the wanted times up to `t`.
     fn emit(&mut self, t: f64, records: &mut Records) -> Result<(), StepError> {
-        let Some(recorded) = &mut self.recorded else {
+        let Some(times) = &self.times else {
             return Ok(());
         };
-        while let Some(wanted) = recorded.times.get(recorded.next) {
+        while let Some(wanted) = times.get(self.next) {
             if (wanted - t) * self.partial.h > 0.0 {
                 break;
             }
             self.path.move_to(*wanted);
-            records.push::<Point>(&mut recorded.observer, *wanted, self.path.point())?;
-            recorded.next += 1;
+            records.push::<Point>(&mut self.observer, *wanted, self.path.point())?;
+            self.next += 1;
         }
         Ok(())
     }
@@ -298,7 +285,7 @@ fn leaving<State: Carried + Checkpoint>(
 
 impl<State: Carried + Checkpoint + Clone> EventDetector<State> for DenseDetector<State> {
     fn is_recording(&self) -> bool {
-        self.recorded.is_some()
+        self.times.is_some()
     }
 
     fn start(&mut self, t: f64, state: &State) -> Result<(), StepError> {
@@ -358,38 +345,14 @@ impl<State: Carried + Checkpoint + Clone> EventDetector<State> for DenseDetector
     }
 }
 
-/// Events are not saved: they were taken before.
-impl<State: Checkpoint> Checkpoint for DenseDetector<State> {
-    fn save(&self, member: usize, out: &mut Vec<f64>) {
-        self.path.save(member, out);
-        self.partial.stepper.save(member, out);
-        self.partial.h.save(member, out);
-        for event in &self.events {
-            event.save(member, out);
-        }
-        self.met.end.save(member, out);
-        if let Some(recorded) = &self.recorded {
-            recorded.observer.save(member, out);
-            recorded.next.save(member, out);
-        }
-    }
-
-    fn restore(&mut self, member: usize, saved: &mut &[f64]) -> Result<(), CheckpointMismatch> {
-        self.path.restore(member, saved)?;
-        self.partial.stepper.restore(member, saved)?;
-        self.partial.h.restore(member, saved)?;
-        for event in &mut self.events {
-            event.restore(member, saved)?;
-        }
-        for (times, rows) in &mut self.met.found {
+// Events are not saved: they were taken before.
+liouville_base::checkpoint!(
+    [State: Checkpoint] DenseDetector<State> { path, partial.stepper, partial.h, events, met.end, observer, next }
+    then |detector| {
+        for (times, rows) in &mut detector.met.found {
             times.clear();
             rows.clear();
         }
-        self.met.end.restore(member, saved)?;
-        if let Some(recorded) = &mut self.recorded {
-            recorded.observer.restore(member, saved)?;
-            recorded.next.restore(member, saved)?;
-        }
         Ok(())
     }
-}
+);

@@ -17,7 +17,6 @@ mod stages;
 
 use crate::semi_explicit::{Algebraic, Model, State};
 use frozen::Frozen;
-use liouville_base::checkpoint::{Checkpoint, CheckpointMismatch};
 use liouville_base::error::StepError;
 use liouville_base::linalg::{add_scaled, copy, max_norm};
 use liouville_base::method::{Stats, Stepper, Symmetric};
@@ -238,15 +237,7 @@ fn carry(high: &mut [f64], low: &mut [f64]) {
     }
 }
 
-impl Checkpoint for Index2 {
-    fn save(&self, member: usize, out: &mut Vec<f64>) {
-        self.predictor.save(member, out);
-        self.frozen.save(member, out);
-    }
-
-    fn restore(&mut self, member: usize, saved: &mut &[f64]) -> Result<(), CheckpointMismatch> {
-        self.predictor.restore(member, saved)?;
-        self.frozen.restore(member, saved)?;
-        self.frozen.remake(&mut self.model, &mut self.stages)
-    }
-}
+liouville_base::checkpoint!(
+    Index2 { predictor, frozen }
+    then |index2| index2.frozen.remake(&mut index2.model, &mut index2.stages)
+);

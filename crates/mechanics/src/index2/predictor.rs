@@ -3,7 +3,6 @@
 //! Stages have an error of order h^s that ends of steps have not: polynomials through both would feel it.
 
 use super::stages::{Stages, lagrange};
-use liouville_base::checkpoint::{Checkpoint, CheckpointMismatch};
 use liouville_base::linalg::{Matrix, combine, copy};
 
 /// What the next step starts from.
@@ -57,16 +56,4 @@ impl Predictor {
     }
 }
 
-impl Checkpoint for Predictor {
-    fn save(&self, member: usize, out: &mut Vec<f64>) {
-        self.h.save(member, out);
-        self.v.flat().save(member, out);
-        self.z.flat().save(member, out);
-    }
-
-    fn restore(&mut self, member: usize, saved: &mut &[f64]) -> Result<(), CheckpointMismatch> {
-        self.h.restore(member, saved)?;
-        self.v.flat_mut().restore(member, saved)?;
-        self.z.flat_mut().restore(member, saved)
-    }
-}
+liouville_base::checkpoint!(Predictor { h, v, z });

@@ -1,6 +1,6 @@
 //! Where λ of a step is looked for: on the cubic through those of the four steps before.
 
-use liouville_base::checkpoint::{Checkpoint, CheckpointMismatch};
+use liouville_base::checkpoint::CheckpointMismatch;
 use liouville_base::linalg::{add_scaled, copy};
 
 /// λ of steps of one size, as many as a polynomial takes.
@@ -66,20 +66,9 @@ impl Guess {
     }
 }
 
-impl Checkpoint for Guess {
-    fn save(&self, member: usize, out: &mut Vec<f64>) {
-        self.h.save(member, out);
-        self.known.save(member, out);
-        self.count.save(member, out);
+liouville_base::checkpoint!(Guess { h, known, count } then |guess| {
+    if guess.count > POINTS {
+        return Err(CheckpointMismatch);
     }
-
-    fn restore(&mut self, member: usize, saved: &mut &[f64]) -> Result<(), CheckpointMismatch> {
-        self.h.restore(member, saved)?;
-        self.known.restore(member, saved)?;
-        self.count.restore(member, saved)?;
-        if self.count > POINTS {
-            return Err(CheckpointMismatch);
-        }
-        Ok(())
-    }
-}
+    Ok(())
+});

@@ -19,7 +19,7 @@ mod reactions;
 use crate::problem::{SeparableModel, State};
 use guess::Guess;
 use inertia::Inertia;
-use liouville_base::checkpoint::{Checkpoint, CheckpointMismatch};
+use liouville_base::checkpoint::CheckpointMismatch;
 use liouville_base::error::StepError;
 use liouville_base::linalg::{add_scaled, carry, copy};
 use liouville_base::method::{Stats, Stepper, Symmetric};
@@ -184,31 +184,26 @@ impl Stepper for Rattle {
 
 impl Symmetric for Rattle {}
 
-/// The multipliers before, and where f and G are those of the next start.
-impl Checkpoint for Rattle {
-    fn save(&self, member: usize, out: &mut Vec<f64>) {
-        self.guess.save(member, out);
-        self.start.save(member, out);
-        self.start_y.save(member, out);
-    }
+// The multipliers before, and where f and G are those of the next start.
+liouville_base::checkpoint!(Rattle { guess, start, start_y } then Self::evaluate_start);
 
-    fn restore(&mut self, member: usize, saved: &mut &[f64]) -> Result<(), CheckpointMismatch> {
-        self.guess.restore(member, saved)?;
-        self.start.restore(member, saved)?;
-        self.start_y.restore(member, saved)?;
-        if let Some(t) = self.start {
-            let force = self
-                .model
-                .force(t, &self.start_y)
-                .map_err(|_| CheckpointMismatch)?;
-            copy(&mut self.force, force);
-            let (reactions, model) = (&mut self.reactions, &mut self.model);
-            let started = reactions.start_at(model, t, &self.start_y);
-            // where G is constant this is done once
-            let factored = started.and_then(|()| reactions.factor(model));
-            if model.problem.mechanical.m > 0 {
-                factored.map_err(|_| CheckpointMismatch)?;
-            }
+impl Rattle {
+    /// The force and reactions at the start of the next step, which are functions of the point saved.
+    fn evaluate_start(&mut self) -> Result<(), CheckpointMismatch> {
+        let Some(t) = self.start else {
+            return Ok(());
+        };
+        let force = self
+            .model
+            .force(t, &self.start_y)
+            .map_err(|_| CheckpointMismatch)?;
+        copy(&mut self.force, force);
+        let (reactions, model) = (&mut self.reactions, &mut self.model);
+        let started = reactions.start_at(model, t, &self.start_y);
+        // a constant G is factored once
+        let factored = started.and_then(|()| reactions.factor(model));
+        if model.problem.mechanical.m > 0 {
+            factored.map_err(|_| CheckpointMismatch)?;
         }
         Ok(())
     }

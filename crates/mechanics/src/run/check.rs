@@ -84,7 +84,11 @@ impl Job {
     fn check_sizes(&self, system: &System) -> Result<(), StartError> {
         let ([n, l], params) = system.sizes();
         let members = self.members.unwrap_or(1);
-        let most = if matches!(system, System::Alpha(..)) { 3 } else { 2 };
+        let most = if matches!(system, System::Alpha(..)) {
+            3
+        } else {
+            2
+        };
         let fits = members > 0
             && self.span.steps > 0
             && self.span.every > 0
@@ -95,7 +99,11 @@ impl Job {
         if fits {
             return Ok(());
         }
-        let rows = if self.members.is_some() { "a row for each member of " } else { "" };
+        let rows = if self.members.is_some() {
+            "a row for each member of "
+        } else {
+            ""
+        };
         let z = if most == 2 { "z" } else { "z and perhaps a" };
         let sizes = if n == l {
             format!("y, {z} of size {n}")

@@ -1,7 +1,7 @@
 //! The parts of a run that each member has of its own: start, parameters, observer, monitor, detector.
 
 use super::{Begun, Starter};
-use crate::events::{DenseDetector, Event, Recorded};
+use crate::events::{DenseDetector, Event};
 use crate::problem::{Carried, MechanicalMonitor, Model, Observer, Path, TimeScale, Traced};
 use crate::spark::BATCH;
 use liouville_base::checkpoint::Checkpoint;
@@ -96,13 +96,10 @@ impl Starter {
                 let tape = event.tape.clone();
                 Event::new(k, tape, params, direction, terminal, event.needs_lam)
             });
-            let recorded = detection.times.as_ref().map(|times| {
-                expected = times.len();
-                Recorded::new(times.clone(), observer.clone())
-            });
+            let recorded = (observer.clone(), detection.times.clone());
+            expected = detection.times.as_ref().map_or(expected, Vec::len);
             let path = Path::new(self.model(member), detection.order);
-            let detector =
-                DenseDetector::new(path, stepper, &state, functions.collect(), recorded);
+            let detector = DenseDetector::new(path, stepper, &state, functions.collect(), recorded);
             events = Some(Box::new(detector) as Box<dyn EventDetector<State>>);
         }
         let kept = (self.job.span.every, expected);

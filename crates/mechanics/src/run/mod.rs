@@ -11,8 +11,7 @@ pub use job::{Control, Detection, EventFunction, Job, Method, Problem, SparkMeth
 use crate::alpha::{Alpha, Reactions};
 use crate::index2::Index2;
 use crate::problem::{
-    Carried, Mechanical, Model, Observers, SecondOrder, SecondOrderModel, Separable,
-    SeparableModel,
+    Carried, Mechanical, Model, Observers, SecondOrder, SecondOrderModel, Separable, SeparableModel,
 };
 use crate::rattle::Rattle;
 use crate::semi_explicit::{self, SemiExplicit};
@@ -165,9 +164,7 @@ impl Starter {
         else {
             return match stages {
                 None => self.symmetric(stepper, member, state),
-                Some(stages) => {
-                    self.symmetric(Composed::of_stages(stepper, stages), member, state)
-                }
+                Some(stages) => self.symmetric(Composed::of_stages(stepper, stages), member, state),
             };
         };
         let mut stepper = stepper.estimating(tolerance.clone());
@@ -257,12 +254,7 @@ impl Starter {
                     &state,
                 ))
             }
-            _ => Box::new(Fixed::new(
-                Box::new(stepper),
-                span.t0,
-                span.h(),
-                span.steps,
-            )),
+            _ => Box::new(Fixed::new(Box::new(stepper), span.t0, span.h(), span.steps)),
         };
         self.launch(control, copy, member, state)
     }

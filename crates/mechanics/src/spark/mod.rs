@@ -14,31 +14,26 @@
 //! (S1)–(S4) give Z_i and λ_0..λ_{k−1}, with V_i = v(T_i, Y_i, Z_i) as unknowns of their own;
 //! (U2), (U3) then give z1 and λ_k. The λ_j are internal: they are not passed on to the next step.
 //! y and p are summed with their rounding errors carried along. Source: jay2007; the paper's ψ is λ.
-//! Nonholonomic constraints bring equations of their own, in `coupled`.
+//! Nonholonomic constraints bring equations of their own, in `full_newton`.
 
-mod coupled;
 mod estimate;
 mod full_newton;
 mod lanes;
 mod node_schur;
 mod predictor;
-mod sparse_newton;
 mod sparse_schur;
 mod stages;
 mod update;
 
 use crate::problem::{Mechanical, Model, State};
-use coupled::Coupled;
 use estimate::Estimate;
 use full_newton::FullNewton;
-use liouville_base::checkpoint::{Checkpoint, CheckpointMismatch};
 use liouville_base::error::StepError;
 use liouville_base::method::{Stats, Stepper, Symmetric};
 use liouville_base::newton;
 use liouville_base::tableau;
 use node_schur::NodeSchur;
 use predictor::Predictor;
-use sparse_newton::SparseNewton;
 use stages::{Stages, Step, Unknowns};
 use update::Update;
 
@@ -80,23 +75,6 @@ const LONGEST_REST: usize = 1023;
 /// Where no start is near enough: shorter steps from the same state, each extrapolated from the one before.
 const SHORTER: [f64; 3] = [0.125, 0.25, 0.5];
 
-/// Full Newton, made when it is first wanted.
-#[derive(Clone, Debug)]
-enum Full {
-    Dense(Box<FullNewton>),
-    Sparse(Box<SparseNewton>),
-}
-
-impl Full {
-    fn new(model: &Model, stages: &Stages) -> Self {
-        if SparseNewton::is_for(&model.problem, stages) {
-            Self::Sparse(Box::new(SparseNewton::new(model, stages)))
-        } else {
-            Self::Dense(Box::new(FullNewton::new(model, stages)))
-        }
-    }
-}
-
 /// A SPARK method at work.
 #[derive(Clone, Debug)]
 pub struct Spark {
@@ -104,9 +82,8 @@ pub struct Spark {
     solver: Solver,
     stages: Stages,
     schur: NodeSchur,
-    full: Option<Full>,
-    /// What solves everything at once, where there are nonholonomic constraints.
-    coupled: Option<Box<Coupled>>,
+    /// Full Newton, made when it is first wanted.
+    full: Option<Box<FullNewton>>,
     predictor: Predictor,
     update: Update,
     /// What tells errors, where they are wanted.
@@ -138,7 +115,6 @@ impl Spark {
             solver,
             schur: NodeSchur::new(&model, &stages),
             full: None,
-            coupled: (model.problem.l() > 0).then(|| Box::new(Coupled::new(&model, &stages))),
             predictor: Predictor::new(&model, &stages.tableau),
             update: Update::new(&model),
             estimate: None,
@@ -224,12 +200,7 @@ impl Spark {
 
     fn iterate(&mut self, step: Step) -> Result<(), StepError> {
         self.is_by_schur = false;
-        let iterations = if let Some(coupled) = &mut self.coupled {
-            self.stats.newton_steps += 1;
-            let (stages, model) = (&mut self.stages, &mut self.model);
-            let mut equations = coupled.start(stages, model, &mut self.update.z, step);
-            newton::solve(&mut equations, MOST_ITERATIONS)?
-        } else if self.wants_newton() {
+        let iterations = if self.wants_newton() {
             self.iterate_newton(step)?
         } else {
             self.start.copy_from(&self.stages.unknowns);
@@ -255,7 +226,10 @@ impl Spark {
     fn wants_newton(&mut self) -> bool {
         let is_resting = self.resting > 0;
         self.resting = self.resting.saturating_sub(1);
-        is_resting || self.solver == Solver::Newton || !self.schur.is_able()
+        is_resting
+            || self.solver == Solver::Newton
+            || !self.schur.is_able()
+            || self.model.problem.l() > 0
     }
 
     fn iterate_schur(&mut self, step: Step) -> Result<usize, StepError> {
@@ -267,15 +241,11 @@ impl Spark {
     fn iterate_newton(&mut self, step: Step) -> Result<usize, StepError> {
         self.stats.newton_steps += 1;
         let (stages, model) = (&mut self.stages, &mut self.model);
-        let full = self.full.get_or_insert_with(|| Full::new(model, stages));
-        match full {
-            Full::Dense(full) => {
-                newton::solve(&mut full.start(stages, model, step), MOST_ITERATIONS)
-            }
-            Full::Sparse(full) => {
-                newton::solve(&mut full.start(stages, model, step), MOST_ITERATIONS)
-            }
-        }
+        let full = self
+            .full
+            .get_or_insert_with(|| FullNewton::new(model, stages).into());
+        let mut equations = full.start(stages, model, &mut self.update.z, step);
+        newton::solve(&mut equations, MOST_ITERATIONS)
     }
 }
 
@@ -310,17 +280,9 @@ impl Stepper for Spark {
 
 impl Symmetric for Spark {}
 
-/// What is extrapolated, and how long node Schur still rests.
-impl Checkpoint for Spark {
-    fn save(&self, member: usize, out: &mut Vec<f64>) {
-        self.predictor.save(member, out);
-        self.resting.save(member, out);
-        self.rest.save(member, out);
-    }
-
-    fn restore(&mut self, member: usize, saved: &mut &[f64]) -> Result<(), CheckpointMismatch> {
-        self.predictor.restore(member, saved)?;
-        self.resting.restore(member, saved)?;
-        self.rest.restore(member, saved)
-    }
-}
+// What is extrapolated, and how long node Schur still rests.
+liouville_base::checkpoint!(Spark {
+    predictor,
+    resting,
+    rest
+});

@@ -179,8 +179,9 @@ impl Prepared {
                 let stable = Stable::find(Purpose::Stability, order, stages).ok_or_else(|| {
                     StartError::invalid("there is no such method for the longest stable steps")
                 })?;
-                let too_long =
-                    || StartError::invalid("a step so near to the limit of stability has no processor");
+                let too_long = || {
+                    StartError::invalid("a step so near to the limit of stability has no processor")
+                };
                 Self::Processed {
                     program: shears(&stable.coefficients, is_back),
                     processor: Processor::new(stable, theta, PROCESSOR_ERROR)

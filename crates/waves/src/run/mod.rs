@@ -90,7 +90,10 @@ impl Starter {
 
     /// A run of these members in lock-step.
     fn block(&self, members: &[usize]) -> Begun {
-        self.launch(self.method.lockstep::<Lanes<WIDTH>>(self.sweeper(1)), members)
+        self.launch(
+            self.method.lockstep::<Lanes<WIDTH>>(self.sweeper(1)),
+            members,
+        )
     }
 
     /// All members: in lock-step if they share a matrix by rows and are not too few.

@@ -2,7 +2,7 @@
 
 use super::time::CompensatedTime;
 use super::{StepControl, StepSizes};
-use crate::checkpoint::{Checkpoint, CheckpointMismatch};
+use crate::checkpoint::Checkpoint;
 use crate::error::StepError;
 use crate::method::{Estimating, Stepper};
 
@@ -144,20 +144,4 @@ fn preferred(error: StepError, least: StepError) -> StepError {
     }
 }
 
-impl<State: Checkpoint> Checkpoint for Adaptive<State> {
-    fn save(&self, member: usize, out: &mut Vec<f64>) {
-        self.stepper.save(member, out);
-        self.time.save(member, out);
-        self.h.save(member, out);
-        self.last_error.save(member, out);
-        self.rejected.save(member, out);
-    }
-
-    fn restore(&mut self, member: usize, saved: &mut &[f64]) -> Result<(), CheckpointMismatch> {
-        self.stepper.restore(member, saved)?;
-        self.time.restore(member, saved)?;
-        self.h.restore(member, saved)?;
-        self.last_error.restore(member, saved)?;
-        self.rejected.restore(member, saved)
-    }
-}
+crate::checkpoint!([State: Checkpoint] Adaptive<State> { stepper, time, h, last_error, rejected });

@@ -1,7 +1,7 @@
 //! Steps of equal size.
 
 use super::StepControl;
-use crate::checkpoint::{Checkpoint, CheckpointMismatch};
+use crate::checkpoint::Checkpoint;
 use crate::error::StepError;
 use crate::method::Stepper;
 
@@ -55,14 +55,4 @@ impl<State: Checkpoint> StepControl<State> for Fixed<State> {
     }
 }
 
-impl<State: Checkpoint> Checkpoint for Fixed<State> {
-    fn save(&self, member: usize, out: &mut Vec<f64>) {
-        self.stepper.save(member, out);
-        self.n.save(member, out);
-    }
-
-    fn restore(&mut self, member: usize, saved: &mut &[f64]) -> Result<(), CheckpointMismatch> {
-        self.stepper.restore(member, saved)?;
-        self.n.restore(member, saved)
-    }
-}
+crate::checkpoint!([State: Checkpoint] Fixed<State> { stepper, n });

@@ -1,7 +1,7 @@
 //! Steps from each of several times to the next.
 
 use super::StepControl;
-use crate::checkpoint::{Checkpoint, CheckpointMismatch};
+use crate::checkpoint::Checkpoint;
 use crate::error::StepError;
 use crate::method::Stepper;
 
@@ -76,18 +76,4 @@ impl<State: Checkpoint> StepControl<State> for Listed<State> {
     }
 }
 
-impl<State: Checkpoint> Checkpoint for Listed<State> {
-    fn save(&self, member: usize, out: &mut Vec<f64>) {
-        self.stepper.save(member, out);
-        self.start.save(member, out);
-        self.stop.save(member, out);
-        self.n.save(member, out);
-    }
-
-    fn restore(&mut self, member: usize, saved: &mut &[f64]) -> Result<(), CheckpointMismatch> {
-        self.stepper.restore(member, saved)?;
-        self.start.restore(member, saved)?;
-        self.stop.restore(member, saved)?;
-        self.n.restore(member, saved)
-    }
-}
+crate::checkpoint!([State: Checkpoint] Listed<State> { stepper, start, stop, n });

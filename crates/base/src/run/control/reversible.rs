@@ -13,7 +13,7 @@
 
 use super::time::CompensatedTime;
 use super::{StepControl, StepSizes};
-use crate::checkpoint::{Checkpoint, CheckpointMismatch};
+use crate::checkpoint::Checkpoint;
 use crate::error::StepError;
 use crate::method::{Stepper, Symmetric};
 use crate::observe::Monitor;
@@ -114,20 +114,4 @@ impl<State: Checkpoint> StepControl<State> for Reversible<State> {
     }
 }
 
-impl<State: Checkpoint> Checkpoint for Reversible<State> {
-    fn save(&self, member: usize, out: &mut Vec<f64>) {
-        self.stepper.save(member, out);
-        self.time.save(member, out);
-        self.h.save(member, out);
-        self.monitor.save(member, out);
-        self.rate.save(member, out);
-    }
-
-    fn restore(&mut self, member: usize, saved: &mut &[f64]) -> Result<(), CheckpointMismatch> {
-        self.stepper.restore(member, saved)?;
-        self.time.restore(member, saved)?;
-        self.h.restore(member, saved)?;
-        self.monitor.restore(member, saved)?;
-        self.rate.restore(member, saved)
-    }
-}
+crate::checkpoint!([State: Checkpoint] Reversible<State> { stepper, time, h, monitor, rate });
