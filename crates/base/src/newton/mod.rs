@@ -11,9 +11,13 @@
 #![allow(clippy::inline_always)] // what is not inlined is compiled without the registers it is for
 #![allow(clippy::float_cmp)] // verdicts are whole numbers
 
+mod attempts;
 mod broyden;
+mod predictor;
 
+pub use attempts::{Attempts, Start, attempt};
 pub use broyden::Broyden;
+pub use predictor::{Polynomial, Predictor};
 
 use crate::error::StepError;
 use crate::real::Real;
