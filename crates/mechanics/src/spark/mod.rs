@@ -14,21 +14,18 @@
 //! (S1)–(S4) give Z_i and λ_0..λ_{k−1}, with V_i = v(T_i, Y_i, Z_i) as unknowns of their own;
 //! (U2), (U3) then give z1 and λ_k. The λ_j are internal: they are not passed on to the next step.
 //! y and p are summed with their rounding errors carried along. Source: jay2007; the paper's ψ is λ.
-//! Nonholonomic constraints bring equations of their own, in `coupled`.
+//! Nonholonomic constraints bring equations of their own, in `full_newton`.
 
-mod coupled;
 mod estimate;
 mod full_newton;
 mod lanes;
 mod node_schur;
 mod predictor;
-mod sparse_newton;
 mod sparse_schur;
 mod stages;
 mod update;
 
 use crate::problem::{Mechanical, Model, State};
-use coupled::Coupled;
 use estimate::Estimate;
 use full_newton::FullNewton;
 use liouville_base::checkpoint::{Checkpoint, CheckpointMismatch};
@@ -38,7 +35,6 @@ use liouville_base::newton::{self, Attempts, Start};
 use liouville_base::tableau;
 use node_schur::NodeSchur;
 use predictor::Predictor;
-use sparse_newton::SparseNewton;
 use stages::{Stages, Step, Unknowns};
 use update::Update;
 
@@ -77,22 +73,6 @@ const CHEAP: usize = 40;
 const MOST_ITERATIONS: usize = 100;
 /// Steps node Schur rests at most after failing; each failure in a row doubles the rest.
 const LONGEST_REST: usize = 1023;
-/// Full Newton, made when it is first wanted.
-#[derive(Clone, Debug)]
-enum Full {
-    Dense(Box<FullNewton>),
-    Sparse(Box<SparseNewton>),
-}
-
-impl Full {
-    fn new(model: &Model, stages: &Stages) -> Self {
-        if SparseNewton::is_for(&model.problem, stages) {
-            Self::Sparse(Box::new(SparseNewton::new(model, stages)))
-        } else {
-            Self::Dense(Box::new(FullNewton::new(model, stages)))
-        }
-    }
-}
 
 /// A SPARK method at work.
 #[derive(Clone, Debug)]
@@ -101,9 +81,8 @@ pub struct Spark {
     solver: Solver,
     stages: Stages,
     schur: NodeSchur,
-    full: Option<Full>,
-    /// What solves everything at once, where there are nonholonomic constraints.
-    coupled: Option<Box<Coupled>>,
+    /// Full Newton, made when it is first wanted.
+    full: Option<Box<FullNewton>>,
     predictor: Predictor,
     update: Update,
     /// What tells errors, where they are wanted.
@@ -135,7 +114,6 @@ impl Spark {
             solver,
             schur: NodeSchur::new(&model, &stages),
             full: None,
-            coupled: (model.problem.l() > 0).then(|| Box::new(Coupled::new(&model, &stages))),
             predictor: Predictor::new(&model, &stages.tableau),
             update: Update::new(&model),
             estimate: None,
@@ -175,12 +153,7 @@ impl Spark {
 
     fn iterate(&mut self, step: Step) -> Result<(), StepError> {
         self.is_by_schur = false;
-        let iterations = if let Some(coupled) = &mut self.coupled {
-            self.stats.newton_steps += 1;
-            let (stages, model) = (&mut self.stages, &mut self.model);
-            let mut equations = coupled.start(stages, model, &mut self.update.z, step);
-            newton::solve(&mut equations, MOST_ITERATIONS)?
-        } else if self.wants_newton() {
+        let iterations = if self.wants_newton() {
             self.iterate_newton(step)?
         } else {
             self.start.copy_from(&self.stages.unknowns);
@@ -206,7 +179,10 @@ impl Spark {
     fn wants_newton(&mut self) -> bool {
         let is_resting = self.resting > 0;
         self.resting = self.resting.saturating_sub(1);
-        is_resting || self.solver == Solver::Newton || !self.schur.is_able()
+        is_resting
+            || self.solver == Solver::Newton
+            || !self.schur.is_able()
+            || self.model.problem.l() > 0
     }
 
     fn iterate_schur(&mut self, step: Step) -> Result<usize, StepError> {
@@ -218,15 +194,11 @@ impl Spark {
     fn iterate_newton(&mut self, step: Step) -> Result<usize, StepError> {
         self.stats.newton_steps += 1;
         let (stages, model) = (&mut self.stages, &mut self.model);
-        let full = self.full.get_or_insert_with(|| Full::new(model, stages));
-        match full {
-            Full::Dense(full) => {
-                newton::solve(&mut full.start(stages, model, step), MOST_ITERATIONS)
-            }
-            Full::Sparse(full) => {
-                newton::solve(&mut full.start(stages, model, step), MOST_ITERATIONS)
-            }
-        }
+        let full = self
+            .full
+            .get_or_insert_with(|| FullNewton::new(model, stages).into());
+        let mut equations = full.start(stages, model, &mut self.update.z, step);
+        newton::solve(&mut equations, MOST_ITERATIONS)
     }
 }
 
