@@ -1,18 +1,16 @@
-"""What the documentation says runs, and what it cites exists."""
+"""The programs of the documentation run, its sources exist, and it has one sentence a line."""
 
 import doctest
 import pkgutil
 import re
 from importlib import import_module
-from pathlib import Path
+from itertools import pairwise
 
 import pytest
+from pages import PAGES, ROOT, name, tokens
 
 import liouville
 
-ROOT = Path(__file__).resolve().parent.parent
-PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").rglob("*.md"))]
-PAGES = [page for page in PAGES if not {"_build", "gallery"} & set(page.parts)]
 MODULES = sorted(
     module.name
     for module in pkgutil.walk_packages(liouville.__path__, "liouville.")
@@ -25,13 +23,13 @@ SOURCES = [
     *sorted((ROOT / "examples").glob("*.py")),
 ]
 
+# A sentence ends inside a line: not after an initial, nor after a catchword in italics.
+END = re.compile(r"(?<!\b[A-Z])(?<=\S)[.?!][)*\"]* +(?=[A-Z*({\[~])")
+CATCHWORD = re.compile(r"\*[^*]+[.?!]\* ")
+
 
 def programs(page):
     return re.findall(r"^```python\n(.*?)^```", page.read_text(encoding="utf-8"), re.M | re.S)
-
-
-def name(path):
-    return path.relative_to(ROOT).as_posix()
 
 
 @pytest.mark.parametrize("page", [page for page in PAGES if programs(page)], ids=name)
@@ -58,3 +56,39 @@ def test_every_source_cited_is_in_the_list():
             cited += re.findall(r"\b[a-z]{3,}(?:19|20)\d\d[a-z]*\b", line)
         missing = sorted(set(filter(None, map(str.strip, cited))) - set(known))
         assert not missing, f"{name(path)} cites {missing}, which docs/references.bib does not have"
+
+
+def faults(text):
+    """Yield the number of each line of prose that is too long or not one sentence, and why."""
+    lines = text.splitlines()
+    blocks = tokens(text)
+    for opening, block in pairwise(blocks):
+        if opening.type != "paragraph_open" or block.type != "inline":
+            continue
+        first = block.map[0]
+        prose = block.content.splitlines()
+        for number, line in enumerate(prose, first):
+            plain = re.sub(r"`[^`]*`|\$[^$]+\$|\{\w+(:\w+)?\}`[^`]*`", "~", line)
+            only_link = re.fullmatch(r"!?\[[^\]]*\]\(\S+\)", line)
+            if len(lines[number]) > 160 and not only_link:
+                yield number + 1, f"{len(lines[number])} characters"
+            if END.search(CATCHWORD.sub("", plain, count=1)):
+                yield number + 1, "two sentences"
+            if number + 1 < first + len(prose) and not re.search(r"[.?!][)*\"]*$", plain):
+                yield number + 1, "a sentence is broken"
+
+
+@pytest.mark.parametrize(
+    "page", [*PAGES, ROOT / "CHANGELOG.md", ROOT / "CONTRIBUTING.md"], ids=name
+)
+def test_prose_has_one_sentence_a_line(page):
+    found = [f"{name(page)}:{line}: {why}" for line, why in faults(page.read_text("utf-8"))]
+    assert not found, "\n".join(found)
+
+
+def test_other_lines_are_seen():
+    assert list(faults("One is. Two are.\n")) == [(1, "two sentences")]
+    assert list(faults("- One\n  is.\n")) == [(1, "a sentence is broken")]
+    assert list(faults(f"Let {'very ' * 40}long.\n")) == [(1, "209 characters")]
+    assert list(faults("*Order.* By C. Runge, $x. Y$ and `a. B` are.\nSo (too).\n")) == []
+    assert list(faults(f"[{'link ' * 40}](page.md)\n\n| {'cell. Cell. ' * 20} |\n|-|\n")) == []

@@ -1,6 +1,6 @@
 //! Exceptions that Python raises inside a step: they wait until the step is over.
 
-use liouville_core::patience::Patience;
+use liouville_base::cancel::CancelToken;
 use pyo3::prelude::*;
 use std::sync::{Arc, Mutex, PoisonError};
 
@@ -26,11 +26,11 @@ impl Caught {
         self.0.lock().unwrap_or_else(PoisonError::into_inner).take()
     }
 
-    /// Patience that ends with a signal, such as Ctrl-C.
-    pub(crate) fn patience(&self) -> Patience {
+    /// CancelToken that ends with a signal, such as Ctrl-C.
+    pub(crate) fn cancel(&self) -> CancelToken {
         let caught = self.clone();
         #[allow(clippy::redundant_closure_for_method_calls)]
         // the method itself has too short a lifetime
-        Patience::new(move || !caught.is_fine(Python::attach(|py| py.check_signals())))
+        CancelToken::new(move || !caught.is_fine(Python::attach(|py| py.check_signals())))
     }
 }

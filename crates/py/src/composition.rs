@@ -1,7 +1,7 @@
 //! The composition schemes, as Python sees them.
 
-use liouville_core::tableau::Scheme;
-use liouville_core::tableau::composition::Weights;
+use liouville_base::tableau::Scheme;
+use liouville_base::tableau::composition::Weights;
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 

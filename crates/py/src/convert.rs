@@ -2,9 +2,9 @@
 
 use crate::errors::refused;
 use crate::program;
-use liouville_core::linalg::{self, Pattern};
-use liouville_core::problem::mechanical::{self, Nonholonomic, NonholonomicPatterns, Patterns};
-use liouville_core::tape::{self, Line, Op, Term};
+use liouville_base::linalg::{self, Pattern};
+use liouville_base::tape::{self, Line, Op, Term};
+use liouville_mechanics::problem::{Nonholonomic, NonholonomicPatterns, Patterns};
 use numpy::{
     PyArray1, PyArray2, PyArrayMethods, PyReadonlyArray1, PyReadonlyArray2, PyUntypedArrayMethods,
 };
@@ -183,7 +183,7 @@ impl Tape {
         self.0.len()
     }
 
-    /// Sizes of the input groups; the last is the parameters.
+    /// StepSizes of the input groups; the last is the parameters.
     #[getter]
     fn inputs(&self) -> Vec<usize> {
         self.0.inputs().to_vec()
@@ -284,7 +284,10 @@ impl Rows {
 /// A mechanical system in the core's terms.
 #[pyclass(frozen, module = "liouville._core")]
 #[derive(Clone)]
-pub(crate) struct Mechanical(pub(crate) Arc<mechanical::Mechanical>, Made);
+pub(crate) struct Mechanical(
+    pub(crate) Arc<liouville_mechanics::problem::Mechanical>,
+    Made,
+);
 
 #[pymethods]
 impl Mechanical {
@@ -328,7 +331,7 @@ impl Mechanical {
             None
         };
         let made = Made::of(tapes.py(), (n, m, is_linear, tapes, patterns))?;
-        let system = mechanical::Mechanical {
+        let system = liouville_mechanics::problem::Mechanical {
             n,
             m,
             is_linear,

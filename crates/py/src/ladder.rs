@@ -1,6 +1,6 @@
 //! The methods for the Schrödinger equation that are coefficients of shears, as Python sees them.
 
-use liouville_core::tableau::{Ladder, Purpose, Stable};
+use liouville_base::tableau::{Ladder, Purpose, Stable};
 use numpy::PyArray1;
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyList};

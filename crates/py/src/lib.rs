@@ -28,7 +28,7 @@ use pyo3::prelude::*;
 #[pymodule]
 mod _core {
     use super::PyResult;
-    use liouville_core::tape::Op;
+    use liouville_base::tape::Op;
     use pyo3::prelude::*;
     use pyo3::types::PyDict;
 

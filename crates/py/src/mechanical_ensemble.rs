@@ -6,21 +6,19 @@ use crate::mechanical_run::{alpha, spark};
 use crate::run::Run;
 use crate::second_order::{SecondOrder, Separable};
 use crate::tableau::scheme_of;
-use liouville_core::ensemble::{Ensemble, Layout};
-use liouville_core::method::alpha::{Alpha, Reactions};
-use liouville_core::method::composition::{Composed, NeedsAdjoint};
-use liouville_core::method::rattle::Rattle;
-use liouville_core::method::spark::{TOGETHER, Together, goes_together};
-use liouville_core::method::{Stepper, Symmetric};
-use liouville_core::problem::Observe;
-use liouville_core::problem::mechanical::{
-    self, Model, Observer, Observers, SecondOrderModel, SeparableModel,
-};
-use liouville_core::real::{Lanes, Scalar};
-use liouville_core::run::{self, Advance, Equal};
-use liouville_core::tableau::{self, Scheme};
-use liouville_core::tape::Tape;
-use liouville_core::trouble::Trouble;
+use liouville_base::composition::{Composed, NeedsAdjoint};
+use liouville_base::ensemble::{Ensemble, Layout};
+use liouville_base::error::StepError;
+use liouville_base::method::{Stepper, Symmetric};
+use liouville_base::observe::Observe;
+use liouville_base::real::{Lanes, Scalar};
+use liouville_base::run::{self, Advance, Fixed};
+use liouville_base::tableau::{self, Scheme};
+use liouville_base::tape::Tape;
+use liouville_mechanics::alpha::{Alpha, Reactions};
+use liouville_mechanics::problem::{Model, Observer, Observers, SecondOrderModel, SeparableModel};
+use liouville_mechanics::rattle::Rattle;
+use liouville_mechanics::spark::{BATCH, SparkBatch, supports_batch};
 use numpy::{PyReadonlyArray2, PyUntypedArrayMethods};
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
@@ -28,9 +26,19 @@ use std::sync::Arc;
 
 /// A system in the form that its method steps, with the method.
 enum Stepped {
-    Spark(Arc<mechanical::Mechanical>, Box<spark::Asked>),
-    Rattle(Arc<mechanical::Separable>, Option<&'static Scheme>),
-    Alpha(Arc<mechanical::SecondOrder>, tableau::Alpha, Reactions),
+    Spark(
+        Arc<liouville_mechanics::problem::Mechanical>,
+        Box<spark::Asked>,
+    ),
+    Rattle(
+        Arc<liouville_mechanics::problem::Separable>,
+        Option<&'static Scheme>,
+    ),
+    Alpha(
+        Arc<liouville_mechanics::problem::SecondOrder>,
+        tableau::Alpha,
+        Reactions,
+    ),
 }
 
 /// What every run of an ensemble begins with.
@@ -45,7 +53,7 @@ struct Begin {
     states: bool,
 }
 
-type Begun = Result<Box<dyn Advance + Sync>, Trouble>;
+type Begun = Result<Box<dyn Advance + Sync>, StepError>;
 
 impl Stepped {
     fn read(problem: &Bound<'_, PyAny>, method: &Bound<'_, PyAny>) -> PyResult<Self> {
@@ -76,7 +84,7 @@ impl Stepped {
         }
     }
 
-    fn problem(&self) -> &Arc<mechanical::Mechanical> {
+    fn problem(&self) -> &Arc<liouville_mechanics::problem::Mechanical> {
         match self {
             Self::Spark(problem, _) => problem,
             Self::Rattle(problem, _) => &problem.mechanical,
@@ -87,7 +95,7 @@ impl Stepped {
     /// How many members a block has.
     fn width(&self) -> usize {
         match self {
-            Self::Spark(problem, asked) if goes_together(problem, asked.solver) => TOGETHER,
+            Self::Spark(problem, asked) if supports_batch(problem, asked.solver) => BATCH,
             _ => 1,
         }
     }
@@ -121,7 +129,7 @@ impl Begin {
 
     fn together(
         &self,
-        problem: &Arc<mechanical::Mechanical>,
+        problem: &Arc<liouville_mechanics::problem::Mechanical>,
         asked: &spark::Asked,
         members: &[usize],
     ) -> Begun {
@@ -129,7 +137,7 @@ impl Begin {
         let y = side_by_side(members, |member| self.start(0, member));
         let z = side_by_side(members, |member| self.start(1, member));
         let tableau = asked.tableau.clone();
-        let stepper = Together::of(problem, (&params, members.len()), tableau, asked.solver);
+        let stepper = SparkBatch::of(problem, (&params, members.len()), tableau, asked.solver);
         let mut stepper = stepper.to_tolerance(asked.tolerance);
         let state = stepper.state(self.span.0, &y, &z);
         let each = if self.is_common() {
@@ -155,7 +163,7 @@ impl Begin {
 
     fn spark(
         &self,
-        problem: &Arc<mechanical::Mechanical>,
+        problem: &Arc<liouville_mechanics::problem::Mechanical>,
         asked: &spark::Asked,
         member: usize,
     ) -> Begun {
@@ -171,7 +179,7 @@ impl Begin {
 
     fn rattle(
         &self,
-        problem: &Arc<mechanical::Separable>,
+        problem: &Arc<liouville_mechanics::problem::Separable>,
         scheme: Option<&'static Scheme>,
         member: usize,
     ) -> Begun {
@@ -183,7 +191,7 @@ impl Begin {
 
     fn alpha(
         &self,
-        problem: &Arc<mechanical::SecondOrder>,
+        problem: &Arc<liouville_mechanics::problem::SecondOrder>,
         (weights, reactions): (tableau::Alpha, Reactions),
         member: usize,
     ) -> Begun {
@@ -222,17 +230,17 @@ impl Begin {
         O: Observe<S::State> + Sync + 'static,
     {
         let (t0, t1, steps, every) = self.span;
-        let pace = Equal::new(t0, (t1 - t0) / steps as f64, steps);
+        let control = Fixed::new(t0, (t1 - t0) / steps as f64, steps);
         let expected = steps / every + 2;
-        let run = run::Run::new(stepper, observer, state, pace, every, expected)?;
+        let run = run::Run::new(stepper, observer, state, control, every, expected)?;
         Ok(Box::new(run))
     }
 }
 
 /// Rows of several members in lock-step; places without one follow the last.
-fn side_by_side<'a>(members: &[usize], row: impl Fn(usize) -> &'a [f64]) -> Vec<Lanes<TOGETHER>> {
+fn side_by_side<'a>(members: &[usize], row: impl Fn(usize) -> &'a [f64]) -> Vec<Lanes<BATCH>> {
     let mut values = vec![Lanes::splat(0.0); row(members[0]).len()];
-    for place in 0..TOGETHER {
+    for place in 0..BATCH {
         let member = members[place.min(members.len() - 1)];
         for (value, x) in values.iter_mut().zip(row(member)) {
             value.set_member(place, *x);
@@ -290,13 +298,13 @@ pub(crate) fn mechanical_ensemble<'py>(
         states,
         stepped,
     };
-    // as wide as leaves something for each thread
+    // as dispatch_simd as leaves something for each thread
     let fair = members.div_ceil(threads.max(1));
     let block = begin.stepped.width().min(fair);
     let own = usize::from(most == 3);
     let states_width = 2 * n + begin.stepped.problem().multipliers() + 2 * own * n;
     let width = usize::from(states) * states_width + own + observer.0.outputs();
-    let layout = Layout::Together {
+    let layout = Layout::Aligned {
         times: run::times(span),
         width,
     };

@@ -3,12 +3,10 @@
 use crate::caught::Caught;
 use crate::convert::{Rows, Tape};
 use crate::errors::refused;
-use liouville_core::method::schrodinger::{self, Sweeper};
-use liouville_core::problem::quantum::{
-    self, Bond, Dense, Diagonals, Drive, Kinetic, Potential, Spins,
-};
-use liouville_core::trouble::Trouble;
-use liouville_core::vector::Machine;
+use liouville_base::error::StepError;
+use liouville_base::simd::InstructionSet;
+use liouville_waves::method::Sweeper;
+use liouville_waves::problem::{Bond, Dense, Diagonals, Drive, Kinetic, Potential, Spins};
 use numpy::{PyArray1, PyReadonlyArray1, PyReadonlyArray2, PyUntypedArrayMethods};
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
@@ -18,12 +16,12 @@ use std::sync::Arc;
 #[pyclass(frozen, module = "liouville._core")]
 #[derive(Clone)]
 pub(crate) struct Operator {
-    inner: quantum::Operator,
+    inner: liouville_waves::problem::Operator,
     caught: Option<Caught>,
 }
 
-impl From<quantum::Operator> for Operator {
-    fn from(inner: quantum::Operator) -> Self {
+impl From<liouville_waves::problem::Operator> for Operator {
+    fn from(inner: liouville_waves::problem::Operator) -> Self {
         let caught = None;
         Self { inner, caught }
     }
@@ -36,7 +34,7 @@ struct Callable {
     caught: Caught,
 }
 
-impl quantum::Product for Callable {
+impl liouville_waves::problem::Product for Callable {
     fn size(&self) -> usize {
         self.n
     }
@@ -66,7 +64,7 @@ impl Operator {
     /// A sparse matrix.
     #[staticmethod]
     fn rows(rows: PyRef<'_, Rows>) -> Self {
-        quantum::Operator::sparse(rows.0.clone()).into()
+        liouville_waves::problem::Operator::sparse(rows.0.clone()).into()
     }
 
     /// A matrix of n rows by its diagonals: `values[k][i]` is H[i, i + offsets[k]] and H[i + offsets[k], i].
@@ -89,7 +87,7 @@ impl Operator {
             .map(|(offset, values)| Ok((offset, values.as_slice()?.to_vec())))
             .collect::<PyResult<_>>()?;
         let diagonals = Diagonals::new(n, &diagonals);
-        Ok(quantum::Operator::Diagonals(Arc::new(diagonals)).into())
+        Ok(liouville_waves::problem::Operator::Diagonals(Arc::new(diagonals)).into())
     }
 
     /// A dense matrix.
@@ -100,7 +98,7 @@ impl Operator {
             return Err(PyValueError::new_err("a square matrix"));
         }
         let dense = Dense::new(rows, matrix.as_slice()?);
-        Ok(quantum::Operator::Dense(Arc::new(dense)).into())
+        Ok(liouville_waves::problem::Operator::Dense(Arc::new(dense)).into())
     }
 
     /// Spins with bonds (i, j, xy, z), the sum over them of xy (S^x_i S^x_j + S^y_i S^y_j) + z S^z_i S^z_j, and
@@ -130,7 +128,7 @@ impl Operator {
         };
         let bonds: Vec<Bond> = bonds.into_iter().map(bond).collect();
         let spins = Spins::new(&bonds, &fields, up);
-        Ok(quantum::Operator::Spins(Arc::new(spins)).into())
+        Ok(liouville_waves::problem::Operator::Spins(Arc::new(spins)).into())
     }
 
     /// Kinetic energy on a periodic grid, with these energies along each axis in the order of a transform.
@@ -142,7 +140,7 @@ impl Operator {
             .collect::<PyResult<_>>()?;
         let unfit = || PyValueError::new_err("even energies along one to three axes");
         let kinetic = Kinetic::new(&energies).ok_or_else(unfit)?;
-        Ok(quantum::Operator::Kinetic(Arc::new(kinetic)).into())
+        Ok(liouville_waves::problem::Operator::Kinetic(Arc::new(kinetic)).into())
     }
 
     /// A function that makes products of n numbers: an array in, an array out.
@@ -155,7 +153,7 @@ impl Operator {
             caught: caught.clone(),
         };
         Self {
-            inner: quantum::Operator::Product(Arc::new(product)),
+            inner: liouville_waves::problem::Operator::Product(Arc::new(product)),
             caught: Some(caught),
         }
     }
@@ -180,7 +178,7 @@ type Moving<'py> = (
 /// A sum of operators of the same size.
 #[pyclass(frozen, module = "liouville._core")]
 pub(crate) struct Hamiltonian {
-    pub(crate) inner: Arc<quantum::Hamiltonian>,
+    pub(crate) inner: Arc<liouville_waves::problem::Hamiltonian>,
     pub(crate) caught: Vec<Caught>,
 }
 
@@ -209,7 +207,7 @@ impl Hamiltonian {
             .filter_map(|term| term.caught.clone())
             .collect();
         let terms = terms.iter().map(|term| term.inner.clone()).collect();
-        let mut inner = quantum::Hamiltonian::new(terms);
+        let mut inner = liouville_waves::problem::Hamiltonian::new(terms);
         let unfit = || PyValueError::new_err("a drive or a potential of another size");
         if let Some((tape, params)) = drive {
             let weights = inner.terms().len();
@@ -242,10 +240,10 @@ impl Hamiltonian {
         }
         let (x, mut out) = (x.as_slice()?, vec![0.0; x.len()]);
         let outcome = py.detach(|| {
-            let scratch = &mut quantum::Scratch::default();
-            (self.inner.sum()).multiply(Machine::default(), x, &mut out, scratch)
+            let scratch = &mut liouville_waves::problem::Scratch::default();
+            (self.inner.sum()).multiply(InstructionSet::default(), x, &mut out, scratch)
         });
-        outcome.map_err(|trouble| self.explained(trouble))?;
+        outcome.map_err(|error| self.explained(error))?;
         Ok(PyArray1::from_vec(py, out))
     }
 
@@ -253,23 +251,23 @@ impl Hamiltonian {
     /// vector.
     fn ritz(&self, py: Python<'_>, steps: usize, seed: u64) -> PyResult<(f64, f64, f64, f64)> {
         let mut sweeper = Sweeper::new(self.inner.clone());
-        let found = py.detach(|| schrodinger::ritz(&mut sweeper, steps.max(1), seed));
-        let found = found.map_err(|trouble| self.explained(trouble))?;
+        let found = py.detach(|| liouville_waves::method::ritz(&mut sweeper, steps.max(1), seed));
+        let found = found.map_err(|error| self.explained(error))?;
         Ok((found.low.0, found.low.1, found.high.0, found.high.1))
     }
 
     /// |x H y − y H x| / (|x| |H y|) of two random vectors, which is nothing where H is symmetric.
     fn asymmetry(&self, py: Python<'_>, seed: u64) -> PyResult<f64> {
         let mut sweeper = Sweeper::new(self.inner.clone());
-        let found = py.detach(|| schrodinger::asymmetry(&mut sweeper, seed));
-        found.map_err(|trouble| self.explained(trouble))
+        let found = py.detach(|| liouville_waves::method::asymmetry(&mut sweeper, seed));
+        found.map_err(|error| self.explained(error))
     }
 }
 
 impl Hamiltonian {
     /// What a function raised that makes products, or what else there is to say.
-    fn explained(&self, trouble: Trouble) -> PyErr {
+    fn explained(&self, error: StepError) -> PyErr {
         let raised = self.caught.iter().find_map(Caught::take);
-        raised.unwrap_or_else(|| refused(trouble))
+        raised.unwrap_or_else(|| refused(error))
     }
 }

@@ -3,7 +3,7 @@
 //! A line is one byte for its kind, 0 an input, 1 a constant, 2 an output and 3 + k operation k of
 //! [`Op::ALL`], then its indices in LEB128 and, of a constant, eight bytes of its value.
 
-use liouville_core::tape::{Line, Op};
+use liouville_base::tape::{Line, Op};
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 

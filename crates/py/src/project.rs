@@ -2,12 +2,12 @@
 
 use crate::convert::{self, pattern};
 use crate::errors;
-use liouville_core::problem::mechanical::{self, Projection};
-use liouville_core::tape::Tape;
+use liouville_base::tape::Tape;
+use liouville_mechanics::problem::Projection;
 use numpy::{PyArray1, PyReadonlyArray1};
 use pyo3::prelude::*;
 
-/// The point nearest to `x` that meets a projection's equations, or the trouble of finding it.
+/// The point nearest to `x` that meets a projection's equations, or the error of finding it.
 ///
 /// Tapes of c, `c_x` and the metric; patterns of the last two.
 #[pyfunction]
@@ -32,8 +32,8 @@ pub(crate) fn project<'py>(
         metric: Tape::clone(&metric.0),
         metric_pattern: pattern(&patterns.1)?,
     };
-    match mechanical::project(&projection, x, held, params) {
+    match liouville_mechanics::problem::project(&projection, x, held, params) {
         Ok(x) => Ok(PyArray1::from_vec(py, x).into_any()),
-        Err(trouble) => Ok(errors::trouble(py, &trouble)?.into_any()),
+        Err(error) => Ok(errors::error(py, &error)?.into_any()),
     }
 }

@@ -2,8 +2,8 @@
 
 use crate::caught::Caught;
 use crate::errors;
-use liouville_core::run::{Advance, Failure, Status};
-use liouville_core::trouble::Trouble;
+use liouville_base::error::StepError;
+use liouville_base::run::{Advance, Failure, Status};
 use numpy::{PyArray1, PyArrayDyn, PyArrayMethods, PyReadonlyArray1};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
@@ -18,10 +18,10 @@ pub(crate) struct Run {
 }
 
 impl Run {
-    /// A run whose records have this shape, or the trouble of starting it, for Python.
+    /// A run whose records have this shape, or the error of starting it, for Python.
     pub(crate) fn handed<'py, A: Advance + Sync + 'static>(
         py: Python<'py>,
-        run: Result<A, Trouble>,
+        run: Result<A, StepError>,
         shape: &[usize],
     ) -> PyResult<Bound<'py, PyAny>> {
         let run = run.map(|run| Box::new(run) as Box<dyn Advance + Sync>);
@@ -31,7 +31,7 @@ impl Run {
     /// The same for a run inside whose steps Python may raise an exception.
     pub(crate) fn caught<'py>(
         py: Python<'py>,
-        run: Result<Box<dyn Advance + Sync>, Trouble>,
+        run: Result<Box<dyn Advance + Sync>, StepError>,
         shape: &[usize],
         caught: Vec<Caught>,
     ) -> PyResult<Bound<'py, PyAny>> {
@@ -45,9 +45,9 @@ impl Run {
                 };
                 Ok(Bound::new(py, run)?.into_any())
             }
-            Err(trouble) => match caught.iter().find_map(Caught::take) {
+            Err(error) => match caught.iter().find_map(Caught::take) {
                 Some(error) => Err(error),
-                None => Ok(errors::trouble(py, &trouble)?.into_any()),
+                None => Ok(errors::error(py, &error)?.into_any()),
             },
         }
     }
@@ -55,7 +55,7 @@ impl Run {
 
 #[pymethods]
 impl Run {
-    /// Makes steps for `seconds`, or until there are `steps` in all; "paused", "done", or the trouble with the
+    /// Makes steps for `seconds`, or until there are `steps` in all; "paused", "done", or the error with the
     /// step and its time. What Python raised inside a step is raised here.
     #[pyo3(signature = (seconds, steps = None))]
     fn advance<'py>(
@@ -74,8 +74,8 @@ impl Run {
         match status {
             Status::Paused => Ok("paused".into_pyobject(py)?.into_any()),
             Status::Done => Ok("done".into_pyobject(py)?.into_any()),
-            Status::Failed { n, t, trouble } => {
-                let dict = errors::trouble(py, &trouble)?;
+            Status::Failed { n, t, error } => {
+                let dict = errors::error(py, &error)?;
                 dict.set_item("step", n)?;
                 dict.set_item("start", t)?;
                 Ok(dict.into_any())
@@ -102,10 +102,10 @@ impl Run {
     }
 
     /// The members that failed: troubles with the member, and with the step and the time at its start unless it
-    /// was the start itself that could not be taken.
+    /// was the start itself that could not be split_front.
     fn failures<'py>(&self, py: Python<'py>) -> PyResult<Vec<Bound<'py, PyDict>>> {
         let told = |failure: Failure| {
-            let dict = errors::trouble(py, &failure.trouble)?;
+            let dict = errors::error(py, &failure.error)?;
             dict.set_item("member", failure.member)?;
             if let Some((n, t)) = failure.step {
                 dict.set_item("step", n)?;

@@ -2,8 +2,8 @@
 
 use crate::convert::{Made, Mechanical, Recipe, Tape, item, pattern};
 use crate::errors::refused;
-use liouville_core::problem::mechanical::{self, SecondOrderPatterns};
-use liouville_core::tape;
+use liouville_base::tape;
+use liouville_mechanics::problem::SecondOrderPatterns;
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 use std::sync::Arc;
@@ -11,7 +11,10 @@ use std::sync::Arc;
 /// A mechanical system as the α methods step it.
 #[pyclass(frozen, module = "liouville._core")]
 #[derive(Clone)]
-pub(crate) struct SecondOrder(pub(crate) Arc<mechanical::SecondOrder>, Made);
+pub(crate) struct SecondOrder(
+    pub(crate) Arc<liouville_mechanics::problem::SecondOrder>,
+    Made,
+);
 
 #[pymethods]
 impl SecondOrder {
@@ -34,7 +37,7 @@ impl SecondOrder {
             None
         };
         let made = Made::of(tapes.py(), (problem, tapes, patterns, power_of_lam))?;
-        let system = mechanical::SecondOrder {
+        let system = liouville_mechanics::problem::SecondOrder {
             mechanical: problem.get().0.clone(),
             residual: tape("residual")?,
             jacobian: tape("jacobian")?,
@@ -61,7 +64,10 @@ impl SecondOrder {
 /// A mechanical system as RATTLE steps it.
 #[pyclass(frozen, module = "liouville._core")]
 #[derive(Clone)]
-pub(crate) struct Separable(pub(crate) Arc<mechanical::Separable>, Made);
+pub(crate) struct Separable(
+    pub(crate) Arc<liouville_mechanics::problem::Separable>,
+    Made,
+);
 
 #[pymethods]
 impl Separable {
@@ -73,7 +79,7 @@ impl Separable {
             Ok(tape::Tape::clone(&found))
         };
         let made = Made::of(tapes.py(), (problem, tapes))?;
-        let system = mechanical::Separable {
+        let system = liouville_mechanics::problem::Separable {
             mechanical: problem.get().0.clone(),
             force: tape("force")?,
             constraint: tape("constraint")?,

@@ -4,13 +4,13 @@ use crate::convert::{self, Made, Recipe, item, pattern};
 use crate::errors::{self, refused};
 use crate::run::Run;
 use crate::tableau::scheme_of;
-use liouville_core::method::Stepper;
-use liouville_core::method::composition::Composed;
-use liouville_core::method::index2::Index2;
-use liouville_core::problem::Observe;
-use liouville_core::problem::semi_explicit::{self, Model, Observer, Patterns, State};
-use liouville_core::run::{self, Equal};
-use liouville_core::tape;
+use liouville_base::composition::Composed;
+use liouville_base::method::Stepper;
+use liouville_base::observe::Observe;
+use liouville_base::run::{self, Fixed};
+use liouville_base::tape;
+use liouville_mechanics::index2::Index2;
+use liouville_mechanics::semi_explicit::{self, Model, Observer, Patterns, State};
 use numpy::{PyArray1, PyReadonlyArray1};
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
@@ -66,7 +66,7 @@ impl SemiExplicit {
         self.1.again::<Self>(py)
     }
 
-    /// The z that the hidden constraint gives at (t, y), from a guess, or the trouble of finding it.
+    /// The z that the hidden constraint gives at (t, y), from a guess, or the error of finding it.
     fn unknowns<'py>(
         &self,
         py: Python<'py>,
@@ -79,7 +79,7 @@ impl SemiExplicit {
         self.check(y, z, params)?;
         match Model::new(self.0.clone(), params).state(t, y, z, 1.0) {
             Ok(state) => Ok(PyArray1::from_vec(py, state.z).into_any()),
-            Err(trouble) => Ok(errors::trouble(py, &trouble)?.into_any()),
+            Err(error) => Ok(errors::error(py, &error)?.into_any()),
         }
     }
 }
@@ -98,7 +98,7 @@ impl SemiExplicit {
 }
 
 /// A run about to start; `method` is read by attribute, `start` is y and a guess of z, `span` is
-/// (t0, t1, steps, every). Returns the run, or the trouble of starting.
+/// (t0, t1, steps, every). Returns the run, or the error of starting.
 #[pyfunction]
 #[allow(clippy::too_many_arguments)] // the whole border in one call
 #[pyo3(signature = (problem, method, observer, params, start, span, states))]
@@ -132,17 +132,17 @@ pub(crate) fn semi_explicit_run<'py>(
     let h = (t1 - t0) / steps as f64;
     let state = match model.state(t0, y, z, h) {
         Ok(state) => state,
-        Err(trouble) => return Ok(errors::trouble(py, &trouble)?.into_any()),
+        Err(error) => return Ok(errors::error(py, &error)?.into_any()),
     };
     let observer = Observer::new(params, tape::Tape::clone(&observer.0), states);
     let stepper = Index2::new(model, stages);
-    let pace = (Equal::new(t0, h, steps), steps, every);
+    let control = (Fixed::new(t0, h, steps), steps, every);
     match scheme {
         Some(scheme) => {
             let stepper = Composed::of_symmetric(stepper, scheme).map_err(refused)?;
-            launch(py, stepper, observer, state, pace)
+            launch(py, stepper, observer, state, control)
         }
-        None => launch(py, stepper, observer, state, pace),
+        None => launch(py, stepper, observer, state, control),
     }
 }
 
@@ -151,12 +151,12 @@ fn launch<S>(
     stepper: S,
     observer: Observer,
     state: State,
-    (pace, steps, every): (Equal, usize, usize),
+    (control, steps, every): (Fixed, usize, usize),
 ) -> PyResult<Bound<'_, PyAny>>
 where
     S: Stepper<State = State> + Sync + 'static,
 {
     let width = observer.width(&state);
-    let run = run::Run::new(stepper, observer, state, pace, every, steps / every + 2);
+    let run = run::Run::new(stepper, observer, state, control, every, steps / every + 2);
     Run::handed(py, run, &[width])
 }

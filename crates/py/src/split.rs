@@ -4,17 +4,15 @@ use crate::convert;
 use crate::errors::refused;
 use crate::run::Run;
 use crate::tableau::scheme_named;
-use liouville_core::ensemble::{Ensemble, Layout};
-use liouville_core::method::composition::Composed;
-use liouville_core::method::volume::{
-    Determinant, Direction, Observer, Plane, Section, Seen, Volume,
-};
-use liouville_core::problem::polynomial::{self, Piece, Polynomials, Wave};
-use liouville_core::real::Lanes;
-use liouville_core::run::{self, Advance, Equal};
-use liouville_core::tableau::Scheme;
-use liouville_core::trouble::Trouble;
-use liouville_core::vector::Stored;
+use liouville_base::composition::Composed;
+use liouville_base::ensemble::{Ensemble, Layout};
+use liouville_base::error::StepError;
+use liouville_base::real::Lanes;
+use liouville_base::run::{self, Advance, Fixed};
+use liouville_base::simd::Stored;
+use liouville_base::tableau::Scheme;
+use liouville_fields::problem::{Piece, Polynomials, Wave};
+use liouville_fields::volume::{Determinant, Direction, Observer, Plane, Section, Seen, Volume};
 use numpy::{PyReadonlyArray1, PyReadonlyArray2, PyUntypedArrayMethods};
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
@@ -32,7 +30,7 @@ type Waves<'py> = Vec<(Index<'py>, Values<'py>, f64)>;
 
 /// A field as a sum of pieces.
 #[pyclass(frozen, module = "liouville._core")]
-pub(crate) struct Split(Arc<polynomial::Split>);
+pub(crate) struct Split(Arc<liouville_fields::problem::Split>);
 
 #[pymethods]
 impl Split {
@@ -52,7 +50,7 @@ impl Split {
             .iter()
             .map(|piece| parsed(n, piece))
             .collect::<PyResult<Vec<_>>>()?;
-        let split = polynomial::Split::new(n, pieces).map_err(refused)?;
+        let split = liouville_fields::problem::Split::new(n, pieces).map_err(refused)?;
         Ok(Self(Arc::new(split)))
     }
 }
@@ -182,10 +180,10 @@ fn side_by_side<S: Stored>(x: &[&[f64]]) -> Vec<S> {
 
 /// What every run of a split field begins with.
 struct Begin {
-    split: Arc<polynomial::Split>,
+    split: Arc<liouville_fields::problem::Split>,
     scheme: &'static Scheme,
     seen: Seen,
-    observer: liouville_core::tape::Tape,
+    observer: liouville_base::tape::Tape,
     params: Vec<f64>,
     /// (t0, t1, steps, every)
     span: (f64, f64, usize, usize),
@@ -195,7 +193,7 @@ struct Begin {
     x: Vec<f64>,
 }
 
-type Single<S> = run::Run<Composed<Volume<S>>, Observer<S>, Equal>;
+type Single<S> = run::Run<Composed<Volume<S>>, Observer<S>, Fixed>;
 
 impl Begin {
     /// What steps all of them.
@@ -209,7 +207,7 @@ impl Begin {
         &self,
         stepper: Composed<Volume<S>>,
         members: &[usize],
-    ) -> Result<Single<S>, Trouble> {
+    ) -> Result<Single<S>, StepError> {
         let (t0, t1, steps, every) = self.span;
         let volume = stepper.parts();
         let state = volume.state(&side_by_side(&rows_of(&self.x, self.split.n(), members)));
@@ -221,8 +219,8 @@ impl Begin {
             &self.params,
             self.states,
         );
-        let pace = Equal::new(t0, (t1 - t0) / steps as f64, steps);
-        run::Run::new(stepper, observer, state, pace, every, steps / every + 2)
+        let control = Fixed::new(t0, (t1 - t0) / steps as f64, steps);
+        run::Run::new(stepper, observer, state, control, every, steps / every + 2)
     }
 
     /// All members, in blocks.
@@ -237,14 +235,14 @@ impl Begin {
         let t0 = self.span.0;
         let many = self.stepper::<Lanes<BLOCK>>(1);
         let few = self.stepper::<Lanes<SMALL_BLOCK>>(1);
-        let begin = move |members: &[usize]| -> Result<Box<dyn Advance + Sync>, Trouble> {
+        let begin = move |members: &[usize]| -> Result<Box<dyn Advance + Sync>, StepError> {
             Ok(if members.len() > SMALL_BLOCK {
                 Box::new(self.run(many.clone(), members)?)
             } else {
                 Box::new(self.run(few.clone(), members)?)
             })
         };
-        let layout = Layout::Together { times, width };
+        let layout = Layout::Aligned { times, width };
         Ensemble::new(Box::new(begin), (members, block), threads, layout, t0)
     }
 }
@@ -259,7 +257,7 @@ fn rows_of<'a>(x: &'a [f64], n: usize, members: &[usize]) -> Vec<&'a [f64]> {
 ///
 /// `seen` is how many variables the user has, and the matrix A of x = A y if y is what is stepped;
 /// `span` is (t0, t1, steps, every); `options` are whether sums are compensated and states kept.
-/// Returns the run, or the trouble of starting.
+/// Returns the run, or the error of starting.
 #[pyfunction]
 #[allow(clippy::too_many_arguments)] // the whole border in one call
 #[pyo3(signature = (split, scheme, observer, params, x, seen, span, options, threads, is_ensemble))]
@@ -291,7 +289,7 @@ pub(crate) fn split_run<'py>(
         split: split.0.clone(),
         scheme: scheme_named(scheme)?,
         seen,
-        observer: liouville_core::tape::Tape::clone(&observer.0),
+        observer: liouville_base::tape::Tape::clone(&observer.0),
         params: params.as_slice()?.to_vec(),
         span,
         is_compensated: options.0,
@@ -347,20 +345,20 @@ pub(crate) fn section_run<'py>(
     let x = x.as_slice()?.to_vec();
     let many = Volume::<Lanes<SMALL_BLOCK>>::new(split.0.clone(), is_compensated);
     let one = Volume::<f64>::new(split.0.clone(), is_compensated);
-    let cut = move |members: &[usize]| -> Result<Box<dyn Advance + Sync>, Trouble> {
+    let cut = move |members: &[usize]| -> Result<Box<dyn Advance + Sync>, StepError> {
         let (volume, single) = (many.clone(), one.clone());
         let state = volume.state(&side_by_side(&rows_of(&x, n, members)));
         let scalar = (single.clone(), Composed::new(single, scheme));
         let (seen, plane) = (seen.clone(), plane.clone());
         let observer = Section::new(volume.clone(), scalar, seen, members.to_vec(), plane);
-        let pace = Equal::new(span.0, (span.1 - span.0) / span.2 as f64, span.2);
+        let control = Fixed::new(span.0, (span.1 - span.0) / span.2 as f64, span.2);
         let stepper = Composed::new(volume, scheme);
         Ok(Box::new(run::Run::new(
-            stepper, observer, state, pace, 1, 0,
+            stepper, observer, state, control, 1, 0,
         )?))
     };
     let blocks = (members, SMALL_BLOCK);
-    let ensemble = Ensemble::new(Box::new(cut), blocks, threads, Layout::Apart, span.0);
+    let ensemble = Ensemble::new(Box::new(cut), blocks, threads, Layout::Ragged, span.0);
     Run::handed(py, Ok(ensemble), &[width])
 }
 
@@ -406,8 +404,8 @@ pub(crate) fn determinant_run<'py>(
     }
     let width = seen.n + 2;
     let stepper = Determinant::new(split.0.clone(), scheme_named(scheme)?, is_compensated);
-    let pace = Equal::new(t0, (t1 - t0) / steps as f64, steps);
+    let control = Fixed::new(t0, (t1 - t0) / steps as f64, steps);
     let state = stepper.state(x);
-    let run = run::Run::new(stepper, seen, state, pace, every, steps / every + 2);
+    let run = run::Run::new(stepper, seen, state, control, every, steps / every + 2);
     Run::handed(py, run, &[width])
 }

@@ -1,6 +1,6 @@
 //! Coefficients of the methods, as Python sees them.
 
-use liouville_core::tableau::{Force, Scheme, Spark};
+use liouville_base::tableau::{Force, Scheme, Spark};
 use numpy::{PyArray1, PyArrayMethods};
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;

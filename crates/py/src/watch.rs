@@ -2,9 +2,9 @@
 
 use crate::convert::{Mechanical, Tape};
 use crate::errors;
-use liouville_core::problem::mechanical::{Carried, Model, Path};
-use liouville_core::run::Event;
-use liouville_core::tape;
+use liouville_base::tape;
+use liouville_mechanics::events::Event;
+use liouville_mechanics::problem::{Carried, Model, Path};
 use numpy::{
     PyArray1, PyArray2, PyArrayMethods, PyReadonlyArray1, PyReadonlyArray2, PyUntypedArrayMethods,
 };
@@ -51,7 +51,7 @@ impl Watching {
 }
 
 /// y, z and lam at `times` in the order of a run by a method of this order, of which all k steps are known:
-/// t of shape (k,), y and z of shape (k, n). Returns three arrays, or the trouble.
+/// t of shape (k,), y and z of shape (k, n). Returns three arrays, or the error.
 #[pyfunction]
 #[allow(clippy::too_many_arguments)] // a system, a trajectory and where to look
 pub(crate) fn mechanical_path<'py>(
@@ -78,8 +78,8 @@ pub(crate) fn mechanical_path<'py>(
         let found = path
             .follow(*time, t, (y, z))
             .and_then(|()| path.solve_there());
-        if let Err(trouble) = found {
-            return Ok(errors::trouble(py, &trouble)?.into_any());
+        if let Err(error) = found {
+            return Ok(errors::error(py, &error)?.into_any());
         }
         ys.extend_from_slice(path.point().y());
         zs.extend_from_slice(path.point().z());

@@ -5,10 +5,10 @@ use super::control::{Control, refused};
 use super::launch::{launch, launch_controlled};
 use crate::errors;
 use crate::second_order::SecondOrder;
-use liouville_core::method::alpha::{Alpha, Reactions};
-use liouville_core::problem::mechanical::{Observer, SecondOrderModel};
-use liouville_core::tableau;
-use liouville_core::tape::Tape;
+use liouville_base::tableau;
+use liouville_base::tape::Tape;
+use liouville_mechanics::alpha::{Alpha, Reactions};
+use liouville_mechanics::problem::{Observer, SecondOrderModel};
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 
@@ -49,7 +49,7 @@ pub(super) fn alpha<'py>(
     begin.check(n, problem.0.mechanical.stage.inputs()[3], &observer, 3)?;
     begin.control.check(n)?;
     let tolerance = match &begin.control {
-        Control::Equal => None,
+        Control::Fixed => None,
         Control::Error { tolerance, .. } => Some(tolerance.clone()),
         Control::Reversible { .. } => return Err(refused("reversible")),
     };
@@ -61,7 +61,7 @@ pub(super) fn alpha<'py>(
     let (y, z, a) = (begin.start[0], begin.start[1], begin.start.get(2).copied());
     let state = match stepper.start(t0, y, z, a) {
         Ok(state) => state,
-        Err(trouble) => return Ok(errors::trouble(py, &trouble)?.into_any()),
+        Err(error) => return Ok(errors::error(py, &error)?.into_any()),
     };
     match begin.control {
         Control::Error { first, least, .. } => {

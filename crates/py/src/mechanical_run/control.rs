@@ -1,8 +1,8 @@
 //! What decides on the steps, as Python says it.
 
 use crate::convert;
-use liouville_core::method::Tolerance;
-use liouville_core::tape::Tape;
+use liouville_base::method::Tolerance;
+use liouville_base::tape::Tape;
 use numpy::PyReadonlyArray1;
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
@@ -11,7 +11,7 @@ use pyo3::types::PyTuple;
 /// What decides on the steps.
 pub(super) enum Control {
     /// Their number.
-    Equal,
+    Fixed,
     /// Their errors; the first step is 0 where the method is to choose it.
     Error {
         tolerance: Tolerance,
@@ -29,7 +29,7 @@ pub(super) enum Control {
 impl Control {
     pub(super) fn read(control: Option<&Bound<'_, PyTuple>>) -> PyResult<Self> {
         let Some(control) = control else {
-            return Ok(Self::Equal);
+            return Ok(Self::Fixed);
         };
         match control.get_item(0)?.extract::<String>()?.as_str() {
             "error" => {

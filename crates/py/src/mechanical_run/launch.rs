@@ -1,14 +1,13 @@
-//! A stepper, its observer and a pace become a run: the one place where they meet.
+//! A stepper, its observer and a control become a run: the one place where they meet.
 
 use super::Begin;
 use super::control::{Control, refused};
 use crate::run::Run;
-use liouville_core::method::{Estimating, Stepper, Symmetric};
-use liouville_core::problem::Observe;
-use liouville_core::problem::mechanical::{
-    Carried, MechanicalMonitor, Observer, Path, TimeScale, Traced,
-};
-use liouville_core::run::{self, Controlled, Equal, Pace, Reversible, Watcher};
+use liouville_base::method::{Estimating, Stepper, Symmetric};
+use liouville_base::observe::Observe;
+use liouville_base::run::{self, Adaptive, Fixed, Reversible, StepControl};
+use liouville_mechanics::events::DenseDetector;
+use liouville_mechanics::problem::{Carried, MechanicalMonitor, Observer, Path, TimeScale, Traced};
 use pyo3::prelude::*;
 
 /// A run by equal steps.
@@ -24,12 +23,12 @@ where
     S::State: Carried + Clone + Send + Sync,
 {
     let (t0, t1, steps, every) = begin.span;
-    let pace = Equal::new(t0, (t1 - t0) / steps as f64, steps);
+    let control = Fixed::new(t0, (t1 - t0) / steps as f64, steps);
     paced(
         py,
         begin,
         (stepper, observer, state),
-        pace,
+        control,
         steps / every + 2,
     )
 }
@@ -48,34 +47,34 @@ where
     S::State: Carried + Clone + Send + Sync,
 {
     let (t0, t1, ..) = begin.span;
-    let pace = Controlled::new(t0, t1, first, least);
-    paced(py, begin, (stepper, observer, state), pace, 0)
+    let control = Adaptive::new(t0, t1, first, least);
+    paced(py, begin, (stepper, observer, state), control, 0)
 }
 
-/// A run at this pace, watched if that is asked for, with so many records expected.
+/// A run at this control, watched if that is asked for, with so many records expected.
 fn paced<'py, S, P>(
     py: Python<'py>,
     begin: &Begin<'_>,
     (stepper, observer, state): (S, Observer, S::State),
-    pace: P,
+    control: P,
     expected: usize,
 ) -> PyResult<Bound<'py, PyAny>>
 where
     S: Stepper + Clone + Sync + 'static,
     S::State: Carried + Clone + Send + Sync,
-    P: Pace<S> + Sync + 'static,
+    P: StepControl<S> + Sync + 'static,
 {
     let every = begin.span.3;
     let width = observer.width(&state);
     let Some(watching) = &begin.watch else {
-        let run = run::Run::new(stepper, observer, state, pace, every, expected);
+        let run = run::Run::new(stepper, observer, state, control, every, expected);
         return Run::handed(py, run, &[width]);
     };
     let path = Path::new(observer.model().clone(), watching.order);
     let (events, times) = (watching.events.clone(), watching.times.clone());
     let expected = times.as_ref().map_or(expected, Vec::len);
-    let watch = Watcher::new(path, stepper.clone(), &state, events, times);
-    let run = run::Run::watched(stepper, observer, state, pace, (every, expected), watch);
+    let watch = DenseDetector::new(path, stepper.clone(), &state, events, times);
+    let run = run::Run::watched(stepper, observer, state, control, (every, expected), watch);
     Run::handed(py, run, &[width])
 }
 
@@ -92,7 +91,7 @@ where
     S::State: Carried + Clone + Send + Sync,
 {
     let (first, least, monitor) = match &begin.control {
-        Control::Equal => return launch(py, begin, stepper, observer, state),
+        Control::Fixed => return launch(py, begin, stepper, observer, state),
         Control::Error { .. } => return Err(refused("error")),
         Control::Reversible {
             first,
@@ -115,6 +114,6 @@ where
             first,
         ))),
     };
-    let pace = Reversible::new((t0, t1), first, least, monitor, &state);
-    paced(py, begin, (stepper, observer, state), pace, 0)
+    let control = Reversible::new((t0, t1), first, least, monitor, &state);
+    paced(py, begin, (stepper, observer, state), control, 0)
 }

@@ -10,7 +10,7 @@ use crate::convert::{self, Mechanical};
 use crate::second_order::{SecondOrder, Separable};
 use crate::watch::{Asked, Watching};
 use control::Control;
-use liouville_core::tape::Tape;
+use liouville_base::tape::Tape;
 use numpy::PyReadonlyArray1;
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
@@ -50,7 +50,7 @@ impl Begin<'_> {
 /// `span` is (t0, t1, steps, every); `control` is None for equal steps, else ("error", rtol, atol,
 /// first step or 0, least step) or ("reversible", first step, least step, monitor or None), the
 /// monitor being a tape with whether it wants z'; `watch` is what else is looked at. Returns the run,
-/// or the trouble of starting.
+/// or the error of starting.
 #[pyfunction]
 #[allow(clippy::too_many_arguments)] // the whole border in one call
 #[pyo3(signature = (problem, method, observer, params, start, span, control, watch, states))]

@@ -5,10 +5,10 @@ use super::launch::launch_symmetric;
 use crate::errors;
 use crate::second_order::Separable;
 use crate::tableau::scheme_of;
-use liouville_core::method::composition::Composed;
-use liouville_core::method::rattle::Rattle;
-use liouville_core::problem::mechanical::{Observer, SeparableModel};
-use liouville_core::tape::Tape;
+use liouville_base::composition::Composed;
+use liouville_base::tape::Tape;
+use liouville_mechanics::problem::{Observer, SeparableModel};
+use liouville_mechanics::rattle::Rattle;
 use pyo3::prelude::*;
 
 pub(super) fn rattle<'py>(
@@ -27,7 +27,7 @@ pub(super) fn rattle<'py>(
         .state(begin.span.0, begin.start[0], begin.start[1]);
     let stepper = match Rattle::new(model) {
         Ok(stepper) => stepper,
-        Err(trouble) => return Ok(errors::trouble(py, &trouble)?.into_any()),
+        Err(error) => return Ok(errors::error(py, &error)?.into_any()),
     };
     let Some(scheme) = scheme_of(method)? else {
         return launch_symmetric(py, begin, stepper, observer, state);

@@ -6,12 +6,12 @@ use super::launch::{launch_controlled, launch_symmetric};
 use crate::convert::Mechanical;
 use crate::errors;
 use crate::tableau::{lobatto_named, scheme_of, spark_named};
-use liouville_core::method::composition::Composed;
-use liouville_core::method::spark::{Solver, Spark};
-use liouville_core::newton::Stop;
-use liouville_core::problem::mechanical::{Model, Observer, State};
-use liouville_core::tableau::{self, Scheme};
-use liouville_core::tape::Tape;
+use liouville_base::composition::Composed;
+use liouville_base::newton::Stop;
+use liouville_base::tableau::{self, Scheme};
+use liouville_base::tape::Tape;
+use liouville_mechanics::problem::{Model, Observer, State};
+use liouville_mechanics::spark::{Solver, Spark};
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 
@@ -115,7 +115,7 @@ fn estimating<'py>(
     } else {
         match stepper.first_step(t0, &state, t1 - t0) {
             Ok(first) => first,
-            Err(trouble) => return Ok(errors::trouble(py, &trouble)?.into_any()),
+            Err(error) => return Ok(errors::error(py, &error)?.into_any()),
         }
     };
     launch_controlled(py, begin, stepper, observer, state, (first, *least))

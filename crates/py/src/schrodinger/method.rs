@@ -1,13 +1,14 @@
 //! Methods for Schrödinger equations, as tuples.
 
-use liouville_core::method::schrodinger::{
+use liouville_base::composition::{Composed, Flow};
+use liouville_base::method::Stepper;
+use liouville_base::simd::Stored;
+use liouville_base::tableau::{Purpose, Stable, Turn, split_program};
+use liouville_waves::method::{
     Chebyshev, Exponential, Magnus, Nodes, Phases, Processed, Processor, Shears, Sweeper, Wave,
     bessel,
 };
-use liouville_core::method::{Composed, Flow, Stepper};
-use liouville_core::problem::quantum::Hamiltonian;
-use liouville_core::tableau::{Purpose, Stable, Turn, split_program};
-use liouville_core::vector::Stored;
+use liouville_waves::problem::Hamiltonian;
 use numpy::PyReadonlyArray1;
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
@@ -130,7 +131,7 @@ impl Method {
 }
 
 impl Method {
-    /// What is taken from the energies at all times.
+    /// What is split_front from the energies at all times.
     pub(super) fn shift(&self) -> f64 {
         match self {
             Self::Lockstep(Lockstep::Shears { shift, .. } | Lockstep::Processed { shift, .. }) => {

@@ -7,15 +7,15 @@ pub(crate) use method::{chebyshev_degree, processor_degree, split_program_of};
 use crate::caught::Caught;
 use crate::operator::Hamiltonian;
 use crate::run::Run;
-use liouville_core::ensemble::{Ensemble, Layout};
-use liouville_core::method::schrodinger::{Lanczos, Observable, Observer, Sweeper, Wave};
-use liouville_core::method::{Composed, Stepper};
-use liouville_core::patience::Patience;
-use liouville_core::problem::quantum;
-use liouville_core::real::{Lanes, WIDTH};
-use liouville_core::run::{self, Advance, Listed};
-use liouville_core::trouble::Trouble;
-use liouville_core::vector::Stored;
+use liouville_base::cancel::CancelToken;
+use liouville_base::composition::Composed;
+use liouville_base::ensemble::{Ensemble, Layout};
+use liouville_base::error::StepError;
+use liouville_base::method::Stepper;
+use liouville_base::real::{Lanes, WIDTH};
+use liouville_base::run::{self, Advance, Listed};
+use liouville_base::simd::Stored;
+use liouville_waves::method::{Lanczos, Observable, Observer, Sweeper, Wave};
 use method::{Alone, Lockstep, Method};
 use numpy::{Complex64, PyReadonlyArray1, PyReadonlyArray2, PyUntypedArrayMethods};
 use pyo3::exceptions::PyValueError;
@@ -55,7 +55,7 @@ fn observable_of(observable: &Bound<'_, PyTuple>) -> PyResult<Observable> {
 
 /// What every run begins with.
 struct Begin {
-    hamiltonian: Arc<quantum::Hamiltonian>,
+    hamiltonian: Arc<liouville_waves::problem::Hamiltonian>,
     method: Method,
     observables: Vec<Observable>,
     states: bool,
@@ -65,27 +65,27 @@ struct Begin {
 
 impl Begin {
     /// What makes products for wave functions in lock-step.
-    fn sweeper<S: Stored>(&self, threads: usize, patience: Patience) -> Sweeper<S> {
+    fn sweeper<S: Stored>(&self, threads: usize, cancel: CancelToken) -> Sweeper<S> {
         Sweeper::new(self.hamiltonian.clone())
             .with_threads(threads)
-            .with_patience(patience)
+            .with_cancel(cancel)
     }
 
     /// A run of one wave function.
     fn single(
         &self,
         threads: usize,
-        patience: Patience,
+        cancel: CancelToken,
         psi: &[&[Complex64]],
-    ) -> Result<Box<dyn Advance + Sync>, Trouble> {
+    ) -> Result<Box<dyn Advance + Sync>, StepError> {
         match &self.method {
             Method::Lockstep(method) => {
-                let sweeper = self.sweeper::<f64>(threads, patience);
+                let sweeper = self.sweeper::<f64>(threads, cancel);
                 self.started(method.stepper(sweeper), psi)
             }
             Method::Alone(method) => match method {
                 Alone::Phases { program, phases } => {
-                    let phases = phases.clone().with_patience(patience);
+                    let phases = phases.clone().with_cancel(cancel);
                     self.started(Box::new(Composed::following(phases, program.clone())), psi)
                 }
                 Alone::Lanczos {
@@ -93,7 +93,7 @@ impl Begin {
                     rate,
                     tolerance,
                 } => {
-                    let sweeper = self.sweeper(threads, patience);
+                    let sweeper = self.sweeper(threads, cancel);
                     let lanczos = Lanczos::new(sweeper, *dimension, *rate, *tolerance);
                     self.started(Box::new(lanczos), psi)
                 }
@@ -105,12 +105,12 @@ impl Begin {
         &self,
         stepper: Box<dyn Stepper<State = Wave<S>> + Sync>,
         psi: &[&[Complex64]],
-    ) -> Result<Box<dyn Advance + Sync>, Trouble> {
+    ) -> Result<Box<dyn Advance + Sync>, StepError> {
         let observer = Observer::new(psi.len(), self.states, self.observables.clone());
-        let pace = Listed::new(self.t0, self.stops.clone());
+        let control = Listed::new(self.t0, self.stops.clone());
         let state = side_by_side(psi).with_phase(self.method.shift() * self.t0);
         let records = self.stops.len() + 1;
-        let run = run::Run::new(stepper, observer, state, pace, 1, records)?;
+        let run = run::Run::new(stepper, observer, state, control, 1, records)?;
         Ok(Box::new(run))
     }
 
@@ -119,8 +119,8 @@ impl Begin {
         &self,
         method: &Lockstep,
         psi: &[&[Complex64]],
-    ) -> Result<Box<dyn Advance + Sync>, Trouble> {
-        let sweeper = self.sweeper::<Lanes<WIDTH>>(1, Patience::default());
+    ) -> Result<Box<dyn Advance + Sync>, StepError> {
+        let sweeper = self.sweeper::<Lanes<WIDTH>>(1, CancelToken::default());
         self.started(method.stepper(sweeper), psi)
     }
 
@@ -135,7 +135,7 @@ impl Begin {
             1
         };
         let ends = self.stops.iter().map(|(t, _)| *t);
-        let layout = Layout::Together {
+        let layout = Layout::Aligned {
             times: std::iter::once(self.t0).chain(ends).collect(),
             width: Observer::new(1, self.states, self.observables.clone()).columns(n),
         };
@@ -145,7 +145,7 @@ impl Begin {
             let rows: Vec<&[Complex64]> = members.iter().map(row).collect();
             match &self.method {
                 Method::Lockstep(method) if members.len() > 1 => self.block(method, &rows),
-                _ => self.single(1, Patience::default(), &rows),
+                _ => self.single(1, CancelToken::default(), &rows),
             }
         };
         Ensemble::new(Box::new(begin), (members, block), threads, layout, t0)
@@ -169,7 +169,7 @@ fn side_by_side<S: Stored>(psi: &[&[Complex64]]) -> Wave<S> {
 /// A run about to start, of one wave function or an ensemble, which are the rows of `psi`.
 ///
 /// `span` is the start and (time, steps to it) of each state that is kept; a record is ψ if `states`, real
-/// and imaginary parts in turn, then the norm and the observables. Returns the run, or the trouble of starting.
+/// and imaginary parts in turn, then the norm and the observables. Returns the run, or the error of starting.
 #[pyfunction]
 #[allow(clippy::too_many_arguments)] // the whole border in one call
 #[pyo3(signature = (hamiltonian, method, psi, span, observables, states, threads, is_ensemble))]
@@ -207,7 +207,7 @@ pub(crate) fn schrodinger_run<'py>(
     let mut caught = hamiltonian.caught.clone();
     if !is_ensemble {
         let signals = Caught::default();
-        let run = begin.single(threads, signals.patience(), &rows[..1]);
+        let run = begin.single(threads, signals.cancel(), &rows[..1]);
         caught.push(signals);
         return Run::caught(py, run, &[width], caught);
     }

@@ -1,0 +1,133 @@
+//! What can go wrong in a step, in numbers; the front end adds the user's names.
+
+/// A function of the user's model.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Quantity {
+    /// v(t, y, z)
+    Velocity,
+    /// p(t, y, z)
+    Momentum,
+    /// f(t, y, z)
+    Force,
+    /// y' = f(t, y, z) of a system without momenta.
+    Field,
+    /// r(t, y, λ)
+    Reaction,
+    /// g(t, y)
+    Constraint,
+    /// g_t + g_y v
+    Hidden,
+    /// k(t, y, z); its index counts the holonomic constraints first
+    Nonholonomic,
+    /// A derivative of one of them.
+    Derivative,
+    /// The rate at which forces without a potential put energy in.
+    Power,
+    /// An invariant or another quantity to be recorded.
+    Observable,
+    /// A function whose zeros are events.
+    Event,
+}
+
+impl Quantity {
+    /// The name of the quantity in messages.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Velocity => "velocity",
+            Self::Momentum => "momentum",
+            Self::Force => "force",
+            Self::Field => "field",
+            Self::Reaction => "reaction",
+            Self::Constraint => "constraint",
+            Self::Hidden => "hidden constraint",
+            Self::Nonholonomic => "nonholonomic constraint",
+            Self::Derivative => "derivative",
+            Self::Power => "power",
+            Self::Observable => "observable",
+            Self::Event => "event",
+        }
+    }
+}
+
+/// Why a step could not be made.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+#[allow(missing_docs)]
+pub enum StepError {
+    #[error("{} {index} is not finite at t = {t}", quantity.name())]
+    NotFinite {
+        quantity: Quantity,
+        index: usize,
+        t: f64,
+    },
+    #[error("the mass matrix p_z is singular in coordinate {coordinate}")]
+    SingularMass { coordinate: usize },
+    #[error("the gradients of constraints {constraints:?} are linearly dependent")]
+    DependentConstraints { constraints: Vec<usize> },
+    #[error("the hidden constraint does not determine unknown {unknown}")]
+    SingularHidden { unknown: usize },
+    #[error("the Newton matrix of the stages is singular")]
+    SingularNewton,
+    #[error(
+        "the iteration did not converge: after {iterations} the last correction was {size:e} of the state"
+    )]
+    NotConverged { iterations: usize, size: f64 },
+    #[error(
+        "a step of {h:e} would be needed, below the least: the last one had {error:e} of the tolerance"
+    )]
+    StepTooSmall { h: f64, error: f64 },
+    #[error("the monitor is {value} and changes at the rate {rate} at t = {t}")]
+    Monitor { value: f64, rate: f64, t: f64 },
+    #[error("the flow of piece {piece} reaches infinity within the step from t = {t}")]
+    Singular { piece: usize, member: usize, t: f64 },
+    #[error("variable {index} is not finite at t = {t}")]
+    Overflow { index: usize, member: usize, t: f64 },
+    #[error("the norm is {norm} at t = {t}, where it was {start}")]
+    Norm { norm: f64, start: f64, t: f64 },
+    #[error("the step at t = {t} spans {theta} of the spectrum, the method takes {most}")]
+    Spectrum { theta: f64, most: f64, t: f64 },
+    #[error("interrupted")]
+    Interrupted,
+    #[error("member {member}: {error}")]
+    Member {
+        member: usize,
+        error: Box<StepError>,
+    },
+}
+
+impl StepError {
+    /// Whose error it is among several, where that is known.
+    pub fn member(&self) -> Option<usize> {
+        match self {
+            Self::Singular { member, .. }
+            | Self::Overflow { member, .. }
+            | Self::Member { member, .. } => Some(*member),
+            _ => None,
+        }
+    }
+
+    /// The error itself, by whomever.
+    #[must_use]
+    pub fn itself(self) -> Self {
+        match self {
+            Self::Member { error, .. } => *error,
+            own => own,
+        }
+    }
+
+    /// The error as one of a group of members that begins with this one.
+    #[must_use]
+    pub fn of_member(mut self, first: usize) -> Self {
+        match &mut self {
+            Self::Singular { member, .. }
+            | Self::Overflow { member, .. }
+            | Self::Member { member, .. } => {
+                *member += first;
+                self
+            }
+            _ => Self::Member {
+                member: first,
+                error: Box::new(self),
+            },
+        }
+    }
+}

@@ -1,0 +1,40 @@
+//! Matrices as the steppers need them: small and dense, sparsity patterns, and their factorisations.
+//!
+//! Everything is sized once and then overwritten; nothing a step calls allocates.
+
+mod assembly;
+mod blocks;
+mod dependent;
+mod elimination;
+mod factor;
+mod fill;
+mod gram;
+mod kernels;
+mod matrix;
+mod members;
+mod node_gram;
+mod node_rows;
+mod pattern;
+mod product;
+mod rows;
+mod sparse;
+mod tridiagonal;
+
+pub use assembly::Assembly;
+pub use blocks::Blocks;
+pub use dependent::{dependencies, dependent_rows};
+pub use factor::{Factor, Lu, Singular};
+pub use gram::Gram;
+pub use kernels::{
+    add_scaled, all_finite, as_is, carry, combine, copy, copy_scaled, dot, gather, max_norm,
+    scale_each,
+};
+pub use matrix::Matrix;
+pub use members::SparseOf;
+pub use node_gram::NodeGram;
+pub use node_rows::NodeRows;
+pub use pattern::{Pattern, PatternError};
+pub use product::Product;
+pub use rows::Rows;
+pub use sparse::Sparse;
+pub use tridiagonal::Tridiagonal;

@@ -1,0 +1,166 @@
+//! Methods at work: a stepper owns the memory of a step and advances a state.
+
+use crate::checkpoint::{Checkpoint, CheckpointMismatch};
+use crate::error::StepError;
+
+/// What a stepper has done so far.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Stats {
+    /// Corrections of the stage equations.
+    pub iterations: usize,
+    /// Evaluations of the forces, one for each stage; flows, where a step is made of them.
+    pub evaluations: usize,
+    /// Factorisations of a Newton matrix that may serve several steps.
+    pub factorizations: usize,
+    /// Steps whose stages were found by the full simplified Newton iteration.
+    pub newton_steps: usize,
+    /// Steps whose extrapolated start failed, so that a cold one was made.
+    pub cold_starts: usize,
+}
+
+impl std::ops::Add for Stats {
+    type Output = Self;
+
+    fn add(self, other: Self) -> Self {
+        Self {
+            iterations: self.iterations + other.iterations,
+            evaluations: self.evaluations + other.evaluations,
+            factorizations: self.factorizations + other.factorizations,
+            newton_steps: self.newton_steps + other.newton_steps,
+            cold_starts: self.cold_starts + other.cold_starts,
+        }
+    }
+}
+
+impl std::ops::Sub for Stats {
+    type Output = Self;
+
+    fn sub(self, other: Self) -> Self {
+        Self {
+            iterations: self.iterations - other.iterations,
+            evaluations: self.evaluations - other.evaluations,
+            factorizations: self.factorizations - other.factorizations,
+            newton_steps: self.newton_steps - other.newton_steps,
+            cold_starts: self.cold_starts - other.cold_starts,
+        }
+    }
+}
+
+/// A method at work on a problem.
+pub trait Stepper: Checkpoint + Send {
+    /// What it advances.
+    type State: Checkpoint;
+
+    /// Advances `state` from `t` to `t + h`; on failure the state is as it was.
+    ///
+    /// # Errors
+    /// Why the step could not be made.
+    fn step(&mut self, t: f64, h: f64, state: &mut Self::State) -> Result<(), StepError>;
+
+    /// Makes what was held back of the steps so far; a state is looked at after this.
+    ///
+    /// # Errors
+    /// Why it could not be made: the state is not to be used then.
+    fn synchronize(&mut self, _state: &mut Self::State) -> Result<(), StepError> {
+        Ok(())
+    }
+
+    /// Forgets the step before: the next one starts cold, from wherever its state is.
+    fn forget(&mut self) {}
+
+    /// What it has done so far.
+    fn stats(&self) -> Stats;
+}
+
+impl<S: Stepper + ?Sized> Stepper for Box<S> {
+    type State = S::State;
+
+    fn step(&mut self, t: f64, h: f64, state: &mut S::State) -> Result<(), StepError> {
+        (**self).step(t, h, state)
+    }
+
+    fn synchronize(&mut self, state: &mut S::State) -> Result<(), StepError> {
+        (**self).synchronize(state)
+    }
+
+    fn forget(&mut self) {
+        (**self).forget();
+    }
+
+    fn stats(&self) -> Stats {
+        (**self).stats()
+    }
+}
+
+/// A method whose step of −h undoes its step of h.
+pub trait Symmetric: Stepper {}
+
+/// Errors of coordinates are measured by `atol + rtol |y|`, in the mean over them.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Tolerance {
+    /// Part of the coordinate.
+    pub rtol: f64,
+    /// In the unit of each coordinate.
+    pub atol: Vec<f64>,
+}
+
+impl Tolerance {
+    /// The root mean square of x in units of the tolerance, at the larger of two values of each
+    /// coordinate.
+    pub fn weigh(&self, [y0, y1]: [&[f64]; 2], x: impl Iterator<Item = f64>) -> f64 {
+        let sum: f64 = x
+            .enumerate()
+            .map(|(k, x)| {
+                let size = y0[k].abs().max(y1[k].abs());
+                (x / (self.atol[k] + self.rtol * size)).powi(2)
+            })
+            .sum();
+        (sum / y0.len() as f64).sqrt()
+    }
+
+    /// A first step whose acceleration moves the coordinates by about the tolerance.
+    pub fn first_step(&self, y: &[f64], accelerations: [&[f64]; 2], span: f64) -> f64 {
+        let [a, b] = accelerations.map(|a| self.weigh([y, y], a.iter().copied()));
+        let h = (2.0 / a.max(b).max(f64::MIN_POSITIVE)).sqrt();
+        h.min(span.abs() / 100.0)
+    }
+}
+
+/// A method that knows how far off its last step is.
+pub trait Estimating: Stepper {
+    /// The estimated local error of the last step, in units of the tolerance; infinite if it is unknown.
+    fn error(&self) -> f64;
+
+    /// The power of h with which that estimate falls.
+    fn error_order(&self) -> f64;
+
+    /// Puts `state` back to where it was before the last step.
+    fn undo(&mut self, state: &mut Self::State);
+}
+
+impl Checkpoint for Stats {
+    fn save(&self, member: usize, out: &mut Vec<f64>) {
+        for count in [
+            self.iterations,
+            self.evaluations,
+            self.factorizations,
+            self.newton_steps,
+            self.cold_starts,
+        ] {
+            count.save(member, out);
+        }
+    }
+
+    fn restore(&mut self, member: usize, saved: &mut &[f64]) -> Result<(), CheckpointMismatch> {
+        for count in [
+            &mut self.iterations,
+            &mut self.evaluations,
+            &mut self.factorizations,
+            &mut self.newton_steps,
+            &mut self.cold_starts,
+        ] {
+            count.restore(member, saved)?;
+        }
+        Ok(())
+    }
+}

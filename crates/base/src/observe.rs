@@ -1,0 +1,26 @@
+//! The view of a state that is recorded, and the time scale that chooses steps.
+
+use crate::checkpoint::Checkpoint;
+use crate::error::StepError;
+
+/// Turns a state into the numbers a run keeps of it.
+pub trait Observe<State>: Checkpoint + Send {
+    /// How many numbers a row has for a state like this.
+    fn width(&self, state: &State) -> usize;
+
+    /// Appends the row of `state` at time `t`: most append one, some as many as have come since the last
+    /// state. On failure, nothing.
+    ///
+    /// # Errors
+    /// A quantity that is not finite, or multipliers that cannot be solved for.
+    fn observe(&mut self, t: f64, state: &State, row: &mut Vec<f64>) -> Result<(), StepError>;
+}
+
+/// Tells how long steps should be, by a positive function s of time and state.
+pub trait Monitor<State>: Checkpoint + Send {
+    /// (ds/dt)/s along the motion.
+    ///
+    /// # Errors
+    /// s is not positive, or a value is not finite.
+    fn rate(&mut self, t: f64, state: &State) -> Result<f64, StepError>;
+}

@@ -1,0 +1,79 @@
+//! Time on the way to its end, summed with what rounding loses.
+
+use super::StepSizes;
+use crate::checkpoint::{Checkpoint, CheckpointMismatch};
+
+/// The present time, and the steps that led to it.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct CompensatedTime {
+    t: f64,
+    low: f64,
+    t1: f64,
+    smallest: f64,
+    largest: f64,
+}
+
+impl CompensatedTime {
+    pub(super) fn new(t0: f64, t1: f64) -> Self {
+        Self {
+            t: t0,
+            low: 0.0,
+            t1,
+            smallest: f64::INFINITY,
+            largest: 0.0,
+        }
+    }
+
+    pub(super) fn time(&self) -> f64 {
+        self.t
+    }
+
+    #[allow(clippy::float_cmp)] // the end is set, not computed
+    pub(super) fn is_over(&self) -> bool {
+        self.t == self.t1
+    }
+
+    /// What is left, signed.
+    pub(super) fn left(&self) -> f64 {
+        (self.t1 - self.t) - self.low
+    }
+
+    /// Goes on by a signed step, the end reached where it is as long as what is left.
+    pub(super) fn advance(&mut self, h: f64) {
+        self.smallest = self.smallest.min(h.abs());
+        self.largest = self.largest.max(h.abs());
+        if h.abs() >= self.left().abs() {
+            (self.t, self.low) = (self.t1, 0.0);
+            return;
+        }
+        let step = h + self.low;
+        let t = self.t + step;
+        let part = t - self.t;
+        self.low = (self.t - (t - part)) + (step - part);
+        self.t = t;
+    }
+
+    pub(super) fn sizes(&self, next: f64) -> StepSizes {
+        StepSizes {
+            smallest: self.smallest,
+            largest: self.largest,
+            next,
+        }
+    }
+}
+
+impl Checkpoint for CompensatedTime {
+    fn save(&self, member: usize, out: &mut Vec<f64>) {
+        self.t.save(member, out);
+        self.low.save(member, out);
+        self.smallest.save(member, out);
+        self.largest.save(member, out);
+    }
+
+    fn restore(&mut self, member: usize, saved: &mut &[f64]) -> Result<(), CheckpointMismatch> {
+        self.t.restore(member, saved)?;
+        self.low.restore(member, saved)?;
+        self.smallest.restore(member, saved)?;
+        self.largest.restore(member, saved)
+    }
+}

@@ -1,0 +1,219 @@
+//! Registers of the vector unit.
+#![allow(clippy::inline_always)] // what is not inlined is compiled without the instructions it is for
+
+use super::Number;
+use crate::elementary::{self, Register};
+use pulp::Simd;
+use std::ops::{Add, Div, Mul, Sub};
+
+/// Several registers, computed with in lock-step to hide the latency of each.
+#[derive(Clone, Copy)]
+pub(super) struct RegisterBlock<S: Simd, const N: usize> {
+    pub(super) simd: S,
+    pub(super) registers: [S::f64s; N],
+}
+
+// Loops and no closures: what is not inlined is compiled without the instructions it is for.
+macro_rules! operators {
+    ($($operator:ident $name:ident $with:ident,)*) => {$(
+        impl<S: Simd, const N: usize> $operator for RegisterBlock<S, N> {
+            type Output = Self;
+            #[inline(always)]
+            fn $name(mut self, other: Self) -> Self {
+                for i in 0..N {
+                    self.registers[i] = self.simd.$with(self.registers[i], other.registers[i]);
+                }
+                self
+            }
+        }
+    )*};
+}
+operators! {
+    Add add add_f64s,
+    Sub sub sub_f64s,
+    Mul mul mul_f64s,
+    Div div div_f64s,
+}
+
+macro_rules! on_bits {
+    ($($name:ident $with:ident,)*) => {$(
+        #[inline(always)]
+        fn $name(self, mut a: Self::Bits, b: Self::Bits) -> Self::Bits {
+            for i in 0..N {
+                a[i] = self.simd.$with(a[i], b[i]);
+            }
+            a
+        }
+    )*};
+}
+
+impl<S: Simd, const N: usize> Register for RegisterBlock<S, N> {
+    type Bits = [S::u64s; N];
+
+    on_bits! {
+        add_bits add_u64s,
+        sub_bits sub_u64s,
+        and_bits and_u64s,
+        or_bits or_u64s,
+        xor_bits xor_u64s,
+    }
+
+    #[inline(always)]
+    fn like(mut self, value: f64) -> Self {
+        self.registers = [self.simd.splat_f64s(value); N];
+        self
+    }
+    #[inline(always)]
+    fn bits_like(self, bits: u64) -> Self::Bits {
+        [self.simd.splat_u64s(bits); N]
+    }
+    #[inline(always)]
+    fn bits(self) -> Self::Bits {
+        let mut bits = self.bits_like(0);
+        for i in 0..N {
+            bits[i] = pulp::cast(self.registers[i]);
+        }
+        bits
+    }
+    #[inline(always)]
+    fn with_bits(mut self, bits: Self::Bits) -> Self {
+        for i in 0..N {
+            self.registers[i] = pulp::cast(bits[i]);
+        }
+        self
+    }
+    #[inline(always)]
+    fn up<const BY: u32>(self, mut a: Self::Bits) -> Self::Bits {
+        for bits in pulp::bytemuck::cast_slice_mut::<S::u64s, u64>(&mut a) {
+            *bits <<= BY;
+        }
+        a
+    }
+    #[inline(always)]
+    fn down<const BY: u32>(self, mut a: Self::Bits) -> Self::Bits {
+        for bits in pulp::bytemuck::cast_slice_mut::<S::u64s, u64>(&mut a) {
+            *bits >>= BY;
+        }
+        a
+    }
+    #[inline(always)]
+    fn if_less(mut self, other: Self, yes: Self, no: Self) -> Self {
+        let simd = self.simd;
+        for i in 0..N {
+            let is_less = simd.less_than_f64s(self.registers[i], other.registers[i]);
+            self.registers[i] = simd.select_f64s(is_less, yes.registers[i], no.registers[i]);
+        }
+        self
+    }
+    #[inline(always)]
+    fn replace_beyond(self, most: f64, values: Self, f: fn(f64) -> f64) -> Self {
+        if self.is_within(most) {
+            values
+        } else {
+            replaced(self, most, values, f)
+        }
+    }
+}
+
+impl<S: Simd, const N: usize> RegisterBlock<S, N> {
+    /// Whether all magnitudes are at most this.
+    #[inline(always)]
+    fn is_within(self, most: f64) -> bool {
+        let (simd, most) = (self.simd, self.simd.splat_f64s(most));
+        let mut all = simd.less_than_or_equal_f64s(simd.abs_f64s(self.registers[0]), most);
+        for i in 1..N {
+            let magnitude = simd.abs_f64s(self.registers[i]);
+            all = simd.and_m64s(all, simd.less_than_or_equal_f64s(magnitude, most));
+        }
+        simd.first_true_m64s(simd.not_m64s(all)) == S::F64_LANES
+    }
+}
+
+#[cold]
+#[inline(never)]
+fn replaced<S: Simd, const N: usize>(
+    x: RegisterBlock<S, N>,
+    most: f64,
+    mut values: RegisterBlock<S, N>,
+    f: fn(f64) -> f64,
+) -> RegisterBlock<S, N> {
+    let x = pulp::bytemuck::cast_slice::<S::f64s, f64>(&x.registers);
+    let values_of = pulp::bytemuck::cast_slice_mut::<S::f64s, f64>(&mut values.registers);
+    for (value, &x) in values_of.iter_mut().zip(x) {
+        *value = x.replace_beyond(most, *value, f);
+    }
+    values
+}
+
+macro_rules! number {
+    () => {
+        #[inline(always)]
+        fn like(self, value: f64) -> Self {
+            Register::like(self, value)
+        }
+        #[inline(always)]
+        fn scaled(self, factor: f64) -> Self {
+            self * Register::like(self, factor)
+        }
+        #[inline(always)]
+        fn exp(self) -> Self {
+            elementary::exp(self)
+        }
+        #[inline(always)]
+        fn exp_m1(self) -> Self {
+            elementary::exp_m1(self)
+        }
+        #[inline(always)]
+        fn ln_1p(self) -> Self {
+            elementary::ln_1p(self)
+        }
+        #[inline(always)]
+        fn cos(self) -> Self {
+            elementary::cos(self)
+        }
+        #[inline(always)]
+        fn sin(self) -> Self {
+            elementary::sin(self)
+        }
+        #[inline(always)]
+        fn inverse_root(self, q: u32) -> Self {
+            match q {
+                1 => Register::like(self, 1.0) / self,
+                2 => elementary::inverse_sqrt(self),
+                _ => elementary::inverse_cbrt(self),
+            }
+        }
+    };
+}
+
+impl Number for f64 {
+    number!();
+    #[inline(always)]
+    fn is_below(self, bound: f64) -> bool {
+        (-f64::MAX..bound).contains(&self)
+    }
+    #[inline(always)]
+    fn is_finite(self) -> bool {
+        f64::is_finite(self)
+    }
+}
+
+impl<S: Simd, const N: usize> Number for RegisterBlock<S, N> {
+    number!();
+    #[inline(always)]
+    fn is_below(self, bound: f64) -> bool {
+        let simd = self.simd;
+        let (least, bound) = (simd.splat_f64s(-f64::MAX), simd.splat_f64s(bound));
+        let mut all = simd.less_than_f64s(self.registers[0], bound);
+        for i in 0..N {
+            all = simd.and_m64s(all, simd.less_than_f64s(self.registers[i], bound));
+            let is_finite = simd.greater_than_or_equal_f64s(self.registers[i], least);
+            all = simd.and_m64s(all, is_finite);
+        }
+        simd.first_true_m64s(simd.not_m64s(all)) == S::F64_LANES
+    }
+    #[inline(always)]
+    fn is_finite(self) -> bool {
+        self.is_within(f64::MAX)
+    }
+}

@@ -1,0 +1,275 @@
+//! How what is stored falls into registers.
+#![allow(clippy::inline_always)] // what is not inlined is compiled without the instructions it is for
+
+use super::block::RegisterBlock;
+use super::{ForEach, InstructionSet, Kernel, Number, SimdView, SimdViews, Stored};
+use crate::real::{Lanes, Scalar};
+use pulp::{Simd, WithSimd};
+use std::marker::PhantomData;
+
+/// N registers of consecutive numbers, from some distance on.
+#[derive(Clone, Copy)]
+struct Consecutive<S, const N: usize> {
+    simd: S,
+    offset: usize,
+}
+
+impl<S: Simd, const N: usize> SimdView for Consecutive<S, N> {
+    type Stored = f64;
+    type Number = RegisterBlock<S, N>;
+
+    #[inline(always)]
+    fn constant(self, value: f64) -> RegisterBlock<S, N> {
+        let simd = self.simd;
+        let registers = [simd.splat_f64s(value); N];
+        RegisterBlock { simd, registers }
+    }
+    #[inline(always)]
+    fn load(self, x: &[f64], place: usize) -> RegisterBlock<S, N> {
+        let from = place + self.offset;
+        let x = &x[from..from + N * S::F64_LANES];
+        let simd = self.simd;
+        let registers = S::as_simd_f64s(x).0.as_chunks::<N>().0[0];
+        RegisterBlock { simd, registers }
+    }
+    #[inline(always)]
+    fn shared(self, values: &[f64], place: usize) -> RegisterBlock<S, N> {
+        self.load(values, place)
+    }
+    #[inline(always)]
+    fn every(self, x: &[f64], place: usize) -> RegisterBlock<S, N> {
+        self.constant(x[place])
+    }
+    #[inline(always)]
+    fn store(self, x: &mut [f64], place: usize, value: RegisterBlock<S, N>) {
+        let from = place + self.offset;
+        let x = &mut x[from..from + N * S::F64_LANES];
+        S::as_mut_simd_f64s(x).0.as_chunks_mut::<N>().0[0] = value.registers;
+    }
+    #[inline(always)]
+    fn first(self) -> usize {
+        0
+    }
+}
+
+/// A number alone, at some distance.
+#[derive(Clone, Copy)]
+struct Alone<S> {
+    offset: usize,
+    stored: PhantomData<S>,
+}
+
+impl<S: Scalar + Number> SimdView for Alone<S> {
+    type Stored = S;
+    type Number = S;
+
+    #[inline(always)]
+    fn constant(self, value: f64) -> S {
+        S::splat(value)
+    }
+    #[inline(always)]
+    fn load(self, x: &[S], place: usize) -> S {
+        x[place + self.offset]
+    }
+    #[inline(always)]
+    fn shared(self, values: &[f64], place: usize) -> S {
+        S::splat(values[place + self.offset])
+    }
+    #[inline(always)]
+    fn every(self, x: &[S], place: usize) -> S {
+        x[place]
+    }
+    #[inline(always)]
+    fn store(self, x: &mut [S], place: usize, value: S) {
+        x[place + self.offset] = value;
+    }
+    #[inline(always)]
+    fn first(self) -> usize {
+        0
+    }
+}
+
+/// Numbers that no register holds: one after another.
+#[derive(Clone, Copy, Debug)]
+pub struct ScalarViews<S>(PhantomData<S>);
+
+impl<S> Default for ScalarViews<S> {
+    fn default() -> Self {
+        Self(PhantomData)
+    }
+}
+
+impl<S: Scalar + Number> SimdViews for ScalarViews<S> {
+    type Stored = S;
+
+    #[inline(always)]
+    fn each<V: ForEach<S>>(self, count: usize, visitor: &mut V) -> bool {
+        let stored = self.0;
+        for offset in 0..count {
+            if !visitor.visit(Alone { offset, stored }) {
+                return false;
+            }
+        }
+        true
+    }
+}
+
+/// Numbers of one trajectory: runs of them in blocks of N registers, the rest in single ones.
+#[derive(Clone, Copy)]
+struct BlockViews<S> {
+    simd: S,
+}
+
+impl<S: Simd> BlockViews<S> {
+    #[inline(always)]
+    fn blocks<const N: usize, V: ForEach<f64>>(self, count: usize, visitor: &mut V) -> bool {
+        let simd = self.simd;
+        let mut offset = 0;
+        while count - offset >= N * S::F64_LANES {
+            if !visitor.visit(Consecutive::<S, N> { simd, offset }) {
+                return false;
+            }
+            offset += N * S::F64_LANES;
+        }
+        while S::F64_LANES > 1 && count - offset >= S::F64_LANES {
+            if !visitor.visit(Consecutive::<S, 1> { simd, offset }) {
+                return false;
+            }
+            offset += S::F64_LANES;
+        }
+        while offset < count {
+            if !visitor.visit(Alone {
+                offset,
+                stored: PhantomData,
+            }) {
+                return false;
+            }
+            offset += 1;
+        }
+        true
+    }
+}
+
+impl<S: Simd> SimdViews for BlockViews<S> {
+    type Stored = f64;
+
+    #[inline(always)]
+    fn each<V: ForEach<f64>>(self, count: usize, visitor: &mut V) -> bool {
+        self.blocks::<8, V>(count, visitor)
+    }
+}
+
+struct OfNumbers<K>(K);
+
+impl<K: Kernel<f64>> WithSimd for OfNumbers<K> {
+    type Output = K::Output;
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, simd: S) -> K::Output {
+        self.0.run(BlockViews { simd })
+    }
+}
+
+impl Stored for f64 {
+    fn run<K: Kernel<f64>>(machine: InstructionSet, kernel: K) -> K::Output {
+        machine.0.dispatch(OfNumbers(kernel))
+    }
+}
+
+/// N registers of the trajectories in lock-step.
+#[derive(Clone, Copy)]
+struct Share<S, const W: usize, const N: usize> {
+    simd: S,
+    part: usize,
+    offset: usize,
+}
+
+impl<S: Simd, const W: usize, const N: usize> SimdView for Share<S, W, N> {
+    type Stored = Lanes<W>;
+    type Number = RegisterBlock<S, N>;
+
+    #[inline(always)]
+    fn constant(self, value: f64) -> RegisterBlock<S, N> {
+        let simd = self.simd;
+        let registers = [simd.splat_f64s(value); N];
+        RegisterBlock { simd, registers }
+    }
+    #[inline(always)]
+    fn load(self, x: &[Lanes<W>], place: usize) -> RegisterBlock<S, N> {
+        let simd = self.simd;
+        let parts = S::as_simd_f64s(&x[place + self.offset].0).0;
+        let registers = parts.as_chunks::<N>().0[self.part];
+        RegisterBlock { simd, registers }
+    }
+    #[inline(always)]
+    fn shared(self, values: &[f64], place: usize) -> RegisterBlock<S, N> {
+        self.constant(values[place + self.offset])
+    }
+    #[inline(always)]
+    fn every(self, x: &[Lanes<W>], place: usize) -> RegisterBlock<S, N> {
+        let simd = self.simd;
+        let parts = S::as_simd_f64s(&x[place].0).0;
+        let registers = parts.as_chunks::<N>().0[self.part];
+        RegisterBlock { simd, registers }
+    }
+    #[inline(always)]
+    fn store(self, x: &mut [Lanes<W>], place: usize, value: RegisterBlock<S, N>) {
+        let parts = S::as_mut_simd_f64s(&mut x[place + self.offset].0).0;
+        parts.as_chunks_mut::<N>().0[self.part] = value.registers;
+    }
+    #[inline(always)]
+    fn first(self) -> usize {
+        self.part * N * S::F64_LANES
+    }
+}
+
+/// Trajectories in lock-step: in parts of at most 8 registers.
+#[derive(Clone, Copy)]
+struct InParts<S, const W: usize> {
+    simd: S,
+}
+
+impl<S: Simd, const W: usize> InParts<S, W> {
+    #[inline(always)]
+    fn parts<const N: usize, V: ForEach<Lanes<W>>>(self, count: usize, visitor: &mut V) -> bool {
+        let simd = self.simd;
+        for offset in 0..count {
+            for part in 0..W / (N * S::F64_LANES) {
+                if !visitor.visit(Share::<S, W, N> { simd, part, offset }) {
+                    return false;
+                }
+            }
+        }
+        true
+    }
+}
+
+impl<S: Simd, const W: usize> SimdViews for InParts<S, W> {
+    type Stored = Lanes<W>;
+
+    #[inline(always)]
+    fn each<V: ForEach<Lanes<W>>>(self, count: usize, visitor: &mut V) -> bool {
+        match W / S::F64_LANES {
+            1 => self.parts::<1, V>(count, visitor),
+            2 => self.parts::<2, V>(count, visitor),
+            4 => self.parts::<4, V>(count, visitor),
+            _ => self.parts::<8, V>(count, visitor),
+        }
+    }
+}
+
+struct OfLanes<K>(K);
+
+impl<const W: usize, K: Kernel<Lanes<W>>> WithSimd for OfLanes<(K, [(); W])> {
+    type Output = K::Output;
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, simd: S) -> K::Output {
+        self.0.0.run(InParts::<S, W> { simd })
+    }
+}
+
+impl<const W: usize> Stored for Lanes<W> {
+    fn run<K: Kernel<Lanes<W>>>(machine: InstructionSet, kernel: K) -> K::Output {
+        const { assert!(W.is_power_of_two() && W >= 8, "lanes fill whole registers") };
+        machine.0.dispatch(OfLanes((kernel, [(); W])))
+    }
+}

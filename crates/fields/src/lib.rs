@@ -1,0 +1,4 @@
+//! Polynomial vector fields without divergence, stepped by volume-preserving splitting.
+
+pub mod problem;
+pub mod volume;

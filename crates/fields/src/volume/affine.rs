@@ -1,0 +1,210 @@
+//! The flow of x' = A x + c:
+//!
+//!     (x; 1) ↦ exp(h M) (x; 1),   M = (A c; 0 0),
+//!
+//! as the change D = exp(h M) − 1, by the Padé approximation of order 14, 2 U / (V − U) with odd and
+//! even parts U and V, and repeated squaring D ← 2 D + D². Source: higham2005.
+
+#![allow(clippy::inline_always)] // all of a kernel is compiled for one instruction set
+
+use super::State;
+use super::kernel::{Scratch, add, set_rows};
+use super::motion::Motion;
+use super::order::Order;
+use super::rows::{Rows, narrow};
+use liouville_base::composition::Flow;
+use liouville_base::linalg::{Lu, Matrix, combine, max_norm};
+use liouville_base::simd::{ForEach, SimdView, SimdViews};
+
+/// An affine piece.
+#[derive(Clone, Debug)]
+pub(super) struct Affine {
+    /// M in the order of places.
+    generator: Matrix,
+}
+
+/// For matrices of this norm the approximation is exact to roundoff.
+const LARGEST_NORM: f64 = 0.95;
+/// Coefficients of the Padé approximation.
+const PADE: [f64; 8] = [
+    17_297_280.0,
+    8_648_640.0,
+    1_995_840.0,
+    277_200.0,
+    25_200.0,
+    1_512.0,
+    56.0,
+    1.0,
+];
+
+impl Affine {
+    pub(super) fn new(order: &Order, n: usize, matrix: &[f64], vector: &[f64]) -> Self {
+        let entry = |i: usize, j: usize| match (i, j) {
+            (i, _) if i == n => 0.0,
+            (i, j) if j == n => vector[order.variable_at(i)],
+            (i, j) => matrix[order.variable_at(i) * n + order.variable_at(j)],
+        };
+        Self {
+            generator: Matrix::from_fn(n + 1, n + 1, entry),
+        }
+    }
+
+    /// The change of each variable in a flow of length `h`, as rows.
+    pub(super) fn change(&self, h: f64) -> Rows {
+        let n = self.generator.rows() - 1;
+        let change = exponential_less_one(&self.generator, h);
+        let mut rows = Rows::default();
+        for i in 0..n {
+            let row = change.row(i);
+            let entries = row[..n]
+                .iter()
+                .enumerate()
+                .filter(|(_, entry)| **entry != 0.0);
+            let linear = entries.map(|(j, entry)| (*entry, vec![narrow(j)]));
+            let terms: Vec<_> = std::iter::once((row[n], Vec::new()))
+                .chain(linear)
+                .collect();
+            rows.push(i, &terms);
+        }
+        rows
+    }
+}
+
+/// The changes of affine flows, by part and length.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Changes(Vec<(usize, u64, Rows)>);
+
+/// So many are remembered, or as many as one step has.
+const MOST_REMEMBERED: usize = 256;
+
+impl Changes {
+    /// Makes those of these flows; the first takes `before` longer than it says.
+    pub(super) fn prepare(&mut self, motions: &[Motion], flows: &[Flow], before: f64, h: f64) {
+        if self.0.len() > MOST_REMEMBERED {
+            self.0.clear();
+        }
+        let mut before = before;
+        for flow in flows {
+            let length = before + flow.weight * h;
+            before = 0.0;
+            if let Motion::Affine(affine) = &motions[flow.part]
+                && self.position(flow.part, length).is_none()
+            {
+                let change = affine.change(length);
+                self.0.push((flow.part, length.to_bits(), change));
+            }
+        }
+    }
+
+    fn position(&self, part: usize, h: f64) -> Option<usize> {
+        let is_it = |(of, bits, _): &(usize, u64, Rows)| *of == part && *bits == h.to_bits();
+        self.0.iter().position(is_it)
+    }
+
+    /// The change of a flow.
+    ///
+    /// # Panics
+    /// When it was not made.
+    pub(super) fn find(&self, part: usize, h: f64) -> &Rows {
+        match self.position(part, h) {
+            Some(position) => &self.0[position].2,
+            None => unreachable!("affine flows are made before they are used"),
+        }
+    }
+}
+
+/// exp(h M) − 1
+fn exponential_less_one(generator: &Matrix, h: f64) -> Matrix {
+    let n = generator.rows();
+    let row_sum = |i| generator.row(i).iter().map(|x| (h * x).abs()).sum();
+    let sums: Vec<f64> = (0..n).map(row_sum).collect();
+    let norm = max_norm(&sums);
+    let mut squarings = 0;
+    let mut scale = 1.0;
+    while norm * scale > LARGEST_NORM && squarings < 1100 {
+        squarings += 1;
+        scale *= 0.5;
+    }
+    let b = Matrix::from_fn(n, n, |i, j| generator[(i, j)] * h * scale);
+    let mut change = approximation(&b);
+    for _ in 0..squarings {
+        let square = product(&change, &change);
+        change = Matrix::from_fn(n, n, |i, j| 2.0 * change[(i, j)] + square[(i, j)]);
+    }
+    change
+}
+
+/// exp(B) − 1 for a small B.
+fn approximation(b: &Matrix) -> Matrix {
+    let n = b.rows();
+    let one = |i: usize, j: usize| f64::from(u8::from(i == j));
+    let b2 = product(b, b);
+    let b4 = product(&b2, &b2);
+    let b6 = product(&b4, &b2);
+    let even = |c: [f64; 4]| {
+        Matrix::from_fn(n, n, |i, j| {
+            let at = (i, j);
+            c[0] * one(i, j) + c[1] * b2[at] + c[2] * b4[at] + c[3] * b6[at]
+        })
+    };
+    let u = product(b, &even([PADE[1], PADE[3], PADE[5], PADE[7]]));
+    let v = even([PADE[0], PADE[2], PADE[4], PADE[6]]);
+    let mut lu = Lu::new(n);
+    for (out, (v, u)) in lu
+        .matrix_mut()
+        .flat_mut()
+        .iter_mut()
+        .zip(v.flat().iter().zip(u.flat()))
+    {
+        *out = v - u;
+    }
+    if lu.factor().is_err() {
+        // only what is not finite has no factors; a state finds it
+        return Matrix::from_fn(n, n, |_, _| f64::NAN);
+    }
+    let mut change = Matrix::zeros(n, n);
+    let mut column = vec![0.0; n];
+    for j in 0..n {
+        for i in 0..n {
+            column[i] = 2.0 * u[(i, j)];
+        }
+        lu.solve(&mut column);
+        for i in 0..n {
+            change[(i, j)] = column[i];
+        }
+    }
+    change
+}
+
+fn product(a: &Matrix, b: &Matrix) -> Matrix {
+    let mut out = Matrix::zeros(a.rows(), b.cols());
+    combine(out.flat_mut(), a, b, |_, _, _| ());
+    out
+}
+
+/// x += change
+struct AddChange<'a, S> {
+    change: &'a [S],
+    state: &'a mut State<S>,
+}
+
+impl<S> ForEach<S> for AddChange<'_, S> {
+    #[inline(always)]
+    fn visit<W: SimdView<Stored = S>>(&mut self, window: W) -> bool {
+        let change = window.load(self.change, 0);
+        add(window, self.state.parts(), 0, change);
+        true
+    }
+}
+
+#[inline(always)]
+pub(super) fn move_along<W: SimdViews>(
+    windows: W,
+    rows: &Rows,
+    state: &mut State<W::Stored>,
+    scratch: &mut Scratch<W::Stored>,
+) {
+    set_rows(windows, rows, &state.x, &mut scratch.change);
+    let change = scratch.change.as_slice();
+    windows.each(change.len(), &mut AddChange { change, state });
+}

@@ -1,0 +1,202 @@
+//! How far the determinant of each step is from one.
+//!
+//! The columns of the derivative of a step are pushed through it as dual numbers, eight at a time. The
+//! trajectory is that of a run without them, bit for bit: what a run holds back between steps, or has
+//! lost to rounding, is looked at from the side only.
+
+use super::{Seen, State, Volume};
+use crate::problem::Split;
+use liouville_base::checkpoint::{Checkpoint, CheckpointMismatch};
+use liouville_base::composition::Composed;
+use liouville_base::dual::{DIRECTIONS, Dual};
+use liouville_base::error::{Quantity, StepError};
+use liouville_base::linalg::Lu;
+use liouville_base::method::{Stats, Stepper};
+use liouville_base::observe::Observe;
+use liouville_base::tableau::Scheme;
+use std::sync::Arc;
+
+/// A composition of a split, with the derivative of each of its steps.
+#[derive(Clone, Debug)]
+pub struct Determinant {
+    volume: Volume<f64>,
+    stepper: Composed<Volume<f64>>,
+    /// Where a step begins.
+    start: State<f64>,
+    x: Vec<f64>,
+    tangent: Tangent,
+    derivative: Lu,
+}
+
+/// The same composition of dual numbers.
+#[derive(Clone, Debug)]
+struct Tangent {
+    volume: Volume<Dual>,
+    stepper: Composed<Volume<Dual>>,
+    state: State<Dual>,
+    x: Vec<Dual>,
+}
+
+/// Where a trajectory is, and the determinants of its steps so far.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Determined {
+    state: State<f64>,
+    /// The variables in the order of the split, as they were when last settled.
+    pub x: Vec<f64>,
+    /// ln |det| of all steps together.
+    pub logarithm: f64,
+    /// The largest |det − 1| of a step.
+    pub largest: f64,
+}
+
+impl Determinant {
+    /// `split`, composed by `scheme`, with or without compensated sums.
+    pub fn new(split: Arc<Split>, scheme: &Scheme, is_compensated: bool) -> Self {
+        let n = split.n();
+        let volume = Volume::new(Arc::clone(&split), is_compensated);
+        let x = vec![0.0; n];
+        Self {
+            stepper: Composed::new(volume.clone(), scheme),
+            start: volume.state(&x),
+            volume,
+            x,
+            tangent: Tangent::new(split, scheme),
+            derivative: Lu::new(n),
+        }
+    }
+
+    /// A trajectory about to start.
+    ///
+    /// # Panics
+    /// When there are not as many values as variables.
+    pub fn state(&self, x: &[f64]) -> Determined {
+        Determined {
+            state: self.volume.state(x),
+            x: x.to_vec(),
+            logarithm: 0.0,
+            largest: 0.0,
+        }
+    }
+
+    /// det of the derivative of a step.
+    fn determinant(&mut self, t: f64, h: f64, state: &State<f64>) -> Result<f64, StepError> {
+        self.stepper.peek(state, &mut self.start)?;
+        self.volume.values(&self.start, &mut self.x);
+        let derivative = self.derivative.matrix_mut();
+        for first in (0..self.x.len()).step_by(DIRECTIONS) {
+            self.tangent.push(first, t, h, &self.x)?;
+            for (i, x) in self.tangent.x.iter().enumerate() {
+                let columns = derivative.row_mut(i)[first..].iter_mut();
+                for (column, tangent) in columns.zip(x.tangents) {
+                    *column = tangent;
+                }
+            }
+        }
+        // a derivative that is singular to roundoff has a determinant that nobody knows
+        let determinant = match self.derivative.factor() {
+            Ok(()) => self.derivative.determinant(),
+            Err(_) => f64::NAN,
+        };
+        if determinant.is_finite() && determinant != 0.0 {
+            return Ok(determinant);
+        }
+        Err(StepError::NotFinite {
+            quantity: Quantity::Observable,
+            index: 0,
+            t,
+        })
+    }
+}
+
+impl Tangent {
+    fn new(split: Arc<Split>, scheme: &Scheme) -> Self {
+        let x = vec![Dual::constant(0.0); split.n()];
+        let volume = Volume::new(split, false);
+        Self {
+            stepper: Composed::new(volume.clone(), scheme),
+            state: volume.state(&x),
+            volume,
+            x,
+        }
+    }
+
+    /// Makes a step with the columns of the derivative from `first` on.
+    fn push(&mut self, first: usize, t: f64, h: f64, start: &[f64]) -> Result<(), StepError> {
+        for (i, (x, &start)) in self.x.iter_mut().zip(start).enumerate() {
+            *x = Dual::constant(start);
+            if (first..first + DIRECTIONS).contains(&i) {
+                x.tangents[i - first] = 1.0;
+            }
+        }
+        self.volume.set(&self.x, &mut self.state);
+        self.stepper.step(t, h, &mut self.state)?;
+        self.stepper.synchronize(&mut self.state)?;
+        self.volume.values(&self.state, &mut self.x);
+        Ok(())
+    }
+}
+
+impl Stepper for Determinant {
+    type State = Determined;
+
+    fn step(&mut self, t: f64, h: f64, state: &mut Determined) -> Result<(), StepError> {
+        let determinant = self.determinant(t, h, &state.state)?;
+        self.stepper.step(t, h, &mut state.state)?;
+        state.logarithm += determinant.abs().ln();
+        state.largest = state.largest.max((determinant - 1.0).abs());
+        Ok(())
+    }
+
+    fn synchronize(&mut self, state: &mut Determined) -> Result<(), StepError> {
+        self.stepper.synchronize(&mut state.state)?;
+        self.volume.values(&state.state, &mut state.x);
+        Ok(())
+    }
+
+    fn stats(&self) -> Stats {
+        self.stepper.stats()
+    }
+}
+
+/// Records x, ln |det| of all steps so far, and the largest |det − 1|.
+impl Observe<Determined> for Seen {
+    fn width(&self, _: &Determined) -> usize {
+        self.n + 2
+    }
+
+    fn observe(&mut self, _: f64, state: &Determined, row: &mut Vec<f64>) -> Result<(), StepError> {
+        let start = row.len();
+        row.resize(start + self.n, 0.0);
+        self.write(&state.x, &mut row[start..]);
+        row.extend([state.logarithm, state.largest]);
+        Ok(())
+    }
+}
+
+impl Checkpoint for Determinant {
+    fn save(&self, member: usize, out: &mut Vec<f64>) {
+        self.stepper.save(member, out);
+    }
+
+    fn restore(&mut self, member: usize, saved: &mut &[f64]) -> Result<(), CheckpointMismatch> {
+        self.stepper.restore(member, saved)
+    }
+}
+
+impl Checkpoint for Determined {
+    fn save(&self, member: usize, out: &mut Vec<f64>) {
+        self.state.save(member, out);
+        self.x.save(member, out);
+        self.logarithm.save(member, out);
+        self.largest.save(member, out);
+    }
+
+    fn restore(&mut self, member: usize, saved: &mut &[f64]) -> Result<(), CheckpointMismatch> {
+        self.state.restore(member, saved)?;
+        self.x.restore(member, saved)?;
+        self.logarithm.restore(member, saved)?;
+        self.largest.restore(member, saved)
+    }
+}
+
+impl Checkpoint for Seen {}

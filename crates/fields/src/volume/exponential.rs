@@ -1,0 +1,192 @@
+//! The flow of x_i' = c_i x_i m with m = x^j: with α = Σ c_i j_i is m' = α m², hence
+//!
+//!     x_i *= exp(c_i t*),   t* = −ln(1 − α h m)/α,   or h m where α = 0.
+//!
+//! Where α ≠ 0 this is (1 − α h m)^(−c_i/α); exponents that are multiples of 1, 1/2 or 1/3, as they are
+//! for small integer rates, need a root and some products only.
+
+#![allow(clippy::inline_always)] // all of a kernel is compiled for one instruction set
+
+use super::State;
+use super::kernel::multiply;
+use liouville_base::real::Scalar;
+use liouville_base::simd::{ForEach, Number, SimdView, SimdViews};
+
+/// A piece of one monomial.
+#[derive(Clone, Debug)]
+pub(super) struct Exponential {
+    /// Places i and rates c_i.
+    pub(super) rates: Vec<(u32, f64)>,
+    /// The places in x^j, with repetition.
+    pub(super) monomial: Vec<u32>,
+    pub(super) alpha: f64,
+    pub(super) roots: Option<Roots>,
+}
+
+/// Exponents −c_i/α = a − b/q.
+#[derive(Clone, Debug, PartialEq)]
+pub(super) struct Roots {
+    pub(super) q: u32,
+    /// Place, a and b of each variable.
+    pub(super) powers: Vec<(u32, u32, u32)>,
+}
+
+/// Largest power that is split_front by products.
+const LARGEST_POWER: f64 = 12.0;
+
+impl Roots {
+    fn new(rates: &[(u32, f64)], alpha: f64) -> Option<Self> {
+        (1..=3_u32).find_map(|q| {
+            let powers = rates.iter().map(|(place, rate)| {
+                let wanted = -rate / alpha * f64::from(q);
+                let found = wanted.round();
+                let is_near = (wanted - found).abs() <= 4.0 * f64::EPSILON * wanted.abs();
+                let whole = (found / f64::from(q)).ceil().max(0.0);
+                let rest = whole * f64::from(q) - found;
+                #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)] // 0 to 12
+                (is_near && whole <= LARGEST_POWER && rest <= LARGEST_POWER).then_some((
+                    *place,
+                    whole as u32,
+                    rest as u32,
+                ))
+            });
+            let powers = powers.collect::<Option<Vec<_>>>()?;
+            Some(Self { q, powers })
+        })
+    }
+}
+
+impl Exponential {
+    pub(super) fn new(rates: Vec<(u32, f64)>, monomial: Vec<u32>) -> Self {
+        let power = |at: u32| monomial.iter().filter(|place| **place == at).count() as f64;
+        let parts = rates.iter().map(|(place, rate)| rate * power(*place));
+        let (alpha, size) = parts.fold((0.0, 0.0), |(sum, size): (f64, f64), part| {
+            (sum + part, size + part.abs())
+        });
+        // what is left of rates that cancel is roundoff
+        let alpha = if alpha.abs() <= 4.0 * f64::EPSILON * size {
+            0.0
+        } else {
+            alpha
+        };
+        let roots = if alpha == 0.0 {
+            None
+        } else {
+            Roots::new(&rates, alpha)
+        };
+        Self {
+            rates,
+            monomial,
+            alpha,
+            roots,
+        }
+    }
+    /// The first trajectory, from `first` on, whose flow of length `h` reaches infinity.
+    #[cold]
+    pub(super) fn too_long<S: Scalar>(&self, h: f64, x: &[S], first: usize) -> Option<usize> {
+        (first..S::MEMBERS).find(|member| {
+            let factors = self.monomial.iter();
+            let factors = factors.map(|place| x[*place as usize].member(*member));
+            !(factors.product::<f64>() * (self.alpha * h)).is_below(1.0)
+        })
+    }
+}
+
+struct Grow<'a, S> {
+    piece: &'a Exponential,
+    h: f64,
+    state: &'a mut State<S>,
+    /// The first trajectory of the part whose flow is too long.
+    failed: usize,
+}
+
+impl<S> ForEach<S> for Grow<'_, S> {
+    #[inline(always)]
+    fn visit<W: SimdView<Stored = S>>(&mut self, window: W) -> bool {
+        let piece = self.piece;
+        let x = &self.state.x;
+        let mut m = match piece.monomial.first() {
+            Some(&place) => window.load(x, place as usize),
+            None => window.constant(1.0),
+        };
+        for &place in piece.monomial.iter().skip(1) {
+            m = m * window.load(x, place as usize);
+        }
+        if piece.alpha == 0.0 {
+            self.multiply(window, m.scaled(self.h));
+            return true;
+        }
+        let z = m.scaled(piece.alpha * self.h);
+        if !z.is_below(1.0) {
+            self.failed = window.first();
+            return false;
+        }
+        match &piece.roots {
+            Some(roots) if self.state.low.is_empty() => {
+                let base = window.constant(1.0) - z;
+                let root = base.inverse_root(roots.q);
+                for &(place, a, b) in &roots.powers {
+                    let x = window.load(&self.state.x, place as usize);
+                    let x = times_power(times_power(x, base, a), root, b);
+                    window.store(&mut self.state.x, place as usize, x);
+                }
+            }
+            _ => {
+                let time = (window.constant(0.0) - z).ln_1p();
+                self.multiply(window, time.scaled(-1.0 / piece.alpha));
+            }
+        }
+        true
+    }
+}
+
+impl<S> Grow<'_, S> {
+    /// x *= exp(c t)
+    #[inline(always)]
+    fn multiply<W: SimdView<Stored = S>>(&mut self, window: W, time: W::Number) {
+        for &(place, rate) in &self.piece.rates {
+            let exponent = time.scaled(rate);
+            multiply(window, self.state.parts(), place as usize, exponent);
+        }
+    }
+}
+
+/// x y^power
+#[inline(always)]
+fn times_power<N: Number>(mut x: N, mut y: N, mut power: u32) -> N {
+    while power > 0 {
+        if power & 1 == 1 {
+            x = x * y;
+        }
+        power >>= 1;
+        if power > 0 {
+            y = y * y;
+        }
+    }
+    x
+}
+
+/// On failure the first trajectory whose flow is too long.
+#[inline(always)]
+pub(super) fn grow<W: SimdViews>(
+    windows: W,
+    piece: &Exponential,
+    h: f64,
+    state: &mut State<W::Stored>,
+) -> Result<(), usize>
+where
+    W::Stored: Scalar,
+{
+    let mut growth = Grow {
+        piece,
+        h,
+        state: &mut *state,
+        failed: 0,
+    };
+    if windows.each(1, &mut growth) {
+        Ok(())
+    } else {
+        let first = growth.failed;
+        Err(piece.too_long(h, &state.x, first).unwrap_or(first))
+    }
+}

@@ -1,0 +1,343 @@
+//! Volume-preserving steps of split polynomial fields: the flow of each piece, with det = 1.
+//!
+//! The pieces' own formulas stand in [`crate::problem`] and in the files of this folder; all
+//! are explicit. They are compiled once to short programs ([`code`]), which run over registers of
+//! whatever is stored: trajectories in lock-step, or neighbouring variables of one large state. A
+//! trajectory has the same bits alone, in lock-step, and on any machine.
+//! Source: mclachlan2008, xue2013.
+#![allow(clippy::inline_always)] // all of a kernel is compiled for one instruction set
+
+mod affine;
+mod code;
+mod determinant;
+mod exponential;
+mod kernel;
+mod motion;
+mod observe;
+mod order;
+mod plan;
+mod rows;
+mod section;
+mod shared;
+mod stages;
+mod triangular;
+
+pub use determinant::{Determinant, Determined};
+pub use observe::{Observer, Seen};
+pub use section::{Direction, Plane, Section};
+
+use crate::problem::Split;
+use affine::Changes;
+use kernel::{Change, Moves, Scratch};
+use liouville_base::checkpoint::{Checkpoint, CheckpointMismatch};
+use liouville_base::composition::{Flow, Parts};
+use liouville_base::error::StepError;
+use liouville_base::parallel::Workers;
+use liouville_base::simd::{ForEach, InstructionSet, Kernel, SimdView, SimdViews, Stored};
+use motion::Motion;
+use plan::Plan;
+use rows::Rows;
+use std::sync::Arc;
+
+/// Where the variables are.
+#[derive(Debug, PartialEq)]
+pub struct State<S> {
+    /// The variables in the order of the stepper, and room for waves.
+    x: Vec<S>,
+    /// What they have lost to rounding, where that is kept.
+    low: Vec<S>,
+}
+
+impl<S: Clone> Clone for State<S> {
+    fn clone(&self) -> Self {
+        Self {
+            x: self.x.clone(),
+            low: self.low.clone(),
+        }
+    }
+
+    /// Into the memory there is: steps keep copies.
+    fn clone_from(&mut self, source: &Self) {
+        self.x.clone_from(&source.x);
+        self.low.clone_from(&source.low);
+    }
+}
+
+impl<S> State<S> {
+    /// The variables, and what they have lost.
+    #[inline]
+    fn parts(&mut self) -> (&mut [S], &mut [S]) {
+        (&mut self.x, &mut self.low)
+    }
+}
+
+/// The flows of a split field's pieces, for one trajectory or several in lock-step.
+#[derive(Clone, Debug)]
+pub struct Volume<S> {
+    split: Arc<Split>,
+    plan: Arc<Plan>,
+    machine: InstructionSet,
+    workers: Option<Workers>,
+    is_compensated: bool,
+    scratch: Scratch<S>,
+    changes: Changes,
+    kept: Option<State<S>>,
+}
+
+/// States above this size are not copied before each step.
+const LARGEST_KEPT: usize = 1 << 14;
+
+impl<S: Stored> Volume<S> {
+    /// The flows of the pieces of `split`, with or without compensated sums.
+    pub fn new(split: Arc<Split>, is_compensated: bool) -> Self {
+        let plan = Arc::new(Plan::new(&split, S::MEMBERS == 1));
+        let n = split.n();
+        let zeros = |n: usize| vec![S::splat(0.0); n];
+        let stages = (0..plan.stages).map(|_| [zeros(n + plan.waves), zeros(n)]);
+        let scratch = Scratch {
+            change: zeros(if plan.has_affine { n } else { 0 }),
+            stages: stages.collect(),
+        };
+        Self {
+            split,
+            plan,
+            machine: InstructionSet::default(),
+            workers: None,
+            is_compensated,
+            scratch,
+            changes: Changes::default(),
+            kept: None,
+        }
+    }
+
+    /// The same with another instruction set, which gives the same bits.
+    #[must_use]
+    pub fn on(mut self, machine: InstructionSet) -> Self {
+        self.machine = machine;
+        self
+    }
+
+    /// The same with so many threads, which give the same bits; they serve large states.
+    #[must_use]
+    pub fn with_threads(mut self, threads: usize) -> Self {
+        self.workers = Workers::new(threads);
+        self
+    }
+
+    /// What is split.
+    pub fn split(&self) -> &Split {
+        &self.split
+    }
+
+    /// The state at these values of the variables.
+    ///
+    /// # Panics
+    /// When there are not as many as variables.
+    pub fn state(&self, x: &[S]) -> State<S> {
+        let n = self.split.n();
+        let zeros = |n: usize| vec![S::splat(0.0); n];
+        let mut state = State {
+            x: zeros(n + self.plan.waves),
+            low: zeros(if self.is_compensated { n } else { 0 }),
+        };
+        self.set(x, &mut state);
+        state
+    }
+
+    /// Makes a state the one at these values of the variables.
+    ///
+    /// # Panics
+    /// When there are not as many as variables.
+    pub fn set(&self, x: &[S], state: &mut State<S>) {
+        assert_eq!(x.len(), self.split.n(), "size of a state");
+        for (variable, x) in x.iter().enumerate() {
+            state.x[self.plan.order.place_of(variable)] = *x;
+        }
+        state.low.fill(S::splat(0.0));
+    }
+
+    /// Writes the values of the variables, in the order of the split.
+    ///
+    /// # Panics
+    /// When there are not as many places as variables.
+    pub fn values(&self, state: &State<S>, x: &mut [S]) {
+        assert_eq!(x.len(), self.split.n(), "size of a state");
+        for (variable, x) in x.iter_mut().enumerate() {
+            *x = state.x[self.plan.order.place_of(variable)];
+        }
+    }
+
+    /// Makes flows on this thread.
+    fn alone(
+        &mut self,
+        flows: &[Flow],
+        before: f64,
+        (t, h): (f64, f64),
+        state: &mut State<S>,
+    ) -> Result<(), StepError> {
+        let kernel = Moves {
+            motions: &self.plan.motions,
+            changes: &self.changes,
+            flows,
+            before,
+            t,
+            h,
+            state,
+            scratch: &mut self.scratch,
+        };
+        S::run(self.machine, kernel)
+    }
+
+    /// Makes a flow of length `h` on all threads, if it is one of rows.
+    fn shared(&self, flow: &Flow, h: f64, state: &mut State<S>) -> bool {
+        let Some(workers) = &self.workers else {
+            return false;
+        };
+        let mut change = |change, rows: &Rows| {
+            shared::change_rows((workers, self.machine), change, rows, h, state);
+        };
+        match &self.plan.motions[flow.part] {
+            Motion::Natural { rows, waves } if waves.is_empty() => change(Change::Add, rows),
+            Motion::Scaling { rows } => change(Change::Scale, rows),
+            Motion::Triangular(piece) if piece.is_euler() && flow.is_adjoint => {
+                piece
+                    .levels
+                    .iter()
+                    .for_each(|level| change(Change::Add, level));
+            }
+            Motion::Triangular(piece) if piece.is_euler() => {
+                piece
+                    .levels
+                    .iter()
+                    .rev()
+                    .for_each(|level| change(Change::Add, level));
+            }
+            _ => return false,
+        }
+        true
+    }
+}
+
+impl<S: Stored> Parts for Volume<S> {
+    type State = State<S>;
+
+    fn count(&self) -> usize {
+        self.plan.motions.len()
+    }
+
+    fn is_exact(&self, part: usize) -> bool {
+        !matches!(self.plan.motions[part], Motion::Triangular(_))
+    }
+
+    fn flow(
+        &mut self,
+        part: usize,
+        is_adjoint: bool,
+        t: f64,
+        h: f64,
+        state: &mut State<S>,
+    ) -> Result<(), StepError> {
+        let flow = Flow {
+            part,
+            is_adjoint,
+            weight: 1.0,
+            offset: 0.0,
+        };
+        self.flows(&[flow], 0.0, t, h, state)
+    }
+
+    fn flows(
+        &mut self,
+        flows: &[Flow],
+        before: f64,
+        t: f64,
+        h: f64,
+        state: &mut State<S>,
+    ) -> Result<(), StepError> {
+        if self.plan.has_affine {
+            self.changes.prepare(&self.plan.motions, flows, before, h);
+        }
+        if self.workers.is_none() {
+            return self.alone(flows, before, (t, h), state);
+        }
+        let mut before = before;
+        for flow in flows {
+            if !self.shared(flow, before + flow.weight * h, state) {
+                self.alone(std::slice::from_ref(flow), before, (t, h), state)?;
+            }
+            before = 0.0;
+        }
+        Ok(())
+    }
+
+    fn check(&self, t: f64, state: &State<S>) -> Result<(), StepError> {
+        let n = self.split.n();
+        let x = &state.x[..n];
+        if S::run(self.machine, IsFinite { x }) {
+            return Ok(());
+        }
+        // in the order of the split, so that all ways to store a state name the same variable
+        let members = 0..S::MEMBERS;
+        let bad = members.flat_map(|member| (0..n).map(move |index| (member, index)));
+        let is_bad = |(member, index): &(usize, usize)| {
+            !x[self.plan.order.place_of(*index)]
+                .member(*member)
+                .is_finite()
+        };
+        let (member, index) = bad.into_iter().find(is_bad).unwrap_or((0, 0));
+        Err(StepError::Overflow { index, member, t })
+    }
+
+    fn keep(&mut self, state: &State<S>) -> bool {
+        if state.x.len() > LARGEST_KEPT {
+            return false;
+        }
+        match &mut self.kept {
+            Some(kept) => kept.clone_from(state),
+            none => *none = Some(state.clone()),
+        }
+        true
+    }
+
+    fn put_back(&mut self, state: &mut State<S>) {
+        if let Some(kept) = &self.kept {
+            state.clone_from(kept);
+        }
+    }
+}
+
+/// Whether all numbers are finite.
+struct IsFinite<'a, S> {
+    x: &'a [S],
+}
+
+impl<S> ForEach<S> for IsFinite<'_, S> {
+    #[inline(always)]
+    fn visit<W: SimdView<Stored = S>>(&mut self, window: W) -> bool {
+        use liouville_base::simd::Number;
+        window.load(self.x, 0).is_finite()
+    }
+}
+
+impl<S> Kernel<S> for IsFinite<'_, S> {
+    type Output = bool;
+
+    #[inline(always)]
+    fn run<W: SimdViews<Stored = S>>(mut self, windows: W) -> bool {
+        windows.each(self.x.len(), &mut self)
+    }
+}
+
+impl<S: Stored> Checkpoint for Volume<S> {}
+
+impl<S: Stored> Checkpoint for State<S> {
+    fn save(&self, member: usize, out: &mut Vec<f64>) {
+        self.x.save(member, out);
+        self.low.save(member, out);
+    }
+
+    fn restore(&mut self, member: usize, saved: &mut &[f64]) -> Result<(), CheckpointMismatch> {
+        self.x.restore(member, saved)?;
+        self.low.restore(member, saved)
+    }
+}

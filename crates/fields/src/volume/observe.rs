@@ -1,0 +1,139 @@
+//! What is recorded of the states of a split field at an output point.
+
+use super::{State, Volume};
+use liouville_base::checkpoint::Checkpoint;
+use liouville_base::error::{Quantity, StepError};
+use liouville_base::observe::Observe;
+use liouville_base::simd::Stored;
+use liouville_base::tape::{Registers, Tape};
+
+/// Variables that the user sees: all of a split, or the first of them, in coordinates of their own.
+#[derive(Clone, Debug)]
+pub struct Seen {
+    /// How many there are; a field that depends on time has t as one more.
+    pub n: usize,
+    /// A, row by row, where the variables are x = A y with the y that is stepped.
+    pub basis: Option<Vec<f64>>,
+}
+
+impl Seen {
+    /// A normal of what is seen as one of what is stepped: where it is not zero, and its values there.
+    ///
+    /// # Panics
+    /// When it is not of the size of what is seen.
+    pub(super) fn stepped(&self, normal: &[f64], n: usize) -> Vec<(usize, f64)> {
+        assert_eq!(normal.len(), self.n, "size of a normal");
+        let stepped: Vec<f64> = match &self.basis {
+            None => normal.to_vec(),
+            Some(basis) => (0..n)
+                .map(|j| {
+                    normal
+                        .iter()
+                        .zip(basis.chunks(n))
+                        .map(|(a, row)| a * row[j])
+                        .sum()
+                })
+                .collect(),
+        };
+        let entries = stepped.into_iter().enumerate();
+        entries.filter(|(_, a)| *a != 0.0).collect()
+    }
+
+    pub(super) fn write(&self, y: &[f64], x: &mut [f64]) {
+        match &self.basis {
+            None => x.copy_from_slice(&y[..self.n]),
+            Some(basis) => {
+                for (x, row) in x.iter_mut().zip(basis.chunks(y.len())) {
+                    *x = row.iter().zip(y).map(|(a, y)| a * y).sum();
+                }
+            }
+        }
+    }
+}
+
+/// Records x (where states are wanted) and the outputs of a tape (t, x) → quantities, one member
+/// after another.
+#[derive(Clone, Debug)]
+pub struct Observer<S> {
+    volume: Volume<S>,
+    seen: Seen,
+    members: usize,
+    states: bool,
+    tape: Tape,
+    registers: Registers<f64>,
+    values: Vec<S>,
+    y: Vec<f64>,
+    x: Vec<f64>,
+}
+
+impl<S: Stored> Observer<S> {
+    /// An observer of the first `members` trajectories that `volume` steps.
+    ///
+    /// # Panics
+    /// When the tape's inputs are not (t, x, params), or there are not so many members.
+    pub fn new(
+        volume: Volume<S>,
+        seen: Seen,
+        members: usize,
+        tape: Tape,
+        params: &[f64],
+        states: bool,
+    ) -> Self {
+        assert!(members <= S::MEMBERS, "members of an observer");
+        assert_eq!(
+            tape.inputs(),
+            [1, seen.n, params.len()],
+            "inputs of an observer"
+        );
+        let n = volume.split().n();
+        Self {
+            registers: tape.bind(params),
+            values: vec![S::splat(0.0); n],
+            y: vec![0.0; n],
+            x: vec![0.0; seen.n],
+            volume,
+            seen,
+            members,
+            states,
+            tape,
+        }
+    }
+
+    fn append(&mut self, member: usize, t: f64, row: &mut Vec<f64>) -> Result<(), StepError> {
+        for (y, value) in self.y.iter_mut().zip(&self.values) {
+            *y = value.member(member);
+        }
+        self.seen.write(&self.y, &mut self.x);
+        if self.states {
+            row.extend_from_slice(&self.x);
+        }
+        let args: [&[f64]; 2] = [&[t], &self.x];
+        let values = self.tape.eval(&mut self.registers, args);
+        if let Some(index) = values.iter().position(|value| !value.is_finite()) {
+            let quantity = Quantity::Observable;
+            return Err(StepError::NotFinite { quantity, index, t });
+        }
+        row.extend_from_slice(values);
+        Ok(())
+    }
+}
+
+impl<S: Stored> Observe<State<S>> for Observer<S> {
+    fn width(&self, _: &State<S>) -> usize {
+        let states = if self.states { self.seen.n } else { 0 };
+        self.members * (states + self.tape.outputs())
+    }
+
+    fn observe(&mut self, t: f64, state: &State<S>, row: &mut Vec<f64>) -> Result<(), StepError> {
+        let start = row.len();
+        self.volume.values(state, &mut self.values);
+        (0..self.members)
+            .try_for_each(|member| {
+                let appended = self.append(member, t, row);
+                appended.map_err(|error| error.of_member(member))
+            })
+            .inspect_err(|_| row.truncate(start))
+    }
+}
+
+impl<S> Checkpoint for Observer<S> {}

@@ -1,0 +1,231 @@
+//! Poincaré sections: where trajectories pass through a plane.
+//!
+//! With s(x) = a · x − c, a trajectory passes between two steps where s changes its sign, or passes a
+//! multiple of the period where there is one. There it is stepped once more, from the state before and by the
+//! same method, for that part θ h of the step with which s vanishes: the point is one of the method's own,
+//! of its order, and lies in the plane to roundoff. θ is found by the iteration of [`liouville_base::bracket`]. A trajectory that passes twice within a step is not seen to. Source:
+//! oliveira2020.
+
+use super::{Seen, State, Volume};
+use liouville_base::bracket::Bracket;
+use liouville_base::checkpoint::{Checkpoint, CheckpointMismatch};
+use liouville_base::error::StepError;
+use liouville_base::method::Stepper;
+use liouville_base::observe::Observe;
+use liouville_base::real::Real;
+use liouville_base::simd::Stored;
+
+/// Which way a plane is passed.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Direction {
+    /// s grows.
+    Up,
+    /// s falls.
+    Down,
+    /// Either way.
+    Both,
+}
+
+/// s(x) = a · x − c, and what of it is looked for.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Plane {
+    /// a, for the variables that the user sees.
+    pub normal: Vec<f64>,
+    /// c
+    pub offset: f64,
+    /// Distance of parallel planes, where there are several: more than a step goes.
+    pub period: Option<f64>,
+    /// Which way it is passed.
+    pub direction: Direction,
+}
+
+impl Plane {
+    /// The value that s passes from `before` to `after`, both included but the first.
+    fn passed(&self, before: f64, after: f64) -> Option<f64> {
+        let is_up = before < after;
+        let next = match self.period {
+            None => 0.0,
+            Some(period) if is_up => period * ((before / period).floor() + 1.0),
+            Some(period) => period * ((before / period).ceil() - 1.0),
+        };
+        let (is_wanted, is_passed) = if is_up {
+            let is_passed = before < next && next <= after;
+            (self.direction != Direction::Down, is_passed)
+        } else {
+            let is_passed = after <= next && next < before;
+            (self.direction != Direction::Up, is_passed)
+        };
+        (is_wanted && is_passed).then_some(next)
+    }
+}
+
+/// Records (member, t, x) wherever a member passes a plane; it must see every step.
+#[derive(Clone, Debug)]
+pub struct Section<S, M> {
+    volume: Volume<S>,
+    plane: Plane,
+    /// The numbers of the members.
+    members: Vec<usize>,
+    passage: Passage<M>,
+    /// Time, variables and s at the last step, if there was one, and the variables at this.
+    last: Option<(f64, S)>,
+    before: Vec<S>,
+    now: Vec<S>,
+}
+
+/// A trajectory on its way from a step to the plane.
+#[derive(Clone, Debug)]
+struct Passage<M> {
+    single: Volume<f64>,
+    stepper: M,
+    seen: Seen,
+    /// a and c for the variables that are stepped: places where a is not zero, and its values there.
+    normal: Vec<(usize, f64)>,
+    offset: f64,
+    y: Vec<f64>,
+    x: Vec<f64>,
+}
+
+impl<S: Stored + Real, M: Stepper<State = State<f64>>> Section<S, M> {
+    /// Sections of the first trajectories that `volume` steps, whose numbers are `members`. `stepper` makes the same steps for one trajectory, a state of `single`.
+    ///
+    /// # Panics
+    /// When the plane's normal is not of the size of what is seen, or there are not so many members.
+    pub fn new(
+        volume: Volume<S>,
+        (single, stepper): (Volume<f64>, M),
+        seen: Seen,
+        members: Vec<usize>,
+        plane: Plane,
+    ) -> Self {
+        assert!(members.len() <= S::MEMBERS, "members of a section");
+        let n = volume.split().n();
+        Self {
+            passage: Passage {
+                single,
+                stepper,
+                normal: seen.stepped(&plane.normal, n),
+                offset: plane.offset,
+                y: vec![0.0; n],
+                x: vec![0.0; seen.n],
+                seen,
+            },
+            before: vec![S::splat(0.0); n],
+            now: vec![S::splat(0.0); n],
+            last: None,
+            volume,
+            plane,
+            members,
+        }
+    }
+
+    /// Appends a row for each member that passes between the last step and this.
+    fn append(&mut self, t: f64, after: S, row: &mut Vec<f64>) -> Result<(), StepError> {
+        let Some((t0, before)) = self.last else {
+            return Ok(());
+        };
+        for (member, number) in self.members.iter().enumerate() {
+            let (before, after) = (before.member(member), after.member(member));
+            let Some(level) = self.plane.passed(before, after) else {
+                continue;
+            };
+            for (y, value) in self.passage.y.iter_mut().zip(&self.before) {
+                *y = value.member(member);
+            }
+            let ends = (before - level, after - level);
+            let found = self.passage.find(t0, t - t0, ends, level);
+            let part = found.map_err(|error| error.of_member(member))?;
+            row.extend([*number as f64, t0 + part * (t - t0)]);
+            row.extend_from_slice(&self.passage.x);
+        }
+        Ok(())
+    }
+}
+
+/// θ is found to this.
+const TOLERANCE: f64 = f64::EPSILON / 2.0;
+/// So many halvings lead there from the whole step; the iteration may take one more.
+const HALVINGS: i32 = 52;
+
+impl<M: Stepper<State = State<f64>>> Passage<M> {
+    /// The part of the step h from t, and from `y`, after which s is `level`; leaves `x` there.
+    fn find(&mut self, t: f64, h: f64, ends: (f64, f64), level: f64) -> Result<f64, StepError> {
+        let start = self.single.state(&self.y);
+        let mut state = start.clone();
+        let mut bracket = Bracket {
+            a: (0.0, ends.0),
+            b: (1.0, ends.1),
+        };
+        let size = ends.0.abs() + ends.1.abs() + self.offset.abs() + level.abs();
+        let noise = f64::EPSILON * size;
+        let mut part = 1.0;
+        for halving in (0..=HALVINGS + 1).rev() {
+            if bracket.b.1 != 0.0 {
+                part = bracket.estimate(halving, TOLERANCE);
+            }
+            state.clone_from(&start);
+            self.stepper.step(t, part * h, &mut state)?;
+            self.stepper.synchronize(&mut state)?;
+            let s = self.height(&state, level);
+            let is_narrow = bracket.width() <= 2.0 * TOLERANCE;
+            if s.abs() <= noise || bracket.b.1 == 0.0 || is_narrow {
+                break;
+            }
+            bracket.tighten(part, s);
+        }
+        self.seen.write(&self.y, &mut self.x);
+        Ok(part)
+    }
+
+    /// s above the level at a state; leaves its variables in `y`.
+    fn height(&mut self, state: &State<f64>, level: f64) -> f64 {
+        self.single.values(state, &mut self.y);
+        height(&self.normal, self.offset, &self.y) - level
+    }
+}
+
+/// s for the variables that are stepped.
+fn height<S: Real>(normal: &[(usize, f64)], offset: f64, y: &[S]) -> S {
+    normal
+        .iter()
+        .fold(S::splat(-offset), |sum, (i, a)| sum + y[*i] * S::splat(*a))
+}
+
+impl<S: Stored + Real, M: Stepper<State = State<f64>>> Observe<State<S>> for Section<S, M> {
+    fn width(&self, _: &State<S>) -> usize {
+        2 + self.passage.x.len()
+    }
+
+    fn observe(&mut self, t: f64, state: &State<S>, row: &mut Vec<f64>) -> Result<(), StepError> {
+        let start = row.len();
+        self.volume.values(state, &mut self.now);
+        let after = height(&self.passage.normal, self.plane.offset, &self.now);
+        self.append(t, after, row)
+            .inspect_err(|_| row.truncate(start))?;
+        std::mem::swap(&mut self.before, &mut self.now);
+        self.last = Some((t, after));
+        Ok(())
+    }
+}
+
+/// Where the last step has led to.
+impl<S: Stored, M: Checkpoint> Checkpoint for Section<S, M> {
+    fn save(&self, member: usize, out: &mut Vec<f64>) {
+        let last = self.last.map(|(t, s)| (t, s.member(member)));
+        last.save(member, out);
+        self.before.save(member, out);
+        self.passage.stepper.save(member, out);
+    }
+
+    fn restore(&mut self, member: usize, saved: &mut &[f64]) -> Result<(), CheckpointMismatch> {
+        let mut last = Some((0.0, 0.0));
+        last.restore(member, saved)?;
+        self.last = last.map(|(t, value)| {
+            let mut s = self.last.map_or_else(|| S::splat(value), |(_, s)| s);
+            s.set_member(member, value);
+            (t, s)
+        });
+        self.before.restore(member, saved)?;
+        self.passage.stepper.restore(member, saved)
+    }
+}

@@ -1,0 +1,252 @@
+//! Specialised Runge–Kutta methods for semi-explicit systems of index 2, on Gauss coefficients, order 2s.
+//!
+//! One step from (t0, y0) to t1 = t0 + h, with Gauss stages T_i = t0 + c_i h:
+//!
+//!     (I1)  Y_i = y0 + h Σ_j a_ij V_j,   V_i = f(T_i, Y_i, Z_i)                        i = 1..s
+//!     (I2)  0 = Σ_j b_j P_{i−1}(c_j) k(T_j, Y_j)                                       i = 1..s−1
+//!     (I3)  y1 = y0 + h Σ_j b_j V_j,   0 = k(t1, y1)
+//!     (I4)  0 = k_t(t1, y1) + k_y(t1, y1) f(t1, y1, z1)
+//!
+//! The constraint holds at the ends of steps; at the stages only its Legendre moments vanish. (I1)–(I3) give
+//! V_i and Z_i, (I4) then z1, with order 2s where the Z_i have order s. z0 is used by no step. y is summed
+//! with its rounding errors carried along. Source: jay2006.
+
+mod frozen;
+mod predictor;
+mod stages;
+
+use crate::semi_explicit::{Algebraic, Model, State};
+use frozen::Frozen;
+use liouville_base::checkpoint::{Checkpoint, CheckpointMismatch};
+use liouville_base::error::StepError;
+use liouville_base::linalg::{add_scaled, copy, max_norm};
+use liouville_base::method::{Stats, Stepper, Symmetric};
+use liouville_base::newton::{self, Equations};
+use predictor::Predictor;
+use stages::{Stages, Step};
+
+/// Corrections a step may take.
+const MOST_ITERATIONS: usize = 100;
+
+/// The s-stage method at work.
+#[derive(Clone, Debug)]
+pub struct Index2 {
+    model: Model,
+    stages: Stages,
+    frozen: Frozen,
+    predictor: Predictor,
+    algebraic: Algebraic,
+    z: Vec<f64>,
+    /// f at the start of a cold step.
+    slope: Vec<f64>,
+    y_low: Vec<f64>,
+    stats: Stats,
+}
+
+/// (I1)–(I3) in the middle of being solved.
+struct Solve<'a> {
+    stages: &'a mut Stages,
+    frozen: &'a mut Frozen,
+    model: &'a mut Model,
+    step: Step<'a>,
+    is_far: bool,
+    /// Corrections by the factors there are.
+    corrections: f64,
+    stats: &'a mut Stats,
+}
+
+impl Index2 {
+    /// The s-stage method for this model.
+    ///
+    /// # Panics
+    /// When `s` is zero.
+    pub fn new(model: Model, s: usize) -> Self {
+        let stages = Stages::new(&model, s);
+        Self {
+            frozen: Frozen::new(&model, &stages),
+            predictor: Predictor::new(&stages),
+            algebraic: Algebraic::new(&model),
+            z: vec![0.0; model.problem.l],
+            slope: vec![0.0; model.problem.n],
+            y_low: vec![0.0; model.problem.n],
+            stats: Stats::default(),
+            stages,
+            model,
+        }
+    }
+
+    /// (I1)–(I3): from the step before with the factors there are, with new ones, and cold.
+    fn solve_stages(&mut self, step: Step) -> Result<(), StepError> {
+        let mut is_warm = self.predictor.extrapolate(&mut self.stages, step.h);
+        if is_warm && self.frozen.serves(step.h) {
+            if self.iterate(step, false).is_ok() {
+                return Ok(());
+            }
+            is_warm = self.predictor.extrapolate(&mut self.stages, step.h);
+        }
+        self.frozen.discard();
+        if is_warm {
+            if self.iterate(step, false).is_ok() {
+                return Ok(());
+            }
+            self.stats.cold_starts += 1;
+            self.frozen.discard();
+        }
+        self.start_by_euler(step);
+        if self.iterate(step, true).is_ok() {
+            return Ok(());
+        }
+        self.start_constant(step);
+        self.iterate(step, true)
+            .map_err(|error| self.diagnose_rank(step, error))
+    }
+
+    /// V_i and Z_i where Euler's method leads to, each z from the hidden constraint there.
+    fn start_by_euler(&mut self, step: Step) {
+        let State { y, z, .. } = step.state;
+        copy(&mut self.slope, self.model.field(step.t, y, z));
+        let speed = max_norm(y) / step.h.abs();
+        for i in 0..self.stages.count() {
+            let t = self.stages.time(step, i);
+            let (point, unknowns) = (self.stages.y.row_mut(i), self.stages.z.row_mut(i));
+            copy(point, y);
+            add_scaled(point, t - step.t, &self.slope);
+            copy(unknowns, z);
+            let found = self
+                .algebraic
+                .solve(&mut self.model, t, point, unknowns, speed);
+            if found.is_err() {
+                copy(unknowns, z);
+            }
+            copy(
+                self.stages.v.row_mut(i),
+                self.model.field(t, point, unknowns),
+            );
+        }
+    }
+
+    /// V_i and Z_i as they are at the start of the step.
+    fn start_constant(&mut self, step: Step) {
+        for i in 0..self.stages.count() {
+            copy(self.stages.v.row_mut(i), &self.slope);
+            copy(self.stages.z.row_mut(i), &step.state.z);
+        }
+    }
+
+    /// The iteration; from far away each correction has its own matrix.
+    fn iterate(&mut self, step: Step, is_far: bool) -> Result<(), StepError> {
+        let mut solve = Solve {
+            stages: &mut self.stages,
+            frozen: &mut self.frozen,
+            model: &mut self.model,
+            step,
+            is_far,
+            corrections: 0.0,
+            stats: &mut self.stats,
+        };
+        let outcome = newton::solve(&mut solve, MOST_ITERATIONS);
+        match outcome {
+            Ok(iterations) => {
+                self.frozen.served(iterations);
+                self.stats.iterations += iterations;
+                Ok(())
+            }
+            Err(error) => {
+                self.frozen.discard();
+                Err(error)
+            }
+        }
+    }
+
+    /// What a singular matrix comes from, where that can be seen at the start of the step.
+    fn diagnose_rank(&mut self, step: Step, error: StepError) -> StepError {
+        if error != StepError::SingularNewton {
+            return error;
+        }
+        copy(&mut self.z, &step.state.z);
+        let at_start =
+            self.algebraic
+                .solve(&mut self.model, step.t, &step.state.y, &mut self.z, 1.0);
+        match at_start {
+            Err(singular @ StepError::SingularHidden { .. }) => singular,
+            _ => error,
+        }
+    }
+}
+
+impl Stepper for Index2 {
+    type State = State;
+
+    fn step(&mut self, t: f64, h: f64, state: &mut State) -> Result<(), StepError> {
+        let step = Step { t, h, state };
+        self.solve_stages(step)?;
+        self.stages.move_points(step);
+        let speed = max_norm(&state.y) / h.abs();
+        self.stages.end_of_z(&mut self.z);
+        self.algebraic.solve(
+            &mut self.model,
+            t + h,
+            self.stages.end(),
+            &mut self.z,
+            speed,
+        )?;
+        self.predictor.keep(&self.stages, h);
+        copy(&mut self.y_low, &state.y_low);
+        self.stages.add_moves(&mut self.y_low);
+        carry(&mut state.y, &mut self.y_low);
+        copy(&mut state.y_low, &self.y_low);
+        copy(&mut state.z, &self.z);
+        Ok(())
+    }
+
+    fn forget(&mut self) {
+        self.predictor.forget();
+    }
+
+    fn stats(&self) -> Stats {
+        Stats {
+            evaluations: self.stages.evaluations,
+            ..self.stats
+        }
+    }
+}
+
+impl Symmetric for Index2 {}
+
+impl Equations for Solve<'_> {
+    fn correct(&mut self) -> Result<f64, StepError> {
+        self.stages.evaluate(self.model, self.step)?;
+        let is_slow = self.corrections >= self.frozen.max_iterations();
+        if self.is_far || is_slow || !self.frozen.serves(self.step.h) {
+            self.frozen.update(self.model, self.stages, self.step)?;
+            self.stats.factorizations += 1;
+            self.corrections = 0.0;
+        }
+        self.corrections += 1.0;
+        let size = self.frozen.correct(self.model, self.stages, self.step.h);
+        Ok(self.stages.relative(size, self.step))
+    }
+}
+
+/// `high += low`, and `low` becomes what the addition lost (Knuth's two-sum).
+fn carry(high: &mut [f64], low: &mut [f64]) {
+    for (high, low) in high.iter_mut().zip(low) {
+        let sum = *high + *low;
+        let part = sum - *high;
+        *low = (*high - (sum - part)) + (*low - part);
+        *high = sum;
+    }
+}
+
+impl Checkpoint for Index2 {
+    fn save(&self, member: usize, out: &mut Vec<f64>) {
+        self.predictor.save(member, out);
+        self.frozen.save(member, out);
+    }
+
+    fn restore(&mut self, member: usize, saved: &mut &[f64]) -> Result<(), CheckpointMismatch> {
+        self.predictor.restore(member, saved)?;
+        self.frozen.restore(member, saved)?;
+        self.frozen.remake(&mut self.model, &mut self.stages)
+    }
+}

@@ -1,0 +1,130 @@
+//! The acceleration-level solve A(t, y, z): the index-1 form of the system, for z' and λ.
+//!
+//!     p_z z' + p_y v + p_t = f + r(t, y, λ) + r_n(t, y, z, ν)
+//!     w_z z' + w_y v + w_t = 0
+//!     k_z z' + k_y v + k_t = 0
+//!
+//! It gives the multipliers at full order and the cold start of an integration.
+
+use super::model::{finite, finite_k};
+use super::{Model, Saddle};
+use liouville_base::checkpoint::{Checkpoint, CheckpointMismatch};
+use liouville_base::error::{Quantity, StepError};
+use liouville_base::linalg::max_norm;
+use liouville_base::newton::{self, Equations};
+use liouville_base::real::{Real, Scalar};
+
+/// The solver, with its memory.
+#[derive(Clone, Debug)]
+pub struct Acceleration<R = f64> {
+    saddle: Saddle<R>,
+    /// z', as last solved for.
+    pub z_dot: Vec<R>,
+    /// λ, then ν, as last solved for; the start of the next solve where r is nonlinear in it.
+    pub lam: Vec<R>,
+    force: Vec<R>,
+    drift: Vec<R>,
+    correction: Vec<R>,
+}
+
+struct Solve<'a, R> {
+    at: &'a mut Acceleration<R>,
+    model: &'a mut Model<R>,
+    point: (f64, &'a [R], &'a [R]),
+}
+
+impl<R: Real> Acceleration<R> {
+    /// Memory for this model.
+    pub fn new(model: &Model<R>) -> Self {
+        let (n, m) = (model.problem.n, model.problem.multipliers());
+        Self {
+            saddle: Saddle::new(model),
+            z_dot: vec![R::splat(0.0); n],
+            lam: vec![R::splat(0.0); m],
+            force: vec![R::splat(0.0); n],
+            drift: vec![R::splat(0.0); m],
+            correction: vec![R::splat(0.0); m],
+        }
+    }
+
+    /// Solves for `z_dot` and `lam` at (t, y, z).
+    ///
+    /// # Errors
+    /// A value that is not finite, a singular matrix, or no convergence where reactions are nonlinear
+    /// in their multipliers.
+    pub fn solve(
+        &mut self,
+        model: &mut Model<R>,
+        t: f64,
+        y: &[R],
+        z: &[R],
+    ) -> Result<(), StepError> {
+        let m = model.problem.m;
+        let [force, drift, _] = model.acceleration(t, y, z);
+        finite(force, Quantity::Force, t)?;
+        finite(&drift[..m], Quantity::Hidden, t)?;
+        finite_k(&drift[m..], m, t)?;
+        self.force.copy_from_slice(force);
+        self.drift.copy_from_slice(drift);
+        let is_linear = model.problem.is_linear;
+        if is_linear {
+            self.lam.fill(R::splat(0.0));
+        }
+        let mut solve = Solve {
+            at: self,
+            model,
+            point: (t, y, z),
+        };
+        if is_linear {
+            solve.correct().map(|_| ())
+        } else {
+            newton::solve_all(&mut solve, 50)
+        }
+    }
+}
+
+impl<R: Real> Equations<R> for Solve<'_, R> {
+    fn correct(&mut self) -> Result<R, StepError> {
+        let (t, y, z) = self.point;
+        let at = &mut *self.at;
+        at.saddle.update(self.model, t, y, z, &at.lam)?;
+        at.z_dot.copy_from_slice(&at.force);
+        let (lam, nu) = at.lam.split_at(self.model.problem.m);
+        if !lam.is_empty() {
+            let [_, r] = self.model.node(t, y, lam);
+            finite(r, Quantity::Reaction, t)?;
+            at.z_dot.iter_mut().zip(r).for_each(|(out, r)| *out += *r);
+        }
+        if !nu.is_empty() {
+            let [_, r] = self.model.nonholonomic(t, y, z, nu);
+            finite(r, Quantity::Reaction, t)?;
+            at.z_dot.iter_mut().zip(r).for_each(|(out, r)| *out += *r);
+        }
+        at.correction
+            .iter_mut()
+            .zip(&at.drift)
+            .for_each(|(out, drift)| *out = -*drift);
+        at.saddle
+            .solve(self.model, &mut at.z_dot, &mut at.correction);
+        at.lam
+            .iter_mut()
+            .zip(&at.correction)
+            .for_each(|(lam, d)| *lam += *d);
+        let relative = |size: f64, lam: f64| match size {
+            0.0 => 0.0,
+            _ => size / lam.max(size),
+        };
+        Ok(max_norm(&at.correction).zip(max_norm(&at.lam), relative))
+    }
+}
+
+/// Multipliers, where the next solve starts from.
+impl<R: Scalar> Checkpoint for Acceleration<R> {
+    fn save(&self, member: usize, out: &mut Vec<f64>) {
+        self.lam.save(member, out);
+    }
+
+    fn restore(&mut self, member: usize, saved: &mut &[f64]) -> Result<(), CheckpointMismatch> {
+        self.lam.restore(member, saved)
+    }
+}

@@ -1,0 +1,383 @@
+//! Trajectories between steps: multi-point Hermite interpolation.
+//!
+//! At the ends of steps, the knots, y is known with y' = v and
+//!
+//!     y'' = v_t + v_y v + v_z z',
+//!
+//! with z' from the acceleration-level solve. The polynomial that agrees with all three at k successive
+//! knots has degree 3k − 1 and is off by O(h^3k): degree 5 on a single step, 8 with the step before. z is its
+//! derivative where v = z, hence of one order less; elsewhere z has a polynomial of its own, through z and
+//! z', of degree 2k − 1, and so it has with methods of order 2, whose y is too rough for that. λ comes from the acceleration-level solve at the interpolated point: there the
+//! constraints hold to the order of all this, no better. Source: hairer1993, II.6, for k = 2; the polynomials are
+//! in Newton's form.
+
+use super::hermite::Newton;
+use super::{Acceleration, Carried, Model, model::finite};
+use liouville_base::checkpoint::{Checkpoint, CheckpointMismatch};
+use liouville_base::error::{Quantity, StepError};
+use liouville_base::linalg::copy;
+
+/// A point of a trajectory between steps.
+#[derive(Clone, Debug)]
+pub struct Point {
+    /// Coordinates.
+    pub y: Vec<f64>,
+    /// Velocities or momenta, as the system has them.
+    pub z: Vec<f64>,
+    /// The method's accelerations and the work done so far, of methods that carry them.
+    carried: Option<(Vec<f64>, f64)>,
+}
+
+impl Carried for Point {
+    fn y(&self) -> &[f64] {
+        &self.y
+    }
+
+    fn z(&self) -> &[f64] {
+        &self.z
+    }
+
+    fn accelerations(&self) -> Option<(&[f64], f64)> {
+        self.carried.as_ref().map(|(a, work)| (&a[..], *work))
+    }
+}
+
+/// The end of a step: y, y', y'', and z and z' where z is not y'.
+#[derive(Clone, Debug)]
+struct Knot {
+    t: f64,
+    y: [Vec<f64>; 3],
+    z: [Vec<f64>; 2],
+    carried: Option<(Vec<f64>, f64)>,
+}
+
+/// The last few knots of a trajectory, and its polynomials through them.
+#[derive(Clone, Debug)]
+pub struct Path {
+    model: Model,
+    acceleration: Acceleration,
+    most: usize,
+    is_rough: bool,
+    /// Whether z is interpolated by itself.
+    has_own_z: bool,
+    knots: Vec<Knot>,
+    spare: Vec<Knot>,
+    /// Which of the knots of a known trajectory is the last one.
+    followed: Option<usize>,
+    is_fitted: bool,
+    of_y: Newton,
+    of_z: Newton,
+    t: f64,
+    point: Point,
+}
+
+impl Path {
+    /// A path of `model`, on which a method of this order makes steps.
+    pub fn new(model: Model, order: usize) -> Self {
+        let n = model.problem.n;
+        let has_own_z = model.problem.patterns.v_z.is_some() || order <= 2;
+        let most = match order {
+            ..=4 => 2,
+            7.. if has_own_z => 4,
+            _ => 3,
+        };
+        let zeros = || vec![0.0; n];
+        let z = || if has_own_z { zeros() } else { Vec::new() };
+        let knot = Knot {
+            t: 0.0,
+            y: [zeros(), zeros(), zeros()],
+            z: [z(), z()],
+            carried: None,
+        };
+        Self {
+            acceleration: Acceleration::new(&model),
+            most,
+            is_rough: order <= 2,
+            has_own_z,
+            knots: Vec::with_capacity(most),
+            spare: vec![knot; most],
+            followed: None,
+            is_fitted: false,
+            of_y: Newton::default(),
+            of_z: Newton::default(),
+            t: 0.0,
+            point: Point {
+                y: zeros(),
+                z: zeros(),
+                carried: None,
+            },
+            model,
+        }
+    }
+
+    /// Whether the method is of so low an order that its steps tell from the polynomials at first sight.
+    pub fn is_rough(&self) -> bool {
+        self.is_rough
+    }
+
+    /// Whether there are as many knots as the path takes into account.
+    pub fn is_full(&self) -> bool {
+        self.knots.len() == self.most
+    }
+
+    /// Goes on to the next knot; the oldest may be forgotten.
+    ///
+    /// # Errors
+    /// A value that is not finite, or a singular matrix.
+    pub fn push(&mut self, t: f64, state: &impl Carried) -> Result<(), StepError> {
+        let (y, z) = (state.y(), state.z());
+        self.acceleration.solve(&mut self.model, t, y, z)?;
+        let z_dot = &self.acceleration.z_dot;
+        let mut knot = match self.spare.pop() {
+            Some(knot) => knot,
+            None => self.knots.remove(0),
+        };
+        knot.t = t;
+        copy(&mut knot.y[0], y);
+        if self.model.problem.patterns.v_z.is_some() {
+            let [_, _, rate] = self.model.acceleration(t, y, z);
+            copy(&mut knot.y[2], rate);
+            copy(&mut knot.y[1], self.model.end(t, y, z)[2]);
+            let problem = self.model.problem.clone();
+            let [_, v_z] = self.model.stage_blocks(t, y, z);
+            if let Some(pattern) = &problem.patterns.v_z {
+                pattern.multiply_add(v_z, 1.0, z_dot, &mut knot.y[2]);
+            }
+        } else {
+            copy(&mut knot.y[1], z);
+            copy(&mut knot.y[2], z_dot);
+        }
+        if self.has_own_z {
+            copy(&mut knot.z[0], z);
+            copy(&mut knot.z[1], z_dot);
+        }
+        finite(&knot.y[1], Quantity::Velocity, t)?;
+        finite(&knot.y[2], Quantity::Derivative, t)?;
+        if let Some((a, work)) = state.accelerations() {
+            let (kept, sum) = knot.carried.get_or_insert_with(|| (a.to_vec(), work));
+            copy(kept, a);
+            *sum = work;
+        }
+        self.knots.push(knot);
+        self.is_fitted = false;
+        Ok(())
+    }
+
+    /// Goes to the point at time `t` of a trajectory of which all steps are known: their ends `times`, and
+    /// y and z there, one row a time. The times asked for in turn follow the trajectory.
+    ///
+    /// # Errors
+    /// A value that is not finite, or a singular matrix.
+    pub fn follow(
+        &mut self,
+        t: f64,
+        times: &[f64],
+        (y, z): (&[f64], &[f64]),
+    ) -> Result<(), StepError> {
+        let n = self.model.problem.n;
+        let is_forward = times.first() <= times.last();
+        let end = times.partition_point(|end| if is_forward { *end < t } else { *end > t });
+        let last = end.max(self.most - 1).min(times.len() - 1);
+        let next = self
+            .followed
+            .filter(|held| *held <= last && held + self.most > last);
+        let first = if let Some(held) = next {
+            held + 1
+        } else {
+            self.spare.append(&mut self.knots);
+            (last + 1).saturating_sub(self.most)
+        };
+        for k in first..=last {
+            let row = k * n..(k + 1) * n;
+            copy(&mut self.point.y, &y[row.clone()]);
+            copy(&mut self.point.z, &z[row]);
+            let point = self.point.clone();
+            self.push(times[k], &point)?;
+        }
+        self.followed = Some(last);
+        self.move_to(t);
+        Ok(())
+    }
+
+    /// The time of the last knot.
+    pub fn end(&self) -> f64 {
+        self.knots.last().map_or(f64::NAN, |knot| knot.t)
+    }
+
+    /// Goes to the point at time `t`, which is best between the last two knots; at a knot, to what was given
+    /// there.
+    #[allow(clippy::float_cmp)] // a knot is met or not
+    pub fn move_to(&mut self, t: f64) {
+        self.carry(t);
+        self.t = t;
+        let has_own_z = self.has_own_z;
+        if let Some(knot) = self.knots.iter().find(|knot| knot.t == t) {
+            copy(&mut self.point.y, &knot.y[0]);
+            copy(
+                &mut self.point.z,
+                if has_own_z { &knot.z[0] } else { &knot.y[1] },
+            );
+            return;
+        }
+        let (start, h) = self.last_step();
+        self.fit(start, h);
+        let x = (t - start) / h;
+        let point = &mut self.point;
+        for (k, (y, z)) in point.y.iter_mut().zip(&mut point.z).enumerate() {
+            let (value, slope) = self.of_y.at(k, x);
+            *y = value;
+            *z = if has_own_z {
+                self.of_z.at(k, x).0
+            } else {
+                slope / h
+            };
+        }
+    }
+
+    /// Goes to a state at time `t` with coordinates and velocities changed by these parts of them, in turn.
+    pub fn move_near(&mut self, t: f64, state: &impl Carried, parts: [f64; 2]) {
+        self.t = t;
+        copy(&mut self.point.y, state.y());
+        copy(&mut self.point.z, state.z());
+        let values = self.point.y.iter_mut().chain(&mut self.point.z);
+        for (value, part) in values.zip(parts.into_iter().cycle()) {
+            *value += part * *value;
+        }
+    }
+
+    /// Where the path has gone to.
+    pub fn point(&self) -> &Point {
+        &self.point
+    }
+
+    /// Solves for λ there.
+    ///
+    /// # Errors
+    /// A value that is not finite, or a singular matrix.
+    pub fn solve_there(&mut self) -> Result<(), StepError> {
+        let Self {
+            acceleration,
+            model,
+            point,
+            ..
+        } = self;
+        let found = acceleration.solve(model, self.t, &point.y, &point.z);
+        // the next solve starts from it
+        found.inspect_err(|_| acceleration.lam.fill(0.0))
+    }
+
+    /// Solves for λ at a state.
+    ///
+    /// # Errors
+    /// A value that is not finite, or a singular matrix.
+    pub fn solve(&mut self, t: f64, state: &impl Carried) -> Result<(), StepError> {
+        let Self {
+            acceleration,
+            model,
+            ..
+        } = self;
+        acceleration.solve(model, t, state.y(), state.z())
+    }
+
+    /// λ, as last solved for.
+    pub fn lam(&self) -> &[f64] {
+        &self.acceleration.lam
+    }
+
+    /// Start and length of the last step; of none, where there is only its start.
+    fn last_step(&self) -> (f64, f64) {
+        match self.knots[..] {
+            [.., ref before, ref last] => (before.t, last.t - before.t),
+            [ref only] => (only.t, 1.0),
+            [] => (0.0, 1.0),
+        }
+    }
+
+    /// The polynomials, the last step's knots first: there the differences are the smallest.
+    fn fit(&mut self, start: f64, h: f64) {
+        if std::mem::replace(&mut self.is_fitted, true) {
+            return;
+        }
+        let count = self.knots.len();
+        let order = [2, 1, 3, 4].into_iter().filter(|back| *back <= count);
+        let knots = order.map(|back| &self.knots[count - back]);
+        let at = |knot: &Knot| (knot.t - start) / h;
+        let of_y = knots.clone().map(|knot| (at(knot), &knot.y));
+        self.of_y.fit(h, &of_y);
+        if self.has_own_z {
+            self.of_z.fit(h, &knots.map(|knot| (at(knot), &knot.z)));
+        }
+    }
+
+    /// What a method carries besides, linear between knots: it is of second order itself.
+    fn carry(&mut self, t: f64) {
+        let pairs = self.knots.windows(2).rev();
+        let mut pairs = pairs.filter(|pair| (t - pair[0].t) * (t - pair[1].t) <= 0.0);
+        let [before, after] = match pairs.next() {
+            Some([before, after]) => [before, after],
+            _ => match self.knots.last() {
+                Some(last) => [last, last],
+                None => return,
+            },
+        };
+        if let (Some((a0, work0)), Some((a1, work1))) = (&before.carried, &after.carried) {
+            let whole = after.t - before.t;
+            let part = if whole == 0.0 {
+                0.0
+            } else {
+                (t - before.t) / whole
+            };
+            let (a, work) = self
+                .point
+                .carried
+                .get_or_insert_with(|| (a0.clone(), *work0));
+            for ((a, a0), a1) in a.iter_mut().zip(a0).zip(a1) {
+                *a = (1.0 - part) * a0 + part * a1;
+            }
+            *work = (1.0 - part) * work0 + part * work1;
+        }
+    }
+}
+
+/// The knots; polynomials are fitted again, to the same bits.
+impl Checkpoint for Path {
+    fn save(&self, member: usize, out: &mut Vec<f64>) {
+        self.knots.len().save(member, out);
+        for knot in &self.knots {
+            knot.save(member, out);
+        }
+        self.acceleration.save(member, out);
+    }
+
+    fn restore(&mut self, member: usize, saved: &mut &[f64]) -> Result<(), CheckpointMismatch> {
+        let mut count = 0_usize;
+        count.restore(member, saved)?;
+        self.spare.append(&mut self.knots);
+        for _ in 0..count {
+            let mut knot = self.spare.pop().ok_or(CheckpointMismatch)?;
+            knot.restore(member, saved)?;
+            self.knots.push(knot);
+        }
+        self.is_fitted = false;
+        self.acceleration.restore(member, saved)
+    }
+}
+
+impl Checkpoint for Knot {
+    fn save(&self, member: usize, out: &mut Vec<f64>) {
+        self.t.save(member, out);
+        self.y.save(member, out);
+        self.z.save(member, out);
+        self.carried.save(member, out);
+    }
+
+    fn restore(&mut self, member: usize, saved: &mut &[f64]) -> Result<(), CheckpointMismatch> {
+        self.t.restore(member, saved)?;
+        self.y.restore(member, saved)?;
+        self.z.restore(member, saved)?;
+        let none = || (vec![0.0; self.y[0].len()], 0.0);
+        // what is not there is as large as y
+        self.carried.get_or_insert_with(none);
+        self.carried.restore(member, saved)
+    }
+}

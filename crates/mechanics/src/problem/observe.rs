@@ -1,0 +1,184 @@
+//! What is recorded of a mechanical system at an output point.
+
+use super::{Acceleration, Model, State, model::finite};
+use liouville_base::checkpoint::{Checkpoint, CheckpointMismatch};
+use liouville_base::error::{Quantity, StepError};
+use liouville_base::observe::Observe;
+use liouville_base::real::Real;
+use liouville_base::tape::{Registers, Tape};
+
+/// What a method carries from step to step.
+pub trait Carried {
+    /// Coordinates.
+    fn y(&self) -> &[f64];
+
+    /// Velocities or momenta, as the system has them.
+    fn z(&self) -> &[f64];
+
+    /// The method's accelerations and the work done so far, where it carries them.
+    fn accelerations(&self) -> Option<(&[f64], f64)> {
+        None
+    }
+}
+
+impl Carried for State {
+    fn y(&self) -> &[f64] {
+        &self.y
+    }
+
+    fn z(&self) -> &[f64] {
+        &self.z
+    }
+}
+
+/// Records y, z, λ and ν, and z' and a of methods that carry a (where states are wanted); then the work of
+/// such methods; then the outputs of a tape (t, y, z) → quantities.
+#[derive(Clone, Debug)]
+pub struct Observer {
+    model: Model,
+    states: Option<Acceleration>,
+    tape: Tape,
+    registers: Registers<f64>,
+}
+
+impl Observer {
+    /// An observer of `model`, with or without its states.
+    ///
+    /// # Panics
+    /// When the tape's inputs are not (t, y, z, params).
+    pub fn new(model: Model, params: &[f64], tape: Tape, states: bool) -> Self {
+        let n = model.problem.n;
+        assert_eq!(
+            tape.inputs(),
+            [1, n, n, params.len()],
+            "inputs of an observer"
+        );
+        let states = states.then(|| Acceleration::new(&model));
+        let registers = tape.bind(params);
+        Self {
+            model,
+            states,
+            tape,
+            registers,
+        }
+    }
+
+    /// What is observed.
+    pub fn model(&self) -> &Model {
+        &self.model
+    }
+
+    fn append<S: Carried>(
+        &mut self,
+        t: f64,
+        state: &S,
+        row: &mut Vec<f64>,
+    ) -> Result<(), StepError> {
+        if let Some(states) = &mut self.states {
+            states.solve(&mut self.model, t, state.y(), state.z())?;
+            row.extend_from_slice(state.y());
+            row.extend_from_slice(state.z());
+            row.extend_from_slice(&states.lam);
+        }
+        if let Some((a, work)) = state.accelerations() {
+            if let Some(states) = &self.states {
+                row.extend_from_slice(&states.z_dot);
+                row.extend_from_slice(a);
+            }
+            row.push(work);
+        }
+        let args: [&[f64]; 3] = [&[t], state.y(), state.z()];
+        let values = self.tape.eval(&mut self.registers, args);
+        finite(values, Quantity::Observable, t)?;
+        row.extend_from_slice(values);
+        Ok(())
+    }
+}
+
+impl<S: Carried> Observe<S> for Observer {
+    fn width(&self, state: &S) -> usize {
+        let (n, m) = (self.model.problem.n, self.model.problem.multipliers());
+        let accelerations = state.accelerations().map_or(0, |(a, _)| a.len());
+        let states = self
+            .states
+            .as_ref()
+            .map_or(0, |_| n + n + m + 2 * accelerations);
+        states + usize::from(state.accelerations().is_some()) + self.tape.outputs()
+    }
+
+    fn observe(&mut self, t: f64, state: &S, row: &mut Vec<f64>) -> Result<(), StepError> {
+        let start = row.len();
+        self.append(t, state, row)
+            .inspect_err(|_| row.truncate(start))
+    }
+}
+
+impl Checkpoint for Observer {
+    fn save(&self, member: usize, out: &mut Vec<f64>) {
+        if let Some(states) = &self.states {
+            states.save(member, out);
+        }
+    }
+
+    fn restore(&mut self, member: usize, saved: &mut &[f64]) -> Result<(), CheckpointMismatch> {
+        match &mut self.states {
+            Some(states) => states.restore(member, saved),
+            None => Ok(()),
+        }
+    }
+}
+
+/// Records what [`Observer`] does of several members in lock-step, one after another.
+#[derive(Clone, Debug)]
+pub struct Observers {
+    /// One for each member, or one for all of them.
+    each: Vec<Observer>,
+    members: usize,
+    state: Option<State>,
+}
+
+impl Observers {
+    /// Observers of the first `members` in lock-step: one for each, or one for all where they have the same
+    /// parameters.
+    pub fn new(each: Vec<Observer>, members: usize) -> Self {
+        Self {
+            each,
+            members,
+            state: None,
+        }
+    }
+}
+
+impl<R: Real> Observe<State<R>> for Observers {
+    fn width(&self, state: &State<R>) -> usize {
+        let single = State::<f64>::zeros(state.y.len());
+        self.members * self.each[0].width(&single)
+    }
+
+    fn observe(&mut self, t: f64, state: &State<R>, row: &mut Vec<f64>) -> Result<(), StepError> {
+        let start = row.len();
+        let single = self
+            .state
+            .get_or_insert_with(|| State::zeros(state.y.len()));
+        for member in 0..self.members {
+            single.copy_member(0, state, member);
+            let place = member.min(self.each.len() - 1);
+            if let Err(error) = self.each[place].observe(t, single, row) {
+                row.truncate(start);
+                return Err(error.of_member(member));
+            }
+        }
+        Ok(())
+    }
+}
+
+impl Checkpoint for Observers {
+    fn save(&self, member: usize, out: &mut Vec<f64>) {
+        self.each[member.min(self.each.len() - 1)].save(0, out);
+    }
+
+    fn restore(&mut self, member: usize, saved: &mut &[f64]) -> Result<(), CheckpointMismatch> {
+        let place = member.min(self.each.len() - 1);
+        self.each[place].restore(0, saved)
+    }
+}

@@ -1,0 +1,102 @@
+//! The matrix of an index-1 solve as it stands, sparse:
+//!
+//!     [ p_z    0   −u r_λ  −u r_ν ]
+//!     [ v_z   −1      0       0   ]
+//!     [  0    g_y     0       0   ]
+//!     [ k_z    0      0       0   ]
+//!
+//! with V = v_z x for a further unknown, where v is not z, and u the unit of the multipliers.
+
+use super::Mechanical;
+use liouville_base::linalg::{Assembly, Factor, Pattern, Singular, copy_scaled, max_norm};
+use liouville_base::real::Real;
+
+/// What nonholonomic constraints add to the saddle.
+#[derive(Clone, Debug)]
+pub(super) struct Border<R> {
+    pub(super) k_z: Vec<R>,
+    pub(super) r_nu: Vec<R>,
+}
+
+/// The matrix as it stands, sparse.
+#[derive(Clone, Debug)]
+pub(super) struct Whole<R> {
+    matrix: Assembly<R>,
+    factor: Factor<R>,
+    /// x, V where there is a `v_z`, and μ in its unit.
+    unknowns: Vec<R>,
+    /// −1 of V, where there is a `v_z`.
+    minus_one: Vec<R>,
+    /// What μ is measured in.
+    unit: R,
+}
+
+impl<R: Real> Whole<R> {
+    /// Memory for the matrix of this problem.
+    pub(super) fn new(problem: &Mechanical) -> Self {
+        let (n, m, at) = (problem.n, problem.m, &problem.patterns);
+        let one = Pattern::diagonal(n);
+        let velocity = at.v_z.as_ref();
+        let end = if velocity.is_some() { 2 * n } else { n };
+        let mut blocks = vec![
+            (&at.p_z, 0, 0),
+            (&at.r_lam, 0, end),
+            (&at.g_y, end, end - n),
+        ];
+        blocks.extend(velocity.iter().flat_map(|v_z| [(*v_z, n, 0), (&one, n, n)]));
+        let own = problem.nonholonomic.as_ref().map(|own| &own.patterns);
+        let place = end + m;
+        blocks.extend(
+            own.iter()
+                .flat_map(|at| [(&at.r_nu, 0, place), (&at.k_z, place, 0)]),
+        );
+        let order = end + problem.multipliers();
+        let matrix = Assembly::new((order, order), &blocks);
+        let factor = Factor::new(matrix.pattern());
+        Self {
+            factor,
+            matrix,
+            unknowns: vec![R::splat(0.0); order],
+            minus_one: vec![R::splat(-1.0); end - n],
+            unit: R::splat(1.0),
+        }
+    }
+
+    pub(super) fn factor(
+        &mut self,
+        [p_z, v_z]: [&[R]; 2],
+        g_y: &[R],
+        r_lam: &[R],
+        nonholonomic: Option<&Border<R>>,
+    ) -> Result<(), Singular> {
+        let r_nu = nonholonomic.map_or(R::splat(0.0), |own| max_norm(&own.r_nu));
+        let unit = max_norm(p_z) / max_norm(r_lam).zip(r_nu, f64::max);
+        self.unit = unit.map(|unit| if unit.is_normal() { unit } else { 1.0 });
+        self.matrix.clear();
+        self.matrix.add(0, p_z, 1.0);
+        self.matrix.add(1, r_lam, -self.unit);
+        self.matrix.add(2, g_y, 1.0);
+        if !self.minus_one.is_empty() {
+            self.matrix.add(3, v_z, 1.0);
+            self.matrix.add(4, &self.minus_one, 1.0);
+        }
+        if let Some(own) = nonholonomic {
+            let next = if self.minus_one.is_empty() { 3 } else { 5 };
+            self.matrix.add(next, &own.r_nu, -self.unit);
+            self.matrix.add(next + 1, &own.k_z, 1.0);
+        }
+        self.factor
+            .factor(self.matrix.pattern(), self.matrix.values())
+    }
+
+    /// Solves in place, as the saddle does.
+    pub(super) fn solve(&mut self, a: &mut [R], b: &mut [R]) {
+        let end = self.unknowns.len() - b.len();
+        self.unknowns[..a.len()].copy_from_slice(a);
+        self.unknowns[a.len()..end].fill(R::splat(0.0));
+        self.unknowns[end..].copy_from_slice(b);
+        self.factor.solve(&mut self.unknowns);
+        a.copy_from_slice(&self.unknowns[..a.len()]);
+        copy_scaled(b, self.unit, &self.unknowns[end..]);
+    }
+}

@@ -1,0 +1,326 @@
+//! SPARK methods for index-3 mechanical systems, of any coefficients with s stages and k + 1 nodes.
+//!
+//! One step from (t0, y0, z0) to t1 = t0 + h, with stages T_i = t0 + c_i h and nodes
+//! T̂_j = t0 + ĉ_j h:
+//!
+//!     (S1)  Y_i = y0 + h Σ_j aᵛ_ij v(T_j, Y_j, Z_j)                                     i = 1..s
+//!     (S2)  Ŷ_i = y0 + h Σ_j ā_ij v(T_j, Y_j, Z_j)                                      i = 0..k
+//!     (S3)  p(T_i, Y_i, Z_i) = p0 + h Σ_j aᶠ_ij f(T_j, Y_j, Z_j) + h Σ_{j<k} â_ij r(T̂_j, Ŷ_j, λ_j)
+//!     (S4)  0 = g(T̂_i, Ŷ_i)                                                            i = 1..k
+//!     (U1)  y1 = y0 + h Σ_j b_j v(T_j, Y_j, Z_j)
+//!     (U2)  p(t1, y1, z1) = p0 + h Σ_j b_j f(T_j, Y_j, Z_j) + h Σ_{j≤k} b̂_j r(T̂_j, Ŷ_j, λ_j)
+//!     (U3)  0 = g_t(t1, y1) + g_y(t1, y1) v(t1, y1, z1)
+//!
+//! (S1)–(S4) give Z_i and λ_0..λ_{k−1}, with V_i = v(T_i, Y_i, Z_i) as unknowns of their own;
+//! (U2), (U3) then give z1 and λ_k. The λ_j are internal: they are not passed on to the next step.
+//! y and p are summed with their rounding errors carried along. Source: jay2007; the paper's ψ is λ.
+//! Nonholonomic constraints bring equations of their own, in `coupled`.
+
+mod coupled;
+mod estimate;
+mod full_newton;
+mod lanes;
+mod node_schur;
+mod predictor;
+mod sparse_newton;
+mod sparse_schur;
+mod stages;
+mod update;
+
+use crate::problem::{Mechanical, Model, State};
+use coupled::Coupled;
+use estimate::Estimate;
+use full_newton::FullNewton;
+use liouville_base::checkpoint::{Checkpoint, CheckpointMismatch};
+use liouville_base::error::StepError;
+use liouville_base::method::{Stats, Stepper, Symmetric};
+use liouville_base::newton;
+use liouville_base::tableau;
+use node_schur::NodeSchur;
+use predictor::Predictor;
+use sparse_newton::SparseNewton;
+use stages::{Stages, Step, Unknowns};
+use update::Update;
+
+pub use lanes::{BATCH, SparkBatch, supports_batch};
+
+/// How the stage equations are solved; all ways lead to the same solution, to roundoff.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Solver {
+    /// Node Schur, and full Newton where that is slow.
+    Auto,
+    /// Node Schur only, but where its matrix would be dense and large.
+    NodeSchur,
+    /// Full simplified Newton only.
+    Newton,
+}
+
+impl Solver {
+    /// Corrections that node Schur may take.
+    fn max_iterations(self, problem: &Mechanical, tableau: &tableau::Spark) -> usize {
+        let order = tableau.stages * problem.n + tableau.intervals * problem.m;
+        match self {
+            Self::Auto => {
+                SCHUR_ITERATIONS[usize::from(order > CHEAP || problem.patterns.p_y.is_empty())]
+            }
+            _ => MOST_ITERATIONS,
+        }
+    }
+}
+
+/// Corrections node Schur may take before full Newton is the better choice, where slower ones leave a
+/// remainder of one sign under the roundoff and a matrix of full Newton is cheap ...
+const SCHUR_ITERATIONS: [usize; 2] = [6, 20];
+/// ... or where it is of a higher order than this, or p does not depend on y: then the remainder is put back.
+const CHEAP: usize = 40;
+/// Corrections a solver may take when there is no other.
+const MOST_ITERATIONS: usize = 100;
+/// Steps node Schur rests at most after failing; each failure in a row doubles the rest.
+const LONGEST_REST: usize = 1023;
+/// Where no start is near enough: shorter steps from the same state, each extrapolated from the one before.
+const SHORTER: [f64; 3] = [0.125, 0.25, 0.5];
+
+/// Full Newton, made when it is first wanted.
+#[derive(Clone, Debug)]
+enum Full {
+    Dense(Box<FullNewton>),
+    Sparse(Box<SparseNewton>),
+}
+
+impl Full {
+    fn new(model: &Model, stages: &Stages) -> Self {
+        if SparseNewton::is_for(&model.problem, stages) {
+            Self::Sparse(Box::new(SparseNewton::new(model, stages)))
+        } else {
+            Self::Dense(Box::new(FullNewton::new(model, stages)))
+        }
+    }
+}
+
+/// A SPARK method at work.
+#[derive(Clone, Debug)]
+pub struct Spark {
+    model: Model,
+    solver: Solver,
+    stages: Stages,
+    schur: NodeSchur,
+    full: Option<Full>,
+    /// What solves everything at once, where there are nonholonomic constraints.
+    coupled: Option<Box<Coupled>>,
+    predictor: Predictor,
+    update: Update,
+    /// What tells errors, where they are wanted.
+    estimate: Option<Box<Estimate>>,
+    /// Where node Schur started, for full Newton to start there too.
+    start: Unknowns,
+    /// Steps still to be made by full Newton, and how many it was last time.
+    resting: usize,
+    rest: usize,
+    /// Whether node Schur has found the present stages.
+    is_by_schur: bool,
+    stats: Stats,
+}
+
+impl Spark {
+    /// The (s,s)-Gauss–Lobatto method for this model.
+    ///
+    /// # Panics
+    /// When `s` is zero.
+    pub fn new(model: Model, s: usize, solver: Solver) -> Self {
+        Self::of(model, tableau::Spark::gauss(s), solver)
+    }
+
+    /// The method of these coefficients.
+    pub fn of(mut model: Model, tableau: tableau::Spark, solver: Solver) -> Self {
+        model.reserve_batch(tableau.stages, tableau.intervals + 1);
+        let stages = Stages::new(&model, tableau);
+        Self {
+            solver,
+            schur: NodeSchur::new(&model, &stages),
+            full: None,
+            coupled: (model.problem.l() > 0).then(|| Box::new(Coupled::new(&model, &stages))),
+            predictor: Predictor::new(&model, &stages.tableau),
+            update: Update::new(&model),
+            estimate: None,
+            start: stages.unknowns.clone(),
+            resting: 0,
+            rest: 0,
+            is_by_schur: false,
+            stats: Stats::default(),
+            stages,
+            model,
+        }
+    }
+
+    /// The same, with stage equations solved to this fraction of the velocities instead of to roundoff.
+    #[must_use]
+    pub fn to_tolerance(mut self, tolerance: f64) -> Self {
+        self.stages.stop.tolerance = tolerance;
+        self
+    }
+
+    /// (S1)–(S4), from the step before, or cold, or from rest.
+    fn solve_stages(&mut self, step: Step) -> Result<(), StepError> {
+        if self
+            .predictor
+            .extrapolate(&mut self.stages, &mut self.update.z, step.h)
+        {
+            if self.iterate(step).is_ok() {
+                return Ok(());
+            }
+            self.stats.cold_starts += 1;
+        }
+        self.start_cold(step, false)?;
+        let Err(error) = self.iterate(step) else {
+            return Ok(());
+        };
+        self.start_cold(step, true)?;
+        if self.iterate(step).is_ok() {
+            return Ok(());
+        }
+        self.grow(step).map_err(|_| error)
+    }
+
+    /// Makes shorter steps first, and goes no further with them than to where this one starts.
+    fn grow(&mut self, step: Step) -> Result<(), StepError> {
+        self.predictor.forget();
+        for part in SHORTER {
+            let h = part * step.h;
+            let shorter = Step { h, ..step };
+            let (stages, z1) = (&mut self.stages, &mut self.update.z);
+            if !self.predictor.extrapolate(stages, z1, h) {
+                self.start_cold(shorter, false)?;
+            }
+            self.iterate(shorter)?;
+            self.finish(shorter)?;
+            self.predictor.undo();
+        }
+        let (stages, z1) = (&mut self.stages, &mut self.update.z);
+        self.predictor.extrapolate(stages, z1, step.h);
+        self.iterate(step)
+    }
+
+    /// (U1)–(U3), and what the next step is extrapolated from.
+    fn finish(&mut self, step: Step) -> Result<(), StepError> {
+        // the update needs forces at the last iterate: older ones cost a drift in the energy
+        let last = self.stages.tableau.intervals - 1;
+        self.stages.evaluate_values(&mut self.model, step, last);
+        if self.is_by_schur && self.stages.loses_moves(&self.model.problem) {
+            self.schur.find_lost_moves(&mut self.stages, step);
+        } else {
+            self.stages.lost_moves.clear();
+        }
+        self.update.solve(&mut self.model, &mut self.stages, step)?;
+        let (z, v) = (&self.update.z, &self.update.v);
+        self.predictor
+            .keep(&self.stages, step.h, &step.state.z, z, v);
+        Ok(())
+    }
+
+    fn start_cold(&mut self, step: Step, still: bool) -> Result<(), StepError> {
+        let (model, stages, z1) = (&mut self.model, &mut self.stages, &mut self.update.z);
+        self.predictor.start_cold(model, stages, z1, step, still)
+    }
+
+    fn iterate(&mut self, step: Step) -> Result<(), StepError> {
+        self.is_by_schur = false;
+        let iterations = if let Some(coupled) = &mut self.coupled {
+            self.stats.newton_steps += 1;
+            let (stages, model) = (&mut self.stages, &mut self.model);
+            let mut equations = coupled.start(stages, model, &mut self.update.z, step);
+            newton::solve(&mut equations, MOST_ITERATIONS)?
+        } else if self.wants_newton() {
+            self.iterate_newton(step)?
+        } else {
+            self.start.copy_from(&self.stages.unknowns);
+            match self.iterate_schur(step) {
+                Err(_) if self.solver == Solver::Auto => {
+                    self.rest = (2 * self.rest + 1).min(LONGEST_REST);
+                    self.resting = self.rest;
+                    self.stages.unknowns.copy_from(&self.start);
+                    self.iterate_newton(step)?
+                }
+                outcome => {
+                    self.rest = 0;
+                    self.is_by_schur = outcome.is_ok();
+                    outcome?
+                }
+            }
+        };
+        self.stats.iterations += iterations;
+        Ok(())
+    }
+
+    /// Whether full Newton is asked for or all there is, or node Schur rests after having failed.
+    fn wants_newton(&mut self) -> bool {
+        let is_resting = self.resting > 0;
+        self.resting = self.resting.saturating_sub(1);
+        is_resting || self.solver == Solver::Newton || !self.schur.is_able()
+    }
+
+    fn iterate_schur(&mut self, step: Step) -> Result<usize, StepError> {
+        let (stages, model) = (&mut self.stages, &mut self.model);
+        let most = self.solver.max_iterations(&model.problem, &stages.tableau);
+        newton::solve(&mut self.schur.start(stages, model, step), most)
+    }
+
+    fn iterate_newton(&mut self, step: Step) -> Result<usize, StepError> {
+        self.stats.newton_steps += 1;
+        let (stages, model) = (&mut self.stages, &mut self.model);
+        let full = self.full.get_or_insert_with(|| Full::new(model, stages));
+        match full {
+            Full::Dense(full) => {
+                newton::solve(&mut full.start(stages, model, step), MOST_ITERATIONS)
+            }
+            Full::Sparse(full) => {
+                newton::solve(&mut full.start(stages, model, step), MOST_ITERATIONS)
+            }
+        }
+    }
+}
+
+impl Stepper for Spark {
+    type State = State;
+
+    fn step(&mut self, t: f64, h: f64, state: &mut State) -> Result<(), StepError> {
+        let step = Step { t, h, state };
+        self.solve_stages(step)?;
+        self.finish(step)?;
+        if let Some(estimate) = &mut self.estimate {
+            estimate.keep(state);
+        }
+        self.update.commit(state);
+        if let Some(estimate) = &mut self.estimate {
+            estimate.measure(self.predictor.velocities(), h, state);
+        }
+        Ok(())
+    }
+
+    fn forget(&mut self) {
+        self.predictor.forget();
+    }
+
+    fn stats(&self) -> Stats {
+        Stats {
+            evaluations: self.stages.evaluations,
+            ..self.stats
+        }
+    }
+}
+
+impl Symmetric for Spark {}
+
+/// What is extrapolated, and how long node Schur still rests.
+impl Checkpoint for Spark {
+    fn save(&self, member: usize, out: &mut Vec<f64>) {
+        self.predictor.save(member, out);
+        self.resting.save(member, out);
+        self.rest.save(member, out);
+    }
+
+    fn restore(&mut self, member: usize, saved: &mut &[f64]) -> Result<(), CheckpointMismatch> {
+        self.predictor.restore(member, saved)?;
+        self.resting.restore(member, saved)?;
+        self.rest.restore(member, saved)
+    }
+}

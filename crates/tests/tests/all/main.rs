@@ -1,0 +1,32 @@
+//! All tests of the core in one program: it is built and linked once.
+
+mod alpha;
+mod chebyshev;
+mod composition;
+mod determinant;
+mod elementary;
+mod ensemble;
+mod gram;
+mod index2;
+mod lanczos;
+mod linalg;
+mod magnus;
+mod memory;
+mod newton;
+mod node_gram;
+mod quantum_rows;
+mod real;
+mod run;
+mod saddle;
+mod section;
+mod spark;
+mod spark_solvers;
+mod spark_sparse;
+mod split_operator;
+mod tableau;
+mod tape;
+mod tape_refusals;
+mod tape_terms;
+mod together;
+mod volume;
+mod volume_refusals;

@@ -1,0 +1,360 @@
+//! What a run brings from step to step: who restores it goes on with the same bits.
+
+use liouville_base::checkpoint::{Checkpoint, CheckpointMismatch};
+use liouville_base::composition::Composed;
+use liouville_base::method::{Stepper, Tolerance};
+use liouville_base::run::{Adaptive, Advance, Fixed, Listed, Reversible, Run, Status, StepControl};
+use liouville_base::tableau::{self, Purpose, Scheme, Stable};
+use liouville_fields::problem::Split;
+use liouville_fields::volume::{self, Volume};
+use liouville_mechanics::alpha::{Alpha, Reactions};
+use liouville_mechanics::events::{DenseDetector, Event};
+use liouville_mechanics::index2::Index2;
+use liouville_mechanics::problem::{
+    MechanicalMonitor, Model, Observer, Path, SecondOrderModel, SeparableModel, State, TimeScale,
+};
+use liouville_mechanics::rattle::Rattle;
+use liouville_mechanics::semi_explicit;
+use liouville_mechanics::spark::{Solver, Spark};
+use liouville_tests::quantum::{flows, packet, rotor};
+use liouville_tests::splits::{Draw, every_kind};
+use liouville_tests::walk::{START, driven_start, heavy};
+use liouville_tests::waves::{anyhow, chain};
+use liouville_tests::{
+    Functions, PENDULUM, T, Y, Z, dot, input, inputs, pendulum, semi_explicit as traced, tape,
+    turning,
+};
+use liouville_waves::method::{
+    self as schrodinger, Chebyshev, Exponential, Lanczos, Magnus, Nodes, Phases, Processed,
+    Processor, Shears, Sweeper, Wave,
+};
+use std::sync::Arc;
+use std::time::Duration;
+
+const ALL_DAY: Duration = Duration::from_secs(86400);
+
+/// Records, events and how a run ended.
+#[derive(Default, PartialEq, Debug)]
+struct Left {
+    times: Vec<u64>,
+    rows: Vec<u64>,
+    /// Of each kind times and rows.
+    events: Vec<[Vec<u64>; 2]>,
+    end: String,
+}
+
+impl Left {
+    fn add(&mut self, run: &mut dyn Advance, (times, rows): (Vec<f64>, Vec<f64>)) {
+        self.times.extend(times.iter().map(|x| x.to_bits()));
+        self.rows.extend(rows.iter().map(|x| x.to_bits()));
+        let seen = run.seen();
+        self.events.resize(seen.events.len(), <_>::default());
+        for (kept, (times, rows)) in self.events.iter_mut().zip(&seen.events) {
+            kept[0].extend(times.iter().map(|x| x.to_bits()));
+            kept[1].extend(rows.iter().map(|x| x.to_bits()));
+        }
+        self.end = format!("{:?} {:?} {:?}", run.stats(), run.sizes(), seen.end);
+    }
+}
+
+/// A run that is thrown away after each of these numbers of steps leaves what one leaves that is not.
+fn goes_on<A: Advance>(name: &str, at: &[usize], make: impl Fn() -> A) {
+    let (mut whole, mut parted) = (Left::default(), Left::default());
+    let mut run = make();
+    assert_eq!(run.advance(ALL_DAY), Status::Done, "{name}");
+    let records = run.take();
+    whole.add(&mut run, records);
+
+    let mut run = make();
+    let mut saved = Vec::new();
+    for steps in at {
+        assert_eq!(run.advance_to(*steps, ALL_DAY), Status::Paused, "{name}");
+        let records = run.collect();
+        parted.add(&mut run, records);
+        saved.clear();
+        assert!(run.save(&mut saved), "{name}");
+        run = make();
+        run.restore(&saved).expect("what was saved");
+    }
+    assert_eq!(run.advance(ALL_DAY), Status::Done, "{name}");
+    let records = run.take();
+    parted.add(&mut run, records);
+    assert_eq!(whole, parted, "{name}");
+
+    let mut other = make();
+    let short = &saved[..saved.len() - 1];
+    assert_eq!(other.restore(short), Err(CheckpointMismatch), "{name}");
+    saved.push(0.0);
+    assert_eq!(other.restore(&saved), Err(CheckpointMismatch), "{name}");
+}
+
+fn observer(model: &Model, params: &[f64]) -> Observer {
+    let n = model.problem.n;
+    let square = tape([1, n, n, params.len()], &[input(Y, 0) * input(Z, 1)]);
+    Observer::new(model.clone(), params, square, true)
+}
+
+fn ball(reactions: Reactions) -> (Alpha, liouville_mechanics::alpha::State) {
+    let hht = tableau::Alpha {
+        alpha_m: 0.0,
+        alpha_f: 0.1,
+        gamma: 0.6,
+        beta: 0.3025,
+    };
+    let tolerance = Tolerance {
+        rtol: 1e-6,
+        atol: vec![1e-6; 3],
+    };
+    let model = SecondOrderModel::new(heavy().second_order(), &[]);
+    let mut alpha = Alpha::new(model, hht, reactions, Some(tolerance));
+    let (y, z) = driven_start();
+    let state = alpha.start(START, &y, &z, None).expect("a start");
+    (alpha, state)
+}
+
+#[test]
+fn the_alpha_family_goes_on() {
+    let extended = |predicted| Reactions::Extended { b: 0.0, predicted };
+    for reactions in [extended(false), extended(true), Reactions::Position] {
+        let model = Model::new(heavy().build(), &[]);
+        let equal = || {
+            let (alpha, state) = ball(reactions);
+            let control = Fixed::new(START, 0.02, 60);
+            Run::new(alpha, observer(&model, &[]), state, control, 3, 0).expect("a start")
+        };
+        goes_on("equal steps", &[0, 1, 7, 30, 59], equal);
+        let controlled = || {
+            let (alpha, state) = ball(reactions);
+            let control = Adaptive::new(START, START + 1.0, 0.01, 1e-9);
+            Run::new(alpha, observer(&model, &[]), state, control, 1, 0).expect("a start")
+        };
+        goes_on("controlled steps", &[1, 2, 9, 20], controlled);
+    }
+}
+
+#[test]
+fn index_2_goes_on() {
+    let (f, k) = turning();
+    for s in [1, 3] {
+        let make = || {
+            let mut model = semi_explicit::Model::new(traced(&f, &k), &[]);
+            let state = model.state(0.0, &[0.0, 0.0, 1.0], &[0.0], 0.05);
+            let observed = tape([1, 3, 1, 0], &[input(Y, 0)]);
+            let observer = semi_explicit::Observer::new(&[], observed, true);
+            let control = Fixed::new(0.0, 0.05, 80);
+            let stepper = Index2::new(model, s);
+            Run::new(stepper, observer, state.expect("a start"), control, 1, 0).expect("a start")
+        };
+        goes_on("index 2", &[1, 2, 40, 79], make);
+    }
+}
+
+/// A pendulum by a stepper, at a control.
+fn swinging<S: Stepper<State = State>, P: StepControl<S>>(
+    stepper: impl Fn(Model) -> S,
+    control: impl Fn(&Model, &State) -> P,
+) -> Run<S, Observer, P> {
+    let mut model = Model::new(pendulum().build(), &PENDULUM);
+    let state = model.state(0.0, &[1.0, 0.0], &[0.0, 0.0]);
+    let control = control(&model, &state);
+    let observer = observer(&model, &PENDULUM);
+    Run::new(stepper(model), observer, state, control, 2, 0).expect("a start")
+}
+
+fn equal(_: &Model, _: &State) -> Fixed {
+    Fixed::new(0.0, 0.02, 90)
+}
+
+#[test]
+fn spark_goes_on() {
+    for solver in [Solver::NodeSchur, Solver::Newton] {
+        for s in [1, 2, 3] {
+            let spark = |model| Spark::new(model, s, solver);
+            let name = format!("{solver:?}, s = {s}");
+            goes_on(&name, &[1, 2, 3, 41, 89], || swinging(spark, equal));
+            let reversible = |model: &Model, state: &State| {
+                let at = (0.0, &state.y[..], &state.z[..]);
+                let scale = TimeScale::new(model.clone(), at, 0.02);
+                let monitor = MechanicalMonitor::Own(Box::new(scale));
+                Reversible::new((0.0, 2.0), 0.02, 1e-9, monitor, state)
+            };
+            goes_on(&name, &[1, 17, 40], || swinging(spark, reversible));
+            let composed = |model| {
+                let scheme = Scheme::named("SU4").expect("a scheme");
+                Composed::of_symmetric(spark(model), scheme).expect("stages")
+            };
+            goes_on(&name, &[1, 30], || swinging(composed, equal));
+        }
+        let tolerance = || Tolerance {
+            rtol: 1e-7,
+            atol: vec![1e-9; 2],
+        };
+        let estimating = |model| Spark::new(model, 3, solver).estimating(tolerance());
+        let controlled = |_: &Model, _: &State| Adaptive::new(0.0, 3.0, 0.01, 1e-9);
+        goes_on("controlled", &[1, 2, 8, 15], || {
+            swinging(estimating, controlled)
+        });
+    }
+}
+
+#[test]
+fn rattle_goes_on() {
+    let make = || {
+        let (y, z) = (inputs(Y, 2), inputs(Z, 2));
+        let swung = Functions {
+            v: None,
+            p: z,
+            f: vec![input(T, 0).sin(), (-9.81).into()],
+            r: None,
+            g: vec![(dot(&y, &y) - 1.0) * 0.5],
+            params: 0,
+        };
+        let mut model = SeparableModel::new(swung.separable(), &[]);
+        let state = model.general.state(0.0, &[1.0, 0.0], &[0.0, 0.0]);
+        let observer = observer(&model.general, &[]);
+        let rattle = Rattle::new(model).expect("a mass");
+        let control = Fixed::new(0.0, 0.02, 90);
+        Run::new(rattle, observer, state, control, 2, 0).expect("a start")
+    };
+    goes_on("rattle", &[1, 2, 44], make);
+}
+
+#[test]
+fn who_looks_between_the_steps_goes_on_looking() {
+    for (order, times) in [(6, None), (6, Some(())), (2, Some(()))] {
+        let make = || {
+            let mut model = Model::new(pendulum().build(), &PENDULUM);
+            let state = model.state(0.0, &[1.0, 0.0], &[0.0; 2]);
+            let (low, pull) = (input(Y, 0) + 0.2, input(3, 0) - 20.0);
+            let events = [low, pull].map(|e| tape([1, 2, 2, 1, 3], &[e]));
+            let events = events.into_iter().enumerate();
+            let event = |(k, tape)| Event::new(k, tape, &PENDULUM, 0, 7 * k, k == 1);
+            let times = times.map(|()| (0..70_i32).map(|k| 0.031 * f64::from(k)).collect());
+            let path = Path::new(model.clone(), order);
+            let stepper = Spark::new(model.clone(), order / 2, Solver::Auto);
+            let events = events.map(event).collect();
+            let watch = DenseDetector::new(path, stepper.clone(), &state, events, times);
+            let control = Fixed::new(0.0, 0.02, 150);
+            let observer = observer(&model, &PENDULUM);
+            Run::watched(stepper, observer, state, control, (2, 0), watch).expect("a start")
+        };
+        goes_on("watched", &[1, 2, 3, 40, 71], make);
+    }
+}
+
+#[test]
+fn split_fields_go_on() {
+    let pieces = every_kind(&mut Draw::new(5), 6);
+    let split = Arc::new(Split::new(6, pieces).expect("proper pieces"));
+    for is_compensated in [false, true] {
+        let make = || {
+            let volume = Volume::<f64>::new(Arc::clone(&split), is_compensated);
+            let state = volume.state(&[0.1; 6]);
+            let seen = volume::Seen { n: 6, basis: None };
+            let square = tape([1, 6, 0], &[input(1, 0) * input(T, 0)]);
+            let observer = volume::Observer::new(volume.clone(), seen, 1, square, &[], true);
+            let scheme = Scheme::named("BM4").expect("a scheme");
+            let control = Fixed::new(0.0, 0.003, 60);
+            Run::new(
+                Composed::new(volume, scheme),
+                observer,
+                state,
+                control,
+                7,
+                0,
+            )
+            .expect("a start")
+        };
+        goes_on("a split field", &[1, 6, 7, 33], make);
+    }
+}
+
+#[test]
+fn wave_functions_go_on() {
+    type Waving = Box<dyn Stepper<State = Wave<f64>>>;
+    type Stepped<'a> = (&'static str, usize, Box<dyn Fn() -> Waving + 'a>);
+    let exponential = || Exponential {
+        program: flows("SS10s35"),
+        theta: 0.5,
+        tolerance: 1e-6,
+    };
+    let sweeper = || Sweeper::<f64>::new(chain(40, 0.3));
+    let grid = || Arc::new(rotor(32, 1.0));
+    let scheme = Scheme::named("BM4").expect("a scheme");
+    let stable = Stable::all()
+        .iter()
+        .find(|stable| stable.purpose == Purpose::Stability);
+    let processed = || {
+        let stable = stable.expect("one");
+        let processor = Processor::new(stable, 0.5 * stable.limit, 1e-12).expect("a processor");
+        let kernel = Shears::new(sweeper(), 0.3, 100.0);
+        Processed::new(Composed::new(kernel, scheme), processor, 1e9)
+    };
+    let phases = || Phases::new(grid(), 1e-6).expect("T and diagonals");
+    let bounds = || vec![(0.0, 128.0), (-2.0, 2.0)];
+    let steppers: [Stepped<'_>; 6] = [
+        (
+            "shears",
+            40,
+            Box::new(|| Box::new(Composed::new(Shears::new(sweeper(), 0.3, 1e-1), scheme))),
+        ),
+        ("processed", 40, Box::new(|| Box::new(processed()))),
+        (
+            "series",
+            40,
+            Box::new(|| Box::new(Chebyshev::new(sweeper(), (-1.8, 2.4), 1e-9, 1e-6))),
+        ),
+        (
+            "lanczos",
+            40,
+            Box::new(|| Box::new(Lanczos::new(sweeper(), 12, 1e-9, 1e-6))),
+        ),
+        (
+            "phases",
+            32,
+            Box::new(|| Box::new(Composed::following(phases(), flows("BM4")))),
+        ),
+        (
+            "magnus",
+            32,
+            Box::new(|| {
+                let sweeper = Sweeper::new(grid());
+                Box::new(Magnus::new(
+                    sweeper,
+                    Nodes::gauss(),
+                    exponential(),
+                    bounds(),
+                ))
+            }),
+        ),
+    ];
+    for (name, size, stepper) in &steppers {
+        let make = || {
+            let start = if *size == 32 {
+                packet(32)
+            } else {
+                let (q, p) = anyhow(*size);
+                Wave::new(q, p)
+            };
+            let observables = vec![schrodinger::Observable::Start];
+            let observer = schrodinger::Observer::new(1, true, observables);
+            let control = Listed::new(0.0, vec![(0.3, 9), (1.0, 20), (1.1, 4)]);
+            Run::new(stepper(), observer, start, control, 1, 0).expect("a start")
+        };
+        goes_on(name, &[1, 8, 9, 17, 30], make);
+    }
+}
+
+#[test]
+fn numbers_that_are_no_counts_and_flags_are_refused() {
+    for bad in [-1.0, 0.5, f64::NAN, f64::INFINITY, 1e16] {
+        let mut count = 0_usize;
+        assert_eq!(
+            count.restore(0, &mut &[bad][..]),
+            Err(CheckpointMismatch),
+            "{bad}"
+        );
+    }
+    let mut flag = false;
+    assert_eq!(flag.restore(0, &mut &[2.0][..]), Err(CheckpointMismatch));
+}

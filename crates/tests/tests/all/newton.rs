@@ -1,0 +1,207 @@
+//! The iteration ends at roundoff, and says early when it will not.
+
+use liouville_base::error::{Quantity, StepError};
+use liouville_base::newton::{Broyden, Equations, Stop, solve};
+
+/// Equations in one unknown: `step` gives the correction of x.
+struct Scalar<F> {
+    x: f64,
+    made: usize,
+    step: F,
+}
+
+impl<F: FnMut(f64) -> f64> Equations for Scalar<F> {
+    fn correct(&mut self) -> Result<f64, StepError> {
+        let correction = (self.step)(self.x);
+        self.x += correction;
+        self.made += 1;
+        Ok((correction / self.x).abs())
+    }
+}
+
+fn scalar<F: FnMut(f64) -> f64>(x: f64, step: F) -> Scalar<F> {
+    Scalar { x, made: 0, step }
+}
+
+/// Corrections of prescribed sizes.
+struct StepSizes<'a> {
+    sizes: &'a [f64],
+    made: usize,
+}
+
+impl Equations for StepSizes<'_> {
+    fn correct(&mut self) -> Result<f64, StepError> {
+        self.made += 1;
+        Ok(self.sizes[self.made - 1])
+    }
+}
+
+fn after(sizes: &[f64], most: usize) -> (Result<usize, StepError>, usize) {
+    let mut equations = StepSizes { sizes, made: 0 };
+    (solve(&mut equations, most), equations.made)
+}
+
+fn not_converged(iterations: usize, size: f64) -> Result<usize, StepError> {
+    Err(StepError::NotConverged { iterations, size })
+}
+
+#[test]
+fn newton_s_method_finds_roots_to_roundoff() {
+    for square in [2.0_f64, 3.0, 1e-6, 1e12] {
+        let mut equations = scalar(1.3 * square.sqrt(), |x| (square - x * x) / (2.0 * x));
+        let iterations = solve(&mut equations, 20).expect("quadratic convergence");
+        assert!(iterations <= 6, "{iterations} corrections for {square}");
+        assert!((equations.x / square.sqrt() - 1.0).abs() <= f64::EPSILON);
+    }
+}
+
+#[test]
+fn a_simplified_iteration_ends_without_a_confirming_correction() {
+    // x = cos x by x -> cos x contracts by 0.67; with the slope frozen near the root by 0.02
+    let mut equations = scalar(0.7, |x: f64| (x.cos() - x) / (1.0 + 0.7_f64.sin()));
+    let iterations = solve(&mut equations, 20).expect("contracts");
+    assert!((equations.x.cos() - equations.x).abs() <= f64::EPSILON);
+    assert!(iterations <= 10, "{iterations} corrections");
+    let exact = [1.0, 1e-4, 1e-8, 1e-12, 1e-17, f64::NAN];
+    assert_eq!(after(&exact, 6), (Ok(5), 5));
+}
+
+#[test]
+fn a_linear_problem_takes_the_correction_and_a_look() {
+    assert_eq!(after(&[0.3, 1e-17], 10), (Ok(2), 2));
+    assert_eq!(after(&[0.0], 10), (Ok(1), 1));
+    assert_eq!(after(&[1e-17, 0.0], 10), (Ok(2), 2));
+}
+
+#[test]
+fn corrections_within_the_noise_end_the_iteration() {
+    for noise in [[3e-14, 2e-14], [1e-14, 4e-14], [2e-16, 2e-16]] {
+        let shrinking = [1e-11, 1e-12, 1e-13].into_iter();
+        let sizes: Vec<f64> = shrinking
+            .chain(noise.into_iter().cycle().take(20))
+            .collect();
+        let (outcome, made) = after(&sizes, 20);
+        assert_eq!(outcome, Ok(made));
+        assert!(made <= 12, "{made} corrections");
+    }
+}
+
+#[test]
+fn noise_is_no_excuse_for_corrections_of_size() {
+    let constant = [1e-10; 20];
+    let (outcome, made) = after(&constant, 20);
+    assert!(outcome.is_err() && made <= 5, "gave up after {made}");
+}
+
+#[test]
+fn growth_is_given_up_at_once() {
+    assert_eq!(after(&[1e-3, 3e-3], 30), (not_converged(2, 3e-3), 2));
+}
+
+#[test]
+fn a_rate_too_slow_for_what_is_left_is_given_up_early() {
+    let slow: Vec<f64> = (0..16).map(|k| 0.4_f64.powi(k)).collect();
+    let (outcome, made) = after(&slow, 16);
+    assert_eq!(outcome, not_converged(made, slow[made - 1]));
+    assert!(made <= 4, "gave up after {made}");
+}
+
+#[test]
+fn a_rate_that_is_enough_is_given_its_time() {
+    let steady: Vec<f64> = (0..40).map(|k| 0.2_f64.powi(k)).collect();
+    let (outcome, made) = after(&steady, 30);
+    assert_eq!(outcome, Ok(made));
+    assert!((20..=30).contains(&made), "{made} corrections");
+    let late = [1.0, 0.4, 0.1, 1e-3, 1e-8, 1e-17];
+    assert_eq!(after(&late, 16), (Ok(6), 6));
+}
+
+#[test]
+fn no_more_corrections_are_made_than_allowed() {
+    for most in 1..4 {
+        let sizes = [1.0, 0.5, 0.25, 0.125];
+        assert_eq!(
+            after(&sizes, most),
+            (not_converged(most, sizes[most - 1]), most)
+        );
+    }
+    assert_eq!(after(&[], 0), (not_converged(0, f64::INFINITY), 0));
+}
+
+#[test]
+fn a_correction_that_is_not_finite_ends_the_iteration() {
+    for bad in [f64::NAN, f64::INFINITY] {
+        for sizes in [vec![bad], vec![1.0, 1e-5, bad]] {
+            let (outcome, made) = after(&sizes, 9);
+            let Err(StepError::NotConverged { iterations, size }) = outcome else {
+                panic!("{outcome:?}");
+            };
+            assert_eq!((iterations, made), (sizes.len(), sizes.len()));
+            assert!(!size.is_finite());
+        }
+    }
+}
+
+#[test]
+fn a_trouble_of_the_equations_is_passed_on() {
+    struct Broken(StepError);
+    impl Equations for Broken {
+        fn correct(&mut self) -> Result<f64, StepError> {
+            Err(self.0.clone())
+        }
+    }
+    let error = StepError::NotFinite {
+        quantity: Quantity::Force,
+        index: 2,
+        t: 0.5,
+    };
+    assert_eq!(error.to_string(), "force 2 is not finite at t = 0.5");
+    assert_eq!(solve(&mut Broken(error.clone()), 5), Err(error));
+}
+
+/// A linear system whose matrix is known only roughly, corrected with Broyden's update or without.
+struct Roughly {
+    x: Vec<f64>,
+    broyden: Option<Broyden>,
+}
+
+impl Equations for Roughly {
+    fn correct(&mut self) -> Result<f64, StepError> {
+        let n = self.x.len();
+        // A = I + B with |B| about 0.6; the rough matrix is I, the solution (1, …, 1)
+        let entry =
+            |i: usize, j: usize| 0.6 * f64::sin((3 * i + 7 * j + 1) as f64) / (n as f64).sqrt();
+        let row = |i: usize, x: &[f64]| x[i] + (0..n).map(|j| entry(i, j) * x[j]).sum::<f64>();
+        let ones = vec![1.0; n];
+        let mut d: Vec<f64> = (0..n).map(|i| row(i, &ones) - row(i, &self.x)).collect();
+        if let Some(broyden) = &mut self.broyden {
+            broyden.improve(&mut d);
+        }
+        self.x.iter_mut().zip(&d).for_each(|(x, d)| *x += d);
+        Ok(d.iter().fold(0.0_f64, |most, d| most.max(d.abs())))
+    }
+
+    fn stop(&self) -> Stop {
+        Stop {
+            tolerance: f64::EPSILON,
+            is_even: false,
+            least_rate: 0.1,
+        }
+    }
+}
+
+#[test]
+fn broyden_s_update_makes_a_rough_matrix_good_enough() {
+    let iterations = |broyden| {
+        let x = vec![0.7; 4];
+        let mut equations = Roughly { x, broyden };
+        let made = solve(&mut equations, 200).expect("a rate below one");
+        assert!(equations.x.iter().all(|x| (x - 1.0).abs() < 1e-14));
+        made
+    };
+    let (with, without) = (iterations(Some(Broyden::new(4, 4))), iterations(None));
+    assert!(
+        3 * with < without,
+        "{with} corrections with it, {without} without"
+    );
+}

@@ -1,0 +1,160 @@
+//! The Schrödinger equation i ψ' = H ψ with real symmetric H, as q' = H p, p' = −H q of ψ = q + i p.
+//!
+//! What is stepped is e^{iσt} ψ(t), by H − σ with σ in the middle of the spectrum; a state keeps σt.
+
+pub mod bessel;
+mod chebyshev;
+mod lanczos;
+mod magnus;
+mod observe;
+mod phases;
+mod processed;
+mod processor;
+mod shears;
+mod spectral_range;
+mod sweep;
+
+pub use chebyshev::Chebyshev;
+pub use lanczos::Lanczos;
+pub use magnus::{Exponential, Magnus, Nodes};
+pub use observe::{Observable, Observer};
+pub use phases::Phases;
+pub use processed::Processed;
+pub use processor::Processor;
+pub use shears::Shears;
+pub use spectral_range::{Ritz, asymmetry, ritz};
+pub use sweep::{Move, Sums, Sweeper};
+
+use liouville_base::checkpoint::{Checkpoint, CheckpointMismatch};
+use liouville_base::error::StepError;
+use liouville_base::real::Scalar;
+use std::f64::consts::TAU;
+
+/// A wave function ψ = e^{−i phase} (q + i p), or several in lock-step.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Wave<S> {
+    /// Real part.
+    pub q: Vec<S>,
+    /// Imaginary part.
+    pub p: Vec<S>,
+    /// Phase that is still to be split_front off, below a turn.
+    pub phase: f64,
+    /// Sum of the squares at the start, which stays.
+    pub start: S,
+}
+
+impl<S: Scalar> Wave<S> {
+    /// A wave function at the start of a run.
+    ///
+    /// # Panics
+    /// When its parts differ in length.
+    pub fn new(q: Vec<S>, p: Vec<S>) -> Self {
+        assert_eq!(q.len(), p.len(), "parts of a wave function");
+        let start = squares(&q, &p);
+        Self {
+            q,
+            p,
+            phase: 0.0,
+            start,
+        }
+    }
+
+    /// Turns by an angle, which is kept for later.
+    pub fn turn(&mut self, angle: f64) {
+        self.phase = (self.phase + angle) % TAU;
+    }
+
+    /// Takes the phase off that is kept.
+    pub fn take_phase(&mut self) {
+        let (sin, cos) = std::mem::take(&mut self.phase).sin_cos();
+        for (q, p) in self.q.iter_mut().zip(&mut self.p) {
+            for member in 0..S::MEMBERS {
+                let (a, b) = (q.member(member), p.member(member));
+                q.set_member(member, a * cos + b * sin);
+                p.set_member(member, b * cos - a * sin);
+            }
+        }
+    }
+
+    /// The same with a phase that is to be split_front off.
+    ///
+    /// Shears do not commute with a change of phase: e^{iσt} ψ, whose phase is σt, has to be the same at a
+    /// time t however a run has come there, so that the next one undoes it or goes on.
+    #[must_use]
+    pub fn with_phase(mut self, phase: f64) -> Self {
+        self.turn(-phase);
+        self.take_phase();
+        self.turn(phase);
+        self
+    }
+}
+
+/// Σ q² + p², member by member, summed block by block so that rounding errors stay small.
+pub(super) fn squares<S: Scalar>(q: &[S], p: &[S]) -> S {
+    const BLOCK: usize = 256;
+    let mut total = S::splat(0.0);
+    for (q, p) in q.chunks(BLOCK).zip(p.chunks(BLOCK)) {
+        for member in 0..S::MEMBERS {
+            let terms = q.iter().zip(p);
+            let sum = terms.fold(0.0, |sum, (q, p)| {
+                let (q, p) = (q.member(member), p.member(member));
+                sum + (q * q + p * p)
+            });
+            total.set_member(member, total.member(member) + sum);
+        }
+    }
+    total
+}
+
+/// Refuses sums of squares `now` that are not fine, of what was `start`: both go to `is_fine` by their roots.
+fn refuse<S: Scalar>(
+    now: S,
+    start: S,
+    t: f64,
+    is_fine: impl Fn(f64, f64) -> bool,
+) -> Result<(), StepError> {
+    for member in 0..S::MEMBERS {
+        let (norm, start) = (now.member(member).sqrt(), start.member(member).sqrt());
+        if !is_fine(norm, start) {
+            let error = StepError::Norm { norm, start, t };
+            return Err(if S::MEMBERS > 1 {
+                error.of_member(member)
+            } else {
+                error
+            });
+        }
+    }
+    Ok(())
+}
+
+/// Refuses sums of squares `now` whose roots are not what they were by more than `tolerance`, relatively.
+fn guard<S: Scalar>(now: S, start: S, tolerance: f64, t: f64) -> Result<(), StepError> {
+    refuse(now, start, t, |now, start| {
+        (now - start).abs() <= tolerance * start
+    })
+}
+
+/// Refuses a norm that has changed by more than `tolerance`, relatively.
+pub(super) fn check_norm<S: Scalar>(
+    t: f64,
+    tolerance: f64,
+    state: &Wave<S>,
+) -> Result<(), StepError> {
+    guard(squares(&state.q, &state.p), state.start, tolerance, t)
+}
+
+impl<S: Scalar> Checkpoint for Wave<S> {
+    fn save(&self, member: usize, out: &mut Vec<f64>) {
+        self.q.save(member, out);
+        self.p.save(member, out);
+        self.phase.save(member, out);
+        std::slice::from_ref(&self.start).save(member, out);
+    }
+
+    fn restore(&mut self, member: usize, saved: &mut &[f64]) -> Result<(), CheckpointMismatch> {
+        self.q.restore(member, saved)?;
+        self.p.restore(member, saved)?;
+        self.phase.restore(member, saved)?;
+        std::slice::from_mut(&mut self.start).restore(member, saved)
+    }
+}

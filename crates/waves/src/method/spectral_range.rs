@@ -1,0 +1,110 @@
+//! How far a spectrum reaches, by Lanczos steps from a random vector.
+//!
+//! Extreme Ritz values lie inside the spectrum, and each has an eigenvalue at a distance of no more than its
+//! residual β |[u]_m|. They leave out no extreme eigenvalue but by chance: the vector would have to be
+//! orthogonal to all that is beyond.
+
+use super::lanczos::{LOST, three_terms};
+use super::observe::dot;
+use super::{Move, Sweeper};
+use crate::problem::Update;
+use liouville_base::error::StepError;
+use liouville_base::linalg::Tridiagonal;
+
+/// The smallest and the largest Ritz value, with their residuals.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Ritz {
+    /// The smallest Ritz value, and its residual.
+    pub low: (f64, f64),
+    /// The largest Ritz value, and its residual.
+    pub high: (f64, f64),
+}
+
+/// Ritz values of the Krylov space of H and a random vector, after `steps` steps or where it is invariant.
+///
+/// # Errors
+/// A product failed, or was not finite.
+///
+/// # Panics
+/// When there are no steps.
+pub fn ritz(sweeper: &mut Sweeper<f64>, steps: usize, seed: u64) -> Result<Ritz, StepError> {
+    assert!(steps > 0, "steps to a Ritz value");
+    let n = sweeper.hamiltonian().size();
+    let mut v = [random(n, seed)];
+    let length = dot(&v[0], &v[0]).sqrt();
+    for x in &mut v[0] {
+        *x /= length;
+    }
+    let mut w = [vec![0.0; n]];
+    let (mut diagonal, mut beside) = (Vec::new(), Vec::new());
+    let (mut before, mut largest) = (0.0, 0.0_f64);
+    while diagonal.len() < steps.min(n) {
+        let (alpha, beta) = three_terms(sweeper, before, &mut v, &mut w)?;
+        if !(alpha.is_finite() && beta.is_finite()) {
+            return Err(StepError::Norm {
+                norm: beta,
+                start: 1.0,
+                t: 0.0,
+            });
+        }
+        diagonal.push(alpha);
+        beside.push(beta);
+        largest = largest.max(alpha.abs()).max(beta);
+        if beta <= LOST * largest {
+            break;
+        }
+        before = beta;
+        std::mem::swap(&mut v, &mut w);
+    }
+    let m = diagonal.len();
+    let mut small = Tridiagonal::new(m);
+    small.solve(&diagonal, &beside);
+    let of = |k: usize| {
+        (
+            small.values()[k],
+            beside[m - 1] * small.vector(k)[m - 1].abs(),
+        )
+    };
+    Ok(Ritz {
+        low: of(0),
+        high: of(m - 1),
+    })
+}
+
+/// |x·Hy − y·Hx| / max(|x| |Hy|, |y| |Hx|) of random x and y: rounding errors, if H is symmetric.
+///
+/// # Errors
+/// A product failed.
+pub fn asymmetry(sweeper: &mut Sweeper<f64>, seed: u64) -> Result<f64, StepError> {
+    let n = sweeper.hamiltonian().size();
+    let (mut x, mut y) = (random(n, seed), random(n, !seed));
+    let mut product = |x: &mut [f64]| {
+        let mut out = vec![0.0; n];
+        let product = [Move {
+            into_second: true,
+            update: Update::added(1.0),
+            weight: 0.0,
+        }];
+        sweeper.run(&product, x, &mut out, None).map(|()| out)
+    };
+    let (x_moved, y_moved) = (product(&mut x)?, product(&mut y)?);
+    let length = |x: &[f64]| dot(x, x).sqrt();
+    let scale = f64::max(length(&x) * length(&y_moved), length(&y) * length(&x_moved));
+    let difference = (dot(&x, &y_moved) - dot(&y, &x_moved)).abs();
+    Ok(if scale > 0.0 { difference / scale } else { 0.0 })
+}
+
+/// Numbers between −1 and 1, the same for each seed: Steele, Lea and Flood's SplitMix64.
+#[allow(clippy::cast_precision_loss)]
+fn random(n: usize, seed: u64) -> Vec<f64> {
+    let mut state = seed;
+    let draw = || {
+        state = state.wrapping_add(0x9e37_79b9_7f4a_7c15);
+        let mut bits = state;
+        bits = (bits ^ (bits >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
+        bits = (bits ^ (bits >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
+        bits ^= bits >> 31;
+        (bits >> 11) as f64 / (1_u64 << 52) as f64 - 1.0
+    };
+    std::iter::repeat_with(draw).take(n).collect()
+}

@@ -1,0 +1,181 @@
+//! Several moves in one sweep over the rows.
+//!
+//! A move follows the one before at a distance: on block b just after that one was on block b + lag, with
+//! lag B ≥ reach for blocks of B rows. Everything it reads is made then, and the one before reads no more of
+//! what it changes. What a block needs is in the cache while all moves pass it, and each number is the
+//! result of the same operations as if moves were made one after another.
+#![allow(clippy::inline_always)] // all of a kernel is compiled for one instruction set
+
+use super::blocking::Blocking;
+use super::{Move, Sums};
+use crate::problem::{Block, Weighted};
+use liouville_base::cancel::CancelToken;
+use liouville_base::simd::{ForEach, InstructionSet, Kernel, Number, SimdView, SimdViews, Stored};
+use std::ops::Range;
+
+/// CancelToken is asked for after so many blocks.
+const BLOCKS: usize = 8;
+
+/// What moves are made with.
+#[derive(Clone, Copy)]
+pub(super) struct Work<'a> {
+    pub(super) hamiltonian: Weighted<'a>,
+    pub(super) machine: InstructionSet,
+    /// Number of rows.
+    pub(super) n: usize,
+    pub(super) reach: usize,
+    /// How much a row is to go through, vectors and matrix.
+    pub(super) bytes: usize,
+    pub(super) blocking: Blocking,
+    pub(super) moves: &'a [Move],
+}
+
+/// Some rows of a and b, and of their sums.
+pub(super) struct Part<'a, S> {
+    pub(super) first: usize,
+    pub(super) a: &'a mut [S],
+    pub(super) b: &'a mut [S],
+    pub(super) sums: Sums<'a, S>,
+}
+
+/// The rows that moves make, from one to another, which may be more or fewer with each move.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Edges {
+    pub(super) low: Edge,
+    pub(super) high: Edge,
+}
+
+/// Where rows begin or end.
+#[derive(Clone, Copy, Debug)]
+pub(super) enum Edge {
+    /// At the first or behind the last of all, for all moves.
+    Fixed(usize),
+    /// Before this row, by so much at the first move and as much more at each after it.
+    Before(usize, usize),
+    /// The same, behind it.
+    Behind(usize, usize),
+}
+
+impl Edge {
+    fn of_move(self, k: usize, n: usize) -> usize {
+        match self {
+            Self::Fixed(row) => row,
+            Self::Before(row, by) => row.saturating_sub((k + 1) * by),
+            Self::Behind(row, by) => n.min(row + (k + 1) * by),
+        }
+    }
+}
+
+impl Edges {
+    /// All n rows.
+    pub(super) fn all(n: usize) -> Self {
+        Self {
+            low: Edge::Fixed(0),
+            high: Edge::Fixed(n),
+        }
+    }
+
+    fn of_move(self, k: usize, n: usize) -> Range<usize> {
+        self.low.of_move(k, n)..self.high.of_move(k, n)
+    }
+}
+
+impl Work<'_> {
+    /// Makes all moves in one sweep; whether cancel lasted.
+    pub(super) fn sweep<S: Stored>(
+        &self,
+        edges: Edges,
+        part: &mut Part<'_, S>,
+        cancel: Option<&mut CancelToken>,
+    ) -> bool {
+        let (rows, lag) = (self.blocking.rows, self.blocking.lag(self.reach));
+        let last = self.moves.len() - 1;
+        let [one, other] = [edges.of_move(0, self.n), edges.of_move(last, self.n)];
+        let (first, end) = (one.start.min(other.start), one.end.max(other.end));
+        let blocks = end.saturating_sub(first).div_ceil(rows);
+        let mut cancel = cancel;
+        for stage in 0..blocks + last * lag {
+            if let Some(cancel) = &mut cancel
+                && stage % BLOCKS == 0
+                && cancel.is_cancelled()
+            {
+                return false;
+            }
+            for (k, step) in self.moves.iter().enumerate() {
+                let Some(block) = stage.checked_sub(k * lag) else {
+                    break;
+                };
+                let start = first + block * rows;
+                let of_move = edges.of_move(k, self.n);
+                let now = start.max(of_move.start)..(start + rows).min(of_move.end);
+                if !now.is_empty() {
+                    self.one(step, now, part);
+                }
+            }
+        }
+        true
+    }
+
+    /// Makes some rows of a move.
+    fn one<S: Stored>(&self, step: &Move, rows: Range<usize>, part: &mut Part<'_, S>) {
+        let (first, row) = (part.first, rows.start);
+        let place = row.saturating_sub(self.reach).max(first);
+        let end = (rows.end + self.reach).min(first + part.a.len());
+        let sums = part.sums.as_mut();
+        let (x, out, sum) = if step.into_second {
+            (&*part.a, &mut *part.b, sums.map(|(_, sum)| &mut **sum))
+        } else {
+            (&*part.b, &mut *part.a, sums.map(|(sum, _)| &mut **sum))
+        };
+        let out = &mut out[row - first..rows.end - first];
+        let x = &x[place - first..end - first];
+        let sum = sum.map(|sum| &mut sum[row - first..rows.end - first]);
+        self.make(step, Block { row, out, place, x }, sum);
+    }
+
+    /// Makes rows, and adds to their sum.
+    pub(super) fn make<S: Stored>(&self, step: &Move, block: Block<'_, S>, sum: Option<&mut [S]>) {
+        let Block { row, out, place, x } = block;
+        let kept = &mut *out;
+        let block = Block {
+            row,
+            out: kept,
+            place,
+            x,
+        };
+        self.hamiltonian.act(self.machine, step.update, block);
+        if let Some(sum) = sum {
+            add_scaled(self.machine, step.weight, out, sum);
+        }
+    }
+}
+
+/// Adds so much of x to a sum.
+pub(super) fn add_scaled<S: Stored>(machine: InstructionSet, weight: f64, x: &[S], sum: &mut [S]) {
+    S::run(machine, AddScaled { weight, x, sum });
+}
+
+struct AddScaled<'a, S> {
+    weight: f64,
+    x: &'a [S],
+    sum: &'a mut [S],
+}
+
+impl<S> Kernel<S> for AddScaled<'_, S> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run<W: SimdViews<Stored = S>>(mut self, windows: W) {
+        windows.each(self.x.len(), &mut self);
+    }
+}
+
+impl<S> ForEach<S> for AddScaled<'_, S> {
+    #[inline(always)]
+    fn visit<W: SimdView<Stored = S>>(&mut self, window: W) -> bool {
+        let change = window.load(self.x, 0).scaled(self.weight);
+        let sum = window.load(self.sum, 0) + change;
+        window.store(self.sum, 0, sum);
+        true
+    }
+}

@@ -1,0 +1,224 @@
+//! A Hamiltonian as a weighted sum of its terms.
+
+use super::fourier::FourierScratch;
+use super::{Block, Drive, HamiltonianAt, Operator, Potential, Product, Update};
+use liouville_base::error::StepError;
+use liouville_base::simd::{InstructionSet, Stored};
+
+/// The terms H_k, read-only, and how they depend on time: H(t) = Σ f_k(t) H_k + V(t).
+#[derive(Clone)]
+pub struct Hamiltonian {
+    pub(super) terms: Vec<Operator>,
+    pub(super) drive: Option<Drive>,
+    pub(super) potential: Option<Potential>,
+}
+
+impl Hamiltonian {
+    /// A sum of terms of the same size.
+    ///
+    /// # Panics
+    /// When there are none, or their sizes differ.
+    pub fn new(terms: Vec<Operator>) -> Self {
+        let n = terms[0].size();
+        assert!(terms.iter().all(|term| term.size() == n), "size of a term");
+        Self {
+            terms,
+            drive: None,
+            potential: None,
+        }
+    }
+
+    /// The same with weights that depend on time.
+    ///
+    /// # Panics
+    /// When there are not as many as terms.
+    #[must_use]
+    pub fn with_drive(self, drive: Drive) -> Self {
+        assert_eq!(drive.terms(), self.terms.len(), "number of weights");
+        let drive = Some(drive);
+        Self { drive, ..self }
+    }
+
+    /// The same with a potential that depends on time.
+    ///
+    /// # Panics
+    /// When it has another size.
+    #[must_use]
+    pub fn with_potential(self, potential: Potential) -> Self {
+        assert_eq!(potential.size(), self.size(), "size of a potential");
+        let potential = Some(potential);
+        Self { potential, ..self }
+    }
+
+    /// Number of rows.
+    pub fn size(&self) -> usize {
+        self.terms[0].size()
+    }
+
+    /// The terms.
+    pub fn terms(&self) -> &[Operator] {
+        &self.terms
+    }
+
+    /// Whether it depends on time.
+    pub fn is_driven(&self) -> bool {
+        self.drive.is_some() || self.potential.is_some()
+    }
+
+    /// How far from the diagonal there are entries; none if any term is a whole one.
+    pub fn reach(&self) -> Option<usize> {
+        let reaches = self.terms.iter().map(Operator::reach);
+        reaches.collect::<Option<Vec<_>>>()?.into_iter().max()
+    }
+
+    /// Memory for what holds at a time; none where nothing depends on it.
+    pub fn present(&self) -> Option<HamiltonianAt> {
+        self.is_driven().then(|| HamiltonianAt::new(self))
+    }
+
+    /// All terms with weight 1, and no potential.
+    pub fn sum(&self) -> Weighted<'_> {
+        self.at(None)
+    }
+
+    /// What is in force, if anything depends on time.
+    pub fn at<'a>(&'a self, present: Option<&'a HamiltonianAt>) -> Weighted<'a> {
+        Weighted {
+            terms: &self.terms,
+            weights: present.map(|present| &present.weights[..]),
+            potential: present.map_or(&[], |present| &present.potential),
+        }
+    }
+}
+
+/// H = Σ w_k H_k + V.
+#[derive(Clone, Copy)]
+pub struct Weighted<'a> {
+    /// H_k
+    pub terms: &'a [Operator],
+    /// w_k, all 1 if there are none.
+    pub weights: Option<&'a [f64]>,
+    /// The diagonal V, empty if there is none.
+    pub potential: &'a [f64],
+}
+
+/// Memory of products with whole terms.
+#[derive(Clone, Debug, Default)]
+pub struct Scratch {
+    from: Vec<f64>,
+    to: Vec<f64>,
+    memory: FourierScratch,
+}
+
+impl Weighted<'_> {
+    fn weight(&self, k: usize) -> f64 {
+        self.weights.map_or(1.0, |weights| weights[k])
+    }
+
+    /// How the product with a term updates: what stays, stays at the first.
+    fn part(&self, k: usize, update: Update) -> Update {
+        let factor = self.weight(k) * update.factor;
+        if k == 0 {
+            Update { factor, ..update }
+        } else {
+            Update::added(factor)
+        }
+    }
+
+    /// Updates some rows by all terms.
+    ///
+    /// # Panics
+    /// When a term is a whole one.
+    pub fn act<S: Stored>(&self, machine: InstructionSet, update: Update, block: Block<'_, S>) {
+        let Block { row, out, place, x } = block;
+        for (k, term) in self.terms.iter().enumerate() {
+            let out = &mut *out;
+            let update = self.part(k, update);
+            term.act(machine, update, Block { row, out, place, x });
+        }
+        self.add_potential(update.factor, Block { row, out, place, x });
+    }
+
+    fn add_potential<S: Stored>(&self, factor: f64, block: Block<'_, S>) {
+        let Block { row, out, place, x } = block;
+        if self.potential.is_empty() {
+            return;
+        }
+        let potential = &self.potential[row..];
+        for ((out, x), v) in out.iter_mut().zip(&x[row - place..]).zip(potential) {
+            for m in 0..S::MEMBERS {
+                out.set_member(m, out.member(m) + factor * v * x.member(m));
+            }
+        }
+    }
+
+    /// Updates all rows, by terms of any kind.
+    ///
+    /// # Errors
+    /// A product failed; `out` may be anything then.
+    pub fn update<S: Stored>(
+        &self,
+        machine: InstructionSet,
+        update: Update,
+        x: &[S],
+        out: &mut [S],
+        scratch: &mut Scratch,
+    ) -> Result<(), StepError> {
+        let (row, place) = (0, 0);
+        for (k, term) in self.terms.iter().enumerate() {
+            let (update, out) = (self.part(k, update), &mut *out);
+            match term {
+                Operator::Product(product) => apply(&**product, update, x, out, scratch)?,
+                Operator::Kinetic(kinetic) => {
+                    kinetic.update(update, x, out, &mut scratch.memory);
+                }
+                Operator::Rows(_)
+                | Operator::Sparse(_)
+                | Operator::Diagonals(_)
+                | Operator::Dense(_)
+                | Operator::Spins(_) => term.act(machine, update, Block { row, out, place, x }),
+            }
+        }
+        self.add_potential(update.factor, Block { row, out, place, x });
+        Ok(())
+    }
+
+    /// Makes `out` the product with `x`.
+    ///
+    /// # Errors
+    /// A product failed.
+    pub fn multiply<S: Stored>(
+        &self,
+        machine: InstructionSet,
+        x: &[S],
+        out: &mut [S],
+        scratch: &mut Scratch,
+    ) -> Result<(), StepError> {
+        out.fill(S::splat(0.0));
+        self.update(machine, Update::added(1.0), x, out, scratch)
+    }
+}
+
+/// Updates all rows by a product that somebody else makes, of one member after another.
+fn apply<S: Stored>(
+    product: &dyn Product,
+    update: Update,
+    x: &[S],
+    out: &mut [S],
+    scratch: &mut Scratch,
+) -> Result<(), StepError> {
+    let Scratch { from, to, .. } = scratch;
+    for member in 0..S::MEMBERS {
+        from.clear();
+        from.extend(x.iter().map(|x| x.member(member)));
+        to.resize(x.len(), 0.0);
+        if !product.multiply(from, to) {
+            return Err(StepError::Interrupted);
+        }
+        for ((out, x), product) in out.iter_mut().zip(&*from).zip(&*to) {
+            let change = update.factor * product + update.diagonal * x;
+            out.set_member(member, update.keep * out.member(member) + change);
+        }
+    }
+    Ok(())
+}

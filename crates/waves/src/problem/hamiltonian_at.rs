@@ -1,0 +1,54 @@
+//! What of a Hamiltonian holds at a time, or on average over some.
+
+use super::Hamiltonian;
+use liouville_base::real::Lanes;
+use liouville_base::tape::Registers;
+
+/// The weights of the terms and the potential that are in force.
+#[derive(Clone, Debug)]
+pub struct HamiltonianAt {
+    /// Weights of the terms.
+    pub(super) weights: Vec<f64>,
+    /// The potential, empty if there is none.
+    pub(super) potential: Vec<f64>,
+    drive: Option<Registers<f64>>,
+    points: Option<Registers<Lanes>>,
+}
+
+impl HamiltonianAt {
+    /// Memory for what is in force of this Hamiltonian; until it is set, all weights are 1 and there is no potential.
+    pub fn new(hamiltonian: &Hamiltonian) -> Self {
+        let potential = hamiltonian.potential.as_ref();
+        Self {
+            weights: vec![1.0; hamiltonian.terms.len()],
+            potential: vec![0.0; potential.map_or(0, |_| hamiltonian.size())],
+            drive: hamiltonian.drive.as_ref().map(super::Drive::bind),
+            points: potential.map(super::Potential::bind),
+        }
+    }
+
+    /// Makes it Σ a H(t) over pairs (a, t), of the Hamiltonian it was made for.
+    pub fn set(&mut self, hamiltonian: &Hamiltonian, nodes: &[(f64, f64)]) {
+        self.weights.fill(0.0);
+        self.potential.fill(0.0);
+        for &(a, t) in nodes {
+            match (&hamiltonian.drive, &mut self.drive) {
+                (Some(drive), Some(registers)) => drive.add(registers, a, t, &mut self.weights),
+                _ => self.weights.iter_mut().for_each(|weight| *weight += a),
+            }
+            if let (Some(potential), Some(registers)) = (&hamiltonian.potential, &mut self.points) {
+                potential.add(registers, a, t, &mut self.potential);
+            }
+        }
+    }
+
+    /// Weights of the terms.
+    pub fn weights(&self) -> &[f64] {
+        &self.weights
+    }
+
+    /// The potential, empty if there is none.
+    pub fn potential(&self) -> &[f64] {
+        &self.potential
+    }
+}

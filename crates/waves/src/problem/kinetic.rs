@@ -1,0 +1,123 @@
+//! Kinetic energy on a periodic grid: products by fast Fourier transforms.
+//!
+//!     T = F⁻¹ Σ_a e_a(k_a) F,    e_a(k) = ħ k² / 2μ_a for a particle of mass μ_a
+//!
+//! Energies come as they are, in the order of the transform (k = 0, 1 .. −1), and even: a real array then has
+//! a real product, by half the work of a complex one.
+
+use super::Update;
+use super::fourier::{Complex, FourierScratch, Grid, RealGrid, padded};
+use liouville_base::simd::Stored;
+
+/// How far energies of k and −k may differ, relatively to the largest.
+const EVEN: f64 = 1e-12;
+
+/// Energies along each axis of a grid, and its transforms.
+#[derive(Clone)]
+pub struct Kinetic {
+    shape: [usize; 3],
+    energies: [Vec<f64>; 3],
+    real: RealGrid,
+    grid: Grid,
+    /// Energies over the number of points: along the outermost axis, and in a plane of the half spectrum.
+    along: Vec<f64>,
+    within: Vec<f64>,
+}
+
+impl Kinetic {
+    /// Kinetic energy with these energies along each of one to three axes, the last one fastest; none where
+    /// an axis has no points or energies of k and −k differ.
+    pub fn new(energies: &[Vec<f64>]) -> Option<Self> {
+        let is_fine = |energies: &Vec<f64>| {
+            let n = energies.len();
+            let largest = energies.iter().fold(0.0_f64, |max, e| max.max(e.abs()));
+            let even = |k: usize| (energies[k] - energies[n - k]).abs() <= EVEN * largest;
+            n > 0 && (1..n).all(even) && energies.iter().all(|e| e.is_finite())
+        };
+        if !(1..=3).contains(&energies.len()) || !energies.iter().all(is_fine) {
+            return None;
+        }
+        let lengths: Vec<usize> = energies.iter().map(Vec::len).collect();
+        let shape = padded(&lengths);
+        let axis = |length: &[f64]| length.to_vec();
+        let last = energies.len() - 1;
+        let energies = [
+            energies[..last].first().map_or(vec![0.0], |e| axis(e)),
+            energies[..last].get(1).map_or(vec![0.0], |e| axis(e)),
+            axis(&energies[last]),
+        ];
+        let scale = 1.0 / shape.iter().product::<usize>() as f64;
+        let half = &energies[2][..=shape[2] / 2];
+        let middle = energies[1].iter();
+        let within = middle.flat_map(|e1| half.iter().map(move |e2| (e1 + e2) * scale));
+        Some(Self {
+            shape,
+            along: energies[0].iter().map(|e| e * scale).collect(),
+            within: within.collect(),
+            real: RealGrid::new(shape),
+            grid: Grid::new(shape),
+            energies,
+        })
+    }
+
+    /// Number of points.
+    pub fn size(&self) -> usize {
+        self.shape.iter().product()
+    }
+
+    /// Least and largest energy.
+    pub fn bounds(&self) -> (f64, f64) {
+        let fold = |start: f64, pick: fn(f64, f64) -> f64| -> f64 {
+            let along = |e: &Vec<f64>| e.iter().copied().fold(start, pick);
+            self.energies.iter().map(along).sum()
+        };
+        (
+            fold(f64::INFINITY, f64::min),
+            fold(f64::NEG_INFINITY, f64::max),
+        )
+    }
+
+    /// Transforms of complex arrays.
+    pub fn grid(&self) -> &Grid {
+        &self.grid
+    }
+
+    /// Factors of e^{−iTs}, normalised: along the outermost axis, and in a plane.
+    pub fn phases(&self, s: f64) -> (Vec<Complex>, Vec<Complex>) {
+        let scale = 1.0 / self.size() as f64;
+        let phase = |e: &f64| Complex::from_polar(1.0, -e * s);
+        let along = self.energies[0].iter().map(|e| phase(e) * scale).collect();
+        let last: Vec<Complex> = self.energies[2].iter().map(phase).collect();
+        let middle = self.energies[1].iter().map(phase);
+        let within = middle.flat_map(|e1| last.iter().map(move |e2| e1 * e2));
+        (along, within.collect())
+    }
+
+    /// Updates all rows.
+    pub(super) fn update<S: Stored>(
+        &self,
+        update: Update,
+        x: &[S],
+        out: &mut [S],
+        memory: &mut FourierScratch,
+    ) {
+        let (length, lines) = (self.shape[2], self.shape[0] * self.shape[1]);
+        for member in 0..S::MEMBERS {
+            let read = |k: usize, line: &mut [f64]| {
+                for (line, x) in line.iter_mut().zip(&x[k * length..]) {
+                    *line = x.member(member);
+                }
+            };
+            let write = |k: usize, line: &[f64]| {
+                let x = &x[k * length..];
+                let out = out[k * length..].iter_mut();
+                for ((out, x), product) in out.zip(x).zip(line) {
+                    let change = update.factor * product + update.diagonal * x.member(member);
+                    out.set_member(member, update.keep * out.member(member) + change);
+                }
+            };
+            let factor = |k: usize, place: usize| self.along[k] + self.within[place];
+            self.real.multiply(memory, lines, read, factor, write);
+        }
+    }
+}

@@ -1,0 +1,151 @@
+//! A real symmetric Hamiltonian, known by its products: i ψ' = H ψ with H = Σ w_k H_k.
+//!
+//! With ψ = q + i p this is q' = H p, p' = −H q. Terms are of two kinds. Those given by rows can make some
+//! rows of a product from what lies around them in x, so that several products go over the matrix in one
+//! sweep and threads share the rows; whole terms make all of a product at once.
+
+mod dense;
+mod diagonals;
+mod drive;
+pub mod fourier;
+mod hamiltonian;
+mod hamiltonian_at;
+mod kinetic;
+mod potential;
+mod product;
+mod rows;
+mod sparse;
+mod spins;
+mod update;
+
+pub use dense::Dense;
+pub use diagonals::Diagonals;
+pub use drive::Drive;
+pub use hamiltonian::{Hamiltonian, Scratch, Weighted};
+pub use hamiltonian_at::HamiltonianAt;
+pub use kinetic::Kinetic;
+pub use potential::Potential;
+pub use product::Product;
+pub use sparse::Sparse;
+pub use spins::{Bond, Spins};
+
+use liouville_base::linalg::Rows;
+use liouville_base::simd::{InstructionSet, Stored};
+use std::sync::Arc;
+
+/// What becomes of a product: out ← keep·out + factor·H x + diagonal·x.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Update {
+    /// How much of `out` stays.
+    pub keep: f64,
+    /// What the product is multiplied by.
+    pub factor: f64,
+    /// What else is added of x itself.
+    pub diagonal: f64,
+}
+
+impl Update {
+    /// A product is added to what is there.
+    pub fn added(factor: f64) -> Self {
+        Self {
+            keep: 1.0,
+            factor,
+            diagonal: 0.0,
+        }
+    }
+}
+
+/// Some rows of a product, and what lies around them in x.
+#[derive(Debug)]
+pub struct Block<'a, S> {
+    /// The row of `out[0]`.
+    pub row: usize,
+    /// What is updated.
+    pub out: &'a mut [S],
+    /// The place of `x[0]` in all of x.
+    pub place: usize,
+    /// At least [`Operator::reach`] places more than the rows, on both sides, as far as there are any.
+    pub x: &'a [S],
+}
+
+/// One real symmetric matrix H_k.
+#[derive(Clone)]
+pub enum Operator {
+    /// A sparse matrix by rows.
+    Rows(Arc<Rows>),
+    /// A sparse matrix, most of it by diagonals.
+    Sparse(Arc<Sparse>),
+    /// Kinetic energy on a grid.
+    Kinetic(Arc<Kinetic>),
+    /// A matrix by its diagonals.
+    Diagonals(Arc<Diagonals>),
+    /// A dense matrix.
+    Dense(Arc<Dense>),
+    /// A chain of spins.
+    Spins(Arc<Spins>),
+    /// Any function that makes products.
+    Product(Arc<dyn Product>),
+}
+
+impl Operator {
+    /// A sparse matrix, by diagonals if it has some that hold most of it.
+    pub fn sparse(rows: Arc<Rows>) -> Self {
+        match Sparse::new(&rows) {
+            Some(sparse) => Self::Sparse(Arc::new(sparse)),
+            None => Self::Rows(rows),
+        }
+    }
+
+    /// Number of rows.
+    pub fn size(&self) -> usize {
+        match self {
+            Self::Rows(rows) => rows.shape().0,
+            Self::Sparse(sparse) => sparse.size(),
+            Self::Kinetic(kinetic) => kinetic.size(),
+            Self::Diagonals(diagonals) => diagonals.size(),
+            Self::Dense(dense) => dense.size(),
+            Self::Spins(spins) => spins.size(),
+            Self::Product(product) => product.size(),
+        }
+    }
+
+    /// How far from the diagonal a term by rows has entries; none for a whole term.
+    pub fn reach(&self) -> Option<usize> {
+        match self {
+            Self::Rows(rows) => Some(rows.reach()),
+            Self::Sparse(sparse) => Some(sparse.reach()),
+            Self::Kinetic(_) | Self::Product(_) => None,
+            Self::Diagonals(diagonals) => Some(diagonals.reach()),
+            Self::Dense(dense) => Some(dense.size()),
+            Self::Spins(spins) => Some(spins.size()),
+        }
+    }
+
+    /// How many bytes of a term by rows a row is, on average.
+    pub fn bytes_a_row(&self) -> usize {
+        let bytes = match self {
+            Self::Rows(rows) => rows.bytes(),
+            Self::Sparse(sparse) => sparse.bytes(),
+            Self::Diagonals(diagonals) => diagonals.bytes(),
+            Self::Dense(dense) => dense.bytes(),
+            Self::Spins(spins) => spins.bytes(),
+            Self::Kinetic(_) | Self::Product(_) => 0,
+        };
+        bytes.div_ceil(self.size())
+    }
+
+    /// Updates some rows.
+    ///
+    /// # Panics
+    /// When this is a whole term.
+    pub fn act<S: Stored>(&self, machine: InstructionSet, update: Update, block: Block<'_, S>) {
+        match self {
+            Self::Rows(rows) => rows::act(rows, machine, update, block),
+            Self::Sparse(sparse) => sparse.act(machine, update, block),
+            Self::Kinetic(_) | Self::Product(_) => unreachable!("whole terms have no rows"),
+            Self::Diagonals(diagonals) => diagonals.act(machine, update, block),
+            Self::Dense(dense) => dense.act(machine, update, block),
+            Self::Spins(spins) => spins.act(machine, update, block),
+        }
+    }
+}

@@ -1,0 +1,132 @@
+//! Spins 1/2 with H = Σ J/2 (S⁺_i S⁻_j + S⁻_i S⁺_j) + Δ S^z_i S^z_j + Σ h_i S^z_i, without a matrix.
+//!
+//! A state is a number whose bit i is 1 where spin i is down. All 2^L of them are the full space; those
+//! with as many bits as there are spins down, in ascending order, are a sector of fixed magnetisation.
+#![allow(clippy::inline_always)] // all of a kernel is compiled for one instruction set
+
+mod full;
+mod sector;
+
+use super::{Block, Update};
+use full::Full;
+use liouville_base::simd::{InstructionSet, Stored};
+use sector::Sector;
+
+/// Two spins that act on each other.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Bond {
+    /// i and j, which differ.
+    pub sites: (u32, u32),
+    /// J, half of which turns two opposite spins.
+    pub xy: f64,
+    /// Δ
+    pub z: f64,
+}
+
+/// Spins on at most 32 sites.
+#[derive(Clone, Debug)]
+pub struct Spins {
+    diagonal: Vec<f64>,
+    space: Space,
+}
+
+#[derive(Clone, Debug)]
+enum Space {
+    Full(Full),
+    Sector(Sector),
+}
+
+/// What turns two opposite spins: bits i < j, and J/2.
+#[derive(Clone, Copy, Debug, PartialEq)]
+struct Flip {
+    i: u32,
+    j: u32,
+    half: f64,
+}
+
+impl Flip {
+    fn new(bond: &Bond) -> Self {
+        let (i, j) = bond.sites;
+        Self {
+            i: i.min(j),
+            j: i.max(j),
+            half: 0.5 * bond.xy,
+        }
+    }
+
+    #[inline(always)]
+    fn mask(self) -> usize {
+        1 << self.i | 1 << self.j
+    }
+
+    /// Whether the spins are opposite.
+    #[inline(always)]
+    fn acts_on(self, state: usize) -> bool {
+        (state >> self.i ^ state >> self.j) & 1 == 1
+    }
+}
+
+impl Spins {
+    /// Spins with a field for each, all states or those with so many spins up.
+    ///
+    /// # Panics
+    /// When there are more than 32 spins or less than are up, or a bond is not between two of them.
+    pub fn new(bonds: &[Bond], fields: &[f64], up: Option<u32>) -> Self {
+        let length = u32::try_from(fields.len()).unwrap_or(u32::MAX);
+        assert!(length <= 32, "number of spins");
+        let is_inside = |(i, j): (u32, u32)| i != j && i < length && j < length;
+        assert!(bonds.iter().all(|bond| is_inside(bond.sites)), "a bond");
+        let flips = bonds.iter().map(Flip::new).filter(|flip| flip.half != 0.0);
+        let flips: Vec<Flip> = flips.collect();
+        let energy = |state: usize| diagonal(bonds, fields, state);
+        match up {
+            None => Self {
+                diagonal: (0..1 << length).map(energy).collect(),
+                space: Space::Full(Full::new(length, &flips)),
+            },
+            Some(up) => {
+                assert!(up <= length, "spins that are up");
+                let sector = Sector::new(length, length - up, &flips);
+                Self {
+                    diagonal: sector.states().map(energy).collect(),
+                    space: Space::Sector(sector),
+                }
+            }
+        }
+    }
+
+    /// Number of states.
+    pub fn size(&self) -> usize {
+        self.diagonal.len()
+    }
+
+    /// How many bytes all rows are.
+    pub(super) fn bytes(&self) -> usize {
+        size_of_val(&*self.diagonal)
+    }
+
+    /// Updates a block of rows.
+    pub(super) fn act<S: Stored>(
+        &self,
+        machine: InstructionSet,
+        update: Update,
+        block: Block<'_, S>,
+    ) {
+        let diagonal = &self.diagonal;
+        match &self.space {
+            Space::Full(full) => full.act(machine, diagonal, update, block),
+            Space::Sector(sector) => sector.act(machine, diagonal, update, block),
+        }
+    }
+}
+
+/// What a state has without any spin turning.
+fn diagonal(bonds: &[Bond], fields: &[f64], state: usize) -> f64 {
+    let spin = |site: usize| if state >> site & 1 == 1 { -0.5 } else { 0.5 };
+    let bonds = bonds.iter().map(|bond| {
+        let (i, j) = bond.sites;
+        bond.z * spin(i as usize) * spin(j as usize)
+    });
+    let fields = fields.iter().enumerate().map(|(i, field)| field * spin(i));
+    bonds.sum::<f64>() + fields.sum::<f64>()
+}
