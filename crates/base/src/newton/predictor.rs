@@ -149,7 +149,9 @@ impl<R: Real> Predictor<R> {
     /// Lets all curves go through their first `count` nodes alone.
     pub fn pass_through(&mut self, count: usize) {
         if self.curves.iter().any(|curve| curve.knots.len() != count) {
-            self.curves.iter_mut().for_each(|curve| curve.pass_through(count));
+            self.curves
+                .iter_mut()
+                .for_each(|curve| curve.pass_through(count));
             self.ratio = f64::NAN;
         }
     }

@@ -173,7 +173,8 @@ impl Alpha {
     /// The unknowns as they are at the start of the step.
     fn start_cold(&mut self, step: Step) -> Result<(), StepError> {
         let State { y, z, phi, .. } = step.state;
-        self.acceleration.solve(&mut self.model.general, step.t, y, z)?;
+        self.acceleration
+            .solve(&mut self.model.general, step.t, y, z)?;
         let at = &mut self.solver;
         copy(&mut at.phi, phi);
         for reaction in &mut at.reactions {
@@ -189,7 +190,8 @@ impl Alpha {
     fn iterate(&mut self, step: Step) -> Result<(), StepError> {
         if !self.frozen.serve(step.h) {
             self.stats.factorizations += 1;
-            self.frozen.update(&mut self.model, &mut self.solver, step)?;
+            self.frozen
+                .update(&mut self.model, &mut self.solver, step)?;
         }
         let mut equations = self.solver.start(&mut self.model, &mut self.frozen, step);
         let iterations =

@@ -24,8 +24,15 @@ impl Guess {
 
     /// Writes the guess for a step of `h`; says whether there is one.
     pub(super) fn extrapolate(&mut self, lam: &mut [f64], h: f64) -> bool {
-        let is_equal = self.held.held().is_some_and(|last| last.to_bits() == h.to_bits());
-        let count = if is_equal { self.count } else { self.count.min(1) };
+        let is_equal = self
+            .held
+            .held()
+            .is_some_and(|last| last.to_bits() == h.to_bits());
+        let count = if is_equal {
+            self.count
+        } else {
+            self.count.min(1)
+        };
         self.held.pass_through(count);
         let is_held = count > 0 && self.held.weigh(h);
         if is_held {
@@ -36,7 +43,10 @@ impl Guess {
 
     /// Keeps what a step of `h` has found.
     pub(super) fn keep(&mut self, h: f64, lam: &[f64]) {
-        let is_equal = self.held.held().is_some_and(|last| last.to_bits() == h.to_bits());
+        let is_equal = self
+            .held
+            .held()
+            .is_some_and(|last| last.to_bits() == h.to_bits());
         let known = if is_equal { self.count } else { 0 };
         let values = &mut self.held.curves[0].values;
         values.flat_mut().rotate_right(lam.len());
