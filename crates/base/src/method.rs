@@ -46,6 +46,25 @@ impl std::ops::Sub for Stats {
     }
 }
 
+/// The step being made: from `state` at `t` over `h`.
+#[derive(Debug)]
+pub struct Step<'a, S> {
+    /// Time at its start.
+    pub t: f64,
+    /// Its size.
+    pub h: f64,
+    /// The state at its start.
+    pub state: &'a S,
+}
+
+impl<S> Clone for Step<'_, S> {
+    fn clone(&self) -> Self {
+        *self
+    }
+}
+
+impl<S> Copy for Step<'_, S> {}
+
 /// A method at work on a problem.
 pub trait Stepper: Checkpoint {
     /// What it advances.

@@ -30,7 +30,7 @@ use estimate::Estimate;
 use full_newton::FullNewton;
 use liouville_base::error::StepError;
 use liouville_base::method::{Stats, Stepper, Symmetric};
-use liouville_base::newton;
+use liouville_base::newton::{self, Attempts, Start};
 use liouville_base::tableau;
 use node_schur::NodeSchur;
 use predictor::Predictor;
@@ -72,8 +72,6 @@ const CHEAP: usize = 40;
 const MOST_ITERATIONS: usize = 100;
 /// Steps node Schur rests at most after failing; each failure in a row doubles the rest.
 const LONGEST_REST: usize = 1023;
-/// Where no start is near enough: shorter steps from the same state, each extrapolated from the one before.
-const SHORTER: [f64; 3] = [0.125, 0.25, 0.5];
 
 /// A SPARK method at work.
 #[derive(Clone, Debug)]
@@ -135,47 +133,6 @@ impl Spark {
         self
     }
 
-    /// (S1)–(S4), from the step before, or cold, or from rest.
-    fn solve_stages(&mut self, step: Step) -> Result<(), StepError> {
-        if self
-            .predictor
-            .extrapolate(&mut self.stages, &mut self.update.z, step.h)
-        {
-            if self.iterate(step).is_ok() {
-                return Ok(());
-            }
-            self.stats.cold_starts += 1;
-        }
-        self.start_cold(step, false)?;
-        let Err(error) = self.iterate(step) else {
-            return Ok(());
-        };
-        self.start_cold(step, true)?;
-        if self.iterate(step).is_ok() {
-            return Ok(());
-        }
-        self.grow(step).map_err(|_| error)
-    }
-
-    /// Makes shorter steps first, and goes no further with them than to where this one starts.
-    fn grow(&mut self, step: Step) -> Result<(), StepError> {
-        self.predictor.forget();
-        for part in SHORTER {
-            let h = part * step.h;
-            let shorter = Step { h, ..step };
-            let (stages, z1) = (&mut self.stages, &mut self.update.z);
-            if !self.predictor.extrapolate(stages, z1, h) {
-                self.start_cold(shorter, false)?;
-            }
-            self.iterate(shorter)?;
-            self.finish(shorter)?;
-            self.predictor.undo();
-        }
-        let (stages, z1) = (&mut self.stages, &mut self.update.z);
-        self.predictor.extrapolate(stages, z1, step.h);
-        self.iterate(step)
-    }
-
     /// (U1)–(U3), and what the next step is extrapolated from.
     fn finish(&mut self, step: Step) -> Result<(), StepError> {
         // the update needs forces at the last iterate: older ones cost a drift in the energy
@@ -191,11 +148,6 @@ impl Spark {
         self.predictor
             .keep(&self.stages, step.h, &step.state.z, z, v);
         Ok(())
-    }
-
-    fn start_cold(&mut self, step: Step, still: bool) -> Result<(), StepError> {
-        let (model, stages, z1) = (&mut self.model, &mut self.stages, &mut self.update.z);
-        self.predictor.start_cold(model, stages, z1, step, still)
     }
 
     fn iterate(&mut self, step: Step) -> Result<(), StepError> {
@@ -249,12 +201,55 @@ impl Spark {
     }
 }
 
+/// A step whose stage equations are attempted.
+struct Attempt<'a> {
+    spark: &'a mut Spark,
+    step: Step<'a>,
+}
+
+impl Attempts for Attempt<'_> {
+    fn start(&mut self, h: f64, start: Start) -> Result<bool, StepError> {
+        let step = Step { h, ..self.step };
+        let Spark {
+            model,
+            stages,
+            predictor,
+            update,
+            ..
+        } = &mut *self.spark;
+        if start == Start::Extrapolated {
+            return Ok(predictor.extrapolate(stages, &mut update.z, h));
+        }
+        let is_still = start == Start::Still;
+        predictor.start_cold(model, stages, &mut update.z, step, is_still)?;
+        Ok(true)
+    }
+
+    fn iterate(&mut self, h: f64) -> Result<(), StepError> {
+        self.spark.iterate(Step { h, ..self.step })
+    }
+
+    fn hold_shorter(&mut self, h: f64) -> Result<(), StepError> {
+        self.spark.finish(Step { h, ..self.step })?;
+        self.spark.predictor.undo();
+        Ok(())
+    }
+
+    fn forget(&mut self) {
+        self.spark.predictor.forget();
+    }
+
+    fn count_cold_start(&mut self) {
+        self.spark.stats.cold_starts += 1;
+    }
+}
+
 impl Stepper for Spark {
     type State = State;
 
     fn step(&mut self, t: f64, h: f64, state: &mut State) -> Result<(), StepError> {
         let step = Step { t, h, state };
-        self.solve_stages(step)?;
+        newton::attempt(&mut Attempt { spark: self, step }, h)?;
         self.finish(step)?;
         if let Some(estimate) = &mut self.estimate {
             estimate.keep(state);
