@@ -1,4 +1,4 @@
-"""What a run leaves: times, states, invariants, residuals, and how it went."""
+"""The result of a run: times, states, invariants, residuals, and its numbers."""
 
 from __future__ import annotations
 
@@ -126,12 +126,12 @@ class Solution:
                 values.setflags(write=False)
 
     def __setstate__(self, state: dict[str, Any]) -> None:
-        """Arrive from another process."""
+        """Restore a pickle, its arrays read-only."""
         self.__dict__.update(state)
         self.__post_init__()
 
     def __repr__(self) -> str:
-        """Tell in two lines how the run went and how well it kept what it should."""
+        """Return in two lines how the run went and how well it kept what it should."""
         if not self.t.size:
             return f"<Solution {self.status}: nothing computed, {self.method}>"
         steps = self.stats.get("steps", len(self.t) - 1)
