@@ -9,7 +9,7 @@ from PIL import Image
 
 import liouville as lv
 from liouville import plot, problems
-from liouville.plot import canvas, panels
+from liouville.plot import canvas, panels, thinning
 
 
 @pytest.fixture(scope="module")
@@ -158,7 +158,7 @@ def ensemble():
 def test_of_an_ensemble_some_members_are_drawn_mixed(ensemble, tmp_path):
     axes = plot.trajectories(ensemble)
     lines = curves(axes)
-    assert len(lines) == 3 * panels.MEMBERS
+    assert len(lines) == 3 * thinning.MEMBERS
     assert legend(axes) == ["x", "y", "z"]
     shades = [line.get_color() for line in axes.get_legend().legend_handles]
     assert shades == [line.get_color() for line in lines[:3]] == list(plot.COLOURS[:3])
