@@ -1,12 +1,12 @@
 """
-What an error costs
-===================
+Products against error
+======================
 
 A particle on a square lattice with disorder, for a time in which a Chebyshev series takes more than
 five hundred products with the Hamiltonian. A splitting into shears takes fewer for the same
-error. Lanczos' method, which starts anew every so often, takes more: the particle meets all
-energies. In the well of Pöschl and Teller it meets twelve of them, and Lanczos wins where three
-digits are enough.
+error. Lanczos' method, with restarts, takes more, because the state has components at all energies.
+In the well of Pöschl and Teller it has twelve of them, and Lanczos is best where three digits are
+enough.
 """
 
 from dataclasses import replace

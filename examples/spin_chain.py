@@ -2,10 +2,10 @@
 A wall between spins
 ====================
 
-Sixteen spins one half, the left half up and the right half down, and neighbours that may exchange
-them. If exchange along z is weak, the wall melts at the speed of the fastest magnon; if it is
-strong, the wall stays. The number of spins that are up is kept, so the 12870 states with eight of
-them are all that there is. The magnetisation is observed; states are not kept.
+Sixteen spins one half, the left half up and the right half down, with exchange between neighbours.
+If exchange along z is weak, the wall dissolves at the speed of the fastest magnon; if it is strong,
+the wall stays. The number of spins that are up is conserved, so the sector of eight, with 12870
+states, is enough. The magnetisation is observed; states are not kept.
 """
 
 import matplotlib.pyplot as plt

@@ -36,7 +36,8 @@ class Lagrangian(Mechanics):
         ``nonholonomic(t, q, v, params)``, constraints :math:`0 = k(t, q, v)` on the velocities that
         are no derivatives of such on q alone: a scalar, a sequence of l, or a dict that names them.
         They add the reactions :math:`-k_v^T \nu`; their multipliers :math:`\nu` come after
-        :math:`\lambda` in ``solution.lam``. Methods: :class:`~liouville.Spark`.
+        :math:`\lambda` in ``solution.lam``. Methods: :class:`~liouville.Spark`,
+        :class:`~liouville.LobattoPair` and compositions of them.
     q : sequence of str, or int
         Names of the n coordinates, or their number.
     params : mapping of str to float or 1-D array_like, optional
