@@ -106,6 +106,6 @@ class WavePlan(Plan):
             if not (isinstance(t, float) and isinstance(steps, int) and steps > 0):
                 raise TypeError(f"stops has {(t, steps)!r}")
         low, high = plan.bounds
-        if not (plan.stops and isinstance(plan.core[0], str) and low <= high):
+        if not (plan.stops and plan.core and isinstance(plan.core[0], str) and low <= high):
             raise ValueError("it has no steps, no core or no bounds")
         return plan
