@@ -262,12 +262,13 @@ def test_a_plan_comes_back_from_its_file_and_runs_to_the_same_bits(tmp_path, sys
 
 
 BROKEN = {
-    "core": ({"core": []}, "no steps, no core or no bounds"),
+    "core": ({"core": []}, r"core is \(\)"),
+    "kind": ({"core": {"kind": "shear"}}, "no propagator 'shear'"),
     "no core": ({"core": 3}, "core is 3"),
     "stops": ({"stops": [[1.0, 0]]}, "stops has"),
-    "no stops": ({"stops": []}, "no steps, no core or no bounds"),
+    "no stops": ({"stops": []}, "no steps or no bounds"),
     "theta": ({"theta": "wide"}, "theta is 'wide'"),
-    "bounds": ({"bounds": [2.0, 1.0]}, "no steps, no core or no bounds"),
+    "bounds": ({"bounds": [2.0, 1.0]}, "no steps or no bounds"),
     "bound": ({"bound": "small"}, "bound is 'small'"),
     "method": ({"method": {"name": "spark", "stages": 2}}, "its method is Spark"),
 }

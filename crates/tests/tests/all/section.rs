@@ -7,7 +7,7 @@ use liouville_base::run::{Advance, Fixed, Run, Status};
 use liouville_base::simd::Stored;
 use liouville_base::tableau::Scheme;
 use liouville_fields::problem::{Piece, Polynomials, Split};
-use liouville_fields::volume::{Direction, Plane, Section, Seen, Volume};
+use liouville_fields::volume::{Direction, Plane, Section, Seen, State, Volume};
 use std::f64::consts::PI;
 use std::sync::Arc;
 use std::time::Duration;
@@ -74,7 +74,7 @@ fn motion(split: Arc<Split>, scheme: &'static str) -> Motion {
 /// Members numbered from `first` on, and their starts.
 type Starts<'a> = (usize, &'a [&'a [f64]]);
 
-type Sections<S> = Run<Composed<Volume<S>>, Section<S, Composed<Volume<f64>>>, Fixed>;
+type Sections<S> = Run<State<S>>;
 
 /// Steps of `h` of so many members as a scalar has.
 fn run<S: Stored + Real>(
@@ -108,8 +108,9 @@ fn run<S: Stored + Real>(
         }
     }
     let state = volume.state(&x);
-    let control = Fixed::new(0.0, h, steps);
-    Run::new(Composed::new(volume, scheme), section, state, control, 1, 0).expect("a start")
+    let stepper = Box::new(Composed::new(volume, scheme));
+    let control = Box::new(Fixed::new(stepper, 0.0, h, steps));
+    Run::new(control, Box::new(section), state, (1, 0)).expect("a start")
 }
 
 /// The passages (member, t, x) of trajectories stepped one by one.
