@@ -25,8 +25,8 @@ observe = {"square": place.astype(float) ** 2}
 runs = {}
 for width in (0.0, 1.0, 2.0, 4.0):
     system = tight_binding.build(SITES, width=width)
-    runs[width] = lv.integrate(system, "auto", t=times, psi=psi, tol=1e-8, observe=observe)
-print(lv.propagation(system, t=times, tol=1e-8))
+    runs[width] = lv.integrate(system, "auto", t=times, psi=psi, observe=observe)
+print(lv.plan(system, t=times))
 
 # %%
 # The clean chain on the left, one with energies spread over an interval of width 2 on the right.

@@ -20,7 +20,9 @@ x = problem.grid.points[:, 0]
 psi = np.exp(-((x - 0.5) ** 2) / 0.15)
 psi /= np.linalg.norm(psi)
 times = np.linspace(0.0, 10.0, 3001)
-solution = lv.integrate(problem.system, "auto", t=times, psi=psi, tol=1e-6, states=False)
+solution = lv.integrate(
+    problem.system, lv.SchrodingerSplitting(tol=1e-6), t=times, psi=psi, states=False
+)
 print(solution)
 
 fig, axes = plt.subplots(2, 1, figsize=(8, 6.5), layout="constrained")

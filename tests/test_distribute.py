@@ -19,7 +19,7 @@ import numpy as np
 import pytest
 
 import liouville as lv
-from liouville import spread
+from liouville import distribute
 from liouville.problems import harmonic_oscillator, load, lorenz96
 
 EULER = load("euler_top").system
@@ -33,7 +33,7 @@ def starts(members, n=3, seed=0):
 def same(a, b):
     """Compare all members that both have, bit by bit."""
     assert a.t.tobytes() == b.t.tobytes()
-    for group in spread.GROUPS:
+    for group in distribute.GROUPS:
         left, right = getattr(a, group), getattr(b, group)
         assert list(left) == list(right)
         for name, x in left.items():
@@ -161,7 +161,7 @@ def test_a_task_of_which_workers_die_is_given_up():
     assert found.message.startswith("16 of 64 members failed; the first, member 16: its worker")
     assert np.isnan(found.x[:, 16:32]).all()
     same(found, lv.ensemble(EULER, SPLITTING, t=(0, 1), steps=5, x=x))
-    assert len(executor.sent) == 3 + 1 + spread.AGAIN
+    assert len(executor.sent) == 3 + 1 + distribute.AGAIN
 
 
 def test_an_executor_without_living_workers_is_an_error():
@@ -172,9 +172,9 @@ def test_an_executor_without_living_workers_is_an_error():
 
 @pytest.mark.parametrize(("deaths", "sent", "whole"), [(0, 4, 2), (2, 8, 6)])
 def test_a_large_system_is_not_sent_with_every_task(monkeypatch, deaths, sent, whole):
-    monkeypatch.setattr(spread, "LARGE", 0)
-    monkeypatch.setattr(spread, "_workers", lambda executor: 2)
-    monkeypatch.setattr(spread, "_kept", {})
+    monkeypatch.setattr(distribute, "LARGE", 0)
+    monkeypatch.setattr(distribute, "_workers", lambda executor: 2)
+    monkeypatch.setattr(distribute, "_cache", {})
     options = {"t": (0, 1), "steps": 5, "x": starts(64, 4)}
     system = lorenz96.build(4)
     wanted = lv.ensemble(system, SPLITTING, **options)
@@ -260,8 +260,8 @@ def test_members_that_fail_alone_are_counted_in_the_whole_ensemble():
     whole = lv.ensemble(EULER, SPLITTING, t=(0, 1), steps=5, x=x * scale[:, None])
     bad = [3, 20, *range(32, 48)]
     x[bad] *= -1
-    job = spread.Job(troubled, {"x": x}, {"scale": scale}, {"scale": 1.0}, 64, 1000, 0.0)
-    found = spread.spread(job, Weak(0), 16)
+    task = distribute.Task(troubled, {"x": x}, {"scale": scale}, {"scale": 1.0}, 64, 1000, 0.0)
+    found = distribute.distribute(task, Weak(0), 16)
     assert list(found.failures) == bad
     assert found.message == "18 of 64 members failed; the first, member 3: it is so"
     assert np.isnan(found.x[:, 32:48]).all()
@@ -269,7 +269,7 @@ def test_members_that_fail_alone_are_counted_in_the_whole_ensemble():
     assert np.array_equal(found.x[:, 48:], whole.x[:, 48:])
     x[:] = -1.0
     with pytest.raises(lv.IntegrationError, match="64 of 64 members failed"):
-        spread.spread(job, Weak(0), 16)
+        distribute.distribute(task, Weak(0), 16)
 
 
 def test_bad_calls_are_refused_before_anything_is_sent():

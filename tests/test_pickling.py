@@ -236,9 +236,9 @@ def test_a_schrodinger_equation_arrives_the_same(kind):
         same(runs[0], runs[2])
 
 
-def test_a_propagation_fits_the_equation_that_has_travelled():
+def test_a_plan_fits_the_equation_that_has_travelled():
     system = lv.Schrodinger(lv.SpinChain(8, up=4))
-    plan = travelled(lv.propagation(system, t=(0, 1), tol=1e-8))
+    plan = travelled(lv.plan(system, lv.SchrodingerSplitting(1e-8), t=(0, 1)))
     psi = np.eye(system.size)[0]
     same(
         lv.integrate(travelled(system), plan, t=(0, 1), psi=psi),
@@ -254,7 +254,8 @@ def test_products_travel_if_their_function_does():
     system = lv.Schrodinger((5, doubled))
     psi = np.ones(5) / np.sqrt(5)
     runs = [
-        lv.integrate(x, "auto", t=(0, 1), tol=1e-8, psi=psi) for x in (system, travelled(system))
+        lv.integrate(x, lv.SchrodingerSplitting(1e-8), t=(0, 1), psi=psi)
+        for x in (system, travelled(system))
     ]
     same(*runs)
     for product in ((5, lambda x: 2 * x), LinearOperator((5, 5), lambda x: 2 * x, dtype=float)):

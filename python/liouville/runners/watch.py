@@ -1,4 +1,4 @@
-"""What is looked at between the steps of a mechanical run: events, and given times."""
+"""Events and given times, which are looked at between the steps of a mechanical run."""
 
 from __future__ import annotations
 
@@ -13,12 +13,12 @@ from liouville.events import DIRECTIONS, Event, named
 from liouville.points import Points
 from liouville.systems import Mechanics
 
-#: What the core is told: the order of the method, the times, and for each event its tape, its
-#: direction, how many end the run, and whether it needs multipliers.
-Watch = tuple[int, np.ndarray | None, list[tuple[_core.Tape, int, int, bool]]]
+#: The watch as it crosses the border: the order of the method, the times, and for each event its
+#: tape, its direction, how many end the run, and whether it needs multipliers.
+Crossed = tuple[int, np.ndarray | None, list[tuple[_core.Tape, int, int, bool]]]
 
 
-class Watching:
+class Watch:
     """The events and the times asked for.
 
     Attributes
@@ -39,17 +39,17 @@ class Watching:
         """Leave the functions behind: the core has them as tapes."""
         return {"events": dict.fromkeys(self.events), "times": self.times}
 
-    def asked(self, system: Mechanics, order: int) -> Watch | None:
-        """Return what the core is told, if anything is looked at."""
+    def crossed(self, system: Mechanics, order: int) -> Crossed | None:
+        """Return the watch for the core, if anything is looked at."""
         if not self.events and self.times is None:
             return None
-        told = []
+        events = []
         for name, event in self.events.items():
             tape, needs_lam = system.event(name, event.function)
-            told.append((tape, DIRECTIONS[event.direction], int(event.terminal), needs_lam))
-        return order, self.times, told
+            events.append((tape, DIRECTIONS[event.direction], int(event.terminal), needs_lam))
+        return order, self.times, events
 
-    def seen(
+    def events_of(
         self, run: _core.Run, system: Mechanics, params: np.ndarray
     ) -> tuple[dict[str, Points], str]:
         """Return the events by name, and which of them ended the run."""

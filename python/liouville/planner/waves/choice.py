@@ -1,24 +1,23 @@
-"""The choice of a propagation: by the bounds of the errors and the number of products."""
+"""The choice of method and steps by bounds of the error and the number of products."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
 from liouville import _core
-from liouville._arguments import times_of
 from liouville.errors import hinted
 from liouville.methods import Chebyshev, Lanczos, SchrodingerSplitting
-from liouville.propagation.ladder import ROUNDOFF, Choice, cheapest
-from liouville.propagation.plan import Propagation
-from liouville.propagation.speed import series_cost
+from liouville.planner.waves.ladder import ROUNDOFF, Choice, cheapest
+from liouville.planner.waves.plan import WavePlan
+from liouville.planner.waves.speed import series_cost
 from liouville.systems import Schrodinger
 
-Method = SchrodingerSplitting | Chebyshev | Lanczos
+#: The methods that choose their steps.
+Planned = SchrodingerSplitting | Chebyshev | Lanczos
 
 #: Beyond so many steps a stable method is taken.
 MANY = 50
@@ -32,7 +31,7 @@ TIMES, LEAST = 10.0, 1e-10
 
 @dataclass(frozen=True)
 class Span:
-    """Where a propagation starts, the times of the states that are kept, and the spectrum."""
+    """The start of a plan, the times of the states that are kept, and the spectrum."""
 
     t0: float
     times: tuple[float, ...]
@@ -71,72 +70,12 @@ class Span:
         return tuple((t, int(n)) for t, n in zip(self.times, steps, strict=True))
 
 
-def propagation(
+def plan_wave(
     system: Schrodinger,
-    method: Method | str = "auto",
-    *,
-    t: Sequence[float],
-    tol: float | None = None,
-    is_real: bool = False,
-    params: Mapping[str, ArrayLike] | None = None,
-) -> Propagation:
-    """Choose method and steps for a Schrödinger equation, and say what they cost, without a run.
-
-    :func:`liouville.integrate` does the same and takes the result as a method.
-
-    Parameters
-    ----------
-    system : Schrodinger
-        What is to be integrated.
-    method : SchrodingerSplitting, Chebyshev or Lanczos, default "auto"
-        How; ``"auto"`` is ``SchrodingerSplitting()``.
-    t : sequence of float
-        Times of the start and of all states to keep.
-    tol : float, optional
-        The error at the end, relative to the norm, instead of the method's own.
-    is_real : bool, default False
-        Whether the start is real, which makes a Chebyshev series shorter.
-    params : mapping, optional
-        Parameters that differ from the system's defaults.
-
-    Returns
-    -------
-    Propagation
-        ``print`` it for steps, products, the bound of the error, and the reasons.
-
-    Raises
-    ------
-    TypeError, ValueError
-        An argument is of the wrong kind or out of range, or the tolerance out of reach.
-
-    Examples
-    --------
-    >>> import liouville as lv
-    >>> chain = lv.Schrodinger(lv.Lattice(50))
-    >>> lv.propagation(chain, t=(0, 10), tol=1e-6).products
-    20.0
-    """
-    if not isinstance(system, Schrodinger):
-        raise TypeError(f"system is a Schrodinger equation, not {system!r}")
-    chosen = method_of(method, tol)
-    if not isinstance(chosen, SchrodingerSplitting | Chebyshev | Lanczos):
-        raise TypeError(f"method is a SchrodingerSplitting, Chebyshev or Lanczos, not {method!r}")
-    return planned(system.with_params(params), chosen, times_of(t), is_real)
-
-
-def method_of(method: Any, tol: float | None) -> Any:
-    """Return what ``"auto"`` stands for, and any method with another tolerance."""
-    if isinstance(method, str) and method == "auto":
-        method = SchrodingerSplitting()
-    return method if tol is None else replace(method, tol=tol)
-
-
-def planned(
-    system: Schrodinger,
-    method: Method,
+    method: Planned,
     times: Sequence[float],
     is_real: bool = False,
-) -> Propagation:
+) -> WavePlan:
     """Choose the steps of a method, and for ``"auto"`` the method.
 
     `times` are those of the start and of the states to keep; `is_real` says whether the start is
@@ -149,10 +88,10 @@ def planned(
     if isinstance(method, Lanczos):
         return _lanczos(span, method)
     if isinstance(method, Chebyshev):
-        return _chebyshev(span, method.tol, system, is_real, ("asked for",))
+        return _chebyshev(span, method, system, is_real, ("asked for",))
     if not system.is_real:
         why = "H is complex and no gauge makes it real"
-        return _chebyshev(span, method.tol, system, is_real, (why,))
+        return _chebyshev(span, method, system, is_real, (why,))
     found = _splitting(span, method)
     if found is None and method.mode != "auto":
         raise ValueError(
@@ -162,7 +101,7 @@ def planned(
                 "give a larger tol, or mode='auto', which takes a Chebyshev series then",
             )
         )
-    series = _chebyshev(span, method.tol, system, is_real, ())
+    series = _chebyshev(span, method, system, is_real, ())
     if found is None:
         why = f"no splitting reaches {method.tol:g} over {span.thetas.sum():.3g} / beta"
         return replace(series, reasons=(why,))
@@ -170,7 +109,7 @@ def planned(
     return _faster(system, splitting, series) if method.mode == "auto" else splitting
 
 
-def _check_system(system: Schrodinger, method: Method) -> None:
+def _check_system(system: Schrodinger, method: Planned) -> None:
     """Refuse an H that depends on time, and a complex one for what needs a real one."""
     name = type(method).__name__
     if system.is_driven:
@@ -182,7 +121,7 @@ def _check_system(system: Schrodinger, method: Method) -> None:
         raise ValueError(hinted(sentence, "take 'auto', which uses a Chebyshev series then"))
 
 
-def _faster(system: Schrodinger, splitting: Propagation, series: Propagation) -> Propagation:
+def _faster(system: Schrodinger, splitting: WavePlan, series: WavePlan) -> WavePlan:
     """Choose by the time that the products will take."""
     why = [f"a Chebyshev series would take {series.products:g} products"]
     if series.products < splitting.products:
@@ -217,16 +156,16 @@ def _splitting(span: Span, method: SchrodingerSplitting) -> Choice | None:
     return found
 
 
-def _split(span: Span, found: Choice, method: SchrodingerSplitting) -> Propagation:
+def _split(span: Span, found: Choice, method: SchrodingerSplitting) -> WavePlan:
     rung, steps = found.rung, int(found.steps.sum())
     kind = "stable" if rung.stable else "fast"
     norm = rung.norm_bound(found.x, steps) if rung.stable else found.bound
     why = "fewest products of the splittings that keep to the tolerance"
     if kind == "stable" and method.mode == "auto" and steps > MANY:
         why += f", stable ones beyond {MANY} steps"
-    return Propagation(
-        method=f"{rung.name} ({kind} splitting of {rung.n} shears)",
-        tol=method.tol,
+    return WavePlan(
+        method=method,
+        scheme=f"{rung.name} ({kind} splitting of {rung.n} shears)",
         t0=span.t0,
         stops=span.stops(found.steps),
         theta=found.x,
@@ -239,10 +178,10 @@ def _split(span: Span, found: Choice, method: SchrodingerSplitting) -> Propagati
 
 
 def _chebyshev(
-    span: Span, tol: float, system: Schrodinger, is_real: bool, why: tuple[str, ...]
-) -> Propagation:
+    span: Span, method: Planned, system: Schrodinger, is_real: bool, why: tuple[str, ...]
+) -> WavePlan:
     """One series for each interval, with its share of the tolerance."""
-    thetas = span.thetas
+    thetas, tol = span.thetas, method.tol
     rate = (tol - span.roundoff) / float(span.intervals.sum())
     lengths, place = np.unique(span.intervals, return_inverse=True)
     each = [_core.chebyshev_degree(span.beta * length, rate * length) for length in lengths]
@@ -251,9 +190,9 @@ def _chebyshev(
     if is_real and system.is_real:
         products -= degrees[0] / 2
         why = (*why, "the start is real, which halves the products of the first interval")
-    return Propagation(
-        method=f"Chebyshev (series of degree {max(degrees)})",
-        tol=tol,
+    return WavePlan(
+        method=method,
+        scheme=f"Chebyshev (series of degree {max(degrees)})",
         t0=span.t0,
         stops=span.stops(np.ones(len(thetas))),
         theta=float(thetas.max()),
@@ -265,13 +204,13 @@ def _chebyshev(
     )
 
 
-def _lanczos(span: Span, method: Lanczos) -> Propagation:
+def _lanczos(span: Span, method: Lanczos) -> WavePlan:
     """Guess the products: a Krylov space of dimension m goes about m/2 / beta."""
     products = float(np.maximum(np.ceil(2 * span.thetas / method.dimension), 1).sum())
     rate = method.tol / float(span.intervals.sum())
-    return Propagation(
-        method=f"Lanczos (Krylov spaces of dimension {method.dimension})",
-        tol=method.tol,
+    return WavePlan(
+        method=method,
+        scheme=f"Lanczos (Krylov spaces of dimension {method.dimension})",
         t0=span.t0,
         stops=span.stops(np.ones(len(span.times))),
         theta=float(span.thetas.max()),

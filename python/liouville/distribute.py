@@ -1,8 +1,8 @@
-"""An ensemble in chunks, on any executor of :mod:`concurrent.futures`: cut, sent and joined.
+"""An ensemble in chunks on any executor of :mod:`concurrent.futures`: cut, sent and joined.
 
-A chunk is a task: a function of this module, and what it works on. The system travels with the
-first tasks, and with each where it is small; a worker keeps it, and asks for it if it has not seen
-it. Tasks whose worker died are sent again.
+A chunk is sent as a function of this module with its arguments. The system goes with the first
+chunks, and with every chunk where it is small; a worker keeps it, and returns None where it has not
+got it yet. A chunk whose worker died is sent again.
 """
 
 from __future__ import annotations
@@ -22,22 +22,22 @@ import numpy as np
 
 from liouville._arguments import count
 from liouville.errors import IntegrationError, hinted
-from liouville.failure import Failure, told
+from liouville.failure import Failure, summary_of
 from liouville.solution import Solution
 
-#: A task is sent so many times more if its worker dies.
+#: A chunk is sent so many times more if its worker dies.
 AGAIN = 3
 
-#: Tasks a worker, results of a task in bytes at most, and members in lock-step on any machine.
-TASKS, MOST, LANES = 4, 2**26, 16
+#: Chunks a worker, results of a chunk in bytes at most, members in lock-step on any machine.
+CHUNKS, MOST, LANES = 4, 2**26, 16
 
-#: A larger system is not sent with every task, and so many are kept by a worker.
-LARGE, KEPT = 100_000, 4
+#: A larger system is not sent with every chunk, in bytes; a worker keeps so many systems.
+LARGE, CACHED = 100_000, 4
 
 #: Seconds between two looks at the signals.
-PATIENCE = 0.2
+POLL = 0.2
 
-#: What dask.distributed raises where workers die; it is never imported here.
+#: Errors of dask.distributed, which is never imported here, where workers die.
 DIED = {"KilledWorker", "FutureCancelledError", "FuturesCancelledError", "CommClosedError"}
 
 #: The groups of arrays of a solution, whose second axis are members.
@@ -46,12 +46,12 @@ GROUPS = ("states", "invariants", "residuals", "observed", "balance")
 #: Numbers of a run that chunks do not add to.
 SAME = ("steps", "pieces")
 
-_kept: dict[str, Callable[..., Solution]] = {}
+_cache: dict[str, Callable[..., Solution]] = {}
 
 
 @dataclass(frozen=True)
-class Job:
-    """An ensemble to be spread.
+class Task:
+    """An ensemble to distribute.
 
     Attributes
     ----------
@@ -78,7 +78,7 @@ class Job:
     t0: float
 
     def cut(self, first: int, last: int) -> dict[str, Any]:
-        """Return what some of the members start from."""
+        """Return the start values and parameters of some of the members."""
         found = {name: _cut(x, 2, first, last) for name, x in self.start.items()}
         if self.params is not None:
             axes = {name: np.ndim(x) for name, x in self.defaults.items()}
@@ -94,8 +94,8 @@ class _Chunk:
     tries: int = 0
 
 
-def spread(
-    job: Job,
+def distribute(
+    task: Task,
     executor: Executor,
     chunk: int | None = None,
     progress: Callable[[float, float], None] | None = None,
@@ -104,12 +104,12 @@ def spread(
 
     Parameters
     ----------
-    job : Job
-        What is to be done.
+    task : Task
+        The ensemble.
     executor : Executor
-        Where.
+        Its workers integrate the members.
     chunk : int, optional
-        Members a task.
+        Members a chunk.
     progress : callable, optional
         ``progress(done, total)``, called with numbers of members.
 
@@ -136,52 +136,54 @@ def spread(
     if progress is not None and not callable(progress):
         raise TypeError(f"progress is a function, not {progress!r}")
     workers = _workers(executor)
-    size = _size(job, workers) if chunk is None else count("chunk", chunk)
-    return _Spread(job, executor, workers, progress).run(size)
+    size = _size(task, workers) if chunk is None else count("chunk", chunk)
+    return _Distribution(task, executor, workers, progress).run(size)
 
 
-def task(name: str, work: bytes | None, start: dict[str, Any], attempt: int) -> Solution | None:
+def integrate_chunk(
+    name: str, work: bytes | None, start: dict[str, Any], attempt: int
+) -> Solution | None:
     """Integrate a chunk, in a worker; None if the worker does not know the system of this name."""
-    del attempt  # some executors take equal tasks for one
-    integrate = _kept.get(name)
+    del attempt  # it tells calls apart: some executors take equal ones for one
+    integrate = _cache.get(name)
     if integrate is None:
         if work is None:
             return None
         integrate = pickle.loads(work)
-        if len(_kept) >= KEPT:
-            _kept.clear()
-        _kept[name] = integrate
+        if len(_cache) >= CACHED:
+            _cache.clear()
+        _cache[name] = integrate
     return replace(integrate(**start), system=None)
 
 
-class _Spread:
+class _Distribution:
     """An ensemble under way."""
 
     def __init__(
         self,
-        job: Job,
+        task: Task,
         executor: Executor,
         workers: int,
         progress: Callable[[float, float], None] | None,
     ) -> None:
-        self._job, self._executor, self._progress = job, executor, progress
-        self._work = pickle.dumps(job.integrate)
+        self._task, self._executor, self._progress = task, executor, progress
+        self._work = pickle.dumps(task.integrate)
         self._name = hashlib.sha256(self._work).hexdigest()
-        self._whole = workers  # so many tasks more have the system with them
+        self._whole = workers  # so many further chunks have the system with them
         self._pending: dict[Future[Solution | None], _Chunk] = {}
         self._done: SimpleQueue[Future[Solution | None]] = SimpleQueue()
         self._lost: list[tuple[_Chunk, BaseException]] = []
-        self._joined = Joined(job)
+        self._joined = Joined(task)
 
     def run(self, size: int) -> Solution:
-        """Send all chunks, and take what comes back."""
+        """Send all chunks, and join their solutions."""
         clock, is_interrupted = time.perf_counter(), False
         try:
-            for first in range(0, self._job.members, size):
-                self._send(_Chunk(first, min(first + size, self._job.members)))
+            for first in range(0, self._task.members, size):
+                self._send(_Chunk(first, min(first + size, self._task.members)))
             while self._pending:
                 with suppress(Empty):
-                    self._take(self._done.get(timeout=PATIENCE))
+                    self._take(self._done.get(timeout=POLL))
         except KeyboardInterrupt:
             is_interrupted, self._progress = True, None
             while not self._done.empty():
@@ -195,17 +197,17 @@ class _Spread:
             raise self._nothing()
         seconds = time.perf_counter() - clock
         solution = self._joined.solution(self._lost, is_interrupted, seconds)
-        if not len(solution.t) and len(solution.failures) == self._job.members:
-            raise IntegrationError(solution.message, t=self._job.t0, member=0, solution=solution)
+        if not len(solution.t) and len(solution.failures) == self._task.members:
+            raise IntegrationError(solution.message, t=self._task.t0, member=0, solution=solution)
         return solution
 
     def _send(self, chunk: _Chunk, is_whole: bool = False) -> None:
         is_whole = is_whole or len(self._work) < LARGE or self._whole > 0
         self._whole -= 1
-        start = self._job.cut(chunk.first, chunk.last)
+        start = self._task.cut(chunk.first, chunk.last)
         work = self._work if is_whole else None
         try:
-            future = self._executor.submit(task, self._name, work, start, chunk.tries)
+            future = self._executor.submit(integrate_chunk, self._name, work, start, chunk.tries)
         except (BrokenExecutor, RuntimeError) as error:  # the latter from one that is shut down
             self._lost.append((chunk, error))
         else:
@@ -234,7 +236,7 @@ class _Spread:
             return
         self._joined.add(chunk.first, chunk.last, found)
         if self._progress is not None:
-            self._progress(self._joined.done, self._job.members)
+            self._progress(self._joined.done, self._task.members)
 
     def _failed(self, chunk: _Chunk, error: IntegrationError) -> IntegrationError:
         """Return the error of a member with its number in the whole ensemble."""
@@ -256,7 +258,7 @@ class _Spread:
         )
 
     def _nothing(self) -> BaseException:
-        """Return what kept all chunks from being done."""
+        """Return the error that kept all chunks from being integrated."""
         error = self._lost[0][1]
         error.add_note(
             "no member of the ensemble was integrated\nhint: processes that are spawned import the "
@@ -276,10 +278,10 @@ class Joined:
         Number of members that are there.
     """
 
-    def __init__(self, job: Job) -> None:
+    def __init__(self, task: Task) -> None:
         self.first: Solution | None = None
         self.done = 0
-        self._job = job
+        self._task = task
         self._t = np.empty(0)
         self._arrays: dict[str, dict[str, np.ndarray]] = {group: {} for group in GROUPS}
         self._failures: dict[int, Failure] = {}
@@ -306,7 +308,7 @@ class Joined:
         old = arrays.get(name)
         k = 0 if old is None else len(old)
         if old is None or k < len(part):
-            shape = (len(part), self._job.members, *part.shape[2:])
+            shape = (len(part), self._task.members, *part.shape[2:])
             arrays[name] = np.full(shape, np.nan, part.dtype)
             if old is not None:
                 arrays[name][:k] = old
@@ -317,13 +319,13 @@ class Joined:
     ) -> Solution:
         """Return all of it; what was not reached is NaN."""
         assert self.first is not None
-        members = self._job.members
+        members = self._task.members
         failures = dict(self._failures)
         for chunk, error in lost:
-            why = Failure(0, self._job.t0, f"its worker died ({type(error).__name__})")
+            why = Failure(0, self._task.t0, f"its worker died ({type(error).__name__})")
             failures |= dict.fromkeys(range(chunk.first, chunk.last), why)
         failures = dict(sorted(failures.items()))
-        status, message = "done", told(failures, members)
+        status, message = "done", summary_of(failures, members)
         if is_interrupted or self._is_cut:
             status = "interrupted"
             message = f"interrupted after {self.done} of {members} members"
@@ -377,9 +379,9 @@ def _workers(executor: Executor) -> int:
     return os.cpu_count() or 1
 
 
-def _size(job: Job, workers: int) -> int:
-    """Return how many members make a task: whole blocks of lanes, and not too much to send."""
-    size = -(-job.members // (TASKS * workers))
+def _size(task: Task, workers: int) -> int:
+    """Return how many members make a chunk: whole blocks of lanes, and not too much to send."""
+    size = -(-task.members // (CHUNKS * workers))
     size = -(-size // LANES) * LANES
-    member = max(job.size // job.members, 1)
+    member = max(task.size // task.members, 1)
     return max(min(size, MOST // member), 1)

@@ -1,4 +1,4 @@
-"""The way of a mechanical system."""
+"""Runs of a mechanical system."""
 
 from __future__ import annotations
 
@@ -8,89 +8,82 @@ from typing import Any
 import numpy as np
 
 from liouville import _core
-from liouville._arguments import CONTROLS, LEAST_TOLERANCE, Takes, check_memory, steps_of
-from liouville.errors import describe, hinted, quoted
+from liouville._arguments import check_memory
+from liouville.control import CONTROLS, LEAST_TOLERANCE, Reversible, Takes
+from liouville.errors import Description, describe, hinted, quoted
 from liouville.methods import Composition, LobattoPair, Method, Spark
 from liouville.points import Points
-from liouville.routes.route import Asked, check_records, kept, observable
-from liouville.routes.watching import Watching
+from liouville.runners.runner import Request, Runner, kept
+from liouville.runners.watch import Watch
 from liouville.systems import Mechanical, Mechanics
 
 
-class MechanicalRoute:
-    """A mechanical system on its way, see :class:`Route`."""
+class MechanicalRunner(Runner):
+    """Runs a mechanical system; see :class:`Runner`."""
 
-    members: tuple[int, ...] = ()
+    system: Mechanics
+    choice: Method
 
-    def __init__(self, system: Mechanics, method: Method, asked: Asked) -> None:
-        self._system = system
-        self.method = repr(method)
+    def __init__(self, system: Mechanics, method: Method, request: Request) -> None:
+        self.system, self.choice, self.method = system, method, repr(method)
         self.constraints = system.constraints
-        self._method = method
         self._is_general = method.form == "general"
         self._base = method.base if isinstance(method, Composition) else method
-        self.pace = steps_of(
-            asked.t, asked.h, asked.steps, asked.control, system.coordinates, _takes(method)
-        )
-        monitor = asked.control.get("monitor")
-        self._monitor = None if monitor is None else system.monitor(monitor)
-        self._control = None if self.pace.control is None else self.pace.control[0]
+        self.steps = request.steps_of(system, self._takes())
+        self._control = None if self.steps.control is None else self.steps.control[0]
+        self._monitor = None
+        if isinstance(request.control, Reversible) and request.control.monitor is not None:
+            self._monitor = system.monitor(request.control.monitor)
         self._problem = self._form()
         self._is_rattle = isinstance(self._problem, _core.Separable)
-        self.every = kept(self.pace, asked.every)
+        self.every = kept(self.steps, request.every)
         self._order = int(getattr(method, "order", 0))
-        span = (self.pace.t0, self.pace.t1)
-        self._watching = Watching(asked.events, asked.t_eval, span, self.every)
-        self._watch = self._watching.asked(system, self._order)
-        self._take(asked)
-        self.params: Mapping[str, Any] = {**system.params, **dict(asked.params or {})}
-        self._states = asked.states
-        self._observer, self._widths = system.observer(asked.observe, asked.states)
+        span = (self.steps.t0, self.steps.t1)
+        self._watch = Watch(request.events, request.t_eval, span, self.every)
+        self._watched = self._watch.crossed(system, self._order)
+        self._take(request)
+        self.params = {**system.params, **dict(request.params or {})}
+        self._states = request.states
+        self._observer, self.widths = system.observer(request.observe, request.states)
         self.columns = self._columns()
-        self._check_sizes(asked)
-
-    @property
-    def system(self) -> Mechanics:
-        """What is integrated."""
-        return self._system
-
-    @property
-    def choice(self) -> Method:
-        """The method."""
-        return self._method
-
-    @property
-    def row(self) -> int:
-        """Bytes of a record."""
-        return 8 * (1 + sum(self.columns.values()))
+        self._check_sizes(request)
 
     def start(self) -> _core.Run | dict[str, Any]:
-        """Start the run, or say what is the trouble."""
-        pace = self.pace
-        control = pace.control
+        """Start the run, or return the error of its start."""
+        steps, control = self.steps, self.steps.control
         if control is not None and self._control == "reversible":
             control = (*control, self._monitor)
         return _core.mechanical_run(
-            self._problem, self._method, self._observer, self._values, self._begin,
-            (pace.t0, pace.t1, pace.count, self.every), control, self._watch, self._states,
+            self._problem, self.choice, self._observer, self._values, self._begin,
+            (steps.t0, steps.t1, steps.count, self.every), control, self._watched, self._states,
         )  # fmt: skip
 
     @property
     def dense_order(self) -> int:
         """The order of the method, where the states of all steps are kept, else 0."""
-        is_whole = self.every == 1 and self._watching.times is None and self._states
+        is_whole = self.every == 1 and self._watch.times is None and self._states
         return self._order if is_whole else 0
 
-    def seen(self, run: _core.Run) -> tuple[dict[str, Points], str]:
+    def events(self, run: _core.Run) -> tuple[dict[str, Points], str]:
         """Return the events met, by name, and a sentence on the one that ended the run."""
-        return self._watching.seen(run, self.system, self._values)
+        return self._watch.events_of(run, self.system, self._values)
 
-    def _take(self, asked: Asked) -> None:
+    def _take(self, request: Request) -> None:
         """Take parameters and start values, and see that they fit together."""
-        self._values = self.system.values(asked.params)
-        self._begin = self.system.start(asked.start, self._also)
+        self._values = self.system.values(request.params)
+        self._begin = self.system.start(request.start, self._also)
         y, z = self._begin[:2]
-        self.system.check(self.pace.t0, y, z, self._values, hidden=self._is_hidden_kept)
+        self.system.check(self.steps.t0, y, z, self._values, hidden=self._is_hidden_kept)
+
+    def _takes(self) -> Takes:
+        """Return the controls of the steps that the method takes."""
+        name = type(self.choice).__name__
+        if not self._is_general:
+            return Takes(name, ("error",))
+        estimates = not isinstance(self.choice, Composition)
+        takes = {"error": estimates, "reversible": getattr(self.choice, "is_symmetric", True)}
+        controls = tuple(kind for kind in CONTROLS if takes[kind])
+        return Takes(name, controls, LEAST_TOLERANCE / 100)
 
     @property
     def _also(self) -> tuple[str, ...]:
@@ -102,7 +95,7 @@ class MechanicalRoute:
 
         A method that goes on with its own accelerations may have left them by itself.
         """
-        goes_on = len(self._begin) == 3 and getattr(self._method, "reaction", "") == "position"
+        goes_on = len(self._begin) == 3 and getattr(self.choice, "reaction", "") == "position"
         return not goes_on
 
     def _form(self) -> _core.Mechanical | _core.SecondOrder | _core.Separable:
@@ -131,26 +124,19 @@ class MechanicalRoute:
             stats["solver"] = "rattle" if self._is_rattle else _solver(stats)
         return stats
 
-    def read(self, parts: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
-        """Give the columns of all records as they are."""
-        return parts
-
     def balance(self, parts: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
-        """Say where the energy went, if the system tells forces with a potential from others."""
+        """Return where the energy went, if forces with a potential are known from others."""
         if "work" not in parts or isinstance(self.system, Mechanical):
             return {}
         energy, work = (parts[name][..., 0] for name in ("invariant energy", "work"))
         return {"work": work, "dissipated": energy[:1] + work - energy}
 
-    def describe(self, trouble: dict[str, Any]) -> tuple[str, str, str]:
-        """Say what a trouble means in the user's names: sentence, hint and quantity."""
-        if trouble.get("quantity") == "observable":
-            trouble |= observable(trouble["index"], self._widths)
-        if trouble.get("quantity") == "event":
-            trouble["quantity"] = f"event {[*self._watching.events][trouble['index']]}"
-        sentence, hint, quantity = describe(trouble, self.system.coordinates, self.constraints)
+    def _described(self, error: dict[str, Any]) -> Description:
+        if error.get("quantity") == "event":
+            error["quantity"] = f"event {[*self._watch.events][error['index']]}"
+        sentence, hint, quantity = describe(error, self.system.coordinates, self.constraints)
         node_schur = getattr(self._base, "solver", "") == "node-schur"
-        if trouble["kind"] == "not converged" and node_schur:
+        if error["kind"] == "not converged" and node_schur:
             hint += ", or solver='auto', which takes stiff forces too"
         return sentence, hint, quantity
 
@@ -161,7 +147,7 @@ class MechanicalRoute:
         if not self._is_general:
             own |= {"acceleration": n, "a": n} if states else {}
             own["work"] = 1
-        return {**own, **self._widths}
+        return {**own, **self.widths}
 
     def _check_solver(self) -> None:
         if self.system.nonholonomic and getattr(self._base, "solver", "") == "node-schur":
@@ -173,10 +159,11 @@ class MechanicalRoute:
                 )
             )
 
-    def _check_sizes(self, asked: Asked) -> None:
-        times = self._watching.times
-        records = -(-self.pace.count // self.every) + 1 if times is None else times.size
-        check_records(asked, records, self.row)
+    def _check_sizes(self, request: Request) -> None:
+        times = self._watch.times
+        self._check_records(
+            request, self.steps.records(self.every) if times is None else times.size
+        )
         method = self._base
         # stages, multipliers and the end of a step in one dense matrix
         if isinstance(method, Spark | LobattoPair) and self.system.nonholonomic:
@@ -185,17 +172,6 @@ class MechanicalRoute:
             hint = "HHT and its relatives take large sparse systems"
             what = f"{method!r} on {n} coordinates with nonholonomic constraints, dense,"
             check_memory(what, 16 * (s * n + n + multipliers) ** 2, hint)
-
-
-def _takes(method: Method) -> Takes:
-    """Say which controls of the steps a method takes."""
-    name = type(method).__name__
-    if method.form != "general":
-        return Takes(name, ("error",))
-    estimates = not isinstance(method, Composition)
-    takes = {"error": estimates, "reversible": getattr(method, "is_symmetric", True)}
-    controls = tuple(kind for kind in CONTROLS if takes[kind])
-    return Takes(name, controls, LEAST_TOLERANCE / 100)
 
 
 def _solver(stats: Mapping[str, int]) -> str:

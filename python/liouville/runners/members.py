@@ -1,4 +1,4 @@
-"""The way of an ensemble of mechanical trajectories."""
+"""Runs of an ensemble of mechanical trajectories."""
 
 from __future__ import annotations
 
@@ -9,47 +9,48 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from liouville import _core
+from liouville.control import Takes
 from liouville.errors import hinted
 from liouville.methods import Method
-from liouville.routes.mechanical import MechanicalRoute
-from liouville.routes.route import Asked, threads_of
+from liouville.points import Points
+from liouville.runners.mechanical import MechanicalRunner
+from liouville.runners.runner import Request, threads_of
 from liouville.systems import Mechanics, members
 from liouville.systems._trace import mapping, numbers
 
 
-class MembersRoute(MechanicalRoute):
-    """Many trajectories of a mechanical system on their way, see :class:`Route`."""
+class MembersRunner(MechanicalRunner):
+    """Runs many trajectories of a mechanical system; see :class:`Runner`."""
 
-    def __init__(self, system: Mechanics, method: Method, asked: Asked) -> None:
-        self.threads = threads_of(asked.threads)
-        super().__init__(system, method, asked)
-
-    @property
-    def row(self) -> int:
-        """Bytes of a record."""
-        return 8 * (1 + self.members[0] * sum(self.columns.values()))
+    def __init__(self, system: Mechanics, method: Method, request: Request) -> None:
+        self.threads = threads_of(request.threads)
+        super().__init__(system, method, request)
 
     def start(self) -> _core.Run | dict[str, Any]:
         """Start the run."""
-        pace = self.pace
+        steps = self.steps
         return _core.mechanical_ensemble(
-            self._problem, self._method, self._observer, self._rows, self._begin,
-            (pace.t0, pace.t1, pace.count, self.every), self._states, self.threads,
+            self._problem, self.choice, self._observer, self._rows, self._begin,
+            (steps.t0, steps.t1, steps.count, self.every), self._states, self.threads,
         )  # fmt: skip
 
     @property
     def dense_order(self) -> int:
-        """Say that there is no dense output of an ensemble."""
+        """Zero: an ensemble has no dense output."""
         return 0
 
-    def seen(self, run: _core.Run) -> tuple[dict[str, Any], str]:
-        """Say that an ensemble looks for no events."""
+    def events(self, run: _core.Run) -> tuple[dict[str, Points], str]:
+        """Return no events: an ensemble has none."""
+        del run
         return {}, ""
 
-    def _take(self, asked: Asked) -> None:
+    def _takes(self) -> Takes:
+        return Takes(type(self.choice).__name__)
+
+    def _take(self, request: Request) -> None:
         system = self.system
-        given = members.starts(system, asked.start, self._also)
-        params, of_params = _params(system, asked.params)
+        given = members.starts(system, request.start, self._also)
+        params, of_params = _params(system, request.params)
         counts = {name: len(x) for name, x in given.items() if x.ndim == 2} | of_params
         if not counts:
             raise ValueError(
@@ -75,13 +76,13 @@ class MembersRoute(MechanicalRoute):
         self._values = self._rows[0]
         y, z = self._begin[:2]
         kept = self._is_hidden_kept
-        members.check(system, self.pace.t0, y, z, self._rows, hidden=kept)
+        members.check(system, self.steps.t0, y, z, self._rows, hidden=kept)
 
 
 def _params(
     system: Mechanics, changes: Mapping[str, ArrayLike] | None
 ) -> tuple[np.ndarray, dict[str, int]]:
-    """Return rows of parameters, one or one for each member, and who brought how many."""
+    """Return rows of parameters, one or one for each member, and the members of each parameter."""
     defaults = system.params
     given = mapping("params", changes)
     own: dict[str, np.ndarray] = {}

@@ -1,4 +1,4 @@
-"""What a propagation promises before it runs: bounds of errors, tolerances, and fewest products."""
+"""Plans of wave functions before they run: bounds of errors, tolerances, and fewest products."""
 
 import numpy as np
 import pytest
@@ -7,8 +7,8 @@ from hypothesis import strategies as st
 from mpmath import mp
 
 import liouville as lv
+from liouville.planner.waves.ladder import ROUNDOFF, SHORTER, cheapest, ladder
 from liouville.problems import load
-from liouville.propagation.ladder import ROUNDOFF, SHORTER, cheapest, ladder
 
 METHODS = {
     "auto": lv.SchrodingerSplitting,
@@ -120,7 +120,7 @@ def test_the_bound_is_not_much_above_the_error_of_the_worst_state(name, method, 
     energies, vectors = eigen(problem.system)
     t = problem.interval[1] - problem.interval[0]
     for tol in (1e-4, problem.tol):
-        plan = lv.propagation(problem.system, METHODS[method](tol), t=problem.interval)
+        plan = lv.plan(problem.system, METHODS[method](tol), t=problem.interval)
         starts = np.concatenate([vectors.T, 1j * vectors.T])
         ends = lv.ensemble(problem.system, plan, t=problem.interval, psi=starts).psi[-1]
         turned = np.exp(-1j * np.tile(energies, 2) * t)[:, None] * starts
@@ -128,7 +128,7 @@ def test_the_bound_is_not_much_above_the_error_of_the_worst_state(name, method, 
         # on each eigenvector the error is a real 2 x 2 matrix, and the worst state is one of them
         pairs = np.stack([first.view(float), second.view(float)], axis=-1)
         worst = np.linalg.norm(pairs, ord=2, axis=(1, 2)).max()
-        assert worst <= plan.bound < slack * worst, (tol, plan.method)
+        assert worst <= plan.bound < slack * worst, (tol, plan.scheme)
 
 
 @pytest.mark.parametrize("name", [*PROBLEMS, "lattice2d"])
@@ -151,9 +151,9 @@ def test_the_bound_is_within_ten_times_the_error_of_the_problem(name):
 @pytest.mark.parametrize("theta", [20.0, 50.0, 100.0, 200.0, 500.0, 1e3, 1e4])
 def test_a_splitting_takes_fewer_products_than_a_series(theta, mode):
     for tol in 10.0 ** -np.arange(3, 11):
-        splitting = lv.propagation(UNIT, METHODS[mode](tol), t=(0.0, theta))
-        series = lv.propagation(UNIT, lv.Chebyshev(tol), t=(0.0, theta))
-        assert "splitting" in splitting.method
+        splitting = lv.plan(UNIT, METHODS[mode](tol), t=(0.0, theta))
+        series = lv.plan(UNIT, lv.Chebyshev(tol), t=(0.0, theta))
+        assert "splitting" in splitting.scheme
         assert splitting.products < series.products, tol
         assert splitting.products >= theta / 2  # which no splitting can do better
 
@@ -162,7 +162,7 @@ def test_a_splitting_takes_fewer_products_than_a_series(theta, mode):
 def test_many_output_times_cost_a_series_more_than_a_splitting(interval):
     times = interval * np.arange(21)
     for tol in (1e-3, 1e-6, 1e-9):
-        plans = {name: lv.propagation(UNIT, METHODS[name](tol), t=times) for name in METHODS}
+        plans = {name: lv.plan(UNIT, METHODS[name](tol), t=times) for name in METHODS}
         assert plans["Chebyshev"].products > 1.1 * plans["stable"].products
 
 
@@ -171,7 +171,7 @@ def test_products_are_those_of_the_plan():
     psi = random_state(np.random.default_rng(0), 50)
     for method in METHODS.values():
         for t in ((0.0, 30.0), (0.0, 1.0, 2.5, 30.0)):
-            plan = lv.propagation(chain, method(1e-6), t=t)
+            plan = lv.plan(chain, method(1e-6), t=t)
             solution = lv.integrate(chain, plan, t=t, psi=psi)
             assert solution.stats["products"] == plan.products
 
@@ -179,10 +179,10 @@ def test_products_are_those_of_the_plan():
 def test_a_real_start_has_the_shorter_series_if_that_is_the_cheaper():
     end, many = (0.0, 200.0), np.linspace(0.0, 200.0, 11)
     for t, is_series in ((end, True), (many, False)):
-        real = lv.propagation(UNIT, t=t, tol=1e-6, is_real=True)
-        either = lv.propagation(UNIT, t=t, tol=1e-6)
-        assert "splitting" in either.method
-        assert ("Chebyshev" in real.method) == is_series
+        real = lv.plan(UNIT, METHODS["auto"](1e-6), t=t, psi=[1.0, 2.0])
+        either = lv.plan(UNIT, METHODS["auto"](1e-6), t=t)
+        assert "splitting" in either.scheme
+        assert ("Chebyshev" in real.scheme) == is_series
         assert (real.products < either.products) == is_series
 
 
@@ -220,19 +220,19 @@ def test_the_choice_is_the_cheapest_of_all(thetas, tol, stable):
 
 
 def test_beyond_fifty_steps_a_stable_method_is_taken():
-    few, many = (lv.propagation(UNIT, t=(0.0, theta), tol=1e-3) for theta in (400.0, 1e4))
+    few, many = (lv.plan(UNIT, METHODS["auto"](1e-3), t=(0.0, theta)) for theta in (400.0, 1e4))
     assert few.steps <= 50 < many.steps
-    assert "fast" in few.method
-    assert "stable" in many.method
+    assert "fast" in few.scheme
+    assert "stable" in many.scheme
 
 
 def test_what_no_splitting_reaches_is_a_series_and_said_so():
     short, tol = (0.0, 3.0), 1e-14
-    plan = lv.propagation(UNIT, t=short, tol=tol)
-    assert "Chebyshev" in plan.method
+    plan = lv.plan(UNIT, METHODS["auto"](tol), t=short)
+    assert "Chebyshev" in plan.scheme
     assert "no splitting reaches" in str(plan)
     for mode in ("fast", "stable"):
         with pytest.raises(ValueError, match=rf"no {mode} splitting reaches tol = 1e-14.*\nhint"):
-            lv.propagation(UNIT, METHODS[mode](tol), t=short)
+            lv.plan(UNIT, METHODS[mode](tol), t=short)
     with pytest.raises(ValueError, match=r"tol = 1e-13 is out of reach: .*\nhint: give tol of"):
-        lv.propagation(UNIT, t=(0.0, 300.0), tol=1e-13)
+        lv.plan(UNIT, METHODS["auto"](1e-13), t=(0.0, 300.0))

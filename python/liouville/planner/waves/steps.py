@@ -1,4 +1,4 @@
-"""Propagations with steps of a given size: split operator, Magnus methods for H(t), and shears."""
+"""Plans with steps of a given size: split operator, Magnus methods for H(t), and shears."""
 
 from __future__ import annotations
 
@@ -17,8 +17,8 @@ from liouville.methods import (
     Stepped,
     shears_of,
 )
-from liouville.propagation.ladder import cheapest
-from liouville.propagation.plan import Propagation
+from liouville.planner.waves.ladder import cheapest
+from liouville.planner.waves.plan import WavePlan
 from liouville.systems import Schrodinger
 
 #: So many times are looked at for the largest width of the spectrum of H(t).
@@ -35,7 +35,7 @@ LONGEST = 0.99
 Stops = Sequence[tuple[float, int]]
 
 
-def stepped(system: Schrodinger, method: Stepped, t0: float, stops: Stops) -> Propagation:
+def plan_steps(system: Schrodinger, method: Stepped, t0: float, stops: Stops) -> WavePlan:
     """Plan a run from t0 with steps between `stops`: times with the steps to each."""
     if isinstance(method, SplitOperator):
         return _split_operator(system, method, t0, stops)
@@ -46,7 +46,7 @@ def stepped(system: Schrodinger, method: Stepped, t0: float, stops: Stops) -> Pr
 
 def _split_operator(
     system: Schrodinger, method: SplitOperator, t0: float, stops: Stops
-) -> Propagation:
+) -> WavePlan:
     if system.grid is None:
         raise TypeError(
             hinted(
@@ -60,9 +60,9 @@ def _split_operator(
     steps, h = _sizes(t0, stops)
     drifts = sum(not is_kick for is_kick, _, _ in _core.split_program(method.scheme))
     low, high = system.bounds_at(t0)
-    return Propagation(
-        method=f"split operator {method.scheme}",
-        tol=None,
+    return WavePlan(
+        method=method,
+        scheme=f"split operator {method.scheme}",
         t0=t0,
         stops=tuple(stops),
         theta=0.5 * (high - low) * h,
@@ -74,7 +74,7 @@ def _split_operator(
     )
 
 
-def _magnus(system: Schrodinger, method: Magnus, t0: float, stops: Stops) -> Propagation:
+def _magnus(system: Schrodinger, method: Magnus, t0: float, stops: Stops) -> WavePlan:
     if not system.is_real:
         raise TypeError("H is complex and no gauge makes it real, which Magnus methods need here")
     steps, h = _sizes(t0, stops)
@@ -89,9 +89,9 @@ def _magnus(system: Schrodinger, method: Magnus, t0: float, stops: Stops) -> Pro
         raise ValueError(hinted(sentence, "give a larger tol, or a larger h"))
     shears = exponentials * steps * found.shears
     core = ("magnus", method.order, found.rung.coefficients, found.x, NORM, system.operator_bounds)
-    return Propagation(
-        method=f"Magnus of order {method.order}, exponentials by {found.rung.name}",
-        tol=None,
+    return WavePlan(
+        method=method,
+        scheme=f"Magnus of order {method.order}, exponentials by {found.rung.name}",
         t0=t0,
         stops=tuple(stops),
         theta=theta,
@@ -107,7 +107,7 @@ def _magnus(system: Schrodinger, method: Magnus, t0: float, stops: Stops) -> Pro
 
 def _shears(
     system: Schrodinger, method: StabilitySplitting | GrayManolopoulos, t0: float, stops: Stops
-) -> Propagation:
+) -> WavePlan:
     name = type(method).__name__
     if system.is_driven or not system.is_real:
         hint = "take Magnus for H(t), or a Chebyshev series for a complex one"
@@ -135,9 +135,9 @@ def _shears(
             raise ValueError(hinted(sentence, "give a smaller h, order 2 or 6, or processed=False"))
         core = ("processed", method.order, stages, sigma, theta, NORM)
         products += 2 * degree * len(stops)
-    return Propagation(
-        method=f"{name} of order {method.order}, {2 * stages} shears",
-        tol=None,
+    return WavePlan(
+        method=method,
+        scheme=f"{name} of order {method.order}, {2 * stages} shears",
         t0=t0,
         stops=tuple(stops),
         theta=theta,

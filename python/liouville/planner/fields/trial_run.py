@@ -1,4 +1,4 @@
-"""Pilot runs: candidates are compared by their cost at equal error."""
+"""Trial runs, which compare candidates by their cost at equal error."""
 
 from __future__ import annotations
 
@@ -9,14 +9,14 @@ import numpy as np
 from liouville import _core
 from liouville.methods import VolumeSplitting
 from liouville.methods.composition import SCHEMES
-from liouville.planner.plan import ROUNDOFF, Trial, ordered, parted
+from liouville.planner.fields.plan import ROUNDOFF, Trial, ordered, parted
 from liouville.splitting import Piece, Split, crossed
 from liouville.terms import Terms
 
-#: What candidates are compared with, in steps that are this much shorter.
+#: The composition of the reference, whose steps are this much shorter.
 REFERENCE, FINER = "SS8s21", 4
 
-#: States of a pilot, and its steps.
+#: States of a trial run, and its steps.
 STATES, STEPS = 32, 4
 
 #: What an exponential or a logarithm costs, in multiplications.
@@ -48,13 +48,13 @@ def costly_outside(parts: Split) -> tuple[int, ...]:
     return (first, *sorted(inner[:-2]), last)
 
 
-class Pilot:
+class TrialRun:
     """Short runs from some states, compared with a much better one.
 
-    Of a single state are taken those that it passes through.
+    Of a single state, those that it passes through are taken.
     """
 
-    def __init__(self, terms: Terms, splits: Iterable[Split], x: np.ndarray, h: float) -> None:
+    def __init__(self, splits: Iterable[Split], x: np.ndarray, h: float) -> None:
         self.h = h
         self.x, self.reference = x, None
         for parts in splits:
@@ -108,25 +108,25 @@ def _path(
 
 def search(
     terms: Terms,
-    pilot: Pilot,
+    runs: TrialRun,
     method: VolumeSplitting,
     parts: Split,
     rng: np.random.Generator,
     trials: int,
 ) -> tuple[tuple[int, ...], tuple[int, ...], Trial]:
-    """Try orders of the pieces and, where shears have directions, who takes which."""
+    """Try orders of the pieces and, where shears have directions, which variable takes which."""
     m = len(parts.pieces)
-    turns = method.diagonal in ("shears", "n+d") and len(terms) <= 500
+    has_directions = method.diagonal in ("shears", "n+d") and len(terms) <= 500
     best_order: tuple[int, ...] = tuple(range(m))
-    best_turn: tuple[int, ...] = ()
-    best = pilot.trial(method, parts)
+    best_directions: tuple[int, ...] = ()
+    best = runs.trial(method, parts)
     for k in range(trials if m > 1 else 0):
-        turn: tuple[int, ...] = ()
-        if turns and k % 2:
-            turn = tuple(rng.permutation(terms.n).tolist())
-        base = parted(terms, method, turn) if turn else parts
+        directions: tuple[int, ...] = ()
+        if has_directions and k % 2:
+            directions = tuple(rng.permutation(terms.n).tolist())
+        base = parted(terms, method, directions) if directions else parts
         order = costly_outside(base) if k == 0 else tuple(rng.permutation(m).tolist())
-        trial = pilot.trial(method, ordered(base, order))
+        trial = runs.trial(method, ordered(base, order))
         if trial.score < best.score:
-            best, best_order, best_turn = trial, order, turn
-    return best_order, best_turn, best
+            best, best_order, best_directions = trial, order, directions
+    return best_order, best_directions, best
