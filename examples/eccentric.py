@@ -23,7 +23,7 @@ def monitor(t, q, v, params):
 
 
 ways = {
-    "reversible": {"h": problem.period / 60, "control": lv.Reversible(monitor=monitor)},
+    "reversible": {"h": problem.period / 60, "control": lv.Reversible(monitor)},
     "controlled by the error": {"rtol": 3e-8},
 }
 

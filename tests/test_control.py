@@ -178,7 +178,7 @@ METHODS = [
 def test_turned_round_they_go_back(method, monitor):
     """With the velocities turned, the same steps lead back to the start, to roundoff."""
     h = 0.004 if method.order == 2 else 0.02
-    options = {"control": "reversible", "monitor": monitor}
+    options = {"control": lv.Reversible(monitor)}
     there = orbit(method, 0.8, h=h, **options)
     end = there.t[-2]  # the last step was made to fit
     there = lv.integrate(kepler.system, method, t=(0, end), h=h, **kepler.start, **options)
@@ -195,7 +195,7 @@ def test_turned_round_they_go_back(method, monitor):
 
 
 def test_a_run_goes_on_with_its_last_step():
-    options = {"control": "reversible", "monitor": near}
+    options = {"control": lv.Reversible(near)}
     whole = orbit(lv.Spark(3), 1.0, h=0.05, **options)
     k = len(whole.t) // 2
     first = lv.integrate(

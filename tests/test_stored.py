@@ -348,10 +348,9 @@ def test_a_light_solution_says_where_its_records_are(tmp_path):
         ({"store": "run.nc"}, ValueError, r"stored in a \.zarr folder, not in 'run.nc'"),
         ({"store": 3}, TypeError, "store is a path, not 3"),
         ({"store": "no/run.zarr"}, FileNotFoundError, "does not exist"),
-        ({"checkpoint": 5}, TypeError, "checkpoint is for a stored run"),
-        ({"store": "run.zarr", "checkpoint": 0}, ValueError, "checkpoint"),
-        ({"store": "run.zarr", "checkpoint": "5 weeks"}, ValueError, "neither steps nor a time"),
-        ({"store": "run.zarr", "checkpoint": "0s"}, ValueError, "neither steps nor a time"),
+        ({"store": lv.Store("no/run.zarr", 5)}, FileNotFoundError, "does not exist"),
+        ({"store": lv.Store("there.zarr", "1h")}, FileExistsError, "liouville.resume"),
+        ({"store": "run.zarr", "checkpoint": 5}, TypeError, r"hint: give lv.Store\(path, check"),
         ({"store": "."}, ValueError, "folder"),
         ({"store": "there.zarr"}, FileExistsError, "liouville.resume"),
     ],
@@ -361,6 +360,29 @@ def test_what_cannot_be_stored_is_refused_before_the_run(more, error, words, els
     with pytest.raises(error, match=words):
         lv.integrate(**pendulum(steps=10), **more)
     assert [path.name for path in elsewhere.iterdir()] == ["there.zarr"]
+
+
+@pytest.mark.parametrize(
+    ("given", "error", "words"),
+    [
+        (("run.nc",), ValueError, "stored in a .zarr folder, not in"),
+        ((3,), TypeError, "store is a path, not 3"),
+        (("run.zarr", 0), ValueError, "checkpoint is at least 1, not 0"),
+        (("run.zarr", 2.5), TypeError, "checkpoint is an integer, not 2.5"),
+        (("run.zarr", "5 weeks"), ValueError, "neither steps nor a time\nhint: give checkpoint="),
+        (("run.zarr", "0s"), ValueError, "neither steps nor a time"),
+    ],
+)
+def test_a_store_that_is_none_is_refused_when_it_is_made(given, error, words):
+    with pytest.raises(error, match=words):
+        lv.Store(*given)
+
+
+def test_the_old_spelling_of_a_checkpoint_is_refused(tmp_path):
+    with pytest.raises(TypeError, match=r"resume takes no checkpoint=\nhint: give lv.Store\("):
+        lv.resume(tmp_path / "run.zarr", checkpoint=5)
+    with pytest.raises(TypeError, match="resume takes no often="):
+        lv.resume(tmp_path / "run.zarr", often=5)
 
 
 def test_what_cannot_be_pickled_is_refused_before_the_run(tmp_path):

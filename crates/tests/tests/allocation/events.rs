@@ -1,4 +1,4 @@
-//! Looking between steps: it takes no memory, and the polynomials are those of what they interpolate.
+//! Event detection takes no memory, and dense output reproduces polynomials.
 
 use crate::counting::allocations;
 use liouville_base::checkpoint::Checkpoint;
@@ -6,7 +6,7 @@ use liouville_base::error::StepError;
 use liouville_base::observe::Observe;
 use liouville_base::run::{Advance, Fixed, Run};
 use liouville_mechanics::events::{DenseDetector, Event};
-use liouville_mechanics::problem::{Carried, Model, Path};
+use liouville_mechanics::problem::{Carried, Model, Observer, Path};
 use liouville_mechanics::spark::{Solver, Spark};
 use liouville_tests::{Functions, PENDULUM, T, Y, Z, input, pendulum, tape};
 use std::time::Duration;
@@ -27,7 +27,7 @@ impl<S> Observe<S> for Nothing {
 }
 
 #[test]
-fn looking_for_events_takes_no_memory() {
+fn detecting_events_takes_no_memory() {
     let mut model = Model::new(pendulum().build(), &PENDULUM);
     let state = model.state(0.0, &[1.0, 0.0], &[0.0; 2]);
     let (height, lam) = (input(Y, 1), input(3, 0));
@@ -35,11 +35,24 @@ fn looking_for_events_takes_no_memory() {
     let events = events.into_iter().enumerate();
     let events = events.map(|(k, tape)| Event::new(k, tape, &PENDULUM, 0, 0, k == 1));
     let path = Path::new(model.clone(), 6);
-    let stepper = Spark::new(model, 3, Solver::Auto);
-    let watch = DenseDetector::new(path, stepper.clone(), &state, events.collect(), None);
-    let control = Fixed::new(0.0, 0.01, 60);
-    let mut run =
-        Run::watched(stepper, Nothing, state, control, (1000, 2), watch).expect("a start");
+    let observer = Observer::new(model.clone(), &PENDULUM, tape([1, 2, 2, 3], &[]), false);
+    let stepper = Box::new(Spark::new(model, 3, Solver::Auto));
+    let detector = DenseDetector::new(
+        path,
+        stepper.clone(),
+        &state,
+        events.collect(),
+        (observer, None),
+    );
+    let control = Box::new(Fixed::new(stepper, 0.0, 0.01, 60));
+    let mut run = Run::with_events(
+        control,
+        Box::new(Nothing),
+        state,
+        (1000, 2),
+        Some(Box::new(detector)),
+    )
+    .expect("a start");
     let all_day = Duration::from_secs(86400);
     run.advance_to(10, all_day);
     assert_eq!(allocations(|| drop(run.advance_to(50, all_day))), 0);
