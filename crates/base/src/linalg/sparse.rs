@@ -195,16 +195,27 @@ impl Sparse {
     }
 
     /// An estimate of the norm of the inverse, infinite where a pivot is zero: faer divides by it and says nothing.
-    ///
-    /// Of a nearly singular matrix, `x` becomes the null vector by inverse iteration: the solution for the probe tends
-    /// to it, the transposed solution for that to the left null vector, the solution for that to the null vector again.
     fn inverse_norm(&mut self) -> f64 {
+        let norm = self.probed();
+        if norm < SUSPECT {
+            norm
+        } else {
+            self.iterated(norm)
+        }
+    }
+
+    /// The size of the solution for the probe, which `x` becomes.
+    fn probed(&mut self) -> f64 {
         self.x.copy_from_slice(&self.probe);
         self.solve_equilibrated(false);
-        let mut norm = super::max_norm(&self.x);
-        if norm < SUSPECT {
-            return norm;
-        }
+        super::max_norm(&self.x)
+    }
+
+    /// The norm of the inverse of a nearly singular matrix, and its null vector in `x`, by inverse iteration.
+    ///
+    /// The solution for the probe, of size `norm`, tends to the null vector, the transposed solution for that to the
+    /// left null vector, and the solution for that to the null vector again, whatever the probe is.
+    fn iterated(&mut self, mut norm: f64) -> f64 {
         for is_transposed in [true, false] {
             if norm.is_finite() {
                 self.x.iter_mut().for_each(|x| *x /= norm);
@@ -227,7 +238,8 @@ impl Sparse {
                 let column = self.symbolic.col_perm().arrays().0[index];
                 return Singular { column };
             }
-            self.inverse_norm();
+            let norm = self.probed();
+            self.iterated(norm);
         }
         let column = self.null_vector().rposition(|part| part);
         Singular {
