@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from families import TOLERANT
 from registry import ALL, GENERAL, INDEX2, ROWS
 
 import liouville as lv
@@ -16,7 +17,7 @@ WAVES = [case for case in CASES if ALL[case[1]].of == ("psi",)]
 #: One problem of each row, for what does not depend on it.
 ONCE = [(row, row.on[0]) for row in ROWS]
 
-MEMBERS, STEPS = 5, 20
+MEMBERS, STEPS, FIELD_STEPS = 5, 20, 400
 
 
 def test_every_public_method_has_a_row():
@@ -87,13 +88,21 @@ def test_errors_are_below_the_tolerance_and_follow_it(row, name):
 
 def ensemble(problem, method, steps, t, starts):
     """Integrate members as `problem.run` does one."""
-    count = {} if row_chooses(method) else {"steps": steps}
+    count = {} if isinstance(method, TOLERANT) else {"steps": steps}
     return lv.ensemble(problem.system, method, t=t, threads=2, **count, **starts)
 
 
-def row_chooses(method):
-    """Whether a method chooses its own steps."""
-    return isinstance(method, lv.SchrodingerSplitting | lv.Chebyshev | lv.Lanczos)
+def settled(problem, method):
+    """Return the plan of a field, which members and single runs then share, or the method."""
+    if not isinstance(method, lv.VolumeSplitting):
+        return method
+    h = (problem.t[1] - problem.t[0]) / FIELD_STEPS
+    return lv.plan(problem.system, method, h=h, **problem.start)
+
+
+def steps_of(problem):
+    """Return the number of steps of a run that stays bounded."""
+    return FIELD_STEPS if problem.of == ("x",) else STEPS
 
 
 def nearby(problem):
@@ -120,10 +129,10 @@ def moves(problem):
 @pytest.mark.parametrize(("row", "name"), [case for case in ONCE if case[0] not in INDEX2], ids=str)
 def test_an_ensemble_is_its_members_bit_for_bit(row, name):
     problem = ALL[name]
-    starts = nearby(problem)
-    together = ensemble(problem, row.method, STEPS, problem.t, starts)
+    starts, method, steps = nearby(problem), settled(problem, row.method), steps_of(problem)
+    together = ensemble(problem, method, steps, problem.t, starts)
     for member in (0, MEMBERS - 1):
-        alone = problem.run(row.method, STEPS, start={k: x[member] for k, x in starts.items()})
+        alone = problem.run(method, steps, start={k: x[member] for k, x in starts.items()})
         for state, values in alone.states.items():
             np.testing.assert_array_equal(together.states[state][:, member], values, state)
 
@@ -139,13 +148,13 @@ def cut(done, total):
 
 def stored(problem, method, path, **more):
     """Store a run: the one place where that is spelled."""
-    return problem.run(method, STEPS, store=path, checkpoint=5, **more)
+    return problem.run(method, steps_of(problem), store=lv.Store(path, checkpoint=5), **more)
 
 
 @pytest.mark.parametrize(("row", "name"), ONCE, ids=str)
 def test_a_stored_run_cut_off_and_resumed_is_the_straight_one(row, name, tmp_path):
     problem, path = ALL[name], tmp_path / "run.zarr"
-    straight = problem.run(row.method, STEPS)
+    straight = problem.run(row.method, steps_of(problem))
     with pytest.raises(CutError):
         stored(problem, row.method, path, progress=cut)
     lv.resume(path)
