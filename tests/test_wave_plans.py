@@ -4,9 +4,10 @@ import json
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from mpmath import mp
+from properties import examples
 
 import liouville as lv
 from liouville.planner.waves.ladder import ROUNDOFF, SHORTER, cheapest, ladder
@@ -46,7 +47,7 @@ def random_state(rng, n):
     return psi / np.linalg.norm(psi)
 
 
-@settings(max_examples=60)
+@examples(60)
 @given(
     seed=SEEDS,
     n=st.integers(2, 6),
@@ -75,7 +76,7 @@ def test_the_error_is_never_above_the_bound_and_the_bound_not_above_the_toleranc
     assert error <= solution.stats["bound"] <= tol
 
 
-@settings(max_examples=25)
+@examples(25)
 @given(
     seed=SEEDS,
     times=st.lists(st.floats(0.05, 40.0), min_size=1, max_size=6, unique=True).map(sorted),
@@ -94,7 +95,7 @@ def test_the_bound_holds_at_each_of_many_uneven_times(seed, times, tol, method):
     assert errors.max() <= solution.stats["bound"] + 1e-13 <= tol + 1e-13
 
 
-@settings(max_examples=25)
+@examples(25)
 @given(
     seed=SEEDS,
     theta=st.sampled_from([2.0, 20.0, 200.0]),
@@ -199,7 +200,7 @@ def bound(rung, x, steps):
     return found + ROUNDOFF * np.sqrt(steps) * rung.gain
 
 
-@settings(max_examples=100)
+@examples(100)
 @given(
     thetas=st.lists(st.floats(0.01, 500.0), min_size=1, max_size=4),
     tol=st.floats(2.0, 12.0).map(lambda k: 10**-k),

@@ -5,6 +5,7 @@ use liouville_base::error::{Quantity, StepError};
 use liouville_base::method::{Estimating, Stats, Stepper, Symmetric};
 use liouville_base::observe::{Monitor, Observe};
 use liouville_base::run::{Adaptive, Advance, Fixed, Reversible, Run, Status, StepControl};
+use liouville_tests::properties::properties;
 use proptest::prelude::*;
 use std::time::Duration;
 
@@ -132,11 +133,7 @@ fn span(steps: usize, every: usize) -> Span {
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig {
-        cases: if cfg!(miri) { 8 } else { 256 },
-        failure_persistence: None,
-        ..ProptestConfig::default()
-    })]
+    #![proptest_config(properties(256))]
 
     #[test]
     fn every_kth_step_and_the_last_are_kept(
@@ -315,7 +312,7 @@ fn passage(t: (f64, f64), narrow: f64, least: f64) -> Run<f64> {
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig { failure_persistence: None, ..ProptestConfig::default() })]
+    #![proptest_config(properties(256))]
 
     #[test]
     fn controlled_steps_follow_the_error_and_end_where_they_should(
@@ -407,7 +404,7 @@ impl Monitor<(f64, f64)> for Bumps {
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig { failure_persistence: None, ..ProptestConfig::default() })]
+    #![proptest_config(properties(256))]
 
     #[test]
     fn reversible_steps_go_back_however_rough_their_monitor(

@@ -8,6 +8,7 @@ use liouville_base::run::{Advance, Fixed, Run, Span, Status};
 use liouville_base::tableau;
 use liouville_mechanics::problem::{Mechanical, Model, Observer, Observers};
 use liouville_mechanics::spark::{BATCH, Solver, Spark, SparkBatch};
+use liouville_tests::properties::properties;
 use liouville_tests::{Functions, PARAMS, Y, Z, dot, input, inputs, tape};
 use proptest::prelude::*;
 use std::sync::Arc;
@@ -134,11 +135,7 @@ fn the_odd_ones_step_by_full_newton_or_not_at_all() {
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig {
-        cases: if cfg!(miri) { 2 } else { 60 },
-        failure_persistence: None,
-        ..ProptestConfig::default()
-    })]
+    #![proptest_config(properties(60))]
 
     #[test]
     fn a_member_has_the_bits_that_it_has_alone(all in members(), s in 1..4_usize) {
