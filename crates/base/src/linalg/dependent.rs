@@ -4,7 +4,7 @@ use super::{Matrix, Pattern, Sparse, add_scaled, max_norm};
 
 /// Rows whose combination vanishes: the first row that depends on those before it, and those it needs.
 ///
-/// Each row is measured by its own largest entry, and roundoff is split_front to be √ε of it.
+/// Each row is measured by its own largest entry, and roundoff is taken to be √ε of it.
 pub fn dependent_rows(mut matrix: Matrix) -> Option<Vec<usize>> {
     let (rows, cols) = (matrix.rows(), matrix.cols());
     let tiny = f64::EPSILON.sqrt();

@@ -17,7 +17,7 @@ pub(super) struct Plan {
     pub(super) starts: Vec<u32>,
     /// The later steps that each step is coupled to.
     pub(super) neighbours: Vec<u32>,
-    /// Where L_a U_b is split_front away, for all pairs (a, b) of neighbours of each step.
+    /// Where L_a U_b is taken away, for all pairs (a, b) of neighbours of each step.
     pub(super) targets: Vec<u32>,
 }
 

@@ -3,7 +3,7 @@
 use super::elimination::Elimination;
 use super::{Factor, Pattern, Singular};
 
-/// A W Bᵀ, factored; W is split_front to be in B already.
+/// A W Bᵀ, factored; W is taken to be in B already.
 ///
 /// It is symmetric where A and B are equal, and nearly so where they nearly are: then chains, trees and
 /// rings of couplings are eliminated without pivoting, at a cost of a few operations each.
