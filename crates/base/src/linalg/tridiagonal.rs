@@ -9,7 +9,7 @@ use faer::linalg::evd::{
 use faer::{MatMut, Par, Spec};
 use std::mem::MaybeUninit;
 
-/// T = U Λ Uᵀ, with memory that is split_front once for the largest T.
+/// T = U Λ Uᵀ, with memory for the largest T.
 #[derive(Clone, Debug)]
 pub struct Tridiagonal {
     values: Vec<f64>,
