@@ -16,7 +16,7 @@ import liouville as lv
 from liouville.problems import load
 from liouville.systems import PolynomialField
 
-MODULE = sys.modules["liouville.integrate"]  # the name itself is the function in it
+MODULE = sys.modules["liouville.runners.execute"]
 NAN, INF = math.nan, math.inf
 
 TOP = load("euler_top").system  # m1, m2, m3
@@ -71,7 +71,7 @@ ROWS = [
         "Composition",
         lambda: run(method=lv.Composition(lv.Spark(1))),
         TypeError,
-        "Composition.*does not step polynomial fields; methods that do: VolumeSplitting, Plan",
+        "Composition.*does not step polynomial fields; methods that do: VolumeSplitting, a plan",
     ),
     ("a class", lambda: run(method=V), TypeError, "class.*does not step polynomial fields"),
     ("a name", lambda: run(method="BM4"), TypeError, "'BM4' does not step polynomial fields"),
@@ -81,11 +81,16 @@ ROWS = [
         TypeError,
         r"VolumeSplitting\(\) does not step mechanical systems; methods that do: Spark, Lobatto",
     ),
-    ("plan of it", lambda: swing(PLAN), TypeError, "<Plan of 3 pieces.*mechanical systems"),
+    ("plan of it", lambda: swing(PLAN), TypeError, "<FieldPlan of 3 pieces.*mechanical systems"),
     ("pendulums", lambda: swing(V(), lv.ensemble), TypeError, "does not step mechanical systems"),
     ("cut one", lambda: cut(PENDULUM.system), TypeError, "PolynomialField, not of Lagrangian"),
     ("det one", lambda: det(PENDULUM.system), TypeError, "PolynomialField, not of Lagrangian"),
-    ("plan one", lambda: plan(PENDULUM.system), TypeError, "PolynomialField, not Lagrangian"),
+    (
+        "plan one",
+        lambda: plan(PENDULUM.system),
+        TypeError,
+        "PolynomialField or a Schrodinger equation, not Lagrangian",
+    ),
     # the method alone
     ("scheme", lambda: V(composition="BM5"), ValueError, r"'BM5'.*\nhint: did you mean 'BM6'\?"),
     ("no scheme", lambda: V(composition=4), TypeError, "the name of a scheme, not 4"),
@@ -110,8 +115,8 @@ ROWS = [
         "(?s)equal steps and no rtol.*hint: give h or steps.*depends on the state, volume is not",
     ),
     ("atol", lambda: run(atol=1e-3), TypeError, "equal steps and no atol"),
-    ("h_min", lambda: run(h_min=1e-3), TypeError, "equal steps and no h_min"),
-    ("many rtol", lambda: many(rtol=1e-3), TypeError, r"no rtol\nhint: .* volume is not kept"),
+    ("control", lambda: run(control=lv.Adaptive()), TypeError, "equal steps and no control"),
+    ("many rtol", lambda: many(rtol=1e-3), TypeError, r"no rtol=\nhint: its members take equal"),
     ("h zero", lambda: run(h=0), ValueError, "h is positive and finite, not 0"),
     ("h negative", lambda: run(h=-0.1), ValueError, r"(?s)not -0\.1.*hint: .*t=\(end, start\)"),
     ("h NaN", lambda: run(h=NAN), ValueError, "h is positive and finite, not nan"),
@@ -201,16 +206,22 @@ def test_the_right_calls_are_taken():
     assert run(DRIFTING, x=[1, 1]).status == "done"
 
 
+SPLIT = "volume-splitting"
 PLANS = {
     "nothing": ("", "Expecting value"),
     "no dict": ("[1]", "it holds a list"),
-    "empty": ("{}", "'trials' is missing"),
-    "open": ({"method": {"diagonal": "auto"}}, "leaves something to choose"),
-    "word": ({"method": {"diagonal": "all"}}, "diagonal is one of"),
+    "empty": ("{}", "'form' is missing"),
+    "form": ({"form": "tree"}, "form is 'tree', wanted field or wave"),
+    "wave": ({"form": "wave"}, "."),
+    "trials": ('{"form": "field", "method": {"name": "volume-splitting"}}', "'trials' is missing"),
+    "open": ({"method": {"name": SPLIT, "diagonal": "auto"}}, "leaves something to choose"),
+    "word": ({"method": {"name": SPLIT, "diagonal": "all"}}, "diagonal is one of"),
+    "method": ({"method": {"name": "spark", "stages": 2}}, r"its method is Spark"),
+    "no method": ({"method": {"name": "sparks"}}, "'sparks' is missing"),
     "order": ({"order": [0, 0, 1]}, "order is no permutation"),
-    "turn": ({"turn": [5]}, "turn is no permutation"),
-    "size": ({"n": "three"}, "n is no int"),
-    "cost": ({"cost": "much"}, "cost is no float"),
+    "directions": ({"directions": [5]}, "directions is no permutation"),
+    "size": ({"n": "three"}, "n is 'three'"),
+    "cost": ({"cost": "much"}, "cost is 'much'"),
     "more": ({"colour": "red"}, "'colour'"),
 }
 

@@ -266,5 +266,5 @@ def run(case: Case) -> Any:
     if case.how == "rtol":
         until = {"t": (place.t0, place.t0 + 6 * h), "rtol": 1e-4}
     elif case.how == "reversible":
-        until = {"t": (place.t0, place.t0 + STEPS * h), "h": h, "control": "reversible"}
+        until = {"t": (place.t0, place.t0 + STEPS * h), "h": h, "control": lv.Reversible()}
     return lv.integrate(place.system, planned(case), **until, **place.start)

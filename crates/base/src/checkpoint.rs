@@ -1,31 +1,60 @@
-//! What is brought from one step to the next, as numbers.
+//! Checkpoints: the numbers that one step leaves to the next.
 //!
-//! Counters and flags are among them as whole numbers, exact below 2⁵³.
-
-use crate::real::Scalar;
+//! Counters and flags are saved as whole numbers, exact below 2⁵³.
 
 /// Whole numbers below this have a number each.
 const LARGEST: f64 = 9_007_199_254_740_992.0;
 
-/// What is brought from one step to the next, as numbers.
+/// The numbers that one step leaves to the next.
 ///
-/// Whoever restores what was saved goes on with the same bits: after a checkpoint, or as a stepper of one
-/// member that goes on where a stepper of several in lock-step was. Memory that a step overwrites before it reads it is
-/// not saved, and neither is what only counts. Who brings nothing implements nothing.
-pub trait Checkpoint {
-    /// Appends what a member brings.
+/// A run restored from them goes on with the same bits: after a pause, or in a stepper of one member for a member
+/// of several in lock-step. Save only what the next step reads; statistics are left out. The default saves nothing.
+pub trait Checkpoint: Send + Sync {
+    /// Appends the numbers of a member.
     fn save(&self, _member: usize, _out: &mut Vec<f64>) {}
 
-    /// Takes what a member brings from the front of `saved`, as [`Checkpoint::save`] wrote it.
+    /// Takes the numbers of a member from the front of `saved`, as [`Checkpoint::save`] wrote them.
     ///
     /// # Errors
-    /// It was saved by something of another size.
+    /// Something of another size saved them.
     fn restore(&mut self, _member: usize, _saved: &mut &[f64]) -> Result<(), CheckpointMismatch> {
         Ok(())
     }
 }
 
-/// What was saved belongs to something else.
+/// Implements [`Checkpoint`] by the fields that are saved, in this order:
+/// `checkpoint!([generics] Type { field, field.of_field } then check)`. The function `check` has the restored value
+/// and may refuse it, or make again what follows from it.
+#[macro_export]
+macro_rules! checkpoint {
+    (
+        [$($generics:tt)*] $type:ty { $($($field:ident).+),* $(,)? } $(then $check:expr)?
+    ) => {
+        impl<$($generics)*> $crate::checkpoint::Checkpoint for $type {
+            fn save(&self, member: usize, out: &mut Vec<f64>) {
+                $($crate::checkpoint::Checkpoint::save(&self.$($field).+, member, out);)*
+            }
+
+            fn restore(
+                &mut self,
+                member: usize,
+                saved: &mut &[f64],
+            ) -> Result<(), $crate::checkpoint::CheckpointMismatch> {
+                $($crate::checkpoint::Checkpoint::restore(&mut self.$($field).+, member, saved)?;)*
+                $(
+                    let check: fn(&mut Self) -> _ = $check;
+                    check(self)?;
+                )?
+                Ok(())
+            }
+        }
+    };
+    ($type:ty { $($fields:tt)* } $($then:tt)*) => {
+        $crate::checkpoint!([] $type { $($fields)* } $($then)*);
+    };
+}
+
+/// The checkpoint of another run.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 #[error("what was saved is of another run")]
 pub struct CheckpointMismatch;
@@ -65,12 +94,12 @@ impl Checkpoint for f64 {
 }
 
 impl Checkpoint for usize {
-    #[allow(clippy::cast_precision_loss)] // nobody counts that far
+    #[allow(clippy::cast_precision_loss)] // counters stay below 2⁵³
     fn save(&self, _: usize, out: &mut Vec<f64>) {
         out.push(*self as f64);
     }
 
-    #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)] // seen to be whole
+    #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)] // checked to be whole
     fn restore(&mut self, _: usize, saved: &mut &[f64]) -> Result<(), CheckpointMismatch> {
         let found = split_front(saved, 1)?[0];
         if !(0.0..LARGEST).contains(&found) || found.fract() != 0.0 {
@@ -98,21 +127,19 @@ impl Checkpoint for bool {
     }
 }
 
-impl<S: Scalar> Checkpoint for [S] {
+impl<M: Checkpoint> Checkpoint for [M] {
     fn save(&self, member: usize, out: &mut Vec<f64>) {
-        out.extend(self.iter().map(|x| x.member(member)));
+        for x in self {
+            x.save(member, out);
+        }
     }
 
     fn restore(&mut self, member: usize, saved: &mut &[f64]) -> Result<(), CheckpointMismatch> {
-        let values = split_front(saved, self.len())?;
-        for (x, value) in self.iter_mut().zip(values) {
-            x.set_member(member, *value);
-        }
-        Ok(())
+        self.iter_mut().try_for_each(|x| x.restore(member, saved))
     }
 }
 
-impl<S: Scalar> Checkpoint for Vec<S> {
+impl<M: Checkpoint> Checkpoint for Vec<M> {
     fn save(&self, member: usize, out: &mut Vec<f64>) {
         self.as_slice().save(member, out);
     }
@@ -124,13 +151,11 @@ impl<S: Scalar> Checkpoint for Vec<S> {
 
 impl<M: Checkpoint, const N: usize> Checkpoint for [M; N] {
     fn save(&self, member: usize, out: &mut Vec<f64>) {
-        for x in self {
-            x.save(member, out);
-        }
+        self.as_slice().save(member, out);
     }
 
     fn restore(&mut self, member: usize, saved: &mut &[f64]) -> Result<(), CheckpointMismatch> {
-        self.iter_mut().try_for_each(|x| x.restore(member, saved))
+        self.as_mut_slice().restore(member, saved)
     }
 }
 

@@ -82,6 +82,8 @@ impl Div for Dual {
     }
 }
 
+crate::checkpoint!(Dual { value });
+
 impl Scalar for Dual {
     const MEMBERS: usize = 1;
 

@@ -6,11 +6,12 @@
 #![allow(clippy::inline_always)] // an operation on lanes must vanish into the loop around it
 #![allow(clippy::needless_range_loop)] // and be one that is sure to be unrolled
 
+use crate::checkpoint::{Checkpoint, CheckpointMismatch};
 use crate::elementary::{self, Register};
 use std::ops::{Add, AddAssign, Div, Mul, MulAssign, Neg, Sub, SubAssign};
 
 /// What a state is made of: a number, or the same number of several trajectories.
-pub trait Scalar: Copy + Send + Sync + 'static {
+pub trait Scalar: Checkpoint + Copy + Send + Sync + 'static {
     /// How many trajectories advance in lock-step.
     const MEMBERS: usize;
 
@@ -132,6 +133,16 @@ pub const WIDTH: usize = 8;
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[repr(align(64))]
 pub struct Lanes<const W: usize = WIDTH>(pub [f64; W]);
+
+impl<const W: usize> Checkpoint for Lanes<W> {
+    fn save(&self, member: usize, out: &mut Vec<f64>) {
+        self.0[member].save(0, out);
+    }
+
+    fn restore(&mut self, member: usize, saved: &mut &[f64]) -> Result<(), CheckpointMismatch> {
+        self.0[member].restore(0, saved)
+    }
+}
 
 impl<const W: usize> Scalar for Lanes<W> {
     const MEMBERS: usize = W;

@@ -14,24 +14,10 @@ import numpy as np
 
 from liouville import _core
 from liouville.errors import hinted
-from liouville.systems import _trace
 from liouville.systems._derivatives import entries, jacobian
+from liouville.systems._expressions import Symbols
 from liouville.systems._linear import Block, Linear, Pattern, Term
 from liouville.tape import record
-
-
-@dataclass(frozen=True)
-class Symbols:
-    """The symbols of a system: time, coordinates, their partner, multipliers and parameters."""
-
-    t: ca.SX
-    y: ca.SX
-    z: ca.SX
-    params: _trace.Parameters
-
-    def inputs(self, **more: ca.SX) -> dict[str, ca.SX]:
-        """Return the inputs of a tape, the parameters last."""
-        return {"t": self.t, "y": self.y, **more, "params": self.params.vector}
 
 
 def _none() -> ca.SX:
@@ -189,7 +175,7 @@ def second_order(
 
 
 def is_separable(s: Symbols, model: Model) -> bool:
-    """Say whether p and v are linear in z with constant factors, f is f(t, y) and r is ideal."""
+    """Return whether p and v are linear in z with constant factors, f is f(t, y) and r is ideal."""
     p, v, held = model.p, model.v, ca.vertcat(s.t, s.y)
     blocks = ca.vertcat(entries(jacobian(p, s.z)), entries(jacobian(v, s.z)))
     return (
@@ -264,7 +250,7 @@ def record_blocks(name: str, inputs: dict[str, ca.SX], blocks: list[Block]) -> _
 
 
 def differ(a: ca.SX, b: ca.SX) -> bool:
-    """Say whether two expressions are written differently."""
+    """Return whether two expressions are written differently."""
     return not ca.is_equal(a, b, 1)
 
 

@@ -2,15 +2,12 @@
 //!
 //! [`crate::simd`] lies below and keeps its own, the length from which one member's vectors are run with wide registers.
 
-use super::Pattern;
-
-/// Whether sparse LU is faster than dense LU.
+/// Whether sparse LU of this order and so many entries is faster than dense LU.
 ///
 /// Measured, dense over sparse: chains (three entries a row) 0.95 at order 30, 1.1 at 36, 6.5 at 201; seven a row
 /// 0.5 at 24, 1.5 at 60 (of a whole step), 1.9 at 100; full 0.6 at 128, 1.4 at 200.
-pub fn prefers_sparse(pattern: &Pattern) -> bool {
-    let (n, _) = pattern.shape();
-    n >= 32 && (6 * pattern.len() <= n * n || n >= 160)
+pub fn prefers_sparse(order: usize, entries: usize) -> bool {
+    order >= 32 && (6 * entries <= order * order || order >= 160)
 }
 
 /// The order of the largest diagonal block that is inverted.
@@ -60,9 +57,6 @@ pub const LARGEST_DENSE_NODE_SCHUR: usize = 400;
 
 /// ... and so it does where v_z p_z⁻¹ r_λ of all nodes has more entries than this.
 pub const LARGEST_DENSE_INVERSE_MASS_RT: usize = 10_000_000;
-
-/// The order of SPARK's full Newton matrix from which it is sparse.
-pub const SPARSE_NEWTON: usize = 160;
 
 /// Corrections node Schur may take before full Newton is the better choice, where slower ones leave a remainder of
 /// one sign under the roundoff and a matrix of full Newton is cheap ...

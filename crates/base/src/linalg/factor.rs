@@ -283,7 +283,7 @@ impl<R: Real> Factor<R> {
             Self::Diagonal(vec![R::splat(0.0); n])
         } else if let Some(blocks) = Blocks::new(pattern) {
             Self::Blocks(Box::new(blocks))
-        } else if prefers_sparse(pattern) {
+        } else if prefers_sparse(n, pattern.len()) {
             Self::Sparse(Box::new(SparseOf::new::<R>(pattern)))
         } else {
             Self::Dense(Lu::new(n))

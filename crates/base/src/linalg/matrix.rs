@@ -12,6 +12,8 @@ pub struct Matrix<R = f64> {
     data: Vec<R>,
 }
 
+crate::checkpoint!([R: Real] Matrix<R> { data });
+
 impl<R: Real> Matrix<R> {
     /// A matrix of zeros.
     pub fn zeros(rows: usize, cols: usize) -> Self {

@@ -20,6 +20,7 @@ mod tridiagonal;
 
 pub use assembly::Assembly;
 pub use blocks::Blocks;
+pub(crate) use choice::prefers_sparse;
 pub use dependent::{dependencies, dependent_rows};
 pub use factor::{Factor, Lu, Singular};
 pub use kernels::{

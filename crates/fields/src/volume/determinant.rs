@@ -6,7 +6,7 @@
 
 use super::{Seen, State, Volume};
 use crate::problem::Split;
-use liouville_base::checkpoint::{Checkpoint, CheckpointMismatch};
+use liouville_base::checkpoint::Checkpoint;
 use liouville_base::composition::Composed;
 use liouville_base::dual::{DIRECTIONS, Dual};
 use liouville_base::error::{Quantity, StepError};
@@ -173,30 +173,13 @@ impl Observe<Determined> for Seen {
     }
 }
 
-impl Checkpoint for Determinant {
-    fn save(&self, member: usize, out: &mut Vec<f64>) {
-        self.stepper.save(member, out);
-    }
+liouville_base::checkpoint!(Determinant { stepper });
 
-    fn restore(&mut self, member: usize, saved: &mut &[f64]) -> Result<(), CheckpointMismatch> {
-        self.stepper.restore(member, saved)
-    }
-}
-
-impl Checkpoint for Determined {
-    fn save(&self, member: usize, out: &mut Vec<f64>) {
-        self.state.save(member, out);
-        self.x.save(member, out);
-        self.logarithm.save(member, out);
-        self.largest.save(member, out);
-    }
-
-    fn restore(&mut self, member: usize, saved: &mut &[f64]) -> Result<(), CheckpointMismatch> {
-        self.state.restore(member, saved)?;
-        self.x.restore(member, saved)?;
-        self.logarithm.restore(member, saved)?;
-        self.largest.restore(member, saved)
-    }
-}
+liouville_base::checkpoint!(Determined {
+    state,
+    x,
+    logarithm,
+    largest
+});
 
 impl Checkpoint for Seen {}

@@ -29,7 +29,7 @@ pub use section::{Direction, Plane, Section};
 use crate::problem::Split;
 use affine::Changes;
 use kernel::{Change, Moves, Scratch};
-use liouville_base::checkpoint::{Checkpoint, CheckpointMismatch};
+use liouville_base::checkpoint::Checkpoint;
 use liouville_base::composition::{Flow, Parts};
 use liouville_base::error::StepError;
 use liouville_base::parallel::Workers;
@@ -330,14 +330,4 @@ impl<S> Kernel<S> for IsFinite<'_, S> {
 
 impl<S: Stored> Checkpoint for Volume<S> {}
 
-impl<S: Stored> Checkpoint for State<S> {
-    fn save(&self, member: usize, out: &mut Vec<f64>) {
-        self.x.save(member, out);
-        self.low.save(member, out);
-    }
-
-    fn restore(&mut self, member: usize, saved: &mut &[f64]) -> Result<(), CheckpointMismatch> {
-        self.x.restore(member, saved)?;
-        self.low.restore(member, saved)
-    }
-}
+liouville_base::checkpoint!([S: Stored] State<S> { x, low });

@@ -17,7 +17,7 @@ use super::Reactions;
 use super::origin::Origin;
 use super::solve::{Solver, Step};
 use crate::problem::{Mass, Saddle, SecondOrderModel};
-use liouville_base::checkpoint::{Checkpoint, CheckpointMismatch};
+use liouville_base::checkpoint::CheckpointMismatch;
 use liouville_base::error::StepError;
 use liouville_base::linalg::{Assembly, Factor, Matrix, Pattern, copy, max_norm};
 
@@ -334,17 +334,9 @@ fn transport(start: &mut Mass, end: (&Pattern, &[f64]), spare: &mut [f64], x: &m
     copy(x, spare);
 }
 
-/// How old the factors are, and where they were made.
-impl Checkpoint for Frozen {
-    fn save(&self, member: usize, out: &mut Vec<f64>) {
-        self.h.save(member, out);
-        self.corrections.save(member, out);
-        self.origin.save(member, out);
-    }
-
-    fn restore(&mut self, member: usize, saved: &mut &[f64]) -> Result<(), CheckpointMismatch> {
-        self.h.restore(member, saved)?;
-        self.corrections.restore(member, saved)?;
-        self.origin.restore(member, saved)
-    }
-}
+// How old the factors are, and where they were made.
+liouville_base::checkpoint!(Frozen {
+    h,
+    corrections,
+    origin
+});

@@ -2,7 +2,6 @@
 
 use super::State;
 use super::solve::{Reaction, Solver, Step};
-use liouville_base::checkpoint::{Checkpoint, CheckpointMismatch};
 
 /// The step and the unknowns that a frozen matrix belongs to.
 #[derive(Clone, Debug)]
@@ -54,18 +53,9 @@ impl Origin {
     }
 }
 
-impl Checkpoint for Origin {
-    fn save(&self, member: usize, out: &mut Vec<f64>) {
-        self.t.save(member, out);
-        self.state.save(member, out);
-        self.phi.save(member, out);
-        self.reactions.save(member, out);
-    }
-
-    fn restore(&mut self, member: usize, saved: &mut &[f64]) -> Result<(), CheckpointMismatch> {
-        self.t.restore(member, saved)?;
-        self.state.restore(member, saved)?;
-        self.phi.restore(member, saved)?;
-        self.reactions.restore(member, saved)
-    }
-}
+liouville_base::checkpoint!(Origin {
+    t,
+    state,
+    phi,
+    reactions
+});

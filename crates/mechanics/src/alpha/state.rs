@@ -1,7 +1,6 @@
 //! What a step of the α family begins with.
 
 use crate::problem::Carried;
-use liouville_base::checkpoint::{Checkpoint, CheckpointMismatch};
 
 /// What is carried from step to step.
 #[derive(Debug, PartialEq)]
@@ -56,24 +55,12 @@ impl Carried for State {
     }
 }
 
-impl Checkpoint for State {
-    fn save(&self, member: usize, out: &mut Vec<f64>) {
-        self.y.save(member, out);
-        self.z.save(member, out);
-        self.a.save(member, out);
-        self.phi.save(member, out);
-        self.h.save(member, out);
-        self.work.save(member, out);
-        self.power.save(member, out);
-    }
-
-    fn restore(&mut self, member: usize, saved: &mut &[f64]) -> Result<(), CheckpointMismatch> {
-        self.y.restore(member, saved)?;
-        self.z.restore(member, saved)?;
-        self.a.restore(member, saved)?;
-        self.phi.restore(member, saved)?;
-        self.h.restore(member, saved)?;
-        self.work.restore(member, saved)?;
-        self.power.restore(member, saved)
-    }
-}
+liouville_base::checkpoint!(State {
+    y,
+    z,
+    a,
+    phi,
+    h,
+    work,
+    power
+});

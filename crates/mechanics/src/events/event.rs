@@ -1,6 +1,5 @@
 //! A function of the state whose zeros are events.
 
-use liouville_base::checkpoint::{Checkpoint, CheckpointMismatch};
 use liouville_base::error::{Quantity, StepError};
 use liouville_base::tape::{Registers, Tape};
 
@@ -9,7 +8,7 @@ use liouville_base::tape::{Registers, Tape};
 pub struct Event {
     tape: Tape,
     registers: Registers<f64>,
-    /// Which function it is, to the user.
+    /// Its number in the user's list.
     index: usize,
     direction: i8,
     /// So many end the run; none do if it is 0.
@@ -80,18 +79,9 @@ impl Event {
     }
 }
 
-impl Checkpoint for Event {
-    fn save(&self, member: usize, out: &mut Vec<f64>) {
-        self.sign.save(member, out);
-        self.last.save(member, out);
-        self.earlier.save(member, out);
-        self.count.save(member, out);
-    }
-
-    fn restore(&mut self, member: usize, saved: &mut &[f64]) -> Result<(), CheckpointMismatch> {
-        self.sign.restore(member, saved)?;
-        self.last.restore(member, saved)?;
-        self.earlier.restore(member, saved)?;
-        self.count.restore(member, saved)
-    }
-}
+liouville_base::checkpoint!(Event {
+    sign,
+    last,
+    earlier,
+    count
+});

@@ -13,7 +13,7 @@
 use super::stages::{Stages, Step};
 use crate::problem::finite;
 use crate::semi_explicit::{Model, State};
-use liouville_base::checkpoint::{Checkpoint, CheckpointMismatch};
+use liouville_base::checkpoint::CheckpointMismatch;
 use liouville_base::error::{Quantity, StepError};
 use liouville_base::linalg::{Assembly, Factor, Matrix, Pattern, add_scaled, copy, max_norm};
 
@@ -232,23 +232,12 @@ impl Frozen {
     }
 }
 
-/// What the factors have cost, and where they were made.
-impl Checkpoint for Frozen {
-    fn save(&self, member: usize, out: &mut Vec<f64>) {
-        self.h.save(member, out);
-        self.cost.save(member, out);
-        self.steps.save(member, out);
-        self.t.save(member, out);
-        self.y.flat().save(member, out);
-        self.z.flat().save(member, out);
-    }
-
-    fn restore(&mut self, member: usize, saved: &mut &[f64]) -> Result<(), CheckpointMismatch> {
-        self.h.restore(member, saved)?;
-        self.cost.restore(member, saved)?;
-        self.steps.restore(member, saved)?;
-        self.t.restore(member, saved)?;
-        self.y.flat_mut().restore(member, saved)?;
-        self.z.flat_mut().restore(member, saved)
-    }
-}
+// What the factors have cost, and where they were made.
+liouville_base::checkpoint!(Frozen {
+    h,
+    cost,
+    steps,
+    t,
+    y,
+    z
+});

@@ -8,7 +8,6 @@
 
 use super::model::{finite, finite_k};
 use super::{Model, Saddle};
-use liouville_base::checkpoint::{Checkpoint, CheckpointMismatch};
 use liouville_base::error::{Quantity, StepError};
 use liouville_base::linalg::max_norm;
 use liouville_base::newton::{self, Equations};
@@ -118,13 +117,5 @@ impl<R: Real> Equations<R> for Solve<'_, R> {
     }
 }
 
-/// Multipliers, where the next solve starts from.
-impl<R: Scalar> Checkpoint for Acceleration<R> {
-    fn save(&self, member: usize, out: &mut Vec<f64>) {
-        self.lam.save(member, out);
-    }
-
-    fn restore(&mut self, member: usize, saved: &mut &[f64]) -> Result<(), CheckpointMismatch> {
-        self.lam.restore(member, saved)
-    }
-}
+// Multipliers, where the next solve starts from.
+liouville_base::checkpoint!([R: Scalar] Acceleration<R> { lam });

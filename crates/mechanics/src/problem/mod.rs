@@ -38,7 +38,6 @@ pub use schur::SparseSchur;
 pub use second_order::{SecondOrder, SecondOrderModel, SecondOrderPatterns};
 pub use separable::{Separable, SeparableModel};
 
-use liouville_base::checkpoint::{Checkpoint, CheckpointMismatch};
 use liouville_base::linalg::Pattern;
 use liouville_base::real::{Real, Scalar};
 use liouville_base::tape::Tape;
@@ -272,23 +271,4 @@ impl<R: Clone> Clone for State<R> {
     }
 }
 
-impl<R: Scalar> Checkpoint for State<R> {
-    fn save(&self, member: usize, out: &mut Vec<f64>) {
-        for x in [&self.y, &self.z, &self.p, &self.y_low, &self.p_low] {
-            x.save(member, out);
-        }
-    }
-
-    fn restore(&mut self, member: usize, saved: &mut &[f64]) -> Result<(), CheckpointMismatch> {
-        for x in [
-            &mut self.y,
-            &mut self.z,
-            &mut self.p,
-            &mut self.y_low,
-            &mut self.p_low,
-        ] {
-            x.restore(member, saved)?;
-        }
-        Ok(())
-    }
-}
+liouville_base::checkpoint!([R: Scalar] State<R> { y, z, p, y_low, p_low });

@@ -311,12 +311,4 @@ impl Checkpoint for Traced {
     }
 }
 
-impl Checkpoint for TimeScale {
-    fn save(&self, member: usize, out: &mut Vec<f64>) {
-        self.acceleration.save(member, out);
-    }
-
-    fn restore(&mut self, member: usize, saved: &mut &[f64]) -> Result<(), CheckpointMismatch> {
-        self.acceleration.restore(member, saved)
-    }
-}
+liouville_base::checkpoint!(TimeScale { acceleration });

@@ -14,7 +14,6 @@ pub use model::Model;
 pub use observe::Observer;
 
 use crate::problem::Mismatch;
-use liouville_base::checkpoint::{Checkpoint, CheckpointMismatch};
 use liouville_base::linalg::Pattern;
 use liouville_base::tape::Tape;
 
@@ -146,17 +145,4 @@ impl Clone for State {
     }
 }
 
-impl Checkpoint for State {
-    fn save(&self, member: usize, out: &mut Vec<f64>) {
-        for x in [&self.y, &self.z, &self.y_low] {
-            x.save(member, out);
-        }
-    }
-
-    fn restore(&mut self, member: usize, saved: &mut &[f64]) -> Result<(), CheckpointMismatch> {
-        for x in [&mut self.y, &mut self.z, &mut self.y_low] {
-            x.restore(member, saved)?;
-        }
-        Ok(())
-    }
-}
+liouville_base::checkpoint!(State { y, z, y_low });

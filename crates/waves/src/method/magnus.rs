@@ -10,7 +10,6 @@
 
 use super::{Shears, Sweeper, Wave};
 use crate::problem::HamiltonianAt;
-use liouville_base::checkpoint::{Checkpoint, CheckpointMismatch};
 use liouville_base::composition::{Composed, Flow};
 use liouville_base::error::StepError;
 use liouville_base::method::{Stats, Stepper};
@@ -178,12 +177,4 @@ impl<S: Stored> Stepper for Magnus<S> {
     }
 }
 
-impl<S: Stored> Checkpoint for Magnus<S> {
-    fn save(&self, member: usize, out: &mut Vec<f64>) {
-        self.shears.save(member, out);
-    }
-
-    fn restore(&mut self, member: usize, saved: &mut &[f64]) -> Result<(), CheckpointMismatch> {
-        self.shears.restore(member, saved)
-    }
-}
+liouville_base::checkpoint!([S: Stored] Magnus<S> { shears });

@@ -25,7 +25,6 @@ pub use shears::Shears;
 pub use spectral_range::{Ritz, asymmetry, ritz};
 pub use sweep::{Move, Sums, Sweeper};
 
-use liouville_base::checkpoint::{Checkpoint, CheckpointMismatch};
 use liouville_base::error::StepError;
 use liouville_base::real::Scalar;
 use std::f64::consts::TAU;
@@ -143,18 +142,4 @@ pub(super) fn check_norm<S: Scalar>(
     guard(squares(&state.q, &state.p), state.start, tolerance, t)
 }
 
-impl<S: Scalar> Checkpoint for Wave<S> {
-    fn save(&self, member: usize, out: &mut Vec<f64>) {
-        self.q.save(member, out);
-        self.p.save(member, out);
-        self.phase.save(member, out);
-        std::slice::from_ref(&self.start).save(member, out);
-    }
-
-    fn restore(&mut self, member: usize, saved: &mut &[f64]) -> Result<(), CheckpointMismatch> {
-        self.q.restore(member, saved)?;
-        self.p.restore(member, saved)?;
-        self.phase.restore(member, saved)?;
-        std::slice::from_mut(&mut self.start).restore(member, saved)
-    }
-}
+liouville_base::checkpoint!([S: Scalar] Wave<S> { q, p, phase, start });

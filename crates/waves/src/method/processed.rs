@@ -5,7 +5,6 @@
 
 use super::processor::Processor;
 use super::{Shears, Wave, check_norm};
-use liouville_base::checkpoint::{Checkpoint, CheckpointMismatch};
 use liouville_base::composition::Composed;
 use liouville_base::error::StepError;
 use liouville_base::method::{Stats, Stepper};
@@ -71,14 +70,4 @@ impl<S: Stored> Stepper for Processed<S> {
     }
 }
 
-impl<S: Stored> Checkpoint for Processed<S> {
-    fn save(&self, member: usize, out: &mut Vec<f64>) {
-        self.kernel.save(member, out);
-        self.inside.save(member, out);
-    }
-
-    fn restore(&mut self, member: usize, saved: &mut &[f64]) -> Result<(), CheckpointMismatch> {
-        self.kernel.restore(member, saved)?;
-        self.inside.restore(member, saved)
-    }
-}
+liouville_base::checkpoint!([S: Stored] Processed<S> { kernel, inside });

@@ -1,7 +1,6 @@
 //! Time on the way to its end, summed with what rounding loses.
 
 use super::StepSizes;
-use crate::checkpoint::{Checkpoint, CheckpointMismatch};
 
 /// The present time, and the steps that led to it.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -62,18 +61,9 @@ impl CompensatedTime {
     }
 }
 
-impl Checkpoint for CompensatedTime {
-    fn save(&self, member: usize, out: &mut Vec<f64>) {
-        self.t.save(member, out);
-        self.low.save(member, out);
-        self.smallest.save(member, out);
-        self.largest.save(member, out);
-    }
-
-    fn restore(&mut self, member: usize, saved: &mut &[f64]) -> Result<(), CheckpointMismatch> {
-        self.t.restore(member, saved)?;
-        self.low.restore(member, saved)?;
-        self.smallest.restore(member, saved)?;
-        self.largest.restore(member, saved)
-    }
-}
+crate::checkpoint!(CompensatedTime {
+    t,
+    low,
+    smallest,
+    largest
+});
