@@ -4,6 +4,7 @@
 //! in a saddle-point matrix stiffness and constraint gradients can be 1e11 apart. R and C are powers of
 //! two, so that they round nothing.
 
+use super::choice::PANELS;
 use super::{Assembly, Pattern, Singular};
 use faer::dyn_stack::MemStack;
 use faer::sparse::linalg::colamd;
@@ -14,10 +15,6 @@ use faer::sparse::linalg::{LuError, SupernodalThreshold};
 use faer::sparse::{SparseColMat, SymbolicSparseColMat};
 use faer::{Conj, MatMut, Par};
 use std::mem::MaybeUninit;
-
-/// Dense panels pay from here on. Measured: faer's own 1.0 makes plates of 144 to 1860 unknowns
-/// 1.5 to 6 times slower, 0.05 makes chains 3 times slower; between 0.1 and 0.3 each gets its best.
-const PANELS: SupernodalThreshold = SupernodalThreshold(0.2);
 
 /// A solution this much larger than its right-hand side, both equilibrated, tells of a singular matrix.
 const LARGEST: f64 = 1.0 / (1024.0 * f64::EPSILON);
@@ -65,7 +62,7 @@ impl Sparse {
                 dense_col: dense,
                 aggressive: true,
             },
-            supernodal_flop_ratio_threshold: PANELS,
+            supernodal_flop_ratio_threshold: SupernodalThreshold(PANELS),
             ..LuSymbolicParams::default()
         };
         let symbolic = match factorize_symbolic_lu(places.as_ref(), parameters) {
