@@ -13,10 +13,10 @@ mod hamiltonian_at;
 mod kinetic;
 mod potential;
 mod product;
+mod row_product;
 mod rows;
 mod sparse;
 mod spins;
-mod update;
 
 pub use dense::Dense;
 pub use diagonals::Diagonals;
@@ -31,6 +31,7 @@ pub use spins::{Bond, Spins};
 
 use liouville_base::linalg::Rows;
 use liouville_base::simd::{InstructionSet, Stored};
+use row_product::update_rows;
 use std::sync::Arc;
 
 /// What becomes of a product: out ← keep·out + factor·H x + diagonal·x.
@@ -140,11 +141,11 @@ impl Operator {
     /// When this is a whole term.
     pub fn act<S: Stored>(&self, machine: InstructionSet, update: Update, block: Block<'_, S>) {
         match self {
-            Self::Rows(rows) => rows::act(rows, machine, update, block),
+            Self::Rows(rows) => update_rows(&**rows, machine, update, block),
             Self::Sparse(sparse) => sparse.act(machine, update, block),
             Self::Kinetic(_) | Self::Product(_) => unreachable!("whole terms have no rows"),
-            Self::Diagonals(diagonals) => diagonals.act(machine, update, block),
-            Self::Dense(dense) => dense.act(machine, update, block),
+            Self::Diagonals(diagonals) => update_rows(&**diagonals, machine, update, block),
+            Self::Dense(dense) => update_rows(&**dense, machine, update, block),
             Self::Spins(spins) => spins.act(machine, update, block),
         }
     }
