@@ -31,7 +31,7 @@ def run(name, method, h, steps, every, store):
         path = Path(folder) / "run.zarr"
         begin = time.perf_counter()
         if store:
-            lv.integrate(problem.system, method, every=every, store=path, checkpoint="5s", **where)
+            lv.integrate(problem.system, method, every=every, store=lv.Store(path, "5s"), **where)
         else:
             lv.integrate(problem.system, method, every=steps, **where)
         took = time.perf_counter() - begin

@@ -81,9 +81,9 @@ def deep(theta, half, points):
     end = states @ np.exp(-1j * energies * span) / np.sqrt(well.STATES)
     found = list(splits(system, span, psi))
     for tol in TOLERANCES:
-        ladder = lv.SchrodingerSplitting(mode="fast")
-        found.append(("ladder", *run(system, ladder, span, psi, tol=tol)))
-        found.append(("Lanczos", *run(system, lv.Lanczos(), span, psi, tol=tol)))
+        ladder = lv.SchrodingerSplitting(tol, mode="fast")
+        found.append(("ladder", *run(system, ladder, span, psi)))
+        found.append(("Lanczos", *run(system, lv.Lanczos(tol), span, psi)))
     return [(name, products, distance(psi, end)) for name, products, psi in found]
 
 

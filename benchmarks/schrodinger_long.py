@@ -48,7 +48,7 @@ def measure(system, psi, name, theta, method):
     """Return a row, and the records of the run."""
     low, high = system.bounds
     step = 2 * theta / (high - low)
-    single = lv.propagation(system, method, t=(0.0, step))
+    single = lv.plan(system, method, t=(0.0, step))
     plan, t = repeated(single, step, STEPS, RECORDS)
     found = lv.integrate(system, plan, t=t, psi=psi, states=False)
     norm = found.invariant_drift("norm")

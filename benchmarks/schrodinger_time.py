@@ -24,6 +24,7 @@ os.environ.update(OPENBLAS_NUM_THREADS="1", OMP_NUM_THREADS="1", MKL_NUM_THREADS
 
 import argparse
 import time
+from dataclasses import replace
 
 import numpy as np
 import scipy.sparse as sp
@@ -71,7 +72,7 @@ class Own:
     def run(self, tol):
         """Propagate to the end."""
         begin = time.perf_counter()
-        found = lv.integrate(self.system, self.method, tol=tol, **self.asked)
+        found = lv.integrate(self.system, replace(self.method, tol=tol), **self.asked)
         seconds = time.perf_counter() - begin
         self.inside = min(self.inside, found.stats["seconds"])
         self.products = found.stats["products"]
@@ -118,8 +119,8 @@ def start(n):
 
 def reference(system, psi, span):
     """Return the end by a Chebyshev series, once a splitting agrees."""
-    series = lv.integrate(system, lv.Chebyshev(), t=(0.0, span), psi=psi, tol=FINE)
-    shears = lv.integrate(system, "auto", t=(0.0, span), psi=psi, tol=FINE)
+    series = lv.integrate(system, lv.Chebyshev(FINE), t=(0.0, span), psi=psi)
+    shears = lv.integrate(system, lv.SchrodingerSplitting(FINE), t=(0.0, span), psi=psi)
     if np.linalg.norm(series.psi[-1] - shears.psi[-1]) > 2 * FINE:
         raise AssertionError("two references differ")
     return series.psi[-1]

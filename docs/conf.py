@@ -9,6 +9,7 @@ extensions = [
     "sphinx.ext.autodoc",
     "sphinx.ext.mathjax",
     "sphinx.ext.napoleon",
+    "sphinx-mathjax-offline",  # copies MathJax into the built pages: they need no network
     "sphinx_gallery.gen_gallery",
     "sphinxcontrib.bibtex",
 ]

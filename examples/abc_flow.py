@@ -2,10 +2,10 @@
 Islands in the ABC flow
 =======================
 
-The flow of Arnold, Beltrami and Childress is a sum of waves, three shears: a step of the splitting
-is three assignments, and keeps volume to roundoff. Dots are passages through the planes z = 0, 2π,
-4π, ..., a colour for each of eighty trajectories. Those in a vortex wind round it on a surface,
-here a closed curve, and never leave it; the others share a chaotic sea.
+The flow of Arnold, Beltrami and Childress is a sum of waves, that is, of three shears: a step of
+the splitting is three assignments, and preserves volume to roundoff. Dots are passages through the
+planes z = 0, 2π, 4π, ..., with a colour for each of eighty trajectories. Trajectories in a vortex
+stay on a surface around it, here a closed curve; the others are chaotic and fill the rest.
 """
 
 import matplotlib.pyplot as plt

@@ -2,10 +2,10 @@
 Anderson localisation
 =====================
 
-A particle hops along a chain of 401 sites, from the one in the middle. On a clean chain it runs
-away at twice the hopping rate. If the energies of the sites are random, waves that are scattered
-back interfere, and the particle stays near where it was, whatever the time. The method is chosen by
-the tolerance, and its bound holds for every state that is kept.
+A particle hops along a chain of 401 sites, from the middle one. On a clean chain it moves away at
+twice the hopping rate. If the energies of the sites are random, the scattered waves interfere, and
+the particle stays near its start at all times. The method is chosen for the tolerance, and its
+error bound holds for every kept state.
 """
 
 import matplotlib.pyplot as plt
@@ -25,11 +25,11 @@ observe = {"square": place.astype(float) ** 2}
 runs = {}
 for width in (0.0, 1.0, 2.0, 4.0):
     system = tight_binding.build(SITES, width=width)
-    runs[width] = lv.integrate(system, "auto", t=times, psi=psi, tol=1e-8, observe=observe)
-print(lv.propagation(system, t=times, tol=1e-8))
+    runs[width] = lv.integrate(system, "auto", t=times, psi=psi, observe=observe)
+print(lv.plan(system, t=times))
 
 # %%
-# Left the clean chain, right one with energies spread over an interval of width 2.
+# The clean chain on the left, one with energies spread over an interval of width 2 on the right.
 
 fig, axes = plt.subplots(1, 2, figsize=(10, 4), layout="constrained", sharey=True)
 for ax, width in zip(axes, (0.0, 2.0), strict=True):
@@ -38,7 +38,7 @@ for ax, width in zip(axes, (0.0, 2.0), strict=True):
 plt.show()
 
 # %%
-# How far it is from its start, in the mean: on a clean chain the time times the root of two.
+# The mean distance from the start; on a clean chain it is the time times the root of two.
 
 fig, ax = plt.subplots(figsize=(7, 4), layout="constrained")
 for width, solution in runs.items():

@@ -3,9 +3,9 @@ A beam on a hinge
 =================
 
 scikit-fem assembles a beam, clamped on its left; a constraint hinges the middle of its right end to
-the ground, and a load falls on it at once. The mesh has modes far faster than a step. The
-trapezoidal rule keeps them ringing in the force of the hinge; HHT takes them out and leaves the
-beam's own swing.
+the ground, and a load is applied suddenly. The mesh has modes far faster than a step. With the
+trapezoidal rule they oscillate on in the force of the hinge; HHT damps them and leaves the slow
+vibration of the beam.
 """
 
 import matplotlib.pyplot as plt
@@ -48,7 +48,7 @@ runs = {
 }
 
 # %%
-# A beam clamped here and hinged there carries 5/16 of a load in its middle on the hinge, at rest.
+# At rest, a beam clamped and hinged at its ends carries 5/16 of a load in its middle on the hinge.
 
 fig, (left, right) = plt.subplots(1, 2, figsize=(10, 3.8), layout="constrained")
 for name, run in runs.items():

@@ -3,9 +3,8 @@ Bouncing in a bowl
 ==================
 
 A ball falls into a bowl and bounces without loss. Each bounce is an event that ends the run, found
-to roundoff; the next run starts with the velocity reflected. In a bowl that is a parabola paths are
-regular and keep out of a region; in one of degree 4 they fill the bowl, and two starts a billionth
-apart part company.
+to roundoff; the next run starts with the reflected velocity. In a parabolic bowl paths are regular
+and avoid a region; in a bowl of degree 4 they fill it, and two starts a billionth apart diverge.
 """
 
 import casadi as ca
@@ -33,7 +32,7 @@ def reflected(q, v, n):
 
 
 def bounce(x, n):
-    """Return the path and the places of the bounces, and print what became of the energy."""
+    """Return the path and the places of the bounces, and print the error of the energy."""
     t, q, v, path, places = 0.0, np.array([x, 1.5]), np.zeros(2), [], []
     for _ in range(BOUNCES):
         run = lv.integrate(

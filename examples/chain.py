@@ -1,10 +1,10 @@
 """
-How large a step a taut chain bears
-===================================
+The largest stable step of a taut chain
+=======================================
 
-A chain of ten links hangs at rest and is nudged. Its links vibrate sideways, the faster the tauter
-they are, and SPARK with s stages has a largest step that such vibrations bear: dashed are the
-limits of linear theory, which *Choosing* lists. Crosses are runs that ended in an error.
+A chain of ten links hangs at rest and is perturbed slightly. Its links vibrate sideways, faster
+under higher tension, and SPARK with s stages has a largest stable step for such vibrations. Dashed
+are the limits of linear theory, which *Choosing* lists. Crosses are runs that ended in an error.
 """
 
 import matplotlib.pyplot as plt
@@ -17,8 +17,8 @@ LINKS, STEPS = 10, 400
 LIMITS = {1: 2.00, 2: 2.83, 3: 3.11, 4: 3.14}
 
 # %%
-# The fastest vibration of the hanging chain: masses 1/N on links of length 1/N, the tension in
-# each link being the weight below it.
+# The fastest vibration of the hanging chain: masses 1/N on links of length 1/N, where the tension
+# in each link is the weight below it.
 
 tension = np.arange(LINKS, 0, -1) / LINKS
 difference = np.eye(LINKS) - np.eye(LINKS, k=-1)
@@ -26,7 +26,7 @@ stiffness = difference.T @ np.diag(tension * LINKS) @ difference
 omega = np.sqrt(np.linalg.eigvalsh(stiffness * LINKS)[-1])
 
 # %%
-# A nudge of a millionth, 400 steps, and how far the chain then gets.
+# A perturbation of a millionth, 400 steps, and the largest displacement of the chain.
 
 system = chain.build(LINKS)
 nudge = np.zeros(2 * LINKS)

@@ -3,9 +3,9 @@ A sleigh that turns round
 =========================
 
 Chaplygin's sleigh glides on ice, carried by a blade that moves along itself only. The constraint is
-on velocities, and no constraint on positions implies it. Energy is constant and time could run
-backwards; and yet, pushed off with its centre of mass behind the blade, the sleigh always turns
-round, and its turning then dies out exponentially.
+on velocities, and no constraint on positions implies it. Energy is constant and the motion is
+reversible in time. All the same the sleigh, started with its centre of mass behind the blade,
+always turns round, and the rotation then decays exponentially.
 """
 
 import matplotlib.pyplot as plt

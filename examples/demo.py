@@ -1,8 +1,9 @@
 """Integrate two mechanisms of the literature and compare them with their references.
 
 Andrews' squeezing mechanism, seven bodies in three closed loops, and the car axis, whose right foot
-follows a bumpy road; both are index-3 problems of the IVP Test Set. Printed is how far the end
-state is from the quadruple-precision reference; the figure shows the motion and what was kept.
+follows a bumpy road; both are index-3 problems of the IVP Test Set. The script prints the distance
+of the end state from the quadruple-precision reference; the figure shows the motion and the
+residuals of the conserved quantities.
 
 Run as ``python examples/demo.py [figure]``; the figure goes to build/demo.png by default.
 """
@@ -44,7 +45,7 @@ def draw_motion(ax, problem, solution, frames=12):
 
 
 def draw_kept(ax, solution, conserved):
-    """Draw the residuals of the constraints and the drift of what should be constant."""
+    """Draw the residuals of the constraints and the drift of the conserved quantities."""
     sizes = {name: np.abs(values).max(axis=1) for name, values in solution.residuals.items()}
     sizes |= {name: solution.invariant_drift(name) for name in conserved}
     for (name, size), colour in zip(sizes.items(), plot.COLOURS, strict=False):
@@ -69,7 +70,7 @@ def main(path="build/demo.png"):
         draw_motion(row[0], problem, solution)
         plot.trajectories(solution, ax=row[1])
         draw_kept(row[2], solution, problem.conserved)
-        for ax, title in ((row[0], TITLES[name]), (row[2], "what was kept")):
+        for ax, title in ((row[0], TITLES[name]), (row[2], "conserved quantities")):
             ax.set_title(title, loc="left", fontsize=10)
             ax.tick_params(labelsize=8)
             ax.spines[["top", "right"]].set_visible(False)

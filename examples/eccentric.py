@@ -2,10 +2,10 @@
 Steps that follow an eccentric orbit
 ====================================
 
-A particle on a sphere is attracted by the pole, and comes twenty-seven times nearer to it than it
-was. Equal steps are too small far out and too large near by. Steps controlled by their error follow
-the orbit, and lose its energy revolution by revolution. Steps chosen reversibly follow it too, and
-do not.
+A particle on a sphere is attracted by the pole, and its distance to it varies by a factor of
+twenty-seven. Equal steps are too small far from the pole and too large near it. Steps controlled by
+their error follow the orbit, but lose energy in every revolution. Reversible steps follow it too,
+and keep the energy.
 """
 
 import matplotlib.pyplot as plt
@@ -23,7 +23,7 @@ def monitor(t, q, v, params):
 
 
 ways = {
-    "reversible": {"h": problem.period / 60, "control": "reversible", "monitor": monitor},
+    "reversible": {"h": problem.period / 60, "control": lv.Reversible(monitor)},
     "controlled by the error": {"rtol": 3e-8},
 }
 

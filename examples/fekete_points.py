@@ -2,9 +2,9 @@
 Twenty points that keep their distance
 ======================================
 
-Twenty particles on a sphere repel each other and are slowed down, until they rest where they are
-farthest apart: Fekete points. The steps are controlled by their error, short while the particles
-rush apart and ever longer as they come to rest.
+Twenty particles on a sphere repel each other and are slowed down by drag, until they rest as far
+apart as possible: at Fekete points. The steps are controlled by their error, short while the
+particles move fast and ever longer as they come to rest.
 """
 
 import matplotlib.pyplot as plt

@@ -11,8 +11,8 @@ sum of two modes on its chord, :math:`w(x) = \sum_k e_k \sin(k \pi x / l)`, so w
     T = \frac{\rho A}2 \int_0^l (u_x - \dot b w)^2 + (u_y + \dot b x + \dot w)^2 \, dx, \qquad
     U = \frac{EI}2 \int_0^l w''^2 \, dx = \frac{EI\, l}4 \sum_k \Big(\frac{k\pi}l\Big)^4 e_k^2 .
 
-A rod that hardly bends is a stiff system, with modes far faster than a step. HHT takes the same
-steps for both rods.
+A nearly rigid rod is a stiff system, with modes far faster than a step. HHT takes the same steps
+for both rods.
 """
 
 import casadi as ca
@@ -64,6 +64,6 @@ left.set(xlabel="time / ms", ylabel="amplitude / mm", title="bending of the slen
 left.legend()
 for name, run in runs.items():
     right.plot(1e3 * run.t, run.lam[:, 1], lw=1.2, label=f"{name} rod")
-right.set(xlabel="time / ms", ylabel="force / N", title="what the guide carries")
+right.set(xlabel="time / ms", ylabel="force / N", title="force on the guide")
 right.legend()
 plt.show()

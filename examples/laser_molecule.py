@@ -3,8 +3,8 @@ A molecule in a laser
 =====================
 
 Hydrogen fluoride as a Morse oscillator in the field of a laser, from its ground state: the model of
-Walker and Preston. The potential depends on time, and the split operator takes it as it is at the
-time that its steps have come to. Each step is unitary, so the norm is kept to roundoff.
+Walker and Preston. The potential depends on time, and the split operator evaluates it at the time
+of each flow. Each step is unitary, so the norm is constant to roundoff.
 """
 
 import matplotlib.pyplot as plt

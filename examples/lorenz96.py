@@ -3,9 +3,9 @@ A ring without friction, and RK4
 ================================
 
 Without forcing and friction Lorenz's ring of 1996 is chaotic and conserves its energy, half the sum
-of squares. Neither method knows of it. The splitting keeps volume and is reversible: its energy
-goes now up and now down, a random walk. The classical Runge-Kutta method, with a third of the step
-and as many evaluations, has friction of its own.
+of squares. Neither method conserves it exactly. The splitting preserves volume and is reversible:
+its energy error is a random walk. The classical Runge-Kutta method, with a third of the step and as
+many evaluations, dissipates energy.
 """
 
 import matplotlib.pyplot as plt

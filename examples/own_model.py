@@ -2,8 +2,8 @@
 A model of your own
 ===================
 
-A bead slides on a wire bent to a parabola, while the wire is shaken up and down. Everything is
-written here: the Lagrangian, a constraint that depends on time, and a quantity to observe.
+A bead slides on a wire bent to a parabola, while the wire is shaken up and down. The script defines
+the whole model: the Lagrangian, a constraint that depends on time, and a quantity to observe.
 """
 
 import casadi as ca
@@ -38,9 +38,9 @@ system = lv.Lagrangian(
 )
 
 # %%
-# Shaking at twice the bead's own frequency pumps its swing; shaking at another frequency hardly
-# disturbs it. Parameters are changed in the call, and nothing is rebuilt. The start depends on
-# them: at rest in x, the bead has to move with the wire.
+# Shaking at twice the bead's own frequency amplifies its oscillation; shaking at another frequency
+# hardly affects it. Parameters are changed in the call, without building the model again. The start
+# depends on them: at rest in x, the bead has to move with the wire.
 
 fig, ax = plt.subplots(figsize=(7, 4), layout="constrained")
 for w in (6.0, 8.8):

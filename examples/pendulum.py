@@ -1,9 +1,9 @@
 """
-A pendulum forgets nothing
-==========================
+The energy of a pendulum
+========================
 
 A spherical pendulum with one to four stages, two thousand steps each. The energy error depends on
-the order and does not depend on the time: it swings, it does not grow.
+the order and not on the time: it oscillates and does not grow.
 """
 
 import matplotlib.pyplot as plt

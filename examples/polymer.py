@@ -3,8 +3,8 @@ A polymer on rigid bonds
 ========================
 
 A thousand beads on rigid bonds, folded at random, with stiff angles between bonds. Mass is constant
-and forces depend on positions alone, so ``LobattoPair()`` is RATTLE: forces once a step, and the
-tensions of the bonds by a sparse matrix. No bond ever changes its length.
+and forces depend on positions alone, so ``LobattoPair()`` is RATTLE: forces are evaluated once a
+step, and the tensions of the bonds come from a sparse matrix. All bonds keep their length.
 """
 
 import matplotlib.pyplot as plt

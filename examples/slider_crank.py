@@ -3,7 +3,7 @@ The forces in a slider-crank
 ============================
 
 A crank turns a rod, the rod pushes a slider; two constraints close the loop. Their multipliers have
-the full order of the method, so the force that the guide has to carry comes with the motion.
+the full order of the method, and give the force on the guide along with the motion.
 """
 
 import matplotlib.pyplot as plt

@@ -2,10 +2,10 @@
 A wall between spins
 ====================
 
-Sixteen spins one half, the left half up and the right half down, and neighbours that may exchange
-them. If exchange along z is weak, the wall melts at the speed of the fastest magnon; if it is
-strong, the wall stays. The number of spins that are up is kept, so the 12870 states with eight of
-them are all that there is. The magnetisation is observed; states are not kept.
+Sixteen spins one half, the left half up and the right half down, with exchange between neighbours.
+If exchange along z is weak, the wall dissolves at the speed of the fastest magnon; if it is strong,
+the wall stays. The number of spins that are up is conserved, so the sector of eight, with 12870
+states, is enough. The magnetisation is observed; states are not kept.
 """
 
 import matplotlib.pyplot as plt
@@ -14,6 +14,7 @@ import numpy as np
 import liouville as lv
 
 LENGTH = 16
+method = lv.SchrodingerSplitting(tol=1e-6)
 times = np.linspace(0.0, 12.0, 121)
 profiles = {}
 for delta in (0.0, 1.0, 2.0):
@@ -22,7 +23,7 @@ for delta in (0.0, 1.0, 2.0):
     wall[chain.index(0xFF00)] = 1.0  # bit i is set where spin i is down
     observe = {f"spin {i}": chain.sz(i) for i in range(LENGTH)}
     solution = lv.integrate(
-        lv.Schrodinger(chain), "auto", t=times, psi=wall, tol=1e-6, states=False, observe=observe
+        lv.Schrodinger(chain), method, t=times, psi=wall, states=False, observe=observe
     )
     profiles[delta] = np.stack([solution.observed[name] for name in observe], axis=1)
 print(solution)

@@ -2,10 +2,10 @@
 Tracers in a stretch-twist-fold flow
 ====================================
 
-The flow of Bajer and Moffatt stretches, twists and folds what it carries about inside a sphere, as
-a dynamo would a magnetic field. Dots are passages of thirty tracers through the plane y = 0, a
-colour for each. If the fluid turns slowly about the y-axis, alpha small, a tracer stays near a
-surface for long and moves from one to another; at alpha = 1 each of them comes everywhere.
+The flow of Bajer and Moffatt stretches, twists and folds a fluid inside a sphere, as a dynamo would
+a magnetic field. Dots are passages of thirty tracers through the plane y = 0, with a colour for
+each. If the fluid turns slowly about the y-axis, alpha small, a tracer stays near a surface for
+long and moves from one to another; at alpha = 1 each of them fills the sphere.
 """
 
 import matplotlib.pyplot as plt
@@ -21,7 +21,7 @@ from liouville.problems import bajer_moffatt as problem
 # .. math:: x' = \alpha z - 8 x y, \quad y' = 11 x^2 + 3 y^2 + z^2 + x z - 3, \quad
 #           z' = -\alpha x + 2 y z - x y
 #
-# The planner says how it splits them.
+# The plan shows the splitting.
 
 rng = np.random.default_rng(1)
 directions = rng.standard_normal((30, 3))
@@ -30,8 +30,8 @@ starts = 0.95 * directions * rng.uniform(size=(30, 1)) ** (1 / 3)  # evenly in t
 print(lv.plan(problem.system, h=problem.h, x=starts))
 
 # %%
-# Volume is kept, so the tracers stay spread evenly through the ball. The sphere itself is kept to
-# the accuracy of the method only: with too large a step some tracers would leave through it.
+# Volume is preserved, so the tracers stay evenly distributed in the ball. The sphere itself is
+# invariant to the accuracy of the method only: with too large a step some tracers would leave it.
 
 fig, axes = plt.subplots(1, 2, figsize=(10, 5.4), layout="constrained", sharey=True)
 for ax, alpha in zip(axes, (0.1, 1.0), strict=True):

@@ -2,11 +2,11 @@ r"""
 Energies from a wave packet
 ===========================
 
-A packet that is let go in a well comes back in part, again and again. How much of it, the
-autocorrelation :math:`C(t) = \langle \psi(0) | \psi(t) \rangle`, is a sum of waves, one for each
-energy, so its Fourier transform has a peak at every energy, as high as the packet has of that
-state. In Pöschl and Teller's well the energies are known: marks below the peaks. No state is kept,
-only the autocorrelation.
+A packet released in a well returns in part, again and again. Its autocorrelation
+:math:`C(t) = \langle \psi(0) | \psi(t) \rangle` is a sum of waves, one for each energy. So its
+Fourier transform has a peak at every energy, as high as the weight of that state in the packet. In
+Pöschl and Teller's well the energies are known: marks below the peaks. Only the autocorrelation is
+kept, and no state.
 """
 
 import matplotlib.pyplot as plt
@@ -20,7 +20,9 @@ x = problem.grid.points[:, 0]
 psi = np.exp(-((x - 0.5) ** 2) / 0.15)
 psi /= np.linalg.norm(psi)
 times = np.linspace(0.0, 10.0, 3001)
-solution = lv.integrate(problem.system, "auto", t=times, psi=psi, tol=1e-6, states=False)
+solution = lv.integrate(
+    problem.system, lv.SchrodingerSplitting(tol=1e-6), t=times, psi=psi, states=False
+)
 print(solution)
 
 fig, axes = plt.subplots(2, 1, figsize=(8, 6.5), layout="constrained")
@@ -32,4 +34,4 @@ axes[1].set_xlim(-136.0, 4.0)
 plt.show()
 
 # %%
-# A peak is as wide as the run is short: here :math:`2 \pi / 10`.
+# The width of a peak is inverse to the length of the run: here :math:`2 \pi / 10`.

@@ -190,7 +190,15 @@ def test_a_step_that_would_be_too_small_ends_the_run_and_says_so():
         force=lambda t, q, v, params: 1 / (1 - q[0]) ** 3,
     )
     with pytest.raises(lv.IntegrationError) as caught:
-        lv.integrate(wall, lv.HHT(-0.1), t=(0.0, 10.0), rtol=1e-6, h_min=1e-6, q=[0.0], v=[1.0])
+        lv.integrate(
+            wall,
+            lv.HHT(-0.1),
+            t=(0.0, 10.0),
+            rtol=1e-6,
+            control=lv.Adaptive(1e-6),
+            q=[0.0],
+            v=[1.0],
+        )
     assert caught.value.t < 1
     assert caught.value.solution.q[-1, 0] < 1
     assert np.diff(caught.value.solution.t).min() >= 1e-6 * (1 - 1e-9)

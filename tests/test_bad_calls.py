@@ -63,7 +63,14 @@ def damped(model=PENDULUM, **changes):
 
 def reversible(**changes):
     """Swing it with reversible steps, with something changed."""
-    return run(**{"control": "reversible", **changes})
+    return run(
+        **{
+            "control": lv.Reversible(
+                **{k: changes.pop(k) for k in ("monitor", "h_min") if k in changes}
+            ),
+            **changes,
+        }
+    )
 
 
 def composed(**changes):
@@ -258,22 +265,45 @@ ROWS = [
         "h_min alone",
         lambda: run(h_min=1e-3),
         TypeError,
-        "h_min is for controlled.*\nhint: give rtol",
+        r"takes no h_min=\nhint: give control=lv.Adaptive\(h_min=",
     ),
-    ("control alone", lambda: damped(rtol=None, control="error"), TypeError, "error' takes rtol"),
+    (
+        "control alone",
+        lambda: damped(rtol=None, control=lv.Adaptive()),
+        TypeError,
+        r"Adaptive\(...\) takes rtol",
+    ),
     (
         "no such control",
         lambda: run(control="pid"),
-        ValueError,
-        "control is 'error', 'revers.*'pid'",
+        TypeError,
+        "control is an Adaptive or a Reversible, not 'pid'\nhint: give control=",
     ),
+    (
+        "control by its old name",
+        lambda: run(control="reversible"),
+        TypeError,
+        r"'reversible'\nhint: give control=lv.Reversible\(",
+    ),
+    ("control, no instance", lambda: run(control=lv.Adaptive), TypeError, "not <class"),
     ("not symmetric", lambda: reversible(method=lv.HHT()), TypeError, "HHT is not symm.*\nhint"),
-    ("reversible rtol", lambda: reversible(rtol=1e-3), TypeError, "'reversible' takes no rtol"),
-    ("reversible atol", lambda: reversible(atol=1e-3), TypeError, "'reversible' takes no atol"),
-    ("reversible steps", lambda: reversible(steps=9), TypeError, "either steps, .*'reversible'"),
+    (
+        "reversible rtol",
+        lambda: reversible(rtol=1e-3),
+        TypeError,
+        r"Reversible\(...\) takes no rtol",
+    ),
+    (
+        "reversible atol",
+        lambda: reversible(atol=1e-3),
+        TypeError,
+        r"Reversible\(...\) takes no atol",
+    ),
+    ("reversible steps", lambda: reversible(steps=9), TypeError, "either steps, .*=Reversible"),
     ("reversible, no h", lambda: reversible(h=None), TypeError, "takes h, the step at the start"),
-    ("monitor alone", lambda: run(monitor=abs), TypeError, "hint: give control='reversible' too"),
-    ("monitor of errors", lambda: damped(monitor=abs), TypeError, "'error' takes no monitor"),
+    ("monitor", lambda: run(monitor=abs), TypeError, r"hint: give control=lv.Reversible\(monit"),
+    ("checkpoint", lambda: run(checkpoint=9), TypeError, r"hint: give lv.Store\(path, checkpoint="),
+    ("dt", lambda: run(h=None, dt=0.1), TypeError, "takes no dt=\nhint: give h=, the step size"),
     ("monitor of 2", lambda: reversible(monitor=second), ValueError, "monitor returns 2 values"),
     ("monitor no function", lambda: reversible(monitor=1.0), TypeError, "monitor is a function"),
     ("no h nor rtol", lambda: damped(rtol=None), TypeError, "either h or steps, or rtol"),
@@ -290,11 +320,21 @@ ROWS = [
     ("atol ragged", lambda: damped(atol=[[1], 2]), TypeError, "atol is a number or an array"),
     ("atol a bool", lambda: damped(atol=True), TypeError, "atol is a number.*not True"),
     ("first step", lambda: damped(h=2.0), ValueError, "h = 2 is larger than the interval, 1"),
-    ("h_min zero", lambda: damped(h_min=0), ValueError, "h_min is positive and finite, not 0"),
-    ("h_min above h", lambda: damped(h=0.1, h_min=0.2), ValueError, "h_min = 0.2 is larger than"),
+    (
+        "h_min zero",
+        lambda: damped(control=lv.Adaptive(0)),
+        ValueError,
+        "h_min is positive and finite, not 0",
+    ),
+    (
+        "h_min above h",
+        lambda: damped(h=0.1, control=lv.Adaptive(0.2)),
+        ValueError,
+        "h_min = 0.2 is larger than",
+    ),
     (
         "h_min lost in t",
-        lambda: damped(t=(0, 1e9), h_min=1e-9),
+        lambda: damped(t=(0, 1e9), control=lv.Adaptive(1e-9)),
         ValueError,
         r"a step of 1e-09 does not move t = 1e\+09",
     ),

@@ -134,7 +134,9 @@ def test_where_no_step_will_do_the_run_ends():
         force=lambda t, q, v, params: 1 / (1 - q[0]) ** 3,
     )
     with pytest.raises(lv.IntegrationError, match="less than h_min") as caught:
-        lv.integrate(wall, lv.Spark(3), t=(0, 10), rtol=1e-6, h_min=1e-5, q=[0.0], v=[1.0])
+        lv.integrate(
+            wall, lv.Spark(3), t=(0, 10), rtol=1e-6, control=lv.Adaptive(1e-5), q=[0.0], v=[1.0]
+        )
     assert caught.value.t < 1
     assert np.diff(caught.value.solution.t).min() >= 1e-5 * (1 - 1e-9)
 
@@ -149,7 +151,7 @@ def test_reversible_steps_hold_the_energy_that_controlled_ones_lose(monitor, h, 
     As many equal steps do not get through the first orbit.
     """
     method, periods = lv.Spark(3), 50
-    found = orbit(method, periods, h=h, control="reversible", monitor=monitor)
+    found = orbit(method, periods, h=h, control=lv.Reversible(monitor))
     controlled = orbit(method, periods, rtol=rtol)
     equal = orbit(method, periods, steps=800 * periods)
     assert cost(found) < cost(controlled)
@@ -176,7 +178,7 @@ METHODS = [
 def test_turned_round_they_go_back(method, monitor):
     """With the velocities turned, the same steps lead back to the start, to roundoff."""
     h = 0.004 if method.order == 2 else 0.02
-    options = {"control": "reversible", "monitor": monitor}
+    options = {"control": lv.Reversible(monitor)}
     there = orbit(method, 0.8, h=h, **options)
     end = there.t[-2]  # the last step was made to fit
     there = lv.integrate(kepler.system, method, t=(0, end), h=h, **kepler.start, **options)
@@ -193,7 +195,7 @@ def test_turned_round_they_go_back(method, monitor):
 
 
 def test_a_run_goes_on_with_its_last_step():
-    options = {"control": "reversible", "monitor": near}
+    options = {"control": lv.Reversible(near)}
     whole = orbit(lv.Spark(3), 1.0, h=0.05, **options)
     k = len(whole.t) // 2
     first = lv.integrate(
@@ -223,8 +225,7 @@ def test_steps_follow_a_monitor_of_time_and_velocity(form):
         lv.Spark(2),
         t=(0, 10),
         h=0.01,
-        control="reversible",
-        monitor=moving,
+        control=lv.Reversible(moving),
         **start,
     )
     wanted = 0.01 * (2 + np.sin(found.t)) / (1 + found.v[:, 0] ** 2) / 2
@@ -237,7 +238,7 @@ def test_steps_follow_a_monitor_of_time_and_velocity(form):
 def test_a_monitor_that_is_constant_gives_equal_steps():
     """To the bit; and 20 000 summed times are those that are computed."""
     problem = load("spherical_pendulum")
-    options = {"control": "reversible", "monitor": lambda t, q, v, params: 3.0}
+    options = {"control": lv.Reversible(lambda t, q, v, params: 3.0)}
     equal = lv.integrate(problem.system, lv.Spark(2), t=(0, 4), h=1 / 64, **problem.start)
     found = lv.integrate(
         problem.system, lv.Spark(2), t=(0, 4), h=1 / 64, **problem.start, **options
@@ -256,7 +257,7 @@ def test_the_own_monitor_sees_time_scales_not_zeros():
     """An oscillation, whose acceleration vanishes twice a period, has nearly equal steps."""
     well = lv.Lagrangian(lambda t, q, v, params: (v[0] ** 2 - q[0] ** 2) / 2, q=1)
     start = {"q": [0.3], "v": [1.0]}
-    found = lv.integrate(well, lv.Spark(2), t=(0, 50), h=0.1, control="reversible", **start)
+    found = lv.integrate(well, lv.Spark(2), t=(0, 50), h=0.1, control=lv.Reversible(), **start)
     sizes = np.diff(found.t)[:-1]
     assert sizes.max() < 1.2 * sizes.min()
 
@@ -269,9 +270,9 @@ def test_a_monitor_that_is_not_positive_says_when(value):
         "not finite": lambda t, q, v, params: ca.sqrt(1 - t),
     }
     with pytest.raises(lv.IntegrationError, match=r"monitor|h_min") as caught:
-        orbit(lv.Spark(2), 1.0, h=0.05, control="reversible", monitor=shapes[value], h_min=0.04)
+        orbit(lv.Spark(2), 1.0, h=0.05, control=lv.Reversible(shapes[value], h_min=0.04))
     assert 0 <= caught.value.t <= 1.05
-    at_once = {"control": "reversible", "monitor": lambda t, q, v, params: -q[2]}
+    at_once = {"control": lv.Reversible(lambda t, q, v, params: -q[2])}
     with pytest.raises(lv.IntegrationError, match=r"the monitor is -0\.6 at t = 0") as caught:
         orbit(lv.Spark(2), 1.0, h=0.05, **at_once)
     assert caught.value.quantity == "monitor"
@@ -279,13 +280,13 @@ def test_a_monitor_that_is_not_positive_says_when(value):
 
 def test_reversible_steps_have_a_least_size_too():
     with pytest.raises(lv.IntegrationError, match="less than h_min") as caught:
-        orbit(lv.Spark(3), 1.0, h=0.05, control="reversible", monitor=near, h_min=1e-2)
+        orbit(lv.Spark(3), 1.0, h=0.05, control=lv.Reversible(near, h_min=1e-2))
     assert 0 < caught.value.t < kepler.period / 2
     assert np.diff(caught.value.solution.t).min() >= 1e-2
 
 
 def test_events_and_times_do_not_change_the_steps():
-    options = {"h": 0.05, "control": "reversible", "monitor": near}
+    options = {"h": 0.05, "control": lv.Reversible(near)}
     plain = orbit(lv.Spark(3), 2.0, **options)
     nearest = lv.Event(lambda t, q, v, lam, params: q[0] * v[0] + q[1] * v[1], direction="up")
     watched = orbit(lv.Spark(3), 2.0, events={"near": nearest}, **options)

@@ -1,18 +1,17 @@
-"""What the documentation says runs, and what it cites exists."""
+"""The programs of the documentation run, its sources exist, and it has one sentence a line."""
 
 import doctest
 import pkgutil
 import re
 from importlib import import_module
-from pathlib import Path
+from itertools import pairwise
 
 import pytest
+from pages import PAGES, ROOT, name, tokens
 
 import liouville
 
-ROOT = Path(__file__).resolve().parent.parent
-PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").rglob("*.md"))]
-PAGES = [page for page in PAGES if not {"_build", "gallery"} & set(page.parts)]
+PROSE = [*PAGES, ROOT / "CHANGELOG.md", ROOT / "CONTRIBUTING.md"]
 MODULES = sorted(
     module.name
     for module in pkgutil.walk_packages(liouville.__path__, "liouville.")
@@ -25,13 +24,13 @@ SOURCES = [
     *sorted((ROOT / "examples").glob("*.py")),
 ]
 
+# A sentence ends inside a line: not after an initial, nor after a catchword in italics.
+END = re.compile(r"(?<!\b[A-Z])(?<=\S)[.?!][)*\"]* +(?=[A-Z*({\[~])")
+CATCHWORD = re.compile(r"\*[^*]+[.?!]\* ")
+
 
 def programs(page):
     return re.findall(r"^```python\n(.*?)^```", page.read_text(encoding="utf-8"), re.M | re.S)
-
-
-def name(path):
-    return path.relative_to(ROOT).as_posix()
 
 
 @pytest.mark.parametrize("page", [page for page in PAGES if programs(page)], ids=name)
@@ -58,3 +57,51 @@ def test_every_source_cited_is_in_the_list():
             cited += re.findall(r"\b[a-z]{3,}(?:19|20)\d\d[a-z]*\b", line)
         missing = sorted(set(filter(None, map(str.strip, cited))) - set(known))
         assert not missing, f"{name(path)} cites {missing}, which docs/references.bib does not have"
+
+
+@pytest.mark.parametrize("page", PROSE, ids=name)
+def test_every_file_that_a_page_names_exists(page):
+    folders = "benchmarks|crates|docs|examples|python|tests|tools"
+    named = re.findall(rf"`(?:python )?((?:{folders})/[\w./-]+)", page.read_text(encoding="utf-8"))
+    missing = [path for path in named if not (ROOT / path).exists()]
+    assert not missing, f"{name(page)} names {missing}"
+
+
+def faults(text):
+    """Yield the number of each line that is too long or not one sentence, and why.
+
+    Code, tables and links may be long; the lines under the tables of benchmarks are theirs.
+    """
+    by_benchmarks = re.compile(r"<!-- table.*?<!-- end -->", re.S)
+    text = by_benchmarks.sub(lambda match: "\n" * match[0].count("\n"), text)
+    blocks = tokens(text)
+    wide = [range(*block.map) for block in blocks if block.type in ("fence", "table_open")]
+    for number, line in enumerate(text.splitlines()):
+        only_link = re.fullmatch(r"!?\[[^\]]*\]\(\S+\)", line)
+        if len(line) > 160 and not only_link and not any(number in block for block in wide):
+            yield number + 1, f"{len(line)} characters"
+    for opening, block in pairwise(blocks):
+        if opening.type != "paragraph_open" or block.type != "inline":
+            continue
+        last = block.content.count("\n")
+        for index, line in enumerate(block.content.splitlines()):
+            number = block.map[0] + index + 1
+            plain = re.sub(r"`[^`]*`|\$[^$]+\$|\{\w+(:\w+)?\}`[^`]*`", "~", line)
+            if END.search(CATCHWORD.sub("", plain, count=1)):
+                yield number, "two sentences"
+            if index < last and not re.search(r"[.?!][)*\"]*$", plain):
+                yield number, "a sentence is broken"
+
+
+@pytest.mark.parametrize("page", PROSE, ids=name)
+def test_prose_has_one_sentence_a_line(page):
+    found = [f"{name(page)}:{line}: {why}" for line, why in faults(page.read_text("utf-8"))]
+    assert not found, "\n".join(found)
+
+
+def test_other_lines_are_seen():
+    assert list(faults("One is. Two are.\n")) == [(1, "two sentences")]
+    assert list(faults("- One\n  is.\n")) == [(1, "a sentence is broken")]
+    assert list(faults(f"Let {'very ' * 40}long.\n")) == [(1, "209 characters")]
+    assert list(faults("*Order.* By C. Runge, $x. Y$ and `a. B` are.\nSo (too).\n")) == []
+    assert list(faults(f"[{'link ' * 40}](page.md)\n\n| {'cell. Cell. ' * 20} |\n|-|\n")) == []

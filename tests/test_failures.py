@@ -312,7 +312,7 @@ def bursting(t, q, v, params):
     ("force", "options", "quantity", "message", "reached"),
     [
         (bursting, {}, "step", r"asks for a step of .*less than h_min\nhint: .*h_min", 1e-3),
-        (bursting, {"h_min": 1e-3}, "step", r"less than h_min\nhint: ", 0.5),
+        (bursting, {"control": lv.Adaptive(1e-3)}, "step", r"less than h_min\nhint: ", 0.5),
         (
             lambda t, q, v, params: [root(t, q, v, params)],
             {},

@@ -110,8 +110,8 @@ ROWS = [
         "(?s)equal steps and no rtol.*hint: give h or steps.*depends on the state, volume is not",
     ),
     ("atol", lambda: run(atol=1e-3), TypeError, "equal steps and no atol"),
-    ("h_min", lambda: run(h_min=1e-3), TypeError, "equal steps and no h_min"),
-    ("many rtol", lambda: many(rtol=1e-3), TypeError, r"no rtol\nhint: .* volume is not kept"),
+    ("control", lambda: run(control=lv.Adaptive()), TypeError, "equal steps and no control"),
+    ("many rtol", lambda: many(rtol=1e-3), TypeError, r"no rtol=\nhint: its members take equal"),
     ("h zero", lambda: run(h=0), ValueError, "h is positive and finite, not 0"),
     ("h negative", lambda: run(h=-0.1), ValueError, r"(?s)not -0\.1.*hint: .*t=\(end, start\)"),
     ("h NaN", lambda: run(h=NAN), ValueError, "h is positive and finite, not nan"),
@@ -201,16 +201,22 @@ def test_the_right_calls_are_taken():
     assert run(DRIFTING, x=[1, 1]).status == "done"
 
 
+SPLIT = "volume-splitting"
 PLANS = {
     "nothing": ("", "Expecting value"),
     "no dict": ("[1]", "it holds a list"),
-    "empty": ("{}", "'trials' is missing"),
-    "open": ({"method": {"diagonal": "auto"}}, "leaves something to choose"),
-    "word": ({"method": {"diagonal": "all"}}, "diagonal is one of"),
+    "empty": ("{}", "'form' is missing"),
+    "form": ({"form": "tree"}, "form is 'tree', wanted field or wave"),
+    "wave": ({"form": "wave"}, "."),
+    "trials": ('{"form": "field", "method": {"name": "volume-splitting"}}', "'trials' is missing"),
+    "open": ({"method": {"name": SPLIT, "diagonal": "auto"}}, "leaves something to choose"),
+    "word": ({"method": {"name": SPLIT, "diagonal": "all"}}, "diagonal is one of"),
+    "method": ({"method": {"name": "spark", "stages": 2}}, r"its method is Spark"),
+    "no method": ({"method": {"name": "sparks"}}, "'sparks' is missing"),
     "order": ({"order": [0, 0, 1]}, "order is no permutation"),
-    "turn": ({"turn": [5]}, "turn is no permutation"),
-    "size": ({"n": "three"}, "n is no int"),
-    "cost": ({"cost": "much"}, "cost is no float"),
+    "directions": ({"directions": [5]}, "directions is no permutation"),
+    "size": ({"n": "three"}, "n is 'three'"),
+    "cost": ({"cost": "much"}, "cost is 'much'"),
     "more": ({"colour": "red"}, "'colour'"),
 }
 

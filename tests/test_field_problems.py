@@ -35,11 +35,12 @@ TOLERANCE = 1e-9
 
 def polynomial(field, name):
     """Return an invariant's monomials and coefficients, with the field's own numbers."""
-    s, invariant = field._observer._symbols, field._observer.invariants[name]
-    if invariant.quadratic is not None:  # of Lorenz's model
+    observer = field._observer
+    if observer._matrices[observer.names.index(name)][1] is not None:  # of Lorenz's model
         return {(i, i): Fraction(1, 2) for i in range(len(field.coordinates))}
-    inputs, values = (s.t, s.x, s.params.vector), field.values(None)
-    expansion, (found,) = expand(invariant.expression, inputs, values, field.coordinates)
+    expressions, values = observer._expressions, field.values(None)
+    inputs, column = tuple(expressions.symbols.all), expressions.columns[name]
+    expansion, (found,) = expand(column, inputs, values, field.coordinates)
     assert expansion.is_exact
     return {monomial: value for monomial, (value, _) in found.items()}
 

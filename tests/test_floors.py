@@ -27,11 +27,11 @@ CORE_FLOORS = (
 )
 PACKAGE_FLOORS = (
     ("_core", "errors"),
-    ("_arguments", "events", "failure", "points", "tape", "terms"),
-    ("methods", "systems"),
+    ("_arguments", "_options", "events", "failure", "points", "tape", "terms"),
+    ("control", "methods", "systems"),
     ("solution", "splitting"),
-    ("planner", "propagation"),
-    ("routes", "spread"),
+    ("distribute", "planner"),
+    ("runners",),
     ("integrate",),
     ("determinant", "ensemble", "section"),
     ("convergence", "export", "fem", "plot", "problems"),

@@ -5,7 +5,6 @@ sequence of shears is, on an eigenvector, the matrix K(x), x = step times eigenv
 """
 
 import json
-import sys
 from pathlib import Path
 
 import numpy as np
@@ -26,12 +25,6 @@ STABILITY = {
 def digits():
     with mp.workdps(50):
         yield
-
-
-@pytest.fixture
-def tools(monkeypatch):
-    """Find the generators."""
-    monkeypatch.setattr(sys, "path", [str(HERE.parent / "tools"), *sys.path])
 
 
 def stability_matrix(coefficients, x):
@@ -120,7 +113,6 @@ def test_stable_methods_stay_stable_for_a_million_steps():
 @pytest.mark.parametrize(
     ("n", "theta", "is_stable"), [(4, 0.2326, True), (10, 0.2653, False), (24, 3.46, True)]
 )
-@pytest.mark.usefixtures("tools")
 def test_the_generator_makes_what_is_shipped(n, theta, is_stable):
     from ladder import design
 
@@ -134,7 +126,6 @@ def test_the_generator_makes_what_is_shipped(n, theta, is_stable):
         assert abs(k[0, 1] - k[1, 0] - other[0, 1] + other[1, 0]) < 1e-12
 
 
-@pytest.mark.usefixtures("tools")
 def test_the_generator_refuses_where_no_shears_exist():
     from ladder import design
 
@@ -176,7 +167,6 @@ def test_methods_of_an_order_have_it(row):
     assert abs(mp.log(far / near, 2) - (order + 1)) < 0.01
 
 
-@pytest.mark.usefixtures("tools")
 def test_stability_polynomials_are_found_again():
     import stability
     from flint import ctx

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import liouville as lv
-from liouville.propagation.ladder import ROUNDOFF, ladder
+from liouville.planner.waves.ladder import ROUNDOFF, ladder
 
 SITES = 24
 CHAIN = lv.Schrodinger(lv.Lattice(SITES, potential=np.random.default_rng(0).normal(size=SITES)))
@@ -20,7 +20,7 @@ def start():
 
 
 def rung_of(plan):
-    return next(rung for rung in ladder() if plan.method.startswith(rung.name + " "))
+    return next(rung for rung in ladder() if plan.scheme.startswith(rung.name + " "))
 
 
 def tenths(drift):
@@ -33,7 +33,7 @@ def tenths(drift):
 def test_the_norm_is_bounded_over_a_million_steps(theta, tol):
     # the plan of a single step, a million times
     step = theta / BETA
-    plan = lv.propagation(CHAIN, lv.SchrodingerSplitting(tol, "stable"), t=(0.0, step))
+    plan = lv.plan(CHAIN, lv.SchrodingerSplitting(tol, "stable"), t=(0.0, step))
     assert plan.steps == 1
     t = 1000 * step * np.arange(1001.0)
     plan = replace(plan, stops=tuple((end, 1000) for end in t[1:].tolist()))
@@ -92,7 +92,7 @@ def test_every_stable_rung_is_bounded_at_any_step_it_is_made_for(rung):
         t = np.linspace(0.0, steps * theta, 101)
         kappa = rung.kappa[np.searchsorted(rung.fractions, fraction)]
         roundings = ROUNDOFF * rung.gain * np.sqrt(steps)
-        plan = lv.propagation(system, lv.SchrodingerSplitting(0.1, "stable"), t=t)
+        plan = lv.plan(system, lv.SchrodingerSplitting(0.1, "stable"), t=t)
         core = ("shears", rung.coefficients, 0.0, 0.5)
         stops = tuple((float(end), steps // 100) for end in t[1:])
         forced = type(plan)(

@@ -9,7 +9,7 @@ import pytest
 from fields import abc_flow, lorenz96, random_exact, toda, volterra
 
 import liouville as lv
-from liouville.planner.structure import affine_part, candidates_of
+from liouville.planner.fields.structure import affine_part, candidates_of
 from liouville.problems import load
 from liouville.systems import PolynomialField
 from liouville.terms import Terms

@@ -33,7 +33,7 @@ def many(**changes):
 
 
 def plan(system=CHAIN, method="auto", t=(0.0, 1.0), **more):
-    return lv.propagation(system, method, t=t, **more)
+    return lv.plan(system, method, t=t, **more)
 
 
 def entry(i, j, value):
@@ -103,10 +103,15 @@ ROWS = [
     ("flux", lambda: run(RING, Splitting(mode="fast"), psi=[1, 0, 0]), ValueError, "no gauge"),
     ("flux Magnus", lambda: run(RING, lv.Magnus(), psi=[1, 0, 0], steps=1), TypeError, "no gauge"),
     # tolerances and steps
-    ("tol zero", lambda: run(tol=0.0), ValueError, "tol is from 1e-14 to below 1, not 0\nhint"),
-    ("tol NaN", lambda: run(tol=NAN), ValueError, "tol is from 1e-14 to below 1, not nan"),
-    ("tol word", lambda: run(tol="1e-3"), TypeError, "tol is a number"),
-    ("tol out of reach", lambda: run(t=(0, 1e6), tol=1e-10), ValueError, "out of reach.*\nhint"),
+    ("tol zero", lambda: Splitting(0.0), ValueError, "tol is from 1e-14 to below 1, not 0\nhint"),
+    ("tol NaN", lambda: Splitting(NAN), ValueError, "tol is from 1e-14 to below 1, not nan"),
+    ("tol word", lambda: Splitting("1e-3"), TypeError, "tol is a number"),
+    (
+        "tol out of reach",
+        lambda: run(CHAIN, Splitting(1e-10), t=(0, 1e6)),
+        ValueError,
+        "out of reach.*\nhint",
+    ),
     (
         "stable out of reach",
         lambda: run(t=(0, 4), method=Splitting(1e-14, "stable")),
@@ -117,17 +122,17 @@ ROWS = [
         "h",
         lambda: run(h=0.1),
         TypeError,
-        r"chooses its steps by tol and takes no h\nhint: give tol",
+        r"chooses its steps by its tol and takes no h\nhint: the tolerance",
     ),
     ("steps", lambda: run(method=lv.Chebyshev(), steps=9), TypeError, "takes no steps\nhint"),
     ("rtol", lambda: run(rtol=1e-3), TypeError, "takes no rtol"),
     ("every", lambda: run(every=2), TypeError, "takes no every\nhint: .*linspace"),
     ("no h", lambda: run(GRID, lv.SplitOperator(), psi=WAVE), TypeError, "give either h or steps"),
     (
-        "tol of steps",
-        lambda: run(GRID, lv.SplitOperator(), psi=WAVE, steps=2, tol=1e-3),
+        "tol",
+        lambda: run(tol=1e-3),
         TypeError,
-        "SplitOperator takes h or steps, and no tol",
+        r"integrate takes no tol=\nhint: .* give method=lv.SchrodingerSplitting\(tol=",
     ),
     (
         "tol of a pendulum",
@@ -135,7 +140,7 @@ ROWS = [
             load("pendulum").system, lv.Spark(), t=(0, 1), h=0.1, tol=1e-3, **load("pendulum").start
         ),
         TypeError,
-        "tol",
+        "integrate takes no tol=",
     ),
     (
         "unstable",
@@ -180,7 +185,11 @@ ROWS = [
         "made for a complex H\nhint",
     ),
     ("plan and h", lambda: run(method=plan(), h=0.1), TypeError, "takes no h"),
-    ("plan and tol", lambda: run(method=plan(), tol=1e-3), TypeError, "a Propagation has its tol"),
+    ("plan and tol", lambda: many(method=plan(), tol=1e-3), TypeError, "ensemble takes no tol="),
+    ("plan with h", lambda: plan(h=0.1), TypeError, r"a plan for .* takes no h="),
+    ("plan with x", lambda: plan(x=PSI), TypeError, r"a plan for .* takes no x="),
+    ("plan of a psi", lambda: plan(psi=np.ones(3)), ValueError, r"shape \(3,\), wanted \(10,\)"),
+    ("plan of steps", lambda: plan(method=lv.Magnus()), TypeError, "method is a Schrodinger"),
     ("params", lambda: run(GRID, psi=WAVE, params={"b": 1}), ValueError, "no parameter 'b'"),
     ("observe", lambda: run(observe={"x": np.ones(3)}), ValueError, "observable 'x' has shape"),
     ("threads", lambda: run(threads=0), ValueError, "threads is at least 1, not 0"),

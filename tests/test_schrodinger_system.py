@@ -424,7 +424,7 @@ def test_a_ring_with_flux_runs_by_a_series_and_refuses_what_wants_a_real_matrix(
     energies, vectors = np.linalg.eigh(matrix)
     wanted = vectors @ (np.exp(-2j * energies) * (vectors.conj().T @ psi))
     solution = lv.integrate(
-        system, "auto", t=(0, 2), psi=psi, tol=1e-10, observe={"energy of H": matrix}
+        system, lv.SchrodingerSplitting(1e-10), t=(0, 2), psi=psi, observe={"energy of H": matrix}
     )
     assert np.linalg.norm(solution.psi[-1] - wanted) < 1e-10 * np.linalg.norm(psi)
     assert np.ptp(solution.observed["energy of H"]) < 1e-8

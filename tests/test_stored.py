@@ -83,14 +83,14 @@ KINDS = {
     "events": lambda: pendulum(steps=300, events={"low/high": height}, states=False),
     "ended": lambda: pendulum(steps=300, events={"low": lv.Event(height, terminal=2)}),
     "spark": lambda: pendulum(method=lv.Spark(3), steps=200),
-    "reversible": lambda: pendulum(method=lv.Spark(2), h=0.01, control="reversible"),
+    "reversible": lambda: pendulum(method=lv.Spark(2), h=0.01, control=lv.Reversible()),
     "tolerant": lambda: pendulum(method=lv.Spark(3), rtol=1e-7),
     "composed": lambda: pendulum(method=lv.Composition(lv.LobattoPair(2), "SU4"), steps=100),
     "index 2": lambda: dict(
         system=sphere(), method=lv.Spark(2), t=(0.0, 3.0), steps=90, y=[0.6, 0.0, 0.8]
     ),
     "field": lambda: field(every=3),
-    "wave": lambda: waves(method="auto", tol=1e-6),
+    "wave": lambda: waves(method=lv.SchrodingerSplitting(tol=1e-6)),
     "krylov": lambda: waves(method=lv.Lanczos(tol=1e-6)),
     "grid": lambda: rotor(method=lv.SplitOperator(), h=0.01),
 }
@@ -139,7 +139,7 @@ def test_a_run_cut_off_again_and_again_has_the_bits_of_one_that_was_not(kind, sm
     whole = lv.integrate(**KINDS[kind]())
     path = tmp_path / "run.zarr"
     with pytest.raises(CutError):
-        lv.integrate(**KINDS[kind](), store=path, checkpoint=25, progress=cutting(2))
+        lv.integrate(**KINDS[kind](), store=lv.Store(path, 25), progress=cutting(2))
     for cuts in count(1):
         try:
             solution = lv.resume(path, progress=cutting(3 + cuts))
@@ -156,8 +156,8 @@ def test_a_run_cut_off_again_and_again_has_the_bits_of_one_that_was_not(kind, sm
 @pytest.mark.parametrize("stride", [19, pytest.param(1, marks=pytest.mark.slow)])
 def test_a_file_cut_off_in_the_middle_leaves_what_was_there(stride, small, tmp_path, monkeypatch):
     monkeypatch.setattr(stream, "BYTES", 2500)
-    call = pendulum(steps=70, events={"low": height}, checkpoint=30)
-    whole = lv.integrate(**{**call, "checkpoint": None})
+    call = pendulum(steps=70, events={"low": height})
+    whole = lv.integrate(**call)
     write, made, last = folder.Folder.write, count(), None
 
     def dying(self, file, data, size=None):
@@ -176,7 +176,7 @@ def test_a_file_cut_off_in_the_middle_leaves_what_was_there(stride, small, tmp_p
         path = tmp_path / f"{last}-{is_late}.zarr"
         made = count()
         try:
-            lv.integrate(**call, store=path)
+            lv.integrate(**call, store=lv.Store(path, checkpoint=30))
             break
         except CutError:
             if path.exists():
@@ -189,7 +189,8 @@ def test_a_file_cut_off_in_the_middle_leaves_what_was_there(stride, small, tmp_p
 
 
 def go(path, call):
-    lv.resume(path) if path.exists() else lv.integrate(**call, store=path, checkpoint="0.002s")
+    store = lv.Store(path, checkpoint="0.002s")
+    lv.resume(path) if path.exists() else lv.integrate(**call, store=store)
 
 
 def checkpoints(path):
@@ -270,7 +271,7 @@ def test_an_interrupted_run_is_stored_to_where_it_is_and_goes_on(progress, tmp_p
     call = pendulum(steps=500, every=9)
     whole = lv.integrate(**call)
     path = tmp_path / "run.zarr"
-    solution = lv.integrate(**call, store=path, checkpoint=100, progress=progress)
+    solution = lv.integrate(**call, store=lv.Store(path, 100), progress=progress)
     assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
     assert solution.status == "interrupted"
     assert solution.message.startswith("interrupted after 100 of 500 steps; liouville.resume(")
@@ -321,7 +322,7 @@ def test_others_read_the_folder_while_it_grows_and_when_it_is_done(small, tmp_pa
 
     with warnings.catch_warnings():
         warnings.simplefilter("error")
-        lv.integrate(**pendulum(steps=200), store=path, checkpoint=50, progress=progress)
+        lv.integrate(**pendulum(steps=200), store=lv.Store(path, 50), progress=progress)
         with xarray.open_zarr(path, consolidated=False, decode_times=False) as records:
             assert records.q.dims == ("time", "coordinate")
             assert records.time.size == 201
@@ -347,10 +348,9 @@ def test_a_light_solution_says_where_its_records_are(tmp_path):
         ({"store": "run.nc"}, ValueError, r"stored in a \.zarr folder, not in 'run.nc'"),
         ({"store": 3}, TypeError, "store is a path, not 3"),
         ({"store": "no/run.zarr"}, FileNotFoundError, "does not exist"),
-        ({"checkpoint": 5}, TypeError, "checkpoint is for a stored run"),
-        ({"store": "run.zarr", "checkpoint": 0}, ValueError, "checkpoint"),
-        ({"store": "run.zarr", "checkpoint": "5 weeks"}, ValueError, "neither steps nor a time"),
-        ({"store": "run.zarr", "checkpoint": "0s"}, ValueError, "neither steps nor a time"),
+        ({"store": lv.Store("no/run.zarr", 5)}, FileNotFoundError, "does not exist"),
+        ({"store": lv.Store("there.zarr", "1h")}, FileExistsError, "liouville.resume"),
+        ({"store": "run.zarr", "checkpoint": 5}, TypeError, r"hint: give lv.Store\(path, check"),
         ({"store": "."}, ValueError, "folder"),
         ({"store": "there.zarr"}, FileExistsError, "liouville.resume"),
     ],
@@ -360,6 +360,29 @@ def test_what_cannot_be_stored_is_refused_before_the_run(more, error, words, els
     with pytest.raises(error, match=words):
         lv.integrate(**pendulum(steps=10), **more)
     assert [path.name for path in elsewhere.iterdir()] == ["there.zarr"]
+
+
+@pytest.mark.parametrize(
+    ("given", "error", "words"),
+    [
+        (("run.nc",), ValueError, "stored in a .zarr folder, not in"),
+        ((3,), TypeError, "store is a path, not 3"),
+        (("run.zarr", 0), ValueError, "checkpoint is at least 1, not 0"),
+        (("run.zarr", 2.5), TypeError, "checkpoint is an integer, not 2.5"),
+        (("run.zarr", "5 weeks"), ValueError, "neither steps nor a time\nhint: give checkpoint="),
+        (("run.zarr", "0s"), ValueError, "neither steps nor a time"),
+    ],
+)
+def test_a_store_that_is_none_is_refused_when_it_is_made(given, error, words):
+    with pytest.raises(error, match=words):
+        lv.Store(*given)
+
+
+def test_the_old_spelling_of_a_checkpoint_is_refused(tmp_path):
+    with pytest.raises(TypeError, match=r"resume takes no checkpoint=\nhint: give lv.Store\("):
+        lv.resume(tmp_path / "run.zarr", checkpoint=5)
+    with pytest.raises(TypeError, match="resume takes no often="):
+        lv.resume(tmp_path / "run.zarr", often=5)
 
 
 def test_what_cannot_be_pickled_is_refused_before_the_run(tmp_path):
@@ -373,7 +396,7 @@ def test_what_cannot_be_pickled_is_refused_before_the_run(tmp_path):
 
 def cut_off(path):
     with pytest.raises(CutError):
-        lv.integrate(**pendulum(steps=100), store=path, checkpoint=10, progress=cutting(2))
+        lv.integrate(**pendulum(steps=100), store=lv.Store(path, 10), progress=cutting(2))
 
 
 def test_what_is_no_run_to_go_on_with_is_refused(tmp_path):
@@ -406,7 +429,7 @@ def test_a_state_that_is_none_or_another_runs_is_refused(tmp_path):
     path, other = tmp_path / "run.zarr", tmp_path / "other.zarr"
     cut_off(path)
     with pytest.raises(CutError):
-        lv.integrate(**field(), store=other, checkpoint=10, progress=cutting(2))
+        lv.integrate(**field(), store=lv.Store(other, 10), progress=cutting(2))
     state = path / folder.CHECKPOINT / stream.STATE
     whole = state.read_bytes()
     state.write_bytes((other / folder.CHECKPOINT / stream.STATE).read_bytes())

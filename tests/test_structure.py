@@ -69,7 +69,9 @@ def lagrangian(stiffness=STIFFNESS, damping=DAMPING, constraint=joints):
 
 def parts(system):
     """Return all tapes and patterns of a system but that of power, which knows the damping."""
-    tapes, patterns, _ = _form.second_order(system._symbols, system._model, system._traced.power)
+    tapes, patterns, _ = _form.second_order(
+        system._symbols, system._model, system._expressions.columns["power"]
+    )
     tapes.pop("power", None)
     observer, _ = system.observer(None, True)
     return {**system._tapes, **tapes, "observer": observer}, {**system._patterns, **patterns}
@@ -135,7 +137,7 @@ def test_a_long_list_of_names_is_shortened():
 def test_power_is_that_of_forces_and_of_moving_constraints():
     system = structure()
     tapes, _, power_of_lam = _form.second_order(
-        system._symbols, system._model, system._traced.power
+        system._symbols, system._model, system._expressions.columns["power"]
     )
     t, (q, v), lam = 0.3, np.random.default_rng(4).normal(size=(2, N)), np.array([2.0, 3.0])
     args = [np.array([[t]]), q[None], v[None], lam[None]]
@@ -144,7 +146,12 @@ def test_power_is_that_of_forces_and_of_moving_constraints():
     assert power_of_lam
     assert found == pytest.approx(forces - 2.0 * 0.1 * np.cos(t), rel=1e-14)
     still = structure(force=None, constraint=None)
-    assert "power" not in _form.second_order(still._symbols, still._model, still._traced.power)[0]
+    assert (
+        "power"
+        not in _form.second_order(
+            still._symbols, still._model, still._expressions.columns["power"]
+        )[0]
+    )
 
 
 def test_terms_of_a_tape_are_matrix_products():

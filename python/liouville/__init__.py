@@ -1,5 +1,7 @@
 """Structure-preserving time integrators: a Rust core with a Python front."""
 
+from liouville.control import Adaptive as Adaptive
+from liouville.control import Reversible as Reversible
 from liouville.determinant import determinant as determinant
 from liouville.ensemble import ensemble as ensemble
 from liouville.errors import IntegrationError as IntegrationError
@@ -22,14 +24,15 @@ from liouville.methods import Spark as Spark
 from liouville.methods import SplitOperator as SplitOperator
 from liouville.methods import StabilitySplitting as StabilitySplitting
 from liouville.methods import VolumeSplitting as VolumeSplitting
+from liouville.planner import FieldPlan as FieldPlan
 from liouville.planner import Plan as Plan
+from liouville.planner import WavePlan as WavePlan
 from liouville.planner import plan as plan
 from liouville.points import Points as Points
-from liouville.propagation import Propagation as Propagation
-from liouville.propagation import propagation as propagation
 from liouville.section import Section as Section
 from liouville.section import section as section
 from liouville.solution import Solution as Solution
+from liouville.stored import Store as Store
 from liouville.stored import resume as resume
 from liouville.systems import Grid as Grid
 from liouville.systems import Hamiltonian as Hamiltonian

@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 from liouville.errors import IntegrationError
 from liouville.integrate import integrate
 from liouville.methods import Method, VolumeSplitting
-from liouville.planner import Plan, plan
+from liouville.planner import FieldPlan, plan
 from liouville.solution import Array
 from liouville.systems import PolynomialField, System
 
@@ -48,7 +48,7 @@ class Study:
 
 def study(
     system: System,
-    method: Method | Plan,
+    method: Method | FieldPlan,
     t: tuple[float, float],
     hs: Sequence[float],
     start: Mapping[str, Any],
@@ -129,7 +129,7 @@ def study(
     sizes = np.array(used)
     columns = dict(zip(names, np.array(errors).T, strict=True))
     order = {name: slope(sizes, column, floor) for name, column in columns.items()}
-    chosen = method.method if isinstance(method, Plan) else method
+    chosen = method.method if isinstance(method, FieldPlan) else method
     return Study(sizes, columns, order, repr(chosen))
 
 

@@ -10,10 +10,11 @@ from numpy.typing import ArrayLike
 
 from liouville import _core
 from liouville._arguments import check_memory
-from liouville.integrate import run
+from liouville.errors import Description
 from liouville.methods import VolumeSplitting
-from liouville.planner import Plan
-from liouville.routes import Asked, FieldRoute, route
+from liouville.planner import FieldPlan
+from liouville.runners import FieldRunner, Request, no_runner
+from liouville.runners.execute import execute
 from liouville.solution import Solution
 from liouville.splitting import crossed
 from liouville.systems import PolynomialField
@@ -21,7 +22,7 @@ from liouville.systems import PolynomialField
 
 def determinant(
     system: PolynomialField,
-    method: VolumeSplitting | Plan,
+    method: VolumeSplitting | FieldPlan,
     *,
     t: tuple[float, float],
     h: float | None = None,
@@ -73,40 +74,39 @@ def determinant(
     """
     if not isinstance(system, PolynomialField):
         raise TypeError(f"determinants are those of a PolynomialField, not of {system!r}")
-    asked = Asked(
-        t=t, h=h, steps=steps, control={}, every=every,
-        observe=None, params=params, states=True, start={"x": x},
-    )  # fmt: skip
-    path = route(system, method, asked)
-    assert isinstance(path, FieldRoute)
-    return run(_DeterminantRoute(path), progress)
+    if not isinstance(method, VolumeSplitting | FieldPlan):
+        raise no_runner(method, "field", "polynomial fields")
+    request = Request(t=t, h=h, steps=steps, every=every, params=params, start={"x": x})
+    return execute(_DeterminantRunner(system, method, request), progress)
 
 
-class _DeterminantRoute(FieldRoute):
-    """A field's route, with tangents."""
+class _DeterminantRunner(FieldRunner):
+    """Runs a field with tangents."""
 
-    def __init__(self, path: FieldRoute) -> None:
-        vars(self).update(vars(path))
-        n = len(path.system.coordinates)
+    def __init__(
+        self, system: PolynomialField, method: VolumeSplitting | FieldPlan, request: Request
+    ) -> None:
+        super().__init__(system, method, request)
+        n = len(system.coordinates)
         self.columns = {"x": n, "observed log_determinant": 1, "observed defect": 1}
         hint = "this is for fields of up to a few hundred variables: take a smaller one of the kind"
         check_memory(f"the Jacobian of {n} variables", 8.0 * n * n, hint)
 
     def start(self) -> _core.Run | dict[str, Any]:
-        """Start the run, or say what is the trouble."""
-        pace, parts, method = self.pace, self.split, self.plan.method
+        """Start the run, or return the error of its start."""
+        steps, parts, method = self.steps, self.split, self.choice.method
         return _core.determinant_run(
             crossed(parts), method.composition, np.ascontiguousarray(parts.inward(self.x)[0]),
             (len(self.system.coordinates), parts.outward),
-            (pace.t0, pace.t1, pace.count, self.every), method.compensated,
+            (steps.t0, steps.t1, steps.count, self.every), method.compensated,
         )  # fmt: skip
 
-    def describe(self, trouble: dict[str, Any]) -> tuple[str, str, str]:
-        """Say what a trouble means in the user's names: sentence, hint and quantity."""
-        if trouble.get("quantity") == "observable":
+    def describe(self, error: dict[str, Any]) -> Description:
+        """Describe an error in the user's names: sentence, hint and quantity."""
+        if error.get("quantity") == "observable":
             return (
                 "the Jacobian of the step is singular to roundoff, its determinant unknown",
                 "the step stretches some directions too much over others: try a smaller h",
                 "determinant",
             )
-        return super().describe(trouble)
+        return super().describe(error)

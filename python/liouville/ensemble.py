@@ -11,24 +11,22 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from liouville.integrate import plain, run
+from liouville.distribute import Task, distribute
 from liouville.methods import Method
 from liouville.planner import Plan
-from liouville.propagation import Propagation
-from liouville.routes import Asked, route
+from liouville.runners import Request, runner_of
+from liouville.runners.execute import execute, plain
 from liouville.solution import Solution
-from liouville.spread import Job, spread
 from liouville.systems import System
 
 
 def ensemble(
     system: System,
-    method: Method | Plan | Propagation | str,
+    method: Method | Plan | str,
     *,
     t: tuple[float, float] | Sequence[float],
     h: float | None = None,
     steps: int | None = None,
-    tol: float | None = None,
     every: int = 1,
     observe: Mapping[str, Callable[..., Any]] | None = None,
     params: Mapping[str, ArrayLike] | None = None,
@@ -51,7 +49,7 @@ def ensemble(
         What is integrated.
     method : Method or Plan
         How: any method for the system, with steps of equal size.
-    t, h, steps, tol, every, observe, states
+    t, h, steps, every, observe, states
         As for :func:`integrate`. What is kept of all members is what takes memory:
         ``every=steps`` keeps starts and ends, ``states=False`` only invariants and `observe`.
     params : mapping, optional
@@ -94,35 +92,34 @@ def ensemble(
     >>> lv.ensemble(euler_top.system, lv.VolumeSplitting(), t=(0, 1), steps=10, x=many).x.shape
     (11, 2, 3)
     """
-    asked = Asked(
-        t=t, h=h, steps=steps, control={}, every=every,
-        observe=observe, params=params, states=states, start=start, is_ensemble=True,
-        threads=threads, tol=tol,
+    request = Request(
+        t=t, h=h, steps=steps, every=every, observe=observe, params=params, states=states,
+        threads=threads, start=start, is_ensemble=True,
     )  # fmt: skip
-    path = route(system, method, asked)
+    runner = runner_of(system, method, request)
     if executor is None:
         if chunk is not None:
             raise TypeError("chunk is for an executor: give executor= too")
-        return run(path, progress)
+        return execute(runner, progress)
     part = partial(
-        ensemble, path.system, path.choice, t=t, h=h, steps=steps, every=every, states=states,
-        observe=path.system.portable(observe), threads=threads or 1,
+        ensemble, runner.system, runner.choice, t=t, h=h, steps=steps, every=every, states=states,
+        observe=runner.system.portable(observe), threads=threads or 1,
     )  # fmt: skip
-    job = Job(
+    task = Task(
         part,
         _arrays(start),
-        _arrays(params) if path.system is system else None,
+        _arrays(params) if runner.system is system else None,
         system.params,
-        path.members[0],
-        (path.pace.count // path.every + 2) * path.row,
-        path.pace.t0,
+        runner.members[0],
+        (runner.steps.count // runner.every + 2) * runner.row,
+        runner.steps.t0,
     )
-    found = spread(job, executor, chunk, progress)
-    return replace(found, system=path.system, params=plain(path.params))
+    found = distribute(task, executor, chunk, progress)
+    return replace(found, system=runner.system, params=plain(runner.params))
 
 
 def _arrays(given: Any) -> Any:
-    """Return an array of what is none, or such arrays by name, once for all chunks."""
+    """Return start values or parameters as arrays, made once for all chunks."""
     if isinstance(given, Mapping):
         return {name: _arrays(x) for name, x in given.items()}
     return None if given is None else np.asarray(given)

@@ -1,4 +1,4 @@
-"""What is left to say of a member of an ensemble that could not go on."""
+"""Failures: the members of an ensemble that could not go on."""
 
 from __future__ import annotations
 
@@ -25,8 +25,8 @@ class Failure:
     message: str
 
 
-def told(failures: Mapping[int, Failure], members: int) -> str:
-    """Say how many of the members of an ensemble failed, and why the first of them did."""
+def summary_of(failures: Mapping[int, Failure], members: int) -> str:
+    """Return how many of the members of an ensemble failed, and why the first of them did."""
     if not failures:
         return ""
     member, failure = next(iter(failures.items()))

@@ -14,11 +14,11 @@ from liouville import _core
 from liouville._arguments import MOST_STEPS, number
 from liouville.errors import IntegrationError
 from liouville.events import DIRECTIONS
-from liouville.failure import Failure, told
-from liouville.integrate import drive, explained, failed
+from liouville.failure import Failure, summary_of
 from liouville.methods import VolumeSplitting
-from liouville.planner import Plan
-from liouville.routes import Asked, FieldRoute, route
+from liouville.planner import FieldPlan
+from liouville.runners import FieldRunner, Request, runner_of
+from liouville.runners.execute import advance, explain, failures_of
 from liouville.solution import Array
 from liouville.splitting import crossed
 from liouville.systems import PolynomialField
@@ -77,7 +77,7 @@ class Section:
 
 def section(
     system: PolynomialField,
-    method: VolumeSplitting | Plan,
+    method: VolumeSplitting | FieldPlan,
     *,
     t: tuple[float, float],
     plane: str | ArrayLike,
@@ -140,41 +140,40 @@ def section(
     """
     if not isinstance(system, PolynomialField):
         raise TypeError(f"sections are those of a PolynomialField, not of {system!r}")
-    asked = Asked(
-        t=t, h=h, steps=steps, control={},
-        every=MOST_STEPS, observe=None, params=params, states=True, start={"x": x},
-        is_ensemble=True, threads=threads,
+    request = Request(
+        t=t, h=h, steps=steps, every=MOST_STEPS, params=params, threads=threads, start={"x": x},
+        is_ensemble=True,
     )  # fmt: skip
-    path = route(system, method, asked)
-    assert isinstance(path, FieldRoute)
+    runner = runner_of(system, method, request)
+    assert isinstance(runner, FieldRunner)
     names = system.coordinates
     normal, cuts = _plane(plane, names), _cuts(offset, period, direction)
-    pace, parts, chosen = path.pace, path.split, path.plan.method
+    made, parts, chosen = runner.steps, runner.split, runner.choice.method
     run = _core.section_run(
-        crossed(parts), chosen.composition, parts.inward(path.x), (len(names), parts.outward),
-        (normal, *cuts), (pace.t0, pace.t1, pace.count), chosen.compensated, path.threads,
+        crossed(parts), chosen.composition, parts.inward(runner.x), (len(names), parts.outward),
+        (normal, *cuts), (made.t0, made.t1, made.count), chosen.compensated, runner.threads,
     )  # fmt: skip
-    outcome = run if isinstance(run, dict) else drive(run, path, progress)
+    outcome = run if isinstance(run, dict) else advance(run, runner, progress)
     _, rows = (None, np.empty((0, 2 + len(names)))) if isinstance(run, dict) else run.take()
-    failures = {} if isinstance(run, dict) else failed(run, path)
-    forwards = np.sign(pace.t1 - pace.t0)
+    failures = {} if isinstance(run, dict) else failures_of(run, runner)
+    forwards = np.sign(made.t1 - made.t0)
     order = np.lexsort((forwards * rows[:, 1], rows[:, 0]))
     found = Section(
         x=rows[order, 2:], t=rows[order, 1], member=rows[order, 0].astype(np.int64),
-        members=path.members[0], names=names, plane=(normal, cuts[0]), method=path.method,
+        members=runner.members[0], names=names, plane=(normal, cuts[0]), method=runner.method,
         period=cuts[1], direction=direction,
         status="failed" if isinstance(outcome, dict) else outcome, failures=failures,
     )  # fmt: skip
     if isinstance(outcome, dict):
-        message, quantity = explained(outcome, path)
+        message, quantity = explain(outcome, runner)
         raise IntegrationError(
-            message, t=outcome.get("start", pace.t0), step=outcome.get("step", 0),
+            message, t=outcome.get("start", made.t0), step=outcome.get("step", 0),
             quantity=quantity, member=outcome.get("member"), section=found,
         )  # fmt: skip
-    if len(failures) == path.members[0]:
+    if len(failures) == runner.members[0]:
         member, failure = next(iter(failures.items()))
         raise IntegrationError(
-            told(failures, path.members[0]), t=failure.t, step=failure.step, member=member,
+            summary_of(failures, runner.members[0]), t=failure.t, step=failure.step, member=member,
             section=replace(found, status="failed"),
         )  # fmt: skip
     return found

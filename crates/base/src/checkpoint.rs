@@ -9,7 +9,7 @@ const LARGEST: f64 = 9_007_199_254_740_992.0;
 ///
 /// A run restored from them goes on with the same bits: after a pause, or in a stepper of one member for a member
 /// of several in lock-step. Save only what the next step reads; statistics are left out. The default saves nothing.
-pub trait Checkpoint {
+pub trait Checkpoint: Send + Sync {
     /// Appends the numbers of a member.
     fn save(&self, _member: usize, _out: &mut Vec<f64>) {}
 

@@ -46,8 +46,27 @@ impl std::ops::Sub for Stats {
     }
 }
 
+/// The step being made: from `state` at `t` over `h`.
+#[derive(Debug)]
+pub struct Step<'a, S> {
+    /// Time at its start.
+    pub t: f64,
+    /// Its size.
+    pub h: f64,
+    /// The state at its start.
+    pub state: &'a S,
+}
+
+impl<S> Clone for Step<'_, S> {
+    fn clone(&self) -> Self {
+        *self
+    }
+}
+
+impl<S> Copy for Step<'_, S> {}
+
 /// A method at work on a problem.
-pub trait Stepper: Checkpoint + Send {
+pub trait Stepper: Checkpoint {
     /// What it advances.
     type State: Checkpoint;
 
@@ -57,7 +76,7 @@ pub trait Stepper: Checkpoint + Send {
     /// Why the step could not be made.
     fn step(&mut self, t: f64, h: f64, state: &mut Self::State) -> Result<(), StepError>;
 
-    /// Makes what was held back of the steps so far; a state is looked at after this.
+    /// Makes the flow deferred by the last step, if there is one; a state is read only after this.
     ///
     /// # Errors
     /// Why it could not be made: the state is not to be used then.
@@ -65,31 +84,11 @@ pub trait Stepper: Checkpoint + Send {
         Ok(())
     }
 
-    /// Forgets the step before: the next one starts cold, from wherever its state is.
+    /// Forgets the step before: the next one starts cold.
     fn forget(&mut self) {}
 
     /// What it has done so far.
     fn stats(&self) -> Stats;
-}
-
-impl<S: Stepper + ?Sized> Stepper for Box<S> {
-    type State = S::State;
-
-    fn step(&mut self, t: f64, h: f64, state: &mut S::State) -> Result<(), StepError> {
-        (**self).step(t, h, state)
-    }
-
-    fn synchronize(&mut self, state: &mut S::State) -> Result<(), StepError> {
-        (**self).synchronize(state)
-    }
-
-    fn forget(&mut self) {
-        (**self).forget();
-    }
-
-    fn stats(&self) -> Stats {
-        (**self).stats()
-    }
 }
 
 /// A method whose step of −h undoes its step of h.
@@ -126,7 +125,7 @@ impl Tolerance {
     }
 }
 
-/// A method that knows how far off its last step is.
+/// A method with an error estimate.
 pub trait Estimating: Stepper {
     /// The estimated local error of the last step, in units of the tolerance; infinite if it is unknown.
     fn error(&self) -> f64;

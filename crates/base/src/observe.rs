@@ -4,7 +4,7 @@ use crate::checkpoint::Checkpoint;
 use crate::error::StepError;
 
 /// Turns a state into the numbers a run keeps of it.
-pub trait Observe<State>: Checkpoint + Send {
+pub trait Observe<State>: Checkpoint {
     /// How many numbers a row has for a state like this.
     fn width(&self, state: &State) -> usize;
 
@@ -17,7 +17,7 @@ pub trait Observe<State>: Checkpoint + Send {
 }
 
 /// Tells how long steps should be, by a positive function s of time and state.
-pub trait Monitor<State>: Checkpoint + Send {
+pub trait Monitor<State>: Checkpoint {
     /// (ds/dt)/s along the motion.
     ///
     /// # Errors

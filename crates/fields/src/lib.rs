@@ -1,4 +1,5 @@
 //! Polynomial vector fields without divergence, stepped by volume-preserving splitting.
 
 pub mod problem;
+pub mod run;
 pub mod volume;

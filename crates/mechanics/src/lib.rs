@@ -5,5 +5,6 @@ pub mod events;
 pub mod index2;
 pub mod problem;
 pub mod rattle;
+pub mod run;
 pub mod semi_explicit;
 pub mod spark;

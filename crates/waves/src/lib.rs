@@ -2,3 +2,4 @@
 
 pub mod method;
 pub mod problem;
+pub mod run;

@@ -5,13 +5,13 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Annotated, Any, NoReturn
 
-import numpy as np
 import typer
 
 import liouville as lv
 from liouville import export, plot
-from liouville.cli.models import interval_of, reference_at, step_of, system_of
+from liouville.cli.models import interval_of, kept_times, reference_at, step_of, system_of
 from liouville.cli.options import (
+    Keep,
     Method,
     Model,
     Param,
@@ -59,7 +59,10 @@ def run(
     h_min: Annotated[float | None, typer.Option(help="Least of the controlled steps.")] = None,
     control: Annotated[
         str | None,
-        typer.Option(help="'reversible': steps follow the motion, --h is the first of them."),
+        typer.Option(
+            help="'adaptive': steps by their error, which --rtol asks for too; 'reversible': "
+            "steps follow the motion, --h is the first of them."
+        ),
     ] = None,
     until: Until = None,
     every: Annotated[int, typer.Option(help="Keep one step in this many.")] = 1,
@@ -67,9 +70,7 @@ def run(
         list[float] | None,
         typer.Option(help="Keep the state at this time, instead of steps; may be repeated."),
     ] = None,
-    keep: Annotated[
-        int, typer.Option(help="Keep so many wave functions, at equal distances.", min=1)
-    ] = 100,
+    keep: Keep = 100,
     start: Start = None,
     param: Param = None,
     plan: PlanFile = None,
@@ -94,14 +95,16 @@ def run(
         chosen = method_named(method, options, system, plan)
         begin = {**getattr(module, "start", {}), **assigned("--start", start or [])}
         values = parameters(param)
-        interval = interval_of(module, until)
-        times: Any = interval
-        if getattr(chosen, "form", "") == "wave" and hasattr(chosen, "tol") and h is None:
-            times = np.linspace(interval[0], interval[1], keep + 1)
+        span = interval_of(module, until)
+        times: Any = span
+        if isinstance(chosen, lv.WavePlan):
+            times = chosen.times
+        elif chosen.form == "wave" and hasattr(chosen, "tol") and h is None:
+            times = kept_times(span, keep)
         elif h is None and rtol is None:
             h = step_of(module, chosen)
         outline: Any = getattr(module, "outline", None)
-        _check_stored(store, {"out": out, "plot": figure, "animate": film})
+        _check_stored(store, checkpoint, {"out": out, "plot": figure, "animate": film})
         _check_paths(out, figure, film)
         if film is not None and outline is None:
             raise ValueError(
@@ -112,9 +115,9 @@ def run(
             is_equal = rtol is None and control is None
             with progress(model, "steps" if is_equal else "of time") as report:
                 solution = lv.integrate(
-                    system, chosen, t=times, h=h, rtol=rtol, atol=atol, h_min=h_min,
-                    control=control, t_eval=at or None, every=every, params=values,
-                    progress=report, store=store, checkpoint=often(checkpoint), **begin,
+                    system, chosen, t=times, h=h, rtol=rtol, atol=atol,
+                    control=control_of(control, h_min), t_eval=at or None, every=every,
+                    params=values, progress=report, store=store_of(store, checkpoint), **begin,
                 )  # fmt: skip
         except lv.IntegrationError as error:
             solution = left_by(error)
@@ -142,15 +145,31 @@ def resume(
     with leaving_with(WRONG):
         try:
             with progress(store.name, "") as report:
-                solution = lv.resume(store, checkpoint=often(checkpoint), progress=report)
+                solution = lv.resume(lv.Store(store, interval(checkpoint)), progress=report)
         except lv.IntegrationError as error:
             solution = left_by(error)
     summary(solution, {}, ())
     leave(solution)
 
 
-def often(checkpoint: str | None) -> int | str | None:
-    """Read a number of steps, or a time, which stays as it is."""
+def control_of(name: str | None, h_min: float | None) -> lv.Adaptive | lv.Reversible | None:
+    """Return the control of the steps by its name; --h-min alone is for steps by the error."""
+    if name is None:
+        return None if h_min is None else lv.Adaptive(h_min)
+    if name == "adaptive":
+        return lv.Adaptive(h_min=h_min)
+    if name == "reversible":
+        return lv.Reversible(h_min=h_min)
+    raise ValueError(f"--control is 'adaptive' or 'reversible', not {name!r}")
+
+
+def store_of(path: Path | None, checkpoint: str | None) -> lv.Store | None:
+    """Return where a run is stored, if it is."""
+    return None if path is None else lv.Store(path, interval(checkpoint))
+
+
+def interval(checkpoint: str | None) -> int | str | None:
+    """Read a number of steps; a time stays as it is."""
     return int(checkpoint) if checkpoint is not None and checkpoint.isdecimal() else checkpoint
 
 
@@ -173,8 +192,12 @@ def leave(solution: lv.Solution) -> NoReturn:
     raise typer.Exit(DONE if solution.status == "done" else FAILED)
 
 
-def _check_stored(store: Path | None, wanted: dict[str, Path | None]) -> None:
-    """Refuse what would need all records of a stored run at once."""
+def _check_stored(
+    store: Path | None, checkpoint: str | None, wanted: dict[str, Path | None]
+) -> None:
+    """Refuse what would need all records of a stored run at once, or a store that is not there."""
+    if store is None and checkpoint is not None:
+        raise ValueError("--checkpoint is for a stored run\nhint: give --store too, a .zarr folder")
     for option, path in wanted.items():
         if store is not None and path is not None:
             raise ValueError(

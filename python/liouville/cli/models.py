@@ -10,6 +10,8 @@ from pathlib import Path
 from types import ModuleType
 from typing import Any
 
+import numpy as np
+
 from liouville import problems
 
 
@@ -62,6 +64,12 @@ def interval_of(module: ModuleType, until: float | None) -> tuple[float, float]:
             f"hint: give --until, or define interval = (t0, t1) in {module.__name__}.py"
         )
     return start_of(module), float(end)
+
+
+def kept_times(interval: tuple[float, float], keep: int) -> list[float]:
+    """Give the times of the start and of so many wave functions, at equal distances."""
+    times: list[float] = np.linspace(*interval, keep + 1).tolist()
+    return times
 
 
 def step_of(module: ModuleType, method: Any) -> float:

@@ -25,11 +25,12 @@ Method = Annotated[
 ]
 Until = Annotated[float | None, typer.Option(help="End time.", show_default="the model's own")]
 Step = Annotated[float | None, typer.Option(help="Step size.", show_default="the model's")]
+Keep = Annotated[int, typer.Option(help="Keep so many wave functions, at equal distances.", min=1)]
 Start = Annotated[list[str] | None, typer.Option(help="Start value, as q=1,0; may be repeated.")]
 Param = Annotated[list[str] | None, typer.Option(help="Parameter, as m=2.0; may be repeated.")]
 PlanFile = Annotated[
     Path | None,
-    typer.Option("--plan", help="Split a field by a plan that 'liouville plan' saved."),
+    typer.Option("--plan", help="Go by a plan that 'liouville plan' saved."),
 ]
 
 

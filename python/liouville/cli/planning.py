@@ -8,12 +8,14 @@ from typing import Annotated, Any
 import typer
 
 import liouville as lv
-from liouville.cli.models import interval_of, start_of, step_of, system_of
+from liouville.cli.models import interval_of, kept_times, start_of, step_of, system_of
 from liouville.cli.options import (
+    Keep,
     Model,
     Param,
     Start,
     Step,
+    Until,
     assigned,
     method_named,
     method_options,
@@ -28,6 +30,8 @@ def show_plan(
     h: Step = None,
     start: Start = None,
     param: Param = None,
+    until: Until = None,
+    keep: Keep = 100,
     seed: Annotated[int, typer.Option(help="Of the random search.")] = 0,
     trials: Annotated[int, typer.Option(help="How many orders of the pieces are tried.")] = 50,
     out: Annotated[
@@ -42,23 +46,24 @@ def show_plan(
     with leaving_with(WRONG):
         module, system = system_of(model)
         chosen = method_named(None, options, system)
-        if isinstance(system, lv.Schrodinger):
-            times = interval_of(module, None)
-            print(lv.propagation(system, chosen, t=times, params=parameters(param)))
-            return
-        if not isinstance(system, lv.PolynomialField):
+        if not isinstance(system, lv.PolynomialField | lv.Schrodinger):
             raise TypeError(
                 f"{model} is no polynomial field or Schrodinger equation, and plans are for those\n"
                 "hint: liouville methods lists what steps it"
             )
-        begin = {**getattr(module, "start", {}), **assigned("--start", start or [])}
         if out is not None and not out.absolute().parent.is_dir():
             raise FileNotFoundError(f"the folder of {str(out)!r} does not exist\nhint: create it")
-        h = step_of(module, chosen) if h is None else h
-        found = lv.plan(
-            system, chosen, h=h, t=start_of(module), params=parameters(param), seed=seed,
-            trials=trials, **begin,
-        )  # fmt: skip
+        found: lv.Plan
+        if isinstance(system, lv.Schrodinger):
+            times = kept_times(interval_of(module, until), keep)
+            found = lv.plan(system, chosen, t=times, params=parameters(param))
+        else:
+            begin = {**getattr(module, "start", {}), **assigned("--start", start or [])}
+            h = step_of(module, chosen) if h is None else h
+            found = lv.plan(
+                system, chosen, h=h, t=start_of(module), params=parameters(param), seed=seed,
+                trials=trials, **begin,
+            )  # fmt: skip
     print(found)
     with leaving_with(FAILED):
         if out is not None:

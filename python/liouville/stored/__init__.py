@@ -2,12 +2,12 @@
 
 The folder is a Zarr 3 group as :func:`liouville.Solution.save` writes it, but that its arrays grow
 along time by whole, uncompressed chunks. Beside them, in ``checkpoint/``, lie the job, which is
-the route of the run, pickled, and the state: the memory of the core, and the records that do not
-fill a chunk yet. Every file appears at once or not at all, and nothing that the state counts on is
-written again; so whatever a run is cut off at, the state that is there fits the arrays up to the
-chunks it counts.
+the pickled runner, and the state: the checkpoint of the core, and the records that do not fill a
+chunk yet. Every file appears at once or not at all, and nothing that the state counts on is written
+again: wherever a run is cut off, the state fits the arrays up to the chunks that it counts.
 """
 
 from liouville.stored.running import begin as begin
-from liouville.stored.running import place as place
 from liouville.stored.running import resume as resume
+from liouville.stored.store import Store as Store
+from liouville.stored.store import place_of as place_of

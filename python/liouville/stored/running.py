@@ -1,11 +1,10 @@
-"""How a stored run begins, goes on, and ends."""
+"""Stored runs: their start, their way on after a cut, and their end."""
 
 from __future__ import annotations
 
 import json
 import os
 import pickle
-import re
 import shutil
 import signal
 import threading
@@ -13,104 +12,54 @@ import time
 import zipfile
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from liouville import _core, export
-from liouville._arguments import count
+from liouville._options import check_options
 from liouville.errors import hinted
-from liouville.integrate import advanced, failure, reporting, run, solution_of, verdict
-from liouville.routes import Route
+from liouville.runners import Runner
+from liouville.runners.execute import (
+    Outcome,
+    Progress,
+    advance_slice,
+    error_of,
+    execute,
+    reporting,
+    solution_of,
+    status_of,
+)
 from liouville.solution import Solution
 from liouville.stored import arrays
 from liouville.stored.folder import CHECKPOINT, META, Folder, attributes_of
+from liouville.stored.store import Interval, Store, interval_of, store_of
 from liouville.stored.stream import JOB, STATE, Stream, chunks_of
 
 #: The layout of a checkpoint.
-LAYOUT = 1
-
-Progress = Callable[[float, float], None] | None
-
-UNITS = {"s": 1.0, "min": 60.0, "h": 3600.0}
+LAYOUT = 2
 
 #: What a folder says of a run that is going on, or was cut off.
 CUT_OFF = "not finished: liouville.resume goes on with it"
 
 
-@dataclass(frozen=True)
-class Place:
-    """Where a run is stored, and after how many steps or seconds its state is."""
-
-    path: Path
-    steps: int | None = None
-    seconds: float = 30.0
-
-    def due(self, done: int, last: float) -> bool:
-        """Say whether it is time for the state, given steps and when it was stored last."""
-        if self.steps is not None:
-            return done % self.steps == 0
-        return time.monotonic() - last >= self.seconds
-
-    def limit(self, done: int, most: int) -> int:
-        """Return how many steps in all are enough for now, if `most` further ones are."""
-        if self.steps is None:
-            return done + most
-        return min(done + most, (done // self.steps + 1) * self.steps)
-
-
-def place(store: Any, checkpoint: Any) -> Place:
-    """Check where a run is to be stored, and how often its state.
-
-    Raises
-    ------
-    TypeError, ValueError, ImportError, FileNotFoundError
-        `store` is no path that a run could be stored at, or `checkpoint` says no number of steps
-        and no time.
-    FileExistsError
-        There is something already.
-    """
-    if not isinstance(store, str | os.PathLike):
-        raise TypeError(f"store is a path, not {store!r}")
-    path = Path(store)
-    if path.suffix != ".zarr":
-        raise ValueError(f"a run is stored in a .zarr folder, not in {str(path)!r}")
-    export.check(path)
-    if path.exists():
-        hint = f"liouville.resume({str(path)!r}) goes on with a run that is there"
-        raise FileExistsError(hinted(f"there is something at {str(path)!r} already", hint))
-    return Place(path, *_often(checkpoint))
-
-
-def _often(checkpoint: Any) -> tuple[int | None, float]:
-    """Return steps, if they are given, and seconds between two states."""
-    if checkpoint is None:
-        return None, Place.seconds
-    if not isinstance(checkpoint, str):
-        return int(count("checkpoint", checkpoint)), Place.seconds
-    found = re.fullmatch(r"\s*(\d+\.?\d*)\s*(s|min|h)\s*", checkpoint)
-    if found is None or not float(found[1]):
-        hint = "give checkpoint=10_000, or '30s', '10min' or '2h'"
-        raise ValueError(hinted(f"checkpoint={checkpoint!r} says neither steps nor a time", hint))
-    return None, float(found[1]) * UNITS[found[2]]
-
-
-def begin(path: Route, where: Place, progress: Progress) -> Solution:
-    """Go the route of a system and a method to its end, storing what it leaves on the way."""
+def begin(runner: Runner, place: tuple[Path, Interval], progress: Progress) -> Solution:
+    """Run to the end, and store the records on the way."""
+    path, interval = place
     clock = time.perf_counter()
-    started = path.start()
-    if isinstance(started, dict):
-        return run(path, progress)  # which says why
-    job = _pickled((path, where.steps, where.seconds))
-    records, (events, _) = started.collect(), path.seen(started)
-    chunks = chunks_of(path, events)
-    none = np.empty((0, sum(path.columns.values())))
-    told = ("interrupted", CUT_OFF)
-    empty = solution_of(path, np.empty(0), none, {"steps": 0}, path.pace.t0, told, events)
+    run = runner.start()
+    if isinstance(run, dict):
+        return execute(runner, progress)  # raises the error of the start
+    job = _pickled((runner, interval))
+    records, (events, _) = run.collect(), runner.events(run)
+    chunks = chunks_of(runner, events)
+    none = np.empty((0, sum(runner.columns.values())))
+    ended = ("interrupted", CUT_OFF)
+    empty = solution_of(runner, np.empty(0), none, {"steps": 0}, runner.steps.t0, ended, events)
     # the folder appears with all that is needed to go on
-    temporary = where.path.with_name(f".{where.path.name}.{os.getpid()}.tmp")
+    temporary = path.with_name(f".{path.name}.{os.getpid()}.tmp")
     try:
         arrays.prepare(empty, temporary, chunks)
         folder = Folder(temporary, chunks)
@@ -119,22 +68,22 @@ def begin(path: Route, where: Place, progress: Progress) -> Solution:
         (temporary / CHECKPOINT).mkdir()
         folder.commit(META, json.dumps(group).encode())
         folder.commit(JOB, job)
-        stream = Stream(path, folder, chunks)
-        stream.add(started, records)
-        stream.save(started, {"seconds": 0.0})
-        temporary.rename(where.path)
+        stream = Stream(runner, folder, chunks)
+        stream.add(run, records)
+        stream.save(run, {"seconds": 0.0})
+        temporary.rename(path)
     except BaseException:
         shutil.rmtree(temporary, ignore_errors=True)
         raise
-    folder.path = where.path
-    return _Journey(path, where, started, stream, folder, clock).go(progress)
+    folder.path = path
+    return _StoredRun(runner, interval, run, stream, folder, clock).go(progress)
 
 
 def resume(
-    store: str | os.PathLike[str],
+    store: Store | str | os.PathLike[str],
     *,
-    checkpoint: int | str | None = None,
     progress: Progress = None,
+    **options: object,
 ) -> Solution:
     """Go on with a stored run that was cut off, interrupted, or failed.
 
@@ -144,10 +93,9 @@ def resume(
 
     Parameters
     ----------
-    store : path
-        The ``.zarr`` folder that :func:`integrate` was given as ``store=``.
-    checkpoint : int or str, optional
-        Steps or time between two checkpoints, if not those of before.
+    store : Store or path
+        The ``.zarr`` folder that :func:`integrate` was given as ``store=``. The ``checkpoint`` of a
+        :class:`Store` replaces that of before.
     progress : callable, optional
         As for :func:`integrate`.
 
@@ -158,6 +106,8 @@ def resume(
 
     Raises
     ------
+    TypeError
+        There is another argument than these.
     FileNotFoundError
         There is nothing at this path.
     ValueError
@@ -166,69 +116,69 @@ def resume(
         A step failed; ``error.solution`` is what was computed before it.
     """
     clock = time.perf_counter()
-    path = Path(store)
+    check_options(options, "resume")
+    store = store_of(store)
+    path = Path(store.path)
     if _status(path) == "done":
-        return _light(path, None)
-    route, steps, seconds = pickle.loads((path / CHECKPOINT / JOB).read_bytes())
+        return _ends(path, None)
+    runner, interval = pickle.loads((path / CHECKPOINT / JOB).read_bytes())
     state = _state(path)
-    where = Place(path, *((steps, seconds) if checkpoint is None else _often(checkpoint)))
-    started = route.start()
-    if isinstance(started, dict):
+    interval = interval if store.checkpoint is None else interval_of(store.checkpoint)
+    run = runner.start()
+    if isinstance(run, dict):
         raise ValueError(_foreign(path, "whose start cannot be taken any more"))
-    events, _ = route.seen(started)
-    chunks = chunks_of(route, events)
+    events, _ = runner.events(run)
+    chunks = chunks_of(runner, events)
     folder = Folder(path, chunks)
     folder.clear()
-    stream = Stream(route, folder, chunks)
+    stream = Stream(runner, folder, chunks)
     try:
-        stats = stream.restore(started, state)
+        stats = stream.restore(run, state)
     except ValueError as error:
         raise ValueError(_foreign(path, "whose state is of another run")) from error
     folder.describe({**attributes_of(path), "status": "interrupted", "message": CUT_OFF})
     before = clock - stats["seconds"]
-    return _Journey(route, where, started, stream, folder, before).go(progress)
+    return _StoredRun(runner, interval, run, stream, folder, before).go(progress)
 
 
-class _Journey:
-    """A stored run on its way; `clock` is when it would have begun if it had never been cut off."""
+class _StoredRun:
+    """A stored run on its way; `clock` is its start as if it had never been cut off."""
 
     def __init__(
         self,
-        path: Route,
-        where: Place,
+        runner: Runner,
+        interval: Interval,
         run: _core.Run,
         stream: Stream,
         folder: Folder,
         clock: float,
     ) -> None:
-        self._path, self._where, self._run = path, where, run
+        self._runner, self._interval, self._run = runner, interval, run
         self._stream, self._folder, self._clock = stream, folder, clock
 
     def go(self, progress: Progress) -> Solution:
-        """Go to the end, and say what is there."""
+        """Run to the end, and return the first and the last record."""
         with _deferring() as is_interrupted:
-            outcome = self._drive(progress, is_interrupted)
+            outcome = self._advance(progress, is_interrupted)
             if outcome == "interrupted":
                 self._save()
             self._stream.add(self._run, self._run.take())
             self._stream.finish()
-            quantity = self._tell(outcome)
-        solution = _light(self._where.path, self._path)
+            quantity = self._describe(outcome)
+        solution = _ends(self._folder.path, self._runner)
         if isinstance(outcome, dict):
-            raise failure(outcome, self._path, quantity, solution) from outcome.get("cause")
+            raise error_of(outcome, self._runner, quantity, solution) from outcome.get("cause")
         return solution
 
-    def _drive(
-        self, progress: Progress, is_interrupted: Callable[[], bool]
-    ) -> str | dict[str, Any]:
-        run, where, stream = self._run, self._where, self._stream
-        report = reporting(run, self._path, progress)
-        most = stream.rows * self._path.every
+    def _advance(self, progress: Progress, is_interrupted: Callable[[], bool]) -> Outcome:
+        run, interval, stream = self._run, self._interval, self._stream
+        report = reporting(run, self._runner, progress)
+        most = stream.rows * self._runner.every
         last = time.monotonic()
         while True:
-            outcome = advanced(run, where.limit(run.done, most))
+            outcome = advance_slice(run, interval.limit(run.done, most))
             stream.add(run, run.collect())
-            if outcome == "paused" and where.due(run.done, last):
+            if outcome == "paused" and interval.is_due(run.done, last):
                 self._save()
                 last = time.monotonic()
             try:
@@ -243,19 +193,20 @@ class _Journey:
     def _save(self) -> None:
         self._stream.save(self._run, {"seconds": time.perf_counter() - self._clock})
 
-    def _tell(self, outcome: str | dict[str, Any]) -> str:
+    def _describe(self, outcome: Outcome) -> str:
         """Write how the run went; returns which quantity is to blame if it failed."""
-        stats = self._path.stats(self._run)
+        path = self._folder.path
+        stats = self._runner.stats(self._run)
         stats["seconds"] = time.perf_counter() - self._clock
-        status, message, quantity = verdict(outcome, self._path, stats, self._stream.end)
+        status, message, quantity = status_of(outcome, self._runner, stats, self._stream.end)
         if status == "interrupted":
-            message += f"; liouville.resume({str(self._where.path)!r}) goes on"
-        h = self._path.pace.mean(np.array([self._run.t]), stats["steps"])
-        told = {"status": status, "message": message, "h": h, "stats": json.dumps(stats)}
-        self._folder.describe({**attributes_of(self._where.path), **told})
+            message += f"; liouville.resume({str(path)!r}) goes on"
+        h = self._runner.steps.mean(self._run.t, stats["steps"])
+        ended = {"status": status, "message": message, "h": h, "stats": json.dumps(stats)}
+        self._folder.describe({**attributes_of(path), **ended})
         self._folder.sync()
         if status == "done":
-            (self._where.path / CHECKPOINT / STATE).unlink()
+            (path / CHECKPOINT / STATE).unlink()
         return quantity
 
 
@@ -296,10 +247,10 @@ def _status(path: Path) -> str:
         hint = "only integrate(..., store=) leaves what is needed for that; liouville.load reads it"
         raise ValueError(hinted(f"{str(path)!r} holds a solution, and no run to go on with", hint))
     status: str = attributes_of(path)["status"]
-    told = attributes_of(path / CHECKPOINT)
-    if status != "done" and (told["liouville"], told["layout"]) != (_core.VERSION, LAYOUT):
-        hint = f"go on with liouville {told['liouville']}; liouville.load reads what is there"
-        sentence = _foreign(path, f"of liouville {told['liouville']}, and this is {_core.VERSION}")
+    made = attributes_of(path / CHECKPOINT)
+    if status != "done" and (made["liouville"], made["layout"]) != (_core.VERSION, LAYOUT):
+        hint = f"go on with liouville {made['liouville']}; liouville.load reads what is there"
+        sentence = _foreign(path, f"of liouville {made['liouville']}, and this is {_core.VERSION}")
         raise ValueError(hinted(sentence, hint))
     return status
 
@@ -316,7 +267,7 @@ def _foreign(path: Path, why: str) -> str:
     return f"{str(path)!r} holds a run {why}"
 
 
-def _light(path: Path, route: Route | None) -> Solution:
+def _ends(path: Path, runner: Runner | None) -> Solution:
     """Return the first and the last record, and where the others are."""
-    system = None if route is None else route.system
+    system = None if runner is None else runner.system
     return replace(export.ends(path), dense_order=0, path=str(path), system=system)

@@ -11,9 +11,9 @@ from typing import Any
 import numpy as np
 
 from liouville import _core
-from liouville.integrate import solution_of
 from liouville.points import Points
-from liouville.routes import Route
+from liouville.runners import Runner
+from liouville.runners.execute import solution_of
 from liouville.solution import Solution
 from liouville.stored import arrays
 from liouville.stored.folder import Folder
@@ -29,15 +29,16 @@ TIME = "time"
 Columns = dict[str, np.ndarray]
 
 
-def chunks_of(path: Route, events: Mapping[str, Points]) -> dict[str, int]:
+def chunks_of(runner: Runner, events: Mapping[str, Points]) -> dict[str, int]:
     """Return how many rows a chunk has along each axis that grows."""
-    most = math.inf if path.pace.control else -(-path.pace.count // path.every) + 1
-    rows = int(max(1, min(BYTES // path.row, most)))
+    steps = runner.steps
+    most = math.inf if steps.control else steps.records(runner.every)
+    rows = int(max(1, min(BYTES // runner.row, most)))
     return {TIME: rows, **{arrays.event_axis(name): EVENTS for name in events}}
 
 
 class Stream:
-    """What a run has recorded and seen: whole chunks in the folder, the rest here.
+    """The records and events of a run: whole chunks in the folder, the rest here.
 
     Attributes
     ----------
@@ -47,8 +48,8 @@ class Stream:
         What ended the run, if an event did.
     """
 
-    def __init__(self, path: Route, folder: Folder, chunks: Mapping[str, int]) -> None:
-        self._path, self._folder, self._chunks = path, folder, chunks
+    def __init__(self, runner: Runner, folder: Folder, chunks: Mapping[str, int]) -> None:
+        self._runner, self._folder, self._chunks = runner, folder, chunks
         self._rest: dict[str, list[Columns]] = {axis: [] for axis in chunks}
         self._written = dict.fromkeys(chunks, 0)
         self._first: Columns = {}
@@ -61,7 +62,7 @@ class Stream:
         if not self._first and times.size:
             self._first = {"t": times[:1].copy(), "rows": rows[:1].copy()}
         self._append(TIME, {"t": times, "rows": rows})
-        events, self.end = self._path.seen(run)
+        events, self.end = self._runner.events(run)
         for name, points in events.items():
             self._append(arrays.event_axis(name), {"t": points.t, **points.states})
 
@@ -94,8 +95,8 @@ class Stream:
             self._folder.put(name, place, found[name][1:])
 
     def _solution(self, times: np.ndarray, rows: np.ndarray) -> Solution:
-        t0 = self._path.pace.t0
-        return solution_of(self._path, times, rows, {"steps": 0}, t0, ("", ""), {})
+        t0 = self._runner.steps.t0
+        return solution_of(self._runner, times, rows, {"steps": 0}, t0, ("", ""), {})
 
     def save(self, run: _core.Run, stats: Mapping[str, Any]) -> None:
         """Write the chunks' lengths, and then the state to go on from."""
@@ -109,17 +110,17 @@ class Stream:
             for name, x in _joined(each).items()
         }
         first = {f"first/{name}": x for name, x in self._first.items()}
-        told = json.dumps({"written": self._written, "stats": dict(stats), "end": self.end})
+        state = json.dumps({"written": self._written, "stats": dict(stats), "end": self.end})
         buffer = io.BytesIO()
-        whole: dict[str, Any] = {"memory": memory, "told": np.array(told), **rest, **first}
+        whole: dict[str, Any] = {"memory": memory, "counts": np.array(state), **rest, **first}
         np.savez(buffer, **whole)
         self._folder.commit(STATE, buffer.getvalue())
 
     def restore(self, run: _core.Run, state: Mapping[str, Any]) -> dict[str, Any]:
         """Go back to a state; returns the statistics it was saved with."""
         run.restore(state["memory"])
-        told = json.loads(str(state["told"]))
-        self._written, self.end = told["written"], told["end"]
+        counts = json.loads(str(state["counts"]))
+        self._written, self.end = counts["written"], counts["end"]
         rest: dict[str, Columns] = {axis: {} for axis in (*self._chunks, "first")}
         for key, values in state.items():
             axis, slash, name = key.rpartition("/")
@@ -129,11 +130,11 @@ class Stream:
         self._rest = {axis: [columns] for axis, columns in rest.items()}
         for axis, size in self._chunks.items():
             self._folder.extend(axis, size * self._written[axis])
-        stats: dict[str, Any] = told["stats"]
+        stats: dict[str, Any] = counts["stats"]
         return stats
 
     def finish(self) -> None:
-        """Write what does not fill a chunk, for who reads the folder."""
+        """Write what does not fill a chunk, for readers of the folder."""
         for axis, rest in self._rest.items():
             columns = _joined(rest)
             count = columns["t"].size

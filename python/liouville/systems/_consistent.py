@@ -1,14 +1,13 @@
-"""Start values on their constraints: how far off they are, and what moves them there."""
+"""Start values on their constraints: the projection that moves them there."""
 
 from __future__ import annotations
 
 import casadi as ca
-import numpy as np
 
 from liouville import _core
-from liouville.errors import hinted
 from liouville.systems._derivatives import jacobian, solve
-from liouville.systems._form import Model, Symbols, differ, record_blocks, total_derivative
+from liouville.systems._expressions import Symbols
+from liouville.systems._form import Model, differ, record_blocks, total_derivative
 from liouville.systems._linear import Block, Pattern
 from liouville.tape import record
 
@@ -16,7 +15,7 @@ from liouville.tape import record
 def projection(
     what: str, s: Symbols, model: Model, holonomic: tuple[str, ...], nonholonomic: tuple[str, ...]
 ) -> tuple[tuple[_core.Tape, ...], tuple[Pattern, Pattern], tuple[str, ...]]:
-    """Record what moves "positions", "both" kinds of start values by positions, or the "partner".
+    """Record the projection of "positions", of "both" by positions, or of the "partner".
 
     Returns tapes (x, held and t, params) of c, c_x and the metric, the patterns of the last two and
     the names of the rows of c.
@@ -44,33 +43,3 @@ def projection(
         record_blocks(what, inputs, [weight]),
     )
     return tapes, (slope.pattern, weight.pattern), names
-
-
-def check_residual(
-    what: str,
-    symbol: str,
-    names: tuple[str, ...],
-    value: np.ndarray,
-    limit: np.ndarray,
-    t: float,
-    hint: str,
-) -> None:
-    """Refuse values of constraints at the start that are not finite or over their limits."""
-    if not np.isfinite(value).all():
-        k = int(np.argmin(np.isfinite(value)))
-        raise ValueError(
-            hinted(
-                f"the {what} '{names[k]}' is {value[k]} at the start, t = {t:g}",
-                "look for a division by zero, a root or a logarithm of the model there",
-            )
-        )
-    over = np.abs(value) - limit
-    k = int(np.argmax(over))
-    if not over[k] <= 0:
-        raise ValueError(
-            hinted(
-                f"start violates the {what} '{names[k]}': |{symbol}| = {abs(value[k]):.1e} "
-                f"at t = {t:g}, wanted at most {limit[k]:.1e}",
-                hint,
-            )
-        )

@@ -14,24 +14,10 @@ import numpy as np
 
 from liouville import _core
 from liouville.errors import hinted
-from liouville.systems import _trace
 from liouville.systems._derivatives import entries, jacobian
+from liouville.systems._expressions import Symbols
 from liouville.systems._linear import Block, Linear, Pattern, Term
 from liouville.tape import record
-
-
-@dataclass(frozen=True)
-class Symbols:
-    """The symbols of a system: time, coordinates, their partner, multipliers and parameters."""
-
-    t: ca.SX
-    y: ca.SX
-    z: ca.SX
-    params: _trace.Parameters
-
-    def inputs(self, **more: ca.SX) -> dict[str, ca.SX]:
-        """Return the inputs of a tape, the parameters last."""
-        return {"t": self.t, "y": self.y, **more, "params": self.params.vector}
 
 
 def _none() -> ca.SX:

@@ -1,4 +1,4 @@
-"""A function that tells how long steps should be, with its rate along the motion."""
+"""Monitors: functions for the size of steps, with their rate along the motion."""
 
 from __future__ import annotations
 
@@ -9,7 +9,8 @@ import casadi as ca
 
 from liouville import _core
 from liouville.systems import _trace
-from liouville.systems._form import Symbols, total_derivative
+from liouville.systems._expressions import Symbols
+from liouville.systems._form import total_derivative
 from liouville.tape import record
 
 

@@ -10,7 +10,8 @@ import casadi as ca
 from liouville.errors import hinted
 from liouville.systems import _trace
 from liouville.systems._derivatives import jacobian, solve
-from liouville.systems._form import Nonholonomic, Symbols, differ
+from liouville.systems._expressions import Symbols
+from liouville.systems._form import Nonholonomic, differ
 
 
 def rolling(

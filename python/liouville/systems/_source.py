@@ -1,17 +1,15 @@
-"""Where the terms of a field come from."""
+"""Fields as expressions, which are expanded into terms."""
 
 from __future__ import annotations
 
-from functools import cached_property
 from typing import Any
 
 import casadi as ca
 import numpy as np
 
 from liouville.systems._expand import expand
-from liouville.systems._given import TIME
-from liouville.systems._observer import Symbols
-from liouville.systems._travel import opened, packed
+from liouville.systems._expressions import Expressions, Symbols
+from liouville.systems._read_terms import TIME
 from liouville.terms import Terms
 
 
@@ -34,32 +32,19 @@ class Source:
     """
 
     def __init__(self, column: ca.SX, symbols: Symbols, names: tuple[str, ...]) -> None:
-        self._column, self._symbols = column, symbols
+        self._expressions = Expressions(symbols, {"field": column})
         self.is_driven = ca.depends_on(column, symbols.t)
         self._variables = (*names, TIME) if self.is_driven else names
 
     def __call__(self, values: np.ndarray) -> Terms:
         """Multiply the components out."""
-        symbols = tuple(self._symbols.inputs.values())
-        expansion, components = expand(self._column, symbols, values, self._variables)
+        symbols, column = self._expressions.symbols, self._expressions.columns["field"]
+        expansion, components = expand(column, tuple(symbols.all), values, self._variables)
         return expansion.terms(components, self.is_driven)
 
-    @cached_property
-    def _column(self) -> ca.SX:
-        return opened(self._packed, [*self._symbols.inputs.values()])[0]
 
-    @cached_property
-    def _packed(self) -> str:
-        return packed([*self._symbols.inputs.values()], [self._column])
-
-    def __getstate__(self) -> dict[str, Any]:
-        """Travel as a function, which is read where other parameters are given."""
-        own = {**self.__dict__, "_packed": self._packed}
-        return {name: x for name, x in own.items() if name != "_column"}
-
-
-def unpacked(field: Any, s: Symbols) -> Any:
-    """Return what calls a CasADi function with as many of its arguments as it takes."""
+def callable_of(field: Any, s: Symbols) -> Any:
+    """Return a function that calls a CasADi function with as many arguments as that takes."""
     if not isinstance(field, ca.Function):
         return field
     args = {1: (s.x,), 2: (s.t, s.x), 3: (s.t, s.x, s.params.vector)}.get(field.n_in())

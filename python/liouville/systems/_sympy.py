@@ -11,7 +11,7 @@ import casadi as ca
 import numpy as np
 
 from liouville.errors import hinted
-from liouville.systems import _given, _trace
+from liouville.systems import _read_terms, _trace
 from liouville.systems._expand import ONE, Expansion, Polynomial, Refused, Value, value_of
 from liouville.terms import Terms
 
@@ -101,7 +101,7 @@ class _Reader:
 
         self.sympy = sympy
         self.given = given
-        time = (_given.TIME,) if given.is_driven else ()
+        time = (_read_terms.TIME,) if given.is_driven else ()
         self.expansion = Expansion((*given.names, *time))
         self._place = {symbol: k for k, symbol in enumerate(given.variables)}
         self._number = dict(zip(given.constants, values.tolist(), strict=True))

@@ -1,8 +1,8 @@
-"""Three front doors of mechanics: Lagrangian, Hamiltonian, and the general system."""
+"""Mechanical systems by their Lagrangian, their Hamiltonian, or their own functions."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import casadi as ca
@@ -11,11 +11,11 @@ from numpy.typing import ArrayLike
 from liouville.errors import hinted
 from liouville.systems import _trace
 from liouville.systems._derivatives import jacobian
-from liouville.systems._form import Model, Symbols
+from liouville.systems._expressions import Symbols
+from liouville.systems._form import Model
 from liouville.systems._nonholonomic import check_felt, rolling, rolling_of_z
 from liouville.systems.mechanics import Mechanics
-
-Function = Callable[..., Any]
+from liouville.systems.traced import Function, traced_invariants
 
 
 class Lagrangian(Mechanics):
@@ -36,7 +36,8 @@ class Lagrangian(Mechanics):
         ``nonholonomic(t, q, v, params)``, constraints :math:`0 = k(t, q, v)` on the velocities that
         are no derivatives of such on q alone: a scalar, a sequence of l, or a dict that names them.
         They add the reactions :math:`-k_v^T \nu`; their multipliers :math:`\nu` come after
-        :math:`\lambda` in ``solution.lam``. Methods: :class:`~liouville.Spark`.
+        :math:`\lambda` in ``solution.lam``. Methods: :class:`~liouville.Spark`,
+        :class:`~liouville.LobattoPair` and compositions of them.
     q : sequence of str, or int
         Names of the n coordinates, or their number.
     params : mapping of str to float or 1-D array_like, optional
@@ -103,7 +104,7 @@ class Lagrangian(Mechanics):
             states=("q", "v"),
             coordinates=coordinates,
             constraints=names + more,
-            invariants={"energy": ca.dot(s.z, p) - L, **recorded(invariants, args)},
+            invariants={"energy": ca.dot(s.z, p) - L, **traced_invariants(invariants, args)},
             power=extra_power(extra, s.z, -jacobian(L, s.t), g, s, lam),
         )
 
@@ -167,7 +168,7 @@ class Hamiltonian(Mechanics):
             states=("q", "p"),
             coordinates=coordinates,
             constraints=names + more,
-            invariants={"energy": H, **recorded(invariants, args)},
+            invariants={"energy": H, **traced_invariants(invariants, args)},
             power=extra_power(extra, v, jacobian(H, s.t), g, s, lam),
         )
 
@@ -256,7 +257,7 @@ class Mechanical(Mechanics):
             states=("y", "z"),
             coordinates=coordinates,
             constraints=names + more,
-            invariants=recorded(invariants, args),
+            invariants=traced_invariants(invariants, args),
         )
 
 
@@ -265,8 +266,7 @@ def declared(
 ) -> tuple[tuple[str, ...], Symbols]:
     """Return the names of the coordinates and the symbols of a system."""
     found = _trace.names(coordinates, name)
-    y, z = ca.SX.sym(name, len(found)), ca.SX.sym("z", len(found))
-    return found, Symbols(ca.SX.sym("t"), y, z, _trace.Parameters(params))
+    return found, Symbols(_trace.Parameters(params), {"y": len(found), "z": len(found)}, label=name)
 
 
 def _force(force: Function | None, args: tuple[Any, ...], n: int) -> ca.SX:
@@ -305,11 +305,3 @@ def ideal(g: ca.SX, s: Symbols, lam: ca.SX) -> ca.SX:
 def extra_power(force: ca.SX, v: ca.SX, energy_t: ca.SX, g: ca.SX, s: Symbols, lam: ca.SX) -> ca.SX:
     """Q^T v + E_t + lam^T g_t: what changes the energy."""
     return ca.dot(force, v) + energy_t + ca.dot(lam, jacobian(g, s.t))
-
-
-def recorded(invariants: Mapping[str, Function] | None, args: tuple[Any, ...]) -> dict[str, ca.SX]:
-    """Trace the quantities a user wants recorded."""
-    return {
-        name: _trace.scalar(f"invariant '{name}'", function, args)
-        for name, function in _trace.mapping("invariants", invariants).items()
-    }

@@ -13,10 +13,11 @@ from numpy.typing import ArrayLike
 from liouville import _core
 from liouville.errors import describe, hinted
 from liouville.systems import _trace
-from liouville.systems._consistent import check_residual, projection
+from liouville.systems._consistent import projection
+from liouville.systems._expressions import Expressions, Symbols
 from liouville.systems._form import (
     Model,
-    Symbols,
+    Nonholonomic,
     compiled,
     is_separable,
     observing,
@@ -25,18 +26,19 @@ from liouville.systems._form import (
     total_derivative,
 )
 from liouville.systems._monitor import traced
-from liouville.systems._traced import Expressed, Traced
+from liouville.systems.traced import (
+    FLOOR,
+    TOLERANCE,
+    TracedSystem,
+    check_residual,
+    finite_time,
+    shown,
+)
 from liouville.tape import record
 
-#: A start may miss its constraints by this much of the size of what they are made of.
-TOLERANCE = 1e-10
 
-#: What roundoff may leave of coordinates that start at zero, in their own unit.
-FLOOR = 1e-14
-
-
-class Mechanics(Expressed):
-    r"""A mechanical system in the general form, made by one of its front doors.
+class Mechanics(TracedSystem):
+    r"""A mechanical system in the general form, made by one of its public constructors.
 
     .. math::
 
@@ -77,33 +79,37 @@ class Mechanics(Expressed):
         m = model.g.numel()
         self._holonomic, self.nonholonomic = constraints[:m], constraints[m:]
         self.states = states
-        self._params = symbols.params
-        self.invariants = tuple(invariants)
-        self._traced = Traced(symbols, model, dict(invariants), power)
-        self._observers: dict[bool, tuple[_core.Tape, dict[str, int]]] = {}
+        self._model, self._linear, self._is_ideal = model, model.linear, model.is_ideal
+        own, columns = model.nonholonomic, {name: getattr(model, name) for name in "vpfrg"}
+        columns |= {"k": own.k, "rn": own.rn, **({} if power is None else {"power": power})}
+        self._keep(Expressions(symbols, columns, lam=model.lam, nu=own.nu), invariants)
         self._projections: dict[str, Any] = {}
         self._tapes, self._patterns, self.problem = compiled(symbols, model)
 
+    @cached_property
+    def _model(self) -> Model:
+        columns, more = self._expressions.columns, self._expressions.more
+        own = Nonholonomic(columns["k"], columns["rn"], more["nu"])
+        general = {name: columns[name] for name in "vpfrg"}
+        return Model(
+            **general,
+            lam=more["lam"],
+            nonholonomic=own,
+            linear=self._linear,
+            is_ideal=self._is_ideal,
+        )
+
+    def _state(self) -> dict[str, Any]:
+        self.observer(None)  # every run needs it
+        return {name: x for name, x in self.__dict__.items() if name != "_model"}
+
     def __repr__(self) -> str:
         """Name the kind of system and its coordinates."""
-        kind, names = type(self).__name__, self.coordinates
-        if len(names) > 20:
-            names = (*names[:3], "...", names[-1])
         counts = [f"{len(self._holonomic)} constraints"] * bool(
             self._holonomic or not self.nonholonomic
         )
         counts += [f"{len(self.nonholonomic)} nonholonomic"] * bool(self.nonholonomic)
-        return f"{kind}({', '.join(names)}; {', '.join(counts)})"
-
-    @property
-    def params(self) -> dict[str, float | np.ndarray]:
-        """The parameters' default values."""
-        defaults = self._params.defaults
-        return {name: x.copy() if x.ndim else float(x) for name, x in defaults.items()}
-
-    def values(self, params: Mapping[str, ArrayLike] | None) -> np.ndarray:
-        """Return the parameter vector with changes; ValueError names an unknown one."""
-        return self._params.values(params)
+        return f"{type(self).__name__}({shown(self.coordinates)}; {', '.join(counts)})"
 
     def start(self, start: Mapping[str, Any], also: tuple[str, ...] = ()) -> tuple[np.ndarray, ...]:
         """Check start values and return them as arrays of shape (n,).
@@ -207,10 +213,7 @@ class Mechanics(Expressed):
         TypeError, ValueError
             An argument is wrong, or no consistent start is found near the one given.
         """
-        time = _trace.numbers(t)
-        if time is None or time.shape != () or not np.isfinite(time):
-            raise ValueError(f"t is a finite number, not {t!r}")
-        t = float(time)
+        t = finite_time(t)
         y, z = self.start(start)
         values = self.values(params)
         first, second = self.states
@@ -250,7 +253,7 @@ class Mechanics(Expressed):
 
     @cached_property
     def second_order(self) -> _core.SecondOrder:
-        """What the methods for second order equations step.
+        """The system as a second order equation.
 
         Raises
         ------
@@ -258,12 +261,13 @@ class Mechanics(Expressed):
             The velocity is not z, or the momentum is not linear in it.
         """
         return _core.SecondOrder(
-            self.problem, *second_order(self._symbols, self._model, self._traced.power)
+            self.problem,
+            *second_order(self._symbols, self._model, self._expressions.columns.get("power")),
         )
 
     @cached_property
     def separable(self) -> _core.Separable | None:
-        """What RATTLE steps: the system whose forces and velocities do not meet, if it is one."""
+        """The system for RATTLE, where v and p depend on z only and f on (t, y) only; else None."""
         if not is_separable(self._symbols, self._model):
             return None
         return _core.Separable(self.problem, separable(self._symbols, self._model))
@@ -364,34 +368,17 @@ class Mechanics(Expressed):
         """Record a function of (t, y, z) and its rate along the motion; say if z' is in it."""
         return traced(self._symbols, self._model.v, function)
 
-    def _luggage(self) -> dict[str, Any]:
-        self.observer(None, True)  # what every run needs
-        return super()._luggage()
-
-    def observer(
-        self, observe: Mapping[str, Callable[..., Any]] | None, states: bool
-    ) -> tuple[_core.Tape, dict[str, int]]:
-        """Record what a run keeps besides y, z and lam; returns the tape and each part's width."""
-        if observe:
-            return self._observer(observe, states)
-        if states not in self._observers:
-            self._observers[states] = self._observer(None, states)
-        return self._observers[states]
-
-    def _observer(
-        self, observe: Mapping[str, Callable[..., Any]] | None, states: bool
-    ) -> tuple[_core.Tape, dict[str, int]]:
+    def _parts(self, states: bool) -> dict[str, ca.SX]:
         s, model = self._symbols, self._model
         parts: dict[str, ca.SX] = {}
         if states:
             parts |= {"p": model.p} if self.states[1] != "p" else {}
             parts |= {"v": model.v} if self.states[1] != "v" else {}
         parts |= {"constraint": model.g, "hidden": total_derivative(model.g, s, model.v)}
-        parts |= {"nonholonomic": model.nonholonomic.k} if self.nonholonomic else {}
-        parts |= {f"invariant {name}": x for name, x in self._traced.invariants.items()}
-        for name, function in _trace.mapping("observe", observe).items():
-            args = (s.t, s.y, s.z, s.params)
-            parts[f"observed {name}"] = _trace.column(f"observed '{name}'", function, args)
-        tape = record("observer", s.inputs(z=s.z), *parts.values())
-        widths = {name: x.numel() for name, x in parts.items()}
-        return observing(tape, widths, model.linear), widths
+        return parts | ({"nonholonomic": model.nonholonomic.k} if self.nonholonomic else {})
+
+    def _observer(
+        self, observe: Mapping[str, Callable[..., Any]], states: bool
+    ) -> tuple[_core.Tape, dict[str, int]]:
+        tape, widths = super()._observer(observe, states)
+        return observing(tape, widths, self._linear), widths

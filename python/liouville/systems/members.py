@@ -8,7 +8,8 @@ from typing import Any
 import numpy as np
 
 from liouville.systems import _trace
-from liouville.systems.mechanics import FLOOR, TOLERANCE, Mechanics
+from liouville.systems.mechanics import Mechanics
+from liouville.systems.traced import FLOOR, TOLERANCE
 
 
 def starts(

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from copy import copy
-from dataclasses import replace
 from typing import Any, Self
 
 import numpy as np
@@ -12,10 +11,10 @@ from numpy.typing import ArrayLike
 
 from liouville import _core
 from liouville.errors import hinted
-from liouville.systems import _given, _sympy, _trace
-from liouville.systems._observer import Observer, Symbols
-from liouville.systems._source import Source, unpacked
-from liouville.systems._travel import Travels
+from liouville.systems import _read_terms, _sympy, _trace
+from liouville.systems._expressions import Pickled, Symbols
+from liouville.systems._observer import Observer
+from liouville.systems._source import Source, callable_of
 from liouville.terms import Terms
 
 Function = Callable[..., Any]
@@ -24,7 +23,7 @@ Function = Callable[..., Any]
 NAMED = 5
 
 
-class PolynomialField(Travels):
+class PolynomialField(Pickled):
     r"""A polynomial vector field without divergence.
 
     .. math::
@@ -113,8 +112,8 @@ class PolynomialField(Travels):
         invariants: Mapping[str, Any] | None = None,
     ) -> None:
         names = _trace.names(x, "x")
-        s = Symbols(len(names), _trace.Parameters(params))
-        column = _trace.placed("field", unpacked(field, s), s.args, names)
+        s = Symbols(_trace.Parameters(params), {"x": len(names)})
+        column = _trace.placed("field", callable_of(field, s), s.args, names)
         source = Source(column, s, names)
         self._build(names, s, source, source.is_driven, invariants)
 
@@ -135,8 +134,8 @@ class PolynomialField(Travels):
         self.terms = self._expanded(self._values)
         return self
 
-    def _luggage(self) -> dict[str, Any]:
-        """Return what travels; the terms can only change with parameters."""
+    def _state(self) -> dict[str, Any]:
+        """Return what is pickled: without parameters the terms cannot change."""
         own = dict(self.__dict__)
         return own if self._values.size else own | {"_source": None}
 
@@ -199,10 +198,10 @@ class PolynomialField(Travels):
         PolynomialField(x, y, z; 5 terms of degree 2)
         """
         names = _trace.names(x, "x")
-        found, is_driven = _given.read(names, terms)
+        found, is_driven = _read_terms.read(names, terms)
         if repair:
             found = found.repaired()
-        symbols = Symbols(len(names), _trace.Parameters(None))
+        symbols = Symbols(_trace.Parameters(None), {"x": len(names)})
         return cls.__new__(cls)._build(names, symbols, lambda _: found, is_driven, invariants)
 
     @classmethod
@@ -248,7 +247,7 @@ class PolynomialField(Travels):
         PolynomialField(x, y; 4 terms of degree 2)
         """
         given = _sympy.read(expressions, symbols, t, params)
-        s = Symbols(len(given.names), _trace.Parameters(given.params))
+        s = Symbols(_trace.Parameters(given.params), {"x": len(given.names)})
         functions = {
             name: given.function(value)
             for name, value in _trace.mapping("invariants", invariants).items()
@@ -267,7 +266,7 @@ class PolynomialField(Travels):
     @property
     def variables(self) -> tuple[str, ...]:
         """Names of the variables of the terms: the coordinates, and of a driven field the time."""
-        return (*self.coordinates, _given.TIME) if self.is_driven else self.coordinates
+        return (*self.coordinates, _read_terms.TIME) if self.is_driven else self.coordinates
 
     @property
     def params(self) -> dict[str, float | np.ndarray]:
@@ -296,7 +295,7 @@ class PolynomialField(Travels):
         if np.array_equal(values, self._values):
             return self
         other = copy(self)
-        other._symbols = replace(self._symbols, params=self._symbols.params.replaced(values))
+        other._symbols = self._symbols.with_params(self._symbols.params.replaced(values))
         other._values = values
         other.terms = other._expanded(values)
         return other
@@ -357,7 +356,7 @@ class PolynomialField(Travels):
         return self._observer.tape(observe)
 
     def portable(self, observe: Mapping[str, Any] | None) -> dict[str, Any]:
-        """Return what is to be observed in a form that travels."""
+        """Return functions to observe in a form that can be pickled."""
         return self._observer.portable(observe)
 
 

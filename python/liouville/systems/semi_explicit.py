@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from functools import cached_property
 from typing import Any
 
@@ -14,18 +14,23 @@ from liouville import _core
 from liouville.errors import describe, hinted
 from liouville.systems import _trace
 from liouville.systems._derivatives import entries, jacobian
+from liouville.systems._expressions import Expressions, Symbols
 from liouville.systems._form import record_blocks
-from liouville.systems._index2 import Symbols, Traced
 from liouville.systems._linear import Block
-from liouville.systems._recorded import recorded
-from liouville.systems._travel import Travels, opened
-from liouville.systems.mechanics import FLOOR, TOLERANCE
+from liouville.systems.traced import (
+    FLOOR,
+    TOLERANCE,
+    Function,
+    TracedSystem,
+    check_residual,
+    finite_time,
+    shown,
+    traced_invariants,
+)
 from liouville.tape import record
 
-Function = Callable[..., Any]
 
-
-class SemiExplicit(Travels):
+class SemiExplicit(TracedSystem):
     r"""A semi-explicit differential-algebraic system of index 2.
 
     .. math::
@@ -117,55 +122,19 @@ class SemiExplicit(Travels):
         invariants: Mapping[str, Function] | None = None,
     ) -> None:
         self.coordinates, self.unknowns = _trace.names(y, "y"), _trace.names(z, "z")
-        self._params = _trace.Parameters(params)
-        s = self._declared()
+        sizes = {"y": len(self.coordinates), "z": len(self.unknowns)}
+        s = Symbols(_trace.Parameters(params), sizes)
         f = _trace.placed("field", field, s.args, self.coordinates)
         self.constraints, k = _trace.named("constraint", constraint, (s.t, s.y, s.params))
         w = ca.jtimes(k, ca.vertcat(s.t, s.y), ca.vertcat(1, f))
         self._check_shape(jacobian(k, s.y), jacobian(w, s.z))
-        recorded = {
-            name: _trace.scalar(f"invariant '{name}'", function, s.args)
-            for name, function in _trace.mapping("invariants", invariants).items()
-        }
-        self.invariants = tuple(recorded)
-        self._traced = Traced(s, f, k, w, recorded)
+        columns = {"field": f, "constraint": k, "hidden": w}
+        self._keep(Expressions(s, columns), traced_invariants(invariants, s.args))
         self.problem = self._compiled()
-
-    def _declared(self) -> Symbols:
-        y, z = ca.SX.sym("y", len(self.coordinates)), ca.SX.sym("z", len(self.unknowns))
-        return Symbols(ca.SX.sym("t"), y, z, self._params)
-
-    @cached_property
-    def _traced(self) -> Traced:
-        """The expressions; where the system has travelled, they are read when they are wanted."""
-        s = self._declared()
-        f, k, w, *recorded = opened(self._packed, [*s.point.values()])
-        return Traced(s, f, k, w, dict(zip(self.invariants, recorded, strict=True)))
-
-    @cached_property
-    def _packed(self) -> str:
-        return self._traced.packed()
-
-    def _luggage(self) -> dict[str, Any]:
-        own = {**self.__dict__, "_alone": self._alone, "_packed": self._packed}
-        return {name: x for name, x in own.items() if name != "_traced"}
 
     def __repr__(self) -> str:
         """Name the coordinates and the unknowns."""
-        names = [
-            (*x[:3], "...", x[-1]) if len(x) > 20 else x for x in (self.coordinates, self.unknowns)
-        ]
-        return f"SemiExplicit({'; '.join(', '.join(x) for x in names)})"
-
-    @property
-    def params(self) -> dict[str, float | np.ndarray]:
-        """The parameters' default values."""
-        defaults = self._params.defaults
-        return {name: x.copy() if x.ndim else float(x) for name, x in defaults.items()}
-
-    def values(self, params: Mapping[str, ArrayLike] | None) -> np.ndarray:
-        """Return the parameter vector with changes; ValueError names an unknown one."""
-        return self._params.values(params)
+        return f"SemiExplicit({shown(self.coordinates)}; {shown(self.unknowns)})"
 
     def _check_shape(self, k_y: ca.SX, w_z: ca.SX) -> None:
         """Refuse what cannot be of index 2, by what depends on what."""
@@ -209,8 +178,9 @@ class SemiExplicit(Travels):
 
     def _compiled(self) -> _core.SemiExplicit:
         """Differentiate and record."""
-        traced = self._traced
-        s, f, k, w = traced.symbols, traced.field, traced.constraint, traced.hidden
+        s, columns = self._symbols, self._expressions.columns
+        f, k, w = columns["field"], columns["constraint"], columns["hidden"]
+        point, place = s.inputs(z=s.z), s.inputs()
         jac = {
             "f_y": Block(jacobian(f, s.y)),
             "f_z": Block(jacobian(f, s.z)),
@@ -218,12 +188,12 @@ class SemiExplicit(Travels):
             "w_z": Block(jacobian(w, s.z)),
         }
         tapes = {
-            "field": record("field", s.point, f),
-            "field_jacobian": record_blocks("field", s.point, [jac["f_y"], jac["f_z"]]),
-            "constraint": record("constraint", s.place, k),
-            "constraint_jacobian": record_blocks("constraint", s.place, [jac["k_y"]]),
-            "hidden": record("hidden constraint", s.point, w, f),
-            "hidden_jacobian": record_blocks("hidden", s.point, [jac["w_z"], jac["f_z"]]),
+            "field": record("field", point, f),
+            "field_jacobian": record_blocks("field", point, [jac["f_y"], jac["f_z"]]),
+            "constraint": record("constraint", place, k),
+            "constraint_jacobian": record_blocks("constraint", place, [jac["k_y"]]),
+            "hidden": record("hidden constraint", point, w, f),
+            "hidden_jacobian": record_blocks("hidden", point, [jac["w_z"], jac["f_z"]]),
         }
         self._tapes = tapes
         is_linear = not ca.depends_on(entries(jacobian(f, s.z)), s.z)
@@ -270,23 +240,7 @@ class SemiExplicit(Travels):
         slope = self._tapes["constraint_jacobian"].map(params, args)[0]
         size = np.bincount(self._slope[2], np.abs(slope), len(k))
         limit = size * (TOLERANCE * np.abs(y).max() + FLOOR)
-        if not np.isfinite(k).all():
-            at = int(np.argmin(np.isfinite(k)))
-            raise ValueError(
-                hinted(
-                    f"the constraint '{self.constraints[at]}' is {k[at]} at the start, t = {t:g}",
-                    "look for a division by zero, a root or a logarithm of the model there",
-                )
-            )
-        at = int(np.argmax(np.abs(k) - limit))
-        if not abs(k[at]) <= limit[at]:
-            raise ValueError(
-                hinted(
-                    f"start violates the constraint '{self.constraints[at]}': |k(y)| = "
-                    f"{abs(k[at]):.1e} at t = {t:g}, wanted at most {limit[at]:.1e}",
-                    hint,
-                )
-            )
+        check_residual("constraint", "k(y)", self.constraints, k, limit, t, hint)
 
     def consistent(
         self, t: float = 0.0, params: Mapping[str, ArrayLike] | None = None, **start: Any
@@ -316,18 +270,16 @@ class SemiExplicit(Travels):
         TypeError, ValueError
             An argument is wrong, or no consistent start is found near the one given.
         """
-        time = _trace.numbers(t)
-        if time is None or time.shape != () or not np.isfinite(time):
-            raise ValueError(f"t is a finite number, not {t!r}")
+        t = finite_time(t)
         y, z = self.start(start)
         values = self.values(params)
-        moved = _core.project(*self._projection, y, time.reshape(1), values)
+        moved = _core.project(*self._projection, y, np.array([t]), values)
         if isinstance(moved, dict):
-            raise self._none_near(moved, float(time))
-        self.check(float(time), moved, values, "start nearer to the constraints")
-        found = self.problem.unknowns(float(time), moved, z, values)
+            raise self._none_near(moved, t)
+        self.check(t, moved, values, "start nearer to the constraints")
+        found = self.problem.unknowns(t, moved, z, values)
         if isinstance(found, dict):
-            raise self._none_near(found, float(time))
+            raise self._none_near(found, t)
         return {"y": moved, "z": found}
 
     def _none_near(self, trouble: dict[str, Any], t: float) -> ValueError:
@@ -362,7 +314,7 @@ class SemiExplicit(Travels):
     @cached_property
     def _projection(self) -> tuple[Any, Any]:
         """Tapes (y, t, params) of k, k_y and the metric, and the patterns of the last two."""
-        s, k = self._traced.symbols, self._traced.constraint
+        s, k = self._symbols, self._expressions.columns["constraint"]
         inputs = {"y": s.y, "t": s.t, "params": s.params.vector}
         slope, weight = Block(jacobian(k, s.y)), Block(ca.SX.eye(len(self.coordinates)))
         tapes = (
@@ -372,28 +324,6 @@ class SemiExplicit(Travels):
         )
         return tapes, (slope.pattern, weight.pattern)
 
-    def observer(
-        self, observe: Mapping[str, Callable[..., Any]] | None
-    ) -> tuple[_core.Tape, dict[str, int]]:
-        """Record what a run keeps besides y and z; returns the tape and each part's width."""
-        return self._observer(observe) if observe else self._alone
-
-    @cached_property
-    def _alone(self) -> tuple[_core.Tape, dict[str, int]]:
-        return self._observer({})
-
-    def _observer(
-        self, observe: Mapping[str, Callable[..., Any]]
-    ) -> tuple[_core.Tape, dict[str, int]]:
-        traced = self._traced
-        parts = {"constraint": traced.constraint, "hidden": traced.hidden}
-        parts |= {f"invariant {name}": x for name, x in traced.invariants.items()}
-        for name, function in _trace.mapping("observe", observe).items():
-            what = f"observed '{name}'"
-            parts[f"observed {name}"] = _trace.column(what, function, traced.symbols.args)
-        tape = record("observer", traced.symbols.point, *parts.values())
-        return tape, {name: x.numel() for name, x in parts.items()}
-
-    def portable(self, observe: Mapping[str, Any] | None) -> dict[str, Any]:
-        """Return what is to be observed in a form that travels."""
-        return recorded(observe, self._traced.symbols.args)
+    def _parts(self, states: bool) -> dict[str, ca.SX]:
+        del states  # y and z are no expressions
+        return {name: self._expressions.columns[name] for name in ("constraint", "hidden")}

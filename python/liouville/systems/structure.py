@@ -1,8 +1,8 @@
-"""The front door for assembled structures: constant matrices beside traced functions."""
+"""Assembled structures: constant matrices beside traced functions."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import casadi as ca
@@ -13,10 +13,9 @@ from liouville.errors import hinted
 from liouville.systems import _trace
 from liouville.systems._form import Model
 from liouville.systems._linear import Linear, Matrix
-from liouville.systems.mechanical import declared, extra_power, holonomic, ideal, recorded
+from liouville.systems.mechanical import declared, extra_power, holonomic, ideal
 from liouville.systems.mechanics import Mechanics
-
-Function = Callable[..., Any]
+from liouville.systems.traced import Function, traced_invariants
 
 
 class Structure(Mechanics):
@@ -106,7 +105,7 @@ class Structure(Mechanics):
             states=("q", "v"),
             coordinates=coordinates,
             constraints=names,
-            invariants={"energy": ca.SX(0), **recorded(invariants, args)},
+            invariants={"energy": ca.SX(0), **traced_invariants(invariants, args)},
             power=extra_power(extra, s.z, ca.SX(0), g, s, lam),
         )
 

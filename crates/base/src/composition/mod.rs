@@ -3,10 +3,10 @@
 //! With parts ψ¹ .. ψᵐ the basic step is Φ_h = ψᵐ_h ∘ … ∘ ψ¹_h, and its adjoint
 //! Φ*_h = ψ¹*_h ∘ … ∘ ψᵐ*_h; a scheme composes them (see [`crate::tableau::composition`]). Where Φ and Φ*
 //! meet, equal parts do: exact flows add up, ψ_{βh} ∘ ψ_{αh} = ψ_{(α+β)h}, and are made as one. So do the
-//! last flow of a step and the first of the next: the last is held back until the next step, or until
-//! somebody looks at the state. A composition of a symmetric method has that method as its only part.
+//! last flow of a step and the first of the next: the last is deferred to the next step, or until the state is
+//! synchronized. A composition of a symmetric method has that method as its only part.
 //!
-//! Time dependence: a flow goes from the time its map begins at, and takes α h, as everything else in that map.
+//! Time dependence: the flows of a map with weight α begin at the time where the map begins and last α h.
 
 mod symmetric;
 
@@ -16,9 +16,9 @@ use crate::method::{Stats, Stepper};
 use crate::tableau::Scheme;
 pub use symmetric::Base;
 
-/// What a composed step is made of: flows of a state, one after another.
-pub trait Parts: Checkpoint + Send {
-    /// What they move.
+/// Flows of a state that a step is composed of.
+pub trait Parts: Checkpoint {
+    /// The state that they move.
     type State: Checkpoint;
 
     /// How many parts there are.
@@ -30,7 +30,7 @@ pub trait Parts: Checkpoint + Send {
     /// Moves `state` by a part, or its adjoint, from `t` to `t + h`.
     ///
     /// # Errors
-    /// Why that could not be; the state may be anything then.
+    /// Why it failed; the state is undefined then.
     fn flow(
         &mut self,
         part: usize,
@@ -44,7 +44,7 @@ pub trait Parts: Checkpoint + Send {
     /// earlier than it says.
     ///
     /// # Errors
-    /// Why that could not be; the state may be anything then.
+    /// Why it failed; the state is undefined then.
     fn flows(
         &mut self,
         flows: &[Flow],
@@ -65,23 +65,23 @@ pub trait Parts: Checkpoint + Send {
 
     /// Refuses a state that is not finite.
     ///
-    /// Asked after each step where copies are kept, otherwise now and then, and always before a state is
-    /// looked at.
+    /// Called after each step where copies are kept, otherwise after some, and always when a state is
+    /// synchronized.
     ///
     /// # Errors
-    /// What is not finite.
+    /// Which variable is not finite.
     fn check(&self, t: f64, state: &Self::State) -> Result<(), StepError>;
 
-    /// Keeps a copy of the state before a step, or says that it is too large for that.
+    /// Keeps a copy of the state before a step, and returns whether it has; large states are not copied.
     fn keep(&mut self, state: &Self::State) -> bool;
 
-    /// Puts back what was kept last.
+    /// Restores the last copy.
     fn put_back(&mut self, state: &mut Self::State);
 
     /// Forgets the flows before; see [`Stepper::forget`].
     fn forget(&mut self) {}
 
-    /// What was done, given the number of flows.
+    /// Statistics, given the number of flows.
     fn stats(&self, flows: usize) -> Stats {
         Stats {
             evaluations: flows,
@@ -99,13 +99,13 @@ pub struct Flow {
     pub is_adjoint: bool,
     /// How much of the step it takes.
     pub weight: f64,
-    /// How much of the step is over when it begins.
+    /// At which fraction of the step it begins.
     pub offset: f64,
 }
 
 /// A flow about to be made.
 #[derive(Clone, Copy, Debug, Default)]
-struct Held {
+struct Deferred {
     part: usize,
     is_adjoint: bool,
     t: f64,
@@ -113,8 +113,8 @@ struct Held {
 }
 
 impl Flow {
-    fn at(self, t: f64, h: f64) -> Held {
-        Held {
+    fn at(self, t: f64, h: f64) -> Deferred {
+        Deferred {
             part: self.part,
             is_adjoint: self.is_adjoint,
             t: t + self.offset * h,
@@ -123,7 +123,7 @@ impl Flow {
     }
 }
 
-/// Steps between two looks at a state of which no copy is kept.
+/// Steps between two checks of a state of which no copy is kept.
 const CHECKED_EVERY: usize = 16;
 
 /// A composition at work.
@@ -133,17 +133,17 @@ pub struct Composed<P: Parts> {
     program: Vec<Flow>,
     /// Whether the last flow of a step and the first of the next are one.
     is_cyclic: bool,
-    /// The last flow of the step before, not made yet.
-    held: Option<Held>,
-    /// What made the state unusable, if anything did.
+    /// The last flow of the step before, deferred.
+    deferred: Option<Deferred>,
+    /// The error that left the state undefined, if there was one.
     lost: Option<StepError>,
-    /// Where the last step ended, and how many were made since the state was looked at.
+    /// Where the last step ended, and how many were made since the state was checked.
     end: f64,
     unchecked: usize,
     flows: usize,
 }
 
-/// A scheme of Φ and Φ* where there is no Φ*.
+/// A scheme of Φ and Φ* for a method that is its own adjoint.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 #[error("{0} composes a step with its adjoint, which a symmetric step has no use for")]
 pub struct NeedsAdjoint(pub &'static str);
@@ -179,7 +179,7 @@ impl<P: Parts> Composed<P> {
             parts,
             program,
             is_cyclic,
-            held: None,
+            deferred: None,
             lost: None,
             end: 0.0,
             unchecked: 0,
@@ -187,12 +187,12 @@ impl<P: Parts> Composed<P> {
         }
     }
 
-    /// What is composed.
+    /// The parts.
     pub fn parts(&self) -> &P {
         &self.parts
     }
 
-    /// The same, to change it between steps.
+    /// The parts, to change them between steps.
     pub fn parts_mut(&mut self) -> &mut P {
         &mut self.parts
     }
@@ -207,26 +207,26 @@ impl<P: Parts> Composed<P> {
         self.is_cyclic
     }
 
-    /// All flows of a step, the last one held back if it can be.
+    /// All flows of a step, the last one deferred if it can be.
     fn walk(&mut self, t: f64, h: f64, state: &mut P::State) -> Result<(), StepError> {
         let Self { parts, program, .. } = self;
         let last = program.len() - usize::from(self.is_cyclic);
-        let mut held = self.held.take();
+        let mut deferred = self.deferred.take();
         if last > 0 {
-            let before = held.take().map_or(0.0, |held| held.h);
+            let before = deferred.take().map_or(0.0, |deferred| deferred.h);
             parts.flows(&program[..last], before, t, h, state)?;
             self.flows += last;
         }
         if self.is_cyclic {
             let now = program[last].at(t, h);
-            // a program of one flow has nothing to do before
-            self.held = Some(held.map_or(now, |before| before.joined(now)));
+            // a program of one flow has none before it
+            self.deferred = Some(deferred.map_or(now, |before| before.joined(now)));
         }
         Ok(())
     }
 
-    /// Looks whether the state is finite, unless it is large and was looked at lately.
-    fn look(&mut self, t: f64, is_kept: bool, state: &P::State) -> Result<(), StepError> {
+    /// Checks that the state is finite, unless it is large and was checked lately.
+    fn check(&mut self, t: f64, is_kept: bool, state: &P::State) -> Result<(), StepError> {
         self.end = t;
         self.unchecked += 1;
         if is_kept || self.unchecked >= CHECKED_EVERY {
@@ -236,9 +236,9 @@ impl<P: Parts> Composed<P> {
         Ok(())
     }
 
-    /// Makes the flow that was held back, and looks at the state.
+    /// Makes the deferred flow, and checks the state.
     fn finish(&mut self, state: &mut P::State) -> Result<(), StepError> {
-        if let Some(now) = self.held.take() {
+        if let Some(now) = self.deferred.take() {
             self.flows += 1;
             self.parts
                 .flow(now.part, now.is_adjoint, now.t, now.h, state)?;
@@ -251,18 +251,18 @@ impl<P: Parts> Composed<P>
 where
     P::State: Clone,
 {
-    /// Makes `out` what [`Stepper::synchronize`] would make of a state, which goes on as it is.
+    /// Writes to `out` the synchronized state, and leaves `state` as it is.
     ///
     /// # Errors
-    /// Why the flow that was held back could not be made.
+    /// Why the deferred flow could not be made.
     pub fn peek(&mut self, state: &P::State, out: &mut P::State) -> Result<(), StepError> {
         out.clone_from(state);
-        let flow = |now: Held| (self.parts).flow(now.part, now.is_adjoint, now.t, now.h, out);
-        self.held.map_or(Ok(()), flow)
+        let flow = |now: Deferred| (self.parts).flow(now.part, now.is_adjoint, now.t, now.h, out);
+        self.deferred.map_or(Ok(()), flow)
     }
 }
 
-impl Held {
+impl Deferred {
     /// This flow and the next, which is one of the same exact part.
     fn joined(self, next: Self) -> Self {
         Self {
@@ -283,19 +283,19 @@ fn append(program: &mut Vec<Flow>, flow: Flow, is_exact: bool) {
 impl<P: Parts> Stepper for Composed<P> {
     type State = P::State;
 
-    /// Where no copy of the state can be kept, a failed step leaves a state that is not to be used:
-    /// [`Stepper::synchronize`] refuses it from then on.
+    /// Where no copy of the state is kept, a failed step leaves it undefined: [`Stepper::synchronize`] fails from then
+    /// on.
     fn step(&mut self, t: f64, h: f64, state: &mut P::State) -> Result<(), StepError> {
         if let Some(error) = &self.lost {
             return Err(error.clone());
         }
         let is_kept = self.parts.keep(state);
-        let held = self.held;
+        let deferred = self.deferred;
         let outcome = self
             .walk(t, h, state)
-            .and_then(|()| self.look(t + h, is_kept, state));
+            .and_then(|()| self.check(t + h, is_kept, state));
         outcome.inspect_err(|error| {
-            self.held = held;
+            self.deferred = deferred;
             if is_kept {
                 self.parts.put_back(state);
             } else {
@@ -308,7 +308,7 @@ impl<P: Parts> Stepper for Composed<P> {
         if let Some(error) = &self.lost {
             return Err(error.clone());
         }
-        if self.held.is_none() && self.unchecked == 0 {
+        if self.deferred.is_none() && self.unchecked == 0 {
             return Ok(());
         }
         self.unchecked = 0;
@@ -325,17 +325,16 @@ impl<P: Parts> Stepper for Composed<P> {
     }
 }
 
-// What is composed, and what was held back.
-crate::checkpoint!(Held {
+crate::checkpoint!(Deferred {
     part,
     is_adjoint,
     t,
     h
 });
 
-crate::checkpoint!([P: Parts] Composed<P> { parts, held, end, unchecked } then |composed| {
-    match composed.held {
-        Some(held) if held.part >= composed.parts.count() => Err(CheckpointMismatch),
+crate::checkpoint!([P: Parts] Composed<P> { parts, deferred, end, unchecked } then |composed| {
+    match composed.deferred {
+        Some(flow) if flow.part >= composed.parts.count() => Err(CheckpointMismatch),
         _ => Ok(()),
     }
 });

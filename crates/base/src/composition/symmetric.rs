@@ -14,7 +14,7 @@ pub struct Base<S: Stepper> {
 
 impl<S: Symmetric> Composed<Base<S>>
 where
-    S::State: Clone + Send,
+    S::State: Clone,
 {
     /// A symmetric method, composed by the stages γ of `scheme`.
     ///
@@ -22,8 +22,13 @@ where
     /// The scheme has no such stages.
     pub fn of_symmetric(stepper: S, scheme: &Scheme) -> Result<Self, NeedsAdjoint> {
         let stages = scheme.stages().ok_or(NeedsAdjoint(scheme.name))?;
+        Ok(Self::of_stages(stepper, &stages))
+    }
+
+    /// A symmetric method, composed by stages of these fractions of a step.
+    pub fn of_stages(stepper: S, stages: &[f64]) -> Self {
         let mut offset = 0.0;
-        let program = stages.into_iter().map(|weight| {
+        let program = stages.iter().map(|&weight| {
             let flow = Flow {
                 part: 0,
                 is_adjoint: false,
@@ -37,13 +42,13 @@ where
             stepper,
             kept: None,
         };
-        Ok(Self::following(base, program.collect()))
+        Self::following(base, program.collect())
     }
 }
 
 impl<S: Symmetric> Parts for Base<S>
 where
-    S::State: Clone + Send,
+    S::State: Clone,
 {
     type State = S::State;
 
@@ -66,7 +71,7 @@ where
         self.stepper.step(t, h, state)
     }
 
-    /// The method has looked.
+    /// The method checks its states itself.
     fn check(&self, _: f64, _: &S::State) -> Result<(), StepError> {
         Ok(())
     }
@@ -96,4 +101,4 @@ where
 
 crate::checkpoint!([S: Stepper] Base<S> { stepper });
 
-impl<S: Symmetric> Symmetric for Composed<Base<S>> where S::State: Clone + Send {}
+impl<S: Symmetric> Symmetric for Composed<Base<S>> where S::State: Clone {}

@@ -262,9 +262,8 @@ pub enum Factor<R = f64> {
 /// Whether the sparse LU is the faster one. Measured, dense over sparse: chains (three entries a row)
 /// 0.95 at order 30, 1.1 at 36, 6.5 at 201; seven a row 0.5 at 24, 1.5 at 60 (of a whole step), 1.9 at
 /// 100; full 0.6 at 128, 1.4 at 200.
-fn prefers_sparse(pattern: &Pattern) -> bool {
-    let (n, _) = pattern.shape();
-    n >= 32 && (6 * pattern.len() <= n * n || n >= 160)
+pub(crate) fn prefers_sparse(order: usize, entries: usize) -> bool {
+    order >= 32 && (6 * entries <= order * order || order >= 160)
 }
 
 /// The inverse of a diagonal matrix.
@@ -290,7 +289,7 @@ impl<R: Real> Factor<R> {
             Self::Diagonal(vec![R::splat(0.0); n])
         } else if let Some(blocks) = Blocks::new(pattern) {
             Self::Blocks(Box::new(blocks))
-        } else if prefers_sparse(pattern) {
+        } else if prefers_sparse(n, pattern.len()) {
             Self::Sparse(Box::new(SparseOf::new::<R>(pattern)))
         } else {
             Self::Dense(Lu::new(n))

@@ -23,6 +23,7 @@ mod tridiagonal;
 pub use assembly::Assembly;
 pub use blocks::Blocks;
 pub use dependent::{dependencies, dependent_rows};
+pub(crate) use factor::prefers_sparse;
 pub use factor::{Factor, Lu, Singular};
 pub use gram::Gram;
 pub use kernels::{

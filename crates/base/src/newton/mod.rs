@@ -11,9 +11,18 @@
 #![allow(clippy::inline_always)] // what is not inlined is compiled without the registers it is for
 #![allow(clippy::float_cmp)] // verdicts are whole numbers
 
+mod attempts;
+mod block_matrix;
 mod broyden;
+mod condensed;
+mod predictor;
+mod reuse;
 
+pub use attempts::{Attempts, Start, attempt};
+pub use block_matrix::{BlockGrid, BlockHandle, BlockLayout, BlockMatrix};
 pub use broyden::Broyden;
+pub use predictor::{Polynomial, Predictor};
+pub use reuse::Reuse;
 
 use crate::error::StepError;
 use crate::real::Real;

@@ -1,125 +1,42 @@
-//! The one integration loop: steps, some of them recorded.
+//! The integration loop: one for each type of state.
 
+mod advance;
 mod control;
 mod detector;
 mod record;
+mod start;
 
+pub use advance::{Advance, Failure, Status};
 pub use control::{Adaptive, Fixed, Listed, Reversible, StepControl, StepSizes};
-pub use detector::{EventDetector, NoEvents, Seen};
-pub use record::Recorder;
+pub use detector::{EventDetector, Events};
+pub use record::Records;
+pub use start::{Span, StartError};
 
 use crate::checkpoint::{Checkpoint, CheckpointMismatch};
 use crate::error::StepError;
-use crate::method::{Stats, Stepper};
+use crate::method::Stats;
 use crate::observe::Observe;
 use std::time::{Duration, Instant};
 
-/// Where a run stands.
-#[derive(Clone, Debug, PartialEq)]
-pub enum Status {
-    /// There are steps left.
-    Paused,
-    /// All steps are made.
-    Done,
-    /// Step `n` could not be made or recorded; the state and the records are those before it.
-    Failed {
-        /// Number of the step, from 0.
-        n: usize,
-        /// Time at its start.
-        t: f64,
-        /// Why.
-        error: StepError,
-    },
-}
-
-/// Times of the records of equal steps by (t0, t1, steps, every), as a run tells them.
-pub fn times((t0, t1, steps, every): (f64, f64, usize, usize)) -> Vec<f64> {
-    let h = (t1 - t0) / steps as f64;
-    let kept = (0..steps).step_by(every).chain([steps]);
-    kept.map(|n| t0 + n as f64 * h).collect()
-}
-
-/// A member of several that cannot go on.
-#[derive(Clone, Debug, PartialEq)]
-pub struct Failure {
-    /// Which one.
-    pub member: usize,
-    /// The step that could not be made or recorded, and the time at its start; the start itself could not be
-    /// split_front where there is none.
-    pub step: Option<(usize, f64)>,
-    /// Why.
-    pub error: StepError,
-}
-
-/// A run of any stepper, independent of its type.
-pub trait Advance: Send {
-    /// Makes steps for about this long, or until the end.
-    fn advance(&mut self, budget: Duration) -> Status {
-        self.advance_to(usize::MAX, budget)
-    }
-    /// Makes steps for about this long, or until so many are made in all, or until the end.
-    fn advance_to(&mut self, steps: usize, budget: Duration) -> Status;
-    /// Number of steps made.
-    fn done(&self) -> usize;
-    /// The time they lead to.
-    fn time(&self) -> f64;
-    /// What the stepper has done, and how many of its steps were thrown away.
-    fn stats(&self) -> (Stats, usize);
-    /// The sizes of its steps, where they are not equal.
-    fn sizes(&self) -> Option<StepSizes> {
-        None
-    }
-    /// Times of the records, one a row, and the rows one after another, the present state last. The
-    /// run is over and keeps none.
-    fn take(&mut self) -> (Vec<f64>, Vec<f64>);
-    /// The records so far, which the run keeps no longer; it goes on.
-    fn collect(&mut self) -> (Vec<f64>, Vec<f64>) {
-        (Vec::new(), Vec::new())
-    }
-    /// Appends all that the rest of the run depends on, but for what was collected; says whether that can be
-    /// told.
-    fn save(&self, _out: &mut Vec<f64>) -> bool {
-        false
-    }
-    /// Makes a run that was begun in the same way the one that was saved, with the same bits from here on.
-    ///
-    /// # Errors
-    /// It was another run; this one is not to be used then.
-    fn restore(&mut self, _saved: &[f64]) -> Result<(), CheckpointMismatch> {
-        Err(CheckpointMismatch)
-    }
-    /// Members that could not go on, in their order, while the others did.
-    fn failures(&self) -> Vec<Failure> {
-        Vec::new()
-    }
-    /// How many members have come to their end, or failed.
-    fn over(&self) -> usize {
-        0
-    }
-    /// The events met since this was last asked for; after the records.
-    fn seen(&mut self) -> Seen {
-        Seen::default()
-    }
-}
-
-/// A stepper, its state, the length of its steps, the recorder, and who else looks.
-pub struct Run<S: Stepper, O, P, W = NoEvents> {
-    stepper: S,
-    state: S::State,
-    control: P,
+/// A state, the control of its steps, and what is recorded of it.
+pub struct Run<State: Checkpoint> {
+    control: Box<dyn StepControl<State>>,
+    state: State,
+    observer: Box<dyn Observe<State>>,
+    events: Option<Box<dyn EventDetector<State>>>,
+    records: Records,
+    width: usize,
     every: usize,
     n: usize,
     is_recordable: bool,
-    records: Recorder<O>,
-    watch: W,
-    /// Where the watch has ended the run.
+    /// Where an event has ended the run.
     end: Option<f64>,
-    /// What was done before the run was restored, without what this stepper had done then.
-    before: Stats,
-    apart: Stats,
+    /// Counts of the run when it was saved, and of this stepper when it was restored.
+    saved_stats: Stats,
+    own_stats: Stats,
 }
 
-impl<S: Stepper, O: Observe<S::State>, P: StepControl<S>> Run<S, O, P> {
+impl<State: Checkpoint> Run<State> {
     /// A run about to start; the start is recorded at once, and then one state in `every` and the last.
     ///
     /// `expected` is how many records will be made, if that is known.
@@ -127,78 +44,68 @@ impl<S: Stepper, O: Observe<S::State>, P: StepControl<S>> Run<S, O, P> {
     /// # Errors
     /// The start cannot be recorded.
     pub fn new(
-        stepper: S,
-        observer: O,
-        state: S::State,
-        control: P,
-        every: usize,
-        expected: usize,
+        control: Box<dyn StepControl<State>>,
+        observer: Box<dyn Observe<State>>,
+        state: State,
+        (every, expected): (usize, usize),
     ) -> Result<Self, StepError> {
-        Self::watched(
-            stepper,
-            observer,
-            state,
-            control,
-            (every, expected),
-            NoEvents,
-        )
+        Self::with_events(control, observer, state, (every, expected), None)
     }
-}
 
-impl<S: Stepper, O: Observe<S::State>, P: StepControl<S>, W: EventDetector<S, O>> Run<S, O, P, W> {
-    /// The same with someone who looks at each step.
+    /// The same with an event detector.
     ///
     /// # Errors
-    /// The start cannot be recorded, or cannot be looked at.
-    pub fn watched(
-        stepper: S,
-        observer: O,
-        state: S::State,
-        control: P,
+    /// The start cannot be recorded, or an event function cannot be evaluated there.
+    pub fn with_events(
+        control: Box<dyn StepControl<State>>,
+        observer: Box<dyn Observe<State>>,
+        state: State,
         (every, expected): (usize, usize),
-        watch: W,
+        events: Option<Box<dyn EventDetector<State>>>,
     ) -> Result<Self, StepError> {
         let width = observer.width(&state);
         let mut run = Self {
-            stepper,
-            state,
             control,
+            state,
+            observer,
+            events,
+            records: Records::with_capacity(expected, width),
+            width,
             every,
             n: 0,
             is_recordable: true,
-            records: Recorder::new(observer, expected, width),
-            watch,
             end: None,
-            before: Stats::default(),
-            apart: Stats::default(),
+            saved_stats: Stats::default(),
+            own_stats: Stats::default(),
         };
-        if W::IS_ACTIVE {
-            run.stepper.synchronize(&mut run.state)?;
-            (run.watch).start(run.control.time(), &run.state, &mut run.records)?;
+        if let Some(events) = &mut run.events {
+            run.control.stepper_mut().synchronize(&mut run.state)?;
+            events.start(run.control.time(), &run.state)?;
         }
-        if !run.watch.is_recording() {
+        if !run.is_recorded_by_events() {
             run.record()?;
         }
         Ok(run)
     }
 
     fn step(&mut self) -> Result<(), StepError> {
-        if W::IS_ACTIVE {
-            self.watch.before(self.control.time(), &self.state);
+        if let Some(events) = &mut self.events {
+            events.before(self.control.time(), &self.state);
         }
-        self.control.step(&mut self.stepper, &mut self.state)?;
+        self.control.step(&mut self.state)?;
         self.n += 1;
-        self.look().inspect_err(|_| {
+        self.finish_step().inspect_err(|_| {
             self.n -= 1;
             self.is_recordable = false;
         })
     }
 
-    fn look(&mut self) -> Result<(), StepError> {
-        if W::IS_ACTIVE {
-            self.stepper.synchronize(&mut self.state)?;
+    /// Looks for events in the step just made, and records the state that it led to.
+    fn finish_step(&mut self) -> Result<(), StepError> {
+        if let Some(events) = &mut self.events {
+            self.control.stepper_mut().synchronize(&mut self.state)?;
             let t = self.control.time();
-            self.end = (self.watch).after(t, &mut self.state, &mut self.records)?;
+            self.end = events.after(t, &mut self.state, &mut self.records)?;
         }
         // a run that ends where a step began has its last record
         let is_there = self.end.is_some() && self.end == self.records.last();
@@ -208,12 +115,19 @@ impl<S: Stepper, O: Observe<S::State>, P: StepControl<S>, W: EventDetector<S, O>
         Ok(())
     }
 
+    /// Whether the records are those of the event detector.
+    fn is_recorded_by_events(&self) -> bool {
+        self.events
+            .as_ref()
+            .is_some_and(|events| events.is_recording())
+    }
+
     fn is_over(&self) -> bool {
         self.end.is_some() || self.control.is_over()
     }
 
     fn is_due(&self) -> bool {
-        !self.watch.is_recording() && (self.control.is_due(self.n, self.every) || self.is_over())
+        !self.is_recorded_by_events() && (self.control.is_due(self.n, self.every) || self.is_over())
     }
 
     fn present(&self) -> f64 {
@@ -221,19 +135,13 @@ impl<S: Stepper, O: Observe<S::State>, P: StepControl<S>, W: EventDetector<S, O>
     }
 
     fn record(&mut self) -> Result<(), StepError> {
-        self.stepper.synchronize(&mut self.state)?;
-        self.records.record(self.present(), &self.state)
+        self.control.stepper_mut().synchronize(&mut self.state)?;
+        let t = self.present();
+        self.records.push(&mut *self.observer, t, &self.state)
     }
 }
 
-impl<S, O, P, W> Advance for Run<S, O, P, W>
-where
-    S: Stepper,
-    S::State: Send,
-    O: Observe<S::State>,
-    P: StepControl<S>,
-    W: EventDetector<S, O>,
-{
+impl<State: Checkpoint> Advance for Run<State> {
     fn advance_to(&mut self, steps: usize, budget: Duration) -> Status {
         let start = Instant::now();
         let mut batch = 1_usize;
@@ -254,7 +162,7 @@ where
             if spent >= budget {
                 return Status::Paused;
             }
-            // looking at the clock must cost little, and not looking must not cost the budget
+            // reading the clock must cost little, and steps between readings must not exceed the budget
             if spent * 8 < budget {
                 batch *= 2;
             } else {
@@ -273,7 +181,7 @@ where
     }
 
     fn stats(&self) -> (Stats, usize) {
-        let stats = self.before + (self.stepper.stats() - self.apart);
+        let stats = self.saved_stats + (self.control.stepper().stats() - self.own_stats);
         (stats, self.control.rejected())
     }
 
@@ -281,9 +189,15 @@ where
         self.control.sizes()
     }
 
+    fn shape(&self) -> Vec<usize> {
+        vec![self.width]
+    }
+
     fn take(&mut self) -> (Vec<f64>, Vec<f64>) {
-        if self.watch.is_recording() {
-            self.watch.finish(&mut self.records);
+        if self.is_recorded_by_events() {
+            if let Some(events) = &mut self.events {
+                events.finish(&mut self.records);
+            }
         } else if self.is_recordable && !self.is_due() {
             // where it cannot be recorded, the records end before it
             let _ = self.record();
@@ -296,29 +210,33 @@ where
     }
 
     fn save(&self, out: &mut Vec<f64>) -> bool {
-        let whole = 0;
-        (self.n, self.end).save(whole, out);
-        self.stats().0.save(whole, out);
-        self.state.save(whole, out);
-        self.stepper.save(whole, out);
-        self.control.save(whole, out);
-        self.records.save(whole, out);
-        self.watch.save(whole, out);
+        let all = 0;
+        (self.n, self.end).save(all, out);
+        self.stats().0.save(all, out);
+        self.state.save(all, out);
+        self.control.save(all, out);
+        self.observer.save(all, out);
+        self.records.save(all, out);
+        if let Some(events) = &self.events {
+            events.save(all, out);
+        }
         true
     }
 
     fn restore(&mut self, mut saved: &[f64]) -> Result<(), CheckpointMismatch> {
-        let (whole, saved) = (0, &mut saved);
+        let (all, saved) = (0, &mut saved);
         let mut place = (self.n, self.end);
-        place.restore(whole, saved)?;
+        place.restore(all, saved)?;
         (self.n, self.end) = place;
-        self.before.restore(whole, saved)?;
-        self.state.restore(whole, saved)?;
-        self.stepper.restore(whole, saved)?;
-        self.apart = self.stepper.stats();
-        self.control.restore(whole, saved)?;
-        self.records.restore(whole, saved)?;
-        self.watch.restore(whole, saved)?;
+        self.saved_stats.restore(all, saved)?;
+        self.state.restore(all, saved)?;
+        self.control.restore(all, saved)?;
+        self.own_stats = self.control.stepper().stats();
+        self.observer.restore(all, saved)?;
+        self.records.restore(all, saved)?;
+        if let Some(events) = &mut self.events {
+            events.restore(all, saved)?;
+        }
         if saved.is_empty() {
             Ok(())
         } else {
@@ -326,7 +244,10 @@ where
         }
     }
 
-    fn seen(&mut self) -> Seen {
-        self.watch.take()
+    fn events(&mut self) -> Events {
+        match &mut self.events {
+            Some(events) => events.take(),
+            None => Events::default(),
+        }
     }
 }

@@ -1,42 +1,40 @@
-//! What a run keeps: times, and rows of what an observer sees.
+//! Records of a run: times, and a row of observed quantities for each.
 
-use crate::checkpoint::Checkpoint;
 use crate::error::StepError;
 use crate::observe::Observe;
 
-/// An observer and what it has recorded so far.
-#[derive(Clone, Debug)]
-pub struct Recorder<O> {
-    observer: O,
+/// Times and rows recorded so far.
+#[derive(Clone, Debug, Default)]
+pub struct Records {
     times: Vec<f64>,
     rows: Vec<f64>,
-    /// The time of the last record, wherever it is by now.
+    /// The time of the last record, also when it was collected since.
     last: Option<f64>,
 }
 
-impl<O> Recorder<O> {
+impl Records {
     /// Room for so many records of this width.
-    pub(super) fn new(observer: O, expected: usize, width: usize) -> Self {
+    pub fn with_capacity(expected: usize, width: usize) -> Self {
         Self {
-            observer,
             times: Vec::with_capacity(expected.min(1 << 20)),
             rows: Vec::with_capacity((expected * width).min(1 << 24)),
             last: None,
         }
     }
 
-    /// Records a state.
+    /// Appends what an observer reads from a state: one row, several or none.
     ///
     /// # Errors
-    /// Why it cannot be recorded; the records are as they were.
-    pub fn record<T>(&mut self, t: f64, state: &T) -> Result<(), StepError>
-    where
-        O: Observe<T>,
-    {
+    /// Why it cannot be observed; the records are as they were.
+    pub fn push<T>(
+        &mut self,
+        observer: &mut dyn Observe<T>,
+        t: f64,
+        state: &T,
+    ) -> Result<(), StepError> {
         let before = self.rows.len();
-        self.observer.observe(t, state, &mut self.rows)?;
-        // some observers have several rows for a state, or none
-        let rows = match self.observer.width(state) {
+        observer.observe(t, state, &mut self.rows)?;
+        let rows = match observer.width(state) {
             0 => 1,
             width => (self.rows.len() - before) / width,
         };
@@ -50,7 +48,7 @@ impl<O> Recorder<O> {
         self.last
     }
 
-    /// The records so far; there will be about as many again.
+    /// The records so far; room is left for as many again.
     pub(super) fn collect(&mut self) -> (Vec<f64>, Vec<f64>) {
         let again = |x: &mut Vec<f64>| {
             let next = Vec::with_capacity(x.len());
@@ -65,9 +63,9 @@ impl<O> Recorder<O> {
     }
 }
 
-// What is recorded is with whoever has collected it.
-crate::checkpoint!([O: Checkpoint] Recorder<O> { observer, last } then |recorder| {
-    recorder.times.clear();
-    recorder.rows.clear();
+// Times and rows are not saved: they were collected before.
+crate::checkpoint!(Records { last } then |records| {
+    records.times.clear();
+    records.rows.clear();
     Ok(())
 });

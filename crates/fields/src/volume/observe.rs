@@ -136,4 +136,4 @@ impl<S: Stored> Observe<State<S>> for Observer<S> {
     }
 }
 
-impl<S> Checkpoint for Observer<S> {}
+impl<S: Stored> Checkpoint for Observer<S> {}

@@ -28,7 +28,7 @@ use frozen::Frozen;
 use liouville_base::error::StepError;
 use liouville_base::linalg::{Matrix, add_scaled, copy};
 use liouville_base::method::{Estimating, Stats, Stepper, Tolerance};
-use liouville_base::newton;
+use liouville_base::newton::{self, Attempts, Start};
 use liouville_base::tableau;
 use solve::{Reaction, Solver, Step};
 pub use state::State;
@@ -71,6 +71,8 @@ pub struct Alpha {
     local_error: Vec<f64>,
     error: f64,
     is_warm: bool,
+    /// Whether the unknowns are those of a shorter step from the same state, to continue from.
+    is_held: bool,
     stats: Stats,
 }
 
@@ -106,6 +108,7 @@ impl Alpha {
             local_error: zeros(),
             error: f64::INFINITY,
             is_warm: false,
+            is_held: false,
             stats: Stats::default(),
             solver,
             model,
@@ -157,55 +160,39 @@ impl Alpha {
         }
     }
 
-    /// (3a)–(3e), by whichever start and factors lead to a solution.
-    fn solve(&mut self, step: Step) -> Result<(), StepError> {
-        if self.is_warm {
-            if self.frozen.serve(step.h) && self.iterate_from(step, true).is_ok() {
-                return Ok(());
-            }
-            if self.freeze_from(step, true).is_ok() && self.iterate_from(step, true).is_ok() {
-                return Ok(());
-            }
-            self.stats.cold_starts += 1;
-        }
-        self.acceleration.solve(
-            &mut self.model.general,
-            step.t,
-            &step.state.y,
-            &step.state.z,
-        )?;
-        self.freeze_from(step, false)?;
-        self.iterate_from(step, false)
-    }
-
-    /// The unknowns to start with: those of the last step, or what is known at the start of this one.
-    fn predict(&mut self, step: Step, is_warm: bool) {
+    /// The unknowns on the line through those of the last step.
+    fn extrapolate(&mut self, step: Step) {
         let at = &mut self.solver;
         copy(&mut at.phi, &step.state.phi);
-        if is_warm {
-            add_scaled(&mut at.phi, step.h, &self.phi_rate);
-            for ((reaction, kept), rate) in at.reactions.iter_mut().zip(&self.kept).zip(&self.rates)
-            {
-                reaction.extrapolate(kept, rate, step.h);
-            }
-            return;
+        add_scaled(&mut at.phi, step.h, &self.phi_rate);
+        for ((reaction, kept), rate) in at.reactions.iter_mut().zip(&self.kept).zip(&self.rates) {
+            reaction.extrapolate(kept, rate, step.h);
         }
+    }
+
+    /// The unknowns as they are at the start of the step.
+    fn start_cold(&mut self, step: Step) -> Result<(), StepError> {
+        let State { y, z, phi, .. } = step.state;
+        self.acceleration
+            .solve(&mut self.model.general, step.t, y, z)?;
+        let at = &mut self.solver;
+        copy(&mut at.phi, phi);
         for reaction in &mut at.reactions {
             copy(&mut reaction.lam, &self.acceleration.lam);
             for (k, a) in reaction.a.iter_mut().enumerate() {
-                *a = self.acceleration.z_dot[k] - step.state.phi[k];
+                *a = self.acceleration.z_dot[k] - phi[k];
             }
         }
+        Ok(())
     }
 
-    fn freeze_from(&mut self, step: Step, is_warm: bool) -> Result<(), StepError> {
-        self.predict(step, is_warm);
-        self.stats.factorizations += 1;
-        self.frozen.update(&mut self.model, &mut self.solver, step)
-    }
-
-    fn iterate_from(&mut self, step: Step, is_warm: bool) -> Result<(), StepError> {
-        self.predict(step, is_warm);
+    /// The iteration, with factors made where it starts unless there are some that serve.
+    fn iterate(&mut self, step: Step) -> Result<(), StepError> {
+        if !self.frozen.serve(step.h) {
+            self.stats.factorizations += 1;
+            self.frozen
+                .update(&mut self.model, &mut self.solver, step)?;
+        }
         let mut equations = self.solver.start(&mut self.model, &mut self.frozen, step);
         let iterations =
             newton::solve(&mut equations, MOST_ITERATIONS).inspect_err(|_| self.frozen.h = 0.0)?;
@@ -253,13 +240,62 @@ impl Alpha {
     }
 }
 
+/// A step whose equations are attempted.
+struct Attempt<'a> {
+    alpha: &'a mut Alpha,
+    step: Step<'a>,
+}
+
+impl Attempts for Attempt<'_> {
+    fn start(&mut self, h: f64, start: Start) -> Result<bool, StepError> {
+        let (at, step) = (&mut *self.alpha, Step { h, ..self.step });
+        at.solver.prepare(step);
+        match start {
+            Start::Extrapolated if at.is_held => at.is_held = false,
+            Start::Extrapolated if at.is_warm => at.extrapolate(step),
+            Start::Extrapolated => return Ok(false),
+            Start::Cold => at.start_cold(step)?,
+            Start::Still => {
+                at.start_cold(step)?;
+                at.solver.start_still(step);
+            }
+        }
+        Ok(true)
+    }
+
+    fn is_reusable(&self, h: f64) -> bool {
+        self.alpha.frozen.serve(h)
+    }
+
+    fn discard(&mut self) {
+        self.alpha.frozen.h = 0.0;
+    }
+
+    fn iterate(&mut self, h: f64) -> Result<(), StepError> {
+        self.alpha.iterate(Step { h, ..self.step })
+    }
+
+    fn hold_shorter(&mut self, _h: f64) -> Result<(), StepError> {
+        self.alpha.is_held = true;
+        Ok(())
+    }
+
+    fn forget(&mut self) {
+        self.alpha.is_warm = false;
+    }
+
+    fn count_cold_start(&mut self) {
+        self.alpha.stats.cold_starts += 1;
+    }
+}
+
 impl Stepper for Alpha {
     type State = State;
 
     fn step(&mut self, t: f64, h: f64, state: &mut State) -> Result<(), StepError> {
         let step = Step { t, h, state };
-        self.solver.prepare(step);
-        self.solve(step).inspect_err(|_| self.is_warm = false)?;
+        let attempted = newton::attempt(&mut Attempt { alpha: self, step }, h);
+        attempted.inspect_err(|_| self.is_warm = false)?;
         self.finish(step)?;
         self.is_warm = true;
         if self.tolerance.is_some() {

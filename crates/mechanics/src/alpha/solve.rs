@@ -13,12 +13,7 @@ use liouville_base::tableau::Alpha;
 const NOISE: f64 = 64.0 * f64::EPSILON;
 
 /// The step being made.
-#[derive(Clone, Copy)]
-pub(super) struct Step<'a> {
-    pub(super) t: f64,
-    pub(super) h: f64,
-    pub(super) state: &'a State,
-}
+pub(super) type Step<'a> = liouville_base::method::Step<'a, State>;
 
 /// An acceleration by the constraints, and the multipliers it comes from.
 #[derive(Clone, Debug)]
@@ -165,6 +160,16 @@ impl Solver {
             self.known_y[k] = y + h * (z + h * ((0.5 - beta) * a + beta * known));
             self.known_z[k] = z + h * ((1.0 - gamma) * a + gamma * known);
             self.predicted[k] = y + h * z;
+        }
+    }
+
+    /// φ1 such that y1 is where y0 and z0 alone lead, with the reactions there are.
+    pub(super) fn start_still(&mut self, step: Step) {
+        self.phi.fill(0.0);
+        self.place(step.h);
+        let unit = step.h * step.h * self.coupling.phi[0];
+        for ((phi, y), predicted) in self.phi.iter_mut().zip(&self.y).zip(&self.predicted) {
+            *phi = (predicted - y) / unit;
         }
     }
 

@@ -8,7 +8,7 @@ use liouville_base::tape::{Registers, Tape};
 pub struct Event {
     tape: Tape,
     registers: Registers<f64>,
-    /// Which function it is, to the user.
+    /// Its number in the user's list.
     index: usize,
     direction: i8,
     /// So many end the run; none do if it is 0.

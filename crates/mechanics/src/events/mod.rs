@@ -6,12 +6,11 @@ mod search;
 
 pub use event::Event;
 
-use crate::problem::{Carried, Path, Point};
+use crate::problem::{Carried, Observer, Path, Point};
+use liouville_base::checkpoint::Checkpoint;
 use liouville_base::error::StepError;
 use liouville_base::method::Stepper;
-use liouville_base::observe::Observe;
-use liouville_base::run::Recorder;
-use liouville_base::run::{EventDetector, Seen};
+use liouville_base::run::{EventDetector, Events, Records};
 use partial::PartialStep;
 use search::{Node, Scene, Trust, Zero};
 
@@ -23,31 +22,30 @@ const NOISE: f64 = 256.0 * f64::EPSILON;
 const LEAVING: i32 = -24;
 
 /// Finds events, and records at given times, on the interpolated trajectory.
-pub struct DenseDetector<S: Stepper> {
+pub struct DenseDetector<State: Checkpoint> {
     path: Path,
-    partial: PartialStep<S>,
+    partial: PartialStep<State>,
     events: Vec<Event>,
     nodes: Vec<Node>,
     zeros: Vec<Zero>,
     /// Zeros of all events in a step: where, and which.
     found: Vec<(f64, usize)>,
-    seen: Seen,
+    met: Events,
+    observer: Observer,
+    /// Times of the records, where they are the detector's.
     times: Option<Vec<f64>>,
     next: usize,
 }
 
 /// An event's function in a step that is over.
-struct Looking<'a, S: Stepper> {
+struct InStep<'a, State: Checkpoint> {
     path: &'a mut Path,
-    partial: &'a mut PartialStep<S>,
+    partial: &'a mut PartialStep<State>,
     event: &'a mut Event,
-    end: &'a S::State,
+    end: &'a State,
 }
 
-impl<S: Stepper> Scene for Looking<'_, S>
-where
-    S::State: Carried + Clone,
-{
+impl<State: Carried + Checkpoint + Clone> Scene for InStep<'_, State> {
     fn rough(&mut self, x: f64) -> Result<f64, StepError> {
         rough(self.path, self.event, self.partial.t + x * self.partial.h)
     }
@@ -76,22 +74,19 @@ fn at(path: &mut Path, event: &mut Event, t: f64, state: &impl Carried) -> Resul
     event.at(t, (state.y(), state.z()), path.lam())
 }
 
-impl<S: Stepper> DenseDetector<S>
-where
-    S::State: Carried + Clone,
-{
-    /// Someone who looks for events along a path, and records at `times` where there are any.
+impl<State: Carried + Checkpoint + Clone> DenseDetector<State> {
+    /// A detector of events along a path, which records what `observer` reads at `times` if they are given.
     ///
-    /// `stepper` makes the same steps as the run, whose state is one like `state`.
+    /// `stepper` makes the same steps as the run, whose state has the size of `state`.
     pub fn new(
         path: Path,
-        stepper: S,
-        state: &S::State,
+        stepper: Box<dyn Stepper<State = State>>,
+        state: &State,
         events: Vec<Event>,
-        times: Option<Vec<f64>>,
+        (observer, times): (Observer, Option<Vec<f64>>),
     ) -> Self {
-        let seen = Seen {
-            events: vec![(Vec::new(), Vec::new()); events.len()],
+        let met = Events {
+            found: vec![(Vec::new(), Vec::new()); events.len()],
             end: None,
         };
         Self {
@@ -108,14 +103,15 @@ where
             nodes: Vec::new(),
             zeros: Vec::new(),
             found: Vec::new(),
-            seen,
+            met,
+            observer,
             times,
             next: 0,
         }
     }
 
     /// All events' functions at the samples of a step, the last of them beyond its end.
-    fn sample(&mut self, end: &S::State) -> Result<(), StepError> {
+    fn sample(&mut self, end: &State) -> Result<(), StepError> {
         let needs_lam = self.events.iter().any(|event| event.needs_lam);
         for event in &mut self.events {
             event.samples.clear();
@@ -141,7 +137,7 @@ where
                 let Point { y, z, .. } = self.path.point();
                 let value = match event.at(t, (y, z), self.path.lam()) {
                     Ok(value) if is_solved || !event.needs_lam => value,
-                    // what is beyond the step only tells whether the function has turned
+                    // beyond the step a value only shows whether the function has turned
                     _ if is_beyond => f64::NAN,
                     other => other?,
                 };
@@ -152,7 +148,7 @@ where
     }
 
     /// The zeros of one event in a step, appended to `found`.
-    fn search(&mut self, index: usize, end: &S::State) -> Result<(), StepError> {
+    fn search(&mut self, index: usize, end: &State) -> Result<(), StepError> {
         let Self {
             path,
             partial,
@@ -178,7 +174,7 @@ where
             (before.x, before.value) = (-earlier / partial.h.abs(), value);
         } else {
             let t = partial.t + before.x * partial.h;
-            // nothing need be there before the start
+            // before the start the function may not exist
             before.value = rough(path, event, t).unwrap_or(f64::NAN);
             first = leaving(path, partial, event, first)?;
         }
@@ -197,13 +193,13 @@ where
             Trust::FIRM
         };
         let mut sign = event.sign;
-        let mut looking = Looking {
+        let mut function = InStep {
             path,
             partial,
             event,
             end,
         };
-        search::zeros(&mut looking, nodes, &mut sign, (trust, resolution), zeros)?;
+        search::zeros(&mut function, nodes, &mut sign, (trust, resolution), zeros)?;
         event.sign = sign;
         let wanted = zeros.iter().filter(|zero| event.wants(zero.sign));
         self.found.extend(wanted.map(|zero| (zero.x, index)));
@@ -211,13 +207,13 @@ where
     }
 
     /// Keeps the events of a step in the order of time, up to one that ends the run.
-    fn keep(&mut self, end: &S::State) -> Result<Option<f64>, StepError> {
+    fn keep(&mut self, end: &State) -> Result<Option<f64>, StepError> {
         self.found.sort_by(|a, b| a.0.total_cmp(&b.0));
         for (part, index) in self.found.drain(..) {
             let t = self.partial.go(part, end)?;
             let state = &self.partial.state;
             self.path.solve(t, state)?;
-            let (times, rows) = &mut self.seen.events[index];
+            let (times, rows) = &mut self.met.found[index];
             times.push(t);
             rows.extend_from_slice(state.y());
             rows.extend_from_slice(state.z());
@@ -225,7 +221,7 @@ where
             let event = &mut self.events[index];
             event.count += 1;
             if event.count == event.terminal {
-                self.seen.end = Some((index, t));
+                self.met.end = Some((index, t));
                 return Ok(Some(t));
             }
         }
@@ -233,7 +229,7 @@ where
     }
 
     /// Records at the wanted times up to `t`.
-    fn emit<O: Observe<Point>>(&mut self, t: f64, out: &mut Recorder<O>) -> Result<(), StepError> {
+    fn emit(&mut self, t: f64, records: &mut Records) -> Result<(), StepError> {
         let Some(times) = &self.times else {
             return Ok(());
         };
@@ -242,7 +238,7 @@ where
                 break;
             }
             self.path.move_to(*wanted);
-            out.record(*wanted, self.path.point())?;
+            records.push::<Point>(&mut self.observer, *wanted, self.path.point())?;
             self.next += 1;
         }
         Ok(())
@@ -250,15 +246,12 @@ where
 }
 
 /// The start of a run for an event: where its function is nothing but roundoff, shortly after it.
-fn leaving<S: Stepper>(
+fn leaving<State: Carried + Checkpoint>(
     path: &mut Path,
-    partial: &PartialStep<S>,
+    partial: &PartialStep<State>,
     event: &mut Event,
     start: Node,
-) -> Result<Node, StepError>
-where
-    S::State: Carried + Clone,
-{
+) -> Result<Node, StepError> {
     let slope = (event.samples[0] - start.value).abs() * SAMPLES as f64;
     let mut noise = NOISE * slope * (partial.t / partial.h).abs().max(1.0);
     for parts in [[NOISE, NOISE], [NOISE, -NOISE]] {
@@ -290,17 +283,12 @@ where
     })
 }
 
-impl<S, O> EventDetector<S, O> for DenseDetector<S>
-where
-    S: Stepper,
-    S::State: Carried + Clone + Send,
-    O: Observe<Point>,
-{
+impl<State: Carried + Checkpoint + Clone> EventDetector<State> for DenseDetector<State> {
     fn is_recording(&self) -> bool {
         self.times.is_some()
     }
 
-    fn start(&mut self, t: f64, state: &S::State, _: &mut Recorder<O>) -> Result<(), StepError> {
+    fn start(&mut self, t: f64, state: &State) -> Result<(), StepError> {
         self.path.push(t, state)?;
         self.partial.t = t;
         for event in &mut self.events {
@@ -309,7 +297,7 @@ where
         Ok(())
     }
 
-    fn before(&mut self, t: f64, state: &S::State) {
+    fn before(&mut self, t: f64, state: &State) {
         self.partial.t = t;
         self.partial.start.clone_from(state);
     }
@@ -317,8 +305,8 @@ where
     fn after(
         &mut self,
         t: f64,
-        state: &mut S::State,
-        out: &mut Recorder<O>,
+        state: &mut State,
+        records: &mut Records,
     ) -> Result<Option<f64>, StepError> {
         (self.partial.end, self.partial.h) = (t, t - self.partial.t);
         self.path.push(t, state)?;
@@ -334,34 +322,34 @@ where
                 state.clone_from(&self.partial.state);
             }
         }
-        // earlier the polynomials would not be those of the whole run
+        // with fewer knots the polynomials would not be those of the whole run
         if self.path.is_full() || end.is_some() {
-            self.emit(end.unwrap_or(t), out)?;
+            self.emit(end.unwrap_or(t), records)?;
         }
         Ok(end)
     }
 
-    fn finish(&mut self, out: &mut Recorder<O>) {
+    fn finish(&mut self, records: &mut Records) {
         let last = self.path.end();
-        if self.seen.end.is_none() && !self.path.is_full() {
+        if self.met.end.is_none() && !self.path.is_full() {
             // where one cannot be recorded, the records end before it
-            let _ = self.emit(last, out);
+            let _ = self.emit(last, records);
         }
     }
 
-    fn take(&mut self) -> Seen {
-        Seen {
-            events: self.seen.events.iter_mut().map(std::mem::take).collect(),
-            end: self.seen.end,
+    fn take(&mut self) -> Events {
+        Events {
+            found: self.met.found.iter_mut().map(std::mem::take).collect(),
+            end: self.met.end,
         }
     }
 }
 
-// What was seen is with whoever has split_front it.
+// Events are not saved: they were taken before.
 liouville_base::checkpoint!(
-    [S: Stepper] DenseDetector<S> { path, partial.stepper, partial.h, events, seen.end, next }
+    [State: Checkpoint] DenseDetector<State> { path, partial.stepper, partial.h, events, met.end, observer, next }
     then |detector| {
-        for (times, rows) in &mut detector.seen.events {
+        for (times, rows) in &mut detector.met.found {
             times.clear();
             rows.clear();
         }

@@ -1,26 +1,24 @@
-//! Parts of a step, made once more.
+//! Parts of a step, repeated from its start.
 
+use liouville_base::checkpoint::Checkpoint;
 use liouville_base::error::StepError;
 use liouville_base::method::Stepper;
 
-/// A stepper that makes parts of a step, and the states before and after.
-pub(super) struct PartialStep<S: Stepper> {
-    pub(super) stepper: S,
+/// A stepper that repeats parts of a step, and the states before and after.
+pub(super) struct PartialStep<State: Checkpoint> {
+    pub(super) stepper: Box<dyn Stepper<State = State>>,
     pub(super) t: f64,
     pub(super) h: f64,
     /// t + h, as the run has it.
     pub(super) end: f64,
-    pub(super) start: S::State,
-    pub(super) state: S::State,
+    pub(super) start: State,
+    pub(super) state: State,
 }
 
-impl<S: Stepper> PartialStep<S>
-where
-    S::State: Clone,
-{
+impl<State: Checkpoint + Clone> PartialStep<State> {
     /// Makes this part of the step, all of which leads to `end`; returns the time.
-    #[allow(clippy::float_cmp)] // the ends of a step are its ends
-    pub(super) fn go(&mut self, part: f64, end: &S::State) -> Result<f64, StepError> {
+    #[allow(clippy::float_cmp)] // 0 and 1 are the ends of the step
+    pub(super) fn go(&mut self, part: f64, end: &State) -> Result<f64, StepError> {
         if part == 1.0 {
             self.state.clone_from(end);
             return Ok(self.end);

@@ -18,10 +18,9 @@ mod stages;
 use crate::semi_explicit::{Algebraic, Model, State};
 use frozen::Frozen;
 use liouville_base::error::StepError;
-use liouville_base::linalg::{add_scaled, copy, max_norm};
+use liouville_base::linalg::{add_scaled, carry, copy, max_norm};
 use liouville_base::method::{Stats, Stepper, Symmetric};
-use liouville_base::newton::{self, Equations};
-use predictor::Predictor;
+use liouville_base::newton::{self, Attempts, Equations, Predictor, Start};
 use stages::{Stages, Step};
 
 /// Corrections a step may take.
@@ -38,6 +37,9 @@ pub struct Index2 {
     z: Vec<f64>,
     /// f at the start of a cold step.
     slope: Vec<f64>,
+    /// Whether the present start is far from the solution.
+    is_far: bool,
+    y: Vec<f64>,
     y_low: Vec<f64>,
     stats: Stats,
 }
@@ -63,41 +65,17 @@ impl Index2 {
         let stages = Stages::new(&model, s);
         Self {
             frozen: Frozen::new(&model, &stages),
-            predictor: Predictor::new(&stages),
+            predictor: predictor::predictor(&stages),
             algebraic: Algebraic::new(&model),
             z: vec![0.0; model.problem.l],
             slope: vec![0.0; model.problem.n],
+            is_far: false,
+            y: vec![0.0; model.problem.n],
             y_low: vec![0.0; model.problem.n],
             stats: Stats::default(),
             stages,
             model,
         }
-    }
-
-    /// (I1)–(I3): from the step before with the factors there are, with new ones, and cold.
-    fn solve_stages(&mut self, step: Step) -> Result<(), StepError> {
-        let mut is_warm = self.predictor.extrapolate(&mut self.stages, step.h);
-        if is_warm && self.frozen.serves(step.h) {
-            if self.iterate(step, false).is_ok() {
-                return Ok(());
-            }
-            is_warm = self.predictor.extrapolate(&mut self.stages, step.h);
-        }
-        self.frozen.discard();
-        if is_warm {
-            if self.iterate(step, false).is_ok() {
-                return Ok(());
-            }
-            self.stats.cold_starts += 1;
-            self.frozen.discard();
-        }
-        self.start_by_euler(step);
-        if self.iterate(step, true).is_ok() {
-            return Ok(());
-        }
-        self.start_constant(step);
-        self.iterate(step, true)
-            .map_err(|error| self.diagnose_rank(step, error))
     }
 
     /// V_i and Z_i where Euler's method leads to, each z from the hidden constraint there.
@@ -133,13 +111,13 @@ impl Index2 {
     }
 
     /// The iteration; from far away each correction has its own matrix.
-    fn iterate(&mut self, step: Step, is_far: bool) -> Result<(), StepError> {
+    fn iterate(&mut self, step: Step) -> Result<(), StepError> {
         let mut solve = Solve {
             stages: &mut self.stages,
             frozen: &mut self.frozen,
             model: &mut self.model,
             step,
-            is_far,
+            is_far: self.is_far,
             corrections: 0.0,
             stats: &mut self.stats,
         };
@@ -173,12 +151,60 @@ impl Index2 {
     }
 }
 
+/// A step whose stage equations are attempted.
+struct Attempt<'a> {
+    index2: &'a mut Index2,
+    step: Step<'a>,
+}
+
+impl Attempts for Attempt<'_> {
+    fn start(&mut self, h: f64, start: Start) -> Result<bool, StepError> {
+        let (at, step) = (&mut *self.index2, Step { h, ..self.step });
+        at.is_far = start != Start::Extrapolated;
+        match start {
+            Start::Extrapolated => {
+                return Ok(predictor::extrapolate(&mut at.predictor, &mut at.stages, h));
+            }
+            Start::Cold => at.start_by_euler(step),
+            Start::Still => at.start_constant(step),
+        }
+        Ok(true)
+    }
+
+    fn is_reusable(&self, h: f64) -> bool {
+        self.index2.frozen.serves(h)
+    }
+
+    fn discard(&mut self) {
+        self.index2.frozen.discard();
+    }
+
+    fn iterate(&mut self, h: f64) -> Result<(), StepError> {
+        self.index2.iterate(Step { h, ..self.step })
+    }
+
+    fn hold_shorter(&mut self, h: f64) -> Result<(), StepError> {
+        predictor::keep(&mut self.index2.predictor, &self.index2.stages, h);
+        self.index2.predictor.undo();
+        Ok(())
+    }
+
+    fn forget(&mut self) {
+        self.index2.predictor.forget();
+    }
+
+    fn count_cold_start(&mut self) {
+        self.index2.stats.cold_starts += 1;
+    }
+}
+
 impl Stepper for Index2 {
     type State = State;
 
     fn step(&mut self, t: f64, h: f64, state: &mut State) -> Result<(), StepError> {
         let step = Step { t, h, state };
-        self.solve_stages(step)?;
+        let attempted = newton::attempt(&mut Attempt { index2: self, step }, h);
+        attempted.map_err(|error| self.diagnose_rank(step, error))?;
         self.stages.move_points(step);
         let speed = max_norm(&state.y) / h.abs();
         self.stages.end_of_z(&mut self.z);
@@ -189,10 +215,11 @@ impl Stepper for Index2 {
             &mut self.z,
             speed,
         )?;
-        self.predictor.keep(&self.stages, h);
+        predictor::keep(&mut self.predictor, &self.stages, h);
         copy(&mut self.y_low, &state.y_low);
         self.stages.add_moves(&mut self.y_low);
-        carry(&mut state.y, &mut self.y_low);
+        carry(&state.y, &mut self.y_low, &mut self.y);
+        copy(&mut state.y, &self.y);
         copy(&mut state.y_low, &self.y_low);
         copy(&mut state.z, &self.z);
         Ok(())
@@ -224,16 +251,6 @@ impl Equations for Solve<'_> {
         self.corrections += 1.0;
         let size = self.frozen.correct(self.model, self.stages, self.step.h);
         Ok(self.stages.relative(size, self.step))
-    }
-}
-
-/// `high += low`, and `low` becomes what the addition lost (Knuth's two-sum).
-fn carry(high: &mut [f64], low: &mut [f64]) {
-    for (high, low) in high.iter_mut().zip(low) {
-        let sum = *high + *low;
-        let part = sum - *high;
-        *low = (*high - (sum - part)) + (*low - part);
-        *high = sum;
     }
 }
 

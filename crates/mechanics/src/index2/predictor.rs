@@ -2,58 +2,30 @@
 //!
 //! Stages have an error of order h^s that ends of steps have not: polynomials through both would feel it.
 
-use super::stages::{Stages, lagrange};
-use liouville_base::linalg::{Matrix, combine, copy};
+use super::stages::Stages;
+use liouville_base::linalg::copy;
+use liouville_base::newton::{self, Polynomial};
 
-/// What the next step starts from.
-#[derive(Clone, Debug)]
-pub(super) struct Predictor {
-    /// The step size of the stages held, and the ratio the weights were made for.
-    h: Option<f64>,
-    ratio: f64,
-    weights: Matrix,
-    v: Matrix,
-    z: Matrix,
+/// A predictor of the curves V and Z.
+pub(super) fn predictor(stages: &Stages) -> newton::Predictor {
+    let c = &stages.c;
+    let curve = |width| Polynomial::new(c, c, width);
+    newton::Predictor::new(vec![curve(stages.v.cols()), curve(stages.z.cols())])
 }
 
-impl Predictor {
-    pub(super) fn new(stages: &Stages) -> Self {
-        let s = stages.count();
-        Self {
-            h: None,
-            ratio: f64::NAN,
-            weights: Matrix::zeros(s, s),
-            v: stages.v.clone(),
-            z: stages.z.clone(),
-        }
+/// Writes the extrapolated unknowns; says whether there was a step to extrapolate.
+pub(super) fn extrapolate(held: &mut newton::Predictor, stages: &mut Stages, h: f64) -> bool {
+    let is_held = held.weigh(h);
+    if is_held {
+        held.curves[0].extrapolate(stages.v.flat_mut());
+        held.curves[1].extrapolate(stages.z.flat_mut());
     }
-
-    /// Writes the extrapolated unknowns; says whether there was a step to extrapolate.
-    pub(super) fn extrapolate(&mut self, stages: &mut Stages, h: f64) -> bool {
-        let Some(last) = self.h else { return false };
-        let ratio = h / last;
-        if ratio.to_bits() != self.ratio.to_bits() {
-            self.ratio = ratio;
-            let targets = stages.c.iter().map(|c| 1.0 + ratio * c);
-            lagrange(&stages.c, targets, &mut self.weights);
-        }
-        let as_is = |_, _, _: &mut [f64]| ();
-        combine(stages.v.flat_mut(), &self.weights, &self.v, as_is);
-        combine(stages.z.flat_mut(), &self.weights, &self.z, as_is);
-        true
-    }
-
-    /// The next step starts cold.
-    pub(super) fn forget(&mut self) {
-        self.h = None;
-    }
-
-    /// Keeps the stages of a finished step.
-    pub(super) fn keep(&mut self, stages: &Stages, h: f64) {
-        copy(self.v.flat_mut(), stages.v.flat());
-        copy(self.z.flat_mut(), stages.z.flat());
-        self.h = Some(h);
-    }
+    is_held
 }
 
-liouville_base::checkpoint!(Predictor { h, v, z });
+/// Keeps the stages of a finished step.
+pub(super) fn keep(held: &mut newton::Predictor, stages: &Stages, h: f64) {
+    copy(held.curves[0].values.flat_mut(), stages.v.flat());
+    copy(held.curves[1].values.flat_mut(), stages.z.flat());
+    held.hold(h);
+}

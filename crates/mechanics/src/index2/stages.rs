@@ -4,15 +4,10 @@ use crate::problem::finite;
 use crate::semi_explicit::{Model, State};
 use liouville_base::error::{Quantity, StepError};
 use liouville_base::linalg::{Matrix, add_scaled, combine, copy, copy_scaled, max_norm};
-use liouville_base::tableau::{Spark, moments};
+use liouville_base::tableau::{Spark, lagrange, moments};
 
-/// The step being made: from `state` at `t` over `h`.
-#[derive(Clone, Copy)]
-pub(super) struct Step<'a> {
-    pub(super) t: f64,
-    pub(super) h: f64,
-    pub(super) state: &'a State,
-}
+/// The step being made.
+pub(super) type Step<'a> = liouville_base::method::Step<'a, State>;
 
 /// Unknowns and values at the stages (rows 0..s), and y1 and k(t1, y1) below them.
 #[derive(Clone, Debug)]
@@ -44,7 +39,8 @@ impl Stages {
         let tableau = Spark::gauss(s);
         let (n, l) = (model.problem.n, model.problem.l);
         let mut ends = Matrix::zeros(1, s);
-        lagrange(&tableau.c, [1.0].into_iter(), &mut ends);
+        let all: Vec<usize> = (0..s).collect();
+        lagrange(&tableau.c, &all, std::iter::once(1.0), &mut ends);
         let weight = |i, j| if i < s { tableau.mu_f[(i, j)] } else { 1.0 };
         Self {
             weights: Matrix::from_fn(s + 1, s, weight),
@@ -156,17 +152,5 @@ impl Stages {
             return 0.0;
         }
         correction / (max_norm(self.v.flat()) + max_norm(&step.state.y) / step.h.abs())
-    }
-}
-
-/// Values of the Lagrange basis on `nodes` at each of `targets`, one row a target.
-pub(super) fn lagrange(nodes: &[f64], targets: impl Iterator<Item = f64>, weights: &mut Matrix) {
-    for (i, x) in targets.enumerate() {
-        for (k, node) in nodes.iter().enumerate() {
-            let others = nodes.iter().enumerate().filter(|(l, _)| *l != k);
-            weights[(i, k)] = others
-                .map(|(_, other)| (x - other) / (node - other))
-                .product();
-        }
     }
 }

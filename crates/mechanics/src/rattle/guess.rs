@@ -1,63 +1,58 @@
 //! Where λ of a step is looked for: on the cubic through those of the four steps before.
 
 use liouville_base::checkpoint::CheckpointMismatch;
-use liouville_base::linalg::{add_scaled, copy};
+use liouville_base::linalg::copy;
+use liouville_base::newton::{Polynomial, Predictor};
 
-/// λ of steps of one size, as many as a polynomial takes.
-const POINTS: usize = 4;
-
-/// By the number of steps known, the weights of the last, the one before it, and so on.
-const WEIGHTS: [&[f64]; POINTS] = [
-    &[1.0],
-    &[2.0, -1.0],
-    &[3.0, -3.0, 1.0],
-    &[4.0, -6.0, 4.0, -1.0],
-];
+/// λ of steps of one size, the last first, in units of that size before it.
+const NODES: [f64; 4] = [0.0, -1.0, -2.0, -3.0];
 
 /// The multipliers of the last steps.
 #[derive(Clone, Debug)]
 pub(super) struct Guess {
-    h: f64,
-    /// The last first.
-    known: [Vec<f64>; POINTS],
+    held: Predictor,
     count: usize,
 }
 
 impl Guess {
     pub(super) fn new(m: usize) -> Self {
         Self {
-            h: 0.0,
-            known: std::array::from_fn(|_| vec![0.0; m]),
+            held: Predictor::new(vec![Polynomial::new(&NODES, &[0.0], m)]),
             count: 0,
         }
     }
 
     /// Writes the guess for a step of `h`; says whether there is one.
-    pub(super) fn extrapolate(&self, lam: &mut [f64], h: f64) -> bool {
-        let is_equal = h.to_bits() == self.h.to_bits();
+    pub(super) fn extrapolate(&mut self, lam: &mut [f64], h: f64) -> bool {
+        let is_equal = self
+            .held
+            .held()
+            .is_some_and(|last| last.to_bits() == h.to_bits());
         let count = if is_equal {
             self.count
         } else {
             self.count.min(1)
         };
-        let Some(last) = count.checked_sub(1) else {
-            return false;
-        };
-        lam.fill(0.0);
-        for (known, weight) in self.known.iter().zip(WEIGHTS[last]) {
-            add_scaled(lam, *weight, known);
+        self.held.pass_through(count);
+        let is_held = count > 0 && self.held.weigh(h);
+        if is_held {
+            self.held.curves[0].extrapolate(lam);
         }
-        true
+        is_held
     }
 
     /// Keeps what a step of `h` has found.
     pub(super) fn keep(&mut self, h: f64, lam: &[f64]) {
-        if h.to_bits() != self.h.to_bits() {
-            (self.h, self.count) = (h, 0);
-        }
-        self.known.rotate_right(1);
-        copy(&mut self.known[0], lam);
-        self.count = (self.count + 1).min(POINTS);
+        let is_equal = self
+            .held
+            .held()
+            .is_some_and(|last| last.to_bits() == h.to_bits());
+        let known = if is_equal { self.count } else { 0 };
+        let values = &mut self.held.curves[0].values;
+        values.flat_mut().rotate_right(lam.len());
+        copy(values.row_mut(0), lam);
+        self.held.hold(h);
+        self.count = (known + 1).min(NODES.len());
     }
 
     /// The next step starts cold.
@@ -66,8 +61,8 @@ impl Guess {
     }
 }
 
-liouville_base::checkpoint!(Guess { h, known, count } then |guess| {
-    if guess.count > POINTS {
+liouville_base::checkpoint!(Guess { held, count } then |guess| {
+    if guess.count > NODES.len() {
         return Err(CheckpointMismatch);
     }
     Ok(())

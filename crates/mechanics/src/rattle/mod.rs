@@ -17,13 +17,15 @@ mod positions;
 mod reactions;
 
 use crate::problem::{SeparableModel, State};
+use crate::spark::{Solver, Spark};
 use guess::Guess;
 use inertia::Inertia;
 use liouville_base::checkpoint::CheckpointMismatch;
 use liouville_base::error::StepError;
 use liouville_base::linalg::{add_scaled, carry, copy};
 use liouville_base::method::{Stats, Stepper, Symmetric};
-use liouville_base::newton;
+use liouville_base::newton::{self, Attempts, Start};
+use liouville_base::tableau::{self, Force};
 use positions::{Positions, Step};
 use reactions::Reactions;
 
@@ -47,6 +49,10 @@ pub struct Rattle {
     y_low: Vec<f64>,
     p: Vec<f64>,
     v: Vec<f64>,
+    /// Whether λ is that of a shorter step from the same state, to continue from.
+    is_held: bool,
+    /// What makes the steps that multipliers alone do not, made when it is first wanted.
+    stages: Option<Box<Spark>>,
     stats: Stats,
 }
 
@@ -70,6 +76,8 @@ impl Rattle {
             y_low: zeros.clone(),
             p: zeros.clone(),
             v: zeros,
+            is_held: false,
+            stages: None,
             stats: Stats::default(),
             inertia,
             model,
@@ -92,22 +100,6 @@ impl Rattle {
         copy(&mut self.start_y, y);
         self.start = Some(step.t);
         Ok(())
-    }
-
-    /// λ and y1, from the steps before or cold.
-    fn solve_positions(&mut self, step: Step) -> Result<(), StepError> {
-        let is_warm = self.guess.extrapolate(&mut self.positions.lam, step.h);
-        if !is_warm {
-            self.positions.lam.fill(0.0);
-        }
-        match self.iterate(step) {
-            Err(_) if is_warm => {
-                self.stats.cold_starts += 1;
-                self.positions.lam.fill(0.0);
-                self.iterate(step)
-            }
-            outcome => outcome,
-        }
     }
 
     fn iterate(&mut self, step: Step) -> Result<(), StepError> {
@@ -151,17 +143,72 @@ impl Rattle {
         carry(&step.state.p, &mut self.low, &mut self.p);
         Ok(())
     }
+
+    /// y1, λ and p1, by multipliers alone.
+    fn advance(&mut self, step: Step) -> Result<(), StepError> {
+        self.begin(step)?;
+        newton::attempt(&mut Attempt { rattle: self, step }, step.h)?;
+        self.move_coordinates(step);
+        self.solve_velocities(step)
+    }
+
+    /// The same step by the stage equations of the pair, which take near-singular positions.
+    fn step_by_stages(&mut self, t: f64, h: f64, state: &mut State) -> Result<(), StepError> {
+        (self.start, self.guess) = (None, Guess::new(self.positions.lam.len()));
+        let model = &self.model.general;
+        let stages = self.stages.get_or_insert_with(|| {
+            let pair = tableau::Spark::lobatto(2, Force::B);
+            Box::new(Spark::of(model.clone(), pair, Solver::Auto))
+        });
+        stages.forget();
+        stages.step(t, h, state)
+    }
+}
+
+/// A step whose multipliers are attempted.
+struct Attempt<'a> {
+    rattle: &'a mut Rattle,
+    step: Step<'a>,
+}
+
+impl Attempts for Attempt<'_> {
+    fn start(&mut self, h: f64, start: Start) -> Result<bool, StepError> {
+        let lam = &mut self.rattle.positions.lam;
+        match start {
+            Start::Extrapolated if self.rattle.is_held => self.rattle.is_held = false,
+            Start::Extrapolated => return Ok(self.rattle.guess.extrapolate(lam, h)),
+            Start::Cold => lam.fill(0.0),
+            // λ = 0 has no accelerations either
+            Start::Still => return Ok(false),
+        }
+        Ok(true)
+    }
+
+    fn iterate(&mut self, h: f64) -> Result<(), StepError> {
+        self.rattle.iterate(Step { h, ..self.step })
+    }
+
+    fn hold_shorter(&mut self, _h: f64) -> Result<(), StepError> {
+        self.rattle.is_held = true;
+        Ok(())
+    }
+
+    fn forget(&mut self) {
+        self.rattle.guess.forget();
+    }
+
+    fn count_cold_start(&mut self) {
+        self.rattle.stats.cold_starts += 1;
+    }
 }
 
 impl Stepper for Rattle {
     type State = State;
 
     fn step(&mut self, t: f64, h: f64, state: &mut State) -> Result<(), StepError> {
-        let step = Step { t, h, state };
-        self.begin(step)?;
-        self.solve_positions(step)?;
-        self.move_coordinates(step);
-        self.solve_velocities(step)?;
+        if let Err(error) = self.advance(Step { t, h, state }) {
+            return self.step_by_stages(t, h, state).map_err(|_| error);
+        }
         self.guess.keep(h, &self.positions.lam);
         self.inertia.state(&self.p, &self.low, &mut state.z);
         std::mem::swap(&mut state.y, self.positions.y_mut());
@@ -178,7 +225,8 @@ impl Stepper for Rattle {
     }
 
     fn stats(&self) -> Stats {
-        self.stats
+        let by_stages = self.stages.as_ref().map(|stages| stages.stats());
+        self.stats + by_stages.unwrap_or_default()
     }
 }
 

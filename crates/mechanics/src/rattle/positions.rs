@@ -7,13 +7,8 @@ use liouville_base::error::StepError;
 use liouville_base::linalg::{add_scaled, copy, max_norm};
 use liouville_base::newton::Equations;
 
-/// The step being made: from `state` at `t` over `h`.
-#[derive(Clone, Copy)]
-pub(super) struct Step<'a> {
-    pub(super) t: f64,
-    pub(super) h: f64,
-    pub(super) state: &'a State,
-}
+/// The step being made.
+pub(super) type Step<'a> = liouville_base::method::Step<'a, State>;
 
 /// λ, and y1 with it.
 #[derive(Clone, Debug)]

@@ -47,15 +47,12 @@ fn constant(tableau: &tableau::Spark) -> f64 {
 
 impl Estimate {
     fn new(tableau: &tableau::Spark, tolerance: Tolerance) -> Self {
-        let basis = |x: f64| {
-            let c = &tableau.c;
-            (0..c.len()).map(move |j| {
-                let others = (0..c.len()).filter(|l| *l != j);
-                -others.map(|l| (x - c[l]) / (c[j] - c[l])).product::<f64>()
-            })
-        };
-        let first = std::iter::once(1.0).chain(basis(0.0)).chain([0.0]);
-        let last = std::iter::once(0.0).chain(basis(1.0)).chain([1.0]);
+        let all: Vec<usize> = (0..tableau.stages).collect();
+        let mut ends = Matrix::zeros(2, tableau.stages);
+        tableau::lagrange(&tableau.c, &all, [0.0, 1.0].into_iter(), &mut ends);
+        let basis = |end: usize| ends.row(end).iter().map(|weight| -weight);
+        let first = std::iter::once(1.0).chain(basis(0)).chain([0.0]);
+        let last = std::iter::once(0.0).chain(basis(1)).chain([1.0]);
         let is_radau = tableau.c[0] > 0.0 && tableau.c.last() == Some(&1.0);
         let order = (2 * tableau.intervals - usize::from(is_radau)) as f64;
         let none = || vec![0.0; tolerance.atol.len()];

@@ -14,30 +14,26 @@
 //! (S1)–(S4) give Z_i and λ_0..λ_{k−1}, with V_i = v(T_i, Y_i, Z_i) as unknowns of their own;
 //! (U2), (U3) then give z1 and λ_k. The λ_j are internal: they are not passed on to the next step.
 //! y and p are summed with their rounding errors carried along. Source: jay2007; the paper's ψ is λ.
-//! Nonholonomic constraints bring equations of their own, in `coupled`.
+//! Nonholonomic constraints bring equations of their own, in `full_newton`.
 
-mod coupled;
 mod estimate;
 mod full_newton;
 mod lanes;
 mod node_schur;
 mod predictor;
-mod sparse_newton;
 mod sparse_schur;
 mod stages;
 mod update;
 
 use crate::problem::{Mechanical, Model, State};
-use coupled::Coupled;
 use estimate::Estimate;
 use full_newton::FullNewton;
 use liouville_base::error::StepError;
 use liouville_base::method::{Stats, Stepper, Symmetric};
-use liouville_base::newton;
+use liouville_base::newton::{self, Attempts, Start};
 use liouville_base::tableau;
 use node_schur::NodeSchur;
 use predictor::Predictor;
-use sparse_newton::SparseNewton;
 use stages::{Stages, Step, Unknowns};
 use update::Update;
 
@@ -76,25 +72,6 @@ const CHEAP: usize = 40;
 const MOST_ITERATIONS: usize = 100;
 /// Steps node Schur rests at most after failing; each failure in a row doubles the rest.
 const LONGEST_REST: usize = 1023;
-/// Where no start is near enough: shorter steps from the same state, each extrapolated from the one before.
-const SHORTER: [f64; 3] = [0.125, 0.25, 0.5];
-
-/// Full Newton, made when it is first wanted.
-#[derive(Clone, Debug)]
-enum Full {
-    Dense(Box<FullNewton>),
-    Sparse(Box<SparseNewton>),
-}
-
-impl Full {
-    fn new(model: &Model, stages: &Stages) -> Self {
-        if SparseNewton::is_for(&model.problem, stages) {
-            Self::Sparse(Box::new(SparseNewton::new(model, stages)))
-        } else {
-            Self::Dense(Box::new(FullNewton::new(model, stages)))
-        }
-    }
-}
 
 /// A SPARK method at work.
 #[derive(Clone, Debug)]
@@ -103,9 +80,8 @@ pub struct Spark {
     solver: Solver,
     stages: Stages,
     schur: NodeSchur,
-    full: Option<Full>,
-    /// What solves everything at once, where there are nonholonomic constraints.
-    coupled: Option<Box<Coupled>>,
+    /// Full Newton, made when it is first wanted.
+    full: Option<Box<FullNewton>>,
     predictor: Predictor,
     update: Update,
     /// What tells errors, where they are wanted.
@@ -137,7 +113,6 @@ impl Spark {
             solver,
             schur: NodeSchur::new(&model, &stages),
             full: None,
-            coupled: (model.problem.l() > 0).then(|| Box::new(Coupled::new(&model, &stages))),
             predictor: Predictor::new(&model, &stages.tableau),
             update: Update::new(&model),
             estimate: None,
@@ -158,47 +133,6 @@ impl Spark {
         self
     }
 
-    /// (S1)–(S4), from the step before, or cold, or from rest.
-    fn solve_stages(&mut self, step: Step) -> Result<(), StepError> {
-        if self
-            .predictor
-            .extrapolate(&mut self.stages, &mut self.update.z, step.h)
-        {
-            if self.iterate(step).is_ok() {
-                return Ok(());
-            }
-            self.stats.cold_starts += 1;
-        }
-        self.start_cold(step, false)?;
-        let Err(error) = self.iterate(step) else {
-            return Ok(());
-        };
-        self.start_cold(step, true)?;
-        if self.iterate(step).is_ok() {
-            return Ok(());
-        }
-        self.grow(step).map_err(|_| error)
-    }
-
-    /// Makes shorter steps first, and goes no further with them than to where this one starts.
-    fn grow(&mut self, step: Step) -> Result<(), StepError> {
-        self.predictor.forget();
-        for part in SHORTER {
-            let h = part * step.h;
-            let shorter = Step { h, ..step };
-            let (stages, z1) = (&mut self.stages, &mut self.update.z);
-            if !self.predictor.extrapolate(stages, z1, h) {
-                self.start_cold(shorter, false)?;
-            }
-            self.iterate(shorter)?;
-            self.finish(shorter)?;
-            self.predictor.undo();
-        }
-        let (stages, z1) = (&mut self.stages, &mut self.update.z);
-        self.predictor.extrapolate(stages, z1, step.h);
-        self.iterate(step)
-    }
-
     /// (U1)–(U3), and what the next step is extrapolated from.
     fn finish(&mut self, step: Step) -> Result<(), StepError> {
         // the update needs forces at the last iterate: older ones cost a drift in the energy
@@ -216,19 +150,9 @@ impl Spark {
         Ok(())
     }
 
-    fn start_cold(&mut self, step: Step, still: bool) -> Result<(), StepError> {
-        let (model, stages, z1) = (&mut self.model, &mut self.stages, &mut self.update.z);
-        self.predictor.start_cold(model, stages, z1, step, still)
-    }
-
     fn iterate(&mut self, step: Step) -> Result<(), StepError> {
         self.is_by_schur = false;
-        let iterations = if let Some(coupled) = &mut self.coupled {
-            self.stats.newton_steps += 1;
-            let (stages, model) = (&mut self.stages, &mut self.model);
-            let mut equations = coupled.start(stages, model, &mut self.update.z, step);
-            newton::solve(&mut equations, MOST_ITERATIONS)?
-        } else if self.wants_newton() {
+        let iterations = if self.wants_newton() {
             self.iterate_newton(step)?
         } else {
             self.start.copy_from(&self.stages.unknowns);
@@ -254,7 +178,10 @@ impl Spark {
     fn wants_newton(&mut self) -> bool {
         let is_resting = self.resting > 0;
         self.resting = self.resting.saturating_sub(1);
-        is_resting || self.solver == Solver::Newton || !self.schur.is_able()
+        is_resting
+            || self.solver == Solver::Newton
+            || !self.schur.is_able()
+            || self.model.problem.l() > 0
     }
 
     fn iterate_schur(&mut self, step: Step) -> Result<usize, StepError> {
@@ -266,15 +193,54 @@ impl Spark {
     fn iterate_newton(&mut self, step: Step) -> Result<usize, StepError> {
         self.stats.newton_steps += 1;
         let (stages, model) = (&mut self.stages, &mut self.model);
-        let full = self.full.get_or_insert_with(|| Full::new(model, stages));
-        match full {
-            Full::Dense(full) => {
-                newton::solve(&mut full.start(stages, model, step), MOST_ITERATIONS)
-            }
-            Full::Sparse(full) => {
-                newton::solve(&mut full.start(stages, model, step), MOST_ITERATIONS)
-            }
+        let full = self
+            .full
+            .get_or_insert_with(|| FullNewton::new(model, stages).into());
+        let mut equations = full.start(stages, model, &mut self.update.z, step);
+        newton::solve(&mut equations, MOST_ITERATIONS)
+    }
+}
+
+/// A step whose stage equations are attempted.
+struct Attempt<'a> {
+    spark: &'a mut Spark,
+    step: Step<'a>,
+}
+
+impl Attempts for Attempt<'_> {
+    fn start(&mut self, h: f64, start: Start) -> Result<bool, StepError> {
+        let step = Step { h, ..self.step };
+        let Spark {
+            model,
+            stages,
+            predictor,
+            update,
+            ..
+        } = &mut *self.spark;
+        if start == Start::Extrapolated {
+            return Ok(predictor.extrapolate(stages, &mut update.z, h));
         }
+        let is_still = start == Start::Still;
+        predictor.start_cold(model, stages, &mut update.z, step, is_still)?;
+        Ok(true)
+    }
+
+    fn iterate(&mut self, h: f64) -> Result<(), StepError> {
+        self.spark.iterate(Step { h, ..self.step })
+    }
+
+    fn hold_shorter(&mut self, h: f64) -> Result<(), StepError> {
+        self.spark.finish(Step { h, ..self.step })?;
+        self.spark.predictor.undo();
+        Ok(())
+    }
+
+    fn forget(&mut self) {
+        self.spark.predictor.forget();
+    }
+
+    fn count_cold_start(&mut self) {
+        self.spark.stats.cold_starts += 1;
     }
 }
 
@@ -283,7 +249,7 @@ impl Stepper for Spark {
 
     fn step(&mut self, t: f64, h: f64, state: &mut State) -> Result<(), StepError> {
         let step = Step { t, h, state };
-        self.solve_stages(step)?;
+        newton::attempt(&mut Attempt { spark: self, step }, h)?;
         self.finish(step)?;
         if let Some(estimate) = &mut self.estimate {
             estimate.keep(state);

@@ -1,16 +1,16 @@
 //! Start values of the stages: from the polynomials of the step before, or cold.
 //!
-//! Warm: the polynomial through {z0, Z_1..Z_s, z1} at {0, c, 1}, and that through λ_0..λ_k at the
-//! nodes, both evaluated one step on. A stage at 0 or 1 is not on the polynomial, for there it has z0
-//! and z1; what it is off them scales as h to the degree. Cold: z0' and λ from the acceleration-level
-//! solve, Z_i = z0 + c_i h z0'. Still, where stiff damping makes that a leap away: Z_i = z0.
+//! Extrapolated: the polynomial through {z0, Z_1..Z_s, z1} at {0, c, 1}, and that through λ_0..λ_k at
+//! the nodes, both evaluated one step on. Cold: z0' and λ from the acceleration-level solve,
+//! Z_i = z0 + c_i h z0'. Still, where stiff forces make that a leap away: Z_i = z0.
 #![allow(clippy::inline_always)] // what is not inlined is compiled without the registers it is for
 
 use super::stages::{Stages, Step, Unknowns};
 use crate::problem::{Acceleration, Model, State};
 use liouville_base::checkpoint::{Checkpoint, CheckpointMismatch};
 use liouville_base::error::StepError;
-use liouville_base::linalg::{Matrix, add_scaled, as_is, combine, copy};
+use liouville_base::linalg::{Matrix, add_scaled, copy};
+use liouville_base::newton::{self, Polynomial};
 use liouville_base::real::Real;
 use liouville_base::simd::{dispatch_simd, dispatch_simd_long};
 use liouville_base::tableau;
@@ -20,74 +20,48 @@ use liouville_base::tableau;
 pub(super) struct Predictor<R = f64> {
     acceleration: Acceleration<R>,
     velocity_is_z: bool,
-    /// The step size of the polynomials held, and the ratio their weights were made for.
-    h: Option<f64>,
-    ratio: f64,
-    /// Where the next step begins on what is held: at its end, 1, or once more at its start, 0.
-    begin: f64,
-    /// 0, c_1..c_s, 1, and which of them the polynomial goes through.
-    nodes: Vec<f64>,
-    knots: Vec<usize>,
-    /// All of the nodes 0..k.
-    node_knots: Vec<usize>,
-    stage_weights: Matrix,
-    end_weights: Matrix,
-    node_weights: Matrix,
-    /// z0, Z_1..Z_s, z1; and the same of v where v is not z, whose v0 a cold start writes.
-    z: Matrix<R>,
+    /// z0, Z_1..Z_s, z1; λ at the nodes; ν at the stages.
+    held: newton::Predictor<R>,
+    /// v0, V_1..V_s, v1 where v is not z; a cold start writes v0.
     v: Matrix<R>,
-    lam: Matrix<R>,
-    rolling_weights: Matrix,
-    rolling_knots: Vec<usize>,
-    nu: Matrix<R>,
 }
+
+/// The curves held.
+const Z: usize = 0;
+const LAM: usize = 1;
+const NU: usize = 2;
 
 impl<R: Real> Predictor<R> {
     pub(super) fn new(model: &Model<R>, tableau: &tableau::Spark) -> Self {
-        let (s, k) = (tableau.stages, tableau.intervals);
         let (n, m, l) = (model.problem.n, model.problem.m, model.problem.l());
         let nodes = [&[0.0], &tableau.c[..], &[1.0]].concat();
         let velocity_is_z = model.problem.patterns.v_z.is_none();
-        let is_inside = |k: &usize| 0.0 < nodes[*k] && nodes[*k] < 1.0;
+        let (c, c_hat) = (&tableau.c[..], &tableau.c_hat[..]);
+        let (rows, width) = (nodes.len(), if velocity_is_z { 0 } else { n });
         Self {
-            knots: std::iter::once(0)
-                .chain((1..=s).filter(is_inside))
-                .chain(std::iter::once(s + 1))
-                .collect(),
-            nodes,
-            node_knots: (0..=k).collect(),
             acceleration: Acceleration::new(model),
             velocity_is_z,
-            h: None,
-            ratio: f64::NAN,
-            begin: 1.0,
-            stage_weights: Matrix::zeros(s, s + 2),
-            end_weights: Matrix::zeros(1, s + 2),
-            node_weights: Matrix::zeros(k + 1, k + 1),
-            z: Matrix::zeros(s + 2, n),
-            v: Matrix::zeros(if velocity_is_z { 0 } else { s + 2 }, n),
-            lam: Matrix::zeros(k + 1, m),
-            rolling_weights: Matrix::zeros(if l > 0 { s } else { 0 }, s),
-            rolling_knots: (0..s).collect(),
-            nu: Matrix::zeros(s, l),
+            held: newton::Predictor::new(vec![
+                Polynomial::new(&nodes, c, n),
+                Polynomial::new(c_hat, c_hat, m),
+                Polynomial::new(c, c, l),
+            ]),
+            v: Matrix::zeros(rows, width),
         }
     }
 
     /// Forgets the polynomials: the next start is cold.
     pub(super) fn forget(&mut self) {
-        self.h = None;
+        self.held.forget();
     }
 
     /// Writes the extrapolated unknowns and `z1`; says whether there was a step to extrapolate.
     pub(super) fn extrapolate(&mut self, stages: &mut Stages<R>, z1: &mut [R], h: f64) -> bool {
-        let Some(last) = self.h else { return false };
-        let ratio = h / last;
-        if ratio.to_bits() != self.ratio.to_bits() {
-            self.ratio = ratio;
-            self.weigh(&stages.tableau, ratio);
+        if !self.held.weigh(h) {
+            return false;
         }
         dispatch_simd_long::<R, _>(
-            self.z.cols(),
+            z1.len(),
             #[inline(always)]
             || self.write_start(&mut stages.unknowns, z1),
         );
@@ -97,46 +71,17 @@ impl<R: Real> Predictor<R> {
     #[inline(always)]
     fn write_start(&self, unknowns: &mut Unknowns<R>, z1: &mut [R]) {
         let Unknowns { z, v, lam, nu } = unknowns;
-        combine(z.flat_mut(), &self.stage_weights, &self.z, as_is);
+        let curves = &self.held.curves;
+        curves[Z].extrapolate(z.flat_mut());
         if self.velocity_is_z {
             // nothing but equal starts keeps them equal: their difference is no residual
             copy(v.flat_mut(), z.flat());
         } else {
-            combine(v.flat_mut(), &self.stage_weights, &self.v, as_is);
+            curves[Z].extrapolate_other(&self.v, v.flat_mut());
         }
-        combine(z1, &self.end_weights, &self.z, as_is);
-        if !lam.flat().is_empty() {
-            combine(lam.flat_mut(), &self.node_weights, &self.lam, as_is);
-        }
-        if !nu.flat().is_empty() {
-            combine(nu.flat_mut(), &self.rolling_weights, &self.nu, as_is);
-        }
-    }
-
-    /// The weights of what is held, for steps that are `ratio` times as long.
-    fn weigh(&mut self, tableau: &tableau::Spark, ratio: f64) {
-        let (knots, nodes, begin) = (&self.knots, &self.nodes, self.begin);
-        let weights = &mut self.stage_weights;
-        lagrange(nodes, knots, &tableau.c, (begin, ratio), weights);
-        let degree = i32::try_from(knots.len() - 1).expect("a small degree");
-        for (i, c) in tableau.c.iter().enumerate() {
-            if knots.contains(&(i + 1)) {
-                continue;
-            }
-            let (end, shift) = (
-                if *c < 0.5 { 0 } else { tableau.stages + 1 },
-                ratio.powi(degree),
-            );
-            weights[(i, i + 1)] = shift;
-            weights[(i, end)] -= shift;
-        }
-        lagrange(nodes, knots, &[1.0], (begin, ratio), &mut self.end_weights);
-        let (nodes, all) = (&tableau.c_hat, &self.node_knots);
-        lagrange(nodes, all, nodes, (begin, ratio), &mut self.node_weights);
-        if self.rolling_weights.rows() > 0 {
-            let (nodes, all) = (&tableau.c, &self.rolling_knots);
-            lagrange(nodes, all, nodes, (begin, ratio), &mut self.rolling_weights);
-        }
+        curves[Z].extrapolate_end(z1);
+        curves[LAM].extrapolate(lam.flat_mut());
+        curves[NU].extrapolate(nu.flat_mut());
     }
 
     /// Writes the cold start; one that is `still` leaves z' out.
@@ -191,32 +136,33 @@ impl<R: Real> Predictor<R> {
             #[inline(always)]
             || self.keep_points(stages, z0, z1, v1),
         );
-        self.h = Some(h);
-        if self.begin == 0.0 {
-            (self.begin, self.ratio) = (1.0, f64::NAN);
-        }
+        self.held.hold(h);
     }
 
     #[inline(always)]
     fn keep_points(&mut self, stages: &Stages<R>, z0: &[R], z1: &[R], v1: &[R]) {
         let s = stages.tableau.stages;
-        if !self.velocity_is_z && self.h.is_some() && self.begin > 0.0 {
+        if !self.velocity_is_z && self.held.held().is_some() && !self.held.is_undone() {
             let (head, tail) = self.v.flat_mut().split_at_mut((s + 1) * v1.len());
             head[..v1.len()].copy_from_slice(tail);
         }
-        copy(self.z.row_mut(0), z0);
+        let [z, lam, nu] = &mut self.held.curves[..] else {
+            return;
+        };
+        let z = &mut z.values;
+        copy(z.row_mut(0), z0);
         for i in 0..s {
-            copy(self.z.row_mut(i + 1), stages.unknowns.z.row(i));
+            copy(z.row_mut(i + 1), stages.unknowns.z.row(i));
         }
-        copy(self.z.row_mut(s + 1), z1);
+        copy(z.row_mut(s + 1), z1);
         if !self.velocity_is_z {
             for i in 0..s {
                 copy(self.v.row_mut(i + 1), stages.unknowns.v.row(i));
             }
             copy(self.v.row_mut(s + 1), v1);
         }
-        copy(self.lam.flat_mut(), stages.unknowns.lam.flat());
-        copy(self.nu.flat_mut(), stages.unknowns.nu.flat());
+        copy(lam.values.flat_mut(), stages.unknowns.lam.flat());
+        copy(nu.values.flat_mut(), stages.unknowns.nu.flat());
     }
 
     /// v' at a state, or z' where v is not z: how fast the velocities begin to change.
@@ -232,55 +178,29 @@ impl<R: Real> Predictor<R> {
 
     /// v at the start of the step held, V_1..V_s, and v at its end.
     pub(super) fn velocities(&self) -> &Matrix<R> {
-        if self.velocity_is_z { &self.z } else { &self.v }
+        if self.velocity_is_z {
+            &self.held.curves[Z].values
+        } else {
+            &self.v
+        }
     }
 
     /// The next step begins where the one held began, which says where it goes.
     pub(super) fn undo(&mut self) {
-        (self.begin, self.ratio) = (0.0, f64::NAN);
+        self.held.undo();
     }
 }
 
-/// Values of the Lagrange basis on those `nodes` that are `knots`, at begin + ratio x for each x of
-/// `targets`, one row a target.
-fn lagrange(
-    nodes: &[f64],
-    knots: &[usize],
-    targets: &[f64],
-    (begin, ratio): (f64, f64),
-    weights: &mut Matrix,
-) {
-    for (i, x) in targets.iter().map(|x| begin + ratio * x).enumerate() {
-        for k in knots {
-            let others = knots.iter().filter(|l| *l != k);
-            weights[(i, *k)] = others
-                .map(|l| (x - nodes[*l]) / (nodes[*k] - nodes[*l]))
-                .product();
-        }
-    }
-}
-
-/// The polynomials; their weights are made again, to the same bits.
 impl<R: Real> Checkpoint for Predictor<R> {
     fn save(&self, member: usize, out: &mut Vec<f64>) {
         self.acceleration.save(member, out);
-        (self.h, self.begin).save(member, out);
-        for held in [&self.z, &self.v, &self.lam, &self.nu] {
-            held.flat().save(member, out);
-        }
+        self.held.save(member, out);
+        self.v.flat().save(member, out);
     }
 
     fn restore(&mut self, member: usize, saved: &mut &[f64]) -> Result<(), CheckpointMismatch> {
         self.acceleration.restore(member, saved)?;
-        let begin = self.begin;
-        self.h.restore(member, saved)?;
-        self.begin.restore(member, saved)?;
-        for held in [&mut self.z, &mut self.v, &mut self.lam, &mut self.nu] {
-            held.flat_mut().restore(member, saved)?;
-        }
-        if begin.to_bits() != self.begin.to_bits() {
-            self.ratio = f64::NAN;
-        }
-        Ok(())
+        self.held.restore(member, saved)?;
+        self.v.flat_mut().restore(member, saved)
     }
 }

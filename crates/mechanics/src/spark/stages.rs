@@ -4,33 +4,20 @@
 use crate::problem::{Mechanical, Model, State, Times, finite, finite_k};
 use liouville_base::error::{Quantity, StepError};
 use liouville_base::linalg::{Matrix, all_finite, combine, copy, copy_scaled, max_norm};
+use liouville_base::method;
 use liouville_base::newton::Stop;
 use liouville_base::real::Real;
 use liouville_base::simd::{dispatch_simd, dispatch_simd_nested};
 use liouville_base::tableau;
 
-/// The step being made: from `state` at `t` over `h`.
-pub(super) struct Step<'a, R = f64> {
-    pub(super) t: f64,
-    pub(super) h: f64,
-    pub(super) state: &'a State<R>,
-}
+/// The step being made.
+pub(super) type Step<'a, R = f64> = method::Step<'a, State<R>>;
 
-impl<R> Clone for Step<'_, R> {
-    fn clone(&self) -> Self {
-        *self
-    }
-}
-
-impl<R> Copy for Step<'_, R> {}
-
-impl<R> Step<'_, R> {
-    /// The times of nodes, given as fractions of the step.
-    #[inline(always)]
-    fn times(self, c: &[f64]) -> Times<'_> {
-        let Self { t, h, .. } = self;
-        Times { t, h, c }
-    }
+/// The times of nodes, given as fractions of the step.
+#[inline(always)]
+fn times<'c, R>(step: Step<R>, c: &'c [f64]) -> Times<'c> {
+    let method::Step { t, h, .. } = step;
+    Times { t, h, c }
 }
 
 /// What the stage equations are solved for: Z_i, V_i and ν_i at the stages, λ_j at the nodes.
@@ -136,22 +123,22 @@ impl<R: Real> Stages<R> {
 
     /// Time of stage `i`.
     pub(super) fn stage_time(&self, step: Step<R>, i: usize) -> f64 {
-        step.times(&self.tableau.c).at(i)
+        times(step, &self.tableau.c).at(i)
     }
 
     /// Time of node `j`.
     pub(super) fn node_time(&self, step: Step<R>, j: usize) -> f64 {
-        step.times(&self.tableau.c_hat).at(j)
+        times(step, &self.tableau.c_hat).at(j)
     }
 
     /// Times of all stages.
     pub(super) fn stage_times(&self, step: Step<R>) -> Times<'_> {
-        step.times(&self.tableau.c)
+        times(step, &self.tableau.c)
     }
 
     /// Times of all nodes.
     pub(super) fn node_times(&self, step: Step<R>) -> Times<'_> {
-        step.times(&self.tableau.c_hat)
+        times(step, &self.tableau.c_hat)
     }
 
     /// Evaluates the model at the current unknowns, and the residuals of (S1)–(S4).
@@ -192,8 +179,8 @@ impl<R: Real> Stages<R> {
     fn evaluate_each(&mut self, model: &mut Model<R>, step: Step<R>, last: usize) {
         self.move_points(step);
         let s = self.tableau.stages;
-        let times = step.times(&self.tableau.c);
-        let mut stages = model.stages(times, &self.y, &self.unknowns.z);
+        let at = times(step, &self.tableau.c);
+        let mut stages = model.stages(at, &self.y, &self.unknowns.z);
         for i in 0..s {
             let [p, f, v] = stages.at(i);
             let (residual, impulse) = (&mut self.velocity_residual, &mut self.impulses);
@@ -216,8 +203,8 @@ impl<R: Real> Stages<R> {
             self.evaluate_rolling(model, step);
         }
         if model.problem.m > 0 {
-            let times = step.times(&self.tableau.c_hat);
-            let mut nodes = model.nodes(times, &self.node_y, &self.unknowns.lam);
+            let at = times(step, &self.tableau.c_hat);
+            let mut nodes = model.nodes(at, &self.node_y, &self.unknowns.lam);
             for j in 0..=last {
                 let [g, r] = nodes.at(j);
                 copy(self.g.row_mut(j), g);

@@ -2,7 +2,7 @@
 //! has its test in this one file.
 
 mod counting;
-mod watch;
+mod events;
 
 use counting::allocations;
 use liouville_base::composition::Composed;

@@ -243,4 +243,4 @@ fn add<S: Stored>(out: &mut [S], factor: f64, x: &[S]) {
     }
 }
 
-impl<S> Checkpoint for Chebyshev<S> {}
+impl<S: Stored> Checkpoint for Chebyshev<S> {}

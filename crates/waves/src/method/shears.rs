@@ -129,4 +129,4 @@ impl<S: Stored> Parts for Shears<S> {
     }
 }
 
-impl<S> Checkpoint for Shears<S> {}
+impl<S: Stored> Checkpoint for Shears<S> {}

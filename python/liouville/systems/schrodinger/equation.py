@@ -13,8 +13,8 @@ from numpy.typing import ArrayLike
 from liouville import _core
 from liouville.errors import hinted
 from liouville.systems import _trace
-from liouville.systems._travel import Travels
-from liouville.systems.schrodinger import clock, graph, observed
+from liouville.systems._expressions import Pickled
+from liouville.systems.schrodinger import graph, observed, time_functions
 from liouville.systems.schrodinger.bounds import (
     check_inside,
     check_symmetric,
@@ -30,6 +30,7 @@ from liouville.systems.schrodinger.lattice import Lattice
 from liouville.systems.schrodinger.observed import Observable
 from liouville.systems.schrodinger.products import Product
 from liouville.systems.schrodinger.spins import SpinChain
+from liouville.systems.schrodinger.time_functions import TimeFunction
 
 
 @dataclass(frozen=True)
@@ -40,7 +41,7 @@ class _Term:
     bounds: Bounds | None
 
 
-class Schrodinger(Travels):
+class Schrodinger(Pickled):
     r"""The Schrödinger equation.
 
     .. math::
@@ -153,7 +154,7 @@ class Schrodinger(Travels):
         self.frame = self._framed([source, *driven]) if frame is None else frame
         self._build(source, driven)
 
-    def _luggage(self) -> dict[str, Any]:
+    def _state(self) -> dict[str, Any]:
         """Return what it is made of, with the bounds, which another processor might round."""
         source = self.source
         if self._potential is not None:
@@ -164,19 +165,19 @@ class Schrodinger(Travels):
         found = {name: x for name, x in self.__dict__.items() if name == "bounds"}
         return {**own, **found, "term_bounds": self.term_bounds}
 
-    def _unpack(self, luggage: dict[str, Any]) -> None:
-        super()._unpack(luggage)
-        self._make(luggage["frame"])
+    def _restore(self, state: dict[str, Any]) -> None:
+        super()._restore(state)
+        self._make(state["frame"])
 
     def _read(
         self, drive: Sequence[tuple[Callable[..., Any], Any]]
-    ) -> tuple[list[clock.Traced], list[Entries]]:
+    ) -> tuple[list[TimeFunction], list[Entries]]:
         functions, matrices = [], []
         for k, pair in enumerate(drive):
             if not (isinstance(pair, (tuple, list)) and len(pair) == 2):
                 raise TypeError(f"drive[{k}] is a pair of a function and a matrix, not {pair!r}")
             name = f"H{k + 1}"
-            functions.append(clock.Traced(f"drive[{k}]", pair[0], self._params))
+            functions.append(TimeFunction(f"drive[{k}]", pair[0], self._params))
             matrices.append(Entries.read(name, pair[1]))
             if matrices[-1].n != self.size:
                 raise ValueError(f"{name} has order {matrices[-1].n}, H has {self.size}")
@@ -201,8 +202,8 @@ class Schrodinger(Travels):
     def _build(self, source: Any, driven: list[Entries]) -> None:
         """Make the terms, and what the core calls them."""
         self.potential: np.ndarray | None = None
-        self._potential: clock.Traced | None = None
-        self._moving: clock.Traced | None = None
+        self._potential: TimeFunction | None = None
+        self._moving: TimeFunction | None = None
         self._terms = [self._of_grid(source) if isinstance(source, Grid) else self._of(source)]
         self._terms += map(self._of_matrix, driven)
         self.is_foreign = isinstance(source, Product)
@@ -212,7 +213,7 @@ class Schrodinger(Travels):
         more: dict[str, Any] = {}
         if driven:
             repeats = [len(term.operators) for term in self._terms]
-            more["drive"] = (clock.weights(self._functions, repeats, self._params), params)
+            more["drive"] = (time_functions.weights(self._functions, repeats, self._params), params)
         if self._moving is not None and self.grid is not None:
             tape = self._moving.tape(1 / self.hbar)
             more["potential"] = (tape, params, np.ascontiguousarray(self.grid.points.ravel()))
@@ -245,8 +246,8 @@ class Schrodinger(Travels):
         kinetic = [energies / self.hbar for energies in grid.kinetic(self.hbar)]
         terms = [_core.Operator.kinetic(kinetic)]
         low, high = 0.0, float(sum(energies.max() for energies in kinetic))
-        found = clock.potential(grid, self._params)
-        if isinstance(found, clock.Traced):
+        found = time_functions.potential(grid, self._params)
+        if isinstance(found, TimeFunction):
             self._potential = found
             if found.is_driven:
                 self._moving = found
@@ -385,7 +386,7 @@ class Schrodinger(Travels):
             raise TypeError(
                 f"observable '{name}' is a function, and there is no grid to take it on"
             )
-        traced = clock.Traced(f"observable '{name}'", function, self._params, len(self.grid.shape))
+        traced = TimeFunction(f"observable '{name}'", function, self._params, len(self.grid.shape))
         if traced.is_driven:
             raise ValueError(f"observable '{name}' depends on time, which none may")
         return traced.at(0.0, self.grid.points)

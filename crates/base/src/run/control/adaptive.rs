@@ -2,8 +2,9 @@
 
 use super::time::CompensatedTime;
 use super::{StepControl, StepSizes};
+use crate::checkpoint::Checkpoint;
 use crate::error::StepError;
-use crate::method::Estimating;
+use crate::method::{Estimating, Stepper};
 
 /// The next step is this much smaller than the one whose error would just be the tolerance.
 const SAFETY: f64 = 0.9;
@@ -22,8 +23,8 @@ const LEAST_ERROR: f64 = 1e-8;
 ///     h ← 0.9 h e_n^(−0.7/k) e_{n−1}^(0.4/k)
 ///
 /// Source: gustafsson1991; hairer1996, IV.2.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Adaptive {
+pub struct Adaptive<State: Checkpoint> {
+    stepper: Box<dyn Estimating<State = State>>,
     time: CompensatedTime,
     h: f64,
     least: f64,
@@ -31,10 +32,16 @@ pub struct Adaptive {
     rejected: usize,
 }
 
-impl Adaptive {
+impl<State: Checkpoint> Adaptive<State> {
     /// From `t0` to `t1` with a first step `h`, refusing steps below `least`; both positive.
-    pub fn new(t0: f64, t1: f64, h: f64, least: f64) -> Self {
+    pub fn new(
+        stepper: Box<dyn Estimating<State = State>>,
+        (t0, t1): (f64, f64),
+        h: f64,
+        least: f64,
+    ) -> Self {
         Self {
+            stepper,
             time: CompensatedTime::new(t0, t1),
             h,
             least,
@@ -76,7 +83,15 @@ impl Adaptive {
     }
 }
 
-impl<S: Estimating> StepControl<S> for Adaptive {
+impl<State: Checkpoint> StepControl<State> for Adaptive<State> {
+    fn stepper(&self) -> &dyn Stepper<State = State> {
+        &*self.stepper
+    }
+
+    fn stepper_mut(&mut self) -> &mut dyn Stepper<State = State> {
+        &mut *self.stepper
+    }
+
     fn time(&self) -> f64 {
         self.time.time()
     }
@@ -85,28 +100,29 @@ impl<S: Estimating> StepControl<S> for Adaptive {
         self.time.is_over()
     }
 
-    fn step(&mut self, stepper: &mut S, state: &mut S::State) -> Result<(), StepError> {
+    fn step(&mut self, state: &mut State) -> Result<(), StepError> {
         let before = self.rejected;
         loop {
             let h = self.fitted();
-            match stepper.step(self.time.time(), h, state) {
-                Ok(()) if stepper.error() <= 1.0 => {
-                    self.accept(h, stepper.error(), stepper.error_order());
+            let made = self.stepper.step(self.time.time(), h, state);
+            let (error, order) = (self.stepper.error(), self.stepper.error_order());
+            match made {
+                Ok(()) if error <= 1.0 => {
+                    self.accept(h, error, order);
                     if self.rejected > before {
-                        // what was just too long is not tried again at once
+                        // a size that was just rejected is not tried again at once
                         self.h = self.h.min(h.abs());
                     }
                     return Ok(());
                 }
                 Ok(()) => {
-                    let error = stepper.error();
-                    stepper.undo(state);
-                    let factor = SAFETY * error.powf(-1.0 / stepper.error_order());
+                    self.stepper.undo(state);
+                    let factor = SAFETY * error.powf(-1.0 / order);
                     self.reject(h, factor, error)?;
                 }
                 Err(error) => self
                     .reject(h, RETRY, f64::INFINITY)
-                    .map_err(|least| unless_said(error, least))?,
+                    .map_err(|least| preferred(error, least))?,
             }
         }
     }
@@ -120,17 +136,12 @@ impl<S: Estimating> StepControl<S> for Adaptive {
     }
 }
 
-/// What ends a run whose shortest step has no solution: what the model says, if it says anything.
-fn unless_said(error: StepError, least: StepError) -> StepError {
+/// The error of a run whose shortest step has no solution: that of the model, if it is one.
+fn preferred(error: StepError, least: StepError) -> StepError {
     match error {
         StepError::NotConverged { .. } | StepError::SingularNewton => least,
-        said => said,
+        of_model => of_model,
     }
 }
 
-crate::checkpoint!(Adaptive {
-    time,
-    h,
-    last_error,
-    rejected
-});
+crate::checkpoint!([State: Checkpoint] Adaptive<State> { stepper, time, h, last_error, rejected });

@@ -1,22 +1,28 @@
 //! Steps from each of several times to the next.
 
 use super::StepControl;
+use crate::checkpoint::Checkpoint;
 use crate::error::StepError;
 use crate::method::Stepper;
 
-/// Fixed steps from each of several times to the next, whose states are those to keep.
-#[derive(Clone, Debug, PartialEq)]
-pub struct Listed {
+/// Equal steps from each of several times to the next, at which the states are recorded.
+pub struct Listed<State: Checkpoint> {
+    stepper: Box<dyn Stepper<State = State>>,
     start: f64,
     stops: Vec<(f64, usize)>,
     stop: usize,
     n: usize,
 }
 
-impl Listed {
+impl<State: Checkpoint> Listed<State> {
     /// From `t0` to each of these times in turn, by so many steps.
-    pub fn new(t0: f64, stops: Vec<(f64, usize)>) -> Self {
+    pub fn new(
+        stepper: Box<dyn Stepper<State = State>>,
+        t0: f64,
+        stops: Vec<(f64, usize)>,
+    ) -> Self {
         Self {
+            stepper,
             start: t0,
             stops,
             stop: 0,
@@ -28,14 +34,26 @@ impl Listed {
         let (end, steps) = self.stops[self.stop];
         (end - self.start) / steps as f64
     }
-}
 
-impl<S: Stepper> StepControl<S> for Listed {
-    fn time(&self) -> f64 {
+    fn present(&self) -> f64 {
         match self.n {
             0 => self.start,
             n => self.start + n as f64 * self.h(),
         }
+    }
+}
+
+impl<State: Checkpoint> StepControl<State> for Listed<State> {
+    fn stepper(&self) -> &dyn Stepper<State = State> {
+        &*self.stepper
+    }
+
+    fn stepper_mut(&mut self) -> &mut dyn Stepper<State = State> {
+        &mut *self.stepper
+    }
+
+    fn time(&self) -> f64 {
+        self.present()
     }
 
     fn is_over(&self) -> bool {
@@ -46,8 +64,8 @@ impl<S: Stepper> StepControl<S> for Listed {
         self.n == 0
     }
 
-    fn step(&mut self, stepper: &mut S, state: &mut S::State) -> Result<(), StepError> {
-        stepper.step(StepControl::<S>::time(self), self.h(), state)?;
+    fn step(&mut self, state: &mut State) -> Result<(), StepError> {
+        self.stepper.step(self.present(), self.h(), state)?;
         self.n += 1;
         let (end, steps) = self.stops[self.stop];
         if self.n == steps {
@@ -58,4 +76,4 @@ impl<S: Stepper> StepControl<S> for Listed {
     }
 }
 
-crate::checkpoint!(Listed { start, stop, n });
+crate::checkpoint!([State: Checkpoint] Listed<State> { stepper, start, stop, n });

@@ -1,5 +1,5 @@
-//! How long each step is: all fixed, as long as the estimated errors allow, or by a rule that time
-//! reversal does not see.
+//! Control of the steps: all of equal size, as long as the estimated errors allow, or by a rule that is
+//! symmetric under time reversal.
 
 mod adaptive;
 mod fixed;
@@ -16,15 +16,24 @@ use crate::checkpoint::Checkpoint;
 use crate::error::StepError;
 use crate::method::Stepper;
 
-/// What decides on the steps of a run.
-pub trait StepControl<S: Stepper>: Checkpoint + Send {
+/// The control of the steps of a run, and the stepper that makes them.
+///
+/// A control owns its stepper, so that each can ask for the kind it needs: any, one with an error estimate, or a
+/// symmetric one. Its checkpoint is that of the stepper, and then its own.
+pub trait StepControl<State: Checkpoint>: Checkpoint {
+    /// The stepper.
+    fn stepper(&self) -> &dyn Stepper<State = State>;
+
+    /// The stepper, to synchronize a state.
+    fn stepper_mut(&mut self) -> &mut dyn Stepper<State = State>;
+
     /// The present time.
     fn time(&self) -> f64;
 
     /// Whether the end is reached.
     fn is_over(&self) -> bool;
 
-    /// Whether the state after step `n` is one to keep, if one in `every` is.
+    /// Whether the state after step `n` is recorded, if one in `every` is.
     fn is_due(&self, n: usize, every: usize) -> bool {
         n.is_multiple_of(every)
     }
@@ -33,20 +42,20 @@ pub trait StepControl<S: Stepper>: Checkpoint + Send {
     ///
     /// # Errors
     /// Why it could not be made.
-    fn step(&mut self, stepper: &mut S, state: &mut S::State) -> Result<(), StepError>;
+    fn step(&mut self, state: &mut State) -> Result<(), StepError>;
 
-    /// How many steps were made and thrown away.
+    /// How many steps were rejected.
     fn rejected(&self) -> usize {
         0
     }
 
-    /// The sizes of its steps, where they are not fixed.
+    /// The sizes of the steps, where they are not fixed.
     fn sizes(&self) -> Option<StepSizes> {
         None
     }
 }
 
-/// StepSizes of steps, all positive.
+/// Sizes of steps, all positive.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct StepSizes {
     /// The smallest made so far; infinite before there is one.

@@ -1,4 +1,4 @@
-//! Steps that follow a monitor s of the state, by a rule that time reversal does not see.
+//! Steps that follow a monitor s of the state, by a rule that is symmetric under time reversal.
 //!
 //! With ω = (ds/dt)/s at the states between the steps, positive where steps should grow,
 //!
@@ -15,7 +15,7 @@ use super::time::CompensatedTime;
 use super::{StepControl, StepSizes};
 use crate::checkpoint::Checkpoint;
 use crate::error::StepError;
-use crate::method::Symmetric;
+use crate::method::{Stepper, Symmetric};
 use crate::observe::Monitor;
 
 /// Bound of the ratio of a half update; successive steps differ by its square at most.
@@ -23,35 +23,33 @@ const BOUND: f64 = 1.5;
 /// A step that misses the end by less than this part of it is made to reach it.
 const NEARLY: f64 = 1e-3;
 
-/// Steps by the monitor `M`.
-#[derive(Clone, Debug)]
-pub struct Reversible<M> {
+/// Steps that follow a monitor.
+pub struct Reversible<State: Checkpoint> {
+    stepper: Box<dyn Symmetric<State = State>>,
     time: CompensatedTime,
     /// The sign of the steps.
     sign: f64,
     /// The step size at the present state.
     h: f64,
     least: f64,
-    monitor: M,
-    /// ω at the present state, if it could be told there.
+    monitor: Box<dyn Monitor<State>>,
+    /// ω at the present state, if it could be evaluated there.
     rate: Option<f64>,
 }
 
-impl<M> Reversible<M> {
-    /// From `t0` to `t1` with a step of about `h` at the start, refusing steps below `least`; both
+impl<State: Checkpoint> Reversible<State> {
+    /// From `t0` to `t1` with a step of about `h` at the start `state`, refusing steps below `least`; both
     /// positive.
-    pub fn new<State>(
+    pub fn new(
+        stepper: Box<dyn Symmetric<State = State>>,
         (t0, t1): (f64, f64),
-        h: f64,
-        least: f64,
-        mut monitor: M,
+        (h, least): (f64, f64),
+        mut monitor: Box<dyn Monitor<State>>,
         state: &State,
-    ) -> Self
-    where
-        M: Monitor<State>,
-    {
+    ) -> Self {
         let rate = monitor.rate(t0, state).ok();
         Self {
+            stepper,
             time: CompensatedTime::new(t0, t1),
             sign: (t1 - t0).signum(),
             h,
@@ -67,7 +65,15 @@ impl<M> Reversible<M> {
     }
 }
 
-impl<S: Symmetric, M: Monitor<S::State>> StepControl<S> for Reversible<M> {
+impl<State: Checkpoint> StepControl<State> for Reversible<State> {
+    fn stepper(&self) -> &dyn Stepper<State = State> {
+        &*self.stepper
+    }
+
+    fn stepper_mut(&mut self) -> &mut dyn Stepper<State = State> {
+        &mut *self.stepper
+    }
+
     fn time(&self) -> f64 {
         self.time.time()
     }
@@ -76,7 +82,7 @@ impl<S: Symmetric, M: Monitor<S::State>> StepControl<S> for Reversible<M> {
         self.time.is_over()
     }
 
-    fn step(&mut self, stepper: &mut S, state: &mut S::State) -> Result<(), StepError> {
+    fn step(&mut self, state: &mut State) -> Result<(), StepError> {
         let left = self.time.left();
         let rate = match self.rate {
             Some(rate) => rate,
@@ -92,8 +98,8 @@ impl<S: Symmetric, M: Monitor<S::State>> StepControl<S> for Reversible<M> {
         } else {
             left
         };
-        stepper.step(self.time.time(), h, state)?;
-        stepper.synchronize(state)?;
+        self.stepper.step(self.time.time(), h, state)?;
+        self.stepper.synchronize(state)?;
         self.time.advance(h);
         self.rate = self.monitor.rate(self.time.time(), state).ok();
         self.h = match self.rate {
@@ -108,4 +114,4 @@ impl<S: Symmetric, M: Monitor<S::State>> StepControl<S> for Reversible<M> {
     }
 }
 
-crate::checkpoint!([M: Checkpoint] Reversible<M> { time, h, monitor, rate });
+crate::checkpoint!([State: Checkpoint] Reversible<State> { stepper, time, h, monitor, rate });

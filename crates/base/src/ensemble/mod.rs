@@ -1,0 +1,342 @@
+//! Ensembles: many runs side by side, advanced by several threads as one run.
+//!
+//! Members run in blocks, each block in lock-step. A block begins when its turn comes and is dropped when it
+//! ends: an ensemble keeps only records. A member that fails leaves its block, and the block begins again without
+//! it. Results are bitwise independent of the number of threads, of pauses, and of how members are grouped.
+
+mod records;
+
+pub use records::Layout;
+
+use crate::error::StepError;
+use crate::method::Stats;
+use crate::run::{Advance, Failure, Status};
+use rayon::{ThreadPool, ThreadPoolBuilder};
+use records::MemberRecords;
+use std::collections::VecDeque;
+use std::sync::{Mutex, MutexGuard, PoisonError};
+use std::time::{Duration, Instant};
+
+/// Begins a run of these members; its errors have a member's place among them.
+pub type BeginBlock = dyn Fn(&[usize]) -> Result<Box<dyn Advance>, StepError> + Send + Sync;
+
+/// A turn of a run lasts about this long, in seconds, where there are few of them ...
+const LONGEST_TURN: f64 = 1e-2;
+/// ... and never less than this,
+const SHORTEST_TURN: f64 = 1e-4;
+/// in between so that every run has its turn in this time.
+const ROUND: f64 = 0.2;
+
+/// Members in lock-step, and their run once it has begun.
+struct Block {
+    members: Vec<usize>,
+    run: Option<Box<dyn Advance>>,
+    /// Whether it begins again because a member failed.
+    is_again: bool,
+}
+
+impl Block {
+    fn done(&self) -> usize {
+        self.run.as_ref().map_or(0, |run| run.done())
+    }
+}
+
+/// Blocks waiting for their turn, and the results of those that are over.
+struct Queue {
+    waiting: VecDeque<Block>,
+    /// Steps wanted for now, and the blocks that have made them.
+    most: usize,
+    resting: Vec<Block>,
+    /// Steps of a turn.
+    turn: usize,
+    records: MemberRecords,
+    failures: Vec<Failure>,
+    over: usize,
+    /// Steps of all members that are over, summed; and their statistics.
+    steps: usize,
+    stats: (Stats, usize),
+    end: f64,
+}
+
+/// Runs that advance side by side.
+pub struct Ensemble {
+    begin: Box<BeginBlock>,
+    queue: Mutex<Queue>,
+    pool: Option<ThreadPool>,
+    threads: usize,
+    /// Whether a run is carried to its end before the next begins.
+    is_aligned: bool,
+    members: usize,
+    t0: f64,
+}
+
+impl Ensemble {
+    /// Runs of so many members from `t0`, in blocks of at most `width`, by at most so many threads.
+    ///
+    /// # Panics
+    /// When there are no members or they come in blocks of none.
+    pub fn new(
+        begin: Box<BeginBlock>,
+        (members, width): (usize, usize),
+        threads: usize,
+        layout: Layout,
+        t0: f64,
+    ) -> Self {
+        let all: Vec<usize> = (0..members).collect();
+        let blocks = all.chunks(width).map(|members| Block {
+            members: members.to_vec(),
+            run: None,
+            is_again: false,
+        });
+        let waiting: VecDeque<Block> = blocks.collect();
+        let threads = threads.clamp(1, waiting.len());
+        Self {
+            begin,
+            is_aligned: matches!(layout, Layout::Aligned { .. }),
+            queue: Mutex::new(Queue {
+                waiting,
+                most: 0,
+                resting: Vec::new(),
+                turn: 1,
+                records: MemberRecords::new(layout, members, t0),
+                failures: Vec::new(),
+                over: 0,
+                steps: 0,
+                stats: (Stats::default(), 0),
+                end: t0,
+            }),
+            // where no threads can be had, this one does all the work
+            pool: (threads > 1)
+                .then(|| ThreadPoolBuilder::new().num_threads(threads).build().ok())
+                .flatten(),
+            threads,
+            members,
+            t0,
+        }
+    }
+
+    fn queue(&self) -> MutexGuard<'_, Queue> {
+        self.queue.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    /// How long a turn should be, in seconds.
+    fn turn(&self) -> f64 {
+        let runs = self.queue().waiting.len().max(1);
+        (ROUND * self.threads as f64 / runs as f64).clamp(SHORTEST_TURN, LONGEST_TURN)
+    }
+
+    /// Gives turns to runs until the deadline, at least one.
+    fn work(&self, start: Instant, budget: Duration, wanted: f64) {
+        loop {
+            let Some((mut block, steps)) = self.queue().next(self.is_aligned) else {
+                return;
+            };
+            let left = budget.saturating_sub(start.elapsed());
+            let begun = match block.run.take() {
+                Some(run) => Ok(run),
+                None => (self.begin)(&block.members),
+            };
+            let mut run = match begun {
+                Ok(run) => run,
+                Err(error) => {
+                    self.queue().fail(block, None, error);
+                    continue;
+                }
+            };
+            let (clock, before) = (Instant::now(), run.done());
+            let status = run.advance_to(steps, left);
+            let (spent, made) = (clock.elapsed().as_secs_f64(), run.done() - before);
+            let mut queue = self.queue();
+            match status {
+                Status::Paused => {
+                    block.run = Some(run);
+                    if self.is_aligned {
+                        queue.waiting.push_front(block);
+                    } else {
+                        queue.waiting.push_back(block);
+                    }
+                }
+                Status::Done => {
+                    queue.end = run.time();
+                    queue.close(&block.members, run, None);
+                }
+                Status::Failed { n, t, error } => {
+                    queue.fail(block, Some((run, (n, t))), error);
+                }
+            }
+            if spent > 2.0 * wanted {
+                queue.turn = made.div_ceil(2).max(1);
+            } else if spent < wanted / 2.0 && made >= queue.turn {
+                queue.turn = queue.turn.saturating_mul(2);
+            }
+            if start.elapsed() >= budget {
+                return;
+            }
+        }
+    }
+}
+
+impl Queue {
+    /// The next block that has steps to make, and up to how many.
+    fn next(&mut self, is_aligned: bool) -> Option<(Block, usize)> {
+        while let Some(block) = self.waiting.pop_front() {
+            let done = block.done();
+            if done >= self.most {
+                self.resting.push(block);
+            } else {
+                let turn = if is_aligned { usize::MAX } else { self.turn };
+                return Some((block, done.saturating_add(turn).min(self.most)));
+            }
+        }
+        None
+    }
+
+    fn begin_again(&mut self, members: &[usize]) {
+        self.waiting.push_front(Block {
+            members: members.to_vec(),
+            run: None,
+            is_again: true,
+        });
+    }
+
+    /// Keeps the records of the member that failed, and lets the others begin again.
+    fn fail(
+        &mut self,
+        block: Block,
+        run: Option<(Box<dyn Advance>, (usize, f64))>,
+        error: StepError,
+    ) {
+        let Block {
+            members, is_again, ..
+        } = block;
+        let place = error.member().or((members.len() == 1).then_some(0));
+        let Some(place) = place else {
+            // The error does not say which member failed: rerun each alone.
+            members
+                .chunks(1)
+                .rev()
+                .for_each(|one| self.begin_again(one));
+            return;
+        };
+        // places without a member follow the last one
+        let place = place.min(members.len() - 1);
+        let mut others = members;
+        let member = others.remove(place);
+        self.failures.push(Failure {
+            member,
+            step: run.as_ref().map(|(_, step)| *step),
+            error: error.itself(),
+        });
+        if let Some((run, _)) = run {
+            self.close(&[member], run, Some((place, others.len() + 1)));
+        } else {
+            self.over += 1;
+        }
+        // where many fail, most of a block would be made many times
+        let size = if is_again {
+            others.len().div_ceil(2)
+        } else {
+            others.len()
+        };
+        others
+            .chunks(size.max(1))
+            .rev()
+            .for_each(|part| self.begin_again(part));
+    }
+
+    /// Keeps the records of a run, or of one of its members.
+    fn close(&mut self, members: &[usize], mut run: Box<dyn Advance>, one: Option<(usize, usize)>) {
+        self.over += members.len();
+        self.add(members, &mut *run, one);
+    }
+
+    fn add(&mut self, members: &[usize], run: &mut dyn Advance, one: Option<(usize, usize)>) {
+        let (stats, rejected) = run.stats();
+        self.stats = (self.stats.0 + stats, self.stats.1 + rejected);
+        self.steps += run.done() * members.len();
+        self.records.keep(members, run.take(), one);
+    }
+}
+
+impl Advance for Ensemble {
+    fn advance_to(&mut self, steps: usize, budget: Duration) -> Status {
+        let (start, wanted) = (Instant::now(), self.turn());
+        self.queue().most = steps;
+        match &self.pool {
+            Some(pool) => {
+                pool.broadcast(|_| self.work(start, budget, wanted));
+            }
+            None => self.work(start, budget, wanted),
+        }
+        let queue = &mut *self.queue();
+        queue.waiting.extend(queue.resting.drain(..));
+        if queue.waiting.is_empty() {
+            Status::Done
+        } else {
+            Status::Paused
+        }
+    }
+
+    /// The mean of the members, rounded down: the steps of each when all are over.
+    fn done(&self) -> usize {
+        let queue = self.queue();
+        let waiting = queue.waiting.iter();
+        let steps: usize = waiting.map(|x| x.done() * x.members.len()).sum();
+        (queue.steps + steps) / self.members
+    }
+
+    /// The time that all runs have reached.
+    fn time(&self) -> f64 {
+        let queue = self.queue();
+        let waiting = queue.waiting.iter();
+        let times = waiting.map(|block| block.run.as_ref().map_or(self.t0, |run| run.time()));
+        let nearest = |a: f64, b: f64| {
+            if (b - self.t0).abs() < (a - self.t0).abs() {
+                b
+            } else {
+                a
+            }
+        };
+        times.reduce(nearest).unwrap_or(queue.end)
+    }
+
+    fn stats(&self) -> (Stats, usize) {
+        let queue = self.queue();
+        let begun = queue.waiting.iter().filter_map(|block| block.run.as_ref());
+        begun
+            .map(|run| run.stats())
+            .fold(queue.stats, |(sum, rejected), (stats, more)| {
+                (sum + stats, rejected + more)
+            })
+    }
+
+    fn failures(&self) -> Vec<Failure> {
+        let mut failures = self.queue().failures.clone();
+        failures.sort_by_key(|failure| failure.member);
+        failures
+    }
+
+    fn over(&self) -> usize {
+        self.queue().over
+    }
+
+    fn shape(&self) -> Vec<usize> {
+        self.queue().records.shape()
+    }
+
+    fn take(&mut self) -> (Vec<f64>, Vec<f64>) {
+        let time = self.time();
+        let queue = &mut *self.queue();
+        let reached = if queue.waiting.is_empty() {
+            f64::INFINITY
+        } else {
+            (time - self.t0).abs()
+        };
+        for mut block in std::mem::take(&mut queue.waiting) {
+            if let Some(run) = &mut block.run {
+                queue.add(&block.members, &mut **run, None);
+            }
+        }
+        queue.records.take(reached)
+    }
+}

@@ -1,0 +1,176 @@
+//! The matrix of a Newton iteration, put together from blocks.
+
+use super::condensed::Condensed;
+use crate::linalg::{Assembly, Factor, Matrix, Pattern, Singular, SparseOf, prefers_sparse};
+use crate::real::Real;
+use std::ops::Mul;
+
+/// A block of a [`BlockMatrix`].
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct BlockHandle(usize);
+
+/// Blocks of one pattern, side by side and below one another.
+#[derive(Clone, Copy, Debug)]
+pub struct BlockGrid {
+    first: usize,
+    cols: usize,
+}
+
+impl BlockGrid {
+    /// The block in row `i` and column `j` of the grid.
+    pub fn at(self, i: usize, j: usize) -> BlockHandle {
+        BlockHandle(self.first + i * self.cols + j)
+    }
+}
+
+/// The places of all blocks, found before the matrix is made. Blocks may overlap: they are added.
+#[derive(Debug, Default)]
+pub struct BlockLayout<'a> {
+    blocks: Vec<(&'a Pattern, usize, usize)>,
+}
+
+impl<'a> BlockLayout<'a> {
+    /// A block with its corner at (`row`, `col`).
+    pub fn place(&mut self, pattern: &'a Pattern, row: usize, col: usize) -> BlockHandle {
+        self.blocks.push((pattern, row, col));
+        BlockHandle(self.blocks.len() - 1)
+    }
+
+    /// `rows` by `cols` blocks that touch, the first with its corner at (`row`, `col`).
+    pub fn grid(
+        &mut self,
+        pattern: &'a Pattern,
+        (rows, cols): (usize, usize),
+        (row, col): (usize, usize),
+    ) -> BlockGrid {
+        let (first, (height, width)) = (self.blocks.len(), pattern.shape());
+        for i in 0..rows {
+            for j in 0..cols {
+                self.place(pattern, row + i * height, col + j * width);
+            }
+        }
+        BlockGrid { first, cols }
+    }
+
+    /// `count` blocks down the diagonal from (`row`, `col`) on, the one after the other.
+    pub fn diagonal(
+        &mut self,
+        pattern: &'a Pattern,
+        count: usize,
+        (row, col): (usize, usize),
+    ) -> BlockGrid {
+        let (first, (height, width)) = (self.blocks.len(), pattern.shape());
+        for i in 0..count {
+            self.place(pattern, row + i * height, col + i * width);
+        }
+        BlockGrid { first, cols: 1 }
+    }
+
+    /// The square matrix of these blocks: `order` unknowns and behind them `condensed` ones, which a dense
+    /// elimination takes first, by the equations behind the others.
+    ///
+    /// # Panics
+    /// When a block does not lie inside the matrix.
+    pub fn build<R: Real>(&self, order: usize, condensed: usize) -> BlockMatrix<R> {
+        let all = order + condensed;
+        let assembly = Assembly::new((all, all), &self.blocks);
+        let pattern = assembly.pattern();
+        // large ones are sparse whatever their pattern
+        let is_large = prefers_sparse(order, order * order);
+        let dense = (condensed > 0 && !is_large)
+            .then(|| Condensed::new(pattern, order))
+            .filter(|dense| !prefers_sparse(order, dense.entries()));
+        let elimination = match dense {
+            Some(dense) => Elimination::Condensed(Box::new(dense)),
+            None if condensed == 0 => Elimination::Direct(Factor::new(pattern)),
+            None => {
+                let sparse = SparseOf::new::<R>(pattern);
+                Elimination::Direct(Factor::Sparse(Box::new(sparse)))
+            }
+        };
+        BlockMatrix {
+            assembly,
+            elimination,
+        }
+    }
+}
+
+/// How the matrix is factored; chosen by its pattern.
+#[derive(Clone, Debug)]
+enum Elimination<R> {
+    /// As it stands.
+    Direct(Factor<R>),
+    /// By its last unknowns first.
+    Condensed(Box<Condensed<R>>),
+}
+
+/// A Newton matrix: values are added to its blocks, then it is factored and solved with.
+#[derive(Clone, Debug)]
+pub struct BlockMatrix<R = f64> {
+    assembly: Assembly<R>,
+    elimination: Elimination<R>,
+}
+
+impl<R: Real> BlockMatrix<R> {
+    /// Every value set to zero.
+    pub fn clear(&mut self) {
+        self.assembly.clear();
+    }
+
+    /// Adds `factor` times a block with these values on its pattern.
+    ///
+    /// # Panics
+    /// When the block is of another matrix, or has not as many values.
+    #[inline]
+    pub fn add<F: Copy>(&mut self, BlockHandle(block): BlockHandle, values: &[R], factor: F)
+    where
+        R: Mul<F, Output = R>,
+    {
+        self.assembly.add(block, values, factor);
+    }
+
+    /// All values, those of overlapping blocks added.
+    pub fn values(&self) -> &[R] {
+        self.assembly.values()
+    }
+
+    /// Factors what has been added.
+    ///
+    /// # Errors
+    /// The first column without a pivot.
+    pub fn factor(&mut self) -> Result<(), Singular> {
+        let (pattern, values) = (self.assembly.pattern(), self.assembly.values());
+        match &mut self.elimination {
+            Elimination::Direct(factor) => factor.factor(pattern, values),
+            Elimination::Condensed(condensed) => condensed.factor(values),
+        }
+    }
+
+    /// Solves `A x = b` in place.
+    pub fn solve(&mut self, b: &mut [R]) {
+        match &mut self.elimination {
+            Elimination::Direct(factor) => factor.solve(b),
+            Elimination::Condensed(condensed) => condensed.solve(self.assembly.values(), b),
+        }
+    }
+
+    /// Whether its factors are sparse.
+    pub fn is_sparse(&self) -> bool {
+        matches!(self.elimination, Elimination::Direct(Factor::Sparse(_)))
+    }
+
+    /// Number of unknowns.
+    pub fn order(&self) -> usize {
+        self.assembly.pattern().shape().0
+    }
+}
+
+impl BlockMatrix {
+    /// The matrix, dense.
+    pub fn to_dense(&self) -> Matrix {
+        let mut dense = Matrix::zeros(self.order(), self.order());
+        let pattern = self.assembly.pattern();
+        pattern.add_to(self.assembly.values(), 1.0, &mut dense, 0, 0);
+        dense
+    }
+}

@@ -1,0 +1,98 @@
+//! A modified Newton matrix: how long its factors are kept.
+//!
+//! Factors are used until a step with them takes more corrections than the average one since they were made,
+//! their own cost counted in.
+
+use super::BlockMatrix;
+use crate::checkpoint::{Checkpoint, CheckpointMismatch};
+use crate::real::Real;
+
+/// What factors of a sparse matrix cost, in corrections.
+const SPARSE_COST: f64 = 10.0;
+/// The same of a dense one, for each row.
+const DENSE_COST: f64 = 1.0 / 6.0;
+/// Corrections with the same factors that a step may take in any case.
+const LEAST_PATIENCE: f64 = 10.0;
+/// Steps that differ by less share the factors of a sparse matrix.
+const SIMILAR: f64 = 0.25;
+
+/// What the factors of a matrix were made for, and what they have cost since.
+#[derive(Clone, Debug)]
+pub struct Reuse {
+    factor_cost: f64,
+    is_sparse: bool,
+    /// The step they are for; 0 when there are none.
+    h: f64,
+    /// Corrections since they were made, with their own cost, and steps.
+    cost: f64,
+    steps: f64,
+}
+
+impl Reuse {
+    /// The policy for this matrix, which has no factors yet.
+    pub fn new<R: Real>(matrix: &BlockMatrix<R>) -> Self {
+        let is_sparse = matrix.is_sparse();
+        Self {
+            factor_cost: if is_sparse {
+                SPARSE_COST
+            } else {
+                DENSE_COST * matrix.order() as f64
+            },
+            is_sparse,
+            h: 0.0,
+            cost: 0.0,
+            steps: 0.0,
+        }
+    }
+
+    /// The step the factors were made for; 0 when there are none.
+    pub fn h(&self) -> f64 {
+        self.h
+    }
+
+    /// Whether the factors were made for steps of just this size.
+    pub fn is_for(&self, h: f64) -> bool {
+        h.to_bits() == self.h.to_bits()
+    }
+
+    /// Whether the factors are good enough to begin a step of this size with.
+    pub fn is_reusable(&self, h: f64) -> bool {
+        self.is_for(h) || self.is_sparse && (h / self.h - 1.0).abs() <= SIMILAR
+    }
+
+    /// Corrections in a step after which new factors are worth their cost.
+    pub fn max_iterations(&self) -> f64 {
+        LEAST_PATIENCE + self.factor_cost
+    }
+
+    /// The factors are of no use any more.
+    pub fn discard(&mut self) {
+        self.h = 0.0;
+    }
+
+    /// New factors, for steps of this size.
+    pub fn renew(&mut self, h: f64) {
+        (self.h, self.cost, self.steps) = (h, self.factor_cost, 0.0);
+    }
+
+    /// A step took so many corrections.
+    pub fn record(&mut self, iterations: usize) {
+        self.cost += iterations as f64;
+        self.steps += 1.0;
+        if iterations as f64 * self.steps > self.cost {
+            self.discard();
+        }
+    }
+}
+
+impl Checkpoint for Reuse {
+    fn save(&self, member: usize, out: &mut Vec<f64>) {
+        [self.h, self.cost, self.steps].save(member, out);
+    }
+
+    fn restore(&mut self, member: usize, saved: &mut &[f64]) -> Result<(), CheckpointMismatch> {
+        self.h.restore(member, saved)?;
+        self.cost.restore(member, saved)?;
+        self.steps.restore(member, saved)
+    }
+}

@@ -1,0 +1,89 @@
+//! A run of any kind, as its caller drives it.
+
+use super::{Events, StepSizes};
+use crate::checkpoint::CheckpointMismatch;
+use crate::error::StepError;
+use crate::method::Stats;
+use std::time::Duration;
+
+/// Where a run stands.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Status {
+    /// There are steps left.
+    Paused,
+    /// All steps are made.
+    Done,
+    /// Step `n` could not be made or recorded; the state and the records are those before it.
+    Failed {
+        /// Number of the step, from 0.
+        n: usize,
+        /// Time at its start.
+        t: f64,
+        /// Why.
+        error: StepError,
+    },
+}
+
+/// A member of an ensemble that failed.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Failure {
+    /// Which one.
+    pub member: usize,
+    /// The step that could not be made or recorded, and the time at its start; none where the start itself failed.
+    pub step: Option<(usize, f64)>,
+    /// Why.
+    pub error: StepError,
+}
+
+/// A run of any kind.
+pub trait Advance: Send + Sync {
+    /// Makes steps for about this long, or until the end.
+    fn advance(&mut self, budget: Duration) -> Status {
+        self.advance_to(usize::MAX, budget)
+    }
+    /// Makes steps for about this long, or until so many are made in all, or until the end.
+    fn advance_to(&mut self, steps: usize, budget: Duration) -> Status;
+    /// Number of steps made.
+    fn done(&self) -> usize;
+    /// The time they lead to.
+    fn time(&self) -> f64;
+    /// What the stepper has done, and how many of its steps were thrown away.
+    fn stats(&self) -> (Stats, usize);
+    /// The sizes of its steps, where they are not equal.
+    fn sizes(&self) -> Option<StepSizes> {
+        None
+    }
+    /// The shape of a record: its width, or the number of members and the width of each.
+    fn shape(&self) -> Vec<usize>;
+    /// Times of the records, one a row, and the rows one after another, the present state last. The
+    /// run is over and keeps none.
+    fn take(&mut self) -> (Vec<f64>, Vec<f64>);
+    /// The records so far, which the run keeps no longer; it goes on.
+    fn collect(&mut self) -> (Vec<f64>, Vec<f64>) {
+        (Vec::new(), Vec::new())
+    }
+    /// Appends all that the rest of the run depends on; the records and events collected before are not part of
+    /// it. Returns whether runs of this kind can be saved.
+    fn save(&self, _out: &mut Vec<f64>) -> bool {
+        false
+    }
+    /// Continues a saved run, with the same bits; this one was begun in the same way.
+    ///
+    /// # Errors
+    /// It was another run; this one is not to be used then.
+    fn restore(&mut self, _saved: &[f64]) -> Result<(), CheckpointMismatch> {
+        Err(CheckpointMismatch)
+    }
+    /// Members that failed while others went on, in their order.
+    fn failures(&self) -> Vec<Failure> {
+        Vec::new()
+    }
+    /// How many members have reached their end, or failed.
+    fn over(&self) -> usize {
+        0
+    }
+    /// The events found since this was last called; call it after the records were collected.
+    fn events(&mut self) -> Events {
+        Events::default()
+    }
+}

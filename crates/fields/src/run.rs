@@ -1,0 +1,243 @@
+//! Runs of split fields: a split, a composition and a job become one run.
+
+use crate::problem::Split;
+use crate::volume::{Determinant, Observer, Plane, Section, Seen, Volume};
+use liouville_base::checkpoint::Checkpoint;
+use liouville_base::composition::Composed;
+use liouville_base::ensemble::{Ensemble, Layout};
+use liouville_base::error::StepError;
+use liouville_base::method::Stepper;
+use liouville_base::observe::Observe;
+use liouville_base::real::Lanes;
+use liouville_base::run::{Advance, Fixed, Run, Span, StartError};
+use liouville_base::simd::Stored;
+use liouville_base::tableau::Scheme;
+use liouville_base::tape::Tape;
+use std::sync::Arc;
+
+/// Trajectories in lock-step: many hide the cost of deciding on their next flow ...
+const BLOCK: usize = 128;
+/// ... but where there are few, a block would be mostly empty, or threads would have none.
+const SMALL_BLOCK: usize = 16;
+
+/// The composition of the flows of a split.
+#[derive(Clone, Copy, Debug)]
+pub struct Method {
+    /// Its scheme.
+    pub scheme: &'static Scheme,
+    /// Whether sums are compensated.
+    pub is_compensated: bool,
+}
+
+/// What is recorded of the trajectories.
+#[derive(Clone, Debug)]
+pub enum Recorded {
+    /// The states, if they are wanted, and the outputs of a tape (t, x, params).
+    Observables {
+        /// The tape.
+        tape: Tape,
+        /// Its parameters.
+        params: Vec<f64>,
+        /// Whether states are recorded.
+        states: bool,
+    },
+    /// Rows (member, t, x) where the members of an ensemble pass a plane.
+    Section(Plane),
+    /// Rows (x, ln |det|, largest |det − 1|) of the steps of one trajectory.
+    Determinants,
+}
+
+/// A run, or an ensemble of runs.
+#[derive(Clone, Debug)]
+pub struct Job {
+    /// Start values: rows of the members, one after another.
+    pub x: Vec<f64>,
+    /// The number of members of an ensemble; none for a single run.
+    pub members: Option<usize>,
+    /// The variables of the user.
+    pub seen: Seen,
+    /// From where to where; a section looks at every step.
+    pub span: Span,
+    /// What is recorded.
+    pub recorded: Recorded,
+    /// Threads: of an ensemble, or of one large state.
+    pub threads: usize,
+}
+
+/// A run about to start.
+///
+/// # Errors
+/// The job does not fit the split, or the start of a single run failed.
+pub fn start(split: Arc<Split>, method: Method, job: Job) -> Result<Box<dyn Advance>, StartError> {
+    job.check(split.n())?;
+    let starter = Starter { split, method, job };
+    match (starter.job.members, &starter.job.recorded) {
+        (None, Recorded::Determinants) => Ok(starter.determinants()?),
+        (None, _) => Ok(starter.begin(starter.stepper::<f64>(starter.job.threads), &[0])?),
+        (Some(members), Recorded::Section(plane)) => {
+            let plane = plane.clone();
+            Ok(Box::new(starter.section(members, plane)))
+        }
+        (Some(members), _) => Ok(Box::new(starter.ensemble(members))),
+    }
+}
+
+impl Job {
+    fn check(&self, n: usize) -> Result<(), StartError> {
+        let Seen { n: seen, basis } = &self.seen;
+        let members = self.members.unwrap_or(1);
+        let fits = self.x.len() == members * n
+            && members > 0
+            && self.span.steps > 0
+            && self.span.every > 0
+            && *seen <= n
+            && basis.as_ref().is_none_or(|basis| basis.len() == n * n)
+            && match &self.recorded {
+                Recorded::Observables { tape, params, .. } => {
+                    tape.inputs() == [1, *seen, params.len()]
+                }
+                Recorded::Section(plane) => plane.normal.len() == *seen && self.members.is_some(),
+                Recorded::Determinants => self.members.is_none(),
+            };
+        if fits {
+            return Ok(());
+        }
+        Err(StartError::Invalid(format!(
+            "trajectories are rows of {n} values, and steps at least one"
+        )))
+    }
+}
+
+/// Begins the runs of a job that fits its split.
+struct Starter {
+    split: Arc<Split>,
+    method: Method,
+    job: Job,
+}
+
+type Begun = Result<Box<dyn Advance>, StepError>;
+
+impl Starter {
+    /// A stepper of as many trajectories as `S` has members.
+    fn stepper<S: Stored>(&self, threads: usize) -> Composed<Volume<S>> {
+        let volume = Volume::new(self.split.clone(), self.method.is_compensated);
+        Composed::new(volume.with_threads(threads), self.method.scheme)
+    }
+
+    /// A run of these members in lock-step.
+    fn begin<S: Stored>(&self, stepper: Composed<Volume<S>>, members: &[usize]) -> Begun {
+        let Recorded::Observables {
+            tape,
+            params,
+            states,
+        } = &self.job.recorded
+        else {
+            unreachable!("sections and determinants have runs of their own");
+        };
+        let volume = stepper.parts();
+        let state = volume.state(&self.in_lanes(members));
+        let observer = Observer::new(
+            volume.clone(),
+            self.job.seen.clone(),
+            members.len(),
+            tape.clone(),
+            params,
+            *states,
+        );
+        self.launch(Box::new(stepper), Box::new(observer), state)
+    }
+
+    /// All members, in blocks.
+    fn ensemble(self, members: usize) -> Ensemble {
+        let (span, threads) = (self.job.span, self.job.threads);
+        let block = if members < BLOCK * threads {
+            SMALL_BLOCK
+        } else {
+            BLOCK
+        };
+        let width = match &self.job.recorded {
+            Recorded::Observables { tape, states, .. } => {
+                tape.outputs() + usize::from(*states) * self.job.seen.n
+            }
+            _ => 0,
+        };
+        let layout = Layout::Aligned {
+            times: span.times(),
+            width,
+        };
+        let many = self.stepper::<Lanes<BLOCK>>(1);
+        let few = self.stepper::<Lanes<SMALL_BLOCK>>(1);
+        let begin = move |members: &[usize]| {
+            if members.len() > SMALL_BLOCK {
+                self.begin(many.clone(), members)
+            } else {
+                self.begin(few.clone(), members)
+            }
+        };
+        Ensemble::new(Box::new(begin), (members, block), threads, layout, span.t0)
+    }
+
+    /// All members, in blocks, with the points where they pass a plane.
+    fn section(self, members: usize, plane: Plane) -> Ensemble {
+        let Span { t0, .. } = self.job.span;
+        let (threads, width) = (self.job.threads, 2 + self.job.seen.n);
+        let volume =
+            Volume::<Lanes<SMALL_BLOCK>>::new(self.split.clone(), self.method.is_compensated);
+        let single = Volume::<f64>::new(self.split.clone(), self.method.is_compensated);
+        let begin = move |members: &[usize]| {
+            let state = volume.state(&self.in_lanes(members));
+            let alone = Composed::new(single.clone(), self.method.scheme);
+            let observer = Section::new(
+                volume.clone(),
+                (single.clone(), alone),
+                self.job.seen.clone(),
+                members.to_vec(),
+                plane.clone(),
+            );
+            let span = self.job.span;
+            let stepper = Box::new(Composed::new(volume.clone(), self.method.scheme));
+            let control = Box::new(Fixed::new(stepper, span.t0, span.h(), span.steps));
+            let run = Run::new(control, Box::new(observer), state, (1, 0))?;
+            Ok(Box::new(run) as Box<dyn Advance>)
+        };
+        let layout = Layout::Ragged { width };
+        Ensemble::new(Box::new(begin), (members, SMALL_BLOCK), threads, layout, t0)
+    }
+
+    /// A run of one trajectory with the determinants of its steps.
+    fn determinants(&self) -> Begun {
+        let Method {
+            scheme,
+            is_compensated,
+        } = self.method;
+        let stepper = Determinant::new(self.split.clone(), scheme, is_compensated);
+        let state = stepper.state(&self.job.x);
+        let observer = Box::new(self.job.seen.clone());
+        self.launch(Box::new(stepper), observer, state)
+    }
+
+    fn launch<State: Checkpoint + 'static>(
+        &self,
+        stepper: Box<dyn Stepper<State = State>>,
+        observer: Box<dyn Observe<State>>,
+        state: State,
+    ) -> Begun {
+        let span = self.job.span;
+        let control = Box::new(Fixed::new(stepper, span.t0, span.h(), span.steps));
+        let run = Run::new(control, observer, state, (span.every, span.records()))?;
+        Ok(Box::new(run))
+    }
+
+    /// Starts of members in lock-step; places without a member follow the last.
+    fn in_lanes<S: Stored>(&self, members: &[usize]) -> Vec<S> {
+        let n = self.split.n();
+        let mut start = vec![S::splat(0.0); n];
+        for (i, value) in start.iter_mut().enumerate() {
+            for place in 0..S::MEMBERS {
+                let member = members[place.min(members.len() - 1)];
+                value.set_member(place, self.job.x[member * n + i]);
+            }
+        }
+        start
+    }
+}

@@ -1,0 +1,163 @@
+//! What does not fit is refused: a method to its system, a job to both.
+
+use super::{Control, Detection, Job, Method, Problem, SparkMethod, System};
+use liouville_base::composition::NeedsAdjoint;
+use liouville_base::run::StartError;
+
+impl System {
+    /// The system as the method steps it.
+    pub(super) fn new(problem: Problem, method: Method) -> Result<Self, StartError> {
+        match (problem, method) {
+            (Problem::General(problem), Method::Spark(spark)) => {
+                let stages = spark.composition()?;
+                Ok(Self::Spark(problem, spark, stages))
+            }
+            (Problem::Separable(problem), Method::Spark(spark)) => {
+                if (spark.tableau.stages, spark.tableau.intervals) != (2, 1) {
+                    return invalid("RATTLE is the Lobatto pair of two stages");
+                }
+                Ok(Self::Rattle(problem, spark.composition()?))
+            }
+            (Problem::SemiExplicit(problem), Method::Spark(spark)) => {
+                let stages = spark.composition()?;
+                Ok(Self::Index2(problem, spark.tableau.stages, stages))
+            }
+            (Problem::SecondOrder(problem), Method::Alpha(weights, reactions)) => {
+                Ok(Self::Alpha(problem, weights, reactions))
+            }
+            _ => invalid("the method does not step such a system"),
+        }
+    }
+
+    /// Sizes of y and z, and of the parameters.
+    fn sizes(&self) -> ([usize; 2], usize) {
+        if let Self::Index2(problem, ..) = self {
+            let params = problem.field.inputs().last();
+            return ([problem.n, problem.l], params.copied().unwrap_or(0));
+        }
+        let mechanical = self.mechanical();
+        ([mechanical.n; 2], mechanical.stage.inputs()[3])
+    }
+
+    /// The controls that the method has, by the names of their kinds.
+    fn has(&self, control: &Control) -> bool {
+        match control {
+            Control::Fixed => true,
+            Control::Adaptive { .. } => {
+                matches!(self, Self::Spark(_, _, None) | Self::Alpha(..))
+            }
+            Control::Reversible { .. } => matches!(self, Self::Spark(..) | Self::Rattle(..)),
+        }
+    }
+}
+
+impl SparkMethod {
+    /// The stages of the composition, if there is one.
+    fn composition(&self) -> Result<Option<Vec<f64>>, StartError> {
+        if self.newton_tol.is_some_and(|x| !(x > 0.0 && x < 1.0)) {
+            return invalid("newton_tol is between 0 and 1");
+        }
+        let Some(scheme) = self.scheme else {
+            return Ok(None);
+        };
+        if !self.tableau.is_symmetric() {
+            return invalid("only a symmetric method is composed");
+        }
+        match scheme.stages() {
+            None => invalid(NeedsAdjoint(scheme.name).to_string()),
+            stages => Ok(stages),
+        }
+    }
+}
+
+impl Job {
+    /// Refuses a job that does not fit the system.
+    pub(super) fn check(&self, system: &System) -> Result<(), StartError> {
+        self.check_sizes(system)?;
+        self.check_control(system)?;
+        match &self.detection {
+            Some(detection) => detection.check(system),
+            None => Ok(()),
+        }
+    }
+
+    fn check_sizes(&self, system: &System) -> Result<(), StartError> {
+        let ([n, l], params) = system.sizes();
+        let members = self.members.unwrap_or(1);
+        let most = if matches!(system, System::Alpha(..)) {
+            3
+        } else {
+            2
+        };
+        let fits = members > 0
+            && self.span.steps > 0
+            && self.span.every > 0
+            && (2..=most).contains(&self.start.len())
+            && (self.start.iter().zip([n, l, n])).all(|(x, size)| x.len() == members * size)
+            && [params, members * params].contains(&self.params.len())
+            && self.observer.inputs() == [1, n, l, params];
+        if fits {
+            return Ok(());
+        }
+        let rows = if self.members.is_some() {
+            "a row for each member of "
+        } else {
+            ""
+        };
+        let z = if most == 2 { "z" } else { "z and perhaps a" };
+        let sizes = if n == l {
+            format!("y, {z} of size {n}")
+        } else {
+            format!("y of size {n} and z of size {l}")
+        };
+        invalid(format!(
+            "a run starts from {rows}{sizes}, with params of size {params}, and has a step; its observer takes \
+             [1, {n}, {l}, {params}]"
+        ))
+    }
+
+    fn check_control(&self, system: &System) -> Result<(), StartError> {
+        let ([n, _], params) = system.sizes();
+        if !system.has(&self.control) {
+            let name = self.control.name();
+            return invalid(format!("this method has no control {name:?}"));
+        }
+        let is_plain = matches!(self.control, Control::Fixed) && self.detection.is_none();
+        if self.members.is_some() && !is_plain {
+            return invalid("an ensemble has equal steps and no events");
+        }
+        if let System::Index2(..) = system
+            && (self.members.is_some() || self.detection.is_some())
+        {
+            return invalid("a semi-explicit system has single runs without events");
+        }
+        match &self.control {
+            Control::Adaptive { tolerance, .. } if tolerance.atol.len() != n => {
+                invalid(format!("atol has size {n}"))
+            }
+            Control::Reversible {
+                monitor: Some((tape, _)),
+                ..
+            } if tape.inputs() != [1, n, n, n, params] || tape.outputs() != 2 => {
+                invalid("a monitor is a tape of (t, y, z, z', params) with two values")
+            }
+            _ => Ok(()),
+        }
+    }
+}
+
+impl Detection {
+    fn check(&self, system: &System) -> Result<(), StartError> {
+        let (_, params) = system.sizes();
+        let mut tapes = self.events.iter().map(|event| &event.tape);
+        let is_event = |inputs: &[usize]| inputs.len() == 5 && inputs[4] == params;
+        if tapes.all(|tape| is_event(tape.inputs()) && tape.outputs() == 1) {
+            return Ok(());
+        }
+        invalid("an event is a tape of (t, y, z, lam, params) with one value")
+    }
+}
+
+fn invalid<T>(sentence: impl Into<String>) -> Result<T, StartError> {
+    Err(StartError::Invalid(sentence.into()))
+}

@@ -1,0 +1,130 @@
+//! What a run is asked for: the system, the method, and the job.
+
+use crate::alpha::Reactions;
+use crate::problem::{Mechanical, SecondOrder, Separable};
+use crate::semi_explicit::SemiExplicit;
+use crate::spark::Solver;
+use liouville_base::method::Tolerance;
+use liouville_base::run::Span;
+use liouville_base::tableau::{self, Scheme};
+use liouville_base::tape::Tape;
+use std::sync::Arc;
+
+/// A system in the form that its method steps.
+#[derive(Clone, Debug)]
+pub enum Problem {
+    /// For SPARK methods.
+    General(Arc<Mechanical>),
+    /// For RATTLE, the Lobatto pair of two stages on separable systems.
+    Separable(Arc<Separable>),
+    /// For the α methods.
+    SecondOrder(Arc<SecondOrder>),
+    /// For the index-2 methods, on Gauss points.
+    SemiExplicit(Arc<SemiExplicit>),
+}
+
+/// A method and its numbers.
+#[derive(Clone, Debug)]
+pub enum Method {
+    /// A SPARK method, alone or composed; also RATTLE, and index-2 methods by its number of stages.
+    Spark(Box<SparkMethod>),
+    /// A method of the α family.
+    Alpha(tableau::Alpha, Reactions),
+}
+
+/// A SPARK method and its numbers.
+#[derive(Clone, Debug)]
+pub struct SparkMethod {
+    /// Its coefficients.
+    pub tableau: tableau::Spark,
+    /// How its stage equations are solved.
+    pub solver: Solver,
+    /// To which fraction of the velocities; without one, to roundoff.
+    pub newton_tol: Option<f64>,
+    /// What it is composed by, if it is.
+    pub scheme: Option<&'static Scheme>,
+}
+
+/// The control of the steps.
+#[derive(Clone, Debug)]
+pub enum Control {
+    /// Equal steps.
+    Fixed,
+    /// Steps as long as the estimated errors allow.
+    Adaptive {
+        /// What errors are measured by.
+        tolerance: Tolerance,
+        /// The first step; without one the method chooses it.
+        first: Option<f64>,
+        /// The smallest step allowed.
+        least: f64,
+    },
+    /// Steps that follow a monitor of the state, by a symmetric rule.
+    Reversible {
+        /// About the first step.
+        first: f64,
+        /// The smallest step allowed.
+        least: f64,
+        /// A tape (t, y, z, z', params) → s, ds/dt with whether it depends on z'; without one, the time scale of the
+        /// acceleration.
+        monitor: Option<(Tape, bool)>,
+    },
+}
+
+impl Control {
+    /// Its name in messages.
+    pub(super) fn name(&self) -> &'static str {
+        match self {
+            Self::Fixed => "none",
+            Self::Adaptive { .. } => "error",
+            Self::Reversible { .. } => "reversible",
+        }
+    }
+}
+
+/// An event function, and which of its zeros are events.
+#[derive(Clone, Debug)]
+pub struct EventFunction {
+    /// A tape of (t, y, z, λ, params) with one value.
+    pub tape: Tape,
+    /// 1 where it must grow along the run, −1 where it must fall, 0 for both.
+    pub direction: i8,
+    /// How many events end the run; none do if it is 0.
+    pub terminal: usize,
+    /// Whether it depends on λ.
+    pub needs_lam: bool,
+}
+
+/// Events and times to record, on the interpolated trajectory.
+#[derive(Clone, Debug)]
+pub struct Detection {
+    /// The order of the method, which the interpolation follows.
+    pub order: usize,
+    /// Times of the records, if they are given.
+    pub times: Option<Vec<f64>>,
+    /// The events.
+    pub events: Vec<EventFunction>,
+}
+
+/// A run, or an ensemble of runs.
+#[derive(Clone, Debug)]
+pub struct Job {
+    /// y, z and for the α methods perhaps a: rows of the members, one after another.
+    pub start: Vec<Vec<f64>>,
+    /// A row of parameters for each member, or one for all.
+    pub params: Vec<f64>,
+    /// The number of members of an ensemble; none for a single run.
+    pub members: Option<usize>,
+    /// From where to where, and what is recorded; only the ends count where steps are not equal.
+    pub span: Span,
+    /// The control of the steps.
+    pub control: Control,
+    /// Events and times to record, if there are any.
+    pub detection: Option<Detection>,
+    /// A tape (t, y, z, params) → quantities to record.
+    pub observer: Tape,
+    /// Whether the states are recorded too.
+    pub states: bool,
+    /// Threads of an ensemble.
+    pub threads: usize,
+}

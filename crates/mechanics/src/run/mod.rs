@@ -1,0 +1,261 @@
+//! Runs of mechanical systems: a system, a method and a job become one run.
+//!
+//! A single run is made as a member of an ensemble is; it may have control of its steps and events too.
+
+mod check;
+mod job;
+mod member;
+
+pub use job::{Control, Detection, EventFunction, Job, Method, Problem, SparkMethod};
+
+use crate::alpha::{Alpha, Reactions};
+use crate::index2::Index2;
+use crate::problem::{
+    Carried, Mechanical, Model, Observers, SecondOrder, SecondOrderModel, Separable, SeparableModel,
+};
+use crate::rattle::Rattle;
+use crate::semi_explicit::{self, SemiExplicit};
+use crate::spark::{BATCH, Spark, SparkBatch, supports_batch};
+use liouville_base::composition::Composed;
+use liouville_base::ensemble::{Ensemble, Layout};
+use liouville_base::error::StepError;
+use liouville_base::method::Symmetric;
+use liouville_base::run::{Adaptive, Advance, Fixed, Reversible, StartError, StepControl};
+use liouville_base::tableau;
+use member::{composed, in_lanes};
+use std::sync::Arc;
+
+/// A run about to start.
+///
+/// # Errors
+/// The method does not step the system, the job does not fit them, or the start of a single run failed.
+pub fn start(problem: Problem, method: Method, job: Job) -> Result<Box<dyn Advance>, StartError> {
+    let system = System::new(problem, method)?;
+    job.check(&system)?;
+    let starter = Starter { system, job };
+    match starter.job.members {
+        None => Ok(starter.begin(&[0])?),
+        Some(members) => Ok(Box::new(starter.ensemble(members))),
+    }
+}
+
+/// A system with its method; composed methods have stages.
+enum System {
+    Spark(Arc<Mechanical>, Box<SparkMethod>, Option<Vec<f64>>),
+    Rattle(Arc<Separable>, Option<Vec<f64>>),
+    Alpha(Arc<SecondOrder>, tableau::Alpha, Reactions),
+    Index2(Arc<SemiExplicit>, usize, Option<Vec<f64>>),
+}
+
+impl System {
+    /// The mechanical system in it.
+    ///
+    /// # Panics
+    /// When it is semi-explicit.
+    fn mechanical(&self) -> &Arc<Mechanical> {
+        match self {
+            Self::Spark(problem, ..) => problem,
+            Self::Rattle(problem, ..) => &problem.mechanical,
+            Self::Alpha(problem, ..) => &problem.mechanical,
+            Self::Index2(..) => unreachable!("a semi-explicit system"),
+        }
+    }
+}
+
+/// Begins the runs of a job that fits its system.
+struct Starter {
+    system: System,
+    job: Job,
+}
+
+type Begun = Result<Box<dyn Advance>, StepError>;
+
+impl Starter {
+    /// All members, in blocks.
+    fn ensemble(self, members: usize) -> Ensemble {
+        let (span, threads) = (self.job.span, self.job.threads);
+        // blocks no larger than leaves one for each thread
+        let fair = members.div_ceil(threads.max(1));
+        let block = self.block().min(fair);
+        let layout = Layout::Aligned {
+            times: span.times(),
+            width: self.width(),
+        };
+        let begin = Box::new(move |members: &[usize]| self.begin(members));
+        Ensemble::new(begin, (members, block), threads, layout, span.t0)
+    }
+
+    /// How many members advance in lock-step.
+    fn block(&self) -> usize {
+        match &self.system {
+            System::Spark(problem, spark, _) if supports_batch(problem, spark.solver) => BATCH,
+            _ => 1,
+        }
+    }
+
+    /// How many numbers a member of an ensemble has in a row.
+    fn width(&self) -> usize {
+        let problem = self.system.mechanical();
+        let is_alpha = usize::from(matches!(self.system, System::Alpha(..)));
+        let states = 2 * problem.n + problem.multipliers() + 2 * is_alpha * problem.n;
+        usize::from(self.job.states) * states + is_alpha + self.job.observer.outputs()
+    }
+
+    /// A run of these members, in lock-step where there are several.
+    fn begin(&self, members: &[usize]) -> Begun {
+        match &self.system {
+            System::Spark(problem, spark, stages) if members.len() > 1 => {
+                self.batch((problem, spark), stages.as_deref(), members)
+            }
+            System::Spark(problem, spark, stages) => {
+                self.spark((problem, spark), stages.as_deref(), members[0])
+            }
+            System::Rattle(problem, stages) => self.rattle(problem, stages.as_deref(), members[0]),
+            System::Alpha(problem, weights, reactions) => {
+                self.alpha(problem, (*weights, *reactions), members[0])
+            }
+            System::Index2(problem, s, stages) => self.index2(problem, *s, stages.as_deref()),
+        }
+    }
+
+    fn batch(
+        &self,
+        (problem, spark): (&Arc<Mechanical>, &SparkMethod),
+        stages: Option<&[f64]>,
+        members: &[usize],
+    ) -> Begun {
+        let params = in_lanes(members, |member| self.params(member));
+        let y = in_lanes(members, |member| self.part(0, member));
+        let z = in_lanes(members, |member| self.part(1, member));
+        let (tableau, filled) = (spark.tableau.clone(), (&params[..], members.len()));
+        let mut stepper = SparkBatch::of(problem, filled, tableau, spark.solver);
+        if let Some(tolerance) = spark.newton_tol {
+            stepper = stepper.to_tolerance(tolerance);
+        }
+        let state = stepper.state(self.job.span.t0, &y, &z);
+        let each = if self.is_common() {
+            &members[..1]
+        } else {
+            members
+        };
+        let observers = each.iter().map(|member| self.observer(*member)).collect();
+        let observer = Box::new(Observers::new(observers, members.len()));
+        self.fixed(composed(stepper, stages), observer, state)
+    }
+
+    fn spark(
+        &self,
+        (problem, spark): (&Arc<Mechanical>, &SparkMethod),
+        stages: Option<&[f64]>,
+        member: usize,
+    ) -> Begun {
+        let span = self.job.span;
+        let mut model = Model::new(problem.clone(), self.params(member));
+        let state = model.state(span.t0, self.part(0, member), self.part(1, member));
+        let mut stepper = Spark::of(model, spark.tableau.clone(), spark.solver);
+        if let Some(tolerance) = spark.newton_tol {
+            stepper = stepper.to_tolerance(tolerance);
+        }
+        let Control::Adaptive {
+            tolerance,
+            first,
+            least,
+        } = &self.job.control
+        else {
+            return match stages {
+                None => self.symmetric(stepper, member, state),
+                Some(stages) => self.symmetric(Composed::of_stages(stepper, stages), member, state),
+            };
+        };
+        let mut stepper = stepper.estimating(tolerance.clone());
+        let first = match first {
+            Some(first) => *first,
+            None => stepper.first_step(span.t0, &state, span.t1 - span.t0)?,
+        };
+        let copy = self.copy(&stepper);
+        let control = Adaptive::new(Box::new(stepper), (span.t0, span.t1), first, *least);
+        self.launch(Box::new(control), copy, member, state)
+    }
+
+    fn rattle(&self, problem: &Arc<Separable>, stages: Option<&[f64]>, member: usize) -> Begun {
+        let mut model = SeparableModel::new(problem.clone(), self.params(member));
+        let (y, z) = (self.part(0, member), self.part(1, member));
+        let state = model.general.state(self.job.span.t0, y, z);
+        let stepper = Rattle::new(model)?;
+        match stages {
+            None => self.symmetric(stepper, member, state),
+            Some(stages) => self.symmetric(Composed::of_stages(stepper, stages), member, state),
+        }
+    }
+
+    fn alpha(
+        &self,
+        problem: &Arc<SecondOrder>,
+        (weights, reactions): (tableau::Alpha, Reactions),
+        member: usize,
+    ) -> Begun {
+        let span = self.job.span;
+        let model = SecondOrderModel::new(problem.clone(), self.params(member));
+        let (y, z) = (self.part(0, member), self.part(1, member));
+        let a = (self.job.start.len() > 2).then(|| self.part(2, member));
+        let Control::Adaptive {
+            tolerance,
+            first,
+            least,
+        } = &self.job.control
+        else {
+            let mut stepper = Alpha::new(model, weights, reactions, None);
+            let state = stepper.start(span.t0, y, z, a)?;
+            let copy = self.copy(&stepper);
+            let control = Fixed::new(Box::new(stepper), span.t0, span.h(), span.steps);
+            return self.launch(Box::new(control), copy, member, state);
+        };
+        let mut stepper = Alpha::new(model, weights, reactions, Some(tolerance.clone()));
+        let state = stepper.start(span.t0, y, z, a)?;
+        let first = first.unwrap_or_else(|| stepper.first_step(&state, span.t1 - span.t0));
+        let copy = self.copy(&stepper);
+        let control = Adaptive::new(Box::new(stepper), (span.t0, span.t1), first, *least);
+        self.launch(Box::new(control), copy, member, state)
+    }
+
+    fn index2(&self, problem: &Arc<SemiExplicit>, s: usize, stages: Option<&[f64]>) -> Begun {
+        let span = self.job.span;
+        let mut model = semi_explicit::Model::new(problem.clone(), &self.job.params);
+        let state = model.state(span.t0, &self.job.start[0], &self.job.start[1], span.h())?;
+        let observer = semi_explicit::Observer::new(
+            &self.job.params,
+            self.job.observer.clone(),
+            self.job.states,
+        );
+        let stepper = Index2::new(model, s);
+        self.fixed(composed(stepper, stages), Box::new(observer), state)
+    }
+
+    /// A run with the control that is asked for, of a symmetric method.
+    fn symmetric<S>(&self, stepper: S, member: usize, state: S::State) -> Begun
+    where
+        S: Symmetric + Clone + 'static,
+        S::State: Carried + Clone,
+    {
+        let (span, copy) = (self.job.span, self.copy(&stepper));
+        let control: Box<dyn StepControl<S::State>> = match &self.job.control {
+            Control::Reversible {
+                first,
+                least,
+                monitor,
+            } => {
+                let monitor = Box::new(self.monitor(member, monitor.as_ref(), *first));
+                let (ends, sizes) = ((span.t0, span.t1), (*first, *least));
+                Box::new(Reversible::new(
+                    Box::new(stepper),
+                    ends,
+                    sizes,
+                    monitor,
+                    &state,
+                ))
+            }
+            _ => Box::new(Fixed::new(Box::new(stepper), span.t0, span.h(), span.steps)),
+        };
+        self.launch(control, copy, member, state)
+    }
+}

@@ -1,0 +1,154 @@
+//! Runs of Schrödinger equations: a Hamiltonian, a method and a job become one run.
+
+mod method;
+
+pub use method::{Method, chebyshev_degree, processor_degree, turns};
+
+use crate::method::{Observable, Observer, Sweeper, Wave};
+use crate::problem::Hamiltonian;
+use liouville_base::cancel::CancelToken;
+use liouville_base::ensemble::{Ensemble, Layout};
+use liouville_base::error::StepError;
+use liouville_base::method::Stepper;
+use liouville_base::real::{Lanes, WIDTH};
+use liouville_base::run::{Advance, Listed, Run, StartError};
+use liouville_base::simd::Stored;
+use method::Prepared;
+use std::sync::Arc;
+
+/// A run, or an ensemble of runs.
+#[derive(Clone)]
+pub struct Job {
+    /// Real and imaginary parts at the start: rows of the members, one after another.
+    pub psi: Vec<[f64; 2]>,
+    /// The number of members of an ensemble; none for a single run.
+    pub members: Option<usize>,
+    /// The number of places of a wave function: half the order of a Hamiltonian that acts on real and imaginary
+    /// parts one after the other.
+    pub n: usize,
+    /// Where the run starts.
+    pub t0: f64,
+    /// The times whose states are recorded, with the steps to each.
+    pub stops: Vec<(f64, usize)>,
+    /// What is recorded beside the norm.
+    pub observables: Vec<Observable>,
+    /// Whether states are recorded.
+    pub states: bool,
+    /// Threads: of an ensemble, or of one large state.
+    pub threads: usize,
+}
+
+/// A run about to start; a single one stops within a step where `cancel` says so.
+///
+/// # Errors
+/// The method or the job does not fit the Hamiltonian, or the start of a single run failed.
+pub fn start(
+    hamiltonian: Arc<Hamiltonian>,
+    method: Method,
+    job: Job,
+    cancel: CancelToken,
+) -> Result<Box<dyn Advance>, StartError> {
+    let (n, members) = (job.n, job.members.unwrap_or(1));
+    let order = if method.is_doubled() { 2 * n } else { n };
+    let fits = order == hamiltonian.size() && members > 0 && job.psi.len() == members * n;
+    if !fits || n == 0 || job.stops.iter().any(|(_, steps)| *steps == 0) {
+        return Err(StartError::Invalid(format!(
+            "wave functions are rows of {n} values, and steps at least one"
+        )));
+    }
+    let is_back = job.stops.first().is_some_and(|(t, _)| *t < job.t0);
+    let starter = Starter {
+        method: Prepared::new(method, &hamiltonian, is_back)?,
+        hamiltonian,
+        job,
+    };
+    match starter.job.members {
+        None => Ok(starter.single(0, starter.job.threads, cancel)?),
+        Some(members) => Ok(Box::new(starter.ensemble(members))),
+    }
+}
+
+/// Begins the runs of a job that fits its Hamiltonian.
+struct Starter {
+    hamiltonian: Arc<Hamiltonian>,
+    method: Prepared,
+    job: Job,
+}
+
+type Begun = Result<Box<dyn Advance>, StepError>;
+
+impl Starter {
+    fn sweeper<S: Stored>(&self, threads: usize) -> Sweeper<S> {
+        Sweeper::new(self.hamiltonian.clone()).with_threads(threads)
+    }
+
+    /// A run of one member.
+    fn single(&self, member: usize, threads: usize, cancel: CancelToken) -> Begun {
+        let stepper = self.method.single(self.sweeper(threads), cancel);
+        self.launch(stepper, &[member])
+    }
+
+    /// A run of these members in lock-step.
+    fn block(&self, members: &[usize]) -> Begun {
+        self.launch(
+            self.method.lockstep::<Lanes<WIDTH>>(self.sweeper(1)),
+            members,
+        )
+    }
+
+    /// All members: in lock-step if they share a matrix by rows and are not too few.
+    fn ensemble(self, members: usize) -> Ensemble {
+        let is_lockstep =
+            !matches!(self.method, Prepared::Single(_)) && self.hamiltonian.reach().is_some();
+        let block = if is_lockstep && 2 * members >= WIDTH {
+            WIDTH
+        } else {
+            1
+        };
+        let (t0, threads) = (self.job.t0, self.job.threads);
+        let ends = self.job.stops.iter().map(|(t, _)| *t);
+        let layout = Layout::Aligned {
+            times: std::iter::once(t0).chain(ends).collect(),
+            width: self.observer(1).columns(self.job.n),
+        };
+        let begin = move |members: &[usize]| match members {
+            [member] => self.single(*member, 1, CancelToken::default()),
+            _ => self.block(members),
+        };
+        Ensemble::new(Box::new(begin), (members, block), threads, layout, t0)
+    }
+
+    fn observer(&self, members: usize) -> Observer {
+        Observer::new(members, self.job.states, self.job.observables.clone())
+    }
+
+    fn launch<S: Stored>(
+        &self,
+        stepper: Box<dyn Stepper<State = Wave<S>>>,
+        members: &[usize],
+    ) -> Begun {
+        let control = Listed::new(stepper, self.job.t0, self.job.stops.clone());
+        let state = self.in_lanes(members);
+        let state = state.with_phase(self.method.shift() * self.job.t0);
+        let observer = Box::new(self.observer(members.len()));
+        let records = self.job.stops.len() + 1;
+        let run = Run::new(Box::new(control), observer, state, (1, records))?;
+        Ok(Box::new(run))
+    }
+
+    /// Wave functions in lock-step; places without a member follow the last.
+    fn in_lanes<S: Stored>(&self, members: &[usize]) -> Wave<S> {
+        let n = self.job.n;
+        let part = |part: usize| {
+            let mut values = vec![S::splat(0.0); n];
+            for (i, value) in values.iter_mut().enumerate() {
+                for place in 0..S::MEMBERS {
+                    let member = members[place.min(members.len() - 1)];
+                    value.set_member(place, self.job.psi[member * n + i][part]);
+                }
+            }
+            values
+        };
+        Wave::new(part(0), part(1))
+    }
+}

@@ -1,0 +1,38 @@
+"""Arguments by names that the calls do not have, and what to give instead."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+
+from liouville.errors import hinted
+
+#: What to give instead of arguments that are spelled otherwise.
+SPELLINGS = {
+    "dt": "give h=, the step size",
+    "h_min": "give control=lv.Adaptive(h_min=...) or control=lv.Reversible(h_min=...)",
+    "monitor": "give control=lv.Reversible(monitor=...)",
+    "checkpoint": "give lv.Store(path, checkpoint=...) as the store",
+    "tol": "the tolerance is the method's: give method=lv.SchrodingerSplitting(tol=...)",
+}
+
+#: Arguments of integrate that ensemble does not take, and why.
+SINGLE = {
+    "rtol": "its members take equal steps: give h or steps",
+    "atol": "its members take equal steps: give h or steps",
+    "control": "its members take equal steps: give h or steps",
+    "t_eval": "give every=, which keeps one step in so many; integrate takes t_eval for one member",
+    "events": "integrate takes them for one member",
+    "store": "solution.save(path) writes what it returns",
+}
+
+
+def check_options(names: Iterable[str], call: str) -> None:
+    """Refuse names that are meant as options of a call; TypeError says how they are spelled."""
+    for name in names:
+        hint = SPELLINGS.get(name)
+        if call == "ensemble":
+            hint = SINGLE.get(name, hint)
+        if hint is not None:
+            raise TypeError(hinted(f"{call} takes no {name}=", hint))
+        if call == "resume":
+            raise TypeError(f"resume takes no {name}=")

@@ -1,0 +1,1 @@
+"""Plans of polynomial fields: which pieces, in which order."""

@@ -1,0 +1,111 @@
+"""The choice of a splitting: first by the structure of the field, then by trial runs."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from liouville.methods import VolumeSplitting
+from liouville.planner.fields.plan import FieldPlan, Trial, ordered, parted
+from liouville.planner.fields.structure import affine_part, candidates_of
+from liouville.planner.fields.trial_run import (
+    STATES,
+    TrialRun,
+    costly_outside,
+    operations_of,
+    search,
+)
+from liouville.splitting import Split, described, variables_of
+from liouville.splitting.trigonometric import numbered
+from liouville.terms import Terms
+
+#: The composition where none is asked for.
+COMPOSITION = "BM4"
+
+#: Fields of more variables are split by their structure alone, ...
+MOST_TRIED = 2000
+#: ... and those of more terms are tried in fewer orders.
+MOST_TERMS, FEW = 2000, 10
+
+#: A plan says what so many of its pieces are.
+SHOWN = 20
+
+
+@np.errstate(over="ignore", invalid="ignore")  # a trial run may go to infinity
+def plan_field(
+    terms: Terms,
+    method: VolumeSplitting,
+    h: float,
+    x: np.ndarray,
+    seed: int = 0,
+    trials: int = 50,
+    names: Sequence[str] | None = None,
+) -> tuple[FieldPlan, Split]:
+    """Choose whatever a method leaves open, for a field at states x of shape (P, n) and a step h.
+
+    Returns the plan and the field split by it. Messages name the variables as in `names`.
+    """
+    names = names or numbered(terms.n)
+    if not method.is_open:
+        parts = parted(terms, method, names=names)
+        reasons = ["everything is as asked for"]
+        return _plan(terms, names, method, parts, costly_outside(parts), (), h, seed, reasons, [])
+    scheme = COMPOSITION if method.composition == "auto" else method.composition
+    rng = np.random.default_rng(seed)
+    states = x[rng.permutation(len(x))[:STATES]]
+    linear, linear_reasons = affine_part(terms, method, h, states)
+    open_method = replace(method, composition=scheme, linear=linear)
+    candidates, reasons = candidates_of(terms, open_method, names)
+    reasons = [*linear_reasons, *reasons]
+    splits = [parted(terms, candidate, names=names) for candidate in candidates]
+    if terms.n > MOST_TRIED or (len(candidates) == 1 and len(splits[0].pieces) == 1):
+        order = costly_outside(splits[0])
+        return _plan(terms, names, candidates[0], splits[0], order, (), h, seed, reasons, [])
+    runs = TrialRun(splits, states, h)
+    found = [
+        (runs.trial(candidate, parts), candidate, parts)
+        for candidate, parts in zip(candidates, splits, strict=True)
+    ]
+    found.sort(key=lambda each: each[0].score)
+    trial, candidate, parts = found[0]
+    tried = [each[0] for each in found]
+    if not np.isfinite(trial.error):
+        reasons = [*reasons, "no candidate came through the trial run: h may be too large"]
+        order = costly_outside(parts)
+        return _plan(terms, names, candidate, parts, order, (), h, seed, reasons, tried)
+    trials = trials if len(terms) <= MOST_TERMS else min(trials, FEW)
+    order, directions, best = search(terms, runs, candidate, parts, rng, trials)
+    reasons = [
+        *reasons,
+        f"{_counted(len(found), 'candidate')} on {_counted(len(runs.x), 'state')}, then {trials} "
+        f"orders of the best: cost at equal error {best.score / trial.score:.2f} of the first's",
+    ]
+    return _plan(terms, names, candidate, parts, order, directions, h, seed, reasons, tried)
+
+
+def _counted(count: int, what: str) -> str:
+    return f"{count} {what}" if count == 1 else f"{count} {what}s"
+
+
+def _plan(
+    terms: Terms,
+    names: Sequence[str],
+    method: VolumeSplitting,
+    parts: Split,
+    order: tuple[int, ...],
+    directions: tuple[int, ...],
+    h: float,
+    seed: int,
+    reasons: Sequence[str],
+    trials: Sequence[Trial],
+) -> tuple[FieldPlan, Split]:
+    parts = ordered(parted(terms, method, directions) if directions else parts, order)
+    pieces = tuple(described(piece, variables_of(parts, names)) for piece in parts.pieces[:SHOWN])
+    plan = FieldPlan(
+        method=method, order=order, directions=directions, n=terms.n, terms=len(terms), h=h,
+        seed=seed, cost=operations_of(parts, method.composition), pieces=pieces,
+        reasons=tuple(reasons), trials=tuple(trials),
+    )  # fmt: skip
+    return plan, parts

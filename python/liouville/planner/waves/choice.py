@@ -1,0 +1,222 @@
+"""The choice of method and steps by bounds of the error and the number of products."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from liouville import _core
+from liouville.errors import hinted
+from liouville.methods import Chebyshev, Lanczos, SchrodingerSplitting
+from liouville.planner.waves.ladder import ROUNDOFF, Choice, cheapest
+from liouville.planner.waves.plan import WavePlan
+from liouville.planner.waves.speed import series_cost
+from liouville.systems import Schrodinger
+
+#: The methods that choose their steps.
+Planned = SchrodingerSplitting | Chebyshev | Lanczos
+
+#: Beyond so many steps a stable method is taken.
+MANY = 50
+
+#: Roundings of an energy count so many times in the phase.
+PHASE = 4.0
+
+#: The norm may be off by ten times what the method promises, and by so much in any case.
+TIMES, LEAST = 10.0, 1e-10
+
+
+@dataclass(frozen=True)
+class Span:
+    """The start of a plan, the times of the states that are kept, and the spectrum."""
+
+    t0: float
+    times: tuple[float, ...]
+    bounds: tuple[float, float]
+
+    @property
+    def beta(self) -> float:
+        """Half the width of the spectrum."""
+        return 0.5 * (self.bounds[1] - self.bounds[0])
+
+    @property
+    def sigma(self) -> float:
+        """The middle of the spectrum."""
+        return 0.5 * (self.bounds[1] + self.bounds[0])
+
+    @property
+    def roundoff(self) -> float:
+        """What the last digits of the energies make of the phase, whatever the method."""
+        low, high = self.bounds
+        return PHASE * ROUNDOFF * max(abs(low), abs(high)) * float(self.intervals.sum())
+
+    @property
+    def intervals(self) -> NDArray[np.float64]:
+        """Lengths of the intervals between the states that are kept."""
+        lengths: NDArray[np.float64] = np.abs(np.diff([self.t0, *self.times]))
+        return lengths
+
+    @property
+    def thetas(self) -> NDArray[np.float64]:
+        """The same in units of 1/beta."""
+        thetas: NDArray[np.float64] = self.beta * self.intervals
+        return thetas
+
+    def stops(self, steps: Sequence[float] | NDArray[np.float64]) -> tuple[tuple[float, int], ...]:
+        """Return the times with the steps to each."""
+        return tuple((t, int(n)) for t, n in zip(self.times, steps, strict=True))
+
+
+def plan_wave(
+    system: Schrodinger,
+    method: Planned,
+    times: Sequence[float],
+    is_real: bool = False,
+) -> WavePlan:
+    """Choose the steps of a method, and for ``"auto"`` the method.
+
+    `times` are those of the start and of the states to keep; `is_real` says whether the start is
+    known to be real.
+    """
+    _check_system(system, method)
+    low, high = system.bounds
+    span = Span(times[0], tuple(times[1:]), (float(low), float(high)))
+    _check_reach(span, method.tol)
+    if isinstance(method, Lanczos):
+        return _lanczos(span, method)
+    if isinstance(method, Chebyshev):
+        return _chebyshev(span, method, system, is_real, ("asked for",))
+    if not system.is_real:
+        why = "H is complex and no gauge makes it real"
+        return _chebyshev(span, method, system, is_real, (why,))
+    found = _splitting(span, method)
+    if found is None and method.mode != "auto":
+        raise ValueError(
+            hinted(
+                f"no {method.mode} splitting reaches tol = {method.tol:g} for a span of "
+                f"{span.thetas.sum():.3g} / beta",
+                "give a larger tol, or mode='auto', which takes a Chebyshev series then",
+            )
+        )
+    series = _chebyshev(span, method, system, is_real, ())
+    if found is None:
+        why = f"no splitting reaches {method.tol:g} over {span.thetas.sum():.3g} / beta"
+        return replace(series, reasons=(why,))
+    splitting = _split(span, found, method)
+    return _faster(system, splitting, series) if method.mode == "auto" else splitting
+
+
+def _check_system(system: Schrodinger, method: Planned) -> None:
+    """Refuse an H that depends on time, and a complex one for what needs a real one."""
+    name = type(method).__name__
+    if system.is_driven:
+        hint = "take Magnus(), or SplitOperator() on a grid, with h or steps"
+        raise TypeError(hinted(f"{name} is for an H without time", hint))
+    takes_complex = isinstance(method, Chebyshev) or getattr(method, "mode", "") == "auto"
+    if not (system.is_real or takes_complex):
+        sentence = f"H is complex and no gauge makes it real, which {method!r} needs"
+        raise ValueError(hinted(sentence, "take 'auto', which uses a Chebyshev series then"))
+
+
+def _faster(system: Schrodinger, splitting: WavePlan, series: WavePlan) -> WavePlan:
+    """Choose by the time that the products will take."""
+    why = [f"a Chebyshev series would take {series.products:g} products"]
+    if series.products < splitting.products:
+        cost = series_cost(system, series.products)
+        slower = f"a product takes about {cost:g} times as long in a series as in a splitting"
+        if cost * series.products < splitting.products:
+            other = f"a splitting would take {splitting.products:g} products"
+            return replace(series, reasons=(*series.reasons, other, slower))
+        why.append(slower)
+    return replace(splitting, reasons=(*splitting.reasons, *why))
+
+
+def _check_reach(span: Span, tol: float) -> None:
+    """Refuse a tolerance below what roundings of the spectrum leave."""
+    if tol < 2 * span.roundoff:
+        turns = span.roundoff / (PHASE * ROUNDOFF)
+        least = 10 ** np.ceil(np.log10(2 * span.roundoff))
+        raise ValueError(
+            hinted(
+                f"tol = {tol:g} is out of reach: a phase of {turns:.3g} has an error of "
+                f"{span.roundoff:.1e} in double precision",
+                f"give tol of {least:g} or more, or a shorter interval",
+            )
+        )
+
+
+def _splitting(span: Span, method: SchrodingerSplitting) -> Choice | None:
+    tol = method.tol - span.roundoff
+    found = cheapest(span.thetas, tol, method.mode == "stable")
+    if found is not None and method.mode == "auto" and found.steps.sum() > MANY:
+        return cheapest(span.thetas, tol, True) or found
+    return found
+
+
+def _split(span: Span, found: Choice, method: SchrodingerSplitting) -> WavePlan:
+    rung, steps = found.rung, int(found.steps.sum())
+    kind = "stable" if rung.stable else "fast"
+    norm = rung.norm_bound(found.x, steps) if rung.stable else found.bound
+    why = "fewest products of the splittings that keep to the tolerance"
+    if kind == "stable" and method.mode == "auto" and steps > MANY:
+        why += f", stable ones beyond {MANY} steps"
+    return WavePlan(
+        method=method,
+        scheme=f"{rung.name} ({kind} splitting of {rung.n} shears)",
+        t0=span.t0,
+        stops=span.stops(found.steps),
+        theta=found.x,
+        bounds=span.bounds,
+        products=found.shears / 2,
+        bound=found.bound + span.roundoff,
+        reasons=(why,),
+        core=("shears", rung.coefficients, span.sigma, max(TIMES * norm, LEAST)),
+    )
+
+
+def _chebyshev(
+    span: Span, method: Planned, system: Schrodinger, is_real: bool, why: tuple[str, ...]
+) -> WavePlan:
+    """One series for each interval, with its share of the tolerance."""
+    thetas, tol = span.thetas, method.tol
+    rate = (tol - span.roundoff) / float(span.intervals.sum())
+    lengths, place = np.unique(span.intervals, return_inverse=True)
+    each = [_core.chebyshev_degree(span.beta * length, rate * length) for length in lengths]
+    degrees = np.array(each)[place]
+    products = float(sum(degrees))
+    if is_real and system.is_real:
+        products -= degrees[0] / 2
+        why = (*why, "the start is real, which halves the products of the first interval")
+    return WavePlan(
+        method=method,
+        scheme=f"Chebyshev (series of degree {max(degrees)})",
+        t0=span.t0,
+        stops=span.stops(np.ones(len(thetas))),
+        theta=float(thetas.max()),
+        bounds=span.bounds,
+        products=products,
+        bound=tol,
+        reasons=why,
+        core=("chebyshev", span.bounds, rate, max(TIMES * tol, LEAST), not system.is_real),
+    )
+
+
+def _lanczos(span: Span, method: Lanczos) -> WavePlan:
+    """Guess the products: a Krylov space of dimension m goes about m/2 / beta."""
+    products = float(np.maximum(np.ceil(2 * span.thetas / method.dimension), 1).sum())
+    rate = method.tol / float(span.intervals.sum())
+    return WavePlan(
+        method=method,
+        scheme=f"Lanczos (Krylov spaces of dimension {method.dimension})",
+        t0=span.t0,
+        stops=span.stops(np.ones(len(span.times))),
+        theta=float(span.thetas.max()),
+        bounds=span.bounds,
+        products=products * method.dimension,
+        bound=None,
+        reasons=("asked for; the number of products is a guess",),
+        core=("lanczos", method.dimension, rate, max(TIMES * method.tol, LEAST)),
+    )

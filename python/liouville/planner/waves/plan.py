@@ -1,0 +1,111 @@
+"""Plans of wave functions: method, steps, products and the bound of the error."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from typing import Any, ClassVar, Self
+
+from liouville.errors import hinted
+from liouville.methods import WaveMethod
+from liouville.planner.plan import AGAIN, Plan, check_kinds, decoded
+from liouville.systems import Schrodinger
+
+
+@dataclass(frozen=True, repr=False)
+class WavePlan(Plan):
+    r"""The steps of a wave function with nothing left to choose, and why; see :class:`Plan`.
+
+    Attributes
+    ----------
+    method : Method
+        The method that was planned, with its tolerance.
+    scheme : str
+        What it takes, in words, such as ``"L32_9.4 (stable splitting of 32 shears)"``.
+    t0 : float
+        Time of the start.
+    stops : tuple of (float, int)
+        Times of the states that are kept, and the steps to each from the one before.
+    theta : float
+        Length of the longest step in units of :math:`1/\beta`, with :math:`\beta` half the width
+        of the spectrum.
+    bounds : tuple of float
+        Smallest and largest eigenvalue it is safe for, in units of :math:`\hbar/t`.
+    products : float
+        Products :math:`H \psi` it takes, two real ones each; for Lanczos an estimate.
+    bound : float or None
+        A-priori bound of the error at the end, relative to the norm, roundings included; None
+        where none is known.
+    reasons : tuple of str
+        Why, and what else there was.
+    """
+
+    form: ClassVar[str] = "wave"
+    method: WaveMethod
+    reasons: tuple[str, ...]
+    scheme: str
+    t0: float
+    stops: tuple[tuple[float, int], ...]
+    theta: float
+    bounds: tuple[float, float]
+    products: float
+    bound: float | None
+    core: tuple[Any, ...] = field(repr=False, compare=False)
+
+    @property
+    def steps(self) -> int:
+        """Number of steps in all."""
+        return sum(steps for _, steps in self.stops)
+
+    @property
+    def times(self) -> tuple[float, ...]:
+        """Times of the start and of the states that are kept."""
+        return (self.t0, *(t for t, _ in self.stops))
+
+    def check(self, times: Sequence[float], system: Schrodinger) -> None:
+        """Refuse another equation, or other times, than it was made for."""
+        if self.times != tuple(times):
+            raise ValueError(hinted("the plan was made for other times", AGAIN))
+        if self.bounds != system.bounds:
+            raise ValueError(hinted("the plan was made for another spectrum", AGAIN))
+        if system.is_driven:
+            raise ValueError("the plan was made for an H without time")
+        is_complex = self.core[0] == "chebyshev" and self.core[-1]
+        if is_complex == system.is_real:
+            kind = "complex" if is_complex else "real"
+            raise ValueError(hinted(f"the plan was made for a {kind} H", AGAIN))
+
+    def __repr__(self) -> str:
+        """Name the scheme, steps and products."""
+        return f"<WavePlan by {self.scheme}: {self.steps} steps, {self.products:g} products>"
+
+    def _lines(self) -> list[str]:
+        low, high = self.bounds
+        to = self.stops[-1][0]
+        kept = f", {len(self.stops)} states kept" if len(self.stops) > 1 else ""
+        bound = "not known beforehand" if self.bound is None else f"{self.bound:.1e}"
+        return [
+            self.scheme,
+            f"  t = {self.t0:g} to {to:g} in {self.steps} steps{kept}; "
+            f"{self.products:g} products H psi",
+            f"  spectrum within [{low:.6g}, {high:.6g}], theta = {self.theta:.4g} a step",
+            f"  error at most {bound}",
+            *self._why,
+        ]
+
+    @classmethod
+    def _read(cls, given: dict[str, Any]) -> Self:
+        plan = cls(**decoded({**given, "method": None}) | {"method": given["method"]})
+        if not isinstance(plan.method, WaveMethod):
+            raise TypeError(f"its method is {plan.method!r}")
+        numbers = {"t0": float, "theta": float, "products": float}
+        check_kinds(plan, {"scheme": str, **numbers, "stops": tuple, "core": tuple})
+        if not isinstance(plan.bound, float | None):
+            raise TypeError(f"bound is {plan.bound!r}")
+        for t, steps in plan.stops:
+            if not (isinstance(t, float) and isinstance(steps, int) and steps > 0):
+                raise TypeError(f"stops has {(t, steps)!r}")
+        low, high = plan.bounds
+        if not (plan.stops and isinstance(plan.core[0], str) and low <= high):
+            raise ValueError("it has no steps, no core or no bounds")
+        return plan

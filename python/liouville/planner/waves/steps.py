@@ -1,0 +1,156 @@
+"""Plans with steps of a given size: split operator, Magnus methods for H(t), and shears."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from liouville import _core
+from liouville.errors import hinted
+from liouville.methods import (
+    GrayManolopoulos,
+    Magnus,
+    SplitOperator,
+    StabilitySplitting,
+    Stepped,
+    shears_of,
+)
+from liouville.planner.waves.ladder import cheapest
+from liouville.planner.waves.plan import WavePlan
+from liouville.systems import Schrodinger
+
+#: So many times are looked at for the largest width of the spectrum of H(t).
+LOOKS = 33
+
+#: The norm may be off by so much, ...
+NORM = 1e-6
+#: ... and by so many times it where a step is not close to unitary but only its powers are bounded.
+LOOSE = 10.0
+
+#: So much of the longest stable step is taken at most.
+LONGEST = 0.99
+
+Stops = Sequence[tuple[float, int]]
+
+
+def plan_steps(system: Schrodinger, method: Stepped, t0: float, stops: Stops) -> WavePlan:
+    """Plan a run from t0 with steps between `stops`: times with the steps to each."""
+    if isinstance(method, SplitOperator):
+        return _split_operator(system, method, t0, stops)
+    if isinstance(method, Magnus):
+        return _magnus(system, method, t0, stops)
+    return _shears(system, method, t0, stops)
+
+
+def _split_operator(
+    system: Schrodinger, method: SplitOperator, t0: float, stops: Stops
+) -> WavePlan:
+    if system.grid is None:
+        raise TypeError(
+            hinted(
+                f"SplitOperator steps a Grid, whose energy is T + V, not {system!r}",
+                "take SchrodingerSplitting, or Magnus for H(t)",
+            )
+        )
+    if len(system.term_bounds) > 1:
+        hint = "take Magnus, or give the drive as a potential of t and x"
+        raise TypeError(hinted("SplitOperator takes no drive by matrices", hint))
+    steps, h = _sizes(t0, stops)
+    drifts = sum(not is_kick for is_kick, _, _ in _core.split_program(method.scheme))
+    low, high = system.bounds_at(t0)
+    return WavePlan(
+        method=method,
+        scheme=f"split operator {method.scheme}",
+        t0=t0,
+        stops=tuple(stops),
+        theta=0.5 * (high - low) * h,
+        bounds=(low, high),
+        products=steps * drifts,
+        bound=None,
+        reasons=("asked for, with steps of this size; a product is a pair of FFTs",),
+        core=("phases", method.scheme, NORM),
+    )
+
+
+def _magnus(system: Schrodinger, method: Magnus, t0: float, stops: Stops) -> WavePlan:
+    if not system.is_real:
+        raise TypeError("H is complex and no gauge makes it real, which Magnus methods need here")
+    steps, h = _sizes(t0, stops)
+    looks = np.linspace(t0, stops[-1][0], LOOKS)
+    widths = [np.ptp(system.bounds_at(t)) for t in looks]
+    low, high = system.bounds_at(float(looks[int(np.argmax(widths))]))
+    exponentials = 2 if method.order == 4 else 1
+    theta = 0.5 * (high - low) * h / exponentials
+    found = cheapest(np.array([theta]), method.tol / (exponentials * steps), stable=False)
+    if found is None:
+        sentence = f"no splitting reaches {method.tol:g} in {exponentials * steps} exponentials"
+        raise ValueError(hinted(sentence, "give a larger tol, or a larger h"))
+    shears = exponentials * steps * found.shears
+    core = ("magnus", method.order, found.rung.coefficients, found.x, NORM, system.operator_bounds)
+    return WavePlan(
+        method=method,
+        scheme=f"Magnus of order {method.order}, exponentials by {found.rung.name}",
+        t0=t0,
+        stops=tuple(stops),
+        theta=theta,
+        bounds=(low, high),
+        products=shears / 2,
+        bound=None,
+        reasons=(
+            "asked for, with steps of this size; the products are those of the widest spectrum",
+        ),
+        core=core,
+    )
+
+
+def _shears(
+    system: Schrodinger, method: StabilitySplitting | GrayManolopoulos, t0: float, stops: Stops
+) -> WavePlan:
+    name = type(method).__name__
+    if system.is_driven or not system.is_real:
+        hint = "take Magnus for H(t), or a Chebyshev series for a complex one"
+        raise TypeError(hinted(f"{name} is for a real H without time", hint))
+    kind = "stability" if isinstance(method, StabilitySplitting) else "gray-manolopoulos"
+    stages = getattr(method, "stages", method.order)
+    table = shears_of(kind, method.order, stages)
+    steps, h = _sizes(t0, stops)
+    low, high = system.bounds
+    theta, sigma = 0.5 * (high - low) * h, 0.5 * (high + low)
+    if theta >= LONGEST * table["limit"]:
+        longest = 2 * LONGEST * table["limit"] / (high - low)
+        raise ValueError(
+            hinted(
+                f"steps of {h:g} are not stable: {theta:.4g} / beta, of {table['limit']:.4g}",
+                f"give h of {longest:.6g} or less",
+            )
+        )
+    core: tuple[Any, ...] = ("shears", table["coefficients"], sigma, LOOSE)
+    products = float(steps * stages)
+    if isinstance(method, StabilitySplitting) and method.processed:
+        degree = _core.processor_degree(method.order, stages, theta)
+        if degree is None:
+            sentence = f"{method!r} has no processor for steps of {theta:.4g} / beta"
+            raise ValueError(hinted(sentence, "give a smaller h, order 2 or 6, or processed=False"))
+        core = ("processed", method.order, stages, sigma, theta, NORM)
+        products += 2 * degree * len(stops)
+    return WavePlan(
+        method=method,
+        scheme=f"{name} of order {method.order}, {2 * stages} shears",
+        t0=t0,
+        stops=tuple(stops),
+        theta=theta,
+        bounds=(low, high),
+        products=products,
+        bound=None,
+        reasons=("asked for, with steps of this size",),
+        core=core,
+    )
+
+
+def _sizes(t0: float, stops: Stops) -> tuple[int, float]:
+    """Return the number of steps and the size of the longest."""
+    times, steps = zip(*stops, strict=True)
+    lengths = np.abs(np.diff([t0, *times])) / steps
+    return sum(steps), float(lengths.max())

@@ -1,0 +1,97 @@
+"""Runners: the way of each kind of system, with a method it takes, through the core and back."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from liouville._options import check_options
+from liouville.errors import hinted
+from liouville.methods import (
+    HHT,
+    METHODS,
+    ArnoldBruls,
+    Composition,
+    GeneralizedAlpha,
+    LobattoPair,
+    Method,
+    SchrodingerSplitting,
+    Spark,
+    VolumeSplitting,
+    WaveMethod,
+)
+from liouville.planner import FieldPlan, Plan, WavePlan
+from liouville.runners.field import FieldRunner as FieldRunner
+from liouville.runners.mechanical import MechanicalRunner as MechanicalRunner
+from liouville.runners.members import MembersRunner as MembersRunner
+from liouville.runners.runner import Request as Request
+from liouville.runners.runner import Runner as Runner
+from liouville.runners.runner import threads_of
+from liouville.runners.semi_explicit import SemiExplicitRunner as SemiExplicitRunner
+from liouville.runners.wave import WaveRunner as WaveRunner
+from liouville.systems import Mechanics, PolynomialField, Schrodinger, SemiExplicit, System
+
+
+def runner_of(system: System, method: Method | Plan | str, request: Request) -> Runner:
+    """Return the runner of a system by a method.
+
+    Raises
+    ------
+    TypeError
+        One of them is of the wrong kind, the method does not step such a system, or an argument is
+        unknown.
+    """
+    if not isinstance(system, Mechanics | SemiExplicit | PolynomialField | Schrodinger):
+        raise TypeError(
+            "system is a Lagrangian, Hamiltonian, Mechanical, Structure, SemiExplicit, "
+            f"PolynomialField or Schrodinger, not {system!r}"
+        )
+    check_options(request.start, "ensemble" if request.is_ensemble else "integrate")
+    if not isinstance(request.states, bool):
+        raise TypeError(f"states is True or False, not {request.states!r}")
+    threads_of(request.threads)
+    if isinstance(system, Mechanics):
+        return _of_mechanics(system, method, request)
+    for name, value in (("t_eval", request.t_eval), ("events", request.events)):
+        if value is not None:
+            raise TypeError(f"{name} is for a mechanical system, not for {system!r}")
+    if isinstance(system, Schrodinger):
+        if isinstance(method, str) and method == "auto":
+            method = SchrodingerSplitting()
+        if isinstance(method, WaveMethod | WavePlan):
+            return WaveRunner(system, method, request)
+        raise no_runner(method, "wave", "Schrödinger equations")
+    if isinstance(system, PolynomialField):
+        if isinstance(method, VolumeSplitting | FieldPlan):
+            return FieldRunner(system, method, request)
+        raise no_runner(method, "field", "polynomial fields")
+    return _of_semi_explicit(system, method, request)
+
+
+def _of_mechanics(system: Mechanics, method: Any, request: Request) -> Runner:
+    if isinstance(method, Spark | LobattoPair | HHT | GeneralizedAlpha | ArnoldBruls | Composition):
+        kind = MembersRunner if request.is_ensemble else MechanicalRunner
+        return kind(system, method, request)
+    raise no_runner(method, "mechanical", "mechanical systems")
+
+
+def _of_semi_explicit(system: SemiExplicit, method: Any, request: Request) -> Runner:
+    if request.is_ensemble:
+        hint = "integrate its members one by one"
+        raise TypeError(hinted(f"there are no ensembles of {system!r} so far", hint))
+    if isinstance(method, Spark | Composition):
+        base = method.base if isinstance(method, Composition) else method
+        if isinstance(base, Spark) and base.points == "gauss" and base.newton_tol is None:
+            return SemiExplicitRunner(system, method, request)
+    raise TypeError(
+        f"{method!r} does not step semi-explicit systems; methods that do: Spark on Gauss "
+        "points without a newton_tol, alone or in a Composition"
+    )
+
+
+def no_runner(method: Any, form: str, systems: str) -> TypeError:
+    """Return the error of a method that does not step systems of a form."""
+    mechanical = ("general", "second order")
+    forms = mechanical if form == "mechanical" else (form,)
+    known = [cls.__name__ for cls in METHODS.values() if cls.form in forms]
+    known += {"field": ["a plan"], "mechanical": ["Composition"], "wave": ["a plan"]}[form]
+    return TypeError(f"{method!r} does not step {systems}; methods that do: {', '.join(known)}")

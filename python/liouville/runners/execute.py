@@ -1,0 +1,219 @@
+"""A run from its start to its end, and the solution that it leaves."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Mapping
+from typing import Any
+
+import numpy as np
+
+from liouville import _core
+from liouville._arguments import memory
+from liouville.errors import IntegrationError, hinted
+from liouville.failure import Failure, summary_of
+from liouville.points import Points
+from liouville.runners.runner import Runner
+from liouville.solution import RESIDUALS, STATES, Solution
+from liouville.systems import SemiExplicit
+
+#: Seconds between two looks at the signals and the progress bar.
+SLICE = 0.05
+
+Progress = Callable[[float, float], None] | None
+
+#: How a run ended: "done", "interrupted", or the error of the core.
+Outcome = str | dict[str, Any]
+
+
+def execute(runner: Runner, progress: Progress = None) -> Solution:
+    """Run to the end, and return the solution; IntegrationError if a step fails."""
+    clock = time.perf_counter()
+    run = runner.start()
+    outcome: Outcome
+    events: dict[str, Points] = {}
+    reached, end = runner.steps.t0, ""
+    if isinstance(run, dict):
+        outcome = run
+        times, rows = np.empty(0), np.empty((0, *runner.members, sum(runner.columns.values())))
+        stats: dict[str, Any] = {"steps": 0}
+    else:
+        outcome = advance(run, runner, progress)
+        reached = run.t
+        (times, rows), stats = run.take(), runner.stats(run)
+        events, end = runner.events(run)
+    stats["seconds"] = time.perf_counter() - clock
+
+    status, message, quantity = status_of(outcome, runner, stats, end)
+    failures: dict[int, Failure] = {}
+    if runner.members and not isinstance(run, dict):
+        failures = failures_of(run, runner)
+        message = _of_members(run, runner, outcome, message, failures)
+        if outcome == "done":
+            stats["steps"] = runner.steps.count
+    ended = status, message
+    solution = solution_of(runner, times, rows, stats, reached, ended, events, failures)
+    if failures and not solution.t.size:
+        member, first = next(iter(failures.items()))
+        raise IntegrationError(
+            message, t=first.t, step=first.step, member=member, solution=solution
+        )
+    if isinstance(outcome, dict):
+        raise error_of(outcome, runner, quantity, solution) from outcome.get("cause")
+    return solution
+
+
+def status_of(
+    outcome: Outcome, runner: Runner, stats: dict[str, Any], end: str
+) -> tuple[str, str, str]:
+    """Return status and message of a run, and which quantity is to blame if it failed."""
+    if isinstance(outcome, dict):
+        stats["steps"] = outcome.get("step", 0)
+        return ("failed", *explain(outcome, runner))
+    if outcome == "interrupted":
+        return outcome, f"interrupted after {stats['steps']}{runner.steps.total} steps", ""
+    return "done", end, ""
+
+
+def _of_members(
+    run: _core.Run,
+    runner: Runner,
+    outcome: Outcome,
+    message: str,
+    failures: Mapping[int, Failure],
+) -> str:
+    """Return the message of an ensemble: how many of its members are over, how many failed."""
+    if isinstance(outcome, dict):
+        return message
+    if outcome == "interrupted":
+        message = f"interrupted when {run.over} of {runner.members[0]} members were over"
+    return "; ".join(filter(None, [message, summary_of(failures, runner.members[0])]))
+
+
+def error_of(
+    error: dict[str, Any], runner: Runner, quantity: str, solution: Solution
+) -> IntegrationError:
+    """Return the error of a run that failed, with what was computed before."""
+    return IntegrationError(
+        solution.message,
+        t=error.get("start", runner.steps.t0),
+        step=int(solution.stats["steps"]),
+        quantity=quantity,
+        member=error.get("member") if runner.members else None,
+        solution=solution,
+    )
+
+
+def solution_of(
+    runner: Runner,
+    times: np.ndarray,
+    rows: np.ndarray,
+    stats: dict[str, Any],
+    reached: float,
+    ended: tuple[str, str],
+    events: Mapping[str, Points],
+    failures: Mapping[int, Failure] | None = None,
+) -> Solution:
+    """Return records as a solution; `ended` is status and message, `reached` the last time."""
+    cuts = np.cumsum([*runner.columns.values()])[:-1]
+    # without any columns there is one empty part
+    columns = dict(zip(runner.columns, np.split(rows, cuts, axis=-1), strict=bool(runner.columns)))
+    parts = runner.read(columns)
+    return Solution(
+        t=times,
+        states={name: parts[name] for name in STATES if name in parts},
+        invariants=_named("invariant ", parts),
+        residuals={name: parts[name] for name in RESIDUALS if name in parts},
+        observed=_named("observed ", parts),
+        balance=runner.balance(parts),
+        names=_names(runner),
+        events=dict(events),
+        dense_order=runner.dense_order,
+        h=runner.steps.mean(reached, stats["steps"]),
+        tolerances=runner.steps.tolerances,
+        method=runner.method,
+        stats=stats,
+        params=plain(runner.params),
+        status=ended[0],
+        message=ended[1],
+        members=runner.members[0] if runner.members else None,
+        failures=dict(failures or {}),
+        system=runner.system,
+    )
+
+
+def advance(run: _core.Run, runner: Runner, progress: Progress) -> Outcome:
+    """Advance to the end, or until memory is full; returns how that ended."""
+    most = runner.every * memory() / runner.row
+    report = reporting(run, runner, progress)
+    try:
+        while (outcome := advance_slice(run)) == "paused":
+            report()
+            if run.done > most:
+                return {"kind": "no memory", "step": run.done, "start": run.t}
+    except KeyboardInterrupt:
+        return "interrupted"
+    report()
+    return outcome
+
+
+def reporting(run: _core.Run, runner: Runner, progress: Progress) -> Callable[[], None]:
+    """Return a function that calls `progress` with how far a run is."""
+    if progress is not None and not callable(progress):
+        raise TypeError(f"progress is a function, not {progress!r}")
+    steps = runner.steps
+
+    def report() -> None:
+        if progress is None:
+            return
+        if steps.control is None:
+            progress(run.done, steps.count)
+        else:
+            progress(abs(run.t - steps.t0), abs(steps.t1 - steps.t0))
+
+    return report
+
+
+def advance_slice(run: _core.Run, steps: int | None = None) -> Outcome:
+    """Advance for a slice of time, to so many steps at most; returns how that ended."""
+    try:
+        return run.advance(SLICE, steps)
+    except Exception as error:  # of a function of the user's that makes products
+        return {"kind": "raised", "cause": error, "step": run.done, "start": run.t}
+
+
+def failures_of(run: _core.Run, runner: Runner) -> dict[int, Failure]:
+    """Return the members that failed, and why."""
+    found = {}
+    for error in run.failures():
+        member, t = error.pop("member"), error.get("start", runner.steps.t0)
+        found[member] = Failure(error.get("step", 0), t, explain(error, runner)[0])
+    return found
+
+
+def explain(error: dict[str, Any], runner: Runner) -> tuple[str, str]:
+    """Return where and why a run failed and what to try, and which quantity is to blame."""
+    if "step" in error:
+        where = f"step {error['step']}{runner.steps.total} at t = {error['start']:.6g} failed"
+    else:
+        where = f"the start at t = {runner.steps.t0:.6g} cannot be taken"
+    sentence, hint, quantity = runner.describe(error)
+    return hinted(f"{where}: {sentence}", hint), quantity
+
+
+def _names(runner: Runner) -> dict[str, tuple[str, ...]]:
+    names = {"coordinates": runner.system.coordinates, "constraints": runner.constraints}
+    if isinstance(runner.system, SemiExplicit):
+        names["unknowns"] = runner.system.unknowns
+    return names
+
+
+def _named(prefix: str, parts: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
+    found = {k.removeprefix(prefix): x for k, x in parts.items() if k.startswith(prefix)}
+    return {name: x[..., 0] if x.shape[-1] == 1 else x for name, x in found.items()}
+
+
+def plain(params: Mapping[str, Any]) -> dict[str, float | list[float]]:
+    """Return parameters as numbers and lists of numbers."""
+    arrays = {name: np.asarray(value, dtype=float) for name, value in params.items()}
+    return {name: x.tolist() if x.ndim else float(x) for name, x in arrays.items()}

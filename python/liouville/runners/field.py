@@ -1,0 +1,104 @@
+"""Runs of a polynomial field, or of an ensemble of its states."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from liouville import _core
+from liouville.control import Takes
+from liouville.errors import Description, describe, hinted
+from liouville.methods import VolumeSplitting
+from liouville.planner import FieldPlan, plan_field
+from liouville.runners.runner import Request, Runner, kept, threads_of
+from liouville.splitting import Affine, Split, crossed, described, variables_of
+from liouville.systems import PolynomialField
+
+#: Half of the digits of an affine flow are left after so many of its own times.
+MOST_TURNS = 1e8
+
+#: Equal steps alone keep volume.
+TAKES = Takes(
+    "VolumeSplitting",
+    hint="give h or steps: with a step size that depends on the state, volume is not kept",
+)
+
+
+class FieldRunner(Runner):
+    """Runs a polynomial field, or an ensemble of its states; see :class:`Runner`."""
+
+    system: PolynomialField
+    choice: FieldPlan
+
+    def __init__(
+        self, system: PolynomialField, method: VolumeSplitting | FieldPlan, request: Request
+    ) -> None:
+        self.system = system = system.with_params(request.params)
+        self.params = system.params
+        self.steps = request.steps_of(system, TAKES)
+        self.every = kept(self.steps, request.every)
+        x = system.start(request.start, request.is_ensemble)
+        self.members = x.shape[:-1]
+        self.threads = threads_of(request.threads)
+        self._states = request.states
+        self._observer, self.widths = system.observer(request.observe, request.states)
+        self.columns = {"x": x.shape[-1]} if request.states else {}
+        self.columns |= self.widths
+        self._check_records(request, self.steps.records(self.every))
+        self.x = system.extended(np.atleast_2d(x), self.steps.t0)
+        h = self.steps.mean(self.steps.t1, self.steps.count)
+        if isinstance(method, FieldPlan):
+            self.choice, self.split = method, method.split(system.terms, system.variables)
+        else:
+            found = plan_field(system.terms, method, h, self.x, names=system.variables)
+            self.choice, self.split = found
+        self.method = repr(self.choice.method)
+        _check_affine(self.split, h)
+
+    def start(self) -> _core.Run | dict[str, Any]:
+        """Start the run, or return the error of its start."""
+        steps, parts, method = self.steps, self.split, self.choice.method
+        return _core.split_run(
+            crossed(parts), method.composition, self._observer, self.system.values(None),
+            parts.inward(self.x), (len(self.system.coordinates), parts.outward),
+            (steps.t0, steps.t1, steps.count, self.every), (method.compensated, self._states),
+            self.threads, bool(self.members),
+        )  # fmt: skip
+
+    def stats(self, run: _core.Run) -> dict[str, Any]:
+        """Return the numbers of a run: steps, flows of pieces, and how many pieces there are."""
+        steps, done = self.steps, run.done
+        if self.members:  # those that all members have made
+            done = round((run.t - steps.t0) / (steps.t1 - steps.t0) * steps.count)
+        return {
+            "steps": done,
+            "flows": run.stats["evaluations"],
+            "pieces": len(self.split.pieces),
+        }
+
+    def _described(self, error: dict[str, Any]) -> Description:
+        names = self.system.variables
+        if error["kind"] == "singular piece":
+            piece = self.split.pieces[error["piece"]]
+            error["quantity"] = described(piece, variables_of(self.split, names))
+        outward = self.split.outward
+        if error["kind"] == "overflow" and outward is not None:
+            # the coordinate that has most of what is not finite
+            error["index"] = int(np.abs(outward[:, error["index"]]).argmax())
+        return describe(error, names, ())
+
+
+def _check_affine(parts: Split, h: float) -> None:
+    """Refuse a step after which the flow of an affine piece has no digits left."""
+    for piece in parts.pieces:
+        if isinstance(piece, Affine):
+            length = float(np.abs(piece.matrix.astype(float)).sum(axis=1).max()) * abs(h)
+            if length > MOST_TURNS:
+                raise ValueError(
+                    hinted(
+                        f"a step of {h:g} is {length:.1e} times as long as the affine part of the "
+                        "field takes to change: few digits of its flow would be left",
+                        "give a smaller h",
+                    )
+                )

@@ -1,0 +1,180 @@
+"""Runs of a mechanical system."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+
+from liouville import _core
+from liouville._arguments import check_memory
+from liouville.control import CONTROLS, LEAST_TOLERANCE, Reversible, Takes
+from liouville.errors import Description, describe, hinted, quoted
+from liouville.methods import Composition, LobattoPair, Method, Spark
+from liouville.points import Points
+from liouville.runners.runner import Request, Runner, kept
+from liouville.runners.watch import Watch
+from liouville.systems import Mechanical, Mechanics
+
+
+class MechanicalRunner(Runner):
+    """Runs a mechanical system; see :class:`Runner`."""
+
+    system: Mechanics
+    choice: Method
+
+    def __init__(self, system: Mechanics, method: Method, request: Request) -> None:
+        self.system, self.choice, self.method = system, method, repr(method)
+        self.constraints = system.constraints
+        self._is_general = method.form == "general"
+        self._base = method.base if isinstance(method, Composition) else method
+        self.steps = request.steps_of(system, self._takes())
+        self._control = None if self.steps.control is None else self.steps.control[0]
+        self._monitor = None
+        if isinstance(request.control, Reversible) and request.control.monitor is not None:
+            self._monitor = system.monitor(request.control.monitor)
+        self._problem = self._form()
+        self._is_rattle = isinstance(self._problem, _core.Separable)
+        self.every = kept(self.steps, request.every)
+        self._order = int(getattr(method, "order", 0))
+        span = (self.steps.t0, self.steps.t1)
+        self._watch = Watch(request.events, request.t_eval, span, self.every)
+        self._watched = self._watch.crossed(system, self._order)
+        self._take(request)
+        self.params = {**system.params, **dict(request.params or {})}
+        self._states = request.states
+        self._observer, self.widths = system.observer(request.observe, request.states)
+        self.columns = self._columns()
+        self._check_sizes(request)
+
+    def start(self) -> _core.Run | dict[str, Any]:
+        """Start the run, or return the error of its start."""
+        steps, control = self.steps, self.steps.control
+        if control is not None and self._control == "reversible":
+            control = (*control, self._monitor)
+        return _core.mechanical_run(
+            self._problem, self.choice, self._observer, self._values, self._begin,
+            (steps.t0, steps.t1, steps.count, self.every), control, self._watched, self._states,
+        )  # fmt: skip
+
+    @property
+    def dense_order(self) -> int:
+        """The order of the method, where the states of all steps are kept, else 0."""
+        is_whole = self.every == 1 and self._watch.times is None and self._states
+        return self._order if is_whole else 0
+
+    def events(self, run: _core.Run) -> tuple[dict[str, Points], str]:
+        """Return the events met, by name, and a sentence on the one that ended the run."""
+        return self._watch.events_of(run, self.system, self._values)
+
+    def _take(self, request: Request) -> None:
+        """Take parameters and start values, and see that they fit together."""
+        self._values = self.system.values(request.params)
+        self._begin = self.system.start(request.start, self._also)
+        y, z = self._begin[:2]
+        self.system.check(self.steps.t0, y, z, self._values, hidden=self._is_hidden_kept)
+
+    def _takes(self) -> Takes:
+        """Return the controls of the steps that the method takes."""
+        name = type(self.choice).__name__
+        if not self._is_general:
+            return Takes(name, ("error",))
+        estimates = not isinstance(self.choice, Composition)
+        takes = {"error": estimates, "reversible": getattr(self.choice, "is_symmetric", True)}
+        controls = tuple(kind for kind in CONTROLS if takes[kind])
+        return Takes(name, controls, LEAST_TOLERANCE / 100)
+
+    @property
+    def _also(self) -> tuple[str, ...]:
+        return () if self._is_general else ("a",)
+
+    @property
+    def _is_hidden_kept(self) -> bool:
+        """Whether the start satisfies the hidden constraints.
+
+        A method that goes on with its own accelerations may have left them by itself.
+        """
+        goes_on = len(self._begin) == 3 and getattr(self.choice, "reaction", "") == "position"
+        return not goes_on
+
+    def _form(self) -> _core.Mechanical | _core.SecondOrder | _core.Separable:
+        """Return the system in the form that the method steps fastest."""
+        if not self._is_general:
+            return self.system.second_order
+        self._check_solver()
+        takes_fast_path = self._base == LobattoPair(2) and self._control != "error"
+        fast = self.system.separable if takes_fast_path else None
+        return self.system.problem if fast is None else fast
+
+    def stats(self, run: _core.Run) -> dict[str, Any]:
+        """Return the numbers of a run that this method has."""
+        found: dict[str, Any] = {"steps": run.done, **run.stats}
+        foreign = {"factorizations", "rejected", "newton_steps"}
+        if self._is_rattle or not self._is_general:
+            foreign.discard("factorizations")
+        if not self._is_general or self._control == "error":
+            foreign.discard("rejected")
+        if self._is_general and not self._is_rattle:
+            foreign.discard("newton_steps")
+        if not run.done:
+            foreign |= {"h_smallest", "h_largest"}
+        stats = {name: value for name, value in found.items() if name not in foreign}
+        if run.done and self._is_general:
+            stats["solver"] = "rattle" if self._is_rattle else _solver(stats)
+        return stats
+
+    def balance(self, parts: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
+        """Return where the energy went, if forces with a potential are known from others."""
+        if "work" not in parts or isinstance(self.system, Mechanical):
+            return {}
+        energy, work = (parts[name][..., 0] for name in ("invariant energy", "work"))
+        return {"work": work, "dissipated": energy[:1] + work - energy}
+
+    def _described(self, error: dict[str, Any]) -> Description:
+        if error.get("quantity") == "event":
+            error["quantity"] = f"event {[*self._watch.events][error['index']]}"
+        sentence, hint, quantity = describe(error, self.system.coordinates, self.constraints)
+        node_schur = getattr(self._base, "solver", "") == "node-schur"
+        if error["kind"] == "not converged" and node_schur:
+            hint += ", or solver='auto', which takes stiff forces too"
+        return sentence, hint, quantity
+
+    def _columns(self) -> dict[str, int]:
+        system, states = self.system, self._states
+        n, m = len(system.coordinates), len(self.constraints)
+        own = dict(zip((*system.states, "lam"), (n, n, m), strict=True)) if states else {}
+        if not self._is_general:
+            own |= {"acceleration": n, "a": n} if states else {}
+            own["work"] = 1
+        return {**own, **self.widths}
+
+    def _check_solver(self) -> None:
+        if self.system.nonholonomic and getattr(self._base, "solver", "") == "node-schur":
+            raise ValueError(
+                hinted(
+                    "node Schur finds multipliers of holonomic constraints, and the system has "
+                    f"nonholonomic ones: {quoted(self.system.nonholonomic)}",
+                    "take solver='auto', which solves for everything together",
+                )
+            )
+
+    def _check_sizes(self, request: Request) -> None:
+        times = self._watch.times
+        self._check_records(
+            request, self.steps.records(self.every) if times is None else times.size
+        )
+        method = self._base
+        # stages, multipliers and the end of a step in one dense matrix
+        if isinstance(method, Spark | LobattoPair) and self.system.nonholonomic:
+            n, s = len(self.system.coordinates), method.stages
+            multipliers = (method.intervals + s) * len(self.constraints)
+            hint = "HHT and its relatives take large sparse systems"
+            what = f"{method!r} on {n} coordinates with nonholonomic constraints, dense,"
+            check_memory(what, 16 * (s * n + n + multipliers) ** 2, hint)
+
+
+def _solver(stats: Mapping[str, int]) -> str:
+    if stats["newton_steps"] == 0:
+        return "node-schur"
+    return "newton" if stats["newton_steps"] >= stats["steps"] else "node-schur and newton"

@@ -1,0 +1,167 @@
+"""The base of all runners, and what a caller asks of one."""
+
+from __future__ import annotations
+
+import os
+from abc import ABC, abstractmethod
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from liouville import _core
+from liouville._arguments import MOST_STEPS, check_memory, count
+from liouville.control import Steps, Takes, steps_of
+from liouville.errors import Description, describe
+from liouville.methods import Method
+from liouville.planner import Plan
+from liouville.points import Points
+from liouville.systems import System
+
+KEEP_LESS = "keep fewer with every=, or none with states=False"
+STORE = "; store= keeps all of them in a folder"
+
+#: What some columns of a record are called in messages.
+QUANTITIES = {"p": "momentum", "v": "velocity", "hidden": "hidden constraint"}
+
+
+@dataclass(frozen=True, kw_only=True)
+class Request:
+    """The arguments of a call, unchecked; see :func:`liouville.integrate`."""
+
+    t: Any
+    h: Any = None
+    steps: Any = None
+    rtol: Any = None
+    atol: Any = None
+    control: Any = None
+    every: Any = 1
+    t_eval: Any = None
+    events: Any = None
+    observe: Mapping[str, Callable[..., Any]] | None = None
+    params: Mapping[str, ArrayLike] | None = None
+    states: Any = True
+    threads: Any = None
+    start: Mapping[str, Any] = field(default_factory=dict)
+    is_ensemble: bool = False
+    is_stored: bool = False
+
+    def steps_of(self, system: System, takes: Takes) -> Steps:
+        """Return the steps asked for, of a method that takes these controls."""
+        return steps_of(
+            self.t, self.h, self.steps, takes, rtol=self.rtol, atol=self.atol,
+            control=self.control, coordinates=system.coordinates,
+        )  # fmt: skip
+
+
+class Runner(ABC):
+    """A system and a method on their way through the core.
+
+    A runner checks what was asked, starts the run, and knows what its records mean.
+
+    Attributes
+    ----------
+    system : System
+        What is integrated.
+    choice : Method or Plan
+        The method, with nothing left to choose.
+    method : str
+        The method in words, as its repr.
+    constraints : tuple of str
+        Names of the constraints, empty where there are none.
+    params : mapping
+        Parameters of the run.
+    steps : Steps
+        The steps it makes, of which one in `every` is kept.
+    columns : dict of str to int
+        What a record consists of, with widths.
+    widths : dict of str to int
+        The part of the columns that the recorder evaluates.
+    members : tuple of int
+        ``(P,)`` for an ensemble of P members, else ``()``.
+    """
+
+    constraints: tuple[str, ...] = ()
+    members: tuple[int, ...] = ()
+
+    system: System
+    choice: Method | Plan
+    method: str
+    params: Mapping[str, Any]
+    steps: Steps
+    every: int
+    columns: dict[str, int]
+    widths: Mapping[str, int]
+
+    @abstractmethod
+    def start(self) -> _core.Run | dict[str, Any]:
+        """Start the run, or return the error of its start."""
+
+    @abstractmethod
+    def stats(self, run: _core.Run) -> dict[str, Any]:
+        """Return the numbers of a run."""
+
+    @property
+    def row(self) -> int:
+        """Bytes of a record."""
+        return 8 * (1 + int(np.prod(self.members)) * sum(self.columns.values()))
+
+    @property
+    def dense_order(self) -> int:
+        """The order of a method whose steps have a dense output, else 0."""
+        return 0
+
+    def read(self, parts: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
+        """Give the columns of all records as the user has them: by default as they are."""
+        return parts
+
+    def balance(self, parts: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
+        """Return where the energy went; empty where a system does not know."""
+        del parts
+        return {}
+
+    def events(self, run: _core.Run) -> tuple[dict[str, Points], str]:
+        """Return the events met, by name, and a sentence on the one that ended the run."""
+        del run
+        return {}, ""
+
+    def describe(self, error: dict[str, Any]) -> Description:
+        """Describe an error of the core in the user's names: sentence, hint and quantity."""
+        if error.get("quantity") == "observable":
+            error |= self._recorded(error["index"])
+        sentence, hint, quantity = self._described(error)
+        if self.members and "member" in error:
+            sentence = f"member {error['member']}: {sentence}"
+        return sentence, hint, quantity
+
+    def _described(self, error: dict[str, Any]) -> Description:
+        """Describe an error that is known to be of no recorded quantity."""
+        return describe(error, self.system.coordinates, self.constraints)
+
+    def _recorded(self, index: int) -> dict[str, Any]:
+        """Return which part of a record an index falls into, and where in that part."""
+        for part, width in self.widths.items():
+            if index < width:
+                return {"quantity": QUANTITIES.get(part, part), "index": index}
+            index -= width
+        return {}
+
+    def _check_records(self, request: Request, records: int) -> None:
+        """Refuse more records than fit in memory, where they are to be kept there."""
+        if not request.is_stored:
+            hint = KEEP_LESS if request.is_ensemble else KEEP_LESS + STORE
+            check_memory(f"keeping {records} states", records * self.row, hint)
+
+
+def kept(steps: Steps, every: Any) -> int:
+    """Return how many steps are made for each one that is kept."""
+    return min(count("every", every), steps.count if steps.control is None else MOST_STEPS)
+
+
+def threads_of(value: Any) -> int:
+    """Return a number of threads, by default as many as there are processors."""
+    if value is None:
+        return os.cpu_count() or 1
+    return int(count("threads", value))

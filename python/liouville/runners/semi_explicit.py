@@ -1,0 +1,52 @@
+"""Runs of a semi-explicit system of index 2."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from liouville import _core
+from liouville.control import Takes
+from liouville.errors import Description
+from liouville.methods import Composition, Spark
+from liouville.runners.runner import Request, Runner, kept
+from liouville.systems import SemiExplicit
+
+#: The numbers of a run that it has.
+STATS = ("iterations", "evaluations", "factorizations", "cold_starts")
+
+
+class SemiExplicitRunner(Runner):
+    """Runs a semi-explicit system; see :class:`Runner`."""
+
+    system: SemiExplicit
+    choice: Spark | Composition
+
+    def __init__(self, system: SemiExplicit, method: Spark | Composition, request: Request) -> None:
+        self.system, self.choice, self.method = system, method, repr(method)
+        self.constraints = system.constraints
+        self.steps = request.steps_of(system, Takes(type(method).__name__))
+        self.every = kept(self.steps, request.every)
+        self._values = system.values(request.params)
+        self.params = {**system.params, **dict(request.params or {})}
+        self._begin = system.start(request.start)
+        system.check(self.steps.t0, self._begin[0], self._values)
+        self._states = request.states
+        self._observer, self.widths = system.observer(request.observe)
+        own = {"y": len(system.coordinates), "z": len(system.unknowns)} if request.states else {}
+        self.columns = {**own, **self.widths}
+        self._check_records(request, self.steps.records(self.every))
+
+    def start(self) -> _core.Run | dict[str, Any]:
+        """Start the run, or return the error of its start."""
+        steps = self.steps
+        return _core.semi_explicit_run(
+            self.system.problem, self.choice, self._observer, self._values, self._begin,
+            (steps.t0, steps.t1, steps.count, self.every), self._states,
+        )  # fmt: skip
+
+    def stats(self, run: _core.Run) -> dict[str, Any]:
+        """Return the numbers of a run."""
+        return {"steps": run.done, **{name: run.stats[name] for name in STATS}}
+
+    def _described(self, error: dict[str, Any]) -> Description:
+        return self.system.describe(error)

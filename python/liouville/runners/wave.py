@@ -1,0 +1,153 @@
+"""Runs of a Schrödinger equation, of one wave function or an ensemble of them."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+
+from liouville import _core
+from liouville._arguments import times_of
+from liouville.control import Steps, Takes, steps_of
+from liouville.errors import Description, describe, hinted
+from liouville.methods import Stepped, WaveMethod
+from liouville.planner import WavePlan, plan_steps, plan_wave
+from liouville.runners.runner import Request, Runner, kept, threads_of
+from liouville.systems import Schrodinger
+
+
+class WaveRunner(Runner):
+    """Runs a Schrödinger equation; see :class:`Runner`."""
+
+    system: Schrodinger
+    choice: WaveMethod | WavePlan
+
+    def __init__(
+        self, system: Schrodinger, method: WaveMethod | WavePlan, request: Request
+    ) -> None:
+        self.system = system = system.with_params(request.params)
+        self.params = system.params
+        times = times_of(request.t)
+        self.psi = system.inward(_start(request.start), request.is_ensemble)
+        self.members = self.psi.shape[:-1]
+        self.threads = threads_of(request.threads)
+        self._states = request.states
+        self.plan = self._planned(method, times, request)
+        # given steps leave nothing to choose
+        self.choice = method if isinstance(method, Stepped) else self.plan
+        self.method = self.plan.scheme
+        self.steps = Steps(self.plan.t0, self.plan.stops[-1][0], self.plan.steps)
+        self.every = -(-self.plan.steps // len(self.plan.stops))
+        self._observed = system.observables(request.observe)
+        self.columns = {"psi": 2 * system.size} if request.states else {}
+        energy = "observed energy" if system.is_driven else "invariant energy"
+        self.columns |= {"invariant norm": 1, energy: 1, "observed autocorrelation": 2}
+        self.columns |= {f"observed {name}": width for name, width, _ in self._observed}
+        self.widths = self.columns
+        self._check_records(request, len(self.plan.stops) + 1)
+
+    def _planned(
+        self, method: WaveMethod | WavePlan, times: tuple[float, ...], request: Request
+    ) -> WavePlan:
+        if isinstance(method, WavePlan):
+            _check_no_steps("a plan", request)
+            method.check(times, self.system)
+            return method
+        if isinstance(method, Stepped):
+            return plan_steps(self.system, method, times[0], _stops(times, method, request))
+        _check_no_steps(type(method).__name__, request)
+        return plan_wave(self.system, method, times, not np.any(self.psi.imag))
+
+    def start(self) -> _core.Run | dict[str, Any]:
+        """Start the run, or return the error of its start."""
+        plan = self.plan
+        observables = [("symmetric", self.system.hamiltonian), ("start",)]
+        observables += [each for _, _, each in self._observed]
+        return _core.schrodinger_run(
+            self.system.hamiltonian, plan.core, np.atleast_2d(self.psi), (plan.t0, plan.stops),
+            observables, self._states, self.threads, bool(self.members),
+        )  # fmt: skip
+
+    def stats(self, run: _core.Run) -> dict[str, Any]:
+        """Return the numbers of a run: steps, products for each state, the bound of its error."""
+        members = int(np.prod(self.members))
+        stats = {"steps": run.done, "products": run.stats["evaluations"] / 2 / members}
+        return stats if self.plan.bound is None else {**stats, "bound": self.plan.bound}
+
+    def read(self, parts: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
+        """Make complex what is complex, and give states and energies as the user has them."""
+        paired = {"psi", "observed autocorrelation"}
+        paired |= {f"observed {name}" for name, width, _ in self._observed if width == 2}
+        found = {
+            name: np.ascontiguousarray(part).view(complex) if name in paired else part
+            for name, part in parts.items()
+        }
+        if "psi" in found:
+            found["psi"] = self.system.outward(found["psi"])
+        for name in {"observed energy", "invariant energy"} & set(found):
+            found[name] = self.system.hbar * found[name]
+        return found
+
+    def _described(self, error: dict[str, Any]) -> Description:
+        if error["kind"] == "norm":
+            low, high = self.plan.bounds
+            return (
+                f"the norm is {error['norm']:.6g} where it was {error['norm_at_start']:.6g}",
+                f"H may have eigenvalues outside the bounds [{low:g}, {high:g}] of H/hbar, or its "
+                "products are not those of a symmetric matrix: leave out bounds=, or widen them",
+                "norm",
+            )
+        if error["kind"] == "spectrum":
+            return (
+                f"the spectrum of H(t) is too wide there: a step spans {error['theta']:.4g}, and "
+                f"the method takes {error['most']:.4g}",
+                "give a smaller h",
+                "spectrum",
+            )
+        return describe(error, (), ())
+
+
+def _start(start: Mapping[str, Any]) -> Any:
+    if set(start) != {"psi"}:
+        given = ", ".join(sorted(start)) or "nothing"
+        raise TypeError(f"a Schrodinger equation starts with psi=, not with {given}")
+    return start["psi"]
+
+
+def _stops(times: tuple[float, ...], method: Stepped, request: Request) -> list[tuple[float, int]]:
+    """Return the times of the states that are kept, with the steps to each."""
+    takes = Takes(type(method).__name__, hint="give h or steps")
+    if len(times) > 2:
+        if request.h is None or request.steps is not None or request.every != 1:
+            raise TypeError(
+                f"{takes.name} takes h= with a sequence of times, and neither steps nor every"
+            )
+        ends = [_steps(pair, request, takes) for pair in pairwise(times)]
+        return [(each.t1, each.count) for each in ends]
+    steps = _steps(times, request, takes)
+    every = kept(steps, request.every)
+    size = steps.mean(steps.t1, steps.count)
+    whole = [(steps.t0 + k * size, every) for k in range(every, steps.count, every)]
+    return [*whole, (steps.t1, steps.count - every * len(whole))]
+
+
+def _steps(times: tuple[float, ...], request: Request, takes: Takes) -> Steps:
+    return steps_of(
+        times, request.h, request.steps, takes,
+        rtol=request.rtol, atol=request.atol, control=request.control,
+    )  # fmt: skip
+
+
+def _check_no_steps(name: str, request: Request) -> None:
+    """Refuse steps for a method that chooses its own."""
+    hint = "give the times of all states you want: t=np.linspace(t0, t1, 101)"
+    for option in ("h", "steps", "rtol", "atol", "control"):
+        if getattr(request, option) is not None:
+            sentence = f"{name} chooses its steps by its tol and takes no {option}"
+            raise TypeError(hinted(sentence, f"the tolerance is the method's, tol=1e-8; {hint}"))
+    if request.every != 1:
+        raise TypeError(
+            hinted(f"{name} keeps the states at the times of t= and takes no every", hint)
+        )

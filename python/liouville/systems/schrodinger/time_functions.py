@@ -1,0 +1,104 @@
+"""Functions of time: those of a drive, and potentials on a grid."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from typing import Any
+
+import casadi as ca
+import numpy as np
+
+from liouville import _core
+from liouville.errors import hinted
+from liouville.systems import _trace
+from liouville.systems._expressions import Expressions, Symbols
+from liouville.systems.schrodinger.grid import Grid
+from liouville.tape import record
+
+
+class TimeFunction:
+    """A function of the time, of a point if there are points, and of parameters.
+
+    Parameters
+    ----------
+    what : str
+        Its name in messages.
+    function : callable
+        ``function(t, params)``, or ``function(t, x, params)`` if there are points.
+    params : Parameters
+        The parameters it sees.
+    axes : int
+        Number of coordinates of a point, 0 if there are none.
+
+    Attributes
+    ----------
+    is_driven : bool
+        Whether it depends on time.
+    """
+
+    def __init__(
+        self, what: str, function: Callable[..., Any], params: _trace.Parameters, axes: int = 0
+    ) -> None:
+        s = Symbols(params, {"x": axes} if axes else {})
+        self.what = what
+        expression = _trace.scalar(what, function, s.args)
+        self.is_driven = ca.depends_on(expression, s.t)
+        self._expressions = Expressions(s, {what: expression})
+
+    @property
+    def expression(self) -> ca.SX:
+        """The value of the function."""
+        return self._expressions.columns[self.what]
+
+    @property
+    def t(self) -> ca.SX:
+        """The symbol of the time."""
+        return self._expressions.symbols.t
+
+    def __call__(self, t: ca.SX, *args: Any) -> ca.SX:
+        """Apply the function to other symbols: t, those of a point if there are points, params."""
+        *x, params = args
+        own = [getattr(self._expressions.symbols, name) for name in self._expressions.symbols.sizes]
+        return self._expressions.of(t, *(x or own), _trace.vector_of(params))[0]
+
+    def tape(self, factor: float) -> _core.Tape:
+        """Record it, times a number: t, x if there are points, and parameters in."""
+        expression = self.expression if factor == 1.0 else factor * self.expression
+        return record(self.what, self._expressions.symbols.inputs(), expression)
+
+    def at(self, t: float, points: np.ndarray | None = None) -> np.ndarray:
+        """Return values at a time, one for each point; ValueError names one that is not finite."""
+        times = np.full((1 if points is None else len(points), 1), float(t))
+        args = [times] if points is None else [times, np.ascontiguousarray(points)]
+        values = self.tape(1.0).map(self._expressions.symbols.params.values(None), args)[:, 0]
+        bad = np.flatnonzero(~np.isfinite(values))
+        if bad.size:
+            place = "" if points is None else f" at x = {points[bad[0]].tolist()}"
+            raise ValueError(
+                hinted(
+                    f"{self.what} is {values[bad[0]]} at t = {t:g}{place}",
+                    "look for a division by zero, a root or a logarithm there",
+                )
+            )
+        return np.array(values)
+
+
+def potential(grid: Grid, params: _trace.Parameters) -> TimeFunction | np.ndarray:
+    """Return a grid's potential: a function, or flat values at all points."""
+    if grid.potential is None:
+        return np.zeros(grid.size)
+    if not callable(grid.potential):
+        return grid.potential.ravel()
+    return TimeFunction("potential", grid.potential, params, len(grid.shape))
+
+
+def weights(
+    functions: Sequence[TimeFunction], repeats: Sequence[int], params: _trace.Parameters
+) -> _core.Tape:
+    """Record the weight of each term: 1 for `repeats[0]` of them, then those of each function."""
+    t = ca.SX.sym("t")
+    parts = [ca.SX.ones(repeats[0], 1)]
+    for function, times in zip(functions, repeats[1:], strict=True):
+        value = ca.substitute(function.expression, function.t, t)
+        parts.append(ca.repmat(value, times, 1))
+    return record("drive", {"t": t, "params": params.vector}, ca.vertcat(*parts))

@@ -1,0 +1,159 @@
+"""The base of systems whose functions are traced: parameters, records, start values, pickles."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from typing import Any
+
+import casadi as ca
+import numpy as np
+from numpy.typing import ArrayLike
+
+from liouville import _core
+from liouville.errors import hinted
+from liouville.systems import _trace
+from liouville.systems._expressions import Expressions, Pickled, Symbols, recorded
+from liouville.tape import record
+
+#: A start may miss its constraints by this much of the size of what they are made of.
+TOLERANCE = 1e-10
+
+#: Roundoff of coordinates that start at zero, in their own unit.
+FLOOR = 1e-14
+
+#: More names than these are not all shown.
+SHOWN = 20
+
+#: The prefix of invariants among the expressions and in a record.
+INVARIANT = "invariant "
+
+Function = Callable[..., Any]
+
+
+class TracedSystem(Pickled):
+    """A system of expressions that CasADi differentiates and the core evaluates as tapes.
+
+    Attributes
+    ----------
+    coordinates : tuple of str
+        Names of the n coordinates.
+    constraints : tuple of str
+        Names of the constraints.
+    states : tuple of str
+        Names of its two states.
+    invariants : tuple of str
+        Names of the quantities recorded along a run.
+    """
+
+    coordinates: tuple[str, ...]
+    constraints: tuple[str, ...]
+    states: tuple[str, str]
+    invariants: tuple[str, ...]
+
+    def _keep(self, expressions: Expressions, invariants: Mapping[str, ca.SX]) -> None:
+        """Keep expressions, and the invariants among them."""
+        symbols, columns = expressions.symbols, expressions.columns
+        columns = columns | {INVARIANT + name: x for name, x in invariants.items()}
+        self.invariants = tuple(invariants)
+        self._expressions = Expressions(symbols, columns, **expressions.more)
+        self._observers: dict[bool, tuple[_core.Tape, dict[str, int]]] = {}
+
+    @property
+    def _symbols(self) -> Symbols:
+        return self._expressions.symbols
+
+    @property
+    def params(self) -> dict[str, float | np.ndarray]:
+        """The parameters' default values."""
+        defaults = self._symbols.params.defaults
+        return {name: x.copy() if x.ndim else float(x) for name, x in defaults.items()}
+
+    def values(self, params: Mapping[str, ArrayLike] | None) -> np.ndarray:
+        """Return the parameter vector with changes; ValueError names an unknown one."""
+        return self._symbols.params.values(params)
+
+    def observer(
+        self, observe: Mapping[str, Function] | None, states: bool = True
+    ) -> tuple[_core.Tape, dict[str, int]]:
+        """Record what a run keeps besides its states; returns the tape and each part's width."""
+        if observe:
+            return self._observer(observe, states)
+        if states not in self._observers:
+            self._observers[states] = self._observer({}, states)
+        return self._observers[states]
+
+    def _observer(
+        self, observe: Mapping[str, Function], states: bool
+    ) -> tuple[_core.Tape, dict[str, int]]:
+        s, parts = self._symbols, self._parts(states)
+        columns = self._expressions.columns
+        parts |= {name: columns[name] for name in (INVARIANT + each for each in self.invariants)}
+        for name, function in _trace.mapping("observe", observe).items():
+            parts[f"observed {name}"] = _trace.column(f"observed '{name}'", function, s.args)
+        tape = record("observer", s.inputs(z=s.z), *parts.values())
+        return tape, {name: x.numel() for name, x in parts.items()}
+
+    def _parts(self, states: bool) -> dict[str, ca.SX]:
+        """Return the expressions that every run records, with those of states or without."""
+        raise NotImplementedError
+
+    def portable(self, observe: Mapping[str, Any] | None) -> dict[str, Any]:
+        """Return functions to observe in a form that can be pickled."""
+        return recorded(observe, self._symbols.args)
+
+    def _state(self) -> dict[str, Any]:
+        self.observer(None)  # every run needs it
+        return super()._state()
+
+
+def traced_invariants(
+    invariants: Mapping[str, Function] | None, args: tuple[Any, ...]
+) -> dict[str, ca.SX]:
+    """Trace the quantities that a user wants recorded."""
+    return {
+        name: _trace.scalar(f"invariant '{name}'", function, args)
+        for name, function in _trace.mapping("invariants", invariants).items()
+    }
+
+
+def finite_time(t: Any) -> float:
+    """Return a time as a number; ValueError if it is none."""
+    time = _trace.numbers(t)
+    if time is None or time.shape != () or not np.isfinite(time):
+        raise ValueError(f"t is a finite number, not {t!r}")
+    return float(time)
+
+
+def shown(names: tuple[str, ...]) -> str:
+    """Join names for a repr, the first and the last where they are many."""
+    return ", ".join((*names[:3], "...", names[-1]) if len(names) > SHOWN else names)
+
+
+def check_residual(
+    what: str,
+    symbol: str,
+    names: tuple[str, ...],
+    value: np.ndarray,
+    limit: np.ndarray,
+    t: float,
+    hint: str,
+) -> None:
+    """Refuse values of constraints at the start that are not finite or over their limits."""
+    if not np.isfinite(value).all():
+        k = int(np.argmin(np.isfinite(value)))
+        raise ValueError(
+            hinted(
+                f"the {what} '{names[k]}' is {value[k]} at the start, t = {t:g}",
+                "look for a division by zero, a root or a logarithm of the model there",
+            )
+        )
+    over = np.abs(value) - limit
+    k = int(np.argmax(over))
+    if not over[k] <= 0:
+        raise ValueError(
+            hinted(
+                f"start violates the {what} '{names[k]}': |{symbol}| = {abs(value[k]):.1e} "
+                f"at t = {t:g}, wanted at most {limit[k]:.1e}",
+                hint,
+            )
+        )

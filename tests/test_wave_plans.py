@@ -1,0 +1,238 @@
+"""Plans of wave functions before they run: bounds of errors, tolerances, and fewest products."""
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from mpmath import mp
+
+import liouville as lv
+from liouville.planner.waves.ladder import ROUNDOFF, SHORTER, cheapest, ladder
+from liouville.problems import load
+
+METHODS = {
+    "auto": lv.SchrodingerSplitting,
+    "fast": lambda tol: lv.SchrodingerSplitting(tol, "fast"),
+    "stable": lambda tol: lv.SchrodingerSplitting(tol, "stable"),
+    "Chebyshev": lv.Chebyshev,
+}
+SEEDS = st.integers(0, 2**32 - 1)
+
+#: A spectrum of half width 1 around 0.
+UNIT = lv.Schrodinger(np.diag([-1.0, 1.0]), bounds=(-1.0, 1.0))
+
+
+def eigen(system):
+    """Return energies and eigenvectors of H / hbar, in the user's components."""
+    n = system.hamiltonian.size
+    matrix = np.array([system.hamiltonian.multiply(row) for row in np.eye(n)])
+    energies, vectors = np.linalg.eigh(matrix)
+    return energies, system.outward(vectors.T.copy()).T
+
+
+def exact(matrix, t, psi):
+    """Return a state at a time by eigenvectors in 40 digits."""
+    with mp.workdps(40):
+        energies, vectors = mp.eigsy(mp.matrix(matrix.tolist()))
+        start = vectors.T * mp.matrix(psi.tolist())
+        turned = [mp.expj(-e * mp.mpf(t)) * c for e, c in zip(energies, start, strict=True)]
+        return np.array([complex(c) for c in vectors * mp.matrix(turned)])
+
+
+def random_state(rng, n):
+    psi = rng.normal(size=n) + 1j * rng.normal(size=n)
+    return psi / np.linalg.norm(psi)
+
+
+@settings(max_examples=60)
+@given(
+    seed=SEEDS,
+    n=st.integers(2, 6),
+    theta=st.floats(0.0, 3.0).map(lambda x: 10**x),
+    tol=st.integers(3, 11).map(lambda k: 10.0**-k),
+    method=st.sampled_from(sorted(METHODS)),
+    shift=st.sampled_from([0.0, 0.0, 3.0]),
+    is_backward=st.booleans(),
+)
+def test_the_error_is_never_above_the_bound_and_the_bound_not_above_the_tolerance(
+    seed, n, theta, tol, method, shift, is_backward
+):
+    rng = np.random.default_rng(seed)
+    matrix = rng.normal(size=(n, n))
+    matrix = matrix + matrix.T + shift * np.eye(n)
+    system = lv.Schrodinger(matrix)
+    t = float(theta / (np.ptp(system.bounds) / 2)) * (-1 if is_backward else 1)
+    psi = random_state(rng, n)
+    try:
+        solution = lv.integrate(system, METHODS[method](tol), t=(0.0, t), psi=psi)
+    except ValueError as refused:
+        assert "reach" in str(refused)  # noqa: PT017
+        assert tol < 1e-9
+        return
+    error = np.linalg.norm(solution.psi[-1] - exact(matrix, t, psi))
+    assert error <= solution.stats["bound"] <= tol
+
+
+@settings(max_examples=25)
+@given(
+    seed=SEEDS,
+    times=st.lists(st.floats(0.05, 40.0), min_size=1, max_size=6, unique=True).map(sorted),
+    tol=st.integers(3, 11).map(lambda k: 10.0**-k),
+    method=st.sampled_from(sorted(METHODS)),
+)
+def test_the_bound_holds_at_each_of_many_uneven_times(seed, times, tol, method):
+    rng = np.random.default_rng(seed)
+    system = lv.Schrodinger(lv.Lattice(12, potential=rng.normal(size=12)))
+    energies, vectors = eigen(system)
+    psi = random_state(rng, 12)
+    solution = lv.integrate(system, METHODS[method](tol), t=[0.0, *times], psi=psi)
+    wanted = [vectors @ (np.exp(-1j * energies * t) * (vectors.T @ psi)) for t in times]
+    errors = np.linalg.norm(solution.psi[1:] - np.array(wanted), axis=1)
+    # eigenvectors and energies in double precision are off by a few units
+    assert errors.max() <= solution.stats["bound"] + 1e-13 <= tol + 1e-13
+
+
+@settings(max_examples=25)
+@given(
+    seed=SEEDS,
+    theta=st.sampled_from([2.0, 20.0, 200.0]),
+    tol=st.integers(3, 10).map(lambda k: 10.0**-k),
+    dimension=st.integers(8, 30),
+)
+def test_lanczos_keeps_to_its_tolerance(seed, theta, tol, dimension):
+    rng = np.random.default_rng(seed)
+    system = lv.Schrodinger(lv.Lattice(60, potential=rng.normal(size=60)))
+    energies, vectors = eigen(system)
+    t = theta / (np.ptp(energies) / 2)
+    psi = random_state(rng, 60)
+    solution = lv.integrate(system, lv.Lanczos(tol, dimension), t=(0.0, t), psi=psi)
+    wanted = vectors @ (np.exp(-1j * energies * t) * (vectors.T @ psi))
+    assert np.linalg.norm(solution.psi[-1] - wanted) <= tol
+
+
+PROBLEMS = ("harmonic_oscillator", "poschl_teller", "tight_binding", "heisenberg")
+
+
+@pytest.mark.parametrize("name", PROBLEMS)
+@pytest.mark.parametrize(("method", "slack"), [("fast", 2), ("stable", 2), ("Chebyshev", 4)])
+def test_the_bound_is_not_much_above_the_error_of_the_worst_state(name, method, slack):
+    problem = load(name)
+    energies, vectors = eigen(problem.system)
+    t = problem.interval[1] - problem.interval[0]
+    for tol in (1e-4, problem.tol):
+        plan = lv.plan(problem.system, METHODS[method](tol), t=problem.interval)
+        starts = np.concatenate([vectors.T, 1j * vectors.T])
+        ends = lv.ensemble(problem.system, plan, t=problem.interval, psi=starts).psi[-1]
+        turned = np.exp(-1j * np.tile(energies, 2) * t)[:, None] * starts
+        first, second = np.split(ends - turned, 2)
+        # on each eigenvector the error is a real 2 x 2 matrix, and the worst state is one of them
+        pairs = np.stack([first.view(float), second.view(float)], axis=-1)
+        worst = np.linalg.norm(pairs, ord=2, axis=(1, 2)).max()
+        assert worst <= plan.bound < slack * worst, (tol, plan.scheme)
+
+
+@pytest.mark.parametrize("name", [*PROBLEMS, "lattice2d"])
+def test_the_bound_is_within_ten_times_the_error_of_the_problem(name):
+    problem = load(name)
+    t = problem.interval[1] - problem.interval[0]
+    energies, vectors = eigen(problem.system)
+    psi = np.asarray(problem.start["psi"])
+    wanted = vectors @ (np.exp(-1j * energies * t) * (vectors.T @ psi))
+    for method in ("auto", "stable", "Chebyshev"):
+        solution = lv.integrate(
+            problem.system, METHODS[method](problem.tol), t=problem.interval, psi=psi
+        )
+        error = np.linalg.norm(solution.psi[-1] - wanted)
+        # below 1e-12 it is that of roundings, which seldom add up
+        assert error <= solution.stats["bound"] < max(10 * error, 1e-12), method
+
+
+@pytest.mark.parametrize("mode", ["auto", "fast", "stable"])
+@pytest.mark.parametrize("theta", [20.0, 50.0, 100.0, 200.0, 500.0, 1e3, 1e4])
+def test_a_splitting_takes_fewer_products_than_a_series(theta, mode):
+    for tol in 10.0 ** -np.arange(3, 11):
+        splitting = lv.plan(UNIT, METHODS[mode](tol), t=(0.0, theta))
+        series = lv.plan(UNIT, lv.Chebyshev(tol), t=(0.0, theta))
+        assert "splitting" in splitting.scheme
+        assert splitting.products < series.products, tol
+        assert splitting.products >= theta / 2  # which no splitting can do better
+
+
+@pytest.mark.parametrize("interval", [20.0, 50.0])
+def test_many_output_times_cost_a_series_more_than_a_splitting(interval):
+    times = interval * np.arange(21)
+    for tol in (1e-3, 1e-6, 1e-9):
+        plans = {name: lv.plan(UNIT, METHODS[name](tol), t=times) for name in METHODS}
+        assert plans["Chebyshev"].products > 1.1 * plans["stable"].products
+
+
+def test_products_are_those_of_the_plan():
+    chain = load("tight_binding").system
+    psi = random_state(np.random.default_rng(0), 50)
+    for method in METHODS.values():
+        for t in ((0.0, 30.0), (0.0, 1.0, 2.5, 30.0)):
+            plan = lv.plan(chain, method(1e-6), t=t)
+            solution = lv.integrate(chain, plan, t=t, psi=psi)
+            assert solution.stats["products"] == plan.products
+
+
+def test_a_real_start_has_the_shorter_series_if_that_is_the_cheaper():
+    end, many = (0.0, 200.0), np.linspace(0.0, 200.0, 11)
+    for t, is_series in ((end, True), (many, False)):
+        real = lv.plan(UNIT, METHODS["auto"](1e-6), t=t, psi=[1.0, 2.0])
+        either = lv.plan(UNIT, METHODS["auto"](1e-6), t=t)
+        assert "splitting" in either.scheme
+        assert ("Chebyshev" in real.scheme) == is_series
+        assert (real.products < either.products) == is_series
+
+
+def bound(rung, x, steps):
+    places = np.flatnonzero(rung.fractions * rung.theta * (1 + 1e-12) >= x)
+    if not places.size:
+        return np.inf
+    k = places[0]
+    found = np.expm1(min(700.0, steps * np.log1p(rung.err[k])))
+    if rung.stable:
+        found = min(found, steps * rung.dphi[k] + rung.kappa[k] + rung.kappa[k] ** 2 / 2)
+    return found + ROUNDOFF * np.sqrt(steps) * rung.gain
+
+
+@settings(max_examples=100)
+@given(
+    thetas=st.lists(st.floats(0.01, 500.0), min_size=1, max_size=4),
+    tol=st.floats(2.0, 12.0).map(lambda k: 10**-k),
+    stable=st.booleans(),
+)
+def test_the_choice_is_the_cheapest_of_all(thetas, tol, stable):
+    best = np.inf
+    for rung in ladder():
+        for shorter in SHORTER if rung.stable or not stable else ():
+            counts = [max(1, int(np.ceil(x * shorter / rung.theta))) for x in thetas]
+            longest = max(x / count for x, count in zip(thetas, counts, strict=True))
+            if bound(rung, longest, sum(counts)) <= tol:
+                best = min(best, rung.n * sum(counts))
+    found = cheapest(np.array(thetas), tol, stable)
+    assert (np.inf if found is None else found.shears) == best
+    if found is not None:
+        assert found.bound <= tol
+        assert found.rung.stable or not stable
+        assert (np.array(thetas) <= found.steps * found.rung.theta * (1 + 1e-12)).all()
+
+
+def test_beyond_fifty_steps_a_stable_method_is_taken():
+    few, many = (lv.plan(UNIT, METHODS["auto"](1e-3), t=(0.0, theta)) for theta in (400.0, 1e4))
+    assert few.steps <= 50 < many.steps
+    assert "fast" in few.scheme
+    assert "stable" in many.scheme
+
+
+def test_what_no_splitting_reaches_is_a_series_and_said_so():
+    short, tol = (0.0, 3.0), 1e-14
+    plan = lv.plan(UNIT, METHODS["auto"](tol), t=short)
+    assert "Chebyshev" in plan.scheme
+    assert "no splitting reaches" in str(plan)
+    for mode in ("fast", "stable"):
+        with pytest.raises(ValueError, match=rf"no {mode} splitting reaches tol = 1e-14.*\nhint"):
+            lv.plan(UNIT, METHODS[mode](tol), t=short)
+    with pytest.raises(ValueError, match=r"tol = 1e-13 is out of reach: .*\nhint: give tol of"):
+        lv.plan(UNIT, METHODS["auto"](1e-13), t=(0.0, 300.0))
