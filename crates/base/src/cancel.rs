@@ -1,4 +1,4 @@
-//! Long steps ask now and then whether somebody has lost cancel.
+//! Cooperative cancellation: long steps poll a flag.
 
 use std::sync::Arc;
 use std::time::{Duration, Instant};

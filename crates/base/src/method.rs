@@ -3,7 +3,7 @@
 use crate::checkpoint::Checkpoint;
 use crate::error::StepError;
 
-/// What a stepper has done so far.
+/// The work of a stepper so far.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Stats {
     /// Corrections of the stage equations.
@@ -67,7 +67,7 @@ impl<S> Copy for Step<'_, S> {}
 
 /// A method at work on a problem.
 pub trait Stepper: Checkpoint {
-    /// What it advances.
+    /// The state that it advances.
     type State: Checkpoint;
 
     /// Advances `state` from `t` to `t + h`; on failure the state is as it was.
@@ -87,7 +87,7 @@ pub trait Stepper: Checkpoint {
     /// Forgets the step before: the next one starts cold.
     fn forget(&mut self) {}
 
-    /// What it has done so far.
+    /// The work so far.
     fn stats(&self) -> Stats;
 }
 

@@ -283,7 +283,7 @@ impl<const W: usize> Real for Lanes<W> {
     }
 }
 
-// Loops and no closures: what is not inlined is compiled without the instructions it is for.
+// Loops, not closures: a closure that is not inlined lacks the instruction set.
 macro_rules! lanewise {
     ($($operator:ident $name:ident $assigned:tt,)*) => {$(
         impl<const W: usize> $operator for Lanes<W> {

@@ -102,7 +102,7 @@ impl Run {
     }
 
     /// The members that failed: troubles with the member, and with the step and the time at its start unless it
-    /// was the start itself that could not be split_front.
+    /// was the start itself that could not be taken.
     fn failures<'py>(&self, py: Python<'py>) -> PyResult<Vec<Bound<'py, PyDict>>> {
         let told = |failure: Failure| {
             let dict = errors::error(py, &failure.error)?;

@@ -11,8 +11,10 @@ use liouville_base::real::Lanes;
 use liouville_base::run::{self, Advance, Fixed};
 use liouville_base::simd::Stored;
 use liouville_base::tableau::Scheme;
-use liouville_fields::problem::{Piece, Polynomials, Wave};
-use liouville_fields::volume::{Determinant, Direction, Observer, Plane, Section, Seen, Volume};
+use liouville_fields::problem::{CosineFactor, Piece, Polynomials};
+use liouville_fields::volume::{
+    Determinant, Direction, Observer, Plane, Section, UserVariables, Volume,
+};
 use numpy::{PyReadonlyArray1, PyReadonlyArray2, PyUntypedArrayMethods};
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
@@ -156,9 +158,9 @@ fn terms_of(
     Polynomials::new(rows, variables, &term_rows, coefficients, factors, width).map_err(refused)
 }
 
-fn waves_of(waves: &Waves<'_>) -> PyResult<Vec<Wave>> {
+fn waves_of(waves: &Waves<'_>) -> PyResult<Vec<CosineFactor>> {
     let wave = |(places, k, phase): &(Index<'_>, Values<'_>, f64)| {
-        Ok(Wave {
+        Ok(CosineFactor {
             places: convert::indices(places)?,
             k: k.as_slice()?.to_vec(),
             phase: *phase,
@@ -182,7 +184,7 @@ fn side_by_side<S: Stored>(x: &[&[f64]]) -> Vec<S> {
 struct Begin {
     split: Arc<liouville_fields::problem::Split>,
     scheme: &'static Scheme,
-    seen: Seen,
+    seen: UserVariables,
     observer: liouville_base::tape::Tape,
     params: Vec<f64>,
     /// (t0, t1, steps, every)
@@ -363,14 +365,14 @@ pub(crate) fn section_run<'py>(
 }
 
 /// The variables the user sees.
-fn seen_of(seen: &(usize, Option<PyReadonlyArray2<'_, f64>>), n: usize) -> PyResult<Seen> {
+fn seen_of(seen: &(usize, Option<PyReadonlyArray2<'_, f64>>), n: usize) -> PyResult<UserVariables> {
     let basis = match &seen.1 {
         Some(basis) => Some(basis.as_slice()?.to_vec()),
         None => None,
     };
     let fits = seen.0 <= n && basis.as_ref().is_none_or(|basis| basis.len() == n * n);
     if fits {
-        Ok(Seen { n: seen.0, basis })
+        Ok(UserVariables { n: seen.0, basis })
     } else {
         Err(malformed(n))
     }

@@ -1,5 +1,5 @@
 //! Registers of the vector unit.
-#![allow(clippy::inline_always)] // what is not inlined is compiled without the instructions it is for
+#![allow(clippy::inline_always)] // a call would lack the instruction set
 
 use crate::elementary::Register;
 use crate::real::{Number, number};
@@ -13,7 +13,7 @@ pub(super) struct RegisterBlock<S: Simd, const N: usize> {
     pub(super) registers: [S::f64s; N],
 }
 
-// Loops and no closures: what is not inlined is compiled without the instructions it is for.
+// Loops, not closures: a closure that is not inlined lacks the instruction set.
 macro_rules! operators {
     ($($operator:ident $name:ident $with:ident,)*) => {$(
         impl<S: Simd, const N: usize> $operator for RegisterBlock<S, N> {

@@ -1,5 +1,5 @@
 //! The views of stored numbers in registers.
-#![allow(clippy::inline_always)] // what is not inlined is compiled without the instructions it is for
+#![allow(clippy::inline_always)] // a call would lack the instruction set
 
 use super::block::RegisterBlock;
 use super::{ForEach, InstructionSet, Kernel, Number, SimdView, SimdViews, Stored};

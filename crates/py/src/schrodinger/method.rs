@@ -5,7 +5,7 @@ use liouville_base::method::Stepper;
 use liouville_base::simd::Stored;
 use liouville_base::tableau::{Purpose, Stable, Turn, split_program};
 use liouville_waves::method::{
-    Chebyshev, Exponential, Magnus, Nodes, Phases, Processed, Processor, Shears, Sweeper, Wave,
+    Chebyshev, Magnus, Nodes, Phases, Processed, Processor, ShearProgram, Shears, Sweeper, Wave,
     bessel,
 };
 use liouville_waves::problem::Hamiltonian;
@@ -49,7 +49,7 @@ pub(super) enum Lockstep {
     },
     Magnus {
         nodes: Nodes,
-        exponential: Exponential,
+        exponential: ShearProgram,
         bounds: Vec<(f64, f64)>,
     },
 }
@@ -131,7 +131,7 @@ impl Method {
 }
 
 impl Method {
-    /// What is split_front from the energies at all times.
+    /// What is taken from the energies at all times.
     pub(super) fn shift(&self) -> f64 {
         match self {
             Self::Lockstep(Lockstep::Shears { shift, .. } | Lockstep::Processed { shift, .. }) => {
@@ -224,7 +224,7 @@ fn magnus(method: &Bound<'_, PyTuple>, is_back: bool) -> PyResult<Lockstep> {
         } else {
             Nodes::gauss()
         },
-        exponential: Exponential {
+        exponential: ShearProgram {
             program: shears(coefficients.as_slice()?, is_back),
             theta,
             tolerance,

@@ -158,7 +158,7 @@ fn cut<'a>(program: &Program, point: &'a [[f64; 3]; 3]) -> [&'a [f64]; 3] {
 
 /// A program over again for each of many links, with its inputs and outputs side by side, parameters in
 /// common. Two of three operations of two operands are arithmetic, and of those some read the link before or
-/// one far back: there are sets of slots for half of the links, split_front in turn.
+/// one far back: there are sets of slots for half of the links, taken in turn.
 fn repeated(program: &Program, links: usize) -> Program {
     let [x, y, params] = program.sizes;
     let pool = program.lines.iter().map(|line| match *line {

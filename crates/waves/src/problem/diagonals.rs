@@ -14,7 +14,7 @@ const LONG: usize = 256;
 
 /// The value of a row at some distance from the diagonal.
 #[derive(Clone, Copy, Debug, PartialEq)]
-enum Source {
+enum DiagonalValue {
     /// The same number in every row.
     Constant(f64),
     /// `values[row + shift]`
@@ -23,14 +23,14 @@ enum Source {
 
 /// An entry of each row of a run.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) struct Entry {
+pub(super) struct DiagonalEntry {
     offset: isize,
-    source: Source,
+    source: DiagonalValue,
 }
 
 /// Rows with the same entries.
 #[derive(Clone, Debug)]
-struct Run {
+struct DiagonalRun {
     rows: Range<usize>,
     entries: Range<usize>,
 }
@@ -41,12 +41,12 @@ pub struct Diagonals {
     n: usize,
     reach: usize,
     values: Vec<f64>,
-    entries: Vec<Entry>,
-    runs: Vec<Run>,
+    entries: Vec<DiagonalEntry>,
+    runs: Vec<DiagonalRun>,
 }
 
 /// Rows that have an entry.
-type DiagonalPiece = (Range<usize>, Entry);
+type DiagonalPiece = (Range<usize>, DiagonalEntry);
 
 impl Diagonals {
     /// The matrix of n rows with H[i, i + d] = H[i + d, i] = `values[i]` for each (d, `values`).
@@ -117,11 +117,11 @@ fn add_pieces(
         let entry = |offset: isize, shift: isize| {
             let shift = first.cast_signed() + shift;
             let source = if is_long {
-                Source::Constant(values[rows.start])
+                DiagonalValue::Constant(values[rows.start])
             } else {
-                Source::Stored { shift }
+                DiagonalValue::Stored { shift }
             };
-            Entry { offset, source }
+            DiagonalEntry { offset, source }
         };
         pieces.push((rows.clone(), entry(distance, 0)));
         if offset > 0 {
@@ -132,7 +132,7 @@ fn add_pieces(
 }
 
 /// Cuts all rows into runs, of which those with the same entries share them.
-fn join(n: usize, pieces: &[DiagonalPiece]) -> (Vec<Entry>, Vec<Run>) {
+fn join(n: usize, pieces: &[DiagonalPiece]) -> (Vec<DiagonalEntry>, Vec<DiagonalRun>) {
     let mut starts: Vec<usize> = (0..pieces.len()).collect();
     starts.sort_by_key(|k| pieces[*k].0.start);
     let mut cuts: Vec<usize> = pieces.iter().flat_map(|(r, _)| [r.start, r.end]).collect();
@@ -149,38 +149,38 @@ fn join(n: usize, pieces: &[DiagonalPiece]) -> (Vec<Entry>, Vec<Run>) {
             next += 1;
         }
         active.sort_unstable_by_key(|k| pieces[*k].1.offset);
-        let of_run: Vec<Entry> = active.iter().map(|k| pieces[*k].1).collect();
-        let key: Vec<(isize, u64)> = of_run.iter().map(Entry::key).collect();
+        let of_run: Vec<DiagonalEntry> = active.iter().map(|k| pieces[*k].1).collect();
+        let key: Vec<(isize, u64)> = of_run.iter().map(DiagonalEntry::key).collect();
         let entries = known.entry(key).or_insert_with(|| {
             let first = entries.len();
             entries.extend(of_run);
             first..entries.len()
         });
         let entries = entries.clone();
-        runs.push(Run { rows, entries });
+        runs.push(DiagonalRun { rows, entries });
     }
     (entries, runs)
 }
 
-impl Entry {
+impl DiagonalEntry {
     /// The identity of an entry: a diagonal is stored or constant in a row, not both.
     fn key(&self) -> (isize, u64) {
         let bits = match self.source {
-            Source::Constant(value) => value.to_bits(),
-            Source::Stored { .. } => u64::MAX,
+            DiagonalValue::Constant(value) => value.to_bits(),
+            DiagonalValue::Stored { .. } => u64::MAX,
         };
         (self.offset, bits)
     }
 }
 
 impl MatrixRows for Diagonals {
-    type Stretch<'a> = &'a [Entry];
+    type Stretch<'a> = &'a [DiagonalEntry];
 
     #[inline(always)]
     fn stretches<'a>(
         &'a self,
         rows: Range<usize>,
-        mut visit: impl FnMut(Range<usize>, &'a [Entry]),
+        mut visit: impl FnMut(Range<usize>, &'a [DiagonalEntry]),
     ) {
         let first = self.runs.partition_point(|run| run.rows.end <= rows.start);
         for run in &self.runs[first..] {
@@ -196,7 +196,7 @@ impl MatrixRows for Diagonals {
     #[inline(always)]
     fn product<V: SimdView>(
         &self,
-        entries: &[Entry],
+        entries: &[DiagonalEntry],
         view: V,
         row: usize,
         x: Input<'_, V::Stored>,
@@ -217,15 +217,15 @@ impl Diagonals {
     #[inline(always)]
     fn term<V: SimdView>(
         &self,
-        entry: Entry,
+        entry: DiagonalEntry,
         view: V,
         row: usize,
         x: Input<'_, V::Stored>,
     ) -> V::Number {
         let x = x.load(view, row.wrapping_add_signed(entry.offset));
         match entry.source {
-            Source::Constant(value) => x.scaled(value),
-            Source::Stored { shift } => {
+            DiagonalValue::Constant(value) => x.scaled(value),
+            DiagonalValue::Stored { shift } => {
                 x * view.shared(&self.values, row.wrapping_add_signed(shift))
             }
         }

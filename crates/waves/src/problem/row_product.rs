@@ -4,7 +4,7 @@
 //! the registers of the machine and updates `out`.
 #![allow(clippy::inline_always)] // all of a kernel is compiled for one instruction set
 
-use super::{Block, Update};
+use super::{RowBlock, Update};
 use liouville_base::simd::{ForEach, InstructionSet, Kernel, Number, SimdView, SimdViews, Stored};
 use std::ops::Range;
 
@@ -83,7 +83,7 @@ pub(super) fn update_rows<M: MatrixRows, S: Stored>(
     matrix: &M,
     machine: InstructionSet,
     update: Update,
-    block: Block<'_, S>,
+    block: RowBlock<'_, S>,
 ) {
     let product = RowProduct {
         matrix,
@@ -96,7 +96,7 @@ pub(super) fn update_rows<M: MatrixRows, S: Stored>(
 struct RowProduct<'a, M, S> {
     matrix: &'a M,
     update: Update,
-    block: Block<'a, S>,
+    block: RowBlock<'a, S>,
 }
 
 impl<M: MatrixRows, S> Kernel<S> for RowProduct<'_, M, S> {
@@ -104,7 +104,7 @@ impl<M: MatrixRows, S> Kernel<S> for RowProduct<'_, M, S> {
 
     #[inline(always)]
     fn run<W: SimdViews<Stored = S>>(self, views: W) {
-        let Block { row, out, place, x } = self.block;
+        let RowBlock { row, out, place, x } = self.block;
         let (matrix, update, x) = (self.matrix, self.update, Input { place, x });
         matrix.stretches(
             row..row + out.len(),

@@ -2,7 +2,7 @@
 
 use super::row_product::update_rows;
 use super::rows::ListedRows;
-use super::{Block, Diagonals, Update};
+use super::{Diagonals, RowBlock, Update};
 use liouville_base::linalg::Rows;
 use liouville_base::simd::{InstructionSet, Stored};
 use std::collections::HashMap;
@@ -84,17 +84,17 @@ impl Sparse {
         &self,
         machine: InstructionSet,
         update: Update,
-        block: Block<'_, S>,
+        block: RowBlock<'_, S>,
     ) {
-        let Block { row, out, place, x } = block;
-        let diagonals = Block {
+        let RowBlock { row, out, place, x } = block;
+        let diagonals = RowBlock {
             row,
             out: &mut *out,
             place,
             x,
         };
         update_rows(&self.diagonals, machine, update, diagonals);
-        let rest = Block { row, out, place, x };
+        let rest = RowBlock { row, out, place, x };
         update_rows(&self.rest, machine, Update::added(update.factor), rest);
     }
 }

@@ -129,7 +129,11 @@ impl MatrixRows for Full {
     type Stretch<'a> = IsEdge;
 
     #[inline(always)]
-    fn stretches<'a>(&'a self, rows: Range<usize>, mut visit: impl FnMut(Range<usize>, IsEdge)) {
+    fn stretches<'a>(
+        &'a self,
+        rows: Range<usize>,
+        mut visit: impl FnMut(Range<usize>, Self::Stretch<'a>),
+    ) {
         let mut start = rows.start;
         while start < rows.end {
             let group = start / GROUP;

@@ -8,7 +8,7 @@ mod full;
 mod sector;
 
 use super::row_product::update_rows;
-use super::{Block, Update};
+use super::{RowBlock, Update};
 use full::Full;
 use liouville_base::simd::{InstructionSet, Stored};
 use sector::Sector;
@@ -111,7 +111,7 @@ impl Spins {
         &self,
         machine: InstructionSet,
         update: Update,
-        block: Block<'_, S>,
+        block: RowBlock<'_, S>,
     ) {
         match &self.0 {
             Space::Full(full) => update_rows(full, machine, update, block),
