@@ -71,7 +71,7 @@ class Section:
         return self.t.size
 
     def __repr__(self) -> str:
-        """Tell how many crossings of how many trajectories."""
+        """Return how many crossings of how many trajectories."""
         return f"<Section {self.status}: {len(self)} crossings of {self.members} trajectories>"
 
 

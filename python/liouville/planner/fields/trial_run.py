@@ -19,7 +19,7 @@ REFERENCE, FINER = "SS8s21", 4
 #: States of a trial run, and its steps.
 STATES, STEPS = 32, 4
 
-#: What an exponential or a logarithm costs, in multiplications.
+#: The cost of an exponential or a logarithm, in multiplications.
 FUNCTION = 20
 
 

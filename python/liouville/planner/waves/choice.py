@@ -49,7 +49,7 @@ class Span:
 
     @property
     def roundoff(self) -> float:
-        """What the last digits of the energies make of the phase, whatever the method."""
+        """The error of the phase by roundoff of the energies, for any method."""
         low, high = self.bounds
         return PHASE * ROUNDOFF * max(abs(low), abs(high)) * float(self.intervals.sum())
 

@@ -10,7 +10,7 @@ import numpy as np
 from liouville import _core
 from liouville.systems import Schrodinger
 
-#: So many real products are timed of either kind, after as many that are not.
+#: Real products that are timed of either kind, after as many to warm up.
 PRODUCTS = 16
 
 #: For runs of fewer products measuring is not worth its time, and this is taken: 1 to 2 were seen.
@@ -23,7 +23,7 @@ _measured: WeakKeyDictionary[Schrodinger, float] = WeakKeyDictionary()
 
 
 def series_cost(system: Schrodinger, products: float) -> float:
-    """Say how much longer a product takes in a Chebyshev series than in a splitting, in quarters.
+    """Return the time of a product in a Chebyshev series over that in a splitting, in quarters.
 
     A series adds up its terms, which shows where products are as fast as adding vectors. For a run
     of many `products` it is measured, once for a system.

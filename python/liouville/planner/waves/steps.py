@@ -21,7 +21,7 @@ from liouville.planner.waves.ladder import cheapest
 from liouville.planner.waves.plan import WavePlan
 from liouville.systems import Schrodinger
 
-#: So many times are looked at for the largest width of the spectrum of H(t).
+#: Times at which the width of the spectrum of H(t) is taken, for its largest.
 LOOKS = 33
 
 #: The norm may be off by so much, ...
@@ -29,7 +29,7 @@ NORM = 1e-6
 #: ... and by so many times it where a step is not close to unitary but only its powers are bounded.
 LOOSE = 10.0
 
-#: So much of the longest stable step is taken at most.
+#: The longest step taken, in units of the longest stable one.
 LONGEST = 0.99
 
 Stops = Sequence[tuple[float, int]]
