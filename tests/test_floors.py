@@ -191,7 +191,7 @@ def defined_twice(sources):
     return {name: files for name, files in places.items() if len(files) > 1}
 
 
-@pytest.mark.parametrize("crate", ["base", "fields", "mechanics", "py", "waves"])
+@pytest.mark.parametrize("crate", ["base", "fields", "fourier", "mechanics", "py", "waves"])
 def test_a_type_name_is_defined_once_in_a_crate(crate):
     folder = CRATES / crate / "src"
     files = {str(p.relative_to(folder)): p.read_text("utf-8") for p in folder.rglob("*.rs")}

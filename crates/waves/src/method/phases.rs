@@ -6,7 +6,6 @@
 //! flow of V visits them one by one.
 
 use super::{Wave, check_norm};
-use crate::problem::fourier::{self, Complex};
 use crate::problem::{Hamiltonian, HamiltonianAt, Kinetic, Operator, RowBlock, Update};
 use liouville_base::cancel::CancelToken;
 use liouville_base::checkpoint::Checkpoint;
@@ -14,6 +13,7 @@ use liouville_base::composition::{Flow, Parts};
 use liouville_base::error::StepError;
 use liouville_base::method::Stats;
 use liouville_base::simd::{ForEach, InstructionSet, Kernel, Number, SimdView, SimdViews, Stored};
+use liouville_fourier::{Complex, FourierScratch};
 use std::sync::Arc;
 
 /// Part 0 is T, part 1 is V.
@@ -32,7 +32,7 @@ pub struct Phases {
     potential_phases: Vec<PotentialPhases>,
     psi: Vec<Complex>,
     cos_sin: [Vec<f64>; 2],
-    memory: fourier::FourierScratch,
+    memory: FourierScratch,
     made: usize,
 }
 
@@ -80,7 +80,7 @@ impl Phases {
             cancel: CancelToken::default(),
             kinetic_phases: Vec::with_capacity(KEPT),
             potential_phases: Vec::new(),
-            memory: fourier::FourierScratch::default(),
+            memory: FourierScratch::default(),
             made: 0,
             hamiltonian,
             kinetic,

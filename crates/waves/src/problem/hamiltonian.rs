@@ -1,9 +1,9 @@
 //! A Hamiltonian as a weighted sum of its terms.
 
-use super::fourier::FourierScratch;
 use super::{Drive, HamiltonianAt, Operator, Potential, Product, RowBlock, Update};
 use liouville_base::error::StepError;
 use liouville_base::simd::{InstructionSet, Stored};
+use liouville_fourier::FourierScratch;
 
 /// The terms H_k, read-only, and their dependence on time: H(t) = Σ f_k(t) H_k + V(t).
 #[derive(Clone)]

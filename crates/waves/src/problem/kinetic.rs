@@ -6,8 +6,8 @@
 //! the work of a complex one.
 
 use super::Update;
-use super::fourier::{Complex, FourierScratch, Grid, RealGrid, padded};
 use liouville_base::simd::Stored;
+use liouville_fourier::{Complex, FourierScratch, Grid, RealGrid, padded};
 
 /// Tolerance of differences between the energies of k and −k, relative to the largest.
 const EVEN: f64 = 1e-12;

@@ -7,7 +7,6 @@
 mod dense;
 mod diagonals;
 mod drive;
-pub mod fourier;
 mod hamiltonian;
 mod hamiltonian_at;
 mod kinetic;

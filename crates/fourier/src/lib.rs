@@ -19,9 +19,9 @@ const LINES: usize = 8;
 #[derive(Clone, Debug, Default)]
 pub struct FourierScratch {
     /// The transform of a real array.
-    pub(super) spectrum: Vec<Complex>,
+    spectrum: Vec<Complex>,
     /// A line of numbers.
-    pub(super) line: Vec<f64>,
+    line: Vec<f64>,
     tiles: FourierTiles,
 }
 
@@ -137,7 +137,10 @@ impl AxisTransform {
 }
 
 /// Number of points along each of three axes, one for an absent axis.
-pub(super) fn padded(shape: &[usize]) -> [usize; 3] {
+///
+/// # Panics
+/// When there are no axes, or more than three.
+pub fn padded(shape: &[usize]) -> [usize; 3] {
     assert!((1..=3).contains(&shape.len()), "number of axes");
     let mut all = [1; 3];
     // a grid of two axes has the outermost one and the last
@@ -148,7 +151,7 @@ pub(super) fn padded(shape: &[usize]) -> [usize; 3] {
 
 /// Transforms of real arrays.
 #[derive(Clone)]
-pub(super) struct RealGrid {
+pub struct RealGrid {
     length: usize,
     forward: Arc<dyn RealToComplex<f64>>,
     inverse: Arc<dyn ComplexToReal<f64>>,
@@ -158,7 +161,8 @@ pub(super) struct RealGrid {
 }
 
 impl RealGrid {
-    pub(super) fn new([n0, n1, n2]: [usize; 3]) -> Self {
+    /// Transforms of grids with so many points along each axis.
+    pub fn new([n0, n1, n2]: [usize; 3]) -> Self {
         let (mut real, mut complex) = (RealFftPlanner::new(), FftPlanner::new());
         let half = n2 / 2 + 1;
         Self {
@@ -173,7 +177,7 @@ impl RealGrid {
 
     /// Transforms lines that `read` writes, given their place, multiplies by `factor` of the places along the outermost
     /// axis and in a plane, transforms back, and gives each line to `write`.
-    pub(super) fn multiply(
+    pub fn multiply(
         &self,
         memory: &mut FourierScratch,
         lines: usize,
@@ -238,7 +242,8 @@ pub struct Grid {
 }
 
 impl Grid {
-    pub(super) fn new([n0, n1, n2]: [usize; 3]) -> Self {
+    /// Transforms of grids with so many points along each axis.
+    pub fn new([n0, n1, n2]: [usize; 3]) -> Self {
         let mut planner = FftPlanner::new();
         Self {
             last: LineTransform::new(&mut planner, n2),
