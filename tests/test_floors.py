@@ -165,3 +165,42 @@ def test_a_module_that_reaches_up_is_seen():
     assert climbs(CORE_FLOORS, "tape", "tableau")
     assert not climbs(CORE_FLOORS, "method", "tape")
     assert climbs(PACKAGE_FLOORS, "solution", "plot")
+
+
+CRATES = ROOT / "crates"
+TYPE_DEFINITION = re.compile(
+    r"^(?:pub(?:\([^)]*\))? )?(?:struct|enum|trait|type|union) (\w+)", re.MULTILINE
+)
+# names with two definitions in a crate that are still to be told apart
+TYPE_NAMES_LEFT = {
+    "base": {"Block", "Elimination", "Product", "Rows"},
+    "mechanics": {
+        *("Attempt", "Eliminated", "Frozen", "Model", "Observer", "Patterns", "Point"),
+        *("Reactions", "Solve", "Solver", "Stages", "State", "Step"),
+    },
+    "py": {"Asked", "Begin", "Rows", "Values"},
+}
+
+
+def defined_twice(sources):
+    """Return the type names that are defined more than once, with the files that define them."""
+    places = {}
+    for file, text in sources.items():
+        for name in TYPE_DEFINITION.findall(text):
+            places.setdefault(name, []).append(file)
+    return {name: files for name, files in places.items() if len(files) > 1}
+
+
+@pytest.mark.parametrize("crate", ["base", "fields", "fourier", "mechanics", "py", "waves"])
+def test_a_type_name_is_defined_once_in_a_crate(crate):
+    folder = CRATES / crate / "src"
+    files = {str(p.relative_to(folder)): p.read_text("utf-8") for p in folder.rglob("*.rs")}
+    assert files, f"crates/{crate}/src has no sources"
+    left = TYPE_NAMES_LEFT.get(crate, set())
+    bad = {name: found for name, found in defined_twice(files).items() if name not in left}
+    assert not bad, f"crates/{crate} defines types of one name twice: {bad}"
+
+
+def test_a_type_name_defined_twice_is_seen():
+    sources = {"a.rs": "pub(super) struct Step<S> {", "b.rs": "enum Step {\n    type Output = u8;"}
+    assert defined_twice(sources) == {"Step": ["a.rs", "b.rs"]}

@@ -1,39 +1,39 @@
-//! Cooperative cancellation: long steps poll a flag at least every 40 ms.
+//! Cooperative cancellation: long steps poll a flag.
 
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
-/// The time between two polls.
-const INTERVAL: Duration = Duration::from_millis(40);
+/// How long a step goes on without asking.
+const BETWEEN: Duration = Duration::from_millis(40);
 
-/// A flag that asks for a step to stop; clones share it.
+/// Asks whether to stop, but not too often; clones ask the same.
 #[derive(Clone)]
 pub struct CancelToken {
-    poll: Arc<dyn Fn() -> bool + Send + Sync>,
-    polled: Instant,
+    is_cancelled: Arc<dyn Fn() -> bool + Send + Sync>,
+    asked: Instant,
 }
 
 impl CancelToken {
-    /// A token that is cancelled when `poll` returns true.
-    pub fn new(poll: impl Fn() -> bool + Send + Sync + 'static) -> Self {
+    /// CancelToken that lasts until `is_cancelled` says otherwise.
+    pub fn new(is_cancelled: impl Fn() -> bool + Send + Sync + 'static) -> Self {
         Self {
-            poll: Arc::new(poll),
-            polled: Instant::now(),
+            is_cancelled: Arc::new(is_cancelled),
+            asked: Instant::now(),
         }
     }
 
-    /// Whether the step is to stop.
+    /// Whether to stop.
     pub fn is_cancelled(&mut self) -> bool {
-        if self.polled.elapsed() < INTERVAL {
+        if self.asked.elapsed() < BETWEEN {
             return false;
         }
-        self.polled = Instant::now();
-        (self.poll)()
+        self.asked = Instant::now();
+        (self.is_cancelled)()
     }
 }
 
 impl Default for CancelToken {
-    /// A token that is never cancelled.
+    /// It lasts for ever.
     fn default() -> Self {
         Self::new(|| false)
     }

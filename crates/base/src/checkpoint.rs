@@ -59,7 +59,7 @@ macro_rules! checkpoint {
 #[error("what was saved is of another run")]
 pub struct CheckpointMismatch;
 
-/// The first `count` numbers of what was saved.
+/// The first `count` of the saved numbers.
 ///
 /// # Errors
 /// There are not so many left.

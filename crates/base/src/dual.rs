@@ -1,17 +1,17 @@
 //! Dual numbers: a value and its derivatives along eight directions at once.
 //!
 //!     f(a + ε u) = f(a) + ε f'(a) u,   ε² = 0
-#![allow(clippy::inline_always)] // as other numbers, they vanish into the loop around them
+#![allow(clippy::inline_always)] // an operation must vanish into the loop around it
 
 use crate::elementary;
-use crate::real::Scalar;
-use crate::simd::{InstructionSet, Kernel, Number, ScalarViews, Stored};
+use crate::real::{Number, Scalar};
+use crate::simd::{InstructionSet, Kernel, ScalarViews, Stored};
 use std::ops::{Add, Div, Mul, Sub};
 
 /// How many directions a dual number has.
 pub const DIRECTIONS: usize = 8;
 
-/// A value, and how fast it changes along each direction.
+/// A value and its derivatives along each direction.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Dual {
     /// The value.
@@ -21,7 +21,7 @@ pub struct Dual {
 }
 
 impl Dual {
-    /// A value that does not change.
+    /// A value whose derivatives are zero.
     pub const fn constant(value: f64) -> Self {
         Self {
             value,
@@ -128,7 +128,7 @@ impl Number for Dual {
     fn is_below(self, bound: f64) -> bool {
         self.value.is_below(bound)
     }
-    /// Derivatives may be anything: who uses them looks.
+    /// Derivatives are not looked at.
     fn is_finite(self) -> bool {
         self.value.is_finite()
     }

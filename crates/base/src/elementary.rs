@@ -8,7 +8,7 @@
 
 use std::ops::{Add, Div, Mul, Sub};
 
-/// A number, or several in lock-step, whose bits can be looked at.
+/// A number, or several in lock-step, with access to the bits.
 pub trait Register:
     Copy + Add<Output = Self> + Sub<Output = Self> + Mul<Output = Self> + Div<Output = Self>
 {
@@ -22,7 +22,7 @@ pub trait Register:
     fn bits_like(self, bits: u64) -> Self::Bits;
     /// The bits of this.
     fn bits(self) -> Self::Bits;
-    /// What has these bits.
+    /// The number with these bits.
     #[must_use]
     fn with_bits(self, bits: Self::Bits) -> Self;
     /// a + b, wrapping.
@@ -130,7 +130,7 @@ fn power_of_two<R: Register>(x: R, k: R::Bits, shift: i64) -> R {
     x.with_bits(x.up::<MANTISSA_BITS>(biased))
 }
 
-/// The nearest integer, and what has it in the low bits.
+/// The nearest integer, and a number that has it in the low bits.
 #[inline(always)]
 fn rounded<R: Register>(x: R) -> (R, R::Bits) {
     let shifted = x + x.like(ROUND);
@@ -215,7 +215,7 @@ pub fn ln_1p<R: Register>(x: R) -> R {
     let half_square = x.like(0.5) * f * f;
     let small = s * (half_square + series) + (k * x.like(LN2[1]) + (lost - lost * f));
     let value = k * x.like(LN2[0]) - ((half_square - small) - f);
-    // the ends: ln 0, the logarithm of a negative number, of infinity, of what is none
+    // special values: ln 0, and the logarithms of negative numbers, infinity and NaN
     let infinity = x.like(f64::INFINITY);
     let value = x.if_less(infinity, value, x);
     let end = x.if_less(x.like(-1.0), x.like(f64::NAN), x * infinity);

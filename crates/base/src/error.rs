@@ -1,4 +1,4 @@
-//! What can go wrong in a step, in numbers; the front end adds the user's names.
+//! Errors of a step, in numbers; the front end adds the user's names.
 
 /// A function of the user's model.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -95,7 +95,7 @@ pub enum StepError {
 }
 
 impl StepError {
-    /// Whose error it is among several, where that is known.
+    /// The same error of one member among several.
     pub fn member(&self) -> Option<usize> {
         match self {
             Self::Singular { member, .. }

@@ -3,7 +3,7 @@
 use crate::checkpoint::Checkpoint;
 use crate::error::StepError;
 
-/// Statistics of a stepper.
+/// The work of a stepper so far.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Stats {
     /// Corrections of the stage equations.
@@ -87,7 +87,7 @@ pub trait Stepper: Checkpoint {
     /// Forgets the step before: the next one starts cold.
     fn forget(&mut self) {}
 
-    /// Its statistics so far.
+    /// The work so far.
     fn stats(&self) -> Stats;
 }
 

@@ -16,7 +16,7 @@ impl Workers {
         pool.map(|pool| Self(Arc::new(pool)))
     }
 
-    /// Works on pieces of `size` of two arrays, of which the second may be empty; `work` is told where
+    /// Works on pieces of `size` of two arrays, of which the second may be empty; `work` is given the place where
     /// a piece begins.
     pub fn each<T: Send, F>(&self, size: usize, a: &mut [T], b: &mut [T], work: F)
     where

@@ -1,19 +1,20 @@
-//! The scalar traits and their types: `f64`, and several of them side by side.
+//! Numbers: `f64`, and several of them in lock-step.
 //!
-//! Lanes advance in lock-step: an operation on `Lanes` is the same operation on each `f64`, so a
-//! lane's result has the same bits as the scalar one. Plain arrays are enough for the compiler to
-//! use whatever vector width the target has.
+//! An operation on [`Lanes`] is the same operation on each `f64`, so a lane's result has the same bits as the scalar
+//! one. The compiler turns these loops over arrays into the vector instructions of the target.
 #![allow(clippy::inline_always)] // an operation on lanes must vanish into the loop around it
 #![allow(clippy::needless_range_loop)] // and be one that is sure to be unrolled
 
 use crate::checkpoint::{Checkpoint, CheckpointMismatch};
-use crate::elementary::{self, Register};
+use crate::elementary::Register;
 use std::ops::{Add, AddAssign, Div, Mul, MulAssign, Neg, Sub, SubAssign};
 
-/// What a state is made of: a number, or the same number of several trajectories.
+/// An element of a state: a number, or the same number of several trajectories.
 pub trait Scalar: Checkpoint + Copy + Send + Sync + 'static {
     /// How many trajectories advance in lock-step.
     const MEMBERS: usize;
+    /// Whether it is one: a branch on this constant is not compiled where it is not taken.
+    const IS_SINGLE: bool = Self::MEMBERS == 1;
 
     /// The same value for every member.
     fn splat(value: f64) -> Self;
@@ -31,18 +32,113 @@ pub trait Scalar: Checkpoint + Copy + Send + Sync + 'static {
     }
 }
 
-/// A real number, or several in lock-step.
+/// Arithmetic and elementary functions: of `f64`, lanes, registers, and dual numbers.
+pub trait Number:
+    Copy + Add<Output = Self> + Sub<Output = Self> + Mul<Output = Self> + Div<Output = Self>
+{
+    /// The same constant for all.
+    #[must_use]
+    fn like(self, value: f64) -> Self;
+    /// This times a constant.
+    #[must_use]
+    fn scaled(self, factor: f64) -> Self;
+    /// e^x
+    #[must_use]
+    fn exp(self) -> Self;
+    /// e^x - 1
+    #[must_use]
+    fn exp_m1(self) -> Self;
+    /// ln(1 + x)
+    #[must_use]
+    fn ln_1p(self) -> Self;
+    /// cos x
+    #[must_use]
+    fn cos(self) -> Self;
+    /// sin x
+    #[must_use]
+    fn sin(self) -> Self;
+    /// x^(-1/q) for x > 0 and q = 1, 2, 3.
+    #[must_use]
+    fn inverse_root(self, q: u32) -> Self;
+    /// Whether all values are finite and below a bound.
+    fn is_below(self, bound: f64) -> bool;
+    /// Whether all values are finite.
+    fn is_finite(self) -> bool;
+}
+
+/// The functions of a [`Number`] that follow from a [`Register`].
+macro_rules! number {
+    () => {
+        #[inline(always)]
+        fn like(self, value: f64) -> Self {
+            $crate::elementary::Register::like(self, value)
+        }
+        #[inline(always)]
+        fn scaled(self, factor: f64) -> Self {
+            self * $crate::elementary::Register::like(self, factor)
+        }
+        #[inline(always)]
+        fn exp(self) -> Self {
+            $crate::elementary::exp(self)
+        }
+        #[inline(always)]
+        fn exp_m1(self) -> Self {
+            $crate::elementary::exp_m1(self)
+        }
+        #[inline(always)]
+        fn ln_1p(self) -> Self {
+            $crate::elementary::ln_1p(self)
+        }
+        #[inline(always)]
+        fn cos(self) -> Self {
+            $crate::elementary::cos(self)
+        }
+        #[inline(always)]
+        fn sin(self) -> Self {
+            $crate::elementary::sin(self)
+        }
+        #[inline(always)]
+        fn inverse_root(self, q: u32) -> Self {
+            match q {
+                1 => $crate::elementary::Register::like(self, 1.0) / self,
+                2 => $crate::elementary::inverse_sqrt(self),
+                _ => $crate::elementary::inverse_cbrt(self),
+            }
+        }
+    };
+}
+pub(crate) use number;
+
+impl Number for f64 {
+    number!();
+    #[inline(always)]
+    fn is_below(self, bound: f64) -> bool {
+        (-Self::MAX..bound).contains(&self)
+    }
+    #[inline(always)]
+    fn is_finite(self) -> bool {
+        Self::is_finite(self)
+    }
+}
+
+impl<const W: usize> Number for Lanes<W> {
+    number!();
+    #[inline(always)]
+    fn is_below(self, bound: f64) -> bool {
+        self.all(
+            #[inline(always)]
+            |x| (-f64::MAX..bound).contains(&x),
+        )
+    }
+    #[inline(always)]
+    fn is_finite(self) -> bool {
+        self.all(f64::is_finite)
+    }
+}
+
+/// A real number of a state, or several in lock-step.
 pub trait Real:
-    Scalar
-    + Add<Output = Self>
-    + Sub<Output = Self>
-    + Mul<Output = Self>
-    + Mul<f64, Output = Self>
-    + Div<Output = Self>
-    + Neg<Output = Self>
-    + AddAssign
-    + SubAssign
-    + MulAssign
+    Scalar + Number + Mul<f64, Output = Self> + Neg<Output = Self> + AddAssign + SubAssign + MulAssign
 {
     /// Applies a scalar function lane by lane.
     #[must_use]
@@ -55,12 +151,6 @@ pub trait Real:
     fn each<const K: usize>(of: [Self; K], f: impl Fn([f64; K]) -> f64) -> Self;
     /// Whether it holds for every member.
     fn all(self, f: impl Fn(f64) -> bool) -> bool;
-    /// sin x
-    #[must_use]
-    fn sin(self) -> Self;
-    /// cos x
-    #[must_use]
-    fn cos(self) -> Self;
 
     /// `yes` where this is not zero, `no` where it is.
     #[inline(always)]
@@ -115,14 +205,6 @@ impl Real for f64 {
     #[inline(always)]
     fn all(self, f: impl Fn(f64) -> bool) -> bool {
         f(self)
-    }
-    #[inline(always)]
-    fn sin(self) -> Self {
-        elementary::sin(self)
-    }
-    #[inline(always)]
-    fn cos(self) -> Self {
-        elementary::cos(self)
     }
 }
 
@@ -199,17 +281,9 @@ impl<const W: usize> Real for Lanes<W> {
         }
         all
     }
-    #[inline(always)]
-    fn sin(self) -> Self {
-        elementary::sin(self)
-    }
-    #[inline(always)]
-    fn cos(self) -> Self {
-        elementary::cos(self)
-    }
 }
 
-// Loops and no closures: what is not inlined is compiled without the instructions it is for.
+// Loops, not closures: a closure that is not inlined lacks the instruction set.
 macro_rules! lanewise {
     ($($operator:ident $name:ident $assigned:tt,)*) => {$(
         impl<const W: usize> $operator for Lanes<W> {

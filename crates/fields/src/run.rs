@@ -1,7 +1,7 @@
 //! Runs of split fields: a split, a composition and a job become one run.
 
 use crate::problem::Split;
-use crate::volume::{Determinant, Observer, Plane, Section, Seen, Volume};
+use crate::volume::{Determinant, Observer, Plane, Section, UserVariables, Volume};
 use liouville_base::checkpoint::Checkpoint;
 use liouville_base::composition::Composed;
 use liouville_base::ensemble::{Ensemble, Layout};
@@ -55,7 +55,7 @@ pub struct Job {
     /// The number of members of an ensemble; none for a single run.
     pub members: Option<usize>,
     /// The variables of the user.
-    pub seen: Seen,
+    pub variables: UserVariables,
     /// From where to where; a section looks at every step.
     pub span: Span,
     /// Its records.
@@ -84,19 +84,21 @@ pub fn start(split: Arc<Split>, method: Method, job: Job) -> Result<Box<dyn Adva
 
 impl Job {
     fn check(&self, n: usize) -> Result<(), StartError> {
-        let Seen { n: seen, basis } = &self.seen;
+        let UserVariables { n: visible, basis } = &self.variables;
         let members = self.members.unwrap_or(1);
         let fits = self.x.len() == members * n
             && members > 0
             && self.span.steps > 0
             && self.span.every > 0
-            && *seen <= n
+            && *visible <= n
             && basis.as_ref().is_none_or(|basis| basis.len() == n * n)
             && match &self.recorded {
                 Recorded::Observables { tape, params, .. } => {
-                    tape.inputs() == [1, *seen, params.len()]
+                    tape.inputs() == [1, *visible, params.len()]
                 }
-                Recorded::Section(plane) => plane.normal.len() == *seen && self.members.is_some(),
+                Recorded::Section(plane) => {
+                    plane.normal.len() == *visible && self.members.is_some()
+                }
                 Recorded::Determinants => self.members.is_none(),
             };
         if fits {
@@ -138,7 +140,7 @@ impl Starter {
         let state = volume.state(&self.in_lanes(members));
         let observer = Observer::new(
             volume.clone(),
-            self.job.seen.clone(),
+            self.job.variables.clone(),
             members.len(),
             tape.clone(),
             params,
@@ -157,7 +159,7 @@ impl Starter {
         };
         let width = match &self.job.recorded {
             Recorded::Observables { tape, states, .. } => {
-                tape.outputs() + usize::from(*states) * self.job.seen.n
+                tape.outputs() + usize::from(*states) * self.job.variables.n
             }
             _ => 0,
         };
@@ -180,7 +182,7 @@ impl Starter {
     /// All members, in blocks, with the points where they pass a plane.
     fn section(self, members: usize, plane: Plane) -> Ensemble {
         let Span { t0, .. } = self.job.span;
-        let (threads, width) = (self.job.threads, 2 + self.job.seen.n);
+        let (threads, width) = (self.job.threads, 2 + self.job.variables.n);
         let volume =
             Volume::<Lanes<SMALL_BLOCK>>::new(self.split.clone(), self.method.is_compensated);
         let single = Volume::<f64>::new(self.split.clone(), self.method.is_compensated);
@@ -190,7 +192,7 @@ impl Starter {
             let observer = Section::new(
                 volume.clone(),
                 (single.clone(), alone),
-                self.job.seen.clone(),
+                self.job.variables.clone(),
                 members.to_vec(),
                 plane.clone(),
             );
@@ -212,7 +214,7 @@ impl Starter {
         } = self.method;
         let stepper = Determinant::new(self.split.clone(), scheme, is_compensated);
         let state = stepper.state(&self.job.x);
-        let observer = Box::new(self.job.seen.clone());
+        let observer = Box::new(self.job.variables.clone());
         self.launch(Box::new(stepper), observer, state)
     }
 

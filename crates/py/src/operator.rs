@@ -240,7 +240,7 @@ impl Hamiltonian {
         }
         let (x, mut out) = (x.as_slice()?, vec![0.0; x.len()]);
         let outcome = py.detach(|| {
-            let scratch = &mut liouville_waves::problem::Scratch::default();
+            let scratch = &mut liouville_waves::problem::ProductScratch::default();
             (self.inner.sum()).multiply(InstructionSet::default(), x, &mut out, scratch)
         });
         outcome.map_err(|error| self.explained(error))?;

@@ -5,9 +5,9 @@ use crate::errors::refused;
 use crate::tableau::scheme_named;
 use liouville_base::run::{Advance, Span, StartError};
 use liouville_base::tape::Tape;
-use liouville_fields::problem::{Piece, Polynomials, Wave};
+use liouville_fields::problem::{CosineFactor, Piece, Polynomials};
 use liouville_fields::run::{self, Method, Recorded};
-use liouville_fields::volume::{Direction, Plane, Seen};
+use liouville_fields::volume::{Direction, Plane, UserVariables};
 use numpy::{PyReadonlyArray1, PyReadonlyArray2, PyUntypedArrayMethods};
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
@@ -146,9 +146,9 @@ fn terms_of(
     Polynomials::new(rows, variables, &term_rows, coefficients, factors, width).map_err(refused)
 }
 
-fn waves_of(waves: &Waves<'_>) -> PyResult<Vec<Wave>> {
+fn waves_of(waves: &Waves<'_>) -> PyResult<Vec<CosineFactor>> {
     let wave = |(places, k, phase): &(Index<'_>, Values<'_>, f64)| {
-        Ok(Wave {
+        Ok(CosineFactor {
             places: convert::indices(places)?,
             k: k.as_slice()?.to_vec(),
             phase: *phase,
@@ -199,7 +199,7 @@ impl JobOf<'_> {
         Ok(run::Job {
             x: x.as_slice()?.to_vec(),
             members: self.is_ensemble.then(|| x.shape()[0]),
-            seen: Seen {
+            variables: UserVariables {
                 n: self.seen.0,
                 basis: basis.transpose()?,
             },

@@ -1,6 +1,6 @@
 //! Random splits of every kind of piece, and their flows by plain loops.
 
-use liouville_fields::problem::{Piece, Polynomials, Split, Wave};
+use liouville_fields::problem::{CosineFactor, Piece, Polynomials, Split};
 
 /// A generator of its own, so that a seed is a field.
 pub struct Draw(u64);
@@ -77,9 +77,9 @@ fn terms(draw: &mut Draw, rows: usize, of: &[usize]) -> Vec<Term> {
     terms
 }
 
-fn wave(draw: &mut Draw, of: &[usize]) -> Wave {
+fn wave(draw: &mut Draw, of: &[usize]) -> CosineFactor {
     let places: Vec<usize> = of.iter().take(2).copied().collect();
-    Wave {
+    CosineFactor {
         k: draw.reals(places.len()),
         places,
         phase: 3.0 * draw.real(),
@@ -247,7 +247,7 @@ pub fn lorenz(n: usize, colours: usize) -> Split {
 }
 
 /// The polynomials of a piece at x, term by term.
-fn values(polynomials: &Polynomials, waves: &[Wave], x: &[f64]) -> Vec<f64> {
+fn values(polynomials: &Polynomials, waves: &[CosineFactor], x: &[f64]) -> Vec<f64> {
     let factor = |factor: &u32| {
         let factor = *factor as usize;
         match factor.checked_sub(x.len()) {

@@ -1,19 +1,19 @@
 //! Registers of the vector unit.
-#![allow(clippy::inline_always)] // what is not inlined is compiled without the instructions it is for
+#![allow(clippy::inline_always)] // a call would lack the instruction set
 
-use super::Number;
-use crate::elementary::{self, Register};
+use crate::elementary::Register;
+use crate::real::{Number, number};
 use pulp::Simd;
 use std::ops::{Add, Div, Mul, Sub};
 
-/// Several registers, computed with in lock-step to hide the latency of each.
+/// Several registers in lock-step, which hides the latency of each.
 #[derive(Clone, Copy)]
 pub(super) struct RegisterBlock<S: Simd, const N: usize> {
     pub(super) simd: S,
     pub(super) registers: [S::f64s; N],
 }
 
-// Loops and no closures: what is not inlined is compiled without the instructions it is for.
+// Loops, not closures: a closure that is not inlined lacks the instruction set.
 macro_rules! operators {
     ($($operator:ident $name:ident $with:ident,)*) => {$(
         impl<S: Simd, const N: usize> $operator for RegisterBlock<S, N> {
@@ -143,59 +143,6 @@ fn replaced<S: Simd, const N: usize>(
         *value = x.replace_beyond(most, *value, f);
     }
     values
-}
-
-macro_rules! number {
-    () => {
-        #[inline(always)]
-        fn like(self, value: f64) -> Self {
-            Register::like(self, value)
-        }
-        #[inline(always)]
-        fn scaled(self, factor: f64) -> Self {
-            self * Register::like(self, factor)
-        }
-        #[inline(always)]
-        fn exp(self) -> Self {
-            elementary::exp(self)
-        }
-        #[inline(always)]
-        fn exp_m1(self) -> Self {
-            elementary::exp_m1(self)
-        }
-        #[inline(always)]
-        fn ln_1p(self) -> Self {
-            elementary::ln_1p(self)
-        }
-        #[inline(always)]
-        fn cos(self) -> Self {
-            elementary::cos(self)
-        }
-        #[inline(always)]
-        fn sin(self) -> Self {
-            elementary::sin(self)
-        }
-        #[inline(always)]
-        fn inverse_root(self, q: u32) -> Self {
-            match q {
-                1 => Register::like(self, 1.0) / self,
-                2 => elementary::inverse_sqrt(self),
-                _ => elementary::inverse_cbrt(self),
-            }
-        }
-    };
-}
-
-impl Number for f64 {
-    number!();
-    #[inline(always)]
-    fn is_below(self, bound: f64) -> bool {
-        (-f64::MAX..bound).contains(&self)
-    }
-    #[inline(always)]
-    fn is_finite(self) -> bool {
-        f64::is_finite(self)
-    }
 }
 
 impl<S: Simd, const N: usize> Number for RegisterBlock<S, N> {

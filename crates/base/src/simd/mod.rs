@@ -1,101 +1,67 @@
-//! Vector registers: one loop, compiled for each instruction set, chosen when it runs.
+//! Vector registers: one loop, compiled for each instruction set and dispatched when it runs.
 //!
-//! A [`Kernel`] is written once over any [`Number`]. What is stored (a number, or several trajectories'
-//! in lock-step) says through [`Stored::run`] which registers it is computed in. No fused operations
-//! are used, so that every instruction set gives the same bits.
+//! A [`Kernel`] is written once over any [`Number`]. The type of a state's elements, a number or several trajectories'
+//! in lock-step, selects through [`Stored::run`] the registers for it. There are no fused operations, so that every
+//! instruction set gives the same bits.
 #![allow(clippy::inline_always)] // a kernel must be compiled for one instruction set as a whole
 
 mod block;
-mod windows;
+mod views;
 
-pub use windows::ScalarViews;
+pub use crate::real::Number;
+pub use views::ScalarViews;
 
 use crate::real::Scalar;
 use pulp::{Arch, Simd, WithSimd};
-use std::ops::{Add, Div, Mul, Sub};
 
-/// What a kernel computes with.
-pub trait Number:
-    Copy + Add<Output = Self> + Sub<Output = Self> + Mul<Output = Self> + Div<Output = Self>
-{
-    /// The same constant for all.
-    #[must_use]
-    fn like(self, value: f64) -> Self;
-    /// This times a constant.
-    #[must_use]
-    fn scaled(self, factor: f64) -> Self;
-    /// e^x
-    #[must_use]
-    fn exp(self) -> Self;
-    /// e^x - 1
-    #[must_use]
-    fn exp_m1(self) -> Self;
-    /// ln(1 + x)
-    #[must_use]
-    fn ln_1p(self) -> Self;
-    /// cos x
-    #[must_use]
-    fn cos(self) -> Self;
-    /// sin x
-    #[must_use]
-    fn sin(self) -> Self;
-    /// x^(-1/q) for x > 0 and q = 1, 2, 3.
-    #[must_use]
-    fn inverse_root(self, q: u32) -> Self;
-    /// Whether all values are finite and below a bound.
-    fn is_below(self, bound: f64) -> bool;
-    /// Whether all values are finite.
-    fn is_finite(self) -> bool;
-}
-
-/// How a kernel reads and writes one part of what is stored.
+/// Access of a kernel to one part of stored numbers.
 pub trait SimdView: Copy {
-    /// What is stored.
+    /// The type in memory.
     type Stored;
-    /// What it is computed in.
+    /// The type in registers.
     type Number: Number;
 
     /// A constant.
     fn constant(self, value: f64) -> Self::Number;
-    /// Reads this part of `x[place]`, or what follows it.
+    /// Reads this part of `x[place]`, or of the places from there on.
     fn load(self, x: &[Self::Stored], place: usize) -> Self::Number;
-    /// Reads `values[place]`, the same for all trajectories, or what follows it.
+    /// Reads `values[place]`, the same for all trajectories, or the values from there on.
     fn shared(self, values: &[f64], place: usize) -> Self::Number;
-    /// Reads this part of `x[place]`, the same again and again for what follows it.
+    /// Reads this part of `x[place]`, the same for all places of the view.
     fn every(self, x: &[Self::Stored], place: usize) -> Self::Number;
-    /// Writes this part of `x[place]`, or what follows it.
+    /// Writes this part of `x[place]`, or of the places from there on.
     fn store(self, x: &mut [Self::Stored], place: usize, value: Self::Number);
     /// The first trajectory in this part.
     fn first(self) -> usize;
 }
 
-/// What is done to each part of what is stored.
+/// An operation on each part of stored numbers.
 pub trait ForEach<S> {
     /// Does it for one part; false to stop.
-    fn visit<W: SimdView<Stored = S>>(&mut self, window: W) -> bool;
+    fn visit<V: SimdView<Stored = S>>(&mut self, view: V) -> bool;
 }
 
-/// How what is stored falls into parts.
+/// The parts of stored numbers.
 pub trait SimdViews: Copy {
-    /// What is stored.
+    /// The type in memory.
     type Stored;
 
     /// Visits all parts of each of `count` numbers stored one after another; false where it was stopped.
     fn each<V: ForEach<Self::Stored>>(self, count: usize, visitor: &mut V) -> bool;
 }
 
-/// A computation on what is stored.
+/// A computation on stored numbers.
 pub trait Kernel<S> {
     /// Its result.
     type Output;
 
-    /// Makes it with these windows.
-    fn run<W: SimdViews<Stored = S>>(self, windows: W) -> Self::Output;
+    /// Makes it with these views.
+    fn run<W: SimdViews<Stored = S>>(self, views: W) -> Self::Output;
 }
 
-/// What kernels can work on.
+/// Numbers in memory that kernels work on.
 pub trait Stored: Scalar {
-    /// Makes a computation on it.
+    /// Makes a computation with the registers of an instruction set.
     fn run<K: Kernel<Self>>(machine: InstructionSet, kernel: K) -> K::Output;
 }
 
@@ -104,7 +70,7 @@ pub trait Stored: Scalar {
 pub struct InstructionSet(Arch);
 
 impl Default for InstructionSet {
-    /// The widest this machine has.
+    /// The widest of this machine.
     fn default() -> Self {
         Self(Arch::new())
     }
@@ -120,43 +86,54 @@ impl<O, F: FnOnce() -> O> WithSimd for Closure<F> {
     }
 }
 
-/// Runs `f`, which is to be inlined, with the widest registers that this machine has, where it works on
-/// several members.
+/// Runs `f`, which must be inlined, with the widest registers of this machine where `R` has several members.
 #[inline(always)]
 pub fn dispatch_simd<R: Scalar, O>(f: impl FnOnce() -> O) -> O {
-    if R::MEMBERS == 1 {
-        f()
-    } else {
-        Arch::new().dispatch(Closure(f))
-    }
+    if R::IS_SINGLE { f() } else { widest(f) }
 }
 
-/// Vectors of one member are long from here on. Measured on steps of plane chains, dispatch_simd over not: 1.0 with 20
-/// coordinates, 0.87 with 32, 0.83 with 48.
+/// Vectors of one member are long from here on. Measured on steps of plane chains, time with dispatch over time without:
+/// 1.0 with 20 coordinates, 0.87 with 32, 0.83 with 48.
 const LONG: usize = 32;
 
-/// [`dispatch_simd`], and also where one member has vectors of such a `length` that they pay for the call.
+/// [`dispatch_simd`], and for one member where vectors have such a `length` that they pay for the call.
 #[inline(always)]
 pub fn dispatch_simd_long<R: Scalar, O>(length: usize, f: impl FnOnce() -> O) -> O {
-    if R::MEMBERS == 1 && length < LONG {
-        f()
+    if R::IS_SINGLE {
+        dispatch_if_long(length, f)
     } else {
-        Arch::new().dispatch(Closure(f))
+        widest(f)
     }
 }
 
-/// [`dispatch_simd_long`] within what is [`dispatch_simd`] already where there are several members.
+/// [`dispatch_simd_long`] inside a closure that is dispatched already where there are several members.
 #[inline(always)]
 pub fn dispatch_simd_nested<R: Scalar, O>(length: usize, f: impl FnOnce() -> O) -> O {
-    if R::MEMBERS == 1 && length >= LONG {
-        Arch::new().dispatch(Closure(f))
+    if R::IS_SINGLE {
+        dispatch_if_long(length, f)
     } else {
         f()
     }
+}
+
+/// One copy for short vectors and for machines without wide registers, and one for each wider instruction set.
+#[inline(always)]
+fn dispatch_if_long<O>(length: usize, f: impl FnOnce() -> O) -> O {
+    let arch = if length < LONG {
+        Arch::Scalar
+    } else {
+        Arch::new()
+    };
+    arch.dispatch(Closure(f))
+}
+
+#[inline(always)]
+fn widest<O>(f: impl FnOnce() -> O) -> O {
+    Arch::new().dispatch(Closure(f))
 }
 
 impl InstructionSet {
-    /// All that this machine has, the widest last.
+    /// All of this machine, the widest last.
     pub fn all() -> Vec<Self> {
         let mut all = vec![Self(Arch::Scalar)];
         #[cfg(target_arch = "x86_64")]

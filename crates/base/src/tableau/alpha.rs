@@ -30,7 +30,7 @@ impl Alpha {
         (1.0 - self.alpha_f) / (1.0 - self.alpha_m)
     }
 
-    /// γ/β: what the velocity changes by when the position does, both by a1.
+    /// γ/β: the change of the velocity by a1 over that of the position.
     pub fn slope(&self) -> f64 {
         self.gamma / self.beta
     }

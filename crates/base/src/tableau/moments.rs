@@ -1,4 +1,4 @@
-//! Moments of what is known at the nodes of a quadrature formula.
+//! Moments of values at the nodes of a quadrature formula.
 //!
 //!     Σ_j b_j P_{i−1}(c_j) k_j,      i = 1..s−1
 //!

@@ -25,14 +25,14 @@ pub struct Turn {
     pub is_kick: bool,
     /// How much of the step it takes.
     pub weight: f64,
-    /// How much of the step the drifts before it have taken.
+    /// The part of the step that the drifts before it have taken.
     pub offset: f64,
 }
 
 /// A splitting of Runge–Kutta–Nyström type.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Nystrom {
-    /// What it is called.
+    /// Its name.
     pub name: &'static str,
     /// Its order.
     pub order: usize,

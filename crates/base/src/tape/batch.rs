@@ -1,14 +1,14 @@
 //! Several points side by side, in lanes: each has the bits it has alone.
-#![allow(clippy::inline_always)] // what is not inlined is compiled without the registers it is for
+#![allow(clippy::inline_always)] // a call would lack the instruction set
 
 use super::execute::cost;
 use super::{Program, Registers, Tape};
 use crate::real::{Lanes, Real, Scalar, WIDTH};
 
-/// What a pass costs batch its instructions and moves, in cheap instructions.
+/// Cost of a pass beside its instructions and moves, in cheap instructions.
 const PASS: usize = 12;
 
-/// What a tape is evaluated with at several points of one trajectory, and its values there.
+/// Memory for the evaluation of a tape at several points of one trajectory, and its values there.
 #[derive(Clone, Debug)]
 pub struct BatchRegisters<R> {
     registers: Registers<Lanes>,

@@ -51,7 +51,7 @@ pub(super) struct Instr {
     pub(super) b: u32,
 }
 
-/// What instructions cost, in cheap ones: those done in lanes at once, and those done there one by one.
+/// Costs of instructions in cheap ones: of those that run in lanes, and of those that run lane by lane.
 pub(super) fn cost(instrs: &[Instr]) -> (usize, usize) {
     const CALL: usize = 10;
     instrs
@@ -83,7 +83,7 @@ fn run_wide<R: Real>(program: &[Instr], registers: &mut [R]) {
     );
 }
 
-#[allow(clippy::inline_always)] // what is not inlined is compiled without the instructions it is for
+#[allow(clippy::inline_always)] // a call would lack the instruction set
 #[allow(unsafe_code)]
 #[inline(always)]
 fn run<R: Real>(program: &[Instr], registers: &mut [R]) {
@@ -135,7 +135,7 @@ fn run<R: Real>(program: &[Instr], registers: &mut [R]) {
             Op::Atan => one!(f64::atan),
             Op::Lt => two!(|x, y| x.zip(y, |a, b| truth(a < b))),
             Op::Le => two!(|x, y| x.zip(y, |a, b| truth(a <= b))),
-            #[allow(clippy::float_cmp)] // it is what the program asks for
+            #[allow(clippy::float_cmp)] // the program compares numbers
             Op::Eq => two!(|x, y| x.zip(y, |a, b| truth(a == b))),
             #[allow(clippy::float_cmp)]
             Op::Ne => two!(|x, y| x.zip(y, |a, b| truth(a != b))),

@@ -3,11 +3,11 @@
 //! A program arrives as [`Line`]s in the numbering of the symbolic front end, which reuses its work
 //! slots. [`Tape::new`] checks every index once and gives each value a register:
 //!
-//!     inputs | outputs | constants and what depends on parameters alone | temporaries
+//!     inputs | outputs | constants and functions of parameters alone | temporaries
 //!
 //! so that evaluation copies neither inputs nor constants nor outputs through instructions of their
-//! own. The last input group is the parameters; [`Tape::bind`] runs what depends on them alone, once.
-//! What the program computes twice is left out the second time; operations and their operands are its own,
+//! own. The last input group is the parameters; [`Tape::bind`] runs the instructions that depend on them alone, once.
+//! Repeated computations are left out; operations and their operands are its own,
 //! hence its values bit for bit, and their order is one that runs fast.
 //!
 //! A tape may add [`Term`]s to its program's values: the large matrices of an assembled structure are
@@ -28,7 +28,7 @@ pub use terms::Term;
 use crate::linalg::copy;
 use crate::real::Real;
 use execute::{Instr, execute};
-use plan::Plan;
+use plan::SlotPlan;
 use program::Program;
 use std::ops::Range;
 use terms::Terms;
@@ -146,9 +146,9 @@ impl Tape {
     /// # Errors
     /// [`TapeError`] names the first line that cannot be trusted.
     pub fn new(inputs: &[usize], outputs: usize, lines: &[Line]) -> Result<Self, TapeError> {
-        Plan::new(inputs, outputs, lines)?;
+        SlotPlan::new(inputs, outputs, lines)?;
         let lines = &values::once(lines)[..];
-        let plan = Plan::new(inputs, outputs, lines)?;
+        let plan = SlotPlan::new(inputs, outputs, lines)?;
         let groups = groups(inputs);
         let first_output = groups.last().map_or(0, |group| group.end);
         let first_temporary = first_output + outputs + plan.pinned;
@@ -268,7 +268,7 @@ impl Tape {
         self.outputs.len()
     }
 
-    /// Takes memory for evaluations with these parameters, and runs what depends on them alone.
+    /// Allocates memory for evaluations with these parameters, and runs the instructions that depend on them alone.
     ///
     /// # Panics
     /// When `params` has not the size of the last input group.
@@ -291,7 +291,7 @@ impl Tape {
         Registers(registers)
     }
 
-    /// Adds the terms to what the program has written.
+    /// Adds the terms to the values of the program.
     #[inline(never)]
     fn add_terms<R: Real>(&self, terms: &Terms, registers: &mut [R]) {
         let (head, kept) = registers.split_at_mut(self.registers - terms.registers());

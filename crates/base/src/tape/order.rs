@@ -1,6 +1,6 @@
 //! The order of a program: the same operation on many values, one after another or at once.
 //!
-//! What costs time is less the operations than the jumps from one to the next. So a program is cut into
+//! Jumps from one operation to the next take more time than most operations. So a program is cut into
 //! windows, whose values fit the cache next to the processor, and within a window instructions are
 //! ordered by how deep their expressions are, then by operation and by the shape of the expression.
 //! The program of a large mechanism repeats a few operations for each link; results get registers side
@@ -8,7 +8,7 @@
 //! Each value is made by the same operation from the same operands, hence with the same bits.
 
 use super::execute::{Cheap, Instr, Strided};
-use super::program::{Program, Step};
+use super::program::{Program, ProgramStep};
 use std::ops::Range;
 
 /// Instructions of a window.
@@ -17,7 +17,7 @@ const WINDOW: usize = 4096;
 /// Instructions that make a batch worth its loop.
 const ENOUGH: usize = 8;
 
-/// Components of vectors whose instructions are told apart.
+/// Components of vectors whose instructions are distinguished.
 const MOST_COMPONENTS: usize = 4;
 
 /// Orders a body, whose results but for its outputs are in `temporaries`. Returns it with the number of
@@ -54,7 +54,7 @@ pub(super) fn ordered(
         return None;
     }
     let program = match steps[..] {
-        [] | [Step::Mixed(_)] => Program::Plain(instrs),
+        [] | [ProgramStep::Mixed(_)] => Program::Plain(instrs),
         _ => Program::Batched { instrs, steps },
     };
     Some((program, writing.next[1]))
@@ -86,10 +86,10 @@ enum Home {
     Own,
 }
 
-/// What is known about each instruction of a body.
+/// Properties of each instruction of a body.
 struct Reading {
     operands: Vec<[Source; 2]>,
-    /// How deep its expression is, counted from what earlier windows made.
+    /// The depth of its expression, counted from values of earlier windows.
     level: Vec<u32>,
     /// Fixed for the same operations on elements of the same inputs and on the same constants.
     shape: Vec<u64>,
@@ -142,7 +142,7 @@ impl Reading {
     }
 }
 
-/// The shape of what a body does not make: elements of an input are alike, constants are not.
+/// The shape of an operand from outside a body: elements of an input are alike, constants are not.
 fn given(register: u32, groups: &[Range<usize>]) -> u64 {
     let group = groups
         .iter()
@@ -156,7 +156,7 @@ fn mixed(hash: u64, x: u64) -> u64 {
     (x ^ (x >> 29)).wrapping_mul(0x94d0_49bb_1331_11eb)
 }
 
-/// What the batches are written to.
+/// The output of batches.
 struct Writing<'a> {
     read: &'a Reading,
     body: &'a [Instr],
@@ -165,7 +165,7 @@ struct Writing<'a> {
     /// The next registers of the window, and of those that are not used again.
     next: [usize; 2],
     instrs: Vec<Instr>,
-    steps: Vec<Step>,
+    steps: Vec<ProgramStep>,
 }
 
 impl Writing<'_> {
@@ -217,7 +217,7 @@ impl Writing<'_> {
         Instr { out, a, b, ..instr }
     }
 
-    /// Writes batches of strides; what is in none goes to the rest. Instructions that walk in threes,
+    /// Writes batches of strides; instructions in none go to the rest. Instructions that walk in threes,
     /// say, are the components of vectors side by side.
     fn strided(&mut self, instrs: &[Instr], rest: &mut Vec<Instr>) {
         let Some(op) = Cheap::of(instrs[0].op) else {
@@ -240,7 +240,7 @@ impl Writing<'_> {
                 rest.extend(walk);
                 continue;
             }
-            self.steps.push(Step::Strided(Strided {
+            self.steps.push(ProgramStep::Strided(Strided {
                 op,
                 first: walk[0],
                 strides: strides(walk),
@@ -255,8 +255,8 @@ impl Writing<'_> {
         self.instrs.extend(rest);
         let end = self.instrs.len();
         match self.steps.last_mut() {
-            Some(Step::Mixed(last)) => last.end = end,
-            _ if from < end => self.steps.push(Step::Mixed(from..end)),
+            Some(ProgramStep::Mixed(last)) => last.end = end,
+            _ if from < end => self.steps.push(ProgramStep::Mixed(from..end)),
             _ => {}
         }
     }
@@ -287,7 +287,7 @@ fn walks(instrs: &[Instr]) -> impl Iterator<Item = &[Instr]> {
 #[cfg(test)]
 mod tests {
     use super::super::{Line, Op, Tape};
-    use super::{Program, Step};
+    use super::{Program, ProgramStep};
 
     /// |r_i − r_{i−1}|² of a chain, and its derivatives.
     fn chain(links: usize) -> Tape {
@@ -333,7 +333,11 @@ mod tests {
         };
         assert!(20 * instrs.len() < tape.len(), "{} left over", instrs.len());
         assert!(100 * steps.len() < tape.len(), "{} steps", steps.len());
-        assert!(steps.iter().any(|step| matches!(step, Step::Strided(_))));
+        assert!(
+            steps
+                .iter()
+                .any(|step| matches!(step, ProgramStep::Strided(_)))
+        );
         assert!(tape.registers < 7 * 2000 + super::WINDOW);
     }
 

@@ -2,7 +2,7 @@
 
 use super::{Line, TapeError};
 
-/// Who wrote a slot's current value, and whether that depends on parameters alone.
+/// The instruction that wrote a slot's current value, and whether that depends on parameters alone.
 #[derive(Clone, Copy)]
 struct Held {
     writer: usize,
@@ -12,8 +12,8 @@ struct Held {
 /// A tape of more inputs and outputs than this is no model.
 const MOST_VALUES: usize = 1 << 26;
 
-/// What the first pass over a program learns.
-pub(super) struct Plan {
+/// The result of the first pass over a program.
+pub(super) struct SlotPlan {
     /// How many slots the program has.
     pub(super) slots: usize,
     /// How many values need a register that is never reused.
@@ -24,7 +24,7 @@ pub(super) struct Plan {
     pub(super) direct: Vec<Option<usize>>,
 }
 
-impl Plan {
+impl SlotPlan {
     pub(super) fn new(inputs: &[usize], outputs: usize, lines: &[Line]) -> Result<Self, TapeError> {
         let total = inputs
             .iter()

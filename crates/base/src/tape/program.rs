@@ -5,7 +5,7 @@ use crate::real::Real;
 use crate::simd::dispatch_simd_long;
 use std::ops::Range;
 
-/// What an evaluation runs.
+/// The instructions of an evaluation.
 #[derive(Clone, Debug)]
 pub(super) enum Program {
     /// One after another.
@@ -13,13 +13,13 @@ pub(super) enum Program {
     /// In steps, which refer to the instructions that are written out.
     Batched {
         instrs: Vec<Instr>,
-        steps: Vec<Step>,
+        steps: Vec<ProgramStep>,
     },
 }
 
-/// What is done at once.
+/// Instructions that run as one.
 #[derive(Clone, Debug)]
-pub(super) enum Step {
+pub(super) enum ProgramStep {
     /// These instructions, one after another.
     Mixed(Range<usize>),
     /// Instructions that are not written out.
@@ -33,8 +33,8 @@ impl Program {
             Self::Plain(instrs) => instrs.len(),
             Self::Batched { instrs, steps } => {
                 let strided = steps.iter().map(|step| match step {
-                    Step::Strided(batch) => batch.count,
-                    Step::Mixed(_) => 0,
+                    ProgramStep::Strided(batch) => batch.count,
+                    ProgramStep::Mixed(_) => 0,
                 });
                 instrs.len() + strided.sum::<usize>()
             }
@@ -52,15 +52,15 @@ impl Program {
 }
 
 #[inline(never)]
-fn run_steps<R: Real>(instrs: &[Instr], steps: &[Step], registers: &mut [R]) {
+fn run_steps<R: Real>(instrs: &[Instr], steps: &[ProgramStep], registers: &mut [R]) {
     dispatch_simd_long::<R, _>(
         registers.len(),
         #[inline(always)]
         || {
             for step in steps {
                 match step {
-                    Step::Mixed(range) => execute(&instrs[range.clone()], registers),
-                    Step::Strided(batch) => execute_strided(batch, registers),
+                    ProgramStep::Mixed(range) => execute(&instrs[range.clone()], registers),
+                    ProgramStep::Strided(batch) => execute_strided(batch, registers),
                 }
             }
         },

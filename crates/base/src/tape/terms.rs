@@ -1,4 +1,4 @@
-//! What a tape adds to its program: constants, and terms in matrices that come ready made.
+//! Additions to the values of a program: constants, and terms in given matrices.
 
 use super::TapeError;
 use crate::linalg::Rows;
@@ -33,7 +33,7 @@ pub enum Term {
     },
 }
 
-/// Checked terms, and how they meet what the program writes once.
+/// Checked terms, and their relation to the outputs of the program.
 #[derive(Clone, Debug)]
 pub(super) struct Terms {
     /// Constants of outputs that the program writes once.
@@ -127,7 +127,7 @@ impl Terms {
         self.each.is_empty() && self.added.is_empty()
     }
 
-    /// Completes what the program has written once.
+    /// Completes the outputs that the program has written once.
     pub(super) fn bind<R: Real>(&self, outputs: &mut [R], kept: &mut [R]) {
         for &(output, value) in &self.once {
             outputs[output] += R::splat(value);
@@ -137,7 +137,7 @@ impl Terms {
         }
     }
 
-    /// Adds to what the program has written.
+    /// Adds to the outputs of the program.
     pub(super) fn add<R: Real>(&self, inputs: &[R], outputs: &mut [R], kept: &[R]) {
         for (&output, kept) in self.kept.iter().zip(kept) {
             outputs[output] = *kept;

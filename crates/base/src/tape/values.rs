@@ -1,4 +1,4 @@
-//! Value numbering: what a program computes twice is computed once.
+//! Value numbering: repeated computations of a program are made once.
 //!
 //! Values are numbered in the order in which they are first computed. Two lines have the same value
 //! when they load the same input, hold the same bits, or apply the same operation to the same values,
@@ -8,7 +8,7 @@
 use super::{Line, Op};
 use std::collections::HashMap;
 
-/// What a value is made of; operands by their numbers.
+/// The definition of a value; operands by their numbers.
 #[derive(PartialEq, Eq, Hash)]
 enum Origin {
     Input(usize, usize),

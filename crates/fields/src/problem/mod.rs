@@ -2,17 +2,16 @@
 //!
 //!     x' = f(x) = Σ pieces,   ∂f_1/∂x_1 + … + ∂f_n/∂x_n = 0
 //!
-//! A field arrives split: each [`Piece`] is divergence-free, and has an explicit flow or an explicit
-//! method with a unit determinant. Whether the pieces sum to a field is the front end's to know; here
-//! they are checked for what makes them pieces.
+//! Each [`Piece`] is divergence-free, and has an explicit flow or an explicit method with a unit determinant. The checks
+//! here are of each piece; the front end has made the pieces so that their sum is the field.
 
 mod split;
 mod terms;
 
-pub use split::{Piece, Split, Wave};
+pub use split::{CosineFactor, Piece, Split};
 pub use terms::Polynomials;
 
-/// What cannot be a polynomial, a piece or a split.
+/// The defect of a polynomial, a piece or a split.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 #[allow(missing_docs)]
 pub enum Malformed {

@@ -1,11 +1,11 @@
-//! The pieces of a split field, checked for what makes their flows explicit and volume-preserving.
+//! The pieces of a split field, with checks that their flows are explicit and preserve volume.
 
 use super::terms::{finite, size};
 use super::{Malformed, Polynomials};
 
-/// cos(k · x + phase), a factor like a variable: wave q of a piece is factor n + q.
+/// cos(k · x + phase), a factor like a variable: number q of a piece is factor n + q.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Wave {
+pub struct CosineFactor {
     /// The variables it depends on.
     pub places: Vec<usize>,
     /// Its wave vector, one number a place.
@@ -24,9 +24,9 @@ pub enum Piece {
         /// R_i, one row each.
         change: Polynomials,
         /// Factors n + q of `change`.
-        waves: Vec<Wave>,
+        waves: Vec<CosineFactor>,
     },
-    /// x' = g(x) a with a · grad g = 0, which is the caller's to know: x += h g(x) a.
+    /// x' = g(x) a with a · grad g = 0, which is not checked: x += h g(x) a.
     Shear {
         /// The variables where a is not zero.
         places: Vec<usize>,
@@ -35,10 +35,10 @@ pub enum Piece {
         /// g, the only row.
         change: Polynomials,
         /// Factors n + q of `change`.
-        waves: Vec<Wave>,
+        waves: Vec<CosineFactor>,
     },
-    /// x_i' = p_i x_i, no p_i containing a variable the piece changes, and Σ p_i = 0, which is the
-    /// caller's to know: x_i *= exp(h p_i).
+    /// x_i' = p_i x_i, no p_i containing a variable the piece changes, and Σ p_i = 0, which is not checked:
+    /// x_i *= exp(h p_i).
     Scaling {
         /// The variables i.
         rows: Vec<usize>,
@@ -54,7 +54,7 @@ pub enum Piece {
         /// The variables of x^j, with repetition.
         monomial: Vec<usize>,
     },
-    /// x_i' = F_i with F_i depending on what precedes i in the order, and on variables outside it;
+    /// x_i' = F_i with F_i depending on variables before i in the order, and on variables outside it;
     /// stepped by an explicit Runge-Kutta method.
     Triangular {
         /// The variables i in this order.
@@ -83,10 +83,10 @@ pub struct Split {
 }
 
 impl Split {
-    /// A split, once its pieces are seen to be what they say.
+    /// A split of checked pieces.
     ///
     /// # Errors
-    /// The first piece that is not, and why.
+    /// The first malformed piece, and its defect.
     pub fn new(n: usize, pieces: Vec<Piece>) -> Result<Self, Malformed> {
         if n >= 1 << 31 {
             return Err(Malformed::TooLarge);
@@ -116,10 +116,10 @@ impl Split {
 /// The place of a variable that is not in a list.
 const NOWHERE: u32 = u32::MAX;
 
-/// How far a divergence may be off zero, of the sum of the magnitudes in it.
+/// Tolerance of a divergence, relative to the sum of the magnitudes in it.
 const ROUNDOFF: f64 = 1e-12;
 
-/// Checks one piece; `place` is where each variable is in the list of those the piece changes.
+/// Checks one piece; `place` becomes the place of each variable in the list of those the piece changes.
 fn check(piece: &Piece, place: &mut [u32]) -> Result<(), Malformed> {
     let n = place.len();
     match piece {
@@ -210,7 +210,7 @@ fn locate(variables: &[usize], place: &mut [u32]) -> Result<(), Malformed> {
     Ok(())
 }
 
-fn check_waves(waves: &[Wave], n: usize) -> Result<(), Malformed> {
+fn check_waves(waves: &[CosineFactor], n: usize) -> Result<(), Malformed> {
     for wave in waves {
         inside(&wave.places, n)?;
         size("wave vector", wave.k.len(), wave.places.len())?;
@@ -224,7 +224,7 @@ fn check_waves(waves: &[Wave], n: usize) -> Result<(), Malformed> {
 fn uncoupled(
     rows: &[usize],
     change: &Polynomials,
-    waves: &[Wave],
+    waves: &[CosineFactor],
     place: &[u32],
 ) -> Result<(), Malformed> {
     let n = place.len();

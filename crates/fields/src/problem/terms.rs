@@ -18,7 +18,7 @@ pub struct Polynomials {
 impl Polynomials {
     /// Polynomials from their terms in any order; those of a row keep theirs.
     ///
-    /// Term k belongs to row `term_rows[k]`, and is `coefficients[k]` times the variables
+    /// term k belongs to row `term_rows[k]`, and is `coefficients[k]` times the variables
     /// `factors[k * width .. (k + 1) * width]`, of which negative ones are absent.
     ///
     /// # Errors

@@ -8,10 +8,10 @@
 #![allow(clippy::inline_always)] // all of a kernel is compiled for one instruction set
 
 use super::State;
-use super::kernel::{Scratch, add, set_rows};
-use super::motion::Motion;
+use super::flow::PieceFlow;
+use super::kernel::{FlowScratch, add, set_rows};
 use super::order::Order;
-use super::rows::{Rows, narrow};
+use super::rows::{PolynomialRows, narrow};
 use liouville_base::composition::Flow;
 use liouville_base::linalg::{Lu, Matrix, combine, max_norm};
 use liouville_base::simd::{ForEach, SimdView, SimdViews};
@@ -50,10 +50,10 @@ impl Affine {
     }
 
     /// The change of each variable in a flow of length `h`, as rows.
-    pub(super) fn change(&self, h: f64) -> Rows {
+    pub(super) fn change(&self, h: f64) -> PolynomialRows {
         let n = self.generator.rows() - 1;
         let change = exponential_less_one(&self.generator, h);
-        let mut rows = Rows::default();
+        let mut rows = PolynomialRows::default();
         for i in 0..n {
             let row = change.row(i);
             let entries = row[..n]
@@ -72,14 +72,20 @@ impl Affine {
 
 /// The changes of affine flows, by part and length.
 #[derive(Clone, Debug, Default)]
-pub(super) struct Changes(Vec<(usize, u64, Rows)>);
+pub(super) struct Changes(Vec<(usize, u64, PolynomialRows)>);
 
-/// So many are remembered, or as many as one step has.
+/// The most changes remembered, unless one step has more.
 const MOST_REMEMBERED: usize = 256;
 
 impl Changes {
-    /// Makes those of these flows; the first takes `before` longer than it says.
-    pub(super) fn prepare(&mut self, motions: &[Motion], flows: &[Flow], before: f64, h: f64) {
+    /// Makes those of these flows; the first is longer by `before`.
+    pub(super) fn prepare(
+        &mut self,
+        piece_flows: &[PieceFlow],
+        flows: &[Flow],
+        before: f64,
+        h: f64,
+    ) {
         if self.0.len() > MOST_REMEMBERED {
             self.0.clear();
         }
@@ -87,7 +93,7 @@ impl Changes {
         for flow in flows {
             let length = before + flow.weight * h;
             before = 0.0;
-            if let Motion::Affine(affine) = &motions[flow.part]
+            if let PieceFlow::Affine(affine) = &piece_flows[flow.part]
                 && self.position(flow.part, length).is_none()
             {
                 let change = affine.change(length);
@@ -97,7 +103,8 @@ impl Changes {
     }
 
     fn position(&self, part: usize, h: f64) -> Option<usize> {
-        let is_it = |(of, bits, _): &(usize, u64, Rows)| *of == part && *bits == h.to_bits();
+        let is_it =
+            |(of, bits, _): &(usize, u64, PolynomialRows)| *of == part && *bits == h.to_bits();
         self.0.iter().position(is_it)
     }
 
@@ -105,7 +112,7 @@ impl Changes {
     ///
     /// # Panics
     /// When it was not made.
-    pub(super) fn find(&self, part: usize, h: f64) -> &Rows {
+    pub(super) fn find(&self, part: usize, h: f64) -> &PolynomialRows {
         match self.position(part, h) {
             Some(position) => &self.0[position].2,
             None => unreachable!("affine flows are made before they are used"),
@@ -159,7 +166,7 @@ fn approximation(b: &Matrix) -> Matrix {
         *out = v - u;
     }
     if lu.factor().is_err() {
-        // only what is not finite has no factors; a state finds it
+        // factors fail only for numbers that are not finite, which the check of the state reports
         return Matrix::from_fn(n, n, |_, _| f64::NAN);
     }
     let mut change = Matrix::zeros(n, n);
@@ -183,28 +190,28 @@ fn product(a: &Matrix, b: &Matrix) -> Matrix {
 }
 
 /// x += change
-struct AddChange<'a, S> {
+struct AddAffine<'a, S> {
     change: &'a [S],
     state: &'a mut State<S>,
 }
 
-impl<S> ForEach<S> for AddChange<'_, S> {
+impl<S> ForEach<S> for AddAffine<'_, S> {
     #[inline(always)]
-    fn visit<W: SimdView<Stored = S>>(&mut self, window: W) -> bool {
-        let change = window.load(self.change, 0);
-        add(window, self.state.parts(), 0, change);
+    fn visit<W: SimdView<Stored = S>>(&mut self, view: W) -> bool {
+        let change = view.load(self.change, 0);
+        add(view, self.state.parts(), 0, change);
         true
     }
 }
 
 #[inline(always)]
 pub(super) fn move_along<W: SimdViews>(
-    windows: W,
-    rows: &Rows,
+    views: W,
+    rows: &PolynomialRows,
     state: &mut State<W::Stored>,
-    scratch: &mut Scratch<W::Stored>,
+    scratch: &mut FlowScratch<W::Stored>,
 ) {
-    set_rows(windows, rows, &state.x, &mut scratch.change);
+    set_rows(views, rows, &state.x, &mut scratch.change);
     let change = scratch.change.as_slice();
-    windows.each(change.len(), &mut AddChange { change, state });
+    views.each(change.len(), &mut AddAffine { change, state });
 }

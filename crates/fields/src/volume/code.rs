@@ -1,19 +1,19 @@
 //! Polynomials as short programs over two accumulators.
 //!
-//! The terms of a row are grouped by what they have in common but for one factor each,
+//! The terms of a row are grouped by their common factors, all but one of each,
 //!
 //!     R = Σ_groups (c_1 x_a + c_2 x_b + …) x_p x_q …,
 //!
 //! which costs one product a term and one for each common factor. Constant and linear terms are a
 //! group without common factors.
-#![allow(clippy::inline_always)] // the program is run by the loop around it
+#![allow(clippy::inline_always)] // the program runs in the loop around it
 
 use liouville_base::simd::Number;
 use std::collections::HashMap;
 
-/// What an instruction does with the running bracket and the running sum; x is its variable, y another.
+/// The effect of an instruction on the running bracket and the running sum; x is its variable, y another.
 #[derive(Clone, Copy, Debug, PartialEq)]
-enum Op {
+enum CodeOp {
     /// sum = factor
     Constant,
     /// sum = factor x
@@ -48,12 +48,12 @@ pub(super) struct Code {
     factor: f64,
     x: u32,
     y: u32,
-    op: Op,
+    op: CodeOp,
 }
 
-/// Where a program reads its variables.
-pub(super) trait Source {
-    /// What it computes with.
+/// The variables that a program reads.
+pub(super) trait Variables {
+    /// The type in registers.
     type Number: Number;
 
     /// Reads a variable.
@@ -62,34 +62,34 @@ pub(super) trait Source {
 
 /// Runs a program.
 #[inline(always)]
-pub(super) fn evaluate<X: Source>(program: &[Code], zero: X::Number, from: &X) -> X::Number {
+pub(super) fn evaluate<X: Variables>(program: &[Code], zero: X::Number, from: &X) -> X::Number {
     let (mut bracket, mut sum) = (zero, zero);
     for code in program {
         let Code { factor, x, y, op } = *code;
         match op {
-            Op::Constant => sum = zero.like(factor),
-            Op::Only => sum = from.load(x).scaled(factor),
-            Op::Linear => sum = sum + from.load(x).scaled(factor),
-            Op::Product => sum = sum + from.load(x).scaled(factor) * from.load(y),
-            Op::ProductPlain => sum = sum + from.load(x) * from.load(y),
-            Op::Start => bracket = from.load(x).scaled(factor),
-            Op::StartPlain => bracket = from.load(x),
-            Op::Add => bracket = bracket + from.load(x).scaled(factor),
-            Op::Times => bracket = bracket * from.load(x),
-            Op::Close => sum = sum + bracket * from.load(x),
-            Op::AddClose => sum = sum + (bracket + from.load(x).scaled(factor)) * from.load(y),
-            Op::AddPlainClose => sum = sum + (bracket + from.load(x)) * from.load(y),
-            Op::SubtractClose => sum = sum + (bracket - from.load(x)) * from.load(y),
+            CodeOp::Constant => sum = zero.like(factor),
+            CodeOp::Only => sum = from.load(x).scaled(factor),
+            CodeOp::Linear => sum = sum + from.load(x).scaled(factor),
+            CodeOp::Product => sum = sum + from.load(x).scaled(factor) * from.load(y),
+            CodeOp::ProductPlain => sum = sum + from.load(x) * from.load(y),
+            CodeOp::Start => bracket = from.load(x).scaled(factor),
+            CodeOp::StartPlain => bracket = from.load(x),
+            CodeOp::Add => bracket = bracket + from.load(x).scaled(factor),
+            CodeOp::Times => bracket = bracket * from.load(x),
+            CodeOp::Close => sum = sum + bracket * from.load(x),
+            CodeOp::AddClose => sum = sum + (bracket + from.load(x).scaled(factor)) * from.load(y),
+            CodeOp::AddPlainClose => sum = sum + (bracket + from.load(x)) * from.load(y),
+            CodeOp::SubtractClose => sum = sum + (bracket - from.load(x)) * from.load(y),
         }
     }
     sum
 }
 
 /// A term of a row: coefficient, and the places of its factors, ascending.
-pub(super) type Term = (f64, Vec<u32>);
+pub(super) type RowTerm = (f64, Vec<u32>);
 
 /// Appends the program of a row.
-pub(super) fn compile(terms: &[Term], program: &mut Vec<Code>) {
+pub(super) fn compile(terms: &[RowTerm], program: &mut Vec<Code>) {
     let start = program.len();
     let mut push = |op, factor, x, y| program.push(Code { factor, x, y, op });
     let constants = terms.iter().filter(|(_, factors)| factors.is_empty());
@@ -99,10 +99,19 @@ pub(super) fn compile(terms: &[Term], program: &mut Vec<Code>) {
     linear.sort_by_key(|(x, _)| *x);
     let mut is_first = constant == 0.0;
     if !is_first {
-        push(Op::Constant, constant, 0, 0);
+        push(CodeOp::Constant, constant, 0, 0);
     }
     for (x, factor) in linear {
-        push(if is_first { Op::Only } else { Op::Linear }, factor, x, 0);
+        push(
+            if is_first {
+                CodeOp::Only
+            } else {
+                CodeOp::Linear
+            },
+            factor,
+            x,
+            0,
+        );
         is_first = false;
     }
     for (common, bracket) in groups(terms) {
@@ -113,14 +122,18 @@ pub(super) fn compile(terms: &[Term], program: &mut Vec<Code>) {
             factor: 0.0,
             x: 0,
             y: 0,
-            op: Op::Constant,
+            op: CodeOp::Constant,
         });
     }
 }
 
-/// A bracket times what its terms have in common, of which there is something.
+/// A bracket times the common factors of its terms, at least one.
 #[allow(clippy::float_cmp)] // factors of exactly one need no product
-fn write_group(bracket: &[(f64, u32)], common: &[u32], push: &mut impl FnMut(Op, f64, u32, u32)) {
+fn write_group(
+    bracket: &[(f64, u32)],
+    common: &[u32],
+    push: &mut impl FnMut(CodeOp, f64, u32, u32),
+) {
     let [(first, x), others @ ..] = bracket else {
         return;
     };
@@ -130,26 +143,26 @@ fn write_group(bracket: &[(f64, u32)], common: &[u32], push: &mut impl FnMut(Op,
         return write_product((*first, *x), common, push);
     };
     if *first == 1.0 {
-        push(Op::StartPlain, 1.0, *x, 0);
+        push(CodeOp::StartPlain, 1.0, *x, 0);
     } else {
-        push(Op::Start, *first, *x, 0);
+        push(CodeOp::Start, *first, *x, 0);
     }
     for (factor, x) in between {
-        push(Op::Add, *factor, *x, 0);
+        push(CodeOp::Add, *factor, *x, 0);
     }
     if others_in_common.is_empty() {
         let op = match last.0 {
-            1.0 => Op::AddPlainClose,
-            -1.0 => Op::SubtractClose,
-            _ => Op::AddClose,
+            1.0 => CodeOp::AddPlainClose,
+            -1.0 => CodeOp::SubtractClose,
+            _ => CodeOp::AddClose,
         };
         return push(op, last.0, last.1, y);
     }
-    push(Op::Add, last.0, last.1, 0);
+    push(CodeOp::Add, last.0, last.1, 0);
     for &x in others_in_common {
-        push(Op::Times, 1.0, x, 0);
+        push(CodeOp::Times, 1.0, x, 0);
     }
-    push(Op::Close, 1.0, y, 0);
+    push(CodeOp::Close, 1.0, y, 0);
 }
 
 /// A single term of degree 2 or more.
@@ -157,33 +170,33 @@ fn write_group(bracket: &[(f64, u32)], common: &[u32], push: &mut impl FnMut(Op,
 fn write_product(
     (factor, x): (f64, u32),
     common: &[u32],
-    push: &mut impl FnMut(Op, f64, u32, u32),
+    push: &mut impl FnMut(CodeOp, f64, u32, u32),
 ) {
     let Some((&last, others)) = common.split_last() else {
         return;
     };
     if others.is_empty() {
         let op = if factor == 1.0 {
-            Op::ProductPlain
+            CodeOp::ProductPlain
         } else {
-            Op::Product
+            CodeOp::Product
         };
         return push(op, factor, x, last);
     }
-    push(Op::Start, factor, x, 0);
+    push(CodeOp::Start, factor, x, 0);
     for &x in others {
-        push(Op::Times, 1.0, x, 0);
+        push(CodeOp::Times, 1.0, x, 0);
     }
-    push(Op::Close, 1.0, last, 0);
+    push(CodeOp::Close, 1.0, last, 0);
 }
 
 /// Terms with the same common factors.
 type Group = (Vec<u32>, Vec<(f64, u32)>);
 
-/// Terms of degree 2 and more by common factors; those that serve most terms first.
-fn groups(terms: &[Term]) -> Vec<Group> {
-    let terms: Vec<&Term> = terms.iter().filter(|(_, f)| f.len() > 1).collect();
-    let mut served: Vec<Candidate> = Vec::new();
+/// Terms of degree 2 and more by common factors, those of most terms first.
+fn groups(terms: &[RowTerm]) -> Vec<Group> {
+    let terms: Vec<&RowTerm> = terms.iter().filter(|(_, f)| f.len() > 1).collect();
+    let mut candidates: Vec<Candidate> = Vec::new();
     let mut index: HashMap<Vec<u32>, usize> = HashMap::new();
     let mut of_term: Vec<Vec<usize>> = Vec::with_capacity(terms.len());
     for (k, (_, factors)) in terms.iter().enumerate() {
@@ -197,22 +210,22 @@ fn groups(terms: &[Term]) -> Vec<Group> {
             let at = *index.entry(common.clone()).or_insert_with(|| {
                 let terms = Vec::new();
                 let left = 0;
-                served.push(Candidate {
+                candidates.push(Candidate {
                     common,
                     terms,
                     left,
                 });
-                served.len() - 1
+                candidates.len() - 1
             });
-            served[at].terms.push((last, k));
-            served[at].left += 1;
+            candidates[at].terms.push((last, k));
+            candidates[at].left += 1;
             mine.push(at);
         }
         of_term.push(mine);
     }
     let mut is_taken = vec![false; terms.len()];
     let mut groups = Vec::new();
-    while let Some(best) = served
+    while let Some(best) = candidates
         .iter()
         .filter(|candidate| candidate.left > 0)
         .max_by(|a, b| a.left.cmp(&b.left).then_with(|| b.common.cmp(&a.common)))
@@ -225,7 +238,7 @@ fn groups(terms: &[Term]) -> Vec<Group> {
         for (_, k) in mine {
             is_taken[k] = true;
             for &at in &of_term[k] {
-                served[at].left -= 1;
+                candidates[at].left -= 1;
             }
         }
     }
@@ -237,6 +250,6 @@ struct Candidate {
     common: Vec<u32>,
     /// The other factor and the number of each term.
     terms: Vec<(u32, usize)>,
-    /// How many of them are in no group yet.
+    /// The number of them in no group yet.
     left: usize,
 }

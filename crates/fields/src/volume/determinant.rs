@@ -1,10 +1,9 @@
-//! How far the determinant of each step is from one.
+//! The determinant of the derivative of each step.
 //!
-//! The columns of the derivative of a step are pushed through it as dual numbers, eight at a time. The
-//! trajectory is that of a run without them, bit for bit: what a run holds back between steps, or has
-//! lost to rounding, is looked at from the side only.
+//! The columns of the derivative of a step are pushed through it as dual numbers, eight at a time. The trajectory is that
+//! of a run without them, bit for bit: flows held back between steps and compensated sums are read, not changed.
 
-use super::{Seen, State, Volume};
+use super::{State, UserVariables, Volume};
 use crate::problem::Split;
 use liouville_base::checkpoint::Checkpoint;
 use liouville_base::composition::Composed;
@@ -21,7 +20,7 @@ use std::sync::Arc;
 pub struct Determinant {
     volume: Volume<f64>,
     stepper: Composed<Volume<f64>>,
-    /// Where a step begins.
+    /// The start of a step.
     start: State<f64>,
     x: Vec<f64>,
     tangent: Tangent,
@@ -37,11 +36,11 @@ struct Tangent {
     x: Vec<Dual>,
 }
 
-/// Where a trajectory is, and the determinants of its steps so far.
+/// A trajectory, and the determinants of its steps so far.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Determined {
     state: State<f64>,
-    /// The variables in the order of the split, as they were when last settled.
+    /// The variables in the order of the split, at the last [`Stepper::synchronize`].
     pub x: Vec<f64>,
     /// ln |det| of all steps together.
     pub logarithm: f64,
@@ -92,7 +91,7 @@ impl Determinant {
                 }
             }
         }
-        // a derivative that is singular to roundoff has a determinant that nobody knows
+        // the determinant of a derivative that is singular to roundoff is not known
         let determinant = match self.derivative.factor() {
             Ok(()) => self.derivative.determinant(),
             Err(_) => f64::NAN,
@@ -159,7 +158,7 @@ impl Stepper for Determinant {
 }
 
 /// Records x, ln |det| of all steps so far, and the largest |det − 1|.
-impl Observe<Determined> for Seen {
+impl Observe<Determined> for UserVariables {
     fn width(&self, _: &Determined) -> usize {
         self.n + 2
     }
@@ -182,4 +181,4 @@ liouville_base::checkpoint!(Determined {
     largest
 });
 
-impl Checkpoint for Seen {}
+impl Checkpoint for UserVariables {}

@@ -31,7 +31,7 @@ pub(super) struct Roots {
     pub(super) powers: Vec<(u32, u32, u32)>,
 }
 
-/// Largest power that is taken by products.
+/// Largest power that is computed by products.
 const LARGEST_POWER: f64 = 12.0;
 
 impl Roots {
@@ -63,7 +63,7 @@ impl Exponential {
         let (alpha, size) = parts.fold((0.0, 0.0), |(sum, size): (f64, f64), part| {
             (sum + part, size + part.abs())
         });
-        // what is left of rates that cancel is roundoff
+        // rates that cancel leave roundoff
         let alpha = if alpha.abs() <= 4.0 * f64::EPSILON * size {
             0.0
         } else {
@@ -92,7 +92,7 @@ impl Exponential {
     }
 }
 
-struct Grow<'a, S> {
+struct ExponentialFlow<'a, S> {
     piece: &'a Exponential,
     h: f64,
     state: &'a mut State<S>,
@@ -100,53 +100,53 @@ struct Grow<'a, S> {
     failed: usize,
 }
 
-impl<S> ForEach<S> for Grow<'_, S> {
+impl<S> ForEach<S> for ExponentialFlow<'_, S> {
     #[inline(always)]
-    fn visit<W: SimdView<Stored = S>>(&mut self, window: W) -> bool {
+    fn visit<W: SimdView<Stored = S>>(&mut self, view: W) -> bool {
         let piece = self.piece;
         let x = &self.state.x;
         let mut m = match piece.monomial.first() {
-            Some(&place) => window.load(x, place as usize),
-            None => window.constant(1.0),
+            Some(&place) => view.load(x, place as usize),
+            None => view.constant(1.0),
         };
         for &place in piece.monomial.iter().skip(1) {
-            m = m * window.load(x, place as usize);
+            m = m * view.load(x, place as usize);
         }
         if piece.alpha == 0.0 {
-            self.multiply(window, m.scaled(self.h));
+            self.multiply(view, m.scaled(self.h));
             return true;
         }
         let z = m.scaled(piece.alpha * self.h);
         if !z.is_below(1.0) {
-            self.failed = window.first();
+            self.failed = view.first();
             return false;
         }
         match &piece.roots {
             Some(roots) if self.state.low.is_empty() => {
-                let base = window.constant(1.0) - z;
+                let base = view.constant(1.0) - z;
                 let root = base.inverse_root(roots.q);
                 for &(place, a, b) in &roots.powers {
-                    let x = window.load(&self.state.x, place as usize);
+                    let x = view.load(&self.state.x, place as usize);
                     let x = times_power(times_power(x, base, a), root, b);
-                    window.store(&mut self.state.x, place as usize, x);
+                    view.store(&mut self.state.x, place as usize, x);
                 }
             }
             _ => {
-                let time = (window.constant(0.0) - z).ln_1p();
-                self.multiply(window, time.scaled(-1.0 / piece.alpha));
+                let time = (view.constant(0.0) - z).ln_1p();
+                self.multiply(view, time.scaled(-1.0 / piece.alpha));
             }
         }
         true
     }
 }
 
-impl<S> Grow<'_, S> {
+impl<S> ExponentialFlow<'_, S> {
     /// x *= exp(c t)
     #[inline(always)]
-    fn multiply<W: SimdView<Stored = S>>(&mut self, window: W, time: W::Number) {
+    fn multiply<W: SimdView<Stored = S>>(&mut self, view: W, time: W::Number) {
         for &(place, rate) in &self.piece.rates {
             let exponent = time.scaled(rate);
-            multiply(window, self.state.parts(), place as usize, exponent);
+            multiply(view, self.state.parts(), place as usize, exponent);
         }
     }
 }
@@ -168,8 +168,8 @@ fn times_power<N: Number>(mut x: N, mut y: N, mut power: u32) -> N {
 
 /// On failure the first trajectory whose flow is too long.
 #[inline(always)]
-pub(super) fn grow<W: SimdViews>(
-    windows: W,
+pub(super) fn exponential<W: SimdViews>(
+    views: W,
     piece: &Exponential,
     h: f64,
     state: &mut State<W::Stored>,
@@ -177,16 +177,16 @@ pub(super) fn grow<W: SimdViews>(
 where
     W::Stored: Scalar,
 {
-    let mut growth = Grow {
+    let mut flow = ExponentialFlow {
         piece,
         h,
         state: &mut *state,
         failed: 0,
     };
-    if windows.each(1, &mut growth) {
+    if views.each(1, &mut flow) {
         Ok(())
     } else {
-        let first = growth.failed;
+        let first = flow.failed;
         Err(piece.too_long(h, &state.x, first).unwrap_or(first))
     }
 }

@@ -1,92 +1,88 @@
-//! The flows, over whatever the state is stored in.
+//! The flows of pieces as one kernel.
 #![allow(clippy::inline_always)] // all of a kernel is compiled for one instruction set
 
 use super::State;
 use super::affine::{Changes, move_along};
-use super::code::{Code, Source, evaluate};
-use super::exponential::grow;
-use super::motion::Motion;
-use super::rows::{Rows, Run};
+use super::code::{Code, Variables, evaluate};
+use super::exponential::exponential;
+use super::flow::PieceFlow;
+use super::rows::{PolynomialRows, RowRun};
 use super::stages::{runge_kutta, substitute};
 use liouville_base::composition::Flow;
 use liouville_base::error::StepError;
 use liouville_base::real::Scalar;
 use liouville_base::simd::{ForEach, Kernel, Number, SimdView, SimdViews};
 
-/// What flows work in beside the state.
+/// Memory of flows beside the state.
 #[derive(Clone, Debug)]
-pub(super) struct Scratch<S> {
-    /// What is about to be added.
+pub(super) struct FlowScratch<S> {
+    /// The change of each variable.
     pub(super) change: Vec<S>,
     /// Z_r of each stage, and its K_r.
     pub(super) stages: Vec<[Vec<S>; 2]>,
 }
 
 /// Flows to be made one after another.
-pub(super) struct Moves<'a, S> {
-    pub(super) motions: &'a [Motion],
+pub(super) struct FlowKernel<'a, S> {
+    pub(super) piece_flows: &'a [PieceFlow],
     pub(super) changes: &'a Changes,
     pub(super) flows: &'a [Flow],
-    /// How much longer the first is than it says.
+    /// An addition to the length of the first.
     pub(super) before: f64,
     pub(super) t: f64,
     pub(super) h: f64,
     pub(super) state: &'a mut State<S>,
-    pub(super) scratch: &'a mut Scratch<S>,
+    pub(super) scratch: &'a mut FlowScratch<S>,
 }
 
-impl<S: Scalar> Kernel<S> for Moves<'_, S> {
+impl<S: Scalar> Kernel<S> for FlowKernel<'_, S> {
     type Output = Result<(), StepError>;
 
     #[inline(always)]
-    fn run<W: SimdViews<Stored = S>>(self, windows: W) -> Result<(), StepError> {
+    fn run<W: SimdViews<Stored = S>>(self, views: W) -> Result<(), StepError> {
         let Self { state, scratch, .. } = self;
         let mut before = self.before;
         for flow in self.flows {
             let h = before + flow.weight * self.h;
             before = 0.0;
-            match &self.motions[flow.part] {
-                Motion::Natural { rows, waves } => {
-                    set_waves(windows, waves, state);
-                    change_rows(windows, Change::Add, rows, h, state);
+            let piece = &self.piece_flows[flow.part];
+            // one place for all of them, as each place is compiled for all registers
+            if let Some(levels) = piece.levels(flow.is_adjoint) {
+                set_waves(views, levels.waves, state);
+                for rows in levels.iter() {
+                    change_rows(views, levels.change, rows, h, state);
                 }
-                Motion::Shear {
+                continue;
+            }
+            match piece {
+                PieceFlow::Natural { .. } | PieceFlow::Scaling { .. } => {
+                    unreachable!("flows of levels are made above")
+                }
+                PieceFlow::Shear {
                     change,
                     waves,
                     places,
                 } => {
-                    set_waves(windows, waves, state);
-                    shear(windows, change, places, h, state);
+                    set_waves(views, waves, state);
+                    shear(views, change, places, h, state);
                 }
-                Motion::Scaling { rows } => change_rows(windows, Change::Scale, rows, h, state),
-                Motion::Exponential(piece) => {
-                    grow(windows, piece, h, state).map_err(|member| StepError::Singular {
+                PieceFlow::Exponential(piece) => {
+                    exponential(views, piece, h, state).map_err(|member| StepError::Singular {
                         piece: flow.part,
                         member,
                         t: self.t + flow.offset * self.h,
                     })?;
                 }
-                Motion::Triangular(piece) if piece.is_euler() => {
+                PieceFlow::Triangular(piece) => {
                     if flow.is_adjoint {
-                        for level in &piece.levels {
-                            change_rows(windows, Change::Add, level, h, state);
-                        }
+                        substitute(views, piece, h, state, scratch);
                     } else {
-                        for level in piece.levels.iter().rev() {
-                            change_rows(windows, Change::Add, level, h, state);
-                        }
+                        runge_kutta(views, piece, h, state, scratch);
                     }
                 }
-                Motion::Triangular(piece) => {
-                    if flow.is_adjoint {
-                        substitute(windows, piece, h, state, scratch);
-                    } else {
-                        runge_kutta(windows, piece, h, state, scratch);
-                    }
-                }
-                Motion::Affine(_) => {
+                PieceFlow::Affine(_) => {
                     let change = self.changes.find(flow.part, h);
-                    move_along(windows, change, state, scratch);
+                    move_along(views, change, state, scratch);
                 }
             }
         }
@@ -94,65 +90,65 @@ impl<S: Scalar> Kernel<S> for Moves<'_, S> {
     }
 }
 
-/// Adds to what a window sees, with what was lost to rounding before where that is kept.
+/// Adds to the variable at a place, with its rounding error where that is kept.
 #[inline(always)]
 pub(super) fn add<W: SimdView>(
-    window: W,
+    view: W,
     (x, low): (&mut [W::Stored], &mut [W::Stored]),
     place: usize,
     change: W::Number,
 ) {
-    let now = window.load(x, place);
+    let now = view.load(x, place);
     if low.is_empty() {
-        window.store(x, place, now + change);
+        view.store(x, place, now + change);
         return;
     }
-    let change = change + window.load(low, place);
+    let change = change + view.load(low, place);
     let sum = now + change;
     let back = sum - now;
     let lost = (now - (sum - back)) + (change - back);
-    window.store(x, place, sum);
-    window.store(low, place, lost);
+    view.store(x, place, sum);
+    view.store(low, place, lost);
 }
 
-/// Multiplies what a window sees by e^exponent.
+/// Multiplies the variable at a place by e^exponent.
 #[inline(always)]
 pub(super) fn multiply<W: SimdView>(
-    window: W,
+    view: W,
     (x, low): (&mut [W::Stored], &mut [W::Stored]),
     place: usize,
     exponent: W::Number,
 ) {
-    let now = window.load(x, place);
+    let now = view.load(x, place);
     if low.is_empty() {
-        window.store(x, place, now * exponent.exp());
+        view.store(x, place, now * exponent.exp());
     } else {
-        add(window, (x, low), place, now * exponent.exp_m1());
+        add(view, (x, low), place, now * exponent.exp_m1());
     }
 }
 
-/// What a window sees of the variables.
-struct Seen<'a, W: SimdView> {
-    window: W,
+/// The variables of a state in a view.
+struct StateVariables<'a, W: SimdView> {
+    view: W,
     x: &'a [W::Stored],
 }
 
-impl<W: SimdView> Source for Seen<'_, W> {
+impl<W: SimdView> Variables for StateVariables<'_, W> {
     type Number = W::Number;
 
     #[inline(always)]
     fn load(&self, place: u32) -> W::Number {
-        self.window.load(self.x, place as usize)
+        self.view.load(self.x, place as usize)
     }
 }
 
-/// The value of a row for what a window sees.
+/// The value of a row in a view.
 #[inline(always)]
-pub(super) fn value<W: SimdView>(window: W, program: &[Code], x: &[W::Stored]) -> W::Number {
-    evaluate(program, window.constant(0.0), &Seen { window, x })
+pub(super) fn value<W: SimdView>(view: W, program: &[Code], x: &[W::Stored]) -> W::Number {
+    evaluate(program, view.constant(0.0), &StateVariables { view, x })
 }
 
-/// What is done with the value of a row.
+/// The use of the value of a row.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Change {
     /// x += h R
@@ -171,11 +167,11 @@ struct ChangeRow<'a, S> {
 
 impl<S> ForEach<S> for ChangeRow<'_, S> {
     #[inline(always)]
-    fn visit<W: SimdView<Stored = S>>(&mut self, window: W) -> bool {
-        let value = value(window, self.program, &self.state.x).scaled(self.h);
+    fn visit<W: SimdView<Stored = S>>(&mut self, view: W) -> bool {
+        let value = value(view, self.program, &self.state.x).scaled(self.h);
         match self.change {
-            Change::Add => add(window, self.state.parts(), self.place, value),
-            Change::Scale => multiply(window, self.state.parts(), self.place, value),
+            Change::Add => add(view, self.state.parts(), self.place, value),
+            Change::Scale => multiply(view, self.state.parts(), self.place, value),
         }
         true
     }
@@ -184,9 +180,9 @@ impl<S> ForEach<S> for ChangeRow<'_, S> {
 /// Changes a run of rows.
 #[inline(always)]
 pub(super) fn change_run<W: SimdViews>(
-    windows: W,
+    views: W,
     change: Change,
-    (run, program): (&Run, &[Code]),
+    (run, program): (&RowRun, &[Code]),
     h: f64,
     state: &mut State<W::Stored>,
 ) {
@@ -198,23 +194,23 @@ pub(super) fn change_run<W: SimdViews>(
         h,
         state,
     };
-    windows.each(run.count, &mut row);
+    views.each(run.count, &mut row);
 }
 
 #[inline(always)]
 fn change_rows<W: SimdViews>(
-    windows: W,
+    views: W,
     change: Change,
-    rows: &Rows,
+    rows: &PolynomialRows,
     h: f64,
     state: &mut State<W::Stored>,
 ) {
     for run in rows.iter() {
-        change_run(windows, change, run, h, state);
+        change_run(views, change, run, h, state);
     }
 }
 
-/// A wave behind the variables.
+/// A cosine factor, stored behind the variables.
 struct SetWave<'a, S> {
     program: &'a [Code],
     place: usize,
@@ -223,22 +219,22 @@ struct SetWave<'a, S> {
 
 impl<S> ForEach<S> for SetWave<'_, S> {
     #[inline(always)]
-    fn visit<W: SimdView<Stored = S>>(&mut self, window: W) -> bool {
-        let argument = value(window, self.program, self.x);
-        window.store(self.x, self.place, argument.cos());
+    fn visit<W: SimdView<Stored = S>>(&mut self, view: W) -> bool {
+        let argument = value(view, self.program, self.x);
+        view.store(self.x, self.place, argument.cos());
         true
     }
 }
 
 #[inline(always)]
-fn set_waves<W: SimdViews>(windows: W, waves: &Rows, state: &mut State<W::Stored>) {
+fn set_waves<W: SimdViews>(views: W, waves: &PolynomialRows, state: &mut State<W::Stored>) {
     for (run, program) in waves.iter() {
         let mut wave = SetWave {
             program,
             place: run.place,
             x: &mut state.x,
         };
-        windows.each(run.count, &mut wave);
+        views.each(run.count, &mut wave);
     }
 }
 
@@ -251,11 +247,11 @@ struct ShearBy<'a, S> {
 
 impl<S> ForEach<S> for ShearBy<'_, S> {
     #[inline(always)]
-    fn visit<W: SimdView<Stored = S>>(&mut self, window: W) -> bool {
-        let change = value(window, self.program, &self.state.x).scaled(self.h);
+    fn visit<W: SimdView<Stored = S>>(&mut self, view: W) -> bool {
+        let change = value(view, self.program, &self.state.x).scaled(self.h);
         for &(place, direction) in self.places {
             let change = change.scaled(direction);
-            add(window, self.state.parts(), place as usize, change);
+            add(view, self.state.parts(), place as usize, change);
         }
         true
     }
@@ -263,8 +259,8 @@ impl<S> ForEach<S> for ShearBy<'_, S> {
 
 #[inline(always)]
 fn shear<W: SimdViews>(
-    windows: W,
-    change: &Rows,
+    views: W,
+    change: &PolynomialRows,
     places: &[(u32, f64)],
     h: f64,
     state: &mut State<W::Stored>,
@@ -276,11 +272,11 @@ fn shear<W: SimdViews>(
             h,
             state: &mut *state,
         };
-        windows.each(1, &mut shear);
+        views.each(1, &mut shear);
     }
 }
 
-/// out = row, or the change of the state where there is none.
+/// out = row
 struct SetRow<'a, S> {
     program: &'a [Code],
     place: usize,
@@ -290,17 +286,17 @@ struct SetRow<'a, S> {
 
 impl<S> ForEach<S> for SetRow<'_, S> {
     #[inline(always)]
-    fn visit<W: SimdView<Stored = S>>(&mut self, window: W) -> bool {
-        let value = value(window, self.program, self.x);
-        window.store(self.out, self.place, value);
+    fn visit<W: SimdView<Stored = S>>(&mut self, view: W) -> bool {
+        let value = value(view, self.program, self.x);
+        view.store(self.out, self.place, value);
         true
     }
 }
 
 #[inline(always)]
 pub(super) fn set_rows<W: SimdViews>(
-    windows: W,
-    rows: &Rows,
+    views: W,
+    rows: &PolynomialRows,
     x: &[W::Stored],
     out: &mut [W::Stored],
 ) {
@@ -311,6 +307,6 @@ pub(super) fn set_rows<W: SimdViews>(
             x,
             out: &mut *out,
         };
-        windows.each(run.count, &mut row);
+        views.each(run.count, &mut row);
     }
 }

@@ -1,21 +1,21 @@
 //! Volume-preserving steps of split polynomial fields: the flow of each piece, with det = 1.
 //!
-//! The pieces' own formulas stand in [`crate::problem`] and in the files of this folder; all
-//! are explicit. They are compiled once to short programs ([`code`]), which run over registers of
-//! whatever is stored: trajectories in lock-step, or neighbouring variables of one large state. A
-//! trajectory has the same bits alone, in lock-step, and on any machine.
+//! The formulas of pieces are in [`crate::problem`] and in the files of this folder; all are explicit. They are compiled
+//! once to short programs ([`code`]) over registers of trajectories in lock-step, or of neighbouring variables of one
+//! large state. Results are bitwise independent of lock-step and of the machine.
 //! Source: mclachlan2008, xue2013.
 #![allow(clippy::inline_always)] // all of a kernel is compiled for one instruction set
 
 mod affine;
 mod code;
+mod compiled;
 mod determinant;
 mod exponential;
+mod flow;
 mod kernel;
-mod motion;
 mod observe;
 mod order;
-mod plan;
+
 mod rows;
 mod section;
 mod shared;
@@ -23,28 +23,27 @@ mod stages;
 mod triangular;
 
 pub use determinant::{Determinant, Determined};
-pub use observe::{Observer, Seen};
+pub use observe::{Observer, UserVariables};
 pub use section::{Direction, Plane, Section};
 
 use crate::problem::Split;
 use affine::Changes;
-use kernel::{Change, Moves, Scratch};
+use compiled::CompiledSplit;
+use flow::PieceFlow;
+use kernel::{FlowKernel, FlowScratch};
 use liouville_base::checkpoint::Checkpoint;
 use liouville_base::composition::{Flow, Parts};
 use liouville_base::error::StepError;
 use liouville_base::parallel::Workers;
 use liouville_base::simd::{ForEach, InstructionSet, Kernel, SimdView, SimdViews, Stored};
-use motion::Motion;
-use plan::Plan;
-use rows::Rows;
 use std::sync::Arc;
 
-/// Where the variables are.
+/// The variables of a trajectory, or of several in lock-step.
 #[derive(Debug, PartialEq)]
 pub struct State<S> {
-    /// The variables in the order of the stepper, and room for waves.
+    /// The variables in the order of the stepper, and room for cosine factors.
     x: Vec<S>,
-    /// What they have lost to rounding, where that is kept.
+    /// Their rounding errors with compensated sums, empty without.
     low: Vec<S>,
 }
 
@@ -56,7 +55,7 @@ impl<S: Clone> Clone for State<S> {
         }
     }
 
-    /// Into the memory there is: steps keep copies.
+    /// Into the memory there is, as each step keeps a copy.
     fn clone_from(&mut self, source: &Self) {
         self.x.clone_from(&source.x);
         self.low.clone_from(&source.low);
@@ -64,7 +63,7 @@ impl<S: Clone> Clone for State<S> {
 }
 
 impl<S> State<S> {
-    /// The variables, and what they have lost.
+    /// The variables and their rounding errors.
     #[inline]
     fn parts(&mut self) -> (&mut [S], &mut [S]) {
         (&mut self.x, &mut self.low)
@@ -75,11 +74,11 @@ impl<S> State<S> {
 #[derive(Clone, Debug)]
 pub struct Volume<S> {
     split: Arc<Split>,
-    plan: Arc<Plan>,
+    compiled: Arc<CompiledSplit>,
     machine: InstructionSet,
     workers: Option<Workers>,
     is_compensated: bool,
-    scratch: Scratch<S>,
+    scratch: FlowScratch<S>,
     changes: Changes,
     kept: Option<State<S>>,
 }
@@ -90,17 +89,17 @@ const LARGEST_KEPT: usize = 1 << 14;
 impl<S: Stored> Volume<S> {
     /// The flows of the pieces of `split`, with or without compensated sums.
     pub fn new(split: Arc<Split>, is_compensated: bool) -> Self {
-        let plan = Arc::new(Plan::new(&split, S::MEMBERS == 1));
+        let compiled = Arc::new(CompiledSplit::new(&split, S::MEMBERS == 1));
         let n = split.n();
         let zeros = |n: usize| vec![S::splat(0.0); n];
-        let stages = (0..plan.stages).map(|_| [zeros(n + plan.waves), zeros(n)]);
-        let scratch = Scratch {
-            change: zeros(if plan.has_affine { n } else { 0 }),
+        let stages = (0..compiled.stages).map(|_| [zeros(n + compiled.waves), zeros(n)]);
+        let scratch = FlowScratch {
+            change: zeros(if compiled.has_affine { n } else { 0 }),
             stages: stages.collect(),
         };
         Self {
             split,
-            plan,
+            compiled,
             machine: InstructionSet::default(),
             workers: None,
             is_compensated,
@@ -117,14 +116,14 @@ impl<S: Stored> Volume<S> {
         self
     }
 
-    /// The same with so many threads, which give the same bits; they serve large states.
+    /// The same with so many threads for large states, which give the same bits.
     #[must_use]
     pub fn with_threads(mut self, threads: usize) -> Self {
         self.workers = Workers::new(threads);
         self
     }
 
-    /// What is split.
+    /// The split field.
     pub fn split(&self) -> &Split {
         &self.split
     }
@@ -137,7 +136,7 @@ impl<S: Stored> Volume<S> {
         let n = self.split.n();
         let zeros = |n: usize| vec![S::splat(0.0); n];
         let mut state = State {
-            x: zeros(n + self.plan.waves),
+            x: zeros(n + self.compiled.waves),
             low: zeros(if self.is_compensated { n } else { 0 }),
         };
         self.set(x, &mut state);
@@ -151,7 +150,7 @@ impl<S: Stored> Volume<S> {
     pub fn set(&self, x: &[S], state: &mut State<S>) {
         assert_eq!(x.len(), self.split.n(), "size of a state");
         for (variable, x) in x.iter().enumerate() {
-            state.x[self.plan.order.place_of(variable)] = *x;
+            state.x[self.compiled.order.place_of(variable)] = *x;
         }
         state.low.fill(S::splat(0.0));
     }
@@ -163,20 +162,20 @@ impl<S: Stored> Volume<S> {
     pub fn values(&self, state: &State<S>, x: &mut [S]) {
         assert_eq!(x.len(), self.split.n(), "size of a state");
         for (variable, x) in x.iter_mut().enumerate() {
-            *x = state.x[self.plan.order.place_of(variable)];
+            *x = state.x[self.compiled.order.place_of(variable)];
         }
     }
 
     /// Makes flows on this thread.
-    fn alone(
+    fn single_thread(
         &mut self,
         flows: &[Flow],
         before: f64,
         (t, h): (f64, f64),
         state: &mut State<S>,
     ) -> Result<(), StepError> {
-        let kernel = Moves {
-            motions: &self.plan.motions,
+        let kernel = FlowKernel {
+            piece_flows: &self.compiled.piece_flows,
             changes: &self.changes,
             flows,
             before,
@@ -188,31 +187,20 @@ impl<S: Stored> Volume<S> {
         S::run(self.machine, kernel)
     }
 
-    /// Makes a flow of length `h` on all threads, if it is one of rows.
+    /// Makes a flow of length `h` on all threads, if it changes rows level after level.
     fn shared(&self, flow: &Flow, h: f64, state: &mut State<S>) -> bool {
         let Some(workers) = &self.workers else {
             return false;
         };
-        let mut change = |change, rows: &Rows| {
-            shared::change_rows((workers, self.machine), change, rows, h, state);
+        let piece = &self.compiled.piece_flows[flow.part];
+        let Some(levels) = piece.levels(flow.is_adjoint) else {
+            return false;
         };
-        match &self.plan.motions[flow.part] {
-            Motion::Natural { rows, waves } if waves.is_empty() => change(Change::Add, rows),
-            Motion::Scaling { rows } => change(Change::Scale, rows),
-            Motion::Triangular(piece) if piece.is_euler() && flow.is_adjoint => {
-                piece
-                    .levels
-                    .iter()
-                    .for_each(|level| change(Change::Add, level));
-            }
-            Motion::Triangular(piece) if piece.is_euler() => {
-                piece
-                    .levels
-                    .iter()
-                    .rev()
-                    .for_each(|level| change(Change::Add, level));
-            }
-            _ => return false,
+        if !levels.waves.is_empty() {
+            return false;
+        }
+        for rows in levels.iter() {
+            shared::change_rows((workers, self.machine), levels.change, rows, h, state);
         }
         true
     }
@@ -222,11 +210,11 @@ impl<S: Stored> Parts for Volume<S> {
     type State = State<S>;
 
     fn count(&self) -> usize {
-        self.plan.motions.len()
+        self.compiled.piece_flows.len()
     }
 
     fn is_exact(&self, part: usize) -> bool {
-        !matches!(self.plan.motions[part], Motion::Triangular(_))
+        !matches!(self.compiled.piece_flows[part], PieceFlow::Triangular(_))
     }
 
     fn flow(
@@ -254,16 +242,17 @@ impl<S: Stored> Parts for Volume<S> {
         h: f64,
         state: &mut State<S>,
     ) -> Result<(), StepError> {
-        if self.plan.has_affine {
-            self.changes.prepare(&self.plan.motions, flows, before, h);
+        if self.compiled.has_affine {
+            self.changes
+                .prepare(&self.compiled.piece_flows, flows, before, h);
         }
         if self.workers.is_none() {
-            return self.alone(flows, before, (t, h), state);
+            return self.single_thread(flows, before, (t, h), state);
         }
         let mut before = before;
         for flow in flows {
             if !self.shared(flow, before + flow.weight * h, state) {
-                self.alone(std::slice::from_ref(flow), before, (t, h), state)?;
+                self.single_thread(std::slice::from_ref(flow), before, (t, h), state)?;
             }
             before = 0.0;
         }
@@ -276,11 +265,11 @@ impl<S: Stored> Parts for Volume<S> {
         if S::run(self.machine, IsFinite { x }) {
             return Ok(());
         }
-        // in the order of the split, so that all ways to store a state name the same variable
+        // in the order of the split, so that each storage of a state names the same variable
         let members = 0..S::MEMBERS;
         let bad = members.flat_map(|member| (0..n).map(move |index| (member, index)));
         let is_bad = |(member, index): &(usize, usize)| {
-            !x[self.plan.order.place_of(*index)]
+            !x[self.compiled.order.place_of(*index)]
                 .member(*member)
                 .is_finite()
         };
@@ -313,9 +302,9 @@ struct IsFinite<'a, S> {
 
 impl<S> ForEach<S> for IsFinite<'_, S> {
     #[inline(always)]
-    fn visit<W: SimdView<Stored = S>>(&mut self, window: W) -> bool {
+    fn visit<W: SimdView<Stored = S>>(&mut self, view: W) -> bool {
         use liouville_base::simd::Number;
-        window.load(self.x, 0).is_finite()
+        view.load(self.x, 0).is_finite()
     }
 }
 
@@ -323,8 +312,8 @@ impl<S> Kernel<S> for IsFinite<'_, S> {
     type Output = bool;
 
     #[inline(always)]
-    fn run<W: SimdViews<Stored = S>>(mut self, windows: W) -> bool {
-        windows.each(self.x.len(), &mut self)
+    fn run<W: SimdViews<Stored = S>>(mut self, views: W) -> bool {
+        views.each(self.x.len(), &mut self)
     }
 }
 

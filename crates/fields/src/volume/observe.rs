@@ -1,4 +1,4 @@
-//! What is recorded of the states of a split field at an output point.
+//! Records of the states of a split field at an output point.
 
 use super::{State, Volume};
 use liouville_base::checkpoint::Checkpoint;
@@ -7,23 +7,23 @@ use liouville_base::observe::Observe;
 use liouville_base::simd::Stored;
 use liouville_base::tape::{Registers, Tape};
 
-/// Variables that the user sees: all of a split, or the first of them, in coordinates of their own.
+/// The variables of the user: all of a split, or the first of them, in coordinates of their own.
 #[derive(Clone, Debug)]
-pub struct Seen {
-    /// How many there are; a field that depends on time has t as one more.
+pub struct UserVariables {
+    /// Their number; a field that depends on time has t as one more.
     pub n: usize,
     /// A, row by row, where the variables are x = A y with the y that is stepped.
     pub basis: Option<Vec<f64>>,
 }
 
-impl Seen {
-    /// A normal of what is seen as one of what is stepped: where it is not zero, and its values there.
+impl UserVariables {
+    /// A normal to these variables as one to those of the split: the places where it is not zero, and its values.
     ///
     /// # Panics
-    /// When it is not of the size of what is seen.
-    pub(super) fn stepped(&self, normal: &[f64], n: usize) -> Vec<(usize, f64)> {
+    /// When it has not as many numbers as there are variables.
+    pub(super) fn normal_of_split(&self, normal: &[f64], n: usize) -> Vec<(usize, f64)> {
         assert_eq!(normal.len(), self.n, "size of a normal");
-        let stepped: Vec<f64> = match &self.basis {
+        let normal: Vec<f64> = match &self.basis {
             None => normal.to_vec(),
             Some(basis) => (0..n)
                 .map(|j| {
@@ -35,7 +35,7 @@ impl Seen {
                 })
                 .collect(),
         };
-        let entries = stepped.into_iter().enumerate();
+        let entries = normal.into_iter().enumerate();
         entries.filter(|(_, a)| *a != 0.0).collect()
     }
 
@@ -56,7 +56,7 @@ impl Seen {
 #[derive(Clone, Debug)]
 pub struct Observer<S> {
     volume: Volume<S>,
-    seen: Seen,
+    variables: UserVariables,
     members: usize,
     states: bool,
     tape: Tape,
@@ -73,7 +73,7 @@ impl<S: Stored> Observer<S> {
     /// When the tape's inputs are not (t, x, params), or there are not so many members.
     pub fn new(
         volume: Volume<S>,
-        seen: Seen,
+        variables: UserVariables,
         members: usize,
         tape: Tape,
         params: &[f64],
@@ -82,7 +82,7 @@ impl<S: Stored> Observer<S> {
         assert!(members <= S::MEMBERS, "members of an observer");
         assert_eq!(
             tape.inputs(),
-            [1, seen.n, params.len()],
+            [1, variables.n, params.len()],
             "inputs of an observer"
         );
         let n = volume.split().n();
@@ -90,9 +90,9 @@ impl<S: Stored> Observer<S> {
             registers: tape.bind(params),
             values: vec![S::splat(0.0); n],
             y: vec![0.0; n],
-            x: vec![0.0; seen.n],
+            x: vec![0.0; variables.n],
             volume,
-            seen,
+            variables,
             members,
             states,
             tape,
@@ -103,7 +103,7 @@ impl<S: Stored> Observer<S> {
         for (y, value) in self.y.iter_mut().zip(&self.values) {
             *y = value.member(member);
         }
-        self.seen.write(&self.y, &mut self.x);
+        self.variables.write(&self.y, &mut self.x);
         if self.states {
             row.extend_from_slice(&self.x);
         }
@@ -120,7 +120,7 @@ impl<S: Stored> Observer<S> {
 
 impl<S: Stored> Observe<State<S>> for Observer<S> {
     fn width(&self, _: &State<S>) -> usize {
-        let states = if self.states { self.seen.n } else { 0 };
+        let states = if self.states { self.variables.n } else { 0 };
         self.members * (states + self.tape.outputs())
     }
 

@@ -1,16 +1,16 @@
-//! The order in which variables are stored: what is changed together stands together.
+//! The order of variables in memory: those changed by the same pieces are neighbours.
 
 use crate::problem::{Piece, Split};
 use std::collections::HashMap;
 
-/// Where each variable is stored, and what is stored where.
+/// The place of each variable, and the variable at each place.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Order {
     place_of: Vec<u32>,
     variable_at: Vec<u32>,
 }
 
-/// With more classes than this, pieces are scattered whatever the order.
+/// With more classes than this, pieces are scattered in any order.
 const MOST_CLASSES: usize = 64;
 
 impl Order {
@@ -32,7 +32,7 @@ impl Order {
                 });
             }
         }
-        // classes by their first variable; those that are gone do not count
+        // classes by their first variable, without those that were split up
         let mut rank: HashMap<u32, usize> = HashMap::new();
         for class in &class {
             let next = rank.len();
@@ -52,7 +52,7 @@ impl Order {
         }
     }
 
-    /// Where a variable is stored; waves stand behind the variables.
+    /// The place of a variable; cosine factors are behind the variables.
     #[inline]
     pub(super) fn place_of(&self, variable: usize) -> usize {
         self.place_of
@@ -60,7 +60,7 @@ impl Order {
             .map_or(variable, |place| *place as usize)
     }
 
-    /// Which variable is stored at a place.
+    /// The variable at a place.
     #[inline]
     pub(super) fn variable_at(&self, place: usize) -> usize {
         self.variable_at[place] as usize

@@ -1,28 +1,28 @@
-//! Rows of polynomials, compiled; neighbours that differ by a shift of one are stored as one.
+//! Compiled rows of polynomials; neighbours that differ by a shift of one are stored as one run.
 
-use super::code::{Code, Term, compile};
+use super::code::{Code, RowTerm, compile};
 use crate::problem::Polynomials;
 
 /// Rows `place .. place + count`, whose programs read one place further each.
 #[derive(Clone, Debug, PartialEq)]
-pub(super) struct Run {
+pub(super) struct RowRun {
     pub(super) place: usize,
     pub(super) count: usize,
     start: usize,
     end: usize,
 }
 
-/// Polynomials, and the places of what they change.
+/// Polynomials, and the places that they change.
 #[derive(Clone, Debug, Default, PartialEq)]
-pub(super) struct Rows {
-    runs: Vec<Run>,
+pub(super) struct PolynomialRows {
+    runs: Vec<RowRun>,
     program: Vec<Code>,
 }
 
-impl Rows {
+impl PolynomialRows {
     /// Compiles the rows `rows` of `polynomials`, which change the places beside them.
     ///
-    /// `place_of` says where a variable is. Where `in_runs`, rows with neighbouring places are joined if
+    /// `place_of` is the place of a variable. Where `in_runs`, rows with neighbouring places are joined if
     /// their terms agree but for the shift.
     pub(super) fn new(
         polynomials: &Polynomials,
@@ -31,7 +31,7 @@ impl Rows {
         in_runs: bool,
     ) -> Self {
         let mut compiled = Self::default();
-        let (mut last, mut terms): (Vec<Term>, Vec<Term>) = (Vec::new(), Vec::new());
+        let (mut last, mut terms): (Vec<RowTerm>, Vec<RowTerm>) = (Vec::new(), Vec::new());
         for &(row, place) in rows {
             terms.clear();
             terms.extend(polynomials.row(row).map(|(coefficient, factors)| {
@@ -43,7 +43,7 @@ impl Rows {
                 (coefficient, places)
             }));
             terms.sort_by(|(_, a), (_, b)| a.cmp(b));
-            let follows = |run: &&mut Run| in_runs && run.place + run.count == place;
+            let follows = |run: &&mut RowRun| in_runs && run.place + run.count == place;
             match compiled.runs.last_mut().filter(follows) {
                 Some(run) if is_shifted(&last, &terms) => run.count += 1,
                 _ => compiled.push(place, &terms),
@@ -53,11 +53,19 @@ impl Rows {
         compiled
     }
 
+    /// No rows.
+    pub(super) const fn empty() -> Self {
+        Self {
+            runs: Vec::new(),
+            program: Vec::new(),
+        }
+    }
+
     /// Appends a row.
-    pub(super) fn push(&mut self, place: usize, terms: &[Term]) {
+    pub(super) fn push(&mut self, place: usize, terms: &[RowTerm]) {
         let start = self.program.len();
         compile(terms, &mut self.program);
-        self.runs.push(Run {
+        self.runs.push(RowRun {
             place,
             count: 1,
             start,
@@ -65,22 +73,22 @@ impl Rows {
         });
     }
 
-    /// Whether there are none.
+    /// Whether there are no rows.
     pub(super) fn is_empty(&self) -> bool {
         self.runs.is_empty()
     }
 
     /// The runs, and the program of each run's first row.
     #[inline]
-    pub(super) fn iter(&self) -> impl DoubleEndedIterator<Item = (&Run, &[Code])> {
-        let program = |run: &Run| &self.program[run.start..run.end];
+    pub(super) fn iter(&self) -> impl DoubleEndedIterator<Item = (&RowRun, &[Code])> {
+        let program = |run: &RowRun| &self.program[run.start..run.end];
         self.runs.iter().map(move |run| (run, program(run)))
     }
 }
 
 /// Whether terms are those before, one place further each.
 #[allow(clippy::float_cmp)] // the same numbers
-fn is_shifted(before: &[Term], now: &[Term]) -> bool {
+fn is_shifted(before: &[RowTerm], now: &[RowTerm]) -> bool {
     let shifted = |(a, b): (&u32, &u32)| a + 1 == *b;
     before.len() == now.len()
         && before.iter().zip(now).all(|((c, before), (d, now))| {

@@ -1,12 +1,11 @@
 //! Poincaré sections: where trajectories pass through a plane.
 //!
-//! With s(x) = a · x − c, a trajectory passes between two steps where s changes its sign, or passes a
-//! multiple of the period where there is one. There it is stepped once more, from the state before and by the
-//! same method, for that part θ h of the step with which s vanishes: the point is one of the method's own,
-//! of its order, and lies in the plane to roundoff. θ is found by the iteration of [`liouville_base::bracket`]. A trajectory that passes twice within a step is not seen to. Source:
-//! oliveira2020.
+//! With s(x) = a · x − c, a trajectory passes in a step where s changes its sign, or crosses a multiple of the period
+//! where there is one. A step of θ h by the same method from the state before, with s = 0 at its end, leads to the
+//! point, which has the order of the method and lies in the plane to roundoff. θ is found by the iteration of
+//! [`liouville_base::bracket`]. Two passages within a step are missed. Source: oliveira2020.
 
-use super::{Seen, State, Volume};
+use super::{State, UserVariables, Volume};
 use liouville_base::bracket::Bracket;
 use liouville_base::checkpoint::{Checkpoint, CheckpointMismatch};
 use liouville_base::error::StepError;
@@ -15,7 +14,7 @@ use liouville_base::observe::Observe;
 use liouville_base::real::Real;
 use liouville_base::simd::Stored;
 
-/// Which way a plane is passed.
+/// The direction of a passage.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Direction {
     /// s grows.
@@ -26,16 +25,16 @@ pub enum Direction {
     Both,
 }
 
-/// s(x) = a · x − c, and what of it is looked for.
+/// s(x) = a · x − c, and the passages wanted.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Plane {
     /// a, for the variables that the user sees.
     pub normal: Vec<f64>,
     /// c
     pub offset: f64,
-    /// Distance of parallel planes, where there are several: more than a step goes.
+    /// Distance of parallel planes, where there are several: longer than a step.
     pub period: Option<f64>,
-    /// Which way it is passed.
+    /// The direction of passages.
     pub direction: Direction,
 }
 
@@ -59,7 +58,7 @@ impl Plane {
     }
 }
 
-/// Records (member, t, x) wherever a member passes a plane; it must see every step.
+/// Records (member, t, x) for each passage of a plane; it must observe every step.
 #[derive(Clone, Debug)]
 pub struct Section<S, M> {
     volume: Volume<S>,
@@ -73,12 +72,12 @@ pub struct Section<S, M> {
     now: Vec<S>,
 }
 
-/// A trajectory on its way from a step to the plane.
+/// The search for the plane within a step.
 #[derive(Clone, Debug)]
 struct Passage<M> {
     single: Volume<f64>,
     stepper: M,
-    seen: Seen,
+    variables: UserVariables,
     /// a and c for the variables that are stepped: places where a is not zero, and its values there.
     normal: Vec<(usize, f64)>,
     offset: f64,
@@ -87,14 +86,15 @@ struct Passage<M> {
 }
 
 impl<S: Stored + Real, M: Stepper<State = State<f64>>> Section<S, M> {
-    /// Sections of the first trajectories that `volume` steps, whose numbers are `members`. `stepper` makes the same steps for one trajectory, a state of `single`.
+    /// Sections of the first trajectories that `volume` steps, with the numbers `members`. `stepper` makes the same steps
+    /// of one trajectory, a state of `single`.
     ///
     /// # Panics
-    /// When the plane's normal is not of the size of what is seen, or there are not so many members.
+    /// When the plane's normal has not as many numbers as the user's variables, or there are not so many members.
     pub fn new(
         volume: Volume<S>,
         (single, stepper): (Volume<f64>, M),
-        seen: Seen,
+        variables: UserVariables,
         members: Vec<usize>,
         plane: Plane,
     ) -> Self {
@@ -104,11 +104,11 @@ impl<S: Stored + Real, M: Stepper<State = State<f64>>> Section<S, M> {
             passage: Passage {
                 single,
                 stepper,
-                normal: seen.stepped(&plane.normal, n),
+                normal: variables.normal_of_split(&plane.normal, n),
                 offset: plane.offset,
                 y: vec![0.0; n],
-                x: vec![0.0; seen.n],
-                seen,
+                x: vec![0.0; variables.n],
+                variables,
             },
             before: vec![S::splat(0.0); n],
             now: vec![S::splat(0.0); n],
@@ -142,9 +142,9 @@ impl<S: Stored + Real, M: Stepper<State = State<f64>>> Section<S, M> {
     }
 }
 
-/// θ is found to this.
+/// Tolerance of θ.
 const TOLERANCE: f64 = f64::EPSILON / 2.0;
-/// So many halvings lead there from the whole step; the iteration may take one more.
+/// Halvings from the whole step to the tolerance; the iteration may take one more.
 const HALVINGS: i32 = 52;
 
 impl<M: Stepper<State = State<f64>>> Passage<M> {
@@ -173,7 +173,7 @@ impl<M: Stepper<State = State<f64>>> Passage<M> {
             }
             bracket.tighten(part, s);
         }
-        self.seen.write(&self.y, &mut self.x);
+        self.variables.write(&self.y, &mut self.x);
         Ok(part)
     }
 
@@ -208,7 +208,7 @@ impl<S: Stored + Real, M: Stepper<State = State<f64>>> Observe<State<S>> for Sec
     }
 }
 
-/// Where the last step has led to.
+/// The end of the last step.
 impl<S: Stored, M: Checkpoint> Checkpoint for Section<S, M> {
     fn save(&self, member: usize, out: &mut Vec<f64>) {
         let last = self.last.map(|(t, s)| (t, s.member(member)));

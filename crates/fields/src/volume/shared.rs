@@ -1,17 +1,17 @@
 //! Long runs of rows, shared by threads.
 //!
-//! A run changes neighbouring places and reads others only. Each thread takes some of them and has the
-//! same sums as if it were alone: the number of threads changes no bit.
+//! A run changes neighbouring places and reads others only. Each thread takes some of the places and computes the same
+//! sums as one thread: results are bitwise independent of the number of threads.
 #![allow(clippy::inline_always)] // all of a kernel is compiled for one instruction set
 
 use super::State;
-use super::code::{Code, Source, evaluate};
+use super::code::{Code, Variables, evaluate};
 use super::kernel::{Change, add, change_run, multiply};
-use super::rows::{Rows, Run};
+use super::rows::{PolynomialRows, RowRun};
 use liouville_base::parallel::Workers;
 use liouville_base::simd::{ForEach, InstructionSet, Kernel, Number, SimdView, SimdViews, Stored};
 
-/// So many bytes of a run are one thread's at a time.
+/// Bytes of a run that a thread takes at a time.
 const SHARE: usize = 1 << 17;
 /// Runs of fewer shares are not worth a second thread.
 const LEAST_SHARES: usize = 4;
@@ -20,14 +20,14 @@ const LEAST_SHARES: usize = 4;
 pub(super) fn change_rows<S: Stored>(
     (workers, machine): (&Workers, InstructionSet),
     change: Change,
-    rows: &Rows,
+    rows: &PolynomialRows,
     h: f64,
     state: &mut State<S>,
 ) {
     let share = SHARE / size_of::<S>();
     for (run, program) in rows.iter() {
         if run.count < LEAST_SHARES * share {
-            let short = Short {
+            let short = ShortRun {
                 run,
                 program,
                 change,
@@ -53,7 +53,7 @@ pub(super) fn change_rows<S: Stored>(
                 last,
                 start,
             };
-            let part = Part {
+            let part = RunPart {
                 program,
                 change,
                 h,
@@ -66,22 +66,22 @@ pub(super) fn change_rows<S: Stored>(
     }
 }
 
-/// A run that one thread does.
-struct Short<'a, S> {
-    run: &'a Run,
+/// A run for one thread.
+struct ShortRun<'a, S> {
+    run: &'a RowRun,
     program: &'a [Code],
     change: Change,
     h: f64,
     state: &'a mut State<S>,
 }
 
-impl<S> Kernel<S> for Short<'_, S> {
+impl<S> Kernel<S> for ShortRun<'_, S> {
     type Output = ();
 
     #[inline(always)]
-    fn run<W: SimdViews<Stored = S>>(self, windows: W) {
+    fn run<W: SimdViews<Stored = S>>(self, views: W) {
         let run = (self.run, self.program);
-        change_run(windows, self.change, run, self.h, self.state);
+        change_run(views, self.change, run, self.h, self.state);
     }
 }
 
@@ -93,33 +93,33 @@ struct Around<'a, S> {
     /// The places that are changed.
     first: usize,
     last: usize,
-    /// How far into the run a thread begins.
+    /// The offset in the run where the thread begins.
     start: usize,
 }
 
-/// What a window sees of them.
-struct Seen<'a, W: SimdView> {
-    window: W,
+/// These variables in a view.
+struct SharedVariables<'a, W: SimdView> {
+    view: W,
     around: Around<'a, W::Stored>,
 }
 
-impl<W: SimdView> Source for Seen<'_, W> {
+impl<W: SimdView> Variables for SharedVariables<'_, W> {
     type Number = W::Number;
 
     #[inline(always)]
     fn load(&self, place: u32) -> W::Number {
         let (place, around) = (place as usize, &self.around);
         if place < around.first {
-            self.window.load(around.before, place + around.start)
+            self.view.load(around.before, place + around.start)
         } else {
             let place = place - around.last + around.start;
-            self.window.load(around.after, place)
+            self.view.load(around.after, place)
         }
     }
 }
 
 /// A thread's part of a run.
-struct Part<'a, S> {
+struct RunPart<'a, S> {
     program: &'a [Code],
     change: Change,
     h: f64,
@@ -128,25 +128,25 @@ struct Part<'a, S> {
     low: &'a mut [S],
 }
 
-impl<S: Copy> ForEach<S> for Part<'_, S> {
+impl<S: Copy> ForEach<S> for RunPart<'_, S> {
     #[inline(always)]
-    fn visit<W: SimdView<Stored = S>>(&mut self, window: W) -> bool {
+    fn visit<W: SimdView<Stored = S>>(&mut self, view: W) -> bool {
         let around = self.around;
-        let zero = window.constant(0.0);
-        let value = evaluate(self.program, zero, &Seen { window, around }).scaled(self.h);
+        let zero = view.constant(0.0);
+        let value = evaluate(self.program, zero, &SharedVariables { view, around }).scaled(self.h);
         match self.change {
-            Change::Add => add(window, (self.x, self.low), 0, value),
-            Change::Scale => multiply(window, (self.x, self.low), 0, value),
+            Change::Add => add(view, (self.x, self.low), 0, value),
+            Change::Scale => multiply(view, (self.x, self.low), 0, value),
         }
         true
     }
 }
 
-impl<S: Copy> Kernel<S> for Part<'_, S> {
+impl<S: Copy> Kernel<S> for RunPart<'_, S> {
     type Output = ();
 
     #[inline(always)]
-    fn run<W: SimdViews<Stored = S>>(mut self, windows: W) {
-        windows.each(self.x.len(), &mut self);
+    fn run<W: SimdViews<Stored = S>>(mut self, views: W) {
+        views.each(self.x.len(), &mut self);
     }
 }

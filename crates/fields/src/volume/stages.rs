@@ -3,8 +3,8 @@
 
 use super::State;
 use super::code::Code;
-use super::kernel::{Scratch, add, set_rows, value};
-use super::rows::Rows;
+use super::kernel::{FlowScratch, add, set_rows, value};
+use super::rows::PolynomialRows;
 use super::triangular::Triangular;
 use liouville_base::simd::{ForEach, Number, SimdView, SimdViews};
 
@@ -20,10 +20,10 @@ struct SetStage<'a, S> {
 
 impl<S> ForEach<S> for SetStage<'_, S> {
     #[inline(always)]
-    fn visit<W: SimdView<Stored = S>>(&mut self, window: W) -> bool {
-        let x = window.load(self.x, self.place);
-        let change = combined(window, self.weights, self.earlier, self.place);
-        window.store(self.out, self.place, x + change.scaled(self.h));
+    fn visit<W: SimdView<Stored = S>>(&mut self, view: W) -> bool {
+        let x = view.load(self.x, self.place);
+        let change = combined(view, self.weights, self.earlier, self.place);
+        view.store(self.out, self.place, x + change.scaled(self.h));
         true
     }
 }
@@ -31,20 +31,20 @@ impl<S> ForEach<S> for SetStage<'_, S> {
 /// Σ weights_q K_q
 #[inline(always)]
 fn combined<W: SimdView>(
-    window: W,
+    view: W,
     weights: &[f64],
     stages: &[[Vec<W::Stored>; 2]],
     place: usize,
 ) -> W::Number {
-    let mut sum = window.constant(0.0);
+    let mut sum = view.constant(0.0);
     for (weight, [_, k]) in weights.iter().zip(stages) {
-        sum = sum + window.load(k, place).scaled(*weight);
+        sum = sum + view.load(k, place).scaled(*weight);
     }
     sum
 }
 
 /// x += h Σ b_r K_r, for a run.
-struct Finish<'a, S> {
+struct AddStages<'a, S> {
     weights: &'a [f64],
     place: usize,
     h: f64,
@@ -52,12 +52,12 @@ struct Finish<'a, S> {
     stages: &'a [[Vec<S>; 2]],
 }
 
-impl<S> ForEach<S> for Finish<'_, S> {
+impl<S> ForEach<S> for AddStages<'_, S> {
     #[inline(always)]
-    fn visit<W: SimdView<Stored = S>>(&mut self, window: W) -> bool {
-        let change = combined(window, self.weights, self.stages, self.place);
+    fn visit<W: SimdView<Stored = S>>(&mut self, view: W) -> bool {
+        let change = combined(view, self.weights, self.stages, self.place);
         let change = change.scaled(self.h);
-        add(window, self.state.parts(), self.place, change);
+        add(view, self.state.parts(), self.place, change);
         true
     }
 }
@@ -65,16 +65,16 @@ impl<S> ForEach<S> for Finish<'_, S> {
 /// The step: Z_r and K_r stage after stage.
 #[inline(always)]
 pub(super) fn runge_kutta<W: SimdViews>(
-    windows: W,
+    views: W,
     piece: &Triangular,
     h: f64,
     state: &mut State<W::Stored>,
-    scratch: &mut Scratch<W::Stored>,
+    scratch: &mut FlowScratch<W::Stored>,
 ) where
     W::Stored: Copy,
 {
     let s = piece.stages;
-    let runs = || piece.levels.iter().flat_map(Rows::iter);
+    let runs = || piece.levels.iter().flat_map(PolynomialRows::iter);
     for r in 0..s {
         let (earlier, later) = scratch.stages.split_at_mut(r);
         let [z, k] = &mut later[0];
@@ -88,25 +88,25 @@ pub(super) fn runge_kutta<W: SimdViews>(
                 earlier: &*earlier,
                 out: &mut *z,
             };
-            windows.each(run.count, &mut stage);
+            views.each(run.count, &mut stage);
         }
         for level in &piece.levels {
-            set_rows(windows, level, z, k);
+            set_rows(views, level, z, k);
         }
     }
     for (run, _) in runs() {
-        let mut finish = Finish {
+        let mut add_stages = AddStages {
             weights: &piece.b,
             place: run.place,
             h,
             state: &mut *state,
             stages: &scratch.stages[..s],
         };
-        windows.each(run.count, &mut finish);
+        views.each(run.count, &mut add_stages);
     }
 }
 
-/// All stages of a run whose earlier levels are known: K_r, z, Z_r.
+/// All stages of a run after its earlier levels: K_r, z, Z_r.
 struct Substitute<'a, S> {
     piece: &'a Triangular,
     program: &'a [Code],
@@ -118,21 +118,21 @@ struct Substitute<'a, S> {
 
 impl<S> ForEach<S> for Substitute<'_, S> {
     #[inline(always)]
-    fn visit<W: SimdView<Stored = S>>(&mut self, window: W) -> bool {
+    fn visit<W: SimdView<Stored = S>>(&mut self, view: W) -> bool {
         let s = self.piece.stages;
         for [z, k] in &mut self.stages[..s] {
-            let change = value(window, self.program, z);
-            window.store(k, self.place, change);
+            let change = value(view, self.program, z);
+            view.store(k, self.place, change);
         }
-        let change = combined(window, &self.piece.b, self.stages, self.place);
+        let change = combined(view, &self.piece.b, self.stages, self.place);
         let change = change.scaled(self.h);
-        add(window, self.state.parts(), self.place, change);
-        let end = window.load(&self.state.x, self.place);
+        add(view, self.state.parts(), self.place, change);
+        let end = view.load(&self.state.x, self.place);
         for r in 0..s {
             let weights = &self.piece.a[r * s..r * s + r];
-            let change = combined(window, weights, self.stages, self.place);
+            let change = combined(view, weights, self.stages, self.place);
             let z = &mut self.stages[r][0];
-            window.store(z, self.place, end - change.scaled(self.h));
+            view.store(z, self.place, end - change.scaled(self.h));
         }
         true
     }
@@ -141,11 +141,11 @@ impl<S> ForEach<S> for Substitute<'_, S> {
 /// The adjoint step, level after level.
 #[inline(always)]
 pub(super) fn substitute<W: SimdViews>(
-    windows: W,
+    views: W,
     piece: &Triangular,
     h: f64,
     state: &mut State<W::Stored>,
-    scratch: &mut Scratch<W::Stored>,
+    scratch: &mut FlowScratch<W::Stored>,
 ) where
     W::Stored: Copy,
 {
@@ -162,7 +162,7 @@ pub(super) fn substitute<W: SimdViews>(
                 state: &mut *state,
                 stages: &mut scratch.stages,
             };
-            windows.each(run.count, &mut substitute);
+            views.each(run.count, &mut substitute);
         }
     }
 }

@@ -7,15 +7,15 @@
 //! variable after variable. Variables that do not depend on one another are one level. Forward Euler
 //! needs no stages: levels backwards are the step, forwards its adjoint.
 
-use super::motion::Layout;
-use super::rows::Rows;
+use super::flow::SplitLayout;
+use super::rows::PolynomialRows;
 use crate::problem::Polynomials;
 
 /// A piece with a Runge-Kutta method.
 #[derive(Clone, Debug)]
 pub(super) struct Triangular {
     /// Rows that depend on earlier levels only.
-    pub(super) levels: Vec<Rows>,
+    pub(super) levels: Vec<PolynomialRows>,
     /// Number of stages.
     pub(super) stages: usize,
     /// A, row by row.
@@ -25,7 +25,7 @@ pub(super) struct Triangular {
 
 impl Triangular {
     pub(super) fn new(
-        layout: &Layout<'_>,
+        layout: &SplitLayout<'_>,
         order: &[usize],
         change: &Polynomials,
         a: &[f64],

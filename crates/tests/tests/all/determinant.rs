@@ -8,8 +8,8 @@ use liouville_base::method::Stepper;
 use liouville_base::run::{Advance, Fixed, Run, Status};
 use liouville_base::simd::{Number, Stored};
 use liouville_base::tableau::Scheme;
-use liouville_fields::problem::{Piece, Polynomials, Split, Wave};
-use liouville_fields::volume::{Determinant, Determined, Seen, Volume};
+use liouville_fields::problem::{CosineFactor, Piece, Polynomials, Split};
+use liouville_fields::volume::{Determinant, Determined, UserVariables, Volume};
 use std::sync::Arc;
 use std::time::Duration;
 
@@ -66,7 +66,7 @@ fn triangular(a: &[f64], b: &[f64]) -> Piece {
 /// One piece of each kind, and of each way to make its flow, of three variables.
 fn kinds() -> Vec<(&'static str, Piece)> {
     let wave = |k: &[f64]| {
-        vec![Wave {
+        vec![CosineFactor {
             places: vec![1, 2],
             k: k.to_vec(),
             phase: 0.3,
@@ -387,7 +387,7 @@ fn determinants_leave_the_trajectory_as_it_is() {
     for (kind, piece) in kinds() {
         let split = moving(piece);
         for (every, is_compensated) in [(1, false), (1, true), (4, false), (4, true)] {
-            let seen = Seen { n: 3, basis: None };
+            let seen = UserVariables { n: 3, basis: None };
             let stepper = Determinant::new(Arc::clone(&split), scheme("BM4"), is_compensated);
             let state = stepper.state(&START);
             let control = Box::new(Fixed::new(Box::new(stepper), 0.0, 0.05, 10));

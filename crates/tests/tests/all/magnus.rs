@@ -8,8 +8,8 @@ use liouville_base::real::{Lanes, Scalar};
 use liouville_base::simd::{InstructionSet, Stored};
 use liouville_tests::quantum::{diagonal, distance, flows, potential};
 use liouville_tests::{T, input, tape};
-use liouville_waves::method::{Exponential, Magnus, Nodes, Observable, Observer, Sweeper, Wave};
-use liouville_waves::problem::{Drive, Hamiltonian, Operator, Scratch};
+use liouville_waves::method::{Magnus, Nodes, Observable, Observer, ShearProgram, Sweeper, Wave};
+use liouville_waves::problem::{Drive, Hamiltonian, Operator, ProductScratch};
 use std::sync::Arc;
 
 const SITES: u32 = 8;
@@ -39,7 +39,7 @@ fn driven() -> Arc<Hamiltonian> {
 const BOUNDS: [(f64, f64); 2] = [(-2.0, 2.0), (-1.0, 0.75)];
 
 fn magnus<S: Stored>(nodes: Nodes) -> Magnus<S> {
-    let exponential = Exponential {
+    let exponential = ShearProgram {
         program: flows("SS10s35"),
         theta: 0.5,
         tolerance: 1e-10,
@@ -59,8 +59,8 @@ const T1: f64 = 2.4;
 /// q' = H(t) p, p' = −H(t) q by the classical Runge–Kutta method.
 fn reference() -> Wave<f64> {
     let hamiltonian = driven();
-    let mut present = hamiltonian.present().expect("a driven Hamiltonian");
-    let mut scratch = Scratch::default();
+    let mut present = hamiltonian.current().expect("a driven Hamiltonian");
+    let mut scratch = ProductScratch::default();
     let mut field = |t: f64, psi: &Wave<f64>| {
         present.set(&hamiltonian, &[(1.0, t)]);
         let h = hamiltonian.at(Some(&present));
@@ -154,7 +154,7 @@ fn a_hamiltonian_at_rest_needs_no_small_steps() {
     let n = 4;
     let values: Vec<f64> = (0..n).map(f64::from).collect();
     let sweeper = Sweeper::new(Arc::new(Hamiltonian::new(vec![diagonal(&values)])));
-    let exponential = Exponential {
+    let exponential = ShearProgram {
         program: flows("SS10s35"),
         theta: 0.2,
         tolerance: 1e-10,
@@ -201,7 +201,7 @@ fn states_side_by_side_have_the_bits_of_each_alone() {
 
 #[test]
 fn a_spectrum_without_bounds_is_refused_and_the_state_is_lost() {
-    let exponential = Exponential {
+    let exponential = ShearProgram {
         program: flows("S2"),
         theta: 0.5,
         tolerance: 1e-10,

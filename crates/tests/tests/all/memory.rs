@@ -25,8 +25,8 @@ use liouville_tests::{
     turning,
 };
 use liouville_waves::method::{
-    self as schrodinger, Chebyshev, Exponential, Lanczos, Magnus, Nodes, Phases, Processed,
-    Processor, Shears, Sweeper, Wave,
+    self as schrodinger, Chebyshev, Lanczos, Magnus, Nodes, Phases, Processed, Processor,
+    ShearProgram, Shears, Sweeper, Wave,
 };
 use std::sync::Arc;
 use std::time::Duration;
@@ -253,7 +253,7 @@ fn split_fields_go_on() {
         let make = || {
             let volume = Volume::<f64>::new(Arc::clone(&split), is_compensated);
             let state = volume.state(&[0.1; 6]);
-            let seen = volume::Seen { n: 6, basis: None };
+            let seen = volume::UserVariables { n: 6, basis: None };
             let square = tape([1, 6, 0], &[input(1, 0) * input(T, 0)]);
             let observer = volume::Observer::new(volume.clone(), seen, 1, square, &[], true);
             let scheme = Scheme::named("BM4").expect("a scheme");
@@ -269,7 +269,7 @@ fn split_fields_go_on() {
 fn wave_functions_go_on() {
     type Waving = Box<dyn Stepper<State = Wave<f64>>>;
     type Stepped<'a> = (&'static str, usize, Box<dyn Fn() -> Waving + 'a>);
-    let exponential = || Exponential {
+    let exponential = || ShearProgram {
         program: flows("SS10s35"),
         theta: 0.5,
         tolerance: 1e-6,

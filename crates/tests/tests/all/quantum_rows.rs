@@ -6,7 +6,7 @@ use liouville_base::simd::{InstructionSet, Stored};
 use liouville_tests::properties::properties;
 use liouville_waves::method::{Move, Sweeper};
 use liouville_waves::problem::{
-    Block, Bond, Dense, Diagonals, Hamiltonian, Operator, Spins, Update,
+    Bond, Dense, Diagonals, Hamiltonian, Operator, RowBlock, Spins, Update,
 };
 use proptest::prelude::*;
 use std::sync::Arc;
@@ -171,7 +171,7 @@ fn updated<S: Stored>(
         let row = k * block;
         let place = row.saturating_sub(reach);
         let x = &x[place..n.min(row + out.len() + reach)];
-        operator.act(machine, update, Block { row, out, place, x });
+        operator.act(machine, update, RowBlock { row, out, place, x });
     }
     out
 }

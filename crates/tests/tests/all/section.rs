@@ -7,7 +7,7 @@ use liouville_base::run::{Advance, Fixed, Run, Status};
 use liouville_base::simd::Stored;
 use liouville_base::tableau::Scheme;
 use liouville_fields::problem::{Piece, Polynomials, Split};
-use liouville_fields::volume::{Direction, Plane, Section, Seen, State, Volume};
+use liouville_fields::volume::{Direction, Plane, Section, State, UserVariables, Volume};
 use std::f64::consts::PI;
 use std::sync::Arc;
 use std::time::Duration;
@@ -87,7 +87,7 @@ fn run<S: Stored + Real>(
     let scheme = Scheme::named(motion.scheme).expect("a scheme");
     let volume = Volume::<S>::new(Arc::clone(split), false);
     let single = Volume::<f64>::new(Arc::clone(split), false);
-    let seen = Seen {
+    let seen = UserVariables {
         n: split.n(),
         basis: motion.basis.clone(),
     };

@@ -7,7 +7,7 @@ use liouville_base::real::{Lanes, Scalar};
 use liouville_base::simd::InstructionSet;
 use liouville_tests::quantum::{distance, energies, flows, kinetic, packet, places, rotor};
 use liouville_waves::method::{Phases, Wave};
-use liouville_waves::problem::{Hamiltonian, Kinetic, Scratch, Update};
+use liouville_waves::problem::{Hamiltonian, Kinetic, ProductScratch, Update};
 use std::f64::consts::TAU;
 use std::sync::Arc;
 
@@ -52,7 +52,7 @@ fn plane_waves_have_their_energies() {
         &[4, 2, 5],
     ] {
         let hamiltonian = Hamiltonian::new(vec![kinetic(shape)]);
-        let mut scratch = Scratch::default();
+        let mut scratch = ProductScratch::default();
         let largest: f64 = shape.iter().map(|n| energies(*n)[*n as usize / 2]).sum();
         for k in indices(shape) {
             let energy = k.iter().zip(shape).map(|(k, n)| energies(*n)[*k as usize]);
@@ -94,7 +94,7 @@ fn members_side_by_side_have_the_bits_of_each_alone() {
             x.set_member(member, value);
         }
     }
-    let (mut scratch, machine) = (Scratch::default(), InstructionSet::default());
+    let (mut scratch, machine) = (ProductScratch::default(), InstructionSet::default());
     let mut all = x.clone();
     let sum = hamiltonian.sum();
     sum.multiply(machine, &x, &mut all, &mut scratch)

@@ -5,7 +5,7 @@ use liouville_base::error::StepError;
 use liouville_base::method::Stepper;
 use liouville_base::real::{Lanes, Scalar};
 use liouville_base::tableau::Scheme;
-use liouville_fields::problem::{Malformed, Piece, Polynomials, Split, Wave};
+use liouville_fields::problem::{CosineFactor, Malformed, Piece, Polynomials, Split};
 use liouville_fields::volume::Volume;
 use liouville_tests::splits::{Term, polynomials};
 use std::sync::Arc;
@@ -74,7 +74,7 @@ fn pieces_that_change_what_they_read_are_refused() {
     let through_a_wave = Piece::Natural {
         rows: vec![0, 1],
         change: polynomials(2, 4, &[(0, 1.0, vec![3])]),
-        waves: vec![Wave {
+        waves: vec![CosineFactor {
             places: vec![2, 1],
             k: vec![1.0, 2.0],
             phase: 0.0,

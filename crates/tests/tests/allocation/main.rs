@@ -31,7 +31,7 @@ use liouville_tests::{
     turning,
 };
 use liouville_waves::method::{
-    Chebyshev, Exponential, Lanczos, Magnus, Nodes, Phases, Shears, Sweeper, Wave,
+    Chebyshev, Lanczos, Magnus, Nodes, Phases, ShearProgram, Shears, Sweeper, Wave,
 };
 use liouville_waves::problem::{Bond, Dense, Diagonals, Hamiltonian, Operator, Spins};
 use std::sync::Arc;
@@ -326,7 +326,7 @@ fn a_step_of_a_wave_function_on_a_grid_takes_no_memory() {
     let plane = plane.expect("T alone");
     let mut stepper = Composed::following(plane, flows("BM4"));
     assert_eq!(others(&mut stepper, &mut packet(32)), 0);
-    let exponential = Exponential {
+    let exponential = ShearProgram {
         program: flows("SS10s35"),
         theta: 0.5,
         tolerance: 1e-10,

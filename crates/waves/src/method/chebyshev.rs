@@ -5,7 +5,7 @@
 //! with σ the middle of the bounds of the spectrum and β half their distance.
 //!
 //! T_{k+1} = 2 G T_k − T_{k−1} overwrites T_{k−1}: even and odd k take turns in two arrays. Even terms are
-//! real multiples of what the series began with, odd ones imaginary; a real ψ thus needs one recurrence of
+//! real multiples of the start of the series, odd ones imaginary; a real ψ thus needs one recurrence of
 //! real vectors, any other ψ two, one after another. Within the bounds no T_k(G) u is longer than u;
 //! one that is tells of a spectrum that reaches out of them. Source: talezer1984.
 
@@ -17,10 +17,10 @@ use liouville_base::error::StepError;
 use liouville_base::method::{Stats, Stepper};
 use liouville_base::simd::Stored;
 
-/// How much longer than u a T_k(G) u may seem, by rounding errors.
+/// Tolerance of rounding errors in the length of T_k(G) u, relative to that of u.
 const GROWTH: f64 = 1.01;
 
-/// Moves handed on at once, between two looks at how long T_k(G) u is.
+/// Moves between two checks of the length of T_k(G) u.
 const AT_ONCE: usize = 128;
 
 /// The coefficients of steps of one length.
@@ -30,7 +30,7 @@ struct Series {
     c: Vec<f64>,
 }
 
-/// Steps of so many lengths have their coefficients kept.
+/// Step lengths whose coefficients are kept.
 const KEPT: usize = 8;
 
 /// Steps by Chebyshev series.
@@ -46,7 +46,7 @@ pub struct Chebyshev<S> {
     moves: Vec<Move>,
     /// T_k(G) u of even k, and of odd k.
     turns: [Vec<S>; 2],
-    /// What ψ becomes, its parts one after another.
+    /// The next ψ: real and imaginary part.
     next: [Vec<S>; 2],
 }
 
@@ -81,7 +81,7 @@ impl<S: Stored> Chebyshev<S> {
         Self { is_doubled, ..self }
     }
 
-    /// What makes the products.
+    /// The sweeper of the products.
     pub fn sweeper_mut(&mut self) -> &mut Sweeper<S> {
         &mut self.sweeper
     }
@@ -93,7 +93,7 @@ impl<S: Stored> Chebyshev<S> {
     pub fn set_bounds(&mut self, (low, high): (f64, f64)) {
         assert!(low <= high, "bounds of a spectrum: {low}, {high}");
         self.sigma = f64::midpoint(low, high);
-        // one number is a spectrum too, and known to rounding errors
+        // a spectrum of one number is known to rounding errors
         let least = (8.0 * f64::EPSILON * self.sigma.abs()).max(1e-290);
         self.beta = (0.5 * (high - low)).max(least);
         self.kept.clear();
@@ -138,7 +138,7 @@ impl<S: Stored> Chebyshev<S> {
             for k in k..last {
                 let (keep, factor) = if k == 1 { (0.0, 1.0) } else { (-1.0, 2.0) };
                 let factor = factor / self.beta;
-                // (−i)^k is 1, −i, −1, i and so on, of which the sign of −i is the caller's
+                // (−i)^k is 1, −i, −1, i and so on; the caller gives the sign of −i
                 let turn = if k % 4 < 2 { 1.0 } else { -1.0 };
                 let side = if k % 2 == 1 { sign } else { 1.0 };
                 self.moves.push(Move {
@@ -215,12 +215,12 @@ impl<S: Stored> Stepper for Chebyshev<S> {
         guard(squares(q, p), state.start, self.guard, t + h)?;
         state.q.copy_from_slice(q);
         state.p.copy_from_slice(p);
-        state.turn(self.sigma * h);
+        state.add_phase(self.sigma * h);
         Ok(())
     }
 
     fn stats(&self) -> Stats {
-        // a product of the doubled matrix is four real ones, which do what two do of real H
+        // a product of the doubled matrix is four real ones, the counterpart of two with real H
         let each = if self.is_doubled { 2 } else { 1 };
         Stats {
             evaluations: each * self.sweeper.products(),

@@ -1,9 +1,9 @@
 //! Short iterative Lanczos: ψ(t + τ) ≈ |ψ| V e^{−iτT} e_1 with an orthonormal basis V of the Krylov space
 //! of H and ψ, and H V = V T + β v eᵀ with T real, symmetric and tridiagonal.
 //!
-//! The approximation solves the equation up to a residual of β |[e^{−isT}]_{m1}|, whose integral bounds the
-//! error; τ is the longest step on which it stays below what is allowed. This holds for the V that
-//! was computed, orthogonal or not, as H V = V T + β v eᵀ does: nothing is made orthogonal again.
+//! The approximation solves the equation up to a residual of β |[e^{−isT}]_{m1}|, whose integral bounds the error; τ is the
+//! longest step on which it stays below the tolerance. This holds for the computed V, orthogonal or not, as
+//! H V = V T + β v eᵀ does: there is no reorthogonalisation.
 //! Source: parklight1986; hochbruck1997.
 
 use super::observe::dot;
@@ -15,30 +15,30 @@ use liouville_base::linalg::{Tridiagonal, add_scaled};
 use liouville_base::method::{Stats, Stepper};
 
 /// Real and imaginary parts.
-type Complex = [Vec<f64>; 2];
+type ComplexVector = [Vec<f64>; 2];
 
-/// Between two looks at the residual, the fastest phase in it turns by so much.
+/// Phase of its fastest part between two evaluations of the residual.
 const APART: f64 = 0.25;
 
-/// What is below this much of H is lost in rounding errors.
+/// Parts of H below this, relatively, are lost in rounding errors.
 pub(super) const LOST: f64 = 8.0 * f64::EPSILON;
 
-/// Between the last two, the end of a step is sought by so many bisections.
+/// Bisections for the end of a step between the last two evaluations.
 const BISECTIONS: usize = 4;
 
-/// Steps by Krylov spaces, in pieces as long as the error allows.
+/// Steps by Krylov spaces, in substeps as long as the error allows.
 #[derive(Clone)]
 pub struct Lanczos {
     sweeper: Sweeper<f64>,
     dimension: usize,
     rate: f64,
     guard: f64,
-    basis: Vec<Complex>,
+    basis: Vec<ComplexVector>,
     alpha: Vec<f64>,
     beta: Vec<f64>,
     small: Tridiagonal,
-    /// What to put back after a step that failed.
-    before: Complex,
+    /// The state before the step, restored where the step fails.
+    before: ComplexVector,
 }
 
 impl Lanczos {
@@ -54,21 +54,21 @@ impl Lanczos {
             dimension,
             rate,
             guard,
-            basis: vec![Complex::default(); dimension + 1],
+            basis: vec![ComplexVector::default(); dimension + 1],
             alpha: Vec::with_capacity(dimension),
             beta: Vec::with_capacity(dimension),
             small: Tridiagonal::new(dimension),
-            before: Complex::default(),
+            before: ComplexVector::default(),
         }
     }
 
-    /// What makes the products.
+    /// The sweeper of the products.
     pub fn sweeper_mut(&mut self) -> &mut Sweeper<f64> {
         &mut self.sweeper
     }
 
-    /// A basis from ψ on, until it is long enough for a time `span` or as long as it may be; says how much of
-    /// `span` it is long enough for, whatever the residual does.
+    /// A basis from ψ on, until it is large enough for a time `span` or as large as it may be; returns the part of `span`
+    /// that is safe for any residual.
     fn build(&mut self, t: f64, state: &Wave<f64>, norm: f64, span: f64) -> Result<f64, StepError> {
         self.alpha.clear();
         self.beta.clear();
@@ -76,7 +76,7 @@ impl Lanczos {
             v.clear();
             v.extend(part.iter().map(|x| x / norm));
         }
-        // of β_1 .. β_m span^m / m!, which the error is below
+        // ln of β_1 .. β_m span^m / m!, a bound of the error
         let mut ln_error = 0.0;
         let mut largest = 0.0_f64;
         let mut before = 0.0;
@@ -115,7 +115,7 @@ impl Lanczos {
                 .min(1.0))
     }
 
-    /// How much of `span` the basis is long enough for, given that it is for `sure` of it.
+    /// The part of `span` that the basis is large enough for, at least `sure`.
     fn reach(&mut self, sure: f64, span: f64) -> f64 {
         self.small.solve(&self.alpha, &self.beta);
         if sure >= span {
@@ -154,7 +154,7 @@ impl Lanczos {
         s.max(sure)
     }
 
-    /// Makes ψ what it is after τ.
+    /// Sets ψ to ψ(t + τ).
     fn combine(&mut self, tau: f64, norm: f64, state: &mut Wave<f64>) {
         let parts = [&mut state.q, &mut state.p];
         for part in parts {
@@ -187,7 +187,7 @@ impl Lanczos {
             let sure = self.build(t, state, norm, left)?;
             let most = self.reach(sure, left);
             let next = left - left / (left / most).ceil();
-            // rounded so that all pieces add up to h
+            // rounded so that all substeps add up to h
             let tau = left - next;
             self.combine(tau.copysign(h), norm, state);
             left = next;

@@ -44,29 +44,29 @@ impl Nodes {
     }
 }
 
-/// A list of shears, and how far it goes.
+/// A list of shears, and its limit of stability.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Exponential {
+pub struct ShearProgram {
     /// The shears: part 0 moves q, part 1 moves p.
     pub program: Vec<Flow>,
     /// The most that half the width of the spectrum times a step of it may be.
     pub theta: f64,
-    /// How far the norm may be off, relatively, before a state is refused.
+    /// The relative error of the norm above which a state is refused.
     pub tolerance: f64,
 }
 
-/// A Magnus method at work.
+/// The steps of a Magnus method.
 #[derive(Clone)]
 pub struct Magnus<S: Stored> {
     shears: Composed<Shears<S>>,
     nodes: Nodes,
     theta: f64,
-    /// What made the state unusable, if anything did.
+    /// The error that made the state unusable, if any.
     lost: Option<StepError>,
     /// Least and largest eigenvalue of each term.
     bounds: Vec<(f64, f64)>,
     /// Weights and times of the nodes of an exponential.
-    taken: Vec<(f64, f64)>,
+    weighted_nodes: Vec<(f64, f64)>,
 }
 
 impl<S: Stored> Magnus<S> {
@@ -77,7 +77,7 @@ impl<S: Stored> Magnus<S> {
     pub fn new(
         sweeper: Sweeper<S>,
         nodes: Nodes,
-        exponential: Exponential,
+        exponential: ShearProgram,
         bounds: Vec<(f64, f64)>,
     ) -> Self {
         let terms = sweeper.hamiltonian().terms().len();
@@ -85,13 +85,13 @@ impl<S: Stored> Magnus<S> {
         let mut rows = nodes.rows.iter();
         assert!(rows.all(|row| row.len() == nodes.nodes.len()), "weights");
         let mut sweeper = sweeper;
-        if sweeper.present.is_none() {
-            sweeper.present = Some(HamiltonianAt::new(sweeper.hamiltonian()));
+        if sweeper.current.is_none() {
+            sweeper.current = Some(HamiltonianAt::new(sweeper.hamiltonian()));
         }
         let shears = Shears::new(sweeper, 0.0, exponential.tolerance);
         Self {
             shears: Composed::following(shears, exponential.program),
-            taken: Vec::with_capacity(nodes.nodes.len()),
+            weighted_nodes: Vec::with_capacity(nodes.nodes.len()),
             theta: exponential.theta,
             lost: None,
             nodes,
@@ -99,12 +99,12 @@ impl<S: Stored> Magnus<S> {
         }
     }
 
-    /// Takes the sum of a row's nodes; its bounds.
-    fn take(&mut self, row: usize, t: f64, h: f64) -> (f64, f64) {
+    /// Sets H to the sum of a row's nodes, and returns its bounds.
+    fn set_hamiltonian(&mut self, row: usize, t: f64, h: f64) -> (f64, f64) {
         let nodes = self.nodes.nodes.iter();
         let weighted = self.nodes.rows[row].iter().zip(nodes);
-        self.taken.clear();
-        self.taken
+        self.weighted_nodes.clear();
+        self.weighted_nodes
             .extend(weighted.map(|(a, c)| (*a, t + c * h)));
         let sweeper = self.shears.parts_mut().sweeper_mut();
         let hamiltonian = sweeper.hamiltonian().clone();
@@ -114,12 +114,12 @@ impl<S: Stored> Magnus<S> {
             low += a.min(b);
             high += a.max(b);
         };
-        if let Some(present) = &mut sweeper.present {
-            present.set(&hamiltonian, &self.taken);
-            for (weight, bounds) in present.weights().iter().zip(&self.bounds) {
+        if let Some(current) = &mut sweeper.current {
+            current.set(&hamiltonian, &self.weighted_nodes);
+            for (weight, bounds) in current.weights().iter().zip(&self.bounds) {
                 add(*weight, *bounds);
             }
-            let potential = present.potential();
+            let potential = current.potential();
             let least = potential.iter().copied().reduce(f64::min);
             let largest = potential.iter().copied().reduce(f64::max);
             add(1.0, (least.unwrap_or(0.0), largest.unwrap_or(0.0)));
@@ -134,7 +134,7 @@ impl<S: Stored> Magnus<S> {
         h: f64,
         state: &mut Wave<S>,
     ) -> Result<(), StepError> {
-        let (low, high) = self.take(row, t, h);
+        let (low, high) = self.set_hamiltonian(row, t, h);
         let (theta, most) = ((high - low) / 2.0 * h.abs(), self.theta);
         let steps = theta / most;
         if !steps.is_finite() {
@@ -143,15 +143,15 @@ impl<S: Stored> Magnus<S> {
         let steps = steps.ceil().max(1.0);
         let shift = low.midpoint(high);
         self.shears.parts_mut().set_shift(shift);
-        // half of the phase before the shears and half of it after them: back in time this is undone
-        state.turn(shift * h / 2.0);
-        state.take_phase();
+        // half of the phase before the shears and half after them, so that a step back in time is the inverse
+        state.add_phase(shift * h / 2.0);
+        state.remove_phase();
         let mut left = steps;
         while left > 0.0 {
             self.shears.step(t, h / steps, state)?;
             left -= 1.0;
         }
-        state.turn(-shift * h / 2.0);
+        state.add_phase(-shift * h / 2.0);
         self.shears.synchronize(state)
     }
 }

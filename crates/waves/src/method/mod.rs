@@ -1,6 +1,6 @@
 //! The Schrödinger equation i ψ' = H ψ with real symmetric H, as q' = H p, p' = −H q of ψ = q + i p.
 //!
-//! What is stepped is e^{iσt} ψ(t), by H − σ with σ in the middle of the spectrum; a state keeps σt.
+//! Methods step e^{iσt} ψ(t), by H − σ with σ in the middle of the spectrum; a state keeps σt.
 
 pub mod bessel;
 mod chebyshev;
@@ -16,7 +16,7 @@ mod sweep;
 
 pub use chebyshev::Chebyshev;
 pub use lanczos::Lanczos;
-pub use magnus::{Exponential, Magnus, Nodes};
+pub use magnus::{Magnus, Nodes, ShearProgram};
 pub use observe::{Observable, Observer};
 pub use phases::Phases;
 pub use processed::Processed;
@@ -36,9 +36,9 @@ pub struct Wave<S> {
     pub q: Vec<S>,
     /// Imaginary part.
     pub p: Vec<S>,
-    /// Phase that is still to be taken off, below a turn.
+    /// Phase still to be removed, below 2π.
     pub phase: f64,
-    /// Sum of the squares at the start, which stays.
+    /// Sum of the squares at the start.
     pub start: S,
 }
 
@@ -58,13 +58,13 @@ impl<S: Scalar> Wave<S> {
         }
     }
 
-    /// Turns by an angle, which is kept for later.
-    pub fn turn(&mut self, angle: f64) {
+    /// Adds to the phase to be removed.
+    pub fn add_phase(&mut self, angle: f64) {
         self.phase = (self.phase + angle) % TAU;
     }
 
-    /// Takes the phase off that is kept.
-    pub fn take_phase(&mut self) {
+    /// Multiplies by e^{i phase}, and sets the phase to zero.
+    pub fn remove_phase(&mut self) {
         let (sin, cos) = std::mem::take(&mut self.phase).sin_cos();
         for (q, p) in self.q.iter_mut().zip(&mut self.p) {
             for member in 0..S::MEMBERS {
@@ -75,15 +75,15 @@ impl<S: Scalar> Wave<S> {
         }
     }
 
-    /// The same with a phase that is to be taken off.
+    /// The same wave function with a phase to be removed.
     ///
-    /// Shears do not commute with a change of phase: e^{iσt} ψ, whose phase is σt, has to be the same at a
-    /// time t however a run has come there, so that the next one undoes it or goes on.
+    /// Shears do not commute with a change of phase: e^{iσt} ψ, with the phase σt, must be the same at a time t for all
+    /// runs that lead there, so that the next one undoes or continues them.
     #[must_use]
     pub fn with_phase(mut self, phase: f64) -> Self {
-        self.turn(-phase);
-        self.take_phase();
-        self.turn(phase);
+        self.add_phase(-phase);
+        self.remove_phase();
+        self.add_phase(phase);
         self
     }
 }
@@ -105,7 +105,7 @@ pub(super) fn squares<S: Scalar>(q: &[S], p: &[S]) -> S {
     total
 }
 
-/// Refuses sums of squares `now` that are not fine, of what was `start`: both go to `is_fine` by their roots.
+/// Refuses sums of squares `now` unless `is_fine` for their roots and those of `start`.
 fn refuse<S: Scalar>(
     now: S,
     start: S,
@@ -126,7 +126,7 @@ fn refuse<S: Scalar>(
     Ok(())
 }
 
-/// Refuses sums of squares `now` whose roots are not what they were by more than `tolerance`, relatively.
+/// Refuses sums of squares `now` whose roots differ from those of `start` by more than `tolerance`, relatively.
 fn guard<S: Scalar>(now: S, start: S, tolerance: f64, t: f64) -> Result<(), StepError> {
     refuse(now, start, t, |now, start| {
         (now - start).abs() <= tolerance * start

@@ -1,7 +1,7 @@
-//! What is recorded of a wave function at an output point.
+//! Records of a wave function at an output point.
 
 use super::{Wave, squares};
-use crate::problem::{Hamiltonian, HamiltonianAt, Scratch};
+use crate::problem::{Hamiltonian, HamiltonianAt, ProductScratch};
 use liouville_base::checkpoint::Checkpoint;
 use liouville_base::error::{Quantity, StepError};
 use liouville_base::observe::Observe;
@@ -19,7 +19,7 @@ pub enum Observable {
     Symmetric(Arc<Hamiltonian>),
     /// ⟨φ|ψ⟩ of a state φ = q + i p, two numbers.
     Overlap(Vec<f64>, Vec<f64>),
-    /// ⟨ψ(0)|ψ⟩, the overlap with what is observed first.
+    /// ⟨ψ(0)|ψ⟩, the overlap with the first state observed.
     Start,
 }
 
@@ -31,14 +31,14 @@ impl Observable {
         }
     }
 
-    /// H as it is at a time.
-    fn present(&self, t: f64) -> Option<HamiltonianAt> {
+    /// H at a time.
+    fn current(&self, t: f64) -> Option<HamiltonianAt> {
         let Self::Symmetric(hamiltonian) = self else {
             return None;
         };
-        let mut present = hamiltonian.present()?;
-        present.set(hamiltonian, &[(1.0, t)]);
-        Some(present)
+        let mut current = hamiltonian.current()?;
+        current.set(hamiltonian, &[(1.0, t)]);
+        Some(current)
     }
 }
 
@@ -49,11 +49,11 @@ pub struct Observer {
     members: usize,
     states: bool,
     observables: Vec<Observable>,
-    /// What each member was first, if that is to be known.
+    /// The first state of each member, if it is needed.
     starts: Vec<[Vec<f64>; 2]>,
     machine: InstructionSet,
     product: Vec<f64>,
-    scratch: Scratch,
+    scratch: ProductScratch,
 }
 
 impl Observer {
@@ -66,11 +66,11 @@ impl Observer {
             starts: Vec::new(),
             machine: InstructionSet::default(),
             product: Vec::new(),
-            scratch: Scratch::default(),
+            scratch: ProductScratch::default(),
         }
     }
 
-    /// How many numbers a wave function of n places has in a row.
+    /// The numbers that a wave function of n places has in a row.
     pub fn columns(&self, n: usize) -> usize {
         let states = if self.states { 2 * n } else { 0 };
         let observed: usize = self.observables.iter().map(Observable::width).sum();
@@ -103,11 +103,11 @@ impl Observer {
     }
 
     fn expectation(&mut self, k: usize, t: f64, [q, p]: &[Vec<f64>; 2]) -> Result<f64, StepError> {
-        let present = self.observables[k].present(t);
+        let current = self.observables[k].current(t);
         let Observable::Symmetric(hamiltonian) = &self.observables[k] else {
             return Ok(0.0);
         };
-        let sum = hamiltonian.at(present.as_ref());
+        let sum = hamiltonian.at(current.as_ref());
         let mut of = |x: &[f64]| {
             self.product.resize(x.len(), 0.0);
             sum.multiply(self.machine, x, &mut self.product, &mut self.scratch)?;
@@ -139,7 +139,7 @@ fn overlap([a, b]: [&[f64]; 2], [q, p]: [&[f64]; 2]) -> [f64; 2] {
     [dot(a, q) + dot(b, p), dot(a, p) - dot(b, q)]
 }
 
-/// Real and imaginary part of a member, with the phase taken off.
+/// Real and imaginary part of a member, with the phase removed.
 fn parts<S: Scalar>(state: &Wave<S>, member: usize) -> [Vec<f64>; 2] {
     let (sin, cos) = state.phase.sin_cos();
     let pairs = state.q.iter().zip(&state.p);
@@ -184,5 +184,5 @@ impl<S: Scalar> Observe<Wave<S>> for Observer {
     }
 }
 
-/// What each member was first is with whoever observes a start.
+/// The first states are not saved: a run that observes them starts with them.
 impl Checkpoint for Observer {}

@@ -1,19 +1,19 @@
 //! Split operator: e^{−ihT} and e^{−ihV} in turn, each of them exact, for H = T + V(t) on a periodic grid.
 //!
-//! T is diagonal after a Fourier transform, V before it. Time is a variable that goes on with T: V is taken at
-//! the time that the flows of T before it have reached, so that a list of flows keeps its order where V
-//! depends on time (blanes2002). Planes of the grid stay transformed along all axes but the outermost between
-//! two flows of V, and a flow of V visits them one by one.
+//! T is diagonal after a Fourier transform, V before it. Time is a variable that advances with T: V is evaluated at the
+//! time that the flows of T before it have reached, so that a list of flows keeps its order where V depends on time
+//! (blanes2002). Planes of the grid stay transformed along all axes but the outermost between two flows of V, and a
+//! flow of V visits them one by one.
 
 use super::{Wave, check_norm};
-use crate::problem::fourier::{self, Complex};
-use crate::problem::{Block, Hamiltonian, HamiltonianAt, Kinetic, Operator, Update};
+use crate::problem::{Hamiltonian, HamiltonianAt, Kinetic, Operator, RowBlock, Update};
 use liouville_base::cancel::CancelToken;
 use liouville_base::checkpoint::Checkpoint;
 use liouville_base::composition::{Flow, Parts};
 use liouville_base::error::StepError;
 use liouville_base::method::Stats;
 use liouville_base::simd::{ForEach, InstructionSet, Kernel, Number, SimdView, SimdViews, Stored};
+use liouville_fourier::{Complex, FourierScratch};
 use std::sync::Arc;
 
 /// Part 0 is T, part 1 is V.
@@ -23,22 +23,22 @@ pub struct Phases {
     kinetic: Arc<Kinetic>,
     /// The other terms, each with its place among all.
     diagonals: Vec<(usize, Vec<f64>)>,
-    present: Option<HamiltonianAt>,
+    current: Option<HamiltonianAt>,
     potential: Vec<f64>,
     tolerance: f64,
     cancel: CancelToken,
     machine: InstructionSet,
-    tables: Vec<Table>,
-    kicks: Vec<Kick>,
+    kinetic_phases: Vec<KineticPhases>,
+    potential_phases: Vec<PotentialPhases>,
     psi: Vec<Complex>,
-    turns: [Vec<f64>; 2],
-    memory: fourier::FourierScratch,
+    cos_sin: [Vec<f64>; 2],
+    memory: FourierScratch,
     made: usize,
 }
 
 /// Phases of T for a length of time.
 #[derive(Clone)]
-struct Table {
+struct KineticPhases {
     s: f64,
     along: Vec<Complex>,
     within: Vec<Complex>,
@@ -46,13 +46,13 @@ struct Table {
 
 /// cos and sin of V s for a length of time, where V does not depend on it.
 #[derive(Clone)]
-struct Kick {
+struct PotentialPhases {
     s: f64,
-    turns: [Vec<f64>; 2],
+    cos_sin: [Vec<f64>; 2],
 }
 
 /// Tables kept: a step of any list has fewer distinct flows.
-const TABLES: usize = 64;
+const KEPT: usize = 64;
 
 /// Points that tables of V may have in all: half a gigabyte.
 const POINTS: usize = 1 << 25;
@@ -74,13 +74,13 @@ impl Phases {
         let mut potential = vec![0.0; n];
         sum(&diagonals, |_| 1.0, &mut potential);
         Some(Self {
-            present: hamiltonian.present(),
-            turns: [0, 1].map(|_| vec![0.0; kinetic.grid().plane()]),
+            current: hamiltonian.current(),
+            cos_sin: [0, 1].map(|_| vec![0.0; kinetic.grid().plane()]),
             psi: vec![Complex::default(); n],
             cancel: CancelToken::default(),
-            tables: Vec::with_capacity(TABLES),
-            kicks: Vec::new(),
-            memory: fourier::FourierScratch::default(),
+            kinetic_phases: Vec::with_capacity(KEPT),
+            potential_phases: Vec::new(),
+            memory: FourierScratch::default(),
             made: 0,
             hamiltonian,
             kinetic,
@@ -91,59 +91,63 @@ impl Phases {
         })
     }
 
-    /// The same, stopping where `cancel` is lost.
+    /// The same, stopping where `cancel` is set.
     #[must_use]
     pub fn with_cancel(self, cancel: CancelToken) -> Self {
         Self { cancel, ..self }
     }
 
-    /// Takes the potential at `t`, if it depends on it.
+    /// Sets the potential to that at `t`, if it depends on time.
     fn take_potential(&mut self, t: f64) {
-        if let Some(present) = &mut self.present {
-            present.set(&self.hamiltonian, &[(1.0, t)]);
-            if present.potential().is_empty() {
+        if let Some(current) = &mut self.current {
+            current.set(&self.hamiltonian, &[(1.0, t)]);
+            if current.potential().is_empty() {
                 self.potential.fill(0.0);
             } else {
-                self.potential.copy_from_slice(present.potential());
+                self.potential.copy_from_slice(current.potential());
             }
-            let weights = present.weights();
+            let weights = current.weights();
             sum(&self.diagonals, |k| weights[k], &mut self.potential);
         }
     }
 
     /// The place of the table for a flow of T.
-    fn table(&mut self, s: f64) -> usize {
-        let is_this = |table: &Table| table.s.to_bits() == s.to_bits();
-        self.tables.iter().position(is_this).unwrap_or_else(|| {
-            let (along, within) = self.kinetic.phases(s);
-            if self.tables.len() == TABLES {
-                self.tables.clear();
-            }
-            self.tables.push(Table { s, along, within });
-            self.tables.len() - 1
-        })
+    fn kinetic_phase(&mut self, s: f64) -> usize {
+        let is_this = |kinetic_phase: &KineticPhases| kinetic_phase.s.to_bits() == s.to_bits();
+        self.kinetic_phases
+            .iter()
+            .position(is_this)
+            .unwrap_or_else(|| {
+                let (along, within) = self.kinetic.phases(s);
+                if self.kinetic_phases.len() == KEPT {
+                    self.kinetic_phases.clear();
+                }
+                self.kinetic_phases.push(KineticPhases { s, along, within });
+                self.kinetic_phases.len() - 1
+            })
     }
 
     /// The place of the table for a flow of V; none where V depends on time, or the grid is too large.
-    fn kick(&mut self, s: f64) -> Option<usize> {
-        if self.present.is_some() {
+    fn potential_phase(&mut self, s: f64) -> Option<usize> {
+        if self.current.is_some() {
             return None;
         }
-        let is_this = |kick: &Kick| kick.s.to_bits() == s.to_bits();
-        self.kicks.iter().position(is_this).or_else(|| {
-            if self.kicks.len() >= TABLES.min(POINTS / self.potential.len()) {
+        let is_this =
+            |potential_phase: &PotentialPhases| potential_phase.s.to_bits() == s.to_bits();
+        self.potential_phases.iter().position(is_this).or_else(|| {
+            if self.potential_phases.len() >= KEPT.min(POINTS / self.potential.len()) {
                 return None;
             }
-            let mut turns = [0, 1].map(|_| vec![0.0; self.potential.len()]);
-            turn(self.machine, &self.potential, s, &mut turns);
-            self.kicks.push(Kick { s, turns });
-            Some(self.kicks.len() - 1)
+            let mut cos_sin = [0, 1].map(|_| vec![0.0; self.potential.len()]);
+            turn(self.machine, &self.potential, s, &mut cos_sin);
+            self.potential_phases.push(PotentialPhases { s, cos_sin });
+            Some(self.potential_phases.len() - 1)
         })
     }
 
     /// All planes, transformed first or last or both, with V between if `s` says how long.
     fn planes(&mut self, from: bool, s: Option<f64>, to: bool) {
-        let kick = s.and_then(|s| self.kick(s));
+        let potential_phase = s.and_then(|s| self.potential_phase(s));
         let grid = self.kinetic.grid();
         let size = grid.plane();
         for (k, plane) in self.psi.chunks_exact_mut(size).enumerate() {
@@ -151,12 +155,12 @@ impl Phases {
             if from {
                 grid.inverse(plane, &mut self.memory);
             }
-            if let Some(kick) = kick {
-                let [cos, sin] = &self.kicks[kick].turns;
+            if let Some(potential_phase) = potential_phase {
+                let [cos, sin] = &self.potential_phases[potential_phase].cos_sin;
                 multiply(plane, &cos[within.clone()], &sin[within]);
             } else if let Some(s) = s {
-                turn(self.machine, &self.potential[within], s, &mut self.turns);
-                multiply(plane, &self.turns[0], &self.turns[1]);
+                turn(self.machine, &self.potential[within], s, &mut self.cos_sin);
+                multiply(plane, &self.cos_sin[0], &self.cos_sin[1]);
             }
             if to {
                 grid.forward(plane, &mut self.memory);
@@ -190,8 +194,8 @@ impl Phases {
                 self.planes(false, None, true);
                 is_transformed = true;
             }
-            let table = self.table(s);
-            let Table { along, within, .. } = &self.tables[table];
+            let kinetic_phase = self.kinetic_phase(s);
+            let KineticPhases { along, within, .. } = &self.kinetic_phases[kinetic_phase];
             let grid = self.kinetic.grid();
             grid.multiply(&mut self.psi, &mut self.memory, along, within);
             self.made += 1;
@@ -214,7 +218,7 @@ fn diagonal(machine: InstructionSet, term: &Operator) -> Option<Vec<f64>> {
     let x = vec![1.0; term.size()];
     let mut out = vec![0.0; x.len()];
     let (row, place) = (0, 0);
-    let block = Block {
+    let block = RowBlock {
         row,
         out: &mut out,
         place,
@@ -259,18 +263,18 @@ impl Kernel<f64> for Turns<'_> {
 
     #[allow(clippy::inline_always)] // compiled for one instruction set as a whole
     #[inline(always)]
-    fn run<W: SimdViews<Stored = f64>>(mut self, windows: W) {
-        windows.each(self.v.len(), &mut self);
+    fn run<W: SimdViews<Stored = f64>>(mut self, views: W) {
+        views.each(self.v.len(), &mut self);
     }
 }
 
 impl ForEach<f64> for Turns<'_> {
     #[allow(clippy::inline_always)]
     #[inline(always)]
-    fn visit<W: SimdView<Stored = f64>>(&mut self, window: W) -> bool {
-        let angle = window.load(self.v, 0).scaled(self.s);
-        window.store(self.cos, 0, angle.cos());
-        window.store(self.sin, 0, angle.sin());
+    fn visit<W: SimdView<Stored = f64>>(&mut self, view: W) -> bool {
+        let angle = view.load(self.v, 0).scaled(self.s);
+        view.store(self.cos, 0, angle.cos());
+        view.store(self.sin, 0, angle.sin());
         true
     }
 }
@@ -297,7 +301,7 @@ impl Parts for Phases {
         self.walk([(part, t, h)].into_iter(), state)
     }
 
-    /// What was held back of the step before is a flow of V at the same time.
+    /// The flow held back by the step before is one of V at the same time.
     fn flows(
         &mut self,
         flows: &[Flow],
@@ -318,7 +322,7 @@ impl Parts for Phases {
         check_norm(t, self.tolerance, state)
     }
 
-    /// No copy: what is lost is lost.
+    /// No copy, which would be as large as the state.
     fn keep(&mut self, _: &Wave<f64>) -> bool {
         false
     }

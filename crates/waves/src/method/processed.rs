@@ -1,7 +1,7 @@
 //! A kernel between a processor and its inverse: ψ(t + n h) = P Kⁿ P⁻¹ ψ(t).
 //!
-//! The kernel K is conjugate to a rotation, K = P⁻¹ R P, and R is what is wanted. P⁻¹ comes before the first
-//! step, P where the state is looked at. Source: lopezmarcos1996.
+//! The kernel K is conjugate to the rotation wanted, R: K = P⁻¹ R P. P⁻¹ is applied before the first step, P before a
+//! state is recorded. Source: lopezmarcos1996.
 
 use super::processor::Processor;
 use super::{Shears, Wave, check_norm};
@@ -16,7 +16,7 @@ pub struct Processed<S: Stored> {
     kernel: Composed<Shears<S>>,
     processor: Processor,
     tolerance: f64,
-    /// The step of the kernel whose state is between P⁻¹ and P, and where it has led to.
+    /// The length and the end of the last step of the kernel, for a state between P⁻¹ and P.
     inside: Option<(f64, f64)>,
 }
 
@@ -46,7 +46,7 @@ impl<S: Stored> Processed<S> {
 impl<S: Stored> Stepper for Processed<S> {
     type State = Wave<S>;
 
-    /// The step must be the same until the state is looked at.
+    /// The step length must be the same until the state is synchronized.
     fn step(&mut self, t: f64, h: f64, state: &mut Wave<S>) -> Result<(), StepError> {
         if self.inside.is_none() {
             self.process(h, state, true)?;

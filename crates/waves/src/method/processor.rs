@@ -1,7 +1,7 @@
 //! Processors of steps that are stable for long, but conjugate to steps of their order only.
 //!
 //! A step K = P⁻¹ R P has the cosine of a good rotation R, and P K^N P⁻¹ is R^N: a run begins with P⁻¹, and P
-//! is applied to what is looked at. On an eigenvector of H, x = h·eigenvalue,
+//! is applied to each recorded state. On an eigenvector of H, x = h·eigenvalue,
 //!
 //!     P = ((cosh η, sinh η), (sinh η, cosh η)),    tanh 2η = (K₁₁ − K₂₂)/(K₁₂ − K₂₁),
 //!
@@ -41,7 +41,7 @@ impl Processor {
                 rest > tolerance
             });
             let kept = kept.map_or(1, |last| last + 1);
-            // the error of interpolation is what the left out ones are, once they fall
+            // the error of interpolation is that of the omitted coefficients, once they fall
             if 4 * kept <= 3 * nodes && kept <= LARGEST_DEGREE {
                 let coefficients = coefficients[..kept].to_vec();
                 return Some(Self {
@@ -54,7 +54,7 @@ impl Processor {
         None
     }
 
-    /// How many products of H and ψ it takes, two real ones each.
+    /// Products of H and ψ, two real ones each.
     pub fn degree(&self) -> usize {
         self.coefficients.len() - 1
     }
@@ -62,7 +62,7 @@ impl Processor {
     /// ψ ← P ψ, or P⁻¹ ψ, for steps `h` of H − `shift`.
     ///
     /// # Errors
-    /// A product failed, or cancel was lost; ψ is then what it was.
+    /// A product failed, or the run was cancelled; ψ is unchanged then.
     pub fn apply<S: Stored>(
         &self,
         sweeper: &mut Sweeper<S>,

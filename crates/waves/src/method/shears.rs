@@ -1,5 +1,4 @@
-//! Shears q ← q + c h (H − σ) p and p ← p − c h (H − σ) q, the parts of splittings that know H by its
-//! products only.
+//! Shears q ← q + c h (H − σ) p and p ← p − c h (H − σ) q, the parts of splittings that use products with H only.
 
 use super::{Move, Sweeper, Wave, check_norm};
 use crate::problem::Update;
@@ -9,7 +8,7 @@ use liouville_base::error::StepError;
 use liouville_base::method::Stats;
 use liouville_base::simd::Stored;
 
-/// Part 0 moves q, part 1 moves p.
+/// Part 0 changes q, part 1 changes p.
 #[derive(Clone)]
 pub struct Shears<S> {
     sweeper: Sweeper<S>,
@@ -29,7 +28,7 @@ impl<S: Stored> Shears<S> {
         }
     }
 
-    /// What makes the products.
+    /// The sweeper of the products.
     pub fn sweeper_mut(&mut self) -> &mut Sweeper<S> {
         &mut self.sweeper
     }
@@ -72,8 +71,8 @@ impl<S: Stored> Parts for Shears<S> {
         2
     }
 
-    /// They are, but none is held back over the end of a step: between two shears the norm is another one,
-    /// and a state would be refused that is fine.
+    /// False, so that no flow is held back over the end of a step: the norm between two shears is another one, and the check
+    /// would refuse a good state.
     fn is_exact(&self, _: usize) -> bool {
         false
     }
@@ -106,7 +105,7 @@ impl<S: Stored> Parts for Shears<S> {
             before = 0.0;
         }
         self.make(state)?;
-        state.turn(self.shift * h);
+        state.add_phase(self.shift * h);
         Ok(())
     }
 

@@ -1,8 +1,7 @@
-//! How far a spectrum reaches, by Lanczos steps from a random vector.
+//! Bounds of a spectrum, by Lanczos steps from a random vector.
 //!
-//! Extreme Ritz values lie inside the spectrum, and each has an eigenvalue at a distance of no more than its
-//! residual β |[u]_m|. They leave out no extreme eigenvalue but by chance: the vector would have to be
-//! orthogonal to all that is beyond.
+//! Extreme Ritz values lie inside the spectrum, each within its residual β |[u]_m| of an eigenvalue. An extreme eigenvalue is
+//! missed only where the random vector is orthogonal to its eigenvectors.
 
 use super::lanczos::{LOST, three_terms};
 use super::observe::dot;

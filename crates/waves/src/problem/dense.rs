@@ -1,14 +1,14 @@
 //! Products with a dense symmetric matrix.
 //!
-//! Rows are computed side by side and columns one after another: H[i, j] and H[i + 1, j] stand beside
-//! each other, in panels of so many rows that what is read is read in one stretch.
+//! Rows are computed side by side and columns one after another: H[i, j] and H[i + 1, j] are neighbours in memory, in
+//! panels of so few rows that a panel is read from its first value to its last.
 #![allow(clippy::inline_always)] // all of a kernel is compiled for one instruction set
 
-use super::update::update;
-use super::{Block, Update};
-use liouville_base::simd::{ForEach, InstructionSet, Kernel, SimdView, SimdViews, Stored};
+use super::row_product::{Input, MatrixRows};
+use liouville_base::simd::SimdView;
+use std::ops::Range;
 
-/// Rows of a panel.
+/// Rows in a panel.
 const PANEL: usize = 64;
 
 /// A dense symmetric matrix.
@@ -41,82 +41,55 @@ impl Dense {
         self.n
     }
 
-    /// How many bytes all rows are.
+    /// Bytes of all rows.
     pub(super) fn bytes(&self) -> usize {
         size_of_val(&*self.panels)
     }
-
-    /// Updates a block of rows.
-    pub(super) fn act<S: Stored>(
-        &self,
-        machine: InstructionSet,
-        update: Update,
-        block: Block<'_, S>,
-    ) {
-        let dense = self;
-        let act = Act {
-            dense,
-            update,
-            block,
-        };
-        S::run(machine, act);
-    }
 }
 
-struct Act<'a, S> {
-    dense: &'a Dense,
-    update: Update,
-    block: Block<'a, S>,
+/// Rows of a panel.
+#[derive(Clone, Copy)]
+pub(super) struct Panel<'a> {
+    first: usize,
+    width: usize,
+    /// Column by column.
+    values: &'a [f64],
 }
 
-impl<S> Kernel<S> for Act<'_, S> {
-    type Output = ();
+impl MatrixRows for Dense {
+    type Stretch<'a> = Panel<'a>;
 
     #[inline(always)]
-    fn run<W: SimdViews<Stored = S>>(self, windows: W) {
-        let Block { row, out, place, x } = self.block;
-        let (n, end) = (self.dense.n, row + out.len());
-        let x = &x[..n];
-        let mut start = row;
-        while start < end {
+    fn stretches<'a>(&'a self, rows: Range<usize>, mut visit: impl FnMut(Range<usize>, Panel<'a>)) {
+        let n = self.n;
+        let mut start = rows.start;
+        while start < rows.end {
             let first = start - start % PANEL;
             let width = PANEL.min(n - first);
-            let count = (first + width).min(end) - start;
-            let mut rows = Rows {
-                panel: &self.dense.panels[first * n..][..width * n],
+            let end = rows.end.min(first + width);
+            let values = &self.panels[first * n..][..width * n];
+            let panel = Panel {
+                first,
                 width,
-                within: start - first,
-                update: self.update,
-                at: start - place,
-                x,
-                out: &mut out[start - row..],
+                values,
             };
-            windows.each(count, &mut rows);
-            start += count;
+            visit(start..end, panel);
+            start = end;
         }
     }
-}
 
-/// Rows within a panel.
-struct Rows<'a, S> {
-    panel: &'a [f64],
-    width: usize,
-    within: usize,
-    update: Update,
-    /// Where x_i is.
-    at: usize,
-    x: &'a [S],
-    out: &'a mut [S],
-}
-
-impl<S> ForEach<S> for Rows<'_, S> {
     #[inline(always)]
-    fn visit<W: SimdView<Stored = S>>(&mut self, window: W) -> bool {
-        let mut sum = window.constant(0.0);
-        for (j, column) in self.panel.chunks_exact(self.width).enumerate() {
-            sum = sum + window.shared(column, self.within) * window.every(self.x, j);
+    fn product<V: SimdView>(
+        &self,
+        panel: Panel<'_>,
+        view: V,
+        row: usize,
+        x: Input<'_, V::Stored>,
+    ) -> V::Number {
+        let mut sum = view.constant(0.0);
+        for (j, column) in panel.values.chunks_exact(panel.width).enumerate() {
+            sum = sum + view.shared(column, row - panel.first) * x.every(view, j);
         }
-        update(window, self.update, (self.x, self.at), (self.out, 0), sum);
-        true
+        sum
     }
 }

@@ -1,21 +1,20 @@
 //! Products with a symmetric matrix by its diagonals, (H x)_i = Σ_d v_d(i) x_{i+d} + v_d(i−d) x_{i−d}.
 //!
-//! A diagonal is stored once for both of its sides. Where it is the same number for long, the number is
-//! enough; rows that have the same diagonals in the same way are one run.
+//! A diagonal is stored once for both of its sides. A long stretch of one number is stored as that number; rows with the
+//! same entries are one run.
 #![allow(clippy::inline_always)] // all of a kernel is compiled for one instruction set
 
-use super::update::update;
-use super::{Block, Update};
-use liouville_base::simd::{ForEach, InstructionSet, Kernel, Number, SimdView, SimdViews, Stored};
+use super::row_product::{Input, MatrixRows};
+use liouville_base::simd::{Number, SimdView};
 use std::collections::{HashMap, HashSet};
 use std::ops::Range;
 
-/// So many equal numbers one after another are kept as one.
+/// So many equal numbers in sequence are stored as one.
 const LONG: usize = 256;
 
-/// What a row has at some distance from the diagonal.
+/// The value of a row at some distance from the diagonal.
 #[derive(Clone, Copy, Debug, PartialEq)]
-enum Source {
+enum DiagonalValue {
     /// The same number in every row.
     Constant(f64),
     /// `values[row + shift]`
@@ -24,14 +23,14 @@ enum Source {
 
 /// An entry of each row of a run.
 #[derive(Clone, Copy, Debug, PartialEq)]
-struct Entry {
+pub(super) struct DiagonalEntry {
     offset: isize,
-    source: Source,
+    source: DiagonalValue,
 }
 
 /// Rows with the same entries.
 #[derive(Clone, Debug)]
-struct Run {
+struct DiagonalRun {
     rows: Range<usize>,
     entries: Range<usize>,
 }
@@ -42,12 +41,12 @@ pub struct Diagonals {
     n: usize,
     reach: usize,
     values: Vec<f64>,
-    entries: Vec<Entry>,
-    runs: Vec<Run>,
+    entries: Vec<DiagonalEntry>,
+    runs: Vec<DiagonalRun>,
 }
 
 /// Rows that have an entry.
-type Piece = (Range<usize>, Entry);
+type DiagonalPiece = (Range<usize>, DiagonalEntry);
 
 impl Diagonals {
     /// The matrix of n rows with H[i, i + d] = H[i + d, i] = `values[i]` for each (d, `values`).
@@ -84,30 +83,19 @@ impl Diagonals {
         self.reach
     }
 
-    /// How many bytes all rows are.
+    /// Bytes of all rows.
     pub(super) fn bytes(&self) -> usize {
         size_of_val(&*self.values) + size_of_val(&*self.runs)
-    }
-
-    /// Updates a block of rows.
-    pub(super) fn act<S: Stored>(
-        &self,
-        machine: InstructionSet,
-        update: Update,
-        block: Block<'_, S>,
-    ) {
-        let diagonals = self;
-        let act = Act {
-            diagonals,
-            update,
-            block,
-        };
-        S::run(machine, act);
     }
 }
 
 /// Finds where a diagonal is one number for long, and stores the rest of it.
-fn add_pieces(offset: usize, values: &[f64], stored: &mut Vec<f64>, pieces: &mut Vec<Piece>) {
+fn add_pieces(
+    offset: usize,
+    values: &[f64],
+    stored: &mut Vec<f64>,
+    pieces: &mut Vec<DiagonalPiece>,
+) {
     let mut parts: Vec<(Range<usize>, bool)> = Vec::new();
     let mut at = 0;
     for group in values.chunk_by(|a, b| a.to_bits() == b.to_bits()) {
@@ -129,11 +117,11 @@ fn add_pieces(offset: usize, values: &[f64], stored: &mut Vec<f64>, pieces: &mut
         let entry = |offset: isize, shift: isize| {
             let shift = first.cast_signed() + shift;
             let source = if is_long {
-                Source::Constant(values[rows.start])
+                DiagonalValue::Constant(values[rows.start])
             } else {
-                Source::Stored { shift }
+                DiagonalValue::Stored { shift }
             };
-            Entry { offset, source }
+            DiagonalEntry { offset, source }
         };
         pieces.push((rows.clone(), entry(distance, 0)));
         if offset > 0 {
@@ -144,7 +132,7 @@ fn add_pieces(offset: usize, values: &[f64], stored: &mut Vec<f64>, pieces: &mut
 }
 
 /// Cuts all rows into runs, of which those with the same entries share them.
-fn join(n: usize, pieces: &[Piece]) -> (Vec<Entry>, Vec<Run>) {
+fn join(n: usize, pieces: &[DiagonalPiece]) -> (Vec<DiagonalEntry>, Vec<DiagonalRun>) {
     let mut starts: Vec<usize> = (0..pieces.len()).collect();
     starts.sort_by_key(|k| pieces[*k].0.start);
     let mut cuts: Vec<usize> = pieces.iter().flat_map(|(r, _)| [r.start, r.end]).collect();
@@ -161,107 +149,85 @@ fn join(n: usize, pieces: &[Piece]) -> (Vec<Entry>, Vec<Run>) {
             next += 1;
         }
         active.sort_unstable_by_key(|k| pieces[*k].1.offset);
-        let of_run: Vec<Entry> = active.iter().map(|k| pieces[*k].1).collect();
-        let key: Vec<(isize, u64)> = of_run.iter().map(Entry::key).collect();
+        let of_run: Vec<DiagonalEntry> = active.iter().map(|k| pieces[*k].1).collect();
+        let key: Vec<(isize, u64)> = of_run.iter().map(DiagonalEntry::key).collect();
         let entries = known.entry(key).or_insert_with(|| {
             let first = entries.len();
             entries.extend(of_run);
             first..entries.len()
         });
         let entries = entries.clone();
-        runs.push(Run { rows, entries });
+        runs.push(DiagonalRun { rows, entries });
     }
     (entries, runs)
 }
 
-impl Entry {
-    /// What tells entries apart: a diagonal is stored or constant where it is, not both in one row.
+impl DiagonalEntry {
+    /// The identity of an entry: a diagonal is stored or constant in a row, not both.
     fn key(&self) -> (isize, u64) {
         let bits = match self.source {
-            Source::Constant(value) => value.to_bits(),
-            Source::Stored { .. } => u64::MAX,
+            DiagonalValue::Constant(value) => value.to_bits(),
+            DiagonalValue::Stored { .. } => u64::MAX,
         };
         (self.offset, bits)
     }
 }
 
-/// The product for a block.
-struct Act<'a, S> {
-    diagonals: &'a Diagonals,
-    update: Update,
-    block: Block<'a, S>,
-}
-
-impl<S> Kernel<S> for Act<'_, S> {
-    type Output = ();
+impl MatrixRows for Diagonals {
+    type Stretch<'a> = &'a [DiagonalEntry];
 
     #[inline(always)]
-    fn run<W: SimdViews<Stored = S>>(self, windows: W) {
-        let Block { row, out, place, x } = self.block;
-        let Diagonals {
-            runs,
-            values,
-            entries,
-            ..
-        } = self.diagonals;
-        let end = row + out.len();
-        let first = runs.partition_point(|run| run.rows.end <= row);
-        for run in &runs[first..] {
-            let start = run.rows.start.max(row);
-            if start >= end {
+    fn stretches<'a>(
+        &'a self,
+        rows: Range<usize>,
+        mut visit: impl FnMut(Range<usize>, &'a [DiagonalEntry]),
+    ) {
+        let first = self.runs.partition_point(|run| run.rows.end <= rows.start);
+        for run in &self.runs[first..] {
+            let start = run.rows.start.max(rows.start);
+            if start >= rows.end {
                 break;
             }
-            let mut rows = Rows {
-                entries: &entries[run.entries.clone()],
-                values,
-                update: self.update,
-                row: start.cast_signed(),
-                before: place.cast_signed(),
-                x,
-                out: &mut out[start - row..],
-            };
-            windows.each(run.rows.end.min(end) - start, &mut rows);
+            let entries = &self.entries[run.entries.clone()];
+            visit(start..run.rows.end.min(rows.end), entries);
         }
+    }
+
+    #[inline(always)]
+    fn product<V: SimdView>(
+        &self,
+        entries: &[DiagonalEntry],
+        view: V,
+        row: usize,
+        x: Input<'_, V::Stored>,
+    ) -> V::Number {
+        let Some((first, others)) = entries.split_first() else {
+            return view.constant(0.0);
+        };
+        let mut sum = self.term(*first, view, row, x);
+        for entry in others {
+            sum = sum + self.term(*entry, view, row, x);
+        }
+        sum
     }
 }
 
-/// Rows of a run.
-struct Rows<'a, S> {
-    entries: &'a [Entry],
-    values: &'a [f64],
-    update: Update,
-    row: isize,
-    before: isize,
-    x: &'a [S],
-    out: &'a mut [S],
-}
-
-impl<S> Rows<'_, S> {
+impl Diagonals {
+    /// v_d(i) x_{i+d} for i = `row`.
     #[inline(always)]
-    fn term<W: SimdView<Stored = S>>(&self, window: W, entry: Entry) -> W::Number {
-        let place = self.row + entry.offset - self.before;
-        let x = window.load(self.x, place.cast_unsigned());
+    fn term<V: SimdView>(
+        &self,
+        entry: DiagonalEntry,
+        view: V,
+        row: usize,
+        x: Input<'_, V::Stored>,
+    ) -> V::Number {
+        let x = x.load(view, row.wrapping_add_signed(entry.offset));
         match entry.source {
-            Source::Constant(value) => x.scaled(value),
-            Source::Stored { shift } => {
-                x * window.shared(self.values, (self.row + shift).cast_unsigned())
+            DiagonalValue::Constant(value) => x.scaled(value),
+            DiagonalValue::Stored { shift } => {
+                x * view.shared(&self.values, row.wrapping_add_signed(shift))
             }
         }
-    }
-}
-
-impl<S> ForEach<S> for Rows<'_, S> {
-    #[inline(always)]
-    fn visit<W: SimdView<Stored = S>>(&mut self, window: W) -> bool {
-        let mut sum = window.constant(0.0);
-        if let Some((first, others)) = self.entries.split_first() {
-            sum = self.term(window, *first);
-            for entry in others {
-                sum = sum + self.term(window, *entry);
-            }
-        }
-        let from = (self.row - self.before).cast_unsigned();
-        update(window, self.update, (self.x, from), (self.out, 0), sum);
-        true
     }
 }

@@ -1,11 +1,11 @@
 //! A Hamiltonian as a weighted sum of its terms.
 
-use super::fourier::FourierScratch;
-use super::{Block, Drive, HamiltonianAt, Operator, Potential, Product, Update};
+use super::{Drive, HamiltonianAt, Operator, Potential, Product, RowBlock, Update};
 use liouville_base::error::StepError;
 use liouville_base::simd::{InstructionSet, Stored};
+use liouville_fourier::FourierScratch;
 
-/// The terms H_k, read-only, and how they depend on time: H(t) = Σ f_k(t) H_k + V(t).
+/// The terms H_k, read-only, and their dependence on time: H(t) = Σ f_k(t) H_k + V(t).
 #[derive(Clone)]
 pub struct Hamiltonian {
     pub(super) terms: Vec<Operator>,
@@ -65,35 +65,35 @@ impl Hamiltonian {
         self.drive.is_some() || self.potential.is_some()
     }
 
-    /// How far from the diagonal there are entries; none if any term is a whole one.
+    /// The largest distance of an entry from the diagonal; none if any term is a whole one.
     pub fn reach(&self) -> Option<usize> {
         let reaches = self.terms.iter().map(Operator::reach);
         reaches.collect::<Option<Vec<_>>>()?.into_iter().max()
     }
 
-    /// Memory for what holds at a time; none where nothing depends on it.
-    pub fn present(&self) -> Option<HamiltonianAt> {
+    /// Memory for weights and potential at a time; none where nothing depends on time.
+    pub fn current(&self) -> Option<HamiltonianAt> {
         self.is_driven().then(|| HamiltonianAt::new(self))
     }
 
     /// All terms with weight 1, and no potential.
-    pub fn sum(&self) -> Weighted<'_> {
+    pub fn sum(&self) -> WeightedTerms<'_> {
         self.at(None)
     }
 
-    /// What is in force, if anything depends on time.
-    pub fn at<'a>(&'a self, present: Option<&'a HamiltonianAt>) -> Weighted<'a> {
-        Weighted {
+    /// The terms with weights and potential at a time; all weights are 1 without them.
+    pub fn at<'a>(&'a self, current: Option<&'a HamiltonianAt>) -> WeightedTerms<'a> {
+        WeightedTerms {
             terms: &self.terms,
-            weights: present.map(|present| &present.weights[..]),
-            potential: present.map_or(&[], |present| &present.potential),
+            weights: current.map(|current| &current.weights[..]),
+            potential: current.map_or(&[], |current| &current.potential),
         }
     }
 }
 
 /// H = Σ w_k H_k + V.
 #[derive(Clone, Copy)]
-pub struct Weighted<'a> {
+pub struct WeightedTerms<'a> {
     /// H_k
     pub terms: &'a [Operator],
     /// w_k, all 1 if there are none.
@@ -104,18 +104,18 @@ pub struct Weighted<'a> {
 
 /// Memory of products with whole terms.
 #[derive(Clone, Debug, Default)]
-pub struct Scratch {
+pub struct ProductScratch {
     from: Vec<f64>,
     to: Vec<f64>,
     memory: FourierScratch,
 }
 
-impl Weighted<'_> {
+impl WeightedTerms<'_> {
     fn weight(&self, k: usize) -> f64 {
         self.weights.map_or(1.0, |weights| weights[k])
     }
 
-    /// How the product with a term updates: what stays, stays at the first.
+    /// The update by a term: the first one keeps its part of `out`, others add.
     fn part(&self, k: usize, update: Update) -> Update {
         let factor = self.weight(k) * update.factor;
         if k == 0 {
@@ -129,18 +129,18 @@ impl Weighted<'_> {
     ///
     /// # Panics
     /// When a term is a whole one.
-    pub fn act<S: Stored>(&self, machine: InstructionSet, update: Update, block: Block<'_, S>) {
-        let Block { row, out, place, x } = block;
+    pub fn act<S: Stored>(&self, machine: InstructionSet, update: Update, block: RowBlock<'_, S>) {
+        let RowBlock { row, out, place, x } = block;
         for (k, term) in self.terms.iter().enumerate() {
             let out = &mut *out;
             let update = self.part(k, update);
-            term.act(machine, update, Block { row, out, place, x });
+            term.act(machine, update, RowBlock { row, out, place, x });
         }
-        self.add_potential(update.factor, Block { row, out, place, x });
+        self.add_potential(update.factor, RowBlock { row, out, place, x });
     }
 
-    fn add_potential<S: Stored>(&self, factor: f64, block: Block<'_, S>) {
-        let Block { row, out, place, x } = block;
+    fn add_potential<S: Stored>(&self, factor: f64, block: RowBlock<'_, S>) {
+        let RowBlock { row, out, place, x } = block;
         if self.potential.is_empty() {
             return;
         }
@@ -162,7 +162,7 @@ impl Weighted<'_> {
         update: Update,
         x: &[S],
         out: &mut [S],
-        scratch: &mut Scratch,
+        scratch: &mut ProductScratch,
     ) -> Result<(), StepError> {
         let (row, place) = (0, 0);
         for (k, term) in self.terms.iter().enumerate() {
@@ -176,10 +176,10 @@ impl Weighted<'_> {
                 | Operator::Sparse(_)
                 | Operator::Diagonals(_)
                 | Operator::Dense(_)
-                | Operator::Spins(_) => term.act(machine, update, Block { row, out, place, x }),
+                | Operator::Spins(_) => term.act(machine, update, RowBlock { row, out, place, x }),
             }
         }
-        self.add_potential(update.factor, Block { row, out, place, x });
+        self.add_potential(update.factor, RowBlock { row, out, place, x });
         Ok(())
     }
 
@@ -192,22 +192,22 @@ impl Weighted<'_> {
         machine: InstructionSet,
         x: &[S],
         out: &mut [S],
-        scratch: &mut Scratch,
+        scratch: &mut ProductScratch,
     ) -> Result<(), StepError> {
         out.fill(S::splat(0.0));
         self.update(machine, Update::added(1.0), x, out, scratch)
     }
 }
 
-/// Updates all rows by a product that somebody else makes, of one member after another.
+/// Updates all rows by a product of the user, member by member.
 fn apply<S: Stored>(
     product: &dyn Product,
     update: Update,
     x: &[S],
     out: &mut [S],
-    scratch: &mut Scratch,
+    scratch: &mut ProductScratch,
 ) -> Result<(), StepError> {
-    let Scratch { from, to, .. } = scratch;
+    let ProductScratch { from, to, .. } = scratch;
     for member in 0..S::MEMBERS {
         from.clear();
         from.extend(x.iter().map(|x| x.member(member)));

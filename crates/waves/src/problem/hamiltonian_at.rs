@@ -1,10 +1,10 @@
-//! What of a Hamiltonian holds at a time, or on average over some.
+//! A Hamiltonian at a time, or averaged over several.
 
 use super::Hamiltonian;
 use liouville_base::real::Lanes;
 use liouville_base::tape::Registers;
 
-/// The weights of the terms and the potential that are in force.
+/// The weights of the terms and the potential.
 #[derive(Clone, Debug)]
 pub struct HamiltonianAt {
     /// Weights of the terms.
@@ -16,7 +16,7 @@ pub struct HamiltonianAt {
 }
 
 impl HamiltonianAt {
-    /// Memory for what is in force of this Hamiltonian; until it is set, all weights are 1 and there is no potential.
+    /// Memory for this Hamiltonian; before [`HamiltonianAt::set`] all weights are 1 and the potential is zero.
     pub fn new(hamiltonian: &Hamiltonian) -> Self {
         let potential = hamiltonian.potential.as_ref();
         Self {

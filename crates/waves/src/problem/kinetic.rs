@@ -2,14 +2,14 @@
 //!
 //!     T = F⁻¹ Σ_a e_a(k_a) F,    e_a(k) = ħ k² / 2μ_a for a particle of mass μ_a
 //!
-//! Energies come as they are, in the order of the transform (k = 0, 1 .. −1), and even: a real array then has
-//! a real product, by half the work of a complex one.
+//! Energies are in the order of the transform (k = 0, 1 .. −1), and even: a real array then has a real product, by half
+//! the work of a complex one.
 
 use super::Update;
-use super::fourier::{Complex, FourierScratch, Grid, RealGrid, padded};
 use liouville_base::simd::Stored;
+use liouville_fourier::{Complex, FourierScratch, Grid, RealGrid, padded};
 
-/// How far energies of k and −k may differ, relatively to the largest.
+/// Tolerance of differences between the energies of k and −k, relative to the largest.
 const EVEN: f64 = 1e-12;
 
 /// Energies along each axis of a grid, and its transforms.

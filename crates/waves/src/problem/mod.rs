@@ -1,27 +1,26 @@
 //! A real symmetric Hamiltonian, known by its products: i ψ' = H ψ with H = Σ w_k H_k.
 //!
-//! With ψ = q + i p this is q' = H p, p' = −H q. Terms are of two kinds. Those given by rows can make some
-//! rows of a product from what lies around them in x, so that several products go over the matrix in one
-//! sweep and threads share the rows; whole terms make all of a product at once.
+//! With ψ = q + i p this is q' = H p, p' = −H q. Terms are of two kinds. A term by rows computes some rows of a product from
+//! their neighbourhood in x, so that several products go over the matrix in one sweep and threads share the rows; a
+//! whole term computes all of a product at once.
 
 mod dense;
 mod diagonals;
 mod drive;
-pub mod fourier;
 mod hamiltonian;
 mod hamiltonian_at;
 mod kinetic;
 mod potential;
 mod product;
+mod row_product;
 mod rows;
 mod sparse;
 mod spins;
-mod update;
 
 pub use dense::Dense;
 pub use diagonals::Diagonals;
 pub use drive::Drive;
-pub use hamiltonian::{Hamiltonian, Scratch, Weighted};
+pub use hamiltonian::{Hamiltonian, ProductScratch, WeightedTerms};
 pub use hamiltonian_at::HamiltonianAt;
 pub use kinetic::Kinetic;
 pub use potential::Potential;
@@ -31,21 +30,22 @@ pub use spins::{Bond, Spins};
 
 use liouville_base::linalg::Rows;
 use liouville_base::simd::{InstructionSet, Stored};
+use row_product::update_rows;
 use std::sync::Arc;
 
-/// What becomes of a product: out ← keep·out + factor·H x + diagonal·x.
+/// The use of a product: out ← keep·out + factor·H x + diagonal·x.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Update {
-    /// How much of `out` stays.
+    /// The factor of `out`.
     pub keep: f64,
-    /// What the product is multiplied by.
+    /// The factor of the product.
     pub factor: f64,
-    /// What else is added of x itself.
+    /// The factor of x itself.
     pub diagonal: f64,
 }
 
 impl Update {
-    /// A product is added to what is there.
+    /// A product added to `out`.
     pub fn added(factor: f64) -> Self {
         Self {
             keep: 1.0,
@@ -55,16 +55,16 @@ impl Update {
     }
 }
 
-/// Some rows of a product, and what lies around them in x.
+/// Some rows of a product, and their neighbourhood in x.
 #[derive(Debug)]
-pub struct Block<'a, S> {
+pub struct RowBlock<'a, S> {
     /// The row of `out[0]`.
     pub row: usize,
-    /// What is updated.
+    /// The rows to be updated.
     pub out: &'a mut [S],
     /// The place of `x[0]` in all of x.
     pub place: usize,
-    /// At least [`Operator::reach`] places more than the rows, on both sides, as far as there are any.
+    /// The rows, and at least [`Operator::reach`] places more on both sides, as far as there are any.
     pub x: &'a [S],
 }
 
@@ -83,7 +83,7 @@ pub enum Operator {
     Dense(Arc<Dense>),
     /// A chain of spins.
     Spins(Arc<Spins>),
-    /// Any function that makes products.
+    /// Any function that computes products.
     Product(Arc<dyn Product>),
 }
 
@@ -109,7 +109,7 @@ impl Operator {
         }
     }
 
-    /// How far from the diagonal a term by rows has entries; none for a whole term.
+    /// The largest distance of an entry from the diagonal; none for a whole term.
     pub fn reach(&self) -> Option<usize> {
         match self {
             Self::Rows(rows) => Some(rows.reach()),
@@ -121,7 +121,7 @@ impl Operator {
         }
     }
 
-    /// How many bytes of a term by rows a row is, on average.
+    /// Mean bytes of a row of a term by rows.
     pub fn bytes_a_row(&self) -> usize {
         let bytes = match self {
             Self::Rows(rows) => rows.bytes(),
@@ -138,13 +138,13 @@ impl Operator {
     ///
     /// # Panics
     /// When this is a whole term.
-    pub fn act<S: Stored>(&self, machine: InstructionSet, update: Update, block: Block<'_, S>) {
+    pub fn act<S: Stored>(&self, machine: InstructionSet, update: Update, block: RowBlock<'_, S>) {
         match self {
-            Self::Rows(rows) => rows::act(rows, machine, update, block),
+            Self::Rows(rows) => update_rows(&**rows, machine, update, block),
             Self::Sparse(sparse) => sparse.act(machine, update, block),
             Self::Kinetic(_) | Self::Product(_) => unreachable!("whole terms have no rows"),
-            Self::Diagonals(diagonals) => diagonals.act(machine, update, block),
-            Self::Dense(dense) => dense.act(machine, update, block),
+            Self::Diagonals(diagonals) => update_rows(&**diagonals, machine, update, block),
+            Self::Dense(dense) => update_rows(&**dense, machine, update, block),
             Self::Spins(spins) => spins.act(machine, update, block),
         }
     }

@@ -1,122 +1,86 @@
-//! Rows of a product with a sparse matrix.
+//! Rows of a product with a sparse matrix: all of them, or some that are listed.
 #![allow(clippy::inline_always)] // all of a kernel is compiled for one instruction set
 
-use super::update::update;
-use super::{Block, Update};
+use super::row_product::{Input, MatrixRows};
 use liouville_base::linalg::Rows;
-use liouville_base::simd::{ForEach, InstructionSet, Kernel, Number, SimdView, SimdViews, Stored};
+use liouville_base::simd::{Number, SimdView};
 use std::ops::Range;
 
-/// Updates a block of rows.
-pub(super) fn act<S: Stored>(
-    rows: &Rows,
-    machine: InstructionSet,
-    update: Update,
-    block: Block<'_, S>,
-) {
-    let act = Act {
-        rows,
-        update,
-        block,
-    };
-    S::run(machine, act);
+/// Columns and values of a row.
+type SparseRow<'a> = (&'a [u32], &'a [f64]);
+
+/// Σ_j H_ij x_j
+#[inline(always)]
+fn dot<V: SimdView>((cols, values): SparseRow<'_>, view: V, x: Input<'_, V::Stored>) -> V::Number {
+    let mut sum = view.constant(0.0);
+    for (col, value) in cols.iter().zip(values) {
+        sum = sum + x.load(view, *col as usize).scaled(*value);
+    }
+    sum
 }
 
-struct Act<'a, S> {
-    rows: &'a Rows,
-    update: Update,
-    block: Block<'a, S>,
-}
-
-impl<S> Kernel<S> for Act<'_, S> {
-    type Output = ();
+impl MatrixRows for Rows {
+    type Stretch<'a> = SparseRow<'a>;
+    const IS_SINGLE: bool = true;
 
     #[inline(always)]
-    fn run<W: SimdViews<Stored = S>>(self, windows: W) {
-        let Block { row, out, place, x } = self.block;
-        for (k, out) in out.iter_mut().enumerate() {
-            let (cols, values) = self.rows.row(row + k);
-            let mut one = Row {
-                cols,
-                values,
-                update: self.update,
-                at: row + k - place,
-                place,
-                x,
-                out: std::slice::from_mut(out),
-            };
-            windows.each(1, &mut one);
+    fn stretches<'a>(
+        &'a self,
+        rows: Range<usize>,
+        mut visit: impl FnMut(Range<usize>, SparseRow<'a>),
+    ) {
+        for i in rows {
+            visit(i..i + 1, self.row(i));
         }
+    }
+
+    #[inline(always)]
+    fn product<V: SimdView>(
+        &self,
+        row: SparseRow<'_>,
+        view: V,
+        _: usize,
+        x: Input<'_, V::Stored>,
+    ) -> V::Number {
+        dot(row, view, x)
     }
 }
 
-/// Adds the products of some listed rows.
-pub(super) fn add_listed<S: Stored>(
-    listed: (&Rows, &[usize], Range<usize>),
-    machine: InstructionSet,
-    factor: f64,
-    block: Block<'_, S>,
-) {
-    let update = Update::added(factor);
-    let act = Listed {
-        which: listed,
-        update,
-        block,
-    };
-    S::run(machine, act);
+/// Some rows of a sparse matrix; all others are empty.
+#[derive(Clone, Debug)]
+pub(super) struct ListedRows {
+    /// Which rows, ascending.
+    pub(super) numbers: Vec<usize>,
+    pub(super) rows: Rows,
 }
 
-struct Listed<'a, S> {
-    /// Rows, their numbers, and which of them.
-    which: (&'a Rows, &'a [usize], Range<usize>),
-    update: Update,
-    block: Block<'a, S>,
-}
-
-impl<S> Kernel<S> for Listed<'_, S> {
-    type Output = ();
+impl MatrixRows for ListedRows {
+    type Stretch<'a> = SparseRow<'a>;
+    const IS_SINGLE: bool = true;
 
     #[inline(always)]
-    fn run<W: SimdViews<Stored = S>>(self, windows: W) {
-        let Block { row, out, place, x } = self.block;
-        let (rows, numbers, which) = self.which;
-        for k in which {
-            let (i, (cols, values)) = (numbers[k], rows.row(k));
-            let mut one = Row {
-                cols,
-                values,
-                update: self.update,
-                at: i - place,
-                place,
-                x,
-                out: &mut out[i - row..],
-            };
-            windows.each(1, &mut one);
+    fn stretches<'a>(
+        &'a self,
+        rows: Range<usize>,
+        mut visit: impl FnMut(Range<usize>, SparseRow<'a>),
+    ) {
+        let first = self.numbers.partition_point(|i| *i < rows.start);
+        for (k, &i) in self.numbers.iter().enumerate().skip(first) {
+            if i >= rows.end {
+                break;
+            }
+            visit(i..i + 1, self.rows.row(k));
         }
     }
-}
 
-/// One row.
-struct Row<'a, S> {
-    cols: &'a [u32],
-    values: &'a [f64],
-    update: Update,
-    /// Where x_i is.
-    at: usize,
-    place: usize,
-    x: &'a [S],
-    out: &'a mut [S],
-}
-
-impl<S> ForEach<S> for Row<'_, S> {
     #[inline(always)]
-    fn visit<W: SimdView<Stored = S>>(&mut self, window: W) -> bool {
-        let mut sum = window.constant(0.0);
-        for (col, value) in self.cols.iter().zip(self.values) {
-            let x = window.load(self.x, *col as usize - self.place);
-            sum = sum + x.scaled(*value);
-        }
-        update(window, self.update, (self.x, self.at), (self.out, 0), sum);
-        true
+    fn product<V: SimdView>(
+        &self,
+        row: SparseRow<'_>,
+        view: V,
+        _: usize,
+        x: Input<'_, V::Stored>,
+    ) -> V::Number {
+        dot(row, view, x)
     }
 }

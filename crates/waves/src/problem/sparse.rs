@@ -1,17 +1,18 @@
 //! Products with a sparse symmetric matrix most of which lies on a few diagonals.
 
-use super::{Block, Diagonals, Update, rows};
+use super::row_product::update_rows;
+use super::rows::ListedRows;
+use super::{Diagonals, RowBlock, Update};
 use liouville_base::linalg::Rows;
 use liouville_base::simd::{InstructionSet, Stored};
 use std::collections::HashMap;
 
-/// Diagonals, and what lies beside them.
+/// Diagonals, and the entries beside them.
 #[derive(Clone, Debug)]
 pub struct Sparse {
     diagonals: Diagonals,
-    /// The rows that have anything else.
-    numbers: Vec<usize>,
-    rest: Rows,
+    /// The entries on no stored diagonal.
+    rest: ListedRows,
 }
 
 impl Sparse {
@@ -53,8 +54,10 @@ impl Sparse {
         let diagonals: Vec<_> = offsets.into_iter().zip(above).collect();
         Some(Self {
             diagonals: Diagonals::new(n, &diagonals),
-            rest: Rows::new((numbers.len(), n), &of_row, &col, &values).ok()?,
-            numbers,
+            rest: ListedRows {
+                rows: Rows::new((numbers.len(), n), &of_row, &col, &values).ok()?,
+                numbers,
+            },
         })
     }
 
@@ -65,14 +68,15 @@ impl Sparse {
 
     /// The largest distance of an entry from the diagonal.
     pub fn reach(&self) -> usize {
-        let numbers = self.numbers.iter().enumerate();
-        let distances = numbers.flat_map(|(k, i)| self.rest.entries(k).map(|(j, _)| i.abs_diff(j)));
+        let ListedRows { numbers, rows } = &self.rest;
+        let numbers = numbers.iter().enumerate();
+        let distances = numbers.flat_map(|(k, i)| rows.entries(k).map(|(j, _)| i.abs_diff(j)));
         distances.max().unwrap_or(0).max(self.diagonals.reach())
     }
 
     /// How many bytes all rows are.
     pub(super) fn bytes(&self) -> usize {
-        self.diagonals.bytes() + self.rest.bytes()
+        self.diagonals.bytes() + self.rest.rows.bytes()
     }
 
     /// Updates a block of rows.
@@ -80,22 +84,17 @@ impl Sparse {
         &self,
         machine: InstructionSet,
         update: Update,
-        block: Block<'_, S>,
+        block: RowBlock<'_, S>,
     ) {
-        let Block { row, out, place, x } = block;
-        let mine = Block {
+        let RowBlock { row, out, place, x } = block;
+        let diagonals = RowBlock {
             row,
             out: &mut *out,
             place,
             x,
         };
-        self.diagonals.act(machine, update, mine);
-        let first = self.numbers.partition_point(|i| *i < row);
-        let end = self.numbers.partition_point(|i| *i < row + out.len());
-        if first < end {
-            let listed = (&self.rest, &self.numbers[..], first..end);
-            let block = Block { row, out, place, x };
-            rows::add_listed(listed, machine, update.factor, block);
-        }
+        update_rows(&self.diagonals, machine, update, diagonals);
+        let rest = RowBlock { row, out, place, x };
+        update_rows(&self.rest, machine, Update::added(update.factor), rest);
     }
 }

@@ -1,7 +1,7 @@
 //! Methods for Schrödinger equations, by their numbers.
 
 use crate::method::{
-    Chebyshev, Exponential, Lanczos, Magnus, Nodes, Phases, Processed, Processor, Shears, Sweeper,
+    Chebyshev, Lanczos, Magnus, Nodes, Phases, Processed, Processor, ShearProgram, Shears, Sweeper,
     Wave, bessel,
 };
 use crate::problem::Hamiltonian;
@@ -113,7 +113,7 @@ pub(super) enum Prepared {
     },
     Magnus {
         nodes: Nodes,
-        exponential: Exponential,
+        exponential: ShearProgram,
         bounds: Vec<(f64, f64)>,
     },
     /// For single wave functions only.
@@ -202,7 +202,7 @@ impl Prepared {
                 } else {
                     Nodes::gauss()
                 },
-                exponential: Exponential {
+                exponential: ShearProgram {
                     program: shears(&coefficients, is_back),
                     theta,
                     tolerance,

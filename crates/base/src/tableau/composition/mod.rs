@@ -38,7 +38,7 @@ pub enum Weights {
 /// A composition of a step with itself; see the module for the letters.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Scheme {
-    /// What it is called.
+    /// Its name.
     pub name: &'static str,
     /// Its order, whatever is composed.
     pub order: usize,

@@ -4,7 +4,7 @@
 //!
 //! whose step h is as long as possible for the error it may make. On an eigenvector of H a step is a matrix
 //! K(x) of determinant 1, x = h·eigenvalue, and the exact one a rotation R(x). Its part that rotates is
-//! (K + J K Jᵀ)/2 with the cosine p(x) = cos φ, β what is left. The error of N steps with |x| ≤ f·theta is at most
+//! (K + J K Jᵀ)/2 with the cosine p(x) = cos φ, β the rest. The error of N steps with |x| ≤ f·theta is at most
 //!
 //!     (1 + err)ᴺ − 1,   and   N·dphi + κ + κ²/2
 //!
@@ -16,7 +16,7 @@ use std::sync::OnceLock;
 /// One method of the ladder; see the module for the letters.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Ladder {
-    /// What it is called.
+    /// Its name.
     pub id: &'static str,
     /// Whether |p| ≤ 1 up to theta, so that no number of steps makes the error grow but linearly.
     pub is_stable: bool,
@@ -63,7 +63,7 @@ fn table() -> &'static Table {
     TABLE.get_or_init(|| parse(include_str!("table.txt")))
 }
 
-/// Reads what `tools/ladder.py` writes.
+/// Reads the output of `tools/ladder.py`.
 fn parse(text: &'static str) -> Table {
     let mut table = Table {
         fractions: Vec::new(),

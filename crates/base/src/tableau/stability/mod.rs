@@ -14,7 +14,7 @@ use super::composition::parse as number;
 use std::sync::OnceLock;
 use twofloat::TwoFloat;
 
-/// What a method is made for.
+/// The purpose of a method.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Purpose {
     /// The longest stable step.
@@ -26,9 +26,9 @@ pub enum Purpose {
 /// One method; see the module for the letters.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Stable {
-    /// What it is made for.
+    /// Its purpose.
     pub purpose: Purpose,
-    /// Order, of the step or of what it is conjugate to.
+    /// Order of the step, or of a step that it is conjugate to.
     pub order: usize,
     /// m, half the number of shears.
     pub stages: usize,
@@ -71,7 +71,7 @@ impl Stable {
     }
 }
 
-/// Reads what `tools/stability.py` writes.
+/// Reads the output of `tools/stability.py`.
 fn parse(text: &str) -> Vec<Stable> {
     let mut methods: Vec<Stable> = Vec::new();
     for line in text.lines().filter(|line| !line.starts_with('#')) {

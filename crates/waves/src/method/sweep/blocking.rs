@@ -1,14 +1,14 @@
-//! How many rows and moves are worked on at a time, so that what they need stays in a core's cache.
+//! Blocks of rows, and moves over them in one sweep, that fit a core's cache.
 
 /// Bytes that stay in a core's own cache.
 const NEAR: usize = 1 << 20;
 /// Bytes that stay in the cache that cores share.
 const FAR: usize = 1 << 22;
-/// Somebody may lose cancel while a thread does more bytes than that.
+/// Most bytes of a thread between two polls for cancellation.
 pub(super) const LONG: usize = 1 << 26;
 /// Fewest and most rows of a block.
 const ROWS: (usize, usize) = (256, 4096);
-/// More moves at a time bring nothing.
+/// Most moves in a sweep; more are not faster.
 const MOVES: usize = 32;
 
 /// Blocks of rows and moves over them.
@@ -45,8 +45,8 @@ impl Blocking {
         }
     }
 
-    /// How many blocks a move is behind the one before: so many that it finds everything made that it reads,
-    /// and nothing that the one before still reads is its own.
+    /// Blocks that a move is behind the one before: so many that all its input is computed, and that it overwrites nothing
+    /// that the one before still reads.
     pub(super) fn lag(self, reach: usize) -> usize {
         reach.div_ceil(self.rows)
     }

@@ -1,56 +1,56 @@
-//! Products one after another, each with what the one before has left.
+//! Products one after another, each with the result of the one before.
 //!
-//! By rows, several of them go over the matrix in one sweep, and threads share the rows; no bit of the result
-//! depends on how many.
+//! By rows, several of them go over the matrix in one sweep, and threads share the rows; results are bitwise independent
+//! of the number of threads.
 
 mod blocking;
 mod shared;
 mod wavefront;
 
-use crate::problem::{Hamiltonian, HamiltonianAt, Operator, Scratch, Update};
+use crate::problem::{Hamiltonian, HamiltonianAt, Operator, ProductScratch, Update};
 use blocking::Blocking;
 use liouville_base::cancel::CancelToken;
 use liouville_base::error::StepError;
 use liouville_base::parallel::Workers;
 use liouville_base::simd::{InstructionSet, Stored};
-use shared::All;
+use shared::SweepVectors;
 use std::marker::PhantomData;
 use std::sync::Arc;
-use wavefront::{Edges, Work, add_scaled};
+use wavefront::{Edges, SweepPlan, add_scaled};
 
-/// Threads share no fewer bytes.
+/// Fewest bytes that threads share.
 const LEAST: usize = 1 << 21;
 
 /// One product: a ← keep·a + factor·H b + diagonal·b, or the same into b from a.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Move {
-    /// Whether b is what is updated.
+    /// Whether b is updated, not a.
     pub into_second: bool,
-    /// What becomes of the product.
+    /// The use of the product.
     pub update: Update,
-    /// How much of what is updated is then added to the sum beside it; without sums nothing.
+    /// The factor of the updated vector in its sum, where there are sums.
     pub weight: f64,
 }
 
-/// Sums of what a and b have been.
+/// Weighted sums of the values of a and of b.
 pub type Sums<'a, S> = Option<(&'a mut [S], &'a mut [S])>;
 
-/// What makes products one after another.
+/// Products with a Hamiltonian, one after another.
 #[derive(Clone)]
 pub struct Sweeper<S> {
     hamiltonian: Arc<Hamiltonian>,
-    /// What of H is in force, where H depends on time.
-    pub present: Option<HamiltonianAt>,
+    /// Weights and potential of H, where it depends on time.
+    pub current: Option<HamiltonianAt>,
     machine: InstructionSet,
     workers: Option<Workers>,
     cancel: CancelToken,
-    scratch: Scratch,
+    scratch: ProductScratch,
     products: usize,
     by_rows: Option<ByRows>,
     stored: PhantomData<S>,
 }
 
-/// What is known of a Hamiltonian all of whose terms are given by rows.
+/// Sizes of a Hamiltonian all of whose terms are by rows.
 #[derive(Clone, Copy)]
 struct ByRows {
     reach: usize,
@@ -77,13 +77,13 @@ impl<S: Stored> Sweeper<S> {
     /// Products of this Hamiltonian.
     pub fn new(hamiltonian: Arc<Hamiltonian>) -> Self {
         Self {
-            present: hamiltonian.present(),
+            current: hamiltonian.current(),
             by_rows: ByRows::new::<S>(&hamiltonian, 1),
             hamiltonian,
             machine: InstructionSet::default(),
             workers: None,
             cancel: CancelToken::default(),
-            scratch: Scratch::default(),
+            scratch: ProductScratch::default(),
             products: 0,
             stored: PhantomData,
         }
@@ -97,7 +97,7 @@ impl<S: Stored> Sweeper<S> {
             .by_rows
             .is_none_or(|by_rows| by_rows.blocking.rows == n)
         {
-            return self; // there is nothing to share
+            return self;
         }
         let workers = Workers::new(threads);
         let threads = workers.as_ref().map_or(1, Workers::threads);
@@ -108,8 +108,8 @@ impl<S: Stored> Sweeper<S> {
         }
     }
 
-    /// The same with so many rows in a block and moves in a sweep, which else are chosen for the machine, and
-    /// with rows shared however few they are.
+    /// The same with so many rows in a block and moves in a sweep, not those chosen for the machine, and with rows shared
+    /// even where they are few.
     #[must_use]
     pub fn with_tiles(self, rows: usize, moves: usize) -> Self {
         let blocking = Blocking { rows, moves };
@@ -121,18 +121,18 @@ impl<S: Stored> Sweeper<S> {
         Self { by_rows, ..self }
     }
 
-    /// The same, stopping where `cancel` is lost.
+    /// The same, stopping where `cancel` is set.
     #[must_use]
     pub fn with_cancel(self, cancel: CancelToken) -> Self {
         Self { cancel, ..self }
     }
 
-    /// What is multiplied with.
+    /// The Hamiltonian.
     pub fn hamiltonian(&self) -> &Arc<Hamiltonian> {
         &self.hamiltonian
     }
 
-    /// How many real products were made.
+    /// Real products made so far.
     pub fn products(&self) -> usize {
         self.products
     }
@@ -140,7 +140,7 @@ impl<S: Stored> Sweeper<S> {
     /// Makes moves one after another.
     ///
     /// # Errors
-    /// A product failed, or cancel was lost; a and b may be anything then.
+    /// A product failed, or the run was cancelled; a and b are undefined then.
     pub fn run(
         &mut self,
         moves: &[Move],
@@ -149,7 +149,7 @@ impl<S: Stored> Sweeper<S> {
         mut sums: Sums<'_, S>,
     ) -> Result<(), StepError> {
         if let Some(by_rows) = self.by_rows {
-            return self.run_by_rows(by_rows, moves, &mut All { a, b, sums });
+            return self.run_by_rows(by_rows, moves, &mut SweepVectors { a, b, sums });
         }
         for step in moves {
             if self.cancel.is_cancelled() {
@@ -171,7 +171,7 @@ impl<S: Stored> Sweeper<S> {
         &mut self,
         by_rows: ByRows,
         moves: &[Move],
-        all: &mut All<'_, S>,
+        all: &mut SweepVectors<'_, S>,
     ) -> Result<(), StepError> {
         let ByRows {
             reach,
@@ -182,8 +182,8 @@ impl<S: Stored> Sweeper<S> {
         let n = self.hamiltonian.size();
         let sweeps = moves.len().div_ceil(blocking.moves).max(1);
         for moves in moves.chunks(moves.len().div_ceil(sweeps).max(1)) {
-            let work = Work {
-                hamiltonian: self.hamiltonian.at(self.present.as_ref()),
+            let plan = SweepPlan {
+                hamiltonian: self.hamiltonian.at(self.current.as_ref()),
                 machine: self.machine,
                 n,
                 reach,
@@ -194,10 +194,10 @@ impl<S: Stored> Sweeper<S> {
             let cancel = &mut self.cancel;
             let workers = self.workers.as_ref().filter(|_| is_worth_sharing);
             let is_made = if let Some(workers) = workers {
-                work.share(workers, all, cancel)
+                plan.share(workers, all, cancel)
             } else {
                 let mut part = all.part();
-                work.sweep(Edges::all(n), &mut part, Some(cancel))
+                plan.sweep(Edges::all(n), &mut part, Some(cancel))
             };
             if !is_made {
                 return Err(StepError::Interrupted);
@@ -215,7 +215,7 @@ impl<S: Stored> Sweeper<S> {
         sum: Option<&mut [S]>,
     ) -> Result<(), StepError> {
         self.products += S::MEMBERS;
-        let weighted = self.hamiltonian.at(self.present.as_ref());
+        let weighted = self.hamiltonian.at(self.current.as_ref());
         weighted.update(self.machine, step.update, x, out, &mut self.scratch)?;
         if let Some(sum) = sum {
             add_scaled(self.machine, step.weight, out, sum);

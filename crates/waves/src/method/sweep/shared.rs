@@ -1,34 +1,34 @@
 //! Rows shared by threads.
 //!
-//! Each thread sweeps over rows of its own with several moves, and makes fewer of them with each move, so that
-//! it reads nothing of its neighbours'. What is left lies around the borders and is more with each move; it is
-//! made in the same way next. Where that is more than the rows there are, threads make rows of one move.
+//! Each thread sweeps over rows of its own with several moves, fewer rows with each move, so that it reads no rows of its
+//! neighbours. The rows left out lie around the borders, more with each move, and are computed in the same way next. Where
+//! these are more than all rows, threads share the rows of one move at a time.
 
 use super::blocking::LONG;
-use super::wavefront::{Edge, Edges, Part, Work};
+use super::wavefront::{Edge, Edges, SweepPlan, SweepRows};
 use super::{Move, Sums};
-use crate::problem::Block;
+use crate::problem::RowBlock;
 use liouville_base::cancel::CancelToken;
 use liouville_base::parallel::Workers;
 use liouville_base::simd::Stored;
 
-/// At most so many pieces at a time.
+/// Most pieces at a time.
 const MOST: usize = 64;
-/// So many pieces for each thread where rows take unequal time.
+/// Pieces for each thread, as rows take unequal time.
 const EACH: usize = 4;
 
 /// All of a and b, and of their sums.
-pub(super) struct All<'a, S> {
+pub(super) struct SweepVectors<'a, S> {
     pub(super) a: &'a mut [S],
     pub(super) b: &'a mut [S],
     pub(super) sums: Sums<'a, S>,
 }
 
-impl<S> All<'_, S> {
+impl<S> SweepVectors<'_, S> {
     /// All of it as one part.
-    pub(super) fn part(&mut self) -> Part<'_, S> {
+    pub(super) fn part(&mut self) -> SweepRows<'_, S> {
         let sums = self.sums.as_mut();
-        Part {
+        SweepRows {
             first: 0,
             a: self.a,
             b: self.b,
@@ -37,14 +37,14 @@ impl<S> All<'_, S> {
     }
 
     /// Pieces of `size` rows, from `first` on.
-    fn pieces(&mut self, first: usize, size: usize) -> [Option<Part<'_, S>>; MOST] {
+    fn pieces(&mut self, first: usize, size: usize) -> [Option<SweepRows<'_, S>>; MOST] {
         let mut a = self.a[first..].chunks_mut(size);
         let mut b = self.b[first..].chunks_mut(size);
         let sums = self.sums.as_mut();
         let mut sums =
             sums.map(|(a, b)| (a[first..].chunks_mut(size), b[first..].chunks_mut(size)));
         std::array::from_fn(|k| {
-            Some(Part {
+            Some(SweepRows {
                 first: first + k * size,
                 a: a.next()?,
                 b: b.next()?,
@@ -55,18 +55,18 @@ impl<S> All<'_, S> {
 }
 
 /// Rows of one move.
-struct Piece<'a, S> {
+struct MoveRows<'a, S> {
     row: usize,
     out: &'a mut [S],
     sum: Option<&'a mut [S]>,
 }
 
-impl Work<'_> {
-    /// Makes all moves by several threads; whether cancel lasted.
+impl SweepPlan<'_> {
+    /// Makes all moves by several threads; false where it was cancelled.
     pub(super) fn share<S: Stored>(
         &self,
         workers: &Workers,
-        all: &mut All<'_, S>,
+        all: &mut SweepVectors<'_, S>,
         cancel: &mut CancelToken,
     ) -> bool {
         let count = self.moves.len();
@@ -79,7 +79,12 @@ impl Work<'_> {
         moves.all(|step| self.share_rows(workers, step, all, cancel))
     }
 
-    fn share_moves<S: Stored>(&self, workers: &Workers, size: usize, all: &mut All<'_, S>) {
+    fn share_moves<S: Stored>(
+        &self,
+        workers: &Workers,
+        size: usize,
+        all: &mut SweepVectors<'_, S>,
+    ) {
         let (n, reach) = (self.n, self.reach);
         workers.all(&mut all.pieces(0, size), |part| {
             let Some(part) = part else { return };
@@ -112,7 +117,7 @@ impl Work<'_> {
         &self,
         workers: &Workers,
         step: &Move,
-        all: &mut All<'_, S>,
+        all: &mut SweepVectors<'_, S>,
         cancel: &mut CancelToken,
     ) -> bool {
         let sums = all.sums.as_mut();
@@ -139,19 +144,19 @@ impl Work<'_> {
             let end = row + out.len();
             let mut outs = out.chunks_mut(long);
             let mut sums = rows.map(|rows| rows.chunks_mut(long));
-            let mut pieces: [Option<Piece<'_, S>>; MOST] = std::array::from_fn(|k| {
-                Some(Piece {
+            let mut pieces: [Option<MoveRows<'_, S>>; MOST] = std::array::from_fn(|k| {
+                Some(MoveRows {
                     row: row + k * long,
                     out: outs.next()?,
                     sum: sums.as_mut().and_then(Iterator::next),
                 })
             });
             workers.all(&mut pieces, |piece| {
-                let Some(Piece { row, out, sum }) = piece else {
+                let Some(MoveRows { row, out, sum }) = piece else {
                     return;
                 };
                 let (row, place) = (*row, 0);
-                self.make(step, Block { row, out, place, x }, sum.as_deref_mut());
+                self.make(step, RowBlock { row, out, place, x }, sum.as_deref_mut());
             });
             row = end;
         }

@@ -1,37 +1,37 @@
 //! Several moves in one sweep over the rows.
 //!
-//! A move follows the one before at a distance: on block b just after that one was on block b + lag, with
-//! lag B ≥ reach for blocks of B rows. Everything it reads is made then, and the one before reads no more of
-//! what it changes. What a block needs is in the cache while all moves pass it, and each number is the
-//! result of the same operations as if moves were made one after another.
+//! A move follows the one before at a distance: it computes block b just after that one computed block b + lag, with
+//! lag B ≥ reach for blocks of B rows. All its input is computed then, and the one before reads no more of its output. The
+//! data of a block stay in the cache for all moves, and each number is the result of the same operations as in moves one
+//! after another.
 #![allow(clippy::inline_always)] // all of a kernel is compiled for one instruction set
 
 use super::blocking::Blocking;
 use super::{Move, Sums};
-use crate::problem::{Block, Weighted};
+use crate::problem::{RowBlock, WeightedTerms};
 use liouville_base::cancel::CancelToken;
 use liouville_base::simd::{ForEach, InstructionSet, Kernel, Number, SimdView, SimdViews, Stored};
 use std::ops::Range;
 
-/// CancelToken is asked for after so many blocks.
+/// Blocks between two polls for cancellation.
 const BLOCKS: usize = 8;
 
-/// What moves are made with.
+/// The data of a list of moves.
 #[derive(Clone, Copy)]
-pub(super) struct Work<'a> {
-    pub(super) hamiltonian: Weighted<'a>,
+pub(super) struct SweepPlan<'a> {
+    pub(super) hamiltonian: WeightedTerms<'a>,
     pub(super) machine: InstructionSet,
     /// Number of rows.
     pub(super) n: usize,
     pub(super) reach: usize,
-    /// How much a row is to go through, vectors and matrix.
+    /// Bytes of a row, in vectors and matrix.
     pub(super) bytes: usize,
     pub(super) blocking: Blocking,
     pub(super) moves: &'a [Move],
 }
 
 /// Some rows of a and b, and of their sums.
-pub(super) struct Part<'a, S> {
+pub(super) struct SweepRows<'a, S> {
     pub(super) first: usize,
     pub(super) a: &'a mut [S],
     pub(super) b: &'a mut [S],
@@ -80,12 +80,12 @@ impl Edges {
     }
 }
 
-impl Work<'_> {
-    /// Makes all moves in one sweep; whether cancel lasted.
+impl SweepPlan<'_> {
+    /// Makes all moves in one sweep; false where it was cancelled.
     pub(super) fn sweep<S: Stored>(
         &self,
         edges: Edges,
-        part: &mut Part<'_, S>,
+        part: &mut SweepRows<'_, S>,
         cancel: Option<&mut CancelToken>,
     ) -> bool {
         let (rows, lag) = (self.blocking.rows, self.blocking.lag(self.reach));
@@ -117,7 +117,7 @@ impl Work<'_> {
     }
 
     /// Makes some rows of a move.
-    fn one<S: Stored>(&self, step: &Move, rows: Range<usize>, part: &mut Part<'_, S>) {
+    fn one<S: Stored>(&self, step: &Move, rows: Range<usize>, part: &mut SweepRows<'_, S>) {
         let (first, row) = (part.first, rows.start);
         let place = row.saturating_sub(self.reach).max(first);
         let end = (rows.end + self.reach).min(first + part.a.len());
@@ -130,14 +130,19 @@ impl Work<'_> {
         let out = &mut out[row - first..rows.end - first];
         let x = &x[place - first..end - first];
         let sum = sum.map(|sum| &mut sum[row - first..rows.end - first]);
-        self.make(step, Block { row, out, place, x }, sum);
+        self.make(step, RowBlock { row, out, place, x }, sum);
     }
 
     /// Makes rows, and adds to their sum.
-    pub(super) fn make<S: Stored>(&self, step: &Move, block: Block<'_, S>, sum: Option<&mut [S]>) {
-        let Block { row, out, place, x } = block;
+    pub(super) fn make<S: Stored>(
+        &self,
+        step: &Move,
+        block: RowBlock<'_, S>,
+        sum: Option<&mut [S]>,
+    ) {
+        let RowBlock { row, out, place, x } = block;
         let kept = &mut *out;
-        let block = Block {
+        let block = RowBlock {
             row,
             out: kept,
             place,
@@ -150,7 +155,7 @@ impl Work<'_> {
     }
 }
 
-/// Adds so much of x to a sum.
+/// sum += weight x
 pub(super) fn add_scaled<S: Stored>(machine: InstructionSet, weight: f64, x: &[S], sum: &mut [S]) {
     S::run(machine, AddScaled { weight, x, sum });
 }
@@ -165,17 +170,17 @@ impl<S> Kernel<S> for AddScaled<'_, S> {
     type Output = ();
 
     #[inline(always)]
-    fn run<W: SimdViews<Stored = S>>(mut self, windows: W) {
-        windows.each(self.x.len(), &mut self);
+    fn run<W: SimdViews<Stored = S>>(mut self, views: W) {
+        views.each(self.x.len(), &mut self);
     }
 }
 
 impl<S> ForEach<S> for AddScaled<'_, S> {
     #[inline(always)]
-    fn visit<W: SimdView<Stored = S>>(&mut self, window: W) -> bool {
-        let change = window.load(self.x, 0).scaled(self.weight);
-        let sum = window.load(self.sum, 0) + change;
-        window.store(self.sum, 0, sum);
+    fn visit<W: SimdView<Stored = S>>(&mut self, view: W) -> bool {
+        let change = view.load(self.x, 0).scaled(self.weight);
+        let sum = view.load(self.sum, 0) + change;
+        view.store(self.sum, 0, sum);
         true
     }
 }

@@ -1,37 +1,40 @@
-//! All states of some spins, 64 neighbours at a time.
+//! All states of some spins, in groups of 64 neighbours.
 //!
-//! Bits above the lowest six are the same in all of them: a turn of two such spins reads 64 neighbours
-//! elsewhere, of one spin above and one below 64 neighbours of which half count, and of two spins below
-//! neighbours at two distances, of which a quarter count each.
+//! Bits above the lowest six are the same in a group. A flip of two such spins reads another group; a flip of one spin
+//! above and one below reads 64 neighbours of which half count; a flip of two spins below reads neighbours at two
+//! distances, of which a quarter count each.
 #![allow(clippy::inline_always)] // all of a kernel is compiled for one instruction set
 
-use super::super::update::update;
-use super::{Block, Flip, Update};
-use liouville_base::simd::{ForEach, InstructionSet, Kernel, Number, SimdView, SimdViews, Stored};
+use super::super::row_product::{Input, MatrixRows};
+use super::Flip;
+use liouville_base::simd::{Number, SimdView};
+use std::ops::Range;
 
 const LOW: u32 = 6;
 const GROUP: usize = 1 << LOW;
 
-/// What is multiplied with what stands at some distance, for each of 64 neighbours.
+/// The factors of states at some distance, for each of 64 neighbours.
 #[derive(Clone, Debug)]
-struct Pattern {
+struct FlipPattern {
     distance: usize,
-    /// To what stands above, and below.
+    /// Of the state above, and of the state below.
     values: [[f64; GROUP]; 2],
 }
 
 /// All states of some spins.
 #[derive(Clone, Debug)]
 pub(super) struct Full {
+    /// H_ii of each state.
+    pub(super) diagonal: Vec<f64>,
     groups: usize,
     flips: Vec<Flip>,
     above: Vec<Flip>,
-    /// Bit j, which says whether what counts is above or below.
-    across: Vec<(u32, Pattern)>,
-    below: Vec<Pattern>,
+    /// Bit j, which tells whether the state above or below counts.
+    across: Vec<(u32, FlipPattern)>,
+    below: Vec<FlipPattern>,
 }
 
-impl Pattern {
+impl FlipPattern {
     fn new(flip: Flip) -> Self {
         let mut values = [[0.0; GROUP]; 2];
         for low in 0..GROUP {
@@ -50,149 +53,115 @@ impl Pattern {
 }
 
 impl Full {
-    pub(super) fn new(length: u32, flips: &[Flip]) -> Self {
+    pub(super) fn new(length: u32, flips: &[Flip], diagonal: Vec<f64>) -> Self {
         let mut flips = flips.to_vec();
         flips.sort_by_key(|flip| (flip.i < LOW, flip.j < LOW));
         let of = |is_wanted: fn(&Flip) -> bool| flips.iter().copied().filter(is_wanted);
         let across = of(|flip| flip.i < LOW && flip.j >= LOW);
         Self {
+            diagonal,
             groups: (1 << length) / GROUP,
             above: of(|flip| flip.i >= LOW).collect(),
-            across: across.map(|flip| (flip.j, Pattern::new(flip))).collect(),
-            below: of(|flip| flip.j < LOW).map(Pattern::new).collect(),
+            across: across
+                .map(|flip| (flip.j, FlipPattern::new(flip)))
+                .collect(),
+            below: of(|flip| flip.j < LOW).map(FlipPattern::new).collect(),
             flips,
         }
     }
 
-    pub(super) fn act<S: Stored>(
+    /// Σ over flips one by one.
+    #[inline(always)]
+    fn add_flips<V: SimdView>(
         &self,
-        machine: InstructionSet,
-        diagonal: &[f64],
-        update: Update,
-        block: Block<'_, S>,
-    ) {
-        let full = self;
-        let act = Act {
-            full,
-            diagonal,
-            update,
-            block,
-        };
-        S::run(machine, act);
-    }
-
-    /// Whether what stands around these states may not exist.
-    #[inline(always)]
-    fn is_at_the_edge(&self, group: usize) -> bool {
-        group == 0 || group + 1 >= self.groups
-    }
-}
-
-struct Act<'a, S> {
-    full: &'a Full,
-    diagonal: &'a [f64],
-    update: Update,
-    block: Block<'a, S>,
-}
-
-impl<S> Kernel<S> for Act<'_, S> {
-    type Output = ();
-
-    #[inline(always)]
-    fn run<W: SimdViews<Stored = S>>(self, windows: W) {
-        let Block { row, out, place, x } = self.block;
-        let end = row + out.len();
-        let mut start = row;
-        while start < end {
-            let group = start / GROUP;
-            let next = end.min((group + 1) * GROUP);
-            let mut states = States {
-                full: self.full,
-                diagonal: self.diagonal,
-                update: self.update,
-                state: start,
-                place,
-                x,
-                out: &mut out[start - row..next - row],
-            };
-            if self.full.is_at_the_edge(group) {
-                for _ in start..next {
-                    windows.each(1, &mut Single(&mut states));
-                    states.state += 1;
-                    states.out = &mut states.out[1..];
-                }
-            } else {
-                windows.each(next - start, &mut states);
-            }
-            start = next;
-        }
-    }
-}
-
-/// States of a group.
-struct States<'a, S> {
-    full: &'a Full,
-    diagonal: &'a [f64],
-    update: Update,
-    state: usize,
-    place: usize,
-    x: &'a [S],
-    out: &'a mut [S],
-}
-
-impl<S> States<'_, S> {
-    #[inline(always)]
-    fn part<W: SimdView<Stored = S>>(&self, window: W, state: usize) -> W::Number {
-        window.load(self.x, state - self.place)
-    }
-}
-
-impl<S> ForEach<S> for States<'_, S> {
-    #[inline(always)]
-    fn visit<W: SimdView<Stored = S>>(&mut self, window: W) -> bool {
-        let state = self.state;
-        let low = state % GROUP;
-        let mut sum = self.part(window, state) * window.shared(self.diagonal, state);
-        for flip in &self.full.above {
+        sum: V::Number,
+        view: V,
+        state: usize,
+        x: Input<'_, V::Stored>,
+    ) -> V::Number {
+        let mut sum = sum;
+        for flip in &self.flips {
             if flip.acts_on(state) {
-                sum = sum + self.part(window, state ^ flip.mask()).scaled(flip.half);
+                sum = sum + x.load(view, state ^ flip.mask()).scaled(flip.half);
             }
         }
-        for (bit, pattern) in &self.full.across {
+        sum
+    }
+
+    /// Σ over flips by groups of neighbours.
+    #[inline(always)]
+    fn add_groups<V: SimdView>(
+        &self,
+        sum: V::Number,
+        view: V,
+        state: usize,
+        x: Input<'_, V::Stored>,
+    ) -> V::Number {
+        let (mut sum, low) = (sum, state % GROUP);
+        for flip in &self.above {
+            if flip.acts_on(state) {
+                sum = sum + x.load(view, state ^ flip.mask()).scaled(flip.half);
+            }
+        }
+        for (bit, pattern) in &self.across {
             let is_below = state >> bit & 1;
-            let at = if is_below == 1 {
+            let other = if is_below == 1 {
                 state - pattern.distance
             } else {
                 state + pattern.distance
             };
-            sum = sum + self.part(window, at) * window.shared(&pattern.values[is_below], low);
+            sum = sum + x.load(view, other) * view.shared(&pattern.values[is_below], low);
         }
-        for pattern in &self.full.below {
-            let [above, below] = &pattern.values;
-            sum = sum + self.part(window, state + pattern.distance) * window.shared(above, low);
-            sum = sum + self.part(window, state - pattern.distance) * window.shared(below, low);
+        for FlipPattern { distance, values } in &self.below {
+            let [above, below] = values;
+            sum = sum + x.load(view, state + distance) * view.shared(above, low);
+            sum = sum + x.load(view, state - distance) * view.shared(below, low);
         }
-        let (from, to) = ((self.x, state - self.place), (&mut *self.out, 0));
-        update(window, self.update, from, to, sum);
-        true
+        sum
     }
 }
 
-/// One state.
-struct Single<'a, 'b, S>(&'a mut States<'b, S>);
+/// Whether the neighbours of a group may not exist, so that its states are computed one by one.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct IsEdge(bool);
 
-impl<S> ForEach<S> for Single<'_, '_, S> {
+impl MatrixRows for Full {
+    type Stretch<'a> = IsEdge;
+
     #[inline(always)]
-    fn visit<W: SimdView<Stored = S>>(&mut self, window: W) -> bool {
-        let state = self.0.state;
-        let mut sum = self.0.part(window, state) * window.shared(self.0.diagonal, state);
-        for flip in &self.0.full.flips {
-            if flip.acts_on(state) {
-                sum = sum + self.0.part(window, state ^ flip.mask()).scaled(flip.half);
-            }
+    fn stretches<'a>(
+        &'a self,
+        rows: Range<usize>,
+        mut visit: impl FnMut(Range<usize>, Self::Stretch<'a>),
+    ) {
+        let mut start = rows.start;
+        while start < rows.end {
+            let group = start / GROUP;
+            let is_edge = group == 0 || group + 1 >= self.groups;
+            let size = if is_edge {
+                1
+            } else {
+                (group + 1) * GROUP - start
+            };
+            let end = rows.end.min(start + size);
+            visit(start..end, IsEdge(is_edge));
+            start = end;
         }
-        let (from, to) = ((self.0.x, state - self.0.place), (&mut *self.0.out, 0));
-        update(window, self.0.update, from, to, sum);
-        true
+    }
+
+    #[inline(always)]
+    fn product<V: SimdView>(
+        &self,
+        IsEdge(is_edge): IsEdge,
+        view: V,
+        state: usize,
+        x: Input<'_, V::Stored>,
+    ) -> V::Number {
+        let sum = x.load(view, state) * view.shared(&self.diagonal, state);
+        if is_edge {
+            self.add_flips(sum, view, state, x)
+        } else {
+            self.add_groups(sum, view, state, x)
+        }
     }
 }

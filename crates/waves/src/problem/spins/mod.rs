@@ -1,13 +1,14 @@
 //! Spins 1/2 with H = Σ J/2 (S⁺_i S⁻_j + S⁻_i S⁺_j) + Δ S^z_i S^z_j + Σ h_i S^z_i, without a matrix.
 //!
-//! A state is a number whose bit i is 1 where spin i is down. All 2^L of them are the full space; those
-//! with as many bits as there are spins down, in ascending order, are a sector of fixed magnetisation.
+//! A state is a number whose bit i is 1 where spin i is down. The full space has all 2^L of them, a sector of fixed
+//! magnetisation those with so many spins down, in ascending order.
 #![allow(clippy::inline_always)] // all of a kernel is compiled for one instruction set
 
 mod full;
 mod sector;
 
-use super::{Block, Update};
+use super::row_product::update_rows;
+use super::{RowBlock, Update};
 use full::Full;
 use liouville_base::simd::{InstructionSet, Stored};
 use sector::Sector;
@@ -17,7 +18,7 @@ use sector::Sector;
 pub struct Bond {
     /// i and j, which differ.
     pub sites: (u32, u32),
-    /// J, half of which turns two opposite spins.
+    /// J, half of which flips two opposite spins.
     pub xy: f64,
     /// Δ
     pub z: f64,
@@ -25,10 +26,7 @@ pub struct Bond {
 
 /// Spins on at most 32 sites.
 #[derive(Clone, Debug)]
-pub struct Spins {
-    diagonal: Vec<f64>,
-    space: Space,
-}
+pub struct Spins(Space);
 
 #[derive(Clone, Debug)]
 enum Space {
@@ -36,7 +34,7 @@ enum Space {
     Sector(Sector),
 }
 
-/// What turns two opposite spins: bits i < j, and J/2.
+/// The flip of two opposite spins: bits i < j, and J/2.
 #[derive(Clone, Copy, Debug, PartialEq)]
 struct Flip {
     i: u32,
@@ -78,31 +76,34 @@ impl Spins {
         assert!(bonds.iter().all(|bond| is_inside(bond.sites)), "a bond");
         let flips = bonds.iter().map(Flip::new).filter(|flip| flip.half != 0.0);
         let flips: Vec<Flip> = flips.collect();
-        let energy = |state: usize| diagonal(bonds, fields, state);
-        match up {
-            None => Self {
-                diagonal: (0..1 << length).map(energy).collect(),
-                space: Space::Full(Full::new(length, &flips)),
-            },
+        let energy = |state: usize| energy(bonds, fields, state);
+        Self(match up {
+            None => {
+                let diagonal = (0..1 << length).map(energy).collect();
+                Space::Full(Full::new(length, &flips, diagonal))
+            }
             Some(up) => {
                 assert!(up <= length, "spins that are up");
-                let sector = Sector::new(length, length - up, &flips);
-                Self {
-                    diagonal: sector.states().map(energy).collect(),
-                    space: Space::Sector(sector),
-                }
+                Space::Sector(Sector::new(length, length - up, &flips, energy))
             }
+        })
+    }
+
+    fn diagonal(&self) -> &[f64] {
+        match &self.0 {
+            Space::Full(full) => &full.diagonal,
+            Space::Sector(sector) => &sector.diagonal,
         }
     }
 
     /// Number of states.
     pub fn size(&self) -> usize {
-        self.diagonal.len()
+        self.diagonal().len()
     }
 
-    /// How many bytes all rows are.
+    /// Bytes of all rows.
     pub(super) fn bytes(&self) -> usize {
-        size_of_val(&*self.diagonal)
+        size_of_val(self.diagonal())
     }
 
     /// Updates a block of rows.
@@ -110,18 +111,17 @@ impl Spins {
         &self,
         machine: InstructionSet,
         update: Update,
-        block: Block<'_, S>,
+        block: RowBlock<'_, S>,
     ) {
-        let diagonal = &self.diagonal;
-        match &self.space {
-            Space::Full(full) => full.act(machine, diagonal, update, block),
-            Space::Sector(sector) => sector.act(machine, diagonal, update, block),
+        match &self.0 {
+            Space::Full(full) => update_rows(full, machine, update, block),
+            Space::Sector(sector) => update_rows(sector, machine, update, block),
         }
     }
 }
 
-/// What a state has without any spin turning.
-fn diagonal(bonds: &[Bond], fields: &[f64], state: usize) -> f64 {
+/// The energy of a state without flips.
+fn energy(bonds: &[Bond], fields: &[f64], state: usize) -> f64 {
     let spin = |site: usize| if state >> site & 1 == 1 { -0.5 } else { 0.5 };
     let bonds = bonds.iter().map(|bond| {
         let (i, j) = bond.sites;

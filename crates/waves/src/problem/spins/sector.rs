@@ -5,9 +5,9 @@
 //! bits' first state plus that of its low bits among these, two small tables. Source: lin1990.
 #![allow(clippy::inline_always)] // all of a kernel is compiled for one instruction set
 
-use super::super::update::update;
-use super::{Block, Flip, Update};
-use liouville_base::simd::{ForEach, InstructionSet, Kernel, Number, SimdView, SimdViews, Stored};
+use super::super::row_product::{Input, MatrixRows};
+use super::Flip;
+use liouville_base::simd::{ForEach, Number, SimdView, SimdViews};
 use std::ops::Range;
 
 /// At most so many bits are low.
@@ -15,31 +15,31 @@ const LOW: u32 = 10;
 
 /// States with the same high bits.
 #[derive(Clone, Debug)]
-struct Stretch {
+pub(super) struct HighGroup {
     first: usize,
     high: usize,
     /// How many low bits are ones.
     class: usize,
-    links: Range<usize>,
-    turns: Range<usize>,
+    high_flips: Range<usize>,
+    low_flips: Range<usize>,
 }
 
-/// Two high bits are turned: the same low bits elsewhere.
+/// A flip of two high bits: the same low bits in another group.
 #[derive(Clone, Copy, Debug)]
-struct Link {
+struct HighFlip {
     first: usize,
     half: f64,
 }
 
-/// A high and a low bit are turned: other low bits elsewhere.
+/// A flip of a high and a low bit: other low bits in another group.
 #[derive(Clone, Debug)]
-struct Turn {
+struct HighLowFlip {
     first: usize,
     half: f64,
     table: usize,
 }
 
-/// Low bits with so many ones, and where two of them are turned.
+/// Low bits with so many ones, and the flips of two of them.
 #[derive(Clone, Debug, Default)]
 struct Class {
     lows: Vec<usize>,
@@ -50,12 +50,14 @@ struct Class {
 /// A sector.
 #[derive(Clone, Debug)]
 pub(super) struct Sector {
+    /// H_ii of each state.
+    pub(super) diagonal: Vec<f64>,
     low: u32,
-    stretches: Vec<Stretch>,
-    links: Vec<Link>,
-    turns: Vec<Turn>,
+    groups: Vec<HighGroup>,
+    high_flips: Vec<HighFlip>,
+    low_flips: Vec<HighLowFlip>,
     classes: Vec<Class>,
-    /// For each class, low bit and value of it, ranks before and after it is turned.
+    /// For each class, low bit and value of it, ranks before and after it is flipped.
     tables: Vec<Vec<(u32, u32)>>,
 }
 
@@ -64,7 +66,13 @@ fn ones(bits: usize) -> usize {
 }
 
 impl Sector {
-    pub(super) fn new(length: u32, down: u32, flips: &[Flip]) -> Self {
+    /// The states with so many spins down, with the energy of each without flips.
+    pub(super) fn new(
+        length: u32,
+        down: u32,
+        flips: &[Flip],
+        energy: impl Fn(usize) -> f64,
+    ) -> Self {
         let low = LOW.min(length.div_ceil(2));
         let down = down as usize;
         let mut classes = vec![Class::default(); low as usize + 1];
@@ -79,18 +87,20 @@ impl Sector {
             class.fill(&below, &rank);
         }
         let mut sector = Self {
+            diagonal: Vec::new(),
             low,
-            stretches: Vec::new(),
-            links: Vec::new(),
-            turns: Vec::new(),
+            groups: Vec::new(),
+            high_flips: Vec::new(),
+            low_flips: Vec::new(),
             tables: tables(low, &classes, &rank),
             classes,
         };
-        sector.add_stretches(length, down, &others);
+        sector.add_high_groups(length, down, &others);
+        sector.diagonal = sector.states().map(energy).collect();
         sector
     }
 
-    fn add_stretches(&mut self, length: u32, down: usize, flips: &[Flip]) {
+    fn add_high_groups(&mut self, length: u32, down: usize, flips: &[Flip]) {
         let low = self.low;
         let class = |high: usize| down.checked_sub(ones(high)).filter(|k| *k <= low as usize);
         let highs = (0..1 << (length - low)).filter_map(|high| Some((high, class(high)?)));
@@ -101,72 +111,55 @@ impl Sector {
             at += self.classes[class].lows.len();
         }
         for (high, k) in highs {
-            let (links, turns) = (self.links.len(), self.turns.len());
+            let (high_flips, low_flips) = (self.high_flips.len(), self.low_flips.len());
             for flip in flips {
                 let (bits, half) = (high << low, flip.half);
                 if flip.i >= low {
                     if flip.acts_on(bits) {
                         let first = firsts[high ^ flip.mask() >> low];
-                        self.links.push(Link { first, half });
+                        self.high_flips.push(HighFlip { first, half });
                     }
                     continue;
                 }
                 let is_set = bits >> flip.j & 1;
                 let other = high ^ 1 << (flip.j - low);
                 if class(other).is_some() {
-                    self.turns.push(Turn {
+                    self.low_flips.push(HighLowFlip {
                         first: firsts[other],
                         half,
                         table: (k * low as usize + flip.i as usize) * 2 + (1 - is_set),
                     });
                 }
             }
-            self.stretches.push(Stretch {
+            self.groups.push(HighGroup {
                 first: firsts[high],
                 high,
                 class: k,
-                links: links..self.links.len(),
-                turns: turns..self.turns.len(),
+                high_flips: high_flips..self.high_flips.len(),
+                low_flips: low_flips..self.low_flips.len(),
             });
         }
     }
 
     /// All states.
-    pub(super) fn states(&self) -> impl Iterator<Item = usize> {
-        self.stretches.iter().flat_map(move |stretch| {
-            let lows = self.classes[stretch.class].lows.iter();
-            lows.map(move |low| stretch.high << self.low | low)
+    fn states(&self) -> impl Iterator<Item = usize> {
+        self.groups.iter().flat_map(move |group| {
+            let lows = self.classes[group.class].lows.iter();
+            lows.map(move |low| group.high << self.low | low)
         })
-    }
-
-    pub(super) fn act<S: Stored>(
-        &self,
-        machine: InstructionSet,
-        diagonal: &[f64],
-        update: Update,
-        block: Block<'_, S>,
-    ) {
-        let sector = self;
-        let act = Act {
-            sector,
-            diagonal,
-            update,
-            block,
-        };
-        S::run(machine, act);
     }
 }
 
-/// For each class, low bit and value of it, ranks before and after it is turned.
+/// For each class, low bit and value of it, ranks before and after it is flipped.
 fn tables(low: u32, classes: &[Class], rank: &[usize]) -> Vec<Vec<(u32, u32)>> {
     let mut tables = Vec::new();
     for class in classes {
         for bit in 0..low {
             for value in 0..2 {
                 let lows = class.lows.iter().enumerate();
-                let turned = lows.filter(|(_, bits)| *bits >> bit & 1 == value);
+                let flipped = lows.filter(|(_, bits)| *bits >> bit & 1 == value);
                 tables.push(
-                    turned
+                    flipped
                         .map(|(t, bits)| narrow(t, rank[bits ^ 1 << bit]))
                         .collect(),
                 );
@@ -193,135 +186,106 @@ impl Class {
     }
 }
 
-struct Act<'a, S> {
-    sector: &'a Sector,
-    diagonal: &'a [f64],
-    update: Update,
-    block: Block<'a, S>,
-}
-
-impl<S> Kernel<S> for Act<'_, S> {
-    type Output = ();
+impl MatrixRows for Sector {
+    type Stretch<'a> = &'a HighGroup;
 
     #[inline(always)]
-    fn run<W: SimdViews<Stored = S>>(self, windows: W) {
-        let Block { row, out, place, x } = self.block;
-        let (sector, end) = (self.sector, row + out.len());
-        let after = sector
-            .stretches
-            .partition_point(|stretch| stretch.first <= row);
-        for stretch in &sector.stretches[after - 1..] {
-            let class = &sector.classes[stretch.class];
-            let start = stretch.first.max(row);
-            let next = end.min(stretch.first + class.lows.len());
-            if start >= next {
+    fn stretches<'a>(
+        &'a self,
+        rows: Range<usize>,
+        mut visit: impl FnMut(Range<usize>, &'a HighGroup),
+    ) {
+        let after = self
+            .groups
+            .partition_point(|group| group.first <= rows.start);
+        for group in &self.groups[after - 1..] {
+            let start = group.first.max(rows.start);
+            let end = rows
+                .end
+                .min(group.first + self.classes[group.class].lows.len());
+            if start >= end {
                 break;
             }
-            let mut part = Part {
-                sector,
-                stretch,
-                diagonal: self.diagonal,
-                update: self.update,
-                from: start - stretch.first,
-                place,
-                x,
-                out: &mut out[start - row..next - row],
-            };
-            windows.each(next - start, &mut part);
-            part.add_within(windows, class);
-            part.add_across(windows);
+            visit(start..end, group);
         }
     }
-}
 
-/// Some of the states of a stretch.
-struct Part<'a, S> {
-    sector: &'a Sector,
-    stretch: &'a Stretch,
-    diagonal: &'a [f64],
-    update: Update,
-    /// The rank of the first.
-    from: usize,
-    place: usize,
-    x: &'a [S],
-    out: &'a mut [S],
-}
-
-impl<S> ForEach<S> for Part<'_, S> {
     #[inline(always)]
-    fn visit<W: SimdView<Stored = S>>(&mut self, window: W) -> bool {
-        let (x, at) = (self.x, self.stretch.first + self.from);
-        let mut sum = window.load(x, at - self.place) * window.shared(self.diagonal, at);
-        for link in &self.sector.links[self.stretch.links.clone()] {
-            let x = window.load(x, link.first + self.from - self.place);
-            sum = sum + x.scaled(link.half);
+    fn product<V: SimdView>(
+        &self,
+        group: &HighGroup,
+        view: V,
+        row: usize,
+        x: Input<'_, V::Stored>,
+    ) -> V::Number {
+        let mut sum = x.load(view, row) * view.shared(&self.diagonal, row);
+        for flip in &self.high_flips[group.high_flips.clone()] {
+            let other = flip.first + (row - group.first);
+            sum = sum + x.load(view, other).scaled(flip.half);
         }
-        let from = (x, at - self.place);
-        update(window, self.update, from, (self.out, 0), sum);
-        true
+        sum
     }
-}
 
-impl<S> Part<'_, S> {
-    /// Adds what comes of two low bits.
+    /// Flips of two low bits, then of a high and a low one.
     #[inline(always)]
-    fn add_within<W: SimdViews<Stored = S>>(&mut self, windows: W, class: &Class) {
-        let x = &self.x[self.stretch.first - self.place..][..class.lows.len()];
-        for (k, out) in self.out.iter_mut().enumerate() {
-            let t = self.from + k;
-            let entries = &class.entries[class.starts[t]..class.starts[t + 1]];
-            let mut within = Within {
-                entries,
-                factor: self.update.factor,
+    fn add_scattered<W: SimdViews>(
+        &self,
+        group: &HighGroup,
+        views: W,
+        factor: f64,
+        row: usize,
+        x: Input<'_, W::Stored>,
+        out: &mut [W::Stored],
+    ) {
+        let (class, from) = (&self.classes[group.class], row - group.first);
+        let end = from + out.len();
+        for (t, out) in (from..end).zip(out.iter_mut()) {
+            let mut add = AddStates {
+                entries: &class.entries[class.starts[t]..class.starts[t + 1]],
+                first: group.first,
+                factor,
                 x,
                 out: std::slice::from_mut(out),
             };
-            windows.each(1, &mut within);
+            views.each(1, &mut add);
         }
-    }
-
-    /// Adds what comes of a high and a low bit.
-    #[inline(always)]
-    fn add_across<W: SimdViews<Stored = S>>(&mut self, windows: W) {
-        let end = self.from + self.out.len();
-        for turn in &self.sector.turns[self.stretch.turns.clone()] {
-            let x = &self.x[turn.first - self.place..];
-            let table = &self.sector.tables[turn.table];
-            let first = table.partition_point(|(t, _)| (*t as usize) < self.from);
-            for &(t, to) in table[first..]
-                .iter()
-                .take_while(|(t, _)| (*t as usize) < end)
-            {
-                let entries = &[(to, turn.half)];
-                let mut within = Within {
-                    entries,
-                    factor: self.update.factor,
+        for flip in &self.low_flips[group.low_flips.clone()] {
+            let table = &self.tables[flip.table];
+            let first = table.partition_point(|(t, _)| (*t as usize) < from);
+            let inside = |(t, _): &&(u32, u32)| (*t as usize) < end;
+            for &(t, to) in table[first..].iter().take_while(inside) {
+                let mut add = AddStates {
+                    entries: &[(to, flip.half)],
+                    first: flip.first,
+                    factor,
                     x,
-                    out: &mut self.out[t as usize - self.from..],
+                    out: &mut out[t as usize - from..],
                 };
-                windows.each(1, &mut within);
+                views.each(1, &mut add);
             }
         }
     }
 }
 
-/// A sum over some states, for one.
-struct Within<'a, S> {
+/// Adds to one state the products of some others, by their distance from a first one.
+struct AddStates<'a, S> {
     entries: &'a [(u32, f64)],
+    first: usize,
     factor: f64,
-    x: &'a [S],
+    x: Input<'a, S>,
     out: &'a mut [S],
 }
 
-impl<S> ForEach<S> for Within<'_, S> {
+impl<S> ForEach<S> for AddStates<'_, S> {
     #[inline(always)]
-    fn visit<W: SimdView<Stored = S>>(&mut self, window: W) -> bool {
-        let mut sum = window.constant(0.0);
+    fn visit<V: SimdView<Stored = S>>(&mut self, view: V) -> bool {
+        let mut sum = view.constant(0.0);
         for (to, half) in self.entries {
-            sum = sum + window.load(self.x, *to as usize).scaled(*half);
+            let x = self.x.load(view, self.first + *to as usize);
+            sum = sum + x.scaled(*half);
         }
-        let sum = window.load(self.out, 0) + sum.scaled(self.factor);
-        window.store(self.out, 0, sum);
+        let sum = view.load(self.out, 0) + sum.scaled(self.factor);
+        view.store(self.out, 0, sum);
         true
     }
 }

@@ -1,8 +1,8 @@
 //! Discrete Fourier transforms of periodic grids of up to three axes, the last one fastest.
 //!
-//! Lines of the last axis lie in one piece and are transformed where they are. Those of another axis are
-//! gathered, some at a time, into a tile that stays in the cache, so that what is done between a transform and
-//! its inverse is done there too. Transforms are not normalised.
+//! Lines of the last axis are contiguous and are transformed in place. Those of another axis are gathered, some at a time,
+//! into a tile that stays in the cache, also for the products between a transform and its inverse. Transforms are not
+//! normalised.
 
 use realfft::{ComplexToReal, RealFftPlanner, RealToComplex};
 use rustfft::{Fft, FftPlanner};
@@ -15,24 +15,24 @@ pub type Complex = rustfft::num_complex::Complex<f64>;
 /// the same time, 16 a tenth more and 32 a third.
 const LINES: usize = 8;
 
-/// FourierScratch of transforms.
+/// Memory of transforms.
 #[derive(Clone, Debug, Default)]
 pub struct FourierScratch {
     /// The transform of a real array.
-    pub(super) spectrum: Vec<Complex>,
+    spectrum: Vec<Complex>,
     /// A line of numbers.
-    pub(super) line: Vec<f64>,
-    /// Some lines of an axis, and what the transforms need.
-    work: Work,
+    line: Vec<f64>,
+    tiles: FourierTiles,
 }
 
+/// Some lines of an axis, and scratch memory of their transforms.
 #[derive(Clone, Debug, Default)]
-struct Work {
+struct FourierTiles {
     tile: Vec<Complex>,
     scratch: Vec<Complex>,
 }
 
-impl Work {
+impl FourierTiles {
     fn scratch(&mut self, len: usize) -> &mut [Complex] {
         if self.scratch.len() < len {
             self.scratch.resize(len, Complex::default());
@@ -43,12 +43,12 @@ impl Work {
 
 /// Transforms of one length.
 #[derive(Clone)]
-struct Line {
+struct LineTransform {
     forward: Arc<dyn Fft<f64>>,
     inverse: Arc<dyn Fft<f64>>,
 }
 
-impl Line {
+impl LineTransform {
     fn new(planner: &mut FftPlanner<f64>, length: usize) -> Self {
         Self {
             forward: planner.plan_fft_forward(length),
@@ -56,27 +56,27 @@ impl Line {
         }
     }
 
-    fn run(&self, is_inverse: bool, lines: &mut [Complex], work: &mut Work) {
+    fn run(&self, is_inverse: bool, lines: &mut [Complex], tiles: &mut FourierTiles) {
         let fft = if is_inverse {
             &self.inverse
         } else {
             &self.forward
         };
-        fft.process_with_scratch(lines, work.scratch(fft.get_inplace_scratch_len()));
+        fft.process_with_scratch(lines, tiles.scratch(fft.get_inplace_scratch_len()));
     }
 }
 
-/// An axis whose neighbours lie `stride` apart.
+/// Transforms along an axis whose neighbours lie `stride` apart.
 #[derive(Clone)]
-struct Across {
+struct AxisTransform {
     length: usize,
     stride: usize,
-    line: Line,
+    line: LineTransform,
 }
 
-impl Across {
+impl AxisTransform {
     fn new(planner: &mut FftPlanner<f64>, length: usize, stride: usize) -> Option<Self> {
-        let line = Line::new(planner, length);
+        let line = LineTransform::new(planner, length);
         (length > 1).then_some(Self {
             length,
             stride,
@@ -84,13 +84,13 @@ impl Across {
         })
     }
 
-    /// Does `each` to blocking of lines one after another, told the place of their first one.
-    fn blocking<F>(&self, data: &mut [Complex], work: &mut Work, mut each: F)
+    /// Calls `each` with the place of the first line for one tile after another.
+    fn for_tiles<F>(&self, data: &mut [Complex], tiles: &mut FourierTiles, mut each: F)
     where
-        F: FnMut(usize, &mut [Complex], &mut Work),
+        F: FnMut(usize, &mut [Complex], &mut FourierTiles),
     {
         let (length, stride) = (self.length, self.stride);
-        let mut tile = std::mem::take(&mut work.tile);
+        let mut tile = std::mem::take(&mut tiles.tile);
         for first in (0..stride).step_by(LINES) {
             let lines = LINES.min(stride - first);
             tile.resize(lines * length, Complex::default());
@@ -99,19 +99,19 @@ impl Across {
                     tile[j * length + k] = *value;
                 }
             }
-            each(first, &mut tile, work);
+            each(first, &mut tile, tiles);
             for (k, row) in data.chunks_exact_mut(stride).enumerate() {
                 for (j, value) in row[first..first + lines].iter_mut().enumerate() {
                     *value = tile[j * length + k];
                 }
             }
         }
-        work.tile = tile;
+        tiles.tile = tile;
     }
 
-    fn run(&self, is_inverse: bool, data: &mut [Complex], work: &mut Work) {
-        self.blocking(data, work, |_, tile, work| {
-            self.line.run(is_inverse, tile, work);
+    fn run(&self, is_inverse: bool, data: &mut [Complex], tiles: &mut FourierTiles) {
+        self.for_tiles(data, tiles, |_, tile, tiles| {
+            self.line.run(is_inverse, tile, tiles);
         });
     }
 
@@ -119,25 +119,28 @@ impl Across {
     fn multiply<T: Copy>(
         &self,
         data: &mut [Complex],
-        work: &mut Work,
+        tiles: &mut FourierTiles,
         factor: impl Fn(usize, usize) -> T,
     ) where
         Complex: std::ops::Mul<T, Output = Complex>,
     {
-        self.blocking(data, work, |first, tile, work| {
-            self.line.run(false, tile, work);
+        self.for_tiles(data, tiles, |first, tile, tiles| {
+            self.line.run(false, tile, tiles);
             for (j, line) in tile.chunks_exact_mut(self.length).enumerate() {
                 for (k, value) in line.iter_mut().enumerate() {
                     *value = *value * factor(k, first + j);
                 }
             }
-            self.line.run(true, tile, work);
+            self.line.run(true, tile, tiles);
         });
     }
 }
 
-/// Number of points along each of three axes; those that are not there have one.
-pub(super) fn padded(shape: &[usize]) -> [usize; 3] {
+/// Number of points along each of three axes, one for an absent axis.
+///
+/// # Panics
+/// When there are no axes, or more than three.
+pub fn padded(shape: &[usize]) -> [usize; 3] {
     assert!((1..=3).contains(&shape.len()), "number of axes");
     let mut all = [1; 3];
     // a grid of two axes has the outermost one and the last
@@ -148,32 +151,33 @@ pub(super) fn padded(shape: &[usize]) -> [usize; 3] {
 
 /// Transforms of real arrays.
 #[derive(Clone)]
-pub(super) struct RealGrid {
+pub struct RealGrid {
     length: usize,
     forward: Arc<dyn RealToComplex<f64>>,
     inverse: Arc<dyn ComplexToReal<f64>>,
-    middle: Option<Across>,
-    outer: Option<Across>,
+    middle: Option<AxisTransform>,
+    outer: Option<AxisTransform>,
     planes: usize,
 }
 
 impl RealGrid {
-    pub(super) fn new([n0, n1, n2]: [usize; 3]) -> Self {
+    /// Transforms of grids with so many points along each axis.
+    pub fn new([n0, n1, n2]: [usize; 3]) -> Self {
         let (mut real, mut complex) = (RealFftPlanner::new(), FftPlanner::new());
         let half = n2 / 2 + 1;
         Self {
             length: n2,
             forward: real.plan_fft_forward(n2),
             inverse: real.plan_fft_inverse(n2),
-            middle: Across::new(&mut complex, n1, half),
-            outer: Across::new(&mut complex, n0, n1 * half),
+            middle: AxisTransform::new(&mut complex, n1, half),
+            outer: AxisTransform::new(&mut complex, n0, n1 * half),
             planes: n0,
         }
     }
 
-    /// Transforms what `read` writes to a line (told its place), multiplies by `factor` of the places along
-    /// the outermost axis and in a plane, transforms back, and hands each line to `write`.
-    pub(super) fn multiply(
+    /// Transforms lines that `read` writes, given their place, multiplies by `factor` of the places along the outermost
+    /// axis and in a plane, transforms back, and gives each line to `write`.
+    pub fn multiply(
         &self,
         memory: &mut FourierScratch,
         lines: usize,
@@ -184,7 +188,7 @@ impl RealGrid {
         let FourierScratch {
             spectrum,
             line,
-            work,
+            tiles,
         } = memory;
         let half = self.length / 2 + 1;
         spectrum.resize(lines * half, Complex::default());
@@ -192,17 +196,17 @@ impl RealGrid {
         let plane = lines / self.planes * half;
         for (k, row) in spectrum.chunks_exact_mut(half).enumerate() {
             read(k, line);
-            let scratch = work.scratch(self.forward.get_scratch_len());
+            let scratch = tiles.scratch(self.forward.get_scratch_len());
             let done = self.forward.process_with_scratch(line, row, scratch);
             debug_assert!(done.is_ok(), "lengths of a real transform");
         }
         if let Some(middle) = &self.middle {
             for plane in spectrum.chunks_exact_mut(plane) {
-                middle.run(false, plane, work);
+                middle.run(false, plane, tiles);
             }
         }
         match &self.outer {
-            Some(outer) => outer.multiply(spectrum, work, factor),
+            Some(outer) => outer.multiply(spectrum, tiles, factor),
             None => {
                 for (place, value) in spectrum.iter_mut().enumerate() {
                     *value *= factor(0, place);
@@ -211,16 +215,16 @@ impl RealGrid {
         }
         if let Some(middle) = &self.middle {
             for plane in spectrum.chunks_exact_mut(plane) {
-                middle.run(true, plane, work);
+                middle.run(true, plane, tiles);
             }
         }
         for (k, row) in spectrum.chunks_exact_mut(half).enumerate() {
-            // what a real array's transform has no imaginary part in has some from rounding
+            // the imaginary parts of these are rounding errors
             row[0].im = 0.0;
             if self.length.is_multiple_of(2) {
                 row[half - 1].im = 0.0;
             }
-            let scratch = work.scratch(self.inverse.get_scratch_len());
+            let scratch = tiles.scratch(self.inverse.get_scratch_len());
             let done = self.inverse.process_with_scratch(row, line, scratch);
             debug_assert!(done.is_ok(), "lengths of a real transform");
             write(k, line);
@@ -231,42 +235,43 @@ impl RealGrid {
 /// Transforms of complex arrays, in place.
 #[derive(Clone)]
 pub struct Grid {
-    last: Line,
-    middle: Option<Across>,
-    outer: Option<Across>,
+    last: LineTransform,
+    middle: Option<AxisTransform>,
+    outer: Option<AxisTransform>,
     plane: usize,
 }
 
 impl Grid {
-    pub(super) fn new([n0, n1, n2]: [usize; 3]) -> Self {
+    /// Transforms of grids with so many points along each axis.
+    pub fn new([n0, n1, n2]: [usize; 3]) -> Self {
         let mut planner = FftPlanner::new();
         Self {
-            last: Line::new(&mut planner, n2),
-            middle: Across::new(&mut planner, n1, n2),
-            outer: Across::new(&mut planner, n0, n1 * n2),
+            last: LineTransform::new(&mut planner, n2),
+            middle: AxisTransform::new(&mut planner, n1, n2),
+            outer: AxisTransform::new(&mut planner, n0, n1 * n2),
             plane: n1 * n2,
         }
     }
 
-    /// Numbers in a plane: those that differ in the outermost axis not at all.
+    /// Numbers in a plane, which has one place along the outermost axis.
     pub fn plane(&self) -> usize {
         self.plane
     }
 
     /// Transforms a plane.
     pub fn forward(&self, plane: &mut [Complex], memory: &mut FourierScratch) {
-        self.last.run(false, plane, &mut memory.work);
+        self.last.run(false, plane, &mut memory.tiles);
         if let Some(middle) = &self.middle {
-            middle.run(false, plane, &mut memory.work);
+            middle.run(false, plane, &mut memory.tiles);
         }
     }
 
     /// Transforms a plane back.
     pub fn inverse(&self, plane: &mut [Complex], memory: &mut FourierScratch) {
         if let Some(middle) = &self.middle {
-            middle.run(true, plane, &mut memory.work);
+            middle.run(true, plane, &mut memory.tiles);
         }
-        self.last.run(true, plane, &mut memory.work);
+        self.last.run(true, plane, &mut memory.tiles);
     }
 
     /// With all planes transformed, multiplies by a product of factors along the outermost axis and in a plane.
@@ -279,7 +284,7 @@ impl Grid {
     ) {
         match &self.outer {
             Some(outer) => {
-                outer.multiply(data, &mut memory.work, |k, place| along[k] * within[place]);
+                outer.multiply(data, &mut memory.tiles, |k, place| along[k] * within[place]);
             }
             None => {
                 for (value, factor) in data.iter_mut().zip(within) {

@@ -1,5 +1,5 @@
-//! How what is stored falls into registers.
-#![allow(clippy::inline_always)] // what is not inlined is compiled without the instructions it is for
+//! The views of stored numbers in registers.
+#![allow(clippy::inline_always)] // a call would lack the instruction set
 
 use super::block::RegisterBlock;
 use super::{ForEach, InstructionSet, Kernel, Number, SimdView, SimdViews, Stored};
@@ -7,14 +7,14 @@ use crate::real::{Lanes, Scalar};
 use pulp::{Simd, WithSimd};
 use std::marker::PhantomData;
 
-/// N registers of consecutive numbers, from some distance on.
+/// N registers of consecutive numbers, from an offset on.
 #[derive(Clone, Copy)]
-struct Consecutive<S, const N: usize> {
+struct BlockView<S, const N: usize> {
     simd: S,
     offset: usize,
 }
 
-impl<S: Simd, const N: usize> SimdView for Consecutive<S, N> {
+impl<S: Simd, const N: usize> SimdView for BlockView<S, N> {
     type Stored = f64;
     type Number = RegisterBlock<S, N>;
 
@@ -52,14 +52,14 @@ impl<S: Simd, const N: usize> SimdView for Consecutive<S, N> {
     }
 }
 
-/// A number alone, at some distance.
+/// One number, at an offset.
 #[derive(Clone, Copy)]
-struct Alone<S> {
+struct ScalarView<S> {
     offset: usize,
     stored: PhantomData<S>,
 }
 
-impl<S: Scalar + Number> SimdView for Alone<S> {
+impl<S: Scalar + Number> SimdView for ScalarView<S> {
     type Stored = S;
     type Number = S;
 
@@ -89,7 +89,7 @@ impl<S: Scalar + Number> SimdView for Alone<S> {
     }
 }
 
-/// Numbers that no register holds: one after another.
+/// Numbers that no register holds, one by one.
 #[derive(Clone, Copy, Debug)]
 pub struct ScalarViews<S>(PhantomData<S>);
 
@@ -106,7 +106,7 @@ impl<S: Scalar + Number> SimdViews for ScalarViews<S> {
     fn each<V: ForEach<S>>(self, count: usize, visitor: &mut V) -> bool {
         let stored = self.0;
         for offset in 0..count {
-            if !visitor.visit(Alone { offset, stored }) {
+            if !visitor.visit(ScalarView { offset, stored }) {
                 return false;
             }
         }
@@ -114,31 +114,36 @@ impl<S: Scalar + Number> SimdViews for ScalarViews<S> {
     }
 }
 
-/// Numbers of one trajectory: runs of them in blocks of N registers, the rest in single ones.
+/// Numbers of one trajectory: blocks of N registers, then single registers, then single numbers.
 #[derive(Clone, Copy)]
 struct BlockViews<S> {
     simd: S,
 }
 
 impl<S: Simd> BlockViews<S> {
+    /// Whether a register has more than one number.
+    const IS_VECTOR: bool = S::F64_LANES > 1;
+
     #[inline(always)]
     fn blocks<const N: usize, V: ForEach<f64>>(self, count: usize, visitor: &mut V) -> bool {
         let simd = self.simd;
         let mut offset = 0;
         while count - offset >= N * S::F64_LANES {
-            if !visitor.visit(Consecutive::<S, N> { simd, offset }) {
+            if !visitor.visit(BlockView::<S, N> { simd, offset }) {
                 return false;
             }
             offset += N * S::F64_LANES;
         }
-        while S::F64_LANES > 1 && count - offset >= S::F64_LANES {
-            if !visitor.visit(Consecutive::<S, 1> { simd, offset }) {
-                return false;
+        if Self::IS_VECTOR {
+            while count - offset >= S::F64_LANES {
+                if !visitor.visit(BlockView::<S, 1> { simd, offset }) {
+                    return false;
+                }
+                offset += S::F64_LANES;
             }
-            offset += S::F64_LANES;
         }
         while offset < count {
-            if !visitor.visit(Alone {
+            if !visitor.visit(ScalarView {
                 offset,
                 stored: PhantomData,
             }) {
@@ -159,9 +164,9 @@ impl<S: Simd> SimdViews for BlockViews<S> {
     }
 }
 
-struct OfNumbers<K>(K);
+struct OnBlocks<K>(K);
 
-impl<K: Kernel<f64>> WithSimd for OfNumbers<K> {
+impl<K: Kernel<f64>> WithSimd for OnBlocks<K> {
     type Output = K::Output;
     #[inline(always)]
     fn with_simd<S: Simd>(self, simd: S) -> K::Output {
@@ -171,19 +176,19 @@ impl<K: Kernel<f64>> WithSimd for OfNumbers<K> {
 
 impl Stored for f64 {
     fn run<K: Kernel<f64>>(machine: InstructionSet, kernel: K) -> K::Output {
-        machine.0.dispatch(OfNumbers(kernel))
+        machine.0.dispatch(OnBlocks(kernel))
     }
 }
 
 /// N registers of the trajectories in lock-step.
 #[derive(Clone, Copy)]
-struct Share<S, const W: usize, const N: usize> {
+struct LaneView<S, const W: usize, const N: usize> {
     simd: S,
     part: usize,
     offset: usize,
 }
 
-impl<S: Simd, const W: usize, const N: usize> SimdView for Share<S, W, N> {
+impl<S: Simd, const W: usize, const N: usize> SimdView for LaneView<S, W, N> {
     type Stored = Lanes<W>;
     type Number = RegisterBlock<S, N>;
 
@@ -224,17 +229,20 @@ impl<S: Simd, const W: usize, const N: usize> SimdView for Share<S, W, N> {
 
 /// Trajectories in lock-step: in parts of at most 8 registers.
 #[derive(Clone, Copy)]
-struct InParts<S, const W: usize> {
+struct LaneViews<S, const W: usize> {
     simd: S,
 }
 
-impl<S: Simd, const W: usize> InParts<S, W> {
+impl<S: Simd, const W: usize> LaneViews<S, W> {
+    /// Registers of all trajectories. A match on this constant compiles the branch taken only.
+    const REGISTERS: usize = W / S::F64_LANES;
+
     #[inline(always)]
     fn parts<const N: usize, V: ForEach<Lanes<W>>>(self, count: usize, visitor: &mut V) -> bool {
         let simd = self.simd;
         for offset in 0..count {
             for part in 0..W / (N * S::F64_LANES) {
-                if !visitor.visit(Share::<S, W, N> { simd, part, offset }) {
+                if !visitor.visit(LaneView::<S, W, N> { simd, part, offset }) {
                     return false;
                 }
             }
@@ -243,12 +251,12 @@ impl<S: Simd, const W: usize> InParts<S, W> {
     }
 }
 
-impl<S: Simd, const W: usize> SimdViews for InParts<S, W> {
+impl<S: Simd, const W: usize> SimdViews for LaneViews<S, W> {
     type Stored = Lanes<W>;
 
     #[inline(always)]
     fn each<V: ForEach<Lanes<W>>>(self, count: usize, visitor: &mut V) -> bool {
-        match W / S::F64_LANES {
+        match Self::REGISTERS {
             1 => self.parts::<1, V>(count, visitor),
             2 => self.parts::<2, V>(count, visitor),
             4 => self.parts::<4, V>(count, visitor),
@@ -257,19 +265,19 @@ impl<S: Simd, const W: usize> SimdViews for InParts<S, W> {
     }
 }
 
-struct OfLanes<K>(K);
+struct OnLanes<K>(K);
 
-impl<const W: usize, K: Kernel<Lanes<W>>> WithSimd for OfLanes<(K, [(); W])> {
+impl<const W: usize, K: Kernel<Lanes<W>>> WithSimd for OnLanes<(K, [(); W])> {
     type Output = K::Output;
     #[inline(always)]
     fn with_simd<S: Simd>(self, simd: S) -> K::Output {
-        self.0.0.run(InParts::<S, W> { simd })
+        self.0.0.run(LaneViews::<S, W> { simd })
     }
 }
 
 impl<const W: usize> Stored for Lanes<W> {
     fn run<K: Kernel<Lanes<W>>>(machine: InstructionSet, kernel: K) -> K::Output {
         const { assert!(W.is_power_of_two() && W >= 8, "lanes fill whole registers") };
-        machine.0.dispatch(OfLanes((kernel, [(); W])))
+        machine.0.dispatch(OnLanes((kernel, [(); W])))
     }
 }

@@ -1,0 +1,175 @@
+//! The flows of pieces, laid out for the kernels.
+
+use super::affine::Affine;
+use super::exponential::Exponential;
+use super::kernel::Change;
+use super::order::Order;
+use super::rows::{PolynomialRows, narrow};
+use super::triangular::Triangular;
+use crate::problem::{CosineFactor, Piece, Polynomials, Split};
+use std::slice;
+
+/// The flow of a piece, compiled.
+#[derive(Clone, Debug)]
+pub(super) enum PieceFlow {
+    /// x += h R
+    Natural {
+        rows: PolynomialRows,
+        waves: PolynomialRows,
+    },
+    /// x += h g a
+    Shear {
+        change: PolynomialRows,
+        waves: PolynomialRows,
+        places: Vec<(u32, f64)>,
+    },
+    /// x *= exp(h p)
+    Scaling { rows: PolynomialRows },
+    /// x *= exp(c t*)
+    Exponential(Exponential),
+    /// A Runge-Kutta method.
+    Triangular(Triangular),
+    /// x = exp(h A) x + ...
+    Affine(Affine),
+}
+
+/// Rows that a flow changes level after level.
+pub(super) struct Levels<'a> {
+    pub(super) change: Change,
+    /// Cosine factors to be computed first.
+    pub(super) waves: &'a PolynomialRows,
+    levels: &'a [PolynomialRows],
+    is_reversed: bool,
+}
+
+impl Levels<'_> {
+    /// The levels in their order.
+    #[inline]
+    pub(super) fn iter(&self) -> impl Iterator<Item = &PolynomialRows> {
+        let last = self.levels.len() - 1;
+        let place = move |k| if self.is_reversed { last - k } else { k };
+        (0..self.levels.len()).map(move |k| &self.levels[place(k)])
+    }
+}
+
+/// No cosine factors.
+static NO_WAVES: PolynomialRows = PolynomialRows::empty();
+
+impl PieceFlow {
+    /// The levels of a flow, or of its adjoint, that only changes rows.
+    #[inline]
+    pub(super) fn levels(&self, is_adjoint: bool) -> Option<Levels<'_>> {
+        let (change, waves, levels, is_reversed) = match self {
+            Self::Natural { rows, waves } => (Change::Add, waves, slice::from_ref(rows), false),
+            Self::Scaling { rows } => (Change::Scale, &NO_WAVES, slice::from_ref(rows), false),
+            Self::Triangular(piece) if piece.is_euler() => {
+                (Change::Add, &NO_WAVES, &piece.levels[..], !is_adjoint)
+            }
+            Self::Shear { .. } | Self::Exponential(_) | Self::Triangular(_) | Self::Affine(_) => {
+                return None;
+            }
+        };
+        Some(Levels {
+            change,
+            waves,
+            levels,
+            is_reversed,
+        })
+    }
+}
+
+/// The layout of the pieces of a split.
+pub(super) struct SplitLayout<'a> {
+    pub(super) split: &'a Split,
+    pub(super) order: &'a Order,
+    /// Whether rows are joined to runs, which is for states of one trajectory.
+    pub(super) in_runs: bool,
+}
+
+impl SplitLayout<'_> {
+    pub(super) fn flow(&self, piece: &Piece) -> PieceFlow {
+        match piece {
+            Piece::Natural {
+                rows,
+                change,
+                waves,
+            } => PieceFlow::Natural {
+                rows: self.rows(change, rows),
+                waves: self.waves(waves),
+            },
+            Piece::Shear {
+                places,
+                direction,
+                change,
+                waves,
+            } => PieceFlow::Shear {
+                change: self.compiled(change, &[(0, 0)]),
+                waves: self.waves(waves),
+                places: self.paired(places, direction),
+            },
+            Piece::Scaling { rows, rate } => PieceFlow::Scaling {
+                rows: self.rows(rate, rows),
+            },
+            Piece::Exponential {
+                rows,
+                rates,
+                monomial,
+            } => {
+                let monomial = monomial.iter().map(|variable| self.place(*variable));
+                PieceFlow::Exponential(Exponential::new(
+                    self.paired(rows, rates),
+                    monomial.collect(),
+                ))
+            }
+            Piece::Triangular {
+                order,
+                change,
+                a,
+                b,
+            } => PieceFlow::Triangular(Triangular::new(self, order, change, a, b)),
+            Piece::Affine { matrix, vector } => {
+                PieceFlow::Affine(Affine::new(self.order, self.split.n(), matrix, vector))
+            }
+        }
+    }
+
+    pub(super) fn place(&self, variable: usize) -> u32 {
+        narrow(self.order.place_of(variable))
+    }
+
+    fn paired(&self, variables: &[usize], values: &[f64]) -> Vec<(u32, f64)> {
+        let places = variables.iter().map(|variable| self.place(*variable));
+        places.zip(values.iter().copied()).collect()
+    }
+
+    /// Independent rows, by place.
+    fn rows(&self, polynomials: &Polynomials, rows: &[usize]) -> PolynomialRows {
+        let places = rows.iter().map(|row| self.order.place_of(*row));
+        let mut places: Vec<(usize, usize)> = places.enumerate().collect();
+        places.sort_unstable_by_key(|(_, place)| *place);
+        self.compiled(polynomials, &places)
+    }
+
+    pub(super) fn compiled(
+        &self,
+        polynomials: &Polynomials,
+        rows: &[(usize, usize)],
+    ) -> PolynomialRows {
+        let place_of = |variable| self.order.place_of(variable);
+        PolynomialRows::new(polynomials, rows, place_of, self.in_runs)
+    }
+
+    /// The arguments of cosines, as rows behind the variables.
+    fn waves(&self, waves: &[CosineFactor]) -> PolynomialRows {
+        let n = self.split.n();
+        let mut rows = PolynomialRows::default();
+        for (q, wave) in waves.iter().enumerate() {
+            let factors = wave.places.iter().map(|variable| self.place(*variable));
+            let terms = factors.zip(&wave.k).map(|(place, k)| (*k, vec![place]));
+            let phase = (wave.phase, Vec::new());
+            let terms: Vec<_> = std::iter::once(phase).chain(terms).collect();
+            rows.push(n + q, &terms);
+        }
+        rows
+    }
+}
