@@ -17,7 +17,7 @@ from liouville.problems import (
     spherical_pendulum,
 )
 
-MODULE = importlib.import_module("liouville.integrate")
+MODULE = importlib.import_module("liouville.runners.execute")
 POLAR = spherical_pendulum.system
 
 

@@ -18,7 +18,7 @@ from registry import printed, top
 import liouville as lv
 from liouville import problems
 
-MODULE = sys.modules["liouville.integrate"]  # the name itself is the function in it
+MODULE = sys.modules["liouville.runners.execute"]
 
 H = 1 / 64  # times are exact, so that t = 1 is met to the bit
 

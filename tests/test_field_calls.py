@@ -16,7 +16,7 @@ import liouville as lv
 from liouville.problems import load
 from liouville.systems import PolynomialField
 
-MODULE = sys.modules["liouville.integrate"]  # the name itself is the function in it
+MODULE = sys.modules["liouville.runners.execute"]
 NAN, INF = math.nan, math.inf
 
 TOP = load("euler_top").system  # m1, m2, m3
@@ -71,7 +71,7 @@ ROWS = [
         "Composition",
         lambda: run(method=lv.Composition(lv.Spark(1))),
         TypeError,
-        "Composition.*does not step polynomial fields; methods that do: VolumeSplitting, Plan",
+        "Composition.*does not step polynomial fields; methods that do: VolumeSplitting, a plan",
     ),
     ("a class", lambda: run(method=V), TypeError, "class.*does not step polynomial fields"),
     ("a name", lambda: run(method="BM4"), TypeError, "'BM4' does not step polynomial fields"),
@@ -81,11 +81,16 @@ ROWS = [
         TypeError,
         r"VolumeSplitting\(\) does not step mechanical systems; methods that do: Spark, Lobatto",
     ),
-    ("plan of it", lambda: swing(PLAN), TypeError, "<Plan of 3 pieces.*mechanical systems"),
+    ("plan of it", lambda: swing(PLAN), TypeError, "<FieldPlan of 3 pieces.*mechanical systems"),
     ("pendulums", lambda: swing(V(), lv.ensemble), TypeError, "does not step mechanical systems"),
     ("cut one", lambda: cut(PENDULUM.system), TypeError, "PolynomialField, not of Lagrangian"),
     ("det one", lambda: det(PENDULUM.system), TypeError, "PolynomialField, not of Lagrangian"),
-    ("plan one", lambda: plan(PENDULUM.system), TypeError, "PolynomialField, not Lagrangian"),
+    (
+        "plan one",
+        lambda: plan(PENDULUM.system),
+        TypeError,
+        "PolynomialField or a Schrodinger equation, not Lagrangian",
+    ),
     # the method alone
     ("scheme", lambda: V(composition="BM5"), ValueError, r"'BM5'.*\nhint: did you mean 'BM6'\?"),
     ("no scheme", lambda: V(composition=4), TypeError, "the name of a scheme, not 4"),

@@ -9,7 +9,7 @@ from PIL import Image
 
 import liouville as lv
 from liouville import plot, problems
-from liouville.plot import canvas, panels
+from liouville.plot import canvas, thinning
 
 
 @pytest.fixture(scope="module")
@@ -112,7 +112,7 @@ def test_a_long_curve_is_thinned_but_keeps_its_extremes(solution):
     wave[54_321] = 7.0
     long = replace(solution, t=t, states={"q": np.stack([wave, t], axis=1)})
     spiked, _ = curves(plot.trajectories(long))
-    assert len(spiked.get_xdata()) <= panels.POINTS + 2
+    assert len(spiked.get_xdata()) <= thinning.POINTS + 2
     assert spiked.get_xdata()[np.argmax(spiked.get_ydata())] == 54_321
     assert spiked.get_xdata()[-1] == t[-1]
 
@@ -134,7 +134,7 @@ def test_an_overview_shows_some_of_very_many_coordinates(solution):
     q = np.outer(np.ones(51), np.arange(1000))
     many = replace(solution, states={"q": q, "lam": solution.lam})
     figure = plot.overview(replace(many, names={**solution.names, "coordinates": names}))
-    assert len(curves(figure.axes[0])) == panels.CURVES
+    assert len(curves(figure.axes[0])) == thinning.CURVES
 
 
 @pytest.mark.parametrize("count", [2, 7, 8, 40])
@@ -158,7 +158,7 @@ def ensemble():
 def test_of_an_ensemble_some_members_are_drawn_mixed(ensemble, tmp_path):
     axes = plot.trajectories(ensemble)
     lines = curves(axes)
-    assert len(lines) == 3 * panels.MEMBERS
+    assert len(lines) == 3 * thinning.MEMBERS
     assert legend(axes) == ["x", "y", "z"]
     shades = [line.get_color() for line in axes.get_legend().legend_handles]
     assert shades == [line.get_color() for line in lines[:3]] == list(plot.COLOURS[:3])

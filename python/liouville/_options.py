@@ -6,7 +6,7 @@ from collections.abc import Iterable
 
 from liouville.errors import hinted
 
-#: What to give instead of arguments that are spelled otherwise.
+#: The spelling of arguments that are given by another name.
 SPELLINGS = {
     "dt": "give h=, the step size",
     "h_min": "give control=lv.Adaptive(h_min=...) or control=lv.Reversible(h_min=...)",

@@ -1,4 +1,4 @@
-"""What decides on the steps: their number, an estimate of their error, or a monitor."""
+"""Control of the steps: by their number, by an estimate of their error, or by a monitor."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ SMALL = 1e-3
 #: The least step by default, in units of the last digit of t.
 DIGITS = 64
 
-#: What to give instead of the words that once named a control.
+#: The spelling of controls that are given by a word.
 SPELLINGS = {
     "error": "give rtol= alone, or with control=lv.Adaptive(h_min=...)",
     "reversible": "give control=lv.Reversible(monitor=..., h_min=...)",

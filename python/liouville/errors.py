@@ -61,37 +61,37 @@ def quoted(names: Sequence[str]) -> str:
     return " and ".join([", ".join(words[:-1]), words[-1]]) if len(words) > 1 else words[0]
 
 
-#: Sentence, hint and quantity of a trouble.
+#: Sentence, hint and quantity of an error of the core.
 Description = tuple[str, str, str]
 
 
 def describe(
-    trouble: dict[str, Any], coordinates: Sequence[str], constraints: Sequence[str]
+    error: dict[str, Any], coordinates: Sequence[str], constraints: Sequence[str]
 ) -> Description:
-    """Say what a trouble of the core means in the user's names: sentence, hint and quantity."""
-    match trouble["kind"]:
+    """Describe an error of the core in the user's names: sentence, hint and quantity."""
+    match error["kind"]:
         case "not finite":
-            return _not_finite(trouble, coordinates, constraints)
+            return _not_finite(error, coordinates, constraints)
         case "singular mass":
-            return _singular_mass(coordinates[trouble["index"]])
+            return _singular_mass(coordinates[error["index"]])
         case "overflow":
-            return _overflow(coordinates[trouble["index"]])
+            return _overflow(coordinates[error["index"]])
         case "redundant":
-            return _redundant([constraints[k] for k in trouble["constraints"]])
+            return _redundant([constraints[k] for k in error["constraints"]])
         case "step too small":
-            return _step_too_small(trouble)
+            return _step_too_small(error)
         case "monitor":
-            return _monitor(trouble)
+            return _monitor(error)
         case "singular piece":
-            return _singular_piece(trouble["quantity"])
+            return _singular_piece(error["quantity"])
         case "raised":
-            return _raised(trouble["cause"])
+            return _raised(error["cause"])
         case "singular":
             return _SINGULAR
         case "no memory":
             return _NO_MEMORY
         case _:
-            sentence = f"the iteration did not converge (last correction {trouble['size']:.0e})"
+            sentence = f"the iteration did not converge (last correction {error['size']:.0e})"
             return sentence, "try a smaller h", "stages"
 
 
@@ -137,16 +137,16 @@ def _redundant(names: Sequence[str]) -> Description:
     )
 
 
-def _step_too_small(trouble: dict[str, Any]) -> Description:
-    if math.isfinite(trouble["error"]):
+def _step_too_small(error: dict[str, Any]) -> Description:
+    if math.isfinite(error["error"]):
         return (
-            f"the error asks for a step of {trouble['h']:.1e}, less than h_min",
+            f"the error asks for a step of {error['h']:.1e}, less than h_min",
             "look for a force that jumps or grows without bound there; else a larger rtol, atol or "
             "a smaller h_min may help",
             "step",
         )
     return (
-        f"a step of {trouble['h']:.1e} would be needed, less than h_min",
+        f"a step of {error['h']:.1e} would be needed, less than h_min",
         "look for a singularity there, where forces grow without bound or steps have no "
         "solution; else a smaller h_min may help",
         "step",
@@ -170,24 +170,24 @@ def _raised(error: BaseException) -> Description:
     )
 
 
-def _monitor(trouble: dict[str, Any]) -> Description:
-    value, rate = trouble["value"], trouble["rate"]
+def _monitor(error: dict[str, Any]) -> Description:
+    value, rate = error["value"], error["rate"]
     what = (
         f"the monitor is {value:.6g}"
         if not value > 0 or value == math.inf
         else (f"the rate of the monitor is {rate:.6g}")
     )
     return (
-        f"{what} at t = {trouble['t']:.6g}",
+        f"{what} at t = {error['t']:.6g}",
         "a monitor is the size of a step, up to a factor: positive and smooth",
         "monitor",
     )
 
 
 def _not_finite(
-    trouble: dict[str, Any], coordinates: Sequence[str], constraints: Sequence[str]
+    error: dict[str, Any], coordinates: Sequence[str], constraints: Sequence[str]
 ) -> Description:
-    what, index = trouble["quantity"], trouble["index"]
+    what, index = error["quantity"], error["index"]
     if what in ("constraint", "hidden constraint", "nonholonomic constraint"):
         quantity = constraints[index]
         name = f"{what} '{quantity}'"
@@ -201,6 +201,6 @@ def _not_finite(
     else:
         kind, _, quantity = what.partition(" ")  # "observed NAME" or "invariant NAME"
         name = f"{kind} '{quantity}'"
-    sentence = f"{name} is not finite at t = {trouble['t']:.6g}"
+    sentence = f"{name} is not finite at t = {error['t']:.6g}"
     hint = "look for a division by zero, a root or a logarithm of the model there"
     return sentence, hint, quantity

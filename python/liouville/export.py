@@ -330,13 +330,13 @@ def _complex(dataset: xarray.Dataset) -> xarray.Dataset:
 
 
 def _place(residual: str, values: Array, constraints: tuple[str, ...]) -> slice:
-    """Say to which constraints a residual belongs."""
+    """Return to which constraints a residual belongs."""
     first = len(constraints) - values.shape[-1] if residual == "nonholonomic" else 0
     return slice(first, first + values.shape[-1])
 
 
 def _filled(values: Array) -> Array:
-    """Say which columns are there: the others are NaN throughout."""
+    """Return which columns are there: the others are NaN throughout."""
     flat = values.reshape(math.prod(values.shape[:-1]), values.shape[-1])
     is_missing = np.isnan(flat).all(axis=0) & bool(len(flat))
     return np.logical_not(is_missing)

@@ -32,7 +32,7 @@ class Points:
                 values.setflags(write=False)
 
     def __setstate__(self, state: dict[str, Any]) -> None:
-        """Arrive from another process."""
+        """Restore a pickle, its arrays read-only."""
         self.__dict__.update(state)
         self.__post_init__()
 
@@ -51,7 +51,7 @@ class Points:
         return int(np.size(self.t))
 
     def __repr__(self) -> str:
-        """Tell how many points of which states."""
+        """Return how many points of which states."""
         times = np.atleast_1d(self.t)
         span = f", t = {times[0]:g} to {times[-1]:g}" if times.size else ""
         return f"<{len(self)} Points{span}: {', '.join(self.states)}>"

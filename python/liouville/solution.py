@@ -1,4 +1,4 @@
-"""What a run leaves: times, states, invariants, residuals, and how it went."""
+"""The result of a run: times, states, invariants, residuals, and its numbers."""
 
 from __future__ import annotations
 
@@ -34,9 +34,8 @@ class Solution:
     r"""A run's result: arrays with time as the first axis, and the record of how it went.
 
     Below, k is the number of kept steps, n of coordinates and m of constraints, l of them
-    nonholonomic. In an ensemble of P
-    members, every array but ``t`` has the member as its second axis: ``x`` has shape (k, P, n).
-    All arrays are read-only; all numbers are in the system's own units.
+    nonholonomic. In an ensemble of P members, every array but ``t`` has the member as its second
+    axis: ``x`` has shape (k, P, n). All arrays are read-only, all numbers in the system's units.
 
     Attributes
     ----------
@@ -45,9 +44,8 @@ class Solution:
     states : dict of str to ndarray
         ``q``, ``v``, ``p`` of shape (k, n) and ``lam`` of shape (k, m); a ``Mechanical`` system has
         ``y`` and ``z`` in the place of ``q``, a ``PolynomialField`` has ``x``, a ``Schrodinger``
-        equation has ``psi``, complex. Methods of the alpha
-        family add ``acceleration`` and their own ``a``. Empty if the run stored no states. Each
-        state is also an attribute: ``solution.q``.
+        equation has ``psi``, complex. Methods of the alpha family add ``acceleration`` and their
+        own ``a``. Empty if the run stored no states. Each is also an attribute: ``solution.q``.
     invariants : dict of str to ndarray, shape (k,)
         Energy and the system's own invariants, by name; the norm of a wave function.
     residuals : dict of str to ndarray, shape (k, m - l)
@@ -120,18 +118,17 @@ class Solution:
     def __post_init__(self) -> None:
         """Make the arrays read-only: what is recorded is not edited."""
         self.t.setflags(write=False)
-        groups = (self.states, self.invariants, self.residuals, self.observed, self.balance)
-        for group in groups:
+        for group in (self.states, self.invariants, self.residuals, self.observed, self.balance):
             for values in group.values():
                 values.setflags(write=False)
 
     def __setstate__(self, state: dict[str, Any]) -> None:
-        """Arrive from another process."""
+        """Restore a pickle, its arrays read-only."""
         self.__dict__.update(state)
         self.__post_init__()
 
     def __repr__(self) -> str:
-        """Tell in two lines how the run went and how well it kept what it should."""
+        """Return in two lines how the run went and how well it kept what it should."""
         if not self.t.size:
             return f"<Solution {self.status}: nothing computed, {self.method}>"
         steps = self.stats.get("steps", len(self.t) - 1)
@@ -174,12 +171,7 @@ class Solution:
         TypeError
             t is no array of numbers.
         """
-        system = self.system
-        if system is None and self.dense_order:
-            raise ValueError(
-                "dense output needs the system, which a loaded solution does not carry\n"
-                "hint: dataclasses.replace(solution, system=...) gives it back"
-            )
+        system = self._needed_system("dense output needs") if self.dense_order else None
         if not self.dense_order or not isinstance(system, Mechanics):
             raise ValueError(
                 "dense output needs the states of all steps of a mechanical system\n"
@@ -296,14 +288,11 @@ class Solution:
     def _state(self, name: str) -> Array:
         if name in self.states:
             return self.states[name]
+        why, hint = "", f"its states are {', '.join(self.states)}"
         if not self.states:
-            raise AttributeError(
-                f"the solution has no {name!r}: the run stored no states\n"
-                "hint: integrate with states=True, or name what you need in observe="
-            )
-        raise AttributeError(
-            f"the solution has no {name!r}\nhint: its states are {', '.join(self.states)}"
-        )
+            why = ": the run stored no states"
+            hint = "integrate with states=True, or name what you need in observe="
+        raise AttributeError(f"the solution has no {name!r}{why}\nhint: {hint}")
 
     def invariant_drift(self, name: str) -> Array:
         r"""Measure how far an invariant has moved from its start, :math:`|I(t) - I(0)| / |I(0)|`.
@@ -371,14 +360,17 @@ class Solution:
             only = np.zeros_like(lam)
             only[:, constraint] = lam[:, constraint]
             lam = only
+        system = self._needed_system("reaction forces need")
+        assert isinstance(system, Mechanics)
+        return system.reaction(self.t, y, lam, self.params, self.states[system.states[1]])
+
+    def _needed_system(self, needs: str) -> System:
         if self.system is None:
             raise ValueError(
-                "reaction forces need the system, which a loaded solution does not carry\n"
+                f"{needs} the system, which a loaded solution does not carry\n"
                 "hint: dataclasses.replace(solution, system=...) gives it back"
             )
-        assert isinstance(self.system, Mechanics)
-        z = self.states[self.system.states[1]]
-        return self.system.reaction(self.t, y, lam, self.params, z)
+        return self.system
 
     def to_xarray(self) -> xarray.Dataset:
         """Give the solution as an xarray ``Dataset``; see :func:`liouville.export.to_xarray`."""

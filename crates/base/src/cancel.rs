@@ -1,39 +1,39 @@
-//! Long steps ask now and then whether somebody has lost cancel.
+//! Cooperative cancellation: long steps poll a flag at least every 40 ms.
 
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
-/// How long a step goes on without asking.
-const BETWEEN: Duration = Duration::from_millis(40);
+/// The time between two polls.
+const INTERVAL: Duration = Duration::from_millis(40);
 
-/// Asks whether to stop, but not too often; clones ask the same.
+/// A flag that asks for a step to stop; clones share it.
 #[derive(Clone)]
 pub struct CancelToken {
-    is_cancelled: Arc<dyn Fn() -> bool + Send + Sync>,
-    asked: Instant,
+    poll: Arc<dyn Fn() -> bool + Send + Sync>,
+    polled: Instant,
 }
 
 impl CancelToken {
-    /// CancelToken that lasts until `is_cancelled` says otherwise.
-    pub fn new(is_cancelled: impl Fn() -> bool + Send + Sync + 'static) -> Self {
+    /// A token that is cancelled when `poll` returns true.
+    pub fn new(poll: impl Fn() -> bool + Send + Sync + 'static) -> Self {
         Self {
-            is_cancelled: Arc::new(is_cancelled),
-            asked: Instant::now(),
+            poll: Arc::new(poll),
+            polled: Instant::now(),
         }
     }
 
-    /// Whether to stop.
+    /// Whether the step is to stop.
     pub fn is_cancelled(&mut self) -> bool {
-        if self.asked.elapsed() < BETWEEN {
+        if self.polled.elapsed() < INTERVAL {
             return false;
         }
-        self.asked = Instant::now();
-        (self.is_cancelled)()
+        self.polled = Instant::now();
+        (self.poll)()
     }
 }
 
 impl Default for CancelToken {
-    /// It lasts for ever.
+    /// A token that is never cancelled.
     fn default() -> Self {
         Self::new(|| false)
     }

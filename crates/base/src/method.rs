@@ -1,9 +1,9 @@
-//! Methods at work: a stepper owns the memory of a step and advances a state.
+//! Steppers: a stepper owns the memory of a step and advances a state.
 
 use crate::checkpoint::Checkpoint;
 use crate::error::StepError;
 
-/// What a stepper has done so far.
+/// Statistics of a stepper.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Stats {
     /// Corrections of the stage equations.
@@ -67,7 +67,7 @@ impl<S> Copy for Step<'_, S> {}
 
 /// A method at work on a problem.
 pub trait Stepper: Checkpoint {
-    /// What it advances.
+    /// The state that it advances.
     type State: Checkpoint;
 
     /// Advances `state` from `t` to `t + h`; on failure the state is as it was.
@@ -87,7 +87,7 @@ pub trait Stepper: Checkpoint {
     /// Forgets the step before: the next one starts cold.
     fn forget(&mut self) {}
 
-    /// What it has done so far.
+    /// Its statistics so far.
     fn stats(&self) -> Stats;
 }
 

@@ -1,7 +1,6 @@
 //! The border between Python and the core: conversions, and nothing else.
 //!
-//! What crosses: programs and patterns once a system, start values and options once a run, arrays
-//! back. No Python runs inside a step; the loop runs detached from the interpreter.
+//! Programs and patterns cross once a system, methods and jobs once a run; arrays come back. No Python runs inside a step; the loop runs detached from the interpreter.
 #![allow(clippy::needless_pass_by_value)] // PyO3 hands arguments over by value
 
 mod caught;
@@ -9,9 +8,9 @@ mod composition;
 mod convert;
 mod errors;
 mod ladder;
-mod mechanical_ensemble;
-mod mechanical_run;
+mod mechanical;
 mod operator;
+mod path;
 mod program;
 mod project;
 mod run;
@@ -20,7 +19,6 @@ mod second_order;
 mod semi_explicit;
 mod split;
 mod tableau;
-mod watch;
 
 use pyo3::prelude::*;
 
@@ -39,30 +37,23 @@ mod _core {
     #[pymodule_export]
     use super::ladder::{ladder, stability};
     #[pymodule_export]
-    use super::mechanical_ensemble::mechanical_ensemble;
-    #[pymodule_export]
-    use super::mechanical_run::mechanical_run;
-    #[pymodule_export]
     use super::operator::{Hamiltonian, Operator};
+    #[pymodule_export]
+    use super::path::mechanical_path;
     #[pymodule_export]
     use super::project::project;
     #[pymodule_export]
-    use super::run::Run;
+    use super::run::{Run, run};
     #[pymodule_export]
-    use super::schrodinger::{
-        chebyshev_degree, processor_degree, schrodinger_run, split_program_of,
-    };
+    use super::schrodinger::{chebyshev_degree, processor_degree, split_program};
     #[pymodule_export]
     use super::second_order::{SecondOrder, Separable};
     #[pymodule_export]
-    use super::semi_explicit::{SemiExplicit, semi_explicit_run};
+    use super::semi_explicit::SemiExplicit;
     #[pymodule_export]
-    use super::split::{Split, determinant_run, section_run, split_run};
+    use super::split::Split;
     #[pymodule_export]
     use super::tableau::{lobatto_pair, spark_tableau};
-
-    #[pymodule_export]
-    use super::watch::mechanical_path;
 
     #[pymodule_init]
     fn init(module: &Bound<'_, PyModule>) -> PyResult<()> {

@@ -1,51 +1,74 @@
 //! Runs, as Python drives them: a slice of time, then a look at the signals.
 
 use crate::caught::Caught;
+use crate::convert::Mechanical;
 use crate::errors;
-use liouville_base::error::StepError;
-use liouville_base::run::{Advance, Failure, Status};
+use crate::operator::Hamiltonian;
+use crate::second_order::{SecondOrder, Separable};
+use crate::semi_explicit::SemiExplicit;
+use crate::split::Split;
+use crate::{mechanical, schrodinger, split};
+use liouville_base::run::{Advance, Failure, StartError, Status};
+use liouville_mechanics::run::Problem;
 use numpy::{PyArray1, PyArrayDyn, PyArrayMethods, PyReadonlyArray1};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 use std::time::Duration;
 
+/// A system in the form that its method steps.
+#[derive(FromPyObject)]
+pub(crate) enum System<'py> {
+    General(PyRef<'py, Mechanical>),
+    Separable(PyRef<'py, Separable>),
+    SecondOrder(PyRef<'py, SecondOrder>),
+    SemiExplicit(PyRef<'py, SemiExplicit>),
+    Split(PyRef<'py, Split>),
+    Hamiltonian(PyRef<'py, Hamiltonian>),
+}
+
+/// A run about to start, or the error of its start; `method` and `job` are read by the attributes of their dataclasses.
+#[pyfunction]
+pub(crate) fn run<'py>(
+    py: Python<'py>,
+    system: System<'py>,
+    method: &Bound<'py, PyAny>,
+    job: &Bound<'py, PyAny>,
+) -> PyResult<Bound<'py, PyAny>> {
+    let problem = match system {
+        System::General(problem) => Problem::General(problem.0.clone()),
+        System::Separable(problem) => Problem::Separable(problem.0.clone()),
+        System::SecondOrder(problem) => Problem::SecondOrder(problem.0.clone()),
+        System::SemiExplicit(problem) => Problem::SemiExplicit(problem.0.clone()),
+        System::Split(split) => {
+            let run = split::start(&split, method, job)?;
+            return Run::started(py, run, Vec::new());
+        }
+        System::Hamiltonian(hamiltonian) => {
+            let (run, caught) = schrodinger::start(&hamiltonian, method, job)?;
+            return Run::started(py, run, caught);
+        }
+    };
+    Run::started(py, mechanical::start(problem, method, job)?, Vec::new())
+}
+
 /// A run of any system by any method.
 #[pyclass(module = "liouville._core")]
 pub(crate) struct Run {
-    inner: Box<dyn Advance + Sync>,
-    shape: Vec<usize>,
+    inner: Box<dyn Advance>,
     caught: Vec<Caught>,
 }
 
 impl Run {
-    /// A run whose records have this shape, or the error of starting it, for Python.
-    pub(crate) fn handed<'py, A: Advance + Sync + 'static>(
-        py: Python<'py>,
-        run: Result<A, StepError>,
-        shape: &[usize],
-    ) -> PyResult<Bound<'py, PyAny>> {
-        let run = run.map(|run| Box::new(run) as Box<dyn Advance + Sync>);
-        Self::caught(py, run, shape, Vec::new())
-    }
-
-    /// The same for a run inside whose steps Python may raise an exception.
-    pub(crate) fn caught<'py>(
-        py: Python<'py>,
-        run: Result<Box<dyn Advance + Sync>, StepError>,
-        shape: &[usize],
+    /// A run for Python, or the error of its start; Python may raise exceptions inside its steps.
+    fn started(
+        py: Python<'_>,
+        run: Result<Box<dyn Advance>, StartError>,
         caught: Vec<Caught>,
-    ) -> PyResult<Bound<'py, PyAny>> {
+    ) -> PyResult<Bound<'_, PyAny>> {
         match run {
-            Ok(inner) => {
-                let shape = shape.to_vec();
-                let run = Self {
-                    inner,
-                    shape,
-                    caught,
-                };
-                Ok(Bound::new(py, run)?.into_any())
-            }
-            Err(error) => match caught.iter().find_map(Caught::take) {
+            Ok(inner) => Ok(Bound::new(py, Self { inner, caught })?.into_any()),
+            Err(StartError::Invalid(sentence)) => Err(errors::refused(sentence)),
+            Err(StartError::Failed(error)) => match caught.iter().find_map(Caught::take) {
                 Some(error) => Err(error),
                 None => Ok(errors::error(py, &error)?.into_any()),
             },
@@ -56,7 +79,7 @@ impl Run {
 #[pymethods]
 impl Run {
     /// Makes steps for `seconds`, or until there are `steps` in all; "paused", "done", or the error with the
-    /// step and its time. What Python raised inside a step is raised here.
+    /// step and its time. An exception raised inside a step is raised here.
     #[pyo3(signature = (seconds, steps = None))]
     fn advance<'py>(
         &mut self,
@@ -101,10 +124,10 @@ impl Run {
         self.inner.over()
     }
 
-    /// The members that failed: troubles with the member, and with the step and the time at its start unless it
-    /// was the start itself that could not be split_front.
+    /// The members that failed: errors with the member, and with the step and the time at its start unless the start
+    /// itself failed.
     fn failures<'py>(&self, py: Python<'py>) -> PyResult<Vec<Bound<'py, PyDict>>> {
-        let told = |failure: Failure| {
+        let of_member = |failure: Failure| {
             let dict = errors::error(py, &failure.error)?;
             dict.set_item("member", failure.member)?;
             if let Some((n, t)) = failure.step {
@@ -113,10 +136,10 @@ impl Run {
             }
             Ok(dict)
         };
-        self.inner.failures().into_iter().map(told).collect()
+        self.inner.failures().into_iter().map(of_member).collect()
     }
 
-    /// What the stepper has done.
+    /// Statistics of the steps.
     #[getter]
     fn stats<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
         let (stats, rejected) = self.inner.stats();
@@ -138,19 +161,19 @@ impl Run {
     /// For each event function times and rows (y, z, lam) one after another; then which one ended the run,
     /// and when.
     #[allow(clippy::type_complexity)]
-    fn seen<'py>(
+    fn events<'py>(
         &mut self,
         py: Python<'py>,
     ) -> (
         Vec<(Bound<'py, PyArray1<f64>>, Bound<'py, PyArray1<f64>>)>,
         Option<(usize, f64)>,
     ) {
-        let seen = self.inner.seen();
-        let events = seen.events.into_iter().map(|(times, rows)| {
+        let events = self.inner.events();
+        let found = events.found.into_iter().map(|(times, rows)| {
             let times = PyArray1::from_vec(py, times);
             (times, PyArray1::from_vec(py, rows))
         });
-        (events.collect(), seen.end)
+        (found.collect(), events.end)
     }
 
     /// Times and rows of the records; the run keeps none. A section has rows of its own times.
@@ -160,7 +183,7 @@ impl Run {
         py: Python<'py>,
     ) -> PyResult<(Bound<'py, PyArray1<f64>>, Bound<'py, PyArrayDyn<f64>>)> {
         let records = self.inner.take();
-        self.handed_on(py, records)
+        self.arrays(py, records)
     }
 
     /// The same of a run that goes on: what was recorded since this was last called.
@@ -170,11 +193,11 @@ impl Run {
         py: Python<'py>,
     ) -> PyResult<(Bound<'py, PyArray1<f64>>, Bound<'py, PyArrayDyn<f64>>)> {
         let records = self.inner.collect();
-        self.handed_on(py, records)
+        self.arrays(py, records)
     }
 
-    /// All that the rest of the run depends on, but for what was collected and seen; None where that cannot
-    /// be told.
+    /// All that the rest of the run depends on, without the records and events collected before; None where runs of
+    /// this kind cannot be saved.
     fn save<'py>(&self, py: Python<'py>) -> Option<Bound<'py, PyArray1<f64>>> {
         let mut saved = Vec::new();
         let is_saved = self.inner.save(&mut saved);
@@ -192,16 +215,17 @@ impl Run {
 impl Run {
     /// Times and rows, as arrays.
     #[allow(clippy::type_complexity)]
-    fn handed_on<'py>(
+    fn arrays<'py>(
         &self,
         py: Python<'py>,
         (times, rows): (Vec<f64>, Vec<f64>),
     ) -> PyResult<(Bound<'py, PyArray1<f64>>, Bound<'py, PyArrayDyn<f64>>)> {
-        let count = match self.shape.iter().product() {
+        let shape = self.inner.shape();
+        let count = match shape.iter().product() {
             0 => times.len(),
             width => rows.len() / width,
         };
-        let shape = [&[count], self.shape.as_slice()].concat();
+        let shape = [&[count], shape.as_slice()].concat();
         Ok((
             PyArray1::from_vec(py, times),
             PyArray1::from_vec(py, rows).reshape(shape)?,

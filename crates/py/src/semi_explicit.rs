@@ -1,16 +1,9 @@
-//! Semi-explicit systems of index 2: the problem, its runs, and z at a point.
+//! Semi-explicit systems of index 2: the problem, and z at a point.
 
 use crate::convert::{self, Made, Recipe, item, pattern};
 use crate::errors::{self, refused};
-use crate::run::Run;
-use crate::tableau::scheme_of;
-use liouville_base::composition::Composed;
-use liouville_base::method::Stepper;
-use liouville_base::observe::Observe;
-use liouville_base::run::{self, Fixed};
 use liouville_base::tape;
-use liouville_mechanics::index2::Index2;
-use liouville_mechanics::semi_explicit::{self, Model, Observer, Patterns, State};
+use liouville_mechanics::semi_explicit::{self, Model, Patterns};
 use numpy::{PyArray1, PyReadonlyArray1};
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
@@ -20,7 +13,7 @@ use std::sync::Arc;
 /// A semi-explicit system in the core's terms.
 #[pyclass(frozen, module = "liouville._core")]
 #[derive(Clone)]
-pub(crate) struct SemiExplicit(Arc<semi_explicit::SemiExplicit>, Made);
+pub(crate) struct SemiExplicit(pub(crate) Arc<semi_explicit::SemiExplicit>, Made);
 
 #[pymethods]
 impl SemiExplicit {
@@ -95,68 +88,4 @@ impl SemiExplicit {
             sizes.last()
         )))
     }
-}
-
-/// A run about to start; `method` is read by attribute, `start` is y and a guess of z, `span` is
-/// (t0, t1, steps, every). Returns the run, or the error of starting.
-#[pyfunction]
-#[allow(clippy::too_many_arguments)] // the whole border in one call
-#[pyo3(signature = (problem, method, observer, params, start, span, states))]
-pub(crate) fn semi_explicit_run<'py>(
-    py: Python<'py>,
-    problem: &SemiExplicit,
-    method: &Bound<'py, PyAny>,
-    observer: &convert::Tape,
-    params: PyReadonlyArray1<'py, f64>,
-    start: (PyReadonlyArray1<'py, f64>, PyReadonlyArray1<'py, f64>),
-    span: (f64, f64, usize, usize),
-    states: bool,
-) -> PyResult<Bound<'py, PyAny>> {
-    let scheme = scheme_of(method)?;
-    let base = match scheme {
-        Some(_) => &method.getattr("base")?,
-        None => method,
-    };
-    let stages: usize = base.getattr("stages")?.extract()?;
-    let params = params.as_slice()?;
-    let (y, z) = (start.0.as_slice()?, start.1.as_slice()?);
-    problem.check(y, z, params)?;
-    let sizes = [1, y.len(), z.len(), params.len()];
-    let (t0, t1, steps, every) = span;
-    if stages == 0 || steps == 0 || every == 0 || observer.0.inputs() != sizes {
-        return Err(PyValueError::new_err(format!(
-            "a method has a stage, a run has a step, and its observer takes {sizes:?}"
-        )));
-    }
-    let mut model = Model::new(problem.0.clone(), params);
-    let h = (t1 - t0) / steps as f64;
-    let state = match model.state(t0, y, z, h) {
-        Ok(state) => state,
-        Err(error) => return Ok(errors::error(py, &error)?.into_any()),
-    };
-    let observer = Observer::new(params, tape::Tape::clone(&observer.0), states);
-    let stepper = Index2::new(model, stages);
-    let control = (Fixed::new(t0, h, steps), steps, every);
-    match scheme {
-        Some(scheme) => {
-            let stepper = Composed::of_symmetric(stepper, scheme).map_err(refused)?;
-            launch(py, stepper, observer, state, control)
-        }
-        None => launch(py, stepper, observer, state, control),
-    }
-}
-
-fn launch<S>(
-    py: Python<'_>,
-    stepper: S,
-    observer: Observer,
-    state: State,
-    (control, steps, every): (Fixed, usize, usize),
-) -> PyResult<Bound<'_, PyAny>>
-where
-    S: Stepper<State = State> + Sync + 'static,
-{
-    let width = observer.width(&state);
-    let run = run::Run::new(stepper, observer, state, control, every, steps / every + 2);
-    Run::handed(py, run, &[width])
 }

@@ -1,28 +1,18 @@
-//! Split polynomial fields: pieces in, runs out.
+//! Split polynomial fields, and their jobs: pieces and start values in, a run out.
 
 use crate::convert;
 use crate::errors::refused;
-use crate::run::Run;
 use crate::tableau::scheme_named;
-use liouville_base::composition::Composed;
-use liouville_base::ensemble::{Ensemble, Layout};
-use liouville_base::error::StepError;
-use liouville_base::real::Lanes;
-use liouville_base::run::{self, Advance, Fixed};
-use liouville_base::simd::Stored;
-use liouville_base::tableau::Scheme;
+use liouville_base::run::{Advance, Span, StartError};
+use liouville_base::tape::Tape;
 use liouville_fields::problem::{Piece, Polynomials, Wave};
-use liouville_fields::volume::{Determinant, Direction, Observer, Plane, Section, Seen, Volume};
+use liouville_fields::run::{self, Method, Recorded};
+use liouville_fields::volume::{Direction, Plane, Seen};
 use numpy::{PyReadonlyArray1, PyReadonlyArray2, PyUntypedArrayMethods};
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 use pyo3::types::PyTuple;
 use std::sync::Arc;
-
-/// How many trajectories advance in lock-step: many hide what deciding on their next flow costs ...
-const BLOCK: usize = 128;
-/// ... but where there are few, a block would be mostly empty, or threads would have none.
-const SMALL_BLOCK: usize = 16;
 
 type Index<'py> = PyReadonlyArray1<'py, i64>;
 type Values<'py> = PyReadonlyArray1<'py, f64>;
@@ -167,245 +157,99 @@ fn waves_of(waves: &Waves<'_>) -> PyResult<Vec<Wave>> {
     waves.iter().map(wave).collect()
 }
 
-/// Trajectories in lock-step; places without one follow the last.
-fn side_by_side<S: Stored>(x: &[&[f64]]) -> Vec<S> {
-    let mut start = vec![S::splat(0.0); x[0].len()];
-    for (i, value) in start.iter_mut().enumerate() {
-        for member in 0..S::MEMBERS {
-            value.set_member(member, x[member.min(x.len() - 1)][i]);
-        }
-    }
-    start
+/// A method, by the attributes of its dataclass.
+#[derive(FromPyObject)]
+struct MethodOf {
+    composition: String,
+    compensated: bool,
 }
 
-/// What every run of a split field begins with.
-struct Begin {
-    split: Arc<liouville_fields::problem::Split>,
-    scheme: &'static Scheme,
-    seen: Seen,
-    observer: liouville_base::tape::Tape,
-    params: Vec<f64>,
-    /// (t0, t1, steps, every)
-    span: (f64, f64, usize, usize),
-    is_compensated: bool,
-    states: bool,
-    /// Rows of n values.
-    x: Vec<f64>,
+/// Records: outputs of a tape, points where trajectories pass a plane (normal, offset, period, 1 up or −1 down or 0
+/// both), or "determinants".
+#[derive(FromPyObject)]
+enum RecordedOf<'py> {
+    Observables(PyRef<'py, convert::Tape>),
+    Section(Values<'py>, f64, Option<f64>, i8),
+    Named(String),
 }
 
-type Single<S> = run::Run<Composed<Volume<S>>, Observer<S>, Fixed>;
-
-impl Begin {
-    /// What steps all of them.
-    fn stepper<S: Stored>(&self, threads: usize) -> Composed<Volume<S>> {
-        let volume = Volume::new(self.split.clone(), self.is_compensated).with_threads(threads);
-        Composed::new(volume, self.scheme)
-    }
-
-    /// A run of these members in lock-step.
-    fn run<S: Stored>(
-        &self,
-        stepper: Composed<Volume<S>>,
-        members: &[usize],
-    ) -> Result<Single<S>, StepError> {
-        let (t0, t1, steps, every) = self.span;
-        let volume = stepper.parts();
-        let state = volume.state(&side_by_side(&rows_of(&self.x, self.split.n(), members)));
-        let observer = Observer::new(
-            volume.clone(),
-            self.seen.clone(),
-            members.len(),
-            self.observer.clone(),
-            &self.params,
-            self.states,
-        );
-        let control = Fixed::new(t0, (t1 - t0) / steps as f64, steps);
-        run::Run::new(stepper, observer, state, control, every, steps / every + 2)
-    }
-
-    /// All members, in blocks.
-    fn ensemble(self, width: usize, threads: usize) -> Ensemble {
-        let members = self.x.len() / self.split.n();
-        let block = if members < BLOCK * threads {
-            SMALL_BLOCK
-        } else {
-            BLOCK
-        };
-        let times = run::times(self.span);
-        let t0 = self.span.0;
-        let many = self.stepper::<Lanes<BLOCK>>(1);
-        let few = self.stepper::<Lanes<SMALL_BLOCK>>(1);
-        let begin = move |members: &[usize]| -> Result<Box<dyn Advance + Sync>, StepError> {
-            Ok(if members.len() > SMALL_BLOCK {
-                Box::new(self.run(many.clone(), members)?)
-            } else {
-                Box::new(self.run(few.clone(), members)?)
-            })
-        };
-        let layout = Layout::Aligned { times, width };
-        Ensemble::new(Box::new(begin), (members, block), threads, layout, t0)
-    }
-}
-
-/// Rows of these members.
-fn rows_of<'a>(x: &'a [f64], n: usize, members: &[usize]) -> Vec<&'a [f64]> {
-    let row = |member: &usize| &x[member * n..(member + 1) * n];
-    members.iter().map(row).collect()
-}
-
-/// A run about to start, of one trajectory or an ensemble, which are the rows of `x`.
-///
-/// `seen` is how many variables the user has, and the matrix A of x = A y if y is what is stepped;
-/// `span` is (t0, t1, steps, every); `options` are whether sums are compensated and states kept.
-/// Returns the run, or the error of starting.
-#[pyfunction]
-#[allow(clippy::too_many_arguments)] // the whole border in one call
-#[pyo3(signature = (split, scheme, observer, params, x, seen, span, options, threads, is_ensemble))]
-pub(crate) fn split_run<'py>(
-    py: Python<'py>,
-    split: PyRef<'py, Split>,
-    scheme: &str,
-    observer: &convert::Tape,
-    params: PyReadonlyArray1<'py, f64>,
-    x: PyReadonlyArray2<'py, f64>,
+/// A job, by the attributes of its dataclass: `start` has rows of values, `seen` is how many variables the user has,
+/// and the matrix A of x = A y if y is what is stepped.
+#[derive(FromPyObject)]
+struct JobOf<'py> {
+    start: (PyReadonlyArray2<'py, f64>,),
+    params: Values<'py>,
     seen: (usize, Option<PyReadonlyArray2<'py, f64>>),
     span: (f64, f64, usize, usize),
-    options: (bool, bool),
+    observer: RecordedOf<'py>,
+    states: bool,
     threads: usize,
     is_ensemble: bool,
-) -> PyResult<Bound<'py, PyAny>> {
-    let n = split.0.n();
-    let seen = seen_of(&seen, n)?;
-    let fits = x.shape()[1] == n
-        && x.shape()[0] > 0
-        && span.2 > 0
-        && span.3 > 0
-        && observer.0.inputs() == [1, seen.n, params.len()];
-    if !fits {
-        return Err(malformed(n));
-    }
-    let width = observer.0.outputs() + if options.1 { seen.n } else { 0 };
-    let begin = Begin {
-        split: split.0.clone(),
-        scheme: scheme_named(scheme)?,
-        seen,
-        observer: liouville_base::tape::Tape::clone(&observer.0),
-        params: params.as_slice()?.to_vec(),
-        span,
-        is_compensated: options.0,
-        states: options.1,
-        x: x.as_slice()?.to_vec(),
-    };
-    if !is_ensemble {
-        let run = begin.run(begin.stepper::<f64>(threads), &[0]);
-        return Run::handed(py, run, &[width]);
-    }
-    let shape = [x.shape()[0], width];
-    Run::handed(py, Ok(begin.ensemble(width, threads)), &shape)
 }
 
-/// How a plane crosses the border: (normal, offset, period, 1 up or −1 down or 0 both).
-type Cut<'py> = (Values<'py>, f64, Option<f64>, i8);
-
-/// Sections of an ensemble, whose trajectories are the rows of `x`, by a plane.
-///
-/// The records are rows (member, t, x); `span` is (t0, t1, steps), the rest as for `split_run`.
-#[pyfunction]
-#[allow(clippy::too_many_arguments)] // the whole border in one call
-#[pyo3(signature = (split, scheme, x, seen, plane, span, is_compensated, threads))]
-pub(crate) fn section_run<'py>(
-    py: Python<'py>,
-    split: PyRef<'py, Split>,
-    scheme: &str,
-    x: PyReadonlyArray2<'py, f64>,
-    seen: (usize, Option<PyReadonlyArray2<'py, f64>>),
-    plane: Cut<'py>,
-    span: (f64, f64, usize),
-    is_compensated: bool,
-    threads: usize,
-) -> PyResult<Bound<'py, PyAny>> {
-    let n = split.0.n();
-    let seen = seen_of(&seen, n)?;
-    let (normal, offset, period, direction) = plane;
-    let plane = Plane {
-        normal: normal.as_slice()?.to_vec(),
-        offset,
-        period,
-        direction: match direction {
-            1 => Direction::Up,
-            -1 => Direction::Down,
-            _ => Direction::Both,
-        },
-    };
-    if x.shape()[1] != n || x.shape()[0] == 0 || span.2 == 0 || plane.normal.len() != seen.n {
-        return Err(malformed(n));
+impl JobOf<'_> {
+    fn read(&self, n: usize) -> PyResult<run::Job> {
+        let x = &self.start.0;
+        if x.shape()[1] != n {
+            return Err(refused(format!("trajectories are rows of {n} values")));
+        }
+        let basis = self.seen.1.as_ref();
+        let basis = basis.map(|basis| basis.as_slice().map(<[f64]>::to_vec));
+        let (t0, t1, steps, every) = self.span;
+        Ok(run::Job {
+            x: x.as_slice()?.to_vec(),
+            members: self.is_ensemble.then(|| x.shape()[0]),
+            seen: Seen {
+                n: self.seen.0,
+                basis: basis.transpose()?,
+            },
+            span: Span {
+                t0,
+                t1,
+                steps,
+                every,
+            },
+            recorded: self.recorded()?,
+            threads: self.threads,
+        })
     }
-    let scheme = scheme_named(scheme)?;
-    let (width, members) = (2 + seen.n, x.shape()[0]);
-    let x = x.as_slice()?.to_vec();
-    let many = Volume::<Lanes<SMALL_BLOCK>>::new(split.0.clone(), is_compensated);
-    let one = Volume::<f64>::new(split.0.clone(), is_compensated);
-    let cut = move |members: &[usize]| -> Result<Box<dyn Advance + Sync>, StepError> {
-        let (volume, single) = (many.clone(), one.clone());
-        let state = volume.state(&side_by_side(&rows_of(&x, n, members)));
-        let scalar = (single.clone(), Composed::new(single, scheme));
-        let (seen, plane) = (seen.clone(), plane.clone());
-        let observer = Section::new(volume.clone(), scalar, seen, members.to_vec(), plane);
-        let control = Fixed::new(span.0, (span.1 - span.0) / span.2 as f64, span.2);
-        let stepper = Composed::new(volume, scheme);
-        Ok(Box::new(run::Run::new(
-            stepper, observer, state, control, 1, 0,
-        )?))
-    };
-    let blocks = (members, SMALL_BLOCK);
-    let ensemble = Ensemble::new(Box::new(cut), blocks, threads, Layout::Ragged, span.0);
-    Run::handed(py, Ok(ensemble), &[width])
-}
 
-/// The variables the user sees.
-fn seen_of(seen: &(usize, Option<PyReadonlyArray2<'_, f64>>), n: usize) -> PyResult<Seen> {
-    let basis = match &seen.1 {
-        Some(basis) => Some(basis.as_slice()?.to_vec()),
-        None => None,
-    };
-    let fits = seen.0 <= n && basis.as_ref().is_none_or(|basis| basis.len() == n * n);
-    if fits {
-        Ok(Seen { n: seen.0, basis })
-    } else {
-        Err(malformed(n))
+    fn recorded(&self) -> PyResult<Recorded> {
+        match &self.observer {
+            RecordedOf::Observables(tape) => Ok(Recorded::Observables {
+                tape: Tape::clone(&tape.0),
+                params: self.params.as_slice()?.to_vec(),
+                states: self.states,
+            }),
+            RecordedOf::Section(normal, offset, period, direction) => {
+                Ok(Recorded::Section(Plane {
+                    normal: normal.as_slice()?.to_vec(),
+                    offset: *offset,
+                    period: *period,
+                    direction: match direction {
+                        1 => Direction::Up,
+                        -1 => Direction::Down,
+                        _ => Direction::Both,
+                    },
+                }))
+            }
+            RecordedOf::Named(name) if name == "determinants" => Ok(Recorded::Determinants),
+            RecordedOf::Named(name) => Err(refused(format!("there is no record of {name:?}"))),
+        }
     }
 }
 
-fn malformed(n: usize) -> PyErr {
-    PyValueError::new_err(format!(
-        "trajectories are rows of {n} values, and steps at least one"
-    ))
-}
-
-/// A run of one trajectory with the determinants of its steps: rows (x, ln |det|, largest |det − 1|).
-///
-/// The arguments are as for `split_run`.
-#[pyfunction]
-#[pyo3(signature = (split, scheme, x, seen, span, is_compensated))]
-pub(crate) fn determinant_run<'py>(
-    py: Python<'py>,
-    split: PyRef<'py, Split>,
-    scheme: &str,
-    x: PyReadonlyArray1<'py, f64>,
-    seen: (usize, Option<PyReadonlyArray2<'py, f64>>),
-    span: (f64, f64, usize, usize),
-    is_compensated: bool,
-) -> PyResult<Bound<'py, PyAny>> {
-    let n = split.0.n();
-    let (seen, x) = (seen_of(&seen, n)?, x.as_slice()?);
-    let (t0, t1, steps, every) = span;
-    if x.len() != n || steps == 0 || every == 0 {
-        return Err(malformed(n));
-    }
-    let width = seen.n + 2;
-    let stepper = Determinant::new(split.0.clone(), scheme_named(scheme)?, is_compensated);
-    let control = Fixed::new(t0, (t1 - t0) / steps as f64, steps);
-    let state = stepper.state(x);
-    let run = run::Run::new(stepper, seen, state, control, every, steps / every + 2);
-    Run::handed(py, run, &[width])
+/// A run of a split field.
+pub(crate) fn start(
+    split: &Split,
+    method: &Bound<'_, PyAny>,
+    job: &Bound<'_, PyAny>,
+) -> PyResult<Result<Box<dyn Advance>, StartError>> {
+    let method: MethodOf = method.extract()?;
+    let method = Method {
+        scheme: scheme_named(&method.composition)?,
+        is_compensated: method.compensated,
+    };
+    let job = job.extract::<JobOf<'_>>()?.read(split.0.n())?;
+    Ok(run::start(split.0.clone(), method, job))
 }

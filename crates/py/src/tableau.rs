@@ -84,14 +84,6 @@ fn coefficients<'py>(py: Python<'py>, tableau: &Spark) -> PyResult<Bound<'py, Py
     Ok(dict)
 }
 
-/// The scheme of a composed method; none of any other.
-pub(crate) fn scheme_of(method: &Bound<'_, PyAny>) -> PyResult<Option<&'static Scheme>> {
-    let Some(name) = method.getattr_opt("scheme")? else {
-        return Ok(None);
-    };
-    scheme_named(&name.extract::<String>()?).map(Some)
-}
-
 /// The composition scheme of this name.
 pub(crate) fn scheme_named(name: &str) -> PyResult<&'static Scheme> {
     Scheme::named(name).ok_or_else(|| PyValueError::new_err(format!("there is no scheme {name:?}")))

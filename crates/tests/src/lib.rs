@@ -9,6 +9,7 @@
 )]
 
 pub mod meaning;
+pub mod properties;
 pub mod quantum;
 pub mod splits;
 pub mod walk;
@@ -96,7 +97,7 @@ impl Expr {
         }
     }
 
-    /// The same with the inputs of one group split_front from another.
+    /// The same with the inputs of one group taken from another.
     fn moved(&self, from: usize, to: usize) -> Expr {
         match &*self.0 {
             Node::Input(g, e) if *g == from => input(to, *e),

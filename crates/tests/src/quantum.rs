@@ -74,7 +74,7 @@ pub fn flows(name: &str) -> Vec<Flow> {
     turns.into_iter().map(flow).collect()
 }
 
-/// The distance of two wave functions whose phases are split_front off.
+/// The distance of two wave functions whose phases are taken off.
 pub fn distance(a: &Wave<f64>, b: &Wave<f64>) -> f64 {
     assert!(a.q.len() == b.q.len());
     let (sin, cos) = (a.phase - b.phase).sin_cos();

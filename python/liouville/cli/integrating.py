@@ -174,7 +174,7 @@ def interval(checkpoint: str | None) -> int | str | None:
 
 
 def left_by(error: lv.IntegrationError) -> lv.Solution:
-    """Say why a run failed, and return what it left, if there is anything."""
+    """Print why a run failed, and return what it left, if anything."""
     complain(error)
     if error.solution is None or not error.solution.t.size:
         raise typer.Exit(FAILED) from error

@@ -62,7 +62,7 @@ def method_options(function: Callable[..., None]) -> Callable[..., None]:
 
 
 def default_of(item: Field[Any]) -> str:
-    """Say what an option is by default, after a comma."""
+    """Return the default of an option, after a comma."""
     if item.default is MISSING:
         return ""
     return (

@@ -1,4 +1,4 @@
-"""What the commands show: tables, progress, messages."""
+"""Output of the commands: tables, progress, messages."""
 
 from __future__ import annotations
 
@@ -148,14 +148,14 @@ def show(table: Table) -> None:
 
 
 def say(message: str) -> None:
-    """Say something beside the results."""
+    """Print a line beside the results."""
     console(stderr=True).print(message, style="dim", soft_wrap=True)
 
 
-def complain(trouble: Exception | str) -> None:
-    """Say what is wrong, and what to try."""
+def complain(message: Exception | str) -> None:
+    """Print an error and its hint."""
     text = Text()
-    first, *rest = str(trouble).splitlines() or [type(trouble).__name__]
+    first, *rest = str(message).splitlines() or [type(message).__name__]
     for line in (f"error: {first}", *rest):
         head, colon, tail = line.partition(":")
         style = {"error": "bold red", "hint": "bold cyan"}.get(head) if colon else None

@@ -1,4 +1,4 @@
-"""Methods: a name and its numbers. What they do stands in the core."""
+"""Methods: a name and its numbers. The core carries them out."""
 
 from liouville.methods.alpha import HHT as HHT
 from liouville.methods.alpha import ArnoldBruls as ArnoldBruls
@@ -16,7 +16,7 @@ from liouville.methods.schrodinger import shears_of as shears_of
 from liouville.methods.spark import Spark as Spark
 from liouville.methods.volume import VolumeSplitting as VolumeSplitting
 
-#: What steps a wave function.
+#: The methods of wave functions.
 WaveMethod = (
     SchrodingerSplitting
     | Chebyshev
@@ -27,7 +27,7 @@ WaveMethod = (
     | GrayManolopoulos
 )
 
-#: What steps a wave function by steps of a given size.
+#: Those with steps of a given size.
 Stepped = SplitOperator | Magnus | StabilitySplitting | GrayManolopoulos
 
 Method = (

@@ -9,7 +9,7 @@ from liouville import _core
 from liouville.methods.lobatto import LobattoPair
 from liouville.methods.spark import Spark
 
-#: What :func:`liouville._core.compositions` says of each scheme, by name.
+#: The schemes of :func:`liouville._core.compositions`, by name.
 SCHEMES = _core.compositions()
 
 #: Schemes of a symmetric method alone; the others want a method and its adjoint.
@@ -82,7 +82,7 @@ class Composition:
 
     @property
     def form(self) -> str:
-        """What it steps, as its base."""
+        """The form of the systems it steps, that of its base."""
         return self.base.form
 
     @property

@@ -14,7 +14,7 @@ import numpy as np
 from liouville.errors import hinted
 from liouville.methods import METHODS, Method
 
-#: What to try where a plan does not fit.
+#: The hint where a plan does not fit.
 AGAIN = "make one for this run with lv.plan(...)"
 
 #: The key of an array in a file.

@@ -1,4 +1,4 @@
-"""What all figures share: axes, colours, names and legends; matplotlib is imported when called."""
+"""Axes, colours, names and legends of all figures; matplotlib is imported when called."""
 
 from __future__ import annotations
 

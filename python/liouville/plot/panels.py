@@ -21,22 +21,12 @@ from liouville.plot.canvas import (
     text,
 )
 from liouville.plot.quantum import shown
+from liouville.plot.thinning import POINTS, extremes, few, some
 from liouville.solution import Array, Solution
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
-
-# More points than this do not show; a curve keeps the extremes of what it leaves out.
-POINTS = 4000
-
-# An overview shows no more curves than this in a panel, evenly chosen.
-CURVES = 40
-
-# Nor is any figure made of more members of an ensemble, ...
-MEMBERS = 50
-# ... nor of more curves of them in all.
-MOST = 300
 
 
 def trajectories(
@@ -88,13 +78,13 @@ def trajectories(
                 f"the solution has no coordinate {name!r}\nhint: it has {', '.join(known)}"
             )
     title = {"v": "velocities", "p": "momenta", "z": "z", "x": "states"}.get(of, "positions")
-    columns, note = _few(solution, {name: values[..., known.index(name)] for name in chosen})
+    columns, note = few(solution, {name: values[..., known.index(name)] for name in chosen})
     if against is None:
         return _curves(ax, solution.t, columns, title + note, f"${of}$")
     symbol = "" if of in ("q", "y", "x") else f"${of}$ of "
     labels = [f"{symbol}{', '.join(map(text, some))} {UNITS}" for some in ([against], chosen)]
     axes = drawn_on(ax, *labels)
-    across, _ = _few(solution, {against: values[..., known.index(against)]}, len(chosen))
+    across, _ = few(solution, {against: values[..., known.index(against)]}, len(chosen))
     stride = max(1, len(values) // (5 * POINTS))
 
     def draw(name: str, member: int, style: dict[str, Any]) -> Any:
@@ -278,9 +268,9 @@ def overview(solution: Solution) -> Figure:
     scalars = {k: values for k, values in real.items() if values.ndim == of_scalar}
     panels += shown(solution)
     if "psi" not in solution.states and solution.states:
-        panels.append(partial(trajectories, names=_some(solution.names["coordinates"])))
+        panels.append(partial(trajectories, names=some(solution.names["coordinates"])))
     elif scalars:
-        chosen, note = _few(solution, scalars)
+        chosen, note = few(solution, scalars)
         title = f"observed{note}"
         panels.append(lambda solution, ax: _curves(ax, solution.t, chosen, title, ""))
     if solution.invariants:
@@ -290,8 +280,8 @@ def overview(solution: Solution) -> Figure:
     if solution.names["constraints"]:
         panels.append(residuals)
         if "lam" in solution.states:
-            panels.append(partial(multipliers, names=_some(solution.names["constraints"])))
-    if solution.states and (unknowns := _some(solution.names.get("unknowns", ()))):
+            panels.append(partial(multipliers, names=some(solution.names["constraints"])))
+    if solution.states and (unknowns := some(solution.names.get("unknowns", ()))):
         panels.append(partial(trajectories, of="z", names=unknowns))
     if solution.tolerances and len(solution.t) > 1:
         panels.append(steps)
@@ -322,24 +312,11 @@ def _curves(
 
     def draw(name: str, member: int, style: dict[str, Any]) -> Any:
         curve = _member(columns[name], member)
-        at = _extremes(curve)
+        at = extremes(curve)
         return axes.plot(t[at], curve[at], **style)[0]
 
     legend(axes, _interleaved(columns, draw), list(columns), title)
     return axes
-
-
-def _few(
-    solution: Solution, columns: Mapping[str, Array], shared: int = 0
-) -> tuple[dict[str, Array], str]:
-    """Return columns of few enough members of an ensemble, and in words how many they are."""
-    if solution.members is None:
-        return dict(columns), ""
-    most = min(MEMBERS, max(1, MOST // max(1, shared or len(columns))), solution.members)
-    chosen = np.arange(most) * solution.members // most
-    some = f"{most} of " if most < solution.members else ""
-    note = f", {some}{solution.members} members"
-    return {name: values[:, chosen] for name, values in columns.items()}, note
 
 
 def _member(values: Array, member: int) -> Array:
@@ -391,16 +368,3 @@ def _sizes(ax: Axes | None, t: Array, columns: Mapping[str, Array], title: str, 
         )
     legend(axes, lines, list(columns), title)
     return axes
-
-
-def _some(names: Sequence[str]) -> Sequence[str]:
-    return names[:: max(1, -(-len(names) // CURVES))]
-
-
-def _extremes(values: Array) -> Any:
-    """Give the indices of the points worth drawing: all, or the extremes of equal blocks."""
-    if len(values) <= POINTS:
-        return np.arange(len(values))
-    blocks = np.array_split(np.arange(len(values)), POINTS // 2)
-    ends = [block[pick(values[block])] for block in blocks for pick in (np.argmin, np.argmax)]
-    return np.unique([0, *ends, len(values) - 1])

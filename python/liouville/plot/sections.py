@@ -133,7 +133,7 @@ def _scatter(axes: Axes, points: Array, section: Section) -> None:
 
 
 def _title(section: Section) -> str:
-    """Say which plane it is, as "z = 0 mod 2π, upwards", and how many points there are."""
+    """Describe a plane, as "z = 0 mod 2π, upwards", and how many points there are."""
     normal, offset = section.plane
     parts = [
         text(name) if factor == 1 else f"{factor:.3g} {text(name)}"

@@ -23,7 +23,7 @@ from liouville.systems import System
 KEEP_LESS = "keep fewer with every=, or none with states=False"
 STORE = "; store= keeps all of them in a folder"
 
-#: What some columns of a record are called in messages.
+#: Names of some columns of a record in messages.
 QUANTITIES = {"p": "momentum", "v": "velocity", "hidden": "hidden constraint"}
 
 

@@ -2,6 +2,8 @@
 
 from liouville.splitting.border import crossed as crossed
 from liouville.splitting.choice import split as split
+from liouville.splitting.describe import described as described
+from liouville.splitting.describe import variables_of as variables_of
 from liouville.splitting.pieces import Affine as Affine
 from liouville.splitting.pieces import Exponential as Exponential
 from liouville.splitting.pieces import Natural as Natural
@@ -10,5 +12,3 @@ from liouville.splitting.pieces import Scaling as Scaling
 from liouville.splitting.pieces import Shear as Shear
 from liouville.splitting.pieces import Split as Split
 from liouville.splitting.pieces import Triangular as Triangular
-from liouville.splitting.words import described as described
-from liouville.splitting.words import variables_of as variables_of

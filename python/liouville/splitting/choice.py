@@ -20,10 +20,10 @@ from liouville.splitting.trigonometric import numbered, wave_shears
 from liouville.splitting.whole import whole
 from liouville.terms import Terms
 
-#: What the diagonal part, or all of the field, can be split into.
+#: The splittings of the diagonal part, or of all of the field.
 DIAGONAL = ("shears", "exponentials", "regular", "n+d")
 
-#: What the off-diagonal part can be split into.
+#: The splittings of the off-diagonal part.
 OFF_DIAGONAL = ("natural", "triangular")
 
 #: Affine parts of more variables are not exponentiated.

@@ -52,7 +52,7 @@ def by_monomial(terms: Terms) -> tuple[Terms, np.ndarray]:
 
 
 def _changes(rate: Terms, label: np.ndarray) -> np.ndarray:
-    """Say for each monomial whether one of its variables is changed by its own piece."""
+    """Return for each monomial whether one of its variables is changed by its own piece."""
     moved = (rate.variables == rate.component[:, None]).any(axis=1)
     return np.bincount(label, moved, label.max() + 1) > 0
 

@@ -1,4 +1,4 @@
-"""What the arrays of a stored run are called, and what is in them: as in any saved solution."""
+"""Names and contents of the arrays of a stored run: those of any saved solution."""
 
 from __future__ import annotations
 

@@ -55,7 +55,7 @@ class Folder:
         self.write(self.path.joinpath(name, "c", str(place), *rest), data, 8 * int(np.prod(shape)))
 
     def extend(self, axis: str, length: int) -> None:
-        """Say how long the arrays along an axis are."""
+        """Set how long the arrays along an axis are."""
         for name, meta in self.arrays.items():
             if meta["dimension_names"][0] == axis and meta["shape"][0] != length:
                 meta["shape"][0] = length

@@ -41,7 +41,7 @@ from liouville.stored.stream import JOB, STATE, Stream, chunks_of
 #: The layout of a checkpoint.
 LAYOUT = 2
 
-#: What a folder says of a run that is going on, or was cut off.
+#: The message in a folder of a run that is going on, or was cut off.
 CUT_OFF = "not finished: liouville.resume goes on with it"
 
 

@@ -1,4 +1,4 @@
-"""What the user describes: systems, from functions called once with CasADi symbols."""
+"""Systems, which are made from functions called once with CasADi symbols."""
 
 from liouville.systems.mechanical import Hamiltonian as Hamiltonian
 from liouville.systems.mechanical import Lagrangian as Lagrangian
@@ -12,5 +12,5 @@ from liouville.systems.schrodinger import SpinChain as SpinChain
 from liouville.systems.semi_explicit import SemiExplicit as SemiExplicit
 from liouville.systems.structure import Structure as Structure
 
-#: Whatever can be integrated.
+#: The systems that can be integrated.
 System = Mechanics | SemiExplicit | PolynomialField | Schrodinger

@@ -31,7 +31,7 @@ ONE: Polynomial = {(): (1, 1.0)}
 #: Numerators and denominators up to this are those of a number that someone wrote down.
 SHORT = 2**31
 
-#: What a coefficient is at least, in units of its size, if it is not roundoff of the constants.
+#: The least coefficient that is not roundoff of the constants, in units of their size.
 ROUNDOFF = 16 * float(np.finfo(float).eps)
 
 #: Where an expansion is given up.
@@ -39,7 +39,7 @@ MOST_TERMS, MOST_FACTORS = 10**7, 100
 
 
 class Refused(str):
-    """What keeps an expression from being a polynomial: "exp(x), which is no polynomial"."""
+    """The part of an expression that is no polynomial: "exp(x), which is no polynomial"."""
 
 
 Value: TypeAlias = Polynomial | Refused

@@ -175,7 +175,7 @@ def second_order(
 
 
 def is_separable(s: Symbols, model: Model) -> bool:
-    """Say whether p and v are linear in z with constant factors, f is f(t, y) and r is ideal."""
+    """Return whether p and v are linear in z with constant factors, f is f(t, y) and r is ideal."""
     p, v, held = model.p, model.v, ca.vertcat(s.t, s.y)
     blocks = ca.vertcat(entries(jacobian(p, s.z)), entries(jacobian(v, s.z)))
     return (
@@ -250,7 +250,7 @@ def record_blocks(name: str, inputs: dict[str, ca.SX], blocks: list[Block]) -> _
 
 
 def differ(a: ca.SX, b: ca.SX) -> bool:
-    """Say whether two expressions are written differently."""
+    """Return whether two expressions are written differently."""
     return not ca.is_equal(a, b, 1)
 
 

@@ -88,7 +88,7 @@ class Matrix:
 
 @dataclass(frozen=True)
 class Linear:
-    """What M z adds to a model's p and -C z - K y to its f; a matrix that is None adds nothing."""
+    """Constant matrices: M z is added to a model's p, -C z - K y to its f; None adds nothing."""
 
     mass: Matrix | None = None
     damping: Matrix | None = None

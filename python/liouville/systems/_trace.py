@@ -48,7 +48,7 @@ class Parameters:
         return np.concatenate([np.empty(0), *(x.ravel() for x in values.values())])
 
     def __reduce__(self) -> tuple[Any, ...]:
-        """Travel without the symbols, of which there are others then."""
+        """Leave the symbols out of a pickle: loading makes others."""
         return Parameters, (self.defaults,)
 
     def replaced(self, values: np.ndarray) -> Parameters:

@@ -282,10 +282,10 @@ class SemiExplicit(TracedSystem):
             raise self._none_near(found, t)
         return {"y": moved, "z": found}
 
-    def _none_near(self, trouble: dict[str, Any], t: float) -> ValueError:
-        if trouble["kind"] == "not finite":
-            trouble["t"] = t
-        sentence, _, _ = self.describe(trouble)
+    def _none_near(self, error: dict[str, Any], t: float) -> ValueError:
+        if error["kind"] == "not finite":
+            error["t"] = t
+        sentence, _, _ = self.describe(error)
         return ValueError(
             hinted(
                 f"no consistent start is near the one given: {sentence}",
@@ -293,23 +293,23 @@ class SemiExplicit(TracedSystem):
             )
         )
 
-    def describe(self, trouble: dict[str, Any]) -> tuple[str, str, str]:
-        """Say what a trouble means in the user's names: sentence, hint and quantity."""
-        if trouble["kind"] == "singular hidden":
-            name = self.unknowns[trouble["index"]]
+    def describe(self, error: dict[str, Any]) -> tuple[str, str, str]:
+        """Describe an error in the user's names: sentence, hint and quantity."""
+        if error["kind"] == "singular hidden":
+            name = self.unknowns[error["index"]]
             return (
                 f"the constraints do not determine unknown '{name}': k_y f_z is singular",
                 "look for a constraint that repeats another, for an unknown that enters f twice, "
                 "or for a position where a gradient vanishes",
                 name,
             )
-        if trouble["kind"] == "singular":
+        if error["kind"] == "singular":
             return (
                 "the equations of the stages are singular",
                 "try a smaller h, and keep away from where k_y f_z is singular",
                 "stages",
             )
-        return describe(trouble, self.coordinates, self.constraints)
+        return describe(error, self.coordinates, self.constraints)
 
     @cached_property
     def _projection(self) -> tuple[Any, Any]:

@@ -111,7 +111,7 @@ class Terms:
 
     @property
     def is_exact(self) -> bool:
-        """Say whether the coefficients are fractions."""
+        """Return whether the coefficients are fractions."""
         return bool(self.coefficient.dtype == object)
 
     @property

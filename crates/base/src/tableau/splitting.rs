@@ -25,7 +25,7 @@ pub struct Turn {
     pub is_kick: bool,
     /// How much of the step it takes.
     pub weight: f64,
-    /// How much of the step the drifts before it have split_front.
+    /// How much of the step the drifts before it have taken.
     pub offset: f64,
 }
 

@@ -232,7 +232,7 @@ fn groups(terms: &[Term]) -> Vec<Group> {
     groups
 }
 
-/// Common factors that could be split_front out of some terms.
+/// Common factors that could be taken out of some terms.
 struct Candidate {
     common: Vec<u32>,
     /// The other factor and the number of each term.

@@ -31,7 +31,7 @@ pub(super) struct Roots {
     pub(super) powers: Vec<(u32, u32, u32)>,
 }
 
-/// Largest power that is split_front by products.
+/// Largest power that is taken by products.
 const LARGEST_POWER: f64 = 12.0;
 
 impl Roots {

@@ -50,8 +50,8 @@ fn recurred(k: usize, x: f64, a: Pair, b: Pair) -> Pair {
     let product = factor * a.0;
     let small = factor.mul_add(a.0, -product) + (factor * a.1 + left * a.0);
     let sum = product - b.0;
-    let split_front = product - sum;
-    let lost = (product - (sum + split_front)) + (split_front - b.0) + (small - b.1);
+    let taken = product - sum;
+    let lost = (product - (sum + taken)) + (taken - b.0) + (small - b.1);
     let whole = sum + lost;
     (whole, lost - (whole - sum))
 }
@@ -85,7 +85,7 @@ pub fn bessel(x: f64) -> Vec<f64> {
 /// c_0 .. c_M of e^{−iθx} = Σ (−i)^k c_k T_k(x), c_k = (2 − δ_k0) J_k(θ), with the least M ≥ 1 that leaves
 /// Σ_{k>M} |c_k| ≤ `tolerance`.
 ///
-/// A tolerance that is lost in rounding errors is split_front for one that is not.
+/// A tolerance that is lost in rounding errors is taken for one that is not.
 pub fn series(theta: f64, tolerance: f64) -> Vec<f64> {
     let mut c = bessel(theta.abs());
     for (k, c) in c.iter_mut().enumerate().skip(1) {

@@ -66,7 +66,7 @@ pub struct Magnus<S: Stored> {
     /// Least and largest eigenvalue of each term.
     bounds: Vec<(f64, f64)>,
     /// Weights and times of the nodes of an exponential.
-    split_front: Vec<(f64, f64)>,
+    taken: Vec<(f64, f64)>,
 }
 
 impl<S: Stored> Magnus<S> {
@@ -91,7 +91,7 @@ impl<S: Stored> Magnus<S> {
         let shears = Shears::new(sweeper, 0.0, exponential.tolerance);
         Self {
             shears: Composed::following(shears, exponential.program),
-            split_front: Vec::with_capacity(nodes.nodes.len()),
+            taken: Vec::with_capacity(nodes.nodes.len()),
             theta: exponential.theta,
             lost: None,
             nodes,
@@ -103,8 +103,8 @@ impl<S: Stored> Magnus<S> {
     fn take(&mut self, row: usize, t: f64, h: f64) -> (f64, f64) {
         let nodes = self.nodes.nodes.iter();
         let weighted = self.nodes.rows[row].iter().zip(nodes);
-        self.split_front.clear();
-        self.split_front
+        self.taken.clear();
+        self.taken
             .extend(weighted.map(|(a, c)| (*a, t + c * h)));
         let sweeper = self.shears.parts_mut().sweeper_mut();
         let hamiltonian = sweeper.hamiltonian().clone();
@@ -115,7 +115,7 @@ impl<S: Stored> Magnus<S> {
             high += a.max(b);
         };
         if let Some(present) = &mut sweeper.present {
-            present.set(&hamiltonian, &self.split_front);
+            present.set(&hamiltonian, &self.taken);
             for (weight, bounds) in present.weights().iter().zip(&self.bounds) {
                 add(*weight, *bounds);
             }

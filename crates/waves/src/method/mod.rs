@@ -36,7 +36,7 @@ pub struct Wave<S> {
     pub q: Vec<S>,
     /// Imaginary part.
     pub p: Vec<S>,
-    /// Phase that is still to be split_front off, below a turn.
+    /// Phase that is still to be taken off, below a turn.
     pub phase: f64,
     /// Sum of the squares at the start, which stays.
     pub start: S,
@@ -75,7 +75,7 @@ impl<S: Scalar> Wave<S> {
         }
     }
 
-    /// The same with a phase that is to be split_front off.
+    /// The same with a phase that is to be taken off.
     ///
     /// Shears do not commute with a change of phase: e^{iσt} ψ, whose phase is σt, has to be the same at a
     /// time t however a run has come there, so that the next one undoes it or goes on.

@@ -139,7 +139,7 @@ fn overlap([a, b]: [&[f64]; 2], [q, p]: [&[f64]; 2]) -> [f64; 2] {
     [dot(a, q) + dot(b, p), dot(a, p) - dot(b, q)]
 }
 
-/// Real and imaginary part of a member, with the phase split_front off.
+/// Real and imaginary part of a member, with the phase taken off.
 fn parts<S: Scalar>(state: &Wave<S>, member: usize) -> [Vec<f64>; 2] {
     let (sin, cos) = state.phase.sin_cos();
     let pairs = state.q.iter().zip(&state.p);

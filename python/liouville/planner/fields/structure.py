@@ -1,4 +1,4 @@
-"""What the structure of a field says about how to split it."""
+"""Candidates for the splitting of a field, by its structure."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ def affine_part(
 def candidates_of(
     terms: Terms, method: VolumeSplitting, names: Sequence[str]
 ) -> tuple[list[VolumeSplitting], list[str]]:
-    """List what is worth trying, the safest first, and say why."""
+    """Return the splittings to try, the safest first, and why."""
     if method.linear == "exact":
         terms = terms.selected(terms.degrees > 1)
     diagonals, offs, reasons = _by_structure(terms, method, names)
@@ -91,7 +91,7 @@ def _by_structure(
 
 
 def _keeps_structure(terms: Terms, names: Sequence[str]) -> str:
-    """Say what of the field only exponentials and natural shears keep, if there is anything."""
+    """Return why only exponentials and natural shears keep structure of the field, if they do."""
     n, d = terms.n, terms.degree
     dense = n * comb(n + d, d)
     if len(terms) < SPARSE * dense:
@@ -105,7 +105,7 @@ def _keeps_structure(terms: Terms, names: Sequence[str]) -> str:
 
 
 def _has_reversing_reflection(terms: Terms) -> bool:
-    """Say whether signs s_i = ±1 exist with s_i f_i(s x) = -f_i(x): linear equations modulo 2."""
+    """Return whether signs s_i = ±1 exist with s_i f_i(s x) = -f_i(x): equations modulo 2."""
     n = terms.n
     rows = np.zeros((len(terms), n + 1), dtype=bool)
     at = np.arange(len(terms))

@@ -18,7 +18,7 @@ ROUNDOFF = 2.0**-53
 #: How much longer than the longest possible steps are tried to be shorter.
 SHORTER = (1.0, 1.06, 1.12, 1.25, 1.5, 2.0)
 
-#: So many intervals are looked at together.
+#: Intervals that are compared in one pass.
 BLOCK = 1000
 
 #: The exponential of more is no number.

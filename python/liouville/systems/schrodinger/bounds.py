@@ -14,7 +14,7 @@ from liouville.systems.schrodinger.entries import Bounds
 #: Steps of Lanczos' method, and the seed of its start, where bounds are found or checked by it.
 LANCZOS = (30, 1)
 
-#: What is found by it is widened by so much at each end.
+#: Its bounds are widened by this at each end.
 WIDENED = 0.01
 
 #: Products of a symmetric matrix may seem so asymmetric, by roundoff.

@@ -378,7 +378,7 @@ class Schrodinger(Pickled):
         return observed.observables(observe, self.frame, self._shapes, self._at_points)
 
     def portable(self, observe: Mapping[str, Any] | None) -> dict[str, Any]:
-        """Return what is to be observed in a form that travels: functions by their values."""
+        """Return observables in a form that can be pickled: functions by their values."""
         return observed.portable(observe, self._at_points)
 
     def _at_points(self, name: str, function: Callable[..., Any]) -> np.ndarray:

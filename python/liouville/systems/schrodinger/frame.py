@@ -14,7 +14,7 @@ FLUX = 1e-13
 
 @dataclass(frozen=True)
 class Frame:
-    r"""What is done to a state on its way to the core, :math:`\phi_k = \bar g_{o(k)} \psi_{o(k)}`.
+    r"""The transformation of a state for the core, :math:`\phi_k = \bar g_{o(k)} \psi_{o(k)}`.
 
     Attributes
     ----------

@@ -1,4 +1,4 @@
-"""What the graph of a matrix tells: a gauge that makes it real, an order that makes it narrow."""
+"""The graph of a matrix: a gauge that makes it real, an order that makes it narrow."""
 
 from __future__ import annotations
 

@@ -141,7 +141,7 @@ class Grid:
         return prod((b - a) / n for a, b, n in spans)
 
     def __getstate__(self) -> dict[str, Any]:
-        """Travel as it was given."""
+        """Leave out what can be computed again."""
         return {name: x for name, x in self.__dict__.items() if name != "points"}
 
     def with_potential(self, potential: Callable[..., Any]) -> Grid:

@@ -46,7 +46,7 @@ def checked(psi: Any, shapes: Sequence[tuple[int, ...]], is_ensemble: bool) -> n
 def portable(
     observe: Mapping[str, Any] | None, at_points: Callable[[str, Callable[..., Any]], np.ndarray]
 ) -> dict[str, Any]:
-    """Return observables, those that are functions of position by their values."""
+    """Return observables that can be pickled: functions of position by their values."""
     found = _trace.mapping("observe", observe)
     for name, given in found.items():
         is_operator = hasattr(given, "matvec") or isinstance(given, tuple)

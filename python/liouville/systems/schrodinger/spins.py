@@ -130,7 +130,7 @@ class SpinChain:
         return np.concatenate([(high[k] << low) + by_count[rest[k]] for k in fits])
 
     def __getstate__(self) -> dict[str, Any]:
-        """Travel as it was given."""
+        """Leave out what can be computed again."""
         return {name: x for name, x in self.__dict__.items() if name != "basis"}
 
     def index(self, state: int) -> int:

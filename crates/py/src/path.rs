@@ -1,54 +1,13 @@
-//! What looks at a mechanical run between its steps, and its trajectory afterwards.
+//! The trajectory of a mechanical run, interpolated.
 
-use crate::convert::{Mechanical, Tape};
+use crate::convert::Mechanical;
 use crate::errors;
-use liouville_base::tape;
-use liouville_mechanics::events::Event;
 use liouville_mechanics::problem::{Carried, Model, Path};
 use numpy::{
     PyArray1, PyArray2, PyArrayMethods, PyReadonlyArray1, PyReadonlyArray2, PyUntypedArrayMethods,
 };
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
-
-/// Order of the method, times to record at or None, and events: (tape of t, y, z, lam, params; direction;
-/// how many end the run, or 0; whether it needs lam).
-pub(crate) type Asked<'py> = (
-    usize,
-    Option<PyReadonlyArray1<'py, f64>>,
-    Vec<(PyRef<'py, Tape>, i8, usize, bool)>,
-);
-
-/// The same for the core.
-pub(crate) struct Watching {
-    pub(crate) order: usize,
-    pub(crate) times: Option<Vec<f64>>,
-    pub(crate) events: Vec<Event>,
-}
-
-impl Watching {
-    pub(crate) fn read(asked: &Asked<'_>, params: &[f64]) -> PyResult<Self> {
-        let (order, times, events) = asked;
-        let times = times.as_ref().map(|x| x.as_slice().map(<[f64]>::to_vec));
-        let events = events.iter().enumerate();
-        let events = events.map(|(k, (tape, direction, terminal, needs_lam))| {
-            let tape = tape::Tape::clone(&tape.0);
-            if tape.inputs().len() != 5 || tape.inputs()[4] != params.len() || tape.outputs() != 1 {
-                return Err(PyValueError::new_err(
-                    "an event is a tape of (t, y, z, lam, params) with one value",
-                ));
-            }
-            Ok(Event::new(
-                k, tape, params, *direction, *terminal, *needs_lam,
-            ))
-        });
-        Ok(Self {
-            order: *order,
-            times: times.transpose()?,
-            events: events.collect::<PyResult<_>>()?,
-        })
-    }
-}
 
 /// y, z and lam at `times` in the order of a run by a method of this order, of which all k steps are known:
 /// t of shape (k,), y and z of shape (k, n). Returns three arrays, or the error.

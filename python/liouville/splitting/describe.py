@@ -15,7 +15,7 @@ NAMED, FEW = 8, 3
 
 
 def described(piece: Piece, names: Sequence[str] | None = None) -> str:
-    """Say what a piece is: which variables it changes, and how."""
+    """Describe a piece: which variables it changes, and how."""
     match piece:
         case Natural():
             changed, terms = piece.terms.component, piece.terms

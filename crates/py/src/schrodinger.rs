@@ -1,0 +1,207 @@
+//! Jobs of Schrödinger equations: a method, wave functions and observables in, a run out.
+
+use crate::caught::Caught;
+use crate::errors::refused;
+use crate::operator::Hamiltonian;
+use liouville_base::run::{Advance, StartError};
+use liouville_waves::method::Observable;
+use liouville_waves::run::{self, Method};
+use numpy::{Complex64, PyReadonlyArray1, PyReadonlyArray2, PyUntypedArrayMethods};
+use pyo3::prelude::*;
+use pyo3::types::PyTuple;
+
+type Values<'py> = PyReadonlyArray1<'py, f64>;
+
+/// A method, by the attributes of its dataclass; `norm_tol` is how far the norm may be off.
+#[derive(FromPyObject)]
+enum MethodOf<'py> {
+    Shears {
+        coefficients: Values<'py>,
+        shift: f64,
+        norm_tol: f64,
+    },
+    Chebyshev {
+        bounds: (f64, f64),
+        rate: f64,
+        norm_tol: f64,
+        is_doubled: bool,
+    },
+    Lanczos {
+        dimension: usize,
+        rate: f64,
+        norm_tol: f64,
+    },
+    Processed {
+        order: usize,
+        stages: usize,
+        shift: f64,
+        theta: f64,
+        norm_tol: f64,
+    },
+    Magnus {
+        order: usize,
+        coefficients: Values<'py>,
+        theta: f64,
+        norm_tol: f64,
+        bounds: Vec<(f64, f64)>,
+    },
+    Splitting {
+        scheme: String,
+        norm_tol: f64,
+    },
+}
+
+impl MethodOf<'_> {
+    fn read(self) -> PyResult<Method> {
+        Ok(match self {
+            Self::Shears {
+                coefficients,
+                shift,
+                norm_tol: tolerance,
+            } => Method::Shears {
+                coefficients: coefficients.as_slice()?.to_vec(),
+                shift,
+                tolerance,
+            },
+            Self::Chebyshev {
+                bounds,
+                rate,
+                norm_tol: tolerance,
+                is_doubled,
+            } => Method::Chebyshev {
+                bounds,
+                rate,
+                tolerance,
+                is_doubled,
+            },
+            Self::Lanczos {
+                dimension,
+                rate,
+                norm_tol: tolerance,
+            } => Method::Lanczos {
+                dimension,
+                rate,
+                tolerance,
+            },
+            Self::Processed {
+                order,
+                stages,
+                shift,
+                theta,
+                norm_tol: tolerance,
+            } => Method::Processed {
+                order,
+                stages,
+                shift,
+                theta,
+                tolerance,
+            },
+            Self::Magnus {
+                order,
+                coefficients,
+                theta,
+                norm_tol: tolerance,
+                bounds,
+            } => Method::Magnus {
+                order,
+                coefficients: coefficients.as_slice()?.to_vec(),
+                theta,
+                tolerance,
+                bounds,
+            },
+            Self::Splitting {
+                scheme: name,
+                norm_tol: tolerance,
+            } => Method::Splitting { name, tolerance },
+        })
+    }
+}
+
+/// Observables are tuples: ("diagonal", values), ("symmetric", Hamiltonian), ("overlap", q, p) or ("start",),
+/// the overlap with the state at the start.
+fn observable(observable: &Bound<'_, PyTuple>) -> PyResult<Observable> {
+    let kind: String = observable.get_item(0)?.extract()?;
+    let rest = observable.get_slice(1, observable.len());
+    match kind.as_str() {
+        "diagonal" => {
+            let (values,): (Values<'_>,) = rest.extract()?;
+            Ok(Observable::Diagonal(values.as_slice()?.to_vec()))
+        }
+        "symmetric" => {
+            let (operator,): (PyRef<'_, Hamiltonian>,) = rest.extract()?;
+            Ok(Observable::Symmetric(operator.inner.clone()))
+        }
+        "start" => Ok(Observable::Start),
+        "overlap" => {
+            let (q, p): (Values<'_>, Values<'_>) = rest.extract()?;
+            let (q, p) = (q.as_slice()?.to_vec(), p.as_slice()?.to_vec());
+            Ok(Observable::Overlap(q, p))
+        }
+        other => Err(refused(format!("there is no observable {other:?}"))),
+    }
+}
+
+/// A job, by the attributes of its dataclass: `start` has the rows of wave functions, `span` is the start and (time,
+/// steps to it) of each state that is recorded.
+#[derive(FromPyObject)]
+struct JobOf<'py> {
+    start: (PyReadonlyArray2<'py, Complex64>,),
+    span: (f64, Vec<(f64, usize)>),
+    observer: Vec<Bound<'py, PyTuple>>,
+    states: bool,
+    threads: usize,
+    is_ensemble: bool,
+}
+
+impl JobOf<'_> {
+    fn read(self) -> PyResult<run::Job> {
+        let psi = &self.start.0;
+        let (t0, stops) = self.span;
+        let observables = self.observer.iter().map(observable);
+        Ok(run::Job {
+            psi: psi.as_slice()?.iter().map(|z| [z.re, z.im]).collect(),
+            members: self.is_ensemble.then(|| psi.shape()[0]),
+            n: psi.shape()[1],
+            t0,
+            stops,
+            observables: observables.collect::<PyResult<_>>()?,
+            states: self.states,
+            threads: self.threads,
+        })
+    }
+}
+
+/// A run of a Schrödinger equation, and where exceptions that Python raises inside its steps wait.
+pub(crate) fn start(
+    hamiltonian: &Hamiltonian,
+    method: &Bound<'_, PyAny>,
+    job: &Bound<'_, PyAny>,
+) -> PyResult<(Result<Box<dyn Advance>, StartError>, Vec<Caught>)> {
+    let method = method.extract::<MethodOf<'_>>()?.read()?;
+    let job = job.extract::<JobOf<'_>>()?.read()?;
+    let (signals, mut caught) = (Caught::default(), hamiltonian.caught.clone());
+    let run = run::start(hamiltonian.inner.clone(), method, job, signals.cancel());
+    caught.push(signals);
+    Ok((run, caught))
+}
+
+/// The products that a processor takes, or none if it takes too many.
+#[pyfunction]
+pub(crate) fn processor_degree(order: usize, stages: usize, theta: f64) -> Option<usize> {
+    run::processor_degree(order, stages, theta)
+}
+
+/// The degree of the Chebyshev series of e^{−iθx} on [−1, 1] that leaves out at most `tolerance`.
+#[pyfunction]
+pub(crate) fn chebyshev_degree(theta: f64, tolerance: f64) -> usize {
+    run::chebyshev_degree(theta, tolerance)
+}
+
+/// The flows of a splitting of T + V: whether a kick, its weight, and the weights of the drifts before it.
+#[pyfunction]
+pub(crate) fn split_program(name: &str) -> PyResult<Vec<(bool, f64, f64)>> {
+    let turns = run::turns(name).map_err(refused)?.into_iter();
+    Ok(turns
+        .map(|turn| (turn.is_kick, turn.weight, turn.offset))
+        .collect())
+}

@@ -1,0 +1,46 @@
+"""Thinning: the members, curves and points that are drawn where there are too many."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+from liouville.solution import Array, Solution
+
+#: More points than this do not show; a curve keeps the extremes of what it leaves out.
+POINTS = 4000
+
+#: An overview shows no more curves than this in a panel, evenly chosen.
+CURVES = 40
+
+#: No figure is made of more members of an ensemble, nor of more curves of them in all.
+MEMBERS, MOST = 50, 300
+
+
+def few(
+    solution: Solution, columns: Mapping[str, Array], shared: int = 0
+) -> tuple[dict[str, Array], str]:
+    """Return columns of few enough members of an ensemble, and in words how many they are."""
+    if solution.members is None:
+        return dict(columns), ""
+    most = min(MEMBERS, max(1, MOST // max(1, shared or len(columns))), solution.members)
+    chosen = np.arange(most) * solution.members // most
+    some = f"{most} of " if most < solution.members else ""
+    note = f", {some}{solution.members} members"
+    return {name: values[:, chosen] for name, values in columns.items()}, note
+
+
+def some(names: Sequence[str]) -> Sequence[str]:
+    """Return few enough names, evenly chosen."""
+    return names[:: max(1, -(-len(names) // CURVES))]
+
+
+def extremes(values: Array) -> Any:
+    """Give the indices of the points worth drawing: all, or the extremes of equal blocks."""
+    if len(values) <= POINTS:
+        return np.arange(len(values))
+    blocks = np.array_split(np.arange(len(values)), POINTS // 2)
+    ends = [block[pick(values[block])] for block in blocks for pick in (np.argmin, np.argmax)]
+    return np.unique([0, *ends, len(values) - 1])
