@@ -10,7 +10,6 @@ import numpy as np
 import pytest
 
 import liouville as lv
-from liouville import problems
 
 NAN, INF = math.nan, math.inf
 
@@ -529,16 +528,6 @@ def test_the_table_has_no_row_twice():
 def test_the_right_call_is_taken():
     assert run().status == damped().status == "done"
     assert set(project()) == {"q", "v"}
-
-
-def test_dense_matrices_that_would_not_fit_are_refused_before_they_are_made(monkeypatch):
-    edge = problems.load("knife_edge")
-    monkeypatch.setattr("liouville._arguments.memory", lambda: 1000)
-    wanted = r"Spark.* on 3 coordinates with nonholonomic constraints, dense, takes.*\nhint: HHT"
-    with pytest.raises(MemoryError, match=wanted):
-        lv.integrate(edge.system, lv.Spark(3), t=(0, 0.01), steps=1, **edge.start)
-    for method in (lv.Spark(3), lv.HHT()):
-        assert run(t=(0, 0.01), method=method).status == "done"
 
 
 def test_a_slice_longer_than_the_run_keeps_start_and_end():

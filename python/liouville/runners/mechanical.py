@@ -8,11 +8,10 @@ from typing import Any
 import numpy as np
 
 from liouville import _core
-from liouville._arguments import check_memory
 from liouville._job import Job
 from liouville.control import CONTROLS, LEAST_TOLERANCE, Reversible, Takes
 from liouville.errors import Description, describe, hinted, quoted
-from liouville.methods import Composition, LobattoPair, Method, Spark
+from liouville.methods import Composition, LobattoPair, Method
 from liouville.points import Points
 from liouville.runners.runner import Request, Runner, kept
 from liouville.runners.watch import Watch
@@ -171,14 +170,6 @@ class MechanicalRunner(Runner):
         self._check_records(
             request, self.steps.records(self.every) if times is None else times.size
         )
-        method = self._base
-        # stages, multipliers and the end of a step in one dense matrix
-        if isinstance(method, Spark | LobattoPair) and self.system.nonholonomic:
-            n, s = len(self.system.coordinates), method.stages
-            multipliers = (method.intervals + s) * len(self.constraints)
-            hint = "HHT and its relatives take large sparse systems"
-            what = f"{method!r} on {n} coordinates with nonholonomic constraints, dense,"
-            check_memory(what, 16 * (s * n + n + multipliers) ** 2, hint)
 
 
 def _solver(stats: Mapping[str, int]) -> str:

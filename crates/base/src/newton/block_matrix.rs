@@ -80,24 +80,21 @@ impl<'a> BlockLayout<'a> {
         let dense = (condensed > 0 && !is_large)
             .then(|| Condensed::new(pattern, order))
             .filter(|dense| !prefers_sparse(order, dense.entries()));
-        let elimination = match dense {
-            Some(dense) => Elimination::Condensed(Box::new(dense)),
-            None if condensed == 0 => Elimination::Direct(Factor::new(pattern)),
+        let factors = match dense {
+            Some(dense) => BlockFactors::Condensed(Box::new(dense)),
+            None if condensed == 0 => BlockFactors::Direct(Factor::new(pattern)),
             None => {
                 let sparse = SparseOf::new::<R>(pattern);
-                Elimination::Direct(Factor::Sparse(Box::new(sparse)))
+                BlockFactors::Direct(Factor::Sparse(Box::new(sparse)))
             }
         };
-        BlockMatrix {
-            assembly,
-            elimination,
-        }
+        BlockMatrix { assembly, factors }
     }
 }
 
 /// How the matrix is factored; chosen by its pattern.
 #[derive(Clone, Debug)]
-enum Elimination<R> {
+enum BlockFactors<R> {
     /// As it stands.
     Direct(Factor<R>),
     /// By its last unknowns first.
@@ -108,7 +105,7 @@ enum Elimination<R> {
 #[derive(Clone, Debug)]
 pub struct BlockMatrix<R = f64> {
     assembly: Assembly<R>,
-    elimination: Elimination<R>,
+    factors: BlockFactors<R>,
 }
 
 impl<R: Real> BlockMatrix<R> {
@@ -140,23 +137,23 @@ impl<R: Real> BlockMatrix<R> {
     /// The first column without a pivot.
     pub fn factor(&mut self) -> Result<(), Singular> {
         let (pattern, values) = (self.assembly.pattern(), self.assembly.values());
-        match &mut self.elimination {
-            Elimination::Direct(factor) => factor.factor(pattern, values),
-            Elimination::Condensed(condensed) => condensed.factor(values),
+        match &mut self.factors {
+            BlockFactors::Direct(factor) => factor.factor(pattern, values),
+            BlockFactors::Condensed(condensed) => condensed.factor(values),
         }
     }
 
     /// Solves `A x = b` in place.
     pub fn solve(&mut self, b: &mut [R]) {
-        match &mut self.elimination {
-            Elimination::Direct(factor) => factor.solve(b),
-            Elimination::Condensed(condensed) => condensed.solve(self.assembly.values(), b),
+        match &mut self.factors {
+            BlockFactors::Direct(factor) => factor.solve(b),
+            BlockFactors::Condensed(condensed) => condensed.solve(self.assembly.values(), b),
         }
     }
 
     /// Whether its factors are sparse.
     pub fn is_sparse(&self) -> bool {
-        matches!(self.elimination, Elimination::Direct(Factor::Sparse(_)))
+        matches!(self.factors, BlockFactors::Direct(Factor::Sparse(_)))
     }
 
     /// Number of unknowns.

@@ -22,7 +22,7 @@ pub use attempts::{Attempts, Start, attempt};
 pub use block_matrix::{BlockGrid, BlockHandle, BlockLayout, BlockMatrix};
 pub use broyden::Broyden;
 pub use predictor::{Polynomial, Predictor};
-pub use reuse::Reuse;
+pub use reuse::{Renewal, Reuse};
 
 use crate::error::StepError;
 use crate::real::Real;

@@ -1,10 +1,6 @@
-//! A modified Newton matrix: how long its factors are kept.
-//!
-//! Factors are used until a step with them takes more corrections than the average one since they were made,
-//! their own cost counted in.
+//! A modified-Newton matrix: how long its factors are kept.
 
 use super::BlockMatrix;
-use crate::checkpoint::{Checkpoint, CheckpointMismatch};
 use crate::real::Real;
 
 /// What factors of a sparse matrix cost, in corrections.
@@ -16,9 +12,20 @@ const LEAST_PATIENCE: f64 = 10.0;
 /// Steps that differ by less share the factors of a sparse matrix.
 const SIMILAR: f64 = 0.25;
 
+/// When factors have become too old, though the iteration still converges with them.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Renewal {
+    /// When a step takes more corrections than the average since they were made, their own cost counted in.
+    AboveAverage,
+    /// When a step takes so many corrections more than the first one with them: for corrections that an update
+    /// formula improves, whose number varies from step to step.
+    AboveFirst(usize),
+}
+
 /// What the factors of a matrix were made for, and what they have cost since.
 #[derive(Clone, Debug)]
 pub struct Reuse {
+    renewal: Renewal,
     factor_cost: f64,
     is_sparse: bool,
     /// The step they are for; 0 when there are none.
@@ -26,13 +33,16 @@ pub struct Reuse {
     /// Corrections since they were made, with their own cost, and steps.
     cost: f64,
     steps: f64,
+    /// Corrections in the first step with them.
+    first: usize,
 }
 
 impl Reuse {
     /// The policy for this matrix, which has no factors yet.
-    pub fn new<R: Real>(matrix: &BlockMatrix<R>) -> Self {
+    pub fn new<R: Real>(matrix: &BlockMatrix<R>, renewal: Renewal) -> Self {
         let is_sparse = matrix.is_sparse();
         Self {
+            renewal,
             factor_cost: if is_sparse {
                 SPARSE_COST
             } else {
@@ -42,6 +52,7 @@ impl Reuse {
             h: 0.0,
             cost: 0.0,
             steps: 0.0,
+            first: 0,
         }
     }
 
@@ -77,22 +88,24 @@ impl Reuse {
 
     /// A step took so many corrections.
     pub fn record(&mut self, iterations: usize) {
+        if self.steps == 0.0 {
+            self.first = iterations;
+        }
         self.cost += iterations as f64;
         self.steps += 1.0;
-        if iterations as f64 * self.steps > self.cost {
+        let is_slow = match self.renewal {
+            Renewal::AboveAverage => iterations as f64 * self.steps > self.cost,
+            Renewal::AboveFirst(more) => iterations > self.first + more,
+        };
+        if is_slow {
             self.discard();
         }
     }
 }
 
-impl Checkpoint for Reuse {
-    fn save(&self, member: usize, out: &mut Vec<f64>) {
-        [self.h, self.cost, self.steps].save(member, out);
-    }
-
-    fn restore(&mut self, member: usize, saved: &mut &[f64]) -> Result<(), CheckpointMismatch> {
-        self.h.restore(member, saved)?;
-        self.cost.restore(member, saved)?;
-        self.steps.restore(member, saved)
-    }
-}
+crate::checkpoint!(Reuse {
+    h,
+    cost,
+    steps,
+    first
+});

@@ -18,19 +18,18 @@
 //! Source: jay2007hht, jay2009; the paper's R is M A, its ψ our Λ.
 
 mod coupling;
-mod frozen;
-mod origin;
+mod newton_matrix;
 mod solve;
 mod state;
 
 use crate::problem::{Acceleration, SecondOrderModel};
-use frozen::Frozen;
 use liouville_base::error::StepError;
 use liouville_base::linalg::{Matrix, add_scaled, copy};
 use liouville_base::method::{Estimating, Stats, Stepper, Tolerance};
 use liouville_base::newton::{self, Attempts, Start};
 use liouville_base::tableau;
-use solve::{Reaction, Solver, Step};
+use newton_matrix::AlphaMatrix;
+use solve::{AlphaSolver, Reaction, Step};
 pub use state::State;
 
 /// How the constraints' reactions enter a step.
@@ -47,8 +46,6 @@ pub enum Reactions {
     Position,
 }
 
-/// Factors are made anew when they cost more corrections than when they were new, by more than this.
-const SLOW: usize = 2;
 /// Corrections a step may take.
 const MOST_ITERATIONS: usize = 30;
 
@@ -59,8 +56,8 @@ pub struct Alpha {
     weights: tableau::Alpha,
     reactions: Reactions,
     tolerance: Option<Tolerance>,
-    solver: Solver,
-    frozen: Frozen,
+    solver: AlphaSolver,
+    matrix: AlphaMatrix,
     acceleration: Acceleration,
     /// dφ/dt, the reactions and their rates in the last step, to start the next with.
     phi_rate: Vec<f64>,
@@ -86,11 +83,11 @@ impl Alpha {
     ) -> Self {
         let n = model.problem.mechanical.n;
         let zeros = || vec![0.0; n];
-        let solver = Solver::new(&model, weights, reactions);
+        let solver = AlphaSolver::new(&model, weights, reactions);
         Self {
             weights,
             reactions,
-            frozen: Frozen::new(&model, &solver, tolerance.is_some()),
+            matrix: AlphaMatrix::new(&model, &solver, tolerance.is_some()),
             tolerance,
             acceleration: Acceleration::new(&model.general),
             phi_rate: zeros(),
@@ -130,10 +127,10 @@ impl Alpha {
         let phi = if self.reactions == Reactions::Position {
             self.acceleration.z_dot.clone()
         } else {
-            self.frozen.mass.update(&mut self.model.general, t, y, z)?;
+            self.matrix.mass.update(&mut self.model.general, t, y, z)?;
             let none = vec![0.0; y.len()];
             let mut phi = self.model.residual(t, y, z, &none)?[0].to_vec();
-            self.frozen.mass.solve(&mut phi);
+            self.matrix.mass.solve(&mut phi);
             phi
         };
         Ok(State {
@@ -147,9 +144,9 @@ impl Alpha {
         })
     }
 
-    /// The matrix of the last Newton iterations, for whoever wants to know its condition.
+    /// The matrix of the last Newton iterations.
     pub fn newton_matrix(&self) -> Matrix {
-        self.frozen.matrix()
+        self.matrix.matrix.to_dense()
     }
 
     /// A first step whose acceleration moves the coordinates by about the tolerance.
@@ -186,24 +183,19 @@ impl Alpha {
         Ok(())
     }
 
-    /// The iteration, with factors made where it starts unless there are some that serve.
+    /// The iteration, with factors made where it starts unless there are reusable ones.
     fn iterate(&mut self, step: Step) -> Result<(), StepError> {
-        if !self.frozen.serve(step.h) {
+        if !self.matrix.reuse.is_reusable(step.h) {
             self.stats.factorizations += 1;
-            self.frozen
+            self.matrix
                 .update(&mut self.model, &mut self.solver, step)?;
         }
-        let mut equations = self.solver.start(&mut self.model, &mut self.frozen, step);
-        let iterations =
-            newton::solve(&mut equations, MOST_ITERATIONS).inspect_err(|_| self.frozen.h = 0.0)?;
+        let mut equations = self.solver.start(&mut self.model, &mut self.matrix, step);
+        let iterations = newton::solve(&mut equations, MOST_ITERATIONS)
+            .inspect_err(|_| self.matrix.reuse.discard())?;
         self.stats.iterations += iterations;
         self.stats.evaluations += iterations;
-        if self.frozen.corrections == 0 {
-            self.frozen.corrections = iterations;
-        }
-        if iterations > self.frozen.corrections + SLOW {
-            self.frozen.h = 0.0;
-        }
+        self.matrix.reuse.record(iterations);
         Ok(())
     }
 
@@ -264,11 +256,11 @@ impl Attempts for Attempt<'_> {
     }
 
     fn is_reusable(&self, h: f64) -> bool {
-        self.alpha.frozen.serve(h)
+        self.alpha.matrix.reuse.is_reusable(h)
     }
 
     fn discard(&mut self) {
-        self.alpha.frozen.h = 0.0;
+        self.alpha.matrix.reuse.discard();
     }
 
     fn iterate(&mut self, h: f64) -> Result<(), StepError> {
@@ -337,7 +329,7 @@ impl Alpha {
             *error = h2 * (by_a + of_reactions * (last.a[k] - first.a[k]));
         }
         let error = &mut self.local_error;
-        self.frozen.project(&self.model, error);
+        self.matrix.project(&self.model, error);
         let error = self.tolerance.as_ref().map(|tolerance| {
             let ends = [&step.state.y[..], &self.other.y];
             tolerance.weigh(ends, self.local_error.iter().copied())
@@ -361,6 +353,6 @@ impl Estimating for Alpha {
 }
 
 liouville_base::checkpoint!(
-    Alpha { is_warm, acceleration, phi_rate, kept, rates, frozen }
-    then |alpha| alpha.frozen.remake(&mut alpha.model, &mut alpha.solver)
+    Alpha { is_warm, acceleration, phi_rate, kept, rates, matrix }
+    then |alpha| alpha.matrix.restore_factors(&mut alpha.model)
 );

@@ -1,7 +1,7 @@
 //! The equations of one step of the α family, and how their unknowns are corrected.
 
 use super::coupling::Coupling;
-use super::frozen::Frozen;
+use super::newton_matrix::AlphaMatrix;
 use super::{Reactions, State};
 use crate::problem::SecondOrderModel;
 use liouville_base::error::StepError;
@@ -47,7 +47,7 @@ impl Reaction {
 
 /// The unknowns of a step, and the memory of solving for them.
 #[derive(Clone, Debug)]
-pub(super) struct Solver {
+pub(super) struct AlphaSolver {
     weights: Alpha,
     pub(super) reactions_by: Reactions,
     /// Whether one correction solves the equations: no derivative depends on anything but parameters.
@@ -74,7 +74,7 @@ pub(super) struct Solver {
     /// F − M φ1
     force: Vec<f64>,
     /// M A − r of each reaction.
-    pulls: [Vec<f64>; 2],
+    reaction_residuals: [Vec<f64>; 2],
     /// The right-hand side of the Newton matrix, then η, d, dΛ0, dΛ1; or η and dλ1 y_φ.
     x: Vec<f64>,
     zeta: Vec<f64>,
@@ -83,14 +83,14 @@ pub(super) struct Solver {
 }
 
 /// The equations of one step in the middle of being solved.
-pub(super) struct Solve<'a> {
-    solver: &'a mut Solver,
+pub(super) struct AlphaEquations<'a> {
+    solver: &'a mut AlphaSolver,
     model: &'a mut SecondOrderModel,
-    frozen: &'a mut Frozen,
+    matrix: &'a mut AlphaMatrix,
     step: Step<'a>,
 }
 
-impl Solver {
+impl AlphaSolver {
     pub(super) fn new(model: &SecondOrderModel, weights: Alpha, reactions: Reactions) -> Self {
         let (n, m) = (model.problem.mechanical.n, model.problem.mechanical.m);
         let zeros = || vec![0.0; n];
@@ -114,7 +114,7 @@ impl Solver {
             predicted: zeros(),
             none: zeros(),
             force: zeros(),
-            pulls: [zeros(), zeros()],
+            reaction_residuals: [zeros(), zeros()],
             x: Vec::new(),
             zeta: zeros(),
             delta: vec![0.0; 3 * n + 2 * m],
@@ -190,21 +190,21 @@ impl Solver {
     pub(super) fn start<'a>(
         &'a mut self,
         model: &'a mut SecondOrderModel,
-        frozen: &'a mut Frozen,
+        matrix: &'a mut AlphaMatrix,
         step: Step<'a>,
-    ) -> Solve<'a> {
+    ) -> AlphaEquations<'a> {
         self.broyden.restart();
-        Solve {
+        AlphaEquations {
             solver: self,
             model,
-            frozen,
+            matrix,
             step,
         }
     }
 }
 
-impl Solve<'_> {
-    /// F − M φ1 in `force`, M A − r in `pulls`, and the constraints in their places of `x`.
+impl AlphaEquations<'_> {
+    /// F − M φ1 in `force`, M A − r in `reaction_residuals`, and the constraints in their places of `x`.
     fn evaluate(&mut self) -> Result<(), StepError> {
         let Step { t, h, state } = self.step;
         let (at, t1, n) = (&mut *self.solver, t + h, state.y.len());
@@ -228,15 +228,16 @@ impl Solve<'_> {
         match at.reactions_by {
             Reactions::Extended { predicted, .. } if is_paired => {
                 let y = if predicted { &at.predicted } else { &at.y };
-                let pull = self.model.reaction(t, &state.y, &first.a, &first.lam)?;
-                copy(&mut at.pulls[0], pull);
-                self.frozen.move_pull(self.model, &mut at.pulls[0]);
-                let pull = self.model.reaction(t1, y, &last.a, &last.lam)?;
-                copy(&mut at.pulls[1], pull);
+                let residual = self.model.reaction(t, &state.y, &first.a, &first.lam)?;
+                copy(&mut at.reaction_residuals[0], residual);
+                self.matrix
+                    .transport_residual(self.model, &mut at.reaction_residuals[0]);
+                let residual = self.model.reaction(t1, y, &last.a, &last.lam)?;
+                copy(&mut at.reaction_residuals[1], residual);
             }
             Reactions::Position if !last.lam.is_empty() => {
-                let pull = self.model.reaction(t1, &at.y, &at.none, &last.lam)?;
-                add_scaled(&mut at.force, -1.0, pull);
+                let residual = self.model.reaction(t1, &at.y, &at.none, &last.lam)?;
+                add_scaled(&mut at.force, -1.0, residual);
             }
             _ => {}
         }
@@ -249,17 +250,17 @@ impl Solve<'_> {
         let (n, Coupling { phi, y, z, slope }) = (at.force.len(), at.coupling);
         copy_scaled(&mut at.x[..n], phi[0], &at.force);
         if !at.is_paired() {
-            self.frozen.solve(&mut at.x, n);
+            self.matrix.solve(&mut at.x, n);
             copy_scaled(&mut at.zeta, slope, &at.x[..n]);
             return;
         }
         let (of_eta, of_d) = at.x[..2 * n].split_at_mut(n);
-        let [first, last] = &at.pulls;
+        let [first, last] = &at.reaction_residuals;
         for k in 0..n {
             of_eta[k] -= y[0] * first[k] + y[1] * last[k];
             of_d[k] = -(z[0] * first[k] + z[1] * last[k]);
         }
-        self.frozen.solve(&mut at.x, 2 * n);
+        self.matrix.solve(&mut at.x, 2 * n);
         for (k, zeta) in at.zeta.iter_mut().enumerate() {
             *zeta = slope * at.x[k] + at.x[n + k];
         }
@@ -268,7 +269,7 @@ impl Solve<'_> {
     /// The corrections of φ1, A and Λ that belong to them.
     fn apply(&mut self, is_noise: bool) {
         let (at, h) = (&mut *self.solver, self.step.h);
-        let (frozen, patterns) = (&mut *self.frozen, &self.model.problem.patterns);
+        let (matrix, patterns) = (&mut *self.matrix, &self.model.problem.patterns);
         let (n, is_paired) = (at.force.len(), at.is_paired());
         let (y_phi, [first, last]) = (at.coupling.phi[0], &mut at.reactions);
         if !is_paired {
@@ -280,9 +281,9 @@ impl Solve<'_> {
         let (d, lam) = rest.split_at(n);
         let (lam_first, lam_last) = lam.split_at(first.lam.len());
         let d_phi = &mut at.force;
-        patterns.j_y.multiply_add(&frozen.j_y, h * h, eta, d_phi);
-        patterns.j_z.multiply_add(&frozen.j_z, h, &at.zeta, d_phi);
-        frozen.mass.solve(d_phi);
+        patterns.j_y.multiply_add(&matrix.j_y, h * h, eta, d_phi);
+        patterns.j_z.multiply_add(&matrix.j_z, h, &at.zeta, d_phi);
+        matrix.mass.solve(d_phi);
         let m = lam_first.len();
         let delta = &mut at.delta;
         for k in 0..n {
@@ -333,7 +334,7 @@ impl Solve<'_> {
     /// theirs, and its own roundoff is none of y1 and z1, since it was not larger than they are.
     fn is_exact(&mut self) -> bool {
         let (at, h) = (&mut *self.solver, self.step.h);
-        if !(at.is_affine && self.frozen.are_for(h)) {
+        if !(at.is_affine && self.matrix.reuse.is_for(h)) {
             return false;
         }
         at.place(h);
@@ -348,7 +349,7 @@ fn relative(d: f64, x: f64) -> f64 {
     if d == 0.0 { 0.0 } else { d / x.max(d) }
 }
 
-impl Equations for Solve<'_> {
+impl Equations for AlphaEquations<'_> {
     fn correct(&mut self) -> Result<f64, StepError> {
         self.evaluate()?;
         self.solve();

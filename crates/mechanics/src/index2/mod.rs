@@ -11,17 +11,17 @@
 //! V_i and Z_i, (I4) then z1, with order 2s where the Z_i have order s. z0 is used by no step. y is summed
 //! with its rounding errors carried along. Source: jay2006.
 
-mod frozen;
+mod newton_matrix;
 mod predictor;
 mod stages;
 
 use crate::semi_explicit::{Algebraic, Model, State};
-use frozen::Frozen;
 use liouville_base::error::StepError;
 use liouville_base::linalg::{add_scaled, carry, copy, max_norm};
 use liouville_base::method::{Stats, Stepper, Symmetric};
 use liouville_base::newton::{self, Attempts, Equations, Predictor, Start};
-use stages::{Stages, Step};
+use newton_matrix::CollocationMatrix;
+use stages::{CollocationStages, Step};
 
 /// Corrections a step may take.
 const MOST_ITERATIONS: usize = 100;
@@ -30,8 +30,8 @@ const MOST_ITERATIONS: usize = 100;
 #[derive(Clone, Debug)]
 pub struct Index2 {
     model: Model,
-    stages: Stages,
-    frozen: Frozen,
+    stages: CollocationStages,
+    matrix: CollocationMatrix,
     predictor: Predictor,
     algebraic: Algebraic,
     z: Vec<f64>,
@@ -45,9 +45,9 @@ pub struct Index2 {
 }
 
 /// (I1)–(I3) in the middle of being solved.
-struct Solve<'a> {
-    stages: &'a mut Stages,
-    frozen: &'a mut Frozen,
+struct CollocationEquations<'a> {
+    stages: &'a mut CollocationStages,
+    matrix: &'a mut CollocationMatrix,
     model: &'a mut Model,
     step: Step<'a>,
     is_far: bool,
@@ -62,9 +62,9 @@ impl Index2 {
     /// # Panics
     /// When `s` is zero.
     pub fn new(model: Model, s: usize) -> Self {
-        let stages = Stages::new(&model, s);
+        let stages = CollocationStages::new(&model, s);
         Self {
-            frozen: Frozen::new(&model, &stages),
+            matrix: CollocationMatrix::new(&model, &stages),
             predictor: predictor::predictor(&stages),
             algebraic: Algebraic::new(&model),
             z: vec![0.0; model.problem.l],
@@ -84,7 +84,7 @@ impl Index2 {
         copy(&mut self.slope, self.model.field(step.t, y, z));
         let speed = max_norm(y) / step.h.abs();
         for i in 0..self.stages.count() {
-            let t = self.stages.time(step, i);
+            let t = self.stages.time(step.t, step.h, i);
             let (point, unknowns) = (self.stages.y.row_mut(i), self.stages.z.row_mut(i));
             copy(point, y);
             add_scaled(point, t - step.t, &self.slope);
@@ -112,24 +112,24 @@ impl Index2 {
 
     /// The iteration; from far away each correction has its own matrix.
     fn iterate(&mut self, step: Step) -> Result<(), StepError> {
-        let mut solve = Solve {
+        let mut equations = CollocationEquations {
             stages: &mut self.stages,
-            frozen: &mut self.frozen,
+            matrix: &mut self.matrix,
             model: &mut self.model,
             step,
             is_far: self.is_far,
             corrections: 0.0,
             stats: &mut self.stats,
         };
-        let outcome = newton::solve(&mut solve, MOST_ITERATIONS);
+        let outcome = newton::solve(&mut equations, MOST_ITERATIONS);
         match outcome {
             Ok(iterations) => {
-                self.frozen.served(iterations);
+                self.matrix.reuse.record(iterations);
                 self.stats.iterations += iterations;
                 Ok(())
             }
             Err(error) => {
-                self.frozen.discard();
+                self.matrix.reuse.discard();
                 Err(error)
             }
         }
@@ -172,11 +172,11 @@ impl Attempts for Attempt<'_> {
     }
 
     fn is_reusable(&self, h: f64) -> bool {
-        self.index2.frozen.serves(h)
+        self.index2.matrix.reuse.is_reusable(h)
     }
 
     fn discard(&mut self) {
-        self.index2.frozen.discard();
+        self.index2.matrix.reuse.discard();
     }
 
     fn iterate(&mut self, h: f64) -> Result<(), StepError> {
@@ -239,22 +239,22 @@ impl Stepper for Index2 {
 
 impl Symmetric for Index2 {}
 
-impl Equations for Solve<'_> {
+impl Equations for CollocationEquations<'_> {
     fn correct(&mut self) -> Result<f64, StepError> {
         self.stages.evaluate(self.model, self.step)?;
-        let is_slow = self.corrections >= self.frozen.max_iterations();
-        if self.is_far || is_slow || !self.frozen.serves(self.step.h) {
-            self.frozen.update(self.model, self.stages, self.step)?;
+        let is_slow = self.corrections >= self.matrix.reuse.max_iterations();
+        if self.is_far || is_slow || !self.matrix.reuse.is_reusable(self.step.h) {
+            self.matrix.update(self.model, self.stages, self.step)?;
             self.stats.factorizations += 1;
             self.corrections = 0.0;
         }
         self.corrections += 1.0;
-        let size = self.frozen.correct(self.model, self.stages, self.step.h);
+        let size = self.matrix.correct(self.model, self.stages, self.step.h);
         Ok(self.stages.relative(size, self.step))
     }
 }
 
 liouville_base::checkpoint!(
-    Index2 { predictor, frozen }
-    then |index2| index2.frozen.remake(&mut index2.model, &mut index2.stages)
+    Index2 { predictor, matrix }
+    then |index2| index2.matrix.restore_factors(&mut index2.model, &index2.stages)
 );

@@ -11,7 +11,7 @@ pub(super) type Step<'a> = liouville_base::method::Step<'a, State>;
 
 /// Unknowns and values at the stages (rows 0..s), and y1 and k(t1, y1) below them.
 #[derive(Clone, Debug)]
-pub(super) struct Stages {
+pub(super) struct CollocationStages {
     pub(super) c: Vec<f64>,
     pub(super) b: Vec<f64>,
     pub(super) a: Matrix,
@@ -34,7 +34,7 @@ pub(super) struct Stages {
     ends: Matrix,
 }
 
-impl Stages {
+impl CollocationStages {
     pub(super) fn new(model: &Model, s: usize) -> Self {
         let tableau = Spark::gauss(s);
         let (n, l) = (model.problem.n, model.problem.l);
@@ -66,8 +66,8 @@ impl Stages {
     }
 
     /// Time of stage `i`, and of the end at i = s.
-    pub(super) fn time(&self, step: Step, i: usize) -> f64 {
-        step.t + self.c.get(i).map_or(step.h, |c| c * step.h)
+    pub(super) fn time(&self, t: f64, h: f64, i: usize) -> f64 {
+        t + self.c.get(i).map_or(h, |c| c * h)
     }
 
     /// y1
@@ -80,7 +80,7 @@ impl Stages {
         self.move_points(step);
         let s = self.count();
         for i in 0..s {
-            let t = self.time(step, i);
+            let t = self.time(step.t, step.h, i);
             let f = model.field(t, self.y.row(i), self.z.row(i));
             finite(f, Quantity::Field, t)?;
             let out = self.residual.row_mut(i);
@@ -99,7 +99,7 @@ impl Stages {
     fn weigh(&mut self, model: &mut Model, step: Step) -> Result<(), StepError> {
         let s = self.count();
         for i in [s - 1, s] {
-            let t = self.time(step, i);
+            let t = self.time(step.t, step.h, i);
             let k = model.constraint(t, self.y.row(i));
             finite(k, Quantity::Constraint, t)?;
             if i < s {

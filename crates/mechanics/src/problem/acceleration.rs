@@ -26,7 +26,7 @@ pub struct Acceleration<R = f64> {
     correction: Vec<R>,
 }
 
-struct Solve<'a, R> {
+struct AccelerationEquations<'a, R> {
     at: &'a mut Acceleration<R>,
     model: &'a mut Model<R>,
     point: (f64, &'a [R], &'a [R]),
@@ -69,7 +69,7 @@ impl<R: Real> Acceleration<R> {
         if is_linear {
             self.lam.fill(R::splat(0.0));
         }
-        let mut solve = Solve {
+        let mut solve = AccelerationEquations {
             at: self,
             model,
             point: (t, y, z),
@@ -82,7 +82,7 @@ impl<R: Real> Acceleration<R> {
     }
 }
 
-impl<R: Real> Equations<R> for Solve<'_, R> {
+impl<R: Real> Equations<R> for AccelerationEquations<'_, R> {
     fn correct(&mut self) -> Result<R, StepError> {
         let (t, y, z) = self.point;
         let at = &mut *self.at;

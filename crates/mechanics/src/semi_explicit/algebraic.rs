@@ -18,7 +18,7 @@ pub struct Algebraic {
     effect: Vec<f64>,
 }
 
-struct Solve<'a> {
+struct AlgebraicEquations<'a> {
     at: &'a mut Algebraic,
     model: &'a mut Model,
     t: f64,
@@ -51,7 +51,7 @@ impl Algebraic {
         speed: f64,
     ) -> Result<(), StepError> {
         let is_linear = model.problem.is_linear;
-        let mut solve = Solve {
+        let mut solve = AlgebraicEquations {
             at: self,
             model,
             t,
@@ -75,7 +75,7 @@ impl Algebraic {
     }
 }
 
-impl Equations for Solve<'_> {
+impl Equations for AlgebraicEquations<'_> {
     fn correct(&mut self) -> Result<f64, StepError> {
         let (t, y, at) = (self.t, self.y, &mut *self.at);
         let (w, f) = self.model.hidden(t, y, self.z);

@@ -3,7 +3,7 @@
 //!
 //!     S_il = (Σ_j ā_ij â_jl) G_i B R_l     i = 1..k,  l = 0..k−1,   B = v_z p_z⁻¹
 //!
-//! with G_i = g_y and R_l = r_λ at nodes i and l, frozen at the start of the iteration, and B at its
+//! with G_i = g_y and R_l = r_λ at nodes i and l, taken at the start of the iteration, and B at its
 //! middle stage. The error shrinks by O(h²) a correction where B is constant and the forces do not
 //! depend on z, by O(h) otherwise. With Λ = h λ the matrix is O(1) as h → 0.
 #![allow(clippy::inline_always)] // what is not inlined is compiled without the registers it is for
@@ -21,7 +21,7 @@ use liouville_base::real::Real;
 use liouville_base::simd::{dispatch_simd, dispatch_simd_long};
 use std::sync::Arc;
 
-/// Frozen blocks and the factored Schur complement.
+/// The blocks and the factored Schur complement.
 #[derive(Clone, Debug)]
 pub(super) struct NodeSchur<R = f64> {
     problem: Arc<Mechanical>,
@@ -56,12 +56,12 @@ enum Schur<R> {
 }
 
 /// The stage equations of one step, solved by node Schur.
-pub(super) struct Solve<'a, R = f64> {
+pub(super) struct SchurEquations<'a, R = f64> {
     solver: &'a mut NodeSchur<R>,
     stages: &'a mut Stages<R>,
     model: &'a mut Model<R>,
     step: Step<'a, R>,
-    is_frozen: bool,
+    is_linearized: bool,
 }
 
 impl<R: Real> NodeSchur<R> {
@@ -128,7 +128,7 @@ impl<R: Real> NodeSchur<R> {
         );
     }
 
-    /// Factors S with the blocks as they are frozen.
+    /// Factors S with the blocks there are.
     #[inline(always)]
     fn factor(&mut self) -> Result<(), Singular> {
         let (inverse_mass_rt, lu) = match &mut self.matrix {
@@ -160,33 +160,33 @@ impl<R: Real> NodeSchur<R> {
         lu.factor()
     }
 
-    /// The equations of one step, its blocks still to be frozen.
+    /// The equations of one step, still to be linearised.
     pub(super) fn start<'a>(
         &'a mut self,
         stages: &'a mut Stages<R>,
         model: &'a mut Model<R>,
         step: Step<'a, R>,
-    ) -> Solve<'a, R> {
-        Solve {
+    ) -> SchurEquations<'a, R> {
+        SchurEquations {
             solver: self,
             stages,
             model,
             step,
-            is_frozen: false,
+            is_linearized: false,
         }
     }
 }
 
-impl<R: Real> Solve<'_, R> {
-    fn freeze(&mut self) -> Result<(), StepError> {
+impl<R: Real> SchurEquations<'_, R> {
+    fn linearize(&mut self) -> Result<(), StepError> {
         dispatch_simd::<R, _>(
             #[inline(always)]
-            || self.freeze_blocks(),
+            || self.linearize_blocks(),
         )
     }
 
     #[inline(always)]
-    fn freeze_blocks(&mut self) -> Result<(), StepError> {
+    fn linearize_blocks(&mut self) -> Result<(), StepError> {
         let Self {
             solver,
             stages,
@@ -339,16 +339,16 @@ impl<R: Real> Solve<'_, R> {
     }
 }
 
-impl<R: Real> Equations<R> for Solve<'_, R> {
+impl<R: Real> Equations<R> for SchurEquations<'_, R> {
     fn stop(&self) -> Stop {
         self.stages.stop
     }
 
     fn correct(&mut self) -> Result<R, StepError> {
         self.stages.evaluate(self.model, self.step)?;
-        if !self.is_frozen {
-            self.freeze()?;
-            self.is_frozen = true;
+        if !self.is_linearized {
+            self.linearize()?;
+            self.is_linearized = true;
         }
         let size = dispatch_simd_long::<R, _>(
             self.solver.problem.n,

@@ -39,7 +39,7 @@ pub(super) struct Update<R = f64> {
     multipliers: Vec<R>,
 }
 
-struct Solve<'a, R> {
+struct EndEquations<'a, R> {
     update: &'a mut Update<R>,
     model: &'a mut Model<R>,
     stages: &'a mut Stages<R>,
@@ -113,7 +113,7 @@ impl<R: Real> Update<R> {
         let (h, state) = (step.h, step.state);
         self.sum_up(stages, state);
         let is_linear = model.problem.is_linear;
-        let mut solve = Solve {
+        let mut solve = EndEquations {
             update: self,
             model,
             stages,
@@ -154,7 +154,7 @@ impl<R: Real> Update<R> {
     }
 }
 
-impl<R: Real> Equations<R> for Solve<'_, R> {
+impl<R: Real> Equations<R> for EndEquations<'_, R> {
     fn correct(&mut self) -> Result<R, StepError> {
         dispatch_simd::<R, _>(
             #[inline(always)]
@@ -163,7 +163,7 @@ impl<R: Real> Equations<R> for Solve<'_, R> {
     }
 }
 
-impl<R: Real> Solve<'_, R> {
+impl<R: Real> EndEquations<'_, R> {
     #[inline(always)]
     fn correct_end(&mut self) -> Result<R, StepError> {
         let (update, model) = (&mut *self.update, &mut *self.model);

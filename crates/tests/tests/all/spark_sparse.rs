@@ -1,10 +1,13 @@
 //! Large mechanisms: sparse solvers find what dense ones do, and say the same of what they refuse.
 
 use liouville_base::error::StepError;
+use liouville_base::method::Stepper;
 use liouville_mechanics::problem::Model;
+use liouville_mechanics::problem::{Mechanical, State};
 use liouville_mechanics::spark::{Solver, Spark};
-use liouville_tests::walk::{SOLVERS, Walk, apart};
-use liouville_tests::{Expr, Functions, PARAMS, Y, Z, dot, input, inputs};
+use liouville_tests::walk::{SOLVERS, Walk, apart, distance};
+use liouville_tests::{Expr, FOURTH, Functions, PARAMS, Y, Z, dot, input, inputs};
+use std::sync::Arc;
 
 const LINKS: usize = 24;
 
@@ -121,5 +124,72 @@ fn a_constraint_there_twice_is_named_as_before() {
             constraints: vec![7, LINKS],
         };
         assert_eq!(walk.step(), Err(wanted), "with {solver:?}");
+    }
+}
+
+/// Skates on a slope, each with its place, its direction and a rod of unit length to its load above it.
+fn skates(count: usize, has_own_velocity: bool) -> Arc<Mechanical> {
+    let n = 4 * count;
+    let (y, z, nu) = (inputs(Y, n), inputs(Z, n), inputs(FOURTH, count));
+    let speed = if has_own_velocity { 1.25 } else { 1.0 };
+    let (mut k, mut reactions, mut g) = (Vec::new(), Vec::new(), Vec::new());
+    for (i, nu) in nu.iter().enumerate() {
+        let (x, angle) = (4 * i, &y[4 * i + 2]);
+        k.push((angle.sin() * &z[x] - angle.cos() * &z[x + 1]) * speed);
+        reactions.extend([
+            -(angle.sin() * nu),
+            angle.cos() * nu,
+            0.0.into(),
+            0.0.into(),
+        ]);
+        let arm = &y[x + 3] - &y[x] * 0.2;
+        g.push((&arm * &arm - 1.0) * 0.5);
+    }
+    let force = |k: usize| match k % 4 {
+        0 => y[k + 1].cos() * 0.5,
+        1 => &z[k - 1] * &y[k] * -0.1,
+        _ => 0.0.into(),
+    };
+    let functions = Functions {
+        v: has_own_velocity.then(|| z.iter().map(|z| z * 1.25).collect()),
+        p: z.clone(),
+        f: (0..n).map(force).collect(),
+        r: None,
+        g,
+        params: 0,
+    };
+    functions.rolling(&k, &reactions)
+}
+
+/// Where skates that start in these directions are after a few steps.
+fn sliding(angles: &[f64], s: usize, has_own_velocity: bool) -> State {
+    let problem = skates(angles.len(), has_own_velocity);
+    let place = |angle: &f64| [0.1 * angle, 0.3, *angle, 1.0 + 0.02 * angle];
+    let velocity = |angle: &f64| [angle.cos(), angle.sin(), 0.7, 0.2 * angle.cos()];
+    let y: Vec<f64> = angles.iter().flat_map(place).collect();
+    let z: Vec<f64> = angles.iter().flat_map(velocity).collect();
+    let mut model = Model::new(problem, &[]);
+    let mut state = model.state(0.0, &y, &z);
+    let mut spark = Spark::new(model, s, Solver::Auto);
+    for k in 0..10 {
+        let stepped = spark.step(f64::from(k) * 0.05, 0.05, &mut state);
+        stepped.expect("a step can be made");
+    }
+    state
+}
+
+#[test]
+fn many_nonholonomic_systems_move_as_each_alone() {
+    let angles: Vec<f64> = (0..12).map(|k| 0.3 + 0.1 * f64::from(k)).collect();
+    for s in 1..=3 {
+        for has_own_velocity in [false, true] {
+            let all = sliding(&angles, s, has_own_velocity);
+            for (i, angle) in angles.iter().enumerate() {
+                let one = sliding(&[*angle], s, has_own_velocity);
+                let error = distance(&all.y[4 * i..4 * i + 4], &one.y)
+                    .max(distance(&all.z[4 * i..4 * i + 4], &one.z));
+                assert!(error < 1e-13, "{error:e} apart, skate {i}, s = {s}");
+            }
+        }
     }
 }

@@ -196,7 +196,7 @@ impl StageEquations<'_> {
             self.update_mass()?;
         }
         let factored = self.solver.matrix.factor();
-        factored.or_else(|_| Err(self.diagnose()))
+        factored.map_err(|_| self.diagnose())
     }
 
     /// The blocks of p, f and v at the stages.
