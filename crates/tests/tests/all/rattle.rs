@@ -48,9 +48,9 @@ fn defects(functions: &Functions, state: &State) -> (f64, f64) {
 #[test]
 fn every_matrix_keeps_the_constraints_and_steps_back() {
     let angle = |k: usize| 0.4 + 0.3 * (k as f64).sin();
-    let chain: Vec<_> = (0..14).map(|k| (k.checked_sub(1), k)).collect();
+    let chain: Vec<_> = (0..14_usize).map(|k| (k.checked_sub(1), k)).collect();
     let mut ends = vec![0.0; 28];
-    for k in 0..14 {
+    for k in 0..14_usize {
         let before = k
             .checked_sub(1)
             .map_or([0.0; 2], |b| [ends[2 * b], ends[2 * b + 1]]);
@@ -58,7 +58,9 @@ fn every_matrix_keeps_the_constraints_and_steps_back() {
         ends[2 * k + 1] = before[1] - angle(k).sin();
     }
     // all bonds of a star share a bead: its matrix is full
-    let star: Vec<_> = (0..32).map(|k| (k.checked_sub(1).map(|_| 0), k)).collect();
+    let star: Vec<_> = (0..32_usize)
+        .map(|k| (k.checked_sub(1).map(|_| 0), k))
+        .collect();
     let tips = (1..32).flat_map(|k| {
         let around = 0.2 * k as f64;
         [1.0 + around.cos(), around.sin()]
