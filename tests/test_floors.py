@@ -178,7 +178,7 @@ TYPE_NAMES_LEFT = {
         *("Attempt", "Eliminated", "Frozen", "Model", "Observer", "Patterns", "Point"),
         *("Reactions", "Solve", "Solver", "Stages", "State", "Step"),
     },
-    "py": {"Asked", "Begin", "Rows", "Values"},
+    "py": {"JobOf", "MethodOf", "Values"},
 }
 
 
