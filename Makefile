@@ -2,11 +2,12 @@
 PYTHON ?= python3
 VENV   := .venv
 BIN    := $(VENV)/bin
+SECONDS ?= 300
 CORE   := Cargo.toml pyproject.toml $(wildcard Cargo.lock crates/*/Cargo.toml) $(shell find crates -name '*.rs' -o -name 'table.txt')
 SPHINX := $(BIN)/sphinx-build -W --keep-going -q
 
 .DEFAULT_GOAL := help
-.PHONY: help demo test lint format build docs bench ci clean
+.PHONY: help demo test fuzz lint format build docs bench ci clean
 
 help:  ## Print the verbs
 	@sed -n 's/^\([a-z]*\):.*## /\1\t/p' $(MAKEFILE_LIST) | awk -F '\t' '{printf "make %-8s %s\n", $$1, $$2}'
@@ -15,8 +16,11 @@ demo: $(VENV)/built  ## Build, integrate two mechanisms, compare with references
 	$(BIN)/python examples/demo.py
 
 test: $(VENV)/tools  ## Run every test but the slow ones: Rust, Python, examples in the documentation
-	cargo test --quiet -p liouville-core
-	$(BIN)/python -m pytest -q
+	cargo test --quiet --release -p liouville-py -p liouville-tests
+	$(BIN)/python -m pytest -q -n auto --dist worksteal
+
+fuzz: $(VENV)/tools  ## Try the properties with new seeds for SECONDS=300, and print what to replay
+	$(BIN)/python tools/fuzz.py $(SECONDS)
 
 lint: $(VENV)/tools  ## Check only: rustfmt, clippy, ruff, mypy, stubtest
 	cargo fmt --all --check

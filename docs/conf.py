@@ -34,6 +34,7 @@ sphinx_gallery_conf = {
     "abort_on_example_error": True,
     "download_all_examples": False,
     "show_signature": False,
+    "write_computation_times": False,  # their page fetches scripts from the network
     "min_reported_time": 1e9,
     "reset_modules": ("matplotlib",),
 }

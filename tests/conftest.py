@@ -1,11 +1,24 @@
+import signal
+
 import matplotlib as mpl
 import pytest
-from hypothesis import settings
+from hypothesis import HealthCheck, settings
 
-settings.register_profile("house", deadline=None, derandomize=True, print_blob=True)
+# A busy machine is slow; and no example is kept, so that a seed says all.
+COMMON = {
+    "database": None,
+    "deadline": None,
+    "print_blob": True,
+    "suppress_health_check": [HealthCheck.too_slow],
+}
+settings.register_profile("house", derandomize=True, **COMMON)
+settings.register_profile("fuzz", derandomize=False, **COMMON)
 settings.load_profile("house")
 
 mpl.use("Agg")
+
+# A shell's job in the background ignores interrupts, and so would every process started here.
+signal.signal(signal.SIGINT, signal.default_int_handler)
 
 
 @pytest.fixture

@@ -1,4 +1,7 @@
-"""What each method claims, and the problems that can tell: one row a method.
+"""What each method claims, and the problems that can tell: a row for every public method.
+
+`test_order` measures the order of each row, `test_invariants` what it keeps, `test_registry` that
+an ensemble and a stored run have the bits of a run, and that there is a row for every method.
 
 The problems see what others hide. A planar pendulum in uniform gravity cannot tell SPARK from
 Lobatto IIIA--IIIB; an autonomous problem cannot tell t_n from t_{n+1}; p = M z cannot tell p(z)
@@ -14,9 +17,11 @@ from typing import Any
 
 import casadi as ca
 import numpy as np
+from families import FAMILIES, Problem
 from plain_alpha import Plain
 
 import liouville as lv
+from liouville.methods.composition import SCHEMES
 from liouville.problems import load
 
 DATA = Path(__file__).parent / "data"
@@ -24,36 +29,29 @@ REFERENCE = json.loads((DATA / "mechanics_reference.json").read_text())
 
 
 @dataclass(frozen=True)
-class Problem:
-    """A system, a start, and steps for s = 1, 2, ... that are fine enough, and above roundoff.
+class Row:
+    """A method, its order in states and multipliers, and what it keeps.
 
-    What cannot be kept on it, because the motion itself does not, is `lost`. `plain` is the same
-    system written down again, where it is one of second order.
+    What it does not keep is seen to be lost. Where its steps are not those of a problem for its
+    order, `steps` has them; slopes may be off by `room`; `of` are the states that have the order.
     """
 
-    system: Any
-    start: dict[str, Any]
-    t: tuple[float, float]
-    steps: tuple[tuple[int, ...], ...]
-    lost: tuple[str, ...] = ()
-    plain: Any = None
-
-    @property
-    def of(self):
-        return (*self.system.states, "lam")
-
-
-@dataclass(frozen=True)
-class Row:
-    """A method, its order in states and multipliers, and what it keeps."""
-
     method: Any
-    order: int
+    order: int | None
     on: tuple[str, ...]
     keeps: tuple[str, ...] = ()
+    steps: tuple[int, ...] = ()
+    room: float = 0.15
+    of: tuple[str, ...] = ()
 
     def __str__(self):  # noqa: D105
         return repr(self.method)
+
+    def counts(self, problem):
+        """Return the numbers of steps to measure the order by."""
+        if not self.steps:
+            return problem.steps[(self.order + 1) // 2 - 1]
+        return tuple(int(problem.finer * count) for count in self.steps)
 
 
 def spherical_pendulum():
@@ -156,6 +154,7 @@ PROBLEMS = {
         (0.0, 2.0),
         _STEPS,
         plain=Plain.lagrangian(4, top_lagrangian, lambda t, q: (ca.dot(q, q) - 1) / 2),
+        finer=2,
     ),
     "moving wire": Problem(
         moving_wire(),
@@ -169,6 +168,7 @@ PROBLEMS = {
             lambda t, q: q[1] - q[0] ** 2 / 2 - ca.sin(2 * t) / 2,
             lambda t, q, v: -v / 10,
         ),
+        finer=2,
     ),
     "breathing sphere": Problem(
         breathing_sphere(),
@@ -191,7 +191,15 @@ PROBLEMS = {
 #: The problems of second order, that is, with y' = z and a mass matrix.
 SECOND_ORDER = ("top", "moving wire", "breathing sphere")
 
-_KEEPS = ("hidden", "symplectic form", "reversibility")
+MECHANICS = tuple(PROBLEMS)
+ALL = PROBLEMS | FAMILIES
+NONHOLONOMIC = ("rolling disk", "pace", "bowl")
+SEPARABLE = ("swinging rod",)
+
+#: What symmetric symplectic methods keep, methods that are symmetric alone, and all.
+SYMPLECTIC = ("hidden", "symplectic form", "reversibility")
+SYMMETRIC = ("hidden", "reversibility")
+HIDDEN = ("hidden",)
 
 ALPHAS, BS, RHOS = (0.0, -0.1, -0.3, -1 / 3), (-1.0, 0.0, 1 / 3, 1.0), (0.0, 0.5, 0.8, 1.0)
 
@@ -202,7 +210,118 @@ EXTENDED = [
     *(lv.GeneralizedAlpha(rho, b=1, less_implicit=True) for rho in RHOS),
 ]
 
-ROWS = [
-    *(Row(lv.Spark(s), 2 * s, on=tuple(PROBLEMS), keeps=_KEEPS) for s in (1, 2, 3, 4)),
-    *(Row(method, 2, on=SECOND_ORDER, keeps=("hidden",)) for method in EXTENDED),
+FORCES = {"B": SYMPLECTIC, "A": SYMMETRIC, "D": SYMMETRIC, "C": HIDDEN, "C*": HIDDEN}
+
+#: Steps of Radau methods of one, two and three stages.
+RADAU = (1024, 2048, 4096), (64, 128, 256), (24, 48, 72)
+
+#: Steps of compositions, and those for which errors change sign or are at roundoff too soon.
+COMPOSED = {
+    "Y4": (64, 96, 144, 216),
+    "SU4": (32, 48, 72, 108),
+    "SS6s11": (20, 26, 34, 44),
+    "KL6": (32, 40, 50, 64),
+    "SS8s21": (10, 12, 14, 17),
+    "SS10s35": (7, 8, 9, 10),
+}
+HIGHEST = ("SS8s21", "SS10s35")
+SMOOTH = ("top", "breathing sphere", "nonlinear reaction")
+
+
+def composed(base, schemes, on, keeps=SYMPLECTIC):
+    """Return rows of compositions, whose multipliers come to their order later than the states."""
+    for scheme in schemes:
+        method = lv.Composition(base, scheme)
+        problems = SMOOTH if scheme in HIGHEST else on
+        yield Row(
+            method,
+            method.order,
+            problems,
+            keeps,
+            COMPOSED[scheme],
+            room=0.3,
+            of=("y", "z", "q", "v"),
+        )
+
+
+GENERAL = [
+    *(Row(lv.Spark(s), 2 * s, (*MECHANICS, *NONHOLONOMIC), SYMPLECTIC) for s in (1, 2, 3, 4)),
+    *(
+        Row(lv.Spark(s, points="radau"), 2 * s - 1, MECHANICS, HIDDEN, RADAU[s - 1])
+        for s in (1, 2, 3)
+    ),
+    *(
+        Row(lv.LobattoPair(s, force), 2 * s - 2, MECHANICS, keeps)
+        for s in (2, 3, 4)
+        for force, keeps in FORCES.items()
+    ),
+    *(Row(lv.LobattoPair(s), 2 * s - 2, NONHOLONOMIC, SYMMETRIC) for s in (2, 3, 4)),
+    Row(lv.LobattoPair(3, "C"), 4, NONHOLONOMIC, HIDDEN),
+    Row(lv.LobattoPair(2), 2, SEPARABLE, SYMPLECTIC),
+    *composed(lv.Spark(1), COMPOSED, MECHANICS),
+    *composed(lv.LobattoPair(2), ("Y4", "SS6s11", "SS8s21"), (*SMOOTH, *SEPARABLE)),
+    *composed(lv.LobattoPair(2, "A"), ("Y4", "SS6s11"), SMOOTH, SYMMETRIC),
+    *composed(lv.LobattoPair(2, "D"), ("Y4", "SS6s11"), SMOOTH, SYMMETRIC),
 ]
+ALPHA = [
+    *(Row(method, 2, SECOND_ORDER, HIDDEN) for method in EXTENDED),
+    *(Row(lv.ArnoldBruls(rho), 2, SECOND_ORDER) for rho in (0.0, 0.5, 0.8)),
+]
+INDEX2 = [
+    *(Row(lv.Spark(s), 2 * s, ("index 2",), SYMMETRIC) for s in (1, 2, 3, 4)),
+    Row(lv.Composition(lv.Spark(1), "SU4"), 4, ("index 2",), SYMMETRIC, (40, 80, 160)),
+]
+
+#: Many steps, of which the slope takes those that show the order.
+_SPREAD = tuple(int(8 * 1.25**k) for k in range(14))
+
+
+def volumes():
+    """Return rows of all compositions of fields."""
+    for scheme, facts in SCHEMES.items():
+        order, is_symmetric = facts["order"], scheme != "Lie"
+        keeps = ("volume", "reversibility") if is_symmetric else ("volume",)
+        steps = (4000, 8000, 16000) if order == 1 else _SPREAD
+        steps = tuple(4 * count for count in steps) if order == 2 else steps
+        method = lv.VolumeSplitting(composition=scheme)
+        yield Row(
+            method, order, ("five variables", "cubic charge"), keeps, steps, room=0.06 * order
+        )
+
+
+FIELDS = list(volumes())
+
+#: Symplectic and reversible as maps of (Re psi, Im psi); those of the grid keep the norm too.
+_SHEARS = ("symplectic form", "reversibility")
+SPLIT = {"S2": 2, "BM4": 4, "RKN4s6": 4, "BM6": 6, "RKN6s11": 6}
+WAVES = [
+    Row(lv.SchrodingerSplitting(1e-6, "fast"), None, ("chain",), (*_SHEARS, "tolerance")),
+    Row(lv.SchrodingerSplitting(1e-6, "stable"), None, ("chain",), (*_SHEARS, "tolerance")),
+    Row(lv.Chebyshev(1e-6), None, ("chain",), ("tolerance",)),
+    Row(lv.Lanczos(1e-6, dimension=6), None, ("chain",), ("tolerance",)),
+    *(
+        Row(lv.SplitOperator(name), order, ("moving grid",), (*_SHEARS, "norm"), (30, 42, 60), 0.2)
+        for name, order in SPLIT.items()
+    ),
+    *(
+        Row(
+            lv.Magnus(order, 1e-11),
+            order,
+            ("driven chain", "moving grid"),
+            _SHEARS,
+            (40, 56, 80),
+            0.2,
+        )
+        for order in (2, 4)
+    ),
+    *(
+        Row(lv.GrayManolopoulos(order), order, ("chain",), _SHEARS, _SPREAD, room=0.2)
+        for order in range(2, 7)
+    ),
+    *(
+        Row(lv.StabilitySplitting(order, stages), order, ("chain",), _SHEARS, _SPREAD)
+        for order, stages in ((2, 6), (4, 4), (6, 6), (8, 8))
+    ),
+]
+
+ROWS = [*GENERAL, *ALPHA, *INDEX2, *FIELDS, *WAVES]

@@ -3,8 +3,9 @@
 import casadi as ca
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
+from properties import examples
 from registry import PROBLEMS, SECOND_ORDER
 from scipy.linalg import null_space
 from test_order import orders, shifted_phi
@@ -138,7 +139,7 @@ def test_generalized_alpha_without_weight_on_the_old_acceleration_is_hht(name):
         np.testing.assert_allclose(one.states[state], two.states[state], rtol=0, atol=1e-12)
 
 
-@settings(max_examples=25)
+@examples(25)
 @given(
     st.sampled_from([(2, 1), (3, 1), (4, 2), (5, 3)]),
     st.sampled_from(METHODS),

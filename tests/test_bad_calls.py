@@ -56,21 +56,20 @@ def run(model=PENDULUM, method=lv.Spark(3), **changes):  # noqa: B008
     return lv.integrate(model, method, **call)
 
 
+def many(**changes):
+    """Swing it as two members of an ensemble, with something changed."""
+    call = {"t": (0.0, 1.0), "h": 0.1, "q": [[1.0, 0.0]] * 2, "v": [0.0, 0.0], **changes}
+    return lv.ensemble(PENDULUM, lv.Spark(3), **call)
+
+
 def damped(model=PENDULUM, **changes):
     """Swing it with controlled steps of a damping method, with something changed."""
     return run(model, lv.HHT(), **{"h": None, "rtol": 1e-3, **changes})
 
 
-def reversible(**changes):
+def reversible(monitor=None, **changes):
     """Swing it with reversible steps, with something changed."""
-    return run(
-        **{
-            "control": lv.Reversible(
-                **{k: changes.pop(k) for k in ("monitor", "h_min") if k in changes}
-            ),
-            **changes,
-        }
-    )
+    return run(**{"control": lv.Reversible(monitor), **changes})
 
 
 def composed(**changes):
@@ -303,6 +302,10 @@ ROWS = [
     ("reversible, no h", lambda: reversible(h=None), TypeError, "takes h, the step at the start"),
     ("monitor", lambda: run(monitor=abs), TypeError, r"hint: give control=lv.Reversible\(monit"),
     ("checkpoint", lambda: run(checkpoint=9), TypeError, r"hint: give lv.Store\(path, checkpoint="),
+    ("many rtol", lambda: many(rtol=1e-3), TypeError, "ensemble takes no rtol=\nhint: its memb"),
+    ("many t_eval", lambda: many(t_eval=[0.5]), TypeError, "takes no t_eval=\nhint: give every="),
+    ("many events", lambda: many(events={}), TypeError, "ensemble takes no events=\nhint: "),
+    ("many, no h", lambda: many(h=None), TypeError, "give either h or steps$"),
     ("dt", lambda: run(h=None, dt=0.1), TypeError, "takes no dt=\nhint: give h=, the step size"),
     ("monitor of 2", lambda: reversible(monitor=second), ValueError, "monitor returns 2 values"),
     ("monitor no function", lambda: reversible(monitor=1.0), TypeError, "monitor is a function"),

@@ -27,7 +27,7 @@ CORE_FLOORS = (
 )
 PACKAGE_FLOORS = (
     ("_core", "errors"),
-    ("_arguments", "_options", "events", "failure", "points", "tape", "terms"),
+    ("_arguments", "_job", "_options", "events", "failure", "points", "tape", "terms"),
     ("control", "methods", "systems"),
     ("solution", "splitting"),
     ("distribute", "planner"),

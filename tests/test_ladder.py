@@ -133,6 +133,12 @@ def test_the_generator_refuses_where_no_shears_exist():
         design(8, 4.0)
 
 
+def test_shears_go_forwards_in_time():
+    for method in STABILITY.values():
+        for part in (method["coefficients"][::2], method["coefficients"][1::2]):
+            assert abs(mp.fsum(mpf(c) for c in part) - 1) < 1e-14 * method["gain"]
+
+
 @pytest.mark.parametrize("row", REFERENCE["stability_polynomials"], ids=lambda row: row["limit"])
 def test_stability_polynomials_are_those_known(row):
     method = STABILITY["stability", row["order"], row["stages"]]

@@ -7,6 +7,7 @@ import pytest
 
 import liouville as lv
 from liouville.planner.waves.ladder import ROUNDOFF, ladder
+from liouville.planner.waves.propagators import Shears
 
 SITES = 24
 CHAIN = lv.Schrodinger(lv.Lattice(SITES, potential=np.random.default_rng(0).normal(size=SITES)))
@@ -93,7 +94,7 @@ def test_every_stable_rung_is_bounded_at_any_step_it_is_made_for(rung):
         kappa = rung.kappa[np.searchsorted(rung.fractions, fraction)]
         roundings = ROUNDOFF * rung.gain * np.sqrt(steps)
         plan = lv.plan(system, lv.SchrodingerSplitting(0.1, "stable"), t=t)
-        core = ("shears", rung.coefficients, 0.0, 0.5)
+        core = Shears(rung.coefficients, 0.0, 0.5)
         stops = tuple((float(end), steps // 100) for end in t[1:])
         forced = type(plan)(
             rung.name, None, 0.0, stops, theta, plan.bounds, steps * rung.n / 2, None, core=core

@@ -8,8 +8,9 @@ import numpy as np
 import pytest
 import scipy.sparse
 import sympy
-from hypothesis import assume, given, settings
+from hypothesis import assume, given
 from hypothesis import strategies as st
+from properties import examples
 
 from liouville.systems import PolynomialField
 
@@ -73,7 +74,7 @@ def built(tree, leaves, number):
     }[operation]()
 
 
-@settings(max_examples=100)
+@examples(100)
 @given(st.tuples(TREES, TREES, TREES))
 def test_expansion_is_exact(trees):
     p, others = Fraction(3, 4), ((1, 2), (0, 2), (0, 1))  # component i is free of variable i

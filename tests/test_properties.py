@@ -4,13 +4,14 @@ from dataclasses import dataclass
 
 import casadi as ca
 import numpy as np
-from hypothesis import example, given, settings
+from hypothesis import example, given
 from hypothesis import strategies as st
+from properties import examples
 
 import liouville as lv
 from liouville.tape import record
 
-FEW = settings(max_examples=25)
+FEW = examples(25)
 STEPS, H = 12, 0.05
 
 
@@ -226,7 +227,7 @@ BINARY = (
 OPERATIONS = [(f, 1) for f in UNARY] + [(f, 2) for f in BINARY]
 
 
-@settings(max_examples=200)
+@examples(200)
 @given(
     lines=st.lists(
         st.tuples(st.integers(0, len(OPERATIONS) - 1), st.integers(0, 99), st.integers(0, 99)),

@@ -3,8 +3,9 @@
 import numpy as np
 import pytest
 import scipy.sparse as sp
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
+from properties import examples
 from scipy.sparse.linalg import LinearOperator, aslinearoperator
 
 import liouville as lv
@@ -69,7 +70,7 @@ def chain_by_hand(chain):
     return h
 
 
-@settings(max_examples=25, deadline=None)
+@examples(25)
 @given(SEEDS, st.integers(1, 40), st.sampled_from([0.02, 0.3, 1.0]), st.booleans())
 def test_a_matrix_of_any_form_multiplies_as_it_does_in_numpy(seed, n, density, is_complex):
     rng = np.random.default_rng(seed)
@@ -78,7 +79,7 @@ def test_a_matrix_of_any_form_multiplies_as_it_does_in_numpy(seed, n, density, i
     assert agrees(lv.Schrodinger(sp.coo_array(matrix)), matrix, rng)
 
 
-@settings(max_examples=6, deadline=None)
+@examples(6)
 @given(SEEDS, st.integers(260, 280))
 def test_bounds_of_gershgorin_hold_where_eigenvalues_are_not_computed(seed, n):
     rng = np.random.default_rng(seed)
@@ -163,7 +164,7 @@ def test_a_scrambled_lattice_is_put_in_order(monkeypatch):
     assert agrees(system, matrix, rng)
 
 
-@settings(max_examples=25, deadline=None)
+@examples(25)
 @given(SEEDS, st.integers(2, 60), st.floats(0.0, 0.2))
 def test_phases_that_a_gauge_made_are_taken_away(seed, n, density):
     rng = np.random.default_rng(seed)

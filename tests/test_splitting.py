@@ -21,8 +21,9 @@ from fields import (
     toda,
     volterra,
 )  # fmt: skip
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
+from properties import examples
 
 from liouville.splitting import (
     Affine,
@@ -87,7 +88,7 @@ def check(parts: Split, terms: Terms, tolerance=1e-13):
     assert parts.mismatch(terms) <= (0 if terms.is_exact else tolerance)
 
 
-@settings(max_examples=60)
+@examples(60)
 @given(
     st.sampled_from(METHODS), st.integers(1, 4), st.integers(3, 10), st.integers(0, 999),
     st.booleans(), st.sampled_from(["split", "exact"]),

@@ -7,13 +7,14 @@ from math import prod
 import numpy as np
 import pytest
 from fields import SINE, abc_flow, lorenz96, random_exact
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
+from properties import examples
 
 from liouville.terms import Terms, Wave
 
 N = 4
-FEW = settings(max_examples=40)
+FEW = examples(40)
 numbers = st.fractions(-3, 3, max_denominator=8)
 rows = st.lists(
     st.tuples(st.integers(0, N - 1), numbers, st.lists(st.integers(0, N - 1), max_size=4)),

@@ -10,6 +10,7 @@ from fields import random_exact
 
 import liouville as lv
 from liouville import _core
+from liouville._job import Job
 from liouville.problems import load
 from liouville.splitting import crossed, split
 
@@ -84,10 +85,10 @@ def test_canonical_steps_have_their_printed_digits(case):
     scheme = {"Phi": "Lie"}.get(case["composition"], case["composition"])
     h, steps = float(Fraction(case["h"])), case["steps"]
     tape = _core.Tape([1, n, 0], 0, np.empty((0, 4), dtype=np.int64), np.empty(0))
-    run = _core.split_run(
-        crossed(parts), scheme, tape, np.empty(0), np.array([x0]), (n, None),
-        (0.0, h * steps, steps, steps), (False, True), 1, False,
-    )  # fmt: skip
+    job = Job(
+        start=(np.array([x0]),), span=(0.0, h * steps, steps, steps), observer=tape, seen=(n, None)
+    )
+    run = _core.run(crossed(parts), lv.VolumeSplitting(composition=scheme), job)
     assert run.advance(1e3) == "done"
     end = run.take()[1][-1]
     wanted = np.array([float(x) for x in case["x"]])
@@ -167,9 +168,11 @@ def test_a_spoiled_piece_is_found_out():
     spoiled = _core.Split(3, [shear])
     found = []
     for each in (pieces, spoiled):
-        run = _core.determinant_run(
-            each, "Lie", np.array([0.5, 0.2, 0.1]), (3, None), (0.0, 0.1, 1, 1), False
-        )
+        job = Job(
+            start=(np.array([[0.5, 0.2, 0.1]]),), span=(0.0, 0.1, 1, 1), observer="determinants",
+            seen=(3, None),
+        )  # fmt: skip
+        run = _core.run(each, lv.VolumeSplitting(composition="Lie"), job)
         assert run.advance(1e3) == "done"
         found.append(run.take()[1][-1, 3:])
     assert np.abs(found[0]).max() <= 1e-14

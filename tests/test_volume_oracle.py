@@ -8,6 +8,7 @@ from mpmath import mp, mpf
 
 import liouville as lv
 from liouville import _core
+from liouville._job import Job
 from liouville.splitting import crossed, split
 from liouville.splitting.border import packed
 
@@ -25,10 +26,8 @@ def test_the_core_makes_the_steps_that_are_written_down(diagonal, off_diagonal, 
     parts = split(terms, diagonal, off_diagonal, linear=linear, runge_kutta="heun")
     x = [0.25, -0.375, 0.5]
     tape = _core.Tape([1, 3, 0], 0, np.empty((0, 4), dtype=np.int64), np.empty(0))
-    run = _core.split_run(
-        crossed(parts), scheme, tape, np.empty(0), np.array([x]), (3, None), (0.0, 0.125, 2, 2),
-        (False, True), 1, False,
-    )  # fmt: skip
+    job = Job(start=(np.array([x]),), span=(0.0, 0.125, 2, 2), observer=tape, seen=(3, None))
+    run = _core.run(crossed(parts), lv.VolumeSplitting(composition=scheme), job)
     assert run.advance(1e3) == "done"
     end = run.take()[1][-1].ravel()
     with mp.workdps(30):

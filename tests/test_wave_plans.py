@@ -1,10 +1,13 @@
 """Plans of wave functions before they run: bounds of errors, tolerances, and fewest products."""
 
+import json
+
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from mpmath import mp
+from properties import examples
 
 import liouville as lv
 from liouville.planner.waves.ladder import ROUNDOFF, SHORTER, cheapest, ladder
@@ -44,7 +47,7 @@ def random_state(rng, n):
     return psi / np.linalg.norm(psi)
 
 
-@settings(max_examples=60)
+@examples(60)
 @given(
     seed=SEEDS,
     n=st.integers(2, 6),
@@ -73,7 +76,7 @@ def test_the_error_is_never_above_the_bound_and_the_bound_not_above_the_toleranc
     assert error <= solution.stats["bound"] <= tol
 
 
-@settings(max_examples=25)
+@examples(25)
 @given(
     seed=SEEDS,
     times=st.lists(st.floats(0.05, 40.0), min_size=1, max_size=6, unique=True).map(sorted),
@@ -92,7 +95,7 @@ def test_the_bound_holds_at_each_of_many_uneven_times(seed, times, tol, method):
     assert errors.max() <= solution.stats["bound"] + 1e-13 <= tol + 1e-13
 
 
-@settings(max_examples=25)
+@examples(25)
 @given(
     seed=SEEDS,
     theta=st.sampled_from([2.0, 20.0, 200.0]),
@@ -197,7 +200,7 @@ def bound(rung, x, steps):
     return found + ROUNDOFF * np.sqrt(steps) * rung.gain
 
 
-@settings(max_examples=100)
+@examples(100)
 @given(
     thetas=st.lists(st.floats(0.01, 500.0), min_size=1, max_size=4),
     tol=st.floats(2.0, 12.0).map(lambda k: 10**-k),
@@ -236,3 +239,46 @@ def test_what_no_splitting_reaches_is_a_series_and_said_so():
             lv.plan(UNIT, METHODS[mode](tol), t=short)
     with pytest.raises(ValueError, match=r"tol = 1e-13 is out of reach: .*\nhint: give tol of"):
         lv.plan(UNIT, METHODS["auto"](1e-13), t=(0.0, 300.0))
+
+
+SAVED = {
+    "splitting": (UNIT, lv.SchrodingerSplitting(1e-6)),
+    "series": (UNIT, lv.Chebyshev(1e-6)),
+    "Krylov": (UNIT, lv.Lanczos(1e-6)),
+}
+
+
+@pytest.mark.parametrize(("system", "method"), SAVED.values(), ids=SAVED)
+def test_a_plan_comes_back_from_its_file_and_runs_to_the_same_bits(tmp_path, system, method):
+    t, psi = (0.0, 3.0, 7.5), [0.6, 0.8j]
+    plan = lv.plan(system, method, t=t, psi=psi)
+    plan.save(tmp_path / "plan.json")
+    loaded = lv.Plan.load(tmp_path / "plan.json")
+    assert loaded == plan
+    assert (loaded.times, loaded.method, str(loaded)) == (t, method, str(plan))
+    one, other = (lv.integrate(system, each, t=t, psi=psi) for each in (plan, loaded))
+    assert one.psi.tobytes() == other.psi.tobytes()
+    with pytest.raises(ValueError, match="its form is 'wave', wanted field"):
+        lv.FieldPlan.load(tmp_path / "plan.json")
+
+
+BROKEN = {
+    "core": ({"core": []}, r"core is \(\)"),
+    "kind": ({"core": {"kind": "shear"}}, "no propagator 'shear'"),
+    "no core": ({"core": 3}, "core is 3"),
+    "stops": ({"stops": [[1.0, 0]]}, "stops has"),
+    "no stops": ({"stops": []}, "no steps or no bounds"),
+    "theta": ({"theta": "wide"}, "theta is 'wide'"),
+    "bounds": ({"bounds": [2.0, 1.0]}, "no steps or no bounds"),
+    "bound": ({"bound": "small"}, "bound is 'small'"),
+    "method": ({"method": {"name": "spark", "stages": 2}}, "its method is Spark"),
+}
+
+
+@pytest.mark.parametrize(("change", "message"), BROKEN.values(), ids=BROKEN)
+def test_a_file_that_is_no_plan_of_a_wave_is_refused(tmp_path, change, message):
+    path = tmp_path / "plan.json"
+    lv.plan(UNIT, t=(0.0, 1.0)).save(path)
+    path.write_text(json.dumps({**json.loads(path.read_text()), **change}))
+    with pytest.raises(ValueError, match=f"no plan that liouville saved: .*{message}"):
+        lv.Plan.load(path)

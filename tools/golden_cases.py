@@ -68,7 +68,7 @@ WAVE = (
 WAVE_STEPPED = (
     *(lv.SplitOperator(scheme) for scheme in ("S2", "BM4", "RKN4s6", "BM6", "RKN6s11")),
     *(lv.Magnus(order) for order in (2, 4)),
-    lv.StabilitySplitting(2, 8),
+    lv.StabilitySplitting(4, 8),
     lv.StabilitySplitting(4, 2, processed=False),
     *(lv.GrayManolopoulos(order) for order in (2, 6)),
 )

@@ -168,7 +168,7 @@ def limit(p: arb_poly, touches: list[arb]) -> arb:
 
 
 def factorised(p: arb_poly, touches: list[arb]) -> list[arb]:
-    """Return the shears with K21 = -K12 that have the least gain."""
+    """Return the shears with K21 = -K12 that have the least gain and go forwards in time."""
     m, rest = p.degree(), remainder(p, touches)
     pairs = factors(roots(arb_poly([c.mid() for c in rest])))
     common = reduce(mul, (arb_poly([1, -1 / z]) for z in touches), arb_poly([1]))
@@ -184,7 +184,8 @@ def factorised(p: arb_poly, touches: list[arb]) -> list[arb]:
         found = shears(in_x(upper, 1), in_x(lower, 0), 2 * m)
         if not best or growth(found, end) < growth(best, end):
             best = found
-    return best
+    # the polynomials leave the sign of x open
+    return best if sum(float(c) for c in best[::2]) > 0 else [-c for c in best]
 
 
 def growth(coefficients: list[arb], end: float) -> float:

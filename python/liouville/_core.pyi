@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 _Pattern = tuple[int, int, NDArray[np.int64], NDArray[np.int64]]
-_Trouble = dict[str, Any]
+_Error = dict[str, Any]
 _Term = tuple[int, int, float, "Rows"]
 
 __all__ = [
@@ -25,20 +25,14 @@ __all__ = [
     "Tape",
     "chebyshev_degree",
     "compositions",
-    "determinant_run",
     "ladder",
     "lobatto_pair",
-    "mechanical_ensemble",
     "mechanical_path",
-    "mechanical_run",
     "processor_degree",
     "project",
-    "schrodinger_run",
-    "section_run",
-    "semi_explicit_run",
+    "run",
     "spark_tableau",
     "split_program",
-    "split_run",
     "stability",
 ]
 
@@ -125,23 +119,23 @@ class SemiExplicit:
         y: NDArray[np.float64],
         z: NDArray[np.float64],
         params: NDArray[np.float64],
-    ) -> NDArray[np.float64] | _Trouble: ...
+    ) -> NDArray[np.float64] | _Error: ...
 
 @final
 class Run:
     def advance(
         self, seconds: float, steps: int | None = None
-    ) -> Literal["paused", "done"] | _Trouble: ...
+    ) -> Literal["paused", "done"] | _Error: ...
     @property
     def done(self) -> int: ...
     @property
     def over(self) -> int: ...
-    def failures(self) -> list[_Trouble]: ...
+    def failures(self) -> list[_Error]: ...
     @property
     def t(self) -> float: ...
     @property
     def stats(self) -> dict[str, int | float]: ...
-    def seen(
+    def events(
         self,
     ) -> tuple[list[tuple[NDArray[np.float64], NDArray[np.float64]]], tuple[int, float] | None]: ...
     def take(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]: ...
@@ -149,27 +143,11 @@ class Run:
     def save(self) -> NDArray[np.float64] | None: ...
     def restore(self, saved: NDArray[np.float64]) -> None: ...
 
-def mechanical_run(
-    problem: Mechanical | SecondOrder | Separable,
+def run(
+    system: Mechanical | Separable | SecondOrder | SemiExplicit | Split | Hamiltonian,
     method: object,
-    observer: Tape,
-    params: NDArray[np.float64],
-    start: Sequence[NDArray[np.float64]],
-    span: tuple[float, float, int, int],
-    control: tuple[object, ...] | None,
-    watch: tuple[int, NDArray[np.float64] | None, list[tuple[Tape, int, int, bool]]] | None,
-    states: bool,
-) -> Run | _Trouble: ...
-def mechanical_ensemble(
-    problem: Mechanical | SecondOrder | Separable,
-    method: object,
-    observer: Tape,
-    params: NDArray[np.float64],
-    start: Sequence[NDArray[np.float64]],
-    span: tuple[float, float, int, int],
-    states: bool,
-    threads: int,
-) -> Run: ...
+    job: object,
+) -> Run | _Error: ...
 def mechanical_path(
     problem: Mechanical,
     params: NDArray[np.float64],
@@ -178,51 +156,11 @@ def mechanical_path(
     y: NDArray[np.float64],
     z: NDArray[np.float64],
     times: NDArray[np.float64],
-) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]] | _Trouble: ...
-def semi_explicit_run(
-    problem: SemiExplicit,
-    method: object,
-    observer: Tape,
-    params: NDArray[np.float64],
-    start: tuple[NDArray[np.float64], NDArray[np.float64]],
-    span: tuple[float, float, int, int],
-    states: bool,
-) -> Run | _Trouble: ...
+) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]] | _Error: ...
 
 @final
 class Split:
     def __new__(cls, n: int, pieces: Sequence[tuple[object, ...]]) -> Split: ...
-
-def split_run(
-    split: Split,
-    scheme: str,
-    observer: Tape,
-    params: NDArray[np.float64],
-    x: NDArray[np.float64],
-    seen: tuple[int, NDArray[np.float64] | None],
-    span: tuple[float, float, int, int],
-    options: tuple[bool, bool],
-    threads: int,
-    is_ensemble: bool,
-) -> Run | _Trouble: ...
-def determinant_run(
-    split: Split,
-    scheme: str,
-    x: NDArray[np.float64],
-    seen: tuple[int, NDArray[np.float64] | None],
-    span: tuple[float, float, int, int],
-    is_compensated: bool,
-) -> Run | _Trouble: ...
-def section_run(
-    split: Split,
-    scheme: str,
-    x: NDArray[np.float64],
-    seen: tuple[int, NDArray[np.float64] | None],
-    plane: tuple[NDArray[np.float64], float, float | None, int],
-    span: tuple[float, float, int],
-    is_compensated: bool,
-    threads: int,
-) -> Run | _Trouble: ...
 
 @final
 class Operator:
@@ -262,25 +200,15 @@ class Hamiltonian:
     def asymmetry(self, seed: int) -> float: ...
 
 def chebyshev_degree(theta: float, tolerance: float) -> int: ...
-def processor_degree(order: int, stages: int, largest: float) -> int | None: ...
+def processor_degree(order: int, stages: int, theta: float) -> int | None: ...
 def split_program(name: str) -> list[tuple[bool, float, float]]: ...
-def schrodinger_run(
-    hamiltonian: Hamiltonian,
-    method: tuple[object, ...],
-    psi: NDArray[np.complex128],
-    span: tuple[float, Sequence[tuple[float, int]]],
-    observables: Sequence[tuple[object, ...]],
-    states: bool,
-    threads: int,
-    is_ensemble: bool,
-) -> Run | _Trouble: ...
 def project(
     tapes: tuple[Tape, Tape, Tape],
     patterns: tuple[_Pattern, _Pattern],
     x: NDArray[np.float64],
     held: NDArray[np.float64],
     params: NDArray[np.float64],
-) -> NDArray[np.float64] | _Trouble: ...
+) -> NDArray[np.float64] | _Error: ...
 def lobatto_pair(stages: int, force: str) -> dict[str, NDArray[np.float64]]: ...
 def spark_tableau(stages: int, points: str) -> dict[str, NDArray[np.float64]]: ...
 def compositions() -> dict[str, dict[str, Any]]: ...

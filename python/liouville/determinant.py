@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from dataclasses import replace
 from typing import Any
 
-import numpy as np
 from numpy.typing import ArrayLike
 
 from liouville import _core
@@ -94,12 +94,8 @@ class _DeterminantRunner(FieldRunner):
 
     def start(self) -> _core.Run | dict[str, Any]:
         """Start the run, or return the error of its start."""
-        steps, parts, method = self.steps, self.split, self.choice.method
-        return _core.determinant_run(
-            crossed(parts), method.composition, np.ascontiguousarray(parts.inward(self.x)[0]),
-            (len(self.system.coordinates), parts.outward),
-            (steps.t0, steps.t1, steps.count, self.every), method.compensated,
-        )  # fmt: skip
+        job = replace(self.job, observer="determinants")
+        return _core.run(crossed(self.split), self.choice.method, job)
 
     def describe(self, error: dict[str, Any]) -> Description:
         """Describe an error in the user's names: sentence, hint and quantity."""

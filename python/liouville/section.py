@@ -148,11 +148,9 @@ def section(
     assert isinstance(runner, FieldRunner)
     names = system.coordinates
     normal, cuts = _plane(plane, names), _cuts(offset, period, direction)
-    made, parts, chosen = runner.steps, runner.split, runner.choice.method
-    run = _core.section_run(
-        crossed(parts), chosen.composition, parts.inward(runner.x), (len(names), parts.outward),
-        (normal, *cuts), (made.t0, made.t1, made.count), chosen.compensated, runner.threads,
-    )  # fmt: skip
+    made = runner.steps
+    job = replace(runner.job, observer=(normal, *cuts))
+    run = _core.run(crossed(runner.split), runner.choice.method, job)
     outcome = run if isinstance(run, dict) else advance(run, runner, progress)
     _, rows = (None, np.empty((0, 2 + len(names)))) if isinstance(run, dict) else run.take()
     failures = {} if isinstance(run, dict) else failures_of(run, runner)

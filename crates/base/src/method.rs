@@ -1,4 +1,4 @@
-//! Methods at work: a stepper owns the memory of a step and advances a state.
+//! Steppers: a stepper owns the memory of a step and advances a state.
 
 use crate::checkpoint::Checkpoint;
 use crate::error::StepError;

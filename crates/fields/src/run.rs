@@ -29,7 +29,7 @@ pub struct Method {
     pub is_compensated: bool,
 }
 
-/// What is recorded of the trajectories.
+/// Records of the trajectories.
 #[derive(Clone, Debug)]
 pub enum Recorded {
     /// The states, if they are wanted, and the outputs of a tape (t, x, params).
@@ -58,7 +58,7 @@ pub struct Job {
     pub variables: UserVariables,
     /// From where to where; a section looks at every step.
     pub span: Span,
-    /// What is recorded.
+    /// Its records.
     pub recorded: Recorded,
     /// Threads: of an ensemble, or of one large state.
     pub threads: usize,

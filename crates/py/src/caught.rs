@@ -9,7 +9,7 @@ use std::sync::{Arc, Mutex, PoisonError};
 pub(crate) struct Caught(Arc<Mutex<Option<PyErr>>>);
 
 impl Caught {
-    /// Keeps what was raised, if anything was; whether nothing was.
+    /// Keeps the exception of an outcome, if there is one; returns whether there is none.
     pub(crate) fn is_fine(&self, outcome: PyResult<()>) -> bool {
         let Err(error) = outcome else {
             return true;
@@ -21,12 +21,12 @@ impl Caught {
         false
     }
 
-    /// What was raised.
+    /// The exception, if there is one.
     pub(crate) fn take(&self) -> Option<PyErr> {
         self.0.lock().unwrap_or_else(PoisonError::into_inner).take()
     }
 
-    /// CancelToken that ends with a signal, such as Ctrl-C.
+    /// A token that is cancelled by a signal, such as Ctrl-C.
     pub(crate) fn cancel(&self) -> CancelToken {
         let caught = self.clone();
         #[allow(clippy::redundant_closure_for_method_calls)]

@@ -18,10 +18,10 @@ const INPUT: i64 = -1;
 const CONSTANT: i64 = -2;
 const OUTPUT: i64 = -3;
 
-/// What an object is made of again where it arrives: a function and its arguments.
+/// The pickled form of an object: a function and its arguments.
 pub(crate) type Recipe<'py> = (Bound<'py, PyAny>, Bound<'py, PyTuple>);
 
-/// The arguments that a problem was made of; it is made again of them.
+/// The arguments that a problem was made of, for its pickled form.
 #[derive(Clone)]
 pub(crate) struct Made(Arc<Py<PyTuple>>);
 
@@ -40,13 +40,13 @@ impl Made {
         Ok(Self(Arc::new(own.unbind())))
     }
 
-    /// How to make another.
+    /// The pickled form of the problem.
     pub(crate) fn again<'py, T: pyo3::PyTypeInfo>(&self, py: Python<'py>) -> Recipe<'py> {
         (PyType::new::<T>(py).into_any(), self.0.bind(py).clone())
     }
 }
 
-/// A validated program, and what it was validated from: the program's bytes, and its terms.
+/// A validated program, with its bytes and its terms for the pickled form.
 #[pyclass(frozen, module = "liouville._core")]
 #[derive(Clone)]
 pub(crate) struct Tape(
@@ -81,7 +81,7 @@ impl Tape {
         Self::of(&inputs, outputs, &program)
     }
 
-    /// A tape that has travelled: its program, and the arguments of `with_terms` if it has any.
+    /// A pickled tape: its program, and the arguments of `with_terms` if it has any.
     #[staticmethod]
     #[pyo3(signature = (inputs, outputs, program, terms = None))]
     fn unpacked(
@@ -183,7 +183,7 @@ impl Tape {
         self.0.len()
     }
 
-    /// StepSizes of the input groups; the last is the parameters.
+    /// Sizes of the input groups; the last is the parameters.
     #[getter]
     fn inputs(&self) -> Vec<usize> {
         self.0.inputs().to_vec()

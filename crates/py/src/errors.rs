@@ -6,12 +6,12 @@ use pyo3::prelude::*;
 use pyo3::types::PyDict;
 use std::fmt::Display;
 
-/// Something malformed, which only a direct call of the core can hand over.
+/// An error of sizes or options, which only a direct call of the core can make.
 pub(crate) fn refused(error: impl Display) -> PyErr {
     PyValueError::new_err(error.to_string())
 }
 
-/// A error as a dictionary: its kind, its numbers, and its own sentence.
+/// An error as a dictionary: its kind, its numbers, and its own sentence.
 pub(crate) fn error<'py>(py: Python<'py>, error: &StepError) -> PyResult<Bound<'py, PyDict>> {
     let dict = PyDict::new(py);
     dict.set_item("message", error.to_string())?;

@@ -1,7 +1,6 @@
 //! The border between Python and the core: conversions, and nothing else.
 //!
-//! What crosses: programs and patterns once a system, start values and options once a run, arrays
-//! back. No Python runs inside a step; the loop runs detached from the interpreter.
+//! Programs and patterns cross once a system, methods and jobs once a run; arrays come back. No Python runs inside a step; the loop runs detached from the interpreter.
 #![allow(clippy::needless_pass_by_value)] // PyO3 hands arguments over by value
 
 mod caught;

@@ -95,18 +95,18 @@ impl MethodOf {
     }
 }
 
-/// A control of the steps: ("error", rtol, atol, first step or 0, least step), or ("reversible", first step, least
+/// A control of the steps: (rtol, atol, first step or 0, least step) by errors, or reversible (first step, least
 /// step, a tape with whether it depends on z' or None).
 #[derive(FromPyObject)]
 enum ControlOf<'py> {
-    Adaptive(String, f64, PyReadonlyArray1<'py, f64>, f64, f64),
-    Reversible(String, f64, f64, Option<(PyRef<'py, convert::Tape>, bool)>),
+    Adaptive(f64, PyReadonlyArray1<'py, f64>, f64, f64),
+    Reversible(f64, f64, Option<(PyRef<'py, convert::Tape>, bool)>),
 }
 
 impl ControlOf<'_> {
     fn read(&self) -> PyResult<Control> {
         match self {
-            Self::Adaptive(_, rtol, atol, first, least) => Ok(Control::Adaptive {
+            Self::Adaptive(rtol, atol, first, least) => Ok(Control::Adaptive {
                 tolerance: Tolerance {
                     rtol: *rtol,
                     atol: atol.as_slice()?.to_vec(),
@@ -114,7 +114,7 @@ impl ControlOf<'_> {
                 first: (*first > 0.0).then_some(*first),
                 least: *least,
             }),
-            Self::Reversible(_, first, least, monitor) => {
+            Self::Reversible(first, least, monitor) => {
                 let monitor = monitor.as_ref();
                 Ok(Control::Reversible {
                     first: *first,

@@ -265,7 +265,7 @@ impl Hamiltonian {
 }
 
 impl Hamiltonian {
-    /// What a function raised that makes products, or what else there is to say.
+    /// The exception of a function that makes products, or else this error.
     fn explained(&self, error: StepError) -> PyErr {
         let raised = self.caught.iter().find_map(Caught::take);
         raised.unwrap_or_else(|| refused(error))

@@ -1,4 +1,4 @@
-//! A tape's program as bytes, a few for each line, which is how tapes travel.
+//! A tape's program as bytes, a few for each line, for pickled tapes.
 //!
 //! A line is one byte for its kind, 0 an input, 1 a constant, 2 an output and 3 + k operation k of
 //! [`Op::ALL`], then its indices in LEB128 and, of a constant, eight bytes of its value.
@@ -65,7 +65,7 @@ fn write(bytes: &mut Vec<u8>, kind: u8, indices: &[usize]) {
     }
 }
 
-/// What is left to read.
+/// The bytes left to read.
 struct Reader<'a>(&'a [u8]);
 
 impl Reader<'_> {

@@ -79,7 +79,7 @@ impl Run {
 #[pymethods]
 impl Run {
     /// Makes steps for `seconds`, or until there are `steps` in all; "paused", "done", or the error with the
-    /// step and its time. What Python raised inside a step is raised here.
+    /// step and its time. An exception raised inside a step is raised here.
     #[pyo3(signature = (seconds, steps = None))]
     fn advance<'py>(
         &mut self,
@@ -139,7 +139,7 @@ impl Run {
         self.inner.failures().into_iter().map(of_member).collect()
     }
 
-    /// What the stepper has done.
+    /// Statistics of the steps.
     #[getter]
     fn stats<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
         let (stats, rejected) = self.inner.stats();

@@ -164,7 +164,7 @@ struct MethodOf {
     compensated: bool,
 }
 
-/// What is recorded: outputs of a tape, where trajectories pass a plane (normal, offset, period, 1 up or −1 down or 0
+/// Records: outputs of a tape, points where trajectories pass a plane (normal, offset, period, 1 up or −1 down or 0
 /// both), or "determinants".
 #[derive(FromPyObject)]
 enum RecordedOf<'py> {

@@ -9,6 +9,7 @@
 )]
 
 pub mod meaning;
+pub mod properties;
 pub mod quantum;
 pub mod splits;
 pub mod walk;

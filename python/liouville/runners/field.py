@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 
 from liouville import _core
+from liouville._job import Job
 from liouville.control import Takes
 from liouville.errors import Description, describe, hinted
 from liouville.methods import VolumeSplitting
@@ -58,12 +59,17 @@ class FieldRunner(Runner):
 
     def start(self) -> _core.Run | dict[str, Any]:
         """Start the run, or return the error of its start."""
-        steps, parts, method = self.steps, self.split, self.choice.method
-        return _core.split_run(
-            crossed(parts), method.composition, self._observer, self.system.values(None),
-            parts.inward(self.x), (len(self.system.coordinates), parts.outward),
-            (steps.t0, steps.t1, steps.count, self.every), (method.compensated, self._states),
-            self.threads, bool(self.members),
+        return _core.run(crossed(self.split), self.choice.method, self.job)
+
+    @property
+    def job(self) -> Job:
+        """The run as the core begins it."""
+        steps, parts = self.steps, self.split
+        return Job(
+            start=(parts.inward(self.x),), span=(steps.t0, steps.t1, steps.count, self.every),
+            observer=self._observer, params=self.system.values(None), states=self._states,
+            seen=(len(self.system.coordinates), parts.outward), threads=self.threads,
+            is_ensemble=bool(self.members),
         )  # fmt: skip
 
     def stats(self, run: _core.Run) -> dict[str, Any]:

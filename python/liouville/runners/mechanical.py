@@ -9,6 +9,7 @@ import numpy as np
 
 from liouville import _core
 from liouville._arguments import check_memory
+from liouville._job import Job
 from liouville.control import CONTROLS, LEAST_TOLERANCE, Reversible, Takes
 from liouville.errors import Description, describe, hinted, quoted
 from liouville.methods import Composition, LobattoPair, Method, Spark
@@ -50,12 +51,18 @@ class MechanicalRunner(Runner):
 
     def start(self) -> _core.Run | dict[str, Any]:
         """Start the run, or return the error of its start."""
-        steps, control = self.steps, self.steps.control
-        if control is not None and self._control == "reversible":
-            control = (*control, self._monitor)
-        return _core.mechanical_run(
-            self._problem, self.choice, self._observer, self._values, self._begin,
-            (steps.t0, steps.t1, steps.count, self.every), control, self._watched, self._states,
+        return _core.run(self._problem, self.choice, self._job())
+
+    def _job(self) -> Job:
+        """Return the run as the core begins it."""
+        steps, control = self.steps, None
+        if steps.control is not None:
+            monitor = (self._monitor,) if self._control == "reversible" else ()
+            control = (*steps.control[1:], *monitor)
+        return Job(
+            start=self._begin, span=(steps.t0, steps.t1, steps.count, self.every),
+            observer=self._observer, params=self._values, states=self._states,
+            control=control, watch=self._watched,
         )  # fmt: skip
 
     @property

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Any
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from liouville import _core
+from liouville._job import Job
 from liouville.control import Takes
 from liouville.errors import hinted
 from liouville.methods import Method
@@ -26,13 +27,8 @@ class MembersRunner(MechanicalRunner):
         self.threads = threads_of(request.threads)
         super().__init__(system, method, request)
 
-    def start(self) -> _core.Run | dict[str, Any]:
-        """Start the run."""
-        steps = self.steps
-        return _core.mechanical_ensemble(
-            self._problem, self.choice, self._observer, self._rows, self._begin,
-            (steps.t0, steps.t1, steps.count, self.every), self._states, self.threads,
-        )  # fmt: skip
+    def _job(self) -> Job:
+        return replace(super()._job(), params=self._rows, threads=self.threads, is_ensemble=True)
 
     @property
     def dense_order(self) -> int:

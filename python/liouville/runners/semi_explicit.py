@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 from liouville import _core
+from liouville._job import Job
 from liouville.control import Takes
 from liouville.errors import Description
 from liouville.methods import Composition, Spark
@@ -39,10 +40,11 @@ class SemiExplicitRunner(Runner):
     def start(self) -> _core.Run | dict[str, Any]:
         """Start the run, or return the error of its start."""
         steps = self.steps
-        return _core.semi_explicit_run(
-            self.system.problem, self.choice, self._observer, self._values, self._begin,
-            (steps.t0, steps.t1, steps.count, self.every), self._states,
+        job = Job(
+            start=self._begin, span=(steps.t0, steps.t1, steps.count, self.every),
+            observer=self._observer, params=self._values, states=self._states,
         )  # fmt: skip
+        return _core.run(self.system.problem, self.choice, job)
 
     def stats(self, run: _core.Run) -> dict[str, Any]:
         """Return the numbers of a run."""

@@ -53,7 +53,7 @@ class Watch:
         self, run: _core.Run, system: Mechanics, params: np.ndarray
     ) -> tuple[dict[str, Points], str]:
         """Return the events by name, and which of them ended the run."""
-        found, end = run.seen()
+        found, end = run.events()
         points = {}
         for name, (times, rows) in zip(self.events, found, strict=False):
             width = 2 * len(system.coordinates) + len(system.constraints)

@@ -10,6 +10,7 @@ import numpy as np
 
 from liouville import _core
 from liouville._arguments import times_of
+from liouville._job import Job
 from liouville.control import Steps, Takes, steps_of
 from liouville.errors import Description, describe, hinted
 from liouville.methods import Stepped, WaveMethod
@@ -65,10 +66,11 @@ class WaveRunner(Runner):
         plan = self.plan
         observables = [("symmetric", self.system.hamiltonian), ("start",)]
         observables += [each for _, _, each in self._observed]
-        return _core.schrodinger_run(
-            self.system.hamiltonian, plan.core, np.atleast_2d(self.psi), (plan.t0, plan.stops),
-            observables, self._states, self.threads, bool(self.members),
+        job = Job(
+            start=(np.atleast_2d(self.psi),), span=(plan.t0, plan.stops), observer=observables,
+            states=self._states, threads=self.threads, is_ensemble=bool(self.members),
         )  # fmt: skip
+        return _core.run(self.system.hamiltonian, plan.core, job)
 
     def stats(self, run: _core.Run) -> dict[str, Any]:
         """Return the numbers of a run: steps, products for each state, the bound of its error."""

@@ -1,13 +1,11 @@
 //! Inverses of matrices that fall into small blocks, as the masses of rigid bodies do.
 #![allow(clippy::inline_always)] // what is not inlined is compiled without the registers it is for
 
+use super::choice::LARGEST_BLOCK;
 use super::kernels::short;
 use super::{Lu, Pattern, Singular};
 use crate::real::Real;
 use crate::simd::dispatch_simd;
-
-/// Order of the largest block that is inverted.
-const MOST: usize = 8;
 
 /// The inverse of a block-diagonal matrix, whose blocks may stand anywhere.
 #[derive(Clone, Debug)]
@@ -37,7 +35,7 @@ impl<R: Real> Blocks<R> {
             place[unknown] = block.len();
             block.push(unknown as u32);
         }
-        if blocks.iter().any(|block| block.len() > MOST) {
+        if blocks.iter().any(|block| block.len() > LARGEST_BLOCK) {
             return None;
         }
         let mut first = vec![0; n];
@@ -63,7 +61,7 @@ impl<R: Real> Blocks<R> {
             orders: blocks.iter().map(Vec::len).collect(),
             unknowns: blocks.concat(),
             slots,
-            lu: (0..=MOST).map(Lu::new).collect(),
+            lu: (0..=LARGEST_BLOCK).map(Lu::new).collect(),
         })
     }
 
@@ -153,7 +151,7 @@ fn multiply<R: Real, const N: usize>(inverse: &[R], unknowns: &[u32], b: &mut [R
 /// The same of several members, whose sums are vectors already.
 #[inline(always)]
 fn multiply_members<R: Real>(inverse: &[R], unknowns: &[u32], b: &mut [R]) {
-    let mut sums = [R::splat(0.0); MOST];
+    let mut sums = [R::splat(0.0); LARGEST_BLOCK];
     for (i, sum) in sums.iter_mut().enumerate().take(unknowns.len()) {
         let mut total = R::splat(-0.0);
         for (column, unknown) in inverse.chunks_exact(unknowns.len()).zip(unknowns) {

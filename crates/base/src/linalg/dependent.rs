@@ -1,10 +1,11 @@
-//! What to say of a matrix whose rows depend on one another.
+//! Rows of a matrix that depend on one another, to name in an error.
 
+use super::choice::LARGEST_DENSE_RANK;
 use super::{Matrix, Pattern, Sparse, add_scaled, max_norm};
 
 /// Rows whose combination vanishes: the first row that depends on those before it, and those it needs.
 ///
-/// Each row is measured by its own largest entry, and roundoff is split_front to be √ε of it.
+/// Each row is measured by its own largest entry, and roundoff is taken to be √ε of it.
 pub fn dependent_rows(mut matrix: Matrix) -> Option<Vec<usize>> {
     let (rows, cols) = (matrix.rows(), matrix.cols());
     let tiny = f64::EPSILON.sqrt();
@@ -36,15 +37,12 @@ pub fn dependent_rows(mut matrix: Matrix) -> Option<Vec<usize>> {
     None
 }
 
-/// Up to this many entries, dense copies of a matrix are nothing to think of: 2 MB.
-const SMALL: usize = 250_000;
-
 /// [`dependent_rows`] of a sparse matrix; where it is large, more than one dependency may be in what is named.
 ///
 /// Large, it is the null vector of [[1, Aᵀ], [A, 0]] that names them.
 pub fn dependencies(pattern: &Pattern, values: &[f64]) -> Option<Vec<usize>> {
     let (rows, cols) = pattern.shape();
-    if rows * cols <= SMALL {
+    if rows * cols <= LARGEST_DENSE_RANK {
         let mut dense = Matrix::zeros(rows, cols);
         pattern.add_to(values, 1.0, &mut dense, 0, 0);
         return dependent_rows(dense);
@@ -61,12 +59,12 @@ pub fn dependencies(pattern: &Pattern, values: &[f64]) -> Option<Vec<usize>> {
     let right = each().map(|(&(i, j), value)| ((j, cols + i), value / scale[i]));
     let one = (0..cols).map(|k| ((k, k), 1.0));
     let (entries, values): (Vec<_>, Vec<_>) = one.chain(below).chain(right).unzip();
-    let whole = Pattern {
+    let augmented = Pattern {
         rows: rows + cols,
         cols: rows + cols,
         entries,
     };
-    let mut factor = Sparse::new(&whole);
+    let mut factor = Sparse::new(&augmented);
     factor.factor(&values).err()?;
     let parts = factor.null_vector().skip(cols);
     Some(

@@ -1,6 +1,7 @@
 //! Factorisations.
 #![allow(clippy::inline_always)] // what is not inlined is compiled without the registers it is for
 
+use super::choice::prefers_sparse;
 use super::kernels::short;
 use super::{Blocks, Matrix, Pattern, SparseOf, add_scaled, dot, max_norm, scale_each};
 use crate::real::Real;
@@ -257,13 +258,6 @@ pub enum Factor<R = f64> {
     Dense(Lu<R>),
     /// Sparse LU.
     Sparse(Box<SparseOf>),
-}
-
-/// Whether the sparse LU is the faster one. Measured, dense over sparse: chains (three entries a row)
-/// 0.95 at order 30, 1.1 at 36, 6.5 at 201; seven a row 0.5 at 24, 1.5 at 60 (of a whole step), 1.9 at
-/// 100; full 0.6 at 128, 1.4 at 200.
-pub(crate) fn prefers_sparse(order: usize, entries: usize) -> bool {
-    order >= 32 && (6 * entries <= order * order || order >= 160)
 }
 
 /// The inverse of a diagonal matrix.

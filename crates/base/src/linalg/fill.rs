@@ -10,18 +10,18 @@ use std::collections::VecDeque;
 /// Order and places of the factors of matrices of one pattern: the diagonal, the columns below it, the
 /// rows right of it, step by step.
 #[derive(Clone, Debug)]
-pub(super) struct Plan {
+pub(super) struct EliminationPlan {
     /// The unknown of each step.
     pub(super) order: Vec<u32>,
     /// Where the neighbours of each step start; one more than there are steps.
     pub(super) starts: Vec<u32>,
     /// The later steps that each step is coupled to.
     pub(super) neighbours: Vec<u32>,
-    /// Where L_a U_b is split_front away, for all pairs (a, b) of neighbours of each step.
+    /// Where L_a U_b is subtracted, for all pairs (a, b) of neighbours of each step.
     pub(super) targets: Vec<u32>,
 }
 
-impl Plan {
+impl EliminationPlan {
     /// The plan for matrices with symmetric pattern `couplings`; `None` where an unknown costs more than
     /// `most` updates on average.
     pub(super) fn new(couplings: &Pattern, most: usize) -> Option<Self> {

@@ -4,16 +4,14 @@
 
 mod assembly;
 mod blocks;
+pub mod choice;
 mod dependent;
-mod elimination;
 mod factor;
 mod fill;
-mod gram;
 mod kernels;
 mod matrix;
 mod members;
 mod node_gram;
-mod node_rows;
 mod pattern;
 mod product;
 mod rows;
@@ -22,18 +20,16 @@ mod tridiagonal;
 
 pub use assembly::Assembly;
 pub use blocks::Blocks;
+pub(crate) use choice::prefers_sparse;
 pub use dependent::{dependencies, dependent_rows};
-pub(crate) use factor::prefers_sparse;
 pub use factor::{Factor, Lu, Singular};
-pub use gram::Gram;
 pub use kernels::{
     add_scaled, all_finite, as_is, carry, combine, copy, copy_scaled, dot, gather, max_norm,
     scale_each,
 };
 pub use matrix::Matrix;
 pub use members::SparseOf;
-pub use node_gram::NodeGram;
-pub use node_rows::NodeRows;
+pub use node_gram::{NodeGram, dispatch_simd_nodes};
 pub use pattern::{Pattern, PatternError};
 pub use product::Product;
 pub use rows::Rows;

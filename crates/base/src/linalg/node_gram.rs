@@ -10,20 +10,16 @@
 //! of a solve leaves for the next is then a single product.
 #![allow(clippy::inline_always)] // what is not inlined is compiled without the registers it is for
 
-use super::fill::Plan;
-use super::product::{Meeting, meetings};
+use super::choice::{MOST_NODES, MOST_UPDATES, MOST_WIDE_NODES};
+use super::fill::EliminationPlan;
+use super::product::Pairs;
 use super::{Lu, Matrix, Pattern, Singular};
 use crate::real::Real;
-use crate::simd::dispatch_simd_nested;
+use crate::simd::dispatch_simd;
 use std::array::from_fn;
 
 /// Pivots below this fraction of what stood in their place are roundoff.
 const TINY: f64 = 1e3 * f64::EPSILON;
-/// Updates a block may cost on average. Spherical joints of rigid bodies take 22, revolute ones 60, and a
-/// few closed loops little more.
-const MOST_UPDATES: usize = 150;
-/// The most nodes there is code for.
-const MOST_NODES: usize = 8;
 
 /// Runs `$body` with the constant `$K` equal to `$k`.
 #[macro_export]
@@ -43,13 +39,12 @@ macro_rules! at_size {
 #[derive(Clone, Debug)]
 pub struct NodeGram<R = f64> {
     nodes: usize,
-    /// Where the pairs of each place start; one more than there are places.
-    starts: Vec<u32>,
-    pairs: Vec<(u32, u32)>,
+    /// The entries of A and B whose product each value is a sum of.
+    pairs: Pairs,
     /// P⁻¹, and (P⁻¹)_ij P_jl with i the fastest and l the slowest.
     inverse: Matrix,
     weights: Vec<f64>,
-    plan: Plan,
+    plan: EliminationPlan,
     values: Vec<R>,
     scale: Vec<R>,
     x: Vec<R>,
@@ -66,9 +61,7 @@ impl<R: Real> NodeGram<R> {
         if nodes > MOST_NODES {
             return None;
         }
-        let meetings = meetings(a, b);
-        let mut places: Vec<(usize, usize)> = meetings.iter().map(|(place, _)| *place).collect();
-        places.dedup();
+        let (places, pairs) = Pairs::new(a, b);
         let mut couplings = places.clone();
         couplings.extend(places.iter().map(|(row, col)| (*col, *row)));
         couplings.extend((0..m).map(|row| (row, row)));
@@ -79,15 +72,14 @@ impl<R: Real> NodeGram<R> {
             cols: m,
             entries,
         };
-        let plan = Plan::new(&pattern(couplings), MOST_UPDATES)?;
+        let plan = EliminationPlan::new(&pattern(couplings), MOST_UPDATES)?;
         let slots = plan.slots(&pattern(places));
         let inverse = inverse(weights);
         let weigh = |i: usize, j: usize, l: usize| inverse[(i, j)] * weights[(j, l)];
         let each = |l| (0..nodes).flat_map(move |j| (0..nodes).map(move |i| (i, j, l)));
-        let mut gram = Self {
+        Some(Self {
             nodes,
-            starts: vec![0],
-            pairs: Vec::with_capacity(meetings.len()),
+            pairs: pairs.moved(&slots, plan.places()),
             weights: (0..nodes)
                 .flat_map(each)
                 .map(|(i, j, l)| weigh(i, j, l))
@@ -97,21 +89,7 @@ impl<R: Real> NodeGram<R> {
             x: vec![R::splat(0.0); m * nodes],
             inverse,
             plan,
-        };
-        gram.lay_out(&meetings, &slots);
-        Some(gram)
-    }
-
-    fn lay_out(&mut self, meetings: &[Meeting], slots: &[usize]) {
-        let mut of_slot = vec![&meetings[..0]; self.plan.places()];
-        for (slot, group) in slots.iter().zip(meetings.chunk_by(|a, b| a.0 == b.0)) {
-            of_slot[*slot] = group;
-        }
-        for group in of_slot {
-            self.pairs.extend(group.iter().map(|(_, pair)| *pair));
-            #[allow(clippy::cast_possible_truncation)] // more pairs would not fit in memory
-            self.starts.push(self.pairs.len() as u32);
-        }
+        })
     }
 
     /// Factors the matrix of A and B with these values.
@@ -122,11 +100,10 @@ impl<R: Real> NodeGram<R> {
     /// # Panics
     /// When there are fewer values than entries.
     pub fn factor(&mut self, a: &[R], b: &[R]) -> Result<(), Singular> {
-        dispatch_simd_nested::<R, _>(
-            self.x.len(),
-            #[inline(always)]
-            || at_size!(self.nodes, K => { self.multiply::<K>(a, b); self.eliminate::<K>() }),
-        )
+        at_size!(self.nodes, K => dispatch_simd_nodes::<R, K, _>(#[inline(always)] || {
+            self.multiply::<K>(a, b);
+            self.eliminate::<K>()
+        }))
     }
 
     /// Solves in place: `b` has the right-hand side of the matrix without P⁻¹.
@@ -134,11 +111,7 @@ impl<R: Real> NodeGram<R> {
     /// # Panics
     /// When `b` is too short.
     pub fn solve(&mut self, b: &mut [R]) {
-        dispatch_simd_nested::<R, _>(
-            self.x.len(),
-            #[inline(always)]
-            || at_size!(self.nodes, K => self.substitute::<K>(b)),
-        );
+        at_size!(self.nodes, K => dispatch_simd_nodes::<R, K, _>(#[inline(always)] || self.substitute::<K>(b)));
     }
 
     #[inline(always)]
@@ -147,14 +120,11 @@ impl<R: Real> NodeGram<R> {
         let values = self.values.as_chunks_mut::<K>().0;
         let weight = |l, j, i| self.weights[(l * K + j) * K + i];
         let weights: [Block<f64, K>; K] = from_fn(|l| from_fn(|j| from_fn(|i| weight(l, j, i))));
-        let mut start = 0;
-        for (block, end) in values.chunks_exact_mut(K).zip(&self.starts[1..]) {
-            let end = *end as usize;
+        for (block, pairs) in values.chunks_exact_mut(K).zip(self.pairs.each()) {
             let mut sum = [[R::splat(0.0); K]; K];
-            for (i, j) in &self.pairs[start..end] {
+            for (i, j) in pairs {
                 add_outer(&mut sum, &a[*i as usize], &b[*j as usize]);
             }
-            start = end;
             for l in 0..K {
                 let mut column = [R::splat(0.0); K];
                 for j in 0..K {
@@ -206,7 +176,8 @@ impl<R: Real> NodeGram<R> {
     fn substitute<const K: usize>(&mut self, b: &mut [R]) {
         let plan = &self.plan;
         let (m, count) = (plan.order.len(), plan.neighbours.len());
-        let values = self.values.as_chunks::<K>().0;
+        let (diagonal, others) = self.values.as_chunks::<K>().0.split_at(m * K);
+        let (lower, upper) = others.split_at(count * K);
         let (x, b) = (self.x.as_chunks_mut::<K>().0, b.as_chunks_mut::<K>().0);
         let rows: [[f64; K]; K] = from_fn(|i| from_fn(|j| self.inverse[(i, j)]));
         for (x, unknown) in x.iter_mut().zip(&plan.order) {
@@ -214,25 +185,42 @@ impl<R: Real> NodeGram<R> {
             *x = from_fn(|i| (0..K).fold(R::splat(0.0), |sum, j| sum + b[j] * rows[i][j]));
         }
         let mut start = 0;
-        for (step, end) in plan.starts[1..].iter().enumerate() {
+        for (step, (end, inverse)) in plan.starts[1..]
+            .iter()
+            .zip(diagonal.chunks_exact(K))
+            .enumerate()
+        {
             let at = start..*end as usize;
             start = at.end;
             let value = x[step];
-            for (k, place) in plan.neighbours[at.clone()].iter().zip(at) {
-                subtract(&mut x[*k as usize], &values[(m + place) * K..], &value);
+            let blocks = lower[at.start * K..at.end * K].chunks_exact(K);
+            for (k, block) in plan.neighbours[at].iter().zip(blocks) {
+                subtract(&mut x[*k as usize], block, &value);
             }
-            x[step] = applied(&values[step * K..], &value);
+            x[step] = applied(inverse, &value);
         }
-        for step in (0..m).rev() {
-            let at = plan.starts[step] as usize..plan.starts[step + 1] as usize;
+        for (step, unknown) in plan.order.iter().enumerate().rev() {
+            let at = plan.starts[step] as usize..start;
+            start = at.start;
             let mut value = x[step];
-            for (k, place) in plan.neighbours[at.clone()].iter().zip(at) {
-                let above = &values[(m + count + place) * K..];
-                subtract(&mut value, above, &x[*k as usize]);
+            let blocks = upper[at.start * K..at.end * K].chunks_exact(K);
+            for (k, block) in plan.neighbours[at].iter().zip(blocks) {
+                subtract(&mut value, block, &x[*k as usize]);
             }
             x[step] = value;
-            b[plan.order[step] as usize] = value;
+            b[*unknown as usize] = value;
         }
+    }
+}
+
+/// Runs `f`, which is to be inlined, with wide registers where it works on several members at up to
+/// [`MOST_WIDE_NODES`] nodes.
+#[inline(always)]
+pub fn dispatch_simd_nodes<R: Real, const K: usize, O>(f: impl FnOnce() -> O) -> O {
+    if K <= MOST_WIDE_NODES {
+        dispatch_simd::<R, _>(f)
+    } else {
+        f()
     }
 }
 

@@ -1,15 +1,19 @@
-//! A sparse matrix of constant values, row by row, to multiply with.
+//! A sparse matrix row by row, to multiply with: of constants, or with the values of several nodes side by side.
 
-use super::PatternError;
+use super::{Pattern, PatternError};
 use crate::real::Real;
 
-/// A sparse matrix by rows: row i has the entries `starts[i]..starts[i + 1]`.
+/// A sparse matrix by rows: row i has the entries `starts[i]..starts[i + 1]`, with K values each.
+///
+/// At K nodes a matrix has one pattern, and the values of the nodes follow one another within an entry.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Rows {
+pub struct Rows<R = f64> {
     width: usize,
     starts: Vec<usize>,
     cols: Vec<u32>,
-    values: Vec<f64>,
+    values: Vec<R>,
+    /// Which entry of its pattern each is; none where it was made with its values.
+    from: Vec<u32>,
 }
 
 impl Rows {
@@ -52,6 +56,7 @@ impl Rows {
             cols: vec![0; count],
             values: vec![0.0; count],
             starts: starts.clone(),
+            from: Vec::new(),
         };
         #[allow(clippy::cast_possible_truncation)] // the columns are fewer
         for ((&row, &col), &value) in row.iter().zip(col).zip(values) {
@@ -63,11 +68,6 @@ impl Rows {
         Ok(matrix)
     }
 
-    /// Number of rows and columns.
-    pub fn shape(&self) -> (usize, usize) {
-        (self.starts.len() - 1, self.width)
-    }
-
     /// Columns of a row, and the values there.
     #[inline]
     pub fn row(&self, i: usize) -> (&[u32], &[f64]) {
@@ -75,7 +75,7 @@ impl Rows {
         (&self.cols[entries.clone()], &self.values[entries])
     }
 
-    /// How many bytes it takes.
+    /// Size in bytes.
     pub fn bytes(&self) -> usize {
         size_of_val(&*self.starts) + size_of_val(&*self.cols) + size_of_val(&*self.values)
     }
@@ -83,9 +83,9 @@ impl Rows {
     /// Columns and values of a row.
     #[inline]
     pub fn entries(&self, i: usize) -> impl Iterator<Item = (usize, f64)> {
-        let entries = self.starts[i]..self.starts[i + 1];
-        let cols = self.cols[entries.clone()].iter().map(|col| *col as usize);
-        cols.zip(self.values[entries].iter().copied())
+        let (cols, values) = self.row(i);
+        let cols = cols.iter().map(|col| *col as usize);
+        cols.zip(values.iter().copied())
     }
 
     /// The largest distance of an entry from the diagonal.
@@ -98,9 +98,9 @@ impl Rows {
     /// `(A x)_i`
     #[inline]
     fn row_times<R: Real>(&self, i: usize, x: &[R]) -> R {
-        let entries = self.starts[i]..self.starts[i + 1];
+        let (cols, values) = self.row(i);
         let mut sum = R::splat(0.0);
-        for (&col, &value) in self.cols[entries.clone()].iter().zip(&self.values[entries]) {
+        for (&col, &value) in cols.iter().zip(values) {
             sum += R::splat(value) * x[col as usize];
         }
         sum
@@ -125,5 +125,113 @@ impl Rows {
         rows.fold(R::splat(0.0), |sum, (i, x_i)| {
             sum + *x_i * self.row_times(i, x)
         })
+    }
+
+    /// The elements of A x, one after another.
+    ///
+    /// # Panics
+    /// When `x` is shorter than a row.
+    #[inline]
+    pub fn products(&self, x: &[f64]) -> impl Iterator<Item = f64> {
+        let starts = self.starts.iter().zip(&self.starts[1..]);
+        starts.map(|(start, end)| {
+            // two bonds hold most coordinates of most molecules
+            match (&self.cols[*start..*end], &self.values[*start..*end]) {
+                ([i, j], [a, b]) => a * x[*i as usize] + b * x[*j as usize],
+                (cols, values) => {
+                    let terms = cols.iter().zip(values);
+                    terms.map(|(col, value)| value * x[*col as usize]).sum()
+                }
+            }
+        })
+    }
+
+    /// `out += Aᵀ x`
+    ///
+    /// # Panics
+    /// When `out` is shorter than a row.
+    #[inline]
+    pub fn add_transposed_product(&self, x: &[f64], out: &mut [f64]) {
+        for (i, x) in x[..self.starts.len() - 1].iter().enumerate() {
+            let (cols, values) = self.row(i);
+            for (col, value) in cols.iter().zip(values) {
+                out[*col as usize] += value * x;
+            }
+        }
+    }
+}
+
+impl<R: Real> Rows<R> {
+    /// A matrix of zeros of this pattern, with so many values an entry.
+    #[allow(clippy::cast_possible_truncation)] // more entries would not fit in memory
+    pub fn of(pattern: &Pattern, nodes: usize) -> Self {
+        let (entries, (rows, cols)) = (pattern.entries(), pattern.shape());
+        let mut from: Vec<u32> = (0..entries.len() as u32).collect();
+        from.sort_by_key(|k| entries[*k as usize]);
+        let place = |k: &u32| entries[*k as usize];
+        let start = |row| from.partition_point(|k| place(k).0 < row);
+        Self {
+            width: cols,
+            starts: (0..=rows).map(start).collect(),
+            cols: from.iter().map(|k| place(k).1 as u32).collect(),
+            values: vec![R::splat(0.0); nodes * from.len()],
+            from,
+        }
+    }
+
+    /// Number of rows and columns.
+    pub fn shape(&self) -> (usize, usize) {
+        (self.starts.len() - 1, self.width)
+    }
+
+    /// Where it is not zero, in the order of the values.
+    pub fn pattern(&self) -> Pattern {
+        let rows = self.starts.iter().zip(&self.starts[1..]).enumerate();
+        let entries = rows.flat_map(|(row, (start, end))| {
+            let cols = self.cols[*start..*end].iter();
+            cols.map(move |col| (row, *col as usize))
+        });
+        Pattern {
+            rows: self.starts.len() - 1,
+            cols: self.width,
+            entries: entries.collect(),
+        }
+    }
+
+    /// The values, node by node within an entry.
+    pub fn values(&self) -> &[R] {
+        &self.values
+    }
+
+    /// Takes the values of each node, in the order of the pattern that it was made of.
+    ///
+    /// # Panics
+    /// When there are fewer values than entries.
+    pub fn set<const K: usize>(&mut self, nodes: [&[R]; K]) {
+        let values = self.values.as_chunks_mut::<K>().0;
+        for (out, from) in values.iter_mut().zip(&self.from) {
+            *out = nodes.map(|node| node[*from as usize]);
+        }
+    }
+
+    /// `out += A x` at each node.
+    ///
+    /// # Panics
+    /// When `x` or `out` is too short.
+    #[allow(clippy::inline_always)] // what is not inlined is compiled without the registers it is for
+    #[inline(always)]
+    pub fn add_product<const K: usize>(&self, x: &[[R; K]], out: &mut [[R; K]]) {
+        let values = self.values.as_chunks::<K>().0;
+        let rows = self.starts.iter().zip(&self.starts[1..]);
+        for (out, (start, end)) in out.iter_mut().zip(rows) {
+            let mut sum = *out;
+            for (col, value) in self.cols[*start..*end].iter().zip(&values[*start..*end]) {
+                let x = &x[*col as usize];
+                for i in 0..K {
+                    sum[i] += value[i] * x[i];
+                }
+            }
+            *out = sum;
+        }
     }
 }

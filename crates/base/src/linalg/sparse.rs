@@ -4,6 +4,7 @@
 //! in a saddle-point matrix stiffness and constraint gradients can be 1e11 apart. R and C are powers of
 //! two, so that they round nothing.
 
+use super::choice::PANELS;
 use super::{Assembly, Pattern, Singular};
 use faer::dyn_stack::MemStack;
 use faer::sparse::linalg::colamd;
@@ -15,12 +16,12 @@ use faer::sparse::{SparseColMat, SymbolicSparseColMat};
 use faer::{Conj, MatMut, Par};
 use std::mem::MaybeUninit;
 
-/// Dense panels pay from here on. Measured: faer's own 1.0 makes plates of 144 to 1860 unknowns
-/// 1.5 to 6 times slower, 0.05 makes chains 3 times slower; between 0.1 and 0.3 each gets its best.
-const PANELS: SupernodalThreshold = SupernodalThreshold(0.2);
-
 /// A solution this much larger than its right-hand side, both equilibrated, tells of a singular matrix.
 const LARGEST: f64 = 1.0 / (1024.0 * f64::EPSILON);
+
+/// Above this the solution for the probe says no more than that the inverse is at least as large: the probe may be
+/// nearly orthogonal to the left null vector. Below, the chance that it hides a singular matrix is 1e-8.
+const SUSPECT: f64 = 6.7e7; // 1 / √ε
 
 /// Parts of a null vector above this fraction of its largest count.
 const PART: f64 = 1e-4;
@@ -35,7 +36,7 @@ pub struct Sparse {
     slots: Vec<usize>,
     row_scale: Vec<f64>,
     col_scale: Vec<f64>,
-    /// A right-hand side that no null vector is orthogonal to, but by chance.
+    /// A right-hand side that no left null vector is orthogonal to, but by chance.
     probe: Vec<f64>,
     x: Vec<f64>,
     memory: Vec<MaybeUninit<u8>>,
@@ -61,7 +62,7 @@ impl Sparse {
                 dense_col: dense,
                 aggressive: true,
             },
-            supernodal_flop_ratio_threshold: PANELS,
+            supernodal_flop_ratio_threshold: SupernodalThreshold(PANELS),
             ..LuSymbolicParams::default()
         };
         let symbolic = match factorize_symbolic_lu(places.as_ref(), parameters) {
@@ -70,7 +71,11 @@ impl Sparse {
         };
         let factoring = symbolic.factorize_numeric_lu_scratch::<f64>(Par::Seq, <_>::default());
         let solving = symbolic.solve_in_place_scratch::<f64>(1, Par::Seq);
-        let memory = factoring.or(solving).unaligned_bytes_required();
+        let transposed = symbolic.solve_transpose_in_place_scratch::<f64>(1, Par::Seq);
+        let memory = factoring
+            .or(solving)
+            .or(transposed)
+            .unaligned_bytes_required();
         Self {
             symbolic,
             numeric: NumericLu::new(),
@@ -101,7 +106,7 @@ impl Sparse {
             placed[*slot] += value;
         }
         self.equilibrate()?;
-        if self.factor_equilibrated().is_ok() && self.probed() < LARGEST {
+        if self.factor_equilibrated().is_ok() && self.inverse_norm() < LARGEST {
             Ok(())
         } else {
             Err(self.singular())
@@ -113,7 +118,7 @@ impl Sparse {
         for ((x, b), scale) in self.x.iter_mut().zip(&*b).zip(&self.row_scale) {
             *x = scale * b;
         }
-        self.solve_equilibrated();
+        self.solve_equilibrated(false);
         for ((b, x), scale) in b.iter_mut().zip(&self.x).zip(&self.col_scale) {
             *b = scale * x;
         }
@@ -174,25 +179,51 @@ impl Sparse {
         }
     }
 
-    fn solve_equilibrated(&mut self) {
+    fn solve_equilibrated(&mut self, is_transposed: bool) {
         let n = self.x.len();
-        LuRef::new_unchecked(&self.symbolic, &self.numeric).solve_in_place_with_conj(
-            Conj::No,
-            MatMut::from_column_major_slice_mut(&mut self.x, n, 1),
-            Par::Seq,
-            MemStack::new(&mut self.memory),
-        );
+        let lu = LuRef::new_unchecked(&self.symbolic, &self.numeric);
+        let x = MatMut::from_column_major_slice_mut(&mut self.x, n, 1);
+        let stack = MemStack::new(&mut self.memory);
+        if is_transposed {
+            lu.solve_transpose_in_place_with_conj(Conj::No, x, Par::Seq, stack);
+        } else {
+            lu.solve_in_place_with_conj(Conj::No, x, Par::Seq, stack);
+        }
     }
 
-    /// The size of the solution for the probe, which `x` becomes: large where the matrix is near a
-    /// singular one. faer divides by pivots of zero and says nothing.
+    /// An estimate of the norm of the inverse, infinite where a pivot is zero: faer divides by it and says nothing.
+    fn inverse_norm(&mut self) -> f64 {
+        let norm = self.probed();
+        if norm < SUSPECT {
+            norm
+        } else {
+            self.iterated(norm)
+        }
+    }
+
+    /// The size of the solution for the probe, which `x` becomes.
     fn probed(&mut self) -> f64 {
         self.x.copy_from_slice(&self.probe);
-        self.solve_equilibrated();
+        self.solve_equilibrated(false);
         super::max_norm(&self.x)
     }
 
-    /// The last column with a part in the null vector, which the solution for the probe tends to.
+    /// The norm of the inverse of a nearly singular matrix, and its null vector in `x`, by inverse iteration.
+    ///
+    /// The solution for the probe, of size `norm`, tends to the null vector, the transposed solution for that to the
+    /// left null vector, and the solution for that to the null vector again, whatever the probe is.
+    fn iterated(&mut self, mut norm: f64) -> f64 {
+        for is_transposed in [true, false] {
+            if norm.is_finite() {
+                self.x.iter_mut().for_each(|x| *x /= norm);
+                self.solve_equilibrated(is_transposed);
+                norm = super::max_norm(&self.x);
+            }
+        }
+        norm
+    }
+
+    /// The last column with a part in the null vector, which [`Sparse::inverse_norm`] left in `x`.
     fn singular(&mut self) -> Singular {
         if !super::max_norm(&self.x).is_finite() {
             // beside an exactly singular matrix stands one that has factors, and almost its null vector
@@ -204,7 +235,8 @@ impl Sparse {
                 let column = self.symbolic.col_perm().arrays().0[index];
                 return Singular { column };
             }
-            self.probed();
+            let norm = self.probed();
+            self.iterated(norm);
         }
         let column = self.null_vector().rposition(|part| part);
         Singular {

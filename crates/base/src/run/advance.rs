@@ -47,7 +47,7 @@ pub trait Advance: Send + Sync {
     fn done(&self) -> usize;
     /// The time they lead to.
     fn time(&self) -> f64;
-    /// What the stepper has done, and how many of its steps were thrown away.
+    /// Statistics of the steps, and how many were rejected.
     fn stats(&self) -> (Stats, usize);
     /// The sizes of its steps, where they are not equal.
     fn sizes(&self) -> Option<StepSizes> {

@@ -116,9 +116,15 @@ pub fn dispatch_simd_nested<R: Scalar, O>(length: usize, f: impl FnOnce() -> O) 
     }
 }
 
+/// One copy for short vectors and for machines without wide registers, and one for each wider instruction set.
 #[inline(always)]
 fn dispatch_if_long<O>(length: usize, f: impl FnOnce() -> O) -> O {
-    if length < LONG { f() } else { widest(f) }
+    let arch = if length < LONG {
+        Arch::Scalar
+    } else {
+        Arch::new()
+    };
+    arch.dispatch(Closure(f))
 }
 
 #[inline(always)]

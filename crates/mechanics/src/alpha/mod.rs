@@ -40,7 +40,7 @@ pub enum Reactions {
     Extended {
         /// The weight of A1 in the position.
         b: f64,
-        /// Whether r is split_front at y0 + h z0.
+        /// Whether r is taken at y0 + h z0.
         predicted: bool,
     },
     /// As a part of φ, by the constraint on the position alone.

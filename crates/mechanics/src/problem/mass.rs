@@ -127,7 +127,7 @@ impl<R: Real> Mass<R> {
     }
 
     /// `(v_z p_z⁻¹ A)ᵀ`, one row for each column of A.
-    pub fn compliance(&mut self, pattern: &Pattern, values: &[R], out: &mut Matrix<R>) {
+    pub fn inverse_mass_rt(&mut self, pattern: &Pattern, values: &[R], out: &mut Matrix<R>) {
         dispatch_simd::<R, _>(
             #[inline(always)]
             || {

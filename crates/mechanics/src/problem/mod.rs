@@ -7,9 +7,9 @@
 //! are any, have a file of their own. Source: jay2007.
 
 mod acceleration;
-mod compliance;
 mod dense;
 mod hermite;
+mod kkt;
 mod mass;
 mod model;
 mod monitor;
@@ -18,12 +18,11 @@ mod observe;
 mod points;
 mod projection;
 mod saddle;
+mod schur;
 mod second_order;
 mod separable;
-mod whole;
 
 pub use acceleration::Acceleration;
-pub use compliance::Compliance;
 pub use dense::{Path, Point};
 pub use mass::Mass;
 pub use model::{Model, finite, finite_k};
@@ -35,6 +34,7 @@ pub use points::{Points, Times};
 pub use projection::{Projection, project};
 pub use saddle::Saddle;
 pub(crate) use saddle::{add_product, diagnose_rank};
+pub use schur::SparseSchur;
 pub use second_order::{SecondOrder, SecondOrderModel, SecondOrderPatterns};
 pub use separable::{Separable, SeparableModel};
 

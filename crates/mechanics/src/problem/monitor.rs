@@ -19,7 +19,7 @@ use liouville_base::tape::{Registers, Tape};
 
 /// The power of an acceleration squared.
 const POWER: f64 = -3.0 / 8.0;
-/// Central differences are split_front over this part of the time in which the coordinates change by
+/// Central differences are taken over this part of the time in which the coordinates change by
 /// their own size.
 const PART: f64 = 1.0 / 65536.0;
 /// Coordinates count as having at least this part of the size they had at the start.

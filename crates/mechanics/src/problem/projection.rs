@@ -8,8 +8,9 @@
 //! in units of x that make the diagonal of W one, and units of c that make its gradients so.
 
 use super::diagnose_rank;
+use super::kkt::{KktMatrix, KktPatterns};
 use liouville_base::error::{Quantity, StepError};
-use liouville_base::linalg::{Assembly, Factor, Pattern, max_norm};
+use liouville_base::linalg::{Factor, Pattern, max_norm};
 use liouville_base::newton::{self, Equations};
 use liouville_base::tape::{Registers, Tape};
 
@@ -28,21 +29,21 @@ pub struct Projection {
     pub metric_pattern: Pattern,
 }
 
-struct Solve<'a> {
+struct ConstraintEquations<'a> {
     projection: &'a Projection,
     registers: [Registers<f64>; 3],
     held: &'a [f64],
     /// The size of the start: the point found may be zero.
     scale: f64,
     x: Vec<f64>,
-    /// W and `c_x`, then what their units make of them.
+    /// W and `c_x`, in units of x and of c.
     blocks: [Vec<f64>; 2],
     /// Units of x, then of c.
     units: Vec<f64>,
     metric: Factor,
-    matrix: Assembly,
-    factor: Factor,
-    unknowns: Vec<f64>,
+    kkt: KktMatrix,
+    dx: Vec<f64>,
+    mu: Vec<f64>,
 }
 
 /// The point nearest to `x` where the projection's equations hold.
@@ -60,10 +61,14 @@ pub fn project(
 ) -> Result<Vec<f64>, StepError> {
     let (rows, n) = projection.pattern.shape();
     let (c_x, metric) = (&projection.pattern, &projection.metric_pattern);
-    let transposed = c_x.transposed();
-    let blocks = [(metric, 0, 0), (c_x, n, 0), (&transposed, 0, n)];
-    let matrix = Assembly::new((n + rows, n + rows), &blocks);
-    let mut solve = Solve {
+    let kkt = KktMatrix::new(KktPatterns {
+        p_z: metric,
+        v_z: None,
+        g_y: c_x,
+        r_lam: &c_x.transposed(),
+        nonholonomic: None,
+    });
+    let mut equations = ConstraintEquations {
         projection,
         registers: [
             &projection.residual,
@@ -77,15 +82,15 @@ pub fn project(
         blocks: [metric, c_x].map(|pattern| vec![0.0; pattern.len()]),
         units: vec![0.0; n + rows],
         metric: Factor::new(metric),
-        factor: Factor::new(matrix.pattern()),
-        matrix,
-        unknowns: vec![0.0; n + rows],
+        kkt,
+        dx: vec![0.0; n],
+        mu: vec![0.0; rows],
     };
-    newton::solve(&mut solve, 100)?;
-    Ok(solve.x)
+    newton::solve(&mut equations, 100)?;
+    Ok(equations.x)
 }
 
-impl Equations for Solve<'_> {
+impl Equations for ConstraintEquations<'_> {
     fn correct(&mut self) -> Result<f64, StepError> {
         let (_, n) = self.projection.pattern.shape();
         let args: [&[f64]; 2] = [&self.x, self.held];
@@ -137,25 +142,18 @@ impl Equations for Solve<'_> {
         factored.map_err(|singular| StepError::SingularMass {
             coordinate: singular.column,
         })?;
-        self.matrix.clear();
-        self.matrix.add(0, w, 1.0);
-        self.matrix.add(1, scaled, 1.0);
-        self.matrix.add(2, scaled, -1.0);
-        let factored = self
-            .factor
-            .factor(self.matrix.pattern(), self.matrix.values());
+        let factored = self.kkt.factor([w, &[]], scaled, scaled, None);
         factored.map_err(|_| diagnose_rank(at_c, c_x, StepError::SingularNewton))?;
-        self.unknowns[..n].fill(0.0);
-        for ((out, c), unit) in self.unknowns[n..].iter_mut().zip(c).zip(of_c) {
+        self.dx.fill(0.0);
+        for ((out, c), unit) in self.mu.iter_mut().zip(c).zip(of_c) {
             *out = -c / *unit;
         }
-        self.factor.solve(&mut self.unknowns);
-        let dx = &mut self.unknowns[..n];
-        for ((x, dx), unit) in self.x.iter_mut().zip(&mut *dx).zip(of_x) {
+        self.kkt.solve(&mut self.dx, &mut self.mu);
+        for ((x, dx), unit) in self.x.iter_mut().zip(&mut self.dx).zip(of_x) {
             *dx *= *unit;
             *x += *dx;
         }
-        let size = max_norm(dx);
+        let size = max_norm(&self.dx);
         Ok(if size == 0.0 {
             0.0
         } else {

@@ -7,14 +7,14 @@
 //! make r_λ as large as p_z. Nonholonomic constraints add the rows k_z and the columns −∂r_n/∂ν.
 #![allow(clippy::inline_always)] // what is not inlined is compiled without the registers it is for
 
+use super::kkt::{KktMatrix, KktPatterns, NonholonomicBlocks};
 use super::model::finite;
 use super::nonholonomic::diagnose_rank_all;
-use super::whole::{Border, Whole};
-use super::{Compliance, Mass, Mechanical, Model};
+use super::schur::SparseSchur;
+use super::{Mass, Mechanical, Model};
 use liouville_base::error::{Quantity, StepError};
-use liouville_base::linalg::{
-    Lu, Matrix, NodeGram, NodeRows, Pattern, Singular, copy, dependencies,
-};
+use liouville_base::linalg::choice::{KKT_SADDLE, SPARSE_SADDLE};
+use liouville_base::linalg::{Lu, Matrix, Pattern, Singular, copy, dependencies};
 use liouville_base::real::Real;
 use liouville_base::simd::dispatch_simd;
 
@@ -52,35 +52,33 @@ pub(crate) fn diagnose_rank<R: Real>(pattern: &Pattern, g_y: &[R], error: StepEr
 pub struct Saddle<R = f64> {
     /// `p_z` and `v_z`.
     pub mass: Mass<R>,
-    factors: Factors<R>,
+    form: Form<R>,
     g_y: Vec<R>,
     r_lam: Vec<R>,
-    nonholonomic: Option<Border<R>>,
+    nonholonomic: Option<NonholonomicBlocks<R>>,
 }
 
-/// The matrix in one of three forms.
+/// The matrix eliminated by its Schur complement, dense or sparse, or as it stands.
 #[derive(Clone, Debug)]
-enum Factors<R> {
-    Schur {
-        compliance: Matrix<R>,
+enum Form<R> {
+    Dense {
+        /// `(v_z p_z⁻¹ r_λ)ᵀ`
+        inverse_mass_rt: Matrix<R>,
         schur: Lu<R>,
         velocity: Vec<R>,
     },
-    Eliminated(Box<Eliminated<R>>),
-    Whole(Box<Whole<R>>),
+    Sparse(Box<Eliminated<R>>),
+    Kkt(Box<KktMatrix<R>>),
 }
 
-/// The Schur complement, sparse.
+/// The sparse Schur complement of holonomic constraints.
 #[derive(Clone, Debug)]
 struct Eliminated<R> {
-    g_y: NodeRows<R>,
-    r_lam: NodeRows<R>,
-    compliance: Compliance<R>,
-    schur: NodeGram<R>,
+    schur: SparseSchur<R>,
     velocity: Vec<R>,
-    /// What takes a mass that is not definite and wants other pivots, and whether it does now.
-    whole: Option<Whole<R>>,
-    is_whole: bool,
+    /// The pivoted matrix for a mass that is not definite, and whether it is in use.
+    kkt: Option<KktMatrix<R>>,
+    is_kkt: bool,
 }
 
 impl<R: Real> Saddle<R> {
@@ -89,23 +87,23 @@ impl<R: Real> Saddle<R> {
         let problem = &model.problem;
         let order = problem.multipliers();
         let mass = Mass::new(model);
-        let is_large = order >= WHOLE || order >= SPARSE && problem.is_sparse();
+        let is_large = order >= KKT_SADDLE || order >= SPARSE_SADDLE && problem.is_sparse();
         let eliminated = is_large.then(|| Eliminated::new(problem, &mass)).flatten();
-        let factors = match eliminated {
-            Some(eliminated) => Factors::Eliminated(Box::new(eliminated)),
-            None if order >= WHOLE => Factors::Whole(Box::new(Whole::new(problem))),
-            None => Factors::Schur {
-                compliance: Matrix::zeros(order, problem.n),
+        let form = match eliminated {
+            Some(eliminated) => Form::Sparse(Box::new(eliminated)),
+            None if order >= KKT_SADDLE => Form::Kkt(Box::new(kkt_matrix(problem))),
+            None => Form::Dense {
+                inverse_mass_rt: Matrix::zeros(order, problem.n),
                 schur: Lu::new(order),
                 velocity: vec![R::splat(0.0); problem.n],
             },
         };
         Self {
             mass,
-            factors,
+            form,
             g_y: vec![R::splat(0.0); problem.patterns.g_y.len()],
             r_lam: vec![R::splat(0.0); problem.patterns.r_lam.len()],
-            nonholonomic: problem.nonholonomic.as_ref().map(|own| Border {
+            nonholonomic: problem.nonholonomic.as_ref().map(|own| NonholonomicBlocks {
                 k_z: vec![R::splat(0.0); own.patterns.k_z.len()],
                 r_nu: vec![R::splat(0.0); own.patterns.r_nu.len()],
             }),
@@ -124,8 +122,9 @@ impl<R: Real> Saddle<R> {
 
     /// `out += r_λ x`, as it was last factored with.
     pub fn add_reaction(&self, model: &Model<R>, x: &[R], out: &mut [R]) {
-        if let Factors::Eliminated(eliminated) = &self.factors {
-            eliminated.r_lam.add_product(x, out);
+        if let Form::Sparse(eliminated) = &self.form {
+            let r_lam = eliminated.schur.r_lam();
+            r_lam.add_product::<1>(x.as_chunks().0, out.as_chunks_mut().0);
         } else {
             let pattern = &model.problem.patterns.r_lam;
             pattern.multiply_add(&self.r_lam, 1.0, x, out);
@@ -174,18 +173,18 @@ impl<R: Real> Saddle<R> {
             copy(&mut own.k_z, k_z);
             copy(&mut own.r_nu, r_nu);
         }
-        let factored = match &mut self.factors {
-            Factors::Schur { .. } => self.factor_schur(&model.problem),
-            Factors::Eliminated(eliminated) => {
+        let factored = match &mut self.form {
+            Form::Dense { .. } => self.factor_schur(&model.problem),
+            Form::Sparse(eliminated) => {
                 let found = eliminated.factor(&self.mass, &self.g_y, &self.r_lam);
                 found.or_else(|_| {
-                    let whole = eliminated.whole(&model.problem);
-                    whole.factor(model.stage_blocks(t, y, z), &self.g_y, &self.r_lam, None)
+                    let kkt = eliminated.kkt(&model.problem);
+                    kkt.factor(model.stage_blocks(t, y, z), &self.g_y, &self.r_lam, None)
                 })
             }
-            Factors::Whole(whole) => {
+            Form::Kkt(kkt) => {
                 let own = self.nonholonomic.as_ref();
-                whole.factor(model.stage_blocks(t, y, z), &self.g_y, &self.r_lam, own)
+                kkt.factor(model.stage_blocks(t, y, z), &self.g_y, &self.r_lam, own)
             }
         };
         factored.map_err(|_| match &self.nonholonomic {
@@ -199,9 +198,11 @@ impl<R: Real> Saddle<R> {
     }
 
     fn factor_schur(&mut self, problem: &Mechanical) -> Result<(), Singular> {
-        let Factors::Schur {
-            compliance, schur, ..
-        } = &mut self.factors
+        let Form::Dense {
+            inverse_mass_rt,
+            schur,
+            ..
+        } = &mut self.form
         else {
             return Ok(());
         };
@@ -210,23 +211,23 @@ impl<R: Real> Saddle<R> {
         match (&problem.nonholonomic, &self.nonholonomic) {
             (Some(problem), Some(own)) => {
                 let at_own = &problem.patterns;
-                let m = compliance.rows() - problem.l;
-                compliance.clear();
-                at.r_lam.add_transposed(&self.r_lam, compliance, 0);
-                at_own.r_nu.add_transposed(&own.r_nu, compliance, m);
-                for row in 0..compliance.rows() {
-                    self.mass.solve(compliance.row_mut(row));
+                let m = inverse_mass_rt.rows() - problem.l;
+                inverse_mass_rt.clear();
+                at.r_lam.add_transposed(&self.r_lam, inverse_mass_rt, 0);
+                at_own.r_nu.add_transposed(&own.r_nu, inverse_mass_rt, m);
+                for row in 0..inverse_mass_rt.rows() {
+                    self.mass.solve(inverse_mass_rt.row_mut(row));
                 }
                 let target = schur.matrix_mut();
-                add_product(&at_own.k_z, &own.k_z, 1.0, compliance, target, (m, 0));
-                self.mass.take_velocities(compliance);
+                add_product(&at_own.k_z, &own.k_z, 1.0, inverse_mass_rt, target, (m, 0));
+                self.mass.take_velocities(inverse_mass_rt);
             }
-            _ => self.mass.compliance(&at.r_lam, &self.r_lam, compliance),
+            _ => (self.mass).inverse_mass_rt(&at.r_lam, &self.r_lam, inverse_mass_rt),
         }
         let target = schur.matrix_mut();
         dispatch_simd::<R, _>(
             #[inline(always)]
-            || add_product(&at.g_y, &self.g_y, 1.0, compliance, target, (0, 0)),
+            || add_product(&at.g_y, &self.g_y, 1.0, inverse_mass_rt, target, (0, 0)),
         );
         schur.factor()
     }
@@ -242,9 +243,9 @@ impl<R: Real> Saddle<R> {
     #[inline(always)]
     fn solve_by(&mut self, model: &Model<R>, a: &mut [R], b: &mut [R]) {
         let (problem, at) = (&model.problem, &model.problem.patterns);
-        match &mut self.factors {
+        match &mut self.form {
             _ if b.is_empty() => self.mass.solve(a),
-            Factors::Schur {
+            Form::Dense {
                 schur, velocity, ..
             } => {
                 copy(velocity, a);
@@ -264,36 +265,22 @@ impl<R: Real> Saddle<R> {
                 }
                 self.mass.solve(a);
             }
-            Factors::Eliminated(eliminated) => {
-                if let (true, Some(whole)) = (eliminated.is_whole, &mut eliminated.whole) {
-                    return whole.solve(a, b);
-                }
-                // μ is found with its sign changed
-                let velocity = &mut eliminated.velocity;
-                copy(velocity, a);
-                self.mass.solve_velocity(velocity);
-                for b in &mut *b {
-                    *b = -*b;
-                }
-                eliminated.g_y.add_product(velocity, b);
-                eliminated.schur.solve(b);
-                for b in &mut *b {
-                    *b = -*b;
-                }
-                eliminated.r_lam.add_product(b, a);
-                self.mass.solve(a);
-            }
-            Factors::Whole(whole) => whole.solve(a, b),
+            Form::Sparse(eliminated) => eliminated.solve(&mut self.mass, a, b),
+            Form::Kkt(kkt) => kkt.solve(a, b),
         }
     }
 }
 
-/// From this many constraints on, the matrix as it stands is solved sooner than by its Schur complement.
-/// Measured on chains with a diagonal mass, Schur over whole: 0.6 at 24 links, 1.0 at 48, 1.4 at 64.
-const WHOLE: usize = 48;
-/// From here on its Schur complement is eliminated where most of `g_y` is zero. Measured on plane chains, sparse
-/// over dense: 0.97 of a step with 10 links, 0.9 with 16, 0.84 with 24.
-const SPARSE: usize = 12;
+fn kkt_matrix<R: Real>(problem: &Mechanical) -> KktMatrix<R> {
+    let at = &problem.patterns;
+    KktMatrix::new(KktPatterns {
+        p_z: &at.p_z,
+        v_z: at.v_z.as_ref(),
+        g_y: &at.g_y,
+        r_lam: &at.r_lam,
+        nonholonomic: problem.nonholonomic.as_ref().map(|own| &own.patterns),
+    })
+}
 
 impl<R: Real> Eliminated<R> {
     /// Memory for the Schur complement of holonomic constraints; `None` where it is not sparse.
@@ -301,32 +288,44 @@ impl<R: Real> Eliminated<R> {
         if problem.nonholonomic.is_some() {
             return None;
         }
-        let g_y = NodeRows::new(&problem.patterns.g_y, 1);
-        let r_lam = NodeRows::new(&problem.patterns.r_lam, 1);
-        let compliance = Compliance::new(mass, r_lam.pattern(), 1)?;
         let one = Matrix::from_fn(1, 1, |_, _| 1.0);
         Some(Self {
-            schur: NodeGram::new(g_y.pattern(), compliance.pattern(), &one)?,
-            g_y,
-            r_lam,
-            compliance,
+            schur: SparseSchur::new(problem, mass, &one)?,
             velocity: vec![R::splat(0.0); problem.n],
-            whole: None,
-            is_whole: false,
+            kkt: None,
+            is_kkt: false,
         })
     }
 
     fn factor(&mut self, mass: &Mass<R>, g_y: &[R], r_lam: &[R]) -> Result<(), Singular> {
-        self.is_whole = false;
-        self.g_y.set([g_y]);
-        self.r_lam.set([r_lam]);
-        let compliance = self.compliance.update(mass, self.r_lam.values());
-        self.schur.factor(self.g_y.values(), compliance)
+        self.is_kkt = false;
+        self.schur.factor(mass, [g_y], [r_lam])
     }
 
-    /// The matrix as it stands, to be factored instead.
-    fn whole(&mut self, problem: &Mechanical) -> &mut Whole<R> {
-        self.is_whole = true;
-        self.whole.get_or_insert_with(|| Whole::new(problem))
+    /// The KKT matrix, to be factored instead.
+    fn kkt(&mut self, problem: &Mechanical) -> &mut KktMatrix<R> {
+        self.is_kkt = true;
+        self.kkt.get_or_insert_with(|| kkt_matrix(problem))
+    }
+
+    #[inline(always)]
+    fn solve(&mut self, mass: &mut Mass<R>, a: &mut [R], b: &mut [R]) {
+        if let (true, Some(kkt)) = (self.is_kkt, &mut self.kkt) {
+            return kkt.solve(a, b);
+        }
+        // μ is found with its sign changed
+        copy(&mut self.velocity, a);
+        mass.solve_velocity(&mut self.velocity);
+        for b in &mut *b {
+            *b = -*b;
+        }
+        let velocity = self.velocity.as_chunks().0;
+        (self.schur.g_y()).add_product::<1>(velocity, b.as_chunks_mut().0);
+        self.schur.solve(b);
+        for b in &mut *b {
+            *b = -*b;
+        }
+        (self.schur.r_lam()).add_product::<1>(b.as_chunks().0, a.as_chunks_mut().0);
+        mass.solve(a);
     }
 }

@@ -12,20 +12,20 @@
 //! along. Source: andersen1983; hairer2006, VII.1.4.
 
 mod guess;
-mod inertia;
+mod mass;
 mod positions;
 mod reactions;
 
 use crate::problem::{SeparableModel, State};
 use crate::spark::{Solver, Spark};
 use guess::Guess;
-use inertia::Inertia;
 use liouville_base::checkpoint::CheckpointMismatch;
 use liouville_base::error::StepError;
 use liouville_base::linalg::{add_scaled, carry, copy};
 use liouville_base::method::{Stats, Stepper, Symmetric};
 use liouville_base::newton::{self, Attempts, Start};
 use liouville_base::tableau::{self, Force};
+use mass::ConstantMass;
 use positions::{Positions, Step};
 use reactions::Reactions;
 
@@ -36,7 +36,7 @@ const MOST_ITERATIONS: usize = 100;
 #[derive(Clone, Debug)]
 pub struct Rattle {
     model: SeparableModel,
-    inertia: Inertia,
+    mass: ConstantMass,
     reactions: Reactions,
     positions: Positions,
     guess: Guess,
@@ -64,9 +64,9 @@ impl Rattle {
     pub fn new(mut model: SeparableModel) -> Result<Self, StepError> {
         let (n, m) = (model.problem.mechanical.n, model.problem.mechanical.m);
         let zeros = vec![0.0; n];
-        let inertia = Inertia::new(&mut model.general)?;
+        let mass = ConstantMass::new(&mut model.general)?;
         Ok(Self {
-            reactions: Reactions::new(&model, &inertia),
+            reactions: Reactions::new(&model, &mass),
             positions: Positions::new(n, m),
             guess: Guess::new(m),
             force: zeros.clone(),
@@ -79,7 +79,7 @@ impl Rattle {
             is_held: false,
             stages: None,
             stats: Stats::default(),
-            inertia,
+            mass,
             model,
         })
     }
@@ -105,7 +105,7 @@ impl Rattle {
     fn iterate(&mut self, step: Step) -> Result<(), StepError> {
         let mut solve = self.positions.start(
             &mut self.model,
-            &mut self.inertia,
+            &mut self.mass,
             &mut self.reactions,
             &self.force,
             step,
@@ -119,7 +119,7 @@ impl Rattle {
     fn move_coordinates(&mut self, step: Step) {
         let State { y, p, .. } = step.state;
         self.positions.impulse(0.5 * step.h, &mut self.low);
-        self.inertia.velocity(p, &self.low, &mut self.v);
+        self.mass.velocity(p, &self.low, &mut self.v);
         let moves = self.y_low.iter_mut().zip(&step.state.y_low);
         for ((out, low), v) in moves.zip(&self.v) {
             *out = low + step.h * v;
@@ -127,7 +127,7 @@ impl Rattle {
         carry(y, &mut self.y_low, self.positions.y_mut());
     }
 
-    /// p1 with f and G at the end; μ is what stops the velocities that leave the constraints.
+    /// p1 with f and G at the end; μ is the multiplier that stops velocities leaving the constraints.
     fn solve_velocities(&mut self, step: Step) -> Result<(), StepError> {
         let (t, y) = (step.t + step.h, self.positions.y());
         self.start = None;
@@ -136,8 +136,8 @@ impl Rattle {
         add_scaled(&mut self.low, 0.5 * step.h, &self.force);
         if self.model.problem.mechanical.m > 0 {
             self.reactions.start_at(&mut self.model, t, y)?;
-            self.stats.factorizations += self.reactions.factor(&self.model)?;
-            self.inertia.velocity(&step.state.p, &self.low, &mut self.v);
+            self.stats.factorizations += self.reactions.factor()?;
+            self.mass.velocity(&step.state.p, &self.low, &mut self.v);
             self.reactions.stop(&self.model, &self.v, &mut self.low);
         }
         carry(&step.state.p, &mut self.low, &mut self.p);
@@ -210,7 +210,7 @@ impl Stepper for Rattle {
             return self.step_by_stages(t, h, state).map_err(|_| error);
         }
         self.guess.keep(h, &self.positions.lam);
-        self.inertia.state(&self.p, &self.low, &mut state.z);
+        self.mass.state(&self.p, &self.low, &mut state.z);
         std::mem::swap(&mut state.y, self.positions.y_mut());
         std::mem::swap(&mut state.y_low, &mut self.y_low);
         std::mem::swap(&mut state.p, &mut self.p);
@@ -249,7 +249,7 @@ impl Rattle {
         let (reactions, model) = (&mut self.reactions, &mut self.model);
         let started = reactions.start_at(model, t, &self.start_y);
         // a constant G is factored once
-        let factored = started.and_then(|()| reactions.factor(model));
+        let factored = started.and_then(|()| reactions.factor());
         if model.problem.mechanical.m > 0 {
             factored.map_err(|_| CheckpointMismatch)?;
         }

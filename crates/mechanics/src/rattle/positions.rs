@@ -1,6 +1,6 @@
 //! The equation for λ: y1 meets its constraints.
 
-use super::inertia::Inertia;
+use super::mass::ConstantMass;
 use super::reactions::Reactions;
 use crate::problem::{SeparableModel, State};
 use liouville_base::error::StepError;
@@ -16,23 +16,23 @@ pub(super) struct Positions {
     pub(super) lam: Vec<f64>,
     d_lam: Vec<f64>,
     y: Vec<f64>,
-    /// What p has lost to rounding, with the impulse of the forces.
+    /// The rounding error of p, with the impulse of the forces.
     low: Vec<f64>,
-    /// The move that comes without reactions.
+    /// The move without reactions.
     free: Vec<f64>,
-    /// −G0ᵀ λ, and what it moves.
+    /// −G0ᵀ λ, and its moves.
     reaction: Vec<f64>,
     moves: Vec<f64>,
 }
 
-/// The equation in the middle of being solved.
-pub(super) struct Solve<'a> {
+/// The equation, with the parts that solve it.
+pub(super) struct PositionEquations<'a> {
     at: &'a mut Positions,
     model: &'a mut SeparableModel,
-    inertia: &'a mut Inertia,
+    mass: &'a mut ConstantMass,
     reactions: &'a mut Reactions,
     step: Step<'a>,
-    /// What a move is small against: the coordinates, and the move itself.
+    /// The size of the coordinates and of the move itself, to measure corrections by.
     scale: Option<f64>,
     pub(super) factorizations: usize,
 }
@@ -55,11 +55,11 @@ impl Positions {
     pub(super) fn start<'a>(
         &'a mut self,
         model: &'a mut SeparableModel,
-        inertia: &'a mut Inertia,
+        mass: &'a mut ConstantMass,
         reactions: &'a mut Reactions,
         force: &[f64],
         step: Step<'a>,
-    ) -> Solve<'a> {
+    ) -> PositionEquations<'a> {
         let (
             h,
             State {
@@ -69,16 +69,16 @@ impl Positions {
         for ((out, low), f) in self.low.iter_mut().zip(p_low).zip(force) {
             *out = low + 0.5 * h * f;
         }
-        inertia.velocity(p, &self.low, &mut self.free);
+        mass.velocity(p, &self.low, &mut self.free);
         for (free, low) in self.free.iter_mut().zip(y_low) {
             *free = low + h * *free;
         }
         self.reaction.fill(0.0);
-        reactions.push(&self.lam, -1.0, &mut self.reaction);
-        Solve {
+        reactions.apply_gt(&self.lam, -1.0, &mut self.reaction);
+        PositionEquations {
             at: self,
             model,
-            inertia,
+            mass,
             reactions,
             step,
             scale: None,
@@ -95,7 +95,7 @@ impl Positions {
         &mut self.y
     }
 
-    /// What forces and reactions add to p over the time `half`, with what p has lost to rounding.
+    /// The impulse of forces and reactions over the time `half`, with the rounding error of p.
     pub(super) fn impulse(&self, half: f64, out: &mut [f64]) {
         for ((out, low), r) in out.iter_mut().zip(&self.low).zip(&self.reaction) {
             *out = low + half * r;
@@ -103,20 +103,20 @@ impl Positions {
     }
 }
 
-impl Solve<'_> {
+impl PositionEquations<'_> {
     /// y1 with the reactions there are.
     fn move_coordinates(&mut self) {
         let (at, y) = (&mut *self.at, &self.step.state.y);
         let time = 0.5 * self.step.h * self.step.h;
         let from = y.iter().zip(&at.free);
-        if let Some(mobility) = self.inertia.mobility() {
-            let moves = at.reaction.iter().zip(mobility);
-            for ((out, (y, free)), (r, mobility)) in at.y.iter_mut().zip(from).zip(moves) {
-                *out = y + (free + time * (mobility * r));
+        if let Some(inverse_mass) = self.mass.inverse_mass() {
+            let moves = at.reaction.iter().zip(inverse_mass);
+            for ((out, (y, free)), (r, inverse_mass)) in at.y.iter_mut().zip(from).zip(moves) {
+                *out = y + (free + time * (inverse_mass * r));
             }
         } else {
             copy(&mut at.moves, &at.reaction);
-            self.inertia.move_by(&mut at.moves);
+            self.mass.apply_inverse(&mut at.moves);
             for ((out, (y, free)), moved) in at.y.iter_mut().zip(from).zip(&at.moves) {
                 *out = y + (free + time * moved);
             }
@@ -124,7 +124,7 @@ impl Solve<'_> {
     }
 }
 
-impl Equations for Solve<'_> {
+impl Equations for PositionEquations<'_> {
     fn correct(&mut self) -> Result<f64, StepError> {
         if self.at.lam.is_empty() {
             return Ok(0.0);
@@ -144,7 +144,7 @@ impl Equations for Solve<'_> {
         add_scaled(&mut at.lam, 1.0 / time, &at.d_lam);
         let moved = (&mut at.reaction[..], &mut at.moves[..]);
         let reactions = &self.reactions;
-        let size = reactions.pull(self.inertia, &at.d_lam, 1.0 / time, moved);
+        let size = reactions.correct(self.mass, &at.d_lam, 1.0 / time, moved);
         Ok(if size == 0.0 { 0.0 } else { size / scale })
     }
 }

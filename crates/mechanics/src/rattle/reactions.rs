@@ -1,117 +1,78 @@
-//! Reactions −Gᵀ λ and the matrices of their multipliers: G W Gᵀ by elimination where W is diagonal,
-//! otherwise by the saddle-point matrix it is the Schur complement of.
+//! Reactions −Gᵀ λ and the matrices of their multipliers: G W Gᵀ by elimination where W is diagonal and the
+//! couplings are sparse, otherwise by the saddle-point matrix it is the Schur complement of.
 
-use super::inertia::Inertia;
+use super::mass::ConstantMass;
 use crate::problem::{Saddle, SeparableModel, diagnose_rank};
 use liouville_base::error::StepError;
-use liouville_base::linalg::{Gram, Pattern, Singular, copy, max_norm};
+use liouville_base::linalg::{Matrix, NodeGram, Pattern, Rows, copy, max_norm};
 
-/// G at the start of a step, and what solves for multipliers.
+/// G at the start of a step, and the solver for multipliers.
 #[derive(Clone, Debug)]
 pub(super) struct Reactions {
-    /// G where a step starts, column by column, and `g_t` there.
-    gradient: Vec<f64>,
+    /// Gᵀ where a step starts, and `g_t` there.
+    gradient: Rows,
     drift: Vec<f64>,
-    columns: Columns,
-    solver: Solver,
+    solver: MultiplierSolver,
     multipliers: Vec<f64>,
 }
 
-/// Where the entries of each column start, and their rows.
 #[derive(Clone, Debug)]
-struct Columns {
-    starts: Vec<u32>,
-    rows: Vec<u32>,
-}
-
-#[derive(Clone, Debug)]
-enum Solver {
-    Eliminated(Box<Eliminated>),
+enum MultiplierSolver {
+    Eliminated(Box<GramMatrices>),
     /// The saddle-point matrix at the start, kept for the step; zero.
     Saddle(Box<Saddle>, Vec<f64>),
 }
 
 /// G(t1, ỹ1) W G0ᵀ for positions and G W Gᵀ for velocities.
 #[derive(Clone, Debug)]
-struct Eliminated {
-    /// W of each entry of G, and W times that entry at the start.
-    mobility: Vec<f64>,
-    moved: Vec<f64>,
-    of_positions: Gram,
-    of_velocities: Gram,
-    /// Nothing changes where G is constant.
+struct GramMatrices {
+    /// W of each entry of Gᵀ, and W Gᵀ at the start.
+    inverse_mass: Vec<f64>,
+    inverse_mass_gt: Vec<f64>,
+    of_positions: NodeGram,
+    of_velocities: NodeGram,
+    /// Whether G is constant, so that one factorisation serves all steps.
     is_constant: bool,
     is_ready: bool,
 }
 
-impl Columns {
-    #[allow(clippy::cast_possible_truncation)] // a pattern of so many entries would fill memory
-    fn new(pattern: &Pattern) -> Self {
-        let entries = pattern.entries();
-        let start = |col: usize| entries.partition_point(|entry| entry.1 < col) as u32;
-        Self {
-            starts: (0..=pattern.shape().1).map(start).collect(),
-            rows: entries.iter().map(|(row, _)| *row as u32).collect(),
-        }
-    }
-
-    /// Hands out the elements of Gᵀ x, one after another.
-    #[inline]
-    fn transposed(&self, values: &[f64], x: &[f64], mut take: impl FnMut(usize, f64)) {
-        let mut start = 0;
-        for (col, end) in self.starts[1..].iter().enumerate() {
-            let entries = start..*end as usize;
-            start = entries.end;
-            // two bonds hold most coordinates of most molecules
-            let sum = match (&self.rows[entries.clone()], &values[entries]) {
-                ([i, j], [a, b]) => a * x[*i as usize] + b * x[*j as usize],
-                ([i], [a]) => a * x[*i as usize],
-                (rows, values) => {
-                    let products = rows.iter().zip(values);
-                    products.map(|(row, value)| value * x[*row as usize]).sum()
-                }
-            };
-            take(col, sum);
-        }
-    }
-
-    /// `out += G x`
-    #[inline]
-    fn multiply_add(&self, values: &[f64], x: &[f64], out: &mut [f64]) {
-        let mut start = 0;
-        for (x, end) in x.iter().zip(&self.starts[1..]) {
-            let entries = start..*end as usize;
-            start = entries.end;
-            for (row, value) in self.rows[entries.clone()].iter().zip(&values[entries]) {
-                out[*row as usize] += value * x;
-            }
-        }
+impl GramMatrices {
+    /// Memory for the gradient `g_y` with this transpose; `None` where there is much fill-in.
+    fn new(g_y: &Pattern, transposed: &Pattern, inverse_mass: &[f64]) -> Option<Self> {
+        let one = Matrix::from_fn(1, 1, |_, _| 1.0);
+        let coordinates = transposed.entries().iter().map(|(row, _)| *row);
+        Some(Self {
+            inverse_mass: coordinates.map(|row| inverse_mass[row]).collect(),
+            inverse_mass_gt: vec![0.0; transposed.len()],
+            of_positions: NodeGram::new(g_y, transposed, &one)?,
+            of_velocities: NodeGram::new(&transposed.transposed(), transposed, &one)?,
+            is_constant: false,
+            is_ready: false,
+        })
     }
 }
 
 impl Reactions {
-    pub(super) fn new(model: &SeparableModel, inertia: &Inertia) -> Self {
+    pub(super) fn new(model: &SeparableModel, mass: &ConstantMass) -> Self {
         let general = &model.problem.mechanical;
-        let pattern = &general.patterns.g_y;
-        let solver = match inertia.mobility() {
-            Some(mobility) => {
-                let gram = Gram::new(pattern);
-                let cols = pattern.entries().iter().map(|(_, col)| *col);
-                Solver::Eliminated(Box::new(Eliminated {
-                    mobility: cols.map(|col| mobility[col]).collect(),
-                    moved: vec![0.0; pattern.len()],
-                    of_positions: gram.clone(),
-                    of_velocities: gram,
-                    is_constant: model.problem.gradient.is_empty(),
-                    is_ready: false,
-                }))
+        let g_y = &general.patterns.g_y;
+        let gradient = Rows::of(&g_y.transposed(), 1);
+        let matrices = mass
+            .inverse_mass()
+            .and_then(|inverse_mass| GramMatrices::new(g_y, &gradient.pattern(), inverse_mass));
+        let solver = match matrices {
+            Some(matrices) => MultiplierSolver::Eliminated(Box::new(GramMatrices {
+                is_constant: model.problem.gradient.is_empty(),
+                ..matrices
+            })),
+            None => {
+                let saddle = Saddle::new(&model.general);
+                MultiplierSolver::Saddle(Box::new(saddle), vec![0.0; general.n])
             }
-            None => Solver::Saddle(Box::new(Saddle::new(&model.general)), vec![0.0; general.n]),
         };
         Self {
-            gradient: vec![0.0; pattern.len()],
+            gradient,
             drift: vec![0.0; general.m],
-            columns: Columns::new(pattern),
             multipliers: vec![0.0; general.m],
             solver,
         }
@@ -128,65 +89,70 @@ impl Reactions {
             return Ok(());
         }
         let [gradient, drift] = model.gradient(t, y)?;
-        copy(&mut self.gradient, gradient);
+        self.gradient.set([gradient]);
         copy(&mut self.drift, drift);
         match &mut self.solver {
-            Solver::Eliminated(eliminated) => {
-                let entries = self.gradient.iter().zip(&eliminated.mobility);
-                for (moved, (g, mobility)) in eliminated.moved.iter_mut().zip(entries) {
-                    *moved = g * mobility;
+            MultiplierSolver::Eliminated(matrices) => {
+                let entries = self.gradient.values().iter().zip(&matrices.inverse_mass);
+                for (out, (g, inverse_mass)) in matrices.inverse_mass_gt.iter_mut().zip(entries) {
+                    *out = g * inverse_mass;
                 }
                 Ok(())
             }
-            Solver::Saddle(saddle, zeros) => {
+            MultiplierSolver::Saddle(saddle, zeros) => {
                 let lam = &self.drift; // no block depends on λ
                 saddle.update(&mut model.general, t, y, zeros, lam)
             }
         }
     }
 
-    /// Factors what positions are corrected with, at a guess of the step's end; returns how often.
+    /// Factors the matrix that positions are corrected with, at a guess of the step's end; returns how often.
     pub(super) fn factor_at(
         &mut self,
         model: &mut SeparableModel,
         t: f64,
         y: &[f64],
     ) -> Result<usize, StepError> {
-        let Solver::Eliminated(eliminated) = &mut self.solver else {
+        let MultiplierSolver::Eliminated(matrices) = &mut self.solver else {
             return Ok(0);
         };
-        if eliminated.is_constant {
-            return self.factor(model);
+        if matrices.is_constant {
+            return self.factor();
         }
         let [gradient, _] = model.gradient(t, y)?;
-        let factored = eliminated.of_positions.factor(gradient, &eliminated.moved);
-        let Err(singular) = factored else {
+        let factored = (matrices.of_positions).factor(gradient, &matrices.inverse_mass_gt);
+        if factored.is_ok() {
             return Ok(1);
-        };
-        let gradient = gradient.to_vec();
-        Err(dependent(model, &gradient, singular))
+        }
+        let problem = model.problem.clone();
+        let [gradient, _] = model.gradient(t, y)?;
+        let pattern = &problem.mechanical.patterns.g_y;
+        Err(diagnose_rank(pattern, gradient, StepError::SingularNewton))
     }
 
-    /// Factors what velocities are stopped with, at the start last set; returns how often.
-    pub(super) fn factor(&mut self, model: &SeparableModel) -> Result<usize, StepError> {
-        let Solver::Eliminated(eliminated) = &mut self.solver else {
+    /// Factors the matrix that velocities are stopped with, at the start last set; returns how often.
+    pub(super) fn factor(&mut self) -> Result<usize, StepError> {
+        let MultiplierSolver::Eliminated(matrices) = &mut self.solver else {
             return Ok(1);
         };
-        if eliminated.is_constant && eliminated.is_ready {
+        if matrices.is_constant && matrices.is_ready {
             return Ok(0);
         }
-        let gram = &mut eliminated.of_velocities;
-        gram.factor_symmetric(&self.gradient, &eliminated.moved)
-            .map_err(|singular| dependent(model, &self.gradient, singular))?;
-        eliminated.is_ready = true;
+        let gradient = self.gradient.values();
+        let factored = (matrices.of_velocities).factor(gradient, &matrices.inverse_mass_gt);
+        factored.map_err(|_| {
+            let pattern = self.gradient.pattern().transposed();
+            diagnose_rank(&pattern, gradient, StepError::SingularNewton)
+        })?;
+        matrices.is_ready = true;
         Ok(1)
     }
 
     /// x with G W Gᵀ x = `x`, as positions want it.
     pub(super) fn solve_positions(&mut self, model: &SeparableModel, x: &mut [f64]) {
         match &mut self.solver {
-            Solver::Eliminated(eliminated) if !eliminated.is_constant => {
-                eliminated.of_positions.solve(x);
+            MultiplierSolver::Eliminated(matrices) if !matrices.is_constant => {
+                matrices.of_positions.solve(x);
             }
             _ => self.solve_velocities(model, x),
         }
@@ -194,8 +160,8 @@ impl Reactions {
 
     fn solve_velocities(&mut self, model: &SeparableModel, x: &mut [f64]) {
         match &mut self.solver {
-            Solver::Eliminated(eliminated) => eliminated.of_velocities.solve(x),
-            Solver::Saddle(saddle, rest) => {
+            MultiplierSolver::Eliminated(matrices) => matrices.of_velocities.solve(x),
+            MultiplierSolver::Saddle(saddle, rest) => {
                 // its columns are reactions, −Gᵀ
                 for x in x.iter_mut() {
                     *x = -*x;
@@ -207,42 +173,36 @@ impl Reactions {
     }
 
     /// `out += factor Gᵀ x`
-    pub(super) fn push(&self, x: &[f64], factor: f64, out: &mut [f64]) {
-        let out = &mut out[..self.columns.starts.len() - 1];
-        let columns = &self.columns;
-        columns.transposed(&self.gradient, x, |col, sum| out[col] += factor * sum);
+    pub(super) fn apply_gt(&self, x: &[f64], factor: f64, out: &mut [f64]) {
+        for (out, sum) in out.iter_mut().zip(self.gradient.products(x)) {
+            *out += factor * sum;
+        }
     }
 
     /// `reaction −= factor Gᵀ x`; returns the largest move W Gᵀ x.
-    pub(super) fn pull(
+    pub(super) fn correct(
         &self,
-        inertia: &mut Inertia,
+        mass: &mut ConstantMass,
         x: &[f64],
         factor: f64,
         (reaction, moves): (&mut [f64], &mut [f64]),
     ) -> f64 {
-        let size = self.columns.starts.len() - 1;
-        let (reaction, moves) = (&mut reaction[..size], &mut moves[..size]);
-        self.columns.transposed(&self.gradient, x, |col, sum| {
-            moves[col] = sum;
-            reaction[col] -= factor * sum;
-        });
-        inertia.move_by(moves);
+        let out = reaction.iter_mut().zip(&mut *moves);
+        for ((reaction, moved), sum) in out.zip(self.gradient.products(x)) {
+            *moved = sum;
+            *reaction -= factor * sum;
+        }
+        mass.apply_inverse(moves);
         max_norm(moves)
     }
 
-    /// Takes from the momenta what makes velocities `v` leave the constraints.
+    /// Takes from the momenta the part that makes velocities `v` leave the constraints.
     pub(super) fn stop(&mut self, model: &SeparableModel, v: &[f64], momenta: &mut [f64]) {
         let mut rates = std::mem::take(&mut self.multipliers);
         copy(&mut rates, &self.drift);
-        self.columns.multiply_add(&self.gradient, v, &mut rates);
+        self.gradient.add_transposed_product(v, &mut rates);
         self.solve_velocities(model, &mut rates);
-        self.push(&rates, -1.0, momenta);
+        self.apply_gt(&rates, -1.0, momenta);
         self.multipliers = rates;
     }
-}
-
-fn dependent(model: &SeparableModel, gradient: &[f64], _: Singular) -> StepError {
-    let pattern = &model.problem.mechanical.patterns.g_y;
-    diagnose_rank(pattern, gradient, StepError::SingularNewton)
 }

@@ -1,4 +1,4 @@
-//! What does not fit is refused: a method to its system, a job to both.
+//! Refusal of a method that does not step its system, and of a job that fits neither.
 
 use super::{Control, Detection, Job, Method, Problem, SparkMethod, System};
 use liouville_base::composition::NeedsAdjoint;

@@ -1,4 +1,4 @@
-//! What a run is asked for: the system, the method, and the job.
+//! The system, the method and the job of a run.
 
 use crate::alpha::Reactions;
 use crate::problem::{Mechanical, SecondOrder, Separable};
@@ -41,7 +41,7 @@ pub struct SparkMethod {
     pub solver: Solver,
     /// To which fraction of the velocities; without one, to roundoff.
     pub newton_tol: Option<f64>,
-    /// What it is composed by, if it is.
+    /// The scheme that composes it, if one does.
     pub scheme: Option<&'static Scheme>,
 }
 
@@ -52,7 +52,7 @@ pub enum Control {
     Fixed,
     /// Steps as long as the estimated errors allow.
     Adaptive {
-        /// What errors are measured by.
+        /// The tolerance of errors.
         tolerance: Tolerance,
         /// The first step; without one the method chooses it.
         first: Option<f64>,

@@ -38,7 +38,7 @@ impl Starter {
         Model::new(self.system.mechanical().clone(), self.params(member))
     }
 
-    /// What is recorded of a member.
+    /// The observer of a member.
     pub(super) fn observer(&self, member: usize) -> Observer {
         let (params, tape) = (self.params(member), self.job.observer.clone());
         Observer::new(self.model(member), params, tape, self.job.states)

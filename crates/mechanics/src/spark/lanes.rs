@@ -13,6 +13,7 @@ use super::{Solver, Spark};
 use crate::problem::{Mechanical, Model, State};
 use liouville_base::checkpoint::{Checkpoint, CheckpointMismatch};
 use liouville_base::error::StepError;
+use liouville_base::linalg::choice::{FEWEST_MEMBERS, LARGEST_MEMBER};
 use liouville_base::method::{Stats, Stepper, Symmetric};
 use liouville_base::newton::{self, Member};
 use liouville_base::real::{Lanes, Scalar};
@@ -24,17 +25,12 @@ pub const BATCH: usize = 16;
 /// The same number of each member.
 type Block = Lanes<BATCH>;
 
-/// Fewer members than this in lock-step are slower than one by one.
-const FEW: usize = 3;
-/// Coordinates and multipliers up to which lock-step is the faster way.
-const LARGEST: usize = 64;
-
 /// Whether steps of this system by this solver have members in lock-step.
 pub fn supports_batch(problem: &Mechanical, solver: Solver) -> bool {
     problem.is_linear
         && problem.l() == 0
         && solver != Solver::Newton
-        && problem.n + problem.m <= LARGEST
+        && problem.n + problem.m <= LARGEST_MEMBER
 }
 
 /// A SPARK method at work on as many members as there are lanes.
@@ -132,7 +128,7 @@ impl SparkBatch {
         let open = open.filter(|left| **left == 0).count();
         let (stages, model) = (&mut self.stages, &mut self.model);
         let z1 = &mut self.update.z;
-        if open < FEW || !self.predictor.extrapolate(stages, z1, step.h) {
+        if open < FEWEST_MEMBERS || !self.predictor.extrapolate(stages, z1, step.h) {
             self.members = [Member::Out; BATCH];
             return Ok(());
         }

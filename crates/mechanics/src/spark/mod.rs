@@ -29,6 +29,7 @@ use crate::problem::{Mechanical, Model, State};
 use estimate::Estimate;
 use full_newton::FullNewton;
 use liouville_base::error::StepError;
+use liouville_base::linalg::choice::{CHEAP_NEWTON, SCHUR_ITERATIONS};
 use liouville_base::method::{Stats, Stepper, Symmetric};
 use liouville_base::newton::{self, Attempts, Start};
 use liouville_base::tableau;
@@ -56,18 +57,14 @@ impl Solver {
         let order = tableau.stages * problem.n + tableau.intervals * problem.m;
         match self {
             Self::Auto => {
-                SCHUR_ITERATIONS[usize::from(order > CHEAP || problem.patterns.p_y.is_empty())]
+                SCHUR_ITERATIONS
+                    [usize::from(order > CHEAP_NEWTON || problem.patterns.p_y.is_empty())]
             }
             _ => MOST_ITERATIONS,
         }
     }
 }
 
-/// Corrections node Schur may take before full Newton is the better choice, where slower ones leave a
-/// remainder of one sign under the roundoff and a matrix of full Newton is cheap ...
-const SCHUR_ITERATIONS: [usize; 2] = [6, 20];
-/// ... or where it is of a higher order than this, or p does not depend on y: then the remainder is put back.
-const CHEAP: usize = 40;
 /// Corrections a solver may take when there is no other.
 const MOST_ITERATIONS: usize = 100;
 /// Steps node Schur rests at most after failing; each failure in a row doubles the rest.

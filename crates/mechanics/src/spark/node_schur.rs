@@ -8,10 +8,11 @@
 //! depend on z, by O(h) otherwise. With Λ = h λ the matrix is O(1) as h → 0.
 #![allow(clippy::inline_always)] // what is not inlined is compiled without the registers it is for
 
-use super::sparse_schur::SparseSchur;
+use super::sparse_schur::SparseNodeSchur;
 use super::stages::{Stages, Step, Unknowns};
 use crate::problem::{Mass, Mechanical, Model, add_product, diagnose_rank, finite};
 use liouville_base::error::{Quantity, StepError};
+use liouville_base::linalg::choice::{LARGEST_DENSE_INVERSE_MASS_RT, LARGEST_DENSE_NODE_SCHUR};
 use liouville_base::linalg::{
     Lu, Matrix, Singular, add_scaled, as_is, combine, copy, copy_scaled, max_norm,
 };
@@ -46,18 +47,13 @@ pub(super) struct NodeSchur<R = f64> {
 #[derive(Clone, Debug)]
 enum Schur<R> {
     Dense {
-        compliance: Vec<Matrix<R>>,
+        inverse_mass_rt: Vec<Matrix<R>>,
         lu: Lu<R>,
     },
-    Sparse(Box<SparseSchur<R>>),
+    Sparse(Box<SparseNodeSchur<R>>),
     /// Neither sparse nor small: full Newton is the better way.
     Missing,
 }
-
-/// A dense matrix of a larger order is not factored, nor made of a larger compliance: sparse full Newton takes
-/// less time.
-const LARGEST_DENSE: usize = 400;
-const LARGEST_COMPLIANCE: usize = 10_000_000;
 
 /// The stage equations of one step, solved by node Schur.
 pub(super) struct Solve<'a, R = f64> {
@@ -78,11 +74,15 @@ impl<R: Real> NodeSchur<R> {
             (0..s).map(|j| a_bar[(i + 1, j)] * a_hat[(j, l)]).sum()
         });
         let mass = Mass::new(model);
-        let matrix = match SparseSchur::new(&model.problem, &mass, &product) {
+        let matrix = match SparseNodeSchur::new(&model.problem, &mass, &product) {
             Some(sparse) => Schur::Sparse(Box::new(sparse)),
-            None if k * m > LARGEST_DENSE || k * m * n > LARGEST_COMPLIANCE => Schur::Missing,
+            None if k * m > LARGEST_DENSE_NODE_SCHUR
+                || k * m * n > LARGEST_DENSE_INVERSE_MASS_RT =>
+            {
+                Schur::Missing
+            }
             None => Schur::Dense {
-                compliance: vec![Matrix::zeros(m, n); k],
+                inverse_mass_rt: vec![Matrix::zeros(m, n); k],
                 lu: Lu::new(k * m),
             },
         };
@@ -131,20 +131,30 @@ impl<R: Real> NodeSchur<R> {
     /// Factors S with the blocks as they are frozen.
     #[inline(always)]
     fn factor(&mut self) -> Result<(), Singular> {
-        let (compliance, lu) = match &mut self.matrix {
+        let (inverse_mass_rt, lu) = match &mut self.matrix {
             Schur::Sparse(sparse) => return sparse.factor(&self.mass, &self.g_y, &self.r_lam),
-            Schur::Dense { compliance, lu } => (compliance, lu),
+            Schur::Dense {
+                inverse_mass_rt,
+                lu,
+            } => (inverse_mass_rt, lu),
             Schur::Missing => return Err(Singular { column: 0 }),
         };
         let (at, m) = (&self.problem.patterns, self.problem.m);
         lu.matrix_mut().clear();
-        for (l, compliance) in compliance.iter_mut().enumerate() {
+        for (l, inverse_mass_rt) in inverse_mass_rt.iter_mut().enumerate() {
             let r_lam = self.r_lam.row(l);
-            self.mass.compliance(&at.r_lam, r_lam, compliance);
+            self.mass.inverse_mass_rt(&at.r_lam, r_lam, inverse_mass_rt);
             for k in 0..self.product.rows() {
                 let (g_y, corner) = (self.g_y.row(k + 1), (k * m, l * m));
                 let factor = self.product[(k, l)];
-                add_product(&at.g_y, g_y, factor, compliance, lu.matrix_mut(), corner);
+                add_product(
+                    &at.g_y,
+                    g_y,
+                    factor,
+                    inverse_mass_rt,
+                    lu.matrix_mut(),
+                    corner,
+                );
             }
         }
         lu.factor()

@@ -1,51 +1,39 @@
-//! The matrix of node Schur of a large mechanism: as sparse as its couplings, k by k blocks of each.
-
+//! The matrix of node Schur of a large mechanism: as sparse as its couplings, with k by k blocks.
 #![allow(clippy::inline_always)] // what is not inlined is compiled without the registers it is for
 
-use crate::problem::{Compliance, Mass, Mechanical};
+use crate::problem::{Mass, Mechanical, SparseSchur};
 use liouville_base::at_size;
-use liouville_base::linalg::{Matrix, NodeGram, NodeRows, Singular};
+use liouville_base::linalg::choice::SPARSE_NODE_SCHUR;
+use liouville_base::linalg::{Matrix, Singular, dispatch_simd_nodes};
 use liouville_base::real::Real;
-use liouville_base::simd::dispatch_simd_nested;
-
-/// From this order on, the sparse matrix is tried, and from half of it on where most of `g_y` is zero. Measured
-/// on plane chains, sparse over dense: 0.85 of a step at order 16, 0.77 at 20, 0.5 at 32; with 3 rods in space,
-/// order 24, 0.63.
-const LARGE: usize = 24;
 
 /// `g_y` at the nodes 1..k, `r_λ` at the nodes 0..k−1, and the Schur complement between them.
 #[derive(Clone, Debug)]
-pub(super) struct SparseSchur<R = f64> {
+pub(super) struct SparseNodeSchur<R = f64> {
     nodes: usize,
-    g_y: NodeRows<R>,
-    r_lam: NodeRows<R>,
-    compliance: Compliance<R>,
-    schur: NodeGram<R>,
+    schur: SparseSchur<R>,
     multipliers: Vec<R>,
     /// Velocities at the nodes, then impulses from there.
     vectors: Vec<R>,
 }
 
-impl<R: Real> SparseSchur<R> {
+impl<R: Real> SparseNodeSchur<R> {
     /// Memory for this problem and ā â; `None` where dense matrices are as good, or there is much fill-in.
     pub(super) fn new(problem: &Mechanical, mass: &Mass<R>, product: &Matrix) -> Option<Self> {
-        let (n, m, nodes) = (problem.n, problem.m, product.rows());
-        let order = nodes * m;
-        if order < LARGE && (2 * order < LARGE || !problem.is_sparse()) {
+        let (nodes, order) = (product.rows(), product.rows() * problem.m);
+        let least = if problem.is_sparse() {
+            SPARSE_NODE_SCHUR / 2
+        } else {
+            SPARSE_NODE_SCHUR
+        };
+        if order < least {
             return None;
         }
-        let g_y = NodeRows::new(&problem.patterns.g_y, nodes);
-        let r_lam = NodeRows::new(&problem.patterns.r_lam, nodes);
-        let compliance = Compliance::new(mass, r_lam.pattern(), nodes)?;
-        let schur = NodeGram::new(g_y.pattern(), compliance.pattern(), product)?;
         Some(Self {
             nodes,
-            g_y,
-            r_lam,
-            compliance,
-            schur,
-            multipliers: vec![R::splat(0.0); nodes * m],
-            vectors: vec![R::splat(0.0); nodes * n],
+            schur: SparseSchur::new(problem, mass, product)?,
+            multipliers: vec![R::splat(0.0); order],
+            vectors: vec![R::splat(0.0); nodes * problem.n],
         })
     }
 
@@ -56,12 +44,11 @@ impl<R: Real> SparseSchur<R> {
         g_y: &Matrix<R>,
         r_lam: &Matrix<R>,
     ) -> Result<(), Singular> {
-        at_size!(self.nodes, K => {
-            self.g_y.set::<K>(std::array::from_fn(|i| g_y.row(i + 1)));
-            self.r_lam.set::<K>(std::array::from_fn(|l| r_lam.row(l)));
-        });
-        let compliance = self.compliance.update(mass, self.r_lam.values());
-        self.schur.factor(self.g_y.values(), compliance)
+        at_size!(self.nodes, K => self.schur.factor::<K>(
+            mass,
+            std::array::from_fn(|i| g_y.row(i + 1)),
+            std::array::from_fn(|l| r_lam.row(l)),
+        ))
     }
 
     /// dΛ that makes velocities `u` of the stages meet g, and the impulses R_l dΛ_l, whose combinations
@@ -75,10 +62,10 @@ impl<R: Real> SparseSchur<R> {
         d_z: &mut Matrix<R>,
     ) {
         at_size!(self.nodes, K => {
-            dispatch_simd_nested::<R, _>(u.cols(), #[inline(always)] || self.meet::<K>(a_bar, u, g, h));
+            dispatch_simd_nodes::<R, K, _>(#[inline(always)] || self.apply_g::<K>(a_bar, u, g, h));
             self.schur.solve(&mut self.multipliers);
-            dispatch_simd_nested::<R, _>(u.cols(), #[inline(always)] || {
-                self.push::<K>(a_hat, residual, d_z);
+            dispatch_simd_nodes::<R, K, _>(#[inline(always)] || {
+                self.apply_r::<K>(a_hat, residual, d_z);
                 let multipliers = self.multipliers.as_chunks::<K>().0;
                 for (l, d_lam) in d_lam.chunks_exact_mut(multipliers.len()).enumerate() {
                     for (out, lam) in d_lam.iter_mut().zip(multipliers) {
@@ -91,7 +78,7 @@ impl<R: Real> SparseSchur<R> {
 
     /// −g/h + `G_i` Σ ā_ij u_j
     #[inline(always)]
-    fn meet<const K: usize>(&mut self, a_bar: &Matrix, u: &Matrix<R>, g: &Matrix<R>, h: f64) {
+    fn apply_g<const K: usize>(&mut self, a_bar: &Matrix, u: &Matrix<R>, g: &Matrix<R>, h: f64) {
         let multipliers = self.multipliers.as_chunks_mut::<K>().0;
         let vectors = self.vectors.as_chunks_mut::<K>().0;
         let g: [&[R]; K] = std::array::from_fn(|i| g.row(i + 1));
@@ -108,15 +95,21 @@ impl<R: Real> SparseSchur<R> {
                 }
             }
         }
-        self.g_y.multiply_add(vectors, multipliers);
+        self.schur.g_y().add_product(vectors, multipliers);
     }
 
+    /// Σ â_il R_l dΛ_l − residual
     #[inline(always)]
-    fn push<const K: usize>(&mut self, a_hat: &Matrix, residual: &Matrix<R>, d_z: &mut Matrix<R>) {
+    fn apply_r<const K: usize>(
+        &mut self,
+        a_hat: &Matrix,
+        residual: &Matrix<R>,
+        d_z: &mut Matrix<R>,
+    ) {
         let multipliers = self.multipliers.as_chunks::<K>().0;
         let vectors = self.vectors.as_chunks_mut::<K>().0;
         vectors.fill([R::splat(0.0); K]);
-        self.r_lam.multiply_add(multipliers, vectors);
+        self.schur.r_lam().add_product(multipliers, vectors);
         for i in 0..d_z.rows() {
             let weights: [f64; K] = std::array::from_fn(|l| a_hat[(i, l)]);
             let residual = residual.row(i);

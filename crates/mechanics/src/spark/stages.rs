@@ -73,7 +73,7 @@ pub(super) struct Stages<R = f64> {
     /// Residuals V_i − v(T_i, Y_i, Z_i) and those of the momentum equation.
     pub(super) velocity_residual: Matrix<R>,
     pub(super) momentum_residual: Matrix<R>,
-    /// Moves that the rounding of velocities has split_front away.
+    /// Moves that the rounding of velocities has taken away.
     pub(super) lost_moves: Matrix<R>,
     pub(super) evaluations: usize,
     /// When the stage equations count as solved.

@@ -1,6 +1,6 @@
 //! The end of a step: (U1), then z1 and λ_k from (U2) and (U3).
 //!
-//! Nonholonomic constraints have been met by then, up to roundoff: what is left of them is split_front away by
+//! Nonholonomic constraints have been met by then, up to roundoff: what is left of them is taken away by
 //! impulses of their reactions at t1, of the size of roundoff.
 //!
 //! Increments are summed first and added last. What either loses is kept in the low part: the roundings

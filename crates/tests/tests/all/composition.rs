@@ -274,12 +274,10 @@ impl Observe<[f64; 2]> for Place {
     }
 }
 
-type Walk = Run<Composed<Swing>, Place, Fixed>;
-
-fn run(parts: Swing, every: usize) -> Walk {
-    let stepper = Composed::new(parts, scheme("BM4"));
-    let control = Fixed::new(0.0, 0.05, 60);
-    Run::new(stepper, Place, START, control, every, 60).expect("the start can be recorded")
+fn run(parts: Swing, every: usize) -> Run<[f64; 2]> {
+    let stepper = Box::new(Composed::new(parts, scheme("BM4")));
+    let control = Box::new(Fixed::new(stepper, 0.0, 0.05, 60));
+    Run::new(control, Box::new(Place), START, (every, 60)).expect("the start can be recorded")
 }
 
 #[test]
@@ -344,11 +342,11 @@ fn states_that_are_not_finite_are_never_recorded() {
                 is_large,
                 ..swing()
             };
-            let stepper = Composed::new(parts, scheme("S2"));
-            let control = Fixed::new(0.0, 0.5, 100);
+            let stepper = Box::new(Composed::new(parts, scheme("S2")));
+            let control = Box::new(Fixed::new(stepper, 0.0, 0.5, 100));
             // the drift alone leaves the numbers
             let start = [1.5e308, 1e308];
-            let mut run = Run::new(stepper, Place, start, control, every, 0).expect("a start");
+            let mut run = Run::new(control, Box::new(Place), start, (every, 0)).expect("a start");
             let status = run.advance(ALL_DAY);
             assert!(
                 matches!(

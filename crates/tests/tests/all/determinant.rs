@@ -388,10 +388,10 @@ fn determinants_leave_the_trajectory_as_it_is() {
         let split = moving(piece);
         for (every, is_compensated) in [(1, false), (1, true), (4, false), (4, true)] {
             let seen = UserVariables { n: 3, basis: None };
-            let control = || Fixed::new(0.0, 0.05, 10);
             let stepper = Determinant::new(Arc::clone(&split), scheme("BM4"), is_compensated);
             let state = stepper.state(&START);
-            let mut run = Run::new(stepper, seen, state, control(), every, 0).expect("a start");
+            let control = Box::new(Fixed::new(Box::new(stepper), 0.0, 0.05, 10));
+            let mut run = Run::new(control, Box::new(seen), state, (every, 0)).expect("a start");
             assert_eq!(run.advance(ALL_DAY), Status::Done);
             let (_, found) = run.take();
 

@@ -5,6 +5,7 @@
 use liouville_base::elementary;
 use liouville_base::real::Lanes;
 use liouville_base::simd::{ForEach, InstructionSet, Kernel, Number, SimdView, SimdViews, Stored};
+use liouville_tests::properties::properties;
 use proptest::prelude::*;
 
 type Function = fn(f64) -> f64;
@@ -43,7 +44,7 @@ fn ulps(a: f64, b: f64) -> f64 {
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig::with_cases(20_000))]
+    #![proptest_config(properties(20_000))]
 
     #[test]
     fn they_are_within_two_ulp(part in 0.0..1.0_f64, small in -300.0..0.0_f64) {

@@ -5,7 +5,7 @@ use liouville_base::ensemble::{Ensemble, Layout};
 use liouville_base::error::StepError;
 use liouville_base::method::{Stats, Stepper};
 use liouville_base::observe::Observe;
-use liouville_base::run::{self, Advance, Fixed, Run, Status};
+use liouville_base::run::{Advance, Fixed, Run, Span, Status};
 use std::time::Duration;
 
 const ALL_DAY: Duration = Duration::from_secs(86400);
@@ -78,11 +78,11 @@ fn run(
     steps: usize,
     failures: &[(usize, usize)],
     rows: fn(f64) -> usize,
-) -> Run<Turning, Angle, Fixed> {
+) -> Run<f64> {
     let failure = failures.iter().find(|(failing, _)| *failing == place);
     #[allow(clippy::cast_precision_loss)]
     let x = 0.1 + place as f64;
-    let stepper = Turning {
+    let stepper = Box::new(Turning {
         rate: 1.0 + 0.1 * x,
         made: 0,
         fails_at: failure.map_or(usize::MAX, |(_, step)| *step),
@@ -91,14 +91,14 @@ fn run(
         } else {
             SINGULAR
         },
-    };
-    let control = Fixed::new(0.5, H, steps);
-    Run::new(stepper, Angle { rows }, x, control, EVERY, 0).expect("the start can be recorded")
+    });
+    let control = Box::new(Fixed::new(stepper, 0.5, H, steps));
+    Run::new(control, Box::new(Angle { rows }), x, (EVERY, 0)).expect("the start can be recorded")
 }
 
 /// Runs of blocks of two members: each has the angle of its own place, and fails with its first member.
 struct Pair {
-    runs: Vec<Run<Turning, Angle, Fixed>>,
+    runs: Vec<Run<f64>>,
 }
 
 impl Advance for Pair {
@@ -135,6 +135,10 @@ impl Advance for Pair {
         (all.fold(Stats::default(), |sum, stats| sum + stats), 0)
     }
 
+    fn shape(&self) -> Vec<usize> {
+        vec![2 * self.runs.len()]
+    }
+
     fn take(&mut self) -> (Vec<f64>, Vec<f64>) {
         let records: Vec<_> = self.runs.iter_mut().map(Advance::take).collect();
         let count = records
@@ -151,14 +155,20 @@ impl Advance for Pair {
 }
 
 fn ensemble(threads: usize, failures: &'static [(usize, usize)]) -> Ensemble {
-    let begin = move |members: &[usize]| -> Result<Box<dyn Advance + Sync>, StepError> {
+    let begin = move |members: &[usize]| -> Result<Box<dyn Advance>, StepError> {
         let one = |member: &usize| run(*member, STEPS, failures, |_| 1);
         Ok(Box::new(Pair {
             runs: members.iter().map(one).collect(),
         }))
     };
+    let span = Span {
+        t0: 0.5,
+        t1: 0.5 + STEPS as f64 * H,
+        steps: STEPS,
+        every: EVERY,
+    };
     let layout = Layout::Aligned {
-        times: run::times((0.5, 0.5 + STEPS as f64 * H, STEPS, EVERY)),
+        times: span.times(),
         width: 2,
     };
     Ensemble::new(Box::new(begin), (RUNS, MEMBERS), threads, layout, 0.5)
@@ -264,7 +274,7 @@ fn rows_of_their_own_come_one_run_after_another() {
         y if y > -0.5 => 0,
         _ => 1,
     };
-    let begin = move |members: &[usize]| -> Result<Box<dyn Advance + Sync>, StepError> {
+    let begin = move |members: &[usize]| -> Result<Box<dyn Advance>, StepError> {
         Ok(Box::new(run(members[0], STEPS, &[], rows)))
     };
     let mut wanted = (Vec::new(), Vec::new());
@@ -275,7 +285,9 @@ fn rows_of_their_own_come_one_run_after_another() {
         wanted.0.extend(times);
         wanted.1.extend(rows);
     }
-    let mut ensemble = Ensemble::new(Box::new(begin), (RUNS, 1), 2, Layout::Ragged, 0.5);
+    let layout = Layout::Ragged { width: 2 };
+    let mut ensemble = Ensemble::new(Box::new(begin), (RUNS, 1), 2, layout, 0.5);
+    assert_eq!(ensemble.shape(), [2]);
     assert_eq!(finish(&mut ensemble, ALL_DAY), Status::Done);
     assert!(wanted.0.len() > 50 && wanted.0.len() != RUNS * KEPT);
     assert_eq!(ensemble.take(), wanted);

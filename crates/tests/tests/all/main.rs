@@ -15,6 +15,7 @@ mod memory;
 mod newton;
 mod node_gram;
 mod quantum_rows;
+mod rattle;
 mod real;
 mod run;
 mod saddle;

@@ -47,13 +47,13 @@ impl Left {
     fn add(&mut self, run: &mut dyn Advance, (times, rows): (Vec<f64>, Vec<f64>)) {
         self.times.extend(times.iter().map(|x| x.to_bits()));
         self.rows.extend(rows.iter().map(|x| x.to_bits()));
-        let seen = run.seen();
-        self.events.resize(seen.events.len(), <_>::default());
-        for (kept, (times, rows)) in self.events.iter_mut().zip(&seen.events) {
+        let met = run.events();
+        self.events.resize(met.found.len(), <_>::default());
+        for (kept, (times, rows)) in self.events.iter_mut().zip(&met.found) {
             kept[0].extend(times.iter().map(|x| x.to_bits()));
             kept[1].extend(rows.iter().map(|x| x.to_bits()));
         }
-        self.end = format!("{:?} {:?} {:?}", run.stats(), run.sizes(), seen.end);
+        self.end = format!("{:?} {:?} {:?}", run.stats(), run.sizes(), met.end);
     }
 }
 
@@ -119,14 +119,15 @@ fn the_alpha_family_goes_on() {
         let model = Model::new(heavy().build(), &[]);
         let equal = || {
             let (alpha, state) = ball(reactions);
-            let control = Fixed::new(START, 0.02, 60);
-            Run::new(alpha, observer(&model, &[]), state, control, 3, 0).expect("a start")
+            let control = Box::new(Fixed::new(Box::new(alpha), START, 0.02, 60));
+            Run::new(control, Box::new(observer(&model, &[])), state, (3, 0)).expect("a start")
         };
         goes_on("equal steps", &[0, 1, 7, 30, 59], equal);
         let controlled = || {
             let (alpha, state) = ball(reactions);
-            let control = Adaptive::new(START, START + 1.0, 0.01, 1e-9);
-            Run::new(alpha, observer(&model, &[]), state, control, 1, 0).expect("a start")
+            let ends = (START, START + 1.0);
+            let control = Box::new(Adaptive::new(Box::new(alpha), ends, 0.01, 1e-9));
+            Run::new(control, Box::new(observer(&model, &[])), state, (1, 0)).expect("a start")
         };
         goes_on("controlled steps", &[1, 2, 9, 20], controlled);
     }
@@ -140,29 +141,26 @@ fn index_2_goes_on() {
             let mut model = semi_explicit::Model::new(traced(&f, &k), &[]);
             let state = model.state(0.0, &[0.0, 0.0, 1.0], &[0.0], 0.05);
             let observed = tape([1, 3, 1, 0], &[input(Y, 0)]);
-            let observer = semi_explicit::Observer::new(&[], observed, true);
-            let control = Fixed::new(0.0, 0.05, 80);
-            let stepper = Index2::new(model, s);
-            Run::new(stepper, observer, state.expect("a start"), control, 1, 0).expect("a start")
+            let observer = Box::new(semi_explicit::Observer::new(&[], observed, true));
+            let stepper = Box::new(Index2::new(model, s));
+            let control = Box::new(Fixed::new(stepper, 0.0, 0.05, 80));
+            Run::new(control, observer, state.expect("a start"), (1, 0)).expect("a start")
         };
         goes_on("index 2", &[1, 2, 40, 79], make);
     }
 }
 
-/// A pendulum by a stepper, at a control.
-fn swinging<S: Stepper<State = State>, P: StepControl<S>>(
-    stepper: impl Fn(Model) -> S,
-    control: impl Fn(&Model, &State) -> P,
-) -> Run<S, Observer, P> {
+/// A pendulum whose steps a control makes.
+fn swinging<C: StepControl<State> + 'static>(control: impl Fn(Model, &State) -> C) -> Run<State> {
     let mut model = Model::new(pendulum().build(), &PENDULUM);
     let state = model.state(0.0, &[1.0, 0.0], &[0.0, 0.0]);
-    let control = control(&model, &state);
-    let observer = observer(&model, &PENDULUM);
-    Run::new(stepper(model), observer, state, control, 2, 0).expect("a start")
+    let observer = Box::new(observer(&model, &PENDULUM));
+    let control = Box::new(control(model, &state));
+    Run::new(control, observer, state, (2, 0)).expect("a start")
 }
 
-fn equal(_: &Model, _: &State) -> Fixed {
-    Fixed::new(0.0, 0.02, 90)
+fn equal(stepper: impl Stepper<State = State> + 'static) -> Fixed<State> {
+    Fixed::new(Box::new(stepper), 0.0, 0.02, 90)
 }
 
 #[test]
@@ -171,28 +169,32 @@ fn spark_goes_on() {
         for s in [1, 2, 3] {
             let spark = |model| Spark::new(model, s, solver);
             let name = format!("{solver:?}, s = {s}");
-            goes_on(&name, &[1, 2, 3, 41, 89], || swinging(spark, equal));
-            let reversible = |model: &Model, state: &State| {
+            goes_on(&name, &[1, 2, 3, 41, 89], || {
+                swinging(|model, _| equal(spark(model)))
+            });
+            let reversible = |model: Model, state: &State| {
                 let at = (0.0, &state.y[..], &state.z[..]);
                 let scale = TimeScale::new(model.clone(), at, 0.02);
-                let monitor = MechanicalMonitor::Own(Box::new(scale));
-                Reversible::new((0.0, 2.0), 0.02, 1e-9, monitor, state)
+                let monitor = Box::new(MechanicalMonitor::Own(Box::new(scale)));
+                let (ends, sizes) = ((0.0, 2.0), (0.02, 1e-9));
+                Reversible::new(Box::new(spark(model)), ends, sizes, monitor, state)
             };
-            goes_on(&name, &[1, 17, 40], || swinging(spark, reversible));
+            goes_on(&name, &[1, 17, 40], || swinging(reversible));
             let composed = |model| {
                 let scheme = Scheme::named("SU4").expect("a scheme");
                 Composed::of_symmetric(spark(model), scheme).expect("stages")
             };
-            goes_on(&name, &[1, 30], || swinging(composed, equal));
+            goes_on(&name, &[1, 30], || {
+                swinging(|model, _| equal(composed(model)))
+            });
         }
         let tolerance = || Tolerance {
             rtol: 1e-7,
             atol: vec![1e-9; 2],
         };
         let estimating = |model| Spark::new(model, 3, solver).estimating(tolerance());
-        let controlled = |_: &Model, _: &State| Adaptive::new(0.0, 3.0, 0.01, 1e-9);
         goes_on("controlled", &[1, 2, 8, 15], || {
-            swinging(estimating, controlled)
+            swinging(|model, _| Adaptive::new(Box::new(estimating(model)), (0.0, 3.0), 0.01, 1e-9))
         });
     }
 }
@@ -211,16 +213,15 @@ fn rattle_goes_on() {
         };
         let mut model = SeparableModel::new(swung.separable(), &[]);
         let state = model.general.state(0.0, &[1.0, 0.0], &[0.0, 0.0]);
-        let observer = observer(&model.general, &[]);
-        let rattle = Rattle::new(model).expect("a mass");
-        let control = Fixed::new(0.0, 0.02, 90);
-        Run::new(rattle, observer, state, control, 2, 0).expect("a start")
+        let observer = Box::new(observer(&model.general, &[]));
+        let control = equal(Rattle::new(model).expect("a mass"));
+        Run::new(Box::new(control), observer, state, (2, 0)).expect("a start")
     };
     goes_on("rattle", &[1, 2, 44], make);
 }
 
 #[test]
-fn who_looks_between_the_steps_goes_on_looking() {
+fn event_detection_goes_on() {
     for (order, times) in [(6, None), (6, Some(())), (2, Some(()))] {
         let make = || {
             let mut model = Model::new(pendulum().build(), &PENDULUM);
@@ -231,14 +232,16 @@ fn who_looks_between_the_steps_goes_on_looking() {
             let event = |(k, tape)| Event::new(k, tape, &PENDULUM, 0, 7 * k, k == 1);
             let times = times.map(|()| (0..70_i32).map(|k| 0.031 * f64::from(k)).collect());
             let path = Path::new(model.clone(), order);
-            let stepper = Spark::new(model.clone(), order / 2, Solver::Auto);
-            let events = events.map(event).collect();
-            let watch = DenseDetector::new(path, stepper.clone(), &state, events, times);
-            let control = Fixed::new(0.0, 0.02, 150);
+            let stepper = Box::new(Spark::new(model.clone(), order / 2, Solver::Auto));
             let observer = observer(&model, &PENDULUM);
-            Run::watched(stepper, observer, state, control, (2, 0), watch).expect("a start")
+            let (copy, recorded) = (stepper.clone(), (observer.clone(), times));
+            let events = events.map(event).collect();
+            let detector = Box::new(DenseDetector::new(path, copy, &state, events, recorded));
+            let control = Box::new(Fixed::new(stepper, 0.0, 0.02, 150));
+            let (observer, kept) = (Box::new(observer), (2, 0));
+            Run::with_events(control, observer, state, kept, Some(detector)).expect("a start")
         };
-        goes_on("watched", &[1, 2, 3, 40, 71], make);
+        goes_on("events", &[1, 2, 3, 40, 71], make);
     }
 }
 
@@ -254,16 +257,9 @@ fn split_fields_go_on() {
             let square = tape([1, 6, 0], &[input(1, 0) * input(T, 0)]);
             let observer = volume::Observer::new(volume.clone(), seen, 1, square, &[], true);
             let scheme = Scheme::named("BM4").expect("a scheme");
-            let control = Fixed::new(0.0, 0.003, 60);
-            Run::new(
-                Composed::new(volume, scheme),
-                observer,
-                state,
-                control,
-                7,
-                0,
-            )
-            .expect("a start")
+            let stepper = Box::new(Composed::new(volume, scheme));
+            let control = Box::new(Fixed::new(stepper, 0.0, 0.003, 60));
+            Run::new(control, Box::new(observer), state, (7, 0)).expect("a start")
         };
         goes_on("a split field", &[1, 6, 7, 33], make);
     }
@@ -337,9 +333,10 @@ fn wave_functions_go_on() {
                 Wave::new(q, p)
             };
             let observables = vec![schrodinger::Observable::Start];
-            let observer = schrodinger::Observer::new(1, true, observables);
-            let control = Listed::new(0.0, vec![(0.3, 9), (1.0, 20), (1.1, 4)]);
-            Run::new(stepper(), observer, start, control, 1, 0).expect("a start")
+            let observer = Box::new(schrodinger::Observer::new(1, true, observables));
+            let stops = vec![(0.3, 9), (1.0, 20), (1.1, 4)];
+            let control = Box::new(Listed::new(stepper(), 0.0, stops));
+            Run::new(control, observer, start, (1, 0)).expect("a start")
         };
         goes_on(name, &[1, 8, 9, 17, 30], make);
     }

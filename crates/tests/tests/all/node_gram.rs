@@ -1,6 +1,6 @@
 //! Blocks of several nodes, eliminated as dense LU does it or refused, products at nodes, and inverses of small blocks.
 
-use liouville_base::linalg::{Blocks, Lu, Matrix, NodeGram, NodeRows, Pattern, Product};
+use liouville_base::linalg::{Blocks, Lu, Matrix, NodeGram, Pattern, Product, Rows};
 
 /// Numbers that look like none.
 fn noise(k: usize) -> f64 {
@@ -157,9 +157,9 @@ fn products_at_nodes_are_those_of_each_node() {
         let nodes = [node(0), node(1), node(2)];
         let x: Vec<[f64; 3]> = (0..cols).map(|k| [1, 2, 3].map(|i| noise(i * k))).collect();
         let mut all = vec![[1.0; 3]; rows];
-        let mut matrix = NodeRows::new(&pattern, 3);
+        let mut matrix = Rows::of(&pattern, 3);
         matrix.set([&nodes[0], &nodes[1], &nodes[2]].map(|values| &values[..]));
-        matrix.multiply_add(&x, &mut all);
+        matrix.add_product(&x, &mut all);
         for (i, values) in nodes.iter().enumerate() {
             let own: Vec<f64> = x.iter().map(|x| x[i]).collect();
             let mut wanted = vec![1.0; rows];

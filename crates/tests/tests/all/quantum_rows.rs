@@ -3,6 +3,7 @@
 use liouville_base::linalg::Rows;
 use liouville_base::real::{Lanes, Scalar};
 use liouville_base::simd::{InstructionSet, Stored};
+use liouville_tests::properties::properties;
 use liouville_waves::method::{Move, Sweeper};
 use liouville_waves::problem::{
     Bond, Dense, Diagonals, Hamiltonian, Operator, RowBlock, Spins, Update,
@@ -222,7 +223,7 @@ fn check(draw: &mut Draw, operator: &Operator, matrix: &Matrix) {
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig { failure_persistence: None, ..ProptestConfig::with_cases(32) })]
+    #![proptest_config(properties(32))]
 
     #[test]
     fn rows_are_those_of_the_matrix(seed: u64, n in 1_usize..900) {
@@ -330,7 +331,7 @@ fn check_sweeps<S: Stored + PartialEq + std::fmt::Debug>(
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig { failure_persistence: None, ..ProptestConfig::with_cases(32) })]
+    #![proptest_config(properties(32))]
 
     #[test]
     fn sweeps_are_moves_one_by_one(seed: u64, n in 1_usize..3000, most in 0_usize..40) {

@@ -5,6 +5,7 @@ use liouville_base::error::{Quantity, StepError};
 use liouville_base::method::{Estimating, Stats, Stepper, Symmetric};
 use liouville_base::observe::{Monitor, Observe};
 use liouville_base::run::{Adaptive, Advance, Fixed, Reversible, Run, Status, StepControl};
+use liouville_tests::properties::properties;
 use proptest::prelude::*;
 use std::time::Duration;
 
@@ -87,28 +88,21 @@ struct Span {
     every: usize,
 }
 
-fn run(span: Span, fails_at: Option<usize>, until: f64) -> Run<Counter, Look, Fixed> {
-    let stepper = Counter {
+fn run(span: Span, fails_at: Option<usize>, until: f64) -> Run<usize> {
+    let stepper = Box::new(Counter {
         fails_at,
         wanted: Some((span.t0, span.h)),
         made: 0,
-    };
+    });
     let Span {
         t0,
         h,
         steps,
         every,
     } = span;
-    let control = Fixed::new(t0, h, steps);
-    Run::new(
-        stepper,
-        Look { until },
-        0,
-        control,
-        every,
-        steps / every + 2,
-    )
-    .expect("the start can be recorded")
+    let control = Box::new(Fixed::new(stepper, t0, h, steps));
+    let kept = (every, steps / every + 2);
+    Run::new(control, Box::new(Look { until }), 0, kept).expect("the start can be recorded")
 }
 
 const ALL_DAY: Duration = Duration::from_secs(86400);
@@ -139,11 +133,7 @@ fn span(steps: usize, every: usize) -> Span {
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig {
-        cases: if cfg!(miri) { 8 } else { 256 },
-        failure_persistence: None,
-        ..ProptestConfig::default()
-    })]
+    #![proptest_config(properties(256))]
 
     #[test]
     fn every_kth_step_and_the_last_are_kept(
@@ -223,8 +213,8 @@ fn a_run_over_is_over() {
 #[test]
 fn a_start_that_cannot_be_recorded_is_refused() {
     let look = Look { until: 0.0 };
-    let control = Fixed::new(0.1, 0.7, 3);
-    let refused = Run::new(Counter::default(), look, 0, control, 1, 4).err();
+    let control = Box::new(Fixed::new(Box::new(Counter::default()), 0.1, 0.7, 3));
+    let refused = Run::new(control, Box::new(look), 0, (1, 4)).err();
     assert_eq!(refused, Some(BLIND));
 }
 
@@ -311,18 +301,18 @@ impl Observe<f64> for Place {
     }
 }
 
-fn passage(t: (f64, f64), narrow: f64, least: f64) -> Run<Passage, Place, Adaptive> {
-    let stepper = Passage {
+fn passage(t: (f64, f64), narrow: f64, least: f64) -> Run<f64> {
+    let stepper = Box::new(Passage {
         narrow,
         error: 0.0,
         before: 0.0,
-    };
-    let control = Adaptive::new(t.0, t.1, 2.0, least);
-    Run::new(stepper, Place, t.0, control, 1, 0).expect("the start can be recorded")
+    });
+    let control = Box::new(Adaptive::new(stepper, t, 2.0, least));
+    Run::new(control, Box::new(Place), t.0, (1, 0)).expect("the start can be recorded")
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig { failure_persistence: None, ..ProptestConfig::default() })]
+    #![proptest_config(properties(256))]
 
     #[test]
     fn controlled_steps_follow_the_error_and_end_where_they_should(
@@ -414,7 +404,7 @@ impl Monitor<(f64, f64)> for Bumps {
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig { failure_persistence: None, ..ProptestConfig::default() })]
+    #![proptest_config(properties(256))]
 
     #[test]
     fn reversible_steps_go_back_however_rough_their_monitor(
@@ -425,23 +415,27 @@ proptest! {
     ) {
         let mut state = (0.3, 1.0);
         let mut sizes = Vec::new();
-        let mut there = Reversible::new((0.0, sign * 1e9), h, 1e-300, Bumps(a, b), &state);
+        let walk = |h, state: &(f64, f64)| {
+            let (ends, monitor) = ((0.0, sign * 1e9), Box::new(Bumps(a, b)));
+            Reversible::new(Box::new(Walk), ends, (h, 1e-300), monitor, state)
+        };
+        let mut there = walk(h, &state);
         for _ in 0..6 {
-            let before: f64 = StepControl::<Walk>::time(&there);
-            there.step(&mut Walk, &mut state).expect("steps are positive");
-            sizes.push((StepControl::<Walk>::time(&there) - before).abs());
+            let before = there.time();
+            there.step(&mut state).expect("steps are positive");
+            sizes.push((there.time() - before).abs());
         }
         for pair in sizes.windows(2) {
             let ratio = pair[1] / pair[0];
             prop_assert!((0.44..2.26).contains(&ratio), "{} after {}", pair[1], pair[0]);
         }
-        let next = StepControl::<Walk>::sizes(&there).expect("it has sizes").next;
+        let next = there.sizes().expect("it has sizes").next;
         state.1 = -state.1;
-        let mut back = Reversible::new((0.0, sign * 1e9), next, 1e-300, Bumps(a, b), &state);
+        let mut back = walk(next, &state);
         for size in sizes.iter().rev() {
-            let before: f64 = StepControl::<Walk>::time(&back);
-            back.step(&mut Walk, &mut state).expect("steps are positive");
-            let again = (StepControl::<Walk>::time(&back) - before).abs();
+            let before = back.time();
+            back.step(&mut state).expect("steps are positive");
+            let again = (back.time() - before).abs();
             prop_assert!((again / size - 1.0).abs() < 1e-6, "{again} for {size}");
         }
         prop_assert!((state.0 - 0.3).abs() < 1e-6);

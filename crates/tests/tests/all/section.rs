@@ -1,13 +1,13 @@
 //! Poincaré sections: points of the method, in the plane, at the times of the motion.
 
 use liouville_base::composition::Composed;
-use liouville_base::ensemble::{Begin, Ensemble, Layout};
+use liouville_base::ensemble::{BeginBlock, Ensemble, Layout};
 use liouville_base::real::{Lanes, Real, Scalar};
 use liouville_base::run::{Advance, Fixed, Run, Status};
 use liouville_base::simd::Stored;
 use liouville_base::tableau::Scheme;
 use liouville_fields::problem::{Piece, Polynomials, Split};
-use liouville_fields::volume::{Direction, Plane, Section, UserVariables, Volume};
+use liouville_fields::volume::{Direction, Plane, Section, State, UserVariables, Volume};
 use std::f64::consts::PI;
 use std::sync::Arc;
 use std::time::Duration;
@@ -74,7 +74,7 @@ fn motion(split: Arc<Split>, scheme: &'static str) -> Motion {
 /// Members numbered from `first` on, and their starts.
 type Starts<'a> = (usize, &'a [&'a [f64]]);
 
-type Sections<S> = Run<Composed<Volume<S>>, Section<S, Composed<Volume<f64>>>, Fixed>;
+type Sections<S> = Run<State<S>>;
 
 /// Steps of `h` of so many members as a scalar has.
 fn run<S: Stored + Real>(
@@ -108,8 +108,9 @@ fn run<S: Stored + Real>(
         }
     }
     let state = volume.state(&x);
-    let control = Fixed::new(0.0, h, steps);
-    Run::new(Composed::new(volume, scheme), section, state, control, 1, 0).expect("a start")
+    let stepper = Box::new(Composed::new(volume, scheme));
+    let control = Box::new(Fixed::new(stepper, 0.0, h, steps));
+    Run::new(control, Box::new(section), state, (1, 0)).expect("a start")
 }
 
 /// The passages (member, t, x) of trajectories stepped one by one.
@@ -224,12 +225,12 @@ fn members_in_lock_step_and_in_ensembles_pass_as_they_do_alone() {
         let s = 0.5 * row[2] + 0.7 * row[3] - 0.2 * row[4] - 0.1;
         assert!(s.abs() < 1e-15, "{s:e} from the plane");
     }
-    let begin: Box<Begin> = Box::new(move |members: &[usize]| {
+    let begin: Box<BeginBlock> = Box::new(move |members: &[usize]| {
         let chunk: Vec<&[f64]> = members.iter().map(|member| &kept[*member][..]).collect();
         let run = run::<Lanes>(&motion, &oblique, (members[0], &chunk), control);
-        Ok(Box::new(run) as Box<dyn Advance + Sync>)
+        Ok(Box::new(run) as Box<dyn Advance>)
     });
-    let mut ensemble = Ensemble::new(begin, (11, LANES), 2, Layout::Ragged, 0.0);
+    let mut ensemble = Ensemble::new(begin, (11, LANES), 2, Layout::Ragged { width: 5 }, 0.0);
     assert_eq!(ensemble.advance(ALL_DAY), Status::Done);
     let mut together: Vec<Vec<f64>> = ensemble.take().1.chunks(5).map(<[f64]>::to_vec).collect();
     together.sort_by(|a, b| a[0].total_cmp(&b[0]).then(a[1].total_cmp(&b[1])));

@@ -8,6 +8,7 @@
 use liouville_base::real::{Lanes, WIDTH};
 use liouville_base::tape::{Line, Op, Tape};
 use liouville_tests::meaning::meaning;
+use liouville_tests::properties::properties;
 use proptest::prelude::*;
 use std::ops::Range;
 
@@ -144,14 +145,6 @@ fn points() -> impl Strategy<Value = Vec<[[f64; 3]; 3]>> {
     prop::collection::vec(prop::array::uniform3(prop::array::uniform3(value())), WIDTH)
 }
 
-fn config() -> ProptestConfig {
-    ProptestConfig {
-        cases: if cfg!(miri) { 12 } else { 1000 },
-        failure_persistence: None,
-        ..ProptestConfig::default()
-    }
-}
-
 fn cut<'a>(program: &Program, point: &'a [[f64; 3]; 3]) -> [&'a [f64]; 3] {
     [0, 1, 2].map(|group| &point[group][..program.sizes[group]])
 }
@@ -223,7 +216,7 @@ fn repeated(program: &Program, links: usize) -> Program {
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig { cases: config().cases / 10, ..config() })]
+    #![proptest_config(properties(100))]
 
     #[test]
     fn a_long_tape_has_the_bits_of_its_lines(
@@ -257,7 +250,7 @@ proptest! {
 }
 
 proptest! {
-    #![proptest_config(config())]
+    #![proptest_config(properties(1000))]
 
     #[test]
     fn a_tape_has_the_bits_of_its_lines(program in programs(), points in points()) {

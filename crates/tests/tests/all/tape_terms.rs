@@ -3,6 +3,7 @@
 use liouville_base::linalg::{PatternError, Rows};
 use liouville_base::real::{Lanes, WIDTH};
 use liouville_base::tape::{Line, Op, Tape, TapeError, Term};
+use liouville_tests::properties::properties;
 use proptest::prelude::*;
 use std::sync::Arc;
 
@@ -65,6 +66,8 @@ fn near(a: &[f64], b: &[f64]) -> bool {
 }
 
 proptest! {
+    #![proptest_config(properties(256))]
+
     #[test]
     fn terms_are_added_to_the_program(
         (a, a_rows) in matrix(4, 3),

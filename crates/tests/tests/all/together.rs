@@ -4,10 +4,11 @@
 use liouville_base::ensemble::{Ensemble, Layout};
 use liouville_base::error::StepError;
 use liouville_base::real::{Lanes, Scalar};
-use liouville_base::run::{self, Advance, Fixed, Run, Status};
+use liouville_base::run::{Advance, Fixed, Run, Span, Status};
 use liouville_base::tableau;
 use liouville_mechanics::problem::{Mechanical, Model, Observer, Observers};
 use liouville_mechanics::spark::{BATCH, Solver, Spark, SparkBatch};
+use liouville_tests::properties::properties;
 use liouville_tests::{Functions, PARAMS, Y, Z, dot, input, inputs, tape};
 use proptest::prelude::*;
 use std::sync::Arc;
@@ -83,7 +84,7 @@ fn members() -> impl Strategy<Value = Vec<Member>> {
     })
 }
 
-type Begun = Result<Box<dyn Advance + Sync>, StepError>;
+type Begun = Result<Box<dyn Advance>, StepError>;
 
 fn observer(problem: &Arc<Mechanical>, params: &[f64]) -> Observer {
     let model = Model::new(problem.clone(), params);
@@ -93,14 +94,10 @@ fn observer(problem: &Arc<Mechanical>, params: &[f64]) -> Observer {
 fn alone(problem: &Arc<Mechanical>, s: usize, member: &Member) -> Begun {
     let mut model = Model::new(problem.clone(), &member.params);
     let state = model.state(0.0, &member.y, &member.z);
-    let (stepper, control) = (
-        Spark::new(model, s, Solver::Auto),
-        Fixed::new(0.0, H, STEPS),
-    );
-    let observer = observer(problem, &member.params);
-    Ok(Box::new(Run::new(
-        stepper, observer, state, control, EVERY, 0,
-    )?))
+    let stepper = Box::new(Spark::new(model, s, Solver::Auto));
+    let control = Box::new(Fixed::new(stepper, 0.0, H, STEPS));
+    let observer = Box::new(observer(problem, &member.params));
+    Ok(Box::new(Run::new(control, observer, state, (EVERY, 0))?))
 }
 
 fn together(problem: &Arc<Mechanical>, s: usize, members: &[Member]) -> Begun {
@@ -119,11 +116,9 @@ fn together(problem: &Arc<Mechanical>, s: usize, members: &[Member]) -> Begun {
     let mut stepper = SparkBatch::of(problem, filled, tableau, Solver::Auto);
     let state = stepper.state(0.0, &y, &z);
     let each = members.iter().map(|own| observer(problem, &own.params));
-    let observers = Observers::new(each.collect(), members.len());
-    let control = Fixed::new(0.0, H, STEPS);
-    Ok(Box::new(Run::new(
-        stepper, observers, state, control, EVERY, 0,
-    )?))
+    let observers = Box::new(Observers::new(each.collect(), members.len()));
+    let control = Box::new(Fixed::new(Box::new(stepper), 0.0, H, STEPS));
+    Ok(Box::new(Run::new(control, observers, state, (EVERY, 0))?))
 }
 
 #[test]
@@ -140,16 +135,13 @@ fn the_odd_ones_step_by_full_newton_or_not_at_all() {
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig {
-        cases: if cfg!(miri) { 2 } else { 60 },
-        failure_persistence: None,
-        ..ProptestConfig::default()
-    })]
+    #![proptest_config(properties(60))]
 
     #[test]
     fn a_member_has_the_bits_that_it_has_alone(all in members(), s in 1..4_usize) {
         let problem = held().build();
-        let (count, times) = (all.len(), run::times((0.0, STEPS as f64 * H, STEPS, EVERY)));
+        let span = Span { t0: 0.0, t1: STEPS as f64 * H, steps: STEPS, every: EVERY };
+        let (count, times) = (all.len(), span.times());
         let layout = Layout::Aligned { times: times.clone(), width: WIDTH };
         let (shared, of) = (problem.clone(), all.clone());
         let begin = move |places: &[usize]| match places {

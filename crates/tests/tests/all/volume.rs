@@ -9,6 +9,7 @@ use liouville_base::simd::{InstructionSet, Stored};
 use liouville_base::tableau::Scheme;
 use liouville_fields::problem::{Piece, Split};
 use liouville_fields::volume::{Determinant, Volume};
+use liouville_tests::properties::properties;
 use liouville_tests::splits::{Draw, affine, every_kind, lorenz, plain, polynomials, reach};
 use proptest::prelude::*;
 use std::sync::Arc;
@@ -82,7 +83,7 @@ fn bits(x: &Result<Vec<f64>, StepError>) -> Result<Vec<u64>, StepError> {
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig::with_cases(200))]
+    #![proptest_config(properties(200))]
 
     #[test]
     fn flows_are_those_of_plain_loops(seed: u64, is_compensated: bool) {

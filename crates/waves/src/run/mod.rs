@@ -30,7 +30,7 @@ pub struct Job {
     pub t0: f64,
     /// The times whose states are recorded, with the steps to each.
     pub stops: Vec<(f64, usize)>,
-    /// What is recorded beside the norm.
+    /// Observables recorded beside the norm.
     pub observables: Vec<Observable>,
     /// Whether states are recorded.
     pub states: bool,

@@ -7,6 +7,7 @@ from collections.abc import Iterable
 import numpy as np
 
 from liouville import _core
+from liouville._job import Job
 from liouville.methods import VolumeSplitting
 from liouville.methods.composition import SCHEMES
 from liouville.planner.fields.plan import ROUNDOFF, Trial, ordered, parted
@@ -97,10 +98,11 @@ def _path(
     """Return where states x of shape (P, n) go, shape (k, P, n), None if a step fails."""
     n = parts.n
     tape = _core.Tape([1, n, 0], 0, np.empty((0, 4), dtype=np.int64), np.empty(0))
-    run = _core.split_run(
-        crossed(parts), scheme, tape, np.empty(0), parts.inward(x), (n, parts.outward),
-        (0.0, h * steps, steps, every), (False, True), 1, True,
+    job = Job(
+        start=(parts.inward(x),), span=(0.0, h * steps, steps, every), observer=tape,
+        seen=(n, parts.outward), is_ensemble=True,
     )  # fmt: skip
+    run = _core.run(crossed(parts), VolumeSplitting(composition=scheme), job)
     if isinstance(run, dict) or run.advance(1e6) != "done" or run.failures():
         return None
     return run.take()[1]

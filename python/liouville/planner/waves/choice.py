@@ -13,6 +13,7 @@ from liouville.errors import hinted
 from liouville.methods import Chebyshev, Lanczos, SchrodingerSplitting
 from liouville.planner.waves.ladder import ROUNDOFF, Choice, cheapest
 from liouville.planner.waves.plan import WavePlan
+from liouville.planner.waves.propagators import Krylov, Series, Shears
 from liouville.planner.waves.speed import series_cost
 from liouville.systems import Schrodinger
 
@@ -173,7 +174,7 @@ def _split(span: Span, found: Choice, method: SchrodingerSplitting) -> WavePlan:
         products=found.shears / 2,
         bound=found.bound + span.roundoff,
         reasons=(why,),
-        core=("shears", rung.coefficients, span.sigma, max(TIMES * norm, LEAST)),
+        core=Shears(rung.coefficients, span.sigma, max(TIMES * norm, LEAST)),
     )
 
 
@@ -200,7 +201,7 @@ def _chebyshev(
         products=products,
         bound=tol,
         reasons=why,
-        core=("chebyshev", span.bounds, rate, max(TIMES * tol, LEAST), not system.is_real),
+        core=Series(span.bounds, rate, max(TIMES * tol, LEAST), not system.is_real),
     )
 
 
@@ -218,5 +219,5 @@ def _lanczos(span: Span, method: Lanczos) -> WavePlan:
         products=products * method.dimension,
         bound=None,
         reasons=("asked for; the number of products is a guess",),
-        core=("lanczos", method.dimension, rate, max(TIMES * method.tol, LEAST)),
+        core=Krylov(method.dimension, rate, max(TIMES * method.tol, LEAST)),
     )

@@ -9,6 +9,7 @@ from typing import Any, ClassVar, Self
 from liouville.errors import hinted
 from liouville.methods import WaveMethod
 from liouville.planner.plan import AGAIN, Plan, check_kinds, decoded
+from liouville.planner.waves.propagators import Propagator, Series, read_propagator
 from liouville.systems import Schrodinger
 
 
@@ -50,7 +51,7 @@ class WavePlan(Plan):
     bounds: tuple[float, float]
     products: float
     bound: float | None
-    core: tuple[Any, ...] = field(repr=False, compare=False)
+    core: Propagator = field(repr=False, compare=False)
 
     @property
     def steps(self) -> int:
@@ -70,7 +71,7 @@ class WavePlan(Plan):
             raise ValueError(hinted("the plan was made for another spectrum", AGAIN))
         if system.is_driven:
             raise ValueError("the plan was made for an H without time")
-        is_complex = self.core[0] == "chebyshev" and self.core[-1]
+        is_complex = isinstance(self.core, Series) and self.core.is_doubled
         if is_complex == system.is_real:
             kind = "complex" if is_complex else "real"
             raise ValueError(hinted(f"the plan was made for a {kind} H", AGAIN))
@@ -95,17 +96,21 @@ class WavePlan(Plan):
 
     @classmethod
     def _read(cls, given: dict[str, Any]) -> Self:
-        plan = cls(**decoded({**given, "method": None}) | {"method": given["method"]})
+        core = read_propagator(decoded(given["core"]))
+        plan = cls(
+            **decoded({**given, "method": None, "core": None})
+            | {"method": given["method"], "core": core}
+        )
         if not isinstance(plan.method, WaveMethod):
             raise TypeError(f"its method is {plan.method!r}")
         numbers = {"t0": float, "theta": float, "products": float}
-        check_kinds(plan, {"scheme": str, **numbers, "stops": tuple, "core": tuple})
+        check_kinds(plan, {"scheme": str, **numbers, "stops": tuple})
         if not isinstance(plan.bound, float | None):
             raise TypeError(f"bound is {plan.bound!r}")
         for t, steps in plan.stops:
             if not (isinstance(t, float) and isinstance(steps, int) and steps > 0):
                 raise TypeError(f"stops has {(t, steps)!r}")
         low, high = plan.bounds
-        if not (plan.stops and isinstance(plan.core[0], str) and low <= high):
-            raise ValueError("it has no steps, no core or no bounds")
+        if not (plan.stops and low <= high):
+            raise ValueError("it has no steps or no bounds")
         return plan

@@ -8,6 +8,8 @@ from weakref import WeakKeyDictionary
 import numpy as np
 
 from liouville import _core
+from liouville._job import Job
+from liouville.planner.waves.propagators import Propagator, Series, Shears
 from liouville.systems import Schrodinger
 
 #: Real products that are timed of either kind, after as many to warm up.
@@ -35,18 +37,19 @@ def series_cost(system: Schrodinger, products: float) -> float:
     if system not in _measured:
         low, high = system.bounds
         beta, sigma = 0.5 * (high - low), 0.5 * (high + low)
-        shears = ("shears", np.full(PRODUCTS, 1 / PRODUCTS), sigma, np.inf)
-        series = ("chebyshev", (low, high), 1e-3 * beta, np.inf, False)
+        shears = Shears(np.full(PRODUCTS, 1 / PRODUCTS), sigma, np.inf)
+        series = Series((low, high), 1e-3 * beta, np.inf, False)
         ratio = _seconds(system, series, 4 / beta) / _seconds(system, shears, 1 / beta)
         _measured[system] = max(1.0, round(ratio / STEP) * STEP)
     return _measured[system]
 
 
-def _seconds(system: Schrodinger, core: tuple[object, ...], t: float) -> float:
+def _seconds(system: Schrodinger, propagator: Propagator, t: float) -> float:
     """Time a real product of a second step, when all memory is there."""
     psi = np.full((1, system.size), 0.5 + 0.5j)
     span = (0.0, [(t, 1), (2 * t, 1)])
-    run = _core.schrodinger_run(system.hamiltonian, core, psi, span, [], False, 1, False)
+    job = Job(start=(psi,), span=span, observer=[], states=False)
+    run = _core.run(system.hamiltonian, propagator, job)
     assert isinstance(run, _core.Run)
     run.advance(0.0)
     before, clock = run.stats["evaluations"], time.perf_counter()

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any
 
 import numpy as np
 
@@ -19,6 +18,13 @@ from liouville.methods import (
 )
 from liouville.planner.waves.ladder import cheapest
 from liouville.planner.waves.plan import WavePlan
+from liouville.planner.waves.propagators import (
+    Exponentials,
+    Processed,
+    Propagator,
+    Shears,
+    Split,
+)
 from liouville.systems import Schrodinger
 
 #: Times at which the width of the spectrum of H(t) is taken, for its largest.
@@ -70,7 +76,7 @@ def _split_operator(
         products=steps * drifts,
         bound=None,
         reasons=("asked for, with steps of this size; a product is a pair of FFTs",),
-        core=("phases", method.scheme, NORM),
+        core=Split(method.scheme, NORM),
     )
 
 
@@ -88,7 +94,9 @@ def _magnus(system: Schrodinger, method: Magnus, t0: float, stops: Stops) -> Wav
         sentence = f"no splitting reaches {method.tol:g} in {exponentials * steps} exponentials"
         raise ValueError(hinted(sentence, "give a larger tol, or a larger h"))
     shears = exponentials * steps * found.shears
-    core = ("magnus", method.order, found.rung.coefficients, found.x, NORM, system.operator_bounds)
+    core = Exponentials(
+        method.order, found.rung.coefficients, found.x, NORM, tuple(system.operator_bounds)
+    )
     return WavePlan(
         method=method,
         scheme=f"Magnus of order {method.order}, exponentials by {found.rung.name}",
@@ -126,14 +134,14 @@ def _shears(
                 f"give h of {longest:.6g} or less",
             )
         )
-    core: tuple[Any, ...] = ("shears", table["coefficients"], sigma, LOOSE)
+    core: Propagator = Shears(table["coefficients"], sigma, LOOSE)
     products = float(steps * stages)
     if isinstance(method, StabilitySplitting) and method.processed:
         degree = _core.processor_degree(method.order, stages, theta)
         if degree is None:
             sentence = f"{method!r} has no processor for steps of {theta:.4g} / beta"
             raise ValueError(hinted(sentence, "give a smaller h, order 2 or 6, or processed=False"))
-        core = ("processed", method.order, stages, sigma, theta, NORM)
+        core = Processed(method.order, stages, sigma, theta, NORM)
         products += 2 * degree * len(stops)
     return WavePlan(
         method=method,

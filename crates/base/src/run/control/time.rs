@@ -1,4 +1,4 @@
-//! Time on the way to its end, summed with what rounding loses.
+//! Time as a compensated sum of steps.
 
 use super::StepSizes;
 
@@ -32,7 +32,7 @@ impl CompensatedTime {
         self.t == self.t1
     }
 
-    /// What is left, signed.
+    /// The time left, signed.
     pub(super) fn left(&self) -> f64 {
         (self.t1 - self.t) - self.low
     }

@@ -7,54 +7,58 @@
 //!
 //! with V = v_z x for a further unknown, where v is not z, and u the unit of the multipliers.
 
-use super::Mechanical;
+use super::NonholonomicPatterns;
 use liouville_base::linalg::{Assembly, Factor, Pattern, Singular, copy_scaled, max_norm};
 use liouville_base::real::Real;
 
-/// What nonholonomic constraints add to the saddle.
+/// Where the blocks of the matrix are not zero.
+#[derive(Clone, Copy)]
+pub(super) struct KktPatterns<'a> {
+    pub(super) p_z: &'a Pattern,
+    pub(super) v_z: Option<&'a Pattern>,
+    pub(super) g_y: &'a Pattern,
+    pub(super) r_lam: &'a Pattern,
+    pub(super) nonholonomic: Option<&'a NonholonomicPatterns>,
+}
+
+/// The blocks of nonholonomic constraints.
 #[derive(Clone, Debug)]
-pub(super) struct Border<R> {
+pub(super) struct NonholonomicBlocks<R> {
     pub(super) k_z: Vec<R>,
     pub(super) r_nu: Vec<R>,
 }
 
-/// The matrix as it stands, sparse.
+/// The KKT matrix, factored.
 #[derive(Clone, Debug)]
-pub(super) struct Whole<R> {
+pub(super) struct KktMatrix<R = f64> {
     matrix: Assembly<R>,
     factor: Factor<R>,
     /// x, V where there is a `v_z`, and μ in its unit.
     unknowns: Vec<R>,
     /// −1 of V, where there is a `v_z`.
     minus_one: Vec<R>,
-    /// What μ is measured in.
+    /// The unit of μ.
     unit: R,
 }
 
-impl<R: Real> Whole<R> {
-    /// Memory for the matrix of this problem.
-    pub(super) fn new(problem: &Mechanical) -> Self {
-        let (n, m, at) = (problem.n, problem.m, &problem.patterns);
+impl<R: Real> KktMatrix<R> {
+    /// Memory for the matrix of these blocks.
+    pub(super) fn new(at: KktPatterns) -> Self {
+        let (m, n) = at.g_y.shape();
         let one = Pattern::diagonal(n);
-        let velocity = at.v_z.as_ref();
-        let end = if velocity.is_some() { 2 * n } else { n };
-        let mut blocks = vec![
-            (&at.p_z, 0, 0),
-            (&at.r_lam, 0, end),
-            (&at.g_y, end, end - n),
-        ];
-        blocks.extend(velocity.iter().flat_map(|v_z| [(*v_z, n, 0), (&one, n, n)]));
-        let own = problem.nonholonomic.as_ref().map(|own| &own.patterns);
-        let place = end + m;
-        blocks.extend(
-            own.iter()
-                .flat_map(|at| [(&at.r_nu, 0, place), (&at.k_z, place, 0)]),
-        );
-        let order = end + problem.multipliers();
+        let end = if at.v_z.is_some() { 2 * n } else { n };
+        let mut blocks = vec![(at.p_z, 0, 0), (at.r_lam, 0, end), (at.g_y, end, end - n)];
+        if let Some(v_z) = at.v_z {
+            blocks.extend([(v_z, n, 0), (&one, n, n)]);
+        }
+        let mut order = end + m;
+        if let Some(own) = at.nonholonomic {
+            blocks.extend([(&own.r_nu, 0, order), (&own.k_z, order, 0)]);
+            order += own.k_z.shape().0;
+        }
         let matrix = Assembly::new((order, order), &blocks);
-        let factor = Factor::new(matrix.pattern());
         Self {
-            factor,
+            factor: Factor::new(matrix.pattern()),
             matrix,
             unknowns: vec![R::splat(0.0); order],
             minus_one: vec![R::splat(-1.0); end - n],
@@ -62,12 +66,13 @@ impl<R: Real> Whole<R> {
         }
     }
 
+    /// Factors the matrix with these values of its blocks.
     pub(super) fn factor(
         &mut self,
         [p_z, v_z]: [&[R]; 2],
         g_y: &[R],
         r_lam: &[R],
-        nonholonomic: Option<&Border<R>>,
+        nonholonomic: Option<&NonholonomicBlocks<R>>,
     ) -> Result<(), Singular> {
         let r_nu = nonholonomic.map_or(R::splat(0.0), |own| max_norm(&own.r_nu));
         let unit = max_norm(p_z) / max_norm(r_lam).zip(r_nu, f64::max);
@@ -89,7 +94,7 @@ impl<R: Real> Whole<R> {
             .factor(self.matrix.pattern(), self.matrix.values())
     }
 
-    /// Solves in place, as the saddle does.
+    /// Solves in place: `a` becomes x, `b` becomes μ.
     pub(super) fn solve(&mut self, a: &mut [R], b: &mut [R]) {
         let end = self.unknowns.len() - b.len();
         self.unknowns[..a.len()].copy_from_slice(a);

@@ -1,4 +1,4 @@
-//! Momenta and what moves with them: z with p(z) = p, and v(z), both linear with constant factors.
+//! The mass of a separable system: z with p(z) = p, and v(z), both linear with constant factors.
 
 use crate::problem::{Mass, Model};
 use liouville_base::error::StepError;
@@ -6,7 +6,7 @@ use liouville_base::linalg::Pattern;
 
 /// v = W (p − `p_0`) + `v_0` and z = `p_z`⁻¹ (p − `p_0`).
 #[derive(Clone, Debug)]
-pub(super) struct Inertia {
+pub(super) struct ConstantMass {
     matrices: Matrices,
     /// p and v of z = 0.
     p_0: Vec<f64>,
@@ -17,14 +17,14 @@ pub(super) struct Inertia {
 enum Matrices {
     /// The diagonals of W and of `p_z`⁻¹.
     Diagonal {
-        mobility: Vec<f64>,
+        inverse_mass: Vec<f64>,
         inverse: Vec<f64>,
     },
     Sparse(Box<Mass>),
 }
 
-impl Inertia {
-    /// The inertia of a model whose `p_z` and `v_z` depend on parameters alone.
+impl ConstantMass {
+    /// The mass of a model whose `p_z` and `v_z` depend on parameters alone.
     pub(super) fn new(model: &mut Model) -> Result<Self, StepError> {
         let n = model.problem.n;
         let zeros = vec![0.0; n];
@@ -36,20 +36,23 @@ impl Inertia {
         let at = &model.problem.patterns;
         let has_diagonal_velocity = at.v_z.as_ref().is_none_or(Pattern::is_diagonal);
         let matrices = if at.p_z.is_diagonal() && has_diagonal_velocity {
-            let (mut mobility, mut inverse) = (vec![1.0; n], vec![1.0; n]);
-            mass.solve_velocity(&mut mobility);
+            let (mut inverse_mass, mut inverse) = (vec![1.0; n], vec![1.0; n]);
+            mass.solve_velocity(&mut inverse_mass);
             mass.solve(&mut inverse);
-            Matrices::Diagonal { mobility, inverse }
+            Matrices::Diagonal {
+                inverse_mass,
+                inverse,
+            }
         } else {
             Matrices::Sparse(Box::new(mass))
         };
         Ok(Self { matrices, p_0, v_0 })
     }
 
-    /// The diagonal of W, if that is all of it.
-    pub(super) fn mobility(&self) -> Option<&[f64]> {
+    /// The diagonal of W, where W is diagonal.
+    pub(super) fn inverse_mass(&self) -> Option<&[f64]> {
         match &self.matrices {
-            Matrices::Diagonal { mobility, .. } => Some(mobility),
+            Matrices::Diagonal { inverse_mass, .. } => Some(inverse_mass),
             Matrices::Sparse(_) => None,
         }
     }
@@ -57,7 +60,7 @@ impl Inertia {
     /// v of the momenta `p + low`.
     pub(super) fn velocity(&mut self, p: &[f64], low: &[f64], v: &mut [f64]) {
         self.subtract(p, low, v);
-        self.move_by(v);
+        self.apply_inverse(v);
         for (v, v_0) in v.iter_mut().zip(&self.v_0) {
             *v += v_0;
         }
@@ -73,9 +76,9 @@ impl Inertia {
     }
 
     /// `x = W x`
-    pub(super) fn move_by(&mut self, x: &mut [f64]) {
+    pub(super) fn apply_inverse(&mut self, x: &mut [f64]) {
         match &mut self.matrices {
-            Matrices::Diagonal { mobility, .. } => multiply(x, mobility),
+            Matrices::Diagonal { inverse_mass, .. } => multiply(x, inverse_mass),
             Matrices::Sparse(mass) => mass.solve_velocity(x),
         }
     }

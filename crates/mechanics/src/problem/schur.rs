@@ -1,0 +1,84 @@
+//! The Schur complement of constraints at several nodes, as sparse as their couplings:
+//!
+//!     S_il = P_il G_i B R_l,   B = v_z p_z⁻¹,   G_i = g_y at node i,   R_l = r_λ at node l
+//!
+//! with given weights P; of one node with P = 1 it is that of every index-1 solve.
+
+use super::{Mass, Mechanical};
+use liouville_base::linalg::{Matrix, NodeGram, Product, Rows, Singular};
+use liouville_base::real::Real;
+
+/// `g_y` and `r_λ` at the nodes, and S, factored.
+#[derive(Clone, Debug)]
+pub struct SparseSchur<R = f64> {
+    g_y: Rows<R>,
+    r_lam: Rows<R>,
+    /// B, where v is not z.
+    inverse_mass: Option<(Product, Vec<R>)>,
+    /// B `r_λ` at the nodes.
+    inverse_mass_rt: (Product, Vec<R>),
+    factor: NodeGram<R>,
+}
+
+impl<R: Real> SparseSchur<R> {
+    /// Memory for the holonomic constraints of this problem and the weights P; `None` where a block of the mass is
+    /// large, or S is not sparse.
+    pub fn new(problem: &Mechanical, mass: &Mass<R>, weights: &Matrix) -> Option<Self> {
+        let nodes = weights.rows();
+        let g_y = Rows::of(&problem.patterns.g_y, nodes);
+        let r_lam = Rows::of(&problem.patterns.r_lam, nodes);
+        let memory = |product: Product, nodes: usize| {
+            let values = vec![R::splat(0.0); nodes * product.pattern().len()];
+            (product, values)
+        };
+        let inverse = mass.inverse_pattern()?;
+        let v_z = mass.v_z().map(|(v_z, _)| Product::new(v_z, &inverse));
+        let inverse_mass = v_z.map(|product| memory(product, 1));
+        let left = inverse_mass.as_ref().map_or(&inverse, |(b, _)| b.pattern());
+        let product = Product::new(left, &r_lam.pattern());
+        Some(Self {
+            factor: NodeGram::new(&g_y.pattern(), product.pattern(), weights)?,
+            inverse_mass_rt: memory(product, nodes),
+            inverse_mass,
+            g_y,
+            r_lam,
+        })
+    }
+
+    /// Factors S of the mass as it is factored, and of these values at K nodes in the order of their patterns.
+    ///
+    /// # Errors
+    /// The first constraint that depends on those eliminated before it.
+    pub fn factor<const K: usize>(
+        &mut self,
+        mass: &Mass<R>,
+        g_y: [&[R]; K],
+        r_lam: [&[R]; K],
+    ) -> Result<(), Singular> {
+        self.g_y.set(g_y);
+        self.r_lam.set(r_lam);
+        let mut left = mass.inverse_values();
+        if let (Some((product, values)), Some((_, v_z))) = (&mut self.inverse_mass, mass.v_z()) {
+            product.multiply::<R, 1>(v_z, left, values);
+            left = values;
+        }
+        let (product, values) = &mut self.inverse_mass_rt;
+        product.multiply::<R, K>(left, self.r_lam.values(), values);
+        self.factor.factor(self.g_y.values(), values)
+    }
+
+    /// Solves `S x = b` in place; vectors stand node by node within a constraint.
+    pub fn solve(&mut self, b: &mut [R]) {
+        self.factor.solve(b);
+    }
+
+    /// `g_y` at the nodes it was last factored with.
+    pub fn g_y(&self) -> &Rows<R> {
+        &self.g_y
+    }
+
+    /// `r_λ` at the nodes it was last factored with.
+    pub fn r_lam(&self) -> &Rows<R> {
+        &self.r_lam
+    }
+}

@@ -1,0 +1,59 @@
+"""What a run of the core begins with, beside its system and its method."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from liouville import _core
+
+Array = np.ndarray
+
+#: An event as it crosses the border: its tape, its direction, how many end the run, and whether it
+#: needs multipliers.
+Event = tuple[_core.Tape, int, int, bool]
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Job:
+    """A run of one member, or of an ensemble; the core reads its attributes.
+
+    Attributes
+    ----------
+    start : tuple of ndarray
+        Arrays y, z and perhaps a; x of shape (P, n); or psi of shape (P, n). Those of an ensemble
+        have a row for each member.
+    span : tuple
+        ``(t0, t1, steps, every)``, or of wave functions ``(t0, [(t, steps to t), ...])``.
+    observer : Tape, tuple, str or list
+        A tape of the quantities recorded; the plane of a section (normal, offset, period,
+        direction); ``"determinants"``; or the observables of wave functions.
+    params : ndarray
+        Parameters, with a row for each member of an ensemble or one for all.
+    states : bool
+        Whether states are recorded.
+    control : tuple or None
+        ``(rtol, atol, first step or 0, least step)``, or of reversible steps ``(first step, least
+        step, tape of the monitor with whether it needs z' or None)``.
+    watch : tuple or None
+        Order of the method, times of the records or None, and events.
+    seen : tuple
+        How many variables of a split field the user has, and the matrix A of x = A y or None.
+    threads : int
+        Threads of an ensemble or of one large state.
+    is_ensemble : bool
+        Whether the rows are members of an ensemble.
+    """
+
+    start: tuple[Array, ...]
+    span: tuple[Any, ...]
+    observer: _core.Tape | tuple[Array, float, float | None, int] | str | list[tuple[object, ...]]
+    params: Array = field(default_factory=lambda: np.empty(0))
+    states: bool = True
+    control: tuple[object, ...] | None = None
+    watch: tuple[int, Array | None, list[Event]] | None = None
+    seen: tuple[int, Array | None] = (0, None)
+    threads: int = 1
+    is_ensemble: bool = False

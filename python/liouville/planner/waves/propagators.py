@@ -1,0 +1,101 @@
+"""Propagators: the numbers by which the core steps wave functions.
+
+`norm_tol` is how far the norm may be off, relative to the start, before a run is stopped.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+
+@dataclass(frozen=True, eq=False)
+class Shears:
+    """Shears of q and p in turn, by `coefficients`, of H - `shift`."""
+
+    coefficients: np.ndarray
+    shift: float
+    norm_tol: float
+    kind: str = field(default="shears", init=False)
+
+
+@dataclass(frozen=True, eq=False)
+class Series:
+    """A Chebyshev series for each step, to the error `rate` in a unit of time.
+
+    `is_doubled` says that H acts on real and imaginary parts one after the other.
+    """
+
+    bounds: tuple[float, float]
+    rate: float
+    norm_tol: float
+    is_doubled: bool
+    kind: str = field(default="chebyshev", init=False)
+
+
+@dataclass(frozen=True, eq=False)
+class Krylov:
+    """A Krylov space of this dimension for each step, to the error `rate` in a unit of time."""
+
+    dimension: int
+    rate: float
+    norm_tol: float
+    kind: str = field(default="lanczos", init=False)
+
+
+@dataclass(frozen=True, eq=False)
+class Processed:
+    """The shears of the longest stable steps with a processor, for steps of `theta` / beta."""
+
+    order: int
+    stages: int
+    shift: float
+    theta: float
+    norm_tol: float
+    kind: str = field(default="processed", init=False)
+
+
+@dataclass(frozen=True, eq=False)
+class Exponentials:
+    """A Magnus method of order 2 or 4, whose exponentials are shears of at most `theta` / beta."""
+
+    order: int
+    coefficients: np.ndarray
+    theta: float
+    norm_tol: float
+    bounds: tuple[tuple[float, float], ...]
+    kind: str = field(default="magnus", init=False)
+
+
+@dataclass(frozen=True, eq=False)
+class Split:
+    """A splitting of T + V on a grid."""
+
+    scheme: str
+    norm_tol: float
+    kind: str = field(default="split", init=False)
+
+
+Propagator = Shears | Series | Krylov | Processed | Exponentials | Split
+
+KINDS: dict[str, type[Propagator]] = {
+    "shears": Shears,
+    "chebyshev": Series,
+    "lanczos": Krylov,
+    "processed": Processed,
+    "magnus": Exponentials,
+    "split": Split,
+}
+
+
+def read_propagator(given: Any) -> Propagator:
+    """Make a propagator of what a file holds: its kind and its numbers."""
+    if not isinstance(given, dict):
+        raise TypeError(f"core is {given!r}")
+    numbers = dict(given)
+    kind = numbers.pop("kind")
+    if kind not in KINDS:
+        raise ValueError(f"there is no propagator {kind!r}")
+    return KINDS[kind](**numbers)

@@ -1,0 +1,164 @@
+"""What is asked of every row of the registry beside its order and the constraints of mechanics."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from families import TOLERANT
+from registry import ALL, GENERAL, INDEX2, ROWS
+
+import liouville as lv
+from liouville import methods
+
+CASES = [(row, name) for row in ROWS for name in row.on]
+FIELDS = [case for case in CASES if ALL[case[1]].of == ("x",)]
+WAVES = [case for case in CASES if ALL[case[1]].of == ("psi",)]
+
+#: One problem of each row, for what does not depend on it.
+ONCE = [(row, row.on[0]) for row in ROWS]
+
+MEMBERS, STEPS, FIELD_STEPS = 5, 20, 400
+
+
+def test_every_public_method_has_a_row():
+    public = {
+        each
+        for each in vars(methods).values()
+        if isinstance(each, type) and hasattr(each, "form") and each.__module__ != __name__
+    }
+    assert public == {type(row.method) for row in ROWS}
+    assert set(methods.METHODS.values()) <= public
+
+
+def test_rows_have_every_kind_of_each_method():
+    rows = [row.method for row in ROWS]
+    assert {m.points for m in rows if isinstance(m, lv.Spark)} == {"gauss", "radau"}
+    assert {m.force for m in rows if isinstance(m, lv.LobattoPair)} == {"A", "B", "C", "C*", "D"}
+    assert {m.mode for m in rows if isinstance(m, lv.SchrodingerSplitting)} == {"fast", "stable"}
+    schemes = {m.composition for m in rows if isinstance(m, lv.VolumeSplitting)}
+    assert schemes == set(methods.composition.SCHEMES)
+    bases = {(type(m.base), row in INDEX2) for row in ROWS
+             if isinstance(m := row.method, lv.Composition)}  # fmt: skip
+    assert bases == {(lv.Spark, False), (lv.Spark, True), (lv.LobattoPair, False)}
+    assert len(GENERAL) + len(INDEX2) > 30
+
+
+# --- structure of fields and wave functions ------------------------------------------------------
+
+
+@pytest.mark.parametrize(("row", "name"), FIELDS, ids=str)
+def test_volume_is_kept(row, name):
+    problem, h = ALL[name], 0.01
+    found = lv.determinant(problem.system, row.method, t=(0.0, 3 * h), steps=3, **problem.start)
+    assert "volume" in row.keeps
+    assert 0 < found.observed["defect"][-1] < 1e-12
+
+
+@pytest.mark.parametrize(("row", "name"), WAVES, ids=str)
+def test_a_step_is_a_symplectic_matrix_where_that_is_claimed(row, name):
+    problem = ALL[name]
+    n, t0 = problem.system.size, problem.t[0]
+    unit = np.eye(n)
+    starts = {"psi": np.concatenate([unit, 1j * unit])}
+    ends = ensemble(problem, row.method, 1, (t0, t0 + 0.4), starts).psi[-1]
+    step = np.concatenate([ends.real, ends.imag], axis=1).T
+    form = np.block([[np.zeros((n, n)), unit], [-unit, np.zeros((n, n))]])
+    defect = np.abs(step.T @ form @ step - form).max()
+    assert defect < 1e-12 if "symplectic form" in row.keeps else defect > 1e-11
+    if "norm" in row.keeps:
+        assert np.abs(step.T @ step - np.eye(2 * n)).max() < 1e-12
+
+
+@pytest.mark.parametrize(
+    ("row", "name"), [case for case in WAVES if "tolerance" in case[0].keeps], ids=str
+)
+def test_errors_are_below_the_tolerance_and_follow_it(row, name):
+    problem = ALL[name]
+    psi = problem.exact(problem.t[1])["psi"]
+    errors = []
+    for tol in (1e-3, 1e-6, 1e-9, 1e-12):
+        found = problem.run(replace(row.method, tol=tol), 1)
+        errors.append(np.linalg.norm(found.psi[-1] - psi))
+        assert errors[-1] < tol
+    assert errors[0] > 1e3 * errors[2]
+
+
+# --- one run in other ways -----------------------------------------------------------------------
+
+
+def ensemble(problem, method, steps, t, starts):
+    """Integrate members as `problem.run` does one."""
+    count = {} if isinstance(method, TOLERANT) else {"steps": steps}
+    return lv.ensemble(problem.system, method, t=t, threads=2, **count, **starts)
+
+
+def settled(problem, method):
+    """Return the plan of a field, which members and single runs then share, or the method."""
+    if not isinstance(method, lv.VolumeSplitting):
+        return method
+    h = (problem.t[1] - problem.t[0]) / FIELD_STEPS
+    return lv.plan(problem.system, method, h=h, **problem.start)
+
+
+def steps_of(problem):
+    """Return the number of steps of a run that stays bounded."""
+    return FIELD_STEPS if problem.of == ("x",) else STEPS
+
+
+def nearby(problem):
+    """Return members at other states, on the constraints: those that a motion goes through."""
+    if problem.of in (("x",), ("psi",)):
+        ((name, start),) = problem.start.items()
+        turned = np.exp(0.3j * np.arange(MEMBERS)) if name == "psi" else np.ones(MEMBERS)
+        scale = turned * (1 - np.arange(MEMBERS) / 16 * (name == "x"))
+        return {name: scale[:, None] * np.asarray(start)}
+    near = [problem.system.consistent(t=problem.t[0], **moved) for moved in moves(problem)]
+    return {name: np.array([start[name] for start in near]) for name in near[0]}
+
+
+def moves(problem):
+    """Return starts slightly off."""
+    rng = np.random.default_rng(7)
+    for _ in range(MEMBERS):
+        yield {
+            name: np.asarray(start) + 0.02 * rng.normal(size=len(start))
+            for name, start in problem.start.items()
+        }
+
+
+@pytest.mark.parametrize(("row", "name"), [case for case in ONCE if case[0] not in INDEX2], ids=str)
+def test_an_ensemble_is_its_members_bit_for_bit(row, name):
+    problem = ALL[name]
+    starts, method, steps = nearby(problem), settled(problem, row.method), steps_of(problem)
+    together = ensemble(problem, method, steps, problem.t, starts)
+    for member in (0, MEMBERS - 1):
+        alone = problem.run(method, steps, start={k: x[member] for k, x in starts.items()})
+        for state, values in alone.states.items():
+            np.testing.assert_array_equal(together.states[state][:, member], values, state)
+
+
+class CutError(BaseException):
+    """Ends a run as nothing does that asks."""
+
+
+def cut(done, total):
+    """End a run at its first checkpoint."""
+    raise CutError
+
+
+def stored(problem, method, path, **more):
+    """Store a run: the one place where that is spelled."""
+    return problem.run(method, steps_of(problem), store=lv.Store(path, checkpoint=5), **more)
+
+
+@pytest.mark.parametrize(("row", "name"), ONCE, ids=str)
+def test_a_stored_run_cut_off_and_resumed_is_the_straight_one(row, name, tmp_path):
+    problem, path = ALL[name], tmp_path / "run.zarr"
+    straight = problem.run(row.method, steps_of(problem))
+    with pytest.raises(CutError):
+        stored(problem, row.method, path, progress=cut)
+    lv.resume(path)
+    found = lv.load(path)
+    np.testing.assert_array_equal(found.t, straight.t)
+    for state, values in straight.states.items():
+        np.testing.assert_array_equal(found.states[state], values, state)
