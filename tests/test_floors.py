@@ -173,12 +173,12 @@ TYPE_DEFINITION = re.compile(
 )
 # names with two definitions in a crate that are still to be told apart
 TYPE_NAMES_LEFT = {
-    "base": {"Block", "Elimination", "Product", "Rows"},
+    "base": {"Block", "Rows"},
     "mechanics": {
-        *("Attempt", "Eliminated", "Frozen", "Model", "Observer", "Patterns", "Point"),
+        *("Attempt", "Frozen", "Model", "NonholonomicBlocks", "Observer", "Patterns", "Point"),
         *("Reactions", "Solve", "Solver", "Stages", "State", "Step"),
     },
-    "py": {"Asked", "Begin", "Rows", "Values"},
+    "py": {"JobOf", "MethodOf", "Values"},
 }
 
 

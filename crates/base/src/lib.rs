@@ -25,6 +25,7 @@ pub mod error;
 pub mod linalg;
 pub mod method;
 pub mod newton;
+mod number;
 pub mod observe;
 pub mod parallel;
 pub mod real;

@@ -2,7 +2,7 @@
 #![allow(clippy::inline_always)] // a call would lack the instruction set
 
 use crate::elementary::Register;
-use crate::real::{Number, number};
+use crate::number::{Number, number};
 use pulp::Simd;
 use std::ops::{Add, Div, Mul, Sub};
 
