@@ -52,17 +52,13 @@ impl Starter {
         first: f64,
     ) -> MechanicalMonitor {
         let (model, params) = (self.model(member), self.params(member));
-        match monitor {
-            Some((tape, of_acceleration)) => {
-                let traced = Traced::new(model, params, tape.clone(), *of_acceleration);
-                MechanicalMonitor::Traced(Box::new(traced))
-            }
-            None => {
-                let (y, z) = (self.part(0, member), self.part(1, member));
-                let scale = TimeScale::new(model, (self.job.span.t0, y, z), first);
-                MechanicalMonitor::Own(Box::new(scale))
-            }
+        if let Some((tape, of_acceleration)) = monitor {
+            let traced = Traced::new(model, params, tape.clone(), *of_acceleration);
+            return MechanicalMonitor::Traced(Box::new(traced));
         }
+        let (y, z) = (self.part(0, member), self.part(1, member));
+        let scale = TimeScale::new(model, (self.job.span.t0, y, z), first);
+        MechanicalMonitor::Own(Box::new(scale))
     }
 
     /// A copy of a stepper for the event detector, if there is to be one.
