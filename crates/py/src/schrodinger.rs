@@ -171,12 +171,14 @@ impl JobOf<'_> {
     }
 }
 
+type Started = Result<Box<dyn Advance>, StartError>;
+
 /// A run of a Schrödinger equation, and where exceptions that Python raises inside its steps wait.
 pub(crate) fn start(
     hamiltonian: &Hamiltonian,
     method: &Bound<'_, PyAny>,
     job: &Bound<'_, PyAny>,
-) -> PyResult<(Result<Box<dyn Advance>, StartError>, Vec<Caught>)> {
+) -> PyResult<(Started, Vec<Caught>)> {
     let method = method.extract::<MethodOf<'_>>()?.read()?;
     let job = job.extract::<JobOf<'_>>()?.read()?;
     let (signals, mut caught) = (Caught::default(), hamiltonian.caught.clone());

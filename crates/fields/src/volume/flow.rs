@@ -38,7 +38,7 @@ pub(super) struct Levels<'a> {
     pub(super) change: Change,
     /// Cosine factors to be computed first.
     pub(super) waves: &'a PolynomialRows,
-    levels: &'a [PolynomialRows],
+    rows: &'a [PolynomialRows],
     is_reversed: bool,
 }
 
@@ -46,9 +46,9 @@ impl Levels<'_> {
     /// The levels in their order.
     #[inline]
     pub(super) fn iter(&self) -> impl Iterator<Item = &PolynomialRows> {
-        let last = self.levels.len() - 1;
+        let last = self.rows.len() - 1;
         let place = move |k| if self.is_reversed { last - k } else { k };
-        (0..self.levels.len()).map(move |k| &self.levels[place(k)])
+        (0..self.rows.len()).map(move |k| &self.rows[place(k)])
     }
 }
 
@@ -72,7 +72,7 @@ impl PieceFlow {
         Some(Levels {
             change,
             waves,
-            levels,
+            rows: levels,
             is_reversed,
         })
     }

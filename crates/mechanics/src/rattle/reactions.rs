@@ -60,15 +60,14 @@ impl Reactions {
         let matrices = mass
             .inverse_mass()
             .and_then(|inverse_mass| GramMatrices::new(g_y, &gradient.pattern(), inverse_mass));
-        let solver = match matrices {
-            Some(matrices) => MultiplierSolver::Eliminated(Box::new(GramMatrices {
+        let solver = if let Some(matrices) = matrices {
+            MultiplierSolver::Eliminated(Box::new(GramMatrices {
                 is_constant: model.problem.gradient.is_empty(),
                 ..matrices
-            })),
-            None => {
-                let saddle = Saddle::new(&model.general);
-                MultiplierSolver::Saddle(Box::new(saddle), vec![0.0; general.n])
-            }
+            }))
+        } else {
+            let saddle = Saddle::new(&model.general);
+            MultiplierSolver::Saddle(Box::new(saddle), vec![0.0; general.n])
         };
         Self {
             gradient,

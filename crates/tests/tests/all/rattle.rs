@@ -62,7 +62,7 @@ fn every_matrix_keeps_the_constraints_and_steps_back() {
         .map(|k| (k.checked_sub(1).map(|_| 0), k))
         .collect();
     let tips = (1..32).flat_map(|k| {
-        let around = 0.2 * k as f64;
+        let around = 0.2 * f64::from(k);
         [1.0 + around.cos(), around.sin()]
     });
     let around: Vec<f64> = [1.0, 0.0].into_iter().chain(tips).collect();

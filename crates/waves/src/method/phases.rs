@@ -28,8 +28,8 @@ pub struct Phases {
     tolerance: f64,
     cancel: CancelToken,
     machine: InstructionSet,
-    kinetic_phases: Vec<KineticPhases>,
-    potential_phases: Vec<PotentialPhases>,
+    of_kinetic: Vec<KineticPhases>,
+    of_potential: Vec<PotentialPhases>,
     psi: Vec<Complex>,
     cos_sin: [Vec<f64>; 2],
     memory: FourierScratch,
@@ -78,8 +78,8 @@ impl Phases {
             cos_sin: [0, 1].map(|_| vec![0.0; kinetic.grid().plane()]),
             psi: vec![Complex::default(); n],
             cancel: CancelToken::default(),
-            kinetic_phases: Vec::with_capacity(KEPT),
-            potential_phases: Vec::new(),
+            of_kinetic: Vec::with_capacity(KEPT),
+            of_potential: Vec::new(),
             memory: FourierScratch::default(),
             made: 0,
             hamiltonian,
@@ -114,17 +114,14 @@ impl Phases {
     /// The place of the table for a flow of T.
     fn kinetic_phase(&mut self, s: f64) -> usize {
         let is_this = |kinetic_phase: &KineticPhases| kinetic_phase.s.to_bits() == s.to_bits();
-        self.kinetic_phases
-            .iter()
-            .position(is_this)
-            .unwrap_or_else(|| {
-                let (along, within) = self.kinetic.phases(s);
-                if self.kinetic_phases.len() == KEPT {
-                    self.kinetic_phases.clear();
-                }
-                self.kinetic_phases.push(KineticPhases { s, along, within });
-                self.kinetic_phases.len() - 1
-            })
+        self.of_kinetic.iter().position(is_this).unwrap_or_else(|| {
+            let (along, within) = self.kinetic.phases(s);
+            if self.of_kinetic.len() == KEPT {
+                self.of_kinetic.clear();
+            }
+            self.of_kinetic.push(KineticPhases { s, along, within });
+            self.of_kinetic.len() - 1
+        })
     }
 
     /// The place of the table for a flow of V; none where V depends on time, or the grid is too large.
@@ -134,14 +131,14 @@ impl Phases {
         }
         let is_this =
             |potential_phase: &PotentialPhases| potential_phase.s.to_bits() == s.to_bits();
-        self.potential_phases.iter().position(is_this).or_else(|| {
-            if self.potential_phases.len() >= KEPT.min(POINTS / self.potential.len()) {
+        self.of_potential.iter().position(is_this).or_else(|| {
+            if self.of_potential.len() >= KEPT.min(POINTS / self.potential.len()) {
                 return None;
             }
             let mut cos_sin = [0, 1].map(|_| vec![0.0; self.potential.len()]);
             turn(self.machine, &self.potential, s, &mut cos_sin);
-            self.potential_phases.push(PotentialPhases { s, cos_sin });
-            Some(self.potential_phases.len() - 1)
+            self.of_potential.push(PotentialPhases { s, cos_sin });
+            Some(self.of_potential.len() - 1)
         })
     }
 
@@ -156,7 +153,7 @@ impl Phases {
                 grid.inverse(plane, &mut self.memory);
             }
             if let Some(potential_phase) = potential_phase {
-                let [cos, sin] = &self.potential_phases[potential_phase].cos_sin;
+                let [cos, sin] = &self.of_potential[potential_phase].cos_sin;
                 multiply(plane, &cos[within.clone()], &sin[within]);
             } else if let Some(s) = s {
                 turn(self.machine, &self.potential[within], s, &mut self.cos_sin);
@@ -195,7 +192,7 @@ impl Phases {
                 is_transformed = true;
             }
             let kinetic_phase = self.kinetic_phase(s);
-            let KineticPhases { along, within, .. } = &self.kinetic_phases[kinetic_phase];
+            let KineticPhases { along, within, .. } = &self.of_kinetic[kinetic_phase];
             let grid = self.kinetic.grid();
             grid.multiply(&mut self.psi, &mut self.memory, along, within);
             self.made += 1;
