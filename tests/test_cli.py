@@ -102,6 +102,7 @@ def test_a_stored_run_that_was_killed_is_resumed(model, tmp_path):
     path = tmp_path / "run.zarr"
     process = subprocess.Popen([*COMMAND, *words.split(), "run.zarr"], cwd=tmp_path, env=QUIET)
     while not path.exists():
+        assert process.poll() is None, "the run has ended without a store"
         time.sleep(0.01)
     process.kill()
     process.communicate()
