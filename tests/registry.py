@@ -319,7 +319,7 @@ WAVES = [
         for order in range(2, 7)
     ),
     *(
-        Row(lv.StabilitySplitting(order, stages), order, ("chain",), _SHEARS, _SPREAD)
+        Row(lv.StabilitySplitting(order, stages), order, ("chain",), _SHEARS, _SPREAD, room=0.2)
         for order, stages in ((2, 6), (4, 4), (6, 6), (8, 8))
     ),
 ]

@@ -53,11 +53,16 @@ def test_the_norm_is_bounded_over_a_million_steps(theta, tol):
     assert np.abs(energy - energy[0]).max() <= 2 * kappa * BETA
 
 
-@pytest.mark.parametrize(
-    ("method", "interval"), [(lv.Chebyshev(1e-6), 5.0), (lv.Lanczos(1e-6, 8), 2.0)]
-)
-def test_series_and_krylov_spaces_drift(method, interval):
-    t = np.linspace(0.0, 2000 * interval / BETA, 2001)
+def test_the_norm_of_a_krylov_space_is_kept_to_roundoff():
+    t = np.linspace(0.0, 2000 * 2.0 / BETA, 2001)
+    method = lv.Lanczos(1e-6, 8)
+    drift = lv.integrate(CHAIN, method, t=t, psi=start(), states=False).invariant_drift("norm")
+    assert drift.max() < 5e-13
+
+
+def test_a_series_drifts():
+    t = np.linspace(0.0, 2000 * 5.0 / BETA, 2001)
+    method = lv.Chebyshev(1e-6)
     drift = lv.integrate(CHAIN, method, t=t, psi=start(), states=False).invariant_drift("norm")
     first, last = tenths(drift)
     assert last > 5 * first
