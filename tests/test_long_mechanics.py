@@ -51,7 +51,7 @@ def in_sigma(case, steps, short, members):
 @pytest.mark.parametrize(
     ("name", "steps", "short"),
     [
-        ("spherical pendulum", 10_000_000, 100_000),
+        ("spherical pendulum", 1_000_000, 10_000),
         ("heavy top", 300_000, 10_000),
     ],
 )

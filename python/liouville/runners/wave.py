@@ -64,7 +64,7 @@ class WaveRunner(Runner):
     def start(self) -> _core.Run | dict[str, Any]:
         """Start the run, or return the error of its start."""
         plan = self.plan
-        observables = [("symmetric", self.system.hamiltonian), ("start",)]
+        observables: list[tuple[object, ...]] = [("symmetric", self.system.hamiltonian), ("start",)]
         observables += [each for _, _, each in self._observed]
         job = Job(
             start=(np.atleast_2d(self.psi),), span=(plan.t0, plan.stops), observer=observables,
