@@ -17,7 +17,7 @@ WAVES = [case for case in CASES if ALL[case[1]].of == ("psi",)]
 #: One problem of each row, for what does not depend on it.
 ONCE = [(row, row.on[0]) for row in ROWS]
 
-MEMBERS, STEPS, FIELD_STEPS = 5, 20, 400
+MEMBERS, STEPS, FIELD_STEPS = 5, 40, 400
 
 
 def test_every_public_method_has_a_row():

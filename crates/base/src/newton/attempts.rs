@@ -57,8 +57,9 @@ const SHORTER: [f64; 3] = [0.125, 0.25, 0.5];
 /// Solves the equations of a step of `h`, by the first attempt that does.
 ///
 /// # Errors
-/// That of the cold attempt, when none does.
+/// That of the cold attempt, when none does; or of an earlier one that met a value of the model that is not finite.
 pub fn attempt(step: &mut impl Attempts, h: f64) -> Result<(), StepError> {
+    let mut failed = None;
     if step.start(h, Start::Extrapolated)? {
         if step.is_reusable(h) {
             if step.iterate(h).is_ok() {
@@ -67,12 +68,13 @@ pub fn attempt(step: &mut impl Attempts, h: f64) -> Result<(), StepError> {
             step.start(h, Start::Extrapolated)?;
         }
         step.discard();
-        if step.iterate(h).is_ok() {
-            return Ok(());
+        match step.iterate(h) {
+            Ok(()) => return Ok(()),
+            Err(error @ StepError::NotFinite { .. }) => failed = Some(error),
+            Err(_) => {}
         }
         step.count_cold_start();
     }
-    let mut failed = None;
     for start in [Start::Cold, Start::Still] {
         step.discard();
         if step.start(h, start)? {
