@@ -33,7 +33,7 @@ from shears import (
     stability_matrix,
 )
 
-TABLE = Path(__file__).parent.parent / "crates/core/src/tableau/ladder/table.txt"
+TABLE = Path(__file__).parent.parent / "crates/base/src/tableau/ladder/table.txt"
 HEAD = """\
 # The ladder: q <- q + c h H p and p <- p - c h H q in turn, with c the coefficients.
 # method: name, stable or fast, ratio, theta, gain. Then the coefficients, and the largest errors on

@@ -23,7 +23,7 @@ from numpy.typing import NDArray
 from scipy.optimize import linprog
 from shears import factors, gain, roots, shears
 
-TABLE = Path(__file__).parent.parent / "crates/core/src/tableau/stability/table.txt"
+TABLE = Path(__file__).parent.parent / "crates/base/src/tableau/stability/table.txt"
 HEAD = """\
 # Shears that are stable for long steps: q <- q + c h H p and p <- p - c h H q in turn.
 # method: kind, order, pairs of shears, largest stable |x|, gain. Then the coefficients. Written by
