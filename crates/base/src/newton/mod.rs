@@ -1,6 +1,6 @@
 //! The one simplified-Newton iteration: corrections until roundoff, or a reason why not.
 //!
-//! Whoever has equations to solve says how one correction is made; this file says when to stop.
+//! The equations make one correction at a time; this file decides when to stop.
 //! With θ the ratio of successive corrections δ (relative to the size of the solution), the
 //! iteration ends when what is still to come, θ δ / (1 − θ), is below the tolerance of its [`Stop`]. Within
 //! the noise of its own evaluation δ tells nothing any more: where corrections fall evenly, θ is then that

@@ -1,4 +1,4 @@
-//! An ensemble is its members: bit for bit, whoever steps them, and whoever fails.
+//! An ensemble is its members, bit for bit, for any grouping and any failures.
 
 use liouville_base::checkpoint::Checkpoint;
 use liouville_base::ensemble::{Ensemble, Layout};
