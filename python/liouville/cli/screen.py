@@ -50,6 +50,7 @@ def summary(solution: lv.Solution, reference: Mapping[str, Any], conserved: Sequ
             table.add_row(f"{name} residual", f"{np.max(np.abs(values)):.2e}")
     for name in solution.invariants if is_whole else ():
         word = "drift" if name in conserved else "change"
+        word += ", absolute" if solution.is_drift_absolute(name).all() else ""
         table.add_row(f"{name} {word}", f"{np.max(solution.invariant_drift(name)):.2e}")
     for name, values in solution.balance.items():
         table.add_row(name, f"{values[-1]:.6g}")

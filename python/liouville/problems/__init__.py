@@ -18,7 +18,8 @@ Every module has
 
 of a Schrödinger equation instead of `h`, ``tol``, a sensible tolerance, and references
 ``{time: {"psi": ...}}``, of a grid with a closed form whole states, else a dict of some components;
-where the mechanism is planar, ``outline(q, params)``: the polylines of its bodies;
+where the mechanism is planar, ``outline(q, params)``: the polylines of its bodies, with parameters
+``params.name`` as a model's functions see them;
 and, where the number of coordinates is free, ``build`` and ``start_for``: the system and its start
 for any.
 

@@ -125,6 +125,7 @@ def solution_of(
         invariants=_named("invariant ", parts),
         residuals={name: parts[name] for name in RESIDUALS if name in parts},
         observed=_named("observed ", parts),
+        initial=runner.initial,
         balance=runner.balance(parts),
         names=_names(runner),
         events=dict(events),
