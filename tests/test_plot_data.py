@@ -314,7 +314,7 @@ def test_an_outline_has_the_parameters_of_its_member_and_no_others():
     assert set(seen) == {1.62}
     with pytest.raises(TypeError, match=r"params\['g'\]\nhint: write params.g"):
         plot.animation(both, lambda q, params: params["g"])
-    with pytest.raises(AttributeError, match="no parameter 'length'; .* parameters: "):
+    with pytest.raises(AttributeError, match=r"no parameter 'length'; .* parameters: "):
         plot.animation(both, lambda q, params: params.length)
 
 
