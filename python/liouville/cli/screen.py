@@ -93,7 +93,7 @@ class Rate(ProgressColumn):
 
 @contextmanager
 def progress(name: str, unit: str) -> Iterator[Callable[[float, float], None] | None]:
-    """Show a bar with rate and time left while the block runs, if someone is there to see it."""
+    """Show a bar with rate and time left while the block runs, on a terminal."""
     screen = console(stderr=True)
     if not screen.is_terminal:
         yield None

@@ -257,7 +257,7 @@ def multipliers(
 
 
 def overview(solution: Solution) -> Figure:
-    """Draw what a person wants to see first: motion, invariants, constraints and multipliers.
+    """Draw the overview of a run: motion, invariants, constraints and multipliers.
 
     Methods that damp have a panel of the energy too, and controlled steps one of their sizes; wave
     functions have their density and autocorrelation in the place of the motion. A

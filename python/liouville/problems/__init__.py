@@ -89,7 +89,7 @@ NAMES = (*MECHANICAL, *NONHOLONOMIC, *FIELDS, *QUANTUM)
 
 
 class Parameters(Protocol):
-    """What a model function gets as ``params``: each parameter, a symbol, under its name."""
+    """The ``params`` of a model function: the symbol of each parameter under its name."""
 
     def __getattr__(self, name: str) -> ca.SX:
         """Return the parameter's symbol, a scalar or a column."""
