@@ -390,6 +390,8 @@ def test_the_label_says_where_a_drift_is_absolute(runs):
 
     assert labels({"a": one}) == (relative, ["a"])
     assert labels({"b": zero}) == (absolute, ["b"])
+    assert "drift 1.0e+00 (b, absolute)" in repr(replace(single, invariants={"b": zero}))
+    assert "(b, absolute)" not in repr(replace(single, invariants={"a": 3 * one, "b": one}))
     assert labels({"a": one, "b": zero}) == (relative, ["a", "b, absolute"])
     mixed = np.stack([one, zero, zero], axis=1)
     found = labels({"c": mixed}, runs["fields", True])

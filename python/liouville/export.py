@@ -22,8 +22,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from liouville.failure import Failure
-from liouville.points import Points
-from liouville.solution import STATES, Array, Solution
+from liouville.points import STATES, Points
+from liouville.solution import Array, Solution
 
 if TYPE_CHECKING:
     import xarray

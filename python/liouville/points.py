@@ -8,6 +8,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+#: All that a state may be called, in the order of a solution's states.
+STATES = ("x", "psi", "q", "y", "z", "v", "p", "lam", "acceleration", "a")
+
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Points:

@@ -23,9 +23,6 @@ Array = NDArray[Any]
 # An invariant that starts below this is a zero with roundoff: its drift is measured absolutely.
 ZERO = 1e-12
 
-#: All that a state may be called, in the order of a solution's states.
-STATES = ("x", "psi", "q", "y", "z", "v", "p", "lam", "acceleration", "a")
-
 #: All residuals that a solution may have, in their order.
 RESIDUALS = ("constraint", "hidden", "nonholonomic")
 
@@ -138,12 +135,15 @@ class Solution:
             return f"<Solution {self.status}: nothing computed, {self.method}>"
         steps = self.stats.get("steps", len(self.t) - 1)
         span = f"t = {self.t[0]:g} to {self.t[-1]:g}"
-        many = "" if self.members is None else f", {self.members} members"
-        head = f"{self.status}: {steps} steps of {self.step_size}, {span}{many}, {self.method}"
+        span += "" if self.members is None else f", {self.members} members"
+        head = f"{self.status}: {steps} steps of {self.step_size}, {span}, {self.method}"
         if self.path is not None:
             return f"<Solution {head}\n its records are in {self.path!r}>"
         residuals = {name: self._largest(np.abs(r)) for name, r in self.residuals.items() if r.size}
-        drifts = {name: self._largest(self.invariant_drift(name)) for name in self.invariants}
+        absolute = {
+            x: ", absolute" * bool(self.is_drift_absolute(x).all()) for x in self.invariants
+        }
+        drifts = {x + how: self._largest(self.invariant_drift(x)) for x, how in absolute.items()}
         kept = [*_worst("residual", residuals), *_worst("drift", drifts)]
         return "\n ".join([f"<Solution {head}", *([", ".join(kept)] if kept else [])]) + ">"
 

@@ -21,7 +21,8 @@ from liouville.plot.canvas import (
 from liouville.plot.curves import draw_curves, draw_sizes, interleaved, of_member
 from liouville.plot.quantum import shown
 from liouville.plot.thinning import POINTS, few, some, thinned
-from liouville.solution import STATES, Array, Solution
+from liouville.points import STATES
+from liouville.solution import Array, Solution
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
