@@ -68,7 +68,7 @@ pub(super) fn cost(instrs: &[Instr]) -> (usize, usize) {
 /// the same, no jump has to be predicted.
 #[inline]
 pub(super) fn execute<R: Real>(program: &[Instr], registers: &mut [R]) {
-    if R::MEMBERS == 1 {
+    if R::IS_SINGLE {
         run(program, registers);
     } else {
         run_wide(program, registers);
