@@ -95,8 +95,8 @@ fn run<R: Real>(program: &[Instr], registers: &mut [R]) {
         macro_rules! two {
             (|$x:ident, $y:ident| $value:expr) => {
                 loop {
-                    // SAFETY: `Tape::new` gives out registers below `self.registers` only, and whoever
-                    // runs its programs passes exactly that many.
+                    // SAFETY: `Tape::new` gives out registers below `self.registers` only, and callers
+                    // pass exactly that many.
                     unsafe {
                         let ($x, $y) = (*start.add(instr.a as usize), *start.add(instr.b as usize));
                         *start.add(instr.out as usize) = $value;
