@@ -10,6 +10,7 @@ Run as ``python examples/demo.py [figure]``; the figure goes to build/demo.png b
 
 import sys
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 from matplotlib import colormaps
@@ -37,9 +38,10 @@ def integrate(problem):
 
 def draw_motion(ax, problem, solution, frames=12):
     """Draw the mechanism at a few times, from light to dark."""
+    params = SimpleNamespace(**solution.params)
     at = np.linspace(0, len(solution.t) - 1, frames).round().astype(int)
     for i, shade in zip(at, colormaps["Blues"](np.linspace(0.25, 1, frames)), strict=True):
-        for line in problem.outline(solution.q[i], solution.params):
+        for line in problem.outline(solution.q[i], params):
             ax.plot(*line.T, color=shade, lw=1.2, solid_capstyle="round")
     ax.set_aspect("equal", adjustable="datalim")
 

@@ -6,6 +6,8 @@ A crank turns a rod, the rod pushes a slider; two constraints close the loop. Th
 the full order of the method, and give the force on the guide along with the motion.
 """
 
+from types import SimpleNamespace
+
 import matplotlib.pyplot as plt
 import numpy as np
 
@@ -18,8 +20,9 @@ solution = lv.integrate(
 guide = solution.lam[:, solution.names["constraints"].index("guide")]
 
 fig, (left, right) = plt.subplots(1, 2, figsize=(10, 3.8), layout="constrained")
+params = SimpleNamespace(**solution.params)
 for i in np.linspace(0, len(solution.t) - 1, 12).round().astype(int):
-    for line in problem.outline(solution.q[i], solution.params):
+    for line in problem.outline(solution.q[i], params):
         left.plot(*line.T, color=plt.cm.viridis(i / len(solution.t)), lw=1.5)
 left.set(aspect="equal", xlabel="x / m", ylabel="y / m", title="twelve instants, dark to light")
 

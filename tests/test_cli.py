@@ -1,4 +1,5 @@
 import os
+import re
 import signal
 import subprocess
 import sys
@@ -39,6 +40,21 @@ def liouville(words, cwd, **environment):
         text=True,
         check=False,
     )
+
+
+def test_the_version_is_shown(tmp_path):
+    ran = liouville("--version", cwd=tmp_path)
+    assert (ran.returncode, ran.stdout.split()) == (0, ["liouville", lv._core.VERSION])
+
+
+@pytest.mark.parametrize("options", ["--keep 1", "--keep 30", "--tol 1e-4 --keep 3 --until 5"])
+def test_a_run_takes_the_products_that_its_plan_promises(tmp_path, options):
+    planned = liouville(f"plan tight_binding {options}", cwd=tmp_path)
+    promise = re.search(r"; ([\d.]+) products", planned.stdout)
+    ran = liouville(f"run tight_binding {options}", cwd=tmp_path)
+    assert re.search(rf"products +{re.escape(promise[1])}\s", ran.stdout), ran.stdout
+    scheme = planned.stdout.splitlines()[0]
+    assert scheme in ran.stdout
 
 
 @pytest.fixture

@@ -1,9 +1,6 @@
 """Nonholonomic constraints, alone and beside holonomic ones: digits, orders, bad calls.
 
-The systems see what a blade on a plane hides: `pace` has a constraint that is quadratic in the
-velocity and depends on time, and a mass that depends on position; the disk has two constraints;
-`bowl` has a holonomic and a nonholonomic one, both of which depend on time, and a force that
-follows the velocity.
+The systems are those of `families`, and a disk on a spring.
 """
 
 import functools
@@ -11,31 +8,11 @@ import functools
 import casadi as ca
 import numpy as np
 import pytest
+from families import FAMILIES, rolling_disk
 from registry import REFERENCE
 
 import liouville as lv
 from liouville.convergence import study
-
-
-def knife_edge():
-    return lv.Lagrangian(
-        lambda t, q, v, params: ca.dot(v, v) / 2 + q[0],
-        nonholonomic=lambda t, q, v, params: ca.sin(q[2]) * v[0] - ca.cos(q[2]) * v[1],
-        q=("x", "y", "th"),
-    )
-
-
-def rolling_disk():
-    return lv.Lagrangian(
-        lambda t, q, v, params: (
-            ca.sumsqr(v[:2]) / 2 + v[2] ** 2 / 4 + v[3] ** 2 / 8 - q[0] / 2 - ca.cos(q[3]) / 3
-        ),
-        nonholonomic=lambda t, q, v, params: {
-            "rolls along x": v[0] - ca.cos(q[3]) * v[2],
-            "rolls along y": v[1] - ca.sin(q[3]) * v[2],
-        },
-        q=("x", "y", "th", "ph"),
-    )
 
 
 def sprung_disk():
@@ -52,50 +29,17 @@ def sprung_disk():
     )
 
 
-def pace():
-    return lv.Lagrangian(
-        lambda t, q, v, params: (
-            (1 + q[0] ** 2 / 4) * ca.dot(v, v) / 2 - q[2] - ca.sin(q[1]) * v[0] / 3
-        ),
-        nonholonomic=lambda t, q, v, params: {
-            "speed": (ca.dot(v, v) - (1 + ca.sin(t) / 5) ** 2) / 2
-        },
-        q=("x", "y", "z"),
-    )
-
-
-def bowl():
-    def blade(t, q, v, params):
-        angle = q[3] + t / 3
-        return {"blade": ca.sin(angle) * v[0] - ca.cos(angle) * v[1] + ca.sin(t) / 5}
-
-    return lv.Lagrangian(
-        lambda t, q, v, params: (
-            ca.sumsqr(v[:3]) / 2 + (1 + q[0] ** 2 / 3) * v[3] ** 2 / 2 - q[2] - ca.cos(q[3]) / 2
-        ),
-        lambda t, q, params: {"bowl": q[2] - (1 + ca.sin(t) / 5) * ca.sumsqr(q[:2]) / 2},
-        nonholonomic=blade,
-        force=lambda t, q, v, params: -v / 10 + ca.vertcat(0, 0, 0, q[0]),
-        q=("x", "y", "z", "th"),
-    )
-
-
-# a system, and a start near its constraints
-SYSTEMS = {
-    "knife_edge": (knife_edge(), [0, 0, 0], [0, 0, 1.5]),
-    "rolling_disk": (rolling_disk(), [0, 0, 0, 0], [1, 0, 1, 0.5]),
-    "pace": (pace(), [0.1, 0.2, 0], [0.6, 0.8, 0]),
-    "bowl": (bowl(), [0.5, 0.2, 0.1, 0.3], [1, 0.1, 0, 0.7]),
-}
+# the problems of the registry with velocities constrained
+NAMES = {"knife_edge": "knife edge", "rolling_disk": "rolling disk", "pace": "pace", "bowl": "bowl"}
 SPRUNG = (sprung_disk(), {"q": [0.5, 0, 0, 0], "v": [1, 0, 1, 0.7]})
-ALL = tuple(SYSTEMS)
+ALL = tuple(NAMES)
 STATEMENT = REFERENCE["nonholonomic"]
 
 
-@functools.cache
 def started(name):
-    system, q, v = SYSTEMS[name]
-    return system, system.consistent(q=q, v=v)
+    """Return a system and a consistent start."""
+    problem = FAMILIES[NAMES[name]]
+    return problem.system, problem.start
 
 
 def run(name, method, t, steps, **more):
@@ -282,8 +226,8 @@ def test_a_saved_solution_comes_back(tmp_path):
 
 @pytest.mark.parametrize("name", ALL)
 def test_a_start_is_moved_by_the_least_change(name):
-    system, q, v = SYSTEMS[name]
-    start = system.consistent(t=0.3, q=np.add(q, 0.05), v=np.add(v, 0.05))
+    system, near = started(name)
+    start = system.consistent(t=0.3, q=near["q"] + 0.05, v=near["v"] + 0.05)
     found = lv.integrate(system, lv.Spark(1), t=(0.3, 0.3 + 1e-6), steps=1, **start)
     for residual, values in found.residuals.items():
         assert values.size == 0 or np.abs(values[0]).max() < 1e-15, residual

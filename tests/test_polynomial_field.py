@@ -1,6 +1,7 @@
 """Polynomial fields: expanded exactly, by whichever door they come, or refused by name."""
 
 import math
+import sys
 from fractions import Fraction
 
 import casadi as ca
@@ -366,17 +367,41 @@ def test_malformed_arrays_of_terms_are_refused(arrays, message):
 
 
 def test_repair_takes_out_rounding_and_no_more():
-    rounded = [(0, 0.333, (0, 1)), (1, -0.167, (1, 1)), (2, 1.0, (0, 1))]
+    rounded = [(0, 0.3333, (0, 1)), (1, -0.1667, (1, 1)), (2, 1.0, (0, 1))]
     with pytest.raises(ValueError, match="repair=True"):
         given_terms(*rounded)
     found = terms_of(given_terms(*rounded, repair=True))
-    excess = 0.333 - 2 * 0.167
-    assert found[0, (0, 1)] == pytest.approx(0.333 - excess / 5, rel=1e-15)
-    assert found[1, (1, 1)] == pytest.approx(-0.167 - 2 * excess / 5, rel=1e-15)
+    excess = 0.3333 - 2 * 0.1667
+    assert found[0, (0, 1)] == pytest.approx(0.3333 - excess / 5, rel=1e-15)
+    assert found[1, (1, 1)] == pytest.approx(-0.1667 - 2 * excess / 5, rel=1e-15)
     assert found[2, (0, 1)] == 1.0
 
 
+@pytest.mark.parametrize("is_exact", [False, True])
+def test_repair_refuses_a_divergence_that_rounding_cannot_have_made(is_exact):
+    number = Fraction if is_exact else float
+    lorenz = [
+        ("x", -10, ("x",)), ("x", 10, ("y",)), ("y", 28, ("x",)), ("y", -1, ("x", "z")),
+        ("y", -1, ("y",)), ("z", 1, ("x", "y")), ("z", Fraction(-8, 3), ("z",)),
+    ]  # fmt: skip
+    terms = [(i, number(c), variables) for i, c, variables in lorenz]
+    with pytest.raises(ValueError, match=r"div f contains -13\.6667 \* 1, 1 of its terms"):
+        PolynomialField.from_terms(("x", "y", "z"), terms, repair=True)
+    # the sums of two monomials, on either side of the limit
+    within = [(0, 1.0, (0, 1)), (1, -0.5 + 0.99e-3, (1, 1))]
+    beyond = [(0, 1.0, (0, 1)), (1, -0.5 + 1.01e-3, (1, 1))]
+    assert terms_of(given_terms(*within, repair=True))
+    with pytest.raises(ValueError, match=r"0\.00202 \* y, 0\.001 of its terms"):
+        given_terms(*beyond, repair=True)
+
+
 # --- SymPy ---------------------------------------------------------------------------------------
+
+
+def test_without_sympy_the_package_is_named(monkeypatch):
+    monkeypatch.setitem(sys.modules, "sympy", None)
+    with pytest.raises(ImportError, match="need sympy\nhint: pip install sympy"):
+        PolynomialField.from_sympy([SYMBOLS[1], SYMBOLS[0]], SYMBOLS[:2])
 
 
 def test_sympy_parameters_time_and_invariants():

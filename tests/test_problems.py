@@ -2,6 +2,7 @@
 
 import json
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -265,7 +266,7 @@ def test_outline_moves_rigid_bodies(name):
     solution = integrate(problem, stages=3, every=10)
     lengths = []
     for q in solution.q:
-        lines = problem.outline(q, problem.system.params)
+        lines = problem.outline(q, SimpleNamespace(**problem.system.params))
         assert all(line.shape[1] == 2 for line in lines)
         rigid = lines[: len(lines) - SPRINGS.get(name, 0)]
         lengths.append(np.concatenate([np.hypot(*np.diff(line, axis=0).T) for line in rigid]))

@@ -296,7 +296,12 @@ BAD_CALLS = {
     "'q' is no start value": {"q": [1, 0]},
     "violates the constraint 'rod'": {"y": [1, 0.1, 0, 0]},
     "violates the constraint 'speed'": {"y": [1, 0, 0.1, 0]},
-    "takes equal steps and no rtol": {"rtol": 1e-6, "h": None},
+    "semi-explicit system takes equal steps and no rtol\nhint: give h or steps; half": {
+        "rtol": 1e-6,
+        "h": None,
+    },
+    "t_eval is for a mechanical .*\nhint: give an h of which these": {"t_eval": [0.1]},
+    "events is for a mechanical .*\nhint: observe= records such": {"events": {}},
     "no parameter 'm'": {"params": {"m": 1}},
 }
 

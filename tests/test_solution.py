@@ -142,5 +142,8 @@ def test_a_reaction_that_cannot_be_given_says_why(solution):
         solution.reaction("rope")
     with pytest.raises(ValueError, match=r"no constraint 1: there are 1"):
         solution.reaction(1)
+    for several in (["rod", "rod"], 0.5, True):
+        with pytest.raises(TypeError, match=r"a name or index, not .*\nhint: reactions add up"):
+            solution.reaction(several)
     with pytest.raises(ValueError, match=r"need the system.*\nhint: dataclasses\.replace"):
         replace(solution, system=None).reaction()

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
@@ -59,6 +59,13 @@ def quoted(names: Sequence[str]) -> str:
     """Write names for a message: 'a', 'b' and 'c'."""
     words = [f"'{name}'" for name in names]
     return " and ".join([", ".join(words[:-1]), words[-1]]) if len(words) > 1 else words[0]
+
+
+def check_name(name: str, names: Collection[str], kind: str) -> None:
+    """Refuse a name that a solution has not."""
+    if name not in names:
+        known = ", ".join(names) or "none"
+        raise ValueError(hinted(f"the solution has no {kind} {name!r}", f"it has {known}"))
 
 
 #: Sentence, hint and quantity of an error of the core.

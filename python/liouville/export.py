@@ -22,8 +22,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from liouville.failure import Failure
-from liouville.points import Points
-from liouville.solution import STATES, Array, Solution
+from liouville.points import STATES, Points
+from liouville.solution import Array, Solution
 
 if TYPE_CHECKING:
     import xarray
@@ -110,6 +110,7 @@ def to_xarray(solution: Solution) -> xarray.Dataset:
             "method": solution.method,
             "h": solution.h,
             "dense_order": solution.dense_order,
+            "initial": json.dumps(solution.initial, default=_plain),
             "members": -1 if solution.members is None else solution.members,
             "failures": json.dumps({k: [x.step, x.t, x.message] for k, x in failures.items()}),
             "tolerances": json.dumps(solution.tolerances, default=_plain),
@@ -287,6 +288,7 @@ def _from_xarray(dataset: xarray.Dataset) -> Solution:
         h=float(attributes["h"]),
         members=_members(attributes.get("members", -1)),
         failures=_failures(json.loads(attributes.get("failures", "{}"))),
+        initial=json.loads(attributes.get("initial", "{}")),
         tolerances=json.loads(attributes["tolerances"]),
         method=attributes["method"],
         stats=json.loads(attributes["stats"]),

@@ -8,6 +8,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+#: All that a state may be called, in the order of a solution's states.
+STATES = ("x", "psi", "q", "y", "z", "v", "p", "lam", "acceleration", "a")
+
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Points:
@@ -55,3 +58,17 @@ class Points:
         times = np.atleast_1d(self.t)
         span = f", t = {times[0]:g} to {times[-1]:g}" if times.size else ""
         return f"<{len(self)} Points{span}: {', '.join(self.states)}>"
+
+
+def times_within(t: Any, first: float, last: float) -> NDArray[np.float64]:
+    """Return a time or an array of times, each within a run from `first` to `last`."""
+    times = np.asarray(t)
+    if times.dtype.kind not in "iuf" or times.ndim > 1:
+        raise TypeError(f"t is a number or an array of numbers, not {t!r}")
+    found: NDArray[np.float64] = times.astype(float)
+    outside = found[~((min(first, last) <= found) & (found <= max(first, last)))]
+    if outside.size:
+        raise ValueError(
+            f"t = {outside[0]:g} is outside the run, which goes from {first:g} to {last:g}"
+        )
+    return found

@@ -10,8 +10,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from liouville.errors import check_name, hinted
 from liouville.failure import Failure
-from liouville.points import Points
+from liouville.points import Points, times_within
 from liouville.systems import Mechanics, System
 
 if TYPE_CHECKING:
@@ -21,9 +22,6 @@ Array = NDArray[Any]
 
 # An invariant that starts below this is a zero with roundoff: its drift is measured absolutely.
 ZERO = 1e-12
-
-#: All that a state may be called, in the order of a solution's states.
-STATES = ("x", "psi", "q", "y", "z", "v", "p", "lam", "acceleration", "a")
 
 #: All residuals that a solution may have, in their order.
 RESIDUALS = ("constraint", "hidden", "nonholonomic")
@@ -48,6 +46,9 @@ class Solution:
         own ``a``. Empty if the run stored no states. Each is also an attribute: ``solution.q``.
     invariants : dict of str to ndarray, shape (k,)
         Energy and the system's own invariants, by name; the norm of a wave function.
+    initial : dict of str to float
+        The invariants at the start of a run that keeps no record of it, as with ``t_eval=[7.3]``;
+        empty where the first record is the start.
     residuals : dict of str to ndarray, shape (k, m - l)
         ``constraint`` is :math:`g(t, q)`, ``hidden`` is :math:`g_t + g_q v`; ``nonholonomic``, of
         shape (k, l) and only where there are such constraints, is :math:`k(t, q, v)`.
@@ -103,6 +104,7 @@ class Solution:
     h: float
     method: str
     stats: dict[str, int | float | str]
+    initial: dict[str, float] = field(default_factory=dict)
     params: dict[str, Any] = field(default_factory=dict)
     balance: dict[str, Array] = field(default_factory=dict)
     tolerances: dict[str, Any] = field(default_factory=dict)
@@ -133,12 +135,15 @@ class Solution:
             return f"<Solution {self.status}: nothing computed, {self.method}>"
         steps = self.stats.get("steps", len(self.t) - 1)
         span = f"t = {self.t[0]:g} to {self.t[-1]:g}"
-        many = "" if self.members is None else f", {self.members} members"
-        head = f"{self.status}: {steps} steps of {self.step_size}, {span}{many}, {self.method}"
+        span += "" if self.members is None else f", {self.members} members"
+        head = f"{self.status}: {steps} steps of {self.step_size}, {span}, {self.method}"
         if self.path is not None:
             return f"<Solution {head}\n its records are in {self.path!r}>"
         residuals = {name: self._largest(np.abs(r)) for name, r in self.residuals.items() if r.size}
-        drifts = {name: self._largest(self.invariant_drift(name)) for name in self.invariants}
+        absolute = {
+            x: ", absolute" * bool(self.is_drift_absolute(x).all()) for x in self.invariants
+        }
+        drifts = {x + how: self._largest(self.invariant_drift(x)) for x, how in absolute.items()}
         kept = [*_worst("residual", residuals), *_worst("drift", drifts)]
         return "\n ".join([f"<Solution {head}", *([", ".join(kept)] if kept else [])]) + ">"
 
@@ -173,21 +178,13 @@ class Solution:
         """
         system = self._needed_system("dense output needs") if self.dense_order else None
         if not self.dense_order or not isinstance(system, Mechanics):
+            sentence = "dense output needs the states of all steps of a mechanical system"
             raise ValueError(
-                "dense output needs the states of all steps of a mechanical system\n"
-                "hint: integrate with every=1, states=True and without t_eval"
+                hinted(sentence, "integrate with every=1, states=True and without t_eval")
             )
-        times = np.asarray(t)
-        if times.dtype.kind not in "iuf" or times.ndim > 1:
-            raise TypeError(f"t is a number or an array of numbers, not {t!r}")
-        flat = times.astype(float).ravel()
-        first, last = self.t[0], self.t[-1]
-        outside = flat[~((min(first, last) <= flat) & (flat <= max(first, last)))]
-        if outside.size:
-            raise ValueError(
-                f"t = {outside[0]:g} is outside the run, which goes from {first:g} to {last:g}"
-            )
-        order = np.argsort(flat if first <= last else -flat, kind="stable")
+        times = times_within(t, self.t[0], self.t[-1])
+        flat = times.ravel()
+        order = np.argsort(flat if self.t[0] <= self.t[-1] else -flat, kind="stable")
         y, z = (self.states[name] for name in system.states)
         values = system.values(self.params)
         found = system.between(self.dense_order, (self.t, y, z), flat[order], values)
@@ -280,10 +277,8 @@ class Solution:
     def _balanced(self, name: str) -> Array:
         if name in self.balance:
             return self.balance[name]
-        raise AttributeError(
-            f"the solution has no {name!r}\n"
-            "hint: HHT and its relatives record it, for a Lagrangian or a Structure"
-        )
+        hint = "HHT and its relatives record it, for a Lagrangian or a Structure"
+        raise AttributeError(hinted(f"the solution has no {name!r}", hint))
 
     def _state(self, name: str) -> Array:
         if name in self.states:
@@ -296,6 +291,8 @@ class Solution:
 
     def invariant_drift(self, name: str) -> Array:
         r"""Measure how far an invariant has moved from its start, :math:`|I(t) - I(0)| / |I(0)|`.
+
+        The start is that of the run, whatever was kept of it.
 
         Parameters
         ----------
@@ -312,11 +309,19 @@ class Solution:
         ValueError
             The solution has no invariant of that name.
         """
-        _known(name, self.invariants, "invariant")
-        values = self.invariants[name]
-        start = values[:1]
-        drift: Array = np.abs(values - start) / np.where(np.abs(start) > ZERO, np.abs(start), 1.0)
+        start = self._start(name)
+        unit = np.where(np.abs(start) > ZERO, np.abs(start), 1.0)
+        drift: Array = np.abs(self.invariants[name] - start) / unit
         return drift
+
+    def is_drift_absolute(self, name: str) -> Array:
+        r"""Say whether a drift is absolute, since :math:`|I(0)| \le 10^{-12}`; shape () or (P,)."""
+        return np.asarray(np.any(np.abs(self._start(name)) <= ZERO, axis=0))
+
+    def _start(self, name: str) -> Array:
+        """Return an invariant at the start of the run, shape (1,) or (1, P)."""
+        check_name(name, self.invariants, "invariant")
+        return np.full(1, self.initial[name]) if name in self.initial else self.invariants[name][:1]
 
     def reaction(self, constraint: str | int | None = None) -> Array:
         r"""Give the generalised reaction forces :math:`r(t, q, \lambda)` of the constraints.
@@ -338,20 +343,23 @@ class Solution:
         Raises
         ------
         ValueError
-            There is no such constraint, or the solution was loaded and knows no system.
+            There is no such constraint, or the solution is an ensemble or knows no system.
+        TypeError
+            The constraint is neither a name nor an index.
         AttributeError
-            The run stored no states.
+            The run stored no states, or the system has no reactions.
         """
         lam, y = self.lam, self.y if "y" in self.states else self.q
         if self.members is not None:
-            raise ValueError(
-                "reaction forces are those of a single run\n"
-                "hint: dataclasses.replace cuts a member out of an ensemble"
-            )
+            hint = "dataclasses.replace cuts a member out of an ensemble"
+            raise ValueError(hinted("reaction forces are those of a single run", hint))
         if constraint is not None:
             names = self.names["constraints"]
+            if isinstance(constraint, bool) or not isinstance(constraint, str | int | np.integer):
+                hint = "reactions add up: solution.reaction(a) + solution.reaction(b)"
+                raise TypeError(hinted(f"constraint is a name or index, not {constraint!r}", hint))
             if isinstance(constraint, str):
-                _known(constraint, names, "constraint")
+                check_name(constraint, names, "constraint")
                 constraint = names.index(constraint)
             if not -len(names) <= constraint < len(names):
                 raise ValueError(
@@ -366,9 +374,9 @@ class Solution:
 
     def _needed_system(self, needs: str) -> System:
         if self.system is None:
+            hint = "dataclasses.replace(solution, system=...) gives it back"
             raise ValueError(
-                f"{needs} the system, which a loaded solution does not carry\n"
-                "hint: dataclasses.replace(solution, system=...) gives it back"
+                hinted(f"{needs} the system, which a loaded solution does not carry", hint)
             )
         return self.system
 
@@ -383,14 +391,6 @@ class Solution:
         from liouville import export
 
         export.save(self, path)
-
-
-def _known(name: str, names: Mapping[str, Any] | tuple[str, ...], kind: str) -> None:
-    if name not in names:
-        raise ValueError(
-            f"the solution has no {kind} {name!r}\n"
-            f"hint: it has {', '.join(names) if names else 'none'}"
-        )
 
 
 def _worst(kind: str, sizes: Mapping[str, float]) -> list[str]:

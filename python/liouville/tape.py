@@ -19,6 +19,16 @@ _NAMES: dict[int, str] = {
 }
 _CODES = {name: code for code, name in _NAMES.items()}
 
+#: What helps where an expression has another operation than those of a tape.
+ELEMENTARY = (
+    "a tape takes + - * / and powers, square roots, exp, log, trigonometric and hyperbolic "
+    "functions, fabs, sign, fmin, fmax, floor, ceil, comparisons and if_else of CasADi's"
+)
+CALLED = (
+    "functions of CasADi's that have no expressions, such as interpolant, rootfinder or "
+    "integrator, cannot be taken; for a table write ca.pw_lin(x, xs, ys) or np.interp(x, xs, ys)"
+)
+
 
 @dataclass(frozen=True)
 class Part:
@@ -199,7 +209,8 @@ def _operation(name: str, code: int) -> int:
         return special[code]
     operation = _NAMES.get(code, str(code))
     if operation not in OPERATIONS:
-        raise ValueError(f"{name} uses the operation '{operation}', which has no place on a tape")
+        sentence = f"{name} uses the operation '{operation}', which has no place on a tape"
+        raise ValueError(hinted(sentence, CALLED if operation == "call" else ELEMENTARY))
     return OPERATIONS[operation]
 
 

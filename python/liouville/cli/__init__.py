@@ -8,6 +8,7 @@ failed (what was computed before is saved and drawn all the same), 2 a wrong cal
 from __future__ import annotations
 
 import sys
+from typing import Annotated
 
 try:
     import rich as rich
@@ -17,6 +18,7 @@ except ImportError as error:
         'the command line needs typer and rich\nhint: pip install "liouville[cli]"'
     ) from error
 
+from liouville import _core
 from liouville.cli.integrating import resume, run
 from liouville.cli.listing import list_methods, list_problems
 from liouville.cli.planning import show_plan
@@ -28,6 +30,26 @@ app = typer.Typer(
     add_completion=False,
     pretty_exceptions_enable=False,
 )
+
+
+def show_version(is_asked: bool) -> None:
+    """Print the version and leave, if it is asked for."""
+    if is_asked:
+        print(f"liouville {_core.VERSION}")
+        raise typer.Exit
+
+
+@app.callback()
+def options(
+    version: Annotated[
+        bool,
+        typer.Option("--version", help="Show the version.", callback=show_version, is_eager=True),
+    ] = False,
+) -> None:
+    """Take the options that stand before a command."""
+    del version  # its callback has done it
+
+
 app.command()(run)
 app.command()(resume)
 app.command()(order)

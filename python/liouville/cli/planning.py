@@ -53,12 +53,12 @@ def show_plan(
             )
         if out is not None and not out.absolute().parent.is_dir():
             raise FileNotFoundError(f"the folder of {str(out)!r} does not exist\nhint: create it")
+        begin = {**getattr(module, "start", {}), **assigned("--start", start or [])}
         found: lv.Plan
         if isinstance(system, lv.Schrodinger):
             times = kept_times(interval_of(module, until), keep)
-            found = lv.plan(system, chosen, t=times, params=parameters(param))
+            found = lv.plan(system, chosen, t=times, params=parameters(param), **begin)
         else:
-            begin = {**getattr(module, "start", {}), **assigned("--start", start or [])}
             h = step_of(module, chosen) if h is None else h
             found = lv.plan(
                 system, chosen, h=h, t=start_of(module), params=parameters(param), seed=seed,

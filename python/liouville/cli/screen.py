@@ -50,6 +50,7 @@ def summary(solution: lv.Solution, reference: Mapping[str, Any], conserved: Sequ
             table.add_row(f"{name} residual", f"{np.max(np.abs(values)):.2e}")
     for name in solution.invariants if is_whole else ():
         word = "drift" if name in conserved else "change"
+        word += ", absolute" if solution.is_drift_absolute(name).all() else ""
         table.add_row(f"{name} {word}", f"{np.max(solution.invariant_drift(name)):.2e}")
     for name, values in solution.balance.items():
         table.add_row(name, f"{values[-1]:.6g}")
@@ -92,7 +93,7 @@ class Rate(ProgressColumn):
 
 @contextmanager
 def progress(name: str, unit: str) -> Iterator[Callable[[float, float], None] | None]:
-    """Show a bar with rate and time left while the block runs, if someone is there to see it."""
+    """Show a bar with rate and time left while the block runs, on a terminal."""
     screen = console(stderr=True)
     if not screen.is_terminal:
         yield None

@@ -11,7 +11,10 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from liouville.plot.canvas import ANIMATIONS, COLOURS, GREY, blank, check, colours, matplotlib
+from liouville.plot.curves import of_chosen
+from liouville.plot.thinning import thinned
 from liouville.solution import Array, Solution
+from liouville.systems._trace import Namespace
 
 if TYPE_CHECKING:
     from matplotlib.animation import FuncAnimation
@@ -29,6 +32,7 @@ def animation(
     *,
     seconds: float = 6.0,
     fps: int = 25,
+    member: int = 0,
 ) -> FuncAnimation:
     """Animate a planar mechanism.
 
@@ -38,14 +42,16 @@ def animation(
         The motion; it must have stored its states. A frame shows the kept step nearest in time.
     outline : callable
         ``outline(q, params)`` gives the bodies at one configuration, q of shape (n,), as a list of
-        polylines of shape (k, 2); ``params`` is ``solution.params``. The last vertex of the first
-        polyline leaves a trace of a second.
+        polylines of shape (k, 2); it sees ``params.name`` as a model's functions do. The last
+        vertex of the first polyline leaves a trace of a second.
     path : path, optional
         Where to write the animation, as ``.gif``; not written by default.
     seconds : float, default 6
         How long the animation plays, in seconds.
     fps : int, default 25
         Frames per second.
+    member : int, default 0
+        Which member of an ensemble; a film of one that failed ends before.
 
     Returns
     -------
@@ -56,20 +62,23 @@ def animation(
     ------
     AttributeError
         The solution has no positions.
-    ValueError, FileNotFoundError, ImportError
+    ValueError
+        There is no such member, or as :func:`check` does.
+    FileNotFoundError, ImportError
         As :func:`check` does.
     """
     if path is not None:
         check(path, ANIMATIONS)
     mpl = matplotlib("animation")
-    q = solution.y if "y" in solution.states else solution.q
-    fine = np.unique(np.linspace(0, len(q) - 1, POSES).round().astype(int))
-    shapes = [
-        [np.asarray(line, dtype=float) for line in outline(q[i], solution.params)] for i in fine
-    ]
+    q = of_chosen(solution, solution.y if "y" in solution.states else solution.q, member)
+    params = Namespace(_params_of(solution, member))
+    whole = np.flatnonzero(np.isfinite(q).all(axis=1))
+    fine = whole[thinned(len(whole), POSES)]
+    shapes = [[np.asarray(line, dtype=float) for line in outline(q[i], params)] for i in fine]
     corners = np.concatenate([line for shape in shapes for line in shape])
     trace = np.array([shape[0][-1] for shape in shapes])
-    t, way = solution.t[fine], np.sign(solution.t[-1] - solution.t[0])
+    t = solution.t[fine]
+    way = np.sign(t[-1] - t[0])
     times = np.linspace(t[0], t[-1], max(2, round(seconds * fps)))
     frames = np.searchsorted(way * (t[1:] + t[:-1]) / 2, way * times)
 
@@ -107,3 +116,15 @@ def animation(
     if path is not None:
         film.save(Path(path), writer=mpl.PillowWriter(fps=fps), dpi=100)
     return film
+
+
+def _params_of(solution: Solution, member: int) -> dict[str, Any]:
+    """Return the parameters of a run or of a member, as numbers and arrays."""
+    found = {name: np.asarray(value)[()] for name, value in solution.params.items()}
+    count = solution.members
+    if count is None:
+        return found
+    # of a loaded solution the shapes of the defaults are not known
+    defaults = dict.fromkeys(found, 0.0) if solution.system is None else solution.system.params
+    own = {name for name, x in found.items() if np.ndim(x) > np.ndim(defaults[name])}
+    return {name: x[member] if name in own and len(x) == count else x for name, x in found.items()}

@@ -2,31 +2,42 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from functools import partial
 from textwrap import fill
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from liouville.errors import check_name, hinted
 from liouville.plot.canvas import (
     COLOURS,
-    FLOOR,
-    GREY,
     UNITS,
     blank,
-    colours,
     drawn_on,
     legend,
     text,
 )
+from liouville.plot.curves import draw_curves, draw_sizes, interleaved, of_member
 from liouville.plot.quantum import shown
-from liouville.plot.thinning import POINTS, extremes, few, some
+from liouville.plot.thinning import POINTS, few, some, thinned
+from liouville.points import STATES
 from liouville.solution import Array, Solution
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
+
+#: Titles of the curves of a state, and its symbol, where they are no positions.
+TITLES = {
+    "v": ("velocities", "$v$"),
+    "p": ("momenta", "$p$"),
+    "z": ("z", "$z$"),
+    "x": ("states", "$x$"),
+    "lam": ("multipliers", "$\\lambda$"),
+    "acceleration": ("accelerations", "acceleration"),
+    "a": ("accelerations of the method", "$a$"),
+}
 
 
 def trajectories(
@@ -45,8 +56,8 @@ def trajectories(
         What to draw; it must have stored its states. Of an ensemble are drawn up to 50 members,
         evenly chosen.
     of : str, optional
-        The state to draw: ``q``, ``v``, ``p``, ``y``, ``z`` or ``x``; positions by default, or
-        ``x``.
+        The state to draw, by its name in ``solution.states``; positions by default, or ``x``.
+        :func:`density` draws ``psi``.
     names : sequence of str, optional
         Names of the coordinates to draw; all by default.
     against : str, optional
@@ -63,36 +74,37 @@ def trajectories(
     Raises
     ------
     ValueError
-        There is no coordinate of one of these names.
+        There is no coordinate of one of these names, or no state that is drawn so.
+    TypeError
+        The names are one string.
     AttributeError
         The solution has no such state.
     """
     if of is None:
-        of = next((name for name in ("y", "x") if name in solution.states), "q")
-    kind = "unknowns" if of == "z" else ""
-    values, known = getattr(solution, of), solution.names.get(kind, solution.names["coordinates"])
-    chosen = list(names) if names is not None else [name for name in known if name != against]
-    for name in [*chosen, *([against] if against is not None else [])]:
-        if name not in known:
-            raise ValueError(
-                f"the solution has no coordinate {name!r}\nhint: it has {', '.join(known)}"
-            )
-    title = {"v": "velocities", "p": "momenta", "z": "z", "x": "states"}.get(of, "positions")
+        of = next((name for name in ("y", "x", "psi") if name in solution.states), "q")
+    if of not in STATES or of == "psi":
+        hint = "plot.density draws psi" if of == "psi" else f"it has {', '.join(solution.states)}"
+        raise ValueError(hinted(f"the solution has no state {of!r} with curves", hint))
+    values, known = getattr(solution, of), _labels(solution, of)
+    kind = "constraint" if of == "lam" else "coordinate"
+    chosen = _chosen(names, [name for name in known if name != against], known, kind)
+    title, symbol = TITLES.get(of, ("positions", f"${of}$"))
     columns, note = few(solution, {name: values[..., known.index(name)] for name in chosen})
     if against is None:
-        return _curves(ax, solution.t, columns, title + note, f"${of}$")
-    symbol = "" if of in ("q", "y", "x") else f"${of}$ of "
+        return draw_curves(ax, solution.t, columns, title + note, symbol)
+    check_name(against, known, kind)
+    symbol = "" if of in ("q", "y", "x") else f"{symbol} of "
     labels = [f"{symbol}{', '.join(map(text, some))} {UNITS}" for some in ([against], chosen)]
     axes = drawn_on(ax, *labels)
     across, _ = few(solution, {against: values[..., known.index(against)]}, len(chosen))
-    stride = max(1, len(values) // (5 * POINTS))
+    at = thinned(len(values), 5 * POINTS)
 
     def draw(name: str, member: int, style: dict[str, Any]) -> Any:
-        x, y = (_member(table, member)[::stride] for table in (across[against], columns[name]))
+        x, y = (of_member(table, member)[at] for table in (across[against], columns[name]))
         axes.plot(x[:1], y[:1], "o", ms=4 if solution.members is None else 2, **style)
         return axes.plot(x, y, **style)[0]
 
-    lines = _interleaved(columns, draw)
+    lines = interleaved(columns, draw)
     axes.set_aspect("equal", adjustable="datalim")
     legend(axes, lines, chosen, title + note)
     return axes
@@ -116,20 +128,26 @@ def invariants(
     -------
     Axes
         Dots are :meth:`Solution.invariant_drift`, the largest of an ensemble, lines their maximum
-        so far.
+        so far. The label of the axis, or the name, says where it is absolute.
 
     Raises
     ------
     ValueError
         There is no invariant of one of these names.
+    TypeError
+        The names are one string.
     """
-    names = list(solution.invariants) if names is None else names
-    sizes = {name: solution.invariant_drift(name) for name in names}
-    title = "drift of invariants"
-    if solution.members is not None:
-        sizes = {name: drift.max(axis=1) for name, drift in sizes.items()}
-        title += f", largest of {solution.members} members"
-    return _sizes(ax, solution.t, sizes, title, "$|I(t) - I(0)|\\,/\\,|I(0)|$")
+    known = list(solution.invariants)
+    chosen = _chosen(names, known, known, "invariant")
+    absolute = {name: solution.is_drift_absolute(name) for name in chosen}
+    change = "|I(t) - I(0)|"
+    label, words = f"${change}\\,/\\,|I(0)|$", dict.fromkeys(chosen, "")
+    if absolute and all(each.all() for each in absolute.values()):
+        label = f"${change}$ {UNITS}"
+    else:
+        words = {name: _absolutely(each) for name, each in absolute.items()}
+    sizes = {name + words[name]: solution.invariant_drift(name) for name in chosen}
+    return draw_sizes(ax, solution, sizes, "drift of invariants", label)
 
 
 def energy(solution: Solution, *, ax: Axes | None = None) -> Axes:
@@ -154,7 +172,8 @@ def energy(solution: Solution, *, ax: Axes | None = None) -> Axes:
     """
     columns = {"change": solution.work - solution.dissipated}
     columns |= {name: values for name, values in solution.balance.items() if values.any()}
-    return _curves(ax, solution.t, columns, "energy", "")
+    columns, note = few(solution, columns)
+    return draw_curves(ax, solution.t, columns, f"energy{note}", "")
 
 
 def steps(solution: Solution, *, ax: Axes | None = None) -> Axes:
@@ -175,7 +194,7 @@ def steps(solution: Solution, *, ax: Axes | None = None) -> Axes:
     sizes = np.abs(np.diff(solution.t))
     is_whole = len(sizes) == solution.stats.get("steps", len(sizes))
     title = "step sizes" if is_whole else "times between kept states"
-    axes = _curves(ax, solution.t[:-1], {"h": sizes}, title, "$h$")
+    axes = draw_curves(ax, solution.t[:-1], {"h": sizes}, title, "$h$")
     axes.set_yscale("log")
     return axes
 
@@ -193,20 +212,18 @@ def residuals(solution: Solution, *, ax: Axes | None = None) -> Axes:
     Returns
     -------
     Axes
-        Dots are the largest residual over the constraints, lines its maximum so far.
+        Dots are the largest residual over the constraints, and over the members of an ensemble;
+        lines its maximum so far.
     """
     sizes = {
-        name: np.max(np.abs(values), axis=1)
+        name: np.abs(values).max(axis=-1)
         for name, values in solution.residuals.items()
         if values.size
     }
-    symbols = {
-        "constraint": "$\\max |g|$",
-        "hidden": "$\\max |g_t + g_q v|$",
-        "nonholonomic": "$\\max |k|$",
-    }
-    label = ",  ".join(symbols[name] for name in sizes)
-    return _sizes(ax, solution.t, sizes, "residuals", label)
+    g, w = ("k", "k_t + k_y f") if "unknowns" in solution.names else ("g", "g_t + g_q v")
+    symbols = {"constraint": g, "hidden": w, "nonholonomic": "k"}
+    label = ",  ".join(f"$\\max |{symbols[name]}|$" for name in sizes)
+    return draw_sizes(ax, solution, sizes, "residuals", label)
 
 
 def multipliers(
@@ -226,26 +243,22 @@ def multipliers(
     Returns
     -------
     Axes
-        With a curve for each multiplier.
+        With a curve for each multiplier, of an ensemble for each of up to 50 members.
 
     Raises
     ------
     ValueError
         There is no constraint of one of these names.
+    TypeError
+        The names are one string.
+    AttributeError
+        The solution has no multipliers.
     """
-    known = solution.names["constraints"]
-    columns = {}
-    for name in known if names is None else names:
-        if name not in known:
-            raise ValueError(
-                f"the solution has no constraint {name!r}\nhint: it has {', '.join(known)}"
-            )
-        columns[name] = solution.lam[:, known.index(name)]
-    return _curves(ax, solution.t, columns, "multipliers", "$\\lambda$")
+    return trajectories(solution, "lam", names=names, ax=ax)
 
 
 def overview(solution: Solution) -> Figure:
-    """Draw what a person wants to see first: motion, invariants, constraints and multipliers.
+    """Draw the overview of a run: motion, invariants, constraints and multipliers.
 
     Methods that damp have a panel of the energy too, and controlled steps one of their sizes; wave
     functions have their density and autocorrelation in the place of the motion. A
@@ -272,7 +285,7 @@ def overview(solution: Solution) -> Figure:
     elif scalars:
         chosen, note = few(solution, scalars)
         title = f"observed{note}"
-        panels.append(lambda solution, ax: _curves(ax, solution.t, chosen, title, ""))
+        panels.append(lambda solution, ax: draw_curves(ax, solution.t, chosen, title, ""))
     if solution.invariants:
         panels.append(invariants)
     if solution.balance:
@@ -292,8 +305,10 @@ def overview(solution: Solution) -> Figure:
         panel(solution, ax=figure.add_subplot(rows, columns, i + 1))
     count = solution.stats.get("steps", len(solution.t) - 1)
     head = f"{solution.method},  {solution.step_size},  {count} steps"
-    failed = solution.status != "done"
-    head = f"{head}, {solution.status}" if failed else head
+    failed = [solution.status] if solution.status != "done" else []
+    if solution.failures:
+        failed.append(f"{len(solution.failures)} of {solution.members} members failed")
+    head = ", ".join([head, *failed])
     figure.suptitle(
         fill(head, round(12 * figure.get_figwidth())),  # as many letters as there is room for
         x=0.012,
@@ -304,67 +319,27 @@ def overview(solution: Solution) -> Figure:
     return figure
 
 
-def _curves(
-    ax: Axes | None, t: Array, columns: Mapping[str, Array], title: str, symbol: str
-) -> Axes:
-    """Draw columns of shape (k,), or (k, P) of members, against time."""
-    axes = drawn_on(ax, f"time $t$ {UNITS}", f"{symbol} {UNITS}")
-
-    def draw(name: str, member: int, style: dict[str, Any]) -> Any:
-        curve = _member(columns[name], member)
-        at = extremes(curve)
-        return axes.plot(t[at], curve[at], **style)[0]
-
-    legend(axes, _interleaved(columns, draw), list(columns), title)
-    return axes
+def _labels(solution: Solution, of: str) -> tuple[str, ...]:
+    """Return a name for each column of a state."""
+    kind = {"lam": "constraints", "z": "unknowns"}.get(of, "coordinates")
+    return solution.names.get(kind, solution.names["coordinates"])
 
 
-def _member(values: Array, member: int) -> Array:
-    return values if values.ndim == 1 else values[:, member]
+def _chosen(
+    names: Sequence[str] | None, default: Sequence[str], known: Sequence[str], kind: str
+) -> list[str]:
+    """Return the names asked for, each of which is known."""
+    if isinstance(names, str):
+        hint = f"give a list, such as names={[*known[:2]]!r}"
+        raise TypeError(hinted(f"names is a sequence of names, not {names!r}", hint))
+    chosen = list(default if names is None else names)
+    for name in chosen:
+        check_name(name, known, kind)
+    return chosen
 
 
-def _interleaved(
-    columns: Mapping[str, Array], draw: Callable[[str, int, dict[str, Any]], Any]
-) -> list[Any]:
-    """Draw all columns, member after member, so that none hides another; returns the first's."""
-    shades = colours(len(columns))
-    many = next((values.shape[1] for values in columns.values() if values.ndim > 1), 1)
-    thin = {"lw": 0.7, "alpha": float(np.clip(12 / many, 0.3, 0.8))}
-    style = thin if many > 1 else {"lw": 1.3}
-    lines = [
-        draw(name, member, {"color": colour, **style})
-        for member in range(many)
-        for name, colour in zip(columns, shades, strict=True)
-    ]
-    return lines[: len(columns)]
-
-
-def _sizes(ax: Axes | None, t: Array, columns: Mapping[str, Array], title: str, label: str) -> Axes:
-    axes = drawn_on(ax, f"time $t$ {UNITS}", label)
-    axes.set_yscale("log")
-    lines = []
-    for sizes, colour in zip(columns.values(), colours(len(columns)), strict=True):
-        # The start of a drift is zero by definition: it says nothing and stretches the axis.
-        at = np.arange(1 if len(t) > 1 else 0, len(t), max(1, len(t) // POINTS))
-        shown, worst = np.maximum(sizes, FLOOR)[at], np.maximum.accumulate(sizes)[at]
-        axes.plot(t[at], shown, ".", ms=1.5, alpha=0.35, color=colour, rasterized=True)
-        if np.any(worst > FLOOR):
-            worst = np.where(worst > FLOOR, worst, np.nan)
-        else:
-            worst = np.full(len(at), FLOOR)
-        lines += axes.plot(t[at], worst, color=colour, lw=1.3)
-    if axes.get_ylim()[0] <= FLOOR:
-        axes.set_ylim(bottom=FLOOR / 4)
-        axes.annotate(
-            "zero or less than $10^{-17}$",
-            (1, FLOOR),
-            xycoords=axes.get_yaxis_transform(),
-            xytext=(-2, -3),
-            textcoords="offset points",
-            ha="right",
-            va="top",
-            fontsize=7,
-            color=GREY,
-        )
-    legend(axes, lines, list(columns), title)
-    return axes
+def _absolutely(flags: Array) -> str:
+    """Say of which members a drift is absolute."""
+    if flags.all():
+        return ", absolute"
+    return f", absolute of {flags.sum()} members" if flags.any() else ""

@@ -10,6 +10,7 @@ from numpy.typing import ArrayLike
 
 from liouville.errors import hinted
 from liouville.plot.canvas import FLOOR, GREY, UNITS, colours, drawn_on, legend
+from liouville.plot.curves import of_chosen
 from liouville.solution import Array, Solution
 
 if TYPE_CHECKING:
@@ -47,11 +48,13 @@ def density(solution: Solution, *, member: int = 0, at: int = -1, ax: Axes | Non
     Raises
     ------
     ValueError
-        The states are those of three axes, which have no map.
+        The states are those of three axes, which have no map; or there is no such member or state.
     AttributeError
         The solution has no psi.
     """
-    psi = solution.psi if solution.members is None else solution.psi[:, member]
+    psi = of_chosen(solution, solution.psi, member)
+    if not -len(psi) <= at < len(psi):
+        raise ValueError(f"there is no state {at}: {len(psi)} are kept")
     source = getattr(solution.system, "source", None)
     axes_of = getattr(source, "axes", None)
     shape = getattr(source, "shape", (psi.shape[-1],))
@@ -68,22 +71,25 @@ def density(solution: Solution, *, member: int = 0, at: int = -1, ax: Axes | Non
     if len(shape) == 2:
         values = (np.abs(psi[at]) ** 2).reshape(shape).T
         axes = drawn_on(ax, *(f"${s}$ {UNITS}" if axes_of else s for s in symbols))
-        title = f"$|\\psi|^2$ at $t$ = {solution.t[at]:.6g}"
+        title = f"$|\\psi|^2$ at $t$ = {solution.t[at]:.6g}{_of(solution, member)}"
         return _map(axes, places[0], places[1], values, title)
     values = np.abs(psi) ** 2
     axes = drawn_on(ax, f"$x$ {UNITS}" if axes_of else "place", f"time $t$ {UNITS}")
     # a packet that begins as a point would leave all else dark
-    most = 2 * float(np.median(values.max(axis=1)))
-    return _map(axes, places[0], solution.t, values, "$|\\psi|^2$", most)
+    most = 2 * float(np.nanmedian(values.max(axis=1)))
+    title = f"$|\\psi|^2${_of(solution, member)}"
+    return _map(axes, places[0], solution.t, values, title, most)
 
 
-def autocorrelation(solution: Solution, *, ax: Axes | None = None) -> Axes:
+def autocorrelation(solution: Solution, *, member: int = 0, ax: Axes | None = None) -> Axes:
     r"""Draw the autocorrelation :math:`\langle \psi(0) | \psi(t) \rangle` against time.
 
     Parameters
     ----------
     solution : Solution
         What to draw.
+    member : int, default 0
+        Which member of an ensemble.
     ax : Axes, optional
         Where to draw; a new figure by default.
 
@@ -91,8 +97,13 @@ def autocorrelation(solution: Solution, *, ax: Axes | None = None) -> Axes:
     -------
     Axes
         With its modulus, and real and imaginary parts.
+
+    Raises
+    ------
+    ValueError
+        The solution has no autocorrelation, or no such member.
     """
-    overlap = _overlap(solution)
+    overlap = _overlap(solution, member)
     axes = drawn_on(ax, f"time $t$ {UNITS}", "$C(t)$")
     shades = colours(3)
     parts = {"|C|": np.abs(overlap), "real part": overlap.real, "imaginary part": overlap.imag}
@@ -100,12 +111,16 @@ def autocorrelation(solution: Solution, *, ax: Axes | None = None) -> Axes:
         axes.plot(solution.t, values, color=colour, lw=1.6 if k == 0 else 0.9)[0]
         for k, (values, colour) in enumerate(zip(parts.values(), shades, strict=True))
     ]
-    legend(axes, lines, list(parts), "autocorrelation")
+    legend(axes, lines, list(parts), f"autocorrelation{_of(solution, member)}")
     return axes
 
 
 def spectrum(
-    solution: Solution, *, energies: ArrayLike | None = None, ax: Axes | None = None
+    solution: Solution,
+    *,
+    energies: ArrayLike | None = None,
+    member: int = 0,
+    ax: Axes | None = None,
 ) -> Axes:
     r"""Draw the spectrum of the autocorrelation: peaks at eigenvalues, as high as their weights.
 
@@ -122,6 +137,8 @@ def spectrum(
         What to draw, of a Hamiltonian without drive, kept at equal times.
     energies : array_like, optional
         Eigenvalues to mark.
+    member : int, default 0
+        Which member of an ensemble.
     ax : Axes, optional
         Where to draw; a new figure by default.
 
@@ -133,9 +150,9 @@ def spectrum(
     Raises
     ------
     ValueError
-        The times are not equally far apart, or too few.
+        The times are not equally far apart, or too few; or as for :func:`autocorrelation`.
     """
-    overlap, t = _overlap(solution), solution.t - solution.t[0]
+    overlap, t = _overlap(solution, member), solution.t - solution.t[0]
     if len(t) < 3 or np.ptp(np.diff(t)) > EQUAL * abs(t[1]):
         sentence = "a spectrum wants at least three kept states, equally far apart"
         raise ValueError(hinted(sentence, "give t= as np.linspace(start, end, count)"))
@@ -153,7 +170,7 @@ def spectrum(
         lines, names = [*lines, *ticks], [*names, "eigenvalues"]
     if 2 * np.pi * hbar / abs(t[1]) < (high - low) * (1 - EQUAL):
         names[0] = "spectrum, folded: states are kept too seldom"
-    legend(axes, lines, names, "spectrum of the autocorrelation")
+    legend(axes, lines, names, f"spectrum of the autocorrelation{_of(solution, member)}")
     return axes
 
 
@@ -163,7 +180,7 @@ def shown(solution: Solution) -> list[Callable[..., Axes]]:
     places = getattr(getattr(solution.system, "source", None), "shape", ())
     if "psi" in solution.states and len(places) < 3:
         panels.append(density)
-    if "autocorrelation" in solution.observed and solution.members is None:
+    if "autocorrelation" in solution.observed:
         panels.append(autocorrelation)
     return panels
 
@@ -224,21 +241,26 @@ def _scale(system: Any, step: float) -> tuple[float, tuple[float, float]]:
     return system.hbar, system.bounds
 
 
-def _overlap(solution: Solution) -> Array:
+def _of(solution: Solution, member: int) -> str:
+    """Say which member of an ensemble is drawn."""
+    return "" if solution.members is None else f", member {member} of {solution.members}"
+
+
+def _overlap(solution: Solution, member: int) -> Array:
     if "autocorrelation" not in solution.observed:
         raise ValueError(hinted("the solution has no autocorrelation", "it needs the state at t0"))
-    overlap: Array = solution.observed["autocorrelation"]
-    return overlap if overlap.ndim == 1 else overlap[:, 0]
+    return of_chosen(solution, solution.observed["autocorrelation"], member)
 
 
 def _map(
     axes: Axes, x: Array, y: Array, values: Array, title: str, most: float | None = None
 ) -> Axes:
-    """Draw a map whose colours end at `most`, if there is more."""
-    across, up = (max(1, -(-n // PIXELS)) for n in (len(x), len(y)))
-    is_cut = most is not None and most < values.max()
+    """Draw a map whose colours end at `most`, if there is more; a pixel has its largest value."""
+    is_cut = most is not None and most < np.nanmax(values)
+    (x, columns), (y, rows) = (_pixels(places) for places in (x, y))
+    values = np.fmax.reduceat(np.fmax.reduceat(values, rows, axis=0), columns, axis=1)
     shown = axes.pcolormesh(
-        x[::across], y[::up], values[::up, ::across], shading="nearest", cmap="magma",
+        x, y, values, shading="nearest", cmap="magma",
         rasterized=True, vmin=0.0, vmax=most if is_cut else None,
     )  # fmt: skip
     axes.grid(visible=False)
@@ -246,3 +268,10 @@ def _map(
     bar.ax.tick_params(labelsize=8, color=GREY)
     axes.set_title(title, loc="left", fontsize=10)
     return axes
+
+
+def _pixels(places: Array) -> tuple[Array, Array]:
+    """Return the middle of each pixel along an axis, and the first place in it."""
+    first = np.arange(0, len(places), max(1, -(-len(places) // PIXELS)))
+    last = np.append(first[1:], len(places)) - 1
+    return (places[first] + places[last]) / 2, first

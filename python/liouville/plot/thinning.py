@@ -42,5 +42,11 @@ def extremes(values: Array) -> Any:
     if len(values) <= POINTS:
         return np.arange(len(values))
     blocks = np.array_split(np.arange(len(values)), POINTS // 2)
-    ends = [block[pick(values[block])] for block in blocks for pick in (np.argmin, np.argmax)]
-    return np.unique([0, *ends, len(values) - 1])
+    lowest, highest = (np.where(np.isnan(values), x, values) for x in (np.inf, -np.inf))
+    ends = [(block[lowest[block].argmin()], block[highest[block].argmax()]) for block in blocks]
+    return np.unique([0, *np.ravel(ends), len(values) - 1])
+
+
+def thinned(count: int, most: int = POINTS) -> Any:
+    """Give the indices of at most so many rows, the first and the last among them."""
+    return np.unique(np.linspace(0, count - 1, min(count, most)).round().astype(int))

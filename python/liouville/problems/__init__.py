@@ -18,7 +18,8 @@ Every module has
 
 of a Schrödinger equation instead of `h`, ``tol``, a sensible tolerance, and references
 ``{time: {"psi": ...}}``, of a grid with a closed form whole states, else a dict of some components;
-where the mechanism is planar, ``outline(q, params)``: the polylines of its bodies;
+where the mechanism is planar, ``outline(q, params)``: the polylines of its bodies, with parameters
+``params.name`` as a model's functions see them;
 and, where the number of coordinates is free, ``build`` and ``start_for``: the system and its start
 for any.
 
@@ -88,7 +89,7 @@ NAMES = (*MECHANICAL, *NONHOLONOMIC, *FIELDS, *QUANTUM)
 
 
 class Parameters(Protocol):
-    """What a model function gets as ``params``: each parameter, a symbol, under its name."""
+    """The ``params`` of a model function: the symbol of each parameter under its name."""
 
     def __getattr__(self, name: str) -> ca.SX:
         """Return the parameter's symbol, a scalar or a column."""

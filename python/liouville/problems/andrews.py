@@ -17,7 +17,6 @@ quadruple precision; the test set's own end state is off by up to 1.4e-9 in the 
 the velocities.
 """
 
-from collections.abc import Mapping
 from typing import Any
 
 import casadi as ca
@@ -83,7 +82,7 @@ def constraint(t: ca.SX, q: ca.SX, params: Parameters) -> dict[str, ca.SX]:
     }
 
 
-def outline(q: NDArray[np.float64], params: Mapping[str, Any]) -> list[NDArray[np.float64]]:
+def outline(q: NDArray[np.float64], params: Any) -> list[NDArray[np.float64]]:
     """Draw crank and rod, the body on B as a triangle, the two pairs of arms, and the spring."""
     beta, theta, gamma, _, delta, _, epsilon = q
     p = params

@@ -18,7 +18,6 @@ The reference is a Taylor solution in quadruple precision, with which the test s
 agrees to 4e-12.
 """
 
-from collections.abc import Mapping
 from typing import Any
 
 import casadi as ca
@@ -53,10 +52,10 @@ def constraint(t: ca.SX, q: ca.SX, params: Parameters) -> dict[str, ca.SX]:
     }
 
 
-def outline(q: NDArray[np.float64], params: Mapping[str, Any]) -> list[NDArray[np.float64]]:
+def outline(q: NDArray[np.float64], params: Any) -> list[NDArray[np.float64]]:
     """Draw the axle and both springs; the foot's place follows from the right angle."""
     left, right = q[:2], q[2:]
-    foot_now = params["L"] * np.array([left[1], -left[0]]) / np.hypot(*left)
+    foot_now = params.L * np.array([left[1], -left[0]]) / np.hypot(*left)
     return [np.array([left, right]), np.array([(0.0, 0.0), left]), np.array([foot_now, right])]
 
 

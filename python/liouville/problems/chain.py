@@ -15,7 +15,6 @@ The reference is for ten links: link angles as coordinates, extrapolation in 45 
 tolerances 3e-35 apart (``tools/references.py``).
 """
 
-from collections.abc import Mapping
 from typing import Any
 
 import casadi as ca
@@ -83,7 +82,7 @@ def bessel_j0(x: NDArray[np.float64]) -> NDArray[np.float64]:
     return mean
 
 
-def outline(q: NDArray[np.float64], params: Mapping[str, Any]) -> list[NDArray[np.float64]]:
+def outline(q: NDArray[np.float64], params: Any) -> list[NDArray[np.float64]]:
     """Draw the links as one line from the origin."""
     return [np.vstack([(0.0, 0.0), np.reshape(q, (-1, 2))])]
 

@@ -22,7 +22,6 @@ The reference is that formula, and for the path its quadrature in 45 digits
 (``tools/references.py``).
 """
 
-from collections.abc import Mapping
 from typing import Any
 
 import casadi as ca
@@ -45,9 +44,9 @@ def nonholonomic(t: ca.SX, q: ca.SX, v: ca.SX, params: Parameters) -> dict[str, 
     return {"blade": ca.cos(q[2]) * v[1] - ca.sin(q[2]) * v[0]}
 
 
-def outline(q: NDArray[np.float64], params: Mapping[str, Any]) -> list[NDArray[np.float64]]:
+def outline(q: NDArray[np.float64], params: Any) -> list[NDArray[np.float64]]:
     """Draw the line from the blade to the centre of mass."""
-    ahead = params["a"] * np.array([np.cos(q[2]), np.sin(q[2])])
+    ahead = params.a * np.array([np.cos(q[2]), np.sin(q[2])])
     return [np.array([q[:2], q[:2] + ahead])]
 
 

@@ -11,7 +11,6 @@ From t = 1 the motion is :math:`x = \sin t^2`, :math:`y = \cos t^2`, :math:`\lam
 reference is that formula (``tools/references.py``).
 """
 
-from collections.abc import Mapping
 from math import cos, sin
 from typing import Any
 
@@ -38,7 +37,7 @@ def constraint(t: ca.SX, q: ca.SX, params: Parameters) -> dict[str, ca.SX]:
     return {"track": (ca.dot(q, q) - 1) / 2}
 
 
-def outline(q: NDArray[np.float64], params: Mapping[str, Any]) -> list[NDArray[np.float64]]:
+def outline(q: NDArray[np.float64], params: Any) -> list[NDArray[np.float64]]:
     """Draw the radius to the particle."""
     return [np.array([(0.0, 0.0), q])]
 

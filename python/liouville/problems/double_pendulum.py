@@ -11,7 +11,6 @@ lower one hanging; the multipliers are zero at that moment. The motion is chaoti
 The reference is a motion computed in 69 digits, error below 1e-22.
 """
 
-from collections.abc import Mapping
 from typing import Any
 
 import casadi as ca
@@ -37,7 +36,7 @@ def constraint(t: ca.SX, q: ca.SX, params: Parameters) -> dict[str, ca.SX]:
     }
 
 
-def outline(q: NDArray[np.float64], params: Mapping[str, Any]) -> list[NDArray[np.float64]]:
+def outline(q: NDArray[np.float64], params: Any) -> list[NDArray[np.float64]]:
     """Draw both rods as one line from the pivot."""
     return [np.array([(0.0, 0.0), q[:2], q[2:]])]
 

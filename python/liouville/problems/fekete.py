@@ -10,8 +10,8 @@ limit :math:`v = 0` and all :math:`\lambda_i = -(20 - 1) / 4`. Forces and dampin
 all frames, so the angular momentum, zero at the start, stays zero.
 
 ``system`` is the index-3 form, and :func:`stabilised` the one of index 2 and dimension 160 in which
-the problem was published: its velocities are constrained too, and positions are kept where they
-belong by further unknowns :math:`\mu_i`, which are zero along the motion,
+the problem was published: its velocities are constrained too, and further unknowns
+:math:`\mu_i`, which are zero along the motion, keep the positions on the sphere,
 
 .. math::
 

@@ -18,7 +18,7 @@ from liouville.systems import Lagrangian
 
 
 def lagrangian(t: ca.SX, q: ca.SX, v: ca.SX, params: Parameters) -> ca.SX:
-    """Kinetic energy less the potential of gravity, with the mass of the moment."""
+    """Kinetic energy less the potential of gravity, with m(t)."""
     return (params.m + params.a * ca.sin(t)) * (ca.dot(v, v) / 2 - params.g * q[1])
 
 

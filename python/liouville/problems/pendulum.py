@@ -13,7 +13,6 @@ The motion is known: x = sin a, y = -cos a, sin(a/2) = k sn(K - w t, k) with k^2
 w^2 = g/l. The reference is that formula in 45 digits (``tools/references.py``).
 """
 
-from collections.abc import Mapping
 from typing import Any
 
 import casadi as ca
@@ -34,7 +33,7 @@ def constraint(t: ca.SX, q: ca.SX, params: Parameters) -> dict[str, ca.SX]:
     return {"rod": (ca.dot(q, q) - params.l**2) / 2}
 
 
-def outline(q: NDArray[np.float64], params: Mapping[str, Any]) -> list[NDArray[np.float64]]:
+def outline(q: NDArray[np.float64], params: Any) -> list[NDArray[np.float64]]:
     """Draw the rod from the pivot to the bob."""
     return [np.array([(0.0, 0.0), q])]
 

@@ -124,7 +124,7 @@ def radial(q: ca.SX, v: ca.SX) -> ca.SX:
 
 
 def before(first: ca.SX, columns: ca.SX) -> ca.SX:
-    """Return what stands before each column."""
+    """Return the columns shifted by one, `first` before them."""
     return ca.horzcat(first, columns[:, :-1])
 
 

@@ -53,14 +53,14 @@ class Complex(NamedTuple):
 
 
 def shells_of(x: ca.SX) -> list[Complex]:
-    """Return u_1, ..., u_N, with zeros behind them for those that are not."""
+    """Return u_1, ..., u_N and four zeros: u_{N+1}, u_{N+2}, u_{-1} and u_0."""
     parts = ca.vertsplit(x)
     found = [Complex(a, b) for a, b in zip(parts[::2], parts[1::2], strict=True)]
     return [*found, *([Complex(ca.SX(0), ca.SX(0))] * 4)]
 
 
 def sabra(t: ca.SX, x: ca.SX, params: Parameters) -> ca.SX:
-    """Return the Sabra model's velocities' growth."""
+    """Return u' of the Sabra model."""
     u, eps = shells_of(x), params.eps
     rows = []
     for n in range(x.numel() // 2):
@@ -74,7 +74,7 @@ def sabra(t: ca.SX, x: ca.SX, params: Parameters) -> ca.SX:
 
 
 def goy(t: ca.SX, x: ca.SX, params: Parameters) -> ca.SX:
-    """Return the GOY model's velocities' growth."""
+    """Return u' of the GOY model."""
     u, eps = [each.conjugate() for each in shells_of(x)], params.eps
     rows = []
     for n in range(x.numel() // 2):

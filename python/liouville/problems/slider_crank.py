@@ -20,7 +20,6 @@ clearance. The reference is a quadrature in 45 digits, t = int sqrt(I(a) / (2 (E
 solved for the crank's angle a (``tools/references.py``).
 """
 
-from collections.abc import Mapping
 from typing import Any
 
 import casadi as ca
@@ -52,9 +51,9 @@ def constraint(t: ca.SX, q: ca.SX, params: Parameters) -> dict[str, ca.SX]:
     }
 
 
-def outline(q: NDArray[np.float64], params: Mapping[str, Any]) -> list[NDArray[np.float64]]:
+def outline(q: NDArray[np.float64], params: Any) -> list[NDArray[np.float64]]:
     """Draw the crank with the rod, and the slider as a box."""
-    l1 = params["l1"]
+    l1 = params.l1
     crank_pin = (l1 * np.cos(q[0]), l1 * np.sin(q[0]))
     wrist = np.array([q[2], 0.0])
     box = 0.1 * l1 * np.array([(-2, -1), (2, -1), (2, 1), (-2, 1), (-2, -1)])

@@ -30,6 +30,14 @@ from liouville.runners.semi_explicit import SemiExplicitRunner as SemiExplicitRu
 from liouville.runners.wave import WaveRunner as WaveRunner
 from liouville.systems import Mechanics, PolynomialField, Schrodinger, SemiExplicit, System
 
+#: What helps other systems instead of these options of mechanical ones.
+INSTEAD: dict[tuple[str, type | None], str] = {
+    ("t_eval", Schrodinger): "t= takes the times of all states to keep",
+    ("t_eval", None): "give an h of which these times are multiples, and every=",
+    ("events", PolynomialField): "lv.section finds where trajectories cross a plane",
+    ("events", None): "observe= records such a function at each kept state",
+}
+
 
 def runner_of(system: System, method: Method | Plan | str, request: Request) -> Runner:
     """Return the runner of a system by a method.
@@ -53,7 +61,8 @@ def runner_of(system: System, method: Method | Plan | str, request: Request) -> 
         return _of_mechanics(system, method, request)
     for name, value in (("t_eval", request.t_eval), ("events", request.events)):
         if value is not None:
-            raise TypeError(f"{name} is for a mechanical system, not for {system!r}")
+            hint = INSTEAD.get((name, type(system)), INSTEAD[name, None])
+            raise TypeError(hinted(f"{name} is for a mechanical system, not for {system!r}", hint))
     if isinstance(system, Schrodinger):
         if isinstance(method, str) and method == "auto":
             method = SchrodingerSplitting()

@@ -12,9 +12,9 @@ from liouville import _core
 from liouville._arguments import memory
 from liouville.errors import IntegrationError, hinted
 from liouville.failure import Failure, summary_of
-from liouville.points import Points
+from liouville.points import STATES, Points
 from liouville.runners.runner import Runner
-from liouville.solution import RESIDUALS, STATES, Solution
+from liouville.solution import RESIDUALS, Solution
 from liouville.systems import SemiExplicit
 
 #: Seconds between two looks at the signals and the progress bar.
@@ -125,6 +125,7 @@ def solution_of(
         invariants=_named("invariant ", parts),
         residuals={name: parts[name] for name in RESIDUALS if name in parts},
         observed=_named("observed ", parts),
+        initial=runner.initial,
         balance=runner.balance(parts),
         names=_names(runner),
         events=dict(events),

@@ -16,6 +16,7 @@ from liouville.points import Points
 from liouville.runners.runner import Request, Runner, kept
 from liouville.runners.watch import Watch
 from liouville.systems import Mechanical, Mechanics
+from liouville.systems.traced import INVARIANT
 
 
 class MechanicalRunner(Runner):
@@ -69,6 +70,18 @@ class MechanicalRunner(Runner):
         """The order of the method, where the states of all steps are kept, else 0."""
         is_whole = self.every == 1 and self._watch.times is None and self._states
         return self._order if is_whole else 0
+
+    @property
+    def initial(self) -> dict[str, float]:
+        """The invariants at the start, where no record is kept of it."""
+        times, t0 = self._watch.times, self.steps.t0
+        if times is None or times[0] == t0:
+            return {}
+        args = [np.array([[t0]]), *(x[None] for x in self._begin[:2])]
+        cuts = np.cumsum([*self.widths.values()])[:-1]
+        parts = np.split(self._observer.map(self._values, args)[0], cuts)
+        found = dict(zip(self.widths, parts, strict=True))
+        return {name: float(found[INVARIANT + name][0]) for name in self.system.invariants}
 
     def events(self, run: _core.Run) -> tuple[dict[str, Points], str]:
         """Return the events met, by name, and a sentence on the one that ended the run."""
@@ -135,7 +148,8 @@ class MechanicalRunner(Runner):
         if "work" not in parts or isinstance(self.system, Mechanical):
             return {}
         energy, work = (parts[name][..., 0] for name in ("invariant energy", "work"))
-        return {"work": work, "dissipated": energy[:1] + work - energy}
+        start = self.initial.get("energy", energy[:1])
+        return {"work": work, "dissipated": start + work - energy}
 
     def _described(self, error: dict[str, Any]) -> Description:
         if error.get("quantity") == "event":

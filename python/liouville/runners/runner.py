@@ -109,6 +109,11 @@ class Runner(ABC):
         return 8 * (1 + int(np.prod(self.members)) * sum(self.columns.values()))
 
     @property
+    def initial(self) -> dict[str, float]:
+        """The invariants at the start, where no record is kept of it."""
+        return {}
+
+    @property
     def dense_order(self) -> int:
         """The order of a method whose steps have a dense output, else 0."""
         return 0

@@ -15,6 +15,9 @@ from liouville.systems import SemiExplicit
 #: The numbers of a run that it has.
 STATS = ("iterations", "evaluations", "factorizations", "cold_starts")
 
+#: Errors of such systems are not estimated, and no steps follow their motion.
+TAKES = Takes("a semi-explicit system", hint="give h or steps; half of h shows the error")
+
 
 class SemiExplicitRunner(Runner):
     """Runs a semi-explicit system; see :class:`Runner`."""
@@ -25,7 +28,7 @@ class SemiExplicitRunner(Runner):
     def __init__(self, system: SemiExplicit, method: Spark | Composition, request: Request) -> None:
         self.system, self.choice, self.method = system, method, repr(method)
         self.constraints = system.constraints
-        self.steps = request.steps_of(system, Takes(type(method).__name__))
+        self.steps = request.steps_of(system, TAKES)
         self.every = kept(self.steps, request.every)
         self._values = system.values(request.params)
         self.params = {**system.params, **dict(request.params or {})}

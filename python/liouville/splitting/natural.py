@@ -33,7 +33,7 @@ def component_colours(terms: Terms) -> np.ndarray:
     number = np.full(terms.n, -1)
     number[rows] = np.arange(rows.size)
     term, variable = terms.dependencies()
-    moves = number[variable] >= 0  # what does not move is in nobody's way
+    moves = number[variable] >= 0  # a variable without velocity conflicts with none
     reads = Lists.of(number[terms.component[term[moves]]], variable[moves], rows.size)
     writes = Lists(list(range(rows.size + 1)), rows.tolist())
     colours = np.full(terms.n, -1)

@@ -28,7 +28,7 @@ Polynomial: TypeAlias = dict[Monomial, tuple[Rational, float]]
 
 ONE: Polynomial = {(): (1, 1.0)}
 
-#: Numerators and denominators up to this are those of a number that someone wrote down.
+#: Numerators and denominators of a fraction that is taken as exact are at most this.
 SHORT = 2**31
 
 #: The least coefficient that is not roundoff of the constants, in units of their size.

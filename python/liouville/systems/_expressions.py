@@ -74,10 +74,13 @@ class Symbols:
     """
 
     def __init__(
-        self, params: _trace.Parameters, sizes: Mapping[str, int], label: str = ""
+        self,
+        params: _trace.Parameters,
+        sizes: Mapping[str, int],
+        labels: Mapping[str, str] | None = None,
     ) -> None:
         self.params, self.sizes = params, dict(sizes)
-        self._label = label  # of the first vector, for messages and prints
+        self._labels = dict(labels or {})  # the user's words for vectors
 
     @cached_property
     def t(self) -> ca.SX:
@@ -88,24 +91,24 @@ class Symbols:
         sizes = self.__dict__.get("sizes", {})
         if name not in sizes:
             raise AttributeError(name)
-        label = self._label if self._label and name == next(iter(sizes)) else name
-        made: ca.SX = ca.SX.sym(label, sizes[name])
+        made: ca.SX = ca.SX.sym(self._labels.get(name, name), sizes[name])
         self.__dict__[name] = made
         return made
 
     def __getstate__(self) -> dict[str, Any]:
         """Leave the symbols out."""
-        return {name: self.__dict__[name] for name in ("params", "sizes", "_label")}
+        return {name: self.__dict__[name] for name in ("params", "sizes", "_labels")}
 
     @property
-    def args(self) -> tuple[Any, ...]:
-        """The arguments of a user's function: time, vectors and parameters."""
-        return (self.t, *(getattr(self, name) for name in self.sizes), self.params)
+    def args(self) -> _trace.Args:
+        """The arguments of a user's function by its words: time, vectors and parameters."""
+        vectors = {self._labels.get(name, name): getattr(self, name) for name in self.sizes}
+        return {"t": self.t, **vectors, "params": self.params}
 
     @property
     def all(self) -> list[ca.SX]:
         """All symbols, the parameters last."""
-        return [*self.args[:-1], self.params.vector]
+        return [self.t, *(getattr(self, name) for name in self.sizes), self.params.vector]
 
     def inputs(self, **more: ca.SX) -> dict[str, ca.SX]:
         """Return the inputs of a tape: time, the first vector, more, and the parameters."""
@@ -170,8 +173,8 @@ class Recorded:
     It can be called with other symbols, and the namespace of the parameters last.
     """
 
-    def __init__(self, what: str, function: Callable[..., Any], args: tuple[Any, ...]) -> None:
-        *symbols, params = args
+    def __init__(self, what: str, function: Callable[..., Any], args: _trace.Args) -> None:
+        *symbols, params = args.values()
         self._function = written([*symbols, params.vector], [_trace.column(what, function, args)])
 
     def __call__(self, *args: Any) -> ca.SX:
@@ -180,7 +183,7 @@ class Recorded:
         return read(self._function, [*symbols, _trace.vector_of(namespace)])[0]
 
 
-def recorded(observe: Mapping[str, Any] | None, args: tuple[Any, ...]) -> dict[str, Recorded]:
+def recorded(observe: Mapping[str, Any] | None, args: _trace.Args) -> dict[str, Recorded]:
     """Return functions to observe in a form that can be pickled."""
     return {
         name: Recorded(f"observed '{name}'", function, args)

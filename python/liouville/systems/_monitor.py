@@ -19,7 +19,7 @@ def traced(s: Symbols, velocity: ca.SX, function: Callable[..., Any]) -> tuple[_
 
     .. math:: ds/dt = s_t + s_y v + s_z z'
     """
-    expression = _trace.scalar("monitor", function, (s.t, s.y, s.z, s.params))
+    expression = _trace.scalar("monitor", function, s.args)
     u = ca.SX.sym("u", s.z.numel())
     rate = total_derivative(expression, s, velocity) + ca.jtimes(expression, s.z, u)
     return record("monitor", s.inputs(z=s.z, u=u), expression, rate), ca.depends_on(rate, u)

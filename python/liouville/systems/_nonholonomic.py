@@ -21,7 +21,7 @@ def rolling(
     if constraint is None:
         return (), Nonholonomic()
     u = ca.SX.sym("v", v.numel())
-    names, k = _named(constraint, s, u, holonomic)
+    names, k = _named(constraint, s, "v", u, holonomic)
     nu = ca.SX.sym("nu", len(names))
     rn = -ca.jtimes(k, u, nu, True)
     return names, Nonholonomic(ca.substitute(k, u, v), ca.substitute(rn, u, v), nu)
@@ -39,14 +39,15 @@ def rolling_of_z(
         if reaction is not None:
             raise TypeError("nonholonomic_reaction is given without nonholonomic constraints")
         return (), Nonholonomic()
-    names, k = _named(constraint, s, s.z, holonomic)
+    names, k = _named(constraint, s, "z", s.z, holonomic)
     nu = ca.SX.sym("nu", len(names))
     if reaction is None:
         rn = -ca.jtimes(k, s.z, nu, True)
         if differ(v, s.z):
             rn = solve(jacobian(v, s.z).T, rn)
     else:
-        args = (s.t, s.y, s.z, nu, s.params)
+        *point, params = s.args.items()
+        args = dict([*point, ("lam", nu), params])
         rn = _trace.column("nonholonomic_reaction", reaction, args, s.y.numel())
         check_felt("nonholonomic_reaction", rn, nu, names)
     return names, Nonholonomic(k, rn, nu)
@@ -61,9 +62,15 @@ def check_felt(what: str, reaction: ca.SX, multipliers: ca.SX, names: tuple[str,
 
 
 def _named(
-    constraint: Callable[..., Any], s: Symbols, velocity: ca.SX, holonomic: tuple[str, ...]
+    constraint: Callable[..., Any],
+    s: Symbols,
+    speed: str,
+    velocity: ca.SX,
+    holonomic: tuple[str, ...],
 ) -> tuple[tuple[str, ...], ca.SX]:
-    names, k = _trace.named("nonholonomic", constraint, (s.t, s.y, velocity, s.params))
+    t, y, _, params = s.args.items()
+    args = dict([t, y, (speed, velocity), params])
+    names, k = _trace.named("nonholonomic", constraint, args)
     n, count = s.y.numel(), len(names) + len(holonomic)
     twice = set(names) & set(holonomic)
     if twice:

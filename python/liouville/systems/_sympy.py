@@ -74,8 +74,14 @@ def read(
     ------
     TypeError, ValueError
         A coordinate is no symbol, or their number is not that of the expressions.
+    ImportError
+        SymPy is not installed.
     """
-    import sympy
+    try:
+        import sympy
+    except ImportError as error:
+        sentence = "expressions of SymPy's need sympy"
+        raise ImportError(hinted(sentence, "pip install sympy")) from error
 
     for symbol in (*symbols, *(() if t is None else (t,))):
         if not isinstance(symbol, sympy.Symbol):

@@ -2,16 +2,23 @@
 
 from __future__ import annotations
 
+import inspect
 import keyword
+import traceback
 from collections import Counter
 from collections.abc import Callable, Iterable, Mapping, Sequence, Set
+from pathlib import Path
 from typing import Any
 
 import casadi as ca
 import numpy as np
 from numpy.typing import ArrayLike
 
+from liouville.errors import hinted
 from liouville.tape import check
+
+#: The arguments of a user's function, by their names: symbols, and the :class:`Parameters` last.
+Args = Mapping[str, Any]
 
 
 class Parameters:
@@ -28,7 +35,7 @@ class Parameters:
         self.defaults = {name: _parameter(name, value) for name, value in given.items()}
         symbols = {name: ca.SX.sym(name, max(x.size, 1)) for name, x in self.defaults.items()}
         self.vector = ca.vertcat(ca.SX(0, 1), *symbols.values())
-        self.namespace = _Namespace(symbols)
+        self.namespace = Namespace(symbols)
 
     def values(self, changes: Mapping[str, ArrayLike] | None) -> np.ndarray:
         """Return the defaults with changes, one after another."""
@@ -60,13 +67,20 @@ class Parameters:
         return other
 
 
-class _Namespace:
-    def __init__(self, symbols: Mapping[str, ca.SX]) -> None:
-        self.__dict__.update(symbols)
+class Namespace:
+    """Parameters by name, as a user's functions see them: symbols of a model, else numbers."""
 
-    def __getattr__(self, name: str) -> ca.SX:
+    def __init__(self, values: Mapping[str, Any]) -> None:
+        self.__dict__.update(values)
+
+    def __getattr__(self, name: str) -> Any:
+        """Refuse a name that is no parameter."""
         known = ", ".join(self.__dict__) or "none"
         raise AttributeError(f"there is no parameter '{name}'; the system's parameters: {known}")
+
+    def __getitem__(self, name: Any) -> Any:
+        """Refuse params["m"]."""
+        raise TypeError(hinted(f"params has no items: params[{name!r}]", f"write params.{name}"))
 
 
 def vector_of(namespace: Any) -> ca.SX:
@@ -140,31 +154,28 @@ def names(value: Sequence[str] | int, prefix: str) -> tuple[str, ...]:
     return found
 
 
-def scalar(what: str, function: Callable[..., Any], args: tuple[Any, ...]) -> ca.SX:
+def scalar(what: str, function: Callable[..., Any], args: Args) -> ca.SX:
     """Call a function and return its one expression.
 
-    Here and below, `args` are the symbols it is called with, the :class:`Parameters` last.
+    Here and below, `args` are the symbols it is called with, by the names that its arguments have,
+    the :class:`Parameters` last.
     """
     return _checked(what, _scalar(what, _call(what, function, args)), args)
 
 
-def column(
-    what: str, function: Callable[..., Any], args: tuple[Any, ...], size: int | None = None
-) -> ca.SX:
+def column(what: str, function: Callable[..., Any], args: Args, size: int | None = None) -> ca.SX:
     """Call a function and return its expressions as a column, of the wanted size if any."""
     return _sized(what, _column(what, _call(what, function, args)), args, size)
 
 
-def _sized(what: str, expression: ca.SX, args: tuple[Any, ...], size: int | None) -> ca.SX:
+def _sized(what: str, expression: ca.SX, args: Args, size: int | None) -> ca.SX:
     count = expression.numel()
     if count == 0 or (size is not None and count != size):
         raise ValueError(f"{what} returns {count} values, wanted {size or 'at least one'}")
     return _checked(what, expression, args)
 
 
-def placed(
-    what: str, function: Callable[..., Any], args: tuple[Any, ...], places: tuple[str, ...]
-) -> ca.SX:
+def placed(what: str, function: Callable[..., Any], args: Args, places: tuple[str, ...]) -> ca.SX:
     """Call a function and return one expression a place: of a column, or a mapping of some."""
     value = _call(what, function, args)
     if not isinstance(value, Mapping):
@@ -178,9 +189,7 @@ def placed(
     return _checked(what, expression, args)
 
 
-def named(
-    what: str, function: Callable[..., Any], args: tuple[Any, ...]
-) -> tuple[tuple[str, ...], ca.SX]:
+def named(what: str, function: Callable[..., Any], args: Args) -> tuple[tuple[str, ...], ca.SX]:
     """Call a function and return names and expressions: of a mapping, a sequence, or a scalar."""
     value = _call(what, function, args)
     if isinstance(value, Mapping):
@@ -192,18 +201,55 @@ def named(
     return found, expression
 
 
-def _call(what: str, function: Callable[..., Any], args: tuple[Any, ...]) -> Any:
+def _call(what: str, function: Callable[..., Any], args: Args) -> Any:
     if not callable(function):
         raise TypeError(f"{what} is a function, not {function!r}")
-    *symbols, params = args
+    *symbols, params = args.values()
+    _check_signature(what, function, args)
     try:
         return function(*symbols, params.namespace)
     except Exception as error:
+        if isinstance(error, RuntimeError) and "truth value" in str(error):
+            raise _undecided(what, function, error) from error
         error.add_note(
             f"raised while `{what}` was called with CasADi symbols; "
             "use casadi's functions (ca.sin), and ca.if_else for a choice"
         )
         raise
+
+
+def _check_signature(what: str, function: Callable[..., Any], args: Args) -> None:
+    """Refuse a function that does not take these arguments, one after another."""
+    try:
+        signature = inspect.signature(function)
+    except (TypeError, ValueError):  # of some functions that are not written in Python
+        return
+    try:
+        signature.bind(*args.values())
+    except TypeError:
+        given = ", ".join(str(x.replace(annotation=x.empty)) for x in signature.parameters.values())
+        wanted = ", ".join(args)
+        raise TypeError(
+            hinted(
+                f"{what} is called with ({wanted}), and the function given takes ({given})",
+                f"write it as def function({wanted}), whichever of these it uses",
+            )
+        ) from None
+
+
+def _undecided(what: str, function: Callable[..., Any], error: RuntimeError) -> TypeError:
+    """Return the error of a function that asks whether an expression is true."""
+    frames = traceback.extract_tb(error.__traceback__)
+    file = getattr(getattr(function, "__code__", None), "co_filename", None)
+    lines = [f", line {x.lineno} of {Path(x.filename).name}," for x in frames if x.filename == file]
+    where = lines[-1] if lines else ""
+    return TypeError(
+        hinted(
+            f"{what}{where} asks whether an expression is true, which has no value yet",
+            "for `if` write ca.if_else(condition, a, b), for `and`, `or`, `max`, `min` "
+            "ca.logic_and, ca.logic_or, ca.fmax, ca.fmin",
+        )
+    )
 
 
 def _scalar(what: str, value: Any) -> ca.SX:
@@ -213,9 +259,9 @@ def _scalar(what: str, value: Any) -> ca.SX:
     return expression
 
 
-def _checked(what: str, expression: ca.SX, args: tuple[Any, ...]) -> ca.SX:
+def _checked(what: str, expression: ca.SX, args: Args) -> ca.SX:
     """Return an expression once it is seen to fit on a tape: the user's name is still known."""
-    *symbols, params = args
+    *symbols, params = args.values()
     check(what, {str(k): x for k, x in enumerate([*symbols, params.vector])}, expression)
     return expression
 

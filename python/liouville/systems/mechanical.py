@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import Any
 
 import casadi as ca
 from numpy.typing import ArrayLike
@@ -82,8 +81,8 @@ class Lagrangian(Mechanics):
         force: Function | None = None,
         invariants: Mapping[str, Function] | None = None,
     ) -> None:
-        coordinates, s = declared(q, "q", params)
-        args = (s.t, s.y, s.z, s.params)
+        coordinates, s = declared(q, ("q", "v"), params)
+        args = s.args
         L = _trace.scalar("lagrangian", lagrangian, args)
         p, extra = ca.gradient(L, s.z), _force(force, args, len(coordinates))
         f = ca.gradient(L, s.y) + extra
@@ -146,8 +145,8 @@ class Hamiltonian(Mechanics):
         force: Function | None = None,
         invariants: Mapping[str, Function] | None = None,
     ) -> None:
-        coordinates, s = declared(q, "q", params)
-        args = (s.t, s.y, s.z, s.params)
+        coordinates, s = declared(q, ("q", "p"), params)
+        args = s.args
         H = _trace.scalar("hamiltonian", hamiltonian, args)
         v, extra = ca.gradient(H, s.z), _force(force, args, len(coordinates))
         f = -ca.gradient(H, s.y) + extra
@@ -229,8 +228,8 @@ class Mechanical(Mechanics):
         params: Mapping[str, ArrayLike] | None = None,
         invariants: Mapping[str, Function] | None = None,
     ) -> None:
-        coordinates, s = declared(y, "y", params)
-        args, n = (s.t, s.y, s.z, s.params), len(coordinates)
+        coordinates, s = declared(y, ("y", "z"), params)
+        args, n = s.args, len(coordinates)
         v, p, f = (
             _trace.column(what, function, args, n)
             for what, function in (("velocity", velocity), ("momentum", momentum), ("force", force))
@@ -239,7 +238,8 @@ class Mechanical(Mechanics):
         if reaction is None:
             r = ideal(g, s, lam)
         else:
-            r = _trace.column("reaction", reaction, (s.t, s.y, lam, s.params), n)
+            given = {"t": s.t, "y": s.y, "lam": lam, "params": s.params}
+            r = _trace.column("reaction", reaction, given, n)
             check_felt("reaction", r, lam, names)
         more, own = rolling_of_z(nonholonomic, nonholonomic_reaction, s, v, names)
         super().__init__(
@@ -262,14 +262,18 @@ class Mechanical(Mechanics):
 
 
 def declared(
-    coordinates: Sequence[str] | int, name: str, params: Mapping[str, ArrayLike] | None
+    coordinates: Sequence[str] | int,
+    states: tuple[str, str],
+    params: Mapping[str, ArrayLike] | None,
 ) -> tuple[tuple[str, ...], Symbols]:
-    """Return the names of the coordinates and the symbols of a system."""
-    found = _trace.names(coordinates, name)
-    return found, Symbols(_trace.Parameters(params), {"y": len(found), "z": len(found)}, label=name)
+    """Return the names of the coordinates and the symbols of a system, in the user's words."""
+    found = _trace.names(coordinates, states[0])
+    sizes = {"y": len(found), "z": len(found)}
+    labels = dict(zip(sizes, states, strict=True))
+    return found, Symbols(_trace.Parameters(params), sizes, labels)
 
 
-def _force(force: Function | None, args: tuple[Any, ...], n: int) -> ca.SX:
+def _force(force: Function | None, args: _trace.Args, n: int) -> ca.SX:
     if force is None:
         return ca.SX(n, 1)
     return _trace.column("force", force, args, n)
@@ -279,7 +283,8 @@ def holonomic(constraint: Function | None, s: Symbols) -> tuple[tuple[str, ...],
     """Trace holonomic constraints: their names, their expressions and their multipliers."""
     if constraint is None:
         return (), ca.SX(0, 1), ca.SX(0, 1)
-    names, g = _trace.named("constraint", constraint, (s.t, s.y, s.params))
+    t, y, _, params = s.args
+    names, g = _trace.named("constraint", constraint, {k: s.args[k] for k in (t, y, params)})
     n = s.y.numel()
     if len(names) > n:
         raise ValueError(f"{len(names)} constraints on {n} coordinates leave nothing to move")

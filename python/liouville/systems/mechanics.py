@@ -307,7 +307,8 @@ class Mechanics(TracedSystem):
         """Record a function of (t, y, z, lam, params), and say whether it uses the multipliers."""
         s, what = self._symbols, f"event '{name}'"
         lam = ca.vertcat(self._model.lam, self._model.nonholonomic.nu)
-        value = _trace.scalar(what, function, (s.t, s.y, s.z, lam, s.params))
+        *point, params = s.args.items()
+        value = _trace.scalar(what, function, dict([*point, ("lam", lam), params]))
         moving = ca.vertcat(s.t, s.y, s.z, lam)
         if not ca.depends_on(value, moving):
             raise ValueError(

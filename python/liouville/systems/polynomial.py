@@ -12,15 +12,13 @@ from numpy.typing import ArrayLike
 from liouville import _core
 from liouville.errors import hinted
 from liouville.systems import _read_terms, _sympy, _trace
+from liouville.systems._divergence import check_divergence, check_rounding
 from liouville.systems._expressions import Pickled, Symbols
 from liouville.systems._observer import Observer
 from liouville.systems._source import Source, callable_of
 from liouville.terms import Terms
 
 Function = Callable[..., Any]
-
-#: How many monomials a message names.
-NAMED = 5
 
 
 class PolynomialField(Pickled):
@@ -176,9 +174,11 @@ class PolynomialField(Pickled):
         invariants : mapping, optional
             As for :class:`PolynomialField`.
         repair : bool, default False
-            Take the nearest field with these terms that has no divergence, for coefficients with
-            few digits. From each :math:`c_i` of a monomial of the divergence is subtracted
-            :math:`w_i \sum_l w_l c_l / \sum_l w_l^2` with :math:`w_i = j_i + 1`.
+            Take the nearest field with these terms that has no divergence, for coefficients that
+            were rounded. From each :math:`c_i` of a monomial of the divergence is subtracted
+            :math:`w_i \sum_l w_l c_l / \sum_l w_l^2` with :math:`w_i = j_i + 1`. A sum
+            :math:`|\sum_l w_l c_l|` above :math:`10^{-3} \sum_l w_l |c_l|` is no rounding and is
+            refused.
 
         Returns
         -------
@@ -187,8 +187,8 @@ class PolynomialField(Pickled):
         Raises
         ------
         TypeError, ValueError
-            A term is malformed, which is named by its number from 0; or as for
-            :class:`PolynomialField`.
+            A term is malformed, which is named by its number from 0; there is more to repair
+            than rounding; or as for :class:`PolynomialField`.
 
         Examples
         --------
@@ -200,6 +200,7 @@ class PolynomialField(Pickled):
         names = _trace.names(x, "x")
         found, is_driven = _read_terms.read(names, terms)
         if repair:
+            check_rounding(found, (*names, _read_terms.TIME) if is_driven else names)
             found = found.repaired()
         symbols = Symbols(_trace.Parameters(None), {"x": len(names)})
         return cls.__new__(cls)._build(names, symbols, lambda _: found, is_driven, invariants)
@@ -237,6 +238,8 @@ class PolynomialField(Pickled):
         ------
         TypeError, ValueError
             An expression has another symbol, or as for :class:`PolynomialField`.
+        ImportError
+            SymPy is not installed.
 
         Examples
         --------
@@ -358,29 +361,3 @@ class PolynomialField(Pickled):
     def portable(self, observe: Mapping[str, Any] | None) -> dict[str, Any]:
         """Return functions to observe in a form that can be pickled."""
         return self._observer.portable(observe)
-
-
-def check_divergence(terms: Terms, names: Sequence[str]) -> None:
-    """Refuse terms whose divergence does not vanish.
-
-    Raises
-    ------
-    ValueError
-        The message has the monomials of the divergence.
-    """
-    left = terms.excess()
-    if not len(left):
-        return
-    words = [f"{_written(value)} * {left.written(m, names)}" for m, value in left.monomials()]
-    more = f" and {len(words) - NAMED} more" if len(words) > NAMED else ""
-    raise ValueError(
-        hinted(
-            f"the field is not divergence-free: div f contains {', '.join(words[:NAMED])}{more}",
-            "look for a sign or a missing term; if these are rounding errors of given "
-            "coefficients, from_terms(..., repair=True) removes them",
-        )
-    )
-
-
-def _written(value: Any) -> str:
-    return f"{value:.6g}" if isinstance(value, float) else str(value)

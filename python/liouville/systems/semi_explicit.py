@@ -125,7 +125,9 @@ class SemiExplicit(TracedSystem):
         sizes = {"y": len(self.coordinates), "z": len(self.unknowns)}
         s = Symbols(_trace.Parameters(params), sizes)
         f = _trace.placed("field", field, s.args, self.coordinates)
-        self.constraints, k = _trace.named("constraint", constraint, (s.t, s.y, s.params))
+        self.constraints, k = _trace.named(
+            "constraint", constraint, {"t": s.t, "y": s.y, "params": s.params}
+        )
         w = ca.jtimes(k, ca.vertcat(s.t, s.y), ca.vertcat(1, f))
         self._check_shape(jacobian(k, s.y), jacobian(w, s.z))
         columns = {"field": f, "constraint": k, "hidden": w}

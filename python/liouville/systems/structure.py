@@ -82,11 +82,11 @@ class Structure(Mechanics):
         for name, matrix in matrices.items():
             if matrix.n != n:
                 raise ValueError(f"{name} has order {matrix.n}, the mass matrix {n}")
-        coordinates, s = declared(n if q is None else q, "q", params)
+        coordinates, s = declared(n if q is None else q, ("q", "v"), params)
         if len(coordinates) != n:
             raise ValueError(f"q names {len(coordinates)} coordinates, the mass matrix has {n}")
         _check_mass(matrices["mass"], coordinates)
-        args = (s.t, s.y, s.z, s.params)
+        args = s.args
         extra = _load(force, args, coordinates)
         names, g, lam = holonomic(constraint, s)
         zero = ca.SX(n, 1)
@@ -123,7 +123,7 @@ def _check_mass(mass: Matrix, coordinates: tuple[str, ...]) -> None:
 
 
 def _load(
-    force: Function | ArrayLike | None, args: tuple[Any, ...], coordinates: tuple[str, ...]
+    force: Function | ArrayLike | None, args: _trace.Args, coordinates: tuple[str, ...]
 ) -> ca.SX:
     """Trace a force, or take a constant one."""
     n = len(coordinates)

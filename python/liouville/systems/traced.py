@@ -107,7 +107,7 @@ class TracedSystem(Pickled):
 
 
 def traced_invariants(
-    invariants: Mapping[str, Function] | None, args: tuple[Any, ...]
+    invariants: Mapping[str, Function] | None, args: _trace.Args
 ) -> dict[str, ca.SX]:
     """Trace the quantities that a user wants recorded."""
     return {

@@ -1,8 +1,8 @@
 """Polynomial vector fields as arrays of terms, with waves among their factors."""
 
+from liouville.terms.arrays import exact as exact
+from liouville.terms.arrays import grouped as grouped
 from liouville.terms.field import ROUNDOFF as ROUNDOFF
 from liouville.terms.field import Monomial as Monomial
 from liouville.terms.field import Terms as Terms
-from liouville.terms.field import exact as exact
-from liouville.terms.field import grouped as grouped
 from liouville.terms.waves import Wave as Wave

@@ -14,6 +14,7 @@ from typing import Any
 
 import numpy as np
 
+from liouville.terms.arrays import exact, grouped, widened
 from liouville.terms.waves import Wave, expanded
 
 #: A sum of floating-point numbers is zero if it is below this times the sum of their sizes.
@@ -132,6 +133,10 @@ class Terms:
         """Return the field times a number, or times one for each term."""
         return replace(self, coefficient=self.coefficient * factor)
 
+    def sized(self) -> Terms:
+        """Return the field with the sizes of its coefficients."""
+        return replace(self, coefficient=np.abs(self.coefficient))
+
     def selected(self, chosen: Any) -> Terms:
         """Return some of the terms, by a mask or by their numbers."""
         return replace(
@@ -156,7 +161,7 @@ class Terms:
                 [f.coefficient if is_exact else f.coefficient.astype(float) for f in fields]
             ),
             variables=np.concatenate(
-                [_widened(field._renumbered(waves), width) for field in fields]
+                [widened(field._renumbered(waves), width) for field in fields]
             ),
             waves=tuple(waves),
         )
@@ -177,7 +182,7 @@ class Terms:
         order, starts = grouped(self._keys(component=True), self.n + len(self.waves))
         total = self._sums(order, starts)
         if noise and not self.is_exact:
-            size = replace(self, coefficient=np.abs(self.coefficient))._sums(order, starts)
+            size = self.sized()._sums(order, starts)
             kept = np.abs(total) > noise * size
         else:
             kept = total != 0
@@ -292,6 +297,22 @@ class Terms:
         terms = self.to_float() if self.waves else self
         return terms._own_derivatives().merged(ROUNDOFF)
 
+    def imbalance(self) -> tuple[float, Monomial, float]:
+        """Return the worst monomial of the divergence, as a part of the sizes that make it.
+
+        The part is |sum_i (j_i + 1) c_i| / sum_i (j_i + 1) |c_i|, from 0 to 1; then come the
+        monomial and its sum. Without any monomial they are 0, () and 0.
+        """
+        own = self.to_float()._own_derivatives()
+        order, starts = grouped(own._keys(component=False), own.n + len(own.waves))
+        if not starts.size:
+            return 0.0, (), 0.0
+        sums = own._sums(order, starts)
+        parts = np.abs(sums) / own.sized()._sums(order, starts)
+        k = int(np.argmax(parts))
+        row = own.variables[order[starts[k]]]
+        return float(parts[k]), tuple(row[row >= 0].tolist()), float(sums[k])
+
     def offending(self) -> list[tuple[Monomial, Any]]:
         """List the monomials of ``excess()``, whose waves they mean, and their sums."""
         return self.excess().monomials()
@@ -348,46 +369,3 @@ class Terms:
             power = monomial.count(v)
             words.append(word if power == 1 else f"{word}**{power}")
         return "*".join(words) or "1"
-
-
-def exact(numbers: Iterable[Any]) -> np.ndarray:
-    """Return numbers as an array of fractions; floating-point ones are taken as they stand."""
-    fractions = [
-        Fraction(c) if not isinstance(c, np.generic) else Fraction(c.item()) for c in numbers
-    ]
-    result = np.empty(len(fractions), dtype=object)
-    result[:] = fractions
-    return result
-
-
-def grouped(columns: Sequence[np.ndarray], size: int) -> tuple[np.ndarray, np.ndarray]:
-    """Sort rows given by columns of numbers from -1 to `size` - 1; find where equal ones start.
-
-    Returns the order of the rows, the first column leading, and the place of each group's first
-    row in it.
-    """
-    base, most = size + 1, np.iinfo(np.int64).max
-    keys: list[np.ndarray] = []
-    room = 0
-    for column in columns:
-        if room > base:
-            keys[-1] = keys[-1] * base + (column + 1)
-            room //= base
-        else:
-            keys.append(column + 1)
-            room = most // base
-    rows = columns[0].size if columns else 0
-    if len(keys) == 1 and (keys[0][1:] >= keys[0][:-1]).all():
-        order = np.arange(rows)
-    else:
-        order = np.lexsort(keys[::-1]) if keys else np.arange(rows)
-    differs = np.zeros(rows, dtype=bool)
-    differs[:1] = True
-    for key in keys:
-        differs[1:] |= key[order][1:] != key[order][:-1]
-    return order, np.flatnonzero(differs)
-
-
-def _widened(variables: np.ndarray, width: int) -> np.ndarray:
-    """Put absent factors in front."""
-    return np.pad(variables, ((0, 0), (width - variables.shape[1], 0)), constant_values=-1)

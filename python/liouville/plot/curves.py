@@ -1,0 +1,99 @@
+"""Curves against time and their dots, of a single run or of the members of an ensemble."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from liouville.plot.canvas import FLOOR, GREY, UNITS, colours, drawn_on, legend
+from liouville.plot.thinning import extremes
+from liouville.solution import Array, Solution
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+
+def draw_curves(
+    ax: Axes | None, t: Array, columns: Mapping[str, Array], title: str, symbol: str
+) -> Axes:
+    """Draw columns of shape (k,), or (k, P) of members, against time."""
+    axes = drawn_on(ax, f"time $t$ {UNITS}", f"{symbol} {UNITS}")
+
+    def draw(name: str, member: int, style: dict[str, Any]) -> Any:
+        curve = of_member(columns[name], member)
+        at = extremes(curve)
+        return axes.plot(t[at], curve[at], **style)[0]
+
+    legend(axes, interleaved(columns, draw), list(columns), title)
+    return axes
+
+
+def of_member(values: Array, member: int) -> Array:
+    """Return the column of a member, or the only one."""
+    return values if values.ndim == 1 else values[:, member]
+
+
+def of_chosen(solution: Solution, values: Array, member: int) -> Array:
+    """Return values of shape (k, ...) of a run, or those (k, P, ...) of a member of an ensemble."""
+    count = solution.members
+    if not 0 <= member < (count or 1):
+        has = "a single run" if count is None else f"an ensemble of {count}"
+        raise ValueError(f"there is no member {member} of {has}")
+    return values if count is None else values[:, member]
+
+
+def interleaved(
+    columns: Mapping[str, Array], draw: Callable[[str, int, dict[str, Any]], Any]
+) -> list[Any]:
+    """Draw all columns, member after member, so that none hides another; returns the first's."""
+    shades = colours(len(columns))
+    many = next((values.shape[1] for values in columns.values() if values.ndim > 1), 1)
+    thin = {"lw": 0.7, "alpha": float(np.clip(12 / many, 0.3, 0.8))}
+    style = thin if many > 1 else {"lw": 1.3}
+    lines = [
+        draw(name, member, {"color": colour, **style})
+        for member in range(many)
+        for name, colour in zip(columns, shades, strict=True)
+    ]
+    return lines[: len(columns)]
+
+
+def draw_sizes(
+    ax: Axes | None, solution: Solution, columns: Mapping[str, Array], title: str, label: str
+) -> Axes:
+    """Draw sizes of shape (k,), or the largest of (k, P), with their maximum so far."""
+    t = solution.t
+    if solution.members is not None:
+        columns = {name: np.fmax.reduce(sizes, axis=1) for name, sizes in columns.items()}
+        title += f", largest of {solution.members} members"
+    axes = drawn_on(ax, f"time $t$ {UNITS}", label)
+    axes.set_yscale("log")
+    lines = []
+    for sizes, colour in zip(columns.values(), colours(len(columns)), strict=True):
+        # The start of a drift is zero by definition: it says nothing and stretches the axis.
+        at = extremes(sizes)
+        at = at[1:] if len(at) > 1 and not solution.initial else at
+        shown, worst = np.maximum(sizes, FLOOR)[at], np.fmax.accumulate(sizes)[at]
+        axes.plot(t[at], shown, ".", ms=1.5, alpha=0.35, color=colour, rasterized=True)
+        if np.any(worst > FLOOR):
+            worst = np.where(worst > FLOOR, worst, np.nan)
+        else:
+            worst = np.full(len(at), FLOOR)
+        lines += axes.plot(t[at], worst, color=colour, lw=1.3)
+    if axes.get_ylim()[0] <= FLOOR:
+        axes.set_ylim(bottom=FLOOR / 4)
+        axes.annotate(
+            "zero or less than $10^{-17}$",
+            (1, FLOOR),
+            xycoords=axes.get_yaxis_transform(),
+            xytext=(-2, -3),
+            textcoords="offset points",
+            ha="right",
+            va="top",
+            fontsize=7,
+            color=GREY,
+        )
+    legend(axes, lines, list(columns), title)
+    return axes
