@@ -4,6 +4,8 @@ VENV   := .venv
 BIN    := $(VENV)/bin
 SECONDS ?= 300
 CORE   := Cargo.toml pyproject.toml $(wildcard Cargo.lock crates/*/Cargo.toml) $(shell find crates -name '*.rs' -o -name 'table.txt')
+# With the extension beside them the tests share what is compiled for it.
+RUST_TESTS := -p liouville-py -p liouville-tests
 SPHINX := $(BIN)/sphinx-build -W --keep-going -q
 
 .DEFAULT_GOAL := help
@@ -12,11 +14,12 @@ SPHINX := $(BIN)/sphinx-build -W --keep-going -q
 help:  ## Print the verbs
 	@sed -n 's/^\([a-z]*\):.*## /\1\t/p' $(MAKEFILE_LIST) | awk -F '\t' '{printf "make %-8s %s\n", $$1, $$2}'
 
-demo: $(VENV)/built  ## Build, integrate two mechanisms, compare with references, draw build/demo.png
+demo: $(VENV)/demo  ## Build, integrate two mechanisms, compare with references, draw build/demo.png
 	$(BIN)/python examples/demo.py
 
-test: $(VENV)/tools  ## Run every test but the slow ones: Rust, Python, examples in the documentation
-	cargo test --quiet --release -p liouville-py -p liouville-tests
+test:  ## Run every test but the slow ones: Rust, Python, examples in the documentation
+	@cargo test --quiet --release --no-run $(RUST_TESTS) & $(MAKE) --no-print-directory $(VENV)/tools && wait
+	cargo test --quiet --release $(RUST_TESTS)
 	$(BIN)/python -m pytest -q -n auto --dist worksteal
 
 fuzz: $(VENV)/tools  ## Try the properties with new seeds for SECONDS=300, and print what to replay
@@ -35,7 +38,7 @@ format: $(VENV)/tools  ## Rewrite the sources as lint wants them
 	$(BIN)/ruff check --fix .
 	$(BIN)/ruff format .
 
-build: $(VENV)/built  ## Compile the core and install it into .venv
+build: $(VENV)/built  ## Compile the core and install liouville into .venv, with all extras but bench
 
 docs: $(VENV)/tools  ## Build the documentation into docs/_build/html; runs the gallery
 	$(SPHINX) docs docs/_build/html
@@ -53,18 +56,24 @@ clean:  ## Remove what the verbs made
 	rm -rf $(VENV) target build docs/_build docs/gallery python/liouville/_core*.so
 
 # The package is installed in place: a change in Python needs no new build, one in Rust does.
+PIP_INSTALL := $(BIN)/python -m pip install --quiet --disable-pip-version-check -e
+
 $(BIN)/python:
 	$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11) and "liouville needs Python 3.11 or newer")'
 	$(PYTHON) -m venv $(VENV)
 
-$(VENV)/built: $(BIN)/python $(CORE)
-	$(BIN)/python -m pip install --quiet --disable-pip-version-check -e '.[all]'
+$(VENV)/demo: $(BIN)/python $(CORE)
+	$(PIP_INSTALL) '.[plot]'
 	@touch $@
 
+$(VENV)/built: $(BIN)/python $(CORE)
+	$(PIP_INSTALL) '.[all]'
+	@touch $(VENV)/demo $@
+
 $(VENV)/bench: $(BIN)/python $(CORE)
-	$(BIN)/python -m pip install --quiet --disable-pip-version-check -e '.[all,bench]'
-	@touch $(VENV)/built $@
+	$(PIP_INSTALL) '.[all,bench]'
+	@touch $(VENV)/demo $(VENV)/built $@
 
 $(VENV)/tools: $(BIN)/python $(CORE)
-	$(BIN)/python -m pip install --quiet --disable-pip-version-check -e '.[all,test,lint,docs]'
-	@touch $(VENV)/built $@
+	$(PIP_INSTALL) '.[all,test,lint,docs]'
+	@touch $(VENV)/demo $(VENV)/built $@

@@ -107,7 +107,7 @@ def test_stiff_members_leave_the_common_path_and_come_back():
         same(solution, member, lv.integrate(system, lv.Spark(2), **span, params=params, **start))
 
 
-def test_neither_company_nor_place_nor_threads_change_a_bit():
+def test_neither_block_nor_place_nor_threads_change_a_bit():
     start = bobs(21)
     span = {"t": (0, 1), "h": 0.05, "every": 20}
     whole = lv.ensemble(POLAR, lv.Spark(2), **span, **start, threads=1)

@@ -182,12 +182,10 @@ TYPE_DEFINITION = re.compile(
 )
 # names of two subjects in one crate, told apart by their modules
 TYPE_NAMES_LEFT = {
-    "base": {"Block", "Rows"},
     "mechanics": {
         *("Attempt", "Frozen", "Model", "NonholonomicBlocks", "Observer", "Patterns", "Point"),
         *("Reactions", "Solve", "Solver", "Stages", "State", "Step"),
     },
-    "py": {"JobOf", "MethodOf", "Values"},
 }
 
 

@@ -1,7 +1,5 @@
 """Lobatto pairs: coefficients, printed steps, orders, what they keep, what they are equal to."""
 
-import functools
-
 import casadi as ca
 import numpy as np
 import pytest
@@ -10,7 +8,6 @@ from test_invariants import consistent, symplectic_defect
 
 import liouville as lv
 from liouville import _core
-from liouville.convergence import study
 from liouville.methods.lobatto import FORCES
 
 PRINTED = REFERENCE["lobatto_IIIA_IIIB_one_step_h=1/10"]
@@ -72,27 +69,6 @@ def test_a_step_has_the_digits_of_69_digit_arithmetic(name, stages, solver):
     found = lv.integrate(SYSTEMS[name](), method, t=(0.0, 0.1), steps=1, q=start[0], v=start[1])
     np.testing.assert_allclose(found.q[-1], floats(exact["y1"]), rtol=0, atol=2.3e-16)
     np.testing.assert_allclose(found.v[-1], floats(exact["z1"]), rtol=0, atol=9e-16)
-
-
-@functools.cache
-def exact(name):
-    """Return the end of a problem by a method of order 16, at roundoff."""
-    problem = PROBLEMS[name]
-    found = lv.integrate(problem.system, lv.Spark(8), t=problem.t, steps=64, **problem.start)
-    return {state: found.states[state][-1] for state in problem.of}
-
-
-@pytest.mark.parametrize("force", FORCES)
-@pytest.mark.parametrize("stages", [2, 3, 4])
-@pytest.mark.parametrize("name", PROBLEMS)
-def test_every_member_has_order_2s_minus_2_in_everything(name, stages, force):
-    problem = PROBLEMS[name]
-    method = lv.LobattoPair(stages, force)
-    span = problem.t[1] - problem.t[0]
-    hs = [span / steps for steps in problem.steps[method.order // 2 - 1]]
-    found = study(problem.system, method, problem.t, hs, problem.start, exact(name), of=problem.of)
-    for state in problem.of:
-        assert abs(found.order[state] - method.order) < 0.15, (state, found.errors[state])
 
 
 @pytest.mark.parametrize("force", FORCES)
@@ -226,22 +202,6 @@ def test_for_constant_mass_and_forces_of_position_b_c_d_are_one_map(stages):
 
 
 # --- compositions and bad calls ----------------------------------------------------------------
-
-COMPOSED = {"Y4": (64, 96, 144, 216), "SS6s11": (20, 26, 34, 44), "SS8s21": (10, 12, 14, 17)}
-
-
-@pytest.mark.parametrize("name", ["top", "breathing sphere", "nonlinear reaction"])
-@pytest.mark.parametrize("scheme", COMPOSED)
-@pytest.mark.parametrize("force", ["A", "B", "D"])
-def test_a_composition_has_the_order_of_its_scheme(force, scheme, name):
-    problem = PROBLEMS[name]
-    method = lv.Composition(lv.LobattoPair(2, force), scheme)
-    span = problem.t[1] - problem.t[0]
-    finer = 2 if name == "top" else 1
-    hs = [span / (finer * steps) for steps in COMPOSED[scheme]]
-    found = study(problem.system, method, problem.t, hs, problem.start, exact(name), of=problem.of)
-    for state in problem.of[:2]:
-        assert abs(found.order[state] - method.order) < 0.3, (state, found.errors[state])
 
 
 @pytest.mark.parametrize("force", ["C", "C*"])

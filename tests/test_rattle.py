@@ -144,15 +144,6 @@ def test_one_force_and_two_factors_a_step():
     assert stats["iterations"] < 3.2 * 200
 
 
-def test_order_two(case):
-    system, _, start = case
-    ends = [steps(system, start, 0.5 / n, n) for n in (20, 40, 80)]
-    for name in ("q", "v", "lam"):
-        last = [end.states[name][-1] for end in ends]
-        ratio = abs(last[0] - last[1]).max() / abs(last[1] - last[2]).max()
-        assert abs(np.log2(ratio) - 2) < 0.15
-
-
 def test_constraints_hold(case):
     system, _, start = case
     residuals = steps(system, start, 0.02, 200).residuals

@@ -159,48 +159,6 @@ def packet(x):
     return psi / np.linalg.norm(psi)
 
 
-def moved_array(t):
-    kinetic = MOVED.grid.kinetic(1.0)[0]
-    x = MOVED.grid.points[:, 0]
-    transform = np.fft.ifft(kinetic[:, None] * np.fft.fft(np.eye(64), axis=0), axis=0)
-    return transform.real + np.diag(x**2 / 2 + 2 * np.sin(2 * t) * x + x**4 / 100)
-
-
-ORDERS = {"S2": 2, "BM4": 4, "RKN4s6": 4, "BM6": 6, "RKN6s11": 6}
-
-
-@pytest.fixture(scope="module")
-def moved_end():
-    return integrated(moved_array, SPAN, packet(MOVED.grid.points[:, 0]))
-
-
-@pytest.mark.parametrize(("scheme", "order"), ORDERS.items())
-def test_split_operators_keep_their_order_with_a_potential_in_time(scheme, order, moved_end):
-    psi = packet(MOVED.grid.points[:, 0])
-    method = lv.SplitOperator(scheme)
-    assert method.order == order
-    errors = [
-        off(lv.integrate(MOVED, method, t=SPAN, steps=n, psi=psi).psi[-1], moved_end)
-        for n in (30, 60)
-    ]
-    assert order - 0.2 < np.log2(errors[0] / errors[1]) < order + 0.2
-
-
-@pytest.mark.parametrize("order", [2, 4])
-@pytest.mark.parametrize("which", ["matrix", "grid"])
-def test_magnus_methods_keep_their_order(order, which, moved_end):
-    if which == "grid":
-        system, t, psi, wanted = MOVED, SPAN, packet(MOVED.grid.points[:, 0]), moved_end
-    else:
-        system, t, psi = driven(), (0.3, 2.3), random_state(8)
-        wanted = integrated(driven_array, t, psi)
-    errors = [
-        off(lv.integrate(system, lv.Magnus(order, 1e-11), t=t, steps=n, psi=psi).psi[-1], wanted)
-        for n in (40, 80)
-    ]
-    assert order - 0.2 < np.log2(errors[0] / errors[1]) < order + 0.2
-
-
 def test_a_potential_in_time_is_the_same_as_a_drive():
     x = MOVED.grid.points[:, 0]
     still = grid(lambda t, x, params: x**2 / 2 + x**4 / 100)

@@ -99,21 +99,6 @@ def track_at(t):
     return np.array([s, c, 2 * t * c, -2 * t * s]), 4 * t**2
 
 
-STEPS = (80, 160, 320), (32, 64, 128), (12, 16, 24, 32), (10, 12, 16, 20)
-
-
-@pytest.mark.parametrize("s", [1, 2, 3, 4])
-def test_order_is_twice_the_stages_where_f_is_nonlinear_and_the_constraint_moves(s):
-    system, (y, z) = nonlinear(), nonlinear_at(2.0)
-    errors = []
-    for steps in STEPS[s - 1]:
-        found = lv.integrate(system, lv.Spark(s), t=(0, 2), steps=steps, y=[1, 1], z=[1])
-        errors.append((abs(found.y[-1] - y).max(), abs(found.z[-1] - z).max()))
-    for state in range(2):
-        order = slope([2 / steps for steps in STEPS[s - 1]], [error[state] for error in errors])
-        assert abs(order - 2 * s) < 0.15, (state, order, errors)
-
-
 PENDULUM_STEPS = (4000, 6000, 8000), (400, 600, 800), (200, 300, 400), (160, 200, 240)
 
 
@@ -185,15 +170,6 @@ def test_small_steps_are_as_well_conditioned_as_large_ones():
         assert abs(found.z[-1] - z_end).max() < 1e-14
         assert found.stats["iterations"] < 8 * 20
         assert found.stats["cold_starts"] == 0
-
-
-def test_a_composition_has_the_order_of_its_scheme():
-    y, z = nonlinear_at(1.0)
-    method, errors, sizes = lv.Composition(lv.Spark(1), "SU4"), [], (20, 40, 80)
-    for steps in sizes:
-        found = lv.integrate(nonlinear(), method, t=(0, 1), steps=steps, y=[1, 1], z=[1])
-        errors.append(abs(np.concatenate([found.y[-1] - y, found.z[-1] - z])).max())
-    assert abs(slope([1 / n for n in sizes], errors) - 4) < 0.15
 
 
 def test_factors_serve_as_long_as_that_pays():

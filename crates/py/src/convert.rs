@@ -18,6 +18,9 @@ const INPUT: i64 = -1;
 const CONSTANT: i64 = -2;
 const OUTPUT: i64 = -3;
 
+/// A vector, as the caller holds it.
+pub(crate) type Values<'py> = PyReadonlyArray1<'py, f64>;
+
 /// The pickled form of an object: a function and its arguments.
 pub(crate) type Recipe<'py> = (Bound<'py, PyAny>, Bound<'py, PyTuple>);
 

@@ -17,7 +17,7 @@ use pyo3::prelude::*;
 
 /// A method, by the attributes of its dataclass.
 #[derive(FromPyObject)]
-enum MethodOf {
+enum MechanicalMethod {
     Composed {
         base: SparkOf,
         scheme: String,
@@ -65,7 +65,7 @@ impl SparkOf {
     }
 }
 
-impl MethodOf {
+impl MechanicalMethod {
     fn read(self) -> PyResult<Method> {
         match self {
             Self::Composed { base, scheme } => base.read(Some(&scheme)),
@@ -154,7 +154,7 @@ fn detection((order, times, events): &Watch<'_>) -> PyResult<Detection> {
 
 /// A job, by the attributes of its dataclass; an ensemble has arrays of rows.
 #[derive(FromPyObject)]
-struct JobOf<'py> {
+struct MechanicalJob<'py> {
     start: Vec<PyReadonlyArrayDyn<'py, f64>>,
     params: PyReadonlyArrayDyn<'py, f64>,
     span: (f64, f64, usize, usize),
@@ -166,7 +166,7 @@ struct JobOf<'py> {
     is_ensemble: bool,
 }
 
-impl JobOf<'_> {
+impl MechanicalJob<'_> {
     fn read(&self) -> PyResult<run::Job> {
         let ndim = 1 + usize::from(self.is_ensemble);
         let first = self.start.first().map_or(&[][..], |x| x.shape());
@@ -210,7 +210,7 @@ pub(crate) fn start(
     method: &Bound<'_, PyAny>,
     job: &Bound<'_, PyAny>,
 ) -> PyResult<Result<Box<dyn Advance>, StartError>> {
-    let method = method.extract::<MethodOf>()?.read()?;
-    let job = job.extract::<JobOf<'_>>()?.read()?;
+    let method = method.extract::<MechanicalMethod>()?.read()?;
+    let job = job.extract::<MechanicalJob<'_>>()?.read()?;
     Ok(run::start(problem, method, job))
 }

@@ -1,20 +1,19 @@
 //! Jobs of Schrödinger equations: a method, wave functions and observables in, a run out.
 
 use crate::caught::Caught;
+use crate::convert::Values;
 use crate::errors::refused;
 use crate::operator::Hamiltonian;
 use liouville_base::run::{Advance, StartError};
 use liouville_waves::method::Observable;
 use liouville_waves::run::{self, Method};
-use numpy::{Complex64, PyReadonlyArray1, PyReadonlyArray2, PyUntypedArrayMethods};
+use numpy::{Complex64, PyReadonlyArray2, PyUntypedArrayMethods};
 use pyo3::prelude::*;
 use pyo3::types::PyTuple;
 
-type Values<'py> = PyReadonlyArray1<'py, f64>;
-
 /// A method, by the attributes of its dataclass; `norm_tol` is how far the norm may be off.
 #[derive(FromPyObject)]
-enum MethodOf<'py> {
+enum WaveMethod<'py> {
     Shears {
         coefficients: Values<'py>,
         shift: f64,
@@ -51,7 +50,7 @@ enum MethodOf<'py> {
     },
 }
 
-impl MethodOf<'_> {
+impl WaveMethod<'_> {
     fn read(self) -> PyResult<Method> {
         Ok(match self {
             Self::Shears {
@@ -144,7 +143,7 @@ fn observable(observable: &Bound<'_, PyTuple>) -> PyResult<Observable> {
 /// A job, by the attributes of its dataclass: `start` has the rows of wave functions, `span` is the start and (time,
 /// steps to it) of each state that is recorded.
 #[derive(FromPyObject)]
-struct JobOf<'py> {
+struct WaveJob<'py> {
     start: (PyReadonlyArray2<'py, Complex64>,),
     span: (f64, Vec<(f64, usize)>),
     observer: Vec<Bound<'py, PyTuple>>,
@@ -153,7 +152,7 @@ struct JobOf<'py> {
     is_ensemble: bool,
 }
 
-impl JobOf<'_> {
+impl WaveJob<'_> {
     fn read(self) -> PyResult<run::Job> {
         let psi = &self.start.0;
         let (t0, stops) = self.span;
@@ -179,8 +178,8 @@ pub(crate) fn start(
     method: &Bound<'_, PyAny>,
     job: &Bound<'_, PyAny>,
 ) -> PyResult<(Started, Vec<Caught>)> {
-    let method = method.extract::<MethodOf<'_>>()?.read()?;
-    let job = job.extract::<JobOf<'_>>()?.read()?;
+    let method = method.extract::<WaveMethod<'_>>()?.read()?;
+    let job = job.extract::<WaveJob<'_>>()?.read()?;
     let (signals, mut caught) = (Caught::default(), hamiltonian.caught.clone());
     let run = run::start(hamiltonian.inner.clone(), method, job, signals.cancel());
     caught.push(signals);

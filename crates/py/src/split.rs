@@ -1,6 +1,6 @@
 //! Split polynomial fields, and their jobs: pieces and start values in, a run out.
 
-use crate::convert;
+use crate::convert::{self, Values};
 use crate::errors::refused;
 use crate::tableau::scheme_named;
 use liouville_base::run::{Advance, Span, StartError};
@@ -15,7 +15,6 @@ use pyo3::types::PyTuple;
 use std::sync::Arc;
 
 type Index<'py> = PyReadonlyArray1<'py, i64>;
-type Values<'py> = PyReadonlyArray1<'py, f64>;
 type Waves<'py> = Vec<(Index<'py>, Values<'py>, f64)>;
 
 /// A field as a sum of pieces.
@@ -159,7 +158,7 @@ fn waves_of(waves: &Waves<'_>) -> PyResult<Vec<CosineFactor>> {
 
 /// A method, by the attributes of its dataclass.
 #[derive(FromPyObject)]
-struct MethodOf {
+struct FieldMethod {
     composition: String,
     compensated: bool,
 }
@@ -176,7 +175,7 @@ enum RecordedOf<'py> {
 /// A job, by the attributes of its dataclass: `start` has rows of values, `seen` is how many variables the user has,
 /// and the matrix A of x = A y if y is what is stepped.
 #[derive(FromPyObject)]
-struct JobOf<'py> {
+struct FieldJob<'py> {
     start: (PyReadonlyArray2<'py, f64>,),
     params: Values<'py>,
     seen: (usize, Option<PyReadonlyArray2<'py, f64>>),
@@ -187,7 +186,7 @@ struct JobOf<'py> {
     is_ensemble: bool,
 }
 
-impl JobOf<'_> {
+impl FieldJob<'_> {
     fn read(&self, n: usize) -> PyResult<run::Job> {
         let x = &self.start.0;
         if x.shape()[1] != n {
@@ -245,11 +244,11 @@ pub(crate) fn start(
     method: &Bound<'_, PyAny>,
     job: &Bound<'_, PyAny>,
 ) -> PyResult<Result<Box<dyn Advance>, StartError>> {
-    let method: MethodOf = method.extract()?;
+    let method: FieldMethod = method.extract()?;
     let method = Method {
         scheme: scheme_named(&method.composition)?,
         is_compensated: method.compensated,
     };
-    let job = job.extract::<JobOf<'_>>()?.read(split.0.n())?;
+    let job = job.extract::<FieldJob<'_>>()?.read(split.0.n())?;
     Ok(run::start(split.0.clone(), method, job))
 }

@@ -28,14 +28,14 @@ const SHORTEST_TURN: f64 = 1e-4;
 const ROUND: f64 = 0.2;
 
 /// Members in lock-step, and their run once it has begun.
-struct Block {
+struct MemberBlock {
     members: Vec<usize>,
     run: Option<Box<dyn Advance>>,
     /// Whether it begins again because a member failed.
     is_again: bool,
 }
 
-impl Block {
+impl MemberBlock {
     fn done(&self) -> usize {
         self.run.as_ref().map_or(0, |run| run.done())
     }
@@ -43,10 +43,10 @@ impl Block {
 
 /// Blocks waiting for their turn, and the results of those that are over.
 struct Queue {
-    waiting: VecDeque<Block>,
+    waiting: VecDeque<MemberBlock>,
     /// Steps wanted for now, and the blocks that have made them.
     most: usize,
-    resting: Vec<Block>,
+    resting: Vec<MemberBlock>,
     /// Steps of a turn.
     turn: usize,
     records: MemberRecords,
@@ -83,12 +83,12 @@ impl Ensemble {
         t0: f64,
     ) -> Self {
         let all: Vec<usize> = (0..members).collect();
-        let blocks = all.chunks(width).map(|members| Block {
+        let blocks = all.chunks(width).map(|members| MemberBlock {
             members: members.to_vec(),
             run: None,
             is_again: false,
         });
-        let waiting: VecDeque<Block> = blocks.collect();
+        let waiting: VecDeque<MemberBlock> = blocks.collect();
         let threads = threads.clamp(1, waiting.len());
         Self {
             begin,
@@ -178,7 +178,7 @@ impl Ensemble {
 
 impl Queue {
     /// The next block that has steps to make, and up to how many.
-    fn next(&mut self, is_aligned: bool) -> Option<(Block, usize)> {
+    fn next(&mut self, is_aligned: bool) -> Option<(MemberBlock, usize)> {
         while let Some(block) = self.waiting.pop_front() {
             let done = block.done();
             if done >= self.most {
@@ -192,7 +192,7 @@ impl Queue {
     }
 
     fn begin_again(&mut self, members: &[usize]) {
-        self.waiting.push_front(Block {
+        self.waiting.push_front(MemberBlock {
             members: members.to_vec(),
             run: None,
             is_again: true,
@@ -202,11 +202,11 @@ impl Queue {
     /// Keeps the records of the member that failed, and lets the others begin again.
     fn fail(
         &mut self,
-        block: Block,
+        block: MemberBlock,
         run: Option<(Box<dyn Advance>, (usize, f64))>,
         error: StepError,
     ) {
-        let Block {
+        let MemberBlock {
             members, is_again, ..
         } = block;
         let place = error.member().or((members.len() == 1).then_some(0));

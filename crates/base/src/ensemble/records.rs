@@ -23,7 +23,7 @@ pub enum Layout {
 }
 
 /// Times and rows.
-type Rows = (Vec<f64>, Vec<f64>);
+type TimesAndRows = (Vec<f64>, Vec<f64>);
 
 /// Records of all members so far.
 pub(super) struct MemberRecords {
@@ -33,7 +33,7 @@ pub(super) struct MemberRecords {
     /// Rows of all members, where they are aligned.
     table: Vec<f64>,
     /// Those of each run by its first member, where they are not.
-    ragged: Vec<(usize, Rows)>,
+    ragged: Vec<(usize, TimesAndRows)>,
 }
 
 impl MemberRecords {
@@ -59,7 +59,7 @@ impl MemberRecords {
     pub(super) fn keep(
         &mut self,
         members: &[usize],
-        (times, rows): Rows,
+        (times, rows): TimesAndRows,
         one: Option<(usize, usize)>,
     ) {
         let Layout::Aligned { times: all, width } = &self.layout else {
@@ -92,7 +92,7 @@ impl MemberRecords {
     }
 
     /// All records up to a time this far from the start; none are left.
-    pub(super) fn take(&mut self, reached: f64) -> Rows {
+    pub(super) fn take(&mut self, reached: f64) -> TimesAndRows {
         match &self.layout {
             Layout::Aligned { times, width } => {
                 let total = self.members * width;
@@ -115,7 +115,7 @@ impl MemberRecords {
 
 /// The rows of one member, whose number comes first in each.
 #[allow(clippy::float_cmp, clippy::cast_precision_loss)] // it is a small integer
-fn rows_of(member: usize, times: &[f64], rows: &[f64]) -> Rows {
+fn rows_of(member: usize, times: &[f64], rows: &[f64]) -> TimesAndRows {
     let width = (rows.len() / times.len().max(1)).max(1);
     let both = times.iter().zip(rows.chunks_exact(width));
     let own = both.filter(|(_, row)| row[0] == member as f64);
@@ -124,7 +124,7 @@ fn rows_of(member: usize, times: &[f64], rows: &[f64]) -> Rows {
 }
 
 /// Rows of one run after those of another, up to a time this far from the start.
-fn joined(records: Vec<(usize, Rows)>, reached: f64, t0: f64) -> Rows {
+fn joined(records: Vec<(usize, TimesAndRows)>, reached: f64, t0: f64) -> TimesAndRows {
     let (mut all_times, mut all_rows) = (Vec::new(), Vec::new());
     for (_, (times, rows)) in records {
         let width = rows.len() / times.len().max(1);

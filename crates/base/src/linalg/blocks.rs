@@ -119,10 +119,10 @@ impl<R: Real> Blocks<R> {
         for order in &self.orders {
             let (own, next) = unknowns.split_at(*order);
             let (block, others) = rest.split_at(order * order);
-            if R::MEMBERS > 1 {
-                multiply_members(block, own, b);
-            } else {
+            if R::IS_SINGLE {
                 short!(*order, N => multiply::<R, N>(block, own, b), ());
+            } else {
+                multiply_members(block, own, b);
             }
             (rest, unknowns) = (others, next);
         }

@@ -30,12 +30,6 @@ pub const MOST_UPDATES: usize = 150;
 /// The most nodes whose blocks are eliminated; each number has code of its own.
 pub const MOST_NODES: usize = 8;
 
-/// The most nodes whose blocks are eliminated with wide registers, of several members.
-///
-/// Measured on plane chains of 100 links, 16 members, wide over not: 0.37 with 2 nodes, 0.2 with 3, but 15 with 4, where
-/// compilers gather across a block. One member fills no wide register: wide over not 1.6 with 2 nodes, 2 with 3, 8 with 4.
-pub const MOST_WIDE_NODES: usize = 3;
-
 /// Constraints from which a saddle's Schur complement is sparse, where most of `g_y` is zero.
 ///
 /// Measured on plane chains, sparse over dense: 0.97 of a step with 10 links, 0.9 with 16, 0.84 with 24.

@@ -90,7 +90,7 @@ impl<R: Real> Lu<R> {
         let n = self.order();
         #[allow(clippy::cast_precision_loss)]
         let tiny = 4.0 * n as f64 * f64::EPSILON;
-        if R::MEMBERS > 1 {
+        if !R::IS_SINGLE {
             for i in k..n {
                 self.sizes[i] = self.factors[(i, k)].map(f64::abs) / self.scale[i];
             }
@@ -100,10 +100,10 @@ impl<R: Real> Lu<R> {
         for (member, swap) in swaps.iter_mut().enumerate() {
             let (mut best, mut size) = (k, 0.0);
             for i in k..n {
-                let candidate = if R::MEMBERS > 1 {
-                    sizes[i].member(member)
-                } else {
+                let candidate = if R::IS_SINGLE {
                     factors[(i, k)].member(member).abs() / scale[i].member(member)
+                } else {
+                    sizes[i].member(member)
                 };
                 if candidate > size {
                     (best, size) = (i, candidate);
@@ -135,10 +135,10 @@ impl<R: Real> Lu<R> {
         for (k, swaps) in self.swaps.chunks_exact(R::MEMBERS).enumerate() {
             swap(b, k, swaps);
         }
-        if R::MEMBERS > 1 {
-            self.solve_long(b);
-        } else {
+        if R::IS_SINGLE {
             self.solve_alone(b);
+        } else {
+            self.solve_long(b);
         }
     }
 

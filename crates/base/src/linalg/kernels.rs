@@ -41,11 +41,11 @@ pub fn combine<R: Real>(
     x: &Matrix<R>,
     finish: impl Fn(usize, usize, &mut [R]),
 ) {
-    if R::MEMBERS > 1 {
+    if R::IS_SINGLE {
+        combine_alone(out, weights, x, finish);
+    } else {
         // a sum of several members is kept in registers as it is
         combine_members(out, weights, x, finish);
-    } else {
-        combine_alone(out, weights, x, finish);
     }
 }
 

@@ -8,29 +8,37 @@
 //! such blocks are eliminated without pivoting, as A B itself would be, at k³ times the cost. They are kept
 //! column by column, so that a product with a vector adds columns, and as the factors of L D U: what one step
 //! of a solve leaves for the next is then a single product.
+//!
+//! Loops go up to k, the number of nodes, in memory for K: [`at_nodes`](crate::at_nodes).
 #![allow(clippy::inline_always)] // what is not inlined is compiled without the registers it is for
 
-use super::choice::{MOST_NODES, MOST_UPDATES, MOST_WIDE_NODES};
+use super::choice::{MOST_NODES, MOST_UPDATES};
 use super::fill::EliminationPlan;
 use super::product::Pairs;
 use super::{Lu, Matrix, Pattern, Singular};
-use crate::real::Real;
+use crate::real::{Real, Scalar};
 use crate::simd::dispatch_simd;
-use std::array::from_fn;
 
 /// Pivots below this fraction of what stood in their place are roundoff.
 const TINY: f64 = 1e3 * f64::EPSILON;
 
-/// Runs `$body` with the constant `$K` equal to `$k`.
+/// Runs `$body` with `$k` equal to `$nodes` and the constant `$K` no less: K itself for one member, so that loops over
+/// the nodes are unrolled, and [`MOST_NODES`] for several, where each of their operations is a vector already.
 #[macro_export]
-macro_rules! at_size {
-    ($k:expr, $K:ident => $body:expr) => {
-        $crate::at_size!(@ $k, $K, $body, 1 2 3 4 5 6 7 8)
+macro_rules! at_nodes {
+    ($R:ty, $nodes:expr, ($K:ident, $k:ident) => $body:expr) => {
+        $crate::at_nodes!(@ $R, $nodes, $K, $k, $body, 1 2 3 4 5 6 7 8)
     };
-    (@ $k:expr, $K:ident, $body:expr, $($size:literal)*) => {
-        match $k {
-            $($size => { const $K: usize = $size; $body })*
-            more => unreachable!("{more} nodes"),
+    (@ $R:ty, $nodes:expr, $K:ident, $k:ident, $body:expr, $($size:literal)*) => {
+        if <$R as $crate::real::Scalar>::IS_SINGLE {
+            match $nodes {
+                $($size => { const $K: usize = $size; let $k = $K; $body })*
+                more => unreachable!("{more} nodes"),
+            }
+        } else {
+            const $K: usize = $crate::linalg::choice::MOST_NODES;
+            let $k = $nodes.min($K);
+            $body
         }
     };
 }
@@ -100,9 +108,9 @@ impl<R: Real> NodeGram<R> {
     /// # Panics
     /// When there are fewer values than entries.
     pub fn factor(&mut self, a: &[R], b: &[R]) -> Result<(), Singular> {
-        at_size!(self.nodes, K => dispatch_simd_nodes::<R, K, _>(#[inline(always)] || {
-            self.multiply::<K>(a, b);
-            self.eliminate::<K>()
+        at_nodes!(R, self.nodes, (K, k) => dispatch_simd::<R, _>(#[inline(always)] || {
+            self.multiply::<K>(k, a, b);
+            self.eliminate::<K>(k)
         }))
     }
 
@@ -111,209 +119,296 @@ impl<R: Real> NodeGram<R> {
     /// # Panics
     /// When `b` is too short.
     pub fn solve(&mut self, b: &mut [R]) {
-        at_size!(self.nodes, K => dispatch_simd_nodes::<R, K, _>(#[inline(always)] || self.substitute::<K>(b)));
+        at_nodes!(R, self.nodes, (K, k) => dispatch_simd::<R, _>(#[inline(always)] || self.substitute::<K>(k, b)));
     }
 
     #[inline(always)]
-    fn multiply<const K: usize>(&mut self, a: &[R], b: &[R]) {
-        let (a, b) = (a.as_chunks::<K>().0, b.as_chunks::<K>().0);
-        let values = self.values.as_chunks_mut::<K>().0;
-        let weight = |l, j, i| self.weights[(l * K + j) * K + i];
-        let weights: [Block<f64, K>; K] = from_fn(|l| from_fn(|j| from_fn(|i| weight(l, j, i))));
-        for (block, pairs) in values.chunks_exact_mut(K).zip(self.pairs.each()) {
-            let mut sum = [[R::splat(0.0); K]; K];
+    fn multiply<const K: usize>(&mut self, k: usize, a: &[R], b: &[R]) {
+        let (mut sum, mut column) = (zero::<R, K>(), [R::splat(0.0); K]);
+        for (block, pairs) in self.values.chunks_exact_mut(k * k).zip(self.pairs.each()) {
+            clear(k, &mut sum);
             for (i, j) in pairs {
-                add_outer(&mut sum, &a[*i as usize], &b[*j as usize]);
+                add_outer(
+                    k,
+                    &mut sum,
+                    at::<R, K>(k, a, *i as usize),
+                    at::<R, K>(k, b, *j as usize),
+                );
             }
-            for l in 0..K {
-                let mut column = [R::splat(0.0); K];
-                for j in 0..K {
-                    for i in 0..K {
-                        column[i] += sum[l][j] * weights[l][j][i];
+            for l in 0..k {
+                column[..k].fill(R::splat(0.0));
+                for j in 0..k {
+                    let weights = &self.weights[(l * k + j) * k..][..k];
+                    for i in 0..k {
+                        column[i] += sum[l][j] * weights[i];
                     }
                 }
-                block[l] = column;
+                at_mut::<R, K>(k, block, l).copy_from_slice(&column[..k]);
             }
         }
     }
 
     #[inline(always)]
-    fn eliminate<const K: usize>(&mut self) -> Result<(), Singular> {
+    fn eliminate<const K: usize>(&mut self, k: usize) -> Result<(), Singular> {
         let plan = &self.plan;
         let (m, count) = (plan.order.len(), plan.neighbours.len());
-        let values = self.values.as_chunks_mut::<K>().0;
-        for (scale, block) in self.scale.iter_mut().zip(values.chunks_exact(K)) {
-            *scale = block[0][0].map(f64::abs);
+        let values = &mut self.values[..];
+        for (scale, block) in self.scale.iter_mut().zip(values.chunks_exact(k * k)) {
+            *scale = block[0].map(f64::abs);
         }
+        let [mut inverse, mut factor, mut other, mut product] = [zero::<R, K>(); 4];
         let (mut targets, mut start) = (&plan.targets[..], 0);
         for (step, end) in plan.starts[1..].iter().enumerate() {
             let (at, degree) = (start..*end as usize, *end as usize - start);
             start = at.end;
-            let Some(inverse) = inverted(block(values, step), self.scale[step]) else {
+            read(k, values, step, &mut inverse);
+            if !invert(k, &mut inverse, self.scale[step]) {
                 let column = plan.order[step] as usize;
                 return Err(Singular { column });
-            };
-            put(values, step, inverse);
+            }
+            write(k, values, step, &inverse);
             for row in at.clone() {
                 let (now, rest) = targets.split_at(degree);
                 targets = rest;
-                let factor = times(&block(values, m + row), &inverse);
-                put(values, m + row, factor);
+                read(k, values, m + row, &mut other);
+                times(k, &other, &inverse, &mut factor);
+                write(k, values, m + row, &factor);
                 for (col, target) in at.clone().zip(now) {
-                    let other = block(values, m + count + col);
-                    subtract_product(values, *target as usize, &factor, &other);
+                    read(k, values, m + count + col, &mut other);
+                    subtract_product(k, values, *target as usize, &factor, &other);
                 }
             }
             for col in at {
-                let scaled = times(&inverse, &block(values, m + count + col));
-                put(values, m + count + col, scaled);
+                read(k, values, m + count + col, &mut other);
+                times(k, &inverse, &other, &mut product);
+                write(k, values, m + count + col, &product);
             }
         }
         Ok(())
     }
 
     #[inline(always)]
-    fn substitute<const K: usize>(&mut self, b: &mut [R]) {
+    fn substitute<const K: usize>(&mut self, k: usize, b: &mut [R]) {
         let plan = &self.plan;
         let (m, count) = (plan.order.len(), plan.neighbours.len());
-        let (diagonal, others) = self.values.as_chunks::<K>().0.split_at(m * K);
-        let (lower, upper) = others.split_at(count * K);
-        let (x, b) = (self.x.as_chunks_mut::<K>().0, b.as_chunks_mut::<K>().0);
-        let rows: [[f64; K]; K] = from_fn(|i| from_fn(|j| self.inverse[(i, j)]));
-        for (x, unknown) in x.iter_mut().zip(&plan.order) {
-            let b = &b[*unknown as usize];
-            *x = from_fn(|i| (0..K).fold(R::splat(0.0), |sum, j| sum + b[j] * rows[i][j]));
-        }
-        let mut start = 0;
-        for (step, (end, inverse)) in plan.starts[1..]
-            .iter()
-            .zip(diagonal.chunks_exact(K))
-            .enumerate()
-        {
-            let at = start..*end as usize;
-            start = at.end;
-            let value = x[step];
-            let blocks = lower[at.start * K..at.end * K].chunks_exact(K);
-            for (k, block) in plan.neighbours[at].iter().zip(blocks) {
-                subtract(&mut x[*k as usize], block, &value);
+        let (diagonal, others) = self.values.split_at(m * k * k);
+        let (lower, upper) = others.split_at(count * k * k);
+        let x = &mut self.x[..];
+        let inverse = self.inverse.flat();
+        for (x, unknown) in x.chunks_exact_mut(k).zip(&plan.order) {
+            let b = at::<R, K>(k, b, *unknown as usize);
+            for (x, weights) in x.iter_mut().zip(inverse.chunks_exact(k)) {
+                let mut sum = R::splat(0.0);
+                for j in 0..k {
+                    sum += b[j] * weights[j];
+                }
+                *x = sum;
             }
-            x[step] = applied(inverse, &value);
+        }
+        let (mut value, mut product) = ([R::splat(0.0); K], [R::splat(0.0); K]);
+        let mut start = 0;
+        for (step, end) in plan.starts[1..].iter().enumerate() {
+            value[..k].copy_from_slice(at::<R, K>(k, x, step));
+            for place in start..*end as usize {
+                let row = plan.neighbours[place] as usize;
+                apply(k, block_at::<R, K>(k, lower, place), &value, &mut product);
+                subtract(k, at_mut::<R, K>(k, x, row), &product);
+            }
+            start = *end as usize;
+            apply(k, block_at::<R, K>(k, diagonal, step), &value, &mut product);
+            at_mut::<R, K>(k, x, step).copy_from_slice(&product[..k]);
         }
         for (step, unknown) in plan.order.iter().enumerate().rev() {
-            let at = plan.starts[step] as usize..start;
-            start = at.start;
-            let mut value = x[step];
-            let blocks = upper[at.start * K..at.end * K].chunks_exact(K);
-            for (k, block) in plan.neighbours[at].iter().zip(blocks) {
-                subtract(&mut value, block, &x[*k as usize]);
+            value[..k].copy_from_slice(at::<R, K>(k, x, step));
+            let end = start;
+            start = plan.starts[step] as usize;
+            for place in start..end {
+                let col = plan.neighbours[place] as usize;
+                apply(
+                    k,
+                    block_at::<R, K>(k, upper, place),
+                    at::<R, K>(k, x, col),
+                    &mut product,
+                );
+                subtract(k, &mut value, &product);
             }
-            x[step] = value;
-            b[*unknown as usize] = value;
+            at_mut::<R, K>(k, x, step).copy_from_slice(&value[..k]);
+            at_mut::<R, K>(k, b, *unknown as usize).copy_from_slice(&value[..k]);
         }
     }
 }
 
-/// Runs `f`, which is to be inlined, with wide registers where it works on several members at up to
-/// [`MOST_WIDE_NODES`] nodes.
-#[inline(always)]
-pub fn dispatch_simd_nodes<R: Real, const K: usize, O>(f: impl FnOnce() -> O) -> O {
-    if K <= MOST_WIDE_NODES {
-        dispatch_simd::<R, _>(f)
-    } else {
-        f()
-    }
-}
-
-/// The columns of a block.
+/// The columns of a block, of which the first k numbers of the first k are used.
 type Block<R, const K: usize> = [[R; K]; K];
 
 #[inline(always)]
-fn block<R: Real, const K: usize>(columns: &[[R; K]], place: usize) -> Block<R, K> {
-    let columns = &columns[place * K..(place + 1) * K];
-    from_fn(|l| columns[l])
+fn zero<R: Real, const K: usize>() -> Block<R, K> {
+    [[R::splat(0.0); K]; K]
 }
 
 #[inline(always)]
-fn put<R: Real, const K: usize>(columns: &mut [[R; K]], place: usize, block: Block<R, K>) {
-    columns[place * K..(place + 1) * K].copy_from_slice(&block);
+fn clear<R: Real, const K: usize>(k: usize, block: &mut Block<R, K>) {
+    for column in block.iter_mut().take(k) {
+        column[..k].fill(R::splat(0.0));
+    }
+}
+
+/// The k numbers in this place.
+#[inline(always)]
+pub(super) fn at<R: Scalar, const K: usize>(k: usize, values: &[R], place: usize) -> &[R] {
+    if R::IS_SINGLE {
+        &values.as_chunks::<K>().0[place] // a length known to the compiler
+    } else {
+        &values[place * k..(place + 1) * k]
+    }
 }
 
 #[inline(always)]
-fn add_outer<R: Real, const K: usize>(sum: &mut Block<R, K>, a: &[R; K], b: &[R; K]) {
-    for l in 0..K {
-        for i in 0..K {
+fn at_mut<R: Scalar, const K: usize>(k: usize, values: &mut [R], place: usize) -> &mut [R] {
+    if R::IS_SINGLE {
+        &mut values.as_chunks_mut::<K>().0[place]
+    } else {
+        &mut values[place * k..(place + 1) * k]
+    }
+}
+
+/// The k by k numbers in this place, column by column.
+#[inline(always)]
+fn block_at<R: Scalar, const K: usize>(k: usize, values: &[R], place: usize) -> &[R] {
+    if R::IS_SINGLE {
+        values.as_chunks::<K>().0[place * K..(place + 1) * K].as_flattened()
+    } else {
+        &values[place * k * k..(place + 1) * k * k]
+    }
+}
+
+#[inline(always)]
+fn block_at_mut<R: Scalar, const K: usize>(k: usize, values: &mut [R], place: usize) -> &mut [R] {
+    if R::IS_SINGLE {
+        values.as_chunks_mut::<K>().0[place * K..(place + 1) * K].as_flattened_mut()
+    } else {
+        &mut values[place * k * k..(place + 1) * k * k]
+    }
+}
+
+#[inline(always)]
+fn read<R: Real, const K: usize>(k: usize, values: &[R], place: usize, block: &mut Block<R, K>) {
+    let columns = block_at::<R, K>(k, values, place).chunks_exact(k);
+    for (out, column) in block.iter_mut().zip(columns) {
+        out[..k].copy_from_slice(column);
+    }
+}
+
+#[inline(always)]
+fn write<R: Real, const K: usize>(k: usize, values: &mut [R], place: usize, block: &Block<R, K>) {
+    let columns = block_at_mut::<R, K>(k, values, place).chunks_exact_mut(k);
+    for (out, column) in columns.zip(block) {
+        out.copy_from_slice(&column[..k]);
+    }
+}
+
+#[inline(always)]
+fn add_outer<R: Real, const K: usize>(k: usize, sum: &mut Block<R, K>, a: &[R], b: &[R]) {
+    for l in 0..k {
+        for i in 0..k {
             sum[l][i] += a[i] * b[l];
         }
     }
 }
 
-/// `A y`, A being the first columns.
+/// `out = A y`, with the columns of A one after another.
 #[inline(always)]
-fn applied<R: Real, const K: usize>(columns: &[[R; K]], y: &[R; K]) -> [R; K] {
-    let mut sum = columns[0].map(|x| x * y[0]);
-    for (column, y) in columns[..K].iter().zip(y).skip(1) {
-        for i in 0..K {
-            sum[i] += column[i] * *y;
+fn apply<R: Real, const K: usize>(k: usize, columns: &[R], y: &[R], out: &mut [R; K]) {
+    for i in 0..k {
+        out[i] = columns[i] * y[0];
+    }
+    for l in 1..k {
+        for i in 0..k {
+            out[i] += columns[l * k + i] * y[l];
         }
     }
-    sum
 }
 
+/// `out = A y`, A being a block.
 #[inline(always)]
-fn times<R: Real, const K: usize>(a: &Block<R, K>, b: &Block<R, K>) -> Block<R, K> {
-    from_fn(|l| applied(a, &b[l]))
+fn apply_block<R: Real, const K: usize>(k: usize, a: &Block<R, K>, y: &[R; K], out: &mut [R; K]) {
+    for i in 0..k {
+        out[i] = a[0][i] * y[0];
+    }
+    for l in 1..k {
+        for i in 0..k {
+            out[i] += a[l][i] * y[l];
+        }
+    }
 }
 
+/// `x -= y`
+#[inline(always)]
+fn subtract<R: Real, const K: usize>(k: usize, x: &mut [R], y: &[R; K]) {
+    for i in 0..k {
+        x[i] -= y[i];
+    }
+}
+
+/// `out = A B`
+#[inline(always)]
+fn times<R: Real, const K: usize>(
+    k: usize,
+    a: &Block<R, K>,
+    b: &Block<R, K>,
+    out: &mut Block<R, K>,
+) {
+    for l in 0..k {
+        apply_block(k, a, &b[l], &mut out[l]);
+    }
+}
+
+/// Subtracts `A B` from the block in this place.
 #[inline(always)]
 fn subtract_product<R: Real, const K: usize>(
-    columns: &mut [[R; K]],
+    k: usize,
+    values: &mut [R],
     place: usize,
     a: &Block<R, K>,
     b: &Block<R, K>,
 ) {
-    for (column, b) in columns[place * K..(place + 1) * K].iter_mut().zip(b) {
-        subtract(column, a, b);
+    let mut product = [R::splat(0.0); K];
+    let columns = block_at_mut::<R, K>(k, values, place).chunks_exact_mut(k);
+    for (column, b) in columns.zip(b) {
+        apply_block(k, a, b, &mut product);
+        subtract(k, column, &product);
     }
 }
 
-/// `x -= A y`, A being the first columns.
+/// Inverts a block whose diagonal dominates; false where a pivot is roundoff of `scale`.
 #[inline(always)]
-fn subtract<R: Real, const K: usize>(x: &mut [R; K], columns: &[[R; K]], y: &[R; K]) {
-    let product = applied(columns, y);
-    for i in 0..K {
-        x[i] -= product[i];
-    }
-}
-
-/// The inverse of a block whose diagonal dominates; `None` where a pivot is roundoff of `scale`.
-#[inline(always)]
-fn inverted<R: Real, const K: usize>(mut a: Block<R, K>, scale: R) -> Option<Block<R, K>> {
-    for p in 0..K {
+fn invert<R: Real, const K: usize>(k: usize, a: &mut Block<R, K>, scale: R) -> bool {
+    for p in 0..k {
         let pivot = a[p][p];
-        let is_fine = |k| {
-            let (pivot, scale): (f64, f64) = (pivot.member(k), scale.member(k));
+        let is_fine = |member| {
+            let (pivot, scale): (f64, f64) = (pivot.member(member), scale.member(member));
             pivot.abs() > TINY * scale && pivot.is_finite()
         };
         if !(0..R::MEMBERS).all(is_fine) {
-            return None;
+            return false;
         }
         let inverse = R::splat(1.0) / pivot;
         a[p][p] = R::splat(1.0);
-        for x in &mut a[p] {
-            *x *= inverse;
+        for i in 0..k {
+            a[p][i] *= inverse;
         }
-        let pivot_row = a[p];
-        for (i, row) in a.iter_mut().enumerate() {
-            if i != p {
-                let factor = row[p];
-                row[p] = R::splat(0.0);
-                for l in 0..K {
-                    row[l] -= factor * pivot_row[l];
+        let pivot_column = a[p];
+        for l in 0..k {
+            if l != p {
+                let factor = a[l][p];
+                a[l][p] = R::splat(0.0);
+                for i in 0..k {
+                    a[l][i] -= factor * pivot_column[i];
                 }
             }
         }
     }
-    Some(a)
+    true
 }
 
 fn inverse(matrix: &Matrix) -> Matrix {

@@ -1,6 +1,7 @@
 //! Products of two sparse matrices, whose places are found once.
 
 use super::Pattern;
+use super::node_gram::at;
 use crate::real::Real;
 
 /// For each place of A B, the pairs of entries of A and B whose products add up there.
@@ -90,21 +91,23 @@ impl Product {
         &self.pattern
     }
 
-    /// The products of A and K matrices B, whose values stand side by side entry by entry.
+    /// The products of A and k matrices B, whose values stand side by side entry by entry, in memory for K.
     ///
     /// # Panics
     /// When there are fewer values than entries.
-    pub fn multiply<R: Real, const K: usize>(&self, a: &[R], b: &[R], out: &mut [R]) {
-        let (b, out) = (b.as_chunks::<K>().0, out.as_chunks_mut::<K>().0);
-        for (out, pairs) in out.iter_mut().zip(self.pairs.each()) {
-            let mut sum = [R::splat(0.0); K];
+    #[allow(clippy::inline_always)] // loops over the nodes are unrolled where k is known
+    #[inline(always)]
+    pub fn multiply<R: Real, const K: usize>(&self, k: usize, a: &[R], b: &[R], out: &mut [R]) {
+        let mut sum = [R::splat(0.0); K];
+        for (out, pairs) in out.chunks_exact_mut(k).zip(self.pairs.each()) {
+            sum[..k].fill(R::splat(0.0));
             for (i, j) in pairs {
-                let (factor, b) = (a[*i as usize], &b[*j as usize]);
-                for k in 0..K {
-                    sum[k] += factor * b[k];
+                let (factor, b) = (a[*i as usize], at::<R, K>(k, b, *j as usize));
+                for i in 0..k {
+                    sum[i] += factor * b[i];
                 }
             }
-            *out = sum;
+            out.copy_from_slice(&sum[..k]);
         }
     }
 }

@@ -1,5 +1,6 @@
 //! A sparse matrix row by row, to multiply with: of constants, or with the values of several nodes side by side.
 
+use super::node_gram::at;
 use super::{Pattern, PatternError};
 use crate::real::Real;
 
@@ -207,31 +208,35 @@ impl<R: Real> Rows<R> {
     ///
     /// # Panics
     /// When there are fewer values than entries.
-    pub fn set<const K: usize>(&mut self, nodes: [&[R]; K]) {
-        let values = self.values.as_chunks_mut::<K>().0;
-        for (out, from) in values.iter_mut().zip(&self.from) {
-            *out = nodes.map(|node| node[*from as usize]);
+    #[allow(clippy::inline_always)] // loops over the nodes are unrolled where their number is known
+    #[inline(always)]
+    pub fn set<'v>(&mut self, nodes: usize, of_node: impl Fn(usize) -> &'v [R]) {
+        for i in 0..nodes {
+            let of_node = of_node(i);
+            for (values, from) in self.values.chunks_exact_mut(nodes).zip(&self.from) {
+                values[i] = of_node[*from as usize];
+            }
         }
     }
 
-    /// `out += A x` at each node.
+    /// `out += A x` at each of k nodes, in memory for K: [`at_nodes`](crate::at_nodes).
     ///
     /// # Panics
     /// When `x` or `out` is too short.
     #[allow(clippy::inline_always)] // what is not inlined is compiled without the registers it is for
     #[inline(always)]
-    pub fn add_product<const K: usize>(&self, x: &[[R; K]], out: &mut [[R; K]]) {
-        let values = self.values.as_chunks::<K>().0;
+    pub fn add_product<const K: usize>(&self, k: usize, x: &[R], out: &mut [R]) {
+        let (mut sum, mut values) = ([R::splat(0.0); K], self.values.chunks_exact(k));
         let rows = self.starts.iter().zip(&self.starts[1..]);
-        for (out, (start, end)) in out.iter_mut().zip(rows) {
-            let mut sum = *out;
-            for (col, value) in self.cols[*start..*end].iter().zip(&values[*start..*end]) {
-                let x = &x[*col as usize];
-                for i in 0..K {
+        for (out, (start, end)) in out.chunks_exact_mut(k).zip(rows) {
+            sum[..k].copy_from_slice(out);
+            for (col, value) in self.cols[*start..*end].iter().zip(&mut values) {
+                let x = at::<R, K>(k, x, *col as usize);
+                for i in 0..k {
                     sum[i] += value[i] * x[i];
                 }
             }
-            *out = sum;
+            out.copy_from_slice(&sum[..k]);
         }
     }
 }

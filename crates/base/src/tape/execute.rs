@@ -68,7 +68,7 @@ pub(super) fn cost(instrs: &[Instr]) -> (usize, usize) {
 /// the same, no jump has to be predicted.
 #[inline]
 pub(super) fn execute<R: Real>(program: &[Instr], registers: &mut [R]) {
-    if R::MEMBERS == 1 {
+    if R::IS_SINGLE {
         run(program, registers);
     } else {
         run_wide(program, registers);
@@ -95,8 +95,8 @@ fn run<R: Real>(program: &[Instr], registers: &mut [R]) {
         macro_rules! two {
             (|$x:ident, $y:ident| $value:expr) => {
                 loop {
-                    // SAFETY: `Tape::new` gives out registers below `self.registers` only, and whoever
-                    // runs its programs passes exactly that many.
+                    // SAFETY: `Tape::new` gives out registers below `self.registers` only, and callers
+                    // pass exactly that many.
                     unsafe {
                         let ($x, $y) = (*start.add(instr.a as usize), *start.add(instr.b as usize));
                         *start.add(instr.out as usize) = $value;

@@ -89,7 +89,7 @@ const LARGEST_KEPT: usize = 1 << 14;
 impl<S: Stored> Volume<S> {
     /// The flows of the pieces of `split`, with or without compensated sums.
     pub fn new(split: Arc<Split>, is_compensated: bool) -> Self {
-        let compiled = Arc::new(CompiledSplit::new(&split, S::MEMBERS == 1));
+        let compiled = Arc::new(CompiledSplit::new(&split, S::IS_SINGLE));
         let n = split.n();
         let zeros = |n: usize| vec![S::splat(0.0); n];
         let stages = (0..compiled.stages).map(|_| [zeros(n + compiled.waves), zeros(n)]);

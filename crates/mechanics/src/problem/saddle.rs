@@ -124,7 +124,7 @@ impl<R: Real> Saddle<R> {
     pub fn add_reaction(&self, model: &Model<R>, x: &[R], out: &mut [R]) {
         if let Form::Sparse(eliminated) = &self.form {
             let r_lam = eliminated.schur.r_lam();
-            r_lam.add_product::<1>(x.as_chunks().0, out.as_chunks_mut().0);
+            r_lam.add_product::<1>(1, x, out);
         } else {
             let pattern = &model.problem.patterns.r_lam;
             pattern.multiply_add(&self.r_lam, 1.0, x, out);
@@ -299,7 +299,7 @@ impl<R: Real> Eliminated<R> {
 
     fn factor(&mut self, mass: &Mass<R>, g_y: &[R], r_lam: &[R]) -> Result<(), Singular> {
         self.is_kkt = false;
-        self.schur.factor(mass, [g_y], [r_lam])
+        (self.schur).factor::<1>(1, mass, |_| g_y, |_| r_lam)
     }
 
     /// The KKT matrix, to be factored instead.
@@ -319,13 +319,12 @@ impl<R: Real> Eliminated<R> {
         for b in &mut *b {
             *b = -*b;
         }
-        let velocity = self.velocity.as_chunks().0;
-        (self.schur.g_y()).add_product::<1>(velocity, b.as_chunks_mut().0);
+        (self.schur.g_y()).add_product::<1>(1, &self.velocity, b);
         self.schur.solve(b);
         for b in &mut *b {
             *b = -*b;
         }
-        (self.schur.r_lam()).add_product::<1>(b.as_chunks().0, a.as_chunks_mut().0);
+        (self.schur.r_lam()).add_product::<1>(1, b, a);
         mass.solve(a);
     }
 }

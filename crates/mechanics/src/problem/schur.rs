@@ -45,25 +45,28 @@ impl<R: Real> SparseSchur<R> {
         })
     }
 
-    /// Factors S of the mass as it is factored, and of these values at K nodes in the order of their patterns.
+    /// Factors S of the mass as it is factored, and of these values at each node in the order of their patterns.
     ///
     /// # Errors
     /// The first constraint that depends on those eliminated before it.
-    pub fn factor<const K: usize>(
+    #[allow(clippy::inline_always)] // loops over the nodes are unrolled where k is known
+    #[inline(always)]
+    pub fn factor<'v, const K: usize>(
         &mut self,
+        k: usize,
         mass: &Mass<R>,
-        g_y: [&[R]; K],
-        r_lam: [&[R]; K],
+        g_y: impl Fn(usize) -> &'v [R],
+        r_lam: impl Fn(usize) -> &'v [R],
     ) -> Result<(), Singular> {
-        self.g_y.set(g_y);
-        self.r_lam.set(r_lam);
+        self.g_y.set(k, g_y);
+        self.r_lam.set(k, r_lam);
         let mut left = mass.inverse_values();
         if let (Some((product, values)), Some((_, v_z))) = (&mut self.inverse_mass, mass.v_z()) {
-            product.multiply::<R, 1>(v_z, left, values);
+            product.multiply::<R, 1>(1, v_z, left, values);
             left = values;
         }
         let (product, values) = &mut self.inverse_mass_rt;
-        product.multiply::<R, K>(left, self.r_lam.values(), values);
+        product.multiply::<R, K>(k, left, self.r_lam.values(), values);
         self.factor.factor(self.g_y.values(), values)
     }
 

@@ -88,7 +88,7 @@ impl Reactions {
             return Ok(());
         }
         let [gradient, drift] = model.gradient(t, y)?;
-        self.gradient.set([gradient]);
+        self.gradient.set(1, |_| gradient);
         copy(&mut self.drift, drift);
         match &mut self.solver {
             MultiplierSolver::Eliminated(matrices) => {

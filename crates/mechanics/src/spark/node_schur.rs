@@ -101,7 +101,7 @@ impl<R: Real> NodeSchur<R> {
             impulse: Matrix::zeros(k, n),
             d_z: Matrix::zeros(s, n),
             d_v: Matrix::zeros(s, n),
-            kept: (R::MEMBERS > 1).then(|| Box::new(stages.unknowns.clone())),
+            kept: (!R::IS_SINGLE).then(|| Box::new(stages.unknowns.clone())),
         }
     }
 

@@ -2,10 +2,11 @@
 #![allow(clippy::inline_always)] // what is not inlined is compiled without the registers it is for
 
 use crate::problem::{Mass, Mechanical, SparseSchur};
-use liouville_base::at_size;
+use liouville_base::at_nodes;
 use liouville_base::linalg::choice::SPARSE_NODE_SCHUR;
-use liouville_base::linalg::{Matrix, Singular, dispatch_simd_nodes};
+use liouville_base::linalg::{Matrix, Singular};
 use liouville_base::real::Real;
+use liouville_base::simd::dispatch_simd;
 
 /// `g_y` at the nodes 1..k, `r_λ` at the nodes 0..k−1, and the Schur complement between them.
 #[derive(Clone, Debug)]
@@ -44,10 +45,11 @@ impl<R: Real> SparseNodeSchur<R> {
         g_y: &Matrix<R>,
         r_lam: &Matrix<R>,
     ) -> Result<(), Singular> {
-        at_size!(self.nodes, K => self.schur.factor::<K>(
+        at_nodes!(R, self.nodes, (K, k) => self.schur.factor::<K>(
+            k,
             mass,
-            std::array::from_fn(|i| g_y.row(i + 1)),
-            std::array::from_fn(|l| r_lam.row(l)),
+            |i| g_y.row(i + 1),
+            |l| r_lam.row(l),
         ))
     }
 
@@ -61,14 +63,14 @@ impl<R: Real> SparseNodeSchur<R> {
         d_lam: &mut [R],
         d_z: &mut Matrix<R>,
     ) {
-        at_size!(self.nodes, K => {
-            dispatch_simd_nodes::<R, K, _>(#[inline(always)] || self.apply_g::<K>(a_bar, u, g, h));
+        at_nodes!(R, self.nodes, (K, k) => {
+            dispatch_simd::<R, _>(#[inline(always)] || self.apply_g::<K>(k, a_bar, u, g, h));
             self.schur.solve(&mut self.multipliers);
-            dispatch_simd_nodes::<R, K, _>(#[inline(always)] || {
-                self.apply_r::<K>(a_hat, residual, d_z);
-                let multipliers = self.multipliers.as_chunks::<K>().0;
-                for (l, d_lam) in d_lam.chunks_exact_mut(multipliers.len()).enumerate() {
-                    for (out, lam) in d_lam.iter_mut().zip(multipliers) {
+            dispatch_simd::<R, _>(#[inline(always)] || {
+                self.apply_r::<K>(k, a_hat, residual, d_z);
+                let m = self.multipliers.len() / k;
+                for (l, d_lam) in d_lam.chunks_exact_mut(m).enumerate() {
+                    for (out, lam) in d_lam.iter_mut().zip(self.multipliers.chunks_exact(k)) {
                         *out = lam[l];
                     }
                 }
@@ -78,44 +80,57 @@ impl<R: Real> SparseNodeSchur<R> {
 
     /// −g/h + `G_i` Σ ā_ij u_j
     #[inline(always)]
-    fn apply_g<const K: usize>(&mut self, a_bar: &Matrix, u: &Matrix<R>, g: &Matrix<R>, h: f64) {
-        let multipliers = self.multipliers.as_chunks_mut::<K>().0;
-        let vectors = self.vectors.as_chunks_mut::<K>().0;
-        let g: [&[R]; K] = std::array::from_fn(|i| g.row(i + 1));
+    fn apply_g<const K: usize>(
+        &mut self,
+        k: usize,
+        a_bar: &Matrix,
+        u: &Matrix<R>,
+        g: &Matrix<R>,
+        h: f64,
+    ) {
+        let (multipliers, vectors) = (&mut self.multipliers[..], &mut self.vectors[..]);
         let minus = -1.0 / h;
-        for (c, out) in multipliers.iter_mut().enumerate() {
-            *out = g.map(|g| g[c] * minus);
+        for i in 0..k {
+            for (out, g) in multipliers.chunks_exact_mut(k).zip(g.row(i + 1)) {
+                out[i] = *g * minus;
+            }
         }
-        vectors.fill([R::splat(0.0); K]);
+        vectors.fill(R::splat(0.0));
+        let mut weights = [0.0; K];
         for j in 0..u.rows() {
-            let weights: [f64; K] = std::array::from_fn(|i| a_bar[(i, j)]);
-            for (out, u) in vectors.iter_mut().zip(u.row(j)) {
-                for i in 0..K {
+            for i in 0..k {
+                weights[i] = a_bar[(i, j)];
+            }
+            for (out, u) in vectors.chunks_exact_mut(k).zip(u.row(j)) {
+                for i in 0..k {
                     out[i] += *u * weights[i];
                 }
             }
         }
-        self.schur.g_y().add_product(vectors, multipliers);
+        self.schur.g_y().add_product::<K>(k, vectors, multipliers);
     }
 
     /// Σ â_il R_l dΛ_l − residual
     #[inline(always)]
     fn apply_r<const K: usize>(
         &mut self,
+        k: usize,
         a_hat: &Matrix,
         residual: &Matrix<R>,
         d_z: &mut Matrix<R>,
     ) {
-        let multipliers = self.multipliers.as_chunks::<K>().0;
-        let vectors = self.vectors.as_chunks_mut::<K>().0;
-        vectors.fill([R::splat(0.0); K]);
-        self.schur.r_lam().add_product(multipliers, vectors);
+        let vectors = &mut self.vectors[..];
+        vectors.fill(R::splat(0.0));
+        (self.schur.r_lam()).add_product::<K>(k, &self.multipliers, vectors);
+        let mut weights = [0.0; K];
         for i in 0..d_z.rows() {
-            let weights: [f64; K] = std::array::from_fn(|l| a_hat[(i, l)]);
-            let residual = residual.row(i);
-            for ((out, v), residual) in d_z.row_mut(i).iter_mut().zip(&*vectors).zip(residual) {
+            for l in 0..k {
+                weights[l] = a_hat[(i, l)];
+            }
+            let (vectors, residual) = (vectors.chunks_exact(k), residual.row(i));
+            for ((out, v), residual) in d_z.row_mut(i).iter_mut().zip(vectors).zip(residual) {
                 let mut sum = R::splat(0.0);
-                for l in 0..K {
+                for l in 0..k {
                     sum += v[l] * weights[l];
                 }
                 *out = sum - *residual;

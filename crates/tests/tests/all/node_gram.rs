@@ -134,7 +134,7 @@ fn scattered_blocks_are_inverted() {
     }
     let identity = Product::new(&pattern, blocks.pattern());
     let mut product = vec![0.0; identity.pattern().len()];
-    identity.multiply::<f64, 1>(&values, blocks.values(), &mut product);
+    identity.multiply::<f64, 1>(1, &values, blocks.values(), &mut product);
     for ((row, col), value) in identity.pattern().entries().iter().zip(product) {
         let wanted = f64::from(u8::from(row == col));
         assert!((value - wanted).abs() < 1e-13, "{value} at ({row}, {col})");
@@ -155,18 +155,20 @@ fn products_at_nodes_are_those_of_each_node() {
         let node =
             |i: usize| -> Vec<f64> { (0..pattern.len()).map(|e| noise(3 * e + i)).collect() };
         let nodes = [node(0), node(1), node(2)];
-        let x: Vec<[f64; 3]> = (0..cols).map(|k| [1, 2, 3].map(|i| noise(i * k))).collect();
-        let mut all = vec![[1.0; 3]; rows];
+        let x: Vec<f64> = (0..cols)
+            .flat_map(|k| [1, 2, 3].map(|i| noise(i * k)))
+            .collect();
+        let mut all = vec![1.0; 3 * rows];
         let mut matrix = Rows::of(&pattern, 3);
-        matrix.set([&nodes[0], &nodes[1], &nodes[2]].map(|values| &values[..]));
-        matrix.add_product(&x, &mut all);
+        matrix.set(3, |i| &nodes[i]);
+        matrix.add_product::<3>(3, &x, &mut all);
         for (i, values) in nodes.iter().enumerate() {
-            let own: Vec<f64> = x.iter().map(|x| x[i]).collect();
+            let own: Vec<f64> = x.iter().skip(i).step_by(3).copied().collect();
             let mut wanted = vec![1.0; rows];
             pattern.multiply_add(values, 1.0, &own, &mut wanted);
             for (row, wanted) in wanted.iter().enumerate() {
                 assert!(
-                    (all[row][i] - wanted).abs() < 1e-15,
+                    (all[3 * row + i] - wanted).abs() < 1e-15,
                     "row {row} at node {i}"
                 );
             }

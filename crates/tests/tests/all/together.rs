@@ -1,4 +1,4 @@
-//! Members in lock-step: each is a run of its own bit for bit, in any company, whether the others stay on the
+//! Members in lock-step: each is a run of its own bit for bit, in any block, whether the others stay on the
 //! common path, step by themselves or fail.
 
 use liouville_base::ensemble::{Ensemble, Layout};
@@ -157,7 +157,7 @@ proptest! {
             let failure = failures.iter().find(|failure| failure.member == place);
             match run.advance(ALL_DAY) {
                 Status::Failed { n, t, error } => {
-                    let failure = failure.expect("it fails in company too");
+                    let failure = failure.expect("it fails in a block too");
                     prop_assert_eq!(&failure.error, &error);
                     prop_assert_eq!(failure.step, Some((n, t)));
                 }

@@ -116,10 +116,10 @@ fn refuse<S: Scalar>(
         let (norm, start) = (now.member(member).sqrt(), start.member(member).sqrt());
         if !is_fine(norm, start) {
             let error = StepError::Norm { norm, start, t };
-            return Err(if S::MEMBERS > 1 {
-                error.of_member(member)
-            } else {
+            return Err(if S::IS_SINGLE {
                 error
+            } else {
+                error.of_member(member)
             });
         }
     }
