@@ -347,6 +347,24 @@ def test_some_members_of_very_many_are_drawn_of_every_panel(runs):
         assert " of 120 members" in panel(crowd).get_title(loc="left")
 
 
+def test_a_semi_explicit_system_is_drawn_by_its_own_letters():
+    circle = lv.SemiExplicit(
+        field=lambda t, y, z, params: [-y[1] + y[0] * z[0], y[0] / 2 + y[1] * z[0]],
+        constraint=lambda t, y, params: {"circle": (y[0] ** 2 + y[1] ** 2 - 1) / 2},
+        y=("x", "y"),
+        z=("push",),
+    )
+    solution = lv.integrate(circle, lv.Spark(2), t=(0, 1), h=0.1, y=[1.0, 0.0])
+    axes = plot.residuals(solution)
+    assert axes.get_ylabel() == "$\\max |k|$,  $\\max |k_t + k_y f|$"
+    check_residuals(solution)
+    check_curves(plot.trajectories(solution, "z", names=["push"]), solution, solution.z.T)
+    with pytest.raises(ValueError, match=r"no unknown 'x'\nhint: it has push"):
+        plot.trajectories(solution, "z", names=["x"])
+    titles = {axes.get_title(loc="left") for axes in plot.overview(solution).axes}
+    assert titles == {"positions", "residuals", "z"}
+
+
 # Drift
 
 

@@ -85,8 +85,7 @@ def trajectories(
     if of not in STATES or of == "psi":
         hint = "plot.density draws psi" if of == "psi" else f"it has {', '.join(solution.states)}"
         raise ValueError(hinted(f"the solution has no state {of!r} with curves", hint))
-    values, known = getattr(solution, of), _labels(solution, of)
-    kind = "constraint" if of == "lam" else "coordinate"
+    values, (kind, known) = getattr(solution, of), _labels(solution, of)
     chosen = _chosen(names, [name for name in known if name != against], known, kind)
     title, symbol = TITLES.get(of, ("positions", f"${of}$"))
     columns, note = few(solution, {name: values[..., known.index(name)] for name in chosen})
@@ -319,10 +318,11 @@ def overview(solution: Solution) -> Figure:
     return figure
 
 
-def _labels(solution: Solution, of: str) -> tuple[str, ...]:
-    """Return a name for each column of a state."""
-    kind = {"lam": "constraints", "z": "unknowns"}.get(of, "coordinates")
-    return solution.names.get(kind, solution.names["coordinates"])
+def _labels(solution: Solution, of: str) -> tuple[str, tuple[str, ...]]:
+    """Return what the columns of a state are, and a name for each."""
+    kind = {"lam": "constraint", "z": "unknown"}.get(of, "coordinate")
+    kind = kind if f"{kind}s" in solution.names else "coordinate"
+    return kind, solution.names[f"{kind}s"]
 
 
 def _chosen(

@@ -91,12 +91,12 @@ def outline(q: NDArray[np.float64], params: Any) -> list[NDArray[np.float64]]:
         c, s = np.cos(angle), np.sin(angle)
         return x + c * arm[0] - s * arm[1], y + s * arm[0] + c * arm[1]
 
-    pin = at(0.0, 0.0, beta, p["rr"], 0.0)
-    joint = at(*pin, beta + theta, -p["d"], 0.0)
-    hook = at(p["xb"], p["yb"], gamma, p["sd"], -p["sc"])
-    left = at(p["xa"], p["ya"], delta, p["zt"], 0.0)
-    right = at(p["xa"], p["ya"], epsilon, 0.0, -p["u"])
-    a, b, c = (p["xa"], p["ya"]), (p["xb"], p["yb"]), (p["xc"], p["yc"])
+    pin = at(0.0, 0.0, beta, p.rr, 0.0)
+    joint = at(*pin, beta + theta, -p.d, 0.0)
+    hook = at(p.xb, p.yb, gamma, p.sd, -p.sc)
+    left = at(p.xa, p.ya, delta, p.zt, 0.0)
+    right = at(p.xa, p.ya, epsilon, 0.0, -p.u)
+    a, b, c = (p.xa, p.ya), (p.xb, p.yb), (p.xc, p.yc)
     lines = [((0.0, 0.0), pin, joint), (b, joint, hook, b), (a, left, joint), (a, right, joint)]
     return [np.array(line) for line in (*lines, (c, hook))]
 

@@ -28,13 +28,11 @@ def check_divergence(terms: Terms, names: Sequence[str]) -> None:
         return
     words = [f"{_written(value)} * {left.written(m, names)}" for m, value in left.monomials()]
     more = f" and {len(words) - NAMED} more" if len(words) > NAMED else ""
-    raise ValueError(
-        hinted(
-            f"the field is not divergence-free: div f contains {', '.join(words[:NAMED])}{more}",
-            "look for a sign or a missing term; if these are rounding errors of given "
-            "coefficients, from_terms(..., repair=True) removes them",
-        )
-    )
+    sentence = f"the field is not divergence-free: div f contains {', '.join(words[:NAMED])}{more}"
+    hint = "look for a sign or a missing term"
+    if terms.imbalance()[0] <= REPAIRED:
+        hint = "if the coefficients were rounded, from_terms(..., repair=True) mends them"
+    raise ValueError(hinted(sentence, hint))
 
 
 def check_rounding(terms: Terms, names: Sequence[str]) -> None:
@@ -44,7 +42,7 @@ def check_rounding(terms: Terms, names: Sequence[str]) -> None:
         raise ValueError(
             hinted(
                 f"repair=True mends rounding, up to {REPAIRED:g} of the terms, and div f contains "
-                f"{_written(value)} * {terms.written(monomial, names)}, {part:.2g} of its terms",
+                f"{_written(value)} * {terms.written(monomial, names)}, {part:.3g} of its terms",
                 "look for a sign or a missing term, or give the coefficients more digits",
             )
         )
