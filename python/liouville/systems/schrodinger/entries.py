@@ -17,8 +17,11 @@ ROUNDOFF = 1e-14
 #: Up to this order the eigenvalues at the ends are cheap to find.
 SMALL = 256
 
-#: Bytes that are taken for each entry while a matrix is read and turned into the core's form.
-BUILDING = 112.0
+#: Bytes that are taken for each entry while a matrix is read and turned into the core's form, ...
+READING = 100.0
+
+#: ... and for each of a lattice, whose entries are known to be symmetric.
+MAKING = 72.0
 
 #: The largest number that is taken, of H and of a state: squares and products must be finite.
 LARGEST = 1e100
@@ -47,10 +50,10 @@ def check_size(what: str, values: Any) -> None:
         raise ValueError(hinted(sentence, "choose units in which H / hbar is of order 1"))
 
 
-def check_entries(what: str, count: int) -> None:
+def check_entries(what: str, count: int, each: float = READING) -> None:
     """Refuse a matrix of more entries than there is memory for."""
     hint = "give H by its products, (N, function), or a smaller one"
-    check_memory(f"{what} with its {count} entries", BUILDING * count, hint)
+    check_memory(f"{what} with its {count} entries", each * count, hint)
 
 
 @dataclass(frozen=True)
@@ -110,6 +113,7 @@ class Entries:
                 diagonal = np.arange(array.size)
                 found = ((array.size, array.size), diagonal, diagonal, array)
             elif array.ndim == 2:
+                check_entries(name, np.count_nonzero(array))
                 row, col = np.nonzero(array)
                 found = (array.shape, row, col, array[row, col])
             else:

@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 from liouville._arguments import count
 from liouville.errors import hinted
 from liouville.systems._trace import numbers
-from liouville.systems.schrodinger.entries import Bounds, Entries, check_entries, check_size
+from liouville.systems.schrodinger.entries import MAKING, Bounds, Entries, check_entries, check_size
 
 
 @dataclass(frozen=True, init=False, eq=False, repr=False)
@@ -78,7 +78,7 @@ class Lattice:
                         "of fewer, both neighbours of a site would be the same",
                     )
                 )
-        check_entries("a lattice", (1 + 2 * len(sites)) * prod(sites))
+        check_entries("a lattice", (1 + 2 * len(sites)) * prod(sites), MAKING)
         object.__setattr__(self, "shape", sites)
         object.__setattr__(self, "hopping", reals("hopping", hopping, len(sites)))
         object.__setattr__(self, "potential", on_sites("potential", potential, sites))
