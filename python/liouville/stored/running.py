@@ -123,8 +123,10 @@ def resume(
     clock = time.perf_counter()
     check_options(options, "resume")
     store = store_of(store)
-    path = Path(store.path).absolute()
-    if _status(path) == "done":
+    path = Path(store.path)
+    is_done = _status(path) == "done"
+    path = path.absolute()  # the run may change the working directory
+    if is_done:
         return _ends(path, None)
     with _alone(path):
         if _status(path) == "done":  # by now

@@ -103,9 +103,9 @@ def place_of(store: Any) -> tuple[Path, Interval]:
     store = store_of(store)
     path = Path(store.path)
     export.check(path)
-    path = path.absolute()  # the run may change the working directory
     if path.exists():
         raise is_there(path)
+    path = path.absolute()  # the run may change the working directory
     return path, interval_of(CHECKPOINT if store.checkpoint is None else store.checkpoint)
 
 
