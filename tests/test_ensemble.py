@@ -1,7 +1,10 @@
 """Ensembles of mechanical systems: each member has the bits of a run of its own."""
 
 import importlib
+import os
 import signal
+import sys
+from concurrent.futures import ThreadPoolExecutor
 
 import casadi as ca
 import numpy as np
@@ -10,12 +13,14 @@ import pytest
 import liouville as lv
 from liouville.problems import (
     chain,
+    euler_top,
     heavy_top,
     knife_edge,
     pendulum,
     relativistic_particle,
     spherical_pendulum,
 )
+from liouville.runners import runner
 
 MODULE = importlib.import_module("liouville.runners.execute")
 POLAR = spherical_pendulum.system
@@ -164,6 +169,45 @@ def test_a_member_that_fails_is_told_and_the_others_go_on():
     )  # fmt: skip
     np.testing.assert_array_equal(np.delete(solution.q, [3, 8], axis=1), without.q)
     assert "nan" not in repr(solution)
+
+
+@pytest.mark.parametrize("where", [{}, {"chunk": 4}])
+def test_an_ensemble_all_of_whose_members_failed_has_failed(where):
+    system, _, start = ending_forces()
+    k = np.linspace(1.01, 2.02, 10)
+    span = {"t": (0, 5), "h": 0.05, "every": 3}
+    with ThreadPoolExecutor(2) as executor:
+        more = {**where, "executor": executor} if where else {}
+        solution = lv.ensemble(system, lv.Spark(2), **span, params={"k": k}, **start, **more)
+    assert solution.status == "failed"
+    assert len(solution.failures) == 10
+    assert solution.message.startswith("10 of 10 members failed; the first, member 0: step ")
+    assert solution.stats["steps"] == solution.failures[9].step == 40
+    assert np.isfinite(solution.q[0]).all()
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="counts threads")
+def test_no_more_threads_than_processors_are_started(monkeypatch):
+    monkeypatch.setattr(runner, "processors", lambda: 2)
+    seen = []
+
+    def look(done, total):
+        seen.append(len(os.listdir("/proc/self/task")))
+
+    before = len(os.listdir("/proc/self/task"))
+    span = {"t": (0, 1), "h": 0.05, "progress": look, "threads": 1000}
+    lv.ensemble(POLAR, lv.Spark(2), **span, **bobs(4000))
+    lv.ensemble(euler_top.system, lv.VolumeSplitting(), **span, x=np.ones((4000, 3)), every=20)
+    lv.integrate(euler_top.system, lv.VolumeSplitting(), **span, **euler_top.start)
+    assert max(seen) < before + 50  # a planner's trial leaves some behind for a moment
+
+
+def test_processors_that_are_forbidden_are_not_counted(monkeypatch):
+    monkeypatch.setattr(os, "sched_getaffinity", lambda _: {3, 5, 7}, raising=False)
+    assert runner.threads_of(None) == runner.threads_of(1000) == 3
+    assert runner.threads_of(2) == 2
+    monkeypatch.delattr(os, "sched_getaffinity")
+    assert runner.threads_of(None) == os.cpu_count()
 
 
 @pytest.mark.parametrize("suffix", [".nc", ".zarr"])

@@ -173,9 +173,9 @@ def test_files_of_others_are_refused(solution, tmp_path):
     (tmp_path / "empty.zarr").mkdir()
     with pytest.raises(ValueError, match=r"cannot be read as \.zarr"):
         lv.load(tmp_path / "empty.zarr")
-    newer = to_xarray(solution).assign_attrs(liouville_solution=3)
+    newer = to_xarray(solution).assign_attrs(liouville_solution=4)
     newer.to_netcdf(tmp_path / "newer.nc", engine="h5netcdf")
-    with pytest.raises(ValueError, match=r"layout 3 .*\nhint: a newer liouville wrote it"):
+    with pytest.raises(ValueError, match=r"layout 4 .*\nhint: read it with the liouville that"):
         lv.load(tmp_path / "newer.nc")
 
 

@@ -3,7 +3,6 @@
 One table, one row a mistake; then the runs that fail. None of them returns numbers that are wrong.
 """
 
-import json
 import math
 import signal
 import sys
@@ -13,6 +12,7 @@ import numpy as np
 import pytest
 
 import liouville as lv
+from liouville import checksum
 from liouville.problems import load
 from liouville.systems import PolynomialField
 
@@ -210,10 +210,13 @@ SPLIT = "volume-splitting"
 PLANS = {
     "nothing": ("", "Expecting value"),
     "no dict": ("[1]", "it holds a list"),
-    "empty": ("{}", "'form' is missing"),
+    "empty": ("{}", "is damaged"),
     "form": ({"form": "tree"}, "form is 'tree', wanted field or wave"),
     "wave": ({"form": "wave"}, "."),
-    "trials": ('{"form": "field", "method": {"name": "volume-splitting"}}', "'trials' is missing"),
+    "trials": (
+        checksum.signed({"form": "field", "method": {"name": "volume-splitting"}}),
+        "'trials'",
+    ),
     "open": ({"method": {"name": SPLIT, "diagonal": "auto"}}, "leaves something to choose"),
     "word": ({"method": {"name": SPLIT, "diagonal": "all"}}, "diagonal is one of"),
     "method": ({"method": {"name": "spark", "stages": 2}}, r"its method is Spark"),
@@ -231,7 +234,7 @@ def test_a_file_that_is_no_plan_is_refused(tmp_path, change, message):
     path = tmp_path / "plan.json"
     if isinstance(change, dict):
         PLAN.save(path)
-        change = json.dumps({**json.loads(path.read_text()), **change})
+        change = checksum.signed({**checksum.verified(path), **change})
     path.write_text(change)
     with pytest.raises(ValueError, match=rf"no plan that liouville saved: .*{message}.*\nhint: "):
         lv.Plan.load(path)

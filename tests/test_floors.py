@@ -41,7 +41,10 @@ CRATE_FLOORS = {
 }
 PACKAGE_FLOORS = (
     ("_core", "errors"),
-    ("_arguments", "_job", "_options", "events", "failure", "points", "tape", "terms"),
+    (
+        *("_arguments", "_job", "_options", "checksum", "events", "failure", "locks", "points"),
+        *("tape", "terms"),
+    ),
     ("control", "methods", "systems"),
     ("solution", "splitting"),
     ("distribute", "planner"),
@@ -68,15 +71,16 @@ CRATE_ROOMS = {
 }
 PACKAGE_ROOMS = {
     "casadi": ("problems/", "systems/", "tape.py"),
-    "h5netcdf": ("export.py",),
+    "google_crc32c": ("stored/folder.py",),
+    "h5netcdf": ("export/",),
     "matplotlib": ("plot/",),
     "rich": ("cli/",),
     "scipy": ("systems/schrodinger/graph.py",),
     "skfem": ("fem.py",),
     "sympy": ("systems/_sympy.py",),
     "typer": ("cli/",),
-    "xarray": ("export.py",),
-    "zarr": ("export.py",),
+    "xarray": ("export/",),
+    "zarr": ("export/",),
 }
 
 

@@ -216,3 +216,38 @@ def test_the_right_calls_are_taken():
     assert run(DRIVEN, lv.Magnus(), steps=3).status == "done"
     assert run(RING, psi=[1, 0, 0]).status == "done"
     assert run(GRID, lv.SplitOperator(), psi=WAVE, h=0.1).status == "done"
+
+
+EXTREME = {
+    "dense": lambda x: lv.Schrodinger(x * np.array([[0.0, 1.0], [1.0, 0.0]])),
+    "complex": lambda x: lv.Schrodinger(x * np.array([[0.0, 1.0j], [-1.0j, 0.0]])),
+    "diagonal": lambda x: lv.Schrodinger(np.full(300, x)),
+    "chain": lambda x: lv.Schrodinger(lv.SpinChain(4, xy=x)),
+    "hopping": lambda x: lv.Schrodinger(lv.Lattice(4, hopping=x)),
+    "sites": lambda x: lv.Schrodinger(lv.Lattice(4, potential=[x] * 4)),
+    "grid": lambda x: lv.Schrodinger(lv.Grid(-1, 1, 8, np.full(8, x))),
+    "mass": lambda x: lv.Schrodinger(lv.Grid(-1, 1, 8, mass=1 / x)),
+    "hbar": lambda x: lv.Schrodinger(np.eye(2), hbar=1 / x),
+    "drive": lambda x: lv.Schrodinger(np.eye(2), drive=[(lambda t, params: t, np.full(2, x))]),
+}
+
+
+@pytest.mark.parametrize("size", [1e160, 1e307])
+@pytest.mark.parametrize("make", EXTREME.values(), ids=EXTREME)
+def test_energies_whose_products_overflow_are_refused(make, size):
+    with pytest.raises(ValueError, match=r"of size \S+, and their .*\nhint: choose units"):
+        make(size)
+
+
+@pytest.mark.parametrize("size", [1e160, 1e-160])
+def test_states_whose_squares_are_out_of_range_are_refused(size):
+    system, t = lv.Schrodinger(np.array([[0.0, 1.0], [1.0, 0.0]])), (0.0, 1.0)
+    with pytest.raises(ValueError, match=r"psi is of size 1\.0e.160, and the square"):
+        lv.integrate(system, "auto", t=t, psi=[size, 0])
+    with pytest.raises(ValueError, match=r"psi of member 1 is of size 1\.0e.160"):
+        lv.ensemble(system, "auto", t=t, psi=[[1, 0], [0, size]])
+    unit = lv.integrate(system, "auto", t=t, psi=[1, 0]).psi[-1]
+    near = size ** (90 / 160)
+    np.testing.assert_allclose(
+        lv.integrate(system, "auto", t=t, psi=[near, 0]).psi[-1], near * unit, rtol=1e-12
+    )

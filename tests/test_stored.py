@@ -3,7 +3,7 @@
 One file, since one table of runs goes through every way to be cut off.
 """
 
-import json
+import errno
 import os
 import random
 import resource
@@ -23,8 +23,8 @@ import pytest
 import xarray
 
 import liouville as lv
-from liouville import export, problems
-from liouville.stored import folder, stream
+from liouville import checksum, export, locks, problems
+from liouville.stored import folder, running, stream
 
 GROUPS = ("states", "invariants", "residuals", "observed", "balance")
 FACTS = ("names", "h", "tolerances", "method", "params", "status", "message", "dense_order")
@@ -160,11 +160,11 @@ def test_a_file_cut_off_in_the_middle_leaves_what_was_there(stride, small, tmp_p
     whole = lv.integrate(**call)
     write, made, last = folder.Folder.write, count(), None
 
-    def dying(self, file, data, size=None):
+    def dying(self, file, data, *end):
         if next(made) != last:
-            return write(self, file, data, size)
+            return write(self, file, data, *end)
         if is_late:
-            write(self, file, data, size)
+            write(self, file, data, *end)
         else:
             torn = self.path / folder.CHECKPOINT / "torn.tmp"
             torn.write_bytes(bytes(data)[: len(bytes(data)) // 2])
@@ -224,6 +224,19 @@ def killed(path, call, cycles, seed):
     return kills
 
 
+def refusal(act):
+    """Return the sentence by which an act is refused, and what it was refused with."""
+    try:
+        act()
+    except Exception as error:
+        return type(error).__name__, str(error)
+    return None
+
+
+def refusal_elsewhere(path, pipe):
+    pipe.send(refusal(lambda: lv.resume(path)))
+
+
 needs_fork = pytest.mark.skipif(sys.platform != "linux", reason="forks processes")
 
 
@@ -236,6 +249,92 @@ def test_processes_killed_at_any_moment_leave_the_bits_of_one_that_lived(cycles,
     path = tmp_path / "run.zarr"
     assert killed(path, call, cycles, seed=cycles) > cycles // 4
     same(whole, lv.load(path))
+
+
+@needs_fork
+@pytest.mark.parametrize("is_resumed", [False, True])
+def test_a_run_that_is_going_on_is_refused_to_others(is_resumed, tmp_path):
+    call, path, found = pendulum(steps=300), tmp_path / "run.zarr", []
+    whole = lv.integrate(**call)
+    if is_resumed:
+        with pytest.raises(CutError):
+            lv.integrate(**call, store=lv.Store(path, 25), progress=cutting(2))
+
+    def looking(done, total):
+        receive, send = get_context("fork").Pipe(duplex=False)
+        process = get_context("fork").Process(target=refusal_elsewhere, args=(path, send))
+        process.start()
+        found.append(receive.recv())
+        process.join()
+        found.append(refusal(lambda: lv.resume(path)))
+        found.append(refusal(lambda: whole.save(path)))
+
+    store = lv.Store(path, 100)
+    if is_resumed:
+        lv.resume(store, progress=looking)
+    else:
+        lv.integrate(**call, store=store, progress=looking)
+    mine = f"process {os.getpid()}"
+    for kind, sentence in found:
+        assert kind == "BlockingIOError"
+        assert str(path) in sentence
+        assert sentence.endswith((mine, "this process"))
+    assert len(found) >= 6
+    same(whole, lv.load(path))
+
+
+@needs_fork
+def test_a_killed_process_leaves_no_lock(tmp_path):
+    path = tmp_path / "run.zarr"
+    call = pendulum(steps=10**7)
+    process = get_context("fork").Process(target=go, args=(path, call))
+    process.start()
+    while not checkpoints(path):
+        time.sleep(1e-3)
+    process.kill()
+    process.join()
+    with pytest.raises(CutError):
+        lv.resume(path, progress=cutting(2))
+
+
+def test_of_two_runs_that_begin_at_one_path_the_second_is_refused(tmp_path, monkeypatch):
+    path, pickled = tmp_path / "run.zarr", running._pickled
+
+    def overtaken(job):
+        monkeypatch.setattr(running, "_pickled", pickled)
+        lv.integrate(**pendulum(steps=20), store=path)
+        return pickled(job)
+
+    monkeypatch.setattr(running, "_pickled", overtaken)
+    with pytest.raises(FileExistsError, match=r"liouville\.resume"):
+        lv.integrate(**pendulum(steps=30), store=path)
+    assert lv.load(path).t.size == 21
+    assert [*tmp_path.iterdir()] == [path]
+
+
+def test_a_file_system_without_locks_is_warned_of(tmp_path, monkeypatch):
+    def refusing(opened):
+        raise OSError(errno.ENOTSUP, "no locks")
+
+    monkeypatch.setattr(locks, "_lock", refusing)
+    with pytest.warns(RuntimeWarning, match=r"cannot be locked (.|\n)*no other process"):
+        lv.integrate(**pendulum(steps=20), store=tmp_path / "run.zarr")
+
+
+def test_a_run_may_change_the_working_directory(elsewhere, tmp_path):
+    (tmp_path / "other").mkdir()
+    call = pendulum(steps=300)
+
+    def leaving(done, total):
+        os.chdir(tmp_path / "other")
+
+    solution = lv.integrate(**call, store=lv.Store("run.zarr", 25), progress=leaving)
+    same(lv.integrate(**call), lv.load(solution.path))
+    os.chdir(tmp_path)
+    with pytest.raises(CutError):
+        lv.integrate(**call, store=lv.Store("again.zarr", 25), progress=cutting(2))
+    lv.resume("again.zarr", progress=leaving)
+    same(lv.integrate(**call), lv.load(tmp_path / "again.zarr"))
 
 
 @needs_fork
@@ -416,10 +515,10 @@ def test_a_run_of_another_version_is_not_gone_on_with(tmp_path):
     path = tmp_path / "run.zarr"
     cut_off(path)
     told = path / folder.CHECKPOINT / folder.META
-    group = json.loads(told.read_text())
+    group = checksum.verified(told, "attributes")
     assert group["attributes"]["liouville"]
     group["attributes"]["liouville"] = "0.0.1"
-    told.write_text(json.dumps(group))
+    told.write_text(checksum.signed(group, "attributes"))
     with pytest.raises(ValueError, match=r"of liouville 0\.0\.1, and this is"):
         lv.resume(path)
     assert lv.load(path).status == "interrupted"
@@ -436,7 +535,7 @@ def test_a_state_that_is_none_or_another_runs_is_refused(tmp_path):
     with pytest.raises(ValueError, match="whose state is of another run"):
         lv.resume(path)
     state.write_bytes(whole[:200] + b"bits" + whole[204:])
-    with pytest.raises(ValueError, match=r"whose state (cannot be read|is of another run)"):
+    with pytest.raises(ValueError, match=r"state\.npz. is damaged: it is not what its checksum"):
         lv.resume(path)
     state.unlink()
     with pytest.raises(ValueError, match="whose state cannot be read"):

@@ -1,7 +1,5 @@
 """Plans of wave functions before they run: bounds of errors, tolerances, and fewest products."""
 
-import json
-
 import numpy as np
 import pytest
 from hypothesis import given
@@ -10,6 +8,7 @@ from mpmath import mp
 from properties import examples
 
 import liouville as lv
+from liouville import checksum
 from liouville.planner.waves.ladder import ROUNDOFF, SHORTER, cheapest, ladder
 from liouville.problems import load
 
@@ -279,6 +278,6 @@ BROKEN = {
 def test_a_file_that_is_no_plan_of_a_wave_is_refused(tmp_path, change, message):
     path = tmp_path / "plan.json"
     lv.plan(UNIT, t=(0.0, 1.0)).save(path)
-    path.write_text(json.dumps({**json.loads(path.read_text()), **change}))
+    path.write_text(checksum.signed({**checksum.verified(path), **change}))
     with pytest.raises(ValueError, match=f"no plan that liouville saved: .*{message}"):
         lv.Plan.load(path)

@@ -4,6 +4,9 @@ from __future__ import annotations
 
 import math
 import os
+import sys
+from collections.abc import Iterator
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -63,16 +66,73 @@ def times_of(t: Any) -> tuple[float, ...]:
     return times
 
 
+#: Files with the memory that the groups of a process may take, and where those groups are.
+GROUPS = {
+    "": ("/sys/fs/cgroup", "memory.max"),
+    "memory": ("/sys/fs/cgroup/memory", "memory.limit_in_bytes"),
+}
+
+
 def memory() -> float:
-    """Return how many bytes may be taken."""
+    """Return how many bytes may be taken: of the machine, the process's groups and its limits."""
     there = 2**36
     if hasattr(os, "sysconf"):
         there = os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES")
-    return 0.8 * there
+    return 0.8 * max(0, min([there, *_of_groups(Path("/proc/self/cgroup")), *_of_limits()]))
+
+
+def _of_groups(listed: Path) -> Iterator[int]:
+    """Give the limits of memory of the control groups (Linux) that a process is in."""
+    try:
+        lines = listed.read_text(encoding="utf-8").splitlines()
+    except (OSError, ValueError):
+        return
+    for line in lines:
+        _, controllers, path = line.split(":", 2)
+        for controller in {"", "memory"}.intersection(controllers.split(",")):
+            top, name = GROUPS[controller]
+            # in a container the path may be that of the machine outside
+            group = Path(top, path.lstrip("/"))
+            for folder in (group, *group.parents):
+                limit = _number_in(folder / name)
+                if limit is not None:
+                    yield limit
+                if folder == Path(top):
+                    break
+
+
+def _number_in(file: Path) -> int | None:
+    """Return the number that a file holds, if it is there and no word."""
+    try:
+        return int(file.read_text(encoding="utf-8"))
+    except (OSError, ValueError):
+        return None
+
+
+def _of_limits() -> Iterator[int]:
+    """Give what the limits of the process itself (``ulimit -v`` and ``-d``) leave."""
+    if sys.platform == "win32":
+        return
+    import resource
+
+    sizes = Path("/proc/self/statm")
+    used = [0] * 7
+    if sizes.exists():
+        used = [resource.getpagesize() * int(x) for x in sizes.read_text().split()]
+    for kind, taken in ((resource.RLIMIT_AS, used[0]), (resource.RLIMIT_DATA, used[5])):
+        limit, _ = resource.getrlimit(kind)
+        if limit != resource.RLIM_INFINITY:
+            yield limit - taken
 
 
 def check_memory(what: str, needed: float, hint: str) -> None:
     """Refuse what would not fit in memory."""
-    if needed > memory():
-        sentence = f"{what} takes {needed / 2**30:.0f} GiB, more than this machine has"
+    there = memory()
+    if needed > there:
+        sentence = f"{what} takes {_size(needed)}, and {_size(there)} may be taken"
         raise MemoryError(hinted(sentence, hint))
+
+
+def _size(count: float) -> str:
+    number, unit = (count / 2**30, "GiB") if count >= 2**30 else (count / 2**20, "MiB")
+    return f"{number:.0f} {unit}" if number >= 100 else f"{number:.3g} {unit}"

@@ -325,7 +325,8 @@ class Joined:
             why = Failure(0, self._task.t0, f"its worker died ({type(error).__name__})")
             failures |= dict.fromkeys(range(chunk.first, chunk.last), why)
         failures = dict(sorted(failures.items()))
-        status, message = "done", summary_of(failures, members)
+        status = "failed" if len(failures) == members else "done"
+        message = summary_of(failures, members)
         if is_interrupted or self._is_cut:
             status = "interrupted"
             message = f"interrupted after {self.done} of {members} members"

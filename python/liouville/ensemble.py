@@ -58,8 +58,9 @@ def ensemble(
     progress : callable, optional
         ``progress(done, total)``, called about twenty times a second with numbers of steps.
     threads : int, optional
-        How many, as many as there are processors by default, one in each worker of an executor. The
-        result does not depend on them, bit for bit.
+        At most and by default as many as this process has processors, and one in each worker of an
+        executor; no more than there are blocks of members. The result does not depend on them, bit
+        for bit.
     executor : concurrent.futures.Executor, optional
         Whose workers integrate the members, on this machine or others; see
         :doc:`/guide/cluster`. The result has the same bits.
@@ -75,7 +76,8 @@ def ensemble(
     Solution
         Its arrays have the member as their second axis: ``q`` of shape (k, P, n), invariants of
         shape (k, P). After the step at which a member failed, or which it did not come to before
-        an interrupt (Ctrl-C), its values are NaN.
+        an interrupt (Ctrl-C), its values are NaN. Where all members failed, its status is
+        "failed".
 
     Raises
     ------

@@ -92,8 +92,9 @@ def integrate(
         ``progress(done, total)``, called about twenty times a second: numbers of steps, or times
         where steps are controlled.
     threads : int, optional
-        Threads for a polynomial field of very many variables, as many as there are processors by
-        default. The result does not depend on them, bit for bit.
+        Threads for one large state of a polynomial field or a Schrödinger equation: at most and by
+        default as many as this process has processors. The result does not depend on them, bit
+        for bit.
     store : Store or path, optional
         A ``.zarr`` folder that the records go to while the run is going on, in constant memory;
         there must be nothing there yet. A run that was cut off goes on with :func:`resume`.

@@ -87,6 +87,8 @@ pub enum StepError {
     Spectrum { theta: f64, most: f64, t: f64 },
     #[error("interrupted")]
     Interrupted,
+    #[error("there is no memory for more records")]
+    NoMemory,
     #[error("member {member}: {error}")]
     Member {
         member: usize,

@@ -76,6 +76,7 @@ pub(crate) fn error<'py>(py: Python<'py>, error: &StepError) -> PyResult<Bound<'
             "spectrum"
         }
         StepError::Interrupted => "interrupted",
+        StepError::NoMemory => "no memory",
         StepError::Member { member, error } => {
             let dict = self::error(py, error)?;
             dict.set_item("member", member)?;

@@ -11,6 +11,7 @@ use crate::{mechanical, schrodinger, split};
 use liouville_base::run::{Advance, Failure, StartError, Status};
 use liouville_mechanics::run::Problem;
 use numpy::{PyArray1, PyArrayDyn, PyArrayMethods, PyReadonlyArray1};
+use pyo3::exceptions::PyMemoryError;
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 use std::time::Duration;
@@ -182,7 +183,11 @@ impl Run {
         &mut self,
         py: Python<'py>,
     ) -> PyResult<(Bound<'py, PyArray1<f64>>, Bound<'py, PyArrayDyn<f64>>)> {
+        let was_short = self.inner.is_short();
         let records = self.inner.take();
+        if self.inner.is_short() && !was_short {
+            return Err(PyMemoryError::new_err("the records do not fit in memory"));
+        }
         self.arrays(py, records)
     }
 

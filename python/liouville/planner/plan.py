@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import os
 from abc import ABC, abstractmethod
 from dataclasses import asdict, dataclass
@@ -11,6 +10,7 @@ from typing import Any, ClassVar, Self
 
 import numpy as np
 
+from liouville import checksum
 from liouville.errors import hinted
 from liouville.methods import METHODS, Method
 
@@ -54,9 +54,9 @@ class Plan(ABC):
         return ["why", *(f"  {reason}" for reason in self.reasons)]
 
     def save(self, path: str | os.PathLike[str]) -> None:
-        """Write the plan to a JSON file, for :meth:`load`. Numbers keep all digits."""
+        """Write the plan to a JSON file, for :meth:`load`: all digits, and a checksum."""
         found = {"form": self.form, **_encoded(asdict(self)), "method": written(self.method)}
-        Path(path).write_text(json.dumps(found, indent=1) + "\n", encoding="utf-8")
+        Path(path).write_text(checksum.signed(found), encoding="utf-8")
 
     @classmethod
     def load(cls, path: str | os.PathLike[str]) -> Self:
@@ -67,7 +67,7 @@ class Plan(ABC):
         FileNotFoundError
             There is no such file.
         ValueError
-            The file is no plan, or one of another kind of system.
+            The file is no plan, one of another kind of system, or not as it was saved.
         """
         if not Path(path).is_file():
             raise FileNotFoundError(f"there is no plan file {str(path)!r}")
@@ -75,9 +75,7 @@ class Plan(ABC):
             kind.form: kind for kind in (cls, *cls.__subclasses__()) if hasattr(kind, "form")
         }
         try:
-            given = json.loads(Path(path).read_bytes())
-            if not isinstance(given, dict):
-                raise TypeError(f"it holds a {type(given).__name__}")
+            given = checksum.verified(Path(path))
             form = given.pop("form")
             if form not in kinds:
                 raise ValueError(f"its form is {form!r}, wanted {' or '.join(kinds)}")

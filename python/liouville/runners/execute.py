@@ -49,7 +49,10 @@ def execute(runner: Runner, progress: Progress = None) -> Solution:
     if runner.members and not isinstance(run, dict):
         failures = failures_of(run, runner)
         message = _of_members(run, runner, outcome, message, failures)
-        if outcome == "done":
+        if outcome == "done" and len(failures) == runner.members[0]:
+            status = "failed"
+            stats["steps"] = max(failure.step for failure in failures.values())
+        elif outcome == "done":
             stats["steps"] = runner.steps.count
     ended = status, message
     solution = solution_of(runner, times, rows, stats, reached, ended, events, failures)

@@ -166,7 +166,13 @@ def kept(steps: Steps, every: Any) -> int:
 
 
 def threads_of(value: Any) -> int:
-    """Return a number of threads, by default as many as there are processors."""
-    if value is None:
-        return os.cpu_count() or 1
-    return int(count("threads", value))
+    """Return a number of threads: as many as there are processors, or fewer."""
+    most = processors()
+    return most if value is None else min(count("threads", value), most)
+
+
+def processors() -> int:
+    """Return how many processors this process may use."""
+    if hasattr(os, "sched_getaffinity"):
+        return len(os.sched_getaffinity(0))
+    return os.cpu_count() or 1

@@ -9,14 +9,18 @@ from typing import Any
 import numpy as np
 
 from liouville import _core
-from liouville._arguments import times_of
+from liouville._arguments import check_memory, times_of
 from liouville._job import Job
 from liouville.control import Steps, Takes, steps_of
 from liouville.errors import Description, describe, hinted
 from liouville.methods import Stepped, WaveMethod
 from liouville.planner import WavePlan, plan_steps, plan_wave
+from liouville.planner.waves.propagators import Krylov
 from liouville.runners.runner import Request, Runner, kept, threads_of
 from liouville.systems import Schrodinger
+
+#: The memory that each propagator takes beside the records, in states, as measured.
+STATES = {"shears": 2, "processed": 3, "chebyshev": 4, "magnus": 4, "split": 20}
 
 
 class WaveRunner(Runner):
@@ -35,19 +39,22 @@ class WaveRunner(Runner):
         self.members = self.psi.shape[:-1]
         self.threads = threads_of(request.threads)
         self._states = request.states
-        self.plan = self._planned(method, times, request)
-        # given steps leave nothing to choose
-        self.choice = method if isinstance(method, Stepped) else self.plan
-        self.method = self.plan.scheme
-        self.steps = Steps(self.plan.t0, self.plan.stops[-1][0], self.plan.steps)
-        self.every = -(-self.plan.steps // len(self.plan.stops))
         self._observed = system.observables(request.observe)
         self.columns = {"psi": 2 * system.size} if request.states else {}
         energy = "observed energy" if system.is_driven else "invariant energy"
         self.columns |= {"invariant norm": 1, energy: 1, "observed autocorrelation": 2}
         self.columns |= {f"observed {name}": width for name, width, _ in self._observed}
         self.widths = self.columns
-        self._check_records(request, len(self.plan.stops) + 1)
+        # to plan many outputs takes long
+        self._stops = _stops(times, method, request) if isinstance(method, Stepped) else None
+        self._check_records(request, len(self._stops or times[1:]) + 1)
+        self.plan = self._planned(method, times, request)
+        self._check_states()
+        # given steps leave nothing to choose
+        self.choice = method if isinstance(method, Stepped) else self.plan
+        self.method = self.plan.scheme
+        self.steps = Steps(self.plan.t0, self.plan.stops[-1][0], self.plan.steps)
+        self.every = -(-self.plan.steps // len(self.plan.stops))
 
     def _planned(
         self, method: WaveMethod | WavePlan, times: tuple[float, ...], request: Request
@@ -57,9 +64,18 @@ class WaveRunner(Runner):
             method.check(times, self.system)
             return method
         if isinstance(method, Stepped):
-            return plan_steps(self.system, method, times[0], _stops(times, method, request))
+            assert self._stops is not None
+            return plan_steps(self.system, method, times[0], self._stops)
         _check_no_steps(type(method).__name__, request)
         return plan_wave(self.system, method, times, not np.any(self.psi.imag))
+
+    def _check_states(self) -> None:
+        """Refuse a method whose states would not fit in memory."""
+        core = self.plan.core
+        count = core.dimension + 2 if isinstance(core, Krylov) else STATES[core.kind]
+        what = f"stepping a state of {self.system.size} components by {self.plan.scheme}"
+        hint = "take SchrodingerSplitting(mode='stable'), which takes least, or a smaller dimension"
+        check_memory(what, 16.0 * count * self.system.size, hint)
 
     def start(self) -> _core.Run | dict[str, Any]:
         """Start the run, or return the error of its start."""

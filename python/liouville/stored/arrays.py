@@ -13,14 +13,7 @@ from liouville.solution import Solution
 
 def prepare(solution: Solution, path: Path, chunks: Mapping[str, int]) -> None:
     """Write a solution without records to a folder whose arrays can grow along some axes."""
-    dataset = export.paired(export.to_xarray(solution))
-    encoding = {}
-    for name, variable in dataset.variables.items():
-        if variable.dims[0] in chunks:
-            rest = (max(1, size) for size in variable.shape[1:])
-            shape = (chunks[str(variable.dims[0])], *rest)
-            encoding[name] = {"_FillValue": None, "compressors": None, "chunks": shape}
-    dataset.to_zarr(path, mode="w", encoding=encoding, zarr_format=3, consolidated=False)
+    export.write_zarr(export.paired(export.to_xarray(solution)), path, chunks)
 
 
 def along_time(solution: Solution) -> dict[str, np.ndarray]:

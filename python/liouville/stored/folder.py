@@ -2,18 +2,22 @@
 
 from __future__ import annotations
 
-import json
 import os
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
+import google_crc32c
 import numpy as np
+
+from liouville import checksum
+from liouville.checksum import FREE, META
 
 #: Where job and state are, beside the arrays.
 CHECKPOINT = "checkpoint"
 
-META = "zarr.json"
+#: Zeros to fill a chunk with.
+ZEROS = bytes(1 << 20)
 
 
 class Folder:
@@ -30,7 +34,8 @@ class Folder:
     def __init__(self, path: Path, axes: Mapping[str, int]) -> None:
         self.path = path
         self._new: set[Path] = set()
-        found = {file.parent.name: _read(file) for file in sorted(path.glob(f"*/{META}"))}
+        files = sorted(path.glob(f"*/{META}"))
+        found = {file.parent.name: checksum.verified(file, FREE) for file in files}
         self.arrays = {
             name: meta
             for name, meta in found.items()
@@ -51,28 +56,30 @@ class Folder:
         assert meta["data_type"] == "float64"
         assert values.shape[1:] == tuple(shape[1:])
         rest = ["0"] * (len(shape) - 1)
-        data = np.ascontiguousarray(values, dtype="<f8")
-        self.write(self.path.joinpath(name, "c", str(place), *rest), data, 8 * int(np.prod(shape)))
+        data = np.ascontiguousarray(values, dtype="<f8").reshape(-1).view(np.uint8)
+        size = 8 * int(np.prod(shape))
+        file = self.path.joinpath(name, "c", str(place), *rest)
+        self.write(file, data, _crc_of(data, size).to_bytes(4, "little"), size)
 
     def extend(self, axis: str, length: int) -> None:
         """Set how long the arrays along an axis are."""
         for name, meta in self.arrays.items():
             if meta["dimension_names"][0] == axis and meta["shape"][0] != length:
                 meta["shape"][0] = length
-                self.write(self.path / name / META, json.dumps(meta, indent=2).encode())
+                self.write(self.path / name / META, checksum.signed(meta, FREE).encode())
 
     def describe(self, attributes: Mapping[str, Any]) -> None:
         """Write the attributes of the whole."""
         group = {"attributes": dict(attributes), "zarr_format": 3, "node_type": "group"}
-        self.write(self.path / META, json.dumps(group, indent=2).encode())
+        self.write(self.path / META, checksum.signed(group, FREE).encode())
 
-    def write(self, file: Path, data: Any, size: int | None = None) -> None:
-        """Write a file that is there as a whole or as it was; it may be longer than its data."""
-        temporary = self.path / CHECKPOINT / f"{len(self._new)}.tmp"
+    def write(self, file: Path, data: Any, end: bytes = b"", size: int = 0) -> None:
+        """Write a file that is there as a whole or as it was; its end stands after `size` bytes."""
+        temporary = self.path / CHECKPOINT / f"{os.getpid()}-{len(self._new)}.tmp"
         with temporary.open("wb") as opened:
             opened.write(data)
-            if size is not None:
-                opened.truncate(size)
+            opened.seek(max(size, opened.tell()))
+            opened.write(end)
         file.parent.mkdir(parents=True, exist_ok=True)
         temporary.replace(file)
         self._new |= {file, file.parent}
@@ -80,7 +87,7 @@ class Folder:
     def commit(self, file: str, data: bytes) -> None:
         """Write a file of the checkpoint once everything before it is on the disk."""
         self.sync()
-        self.write(self.path / CHECKPOINT / file, data)
+        self.write(self.path / CHECKPOINT / file, data, checksum.line_of(data))
         self.sync()
 
     def sync(self) -> None:
@@ -98,10 +105,13 @@ class Folder:
 
 def attributes_of(path: Path) -> dict[str, Any]:
     """Return the attributes of a group."""
-    found: dict[str, Any] = _read(path / META)["attributes"]
+    found: dict[str, Any] = checksum.verified(path / META, FREE)[FREE]
     return found
 
 
-def _read(file: Path) -> dict[str, Any]:
-    found: dict[str, Any] = json.loads(file.read_text(encoding="utf-8"))
-    return found
+def _crc_of(data: np.ndarray, size: int) -> int:
+    """Return the checksum of a chunk of so many bytes, zeros after its data."""
+    crc: int = google_crc32c.value(data)
+    for left in range(size - data.size, 0, -len(ZEROS)):
+        crc = google_crc32c.extend(crc, ZEROS[:left])
+    return crc

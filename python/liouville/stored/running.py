@@ -9,7 +9,6 @@ import shutil
 import signal
 import threading
 import time
-import zipfile
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import replace
@@ -18,9 +17,11 @@ from typing import Any
 
 import numpy as np
 
-from liouville import _core, export
+from liouville import _core, checksum, export
 from liouville._options import check_options
+from liouville.checksum import FREE, META
 from liouville.errors import hinted
+from liouville.locks import lock_of, locked
 from liouville.runners import Runner
 from liouville.runners.execute import (
     Outcome,
@@ -34,12 +35,12 @@ from liouville.runners.execute import (
 )
 from liouville.solution import Solution
 from liouville.stored import arrays
-from liouville.stored.folder import CHECKPOINT, META, Folder, attributes_of
-from liouville.stored.store import Interval, Store, interval_of, store_of
+from liouville.stored.folder import CHECKPOINT, Folder, attributes_of
+from liouville.stored.store import Interval, Store, interval_of, is_there, store_of
 from liouville.stored.stream import JOB, STATE, Stream, chunks_of
 
 #: The layout of a checkpoint.
-LAYOUT = 2
+LAYOUT = 3
 
 #: The message in a folder of a run that is going on, or was cut off.
 CUT_OFF = "not finished: liouville.resume goes on with it"
@@ -59,24 +60,25 @@ def begin(runner: Runner, place: tuple[Path, Interval], progress: Progress) -> S
     ended = ("interrupted", CUT_OFF)
     empty = solution_of(runner, np.empty(0), none, {"steps": 0}, runner.steps.t0, ended, events)
     # the folder appears with all that is needed to go on
-    temporary = path.with_name(f".{path.name}.{os.getpid()}.tmp")
+    temporary = path.with_name(f".{path.name}.{os.getpid()}-{threading.get_ident()}.tmp")
     try:
         arrays.prepare(empty, temporary, chunks)
         folder = Folder(temporary, chunks)
         version = {"liouville": _core.VERSION, "layout": LAYOUT}
-        group = {"attributes": version, "zarr_format": 3, "node_type": "group"}
+        group = {FREE: version, "zarr_format": 3, "node_type": "group"}
         (temporary / CHECKPOINT).mkdir()
-        folder.commit(META, json.dumps(group).encode())
+        (temporary / CHECKPOINT / META).write_text(checksum.signed(group, FREE), encoding="utf-8")
         folder.commit(JOB, job)
         stream = Stream(runner, folder, chunks)
         stream.add(run, records)
         stream.save(run, {"seconds": 0.0})
-        temporary.rename(path)
+        _rename(temporary, path)
     except BaseException:
         shutil.rmtree(temporary, ignore_errors=True)
         raise
     folder.path = path
-    return _StoredRun(runner, interval, run, stream, folder, clock).go(progress)
+    with _alone(path):
+        return _StoredRun(runner, interval, run, stream, folder, clock).go(progress)
 
 
 def resume(
@@ -89,7 +91,8 @@ def resume(
 
     The result is that of a run that was never cut off, bit for bit: what was recorded after the
     last checkpoint is made again. What to do is read from the folder by unpickling, which can run
-    any code: resume only what you stored yourself. Nobody else may go on with the run meanwhile.
+    any code: resume only what you stored yourself. One process goes on with a run: the folder is
+    locked until it ends, however it does.
 
     Parameters
     ----------
@@ -111,7 +114,9 @@ def resume(
     FileNotFoundError
         There is nothing at this path.
     ValueError
-        What is there is no stored run, or one of another version of liouville.
+        What is there is no stored run, one of another version of liouville, or damaged.
+    BlockingIOError
+        Another process goes on with it.
     IntegrationError
         A step failed; ``error.solution`` is what was computed before it.
     """
@@ -119,11 +124,24 @@ def resume(
     check_options(options, "resume")
     store = store_of(store)
     path = Path(store.path)
-    if _status(path) == "done":
+    is_done = _status(path) == "done"
+    path = path.absolute()  # the run may change the working directory
+    if is_done:
         return _ends(path, None)
+    with _alone(path):
+        if _status(path) == "done":  # by now
+            return _ends(path, None)
+        return _restored(path, store.checkpoint, clock).go(progress)
+
+
+def _restored(path: Path, checkpoint: int | str | None, clock: float) -> _StoredRun:
+    """Return a run as its last checkpoint has it."""
+    for file in (JOB, STATE):
+        _check(path, file)
     runner, interval = pickle.loads((path / CHECKPOINT / JOB).read_bytes())
-    state = _state(path)
-    interval = interval if store.checkpoint is None else interval_of(store.checkpoint)
+    with np.load(path / CHECKPOINT / STATE, allow_pickle=False) as opened:
+        state = dict(opened)
+    interval = interval if checkpoint is None else interval_of(checkpoint)
     run = runner.start()
     if isinstance(run, dict):
         raise ValueError(_foreign(path, "whose start cannot be taken any more"))
@@ -136,9 +154,11 @@ def resume(
         stats = stream.restore(run, state)
     except ValueError as error:
         raise ValueError(_foreign(path, "whose state is of another run")) from error
-    folder.describe({**attributes_of(path), "status": "interrupted", "message": CUT_OFF})
-    before = clock - stats["seconds"]
-    return _StoredRun(runner, interval, run, stream, folder, before).go(progress)
+    attributes = attributes_of(path)
+    # no earlier: what is after the state may be lost
+    checksum.check_arrays(path, json.loads(attributes["order"]))
+    folder.describe({**attributes, "status": "interrupted", "message": CUT_OFF})
+    return _StoredRun(runner, interval, run, stream, folder, clock - stats["seconds"])
 
 
 class _StoredRun:
@@ -255,12 +275,31 @@ def _status(path: Path) -> str:
     return status
 
 
-def _state(path: Path) -> dict[str, np.ndarray]:
+def _check(path: Path, file: str) -> None:
+    """Refuse a file of the checkpoint that is damaged or lost."""
     try:
-        with np.load(path / CHECKPOINT / STATE, allow_pickle=False) as state:
-            return dict(state)
-    except (OSError, ValueError, zipfile.BadZipFile) as error:
+        is_whole = checksum.is_intact(path / CHECKPOINT / file)
+    except OSError as error:
         raise ValueError(_foreign(path, f"whose state cannot be read: {error}")) from error
+    if not is_whole:
+        raise ValueError(checksum.damaged(path / CHECKPOINT / file))
+
+
+@contextmanager
+def _alone(path: Path) -> Iterator[None]:
+    """Hold the lock of a store."""
+    with locked(lock_of(path), f"another process goes on with the run in {str(path)!r}"):
+        yield
+
+
+def _rename(temporary: Path, path: Path) -> None:
+    """Let a folder appear, unless another did meanwhile."""
+    try:
+        temporary.rename(path)
+    except OSError as error:
+        if path.exists():
+            raise is_there(path) from error
+        raise
 
 
 def _foreign(path: Path, why: str) -> str:

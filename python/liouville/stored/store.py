@@ -104,9 +104,15 @@ def place_of(store: Any) -> tuple[Path, Interval]:
     path = Path(store.path)
     export.check(path)
     if path.exists():
-        hint = f"liouville.resume({str(path)!r}) goes on with a run that is there"
-        raise FileExistsError(hinted(f"there is something at {str(path)!r} already", hint))
+        raise is_there(path)
+    path = path.absolute()  # the run may change the working directory
     return path, interval_of(CHECKPOINT if store.checkpoint is None else store.checkpoint)
+
+
+def is_there(path: Path) -> FileExistsError:
+    """Return the error of a store where there is something already."""
+    hint = f"liouville.resume({str(path)!r}) goes on with a run that is there"
+    return FileExistsError(hinted(f"there is something at {str(path)!r} already", hint))
 
 
 def interval_of(checkpoint: Any) -> Interval:

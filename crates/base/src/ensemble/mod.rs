@@ -51,6 +51,8 @@ struct Queue {
     turn: usize,
     records: MemberRecords,
     failures: Vec<Failure>,
+    /// Whether there is no memory for more records.
+    is_short: bool,
     over: usize,
     /// Steps of all members that are over, summed; and their statistics.
     steps: usize,
@@ -100,6 +102,7 @@ impl Ensemble {
                 turn: 1,
                 records: MemberRecords::new(layout, members, t0),
                 failures: Vec::new(),
+                is_short: false,
                 over: 0,
                 steps: 0,
                 stats: (Stats::default(), 0),
@@ -138,6 +141,10 @@ impl Ensemble {
             };
             let mut run = match begun {
                 Ok(run) => run,
+                Err(StepError::NoMemory) => {
+                    self.queue().stop(block);
+                    return;
+                }
                 Err(error) => {
                     self.queue().fail(block, None, error);
                     continue;
@@ -160,6 +167,13 @@ impl Ensemble {
                     queue.end = run.time();
                     queue.close(&block.members, run, None);
                 }
+                Status::Failed {
+                    error: StepError::NoMemory,
+                    ..
+                } => {
+                    block.run = Some(run);
+                    queue.stop(block);
+                }
                 Status::Failed { n, t, error } => {
                     queue.fail(block, Some((run, (n, t))), error);
                 }
@@ -179,6 +193,9 @@ impl Ensemble {
 impl Queue {
     /// The next block that has steps to make, and up to how many.
     fn next(&mut self, is_aligned: bool) -> Option<(MemberBlock, usize)> {
+        if self.is_short {
+            return None;
+        }
         while let Some(block) = self.waiting.pop_front() {
             let done = block.done();
             if done >= self.most {
@@ -189,6 +206,12 @@ impl Queue {
             }
         }
         None
+    }
+
+    /// Gives no more turns: there is no memory for the records of a block, nor for those of others.
+    fn stop(&mut self, block: MemberBlock) {
+        self.waiting.push_front(block);
+        self.is_short = true;
     }
 
     fn begin_again(&mut self, members: &[usize]) {
@@ -254,7 +277,7 @@ impl Queue {
         let (stats, rejected) = run.stats();
         self.stats = (self.stats.0 + stats, self.stats.1 + rejected);
         self.steps += run.done() * members.len();
-        self.records.keep(members, run.take(), one);
+        self.is_short |= self.records.keep(members, run.take(), one).is_err();
     }
 }
 
@@ -268,9 +291,13 @@ impl Advance for Ensemble {
             }
             None => self.work(start, budget, wanted),
         }
+        let (n, t) = (self.done(), self.time());
         let queue = &mut *self.queue();
         queue.waiting.extend(queue.resting.drain(..));
-        if queue.waiting.is_empty() {
+        if queue.is_short {
+            let error = StepError::NoMemory;
+            Status::Failed { n, t, error }
+        } else if queue.waiting.is_empty() {
             Status::Done
         } else {
             Status::Paused
@@ -318,6 +345,10 @@ impl Advance for Ensemble {
 
     fn over(&self) -> usize {
         self.queue().over
+    }
+
+    fn is_short(&self) -> bool {
+        self.queue().is_short
     }
 
     fn shape(&self) -> Vec<usize> {

@@ -1,5 +1,7 @@
 //! The records of an ensemble, put together from those of its runs.
 
+use crate::error::StepError;
+use crate::run::reserve;
 use std::mem;
 
 /// How the records of the runs are laid out, and with it the order in which the runs advance.
@@ -32,8 +34,11 @@ pub(super) struct MemberRecords {
     t0: f64,
     /// Rows of all members, where they are aligned.
     table: Vec<f64>,
-    /// Those of each run by its first member, where they are not.
+    /// Those of each run by its first member, where they are not; and room to put them together.
     ragged: Vec<(usize, TimesAndRows)>,
+    joined: TimesAndRows,
+    /// How many numbers they have in all.
+    counts: (usize, usize),
 }
 
 impl MemberRecords {
@@ -44,6 +49,8 @@ impl MemberRecords {
             t0,
             table: Vec::new(),
             ragged: Vec::new(),
+            joined: TimesAndRows::default(),
+            counts: (0, 0),
         }
     }
 
@@ -56,29 +63,37 @@ impl MemberRecords {
     }
 
     /// Keeps the records of these members, or of the one at a place among so many in lock-step.
+    ///
+    /// # Errors
+    /// There is no memory for them.
     pub(super) fn keep(
         &mut self,
         members: &[usize],
         (times, rows): TimesAndRows,
         one: Option<(usize, usize)>,
-    ) {
+    ) -> Result<(), StepError> {
         let Layout::Aligned { times: all, width } = &self.layout else {
             let records = match one {
                 None => (times, rows),
                 Some(_) => rows_of(members[0], &times, &rows),
             };
+            self.counts.0 += records.0.len();
+            self.counts.1 += records.1.len();
+            reserve(&mut self.joined.0, self.counts.0)?;
+            reserve(&mut self.joined.1, self.counts.1)?;
             self.ragged.push((members[0], records));
-            return;
+            return Ok(());
         };
         let total = self.members * width;
         if self.table.is_empty() {
-            self.table = vec![f64::NAN; all.len() * total];
+            reserve(&mut self.table, all.len().saturating_mul(total))?;
+            self.table.resize(all.len() * total, f64::NAN);
         }
         let (first, count) = one.unwrap_or((0, members.len()));
         let same = times.iter().zip(all);
         let same = same.take_while(|(a, b)| a.to_bits() == b.to_bits()).count();
         if *width == 0 {
-            return;
+            return Ok(());
         }
         let rows = rows.chunks_exact(count * width).take(same);
         for (to, row) in self.table.chunks_exact_mut(total).zip(rows) {
@@ -89,6 +104,7 @@ impl MemberRecords {
                 to[member * width..(member + 1) * width].copy_from_slice(values);
             }
         }
+        Ok(())
     }
 
     /// All records up to a time this far from the start; none are left.
@@ -107,7 +123,8 @@ impl MemberRecords {
             }
             Layout::Ragged { .. } => {
                 self.ragged.sort_by_key(|(member, _)| *member);
-                joined(mem::take(&mut self.ragged), reached, self.t0)
+                let room = mem::take(&mut self.joined);
+                joined(mem::take(&mut self.ragged), room, reached, self.t0)
             }
         }
     }
@@ -123,9 +140,14 @@ fn rows_of(member: usize, times: &[f64], rows: &[f64]) -> TimesAndRows {
     (times, rows.concat())
 }
 
-/// Rows of one run after those of another, up to a time this far from the start.
-fn joined(records: Vec<(usize, TimesAndRows)>, reached: f64, t0: f64) -> TimesAndRows {
-    let (mut all_times, mut all_rows) = (Vec::new(), Vec::new());
+/// Rows of one run after those of another, up to a time this far from the start, in room for them.
+fn joined(
+    records: Vec<(usize, TimesAndRows)>,
+    room: TimesAndRows,
+    reached: f64,
+    t0: f64,
+) -> TimesAndRows {
+    let (mut all_times, mut all_rows) = room;
     for (_, (times, rows)) in records {
         let width = rows.len() / times.len().max(1);
         let count = times.partition_point(|t| (t - t0).abs() <= reached);

@@ -78,6 +78,10 @@ pub trait Advance: Send + Sync {
     fn failures(&self) -> Vec<Failure> {
         Vec::new()
     }
+    /// Whether records were lost in [`Advance::take`], for want of memory.
+    fn is_short(&self) -> bool {
+        false
+    }
     /// How many members have reached their end, or failed.
     fn over(&self) -> usize {
         0

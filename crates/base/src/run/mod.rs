@@ -4,12 +4,14 @@ mod advance;
 mod control;
 mod detector;
 mod record;
+mod room;
 mod start;
 
 pub use advance::{Advance, Failure, Status};
 pub use control::{Adaptive, Fixed, Listed, Reversible, StepControl, StepSizes};
 pub use detector::{EventDetector, Events};
 pub use record::Records;
+pub(crate) use room::reserve;
 pub use start::{Span, StartError};
 
 use crate::checkpoint::{Checkpoint, CheckpointMismatch};

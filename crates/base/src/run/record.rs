@@ -1,5 +1,6 @@
 //! Records of a run: times, and a row of observed quantities for each.
 
+use super::reserve;
 use crate::error::StepError;
 use crate::observe::Observe;
 
@@ -13,25 +14,30 @@ pub struct Records {
 }
 
 impl Records {
-    /// Room for so many records of this width.
+    /// Room for so many records of this width, or fewer where they are many or memory is short.
     pub fn with_capacity(expected: usize, width: usize) -> Self {
-        Self {
-            times: Vec::with_capacity(expected.min(1 << 20)),
-            rows: Vec::with_capacity((expected * width).min(1 << 24)),
-            last: None,
-        }
+        let mut records = Self::default();
+        // without room, the first record makes its own or fails
+        let _ = reserve(&mut records.times, expected.min(1 << 20));
+        let _ = reserve(
+            &mut records.rows,
+            expected.saturating_mul(width).min(1 << 24),
+        );
+        records
     }
 
     /// Appends what an observer reads from a state: one row, several or none.
     ///
     /// # Errors
-    /// Why it cannot be observed; the records are as they were.
+    /// Why it cannot be observed, or that there is no memory for it; the records are as they were.
     pub fn push<T>(
         &mut self,
         observer: &mut dyn Observe<T>,
         t: f64,
         state: &T,
     ) -> Result<(), StepError> {
+        reserve(&mut self.times, 1)?;
+        reserve(&mut self.rows, observer.width(state))?;
         let before = self.rows.len();
         observer.observe(t, state, &mut self.rows)?;
         let rows = match observer.width(state) {
@@ -51,7 +57,8 @@ impl Records {
     /// The records so far; room is left for as many again.
     pub(super) fn collect(&mut self) -> (Vec<f64>, Vec<f64>) {
         let again = |x: &mut Vec<f64>| {
-            let next = Vec::with_capacity(x.len());
+            let mut next = Vec::new();
+            let _ = reserve(&mut next, x.len());
             std::mem::replace(x, next)
         };
         (again(&mut self.times), again(&mut self.rows))

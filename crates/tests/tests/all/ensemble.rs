@@ -292,3 +292,21 @@ fn rows_of_their_own_come_one_run_after_another() {
     assert!(wanted.0.len() > 50 && wanted.0.len() != RUNS * KEPT);
     assert_eq!(ensemble.take(), wanted);
 }
+
+#[test]
+fn an_ensemble_whose_table_does_not_fit_fails_once_and_names_no_member() {
+    for threads in [1, 3] {
+        let begin = |members: &[usize]| -> Result<Box<dyn Advance>, StepError> {
+            Ok(Box::new(run(members[0], STEPS, &[], |_| 1)))
+        };
+        let (times, width) = (vec![0.5, 0.8], 1 << 58);
+        let layout = Layout::Aligned { times, width };
+        let mut ensemble = Ensemble::new(Box::new(begin), (RUNS, 1), threads, layout, 0.5);
+        let status = finish(&mut ensemble, ALL_DAY);
+        let error = StepError::NoMemory;
+        assert!(matches!(status, Status::Failed { error: found, .. } if found == error));
+        assert!(ensemble.is_short());
+        assert!(ensemble.failures().is_empty());
+        assert_eq!(ensemble.take(), (vec![], vec![]));
+    }
+}

@@ -441,3 +441,40 @@ proptest! {
         prop_assert!((state.0 - 0.3).abs() < 1e-6);
     }
 }
+
+/// More numbers than any memory holds.
+const ENDLESS: usize = 1 << 58;
+
+/// Records the count, in rows that are endless from some count on.
+struct Growing {
+    from: usize,
+}
+
+impl Checkpoint for Growing {}
+
+impl Observe<usize> for Growing {
+    fn width(&self, state: &usize) -> usize {
+        if *state < self.from { 1 } else { ENDLESS }
+    }
+
+    fn observe(&mut self, _: f64, state: &usize, row: &mut Vec<f64>) -> Result<(), StepError> {
+        row.push(real(*state));
+        Ok(())
+    }
+}
+
+fn growing(from: usize) -> Result<Run<usize>, StepError> {
+    let control = Box::new(Fixed::new(Box::new(Counter::default()), 0.0, 1.0, 20));
+    Run::new(control, Box::new(Growing { from }), 0, (1, 21))
+}
+
+#[test]
+fn records_that_do_not_fit_end_the_run_with_those_before() {
+    let mut run = growing(7).expect("the start fits");
+    let (n, t, error) = (6, 6.0, StepError::NoMemory);
+    assert_eq!(run.advance(ALL_DAY), Status::Failed { n, t, error });
+    let (times, rows) = run.take();
+    assert_eq!(times, (0..7).map(real).collect::<Vec<_>>());
+    assert_eq!(rows, times);
+    assert_eq!(growing(0).err(), Some(StepError::NoMemory));
+}

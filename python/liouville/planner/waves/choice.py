@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from liouville import _core
+from liouville._arguments import check_memory, memory
 from liouville.errors import hinted
 from liouville.methods import Chebyshev, Lanczos, SchrodingerSplitting
 from liouville.planner.waves.ladder import ROUNDOFF, Choice, cheapest
@@ -25,6 +26,9 @@ MANY = 50
 
 #: Roundings of an energy count so many times in the phase.
 PHASE = 4.0
+
+#: Bytes of a series for each 1 / beta, and the longest time that double precision has room for.
+SERIES, LONGEST = 24.0, 1e200
 
 #: The norm may be off by ten times what the method promises, and by so much in any case.
 TIMES, LEAST = 10.0, 1e-10
@@ -102,6 +106,8 @@ def plan_wave(
                 "give a larger tol, or mode='auto', which takes a Chebyshev series then",
             )
         )
+    if found is not None and SERIES * float(span.thetas.max()) > memory():
+        return _split(span, found, method)
     series = _chebyshev(span, method, system, is_real, ())
     if found is None:
         why = f"no splitting reaches {method.tol:g} over {span.thetas.sum():.3g} / beta"
@@ -136,7 +142,10 @@ def _faster(system: Schrodinger, splitting: WavePlan, series: WavePlan) -> WaveP
 
 
 def _check_reach(span: Span, tol: float) -> None:
-    """Refuse a tolerance below what roundings of the spectrum leave."""
+    """Refuse a tolerance below what roundings of the spectrum leave, and times without end."""
+    if span.intervals.max() > LONGEST:
+        hint = "choose units in which H / hbar is of order 1"
+        raise ValueError(hinted(f"t spans {span.intervals.max():.1e}, out of range", hint))
     if tol < 2 * span.roundoff:
         turns = span.roundoff / (PHASE * ROUNDOFF)
         least = 10 ** np.ceil(np.log10(2 * span.roundoff))
@@ -184,6 +193,10 @@ def _chebyshev(
     """One series for each interval, with its share of the tolerance."""
     thetas, tol = span.thetas, method.tol
     rate = (tol - span.roundoff) / float(span.intervals.sum())
+    check_memory(
+        f"a Chebyshev series over {thetas.max():.3g} / beta", SERIES * float(thetas.max()),
+        "give more times to keep states at, so that each series is shorter",
+    )  # fmt: skip
     lengths, place = np.unique(span.intervals, return_inverse=True)
     each = [_core.chebyshev_degree(span.beta * length, rate * length) for length in lengths]
     degrees = np.array(each)[place]

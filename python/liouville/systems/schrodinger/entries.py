@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from liouville._arguments import check_memory
 from liouville.errors import hinted
 
 #: Entries that mirror one another may differ by this much of the largest entry: roundoff.
@@ -15,6 +16,15 @@ ROUNDOFF = 1e-14
 
 #: Up to this order the eigenvalues at the ends are cheap to find.
 SMALL = 256
+
+#: Bytes that are taken for each entry while a matrix is read and turned into the core's form, ...
+READING = 100.0
+
+#: ... and for each of a lattice, whose entries are known to be symmetric.
+MAKING = 72.0
+
+#: The largest number that is taken, of H and of a state: squares and products must be finite.
+LARGEST = 1e100
 
 #: An interval of eigenvalues.
 Bounds = tuple[float, float]
@@ -29,6 +39,21 @@ def numbers(what: str, value: Any) -> np.ndarray:
     if array.dtype.kind not in "iufc":
         raise TypeError(f"{what} is an array of numbers, not {value!r}")
     return array
+
+
+def check_size(what: str, values: Any) -> None:
+    """Refuse energies so large that products with them overflow."""
+    with np.errstate(over="ignore"):
+        largest = float(np.max(np.abs(values), initial=0.0))
+    if not largest <= LARGEST:
+        sentence = f"{what} has numbers of size {largest:.1e}, and their products are not finite"
+        raise ValueError(hinted(sentence, "choose units in which H / hbar is of order 1"))
+
+
+def check_entries(what: str, count: int, each: float = READING) -> None:
+    """Refuse a matrix of more entries than there is memory for."""
+    hint = "give H by its products, (N, function), or a smaller one"
+    check_memory(f"{what} with its {count} entries", each * count, hint)
 
 
 @dataclass(frozen=True)
@@ -77,6 +102,7 @@ class Entries:
             It is not square, not finite or not Hermitian; the message names the entry.
         """
         if hasattr(given, "tocsr"):
+            check_entries(name, given.nnz)
             csr = given.tocsr(copy=True)
             csr.sum_duplicates()
             row = np.repeat(np.arange(csr.shape[0]), np.diff(csr.indptr))
@@ -87,6 +113,7 @@ class Entries:
                 diagonal = np.arange(array.size)
                 found = ((array.size, array.size), diagonal, diagonal, array)
             elif array.ndim == 2:
+                check_entries(name, np.count_nonzero(array))
                 row, col = np.nonzero(array)
                 found = (array.shape, row, col, array[row, col])
             else:
@@ -104,6 +131,7 @@ class Entries:
         if bad.size:
             k = bad[0]
             raise ValueError(f"{name}[{row[k]}, {col[k]}] is {data[k]}")
+        check_size(name, data)
         values = data.astype(complex if data.dtype.kind == "c" else float)
         kept = values != 0
         row, col, values = row[kept].astype(np.int64), col[kept].astype(np.int64), values[kept]
@@ -190,6 +218,7 @@ class Entries:
         diagonal = np.bincount(self.row[on], self.values[on].real, self.n)
         radius = np.bincount(self.row[~on], np.abs(self.values[~on]), self.n)
         low, high = (diagonal - radius).min(), (diagonal + radius).max()
+        check_size("H / hbar", (low, high))
         slack = ROUNDOFF * (np.abs(diagonal) + radius).max()
         if self.n <= SMALL and not self.is_diagonal:
             eigenvalues = np.linalg.eigvalsh(self.dense())

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
 from functools import cached_property
 from typing import Any, Self
 
@@ -23,7 +22,7 @@ from liouville.systems.schrodinger.bounds import (
     positive,
 )
 from liouville.systems.schrodinger.entries import Bounds, Entries
-from liouville.systems.schrodinger.forms import operators
+from liouville.systems.schrodinger.forms import Term, operators
 from liouville.systems.schrodinger.frame import Frame, doubled
 from liouville.systems.schrodinger.grid import Grid
 from liouville.systems.schrodinger.lattice import Lattice
@@ -31,14 +30,6 @@ from liouville.systems.schrodinger.observed import Observable
 from liouville.systems.schrodinger.products import Product
 from liouville.systems.schrodinger.spins import SpinChain
 from liouville.systems.schrodinger.time_functions import TimeFunction
-
-
-@dataclass(frozen=True)
-class _Term:
-    """A constant part of H: its operators in the core, and bounds of its eigenvalues if known."""
-
-    operators: list[_core.Operator]
-    bounds: Bounds | None
 
 
 class Schrodinger(Pickled):
@@ -221,28 +212,28 @@ class Schrodinger(Pickled):
         if isinstance(source, Product):
             check_symmetric(self._static)
 
-    def _of(self, source: Entries | Product | SpinChain) -> _Term:
+    def _of(self, source: Entries | Product | SpinChain) -> Term:
         """Make the first term; a model may know closer bounds than its matrix."""
         scale = 1 / self.hbar
         if isinstance(source, Product):
-            return _Term([source.operator(scale)], None)
+            return Term([source.operator(scale)], None)
         if isinstance(source, SpinChain):
             low, high = source.bounds()
-            return _Term([source.operator(scale)], (scale * low, scale * high))
+            return Term([source.operator(scale)], (scale * low, scale * high))
         term = self._of_matrix(source)
         if not isinstance(self.source, Lattice) or term.bounds is None:
             return term
         low, high = self.source.bounds()
         closer = (max(term.bounds[0], scale * low), min(term.bounds[1], scale * high))
-        return _Term(term.operators, closer)
+        return Term(term.operators, closer)
 
-    def _of_matrix(self, matrix: Entries) -> _Term:
+    def _of_matrix(self, matrix: Entries) -> Term:
         matrix = matrix.times(1 / self.hbar)
         inside = self.frame.entries(matrix)
         inside = doubled(inside) if self.frame.is_doubled else inside
-        return _Term(operators(inside), matrix.bounds)
+        return Term(operators(inside), matrix.bounds)
 
-    def _of_grid(self, grid: Grid) -> _Term:
+    def _of_grid(self, grid: Grid) -> Term:
         kinetic = [energies / self.hbar for energies in grid.kinetic(self.hbar)]
         terms = [_core.Operator.kinetic(kinetic)]
         low, high = 0.0, float(sum(energies.max() for energies in kinetic))
@@ -251,13 +242,13 @@ class Schrodinger(Pickled):
             self._potential = found
             if found.is_driven:
                 self._moving = found
-                return _Term(terms, (low, high))
+                return Term(terms, (low, high))
             found = found.at(0.0, grid.points)
         self.potential = found / self.hbar
         low, high = low + float(self.potential.min()), high + float(self.potential.max())
         if self.potential.any():
             terms.append(_core.Operator.diagonals(grid.size, [0], [self.potential]))
-        return _Term(terms, (low, high))
+        return Term(terms, (low, high))
 
     def __repr__(self) -> str:
         """Name the model, or the number of components."""

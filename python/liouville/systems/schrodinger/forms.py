@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 
 from liouville import _core
-from liouville.systems.schrodinger.entries import Entries
+from liouville.systems.schrodinger.entries import Bounds, Entries, check_size
 
 #: A matrix with more than this part of its places taken is a dense one.
 FULL = 0.25
@@ -15,6 +17,18 @@ MOST_DIAGONALS = 24
 
 #: ... and more than this part of the places of all is taken.
 FILLED = 0.25
+
+
+@dataclass(frozen=True)
+class Term:
+    """A constant part of H: its operators in the core, and bounds of its eigenvalues if known."""
+
+    operators: list[_core.Operator]
+    bounds: Bounds | None
+
+    def __post_init__(self) -> None:
+        """Refuse energies that are too large."""
+        check_size("H / hbar", self.bounds or ())
 
 
 def operators(matrix: Entries) -> list[_core.Operator]:

@@ -11,9 +11,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from liouville._arguments import count
+from liouville._arguments import check_memory, count
 from liouville.errors import hinted
 from liouville.systems.schrodinger.lattice import on_sites, reals
+
+#: The memory of so many states is taken while H is made.
+STATES = 8.0
 
 
 @dataclass(frozen=True, init=False, eq=False, repr=False)
@@ -89,6 +92,8 @@ class Grid:
         for axis, n in enumerate(shape):
             if n < 2:
                 raise ValueError(f"axis {axis} has {n} points, wanted at least 2")
+        needed = 16.0 * STATES * prod(shape)
+        check_memory(f"a grid of {prod(shape)} points", needed, "take fewer points")
         d = len(shape)
         begin, end, masses = reals("low", low, d), reals("high", high, d), reals("mass", mass, d)
         for axis, (a, b, m) in enumerate(zip(begin, end, masses, strict=True)):
@@ -150,4 +155,5 @@ class Grid:
 
     def kinetic(self, hbar: float) -> list[np.ndarray]:
         """Return the kinetic energies of the wave numbers along each axis."""
-        return [(hbar * k) ** 2 / (2 * m) for k, m in zip(self.k, self.mass, strict=True)]
+        with np.errstate(over="ignore"):
+            return [(hbar * k) ** 2 / (2 * m) for k, m in zip(self.k, self.mass, strict=True)]

@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 from liouville._arguments import count
 from liouville.errors import hinted
 from liouville.systems._trace import numbers
-from liouville.systems.schrodinger.entries import Bounds, Entries
+from liouville.systems.schrodinger.entries import MAKING, Bounds, Entries, check_entries, check_size
 
 
 @dataclass(frozen=True, init=False, eq=False, repr=False)
@@ -78,6 +78,7 @@ class Lattice:
                         "of fewer, both neighbours of a site would be the same",
                     )
                 )
+        check_entries("a lattice", (1 + 2 * len(sites)) * prod(sites), MAKING)
         object.__setattr__(self, "shape", sites)
         object.__setattr__(self, "hopping", reals("hopping", hopping, len(sites)))
         object.__setattr__(self, "potential", on_sites("potential", potential, sites))
@@ -159,6 +160,7 @@ def on_sites(name: str, value: Any, shape: tuple[int, ...]) -> np.ndarray:
     if bad.size:
         place = ", ".join(map(str, np.unravel_index(bad[0], found.shape)))
         raise ValueError(f"{name}[{place}] is {found.flat[bad[0]]}")
+    check_size(name, found)
     found = np.broadcast_to(found, shape) if found.ndim == 0 else found.reshape(shape)
     found = found.copy()
     found.setflags(write=False)

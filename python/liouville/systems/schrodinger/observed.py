@@ -10,7 +10,7 @@ import numpy as np
 from liouville import _core
 from liouville.errors import hinted
 from liouville.systems import _trace
-from liouville.systems.schrodinger.entries import Entries, numbers
+from liouville.systems.schrodinger.entries import LARGEST, Entries, numbers
 from liouville.systems.schrodinger.forms import operators
 from liouville.systems.schrodinger.frame import Frame, doubled
 from liouville.systems.schrodinger.products import Product
@@ -40,6 +40,15 @@ def checked(psi: Any, shapes: Sequence[tuple[int, ...]], is_ensemble: bool) -> n
     if zero.size:
         member = f" of member {zero[0]}" if is_ensemble else ""
         raise ValueError(f"psi{member} is zero: there is no state")
+    with np.errstate(over="ignore"):
+        sizes = np.atleast_1d(np.abs(flat).max(axis=-1))
+    far = np.flatnonzero((sizes > LARGEST) | (sizes < 1 / LARGEST))
+    if far.size:
+        member = f" of member {far[0]}" if is_ensemble else ""
+        sentence = (
+            f"psi{member} is of size {sizes[far[0]]:.1e}, and the square of that is out of range"
+        )
+        raise ValueError(hinted(sentence, "start with psi / abs(psi).max()"))
     return flat
 
 

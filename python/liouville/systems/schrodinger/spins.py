@@ -13,13 +13,16 @@ from numpy.typing import ArrayLike
 from liouville import _core
 from liouville._arguments import check_memory, count
 from liouville.systems._trace import numbers
-from liouville.systems.schrodinger.entries import SMALL, Bounds, Entries
+from liouville.systems.schrodinger.entries import SMALL, Bounds, Entries, check_size
 
 #: Blocks of so many bonds are diagonalised to bound the energies.
 BLOCK = 7
 
 #: The core takes no longer chains.
 LONGEST = 32
+
+#: Bytes that are taken for each basis state while the bounds of the energies are found.
+BUILDING = 44.0
 
 
 @dataclass(frozen=True, init=False, eq=False, repr=False)
@@ -103,7 +106,7 @@ class SpinChain:
         hint = "give up=, the number of spins that are up, or fewer spins"
         if n > LONGEST:
             raise ValueError(f"length = {n}: chains have at most {LONGEST} spins")
-        check_memory(f"a state of {n} spins", 16.0 * self.size, hint)
+        check_memory(f"a chain of {n} spins, with a state", (16.0 + BUILDING) * self.size, hint)
 
     def __repr__(self) -> str:
         """Name the length and the sector."""
@@ -233,6 +236,7 @@ def _along(name: str, value: Any, size: int, what: str) -> np.ndarray:
         )
     if not np.isfinite(found).all():
         raise ValueError(f"{name} is finite, not {value!r}")
+    check_size(name, found)
     found = np.broadcast_to(found, size).copy()
     found.setflags(write=False)
     return found

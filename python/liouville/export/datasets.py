@@ -1,22 +1,10 @@
-"""Solutions as xarray datasets and as files: NetCDF and Zarr both ways, CSV for reading elsewhere.
-
-A dataset has the dimensions ``time``, ``coordinate``, ``constraint``, ``invariant``, ``residual``
-and ``term``, ``unknown`` where the system has algebraic unknowns, and ``member`` where it is of an
-ensemble, labelled by the names of the solution. Its
-variables are the states under their own letters, ``invariants``, ``residuals``, ``balance``, and
-``observed_NAME`` for each observed quantity, ``event_t_NAME`` for the times of events and
-``event_q_NAME`` and so on for the states there; how the run went is in its attributes. What is
-saved comes back bit for bit. A wave function has the dimension ``place``, without labels; in a
-file, complex numbers are pairs along ``part``.
-"""
+"""Solutions as labelled datasets, and back."""
 
 from __future__ import annotations
 
 import importlib
 import json
 import math
-import os
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -28,10 +16,8 @@ from liouville.solution import Array, Solution
 if TYPE_CHECKING:
     import xarray
 
-SUFFIXES = (".nc", ".zarr", ".csv")
-
 # The attribute that tells our files from others, and the version of their layout.
-MARK, VERSION = "liouville_solution", 2
+MARK, VERSION = "liouville_solution", 3
 
 # The axis of real and imaginary parts.
 PART = "part"
@@ -54,14 +40,14 @@ def to_xarray(solution: Solution) -> xarray.Dataset:
     Returns
     -------
     xarray.Dataset
-        See the head of this module.
+        See :mod:`liouville.export`.
 
     Raises
     ------
     ImportError
         xarray is not installed.
     """
-    xr = _needed("xarray")
+    xr = needed("xarray")
     names, failures = solution.names, solution.failures
     variables: dict[str, Any] = {}
     lead = ("time",) if solution.members is None else ("time", "member")
@@ -76,7 +62,7 @@ def to_xarray(solution: Solution) -> xarray.Dataset:
         shape = next(iter(solution.residuals.values())).shape[:-1]
         rows = np.full((*shape, len(solution.residuals), len(known)), np.nan)
         for place, (name, values) in enumerate(solution.residuals.items()):
-            rows[..., place, _place(name, values, known)] = values
+            rows[..., place, place_of(name, values, known)] = values
         variables["residuals"] = ((*lead, "residual", "constraint"), rows)
     if solution.balance:
         columns = np.stack(list(solution.balance.values()), axis=-1)
@@ -114,8 +100,8 @@ def to_xarray(solution: Solution) -> xarray.Dataset:
             "members": -1 if solution.members is None else solution.members,
             "failures": json.dumps({k: [x.step, x.t, x.message] for k, x in failures.items()}),
             "tolerances": json.dumps(solution.tolerances, default=_plain),
-            # Zarr forgets the order of variables.
-            "order": json.dumps(list(variables)),
+            # Zarr forgets the order of variables, and that one was there.
+            "order": json.dumps([*variables, "time", *labels]),
             "stats": json.dumps(solution.stats, default=_plain),
             "params": json.dumps(solution.params, default=_plain),
         },
@@ -123,135 +109,9 @@ def to_xarray(solution: Solution) -> xarray.Dataset:
     return dataset
 
 
-def check(path: str | os.PathLike[str]) -> None:
-    """Refuse a path that a solution could not be saved to, before a long run and not after it.
+def from_xarray(dataset: xarray.Dataset) -> Solution:
+    """Return the solution of a dataset that :func:`to_xarray` made."""
 
-    Raises
-    ------
-    ValueError
-        The suffix is none of ``SUFFIXES``.
-    FileNotFoundError
-        The folder does not exist.
-    ImportError
-        A package that this kind of file needs is not installed.
-    """
-    path = Path(path)
-    if path.suffix not in SUFFIXES:
-        raise ValueError(
-            f"cannot tell the kind of file from the suffix of {str(path)!r}\n"
-            f"hint: use one of {', '.join(SUFFIXES)}"
-        )
-    if not path.absolute().parent.is_dir():
-        raise FileNotFoundError(f"the folder of {str(path)!r} does not exist\nhint: create it")
-    for package in {".nc": ("xarray", "h5py", "h5netcdf"), ".zarr": ("xarray", "zarr")}.get(
-        path.suffix, ()
-    ):
-        _needed(package)
-
-
-def save(solution: Solution, path: str | os.PathLike[str]) -> None:
-    """Write a solution to a file, replacing what was there.
-
-    Parameters
-    ----------
-    solution : Solution
-        What to write.
-    path : path
-        Where: ``.nc`` writes NetCDF 4, ``.zarr`` a Zarr 3 folder; ``.csv`` one row a kept step
-        with all digits, but without names, statistics or status, so it cannot be loaded back.
-
-    Raises
-    ------
-    ValueError, FileNotFoundError, ImportError
-        As :func:`check` does; or an ensemble is to go to a ``.csv``.
-    """
-    path = Path(path)
-    check(path)
-    if path.suffix == ".csv":
-        _save_csv(solution, path)
-        return
-    dataset = paired(to_xarray(solution))
-    # No fill value: a stored NaN is the run's own NaN.
-    encoding = {
-        name: {"_FillValue": None}
-        for name, variable in dataset.variables.items()
-        if variable.dtype.kind == "f"
-    }
-    if path.suffix == ".nc":
-        dataset.to_netcdf(path, engine="h5netcdf", encoding=encoding)
-    else:
-        dataset.to_zarr(path, mode="w", encoding=encoding, zarr_format=3, consolidated=False)
-
-
-def load(path: str | os.PathLike[str]) -> Solution:
-    """Read a solution that :func:`save` wrote to a NetCDF file or a Zarr folder.
-
-    Parameters
-    ----------
-    path : path
-        A ``.nc`` file or a ``.zarr`` folder.
-
-    Returns
-    -------
-    Solution
-        Equal to the saved one bit for bit; its ``system`` is None, for a file holds no functions.
-
-    Raises
-    ------
-    FileNotFoundError
-        There is nothing at this path.
-    ValueError
-        The suffix is unknown, or what is there is no saved solution.
-    ImportError
-        xarray or the package for this kind of file is not installed.
-    """
-    return _read(Path(path))
-
-
-def ends(path: Path) -> Solution:
-    """Read the same with its first and its last record only."""
-    return _read(path, are_all=False)
-
-
-def _read(path: Path, are_all: bool = True) -> Solution:
-    check(path)
-    if path.suffix == ".csv":
-        raise ValueError(
-            f"{str(path)!r} cannot be loaded: a CSV file holds only columns of numbers\n"
-            "hint: save to .nc or .zarr what you want to load again"
-        )
-    if not path.exists():
-        raise FileNotFoundError(f"there is no file {str(path)!r}")
-    options: dict[str, Any] = (
-        {"engine": "h5netcdf"}
-        if path.suffix == ".nc"
-        else {"engine": "zarr", "consolidated": False}
-    )
-    # an index of all times would be made in memory
-    options["create_default_indexes"] = False
-    try:
-        with _needed("xarray").open_dataset(
-            path, decode_times=False, mask_and_scale=False, **options
-        ) as opened:
-            if not are_all:
-                step = max(1, opened.sizes["time"] - 1)
-                opened = opened.isel(time=slice(None, None, step))
-            dataset = _complex(opened.load())
-    except (OSError, KeyError, ValueError) as error:
-        raise ValueError(f"{str(path)!r} cannot be read as {path.suffix}: {error}") from error
-    found = dataset.attrs.get(MARK)
-    if found != VERSION:
-        raise ValueError(
-            f"{str(path)!r} holds no liouville solution\n"
-            "hint: liouville.load reads what solution.save wrote"
-            if found is None
-            else f"{str(path)!r} has layout {found} of a solution, this liouville reads {VERSION}\n"
-            "hint: a newer liouville wrote it"
-        )
-    return _from_xarray(dataset)
-
-
-def _from_xarray(dataset: xarray.Dataset) -> Solution:
     def names(dim: str) -> tuple[str, ...]:
         return tuple(str(label) for label in dataset[dim].values)
 
@@ -320,7 +180,7 @@ def paired(dataset: xarray.Dataset) -> xarray.Dataset:
     )
 
 
-def _complex(dataset: xarray.Dataset) -> xarray.Dataset:
+def unpaired(dataset: xarray.Dataset) -> xarray.Dataset:
     """Give pairs as complex numbers."""
     return dataset.assign(
         {
@@ -331,7 +191,7 @@ def _complex(dataset: xarray.Dataset) -> xarray.Dataset:
     )
 
 
-def _place(residual: str, values: Array, constraints: tuple[str, ...]) -> slice:
+def place_of(residual: str, values: Array, constraints: tuple[str, ...]) -> slice:
     """Return to which constraints a residual belongs."""
     first = len(constraints) - values.shape[-1] if residual == "nonholonomic" else 0
     return slice(first, first + values.shape[-1])
@@ -352,44 +212,13 @@ def _members(count: int) -> int | None:
     return None if count < 0 else int(count)
 
 
-def _save_csv(solution: Solution, path: Path) -> None:
-    if solution.members is not None:
-        raise ValueError("a table has no room for an ensemble\nhint: save it as .nc or .zarr")
-    names = solution.names
-    columns = {"t": solution.t}
-    for name, values in solution.states.items():
-        kind = "unknowns" if name == "z" and "unknowns" in names else "coordinates"
-        labels = names["constraints" if name == "lam" else kind]
-        labels = labels or tuple(str(i) for i in range(values.shape[1]))
-        columns |= {f"{name}[{label}]": values[:, i] for i, label in enumerate(labels)}
-    columns |= solution.invariants | solution.balance
-    for name, values in solution.residuals.items():
-        labels = names["constraints"][_place(name, values, names["constraints"])]
-        columns |= {f"{name}[{label}]": values[:, i] for i, label in enumerate(labels)}
-    for name, values in solution.observed.items():
-        if values.ndim == 1:
-            columns[name] = values
-        else:
-            columns |= {f"{name}[{i}]": values[:, i] for i in range(values.shape[1])}
-    columns = {label: part for name, x in columns.items() for label, part in _real(name, x)}
-    header = ",".join(f'"{name}"' if "," in name else name for name in columns)
-    rows = np.stack(list(columns.values()), axis=1)
-    np.savetxt(path, rows, delimiter=",", header=header, comments="", fmt="%.17g")
-
-
-def _real(name: str, values: Array) -> list[tuple[str, Array]]:
-    """Give a column as it is, or real and imaginary parts of a complex one."""
-    if not np.iscomplexobj(values):
-        return [(name, values)]
-    return [(f"re {name}", values.real), (f"im {name}", values.imag)]
-
-
 def _plain(value: Any) -> Any:
     """Give NumPy's numbers and arrays as Python's, which JSON writes with all their digits."""
     return np.asarray(value).tolist()
 
 
-def _needed(package: str) -> Any:
+def needed(package: str) -> Any:
+    """Import a package; ImportError names the extra that installs it."""
     try:
         return importlib.import_module(package)
     except ImportError as error:

@@ -1,0 +1,52 @@
+//! Room for records: memory that may be much is asked for, and its lack is an error instead of an abort.
+
+use crate::error::StepError;
+use std::hint::black_box;
+
+/// Bytes that must be left for all the rest of the program, which does not ask; or half of those of the array,
+/// of which results are made.
+const SPARE: usize = 1 << 26;
+
+/// What takes fewer bytes than this needs no look at what is left.
+const LITTLE: usize = 1 << 19;
+
+/// Where memory is short, an array grows by this part of its length instead of doubling.
+const SHORT: usize = 8;
+
+/// Makes room for so many further numbers, and for more to come where there is memory for it.
+///
+/// # Errors
+/// There is no memory for them, or none to spare beside them; the array is as it was.
+pub(crate) fn reserve(x: &mut Vec<f64>, more: usize) -> Result<(), StepError> {
+    if x.capacity() - x.len() >= more {
+        return Ok(());
+    }
+    let sizes = [x.len().max(more), (x.len() / SHORT).max(more)];
+    if sizes.into_iter().any(|size| has_grown(x, size)) {
+        Ok(())
+    } else {
+        Err(StepError::NoMemory)
+    }
+}
+
+/// Makes room for exactly so many further numbers, unless nothing would be left to spare.
+fn has_grown(x: &mut Vec<f64>, more: usize) -> bool {
+    if x.try_reserve_exact(more).is_err() {
+        return false;
+    }
+    let size = size_of::<f64>() * x.capacity();
+    let is_spare = size < LITTLE || can_have(SPARE.max(size / 2));
+    if !is_spare {
+        x.shrink_to_fit();
+    }
+    is_spare
+}
+
+/// Whether there is memory for so many bytes.
+fn can_have(bytes: usize) -> bool {
+    let mut probe = Vec::<u8>::new();
+    let is_there = probe.try_reserve_exact(bytes).is_ok();
+    // a compiler may leave out an allocation that nothing sees
+    black_box(&mut probe);
+    is_there
+}

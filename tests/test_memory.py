@@ -1,0 +1,220 @@
+"""Memory that runs out: a MemoryError, or an IntegrationError with what was done; never an end.
+
+Each kind of run is made by a process of its own whose address space is limited.
+"""
+
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import liouville as lv
+from liouville import _arguments
+
+CHILD = """
+import os, sys, resource
+os.environ["OPENBLAS_NUM_THREADS"] = "1"
+import numpy as np
+import liouville as lv
+from liouville import _arguments
+from liouville.problems import load
+from liouville.runners import execute, runner
+
+def pendulum(**more):
+    module = load("pendulum")
+    return {{"system": module.system, "t": (0.0, 1e5), **module.start, **more}}
+
+def field(**more):
+    module = load("euler_top")
+    return {{"system": module.system, "method": lv.VolumeSplitting(), "t": (0.0, 1e5), "h": 1e-2,
+            **module.start, **more}}
+
+def chain(**more):
+    n = 4096
+    return {{"system": lv.Schrodinger(lv.Lattice(n)), "psi": np.eye(1, n)[0], **more}}
+
+small = {{"single": 100, "steps": 100}}
+call = {call}
+act = lv.{act}
+# everything is loaded, and threads are started
+act(**{{**call, "t": {warm}}})
+used = int(open("/proc/self/statm").read().split()[0]) * resource.getpagesize()
+resource.setrlimit(resource.RLIMIT_AS, (used + {room} * 2**20,) * 2)
+if {is_blind}:
+    _arguments.memory = execute.memory = lambda: 1e18
+    runner.check_memory = lambda *_: None
+try:
+    found = act(**call)
+    print("done", found.status)
+except lv.IntegrationError as error:
+    print("IntegrationError", error.solution.t.size, str(error).replace(chr(10), " "))
+except MemoryError as error:
+    print("MemoryError", str(error).replace(chr(10), " "))
+"""
+
+ROWS = np.random.default_rng(1).normal(size=(64, 3))
+
+CALLS = {
+    "mechanics": ("integrate", "pendulum(method=lv.Spark(1), h=1e-2)", "(0.0, 1.0)"),
+    "controlled": ("integrate", "pendulum(method=lv.HHT(), rtol=1e-7)", "(0.0, 1.0)"),
+    "ensemble": (
+        "ensemble",
+        "pendulum(method=lv.Spark(1), h=1e-2, t=(0.0, 2000.0), threads=2, "
+        "q=[load('pendulum').start['q']] * 64, v=[load('pendulum').start['v']] * 64)",
+        "(0.0, 1.0)",
+    ),
+    "field": ("integrate", "field()", "(0.0, 1.0)"),
+    "fields": (
+        "ensemble",
+        "field(t=(0.0, 2000.0), x=np.random.default_rng(1).normal(size=(64, 3)), threads=2)",
+        "(0.0, 1.0)",
+    ),
+    "waves": (
+        "integrate",
+        "chain(method=lv.Chebyshev(tol=1e-3), t=np.linspace(0.0, 1.0, 10_000))",
+        "(0.0, 0.1)",
+    ),
+    "steps of waves": (
+        "integrate",
+        "chain(method=lv.StabilitySplitting(), t=(0.0, 100.0), h=1e-2)",
+        "(0.0, 0.1)",
+    ),
+    "many waves": (
+        "ensemble",
+        "chain(method=lv.Chebyshev(tol=1e-3), t=np.linspace(0.0, 1.0, 1000), psi=np.eye(8, 4096))",
+        "(0.0, 0.1)",
+    ),
+}
+
+
+def child(name, room, is_blind):
+    """Return what a limited process says of a run."""
+    act, call, warm = CALLS[name]
+    code = CHILD.format(act=act, call=call, warm=warm, room=room, is_blind=is_blind)
+    found = subprocess.run(
+        [sys.executable, "-c", code], capture_output=True, text=True, timeout=300, check=False
+    )
+    assert found.returncode == 0, (found.returncode, found.stderr[-2000:])
+    return found.stdout.split(maxsplit=2)
+
+
+limited = pytest.mark.skipif(sys.platform != "linux", reason="limits the address space")
+
+
+@limited
+@pytest.mark.parametrize("name", CALLS)
+def test_a_limit_of_the_process_is_seen_before_the_run_or_on_the_way(name):
+    kind, *more = child(name, 160, is_blind=False)
+    assert kind == ("IntegrationError" if name == "controlled" else "MemoryError")
+    if kind == "IntegrationError":
+        assert int(more[0]) > 1000
+
+
+@limited
+@pytest.mark.parametrize("name", CALLS)
+@pytest.mark.parametrize("room", [150, 250])
+def test_memory_that_runs_out_unforeseen_is_an_error_with_the_solution_so_far(name, room):
+    kind, *more = child(name, room, is_blind=True)
+    assert kind in ("IntegrationError", "MemoryError")
+    if name in ("mechanics", "controlled", "field"):
+        assert kind == "IntegrationError"
+        assert int(more[0]) > 10_000
+        assert "not fit in memory" in more[1]
+
+
+def test_limits_of_control_groups_count(tmp_path, monkeypatch):
+    listed = tmp_path / "cgroup"
+    monkeypatch.setattr(
+        _arguments,
+        "GROUPS",
+        {"": (str(tmp_path / "two"), "memory.max"), "memory": (str(tmp_path / "one"), "limit")},
+    )
+    for path, text in {
+        "two/memory.max": "max", "two/job/memory.max": "30000000", "two/job/step/memory.max": "max",
+        "one/limit": "9223372036854771712", "one/job/limit": "20000000",
+    }.items():  # fmt: skip
+        (tmp_path / path).parent.mkdir(parents=True, exist_ok=True)
+        (tmp_path / path).write_text(text)
+    found = {}
+    for line in (
+        "0::/job/step",
+        "5:cpu,memory:/job",
+        "5:cpu:/job",
+        "0::/elsewhere",
+        "3:name=a b:/",
+    ):
+        listed.write_text(f"{line}\n")
+        found[line] = [*_arguments._of_groups(listed)]
+    assert found == {
+        "0::/job/step": [30000000], "5:cpu,memory:/job": [20000000, 9223372036854771712],
+        "5:cpu:/job": [], "0::/elsewhere": [], "3:name=a b:/": [],
+    }  # fmt: skip
+    assert [*_arguments._of_groups(tmp_path / "none")] == []
+    listed.write_text("0::/job/step\n")
+    monkeypatch.setattr(_arguments, "Path", lambda *parts: listed if parts == OWN else Path(*parts))
+    assert _arguments.memory() == 0.8 * 30000000
+
+
+OWN = ("/proc/self/cgroup",)
+
+
+@pytest.mark.parametrize(
+    ("make", "words"),
+    [
+        (
+            lambda: lv.SpinChain(30),
+            r"a chain of 30 spins, with a state takes 60 GiB, and 4 GiB may",
+        ),
+        (lambda: lv.Grid(0, 1, (4096, 8192)), r"a grid of 33554432 points takes 4 GiB.*\nhint: "),
+        (
+            lambda: lv.Lattice((1000, 20_000)),
+            r"a lattice with its 100000000 entries takes 6.71 GiB",
+        ),
+    ],
+)
+def test_what_would_fill_the_memory_while_it_is_made_is_refused_before(make, words, monkeypatch):
+    monkeypatch.setattr(_arguments, "memory", lambda: 4.0 * 2**30 - 2**12)
+    with pytest.raises(MemoryError, match=words):
+        make()
+
+
+def test_a_matrix_that_cannot_be_read_is_refused_before(monkeypatch):
+    sparse = pytest.importorskip("scipy.sparse")
+    matrix = sparse.diags_array([np.ones(10_000)], offsets=[0]).tocsr()
+    monkeypatch.setattr(_arguments, "memory", lambda: 9e5)
+    with pytest.raises(
+        MemoryError, match=r"H with its 10000 entries takes 0.954 MiB, and 0.858 MiB"
+    ):
+        lv.Schrodinger(matrix)
+
+
+@pytest.mark.parametrize("method", [lv.Chebyshev(), lv.Lanczos(dimension=12)])
+def test_a_method_whose_states_do_not_fit_is_refused_before(method, monkeypatch):
+    system = lv.Schrodinger(lv.Lattice(1 << 14))
+    call = {"t": (0.0, 0.1), "psi": np.ones(1 << 14), "states": False}
+    monkeypatch.setattr(_arguments, "memory", lambda: 3.0 * 2**18)
+    with pytest.raises(
+        MemoryError, match=r"stepping a state of 16384 components by .* takes \d.* MiB"
+    ):
+        lv.integrate(system, method, **call)
+    least = lv.SchrodingerSplitting(mode="stable")
+    assert lv.integrate(system, least, **call).status == "done"
+
+
+def test_a_series_that_does_not_fit_is_refused_and_not_needed_beside_a_splitting():
+    system = lv.Schrodinger(lv.Lattice(4))
+    with pytest.raises(MemoryError, match=r"a Chebyshev series over 1.62e\+12 / beta takes"):
+        lv.plan(system, lv.Chebyshev(tol=0.5), t=(0.0, 1e12))
+    with pytest.raises(ValueError, match=r"t spans 1.0e\+300, out of range"):
+        lv.plan(lv.Schrodinger(1e-300 * np.eye(2)), t=(0.0, 1e300))
+
+
+def test_too_many_outputs_are_refused_before_they_are_planned(monkeypatch):
+    from liouville.runners import wave
+
+    monkeypatch.setattr(wave, "plan_wave", None)
+    call = {"psi": np.ones(10**6), "t": np.linspace(0.0, 1.0, 100_001)}
+    with pytest.raises(MemoryError, match=r"keeping 100001 states takes 149\d GiB, and"):
+        lv.integrate(lv.Schrodinger(lv.Lattice(10**6)), "auto", **call)
