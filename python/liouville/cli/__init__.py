@@ -40,7 +40,7 @@ def show_version(is_asked: bool) -> None:
 
 
 @app.callback()
-def options(
+def general_options(
     version: Annotated[
         bool,
         typer.Option("--version", help="Show the version.", callback=show_version, is_eager=True),
