@@ -113,7 +113,7 @@ class Entries:
                 diagonal = np.arange(array.size)
                 found = ((array.size, array.size), diagonal, diagonal, array)
             elif array.ndim == 2:
-                check_entries(name, np.count_nonzero(array))
+                check_entries(name, int(np.count_nonzero(array)))
                 row, col = np.nonzero(array)
                 found = (array.shape, row, col, array[row, col])
             else:

@@ -21,7 +21,7 @@ from liouville.systems.schrodinger.bounds import (
     interval,
     positive,
 )
-from liouville.systems.schrodinger.entries import Bounds, Entries
+from liouville.systems.schrodinger.entries import Bounds, Entries, check_size
 from liouville.systems.schrodinger.forms import Term, operators
 from liouville.systems.schrodinger.frame import Frame, doubled
 from liouville.systems.schrodinger.grid import Grid
@@ -235,6 +235,7 @@ class Schrodinger(Pickled):
 
     def _of_grid(self, grid: Grid) -> Term:
         kinetic = [energies / self.hbar for energies in grid.kinetic(self.hbar)]
+        check_size("T / hbar", np.concatenate(kinetic))
         terms = [_core.Operator.kinetic(kinetic)]
         low, high = 0.0, float(sum(energies.max() for energies in kinetic))
         found = time_functions.potential(grid, self._params)
