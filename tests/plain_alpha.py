@@ -114,6 +114,24 @@ class Plain:
         psi = tuple(x[len(x) - len(psi) * m :].reshape(len(psi), m))
         return State(state.t + h, y, z, a, phi, h, psi)
 
+    def correction(self, state, h, coefficients, y, z, a, b=1 / 3):
+        """Return what one more correction by Newton's matrix moves the end of a step by."""
+        _, _, gamma, beta = coefficients
+        if "extended" not in self._steps:
+            self._steps["extended"] = self._equations("extended")
+        y0, z0, a0 = state.y, state.z, state.a
+        of_y = 2 / h**2 * (y - y0 - h * z0 - h**2 * ((0.5 - beta) * a0 + beta * a))
+        of_z = 2 / h * (z - z0 - h * ((1 - gamma) * a0 + gamma * a))
+        first = (of_y - b * of_z) / (1 - 2 * b)
+        phi, reactions, psi = self.phi(state.t + h, y, z), [first, of_z - first], []
+        for t, at, reaction in zip([state.t, state.t + h], [y0, y], reactions, strict=True):
+            pull = -self.G(t, at).full().T
+            psi.append(np.linalg.lstsq(pull, self.M(t, at).full() @ reaction)[0])
+        x = np.concatenate([y, z, a, phi, *reactions, *psi])
+        known = state.t, h, y0, z0, a0, state.phi, ca.DM([*coefficients, b])
+        rest, jacobian = self._steps["extended"](x, *known)
+        return np.linalg.solve(jacobian.full(), rest.full().ravel())[: self.n]
+
     def _equations(self, kind):
         n, m = self.n, self.m
         t0, h = ca.SX.sym("t0"), ca.SX.sym("h")

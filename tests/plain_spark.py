@@ -103,14 +103,56 @@ class Plain:
 
         return cls(n, momentum, all_forces, g, k)
 
-    def step(self, key, tableau, t, y, z, h):
-        """Return y1 and z1, and the multipliers psi at nodes and nu at stages."""
+    def _start(self, key, tableau, t, y, z):
+        """Return the equations of a step, and the parts of a start of their unknowns."""
         if key not in self._steps:
             self._steps[key] = self._equations(tableau)
         equations, shapes = self._steps[key]
         stages = len(tableau.c)
         v = self.v(t, y, z).full().ravel()
-        guess = [np.tile(v, stages), np.tile(z, stages), *map(np.zeros, shapes), z]
+        return equations, [np.tile(v, stages), np.tile(z, stages), *map(np.zeros, shapes), z]
+
+    def branch(self, tableau, y, z, ends, parts=10):
+        """Yield y1 of steps of rising sizes `ends`, followed from h = 0 in parts of each."""
+        equations, guess = self._start(len(tableau.c), tableau, 0, y, z)
+        x, last = np.concatenate(guess), 0.0
+        for end in ends:
+            for h in np.linspace(last, end, parts + 1)[1:]:
+                for _ in range(12):
+                    rest, slope, y1 = equations(x, 0, y, z, h)
+                    x = x - np.linalg.solve(slope.full(), rest.full().ravel())
+            yield y1.full().ravel()
+            last = end
+
+    def correction(self, tableau, y, z, h, y1, z1):
+        """Return what Newton's method still corrects in the end of a step, whose stages are sought.
+
+        They are what comes nearest to all equations and that end, by the method of Gauss and
+        Newton from velocities that change evenly.
+        """
+        equations, guess = self._start(len(tableau.c), tableau, 0, y, z)
+        n, s = self.n, len(tableau.c)
+        even = [z + c * (z1 - z) for c in tableau.c]
+        rates = [self.v(0, y, x).full().ravel() for x in even]
+        x = np.concatenate([*rates, *even, *guess[2:-1], z1])
+        ends = np.zeros((2 * n, x.size))
+        ends[:n, : s * n] = np.kron(h * tableau.b, np.eye(n))
+        ends[n:, -n:] = h * np.eye(n)
+        for _ in range(40):
+            rest, slope, end = equations(x, 0, y, z, h)
+            off = np.concatenate([end.full().ravel() - y1, h * (x[-n:] - z1)])
+            slopes, rests = np.vstack([slope.full(), ends]), np.append(rest.full().ravel(), off)
+            change = np.linalg.lstsq(slopes, rests)[0]
+            x = x - change
+            if np.abs(change).max() <= 1e-10 * np.abs(x).max():
+                break
+        rest, slope, end = equations(x, 0, y, z, h)
+        change = np.linalg.solve(slope.full(), rest.full().ravel())
+        return end.full().ravel() - ends[:n] @ change - y1
+
+    def step(self, key, tableau, t, y, z, h):
+        """Return y1 and z1, and the multipliers psi at nodes and nu at stages."""
+        equations, guess = self._start(key, tableau, t, y, z)
         x = np.concatenate(guess)
         for _ in range(12):
             rest, slope, _ = equations(x, t, y, z, h)

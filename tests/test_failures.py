@@ -5,6 +5,7 @@ left.
 """
 
 import os
+import re
 import signal
 import subprocess
 import sys
@@ -13,7 +14,8 @@ import time
 import casadi as ca
 import numpy as np
 import pytest
-from registry import printed, top
+from plain_spark import Plain, gauss
+from registry import printed, top, top_lagrangian
 
 import liouville as lv
 from liouville import problems
@@ -242,10 +244,10 @@ def test_a_driven_mechanism_stops_at_its_dead_point():
     )
     for stages in (1, 2, 3, 4):
         with pytest.raises(lv.IntegrationError) as caught:
-            lv.integrate(
-                driven, lv.Spark(stages), t=(0, 2), h=H, q=[0, 2], v=[np.pi / 2, 0], states=False
-            )
+            lv.integrate(driven, lv.Spark(stages), t=(0, 2), h=H, q=[0, 2], v=[np.pi / 2, 0])
         assert 0.95 < caught.value.t <= 1
+        assert "the gradient of constraint 'rod' nearly vanishes there" in str(caught.value)
+        assert "smaller" not in str(caught.value)
 
 
 def test_a_free_mechanism_passes_its_dead_point_by():
@@ -271,9 +273,9 @@ def spinning():
     return pendulum, {"q": [1, 0], "v": [0, 1]}
 
 
-# Steps of the top where the branch of solutions ends (continuation in h, first step), and a step
-# below that the iteration reaches from its own start.
-FOLDS = {1: (0.2523, 0.2), 2: (0.6949, 0.5), 3: (0.8796, 0.5)}
+# Steps of the top and of a pendulum at unit speed where the branch of solutions ends.
+FOLDS = {1: 0.2523, 2: 0.6949, 3: 0.8796}
+TURNS = {1: 1.0, 2: 2.745, 3: 3.348}
 
 
 def as_far_as_it_goes(*args, **options):
@@ -288,19 +290,21 @@ def as_far_as_it_goes(*args, **options):
 @pytest.mark.parametrize("stages", FOLDS)
 def test_a_step_too_large_is_refused_and_never_answered_wrongly(stages, solver):
     y0, z0 = printed("heavy_top_quaternion", "y0", "z0")
-    fold, below = FOLDS[stages]
-    reached = []
-    for h in np.concatenate([np.linspace(0.5, 0.999, 12), np.linspace(1.001, 2.5, 16)]) * fold:
-        true = lv.integrate(top(), lv.Spark(6), t=(0, h), steps=20, every=20, q=y0, v=z0).q[-1]
-        method = lv.Spark(stages, solver)
-        made, error = as_far_as_it_goes(top(), method, t=(0, h), steps=1, q=y0, v=z0)
-        if error is None:
-            reached.append(h)
-            assert np.abs(made.q[-1] - true).max() < 0.15
-        else:
-            assert (error.step, error.quantity) == (0, "stages")
-            assert "try a smaller h" in str(error)
-    assert below < max(reached) < fold
+    plain = Plain.lagrangian(4, top_lagrangian, lambda t, q: (ca.dot(q, q) - 1) / 2)
+    fold = FOLDS[stages]
+    below = np.linspace(0.3, 0.995, 12) * fold
+    branch = plain.branch(gauss(stages), y0, z0, below)
+    for h, true in zip(below, branch, strict=True):
+        one = {"t": (0, h), "steps": 1, "q": y0, "v": z0}
+        made = lv.integrate(top(), lv.Spark(stages, solver), **one).q[-1]
+        np.testing.assert_allclose(made, true, rtol=0, atol=1e-12)
+    for h in np.linspace(1.001, 2.5, 16) * fold:
+        one = {"t": (0, h), "steps": 1, "q": y0, "v": z0}
+        with pytest.raises(lv.IntegrationError, match="smaller h") as caught:
+            lv.integrate(top(), lv.Spark(stages, solver), **one)
+        assert caught.value.quantity in ("q0", "q1", "q2", "q3")
+        found = re.search(r"up to h = (\S+) only", str(caught.value))
+        assert 0.6 * fold < float(found[1]) < 1.001 * fold
 
 
 def bursting(t, q, v, params):
@@ -385,17 +389,21 @@ def test_a_run_stops_before_its_states_fill_the_memory(monkeypatch):
     assert len(caught.value.solution.t) > 500
 
 
-@pytest.mark.parametrize("stages", [1, 2, 3])
+@pytest.mark.parametrize("stages", TURNS)
 def test_no_step_of_a_fast_pendulum_lands_on_another_motion(stages):
     pendulum, start = spinning()
-    made = []
-    for h in np.linspace(0.2, 7, 69):
-        span = {"t": (0, 5 * h), "steps": 5}
-        solution, _ = as_far_as_it_goes(pendulum, lv.Spark(stages), **span, **start)
-        z = solution.q @ [1, 1j]
-        assert np.all(np.abs(z[1:] / z[:-1] - np.exp(1j * h)) < 0.3)
-        made.append(len(z) - 1)
-    assert (made[0], made[-1]) == (5, 0)
+    plain = Plain.lagrangian(
+        2, lambda t, q, v: ca.dot(v, v) / 2, lambda t, q: (ca.dot(q, q) - 1) / 2
+    )
+    steps = np.linspace(0.2, 0.99, 20) * TURNS[stages]
+    branch = plain.branch(gauss(stages), np.array([1.0, 0]), np.array([0, 1.0]), steps)
+    for h, true in zip(steps, branch, strict=True):
+        made = lv.integrate(pendulum, lv.Spark(stages), t=(0, 5 * h), steps=5, **start)
+        z = made.q @ [1, 1j]
+        np.testing.assert_allclose(z[1:] / z[:-1], true @ [1, 1j], rtol=0, atol=1e-11)
+    for h in np.linspace(1.01 * TURNS[stages], 7, 20):
+        with pytest.raises(lv.IntegrationError):
+            lv.integrate(pendulum, lv.Spark(stages), t=(0, h), steps=1, **start)
 
 
 def test_node_schur_gives_up_where_auto_goes_on():

@@ -76,6 +76,22 @@ def describe(
     error: dict[str, Any], coordinates: Sequence[str], constraints: Sequence[str]
 ) -> Description:
     """Describe an error of the core in the user's names: sentence, hint and quantity."""
+    sentence, hint, quantity = _described(error, coordinates, constraints)
+    if names := error.get("dependent"):
+        what = (
+            f"the gradient of constraint {quoted(names)} nearly vanishes"
+            if len(names) == 1
+            else f"constraints {quoted(names)} are nearly dependent"
+        )
+        if error["kind"] != "step too large":
+            hint = "keep away from that singular position, or pass it with another, also larger, h"
+        return f"{sentence}; {what} there", hint, quantity
+    return sentence, hint, quantity
+
+
+def _described(
+    error: dict[str, Any], coordinates: Sequence[str], constraints: Sequence[str]
+) -> Description:
     match error["kind"]:
         case "not finite":
             return _not_finite(error, coordinates, constraints)
@@ -85,6 +101,8 @@ def describe(
             return _overflow(coordinates[error["index"]])
         case "redundant":
             return _redundant([constraints[k] for k in error["constraints"]])
+        case "step too large":
+            return _step_too_large(coordinates[error["index"]], error)
         case "step too small":
             return _step_too_small(error)
         case "monitor":
@@ -98,13 +116,12 @@ def describe(
         case "no memory":
             return _NO_MEMORY
         case _:
-            sentence = f"the iteration did not converge (last correction {error['size']:.0e})"
-            return sentence, "try a smaller h", "stages"
+            return _not_converged(error["size"])
 
 
 _SINGULAR = (
     "the equations for velocities and multipliers are singular",
-    "try a smaller h, keep away from singular positions, and let the velocity depend on z",
+    "keep away from singular positions, and let the velocity depend on z",
     "stages",
 )
 _NO_MEMORY = (
@@ -141,6 +158,33 @@ def _redundant(names: Sequence[str]) -> Description:
         f"constraints {quoted(names)} are redundant: their gradients are dependent",
         "remove one of them, or stay away from the singular position",
         names[0],
+    )
+
+
+#: Corrections that do not fall below this may stall at roundoff, which a smaller step amplifies.
+STALLED = 1e-6
+
+
+def _not_converged(size: float) -> Description:
+    if size < STALLED:
+        return (
+            f"the iteration stalls at corrections of {size:.0e}, far above roundoff",
+            f"the equations are nearly singular there, and a smaller h does not help: try "
+            f"newton_tol={10 * size:.0e}, or another h",
+            "stages",
+        )
+    last = f" (last correction {size:.0e})" if math.isfinite(size) else ""
+    return f"the iteration did not converge{last}", "try a smaller h", "stages"
+
+
+def _step_too_large(name: str, error: dict[str, Any]) -> Description:
+    solved = error["solved"]
+    return (
+        f"the step is too large for coordinate '{name}': solutions lead on from the present state "
+        f"up to h = {solved:.3g} only",
+        f"try a smaller h, below {abs(solved):.2g}: what solves the equations of larger steps is "
+        "another motion",
+        name,
     )
 
 

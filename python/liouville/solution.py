@@ -83,7 +83,9 @@ class Solution:
         ``"done"``, ``"failed"`` or ``"interrupted"``; a run that did not get done is kept up to
         its last good step.
     message : str
-        Why it is not done, or which event ended it; empty otherwise.
+        Why it is not done, or which event ended it; and where the energy of a conservative
+        ``Lagrangian`` or ``Hamiltonian`` has changed by more than its own size, among the states
+        that are kept: then steps were too large. Empty otherwise.
     members : int or None
         Number P of members of an ensemble, None for a single run.
     failures : dict of int to Failure

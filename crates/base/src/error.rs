@@ -72,6 +72,14 @@ pub enum StepError {
     )]
     NotConverged { iterations: usize, size: f64 },
     #[error(
+        "a step of {h:e} is too large for coordinate {coordinate}: solutions lead on to {solved:e} only"
+    )]
+    StepTooLarge {
+        h: f64,
+        coordinate: usize,
+        solved: f64,
+    },
+    #[error(
         "a step of {h:e} would be needed, below the least: the last one had {error:e} of the tolerance"
     )]
     StepTooSmall { h: f64, error: f64 },

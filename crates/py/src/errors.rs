@@ -40,6 +40,16 @@ pub(crate) fn error<'py>(py: Python<'py>, error: &StepError) -> PyResult<Bound<'
             dict.set_item("size", size)?;
             "not converged"
         }
+        StepError::StepTooLarge {
+            h,
+            coordinate,
+            solved,
+        } => {
+            dict.set_item("index", coordinate)?;
+            dict.set_item("h", h)?;
+            dict.set_item("solved", solved)?;
+            "step too large"
+        }
         StepError::StepTooSmall { h, error } => {
             dict.set_item("h", h)?;
             dict.set_item("error", error)?;

@@ -42,6 +42,8 @@ def execute(runner: Runner, progress: Progress = None) -> Solution:
         reached = run.t
         (times, rows), stats = run.take(), runner.stats(run)
         events, end = runner.events(run)
+        if isinstance(outcome, dict):
+            runner.look(outcome, times, rows)
     stats["seconds"] = time.perf_counter() - clock
 
     status, message, quantity = status_of(outcome, runner, stats, end)
@@ -122,6 +124,9 @@ def solution_of(
     # without any columns there is one empty part
     columns = dict(zip(runner.columns, np.split(rows, cuts, axis=-1), strict=bool(runner.columns)))
     parts = runner.read(columns)
+    status, message = ended
+    if status != "failed":
+        message = "; ".join(filter(None, [message, runner.remark(times, parts)]))
     return Solution(
         t=times,
         states={name: parts[name] for name in STATES if name in parts},
@@ -138,8 +143,8 @@ def solution_of(
         method=runner.method,
         stats=stats,
         params=plain(runner.params),
-        status=ended[0],
-        message=ended[1],
+        status=status,
+        message=message,
         members=runner.members[0] if runner.members else None,
         failures=dict(failures or {}),
         system=runner.system,

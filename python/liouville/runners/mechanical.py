@@ -13,10 +13,14 @@ from liouville.control import CONTROLS, LEAST_TOLERANCE, Reversible, Takes
 from liouville.errors import Description, describe, hinted, quoted
 from liouville.methods import Composition, LobattoPair, Method
 from liouville.points import Points
+from liouville.runners.energy import change_of_energy
 from liouville.runners.runner import Request, Runner, kept
 from liouville.runners.watch import Watch
 from liouville.systems import Mechanical, Mechanics
 from liouville.systems.traced import INVARIANT
+
+#: Errors of a step that has no solution, or none that is found.
+UNSOLVED = ("not converged", "singular", "step too large")
 
 
 class MechanicalRunner(Runner):
@@ -150,6 +154,22 @@ class MechanicalRunner(Runner):
         energy, work = (parts[name][..., 0] for name in ("invariant energy", "work"))
         start = self.initial.get("energy", energy[:1])
         return {"work": work, "dissipated": start + work - energy}
+
+    def remark(self, t: np.ndarray, parts: Mapping[str, np.ndarray]) -> str:
+        """Say where the energy of a conservative system has changed by more than its own size."""
+        if not self.system.is_conservative:
+            return ""
+        return change_of_energy(t, parts, rises=not self._is_general)
+
+    def look(self, error: dict[str, Any], t: np.ndarray, rows: np.ndarray) -> None:
+        """Name the constraints that are nearly dependent where a step has failed."""
+        if error["kind"] in UNSOLVED and self._states and rows.ndim == 2 and len(rows):
+            y, params = rows[-2:, : len(self.system.coordinates)], self.system.values(self.params)
+            # where the last step began, and where it went
+            for at, point in ((t[-1], y[-1]), (2 * t[-1] - t[-2:][0], 2 * y[-1] - y[0])):
+                if names := self.system.nearly_dependent(at, point, params):
+                    error["dependent"] = names
+                    break
 
     def _described(self, error: dict[str, Any]) -> Description:
         if error.get("quantity") == "event":

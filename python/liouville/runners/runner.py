@@ -127,10 +127,19 @@ class Runner(ABC):
         del parts
         return {}
 
+    def remark(self, t: np.ndarray, parts: Mapping[str, np.ndarray]) -> str:
+        """Return a sentence on records that cannot be right; empty where there is none."""
+        del t, parts
+        return ""
+
     def events(self, run: _core.Run) -> tuple[dict[str, Points], str]:
         """Return the events met, by name, and a sentence on the one that ended the run."""
         del run
         return {}, ""
+
+    def look(self, error: dict[str, Any], t: np.ndarray, rows: np.ndarray) -> None:
+        """Add to an error what the last record tells of its cause; by default nothing."""
+        del error, t, rows
 
     def describe(self, error: dict[str, Any]) -> Description:
         """Describe an error of the core in the user's names: sentence, hint and quantity."""

@@ -26,6 +26,7 @@ from liouville.systems._form import (
     total_derivative,
 )
 from liouville.systems._monitor import traced
+from liouville.systems._singular import nearly_dependent
 from liouville.systems.traced import (
     FLOOR,
     TOLERANCE,
@@ -172,6 +173,12 @@ class Mechanics(TracedSystem):
         for case in cases:
             check_residual(*case, t, hint.format(*self.states))
 
+    def nearly_dependent(self, t: float, y: np.ndarray, params: np.ndarray) -> tuple[str, ...]:
+        """Name the holonomic constraints whose gradients are nearly dependent at a point."""
+        values = self._at("node_blocks", params, t, y, np.zeros(len(self._holonomic)))
+        pattern = self._patterns["g_y"]
+        return nearly_dependent(pattern, values[: len(pattern[2])], self._holonomic)
+
     def _slopes(self, name: str, values: np.ndarray) -> np.ndarray:
         """Return the sum of the sizes of a derivative's entries, row by row."""
         count, _, rows, _ = self._patterns[name]
@@ -250,6 +257,12 @@ class Mechanics(TracedSystem):
                 )
             )
         return found
+
+    @property
+    def is_conservative(self) -> bool:
+        """Whether nothing changes the energy: no time, no force without a potential, no damping."""
+        power: ca.SX | None = self._expressions.columns.get("power")
+        return power is not None and power.is_zero() and self._linear.damping is None
 
     @cached_property
     def second_order(self) -> _core.SecondOrder:

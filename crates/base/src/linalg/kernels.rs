@@ -179,6 +179,22 @@ pub fn scale_each<R: Real>(x: &mut [R], factors: &[R]) {
     );
 }
 
+/// The largest difference of two vectors, in a unit, and where it is; the first NaN is larger than any.
+pub fn furthest(a: &[f64], b: &[f64], unit: f64) -> (f64, usize) {
+    let mut furthest = (0.0, 0);
+    for (k, (a, b)) in a.iter().zip(b).enumerate() {
+        let apart = (a - b).abs();
+        if apart.is_nan() {
+            return (apart, k);
+        }
+        if apart > furthest.0 {
+            furthest = (apart, k);
+        }
+    }
+    let (apart, k) = furthest;
+    (if apart == 0.0 { 0.0 } else { apart / unit }, k)
+}
+
 /// Largest magnitude; NaN counts as infinite.
 #[inline(always)]
 pub fn max_norm<R: Real>(x: &[R]) -> R {

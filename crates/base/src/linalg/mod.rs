@@ -24,8 +24,8 @@ pub(crate) use choice::prefers_sparse;
 pub use dependent::{dependencies, dependent_rows};
 pub use factor::{Factor, Lu, Singular};
 pub use kernels::{
-    add_scaled, all_finite, as_is, carry, combine, copy, copy_scaled, dot, gather, max_norm,
-    scale_each,
+    add_scaled, all_finite, as_is, carry, combine, copy, copy_scaled, dot, furthest, gather,
+    max_norm, scale_each,
 };
 pub use matrix::Matrix;
 pub use members::SparseOf;

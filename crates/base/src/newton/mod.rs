@@ -1,12 +1,13 @@
-//! The one simplified-Newton iteration: corrections until roundoff, or a reason why not.
+//! Newton's iteration: with one matrix, or with one for each correction.
 //!
-//! The equations make one correction at a time; this file decides when to stop.
-//! With θ the ratio of successive corrections δ (relative to the size of the solution), the
-//! iteration ends when what is still to come, θ δ / (1 − θ), is below the tolerance of its [`Stop`]. Within
-//! the noise of its own evaluation δ tells nothing any more: where corrections fall evenly, θ is then that
-//! of those above it; where they do not, what falls no more is roundoff. A second
-//! correction more than half the first ends it at once: Newton's method may converge from there, but
-//! to what solution is anybody's guess. Source: hairer1996, IV.8; deuflhard2004, 2.1.
+//! The equations make one correction at a time; this module decides when to stop. With θ the ratio of
+//! successive corrections δ (relative to the size of the solution), the iteration ends when what is still to
+//! come, θ δ / (1 − θ), is below the tolerance of its [`Stop`]. Below the noise of its own evaluation δ carries
+//! no information: where corrections fall evenly, θ is that of those above the noise; where they do not, what
+//! falls no more is roundoff. Corrections that stall above the noise are compared with the floor that
+//! roundoff and the condition of the matrix make, which is measured. Sizes in a yardstick fixed for the step
+//! tell whether the solution is near its start: if not, it is to be confirmed, see [`attempt`].
+//! Source: hairer1996, IV.8; deuflhard2004, 2.1; docs/theory/newton.md.
 #![allow(clippy::needless_bitwise_bool)] // a way out would end the loop over members
 #![allow(clippy::inline_always)] // what is not inlined is compiled without the registers it is for
 #![allow(clippy::float_cmp)] // verdicts are whole numbers
@@ -16,20 +17,24 @@ mod block_matrix;
 mod broyden;
 mod condensed;
 mod predictor;
+mod progress;
+mod rest;
 mod reuse;
 
-pub use attempts::{Attempts, Start, attempt};
+pub use attempts::{Attempts, Confirms, Slot, Start, attempt, attempt_modified};
 pub use block_matrix::{BlockGrid, BlockHandle, BlockLayout, BlockMatrix};
 pub use broyden::Broyden;
 pub use predictor::{Polynomial, Predictor};
+pub use rest::Rest;
 pub use reuse::{Renewal, Reuse};
 
 use crate::error::StepError;
 use crate::real::Real;
 use crate::simd::dispatch_simd;
+use progress::{CONVERGED, HOPELESS, OPEN, Progress};
 
 /// A system of equations in the middle of being solved: one, or those of several members in lock-step.
-pub trait Equations<R = f64> {
+pub trait Equations<R: Real = f64> {
     /// Evaluates the residual, solves for a correction, applies it, and returns its relative size.
     ///
     /// # Errors
@@ -39,6 +44,35 @@ pub trait Equations<R = f64> {
     /// When to stop.
     fn stop(&self) -> Stop {
         Stop::default()
+    }
+
+    /// The size of the last correction in a yardstick fixed for the step, of which `size` is the relative one.
+    fn reach(&self, _size: R) -> R {
+        R::splat(0.0)
+    }
+
+    /// How far the unknowns last evaluated place the coordinates from the still start, in that yardstick.
+    fn moved(&self) -> R {
+        R::splat(0.0)
+    }
+
+    /// Lets the next correction have a matrix of its own.
+    fn refresh(&mut self) {}
+
+    /// Whether the residual is within what a few ε in the data make of it.
+    ///
+    /// # Errors
+    /// A value is not finite.
+    fn is_solved(&mut self) -> Result<bool, StepError> {
+        Ok(true)
+    }
+
+    /// The largest relative correction that roundoff in the unknowns makes.
+    ///
+    /// # Errors
+    /// A value is not finite.
+    fn floor(&mut self) -> Result<f64, StepError> {
+        Ok(0.0)
     }
 
     /// Keeps what has been found for members, those where this is not zero, that take no further corrections.
@@ -71,31 +105,163 @@ impl Default for Stop {
     }
 }
 
-/// Corrections below this fraction may be nothing but roundoff.
-const NOISE: f64 = 1e3 * f64::EPSILON;
-/// Corrections that fall no more below this are roundoff too, of ill-conditioned matrices.
-const LOUD_NOISE: f64 = 1e6 * f64::EPSILON;
-/// A first ratio of corrections above this says that the solution found need not be the nearby one.
-const NEARBY: f64 = 0.5;
+/// A correction of more than this part of the yardstick is no small one: its ratio to others says nothing.
+const FAR: f64 = 0.1;
+/// Coordinates that are moved by more than this part of the yardstick may be on another branch.
+const MOVED: f64 = 0.5;
+/// One ratio of corrections is not believed where the first is larger than this.
+const DOUBTFUL: f64 = 1e-3;
+/// Corrections below this are small enough for the residual to be looked at, and for the floor to be measured.
+const SMALL: f64 = 1e-6;
+/// Corrections of this many floors, when they fall no more, are roundoff.
+const FLOORS: f64 = 8.0;
+/// Matrices that full Newton makes, and corrections.
+const MOST_MATRICES: usize = 12;
+const MOST_FULL: usize = 40;
+/// Newton's method comes to a double root by halves: ratios of corrections between these, so many in a row.
+const HALF: std::ops::Range<f64> = 0.4..0.6;
+const HALVES: usize = 4;
 
-/// Corrects until converged and returns how many corrections that took.
+/// Signs that follow no pattern, the same in every run: what roundoff does is seen by moving unknowns with them.
+pub fn signs(seed: u64) -> impl FnMut() -> f64 {
+    let mut state = seed;
+    move || {
+        let next = state.wrapping_mul(6_364_136_223_846_793_005);
+        state = next.wrapping_add(1_442_695_040_888_963_407);
+        if state >> 63 == 0 { 1.0 } else { -1.0 }
+    }
+}
+
+/// What an iteration that converged has found.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Solved {
+    /// Corrections made.
+    pub iterations: usize,
+    /// Whether all corrections were small, and the solution is near the still start.
+    pub is_near: bool,
+}
+
+/// How far an iteration has gone, of each member.
+#[derive(Clone, Copy, Debug)]
+struct Reach<R> {
+    largest: R,
+    /// A bound of the distance from the still start.
+    moved: R,
+}
+
+impl<R: Real> Reach<R> {
+    fn new() -> Self {
+        let (largest, moved) = (R::splat(0.0), R::splat(0.0));
+        Self { largest, moved }
+    }
+
+    /// What another correction adds; the first one has evaluated the start.
+    #[inline(always)]
+    fn add(&mut self, equations: &impl Equations<R>, size: R, iterations: usize) {
+        let reach = equations.reach(size);
+        if iterations == 1 {
+            self.moved = equations.moved();
+        }
+        self.largest = self.largest.zip(reach, f64::max);
+        self.moved += reach;
+    }
+
+    /// 1 where all corrections were small and the solution is near, else 0.
+    #[inline(always)]
+    fn is_near(&self) -> R {
+        self.largest.zip(
+            self.moved,
+            #[inline(always)]
+            |largest, moved| f64::from(u8::from((largest <= FAR) & (moved <= MOVED))),
+        )
+    }
+
+    /// 1 where one ratio of corrections says too little.
+    #[inline(always)]
+    fn is_doubtful(&self, iterations: usize) -> R {
+        if iterations != 2 {
+            return R::splat(0.0);
+        }
+        self.largest.map(
+            #[inline(always)]
+            |largest| f64::from(u8::from(largest > DOUBTFUL)),
+        )
+    }
+}
+
+/// Corrects with one matrix until converged.
 ///
 /// # Errors
-/// [`StepError::NotConverged`] as soon as `most` corrections will not be enough.
-pub fn solve(equations: &mut impl Equations, most: usize) -> Result<usize, StepError> {
+/// [`StepError::NotConverged`] as soon as `most` corrections will not be enough, or where the residual shows
+/// that they only seemed to converge.
+pub fn solve(equations: &mut impl Equations, most: usize) -> Result<Solved, StepError> {
     let mut progress = Progress::new(equations.stop());
+    let mut reach = Reach::new();
     for iterations in 1..=most {
         let size = equations.correct()?;
+        reach.add(equations, size, iterations);
         let verdict = progress.judge(size, iterations, most);
-        if verdict == CONVERGED {
-            return Ok(iterations);
+        let failed = StepError::NotConverged { iterations, size };
+        let is_converged = if verdict == CONVERGED {
+            reach.is_doubtful(iterations) == 0.0 || equations.is_solved()?
         } else if verdict == HOPELESS {
-            return Err(StepError::NotConverged { iterations, size });
+            is_at_floor(equations, size)? && equations.is_solved()?
+        } else {
+            continue;
+        };
+        if !is_converged {
+            return Err(failed);
         }
+        let is_near = reach.is_near() != 0.0;
+        return Ok(Solved {
+            iterations,
+            is_near,
+        });
     }
     Err(StepError::NotConverged {
         iterations: 0,
         size: f64::INFINITY,
+    })
+}
+
+/// Whether corrections that fall no more are what roundoff makes of them.
+#[cold]
+fn is_at_floor(equations: &mut impl Equations, size: f64) -> Result<bool, StepError> {
+    Ok(size < SMALL && size <= FLOORS * equations.floor()?.min(SMALL))
+}
+
+/// Corrects with a matrix for each correction, until the residual is roundoff. Corrections may grow in between:
+/// a stretched spring first loses its tension.
+///
+/// # Errors
+/// [`StepError::NotConverged`] where that takes too many, or goes to a double root: there branches meet.
+pub fn solve_full(equations: &mut impl Equations) -> Result<Solved, StepError> {
+    let (mut largest, mut size, mut halves) = (0.0_f64, f64::INFINITY, 0);
+    for iterations in 1..=MOST_FULL {
+        let is_fresh = iterations <= MOST_MATRICES;
+        if is_fresh {
+            equations.refresh();
+        }
+        let last = size;
+        size = equations.correct()?;
+        let is_half = is_fresh && HALF.contains(&(size / last));
+        halves = if is_half { halves + 1 } else { 0 };
+        if !size.is_finite() || halves == HALVES {
+            return Err(StepError::NotConverged { iterations, size });
+        }
+        let reach = equations.reach(size);
+        largest = largest.max(reach);
+        if size.max(reach) <= SMALL && equations.is_solved()? {
+            let is_near = largest <= FAR && equations.moved() <= MOVED;
+            return Ok(Solved {
+                iterations,
+                is_near,
+            });
+        }
+    }
+    Err(StepError::NotConverged {
+        iterations: MOST_FULL,
+        size,
     })
 }
 
@@ -109,7 +275,7 @@ pub enum Member {
     Open,
     /// It took so many corrections.
     Converged(usize),
-    /// It does not converge.
+    /// It does not converge, or is not taken on trust.
     Hopeless {
         /// Corrections made.
         iterations: usize,
@@ -130,8 +296,13 @@ pub fn solve_each<R: Real>(
 ) -> Result<(), StepError> {
     let mut progress = Progress::new(equations.stop());
     let (mut kept, mut has_kept) = (R::splat(0.0), false);
+    let mut reach = Reach::new();
     for iterations in 1..=most {
         let sizes = equations.correct()?;
+        dispatch_simd::<R, _>(
+            #[inline(always)]
+            || reach.add(equations, sizes, iterations),
+        );
         let verdicts = dispatch_simd::<R, _>(
             #[inline(always)]
             || progress.judge(sizes, iterations, most),
@@ -139,13 +310,15 @@ pub fn solve_each<R: Real>(
         if verdicts.all(|verdict| verdict == OPEN) {
             continue;
         }
+        let (is_near, is_doubtful) = (reach.is_near(), reach.is_doubtful(iterations));
         let mut done = R::splat(0.0);
         for (member, stands) in members.iter_mut().enumerate() {
             let (verdict, size) = (verdicts.member(member), sizes.member(member));
             if *stands != Member::Open || verdict == OPEN {
                 continue;
             }
-            *stands = if verdict == CONVERGED {
+            let is_trusted = is_near.member(member) != 0.0 && is_doubtful.member(member) == 0.0;
+            *stands = if verdict == CONVERGED && is_trusted {
                 done.set_member(member, 1.0);
                 Member::Converged(iterations)
             } else {
@@ -190,144 +363,4 @@ pub fn solve_all<R: Real>(equations: &mut impl Equations<R>, most: usize) -> Res
     hopeless.map_or(Ok(()), |(iterations, size)| {
         Err(StepError::NotConverged { iterations, size })
     })
-}
-
-/// How far corrections have come, of each member.
-#[derive(Clone, Copy, Debug)]
-struct Progress<R> {
-    stop: Stop,
-    last: R,
-    expected: R,
-    /// NaN before there is one.
-    rate: R,
-}
-
-/// Verdicts on the corrections of a member, as numbers: they are found for all members at once.
-const OPEN: f64 = 0.0;
-const CONVERGED: f64 = 1.0;
-const HOPELESS: f64 = 2.0;
-
-impl<R: Real> Progress<R> {
-    fn new(stop: Stop) -> Self {
-        Self {
-            stop,
-            last: R::splat(f64::INFINITY),
-            expected: R::splat(f64::INFINITY),
-            rate: R::splat(f64::NAN),
-        }
-    }
-
-    /// What another correction, of this size, says.
-    #[inline(always)]
-    fn judge(&mut self, size: R, iterations: usize, most: usize) -> R {
-        let Stop {
-            is_even,
-            least_rate,
-            ..
-        } = self.stop;
-        let theta = size / self.last;
-        // noise hides what is still converging: the rate seen above it is believed
-        self.expected = size.zip(
-            self.rate * self.expected,
-            #[inline(always)]
-            |size, rest| {
-                if is_even & (size < NOISE) {
-                    size.min(rest)
-                } else {
-                    size
-                }
-            },
-        );
-        if iterations > 1 {
-            self.rate = R::each(
-                [size, theta, self.rate],
-                #[inline(always)]
-                |[size, theta, rate]| {
-                    if is_even & (size < NOISE) {
-                        rate
-                    } else {
-                        theta.max(least_rate)
-                    }
-                },
-            );
-        }
-        self.last = size;
-        let slow = self.too_slow(size, theta, iterations, most);
-        let verdict = self.verdict(iterations, most);
-        R::each([size, theta, self.rate, self.expected, slow], verdict)
-    }
-
-    /// Whether a correction size, θ, the rate, what is expected, and whether it is too slow are those of a
-    /// member that has converged or will not.
-    #[inline(always)]
-    fn verdict(&self, iterations: usize, most: usize) -> impl Fn([f64; 5]) -> f64 + use<R> {
-        let Stop {
-            tolerance, is_even, ..
-        } = self.stop;
-        // growing, at its present rate too slow, or started too far away
-        let (worst, minds_slow) = match iterations {
-            1 => (f64::INFINITY, false),
-            2 => (NEARBY.next_up(), false),
-            3 => (2.0, false),
-            // a Newton iteration may have needed three corrections to find its rate
-            _ => (2.0, true),
-        };
-        let (is_first, is_third) = (iterations == 1, iterations > 2);
-        let is_last = iterations == most;
-        #[inline(always)]
-        move |[size, theta, rate, expected, slow]| {
-            let is_noise = size < NOISE;
-            let rate_now = if rate.is_nan() { theta } else { rate };
-            let is_converged = (size == 0.0)
-                | (!is_first & (still_to_come(rate_now, expected) < tolerance))
-                | (is_noise & (rate.is_nan() | !is_even) & (theta >= 0.5))
-                | (!is_even & is_third & (size < LOUD_NOISE) & (theta >= 0.9))
-                | (is_noise & is_last);
-            let is_hopeless = (theta >= worst) | (minds_slow & (slow != 0.0));
-            if is_converged {
-                CONVERGED
-            } else if !size.is_finite() | is_last | (!is_noise & is_hopeless) {
-                HOPELESS
-            } else {
-                OPEN
-            }
-        }
-    }
-
-    /// 1 where the corrections left are not enough at the present rate, where that is asked for.
-    #[inline(always)]
-    fn too_slow(&self, size: R, theta: R, iterations: usize, most: usize) -> R {
-        let Stop {
-            tolerance, is_even, ..
-        } = self.stop;
-        if iterations < 4 || !is_even {
-            return R::splat(0.0);
-        }
-        let to_come = theta.zip(size, still_to_come) * power(theta, most - iterations);
-        to_come.map(
-            #[inline(always)]
-            |size| f64::from(u8::from(size > tolerance)),
-        )
-    }
-}
-
-/// The sum of all corrections after one of size `size`, at this rate.
-#[inline(always)]
-fn still_to_come(rate: f64, size: f64) -> f64 {
-    let sum = rate * size / (1.0 - rate);
-    if rate < 1.0 { sum } else { f64::INFINITY }
-}
-
-/// x^n, by squares.
-#[inline(always)]
-fn power<R: Real>(x: R, mut n: usize) -> R {
-    let (mut square, mut power) = (x, R::splat(1.0));
-    while n > 0 {
-        if n % 2 == 1 {
-            power *= square;
-        }
-        square *= square;
-        n /= 2;
-    }
-    power
 }

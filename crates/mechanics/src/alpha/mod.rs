@@ -17,19 +17,24 @@
 //!
 //! Source: jay2007hht, jay2009; the paper's R is M A, its ψ our Λ.
 
+mod attempt;
 mod coupling;
 mod newton_matrix;
+mod probe;
+mod reaction;
 mod solve;
 mod state;
 
 use crate::problem::{Acceleration, SecondOrderModel};
+use attempt::{Attempt, KeptAlpha};
 use liouville_base::error::StepError;
 use liouville_base::linalg::{Matrix, add_scaled, copy};
 use liouville_base::method::{Estimating, Stats, Stepper, Tolerance};
-use liouville_base::newton::{self, Attempts, Start};
+use liouville_base::newton::{self, Rest};
 use liouville_base::tableau;
 use newton_matrix::AlphaMatrix;
-use solve::{AlphaSolver, Reaction, Step};
+use reaction::Reaction;
+use solve::{AlphaSolver, Step};
 pub use state::State;
 
 /// How the constraints' reactions enter a step.
@@ -68,8 +73,9 @@ pub struct Alpha {
     local_error: Vec<f64>,
     error: f64,
     is_warm: bool,
-    /// Whether the unknowns are those of a shorter step from the same state, to continue from.
-    is_held: bool,
+    rest: Rest,
+    /// Solutions to be compared.
+    kept_solutions: [Option<Box<KeptAlpha>>; 2],
     stats: Stats,
 }
 
@@ -105,7 +111,8 @@ impl Alpha {
             local_error: zeros(),
             error: f64::INFINITY,
             is_warm: false,
-            is_held: false,
+            rest: Rest::default(),
+            kept_solutions: [None, None],
             stats: Stats::default(),
             solver,
             model,
@@ -183,20 +190,26 @@ impl Alpha {
         Ok(())
     }
 
-    /// The iteration, with factors made where it starts unless there are reusable ones.
-    fn iterate(&mut self, step: Step) -> Result<(), StepError> {
-        if !self.matrix.reuse.is_reusable(step.h) {
+    /// The iteration, with factors made where it starts unless there are reusable ones, or with factors for each
+    /// correction if it `is_full`; says whether the solution is near.
+    fn iterate(&mut self, step: Step, is_full: bool) -> Result<bool, StepError> {
+        if !is_full && !self.matrix.reuse.is_reusable(step.h) {
             self.stats.factorizations += 1;
             self.matrix
                 .update(&mut self.model, &mut self.solver, step)?;
         }
         let mut equations = self.solver.start(&mut self.model, &mut self.matrix, step);
-        let iterations = newton::solve(&mut equations, MOST_ITERATIONS)
-            .inspect_err(|_| self.matrix.reuse.discard())?;
-        self.stats.iterations += iterations;
-        self.stats.evaluations += iterations;
-        self.matrix.reuse.record(iterations);
-        Ok(())
+        let outcome = if is_full {
+            newton::solve_full(&mut equations)
+        } else {
+            newton::solve(&mut equations, MOST_ITERATIONS)
+        };
+        self.stats.factorizations += equations.factorizations;
+        let solved = outcome.inspect_err(|_| self.matrix.reuse.discard())?;
+        self.stats.iterations += solved.iterations;
+        self.stats.evaluations += solved.iterations;
+        self.matrix.reuse.record(solved.iterations);
+        Ok(solved.is_near)
     }
 
     /// The state after the step, in `other`.
@@ -229,55 +242,6 @@ impl Alpha {
             .power(t1, &next.y, &next.z, &self.acceleration.lam)?;
         next.work = step.state.work + step.h / 2.0 * (step.state.power + next.power);
         Ok(())
-    }
-}
-
-/// A step whose equations are attempted.
-struct Attempt<'a> {
-    alpha: &'a mut Alpha,
-    step: Step<'a>,
-}
-
-impl Attempts for Attempt<'_> {
-    fn start(&mut self, h: f64, start: Start) -> Result<bool, StepError> {
-        let (at, step) = (&mut *self.alpha, Step { h, ..self.step });
-        at.solver.prepare(step);
-        match start {
-            Start::Extrapolated if at.is_held => at.is_held = false,
-            Start::Extrapolated if at.is_warm => at.extrapolate(step),
-            Start::Extrapolated => return Ok(false),
-            Start::Cold => at.start_cold(step)?,
-            Start::Still => {
-                at.start_cold(step)?;
-                at.solver.start_still(step);
-            }
-        }
-        Ok(true)
-    }
-
-    fn is_reusable(&self, h: f64) -> bool {
-        self.alpha.matrix.reuse.is_reusable(h)
-    }
-
-    fn discard(&mut self) {
-        self.alpha.matrix.reuse.discard();
-    }
-
-    fn iterate(&mut self, h: f64) -> Result<(), StepError> {
-        self.alpha.iterate(Step { h, ..self.step })
-    }
-
-    fn hold_shorter(&mut self, _h: f64) -> Result<(), StepError> {
-        self.alpha.is_held = true;
-        Ok(())
-    }
-
-    fn forget(&mut self) {
-        self.alpha.is_warm = false;
-    }
-
-    fn count_cold_start(&mut self) {
-        self.alpha.stats.cold_starts += 1;
     }
 }
 
@@ -353,6 +317,6 @@ impl Estimating for Alpha {
 }
 
 liouville_base::checkpoint!(
-    Alpha { is_warm, acceleration, phi_rate, kept, rates, matrix }
+    Alpha { is_warm, rest, acceleration, phi_rate, kept, rates, matrix }
     then |alpha| alpha.matrix.restore_factors(&mut alpha.model)
 );

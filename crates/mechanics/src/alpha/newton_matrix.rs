@@ -15,7 +15,8 @@
 
 use super::Reactions;
 use super::coupling::Coupling;
-use super::solve::{AlphaSolver, Reaction, Step};
+use super::reaction::Reaction;
+use super::solve::{AlphaSolver, Step};
 use crate::problem::{Mass, Saddle, SecondOrderModel};
 use liouville_base::checkpoint::CheckpointMismatch;
 use liouville_base::error::StepError;

@@ -1,11 +1,13 @@
 //! The equations of one step of the α family, and how their unknowns are corrected.
 
+use super::attempt::KeptAlpha;
 use super::coupling::Coupling;
 use super::newton_matrix::AlphaMatrix;
+use super::reaction::Reaction;
 use super::{Reactions, State};
 use crate::problem::SecondOrderModel;
 use liouville_base::error::StepError;
-use liouville_base::linalg::{add_scaled, copy, copy_scaled, max_norm};
+use liouville_base::linalg::{add_scaled, copy, copy_scaled, furthest, max_norm};
 use liouville_base::newton::{Broyden, Equations, Stop};
 use liouville_base::tableau::Alpha;
 
@@ -15,43 +17,13 @@ const NOISE: f64 = 64.0 * f64::EPSILON;
 /// The step being made.
 pub(super) type Step<'a> = liouville_base::method::Step<'a, State>;
 
-/// An acceleration by the constraints, and the multipliers it comes from.
-#[derive(Clone, Debug)]
-pub(super) struct Reaction {
-    pub(super) a: Vec<f64>,
-    pub(super) lam: Vec<f64>,
-}
-
-impl Reaction {
-    /// `self = last + h rate`
-    pub(super) fn extrapolate(&mut self, last: &Self, rate: &Self, h: f64) {
-        let ahead = |out: &mut [f64], last: &[f64], rate: &[f64]| {
-            copy(out, last);
-            add_scaled(out, h, rate);
-        };
-        ahead(&mut self.a, &last.a, &rate.a);
-        ahead(&mut self.lam, &last.lam, &rate.lam);
-    }
-
-    /// `self = (new - old) / h`
-    pub(super) fn between(&mut self, old: &Self, new: &Self, h: f64) {
-        let slope = |out: &mut [f64], old: &[f64], new: &[f64]| {
-            for (k, out) in out.iter_mut().enumerate() {
-                *out = (new[k] - old[k]) / h;
-            }
-        };
-        slope(&mut self.a, &old.a, &new.a);
-        slope(&mut self.lam, &old.lam, &new.lam);
-    }
-}
-
 /// The unknowns of a step, and the memory of solving for them.
 #[derive(Clone, Debug)]
 pub(super) struct AlphaSolver {
     weights: Alpha,
     pub(super) reactions_by: Reactions,
     /// Whether one correction solves the equations: no derivative depends on anything but parameters.
-    is_affine: bool,
+    pub(super) is_affine: bool,
     pub(super) coupling: Coupling,
     /// φ1
     pub(super) phi: Vec<f64>,
@@ -72,22 +44,31 @@ pub(super) struct AlphaSolver {
     /// No acceleration.
     pub(super) none: Vec<f64>,
     /// F − M φ1
-    force: Vec<f64>,
+    pub(super) force: Vec<f64>,
     /// M A − r of each reaction.
-    reaction_residuals: [Vec<f64>; 2],
+    pub(super) reaction_residuals: [Vec<f64>; 2],
     /// The right-hand side of the Newton matrix, then η, d, dΛ0, dΛ1; or η and dλ1 y_φ.
-    x: Vec<f64>,
-    zeta: Vec<f64>,
-    delta: Vec<f64>,
+    pub(super) x: Vec<f64>,
+    pub(super) zeta: Vec<f64>,
+    pub(super) delta: Vec<f64>,
     broyden: Broyden,
+    /// The unknowns before they were moved to see what roundoff does, made when it is first wanted.
+    pub(super) probe: Option<Box<KeptAlpha>>,
 }
 
 /// The equations of one step in the middle of being solved.
 pub(super) struct AlphaEquations<'a> {
-    solver: &'a mut AlphaSolver,
+    pub(super) solver: &'a mut AlphaSolver,
     model: &'a mut SecondOrderModel,
     matrix: &'a mut AlphaMatrix,
-    step: Step<'a>,
+    pub(super) step: Step<'a>,
+    /// The size of the coordinates and of what the velocity moves them by, at the start; 0 where none is needed.
+    pub(super) yardstick: f64,
+    /// How far the last correction has moved y1.
+    moved_y: f64,
+    /// Whether the next correction has factors of its own.
+    is_refreshed: bool,
+    pub(super) factorizations: usize,
 }
 
 impl AlphaSolver {
@@ -119,6 +100,7 @@ impl AlphaSolver {
             zeta: zeros(),
             delta: vec![0.0; 3 * n + 2 * m],
             broyden: Broyden::new(3 * n + 2 * m, 3 * n),
+            probe: None,
         };
         solver.x = vec![
             0.0;
@@ -163,16 +145,6 @@ impl AlphaSolver {
         }
     }
 
-    /// φ1 such that y1 is where y0 and z0 alone lead, with the reactions there are.
-    pub(super) fn start_still(&mut self, step: Step) {
-        self.phi.fill(0.0);
-        self.place(step.h);
-        let unit = step.h * step.h * self.coupling.phi[0];
-        for ((phi, y), predicted) in self.phi.iter_mut().zip(&self.y).zip(&self.predicted) {
-            *phi = (predicted - y) / unit;
-        }
-    }
-
     /// y1 and z1 from the unknowns.
     pub(super) fn place(&mut self, h: f64) {
         let Coupling { phi, y, .. } = self.coupling;
@@ -194,18 +166,29 @@ impl AlphaSolver {
         step: Step<'a>,
     ) -> AlphaEquations<'a> {
         self.broyden.restart();
+        let Step { h, state, .. } = step;
+        // linear equations have one solution, wherever it lies
+        let yardstick = if self.is_affine {
+            0.0
+        } else {
+            max_norm(&state.y) + h.abs() * max_norm(&state.z)
+        };
         AlphaEquations {
             solver: self,
             model,
             matrix,
             step,
+            yardstick,
+            moved_y: 0.0,
+            is_refreshed: false,
+            factorizations: 0,
         }
     }
 }
 
 impl AlphaEquations<'_> {
     /// F − M φ1 in `force`, M A − r in `reaction_residuals`, and the constraints in their places of `x`.
-    fn evaluate(&mut self) -> Result<(), StepError> {
+    pub(super) fn evaluate(&mut self) -> Result<(), StepError> {
         let Step { t, h, state } = self.step;
         let (at, t1, n) = (&mut *self.solver, t + h, state.y.len());
         at.place(h);
@@ -245,7 +228,7 @@ impl AlphaEquations<'_> {
     }
 
     /// η, ζ and the corrections of the multipliers, by the Newton matrix.
-    fn solve(&mut self) {
+    pub(super) fn solve(&mut self) {
         let at = &mut *self.solver;
         let (n, Coupling { phi, y, z, slope }) = (at.force.len(), at.coupling);
         copy_scaled(&mut at.x[..n], phi[0], &at.force);
@@ -312,10 +295,11 @@ impl AlphaEquations<'_> {
 
     /// The corrections h² η and h ζ, in units of the position and of the velocity; without A, the
     /// velocity goes with the position, whose roundoff it has in units of 1/h.
-    fn size(&self) -> f64 {
+    pub(super) fn size(&mut self) -> f64 {
+        let [eta, zeta] = self.moved_by();
+        self.moved_y = eta;
         let (at, h) = (&*self.solver, self.step.h.abs());
         let (y, z, phi) = (max_norm(&at.y), max_norm(&at.z), max_norm(&at.phi));
-        let [eta, zeta] = self.moved();
         let of_y = relative(eta, y.max(h * z).max(h * h * phi));
         match at.reactions_by {
             Reactions::Position => of_y,
@@ -324,7 +308,7 @@ impl AlphaEquations<'_> {
     }
 
     /// How far the correction has moved y1 and z1.
-    fn moved(&self) -> [f64; 2] {
+    fn moved_by(&self) -> [f64; 2] {
         let (at, h) = (&*self.solver, self.step.h.abs());
         let eta = &at.x[..at.y.len()];
         [h * h * max_norm(eta), h * max_norm(&at.zeta)]
@@ -339,7 +323,7 @@ impl AlphaEquations<'_> {
         }
         at.place(h);
         let (y, z) = (max_norm(&at.y), max_norm(&at.z));
-        let [by_y, by_z] = self.moved();
+        let [by_y, by_z] = self.moved_by();
         by_y <= y && by_z <= z
     }
 }
@@ -351,12 +335,45 @@ fn relative(d: f64, x: f64) -> f64 {
 
 impl Equations for AlphaEquations<'_> {
     fn correct(&mut self) -> Result<f64, StepError> {
+        if std::mem::take(&mut self.is_refreshed) {
+            self.factorizations += 1;
+            self.matrix.update(self.model, self.solver, self.step)?;
+            self.solver.broyden.restart();
+        }
         self.evaluate()?;
         self.solve();
-        self.apply(self.size() < NOISE);
+        let is_noise = self.size() < NOISE;
+        self.apply(is_noise);
         let size = self.size();
         let is_done = size.is_finite() && self.is_exact();
         Ok(if is_done { 0.0 } else { size })
+    }
+
+    fn reach(&self, size: f64) -> f64 {
+        if size == 0.0 || self.yardstick == 0.0 {
+            return 0.0;
+        }
+        self.moved_y / self.yardstick
+    }
+
+    fn moved(&self) -> f64 {
+        if self.yardstick == 0.0 {
+            return 0.0;
+        }
+        let (moved, _) = furthest(&self.solver.y, &self.solver.predicted, self.yardstick);
+        moved
+    }
+
+    fn refresh(&mut self) {
+        self.is_refreshed = true;
+    }
+
+    fn is_solved(&mut self) -> Result<bool, StepError> {
+        self.is_residual_roundoff()
+    }
+
+    fn floor(&mut self) -> Result<f64, StepError> {
+        self.largest_by_roundoff()
     }
 
     fn stop(&self) -> Stop {
@@ -373,5 +390,3 @@ impl Equations for AlphaEquations<'_> {
         }
     }
 }
-
-liouville_base::checkpoint!(Reaction { a, lam });

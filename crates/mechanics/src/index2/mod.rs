@@ -11,15 +11,18 @@
 //! V_i and Z_i, (I4) then z1, with order 2s where the Z_i have order s. z0 is used by no step. y is summed
 //! with its rounding errors carried along. Source: jay2006.
 
+mod attempt;
 mod newton_matrix;
 mod predictor;
+mod probe;
 mod stages;
 
 use crate::semi_explicit::{Algebraic, Model, State};
+use attempt::{Attempt, KeptCollocation};
 use liouville_base::error::StepError;
 use liouville_base::linalg::{add_scaled, carry, copy, max_norm};
 use liouville_base::method::{Stats, Stepper, Symmetric};
-use liouville_base::newton::{self, Attempts, Equations, Predictor, Start};
+use liouville_base::newton::{self, Equations, Predictor, Rest};
 use newton_matrix::CollocationMatrix;
 use stages::{CollocationStages, Step};
 
@@ -35,10 +38,13 @@ pub struct Index2 {
     predictor: Predictor,
     algebraic: Algebraic,
     z: Vec<f64>,
-    /// f at the start of a cold step.
+    /// f at the start of the step, or next to it where the step before has left it.
     slope: Vec<f64>,
     /// Whether the present start is far from the solution.
     is_far: bool,
+    rest: Rest,
+    /// Solutions to be compared.
+    kept: [Option<Box<KeptCollocation>>; 2],
     y: Vec<f64>,
     y_low: Vec<f64>,
     stats: Stats,
@@ -50,7 +56,9 @@ struct CollocationEquations<'a> {
     matrix: &'a mut CollocationMatrix,
     model: &'a mut Model,
     step: Step<'a>,
-    is_far: bool,
+    /// Whether each correction has a matrix of its own, and v at the start.
+    is_fresh: bool,
+    slope: &'a [f64],
     /// Corrections by the factors there are.
     corrections: f64,
     stats: &'a mut Stats,
@@ -70,6 +78,8 @@ impl Index2 {
             z: vec![0.0; model.problem.l],
             slope: vec![0.0; model.problem.n],
             is_far: false,
+            rest: Rest::default(),
+            kept: [None, None],
             y: vec![0.0; model.problem.n],
             y_low: vec![0.0; model.problem.n],
             stats: Stats::default(),
@@ -110,23 +120,29 @@ impl Index2 {
         }
     }
 
-    /// The iteration; from far away each correction has its own matrix.
-    fn iterate(&mut self, step: Step) -> Result<(), StepError> {
+    /// The iteration; from far away, or if it `is_full`, each correction has its own matrix. Says whether the
+    /// solution is near.
+    fn iterate(&mut self, step: Step, is_full: bool) -> Result<bool, StepError> {
         let mut equations = CollocationEquations {
             stages: &mut self.stages,
             matrix: &mut self.matrix,
             model: &mut self.model,
             step,
-            is_far: self.is_far,
+            is_fresh: self.is_far,
+            slope: &self.slope,
             corrections: 0.0,
             stats: &mut self.stats,
         };
-        let outcome = newton::solve(&mut equations, MOST_ITERATIONS);
+        let outcome = if is_full {
+            newton::solve_full(&mut equations)
+        } else {
+            newton::solve(&mut equations, MOST_ITERATIONS)
+        };
         match outcome {
-            Ok(iterations) => {
-                self.matrix.reuse.record(iterations);
-                self.stats.iterations += iterations;
-                Ok(())
+            Ok(solved) => {
+                self.matrix.reuse.record(solved.iterations);
+                self.stats.iterations += solved.iterations;
+                Ok(solved.is_near)
             }
             Err(error) => {
                 self.matrix.reuse.discard();
@@ -148,53 +164,6 @@ impl Index2 {
             Err(singular @ StepError::SingularHidden { .. }) => singular,
             _ => error,
         }
-    }
-}
-
-/// A step whose stage equations are attempted.
-struct Attempt<'a> {
-    index2: &'a mut Index2,
-    step: Step<'a>,
-}
-
-impl Attempts for Attempt<'_> {
-    fn start(&mut self, h: f64, start: Start) -> Result<bool, StepError> {
-        let (at, step) = (&mut *self.index2, Step { h, ..self.step });
-        at.is_far = start != Start::Extrapolated;
-        match start {
-            Start::Extrapolated => {
-                return Ok(predictor::extrapolate(&mut at.predictor, &mut at.stages, h));
-            }
-            Start::Cold => at.start_by_euler(step),
-            Start::Still => at.start_constant(step),
-        }
-        Ok(true)
-    }
-
-    fn is_reusable(&self, h: f64) -> bool {
-        self.index2.matrix.reuse.is_reusable(h)
-    }
-
-    fn discard(&mut self) {
-        self.index2.matrix.reuse.discard();
-    }
-
-    fn iterate(&mut self, h: f64) -> Result<(), StepError> {
-        self.index2.iterate(Step { h, ..self.step })
-    }
-
-    fn hold_shorter(&mut self, h: f64) -> Result<(), StepError> {
-        predictor::keep(&mut self.index2.predictor, &self.index2.stages, h);
-        self.index2.predictor.undo();
-        Ok(())
-    }
-
-    fn forget(&mut self) {
-        self.index2.predictor.forget();
-    }
-
-    fn count_cold_start(&mut self) {
-        self.index2.stats.cold_starts += 1;
     }
 }
 
@@ -240,10 +209,30 @@ impl Stepper for Index2 {
 impl Symmetric for Index2 {}
 
 impl Equations for CollocationEquations<'_> {
+    fn reach(&self, size: f64) -> f64 {
+        self.stages.reach(size, self.step)
+    }
+
+    fn moved(&self) -> f64 {
+        self.stages.moved(self.slope, self.step)
+    }
+
+    fn refresh(&mut self) {
+        self.matrix.reuse.discard();
+    }
+
+    fn is_solved(&mut self) -> Result<bool, StepError> {
+        self.is_residual_roundoff()
+    }
+
+    fn floor(&mut self) -> Result<f64, StepError> {
+        self.largest_by_roundoff()
+    }
+
     fn correct(&mut self) -> Result<f64, StepError> {
         self.stages.evaluate(self.model, self.step)?;
         let is_slow = self.corrections >= self.matrix.reuse.max_iterations();
-        if self.is_far || is_slow || !self.matrix.reuse.is_reusable(self.step.h) {
+        if self.is_fresh || is_slow || !self.matrix.reuse.is_reusable(self.step.h) {
             self.matrix.update(self.model, self.stages, self.step)?;
             self.stats.factorizations += 1;
             self.corrections = 0.0;
@@ -255,6 +244,6 @@ impl Equations for CollocationEquations<'_> {
 }
 
 liouville_base::checkpoint!(
-    Index2 { predictor, matrix }
+    Index2 { predictor, matrix, rest }
     then |index2| index2.matrix.restore_factors(&mut index2.model, &index2.stages)
 );

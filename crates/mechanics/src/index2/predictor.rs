@@ -13,14 +13,21 @@ pub(super) fn predictor(stages: &CollocationStages) -> newton::Predictor {
     newton::Predictor::new(vec![curve(stages.v.cols()), curve(stages.z.cols())])
 }
 
-/// Writes the extrapolated unknowns; says whether there was a step to extrapolate.
+/// Writes the extrapolated unknowns, and the last velocity before; says whether there was a step to extrapolate.
 pub(super) fn extrapolate(
     held: &mut newton::Predictor,
     stages: &mut CollocationStages,
+    slope: &mut [f64],
     h: f64,
 ) -> bool {
     let is_held = held.weigh(h);
     if is_held {
+        let last = if held.is_undone() {
+            0
+        } else {
+            stages.count() - 1
+        };
+        copy(slope, held.curves[0].values.row(last));
         held.curves[0].extrapolate(stages.v.flat_mut());
         held.curves[1].extrapolate(stages.z.flat_mut());
     }

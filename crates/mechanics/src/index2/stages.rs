@@ -1,5 +1,6 @@
 //! The stage equations of one step, evaluated; see the module above for the letters.
 
+use super::probe::CollocationProbe;
 use crate::problem::finite;
 use crate::semi_explicit::{Model, State};
 use liouville_base::error::{Quantity, StepError};
@@ -25,6 +26,9 @@ pub(super) struct CollocationStages {
     /// The moments of k, and k(t1, y1).
     pub(super) defect: Matrix,
     pub(super) evaluations: usize,
+    /// The velocity that moves the coordinates by their size at the start, which no iterate changes.
+    pub(super) yardstick: f64,
+    pub(super) probe: CollocationProbe,
     k: Matrix,
     /// h b_j V_j
     moves: Matrix,
@@ -54,6 +58,8 @@ impl CollocationStages {
             residual: Matrix::zeros(s, n),
             defect: Matrix::zeros(s, l),
             evaluations: 0,
+            yardstick: 0.0,
+            probe: None,
             k: Matrix::zeros(s, l),
             moves: Matrix::zeros(s, n),
             ends,
@@ -151,6 +157,32 @@ impl CollocationStages {
         if correction == 0.0 {
             return 0.0;
         }
-        correction / (max_norm(self.v.flat()) + max_norm(&step.state.y) / step.h.abs())
+        correction / self.speed(step)
+    }
+
+    /// What corrections are relative to.
+    fn speed(&self, step: Step) -> f64 {
+        max_norm(self.v.flat()) + max_norm(&step.state.y) / step.h.abs()
+    }
+
+    /// A relative size in the yardstick of the step; from rest at the origin there is none.
+    pub(super) fn reach(&self, size: f64, step: Step) -> f64 {
+        if size == 0.0 || self.yardstick == 0.0 {
+            return 0.0;
+        }
+        size * (self.speed(step) / self.yardstick)
+    }
+
+    /// How far the stages are from where the velocity at the start leads, in the yardstick.
+    pub(super) fn moved(&self, velocity: &[f64], step: Step) -> f64 {
+        let mut largest = 0.0_f64;
+        for (i, c) in self.c.iter().enumerate() {
+            let start = step.state.y.iter().zip(velocity);
+            for (y, (y0, v0)) in self.y.row(i).iter().zip(start) {
+                largest = largest.max((y - y0 - c * step.h * v0).abs());
+            }
+        }
+        let unit = self.yardstick * step.h.abs();
+        if unit == 0.0 { 0.0 } else { largest / unit }
     }
 }

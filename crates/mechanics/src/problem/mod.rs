@@ -173,6 +173,17 @@ impl Mechanical {
         self.nonholonomic.as_ref().map_or(0, |own| own.l)
     }
 
+    /// Whether all equations are linear in y, z and λ, with factors that depend on parameters alone.
+    pub fn is_affine(&self) -> bool {
+        let derivatives = [
+            &self.stage_blocks,
+            &self.stage_jacobian,
+            &self.node_blocks,
+            &self.node_jacobian,
+        ];
+        self.l() == 0 && derivatives.iter().all(|tape| tape.is_empty())
+    }
+
     /// Whether most derivatives of the constraints are zero.
     pub fn is_sparse(&self) -> bool {
         4 * self.patterns.g_y.len() <= self.n * self.m

@@ -49,8 +49,6 @@ pub struct Rattle {
     y_low: Vec<f64>,
     p: Vec<f64>,
     v: Vec<f64>,
-    /// Whether λ is that of a shorter step from the same state, to continue from.
-    is_held: bool,
     /// What makes the steps that multipliers alone do not, made when it is first wanted.
     stages: Option<Box<Spark>>,
     stats: Stats,
@@ -76,7 +74,6 @@ impl Rattle {
             y_low: zeros.clone(),
             p: zeros.clone(),
             v: zeros,
-            is_held: false,
             stages: None,
             stats: Stats::default(),
             mass,
@@ -102,7 +99,8 @@ impl Rattle {
         Ok(())
     }
 
-    fn iterate(&mut self, step: Step) -> Result<(), StepError> {
+    /// The iteration; says whether the solution is near its start.
+    fn iterate(&mut self, step: Step) -> Result<bool, StepError> {
         let mut solve = self.positions.start(
             &mut self.model,
             &mut self.mass,
@@ -110,9 +108,10 @@ impl Rattle {
             &self.force,
             step,
         );
-        self.stats.iterations += newton::solve(&mut solve, MOST_ITERATIONS)?;
+        let solved = newton::solve(&mut solve, MOST_ITERATIONS)?;
         self.stats.factorizations += solve.factorizations;
-        Ok(())
+        self.stats.iterations += solved.iterations;
+        Ok(solved.is_near)
     }
 
     /// y1 and p_h from the λ found, their low parts in `y_low` and `low`.
@@ -144,12 +143,15 @@ impl Rattle {
         Ok(())
     }
 
-    /// y1, λ and p1, by multipliers alone.
-    fn advance(&mut self, step: Step) -> Result<(), StepError> {
+    /// y1, λ and p1, by multipliers alone; says whether they are near the start, and taken.
+    fn advance(&mut self, step: Step) -> Result<bool, StepError> {
         self.begin(step)?;
-        newton::attempt(&mut Attempt { rattle: self, step }, step.h)?;
-        self.move_coordinates(step);
-        self.solve_velocities(step)
+        if newton::attempt_modified(&mut Attempt { rattle: self, step }, step.h)? {
+            self.move_coordinates(step);
+            self.solve_velocities(step)?;
+            return Ok(true);
+        }
+        Ok(false)
     }
 
     /// The same step by the stage equations of the pair, which take near-singular positions.
@@ -175,26 +177,14 @@ impl Attempts for Attempt<'_> {
     fn start(&mut self, h: f64, start: Start) -> Result<bool, StepError> {
         let lam = &mut self.rattle.positions.lam;
         match start {
-            Start::Extrapolated if self.rattle.is_held => self.rattle.is_held = false,
             Start::Extrapolated => return Ok(self.rattle.guess.extrapolate(lam, h)),
-            Start::Cold => lam.fill(0.0),
-            // λ = 0 has no accelerations either
-            Start::Still => return Ok(false),
+            _ => lam.fill(0.0),
         }
         Ok(true)
     }
 
-    fn iterate(&mut self, h: f64) -> Result<(), StepError> {
+    fn iterate(&mut self, h: f64) -> Result<bool, StepError> {
         self.rattle.iterate(Step { h, ..self.step })
-    }
-
-    fn hold_shorter(&mut self, _h: f64) -> Result<(), StepError> {
-        self.rattle.is_held = true;
-        Ok(())
-    }
-
-    fn forget(&mut self) {
-        self.rattle.guess.forget();
     }
 
     fn count_cold_start(&mut self) {
@@ -206,8 +196,13 @@ impl Stepper for Rattle {
     type State = State;
 
     fn step(&mut self, t: f64, h: f64, state: &mut State) -> Result<(), StepError> {
-        if let Err(error) = self.advance(Step { t, h, state }) {
-            return self.step_by_stages(t, h, state).map_err(|_| error);
+        let advanced = self.advance(Step { t, h, state });
+        if advanced != Ok(true) {
+            let by_stages = self.step_by_stages(t, h, state);
+            return by_stages.map_err(|later| match (later, advanced) {
+                (later @ StepError::StepTooLarge { .. }, _) | (later, Ok(_)) => later,
+                (_, Err(error)) => error,
+            });
         }
         self.guess.keep(h, &self.positions.lam);
         self.mass.state(&self.p, &self.low, &mut state.z);

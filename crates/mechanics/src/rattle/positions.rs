@@ -125,6 +125,25 @@ impl PositionEquations<'_> {
 }
 
 impl Equations for PositionEquations<'_> {
+    /// Sizes are relative to the start of the step already.
+    fn reach(&self, size: f64) -> f64 {
+        size
+    }
+
+    fn moved(&self) -> f64 {
+        let (at, Some(scale)) = (&*self.at, self.scale) else {
+            return 0.0;
+        };
+        let free = self.step.state.y.iter().zip(&at.free);
+        let moved =
+            at.y.iter()
+                .zip(free)
+                .fold(0.0, |moved: f64, (y, (y0, free))| {
+                    moved.max((y - y0 - free).abs())
+                });
+        if moved == 0.0 { 0.0 } else { moved / scale }
+    }
+
     fn correct(&mut self) -> Result<f64, StepError> {
         if self.at.lam.is_empty() {
             return Ok(0.0);

@@ -15,7 +15,7 @@ use liouville_base::checkpoint::{Checkpoint, CheckpointMismatch};
 use liouville_base::error::StepError;
 use liouville_base::linalg::choice::{FEWEST_MEMBERS, LARGEST_MEMBER};
 use liouville_base::method::{Stats, Stepper, Symmetric};
-use liouville_base::newton::{self, Member};
+use liouville_base::newton::{self, Member, Rest};
 use liouville_base::real::{Lanes, Scalar};
 use liouville_base::tableau;
 use std::sync::Arc;
@@ -46,9 +46,8 @@ pub struct SparkBatch {
     /// What makes a step of one member: of any, where their parameters are the same.
     alone: Vec<Spark>,
     state: State,
-    /// Steps each is still to make alone, and how many it was last time.
-    resting: [usize; BATCH],
-    rest: [usize; BATCH],
+    /// Rests of node Schur and of the modified iteration, of each.
+    rests: [[Rest; 2]; BATCH],
     members: [Member; BATCH],
     /// How many there are: the last one fills the places that are left, and all it does is done there too.
     count: usize,
@@ -92,8 +91,7 @@ impl SparkBatch {
             update: Update::new(&model),
             alone,
             state: State::zeros(problem.n),
-            resting: [0; BATCH],
-            rest: [0; BATCH],
+            rests: Default::default(),
             members: [Member::Out; BATCH],
             count: members.clamp(1, BATCH),
             saved,
@@ -120,15 +118,19 @@ impl SparkBatch {
 
     /// The common path, up to where the step has only to be committed; says who has come to its end.
     fn advance(&mut self, step: Step<Block>) -> Result<(), StepError> {
-        self.members = self.resting.map(|left| match left {
-            0 => Member::Open,
-            _ => Member::Out,
+        let is_open = |rests: &[Rest; 2]| !rests.iter().any(|rest| rest.is_on());
+        self.members = self.rests.map(|rests| {
+            if is_open(&rests) {
+                Member::Open
+            } else {
+                Member::Out
+            }
         });
-        let open = self.resting[..self.count].iter();
-        let open = open.filter(|left| **left == 0).count();
+        let open = self.rests[..self.count].iter();
+        let open = open.filter(|rests| is_open(rests)).count();
         let (stages, model) = (&mut self.stages, &mut self.model);
         let z1 = &mut self.update.z;
-        if open < FEWEST_MEMBERS || !self.predictor.extrapolate(stages, z1, step.h) {
+        if open < FEWEST_MEMBERS || !self.predictor.extrapolate(stages, z1, step) {
             self.members = [Member::Out; BATCH];
             return Ok(());
         }
@@ -197,7 +199,7 @@ impl SparkBatch {
         let stages = self.stages.tableau.stages;
         for (member, stands) in self.members.iter().enumerate() {
             if let Member::Converged(iterations) = stands {
-                self.rest[member] = 0;
+                self.rests[member].iter_mut().for_each(Rest::end_row);
                 if member < self.count {
                     self.stats.iterations += iterations;
                     self.stats.evaluations += (iterations + 1) * stages;
@@ -251,13 +253,11 @@ impl Symmetric for SparkBatch {}
 impl Checkpoint for SparkBatch {
     fn save(&self, member: usize, out: &mut Vec<f64>) {
         self.predictor.save(member, out);
-        self.resting[member].save(0, out);
-        self.rest[member].save(0, out);
+        self.rests[member].save(0, out);
     }
 
     fn restore(&mut self, member: usize, saved: &mut &[f64]) -> Result<(), CheckpointMismatch> {
         self.predictor.restore(member, saved)?;
-        self.resting[member].restore(0, saved)?;
-        self.rest[member].restore(0, saved)
+        self.rests[member].restore(0, saved)
     }
 }

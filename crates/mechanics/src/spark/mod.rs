@@ -21,17 +21,20 @@ mod full_newton;
 mod lanes;
 mod node_schur;
 mod predictor;
+mod probe;
 mod sparse_schur;
 mod stages;
 mod update;
+mod yardstick;
 
 use crate::problem::{Mechanical, Model, State};
 use estimate::Estimate;
 use full_newton::FullNewton;
 use liouville_base::error::StepError;
 use liouville_base::linalg::choice::{CHEAP_NEWTON, SCHUR_ITERATIONS};
+use liouville_base::linalg::copy;
 use liouville_base::method::{Stats, Stepper, Symmetric};
-use liouville_base::newton::{self, Attempts, Start};
+use liouville_base::newton::{self, Attempts, Confirms, Rest, Slot, Solved, Start};
 use liouville_base::tableau;
 use node_schur::NodeSchur;
 use predictor::Predictor;
@@ -67,8 +70,6 @@ impl Solver {
 
 /// Corrections a solver may take when there is no other.
 const MOST_ITERATIONS: usize = 100;
-/// Steps node Schur rests at most after failing; each failure in a row doubles the rest.
-const LONGEST_REST: usize = 1023;
 
 /// A SPARK method at work.
 #[derive(Clone, Debug)]
@@ -85,9 +86,11 @@ pub struct Spark {
     estimate: Option<Box<Estimate>>,
     /// Where node Schur started, for full Newton to start there too.
     start: Unknowns,
-    /// Steps still to be made by full Newton, and how many it was last time.
-    resting: usize,
-    rest: usize,
+    /// Solutions to be compared, each made when it is first wanted.
+    kept: [Option<Box<KeptStages>>; 2],
+    /// Rest of node Schur, and of the modified iteration.
+    schur_rest: Rest,
+    rest: Rest,
     /// Whether node Schur has found the present stages.
     is_by_schur: bool,
     stats: Stats,
@@ -114,8 +117,9 @@ impl Spark {
             update: Update::new(&model),
             estimate: None,
             start: stages.unknowns.clone(),
-            resting: 0,
-            rest: 0,
+            kept: [None, None],
+            schur_rest: Rest::default(),
+            rest: Rest::default(),
             is_by_schur: false,
             stats: Stats::default(),
             stages,
@@ -147,55 +151,95 @@ impl Spark {
         Ok(())
     }
 
-    fn iterate(&mut self, step: Step) -> Result<(), StepError> {
+    /// The modified iteration, by node Schur or full Newton; says whether the solution is near.
+    fn iterate(&mut self, step: Step) -> Result<bool, StepError> {
         self.is_by_schur = false;
-        let iterations = if self.wants_newton() {
-            self.iterate_newton(step)?
+        let solved = if self.wants_newton() {
+            self.iterate_newton(step, false)?
         } else {
             self.start.copy_from(&self.stages.unknowns);
             match self.iterate_schur(step) {
                 Err(_) if self.solver == Solver::Auto => {
-                    self.rest = (2 * self.rest + 1).min(LONGEST_REST);
-                    self.resting = self.rest;
+                    self.schur_rest.begin();
                     self.stages.unknowns.copy_from(&self.start);
-                    self.iterate_newton(step)?
+                    self.iterate_newton(step, false)?
                 }
                 outcome => {
-                    self.rest = 0;
+                    self.schur_rest.end_row();
                     self.is_by_schur = outcome.is_ok();
                     outcome?
                 }
             }
         };
-        self.stats.iterations += iterations;
-        Ok(())
+        self.stats.iterations += solved.iterations;
+        Ok(solved.is_near)
+    }
+
+    /// The iteration with a matrix for each correction, where there is one.
+    fn iterate_full(&mut self, step: Step) -> Result<bool, StepError> {
+        if self.is_schur_only() {
+            return self.iterate(step);
+        }
+        self.is_by_schur = false;
+        let solved = self.iterate_newton(step, true)?;
+        self.stats.iterations += solved.iterations;
+        Ok(solved.is_near)
+    }
+
+    /// Whether there is no iteration with a matrix for each correction.
+    fn is_schur_only(&self) -> bool {
+        self.solver == Solver::NodeSchur && self.schur.is_able() && self.model.problem.l() == 0
+    }
+
+    /// The error of a step, which node Schur alone cannot blame on its size.
+    fn without_full(&self, error: StepError) -> StepError {
+        match error {
+            StepError::StepTooLarge { .. } if self.is_schur_only() => StepError::NotConverged {
+                iterations: self
+                    .solver
+                    .max_iterations(&self.model.problem, &self.stages.tableau),
+                size: f64::INFINITY,
+            },
+            error => error,
+        }
     }
 
     /// Whether full Newton is asked for or all there is, or node Schur rests after having failed.
     fn wants_newton(&mut self) -> bool {
-        let is_resting = self.resting > 0;
-        self.resting = self.resting.saturating_sub(1);
-        is_resting
+        self.schur_rest.take()
             || self.solver == Solver::Newton
             || !self.schur.is_able()
             || self.model.problem.l() > 0
     }
 
-    fn iterate_schur(&mut self, step: Step) -> Result<usize, StepError> {
+    fn iterate_schur(&mut self, step: Step) -> Result<Solved, StepError> {
         let (stages, model) = (&mut self.stages, &mut self.model);
         let most = self.solver.max_iterations(&model.problem, &stages.tableau);
         newton::solve(&mut self.schur.start(stages, model, step), most)
     }
 
-    fn iterate_newton(&mut self, step: Step) -> Result<usize, StepError> {
+    /// Full Newton: by one matrix, or by one for each correction.
+    fn iterate_newton(&mut self, step: Step, is_each: bool) -> Result<Solved, StepError> {
         self.stats.newton_steps += 1;
         let (stages, model) = (&mut self.stages, &mut self.model);
         let full = self
             .full
             .get_or_insert_with(|| FullNewton::new(model, stages).into());
         let mut equations = full.start(stages, model, &mut self.update.z, step);
-        newton::solve(&mut equations, MOST_ITERATIONS)
+        if is_each {
+            newton::solve_full(&mut equations)
+        } else {
+            newton::solve(&mut equations, MOST_ITERATIONS)
+        }
     }
+}
+
+/// A solution kept beside the present one.
+#[derive(Clone, Debug)]
+struct KeptStages {
+    unknowns: Unknowns,
+    z1: Vec<f64>,
+    is_by_schur: bool,
 }
 
 /// A step whose stage equations are attempted.
@@ -214,30 +258,69 @@ impl Attempts for Attempt<'_> {
             update,
             ..
         } = &mut *self.spark;
-        if start == Start::Extrapolated {
-            return Ok(predictor.extrapolate(stages, &mut update.z, h));
+        match start {
+            Start::Extrapolated => Ok(predictor.extrapolate(stages, &mut update.z, step)),
+            Start::Continued => {
+                stages.begin_again(step);
+                Ok(true)
+            }
+            Start::Cold | Start::Still => {
+                let is_still = start == Start::Still;
+                predictor.start_cold(model, stages, &mut update.z, step, is_still)?;
+                Ok(true)
+            }
         }
-        let is_still = start == Start::Still;
-        predictor.start_cold(model, stages, &mut update.z, step, is_still)?;
-        Ok(true)
     }
 
-    fn iterate(&mut self, h: f64) -> Result<(), StepError> {
+    fn iterate(&mut self, h: f64) -> Result<bool, StepError> {
         self.spark.iterate(Step { h, ..self.step })
-    }
-
-    fn hold_shorter(&mut self, h: f64) -> Result<(), StepError> {
-        self.spark.finish(Step { h, ..self.step })?;
-        self.spark.predictor.undo();
-        Ok(())
-    }
-
-    fn forget(&mut self) {
-        self.spark.predictor.forget();
     }
 
     fn count_cold_start(&mut self) {
         self.spark.stats.cold_starts += 1;
+    }
+}
+
+impl Confirms for Attempt<'_> {
+    fn iterate_full(&mut self, h: f64) -> Result<bool, StepError> {
+        self.spark.iterate_full(Step { h, ..self.step })
+    }
+
+    fn keep(&mut self, _h: f64, slot: Slot) {
+        let Spark {
+            stages,
+            update,
+            kept,
+            is_by_schur,
+            ..
+        } = &mut *self.spark;
+        let kept = kept[slot as usize].get_or_insert_with(|| {
+            Box::new(KeptStages {
+                unknowns: stages.unknowns.clone(),
+                z1: update.z.clone(),
+                is_by_schur: false,
+            })
+        });
+        kept.unknowns.copy_from(&stages.unknowns);
+        copy(&mut kept.z1, &update.z);
+        kept.is_by_schur = *is_by_schur;
+    }
+
+    fn put_back(&mut self, slot: Slot) {
+        if let Some(kept) = &self.spark.kept[slot as usize] {
+            self.spark.stages.unknowns.copy_from(&kept.unknowns);
+            copy(&mut self.spark.update.z, &kept.z1);
+            self.spark.is_by_schur = kept.is_by_schur;
+        }
+    }
+
+    fn distance(&mut self, _h: f64, slot: Slot) -> (f64, usize) {
+        let kept = self.spark.kept[slot as usize].as_ref();
+        kept.map_or((0.0, 0), |kept| self.spark.stages.distance(&kept.unknowns))
+    }
+
+    fn rest(&mut self) -> &mut Rest {
+        &mut self.spark.rest
     }
 }
 
@@ -246,7 +329,8 @@ impl Stepper for Spark {
 
     fn step(&mut self, t: f64, h: f64, state: &mut State) -> Result<(), StepError> {
         let step = Step { t, h, state };
-        newton::attempt(&mut Attempt { spark: self, step }, h)?;
+        let attempted = newton::attempt(&mut Attempt { spark: self, step }, h);
+        attempted.map_err(|error| self.without_full(error))?;
         self.finish(step)?;
         if let Some(estimate) = &mut self.estimate {
             estimate.keep(state);
@@ -275,6 +359,6 @@ impl Symmetric for Spark {}
 // What is extrapolated, and how long node Schur still rests.
 liouville_base::checkpoint!(Spark {
     predictor,
-    resting,
+    schur_rest,
     rest
 });

@@ -8,6 +8,7 @@
 //! depend on z, by O(h) otherwise. With Λ = h λ the matrix is O(1) as h → 0.
 #![allow(clippy::inline_always)] // what is not inlined is compiled without the registers it is for
 
+use super::probe;
 use super::sparse_schur::SparseNodeSchur;
 use super::stages::{Stages, Step, Unknowns};
 use crate::problem::{Mass, Mechanical, Model, add_product, diagnose_rank, finite};
@@ -58,9 +59,9 @@ enum Schur<R> {
 /// The stage equations of one step, solved by node Schur.
 pub(super) struct SchurEquations<'a, R = f64> {
     solver: &'a mut NodeSchur<R>,
-    stages: &'a mut Stages<R>,
+    pub(super) stages: &'a mut Stages<R>,
     model: &'a mut Model<R>,
-    step: Step<'a, R>,
+    pub(super) step: Step<'a, R>,
     is_linearized: bool,
 }
 
@@ -342,6 +343,24 @@ impl<R: Real> SchurEquations<'_, R> {
 impl<R: Real> Equations<R> for SchurEquations<'_, R> {
     fn stop(&self) -> Stop {
         self.stages.stop
+    }
+
+    #[inline(always)]
+    fn reach(&self, size: R) -> R {
+        self.stages.reach(size)
+    }
+
+    #[inline(always)]
+    fn moved(&self) -> R {
+        self.stages.moved(self.step)
+    }
+
+    fn is_solved(&mut self) -> Result<bool, StepError> {
+        self.stages.is_solved(self.model, self.step)
+    }
+
+    fn floor(&mut self) -> Result<f64, StepError> {
+        probe::floor(self)
     }
 
     fn correct(&mut self) -> Result<R, StepError> {

@@ -56,10 +56,22 @@ impl<R: Real> Predictor<R> {
     }
 
     /// Writes the extrapolated unknowns and `z1`; says whether there was a step to extrapolate.
-    pub(super) fn extrapolate(&mut self, stages: &mut Stages<R>, z1: &mut [R], h: f64) -> bool {
-        if !self.held.weigh(h) {
+    pub(super) fn extrapolate(
+        &mut self,
+        stages: &mut Stages<R>,
+        z1: &mut [R],
+        step: Step<R>,
+    ) -> bool {
+        if !self.held.weigh(step.h) {
             return false;
         }
+        let held = self.velocities();
+        let start = if self.held.is_undone() {
+            0
+        } else {
+            held.rows() - 1
+        };
+        stages.begin(step, held.row(start));
         dispatch_simd_long::<R, _>(
             z1.len(),
             #[inline(always)]
@@ -106,6 +118,7 @@ impl<R: Real> Predictor<R> {
         } else {
             self.v.row(0)
         };
+        stages.begin(step, velocity);
         for i in 0..stages.tableau.stages {
             let (c, t) = (stages.tableau.c[i], stages.stage_time(step, i));
             let z = stages.unknowns.z.row_mut(i);

@@ -1,9 +1,10 @@
 //! The stage equations of one step, evaluated; see the module above for the letters.
 #![allow(clippy::inline_always)] // what is not inlined is compiled without the registers it is for
 
+use super::probe::Probe;
 use crate::problem::{Mechanical, Model, State, Times, finite, finite_k};
 use liouville_base::error::{Quantity, StepError};
-use liouville_base::linalg::{Matrix, all_finite, combine, copy, copy_scaled, max_norm};
+use liouville_base::linalg::{Matrix, all_finite, combine, copy, copy_scaled};
 use liouville_base::method;
 use liouville_base::newton::Stop;
 use liouville_base::real::Real;
@@ -78,6 +79,18 @@ pub(super) struct Stages<R = f64> {
     pub(super) evaluations: usize,
     /// When the stage equations count as solved.
     pub(super) stop: Stop,
+    /// v at the start of the step, and the velocity that moves the coordinates by their size at the start:
+    /// the yardstick of the step, which no iterate changes; 0 where none is needed.
+    pub(super) still: Vec<R>,
+    pub(super) yardstick: R,
+    /// Whether V and Z are the same.
+    pub(super) velocity_is_z: bool,
+    /// Whether the equations are linear, with one solution wherever it lies.
+    pub(super) is_affine: bool,
+    /// What corrections are relative to.
+    pub(super) speed: R,
+    /// Memory of looking at roundoff, made when it is first wanted.
+    pub(super) probe: Option<Box<Probe<R>>>,
     /// μᶠ and μ̂ side by side, the last column of μ̂, which is zero, left out unless μʳ follows.
     force_weights: Matrix,
 }
@@ -108,6 +121,12 @@ impl<R: Real> Stages<R> {
             momentum_residual: at_stages,
             evaluations: 0,
             stop: Stop::default(),
+            still: vec![R::splat(0.0); n],
+            yardstick: R::splat(0.0),
+            speed: R::splat(0.0),
+            probe: None,
+            velocity_is_z: model.problem.patterns.v_z.is_none(),
+            is_affine: model.problem.is_affine(),
             force_weights: Matrix::from_fn(s, s + k + rolling + usize::from(l > 0), |i, j| {
                 if j < s {
                     tableau.mu_f[(i, j)]
@@ -330,23 +349,5 @@ impl<R: Real> Stages<R> {
             iterations: 0,
             size: f64::INFINITY,
         })
-    }
-
-    /// The size of a velocity correction, relative to what moves the coordinates by their own size.
-    #[inline(always)]
-    pub(super) fn relative(&self, correction: R, step: Step<R>) -> R {
-        if correction.all(|correction| correction == 0.0) {
-            return correction;
-        }
-        let y = max_norm(&step.state.y) / R::splat(step.h.abs());
-        let speed = max_norm(self.unknowns.v.flat()) + y;
-        correction.zip(
-            speed,
-            #[inline(always)]
-            |correction, speed| match correction {
-                0.0 => 0.0,
-                _ => correction / speed,
-            },
-        )
     }
 }

@@ -1,7 +1,12 @@
 //! The iteration ends at roundoff, and says early when it will not.
 
 use liouville_base::error::{Quantity, StepError};
-use liouville_base::newton::{Broyden, Equations, Stop, solve};
+use liouville_base::newton::{Broyden, Equations, Solved, Stop, solve_full};
+
+/// Corrects with one matrix, and counts.
+fn solve(equations: &mut impl Equations, most: usize) -> Result<usize, StepError> {
+    liouville_base::newton::solve(equations, most).map(|solved| solved.iterations)
+}
 
 /// Equations in one unknown: `step` gives the correction of x.
 struct Scalar<F> {
@@ -203,5 +208,116 @@ fn broyden_s_update_makes_a_rough_matrix_good_enough() {
     assert!(
         3 * with < without,
         "{with} corrections with it, {without} without"
+    );
+}
+
+/// Corrections of prescribed sizes, in a yardstick of 1, with a floor and a verdict on the residual.
+struct Watched<'a> {
+    sizes: &'a [f64],
+    made: usize,
+    moved: f64,
+    floor: f64,
+    is_solved: bool,
+    matrices: usize,
+}
+
+impl<'a> Watched<'a> {
+    fn new(sizes: &'a [f64]) -> Self {
+        Self {
+            sizes,
+            made: 0,
+            moved: 0.0,
+            floor: 0.0,
+            is_solved: true,
+            matrices: 0,
+        }
+    }
+
+    fn outcome(&mut self) -> Result<Solved, StepError> {
+        liouville_base::newton::solve(self, self.sizes.len())
+    }
+}
+
+impl Equations for Watched<'_> {
+    fn correct(&mut self) -> Result<f64, StepError> {
+        self.made += 1;
+        Ok(self.sizes[self.made - 1])
+    }
+
+    fn reach(&self, size: f64) -> f64 {
+        size
+    }
+
+    fn moved(&self) -> f64 {
+        self.moved
+    }
+
+    fn refresh(&mut self) {
+        self.matrices += 1;
+    }
+
+    fn is_solved(&mut self) -> Result<bool, StepError> {
+        Ok(self.is_solved)
+    }
+
+    fn floor(&mut self) -> Result<f64, StepError> {
+        Ok(self.floor)
+    }
+}
+
+#[test]
+fn what_is_far_from_its_start_is_not_near() {
+    let near = |sizes: &[f64], moved| {
+        let mut equations = Watched::new(sizes);
+        equations.moved = moved;
+        equations.outcome().expect("it converges").is_near
+    };
+    let small = [0.05, 1e-3, 1e-6, 1e-12, 0.0];
+    assert!(near(&small, 0.1) && !near(&small, 0.6));
+    assert!(!near(&[250.0, 4e-11, 1e-30], 0.0));
+}
+
+#[test]
+fn one_ratio_is_believed_only_with_a_residual() {
+    for (first, is_solved, is_believed) in [
+        (0.05, true, true),
+        (0.05, false, false),
+        (1e-4, false, true),
+    ] {
+        let sizes = [first, 1e-20];
+        let mut equations = Watched::new(&sizes);
+        equations.is_solved = is_solved;
+        assert_eq!(equations.outcome().is_ok(), is_believed, "{first}");
+    }
+}
+
+#[test]
+fn corrections_that_stall_at_the_floor_have_converged() {
+    let sizes = [1e-5, 1e-9, 0.9e-9, 1e-9, 1e-9, 1e-9];
+    for (floor, converges) in [(2e-10, true), (1e-11, false)] {
+        let mut equations = Watched::new(&sizes);
+        equations.floor = floor;
+        assert_eq!(equations.outcome().is_ok(), converges, "{floor}");
+    }
+}
+
+#[test]
+fn full_newton_lets_corrections_grow() {
+    let sizes = [2e-5, 5e-3, 6e-6, 6e-6, 9e-12];
+    let mut equations = Watched::new(&sizes);
+    let solved = solve_full(&mut equations).expect("the residual is roundoff");
+    assert_eq!((solved.iterations, solved.is_near), (5, true));
+    assert_eq!(equations.matrices, 5);
+    let slow: Vec<f64> = (0..40).map(|k| 0.65_f64.powi(k)).collect();
+    let mut equations = Watched::new(&slow);
+    let solved = solve_full(&mut equations).expect("in the end");
+    assert_eq!((solved.is_near, equations.matrices), (false, 12));
+    equations = Watched::new(&slow);
+    equations.is_solved = false;
+    assert!(solve_full(&mut equations).is_err());
+    let halves: Vec<f64> = (0..40).map(|k| 1e-5 * 0.5_f64.powi(k)).collect();
+    assert!(
+        solve_full(&mut Watched::new(&halves)).is_err(),
+        "a double root"
     );
 }

@@ -162,7 +162,9 @@ fn a_step_too_large_is_refused_and_leaves_the_state() {
                 let refused = walk.step().expect_err("the bob would pass the pivot");
                 let is_too_large = matches!(
                     refused,
-                    StepError::NotConverged { .. } | StepError::SingularNewton
+                    StepError::StepTooLarge { .. }
+                        | StepError::NotConverged { .. }
+                        | StepError::SingularNewton
                 );
                 assert!(is_too_large, "{refused} with {solver:?}, s = {s}, h = {h}");
                 assert_eq!(walk.state, before);

@@ -139,7 +139,9 @@ impl<State: Checkpoint> StepControl<State> for Adaptive<State> {
 /// The error of a run whose shortest step has no solution: that of the model, if it is one.
 fn preferred(error: StepError, least: StepError) -> StepError {
     match error {
-        StepError::NotConverged { .. } | StepError::SingularNewton => least,
+        StepError::NotConverged { .. }
+        | StepError::StepTooLarge { .. }
+        | StepError::SingularNewton => least,
         of_model => of_model,
     }
 }

@@ -19,6 +19,7 @@
 
 mod blocks;
 
+use super::probe::{self, AtStages};
 use super::stages::{Stages, Step};
 use crate::problem::{Mass, Model, diagnose_rank, diagnose_rank_all, finite, finite_k};
 use blocks::{Offsets, SparkBlocks, add_to};
@@ -356,9 +357,35 @@ impl StageEquations<'_> {
     }
 }
 
+impl AtStages<f64> for StageEquations<'_> {
+    fn stages(&mut self) -> (&mut Stages, Step<'_>) {
+        (self.stages, self.step)
+    }
+}
+
 impl Equations for StageEquations<'_> {
     fn stop(&self) -> Stop {
         self.stages.stop
+    }
+
+    fn reach(&self, size: f64) -> f64 {
+        self.stages.reach(size)
+    }
+
+    fn moved(&self) -> f64 {
+        self.stages.moved(self.step)
+    }
+
+    fn refresh(&mut self) {
+        self.is_linearized = false;
+    }
+
+    fn is_solved(&mut self) -> Result<bool, StepError> {
+        self.stages.is_solved(self.model, self.step)
+    }
+
+    fn floor(&mut self) -> Result<f64, StepError> {
+        probe::floor(self)
     }
 
     fn correct(&mut self) -> Result<f64, StepError> {

@@ -1,0 +1,151 @@
+//! What the sizes of corrections say: whether to go on, and whether a member has converged or will not.
+#![allow(clippy::needless_bitwise_bool)] // a way out would end the loop over members
+#![allow(clippy::inline_always)] // what is not inlined is compiled without the registers it is for
+
+use super::{SMALL, Stop};
+use crate::real::Real;
+
+/// Corrections below this fraction may be nothing but roundoff.
+const NOISE: f64 = 1e3 * f64::EPSILON;
+/// A first ratio of corrections above this says that the solution found need not be the nearby one.
+const NEARBY: f64 = 0.5;
+
+/// How far corrections have come, of each member.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Progress<R> {
+    stop: Stop,
+    last: R,
+    expected: R,
+    /// NaN before there is one.
+    rate: R,
+}
+
+/// Verdicts on the corrections of a member, as numbers: they are found for all members at once.
+pub(super) const OPEN: f64 = 0.0;
+pub(super) const CONVERGED: f64 = 1.0;
+pub(super) const HOPELESS: f64 = 2.0;
+
+impl<R: Real> Progress<R> {
+    pub(super) fn new(stop: Stop) -> Self {
+        Self {
+            stop,
+            last: R::splat(f64::INFINITY),
+            expected: R::splat(f64::INFINITY),
+            rate: R::splat(f64::NAN),
+        }
+    }
+
+    /// What another correction, of this size, says.
+    #[inline(always)]
+    pub(super) fn judge(&mut self, size: R, iterations: usize, most: usize) -> R {
+        let Stop {
+            is_even,
+            least_rate,
+            ..
+        } = self.stop;
+        let theta = size / self.last;
+        // noise hides what is still converging: the rate seen above it is believed
+        self.expected = size.zip(
+            self.rate * self.expected,
+            #[inline(always)]
+            |size, rest| {
+                if is_even & (size < NOISE) {
+                    size.min(rest)
+                } else {
+                    size
+                }
+            },
+        );
+        if iterations > 1 {
+            self.rate = R::each(
+                [size, theta, self.rate],
+                #[inline(always)]
+                |[size, theta, rate]| {
+                    if is_even & (size < NOISE) {
+                        rate
+                    } else {
+                        theta.max(least_rate)
+                    }
+                },
+            );
+        }
+        self.last = size;
+        let slow = self.too_slow(size, theta, iterations, most);
+        let verdict = self.verdict(iterations, most);
+        R::each([size, theta, self.rate, self.expected, slow], verdict)
+    }
+
+    /// Whether a correction size, θ, the rate, what is expected, and whether it is too slow are those of a
+    /// member that has converged or will not.
+    #[inline(always)]
+    fn verdict(&self, iterations: usize, most: usize) -> impl Fn([f64; 5]) -> f64 + use<R> {
+        let Stop {
+            tolerance, is_even, ..
+        } = self.stop;
+        // growing, at its present rate too slow, or started too far away
+        let (worst, minds_slow) = match iterations {
+            1 => (f64::INFINITY, false),
+            2 => (NEARBY.next_up(), false),
+            3 => (2.0, false),
+            // a Newton iteration may have needed three corrections to find its rate
+            _ => (2.0, true),
+        };
+        let (is_first, is_third) = (iterations == 1, iterations > 2);
+        let is_last = iterations == most;
+        #[inline(always)]
+        move |[size, theta, rate, expected, slow]| {
+            let is_noise = size < NOISE;
+            let rate_now = if rate.is_nan() { theta } else { rate };
+            let is_converged = (size == 0.0)
+                | (!is_first & (still_to_come(rate_now, expected) < tolerance))
+                | (is_noise & (rate.is_nan() | !is_even) & (theta >= 0.5))
+                | (is_noise & is_last);
+            let is_stalled = !is_even & is_third & (size < SMALL) & (theta >= 0.9);
+            let is_hopeless = (theta >= worst) | is_stalled | (minds_slow & (slow != 0.0));
+            if is_converged {
+                CONVERGED
+            } else if !size.is_finite() | is_last | (!is_noise & is_hopeless) {
+                HOPELESS
+            } else {
+                OPEN
+            }
+        }
+    }
+
+    /// 1 where the corrections left are not enough at the present rate, where that is asked for.
+    #[inline(always)]
+    fn too_slow(&self, size: R, theta: R, iterations: usize, most: usize) -> R {
+        let Stop {
+            tolerance, is_even, ..
+        } = self.stop;
+        if iterations < 4 || !is_even {
+            return R::splat(0.0);
+        }
+        let to_come = theta.zip(size, still_to_come) * power(theta, most - iterations);
+        to_come.map(
+            #[inline(always)]
+            |size| f64::from(u8::from(size > tolerance)),
+        )
+    }
+}
+
+/// The sum of all corrections after one of size `size`, at this rate.
+#[inline(always)]
+fn still_to_come(rate: f64, size: f64) -> f64 {
+    let sum = rate * size / (1.0 - rate);
+    if rate < 1.0 { sum } else { f64::INFINITY }
+}
+
+/// x^n, by squares.
+#[inline(always)]
+fn power<R: Real>(x: R, mut n: usize) -> R {
+    let (mut square, mut power) = (x, R::splat(1.0));
+    while n > 0 {
+        if n % 2 == 1 {
+            power *= square;
+        }
+        square *= square;
+        n /= 2;
+    }
+    power
+}

@@ -1,0 +1,132 @@
+//! The attempts at a step of the α family.
+
+use super::Alpha;
+use super::reaction::Reaction;
+use super::solve::{AlphaSolver, Step};
+use liouville_base::error::StepError;
+use liouville_base::linalg::{furthest, max_norm};
+use liouville_base::newton::{Attempts, Confirms, Rest, Slot, Start};
+
+/// A step whose equations are attempted.
+pub(super) struct Attempt<'a> {
+    pub(super) alpha: &'a mut Alpha,
+    pub(super) step: Step<'a>,
+}
+
+impl Attempts for Attempt<'_> {
+    fn start(&mut self, h: f64, start: Start) -> Result<bool, StepError> {
+        let (at, step) = (&mut *self.alpha, Step { h, ..self.step });
+        if start == Start::Continued {
+            at.solver.continue_at(step);
+            return Ok(true);
+        }
+        at.solver.prepare(step);
+        match start {
+            Start::Extrapolated if !at.is_warm => return Ok(false),
+            Start::Extrapolated => at.extrapolate(step),
+            _ => at.start_cold(step)?,
+        }
+        if start == Start::Still {
+            at.solver.start_still(step);
+        }
+        Ok(true)
+    }
+
+    fn is_reusable(&self, h: f64) -> bool {
+        self.alpha.matrix.reuse.is_reusable(h)
+    }
+
+    fn discard(&mut self) {
+        self.alpha.matrix.reuse.discard();
+    }
+
+    fn iterate(&mut self, h: f64) -> Result<bool, StepError> {
+        self.alpha.iterate(Step { h, ..self.step }, false)
+    }
+
+    fn count_cold_start(&mut self) {
+        self.alpha.stats.cold_starts += 1;
+    }
+}
+
+impl Confirms for Attempt<'_> {
+    fn iterate_full(&mut self, h: f64) -> Result<bool, StepError> {
+        self.alpha.iterate(Step { h, ..self.step }, true)
+    }
+
+    fn keep(&mut self, h: f64, slot: Slot) {
+        let kept = self.alpha.kept_solutions[slot as usize].get_or_insert_default();
+        self.alpha.solver.place(h);
+        kept.copy_from(&self.alpha.solver);
+    }
+
+    fn put_back(&mut self, slot: Slot) {
+        if let Some(kept) = &self.alpha.kept_solutions[slot as usize] {
+            kept.put_back(&mut self.alpha.solver);
+        }
+    }
+
+    fn distance(&mut self, h: f64, slot: Slot) -> (f64, usize) {
+        self.alpha.solver.place(h);
+        let y = &self.alpha.solver.y;
+        let kept = self.alpha.kept_solutions[slot as usize].as_ref();
+        kept.map_or((0.0, 0), |kept| {
+            furthest(y, &kept.y, max_norm(y).max(max_norm(&kept.y)))
+        })
+    }
+
+    fn rest(&mut self) -> &mut Rest {
+        &mut self.alpha.rest
+    }
+}
+
+impl AlphaSolver {
+    /// φ1 such that y1 is where y0 and z0 alone lead, with the reactions there are.
+    fn start_still(&mut self, step: Step) {
+        let n = self.y.len();
+        self.delta[..n].copy_from_slice(&self.predicted);
+        self.start_at(step.h);
+    }
+
+    /// φ1 such that y1 is where a shorter step has led.
+    fn continue_at(&mut self, step: Step) {
+        let n = self.y.len();
+        self.delta[..n].copy_from_slice(&self.y);
+        self.prepare(step);
+        self.start_at(step.h);
+    }
+
+    /// φ1 such that y1 is what `delta` holds.
+    fn start_at(&mut self, h: f64) {
+        self.phi.fill(0.0);
+        self.place(h);
+        let unit = h * h * self.coupling.phi[0];
+        for ((phi, y), wanted) in self.phi.iter_mut().zip(&self.y).zip(&self.delta) {
+            *phi = (wanted - y) / unit;
+        }
+    }
+}
+
+/// A solution kept beside the present one.
+#[derive(Clone, Debug, Default)]
+pub(super) struct KeptAlpha {
+    y: Vec<f64>,
+    phi: Vec<f64>,
+    reactions: [Reaction; 2],
+}
+
+impl KeptAlpha {
+    /// Keeps the unknowns, and y1 with them.
+    pub(super) fn copy_from(&mut self, solver: &AlphaSolver) {
+        self.y.clone_from(&solver.y);
+        self.phi.clone_from(&solver.phi);
+        self.reactions.clone_from(&solver.reactions);
+    }
+
+    /// Puts the unknowns back, and y1.
+    pub(super) fn put_back(&self, solver: &mut AlphaSolver) {
+        solver.y.clone_from(&self.y);
+        solver.phi.clone_from(&self.phi);
+        solver.reactions.clone_from(&self.reactions);
+    }
+}

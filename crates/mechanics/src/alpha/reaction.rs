@@ -1,0 +1,35 @@
+//! The part of the acceleration that constraints bring.
+
+use liouville_base::linalg::{add_scaled, copy};
+
+/// An acceleration by the constraints, and the multipliers it comes from.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Reaction {
+    pub(super) a: Vec<f64>,
+    pub(super) lam: Vec<f64>,
+}
+
+impl Reaction {
+    /// `self = last + h rate`
+    pub(super) fn extrapolate(&mut self, last: &Self, rate: &Self, h: f64) {
+        let ahead = |out: &mut [f64], last: &[f64], rate: &[f64]| {
+            copy(out, last);
+            add_scaled(out, h, rate);
+        };
+        ahead(&mut self.a, &last.a, &rate.a);
+        ahead(&mut self.lam, &last.lam, &rate.lam);
+    }
+
+    /// `self = (new - old) / h`
+    pub(super) fn between(&mut self, old: &Self, new: &Self, h: f64) {
+        let slope = |out: &mut [f64], old: &[f64], new: &[f64]| {
+            for (k, out) in out.iter_mut().enumerate() {
+                *out = (new[k] - old[k]) / h;
+            }
+        };
+        slope(&mut self.a, &old.a, &new.a);
+        slope(&mut self.lam, &old.lam, &new.lam);
+    }
+}
+
+liouville_base::checkpoint!(Reaction { a, lam });

@@ -1,0 +1,112 @@
+//! The attempts at a step of an index-2 method.
+
+use super::stages::{CollocationStages, Step};
+use super::{Index2, predictor};
+use liouville_base::error::StepError;
+use liouville_base::linalg::{Matrix, copy, furthest, max_norm};
+use liouville_base::newton::{Attempts, Confirms, Rest, Slot, Start};
+
+/// A step whose stage equations are attempted.
+pub(super) struct Attempt<'a> {
+    pub(super) index2: &'a mut Index2,
+    pub(super) step: Step<'a>,
+}
+
+impl Attempts for Attempt<'_> {
+    fn start(&mut self, h: f64, start: Start) -> Result<bool, StepError> {
+        let (at, step) = (&mut *self.index2, Step { h, ..self.step });
+        at.is_far = start != Start::Extrapolated;
+        match start {
+            Start::Extrapolated => {
+                let (held, stages) = (&mut at.predictor, &mut at.stages);
+                if !predictor::extrapolate(held, stages, &mut at.slope, h) {
+                    return Ok(false);
+                }
+            }
+            Start::Cold => at.start_by_euler(step),
+            Start::Still => {
+                at.start_by_euler(step);
+                at.start_constant(step);
+            }
+            Start::Continued => {}
+        }
+        at.stages.yardstick = max_norm(&at.slope) + max_norm(&step.state.y) / h.abs();
+        Ok(true)
+    }
+
+    fn is_reusable(&self, h: f64) -> bool {
+        self.index2.matrix.reuse.is_reusable(h)
+    }
+
+    fn discard(&mut self) {
+        self.index2.matrix.reuse.discard();
+    }
+
+    fn iterate(&mut self, h: f64) -> Result<bool, StepError> {
+        self.index2.iterate(Step { h, ..self.step }, false)
+    }
+
+    fn count_cold_start(&mut self) {
+        self.index2.stats.cold_starts += 1;
+    }
+}
+
+impl Confirms for Attempt<'_> {
+    fn iterate_full(&mut self, h: f64) -> Result<bool, StepError> {
+        self.index2.iterate(Step { h, ..self.step }, true)
+    }
+
+    fn keep(&mut self, _h: f64, slot: Slot) {
+        let stages = &self.index2.stages;
+        let kept = self.index2.kept[slot as usize]
+            .get_or_insert_with(|| Box::new(KeptCollocation::new(stages)));
+        kept.copy_from(stages);
+    }
+
+    fn put_back(&mut self, slot: Slot) {
+        if let Some(kept) = &self.index2.kept[slot as usize] {
+            kept.put_back(&mut self.index2.stages);
+        }
+    }
+
+    fn distance(&mut self, _h: f64, slot: Slot) -> (f64, usize) {
+        let stages = &self.index2.stages;
+        let unit = stages.yardstick.max(max_norm(stages.v.flat()));
+        self.index2.kept[slot as usize]
+            .as_ref()
+            .map_or((0.0, 0), |kept| {
+                let (apart, k) = furthest(stages.v.flat(), kept.v.flat(), unit);
+                (apart, k % stages.v.cols().max(1))
+            })
+    }
+
+    fn rest(&mut self) -> &mut Rest {
+        &mut self.index2.rest
+    }
+}
+
+/// Unknowns kept beside the present ones.
+#[derive(Clone, Debug)]
+pub(super) struct KeptCollocation {
+    pub(super) v: Matrix,
+    pub(super) z: Matrix,
+}
+
+impl KeptCollocation {
+    pub(super) fn new(stages: &CollocationStages) -> Self {
+        Self {
+            v: stages.v.clone(),
+            z: stages.z.clone(),
+        }
+    }
+
+    pub(super) fn copy_from(&mut self, stages: &CollocationStages) {
+        copy(self.v.flat_mut(), stages.v.flat());
+        copy(self.z.flat_mut(), stages.z.flat());
+    }
+
+    pub(super) fn put_back(&self, stages: &mut CollocationStages) {
+        copy(stages.v.flat_mut(), self.v.flat());
+        copy(stages.z.flat_mut(), self.z.flat());
+    }
+}

@@ -1,0 +1,33 @@
+"""Constraints whose gradients are nearly dependent at a state."""
+
+from __future__ import annotations
+
+import numpy as np
+
+#: Gradients of length one are nearly dependent where a singular value is below this.
+NEARLY = 1e-2
+#: A gradient vanishes that is shorter than this part of the longest.
+VANISHING = 1e-6
+#: Rows of more constraints are not decomposed.
+MOST = 300
+
+
+def nearly_dependent(
+    pattern: tuple[int, int, np.ndarray, np.ndarray], values: np.ndarray, names: tuple[str, ...]
+) -> tuple[str, ...]:
+    """Name the constraints that nearly depend on one another, by the entries of their gradients."""
+    m, n, rows, columns = pattern
+    if not 0 < m <= MOST or not np.all(np.isfinite(values)):
+        return ()
+    gradients = np.zeros((m, n))
+    gradients[rows, columns] = values
+    lengths = np.linalg.norm(gradients, axis=1)
+    largest = lengths.max()
+    short = [name for name, x in zip(names, lengths, strict=True) if x <= VANISHING * largest]
+    if short:
+        return tuple(short)
+    left, sizes, _ = np.linalg.svd(gradients / lengths[:, None])
+    if m <= n and sizes[-1] > NEARLY:
+        return ()
+    shares = np.abs(left[:, -1])
+    return tuple(name for name, x in zip(names, shares, strict=True) if x > NEARLY * shares.max())

@@ -1,0 +1,294 @@
+"""Steps that are large for their forces: solved on the branch that begins at the present state.
+
+The reference is a textbook Newton's method in numpy, with a matrix for each correction, from the
+still start; for any stiffness it converges to that branch.
+"""
+
+import casadi as ca
+import numpy as np
+import pytest
+
+import liouville as lv
+from liouville import _core
+
+SPRING = lv.Lagrangian(
+    lambda t, q, v, p: ca.dot(v, v) / 2 - q[1] - p.k / 2 * (ca.sqrt(ca.dot(q, q)) - 1) ** 2,
+    q=2,
+    params={"k": 1.0},
+)
+DOWN = np.array([0.0, -1.0])
+
+
+def force(k, q):
+    r = np.hypot(*q)
+    return DOWN - k * (r - 1) * q / r
+
+
+def stiffness(k, q):
+    r = np.hypot(*q)
+    u = np.outer(q, q) / r**2
+    return -k * (u + (1 - 1 / r) * (np.eye(2) - u))
+
+
+def newton(residual, x):
+    """Newton's method with a matrix for each correction, until corrections are roundoff."""
+    for _ in range(60):
+        value, matrix = residual(x)
+        d = np.linalg.solve(matrix, -value)
+        x = x + d
+        if np.abs(d).max() <= 1e-13 * np.abs(x).max():
+            break
+    return x
+
+
+def by_stages(a_v, a_f, b, k, q, h):
+    """One step from rest by the coefficients of a SPARK method: the position."""
+    s, e = len(b), np.eye(2)
+
+    def residual(v):
+        v = v.reshape(s, 2)
+        y = q + h * a_v @ v
+        f = np.array([force(k, y) for y in y])
+        jac = [stiffness(k, y) for y in y]
+        blocks = [
+            [
+                (i == j) * e - h**2 * sum(a_f[i, m] * a_v[m, j] * jac[m] for m in range(s))
+                for j in range(s)
+            ]
+            for i in range(s)
+        ]
+        return (v - h * a_f @ f).ravel(), np.block(blocks)
+
+    return q + h * b @ newton(residual, np.zeros(2 * s)).reshape(s, 2)
+
+
+def by_alpha(weights, k, q, h):
+    """One step from rest of a alpha method: the position."""
+    m, f, _, beta = weights
+    start = force(k, q)
+
+    def end(a):
+        return q + h**2 * ((0.5 - beta) * start + beta * a)
+
+    def residual(a):
+        y = end(a)
+        value = (1 - m) * a + m * start - (1 - f) * force(k, y) - f * start
+        return value, (1 - m) * np.eye(2) - (1 - f) * beta * h**2 * stiffness(k, y)
+
+    # the acceleration whose position is that of the still start
+    return end(newton(residual, -(0.5 - beta) / beta * start))
+
+
+def spark(s, points="gauss"):
+    at = _core.spark_tableau(s, points)
+    return lambda k, q, h: by_stages(at["a_v"], at["a_f"], at["b"], k, q, h)
+
+
+def hht(alpha):
+    return lambda *of: by_alpha((0, -alpha, 0.5 - alpha, (1 - alpha) ** 2 / 4), *of)
+
+
+def generalized(rho):
+    m, f = (2 * rho - 1) / (rho + 1), rho / (rho + 1)
+    return lambda *of: by_alpha((m, f, 0.5 - m + f, (1 - m + f) ** 2 / 4), *of)
+
+
+METHODS = [
+    (lv.Spark(1), spark(1)),
+    (lv.Spark(2), spark(2)),
+    (lv.Spark(3), spark(3)),
+    (lv.Spark(2, points="radau"), spark(2, "radau")),
+    (lv.HHT(), hht(-0.1)),
+    (lv.HHT(-0.3), hht(-0.3)),
+    (lv.GeneralizedAlpha(0.8), generalized(0.8)),
+]
+GRID = [
+    (10.0**k, 10.0**stretch, h)
+    for k in range(2, 13)
+    for stretch in range(-6, 0)
+    for h in (0.01, 0.02, 0.05, 0.1)
+]
+
+
+@pytest.mark.parametrize(
+    "cells", [slice(None, None, 5), pytest.param(slice(None), marks=pytest.mark.slow)], ids=str
+)
+@pytest.mark.parametrize(("method", "textbook"), METHODS, ids=lambda x: repr(x)[:28])
+def test_a_stretched_stiff_spring_stays_on_its_side(method, textbook, cells):
+    refused = 0
+    for k, stretch, h in GRID[cells]:
+        q = np.array([1 + stretch, 0.0])
+        run = {"t": (0, h), "steps": 1, "q": q, "v": [0, 0], "params": {"k": k}}
+        try:
+            found = lv.integrate(SPRING, method, **run).q[-1]
+        except lv.IntegrationError:
+            refused += 1
+            continue
+        # what roundoff in the tension moves; another branch is further away than the amplitude
+        noise = 1e-7 + 4 * np.finfo(float).eps * k * h**2
+        assert np.abs(found - textbook(k, q, h)).max() <= noise, (k, stretch, h)
+    assert refused <= 0.02 * len(GRID[cells])
+
+
+def test_members_in_lock_step_have_the_same_verdicts():
+    k = 10.0 ** np.arange(2, 13)
+    run = {"t": (0, 0.2), "h": 0.05, "q": [1.01, 0], "v": [0, 0]}
+    for method in (lv.Spark(1), lv.Spark(2)):
+        together = lv.ensemble(SPRING, method, params={"k": k}, **run)
+        for member, stiff in enumerate(k):
+            alone = lv.integrate(SPRING, method, params={"k": stiff}, **run)
+            assert np.array_equal(together.q[:, member], alone.q)
+
+
+SWING = lv.Lagrangian(
+    lambda t, q, v, p: ca.dot(v, v) / 2 - p.k / 2 * (ca.sqrt(ca.dot(q, q)) - 1) ** 2 - 9.81 * q[2],
+    q=3,
+    params={"k": 1.0},
+)
+
+
+@pytest.mark.parametrize(
+    ("method", "k", "h"),
+    [
+        (lv.HHT(), 1e8, 0.01),
+        (lv.HHT(-0.3), 1e7, 0.02),
+        (lv.GeneralizedAlpha(0.0), 1e8, 0.01),
+        (lv.Spark(1), 1e8, 0.01),
+        (lv.Spark(1, solver="newton"), 1e8, 0.01),
+        (lv.Spark(2), 1e9, 0.01),
+    ],
+)
+def test_stiff_springs_turn_far_in_a_step(method, k, h):
+    """A bar of this stiffness swings as a rigid pendulum does, up to its elongation."""
+    run = lv.integrate(
+        SWING, method, t=(0, 1), h=h, q=[0.6, 0, -0.8], v=[0, 1.25, 0], params={"k": k}
+    )
+    lengths = np.linalg.norm(run.q, axis=1)
+    assert np.abs(lengths - 1).max() <= 40 / k + 1e-3 * (h / 0.01) ** 2 * isinstance(
+        method, lv.Spark
+    )
+
+
+def half(d, r=1):
+    return (ca.dot(d, d) - r**2) / 2
+
+
+def mechanism(bars, inertia):
+    """Return a row of equal rods on the ground, joined by bars: points with mass, or rods."""
+
+    def lagrangian(t, q, v, p):
+        if not inertia:
+            return ca.dot(v, v) / 2
+
+        def r(x, i):
+            return x[2 * i : 2 * i + 2]
+
+        total = sum(ca.dot(r(v, i), r(v, i)) / 6 - 9.81 * q[2 * i + 1] / 2 for i in range(bars + 1))
+        for i in range(bars):
+            a, b = r(v, i), r(v, i + 1)
+            total += (ca.dot(a, a) + ca.dot(a, b) + ca.dot(b, b)) / 6
+            total -= 9.81 * (q[2 * i + 1] + q[2 * i + 3]) / 2
+        return total
+
+    def constraint(t, q, p):
+        rods = {f"rod{i}": half(q[2 * i : 2 * i + 2] - ca.DM([i, 0])) for i in range(bars + 1)}
+        links = {
+            f"bar{i}": half(q[2 * i + 2 : 2 * i + 4] - q[2 * i : 2 * i + 2]) for i in range(bars)
+        }
+        return rods | links
+
+    return lv.Lagrangian(lagrangian, constraint, q=2 * bars + 2)
+
+
+MECHANISMS = {"parallelogram": mechanism(1, inertia=False), "four-bar": mechanism(2, inertia=True)}
+FAMILY = [
+    *(lv.Spark(s) for s in (1, 2, 3, 4, 6)),
+    lv.Spark(3, solver="newton"),
+    lv.Spark(2, points="radau"),
+    lv.LobattoPair(),
+    lv.LobattoPair(3),
+    lv.HHT(),
+    lv.GeneralizedAlpha(0.8),
+    lv.GeneralizedAlpha(0.5, less_implicit=True),
+    lv.ArnoldBruls(0.8),
+]
+SIZES = np.geomspace(0.06, 0.0002, 24)
+
+
+def check_flat_position(name, method, h, place):
+    """Turn all rods together through their flat position, reached after `place` of nine steps."""
+    system, w = MECHANISMS[name], 1.0 if name == "parallelogram" else 4.0
+    angle = np.pi / 2 - place * h * w
+    count = len(system.coordinates) // 2
+    along, across = [np.sin(angle), np.cos(angle)], [np.cos(angle), -np.sin(angle)]
+    q = np.array([[i, 0] for i in range(count)]) + along
+    start = {"q": q.ravel(), "v": w * np.tile(across, count)}
+    run = lv.integrate(system, method, t=(0, 9 * h), steps=9, **start)
+    arms = run.q.reshape(-1, count, 2) - np.array([[i, 0] for i in range(count)])
+    # the other motion through the flat position would part them by as much as they turn
+    apart = np.abs(arms - arms[:, :1]).max()
+    assert apart <= 0.05 * h * w, (name, method, h, place, apart)
+    assert np.abs(run.residuals["constraint"]).max() <= 1e-8
+    assert arms[0, 0, 1] > 0 > arms[-1, 0, 1]
+
+
+@pytest.mark.parametrize("name", MECHANISMS)
+@pytest.mark.parametrize("method", FAMILY, ids=lambda x: repr(x)[:28])
+def test_mechanisms_pass_their_flat_positions(name, method):
+    for h in SIZES[::6]:
+        check_flat_position(name, method, h, 4.3)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", MECHANISMS)
+@pytest.mark.parametrize("method", FAMILY, ids=lambda x: repr(x)[:28])
+def test_mechanisms_pass_their_flat_positions_from_many_places(name, method):
+    for h in SIZES:
+        for place in 4 + np.random.default_rng(3).random(8):
+            check_flat_position(name, method, h, place)
+
+
+@pytest.mark.parametrize(
+    ("method", "h"),
+    [
+        (lv.LobattoPair(), 0.01),
+        (lv.LobattoPair(), 0.002),
+        (lv.Spark(4), 0.016),
+        (lv.Spark(4), 0.0021),
+        (lv.Spark(2), 0.003),
+        (lv.HHT(), 0.005),
+    ],
+    ids=repr,
+)
+def test_a_four_bar_keeps_its_energy_through_flat_positions(method, h):
+    start = {"q": [0, 1, 1, 1, 2, 1], "v": [1, 0] * 3}
+    run = lv.integrate(MECHANISMS["four-bar"], method, t=(0, 2), h=h, **start)
+    energy = run.invariants["energy"]
+    assert np.ptp(energy) <= 0.05 * abs(energy[0])
+
+
+KEPLER = lv.Lagrangian(lambda t, q, v, p: ca.dot(v, v) / 2 + 1 / ca.sqrt(ca.dot(q, q)), q=2)
+
+
+def test_an_energy_that_changes_by_more_than_its_size_gets_a_word():
+    e = 0.999
+    start = {"q": [1 + e, 0], "v": [0, np.sqrt((1 - e) / (1 + e))]}
+    run = lv.integrate(KEPLER, lv.LobattoPair(2), t=(0, 6), h=0.05, **start)
+    assert run.status == "done"
+    assert "energy has changed from -0.5 to" in run.message
+    both = {"q": [[1, 0], start["q"]], "v": [[0, 1], start["v"]]}
+    many = lv.ensemble(KEPLER, lv.LobattoPair(2), t=(0, 6), h=0.05, **both)
+    assert "energy of member 1 has changed" in many.message
+    for method in (lv.LobattoPair(2), lv.HHT(), lv.Spark(1)):
+        good = lv.integrate(KEPLER, method, t=(0, 6), h=0.05, q=[1, 0], v=[0, 1])
+        assert good.message == ""
+    driven = lv.Lagrangian(lambda t, q, v, p: ca.dot(v, v) / 2, q=1, force=lambda t, q, v, p: [9])
+    assert lv.integrate(driven, lv.Spark(1), t=(0, 9), h=0.1, q=[0], v=[0]).message == ""
+
+
+def test_a_pendulum_from_rest_at_height_zero_says_nothing():
+    swing = lv.Lagrangian(lambda t, q, v, p: ca.dot(v, v) / 2 - q[1], lambda t, q, p: half(q), q=2)
+    for method in (lv.Spark(1), lv.HHT(), lv.LobattoPair()):
+        run = lv.integrate(swing, method, t=(0, 20), h=0.1, q=[1, 0], v=[0, 0])
+        assert run.invariants["energy"][0] == 0
+        assert run.message == ""
