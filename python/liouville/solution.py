@@ -80,12 +80,10 @@ class Solution:
     params : dict of str to float or list of float
         Parameters the run used.
     status : str
-        ``"done"``, ``"failed"`` or ``"interrupted"``; a run that did not get done is kept up to
-        its last good step.
+        ``"done"``, ``"failed"`` or ``"interrupted"``, with all up to the last good step.
     message : str
-        Why it is not done, or which event ended it; and where the energy of a conservative
-        ``Lagrangian`` or ``Hamiltonian`` has changed by more than its own size, among the states
-        that are kept: then steps were too large. Empty otherwise.
+        Why it is not done, or which event ended it; and where the energy of a conservative system
+        changed by more than its own size among the states kept: steps were too large. Else empty.
     members : int or None
         Number P of members of an ensemble, None for a single run.
     failures : dict of int to Failure

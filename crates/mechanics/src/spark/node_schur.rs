@@ -1,11 +1,10 @@
-//! Node Schur: the multipliers first, by the k m equations that are left when the stages are
-//! eliminated with h² terms dropped but g_y and r_λ kept at their own nodes:
+//! Node Schur: the multipliers first, by the k m equations that are left when the stages are eliminated with h² terms
+//! dropped but g_y and r_λ kept at their own nodes:
 //!
 //!     S_il = (Σ_j ā_ij â_jl) G_i B R_l     i = 1..k,  l = 0..k−1,   B = v_z p_z⁻¹
 //!
-//! with G_i = g_y and R_l = r_λ at nodes i and l, taken at the start of the iteration, and B at its
-//! middle stage. The error shrinks by O(h²) a correction where B is constant and the forces do not
-//! depend on z, by O(h) otherwise. With Λ = h λ the matrix is O(1) as h → 0.
+//! with G_i = g_y and R_l = r_λ at nodes i and l, taken where the iteration starts, and B at its middle stage. Errors
+//! shrink by O(h²) a correction for constant B and forces without z, else by O(h). With Λ = h λ it is O(1) as h → 0.
 #![allow(clippy::inline_always)] // what is not inlined is compiled without the registers it is for
 
 use super::probe;
@@ -52,8 +51,7 @@ enum Schur<R> {
         lu: Lu<R>,
     },
     Sparse(Box<SparseNodeSchur<R>>),
-    /// Neither sparse nor small: full Newton is the better way.
-    Missing,
+    Missing, // neither sparse nor small: full Newton is the better way
 }
 
 /// The stage equations of one step, solved by node Schur.
