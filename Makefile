@@ -20,7 +20,7 @@ demo: $(VENV)/demo  ## Build, integrate two mechanisms, compare with references,
 test:  ## Run every test but the slow ones: Rust, Python, examples in the documentation
 	@cargo test --quiet --release --no-run $(RUST_TESTS) & $(MAKE) --no-print-directory $(VENV)/tools && wait
 	cargo test --quiet --release $(RUST_TESTS)
-	$(BIN)/python -m pytest -q -n auto --dist worksteal
+	$(BIN)/python -m pytest -q -n logical --dist worksteal
 
 fuzz: $(VENV)/tools  ## Try the properties with new seeds for SECONDS=300, and print what to replay
 	$(BIN)/python tools/fuzz.py $(SECONDS)
@@ -56,7 +56,7 @@ clean:  ## Remove what the verbs made
 	rm -rf $(VENV) target build docs/_build docs/gallery python/liouville/_core*.so
 
 # The package is installed in place: a change in Python needs no new build, one in Rust does.
-PIP_INSTALL := $(BIN)/python -m pip install --quiet --disable-pip-version-check -e
+PIP_INSTALL := $(BIN)/python -m pip install --quiet --disable-pip-version-check --no-compile -e
 
 $(BIN)/python:
 	$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11) and "liouville needs Python 3.11 or newer")'
