@@ -62,6 +62,8 @@ class Mechanics(TracedSystem):
         What its coordinates and their partner are called: ("q", "v"), ("q", "p") or ("y", "z").
     invariants : tuple of str
         Names of what is recorded along a run, "energy" among them where there is one.
+    is_conservative : bool
+        Whether nothing changes the energy: no time, no force without a potential, no damping.
     """
 
     def __init__(
@@ -84,6 +86,9 @@ class Mechanics(TracedSystem):
         own, columns = model.nonholonomic, {name: getattr(model, name) for name in "vpfrg"}
         columns |= {"k": own.k, "rn": own.rn, **({} if power is None else {"power": power})}
         self._keep(Expressions(symbols, columns, lam=model.lam, nu=own.nu), invariants)
+        self.is_conservative = (
+            power is not None and power.is_zero() and self._linear.damping is None
+        )
         self._projections: dict[str, Any] = {}
         self._tapes, self._patterns, self.problem = compiled(symbols, model)
 
@@ -257,12 +262,6 @@ class Mechanics(TracedSystem):
                 )
             )
         return found
-
-    @property
-    def is_conservative(self) -> bool:
-        """Whether nothing changes the energy: no time, no force without a potential, no damping."""
-        power: ca.SX | None = self._expressions.columns.get("power")
-        return power is not None and power.is_zero() and self._linear.damping is None
 
     @cached_property
     def second_order(self) -> _core.SecondOrder:
