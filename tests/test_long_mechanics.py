@@ -51,8 +51,8 @@ def in_sigma(case, steps, short, members):
 @pytest.mark.parametrize(
     ("name", "steps", "short"),
     [
-        ("spherical pendulum", 1_000_000, 10_000),
-        ("heavy top", 300_000, 10_000),
+        ("spherical pendulum", 300_000, 10_000),
+        ("heavy top", 100_000, 10_000),
     ],
 )
 def test_the_energy_walks_at_random(name, steps, short):

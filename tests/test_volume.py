@@ -123,7 +123,13 @@ def defect(field, method, x, h):
 
 
 @pytest.mark.parametrize(("diagonal", "off_diagonal"), PARTS)
-@pytest.mark.parametrize(("n", "d"), [(3, 1), (4, 2), (6, 2), (3, 3), (5, 3), (10, 2), (3, 4)])
+@pytest.mark.parametrize(
+    ("n", "d"),
+    [
+        *((3, 1), (4, 2), (6, 2), (3, 3), (10, 2), (3, 4)),
+        pytest.param(5, 3, marks=pytest.mark.slow),
+    ],
+)
 def test_every_method_and_composition_keeps_volume(n, d, diagonal, off_diagonal):
     field = dense(n, d, seed=10 * n + d)
     if not takes(field, diagonal, off_diagonal):
