@@ -1,5 +1,6 @@
 """Building a system takes work in proportion to its size, whatever pattern its derivatives have."""
 
+import subprocess
 import sys
 import time
 
@@ -175,3 +176,28 @@ def test_a_hamiltonian_of_bodies_starts_on_its_constraints_at_once():
     start = system.consistent(q=rng.normal(size=4 * bodies), p=rng.normal(size=4 * bodies))
     assert time.process_time() - begin < 5
     np.testing.assert_allclose((start["q"].reshape(bodies, 4) ** 2).sum(axis=1), 1, rtol=1e-12)
+
+
+EXTRAS = (
+    "google_crc32c",
+    "h5netcdf",
+    "h5py",
+    "matplotlib",
+    "rich",
+    "skfem",
+    "typer",
+    "xarray",
+    "zarr",
+)
+
+
+def test_a_plain_install_imports_and_integrates_without_any_extra():
+    program = f"""
+import sys
+sys.modules.update(dict.fromkeys({EXTRAS}))
+import liouville as lv
+from liouville.problems import pendulum
+found = lv.integrate(pendulum.system, lv.Spark(2), t=(0, 1), steps=10, **pendulum.start)
+assert found.status == "done"
+"""
+    subprocess.run([sys.executable, "-c", program], check=True)

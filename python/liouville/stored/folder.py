@@ -7,7 +7,6 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-import google_crc32c
 import numpy as np
 
 from liouville import checksum
@@ -111,6 +110,8 @@ def attributes_of(path: Path) -> dict[str, Any]:
 
 def _crc_of(data: np.ndarray, size: int) -> int:
     """Return the checksum of a chunk of so many bytes, zeros after its data."""
+    import google_crc32c  # of the extra io
+
     crc: int = google_crc32c.value(data)
     for left in range(size - data.size, 0, -len(ZEROS)):
         crc = google_crc32c.extend(crc, ZEROS[:left])
