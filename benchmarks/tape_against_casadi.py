@@ -106,7 +106,7 @@ def row(program, scalar, instructions, ours, theirs):
 
 def f64_nanoseconds():
     """Run the core's benchmark of the plain mix; return its shortest time for an instruction."""
-    command = ["cargo", "bench", "--quiet", "-p", "liouville-core", "--bench", "kernels", "--"]
+    command = ["cargo", "bench", "--quiet", "-p", "liouville-bench", "--bench", "kernels", "--"]
     command += ["tape/f64/arithmetic", "--noplot"]
     subprocess.run(command, cwd=ROOT, check=True, capture_output=True)
     metadata = subprocess.run(

@@ -73,14 +73,19 @@ def as_far_as_it_goes(system, method, **run):
         return error.solution
 
 
-def check_spark(rng, method, tableau, steps):
-    """Return steps made, those off the branch, and the largest error in bounds of roundoff."""
+def run_of(rng, method, steps, plain):
+    """Return a run of a random chain, its equations written again, its step, and their bound."""
     lagrangian, constraint, q, v, k = chain(rng)
     h = 10 ** rng.uniform(-3, -1.2)
     system = lv.Lagrangian(lagrangian, constraint, q=len(q))
     made = as_far_as_it_goes(system, method, t=(0, steps * h), steps=steps, q=q, v=v)
-    plain = plain_spark.Plain.lagrangian(len(q), lagrangian, constraint)
-    bound = 1e-11 + 100 * EPS * (1 + k * h**2)
+    own = plain.lagrangian(len(q), lagrangian, constraint)
+    return made, own, h, 1e-11 + 100 * EPS * (1 + k * h**2)
+
+
+def check_spark(rng, method, tableau, steps):
+    """Return steps made, those off the branch, and the largest error in bounds of roundoff."""
+    made, plain, h, bound = run_of(rng, method, steps, plain_spark.Plain)
     worst, off = 0.0, 0
     parts = h * 2.0 ** np.arange(-5, 1)
     for n in range(len(made.t) - 1):
@@ -98,12 +103,7 @@ def check_spark(rng, method, tableau, steps):
 
 def check_alpha(rng, method, weights, steps):
     """Return the same, without a look at branches."""
-    lagrangian, constraint, q, v, k = chain(rng)
-    h = 10 ** rng.uniform(-3, -1.2)
-    system = lv.Lagrangian(lagrangian, constraint, q=len(q))
-    made = as_far_as_it_goes(system, method, t=(0, steps * h), steps=steps, q=q, v=v)
-    plain = plain_alpha.Plain.lagrangian(len(q), lagrangian, constraint)
-    bound = 1e-11 + 100 * EPS * (1 + k * h**2)
+    made, plain, h, bound = run_of(rng, method, steps, plain_alpha.Plain)
     worst = 0.0
     for n in range(len(made.t) - 1):
         start = plain.start(made.t[n], made.q[n], made.v[n], made.a[n])

@@ -122,6 +122,11 @@ const MOST_FULL: usize = 40;
 const HALF: std::ops::Range<f64> = 0.4..0.6;
 const HALVES: usize = 4;
 
+/// Units of ε that unknowns are moved by to see what residuals roundoff leaves.
+pub const SHAKE: f64 = 4.0;
+/// How many times that a residual may be.
+pub const MARGIN: f64 = 16.0;
+
 /// Signs that follow no pattern, the same in every run: what roundoff does is seen by moving unknowns with them.
 pub fn signs(seed: u64) -> impl FnMut() -> f64 {
     let mut state = seed;

@@ -3,18 +3,14 @@
 use super::solve::{AlphaEquations, Step};
 use liouville_base::error::StepError;
 use liouville_base::linalg::{add_scaled, max_norm};
-use liouville_base::newton::signs;
-
-/// Units of ε that unknowns are moved by to see what residuals roundoff leaves, and how many times that they may be.
-const DATA: f64 = 4.0;
-const MARGIN: f64 = 16.0;
+use liouville_base::newton::{MARGIN, SHAKE, signs};
 
 impl AlphaEquations<'_> {
     /// Whether the residuals are what a few ε in the unknowns make of them.
     pub(super) fn is_residual_roundoff(&mut self) -> Result<bool, StepError> {
         self.evaluate()?;
         self.hold_residuals();
-        let shaken = self.shaken(DATA, 1, Self::evaluate);
+        let shaken = self.shaken(SHAKE, 1, Self::evaluate);
         shaken.map(|()| self.is_roundoff())
     }
 

@@ -5,11 +5,7 @@ use super::attempt::KeptCollocation;
 use super::stages::{CollocationStages, Step};
 use liouville_base::error::StepError;
 use liouville_base::linalg::{copy, furthest, max_norm};
-use liouville_base::newton::signs;
-
-/// Units of ε that unknowns are moved by to see what residuals roundoff leaves, and how many times that they may be.
-const DATA: f64 = 4.0;
-const MARGIN: f64 = 16.0;
+use liouville_base::newton::{MARGIN, SHAKE, signs};
 
 /// Unknowns, and residuals or corrected unknowns, before they were moved; made when it is first wanted.
 pub(super) type CollocationProbe = Option<Box<(KeptCollocation, KeptCollocation)>>;
@@ -43,7 +39,7 @@ impl CollocationEquations<'_> {
         before.copy_from(stages);
         copy(residuals.v.flat_mut(), stages.residual.flat());
         copy(residuals.z.flat_mut(), stages.defect.flat());
-        stages.shake(step, DATA, 1);
+        stages.shake(step, SHAKE, 1);
         let shaken = stages.evaluate(self.model, step);
         before.put_back(stages);
         let unit = max_norm(stages.v.flat()) + max_norm(&step.state.y) / step.h.abs();

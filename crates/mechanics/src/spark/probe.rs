@@ -9,13 +9,8 @@ use super::stages::{Stages, Step, Unknowns};
 use crate::problem::Model;
 use liouville_base::error::StepError;
 use liouville_base::linalg::{Matrix, copy, max_norm};
-use liouville_base::newton::{Equations, Stop, signs};
+use liouville_base::newton::{Equations, MARGIN, SHAKE, Stop, signs};
 use liouville_base::real::Real;
-
-/// Units of ε that unknowns are moved by to see what residuals roundoff leaves.
-const DATA: f64 = 4.0;
-/// How many times that a residual may be.
-const MARGIN: f64 = 16.0;
 
 /// Unknowns and residuals before they were moved.
 #[derive(Clone, Debug)]
@@ -100,7 +95,7 @@ impl<R: Real> Stages<R> {
         copy(probe.velocity.flat_mut(), self.velocity_residual.flat());
         copy(probe.g.flat_mut(), self.g.flat());
         probe.unknowns.copy_from(&self.unknowns);
-        self.shake(step, DATA, 1);
+        self.shake(step, SHAKE, 1);
         let shaken = self.evaluate(model, step);
         self.unknowns.copy_from(&probe.unknowns);
         let units = (self.stop.tolerance / Stop::default().tolerance).max(1.0);

@@ -683,7 +683,7 @@ fn the_largest_magnitude_of_a_nan_is_infinite() {
     assert!(max_norm(&[f64::NEG_INFINITY]).is_infinite());
 }
 
-/// Run with `cargo test --release -p liouville-core --test linalg -- --ignored --nocapture`.
+/// Run with `cargo test --release -p liouville-py -p liouville-tests -- --ignored --nocapture sparse_factor`.
 #[test]
 #[ignore = "a measurement"]
 #[allow(clippy::print_stdout)]

@@ -3,7 +3,7 @@
 //!
 //! Miri runs it, in five minutes, with MIRIFLAGS="-Zmiri-disable-isolation -Zmiri-deterministic-floats":
 //!
-//!     cargo +nightly miri test -p liouville-core --features libm/force-soft-floats --test tape
+//!     cargo +nightly miri test -p liouville-tests --features libm/force-soft-floats --test all tape
 
 use liouville_base::real::{Lanes, WIDTH};
 use liouville_base::tape::{Line, Op, Tape};
