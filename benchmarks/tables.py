@@ -12,6 +12,7 @@ import math
 import re
 import shutil
 from pathlib import Path
+from textwrap import wrap
 
 from report import RESULTS
 
@@ -19,6 +20,7 @@ ROOT = RESULTS.parent.parent
 PAGE = ROOT / "docs" / "benchmarks.md"
 FIGURE = "work_precision.png"
 TABLE = re.compile(r"<!-- table (\w+) -->\n.*?<!-- end -->", re.DOTALL)
+WIDEST = 160  # characters of a line that is no table
 NO_VERSIONS = ("taken", "processor", "cores", "load", "platform")
 
 
@@ -40,7 +42,8 @@ def table(name):
     place = found["surroundings"]
     versions = ", ".join(f"{k} {v}" for k, v in place.items() if v and k not in NO_VERSIONS)
     yield ""
-    yield f"*{place['processor']}, {place['cores']} cores, {place['taken'][:10]}; {versions}.*"
+    line = f"*{place['processor']}, {place['cores']} cores, {place['taken'][:10]}; {versions}.*"
+    yield from wrap(line, WIDEST, break_on_hyphens=False)
 
 
 def filled(page):

@@ -1,4 +1,7 @@
-"""Polynomial fields: expanded exactly, by whichever door they come, or refused by name."""
+"""Polynomial fields: expanded exactly, from functions or terms, or refused by name.
+
+One file, since what either refuses is asked of the other.
+"""
 
 import math
 import sys

@@ -1,4 +1,5 @@
-//! Systems made without a front end: expressions, their derivatives, and the tapes of a problem.
+//! Systems made without a front end: expressions, their derivatives, and the tapes of a problem. They stand in one file
+//! since all tests and benchmarks share them.
 
 // For tests alone: the names are those of the problems, and what fails panics.
 #![allow(
