@@ -25,6 +25,7 @@ __all__ = [
     "Tape",
     "chebyshev_degree",
     "compositions",
+    "independent_rows",
     "ladder",
     "lobatto_pair",
     "mechanical_path",
@@ -87,6 +88,7 @@ class Mechanical:
         is_linear: bool,
         tapes: dict[str, Tape],
         patterns: dict[str, _Pattern],
+        left_out: list[int] = ...,
     ) -> Mechanical: ...
 
 @final
@@ -209,6 +211,9 @@ def project(
     held: NDArray[np.float64],
     params: NDArray[np.float64],
 ) -> NDArray[np.float64] | _Error: ...
+def independent_rows(
+    matrix: NDArray[np.float64], first: int, cutoff: float
+) -> tuple[list[int], float, float]: ...
 def lobatto_pair(stages: int, force: str) -> dict[str, NDArray[np.float64]]: ...
 def spark_tableau(stages: int, points: str) -> dict[str, NDArray[np.float64]]: ...
 def compositions() -> dict[str, dict[str, Any]]: ...

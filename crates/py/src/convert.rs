@@ -4,7 +4,7 @@ use crate::errors::refused;
 use crate::program;
 use liouville_base::linalg::{self, Pattern};
 use liouville_base::tape::{self, Line, Op, Term};
-use liouville_mechanics::problem::{Nonholonomic, NonholonomicPatterns, Patterns};
+use liouville_mechanics::problem::{Nonholonomic, NonholonomicPatterns, Patterns, Redundant};
 use numpy::{
     PyArray1, PyArray2, PyArrayMethods, PyReadonlyArray1, PyReadonlyArray2, PyUntypedArrayMethods,
 };
@@ -295,14 +295,17 @@ pub(crate) struct Mechanical(
 #[pymethods]
 impl Mechanical {
     /// Tapes by name; patterns by name as (rows, columns, row of each entry, column of each entry). There
-    /// is no "nonholonomic" where the system has no such constraint.
+    /// is no "nonholonomic" where the system has no such constraint. With "reactions" of all constraints, `left_out`
+    /// says which of them have no other tapes.
     #[new]
+    #[pyo3(signature = (n, m, is_linear, tapes, patterns, left_out = Vec::new()))]
     fn new(
         n: usize,
         m: usize,
         is_linear: bool,
         tapes: &Bound<'_, PyDict>,
         patterns: &Bound<'_, PyDict>,
+        left_out: Vec<usize>,
     ) -> PyResult<Self> {
         let tape = |name: &str| -> PyResult<tape::Tape> {
             let found = item(tapes, name)?.extract::<PyRef<'_, Tape>>()?.0.clone();
@@ -333,7 +336,16 @@ impl Mechanical {
         } else {
             None
         };
-        let made = Made::of(tapes.py(), (n, m, is_linear, tapes, patterns))?;
+        let redundant = if tapes.contains("reactions")? {
+            Some(Box::new(Redundant {
+                reactions: tape("reactions")?,
+                pattern: pattern("reactions")?,
+                left_out: left_out.clone(),
+            }))
+        } else {
+            None
+        };
+        let made = Made::of(tapes.py(), (n, m, is_linear, tapes, patterns, left_out))?;
         let system = liouville_mechanics::problem::Mechanical {
             n,
             m,
@@ -358,6 +370,7 @@ impl Mechanical {
                 r_y: pattern("r_y")?,
             },
             nonholonomic,
+            redundant,
         };
         Ok(Self(Arc::new(system.checked().map_err(refused)?), made))
     }

@@ -41,7 +41,7 @@ mod _core {
     #[pymodule_export]
     use super::path::mechanical_path;
     #[pymodule_export]
-    use super::project::project;
+    use super::project::{independent_rows, project};
     #[pymodule_export]
     use super::run::{Run, run};
     #[pymodule_export]

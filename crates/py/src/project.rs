@@ -1,10 +1,11 @@
-//! Start values moved onto their constraints.
+//! Start values moved onto their constraints, and constraints that others imply.
 
 use crate::convert::{self, pattern};
 use crate::errors;
+use liouville_base::linalg::{self, Matrix};
 use liouville_base::tape::Tape;
 use liouville_mechanics::problem::Projection;
-use numpy::{PyArray1, PyReadonlyArray1};
+use numpy::{PyArray1, PyReadonlyArray1, PyReadonlyArray2, PyUntypedArrayMethods};
 use pyo3::prelude::*;
 
 /// The point nearest to `x` that meets a projection's equations, or the error of finding it.
@@ -36,4 +37,19 @@ pub(crate) fn project<'py>(
         Ok(x) => Ok(PyArray1::from_vec(py, x).into_any()),
         Err(error) => Ok(errors::error(py, &error)?.into_any()),
     }
+}
+
+/// The rows of a matrix that are independent of one another, the first ones tried before the others; the least part of
+/// a kept row that is its own, and the largest of another: those not longer than `cutoff` count as roundoff.
+#[pyfunction]
+pub(crate) fn independent_rows(
+    matrix: PyReadonlyArray2<'_, f64>,
+    first: usize,
+    cutoff: f64,
+) -> (Vec<usize>, f64, f64) {
+    let (rows, cols) = (matrix.shape()[0], matrix.shape()[1]);
+    let values = matrix.as_array();
+    let own = Matrix::from_fn(rows, cols, |i, j| values[[i, j]]);
+    let found = linalg::independent_rows(own, first.min(rows), cutoff);
+    (found.kept, found.least, found.left)
 }

@@ -317,6 +317,7 @@ impl Functions {
                 r_y: r_y.0,
             },
             nonholonomic: nonholonomic([n, m, self.params], k, rolling, &hidden),
+            redundant: None,
         };
         Arc::new(problem.checked().expect("tapes and patterns fit together"))
     }

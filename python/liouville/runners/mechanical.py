@@ -17,7 +17,15 @@ from liouville.runners.energy import change_of_energy
 from liouville.runners.runner import Request, Runner, kept
 from liouville.runners.watch import Watch
 from liouville.systems import Mechanical, Mechanics
+from liouville.systems._redundant import redundant, without
 from liouville.systems.traced import INVARIANT
+
+#: Redundant constraints are looked for at each start where orthogonalising their gradients takes no
+#: more operations than this, else only where a start fails.
+MOST_OPERATIONS = 1e6
+
+#: A constraint left out may miss this much of the size of what it is made of.
+IMPLIED = 1e-8
 
 #: Errors of a step that has no solution, or none that is found.
 UNSOLVED = ("not converged", "singular", "step too large")
@@ -32,6 +40,7 @@ class MechanicalRunner(Runner):
     def __init__(self, system: Mechanics, method: Method, request: Request) -> None:
         self.system, self.choice, self.method = system, method, repr(method)
         self.constraints = system.constraints
+        self._stepped = system
         self._is_general = method.form == "general"
         self._base = method.base if isinstance(method, Composition) else method
         self.steps = request.steps_of(system, self._takes())
@@ -47,6 +56,9 @@ class MechanicalRunner(Runner):
         self._watch = Watch(request.events, request.t_eval, span, self.every)
         self._watched = self._watch.crossed(system, self._order)
         self._take(request)
+        rows, n = len(self.constraints), len(system.coordinates)
+        if rows > n or 1 < rows and rows**2 * n <= MOST_OPERATIONS:
+            self._leave_out()
         self.params = {**system.params, **dict(request.params or {})}
         self._states = request.states
         self._observer, self.widths = system.observer(request.observe, request.states)
@@ -55,7 +67,20 @@ class MechanicalRunner(Runner):
 
     def start(self) -> _core.Run | dict[str, Any]:
         """Start the run, or return the error of its start."""
-        return _core.run(self._problem, self.choice, self._job())
+        run = _core.run(self._problem, self.choice, self._job())
+        is_refused = isinstance(run, dict) and run["kind"] in ("redundant", "singular")
+        if is_refused and self._stepped is self.system and self._leave_out():
+            run = _core.run(self._problem, self.choice, self._job())
+        return run
+
+    def _leave_out(self) -> bool:
+        """Take the system without constraints that the others imply, if there are any."""
+        y, z = (x.reshape(-1, x.shape[-1])[0] for x in self._begin[:2])
+        left = redundant(self.system, self.steps.t0, y, z, self._values)
+        if left:
+            self._stepped = without(self.system, left)
+            self._problem = self._form()
+        return bool(left)
 
     def _job(self) -> Job:
         """Return the run as the core begins it."""
@@ -124,11 +149,11 @@ class MechanicalRunner(Runner):
     def _form(self) -> _core.Mechanical | _core.SecondOrder | _core.Separable:
         """Return the system in the form that the method steps fastest."""
         if not self._is_general:
-            return self.system.second_order
+            return self._stepped.second_order
         self._check_solver()
         takes_fast_path = self._base == LobattoPair(2) and self._control != "error"
-        fast = self.system.separable if takes_fast_path else None
-        return self.system.problem if fast is None else fast
+        fast = self._stepped.separable if takes_fast_path else None
+        return self._stepped.problem if fast is None else fast
 
     def stats(self, run: _core.Run) -> dict[str, Any]:
         """Return the numbers of a run that this method has."""
@@ -167,14 +192,16 @@ class MechanicalRunner(Runner):
             y, params = rows[-2:, : len(self.system.coordinates)], self.system.values(self.params)
             # where the last step began, and where it went
             for at, point in ((t[-1], y[-1]), (2 * t[-1] - t[-2:][0], 2 * y[-1] - y[0])):
-                if names := self.system.nearly_dependent(at, point, params):
+                if names := self._stepped.nearly_dependent(at, point, params):
                     error["dependent"] = names
                     break
 
     def _described(self, error: dict[str, Any]) -> Description:
         if error.get("quantity") == "event":
             error["quantity"] = f"event {[*self._watch.events][error['index']]}"
-        sentence, hint, quantity = describe(error, self.system.coordinates, self.constraints)
+        recorded = error.get("part") is not None
+        constraints = self.constraints if recorded else self._stepped.constraints
+        sentence, hint, quantity = describe(error, self.system.coordinates, constraints)
         node_schur = getattr(self._base, "solver", "") == "node-schur"
         if error["kind"] == "not converged" and node_schur:
             hint += ", or solver='auto', which takes stiff forces too"

@@ -34,6 +34,14 @@ class Nonholonomic:
 
 
 @dataclass(frozen=True)
+class Redundant:
+    """Constraints left out, and the reactions of all to a multiplier of one, a column each."""
+
+    reactions: ca.SX
+    left_out: tuple[int, ...]
+
+
+@dataclass(frozen=True)
 class Model:
     """The expressions v, p, f, r and g of the general form; r depends on `lam`.
 
@@ -49,6 +57,7 @@ class Model:
     nonholonomic: Nonholonomic = field(default_factory=Nonholonomic)
     linear: Linear = field(default_factory=Linear)
     is_ideal: bool = False
+    redundant: Redundant | None = None
 
 
 def compiled(
@@ -108,8 +117,13 @@ def compiled(
     if own.k.numel():
         more_tapes, more = _nonholonomic(s, own, k_z, rn_nu, w)
         tapes, jac = tapes | more_tapes, jac | more
+    left_out: list[int] = []
+    if model.redundant:
+        jac["reactions"] = Block(model.redundant.reactions)
+        tapes["reactions"] = blocks("reactions", at_stage, "reactions")
+        left_out = [*model.redundant.left_out]
     patterns = {name: block.pattern for name, block in jac.items()}
-    problem = _core.Mechanical(n, g.numel(), is_linear, tapes, patterns)
+    problem = _core.Mechanical(n, g.numel(), is_linear, tapes, patterns, left_out)
     return tapes, patterns, problem
 
 

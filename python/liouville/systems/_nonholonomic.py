@@ -71,12 +71,9 @@ def _named(
     t, y, _, params = s.args.items()
     args = dict([t, y, (speed, velocity), params])
     names, k = _trace.named("nonholonomic", constraint, args)
-    n, count = s.y.numel(), len(names) + len(holonomic)
     twice = set(names) & set(holonomic)
     if twice:
         raise ValueError(f"'{min(twice)}' names a holonomic and a nonholonomic constraint")
-    if count > n:
-        raise ValueError(f"{count} constraints on {n} coordinates leave nothing to move")
     moved = set(ca.sparsify(jacobian(k, velocity)).sparsity().row())
     for row, name in enumerate(names):
         if row not in moved:

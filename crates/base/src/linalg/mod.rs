@@ -21,7 +21,7 @@ mod tridiagonal;
 pub use assembly::Assembly;
 pub use blocks::Blocks;
 pub(crate) use choice::prefers_sparse;
-pub use dependent::{dependencies, dependent_rows};
+pub use dependent::{IndependentRows, dependencies, dependent_rows, independent_rows};
 pub use factor::{Factor, Lu, Singular};
 pub use kernels::{
     add_scaled, all_finite, as_is, carry, combine, copy, copy_scaled, dot, furthest, gather,

@@ -70,6 +70,17 @@ impl Pattern {
         }
     }
 
+    /// The pattern of some rows, in ascending order, its entries in the order of this one's.
+    #[must_use]
+    pub fn of_rows(&self, rows: &[usize]) -> Self {
+        let place = |(row, col): &(usize, usize)| Some((rows.binary_search(row).ok()?, *col));
+        Self {
+            rows: rows.len(),
+            cols: self.cols,
+            entries: self.entries.iter().filter_map(place).collect(),
+        }
+    }
+
     /// The pattern of a matrix without zeros, column by column.
     pub fn full(rows: usize, cols: usize) -> Self {
         Self {

@@ -7,6 +7,7 @@
 //! It gives the multipliers at full order and the cold start of an integration.
 
 use super::model::{finite, finite_k};
+use super::redundant::LeastNorm;
 use super::{Model, Saddle};
 use liouville_base::error::{Quantity, StepError};
 use liouville_base::linalg::max_norm;
@@ -24,6 +25,7 @@ pub struct Acceleration<R = f64> {
     force: Vec<R>,
     drift: Vec<R>,
     correction: Vec<R>,
+    least_norm: Option<Box<LeastNorm>>,
 }
 
 struct AccelerationEquations<'a, R> {
@@ -43,6 +45,7 @@ impl<R: Real> Acceleration<R> {
             force: vec![R::splat(0.0); n],
             drift: vec![R::splat(0.0); m],
             correction: vec![R::splat(0.0); m],
+            least_norm: LeastNorm::new(&model.problem).map(Box::new),
         }
     }
 
@@ -79,6 +82,31 @@ impl<R: Real> Acceleration<R> {
         } else {
             newton::solve_all(&mut solve, 50)
         }
+    }
+}
+
+impl Acceleration {
+    /// [`Acceleration::solve`], and [`Acceleration::multipliers`] too.
+    ///
+    /// # Errors
+    /// As [`Acceleration::solve`].
+    pub fn solve_all(
+        &mut self,
+        model: &mut Model,
+        t: f64,
+        y: &[f64],
+        z: &[f64],
+    ) -> Result<(), StepError> {
+        self.solve(model, t, y, z)?;
+        match &mut self.least_norm {
+            Some(found) => found.solve((model, &mut self.saddle), (t, y, z), &self.lam),
+            None => Ok(()),
+        }
+    }
+
+    /// λ, then ν, of all constraints, those left out too, as last solved for.
+    pub fn multipliers(&self) -> &[f64] {
+        self.least_norm.as_ref().map_or(&self.lam, |found| &found.lam)
     }
 }
 

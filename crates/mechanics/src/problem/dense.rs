@@ -261,7 +261,7 @@ impl Path {
             point,
             ..
         } = self;
-        let found = acceleration.solve(model, self.t, &point.y, &point.z);
+        let found = acceleration.solve_all(model, self.t, &point.y, &point.z);
         // the next solve starts from it
         found.inspect_err(|_| acceleration.lam.fill(0.0))
     }
@@ -276,12 +276,12 @@ impl Path {
             model,
             ..
         } = self;
-        acceleration.solve(model, t, state.y(), state.z())
+        acceleration.solve_all(model, t, state.y(), state.z())
     }
 
-    /// λ, as last solved for.
+    /// λ of all constraints, as last solved for.
     pub fn lam(&self) -> &[f64] {
-        &self.acceleration.lam
+        self.acceleration.multipliers()
     }
 
     /// Start and length of the last step; of none, where there is only its start.

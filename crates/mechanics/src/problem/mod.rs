@@ -17,6 +17,7 @@ mod nonholonomic;
 mod observe;
 mod points;
 mod projection;
+mod redundant;
 mod saddle;
 mod schur;
 mod second_order;
@@ -32,6 +33,7 @@ pub use nonholonomic::{Nonholonomic, NonholonomicPatterns};
 pub use observe::{Carried, Observer, Observers};
 pub use points::{Points, Times};
 pub use projection::{Projection, project};
+pub use redundant::Redundant;
 pub use saddle::Saddle;
 pub(crate) use saddle::{add_product, diagnose_rank};
 pub use schur::SparseSchur;
@@ -75,6 +77,8 @@ pub struct Mechanical {
     pub patterns: Patterns,
     /// Constraints on velocities, and their reactions.
     pub nonholonomic: Option<Box<Nonholonomic>>,
+    /// Constraints that those above imply; nothing but multipliers knows of them.
+    pub redundant: Option<Box<Redundant>>,
 }
 
 /// The sparsity of each derivative.
@@ -165,6 +169,9 @@ impl Mechanical {
         if let Some(nonholonomic) = &self.nonholonomic {
             nonholonomic.check(n, m, params)?;
         }
+        if let Some(redundant) = &self.redundant {
+            redundant.check(n, self.multipliers(), params)?;
+        }
         Ok(self)
     }
 
@@ -189,9 +196,15 @@ impl Mechanical {
         4 * self.patterns.g_y.len() <= self.n * self.m
     }
 
-    /// Number of all multipliers, λ then ν.
+    /// Number of all multipliers, λ then ν, that a step solves for.
     pub fn multipliers(&self) -> usize {
         self.m + self.l()
+    }
+
+    /// Number of all multipliers that are recorded, with those of constraints left out.
+    pub fn recorded_multipliers(&self) -> usize {
+        let left = self.redundant.as_ref().map_or(0, |own| own.left_out.len());
+        self.multipliers() + left
     }
 }
 

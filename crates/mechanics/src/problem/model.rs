@@ -24,6 +24,7 @@ pub struct Model<R = f64> {
     end: Registers<R>,
     acceleration: Registers<R>,
     nonholonomic: Option<Box<Bound<R>>>,
+    reactions: Option<Box<Registers<R>>>,
     /// n, or 0 where v is z.
     v_size: usize,
 }
@@ -60,6 +61,10 @@ impl<R: Real> Model<R> {
                 .nonholonomic
                 .as_ref()
                 .map(|own| Box::new(Bound::new(own, params))),
+            reactions: problem
+                .redundant
+                .as_ref()
+                .map(|own| Box::new(own.reactions.bind(params))),
             v_size: if problem.patterns.v_z.is_some() {
                 problem.n
             } else {
@@ -211,6 +216,16 @@ impl<R: Real> Model<R> {
     fn bound(&mut self) -> Option<(&Nonholonomic, &mut Bound<R>)> {
         let problem = self.problem.nonholonomic.as_deref()?;
         Some((problem, self.nonholonomic.as_deref_mut()?))
+    }
+
+    /// Reactions of all constraints to a multiplier of one, where some are left out; else empty.
+    pub(super) fn reactions(&mut self, t: f64, y: &[R], z: &[R]) -> &[R] {
+        match (&self.problem.redundant, &mut self.reactions) {
+            (Some(own), Some(registers)) => {
+                own.reactions.eval(registers, [&[R::splat(t)], y, z])
+            }
+            _ => &[],
+        }
     }
 
     /// The state at (t, y, z), with nothing lost to rounding yet.

@@ -75,10 +75,10 @@ impl Observer {
         row: &mut Vec<f64>,
     ) -> Result<(), StepError> {
         if let Some(states) = &mut self.states {
-            states.solve(&mut self.model, t, state.y(), state.z())?;
+            states.solve_all(&mut self.model, t, state.y(), state.z())?;
             row.extend_from_slice(state.y());
             row.extend_from_slice(state.z());
-            row.extend_from_slice(&states.lam);
+            row.extend_from_slice(states.multipliers());
         }
         if let Some((a, work)) = state.accelerations() {
             if let Some(states) = &self.states {
@@ -97,7 +97,10 @@ impl Observer {
 
 impl<S: Carried> Observe<S> for Observer {
     fn width(&self, state: &S) -> usize {
-        let (n, m) = (self.model.problem.n, self.model.problem.multipliers());
+        let (n, m) = (
+            self.model.problem.n,
+            self.model.problem.recorded_multipliers(),
+        );
         let accelerations = state.accelerations().map_or(0, |(a, _)| a.len());
         let states = self
             .states

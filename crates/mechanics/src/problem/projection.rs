@@ -6,11 +6,15 @@
 //!     [ c_x    0   ] [ μ  ] = [ −c ]
 //!
 //! in units of x that make the diagonal of W one, and units of c that make its gradients so.
+//!
+//! Where some equations imply others, their gradients are dependent at a solution and only nearly so beside it. Those
+//! that are dependent as far as the distance from the solution lets one tell are left out of a correction.
 
 use super::diagnose_rank;
 use super::kkt::{KktMatrix, KktPatterns};
 use liouville_base::error::{Quantity, StepError};
-use liouville_base::linalg::{Factor, Pattern, max_norm};
+use liouville_base::linalg::choice::LARGEST_DENSE_RANK;
+use liouville_base::linalg::{Factor, Matrix, Pattern, independent_rows, max_norm};
 use liouville_base::newton::{self, Equations};
 use liouville_base::tape::{Registers, Tape};
 
@@ -29,6 +33,15 @@ pub struct Projection {
     pub metric_pattern: Pattern,
 }
 
+/// The least part of a gradient's length that counts as its own, where the equations hold ...
+const CUTOFF: f64 = 1e-10;
+/// ... and, in units of what is missing, before they do: dependent gradients differ by a part of that.
+const SPREAD: f64 = 4.0;
+/// More than this is always a gradient's own.
+const LARGEST_CUTOFF: f64 = 0.1;
+/// What equations that are left out may miss, in the size of x, where the others hold.
+const CONTRADICTION: f64 = 1e-9;
+
 struct ConstraintEquations<'a> {
     projection: &'a Projection,
     registers: [Registers<f64>; 3],
@@ -40,16 +53,22 @@ struct ConstraintEquations<'a> {
     blocks: [Vec<f64>; 2],
     /// Units of x, then of c.
     units: Vec<f64>,
+    /// c in its units.
+    c: Vec<f64>,
     metric: Factor,
+    /// Whether rows that depend on others are left out, as far from the equations as the point is.
+    leaves_out: bool,
+    /// The rows in the matrix.
+    rows: Vec<usize>,
     kkt: KktMatrix,
     dx: Vec<f64>,
     mu: Vec<f64>,
 }
 
-/// The point nearest to `x` where the projection's equations hold.
+/// The point nearest to `x` where the projection's equations hold; some of them may imply the others.
 ///
 /// # Errors
-/// The equations are not finite or dependent, or no such point is found near `x`.
+/// The equations are not finite, contradict one another, or no such point is found near `x`.
 ///
 /// # Panics
 /// When an argument has not the size of the tapes' input.
@@ -60,66 +79,76 @@ pub fn project(
     params: &[f64],
 ) -> Result<Vec<f64>, StepError> {
     let (rows, n) = projection.pattern.shape();
-    let (c_x, metric) = (&projection.pattern, &projection.metric_pattern);
-    let kkt = KktMatrix::new(KktPatterns {
-        p_z: metric,
-        v_z: None,
-        g_y: c_x,
-        r_lam: &c_x.transposed(),
-        nonholonomic: None,
-    });
+    let tapes = [
+        &projection.residual,
+        &projection.jacobian,
+        &projection.metric,
+    ];
+    let metric = &projection.metric_pattern;
     let mut equations = ConstraintEquations {
         projection,
-        registers: [
-            &projection.residual,
-            &projection.jacobian,
-            &projection.metric,
-        ]
-        .map(|tape| tape.bind(params)),
+        registers: tapes.map(|tape| tape.bind(params)),
         held,
         scale: max_norm(x),
         x: x.to_vec(),
-        blocks: [metric, c_x].map(|pattern| vec![0.0; pattern.len()]),
+        blocks: [metric, &projection.pattern].map(|pattern| vec![0.0; pattern.len()]),
         units: vec![0.0; n + rows],
+        c: vec![0.0; rows],
         metric: Factor::new(metric),
-        kkt,
+        leaves_out: false,
+        rows: (0..rows).collect(),
+        kkt: matrix(metric, &projection.pattern),
         dx: vec![0.0; n],
         mu: vec![0.0; rows],
     };
-    newton::solve(&mut equations, 100)?;
+    let Err(error) = newton::solve(&mut equations, 100) else {
+        return Ok(equations.x);
+    };
+    let may_depend = matches!(
+        error,
+        StepError::SingularNewton
+            | StepError::DependentConstraints { .. }
+            | StepError::NotConverged { .. }
+    );
+    if !may_depend || rows * n > LARGEST_DENSE_RANK {
+        return Err(error);
+    }
+    equations.leaves_out = true;
+    equations.x.copy_from_slice(x);
+    let found = newton::solve(&mut equations, 100);
+    if found.is_err() || max_norm(&equations.c) > CONTRADICTION * equations.size() {
+        return Err(error);
+    }
     Ok(equations.x)
 }
 
-impl Equations for ConstraintEquations<'_> {
-    fn correct(&mut self) -> Result<f64, StepError> {
-        let (_, n) = self.projection.pattern.shape();
+/// The matrix of a metric and of rows of `c_x`.
+fn matrix(metric: &Pattern, rows: &Pattern) -> KktMatrix {
+    KktMatrix::new(KktPatterns {
+        p_z: metric,
+        v_z: None,
+        g_y: rows,
+        r_lam: &rows.transposed(),
+        nonholonomic: None,
+    })
+}
+
+impl ConstraintEquations<'_> {
+    /// Evaluates c, `c_x` and the metric, and scales them.
+    fn evaluate(&mut self) -> Result<(), StepError> {
         let args: [&[f64]; 2] = [&self.x, self.held];
         let [residual, jacobian, metric] = &mut self.registers;
         let c = self.projection.residual.eval(residual, args);
         let c_x = self.projection.jacobian.eval(jacobian, args);
         let metric = self.projection.metric.eval(metric, args);
-        let not_finite = |quantity| {
-            move |index| StepError::NotFinite {
-                quantity,
-                index,
-                t: f64::NAN,
-            }
-        };
-        if let Some(index) = c.iter().position(|c| !c.is_finite()) {
-            return Err(not_finite(Quantity::Constraint)(index));
-        }
-        if let Some(index) = c_x
-            .iter()
-            .chain(metric)
-            .position(|value| !value.is_finite())
-        {
-            return Err(not_finite(Quantity::Derivative)(index));
-        }
+        check_finite(c, Quantity::Constraint)?;
+        check_finite(c_x, Quantity::Derivative)?;
+        check_finite(metric, Quantity::Derivative)?;
         let [w, scaled] = &mut self.blocks;
         w.copy_from_slice(metric);
         scaled.copy_from_slice(c_x);
         let (at_c, at_w) = (&self.projection.pattern, &self.projection.metric_pattern);
-        let (of_x, of_c) = self.units.split_at_mut(n);
+        let (of_x, of_c) = self.units.split_at_mut(self.x.len());
         of_x.fill(1.0);
         for (&(i, j), w) in at_w.entries().iter().zip(&*w) {
             let unit = w.abs().sqrt().recip();
@@ -138,18 +167,67 @@ impl Equations for ConstraintEquations<'_> {
         for (&(i, _), c_x) in at_c.entries().iter().zip(&mut *scaled) {
             *c_x /= of_c[i];
         }
-        let factored = self.metric.factor(at_w, w);
+        for ((out, c), unit) in self.c.iter_mut().zip(c).zip(of_c) {
+            *out = c / *unit;
+        }
+        Ok(())
+    }
+
+    /// The size of x in its units.
+    fn size(&self) -> f64 {
+        let units = self.x.iter().zip(&self.units);
+        units.fold(f64::MIN_POSITIVE, |size, (x, unit)| size.max((x / unit).abs()))
+    }
+
+    /// Takes the rows that do not depend on others, as far as that can be told here.
+    fn leave_out(&mut self) {
+        let at = &self.projection.pattern;
+        let mut gradients = Matrix::zeros(at.shape().0, at.shape().1);
+        at.add_to(&self.blocks[1], 1.0, &mut gradients, 0, 0);
+        let missing = max_norm(&self.c) / self.size();
+        let cutoff = (SPREAD * missing).clamp(CUTOFF, LARGEST_CUTOFF);
+        let kept = independent_rows(gradients, self.c.len(), cutoff).kept;
+        if kept != self.rows {
+            let own = at.of_rows(&kept);
+            self.kkt = matrix(&self.projection.metric_pattern, &own);
+            self.rows = kept;
+        }
+    }
+}
+
+fn check_finite(values: &[f64], quantity: Quantity) -> Result<(), StepError> {
+    let bad = values.iter().position(|value| !value.is_finite());
+    bad.map_or(Ok(()), |index| {
+        Err(StepError::NotFinite {
+            quantity,
+            index,
+            t: f64::NAN,
+        })
+    })
+}
+
+impl Equations for ConstraintEquations<'_> {
+    fn correct(&mut self) -> Result<f64, StepError> {
+        self.evaluate()?;
+        let (at_c, at_w) = (&self.projection.pattern, &self.projection.metric_pattern);
+        let factored = self.metric.factor(at_w, &self.blocks[0]);
         factored.map_err(|singular| StepError::SingularMass {
             coordinate: singular.column,
         })?;
-        let factored = self.kkt.factor([w, &[]], scaled, scaled, None);
-        factored.map_err(|_| diagnose_rank(at_c, c_x, StepError::SingularNewton))?;
-        self.dx.fill(0.0);
-        for ((out, c), unit) in self.mu.iter_mut().zip(c).zip(of_c) {
-            *out = -c / *unit;
+        if self.leaves_out {
+            self.leave_out();
         }
+        let [w, scaled] = &self.blocks;
+        let own = at_c.entries().iter().zip(scaled);
+        let own = own.filter(|((row, _), _)| self.rows.binary_search(row).is_ok());
+        let own: Vec<f64> = own.map(|(_, value)| *value).collect();
+        let factored = self.kkt.factor([w, &[]], &own, &own, None);
+        factored.map_err(|_| diagnose_rank(at_c, scaled, StepError::SingularNewton))?;
+        self.dx.fill(0.0);
+        self.mu.clear();
+        self.mu.extend(self.rows.iter().map(|row| -self.c[*row]));
         self.kkt.solve(&mut self.dx, &mut self.mu);
-        for ((x, dx), unit) in self.x.iter_mut().zip(&mut self.dx).zip(of_x) {
+        for ((x, dx), unit) in self.x.iter_mut().zip(&mut self.dx).zip(&self.units) {
             *dx *= *unit;
             *x += *dx;
         }

@@ -97,7 +97,7 @@ impl Starter {
     fn width(&self) -> usize {
         let problem = self.system.mechanical();
         let is_alpha = usize::from(matches!(self.system, System::Alpha(..)));
-        let states = 2 * problem.n + problem.multipliers() + 2 * is_alpha * problem.n;
+        let states = 2 * problem.n + problem.recorded_multipliers() + 2 * is_alpha * problem.n;
         usize::from(self.job.states) * states + is_alpha + self.job.observer.outputs()
     }
 

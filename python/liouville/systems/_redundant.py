@@ -1,0 +1,203 @@
+"""Redundant constraints: which of them the others imply, and the system without those.
+
+Where gradients of constraints are dependent at all nearby states that meet the constraints, some can
+be left out: the states that meet the others are the same, and so are positions and velocities of a
+step. At a singular position they are dependent there alone, and nothing can be left out.
+"""
+
+from __future__ import annotations
+
+from weakref import WeakKeyDictionary
+
+import casadi as ca
+import numpy as np
+
+from liouville import _core
+from liouville.systems._derivatives import jacobian
+from liouville.systems._form import Model, Nonholonomic, Redundant
+from liouville.systems.mechanics import Mechanics
+
+#: Gradients of length one are clearly independent where this part of each is its own.
+CLEARLY = 1e-6
+#: Roundoff of such a part, in units of the larger number of rows and columns.
+ROUNDOFF = 10 * float(np.finfo(float).eps)
+#: Between roundoff and this many times that, constraints are nearly singular and not redundant.
+GAP = 1e3
+#: How far away a neighbour is, in the size of the positions.
+ASIDE = 1e-4
+#: Reactions of constraints left out are combinations of the others up to this.
+ALIKE = 1e-8
+
+#: The systems without their redundant constraints, by those that are left out.
+_REDUCED: WeakKeyDictionary[Mechanics, dict[tuple[int, ...], Mechanics]] = WeakKeyDictionary()
+
+
+def redundant(
+    system: Mechanics, t: float, y: np.ndarray, z: np.ndarray, params: np.ndarray
+) -> tuple[int, ...]:
+    """Return which constraints the others imply at a consistent state and around it.
+
+    They are found by orthogonalisation of the gradients with pivoting, holonomic constraints first.
+    None are found where the dependence is a singular position or not clear, where reactions are no
+    combinations of the others' or not linear in their multipliers.
+
+    Raises
+    ------
+    ValueError
+        There are more constraints than coordinates, and they leave nothing to move.
+    """
+    gradients, m = _gradients(system, t, y, z, params), len(system._holonomic)
+    rows, n = gradients.shape
+    kept, _, _ = _core.independent_rows(gradients, m, CLEARLY)
+    if len(kept) == rows or not np.abs(gradients).max(axis=1).all():
+        return ()
+    cutoff = ROUNDOFF * max(rows, n)
+    try:
+        y = system._project("positions", t, y, z, params)
+        kept, least, _ = _core.independent_rows(_gradients(system, t, y, z, params), m, cutoff)
+        if len(kept) == rows or least < GAP * cutoff:
+            return ()
+        for aside in _asides(system, t, y, z, params, kept):
+            there = system._project("positions", t, y + aside, z, params)
+            near = _gradients(system, t, there, z, params)
+            if len(_core.independent_rows(near, m, cutoff)[0]) > len(kept):
+                return ()
+    except ValueError:  # they contradict one another, which a run says better
+        return ()
+    left = tuple(sorted(set(range(rows)) - set(kept)))
+    if not _are_alike(system, t, y, z, params, kept, left):
+        return ()
+    if rows > n == len(kept) and not _is_driven(system):
+        raise ValueError(f"{rows} constraints on {n} coordinates leave nothing to move")
+    return left
+
+
+def without(system: Mechanics, left: tuple[int, ...]) -> Mechanics:
+    """Return the system that has all constraints but these, and whose multipliers know of them."""
+    known = _REDUCED.setdefault(system, {})
+    if left not in known:
+        known[left] = _without(system, left)
+    return known[left]
+
+
+def _without(system: Mechanics, left: tuple[int, ...]) -> Mechanics:
+    s, model, own = system._symbols, system._model, system._model.nonholonomic
+    m, names = model.g.numel(), system.constraints
+    held = [k for k in range(m) if k not in left]
+    rolling = [k - m for k in range(m, len(names)) if k not in left]
+    lam, all_lam = _part("lam", m, held)
+    nu, all_nu = _part("nu", len(names) - m, rolling)
+    power = system._expressions.columns.get("power")
+    if power is not None:
+        power = ca.substitute(power, model.lam, all_lam)
+    return Mechanics(
+        s,
+        Model(
+            v=model.v,
+            p=model.p,
+            f=model.f,
+            r=ca.substitute(model.r, model.lam, all_lam),
+            g=model.g[held],
+            lam=lam,
+            nonholonomic=Nonholonomic(
+                own.k[rolling], ca.substitute(own.rn, own.nu, all_nu), nu
+            ),
+            linear=model.linear,
+            is_ideal=model.is_ideal,
+            redundant=Redundant(
+                ca.horzcat(jacobian(model.r, model.lam), jacobian(own.rn, own.nu)), left
+            ),
+        ),
+        states=system.states,
+        coordinates=system.coordinates,
+        constraints=tuple(name for k, name in enumerate(names) if k not in left),
+        invariants={},
+        power=power,
+    )  # fmt: skip
+
+
+def _part(name: str, count: int, held: list[int]) -> tuple[ca.SX, ca.SX]:
+    """Return symbols of some multipliers, and all of them with zeros for the others."""
+    own = ca.SX.sym(name, len(held))
+    everything = ca.SX.zeros(count, 1)
+    for position, k in enumerate(held):
+        everything[k] = own[position]
+    return own, everything
+
+
+def _gradients(
+    system: Mechanics, t: float, y: np.ndarray, z: np.ndarray, params: np.ndarray
+) -> np.ndarray:
+    """Return the gradients of all constraints by velocities, or by z, one a row."""
+    lam, nu = np.zeros(len(system._holonomic)), np.zeros(len(system.nonholonomic))
+    found = _dense(system, "g_y", system._at("node_blocks", params, t, y, lam))
+    if not nu.size:
+        return found
+    if "v_z" in system._patterns:
+        blocks = system._at("stage_blocks", params, t, y, z)
+        found = found @ _dense(system, "v_z", blocks[len(system._patterns["p_z"][2]) :])
+    blocks = system._at("nonholonomic_blocks", params, t, y, z, nu)
+    return np.vstack([found, _dense(system, "k_z", blocks[len(system._patterns["k_y"][2]) :])])
+
+
+def _dense(system: Mechanics, name: str, values: np.ndarray) -> np.ndarray:
+    """Return a derivative as a matrix, of values that begin with its entries."""
+    count, width, rows, columns = system._patterns[name]
+    matrix = np.zeros((count, width))
+    matrix[rows, columns] = values[: len(rows)]
+    return matrix
+
+
+def _asides(
+    system: Mechanics,
+    t: float,
+    y: np.ndarray,
+    z: np.ndarray,
+    params: np.ndarray,
+    kept: list[int],
+) -> list[np.ndarray]:
+    """Return two small moves that keep the constraints nearly: along the velocity and another."""
+    n, m = len(y), len(system._holonomic)
+    end = system._at("end", params, t, y, z)
+    velocity = end[n + m :] if end.size > n + m else z
+    holonomic = [k for k in kept if k < m]
+    rows = _dense(system, "g_y", system._at("node_blocks", params, t, y, np.zeros(m)))[holonomic]
+    other = np.random.default_rng(0).standard_normal(n)
+    other -= np.linalg.lstsq(rows, rows @ other, rcond=None)[0]
+    size = ASIDE * (np.abs(y).max() or 1.0)
+    return [size * x / np.abs(x).max() for x in (velocity, other) if np.abs(x).max() > 1e-8]
+
+
+def _are_alike(
+    system: Mechanics,
+    t: float,
+    y: np.ndarray,
+    z: np.ndarray,
+    params: np.ndarray,
+    kept: list[int],
+    left: tuple[int, ...],
+) -> bool:
+    """Return whether reactions are linear, and those left out are combinations of the others."""
+    m, own = len(system._holonomic), len(system.nonholonomic)
+    found = []
+    for value in (0.0, 1.0):
+        lam, nu = np.full(m, value), np.full(own, value)
+        blocks = system._at("node_blocks", params, t, y, lam)
+        columns = _dense(system, "r_lam", blocks[len(system._patterns["g_y"][2]) :])
+        if own:
+            blocks = system._at("nonholonomic_blocks", params, t, y, z, nu)
+            of_nu = len(system._patterns["rn_nu"][2])
+            columns = np.hstack([columns, _dense(system, "rn_nu", blocks[-of_nu:])])
+        found.append(columns)
+    first, second = found
+    basis, wanted = first[:, kept], first[:, list(left)]
+    rest = wanted - basis @ np.linalg.lstsq(basis, wanted, rcond=None)[0]
+    return np.array_equal(first, second) and bool(
+        np.all(np.linalg.norm(rest, axis=0) <= ALIKE * np.linalg.norm(wanted, axis=0))
+    )
+
+
+def _is_driven(system: Mechanics) -> bool:
+    """Return whether a constraint depends on time."""
+    model = system._model
+    return bool(ca.depends_on(ca.vertcat(model.g, model.nonholonomic.k), system._symbols.t))
