@@ -249,8 +249,9 @@ def plane(nonholonomic, constraint=None, q=("x", "y", "th")):
 def test_bad_constraints_are_refused():
     with pytest.raises(ValueError, match="'wall' does not depend on the velocity\nhint: it is hol"):
         plane(lambda t, q, v, params: {"blade": v[0], "wall": q[0] - 1})
+    fast = plane(lambda t, q, v, params: [v[0], v[1], v[2]], lambda t, q, params: q[0])
     with pytest.raises(ValueError, match="4 constraints on 3 coordinates leave nothing"):
-        plane(lambda t, q, v, params: [v[0], v[1], v[2]], lambda t, q, params: q[0])
+        lv.integrate(fast, lv.Spark(2), t=(0, 1), steps=5, q=[0, 0, 0], v=[0, 0, 0])
     with pytest.raises(ValueError, match="'a' names a holonomic and a nonholonomic"):
         plane(lambda t, q, v, params: {"a": v[0]}, lambda t, q, params: {"a": q[1]})
     with pytest.raises(TypeError, match="without nonholonomic constraints"):
@@ -263,13 +264,7 @@ def test_bad_constraints_are_refused():
         )
 
 
-def test_dependent_constraints_are_named():
-    twice = plane(
-        lambda t, q, v, params: {"blade": ca.sin(q[2]) * v[0] - ca.cos(q[2]) * v[1], "slot": v[0]},
-        lambda t, q, params: {"rail": q[0]},
-    )
-    with pytest.raises(lv.IntegrationError, match="'rail' and 'slot' are redundant"):
-        lv.integrate(twice, lv.Spark(2), t=(0, 1), steps=5, q=[0, 0, 0], v=[0, 0, 1])
+def test_a_gradient_that_vanishes_is_named():
     still = plane(lambda t, q, v, params: {"speed": ca.sumsqr(v) - t})
     with pytest.raises(lv.IntegrationError, match="gradient of constraint 'speed' vanishes"):
         lv.integrate(still, lv.Spark(2), t=(0, 1), steps=5, q=[0, 0, 0], v=[0, 0, 0])

@@ -17,14 +17,17 @@ DATA = json.loads((Path(__file__).parent / "data" / "mechanics_reference.json").
 # Largest error at the references, relative to the largest entry, with Spark(6) and the module's h:
 # ten times what was measured. The top turns some fifty times, so roundoff weighs more;
 # the Fekete points are almost at rest, so their speeds are small beside it.
-TOLERANCE = dict.fromkeys((*problems.MECHANICAL, *problems.NONHOLONOMIC), 1e-13) | {
+CASES = (*problems.MECHANICAL, *problems.REDUNDANT, *problems.NONHOLONOMIC)
+TOLERANCE = dict.fromkeys(CASES, 1e-13) | {
     "heavy_top": 1e-11,
     "kepler_on_sphere": 1e-11,
+    "bricard": 1e-12,
     "fekete": 1e-12,
 }
 # What the motion does not depend on: one mass scale, and the completion of the top's mass matrix.
 IRRELEVANT = {
     "pendulum": {"m"},
+    "doubled_rod": {"m"},
     "spherical_pendulum": {"m"},
     "chain": {"m"},
     "rigid_chain": {"m", "mu"},
@@ -60,6 +63,8 @@ UNITS = {
 SPRINGS = {"car_axis": 2, "andrews": 1}
 PLANAR = (
     "pendulum",
+    "doubled_rod",
+    "hinged_fourbar",
     "double_pendulum",
     "chain",
     "slider_crank",
@@ -90,7 +95,7 @@ def error(problem, solution, keys=("q", "v")):
     return worst
 
 
-@pytest.fixture(scope="module", params=(*problems.MECHANICAL, *problems.NONHOLONOMIC))
+@pytest.fixture(scope="module", params=CASES)
 def case(request):
     problem = problems.load(request.param)
     return request.param, problem, integrate(problem)
@@ -275,7 +280,7 @@ def test_outline_moves_rigid_bodies(name):
 
 
 def test_every_problem_is_listed():
-    files = {path.stem for path in Path(problems.__file__).parent.glob("*.py")} - {"__init__"}
+    files = {path.stem for path in Path(problems.__file__).parent.glob("[!_]*.py")}
     assert set(problems.names()) == files
     assert set(PLANAR) == {name for name in files if hasattr(problems.load(name), "outline")}
 

@@ -246,16 +246,6 @@ def test_without_constraints_every_start_is_consistent():
         np.testing.assert_array_equal([moved["q"], moved["v"]], [[1, 2], [3, 4]])
 
 
-def test_redundant_constraints_are_named():
-    doubled = lv.Lagrangian(
-        lambda t, q, v, params: ca.dot(v, v) / 2,
-        lambda t, q, params: {"once": q[0] - 1, "twice": 2 * q[0] - 2},
-        q=2,
-    )
-    with pytest.raises(ValueError, match=r"no consistent start.*'once' and 'twice' are redundant"):
-        doubled.consistent(q=[2, 0], v=[0, 0])
-
-
 def test_a_start_may_be_moved_to_zero():
     rod = lv.Structure([1.0, 2.0], constraint=lambda t, q, params: q[1] ** 2 / 2 + q[1])
     found = rod.consistent(q=[0.0, 0.01], v=[1.0, 0.01])

@@ -5,6 +5,8 @@ the package (closed form, quadrature, or minimal coordinates), and printed with 
 
     pendulum               closed form by Jacobi's elliptic functions
     slider_crank           one degree of freedom: t = int sqrt(I(a) / (2 (E - V(a)))) da
+    hinged_fourbar         likewise, by the crank's angle
+    bricard                likewise, by the angle at the ground's first hinge
     chain                  link angles, integrated by Gragg-Bulirsch-Stoer extrapolation
     relativistic_particle  canonical equations in spherical angles, integrated likewise
     circular_track         closed form
@@ -129,6 +131,104 @@ def slider_crank(times: Sequence[mpf] = (mpf("0.05"), mpf("0.1"))) -> None:
         print(f"slider_crank: another partition differs by {mp.nstr(apart, 2)}")
         q = (a, b, l1 * mp.cos(a) + l2 * mp.cos(b))
         show("slider_crank", mp.nstr(t, 3), {"q": q, "v": (w, db * w, slider)})
+
+
+Bodies = list[tuple[mpf, mpf, mpf]]
+
+
+def one_freedom(
+    name: str, frames: Callable[[mpf], State], bodies: Bodies, start: State, times: Sequence[mpf]
+) -> None:
+    """Rods by mass, length and radius, their centres and directors as functions of an angle."""
+
+    def rates(a: mpf) -> State:
+        with mp.workdps(60):  # the difference is off by 1e-40
+            d = mpf(10) ** -20
+            ahead, behind = frames(a + d), frames(a - d)
+            return [(x - y) / (2 * d) for x, y in zip(ahead, behind, strict=True)]
+
+    def inertia(a: mpf) -> mpf:
+        moved, total = rates(a), mpf(0)
+        for k, (mass, length, radius) in enumerate(bodies):
+            weights = (mass, mass * length**2 / 12, *[mass * radius**2 / 4] * 2)
+            for j, weight in enumerate(weights):
+                first = 12 * k + 3 * j
+                total += weight * sum(x**2 for x in moved[first : first + 3])
+        return total
+
+    def potential(a: mpf) -> mpf:
+        places = frames(a)
+        return G * sum(mass * places[12 * k + 1] for k, (mass, _, _) in enumerate(bodies))
+
+    begin, rate = start
+    energy = inertia(begin) * rate**2 / 2 + potential(begin)
+
+    def speed(a: mpf) -> mpf:
+        return mp.sign(rate) * mp.sqrt(2 * (energy - potential(a)) / inertia(a))
+
+    def elapsed(a: mpf, pieces: int = 5) -> mpf:
+        return mp.quad(lambda s: 1 / speed(s), mp.linspace(begin, a, pieces + 1))
+
+    for t in times:
+        a = begin + rate * t
+        for _ in range(12):
+            with mp.workdps(30):
+                step = (elapsed(a) - t) * speed(a)
+            a -= step
+            if abs(step) < mpf(10) ** -27:
+                break
+        with mp.workdps(30):
+            apart = abs(elapsed(a, pieces=7) - t) * abs(speed(a))
+        print(f"{name}: another partition differs by {mp.nstr(apart, 2)}")
+        moving = [speed(a) * x for x in rates(a)]
+        show(name, mp.nstr(t, 3), {"q": frames(a), "v": moving})
+
+
+def hinged_fourbar(times: Sequence[mpf] = (mpf("0.5"), mpf(1))) -> None:
+    """Crank, coupler and rocker as complex numbers; the coupler's side by the law of cosines."""
+    lengths, ground = [mpf(x) for x in ("0.5", "1", "0.9")], mpf("1.1")
+
+    def frames(a: mpf) -> State:
+        crank = mp.expj(a)
+        pin = lengths[0] * crank
+        gap = abs(ground - pin)
+        lift = mp.acos((lengths[1] ** 2 + gap**2 - lengths[2] ** 2) / (2 * lengths[1] * gap))
+        coupler = (ground - pin) / gap * mp.expj(lift)
+        rocker = (pin + lengths[1] * coupler - ground) / lengths[2]
+        found: State = []
+        ends = zip((0, pin, ground), (crank, coupler, rocker), lengths, strict=True)
+        for end, along, length in ends:
+            for z in (end + length / 2 * along, along, 1j * along):
+                found += [mp.re(z), mp.im(z), mpf(0)]
+            found += [mpf(0), mpf(0), mpf(1)]
+        return found
+
+    masses, radius = [mpf(1), mpf(2), mpf("1.8")], mpf(1) / 10
+    bodies = [(m, length, radius) for m, length in zip(masses, lengths, strict=True)]
+    one_freedom("hinged_fourbar", frames, bodies, [mpf(1), mpf(6)], times)
+
+
+def bricard(times: Sequence[mpf] = (mpf("0.2"), mpf("0.4"))) -> None:
+    """Turn about the hinges, and by right angles between them, bar after bar."""
+
+    def turn(axis: int, angle: mpf) -> mp.matrix:
+        c, s = mp.cos(angle), mp.sin(angle)
+        if axis == 0:
+            return mp.matrix([[1, 0, 0], [0, c, -s], [0, s, c]])
+        return mp.matrix([[c, -s, 0], [s, c, 0], [0, 0, 1]])
+
+    def frames(a: mpf) -> State:
+        b = mp.acos(-mp.cos(a) / (1 + mp.cos(a)))
+        place, attitude, found = mp.matrix([1, 0, 0]), turn(0, mp.pi / 2), []
+        for k in range(1, 6):
+            attitude = attitude * turn(2, b if k % 2 else a)
+            found += [*(place + attitude[:, 0] / 2), *(attitude.T)]
+            place = place + attitude[:, 0]
+            attitude = attitude * turn(0, -mp.pi / 2 if k % 2 else mp.pi / 2)
+        return found
+
+    bodies = [(mpf(1), mpf(1), mpf(1) / 10)] * 5
+    one_freedom("bricard", frames, bodies, [mp.pi / 2, mpf(-3)], times)
 
 
 def chain(links: int = 10, times: Sequence[mpf] = (mpf(1),)) -> None:
@@ -316,6 +416,8 @@ def rolling_ball(times: Sequence[mpf] = (mpf(5), mpf(10))) -> None:
 if __name__ == "__main__":
     pendulum()
     slider_crank()
+    hinged_fourbar()
+    bricard()
     relativistic_particle()
     circular_track()
     knife_edge()

@@ -101,6 +101,8 @@ def _described(
             return _overflow(coordinates[error["index"]])
         case "redundant":
             return _redundant([constraints[k] for k in error["constraints"]])
+        case "contradiction":
+            return _contradiction(constraints[error["index"]])
         case "step too large":
             return _step_too_large(coordinates[error["index"]], error)
         case "step too small":
@@ -155,9 +157,18 @@ def _redundant(names: Sequence[str]) -> Description:
             names[0],
         )
     return (
-        f"constraints {quoted(names)} are redundant: their gradients are dependent",
-        "remove one of them, or stay away from the singular position",
+        f"constraints {quoted(names)} are redundant there alone: their gradients are dependent",
+        "stay away from the singular position, or remove one of them",
         names[0],
+    )
+
+
+def _contradiction(name: str) -> Description:
+    return (
+        f"constraint '{name}' no longer follows from the others, which implied it at the start",
+        "the mechanism passes a position where its branches meet: take a smaller h, or begin "
+        "another run shortly before",
+        name,
     )
 
 

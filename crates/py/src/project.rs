@@ -39,17 +39,16 @@ pub(crate) fn project<'py>(
     }
 }
 
-/// The rows of a matrix that are independent of one another, the first ones tried before the others; the least part of
-/// a kept row that is its own, and the largest of another: those not longer than `cutoff` count as roundoff.
+/// The rows of a matrix that are independent of one another, of dependent ones the first; the least part of a kept row
+/// that is its own, and the largest of another: those not longer than `cutoff` count as roundoff.
 #[pyfunction]
 pub(crate) fn independent_rows(
     matrix: PyReadonlyArray2<'_, f64>,
-    first: usize,
     cutoff: f64,
 ) -> (Vec<usize>, f64, f64) {
     let (rows, cols) = (matrix.shape()[0], matrix.shape()[1]);
     let values = matrix.as_array();
     let own = Matrix::from_fn(rows, cols, |i, j| values[[i, j]]);
-    let found = linalg::independent_rows(own, first.min(rows), cutoff);
+    let found = linalg::independent_rows(own, cutoff);
     (found.kept, found.least, found.left)
 }

@@ -56,6 +56,9 @@ MECHANICAL = (
     "kepler_on_sphere",
 )
 
+#: Those some of whose constraints are redundant.
+REDUNDANT = ("doubled_rod", "hinged_fourbar", "bricard")
+
 #: Those with nonholonomic constraints.
 NONHOLONOMIC = ("knife_edge", "rolling_disk", "chaplygin_sleigh", "rolling_ball")
 
@@ -85,7 +88,7 @@ QUANTUM = (
     "lattice3d",
 )
 
-NAMES = (*MECHANICAL, *NONHOLONOMIC, *FIELDS, *QUANTUM)
+NAMES = (*MECHANICAL, *REDUNDANT, *NONHOLONOMIC, *FIELDS, *QUANTUM)
 
 
 class Parameters(Protocol):

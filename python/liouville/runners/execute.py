@@ -42,7 +42,11 @@ def execute(runner: Runner, progress: Progress = None) -> Solution:
         reached = run.t
         (times, rows), stats = run.take(), runner.stats(run)
         events, end = runner.events(run)
-        if isinstance(outcome, dict):
+        if found := runner.contradiction(rows):
+            good, outcome = found
+            outcome |= {"step": max(good - 1, 0) * runner.every, "start": times[max(good - 1, 0)]}
+            times, rows, reached = times[:good], rows[:good], outcome["start"]
+        elif isinstance(outcome, dict):
             runner.look(outcome, times, rows)
     stats["seconds"] = time.perf_counter() - clock
 

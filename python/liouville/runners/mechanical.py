@@ -17,12 +17,8 @@ from liouville.runners.energy import change_of_energy
 from liouville.runners.runner import Request, Runner, kept
 from liouville.runners.watch import Watch
 from liouville.systems import Mechanical, Mechanics
-from liouville.systems._redundant import redundant, without
+from liouville.systems._redundant import redundant, sizes, without
 from liouville.systems.traced import INVARIANT
-
-#: Redundant constraints are looked for at each start where orthogonalising their gradients takes no
-#: more operations than this, else only where a start fails.
-MOST_OPERATIONS = 1e6
 
 #: A constraint left out may miss this much of the size of what it is made of.
 IMPLIED = 1e-8
@@ -36,11 +32,12 @@ class MechanicalRunner(Runner):
 
     system: Mechanics
     choice: Method
+    _left_out: tuple[int, ...]
 
     def __init__(self, system: Mechanics, method: Method, request: Request) -> None:
         self.system, self.choice, self.method = system, method, repr(method)
         self.constraints = system.constraints
-        self._stepped = system
+        self._stepped, self._left_out = system, ()
         self._is_general = method.form == "general"
         self._base = method.base if isinstance(method, Composition) else method
         self.steps = request.steps_of(system, self._takes())
@@ -56,9 +53,7 @@ class MechanicalRunner(Runner):
         self._watch = Watch(request.events, request.t_eval, span, self.every)
         self._watched = self._watch.crossed(system, self._order)
         self._take(request)
-        rows, n = len(self.constraints), len(system.coordinates)
-        if rows > n or 1 < rows and rows**2 * n <= MOST_OPERATIONS:
-            self._leave_out()
+        self._leave_out()
         self.params = {**system.params, **dict(request.params or {})}
         self._states = request.states
         self._observer, self.widths = system.observer(request.observe, request.states)
@@ -67,20 +62,17 @@ class MechanicalRunner(Runner):
 
     def start(self) -> _core.Run | dict[str, Any]:
         """Start the run, or return the error of its start."""
-        run = _core.run(self._problem, self.choice, self._job())
-        is_refused = isinstance(run, dict) and run["kind"] in ("redundant", "singular")
-        if is_refused and self._stepped is self.system and self._leave_out():
-            run = _core.run(self._problem, self.choice, self._job())
-        return run
+        return _core.run(self._problem, self.choice, self._job())
 
-    def _leave_out(self) -> bool:
+    def _leave_out(self) -> None:
         """Take the system without constraints that the others imply, if there are any."""
         y, z = (x.reshape(-1, x.shape[-1])[0] for x in self._begin[:2])
-        left = redundant(self.system, self.steps.t0, y, z, self._values)
-        if left:
-            self._stepped = without(self.system, left)
+        point = self.steps.t0, y, z, self._values
+        self._left_out = redundant(self.system, *point)
+        if self._left_out:
+            self._stepped = without(self.system, self._left_out)
+            self._sizes = sizes(self.system, *point)[[*self._left_out]]
             self._problem = self._form()
-        return bool(left)
 
     def _job(self) -> Job:
         """Return the run as the core begins it."""
@@ -185,6 +177,21 @@ class MechanicalRunner(Runner):
         if not self.system.is_conservative:
             return ""
         return change_of_energy(t, parts, rises=not self._is_general)
+
+    def contradiction(self, rows: np.ndarray) -> tuple[int, dict[str, Any]] | None:
+        """Return where constraints that were left out do not hold, with the first of them."""
+        if not self._left_out or not rows.size:
+            return None
+        starts = dict(zip(self.columns, np.cumsum([0, *self.columns.values()]), strict=False))
+        m = self.columns["constraint"]
+        more = starts.get("nonholonomic", 0) - m
+        places = [k + (starts["constraint"] if k < m else more) for k in self._left_out]
+        missed = np.abs(rows[..., places]) / self._sizes
+        bad = np.argwhere(missed > IMPLIED)
+        if not bad.size:
+            return None
+        good, *_, which = bad[0].tolist()
+        return good, {"kind": "contradiction", "index": self._left_out[which], "part": "constraint"}
 
     def look(self, error: dict[str, Any], t: np.ndarray, rows: np.ndarray) -> None:
         """Name the constraints that are nearly dependent where a step has failed."""

@@ -141,6 +141,11 @@ class Runner(ABC):
         """Add to an error what the last record tells of its cause; by default nothing."""
         del error, t, rows
 
+    def contradiction(self, rows: np.ndarray) -> tuple[int, dict[str, Any]] | None:
+        """Return how many records are good, and the error of the next, where one is not."""
+        del rows
+        return None
+
     def describe(self, error: dict[str, Any]) -> Description:
         """Describe an error of the core in the user's names: sentence, hint and quantity."""
         if error.get("quantity") == "observable":
@@ -158,7 +163,7 @@ class Runner(ABC):
         """Return which part of a record an index falls into, and where in that part."""
         for part, width in self.widths.items():
             if index < width:
-                return {"quantity": QUANTITIES.get(part, part), "index": index}
+                return {"quantity": QUANTITIES.get(part, part), "index": index, "part": part}
             index -= width
         return {}
 

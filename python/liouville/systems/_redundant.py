@@ -1,8 +1,8 @@
 """Redundant constraints: which of them the others imply, and the system without those.
 
-Where gradients of constraints are dependent at all nearby states that meet the constraints, some can
-be left out: the states that meet the others are the same, and so are positions and velocities of a
-step. At a singular position they are dependent there alone, and nothing can be left out.
+Where gradients of constraints are dependent at all nearby states that meet the constraints, some
+can be left out: the states that meet the others are the same, and so are positions and velocities
+of a step. At a singular position they are dependent there alone, and nothing can be left out.
 """
 
 from __future__ import annotations
@@ -17,6 +17,9 @@ from liouville.systems._derivatives import jacobian
 from liouville.systems._form import Model, Nonholonomic, Redundant
 from liouville.systems.mechanics import Mechanics
 
+#: Where orthogonalising the gradients takes more operations than this, it is first seen whether the
+#: sparse equations for multipliers are singular.
+MOST_OPERATIONS = 1e6
 #: Gradients of length one are clearly independent where this part of each is its own.
 CLEARLY = 1e-6
 #: Roundoff of such a part, in units of the larger number of rows and columns.
@@ -37,30 +40,35 @@ def redundant(
 ) -> tuple[int, ...]:
     """Return which constraints the others imply at a consistent state and around it.
 
-    They are found by orthogonalisation of the gradients with pivoting, holonomic constraints first.
-    None are found where the dependence is a singular position or not clear, where reactions are no
-    combinations of the others' or not linear in their multipliers.
+    They are found by orthogonalisation of the gradients; of dependent constraints the first are
+    kept. None are found where the dependence is a singular position or not clear, nor where
+    reactions are no combinations of the others' or not linear in their multipliers.
 
     Raises
     ------
     ValueError
         There are more constraints than coordinates, and they leave nothing to move.
     """
-    gradients, m = _gradients(system, t, y, z, params), len(system._holonomic)
-    rows, n = gradients.shape
-    kept, _, _ = _core.independent_rows(gradients, m, CLEARLY)
+    rows, n = len(system.constraints), len(system.coordinates)
+    if rows < 2:
+        return ()
+    if n >= rows > (MOST_OPERATIONS / n) ** 0.5 and _is_solved(system, t, y, z, params):
+        return ()
+    gradients = _gradients(system, t, y, z, params)
+    kept, _, _ = _core.independent_rows(gradients, CLEARLY)
     if len(kept) == rows or not np.abs(gradients).max(axis=1).all():
         return ()
     cutoff = ROUNDOFF * max(rows, n)
     try:
         y = system._project("positions", t, y, z, params)
-        kept, least, _ = _core.independent_rows(_gradients(system, t, y, z, params), m, cutoff)
+        gradients = _gradients(system, t, y, z, params)
+        kept, least, _ = _core.independent_rows(gradients, cutoff)
         if len(kept) == rows or least < GAP * cutoff:
             return ()
         for aside in _asides(system, t, y, z, params, kept):
             there = system._project("positions", t, y + aside, z, params)
             near = _gradients(system, t, there, z, params)
-            if len(_core.independent_rows(near, m, cutoff)[0]) > len(kept):
+            if len(_core.independent_rows(near, cutoff)[0]) > len(kept):
                 return ()
     except ValueError:  # they contradict one another, which a run says better
         return ()
@@ -74,10 +82,20 @@ def redundant(
 
 def without(system: Mechanics, left: tuple[int, ...]) -> Mechanics:
     """Return the system that has all constraints but these, and whose multipliers know of them."""
+    if not left:
+        return system
     known = _REDUCED.setdefault(system, {})
     if left not in known:
         known[left] = _without(system, left)
     return known[left]
+
+
+def sizes(
+    system: Mechanics, t: float, y: np.ndarray, z: np.ndarray, params: np.ndarray
+) -> np.ndarray:
+    """Return the size of what each constraint is made of, at a state."""
+    slopes = np.abs(_gradients(system, t, y, z, params)).sum(axis=1)
+    return np.maximum(slopes * max(np.abs(y).max(), np.abs(z).max()), np.finfo(float).tiny)
 
 
 def _without(system: Mechanics, left: tuple[int, ...]) -> Mechanics:
@@ -138,6 +156,15 @@ def _gradients(
         found = found @ _dense(system, "v_z", blocks[len(system._patterns["p_z"][2]) :])
     blocks = system._at("nonholonomic_blocks", params, t, y, z, nu)
     return np.vstack([found, _dense(system, "k_z", blocks[len(system._patterns["k_y"][2]) :])])
+
+
+def _is_solved(
+    system: Mechanics, t: float, y: np.ndarray, z: np.ndarray, params: np.ndarray
+) -> bool:
+    """Return whether all multipliers can be solved for."""
+    times = np.array([t])
+    found = _core.mechanical_path(system.problem, params, 2, times, y[None], z[None], times)
+    return not isinstance(found, dict)
 
 
 def _dense(system: Mechanics, name: str, values: np.ndarray) -> np.ndarray:

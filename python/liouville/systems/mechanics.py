@@ -349,7 +349,11 @@ class Mechanics(TracedSystem):
             The accelerations cannot be solved for there.
         """
         t, y, z = (np.ascontiguousarray(x) for x in run)
-        found = _core.mechanical_path(self.problem, params, order, t, y, z, times)
+        # imported here, as it makes systems of this class
+        from liouville.systems._redundant import redundant, without
+
+        stepped = without(self, redundant(self, t[0], y[0], z[0], params))
+        found = _core.mechanical_path(stepped.problem, params, order, t, y, z, times)
         if isinstance(found, dict):
             sentence, hint, _ = describe(found, self.coordinates, self.constraints)
             raise ValueError(hinted(sentence, hint))

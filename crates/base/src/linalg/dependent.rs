@@ -3,6 +3,9 @@
 use super::choice::LARGEST_DENSE_RANK;
 use super::{Matrix, Pattern, Sparse, add_scaled, dot, max_norm};
 
+/// The part of a row of length one that makes it clearly independent of those before it.
+const CLEAR: f64 = 1e-3;
+
 /// The rows of a matrix that are kept as independent of one another.
 #[derive(Clone, Debug, PartialEq)]
 pub struct IndependentRows {
@@ -14,24 +17,30 @@ pub struct IndependentRows {
     pub left: f64,
 }
 
-/// Rows that are independent of one another, as many as there are, by orthogonalisation with pivoting.
+/// Rows that are independent of one another, as many as there are: of dependent ones the first.
 ///
-/// Each row has length one; what of it is not longer than `cutoff` when the rows before it are taken off counts as
-/// roundoff. The first rows, so many, are all tried before the others.
+/// Each row has length one; what of it is not longer than `cutoff` when the rows kept are taken off counts as roundoff.
+/// Rows that are clearly independent of those before them go first, so that which are kept does not depend on small
+/// changes of the matrix.
 ///
 /// Modified Gram–Schmidt, each part taken off twice, since once leaves roundoff times the condition.
 /// Source: Björck, BIT 7 (1967), 1–21.
-pub fn independent_rows(mut matrix: Matrix, first: usize, cutoff: f64) -> IndependentRows {
+pub fn independent_rows(mut matrix: Matrix, cutoff: f64) -> IndependentRows {
     let rows = matrix.rows();
+    let length = |matrix: &Matrix, i: usize| dot(matrix.row(i), matrix.row(i)).sqrt();
     for i in 0..rows {
-        let length = dot(matrix.row(i), matrix.row(i)).sqrt();
-        let unit = if length > 0.0 { length.recip() } else { 0.0 };
+        let size = length(&matrix, i);
+        let unit = if size > 0.0 { size.recip() } else { 0.0 };
         matrix.row_mut(i).iter_mut().for_each(|x| *x *= unit);
     }
     let (mut kept, mut least) = (Vec::new(), 1.0_f64);
     let mut is_open = vec![true; rows];
-    for group in [0..first, first..rows] {
-        while let Some((i, size)) = longest(&matrix, group.clone(), &is_open, cutoff) {
+    for enough in [CLEAR.max(cutoff), cutoff] {
+        for i in 0..rows {
+            let size = length(&matrix, i);
+            if !is_open[i] || size <= enough {
+                continue;
+            }
             is_open[i] = false;
             least = least.min(size);
             kept.push(i);
@@ -44,24 +53,10 @@ pub fn independent_rows(mut matrix: Matrix, first: usize, cutoff: f64) -> Indepe
             }
         }
     }
-    let left = longest(&matrix, 0..rows, &is_open, 0.0).map_or(0.0, |(_, size)| size);
+    let open = (0..rows).filter(|i| is_open[*i]);
+    let left = open.fold(0.0, |left, i| length(&matrix, i).max(left));
     kept.sort_unstable();
     IndependentRows { kept, least, left }
-}
-
-/// The longest of the open rows, if it is longer than `cutoff`.
-fn longest(
-    matrix: &Matrix,
-    rows: std::ops::Range<usize>,
-    is_open: &[bool],
-    cutoff: f64,
-) -> Option<(usize, f64)> {
-    let sizes = rows
-        .filter(|row| is_open[*row])
-        .map(|row| (row, dot(matrix.row(row), matrix.row(row)).sqrt()));
-    sizes
-        .max_by(|a, b| a.1.total_cmp(&b.1))
-        .filter(|(_, size)| *size > cutoff)
 }
 
 /// Rows whose combination vanishes: the first row that depends on those before it, and those it needs.

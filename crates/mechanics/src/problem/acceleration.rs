@@ -106,7 +106,9 @@ impl Acceleration {
 
     /// λ, then ν, of all constraints, those left out too, as last solved for.
     pub fn multipliers(&self) -> &[f64] {
-        self.least_norm.as_ref().map_or(&self.lam, |found| &found.lam)
+        self.least_norm
+            .as_ref()
+            .map_or(&self.lam, |found| &found.lam)
     }
 }
 

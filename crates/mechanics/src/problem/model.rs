@@ -221,9 +221,7 @@ impl<R: Real> Model<R> {
     /// Reactions of all constraints to a multiplier of one, where some are left out; else empty.
     pub(super) fn reactions(&mut self, t: f64, y: &[R], z: &[R]) -> &[R] {
         match (&self.problem.redundant, &mut self.reactions) {
-            (Some(own), Some(registers)) => {
-                own.reactions.eval(registers, [&[R::splat(t)], y, z])
-            }
+            (Some(own), Some(registers)) => own.reactions.eval(registers, [&[R::splat(t)], y, z]),
             _ => &[],
         }
     }

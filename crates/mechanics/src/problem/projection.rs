@@ -176,7 +176,9 @@ impl ConstraintEquations<'_> {
     /// The size of x in its units.
     fn size(&self) -> f64 {
         let units = self.x.iter().zip(&self.units);
-        units.fold(f64::MIN_POSITIVE, |size, (x, unit)| size.max((x / unit).abs()))
+        units.fold(f64::MIN_POSITIVE, |size, (x, unit)| {
+            size.max((x / unit).abs())
+        })
     }
 
     /// Takes the rows that do not depend on others, as far as that can be told here.
@@ -186,7 +188,7 @@ impl ConstraintEquations<'_> {
         at.add_to(&self.blocks[1], 1.0, &mut gradients, 0, 0);
         let missing = max_norm(&self.c) / self.size();
         let cutoff = (SPREAD * missing).clamp(CUTOFF, LARGEST_CUTOFF);
-        let kept = independent_rows(gradients, self.c.len(), cutoff).kept;
+        let kept = independent_rows(gradients, cutoff).kept;
         if kept != self.rows {
             let own = at.of_rows(&kept);
             self.kkt = matrix(&self.projection.metric_pattern, &own);

@@ -132,9 +132,7 @@ impl LeastNorm {
             }
             self.x[i] = dot(self.combinations.row(i), &self.scaled);
         }
-        self.gram
-            .factor()
-            .map_err(|_| StepError::SingularNewton)?;
+        self.gram.factor().map_err(|_| StepError::SingularNewton)?;
         self.gram.solve(&mut self.x);
         for (position, (k, lam)) in redundant.kept().zip(&self.scaled).enumerate() {
             let parts = self.x.iter().enumerate();

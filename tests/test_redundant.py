@@ -1,0 +1,237 @@
+"""Redundant constraints: left out of the steps, known to multipliers, never silently wrong."""
+
+import pickle
+from types import SimpleNamespace
+
+import casadi as ca
+import numpy as np
+import pytest
+
+import liouville as lv
+from liouville.problems import bricard, hinged_fourbar, load
+
+METHODS = {
+    "spark": (lv.Spark(3), 1),
+    "spark newton": (lv.Spark(2, solver="newton"), 1),
+    "pair": (lv.LobattoPair(3), 1),
+    "rattle": (lv.LobattoPair(), 8),
+    "composition": (lv.Composition(lv.LobattoPair(), "Y4"), 4),
+    "hht": (lv.HHT(), 8),
+    "generalized alpha": (lv.GeneralizedAlpha(0.8), 8),
+    "arnold-bruls": (lv.ArnoldBruls(0.9), 8),
+}
+
+
+def kinetic(t, q, v, params):
+    return ca.sumsqr(v) / 2 - 9.81 * q[1]
+
+
+def doubled(names=("rod", "twice"), scale=3.0):
+    """Return a pendulum whose rod is there twice."""
+    return lv.Lagrangian(
+        kinetic,
+        lambda t, q, params: {
+            names[0]: (ca.sumsqr(q) - 1) / 2,
+            names[1]: scale * (ca.sqrt(ca.sumsqr(q)) - 1),
+        },
+        q=("x", "y"),
+    )
+
+
+SINGLE = lv.Lagrangian(kinetic, lambda t, q, params: (ca.sumsqr(q) - 1) / 2, q=("x", "y"))
+START = {"q": (1.0, 0.0), "v": (0.0, 0.0)}
+
+
+def gradients(system, t, q, params=None):
+    """Return the gradients of all constraints by their values alone: central differences."""
+    m, n = len(system.constraints), len(q)
+    found = np.empty((m, n))
+    for k in range(n):
+        ahead, behind = (
+            system._at("node", system.values(params), t, q + d * np.eye(n)[k], np.zeros(m))[:m]
+            for d in (1e-6, -1e-6)
+        )
+        found[:, k] = (ahead - behind) / 2e-6
+    return found
+
+
+@pytest.mark.parametrize("name", METHODS)
+def test_a_rod_there_twice_changes_nothing_but_multipliers(name):
+    method, finer = METHODS[name]
+    steps = 50 * finer
+    one, two = (
+        lv.integrate(system, method, t=(0, 1), steps=steps, **START)
+        for system in (SINGLE, doubled())
+    )
+    np.testing.assert_allclose(two.q, one.q, rtol=0, atol=1e-13)
+    np.testing.assert_allclose(two.v, one.v, rtol=0, atol=1e-12)
+    assert abs(two.residuals["constraint"]).max() < 1e-14
+    # the same force, half of it from each constraint: their gradients are q and 3 q / |q|
+    half = one.lam / 2
+    np.testing.assert_allclose(two.lam, half / [1, 3], rtol=0, atol=1e-12 * abs(half).max())
+
+
+@pytest.mark.parametrize("name", METHODS)
+@pytest.mark.parametrize("problem", [hinged_fourbar, bricard], ids=["fourbar", "bricard"])
+def test_spatial_loops_are_stepped_by_all_methods(problem, name):
+    method, finer = METHODS[name]
+    steps = 40 * finer
+    found = lv.integrate(
+        problem.system, method, t=(0, 40 * problem.h), steps=steps, every=steps, **problem.start
+    )
+    assert abs(found.residuals["constraint"]).max() < 1e-14
+    if name != "arnold-bruls":  # keeps positions only
+        assert abs(found.residuals["hidden"]).max() < 1e-8
+    assert abs(np.diff(found.invariants["energy"])[0]) < 1e-3 * abs(found.invariants["energy"][0])
+
+
+def masses(problem):
+    """Return the diagonal of the mass matrix, which is constant."""
+    n, params = len(problem.system.coordinates), SimpleNamespace(**problem.system.params)
+    v = ca.SX.sym("v", n)
+    kinetic_energy = problem.lagrangian(0.0, ca.SX.zeros(n), v, params)
+    return np.diag(ca.evalf(ca.hessian(kinetic_energy, v)[0]).full())
+
+
+@pytest.mark.parametrize("name", ["hinged_fourbar", "bricard"])
+def test_multipliers_are_those_of_least_norm_and_give_the_motion(name):
+    problem = load(name)
+    found = lv.integrate(problem.system, lv.Spark(3), t=(0, 0.2), h=problem.h, **problem.start)
+    mass = masses(problem)
+    for k in (0, len(found.t) - 1):
+        rows = gradients(problem.system, found.t[k], found.q[k]) / np.sqrt(mass)
+        length = np.linalg.norm(rows, axis=1)
+        wanted = np.linalg.pinv((rows / length[:, None]).T, rcond=1e-6)
+        scaled = found.lam[k] * length
+        best = wanted @ ((rows / length[:, None]).T @ scaled)
+        np.testing.assert_allclose(scaled, best, rtol=0, atol=1e-7 * abs(scaled).max())
+        assert np.linalg.matrix_rank(rows / length[:, None], tol=1e-6) < len(length)
+
+
+@pytest.mark.parametrize(("s", "order"), [(1, 2), (2, 4), (3, 6)])
+def test_orders_are_those_of_independent_constraints(s, order):
+    def end(steps):
+        found = lv.integrate(
+            hinged_fourbar.system, lv.Spark(s), t=(0, 0.2), steps=steps, every=steps,
+            **hinged_fourbar.start,
+        )  # fmt: skip
+        return np.concatenate([found.q[-1], found.v[-1]]), found.lam[-1]
+
+    exact = end(160 // s)
+    states, multipliers = zip(*(end(steps) for steps in (10, 20)), strict=True)
+    finest = lv.integrate(
+        hinged_fourbar.system, lv.Spark(5), t=(0, 0.2), steps=80, every=80, **hinged_fourbar.start
+    )
+    exact = np.concatenate([finest.q[-1], finest.v[-1]]), finest.lam[-1]
+    for values, reference in zip((states, multipliers), exact, strict=True):
+        errors = [abs(x - reference).max() for x in values]
+        assert np.log2(errors[0] / errors[1]) == pytest.approx(order, abs=0.5)
+
+
+def test_starts_are_moved_onto_redundant_constraints():
+    rng = np.random.default_rng(3)
+    q, v = (np.array(hinged_fourbar.start[key]) for key in "qv")
+    for size in (1e-2, 1e-5, 1e-9):
+        near = {"q": q + size * rng.standard_normal(q.size), "v": v}
+        moved = hinged_fourbar.system.consistent(**near)
+        g = hinged_fourbar.system._at("node", np.array([9.81]), 0.0, moved["q"], np.zeros(38))[:38]
+        assert abs(g).max() < 1e-14
+        assert abs(moved["q"] - near["q"]).max() < 10 * size
+        assert abs(gradients(hinged_fourbar.system, 0.0, moved["q"]) @ moved["v"]).max() < 1e-7
+
+
+def test_constraints_that_contradict_one_another_are_refused():
+    apart = lv.Lagrangian(
+        kinetic, lambda t, q, params: {"once": q[0] - 1, "twice": 2 * q[0] - 2.1}, q=2
+    )
+    with pytest.raises(ValueError, match=r"no consistent start.*'once' and 'twice' are redundant"):
+        apart.consistent(q=[2, 0], v=[0, 0])
+
+
+def test_a_singular_position_is_no_redundancy():
+    free = lv.Lagrangian(
+        lambda t, q, v, params: ca.sumsqr(v) / 2,
+        lambda t, q, params: {
+            "crank": (ca.sumsqr(q[:2]) - 1) / 2,
+            "rod": ((q[2] - q[0]) ** 2 + q[1] ** 2 - 1) / 2,
+        },
+        q=("x", "y", "slider"),
+    )
+    with pytest.raises(lv.IntegrationError, match="'crank' and 'rod' are redundant there alone"):
+        lv.integrate(free, lv.Spark(4), t=(0, 4), h=0.1, q=[0, 1, 0], v=[-1, 0, -2])
+
+
+def test_a_constraint_that_others_imply_only_for_a_while_ends_the_run():
+    # on the plane z = 0 both agree while x < 1; the run finds that they do not behind it
+    bent = lv.Lagrangian(
+        lambda t, q, v, params: ca.sumsqr(v) / 2,
+        lambda t, q, params: {"flat": q[1], "bent": q[1] + ca.fmax(q[0] - 1, 0) ** 3},
+        q=("x", "y"),
+    )
+    with pytest.raises(lv.IntegrationError, match="no longer follows from the others") as caught:
+        lv.integrate(bent, lv.Spark(2), t=(0, 2), h=0.01, q=[0, 0], v=[1, 0])
+    assert caught.value.quantity in ("flat", "bent")
+    solution = caught.value.solution
+    assert 0.99 < solution.t[-1] < 1.02
+    assert solution.status == "failed"
+
+
+def test_members_and_stored_runs_have_the_same_bits(tmp_path):
+    problem = hinged_fourbar
+    starts = [problem.start_for(1 + 0.1 * k, 6) for k in range(5)]
+    q, v = (np.array([start[key] for start in starts]) for key in "qv")
+    many = lv.ensemble(problem.system, lv.Spark(2), t=(0, 0.2), steps=20, q=q, v=v)
+    assert not many.failures
+    for k, start in enumerate(starts):
+        one = lv.integrate(problem.system, lv.Spark(2), t=(0, 0.2), steps=20, **start)
+        np.testing.assert_array_equal(many.q[:, k], one.q)
+        np.testing.assert_array_equal(many.lam[:, k], one.lam)
+    lv.integrate(
+        pickle.loads(pickle.dumps(problem.system)), lv.Spark(2), t=(0, 0.2), steps=20,
+        store=tmp_path / "run.zarr", **starts[-1],
+    )  # fmt: skip
+    stored = lv.load(tmp_path / "run.zarr")
+    np.testing.assert_array_equal(stored.q, one.q)
+    np.testing.assert_array_equal(stored.lam, one.lam)
+
+
+def test_events_and_dense_output_know_all_multipliers():
+    events = {
+        "half": lv.Event(lambda t, q, v, lam, params: lam[0] - 8.0),
+        "low": lambda t, q, v, lam, params: q[0],
+    }
+    single = {
+        "half": lv.Event(lambda t, q, v, lam, params: lam[0] / 2 - 8.0),
+        "low": lambda t, q, v, lam, params: q[0],
+    }
+    one = lv.integrate(SINGLE, lv.Spark(3), t=(0, 2), h=0.02, events=single, **START)
+    two = lv.integrate(doubled(), lv.Spark(3), t=(0, 2), h=0.02, events=events, **START)
+    assert one.events["half"].t.size
+    for name in events:
+        np.testing.assert_allclose(two.events[name].t, one.events[name].t, rtol=0, atol=1e-9)
+    times = [0.013, 0.71]
+    np.testing.assert_allclose(two(times).lam[:, 0], one(times).lam[:, 0] / 2, rtol=1e-9)
+    np.testing.assert_allclose(two.reaction(), one.reaction(), rtol=0, atol=1e-11)
+
+
+def test_a_rolling_constraint_that_a_rail_implies_is_left_out():
+    def cart(rolling, rail):
+        return lv.Lagrangian(
+            lambda t, q, v, params: ca.sumsqr(v) / 2 - q[1] - q[0] * q[1] / 4,
+            rail,
+            nonholonomic=rolling,
+            q=("x", "y", "angle"),
+        )
+
+    def along(t, q, params):
+        return {"rail": q[0] - q[1]}
+
+    both = cart(lambda t, q, v, params: {"slip": v[0] - v[2], "again": 2 * (v[0] - v[1])}, along)
+    alone = cart(lambda t, q, v, params: {"slip": v[0] - v[2]}, along)
+    start = {"q": (0.5, 0.5, 0.0), "v": (0.3, 0.3, 0.3)}
+    two, one = (
+        lv.integrate(system, lv.Spark(3), t=(0, 2), h=0.05, **start) for system in (both, alone)
+    )
+    np.testing.assert_allclose(two.q, one.q, rtol=0, atol=1e-13)
+    assert two.lam.shape[1] == 3
+    np.testing.assert_allclose(two.lam[:, 2] * 2, one.lam[:, 0] / 2, rtol=0, atol=1e-12)
