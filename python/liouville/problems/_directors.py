@@ -34,7 +34,7 @@ def frames(q: ca.SX) -> list[Frame]:
 
 def kinetic(v: ca.SX, bodies: Sequence[tuple[float, float, float]]) -> ca.SX:
     """Return the kinetic energy of rods by mass, length and radius, whose axes are a."""
-    energy = 0
+    energy = ca.SX(0)
     for (x, a, b, c), (mass, length, radius) in zip(frames(v), bodies, strict=True):
         along, across = length**2 / 12, radius**2 / 4
         energy += mass * (ca.sumsqr(x) + along * ca.sumsqr(a)) / 2

@@ -35,14 +35,14 @@ def lagrangian(t: ca.SX, q: ca.SX, v: ca.SX, params: Parameters) -> ca.SX:
 
 def constraint(t: ca.SX, q: ca.SX, params: Parameters) -> dict[str, ca.SX]:
     """Join each bar to the one before, the last to the ground, and keep the bars rigid."""
-    x, y, z = (ca.DM(np.eye(3)[k]) for k in range(3))
+    x, y, z = (ca.SX(ca.DM(np.eye(3)[k])) for k in range(3))
     before = (x / 2, x, y, z)
-    found = {}
+    found: dict[str, ca.SX] = {}
     for k, bar in enumerate(frames(q), start=1):
         points = (bar[0] - bar[1] / 2, before[0] + before[1] / 2)
         found |= hinge(f"joint{k}", points, bar[3], (before[1], before[3]))
         before = bar
-    closing = (before[0] + before[1] / 2, ca.DM.zeros(3))
+    closing = (before[0] + before[1] / 2, ca.SX(3, 1))
     return {**found, **hinge("joint6", closing, z, (before[1], before[3])), **rigid(q)}
 
 
@@ -72,10 +72,11 @@ def start_for(angle: float, rate: float) -> dict[str, tuple[float, ...]]:
     """Return the start with the ground's first angle and its rate, in radians and seconds."""
     # differences of order 8, whose error is below roundoff
     h, weights = 1e-2, (4 / 5, -1 / 5, 4 / 105, -1 / 280)
-    pairs = enumerate(weights, start=1)
-    slope = sum(w * (bars(angle + k * h) - bars(angle - k * h)) for k, w in pairs) / h
-    near = {"q": row(*bars(angle).reshape(-1, 3)), "v": row(*(rate * slope).reshape(-1, 3))}
-    return {name: tuple(x.tolist()) for name, x in system.consistent(**near).items()}
+    slope = np.zeros((BARS, 4, 3))
+    for k, weight in enumerate(weights, start=1):
+        slope += weight * (bars(angle + k * h) - bars(angle - k * h)) / h
+    q, v = (row(*values.reshape(-1, 3)) for values in (bars(angle), rate * slope))
+    return {name: tuple(x.tolist()) for name, x in system.consistent(q=q, v=v).items()}
 
 
 system = Lagrangian(lagrangian, constraint, q=coordinates(BARS), params={"g": 9.81})

@@ -43,15 +43,15 @@ def lagrangian(t: ca.SX, q: ca.SX, v: ca.SX, params: Parameters) -> ca.SX:
 
 def constraint(t: ca.SX, q: ca.SX, params: Parameters) -> dict[str, ca.SX]:
     """Join the bodies and the ground by hinges of direction z, and keep the bodies rigid."""
-    one, two, three = frames(q)
-    begin, end = ([x + s * length / 2 * a for (x, a, _, _), length in zip(
-        frames(q), LENGTHS, strict=True)] for s in (-1, 1))  # fmt: skip
-    z = ca.DM([0, 0, 1])
+    bodies = frames(q)
+    one, two, three = bodies
+    halves = [length / 2 * a for (_, a, _, _), length in zip(bodies, LENGTHS, strict=True)]
+    z, ground = ca.SX([0, 0, 1]), ca.SX(GROUND)
     return {
-        **hinge("A", (begin[0], ca.DM.zeros(3)), z, one[1:3]),
-        **hinge("B", (begin[1], end[0]), one[3], two[1:3]),
-        **hinge("C", (end[2], end[1]), two[3], three[1:3]),
-        **hinge("D", (begin[2], ca.DM(GROUND)), z, three[1:3]),
+        **hinge("A", (one[0] - halves[0], ca.SX(3, 1)), z, one[1:3]),
+        **hinge("B", (two[0] - halves[1], one[0] + halves[0]), one[3], two[1:3]),
+        **hinge("C", (three[0] + halves[2], two[0] + halves[1]), two[3], three[1:3]),
+        **hinge("D", (three[0] - halves[2], ground), z, three[1:3]),
         **rigid(q),
     }
 
@@ -72,18 +72,19 @@ def start_for(angle: float, rate: float) -> dict[str, tuple[float, ...]]:
     coupler = across / gap * np.exp(1j * lift)
     rocker = (pin + l2 * coupler - GROUND[0]) / l3
     crank = np.exp(1j * angle)
-    # velocities of both ends of the chain agree: l1 w1 i e1 + l2 w2 i e2 = l3 w3 i e3
-    matrix = np.array([[l2 * x.real, -l3 * y.real] if k == 0 else [l2 * x.imag, -l3 * y.imag]
-                       for k, (x, y) in enumerate([(coupler, rocker)] * 2)])  # fmt: skip
-    wanted = -l1 * rate * np.array([crank.real, crank.imag])
-    rates = (rate, *np.linalg.solve(matrix, wanted))
+    # the velocity of the pin between coupler and rocker: l1 w1 e1 + l2 w2 e2 = l3 w3 e3
+    columns = l2 * coupler, -l3 * rocker
+    matrix = [[z.real for z in columns], [z.imag for z in columns]]
+    wanted = -l1 * rate * crank
+    rates = (rate, *np.linalg.solve(matrix, [wanted.real, wanted.imag]))
     centres = (l1 / 2 * crank, pin + l2 / 2 * coupler, GROUND[0] + l3 / 2 * rocker)
     moving = (
         l1 / 2 * rate * 1j * crank,
         l1 * rate * 1j * crank + l2 / 2 * rates[1] * 1j * coupler,
         l3 / 2 * rates[2] * 1j * rocker,
     )
-    q, v = [], []
+    q: list[tuple[float, ...]] = []
+    v: list[tuple[float, ...]] = []
     for x, dx, a, w in zip(centres, moving, (crank, coupler, rocker), rates, strict=True):
         b = 1j * a
         q += [(x.real, x.imag, 0), (a.real, a.imag, 0), (b.real, b.imag, 0), (0, 0, 1)]

@@ -95,7 +95,9 @@ def sizes(
 ) -> np.ndarray:
     """Return the size of what each constraint is made of, at a state."""
     slopes = np.abs(_gradients(system, t, y, z, params)).sum(axis=1)
-    return np.maximum(slopes * max(np.abs(y).max(), np.abs(z).max()), np.finfo(float).tiny)
+    found: np.ndarray = slopes * max(np.abs(y).max(), np.abs(z).max())
+    found[found == 0] = 1.0
+    return found
 
 
 def _without(system: Mechanics, left: tuple[int, ...]) -> Mechanics:

@@ -96,14 +96,14 @@ class Mechanics(TracedSystem):
     def _model(self) -> Model:
         columns, more = self._expressions.columns, self._expressions.more
         own = Nonholonomic(columns["k"], columns["rn"], more["nu"])
-        general = {name: columns[name] for name in "vpfrg"}
+        v, p, f, r, g = (columns[name] for name in "vpfrg")
         return Model(
-            **general,
+            v, p, f, r, g,
             lam=more["lam"],
             nonholonomic=own,
             linear=self._linear,
             is_ideal=self._is_ideal,
-        )
+        )  # fmt: skip
 
     def _state(self) -> dict[str, Any]:
         self.observer(None)  # every run needs it
