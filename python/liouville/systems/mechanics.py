@@ -97,13 +97,7 @@ class Mechanics(TracedSystem):
         columns, more = self._expressions.columns, self._expressions.more
         own = Nonholonomic(columns["k"], columns["rn"], more["nu"])
         v, p, f, r, g = (columns[name] for name in "vpfrg")
-        return Model(
-            v, p, f, r, g,
-            lam=more["lam"],
-            nonholonomic=own,
-            linear=self._linear,
-            is_ideal=self._is_ideal,
-        )  # fmt: skip
+        return Model(v, p, f, r, g, more["lam"], own, self._linear, self._is_ideal)
 
     def _state(self) -> dict[str, Any]:
         self.observer(None)  # every run needs it
