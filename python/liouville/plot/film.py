@@ -91,6 +91,8 @@ def animation(
         aspect="equal",
         xlim=(low[0] - margin, high[0] + margin),
         ylim=(low[1] - margin, high[1] + margin),
+        xticks=[],
+        yticks=[],
     )
     axes.axis("off")
     (tail,) = axes.plot([], [], color=COLOURS[1], lw=1.2, alpha=0.7)
@@ -110,11 +112,17 @@ def animation(
         clock.set_text(f"t = {t[frames[i]]:.{digits}f}")
         return [*bodies, tail, clock]
 
+    draw(0)
+    figure.draw_without_rendering()
+    figure.set_layout_engine("none")  # all frames have the layout of the first
     film: FuncAnimation = mpl.FuncAnimation(
         figure, draw, frames=len(frames), interval=1000 / fps, blit=False
     )
     if path is not None:
-        film.save(Path(path), writer=mpl.PillowWriter(fps=fps), dpi=100)
+        # imported here, as it imports matplotlib
+        from liouville.plot.gif import Writer
+
+        film.save(Path(path), writer=Writer(fps=fps), dpi=100)
     return film
 
 
