@@ -1,4 +1,6 @@
 import signal
+import subprocess
+import sys
 
 import matplotlib as mpl
 import pytest
@@ -26,3 +28,23 @@ def elsewhere(tmp_path, monkeypatch):
     """Work in an empty directory."""
     monkeypatch.chdir(tmp_path)
     return tmp_path
+
+
+@pytest.fixture
+def liouville(elsewhere, monkeypatch, capsys):
+    """Run commands of ``liouville`` in this process, from an empty directory."""
+    from liouville import cli
+
+    monkeypatch.setattr(sys, "path", list(sys.path))  # a model file's folder is put into it
+    monkeypatch.setattr(sys, "dont_write_bytecode", True)
+    for name in ("FORCE_COLOR", "TERM"):
+        monkeypatch.delenv(name, raising=False)
+
+    def run(words):
+        monkeypatch.setattr(sys, "argv", ["liouville", *words.split()])
+        capsys.readouterr()
+        with pytest.raises(SystemExit) as left:
+            cli.main()
+        return subprocess.CompletedProcess(words, left.value.code or 0, *capsys.readouterr())
+
+    return run

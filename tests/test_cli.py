@@ -5,12 +5,13 @@ import subprocess
 import sys
 import time
 from dataclasses import dataclass, field, fields
+from functools import partial
 
 import numpy as np
 import pytest
 
 import liouville as lv
-from liouville import cli, problems
+from liouville import cli, plot, problems
 
 COMMAND = [sys.executable, "-W", "error", "-c", "from liouville.cli import main; main()"]
 QUIET = {name: value for name, value in os.environ.items() if name not in ("FORCE_COLOR", "TERM")}
@@ -31,7 +32,8 @@ start = {"q": [1.0], "v": [0.0]}
 """
 
 
-def liouville(words, cwd, **environment):
+def process(words, cwd, **environment):
+    """Run a command in a process of its own."""
     return subprocess.run(
         [*COMMAND, *words.split()],
         cwd=cwd,
@@ -43,15 +45,15 @@ def liouville(words, cwd, **environment):
 
 
 def test_the_version_is_shown(tmp_path):
-    ran = liouville("--version", cwd=tmp_path)
+    ran = process("--version", tmp_path)
     assert (ran.returncode, ran.stdout.split()) == (0, ["liouville", lv._core.VERSION])
 
 
 @pytest.mark.parametrize("options", ["--keep 1", "--keep 30", "--tol 1e-4 --keep 3 --until 5"])
-def test_a_run_takes_the_products_that_its_plan_promises(tmp_path, options):
-    planned = liouville(f"plan tight_binding {options}", cwd=tmp_path)
+def test_a_run_takes_the_products_that_its_plan_promises(liouville, options):
+    planned = liouville(f"plan tight_binding {options}")
     promise = re.search(r"; ([\d.]+) products", planned.stdout)
-    ran = liouville(f"run tight_binding {options}", cwd=tmp_path)
+    ran = liouville(f"run tight_binding {options}")
     assert re.search(rf"products +{re.escape(promise[1])}\s", ran.stdout), ran.stdout
     scheme = planned.stdout.splitlines()[0]
     assert scheme in ran.stdout
@@ -63,11 +65,18 @@ def model(tmp_path):
     return "model.py:oscillator"
 
 
-def test_a_run_prints_results_saves_and_draws(tmp_path):
+@pytest.fixture(scope="module")
+def plan(tmp_path_factory):
+    top, path = problems.load("euler_top"), tmp_path_factory.mktemp("plan") / "plan.json"
+    lv.plan(top.system, h=0.1, **top.start).save(path)
+    return path.read_text()
+
+
+def test_a_run_prints_results_saves_and_draws(liouville, tmp_path, monkeypatch):
+    monkeypatch.setattr(plot, "animation", partial(plot.animation, seconds=0.2))
     ran = liouville(
         "run pendulum --stages 2 --h 0.02 --until 1 --every 5 "
-        "--out run.nc --plot run.png --animate run.gif",
-        cwd=tmp_path,
+        "--out run.nc --plot run.png --animate run.gif"
     )
     assert ran.returncode == 0, ran.stderr
     assert "status" in ran.stdout
@@ -83,26 +92,26 @@ def test_a_run_prints_results_saves_and_draws(tmp_path):
     assert f"{same.q[-1, 0]:.15g}" in ran.stdout
 
 
-def test_an_end_state_is_compared_with_the_reference_where_there_is_one(tmp_path):
-    shown = liouville("run pendulum --stages 4", cwd=tmp_path).stdout
+def test_an_end_state_is_compared_with_the_reference_where_there_is_one(liouville):
+    shown = liouville("run pendulum --stages 4").stdout
     line = next(line for line in shown.splitlines() if line.startswith("q from reference"))
     assert float(line.split()[-1]) < 1e-10
-    other = liouville("run pendulum --param g=1.0", cwd=tmp_path).stdout
+    other = liouville("run pendulum --param g=1.0").stdout
     assert "reference" not in other
 
 
-def test_a_model_file_runs_with_its_start_and_parameters_changed(tmp_path, model):
+def test_a_model_file_runs_with_its_start_and_parameters_changed(liouville, tmp_path, model):
     words = f"run {model} --h 0.01 --until 1 --param k=4 --start q=2 --out run.nc"
-    ran = liouville(words, cwd=tmp_path)
+    ran = liouville(words)
     assert ran.returncode == 0, ran.stderr
     solution = lv.load(tmp_path / "run.nc")
     assert solution.params["k"] == 4.0
     np.testing.assert_allclose(solution.q[-1], 2 * np.cos(2.0), rtol=1e-10)
 
 
-def test_a_failed_run_is_kept_and_leaves_with_1(tmp_path, model):
+def test_a_failed_run_is_kept_and_leaves_with_1(liouville, tmp_path, model):
     words = "--h 0.01 --until 2 --param c=1 --param until=1 --out run.nc --plot run.pdf"
-    ran = liouville(f"run {model} {words}", cwd=tmp_path)
+    ran = liouville(f"run {model} {words}")
     assert ran.returncode == 1
     assert ran.stderr.startswith("error: ")
     assert "\nhint: " in ran.stderr
@@ -113,7 +122,7 @@ def test_a_failed_run_is_kept_and_leaves_with_1(tmp_path, model):
     assert (tmp_path / "run.pdf").exists()
 
 
-def test_a_stored_run_that_was_killed_is_resumed(model, tmp_path):
+def test_a_stored_run_that_was_killed_is_resumed(liouville, model, tmp_path):
     words = f"run {model} --until 600 --h 0.01 --checkpoint 1000 --store"
     path = tmp_path / "run.zarr"
     process = subprocess.Popen([*COMMAND, *words.split(), "run.zarr"], cwd=tmp_path, env=QUIET)
@@ -122,16 +131,16 @@ def test_a_stored_run_that_was_killed_is_resumed(model, tmp_path):
         time.sleep(0.01)
     process.kill()
     process.communicate()
-    resumed = liouville("resume run.zarr", tmp_path)
+    resumed = liouville("resume run.zarr")
     assert resumed.returncode == 0
     assert "0 to 600" in resumed.stdout
-    assert liouville(f"{words} whole.zarr", tmp_path).returncode == 0
+    assert liouville(f"{words} whole.zarr").returncode == 0
     assert lv.load(path).q.tobytes() == lv.load(tmp_path / "whole.zarr").q.tobytes()
 
-    again = liouville(f"{words} run.zarr", tmp_path)
+    again = liouville(f"{words} run.zarr")
     assert again.returncode == 2
     assert "hint: liouville.resume('run.zarr') goes on" in again.stderr
-    refused = liouville(f"{words} other.zarr --out run.nc", tmp_path)
+    refused = liouville(f"{words} other.zarr --out run.nc")
     assert refused.returncode == 2
     assert "it takes no --out" in refused.stderr
 
@@ -215,23 +224,16 @@ def test_an_interrupted_run_is_kept_and_leaves_with_130(tmp_path):
     ],
 )
 def test_a_wrong_call_leaves_with_2_before_anything_runs(
-    tmp_path, model, words, complaint, monkeypatch, capsys
+    liouville, tmp_path, model, plan, words, complaint
 ):
     (tmp_path / "broken.py").write_text("import casadi\nsystem = nothing\n")
-    top = problems.load("euler_top")
-    lv.plan(top.system, h=0.1, **top.start).save(tmp_path / "plan.json")
-    monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr(sys, "argv", ["liouville", *words.split()])
-    monkeypatch.setattr(sys, "path", list(sys.path))
-    monkeypatch.setattr(sys, "dont_write_bytecode", True)
+    (tmp_path / "plan.json").write_text(plan)
     before = sorted(tmp_path.iterdir())
-    with pytest.raises(SystemExit) as left:
-        cli.main()
-    printed, complained = capsys.readouterr()
-    assert left.value.code == 2
-    assert printed == ""
-    assert complained.startswith("error: ")
-    assert complaint in complained
+    ran = liouville(words)
+    assert ran.returncode == 2
+    assert ran.stdout == ""
+    assert ran.stderr.startswith("error: ")
+    assert complaint in ran.stderr
     assert sorted(tmp_path.iterdir()) == before
 
 
@@ -246,9 +248,9 @@ h = 0.1
 """
 
 
-def test_a_field_runs_by_volume_splitting(tmp_path):
+def test_a_field_runs_by_volume_splitting(liouville, tmp_path):
     words = "run lorenz96 --composition BM6 --out run.nc --plot run.png"
-    ran = liouville(words, cwd=tmp_path)
+    ran = liouville(words)
     assert ran.returncode == 0, ran.stderr
     solution = lv.load(tmp_path / "run.nc")
     lorenz = problems.load("lorenz96")
@@ -263,13 +265,13 @@ def test_a_field_runs_by_volume_splitting(tmp_path):
     assert float(line.split()[-1]) < 1e-8
     assert (tmp_path / "run.png").exists()
     (tmp_path / "model.py").write_text(FIELD)
-    ran = liouville("run model.py:waves --start x=0.2,0 --out run.nc", cwd=tmp_path)
+    ran = liouville("run model.py:waves --start x=0.2,0 --out run.nc")
     assert ran.returncode == 0, ran.stderr
     assert "VolumeSplitting" in lv.load(tmp_path / "run.nc").method
 
 
-def test_a_plan_is_shown_saved_and_forced(tmp_path):
-    ran = liouville("plan bajer_moffatt --composition S2 --h 0.05 --out plan.json", cwd=tmp_path)
+def test_a_plan_is_shown_saved_and_forced(liouville, tmp_path):
+    ran = liouville("plan bajer_moffatt --composition S2 --h 0.05 --out plan.json")
     assert ran.returncode == 0, ran.stderr
     plan = lv.Plan.load(tmp_path / "plan.json")
     flow = problems.load("bajer_moffatt")
@@ -277,17 +279,17 @@ def test_a_plan_is_shown_saved_and_forced(tmp_path):
     assert plan == lv.plan(flow.system, method, h=0.05, **flow.start)
     assert ran.stdout == f"{plan}\n"
     assert ran.stderr == "wrote plan.json\n"
-    ran = liouville("run bajer_moffatt --plan plan.json --until 1 --out run.nc", cwd=tmp_path)
+    ran = liouville("run bajer_moffatt --plan plan.json --until 1 --out run.nc")
     assert ran.returncode == 0, ran.stderr
     same = lv.integrate(flow.system, plan, t=(0.0, 1.0), h=flow.h, **flow.start)
     np.testing.assert_array_equal(lv.load(tmp_path / "run.nc").x, same.x)
-    ran = liouville("order bajer_moffatt --plan plan.json --until 1", cwd=tmp_path)
+    ran = liouville("order bajer_moffatt --plan plan.json --until 1")
     assert ran.returncode == 0, ran.stderr
     assert float(ran.stdout.split()[-1]) == pytest.approx(2.0, abs=0.1)
 
 
-def test_a_damping_method_runs_with_steps_of_its_own(tmp_path):
-    ran = liouville("run pendulum --method hht --less-implicit --until 1 --out run.nc", tmp_path)
+def test_a_damping_method_runs_with_steps_of_its_own(liouville, tmp_path):
+    ran = liouville("run pendulum --method hht --less-implicit --until 1 --out run.nc")
     assert ran.returncode == 0, ran.stderr
     solution = lv.load(tmp_path / "run.nc")
     assert solution.method == repr(lv.HHT(less_implicit=True))
@@ -295,11 +297,10 @@ def test_a_damping_method_runs_with_steps_of_its_own(tmp_path):
     assert "dissipated" in ran.stdout
 
 
-def test_tolerances_control_the_steps(tmp_path):
+def test_tolerances_control_the_steps(liouville, tmp_path):
     ran = liouville(
         "run spherical_pendulum --method generalized-alpha --rho 0.5 --until 1 --rtol 1e-4 "
-        "--atol 1e-6 --h-min 1e-6 --out run.nc --plot run.png",
-        tmp_path,
+        "--atol 1e-6 --h-min 1e-6 --out run.nc"
     )
     assert ran.returncode == 0, ran.stderr
     assert "mean h" in ran.stdout
@@ -309,17 +310,17 @@ def test_tolerances_control_the_steps(tmp_path):
     assert solution.stats["steps"] == len(solution.t) - 1
 
 
-def test_steps_follow_the_motion_reversibly(tmp_path):
+def test_steps_follow_the_motion_reversibly(liouville, tmp_path):
     words = "run kepler_on_sphere --stages 2 --h 0.03 --control reversible --out run.nc"
-    ran = liouville(words, tmp_path)
+    ran = liouville(words)
     assert ran.returncode == 0, ran.stderr
     steps = np.diff(lv.load(tmp_path / "run.nc").t)
     assert steps.max() > 20 * steps.min()
     assert "mean h" in ran.stdout
 
 
-def test_states_are_kept_at_the_times_asked_for(tmp_path):
-    ran = liouville("run spherical_pendulum --at 1.5 --at 2.5 --out run.nc", tmp_path)
+def test_states_are_kept_at_the_times_asked_for(liouville, tmp_path):
+    ran = liouville("run spherical_pendulum --at 1.5 --at 2.5 --out run.nc")
     assert ran.returncode == 0, ran.stderr
     np.testing.assert_array_equal(lv.load(tmp_path / "run.nc").t, [1.5, 2.5])
 
@@ -328,9 +329,9 @@ def test_states_are_kept_at_the_times_asked_for(tmp_path):
     ("method", "order"),
     [("spark --stages 2 --h 0.1 --h 0.05 --h 0.025 --h 0.0125", 4), ("hht --alpha -0.2", 2)],
 )
-def test_an_order_is_the_slope_of_the_error_against_h(tmp_path, method, order):
+def test_an_order_is_the_slope_of_the_error_against_h(liouville, method, order):
     words = f"order pendulum --method {method} --until 1"
-    ran = liouville(words, cwd=tmp_path)
+    ran = liouville(words)
     assert ran.returncode == 0, ran.stderr
     *_, last = ran.stdout.splitlines()
     name, of_q, of_v = last.split()
@@ -339,18 +340,18 @@ def test_an_order_is_the_slope_of_the_error_against_h(tmp_path, method, order):
     assert float(of_v) == pytest.approx(order, abs=0.15)
 
 
-def test_the_order_of_a_field_is_that_of_its_composition(tmp_path):
-    ran = liouville("order euler_top --composition BM6 --diagonal shears", cwd=tmp_path)
+def test_the_order_of_a_field_is_that_of_its_composition(liouville):
+    ran = liouville("order euler_top --composition BM6 --diagonal shears")
     assert ran.returncode == 0, ran.stderr
     assert float(ran.stdout.split()[-1]) == pytest.approx(6.0, abs=0.15)
     chosen = lv.VolumeSplitting("shears", "natural", "BM6", "split")
     assert ran.stderr == f"of {chosen!r}\n"
 
 
-def test_problems_and_methods_are_listed_one_a_line(tmp_path):
-    listed = liouville("problems", cwd=tmp_path).stdout.splitlines()[1:]
+def test_problems_and_methods_are_listed_one_a_line(liouville):
+    listed = liouville("problems").stdout.splitlines()[1:]
     assert tuple(line.split()[0] for line in listed) == problems.names()
-    shown = liouville("methods", cwd=tmp_path).stdout
+    shown = liouville("methods").stdout
     for name, method in lv.METHODS.items():
         assert name in shown
         for item in fields(method):
@@ -379,8 +380,7 @@ def test_a_method_added_to_the_list_brings_its_options(monkeypatch):
         cli.options.method_named("spark", seen)
 
 
-@pytest.mark.parametrize("environment", [{}, {"TERM": "xterm"}, {"NO_COLOR": "1"}])
-def test_what_is_piped_is_plain_text(tmp_path, environment):
-    ran = liouville("run pendulum --until 1", cwd=tmp_path, **environment)
+def test_what_is_piped_is_plain_text(tmp_path):
+    ran = process("run pendulum --until 1", tmp_path, TERM="xterm")
     assert "\x1b" not in ran.stdout + ran.stderr
     assert "steps/s" not in ran.stdout + ran.stderr

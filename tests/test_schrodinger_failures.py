@@ -8,8 +8,6 @@ import csv
 import math
 import os
 import signal
-import subprocess
-import sys
 import threading
 import time
 
@@ -222,16 +220,8 @@ def test_a_table_has_real_and_imaginary_parts(tmp_path):
     assert solution.observed["autocorrelation"][-1].real in values
 
 
-def liouville(words, cwd):
-    command = [sys.executable, "-W", "error", "-c", "from liouville.cli import main; main()"]
-    env = {name: value for name, value in os.environ.items() if name not in ("FORCE_COLOR", "TERM")}
-    return subprocess.run(
-        [*command, *words.split()], cwd=cwd, env=env, capture_output=True, text=True, check=False
-    )
-
-
-def test_the_command_line_runs_plans_and_lists_wave_functions(tmp_path):
-    ran = liouville("run tight_binding --tol 1e-8 --keep 4 --out run.nc --plot run.png", tmp_path)
+def test_the_command_line_runs_plans_and_lists_wave_functions(liouville, tmp_path):
+    ran = liouville("run tight_binding --tol 1e-8 --keep 4 --out run.nc --plot run.png")
     assert ran.returncode == 0, ran.stderr
     loaded = lv.load(tmp_path / "run.nc")
     problem = load("tight_binding")
@@ -239,14 +229,14 @@ def test_the_command_line_runs_plans_and_lists_wave_functions(tmp_path):
         problem.system, Splitting(1e-8), t=np.linspace(*problem.interval, 5), **problem.start
     )
     assert np.array_equal(loaded.psi, same.psi)
-    planned = liouville("plan tight_binding --tol 1e-8", tmp_path)
+    planned = liouville("plan tight_binding --tol 1e-8")
     assert planned.returncode == 0, planned.stderr
     assert "products H psi" in planned.stdout
-    listed = liouville("problems", tmp_path)
+    listed = liouville("problems")
     assert "walker_preston" in listed.stdout
-    methods = liouville("methods", tmp_path)
+    methods = liouville("methods")
     for name in ("schrodinger-splitting", "chebyshev", "lanczos", "split-operator", "magnus"):
         assert name in methods.stdout
-    refused = liouville("run tight_binding --tol 1e-16", tmp_path)
+    refused = liouville("run tight_binding --tol 1e-16")
     assert refused.returncode == 2
     assert refused.stderr.startswith("error: tol is from 1e-14")

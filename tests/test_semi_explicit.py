@@ -4,8 +4,6 @@ The problems see what others hide: one is nonlinear in z and has a constraint th
 one rewrites index-3 mechanics with its velocities constrained, one has an invariant of its own.
 """
 
-import subprocess
-import sys
 from pathlib import Path
 
 import casadi as ca
@@ -209,7 +207,7 @@ def test_what_is_observed_saved_and_named(tmp_path):
     assert set(small.residuals) == {"constraint", "hidden"}
 
 
-def test_it_is_drawn_and_run_from_the_command_line(elsewhere):
+def test_it_is_drawn_and_run_from_the_command_line(liouville):
     found = lv.integrate(pendulum(), lv.Spark(2), t=(0, 1), h=0.1, y=[1, 0, 0, 0])
     titles = [axes.get_title() for axes in plot.overview(found).axes]
     assert len(titles) == 3
@@ -223,10 +221,7 @@ def test_it_is_drawn_and_run_from_the_command_line(elsewhere):
         "h = 0.1\n"
         "reference = {1.0: {'y': (2.0, 1.0), 'z': (2.0,)}}\n"
     )
-    command = [sys.executable, "-W", "error", "-c", "from liouville.cli import main; main()"]
-    ran = subprocess.run(
-        [*command, "run", "model.py", "--stages", "2"], capture_output=True, text=True, check=False
-    )
+    ran = liouville("run model.py --stages 2")
     assert ran.returncode == 0, ran.stderr
     assert "push" in ran.stdout
     assert "z from reference" in ran.stdout
