@@ -13,8 +13,8 @@ from liouville import problems
 from liouville.systems._derivatives import jacobian, solve
 from liouville.tape import record
 
-LINKS = (300, 3000)
-FEWER = (50, 500)
+LINKS = (100, 1000)
+FEWER = (30, 300)
 
 
 def built(links):

@@ -10,7 +10,7 @@ from test_stored import CutError, cutting, pendulum, same
 
 import liouville as lv
 from liouville import problems
-from liouville.stored import stream
+from liouville.stored import folder, stream
 
 SEED = 15
 
@@ -63,7 +63,15 @@ def flipped(path, act, whole, tmp_path, times):
     return sum(found) / len(found)
 
 
-@pytest.mark.parametrize(("name", "times"), [("run.nc", 200), ("run.zarr", 2)])
+@pytest.mark.parametrize(
+    ("name", "times"),
+    [
+        ("run.nc", 50),
+        ("run.zarr", 1),
+        pytest.param("run.nc", 500, marks=pytest.mark.slow),
+        pytest.param("run.zarr", 5, marks=pytest.mark.slow),
+    ],
+)
 def test_a_flipped_byte_of_a_saved_solution_is_found(name, times, tmp_path):
     whole = lv.integrate(**pendulum(steps=40, events={"low": height}))
     whole.save(tmp_path / name)
@@ -72,19 +80,25 @@ def test_a_flipped_byte_of_a_saved_solution_is_found(name, times, tmp_path):
     assert flipped(tmp_path / name, lv.load, whole, tmp_path, times) >= least
 
 
+several = pytest.mark.parametrize("times", [1, pytest.param(5, marks=pytest.mark.slow)])
+
+
 @pytest.fixture
 def small(monkeypatch):
     monkeypatch.setattr(stream, "BYTES", 2000)
+    monkeypatch.setattr(folder.os, "fsync", lambda _: None)
 
 
-def test_a_flipped_byte_of_a_store_is_found(small, tmp_path):
+@several
+def test_a_flipped_byte_of_a_store_is_found(times, small, tmp_path):
     call = pendulum(steps=40, events={"low": height})
     whole = lv.integrate(**call)
     lv.integrate(**call, store=tmp_path / "run.zarr")
-    assert flipped(tmp_path / "run.zarr", lv.load, whole, tmp_path, 2) > 0.5
+    assert flipped(tmp_path / "run.zarr", lv.load, whole, tmp_path, times) > 0.5
 
 
-def test_a_run_goes_on_from_no_damaged_state(small, tmp_path):
+@several
+def test_a_run_goes_on_from_no_damaged_state(times, small, tmp_path):
     call, path = pendulum(steps=60, events={"low": height}), tmp_path / "run.zarr"
     whole = lv.integrate(**call)
     with pytest.raises(CutError):
@@ -93,7 +107,7 @@ def test_a_run_goes_on_from_no_damaged_state(small, tmp_path):
     def resumed(path):
         return lv.load(lv.resume(path).path)
 
-    assert flipped(path, resumed, whole, tmp_path, 2) > 0.5
+    assert flipped(path, resumed, whole, tmp_path, times) > 0.5
 
 
 @pytest.mark.parametrize("act", [lv.load, lambda path: lv.load(lv.resume(path).path)])

@@ -5,6 +5,7 @@ The tables are those of ``docs/house.md``. A failure names the file and the offe
 
 import ast
 import re
+from functools import cache
 from pathlib import Path
 
 import pytest
@@ -95,6 +96,7 @@ def source(file):
     return (CRATES / file).read_text(encoding="utf-8").split("#[cfg(test)]")[0]
 
 
+@cache
 def python_files():
     return {path.relative_to(PACKAGE).as_posix(): path for path in sorted(PACKAGE.rglob("*.py"))}
 
@@ -104,8 +106,13 @@ def module(file):
     return file.split("/")[0].removesuffix(".rs").removesuffix(".py")
 
 
+@cache
 def imports(path):
-    """Every dotted name a Python file imports, but for annotations: ``liouville.tape.record``."""
+    """Return every dotted name a file imports, but for annotations: ``liouville.tape.record``."""
+    return [*_imports(path)]
+
+
+def _imports(path):
     tree = ast.parse(path.read_text(encoding="utf-8"))
     blocks = [node for node in ast.walk(tree) if isinstance(node, ast.If)]
     typing_only = [node for node in blocks if "TYPE_CHECKING" in ast.unparse(node.test)]
@@ -131,45 +138,68 @@ def climbs(floors, user, used):
 FLOORED = [f for f in rust_files() if not f.endswith("src/lib.rs") and not f.startswith("py/")]
 
 
-@pytest.mark.parametrize("file", FLOORED)
-def test_rust_modules_use_lower_floors_only(file):
-    text, (crate, path) = source(file), file.split("/src/")
+def used_by(file):
+    """Return the modules of its own crate that a Rust file uses."""
+    text = source(file)
     used = set(re.findall(r"\bcrate::(\w+)", text))
     for group in re.findall(r"\bcrate::\{(.*?)\};", text, re.DOTALL):
         used |= set(re.findall(r"(?:^|,)\s*(\w+)", re.sub(r"\{.*?\}", "", group, flags=re.DOTALL)))
-    bad = sorted(name for name in used if climbs(CRATE_FLOORS[crate], module(path), name))
-    assert not bad, f"crates/{file} uses {bad}, which is not below it"
+    return used
 
 
-@pytest.mark.parametrize("file", [f for f in python_files() if f != "__init__.py"])
-def test_python_modules_use_lower_floors_only(file):
-    user = module(file)
-    used = {name.split(".")[1] for name in imports(python_files()[file]) if "liouville." in name}
-    bad = sorted(
-        name for name in used if climbs(PACKAGE_FLOORS, user, name) and (user, name) not in LAZY
-    )
-    assert not bad, f"python/liouville/{file} imports {bad}, which is not below it"
+def told(bad, does):
+    """Say which files do what they should not."""
+    return "\n".join(f"{file} {does} {sorted(names)}" for file, names in bad.items() if names)
 
 
-@pytest.mark.parametrize("file", rust_files())
-def test_outside_names_keep_to_their_room_in_rust(file):
-    text = source(file)
-    spoken = set(re.findall(r"\b(?:use\s+)?(\w+)::", text)) & set(CRATE_ROOMS)
-    bad = sorted(name for name in spoken if not file.startswith(CRATE_ROOMS[name]))
-    assert not bad, f"crates/{file} speaks of {bad}"
-    assert "unsafe {" not in text or file == "base/src/tape/execute.rs", f"{file} is unsafe"
+def test_rust_modules_use_lower_floors_only():
+    bad = {}
+    for file in FLOORED:
+        crate, path = file.split("/src/")
+        floors, user = CRATE_FLOORS[crate], module(path)
+        bad[file] = {name for name in used_by(file) if climbs(floors, user, name)}
+    assert len(bad) > 100
+    assert not any(bad.values()), told(bad, "uses what is not below it:")
 
 
-@pytest.mark.parametrize("file", python_files())
-def test_outside_names_keep_to_their_room_in_python(file):
-    spoken = {name.split(".")[0] for name in imports(python_files()[file])} & set(PACKAGE_ROOMS)
-    bad = sorted(name for name in spoken if not file.startswith(PACKAGE_ROOMS[name]))
-    assert not bad, f"python/liouville/{file} imports {bad}"
-    text = python_files()[file].read_text(encoding="utf-8")
-    assert "OP_" not in text or file == "tape.py", f"python/liouville/{file} knows CasADi's codes"
-    assert file.startswith("cli/") or not re.search(r"^\s*print\(", text, re.MULTILINE), (
-        f"{file} prints"
-    )
+def test_python_modules_use_lower_floors_only():
+    bad = {}
+    for file, path in python_files().items():
+        if file != "__init__.py":
+            user = module(file)
+            used = {name.split(".")[1] for name in imports(path) if "liouville." in name} - {
+                name for other, name in LAZY if other == user
+            }
+            bad[file] = {name for name in used if climbs(PACKAGE_FLOORS, user, name)}
+    assert len(bad) > 100
+    assert not any(bad.values()), told(bad, "imports what is not below it:")
+
+
+def outside(names, rooms, file):
+    """Return the names that have a room, and this file is not in it."""
+    return {name for name in names if name in rooms and not file.startswith(rooms[name])}
+
+
+def test_outside_names_keep_to_their_room_in_rust():
+    bad = {}
+    for file in rust_files():
+        spoken = re.findall(r"\b(?:use\s+)?(\w+)::", source(file))
+        bad[file] = outside(spoken, CRATE_ROOMS, file)
+        if "unsafe {" in source(file) and file != "base/src/tape/execute.rs":
+            bad[file].add("unsafe")
+    assert not any(bad.values()), told(bad, "speaks of")
+
+
+def test_outside_names_keep_to_their_room_in_python():
+    bad = {}
+    for file, path in python_files().items():
+        bad[file] = outside((name.split(".")[0] for name in imports(path)), PACKAGE_ROOMS, file)
+        text = path.read_text(encoding="utf-8")
+        if "OP_" in text and file != "tape.py":
+            bad[file].add("CasADi's codes")
+        if not file.startswith("cli/") and re.search(r"^\s*print\(", text, re.MULTILINE):
+            bad[file].add("print")
+    assert not any(bad.values()), told(bad, "speaks of")
 
 
 def test_a_module_that_reaches_up_is_seen():
@@ -179,6 +209,11 @@ def test_a_module_that_reaches_up_is_seen():
     assert not climbs(base, "method", "tape")
     assert climbs(mechanics, "spark", "rattle")
     assert climbs(PACKAGE_FLOORS, "solution", "plot")
+
+
+def test_a_name_out_of_its_room_is_seen():
+    assert outside(["scipy", "numpy", "rich"], PACKAGE_ROOMS, "cli/screen.py") == {"scipy"}
+    assert "fields.rs does no ['a']" in told({"fields.rs": {"a"}, "b.rs": set()}, "does no")
 
 
 TYPE_DEFINITION = re.compile(

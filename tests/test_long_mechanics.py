@@ -51,8 +51,8 @@ def in_sigma(case, steps, short, members):
 @pytest.mark.parametrize(
     ("name", "steps", "short"),
     [
-        ("spherical pendulum", 300_000, 10_000),
-        ("heavy top", 100_000, 10_000),
+        ("spherical pendulum", 150_000, 2_000),
+        ("heavy top", 50_000, 2_000),
     ],
 )
 def test_the_energy_walks_at_random(name, steps, short):
@@ -81,7 +81,7 @@ def midpoint_energy_error(x, steps, tolerance):
 
 
 def test_an_iteration_that_stops_early_breaks_the_law():
-    steps, short = 20_000, 500
+    steps, short = 5_000, 125
     angles = np.linspace(0, 2 * np.pi, 24, endpoint=False)
     ends = [midpoint_energy_error(np.array([np.cos(a), np.sin(a)]), short, 1e-13) for a in angles]
     long = midpoint_energy_error(np.array([1.0, 0.0]), steps, 1e-13)

@@ -11,8 +11,15 @@ from liouville.splitting.permutations import family
 REFERENCE = json.loads((Path(__file__).parent / "data" / "volume_reference.json").read_text())
 
 
+QUADRATIC = {int(n): size for n, size in REFERENCE["permutations"]["quadratic_min"].items()}
+
+
 @pytest.mark.parametrize(
-    ("n", "size"), [(int(n), t) for n, t in REFERENCE["permutations"]["quadratic_min"].items()]
+    ("n", "size"),
+    [
+        pytest.param(n, size, marks=[pytest.mark.slow] if n > 10**6 else [])
+        for n, size in QUADRATIC.items()
+    ],
 )
 def test_families_for_quadratic_fields_are_minimal(n, size):
     positions = family(n, 2)
@@ -32,11 +39,11 @@ def test_families_for_quadratic_fields_are_minimal(n, size):
         (3, 4, 4),
         (3, 5, 4),
         (3, 6, 6),
-        (3, 7, 6),
-        (3, 8, 7),
+        pytest.param(3, 7, 6, marks=pytest.mark.slow),
+        pytest.param(3, 8, 7, marks=pytest.mark.slow),
         (4, 5, 5),
         (4, 6, 5),
-        (4, 7, 7),
+        pytest.param(4, 7, 7, marks=pytest.mark.slow),
         (4, 8, 8),
     ],
 )

@@ -11,7 +11,7 @@ from properties import examples
 import liouville as lv
 from liouville.tape import record
 
-FEW = examples(25)
+FEW = examples(15)
 STEPS, H = 12, 0.05
 
 

@@ -148,7 +148,8 @@ def cut(done, total):
 
 def stored(problem, method, path, **more):
     """Store a run: the one place where that is spelled."""
-    return problem.run(method, steps_of(problem), store=lv.Store(path, checkpoint=5), **more)
+    steps = steps_of(problem)
+    return problem.run(method, steps, store=lv.Store(path, checkpoint=steps // 4), **more)
 
 
 @pytest.mark.parametrize(("row", "name"), ONCE, ids=str)

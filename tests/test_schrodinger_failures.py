@@ -169,7 +169,7 @@ def test_ctrl_c_is_answered_in_the_middle_of_a_step(method):
         times.append(time.perf_counter())
         os.kill(os.getpid(), signal.SIGINT)
 
-    timer = threading.Timer(1.0, press)
+    timer = threading.Timer(0.4, press)
     timer.start()
     try:
         solution = run(system, chosen, psi=psi, t=(0.0, 2e4), states=False, **more)

@@ -160,10 +160,11 @@ def test_the_best_of_lattices():
     assert len(split(on_ring(1000, (1, (1, 30)), (-1, (-1, -30)))).pieces) == 3
 
 
-def test_a_million_sites():
-    terms = lorenz96(1_000_001)
+@pytest.mark.parametrize("sites", [100_001, pytest.param(1_000_001, marks=pytest.mark.slow)])
+def test_very_many_sites(sites):
+    terms = lorenz96(sites)
     parts = split(terms)
-    assert [np.unique(p.terms.component).size for p in parts.pieces][:3] == [333_333] * 3
+    assert [np.unique(p.terms.component).size for p in parts.pieces][:3] == [sites // 3] * 3
     assert len(parts.pieces) == 4
     assert parts.mismatch(terms) == 0
 
@@ -266,7 +267,8 @@ def test_directions_are_in_general_position(n, d):
     ],
 )
 def test_growth_of_dense_fields(n, d, method, measured, within):
-    found = [growth(split(random_normal(n, d, seed), *method, merged=False)) for seed in range(2)]
+    seeds = range(2 if n < 32 else 1)  # large fields are all alike
+    found = [growth(split(random_normal(n, d, seed), *method, merged=False)) for seed in seeds]
     assert np.mean(found) == pytest.approx(measured, rel=within)
 
 

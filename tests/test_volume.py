@@ -135,7 +135,8 @@ def test_every_method_and_composition_keeps_volume(n, d, diagonal, off_diagonal)
     if not takes(field, diagonal, off_diagonal):
         pytest.skip("has no such splitting")
     x = np.random.default_rng(n).uniform(-0.5, 0.5, n)
-    for composition in COMPOSITIONS:
+    # pieces keep volume, so one composition tells as much of a field as all do
+    for composition in COMPOSITIONS if (n, d) in ((4, 2), (3, 3), (5, 3)) else ("BM4",):
         for runge_kutta in ("euler", "rk4") if off_diagonal == "triangular" else ("euler",):
             method = lv.VolumeSplitting(
                 diagonal, off_diagonal, composition, "split", runge_kutta=runge_kutta
@@ -225,12 +226,11 @@ def test_an_ensemble_is_its_members_bit_for_bit():
 
 def test_a_huge_state_does_not_depend_on_threads():
     lorenz = load("lorenz96")
-    field = lorenz.build(100_000)
-    x = np.random.default_rng(3).normal(size=100_000)
+    field = lorenz.build(80_000)  # work for several threads begins at 65 536
+    x = np.random.default_rng(3).normal(size=80_000)
     method = lv.VolumeSplitting(composition="S2")
     ends = [
-        lv.integrate(field, method, t=(0, 0.05), h=0.01, every=5, x=x, threads=threads).x[-1]
-        for threads in (1, 2, 3)
+        lv.integrate(field, method, t=(0, 0.02), h=0.01, every=2, x=x, threads=threads).x[-1]
+        for threads in (1, 3)
     ]
-    assert np.array_equal(ends[0], ends[1])
-    assert np.array_equal(ends[0], ends[2])
+    assert np.array_equal(*ends)

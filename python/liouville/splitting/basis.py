@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
+from fractions import Fraction
 
 import numpy as np
 
@@ -39,18 +41,33 @@ def check_size(n: int, degree: int) -> None:
 
 
 def _by_degree(terms: Terms, outward: np.ndarray, inward: np.ndarray) -> Iterator[Terms]:
-    n, degrees = terms.n, terms.degrees
+    n, degrees, coefficients = terms.n, terms.degrees, terms.coefficient
+    kind = object if terms.is_exact else float
+    if terms.is_exact:  # sums of integers take a tenth of the time of sums of fractions
+        outward, below_outward = _integers(outward)
+        inward, below_inward = _integers(inward)
+        coefficients, below = _integers(coefficients)
     for m in np.unique(degrees).tolist():
-        part = terms.selected(degrees == m)
-        kind = object if terms.is_exact else float
+        is_part = degrees == m
+        part = terms.selected(is_part)
         tensor = np.zeros((n,) * (m + 1), dtype=kind)
         factors = part.variables[:, part.variables.shape[1] - m :]
-        np.add.at(tensor, (part.component, *factors.T), part.coefficient)
+        np.add.at(tensor, (part.component, *factors.T), coefficients[is_part])
         tensor = np.tensordot(outward, tensor, axes=1)
         for _ in range(m):  # each contraction puts the axis it has done last
             tensor = np.tensordot(tensor, inward, axes=(1, 0))
         rows = np.array(np.nonzero(tensor)).T
         coefficient = tensor[tuple(rows.T)]
         if terms.is_exact:
-            coefficient = exact(coefficient)
+            scale = below_outward * below * below_inward**m
+            coefficient = exact(Fraction(x, scale) for x in coefficient)
         yield Terms(n, rows[:, 0], coefficient, rows[:, 1:]).merged()
+
+
+def _integers(numbers: np.ndarray) -> tuple[np.ndarray, int]:
+    """Return exact numbers as integers over their common denominator."""
+    fractions = exact(numbers.flat)
+    scale = math.lcm(*(x.denominator for x in fractions))
+    integers = np.empty(numbers.size, dtype=object)
+    integers[:] = [x.numerator * (scale // x.denominator) for x in fractions]
+    return integers.reshape(numbers.shape), scale
