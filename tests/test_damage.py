@@ -112,7 +112,7 @@ def test_a_run_goes_on_from_no_damaged_state(times, small, tmp_path):
 
 @pytest.mark.parametrize("act", [lv.load, lambda path: lv.load(lv.resume(path).path)])
 def test_a_lost_file_of_a_store_is_missed(act, small, tmp_path):
-    call, path, copy = pendulum(steps=60), tmp_path / "run.zarr", tmp_path / "copy.zarr"
+    call, path, copy = pendulum(steps=40), tmp_path / "run.zarr", tmp_path / "copy.zarr"
     whole = lv.integrate(**call)
     if act is lv.load:
         lv.integrate(**call, store=path)
