@@ -269,6 +269,10 @@ ALPHA = [
 ]
 INDEX2 = [
     *(Row(lv.Spark(s), 2 * s, ("index 2",), SYMMETRIC) for s in (1, 2, 3, 4)),
+    *(
+        Row(lv.Spark(s, points="radau"), 2 * s - 1, ("index 2",), HIDDEN, RADAU[s - 1])
+        for s in (1, 2, 3)
+    ),
     Row(lv.Composition(lv.Spark(1), "SU4"), 4, ("index 2",), SYMMETRIC, (40, 80, 160)),
 ]
 

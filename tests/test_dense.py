@@ -170,7 +170,7 @@ def test_wrong_times_are_refused(times, message):
         )
 
 
-def test_times_and_events_are_for_mechanical_systems():
+def test_times_and_events_are_for_systems_with_constraints():
     field = problems.load("euler_top")
-    with pytest.raises(TypeError, match="t_eval is for a mechanical system"):
+    with pytest.raises(TypeError, match="t_eval is for a mechanical or semi-explicit system"):
         lv.integrate(field.system, lv.VolumeSplitting(), t=(0, 1), h=0.1, t_eval=[0.5], x=[1, 0, 0])

@@ -1,101 +1,16 @@
-"""Semi-explicit systems of index 2: order, constraints, symmetry, invariants, refusals, failures.
-
-The problems see what others hide: one is nonlinear in z and has a constraint that moves with time,
-one rewrites index-3 mechanics with its velocities constrained, one has an invariant of its own.
-"""
+"""Semi-explicit systems of index 2: order, constraints, symmetry, invariants and failures."""
 
 from pathlib import Path
 
 import casadi as ca
 import numpy as np
 import pytest
+from index2_systems import SPINNING, nonlinear, nonlinear_at, pendulum, spinning, track, track_at
 
 import liouville as lv
 from liouville import plot
 from liouville.convergence import slope
 from liouville.problems import load
-
-
-def nonlinear(**more):
-    """Return y1 = e^t, y2 = e^-2t (1 + sin t), z = e^2t, as a system nonlinear in z."""
-
-    def field(t, y, z, params):
-        growth = 1 + ca.sin(t)
-        u = y[1] / growth
-        return [
-            y[0] * u**2 * z**2,
-            (u**2 * z - 3 * y[0] ** 2 * u**2) * growth + u * ca.cos(t),
-        ]
-
-    return lv.SemiExplicit(
-        field=field,
-        constraint=lambda t, y, params: y[0] ** 2 * y[1] - 1 - ca.sin(t),
-        y=2,
-        z=("z",),
-        **more,
-    )
-
-
-def nonlinear_at(t):
-    return np.array([np.exp(t), np.exp(-2 * t) * (1 + np.sin(t))]), np.array([np.exp(2 * t)])
-
-
-def pendulum():
-    """Return the planar pendulum with its velocities constrained too."""
-    return lv.SemiExplicit(
-        field=lambda t, y, z, params: {
-            "x": y[2] - y[0] * z[1],
-            "y": y[3] - y[1] * z[1],
-            "u": -y[0] * z[0],
-            "v": -y[1] * z[0] - params.g,
-        },
-        constraint=lambda t, y, params: {
-            "rod": (y[0] ** 2 + y[1] ** 2 - 1) / 2,
-            "speed": y[0] * y[2] + y[1] * y[3],
-        },
-        y=("x", "y", "u", "v"),
-        z=("tension", "shift"),
-        params={"g": 9.81},
-    )
-
-
-def spinning():
-    """Return a turning vector whose first component is prescribed: its length is an invariant."""
-
-    def field(t, y, z, params):
-        return ca.cross(ca.vertcat(ca.sin(3 * t) / 5, z[0], (1 + z[0] ** 2) / 2), y)
-
-    return lv.SemiExplicit(
-        field=field,
-        constraint=lambda t, y, params: y[0] - ca.sin(2 * t) / 4,
-        y=3,
-        z=1,
-        invariants={"length": lambda t, y, z, params: ca.dot(y, y)},
-    )
-
-
-SPINNING = np.array([0.0, 0.0, 1.0])
-
-
-def track(is_stabilised):
-    """Return the circular track of index 2: its velocity constrained, or its position as well."""
-    drive = lambda y: ca.vertcat(2 * y[1], -2 * y[0])  # noqa: E731
-
-    def field(t, y, z, params):
-        moved = y[2:] - (y[:2] * z[1] if is_stabilised else 0)
-        return ca.vertcat(moved, drive(y) - y[:2] * z[0])
-
-    def constraint(t, y, params):
-        velocity = y[0] * y[2] + y[1] * y[3]
-        return [velocity, (ca.dot(y[:2], y[:2]) - 1) / 2] if is_stabilised else [velocity]
-
-    return lv.SemiExplicit(field=field, constraint=constraint, y=4, z=1 + is_stabilised)
-
-
-def track_at(t):
-    s, c = np.sin(t**2), np.cos(t**2)
-    return np.array([s, c, 2 * t * c, -2 * t * s]), 4 * t**2
-
 
 PENDULUM_STEPS = (4000, 6000, 8000), (400, 600, 800), (200, 300, 400), (160, 200, 240)
 
@@ -291,12 +206,15 @@ BAD_CALLS = {
     "'q' is no start value": {"q": [1, 0]},
     "violates the constraint 'rod'": {"y": [1, 0.1, 0, 0]},
     "violates the constraint 'speed'": {"y": [1, 0, 0.1, 0]},
-    "semi-explicit system takes equal steps and no rtol\nhint: give h or steps; half": {
-        "rtol": 1e-6,
-        "h": None,
+    "rtol is from 1e-14": {"rtol": 1e-15, "h": None},
+    "atol has shape": {"rtol": 1e-6, "h": None, "atol": [1, 1]},
+    "t_eval has 1.1, which is outside": {"t_eval": [0.1, 1.1]},
+    r"event 'none' is the same for all states\nhint: .* such as y\[1\]": {
+        "events": {"none": lambda t, y, z, params: params.g}
     },
-    "t_eval is for a mechanical .*\nhint: give an h of which these": {"t_eval": [0.1]},
-    "events is for a mechanical .*\nhint: observe= records such": {"events": {}},
+    r"called with \(t, y, z, params\), and the function given takes": {
+        "events": {"none": lambda t, y, z, lam, params: y[0]}
+    },
     "no parameter 'm'": {"params": {"m": 1}},
 }
 
@@ -314,7 +232,6 @@ def test_a_wrong_call_is_refused(message):
     [
         lv.HHT(),
         lv.LobattoPair(2),
-        lv.Spark(2, points="radau"),
         lv.Spark(2, newton_tol=1e-8),
         lv.Composition(lv.LobattoPair(2), "SU4"),
         lv.VolumeSplitting(),

@@ -28,7 +28,7 @@ __all__ = [
     "independent_rows",
     "ladder",
     "lobatto_pair",
-    "mechanical_path",
+    "path",
     "processor_degree",
     "project",
     "run",
@@ -150,8 +150,8 @@ def run(
     method: object,
     job: object,
 ) -> Run | _Error: ...
-def mechanical_path(
-    problem: Mechanical,
+def path(
+    problem: Mechanical | SemiExplicit,
     params: NDArray[np.float64],
     order: int,
     t: NDArray[np.float64],

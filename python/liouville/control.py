@@ -88,7 +88,7 @@ class Reversible:
     monitor : callable, optional
         ``monitor(t, q, v, params)`` (the system's own states), a positive scalar: how long steps
         should be, up to a factor, which `h` gives. By default a time scale of the acceleration,
-        :math:`r^{3/2}` near a centre of gravity.
+        :math:`r^{3/2}` near a centre of gravity; a ``SemiExplicit`` system has no default.
     h_min : float, optional
         As for :class:`Adaptive`.
 
@@ -156,12 +156,16 @@ class Steps:
 
 @dataclass(frozen=True)
 class Takes:
-    """The controls of :data:`CONTROLS` that a method takes, its least tolerance, and a hint."""
+    """The controls of :data:`CONTROLS` that a method takes, its least tolerance, and a hint.
+
+    `estimators` are methods for the system that estimate their errors.
+    """
 
     name: str
     controls: tuple[str, ...] = ()
     least: float = LEAST_TOLERANCE
     hint: str = "give h or steps, or take a method that controls its steps, such as HHT"
+    estimators: str = "Spark or HHT"
 
 
 def steps_of(
@@ -211,13 +215,13 @@ def _kind(rtol: Any, atol: Any, control: Any, takes: Takes) -> str | None:
     if isinstance(control, Reversible):
         if "reversible" not in takes.controls:
             sentence = f"{takes.name} is not symmetric, as reversible steps want it"
-            raise TypeError(hinted(sentence, "take Spark"))
+            raise TypeError(hinted(sentence, "take Spark on Gauss points"))
         if asked[0] != "control":
             raise TypeError(f"control=Reversible(...) takes no {asked[0]}")
         return "reversible"
     if "error" not in takes.controls:
         sentence = f"{takes.name} does not estimate its errors"
-        raise TypeError(hinted(sentence, "give h or steps, or take Spark or HHT"))
+        raise TypeError(hinted(sentence, f"give h or steps, or take {takes.estimators}"))
     if rtol is None:
         if control is None:
             raise TypeError(hinted("atol is for controlled steps", "give rtol= too"))

@@ -45,16 +45,17 @@ def ensemble(
 
     Parameters
     ----------
-    system : Lagrangian, Hamiltonian, Mechanical, Structure, PolynomialField or Schrodinger
-        What is integrated.
+    system : System
+        A Lagrangian, Hamiltonian, Mechanical, Structure, SemiExplicit, PolynomialField or
+        Schrodinger: what is integrated.
     method : Method or Plan
         How: any method for the system, with steps of equal size.
     t, h, steps, every, observe, states
         As for :func:`integrate`. What is kept of all members is what takes memory:
         ``every=steps`` keeps starts and ends, ``states=False`` only invariants and `observe`.
     params : mapping, optional
-        Parameters that differ from the defaults. Those of a mechanical system may have a further,
-        first axis of members: a number as shape (P,), a vector of j numbers as (P, j).
+        Parameters that differ from the defaults. Those of a mechanical or semi-explicit system may
+        have a further, first axis of members: a number as shape (P,), a vector of j numbers as (P, j).
     progress : callable, optional
         ``progress(done, total)``, called about twenty times a second with numbers of steps.
     threads : int, optional
@@ -68,8 +69,9 @@ def ensemble(
         Members a worker is given at a time; by default a quarter of its share.
     **start : array_like
         Start values by the system's names, with a row for each of P members: ``q`` and ``v`` of
-        shape (P, n), and so on. Those of a mechanical system may also have shape (n,), for all
-        members alike.
+        shape (P, n), and so on. Those of a mechanical or semi-explicit system may also have shape
+        (n,), for all members alike; ``z`` of the latter, of shape (P, l), is a guess that may be
+        left out.
 
     Returns
     -------

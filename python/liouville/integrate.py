@@ -76,10 +76,11 @@ def integrate(
     t_eval : array_like, shape (k,), optional
         Times to keep states at, in the order of the run and within it, instead of one state in
         `every`. The steps are the same; between them states are interpolated, and the residuals of
-        the constraints then show the error of that. Of mechanical systems.
+        the constraints then show the error of that. Of mechanical and semi-explicit systems.
     events : mapping of str to Event or callable, optional
-        Functions ``f(t, q, v, lam, params)`` whose changes of sign are wanted, by name; see
-        :class:`Event` for those that have a direction or end the run. Of mechanical systems.
+        Functions ``f(t, q, v, lam, params)``, of semi-explicit systems ``f(t, y, z, params)``,
+        whose changes of sign are wanted, by name; see :class:`Event` for those that have a
+        direction or end the run.
     observe : mapping of str to callable, optional
         Further quantities ``f(t, q, v, params)`` (the system's own states), scalars or vectors,
         evaluated in the core at each kept step.

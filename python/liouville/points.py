@@ -21,8 +21,8 @@ class Points:
     t : ndarray, shape (k,), or float
         The times.
     states : dict of str to ndarray
-        ``q``, ``v``, ``p`` of shape (k, n) and ``lam`` of shape (k, m), by the names that the
-        solution has them under; without the first axis where t is a single time.
+        ``q``, ``v``, ``p`` of shape (k, n) and ``lam`` of shape (k, m), or others by the names that
+        the solution has them under; without the first axis where t is a single time.
     """
 
     t: Any

@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 from liouville.errors import check_name, hinted
 from liouville.failure import Failure
 from liouville.points import Points, times_within
-from liouville.systems import Mechanics, System
+from liouville.systems import Mechanics, SemiExplicit, System
 
 if TYPE_CHECKING:
     import xarray
@@ -41,7 +41,7 @@ class Solution:
         Times of the kept steps: the start, one step in ``every``, and always the last step.
     states : dict of str to ndarray
         ``q``, ``v``, ``p`` of shape (k, n) and ``lam`` of shape (k, m); a ``Mechanical`` system has
-        ``y`` and ``z`` in the place of ``q``, a ``PolynomialField`` has ``x``, a ``Schrodinger``
+        ``y`` and ``z`` in the place of ``q``, a ``SemiExplicit`` one nothing besides these, a ``PolynomialField`` has ``x``, a ``Schrodinger``
         equation has ``psi``, complex. Methods of the alpha family add ``acceleration`` and their
         own ``a``. Empty if the run stored no states. Each is also an attribute: ``solution.q``.
     invariants : dict of str to ndarray, shape (k,)
@@ -62,7 +62,8 @@ class Solution:
         Where the functions of ``events=`` changed their sign, by name, with the states there.
     dense_order : int
         The order of the method, where the states of all steps are kept and the system is a
-        mechanical one: then ``solution(t)`` gives the states between them. 0 otherwise.
+        mechanical or semi-explicit one: then ``solution(t)`` gives the states between them. 0
+        otherwise.
     names : dict of str to tuple of str
         ``coordinates`` (n of them) and ``constraints`` (m of them, the nonholonomic ones last); of
         a ``SemiExplicit`` system also its ``unknowns`` z.
@@ -154,8 +155,8 @@ class Solution:
         accelerations at the ends of the step, of degree 5; with a method of order above 4, at the
         start of the step before too, of degree 8. Velocities are its derivative; with methods of
         order 2, and where the second half of the state is no velocity, it has a polynomial of its
-        own. Multipliers are solved for at the interpolated point. Constraints hold there to the
-        order of all this.
+        own, and so has z of a ``SemiExplicit`` system. Multipliers are solved for at the
+        interpolated point. Constraints hold there to the order of all this.
 
         Parameters
         ----------
@@ -177,8 +178,10 @@ class Solution:
             t is no array of numbers.
         """
         system = self._needed_system("dense output needs") if self.dense_order else None
-        if not self.dense_order or not isinstance(system, Mechanics):
-            sentence = "dense output needs the states of all steps of a mechanical system"
+        if not self.dense_order or not isinstance(system, Mechanics | SemiExplicit):
+            sentence = (
+                "dense output needs the states of all steps of a mechanical or semi-explicit system"
+            )
             raise ValueError(
                 hinted(sentence, "integrate with every=1, states=True and without t_eval")
             )

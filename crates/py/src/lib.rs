@@ -39,7 +39,7 @@ mod _core {
     #[pymodule_export]
     use super::operator::{Hamiltonian, Operator};
     #[pymodule_export]
-    use super::path::mechanical_path;
+    use super::path::path;
     #[pymodule_export]
     use super::project::{independent_rows, project};
     #[pymodule_export]

@@ -169,8 +169,9 @@ struct MechanicalJob<'py> {
 impl MechanicalJob<'_> {
     fn read(&self) -> PyResult<run::Job> {
         let ndim = 1 + usize::from(self.is_ensemble);
-        let first = self.start.first().map_or(&[][..], |x| x.shape());
-        if self.start.iter().any(|x| x.shape() != first) && self.is_ensemble
+        let rows = |x: &PyReadonlyArrayDyn<'_, f64>| x.shape().first().copied().unwrap_or(0);
+        let members = self.start.first().map_or(0, rows);
+        if self.start.iter().any(|x| rows(x) != members) && self.is_ensemble
             || self.start.iter().any(|x| x.ndim() != ndim)
             || self.params.ndim() != ndim
         {
@@ -186,9 +187,7 @@ impl MechanicalJob<'_> {
         Ok(run::Job {
             start: start.collect::<PyResult<_>>()?,
             params: self.params.as_slice()?.to_vec(),
-            members: self
-                .is_ensemble
-                .then(|| first.first().copied().unwrap_or(0)),
+            members: self.is_ensemble.then_some(members),
             span: Span {
                 t0,
                 t1,

@@ -45,6 +45,7 @@ impl SemiExplicit {
             constraint_jacobian: tape("constraint_jacobian")?,
             hidden: tape("hidden")?,
             hidden_jacobian: tape("hidden_jacobian")?,
+            rates: tape("rates")?,
             patterns: Patterns {
                 f_y: pattern("f_y")?,
                 f_z: pattern("f_z")?,

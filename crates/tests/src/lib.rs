@@ -435,6 +435,7 @@ pub fn semi_explicit(f: &[Expr], k: &[Expr]) -> Arc<SemiExplicit> {
         x.d(T, 0) + dot(&slopes, f)
     };
     let w: Vec<_> = k.iter().map(along).collect();
+    let rates: Vec<_> = w.iter().chain(f).map(along).collect();
     let (f_y, f_z) = (jacobian(f, Y, n, n), jacobian(f, Z, n, l));
     let (k_y, w_z) = (jacobian(k, Y, l, n), jacobian(&w, Z, l, l));
     let (point, place) = ([1, n, l, 0], [1, n, 0]);
@@ -449,6 +450,7 @@ pub fn semi_explicit(f: &[Expr], k: &[Expr]) -> Arc<SemiExplicit> {
         constraint_jacobian: record(&place, &[&k_y.1]),
         hidden: record(&point, &[&w, f]),
         hidden_jacobian: record(&point, &[&w_z.1, &f_z.1]),
+        rates: record(&point, &[&rates]),
         patterns: semi_explicit::Patterns {
             f_y: f_y.0,
             f_z: f_z.0,

@@ -75,6 +75,9 @@ class Spark:
     hold at the end of every step to roundoff, alone or beside holonomic ones
     :cite:p:`jay2009lagrange`; orders and symmetry are the same.
 
+    A ``SemiExplicit`` system is stepped by the specialised Runge-Kutta method on the same points
+    :cite:p:`jay2006`, with the same orders; on Radau points that is Radau IIA.
+
     With ``points="radau"`` the :math:`c_i` are the Radau points, :math:`c_s = 1`, in the same
     equations. This is for dissipative systems: order :math:`2s - 1` in positions, velocities and
     multipliers, both constraints to roundoff, neither symmetric nor symplectic, and stiff forces

@@ -23,6 +23,7 @@ from liouville.planner import FieldPlan, Plan, WavePlan
 from liouville.runners.field import FieldRunner as FieldRunner
 from liouville.runners.mechanical import MechanicalRunner as MechanicalRunner
 from liouville.runners.members import MembersRunner as MembersRunner
+from liouville.runners.members import SemiExplicitMembersRunner as SemiExplicitMembersRunner
 from liouville.runners.runner import Request as Request
 from liouville.runners.runner import Runner as Runner
 from liouville.runners.runner import threads_of
@@ -30,7 +31,7 @@ from liouville.runners.semi_explicit import SemiExplicitRunner as SemiExplicitRu
 from liouville.runners.wave import WaveRunner as WaveRunner
 from liouville.systems import Mechanics, PolynomialField, Schrodinger, SemiExplicit, System
 
-#: What helps other systems instead of these options of mechanical ones.
+#: What helps other systems instead of these options of mechanical and semi-explicit ones.
 INSTEAD: dict[tuple[str, type | None], str] = {
     ("t_eval", Schrodinger): "t= takes the times of all states to keep",
     ("t_eval", None): "give an h of which these times are multiples, and every=",
@@ -59,21 +60,22 @@ def runner_of(system: System, method: Method | Plan | str, request: Request) -> 
     threads_of(request.threads)
     if isinstance(system, Mechanics):
         return _of_mechanics(system, method, request)
+    if isinstance(system, SemiExplicit):
+        return _of_semi_explicit(system, method, request)
     for name, value in (("t_eval", request.t_eval), ("events", request.events)):
         if value is not None:
             hint = INSTEAD.get((name, type(system)), INSTEAD[name, None])
-            raise TypeError(hinted(f"{name} is for a mechanical system, not for {system!r}", hint))
+            sentence = f"{name} is for a mechanical or semi-explicit system, not for {system!r}"
+            raise TypeError(hinted(sentence, hint))
     if isinstance(system, Schrodinger):
         if isinstance(method, str) and method == "auto":
             method = SchrodingerSplitting()
         if isinstance(method, WaveMethod | WavePlan):
             return WaveRunner(system, method, request)
         raise no_runner(method, "wave", "Schrödinger equations")
-    if isinstance(system, PolynomialField):
-        if isinstance(method, VolumeSplitting | FieldPlan):
-            return FieldRunner(system, method, request)
-        raise no_runner(method, "field", "polynomial fields")
-    return _of_semi_explicit(system, method, request)
+    if isinstance(method, VolumeSplitting | FieldPlan):
+        return FieldRunner(system, method, request)
+    raise no_runner(method, "field", "polynomial fields")
 
 
 def _of_mechanics(system: Mechanics, method: Any, request: Request) -> Runner:
@@ -84,16 +86,14 @@ def _of_mechanics(system: Mechanics, method: Any, request: Request) -> Runner:
 
 
 def _of_semi_explicit(system: SemiExplicit, method: Any, request: Request) -> Runner:
-    if request.is_ensemble:
-        hint = "integrate its members one by one"
-        raise TypeError(hinted(f"there are no ensembles of {system!r} so far", hint))
+    kind = SemiExplicitMembersRunner if request.is_ensemble else SemiExplicitRunner
     if isinstance(method, Spark | Composition):
         base = method.base if isinstance(method, Composition) else method
-        if isinstance(base, Spark) and base.points == "gauss" and base.newton_tol is None:
-            return SemiExplicitRunner(system, method, request)
+        if isinstance(base, Spark) and base.newton_tol is None:
+            return kind(system, method, request)
     raise TypeError(
-        f"{method!r} does not step semi-explicit systems; methods that do: Spark on Gauss "
-        "points without a newton_tol, alone or in a Composition"
+        f"{method!r} does not step semi-explicit systems; methods that do: Spark without a "
+        "newton_tol, alone or in a Composition"
     )
 
 

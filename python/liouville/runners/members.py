@@ -1,9 +1,10 @@
-"""Runs of an ensemble of mechanical trajectories."""
+"""Runs of an ensemble of trajectories on constraints."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -12,18 +13,19 @@ from liouville import _core
 from liouville._job import Job
 from liouville.control import Takes
 from liouville.errors import hinted
-from liouville.methods import Method
 from liouville.points import Points
 from liouville.runners.mechanical import MechanicalRunner
 from liouville.runners.runner import Request, threads_of
-from liouville.systems import Mechanics, members
+from liouville.runners.semi_explicit import SemiExplicitRunner
+from liouville.runners.traced import TracedRunner
+from liouville.systems import Mechanics, SemiExplicit, members
 from liouville.systems._trace import mapping, numbers
 
 
-class MembersRunner(MechanicalRunner):
-    """Runs many trajectories of a mechanical system; see :class:`Runner`."""
+class Members(TracedRunner):
+    """What runs of many trajectories do in another way than a run of one."""
 
-    def __init__(self, system: Mechanics, method: Method, request: Request) -> None:
+    def __init__(self, system: Any, method: Any, request: Request) -> None:
         self.threads = threads_of(request.threads)
         super().__init__(system, method, request)
 
@@ -49,10 +51,11 @@ class MembersRunner(MechanicalRunner):
         params, of_params = _params(system, request.params)
         counts = {name: len(x) for name, x in given.items() if x.ndim == 2} | of_params
         if not counts:
+            shapes = {name: f"({x.size},)" for name, x in given.items() if name in request.start}
             raise ValueError(
                 hinted(
-                    f"no start value and no parameter has a row for each member: {', '.join(given)}"
-                    f" have shape ({len(system.coordinates)},)",
+                    "no start value and no parameter has a row for each member: "
+                    + ", ".join(f"{name} has shape {shape}" for name, shape in shapes.items()),
                     "give arrays of shape (P, n) for P members; lv.integrate takes one start",
                 )
             )
@@ -65,18 +68,24 @@ class MembersRunner(MechanicalRunner):
         if not many:
             raise ValueError(f"{first} has no members along its first axis")
         self.members = (many,)
-        n = len(system.coordinates)
-        rows = (np.broadcast_to(x, (many, n)) for x in given.values())
+        rows = (np.broadcast_to(x, (many, x.shape[-1])) for x in given.values())
         self._begin = tuple(np.ascontiguousarray(x) for x in rows)
         self._rows = np.ascontiguousarray(params)
         self._values = self._rows[0]
         y, z = self._begin[:2]
-        kept = self._is_hidden_kept
-        members.check(system, self.steps.t0, y, z, self._rows, hidden=kept)
+        members.check(system, self.steps.t0, y, z, self._rows, hidden=self._is_hidden_kept)
+
+
+class MembersRunner(Members, MechanicalRunner):
+    """Runs many trajectories of a mechanical system; see :class:`Runner`."""
+
+
+class SemiExplicitMembersRunner(Members, SemiExplicitRunner):
+    """Runs many trajectories of a semi-explicit system; see :class:`Runner`."""
 
 
 def _params(
-    system: Mechanics, changes: Mapping[str, ArrayLike] | None
+    system: Mechanics | SemiExplicit, changes: Mapping[str, ArrayLike] | None
 ) -> tuple[np.ndarray, dict[str, int]]:
     """Return rows of parameters, one or one for each member, and the members of each parameter."""
     defaults = system.params

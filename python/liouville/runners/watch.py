@@ -1,4 +1,4 @@
-"""Events and given times, which are looked at between the steps of a mechanical run."""
+"""Events and given times, which are looked at between the steps of a run."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from liouville import _core
 from liouville.errors import hinted
 from liouville.events import DIRECTIONS, Event, named
 from liouville.points import Points
-from liouville.systems import Mechanics
+from liouville.systems import Mechanics, SemiExplicit
 
 #: The watch as it crosses the border: the order of the method, the times, and for each event its
 #: tape, its direction, how many end the run, and whether it needs multipliers.
@@ -39,7 +39,7 @@ class Watch:
         """Leave the functions behind: the core has them as tapes."""
         return {"events": dict.fromkeys(self.events), "times": self.times}
 
-    def crossed(self, system: Mechanics, order: int) -> Crossed | None:
+    def crossed(self, system: Mechanics | SemiExplicit, order: int) -> Crossed | None:
         """Return the watch for the core, if anything is looked at."""
         if not self.events and self.times is None:
             return None
@@ -50,13 +50,13 @@ class Watch:
         return order, self.times, events
 
     def events_of(
-        self, run: _core.Run, system: Mechanics, params: np.ndarray
+        self, run: _core.Run, system: Mechanics | SemiExplicit, params: np.ndarray
     ) -> tuple[dict[str, Points], str]:
         """Return the events by name, and which of them ended the run."""
         found, end = run.events()
         points = {}
         for name, (times, rows) in zip(self.events, found, strict=False):
-            width = 2 * len(system.coordinates) + len(system.constraints)
+            width = sum(len(names) for names in system.places.values())
             states = system.states_at(times, rows.reshape(-1, width), params)
             points[name] = Points(times, states)
         if end is None:

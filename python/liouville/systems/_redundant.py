@@ -165,7 +165,7 @@ def _is_solved(
 ) -> bool:
     """Return whether all multipliers can be solved for."""
     times = np.array([t])
-    found = _core.mechanical_path(system.problem, params, 2, times, y[None], z[None], times)
+    found = _core.path(system.problem, params, 2, times, y[None], z[None], times)
     return not isinstance(found, dict)
 
 

@@ -25,7 +25,6 @@ from liouville.systems._form import (
     separable,
     total_derivative,
 )
-from liouville.systems._monitor import traced
 from liouville.systems._singular import nearly_dependent
 from liouville.systems.traced import (
     FLOOR,
@@ -65,6 +64,8 @@ class Mechanics(TracedSystem):
     is_conservative : bool
         Whether nothing changes the energy: no time, no force without a potential, no damping.
     """
+
+    problem: _core.Mechanical
 
     def __init__(
         self,
@@ -309,60 +310,22 @@ class Mechanics(TracedSystem):
         values: np.ndarray = self._map(name, params, *args)[0]
         return values
 
-    def event(self, name: str, function: Callable[..., Any]) -> tuple[_core.Tape, bool]:
-        """Record a function of (t, y, z, lam, params), and say whether it uses the multipliers."""
-        s, what = self._symbols, f"event '{name}'"
-        lam = ca.vertcat(self._model.lam, self._model.nonholonomic.nu)
-        *point, params = s.args.items()
-        value = _trace.scalar(what, function, dict([*point, ("lam", lam), params]))
-        moving = ca.vertcat(s.t, s.y, s.z, lam)
-        if not ca.depends_on(value, moving):
-            raise ValueError(
-                hinted(
-                    f"{what} is the same for all states",
-                    "return what is to change its sign, such as q[1] - params.height",
-                )
-            )
-        needs_lam = lam.numel() > 0 and ca.depends_on(value, lam)
-        return record(what, s.inputs(z=s.z, lam=lam), value), needs_lam
-
-    def between(
-        self,
-        order: int,
-        run: tuple[np.ndarray, np.ndarray, np.ndarray],
-        times: np.ndarray,
-        params: np.ndarray,
-    ) -> dict[str, np.ndarray]:
-        """Return the states at times within a run, of which t, y and z of all steps are given.
-
-        The times are in the order of the run, the method has the order `order`.
-
-        Raises
-        ------
-        ValueError
-            The accelerations cannot be solved for there.
-        """
-        t, y, z = (np.ascontiguousarray(x) for x in run)
+    def stepped(self, t: float, y: np.ndarray, z: np.ndarray, params: np.ndarray) -> Mechanics:
+        """Return the system without constraints that the others imply around this state."""
         # imported here, as it makes systems of this class
         from liouville.systems._redundant import redundant, without
 
-        stepped = without(self, redundant(self, t[0], y[0], z[0], params))
-        found = _core.mechanical_path(stepped.problem, params, order, t, y, z, times)
-        if isinstance(found, dict):
-            sentence, hint, _ = describe(found, self.coordinates, self.constraints)
-            raise ValueError(hinted(sentence, hint))
-        return self.states_at(times, np.concatenate(found, axis=1), params)
+        return without(self, redundant(self, t, y, z, params))
 
     def states_at(
         self, t: np.ndarray, rows: np.ndarray, params: np.ndarray
     ) -> dict[str, np.ndarray]:
         """Name all states at k points, of which rows (y, z, lam) are given."""
-        n, (tape, widths) = len(self.coordinates), self._states_tape
-        y, z, lam = np.split(rows, [n, 2 * n], axis=1)
+        own, (tape, widths) = super().states_at(t, rows, params), self._states_tape
+        y, z = (own[name] for name in self.states)
         args = [np.ascontiguousarray(x) for x in (t.reshape(-1, 1), y, z)]
         cuts = np.cumsum([*widths.values()])[:-1]
         more = np.split(tape.map(params, args), cuts, axis=1)
-        own = dict(zip((*self.states, "lam"), (y, z, lam), strict=True))
         return own | dict(zip(widths, more, strict=True))
 
     @cached_property
@@ -375,9 +338,19 @@ class Mechanics(TracedSystem):
         widths = {name: x.numel() for name, x in parts.items()}
         return observing(tape, widths, model.linear), widths
 
-    def monitor(self, function: Callable[..., Any]) -> tuple[_core.Tape, bool]:
-        """Record a function of (t, y, z) and its rate along the motion; say if z' is in it."""
-        return traced(self._symbols, self._model.v, function)
+    @property
+    def places(self) -> dict[str, tuple[str, ...]]:
+        """The names of the entries of all states that a run keeps, by the name of the state."""
+        first, second = self.states
+        return {first: self.coordinates, second: self.coordinates, "lam": self.constraints}
+
+    @property
+    def _velocity(self) -> ca.SX:
+        return self._model.v
+
+    @property
+    def _multipliers(self) -> ca.SX:
+        return ca.vertcat(self._model.lam, self._model.nonholonomic.nu)
 
     def _parts(self, states: bool) -> dict[str, ca.SX]:
         s, model = self._symbols, self._model

@@ -9,33 +9,35 @@ import numpy as np
 
 from liouville.systems import _trace
 from liouville.systems.mechanics import Mechanics
-from liouville.systems.traced import FLOOR, TOLERANCE
+from liouville.systems.semi_explicit import SemiExplicit
+from liouville.systems.traced import FLOOR, TOLERANCE, shown
 
 
 def starts(
-    system: Mechanics, start: Mapping[str, Any], also: tuple[str, ...] = ()
+    system: Mechanics | SemiExplicit, start: Mapping[str, Any], also: tuple[str, ...] = ()
 ) -> dict[str, np.ndarray]:
     """Check start values: arrays of shape (P, n), or (n,) for all members alike.
 
     Raises
     ------
     TypeError, ValueError
-        As :meth:`Mechanics.start` does, naming the member.
+        As the system's own `start` does, naming the member.
     """
-    known, names = (*system.states, *also), system.coordinates
+    names = dict.fromkeys(also, system.coordinates) | system.places
     found = {}
     for name, value in start.items():
-        array = _rows(name, value, names) if name in known else None
+        known = name in (*system.states, *also)
+        array = _rows(name, value, names[name]) if known else None
         if array is not None:
             found[name] = array
-    single = {name: np.zeros(len(names)) if name in found else x for name, x in start.items()}
+    single = {name: np.zeros(len(names[name])) if name in found else x for name, x in start.items()}
     given = (*system.states, *(name for name in also if start.get(name) is not None))
     values = zip(given, system.start(single, also), strict=True)
     return {name: found.get(name, x) for name, x in values}
 
 
 def check(
-    system: Mechanics,
+    system: Mechanics | SemiExplicit,
     t: float,
     y: np.ndarray,
     z: np.ndarray,
@@ -45,7 +47,7 @@ def check(
 ) -> None:
     """Refuse members that violate their constraints; `params` has a row for each, or one."""
     suspects: Iterable[int] = range(len(y)) if system.constraints else ()
-    if system.constraints and not system.nonholonomic and len(params) == 1:
+    if isinstance(system, Mechanics) and _is_quick(system, params):
         suspects = _suspects(system, t, (y, z), params[0], hidden=hidden)
     for member in suspects:
         values = params[member if len(params) > 1 else 0]
@@ -53,6 +55,11 @@ def check(
             system.check(t, y[member], z[member], values, hidden=hidden)
         except ValueError as error:
             raise ValueError(f"member {member}: {error}") from None
+
+
+def _is_quick(system: Mechanics, params: np.ndarray) -> bool:
+    """Say whether all members can be looked at in a few operations."""
+    return bool(system.constraints) and not system.nonholonomic and len(params) == 1
 
 
 def _suspects(
@@ -103,8 +110,8 @@ def _rows(name: str, value: Any, places: tuple[str, ...]) -> np.ndarray | None:
     n = len(places)
     if array.shape[1] != n:
         raise ValueError(
-            f"{name} has shape {array.shape}, wanted (P, {n}) for P members: its last axis is of "
-            "the coordinates"
+            f"{name} has shape {array.shape}, wanted (P, {n}) for P members: along its last axis "
+            f"a number for each of {shown(places)}"
         )
     bad = np.argwhere(~np.isfinite(array))
     if bad.size:

@@ -11,11 +11,11 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from liouville import _core
-from liouville.errors import describe, hinted
+from liouville.errors import Description, hinted
 from liouville.systems import _trace
 from liouville.systems._derivatives import entries, jacobian
 from liouville.systems._expressions import Expressions, Symbols
-from liouville.systems._form import record_blocks
+from liouville.systems._form import record_blocks, total_derivative
 from liouville.systems._linear import Block
 from liouville.systems.traced import (
     FLOOR,
@@ -39,7 +39,7 @@ class SemiExplicit(TracedSystem):
 
     with n coordinates y and l algebraic unknowns z, as many as constraints. They follow from the
     hidden constraint :math:`0 = w := k_t + k_y f(t, y, z)`. All derivatives and their sparsity come
-    from CasADi; parameters stay symbolic.
+    from CasADi; parameters stay symbolic. :class:`Spark` and its compositions integrate it.
 
     Parameters
     ----------
@@ -110,6 +110,7 @@ class SemiExplicit(TracedSystem):
     """
 
     states = ("y", "z")
+    problem: _core.SemiExplicit
 
     def __init__(
         self,
@@ -128,7 +129,7 @@ class SemiExplicit(TracedSystem):
         self.constraints, k = _trace.named(
             "constraint", constraint, {"t": s.t, "y": s.y, "params": s.params}
         )
-        w = ca.jtimes(k, ca.vertcat(s.t, s.y), ca.vertcat(1, f))
+        w = total_derivative(k, s, f)
         self._check_shape(jacobian(k, s.y), jacobian(w, s.z))
         columns = {"field": f, "constraint": k, "hidden": w}
         self._keep(Expressions(s, columns), traced_invariants(invariants, s.args))
@@ -196,6 +197,7 @@ class SemiExplicit(TracedSystem):
             "constraint_jacobian": record_blocks("constraint", place, [jac["k_y"]]),
             "hidden": record("hidden constraint", point, w, f),
             "hidden_jacobian": record_blocks("hidden", point, [jac["w_z"], jac["f_z"]]),
+            "rates": record("rates", point, *(total_derivative(x, s, f) for x in (w, f))),
         }
         self._tapes = tapes
         is_linear = not ca.depends_on(entries(jacobian(f, s.z)), s.z)
@@ -205,8 +207,10 @@ class SemiExplicit(TracedSystem):
             len(self.coordinates), len(self.unknowns), is_linear, tapes, patterns
         )
 
-    def start(self, start: Mapping[str, Any]) -> tuple[np.ndarray, np.ndarray]:
+    def start(self, start: Mapping[str, Any], also: tuple[str, ...] = ()) -> tuple[np.ndarray, ...]:
         """Check start values: y, and a guess of z, zeros by default.
+
+        No method of such systems starts others itself, which `also` would name.
 
         Raises
         ------
@@ -216,7 +220,7 @@ class SemiExplicit(TracedSystem):
             One has a wrong shape, an unknown name, or is not finite.
         """
         for name in start:
-            if name not in self.states:
+            if name not in (*self.states, *also):
                 raise TypeError(
                     f"'{name}' is no start value of this system, which takes y= and, as a guess, z="
                 )
@@ -233,10 +237,14 @@ class SemiExplicit(TracedSystem):
         self,
         t: float,
         y: np.ndarray,
+        z: np.ndarray,
         params: np.ndarray,
         hint: str = "system.consistent(y=...) moves a start onto its constraints",
+        *,
+        hidden: bool = True,
     ) -> None:
-        """Refuse a start that violates a constraint."""
+        """Refuse a start that violates a constraint; the hidden one is what z is solved from."""
+        del z, hidden
         args = [np.array([[t]]), y[None, :]]
         k = self._tapes["constraint"].map(params, args)[0]
         slope = self._tapes["constraint_jacobian"].map(params, args)[0]
@@ -278,7 +286,7 @@ class SemiExplicit(TracedSystem):
         moved = _core.project(*self._projection, y, np.array([t]), values)
         if isinstance(moved, dict):
             raise self._none_near(moved, t)
-        self.check(t, moved, values, "start nearer to the constraints")
+        self.check(t, moved, z, values, "start nearer to the constraints")
         found = self.problem.unknowns(t, moved, z, values)
         if isinstance(found, dict):
             raise self._none_near(found, t)
@@ -295,8 +303,8 @@ class SemiExplicit(TracedSystem):
             )
         )
 
-    def describe(self, error: dict[str, Any]) -> tuple[str, str, str]:
-        """Describe an error in the user's names: sentence, hint and quantity."""
+    def describe(self, error: dict[str, Any]) -> Description:
+        """Describe an error of the core in the user's names: sentence, hint and quantity."""
         if error["kind"] == "singular hidden":
             name = self.unknowns[error["index"]]
             return (
@@ -311,7 +319,7 @@ class SemiExplicit(TracedSystem):
                 "try a smaller h, and keep away from where k_y f_z is singular",
                 "stages",
             )
-        return describe(error, self.coordinates, self.constraints)
+        return super().describe(error)
 
     @cached_property
     def _projection(self) -> tuple[Any, Any]:
@@ -325,6 +333,15 @@ class SemiExplicit(TracedSystem):
             record_blocks("metric", inputs, [weight]),
         )
         return tapes, (slope.pattern, weight.pattern)
+
+    @property
+    def places(self) -> dict[str, tuple[str, ...]]:
+        """The names of the entries of all states that a run keeps, by the name of the state."""
+        return {"y": self.coordinates, "z": self.unknowns}
+
+    @property
+    def _velocity(self) -> ca.SX:
+        return self._expressions.columns["field"]
 
     def _parts(self, states: bool) -> dict[str, ca.SX]:
         del states  # y and z are no expressions

@@ -3,16 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from typing import Any
+from typing import Any, Self
 
 import casadi as ca
 import numpy as np
 from numpy.typing import ArrayLike
 
 from liouville import _core
-from liouville.errors import hinted
+from liouville.errors import Description, describe, hinted
 from liouville.systems import _trace
 from liouville.systems._expressions import Expressions, Pickled, Symbols, recorded
+from liouville.systems._monitor import traced
 from liouville.tape import record
 
 #: A start may miss its constraints by this much of the size of what they are made of.
@@ -49,6 +50,7 @@ class TracedSystem(Pickled):
     constraints: tuple[str, ...]
     states: tuple[str, str]
     invariants: tuple[str, ...]
+    problem: _core.Mechanical | _core.SemiExplicit
 
     def _keep(self, expressions: Expressions, invariants: Mapping[str, ca.SX]) -> None:
         """Keep expressions, and the invariants among them."""
@@ -67,6 +69,21 @@ class TracedSystem(Pickled):
         """The parameters' default values."""
         defaults = self._symbols.params.defaults
         return {name: x.copy() if x.ndim else float(x) for name, x in defaults.items()}
+
+    @property
+    def places(self) -> dict[str, tuple[str, ...]]:
+        """The names of the entries of all states that a run keeps, by the name of the state."""
+        raise NotImplementedError
+
+    @property
+    def _velocity(self) -> ca.SX:
+        """The expression of y'."""
+        raise NotImplementedError
+
+    @property
+    def _multipliers(self) -> ca.SX | None:
+        """The symbols of the multipliers, None in a system whose functions do not see any."""
+        return None
 
     def values(self, params: Mapping[str, ArrayLike] | None) -> np.ndarray:
         """Return the parameter vector with changes; ValueError names an unknown one."""
@@ -100,6 +117,69 @@ class TracedSystem(Pickled):
     def portable(self, observe: Mapping[str, Any] | None) -> dict[str, Any]:
         """Return functions to observe in a form that can be pickled."""
         return recorded(observe, self._symbols.args)
+
+    def event(self, name: str, function: Function) -> tuple[_core.Tape, bool]:
+        """Record a function of the states and params, and say whether it uses the multipliers."""
+        s, what, lam = self._symbols, f"event '{name}'", self._multipliers
+        *point, params = s.args.items()
+        given = [] if lam is None else [("lam", lam)]
+        value = _trace.scalar(what, function, dict([*point, *given, params]))
+        lam = ca.SX(0, 1) if lam is None else lam
+        if not ca.depends_on(value, ca.vertcat(s.t, s.y, s.z, lam)):
+            raise ValueError(
+                hinted(
+                    f"{what} is the same for all states",
+                    "return what is to change its sign, such as "
+                    f"{self.states[0]}[1] - params.height",
+                )
+            )
+        needs_lam = lam.numel() > 0 and ca.depends_on(value, lam)
+        return record(what, s.inputs(z=s.z, lam=lam), value), needs_lam
+
+    def monitor(self, function: Function) -> tuple[_core.Tape, bool]:
+        """Record a function of (t, y, z) and its rate along the motion; say if z' is in it."""
+        return traced(self._symbols, self._velocity, function)
+
+    def stepped(self, t: float, y: np.ndarray, z: np.ndarray, params: np.ndarray) -> Self:
+        """Return the system as a run from this state steps it."""
+        del t, y, z, params
+        return self
+
+    def between(
+        self,
+        order: int,
+        run: tuple[np.ndarray, np.ndarray, np.ndarray],
+        times: np.ndarray,
+        params: np.ndarray,
+    ) -> dict[str, np.ndarray]:
+        """Return the states at times within a run, of which t, y and z of all steps are given.
+
+        The times are in the order of the run, the method has the order `order`.
+
+        Raises
+        ------
+        ValueError
+            The accelerations cannot be solved for there.
+        """
+        t, y, z = (np.ascontiguousarray(x) for x in run)
+        problem = self.stepped(t[0], y[0], z[0], params).problem
+        found = _core.path(problem, params, order, t, y, z, times)
+        if isinstance(found, dict):
+            sentence, hint, _ = self.describe(found)
+            raise ValueError(hinted(sentence, hint))
+        return self.states_at(times, np.concatenate(found, axis=1), params)
+
+    def states_at(
+        self, t: np.ndarray, rows: np.ndarray, params: np.ndarray
+    ) -> dict[str, np.ndarray]:
+        """Name all states at k points, of which rows of those that a run keeps are given."""
+        del t, params
+        widths = [len(names) for names in self.places.values()]
+        return dict(zip(self.places, np.split(rows, np.cumsum(widths)[:-1], axis=1), strict=True))
+
+    def describe(self, error: dict[str, Any]) -> Description:
+        """Describe an error of the core in the user's names: sentence, hint and quantity."""
+        return describe(error, self.coordinates, self.constraints)
 
     def _state(self) -> dict[str, Any]:
         self.observer(None)  # every run needs it

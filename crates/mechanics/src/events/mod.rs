@@ -1,4 +1,4 @@
-//! Events of a mechanical system, and its states at given times.
+//! Events of a mechanical or semi-explicit system, and its states at given times.
 
 mod event;
 mod partial;
@@ -6,7 +6,7 @@ mod search;
 
 pub use event::Event;
 
-use crate::problem::{Carried, Observer, Path, Point};
+use crate::problem::{Carried, Dynamics, Model, Observer, Path, Point};
 use liouville_base::checkpoint::Checkpoint;
 use liouville_base::error::StepError;
 use liouville_base::method::Stepper;
@@ -22,8 +22,8 @@ const NOISE: f64 = 256.0 * f64::EPSILON;
 const LEAVING: i32 = -24;
 
 /// Finds events, and records at given times, on the interpolated trajectory.
-pub struct DenseDetector<State: Checkpoint> {
-    path: Path,
+pub struct DenseDetector<State: Checkpoint, M: Dynamics = Model> {
+    path: Path<M>,
     partial: PartialStep<State>,
     events: Vec<Event>,
     nodes: Vec<Node>,
@@ -31,21 +31,21 @@ pub struct DenseDetector<State: Checkpoint> {
     /// Zeros of all events in a step: where, and which.
     found: Vec<(f64, usize)>,
     met: Events,
-    observer: Observer,
+    observer: Observer<M>,
     /// Times of the records, where they are the detector's.
     times: Option<Vec<f64>>,
     next: usize,
 }
 
 /// An event's function in a step that is over.
-struct InStep<'a, State: Checkpoint> {
-    path: &'a mut Path,
+struct InStep<'a, State: Checkpoint, M: Dynamics> {
+    path: &'a mut Path<M>,
     partial: &'a mut PartialStep<State>,
     event: &'a mut Event,
     end: &'a State,
 }
 
-impl<State: Carried + Checkpoint + Clone> Scene for InStep<'_, State> {
+impl<State: Carried + Checkpoint + Clone, M: Dynamics> Scene for InStep<'_, State, M> {
     fn rough(&mut self, x: f64) -> Result<f64, StepError> {
         rough(self.path, self.event, self.partial.t + x * self.partial.h)
     }
@@ -57,7 +57,7 @@ impl<State: Carried + Checkpoint + Clone> Scene for InStep<'_, State> {
 }
 
 /// An event's function on the interpolated trajectory.
-fn rough(path: &mut Path, event: &mut Event, t: f64) -> Result<f64, StepError> {
+fn rough<M: Dynamics>(path: &mut Path<M>, event: &mut Event, t: f64) -> Result<f64, StepError> {
     path.move_to(t);
     if event.needs_lam {
         path.solve_there()?;
@@ -67,23 +67,28 @@ fn rough(path: &mut Path, event: &mut Event, t: f64) -> Result<f64, StepError> {
 }
 
 /// An event's function at a state.
-fn at(path: &mut Path, event: &mut Event, t: f64, state: &impl Carried) -> Result<f64, StepError> {
+fn at<M: Dynamics>(
+    path: &mut Path<M>,
+    event: &mut Event,
+    t: f64,
+    state: &impl Carried,
+) -> Result<f64, StepError> {
     if event.needs_lam {
         path.solve(t, state)?;
     }
     event.at(t, (state.y(), state.z()), path.lam())
 }
 
-impl<State: Carried + Checkpoint + Clone> DenseDetector<State> {
+impl<State: Carried + Checkpoint + Clone, M: Dynamics> DenseDetector<State, M> {
     /// A detector of events along a path, which records what `observer` reads at `times` if they are given.
     ///
     /// `stepper` makes the same steps as the run, whose state has the size of `state`.
     pub fn new(
-        path: Path,
+        path: Path<M>,
         stepper: Box<dyn Stepper<State = State>>,
         state: &State,
         events: Vec<Event>,
-        (observer, times): (Observer, Option<Vec<f64>>),
+        (observer, times): (Observer<M>, Option<Vec<f64>>),
     ) -> Self {
         let met = Events {
             found: vec![(Vec::new(), Vec::new()); events.len()],
@@ -246,8 +251,8 @@ impl<State: Carried + Checkpoint + Clone> DenseDetector<State> {
 }
 
 /// The start of a run for an event: where its function is nothing but roundoff, shortly after it.
-fn leaving<State: Carried + Checkpoint>(
-    path: &mut Path,
+fn leaving<State: Carried + Checkpoint, M: Dynamics>(
+    path: &mut Path<M>,
     partial: &PartialStep<State>,
     event: &mut Event,
     start: Node,
@@ -283,7 +288,9 @@ fn leaving<State: Carried + Checkpoint>(
     })
 }
 
-impl<State: Carried + Checkpoint + Clone> EventDetector<State> for DenseDetector<State> {
+impl<State: Carried + Checkpoint + Clone, M: Dynamics> EventDetector<State>
+    for DenseDetector<State, M>
+{
     fn is_recording(&self) -> bool {
         self.times.is_some()
     }
@@ -347,7 +354,7 @@ impl<State: Carried + Checkpoint + Clone> EventDetector<State> for DenseDetector
 
 // Events are not saved: they were taken before.
 liouville_base::checkpoint!(
-    [State: Checkpoint] DenseDetector<State> { path, partial.stepper, partial.h, events, met.end, observer, next }
+    [State: Checkpoint, M: Dynamics] DenseDetector<State, M> { path, partial.stepper, partial.h, events, met.end, observer, next }
     then |detector| {
         for (times, rows) in &mut detector.met.found {
             times.clear();

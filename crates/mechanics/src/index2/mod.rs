@@ -1,17 +1,21 @@
-//! Specialised Runge–Kutta methods for semi-explicit systems of index 2, on Gauss coefficients, order 2s.
+//! Specialised Runge–Kutta methods for semi-explicit systems of index 2: on Gauss points, of order 2s, and on
+//! Radau points, of order 2s − 1.
 //!
-//! One step from (t0, y0) to t1 = t0 + h, with Gauss stages T_i = t0 + c_i h:
+//! One step from (t0, y0) to t1 = t0 + h, with stages T_i = t0 + c_i h:
 //!
 //!     (I1)  Y_i = y0 + h Σ_j a_ij V_j,   V_i = f(T_i, Y_i, Z_i)                        i = 1..s
 //!     (I2)  0 = Σ_j b_j P_{i−1}(c_j) k(T_j, Y_j)                                       i = 1..s−1
 //!     (I3)  y1 = y0 + h Σ_j b_j V_j,   0 = k(t1, y1)
 //!     (I4)  0 = k_t(t1, y1) + k_y(t1, y1) f(t1, y1, z1)
 //!
-//! The constraint holds at the ends of steps; at the stages only its Legendre moments vanish. (I1)–(I3) give
-//! V_i and Z_i, (I4) then z1, with order 2s where the Z_i have order s. z0 is used by no step. y is summed
-//! with its rounding errors carried along. Source: jay2006.
+//! The constraint holds at the ends of steps; at the stages only its Legendre moments vanish. On Radau points
+//! the last stage is the end, so (I2) and (I3) are s independent conditions on s values k(T_j, Y_j): all of them
+//! vanish, and this is Radau IIA. (I1)–(I3) give V_i and Z_i, (I4) then z1, with the order of y where the Z_i
+//! have order s. z0 is used by no step. y is summed with its rounding errors carried along. Sources: jay2006;
+//! hairer1996, VII.4.
 
 mod attempt;
+mod estimate;
 mod newton_matrix;
 mod predictor;
 mod probe;
@@ -19,10 +23,12 @@ mod stages;
 
 use crate::semi_explicit::{Algebraic, Model, State};
 use attempt::{Attempt, KeptCollocation};
+use estimate::EndVelocities;
 use liouville_base::error::StepError;
 use liouville_base::linalg::{add_scaled, carry, copy, max_norm};
 use liouville_base::method::{Stats, Stepper, Symmetric};
 use liouville_base::newton::{self, Equations, Predictor, Rest};
+use liouville_base::tableau::Spark;
 use newton_matrix::CollocationMatrix;
 use stages::{CollocationStages, Step};
 
@@ -45,6 +51,8 @@ pub struct Index2 {
     rest: Rest,
     /// Solutions to be compared.
     kept: [Option<Box<KeptCollocation>>; 2],
+    /// What tells errors, where they are wanted.
+    estimate: Option<Box<EndVelocities>>,
     y: Vec<f64>,
     y_low: Vec<f64>,
     stats: Stats,
@@ -65,12 +73,17 @@ struct CollocationEquations<'a> {
 }
 
 impl Index2 {
-    /// The s-stage method for this model.
+    /// The method on s Gauss points for this model.
     ///
     /// # Panics
     /// When `s` is zero.
     pub fn new(model: Model, s: usize) -> Self {
-        let stages = CollocationStages::new(&model, s);
+        Self::of(model, Spark::gauss(s))
+    }
+
+    /// The method on the stages of these coefficients, Gauss or Radau.
+    pub fn of(model: Model, tableau: Spark) -> Self {
+        let stages = CollocationStages::new(&model, tableau);
         Self {
             matrix: CollocationMatrix::new(&model, &stages),
             predictor: predictor::predictor(&stages),
@@ -80,6 +93,7 @@ impl Index2 {
             is_far: false,
             rest: Rest::default(),
             kept: [None, None],
+            estimate: None,
             y: vec![0.0; model.problem.n],
             y_low: vec![0.0; model.problem.n],
             stats: Stats::default(),
@@ -188,9 +202,11 @@ impl Stepper for Index2 {
         copy(&mut self.y_low, &state.y_low);
         self.stages.add_moves(&mut self.y_low);
         carry(&state.y, &mut self.y_low, &mut self.y);
+        self.begin_estimate(t, state);
         copy(&mut state.y, &self.y);
         copy(&mut state.y_low, &self.y_low);
         copy(&mut state.z, &self.z);
+        self.end_estimate(t, h, state);
         Ok(())
     }
 

@@ -39,8 +39,8 @@ pub(super) struct CollocationStages {
 }
 
 impl CollocationStages {
-    pub(super) fn new(model: &Model, s: usize) -> Self {
-        let tableau = Spark::gauss(s);
+    pub(super) fn new(model: &Model, tableau: Spark) -> Self {
+        let s = tableau.stages;
         let (n, l) = (model.problem.n, model.problem.l);
         let mut ends = Matrix::zeros(1, s);
         let all: Vec<usize> = (0..s).collect();

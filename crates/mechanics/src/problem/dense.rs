@@ -12,9 +12,9 @@
 //! in Newton's form.
 
 use super::hermite::Newton;
-use super::{Acceleration, Carried, Model, model::finite};
+use super::{Carried, Dynamics, Model};
 use liouville_base::checkpoint::{Checkpoint, CheckpointMismatch};
-use liouville_base::error::{Quantity, StepError};
+use liouville_base::error::StepError;
 use liouville_base::linalg::copy;
 
 /// A point of a trajectory between steps.
@@ -53,9 +53,9 @@ struct Knot {
 
 /// The last few knots of a trajectory, and its polynomials through them.
 #[derive(Clone, Debug)]
-pub struct Path {
-    model: Model,
-    acceleration: Acceleration,
+pub struct Path<M: Dynamics = Model> {
+    model: M,
+    solver: M::Solver,
     most: usize,
     is_rough: bool,
     /// Whether z is interpolated by itself.
@@ -71,18 +71,18 @@ pub struct Path {
     point: Point,
 }
 
-impl Path {
+impl<M: Dynamics> Path<M> {
     /// A path of `model`, on which a method of this order makes steps.
-    pub fn new(model: Model, order: usize) -> Self {
-        let n = model.problem.n;
-        let has_own_z = model.problem.patterns.v_z.is_some() || order <= 2;
+    pub fn new(model: M, order: usize) -> Self {
+        let [n, l, _] = model.sizes();
+        let has_own_z = model.has_own_z() || order <= 2;
         let most = match order {
             ..=4 => 2,
             7.. if has_own_z => 4,
             _ => 3,
         };
         let zeros = || vec![0.0; n];
-        let z = || if has_own_z { zeros() } else { Vec::new() };
+        let z = || vec![0.0; if has_own_z { l } else { 0 }];
         let knot = Knot {
             t: 0.0,
             y: [zeros(), zeros(), zeros()],
@@ -90,7 +90,7 @@ impl Path {
             carried: None,
         };
         Self {
-            acceleration: Acceleration::new(&model),
+            solver: model.solver(),
             most,
             is_rough: order <= 2,
             has_own_z,
@@ -103,7 +103,7 @@ impl Path {
             t: 0.0,
             point: Point {
                 y: zeros(),
-                z: zeros(),
+                z: vec![0.0; l],
                 carried: None,
             },
             model,
@@ -126,33 +126,20 @@ impl Path {
     /// A value that is not finite, or a singular matrix.
     pub fn push(&mut self, t: f64, state: &impl Carried) -> Result<(), StepError> {
         let (y, z) = (state.y(), state.z());
-        self.acceleration.solve(&mut self.model, t, y, z)?;
-        let z_dot = &self.acceleration.z_dot;
+        self.model.solve(&mut self.solver, t, y, z)?;
         let mut knot = match self.spare.pop() {
             Some(knot) => knot,
             None => self.knots.remove(0),
         };
         knot.t = t;
         copy(&mut knot.y[0], y);
-        if self.model.problem.patterns.v_z.is_some() {
-            let [_, _, rate] = self.model.acceleration(t, y, z);
-            copy(&mut knot.y[2], rate);
-            copy(&mut knot.y[1], self.model.end(t, y, z)[2]);
-            let problem = self.model.problem.clone();
-            let [_, v_z] = self.model.stage_blocks(t, y, z);
-            if let Some(pattern) = &problem.patterns.v_z {
-                pattern.multiply_add(v_z, 1.0, z_dot, &mut knot.y[2]);
-            }
-        } else {
-            copy(&mut knot.y[1], z);
-            copy(&mut knot.y[2], z_dot);
-        }
+        let [_, y_dot, y_ddot] = &mut knot.y;
+        self.model
+            .derivatives(&self.solver, t, (y, z), [y_dot, y_ddot])?;
         if self.has_own_z {
             copy(&mut knot.z[0], z);
-            copy(&mut knot.z[1], z_dot);
+            copy(&mut knot.z[1], M::z_dot(&self.solver));
         }
-        finite(&knot.y[1], Quantity::Velocity, t)?;
-        finite(&knot.y[2], Quantity::Derivative, t)?;
         if let Some((a, work)) = state.accelerations() {
             let (kept, sum) = knot.carried.get_or_insert_with(|| (a.to_vec(), work));
             copy(kept, a);
@@ -174,7 +161,7 @@ impl Path {
         times: &[f64],
         (y, z): (&[f64], &[f64]),
     ) -> Result<(), StepError> {
-        let n = self.model.problem.n;
+        let [n, l, _] = self.model.sizes();
         let is_forward = times.first() <= times.last();
         let end = times.partition_point(|end| if is_forward { *end < t } else { *end > t });
         let last = end.max(self.most - 1).min(times.len() - 1);
@@ -188,9 +175,8 @@ impl Path {
             (last + 1).saturating_sub(self.most)
         };
         for k in first..=last {
-            let row = k * n..(k + 1) * n;
-            copy(&mut self.point.y, &y[row.clone()]);
-            copy(&mut self.point.z, &z[row]);
+            copy(&mut self.point.y, &y[k * n..(k + 1) * n]);
+            copy(&mut self.point.z, &z[k * l..(k + 1) * l]);
             let point = self.point.clone();
             self.push(times[k], &point)?;
         }
@@ -222,15 +208,20 @@ impl Path {
         let (start, h) = self.last_step();
         self.fit(start, h);
         let x = (t - start) / h;
-        let point = &mut self.point;
-        for (k, (y, z)) in point.y.iter_mut().zip(&mut point.z).enumerate() {
+        let Point { y, z, .. } = &mut self.point;
+        if has_own_z {
+            y.iter_mut()
+                .enumerate()
+                .for_each(|(k, y)| *y = self.of_y.at(k, x).0);
+            z.iter_mut()
+                .enumerate()
+                .for_each(|(k, z)| *z = self.of_z.at(k, x).0);
+            return;
+        }
+        for (k, (y, z)) in y.iter_mut().zip(z).enumerate() {
             let (value, slope) = self.of_y.at(k, x);
             *y = value;
-            *z = if has_own_z {
-                self.of_z.at(k, x).0
-            } else {
-                slope / h
-            };
+            *z = slope / h;
         }
     }
 
@@ -250,38 +241,27 @@ impl Path {
         &self.point
     }
 
-    /// Solves for λ there.
+    /// Solves for λ there, if the model has one.
     ///
     /// # Errors
     /// A value that is not finite, or a singular matrix.
     pub fn solve_there(&mut self) -> Result<(), StepError> {
-        let Self {
-            acceleration,
-            model,
-            point,
-            ..
-        } = self;
-        let found = acceleration.solve_all(model, self.t, &point.y, &point.z);
-        // the next solve starts from it
-        found.inspect_err(|_| acceleration.lam.fill(0.0))
+        let Point { y, z, .. } = &self.point;
+        self.model.solve_lam(&mut self.solver, self.t, y, z)
     }
 
-    /// Solves for λ at a state.
+    /// Solves for λ at a state, if the model has one.
     ///
     /// # Errors
     /// A value that is not finite, or a singular matrix.
     pub fn solve(&mut self, t: f64, state: &impl Carried) -> Result<(), StepError> {
-        let Self {
-            acceleration,
-            model,
-            ..
-        } = self;
-        acceleration.solve_all(model, t, state.y(), state.z())
+        self.model
+            .solve_lam(&mut self.solver, t, state.y(), state.z())
     }
 
     /// λ of all constraints, as last solved for.
     pub fn lam(&self) -> &[f64] {
-        self.acceleration.multipliers()
+        M::lam(&self.solver)
     }
 
     /// Start and length of the last step; of none, where there is only its start.
@@ -340,13 +320,13 @@ impl Path {
 }
 
 /// The knots; polynomials are fitted again, to the same bits.
-impl Checkpoint for Path {
+impl<M: Dynamics> Checkpoint for Path<M> {
     fn save(&self, member: usize, out: &mut Vec<f64>) {
         self.knots.len().save(member, out);
         for knot in &self.knots {
             knot.save(member, out);
         }
-        self.acceleration.save(member, out);
+        self.solver.save(member, out);
     }
 
     fn restore(&mut self, member: usize, saved: &mut &[f64]) -> Result<(), CheckpointMismatch> {
@@ -359,7 +339,7 @@ impl Checkpoint for Path {
             self.knots.push(knot);
         }
         self.is_fitted = false;
-        self.acceleration.restore(member, saved)
+        self.solver.restore(member, saved)
     }
 }
 

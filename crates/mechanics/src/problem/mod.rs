@@ -8,6 +8,8 @@
 
 mod acceleration;
 mod dense;
+mod dynamics;
+mod estimate;
 mod hermite;
 mod kkt;
 mod mass;
@@ -25,9 +27,11 @@ mod separable;
 
 pub use acceleration::Acceleration;
 pub use dense::{Path, Point};
+pub use dynamics::Dynamics;
+pub(crate) use estimate::Estimate;
 pub use mass::Mass;
 pub use model::{Model, finite, finite_k};
-pub use monitor::{MechanicalMonitor, TimeScale, Traced};
+pub use monitor::{TimeScale, Traced};
 pub(crate) use nonholonomic::diagnose_rank_all;
 pub use nonholonomic::{Nonholonomic, NonholonomicPatterns};
 pub use observe::{Carried, Observer, Observers};

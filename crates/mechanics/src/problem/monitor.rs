@@ -10,7 +10,7 @@
 //! tangent (1, v, z'), and so is ds/dt of s: both are odd to the last bit when velocities are reversed.
 //! Source: hairer2005.
 
-use super::{Acceleration, Carried, Model, model::finite};
+use super::{Acceleration, Carried, Dynamics, Model, model::finite};
 use liouville_base::checkpoint::{Checkpoint, CheckpointMismatch};
 use liouville_base::error::{Quantity, StepError};
 use liouville_base::linalg::{add_scaled, copy, dot, max_norm};
@@ -28,23 +28,14 @@ const LEAST_SIZE: f64 = 0.25;
 /// its own size are none: they may be roundoff.
 const LEAST_RATE: f64 = 1e-4;
 
-/// A monitor of a mechanical system.
-#[derive(Clone, Debug)]
-pub enum MechanicalMonitor {
-    /// A function of the user's.
-    Traced(Box<Traced>),
-    /// The time scale of the acceleration.
-    Own(Box<TimeScale>),
-}
-
 /// A monitor by a tape (t, y, z, z') → s, ds/dt.
 #[derive(Clone, Debug)]
-pub struct Traced {
+pub struct Traced<M: Dynamics = Model> {
     tape: Tape,
     registers: Registers<f64>,
-    model: Model,
+    model: M,
     /// Where ds/dt depends on z', what solves for it.
-    acceleration: Option<Acceleration>,
+    solver: Option<M::Solver>,
     zeros: Vec<f64>,
 }
 
@@ -79,32 +70,32 @@ struct Point {
     z_dot: Vec<f64>,
 }
 
-impl Traced {
-    /// The monitor of a tape; `of_acceleration` says whether it wants z', or zeros in its place.
+impl<M: Dynamics> Traced<M> {
+    /// The monitor of a tape; `of_z_dot` says whether it wants z', or zeros in its place.
     ///
     /// # Panics
     /// When the tape's inputs are not (t, y, z, z', params).
-    pub fn new(model: Model, params: &[f64], tape: Tape, of_acceleration: bool) -> Self {
-        let n = model.problem.n;
+    pub fn new(model: M, params: &[f64], tape: Tape, of_z_dot: bool) -> Self {
+        let [n, l, _] = model.sizes();
         assert_eq!(
             tape.inputs(),
-            [1, n, n, n, params.len()],
+            [1, n, l, l, params.len()],
             "inputs of a monitor"
         );
         Self {
             registers: tape.bind(params),
             tape,
-            acceleration: of_acceleration.then(|| Acceleration::new(&model)),
+            solver: of_z_dot.then(|| model.solver()),
             model,
-            zeros: vec![0.0; n],
+            zeros: vec![0.0; l],
         }
     }
 
     fn rate_at(&mut self, t: f64, y: &[f64], z: &[f64]) -> Result<f64, StepError> {
-        let z_dot = match &mut self.acceleration {
-            Some(acceleration) => {
-                acceleration.solve(&mut self.model, t, y, z)?;
-                &acceleration.z_dot
+        let z_dot = match &mut self.solver {
+            Some(solver) => {
+                self.model.solve(solver, t, y, z)?;
+                M::z_dot(solver)
             }
             None => &self.zeros,
         };
@@ -259,7 +250,7 @@ impl Metric {
     }
 }
 
-impl<S: Carried> Monitor<S> for Traced {
+impl<S: Carried, M: Dynamics> Monitor<S> for Traced<M> {
     fn rate(&mut self, t: f64, state: &S) -> Result<f64, StepError> {
         self.rate_at(t, state.y(), state.z())
     }
@@ -271,41 +262,16 @@ impl<S: Carried> Monitor<S> for TimeScale {
     }
 }
 
-impl<S: Carried> Monitor<S> for MechanicalMonitor {
-    fn rate(&mut self, t: f64, state: &S) -> Result<f64, StepError> {
-        match self {
-            Self::Traced(monitor) => monitor.rate(t, state),
-            Self::Own(monitor) => monitor.rate(t, state),
-        }
-    }
-}
-
-impl Checkpoint for MechanicalMonitor {
+impl<M: Dynamics> Checkpoint for Traced<M> {
     fn save(&self, member: usize, out: &mut Vec<f64>) {
-        match self {
-            Self::Traced(monitor) => monitor.save(member, out),
-            Self::Own(monitor) => monitor.save(member, out),
+        if let Some(solver) = &self.solver {
+            solver.save(member, out);
         }
     }
 
     fn restore(&mut self, member: usize, saved: &mut &[f64]) -> Result<(), CheckpointMismatch> {
-        match self {
-            Self::Traced(monitor) => monitor.restore(member, saved),
-            Self::Own(monitor) => monitor.restore(member, saved),
-        }
-    }
-}
-
-impl Checkpoint for Traced {
-    fn save(&self, member: usize, out: &mut Vec<f64>) {
-        if let Some(acceleration) = &self.acceleration {
-            acceleration.save(member, out);
-        }
-    }
-
-    fn restore(&mut self, member: usize, saved: &mut &[f64]) -> Result<(), CheckpointMismatch> {
-        match &mut self.acceleration {
-            Some(acceleration) => acceleration.restore(member, saved),
+        match &mut self.solver {
+            Some(solver) => solver.restore(member, saved),
             None => Ok(()),
         }
     }

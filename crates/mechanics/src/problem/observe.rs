@@ -1,6 +1,6 @@
-//! What is recorded of a mechanical system at an output point.
+//! What is recorded of a mechanical or semi-explicit system at an output point.
 
-use super::{Acceleration, Model, State, model::finite};
+use super::{Dynamics, Model, State, model::finite};
 use liouville_base::checkpoint::{Checkpoint, CheckpointMismatch};
 use liouville_base::error::{Quantity, StepError};
 use liouville_base::observe::Observe;
@@ -34,26 +34,26 @@ impl Carried for State {
 /// Records y, z, λ and ν, and z' and a of methods that carry a (where states are wanted); then the work of
 /// such methods; then the outputs of a tape (t, y, z) → quantities.
 #[derive(Clone, Debug)]
-pub struct Observer {
-    model: Model,
-    states: Option<Acceleration>,
+pub struct Observer<M: Dynamics = Model> {
+    model: M,
+    states: Option<M::Solver>,
     tape: Tape,
     registers: Registers<f64>,
 }
 
-impl Observer {
+impl<M: Dynamics> Observer<M> {
     /// An observer of `model`, with or without its states.
     ///
     /// # Panics
     /// When the tape's inputs are not (t, y, z, params).
-    pub fn new(model: Model, params: &[f64], tape: Tape, states: bool) -> Self {
-        let n = model.problem.n;
+    pub fn new(model: M, params: &[f64], tape: Tape, states: bool) -> Self {
+        let [n, l, _] = model.sizes();
         assert_eq!(
             tape.inputs(),
-            [1, n, n, params.len()],
+            [1, n, l, params.len()],
             "inputs of an observer"
         );
-        let states = states.then(|| Acceleration::new(&model));
+        let states = states.then(|| model.solver());
         let registers = tape.bind(params);
         Self {
             model,
@@ -64,7 +64,7 @@ impl Observer {
     }
 
     /// What is observed.
-    pub fn model(&self) -> &Model {
+    pub fn model(&self) -> &M {
         &self.model
     }
 
@@ -75,14 +75,14 @@ impl Observer {
         row: &mut Vec<f64>,
     ) -> Result<(), StepError> {
         if let Some(states) = &mut self.states {
-            states.solve_all(&mut self.model, t, state.y(), state.z())?;
+            self.model.solve_lam(states, t, state.y(), state.z())?;
             row.extend_from_slice(state.y());
             row.extend_from_slice(state.z());
-            row.extend_from_slice(states.multipliers());
+            row.extend_from_slice(M::lam(states));
         }
         if let Some((a, work)) = state.accelerations() {
             if let Some(states) = &self.states {
-                row.extend_from_slice(&states.z_dot);
+                row.extend_from_slice(M::z_dot(states));
                 row.extend_from_slice(a);
             }
             row.push(work);
@@ -95,17 +95,14 @@ impl Observer {
     }
 }
 
-impl<S: Carried> Observe<S> for Observer {
+impl<S: Carried, M: Dynamics> Observe<S> for Observer<M> {
     fn width(&self, state: &S) -> usize {
-        let (n, m) = (
-            self.model.problem.n,
-            self.model.problem.recorded_multipliers(),
-        );
+        let [n, l, m] = self.model.sizes();
         let accelerations = state.accelerations().map_or(0, |(a, _)| a.len());
         let states = self
             .states
             .as_ref()
-            .map_or(0, |_| n + n + m + 2 * accelerations);
+            .map_or(0, |_| n + l + m + 2 * accelerations);
         states + usize::from(state.accelerations().is_some()) + self.tape.outputs()
     }
 
@@ -116,7 +113,7 @@ impl<S: Carried> Observe<S> for Observer {
     }
 }
 
-impl Checkpoint for Observer {
+impl<M: Dynamics> Checkpoint for Observer<M> {
     fn save(&self, member: usize, out: &mut Vec<f64>) {
         if let Some(states) = &self.states {
             states.save(member, out);

@@ -20,7 +20,10 @@ impl System {
             }
             (Problem::SemiExplicit(problem), Method::Spark(spark)) => {
                 let stages = spark.composition()?;
-                Ok(Self::Index2(problem, spark.tableau.stages, stages))
+                if spark.tableau.stages != spark.tableau.intervals {
+                    return invalid("a semi-explicit system is stepped on Gauss or Radau points");
+                }
+                Ok(Self::Index2(problem, spark, stages))
             }
             (Problem::SecondOrder(problem), Method::Alpha(weights, reactions)) => {
                 Ok(Self::Alpha(problem, weights, reactions))
@@ -30,7 +33,7 @@ impl System {
     }
 
     /// Sizes of y and z, and of the parameters.
-    fn sizes(&self) -> ([usize; 2], usize) {
+    pub(super) fn sizes(&self) -> ([usize; 2], usize) {
         if let Self::Index2(problem, ..) = self {
             let params = problem.field.inputs().last();
             return ([problem.n, problem.l], params.copied().unwrap_or(0));
@@ -39,14 +42,29 @@ impl System {
         ([mechanical.n; 2], mechanical.stage.inputs()[3])
     }
 
+    /// The number of multipliers beside y and z.
+    pub(super) fn multipliers(&self) -> usize {
+        match self {
+            Self::Index2(..) => 0,
+            _ => self.mechanical().recorded_multipliers(),
+        }
+    }
+
     /// The controls that the method has, by the names of their kinds.
     fn has(&self, control: &Control) -> bool {
         match control {
             Control::Fixed => true,
             Control::Adaptive { .. } => {
-                matches!(self, Self::Spark(_, _, None) | Self::Alpha(..))
+                matches!(
+                    self,
+                    Self::Spark(_, _, None) | Self::Alpha(..) | Self::Index2(_, _, None)
+                )
             }
-            Control::Reversible { .. } => matches!(self, Self::Spark(..) | Self::Rattle(..)),
+            Control::Reversible { monitor, .. } => match self {
+                Self::Spark(..) | Self::Rattle(..) => true,
+                Self::Index2(_, spark, _) => monitor.is_some() && spark.tableau.is_symmetric(),
+                Self::Alpha(..) => false,
+            },
         }
     }
 }
@@ -117,7 +135,7 @@ impl Job {
     }
 
     fn check_control(&self, system: &System) -> Result<(), StartError> {
-        let ([n, _], params) = system.sizes();
+        let ([n, l], params) = system.sizes();
         if !system.has(&self.control) {
             let name = self.control.name();
             return invalid(format!("this method has no control {name:?}"));
@@ -126,11 +144,6 @@ impl Job {
         if self.members.is_some() && !is_plain {
             return invalid("an ensemble has equal steps and no events");
         }
-        if let System::Index2(..) = system
-            && (self.members.is_some() || self.detection.is_some())
-        {
-            return invalid("a semi-explicit system has single runs without events");
-        }
         match &self.control {
             Control::Adaptive { tolerance, .. } if tolerance.atol.len() != n => {
                 invalid(format!("atol has size {n}"))
@@ -138,7 +151,7 @@ impl Job {
             Control::Reversible {
                 monitor: Some((tape, _)),
                 ..
-            } if tape.inputs() != [1, n, n, n, params] || tape.outputs() != 2 => {
+            } if tape.inputs() != [1, n, l, l, params] || tape.outputs() != 2 => {
                 invalid("a monitor is a tape of (t, y, z, z', params) with two values")
             }
             _ => Ok(()),
@@ -148,9 +161,10 @@ impl Job {
 
 impl Detection {
     fn check(&self, system: &System) -> Result<(), StartError> {
-        let (_, params) = system.sizes();
+        let ([n, l], params) = system.sizes();
         let mut tapes = self.events.iter().map(|event| &event.tape);
-        let is_event = |inputs: &[usize]| inputs.len() == 5 && inputs[4] == params;
+        let point = [1, n, l, system.multipliers(), params];
+        let is_event = |inputs: &[usize]| inputs == point;
         if tapes.all(|tape| is_event(tape.inputs()) && tape.outputs() == 1) {
             return Ok(());
         }

@@ -1,64 +1,83 @@
 //! The parts of a run that each member has of its own: start, parameters, observer, monitor, detector.
 
-use super::{Begun, Starter};
+use super::{Begun, Control, Starter};
 use crate::events::{DenseDetector, Event};
-use crate::problem::{Carried, MechanicalMonitor, Model, Observer, Path, TimeScale, Traced};
+use crate::problem::{Carried, Dynamics, Model, Observer, Path, TimeScale, Traced};
 use crate::spark::BATCH;
 use liouville_base::checkpoint::Checkpoint;
 use liouville_base::composition::Composed;
-use liouville_base::method::{Stepper, Symmetric};
-use liouville_base::observe::Observe;
+use liouville_base::method::{Estimating, Stepper, Symmetric};
+use liouville_base::observe::{Monitor, Observe};
 use liouville_base::real::{Lanes, Scalar};
-use liouville_base::run::{EventDetector, Fixed, Run, StepControl};
-use liouville_base::tape::Tape;
+use liouville_base::run::{Adaptive, EventDetector, Fixed, Reversible, Run, StepControl};
 
 /// A stepper of any kind for a type of state.
 pub(super) type BoxedStepper<State> = Box<dyn Stepper<State = State>>;
 
+/// What steps follow, with the first step and the least; nothing where they are equal.
+type Followed<State> = Option<(Box<dyn Monitor<State>>, [f64; 2])>;
+
 impl Starter {
     /// Whether all members have the same parameters.
     pub(super) fn is_common(&self) -> bool {
-        self.job.params.len() == self.system.mechanical().stage.inputs()[3]
+        self.job.params.len() == self.system.sizes().1
     }
 
     /// A member's parameters.
     pub(super) fn params(&self, member: usize) -> &[f64] {
-        let width = self.system.mechanical().stage.inputs()[3];
+        let (_, width) = self.system.sizes();
         let row = if self.is_common() { 0 } else { member };
         &self.job.params[row * width..(row + 1) * width]
     }
 
     /// A part of a member's start: y, z or a.
     pub(super) fn part(&self, part: usize, member: usize) -> &[f64] {
-        let n = self.system.mechanical().n;
-        &self.job.start[part][member * n..(member + 1) * n]
+        let ([n, l], _) = self.system.sizes();
+        let width = [n, l, n][part];
+        &self.job.start[part][member * width..(member + 1) * width]
     }
 
-    fn model(&self, member: usize) -> Model {
+    /// The mechanical model of a member.
+    pub(super) fn model(&self, member: usize) -> Model {
         Model::new(self.system.mechanical().clone(), self.params(member))
     }
 
-    /// The observer of a member.
-    pub(super) fn observer(&self, member: usize) -> Observer {
+    /// The observer of a member with this model.
+    pub(super) fn observer<M: Dynamics>(&self, model: M, member: usize) -> Observer<M> {
         let (params, tape) = (self.params(member), self.job.observer.clone());
-        Observer::new(self.model(member), params, tape, self.job.states)
+        Observer::new(model, params, tape, self.job.states)
     }
 
-    /// A tape with whether it depends on z', or the time scale of the acceleration.
-    pub(super) fn monitor(
+    /// The monitor of a mechanical member, if its steps follow one: a function of the user's, or the time scale
+    /// of the acceleration.
+    pub(super) fn monitor<S: Carried>(&self, member: usize) -> Followed<S> {
+        let traced = self.traced(member, || self.model(member));
+        let Control::Reversible { first, least, .. } = self.job.control else {
+            return None;
+        };
+        traced.or_else(|| {
+            let at = (self.job.span.t0, self.part(0, member), self.part(1, member));
+            let scale = TimeScale::new(self.model(member), at, first);
+            Some((Box::new(scale) as Box<dyn Monitor<S>>, [first, least]))
+        })
+    }
+
+    /// The monitor that is a function of the user's, if the steps follow one.
+    pub(super) fn traced<S: Carried, M: Dynamics>(
         &self,
         member: usize,
-        monitor: Option<&(Tape, bool)>,
-        first: f64,
-    ) -> MechanicalMonitor {
-        let (model, params) = (self.model(member), self.params(member));
-        if let Some((tape, of_acceleration)) = monitor {
-            let traced = Traced::new(model, params, tape.clone(), *of_acceleration);
-            return MechanicalMonitor::Traced(Box::new(traced));
-        }
-        let (y, z) = (self.part(0, member), self.part(1, member));
-        let scale = TimeScale::new(model, (self.job.span.t0, y, z), first);
-        MechanicalMonitor::Own(Box::new(scale))
+        model: impl FnOnce() -> M,
+    ) -> Followed<S> {
+        let Control::Reversible {
+            first,
+            least,
+            monitor: Some((tape, of_z_dot)),
+        } = &self.job.control
+        else {
+            return None;
+        };
+        let traced = Traced::new(model(), self.params(member), tape.clone(), *of_z_dot);
+        Some((Box::new(traced), [*first, *least]))
     }
 
     /// A copy of a stepper for the event detector, if there is to be one.
@@ -70,15 +89,56 @@ impl Starter {
         self.job.detection.is_some().then(copy)
     }
 
+    /// A run by steps that an estimate of their errors controls, from a first one.
+    pub(super) fn adaptive<S, M: Dynamics>(
+        &self,
+        stepper: S,
+        (first, least): (f64, f64),
+        (member, model): (usize, M),
+        state: S::State,
+    ) -> Begun
+    where
+        S: Estimating + Clone + 'static,
+        S::State: Carried + Clone,
+    {
+        let (span, copy) = (self.job.span, self.copy(&stepper));
+        let control = Adaptive::new(Box::new(stepper), (span.t0, span.t1), first, least);
+        self.launch(Box::new(control), copy, (member, model), state)
+    }
+
+    /// A run of a symmetric method by steps that follow a monitor, if there is one, or by equal steps.
+    pub(super) fn symmetric<S, M: Dynamics>(
+        &self,
+        stepper: S,
+        monitor: Followed<S::State>,
+        (member, model): (usize, M),
+        state: S::State,
+    ) -> Begun
+    where
+        S: Symmetric + Clone + 'static,
+        S::State: Carried + Clone,
+    {
+        let (span, copy) = (self.job.span, self.copy(&stepper));
+        let stepper = Box::new(stepper);
+        let control: Box<dyn StepControl<S::State>> = match monitor {
+            Some((monitor, [first, least])) => {
+                let (ends, sizes) = ((span.t0, span.t1), (first, least));
+                Box::new(Reversible::new(stepper, ends, sizes, monitor, &state))
+            }
+            None => Box::new(Fixed::new(stepper, span.t0, span.h(), span.steps)),
+        };
+        self.launch(control, copy, (member, model), state)
+    }
+
     /// A run of one member, with an event detector where `copy` makes its partial steps.
-    pub(super) fn launch<State: Carried + Checkpoint + Clone + 'static>(
+    pub(super) fn launch<State: Carried + Checkpoint + Clone + 'static, M: Dynamics>(
         &self,
         control: Box<dyn StepControl<State>>,
         copy: Option<BoxedStepper<State>>,
-        member: usize,
+        (member, model): (usize, M),
         state: State,
     ) -> Begun {
-        let observer = self.observer(member);
+        let observer = self.observer(model.clone(), member);
         let mut expected = match control.sizes() {
             None => self.job.span.records(),
             Some(_) => 0,
@@ -94,7 +154,7 @@ impl Starter {
             });
             let recorded = (observer.clone(), detection.times.clone());
             expected = detection.times.as_ref().map_or(expected, Vec::len);
-            let path = Path::new(self.model(member), detection.order);
+            let path = Path::new(model, detection.order);
             let detector = DenseDetector::new(path, stepper, &state, functions.collect(), recorded);
             events = Some(Box::new(detector) as Box<dyn EventDetector<State>>);
         }

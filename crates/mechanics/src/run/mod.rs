@@ -11,7 +11,7 @@ pub use job::{Control, Detection, EventFunction, Job, Method, Problem, SparkMeth
 use crate::alpha::{Alpha, Reactions};
 use crate::index2::Index2;
 use crate::problem::{
-    Carried, Mechanical, Model, Observers, SecondOrder, SecondOrderModel, Separable, SeparableModel,
+    Mechanical, Model, Observers, SecondOrder, SecondOrderModel, Separable, SeparableModel,
 };
 use crate::rattle::Rattle;
 use crate::semi_explicit::{self, SemiExplicit};
@@ -19,8 +19,7 @@ use crate::spark::{BATCH, Spark, SparkBatch, supports_batch};
 use liouville_base::composition::Composed;
 use liouville_base::ensemble::{Ensemble, Layout};
 use liouville_base::error::StepError;
-use liouville_base::method::Symmetric;
-use liouville_base::run::{Adaptive, Advance, Fixed, Reversible, StartError, StepControl};
+use liouville_base::run::{Advance, Fixed, StartError};
 use liouville_base::tableau;
 use member::{composed, in_lanes};
 use std::sync::Arc;
@@ -44,7 +43,7 @@ enum System {
     Spark(Arc<Mechanical>, Box<SparkMethod>, Option<Vec<f64>>),
     Rattle(Arc<Separable>, Option<Vec<f64>>),
     Alpha(Arc<SecondOrder>, tableau::Alpha, Reactions),
-    Index2(Arc<SemiExplicit>, usize, Option<Vec<f64>>),
+    Index2(Arc<SemiExplicit>, Box<SparkMethod>, Option<Vec<f64>>),
 }
 
 impl System {
@@ -95,9 +94,9 @@ impl Starter {
 
     /// How many numbers a member of an ensemble has in a row.
     fn width(&self) -> usize {
-        let problem = self.system.mechanical();
+        let ([n, l], _) = self.system.sizes();
         let is_alpha = usize::from(matches!(self.system, System::Alpha(..)));
-        let states = 2 * problem.n + problem.recorded_multipliers() + 2 * is_alpha * problem.n;
+        let states = n + l + self.system.multipliers() + 2 * is_alpha * n;
         usize::from(self.job.states) * states + is_alpha + self.job.observer.outputs()
     }
 
@@ -114,7 +113,9 @@ impl Starter {
             System::Alpha(problem, weights, reactions) => {
                 self.alpha(problem, (*weights, *reactions), members[0])
             }
-            System::Index2(problem, s, stages) => self.index2(problem, *s, stages.as_deref()),
+            System::Index2(problem, spark, stages) => {
+                self.index2((problem, &spark.tableau), stages.as_deref(), members[0])
+            }
         }
     }
 
@@ -138,7 +139,9 @@ impl Starter {
         } else {
             members
         };
-        let observers = each.iter().map(|member| self.observer(*member)).collect();
+        let observers = each.iter();
+        let observers = observers.map(|member| self.observer(self.model(*member), *member));
+        let observers = observers.collect();
         let observer = Box::new(Observers::new(observers, members.len()));
         self.fixed(composed(stepper, stages), observer, state)
     }
@@ -162,9 +165,12 @@ impl Starter {
             least,
         } = &self.job.control
         else {
+            let (monitor, of) = (self.monitor(member), (member, self.model(member)));
             return match stages {
-                None => self.symmetric(stepper, member, state),
-                Some(stages) => self.symmetric(Composed::of_stages(stepper, stages), member, state),
+                None => self.symmetric(stepper, monitor, of, state),
+                Some(stages) => {
+                    self.symmetric(Composed::of_stages(stepper, stages), monitor, of, state)
+                }
             };
         };
         let mut stepper = stepper.estimating(tolerance.clone());
@@ -172,9 +178,12 @@ impl Starter {
             Some(first) => *first,
             None => stepper.first_step(span.t0, &state, span.t1 - span.t0)?,
         };
-        let copy = self.copy(&stepper);
-        let control = Adaptive::new(Box::new(stepper), (span.t0, span.t1), first, *least);
-        self.launch(Box::new(control), copy, member, state)
+        self.adaptive(
+            stepper,
+            (first, *least),
+            (member, self.model(member)),
+            state,
+        )
     }
 
     fn rattle(&self, problem: &Arc<Separable>, stages: Option<&[f64]>, member: usize) -> Begun {
@@ -182,9 +191,12 @@ impl Starter {
         let (y, z) = (self.part(0, member), self.part(1, member));
         let state = model.general.state(self.job.span.t0, y, z);
         let stepper = Rattle::new(model)?;
+        let (monitor, of) = (self.monitor(member), (member, self.model(member)));
         match stages {
-            None => self.symmetric(stepper, member, state),
-            Some(stages) => self.symmetric(Composed::of_stages(stepper, stages), member, state),
+            None => self.symmetric(stepper, monitor, of, state),
+            Some(stages) => {
+                self.symmetric(Composed::of_stages(stepper, stages), monitor, of, state)
+            }
         }
     }
 
@@ -208,54 +220,51 @@ impl Starter {
             let state = stepper.start(span.t0, y, z, a)?;
             let copy = self.copy(&stepper);
             let control = Fixed::new(Box::new(stepper), span.t0, span.h(), span.steps);
-            return self.launch(Box::new(control), copy, member, state);
+            let of = (member, self.model(member));
+            return self.launch(Box::new(control), copy, of, state);
         };
         let mut stepper = Alpha::new(model, weights, reactions, Some(tolerance.clone()));
         let state = stepper.start(span.t0, y, z, a)?;
         let first = first.unwrap_or_else(|| stepper.first_step(&state, span.t1 - span.t0));
-        let copy = self.copy(&stepper);
-        let control = Adaptive::new(Box::new(stepper), (span.t0, span.t1), first, *least);
-        self.launch(Box::new(control), copy, member, state)
+        self.adaptive(
+            stepper,
+            (first, *least),
+            (member, self.model(member)),
+            state,
+        )
     }
 
-    fn index2(&self, problem: &Arc<SemiExplicit>, s: usize, stages: Option<&[f64]>) -> Begun {
+    fn index2(
+        &self,
+        (problem, tableau): (&Arc<SemiExplicit>, &tableau::Spark),
+        stages: Option<&[f64]>,
+        member: usize,
+    ) -> Begun {
         let span = self.job.span;
-        let mut model = semi_explicit::Model::new(problem.clone(), &self.job.params);
-        let state = model.state(span.t0, &self.job.start[0], &self.job.start[1], span.h())?;
-        let observer = semi_explicit::Observer::new(
-            &self.job.params,
-            self.job.observer.clone(),
-            self.job.states,
-        );
-        let stepper = Index2::new(model, s);
-        self.fixed(composed(stepper, stages), Box::new(observer), state)
-    }
-
-    /// A run with the control that is asked for, of a symmetric method.
-    fn symmetric<S>(&self, stepper: S, member: usize, state: S::State) -> Begun
-    where
-        S: Symmetric + Clone + 'static,
-        S::State: Carried + Clone,
-    {
-        let (span, copy) = (self.job.span, self.copy(&stepper));
-        let control: Box<dyn StepControl<S::State>> = match &self.job.control {
-            Control::Reversible {
-                first,
-                least,
-                monitor,
-            } => {
-                let monitor = Box::new(self.monitor(member, monitor.as_ref(), *first));
-                let (ends, sizes) = ((span.t0, span.t1), (*first, *least));
-                Box::new(Reversible::new(
-                    Box::new(stepper),
-                    ends,
-                    sizes,
-                    monitor,
-                    &state,
-                ))
-            }
-            _ => Box::new(Fixed::new(Box::new(stepper), span.t0, span.h(), span.steps)),
+        let mut model = semi_explicit::Model::new(problem.clone(), self.params(member));
+        let (y, z) = (self.part(0, member), self.part(1, member));
+        let state = model.state(span.t0, y, z, span.h())?;
+        let of = (member, model.clone());
+        let stepper = Index2::of(model, tableau.clone());
+        let Control::Adaptive {
+            tolerance,
+            first,
+            least,
+        } = &self.job.control
+        else {
+            let monitor = self.traced(member, || of.1.clone());
+            return match stages {
+                None => self.symmetric(stepper, monitor, of, state),
+                Some(stages) => {
+                    self.symmetric(Composed::of_stages(stepper, stages), monitor, of, state)
+                }
+            };
         };
-        self.launch(control, copy, member, state)
+        let mut stepper = stepper.estimating(tableau, tolerance.clone());
+        let first = match first {
+            Some(first) => *first,
+            None => stepper.first_step(span.t0, &state, span.t1 - span.t0)?,
+        };
+        self.adaptive(stepper, (first, *least), of, state)
     }
 }

@@ -6,12 +6,12 @@
 //! 0 = w(t, y, z) := k_t + k_y f, from which z follows. Source: jay2006.
 
 mod algebraic;
+mod dynamics;
 mod model;
-mod observe;
 
 pub use algebraic::Algebraic;
+pub use dynamics::Derivatives;
 pub use model::Model;
-pub use observe::Observer;
 
 use crate::problem::Mismatch;
 use liouville_base::linalg::Pattern;
@@ -38,6 +38,8 @@ pub struct SemiExplicit {
     pub hidden: Tape,
     /// (t, y, z) → w_z, f_z
     pub hidden_jacobian: Tape,
+    /// (t, y, z) → `w_t + w_y f`, `f_t + f_y f`
+    pub rates: Tape,
     /// Where the derivatives are not zero.
     pub patterns: Patterns,
 }
@@ -83,6 +85,7 @@ impl SemiExplicit {
                 point,
                 at.w_z.len() + at.f_z.len(),
             ),
+            ("rates", &self.rates, point, l + n),
         ];
         for (name, tape, inputs, outputs) in tapes {
             check(name, tape.inputs().len(), inputs.len())?;

@@ -17,6 +17,7 @@ pub struct Model {
     constraint_jacobian: Registers<f64>,
     hidden: Registers<f64>,
     hidden_jacobian: Registers<f64>,
+    rates: Registers<f64>,
 }
 
 impl Model {
@@ -32,6 +33,7 @@ impl Model {
             constraint_jacobian: problem.constraint_jacobian.bind(params),
             hidden: problem.hidden.bind(params),
             hidden_jacobian: problem.hidden_jacobian.bind(params),
+            rates: problem.rates.bind(params),
             problem,
         }
     }
@@ -82,6 +84,15 @@ impl Model {
             .hidden_jacobian
             .eval(&mut self.hidden_jacobian, [&[t], y, z])
             .split_at(problem.patterns.w_z.len())
+    }
+
+    /// `w_t + w_y f` and `f_t + f_y f` at (t, y, z).
+    pub fn rates(&mut self, t: f64, y: &[f64], z: &[f64]) -> (&[f64], &[f64]) {
+        let problem = &self.problem;
+        problem
+            .rates
+            .eval(&mut self.rates, [&[t], y, z])
+            .split_at(problem.l)
     }
 
     /// The state at (t, y), its z found near a guess, for steps of about h.

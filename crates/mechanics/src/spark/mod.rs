@@ -27,8 +27,7 @@ mod stages;
 mod update;
 mod yardstick;
 
-use crate::problem::{Mechanical, Model, State};
-use estimate::Estimate;
+use crate::problem::{Estimate, Mechanical, Model, State};
 use full_newton::FullNewton;
 use liouville_base::error::StepError;
 use liouville_base::linalg::choice::{CHEAP_NEWTON, SCHUR_ITERATIONS};

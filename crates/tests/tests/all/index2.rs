@@ -115,3 +115,34 @@ fn a_failed_step_leaves_the_state_as_it_was() {
     let singular = model.state(1.0, &[1.0, 0.0], &[1.0], 0.5);
     assert_eq!(singular, Err(StepError::SingularHidden { unknown: 0 }));
 }
+
+#[test]
+fn on_radau_points_the_order_is_2s_less_1_and_the_constraint_holds() {
+    let (f, k) = turning();
+    let end = |s: usize, steps: i32| {
+        let mut model = Model::new(semi_explicit(&f, &k), &[]);
+        let h = 1.0 / f64::from(steps);
+        let start = model.state(0.0, &[0.0, 0.0, 1.0], &[0.0], h);
+        let mut state = start.expect("a start");
+        let mut stepper = Index2::of(model, Spark::radau(s));
+        for n in 0..steps {
+            let t = h * f64::from(n);
+            stepper.step(t, h, &mut state).expect("a step can be made");
+        }
+        assert!((state.y[0] - 0.25 * 2.0_f64.sin()).abs() < 1e-14, "s = {s}");
+        state
+    };
+    let (exact, _) = run(6, 0.02, 50);
+    for (s, steps) in [(1, 200), (2, 40), (3, 20)] {
+        let error = |steps| {
+            let state = end(s, steps);
+            let apart = |(a, b): (&f64, &f64)| (a - b).abs();
+            let y = state.y.iter().zip(&exact.y).map(apart);
+            y.chain(state.z.iter().zip(&exact.z).map(apart))
+                .fold(0.0, f64::max)
+        };
+        let order = (error(steps) / error(2 * steps)).log2();
+        let wanted = (2 * s - 1) as f64;
+        assert!((order - wanted).abs() < 0.2, "s = {s}: order {order}");
+    }
+}

@@ -11,7 +11,7 @@ use liouville_mechanics::alpha::{Alpha, Reactions};
 use liouville_mechanics::events::{DenseDetector, Event};
 use liouville_mechanics::index2::Index2;
 use liouville_mechanics::problem::{
-    MechanicalMonitor, Model, Observer, Path, SecondOrderModel, SeparableModel, State, TimeScale,
+    Model, Observer, Path, SecondOrderModel, SeparableModel, State, TimeScale, Traced,
 };
 use liouville_mechanics::rattle::Rattle;
 use liouville_mechanics::semi_explicit;
@@ -133,20 +133,64 @@ fn the_alpha_family_goes_on() {
     }
 }
 
+/// A turning vector whose steps a control makes, with two kinds of events, and given times if they are wanted.
+fn turned<C: StepControl<semi_explicit::State> + 'static>(
+    (s, has_times): (usize, bool),
+    control: impl Fn(semi_explicit::Model, &semi_explicit::State) -> C,
+) -> Run<semi_explicit::State> {
+    let (f, k) = turning();
+    let mut model = semi_explicit::Model::new(traced(&f, &k), &[]);
+    let state = model.state(0.0, &[0.0, 0.0, 1.0], &[0.0], 0.05);
+    let state = state.expect("a start");
+    let observed = tape([1, 3, 1, 0], &[input(Y, 0)]);
+    let observer = Observer::new(model.clone(), &[], observed, true);
+    let events = [input(Y, 1) - 0.1, input(Z, 0) - 0.05].map(|e| tape([1, 3, 1, 0, 0], &[e]));
+    let events = events.into_iter().enumerate();
+    let events = events.map(|(k, tape)| Event::new(k, tape, &[], 0, 0, false));
+    let times = has_times.then(|| (0..70_i32).map(|k| 0.0571 * f64::from(k)).collect());
+    let (path, copy) = (
+        Path::new(model.clone(), 2 * s),
+        Index2::new(model.clone(), s),
+    );
+    let recorded = (observer.clone(), times);
+    let detector = DenseDetector::new(path, Box::new(copy), &state, events.collect(), recorded);
+    let control = Box::new(control(model, &state));
+    let (observer, kept) = (Box::new(observer), (1, 0));
+    Run::with_events(control, observer, state, kept, Some(Box::new(detector))).expect("a start")
+}
+
 #[test]
 fn index_2_goes_on() {
-    let (f, k) = turning();
-    for s in [1, 3] {
-        let make = || {
-            let mut model = semi_explicit::Model::new(traced(&f, &k), &[]);
-            let state = model.state(0.0, &[0.0, 0.0, 1.0], &[0.0], 0.05);
-            let observed = tape([1, 3, 1, 0], &[input(Y, 0)]);
-            let observer = Box::new(semi_explicit::Observer::new(&[], observed, true));
-            let stepper = Box::new(Index2::new(model, s));
-            let control = Box::new(Fixed::new(stepper, 0.0, 0.05, 80));
-            Run::new(control, observer, state.expect("a start"), (1, 0)).expect("a start")
-        };
-        goes_on("index 2", &[1, 2, 40, 79], make);
+    let monitor = |model: &semi_explicit::Model| {
+        let (z, z_dot) = (input(Z, 0), input(3, 0));
+        let rates = [&z * &z + 1.0, &z * &z_dot * 2.0];
+        Traced::new(model.clone(), &[], tape([1, 3, 1, 1, 0], &rates), true)
+    };
+    let tolerance = || Tolerance {
+        rtol: 1e-7,
+        atol: vec![1e-7; 3],
+    };
+    for of in [(1, false), (3, false), (3, true)] {
+        let index2 = |model| Index2::new(model, of.0);
+        goes_on("equal", &[1, 2, 40, 79], || {
+            turned(of, |model, _| {
+                Fixed::new(Box::new(index2(model)), 0.0, 0.05, 80)
+            })
+        });
+        let gauss = tableau::Spark::gauss(of.0);
+        goes_on("controlled", &[1, 2, 9, 20], || {
+            turned(of, |model, _| {
+                let stepper = index2(model).estimating(&gauss, tolerance());
+                Adaptive::new(Box::new(stepper), (0.0, 8.0), 0.05, 1e-9)
+            })
+        });
+        goes_on("reversible", &[1, 17, 40], || {
+            turned(of, |model, state| {
+                let monitor = Box::new(monitor(&model));
+                let (ends, sizes) = ((0.0, 4.0), (0.05, 1e-9));
+                Reversible::new(Box::new(index2(model)), ends, sizes, monitor, state)
+            })
+        });
     }
 }
 
@@ -175,7 +219,7 @@ fn spark_goes_on() {
             let reversible = |model: Model, state: &State| {
                 let at = (0.0, &state.y[..], &state.z[..]);
                 let scale = TimeScale::new(model.clone(), at, 0.02);
-                let monitor = Box::new(MechanicalMonitor::Own(Box::new(scale)));
+                let monitor = Box::new(scale);
                 let (ends, sizes) = ((0.0, 2.0), (0.02, 1e-9));
                 Reversible::new(Box::new(spark(model)), ends, sizes, monitor, state)
             };

@@ -3,12 +3,18 @@
 use crate::counting::allocations;
 use liouville_base::checkpoint::Checkpoint;
 use liouville_base::error::StepError;
+use liouville_base::method::Tolerance;
 use liouville_base::observe::Observe;
-use liouville_base::run::{Advance, Fixed, Run};
+use liouville_base::run::{Adaptive, Advance, Fixed, Run};
+use liouville_base::tableau;
 use liouville_mechanics::events::{DenseDetector, Event};
+use liouville_mechanics::index2::Index2;
 use liouville_mechanics::problem::{Carried, Model, Observer, Path};
+use liouville_mechanics::semi_explicit;
 use liouville_mechanics::spark::{Solver, Spark};
-use liouville_tests::{Functions, PENDULUM, T, Y, Z, input, pendulum, tape};
+use liouville_tests::{
+    Functions, PENDULUM, T, Y, Z, input, pendulum, semi_explicit as traced, tape, turning,
+};
 use std::time::Duration;
 
 /// Records nothing of anything.
@@ -53,6 +59,35 @@ fn detecting_events_takes_no_memory() {
         Some(Box::new(detector)),
     )
     .expect("a start");
+    let all_day = Duration::from_secs(86400);
+    run.advance_to(10, all_day);
+    assert_eq!(allocations(|| drop(run.advance_to(50, all_day))), 0);
+    assert_eq!(run.done(), 50);
+}
+
+#[test]
+fn controlled_steps_of_index_2_and_their_events_take_no_memory() {
+    let (f, k) = turning();
+    let mut model = semi_explicit::Model::new(traced(&f, &k), &[]);
+    let state = model.state(0.0, &[0.0, 0.0, 1.0], &[0.0], 0.05);
+    let state = state.expect("a start");
+    let tape = tape([1, 3, 1, 0, 0], &[input(Z, 0) + 1e3]);
+    let event = Event::new(0, tape, &[], 0, 0, false);
+    let observed = liouville_tests::tape([1, 3, 1, 0], &[]);
+    let observer = Observer::new(model.clone(), &[], observed, false);
+    let path = Path::new(model.clone(), 6);
+    let tolerance = Tolerance {
+        rtol: 1e-6,
+        atol: vec![1e-6; 3],
+    };
+    let gauss = tableau::Spark::gauss(3);
+    let stepper = Index2::of(model, gauss.clone()).estimating(&gauss, tolerance);
+    let copy = Box::new(stepper.clone());
+    let detector = DenseDetector::new(path, copy, &state, vec![event], (observer, None));
+    let control = Box::new(Adaptive::new(Box::new(stepper), (0.0, 20.0), 0.05, 1e-9));
+    let detector = Some(Box::new(detector) as _);
+    let run = Run::with_events(control, Box::new(Nothing), state, (1000, 2), detector);
+    let mut run = run.expect("a start");
     let all_day = Duration::from_secs(86400);
     run.advance_to(10, all_day);
     assert_eq!(allocations(|| drop(run.advance_to(50, all_day))), 0);

@@ -1,0 +1,158 @@
+"""The base of runs that have events, given times and controls of their steps."""
+
+from __future__ import annotations
+
+from abc import abstractmethod
+from typing import Any
+
+import numpy as np
+
+from liouville import _core
+from liouville._job import Job
+from liouville.control import CONTROLS, LEAST_TOLERANCE, Reversible, Takes
+from liouville.errors import Description
+from liouville.methods import Composition, Method
+from liouville.points import Points
+from liouville.runners.runner import Request, Runner, kept
+from liouville.runners.watch import Watch
+from liouville.systems import Mechanics, SemiExplicit
+from liouville.systems.traced import INVARIANT
+
+
+class TracedRunner(Runner):
+    """Runs a system of expressions that move on constraints; see :class:`Runner`."""
+
+    #: Methods for such a system that estimate their errors.
+    estimators = "Spark"
+
+    system: Mechanics | SemiExplicit
+    choice: Method
+
+    def __init__(self, system: Mechanics | SemiExplicit, method: Method, request: Request) -> None:
+        self.system, self.choice, self.method = system, method, repr(method)
+        self.constraints = system.constraints
+        self.steps = request.steps_of(system, self._takes())
+        self._control = None if self.steps.control is None else self.steps.control[0]
+        self._monitor = None
+        if isinstance(request.control, Reversible):
+            self._monitor = self._monitored(request.control)
+        self._problem = self._form()
+        self.every = kept(self.steps, request.every)
+        self._order = int(getattr(method, "order", 0))
+        span = (self.steps.t0, self.steps.t1)
+        self._watch = Watch(request.events, request.t_eval, span, self.every)
+        self._watched = self._watch.crossed(system, self._order)
+        self._take(request)
+        self.params = {**system.params, **dict(request.params or {})}
+        self._states = request.states
+        self._observer, self.widths = system.observer(request.observe, request.states)
+        self.columns = {**self._own(), **self.widths}
+        self._check_sizes(request)
+
+    def _takes(self) -> Takes:
+        """Return the controls of the steps that the method takes."""
+        estimates = not isinstance(self.choice, Composition)
+        takes = {"error": estimates, "reversible": getattr(self.choice, "is_symmetric", True)}
+        controls = tuple(kind for kind in CONTROLS if takes[kind])
+        name = type(self.choice).__name__
+        return Takes(name, controls, LEAST_TOLERANCE / 100, estimators=self.estimators)
+
+    @abstractmethod
+    def _form(self) -> _core.Mechanical | _core.SecondOrder | _core.Separable | _core.SemiExplicit:
+        """Return the system in the form that the method steps."""
+
+    def start(self) -> _core.Run | dict[str, Any]:
+        """Start the run, or return the error of its start."""
+        return _core.run(self._problem, self.choice, self._job())
+
+    def _job(self) -> Job:
+        """Return the run as the core begins it."""
+        steps, control = self.steps, None
+        if steps.control is not None:
+            monitor = (self._monitor,) if self._control == "reversible" else ()
+            control = (*steps.control[1:], *monitor)
+        return Job(
+            start=self._begin, span=(steps.t0, steps.t1, steps.count, self.every),
+            observer=self._observer, params=self._values, states=self._states,
+            control=control, watch=self._watched,
+        )  # fmt: skip
+
+    @property
+    def dense_order(self) -> int:
+        """The order of the method, where the states of all steps are kept, else 0."""
+        is_whole = self.every == 1 and self._watch.times is None and self._states
+        return self._order if is_whole else 0
+
+    @property
+    def initial(self) -> dict[str, float]:
+        """The invariants at the start, where no record is kept of it."""
+        times, t0 = self._watch.times, self.steps.t0
+        if times is None or times[0] == t0:
+            return {}
+        args = [np.array([[t0]]), *(x[None] for x in self._point())]
+        cuts = np.cumsum([*self.widths.values()])[:-1]
+        parts = np.split(self._observer.map(self._values, args)[0], cuts)
+        found = dict(zip(self.widths, parts, strict=True))
+        return {name: float(found[INVARIANT + name][0]) for name in self.system.invariants}
+
+    def stats(self, run: _core.Run) -> dict[str, Any]:
+        """Return the numbers of a run that this method has."""
+        foreign = self._foreign()
+        if not run.done:
+            foreign |= {"h_smallest", "h_largest"}
+        found: dict[str, Any] = {"steps": run.done, **run.stats}
+        return {name: value for name, value in found.items() if name not in foreign}
+
+    def _foreign(self) -> set[str]:
+        """Return the numbers of a run of the core that mean nothing here."""
+        return set() if self._control == "error" else {"rejected"}
+
+    def events(self, run: _core.Run) -> tuple[dict[str, Points], str]:
+        """Return the events met, by name, and a sentence on the one that ended the run."""
+        return self._watch.events_of(run, self.system, self._values)
+
+    def _monitored(self, control: Reversible) -> tuple[_core.Tape, bool] | None:
+        """Return the monitor that the steps follow, None for one that the core has."""
+        return None if control.monitor is None else self.system.monitor(control.monitor)
+
+    def _take(self, request: Request) -> None:
+        """Take parameters and start values, and see that they fit together."""
+        self._values = self.system.values(request.params)
+        self._begin = self.system.start(request.start, self._also)
+        y, z = self._begin[:2]
+        self.system.check(self.steps.t0, y, z, self._values, hidden=self._is_hidden_kept)
+
+    @property
+    def _also(self) -> tuple[str, ...]:
+        """Names of start values that the method has besides those of the system."""
+        return ()
+
+    @property
+    def _is_hidden_kept(self) -> bool:
+        """Whether the start satisfies the hidden constraints."""
+        return True
+
+    def _point(self) -> tuple[np.ndarray, np.ndarray]:
+        """Return y and z at the start."""
+        y, z = self._begin[:2]
+        return y, z
+
+    def _own(self) -> dict[str, int]:
+        """Return the columns of the states."""
+        places = self.system.places.items()
+        return {name: len(names) for name, names in places} if self._states else {}
+
+    def _described(self, error: dict[str, Any]) -> Description:
+        return self._described_by(self.system, error)
+
+    def _described_by(self, system: Mechanics | SemiExplicit, error: dict[str, Any]) -> Description:
+        """Describe an error by the names of this system."""
+        if error.get("quantity") == "event":
+            error["quantity"] = f"event {[*self._watch.events][error['index']]}"
+        return system.describe(error)
+
+    def _check_sizes(self, request: Request) -> None:
+        times = self._watch.times
+        self._check_records(
+            request, self.steps.records(self.every) if times is None else times.size
+        )
