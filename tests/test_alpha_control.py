@@ -59,7 +59,9 @@ def estimate(system, method, t, h, start):
     while high - low > 1e-3:
         middle = (low + high) / 2
         atol = np.exp(middle)
-        found = lv.integrate(system, method, t=(t, t + h), h=h, rtol=1e-12, atol=atol, **start)
+        found = lv.integrate(
+            system, method, t=(t, t + h), h=h, rtol=1e-12, atol=atol, control=lv.Adaptive(), **start
+        )
         low, high = (middle, high) if found.stats["rejected"] else (low, middle)
     return np.exp(high)
 
@@ -138,8 +140,9 @@ def test_rejected_steps_happen_and_are_counted():
 def test_the_first_step_is_the_one_asked_for_if_it_is_good_enough():
     problem = load("slider_crank")
     found = lv.integrate(
-        problem.system, lv.HHT(-0.1), t=(0.0, 0.1), h=1e-5, rtol=1e-3, **problem.start
-    )
+        problem.system, lv.HHT(-0.1), t=(0.0, 0.1), h=1e-5, rtol=1e-3, control=lv.Adaptive(),
+        **problem.start,
+    )  # fmt: skip
     assert found.t[1] == pytest.approx(1e-5, rel=1e-12)
     assert np.diff(found.t).max() > 1e-4
     assert found.h == pytest.approx(0.1 / found.stats["steps"])

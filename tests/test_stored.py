@@ -79,6 +79,7 @@ def field(**more):
 KINDS = {
     "equal": lambda: pendulum(steps=300, every=7, observe={"a/b": both}),
     "controlled": lambda: pendulum(rtol=1e-4),
+    "PI": lambda: pendulum(rtol=1e-4, control=lv.Adaptive()),
     "given times": lambda: pendulum(steps=300, t_eval=np.linspace(0, 2, 77)),
     "events": lambda: pendulum(steps=300, events={"low/high": height}, states=False),
     "ended": lambda: pendulum(steps=300, events={"low": lv.Event(height, terminal=2)}),

@@ -45,6 +45,8 @@ class Job:
         Threads of an ensemble or of one large state.
     is_ensemble : bool
         Whether the rows are members of an ensemble.
+    is_reversible : bool
+        Whether the alpha family meets a tolerance by reversible steps.
     """
 
     start: tuple[Array, ...]
@@ -57,3 +59,4 @@ class Job:
     seen: tuple[int, Array | None] = (0, None)
     threads: int = 1
     is_ensemble: bool = False
+    is_reversible: bool = False

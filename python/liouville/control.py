@@ -41,7 +41,8 @@ class Adaptive:
     :math:`h_{n+1} = 0.9\, \epsilon_n^{-0.7/k} \epsilon_{n-1}^{0.4/k}\, h_n` with the order k of the
     estimate, within 0.2 to 4 times the last. Such steps suit forces that dissipate and short runs:
     in a long run they lose what a symplectic method keeps. ``Spark``, ``LobattoPair`` and the alpha
-    family take it.
+    family take it. With ``rtol`` alone, without this control, the alpha family makes reversible
+    steps on systems whose energy nothing changes: these keep the energy as equal steps do.
 
     Parameters
     ----------

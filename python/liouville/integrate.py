@@ -57,7 +57,8 @@ def integrate(
         Schrödinger equation takes the times of all states to keep.
     h : float, optional
         Step size, positive. The step used is ``(t1 - t0) / steps`` with the least number of steps
-        that makes it at most `h`. With `rtol`, the first step; by default the method chooses it.
+        that makes it at most `h`. With `rtol`, the first step, or that of the trial where the alpha
+        family makes reversible steps; by default the method chooses it.
         With ``control=lv.Reversible()``, the step at the start.
     steps : int, optional
         Number of steps, instead of `h`.
@@ -70,7 +71,8 @@ def integrate(
         default.
     control : Adaptive or Reversible, optional
         What decides on the steps: an estimate of their error, which `rtol` alone asks for too, or
-        a monitor of the motion. By default they are equal.
+        a monitor of the motion. By default they are equal. ``rtol`` alone gives the alpha family
+        reversible steps on conservative systems, see :doc:`/theory/steps`; ``Adaptive()`` does not.
     every : int, default 1
         Keep one state in this many; the start and the end are always kept.
     t_eval : array_like, shape (k,), optional

@@ -24,3 +24,12 @@ pub trait Monitor<State>: Checkpoint {
     /// s is not positive, or a value is not finite.
     fn rate(&mut self, t: f64, state: &State) -> Result<f64, StepError>;
 }
+
+/// A monitor s = (c + x)^(−p) of a quantity x ≥ 0 of the state, with numbers c ≥ 0 and p ≥ 0 that are fitted to a motion.
+pub trait Fitted<State>: Monitor<State> {
+    /// x.
+    fn quantity(&mut self, t: f64, state: &State) -> f64;
+
+    /// Takes c and p.
+    fn fit(&mut self, offset: f64, power: f64);
+}

@@ -164,6 +164,7 @@ struct MechanicalJob<'py> {
     watch: Option<Watch<'py>>,
     threads: usize,
     is_ensemble: bool,
+    is_reversible: bool,
 }
 
 impl MechanicalJob<'_> {
@@ -195,6 +196,7 @@ impl MechanicalJob<'_> {
                 every,
             },
             control,
+            is_reversible: self.is_reversible,
             detection: self.watch.as_ref().map(detection).transpose()?,
             observer: Tape::clone(&self.observer.0),
             states: self.states,

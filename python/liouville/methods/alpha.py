@@ -44,7 +44,8 @@ class HHT:
     0.90 for :math:`\alpha = -0.05`, 0.82 for -0.1, 0.5 for -1/3. With :math:`\alpha = 0` it is
     Newmark's method of average acceleration, the trapezoidal rule, which damps nothing. It is
     neither symmetric nor symplectic. Takes large sparse systems, and controls its steps where
-    ``rtol=`` is given.
+    ``rtol=`` is given: on conservative systems by reversible steps, which keep the energy as equal
+    ones do.
 
     Needs a velocity z of its own, :math:`v(t, y, z) = z`, and a momentum linear in it: a
     ``Lagrangian`` quadratic in the velocity, or a ``Mechanical`` system of that form.

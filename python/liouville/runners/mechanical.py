@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
 from liouville import _core
+from liouville._job import Job
 from liouville.control import Takes
 from liouville.errors import Description, hinted, quoted
 from liouville.methods import Composition, LobattoPair, Method
@@ -19,6 +21,9 @@ from liouville.systems._redundant import sizes
 
 #: A constraint left out may miss this much of the size of what it is made of.
 IMPLIED = 1e-8
+
+#: The control of conservative systems by methods that are not symmetric.
+REVERSIBLE = "reversible steps for rtol, as nothing changes the energy"
 
 #: Errors of a step that has no solution, or none that is found.
 UNSOLVED = ("not converged", "singular", "step too large")
@@ -38,6 +43,9 @@ class MechanicalRunner(TracedRunner):
         self._base = method.base if isinstance(method, Composition) else method
         super().__init__(system, method, request)
         self._leave_out()
+        # a control that is asked for by its name is taken as it is
+        by_rtol = self._control == "error" and request.control is None
+        self._is_reversible = by_rtol and not self._is_general and system.is_conservative
         self._is_rattle = isinstance(self._problem, _core.Separable)
 
     def _leave_out(self) -> None:
@@ -51,6 +59,9 @@ class MechanicalRunner(TracedRunner):
             self._left_out = tuple(left)
             self._sizes = sizes(self.system, *point)[left]
             self._problem = self._form()
+
+    def _job(self) -> Job:
+        return replace(super()._job(), is_reversible=self._is_reversible)
 
     def _takes(self) -> Takes:
         if not self._is_general:
@@ -100,10 +111,11 @@ class MechanicalRunner(TracedRunner):
         return {"work": work, "dissipated": start + work - energy}
 
     def remark(self, t: np.ndarray, parts: Mapping[str, np.ndarray]) -> str:
-        """Say where the energy of a conservative system has changed by more than its own size."""
+        """Say which control a conservative system had, and where its energy has changed much."""
         if not self.system.is_conservative:
             return ""
-        return change_of_energy(t, parts, rises=not self._is_general)
+        change = change_of_energy(t, parts, rises=not self._is_general)
+        return "; ".join(filter(None, [REVERSIBLE if self._is_reversible else "", change]))
 
     def contradiction(self, rows: np.ndarray) -> tuple[int, dict[str, Any]] | None:
         """Return where constraints that were left out do not hold, with the first of them."""

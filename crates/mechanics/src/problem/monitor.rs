@@ -21,7 +21,7 @@ use liouville_base::tape::{Registers, Tape};
 const POWER: f64 = -3.0 / 8.0;
 /// Central differences are taken over this part of the time in which the coordinates change by
 /// their own size.
-const PART: f64 = 1.0 / 65536.0;
+pub(super) const PART: f64 = 1.0 / 65536.0;
 /// Coordinates count as having at least this part of the size they had at the start.
 const LEAST_SIZE: f64 = 0.25;
 /// Accelerations that take longer than the inverse of this times that time to change a velocity by
@@ -55,19 +55,19 @@ pub struct TimeScale {
 
 /// What ‖x‖² is made of: v_z x and p_z x.
 #[derive(Clone, Debug)]
-struct Metric {
+pub(super) struct Metric {
     velocity: Vec<f64>,
     momentum: Vec<f64>,
 }
 
 /// A point on the way, with v and z'.
 #[derive(Clone, Debug)]
-struct Point {
-    t: f64,
-    y: Vec<f64>,
-    z: Vec<f64>,
-    v: Vec<f64>,
-    z_dot: Vec<f64>,
+pub(super) struct Point {
+    pub(super) t: f64,
+    pub(super) y: Vec<f64>,
+    pub(super) z: Vec<f64>,
+    pub(super) v: Vec<f64>,
+    pub(super) z_dot: Vec<f64>,
 }
 
 impl<M: Dynamics> Traced<M> {
@@ -114,7 +114,7 @@ impl<M: Dynamics> Traced<M> {
 }
 
 impl Point {
-    fn new(t: f64, y: &[f64], z: &[f64]) -> Self {
+    pub(super) fn new(t: f64, y: &[f64], z: &[f64]) -> Self {
         Self {
             t,
             y: y.to_vec(),
@@ -125,7 +125,7 @@ impl Point {
     }
 
     /// Becomes the point that lies `step` ahead of another along the tangent there.
-    fn shift_from(&mut self, other: &Self, step: f64) {
+    pub(super) fn shift_from(&mut self, other: &Self, step: f64) {
         self.t = other.t + step;
         copy(&mut self.y, &other.y);
         add_scaled(&mut self.y, step, &other.v);
@@ -133,7 +133,7 @@ impl Point {
         add_scaled(&mut self.z, step, &other.z_dot);
     }
 
-    fn solve(
+    pub(super) fn solve(
         &mut self,
         model: &mut Model,
         acceleration: &mut Acceleration,
@@ -158,10 +158,7 @@ impl TimeScale {
             side: Point::new(t, y, z),
             far: Point::new(t, y, z),
             z_ddot: zeros.clone(),
-            metric: Metric {
-                velocity: zeros.clone(),
-                momentum: zeros,
-            },
+            metric: Metric::new(zeros.len()),
             model,
         };
         // what cannot be evaluated there is said by the first rate
@@ -223,8 +220,15 @@ impl TimeScale {
 }
 
 impl Metric {
+    pub(super) fn new(n: usize) -> Self {
+        Self {
+            velocity: vec![0.0; n],
+            momentum: vec![0.0; n],
+        }
+    }
+
     /// ‖x‖² of each x in the metric at a point; the last one's parts are left in memory.
-    fn squares<const K: usize>(
+    pub(super) fn squares<const K: usize>(
         &mut self,
         model: &mut Model,
         at: &Point,

@@ -119,6 +119,8 @@ pub struct Job {
     pub span: Span,
     /// The control of the steps.
     pub control: Control,
+    /// Whether an α method meets its tolerance by reversible steps, for systems whose energy nothing changes.
+    pub is_reversible: bool,
     /// Events and times to record, if there are any.
     pub detection: Option<Detection>,
     /// A tape (t, y, z, params) → quantities to record.

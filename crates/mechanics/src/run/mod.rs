@@ -11,7 +11,8 @@ pub use job::{Control, Detection, EventFunction, Job, Method, Problem, SparkMeth
 use crate::alpha::{Alpha, Reactions};
 use crate::index2::Index2;
 use crate::problem::{
-    Mechanical, Model, Observers, SecondOrder, SecondOrderModel, Separable, SeparableModel,
+    Kinetic, Mechanical, Model, Observers, SecondOrder, SecondOrderModel, Separable,
+    SeparableModel,
 };
 use crate::rattle::Rattle;
 use crate::semi_explicit::{self, SemiExplicit};
@@ -19,7 +20,7 @@ use crate::spark::{BATCH, Spark, SparkBatch, supports_batch};
 use liouville_base::composition::Composed;
 use liouville_base::ensemble::{Ensemble, Layout};
 use liouville_base::error::StepError;
-use liouville_base::run::{Advance, Fixed, StartError};
+use liouville_base::run::{Advance, Fixed, Reversible, StartError};
 use liouville_base::tableau;
 use member::{composed, in_lanes};
 use std::sync::Arc;
@@ -226,12 +227,15 @@ impl Starter {
         let mut stepper = Alpha::new(model, weights, reactions, Some(tolerance.clone()));
         let state = stepper.start(span.t0, y, z, a)?;
         let first = first.unwrap_or_else(|| stepper.first_step(&state, span.t1 - span.t0));
-        self.adaptive(
-            stepper,
-            (first, *least),
-            (member, self.model(member)),
-            state,
-        )
+        let of = (member, self.model(member));
+        if !self.job.is_reversible {
+            return self.adaptive(stepper, (first, *least), of, state);
+        }
+        let (ends, sizes, copy) = ((span.t0, span.t1), (first, *least), self.copy(&stepper));
+        let monitor = Box::new(Kinetic::new(self.model(member)));
+        let pair = [Box::new(stepper.clone()) as _, Box::new(stepper) as _];
+        let control = Reversible::within_tolerance(pair, ends, sizes, monitor, &state);
+        self.launch(Box::new(control), copy, of, state)
     }
 
     fn index2(

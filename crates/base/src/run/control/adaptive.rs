@@ -9,12 +9,12 @@ use crate::method::{Estimating, Stepper};
 /// The next step is this much smaller than the one whose error would just be the tolerance.
 const SAFETY: f64 = 0.9;
 /// Bounds of the ratio of successive steps.
-const SHRINK: f64 = 0.2;
+pub(super) const SHRINK: f64 = 0.2;
 const GROW: f64 = 4.0;
 /// A step is not lengthened by less than this: equal steps keep the factors of their Newton matrix.
 const WORTH_IT: f64 = 1.2;
 /// A step without a solution is tried again at this fraction.
-const RETRY: f64 = 0.25;
+pub(super) const RETRY: f64 = 0.25;
 /// Errors below this say nothing about how much longer a step could be.
 const LEAST_ERROR: f64 = 1e-8;
 
@@ -48,6 +48,11 @@ impl<State: Checkpoint> Adaptive<State> {
             last_error: 1.0,
             rejected: 0,
         }
+    }
+
+    /// The error of the last step in units of the tolerance, and the power of h with which it falls.
+    pub(super) fn error(&self) -> (f64, f64) {
+        (self.stepper.error(), self.stepper.error_order())
     }
 
     /// The step to try, signed: the last two share what is left.
@@ -137,7 +142,7 @@ impl<State: Checkpoint> StepControl<State> for Adaptive<State> {
 }
 
 /// The error of a run whose shortest step has no solution: that of the model, if it is one.
-fn preferred(error: StepError, least: StepError) -> StepError {
+pub(super) fn preferred(error: StepError, least: StepError) -> StepError {
     match error {
         StepError::NotConverged { .. }
         | StepError::StepTooLarge { .. }

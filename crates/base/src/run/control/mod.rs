@@ -6,6 +6,7 @@ mod fixed;
 mod listed;
 mod reversible;
 mod time;
+mod trial;
 
 pub use adaptive::Adaptive;
 pub use fixed::Fixed;

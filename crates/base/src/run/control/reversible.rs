@@ -11,21 +11,33 @@
 //! x' = 1 + ωh/2, and x ≤ 1/B makes x' ≥ B. The step itself is all that has to be known to go on, or
 //! back.
 
+use super::adaptive::{RETRY, SHRINK, preferred};
 use super::time::CompensatedTime;
-use super::{StepControl, StepSizes};
-use crate::checkpoint::Checkpoint;
+use super::{Adaptive, StepControl, StepSizes, trial};
+use crate::checkpoint::{Checkpoint, CheckpointMismatch};
 use crate::error::StepError;
-use crate::method::{Stepper, Symmetric};
-use crate::observe::Monitor;
+use crate::method::{Estimating, Stepper, Symmetric};
+use crate::observe::{Fitted, Monitor};
 
 /// Bound of the ratio of a half update; successive steps differ by its square at most.
 const BOUND: f64 = 1.5;
 /// A step that misses the end by less than this part of it is made to reach it.
 const NEARLY: f64 = 1e-3;
 
+/// A step whose error is more than this many tolerances is made again with a smaller scale.
+const MOST_ERROR: f64 = 2.0;
+/// The part of the allowed step that is tried then.
+const SAFETY: f64 = 0.9;
+
+/// What makes the steps.
+enum Maker<State> {
+    Symmetric(Box<dyn Symmetric<State = State>>),
+    Estimating(Box<dyn Estimating<State = State>>),
+}
+
 /// Steps that follow a monitor.
 pub struct Reversible<State: Checkpoint> {
-    stepper: Box<dyn Symmetric<State = State>>,
+    stepper: Maker<State>,
     time: CompensatedTime,
     /// The sign of the steps.
     sign: f64,
@@ -35,6 +47,7 @@ pub struct Reversible<State: Checkpoint> {
     monitor: Box<dyn Monitor<State>>,
     /// ω at the present state, if it could be evaluated there.
     rate: Option<f64>,
+    rejected: usize,
 }
 
 impl<State: Checkpoint> Reversible<State> {
@@ -42,6 +55,40 @@ impl<State: Checkpoint> Reversible<State> {
     /// positive.
     pub fn new(
         stepper: Box<dyn Symmetric<State = State>>,
+        (t0, t1): (f64, f64),
+        (h, least): (f64, f64),
+        monitor: Box<dyn Monitor<State>>,
+        state: &State,
+    ) -> Self {
+        Self::of(
+            Maker::Symmetric(stepper),
+            (t0, t1),
+            (h, least),
+            monitor,
+            state,
+        )
+    }
+
+    /// With steps that meet the tolerance of a method, which need not be symmetric: they are as long as a `trial` with
+    /// another stepper of the kind finds them allowed, and shorter from where they turn out too long.
+    pub fn within_tolerance(
+        [stepper, trial]: [Box<dyn Estimating<State = State>>; 2],
+        ends: (f64, f64),
+        (h, least): (f64, f64),
+        mut monitor: Box<dyn Fitted<State>>,
+        state: &State,
+    ) -> Self
+    where
+        State: Clone,
+    {
+        let trial = Adaptive::new(trial, ends, h, least);
+        let fitted = trial::fit(trial, state.clone(), &mut *monitor);
+        let sizes = (fitted.unwrap_or(h), least);
+        Self::of(Maker::Estimating(stepper), ends, sizes, monitor, state)
+    }
+
+    fn of(
+        stepper: Maker<State>,
         (t0, t1): (f64, f64),
         (h, least): (f64, f64),
         mut monitor: Box<dyn Monitor<State>>,
@@ -56,6 +103,7 @@ impl<State: Checkpoint> Reversible<State> {
             least,
             monitor,
             rate,
+            rejected: 0,
         }
     }
 
@@ -63,15 +111,52 @@ impl<State: Checkpoint> Reversible<State> {
     fn updated(&self, h: f64, rate: f64) -> f64 {
         h / (1.0 - self.sign * rate * h / 2.0).clamp(1.0 / BOUND, BOUND)
     }
+
+    /// Makes a step of `h`; where an estimate refuses it, says which part of it to try.
+    fn make(&mut self, h: f64, state: &mut State) -> Result<Option<f64>, StepError> {
+        let t = self.time.time();
+        let made = self.stepper_mut().step(t, h, state);
+        let Maker::Estimating(stepper) = &mut self.stepper else {
+            return made.map(|()| None);
+        };
+        match made {
+            Ok(()) if stepper.error() <= MOST_ERROR => Ok(None),
+            Ok(()) => {
+                stepper.undo(state);
+                let error = stepper.error();
+                let allowed = SAFETY * error.powf(-1.0 / stepper.error_order());
+                self.shorter(h, allowed.max(SHRINK), error).map(Some)
+            }
+            Err(error) => {
+                let shorter = self.shorter(h, RETRY, f64::INFINITY).map(Some);
+                shorter.map_err(|least| preferred(error, least))
+            }
+        }
+    }
+
+    /// The part of a step to try, unless that is too short.
+    fn shorter(&self, h: f64, part: f64, error: f64) -> Result<f64, StepError> {
+        let h = part * h.abs();
+        if h < self.least {
+            return Err(StepError::StepTooSmall { h, error });
+        }
+        Ok(part)
+    }
 }
 
 impl<State: Checkpoint> StepControl<State> for Reversible<State> {
     fn stepper(&self) -> &dyn Stepper<State = State> {
-        &*self.stepper
+        match &self.stepper {
+            Maker::Symmetric(stepper) => &**stepper,
+            Maker::Estimating(stepper) => &**stepper,
+        }
     }
 
     fn stepper_mut(&mut self) -> &mut dyn Stepper<State = State> {
-        &mut *self.stepper
+        match &mut self.stepper {
+            Maker::Symmetric(stepper) => &mut **stepper,
+            Maker::Estimating(stepper) => &mut **stepper,
+        }
     }
 
     fn time(&self) -> f64 {
@@ -88,18 +173,25 @@ impl<State: Checkpoint> StepControl<State> for Reversible<State> {
             Some(rate) => rate,
             None => self.monitor.rate(self.time.time(), state)?,
         };
-        let wanted = self.updated(self.h, rate);
-        if wanted < self.least {
-            let error = f64::NAN;
-            return Err(StepError::StepTooSmall { h: wanted, error });
+        let (mut wanted, mut h);
+        loop {
+            wanted = self.updated(self.h, rate);
+            if wanted < self.least {
+                let error = f64::NAN;
+                return Err(StepError::StepTooSmall { h: wanted, error });
+            }
+            h = if wanted * (1.0 + NEARLY) < left.abs() {
+                self.sign * wanted
+            } else {
+                left
+            };
+            let Some(shorter) = self.make(h, state)? else {
+                break;
+            };
+            self.rejected += 1;
+            self.h *= shorter;
         }
-        let h = if wanted * (1.0 + NEARLY) < left.abs() {
-            self.sign * wanted
-        } else {
-            left
-        };
-        self.stepper.step(self.time.time(), h, state)?;
-        self.stepper.synchronize(state)?;
+        self.stepper_mut().synchronize(state)?;
         self.time.advance(h);
         self.rate = self.monitor.rate(self.time.time(), state).ok();
         self.h = match self.rate {
@@ -109,9 +201,31 @@ impl<State: Checkpoint> StepControl<State> for Reversible<State> {
         Ok(())
     }
 
+    fn rejected(&self) -> usize {
+        self.rejected
+    }
+
     fn sizes(&self) -> Option<StepSizes> {
         Some(self.time.sizes(self.h))
     }
 }
 
-crate::checkpoint!([State: Checkpoint] Reversible<State> { stepper, time, h, monitor, rate });
+impl<State: Checkpoint> Checkpoint for Maker<State> {
+    fn save(&self, member: usize, out: &mut Vec<f64>) {
+        match self {
+            Self::Symmetric(stepper) => stepper.save(member, out),
+            Self::Estimating(stepper) => stepper.save(member, out),
+        }
+    }
+
+    fn restore(&mut self, member: usize, saved: &mut &[f64]) -> Result<(), CheckpointMismatch> {
+        match self {
+            Self::Symmetric(stepper) => stepper.restore(member, saved),
+            Self::Estimating(stepper) => stepper.restore(member, saved),
+        }
+    }
+}
+
+crate::checkpoint!(
+    [State: Checkpoint] Reversible<State> { stepper, time, h, monitor, rate, rejected }
+);
