@@ -250,7 +250,8 @@ def test_steps_4_to_1_keep_the_order_if_a_is_moved_along_and_lose_it_otherwise(c
 @pytest.mark.parametrize("method", METHODS, ids=str)
 def test_controlled_steps_are_those_of_the_plain_implementation(method, name):
     problem = PROBLEMS[name]
-    found = lv.integrate(problem.system, method, t=problem.t, rtol=1e-4, atol=1e-5, **problem.start)
+    options = {"rtol": 1e-4, "atol": 1e-5, "control": lv.Adaptive()}
+    found = lv.integrate(problem.system, method, t=problem.t, **options, **problem.start)
     sizes = np.diff(found.t)
     assert sizes.max() > 1.2 * sizes.min()
     states = plain_run(name, method, sizes)

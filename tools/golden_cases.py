@@ -264,7 +264,8 @@ def run(case: Case) -> Any:
     if case.how == "ensemble":
         return lv.ensemble(place.system, planned(case), threads=2, **until, **varied(case.problem))
     if case.how == "rtol":
-        until = {"t": (place.t0, place.t0 + 6 * h), "rtol": 1e-4}
+        end = place.t0 + 6 * h
+        until = {"t": (place.t0, end), "rtol": 1e-4, "control": lv.Adaptive()}
     elif case.how == "reversible":
         until = {"t": (place.t0, place.t0 + STEPS * h), "h": h, "control": lv.Reversible()}
     return lv.integrate(place.system, planned(case), **until, **place.start)

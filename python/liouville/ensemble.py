@@ -55,7 +55,8 @@ def ensemble(
         ``every=steps`` keeps starts and ends, ``states=False`` only invariants and `observe`.
     params : mapping, optional
         Parameters that differ from the defaults. Those of a mechanical or semi-explicit system may
-        have a further, first axis of members: a number as shape (P,), a vector of j numbers as (P, j).
+        have a further, first axis of members: a number as shape (P,), a vector of j numbers as
+        (P, j).
     progress : callable, optional
         ``progress(done, total)``, called about twenty times a second with numbers of steps.
     threads : int, optional

@@ -81,7 +81,7 @@ def status_of(
         return ("failed", *explain(outcome, runner))
     if outcome == "interrupted":
         return outcome, f"interrupted after {stats['steps']}{runner.steps.total} steps", ""
-    return "done", end, ""
+    return "done", "; ".join(filter(None, [end, runner.control_taken])), ""
 
 
 def _of_members(

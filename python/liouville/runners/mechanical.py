@@ -63,6 +63,11 @@ class MechanicalRunner(TracedRunner):
     def _job(self) -> Job:
         return replace(super()._job(), is_reversible=self._is_reversible)
 
+    @property
+    def control_taken(self) -> str:
+        """What the steps follow, where a tolerance is met by reversible ones."""
+        return REVERSIBLE if self._is_reversible else ""
+
     def _takes(self) -> Takes:
         if not self._is_general:
             return Takes(type(self.choice).__name__, ("error",))
@@ -111,11 +116,10 @@ class MechanicalRunner(TracedRunner):
         return {"work": work, "dissipated": start + work - energy}
 
     def remark(self, t: np.ndarray, parts: Mapping[str, np.ndarray]) -> str:
-        """Say which control a conservative system had, and where its energy has changed much."""
+        """Say where the energy of a conservative system has changed by more than its own size."""
         if not self.system.is_conservative:
             return ""
-        change = change_of_energy(t, parts, rises=not self._is_general)
-        return "; ".join(filter(None, [REVERSIBLE if self._is_reversible else "", change]))
+        return change_of_energy(t, parts, rises=not self._is_general)
 
     def contradiction(self, rows: np.ndarray) -> tuple[int, dict[str, Any]] | None:
         """Return where constraints that were left out do not hold, with the first of them."""

@@ -118,6 +118,11 @@ class Runner(ABC):
         """The order of a method whose steps have a dense output, else 0."""
         return 0
 
+    @property
+    def control_taken(self) -> str:
+        """A sentence on the control of the steps, where it is not the one that is expected."""
+        return ""
+
     def read(self, parts: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
         """Give the columns of all records as the user has them: by default as they are."""
         return parts
