@@ -6,6 +6,8 @@ SECONDS ?= 300
 CORE   := Cargo.toml pyproject.toml $(wildcard Cargo.lock crates/*/Cargo.toml) $(shell find crates -name '*.rs' -o -name 'table.txt')
 # With the extension beside them the tests share what is compiled for it.
 RUST_TESTS := -p liouville-py -p liouville-tests
+# Modules are compiled once and not by every process, and workers do not compete by their threads.
+PYTEST_SETTINGS := PYTHONDONTWRITEBYTECODE= OPENBLAS_NUM_THREADS=1
 SPHINX := $(BIN)/sphinx-build -W --keep-going -q
 
 .DEFAULT_GOAL := help
@@ -20,7 +22,7 @@ demo: $(VENV)/demo  ## Build, integrate two mechanisms, compare with references,
 test:  ## Run every test but the slow ones: Rust, Python, examples in the documentation
 	@cargo test --quiet --release --no-run $(RUST_TESTS) & $(MAKE) --no-print-directory $(VENV)/tools && wait
 	cargo test --quiet --release $(RUST_TESTS)
-	$(BIN)/python -m pytest -q -n logical --dist worksteal
+	$(PYTEST_SETTINGS) $(BIN)/python -m pytest -q -n logical --dist worksteal
 
 fuzz: $(VENV)/tools  ## Try the properties with new seeds for SECONDS=300, and print what to replay
 	$(BIN)/python tools/fuzz.py $(SECONDS)

@@ -114,7 +114,9 @@ def test_a_limit_of_the_process_is_seen_before_the_run_or_on_the_way(name):
 
 @limited
 @pytest.mark.parametrize("name", CALLS)
-@pytest.mark.parametrize("room", [150, pytest.param(250, marks=pytest.mark.slow)])
+@pytest.mark.parametrize(
+    "room", [100, *(pytest.param(room, marks=pytest.mark.slow) for room in (150, 250))]
+)
 def test_memory_that_runs_out_unforeseen_is_an_error_with_the_solution_so_far(name, room):
     kind, *more = child(name, room, is_blind=True)
     assert kind in ("IntegrationError", "MemoryError")

@@ -1,6 +1,6 @@
 """What is asked of every row of the registry beside its order and the constraints of mechanics."""
 
-from dataclasses import replace
+from dataclasses import fields, replace
 
 import numpy as np
 import pytest
@@ -152,7 +152,21 @@ def stored(problem, method, path, **more):
     return problem.run(method, steps, store=lv.Store(path, checkpoint=steps // 4), **more)
 
 
-@pytest.mark.parametrize(("row", "name"), ONCE, ids=str)
+#: What methods of one kind may differ in without another checkpoint.
+COEFFICIENTS = ("alpha", "b", "rho", "scheme", "composition")
+
+
+def by_kind():
+    """Return a row of each kind of method; the others are slow."""
+    seen = set()
+    for row, name in ONCE:
+        kept = [(f.name, getattr(row.method, f.name)) for f in fields(row.method)]
+        kind = type(row.method), name, str([x for x in kept if x[0] not in COEFFICIENTS])
+        yield pytest.param(row, name, marks=[pytest.mark.slow] if kind in seen else [])
+        seen.add(kind)
+
+
+@pytest.mark.parametrize(("row", "name"), [*by_kind()], ids=str)
 def test_a_stored_run_cut_off_and_resumed_is_the_straight_one(row, name, tmp_path):
     problem, path = ALL[name], tmp_path / "run.zarr"
     method = settled(problem, row.method)
