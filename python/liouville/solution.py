@@ -42,8 +42,9 @@ class Solution:
     states : dict of str to ndarray
         ``q``, ``v``, ``p`` of shape (k, n) and ``lam`` of shape (k, m); a ``Mechanical`` system has
         ``y`` and ``z`` in the place of ``q``, a ``SemiExplicit`` one nothing besides these, a
-        ``PolynomialField`` has ``x``, a ``Schrodinger`` equation has ``psi``, complex. Methods of the alpha family add ``acceleration`` and their
-        own ``a``. Empty if the run stored no states. Each is also an attribute: ``solution.q``.
+        ``PolynomialField`` has ``x``, a ``Schrodinger`` equation has ``psi``, complex. Methods of
+        the alpha family add ``acceleration`` and their own ``a``. Empty if the run stored no
+        states. Each is also an attribute: ``solution.q``.
     invariants : dict of str to ndarray, shape (k,)
         Energy and the system's own invariants, by name; the norm of a wave function.
     initial : dict of str to float
