@@ -219,13 +219,6 @@ def test_a_name_out_of_its_room_is_seen():
 TYPE_DEFINITION = re.compile(
     r"^(?:pub(?:\([^)]*\))? )?(?:struct|enum|trait|type|union) (\w+)", re.MULTILINE
 )
-# names of two subjects in one crate, told apart by their modules
-TYPE_NAMES_LEFT = {
-    "mechanics": {
-        *("Attempt", "Frozen", "Model", "NonholonomicBlocks", "Observer", "Patterns", "Point"),
-        *("Reactions", "Solve", "Solver", "Stages", "State", "Step"),
-    },
-}
 
 
 def defined_twice(sources):
@@ -242,8 +235,7 @@ def test_a_type_name_is_defined_once_in_a_crate(crate):
     folder = CRATES / crate / "src"
     files = {str(p.relative_to(folder)): p.read_text("utf-8") for p in folder.rglob("*.rs")}
     assert files, f"crates/{crate}/src has no sources"
-    left = TYPE_NAMES_LEFT.get(crate, set())
-    bad = {name: found for name, found in defined_twice(files).items() if name not in left}
+    bad = defined_twice(files)
     assert not bad, f"crates/{crate} defines types of one name twice: {bad}"
 
 

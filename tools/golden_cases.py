@@ -176,7 +176,7 @@ OWN = {
     "own structure": structure,
     "own index 2": index2,
 }
-MECHANICS = (*problems.MECHANICAL, *problems.NONHOLONOMIC, *list(OWN)[:3])
+MECHANICS = (*problems.MECHANICAL, *problems.REDUNDANT, *problems.NONHOLONOMIC, *list(OWN)[:3])
 NAMES = (*problems.names(), *OWN)
 
 

@@ -46,7 +46,7 @@ pub(crate) fn path<'py>(
             along(py, model, order, &run, times.as_slice()?)
         }
         Dynamical::SemiExplicit(problem) => {
-            let model = semi_explicit::Model::new(problem.0.clone(), params);
+            let model = semi_explicit::SemiExplicitModel::new(problem.0.clone(), params);
             along(py, model, order, &run, times.as_slice()?)
         }
     }

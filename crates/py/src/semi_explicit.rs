@@ -3,7 +3,7 @@
 use crate::convert::{self, Made, Recipe, item, pattern};
 use crate::errors::{self, refused};
 use liouville_base::tape;
-use liouville_mechanics::semi_explicit::{self, Model, Patterns};
+use liouville_mechanics::semi_explicit::{self, SemiExplicitModel, SemiExplicitPatterns};
 use numpy::{PyArray1, PyReadonlyArray1};
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
@@ -46,7 +46,7 @@ impl SemiExplicit {
             hidden: tape("hidden")?,
             hidden_jacobian: tape("hidden_jacobian")?,
             rates: tape("rates")?,
-            patterns: Patterns {
+            patterns: SemiExplicitPatterns {
                 f_y: pattern("f_y")?,
                 f_z: pattern("f_z")?,
                 k_y: pattern("k_y")?,
@@ -71,7 +71,7 @@ impl SemiExplicit {
     ) -> PyResult<Bound<'py, PyAny>> {
         let (y, z, params) = (y.as_slice()?, z.as_slice()?, params.as_slice()?);
         self.check(y, z, params)?;
-        match Model::new(self.0.clone(), params).state(t, y, z, 1.0) {
+        match SemiExplicitModel::new(self.0.clone(), params).state(t, y, z, 1.0) {
             Ok(state) => Ok(PyArray1::from_vec(py, state.z).into_any()),
             Err(error) => Ok(errors::error(py, &error)?.into_any()),
         }

@@ -451,7 +451,7 @@ pub fn semi_explicit(f: &[Expr], k: &[Expr]) -> Arc<SemiExplicit> {
         hidden: record(&point, &[&w, f]),
         hidden_jacobian: record(&point, &[&w_z.1, &f_z.1]),
         rates: record(&point, &[&rates]),
-        patterns: semi_explicit::Patterns {
+        patterns: semi_explicit::SemiExplicitPatterns {
             f_y: f_y.0,
             f_z: f_z.0,
             k_y: k_y.0,

@@ -2,20 +2,20 @@
 
 use super::Alpha;
 use super::reaction::Reaction;
-use super::solve::{AlphaSolver, Step};
+use super::solve::{AlphaSolver, AlphaStep};
 use liouville_base::error::StepError;
 use liouville_base::linalg::{furthest, max_norm};
 use liouville_base::newton::{Attempts, Confirms, Rest, Slot, Start};
 
 /// A step whose equations are attempted.
-pub(super) struct Attempt<'a> {
+pub(super) struct AlphaAttempt<'a> {
     pub(super) alpha: &'a mut Alpha,
-    pub(super) step: Step<'a>,
+    pub(super) step: AlphaStep<'a>,
 }
 
-impl Attempts for Attempt<'_> {
+impl Attempts for AlphaAttempt<'_> {
     fn start(&mut self, h: f64, start: Start) -> Result<bool, StepError> {
-        let (at, step) = (&mut *self.alpha, Step { h, ..self.step });
+        let (at, step) = (&mut *self.alpha, AlphaStep { h, ..self.step });
         if start == Start::Continued {
             at.solver.continue_at(step);
             return Ok(true);
@@ -41,7 +41,7 @@ impl Attempts for Attempt<'_> {
     }
 
     fn iterate(&mut self, h: f64) -> Result<bool, StepError> {
-        self.alpha.iterate(Step { h, ..self.step }, false)
+        self.alpha.iterate(AlphaStep { h, ..self.step }, false)
     }
 
     fn count_cold_start(&mut self) {
@@ -49,9 +49,9 @@ impl Attempts for Attempt<'_> {
     }
 }
 
-impl Confirms for Attempt<'_> {
+impl Confirms for AlphaAttempt<'_> {
     fn iterate_full(&mut self, h: f64) -> Result<bool, StepError> {
-        self.alpha.iterate(Step { h, ..self.step }, true)
+        self.alpha.iterate(AlphaStep { h, ..self.step }, true)
     }
 
     fn keep(&mut self, h: f64, slot: Slot) {
@@ -82,14 +82,14 @@ impl Confirms for Attempt<'_> {
 
 impl AlphaSolver {
     /// φ1 such that y1 is where y0 and z0 alone lead, with the reactions there are.
-    fn start_still(&mut self, step: Step) {
+    fn start_still(&mut self, step: AlphaStep) {
         let n = self.y.len();
         self.delta[..n].copy_from_slice(&self.predicted);
         self.start_at(step.h);
     }
 
     /// φ1 such that y1 is where a shorter step has led.
-    fn continue_at(&mut self, step: Step) {
+    fn continue_at(&mut self, step: AlphaStep) {
         let n = self.y.len();
         self.delta[..n].copy_from_slice(&self.y);
         self.prepare(step);

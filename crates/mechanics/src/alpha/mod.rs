@@ -26,7 +26,7 @@ mod solve;
 mod state;
 
 use crate::problem::{Acceleration, SecondOrderModel};
-use attempt::{Attempt, KeptAlpha};
+use attempt::{AlphaAttempt, KeptAlpha};
 use liouville_base::error::StepError;
 use liouville_base::linalg::{Matrix, add_scaled, copy};
 use liouville_base::method::{Estimating, Stats, Stepper, Tolerance};
@@ -34,8 +34,8 @@ use liouville_base::newton::{self, Rest};
 use liouville_base::tableau;
 use newton_matrix::AlphaMatrix;
 use reaction::Reaction;
-use solve::{AlphaSolver, Step};
-pub use state::State;
+use solve::{AlphaSolver, AlphaStep};
+pub use state::AlphaState;
 
 /// How the constraints' reactions enter a step.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -69,7 +69,7 @@ pub struct Alpha {
     kept: [Reaction; 2],
     rates: [Reaction; 2],
     /// The state before the last step; during a step, the one after it.
-    other: State,
+    other: AlphaState,
     local_error: Vec<f64>,
     error: f64,
     is_warm: bool,
@@ -99,7 +99,7 @@ impl Alpha {
             phi_rate: zeros(),
             kept: solver.reactions.clone(),
             rates: solver.reactions.clone(),
-            other: State {
+            other: AlphaState {
                 y: zeros(),
                 z: zeros(),
                 a: zeros(),
@@ -129,7 +129,7 @@ impl Alpha {
         y: &[f64],
         z: &[f64],
         a: Option<&[f64]>,
-    ) -> Result<State, StepError> {
+    ) -> Result<AlphaState, StepError> {
         self.acceleration.solve(&mut self.model.general, t, y, z)?;
         let phi = if self.reactions == Reactions::Position {
             self.acceleration.z_dot.clone()
@@ -140,7 +140,7 @@ impl Alpha {
             self.matrix.mass.solve(&mut phi);
             phi
         };
-        Ok(State {
+        Ok(AlphaState {
             y: y.to_vec(),
             z: z.to_vec(),
             a: a.unwrap_or(&phi).to_vec(),
@@ -157,7 +157,7 @@ impl Alpha {
     }
 
     /// A first step whose acceleration moves the coordinates by about the tolerance.
-    pub fn first_step(&self, state: &State, span: f64) -> f64 {
+    pub fn first_step(&self, state: &AlphaState, span: f64) -> f64 {
         match &self.tolerance {
             Some(tolerance) => tolerance.first_step(&state.y, [&state.phi, &state.a], span),
             None => span.abs() / 100.0,
@@ -165,7 +165,7 @@ impl Alpha {
     }
 
     /// The unknowns on the line through those of the last step.
-    fn extrapolate(&mut self, step: Step) {
+    fn extrapolate(&mut self, step: AlphaStep) {
         let at = &mut self.solver;
         copy(&mut at.phi, &step.state.phi);
         add_scaled(&mut at.phi, step.h, &self.phi_rate);
@@ -175,8 +175,8 @@ impl Alpha {
     }
 
     /// The unknowns as they are at the start of the step.
-    fn start_cold(&mut self, step: Step) -> Result<(), StepError> {
-        let State { y, z, phi, .. } = step.state;
+    fn start_cold(&mut self, step: AlphaStep) -> Result<(), StepError> {
+        let AlphaState { y, z, phi, .. } = step.state;
         self.acceleration
             .solve(&mut self.model.general, step.t, y, z)?;
         let at = &mut self.solver;
@@ -192,7 +192,7 @@ impl Alpha {
 
     /// The iteration, with factors made where it starts unless there are reusable ones, or with factors for each
     /// correction if it `is_full`; says whether the solution is near.
-    fn iterate(&mut self, step: Step, is_full: bool) -> Result<bool, StepError> {
+    fn iterate(&mut self, step: AlphaStep, is_full: bool) -> Result<bool, StepError> {
         if !is_full && !self.matrix.reuse.is_reusable(step.h) {
             self.stats.factorizations += 1;
             self.matrix
@@ -213,7 +213,7 @@ impl Alpha {
     }
 
     /// The state after the step, in `other`.
-    fn finish(&mut self, step: Step) -> Result<(), StepError> {
+    fn finish(&mut self, step: AlphaStep) -> Result<(), StepError> {
         let t1 = step.t + step.h;
         let (at, next) = (&mut self.solver, &mut self.other);
         at.place(step.h);
@@ -246,11 +246,11 @@ impl Alpha {
 }
 
 impl Stepper for Alpha {
-    type State = State;
+    type State = AlphaState;
 
-    fn step(&mut self, t: f64, h: f64, state: &mut State) -> Result<(), StepError> {
-        let step = Step { t, h, state };
-        let attempted = newton::attempt(&mut Attempt { alpha: self, step }, h);
+    fn step(&mut self, t: f64, h: f64, state: &mut AlphaState) -> Result<(), StepError> {
+        let step = AlphaStep { t, h, state };
+        let attempted = newton::attempt(&mut AlphaAttempt { alpha: self, step }, h);
         attempted.inspect_err(|_| self.is_warm = false)?;
         self.finish(step)?;
         self.is_warm = true;
@@ -277,7 +277,7 @@ impl Alpha {
     ///
     /// Around b = 1/3, where the reactions' part of it vanishes, what they leave in z counts: they are
     /// weighted as a is.
-    fn estimate(&mut self, step: Step) {
+    fn estimate(&mut self, step: AlphaStep) {
         let constant = self.weights.error_constant();
         let of_reactions = match self.reactions {
             Reactions::Extended { b, .. } if (1.0 / 6.0 - b / 2.0).abs() > constant.abs() => {
@@ -311,7 +311,7 @@ impl Estimating for Alpha {
         3.0
     }
 
-    fn undo(&mut self, state: &mut State) {
+    fn undo(&mut self, state: &mut AlphaState) {
         std::mem::swap(state, &mut self.other);
     }
 }

@@ -16,7 +16,7 @@
 use super::Reactions;
 use super::coupling::Coupling;
 use super::reaction::Reaction;
-use super::solve::{AlphaSolver, Step};
+use super::solve::{AlphaSolver, AlphaStep};
 use crate::problem::{Mass, Saddle, SecondOrderModel};
 use liouville_base::checkpoint::CheckpointMismatch;
 use liouville_base::error::StepError;
@@ -114,7 +114,7 @@ impl LinearizationPoint {
         }
     }
 
-    fn move_to(&mut self, solver: &AlphaSolver, step: Step) {
+    fn move_to(&mut self, solver: &AlphaSolver, step: AlphaStep) {
         self.t = step.t;
         for (kept, x) in [
             (&mut self.y0, &step.state.y),
@@ -205,7 +205,7 @@ impl AlphaMatrix {
         &mut self,
         model: &mut SecondOrderModel,
         solver: &mut AlphaSolver,
-        step: Step,
+        step: AlphaStep,
     ) -> Result<(), StepError> {
         solver.place(step.h);
         self.point.move_to(solver, step);

@@ -1,6 +1,6 @@
 //! What roundoff does to the equations of a step: seen by moving the unknowns by a few ε.
 
-use super::solve::{AlphaEquations, Step};
+use super::solve::{AlphaEquations, AlphaStep};
 use liouville_base::error::StepError;
 use liouville_base::linalg::{add_scaled, max_norm};
 use liouville_base::newton::{MARGIN, SHAKE, signs};
@@ -71,7 +71,7 @@ impl AlphaEquations<'_> {
 
     /// Moves the unknowns by so many ε of their sizes, and y1 by as much of its own.
     fn shake(&mut self, units: f64, seed: u64) {
-        let Step { h, state, .. } = self.step;
+        let AlphaStep { h, state, .. } = self.step;
         let unit = max_norm(&state.y) + h.abs() * max_norm(&state.z);
         let at = &mut *self.solver;
         let of_phi = max_norm(&at.phi) + unit / (h * h * at.coupling.phi[0]);

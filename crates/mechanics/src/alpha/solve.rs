@@ -4,7 +4,7 @@ use super::attempt::KeptAlpha;
 use super::coupling::Coupling;
 use super::newton_matrix::AlphaMatrix;
 use super::reaction::Reaction;
-use super::{Reactions, State};
+use super::{AlphaState, Reactions};
 use crate::problem::SecondOrderModel;
 use liouville_base::error::StepError;
 use liouville_base::linalg::{add_scaled, copy, copy_scaled, furthest, max_norm};
@@ -15,7 +15,7 @@ use liouville_base::tableau::Alpha;
 const NOISE: f64 = 64.0 * f64::EPSILON;
 
 /// The step being made.
-pub(super) type Step<'a> = liouville_base::method::Step<'a, State>;
+pub(super) type AlphaStep<'a> = liouville_base::method::Step<'a, AlphaState>;
 
 /// The unknowns of a step, and the memory of solving for them.
 #[derive(Clone, Debug)]
@@ -61,7 +61,7 @@ pub(super) struct AlphaEquations<'a> {
     pub(super) solver: &'a mut AlphaSolver,
     model: &'a mut SecondOrderModel,
     matrix: &'a mut AlphaMatrix,
-    pub(super) step: Step<'a>,
+    pub(super) step: AlphaStep<'a>,
     /// The size of the coordinates and of what the velocity moves them by, at the start; 0 where none is needed.
     pub(super) yardstick: f64,
     /// How far the last correction has moved y1.
@@ -119,7 +119,7 @@ impl AlphaSolver {
     }
 
     /// Everything that is known before the unknowns are.
-    pub(super) fn prepare(&mut self, Step { h, state, .. }: Step) {
+    pub(super) fn prepare(&mut self, AlphaStep { h, state, .. }: AlphaStep) {
         let Alpha {
             alpha_m,
             alpha_f,
@@ -163,10 +163,10 @@ impl AlphaSolver {
         &'a mut self,
         model: &'a mut SecondOrderModel,
         matrix: &'a mut AlphaMatrix,
-        step: Step<'a>,
+        step: AlphaStep<'a>,
     ) -> AlphaEquations<'a> {
         self.broyden.restart();
-        let Step { h, state, .. } = step;
+        let AlphaStep { h, state, .. } = step;
         // linear equations have one solution, wherever it lies
         let yardstick = if self.is_affine {
             0.0
@@ -189,7 +189,7 @@ impl AlphaSolver {
 impl AlphaEquations<'_> {
     /// F − M φ1 in `force`, M A − r in `reaction_residuals`, and the constraints in their places of `x`.
     pub(super) fn evaluate(&mut self) -> Result<(), StepError> {
-        let Step { t, h, state } = self.step;
+        let AlphaStep { t, h, state } = self.step;
         let (at, t1, n) = (&mut *self.solver, t + h, state.y.len());
         at.place(h);
         let is_paired = at.is_paired();

@@ -4,7 +4,7 @@ use crate::problem::Carried;
 
 /// What is carried from step to step.
 #[derive(Debug, PartialEq)]
-pub struct State {
+pub struct AlphaState {
     /// Coordinates.
     pub y: Vec<f64>,
     /// Velocities.
@@ -20,7 +20,7 @@ pub struct State {
     pub(super) power: f64,
 }
 
-impl Clone for State {
+impl Clone for AlphaState {
     fn clone(&self) -> Self {
         Self {
             y: self.y.clone(),
@@ -41,7 +41,7 @@ impl Clone for State {
     }
 }
 
-impl Carried for State {
+impl Carried for AlphaState {
     fn y(&self) -> &[f64] {
         &self.y
     }
@@ -55,7 +55,7 @@ impl Carried for State {
     }
 }
 
-liouville_base::checkpoint!(State {
+liouville_base::checkpoint!(AlphaState {
     y,
     z,
     a,

@@ -1,20 +1,20 @@
 //! The attempts at a step of an index-2 method.
 
-use super::stages::{CollocationStages, Step};
+use super::stages::{CollocationStages, CollocationStep};
 use super::{Index2, predictor};
 use liouville_base::error::StepError;
 use liouville_base::linalg::{Matrix, copy, furthest, max_norm};
 use liouville_base::newton::{Attempts, Confirms, Rest, Slot, Start};
 
 /// A step whose stage equations are attempted.
-pub(super) struct Attempt<'a> {
+pub(super) struct CollocationAttempt<'a> {
     pub(super) index2: &'a mut Index2,
-    pub(super) step: Step<'a>,
+    pub(super) step: CollocationStep<'a>,
 }
 
-impl Attempts for Attempt<'_> {
+impl Attempts for CollocationAttempt<'_> {
     fn start(&mut self, h: f64, start: Start) -> Result<bool, StepError> {
-        let (at, step) = (&mut *self.index2, Step { h, ..self.step });
+        let (at, step) = (&mut *self.index2, CollocationStep { h, ..self.step });
         at.is_far = start != Start::Extrapolated;
         match start {
             Start::Extrapolated => {
@@ -43,7 +43,8 @@ impl Attempts for Attempt<'_> {
     }
 
     fn iterate(&mut self, h: f64) -> Result<bool, StepError> {
-        self.index2.iterate(Step { h, ..self.step }, false)
+        self.index2
+            .iterate(CollocationStep { h, ..self.step }, false)
     }
 
     fn count_cold_start(&mut self) {
@@ -51,9 +52,10 @@ impl Attempts for Attempt<'_> {
     }
 }
 
-impl Confirms for Attempt<'_> {
+impl Confirms for CollocationAttempt<'_> {
     fn iterate_full(&mut self, h: f64) -> Result<bool, StepError> {
-        self.index2.iterate(Step { h, ..self.step }, true)
+        self.index2
+            .iterate(CollocationStep { h, ..self.step }, true)
     }
 
     fn keep(&mut self, _h: f64, slot: Slot) {

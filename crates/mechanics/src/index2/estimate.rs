@@ -2,7 +2,7 @@
 
 use super::Index2;
 use crate::problem::{Dynamics, Estimate};
-use crate::semi_explicit::State;
+use crate::semi_explicit::SemiExplicitState;
 use liouville_base::error::StepError;
 use liouville_base::linalg::{Matrix, copy};
 use liouville_base::method::{Estimating, Tolerance};
@@ -11,7 +11,7 @@ use liouville_base::tableau::Spark;
 /// The estimate, and f at the start of the step, V_1..V_s, and f at its end.
 #[derive(Clone, Debug)]
 pub(super) struct EndVelocities {
-    estimate: Estimate<State>,
+    estimate: Estimate<SemiExplicitState>,
     velocities: Matrix,
 }
 
@@ -30,7 +30,12 @@ impl Index2 {
     ///
     /// # Errors
     /// The acceleration cannot be solved for.
-    pub fn first_step(&mut self, t: f64, state: &State, span: f64) -> Result<f64, StepError> {
+    pub fn first_step(
+        &mut self,
+        t: f64,
+        state: &SemiExplicitState,
+        span: f64,
+    ) -> Result<f64, StepError> {
         let longest = span.abs() / 100.0;
         let Some(at) = &self.estimate else {
             return Ok(longest);
@@ -42,12 +47,12 @@ impl Index2 {
     }
 
     /// Keeps what the estimate needs of the start of a step, and of its stages.
-    pub(super) fn begin_estimate(&mut self, t: f64, state: &State) {
+    pub(super) fn begin_estimate(&mut self, t: f64, state: &SemiExplicitState) {
         let Some(at) = &mut self.estimate else {
             return;
         };
         at.estimate.keep(state);
-        let State { y, z, .. } = state;
+        let SemiExplicitState { y, z, .. } = state;
         copy(at.velocities.row_mut(0), self.model.field(t, y, z));
         for i in 0..self.stages.count() {
             copy(at.velocities.row_mut(i + 1), self.stages.v.row(i));
@@ -55,11 +60,11 @@ impl Index2 {
     }
 
     /// Estimates the error of the step that led to `state`.
-    pub(super) fn end_estimate(&mut self, t: f64, h: f64, state: &State) {
+    pub(super) fn end_estimate(&mut self, t: f64, h: f64, state: &SemiExplicitState) {
         let Some(at) = &mut self.estimate else {
             return;
         };
-        let (last, State { y, z, .. }) = (self.stages.count() + 1, state);
+        let (last, SemiExplicitState { y, z, .. }) = (self.stages.count() + 1, state);
         copy(at.velocities.row_mut(last), self.model.field(t + h, y, z));
         at.estimate.measure(&at.velocities, h, state);
     }
@@ -76,7 +81,7 @@ impl Estimating for Index2 {
         self.estimate.as_ref().map_or(1.0, |at| at.estimate.order())
     }
 
-    fn undo(&mut self, state: &mut State) {
+    fn undo(&mut self, state: &mut SemiExplicitState) {
         if let Some(at) = &self.estimate {
             at.estimate.undo(state);
             self.predictor.undo();

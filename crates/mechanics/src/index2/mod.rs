@@ -21,8 +21,8 @@ mod predictor;
 mod probe;
 mod stages;
 
-use crate::semi_explicit::{Algebraic, Model, State};
-use attempt::{Attempt, KeptCollocation};
+use crate::semi_explicit::{Algebraic, SemiExplicitModel, SemiExplicitState};
+use attempt::{CollocationAttempt, KeptCollocation};
 use estimate::EndVelocities;
 use liouville_base::error::StepError;
 use liouville_base::linalg::{add_scaled, carry, copy, max_norm};
@@ -30,7 +30,7 @@ use liouville_base::method::{Stats, Stepper, Symmetric};
 use liouville_base::newton::{self, Equations, Predictor, Rest};
 use liouville_base::tableau::Spark;
 use newton_matrix::CollocationMatrix;
-use stages::{CollocationStages, Step};
+use stages::{CollocationStages, CollocationStep};
 
 /// Corrections a step may take.
 const MOST_ITERATIONS: usize = 100;
@@ -38,7 +38,7 @@ const MOST_ITERATIONS: usize = 100;
 /// The s-stage method at work.
 #[derive(Clone, Debug)]
 pub struct Index2 {
-    model: Model,
+    model: SemiExplicitModel,
     stages: CollocationStages,
     matrix: CollocationMatrix,
     predictor: Predictor,
@@ -62,8 +62,8 @@ pub struct Index2 {
 struct CollocationEquations<'a> {
     stages: &'a mut CollocationStages,
     matrix: &'a mut CollocationMatrix,
-    model: &'a mut Model,
-    step: Step<'a>,
+    model: &'a mut SemiExplicitModel,
+    step: CollocationStep<'a>,
     /// Whether each correction has a matrix of its own, and v at the start.
     is_fresh: bool,
     slope: &'a [f64],
@@ -77,12 +77,12 @@ impl Index2 {
     ///
     /// # Panics
     /// When `s` is zero.
-    pub fn new(model: Model, s: usize) -> Self {
+    pub fn new(model: SemiExplicitModel, s: usize) -> Self {
         Self::of(model, Spark::gauss(s))
     }
 
     /// The method on the stages of these coefficients, Gauss or Radau.
-    pub fn of(model: Model, tableau: Spark) -> Self {
+    pub fn of(model: SemiExplicitModel, tableau: Spark) -> Self {
         let stages = CollocationStages::new(&model, tableau);
         Self {
             matrix: CollocationMatrix::new(&model, &stages),
@@ -103,8 +103,8 @@ impl Index2 {
     }
 
     /// V_i and Z_i where Euler's method leads to, each z from the hidden constraint there.
-    fn start_by_euler(&mut self, step: Step) {
-        let State { y, z, .. } = step.state;
+    fn start_by_euler(&mut self, step: CollocationStep) {
+        let SemiExplicitState { y, z, .. } = step.state;
         copy(&mut self.slope, self.model.field(step.t, y, z));
         let speed = max_norm(y) / step.h.abs();
         for i in 0..self.stages.count() {
@@ -127,7 +127,7 @@ impl Index2 {
     }
 
     /// V_i and Z_i as they are at the start of the step.
-    fn start_constant(&mut self, step: Step) {
+    fn start_constant(&mut self, step: CollocationStep) {
         for i in 0..self.stages.count() {
             copy(self.stages.v.row_mut(i), &self.slope);
             copy(self.stages.z.row_mut(i), &step.state.z);
@@ -136,7 +136,7 @@ impl Index2 {
 
     /// The iteration; from far away, or if it `is_full`, each correction has its own matrix. Says whether the
     /// solution is near.
-    fn iterate(&mut self, step: Step, is_full: bool) -> Result<bool, StepError> {
+    fn iterate(&mut self, step: CollocationStep, is_full: bool) -> Result<bool, StepError> {
         let mut equations = CollocationEquations {
             stages: &mut self.stages,
             matrix: &mut self.matrix,
@@ -166,7 +166,7 @@ impl Index2 {
     }
 
     /// What a singular matrix comes from, where that can be seen at the start of the step.
-    fn diagnose_rank(&mut self, step: Step, error: StepError) -> StepError {
+    fn diagnose_rank(&mut self, step: CollocationStep, error: StepError) -> StepError {
         if error != StepError::SingularNewton {
             return error;
         }
@@ -182,11 +182,11 @@ impl Index2 {
 }
 
 impl Stepper for Index2 {
-    type State = State;
+    type State = SemiExplicitState;
 
-    fn step(&mut self, t: f64, h: f64, state: &mut State) -> Result<(), StepError> {
-        let step = Step { t, h, state };
-        let attempted = newton::attempt(&mut Attempt { index2: self, step }, h);
+    fn step(&mut self, t: f64, h: f64, state: &mut SemiExplicitState) -> Result<(), StepError> {
+        let step = CollocationStep { t, h, state };
+        let attempted = newton::attempt(&mut CollocationAttempt { index2: self, step }, h);
         attempted.map_err(|error| self.diagnose_rank(step, error))?;
         self.stages.move_points(step);
         let speed = max_norm(&state.y) / h.abs();

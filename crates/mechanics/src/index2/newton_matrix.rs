@@ -9,9 +9,9 @@
 //! each stage with its own derivatives. No entry grows as h → 0, where the Schur complement is a constant
 //! matrix times k_y f_z.
 
-use super::stages::{CollocationStages, Step};
+use super::stages::{CollocationStages, CollocationStep};
 use crate::problem::finite;
-use crate::semi_explicit::Model;
+use crate::semi_explicit::SemiExplicitModel;
 use liouville_base::checkpoint::CheckpointMismatch;
 use liouville_base::error::{Quantity, StepError};
 use liouville_base::linalg::{Matrix, Pattern, add_scaled, copy, max_norm};
@@ -39,7 +39,7 @@ pub(super) struct CollocationMatrix {
 }
 
 impl CollocationMatrix {
-    pub(super) fn new(model: &Model, stages: &CollocationStages) -> Self {
+    pub(super) fn new(model: &SemiExplicitModel, stages: &CollocationStages) -> Self {
         let (n, l, s) = (model.problem.n, model.problem.l, stages.count());
         let (at, identity) = (&model.problem.patterns, Pattern::diagonal(n));
         let mut layout = BlockLayout::default();
@@ -68,9 +68,9 @@ impl CollocationMatrix {
     /// Factors the matrix at the present unknowns.
     pub(super) fn update(
         &mut self,
-        model: &mut Model,
+        model: &mut SemiExplicitModel,
         stages: &CollocationStages,
-        step: Step,
+        step: CollocationStep,
     ) -> Result<(), StepError> {
         self.t = step.t;
         copy(self.y.flat_mut(), stages.y.flat());
@@ -81,7 +81,7 @@ impl CollocationMatrix {
     /// Factors the matrix at its point of linearisation, for steps of `h`.
     fn refactor(
         &mut self,
-        model: &mut Model,
+        model: &mut SemiExplicitModel,
         stages: &CollocationStages,
         h: f64,
     ) -> Result<(), StepError> {
@@ -98,7 +98,7 @@ impl CollocationMatrix {
     /// Makes the factors again that were there when a run was saved.
     pub(super) fn restore_factors(
         &mut self,
-        model: &mut Model,
+        model: &mut SemiExplicitModel,
         stages: &CollocationStages,
     ) -> Result<(), CheckpointMismatch> {
         let reuse = self.reuse.clone();
@@ -112,7 +112,7 @@ impl CollocationMatrix {
 
     fn add_fields(
         &mut self,
-        model: &mut Model,
+        model: &mut SemiExplicitModel,
         stages: &CollocationStages,
         h: f64,
     ) -> Result<(), StepError> {
@@ -141,7 +141,7 @@ impl CollocationMatrix {
 
     fn add_constraints(
         &mut self,
-        model: &mut Model,
+        model: &mut SemiExplicitModel,
         stages: &CollocationStages,
         h: f64,
     ) -> Result<(), StepError> {
@@ -165,7 +165,12 @@ impl CollocationMatrix {
     }
 
     /// Corrects the unknowns, and returns the largest change of V or of what Z makes of it.
-    pub(super) fn correct(&mut self, model: &Model, stages: &mut CollocationStages, h: f64) -> f64 {
+    pub(super) fn correct(
+        &mut self,
+        model: &SemiExplicitModel,
+        stages: &mut CollocationStages,
+        h: f64,
+    ) -> f64 {
         let at = &model.problem.patterns;
         let (head, tail) = self.unknowns.split_at_mut(stages.v.flat().len());
         copy(head, stages.residual.flat());

@@ -2,7 +2,7 @@
 
 use super::CollocationEquations;
 use super::attempt::KeptCollocation;
-use super::stages::{CollocationStages, Step};
+use super::stages::{CollocationStages, CollocationStep};
 use liouville_base::error::StepError;
 use liouville_base::linalg::{copy, furthest, max_norm};
 use liouville_base::newton::{MARGIN, SHAKE, signs};
@@ -12,7 +12,7 @@ pub(super) type CollocationProbe = Option<Box<(KeptCollocation, KeptCollocation)
 
 impl CollocationStages {
     /// Moves the unknowns by so many ε of their sizes.
-    fn shake(&mut self, step: Step, units: f64, seed: u64) {
+    fn shake(&mut self, step: CollocationStep, units: f64, seed: u64) {
         let mut sign = signs(seed);
         let of_v = max_norm(self.v.flat()) + max_norm(&step.state.y) / step.h.abs();
         let of_z = max_norm(self.z.flat());

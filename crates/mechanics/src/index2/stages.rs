@@ -2,13 +2,13 @@
 
 use super::probe::CollocationProbe;
 use crate::problem::finite;
-use crate::semi_explicit::{Model, State};
+use crate::semi_explicit::{SemiExplicitModel, SemiExplicitState};
 use liouville_base::error::{Quantity, StepError};
 use liouville_base::linalg::{Matrix, add_scaled, combine, copy, copy_scaled, max_norm};
 use liouville_base::tableau::{Spark, lagrange, moments};
 
 /// The step being made.
-pub(super) type Step<'a> = liouville_base::method::Step<'a, State>;
+pub(super) type CollocationStep<'a> = liouville_base::method::Step<'a, SemiExplicitState>;
 
 /// Unknowns and values at the stages (rows 0..s), and y1 and k(t1, y1) below them.
 #[derive(Clone, Debug)]
@@ -39,7 +39,7 @@ pub(super) struct CollocationStages {
 }
 
 impl CollocationStages {
-    pub(super) fn new(model: &Model, tableau: Spark) -> Self {
+    pub(super) fn new(model: &SemiExplicitModel, tableau: Spark) -> Self {
         let s = tableau.stages;
         let (n, l) = (model.problem.n, model.problem.l);
         let mut ends = Matrix::zeros(1, s);
@@ -82,7 +82,11 @@ impl CollocationStages {
     }
 
     /// Evaluates the model at the current unknowns, and the residuals of (I1)–(I3).
-    pub(super) fn evaluate(&mut self, model: &mut Model, step: Step) -> Result<(), StepError> {
+    pub(super) fn evaluate(
+        &mut self,
+        model: &mut SemiExplicitModel,
+        step: CollocationStep,
+    ) -> Result<(), StepError> {
         self.move_points(step);
         let s = self.count();
         for i in 0..s {
@@ -102,7 +106,11 @@ impl CollocationStages {
         self.weigh(model, step)
     }
 
-    fn weigh(&mut self, model: &mut Model, step: Step) -> Result<(), StepError> {
+    fn weigh(
+        &mut self,
+        model: &mut SemiExplicitModel,
+        step: CollocationStep,
+    ) -> Result<(), StepError> {
         let s = self.count();
         for i in [s - 1, s] {
             let t = self.time(step.t, step.h, i);
@@ -122,11 +130,11 @@ impl CollocationStages {
     }
 
     /// Y_i = y0 + Σ (a_ij / b_j) (h b_j V_j) and y1, the low part of y0 first.
-    pub(super) fn move_points(&mut self, step: Step) {
+    pub(super) fn move_points(&mut self, step: CollocationStep) {
         for (j, b) in self.b.iter().enumerate() {
             copy_scaled(self.moves.row_mut(j), step.h * b, self.v.row(j));
         }
-        let State { y, y_low, .. } = step.state;
+        let SemiExplicitState { y, y_low, .. } = step.state;
         combine(
             self.y.flat_mut(),
             &self.weights,
@@ -153,7 +161,7 @@ impl CollocationStages {
     }
 
     /// The size of a correction of V, relative to what moves the coordinates by their own size.
-    pub(super) fn relative(&self, correction: f64, step: Step) -> f64 {
+    pub(super) fn relative(&self, correction: f64, step: CollocationStep) -> f64 {
         if correction == 0.0 {
             return 0.0;
         }
@@ -161,12 +169,12 @@ impl CollocationStages {
     }
 
     /// What corrections are relative to.
-    fn speed(&self, step: Step) -> f64 {
+    fn speed(&self, step: CollocationStep) -> f64 {
         max_norm(self.v.flat()) + max_norm(&step.state.y) / step.h.abs()
     }
 
     /// A relative size in the yardstick of the step; from rest at the origin there is none.
-    pub(super) fn reach(&self, size: f64, step: Step) -> f64 {
+    pub(super) fn reach(&self, size: f64, step: CollocationStep) -> f64 {
         if size == 0.0 || self.yardstick == 0.0 {
             return 0.0;
         }
@@ -174,7 +182,7 @@ impl CollocationStages {
     }
 
     /// How far the stages are from where the velocity at the start leads, in the yardstick.
-    pub(super) fn moved(&self, velocity: &[f64], step: Step) -> f64 {
+    pub(super) fn moved(&self, velocity: &[f64], step: CollocationStep) -> f64 {
         let mut largest = 0.0_f64;
         for (i, c) in self.c.iter().enumerate() {
             let start = step.state.y.iter().zip(velocity);

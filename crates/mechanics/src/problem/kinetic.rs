@@ -3,7 +3,7 @@
 //! T is even under reversal of the velocities, smooth, and of the state alone. Its rate is the central difference
 //! along the tangent (1, v, z'), odd to the last bit when velocities are reversed.
 
-use super::monitor::{Metric, PART, Point};
+use super::monitor::{Metric, MonitoredPoint, PART};
 use super::{Acceleration, Carried, Model};
 use liouville_base::error::StepError;
 use liouville_base::linalg::{copy, max_norm};
@@ -14,8 +14,8 @@ use liouville_base::observe::{Fitted, Monitor};
 pub struct Kinetic {
     model: Model,
     acceleration: Acceleration,
-    here: Point,
-    side: Point,
+    here: MonitoredPoint,
+    side: MonitoredPoint,
     metric: Metric,
     /// c and p.
     offset: f64,
@@ -28,8 +28,8 @@ impl Kinetic {
         let zeros = vec![0.0; model.problem.n];
         Self {
             acceleration: Acceleration::new(&model),
-            here: Point::new(0.0, &zeros, &zeros),
-            side: Point::new(0.0, &zeros, &zeros),
+            here: MonitoredPoint::new(0.0, &zeros, &zeros),
+            side: MonitoredPoint::new(0.0, &zeros, &zeros),
             metric: Metric::new(zeros.len()),
             offset: 0.0,
             power: 0.0,
@@ -56,13 +56,13 @@ impl Kinetic {
 
     /// A small part of the time in which the state changes by its own size.
     fn difference_step(&self) -> f64 {
-        let Point { y, z, v, z_dot, .. } = &self.here;
+        let MonitoredPoint { y, z, v, z_dot, .. } = &self.here;
         let times = [(z, z_dot), (y, v)].map(|(x, rate)| max_norm(x) / max_norm(rate));
         PART * times[0].min(times[1])
     }
 }
 
-fn kinetic(metric: &mut Metric, model: &mut Model, at: &Point) -> f64 {
+fn kinetic(metric: &mut Metric, model: &mut Model, at: &MonitoredPoint) -> f64 {
     metric.squares(model, at, [&at.z])[0] / 2.0
 }
 

@@ -46,9 +46,9 @@ pub struct TimeScale {
     acceleration: Acceleration,
     least_size: f64,
     /// The present state, one before or after it, and one before or after that.
-    here: Point,
-    side: Point,
-    far: Point,
+    here: MonitoredPoint,
+    side: MonitoredPoint,
+    far: MonitoredPoint,
     z_ddot: Vec<f64>,
     metric: Metric,
 }
@@ -62,7 +62,7 @@ pub(super) struct Metric {
 
 /// A point on the way, with v and z'.
 #[derive(Clone, Debug)]
-pub(super) struct Point {
+pub(super) struct MonitoredPoint {
     pub(super) t: f64,
     pub(super) y: Vec<f64>,
     pub(super) z: Vec<f64>,
@@ -113,7 +113,7 @@ impl<M: Dynamics> Traced<M> {
     }
 }
 
-impl Point {
+impl MonitoredPoint {
     pub(super) fn new(t: f64, y: &[f64], z: &[f64]) -> Self {
         Self {
             t,
@@ -154,9 +154,9 @@ impl TimeScale {
         let mut monitor = Self {
             acceleration: Acceleration::new(&model),
             least_size: 0.0,
-            here: Point::new(t, y, z),
-            side: Point::new(t, y, z),
-            far: Point::new(t, y, z),
+            here: MonitoredPoint::new(t, y, z),
+            side: MonitoredPoint::new(t, y, z),
+            far: MonitoredPoint::new(t, y, z),
             z_ddot: zeros.clone(),
             metric: Metric::new(zeros.len()),
             model,
@@ -231,7 +231,7 @@ impl Metric {
     pub(super) fn squares<const K: usize>(
         &mut self,
         model: &mut Model,
-        at: &Point,
+        at: &MonitoredPoint,
         vectors: [&[f64]; K],
     ) -> [f64; K] {
         let problem = model.problem.clone();

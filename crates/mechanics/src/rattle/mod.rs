@@ -26,8 +26,8 @@ use liouville_base::method::{Stats, Stepper, Symmetric};
 use liouville_base::newton::{self, Attempts, Start};
 use liouville_base::tableau::{self, Force};
 use mass::ConstantMass;
-use positions::{Positions, Step};
-use reactions::Reactions;
+use positions::{Positions, RattleStep};
+use reactions::RattleReactions;
 
 /// Corrections of the multipliers a step may take.
 const MOST_ITERATIONS: usize = 100;
@@ -37,7 +37,7 @@ const MOST_ITERATIONS: usize = 100;
 pub struct Rattle {
     model: SeparableModel,
     mass: ConstantMass,
-    reactions: Reactions,
+    reactions: RattleReactions,
     positions: Positions,
     guess: Guess,
     /// f where the next step starts, and where that is.
@@ -64,7 +64,7 @@ impl Rattle {
         let zeros = vec![0.0; n];
         let mass = ConstantMass::new(&mut model.general)?;
         Ok(Self {
-            reactions: Reactions::new(&model, &mass),
+            reactions: RattleReactions::new(&model, &mass),
             positions: Positions::new(n, m),
             guess: Guess::new(m),
             force: zeros.clone(),
@@ -82,7 +82,7 @@ impl Rattle {
     }
 
     /// f and G at the start, unless the step before has left them.
-    fn begin(&mut self, step: Step) -> Result<(), StepError> {
+    fn begin(&mut self, step: RattleStep) -> Result<(), StepError> {
         let State { y, .. } = step.state;
         // a time that was added up differs from one that was multiplied by an ulp or two
         let nearly = 4.0 * f64::EPSILON * (step.t.abs() + step.h.abs());
@@ -100,7 +100,7 @@ impl Rattle {
     }
 
     /// The iteration; says whether the solution is near its start.
-    fn iterate(&mut self, step: Step) -> Result<bool, StepError> {
+    fn iterate(&mut self, step: RattleStep) -> Result<bool, StepError> {
         let mut solve = self.positions.start(
             &mut self.model,
             &mut self.mass,
@@ -115,7 +115,7 @@ impl Rattle {
     }
 
     /// y1 and p_h from the λ found, their low parts in `y_low` and `low`.
-    fn move_coordinates(&mut self, step: Step) {
+    fn move_coordinates(&mut self, step: RattleStep) {
         let State { y, p, .. } = step.state;
         self.positions.impulse(0.5 * step.h, &mut self.low);
         self.mass.velocity(p, &self.low, &mut self.v);
@@ -127,7 +127,7 @@ impl Rattle {
     }
 
     /// p1 with f and G at the end; μ is the multiplier that stops velocities leaving the constraints.
-    fn solve_velocities(&mut self, step: Step) -> Result<(), StepError> {
+    fn solve_velocities(&mut self, step: RattleStep) -> Result<(), StepError> {
         let (t, y) = (step.t + step.h, self.positions.y());
         self.start = None;
         copy(&mut self.force, self.model.force(t, y)?);
@@ -144,9 +144,9 @@ impl Rattle {
     }
 
     /// y1, λ and p1, by multipliers alone; says whether they are near the start, and taken.
-    fn advance(&mut self, step: Step) -> Result<bool, StepError> {
+    fn advance(&mut self, step: RattleStep) -> Result<bool, StepError> {
         self.begin(step)?;
-        if newton::attempt_modified(&mut Attempt { rattle: self, step }, step.h)? {
+        if newton::attempt_modified(&mut RattleAttempt { rattle: self, step }, step.h)? {
             self.move_coordinates(step);
             self.solve_velocities(step)?;
             return Ok(true);
@@ -168,12 +168,12 @@ impl Rattle {
 }
 
 /// A step whose multipliers are attempted.
-struct Attempt<'a> {
+struct RattleAttempt<'a> {
     rattle: &'a mut Rattle,
-    step: Step<'a>,
+    step: RattleStep<'a>,
 }
 
-impl Attempts for Attempt<'_> {
+impl Attempts for RattleAttempt<'_> {
     fn start(&mut self, h: f64, start: Start) -> Result<bool, StepError> {
         let lam = &mut self.rattle.positions.lam;
         match start {
@@ -184,7 +184,7 @@ impl Attempts for Attempt<'_> {
     }
 
     fn iterate(&mut self, h: f64) -> Result<bool, StepError> {
-        self.rattle.iterate(Step { h, ..self.step })
+        self.rattle.iterate(RattleStep { h, ..self.step })
     }
 
     fn count_cold_start(&mut self) {
@@ -196,7 +196,7 @@ impl Stepper for Rattle {
     type State = State;
 
     fn step(&mut self, t: f64, h: f64, state: &mut State) -> Result<(), StepError> {
-        let advanced = self.advance(Step { t, h, state });
+        let advanced = self.advance(RattleStep { t, h, state });
         if advanced != Ok(true) {
             let by_stages = self.step_by_stages(t, h, state);
             return by_stages.map_err(|later| match (later, advanced) {

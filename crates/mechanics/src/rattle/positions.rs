@@ -1,14 +1,14 @@
 //! The equation for λ: y1 meets its constraints.
 
 use super::mass::ConstantMass;
-use super::reactions::Reactions;
+use super::reactions::RattleReactions;
 use crate::problem::{SeparableModel, State};
 use liouville_base::error::StepError;
 use liouville_base::linalg::{add_scaled, copy, max_norm};
 use liouville_base::newton::Equations;
 
 /// The step being made.
-pub(super) type Step<'a> = liouville_base::method::Step<'a, State>;
+pub(super) type RattleStep<'a> = liouville_base::method::Step<'a, State>;
 
 /// λ, and y1 with it.
 #[derive(Clone, Debug)]
@@ -30,8 +30,8 @@ pub(super) struct PositionEquations<'a> {
     at: &'a mut Positions,
     model: &'a mut SeparableModel,
     mass: &'a mut ConstantMass,
-    reactions: &'a mut Reactions,
-    step: Step<'a>,
+    reactions: &'a mut RattleReactions,
+    step: RattleStep<'a>,
     /// The size of the coordinates and of the move itself, to measure corrections by.
     scale: Option<f64>,
     pub(super) factorizations: usize,
@@ -56,9 +56,9 @@ impl Positions {
         &'a mut self,
         model: &'a mut SeparableModel,
         mass: &'a mut ConstantMass,
-        reactions: &'a mut Reactions,
+        reactions: &'a mut RattleReactions,
         force: &[f64],
-        step: Step<'a>,
+        step: RattleStep<'a>,
     ) -> PositionEquations<'a> {
         let (
             h,
@@ -149,7 +149,7 @@ impl Equations for PositionEquations<'_> {
             return Ok(0.0);
         }
         self.move_coordinates();
-        let (at, Step { t, h, state }) = (&mut *self.at, self.step);
+        let (at, RattleStep { t, h, state }) = (&mut *self.at, self.step);
         let time = 0.5 * h * h;
         copy(&mut at.d_lam, self.model.constraint(t + h, &at.y)?);
         let scale = if let Some(scale) = self.scale {

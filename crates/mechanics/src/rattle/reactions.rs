@@ -1,4 +1,4 @@
-//! Reactions −Gᵀ λ and the matrices of their multipliers: G W Gᵀ by elimination where W is diagonal and the
+//! RattleReactions −Gᵀ λ and the matrices of their multipliers: G W Gᵀ by elimination where W is diagonal and the
 //! couplings are sparse, otherwise by the saddle-point matrix it is the Schur complement of.
 
 use super::mass::ConstantMass;
@@ -8,7 +8,7 @@ use liouville_base::linalg::{Matrix, NodeGram, Pattern, Rows, copy, max_norm};
 
 /// G at the start of a step, and the solver for multipliers.
 #[derive(Clone, Debug)]
-pub(super) struct Reactions {
+pub(super) struct RattleReactions {
     /// Gᵀ where a step starts, and `g_t` there.
     gradient: Rows,
     drift: Vec<f64>,
@@ -52,7 +52,7 @@ impl GramMatrices {
     }
 }
 
-impl Reactions {
+impl RattleReactions {
     pub(super) fn new(model: &SeparableModel, mass: &ConstantMass) -> Self {
         let general = &model.problem.mechanical;
         let g_y = &general.patterns.g_y;

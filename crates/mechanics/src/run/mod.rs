@@ -11,8 +11,7 @@ pub use job::{Control, Detection, EventFunction, Job, Method, Problem, SparkMeth
 use crate::alpha::{Alpha, Reactions};
 use crate::index2::Index2;
 use crate::problem::{
-    Kinetic, Mechanical, Model, Observers, SecondOrder, SecondOrderModel, Separable,
-    SeparableModel,
+    Kinetic, Mechanical, Model, Observers, SecondOrder, SecondOrderModel, Separable, SeparableModel,
 };
 use crate::rattle::Rattle;
 use crate::semi_explicit::{self, SemiExplicit};
@@ -245,7 +244,7 @@ impl Starter {
         member: usize,
     ) -> Begun {
         let span = self.job.span;
-        let mut model = semi_explicit::Model::new(problem.clone(), self.params(member));
+        let mut model = semi_explicit::SemiExplicitModel::new(problem.clone(), self.params(member));
         let (y, z) = (self.part(0, member), self.part(1, member));
         let state = model.state(span.t0, y, z, span.h())?;
         let of = (member, model.clone());

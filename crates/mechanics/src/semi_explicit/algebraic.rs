@@ -2,7 +2,7 @@
 //!
 //! Newton's method, whose corrections are measured by what they do to y', f_z δz.
 
-use super::Model;
+use super::SemiExplicitModel;
 use crate::problem::finite;
 use liouville_base::error::{Quantity, StepError};
 use liouville_base::linalg::{Factor, copy, max_norm};
@@ -20,7 +20,7 @@ pub struct Algebraic {
 
 struct AlgebraicEquations<'a> {
     at: &'a mut Algebraic,
-    model: &'a mut Model,
+    model: &'a mut SemiExplicitModel,
     t: f64,
     y: &'a [f64],
     z: &'a mut [f64],
@@ -29,7 +29,7 @@ struct AlgebraicEquations<'a> {
 
 impl Algebraic {
     /// Memory for this model.
-    pub fn new(model: &Model) -> Self {
+    pub fn new(model: &SemiExplicitModel) -> Self {
         let problem = &model.problem;
         Self {
             factor: Factor::new(&problem.patterns.w_z),
@@ -44,7 +44,7 @@ impl Algebraic {
     /// A value that is not finite, a singular `k_y f_z`, or no convergence where f is nonlinear in z.
     pub fn solve(
         &mut self,
-        model: &mut Model,
+        model: &mut SemiExplicitModel,
         t: f64,
         y: &[f64],
         z: &mut [f64],

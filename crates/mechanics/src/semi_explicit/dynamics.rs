@@ -4,7 +4,7 @@
 //!
 //!     0 = w_t + w_y f + w_z z',   y'' = f_t + f_y f + f_z z'
 
-use super::{Model, State};
+use super::{SemiExplicitModel, SemiExplicitState};
 use crate::problem::{Carried, Dynamics, finite};
 use liouville_base::checkpoint::Checkpoint;
 use liouville_base::error::{Quantity, StepError};
@@ -22,7 +22,7 @@ pub struct Derivatives {
 
 impl Checkpoint for Derivatives {}
 
-impl Carried for State {
+impl Carried for SemiExplicitState {
     fn y(&self) -> &[f64] {
         &self.y
     }
@@ -32,7 +32,7 @@ impl Carried for State {
     }
 }
 
-impl Dynamics for Model {
+impl Dynamics for SemiExplicitModel {
     type Solver = Derivatives;
 
     fn solver(&self) -> Derivatives {

@@ -11,7 +11,7 @@ mod model;
 
 pub use algebraic::Algebraic;
 pub use dynamics::Derivatives;
-pub use model::Model;
+pub use model::SemiExplicitModel;
 
 use crate::problem::Mismatch;
 use liouville_base::linalg::Pattern;
@@ -41,13 +41,13 @@ pub struct SemiExplicit {
     /// (t, y, z) → `w_t + w_y f`, `f_t + f_y f`
     pub rates: Tape,
     /// Where the derivatives are not zero.
-    pub patterns: Patterns,
+    pub patterns: SemiExplicitPatterns,
 }
 
 /// The sparsity of each derivative.
 #[derive(Clone, Debug)]
 #[allow(missing_docs)]
-pub struct Patterns {
+pub struct SemiExplicitPatterns {
     pub f_y: Pattern,
     pub f_z: Pattern,
     pub k_y: Pattern,
@@ -122,7 +122,7 @@ fn check(name: &'static str, found: usize, wanted: usize) -> Result<(), Mismatch
 
 /// Where a semi-explicit system is, with the low part its compensated sum carries.
 #[derive(Debug, PartialEq)]
-pub struct State {
+pub struct SemiExplicitState {
     /// Coordinates.
     pub y: Vec<f64>,
     /// What the hidden constraint makes z at `y`; methods take nothing from it but a guess.
@@ -131,7 +131,7 @@ pub struct State {
     pub y_low: Vec<f64>,
 }
 
-impl Clone for State {
+impl Clone for SemiExplicitState {
     fn clone(&self) -> Self {
         Self {
             y: self.y.clone(),
@@ -148,4 +148,4 @@ impl Clone for State {
     }
 }
 
-liouville_base::checkpoint!(State { y, z, y_low });
+liouville_base::checkpoint!(SemiExplicitState { y, z, y_low });

@@ -1,6 +1,6 @@
 //! A semi-explicit system with its parameters bound, and the memory its tapes work in.
 
-use super::{Algebraic, SemiExplicit, State};
+use super::{Algebraic, SemiExplicit, SemiExplicitState};
 use liouville_base::error::StepError;
 use liouville_base::linalg::max_norm;
 use liouville_base::tape::Registers;
@@ -8,7 +8,7 @@ use std::sync::Arc;
 
 /// A system ready to be evaluated.
 #[derive(Clone, Debug)]
-pub struct Model {
+pub struct SemiExplicitModel {
     /// The system itself, shared.
     pub problem: Arc<SemiExplicit>,
     field: Registers<f64>,
@@ -20,7 +20,7 @@ pub struct Model {
     rates: Registers<f64>,
 }
 
-impl Model {
+impl SemiExplicitModel {
     /// Binds parameters.
     ///
     /// # Panics
@@ -99,11 +99,17 @@ impl Model {
     ///
     /// # Errors
     /// No z is found there.
-    pub fn state(&mut self, t: f64, y: &[f64], z: &[f64], h: f64) -> Result<State, StepError> {
+    pub fn state(
+        &mut self,
+        t: f64,
+        y: &[f64],
+        z: &[f64],
+        h: f64,
+    ) -> Result<SemiExplicitState, StepError> {
         let mut found = z.to_vec();
         let speed = max_norm(y) / h.abs();
         Algebraic::new(self).solve(self, t, y, &mut found, speed)?;
-        Ok(State {
+        Ok(SemiExplicitState {
             y: y.to_vec(),
             z: found,
             y_low: vec![0.0; y.len()],

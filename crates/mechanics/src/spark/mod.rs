@@ -242,12 +242,12 @@ struct KeptStages {
 }
 
 /// A step whose stage equations are attempted.
-struct Attempt<'a> {
+struct SparkAttempt<'a> {
     spark: &'a mut Spark,
     step: Step<'a>,
 }
 
-impl Attempts for Attempt<'_> {
+impl Attempts for SparkAttempt<'_> {
     fn start(&mut self, h: f64, start: Start) -> Result<bool, StepError> {
         let step = Step { h, ..self.step };
         let Spark {
@@ -280,7 +280,7 @@ impl Attempts for Attempt<'_> {
     }
 }
 
-impl Confirms for Attempt<'_> {
+impl Confirms for SparkAttempt<'_> {
     fn iterate_full(&mut self, h: f64) -> Result<bool, StepError> {
         self.spark.iterate_full(Step { h, ..self.step })
     }
@@ -328,7 +328,7 @@ impl Stepper for Spark {
 
     fn step(&mut self, t: f64, h: f64, state: &mut State) -> Result<(), StepError> {
         let step = Step { t, h, state };
-        let attempted = newton::attempt(&mut Attempt { spark: self, step }, h);
+        let attempted = newton::attempt(&mut SparkAttempt { spark: self, step }, h);
         attempted.map_err(|error| self.without_full(error))?;
         self.finish(step)?;
         if let Some(estimate) = &mut self.estimate {

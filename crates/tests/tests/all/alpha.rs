@@ -4,7 +4,7 @@ use liouville_base::linalg::{Lu, Matrix};
 use liouville_base::method::Tolerance;
 use liouville_base::method::{Estimating, Stepper};
 use liouville_base::tableau;
-use liouville_mechanics::alpha::{Alpha, Reactions, State};
+use liouville_mechanics::alpha::{Alpha, AlphaState, Reactions};
 use liouville_mechanics::problem::SecondOrderModel;
 use liouville_tests::walk::{START, distance, driven_start, heavy};
 
@@ -32,7 +32,7 @@ fn family() -> [tableau::Alpha; 3] {
     ]
 }
 
-fn ball(weights: tableau::Alpha, reactions: Reactions, tolerance: bool) -> (Alpha, State) {
+fn ball(weights: tableau::Alpha, reactions: Reactions, tolerance: bool) -> (Alpha, AlphaState) {
     let model = SecondOrderModel::new(heavy().second_order(), &[]);
     let tolerance = tolerance.then(|| Tolerance {
         rtol: 0.0,
@@ -48,10 +48,10 @@ fn ball(weights: tableau::Alpha, reactions: Reactions, tolerance: bool) -> (Alph
 
 /// The state after steps of these sizes; `forgets` takes every step for one of the same size as before.
 fn walked(
-    (mut alpha, mut state): (Alpha, State),
+    (mut alpha, mut state): (Alpha, AlphaState),
     sizes: impl IntoIterator<Item = f64>,
     forgets: bool,
-) -> State {
+) -> AlphaState {
     let mut t = START;
     for h in sizes {
         if forgets {

@@ -5,12 +5,12 @@ use liouville_base::linalg::Matrix;
 use liouville_base::method::{Stats, Stepper};
 use liouville_base::tableau::{Spark, moments};
 use liouville_mechanics::index2::Index2;
-use liouville_mechanics::semi_explicit::{Model, State};
+use liouville_mechanics::semi_explicit::{SemiExplicitModel, SemiExplicitState};
 use liouville_tests::{T, Y, Z, input, inputs, semi_explicit, turning};
 
-fn run(s: usize, h: f64, steps: i32) -> (State, Stats) {
+fn run(s: usize, h: f64, steps: i32) -> (SemiExplicitState, Stats) {
     let (f, k) = turning();
-    let mut model = Model::new(semi_explicit(&f, &k), &[]);
+    let mut model = SemiExplicitModel::new(semi_explicit(&f, &k), &[]);
     let start = model.state(0.0, &[0.0, 0.0, 1.0], &[0.0], h);
     let mut state = start.expect("a start");
     let mut stepper = Index2::new(model, s);
@@ -80,7 +80,7 @@ fn the_constraint_holds_at_the_ends_and_the_length_is_kept() {
 #[test]
 fn a_forgotten_step_changes_nothing_but_roundoff() {
     let (f, k) = turning();
-    let mut model = Model::new(semi_explicit(&f, &k), &[]);
+    let mut model = SemiExplicitModel::new(semi_explicit(&f, &k), &[]);
     let start = model.state(0.0, &[0.0, 0.0, 1.0], &[0.0], 0.1);
     let mut state = start.expect("a start");
     let mut stepper = Index2::new(model, 3);
@@ -103,7 +103,7 @@ fn a_failed_step_leaves_the_state_as_it_was() {
     // k_y f_z vanishes with y_1
     let (y, z) = (inputs(Y, 2), inputs(Z, 1));
     let (f, k) = ([&y[1] * &z[0], (-1.0).into()], [&y[0] - input(T, 0)]);
-    let mut model = Model::new(semi_explicit(&f, &k), &[]);
+    let mut model = SemiExplicitModel::new(semi_explicit(&f, &k), &[]);
     let start = model.state(0.0, &[0.0, 1.0], &[1.0], 0.5);
     let mut state = start.expect("a start");
     let mut stepper = Index2::new(model.clone(), 2);
@@ -120,7 +120,7 @@ fn a_failed_step_leaves_the_state_as_it_was() {
 fn on_radau_points_the_order_is_2s_less_1_and_the_constraint_holds() {
     let (f, k) = turning();
     let end = |s: usize, steps: i32| {
-        let mut model = Model::new(semi_explicit(&f, &k), &[]);
+        let mut model = SemiExplicitModel::new(semi_explicit(&f, &k), &[]);
         let h = 1.0 / f64::from(steps);
         let start = model.state(0.0, &[0.0, 0.0, 1.0], &[0.0], h);
         let mut state = start.expect("a start");

@@ -94,7 +94,7 @@ fn observer(model: &Model, params: &[f64]) -> Observer {
     Observer::new(model.clone(), params, square, true)
 }
 
-fn ball(reactions: Reactions) -> (Alpha, liouville_mechanics::alpha::State) {
+fn ball(reactions: Reactions) -> (Alpha, liouville_mechanics::alpha::AlphaState) {
     let hht = tableau::Alpha {
         alpha_m: 0.0,
         alpha_f: 0.1,
@@ -134,12 +134,12 @@ fn the_alpha_family_goes_on() {
 }
 
 /// A turning vector whose steps a control makes, with two kinds of events, and given times if they are wanted.
-fn turned<C: StepControl<semi_explicit::State> + 'static>(
+fn turned<C: StepControl<semi_explicit::SemiExplicitState> + 'static>(
     (s, has_times): (usize, bool),
-    control: impl Fn(semi_explicit::Model, &semi_explicit::State) -> C,
-) -> Run<semi_explicit::State> {
+    control: impl Fn(semi_explicit::SemiExplicitModel, &semi_explicit::SemiExplicitState) -> C,
+) -> Run<semi_explicit::SemiExplicitState> {
     let (f, k) = turning();
-    let mut model = semi_explicit::Model::new(traced(&f, &k), &[]);
+    let mut model = semi_explicit::SemiExplicitModel::new(traced(&f, &k), &[]);
     let state = model.state(0.0, &[0.0, 0.0, 1.0], &[0.0], 0.05);
     let state = state.expect("a start");
     let observed = tape([1, 3, 1, 0], &[input(Y, 0)]);
@@ -161,7 +161,7 @@ fn turned<C: StepControl<semi_explicit::State> + 'static>(
 
 #[test]
 fn index_2_goes_on() {
-    let monitor = |model: &semi_explicit::Model| {
+    let monitor = |model: &semi_explicit::SemiExplicitModel| {
         let (z, z_dot) = (input(Z, 0), input(3, 0));
         let rates = [&z * &z + 1.0, &z * &z_dot * 2.0];
         Traced::new(model.clone(), &[], tape([1, 3, 1, 1, 0], &rates), true)

@@ -68,7 +68,7 @@ fn detecting_events_takes_no_memory() {
 #[test]
 fn controlled_steps_of_index_2_and_their_events_take_no_memory() {
     let (f, k) = turning();
-    let mut model = semi_explicit::Model::new(traced(&f, &k), &[]);
+    let mut model = semi_explicit::SemiExplicitModel::new(traced(&f, &k), &[]);
     let state = model.state(0.0, &[0.0, 0.0, 1.0], &[0.0], 0.05);
     let state = state.expect("a start");
     let tape = tape([1, 3, 1, 0, 0], &[input(Z, 0) + 1e3]);

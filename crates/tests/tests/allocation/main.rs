@@ -20,7 +20,7 @@ use liouville_mechanics::problem::{
     Acceleration, Model, SecondOrderModel, SeparableModel, TimeScale,
 };
 use liouville_mechanics::rattle::Rattle;
-use liouville_mechanics::semi_explicit::Model as SemiExplicitModel;
+use liouville_mechanics::semi_explicit::SemiExplicitModel;
 use liouville_mechanics::spark::{BATCH, Solver, Spark, SparkBatch};
 use liouville_tests::quantum::{flows, kinetic, packet, rotor};
 use liouville_tests::splits::{Draw, every_kind};

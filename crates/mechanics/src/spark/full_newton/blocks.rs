@@ -64,12 +64,12 @@ pub(super) struct SparkBlocks {
     pub(super) g_y: Vec<Targets>,
     pub(super) r_lam: Vec<Targets>,
     pub(super) r_y: ByPosition,
-    pub(super) own: Option<NonholonomicBlocks>,
+    pub(super) own: Option<RollingBlocks>,
 }
 
 /// Where the derivatives of k and of its reactions go.
 #[derive(Clone, Debug)]
-pub(super) struct NonholonomicBlocks {
+pub(super) struct RollingBlocks {
     pub(super) r_z: Vec<Targets>,
     pub(super) r_nu: Vec<Targets>,
     pub(super) r_y: ByPosition,
@@ -210,7 +210,7 @@ impl SparkBlocks {
             r_lam: place(to, &at.r_lam, (0, lam), &a_hat, Column),
             r_y: ByPosition::new(to, &at.r_y, (0, v), [&a_hat, &a_bar]),
             own: (problem.nonholonomic.as_ref())
-                .map(|own| NonholonomicBlocks::new(to, &at.g_y, &own.patterns, tableau, offsets)),
+                .map(|own| RollingBlocks::new(to, &at.g_y, &own.patterns, tableau, offsets)),
             v_z,
             one: ones,
             v_y,
@@ -220,7 +220,7 @@ impl SparkBlocks {
     }
 }
 
-impl NonholonomicBlocks {
+impl RollingBlocks {
     fn new<'a>(
         to: &mut BlockLayout<'a>,
         g_y: &'a Pattern,
