@@ -24,6 +24,11 @@ use liouville_base::tableau;
 use member::{composed, in_lanes};
 use std::sync::Arc;
 
+/// The least and the most steps of a trial by which reversible steps meet a tolerance ...
+const TRIAL: [usize; 2] = [20, 500];
+/// ... and this many coordinates in all beyond the least: no signal is looked at while it lasts.
+const TRIAL_COORDINATES: usize = 100_000;
+
 /// A run about to start.
 ///
 /// # Errors
@@ -233,7 +238,8 @@ impl Starter {
         let (ends, sizes, copy) = ((span.t0, span.t1), (first, *least), self.copy(&stepper));
         let monitor = Box::new(Kinetic::new(self.model(member)));
         let pair = [Box::new(stepper.clone()) as _, Box::new(stepper) as _];
-        let control = Reversible::within_tolerance(pair, ends, sizes, monitor, &state);
+        let trial = TRIAL[1].min(TRIAL[0] + TRIAL_COORDINATES / self.system.mechanical().n);
+        let control = Reversible::within_tolerance(pair, trial, ends, sizes, monitor, &state);
         self.launch(Box::new(control), copy, of, state)
     }
 

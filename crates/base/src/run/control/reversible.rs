@@ -69,10 +69,12 @@ impl<State: Checkpoint> Reversible<State> {
         )
     }
 
-    /// With steps that meet the tolerance of a method, which need not be symmetric: they are as long as a `trial` with
-    /// another stepper of the kind finds them allowed, and shorter from where they turn out too long.
+    /// With steps that meet the tolerance of a method, which need not be symmetric: they are as long as a `trial` of at
+    /// most so many steps with another stepper of the kind finds them allowed, and shorter from where they turn out
+    /// too long.
     pub fn within_tolerance(
         [stepper, trial]: [Box<dyn Estimating<State = State>>; 2],
+        most: usize,
         ends: (f64, f64),
         (h, least): (f64, f64),
         mut monitor: Box<dyn Fitted<State>>,
@@ -82,7 +84,7 @@ impl<State: Checkpoint> Reversible<State> {
         State: Clone,
     {
         let trial = Adaptive::new(trial, ends, h, least);
-        let fitted = trial::fit(trial, state.clone(), &mut *monitor);
+        let fitted = trial::fit(trial, most, state.clone(), &mut *monitor);
         let sizes = (fitted.unwrap_or(h), least);
         Self::of(Maker::Estimating(stepper), ends, sizes, monitor, state)
     }

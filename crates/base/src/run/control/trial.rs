@@ -9,8 +9,6 @@ use super::{Adaptive, StepControl};
 use crate::checkpoint::Checkpoint;
 use crate::observe::Fitted;
 
-/// Steps of a trial.
-const STEPS: usize = 500;
 /// The part of the allowed step that is taken.
 const SAFETY: f64 = 0.9;
 /// Errors below this, in units of the tolerance, say too little about the step allowed.
@@ -28,15 +26,16 @@ struct Tried {
     x: f64,
 }
 
-/// Fits a monitor to the motion from here, and returns the first step.
+/// Fits a monitor to `most` steps of the motion from here, and returns the first step.
 pub(super) fn fit<State: Checkpoint>(
     mut trial: Adaptive<State>,
+    most: usize,
     mut state: State,
     monitor: &mut dyn Fitted<State>,
 ) -> Option<f64> {
     let start = monitor.quantity(trial.time(), &state);
-    let (mut tried, mut before) = (Vec::with_capacity(STEPS), start);
-    while tried.len() < STEPS && !trial.is_over() {
+    let (mut tried, mut before) = (Vec::with_capacity(most), start);
+    while tried.len() < most && !trial.is_over() {
         let t = trial.time();
         if trial.step(&mut state).is_err() {
             break;
