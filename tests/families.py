@@ -13,6 +13,7 @@ from typing import Any
 
 import casadi as ca
 import numpy as np
+from index2_systems import nonlinear, nonlinear_at
 from scipy.integrate import solve_ivp
 
 import liouville as lv
@@ -148,25 +149,13 @@ def swinging_rod():
 
 
 def index2():
-    """Return y1 = e^t, y2 = e^-2t (1 + sin t), z = e^2t: nonlinear in z."""
-
-    def field(t, y, z, params):
-        growth = 1 + ca.sin(t)
-        u = y[1] / growth
-        return [
-            y[0] * u**2 * z**2,
-            (u**2 * z - 3 * y[0] ** 2 * u**2) * growth + u * ca.cos(t),
-        ]
+    """Return the system that is nonlinear in z, with its closed form."""
 
     def exact(t):
-        y = [np.exp(t), np.exp(-2 * t) * (1 + np.sin(t))]
-        return {"y": np.array(y), "z": np.array([np.exp(2 * t)])}
+        return dict(zip("yz", nonlinear_at(t), strict=True))
 
-    system = lv.SemiExplicit(
-        field=field, constraint=lambda t, y, params: y[0] ** 2 * y[1] - 1 - ca.sin(t), y=2, z=1
-    )
     steps = (80, 160, 320), (32, 64, 128), (12, 16, 24, 32), (10, 12, 16, 20)
-    return Problem(system, {"y": [1.0, 1.0], "z": [1.0]}, (0.0, 2.0), steps, exact=exact)
+    return Problem(nonlinear(), {"y": [1.0, 1.0], "z": [1.0]}, (0.0, 2.0), steps, exact=exact)
 
 
 # --- fields --------------------------------------------------------------------------------------

@@ -15,11 +15,15 @@ import numpy as np
 from liouville import _core
 from liouville.systems._derivatives import jacobian
 from liouville.systems._form import Model, Nonholonomic, Redundant
+from liouville.systems._singular import dense
 from liouville.systems.mechanics import Mechanics
 
 #: Where orthogonalising the gradients takes more operations than this, it is first seen whether the
 #: sparse equations for multipliers are singular.
 MOST_OPERATIONS = 1e6
+#: Redundant constraints are not looked for in gradients with more entries, nor does the core move
+#: starts onto them.
+MOST_ENTRIES = 250_000
 #: Gradients of length one are clearly independent where this part of each is its own.
 CLEARLY = 1e-6
 #: Roundoff of such a part, in units of the larger number of rows and columns.
@@ -50,7 +54,7 @@ def redundant(
         There are more constraints than coordinates, and they leave nothing to move.
     """
     rows, n = len(system.constraints), len(system.coordinates)
-    if rows < 2:
+    if rows < 2 or rows * n > MOST_ENTRIES:
         return ()
     if n >= rows > (MOST_OPERATIONS / n) ** 0.5 and _is_solved(system, t, y, z, params):
         return ()
@@ -150,14 +154,16 @@ def _gradients(
 ) -> np.ndarray:
     """Return the gradients of all constraints by velocities, or by z, one a row."""
     lam, nu = np.zeros(len(system._holonomic)), np.zeros(len(system.nonholonomic))
-    found = _dense(system, "g_y", system._at("node_blocks", params, t, y, lam))
+    found = dense(system._patterns["g_y"], system._at("node_blocks", params, t, y, lam))
     if not nu.size:
         return found
     if "v_z" in system._patterns:
         blocks = system._at("stage_blocks", params, t, y, z)
-        found = found @ _dense(system, "v_z", blocks[len(system._patterns["p_z"][2]) :])
+        found = found @ dense(system._patterns["v_z"], blocks[len(system._patterns["p_z"][2]) :])
     blocks = system._at("nonholonomic_blocks", params, t, y, z, nu)
-    return np.vstack([found, _dense(system, "k_z", blocks[len(system._patterns["k_y"][2]) :])])
+    return np.vstack(
+        [found, dense(system._patterns["k_z"], blocks[len(system._patterns["k_y"][2]) :])]
+    )
 
 
 def _is_solved(
@@ -167,14 +173,6 @@ def _is_solved(
     times = np.array([t])
     found = _core.path(system.problem, params, 2, times, y[None], z[None], times)
     return not isinstance(found, dict)
-
-
-def _dense(system: Mechanics, name: str, values: np.ndarray) -> np.ndarray:
-    """Return a derivative as a matrix, of values that begin with its entries."""
-    count, width, rows, columns = system._patterns[name]
-    matrix = np.zeros((count, width))
-    matrix[rows, columns] = values[: len(rows)]
-    return matrix
 
 
 def _asides(
@@ -190,7 +188,9 @@ def _asides(
     end = system._at("end", params, t, y, z)
     velocity = end[n + m :] if end.size > n + m else z
     holonomic = [k for k in kept if k < m]
-    rows = _dense(system, "g_y", system._at("node_blocks", params, t, y, np.zeros(m)))[holonomic]
+    rows = dense(system._patterns["g_y"], system._at("node_blocks", params, t, y, np.zeros(m)))[
+        holonomic
+    ]
     other = np.random.default_rng(0).standard_normal(n)
     other -= np.linalg.lstsq(rows, rows @ other, rcond=None)[0]
     size = ASIDE * (np.abs(y).max() or 1.0)
@@ -212,11 +212,11 @@ def _are_alike(
     for value in (0.0, 1.0):
         lam, nu = np.full(m, value), np.full(own, value)
         blocks = system._at("node_blocks", params, t, y, lam)
-        columns = _dense(system, "r_lam", blocks[len(system._patterns["g_y"][2]) :])
+        columns = dense(system._patterns["r_lam"], blocks[len(system._patterns["g_y"][2]) :])
         if own:
             blocks = system._at("nonholonomic_blocks", params, t, y, z, nu)
             of_nu = len(system._patterns["rn_nu"][2])
-            columns = np.hstack([columns, _dense(system, "rn_nu", blocks[-of_nu:])])
+            columns = np.hstack([columns, dense(system._patterns["rn_nu"], blocks[-of_nu:])])
         found.append(columns)
     first, second = found
     basis, wanted = first[:, kept], first[:, list(left)]

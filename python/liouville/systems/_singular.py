@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
+from liouville.systems._linear import Pattern
+
 #: Gradients of length one are nearly dependent where a singular value is below this.
 NEARLY = 1e-2
 #: A gradient vanishes that is shorter than this part of the longest.
@@ -12,15 +14,22 @@ VANISHING = 1e-6
 MOST = 300
 
 
+def dense(pattern: Pattern, values: np.ndarray) -> np.ndarray:
+    """Return a derivative as a matrix, of values that begin with its entries."""
+    rows, columns, row, column = pattern
+    matrix = np.zeros((rows, columns))
+    matrix[row, column] = values[: len(row)]
+    return matrix
+
+
 def nearly_dependent(
-    pattern: tuple[int, int, np.ndarray, np.ndarray], values: np.ndarray, names: tuple[str, ...]
+    pattern: Pattern, values: np.ndarray, names: tuple[str, ...]
 ) -> tuple[str, ...]:
     """Name the constraints that nearly depend on one another, by the entries of their gradients."""
-    m, n, rows, columns = pattern
+    m, n, _, _ = pattern
     if not 0 < m <= MOST or not np.all(np.isfinite(values)):
         return ()
-    gradients = np.zeros((m, n))
-    gradients[rows, columns] = values
+    gradients = dense(pattern, values)
     lengths = np.linalg.norm(gradients, axis=1)
     largest = lengths.max()
     short = [name for name, x in zip(names, lengths, strict=True) if x <= VANISHING * largest]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping
 from typing import Any, Self
 
@@ -31,7 +32,7 @@ INVARIANT = "invariant "
 Function = Callable[..., Any]
 
 
-class TracedSystem(Pickled):
+class TracedSystem(Pickled, ABC):
     """A system of expressions that CasADi differentiates and the core evaluates as tapes.
 
     Attributes
@@ -71,14 +72,14 @@ class TracedSystem(Pickled):
         return {name: x.copy() if x.ndim else float(x) for name, x in defaults.items()}
 
     @property
+    @abstractmethod
     def places(self) -> dict[str, tuple[str, ...]]:
         """The names of the entries of all states that a run keeps, by the name of the state."""
-        raise NotImplementedError
 
     @property
+    @abstractmethod
     def _velocity(self) -> ca.SX:
         """The expression of y'."""
-        raise NotImplementedError
 
     @property
     def _multipliers(self) -> ca.SX | None:
@@ -110,9 +111,9 @@ class TracedSystem(Pickled):
         tape = record("observer", s.inputs(z=s.z), *parts.values())
         return tape, {name: x.numel() for name, x in parts.items()}
 
+    @abstractmethod
     def _parts(self, states: bool) -> dict[str, ca.SX]:
         """Return the expressions that every run records, with those of states or without."""
-        raise NotImplementedError
 
     def portable(self, observe: Mapping[str, Any] | None) -> dict[str, Any]:
         """Return functions to observe in a form that can be pickled."""

@@ -99,11 +99,17 @@ impl LeastNorm {
             return Ok(());
         };
         let values = model.reactions(t, y, z);
-        finite(values, Quantity::Reaction, t)?;
+        finite(values, Quantity::Derivative, t)?;
         self.reactions.clear();
         for (&(row, constraint), value) in redundant.pattern.entries().iter().zip(values) {
             self.reactions[(constraint, row)] = *value;
         }
+        self.combine(redundant, model, saddle);
+        self.share(redundant, kept)
+    }
+
+    /// Finds |c_i| and C.
+    fn combine(&mut self, redundant: &Redundant, model: &Model, saddle: &mut Saddle) {
         for (size, row) in self.sizes.iter_mut().zip(0..self.reactions.rows()) {
             let reaction = self.reactions.row(row);
             self.column.copy_from_slice(reaction);
@@ -121,6 +127,10 @@ impl LeastNorm {
                 *c *= -self.sizes[kept] / self.sizes[*left];
             }
         }
+    }
+
+    /// Finds all multipliers of least norm from those of the constraints that are kept.
+    fn share(&mut self, redundant: &Redundant, kept: &[f64]) -> Result<(), StepError> {
         for ((scaled, k), lam) in self.scaled.iter_mut().zip(redundant.kept()).zip(kept) {
             *scaled = lam * self.sizes[k];
         }

@@ -106,12 +106,32 @@ impl Starter {
         self.launch(Box::new(control), copy, (member, model), state)
     }
 
-    /// A run of a symmetric method by steps that follow a monitor, if there is one, or by equal steps.
+    /// A run of a symmetric method, alone or composed, by steps that follow a monitor, if there is one, or by equal
+    /// steps.
     pub(super) fn symmetric<S, M: Dynamics>(
+        &self,
+        (stepper, stages): (S, Option<&[f64]>),
+        monitor: Followed<S::State>,
+        of: (usize, M),
+        state: S::State,
+    ) -> Begun
+    where
+        S: Symmetric + Clone + 'static,
+        S::State: Carried + Clone,
+    {
+        match stages {
+            None => self.following(stepper, monitor, of, state),
+            Some(stages) => {
+                self.following(Composed::of_stages(stepper, stages), monitor, of, state)
+            }
+        }
+    }
+
+    fn following<S, M: Dynamics>(
         &self,
         stepper: S,
         monitor: Followed<S::State>,
-        (member, model): (usize, M),
+        of: (usize, M),
         state: S::State,
     ) -> Begun
     where
@@ -127,7 +147,7 @@ impl Starter {
             }
             None => Box::new(Fixed::new(stepper, span.t0, span.h(), span.steps)),
         };
-        self.launch(control, copy, (member, model), state)
+        self.launch(control, copy, of, state)
     }
 
     /// A run of one member, with an event detector where `copy` makes its partial steps.

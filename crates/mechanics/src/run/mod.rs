@@ -16,7 +16,6 @@ use crate::problem::{
 use crate::rattle::Rattle;
 use crate::semi_explicit::{self, SemiExplicit};
 use crate::spark::{BATCH, Spark, SparkBatch, supports_batch};
-use liouville_base::composition::Composed;
 use liouville_base::ensemble::{Ensemble, Layout};
 use liouville_base::error::StepError;
 use liouville_base::run::{Advance, Fixed, Reversible, StartError};
@@ -171,12 +170,7 @@ impl Starter {
         } = &self.job.control
         else {
             let (monitor, of) = (self.monitor(member), (member, self.model(member)));
-            return match stages {
-                None => self.symmetric(stepper, monitor, of, state),
-                Some(stages) => {
-                    self.symmetric(Composed::of_stages(stepper, stages), monitor, of, state)
-                }
-            };
+            return self.symmetric((stepper, stages), monitor, of, state);
         };
         let mut stepper = stepper.estimating(tolerance.clone());
         let first = match first {
@@ -197,12 +191,7 @@ impl Starter {
         let state = model.general.state(self.job.span.t0, y, z);
         let stepper = Rattle::new(model)?;
         let (monitor, of) = (self.monitor(member), (member, self.model(member)));
-        match stages {
-            None => self.symmetric(stepper, monitor, of, state),
-            Some(stages) => {
-                self.symmetric(Composed::of_stages(stepper, stages), monitor, of, state)
-            }
-        }
+        self.symmetric((stepper, stages), monitor, of, state)
     }
 
     fn alpha(
@@ -262,12 +251,7 @@ impl Starter {
         } = &self.job.control
         else {
             let monitor = self.traced(member, || of.1.clone());
-            return match stages {
-                None => self.symmetric(stepper, monitor, of, state),
-                Some(stages) => {
-                    self.symmetric(Composed::of_stages(stepper, stages), monitor, of, state)
-                }
-            };
+            return self.symmetric((stepper, stages), monitor, of, state);
         };
         let mut stepper = stepper.estimating(tableau, tolerance.clone());
         let first = match first {
