@@ -11,7 +11,7 @@ PYTEST_SETTINGS := PYTHONDONTWRITEBYTECODE= OPENBLAS_NUM_THREADS=1
 SPHINX := $(BIN)/sphinx-build -W --keep-going -q
 
 .DEFAULT_GOAL := help
-.PHONY: help demo test fuzz lint format build docs bench ci clean
+.PHONY: help demo test slow fuzz lint format build docs wheel bench ci clean
 
 help:  ## Print the verbs
 	@sed -n 's/^\([a-z]*\):.*## /\1\t/p' $(MAKEFILE_LIST) | awk -F '\t' '{printf "make %-8s %s\n", $$1, $$2}'
@@ -23,6 +23,9 @@ test:  ## Run every test but the slow ones: Rust, Python, examples in the docume
 	@cargo test --quiet --release --no-run $(RUST_TESTS) & $(MAKE) --no-print-directory $(VENV)/tools && wait
 	cargo test --quiet --release $(RUST_TESTS)
 	$(PYTEST_SETTINGS) $(BIN)/python -m pytest -q -n logical --dist worksteal
+
+slow: $(VENV)/tools  ## Run the tests that take longer than a minute each: hours
+	$(PYTEST_SETTINGS) $(BIN)/python -m pytest -q -m slow -n logical --dist worksteal
 
 fuzz: $(VENV)/tools  ## Try the properties with new seeds for SECONDS=300, and print what to replay
 	$(BIN)/python tools/fuzz.py $(SECONDS)
@@ -45,6 +48,13 @@ build: $(VENV)/built  ## Compile the core and install liouville into .venv, with
 docs: $(VENV)/tools  ## Build the documentation into docs/_build/html; runs the gallery
 	$(SPHINX) docs docs/_build/html
 
+# The wheel is built from the sdist, as pip would; what it is compiled from stays in target/ for the next time.
+wheel: $(VENV)/tools  ## Build sdist and wheel into dist/, and try them in fresh environments without Rust
+	rm -rf dist
+	CARGO_TARGET_DIR=$(CURDIR)/target $(BIN)/python -m build
+	$(BIN)/python -m twine check --strict dist/*
+	$(BIN)/python tools/check_wheel.py dist/*.whl dist/*.tar.gz
+
 bench: $(VENV)/bench  ## Measure beside other codes, in under ten minutes; tables in build/benchmarks.md
 	$(BIN)/python benchmarks/work_precision.py --short
 	$(BIN)/python benchmarks/ensembles.py --members 10000
@@ -52,30 +62,32 @@ bench: $(VENV)/bench  ## Measure beside other codes, in under ten minutes; table
 	$(BIN)/python benchmarks/mujoco_chain.py
 	$(BIN)/python benchmarks/tables.py build/benchmarks.md
 
-ci: lint test docs  ## What .ci/run runs
+ci: lint test docs wheel  ## What .ci/run runs
 
 clean:  ## Remove what the verbs made
-	rm -rf $(VENV) target build docs/_build docs/gallery python/liouville/_core*.so
+	rm -rf $(VENV) target build dist docs/_build docs/gallery python/liouville/_core*.so
 
 # The package is installed in place: a change in Python needs no new build, one in Rust does.
-PIP_INSTALL := $(BIN)/python -m pip install --quiet --disable-pip-version-check --no-compile -e
+PIP_INSTALL := $(BIN)/python -m pip install --quiet --disable-pip-version-check --no-compile
 
 $(BIN)/python:
 	$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11) and "liouville needs Python 3.11 or newer")'
 	$(PYTHON) -m venv $(VENV)
 
 $(VENV)/demo: $(BIN)/python $(CORE)
-	$(PIP_INSTALL) '.[plot]'
+	$(PIP_INSTALL) -e '.[plot]'
 	@touch $@
 
 $(VENV)/built: $(BIN)/python $(CORE)
-	$(PIP_INSTALL) '.[all]'
+	$(PIP_INSTALL) -e '.[all]'
 	@touch $(VENV)/demo $@
 
 $(VENV)/bench: $(BIN)/python $(CORE)
-	$(PIP_INSTALL) '.[all,bench]'
+	$(PIP_INSTALL) 'pip>=25.1'
+	$(PIP_INSTALL) -e '.[all]' --group bench
 	@touch $(VENV)/demo $(VENV)/built $@
 
 $(VENV)/tools: $(BIN)/python $(CORE)
-	$(PIP_INSTALL) '.[all,test,lint,docs]'
+	$(PIP_INSTALL) 'pip>=25.1' # it knows groups
+	$(PIP_INSTALL) -e '.[all]' --group test --group lint --group package
 	@touch $(VENV)/demo $(VENV)/built $@

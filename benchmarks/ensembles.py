@@ -7,7 +7,7 @@ of a sample, "calls" what calling `integrate` for each takes. heyoka advances as
 register holds, each with its own steps, and diffrax all at once under vmap, both on the
 index-reduced equations and on one thread. Setting up, XLA's compiler included, is left out.
 
-Run as ``python benchmarks/ensembles.py``, after ``pip install liouville[bench]``; ``--members``
+Run as ``python benchmarks/ensembles.py``, after ``pip install --group bench``; ``--members``
 says how many, 100 000 by default.
 """
 

@@ -8,7 +8,7 @@ what the step moves, colour by colour, and its speed over the triad's is the par
 that is reached. Then the time for T = 1 at equal error, for one random state of each size: the root
 mean square over the sites, against RK4 with very small steps; times are steps times their cost.
 
-Run as ``python benchmarks/lattice.py``, after ``pip install liouville[bench]``; takes ten minutes
+Run as ``python benchmarks/lattice.py``, after ``pip install --group bench``; takes ten minutes
 and, with ten million sites, some gigabytes.
 """
 

@@ -6,7 +6,7 @@ often as BM4 goes through the pieces; and how far the determinants of 1000 steps
 second: invariants where the method's own error is below roundoff, with and without compensated
 sums; the power says how the error grows with time, 1/2 is a random walk and 1 a drift.
 
-Run as ``python benchmarks/long_runs_volume.py``, after ``pip install liouville[bench]``; takes some
+Run as ``python benchmarks/long_runs_volume.py``, after ``pip install --group bench``; takes some
 minutes.
 """
 

@@ -4,7 +4,7 @@ The chain hangs, starts in its first mode and swings until t = 10. MuJoCo has it
 angles are its coordinates, and with mass points on equality constraints. Energies are relative to
 the kinetic energy at the start, links to their length, positions at the end to the chain's length,
 against Spark(6). Times are minima of repeats taken in turn, on one thread; states are looked at a
-hundred times. Run as ``python benchmarks/mujoco_chain.py``, after ``pip install liouville[bench]``.
+hundred times. Run as ``python benchmarks/mujoco_chain.py``, after ``pip install --group bench``.
 """
 
 import sys

@@ -19,7 +19,7 @@ measured in the same run. A compiled step would have no program to read.
 
 The general Lobatto pair solves the same equations with dense matrices, up to a thousand bonds. With
 OpenMM its Reference platform steps the same polymer, positions constrained to 1e-12 and to 1e-5.
-Run as ``python benchmarks/rattle_chain.py``, after ``pip install liouville[bench]``; takes some
+Run as ``python benchmarks/rattle_chain.py``, after ``pip install --group bench``; takes some
 minutes, or with ``--openmm``, for that comparison alone, seconds.
 """
 

@@ -8,7 +8,7 @@ library's methods are asked for the tolerance; of Lanczos' three dimensions and 
 integrators and tolerances the run with the fewest products that reaches it counts. Counts do not
 depend on the machine.
 
-Run as ``python benchmarks/schrodinger_products.py``, after ``pip install liouville[bench]``; takes
+Run as ``python benchmarks/schrodinger_products.py``, after ``pip install --group bench``; takes
 some minutes. Without ``--qutip`` QuTiP is left out.
 """
 

@@ -14,7 +14,7 @@ lattice (the other vector, its own twice, the potential) and 80 of the matrix, o
 triad moves in the same time, over as many bytes and on as many threads. Several products go over H
 in one sweep, so it may be more than 1.
 
-Run as ``python benchmarks/schrodinger_time.py``, after ``pip install liouville[bench]``; takes four
+Run as ``python benchmarks/schrodinger_time.py``, after ``pip install --group bench``; takes four
 minutes. ``--rows 10000`` leaves out the large ones, ``--alone`` the others' codes.
 """
 

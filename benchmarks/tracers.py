@@ -7,7 +7,7 @@ only. Errors are those at the end, against Taylor series at a tolerance of 1e-16
 square, which a few tracers decide, and their median. SciPy alone takes a sample, its time scaled.
 Building, planning and compiling are not part of the time; what moves starts in and ends out is.
 
-Run as ``python benchmarks/tracers.py``, after ``pip install liouville[bench]``; takes some minutes.
+Run as ``python benchmarks/tracers.py``, after ``pip install --group bench``; takes some minutes.
 """
 
 import os

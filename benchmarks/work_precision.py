@@ -18,7 +18,7 @@ heyoka, diffrax      the index-reduced ordinary equation, with no constraint any
 
 Setting up (symbols, tapes, compilers) is not part of the times and has a table of its own. A code
 that cannot be imported is left out, with a line that says so. Run as
-``python benchmarks/work_precision.py``, after ``pip install liouville[bench]`` and with a C
+``python benchmarks/work_precision.py``, after ``pip install --group bench`` and with a C
 compiler: about ten minutes, most of them heyoka's compiler. ``--short`` takes fewer settings, and
 heyoka's compact mode. Draws build/work_precision.png.
 """

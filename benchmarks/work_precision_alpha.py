@@ -7,7 +7,7 @@ that reaches an error counts, in between by powers. Setting up is not part of th
 tapes, C compilers, Exudyn's assembly. IDA appears twice: through scikit-sundae, which calls into
 Python at every residual, and as the same library driven from C alone.
 
-Run as ``python benchmarks/work_precision_alpha.py``, after ``pip install liouville[bench]`` and
+Run as ``python benchmarks/work_precision_alpha.py``, after ``pip install --group bench`` and
 with a C compiler; takes some minutes. Draws results/work_precision_alpha.png.
 """
 
