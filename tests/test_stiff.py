@@ -286,6 +286,46 @@ def test_an_energy_that_changes_by_more_than_its_size_gets_a_word():
     assert lv.integrate(driven, lv.Spark(1), t=(0, 9), h=0.1, q=[0], v=[0]).message == ""
 
 
+def nearly_singular(l):
+    """Return a slider-crank that passes nearly through its centre, as its links are nearly equal."""
+    system = lv.Lagrangian(
+        lambda t, q, v, p: ca.dot(v, v) / 2,
+        lambda t, q, p: [half(q[:2]), half(q[:2] - ca.vertcat(q[2], 0), l)],
+        q=3,
+    )
+    q = [np.cos(1.0), np.sin(1.0), np.cos(1.0) + np.sqrt(l**2 - np.sin(1.0) ** 2)]
+    return system, system.consistent(q=q, v=[-1, 0.5, 0], hold="q")
+
+
+@pytest.mark.parametrize("states", [True, False])
+@pytest.mark.parametrize("method", [lv.Spark(3), lv.Spark(2), lv.LobattoPair(), lv.HHT()], ids=repr)
+def test_an_energy_that_jumps_gets_a_word(method, states):
+    crank, start = nearly_singular(1.000001)
+    run = lv.integrate(crank, method, t=(0, 3), h=0.01, states=states, **start)
+    assert "the energy has jumped by" in run.message
+    assert "between t = 2.15 and t = 2.16" in run.message
+    whole, plain = nearly_singular(1.1)
+    good = lv.integrate(whole, method, t=(0, 3), h=0.01, states=states, **plain)
+    assert good.message == ""
+
+
+def test_of_an_ensemble_the_member_whose_energy_jumps_is_named():
+    crank, start = nearly_singular(1.000001)
+    v = start["v"] * np.array([[0.1], [1.0]])
+    both = lv.ensemble(crank, lv.Spark(3), t=(0, 3), h=0.01, q=start["q"], v=v)
+    assert "the energy of member 1 has jumped by 2.7 % of its size" in both.message
+
+
+def test_an_energy_that_changes_gets_a_word_without_states():
+    net = lv.Structure(np.full(8, 2.0), np.linspace(1, 800, 8))
+    start = {"q": np.ones(8), "v": np.zeros(8)}
+    for system, begin in ((KEPLER, {"q": [1.999, 0], "v": [0, 0.02237]}), (net, start)):
+        run = {"t": (0, 8), "h": 0.11, **begin}
+        told = lv.integrate(system, lv.LobattoPair(), **run).message
+        assert "by more than its own size" in told
+        assert told == lv.integrate(system, lv.LobattoPair(), states=False, **run).message
+
+
 def test_a_pendulum_from_rest_at_height_zero_says_nothing():
     swing = lv.Lagrangian(lambda t, q, v, p: ca.dot(v, v) / 2 - q[1], lambda t, q, p: half(q), q=2)
     for method in (lv.Spark(1), lv.HHT(), lv.LobattoPair()):

@@ -85,7 +85,8 @@ class Solution:
         ``"done"``, ``"failed"`` or ``"interrupted"``, with all up to the last good step.
     message : str
         Why it is not done, or which event ended it; and where the energy of a conservative system
-        changed by more than its own size among the states kept: steps were too large. Else empty.
+        changed by more than its own size, or jumped, among what is kept: steps were too large. Else
+        empty.
     members : int or None
         Number P of members of an ensemble, None for a single run.
     failures : dict of int to Failure

@@ -116,10 +116,19 @@ class MechanicalRunner(TracedRunner):
         return {"work": work, "dissipated": start + work - energy}
 
     def remark(self, t: np.ndarray, parts: Mapping[str, np.ndarray]) -> str:
-        """Say where the energy of a conservative system has changed by more than its own size."""
-        if not self.system.is_conservative:
+        """Say where the energy of a conservative system changed as only large steps change it."""
+        if not (self.system.is_conservative and "invariant energy" in parts):
             return ""
-        return change_of_energy(t, parts, rises=not self._is_general)
+        kinetic = parts.get("kinetic")
+        if kinetic is None:
+            kinetic = np.sum(parts["v"] * parts["p"], axis=-1, keepdims=True) / 2
+        return change_of_energy(
+            t,
+            parts["invariant energy"][..., 0],
+            kinetic[..., 0],
+            start=self.initial.get("energy"),
+            rises=not self._is_general,
+        )
 
     def contradiction(self, rows: np.ndarray) -> tuple[int, dict[str, Any]] | None:
         """Return where constraints that were left out do not hold, with the first of them."""

@@ -24,7 +24,12 @@ KEEP_LESS = "keep fewer with every=, or none with states=False"
 STORE = "; store= keeps all of them in a folder"
 
 #: Names of some columns of a record in messages.
-QUANTITIES = {"p": "momentum", "v": "velocity", "hidden": "hidden constraint"}
+QUANTITIES = {
+    "p": "momentum",
+    "v": "velocity",
+    "hidden": "hidden constraint",
+    "kinetic": "kinetic energy",
+}
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -240,13 +240,16 @@ def _check_second_order(s: Symbols, model: Model, mass: ca.SX) -> None:
 
 
 def observing(tape: _core.Tape, widths: Mapping[str, int], linear: Linear) -> _core.Tape:
-    """Add the linear part to an observer's momentum and energy."""
+    """Add the linear part to an observer's momentum and energies."""
     starts = dict(zip(widths, np.cumsum([0, *widths.values()]).tolist(), strict=False))
-    momentum, energy = starts.get("p"), starts.get("invariant energy")
+    momentum, energy, kinetic = (starts.get(x) for x in ("p", "invariant energy", "kinetic"))
+    forms = [] if kinetic is None else linear.terms(kinetic, mass=(2, 0.5))
+    if energy is not None:
+        forms += linear.terms(energy, mass=(2, 0.5), stiffness=(1, 0.5))
     return _add(
         tape,
         [] if momentum is None else linear.terms(momentum, mass=(2, 1.0)),
-        [] if energy is None else linear.terms(energy, mass=(2, 0.5), stiffness=(1, 0.5)),
+        forms,
     )
 
 

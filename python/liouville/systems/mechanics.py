@@ -358,6 +358,8 @@ class Mechanics(TracedSystem):
         if states:
             parts |= {"p": model.p} if self.states[1] != "p" else {}
             parts |= {"v": model.v} if self.states[1] != "v" else {}
+        elif self.is_conservative:
+            parts["kinetic"] = ca.dot(model.p, model.v) / 2
         parts |= {"constraint": model.g, "hidden": total_derivative(model.g, s, model.v)}
         return parts | ({"nonholonomic": model.nonholonomic.k} if self.nonholonomic else {})
 
