@@ -235,3 +235,25 @@ def test_a_rolling_constraint_that_a_rail_implies_is_left_out():
     np.testing.assert_allclose(two.q, one.q, rtol=0, atol=1e-13)
     assert two.lam.shape[1] == 3
     np.testing.assert_allclose(two.lam[:, 2] * 2, one.lam[:, 0] / 2, rtol=0, atol=1e-12)
+
+
+def test_members_whose_redundant_constraints_differ_are_refused():
+    """Constraints that the first member implies are not left out of another that needs them."""
+    leaning = lv.Lagrangian(
+        kinetic,
+        lambda t, q, p: {
+            "rod": (ca.sumsqr(q) - 1) / 2,
+            "other": (ca.sumsqr(q) - 1) / 2 + p.slope * q[2],
+        },
+        q=("x", "y", "z"),
+        params={"slope": 0.0},
+    )
+    run = {"t": (0, 0.1), "h": 0.01, "q": [1, 0, 0], "v": [0, 0, 0]}
+    said = "imply 'other' of member 0, but not just that of member 2"
+    with pytest.raises(ValueError, match=said):
+        lv.ensemble(leaning, lv.Spark(2), params={"slope": [0.0, 0.0, 1.0]}, **run)
+    alike = lv.ensemble(leaning, lv.Spark(2), params={"slope": [0.0, 0.0]}, **run)
+    assert alike.status == "done"
+    both = lv.ensemble(leaning, lv.Spark(2), params={"slope": [1.0, 0.0]}, **run)
+    assert [*both.failures] == [1]
+    assert "'other'" in both.failures[1].message

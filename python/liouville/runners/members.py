@@ -12,13 +12,14 @@ from numpy.typing import ArrayLike
 from liouville import _core
 from liouville._job import Job
 from liouville.control import Takes
-from liouville.errors import hinted
+from liouville.errors import hinted, quoted
 from liouville.points import Points
 from liouville.runners.mechanical import MechanicalRunner
 from liouville.runners.runner import Request, threads_of
 from liouville.runners.semi_explicit import SemiExplicitRunner
 from liouville.runners.traced import TracedRunner
 from liouville.systems import Mechanics, SemiExplicit, members
+from liouville.systems._redundant import are_implied
 from liouville.systems._trace import mapping, numbers
 
 
@@ -78,6 +79,25 @@ class Members(TracedRunner):
 
 class MembersRunner(Members, MechanicalRunner):
     """Runs many trajectories of a mechanical system; see :class:`Runner`."""
+
+    def _leave_out(self) -> None:
+        """Take the system without what the other constraints imply, which is alike of all."""
+        super()._leave_out()
+        if not self._left_out:
+            return
+        y, z = self._begin[:2]
+        rows = np.broadcast_to(self._rows, (len(y), self._rows.shape[-1]))
+        for member in range(1, len(y)):
+            point = self.steps.t0, y[member], z[member], np.ascontiguousarray(rows[member])
+            if not are_implied(self.system, *point, self._left_out):
+                names = quoted([self.constraints[k] for k in self._left_out])
+                raise ValueError(
+                    hinted(
+                        f"the other constraints imply {names} of member 0, but not just that of "
+                        f"member {member}",
+                        "run members with the same redundant constraints in an ensemble of theirs",
+                    )
+                )
 
 
 class SemiExplicitMembersRunner(Members, SemiExplicitRunner):

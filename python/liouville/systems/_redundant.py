@@ -84,6 +84,19 @@ def redundant(
     return left
 
 
+def are_implied(
+    system: Mechanics,
+    t: float,
+    y: np.ndarray,
+    z: np.ndarray,
+    params: np.ndarray,
+    left: tuple[int, ...],
+) -> bool:
+    """Return whether gradients of these constraints, and of no others, depend on those before."""
+    kept, _, _ = _core.independent_rows(_gradients(system, t, y, z, params), CLEARLY)
+    return set(kept).isdisjoint(left) and len(kept) + len(left) == len(system.constraints)
+
+
 def without(system: Mechanics, left: tuple[int, ...]) -> Mechanics:
     """Return the system that has all constraints but these, and whose multipliers know of them."""
     if not left:
