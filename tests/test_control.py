@@ -295,3 +295,25 @@ def test_events_and_times_do_not_change_the_steps():
     np.testing.assert_allclose(
         watched.events["near"].t, kepler.period * np.array([0.5, 1.5]), rtol=1e-5
     )
+
+
+def test_events_part_dry_friction_into_smooth_pieces():
+    """What no estimate sees, a jump of the force within a step, is met to the tolerance."""
+    block = lv.Lagrangian(
+        lambda t, q, v, p: (v[0] ** 2 - q[0] ** 2) / 2,
+        force=lambda t, q, v, p: [0.3 * p.side],
+        q=1,
+        params={"side": 1.0},
+    )
+    turn = {"turn": lv.Event(lambda t, q, v, lam, p: v[0], terminal=True)}
+    t, q, side = 0.0, [2.0], 1.0
+    for swing in range(3):
+        piece = lv.integrate(
+            block, lv.Spark(3), t=(t, 9.0), rtol=1e-7, q=q, v=[0.0],
+            params={"side": side}, events=turn,
+        )  # fmt: skip
+        t, q, side = piece.t[-1], piece.q[-1], -side
+        # each swing is half a cosine about the place where spring and friction balance
+        exact = 2 - 0.6 * (swing + 1) if swing < 2 else 0.3 + 0.5 * np.cos(9.0 - 2 * np.pi)
+        assert abs(abs(q[0]) - abs(exact)) <= 1e-6
+        assert abs(t - min((swing + 1) * np.pi, 9.0)) <= 1e-6

@@ -286,14 +286,14 @@ def test_an_energy_that_changes_by_more_than_its_size_gets_a_word():
     assert lv.integrate(driven, lv.Spark(1), t=(0, 9), h=0.1, q=[0], v=[0]).message == ""
 
 
-def nearly_singular(l):
-    """Return a slider-crank that passes nearly through its centre, as its links are nearly equal."""
+def nearly_singular(link):
+    """Return a slider-crank that nearly passes its centre, as its links are nearly equal."""
     system = lv.Lagrangian(
         lambda t, q, v, p: ca.dot(v, v) / 2,
-        lambda t, q, p: [half(q[:2]), half(q[:2] - ca.vertcat(q[2], 0), l)],
+        lambda t, q, p: [half(q[:2]), half(q[:2] - ca.vertcat(q[2], 0), link)],
         q=3,
     )
-    q = [np.cos(1.0), np.sin(1.0), np.cos(1.0) + np.sqrt(l**2 - np.sin(1.0) ** 2)]
+    q = [np.cos(1.0), np.sin(1.0), np.cos(1.0) + np.sqrt(link**2 - np.sin(1.0) ** 2)]
     return system, system.consistent(q=q, v=[-1, 0.5, 0], hold="q")
 
 

@@ -1,4 +1,4 @@
-"""Whether the energy of a conservative system changes as only steps that are too large change it."""
+"""Whether the energy of a conservative system changes as only steps too large change it."""
 
 from __future__ import annotations
 
@@ -83,4 +83,3 @@ def largest_jump(energy: np.ndarray, *, rises: bool) -> tuple[np.ndarray, np.nda
     jump = np.take_along_axis(gap, place[None], axis=0)[0]
     usual = np.median(np.abs(np.diff(energy, axis=0)), axis=0)
     return np.where(jump > CONSPICUOUS * usual, jump, 0.0), place
-
