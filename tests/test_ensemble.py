@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 
 import liouville as lv
+from liouville import parts
 from liouville.problems import (
     chain,
     euler_top,
@@ -151,9 +152,9 @@ def test_a_member_that_fails_is_told_and_the_others_go_on():
     system, k, start = ending_forces()
     span = {"t": (0, 5), "h": 0.05, "every": 3}
     solution = lv.ensemble(system, lv.Spark(2), **span, params={"k": k}, **start)
-    assert solution.status == "done"
+    assert solution.status == "partly failed"
     assert [*solution.failures] == [3, 8]
-    assert solution.message.startswith("2 of 10 members failed; the first, member 3: step ")
+    assert solution.message.startswith("2 of 10 members failed (3 and 8); the first, member 3: ste")
     own = {name: x[3] for name, x in start.items()}
     with pytest.raises(lv.IntegrationError) as alone:
         lv.integrate(system, lv.Spark(2), **span, params={"k": 2.02}, **own)
@@ -169,6 +170,65 @@ def test_a_member_that_fails_is_told_and_the_others_go_on():
     )  # fmt: skip
     np.testing.assert_array_equal(np.delete(solution.q, [3, 8], axis=1), without.q)
     assert "nan" not in repr(solution)
+    member = solution.member(3)
+    assert (member.status, member.message) == ("failed", failure.message)
+    assert member.q.tobytes() == error.solution.q[:kept].tobytes()
+    assert [one.status for one in solution].count("failed") == 2
+
+
+def test_a_member_is_a_solution_of_its_own_that_shares_memory():
+    start = bobs(5)
+    g = np.linspace(0.9, 1.1, 5)
+    run = {"t": (0, 1), "h": 0.05, "observe": {"height": lambda t, q, v, params: q[2]}}
+    many = lv.ensemble(POLAR, lv.Spark(2), **run, params={"g": g}, **start)
+    own = {name: x[-2] for name, x in start.items()}
+    alone = lv.integrate(POLAR, lv.Spark(2), **run, params={"g": g[3]}, **own)
+    found = many.member(-2)
+    for group in parts.GROUPS:
+        mine, whole = getattr(found, group), getattr(many, group)
+        assert mine.keys() == getattr(alone, group).keys()
+        for name, values in mine.items():
+            assert values.tobytes() == getattr(alone, group)[name].tobytes()
+            assert not values.size or np.shares_memory(values, whole[name])
+    assert found.params == alone.params
+    assert (found.members, found.failures, found.varied) == (None, {}, ())
+    assert repr(found) == repr(alone)
+    forces = alone.reaction()
+    np.testing.assert_array_equal(found.reaction(), forces)
+    np.testing.assert_array_equal(many.reaction()[:, 3], forces)
+    assert len([*many]) == 5
+
+
+def test_a_member_that_is_not_there_is_refused():
+    many = lv.ensemble(POLAR, lv.Spark(2), t=(0, 0.1), h=0.05, **bobs(2))
+    for member in (2, -3):
+        with pytest.raises(ValueError, match=f"there is no member {member} of an ensemble of 2"):
+            many.member(member)
+    with pytest.raises(TypeError, match="member is a number, not True"):
+        many.member(True)
+    one = many.member(0)
+    with pytest.raises(ValueError, match="there is no member 0 of a single run"):
+        one.member(0)
+    with pytest.raises(TypeError, match=r"no members to go through\nhint: zip\(solution\.t"):
+        iter(one)
+
+
+def test_many_starts_are_moved_onto_their_constraints_each_as_alone():
+    r = np.linspace(0.5, 2, 4)
+    breathing = lv.Lagrangian(
+        lambda t, q, v, p: ca.dot(v, v) / 2, lambda t, q, p: ca.dot(q, q) - p.r, q=2,
+        params={"r": 1.0},
+    )  # fmt: skip
+    q, v = np.array([[1.0, 0.1], [0.0, 2.0], [1.0, 1.0], [3.0, 0.0]]), [1.0, 1.0]
+    found = breathing.consistent(q=q, v=v, params={"r": r})
+    for k in range(4):
+        alone = breathing.consistent(q=q[k], v=v, params={"r": r[k]})
+        assert all(found[name][k].tobytes() == alone[name].tobytes() for name in alone)
+    assert lv.ensemble(breathing, lv.Spark(1), t=(0, 1), h=0.1, params={"r": r}, **found).members
+    with pytest.raises(ValueError, match="member 2: no consistent start is near"):
+        breathing.consistent(q=q * [[1], [1], [0], [1]], v=v)
+    with pytest.raises(ValueError, match="parameter 'r' has 3 members along its first axis, q has"):
+        breathing.consistent(q=q, v=v, params={"r": r[:3]})
 
 
 @pytest.mark.parametrize("where", [{}, {"chunk": 4}])
@@ -181,7 +241,7 @@ def test_an_ensemble_all_of_whose_members_failed_has_failed(where):
         solution = lv.ensemble(system, lv.Spark(2), **span, params={"k": k}, **start, **more)
     assert solution.status == "failed"
     assert len(solution.failures) == 10
-    assert solution.message.startswith("10 of 10 members failed; the first, member 0: step ")
+    assert solution.message.startswith("10 of 10 members failed (0, 1, 2, 3, 4, 5 and 4 more); the first")
     assert solution.stats["steps"] == solution.failures[9].step == 40
     assert np.isfinite(solution.q[0]).all()
 

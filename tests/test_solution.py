@@ -147,3 +147,58 @@ def test_a_reaction_that_cannot_be_given_says_why(solution):
             solution.reaction(several)
     with pytest.raises(ValueError, match=r"need the system.*\nhint: dataclasses\.replace"):
         replace(solution, system=None).reaction()
+
+
+def test_times_are_selected_as_views_whose_drift_is_from_the_start_of_the_run(solution):
+    part = solution.sel(time=slice(0.3, 0.52))
+    rows = (solution.t >= 0.3) & (solution.t <= 0.52)
+    assert part.t.tobytes() == solution.t[rows].tobytes()
+    assert np.shares_memory(part.q, solution.q)
+    np.testing.assert_array_equal(part.lam, solution.lam[rows])
+    np.testing.assert_array_equal(part.reaction(), solution.reaction()[rows])
+    drift = solution.invariant_drift("energy")
+    np.testing.assert_array_equal(part.invariant_drift("energy"), drift[rows])
+    np.testing.assert_allclose(part(0.41).q, solution(0.41).q, rtol=1e-10)
+    assert solution.sel(time=slice(0.52, 0.3)).t.tobytes() == part.t.tobytes()
+    thin = solution.sel(time=slice(None, None, 10))
+    np.testing.assert_array_equal(thin.v, solution.v[::10])
+    assert thin.dense_order == 0
+
+
+def test_coordinates_are_selected_by_name_and_other_arrays_stay(solution):
+    part = solution.sel(coordinate=["y"])
+    np.testing.assert_array_equal(part.v, solution.v[:, 1:])
+    np.testing.assert_array_equal(part.lam, solution.lam)
+    assert part.names["coordinates"] == ("y",)
+    np.testing.assert_array_equal(solution.sel(coordinate=["y", "x"]).q, solution.q[:, ::-1])
+    with pytest.raises(ValueError, match=r"reaction .* all coordinates, not y\nhint: ask before"):
+        part.reaction()
+    with pytest.raises(ValueError, match="dense output needs the states of all steps"):
+        part(0.5)
+
+
+@pytest.mark.parametrize(
+    ("wanted", "kind", "words"),
+    [
+        ({"time": 0.5}, TypeError, r"a slice of times, not 0\.5\nhint: .* solution\(t\) gives"),
+        ({"time": slice(2, 3)}, ValueError, "no kept state is at a time from 2 to 3: the run goes"),
+        ({"time": slice(0, 1, 0.1)}, ValueError, r"a number of kept states, not 0\.1"),
+        ({"coordinate": "x"}, TypeError, r"not 'x'\nhint: give a list, coordinate=\['x'\]"),
+        ({"coordinate": ["w"]}, ValueError, r"no coordinate 'w'\nhint: it has x, y"),
+    ],
+)
+def test_what_cannot_be_selected_is_refused(solution, wanted, kind, words):
+    with pytest.raises(kind, match=words):
+        solution.sel(**wanted)
+
+
+def test_members_and_times_of_an_ensemble_are_selected_in_either_order():
+    pendulum = problems.load("pendulum")
+    start = {name: np.tile(x, (3, 1)) for name, x in pendulum.start.items()}
+    run = {"t": (0.0, 1.0), "h": 0.1, "params": {"g": [1.0, 2.0, 3.0]}}
+    many = lv.ensemble(pendulum.system, lv.Spark(2), **run, **start)
+    one, other = many.sel(time=slice(0.4, 1)).member(1), many.member(1).sel(time=slice(0.4, 1))
+    assert one.q.tobytes() == other.q.tobytes()
+    drift = other.invariant_drift("energy")
+    np.testing.assert_array_equal(one.invariant_drift("energy"), drift)
+    assert one.params == other.params == {**pendulum.system.params, "g": 2.0}

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import replace
 from typing import Any
 
@@ -13,6 +13,7 @@ from liouville._arguments import check_memory
 from liouville.errors import Description
 from liouville.methods import VolumeSplitting
 from liouville.planner import FieldPlan
+from liouville.progress import Progress
 from liouville.runners import FieldRunner, Request, no_runner
 from liouville.runners.execute import execute
 from liouville.solution import Solution
@@ -29,7 +30,7 @@ def determinant(
     steps: int | None = None,
     every: int = 1,
     params: Mapping[str, ArrayLike] | None = None,
-    progress: Callable[[float, float], None] | None = None,
+    progress: Progress = None,
     x: ArrayLike,
 ) -> Solution:
     r"""Measure the volume that a run keeps: det of the Jacobian of its steps, by forward tangents.

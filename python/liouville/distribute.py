@@ -22,7 +22,9 @@ import numpy as np
 
 from liouville._arguments import count
 from liouville.errors import IntegrationError, hinted
-from liouville.failure import Failure, summary_of
+from liouville.failure import Failure, ending_of, summary_of
+from liouville.parts import GROUPS
+from liouville.progress import Progress, Report, reported
 from liouville.solution import Solution
 
 #: A chunk is sent so many times more if its worker dies.
@@ -39,9 +41,6 @@ POLL = 0.2
 
 #: Errors of dask.distributed, which is never imported here, where workers die.
 DIED = {"KilledWorker", "FutureCancelledError", "FuturesCancelledError", "CommClosedError"}
-
-#: The groups of arrays of a solution, whose second axis are members.
-GROUPS = ("states", "invariants", "residuals", "observed", "balance")
 
 #: Numbers of a run that chunks do not add to.
 SAME = ("steps", "pieces")
@@ -98,7 +97,7 @@ def distribute(
     task: Task,
     executor: Executor,
     chunk: int | None = None,
-    progress: Callable[[float, float], None] | None = None,
+    progress: Progress = None,
 ) -> Solution:
     """Integrate the members of an ensemble on the workers of an executor.
 
@@ -110,8 +109,8 @@ def distribute(
         Its workers integrate the members.
     chunk : int, optional
         Members a chunk.
-    progress : callable, optional
-        ``progress(done, total)``, called with numbers of members.
+    progress : bool or callable, optional
+        True shows a bar; or ``progress(done, total)``, called with numbers of members.
 
     Returns
     -------
@@ -133,11 +132,10 @@ def distribute(
         raise TypeError(
             hinted(f"executor is a concurrent.futures.Executor, not {executor!r}", hint)
         )
-    if progress is not None and not callable(progress):
-        raise TypeError(f"progress is a function, not {progress!r}")
     workers = _workers(executor)
     size = _size(task, workers) if chunk is None else count("chunk", chunk)
-    return _Distribution(task, executor, workers, progress).run(size)
+    with reported(progress, "members") as report:
+        return _Distribution(task, executor, workers, report).run(size)
 
 
 def integrate_chunk(
@@ -164,7 +162,7 @@ class _Distribution:
         task: Task,
         executor: Executor,
         workers: int,
-        progress: Callable[[float, float], None] | None,
+        progress: Report | None,
     ) -> None:
         self._task, self._executor, self._progress = task, executor, progress
         self._work = pickle.dumps(task.integrate)
@@ -325,7 +323,7 @@ class Joined:
             why = Failure(0, self._task.t0, f"its worker died ({type(error).__name__})")
             failures |= dict.fromkeys(range(chunk.first, chunk.last), why)
         failures = dict(sorted(failures.items()))
-        status = "failed" if len(failures) == members else "done"
+        status = ending_of(failures, members)
         message = summary_of(failures, members)
         if is_interrupted or self._is_cut:
             status = "interrupted"

@@ -14,6 +14,7 @@ from numpy.typing import ArrayLike
 from liouville.distribute import Task, distribute
 from liouville.methods import Method
 from liouville.planner import Plan
+from liouville.progress import Progress
 from liouville.runners import Request, runner_of
 from liouville.runners.execute import execute, plain
 from liouville.solution import Solution
@@ -31,7 +32,7 @@ def ensemble(
     observe: Mapping[str, Callable[..., Any]] | None = None,
     params: Mapping[str, ArrayLike] | None = None,
     states: bool = True,
-    progress: Callable[[float, float], None] | None = None,
+    progress: Progress = None,
     threads: int | None = None,
     executor: Executor | None = None,
     chunk: int | None = None,
@@ -57,8 +58,9 @@ def ensemble(
         Parameters that differ from the defaults. Those of a mechanical or semi-explicit system may
         have a further, first axis of members: a number as shape (P,), a vector of j numbers as
         (P, j).
-    progress : callable, optional
-        ``progress(done, total)``, called about twenty times a second with numbers of steps.
+    progress : bool or callable, optional
+        True shows a bar, on a terminal or in a notebook. A function is called about twenty times a
+        second, ``progress(done, total)``, with numbers of steps; of members with an executor.
     threads : int, optional
         At most and by default as many as this process has processors, and one in each worker of an
         executor; no more than there are blocks of members. The result does not depend on them, bit
@@ -79,8 +81,9 @@ def ensemble(
     Solution
         Its arrays have the member as their second axis: ``q`` of shape (k, P, n), invariants of
         shape (k, P). After the step at which a member failed, or which it did not come to before
-        an interrupt (Ctrl-C), its values are NaN. Where all members failed, its status is
-        "failed".
+        an interrupt (Ctrl-C), its values are NaN. Where some members failed, its status is
+        "partly failed" and its message has their numbers; where all did, "failed".
+        :meth:`Solution.member` gives one of them, and ``for`` goes through them.
 
     Raises
     ------

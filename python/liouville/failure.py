@@ -25,10 +25,26 @@ class Failure:
     message: str
 
 
+#: A message has the numbers of so many failed members.
+SHOWN = 6
+
+
+def ending_of(failures: Mapping[int, Failure], members: int) -> str:
+    """Return how an ensemble ended that was not interrupted."""
+    if not failures:
+        return "done"
+    return "failed" if len(failures) == members else "partly failed"
+
+
 def summary_of(failures: Mapping[int, Failure], members: int) -> str:
-    """Return how many of the members of an ensemble failed, and why the first of them did."""
+    """Return which of the members of an ensemble failed, and why the first of them did."""
     if not failures:
         return ""
-    member, failure = next(iter(failures.items()))
+    first, *others = failures
     count = f"{len(failures)} of {members} members failed"
-    return f"{count}; the first, member {member}: {failure.message}"
+    if others:
+        shown = [*map(str, [first, *others][:SHOWN])]
+        rest = len(failures) - len(shown)
+        last = f"{rest} more" if rest else shown.pop()
+        count += f" ({', '.join(shown)} and {last})"
+    return f"{count}; the first, member {first}: {failures[first].message}"

@@ -12,6 +12,7 @@ from liouville.control import Control
 from liouville.events import Event
 from liouville.methods import Method
 from liouville.planner import Plan
+from liouville.progress import Progress
 from liouville.runners import Request, runner_of
 from liouville.runners.execute import execute
 from liouville.solution import Solution
@@ -37,7 +38,7 @@ def integrate(
     observe: Mapping[str, Callable[..., Any]] | None = None,
     params: Mapping[str, ArrayLike] | None = None,
     states: bool = True,
-    progress: Callable[[float, float], None] | None = None,
+    progress: Progress = None,
     threads: int | None = None,
     store: Store | str | os.PathLike[str] | None = None,
     **start: ArrayLike,
@@ -91,9 +92,10 @@ def integrate(
     states : bool, default True
         Whether states and multipliers are kept; without them only invariants, residuals and
         observed quantities are.
-    progress : callable, optional
-        ``progress(done, total)``, called about twenty times a second: numbers of steps, or times
-        where steps are controlled.
+    progress : bool or callable, optional
+        True shows a bar, on a terminal or in a notebook. A function is called about twenty times a
+        second, ``progress(done, total)``, with numbers of steps, or times where steps are
+        controlled.
     threads : int, optional
         Threads for one large state of a polynomial field or a Schrödinger equation: at most and by
         default as many as this process has processors. The result does not depend on them, bit

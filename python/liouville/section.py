@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any
 
@@ -17,6 +17,7 @@ from liouville.events import DIRECTIONS
 from liouville.failure import Failure, summary_of
 from liouville.methods import VolumeSplitting
 from liouville.planner import FieldPlan
+from liouville.progress import Progress
 from liouville.runners import FieldRunner, Request, runner_of
 from liouville.runners.execute import advance, explain, failures_of
 from liouville.solution import Array
@@ -87,7 +88,7 @@ def section(
     h: float | None = None,
     steps: int | None = None,
     params: Mapping[str, ArrayLike] | None = None,
-    progress: Callable[[float, float], None] | None = None,
+    progress: Progress = None,
     threads: int | None = None,
     x: ArrayLike,
 ) -> Section:

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from liouville import html, parts
 from liouville.errors import check_name, hinted
 from liouville.failure import Failure
 from liouville.points import Points, times_within
@@ -47,7 +48,7 @@ class Solution:
         states. Each is also an attribute: ``solution.q``.
     invariants : dict of str to ndarray, shape (k,)
         Energy and the system's own invariants, by name; the norm of a wave function.
-    initial : dict of str to float
+    initial : dict of str to float, or ndarray of shape (P,)
         The invariants at the start of a run that keeps no record of it, as with ``t_eval=[7.3]``;
         empty where the first record is the start.
     residuals : dict of str to ndarray, shape (k, m - l)
@@ -81,17 +82,22 @@ class Solution:
         a-priori ``bound`` of its error.
     params : dict of str to float or list of float
         Parameters the run used.
+    varied : tuple of str
+        The parameters of an ensemble that have a value for each member, along their first axis.
     status : str
-        ``"done"``, ``"failed"`` or ``"interrupted"``, with all up to the last good step.
+        ``"done"``, ``"failed"`` or ``"interrupted"``, with all up to the last good step; of an
+        ensemble some of whose members failed ``"partly failed"``.
     message : str
-        Why it is not done, or which event ended it; and where the energy of a conservative system
-        changed by more than its own size, or jumped, among what is kept: steps were too large. Else
-        empty.
+        Why it is not done, of an ensemble which members failed, or which event ended it; and where
+        the energy of a conservative system changed by more than its own size, or jumped, among what
+        is kept: steps were too large. Else empty.
     members : int or None
         Number P of members of an ensemble, None for a single run.
     failures : dict of int to Failure
         Members of an ensemble that failed, in their order, with the step, its time and why; what
         they have after it is NaN.
+    reactions : ndarray, shape (k, n), or None
+        The reaction forces of a solution that was loaded; :meth:`reaction` gives them.
     system : System or None
         The system integrated; None after :func:`liouville.load`.
     path : str or None
@@ -107,7 +113,7 @@ class Solution:
     h: float
     method: str
     stats: dict[str, int | float | str]
-    initial: dict[str, float] = field(default_factory=dict)
+    initial: dict[str, Any] = field(default_factory=dict)
     params: dict[str, Any] = field(default_factory=dict)
     balance: dict[str, Array] = field(default_factory=dict)
     tolerances: dict[str, Any] = field(default_factory=dict)
@@ -117,14 +123,18 @@ class Solution:
     message: str = ""
     members: int | None = None
     failures: dict[int, Failure] = field(default_factory=dict)
+    varied: tuple[str, ...] = ()
+    reactions: Array | None = None
     system: System | None = None
     path: str | None = None
 
     def __post_init__(self) -> None:
         """Make the arrays read-only: what is recorded is not edited."""
         self.t.setflags(write=False)
-        for group in (self.states, self.invariants, self.residuals, self.observed, self.balance):
-            for values in group.values():
+        if self.reactions is not None:
+            self.reactions.setflags(write=False)
+        for group in parts.GROUPS:
+            for values in getattr(self, group).values():
                 values.setflags(write=False)
 
     def __setstate__(self, state: dict[str, Any]) -> None:
@@ -136,19 +146,86 @@ class Solution:
         """Return in two lines how the run went and how well it kept what it should."""
         if not self.t.size:
             return f"<Solution {self.status}: nothing computed, {self.method}>"
-        steps = self.stats.get("steps", len(self.t) - 1)
-        span = f"t = {self.t[0]:g} to {self.t[-1]:g}"
-        span += "" if self.members is None else f", {self.members} members"
-        head = f"{self.status}: {steps} steps of {self.step_size}, {span}, {self.method}"
         if self.path is not None:
-            return f"<Solution {head}\n its records are in {self.path!r}>"
+            return f"<Solution {self.headline}\n its records are in {self.path!r}>"
         residuals = {name: self._largest(np.abs(r)) for name, r in self.residuals.items() if r.size}
         absolute = {
             x: ", absolute" * bool(self.is_drift_absolute(x).all()) for x in self.invariants
         }
         drifts = {x + how: self._largest(self.invariant_drift(x)) for x, how in absolute.items()}
         kept = [*_worst("residual", residuals), *_worst("drift", drifts)]
-        return "\n ".join([f"<Solution {head}", *([", ".join(kept)] if kept else [])]) + ">"
+        return "\n ".join([f"<Solution {self.headline}", *([", ".join(kept)] if kept else [])]) + ">"
+
+    @property
+    def headline(self) -> str:
+        """How the run went: status, steps, interval, members and method, in one line."""
+        steps = self.stats.get("steps", len(self.t) - 1)
+        span = f"t = {self.t[0]:g} to {self.t[-1]:g}"
+        span += "" if self.members is None else f", {self.members} members"
+        return f"{self.status}: {steps} steps of {self.step_size}, {span}, {self.method}"
+
+    def _repr_html_(self) -> str:
+        """Show a table of the arrays in a notebook."""
+        return html.of_solution(self)
+
+    def member(self, member: int) -> Solution:
+        """Give one member of an ensemble as a solution of its own, without copying its arrays.
+
+        Parameters
+        ----------
+        member : int
+            Its number, from 0; -1 is the last.
+
+        Returns
+        -------
+        Solution
+            With its own parameters, status and message. Of a member that failed, or that an
+            interrupt stopped, it has the rows up to its last good step.
+
+        Raises
+        ------
+        ValueError
+            There is no such member, or this is a single run.
+        TypeError
+            The member is no integer.
+        """
+        return parts.member_of(self, member)
+
+    def __iter__(self) -> Iterator[Solution]:
+        """Go through the members of an ensemble; TypeError for a single run."""
+        if self.members is None:
+            hint = "zip(solution.t, solution.q) goes through its times"
+            raise TypeError(hinted("a single run has no members to go through", hint))
+        return (parts.member_of(self, k) for k in range(self.members))
+
+    def sel(
+        self, *, time: slice | None = None, coordinate: Sequence[str] | None = None
+    ) -> Solution:
+        """Select times and coordinates by their labels, as ``xarray`` does.
+
+        Parameters
+        ----------
+        time : slice, optional
+            Times, both ends included, in either order; a third number keeps one state in so many:
+            ``slice(0.0, 1.0)``, ``slice(None, None, 10)``.
+        coordinate : sequence of str, optional
+            Names of the coordinates to keep.
+
+        Returns
+        -------
+        Solution
+            Its arrays are views of the same memory, but for coordinates that do not follow one
+            another. Drift is measured from the start of the run all the same, and invariants,
+            multipliers and residuals are of all coordinates.
+
+        Raises
+        ------
+        ValueError
+            No kept state is at these times, or there is no such coordinate.
+        TypeError
+            One of the two is of another kind.
+        """
+        return parts.part_of(self, time, coordinate)
 
     def __call__(self, t: ArrayLike) -> Points:
         r"""Give the states at any time within the run, by interpolation.
@@ -179,7 +256,7 @@ class Solution:
         TypeError
             t is no array of numbers.
         """
-        system = self._needed_system("dense output needs") if self.dense_order else None
+        system = parts.system_of(self, "dense output needs") if self.dense_order else None
         if not self.dense_order or not isinstance(system, Mechanics | SemiExplicit):
             sentence = (
                 "dense output needs the states of all steps of a mechanical or semi-explicit system"
@@ -326,7 +403,9 @@ class Solution:
     def _start(self, name: str) -> Array:
         """Return an invariant at the start of the run, shape (1,) or (1, P)."""
         check_name(name, self.invariants, "invariant")
-        return np.full(1, self.initial[name]) if name in self.initial else self.invariants[name][:1]
+        if name not in self.initial:
+            return self.invariants[name][:1]
+        return np.asarray(self.initial[name], dtype=float)[None]
 
     def reaction(self, constraint: str | int | None = None) -> Array:
         r"""Give the generalised reaction forces :math:`r(t, q, \lambda)` of the constraints.
@@ -342,48 +421,19 @@ class Solution:
 
         Returns
         -------
-        ndarray, shape (k, n)
+        ndarray, shape (k, n) or (k, P, n)
             The force on each coordinate.
 
         Raises
         ------
         ValueError
-            There is no such constraint, or the solution is an ensemble or knows no system.
+            There is no such constraint, or the solution knows no system or not all coordinates.
         TypeError
             The constraint is neither a name nor an index.
         AttributeError
             The run stored no states, or the system has no reactions.
         """
-        lam, y = self.lam, self.y if "y" in self.states else self.q
-        if self.members is not None:
-            hint = "dataclasses.replace cuts a member out of an ensemble"
-            raise ValueError(hinted("reaction forces are those of a single run", hint))
-        if constraint is not None:
-            names = self.names["constraints"]
-            if isinstance(constraint, bool) or not isinstance(constraint, str | int | np.integer):
-                hint = "reactions add up: solution.reaction(a) + solution.reaction(b)"
-                raise TypeError(hinted(f"constraint is a name or index, not {constraint!r}", hint))
-            if isinstance(constraint, str):
-                check_name(constraint, names, "constraint")
-                constraint = names.index(constraint)
-            if not -len(names) <= constraint < len(names):
-                raise ValueError(
-                    f"the solution has no constraint {constraint}: there are {len(names)}"
-                )
-            only = np.zeros_like(lam)
-            only[:, constraint] = lam[:, constraint]
-            lam = only
-        system = self._needed_system("reaction forces need")
-        assert isinstance(system, Mechanics)
-        return system.reaction(self.t, y, lam, self.params, self.states[system.states[1]])
-
-    def _needed_system(self, needs: str) -> System:
-        if self.system is None:
-            hint = "dataclasses.replace(solution, system=...) gives it back"
-            raise ValueError(
-                hinted(f"{needs} the system, which a loaded solution does not carry", hint)
-            )
-        return self.system
+        return parts.reaction(self, constraint)
 
     def to_xarray(self) -> xarray.Dataset:
         """Give the solution as an xarray ``Dataset``; see :func:`liouville.export.to_xarray`."""

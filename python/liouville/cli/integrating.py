@@ -31,10 +31,10 @@ from liouville.cli.screen import (
     WRONG,
     complain,
     leaving_with,
-    progress,
     say,
     summary,
 )
+from liouville.progress import bar
 
 Checkpoint = Annotated[
     str | None,
@@ -113,7 +113,7 @@ def run(
             )
         try:
             is_equal = rtol is None and control is None
-            with progress(model, "steps" if is_equal else "of time") as report:
+            with bar(model, "steps" if is_equal else "of time") as report:
                 solution = lv.integrate(
                     system, chosen, t=times, h=h, rtol=rtol, atol=atol,
                     control=control_of(control, h_min), t_eval=at or None, every=every,
@@ -144,7 +144,7 @@ def resume(
     """Go on with a stored run that was cut off; only with your own, for it can run any code."""
     with leaving_with(WRONG):
         try:
-            with progress(store.name, "") as report:
+            with bar(store.name, "") as report:
                 solution = lv.resume(lv.Store(store, interval(checkpoint)), progress=report)
         except lv.IntegrationError as error:
             solution = left_by(error)

@@ -4,22 +4,13 @@ from __future__ import annotations
 
 import inspect
 import re
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from typing import Any
 
 import numpy as np
 import typer
 from rich.console import Console
-from rich.progress import (
-    BarColumn,
-    Progress,
-    ProgressColumn,
-    Task,
-    TaskProgressColumn,
-    TextColumn,
-    TimeRemainingColumn,
-)
 from rich.table import Table
 from rich.text import Text
 
@@ -75,40 +66,6 @@ def ends(solution: lv.Solution, labels: Sequence[str], states: Sequence[str]) ->
     if len(labels) > ROWS:
         table.add_row(f"and {len(labels) - ROWS} more")
     show(table)
-
-
-class Rate(ProgressColumn):
-    """Steps a second, or the time of the model where steps are controlled."""
-
-    def __init__(self, unit: str) -> None:
-        super().__init__()
-        self.unit = unit
-
-    def render(self, task: Task) -> Text:
-        """Give the rate as text."""
-        speed = task.speed or 0.0
-        number = f"{speed:,.0f}" if speed >= 100 else f"{speed:.3g}"
-        return Text(f"{number} {self.unit}/s" if speed else "", style="dim")
-
-
-@contextmanager
-def progress(name: str, unit: str) -> Iterator[Callable[[float, float], None] | None]:
-    """Show a bar with rate and time left while the block runs, on a terminal."""
-    screen = console(stderr=True)
-    if not screen.is_terminal:
-        yield None
-        return
-    columns = (
-        TextColumn("{task.description}"),
-        BarColumn(),
-        TaskProgressColumn(),
-        Rate(unit),
-        TimeRemainingColumn(),
-        TextColumn("left", style="dim"),
-    )
-    with Progress(*columns, console=screen, transient=True) as progress:
-        task = progress.add_task(name, total=None)
-        yield lambda done, total: progress.update(task, completed=done, total=total)
 
 
 @contextmanager

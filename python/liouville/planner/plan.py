@@ -10,7 +10,7 @@ from typing import Any, ClassVar, Self
 
 import numpy as np
 
-from liouville import checksum
+from liouville import checksum, html
 from liouville.errors import hinted
 from liouville.methods import METHODS, Method
 
@@ -48,6 +48,10 @@ class Plan(ABC):
     def __str__(self) -> str:
         """Explain the plan."""
         return "\n".join(self._lines())
+
+    def _repr_html_(self) -> str:
+        """Show the explanation in a notebook."""
+        return html.text(repr(self), str(self))
 
     @property
     def _why(self) -> list[str]:

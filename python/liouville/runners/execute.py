@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
 from typing import Any
 
 import numpy as np
@@ -11,16 +12,15 @@ import numpy as np
 from liouville import _core
 from liouville._arguments import memory
 from liouville.errors import IntegrationError, hinted
-from liouville.failure import Failure, summary_of
+from liouville.failure import Failure, ending_of, summary_of
 from liouville.points import STATES, Points
+from liouville.progress import Progress, reported
 from liouville.runners.runner import Runner
 from liouville.solution import RESIDUALS, Solution
 from liouville.systems import SemiExplicit
 
 #: Seconds between two looks at the signals and the progress bar.
 SLICE = 0.05
-
-Progress = Callable[[float, float], None] | None
 
 #: How a run ended: "done", "interrupted", or the error of the core.
 Outcome = str | dict[str, Any]
@@ -55,11 +55,10 @@ def execute(runner: Runner, progress: Progress = None) -> Solution:
     if runner.members and not isinstance(run, dict):
         failures = failures_of(run, runner)
         message = _of_members(run, runner, outcome, message, failures)
-        if outcome == "done" and len(failures) == runner.members[0]:
-            status = "failed"
-            stats["steps"] = max(failure.step for failure in failures.values())
-        elif outcome == "done":
-            stats["steps"] = runner.steps.count
+        if outcome == "done":
+            status, stats["steps"] = ending_of(failures, runner.members[0]), runner.steps.count
+            if status == "failed":
+                stats["steps"] = max(failure.step for failure in failures.values())
     ended = status, message
     solution = solution_of(runner, times, rows, stats, reached, ended, events, failures)
     if failures and not solution.t.size:
@@ -151,6 +150,7 @@ def solution_of(
         message=message,
         members=runner.members[0] if runner.members else None,
         failures=dict(failures or {}),
+        varied=runner.varied,
         system=runner.system,
     )
 
@@ -158,33 +158,35 @@ def solution_of(
 def advance(run: _core.Run, runner: Runner, progress: Progress) -> Outcome:
     """Advance to the end, or until memory is full; returns how that ended."""
     most = runner.every * memory() / runner.row
-    report = reporting(run, runner, progress)
-    try:
-        while (outcome := advance_slice(run)) == "paused":
-            report()
-            if run.done > most:
-                return {"kind": "no memory", "step": run.done, "start": run.t}
-    except KeyboardInterrupt:
-        return "interrupted"
-    report()
+    with reporting(run, runner, progress) as report:
+        try:
+            while (outcome := advance_slice(run)) == "paused":
+                report()
+                if run.done > most:
+                    return {"kind": "no memory", "step": run.done, "start": run.t}
+        except KeyboardInterrupt:
+            return "interrupted"
+        report()
     return outcome
 
 
-def reporting(run: _core.Run, runner: Runner, progress: Progress) -> Callable[[], None]:
-    """Return a function that calls `progress` with how far a run is."""
-    if progress is not None and not callable(progress):
-        raise TypeError(f"progress is a function, not {progress!r}")
+@contextmanager
+def reporting(
+    run: _core.Run, runner: Runner, progress: Progress
+) -> Iterator[Callable[[], None]]:
+    """Give a function that says how far a run is, to a function of the user's or on a bar."""
     steps = runner.steps
+    with reported(progress, "steps" if steps.control is None else "of time") as call:
 
-    def report() -> None:
-        if progress is None:
-            return
-        if steps.control is None:
-            progress(run.done, steps.count)
-        else:
-            progress(abs(run.t - steps.t0), abs(steps.t1 - steps.t0))
+        def report() -> None:
+            if call is None:
+                return
+            if steps.control is None:
+                call(run.done, steps.count)
+            else:
+                call(abs(run.t - steps.t0), abs(steps.t1 - steps.t0))
 
-    return report
+        yield report
 
 
 def advance_slice(run: _core.Run, steps: int | None = None) -> Outcome:

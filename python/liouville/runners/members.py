@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike
 
 from liouville import _core
 from liouville._job import Job
@@ -18,9 +16,8 @@ from liouville.runners.mechanical import MechanicalRunner
 from liouville.runners.runner import Request, threads_of
 from liouville.runners.semi_explicit import SemiExplicitRunner
 from liouville.runners.traced import TracedRunner
-from liouville.systems import Mechanics, SemiExplicit, members
+from liouville.systems import members
 from liouville.systems._redundant import are_implied
-from liouville.systems._trace import mapping, numbers
 
 
 class Members(TracedRunner):
@@ -49,8 +46,10 @@ class Members(TracedRunner):
     def _take(self, request: Request) -> None:
         system = self.system
         given = members.starts(system, request.start, self._also)
-        params, of_params = _params(system, request.params)
-        counts = {name: len(x) for name, x in given.items() if x.ndim == 2} | of_params
+        params, of_params = members.parameters(system, request.params)
+        self.varied = tuple(of_params)
+        counts = {name: len(x) for name, x in given.items() if x.ndim == 2}
+        counts |= {f"parameter '{name}'": many for name, many in of_params.items()}
         if not counts:
             shapes = {name: f"({x.size},)" for name, x in given.items() if name in request.start}
             raise ValueError(
@@ -60,14 +59,7 @@ class Members(TracedRunner):
                     "give arrays of shape (P, n) for P members; lv.integrate takes one start",
                 )
             )
-        first, many = next(iter(counts.items()))
-        for name, count in counts.items():
-            if count != many:
-                raise ValueError(
-                    f"{name} has {count} members along its first axis, {first} has {many}"
-                )
-        if not many:
-            raise ValueError(f"{first} has no members along its first axis")
+        many = members.common(counts)
         self.members = (many,)
         rows = (np.broadcast_to(x, (many, x.shape[-1])) for x in given.values())
         self._begin = tuple(np.ascontiguousarray(x) for x in rows)
@@ -102,26 +94,3 @@ class MembersRunner(Members, MechanicalRunner):
 
 class SemiExplicitMembersRunner(Members, SemiExplicitRunner):
     """Runs many trajectories of a semi-explicit system; see :class:`Runner`."""
-
-
-def _params(
-    system: Mechanics | SemiExplicit, changes: Mapping[str, ArrayLike] | None
-) -> tuple[np.ndarray, dict[str, int]]:
-    """Return rows of parameters, one or one for each member, and the members of each parameter."""
-    defaults = system.params
-    given = mapping("params", changes)
-    own: dict[str, np.ndarray] = {}
-    for name, value in given.items():
-        array = numbers(value)
-        ndim = np.ndim(defaults[name]) if name in defaults else 0
-        if array is not None and name in defaults and array.ndim == ndim + 1:
-            own[name] = array
-    shared = {name: value for name, value in given.items() if name not in own}
-    if not own:
-        return system.values(shared)[None], {}
-    rows = []
-    for member in range(min(len(x) for x in own.values())):
-        rows.append(system.values({**shared, **{name: x[member] for name, x in own.items()}}))
-    width = system.values(shared).size
-    counts = {f"parameter '{name}'": len(x) for name, x in own.items()}
-    return np.array(rows).reshape(-1, width), counts

@@ -86,10 +86,13 @@ class Runner(ABC):
         The part of the columns that the recorder evaluates.
     members : tuple of int
         ``(P,)`` for an ensemble of P members, else ``()``.
+    varied : tuple of str
+        The parameters that have a value for each member.
     """
 
     constraints: tuple[str, ...] = ()
     members: tuple[int, ...] = ()
+    varied: tuple[str, ...] = ()
 
     system: System
     choice: Method | Plan

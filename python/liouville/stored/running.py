@@ -22,10 +22,10 @@ from liouville._options import check_options
 from liouville.checksum import FREE, META
 from liouville.errors import hinted
 from liouville.locks import lock_of, locked
+from liouville.progress import Progress
 from liouville.runners import Runner
 from liouville.runners.execute import (
     Outcome,
-    Progress,
     advance_slice,
     error_of,
     execute,
@@ -99,7 +99,7 @@ def resume(
     store : Store or path
         The ``.zarr`` folder that :func:`integrate` was given as ``store=``. The ``checkpoint`` of a
         :class:`Store` replaces that of before.
-    progress : callable, optional
+    progress : bool or callable, optional
         As for :func:`integrate`.
 
     Returns
@@ -191,8 +191,13 @@ class _StoredRun:
         return solution
 
     def _advance(self, progress: Progress, is_interrupted: Callable[[], bool]) -> Outcome:
+        with reporting(self._run, self._runner, progress) as report:
+            return self._advance_reporting(report, is_interrupted)
+
+    def _advance_reporting(
+        self, report: Callable[[], None], is_interrupted: Callable[[], bool]
+    ) -> Outcome:
         run, interval, stream = self._run, self._interval, self._stream
-        report = reporting(run, self._runner, progress)
         most = stream.rows * self._runner.every
         last = time.monotonic()
         while True:

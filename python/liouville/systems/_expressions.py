@@ -15,6 +15,7 @@ from typing import Any, Self
 
 import casadi as ca
 
+from liouville import html
 from liouville.errors import hinted
 from liouville.systems import _trace
 
@@ -22,7 +23,11 @@ PROTOCOL = 5
 
 
 class Pickled:
-    """A base whose pickle is the compressed pickle of its state."""
+    """A base of systems, whose pickle is the compressed pickle of its state."""
+
+    def _repr_html_(self) -> str:
+        """Show a table of its names and parameters in a notebook."""
+        return html.of_system(self)
 
     def __reduce__(self) -> tuple[Any, ...]:
         """Return the function that loads it, and its state."""

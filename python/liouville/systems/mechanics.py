@@ -208,18 +208,26 @@ class Mechanics(TracedSystem):
             already, or of their partner ("v", "p" or "z"), for which positions are sought that
             satisfy all constraints.
         **start : array_like
-            Start values near the constraints, by the system's names, each of shape (n,).
+            Start values near the constraints, by the system's names, each of shape (n,). As for
+            :func:`liouville.ensemble` they, and the parameters, may have a row for each of P
+            members.
 
         Returns
         -------
         dict of str to ndarray
-            Start values for :func:`liouville.integrate`.
+            Start values for :func:`liouville.integrate`, or of shape (P, n) for ``ensemble``.
 
         Raises
         ------
         TypeError, ValueError
             An argument is wrong, or no consistent start is found near the one given.
         """
+        # imported here, as it checks systems of this class
+        from liouville.systems import members
+
+        many = members.consistent(self, start, params, t=t, hold=hold)
+        if many is not None:
+            return many
         t = finite_time(t)
         y, z = self.start(start)
         values = self.values(params)

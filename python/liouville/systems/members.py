@@ -6,6 +6,7 @@ from collections.abc import Iterable, Mapping
 from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from liouville.systems import _trace
 from liouville.systems.mechanics import Mechanics
@@ -34,6 +35,74 @@ def starts(
     given = (*system.states, *(name for name in also if start.get(name) is not None))
     values = zip(given, system.start(single, also), strict=True)
     return {name: found.get(name, x) for name, x in values}
+
+
+def parameters(
+    system: Mechanics | SemiExplicit, changes: Mapping[str, ArrayLike] | None
+) -> tuple[np.ndarray, dict[str, int]]:
+    """Return rows of parameters, one or one for each member, and the members of those that vary."""
+    defaults = system.params
+    given = _trace.mapping("params", changes)
+    own: dict[str, np.ndarray] = {}
+    for name, value in given.items():
+        array = _trace.numbers(value)
+        ndim = np.ndim(defaults[name]) if name in defaults else 0
+        if array is not None and name in defaults and array.ndim == ndim + 1:
+            own[name] = array
+    shared = {name: value for name, value in given.items() if name not in own}
+    if not own:
+        return system.values(shared)[None], {}
+    rows = []
+    for member in range(min(len(x) for x in own.values())):
+        rows.append(system.values({**shared, **{name: x[member] for name, x in own.items()}}))
+    width = system.values(shared).size
+    return np.array(rows).reshape(-1, width), {name: len(x) for name, x in own.items()}
+
+
+def common(counts: Mapping[str, int]) -> int:
+    """Return the number of members that all have, by what they are called; ValueError else."""
+    first, many = next(iter(counts.items()))
+    for name, count in counts.items():
+        if count != many:
+            raise ValueError(f"{name} has {count} members along its first axis, {first} has {many}")
+    if not many:
+        raise ValueError(f"{first} has no members along its first axis")
+    return many
+
+
+def consistent(
+    system: Mechanics | SemiExplicit,
+    start: Mapping[str, Any],
+    params: Mapping[str, ArrayLike] | None,
+    **options: Any,
+) -> dict[str, np.ndarray] | None:
+    """Move the start of each member onto its constraints; None if this is the start of one.
+
+    Raises
+    ------
+    TypeError, ValueError
+        As the system's own `consistent` does, naming the member.
+    """
+    many = {
+        name: array
+        for name, value in start.items()
+        if name in system.places and (array := _rows(name, value, system.places[name])) is not None
+    }
+    _, of_params = parameters(system, params)
+    counts = {name: len(x) for name, x in many.items()}
+    counts |= {f"parameter '{name}'": count for name, count in of_params.items()}
+    if not counts:
+        return None
+    given = dict(params or {})
+    found = []
+    for member in range(common(counts)):
+        own = start | {name: x[member] for name, x in many.items()}
+        values = given | {name: given[name][member] for name in of_params}
+        try:
+            found.append(system.consistent(params=values, **options, **own))
+        except ValueError as error:
+            raise ValueError(f"member {member}: {error}") from None
+    return {name: np.stack([each[name] for each in found]) for name in system.states}
 
 
 def check(

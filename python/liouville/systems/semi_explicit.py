@@ -268,18 +268,26 @@ class SemiExplicit(TracedSystem):
             Parameters that differ from their defaults.
         **start : array_like
             ``y`` near the constraints, shape (n,); ``z``, shape (l,), a guess where f is nonlinear
-            in it, zeros by default.
+            in it, zeros by default. As for :func:`liouville.ensemble` they, and the parameters, may
+            have a row for each of P members.
 
         Returns
         -------
         dict of str to ndarray
-            ``y`` and ``z``, start values for :func:`liouville.integrate`.
+            ``y`` and ``z``, start values for :func:`liouville.integrate`, or of shape (P, n) and
+            (P, l) for ``ensemble``.
 
         Raises
         ------
         TypeError, ValueError
             An argument is wrong, or no consistent start is found near the one given.
         """
+        # imported here, as it checks systems of this class
+        from liouville.systems import members
+
+        many = members.consistent(self, start, params, t=t)
+        if many is not None:
+            return many
         t = finite_time(t)
         y, z = self.start(start)
         values = self.values(params)

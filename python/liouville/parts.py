@@ -1,0 +1,206 @@
+"""Parts of a solution: one member of an ensemble, an interval of times, some coordinates."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from liouville.errors import check_name, hinted
+from liouville.points import Points
+
+if TYPE_CHECKING:
+    from liouville.solution import Array, Solution
+
+#: The groups of arrays of a solution with time as their first axis, then the member, if any.
+GROUPS = ("states", "invariants", "residuals", "observed", "balance")
+
+#: The states that have no number for each coordinate.
+NOT_OF_COORDINATES = ("lam", "psi")
+
+
+def member_of(solution: Solution, member: int) -> Solution:
+    """Return one member of an ensemble; see :meth:`liouville.Solution.member`."""
+    count = solution.members
+    if isinstance(member, bool) or not isinstance(member, int | np.integer):
+        raise TypeError(f"member is a number, not {member!r}")
+    if count is None or not -count <= member < count:
+        has = "a single run" if count is None else f"an ensemble of {count}"
+        raise ValueError(f"there is no member {member} of {has}")
+    k = int(member) % count
+    arrays = _each(solution, lambda x: x[:, k])
+    failure = solution.failures.get(k)
+    rows = len(solution.t)
+    if failure is not None or solution.status == "interrupted":
+        rows = _reached(arrays, rows)
+        arrays = _each(solution, lambda x: x[:rows, k])
+    status, steps = "done", solution.stats.get("steps")
+    if failure is not None:
+        status, steps = "failed", failure.step
+    elif rows < len(solution.t):
+        status, steps = "interrupted", None
+    params = solution.params
+    return replace(
+        solution,
+        **arrays,
+        t=solution.t[:rows],
+        initial={name: np.asarray(x)[k] for name, x in solution.initial.items()},
+        params=params | {name: params[name][k] for name in solution.varied},
+        varied=(),
+        stats={} if steps is None else {"steps": steps},
+        status=status,
+        message="" if failure is None else failure.message,
+        members=None,
+        failures={},
+    )
+
+
+def part_of(
+    solution: Solution, time: slice | None, coordinate: Sequence[str] | None
+) -> Solution:
+    """Return a part of a solution; see :meth:`liouville.Solution.sel`."""
+    found = solution if time is None else _between(solution, time)
+    return found if coordinate is None else _of_coordinates(found, coordinate)
+
+
+def _each(solution: Solution, cut: Callable[[Array], Array]) -> dict[str, Any]:
+    """Cut all arrays with a row for each kept step."""
+    found: dict[str, Any] = {
+        group: {name: cut(x) for name, x in getattr(solution, group).items()} for group in GROUPS
+    }
+    given = solution.reactions
+    return found | {"reactions": None if given is None else cut(given)}
+
+
+def _reached(arrays: dict[str, Any], rows: int) -> int:
+    """Return how many rows a member has: those after its last step are NaN throughout."""
+    there = np.zeros(rows, dtype=bool)
+    for group in GROUPS:
+        for x in arrays[group].values():
+            there |= ~np.isnan(x.reshape(rows, -1)).all(axis=1) if x.size else False
+    return int(np.max(np.flatnonzero(there), initial=-1)) + 1
+
+
+def _between(solution: Solution, time: slice) -> Solution:
+    t = solution.t
+    if not isinstance(time, slice):
+        raise TypeError(
+            hinted(
+                f"time is a slice of times, not {time!r}",
+                "slice(0.0, 1.0) takes both ends along; solution(t) gives the states at any times",
+            )
+        )
+    step = 1 if time.step is None else time.step
+    if isinstance(step, bool) or not isinstance(step, int | np.integer) or step < 1:
+        raise ValueError(f"the step of a slice of times is a number of kept states, not {step!r}")
+    low, high = sorted(
+        float(default if x is None else x)
+        for x, default in ((time.start, t.min(initial=np.inf)), (time.stop, t.max(initial=-np.inf)))
+    )
+    inside = np.flatnonzero((low <= t) & (t <= high))
+    if not inside.size:
+        run = f"the run goes from {t[0]:g} to {t[-1]:g}" if t.size else "the run has no state"
+        sentence = f"no kept state is at a time from {low:g} to {high:g}: {run}"
+        hint = "its records are in its folder: liouville.load reads them"
+        raise ValueError(sentence if solution.path is None else hinted(sentence, hint))
+    rows = slice(int(inside[0]), int(inside[-1]) + 1, int(step))
+    starts = {name: x[0] for name, x in solution.invariants.items()} | solution.initial
+    events = {name: _met(points, low, high) for name, points in solution.events.items()}
+    return replace(
+        solution,
+        **_each(solution, lambda x: x[rows]),
+        t=t[rows],
+        initial=starts if rows.start else solution.initial,
+        events=events,
+        dense_order=solution.dense_order if step == 1 else 0,
+    )
+
+
+def _met(points: Points, low: float, high: float) -> Points:
+    inside = (low <= points.t) & (points.t <= high)
+    return Points(points.t[inside], {name: x[inside] for name, x in points.states.items()})
+
+
+def _of_coordinates(solution: Solution, names: Sequence[str]) -> Solution:
+    known = solution.names["coordinates"]
+    if isinstance(names, str):
+        hint = f"give a list, coordinate=[{names!r}]: the axis stays"
+        raise TypeError(hinted(f"coordinate is a sequence of names, not {names!r}", hint))
+    for name in names:
+        check_name(name, known, "coordinate")
+    places = [known.index(name) for name in names]
+    others = {*NOT_OF_COORDINATES, *(("z",) if "unknowns" in solution.names else ())}
+
+    def cut(states: dict[str, Array]) -> dict[str, Array]:
+        return {
+            name: x if name in others else _columns(x, places) for name, x in states.items()
+        }
+
+    given = solution.reactions
+    return replace(
+        solution,
+        states=cut(solution.states),
+        reactions=None if given is None else _columns(given, places),
+        events={name: Points(x.t, cut(x.states)) for name, x in solution.events.items()},
+        names=solution.names | {"coordinates": tuple(names)},
+        dense_order=0,
+    )
+
+
+def _columns(x: Array, places: Sequence[int]) -> Array:
+    """Return some columns, a view where they follow one another."""
+    first = places[0] if places else 0
+    if list(places) == list(range(first, first + len(places))):
+        return x[..., first : first + len(places)]
+    return x[..., places]
+
+
+def reaction(solution: Solution, constraint: str | int | None) -> Array:
+    """Return reaction forces; see :meth:`liouville.Solution.reaction`."""
+    if solution.reactions is not None and solution.system is None and constraint is None:
+        return solution.reactions
+    lam, y = solution.lam, solution.y if "y" in solution.states else solution.q
+    if constraint is not None:
+        only = np.zeros_like(lam)
+        k = _number_of(constraint, solution.names["constraints"])
+        only[..., k] = lam[..., k]
+        lam = only
+    system = system_of(solution, "reaction forces need")
+    if not len(solution.t):
+        return np.zeros_like(y)
+    z = solution.states[system.states[1]]
+    if solution.members is None:
+        found: Array = system.reaction(solution.t, y, lam, solution.params, z)
+        return found
+    shares = []
+    for k in range(solution.members):
+        params = solution.params | {name: solution.params[name][k] for name in solution.varied}
+        shares.append(system.reaction(solution.t, y[:, k], lam[:, k], params, z[:, k]))
+    return np.stack(shares, axis=1)
+
+
+def system_of(solution: Solution, needs: str) -> Any:
+    """Return the system; ValueError if there is none, or if coordinates were left out."""
+    if solution.system is None:
+        hint = "dataclasses.replace(solution, system=...) gives it back"
+        raise ValueError(
+            hinted(f"{needs} the system, which a loaded solution does not carry", hint)
+        )
+    if solution.names["coordinates"] != solution.system.coordinates:
+        kept = ", ".join(solution.names["coordinates"])
+        raise ValueError(hinted(f"{needs} all coordinates, not {kept}", "ask before .sel(...)"))
+    return solution.system
+
+
+def _number_of(constraint: Any, names: Sequence[str]) -> int:
+    if isinstance(constraint, bool) or not isinstance(constraint, str | int | np.integer):
+        hint = "reactions add up: solution.reaction(a) + solution.reaction(b)"
+        raise TypeError(hinted(f"constraint is a name or index, not {constraint!r}", hint))
+    if isinstance(constraint, str):
+        check_name(constraint, names, "constraint")
+        return list(names).index(constraint)
+    if not -len(names) <= constraint < len(names):
+        raise ValueError(f"the solution has no constraint {constraint}: there are {len(names)}")
+    return int(constraint)
