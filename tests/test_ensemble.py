@@ -241,7 +241,9 @@ def test_an_ensemble_all_of_whose_members_failed_has_failed(where):
         solution = lv.ensemble(system, lv.Spark(2), **span, params={"k": k}, **start, **more)
     assert solution.status == "failed"
     assert len(solution.failures) == 10
-    assert solution.message.startswith("10 of 10 members failed (0, 1, 2, 3, 4, 5 and 4 more); the first")
+    assert solution.message.startswith(
+        "10 of 10 members failed (0, 1, 2, 3, 4, 5 and 4 more); the first"
+    )
     assert solution.stats["steps"] == solution.failures[9].step == 40
     assert np.isfinite(solution.q[0]).all()
 

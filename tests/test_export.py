@@ -1,14 +1,17 @@
 import csv
+import json
 import sys
 from dataclasses import replace
 
+import casadi as ca
 import numpy as np
 import pytest
 import xarray
+from scipy import io
 
 import liouville as lv
 from liouville import problems
-from liouville.export import to_xarray
+from liouville.export import check, to_xarray
 
 ARRAYS = ("states", "invariants", "residuals", "observed", "balance")
 FACTS = ("names", "h", "tolerances", "method", "stats", "params", "status", "message")
@@ -28,6 +31,7 @@ def solution():
         invariants={"spin / 2": hard, **run.invariants},
         observed={"a/b": hard, "corner": run.q * 2, "q": run.v},
         params={"m": 0.1, "masses": [1 / 3, 1e-300]},
+        system=None,
         status="failed",
         message="step 51 failed\nhint: \u03c0",
     )
@@ -45,7 +49,7 @@ def assert_same(one, other):
         assert getattr(one, fact) == getattr(other, fact)
 
 
-@pytest.mark.parametrize("name", ["run.nc", "run.zarr"])
+@pytest.mark.parametrize("name", ["run.nc", "run.zarr", "run.npz"])
 def test_what_is_saved_comes_back_bit_for_bit(solution, tmp_path, name):
     solution.save(tmp_path / name)
     loaded = lv.load(tmp_path / name)
@@ -54,7 +58,7 @@ def test_what_is_saved_comes_back_bit_for_bit(solution, tmp_path, name):
     assert {type(value) for value in loaded.stats.values()} <= {int, float, str}
 
 
-@pytest.mark.parametrize("name", ["run.nc", "run.zarr"])
+@pytest.mark.parametrize("name", ["run.nc", "run.zarr", "run.npz"])
 def test_saving_again_replaces_what_was_there(solution, tmp_path, name):
     # No constraints, no states, nothing observed: what is empty comes back empty.
     none = np.empty((len(solution.t), 0))
@@ -85,7 +89,7 @@ def ensemble():
     return replace(run, observed={**run.observed, "a/b": hard})
 
 
-@pytest.mark.parametrize("name", ["run.nc", "run.zarr"])
+@pytest.mark.parametrize("name", ["run.nc", "run.zarr", "run.npz"])
 @pytest.mark.parametrize("states", [True, False])
 def test_an_ensemble_comes_back_bit_for_bit(ensemble, tmp_path, name, states):
     saved = ensemble if states else replace(ensemble, states={})
@@ -106,10 +110,17 @@ def test_the_members_of_an_ensemble_are_a_dimension(ensemble):
     )
 
 
-def test_a_table_of_an_ensemble_is_refused(ensemble, tmp_path):
-    with pytest.raises(ValueError, match=r"no room for an ensemble\nhint: save it as \.nc or \.za"):
-        ensemble.save(tmp_path / "run.csv")
-    assert not any(tmp_path.iterdir())
+def test_a_table_of_an_ensemble_has_one_member_after_another(ensemble, tmp_path):
+    ensemble.save(tmp_path / "run.csv")
+    with (tmp_path / "run.csv").open(newline="") as file:
+        rows = [row for row in csv.DictReader(file) if row["member"] == "3"]
+    for column, values in {
+        "t": ensemble.t,
+        "x[z]": ensemble.x[:, 3, 2],
+        "swirl": ensemble.invariants["swirl"][:, 3],
+        "flat[1]": ensemble.observed["flat"][:, 3, 1],
+    }.items():
+        np.testing.assert_array_equal([float(row[column]) for row in rows], values)
 
 
 def test_a_dataset_is_labelled_by_names(solution):
@@ -142,20 +153,20 @@ def test_a_csv_file_has_a_named_column_with_all_digits_for_each_number(solution,
         "corner[1]": solution.observed["corner"][:, 1],
     }.items():
         np.testing.assert_array_equal([float(row[column]) for row in rows], values)
-    with pytest.raises(ValueError, match=r"CSV file holds only .*\nhint: save to \.nc or \.zarr"):
+    with pytest.raises(ValueError, match=r"CSV file holds only .*\nhint: save to \.nc, \.zarr or"):
         lv.load(tmp_path / "run.csv")
 
 
 @pytest.mark.parametrize("name", ["run", "run.txt", "run.nc.gz"])
 def test_an_unknown_suffix_is_refused_both_ways(solution, tmp_path, name):
-    with pytest.raises(ValueError, match=r"suffix of .*\nhint: use one of \.nc, \.zarr, \.csv"):
+    with pytest.raises(ValueError, match=r"suffix of .*\nhint: use one of \.nc, \.zarr, \.npz,"):
         solution.save(tmp_path / name)
-    with pytest.raises(ValueError, match=r"suffix of .*\nhint: use one of \.nc, \.zarr, \.csv"):
+    with pytest.raises(ValueError, match=r"suffix of .*\nhint: use one of \.nc, \.zarr, \.npz,"):
         lv.load(tmp_path / name)
     assert not any(tmp_path.iterdir())
 
 
-@pytest.mark.parametrize("name", ["no.nc", "no.zarr"])
+@pytest.mark.parametrize("name", ["no.nc", "no.npz"])
 def test_a_missing_file_or_folder_is_named(solution, tmp_path, name):
     with pytest.raises(FileNotFoundError, match=f"there is no file '.*{name}'"):
         lv.load(tmp_path / name)
@@ -190,3 +201,101 @@ def test_a_missing_package_names_the_extra_to_install(
     with pytest.raises(ImportError, match=rf'need {package}\nhint: pip install "liouville\[io\]"'):
         solution.save(tmp_path / name)
     solution.save(tmp_path / "run.csv")
+
+
+@pytest.fixture(scope="module")
+def swinging():
+    """Give pendulums that know their system, so that there are reactions."""
+    pendulum = problems.load("pendulum")
+    return lv.ensemble(
+        pendulum.system, lv.Spark(2), t=(0, 1), h=0.1, params={"g": [1.0, 2.0]}, **pendulum.start
+    )
+
+
+@pytest.mark.parametrize("name", ["run.nc", "run.npz"])
+def test_reactions_are_in_files_and_come_back(swinging, tmp_path, name):
+    forces = swinging.reaction()
+    assert forces[-1].all()
+    swinging.save(tmp_path / name)
+    loaded = lv.load(tmp_path / name)
+    np.testing.assert_array_equal(loaded.reaction(), forces)
+    np.testing.assert_array_equal(loaded.member(1).reaction(), forces[:, 1])
+    assert loaded.member(1).params["g"] == 2.0
+    loaded.save(tmp_path / f"again-{name}")
+    assert_same(lv.load(tmp_path / f"again-{name}"), swinging)
+    with pytest.raises(ValueError, match="need the system, which a loaded solution does not"):
+        loaded.reaction("rod")
+
+
+def test_a_file_for_matlab_has_structures_with_names_it_takes(swinging, tmp_path):
+    hard = {"2 pi / a": swinging.t, "_2 pi / a": -swinging.t, "x" * 70: swinging.t}
+    replace(swinging.member(1), observed=hard).save(tmp_path / "run.mat")
+    found = io.loadmat(tmp_path / "run.mat", simplify_cells=True)
+    np.testing.assert_array_equal(found["t"], swinging.t)
+    np.testing.assert_array_equal(found["q"], swinging.q[:, 1])
+    np.testing.assert_array_equal(found["reactions"], swinging.reaction()[:, 1])
+    np.testing.assert_array_equal(
+        found["invariants"]["energy"], swinging.invariants["energy"][:, 1]
+    )
+    assert [*found["names"]["coordinates"]] == ["x", "y"]
+    assert found["params"]["g"] == 2.0
+    assert [*found["observed"]] == ["x2_pi___a", "x_2_pi___a", "x" * 63]
+    with pytest.raises(ValueError, match=r"MATLAB file holds .*\nhint: save to \.nc, \.zarr or"):
+        lv.load(tmp_path / "run.mat")
+
+
+def test_a_parquet_file_is_the_table_with_how_the_run_went(swinging, tmp_path):
+    parquet = pytest.importorskip("pyarrow.parquet")
+    swinging.save(tmp_path / "run.parquet")
+    found = parquet.read_table(tmp_path / "run.parquet")
+    assert found["member"].to_pylist() == [0] * 11 + [1] * 11
+    np.testing.assert_array_equal(found["q[y]"].to_numpy(), swinging.q[..., 1].T.ravel())
+    np.testing.assert_array_equal(
+        found["reaction[y]"].to_numpy(), swinging.reaction()[..., 1].T.ravel()
+    )
+    facts = json.loads(found.schema.metadata[b"liouville"])
+    assert (facts["status"], facts["members"]) == ("done", 2)
+
+
+def test_a_film_of_points_has_a_frame_for_each_kept_step(tmp_path):
+    q = ("C1_x", "C1_y", "C1_z", "x2", "y2", "z2")
+    free = lv.Lagrangian(lambda t, q, v, params: ca.dot(v, v) / 2, q=q)
+    run = lv.integrate(free, lv.Spark(1), t=(0, 1), h=0.5, q=range(6), v=[0, 0, 1, 0, 1 / 3, 0])
+    run.save(tmp_path / "run.xyz")
+    lines = (tmp_path / "run.xyz").read_text().splitlines()
+    assert lines[4:6] == ["2", 'Properties=species:S:1:pos:R:3:name:S:1 pbc="F F F" Time=0.5']
+    frame = [line.split() for line in lines[6:8]]
+    assert [(row[0], row[-1]) for row in frame] == [("C", "C1"), ("X", "2")]
+    np.testing.assert_array_equal(np.array(frame)[:, 1:4].astype(float).ravel(), run.q[1])
+
+
+@pytest.mark.parametrize(
+    ("names", "words"),
+    [
+        (("x1", "y1", "angle"), "'angle' is no x, y or z of a point"),
+        (("x1", "y1", "x2"), "point '2' has only x"),
+        (("x1", "y1", "x1'"), '"x1\'" is no x, y or z'),
+        ((), "no coordinates by name"),
+    ],
+)
+def test_systems_that_are_no_points_have_no_film_of_points(names, words, tmp_path):
+    with pytest.raises(ValueError, match=rf"(?s)film of points.*{words}.*\nhint: name them x1, y1"):
+        check(tmp_path / "run.xyz", names)
+
+
+def test_a_damaged_or_foreign_file_of_numpy_is_refused(swinging, tmp_path):
+    path = tmp_path / "run.npz"
+    swinging.save(path)
+    whole = bytearray(path.read_bytes())
+    whole[len(whole) // 2] ^= 1
+    path.write_bytes(whole)
+    with pytest.raises(ValueError, match=r"run\.npz' cannot be read as \.npz: Bad CRC-32"):
+        lv.load(path)
+    path.write_bytes(whole[:200])
+    with pytest.raises(ValueError, match=r"run\.npz' cannot be read as \.npz"):
+        lv.load(path)
+    np.savez(path, q=np.zeros(3))
+    with pytest.raises(
+        ValueError, match=r"holds no liouville solution\nhint: liouville\.load reads"
+    ):
+        lv.load(path)

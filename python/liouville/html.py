@@ -66,9 +66,7 @@ def of_system(system: Any) -> Markup:
     parts["constraints"] = tuple(
         f"{name} (nonholonomic)" if name in own else name for name in parts["constraints"]
     )
-    params = {
-        "parameters": tuple(f"{name} = {_numbers(x)}" for name, x in system.params.items())
-    }
+    params = {"parameters": tuple(f"{name} = {_numbers(x)}" for name, x in system.params.items())}
     return facts(repr(system), parts | params)
 
 
@@ -119,7 +117,9 @@ def sparkline(values: NDArray[Any]) -> Markup:
 
 def page(title: str, parts: Iterable[str]) -> str:
     """Return a whole page, which needs nothing else; all text is escaped but for `Markup`."""
-    body = "\n".join(part if isinstance(part, Markup) else f"<p>{_text(part)}</p>" for part in parts)
+    body = "\n".join(
+        part if isinstance(part, Markup) else f"<p>{_text(part)}</p>" for part in parts
+    )
     return (
         f'<!doctype html>\n<html lang="en"><head><meta charset="utf-8"><title>{escape(title)}'
         '</title><meta name="viewport" content="width=device-width">\n'
@@ -177,7 +177,7 @@ def _listed(names: Any) -> str:
 
 
 def _shape(values: NDArray[Any]) -> str:
-    return "×".join(map(str, values.shape))
+    return str(values.shape).replace(",)", ")")
 
 
 def _ends(values: NDArray[Any], is_many: bool = False) -> str:

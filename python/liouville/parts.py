@@ -57,9 +57,7 @@ def member_of(solution: Solution, member: int) -> Solution:
     )
 
 
-def part_of(
-    solution: Solution, time: slice | None, coordinate: Sequence[str] | None
-) -> Solution:
+def part_of(solution: Solution, time: slice | None, coordinate: Sequence[str] | None) -> Solution:
     """Return a part of a solution; see :meth:`liouville.Solution.sel`."""
     found = solution if time is None else _between(solution, time)
     return found if coordinate is None else _of_coordinates(found, coordinate)
@@ -134,9 +132,7 @@ def _of_coordinates(solution: Solution, names: Sequence[str]) -> Solution:
     others = {*NOT_OF_COORDINATES, *(("z",) if "unknowns" in solution.names else ())}
 
     def cut(states: dict[str, Array]) -> dict[str, Array]:
-        return {
-            name: x if name in others else _columns(x, places) for name, x in states.items()
-        }
+        return {name: x if name in others else _columns(x, places) for name, x in states.items()}
 
     given = solution.reactions
     return replace(

@@ -154,7 +154,9 @@ class Solution:
         }
         drifts = {x + how: self._largest(self.invariant_drift(x)) for x, how in absolute.items()}
         kept = [*_worst("residual", residuals), *_worst("drift", drifts)]
-        return "\n ".join([f"<Solution {self.headline}", *([", ".join(kept)] if kept else [])]) + ">"
+        return (
+            "\n ".join([f"<Solution {self.headline}", *([", ".join(kept)] if kept else [])]) + ">"
+        )
 
     @property
     def headline(self) -> str:

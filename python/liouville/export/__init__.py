@@ -1,25 +1,25 @@
-"""Solutions as xarray datasets and as files: NetCDF and Zarr both ways, CSV for reading elsewhere.
+"""Solutions as xarray datasets and as files: NetCDF, Zarr and NumPy both ways, others to be read.
 
 A dataset has the dimensions ``time``, ``coordinate``, ``constraint``, ``invariant``, ``residual``
 and ``term``, ``unknown`` where the system has algebraic unknowns, and ``member`` where it is of an
 ensemble, labelled by the names of the solution. Its
-variables are the states under their own letters, ``invariants``, ``residuals``, ``balance``, and
-``observed_NAME`` for each observed quantity, ``event_t_NAME`` for the times of events and
-``event_q_NAME`` and so on for the states there; how the run went is in its attributes. What is
-saved comes back bit for bit. A wave function has the dimension ``place``, without labels; in a
-file, complex numbers are pairs along ``part``.
+variables are the states under their own letters, ``invariants``, ``residuals``, ``balance``,
+``reactions`` of a mechanical system with constraints, ``observed_NAME`` for each observed quantity,
+``event_t_NAME`` for the times of events and ``event_q_NAME`` and so on for the states there; how
+the run went is in its attributes. What is saved comes back bit for bit. A wave function has the
+dimension ``place``, without labels; in NetCDF and Zarr, complex numbers are pairs along ``part``.
 
 A file has checksums, and damage to it is found when it is loaded: a NetCDF file ends in a line with
-one, which other readers do not see; in a Zarr folder each ``zarr.json`` has one as attribute, and
-the chunks have the codec ``crc32c``.
+one, which other readers do not see; a NumPy file has one for each array; in a Zarr folder each
+``zarr.json`` has one as attribute, and the chunks have the codec ``crc32c``.
 """
 
-from liouville.export.datasets import MARK as MARK
-from liouville.export.datasets import SLASH as SLASH
 from liouville.export.datasets import paired as paired
 from liouville.export.datasets import to_xarray
 from liouville.export.files import SUFFIXES, check, load, save
 from liouville.export.files import ends as ends
 from liouville.export.files import write_zarr as write_zarr
+from liouville.export.layout import MARK as MARK
+from liouville.export.layout import SLASH as SLASH
 
 __all__ = ["SUFFIXES", "check", "load", "save", "to_xarray"]

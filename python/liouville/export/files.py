@@ -1,4 +1,4 @@
-"""Solutions as files: NetCDF and Zarr both ways, CSV for reading elsewhere."""
+"""Solutions as files, by their suffix: some come back, others are for other programs."""
 
 from __future__ import annotations
 
@@ -6,44 +6,54 @@ import json
 import os
 import shutil
 import threading
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-import numpy as np
-
 from liouville import checksum
 from liouville.checksum import FREE, META
 from liouville.errors import hinted
-from liouville.export.datasets import (
-    MARK,
-    VERSION,
-    from_xarray,
-    needed,
-    paired,
-    place_of,
-    to_xarray,
-    unpaired,
-)
+from liouville.export.datasets import from_xarray, needed, paired, to_xarray, unpaired
+from liouville.export.formats import points_of, read_npz, save_mat, save_npz, save_xyz
+from liouville.export.layout import MARK, VERSION, read
+from liouville.export.tables import save_csv, save_parquet
 from liouville.locks import lock_of, locked
-from liouville.solution import Array, Solution
+from liouville.solution import Solution
 
 if TYPE_CHECKING:
     import xarray
 
-SUFFIXES = (".nc", ".zarr", ".csv")
+PACKAGES = {
+    ".nc": ("xarray", "h5py", "h5netcdf"),
+    ".zarr": ("xarray", "zarr", "google_crc32c"),
+    ".mat": ("scipy.io",),
+    ".parquet": ("pyarrow", "pyarrow.parquet"),
+}
 
-PACKAGES = {".nc": ("xarray", "h5py", "h5netcdf"), ".zarr": ("xarray", "zarr", "google_crc32c")}
+#: What other programs read and liouville does not, with what it lacks.
+FOREIGN = {
+    ".mat": "a MATLAB file holds arrays without the names of their axes",
+    ".parquet": "a Parquet file holds only columns of numbers",
+    ".csv": "a CSV file holds only columns of numbers",
+    ".xyz": "an XYZ file holds only points",
+}
 
 
-def check(path: str | os.PathLike[str]) -> None:
+def check(path: str | os.PathLike[str], coordinates: Sequence[str] | None = None) -> None:
     """Refuse a path that a solution could not be saved to, before a long run and not after it.
+
+    Parameters
+    ----------
+    path : path
+        Where the solution is to go.
+    coordinates : sequence of str, optional
+        Names of its coordinates, which an ``.xyz`` must be points by.
 
     Raises
     ------
     ValueError
-        The suffix is none of ``SUFFIXES``.
+        The suffix is none of ``SUFFIXES``, or the coordinates are no points.
     FileNotFoundError
         The folder does not exist.
     ImportError
@@ -59,6 +69,8 @@ def check(path: str | os.PathLike[str]) -> None:
         raise FileNotFoundError(f"the folder of {str(path)!r} does not exist\nhint: create it")
     for package in PACKAGES.get(path.suffix, ()):
         needed(package)
+    if path.suffix == ".xyz" and coordinates is not None:
+        points_of(coordinates)
 
 
 def save(solution: Solution, path: str | os.PathLike[str]) -> None:
@@ -69,13 +81,17 @@ def save(solution: Solution, path: str | os.PathLike[str]) -> None:
     solution : Solution
         What to write.
     path : path
-        Where: ``.nc`` writes NetCDF 4, ``.zarr`` a Zarr 3 folder; ``.csv`` one row a kept step
-        with all digits, but without names, statistics or status, so it cannot be loaded back.
+        Where. These come back by :func:`load`, bit for bit: ``.nc`` writes NetCDF 4, ``.zarr`` a
+        Zarr 3 folder, ``.npz`` arrays of NumPy, which need no other package. These are for other
+        programs: ``.mat`` has variables and structures for MATLAB, ``.csv`` and ``.parquet`` one
+        row a kept step, of an ensemble one a member and kept step, and ``.xyz`` a frame of points
+        a kept step, of a system whose coordinates are called ``x1``, ``y1``, ``z1`` and so on, or
+        ``C1_x`` where an element is to be seen; z may be missing.
 
     Raises
     ------
     ValueError, FileNotFoundError, ImportError
-        As :func:`check` does; or an ensemble is to go to a ``.csv``.
+        As :func:`check` does; or an ensemble is to go to an ``.xyz``.
     BlockingIOError
         A stored run is going on there.
     """
@@ -88,18 +104,35 @@ def save(solution: Solution, path: str | os.PathLike[str]) -> None:
             pass
     temporary = path.with_name(f".{path.name}.{os.getpid()}-{threading.get_ident()}.tmp")
     try:
-        if path.suffix == ".csv":
-            _save_csv(solution, temporary)
-        elif path.suffix == ".nc":
-            write_netcdf(paired(to_xarray(solution)), temporary)
-        else:
-            write_zarr(paired(to_xarray(solution)), temporary, {})
+        WRITERS[path.suffix](solution, temporary)
         if path.is_dir():
             shutil.rmtree(path)
         temporary.replace(path)
     except BaseException:
         shutil.rmtree(temporary) if temporary.is_dir() else temporary.unlink(missing_ok=True)
         raise
+
+
+def _save_netcdf(solution: Solution, path: Path) -> None:
+    write_netcdf(paired(to_xarray(solution)), path)
+
+
+def _save_zarr(solution: Solution, path: Path) -> None:
+    write_zarr(paired(to_xarray(solution)), path, {})
+
+
+#: What writes a solution, by the suffix of the file.
+WRITERS: dict[str, Callable[[Solution, Path], None]] = {
+    ".nc": _save_netcdf,
+    ".zarr": _save_zarr,
+    ".npz": save_npz,
+    ".mat": save_mat,
+    ".parquet": save_parquet,
+    ".csv": save_csv,
+    ".xyz": save_xyz,
+}
+
+SUFFIXES = tuple(WRITERS)
 
 
 def write_netcdf(dataset: xarray.Dataset, path: Path) -> None:
@@ -135,12 +168,12 @@ def _without_fill(dataset: xarray.Dataset) -> dict[str, dict[str, Any]]:
 
 
 def load(path: str | os.PathLike[str]) -> Solution:
-    """Read a solution that :func:`save` wrote to a NetCDF file or a Zarr folder.
+    """Read a solution that :func:`save` wrote to a NetCDF or NumPy file or a Zarr folder.
 
     Parameters
     ----------
     path : path
-        A ``.nc`` file or a ``.zarr`` folder.
+        A ``.nc`` or ``.npz`` file or a ``.zarr`` folder.
 
     Returns
     -------
@@ -167,13 +200,19 @@ def ends(path: Path) -> Solution:
 
 def _read(path: Path, are_all: bool = True) -> Solution:
     check(path)
-    if path.suffix == ".csv":
+    if path.suffix in FOREIGN:
         raise ValueError(
-            f"{str(path)!r} cannot be loaded: a CSV file holds only columns of numbers\n"
-            "hint: save to .nc or .zarr what you want to load again"
+            hinted(
+                f"{str(path)!r} cannot be loaded: {FOREIGN[path.suffix]}",
+                "save to .nc, .zarr or .npz what you want to load again",
+            )
         )
     if not path.exists():
         raise FileNotFoundError(f"there is no file {str(path)!r}")
+    if path.suffix == ".npz":
+        layout = read_npz(path)
+        _check_mark(path, layout.attributes)
+        return read(layout)
     is_whole = _check_folder(path) if path.suffix == ".zarr" else checksum.is_intact(path)
     with _opened(path) as opened:
         _check_mark(path, opened.attrs)
@@ -238,35 +277,3 @@ def _naming(sentence: str) -> Iterator[None]:
     except Exception as error:
         why = str(error).partition("\n")[0] or type(error).__name__
         raise ValueError(f"{sentence}: {why}") from error
-
-
-def _save_csv(solution: Solution, path: Path) -> None:
-    if solution.members is not None:
-        raise ValueError("a table has no room for an ensemble\nhint: save it as .nc or .zarr")
-    names = solution.names
-    columns = {"t": solution.t}
-    for name, values in solution.states.items():
-        kind = "unknowns" if name == "z" and "unknowns" in names else "coordinates"
-        labels = names["constraints" if name == "lam" else kind]
-        labels = labels or tuple(str(i) for i in range(values.shape[1]))
-        columns |= {f"{name}[{label}]": values[:, i] for i, label in enumerate(labels)}
-    columns |= solution.invariants | solution.balance
-    for name, values in solution.residuals.items():
-        labels = names["constraints"][place_of(name, values, names["constraints"])]
-        columns |= {f"{name}[{label}]": values[:, i] for i, label in enumerate(labels)}
-    for name, values in solution.observed.items():
-        if values.ndim == 1:
-            columns[name] = values
-        else:
-            columns |= {f"{name}[{i}]": values[:, i] for i in range(values.shape[1])}
-    columns = {label: part for name, x in columns.items() for label, part in _real(name, x)}
-    header = ",".join(f'"{name}"' if "," in name else name for name in columns)
-    rows = np.stack(list(columns.values()), axis=1)
-    np.savetxt(path, rows, delimiter=",", header=header, comments="", fmt="%.17g")
-
-
-def _real(name: str, values: Array) -> list[tuple[str, Array]]:
-    """Give a column as it is, or real and imaginary parts of a complex one."""
-    if not np.iscomplexobj(values):
-        return [(name, values)]
-    return [(f"re {name}", values.real), (f"im {name}", values.imag)]

@@ -171,9 +171,7 @@ def advance(run: _core.Run, runner: Runner, progress: Progress) -> Outcome:
 
 
 @contextmanager
-def reporting(
-    run: _core.Run, runner: Runner, progress: Progress
-) -> Iterator[Callable[[], None]]:
+def reporting(run: _core.Run, runner: Runner, progress: Progress) -> Iterator[Callable[[], None]]:
     """Give a function that says how far a run is, to a function of the user's or on a bar."""
     steps = runner.steps
     with reported(progress, "steps" if steps.control is None else "of time") as call:

@@ -93,10 +93,10 @@ def consistent(
     counts |= {f"parameter '{name}'": count for name, count in of_params.items()}
     if not counts:
         return None
-    given = dict(params or {})
+    given: dict[str, Any] = dict(params or {})
     found = []
     for member in range(common(counts)):
-        own = start | {name: x[member] for name, x in many.items()}
+        own = dict(start) | {name: x[member] for name, x in many.items()}
         values = given | {name: given[name][member] for name in of_params}
         try:
             found.append(system.consistent(params=values, **options, **own))

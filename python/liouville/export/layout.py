@@ -1,0 +1,210 @@
+"""Solutions as named arrays with the names of their axes, and back: what files hold."""
+
+from __future__ import annotations
+
+import json
+import math
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from liouville.failure import Failure
+from liouville.points import STATES, Points
+from liouville.solution import Array, Solution
+from liouville.systems import Mechanics
+
+# The attribute that tells our files from others, and the version of their layout.
+MARK, VERSION = "liouville_solution", 3
+
+# The axis of a state, where it is not "coordinate".
+AXES = {"lam": "constraint", "psi": "place"}
+
+# Neither NetCDF nor Zarr takes a slash in a variable's name; this one only looks like it.
+SLASH = "\u2215"
+
+#: A variable: the names of its axes, its values, its attributes.
+Variable = tuple[tuple[str, ...], Array, dict[str, str]]
+
+
+@dataclass(frozen=True)
+class Layout:
+    """A solution as a dataset of named arrays.
+
+    Attributes
+    ----------
+    variables : dict of str to (tuple of str, ndarray, dict)
+        For each the names of its axes, its values and its attributes.
+    labels : dict of str to ndarray or list
+        What is along an axis: times, or names.
+    attributes : dict
+        How the run went, as numbers and text.
+    """
+
+    variables: dict[str, Variable]
+    labels: dict[str, Any]
+    attributes: dict[str, Any]
+
+
+def laid_out(solution: Solution) -> Layout:
+    """Return a solution as named arrays; nothing is copied."""
+    names, failures = solution.names, solution.failures
+    variables: dict[str, Variable] = {}
+    lead = ("time",) if solution.members is None else ("time", "member")
+    axis_of = AXES | ({"z": "unknown"} if "unknowns" in names else {})
+    for name, values in solution.states.items():
+        variables[name] = ((*lead, axis_of.get(name, "coordinate")), values, {})
+    if solution.invariants:
+        columns = np.stack(list(solution.invariants.values()), axis=-1)
+        variables["invariants"] = ((*lead, "invariant"), columns, {})
+    if solution.residuals:
+        known = names["constraints"]
+        shape = next(iter(solution.residuals.values())).shape[:-1]
+        rows = np.full((*shape, len(solution.residuals), len(known)), np.nan)
+        for place, (name, values) in enumerate(solution.residuals.items()):
+            rows[..., place, place_of(name, values, known)] = values
+        variables["residuals"] = ((*lead, "residual", "constraint"), rows, {})
+    if solution.balance:
+        columns = np.stack(list(solution.balance.values()), axis=-1)
+        variables["balance"] = ((*lead, "term"), columns, {})
+    forces = reactions(solution)
+    if forces is not None:
+        variables["reactions"] = ((*lead, "coordinate"), forces, {})
+    for name, values in solution.observed.items():
+        label = "observed_" + name.replace("/", SLASH)
+        variables[label] = ((*lead, f"{label}_axis")[: values.ndim], values, {"name": name})
+    for name, points in solution.events.items():
+        label = name.replace("/", SLASH)
+        axis = f"event_axis_{label}"
+        variables[f"event_t_{label}"] = ((axis,), points.t, {"name": name})
+        for state, values in points.states.items():
+            dims = (axis, axis_of.get(state, "coordinate"))
+            variables[f"event_{state}_{label}"] = (dims, values, {"name": name, "state": state})
+    labels = {
+        "coordinate": names["coordinates"],
+        "constraint": names["constraints"],
+        **({"unknown": names["unknowns"]} if "unknowns" in names else {}),
+        "invariant": solution.invariants,
+        "residual": solution.residuals,
+        "term": solution.balance,
+    }
+    attributes = {
+        MARK: VERSION,
+        "status": solution.status,
+        "message": solution.message,
+        "method": solution.method,
+        "h": solution.h,
+        "dense_order": solution.dense_order,
+        "initial": json.dumps(solution.initial, default=_plain),
+        "members": -1 if solution.members is None else solution.members,
+        "failures": json.dumps({k: [x.step, x.t, x.message] for k, x in failures.items()}),
+        "varied": json.dumps(solution.varied),
+        "tolerances": json.dumps(solution.tolerances, default=_plain),
+        # Zarr forgets the order of variables, and that one was there.
+        "order": json.dumps([*variables, "time", *labels]),
+        "stats": json.dumps(solution.stats, default=_plain),
+        "params": json.dumps(solution.params, default=_plain),
+    }
+    named = {dim: list(values) for dim, values in labels.items()}
+    return Layout(variables, {"time": solution.t, **named}, attributes)
+
+
+def reactions(solution: Solution) -> Array | None:
+    """Return the reaction forces that a file holds, None where there are none."""
+    if solution.reactions is not None:
+        return solution.reactions
+    system = solution.system
+    if not isinstance(system, Mechanics) or "lam" not in solution.states:
+        return None
+    is_whole = system.coordinates == solution.names["coordinates"]
+    return solution.reaction() if system.constraints and is_whole else None
+
+
+def read(layout: Layout) -> Solution:
+    """Return the solution of a layout that :func:`laid_out` made."""
+
+    def names(dim: str) -> tuple[str, ...]:
+        return tuple(str(label) for label in layout.labels[dim])
+
+    def columns(variable: str, dim: str) -> dict[str, Array]:
+        if variable not in layout.variables:
+            return {}
+        dims, values, _ = layout.variables[variable]
+        axis = dims.index(dim)
+        return {name: values.take(i, axis) for i, name in enumerate(names(dim))}
+
+    attributes = layout.attributes
+    order = [name for name in json.loads(attributes["order"]) if name in layout.variables]
+    variables = {name: layout.variables[name] for name in order}
+    forces = variables.get("reactions")
+    return Solution(
+        t=np.asarray(layout.labels["time"]),
+        states={name: x for name, (_, x, _) in variables.items() if name in STATES},
+        invariants=columns("invariants", "invariant"),
+        residuals={
+            name: values[..., _filled(values)]
+            for name, values in columns("residuals", "residual").items()
+        },
+        observed={
+            own["name"]: x
+            for name, (_, x, own) in variables.items()
+            if name.startswith("observed_")
+        },
+        balance=columns("balance", "term"),
+        events=_events(variables),
+        dense_order=int(attributes.get("dense_order", 0)),
+        names={
+            "coordinates": names("coordinate"),
+            "constraints": names("constraint"),
+            **({"unknowns": names("unknown")} if "unknown" in layout.labels else {}),
+        },
+        h=float(attributes["h"]),
+        members=_members(attributes.get("members", -1)),
+        failures=_failures(json.loads(attributes.get("failures", "{}"))),
+        varied=tuple(json.loads(attributes.get("varied", "[]"))),
+        reactions=None if forces is None else forces[1],
+        initial=json.loads(attributes.get("initial", "{}")),
+        tolerances=json.loads(attributes["tolerances"]),
+        method=attributes["method"],
+        stats=json.loads(attributes["stats"]),
+        params=json.loads(attributes["params"]),
+        status=attributes["status"],
+        message=attributes["message"],
+    )
+
+
+def _events(variables: dict[str, Variable]) -> dict[str, Points]:
+    found = [(x, own) for name, (_, x, own) in variables.items() if name.startswith("event_")]
+    points = {}
+    for times, own in found:
+        if "state" not in own:
+            name = own["name"]
+            of = [(x, own) for x, own in found if "state" in own and own["name"] == name]
+            points[name] = Points(times, {own["state"]: x for x, own in of})
+    return points
+
+
+def place_of(residual: str, values: Array, constraints: tuple[str, ...]) -> slice:
+    """Return to which constraints a residual belongs."""
+    first = len(constraints) - values.shape[-1] if residual == "nonholonomic" else 0
+    return slice(first, first + values.shape[-1])
+
+
+def _filled(values: Array) -> Array:
+    """Return which columns are there: the others are NaN throughout."""
+    flat = values.reshape(math.prod(values.shape[:-1]), values.shape[-1])
+    is_missing = np.isnan(flat).all(axis=0) & bool(len(flat))
+    return np.logical_not(is_missing)
+
+
+def _failures(given: dict[str, list[Any]]) -> dict[int, Failure]:
+    return {int(member): Failure(*failure) for member, failure in given.items()}
+
+
+def _members(count: int) -> int | None:
+    return None if count < 0 else int(count)
+
+
+def _plain(value: Any) -> Any:
+    """Give NumPy's numbers and arrays as Python's, which JSON writes with all their digits."""
+    return np.asarray(value).tolist()
