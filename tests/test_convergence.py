@@ -5,7 +5,7 @@ import pytest
 
 import liouville as lv
 from liouville import problems
-from liouville.convergence import distance, slope, study
+from liouville.convergence import Study, distance, slope, study
 
 H = 0.4 / 2.0 ** np.arange(9)
 
@@ -113,3 +113,18 @@ def test_what_a_study_cannot_do_is_said():
         study(pendulum.system, lv.Spark(), (0.0, 1.0), [], pendulum.start)
     with pytest.raises(ValueError, match=r"reference lacks v\nhint: of=\('q',\)"):
         study(pendulum.system, lv.Spark(), (0.0, 1.0), [0.1], pendulum.start, {"q": [0.0, 0.0]})
+
+
+def test_a_study_prints_as_a_table_and_has_one_in_a_notebook():
+    h = np.array([0.4, 0.2])
+    study = Study(h, {"q": 3 * h**2}, {"q": np.nan}, "Spark(<1>)")
+    assert repr(study).splitlines() == [
+        "<Study of Spark(<1>)",
+        "h       error of q  slope",
+        "0.4     4.80e-01",
+        "0.2     1.20e-01    2.00",
+        "fitted              none>",
+    ]
+    page = study._repr_html_()
+    assert "Spark(&lt;1&gt;)" in page
+    assert page.count("<tr>") == 4

@@ -2,12 +2,14 @@
 
 import inspect
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 import pytest
 
 import liouville as lv
 from liouville import plot, problems
+from liouville.convergence import Study
 from liouville.plot import canvas, thinning
 
 MEMBERS = 3
@@ -238,7 +240,84 @@ def test_a_panel_draws_what_was_computed(runs, panel, kind, many):
 
 def test_every_panel_of_solutions_is_checked():
     functions = {name for name in plot.__all__ if inspect.isfunction(getattr(plot, name))}
-    assert functions - CHECKS.keys() == {"check", "cost", "section"}  # of paths, runs and sections
+    others = {"check", "convergence", "cost", "section"}  # of paths, studies, runs and sections
+    assert functions - CHECKS.keys() == others
+
+
+def fans_of(solution):
+    """Give each panel that draws fans, with the columns of shape (k, P) that they are of."""
+    for state in ("q", "lam", "x"):
+        if state in solution.states:
+            columns = np.moveaxis(solution.states[state], -1, 0)
+            yield partial(plot.trajectories, of=state), columns
+    if "lam" in solution.states:
+        yield plot.multipliers, np.moveaxis(solution.lam, -1, 0)
+        yield plot.residuals, [np.abs(x).max(axis=-1)[1:] for x in solution.residuals.values()]
+    if solution.balance:
+        yield plot.energy, [solution.work - solution.dissipated, solution.dissipated]
+    if "autocorrelation" in solution.observed:
+        yield plot.autocorrelation, [np.abs(solution.observed["autocorrelation"])]
+    yield plot.invariants, [x[1:] for x in drifts(solution)]
+
+
+@pytest.mark.parametrize("kind", OF)
+def test_a_fan_is_the_median_and_the_bands_of_all_members(runs, kind):
+    solution = runs[kind, True]
+    for panel, columns in fans_of(solution):
+        axes = panel(solution, fan=True)
+        if axes.get_yscale() == "log":
+            columns = [np.maximum(x, plot.FLOOR) for x in columns]
+        middles = lines(axes)
+        assert len(middles) == len(columns)
+        assert len(axes.collections) == 2 * len(columns)
+        for k, values in enumerate(columns):
+            low, quarter, middle, three, high = np.quantile(
+                values, [0.05, 0.25, 0.5, 0.75, 0.95], 1
+            )
+            np.testing.assert_array_equal(middles[k].get_ydata(), middle)
+            for band, ends in zip(
+                axes.collections[2 * k : 2 * k + 2], [(low, high), (quarter, three)], strict=True
+            ):
+                (path,) = band.get_paths()
+                expected = np.concatenate(ends)
+                np.testing.assert_array_equal(np.unique(path.vertices[:, 1]), np.unique(expected))
+        assert axes.get_title(loc="left").endswith("median, 50 % and 90 % of 3 members")
+
+
+def test_a_fan_is_of_the_members_that_are_left(runs):
+    solution = runs["fields", True]
+    x = solution.x.copy()
+    x[30:, 0], x[50:] = np.nan, np.nan
+    (middle,) = lines(plot.trajectories(replace(solution, states={"x": x}), names=["m2"], fan=True))
+    mean = np.mean(x[30:50, 1:, 1], axis=1)  # of two
+    np.testing.assert_allclose(middle.get_ydata()[30:50], mean, rtol=1e-15)
+    assert np.isnan(middle.get_ydata()[50:]).all()
+
+
+def test_an_overview_of_fans_has_one_in_each_panel(runs):
+    for kind, count in (("mechanics", 5), ("fields", 2), ("waves", 2)):
+        drawn = [
+            axes.get_title(loc="left") for axes in plot.overview(runs[kind, True], fan=True).axes
+        ]
+        assert sum("median" in title for title in drawn) == count
+
+
+def test_a_fan_of_one_run_or_against_a_coordinate_is_refused(runs):
+    with pytest.raises(ValueError, match="a fan is of an ensemble, and this is a single run"):
+        plot.trajectories(runs["fields", False], fan=True)
+    with pytest.raises(ValueError, match="a fan is drawn against time"):
+        plot.trajectories(runs["fields", True], names=["m2"], against="m1", fan=True)
+
+
+def test_a_study_is_drawn_with_its_slopes():
+    h = np.array([0.4, 0.2, 0.1, 0.05])
+    study = Study(h, {"q": 3 * h**2, "v": np.array([np.nan, 0, 1, 2])}, {"q": 2.0, "v": np.nan})
+    axes = plot.convergence(study)
+    np.testing.assert_array_equal(lines(axes)[0].get_xydata(), np.stack([h, 3 * h**2], 1))
+    (slope,) = [line for line in axes.lines if line.get_linestyle() == "--"]
+    np.testing.assert_allclose(slope.get_ydata(), 3 * h**2)
+    names = [text.get_text() for text in axes.get_legend().get_texts()]
+    assert names == ["q, order 2.00", "v"]
 
 
 def test_a_failed_member_hides_no_other(runs):

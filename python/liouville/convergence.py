@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
+from liouville import html
 from liouville.errors import IntegrationError
 from liouville.integrate import integrate
 from liouville.methods import Method, VolumeSplitting
@@ -17,7 +18,7 @@ from liouville.solution import Array
 from liouville.systems import PolynomialField, System
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Study:
     r"""Errors of a method at the end of an interval, for a sequence of step sizes.
 
@@ -44,6 +45,35 @@ class Study:
             return np.diff(np.log(self.errors[name]), prepend=np.nan) / np.diff(
                 np.log(self.h), prepend=np.nan
             )
+
+    def table(self) -> tuple[list[str], list[list[str]]]:
+        """Give heads and rows of text: step sizes, errors with their slopes, the orders fitted."""
+        heads = ["h"] + [text for name in self.errors for text in (f"error of {name}", "slope")]
+        slopes = {name: self.slopes(name) for name in self.errors}
+        rows = []
+        for i, size in enumerate(self.h):
+            row = [f"{size:.6g}"]
+            for name, errors in self.errors.items():
+                row.append("failed" if np.isnan(errors[i]) else f"{errors[i]:.2e}")
+                row.append(f"{slopes[name][i]:.2f}" if np.isfinite(slopes[name][i]) else "")
+            rows.append(row)
+        fits = [f"{fit:.2f}" if np.isfinite(fit) else "none" for fit in self.order.values()]
+        return heads, [*rows, ["fitted", *(cell for fit in fits for cell in ("", fit))]]
+
+    def __repr__(self) -> str:
+        """Return the table as text."""
+        heads, rows = self.table()
+        widths = [max(map(len, column)) for column in zip(heads, *rows, strict=True)]
+        lines = [
+            "  ".join(cell.ljust(width) for cell, width in zip(row, widths, strict=True)).rstrip()
+            for row in (heads, *rows)
+        ]
+        return "\n".join([f"<Study of {self.method}", *lines]) + ">"
+
+    def _repr_html_(self) -> str:
+        """Show the table in a notebook; :func:`liouville.plot.convergence` draws it."""
+        heads, rows = self.table()
+        return html.table(f"Study of {self.method}", rows, heads)
 
 
 def study(
@@ -86,7 +116,8 @@ def study(
     Returns
     -------
     Study
-        Errors and orders; a run that fails has the error NaN.
+        Errors and orders; a run that fails has the error NaN. It prints as a table, and
+        :func:`liouville.plot.convergence` draws it.
 
     Raises
     ------

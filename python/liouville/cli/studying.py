@@ -43,19 +43,13 @@ def order(
         begin = getattr(module, "start", {})
         of = tuple(name for name in (reference or begin) if name in begin and name != "lam")
         study = convergence.study(system, chosen, interval, sizes, begin, reference or None, of)
-    table = headed("h", *(column for name in of for column in (f"error of {name}", "slope")))
-    for i, size in enumerate(study.h):
-        cells = []
-        for name in of:
-            error, slope = study.errors[name][i], study.slopes(name)[i]
-            cells += ["failed" if np.isnan(error) else f"{error:.2e}"]
-            cells += [f"{slope:.2f}" if np.isfinite(slope) else ""]
-        table.add_row(f"{size:.6g}", *cells)
-    fits = [f"{fit:.2f}" if np.isfinite(fit) else "none" for fit in study.order.values()]
-    table.add_row("fitted", *(cell for fit in fits for cell in ("", fit)))
+    heads, rows = study.table()
+    table = headed(*heads)
+    for row in rows:
+        table.add_row(*row)
     show(table)
     say(f"of {study.method}")
-    if "none" in fits:
+    if np.isnan([*study.order.values()]).any():
         say("a slope needs three errors above roundoff: give other steps with --h")
     if np.isnan(list(study.errors.values())).any():
         raise typer.Exit(FAILED)

@@ -8,6 +8,7 @@ curves beyond seven run through the colours of viridis in order.
 
 from liouville.plot.canvas import ANIMATIONS, COLOURS, FIGURES, FLOOR, check
 from liouville.plot.film import animation
+from liouville.plot.orders import convergence
 from liouville.plot.panels import (
     energy,
     invariants,
@@ -28,6 +29,7 @@ __all__ = [
     "animation",
     "autocorrelation",
     "check",
+    "convergence",
     "cost",
     "density",
     "energy",

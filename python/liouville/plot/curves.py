@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from liouville.plot.canvas import FLOOR, GREY, UNITS, colours, drawn_on, legend
+from liouville.plot.fans import chosen, draw_fans
 from liouville.plot.thinning import extremes
 from liouville.solution import Array, Solution
 
@@ -16,10 +17,18 @@ if TYPE_CHECKING:
 
 
 def draw_curves(
-    ax: Axes | None, t: Array, columns: Mapping[str, Array], title: str, symbol: str
+    ax: Axes | None,
+    t: Array,
+    columns: Mapping[str, Array],
+    title: str,
+    symbol: str,
+    fan: bool = False,
 ) -> Axes:
-    """Draw columns of shape (k,), or (k, P) of members, against time."""
+    """Draw columns of shape (k,), or (k, P) of members or their fan, against time."""
     axes = drawn_on(ax, f"time $t$ {UNITS}", f"{symbol} {UNITS}")
+    if fan:
+        legend(axes, draw_fans(axes, t, columns), list(columns), title)
+        return axes
 
     def draw(name: str, member: int, style: dict[str, Any]) -> Any:
         curve = of_member(columns[name], member)
@@ -61,10 +70,23 @@ def interleaved(
 
 
 def draw_sizes(
-    ax: Axes | None, solution: Solution, columns: Mapping[str, Array], title: str, label: str
+    ax: Axes | None,
+    solution: Solution,
+    columns: Mapping[str, Array],
+    title: str,
+    label: str,
+    fan: bool = False,
 ) -> Axes:
-    """Draw sizes of shape (k,), or the largest of (k, P), with their maximum so far."""
+    """Draw sizes of shape (k,), or the largest of (k, P), with their maximum so far; or a fan."""
     t = solution.t
+    if fan:
+        shown, note = chosen(solution, columns, fan)
+        first = int(len(t) > 1 and not solution.initial)
+        axes = drawn_on(ax, f"time $t$ {UNITS}", label)
+        axes.set_yscale("log")
+        shown = {name: np.maximum(sizes, FLOOR)[first:] for name, sizes in shown.items()}
+        legend(axes, draw_fans(axes, t[first:], shown), list(shown), title + note)
+        return axes
     if solution.members is not None:
         columns = {name: np.fmax.reduce(sizes, axis=1) for name, sizes in columns.items()}
         title += f", largest of {solution.members} members"

@@ -19,6 +19,7 @@ from liouville.plot.canvas import (
     text,
 )
 from liouville.plot.curves import draw_curves, draw_sizes, interleaved, of_member
+from liouville.plot.fans import chosen
 from liouville.plot.quantum import shown
 from liouville.plot.thinning import POINTS, few, some, thinned
 from liouville.points import STATES
@@ -46,6 +47,7 @@ def trajectories(
     *,
     names: Sequence[str] | None = None,
     against: str | None = None,
+    fan: bool = False,
     ax: Axes | None = None,
 ) -> Axes:
     """Draw coordinates against time, or against one another.
@@ -63,6 +65,8 @@ def trajectories(
     against : str, optional
         Name of the coordinate on the horizontal axis, to the same scale as the vertical one, with
         a dot at the start; time by default.
+    fan : bool, default False
+        Of an ensemble, draw the median and the bands that half of all members and 90 % are in.
     ax : Axes, optional
         Where to draw; a new figure by default.
 
@@ -74,7 +78,8 @@ def trajectories(
     Raises
     ------
     ValueError
-        There is no coordinate of one of these names, or no state that is drawn so.
+        There is no coordinate of one of these names, or no state that is drawn so; or a fan is of
+        a single run, or against a coordinate.
     TypeError
         The names are one string.
     AttributeError
@@ -86,16 +91,19 @@ def trajectories(
         hint = "plot.density draws psi" if of == "psi" else f"it has {', '.join(solution.states)}"
         raise ValueError(hinted(f"the solution has no state {of!r} with curves", hint))
     values, (kind, known) = getattr(solution, of), _labels(solution, of)
-    chosen = _chosen(names, [name for name in known if name != against], known, kind)
+    wanted = _chosen(names, [name for name in known if name != against], known, kind)
     title, symbol = TITLES.get(of, ("positions", f"${of}$"))
-    columns, note = few(solution, {name: values[..., known.index(name)] for name in chosen})
+    shown = {name: values[..., known.index(name)] for name in wanted}
+    columns, note = chosen(solution, shown, fan)
     if against is None:
-        return draw_curves(ax, solution.t, columns, title + note, symbol)
+        return draw_curves(ax, solution.t, columns, title + note, symbol, fan)
+    if fan:
+        raise ValueError("a fan is drawn against time: leave against= out, or fan=")
     check_name(against, known, kind)
     symbol = "" if of in ("q", "y", "x") else f"{symbol} of "
-    labels = [f"{symbol}{', '.join(map(text, some))} {UNITS}" for some in ([against], chosen)]
+    labels = [f"{symbol}{', '.join(map(text, some))} {UNITS}" for some in ([against], wanted)]
     axes = drawn_on(ax, *labels)
-    across, _ = few(solution, {against: values[..., known.index(against)]}, len(chosen))
+    across, _ = few(solution, {against: values[..., known.index(against)]}, len(wanted))
     at = thinned(len(values), 5 * POINTS)
 
     def draw(name: str, member: int, style: dict[str, Any]) -> Any:
@@ -105,12 +113,16 @@ def trajectories(
 
     lines = interleaved(columns, draw)
     axes.set_aspect("equal", adjustable="datalim")
-    legend(axes, lines, chosen, title + note)
+    legend(axes, lines, wanted, title + note)
     return axes
 
 
 def invariants(
-    solution: Solution, names: Sequence[str] | None = None, *, ax: Axes | None = None
+    solution: Solution,
+    names: Sequence[str] | None = None,
+    *,
+    fan: bool = False,
+    ax: Axes | None = None,
 ) -> Axes:
     """Draw the drift of invariants on a log scale, each with its running maximum.
 
@@ -120,6 +132,8 @@ def invariants(
         What to draw.
     names : sequence of str, optional
         The invariants to draw; all by default.
+    fan : bool, default False
+        Of an ensemble, draw the median and the bands that half of all members and 90 % are in.
     ax : Axes, optional
         Where to draw; a new figure by default.
 
@@ -137,25 +151,27 @@ def invariants(
         The names are one string.
     """
     known = list(solution.invariants)
-    chosen = _chosen(names, known, known, "invariant")
-    absolute = {name: solution.is_drift_absolute(name) for name in chosen}
+    wanted = _chosen(names, known, known, "invariant")
+    absolute = {name: solution.is_drift_absolute(name) for name in wanted}
     change = "|I(t) - I(0)|"
-    label, words = f"${change}\\,/\\,|I(0)|$", dict.fromkeys(chosen, "")
+    label, words = f"${change}\\,/\\,|I(0)|$", dict.fromkeys(wanted, "")
     if absolute and all(each.all() for each in absolute.values()):
         label = f"${change}$ {UNITS}"
     else:
         words = {name: _absolutely(each) for name, each in absolute.items()}
-    sizes = {name + words[name]: solution.invariant_drift(name) for name in chosen}
-    return draw_sizes(ax, solution, sizes, "drift of invariants", label)
+    sizes = {name + words[name]: solution.invariant_drift(name) for name in wanted}
+    return draw_sizes(ax, solution, sizes, "drift of invariants", label, fan)
 
 
-def energy(solution: Solution, *, ax: Axes | None = None) -> Axes:
+def energy(solution: Solution, *, fan: bool = False, ax: Axes | None = None) -> Axes:
     """Draw where the energy went: its change, the work of other forces, and what was dissipated.
 
     Parameters
     ----------
     solution : Solution
         What to draw; its method must record them, see ``Solution.balance``.
+    fan : bool, default False
+        Of an ensemble, draw the median and the bands that half of all members and 90 % are in.
     ax : Axes, optional
         Where to draw; a new figure by default.
 
@@ -171,8 +187,8 @@ def energy(solution: Solution, *, ax: Axes | None = None) -> Axes:
     """
     columns = {"change": solution.work - solution.dissipated}
     columns |= {name: values for name, values in solution.balance.items() if values.any()}
-    columns, note = few(solution, columns)
-    return draw_curves(ax, solution.t, columns, f"energy{note}", "")
+    columns, note = chosen(solution, columns, fan)
+    return draw_curves(ax, solution.t, columns, f"energy{note}", "", fan)
 
 
 def steps(solution: Solution, *, ax: Axes | None = None) -> Axes:
@@ -198,13 +214,15 @@ def steps(solution: Solution, *, ax: Axes | None = None) -> Axes:
     return axes
 
 
-def residuals(solution: Solution, *, ax: Axes | None = None) -> Axes:
+def residuals(solution: Solution, *, fan: bool = False, ax: Axes | None = None) -> Axes:
     """Draw how well each kind of constraint is kept, on a log scale.
 
     Parameters
     ----------
     solution : Solution
         What to draw.
+    fan : bool, default False
+        Of an ensemble, draw the median and the bands that half of all members and 90 % are in.
     ax : Axes, optional
         Where to draw; a new figure by default.
 
@@ -222,11 +240,15 @@ def residuals(solution: Solution, *, ax: Axes | None = None) -> Axes:
     g, w = ("k", "k_t + k_y f") if "unknowns" in solution.names else ("g", "g_t + g_q v")
     symbols = {"constraint": g, "hidden": w, "nonholonomic": "k"}
     label = ",  ".join(f"$\\max |{symbols[name]}|$" for name in sizes)
-    return draw_sizes(ax, solution, sizes, "residuals", label)
+    return draw_sizes(ax, solution, sizes, "residuals", label, fan)
 
 
 def multipliers(
-    solution: Solution, *, names: Sequence[str] | None = None, ax: Axes | None = None
+    solution: Solution,
+    *,
+    names: Sequence[str] | None = None,
+    fan: bool = False,
+    ax: Axes | None = None,
 ) -> Axes:
     """Draw the multipliers against time.
 
@@ -236,6 +258,8 @@ def multipliers(
         What to draw; it must have stored its states.
     names : sequence of str, optional
         Names of the constraints whose multipliers to draw; all by default.
+    fan : bool, default False
+        Of an ensemble, draw the median and the bands that half of all members and 90 % are in.
     ax : Axes, optional
         Where to draw; a new figure by default.
 
@@ -253,10 +277,10 @@ def multipliers(
     AttributeError
         The solution has no multipliers.
     """
-    return trajectories(solution, "lam", names=names, ax=ax)
+    return trajectories(solution, "lam", names=names, fan=fan, ax=ax)
 
 
-def overview(solution: Solution) -> Figure:
+def overview(solution: Solution, *, fan: bool = False) -> Figure:
     """Draw the overview of a run: motion, invariants, constraints and multipliers.
 
     Methods that damp have a panel of the energy too, and controlled steps one of their sizes; wave
@@ -268,6 +292,8 @@ def overview(solution: Solution) -> Figure:
     ----------
     solution : Solution
         What to draw.
+    fan : bool, default False
+        Of an ensemble, draw medians and bands instead of members, where a panel can.
 
     Returns
     -------
@@ -278,23 +304,23 @@ def overview(solution: Solution) -> Figure:
     of_scalar = 1 if solution.members is None else 2
     real = {k: values for k, values in solution.observed.items() if values.dtype.kind != "c"}
     scalars = {k: values for k, values in real.items() if values.ndim == of_scalar}
-    panels += shown(solution)
+    panels += shown(solution, fan)
     if "psi" not in solution.states and solution.states:
-        panels.append(partial(trajectories, names=some(solution.names["coordinates"])))
+        panels.append(partial(trajectories, fan=fan, names=some(solution.names["coordinates"])))
     elif scalars:
-        chosen, note = few(solution, scalars)
+        shown_of, note = chosen(solution, scalars, fan)
         title = f"observed{note}"
-        panels.append(lambda solution, ax: draw_curves(ax, solution.t, chosen, title, ""))
+        panels.append(lambda solution, ax: draw_curves(ax, solution.t, shown_of, title, "", fan))
     if solution.invariants:
-        panels.append(invariants)
+        panels.append(partial(invariants, fan=fan))
     if solution.balance:
-        panels.append(energy)
+        panels.append(partial(energy, fan=fan))
     if solution.names["constraints"]:
-        panels.append(residuals)
+        panels.append(partial(residuals, fan=fan))
         if "lam" in solution.states:
-            panels.append(partial(multipliers, names=some(solution.names["constraints"])))
+            panels.append(partial(multipliers, fan=fan, names=some(solution.names["constraints"])))
     if solution.states and (unknowns := some(solution.names.get("unknowns", ()))):
-        panels.append(partial(trajectories, of="z", names=unknowns))
+        panels.append(partial(trajectories, of="z", fan=fan, names=unknowns))
     if solution.tolerances and len(solution.t) > 1:
         panels.append(steps)
     rows = 2 if len(panels) >= 4 else 1

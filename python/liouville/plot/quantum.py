@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from functools import partial
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -10,7 +11,8 @@ from numpy.typing import ArrayLike
 
 from liouville.errors import hinted
 from liouville.plot.canvas import FLOOR, GREY, UNITS, colours, drawn_on, legend
-from liouville.plot.curves import of_chosen
+from liouville.plot.curves import draw_curves, of_chosen
+from liouville.plot.fans import chosen
 from liouville.solution import Array, Solution
 
 if TYPE_CHECKING:
@@ -81,7 +83,9 @@ def density(solution: Solution, *, member: int = 0, at: int = -1, ax: Axes | Non
     return _map(axes, places[0], solution.t, values, title, most)
 
 
-def autocorrelation(solution: Solution, *, member: int = 0, ax: Axes | None = None) -> Axes:
+def autocorrelation(
+    solution: Solution, *, member: int = 0, fan: bool = False, ax: Axes | None = None
+) -> Axes:
     r"""Draw the autocorrelation :math:`\langle \psi(0) | \psi(t) \rangle` against time.
 
     Parameters
@@ -90,6 +94,9 @@ def autocorrelation(solution: Solution, *, member: int = 0, ax: Axes | None = No
         What to draw.
     member : int, default 0
         Which member of an ensemble.
+    fan : bool, default False
+        Of an ensemble, draw the median of the modulus and the bands that half of all members and
+        90 % are in.
     ax : Axes, optional
         Where to draw; a new figure by default.
 
@@ -104,6 +111,11 @@ def autocorrelation(solution: Solution, *, member: int = 0, ax: Axes | None = No
         The solution has no autocorrelation, or no such member.
     """
     overlap = _overlap(solution, member)
+    if fan:
+        columns = {"|C|": np.abs(solution.observed["autocorrelation"])}
+        columns, note = chosen(solution, columns, fan)
+        title = f"autocorrelation{note}"
+        return draw_curves(ax, solution.t, columns, title, "$C(t)$", fan)
     axes = drawn_on(ax, f"time $t$ {UNITS}", "$C(t)$")
     shades = colours(3)
     parts = {"|C|": np.abs(overlap), "real part": overlap.real, "imaginary part": overlap.imag}
@@ -174,14 +186,14 @@ def spectrum(
     return axes
 
 
-def shown(solution: Solution) -> list[Callable[..., Axes]]:
+def shown(solution: Solution, fan: bool = False) -> list[Callable[..., Axes]]:
     """Return what an overview shows of wave functions; nothing if there are none."""
     panels: list[Callable[..., Axes]] = []
     places = getattr(getattr(solution.system, "source", None), "shape", ())
     if "psi" in solution.states and len(places) < 3:
         panels.append(density)
     if "autocorrelation" in solution.observed:
-        panels.append(autocorrelation)
+        panels.append(partial(autocorrelation, fan=fan))
     return panels
 
 
