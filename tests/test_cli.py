@@ -4,14 +4,18 @@ import signal
 import subprocess
 import sys
 import time
+import tomllib
+from base64 import b64decode
 from dataclasses import dataclass, field, fields
 from functools import partial
+from pathlib import Path
 
 import numpy as np
 import pytest
 
 import liouville as lv
 from liouville import cli, plot, problems
+from liouville.cli import doctor
 
 COMMAND = [sys.executable, "-W", "error", "-c", "from liouville.cli import main; main()"]
 QUIET = {name: value for name, value in os.environ.items() if name not in ("FORCE_COLOR", "TERM")}
@@ -210,7 +214,7 @@ def test_an_interrupted_run_is_kept_and_leaves_with_130(tmp_path):
         ("run pendulum --start q=1,1", "constraint"),
         ("run pendulum --start q", "hint: write --start name="),
         ("run pendulum --param mass=1", "mass"),
-        ("run pendulum --out run.txt", "hint: use one of .nc, .zarr, .csv"),
+        ("run pendulum --out run.txt", "hint: use one of .nc, .zarr, .npz, .mat, "),
         ("run pendulum --out nowhere/run.nc", "the folder of"),
         ("run pendulum --plot run.doc", "hint: use a name that ends in .png"),
         ("run heavy_top --animate run.gif", "has no outline"),
@@ -384,3 +388,118 @@ def test_what_is_piped_is_plain_text(tmp_path):
     ran = process("run pendulum --until 1", tmp_path, TERM="xterm")
     assert "\x1b" not in ran.stdout + ran.stderr
     assert "steps/s" not in ran.stdout + ran.stderr
+
+
+# Sweeps, reports, doctor and completion
+
+
+def test_a_sweep_is_an_ensemble_whose_starts_are_on_their_constraints(liouville, tmp_path):
+    ran = liouville("run pendulum --sweep l=0.5:2:4 --until 1 --stages 2 --out many.npz")
+    assert ran.returncode == 0, ran.stderr
+    found = lv.load(tmp_path / "many.npz")
+    pendulum = problems.load("pendulum")
+    lengths = np.linspace(0.5, 2, 4)
+    start = pendulum.system.consistent(params={"l": lengths}, **pendulum.start)
+    many = lv.ensemble(
+        pendulum.system, lv.Spark(2), t=(0, 1), h=pendulum.h, params={"l": lengths}, **start
+    )
+    np.testing.assert_array_equal(found.q, many.q)
+    assert "starts were moved onto their constraints, by 1 at most" in ran.stderr
+    row = next(line for line in ran.stdout.splitlines() if line.startswith("3 "))
+    assert row.split()[:3] == ["3", "2", "done"]
+    assert f"{many.q[-1, 3, 0]:.8g}" in row
+
+
+def test_a_sweep_some_of_whose_members_fail_says_which(liouville, model):
+    ran = liouville(f"run {model} --h 0.1 --until 1 --param c=1 --sweep until=0.45:1.95:4")
+    assert ran.returncode == 1
+    assert re.search(r"status +partly failed", ran.stdout)
+    assert ran.stderr.startswith("error: 2 of 4 members failed (0 and 1); the first, member 0: ste")
+    rows = [line.split()[:3] for line in ran.stdout.splitlines()[-4:]]
+    assert rows[0] == ["0", "0.45", "failed"]
+    assert rows[3] == ["3", "1.95", "done"]
+
+
+@pytest.mark.parametrize(
+    ("options", "words"),
+    [
+        ("pendulum --sweep l=1:2", "'l=1:2' is no range of a parameter"),
+        ("pendulum --sweep l=1:2:0", "hint: write --sweep name=from:to:count"),
+        ("pendulum --sweep l=1:2:3 --rtol 1e-3", "equal steps in memory: it takes no --rtol"),
+        ("pendulum --sweep l=1:2:3 --param l=1", "'l' is given twice"),
+        ("pendulum --sweep w=1:2:3", "there is no parameter 'w'"),
+        ("hill_vortex --sweep l=1:2:3", "hint: sweeps are for mechanical and semi-explicit"),
+        ("pendulum --report run.pdf", "hint: name it .html"),
+        ("slider_crank --out run.xyz", "is no x, y or z of a point"),
+    ],
+)
+def test_sweeps_and_reports_that_cannot_be_are_refused(liouville, tmp_path, options, words):
+    ran = liouville(f"run {options}")
+    assert ran.returncode == 2
+    assert words in ran.stderr
+    assert not any(tmp_path.iterdir())
+
+
+def test_a_report_is_one_page_with_picture_command_and_table(liouville, tmp_path):
+    ran = liouville("run pendulum --until 0.5 --stages 2 --report run.html")
+    assert ran.returncode == 0, ran.stderr
+    page = (tmp_path / "run.html").read_text(encoding="utf-8")
+    assert "liouville run pendulum --until 0.5 --stages 2 --report run.html" in page
+    (picture,) = re.findall(r'src="data:image/png;base64,([^"]+)"', page)
+    assert b64decode(picture).startswith(b"\x89PNG")
+    drift = re.search(r"energy drift, absolute +(\S+)", ran.stdout)[1]
+    assert re.search(rf"energy drift, absolute</td><td[^>]*>{re.escape(drift)}<", page)
+    assert not re.search(r"https?:|<script|<link", page)
+
+
+def test_the_report_of_a_failed_run_says_why(liouville, tmp_path, model):
+    words = f"run {model} --h 0.1 --until 1 --param c=1 --param until=0.45 --report run.html"
+    assert liouville(words).returncode == 1
+    page = (tmp_path / "run.html").read_text(encoding="utf-8")
+    assert re.search(r"<p>step 4 of 10 at t = 0\.4 failed", page)
+
+
+def test_the_doctor_names_what_is_missing_and_what_the_machine_gives(liouville, monkeypatch):
+    found = {"numpy": "2.0", "casadi": "3.7"}
+    monkeypatch.setattr(doctor, "_version", found.get)
+    monkeypatch.setattr(doctor, "memory", lambda: 3 * 2.0**30)
+    monkeypatch.setattr(doctor, "processors", lambda: 5)
+    monkeypatch.setattr(doctor, "_features", lambda: {"AVX2", "FMA3", "AVX512F"})
+    ran = liouville("doctor")
+    rows = {line.split()[0]: " ".join(line.split()[1:]) for line in ran.stdout.splitlines()}
+    assert ran.returncode == 0
+    assert rows["liouville"] == lv._core.VERSION
+    assert rows["casadi"] == "3.7"
+    assert rows["pyarrow"] == 'missing pip install "liouville[parquet]"'
+    assert rows["instructions"] == "AVX2 (x86-64-v3)"
+    assert (rows["threads"], rows["memory"]) == ("5", "3.0 GiB may be taken")
+
+
+def test_the_doctor_fails_where_the_core_does_not_load(liouville, monkeypatch):
+    monkeypatch.setitem(sys.modules, "liouville._core", None)
+    ran = liouville("doctor")
+    assert ran.returncode == 1
+    assert "the core does not load: " in ran.stdout
+
+
+def test_the_doctor_knows_the_extras():
+    project = Path(__file__).parent.parent / "pyproject.toml"
+    extras = tomllib.loads(project.read_text("utf-8"))["project"]["optional-dependencies"]
+    named = {
+        extra: {re.match(r"[\w-]+", package)[0] for package in extras[extra]}
+        for extra in doctor.EXTRAS
+    }
+    assert named == {extra: set(packages) for extra, packages in doctor.EXTRAS.items()}
+    public = set(re.findall(r"\w+", extras["all"][0])) - {"liouville"}
+    assert set(doctor.EXTRAS) == public
+
+
+@pytest.mark.parametrize(
+    ("typed", "offered"),
+    [("run slider", "slider_crank"), ("run pendulum --method hh", "hht"), ("doc", "doctor")],
+)
+def test_a_shell_completes_commands_problems_and_methods(liouville, monkeypatch, typed, offered):
+    monkeypatch.setenv("_LIOUVILLE_COMPLETE", "complete_bash")
+    monkeypatch.setenv("COMP_WORDS", f"liouville {typed}")
+    monkeypatch.setenv("COMP_CWORD", str(len(typed.split())))
+    assert liouville("").stdout.split() == [offered]

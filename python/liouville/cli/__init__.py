@@ -1,4 +1,4 @@
-"""The command line: ``run``, ``resume``, ``order``, ``plan``, ``problems`` and ``methods``.
+"""The command line: ``run``, ``resume``, ``order``, ``plan``, lists, and ``doctor``.
 
 Results go to standard output and everything else to standard error. Exit codes: 0 done, 1 a run
 failed (what was computed before is saved and drawn all the same), 2 a wrong call, 130 interrupted
@@ -19,6 +19,7 @@ except ImportError as error:
     ) from error
 
 from liouville import _core
+from liouville.cli.doctor import diagnose
 from liouville.cli.integrating import resume, run
 from liouville.cli.listing import list_methods, list_problems
 from liouville.cli.planning import show_plan
@@ -27,7 +28,6 @@ from liouville.cli.studying import order
 
 app = typer.Typer(
     help="Integrate mechanisms, polynomial fields and wave functions, and keep their structure.",
-    add_completion=False,
     pretty_exceptions_enable=False,
 )
 
@@ -56,6 +56,7 @@ app.command()(order)
 app.command("plan")(show_plan)
 app.command("problems")(list_problems)
 app.command("methods")(list_methods)
+app.command("doctor")(diagnose)
 
 
 def main() -> None:

@@ -8,7 +8,8 @@ from typing import Annotated, Any, NoReturn
 import typer
 
 import liouville as lv
-from liouville import export, plot
+from liouville import export
+from liouville import plot as figures
 from liouville.cli.models import interval_of, kept_times, reference_at, step_of, system_of
 from liouville.cli.options import (
     Keep,
@@ -24,6 +25,8 @@ from liouville.cli.options import (
     method_options,
     parameters,
 )
+from liouville.cli.report import check as check_report
+from liouville.cli.report import write as write_report
 from liouville.cli.screen import (
     DONE,
     FAILED,
@@ -34,6 +37,8 @@ from liouville.cli.screen import (
     say,
     summary,
 )
+from liouville.cli.sweeping import sweep as swept_over
+from liouville.cli.sweeping import swept
 from liouville.progress import bar
 
 Checkpoint = Annotated[
@@ -73,6 +78,10 @@ def run(
     keep: Keep = 100,
     start: Start = None,
     param: Param = None,
+    sweep: Annotated[
+        str | None,
+        typer.Option(help="Run for many values of a parameter: l=0.5:2:20, from, to, how many."),
+    ] = None,
     plan: PlanFile = None,
     store: Annotated[
         Path | None, typer.Option(help="Store the run in this .zarr folder on its way.")
@@ -82,10 +91,13 @@ def run(
         Path | None, typer.Option(help=f"Save the solution: {', '.join(export.SUFFIXES)}.")
     ] = None,
     figure: Annotated[
-        Path | None, typer.Option("--plot", help=f"Draw it: {', '.join(plot.FIGURES)}.")
+        Path | None, typer.Option("--plot", help=f"Draw it: {', '.join(figures.FIGURES)}.")
     ] = None,
     film: Annotated[
         Path | None, typer.Option("--animate", help="Animate a planar mechanism: .gif.")
+    ] = None,
+    page: Annotated[
+        Path | None, typer.Option("--report", help="Write all about it on one page: .html.")
     ] = None,
     **options: Any,
 ) -> None:
@@ -104,34 +116,46 @@ def run(
         elif h is None and rtol is None:
             h = step_of(module, chosen)
         outline: Any = getattr(module, "outline", None)
-        _check_stored(store, checkpoint, {"out": out, "plot": figure, "animate": film})
-        _check_paths(out, figure, film)
+        wanted = {"out": out, "plot": figure, "animate": film, "report": page}
+        _check_stored(store, checkpoint, wanted)
+        _check_paths(system, **wanted)
         if film is not None and outline is None:
             raise ValueError(
                 f"{model} cannot be animated: it has no outline(q, params)\n"
                 "hint: leave --animate out, or define outline as the planar problems do"
             )
+        options_of = {"t": times, "h": h, "every": every}
+        single = {"rtol": rtol, "atol": atol, "control": control, "h-min": h_min, "at": at}
         try:
-            is_equal = rtol is None and control is None
-            with bar(model, "steps" if is_equal else "of time") as report:
-                solution = lv.integrate(
-                    system, chosen, t=times, h=h, rtol=rtol, atol=atol,
-                    control=control_of(control, h_min), t_eval=at or None, every=every,
-                    params=values, progress=report, store=store_of(store, checkpoint), **begin,
-                )  # fmt: skip
+            if sweep is not None:
+                unwanted = {**single, "store": store, "animate": film}
+                solution = swept_over(
+                    model, system, chosen, swept(sweep), begin, values, unwanted, **options_of
+                )
+            else:
+                is_equal = rtol is None and control is None
+                with bar(model, "steps" if is_equal else "of time") as report:
+                    solution = lv.integrate(
+                        system, chosen, rtol=rtol, atol=atol, control=control_of(control, h_min),
+                        t_eval=at or None, params=values, progress=report,
+                        store=store_of(store, checkpoint), **options_of, **begin,
+                    )  # fmt: skip
         except lv.IntegrationError as error:
             solution = left_by(error)
+    reference = {} if start or param or sweep else getattr(module, "reference", {})
+    reference = reference_at(reference, solution.t[-1])
+    conserved = getattr(module, "conserved", tuple(solution.invariants))
     with leaving_with(FAILED):
         if out is not None:
             solution.save(out)
         if figure is not None:
-            plot.overview(solution).savefig(figure)
+            figures.overview(solution).savefig(figure)
         if film is not None:
-            plot.animation(solution, outline, film)
-    reference = {} if start or param else getattr(module, "reference", {})
-    conserved = getattr(module, "conserved", tuple(solution.invariants))
-    summary(solution, reference_at(reference, solution.t[-1]), conserved)
-    for path in (store, out, figure, film):
+            figures.animation(solution, outline, film)
+        if page is not None:
+            write_report(page, model, solution, reference, conserved)
+    summary(solution, reference, conserved)
+    for path in (store, out, figure, film, page):
         if path is not None:
             say(f"wrote {path}")
     leave(solution)
@@ -183,6 +207,8 @@ def left_by(error: lv.IntegrationError) -> lv.Solution:
 
 def leave(solution: lv.Solution) -> NoReturn:
     """Leave with the code of how a run went."""
+    if solution.failures:
+        complain(solution.message)
     if solution.status == "interrupted":
         way = "what was done is kept"
         if solution.path is not None:
@@ -206,11 +232,15 @@ def _check_stored(
             )
 
 
-def _check_paths(out: Path | None, figure: Path | None, film: Path | None) -> None:
+def _check_paths(
+    system: Any, out: Path | None, plot: Path | None, animate: Path | None, report: Path | None
+) -> None:
     """Refuse files that nothing can be written to."""
     if out is not None:
-        export.check(out)
-    if figure is not None:
-        plot.check(figure)
-    if film is not None:
-        plot.check(film, plot.ANIMATIONS)
+        export.check(out, system.coordinates)
+    if plot is not None:
+        figures.check(plot)
+    if animate is not None:
+        figures.check(animate, figures.ANIMATIONS)
+    if report is not None:
+        check_report(report)

@@ -12,14 +12,21 @@ from typing import Annotated, Any, Union, get_args, get_origin, get_type_hints
 import typer
 
 import liouville as lv
+from liouville import problems
 
 Model = Annotated[
-    str, typer.Argument(help="A problem's name, or MODEL.PY:SYSTEM.", show_default=False)
+    str,
+    typer.Argument(
+        help="A problem's name, or MODEL.PY:SYSTEM.",
+        show_default=False,
+        autocompletion=lambda: [*problems.names()],
+    ),
 ]
 Method = Annotated[
     str | None,
     typer.Option(
         help="One of 'liouville methods'.",
+        autocompletion=lambda: [*lv.METHODS],
         show_default="spark, volume-splitting of a field, schrodinger-splitting of a wave function",
     ),
 ]

@@ -1,0 +1,60 @@
+"""A run of ``liouville run --sweep``: an ensemble over a parameter."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+
+import liouville as lv
+from liouville.cli.screen import say
+from liouville.errors import hinted
+from liouville.progress import bar
+from liouville.systems import Mechanics
+
+
+def swept(text: str) -> tuple[str, np.ndarray]:
+    """Read a parameter and its values, as ``l=0.5:2:20``: from, to, how many."""
+    name, equals, given = text.partition("=")
+    parts = given.split(":")
+    try:
+        first, last, count = float(parts[0]), float(parts[1]), int(parts[2])
+    except (ValueError, IndexError):
+        count = 0
+    if not (name.strip() and equals and len(parts) == 3 and count > 0):
+        sentence = f"--sweep {text!r} is no range of a parameter"
+        raise ValueError(hinted(sentence, "write --sweep name=from:to:count, as l=0.5:2:20"))
+    return name.strip(), np.linspace(first, last, count)
+
+
+def sweep(
+    model: str,
+    system: Any,
+    method: Any,
+    values: tuple[str, np.ndarray],
+    start: Mapping[str, Any],
+    params: Mapping[str, Any] | None,
+    unwanted: Mapping[str, Any],
+    **options: Any,
+) -> lv.Solution:
+    """Integrate a member for each value of a parameter, each start moved onto its constraints."""
+    for option, value in unwanted.items():
+        if value:
+            raise ValueError(f"a sweep takes equal steps in memory: it takes no --{option}")
+    if not isinstance(system, Mechanics | lv.SemiExplicit):
+        sentence = f"{model} has one value of each parameter for all members of an ensemble"
+        raise TypeError(hinted(sentence, "sweeps are for mechanical and semi-explicit systems"))
+    name, of = values
+    if name in (params or {}):
+        raise ValueError(f"parameter {name!r} is given twice, by --param and by --sweep")
+    default = system.params.get(name)
+    if np.ndim(default):
+        raise ValueError(f"parameter {name!r} is a vector of {len(default)}, a sweep is of numbers")
+    given = {**(params or {}), name: of}
+    placed = system.consistent(t=options["t"][0], params=given, **start)
+    moved = max(np.abs(placed[x] - np.asarray(start[x], float)).max() for x in start)
+    if moved > 1e-9:
+        say(f"starts were moved onto their constraints, by {moved:.3g} at most")
+    with bar(model, "steps") as report:
+        return lv.ensemble(system, method, params=given, progress=report, **options, **placed)
