@@ -350,3 +350,23 @@ def test_taut_constraints_make_the_less_implicit_variant_grow():
 
 def test_arnold_and_bruls_step_over_taut_constraints():
     assert sideways(lv.ArnoldBruls(), 20.0) < 1e-5
+
+
+@pytest.mark.parametrize(
+    ("method", "k", "h", "side"),
+    [
+        (lv.HHT(), 1e5, 0.1, (1, 1)),
+        (lv.GeneralizedAlpha(0.5, less_implicit=True), 1e2, 0.3, (1, 1)),
+        (lv.GeneralizedAlpha(0.8), 1e3, 0.1, (1, 0)),
+    ],
+    ids=repr,
+)
+def test_roundings_of_a_constraint_that_cancel_are_roundoff(method, k, h, side):
+    """A move of both coordinates may leave their sum as it is: no bound for its residual."""
+    system = lv.Lagrangian(
+        lambda t, q, v, p: ca.dot(v, v) / 2 - k * ca.cos(q[0]) * ca.cos(q[1] / 2),
+        lambda t, q, p: side[0] * (q[0] + q[1]) - side[1],
+        q=2,
+    )
+    run = lv.integrate(system, method, t=(0, 6 * h), steps=6, q=[7, side[1] - 7], v=[0.3, -0.3])
+    assert run.status == "done"

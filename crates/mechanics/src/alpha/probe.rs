@@ -89,8 +89,11 @@ impl AlphaEquations<'_> {
         }
     }
 
-    /// Whether the residuals kept are what the unknowns' move has changed in each kind of them.
+    /// Whether the residuals kept are what the unknowns' move has changed in each kind of them, and, of constraints,
+    /// two roundings of the coordinates.
     fn is_roundoff(&self) -> bool {
+        let AlphaStep { h, state, .. } = self.step;
+        let unit = max_norm(&state.y) / (h * h) + max_norm(&state.z) / h.abs();
         let at = &*self.solver;
         let n = at.force.len();
         let (force, rest) = at.delta.split_at(n);
@@ -98,19 +101,19 @@ impl AlphaEquations<'_> {
         let first = if at.is_paired() { 2 * n } else { n };
         let (first_pull, last_pull) = pulls.split_at(n);
         let blocks = [
-            (force, &at.force[..]),
-            (first_pull, &at.reaction_residuals[0]),
-            (last_pull, &at.reaction_residuals[1]),
-            (constraints, &at.x[first..]),
+            (force, &at.force[..], 0.0),
+            (first_pull, &at.reaction_residuals[0], 0.0),
+            (last_pull, &at.reaction_residuals[1], 0.0),
+            (constraints, &at.x[first..], 2.0 * f64::EPSILON * unit),
         ];
-        blocks.into_iter().all(|(kept, moved)| {
+        blocks.into_iter().all(|(kept, moved, least)| {
             let pairs = kept.iter().zip(moved);
             let (mut size, mut apart) = (0.0_f64, 0.0_f64);
             for (kept, moved) in pairs {
                 size = size.max(kept.abs());
                 apart = apart.max((kept - moved).abs());
             }
-            size <= MARGIN * apart
+            size <= MARGIN * (apart + least)
         })
     }
 }
