@@ -11,7 +11,7 @@ pub use advance::{Advance, Failure, Status};
 pub use control::{Adaptive, Fixed, Listed, Reversible, StepControl, StepSizes};
 pub use detector::{EventDetector, Events};
 pub use record::Records;
-pub(crate) use room::reserve;
+pub use room::reserve;
 pub use start::{Span, StartError};
 
 use crate::checkpoint::{Checkpoint, CheckpointMismatch};

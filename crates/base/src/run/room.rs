@@ -17,7 +17,7 @@ const SHORT: usize = 8;
 ///
 /// # Errors
 /// There is no memory for them, or none to spare beside them; the array is as it was.
-pub(crate) fn reserve(x: &mut Vec<f64>, more: usize) -> Result<(), StepError> {
+pub fn reserve(x: &mut Vec<f64>, more: usize) -> Result<(), StepError> {
     if x.capacity() - x.len() >= more {
         return Ok(());
     }

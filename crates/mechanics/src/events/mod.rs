@@ -10,7 +10,7 @@ use crate::problem::{Carried, Dynamics, Model, Observer, Path, Point};
 use liouville_base::checkpoint::Checkpoint;
 use liouville_base::error::StepError;
 use liouville_base::method::Stepper;
-use liouville_base::run::{EventDetector, Events, Records};
+use liouville_base::run::{EventDetector, Events, Records, reserve};
 use partial::PartialStep;
 use search::{Node, Scene, Trust, Zero};
 
@@ -219,10 +219,13 @@ impl<State: Carried + Checkpoint + Clone, M: Dynamics> DenseDetector<State, M> {
             let state = &self.partial.state;
             self.path.solve(t, state)?;
             let (times, rows) = &mut self.met.found[index];
+            let parts = [state.y(), state.z(), self.path.lam()];
+            reserve(times, 1)?;
+            reserve(rows, parts.iter().map(|part| part.len()).sum())?;
             times.push(t);
-            rows.extend_from_slice(state.y());
-            rows.extend_from_slice(state.z());
-            rows.extend_from_slice(self.path.lam());
+            for part in parts {
+                rows.extend_from_slice(part);
+            }
             let event = &mut self.events[index];
             event.count += 1;
             if event.count == event.terminal {
