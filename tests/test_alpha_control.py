@@ -1,5 +1,7 @@
 """Controlled steps: what the error estimate says, and what the tolerance buys."""
 
+import sys
+
 import casadi as ca
 import numpy as np
 import pytest
@@ -205,3 +207,26 @@ def test_a_step_that_would_be_too_small_ends_the_run_and_says_so():
     assert caught.value.t < 1
     assert caught.value.solution.q[-1, 0] < 1
     assert np.diff(caught.value.solution.t).min() >= 1e-6 * (1 - 1e-9)
+
+
+def test_a_run_may_be_interrupted_within_its_trial(monkeypatch):
+    """The trial of reversible steps is made a step at a time, between looks at the signals."""
+    problem = load("double_pendulum")
+    run = {"t": (0.0, 1.0), "rtol": 1e-5, **problem.start}
+    calls = []
+
+    def report(done, total):
+        calls.append(done)
+        if len(calls) == stop_at:
+            raise KeyboardInterrupt
+
+    stop_at = 5
+    monkeypatch.setattr(sys.modules["liouville.runners.execute"], "SLICE", 0.0)
+    cut = lv.integrate(problem.system, lv.HHT(), progress=report, **run)
+    assert (cut.status, cut.stats["steps"], calls) == ("interrupted", 0, [0.0] * 5)
+    stop_at = 0
+    slow = lv.integrate(problem.system, lv.HHT(), progress=report, **run)
+    monkeypatch.undo()
+    whole = lv.integrate(problem.system, lv.HHT(), **run)
+    assert np.array_equal(whole.q, slow.q)
+    assert np.array_equal(whole.t, slow.t)

@@ -365,7 +365,8 @@ def test_progress_of_controlled_steps_goes_by_time(monkeypatch):
     seen = []
 
     def look(*progress):
-        seen.append(progress)
+        if progress[0] > 0:  # not while the steps are still tried
+            seen.append(progress)
         if len(seen) == 3:
             signal.raise_signal(signal.SIGINT)
 

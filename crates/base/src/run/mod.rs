@@ -148,6 +148,12 @@ impl<State: Checkpoint> Advance for Run<State> {
         let start = Instant::now();
         let mut batch = 1_usize;
         while !self.is_over() {
+            if !self.control.prepare(&self.state) {
+                if start.elapsed() >= budget {
+                    return Status::Paused;
+                }
+                continue;
+            }
             for _ in 0..batch {
                 if self.n >= steps {
                     return Status::Paused;

@@ -25,7 +25,7 @@ use std::sync::Arc;
 
 /// The least and the most steps of a trial by which reversible steps meet a tolerance ...
 const TRIAL: [usize; 2] = [20, 500];
-/// ... and this many coordinates in all beyond the least: no signal is looked at while it lasts.
+/// ... and this many coordinates in all beyond the least: a trial of a large system takes no minutes.
 const TRIAL_COORDINATES: usize = 100_000;
 
 /// A run about to start.

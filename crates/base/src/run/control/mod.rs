@@ -39,6 +39,11 @@ pub trait StepControl<State: Checkpoint>: Checkpoint {
         n.is_multiple_of(every)
     }
 
+    /// Does a part of what comes before the first step, where there is any; says whether nothing is left of it.
+    fn prepare(&mut self, _state: &State) -> bool {
+        true
+    }
+
     /// Makes the next step; on failure state and time are as they were.
     ///
     /// # Errors

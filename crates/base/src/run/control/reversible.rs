@@ -13,7 +13,8 @@
 
 use super::adaptive::{RETRY, SHRINK, preferred};
 use super::time::CompensatedTime;
-use super::{Adaptive, StepControl, StepSizes, trial};
+use super::trial::Trial;
+use super::{Adaptive, StepControl, StepSizes};
 use crate::checkpoint::{Checkpoint, CheckpointMismatch};
 use crate::error::StepError;
 use crate::method::{Estimating, Stepper, Symmetric};
@@ -44,7 +45,9 @@ pub struct Reversible<State: Checkpoint> {
     /// The step size at the present state.
     h: f64,
     least: f64,
-    monitor: Box<dyn Monitor<State>>,
+    /// What the steps follow; there is none before the end of the trial that fits it.
+    monitor: Option<Box<dyn Monitor<State>>>,
+    trial: Option<Trial<State>>,
     /// ω at the present state, if it could be evaluated there.
     rate: Option<f64>,
     rejected: usize,
@@ -57,16 +60,15 @@ impl<State: Checkpoint> Reversible<State> {
         stepper: Box<dyn Symmetric<State = State>>,
         (t0, t1): (f64, f64),
         (h, least): (f64, f64),
-        monitor: Box<dyn Monitor<State>>,
+        mut monitor: Box<dyn Monitor<State>>,
         state: &State,
     ) -> Self {
-        Self::of(
-            Maker::Symmetric(stepper),
-            (t0, t1),
-            (h, least),
-            monitor,
-            state,
-        )
+        let rate = monitor.rate(t0, state).ok();
+        Self {
+            monitor: Some(monitor),
+            rate,
+            ..Self::of(Maker::Symmetric(stepper), (t0, t1), (h, least))
+        }
     }
 
     /// With steps that meet the tolerance of a method, which need not be symmetric: they are as long as a `trial` of at
@@ -77,36 +79,39 @@ impl<State: Checkpoint> Reversible<State> {
         most: usize,
         ends: (f64, f64),
         (h, least): (f64, f64),
-        mut monitor: Box<dyn Fitted<State>>,
+        monitor: Box<dyn Fitted<State>>,
         state: &State,
     ) -> Self
     where
         State: Clone,
     {
         let trial = Adaptive::new(trial, ends, h, least);
-        let fitted = trial::fit(trial, most, state.clone(), &mut *monitor);
-        let sizes = (fitted.unwrap_or(h), least);
-        Self::of(Maker::Estimating(stepper), ends, sizes, monitor, state)
+        Self {
+            trial: Some(Trial::new(trial, most, state.clone(), monitor)),
+            ..Self::of(Maker::Estimating(stepper), ends, (h, least))
+        }
     }
 
-    fn of(
-        stepper: Maker<State>,
-        (t0, t1): (f64, f64),
-        (h, least): (f64, f64),
-        mut monitor: Box<dyn Monitor<State>>,
-        state: &State,
-    ) -> Self {
-        let rate = monitor.rate(t0, state).ok();
+    fn of(stepper: Maker<State>, (t0, t1): (f64, f64), (h, least): (f64, f64)) -> Self {
         Self {
             stepper,
             time: CompensatedTime::new(t0, t1),
             sign: (t1 - t0).signum(),
             h,
             least,
-            monitor,
-            rate,
+            monitor: None,
+            trial: None,
+            rate: None,
             rejected: 0,
         }
+    }
+
+    /// ω at the present time.
+    fn rate_at(&mut self, state: &State) -> Result<f64, StepError> {
+        let t = self.time.time();
+        self.monitor
+            .as_mut()
+            .map_or(Ok(0.0), |monitor| monitor.rate(t, state))
     }
 
     /// The step size half a step later, or earlier.
@@ -169,11 +174,27 @@ impl<State: Checkpoint> StepControl<State> for Reversible<State> {
         self.time.is_over()
     }
 
+    fn prepare(&mut self, state: &State) -> bool {
+        let Some(mut trial) = self.trial.take() else {
+            return true;
+        };
+        if !trial.step() {
+            self.trial = Some(trial);
+            return false;
+        }
+        let (monitor, first) = trial.fit();
+        self.monitor = Some(monitor);
+        self.h = first.unwrap_or(self.h);
+        self.rate = self.rate_at(state).ok();
+        true
+    }
+
     fn step(&mut self, state: &mut State) -> Result<(), StepError> {
+        while !self.prepare(state) {}
         let left = self.time.left();
         let rate = match self.rate {
             Some(rate) => rate,
-            None => self.monitor.rate(self.time.time(), state)?,
+            None => self.rate_at(state)?,
         };
         let (mut wanted, mut h);
         loop {
@@ -195,7 +216,7 @@ impl<State: Checkpoint> StepControl<State> for Reversible<State> {
         }
         self.stepper_mut().synchronize(state)?;
         self.time.advance(h);
-        self.rate = self.monitor.rate(self.time.time(), state).ok();
+        self.rate = self.rate_at(state).ok();
         self.h = match self.rate {
             Some(rate) => self.updated(wanted, rate),
             None => wanted,
@@ -228,6 +249,34 @@ impl<State: Checkpoint> Checkpoint for Maker<State> {
     }
 }
 
-crate::checkpoint!(
-    [State: Checkpoint] Reversible<State> { stepper, time, h, monitor, rate, rejected }
-);
+/// A run saved before the end of its trial makes it again.
+impl<State: Checkpoint> Checkpoint for Reversible<State> {
+    fn save(&self, member: usize, out: &mut Vec<f64>) {
+        self.stepper.save(member, out);
+        self.time.save(member, out);
+        self.h.save(member, out);
+        self.monitor.is_some().save(member, out);
+        if let Some(monitor) = &self.monitor {
+            monitor.save(member, out);
+        }
+        self.rate.save(member, out);
+        self.rejected.save(member, out);
+    }
+
+    fn restore(&mut self, member: usize, saved: &mut &[f64]) -> Result<(), CheckpointMismatch> {
+        self.stepper.restore(member, saved)?;
+        self.time.restore(member, saved)?;
+        self.h.restore(member, saved)?;
+        let mut is_fitted = false;
+        is_fitted.restore(member, saved)?;
+        if is_fitted {
+            if let Some(trial) = self.trial.take() {
+                self.monitor = Some(trial.fit().0);
+            }
+            let monitor = self.monitor.as_mut().ok_or(CheckpointMismatch)?;
+            monitor.restore(member, saved)?;
+        }
+        self.rate.restore(member, saved)?;
+        self.rejected.restore(member, saved)
+    }
+}

@@ -26,35 +26,83 @@ struct Tried {
     x: f64,
 }
 
-/// Fits a monitor to `most` steps of the motion from here, and returns the first step.
-pub(super) fn fit<State: Checkpoint>(
-    mut trial: Adaptive<State>,
+/// A trial stretch from a state, made step by step.
+pub(super) struct Trial<State: Checkpoint> {
+    control: Adaptive<State>,
+    state: State,
+    monitor: Box<dyn Fitted<State>>,
     most: usize,
-    mut state: State,
-    monitor: &mut dyn Fitted<State>,
-) -> Option<f64> {
-    let start = monitor.quantity(trial.time(), &state);
-    let (mut tried, mut before) = (Vec::with_capacity(most), start);
-    while tried.len() < most && !trial.is_over() {
-        let t = trial.time();
-        if trial.step(&mut state).is_err() {
-            break;
+    /// The monitor's quantity at the start, and where the stretch ends so far.
+    ends: [f64; 2],
+    tried: Vec<Tried>,
+    is_over: bool,
+}
+
+impl<State: Checkpoint> Trial<State> {
+    /// A trial of at most so many steps for a monitor.
+    pub(super) fn new(
+        control: Adaptive<State>,
+        most: usize,
+        state: State,
+        mut monitor: Box<dyn Fitted<State>>,
+    ) -> Self {
+        let start = monitor.quantity(control.time(), &state);
+        Self {
+            control,
+            state,
+            monitor,
+            most,
+            ends: [start; 2],
+            tried: Vec::with_capacity(most),
+            is_over: false,
         }
-        let after = monitor.quantity(trial.time(), &state);
-        let h = (trial.time() - t).abs();
-        let (error, order) = trial.error();
-        let allowed = (error >= TELLING).then(|| SAFETY * h * error.powf(-1.0 / order));
-        let x = f64::midpoint(before, after);
-        tried.push(Tried { h, allowed, x });
-        before = after;
     }
+
+    /// Makes a step, unless the trial is over; whether it is.
+    pub(super) fn step(&mut self) -> bool {
+        self.is_over |= self.tried.len() >= self.most || self.control.is_over();
+        if !self.is_over {
+            let t = self.control.time();
+            self.is_over = self.control.step(&mut self.state).is_err();
+            if !self.is_over {
+                self.keep(t);
+            }
+        }
+        self.is_over
+    }
+
+    /// Keeps what the step just made from `t` tells.
+    fn keep(&mut self, t: f64) {
+        let now = self.control.time();
+        let after = self.monitor.quantity(now, &self.state);
+        let h = (now - t).abs();
+        let (error, order) = self.control.error();
+        let allowed = (error >= TELLING).then(|| SAFETY * h * error.powf(-1.0 / order));
+        let x = f64::midpoint(self.ends[1], after);
+        self.tried.push(Tried { h, allowed, x });
+        self.ends[1] = after;
+    }
+
+    /// Fits the monitor, and returns it with the first step.
+    pub(super) fn fit(mut self) -> (Box<dyn Fitted<State>>, Option<f64>) {
+        let fitted = fit(&self.tried);
+        let first = fitted.map(|(offset, power, scale)| {
+            self.monitor.fit(offset, power);
+            scale * density(offset + self.ends[0], power)
+        });
+        (self.monitor, first)
+    }
+}
+
+/// c, p and ε(p).
+fn fit(tried: &[Tried]) -> Option<(f64, f64, f64)> {
     let time: f64 = tried.iter().map(|step| step.h).sum();
     let offset = tried.iter().map(|step| step.h * step.x).sum::<f64>() / time;
     let is_usable = offset.is_finite() && offset > 0.0;
     let powers = EIGHTHS.filter(|eighths| is_usable || *eighths == 0);
     let costs = powers.filter_map(|eighths| {
         let power = f64::from(eighths) / 8.0;
-        let scale = scale(&tried, offset, power)?;
+        let scale = scale(tried, offset, power)?;
         let steps = tried
             .iter()
             .map(|step| step.h / step.density(offset, power));
@@ -66,8 +114,7 @@ pub(super) fn fit<State: Checkpoint>(
         .map(|cost| cost.2)
         .fold(f64::INFINITY, f64::min);
     let (power, scale, _) = costs.into_iter().find(|cost| cost.2 <= FEW * least)?;
-    monitor.fit(offset, power);
-    Some(scale * density(offset + start, power))
+    Some((offset, power, scale))
 }
 
 /// The largest scale that the tolerance allows in all steps; where no error tells, that of the longest.
