@@ -160,6 +160,8 @@ def test_times_are_selected_as_views_whose_drift_is_from_the_start_of_the_run(so
     np.testing.assert_array_equal(part.invariant_drift("energy"), drift[rows])
     np.testing.assert_allclose(part(0.41).q, solution(0.41).q, rtol=1e-10)
     assert solution.sel(time=slice(0.52, 0.3)).t.tobytes() == part.t.tobytes()
+    assert solution.t[35] > 0.7
+    assert len(solution.sel(time=slice(0, 0.7)).t) == 36
     thin = solution.sel(time=slice(None, None, 10))
     np.testing.assert_array_equal(thin.v, solution.v[::10])
     assert thin.dense_order == 0

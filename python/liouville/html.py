@@ -124,7 +124,8 @@ def page(title: str, parts: Iterable[str]) -> str:
         f'<!doctype html>\n<html lang="en"><head><meta charset="utf-8"><title>{escape(title)}'
         '</title><meta name="viewport" content="width=device-width">\n'
         "<style>:root{color-scheme:light dark}body{font-family:sans-serif;max-width:70em;"
-        "margin:2em auto;padding:0 1em}div{overflow-x:auto}img{max-width:100%;background:white}"
+        "margin:2em auto;padding:0 1em}div{overflow-x:auto}pre{white-space:pre-wrap}"
+        "img{max-width:100%;background:white}"
         f"</style></head>\n<body>\n<h1>{escape(title)}</h1>\n{body}\n</body></html>\n"
     )
 

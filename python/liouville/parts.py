@@ -17,6 +17,9 @@ if TYPE_CHECKING:
 #: The groups of arrays of a solution with time as their first axis, then the member, if any.
 GROUPS = ("states", "invariants", "residuals", "observed", "balance")
 
+#: Times that differ by so many roundings are the same.
+ROUNDINGS = 4
+
 #: The states that have no number for each coordinate.
 NOT_OF_COORDINATES = ("lam", "psi")
 
@@ -97,6 +100,9 @@ def _between(solution: Solution, time: slice) -> Solution:
         float(default if x is None else x)
         for x, default in ((time.start, t.min(initial=np.inf)), (time.stop, t.max(initial=-np.inf)))
     )
+    # 0.3 is among the times of steps of 0.1, whatever rounding made of it
+    slack = ROUNDINGS * float(np.spacing(np.abs(t).max(initial=0.0)))
+    low, high = low - slack, high + slack
     inside = np.flatnonzero((low <= t) & (t <= high))
     if not inside.size:
         run = f"the run goes from {t[0]:g} to {t[-1]:g}" if t.size else "the run has no state"

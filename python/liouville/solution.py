@@ -264,7 +264,10 @@ class Solution:
                 "dense output needs the states of all steps of a mechanical or semi-explicit system"
             )
             raise ValueError(
-                hinted(sentence, "integrate with every=1, states=True and without t_eval")
+                hinted(
+                    sentence,
+                    "integrate with every=1, states=True and without t_eval; ensembles have none",
+                )
             )
         times = times_within(t, self.t[0], self.t[-1])
         flat = times.ravel()

@@ -37,7 +37,7 @@ def write(
     ran = f"liouville {shlex.join(sys.argv[1:])}"
     parts: list[str] = [html.text("what was run", ran)]
     parts += [solution.message] if solution.message else []
-    parts += [html.table(solution.headline, kept(solution, reference, conserved))]
+    parts += [html.table("how it went", kept(solution, reference, conserved))]
     parts += [html.picture("png", encoded, f"overview of {model}")]
     if solution.members is not None:
         heads, rows = members(solution, conserved)
