@@ -6,7 +6,6 @@ on a lattice that meets a wall with two slits.
 """
 
 import sys
-from pathlib import Path
 from types import SimpleNamespace
 
 import casadi as ca
@@ -65,6 +64,7 @@ def wave():
 
 
 def main(path="docs/_static/film.gif"):
+    """Draw all frames and write them to a file."""
     bodies, edges, (density, wall) = mechanism(), dye(), wave()
     figure = Figure(figsize=(8.4, 3.0), dpi=100)
     canvas = FigureCanvasAgg(figure)
@@ -102,7 +102,6 @@ def main(path="docs/_static/film.gif"):
         loop=0,
         optimize=True,
     )
-    print(f"{path}: {Path(path).stat().st_size / 1000:.0f} kB")
 
 
 if __name__ == "__main__":

@@ -1,0 +1,116 @@
+"""The pages as somebody finds them: addresses name files, the reference has public names only."""
+
+import importlib
+import inspect
+import re
+from urllib.parse import urlsplit
+
+import pytest
+from pages import PAGES, ROOT, name
+
+import liouville
+
+SITE = "liouville.readthedocs.io"
+HOST = "https://github.com/liouville-integrators/liouville"
+RAW = "https://raw.githubusercontent.com/liouville-integrators/liouville/main/"
+REFERENCE = [ROOT / "docs" / "api.md", *sorted((ROOT / "docs" / "api").glob("*.md"))]
+
+
+def addresses(page):
+    return re.findall(r"https?://[^\s)>\]\"`]+", page.read_text(encoding="utf-8"))
+
+
+def of_the_tree(address):
+    """Return the file of the repository that an address shows; None for an outside one."""
+    if address.startswith(RAW):
+        return address.removeprefix(RAW)
+    if address.startswith(f"{HOST}/blob/main/"):
+        return address.removeprefix(f"{HOST}/blob/main/").split("#")[0]
+    parts = urlsplit(address)
+    if parts.netloc == SITE and parts.path.strip("/"):
+        assert parts.path.startswith("/en/latest/"), address
+        inside = parts.path.removeprefix("/en/latest/")
+        if inside.startswith("gallery/"):  # built from the examples
+            script = inside.removeprefix("gallery/").replace(".html", ".py")
+            return "examples/GALLERY_HEADER.rst" if script == "index.py" else f"examples/{script}"
+        return f"docs/{inside.replace('.html', '.md')}"
+    return None
+
+
+@pytest.mark.parametrize("page", PAGES, ids=name)
+def test_addresses_of_our_own_name_files_of_the_tree(page):
+    named = {address: of_the_tree(address) for address in addresses(page)}
+    lost = [where for where, path in named.items() if path and not (ROOT / path).is_file()]
+    assert not lost, f"{name(page)} points to {lost}"
+
+
+def test_the_readme_points_nowhere_by_a_relative_path():
+    text = (ROOT / "README.md").read_text(encoding="utf-8")
+    targets = re.findall(r"\]\(([^)]+)\)", text) + re.findall(r"^\[[^\]]+\]: (\S+)", text, re.M)
+    assert targets
+    assert [target for target in targets if not target.startswith("https://")] == []
+
+
+def entries(page):
+    """Return the names that the directives of a page document, with their members."""
+    text = page.read_text(encoding="utf-8")
+    for block in re.findall(
+        r"^\.\. auto(?:class|function|data|exception|module):: .*\n(?:   .*\n)*", text, re.M
+    ):
+        found = re.match(r"\.\. auto(\w+):: (\S+)", block)
+        members = re.search(r"^   :members:(.*)$", block, re.M)
+        assert ":inherited-members:" not in block, found[2]
+        yield found[2], [] if members is None else re.findall(r"\w+", members[1])
+
+
+def resolve(path):
+    """Return the object of a dotted name, which is relative to the package or absolute."""
+    parts = path.removeprefix("liouville.").split(".")
+    found = liouville
+    for part in parts:
+        if not hasattr(found, part):
+            importlib.import_module(f"{found.__name__}.{part}")
+        found = getattr(found, part)
+    return found
+
+
+def test_the_reference_has_all_public_names_and_those_members_that_exist():
+    listed = {}
+    for page in REFERENCE:
+        for path, members in entries(page):
+            found = resolve(path)
+            assert path not in listed, f"{path} is documented twice"
+            listed[path] = found
+            for member in members:
+                assert hasattr(found, member), f"{path} has no {member}"
+                assert inspect.getdoc(getattr(found, member)), f"{path}.{member} says nothing"
+    public = {
+        known
+        for known, found in vars(liouville).items()
+        if not known.startswith("_") and not inspect.ismodule(found)
+    }
+    assert public - set(listed) - {"METHODS"} == set()
+    assert "liouville.methods.METHODS" in listed
+
+
+MADE_BY_RUNS = {"IntegrationError", "WavePlan"}  # nobody calls these
+CALLS = {
+    known: found
+    for known, found in vars(liouville).items()
+    if not known.startswith("_") and callable(found) and known not in MADE_BY_RUNS
+}
+
+
+@pytest.mark.parametrize("known", CALLS)
+def test_every_parameter_is_described(known):
+    told = inspect.getdoc(CALLS[known]) or ""
+    given = inspect.signature(CALLS[known]).parameters.values()
+    wanted = [each.name for each in given if each.kind is not each.VAR_KEYWORD]
+    lines = re.findall(r"^(\S[^\n:]*?) ?(?::[^\n]*)?$", told, re.M)
+    words = {word.strip(" *") for line in lines for word in line.split(",")}
+    missing = [word for word in wanted if word not in words]
+    assert not missing, f"{known} does not describe {missing}"
+
+
+def test_the_film_is_small():
+    assert (ROOT / "docs" / "_static" / "film.gif").stat().st_size < 400_000
