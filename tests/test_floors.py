@@ -21,7 +21,7 @@ CRATE_FLOORS = {
         ("number",),
         ("real",),
         ("simd",),
-        ("dual", "linalg", "observe"),
+        ("compensated", "dual", "linalg", "observe"),
         ("tableau", "tape"),
         ("newton",),
         ("method",),

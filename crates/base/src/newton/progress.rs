@@ -18,6 +18,8 @@ pub(super) struct Progress<R> {
     expected: R,
     /// NaN before there is one.
     rate: R,
+    /// The least ratio of corrections: roundoff does not make a ratio smaller than the rate.
+    least: R,
 }
 
 /// Verdicts on the corrections of a member, as numbers: they are found for all members at once.
@@ -32,6 +34,7 @@ impl<R: Real> Progress<R> {
             last: R::splat(f64::INFINITY),
             expected: R::splat(f64::INFINITY),
             rate: R::splat(f64::NAN),
+            least: R::splat(f64::INFINITY),
         }
     }
 
@@ -44,6 +47,9 @@ impl<R: Real> Progress<R> {
             ..
         } = self.stop;
         let theta = size / self.last;
+        if iterations > 1 {
+            self.least = self.least.zip(theta, f64::min);
+        }
         // noise hides what is still converging: the rate seen above it is believed
         self.expected = size.zip(
             self.rate * self.expected,
@@ -72,13 +78,16 @@ impl<R: Real> Progress<R> {
         self.last = size;
         let slow = self.too_slow(size, theta, iterations, most);
         let verdict = self.verdict(iterations, most);
-        R::each([size, theta, self.rate, self.expected, slow], verdict)
+        R::each(
+            [size, theta, self.least, self.rate, self.expected, slow],
+            verdict,
+        )
     }
 
-    /// Whether a correction size, θ, the rate, what is expected, and whether it is too slow are those of a
+    /// Whether a correction size, θ, the least θ, the rate, what is expected, and whether it is too slow are those of a
     /// member that has converged or will not.
     #[inline(always)]
-    fn verdict(&self, iterations: usize, most: usize) -> impl Fn([f64; 5]) -> f64 + use<R> {
+    fn verdict(&self, iterations: usize, most: usize) -> impl Fn([f64; 6]) -> f64 + use<R> {
         let Stop {
             tolerance, is_even, ..
         } = self.stop;
@@ -93,9 +102,9 @@ impl<R: Real> Progress<R> {
         let (is_first, is_third) = (iterations == 1, iterations > 2);
         let is_last = iterations == most;
         #[inline(always)]
-        move |[size, theta, rate, expected, slow]| {
+        move |[size, theta, least, rate, expected, slow]| {
             let is_noise = size < NOISE;
-            let rate_now = if rate.is_nan() { theta } else { rate };
+            let rate_now = if rate.is_nan() { least } else { rate };
             let is_converged = (size == 0.0)
                 | (!is_first & (still_to_come(rate_now, expected) < tolerance))
                 | (is_noise & (rate.is_nan() | !is_even) & (theta >= 0.5))

@@ -1,8 +1,8 @@
 //! Vector registers: one loop, compiled for each instruction set and dispatched when it runs.
 //!
 //! A [`Kernel`] is written once over any [`Number`]. The type of a state's elements, a number or several trajectories'
-//! in lock-step, selects through [`Stored::run`] the registers for it. There are no fused operations, so that every
-//! instruction set gives the same bits.
+//! in lock-step, selects through [`Stored::run`] the registers for it. There are no fused operations but those whose result
+//! is exact, so that every instruction set gives the same bits.
 #![allow(clippy::inline_always)] // a kernel must be compiled for one instruction set as a whole
 
 mod block;
@@ -90,6 +90,16 @@ impl<O, F: FnOnce() -> O> WithSimd for Closure<F> {
 #[inline(always)]
 pub fn dispatch_simd<R: Scalar, O>(f: impl FnOnce() -> O) -> O {
     if R::IS_SINGLE { f() } else { widest(f) }
+}
+
+/// Runs `f`, which must be inlined, with registers of four numbers and fused operations in one instruction.
+#[inline(always)]
+pub fn dispatch_fused<O>(f: impl FnOnce() -> O) -> O {
+    #[cfg(target_arch = "x86_64")]
+    if let Some(simd) = pulp::x86::V3::try_new() {
+        return simd.vectorize(f);
+    }
+    f()
 }
 
 /// Vectors of one member are long from here on. Measured on steps of plane chains, time with dispatch over time without:

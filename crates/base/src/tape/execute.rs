@@ -187,6 +187,8 @@ pub(super) enum Cheap {
 }
 
 impl Cheap {
+    #[allow(clippy::inline_always)]
+    #[inline(always)]
     pub(super) fn of(op: Op) -> Option<Self> {
         Some(match op {
             Op::Assign => Self::Assign,
@@ -211,6 +213,20 @@ pub(super) struct Strided {
     pub(super) first: Instr,
     pub(super) strides: [i32; 3],
     pub(super) count: usize,
+}
+
+impl Strided {
+    /// The instructions one after another.
+    #[allow(clippy::cast_possible_truncation, clippy::cast_possible_wrap)] // registers are numbered in 32 bits
+    pub(super) fn instrs(&self) -> impl Iterator<Item = Instr> {
+        let (first, [out, a, b]) = (self.first, self.strides);
+        (0..self.count as i32).map(move |k| Instr {
+            op: first.op,
+            out: first.out.wrapping_add_signed(out * k),
+            a: first.a.wrapping_add_signed(a * k),
+            b: first.b.wrapping_add_signed(b * k),
+        })
+    }
 }
 
 /// Runs a batch, made by `Tape::new`, over the registers it laid out.

@@ -14,6 +14,7 @@
 //! not written out as instructions.
 
 mod batch;
+mod compensate;
 mod execute;
 mod order;
 mod plan;
@@ -22,6 +23,7 @@ mod terms;
 mod values;
 
 pub use batch::BatchRegisters;
+pub use compensate::CompensatedTape;
 pub use execute::Op;
 pub use terms::Term;
 

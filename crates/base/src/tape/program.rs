@@ -41,6 +41,35 @@ impl Program {
         }
     }
 
+    /// The instructions that these registers depend on, in their order.
+    pub(super) fn needed_for(&self, outputs: &Range<usize>) -> Vec<Instr> {
+        let mut instrs = match self {
+            Self::Plain(instrs) => instrs.clone(),
+            Self::Batched { instrs, steps } => {
+                let in_steps = steps.iter().flat_map(|step| match step {
+                    ProgramStep::Mixed(range) => instrs[range.clone()].to_vec(),
+                    ProgramStep::Strided(batch) => batch.instrs().collect(),
+                });
+                in_steps.collect()
+            }
+        };
+        let last = instrs.iter().map(|instr| instr.out).max().unwrap_or(0) as usize;
+        let mut is_read = vec![false; outputs.end.max(last + 1)];
+        is_read[outputs.clone()].fill(true);
+        instrs.reverse();
+        instrs.retain(|instr| {
+            let is_needed = std::mem::take(&mut is_read[instr.out as usize]);
+            for operand in [instr.a, instr.b] {
+                if let Some(read) = is_read.get_mut(operand as usize) {
+                    *read |= is_needed;
+                }
+            }
+            is_needed
+        });
+        instrs.reverse();
+        instrs
+    }
+
     /// Runs the program over the registers that `Tape::new` laid out for it.
     #[inline]
     pub(super) fn run<R: Real>(&self, registers: &mut [R]) {

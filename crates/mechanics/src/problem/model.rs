@@ -7,7 +7,7 @@ use super::{Mechanical, State};
 use liouville_base::error::{Quantity, StepError};
 use liouville_base::linalg::{Pattern, all_finite};
 use liouville_base::real::Real;
-use liouville_base::tape::Registers;
+use liouville_base::tape::{CompensatedTape, Registers};
 use std::sync::Arc;
 
 /// A system ready to be evaluated.
@@ -140,6 +140,12 @@ impl<R: Real> Model<R> {
     #[inline(always)]
     pub(super) fn node_sizes(&self) -> [usize; 2] {
         [self.problem.m, self.problem.n]
+    }
+
+    /// g in compensated numbers, where it is made of arithmetic and square roots.
+    pub(crate) fn compensated_g(&self) -> Option<CompensatedTape<R>> {
+        let (tape, m) = (&self.problem.node, self.problem.m);
+        tape.compensated(&self.node.one, m).filter(|_| m > 0)
     }
 
     /// `g_y`, `r_λ` at (t, y, λ).

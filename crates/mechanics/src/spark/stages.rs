@@ -4,12 +4,13 @@
 use super::probe::Probe;
 use crate::problem::{Mechanical, Model, State, Times, finite, finite_k};
 use liouville_base::error::{Quantity, StepError};
-use liouville_base::linalg::{Matrix, all_finite, combine, copy, copy_scaled};
+use liouville_base::linalg::{Matrix, all_finite, carry, combine, copy, copy_scaled};
 use liouville_base::method;
 use liouville_base::newton::Stop;
 use liouville_base::real::Real;
 use liouville_base::simd::{dispatch_simd, dispatch_simd_nested};
 use liouville_base::tableau;
+use liouville_base::tape::CompensatedTape;
 
 /// The step being made.
 pub(super) type Step<'a, R = f64> = method::Step<'a, State<R>>;
@@ -66,7 +67,10 @@ pub(super) struct Stages<R = f64> {
     pub(super) k: Matrix<R>,
     /// Values at the nodes.
     pub(super) node_y: Matrix<R>,
+    node_low: Matrix<R>,
     pub(super) g: Matrix<R>,
+    /// Finds the roundings of g, where it can.
+    compensated: Option<Box<CompensatedTape<R>>>,
     /// Moves h b_j V_j, and impulses: h b_j F_j, then h b̂_j R_j, j = 0..k, then those h b_j R_j of
     /// nonholonomic constraints.
     pub(super) moves: Matrix<R>,
@@ -113,6 +117,8 @@ impl<R: Real> Stages<R> {
             y: at_stages.clone(),
             p: at_stages.clone(),
             node_y: Matrix::zeros(k + 1, n),
+            node_low: Matrix::zeros(k + 1, n),
+            compensated: model.compensated_g().map(Box::new),
             g: Matrix::zeros(k + 1, m),
             moves: at_stages.clone(),
             impulses: Matrix::zeros(s + k + 1 + rolling, n),
@@ -167,6 +173,7 @@ impl<R: Real> Stages<R> {
         step: Step<R>,
     ) -> Result<(), StepError> {
         self.evaluate_values(model, step, self.tableau.intervals);
+        self.compensate(step);
         let is_finite = dispatch_simd::<R, _>(
             #[inline(always)]
             || {
@@ -238,6 +245,18 @@ impl<R: Real> Stages<R> {
         }
     }
 
+    /// Adds to g what roundings of its evaluation and of the nodes took from it. Near its root g has so few values that
+    /// they do not show what the iteration leaves, which is of one sign step after step.
+    fn compensate(&mut self, step: Step<R>) {
+        let Some(compensated) = &mut self.compensated else {
+            return;
+        };
+        let (n, m) = (self.node_y.cols(), self.g.cols());
+        let times = times(step, &self.tableau.c_hat);
+        let points = [&self.node_y, &self.node_low].map(|points| &points.flat()[n..]);
+        compensated.add_low(|i| times.at(i + 1), points, &mut self.g.flat_mut()[m..]);
+    }
+
     /// k and its reactions at the stages.
     fn evaluate_rolling(&mut self, model: &mut Model<R>, step: Step<R>) {
         let first = self.tableau.stages + self.tableau.intervals + 1;
@@ -262,23 +281,34 @@ impl<R: Real> Stages<R> {
                     copy_scaled(self.moves.row_mut(j), step.h * b, self.unknowns.v.row(j));
                 }
                 let State { y, y_low, .. } = step.state;
-                for (out, weights) in [
-                    (&mut self.y, &self.tableau.mu_v),
-                    (&mut self.node_y, &self.tableau.mu_bar),
-                ] {
-                    combine(
-                        out.flat_mut(),
-                        weights,
-                        &self.moves,
-                        #[inline(always)]
-                        |_, k, sums| {
-                            let at = k..k + sums.len();
-                            let given = y[at.clone()].iter().zip(&y_low[at]);
-                            for (sum, (y, low)) in sums.iter_mut().zip(given) {
-                                *sum = *y + (*low + *sum);
-                            }
-                        },
-                    );
+                combine(
+                    self.y.flat_mut(),
+                    &self.tableau.mu_v,
+                    &self.moves,
+                    #[inline(always)]
+                    |_, k, sums| {
+                        let at = k..k + sums.len();
+                        let given = y[at.clone()].iter().zip(&y_low[at]);
+                        for (sum, (y, low)) in sums.iter_mut().zip(given) {
+                            *sum = *y + (*low + *sum);
+                        }
+                    },
+                );
+                combine(
+                    self.node_low.flat_mut(),
+                    &self.tableau.mu_bar,
+                    &self.moves,
+                    #[inline(always)]
+                    |_, k, sums| {
+                        for (sum, low) in sums.iter_mut().zip(&y_low[k..]) {
+                            *sum = *low + *sum;
+                        }
+                    },
+                );
+                let n = y.len().max(1);
+                let rows = self.node_low.flat_mut().chunks_exact_mut(n);
+                for (node, low) in self.node_y.flat_mut().chunks_exact_mut(n).zip(rows) {
+                    carry(y, low, node);
                 }
             },
         );

@@ -2,6 +2,7 @@
 
 mod alpha;
 mod chebyshev;
+mod compensated;
 mod composition;
 mod determinant;
 mod elementary;

@@ -1,0 +1,185 @@
+//! Values of a tape near a root, where they are smaller than their own roundings: those are found and added.
+#![allow(clippy::inline_always)] // a call would lack the instruction set
+
+use super::execute::{Cheap, Instr, Op};
+use super::{Registers, Tape, groups};
+use crate::compensated::Compensated;
+use crate::real::{Lanes, Real, Scalar};
+use crate::simd::{dispatch_fused, dispatch_simd};
+use std::ops::Range;
+
+/// Points of one member that are evaluated side by side: registers of eight numbers would slow the clock of many
+/// processors for a while, which so few operations do not repay.
+const POINTS: usize = 4;
+
+/// The part of a tape that makes its first outputs of time and its second argument, in compensated numbers.
+#[derive(Clone, Debug)]
+pub struct CompensatedTape<R> {
+    program: CompensatedProgram,
+    memory: Memory<R>,
+}
+
+#[derive(Clone, Debug)]
+struct CompensatedProgram {
+    instrs: Vec<Instr>,
+    argument: Range<usize>,
+    outputs: Range<usize>,
+}
+
+/// Registers with the parameters bound.
+#[derive(Clone, Debug)]
+enum Memory<R> {
+    /// Of one member, at several points.
+    Points(Vec<Compensated<Lanes<POINTS>>>),
+    /// Of several members, at one point.
+    Members(Vec<Compensated<R>>),
+}
+
+impl Tape {
+    /// The first so many outputs in compensated numbers, with the parameters of `bound`; `None` where they take more than
+    /// arithmetic and square roots.
+    pub fn compensated<R: Real>(
+        &self,
+        Registers(bound): &Registers<R>,
+        outputs: usize,
+    ) -> Option<CompensatedTape<R>> {
+        if self.terms.is_some() {
+            return None;
+        }
+        let outputs = self.outputs.start..self.outputs.start + outputs;
+        let instrs = self.body.needed_for(&outputs);
+        let is_known = |instr: &Instr| instr.op == Op::Sqrt || Cheap::of(instr.op).is_some();
+        if !instrs.iter().all(is_known) {
+            return None;
+        }
+        let memory = match R::alone(bound) {
+            Some(bound) => Memory::Points(exact(bound.iter().map(|x| Lanes::splat(*x)))),
+            None => Memory::Members(exact(bound.iter().copied())),
+        };
+        Some(CompensatedTape {
+            program: CompensatedProgram {
+                instrs,
+                argument: groups(&self.inputs).get(1)?.clone(),
+                outputs,
+            },
+            memory,
+        })
+    }
+}
+
+fn exact<R: Real>(values: impl Iterator<Item = R>) -> Vec<Compensated<R>> {
+    values.map(Compensated::exact).collect()
+}
+
+impl<R: Real> CompensatedTape<R> {
+    /// Adds to values what roundings took from them, at points that have the times of `time` and stand row by row in
+    /// `high + low`. What is not finite is not added.
+    ///
+    /// # Panics
+    /// When the arguments are not of this tape's sizes.
+    pub fn add_low(
+        &mut self,
+        time: impl Fn(usize) -> f64,
+        [high, low]: [&[R]; 2],
+        values: &mut [R],
+    ) {
+        let program = &self.program;
+        match &mut self.memory {
+            Memory::Members(registers) => dispatch_simd::<R, _>(
+                #[inline(always)]
+                || program.add_of_members(registers, time, [high, low], values),
+            ),
+            Memory::Points(registers) => {
+                let parts = (R::alone(high), R::alone(low), R::alone_mut(values));
+                if let (Some(high), Some(low), Some(values)) = parts {
+                    dispatch_fused(
+                        #[inline(always)]
+                        || program.add_at_points(registers, time, [high, low], values),
+                    );
+                }
+            }
+        }
+    }
+}
+
+impl CompensatedProgram {
+    #[inline(always)]
+    fn add_of_members<R: Real>(
+        &self,
+        registers: &mut [Compensated<R>],
+        time: impl Fn(usize) -> f64,
+        points: [&[R]; 2],
+        values: &mut [R],
+    ) {
+        let n = self.argument.len();
+        for (i, values) in values.chunks_exact_mut(self.outputs.len()).enumerate() {
+            let [high, low] = points.map(|part| &part[i * n..][..n]);
+            registers[0] = Compensated::exact(R::splat(time(i)));
+            let point = registers[self.argument.clone()].iter_mut();
+            for (register, (high, low)) in point.zip(high.iter().zip(low)) {
+                (register.high, register.low) = (*high, *low);
+            }
+            self.run(registers);
+            for (value, result) in values.iter_mut().zip(&registers[self.outputs.clone()]) {
+                *value = value.zip(result.low, sum);
+            }
+        }
+    }
+
+    #[inline(always)]
+    fn add_at_points(
+        &self,
+        registers: &mut [Compensated<Lanes<POINTS>>],
+        time: impl Fn(usize) -> f64,
+        [high, low]: [&[f64]; 2],
+        values: &mut [f64],
+    ) {
+        let (n, width) = (self.argument.len(), self.outputs.len());
+        let points = values.len() / width;
+        for first in (0..points).step_by(POINTS) {
+            let count = POINTS.min(points - first);
+            for lane in 0..count {
+                let point = first + lane;
+                registers[0].high.0[lane] = time(point);
+                let rows = high[point * n..].iter().zip(&low[point * n..]);
+                let argument = registers[self.argument.clone()].iter_mut();
+                for (register, (high, low)) in argument.zip(rows) {
+                    (register.high.0[lane], register.low.0[lane]) = (*high, *low);
+                }
+            }
+            self.run(registers);
+            let results = &registers[self.outputs.clone()];
+            let rows = values[first * width..].chunks_exact_mut(width);
+            for (lane, row) in rows.take(count).enumerate() {
+                for (value, result) in row.iter_mut().zip(results) {
+                    *value = sum(*value, result.low.0[lane]);
+                }
+            }
+        }
+    }
+
+    #[inline(always)]
+    fn run<R: Real>(&self, registers: &mut [Compensated<R>]) {
+        for instr in &self.instrs {
+            let (a, b) = (registers[instr.a as usize], registers[instr.b as usize]);
+            registers[instr.out as usize] = match Cheap::of(instr.op) {
+                Some(Cheap::Assign) => a,
+                Some(Cheap::Add) => a + b,
+                Some(Cheap::Sub) => a - b,
+                Some(Cheap::Mul) => a * b,
+                Some(Cheap::Div) => a / b,
+                Some(Cheap::Neg) => -a,
+                Some(Cheap::Sq) => a * a,
+                Some(Cheap::Twice) => a + a,
+                Some(Cheap::Inv) => Compensated::exact(R::splat(1.0)) / a,
+                None => a.sqrt(),
+            };
+        }
+    }
+}
+
+/// The sum, or the value alone where the other is not finite.
+#[inline(always)]
+fn sum(value: f64, low: f64) -> f64 {
+    if low.is_finite() { value + low } else { value }
+}
