@@ -142,10 +142,14 @@ impl<R: Real> Model<R> {
         [self.problem.m, self.problem.n]
     }
 
-    /// g in compensated numbers, where it is made of arithmetic and square roots.
+    /// g in compensated numbers, where it is made of arithmetic and square roots. Where p depends on y, what its own
+    /// roundings leave in the momenta is of one sign unless the roundings of g are there too.
     pub(crate) fn compensated_g(&self) -> Option<CompensatedTape<R>> {
-        let (tape, m) = (&self.problem.node, self.problem.m);
-        tape.compensated(&self.node.one, m).filter(|_| m > 0)
+        let problem = &self.problem;
+        if problem.m == 0 || !problem.patterns.p_y.is_empty() {
+            return None;
+        }
+        problem.node.compensated(&self.node.one, problem.m)
     }
 
     /// `g_y`, `r_λ` at (t, y, λ).
