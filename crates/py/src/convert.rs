@@ -4,7 +4,6 @@ use crate::errors::refused;
 use crate::program;
 use liouville_base::linalg::{self, Pattern};
 use liouville_base::tape::{self, Line, Op, Term};
-use liouville_mechanics::problem::{Nonholonomic, NonholonomicPatterns, Patterns, Redundant};
 use numpy::{
     PyArray1, PyArray2, PyArrayMethods, PyReadonlyArray1, PyReadonlyArray2, PyUntypedArrayMethods,
 };
@@ -281,102 +280,6 @@ impl Rows {
         let values = PyArray1::from_vec(py, values);
         let args = (rows, cols, row, col, values).into_pyobject(py)?;
         Ok((slf.get_type().into_any(), args))
-    }
-}
-
-/// A mechanical system in the core's terms.
-#[pyclass(frozen, module = "liouville._core")]
-#[derive(Clone)]
-pub(crate) struct Mechanical(
-    pub(crate) Arc<liouville_mechanics::problem::Mechanical>,
-    Made,
-);
-
-#[pymethods]
-impl Mechanical {
-    /// Tapes by name; patterns by name as (rows, columns, row of each entry, column of each entry). There
-    /// is no "nonholonomic" where the system has no such constraint. With "reactions" of all constraints, `left_out`
-    /// says which of them have no other tapes.
-    #[new]
-    #[pyo3(signature = (n, m, is_linear, tapes, patterns, left_out = Vec::new()))]
-    fn new(
-        n: usize,
-        m: usize,
-        is_linear: bool,
-        tapes: &Bound<'_, PyDict>,
-        patterns: &Bound<'_, PyDict>,
-        left_out: Vec<usize>,
-    ) -> PyResult<Self> {
-        let tape = |name: &str| -> PyResult<tape::Tape> {
-            let found = item(tapes, name)?.extract::<PyRef<'_, Tape>>()?.0.clone();
-            Ok(tape::Tape::clone(&found))
-        };
-        let pattern = |name: &str| pattern(&item(patterns, name)?);
-        let v_z = if patterns.contains("v_z")? {
-            Some(pattern("v_z")?)
-        } else {
-            None
-        };
-        let nonholonomic = if tapes.contains("nonholonomic")? {
-            let at = NonholonomicPatterns {
-                k_y: pattern("k_y")?,
-                k_z: pattern("k_z")?,
-                r_y: pattern("rn_y")?,
-                r_z: pattern("rn_z")?,
-                r_nu: pattern("rn_nu")?,
-                w_y: pattern("w_y")?,
-            };
-            Some(Box::new(Nonholonomic {
-                l: at.k_z.shape().0,
-                values: tape("nonholonomic")?,
-                blocks: tape("nonholonomic_blocks")?,
-                hidden: tape("nonholonomic_hidden")?,
-                patterns: at,
-            }))
-        } else {
-            None
-        };
-        let redundant = if tapes.contains("reactions")? {
-            Some(Box::new(Redundant {
-                reactions: tape("reactions")?,
-                pattern: pattern("reactions")?,
-                left_out: left_out.clone(),
-            }))
-        } else {
-            None
-        };
-        let made = Made::of(tapes.py(), (n, m, is_linear, tapes, patterns, left_out))?;
-        let system = liouville_mechanics::problem::Mechanical {
-            n,
-            m,
-            is_linear,
-            stage: tape("stage")?,
-            stage_blocks: tape("stage_blocks")?,
-            stage_jacobian: tape("stage_jacobian")?,
-            node: tape("node")?,
-            node_blocks: tape("node_blocks")?,
-            node_jacobian: tape("node_jacobian")?,
-            end: tape("end")?,
-            acceleration: tape("acceleration")?,
-            patterns: Patterns {
-                p_z: pattern("p_z")?,
-                v_z,
-                p_y: pattern("p_y")?,
-                f_y: pattern("f_y")?,
-                f_z: pattern("f_z")?,
-                v_y: pattern("v_y")?,
-                g_y: pattern("g_y")?,
-                r_lam: pattern("r_lam")?,
-                r_y: pattern("r_y")?,
-            },
-            nonholonomic,
-            redundant,
-        };
-        Ok(Self(Arc::new(system.checked().map_err(refused)?), made))
-    }
-
-    fn __reduce__<'py>(&self, py: Python<'py>) -> Recipe<'py> {
-        self.1.again::<Self>(py)
     }
 }
 

@@ -7,6 +7,7 @@ mod caught;
 mod composition;
 mod convert;
 mod errors;
+mod job;
 mod ladder;
 mod mechanical;
 mod operator;
@@ -33,9 +34,11 @@ mod _core {
     #[pymodule_export]
     use super::composition::compositions;
     #[pymodule_export]
-    use super::convert::{Mechanical, Rows, Tape};
+    use super::convert::{Rows, Tape};
     #[pymodule_export]
     use super::ladder::{ladder, stability};
+    #[pymodule_export]
+    use super::mechanical::Mechanical;
     #[pymodule_export]
     use super::operator::{Hamiltonian, Operator};
     #[pymodule_export]

@@ -1,217 +1,102 @@
-//! Jobs of mechanical and semi-explicit systems: methods, controls, events and start values in, a run out.
+//! Mechanical systems in.
 
-use crate::convert;
+use crate::convert::{Made, Recipe, Tape, item, pattern};
 use crate::errors::refused;
-use crate::tableau::{lobatto_named, scheme_named, spark_named};
-use liouville_base::method::Tolerance;
-use liouville_base::run::{Advance, Span, StartError};
-use liouville_base::tableau;
-use liouville_base::tape::Tape;
-use liouville_mechanics::alpha::Reactions;
-use liouville_mechanics::run::{
-    self, Control, Detection, EventFunction, Method, Problem, SparkMethod,
-};
-use liouville_mechanics::spark::Solver;
-use numpy::{PyReadonlyArray1, PyReadonlyArrayDyn, PyUntypedArrayMethods};
+use liouville_base::tape;
+use liouville_mechanics::problem::{self, Nonholonomic, NonholonomicPatterns, Patterns, Redundant};
 use pyo3::prelude::*;
+use pyo3::types::PyDict;
+use std::sync::Arc;
 
-/// A method, by the attributes of its dataclass.
-#[derive(FromPyObject)]
-enum MechanicalMethod {
-    Composed {
-        base: SparkOf,
-        scheme: String,
-    },
-    #[pyo3(transparent)]
-    Spark(SparkOf),
-    Alpha {
-        coefficients: (f64, f64, f64, f64),
-        reaction: String,
-        #[pyo3(default)]
-        b: f64,
-    },
-}
+/// A mechanical system in the core's terms.
+#[pyclass(frozen, module = "liouville._core")]
+#[derive(Clone)]
+pub(crate) struct Mechanical(pub(crate) Arc<problem::Mechanical>, Made);
 
-/// A SPARK method on points, or a Lobatto pair.
-#[derive(FromPyObject)]
-struct SparkOf {
-    stages: usize,
-    solver: String,
-    newton_tol: Option<f64>,
-    #[pyo3(default)]
-    force: Option<String>,
-    #[pyo3(default)]
-    points: Option<String>,
-}
-
-impl SparkOf {
-    fn read(self, scheme: Option<&str>) -> PyResult<Method> {
-        let tableau = match (self.force, self.points) {
-            (Some(force), _) => lobatto_named(self.stages, &force)?,
-            (None, points) => spark_named(self.stages, &points.unwrap_or_default())?,
+#[pymethods]
+impl Mechanical {
+    /// Tapes by name; patterns by name as (rows, columns, row of each entry, column of each entry). There
+    /// is no "nonholonomic" where the system has no such constraint. With "reactions" of all constraints, `left_out`
+    /// says which of them have no other tapes.
+    #[new]
+    #[pyo3(signature = (n, m, is_linear, tapes, patterns, left_out = Vec::new()))]
+    fn new(
+        n: usize,
+        m: usize,
+        is_linear: bool,
+        tapes: &Bound<'_, PyDict>,
+        patterns: &Bound<'_, PyDict>,
+        left_out: Vec<usize>,
+    ) -> PyResult<Self> {
+        let tape = |name: &str| -> PyResult<tape::Tape> {
+            let found = item(tapes, name)?.extract::<PyRef<'_, Tape>>()?.0.clone();
+            Ok(tape::Tape::clone(&found))
         };
-        let solver = match self.solver.as_str() {
-            "auto" => Solver::Auto,
-            "node-schur" => Solver::NodeSchur,
-            "newton" => Solver::Newton,
-            other => return Err(refused(format!("there is no solver {other:?}"))),
+        let pattern = |name: &str| pattern(&item(patterns, name)?);
+        let v_z = if patterns.contains("v_z")? {
+            Some(pattern("v_z")?)
+        } else {
+            None
         };
-        Ok(Method::Spark(Box::new(SparkMethod {
-            tableau,
-            solver,
-            newton_tol: self.newton_tol,
-            scheme: scheme.map(scheme_named).transpose()?,
-        })))
-    }
-}
-
-impl MechanicalMethod {
-    fn read(self) -> PyResult<Method> {
-        match self {
-            Self::Composed { base, scheme } => base.read(Some(&scheme)),
-            Self::Spark(spark) => spark.read(None),
-            Self::Alpha {
-                coefficients: (alpha_m, alpha_f, gamma, beta),
-                reaction,
-                b,
-            } => {
-                let weights = tableau::Alpha {
-                    alpha_m,
-                    alpha_f,
-                    gamma,
-                    beta,
-                };
-                let reactions = match reaction.as_str() {
-                    "position" => Reactions::Position,
-                    "extended" | "predicted" => Reactions::Extended {
-                        b,
-                        predicted: reaction == "predicted",
-                    },
-                    other => return Err(refused(format!("there is no reaction {other:?}"))),
-                };
-                Ok(Method::Alpha(weights, reactions))
-            }
-        }
-    }
-}
-
-/// A control of the steps: (rtol, atol, first step or 0, least step) by errors, or reversible (first step, least
-/// step, a tape with whether it depends on z' or None).
-#[derive(FromPyObject)]
-enum ControlOf<'py> {
-    Adaptive(f64, PyReadonlyArray1<'py, f64>, f64, f64),
-    Reversible(f64, f64, Option<(PyRef<'py, convert::Tape>, bool)>),
-}
-
-impl ControlOf<'_> {
-    fn read(&self) -> PyResult<Control> {
-        match self {
-            Self::Adaptive(rtol, atol, first, least) => Ok(Control::Adaptive {
-                tolerance: Tolerance {
-                    rtol: *rtol,
-                    atol: atol.as_slice()?.to_vec(),
-                },
-                first: (*first > 0.0).then_some(*first),
-                least: *least,
-            }),
-            Self::Reversible(first, least, monitor) => {
-                let monitor = monitor.as_ref();
-                Ok(Control::Reversible {
-                    first: *first,
-                    least: *least,
-                    monitor: monitor.map(|(tape, of_z_dot)| (Tape::clone(&tape.0), *of_z_dot)),
-                })
-            }
-        }
-    }
-}
-
-/// Order of the method, times to record at or None, and events: (tape, direction, how many end the run or 0, whether
-/// it needs lam).
-type Watch<'py> = (
-    usize,
-    Option<PyReadonlyArray1<'py, f64>>,
-    Vec<(PyRef<'py, convert::Tape>, i8, usize, bool)>,
-);
-
-fn detection((order, times, events): &Watch<'_>) -> PyResult<Detection> {
-    let times = times.as_ref().map(|x| x.as_slice().map(<[f64]>::to_vec));
-    let events = events.iter().map(|(tape, direction, terminal, needs_lam)| {
-        let tape = Tape::clone(&tape.0);
-        EventFunction {
-            tape,
-            direction: *direction,
-            terminal: *terminal,
-            needs_lam: *needs_lam,
-        }
-    });
-    Ok(Detection {
-        order: *order,
-        times: times.transpose()?,
-        events: events.collect(),
-    })
-}
-
-/// A job, by the attributes of its dataclass; an ensemble has arrays of rows.
-#[derive(FromPyObject)]
-struct MechanicalJob<'py> {
-    start: Vec<PyReadonlyArrayDyn<'py, f64>>,
-    params: PyReadonlyArrayDyn<'py, f64>,
-    span: (f64, f64, usize, usize),
-    observer: PyRef<'py, convert::Tape>,
-    states: bool,
-    control: Option<ControlOf<'py>>,
-    watch: Option<Watch<'py>>,
-    threads: usize,
-    is_ensemble: bool,
-    is_reversible: bool,
-}
-
-impl MechanicalJob<'_> {
-    fn read(&self) -> PyResult<run::Job> {
-        let ndim = 1 + usize::from(self.is_ensemble);
-        let rows = |x: &PyReadonlyArrayDyn<'_, f64>| x.shape().first().copied().unwrap_or(0);
-        let members = self.start.first().map_or(0, rows);
-        if self.start.iter().any(|x| rows(x) != members) && self.is_ensemble
-            || self.start.iter().any(|x| x.ndim() != ndim)
-            || self.params.ndim() != ndim
-        {
-            let wanted = "a start and its params are arrays of values, or of a row for each member";
-            return Err(refused(wanted));
-        }
-        let (t0, t1, steps, every) = self.span;
-        let start = self.start.iter().map(|x| Ok(x.as_slice()?.to_vec()));
-        let control = match &self.control {
-            None => Control::Fixed,
-            Some(control) => control.read()?,
+        let nonholonomic = if tapes.contains("nonholonomic")? {
+            let at = NonholonomicPatterns {
+                k_y: pattern("k_y")?,
+                k_z: pattern("k_z")?,
+                r_y: pattern("rn_y")?,
+                r_z: pattern("rn_z")?,
+                r_nu: pattern("rn_nu")?,
+                w_y: pattern("w_y")?,
+            };
+            Some(Box::new(Nonholonomic {
+                l: at.k_z.shape().0,
+                values: tape("nonholonomic")?,
+                blocks: tape("nonholonomic_blocks")?,
+                hidden: tape("nonholonomic_hidden")?,
+                patterns: at,
+            }))
+        } else {
+            None
         };
-        Ok(run::Job {
-            start: start.collect::<PyResult<_>>()?,
-            params: self.params.as_slice()?.to_vec(),
-            members: self.is_ensemble.then_some(members),
-            span: Span {
-                t0,
-                t1,
-                steps,
-                every,
+        let redundant = if tapes.contains("reactions")? {
+            Some(Box::new(Redundant {
+                reactions: tape("reactions")?,
+                pattern: pattern("reactions")?,
+                left_out: left_out.clone(),
+            }))
+        } else {
+            None
+        };
+        let made = Made::of(tapes.py(), (n, m, is_linear, tapes, patterns, left_out))?;
+        let system = problem::Mechanical {
+            n,
+            m,
+            is_linear,
+            stage: tape("stage")?,
+            stage_blocks: tape("stage_blocks")?,
+            stage_jacobian: tape("stage_jacobian")?,
+            node: tape("node")?,
+            node_blocks: tape("node_blocks")?,
+            node_jacobian: tape("node_jacobian")?,
+            end: tape("end")?,
+            acceleration: tape("acceleration")?,
+            patterns: Patterns {
+                p_z: pattern("p_z")?,
+                v_z,
+                p_y: pattern("p_y")?,
+                f_y: pattern("f_y")?,
+                f_z: pattern("f_z")?,
+                v_y: pattern("v_y")?,
+                g_y: pattern("g_y")?,
+                r_lam: pattern("r_lam")?,
+                r_y: pattern("r_y")?,
             },
-            control,
-            is_reversible: self.is_reversible,
-            detection: self.watch.as_ref().map(detection).transpose()?,
-            observer: Tape::clone(&self.observer.0),
-            states: self.states,
-            threads: self.threads,
-        })
+            nonholonomic,
+            redundant,
+        };
+        Ok(Self(Arc::new(system.checked().map_err(refused)?), made))
     }
-}
 
-/// A run of a mechanical or semi-explicit system.
-pub(crate) fn start(
-    problem: Problem,
-    method: &Bound<'_, PyAny>,
-    job: &Bound<'_, PyAny>,
-) -> PyResult<Result<Box<dyn Advance>, StartError>> {
-    let method = method.extract::<MechanicalMethod>()?.read()?;
-    let job = job.extract::<MechanicalJob<'_>>()?.read()?;
-    Ok(run::start(problem, method, job))
+    fn __reduce__<'py>(&self, py: Python<'py>) -> Recipe<'py> {
+        self.1.again::<Self>(py)
+    }
 }

@@ -1,7 +1,7 @@
 //! The trajectory of a mechanical or semi-explicit run, interpolated.
 
-use crate::convert::Mechanical;
 use crate::errors;
+use crate::mechanical::Mechanical;
 use crate::semi_explicit::SemiExplicit;
 use liouville_mechanics::problem::{Carried, Dynamics, Model, Path};
 use liouville_mechanics::semi_explicit;

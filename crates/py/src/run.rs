@@ -1,13 +1,13 @@
 //! Runs, as Python drives them: a slice of time, then a look at the signals.
 
 use crate::caught::Caught;
-use crate::convert::Mechanical;
 use crate::errors;
+use crate::mechanical::Mechanical;
 use crate::operator::Hamiltonian;
 use crate::second_order::{SecondOrder, Separable};
 use crate::semi_explicit::SemiExplicit;
 use crate::split::Split;
-use crate::{mechanical, schrodinger, split};
+use crate::{job, schrodinger, split};
 use liouville_base::run::{Advance, Failure, StartError, Status};
 use liouville_mechanics::run::Problem;
 use numpy::{PyArray1, PyArrayDyn, PyArrayMethods, PyReadonlyArray1};
@@ -49,7 +49,7 @@ pub(crate) fn run<'py>(
             return Run::started(py, run, caught);
         }
     };
-    Run::started(py, mechanical::start(problem, method, job)?, Vec::new())
+    Run::started(py, job::start(problem, method, job)?, Vec::new())
 }
 
 /// A run of any system by any method.

@@ -1,7 +1,8 @@
 //! Systems in their special forms, as the front end hands them over.
 
-use crate::convert::{Made, Mechanical, Recipe, Tape, item, pattern};
+use crate::convert::{Made, Recipe, Tape, item, pattern};
 use crate::errors::refused;
+use crate::mechanical::Mechanical;
 use liouville_base::tape;
 use liouville_mechanics::problem::SecondOrderPatterns;
 use pyo3::prelude::*;
