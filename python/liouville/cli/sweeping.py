@@ -48,11 +48,11 @@ def sweep(
     name, of = values
     if name in (params or {}):
         raise ValueError(f"parameter {name!r} is given twice, by --param and by --sweep")
-    default = system.params.get(name)
+    default = system.params.get(name, 0.0)
     if np.ndim(default):
-        raise ValueError(f"parameter {name!r} is a vector of {len(default)}, a sweep is of numbers")
+        raise ValueError(f"parameter {name!r} is a vector, and a sweep is of numbers")
     given = {**(params or {}), name: of}
-    placed = system.consistent(t=options["t"][0], params=given, **start)
+    placed: dict[str, Any] = system.consistent(t=options["t"][0], params=given, **start)
     moved = max(np.abs(placed[x] - np.asarray(start[x], float)).max() for x in start)
     if moved > 1e-9:
         say(f"starts were moved onto their constraints, by {moved:.3g} at most")
