@@ -288,6 +288,11 @@ def test_an_animation_moves_for_as_long_as_asked(solution, tmp_path):
         plot.animation(solution, outline, tmp_path / "swing.mp4")
 
 
+def test_a_notebook_shows_panels_and_overviews(solution):
+    for shown in (plot.trajectories(solution), plot.overview(solution)):
+        assert shown._repr_png_().startswith(b"\x89PNG")
+
+
 def test_plotting_needs_no_screen_and_no_global_state():
     code = (
         "import sys, liouville as lv; from liouville import plot, problems; "

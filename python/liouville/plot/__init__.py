@@ -1,9 +1,10 @@
 """Figures of solutions and sections, and animations of planar mechanisms.
 
 Each panel function draws on the axes it is given, or on a figure of its own, and returns the axes:
-``plot.invariants(solution).figure.savefig("drift.pdf")``. Nothing here touches ``pyplot``, so no
-window opens and no figure lingers. Colours are those of Okabe and Ito, told apart by all eyes;
-curves beyond seven run through the colours of viridis in order.
+``plot.invariants(solution).figure.savefig("drift.pdf")``. A notebook shows them, and an overview.
+Nothing here touches ``pyplot``, so no window opens and no figure lingers. Colours are those of
+Okabe and Ito, told apart by all eyes; curves beyond seven run through the colours of viridis in
+order.
 """
 
 from liouville.plot.canvas import ANIMATIONS, COLOURS, FIGURES, FLOOR, check

@@ -64,15 +64,23 @@ def matplotlib(module: str) -> Any:
 
 def blank(width: float, height: float) -> Figure:
     """Return an empty figure of a size in inches."""
-    figure: Figure = matplotlib("figure").Figure(
-        figsize=(width, height), dpi=150, layout="constrained"
-    )
-    return figure
+    matplotlib("figure")  # names the extra where it is missing
+    from liouville.plot.shown import ShownFigure
+
+    return ShownFigure(figsize=(width, height), dpi=150, layout="constrained")
+
+
+def single(width: float, height: float) -> Axes:
+    """Return the only axes of a figure of a size in inches."""
+    figure = blank(width, height)
+    from liouville.plot.shown import ShownAxes
+
+    return figure.add_subplot(axes_class=ShownAxes)
 
 
 def drawn_on(ax: Axes | None, xlabel: str, ylabel: str) -> Axes:
     """Dress the axes given, or those of a new figure."""
-    axes: Axes = blank(6.0, 3.8).add_subplot() if ax is None else ax
+    axes: Axes = single(6.0, 3.8) if ax is None else ax
     axes.set_xlabel(xlabel, fontsize=9)
     axes.set_ylabel(ylabel, fontsize=9)
     axes.tick_params(labelsize=8, color=GREY)

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from liouville.plot.canvas import GREY, UNITS, blank, colours, matplotlib, text
+from liouville.plot.canvas import GREY, UNITS, colours, matplotlib, single, text
 from liouville.section import Section
 from liouville.solution import Array
 
@@ -120,7 +120,7 @@ def _room(spans: Sequence[tuple[float, float]]) -> Axes:
     """Return the axes of a figure of the shape that is to be drawn."""
     width, height = (high - low for low, high in spans)
     scale = SIDE / max(width, height)
-    return blank(max(2.5, scale * width) + 0.7, max(2.0, scale * height) + 0.8).add_subplot()
+    return single(max(2.5, scale * width) + 0.7, max(2.0, scale * height) + 0.8)
 
 
 def _scatter(axes: Axes, points: Array, section: Section) -> None:
