@@ -49,6 +49,17 @@ def test_members_with_parameters_of_their_own_are_single_runs(method):
         np.testing.assert_array_equal(found.observed["pull"][:, k], one.observed["pull"])
 
 
+def test_many_starts_are_moved_as_each_alone():
+    y, gravity = members()
+    system, near = pendulum(), y + 0.01
+    found = system.consistent(y=near, params={"g": gravity})
+    for k in range(5):
+        alone = system.consistent(y=near[k], params={"g": gravity[k]})
+        assert all(found[name][k].tobytes() == alone[name].tobytes() for name in ("y", "z"))
+    with pytest.raises(ValueError, match="member 3: no consistent start is near"):
+        system.consistent(y=near * (np.arange(5) != 3)[:, None])
+
+
 def test_workers_of_an_executor_give_the_same_bits():
     y, gravity = members()
     how = {"t": (0, 1), "h": 0.05, "y": y, "params": {"g": gravity}}
