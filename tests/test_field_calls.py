@@ -305,12 +305,12 @@ def test_a_member_that_fails_does_not_end_the_others(diagonal):
     solution = lv.ensemble(BURSTING, method, t=(0, 2), h=H, every=3, x=x)
     with pytest.raises(lv.IntegrationError) as alone:
         lv.integrate(BURSTING, method, t=(0, 2), h=H, every=3, x=x[137])
-    assert solution.status == "done"
+    assert solution.status == "partly failed"
     assert [*solution.failures] == [137, 150]
     failure = solution.failures[137]
     assert (failure.step, failure.t) == (alone.value.step, alone.value.t)
     assert failure.message == str(alone.value)
-    expected = f"2 of 200 members failed; the first, member 137: {failure.message}"
+    expected = f"2 of 200 members failed (137 and 150); the first, member 137: {failure.message}"
     assert solution.message == expected
     k = -(-failure.step // 3) + 1 - bool(failure.step % 3)  # records up to the failure
     for member in (137, 150):
