@@ -44,10 +44,10 @@ PACKAGE_FLOORS = (
     ("_core", "errors"),
     (
         *("_arguments", "_job", "_options", "checksum", "events", "failure", "locks", "points"),
-        *("html", "progress", "tape", "terms"),
+        *("html", "motions", "progress", "tape", "terms"),
     ),
     ("control", "methods", "parts", "systems"),
-    ("solution", "splitting"),
+    ("bodies", "solution", "splitting"),
     ("distribute", "planner"),
     ("runners",),
     ("integrate",),
@@ -56,8 +56,9 @@ PACKAGE_FLOORS = (
     ("stored",),
     ("cli",),
 )
-# to_xarray() and save() fetch the exporter when called, integrate() what stores a run
-LAZY = {("solution", "export"), ("integrate", "stored")}
+# to_xarray() and save() fetch the exporter when called, joint() and body() those of assemblies,
+# integrate() what stores a run
+LAZY = {("solution", "export"), ("motions", "bodies"), ("integrate", "stored")}
 
 CRATE_ROOMS = {
     "faer": ("base/src/linalg/sparse.rs",),
@@ -71,7 +72,7 @@ CRATE_ROOMS = {
     "numpy": ("py/",),
 }
 PACKAGE_ROOMS = {
-    "casadi": ("problems/", "systems/", "tape.py"),
+    "casadi": ("bodies/", "problems/", "systems/", "tape.py"),
     "google_crc32c": ("stored/folder.py",),
     "h5netcdf": ("export/",),
     "matplotlib": ("plot/",),

@@ -1,5 +1,8 @@
 """Structure-preserving time integrators: a Rust core with a Python front."""
 
+import importlib as _importlib
+import typing as _typing
+
 from liouville.control import Adaptive as Adaptive
 from liouville.control import Reversible as Reversible
 from liouville.determinant import determinant as determinant
@@ -44,3 +47,13 @@ from liouville.systems import Schrodinger as Schrodinger
 from liouville.systems import SemiExplicit as SemiExplicit
 from liouville.systems import SpinChain as SpinChain
 from liouville.systems import Structure as Structure
+
+if _typing.TYPE_CHECKING:
+    from liouville import bodies as bodies
+
+
+def __getattr__(name: str) -> _typing.Any:
+    """Import ``liouville.bodies`` where it is first used."""
+    if name == "bodies":
+        return _importlib.import_module("liouville.bodies")
+    raise AttributeError(f"module 'liouville' has no attribute {name!r}")

@@ -13,6 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 from liouville import html, parts
 from liouville.errors import check_name, hinted
 from liouville.failure import Failure
+from liouville.motions import Motions
 from liouville.points import Points, times_within
 from liouville.systems import Mechanics, SemiExplicit, System
 
@@ -29,7 +30,7 @@ RESIDUALS = ("constraint", "hidden", "nonholonomic")
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Solution:
+class Solution(Motions):
     r"""A run's result: arrays with time as the first axis, and the record of how it went.
 
     Below, k is the number of kept steps, n of coordinates and m of constraints, l of them

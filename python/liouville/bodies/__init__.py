@@ -1,0 +1,18 @@
+"""Mechanisms of bodies and joints, which become ordinary systems."""
+
+from liouville.bodies.assembly import Assembly
+from liouville.bodies.body import Body
+from liouville.bodies.joints import Joint
+from liouville.bodies.mechanism import Mechanism
+from liouville.bodies.results import BodyMotion, JointMotion, body_of, joint_of
+
+__all__ = [
+    "Assembly",
+    "Body",
+    "BodyMotion",
+    "Joint",
+    "JointMotion",
+    "Mechanism",
+    "body_of",
+    "joint_of",
+]

@@ -1,0 +1,306 @@
+"""An assembly: bodies, joints and elements by name, which become a Lagrangian."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from liouville.bodies import rotations as rot
+from liouville.bodies.body import Body, Value, check_mass, given, numbers, unit
+from liouville.bodies.elements import Element
+from liouville.bodies.joining import Joining, Which
+from liouville.bodies.mechanism import Mechanism
+from liouville.bodies.registry import Frames, apart, points_of, two_points, with_height
+from liouville.errors import hinted, quoted
+from liouville.systems import _trace
+
+
+class Assembly(Joining):
+    """Bodies and joints as drawn, in the world's coordinates; a model in the making.
+
+    Numbers that may be parameters, such as masses, places and stiffnesses, are taken as functions
+    of them too: ``mass=lambda params: params.m``.
+
+    Parameters
+    ----------
+    gravity : array_like, shape (3,), or callable, optional
+        The acceleration of free fall; none by default.
+
+    Attributes
+    ----------
+    ground : Body
+        What stands still.
+
+    Examples
+    --------
+    >>> import liouville as lv
+    >>> m = lv.bodies.Assembly(gravity=(0, 0, -9.81))
+    >>> rod = m.body("rod", mass=1.0, inertia=(0.1, 0.1, 0.01), at=(0, 0, -0.5))
+    >>> m.revolute("A", m.ground, rod, at=(0, 0, 0), axis=(0, 1, 0))
+    <Revolute 'A' of 'ground' and 'rod'>
+    >>> system = m.system()
+    >>> start = m.start(values={"A": 0.3})
+    """
+
+    def __init__(self, gravity: Value = (0.0, 0.0, 0.0)) -> None:
+        super().__init__()
+        self._gravity = given("gravity", gravity, (3,))
+        self._system: Mechanism | None = None
+        self._params: Mapping[str, ArrayLike] | None = None
+
+    def __repr__(self) -> str:
+        """Count what it has."""
+        bodies = len(self._bodies) - 1
+        return f"<Assembly of {bodies} bodies and {len(self._joints)} joints>"
+
+    def _changed(self) -> None:
+        self._system = None
+
+    def body(
+        self,
+        name: str,
+        *,
+        mass: Value,
+        inertia: Value,
+        at: Value,
+        rotation: ArrayLike = (1.0, 0.0, 0.0, 0.0),
+    ) -> Body:
+        """Add a rigid body.
+
+        Parameters
+        ----------
+        name : str
+            Its name.
+        mass : float or callable
+            Its mass.
+        inertia : array_like, shape (3,) or (3, 3), or callable
+            Moments of inertia about the centre of mass in the body's own axes, the principal ones
+            or all.
+        at : array_like, shape (3,), or callable
+            Its centre of mass as drawn.
+        rotation : array_like, shape (4,), default (1, 0, 0, 0)
+            Quaternion from its own axes to the world's as drawn, of any length.
+
+        Returns
+        -------
+        Body
+            For joints and elements.
+
+        Raises
+        ------
+        TypeError, ValueError
+            An argument is wrong, or the name is there already. A mass and an inertia that depend on
+            parameters are checked by :meth:`system`.
+        """
+        what = f"body '{name}'"
+        if not callable(inertia):
+            matrix = _trace.numbers(inertia)
+            shape = (3, 3) if matrix is not None and matrix.ndim == 2 else (3,)
+            inertia = numbers(f"inertia of {what}", inertia, shape)
+        return self._with(
+            Body(
+                self._new(name),
+                "spatial",
+                given(f"mass of {what}", mass, ()),
+                inertia,
+                given(f"at= of {what}", at, (3,)),
+                tuple(unit(f"rotation of {what}", rotation, 4).tolist()),
+            )
+        )
+
+    def point_mass(self, name: str, *, mass: Value, at: Value) -> Body:
+        """Add a body without extent, which cannot turn."""
+        what = f"body '{name}'"
+        mass, at = given(f"mass of {what}", mass, ()), given(f"at= of {what}", at, (3,))
+        return self._with(Body(self._new(name), "point", mass, None, at))
+
+    def planar_body(
+        self, name: str, *, mass: Value, inertia: Value, at: Value, angle: float = 0.0
+    ) -> Body:
+        """Add a body that moves in a plane across z, with the moment of inertia about z.
+
+        `at` has two numbers, or three with the height of its plane; `angle` is that of its own x
+        against the world's as drawn.
+        """
+        what = f"body '{name}'"
+        place: Value
+        if callable(at):
+            place = with_height(at)
+        else:
+            flat = _trace.numbers(at)
+            size = 3 if flat is not None and flat.shape == (3,) else 2
+            place = np.append(numbers(f"at= of {what}", at, (size,)), np.zeros(3 - size))
+        half = float(numbers(f"angle of {what}", angle, ())) / 2
+        own = given(f"inertia of {what}", inertia, ())
+        rotation = tuple(float(x) for x in rot.turn((0.0, 0.0, 1.0), 2 * half))
+        mass = given(f"mass of {what}", mass, ())
+        return self._with(Body(self._new(name), "planar", mass, own, place, rotation))
+
+    def _with(self, body: Body) -> Body:
+        if not (callable(body.mass) or callable(body.inertia)):
+            check_mass(body, None)
+        self._bodies[body.name] = body
+        return body
+
+    def spring(
+        self,
+        name: str,
+        a: Which,
+        b: Which,
+        *,
+        at: Any,
+        stiffness: Value,
+        rest: Value | None = None,
+        damping: Value = 0.0,
+    ) -> Element:
+        """Add a spring between two points `at=(on a, on b)`, with a damper along it.
+
+        Its length at rest is that as drawn by default. It must not shrink to length zero.
+        """
+        of = f"spring '{name}'"
+        points = two_points(of, at)
+        length = apart(points)
+        if not callable(length) and length == 0:
+            raise ValueError(f"the points of {of} coincide: its direction is not defined")
+        rest = length if rest is None else given(f"rest= of {of}", rest, ())
+        values = {
+            "stiffness": given(f"stiffness= of {of}", stiffness, ()),
+            "rest": rest,
+            "damping": given(f"damping= of {of}", damping, ()),
+        }
+        return self._act("spring", name, (a, b), points, values)
+
+    def damper(self, name: str, a: Which, b: Which, *, at: Any, damping: Value) -> Element:
+        """Add a damper along the line between two points `at=(on a, on b)`."""
+        return self.spring(name, a, b, at=at, stiffness=0.0, damping=damping)
+
+    def bushing(
+        self,
+        name: str,
+        a: Which,
+        b: Which,
+        *,
+        at: Any,
+        stiffness: Value,
+        damping: Value = (0.0,) * 6,
+        axis: ArrayLike = (0.0, 0.0, 1.0),
+    ) -> Element:
+        """Hold b by stiffness in all directions of a frame of a with the third axis `axis`.
+
+        `stiffness` and `damping` have six entries, three of shifts and three of turns, or are
+        matrices of shape (6, 6), such as those of a beam. Turns are measured by twice the vector
+        part of the quaternion: forces are those of a rotation vector up to its third power.
+        """
+        of = f"bushing '{name}'"
+        values = {}
+        for what, value in (("stiffness", stiffness), ("damping", damping)):
+            found = None if callable(value) else _trace.numbers(value)
+            shape = (6, 6) if found is not None and found.ndim == 2 else (6,)
+            values[what] = given(f"{what}= of {of}", value, shape)
+            if found is not None and shape == (6, 6) and not np.allclose(found, found.T):
+                raise ValueError(f"{what}= of {of} is not symmetric")
+        frames = self._frames(of, *self._sides(of, a, b), axis=axis)
+        return self._act("bushing", name, (a, b), points_of(of, at), values, frames)
+
+    def force(
+        self, name: str, body: Which, force: Callable[..., Any], *, at: Any = None
+    ) -> Element:
+        """Let a force act at a point of a body, its centre of mass by default.
+
+        ``force(t, position, velocity, params)`` has three components in the world, of the point's
+        position and velocity.
+        """
+        own = self._body(body, f"force '{name}'")
+        place = own.at if at is None else given(f"at= of force '{name}'", at, (3,))
+        return self._act("force", name, (self.ground, own), (place, place), {}, function=force)
+
+    def torque(self, name: str, body: Which, torque: Callable[..., Any]) -> Element:
+        """Let a torque ``torque(t, angular_velocity, params)`` act, by components in the world."""
+        own = self._body(body, f"torque '{name}'")
+        place = own.at
+        return self._act("torque", name, (self.ground, own), (place, place), {}, function=torque)
+
+    def _act(
+        self,
+        kind: str,
+        name: str,
+        sides: tuple[Which, Which],
+        points: tuple[Value, Value],
+        values: Mapping[str, Value],
+        frames: Frames | None = None,
+        function: Callable[..., Any] | None = None,
+    ) -> Element:
+        of = f"{kind} '{name}'"
+        if kind in ("force", "torque") and not callable(function):
+            raise TypeError(f"{of} is a function, not {function!r}")
+        a, b = self._sides(of, *sides)
+        own = frames or self._frames(of, a, b)
+        element = Element(self._new(name), kind, a, b, points, own, values, function)
+        self._elements[name] = element
+        return element
+
+    def system(self, params: Mapping[str, ArrayLike] | None = None) -> Mechanism:
+        """Make the system.
+
+        Parameters
+        ----------
+        params : mapping of str to float or 1-D array_like, optional
+            Parameters by name, with default values, as those of :class:`~liouville.Lagrangian`.
+
+        Returns
+        -------
+        Mechanism
+            A Lagrangian whose solutions have :meth:`~liouville.Solution.joint` and
+            :meth:`~liouville.Solution.body`.
+
+        Raises
+        ------
+        TypeError, ValueError
+            There are no bodies, or bodies that nothing connects with the ground; a mass or an
+            inertia is that of no body; a function returns the wrong number of values.
+        """
+        bodies = [body for body in self._bodies.values() if body is not self.ground]
+        if not bodies:
+            raise ValueError("the assembly has no bodies")
+        if alone := self._unconnected():
+            what = "is" if len(alone) == 1 else "are"
+            sentence = f"{quoted(alone)} {what} not connected with the ground"
+            hint = f"join it, or let it fly: m.free('flight', '{alone[0]}')"
+            raise ValueError(hinted(sentence, hint))
+        defaults = _trace.Parameters(params).defaults
+        numbers_of = _trace.Namespace({name: _plain(x) for name, x in defaults.items()})
+        for body in bodies:
+            if callable(body.mass) or callable(body.inertia):
+                check_mass(body, numbers_of)
+        self._params = params
+        self._system = Mechanism(
+            bodies,
+            list(self._joints.values()),
+            list(self._elements.values()),
+            list(self._gears.values()),
+            self._gravity,
+            params,
+        )
+        return self._system
+
+    def start(
+        self,
+        values: Mapping[str, ArrayLike] | None = None,
+        rates: Mapping[str, ArrayLike] | None = None,
+        *,
+        t: float = 0.0,
+        params: Mapping[str, ArrayLike] | None = None,
+    ) -> dict[str, NDArray[np.float64]]:
+        """Assemble the mechanism: start values with some coordinates and rates of joints given.
+
+        See :meth:`Mechanism.assemble` of the system last made.
+        """
+        system = self._system or self.system(self._params)
+        return system.assemble(values, rates, t=t, params=params)
+
+
+def _plain(x: NDArray[np.float64]) -> Any:
+    return x if x.ndim else float(x)

@@ -1,0 +1,391 @@
+"""Bodies: their coordinates, their energy, and where their points and axes are."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import casadi as ca
+import numpy as np
+from numpy.typing import NDArray
+
+from liouville.bodies import rotations as rot
+from liouville.errors import hinted
+from liouville.systems import _trace
+
+#: The coordinates of each kind of body, after its name.
+PARTS = {
+    "ground": (),
+    "spatial": ("x", "y", "z", "e0", "e1", "e2", "e3"),
+    "point": ("x", "y", "z"),
+    "planar": ("x", "y", "angle"),
+}
+
+#: Moments of inertia may miss the triangle inequality by this part of the largest.
+TRIANGLE = 1e-9
+
+#: Numbers, or a function of the parameters.
+Value = Any
+
+
+@dataclass(frozen=True, eq=False)
+class Body:
+    """A body of an assembly, by :meth:`Assembly.body` and its relatives.
+
+    Attributes
+    ----------
+    name : str
+        Its name.
+    kind : str
+        ``"spatial"``, ``"point"``, ``"planar"`` or ``"ground"``.
+    mass, inertia, at : float, array or callable
+        As they were given.
+    rotation : tuple of float
+        Unit quaternion of its own axes when drawn.
+    """
+
+    name: str
+    kind: str
+    mass: Value = 0.0
+    inertia: Value = None
+    at: Value = (0.0, 0.0, 0.0)
+    rotation: tuple[float, ...] = (1.0, 0.0, 0.0, 0.0)
+
+    def __repr__(self) -> str:
+        """Name the body."""
+        return f"<Body {self.name!r}>"
+
+
+def resolved(value: Value, params: Any) -> Any:
+    """Return a value that may be a function of the parameters."""
+    return value(params) if callable(value) else value
+
+
+def column(value: Value, params: Any, size: int) -> ca.SX:
+    """Return numbers or a function of the parameters as a column of expressions."""
+    found = resolved(value, params)
+    if isinstance(found, ca.SX | ca.DM):
+        return ca.SX(found)
+    if isinstance(found, Sequence | np.ndarray):
+        return ca.vertcat(*(ca.SX(x) for x in np.asarray(found, dtype=object).ravel().tolist()))
+    return ca.SX(found) if size == 1 else ca.repmat(ca.SX(found), size, 1)
+
+
+def given(what: str, value: Value, shape: tuple[int, ...]) -> Value:
+    """Return a function of the parameters as it is, and numbers as an array of this shape."""
+    return value if callable(value) else numbers(what, value, shape)
+
+
+def numbers(what: str, value: Any, shape: tuple[int, ...]) -> NDArray[np.float64]:
+    """Return finite numbers as an array of this shape; else say what they are of."""
+    found = _trace.numbers(value)
+    if found is None or found.shape != shape or not np.isfinite(found).all():
+        wanted = f"{shape[0]} finite numbers" if shape else "a finite number"
+        raise ValueError(f"{what} is {wanted}, not {value!r}")
+    return found
+
+
+def unit(what: str, value: Any, size: int = 3) -> NDArray[np.float64]:
+    """Return a direction, or a quaternion, of length one."""
+    found = numbers(what, value, (size,))
+    length = float(np.linalg.norm(found))
+    if length == 0:
+        raise ValueError(f"{what} has length zero")
+    return found / length
+
+
+def evaluated(what: str, value: Value, params: Any, size: int) -> NDArray[np.float64]:
+    """Return the numbers of a value at the defaults of the parameters."""
+    if isinstance(value, np.ndarray):
+        return value.ravel()
+    try:
+        found = np.array(ca.DM(ca.evalf(column(value, params, size)))).ravel()
+    except (TypeError, RuntimeError, NotImplementedError) as error:
+        raise TypeError(f"{what} does not return numbers: {error}") from error
+    if found.size != size or not np.isfinite(found).all():
+        raise ValueError(f"{what} is {found.tolist()}, wanted {size} finite numbers")
+    return found
+
+
+def check_mass(body: Body, params: Any) -> None:
+    """Refuse a mass or an inertia that no body has."""
+    mass = evaluated(f"mass of body '{body.name}'", body.mass, params, 1)[0]
+    if not mass > 0:
+        raise ValueError(f"mass of body '{body.name}' is {mass:g}, and wants to be positive")
+    if body.kind == "point":
+        return
+    what = f"inertia of body '{body.name}'"
+    if body.kind == "planar":
+        moment = evaluated(what, body.inertia, params, 1)[0]
+        if not moment > 0:
+            raise ValueError(f"{what} is {moment:g}, and wants to be positive")
+        return
+    if callable(body.inertia):
+        entries = np.array(ca.DM(ca.evalf(inertia_matrix(body, params))))
+    else:
+        entries = body.inertia if body.inertia.ndim == 2 else np.diag(body.inertia)
+    if not np.isfinite(entries).all():
+        raise ValueError(f"{what} is not finite")
+    if not np.allclose(entries, entries.T, rtol=1e-9, atol=0):
+        raise ValueError(f"{what} is not symmetric")
+    moments = np.linalg.eigvalsh(entries)
+    if not moments[0] > 0:
+        sentence = f"{what} has the principal moment {moments[0]:.3g}, and wants positive ones"
+        hint = "a thin rod takes a small moment about its axis, a point m.point_mass"
+        raise ValueError(hinted(sentence, hint))
+    if moments[0] + moments[1] < moments[2] * (1 - TRIANGLE):
+        raise ValueError(
+            hinted(
+                f"{what} is that of no body: of its principal moments "
+                f"{', '.join(f'{x:.6g}' for x in moments)} the largest exceeds the sum of the "
+                "others",
+                "moments are about the centre of mass",
+            )
+        )
+
+
+def inertia_matrix(body: Body, params: Any) -> ca.SX:
+    """Return the inertia about the centre, in the body's axes, shape (3, 3)."""
+    value = resolved(body.inertia, params)
+    entries = column(value, params, 3)
+    if entries.numel() == 3:
+        return ca.diag(ca.vec(entries))
+    if entries.numel() == 9:
+        return ca.reshape(entries, 3, 3)
+    raise ValueError(
+        f"inertia of body '{body.name}' is three principal moments or a matrix of shape (3, 3), "
+        f"not {value!r}"
+    )
+
+
+class Layout:
+    """Where the coordinates of all bodies are, the ground last.
+
+    Attributes
+    ----------
+    names : tuple of str
+        Names of the bodies but the ground.
+    kinds : tuple of str
+        Their kinds.
+    starts : tuple of int
+        The first coordinate of each.
+    rotations : tuple of tuple of float
+        The quaternion of each as drawn.
+    planes : tuple of float
+        The height of the plane that a planar body moves in, for all bodies.
+    coordinates : tuple of str
+        Names of all coordinates.
+    """
+
+    def __init__(self, bodies: Sequence[Body]) -> None:
+        self.names = tuple(body.name for body in bodies)
+        self.kinds = tuple(body.kind for body in bodies)
+        self.planes = tuple(
+            float(body.at[2]) if body.kind == "planar" and not callable(body.at) else 0.0
+            for body in bodies
+        )
+        self.rotations = tuple(body.rotation for body in bodies)
+        self.coordinates = tuple(
+            f"{body.name}.{part}" for body in bodies for part in PARTS[body.kind]
+        )
+        sizes = [len(PARTS[kind]) for kind in self.kinds]
+        self.starts = tuple(np.cumsum([0, *sizes])[:-1].tolist())
+
+    def of_kind(self, kind: str) -> list[int]:
+        """Return the places of the bodies of one kind."""
+        return [k for k, own in enumerate(self.kinds) if own == kind]
+
+    def pose(self, q: NDArray[np.float64], body: int) -> tuple[Any, Any]:
+        """Return position and quaternion by components, of rows of coordinates (k, n)."""
+        zero = np.zeros(len(q))
+        if body == len(self.kinds):
+            return (zero,) * 3, (zero + 1, zero, zero, zero)
+        at, kind = self.starts[body], self.kinds[body]
+        own = q[:, at : at + len(PARTS[kind])].T
+        if kind == "spatial":
+            return tuple(own[:3]), tuple(own[3:])
+        if kind == "point":
+            return tuple(own), (zero + 1, zero, zero, zero)
+        half = own[2] / 2
+        place = (own[0], own[1], zero + self.planes[body])
+        return place, (np.cos(half), zero, zero, np.sin(half))
+
+    def twist(self, q: NDArray[np.float64], v: NDArray[np.float64], body: int) -> tuple[Any, Any]:
+        """Return velocity and angular velocity in the world by components."""
+        zero = np.zeros(len(q))
+        if body == len(self.kinds):
+            return (zero,) * 3, (zero,) * 3
+        at, kind = self.starts[body], self.kinds[body]
+        own = v[:, at : at + len(PARTS[kind])].T
+        if kind == "spatial":
+            return tuple(own[:3]), rot.world_rate(self.pose(q, body)[1], own[3:])
+        if kind == "point":
+            return tuple(own), (zero,) * 3
+        return (own[0], own[1], zero), (zero, zero, own[2])
+
+    def wrench(
+        self, q: NDArray[np.float64], force: NDArray[np.float64], body: int
+    ) -> tuple[Any, Any]:
+        """Return force, and torque about the centre, of generalised forces (k, n)."""
+        zero = np.zeros(len(q))
+        at, kind = self.starts[body], self.kinds[body]
+        own = force[:, at : at + len(PARTS[kind])].T
+        if kind == "spatial":
+            return tuple(own[:3]), rot.torque_of(self.pose(q, body)[1], own[3:])
+        if kind == "point":
+            return tuple(own), (zero,) * 3
+        return (own[0], own[1], zero), (zero, zero, own[2])
+
+    def rates(self, poses: Any, velocity: Any, omega: Any) -> NDArray[np.float64]:
+        """Return v, shape (n, j), of j twists of all bodies, each of shape (3, bodies, j)."""
+        _, e = poses
+        rows = []
+        for k, kind in enumerate(self.kinds):
+            place, spin = velocity[:, k], omega[:, k]
+            if kind == "spatial":
+                rows += [*place, *rot.rate_of(e[:, k], spin)]
+            else:
+                rows += [*place] if kind == "point" else [place[0], place[1], spin[2]]
+        return np.array([np.broadcast_to(row, velocity.shape[2:]) for row in rows])
+
+    def gathered(self, poses: Any) -> NDArray[np.float64]:
+        """Return q, shape (n,), of poses of shapes (3, bodies) and (4, bodies)."""
+        x, e = poses
+        rows: list[float] = []
+        for k, kind in enumerate(self.kinds):
+            if kind == "spatial":
+                rows += [*x[:, k], *e[:, k]]
+            else:
+                own = [*x[:, k]]
+                angle = 2 * np.arctan2(e[3, k], e[0, k])
+                rows += own if kind == "point" else [own[0], own[1], angle]
+        return np.array(rows, dtype=float)
+
+
+class Poses:
+    """Expressions of places, attitudes and velocities of all bodies, a column each, ground last.
+
+    Attributes
+    ----------
+    x, e : tuple of SX, each of shape (1, bodies + 1)
+        Positions of the centres and quaternions, by component.
+    directors : tuple of tuple of SX
+        Columns of the rotation, by component.
+    velocity, omega : tuple of SX
+        Velocities and angular velocities in the world, by component.
+    """
+
+    def __init__(self, layout: Layout, q: ca.SX, v: ca.SX) -> None:
+        self.layout, self._q, self._v = layout, q, v
+        self.x = self._x(q, layout.planes)
+        self.velocity = self._x(v, (0.0,) * len(layout.kinds))
+        self._turning()
+
+    def _x(self, q: ca.SX, planes: Sequence[float]) -> tuple[Any, ...]:
+        n, kinds, starts = q.numel(), self.layout.kinds, self.layout.starts
+        wide = ca.vertcat(q, ca.SX(0.0), *(ca.SX(z) for z in planes))
+        found = []
+        for axis in range(3):
+            places = [
+                n + 1 + k if kinds[k] == "planar" and axis == 2 else starts[k] + axis
+                for k in range(len(kinds))
+            ]
+            found.append(wide[[*places, n]].T)
+        return tuple(found)
+
+    def _turning(self) -> None:
+        layout, q, v = self.layout, self._q, self._v
+        spatial, planar = layout.of_kind("spatial"), layout.of_kind("planar")
+        rows = [[layout.starts[k] + 3 + j for k in spatial] for j in range(4)]
+        self.spatial = tuple(q[row].T for row in rows)
+        self.spatial_rates = tuple(v[row].T for row in rows)
+        angles = [layout.starts[k] + 2 for k in planar]
+        angle, turning = q[angles].T, v[angles].T
+        zeros, ones = ca.SX.zeros(1, len(planar)), ca.SX.ones(1, len(planar))
+        cos, sin = ca.cos(angle), ca.sin(angle)
+        quaternion = (ca.cos(angle / 2), zeros, zeros, ca.sin(angle / 2))
+        of_plane = ((cos, sin, zeros), (-sin, cos, zeros), (zeros, zeros, ones))
+        still = len(layout.kinds) + 1 - len(spatial) - len(planar)
+        fixed = [k for k in range(len(layout.kinds) + 1) if k not in {*spatial, *planar}]
+        order = np.argsort([*spatial, *planar, *fixed]).tolist()
+
+        def joined(first: ca.SX, second: ca.SX, constant: float) -> ca.SX:
+            return ca.horzcat(first, second, ca.SX.ones(1, still) * constant)[:, order]
+
+        self.e = tuple(
+            joined(first, second, float(k == 0))
+            for k, (first, second) in enumerate(zip(self.spatial, quaternion, strict=True))
+        )
+        own = rot.columns(self.spatial)
+        self.directors = tuple(
+            tuple(joined(own[j][k], of_plane[j][k], float(j == k)) for k in range(3))
+            for j in range(3)
+        )
+        rate = rot.world_rate(self.spatial, self.spatial_rates)
+        self.omega = tuple(
+            joined(x, y, 0.0) for x, y in zip(rate, (zeros, zeros, turning), strict=True)
+        )
+
+
+def kinetic(bodies: Sequence[Body], poses: Poses, params: Any) -> ca.SX:
+    r"""Return the kinetic energy of all bodies.
+
+    Of turning it is :math:`\tfrac12 \Omega^T (J - j) \Omega + 2 j |e'|^2` with one of the moments
+    for j. As :math:`|\Omega|^2 = 4 |e'|^2` where :math:`|e| = 1`, this is the energy there, and it
+    gives the direction along e a mass. Beside the sphere the two forms differ by a multiple of its
+    constraint, which adds to the multiplier of that alone. A ball has a constant mass.
+    """
+    layout = poses.layout
+    masses = ca.horzcat(*(column(body.mass, params, 1) for body in bodies))
+    moving = [x[:, : len(bodies)] for x in poses.velocity]
+    found: ca.SX = ca.sum2(masses * rot.dot(moving, moving)) / 2
+    spatial = [bodies[k] for k in layout.of_kind("spatial")]
+    if spatial:
+        matrices = [ca.densify(inertia_matrix(body, params)) for body in spatial]
+        common = [_common(matrix) for matrix in matrices]
+        rest = [ca.vec(x - j * ca.SX.eye(3)) for x, j in zip(matrices, common, strict=True)]
+        rows = ca.vertsplit(ca.horzcat(*(ca.densify(x) for x in rest)))
+        omega = rot.own_rate(poses.spatial, poses.spatial_rates)
+        for i in range(3):
+            for j in range(3):
+                found += ca.sum2(rows[3 * j + i] * omega[i] * omega[j]) / 2
+        squares = rot.dot(poses.spatial_rates, poses.spatial_rates)
+        found += 2 * ca.sum2(ca.horzcat(*common) * squares)
+    for k in layout.of_kind("planar"):
+        found += column(bodies[k].inertia, params, 1) * poses.omega[2][k] ** 2 / 2
+    return found
+
+
+def _common(inertia: ca.SX) -> ca.SX:
+    """Return the moment that two axes have in common, else one between the others."""
+    moments = [inertia[k, k] for k in range(3)]
+    for k in range(3):
+        if ca.is_equal(moments[k], moments[k - 1], 2):
+            return moments[k]
+    if all(x.is_constant() for x in moments):
+        return ca.SX(sorted(float(x) for x in moments)[1])
+    return moments[0]
+
+
+#: A function of a user's that is called with fresh symbols and then with expressions.
+def called(
+    what: str,
+    function: Callable[..., Any],
+    args: dict[str, Any],
+    namespace: Any,
+    size: int | None = 1,
+) -> ca.SX:
+    """Call a user's function of expressions, by symbols of its own that messages know."""
+    fresh = {name: ca.SX.sym(name, ca.SX(x).numel()) for name, x in args.items()}
+    found = _trace.column(what, function, {**fresh, "params": Known(namespace)}, size)
+    return ca.substitute(
+        found, ca.vertcat(*fresh.values()), ca.vertcat(*(ca.vec(ca.SX(x)) for x in args.values()))
+    )
+
+
+class Known:
+    """Parameters as a model's function has them, in the form that tracing takes."""
+
+    def __init__(self, namespace: Any) -> None:
+        self.namespace, self.vector = namespace, _trace.vector_of(namespace)

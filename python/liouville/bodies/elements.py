@@ -1,0 +1,163 @@
+"""Springs, dampers, bushings and forces at points: what acts without holding anything.
+
+A rate rho(q, v), linear in v, and its effort tau give the generalised forces (d rho / d v)^T tau,
+whose power is rho tau: action and reaction come out together.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import casadi as ca
+
+from liouville.bodies import rotations as rot
+from liouville.bodies.body import Body, Poses, Value, called, column
+from liouville.bodies.joints import RATES, Ends, Group, Joint
+
+#: Rates and their efforts, the same number of expressions each.
+Efforts = list[tuple[Any, Any]]
+
+
+@dataclass(frozen=True, eq=False)
+class Element:
+    """A spring, a bushing or a force, by the methods of :class:`Assembly`.
+
+    Attributes
+    ----------
+    name, kind : str
+        Its name, and ``"spring"``, ``"bushing"``, ``"force"`` or ``"torque"``.
+    a, b : Body
+        The bodies that it acts between; a force acts on b.
+    points, frames : tuple of two
+        As those of a joint.
+    values : dict
+        Its stiffness, rest length and damping, numbers or functions of the parameters.
+    function : callable or None
+        Of a force.
+    """
+
+    name: str
+    kind: str
+    a: Body
+    b: Body
+    points: tuple[Value, Value]
+    frames: tuple[tuple[float, ...], tuple[float, ...]]
+    values: Mapping[str, Value]
+    function: Callable[..., Any] | None = None
+
+    def __repr__(self) -> str:
+        """Name the element."""
+        return f"<{self.kind.capitalize()} {self.name!r}>"
+
+
+def of_elements(
+    elements: Sequence[Element], places: Mapping[str, int], poses: Poses, t: ca.SX, params: Any
+) -> tuple[ca.SX, Efforts]:
+    """Return the potential of all elements, and their efforts."""
+    potential, efforts = ca.SX(0), []
+    for kind, act in (("spring", _springs), ("bushing", _bushings)):
+        own = [element for element in elements if element.kind == kind]
+        if own:
+            energy, more = act(Group(own, places, poses, params))
+            potential += energy
+            efforts += more
+    for element in elements:
+        if element.kind in ("force", "torque"):
+            efforts += _force(element, Ends([element], places, poses, params), t)
+    return potential, efforts
+
+
+def _values(group: Ends, name: str) -> ca.SX:
+    return ca.horzcat(*(column(x.values[name], group.params, 1) for x in group.items))
+
+
+def _springs(group: Group) -> tuple[ca.SX, Efforts]:
+    """Springs and dampers along the line between two points."""
+    stiffness, damping = _values(group, "stiffness"), _values(group, "damping")
+    length = ca.sqrt(rot.dot(group.d, group.d))
+    energy = ca.sum2(stiffness * (length - _values(group, "rest")) ** 2) / 2
+    if damping.is_zero():
+        return energy, []
+    rate = rot.dot(group.d, group.d_rate) / length
+    return energy, [(rate, -damping * rate)]
+
+
+def _bushings(group: Group) -> tuple[ca.SX, Efforts]:
+    """Stiffness and damping between two frames, in the axes of the first.
+
+    Turns are 2 p_1..3, the rotation vector up to its third power.
+    """
+    turned = [2 * x * ca.sign(group.p[0]) for x in group.p[1:]]
+    axes = [group.axis(0, k) for k in range(3)]
+    shifts = [*(group.along(axis) for axis in axes), *turned]
+    rates = [group.along_rate(axis) for axis in axes]
+    rates += [rot.dot(group.spin, axis) for axis in axes]
+    energy, efforts = ca.SX(0), []
+    for k, element in enumerate(group.items):
+        shift, rate = (ca.vertcat(*(x[k] for x in rows)) for rows in (shifts, rates))
+        matrices = [
+            _matrix(element.values[name], group.params) for name in ("stiffness", "damping")
+        ]
+        energy += ca.bilin(matrices[0], shift, shift) / 2
+        if not matrices[1].is_zero():
+            efforts.append((rate, -ca.mtimes(matrices[1], rate)))
+    return energy, efforts
+
+
+def _matrix(value: Value, params: Any) -> ca.SX:
+    entries = column(value, params, 6)
+    return ca.diag(entries) if entries.numel() == 6 else ca.reshape(entries, 6, 6).T
+
+
+def _force(element: Element, ends: Ends, t: ca.SX) -> Efforts:
+    assert element.function is not None
+    if element.kind == "torque":
+        rate = ca.vertcat(*ends.of(ends.poses.omega, 1))
+        args = {"t": t, "angular_velocity": rate}
+    else:
+        rate = ca.vertcat(*ends.point_velocity(1))
+        args = {"t": t, "position": ca.vertcat(*ends.r[1]), "velocity": rate}
+    what = f"{element.kind} '{element.name}'"
+    return [(rate, called(what, element.function, args, ends.params, 3))]
+
+
+def of_joints(
+    groups: Sequence[Group], t: ca.SX, params: Any
+) -> tuple[ca.SX, dict[tuple[str, str], tuple[Any, Any, Any]]]:
+    """Return the potential of the springs of joints, and what their coordinates are.
+
+    That is by joint and coordinate the value or None, the rate, and the effort of dampers and
+    motors, without springs.
+    """
+    potential = ca.SX(0)
+    found = {}
+    for group in groups:
+        for name in group.items[0].coordinates:
+            value, rate = group.coordinate(name)
+            for k, joint in enumerate(group.items):
+                own = None if value is None else value[k]
+                if name in joint.springs:
+                    assert own is not None
+                    stiffness, rest = (column(x, params, 1) for x in joint.springs[name])
+                    potential += stiffness * (own - rest) ** 2 / 2
+                effort = _effort(joint, name, (t, own, rate[k]), params)
+                found[joint.name, name] = own, rate[k], effort
+    return potential, found
+
+
+def _effort(joint: Joint, name: str, at: tuple[ca.SX, Any, ca.SX], params: Any) -> ca.SX:
+    t, value, rate = at
+    effort = ca.SX(0)
+    if name in joint.damping:
+        effort -= column(joint.damping[name], params, 1) * rate
+    if name in joint.efforts:
+        word = "force" if name.startswith("slide") else "torque"
+        what = f"{word} of joint '{joint.name}'"
+        measure = "slide" if name.startswith("slide") else "angle"
+        args = {"t": t, measure: value, "rate": rate}
+        if name in RATES:
+            del args[measure]
+        effort += called(what, joint.efforts[name], args, params)
+    return effort

@@ -1,0 +1,316 @@
+"""Joints: what each kind holds, what it leaves free, and the equations of both.
+
+With points r on two bodies, d = r_b - r_a, frames x, y, z of each at the joint, z the axis, and the
+quaternion p = (e_a f_a)* (e_b f_b) of the frame of b in that of a: p_1 = p_2 = 0 is a turn about
+the common axis alone, p_1 = p_2 = p_3 = 0 none at all (written in the axes of body a instead), and
+no other attitude satisfies these equations. The angle about the axis is 2 atan2(p_3, p_0).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import Any
+
+import casadi as ca
+import numpy as np
+
+from liouville.bodies import rotations as rot
+from liouville.bodies.body import Body, Poses, Value, called, column, resolved
+
+
+@dataclass(frozen=True)
+class Kind:
+    """A kind of joint.
+
+    Attributes
+    ----------
+    rows : tuple of str
+        What it holds, by :data:`ROWS`.
+    coordinates : tuple of str
+        What it leaves free and measures, by :meth:`Group.coordinate`.
+    moves : tuple of str
+        Motions of b against a that a start is sought by: "turn" or "slide" and the axis.
+    keeps : bool
+        Whether these moves keep its rows, and no others do.
+    """
+
+    rows: tuple[str, ...]
+    coordinates: tuple[str, ...] = ()
+    moves: tuple[str, ...] = ()
+    keeps: bool = True
+
+
+AT = ("x", "y", "z")
+AXIS = ("tilt_x", "tilt_y")
+LOCK = ("lock_x", "lock_y", "lock_z")
+ALONG = ("off_x", "off_y")
+SPINS = ("spin_x", "spin_y", "spin_z")
+ANY = tuple(f"{what} world_{axis}" for what in ("slide", "turn") for axis in AT)
+
+KINDS = {
+    "fixed": Kind((*AT, *LOCK)),
+    "revolute": Kind((*AT, *AXIS), ("angle",), ("turn z",)),
+    "prismatic": Kind((*ALONG, *LOCK), ("slide",), ("slide z",)),
+    "cylindrical": Kind((*ALONG, *AXIS), ("angle", "slide"), ("turn z", "slide z")),
+    "universal": Kind((*AT, "cross"), ("angle", "second angle"), ("turn z", "turn x_b")),
+    "spherical": Kind(AT, SPINS, tuple(f"turn world_{axis}" for axis in AT)),
+    "planar": Kind(
+        ("off_z", *AXIS), ("angle", "slide_x", "slide_y"), ("turn z", "slide x", "slide y")
+    ),
+    "screw": Kind((*ALONG, *AXIS, "thread"), ("angle", "slide"), ("screw z",)),
+    "distance": Kind(("length",), (), ANY, keeps=False),
+    "free": Kind((), ("move_x", "move_y", "move_z", *SPINS), ANY),
+    "guide": Kind((), ("move_x", "move_y", "move_z"), ANY, keeps=False),
+    "rolling ball": Kind(("height",), SPINS, ANY, keeps=False),
+    "rolling wheel": Kind(("height",), SPINS, ANY, keeps=False),
+}
+
+#: Coordinates that are turned, and others, without a value, that are rates only.
+ANGLES = ("angle", "second angle")
+RATES = ("move_x", "move_y", "move_z", *SPINS)
+#: Coordinates that a motion can be prescribed for.
+DRIVEN = ("angle", "slide", "slide_x", "slide_y")
+
+
+@dataclass(frozen=True, eq=False)
+class Joint:
+    """A joint of an assembly, by :meth:`Assembly.revolute` and its relatives.
+
+    Attributes
+    ----------
+    name, kind : str
+        Its name, and its kind: a key of :data:`KINDS`.
+    a, b : Body
+        The bodies that it joins.
+    points : tuple of two
+        A point of each in the world as drawn, numbers or functions of the parameters.
+    frames : tuple of two
+        The quaternion of the joint's frame in each body.
+    damping, springs, efforts, motions : dict
+        Of its coordinates by name: coefficients, pairs of stiffness and rest, functions.
+    sizes : dict
+        Its further measures by name.
+    equations : callable or None
+        What a guide holds at zero, of the place of b's point in the axes of a as drawn.
+    """
+
+    name: str
+    kind: str
+    a: Body
+    b: Body
+    points: tuple[Value, Value]
+    frames: tuple[tuple[float, ...], tuple[float, ...]]
+    damping: Mapping[str, Value] = field(default_factory=dict)
+    springs: Mapping[str, tuple[Value, Value]] = field(default_factory=dict)
+    efforts: Mapping[str, Callable[..., Any]] = field(default_factory=dict)
+    motions: Mapping[str, Callable[..., Any]] = field(default_factory=dict)
+    sizes: Mapping[str, Value] = field(default_factory=dict)
+    equations: Callable[..., Any] | None = None
+
+    def __repr__(self) -> str:
+        """Name the joint and its bodies."""
+        return f"<{self.kind.capitalize()} {self.name!r} of {self.a.name!r} and {self.b.name!r}>"
+
+    @property
+    def coordinates(self) -> tuple[str, ...]:
+        """What it leaves free and measures."""
+        return KINDS[self.kind].coordinates
+
+
+class Ends:
+    """Points on two bodies each, of many joints or elements, a column each."""
+
+    def __init__(self, items: Sequence[Any], places: Mapping[str, int], poses: Poses, p: Any):
+        self.poses, self.params, self.items = poses, p, items
+        sides = [[places[getattr(item, side).name] for item in items] for side in "ab"]
+        self.sides = sides
+        points = [
+            stacked([local((item.a, item.b)[k], item.points[k], p) for item in items])
+            for k in range(2)
+        ]
+        self.arms = [rot.combine(self.directors(k), ca.vertsplit(points[k])) for k in range(2)]
+        r = [rot.plus(self.of(poses.x, k), self.arms[k]) for k in range(2)]
+        self.r, self.d = r, rot.minus(r[1], r[0])
+
+    def of(self, components: Sequence[ca.SX], side: int) -> tuple[ca.SX, ...]:
+        """Return the columns of the bodies on one side."""
+        return tuple(x[:, self.sides[side]] for x in components)
+
+    def directors(self, side: int) -> list[tuple[ca.SX, ...]]:
+        """Return the directors of the bodies on one side."""
+        return [self.of(director, side) for director in self.poses.directors]
+
+    def point_velocity(self, side: int) -> tuple[Any, ...]:
+        """Return the velocity of the points on one side."""
+        turned = rot.cross(self.of(self.poses.omega, side), self.arms[side])
+        return rot.plus(self.of(self.poses.velocity, side), turned)
+
+    @property
+    def d_rate(self) -> tuple[Any, ...]:
+        """The rate of d, in the world."""
+        return rot.minus(self.point_velocity(1), self.point_velocity(0))
+
+    @property
+    def spin(self) -> tuple[Any, ...]:
+        """The angular velocity of b against a, in the world."""
+        return rot.minus(self.of(self.poses.omega, 1), self.of(self.poses.omega, 0))
+
+
+class Group(Ends):
+    """Joints with frames, a column each."""
+
+    def __init__(self, items: Sequence[Any], places: Mapping[str, int], poses: Poses, p: Any):
+        super().__init__(items, places, poses, p)
+        self.frames = [np.array([item.frames[side] for item in items]).T for side in range(2)]
+        self.turned = rot.product(rot.conjugate(self.of(poses.e, 0)), self.of(poses.e, 1))
+
+    @cached_property
+    def p(self) -> tuple[Any, ...]:
+        """The attitude of b's frame in that of a."""
+        first, second = (constants(frame) for frame in self.frames)
+        return rot.product(rot.product(rot.conjugate(first), self.turned), second)
+
+    @cached_property
+    def off(self) -> tuple[Any, ...]:
+        """The turn of b against a from where it is locked, by the axes of body a."""
+        locked = rot.product(self.frames[1], rot.conjugate(self.frames[0]))
+        return rot.product(self.turned, constants(locked))
+
+    def axis(self, side: int, which: int) -> tuple[Any, ...]:
+        """Return axis x, y or z of the frame on one side, in the world."""
+        own = constants(rot.columns(self.frames[side])[which])
+        return rot.combine(self.directors(side), own)
+
+    def along(self, axis: tuple[Any, ...]) -> Any:
+        """Return the part of d along an axis of a."""
+        return rot.dot(axis, self.d)
+
+    def along_rate(self, axis: tuple[Any, ...]) -> Any:
+        """Return its rate."""
+        turning = rot.cross(self.of(self.poses.omega, 0), axis)
+        return rot.dot(axis, self.d_rate) + rot.dot(turning, self.d)
+
+    def coordinate(self, name: str) -> tuple[Any, Any]:
+        """Return the value of a coordinate, None if it is a rate alone, and its rate."""
+        p = self.p
+        if name in RATES:
+            rates = self.d_rate if name.startswith("move") else self.spin
+            return None, rates["xyz".index(name[-1])]
+        if name == "second angle":
+            half = ca.atan2(p[1] * p[0] + p[2] * p[3], p[0] * p[0] + p[3] * p[3])
+            return 2 * half, rot.dot(self.spin, self.axis(1, 0))
+        if name == "angle":
+            return 2 * ca.atan2(p[3], p[0]), rot.dot(self.spin, self.axis(0, 2))
+        axis = self.axis(0, {"slide": 2, "slide_x": 0, "slide_y": 1}[name])
+        return self.along(axis), self.along_rate(axis)
+
+    def size(self, name: str) -> ca.SX:
+        """Return a measure of each joint."""
+        return ca.horzcat(*(column(item.sizes[name], self.params, 1) for item in self.items))
+
+    def row(self, name: str) -> Any:
+        """Return what the joints hold at zero, by the name of a row."""
+        return ROWS[name](self)
+
+    def guide(self, k: int) -> list[ca.SX]:
+        """Return the rows of guide k."""
+        joint = self.items[k]
+        place = ca.vertcat(*(self.along(self.axis(0, axis))[k] for axis in range(3)))
+        what = f"equations of joint '{joint.name}'"
+        rows = called(what, joint.equations, {"position": place}, self.params, None)
+        if rows.numel() > 2:
+            raise ValueError(f"{what} are {rows.numel()}, wanted 1 of a surface or 2 of a curve")
+        return list(ca.vertsplit(rows))
+
+    def drive(self, k: int, coordinate: str, t: ca.SX) -> ca.SX:
+        """Return the row of joint k that prescribes a coordinate; its multiplier is the effort."""
+        joint = self.items[k]
+        what = f"motion of joint '{joint.name}'"
+        wanted = called(what, joint.motions[coordinate], {"t": t}, self.params)
+        if coordinate in ANGLES:
+            off: ca.SX = 2 * (self.p[3][k] * ca.cos(wanted / 2) - self.p[0][k] * ca.sin(wanted / 2))
+        else:
+            value, _ = self.coordinate(coordinate)
+            off = value[k] - wanted
+        return off
+
+
+def _thread(group: Group) -> Any:
+    pitch = group.size("pitch")
+    half = group.along(group.axis(0, 2)) / (2 * pitch)
+    return 2 * pitch * (group.p[3] * ca.cos(half) - group.p[0] * ca.sin(half))
+
+
+def _length(group: Group) -> Any:
+    length = group.size("length")
+    return (rot.dot(group.d, group.d) - length**2) / (2 * length)
+
+
+def _height(group: Group) -> Any:
+    """Return the height of the lowest point of a ball or a wheel over its plane."""
+    normal, radius = group.axis(0, 2), group.size("radius")
+    return group.along(normal) - radius * _slope(group)
+
+
+def _slope(group: Group) -> Any:
+    """Return the sine of the angle between the plane's normal and a wheel's axis; 1 of a ball."""
+    if group.items[0].kind == "rolling ball":
+        return 1.0
+    along = rot.dot(group.axis(0, 2), group.axis(1, 2))
+    return ca.sqrt(1 - along**2)
+
+
+def rolled(group: Group) -> tuple[Any, Any]:
+    """Return the velocity of the point of contact against the plane, along its x and y."""
+    normal, axis, radius = group.axis(0, 2), group.axis(1, 2), group.size("radius")
+    down = normal
+    if group.items[0].kind == "rolling wheel":
+        down = rot.minus(normal, rot.times(rot.dot(normal, axis), axis))
+    arm = rot.times(-radius / _slope(group), down)
+    velocity = rot.plus(group.d_rate, rot.cross(group.of(group.poses.omega, 1), arm))
+    # the plane's own motion at the point of contact
+    carried = rot.cross(group.of(group.poses.omega, 0), rot.plus(group.d, arm))
+    slip = rot.minus(velocity, carried)
+    return rot.dot(slip, group.axis(0, 0)), rot.dot(slip, group.axis(0, 1))
+
+
+ROWS: dict[str, Callable[[Group], Any]] = {
+    "x": lambda group: group.d[0],
+    "y": lambda group: group.d[1],
+    "z": lambda group: group.d[2],
+    "tilt_x": lambda group: 2 * group.p[1],
+    "tilt_y": lambda group: 2 * group.p[2],
+    "lock_x": lambda group: 2 * group.off[1],
+    "lock_y": lambda group: 2 * group.off[2],
+    "lock_z": lambda group: 2 * group.off[3],
+    "cross": lambda group: rot.dot(group.axis(0, 2), group.axis(1, 0)),
+    "off_x": lambda group: group.along(group.axis(0, 0)),
+    "off_y": lambda group: group.along(group.axis(0, 1)),
+    "off_z": lambda group: group.along(group.axis(0, 2)),
+    "thread": _thread,
+    "length": _length,
+    "height": _height,
+}
+
+
+def constants(components: rot.Components) -> list[ca.SX]:
+    """Return rows of numbers as expressions; roundoff of zero, whose products vanish, is zero."""
+    return [ca.SX(ca.DM(np.where(np.abs(x) < 1e-15, 0.0, x))).T for x in components]
+
+
+def local(body: Body, point: Value, params: Any) -> Any:
+    """Return a point of the world, as drawn, in the axes of a body."""
+    point, at = resolved(point, params), resolved(body.at, params)
+    if isinstance(point, np.ndarray) and isinstance(at, np.ndarray):
+        return np.array(rot.rotate(rot.conjugate(body.rotation), point - at))
+    difference = ca.vertsplit(column(point, params, 3) - column(at, params, 3))
+    return ca.vertcat(*rot.rotate(rot.conjugate(body.rotation), difference))
+
+
+def stacked(points: Sequence[Any]) -> ca.SX:
+    """Return points as columns."""
+    if all(isinstance(point, np.ndarray) for point in points):
+        return ca.SX(ca.DM(np.array(points).T))
+    return ca.horzcat(*(ca.SX(ca.DM(x) if isinstance(x, np.ndarray) else x) for x in points))

@@ -1,0 +1,189 @@
+"""Names, bodies, points and directions of an assembly, checked as they are given."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any
+
+import casadi as ca
+import numpy as np
+from numpy.typing import NDArray
+
+from liouville.bodies import rotations as rot
+from liouville.bodies.body import Body, Value, column, given, numbers, resolved, unit
+from liouville.bodies.elements import Element
+from liouville.bodies.joints import KINDS, RATES, Joint
+from liouville.errors import hinted, quoted
+from liouville.systems import _trace
+
+Z = (0.0, 0.0, 1.0)
+Frames = tuple[tuple[float, ...], tuple[float, ...]]
+
+
+class Registry:
+    """The base of :class:`Assembly`: what has been added, by name."""
+
+    def __init__(self) -> None:
+        self.ground = Body("ground", "ground", at=np.zeros(3))
+        self._bodies: dict[str, Body] = {"ground": self.ground}
+        self._joints: dict[str, Joint] = {}
+        self._elements: dict[str, Element] = {}
+        self._gears: dict[str, Any] = {}
+
+    def _changed(self) -> None:
+        """Note that something was added."""
+
+    def _new(self, name: Any) -> str:
+        """Return a name that nothing has yet."""
+        if not isinstance(name, str) or not name:
+            raise TypeError(f"a body, joint or element has a name, not {name!r}")
+        kinds = ("body", self._bodies), ("joint", self._joints), ("element", self._elements)
+        for kind, known in (*kinds, ("gear", self._gears)):
+            if name in known:
+                raise ValueError(f"there is a {kind} called '{name}' already")
+        self._changed()
+        return name
+
+    def _body(self, body: Any, of: str) -> Body:
+        """Return a body of this assembly, given itself or by name."""
+        if isinstance(body, str):
+            if body in self._bodies:
+                return self._bodies[body]
+            known = quoted(tuple(self._bodies))
+            raise ValueError(hinted(f"{of} joins {body!r}, which is no body", f"there are {known}"))
+        if not isinstance(body, Body):
+            raise TypeError(f"{of} joins bodies of the assembly, or their names, not {body!r}")
+        if self._bodies.get(body.name) is not body:
+            raise ValueError(f"{of} joins {body!r}, which belongs to another assembly")
+        return body
+
+    def _sides(self, of: str, a: Any, b: Any) -> tuple[Body, Body]:
+        """Return two different bodies."""
+        first, second = self._body(a, of), self._body(b, of)
+        if first is second:
+            raise ValueError(f"{of} joins '{first.name}' with itself")
+        return first, second
+
+    def _add(
+        self,
+        kind: str,
+        name: str,
+        sides: tuple[Any, Any],
+        points: tuple[Value, Value],
+        frames: Frames | None = None,
+        **more: Any,
+    ) -> Joint:
+        """Add a joint."""
+        of = f"joint '{name}'"
+        a, b = self._sides(of, *sides)
+        joint = Joint(self._new(name), kind, a, b, points, frames or self._frames(of, a, b), **more)
+        self._joints[name] = joint
+        return joint
+
+    def _frames(self, of: str, a: Body, b: Body, axis: Any = Z, x: Any = None) -> Frames:
+        """Return the frames of a joint in both bodies, for an axis or one for each body.
+
+        With x, that is the direction of the frames' first axes.
+        """
+        first, second = pair_of(of, axis)
+        if x is None and "planar" in (a.kind, b.kind) and abs(first[2]) < 1e-12:
+            x = np.cross(Z, first)  # then the third axis is across the plane
+        frame = rot.between(np.array(Z), first) if x is None else rot.of_frame(x, first)
+        other = rot.product(rot.between(first, second), frame)
+        return tuple(
+            tuple(float(c) for c in rot.product(rot.conjugate(body.rotation), own))
+            for body, own in ((a, frame), (b, other))
+        )  # type: ignore[return-value]
+
+    def _unconnected(self) -> list[str]:
+        """Return the bodies that nothing connects with the ground."""
+        pairs = [(x.a.name, x.b.name) for x in self._joints.values()]
+        pairs += [
+            (x.a.name, x.b.name) for x in self._elements.values() if x.kind in ("spring", "bushing")
+        ]
+        reached, size = {"ground"}, 0
+        while len(reached) > size:
+            size = len(reached)
+            for a, b in pairs:
+                if a in reached or b in reached:
+                    reached |= {a, b}
+        return [name for name in self._bodies if name not in reached]
+
+
+def pair_of(of: str, axis: Any) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Return the directions of an axis on both bodies, from one or two."""
+    found = _trace.numbers(axis)
+    if found is not None and found.shape == (2, 3):
+        return unit(f"axis of {of}", found[0]), unit(f"axis of {of}", found[1])
+    own = unit(f"axis of {of}", axis)
+    return own, own
+
+
+def points_of(of: str, at: Any) -> tuple[Value, Value]:
+    """Return the points on both bodies, from one or two places in the world as drawn."""
+    what = f"at= of {of}"
+    if callable(at):
+        return at, at
+    if isinstance(at, Sequence | np.ndarray) and len(at) == 2:
+        return given(what, at[0], (3,)), given(what, at[1], (3,))
+    own = numbers(what, at, (3,))
+    return own, own
+
+
+def two_points(of: str, at: Any) -> tuple[Value, Value]:
+    """Return two points that are given one by one."""
+    if not isinstance(at, Sequence | np.ndarray) or len(at) != 2:
+        raise ValueError(f"at= of {of} is two points, one on each body, not {at!r}")
+    return points_of(of, at)
+
+
+def apart(points: tuple[Value, Value]) -> Value:
+    """Return the distance of two points as drawn, a function if they are."""
+    if callable(points[0]) or callable(points[1]):
+        return lambda p: ca.norm_2(column(points[1], p, 3) - column(points[0], p, 3))
+    return float(np.linalg.norm(np.asarray(points[1]) - np.asarray(points[0])))
+
+
+def by_coordinate(of: str, kind: str, what: str, value: Any, empty: Any) -> dict[str, Any]:
+    """Return what is given for the coordinates of a joint, one or as many as it has, by name."""
+    names = KINDS[kind].coordinates
+    if callable(value) or not isinstance(value, Sequence | np.ndarray):
+        alike = len(names) == 1 or set(names) <= set(RATES)
+        if not alike and value is not empty and not (_is_number(value) and value == empty):
+            raise ValueError(
+                f"{what}= of {of} is one value for each of its coordinates: {', '.join(names)}"
+            )
+        value = [value] * len(names)
+    if len(value) != len(names):
+        raise ValueError(
+            f"{what}= of {of} has {len(value)} values for its coordinates {', '.join(names)}"
+        )
+    found = {}
+    for name, own in zip(names, value, strict=True):
+        if own is None or (_is_number(own) and own == empty):
+            continue
+        found[name] = own if callable(own) else numbers(f"{what}= of {of}", own, ())
+    return found
+
+
+def check_damping(of: str, damping: Mapping[str, Value]) -> None:
+    """Refuse negative damping."""
+    for value in damping.values():
+        if not callable(value) and value < 0:
+            raise ValueError(f"damping= of {of} is {float(value):g}, and wants not to be negative")
+
+
+def _is_number(value: Any) -> bool:
+    return isinstance(value, int | float | np.number)
+
+
+def with_height(at: Any) -> Callable[[Any], Any]:
+    """Return a function for a place in the plane as one for a place in space."""
+
+    def place(params: Any) -> Any:
+        found = resolved(at, params)
+        size = found.numel() if isinstance(found, ca.SX | ca.DM) else len(found)
+        own = column(found, params, size)
+        return own if size == 3 else ca.vertcat(own, 0)
+
+    return place

@@ -1,0 +1,231 @@
+"""Motions of bodies and joints, and the forces in joints, from the states of a run."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from liouville.bodies import rotations as rot
+from liouville.bodies.body import numbers
+from liouville.bodies.joints import ANGLES, RATES
+from liouville.bodies.mechanism import Mechanism, Place
+from liouville.errors import hinted
+from liouville.systems._redundant import _gradients
+
+if TYPE_CHECKING:
+    from liouville.solution import Solution
+
+Array = NDArray[np.float64]
+
+#: Entries of directions that multipliers are free along, below which a multiplier is determined.
+FREE = 1e-8
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class BodyMotion:
+    """The motion of a body, in the world, at the k kept steps.
+
+    Attributes
+    ----------
+    name : str
+        Its name.
+    t : ndarray, shape (k,)
+        Times.
+    position, velocity : ndarray, shape (k, 3)
+        Of its centre of mass.
+    rotation : ndarray, shape (k, 4)
+        Unit quaternion from its axes to the world's.
+    angular_velocity : ndarray, shape (k, 3)
+        About the world's axes.
+    """
+
+    name: str
+    t: Array
+    position: Array
+    rotation: Array
+    velocity: Array
+    angular_velocity: Array
+
+    def point(self, at: ArrayLike) -> Array:
+        """Return the path, shape (k, 3), of a point at rest in its axes, from its centre."""
+        own = numbers(f"a point of body '{self.name}'", at, (3,))
+        path: Array = self.position + np.stack(rot.rotate(self.rotation.T, own), axis=1)
+        return path
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class JointMotion:
+    """The motion of a joint and the wrench in it, at the k kept steps.
+
+    Force and torque are those that keep the joint, and that prescribe its motion; they act on its
+    second body, at its point there, and the opposite ones on the first. What dampers, springs and
+    motors exert along its coordinates is `effort` and not among them.
+
+    Attributes
+    ----------
+    name : str
+        Its name.
+    t : ndarray, shape (k,)
+        Times.
+    force, torque : ndarray, shape (k, 3)
+        In the world, or in the frame of the joint in its second body, the third axis along it.
+    coordinates : dict of str to ndarray, shape (k,)
+        Angles, continuous over turns, and slides by name.
+    rates : dict of str to ndarray, shape (k,)
+        Their rates, and velocities of joints that have no coordinates.
+    efforts : dict of str to ndarray, shape (k,)
+        What dampers and motors exert along each, without springs.
+    """
+
+    name: str
+    t: Array
+    force: Array
+    torque: Array
+    coordinates: dict[str, Array]
+    rates: dict[str, Array]
+    efforts: dict[str, Array]
+    _solution: Solution
+
+    @property
+    def is_determined(self) -> bool:
+        """Whether the motion alone determines force and torque.
+
+        In a loop that holds more than it needs, as planar ones of hinges in space do, those given
+        are the least of many that are possible. Computed at the start of the run.
+        """
+        system = _mechanism(self._solution, f"joint '{self.name}'")
+        return _is_determined(system, self._solution, system.place(self.name))
+
+    @property
+    def angle(self) -> Array:
+        """The angle about the axis, continuous over turns, shape (k,)."""
+        return self._only(self.coordinates, "angle")
+
+    @property
+    def slide(self) -> Array:
+        """The way along the axis, shape (k,)."""
+        return self._only(self.coordinates, "slide")
+
+    @property
+    def rate(self) -> Array:
+        """The rate of the first coordinate, shape (k,)."""
+        return self._only(self.rates, next(iter(self.rates), "rate"))
+
+    @property
+    def effort(self) -> Array:
+        """What dampers and motors exert along the first coordinate, shape (k,)."""
+        return self._only(self.efforts, next(iter(self.efforts), "effort"))
+
+    def _only(self, found: dict[str, Array], name: str) -> Array:
+        if name not in found:
+            known = ", ".join(found) or "none"
+            raise AttributeError(hinted(f"joint '{self.name}' has no {name}", f"it has {known}"))
+        return found[name]
+
+
+def body_of(solution: Solution, name: str) -> BodyMotion:
+    """Return the motion of a body; see :meth:`Solution.body`."""
+    system = _mechanism(solution, f"body '{name}'")
+    body, layout = system.body(name), system._layout
+    q, v = solution.q, solution.v
+    x, e = layout.pose(q, body)
+    velocity, omega = layout.twist(q, v, body)
+    parts = (np.stack(part, axis=1) for part in (x, e, velocity, omega))
+    return BodyMotion(name, solution.t, *parts)
+
+
+def joint_of(solution: Solution, name: str, frame: str = "world") -> JointMotion:
+    """Return the motion of a joint and the wrench in it; see :meth:`Solution.joint`."""
+    system = _mechanism(solution, f"joint '{name}'")
+    place = system.place(name)
+    if frame not in ("world", "joint"):
+        raise ValueError(f"frame is 'world' or 'joint', not {frame!r}")
+    force, torque = _wrench(system, solution, place)
+    if frame == "joint":
+        _, e = system._layout.pose(solution.q, place.bodies[1])
+        back = rot.conjugate(rot.product(e, place.frames[1]))
+        force, torque = rot.rotate(back, force), rot.rotate(back, torque)
+    values, rates, efforts = (
+        _columns(system, solution, place, what) for what in ("values", "rates", "efforts")
+    )
+    coordinates = {
+        key: _continuous(solution.t, x, rates[key]) if key in ANGLES else x
+        for key, x in values.items()
+        if key not in RATES
+    }
+    return JointMotion(
+        name,
+        solution.t,
+        np.stack(force, axis=1),
+        np.stack(torque, axis=1),
+        coordinates,
+        rates,
+        efforts,
+        solution,
+    )
+
+
+def _mechanism(solution: Solution, what: str) -> Mechanism:
+    """Return the system of a single run with states."""
+    system = solution._needed_system(f"the motion of {what} needs")
+    if not isinstance(system, Mechanism):
+        raise TypeError(
+            hinted(
+                f"{what}: the system is a {type(system).__name__} and knows no bodies and joints",
+                "make it with lv.bodies.Assembly",
+            )
+        )
+    if solution.members is not None:
+        hint = "dataclasses.replace cuts a member out of an ensemble"
+        raise ValueError(hinted(f"the motion of {what} is that of a single run", hint))
+    return system
+
+
+def _columns(system: Mechanism, solution: Solution, place: Place, what: str) -> dict[str, Array]:
+    params = system.values(solution.params)
+    found = system.output(what, params, solution.t, solution.q, solution.v)
+    return {name: found[:, place.first + k] for k, name in enumerate(place.coordinates)}
+
+
+def _wrench(system: Mechanism, solution: Solution, place: Place) -> tuple[Any, Any]:
+    """Return force and torque on the second body, about the joint's point there."""
+    q, params = solution.q, system.values(solution.params)
+    names = solution.names["constraints"]
+    lam = np.zeros_like(solution.lam)
+    own = [names.index(row) for row in place.rows]
+    lam[:, own] = solution.lam[:, own]
+    reaction = system.reaction(solution.t, q, lam, solution.params, solution.v)
+    ground = len(system.bodies)
+    # the opposite wrench acts on the first body, about the same point
+    side, sign = (1, 1.0) if place.bodies[1] != ground else (0, -1.0)
+    force, torque = system._layout.wrench(q, reaction, place.bodies[side])
+    points = system.output("points", params, solution.t[:1], q[:1], solution.v[:1])[0]
+    points = points.reshape(-1, 2, 3)[system.joints.index(place.name)]
+    x, e = system._layout.pose(q, place.bodies[1])
+    at = rot.plus(x, rot.rotate(e, points[1]))
+    centre, _ = system._layout.pose(q, place.bodies[side])
+    about = rot.minus(torque, rot.cross(rot.minus(at, centre), force))
+    return rot.times(sign, force), rot.times(sign, about)
+
+
+def _continuous(t: Array, angle: Array, rate: Array) -> Array:
+    """Return an angle that jumps by two turns as a continuous one, by its rate."""
+    predicted = np.diff(t) * (rate[1:] + rate[:-1]) / 2
+    steps = np.diff(angle)
+    turns = np.round((predicted - steps) / (4 * np.pi))
+    found = angle.copy()
+    found[1:] += 4 * np.pi * np.cumsum(turns)
+    return found
+
+
+def _is_determined(system: Mechanism, solution: Solution, place: Place) -> bool:
+    """Return whether no change of multipliers that leaves all reactions touches this joint."""
+    params = system.values(solution.params)
+    slopes = _gradients(system, solution.t[0], solution.q[0], solution.v[0], params)
+    basis, sizes, _ = np.linalg.svd(slopes)
+    free = basis[:, int((sizes > FREE * sizes.max(initial=0.0)).sum()) :]
+    own = [system.constraints.index(row) for row in place.rows]
+    return not np.abs(free[own]).max(initial=0.0) > FREE

@@ -1,0 +1,660 @@
+"""Assemblies of bodies: against minimal coordinates, Newton and Euler, closed forms, references."""
+
+import pickle
+import subprocess
+import sys
+from itertools import pairwise
+
+import casadi as ca
+import numpy as np
+import pytest
+
+import liouville as lv
+from liouville.bodies import rotations as rot
+from liouville.problems import bricard, hinged_fourbar, slider_crank
+
+G = np.array([0.0, 0.0, -9.81])
+Z = (0, 0, 1)
+CUBE = (0.1, 0.1, 0.1)
+
+
+def run(system, start, t=1.0, h=0.01, stages=4, **more):
+    return lv.integrate(system, lv.Spark(stages), t=(0, t), h=h, **start, **more)
+
+
+def unit(rng, size=3):
+    found = rng.standard_normal(size)
+    return found / np.linalg.norm(found)
+
+
+def off(values, wanted):
+    return np.abs(np.asarray(values) - wanted).max()
+
+
+# --- every kind of joint: Newton and Euler for each body --------------------------------
+
+KINDS = {
+    "spherical": lambda rng: {},
+    "revolute": lambda rng: {"axis": unit(rng), "damping": 0.2, "spring": 0.5},
+    "fixed": lambda rng: {},
+    "prismatic": lambda rng: {"axis": unit(rng), "damping": 0.1},
+    "cylindrical": lambda rng: {"axis": unit(rng), "damping": (0.1, 0.2)},
+    "universal": lambda rng: {"axes": np.linalg.qr(rng.standard_normal((3, 2)))[0].T},
+    "planar": lambda rng: {"normal": unit(rng)},
+    "screw": lambda rng: {"axis": unit(rng), "lead": 0.7},
+    "distance": lambda rng: {"at": (rng.standard_normal(3), rng.standard_normal(3))},
+}
+DATA = {"a": (1.3, (1.0, 1.5, 2.0)), "b": (0.7, (0.5, 0.7, 0.4))}
+
+
+def pair(kind, seed=1):
+    """Place a body in a ball joint and another on it at random."""
+    rng = np.random.default_rng(seed)
+    m = lv.bodies.Assembly(gravity=G)
+    for name, (mass, inertia) in DATA.items():
+        m.body(name, mass=mass, inertia=inertia, at=unit(rng), rotation=unit(rng, 4))
+    at = unit(rng)
+    m.spherical("S", m.ground, "a", at=at)
+    getattr(m, kind)("J", "a", "b", **{"at": unit(rng), **KINDS[kind](rng)})
+    system = m.system()
+    own = system.place("J").coordinates
+    rates = {"J": rng.standard_normal(len(own))} if own else {}
+    if kind == "screw":
+        rates = {"J": (1.0, None)}
+    return system, m.start(rates={"S": unit(rng), **rates})
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_forces_in_joints_satisfy_newton_and_euler(kind):
+    system, start = pair(kind)
+    assert np.linalg.matrix_rank(gradients(system, start)) == len(system.constraints)
+    h, weights = 2e-3, np.array([1 / 280, -4 / 105, 1 / 5, -4 / 5])
+    solution = run(system, start, t=8 * h, h=h)
+    weights = np.concatenate([weights, [0], -weights[::-1]]) / h
+    points = system.output("points", system.values(None), 0.0, start["q"], start["v"])
+    points = points.reshape(-1, 2, 3)
+    wrenches = {name: [np.zeros(3), np.zeros(3)] for name in DATA}
+    for k, name in enumerate(system.joints):
+        joint, place = solution.joint(name), system.place(name)
+        effort = 0.0
+        if "angle" in joint.efforts:
+            axis = np.array(rot.columns(frame_of(system, solution, place))[2])
+            effort = (
+                joint.efforts["angle"][4] - 0.5 * (kind == "revolute") * joint.angle[4]
+            ) * axis
+        push = 0.0
+        if "slide" in joint.efforts and kind != "screw":
+            axis = np.array(rot.columns(frame_of(system, solution, place, 0))[2])
+            push = joint.efforts["slide"][4] * axis
+        second = solution.body(system.bodies[place.bodies[1]])
+        at = second.point(points[k, 1])[4]
+        for side, sign in ((0, -1), (1, 1)):
+            if place.bodies[side] < len(system.bodies):
+                name = system.bodies[place.bodies[side]]
+                force = sign * (joint.force[4] + push)
+                arm = at - solution.body(name).position[4]
+                wrenches[name][0] += force
+                wrenches[name][1] += sign * (joint.torque[4] + effort) + np.cross(arm, force)
+    for name, (mass, inertia) in DATA.items():
+        body = solution.body(name)
+        turns = np.array([np.array(rot.columns(e)).T for e in body.rotation])
+        spin = np.einsum("kij,j,klj,kl->ki", turns, inertia, turns, body.angular_velocity)
+        force, torque = wrenches[name]
+        assert off(weights @ body.velocity * mass, force + mass * G) < 1e-11
+        assert off(weights @ spin, torque) < 1e-11
+    assert max(np.abs(x).max() for x in solution.residuals.values()) < 1e-14
+
+
+def gradients(system, start):
+    from liouville.systems._redundant import _gradients
+
+    return _gradients(system, 0.0, start["q"], start["v"], system.values(None))
+
+
+def frame_of(system, solution, place, side=1):
+    """Return the quaternion of a joint's frame at the fourth step."""
+    body = solution.body(system.bodies[place.bodies[side]])
+    return rot.product(body.rotation[4], place.frames[side])
+
+
+# --- trees against minimal coordinates --------------------------------------------------
+
+
+def test_a_double_pendulum_moves_as_in_its_angles():
+    masses, inertias, lengths = (1.0, 2.0), (0.1, 0.3), (1.0, 0.7)
+
+    def lagrangian(t, q, v, params):
+        x, y, energy, dx, dy = 0, 0, 0, 0, 0
+        for k, (mass, inertia, length) in enumerate(zip(masses, inertias, lengths, strict=True)):
+            turned, rate = ca.sum1(q[: k + 1]), ca.sum1(v[: k + 1])
+            half = (length / 2 * ca.sin(turned), -length / 2 * ca.cos(turned))
+            moving = (-half[1] * rate, half[0] * rate)
+            cx, cy = dx + moving[0], dy + moving[1]
+            energy += mass * (cx**2 + cy**2) / 2 + inertia * rate**2 / 2
+            energy -= mass * 9.81 * (y + half[1])
+            x, y, dx, dy = x + 2 * half[0], y + 2 * half[1], dx + 2 * moving[0], dy + 2 * moving[1]
+        return energy
+
+    minimal = lv.Lagrangian(lagrangian, q=("a", "b"))
+    wanted = run(minimal, {"q": (0.5, 0.8), "v": (2.0, -1.0)})
+    for spatial in (True, False):
+        m = lv.bodies.Assembly(gravity=(0, -9.81, 0))
+        before, place = m.ground, 0.0
+        for k, (mass, inertia, length) in enumerate(zip(masses, inertias, lengths, strict=True)):
+            at = (0, place - length / 2, 0)
+            add = m.body if spatial else m.planar_body
+            own = (inertia,) * 3 if spatial else inertia
+            body = add(f"rod{k}", mass=mass, inertia=own, at=at if spatial else at[:2])
+            m.revolute(f"J{k}", before, body, at=(0, place, 0), axis=Z)
+            before, place = body, place - length
+        system = m.system()
+        start = m.start(values={"J0": 0.5, "J1": 0.8}, rates={"J0": 2.0, "J1": -1.0})
+        solution = run(system, start)
+        for k in range(2):
+            joint = solution.joint(f"J{k}")
+            assert off(joint.angle, wanted.q[:, k]) < 1e-12
+            assert off(joint.rate, wanted.v[:, k]) < 1e-11
+
+
+def test_a_universal_joint_and_a_ball_joint_move_as_in_their_angles():
+    mass, inertia, arm = 1.2, (0.3, 0.2, 0.1), np.array([0.1, -0.2, -0.6])
+
+    def attitude(angles, axes):
+        turned = ca.SX.eye(3)
+        for axis, angle in zip(axes, angles, strict=True):
+            k = ca.skew(axis)
+            turned = turned @ (ca.SX.eye(3) + ca.sin(angle) * k + (1 - ca.cos(angle)) * k @ k)
+        return turned
+
+    def lagrangian(axes):
+        def energy(t, q, v, params):
+            turned = attitude(ca.vertsplit(q), axes)
+            rate = ca.reshape(ca.jtimes(ca.vec(turned), q, v), 3, 3)
+            spin = ca.inv_skew(turned.T @ rate)
+            moving = rate @ arm
+            return (
+                mass * ca.dot(moving, moving) / 2
+                + ca.dot(spin, ca.DM(inertia) * spin) / 2
+                + mass * ca.dot(G, turned @ arm)
+            )
+
+        return energy
+
+    axes = np.array([[0, 1, 0], [1, 0, 0], [0, 0, 1]], dtype=float)
+    for kind, count in (("universal", 2), ("spherical", 3)):
+        minimal = lv.Lagrangian(lagrangian(axes[:count]), q=count)
+        v = (1.0, 2.0, 0.5)[:count]
+        wanted = run(minimal, {"q": (0.0,) * count, "v": v})
+        m = lv.bodies.Assembly(gravity=G)
+        body = m.body("body", mass=mass, inertia=inertia, at=arm)
+        more = {"axes": axes[:2]} if count == 2 else {}
+        getattr(m, kind)("J", m.ground, body, at=(0, 0, 0), **more)
+        system = m.system()
+        rates = v if count == 2 else (v[1], v[0], v[2])
+        solution = run(system, m.start(rates={"J": rates}))
+        turns = ca.Function(
+            "R", [q := ca.SX.sym("q", count)], [attitude(ca.vertsplit(q), axes[:count]) @ arm]
+        )
+        paths = np.array([np.array(turns(row)).ravel() for row in wanted.q])
+        assert off(solution.body("body").position, paths) < 1e-12
+        if count == 2:
+            for k, name in enumerate(("angle", "second angle")):
+                assert off(solution.joint("J").coordinates[name], wanted.q[:, k]) < 1e-12
+                assert off(solution.joint("J").rates[name], wanted.v[:, k]) < 1e-11
+
+
+# --- loops: the references of the library's problems ------------------------------------
+
+
+def turned_to(axes):
+    return rot.of_frame(axes[:, 0], axes[:, 2])
+
+
+def bars(problem, m, count, mass, length):
+    q = np.array(problem.start["q"]).reshape(count, 4, 3)
+    r = problem.RADIUS
+    for k, (x, *axes) in enumerate(q):
+        along, across = r**2 / 2, length[k] ** 2 / 12 + r**2 / 4
+        inertia = mass[k] * np.array([along, across, across])
+        turned = turned_to(np.array(axes).T)
+        m.body(f"bar{k}", mass=mass[k], inertia=inertia, at=x, rotation=turned)
+    return q
+
+
+def check_reference(problem, solution, count):
+    for t, wanted in problem.reference.items():
+        step = np.argmin(np.abs(solution.t - t))
+        q, v = (np.array(wanted[x]).reshape(count, 4, 3) for x in "qv")
+        for k in range(count):
+            body = solution.body(f"bar{k}")
+            assert off(body.position[step], q[k, 0]) < 1e-12
+            assert off(body.velocity[step], v[k, 0]) < 1e-11
+            assert off(np.array(rot.columns(body.rotation[step])), q[k, 1:]) < 1e-12
+
+
+def fourbar(lengths=hinged_fourbar.LENGTHS):
+    m = lv.bodies.Assembly(gravity=(0, -9.81, 0))
+    q = bars(hinged_fourbar, m, 3, hinged_fourbar.MASSES, lengths)
+    end = [x + length / 2 * a for (x, a, *_), length in zip(q, hinged_fourbar.LENGTHS, strict=True)]
+    m.revolute("A", m.ground, "bar0", at=(0, 0, 0), axis=Z)
+    m.revolute("B", "bar0", "bar1", at=end[0], axis=Z)
+    m.revolute("C", "bar1", "bar2", at=end[1], axis=Z)
+    m.revolute("D", m.ground, "bar2", at=hinged_fourbar.GROUND, axis=Z)
+    return m
+
+
+def test_a_four_bar_of_hinges_in_space_meets_its_reference():
+    m = fourbar()
+    system = m.system()
+    solution = run(system, m.start(rates={"A": 6.0}), h=hinged_fourbar.h)
+    check_reference(hinged_fourbar, solution, 3)
+    joint = solution.joint("A")
+    assert not joint.is_determined
+    crank = solution.body("bar0").position
+    turned = np.unwrap(np.arctan2(crank[:, 1], crank[:, 0])) - 1.0
+    assert off(joint.angle, turned) < 1e-12
+    assert joint.angle[-1] > 2 * np.pi
+
+
+def test_bricards_mechanism_meets_its_reference():
+    m = lv.bodies.Assembly(gravity=(0, -9.81, 0))
+    q = bars(bricard, m, 5, (1.0,) * 5, (1.0,) * 5)
+    before = m.ground
+    for k, (x, a, _, c) in enumerate(q):
+        m.revolute(f"J{k}", before, f"bar{k}", at=x - a / 2, axis=c)
+        before = f"bar{k}"
+    m.revolute("J5", before, m.ground, at=(0, 0, 0), axis=Z)
+    system = m.system()
+    solution = run(system, m.start(rates={"J0": 3.0}), t=0.4, h=bricard.h)
+    check_reference(bricard, solution, 5)
+    assert solution.invariant_drift("energy").max() < 1e-13
+
+
+def crank(spatial):
+    m = lv.bodies.Assembly(gravity=lambda p: (0, -p.g, 0))
+    places = {
+        "crank": ("m1", "j1", lambda p: (p.l1 / 2, 0, 0)),
+        "rod": ("m2", "j2", lambda p: (p.l1 + p.l2 / 2, 0, 0)),
+        "slider": ("m3", "j2", lambda p: (p.l1 + p.l2, 0, 0)),
+    }
+    for name, (mass, inertia, at) in places.items():
+        add = m.body if spatial else m.planar_body
+        moment = lambda p, j=inertia: (getattr(p, j),) * 3 if spatial else getattr(p, j)  # noqa: E731
+        add(name, mass=lambda p, key=mass: getattr(p, key), inertia=moment, at=at)
+    m.revolute("A", m.ground, "crank", at=(0, 0, 0), axis=Z)
+    m.revolute("B", "crank", "rod", at=lambda p: (p.l1, 0, 0), axis=Z)
+    m.revolute("C", "rod", "slider", at=lambda p: (p.l1 + p.l2, 0, 0), axis=Z)
+    m.prismatic("D", m.ground, "slider", axis=(1, 0, 0))
+    return m
+
+
+@pytest.mark.parametrize("spatial", [True, False])
+def test_a_slider_crank_with_parameters_meets_its_reference(spatial):
+    m = crank(spatial)
+    system = m.system(slider_crank.system.params)
+    start = m.start(rates={"A": 150.0})
+    solution = run(system, start, t=0.1, h=slider_crank.h / 2)
+    for t, wanted in slider_crank.reference.items():
+        step = np.argmin(np.abs(solution.t - t))
+        assert off(solution.joint("A").angle[step], wanted["q"][0]) < 1e-12
+        assert off(solution.joint("D").slide[step] + 0.459, wanted["q"][2]) < 1e-12
+        assert off(solution.joint("A").rate[step], wanted["v"][0]) < 2e-12 * 150
+    if not spatial:
+        wanted = lv.integrate(
+            slider_crank.system, lv.Spark(4), t=(0, 0.1), h=slider_crank.h / 2, **slider_crank.start
+        )
+        assert off(solution.joint("D").force[:, 1], guide(wanted)) < 1e-9
+
+
+def guide(solution):
+    """Return the force of the guide on a slider without weight of its own."""
+    weight = slider_crank.system.params["m3"] * 9.81
+    return weight - solution.lam[:, solution.names["constraints"].index("guide")]
+
+
+# --- closed forms -----------------------------------------------------------------------
+
+
+def test_the_torque_of_a_prescribed_motion_is_that_of_its_inertia():
+    m = lv.bodies.Assembly(gravity=G)
+    m.body("rod", mass=1.5, inertia=(0.2, 0.3, 0.1), at=(0, 0, -0.8))
+    motion = lambda t, params: params.a * ca.sin(2 * t)  # noqa: E731
+    m.revolute("A", m.ground, "rod", at=(0, 0, 0), axis=(0, 1, 0), motion=motion)
+    system = m.system({"a": 0.7})
+    start = m.start()
+    solution = run(system, start)
+    joint = solution.joint("A", frame="joint")
+    angle = 0.7 * np.sin(2 * solution.t)
+    assert off(joint.angle, angle) < 1e-13
+    wanted = -(0.3 + 1.5 * 0.8**2) * 4 * angle + 1.5 * 9.81 * 0.8 * np.sin(angle)
+    assert off(joint.torque[:, 2], wanted) < 1e-11
+    assert off(solution.body("rod").point((0, 0, 0.8)), 0) < 1e-14
+
+
+def test_a_ball_on_a_turntable_turns_at_two_sevenths_of_its_rate():
+    m = lv.bodies.Assembly(gravity=G)
+    m.body("table", mass=1.0, inertia=CUBE, at=(0, 0, 0))
+    m.body("ball", mass=0.3, inertia=(0.3 * 0.4 * 0.1**2,) * 3, at=(0.5, 0, 0.1))
+    m.revolute("A", m.ground, "table", at=(0, 0, 0), axis=Z, motion=lambda t, params: 3.0 * t)
+    m.rolling("R", "table", "ball", radius=0.1)
+    system = m.system()
+    start = m.start(rates={"R": (1.0, 2.0, -3.0)})
+    solution = run(system, start, h=0.01, stages=6)
+    velocity = solution.body("ball").velocity
+    turned = np.exp(2j / 7 * 3.0 * solution.t) * (velocity[0, 0] + 1j * velocity[0, 1])
+    assert np.abs(turned[0]) > 0.2
+    assert off(velocity[:, 0] + 1j * velocity[:, 1], turned) < 1e-12
+    assert off(solution.joint("R").force[:, 2], 0.3 * 9.81) < 1e-12
+    assert off(solution.residuals["nonholonomic"], 0) < 1e-13
+
+
+def test_eulers_disc_stays_where_it_is():
+    tilt, radius, mass = 0.6, 0.2, 1.3
+    m = lv.bodies.Assembly(gravity=G)
+    thin = mass * radius**2 / 4
+    m.body(
+        "disc",
+        mass=mass,
+        inertia=(thin, thin, 2 * thin),
+        at=(0, 0, radius * np.sin(tilt)),
+        rotation=(np.cos(tilt / 2), 0, np.sin(tilt / 2), 0),
+    )
+    axis = np.array([np.sin(tilt), 0, np.cos(tilt)])
+    m.rolling("R", m.ground, "disc", radius=radius, axis=axis)
+    system = m.system()
+    speed = np.sqrt(4 * 9.81 / radius / np.sin(tilt)) * np.sin(tilt)
+    start = m.start(rates={"R": -speed * np.array([np.cos(tilt), 0, -np.sin(tilt)])})
+    solution = run(system, start, t=0.5, h=0.0025)
+    disc = solution.body("disc")
+    assert off(disc.position, disc.position[0]) < 1e-11
+    assert off(solution.joint("R").force, np.array([0, 0, 9.81 * mass])) < 1e-8
+
+
+def test_a_bead_slides_down_a_helix_that_stands_on_a_turned_block():
+    m = lv.bodies.Assembly(gravity=G)
+    m.body("block", mass=1.0, inertia=CUBE, at=(3, 2, 1), rotation=(1, 2, 3, 4))
+    m.fixed("F", m.ground, "block")
+    m.body("bead", mass=0.5, inertia=CUBE, at=(1, 0, 0))
+    m.guide("W", "block", "bead", lambda x, p: [x[0] - ca.cos(2 * x[2]), x[1] - ca.sin(2 * x[2])])
+    solution = run(m.system(), m.start(rates={"W": (None, None, 0.3)}))
+    height = 0.3 * solution.t - 9.81 / (1 + 4) * solution.t**2 / 2
+    assert off(solution.body("bead").position[:, 2], height) < 1e-12
+    # the curve carries all but the part of the weight along it
+    force = solution.joint("W").force
+    rate = 0.3 - 9.81 / 5 * solution.t
+    inward = 0.5 * 4 * rate**2
+    assert off(np.sum(force**2, axis=1), inward**2 + (0.5 * 9.81) ** 2 * 4 / 5) < 1e-10
+    assert off(solution.joint("F").force - force, np.array([0, 0, 9.81])) < 1e-11
+
+
+def test_gears_racks_and_screws_turn_at_their_ratios():
+    m = lv.bodies.Assembly()
+    for name, inertia, x in (("one", 0.1, 0.0), ("two", 0.3, 1.0)):
+        m.body(name, mass=1.0, inertia=(inertia,) * 3, at=(x, 0, 0))
+    m.body("rack", mass=2.0, inertia=CUBE, at=(0, 1, 0))
+    torque = lambda t, angle, rate, params: params.T  # noqa: E731
+    m.revolute("A", m.ground, "one", at=(0, 0, 0), axis=Z, torque=torque)
+    m.revolute("B", m.ground, "two", at=(1, 0, 0), axis=Z)
+    m.prismatic("C", m.ground, "rack", axis=(1, 0, 0))
+    m.gear("AB", {"A": 20, "B": 31})
+    m.gear("BC", {"B": 0.4, "C": -1})
+    system = m.system({"T": 5.0})
+    solution = run(system, m.start(), t=2.0, h=0.02, stages=6)
+    ratio = 20 / 31
+    inertia = 0.1 + (0.3 + 2.0 * 0.4**2) * ratio**2
+    angle = 5.0 / inertia * solution.t**2 / 2
+    assert angle[-1] > 8 * np.pi  # beyond the period of its quaternion
+    assert off(solution.joint("A").angle, angle) < 1e-11
+    assert off(solution.joint("B").angle, -ratio * angle) < 1e-11
+    assert off(solution.joint("C").slide, -0.4 * ratio * angle) < 1e-11
+
+    m = lv.bodies.Assembly(gravity=G)
+    m.body("nut", mass=2.0, inertia=(0.1, 0.1, 0.05), at=(0, 0, 0))
+    m.screw("S", m.ground, "nut", at=(0, 0, 0), axis=Z, lead=0.3)
+    system, pitch = m.system(), 0.3 / (2 * np.pi)
+    solution = run(system, m.start(), t=3.0, h=0.02, stages=6)
+    slide = -2.0 * 9.81 / (2.0 + 0.05 / pitch**2) * solution.t**2 / 2
+    assert slide[-1] < -3 * 0.3
+    assert off(solution.joint("S").slide, slide) < 1e-11
+    assert off(solution.joint("S").angle, slide / pitch) < 1e-10
+
+
+def test_springs_bushings_and_forces_act_as_in_minimal_coordinates():
+    # a point mass on a spring with a damper
+    m = lv.bodies.Assembly(gravity=G)
+    m.point_mass("bob", mass=0.5, at=(0.3, 0, -1))
+    m.spring("K", m.ground, "bob", at=((0, 0, 0), (0.3, 0, -1)), stiffness=20, rest=1, damping=0.3)
+    system = m.system()
+    solution = run(system, m.start())
+
+    def length(q):
+        return ca.norm_2(q)
+
+    plain = lv.Lagrangian(
+        lambda t, q, v, p: 0.25 * ca.dot(v, v) - 10 * (length(q) - 1) ** 2 + 0.5 * ca.dot(G, q),
+        force=lambda t, q, v, p: -0.3 * ca.dot(q, v) / ca.dot(q, q) * q,
+        q=3,
+    )
+    assert off(solution.q, run(plain, {"q": (0.3, 0, -1), "v": (0, 0, 0)}).q) < 1e-13
+
+    # a bushing that a body turns and shifts in, along one axis each
+    m = lv.bodies.Assembly()
+    m.body("block", mass=2.0, inertia=(0.3, 0.4, 0.5), at=(0, 0, 0))
+    values = np.arange(1.0, 7.0)
+    m.bushing("N", m.ground, "block", at=(0, 0, 0), stiffness=10 * values, damping=0.1 * values)
+    m.cylindrical("J", m.ground, "block", at=(0, 0, 0), axis=(1, 0, 0))
+    system = m.system()
+    start = m.start(values={"J": (0.9, 0.2)}, rates={"J": (1.0, 0.0)})
+    solution = run(system, start, t=0.5)
+    # the bushing's frame is the world's as drawn
+    plain = lv.Lagrangian(
+        lambda t, q, v, p: (
+            0.15 * v[0] ** 2 + v[1] ** 2 - 80 * ca.sin(q[0] / 2) ** 2 - 5 * q[1] ** 2
+        ),
+        force=lambda t, q, v, p: [-0.4 * v[0], -0.1 * v[1]],
+        q=2,
+    )
+    wanted = run(plain, {"q": (0.9, 0.2), "v": (1.0, 0.0)}, t=0.5)
+    joint = solution.joint("J")
+    assert off(joint.angle, wanted.q[:, 0]) < 1e-12
+    assert off(joint.slide, wanted.q[:, 1]) < 1e-12
+
+    # a motor, a spring and a damper on a hinge, a force at the tip and a torque
+    m = lv.bodies.Assembly()
+    m.body("rod", mass=1.0, inertia=CUBE, at=(0.5, 0, 0))
+    motor = lambda t, angle, rate, params: ca.sin(t) * angle - 0.1 * rate  # noqa: E731
+    m.revolute(
+        "A", m.ground, "rod", at=(0, 0, 0), axis=Z, torque=motor, damping=0.2, spring=3, rest=0.1
+    )
+    m.force("F", "rod", lambda t, x, v, params: [0, params.F, -v[2]], at=(1, 0, 0))
+    m.torque("T", "rod", lambda t, omega, params: -0.05 * omega)
+    system = m.system({"F": 2.0})
+    solution = run(system, m.start(values={"A": 0.2}))
+    plain = lv.Lagrangian(
+        lambda t, q, v, p: 0.175 * v[0] ** 2 - 1.5 * (q[0] - 0.1) ** 2,
+        force=lambda t, q, v, p: ca.sin(t) * q[0] - 0.35 * v[0] + 2.0 * ca.cos(q[0]),
+        q=1,
+    )
+    wanted = run(plain, {"q": (0.2,), "v": (0.0,)})
+    joint = solution.joint("A")
+    assert off(joint.angle, wanted.q[:, 0]) < 1e-12
+    assert off(joint.effort, np.sin(solution.t) * joint.angle - 0.3 * joint.rate) < 1e-12
+
+
+# --- starts -----------------------------------------------------------------------------
+
+
+def test_a_start_closes_loops_with_what_is_given():
+    m = fourbar()
+    system = m.system()
+    for angle in (0.7, -2.0, 4.0):
+        start = m.start(values={"A": angle}, rates={"D": 2.0})
+        g = system._at("node", system.values(None), 0.0, start["q"], np.zeros(23))[:23]
+        assert off(g, 0) < 1e-14
+        found = system.output("values", system.values(None), 0.0, start["q"], start["v"])[0]
+        rates = system.output("rates", system.values(None), 0.0, start["q"], start["v"])[0]
+        assert abs(found[0] - angle) < 1e-13
+        assert abs(rates[3] - 2.0) < 1e-13
+        lv.integrate(system, lv.Spark(2), t=(0, 0.01), h=0.01, **start)
+
+
+def rods(*points, pins=None):
+    """Rods between points in the plane, hinged to one another, and to the ground at both ends."""
+    m = lv.bodies.Assembly()
+    before = m.ground
+    for k, (a, b) in enumerate(pairwise(points)):
+        m.body(f"rod{k}", mass=1.0, inertia=CUBE, at=(np.add(a, b) / 2))
+        m.revolute(f"J{k}", before, f"rod{k}", at=(pins or {}).get(k, a), axis=Z)
+        before = f"rod{k}"
+    m.revolute("end", before, m.ground, at=points[-1], axis=Z)
+    return m
+
+
+@pytest.mark.parametrize(
+    ("points", "pins", "sentence"),
+    [
+        (((0, 0, 0), (1, 1, 0), (2, 0, 0)), None, "no freedom: joints 'J0', 'J1' and 'end'"),
+        (((0, 0, 0), (1, 0, 0), (2, 0, 0)), None, "first-order mobility only"),
+        (
+            ((0, 0, 0), (1, 1, 0), (2, 0, 0)),
+            {1: ((9.0, 0, 0), (1.0, 1, 0))},
+            "the loop through 'J0', 'J1' and 'end' cannot be closed",
+        ),
+    ],
+)
+def test_a_mechanism_that_cannot_move_or_be_closed_is_refused(points, pins, sentence):
+    with pytest.raises(ValueError, match=sentence):
+        rods(*points, pins=pins).start()
+
+
+def test_starts_refuse_what_contradicts_the_joints():
+    m = fourbar()
+    with pytest.raises(ValueError, match="rates given contradict"):
+        m.start(rates={"A": 1.0, "D": 1.0})
+    with pytest.raises(ValueError, match=r"loop through|values given contradict"):
+        m.start(values={"A": 0.5, "D": 3.0})
+    with pytest.raises(ValueError, match="no joint 'E'\nhint: joints are A, B, C, D"):
+        m.start(values={"E": 0.5})
+    with pytest.raises(ValueError, match="coordinates angle, and 2 of them"):
+        m.start(values={"A": (0.5, 1.0)})
+    with pytest.raises(ValueError, match="rates of joint 'A' is a finite number"):
+        m.start(rates={"A": np.nan})
+
+
+# --- calls ------------------------------------------------------------------------------
+
+
+def base():
+    m = lv.bodies.Assembly(gravity=G)
+    m.body("rod", mass=1.0, inertia=CUBE, at=(0, 0, -1))
+    return m
+
+
+AT = {"at": (0, 0, 0)}
+BAD = {
+    "at= of joint 'A' is 3 finite": lambda m: m.spherical("A", m.ground, "rod", at=(0, np.inf, 0)),
+    "axis of joint 'A' has length": lambda m: m.revolute(
+        "A", m.ground, "rod", **AT, axis=(0, 0, 0)
+    ),
+    "which is no body\nhint: there are 'ground' and 'rod'": lambda m: m.fixed("A", "rob", "rod"),
+    "belongs to another assembly": lambda m: m.fixed("A", base().ground, "rod"),
+    "joins 'rod' with itself": lambda m: m.fixed("A", "rod", "rod"),
+    "there is a body called 'rod' already": lambda m: m.free("rod", "rod"),
+    "rod' is not connected with the ground\nhint": lambda m: m.system(),
+    "inertia of body 'b' is that of no body": lambda m: m.body(
+        "b", mass=1, inertia=(1, 1, 2.1), at=(0, 0, 0)
+    ),
+    "principal moment 0": lambda m: m.body("b", mass=1, inertia=(1, 1, 0), at=(0, 0, 0)),
+    "mass of body 'b' is -1": lambda m: m.point_mass("b", mass=-1, at=(0, 0, 0)),
+    "rotation of body 'b' has length zero": lambda m: m.body(
+        "b", mass=1, inertia=CUBE, at=(0, 0, 0), rotation=(0, 0, 0, 0)
+    ),
+    "damping= of joint 'A' is -1": lambda m: m.revolute(
+        "A", m.ground, "rod", **AT, axis=Z, damping=-1
+    ),
+    "damping= of joint 'A' is one value for each": lambda m: m.cylindrical(
+        "A", m.ground, "rod", **AT, axis=Z, damping=1.0
+    ),
+    "do not cross at a right angle": lambda m: m.universal(
+        "A", m.ground, "rod", **AT, axes=((1, 0, 0), (1, 1, 0))
+    ),
+    "length= of joint 'A' is 0": lambda m: m.distance("A", m.ground, "rod", at=((0, 0, 0),) * 2),
+    "lies flat on its plane": lambda m: m.rolling("A", m.ground, "rod", radius=1, axis=Z),
+    "gear 'A' has no joint 'B'": lambda m: m.gear("A", {"B": 1, "C": 2}),
+    "lead= of joint 'A' is zero": lambda m: m.screw("A", m.ground, "rod", **AT, axis=Z, lead=0),
+    "points of spring 'K' coincide": lambda m: m.spring(
+        "K", m.ground, "rod", at=((0, 0, 0),) * 2, stiffness=1
+    ),
+    "motion= of joint 'A' is a function": lambda m: m.revolute(
+        "A", m.ground, "rod", **AT, axis=Z, motion=1.0
+    ),
+}
+
+
+@pytest.mark.parametrize("sentence", BAD)
+def test_bad_calls_are_refused_with_a_sentence(sentence):
+    with pytest.raises((ValueError, TypeError), match=sentence):
+        BAD[sentence](base())
+
+
+def test_functions_of_joints_are_refused_by_name():
+    m = base()
+    m.revolute("A", m.ground, "rod", **AT, axis=Z, torque=lambda t, params: 1.0)
+    with pytest.raises(TypeError, match=r"torque of joint 'A' is called with \(t, angle, rate, p"):
+        m.system()
+    m = lv.bodies.Assembly()
+    m.planar_body("plate", mass=1.0, inertia=1.0, at=(0, 0))
+    with pytest.raises(ValueError, match="joint 'A' of 'ground' and 'plate' does not fit"):
+        m.revolute("A", m.ground, "plate", **AT, axis=(1, 0, 0))
+    with pytest.raises(ValueError, match="the assembly has no bodies"):
+        lv.bodies.Assembly().system()
+
+
+def test_systems_are_pickled_and_run_in_ensembles():
+    m = crank(spatial=False)
+    system = m.system(slider_crank.system.params)
+    copy = pickle.loads(pickle.dumps(system))
+    start = copy.assemble(values={"A": 0.3}, rates={"A": 100.0}, params={"l1": 0.1})
+    assert off(start["q"], m.start({"A": 0.3}, {"A": 100.0}, params={"l1": 0.1})["q"]) == 0
+    speeds = np.array([0.9, 1.1])
+    many = lv.ensemble(
+        system,
+        lv.Spark(3),
+        t=(0, 0.01),
+        h=1e-3,
+        params={"l1": 0.1},
+        q=start["q"],
+        v=np.outer(speeds, start["v"]),
+    )
+    with pytest.raises(ValueError, match="the motion of joint 'A' is that of a single run"):
+        many.joint("A")
+    alone = [
+        lv.integrate(
+            x,
+            lv.Spark(3),
+            t=(0, 0.01),
+            h=1e-3,
+            params={"l1": 0.1},
+            q=start["q"],
+            v=1.1 * start["v"],
+        )
+        for x in (system, copy)
+    ]
+    assert (many.q[:, 1] == alone[0].q).all()
+    assert (alone[0].joint("D").force == alone[1].joint("D").force).all()
+    with pytest.raises(ValueError, match="there is no joint 'E'\nhint: joints are A, B, C, D"):
+        alone[0].joint("E")
+    with pytest.raises(AttributeError, match="joint 'D' has no angle\nhint: it has slide"):
+        _ = alone[0].joint("D").angle
+    with pytest.raises(TypeError, match="knows no bodies and joints"):
+        lv.integrate(
+            slider_crank.system, lv.Spark(2), t=(0, 1e-3), h=1e-3, **slider_crank.start
+        ).joint("A")
+
+
+def test_bodies_are_imported_where_they_are_used():
+    program = (
+        "import sys, liouville as lv; assert 'liouville.bodies' not in sys.modules; "
+        "lv.bodies.Assembly()"
+    )
+    subprocess.run([sys.executable, "-c", program], check=True)
