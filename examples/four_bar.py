@@ -1,0 +1,52 @@
+"""
+The forces in a four-bar
+========================
+
+Three bars and four hinges, drawn as bodies and joints. The motor of the crank is given by its
+motion; its torque and the forces in the hinges come out with the motion, at full order.
+"""
+
+import matplotlib.pyplot as plt
+import numpy as np
+
+import liouville as lv
+
+POINTS = {"A": (0.0, 0.0), "B": (0.0, 0.5), "C": (0.9, 0.9), "D": (1.1, 0.0)}
+BARS = {"crank": "AB", "coupler": "BC", "rocker": "DC"}
+
+m = lv.bodies.Assembly(gravity=(0, -9.81, 0))
+for name, (first, second) in BARS.items():
+    along = np.subtract(POINTS[second], POINTS[first])
+    length, angle = np.hypot(*along), np.arctan2(along[1], along[0])
+    middle = np.add(POINTS[first], POINTS[second]) / 2
+    m.planar_body(name, mass=2 * length, inertia=length**3 / 6, at=middle, angle=angle)
+
+for name, (a, b) in {
+    "A": ("ground", "crank"),
+    "B": ("crank", "coupler"),
+    "C": ("coupler", "rocker"),
+    "D": ("ground", "rocker"),
+}.items():
+    # the crank turns at 4 rad/s
+    motion = (lambda t, params: params.speed * t) if name == "A" else None
+    m.revolute(name, a, b, at=(*POINTS[name], 0), axis=(0, 0, 1), motion=motion)
+
+system = m.system(params={"speed": 4.0})
+solution = lv.integrate(system, lv.Spark(4), t=(0, np.pi), h=0.01, **m.start())
+
+fig, (left, right) = plt.subplots(1, 2, figsize=(10, 3.8), layout="constrained")
+for name in BARS:
+    body = solution.body(name)
+    reach = np.hypot(*np.subtract(*(POINTS[point] for point in BARS[name]))) / 2
+    ends = np.array([body.point((x, 0, 0)) for x in (-reach, reach)])
+    for k in range(0, 157, 12):
+        left.plot(*ends[:, k, :2].T, color=plt.cm.viridis(k / 157), lw=1.5)
+left.set(aspect="equal", xlabel="x / m", ylabel="y / m", title="one turn, dark to light")
+
+for name in "BCD":
+    force = solution.joint(name).force
+    right.plot(solution.t, np.hypot(force[:, 0], force[:, 1]), label=f"force in {name} / N")
+right.plot(solution.t, solution.joint("A").torque[:, 2], "k", label="torque of the motor / Nm")
+right.set(xlabel="time / s", title="what the joints bear")
+right.legend()
+plt.show()
