@@ -13,6 +13,7 @@ from liouville.bodies.body import numbers
 from liouville.bodies.joints import ANGLES, RATES
 from liouville.bodies.mechanism import Mechanism, Place
 from liouville.errors import hinted
+from liouville.parts import system_of
 from liouville.systems._redundant import _gradients
 
 if TYPE_CHECKING:
@@ -170,7 +171,7 @@ def joint_of(solution: Solution, name: str, frame: str = "world") -> JointMotion
 
 def _mechanism(solution: Solution, what: str) -> Mechanism:
     """Return the system of a single run with states."""
-    system = solution._needed_system(f"the motion of {what} needs")
+    system = system_of(solution, f"the motion of {what} needs")
     if not isinstance(system, Mechanism):
         raise TypeError(
             hinted(
