@@ -61,7 +61,7 @@ def test_the_energy_walks_at_random(name, steps, short):
 
 
 def test_the_mean_of_many_starts_stays():
-    """A walk has no mean: the remainder of the iteration has no sign."""
+    """A walk has no mean: the iteration leaves nothing of one sign, though g has few values."""
     name, method, h = CASES["Lobatto pair"]
     steps, members = 20_000, 32
     along = starts(CASES["Lobatto pair"], members)
