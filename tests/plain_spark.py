@@ -118,10 +118,14 @@ class Plain:
         x, last = np.concatenate(guess), 0.0
         for end in ends:
             for h in np.linspace(last, end, parts + 1)[1:]:
+                size = np.inf
                 for _ in range(12):
                     rest, slope, y1 = equations(x, 0, y, z, h)
-                    x = x - np.linalg.solve(slope.full(), rest.full().ravel())
-            yield y1.full().ravel()
+                    change = np.linalg.solve(slope, rest)
+                    x, before, size = x - change, size, np.abs(change).max()
+                    if before <= 1e-8 * np.abs(x).max():  # the last one was roundoff
+                        break
+            yield y1.copy()
             last = end
 
     def correction(self, tableau, y, z, h, y1, z1):
@@ -140,15 +144,15 @@ class Plain:
         ends[n:, -n:] = h * np.eye(n)
         for _ in range(40):
             rest, slope, end = equations(x, 0, y, z, h)
-            off = np.concatenate([end.full().ravel() - y1, h * (x[-n:] - z1)])
-            slopes, rests = np.vstack([slope.full(), ends]), np.append(rest.full().ravel(), off)
+            off = np.concatenate([end - y1, h * (x[-n:] - z1)])
+            slopes, rests = np.vstack([slope, ends]), np.append(rest, off)
             change = np.linalg.lstsq(slopes, rests)[0]
             x = x - change
             if np.abs(change).max() <= 1e-10 * np.abs(x).max():
                 break
         rest, slope, end = equations(x, 0, y, z, h)
-        change = np.linalg.solve(slope.full(), rest.full().ravel())
-        return end.full().ravel() - ends[:n] @ change - y1
+        change = np.linalg.solve(slope, rest)
+        return end - ends[:n] @ change - y1
 
     def step(self, key, tableau, t, y, z, h):
         """Return y1 and z1, and the multipliers psi at nodes and nu at stages."""
@@ -156,9 +160,9 @@ class Plain:
         x = np.concatenate(guess)
         for _ in range(12):
             rest, slope, _ = equations(x, t, y, z, h)
-            x = x - np.linalg.solve(slope.full(), rest.full().ravel())
+            x = x - np.linalg.solve(slope, rest)
         *_, psi, nu, z1 = np.split(x, np.cumsum([len(part) for part in guess])[:-1])
-        y1 = equations(x, t, y, z, h)[2].full().ravel()
+        y1 = equations(x, t, y, z, h)[2].copy()
         return y1, z1, psi.reshape(-1, max(self.m, 1)), nu.reshape(-1, max(self.l, 1))
 
     def _equations(self, tab):
@@ -199,8 +203,31 @@ class Plain:
         ]
         unknown = ca.vertcat(ca.vec(V), ca.vec(Z), ca.vec(psi), ca.vec(nu), z1)
         residual = ca.vertcat(*rest)
-        found = [residual, ca.densify(ca.jacobian(residual, unknown)), y1]
-        return ca.Function("step", [unknown, t, y, z, h], found), (self.m * (last + 1), self.l * s)
+        found = map(ca.densify, [residual, ca.jacobian(residual, unknown), y1])
+        function = ca.Function("step", [unknown, t, y, z, h], [*found])
+        return OnArrays(function), (self.m * (last + 1), self.l * s)
+
+
+class OnArrays:
+    """A function of CasADi's on arrays, which its results share with those of the next call."""
+
+    def __init__(self, function):
+        self._buffer, self._evaluate = function.buffer()
+        self._args = [np.zeros(function.numel_in(i)) for i in range(function.n_in())]
+        results = [np.zeros(function.numel_out(i)) for i in range(function.n_out())]
+        for i, x in enumerate(self._args):
+            self._buffer.set_arg(i, memoryview(x))
+        for i, x in enumerate(results):
+            self._buffer.set_res(i, memoryview(x))
+        rows = [function.size1_out(i) for i in range(function.n_out())]
+        shaped = [x.reshape(-1, max(n, 1)).T for n, x in zip(rows, results, strict=True)]
+        self._results = [x[:, 0] if x.shape[1] == 1 else x for x in shaped]
+
+    def __call__(self, *args):
+        for x, value in zip(self._args, args, strict=True):
+            x[:] = value
+        self._evaluate()
+        return self._results
 
 
 def column(function, *args):

@@ -108,7 +108,8 @@ def check_alpha(rng, method, weights, steps):
     for n in range(len(made.t) - 1):
         start = plain.start(made.t[n], made.q[n], made.v[n], made.a[n])
         moved = plain.correction(start, h, weights, made.q[n + 1], made.v[n + 1], made.a[n + 1])
-        worst = max(worst, np.abs(moved).max() / bound)
+        sizes = (np.abs(x).max() for x in (start.y, h * start.z, made.q[n + 1]))
+        worst = max(worst, np.abs(moved).max() / (bound * sum(sizes)))
     return len(made.t) - 1, 0, worst
 
 
