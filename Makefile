@@ -11,7 +11,7 @@ PYTEST_SETTINGS := PYTHONDONTWRITEBYTECODE= OPENBLAS_NUM_THREADS=1
 SPHINX := $(BIN)/sphinx-build -W --keep-going -q
 
 .DEFAULT_GOAL := help
-.PHONY: help demo test slow fuzz lint format build docs wheel bench ci clean
+.PHONY: help demo test slow fuzz sanitize lint format build docs wheel bench ci clean
 
 help:  ## Print the verbs
 	@sed -n 's/^\([a-z]*\):.*## /\1\t/p' $(MAKEFILE_LIST) | awk -F '\t' '{printf "make %-8s %s\n", $$1, $$2}'
@@ -29,6 +29,9 @@ slow: $(VENV)/tools  ## Run the tests that take longer than a minute each: hours
 
 fuzz: $(VENV)/tools  ## Try the properties with new seeds for SECONDS=300, and print what to replay
 	$(BIN)/python tools/fuzz.py $(SECONDS)
+
+sanitize: $(BIN)/python  ## Run the core's tests under the address and thread sanitizers and Miri, as far as Rust has them
+	$(BIN)/python tools/sanitize.py
 
 lint: $(VENV)/tools  ## Check only: rustfmt, clippy, ruff, mypy, stubtest
 	cargo fmt --all --check
