@@ -9,6 +9,7 @@ mod convert;
 mod errors;
 mod job;
 mod ladder;
+mod listing;
 mod mechanical;
 mod operator;
 mod path;
@@ -19,6 +20,7 @@ mod schrodinger;
 mod second_order;
 mod semi_explicit;
 mod split;
+mod start;
 mod tableau;
 
 use pyo3::prelude::*;
@@ -38,6 +40,8 @@ mod _core {
     #[pymodule_export]
     use super::ladder::{ladder, stability};
     #[pymodule_export]
+    use super::listing::listing;
+    #[pymodule_export]
     use super::mechanical::Mechanical;
     #[pymodule_export]
     use super::operator::{Hamiltonian, Operator};
@@ -55,6 +59,8 @@ mod _core {
     use super::semi_explicit::SemiExplicit;
     #[pymodule_export]
     use super::split::Split;
+    #[pymodule_export]
+    use super::start::{energy_jump, violation};
     #[pymodule_export]
     use super::tableau::{lobatto_pair, spark_tableau};
 

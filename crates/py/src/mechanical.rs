@@ -6,7 +6,7 @@ use liouville_base::tape;
 use liouville_mechanics::problem::{self, Nonholonomic, NonholonomicPatterns, Patterns, Redundant};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
-use std::sync::Arc;
+use std::sync::{Arc, OnceLock};
 
 /// A mechanical system in the core's terms.
 #[pyclass(frozen, module = "liouville._core")]
@@ -92,6 +92,7 @@ impl Mechanical {
             },
             nonholonomic,
             redundant,
+            schur_plan: OnceLock::new(),
         };
         Ok(Self(Arc::new(system.checked().map_err(refused)?), made))
     }

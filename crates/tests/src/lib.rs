@@ -26,7 +26,7 @@ use liouville_mechanics::semi_explicit::{self, SemiExplicit};
 use std::collections::HashMap;
 use std::ops::{Add, Mul, Neg, Sub};
 use std::rc::Rc;
-use std::sync::Arc;
+use std::sync::{Arc, OnceLock};
 
 /// The input groups of a tape at a stage; a node has λ where a stage has z.
 pub const T: usize = 0;
@@ -318,6 +318,7 @@ impl Functions {
             },
             nonholonomic: nonholonomic([n, m, self.params], k, rolling, &hidden),
             redundant: None,
+            schur_plan: OnceLock::new(),
         };
         Arc::new(problem.checked().expect("tapes and patterns fit together"))
     }

@@ -29,7 +29,7 @@ pub use kernels::{
 };
 pub use matrix::Matrix;
 pub use members::SparseOf;
-pub use node_gram::NodeGram;
+pub use node_gram::{GramPlan, NodeGram};
 pub use pattern::{Pattern, PatternError};
 pub use product::Product;
 pub use rows::Rows;

@@ -18,6 +18,7 @@ use super::product::Pairs;
 use super::{Lu, Matrix, Pattern, Singular};
 use crate::real::{Real, Scalar};
 use crate::simd::dispatch_simd;
+use std::sync::Arc;
 
 /// Pivots below this fraction of what stood in their place are roundoff.
 const TINY: f64 = 1e3 * f64::EPSILON;
@@ -43,32 +44,20 @@ macro_rules! at_nodes {
     };
 }
 
-/// The matrix, factored. Values of A and B, and vectors, stand node by node within an entry.
+/// The entries of A and B whose product each value of the matrix is a sum of, and the order of elimination.
 #[derive(Clone, Debug)]
-pub struct NodeGram<R = f64> {
-    nodes: usize,
-    /// The entries of A and B whose product each value is a sum of.
+pub struct GramPlan {
     pairs: Pairs,
-    /// P⁻¹, and (P⁻¹)_ij P_jl with i the fastest and l the slowest.
-    inverse: Matrix,
-    weights: Vec<f64>,
     plan: EliminationPlan,
-    values: Vec<R>,
-    scale: Vec<R>,
-    x: Vec<R>,
 }
 
-impl<R: Real> NodeGram<R> {
-    /// Memory for A and B of these patterns and the weights P; `None` where fill-in would be large or
-    /// nodes are many.
+impl GramPlan {
+    /// The plan for A and B of these patterns; `None` where fill-in would be large.
     ///
     /// # Panics
-    /// When P is singular, or A has not as many columns as B has rows.
-    pub fn new(a: &Pattern, b: &Pattern, weights: &Matrix) -> Option<Self> {
-        let (nodes, m) = (weights.rows(), a.shape().0);
-        if nodes > MOST_NODES {
-            return None;
-        }
+    /// When A has not as many columns as B has rows.
+    pub fn new(a: &Pattern, b: &Pattern) -> Option<Self> {
+        let m = a.shape().0;
         let (places, pairs) = Pairs::new(a, b);
         let mut couplings = places.clone();
         couplings.extend(places.iter().map(|(row, col)| (*col, *row)));
@@ -82,17 +71,56 @@ impl<R: Real> NodeGram<R> {
         };
         let plan = EliminationPlan::new(&pattern(couplings), MOST_UPDATES)?;
         let slots = plan.slots(&pattern(places));
+        Some(Self {
+            pairs: pairs.moved(&slots, plan.places()),
+            plan,
+        })
+    }
+}
+
+/// The matrix, factored. Values of A and B, and vectors, stand node by node within an entry.
+#[derive(Clone, Debug)]
+pub struct NodeGram<R = f64> {
+    nodes: usize,
+    plan: Arc<GramPlan>,
+    /// P⁻¹, and (P⁻¹)_ij P_jl with i the fastest and l the slowest.
+    inverse: Matrix,
+    weights: Vec<f64>,
+    values: Vec<R>,
+    scale: Vec<R>,
+    x: Vec<R>,
+}
+
+impl<R: Real> NodeGram<R> {
+    /// Memory for A and B of these patterns and the weights P; `None` where fill-in would be large or
+    /// nodes are many.
+    ///
+    /// # Panics
+    /// When P is singular, or A has not as many columns as B has rows.
+    pub fn new(a: &Pattern, b: &Pattern, weights: &Matrix) -> Option<Self> {
+        Self::with(Arc::new(GramPlan::new(a, b)?), weights)
+    }
+
+    /// The same with a plan that is there already.
+    ///
+    /// # Panics
+    /// When P is singular.
+    pub fn with(plan: Arc<GramPlan>, weights: &Matrix) -> Option<Self> {
+        let nodes = weights.rows();
+        if nodes > MOST_NODES {
+            return None;
+        }
         let inverse = inverse(weights);
         let weigh = |i: usize, j: usize, l: usize| inverse[(i, j)] * weights[(j, l)];
         let each = |l| (0..nodes).flat_map(move |j| (0..nodes).map(move |i| (i, j, l)));
+        let (m, places) = (plan.plan.order.len(), plan.plan.places());
         Some(Self {
             nodes,
-            pairs: pairs.moved(&slots, plan.places()),
             weights: (0..nodes)
                 .flat_map(each)
                 .map(|(i, j, l)| weigh(i, j, l))
                 .collect(),
-            values: vec![R::splat(0.0); plan.places() * nodes * nodes],
+            values: vec![R::splat(0.0); places * nodes * nodes],
             scale: vec![R::splat(0.0); m],
             x: vec![R::splat(0.0); m * nodes],
             inverse,
@@ -125,7 +153,11 @@ impl<R: Real> NodeGram<R> {
     #[inline(always)]
     fn multiply<const K: usize>(&mut self, k: usize, a: &[R], b: &[R]) {
         let (mut sum, mut column) = (zero::<R, K>(), [R::splat(0.0); K]);
-        for (block, pairs) in self.values.chunks_exact_mut(k * k).zip(self.pairs.each()) {
+        for (block, pairs) in self
+            .values
+            .chunks_exact_mut(k * k)
+            .zip(self.plan.pairs.each())
+        {
             clear(k, &mut sum);
             for (i, j) in pairs {
                 add_outer(
@@ -150,7 +182,7 @@ impl<R: Real> NodeGram<R> {
 
     #[inline(always)]
     fn eliminate<const K: usize>(&mut self, k: usize) -> Result<(), Singular> {
-        let plan = &self.plan;
+        let plan = &self.plan.plan;
         let (m, count) = (plan.order.len(), plan.neighbours.len());
         let values = &mut self.values[..];
         for (scale, block) in self.scale.iter_mut().zip(values.chunks_exact(k * k)) {
@@ -189,7 +221,7 @@ impl<R: Real> NodeGram<R> {
 
     #[inline(always)]
     fn substitute<const K: usize>(&mut self, k: usize, b: &mut [R]) {
-        let plan = &self.plan;
+        let plan = &self.plan.plan;
         let (m, count) = (plan.order.len(), plan.neighbours.len());
         let (diagonal, others) = self.values.split_at(m * k * k);
         let (lower, upper) = others.split_at(count * k * k);

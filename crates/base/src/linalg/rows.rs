@@ -180,6 +180,17 @@ impl<R: Real> Rows<R> {
         }
     }
 
+    /// A matrix of zeros with the same pattern, with so many values an entry.
+    pub fn at<S: Real>(&self, nodes: usize) -> Rows<S> {
+        Rows {
+            width: self.width,
+            starts: self.starts.clone(),
+            cols: self.cols.clone(),
+            values: vec![S::splat(0.0); nodes * self.from.len()],
+            from: self.from.clone(),
+        }
+    }
+
     /// Number of rows and columns.
     pub fn shape(&self) -> (usize, usize) {
         (self.starts.len() - 1, self.width)

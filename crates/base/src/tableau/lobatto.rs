@@ -11,12 +11,13 @@
 //! five; with B the pair is symplectic, A and D leave it symmetric. Source: jay1996, jay1998.
 
 use super::collocation::{lobatto, top};
+use super::known::{Family, once};
 use super::spark::{Between, Spark, complementary, rows};
 use crate::linalg::Matrix;
 use twofloat::TwoFloat;
 
 /// The Lobatto coefficients of the forces.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Force {
     /// IIIA, as positions.
     A,
@@ -51,6 +52,12 @@ impl Spark {
     /// When there are fewer than two points.
     pub fn lobatto(points: usize, force: Force) -> Self {
         assert!(points > 1, "a Lobatto pair has at least two stages");
+        once(Family::Lobatto(force), points, || {
+            Self::compute_lobatto(points, force)
+        })
+    }
+
+    fn compute_lobatto(points: usize, force: Force) -> Self {
         let quadrature = lobatto(points - 1);
         let mut a = rows(&quadrature, &quadrature.nodes);
         a[points - 1].clone_from(&quadrature.weights);

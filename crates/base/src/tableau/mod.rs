@@ -3,6 +3,7 @@
 mod alpha;
 mod collocation;
 pub mod composition;
+mod known;
 mod ladder;
 mod lagrange;
 mod lobatto;

@@ -8,6 +8,7 @@
 //! stages. Source: hairer1996, IV.5.
 
 use super::collocation::{lobatto, radau};
+use super::known::{Family, once};
 use super::spark::{Between, Spark, rows};
 use crate::linalg::Matrix;
 
@@ -18,6 +19,10 @@ impl Spark {
     /// When `s` is zero.
     pub fn radau(s: usize) -> Self {
         assert!(s > 0, "a SPARK method has at least one stage");
+        once(Family::Radau, s, || Self::compute_radau(s))
+    }
+
+    fn compute_radau(s: usize) -> Self {
         let stages = radau(s);
         let mut a = rows(&stages, &stages.nodes);
         a[s - 1].clone_from(&stages.weights);

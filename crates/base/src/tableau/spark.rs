@@ -21,6 +21,7 @@
 //! antonana2017.
 
 use super::collocation::{Quadrature, gauss, integrals, lobatto};
+use super::known::{Family, once};
 use crate::linalg::Matrix;
 use twofloat::TwoFloat;
 
@@ -75,6 +76,10 @@ impl Spark {
     /// When `s` is zero.
     pub fn gauss(s: usize) -> Self {
         assert!(s > 0, "a SPARK method has at least one stage");
+        once(Family::Gauss, s, || Self::compute_gauss(s))
+    }
+
+    fn compute_gauss(s: usize) -> Self {
         let (stages, nodes) = (gauss(s), lobatto(s));
         let a = rows(&stages, &stages.nodes);
         let mu = |i: usize, j: usize| a[i][j] / stages.weights[j];

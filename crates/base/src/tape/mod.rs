@@ -16,6 +16,7 @@
 mod batch;
 mod compensate;
 mod execute;
+mod listing;
 mod order;
 mod plan;
 mod program;
@@ -25,6 +26,7 @@ mod values;
 pub use batch::BatchRegisters;
 pub use compensate::CompensatedTape;
 pub use execute::Op;
+pub use listing::{Listing, Operation};
 pub use terms::Term;
 
 use crate::linalg::copy;

@@ -7,8 +7,10 @@
 //! are any, have a file of their own. Source: jay2007.
 
 mod acceleration;
+mod consistency;
 mod dense;
 mod dynamics;
+mod energy;
 mod estimate;
 mod hermite;
 mod kinetic;
@@ -27,8 +29,10 @@ mod second_order;
 mod separable;
 
 pub use acceleration::Acceleration;
+pub use consistency::{Kind, Tolerances, Violation};
 pub use dense::{Path, Point};
 pub use dynamics::Dynamics;
+pub use energy::{EnergyColumns, energy_change};
 pub(crate) use estimate::Estimate;
 pub use kinetic::Kinetic;
 pub use mass::Mass;
@@ -42,7 +46,7 @@ pub use projection::{Projection, project};
 pub use redundant::Redundant;
 pub use saddle::Saddle;
 pub(crate) use saddle::{add_product, diagnose_rank};
-pub use schur::SparseSchur;
+pub use schur::{SchurPlan, SparseSchur};
 pub use second_order::{SecondOrder, SecondOrderModel, SecondOrderPatterns};
 pub use separable::{Separable, SeparableModel};
 
@@ -50,6 +54,7 @@ use liouville_base::linalg::Pattern;
 use liouville_base::real::{Real, Scalar};
 use liouville_base::tape::Tape;
 use model::cut;
+use std::sync::{Arc, OnceLock};
 
 /// The tapes and patterns of a mechanical system with n coordinates and m constraints.
 ///
@@ -85,6 +90,8 @@ pub struct Mechanical {
     pub nonholonomic: Option<Box<Nonholonomic>>,
     /// Constraints that those above imply; nothing but multipliers knows of them.
     pub redundant: Option<Box<Redundant>>,
+    /// How constraints are eliminated where they are many, found at the first run.
+    pub schur_plan: OnceLock<Option<Arc<SchurPlan>>>,
 }
 
 /// The sparsity of each derivative.

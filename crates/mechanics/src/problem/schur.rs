@@ -5,8 +5,41 @@
 //! with given weights P; of one node with P = 1 it is that of every index-1 solve.
 
 use super::{Mass, Mechanical};
-use liouville_base::linalg::{Matrix, NodeGram, Product, Rows, Singular};
+use liouville_base::linalg::{GramPlan, Matrix, NodeGram, Product, Rows, Singular};
 use liouville_base::real::Real;
+use std::sync::Arc;
+
+/// Where S and its parts are not zero and how S is eliminated, whatever the nodes and weights.
+#[derive(Debug)]
+pub struct SchurPlan {
+    g_y: Rows,
+    r_lam: Rows,
+    /// B, where v is not z.
+    inverse_mass: Option<Arc<Product>>,
+    /// B `r_λ`.
+    inverse_mass_rt: Arc<Product>,
+    gram: Arc<GramPlan>,
+}
+
+impl SchurPlan {
+    /// `None` where a block of the mass is large, or S is not sparse.
+    fn new<R: Real>(problem: &Mechanical, mass: &Mass<R>) -> Option<Self> {
+        let g_y = Rows::of(&problem.patterns.g_y, 0);
+        let r_lam = Rows::of(&problem.patterns.r_lam, 0);
+        let inverse = mass.inverse_pattern()?;
+        let v_z = mass.v_z();
+        let inverse_mass = v_z.map(|(v_z, _)| Arc::new(Product::new(v_z, &inverse)));
+        let left = inverse_mass.as_ref().map_or(&inverse, |b| b.pattern());
+        let product = Product::new(left, &r_lam.pattern());
+        Some(Self {
+            gram: Arc::new(GramPlan::new(&g_y.pattern(), product.pattern())?),
+            inverse_mass_rt: Arc::new(product),
+            inverse_mass,
+            g_y,
+            r_lam,
+        })
+    }
+}
 
 /// `g_y` and `r_λ` at the nodes, and S, factored.
 #[derive(Clone, Debug)]
@@ -14,9 +47,9 @@ pub struct SparseSchur<R = f64> {
     g_y: Rows<R>,
     r_lam: Rows<R>,
     /// B, where v is not z.
-    inverse_mass: Option<(Product, Vec<R>)>,
+    inverse_mass: Option<(Arc<Product>, Vec<R>)>,
     /// B `r_λ` at the nodes.
-    inverse_mass_rt: (Product, Vec<R>),
+    inverse_mass_rt: (Arc<Product>, Vec<R>),
     factor: NodeGram<R>,
 }
 
@@ -25,23 +58,20 @@ impl<R: Real> SparseSchur<R> {
     /// large, or S is not sparse.
     pub fn new(problem: &Mechanical, mass: &Mass<R>, weights: &Matrix) -> Option<Self> {
         let nodes = weights.rows();
-        let g_y = Rows::of(&problem.patterns.g_y, nodes);
-        let r_lam = Rows::of(&problem.patterns.r_lam, nodes);
-        let memory = |product: Product, nodes: usize| {
+        let plan = problem
+            .schur_plan
+            .get_or_init(|| SchurPlan::new(problem, mass).map(Arc::new));
+        let plan = plan.as_ref()?;
+        let memory = |product: &Arc<Product>, nodes: usize| {
             let values = vec![R::splat(0.0); nodes * product.pattern().len()];
-            (product, values)
+            (product.clone(), values)
         };
-        let inverse = mass.inverse_pattern()?;
-        let v_z = mass.v_z().map(|(v_z, _)| Product::new(v_z, &inverse));
-        let inverse_mass = v_z.map(|product| memory(product, 1));
-        let left = inverse_mass.as_ref().map_or(&inverse, |(b, _)| b.pattern());
-        let product = Product::new(left, &r_lam.pattern());
         Some(Self {
-            factor: NodeGram::new(&g_y.pattern(), product.pattern(), weights)?,
-            inverse_mass_rt: memory(product, nodes),
-            inverse_mass,
-            g_y,
-            r_lam,
+            factor: NodeGram::with(plan.gram.clone(), weights)?,
+            inverse_mass_rt: memory(&plan.inverse_mass_rt, nodes),
+            inverse_mass: plan.inverse_mass.as_ref().map(|product| memory(product, 1)),
+            g_y: plan.g_y.at(nodes),
+            r_lam: plan.r_lam.at(nodes),
         })
     }
 
