@@ -5,7 +5,6 @@ Each kind of run is made by a process of its own whose address space is limited.
 
 import subprocess
 import sys
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -155,11 +154,8 @@ def test_limits_of_control_groups_count(tmp_path, monkeypatch):
     }  # fmt: skip
     assert [*_arguments._of_groups(tmp_path / "none")] == []
     listed.write_text("0::/job/step\n")
-    monkeypatch.setattr(_arguments, "Path", lambda *parts: listed if parts == OWN else Path(*parts))
+    monkeypatch.setattr(_arguments, "LISTED", listed)
     assert _arguments.memory() == 0.8 * 30000000
-
-
-OWN = ("/proc/self/cgroup",)
 
 
 @pytest.mark.parametrize(

@@ -1,7 +1,7 @@
 """Structure-preserving time integrators: a Rust core with a Python front."""
 
-import importlib as _importlib
 import typing as _typing
+from importlib import import_module as _import_module
 
 from liouville.control import Adaptive as Adaptive
 from liouville.control import Reversible as Reversible
@@ -9,7 +9,6 @@ from liouville.determinant import determinant as determinant
 from liouville.ensemble import ensemble as ensemble
 from liouville.errors import IntegrationError as IntegrationError
 from liouville.events import Event as Event
-from liouville.export import load as load
 from liouville.failure import Failure as Failure
 from liouville.integrate import integrate as integrate
 from liouville.methods import HHT as HHT
@@ -27,16 +26,10 @@ from liouville.methods import Spark as Spark
 from liouville.methods import SplitOperator as SplitOperator
 from liouville.methods import StabilitySplitting as StabilitySplitting
 from liouville.methods import VolumeSplitting as VolumeSplitting
-from liouville.planner import FieldPlan as FieldPlan
-from liouville.planner import Plan as Plan
-from liouville.planner import WavePlan as WavePlan
-from liouville.planner import plan as plan
 from liouville.points import Points as Points
 from liouville.section import Section as Section
 from liouville.section import section as section
 from liouville.solution import Solution as Solution
-from liouville.stored import Store as Store
-from liouville.stored import resume as resume
 from liouville.systems import Grid as Grid
 from liouville.systems import Hamiltonian as Hamiltonian
 from liouville.systems import Lagrangian as Lagrangian
@@ -50,10 +43,36 @@ from liouville.systems import Structure as Structure
 
 if _typing.TYPE_CHECKING:
     from liouville import bodies as bodies
+    from liouville.export import load as load
+    from liouville.planner import FieldPlan as FieldPlan
+    from liouville.planner import Plan as Plan
+    from liouville.planner import WavePlan as WavePlan
+    from liouville.planner import plan as plan
+    from liouville.stored import Store as Store
+    from liouville.stored import resume as resume
+
+#: Names that few runs need, by the modules that are imported when they are first used.
+_LATER = {
+    "load": "export",
+    "FieldPlan": "planner",
+    "Plan": "planner",
+    "WavePlan": "planner",
+    "plan": "planner",
+    "Store": "stored",
+    "resume": "stored",
+}
 
 
 def __getattr__(name: str) -> _typing.Any:
-    """Import ``liouville.bodies`` where it is first used."""
+    """Import a name that few runs need."""
     if name == "bodies":
-        return _importlib.import_module("liouville.bodies")
-    raise AttributeError(f"module 'liouville' has no attribute {name!r}")
+        return _import_module("liouville.bodies")
+    if name not in _LATER:
+        raise AttributeError(f"module 'liouville' has no attribute {name!r}", name=name)
+    globals()[name] = found = getattr(_import_module(f"liouville.{_LATER[name]}"), name)
+    return found
+
+
+def __dir__() -> list[str]:
+    """List these names too."""
+    return sorted({*globals(), *_LATER, "bodies"})

@@ -6,7 +6,6 @@ import math
 import os
 import sys
 from collections.abc import Iterator
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -72,39 +71,46 @@ GROUPS = {
     "memory": ("/sys/fs/cgroup/memory", "memory.limit_in_bytes"),
 }
 
+#: The file with the groups of this process.
+LISTED = "/proc/self/cgroup"
+
+#: So many bytes are taken without a look at the limits, which takes longer than a step.
+SMALL = 2**20
+
 
 def memory() -> float:
     """Return how many bytes may be taken: of the machine, the process's groups and its limits."""
     there = 2**36
     if hasattr(os, "sysconf"):
         there = os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES")
-    return 0.8 * max(0, min([there, *_of_groups(Path("/proc/self/cgroup")), *_of_limits()]))
+    return 0.8 * max(0, min([there, *_of_groups(LISTED), *_of_limits()]))
 
 
-def _of_groups(listed: Path) -> Iterator[int]:
+def _of_groups(listed: str) -> Iterator[int]:
     """Give the limits of memory of the control groups (Linux) that a process is in."""
     try:
-        lines = listed.read_text(encoding="utf-8").splitlines()
+        with open(listed, encoding="utf-8") as lines:
+            found = lines.read().splitlines()
     except (OSError, ValueError):
         return
-    for line in lines:
+    for line in found:
         _, controllers, path = line.split(":", 2)
         for controller in {"", "memory"}.intersection(controllers.split(",")):
             top, name = GROUPS[controller]
             # in a container the path may be that of the machine outside
-            group = Path(top, path.lstrip("/"))
-            for folder in (group, *group.parents):
-                limit = _number_in(folder / name)
+            folder = os.path.join(top, path.strip("/")).rstrip("/")
+            while len(folder) >= len(top):
+                limit = _number_in(os.path.join(folder, name))
                 if limit is not None:
                     yield limit
-                if folder == Path(top):
-                    break
+                folder = os.path.dirname(folder)
 
 
-def _number_in(file: Path) -> int | None:
+def _number_in(file: str) -> int | None:
     """Return the number that a file holds, if it is there and no word."""
     try:
-        return int(file.read_text(encoding="utf-8"))
+        with open(file, encoding="utf-8") as text:
+            return int(text.read())
     except (OSError, ValueError):
         return None
 
@@ -115,10 +121,10 @@ def _of_limits() -> Iterator[int]:
         return
     import resource
 
-    sizes = Path("/proc/self/statm")
     used = [0] * 7
-    if sizes.exists():
-        used = [resource.getpagesize() * int(x) for x in sizes.read_text().split()]
+    if os.path.exists("/proc/self/statm"):
+        with open("/proc/self/statm", encoding="utf-8") as sizes:
+            used = [resource.getpagesize() * int(x) for x in sizes.read().split()]
     for kind, taken in ((resource.RLIMIT_AS, used[0]), (resource.RLIMIT_DATA, used[5])):
         limit, _ = resource.getrlimit(kind)
         if limit != resource.RLIM_INFINITY:
@@ -127,8 +133,7 @@ def _of_limits() -> Iterator[int]:
 
 def check_memory(what: str, needed: float, hint: str) -> None:
     """Refuse what would not fit in memory."""
-    there = memory()
-    if needed > there:
+    if needed > SMALL and needed > (there := memory()):
         sentence = f"{what} takes {_size(needed)}, and {_size(there)} may be taken"
         raise MemoryError(hinted(sentence, hint))
 

@@ -25,8 +25,10 @@ __all__ = [
     "Tape",
     "chebyshev_degree",
     "compositions",
+    "energy_change",
     "independent_rows",
     "ladder",
+    "listing",
     "lobatto_pair",
     "path",
     "processor_degree",
@@ -35,6 +37,7 @@ __all__ = [
     "spark_tableau",
     "split_program",
     "stability",
+    "violation",
 ]
 
 OPERATIONS: dict[str, int]
@@ -122,6 +125,27 @@ class SemiExplicit:
         z: NDArray[np.float64],
         params: NDArray[np.float64],
     ) -> NDArray[np.float64] | _Error: ...
+
+def listing(
+    tape: Tape,
+) -> tuple[
+    list[tuple[int, float]], list[tuple[str, int, list[int]]], list[tuple[str, int, list[int]]]
+]: ...
+def energy_change(
+    rows: NDArray[np.float64],
+    energy: int,
+    kinetic: int | tuple[int, int, int],
+    start: Sequence[float] | NDArray[np.float64] | None,
+    rises: bool,
+) -> tuple[int, int, float, float | None] | None: ...
+def violation(
+    problem: Mechanical,
+    params: NDArray[np.float64],
+    t: float,
+    start: tuple[NDArray[np.float64], NDArray[np.float64]],
+    tolerances: tuple[float, float],
+    with_hidden: bool,
+) -> tuple[int, str, int, float, float] | None: ...
 
 @final
 class Run:

@@ -16,7 +16,7 @@ Array = np.ndarray
 Event = tuple[_core.Tape, int, int, bool]
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
+@dataclass(kw_only=True, eq=False, slots=True)
 class Job:
     """A run of one member, or of an ensemble; the core reads its attributes.
 

@@ -203,14 +203,14 @@ def steps_of(
 
 def _kind(rtol: Any, atol: Any, control: Any, takes: Takes) -> str | None:
     """Return which control is asked for, and refuse what belongs to another."""
+    if rtol is None and atol is None and control is None:
+        return None
     if not isinstance(control, Adaptive | Reversible | None):
         hint = SPELLINGS.get(control, "") if isinstance(control, str) else ""
         hint = hint or "give control=lv.Adaptive(...) or control=lv.Reversible(...)"
         raise TypeError(hinted(f"control is an Adaptive or a Reversible, not {control!r}", hint))
     given = {"rtol": rtol, "atol": atol, "control": control}
     asked = [name for name, value in given.items() if value is not None]
-    if not asked:
-        return None
     if not takes.controls:
         raise TypeError(hinted(f"{takes.name} takes equal steps and no {asked[0]}", takes.hint))
     if isinstance(control, Reversible):

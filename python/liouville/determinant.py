@@ -3,22 +3,19 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import replace
-from typing import Any
+from typing import TYPE_CHECKING
 
 from numpy.typing import ArrayLike
 
-from liouville import _core
-from liouville._arguments import check_memory
-from liouville.errors import Description
 from liouville.methods import VolumeSplitting
-from liouville.planner import FieldPlan
 from liouville.progress import Progress
-from liouville.runners import FieldRunner, Request, no_runner
+from liouville.runners import Request, no_runner
 from liouville.runners.execute import execute
 from liouville.solution import Solution
-from liouville.splitting import crossed
 from liouville.systems import PolynomialField
+
+if TYPE_CHECKING:
+    from liouville.planner import FieldPlan
 
 
 def determinant(
@@ -75,35 +72,10 @@ def determinant(
     """
     if not isinstance(system, PolynomialField):
         raise TypeError(f"determinants are those of a PolynomialField, not of {system!r}")
+    from liouville.planner import FieldPlan
+    from liouville.runners.determinant import DeterminantRunner
+
     if not isinstance(method, VolumeSplitting | FieldPlan):
         raise no_runner(method, "field", "polynomial fields")
     request = Request(t=t, h=h, steps=steps, every=every, params=params, start={"x": x})
-    return execute(_DeterminantRunner(system, method, request), progress)
-
-
-class _DeterminantRunner(FieldRunner):
-    """Runs a field with tangents."""
-
-    def __init__(
-        self, system: PolynomialField, method: VolumeSplitting | FieldPlan, request: Request
-    ) -> None:
-        super().__init__(system, method, request)
-        n = len(system.coordinates)
-        self.columns = {"x": n, "observed log_determinant": 1, "observed defect": 1}
-        hint = "this is for fields of up to a few hundred variables: take a smaller one of the kind"
-        check_memory(f"the Jacobian of {n} variables", 8.0 * n * n, hint)
-
-    def start(self) -> _core.Run | dict[str, Any]:
-        """Start the run, or return the error of its start."""
-        job = replace(self.job, observer="determinants")
-        return _core.run(crossed(self.split), self.choice.method, job)
-
-    def describe(self, error: dict[str, Any]) -> Description:
-        """Describe an error in the user's names: sentence, hint and quantity."""
-        if error.get("quantity") == "observable":
-            return (
-                "the Jacobian of the step is singular to roundoff, its determinant unknown",
-                "the step stretches some directions too much over others: try a smaller h",
-                "determinant",
-            )
-        return super().describe(error)
+    return execute(DeterminantRunner(system, method, request), progress)

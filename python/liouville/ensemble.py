@@ -3,22 +3,24 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from concurrent.futures import Executor
 from dataclasses import replace
 from functools import partial
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from liouville.distribute import Task, distribute
 from liouville.methods import Method
-from liouville.planner import Plan
 from liouville.progress import Progress
 from liouville.runners import Request, runner_of
 from liouville.runners.execute import execute, plain
 from liouville.solution import Solution
 from liouville.systems import System
+
+if TYPE_CHECKING:
+    from concurrent.futures import Executor
+
+    from liouville.planner import Plan
 
 
 def ensemble(
@@ -109,6 +111,8 @@ def ensemble(
         if chunk is not None:
             raise TypeError("chunk is for an executor: give executor= too")
         return execute(runner, progress)
+    from liouville.distribute import Task, distribute
+
     part = partial(
         ensemble, runner.system, runner.choice, t=t, h=h, steps=steps, every=every, states=states,
         observe=runner.system.portable(observe), threads=threads or 1,

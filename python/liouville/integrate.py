@@ -11,7 +11,6 @@ from numpy.typing import ArrayLike
 from liouville.control import Control
 from liouville.events import Event
 from liouville.methods import Method
-from liouville.planner import Plan
 from liouville.progress import Progress
 from liouville.runners import Request, runner_of
 from liouville.runners.execute import execute
@@ -19,6 +18,7 @@ from liouville.solution import Solution
 from liouville.systems import System
 
 if TYPE_CHECKING:
+    from liouville.planner import Plan
     from liouville.stored import Store
 
 

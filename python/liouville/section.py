@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -16,13 +16,14 @@ from liouville.errors import IntegrationError
 from liouville.events import DIRECTIONS
 from liouville.failure import Failure, summary_of
 from liouville.methods import VolumeSplitting
-from liouville.planner import FieldPlan
 from liouville.progress import Progress
-from liouville.runners import FieldRunner, Request, runner_of
+from liouville.runners import Request, runner_of
 from liouville.runners.execute import advance, explain, failures_of
 from liouville.solution import Array
-from liouville.splitting import crossed
 from liouville.systems import PolynomialField
+
+if TYPE_CHECKING:
+    from liouville.planner import FieldPlan
 
 
 @dataclass(frozen=True, eq=False)
@@ -141,6 +142,9 @@ def section(
     """
     if not isinstance(system, PolynomialField):
         raise TypeError(f"sections are those of a PolynomialField, not of {system!r}")
+    from liouville.runners.field import FieldRunner
+    from liouville.splitting import crossed
+
     request = Request(
         t=t, h=h, steps=steps, every=MOST_STEPS, params=params, threads=threads, start={"x": x},
         is_ensemble=True,

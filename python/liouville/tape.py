@@ -4,20 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
+from functools import cache
 
-import casadi as ca
 import numpy as np
 
+from liouville import _casadi as ca
 from liouville._core import OPERATIONS, Tape
 from liouville.errors import hinted
 
 _INPUT, _CONSTANT, _OUTPUT = -1, -2, -3
-_NAMES: dict[int, str] = {
-    code: name.removeprefix("OP_").lower()
-    for name, code in vars(ca).items()
-    if name.startswith("OP_") and isinstance(code, int)
-}
-_CODES = {name: code for code, name in _NAMES.items()}
 
 #: What helps where an expression has another operation than those of a tape.
 ELEMENTARY = (
@@ -125,19 +120,26 @@ def read(
     value : float
         The constant.
     """
-    function = _function(name, inputs, column)
+    function, names = _function(name, inputs, column), _names()
     for k in range(function.n_instructions()):
         code = function.instruction_id(k)
         slot = function.instruction_output(k)[1 if code == ca.OP_OUTPUT else 0]
         value = function.instruction_constant(k) if code == ca.OP_CONST else 0.0
-        yield _NAMES[code], slot, function.instruction_input(k), value
+        yield names[code], slot, function.instruction_input(k), value
 
 
 def evaluate(operation: str, *values: float) -> float:
     """Apply CasADi's operation of this name to one or two numbers."""
-    code = _CODES[operation]
+    code = getattr(ca, f"OP_{operation.upper()}")
     apply = ca.DM.unary if len(values) == 1 else ca.DM.binary
     return float(apply(code, *(ca.DM(x) for x in values)))
+
+
+@cache
+def _names() -> dict[int, str]:
+    """Return the names of CasADi's operations by their codes."""
+    codes = {name: getattr(ca, name) for name in dir(ca) if name.startswith("OP_")}
+    return {code: name.removeprefix("OP_").lower() for name, code in codes.items()}
 
 
 def _function(
@@ -207,7 +209,7 @@ def _operation(name: str, code: int) -> int:
     special = {ca.OP_INPUT: _INPUT, ca.OP_CONST: _CONSTANT, ca.OP_OUTPUT: _OUTPUT}
     if code in special:
         return special[code]
-    operation = _NAMES.get(code, str(code))
+    operation = _names().get(code, str(code))
     if operation not in OPERATIONS:
         sentence = f"{name} uses the operation '{operation}', which has no place on a tape"
         raise ValueError(hinted(sentence, CALLED if operation == "call" else ELEMENTARY))

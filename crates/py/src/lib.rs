@@ -60,7 +60,7 @@ mod _core {
     #[pymodule_export]
     use super::split::Split;
     #[pymodule_export]
-    use super::start::{energy_jump, violation};
+    use super::start::{energy_change, violation};
     #[pymodule_export]
     use super::tableau::{lobatto_pair, spark_tableau};
 

@@ -1,9 +1,9 @@
 //! Starts that violate their constraints, and records whose energy cannot be right.
 
-use crate::convert::Mechanical;
+use crate::mechanical::Mechanical;
 use crate::errors::refused;
 use liouville_mechanics::problem::{
-    EnergyColumns, Kind, Model, Tolerances, Violation, energy_change,
+    self, EnergyColumns, Kind, KineticColumns, Model, Tolerances, Violation,
 };
 use numpy::{PyReadonlyArray2, PyReadonlyArrayDyn, PyUntypedArrayMethods};
 use pyo3::prelude::*;
@@ -65,24 +65,43 @@ pub(crate) fn violation(
     }))
 }
 
-/// The first of k records, and in it the first member, whose energy has changed by more than its own size; None if
-/// there is none. Rows have shape (k, width) or (k, P, width); `columns` are those of the energy, of the first of n
-/// velocities and of the first of n momenta. With `rises` only a gain counts.
+/// The first of k records whose energy has changed by more than its own size, else the record before a jump: with its
+/// member, the energy at the start, and of a jump its part of the energy's size; None if there is neither. Rows have
+/// shape (k, width) or (k, P, width). `kinetic` is its column, or those of the first of n velocities and momenta with
+/// n. `start` has the energies at the start of all members; with `rises` only a gain counts.
 #[pyfunction]
-pub(crate) fn energy_jump(
+#[pyo3(signature = (rows, energy, kinetic, start, rises))]
+pub(crate) fn energy_change(
     py: Python<'_>,
     rows: PyReadonlyArrayDyn<'_, f64>,
-    columns: (usize, usize, usize),
-    n: usize,
+    energy: usize,
+    kinetic: KineticAt,
+    start: Option<Vec<f64>>,
     rises: bool,
-) -> PyResult<Option<(usize, usize)>> {
-    let (energy, v, p) = columns;
+) -> PyResult<Option<(usize, usize, f64, Option<f64>)>> {
     let shape = rows.shape();
     let width = shape.last().copied().unwrap_or(0);
-    if shape.len() < 2 || energy >= width || v.max(p) + n > width {
+    let (kinetic, end) = match kinetic {
+        KineticAt::Recorded(at) => (KineticColumns::Recorded(at), at + 1),
+        KineticAt::Product(v, p, n) => (KineticColumns::Product { v, p, n }, v.max(p) + n),
+    };
+    if shape.len() < 2 || energy >= width || end > width {
         return Err(refused("records are rows with all these columns"));
     }
-    let members = shape[1..shape.len() - 1].iter().product();
-    let (rows, at) = (rows.as_slice()?, EnergyColumns { n, energy, v, p });
-    Ok(py.detach(|| energy_change(rows, (members, width), at, rises)))
+    let members: usize = shape[1..shape.len() - 1].iter().product();
+    if start.as_ref().is_some_and(|start| start.len() != members) {
+        return Err(refused("each member has one energy at the start"));
+    }
+    let (rows, at) = (rows.as_slice()?, EnergyColumns { energy, kinetic });
+    let found = py.detach(|| {
+        problem::energy_change(rows, (members, width), at, start.as_deref(), rises)
+    });
+    Ok(found.map(|found| (found.record, found.member, found.first, found.jump)))
+}
+
+/// Columns of the kinetic energy, or of the first of n velocities and momenta with n.
+#[derive(FromPyObject)]
+pub(crate) enum KineticAt {
+    Product(usize, usize, usize),
+    Recorded(usize),
 }

@@ -6,10 +6,10 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
+from liouville import _casadi as ca
 from liouville.bodies import rotations as rot
 from liouville.errors import hinted
 from liouville.systems import _trace

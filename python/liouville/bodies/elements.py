@@ -10,8 +10,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-import casadi as ca
-
+from liouville import _casadi as ca
 from liouville.bodies import rotations as rot
 from liouville.bodies.body import Body, Poses, Value, called, column
 from liouville.bodies.joints import RATES, Ends, Group, Joint

@@ -13,9 +13,9 @@ from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any
 
-import casadi as ca
 import numpy as np
 
+from liouville import _casadi as ca
 from liouville.bodies import rotations as rot
 from liouville.bodies.body import Body, Poses, Value, called, column, resolved
 

@@ -6,10 +6,10 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
-import casadi as ca
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from liouville import _casadi as ca
 from liouville import _core
 from liouville.bodies import rotations as rot
 from liouville.bodies.body import Body, Layout, Poses, Value, column, kinetic
@@ -76,18 +76,18 @@ class Mechanism(Lagrangian):
         gravity: Value,
         params: Mapping[str, ArrayLike] | None,
     ) -> None:
-        self._layout = Layout(bodies)
-        model = _Model(bodies, joints, elements, gears, gravity, self._layout)
+        self._body_layout = Layout(bodies)
+        model = _Model(bodies, joints, elements, gears, gravity, self._body_layout)
         super().__init__(
             model.lagrangian,
-            model.constraint if joints or self._layout.of_kind("spatial") else None,
+            model.constraint if joints or self._body_layout.of_kind("spatial") else None,
             nonholonomic=model.nonholonomic if model.is_nonholonomic else None,
-            q=self._layout.coordinates,
+            q=self._body_layout.coordinates,
             params=params,
             force=model.force,
         )
         self._places = {place.name: place for place in model.places()}
-        self.bodies, self.joints = self._layout.names, tuple(self._places)
+        self.bodies, self.joints = self._body_layout.names, tuple(self._places)
         self._outputs = Expressions(self._symbols, model.outputs())
         self._output_tapes: dict[str, _core.Tape] = {}
 

@@ -5,10 +5,10 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
-import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
+from liouville import _casadi as ca
 from liouville.bodies import rotations as rot
 from liouville.bodies.body import Body, Value, column, given, numbers, resolved, unit
 from liouville.bodies.elements import Element

@@ -130,7 +130,7 @@ class JointMotion:
 def body_of(solution: Solution, name: str) -> BodyMotion:
     """Return the motion of a body; see :meth:`Solution.body`."""
     system = _mechanism(solution, f"body '{name}'")
-    body, layout = system.body(name), system._layout
+    body, layout = system.body(name), system._body_layout
     q, v = solution.q, solution.v
     x, e = layout.pose(q, body)
     velocity, omega = layout.twist(q, v, body)
@@ -146,7 +146,7 @@ def joint_of(solution: Solution, name: str, frame: str = "world") -> JointMotion
         raise ValueError(f"frame is 'world' or 'joint', not {frame!r}")
     force, torque = _wrench(system, solution, place)
     if frame == "joint":
-        _, e = system._layout.pose(solution.q, place.bodies[1])
+        _, e = system._body_layout.pose(solution.q, place.bodies[1])
         back = rot.conjugate(rot.product(e, place.frames[1]))
         force, torque = rot.rotate(back, force), rot.rotate(back, torque)
     values, rates, efforts = (
@@ -202,12 +202,12 @@ def _wrench(system: Mechanism, solution: Solution, place: Place) -> tuple[Any, A
     ground = len(system.bodies)
     # the opposite wrench acts on the first body, about the same point
     side, sign = (1, 1.0) if place.bodies[1] != ground else (0, -1.0)
-    force, torque = system._layout.wrench(q, reaction, place.bodies[side])
+    force, torque = system._body_layout.wrench(q, reaction, place.bodies[side])
     points = system.output("points", params, solution.t[:1], q[:1], solution.v[:1])[0]
     points = points.reshape(-1, 2, 3)[system.joints.index(place.name)]
-    x, e = system._layout.pose(q, place.bodies[1])
+    x, e = system._body_layout.pose(q, place.bodies[1])
     at = rot.plus(x, rot.rotate(e, points[1]))
-    centre, _ = system._layout.pose(q, place.bodies[side])
+    centre, _ = system._body_layout.pose(q, place.bodies[side])
     about = rot.minus(torque, rot.cross(rot.minus(at, centre), force))
     return rot.times(sign, force), rot.times(sign, about)
 

@@ -49,7 +49,7 @@ class Starting:
             for name in ("points", "drawn", "pitches")
         )
         drawn = drawn.reshape(-1, 3).T
-        self.tree = Tree(system._layout, joints, given, points.reshape(-1, 2, 3), drawn, pitches)
+        self.tree = Tree(system._body_layout, joints, given, points.reshape(-1, 2, 3), drawn, pitches)
         spread = [np.ptp(self.tree.x, axis=1).max(), np.abs(points).max(initial=0.0)]
         self.size = float(max(spread)) or 1.0
         kept = {x.joint.name for x in self.tree.branches if x.joint is not None and x.is_kept}
@@ -207,7 +207,7 @@ class Starting:
     def _null(self, v: Array, slopes: Array) -> Array:
         """Return moves of bodies that keep all constraints, a column each."""
         own = np.eye(v.shape[1])
-        if set(self.system._layout.kinds) != {"spatial"}:  # some moves may be none of theirs
+        if set(self.system._body_layout.kinds) != {"spatial"}:  # some moves may be none of theirs
             _, sizes, basis = np.linalg.svd(v, full_matrices=False)
             own = basis[sizes > RANK * sizes.max(initial=0.0)].T
         _, sizes, rows = np.linalg.svd(slopes @ own)

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
+from liouville._arguments import count
 from liouville._options import check_options
 from liouville.errors import hinted
 from liouville.methods import (
@@ -19,17 +20,20 @@ from liouville.methods import (
     VolumeSplitting,
     WaveMethod,
 )
-from liouville.planner import FieldPlan, Plan, WavePlan
-from liouville.runners.field import FieldRunner as FieldRunner
 from liouville.runners.mechanical import MechanicalRunner as MechanicalRunner
 from liouville.runners.members import MembersRunner as MembersRunner
 from liouville.runners.members import SemiExplicitMembersRunner as SemiExplicitMembersRunner
 from liouville.runners.runner import Request as Request
 from liouville.runners.runner import Runner as Runner
-from liouville.runners.runner import threads_of
 from liouville.runners.semi_explicit import SemiExplicitRunner as SemiExplicitRunner
-from liouville.runners.wave import WaveRunner as WaveRunner
 from liouville.systems import Mechanics, PolynomialField, Schrodinger, SemiExplicit, System
+
+if TYPE_CHECKING:
+    from liouville.planner import Plan
+
+#: The systems that can be integrated, and the methods that step mechanical ones.
+SYSTEMS = (Mechanics, SemiExplicit, PolynomialField, Schrodinger)
+MECHANICAL = (Spark, LobattoPair, HHT, GeneralizedAlpha, ArnoldBruls, Composition)
 
 #: What helps other systems instead of these options of mechanical and semi-explicit ones.
 INSTEAD: dict[tuple[str, type | None], str] = {
@@ -49,7 +53,7 @@ def runner_of(system: System, method: Method | Plan | str, request: Request) -> 
         One of them is of the wrong kind, the method does not step such a system, or an argument is
         unknown.
     """
-    if not isinstance(system, Mechanics | SemiExplicit | PolynomialField | Schrodinger):
+    if not isinstance(system, SYSTEMS):
         raise TypeError(
             "system is a Lagrangian, Hamiltonian, Mechanical, Structure, SemiExplicit, "
             f"PolynomialField or Schrodinger, not {system!r}"
@@ -57,7 +61,8 @@ def runner_of(system: System, method: Method | Plan | str, request: Request) -> 
     check_options(request.start, "ensemble" if request.is_ensemble else "integrate")
     if not isinstance(request.states, bool):
         raise TypeError(f"states is True or False, not {request.states!r}")
-    threads_of(request.threads)
+    if request.threads is not None:
+        count("threads", request.threads)
     if isinstance(system, Mechanics):
         return _of_mechanics(system, method, request)
     if isinstance(system, SemiExplicit):
@@ -68,18 +73,12 @@ def runner_of(system: System, method: Method | Plan | str, request: Request) -> 
             sentence = f"{name} is for a mechanical or semi-explicit system, not for {system!r}"
             raise TypeError(hinted(sentence, hint))
     if isinstance(system, Schrodinger):
-        if isinstance(method, str) and method == "auto":
-            method = SchrodingerSplitting()
-        if isinstance(method, WaveMethod | WavePlan):
-            return WaveRunner(system, method, request)
-        raise no_runner(method, "wave", "Schrödinger equations")
-    if isinstance(method, VolumeSplitting | FieldPlan):
-        return FieldRunner(system, method, request)
-    raise no_runner(method, "field", "polynomial fields")
+        return _of_waves(system, method, request)
+    return _of_fields(system, method, request)
 
 
 def _of_mechanics(system: Mechanics, method: Any, request: Request) -> Runner:
-    if isinstance(method, Spark | LobattoPair | HHT | GeneralizedAlpha | ArnoldBruls | Composition):
+    if isinstance(method, MECHANICAL):
         kind = MembersRunner if request.is_ensemble else MechanicalRunner
         return kind(system, method, request)
     raise no_runner(method, "mechanical", "mechanical systems")
@@ -95,6 +94,27 @@ def _of_semi_explicit(system: SemiExplicit, method: Any, request: Request) -> Ru
         f"{method!r} does not step semi-explicit systems; methods that do: Spark without a "
         "newton_tol, alone or in a Composition"
     )
+
+
+def _of_waves(system: Schrodinger, method: Any, request: Request) -> Runner:
+    # imported here: runs of mechanics need neither planner nor splitting
+    from liouville.planner import WavePlan
+    from liouville.runners.wave import WaveRunner
+
+    if isinstance(method, str) and method == "auto":
+        method = SchrodingerSplitting()
+    if isinstance(method, WaveMethod | WavePlan):
+        return WaveRunner(system, method, request)
+    raise no_runner(method, "wave", "Schrödinger equations")
+
+
+def _of_fields(system: PolynomialField, method: Any, request: Request) -> Runner:
+    from liouville.planner import FieldPlan
+    from liouville.runners.field import FieldRunner
+
+    if isinstance(method, VolumeSplitting | FieldPlan):
+        return FieldRunner(system, method, request)
+    raise no_runner(method, "field", "polynomial fields")
 
 
 def no_runner(method: Any, form: str, systems: str) -> TypeError:

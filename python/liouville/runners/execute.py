@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import time
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
@@ -123,13 +124,14 @@ def solution_of(
     failures: Mapping[int, Failure] | None = None,
 ) -> Solution:
     """Return records as a solution; `ended` is status and message, `reached` the last time."""
-    cuts = np.cumsum([*runner.columns.values()])[:-1]
-    # without any columns there is one empty part
-    columns = dict(zip(runner.columns, np.split(rows, cuts, axis=-1), strict=bool(runner.columns)))
+    columns, end = {}, 0
+    for name, width in runner.columns.items():
+        columns[name] = rows[..., end : end + width]
+        end += width
     parts = runner.read(columns)
     status, message = ended
     if status != "failed":
-        message = "; ".join(filter(None, [message, runner.remark(times, parts)]))
+        message = "; ".join(filter(None, [message, runner.remark(times, rows)]))
     return Solution(
         t=times,
         states={name: parts[name] for name in STATES if name in parts},
@@ -157,11 +159,13 @@ def solution_of(
 
 def advance(run: _core.Run, runner: Runner, progress: Progress) -> Outcome:
     """Advance to the end, or until memory is full; returns how that ended."""
-    most = runner.every * memory() / runner.row
+    most = math.inf
     with reporting(run, runner, progress) as report:
         try:
             while (outcome := advance_slice(run)) == "paused":
                 report()
+                if most == math.inf:  # the limits take longer to read than a short run
+                    most = runner.every * memory() / runner.row
                 if run.done > most:
                     return {"kind": "no memory", "step": run.done, "start": run.t}
         except KeyboardInterrupt:
@@ -222,11 +226,16 @@ def _names(runner: Runner) -> dict[str, tuple[str, ...]]:
 
 
 def _named(prefix: str, parts: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
-    found = {k.removeprefix(prefix): x for k, x in parts.items() if k.startswith(prefix)}
-    return {name: x[..., 0] if x.shape[-1] == 1 else x for name, x in found.items()}
+    return {
+        name.removeprefix(prefix): x[..., 0] if x.shape[-1] == 1 else x
+        for name, x in parts.items()
+        if name.startswith(prefix)
+    }
 
 
 def plain(params: Mapping[str, Any]) -> dict[str, float | list[float]]:
     """Return parameters as numbers and lists of numbers."""
-    arrays = {name: np.asarray(value, dtype=float) for name, value in params.items()}
-    return {name: x.tolist() if x.ndim else float(x) for name, x in arrays.items()}
+    return {
+        name: value if type(value) is float else np.asarray(value, dtype=float).tolist()
+        for name, value in params.items()
+    }

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -21,6 +20,9 @@ from liouville.systems._redundant import sizes
 
 #: A constraint left out may miss this much of the size of what it is made of.
 IMPLIED = 1e-8
+
+#: The method that is stepped as RATTLE.
+RATTLE = LobattoPair(2)
 
 #: The control of conservative systems by methods that are not symmetric.
 REVERSIBLE = "reversible steps for rtol, as nothing changes the energy"
@@ -50,18 +52,21 @@ class MechanicalRunner(TracedRunner):
 
     def _leave_out(self) -> None:
         """Take the system without constraints that the others imply, if there are any."""
-        y, z = (x.reshape(-1, x.shape[-1])[0] for x in self._begin[:2])
+        y, z = (x if x.ndim == 1 else x[0] for x in self._begin[:2])
         point = self.steps.t0, y, z, self._values
         self._stepped = self.system.stepped(*point)
+        if self._stepped is self.system:
+            return
         kept = self._stepped.constraints
         left = [k for k, name in enumerate(self.constraints) if name not in kept]
-        if left:
-            self._left_out = tuple(left)
-            self._sizes = sizes(self.system, *point)[left]
-            self._problem = self._form()
+        self._left_out = tuple(left)
+        self._sizes = sizes(self.system, *point)[left]
+        self._problem = self._form()
 
     def _job(self) -> Job:
-        return replace(super()._job(), is_reversible=self._is_reversible)
+        job = super()._job()
+        job.is_reversible = self._is_reversible
+        return job
 
     @property
     def control_taken(self) -> str:
@@ -91,7 +96,7 @@ class MechanicalRunner(TracedRunner):
         if not self._is_general:
             return self._stepped.second_order
         self._check_solver()
-        takes_fast_path = self._base == LobattoPair(2) and self._control != "error"
+        takes_fast_path = self._base == RATTLE and self._control != "error"
         fast = self._stepped.separable if takes_fast_path else None
         return self._stepped.problem if fast is None else fast
 
@@ -115,20 +120,12 @@ class MechanicalRunner(TracedRunner):
         start = self.initial.get("energy", energy[:1])
         return {"work": work, "dissipated": start + work - energy}
 
-    def remark(self, t: np.ndarray, parts: Mapping[str, np.ndarray]) -> str:
+    def remark(self, t: np.ndarray, rows: np.ndarray) -> str:
         """Say where the energy of a conservative system changed as only large steps change it."""
-        if not (self.system.is_conservative and "invariant energy" in parts):
+        if not self.system.is_conservative:
             return ""
-        kinetic = parts.get("kinetic")
-        if kinetic is None:
-            kinetic = np.sum(parts["v"] * parts["p"], axis=-1, keepdims=True) / 2
-        return change_of_energy(
-            t,
-            parts["invariant energy"][..., 0],
-            kinetic[..., 0],
-            start=self.initial.get("energy"),
-            rises=not self._is_general,
-        )
+        start = self.initial.get("energy")
+        return change_of_energy(t, rows, self.columns, start=start, rises=not self._is_general)
 
     def contradiction(self, rows: np.ndarray) -> tuple[int, dict[str, Any]] | None:
         """Return where constraints that were left out do not hold, with the first of them."""

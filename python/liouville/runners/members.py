@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -28,7 +27,9 @@ class Members(TracedRunner):
         super().__init__(system, method, request)
 
     def _job(self) -> Job:
-        return replace(super()._job(), params=self._rows, threads=self.threads, is_ensemble=True)
+        job = super()._job()
+        job.params, job.threads, job.is_ensemble = self._rows, self.threads, True
+        return job
 
     @property
     def dense_order(self) -> int:

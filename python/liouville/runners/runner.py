@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+import math
 import os
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -16,9 +17,11 @@ from liouville._arguments import MOST_STEPS, check_memory, count
 from liouville.control import Steps, Takes, steps_of
 from liouville.errors import Description, describe
 from liouville.methods import Method
-from liouville.planner import Plan
 from liouville.points import Points
 from liouville.systems import System
+
+if TYPE_CHECKING:
+    from liouville.planner import Plan
 
 KEEP_LESS = "keep fewer with every=, or none with states=False"
 STORE = "; store= keeps all of them in a folder"
@@ -32,7 +35,7 @@ QUANTITIES = {
 }
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(kw_only=True, slots=True)
 class Request:
     """The arguments of a call, unchecked; see :func:`liouville.integrate`."""
 
@@ -114,7 +117,7 @@ class Runner(ABC):
     @property
     def row(self) -> int:
         """Bytes of a record."""
-        return 8 * (1 + int(np.prod(self.members)) * sum(self.columns.values()))
+        return 8 * (1 + math.prod(self.members) * sum(self.columns.values()))
 
     @property
     def initial(self) -> dict[str, float]:
@@ -140,9 +143,9 @@ class Runner(ABC):
         del parts
         return {}
 
-    def remark(self, t: np.ndarray, parts: Mapping[str, np.ndarray]) -> str:
+    def remark(self, t: np.ndarray, rows: np.ndarray) -> str:
         """Return a sentence on records that cannot be right; empty where there is none."""
-        del t, parts
+        del t, rows
         return ""
 
     def events(self, run: _core.Run) -> tuple[dict[str, Points], str]:

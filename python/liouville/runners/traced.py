@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from abc import abstractmethod
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
@@ -19,6 +20,24 @@ from liouville.systems import Mechanics, SemiExplicit
 from liouville.systems.traced import INVARIANT
 
 
+@lru_cache
+def words(method: Method) -> str:
+    """Return the repr of a method."""
+    return repr(method)
+
+
+@lru_cache
+def takes_of(method: Method, estimators: str) -> Takes:
+    """Return the controls of the steps that a method of the general form takes."""
+    has = {
+        "error": not isinstance(method, Composition),
+        "reversible": getattr(method, "is_symmetric", True),
+    }
+    controls = tuple(kind for kind in CONTROLS if has[kind])
+    name = type(method).__name__
+    return Takes(name, controls, LEAST_TOLERANCE / 100, estimators=estimators)
+
+
 class TracedRunner(Runner):
     """Runs a system of expressions that move on constraints; see :class:`Runner`."""
 
@@ -29,7 +48,7 @@ class TracedRunner(Runner):
     choice: Method
 
     def __init__(self, system: Mechanics | SemiExplicit, method: Method, request: Request) -> None:
-        self.system, self.choice, self.method = system, method, repr(method)
+        self.system, self.choice, self.method = system, method, words(method)
         self.constraints = system.constraints
         self.steps = request.steps_of(system, self._takes())
         self._control = None if self.steps.control is None else self.steps.control[0]
@@ -43,7 +62,7 @@ class TracedRunner(Runner):
         self._watch = Watch(request.events, request.t_eval, span, self.every)
         self._watched = self._watch.crossed(system, self._order)
         self._take(request)
-        self.params = {**system.params, **dict(request.params or {})}
+        self.params = {**system.params, **(request.params or {})}
         self._states = request.states
         self._observer, self.widths = system.observer(request.observe, request.states)
         self.columns = {**self._own(), **self.widths}
@@ -51,11 +70,7 @@ class TracedRunner(Runner):
 
     def _takes(self) -> Takes:
         """Return the controls of the steps that the method takes."""
-        estimates = not isinstance(self.choice, Composition)
-        takes = {"error": estimates, "reversible": getattr(self.choice, "is_symmetric", True)}
-        controls = tuple(kind for kind in CONTROLS if takes[kind])
-        name = type(self.choice).__name__
-        return Takes(name, controls, LEAST_TOLERANCE / 100, estimators=self.estimators)
+        return takes_of(self.choice, self.estimators)
 
     @abstractmethod
     def _form(self) -> _core.Mechanical | _core.SecondOrder | _core.Separable | _core.SemiExplicit:
@@ -97,11 +112,13 @@ class TracedRunner(Runner):
 
     def stats(self, run: _core.Run) -> dict[str, Any]:
         """Return the numbers of a run that this method has."""
-        foreign = self._foreign()
-        if not run.done:
+        done, foreign = run.done, self._foreign()
+        if not done:
             foreign |= {"h_smallest", "h_largest"}
-        found: dict[str, Any] = {"steps": run.done, **run.stats}
-        return {name: value for name, value in found.items() if name not in foreign}
+        found: dict[str, Any] = {"steps": done, **run.stats}
+        for name in foreign:
+            found.pop(name, None)
+        return found
 
     def _foreign(self) -> set[str]:
         """Return the numbers of a run of the core that mean nothing here."""
@@ -109,6 +126,8 @@ class TracedRunner(Runner):
 
     def events(self, run: _core.Run) -> tuple[dict[str, Points], str]:
         """Return the events met, by name, and a sentence on the one that ended the run."""
+        if self._watched is None:
+            return {}, ""
         return self._watch.events_of(run, self.system, self._values)
 
     def _monitored(self, control: Reversible) -> tuple[_core.Tape, bool] | None:

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-import casadi as ca
-
+from liouville import _casadi as ca
 from liouville import _core
 from liouville.systems._derivatives import jacobian, solve
 from liouville.systems._expressions import Symbols

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-import casadi as ca
 import numpy as np
+
+from liouville import _casadi as ca
 
 
 def jacobian(column: ca.SX, x: ca.SX) -> ca.SX:

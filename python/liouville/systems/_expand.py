@@ -15,9 +15,9 @@ from dataclasses import replace
 from fractions import Fraction
 from typing import TypeAlias
 
-import casadi as ca
 import numpy as np
 
+from liouville import _casadi as ca
 from liouville import tape
 from liouville.errors import hinted
 from liouville.terms import Terms, Wave

@@ -13,8 +13,7 @@ from copy import copy
 from functools import cached_property
 from typing import Any, Self
 
-import casadi as ca
-
+from liouville import _casadi as ca
 from liouville import html
 from liouville.errors import hinted
 from liouville.systems import _trace

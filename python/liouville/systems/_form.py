@@ -9,9 +9,9 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
-import casadi as ca
 import numpy as np
 
+from liouville import _casadi as ca
 from liouville import _core
 from liouville.errors import hinted
 from liouville.systems._derivatives import entries, jacobian

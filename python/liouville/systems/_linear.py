@@ -6,9 +6,9 @@ from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
 
-import casadi as ca
 import numpy as np
 
+from liouville import _casadi as ca
 from liouville import _core
 from liouville.systems._derivatives import entries
 from liouville.tape import Part

@@ -5,8 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any
 
-import casadi as ca
-
+from liouville import _casadi as ca
 from liouville import _core
 from liouville.systems import _trace
 from liouville.systems._expressions import Symbols

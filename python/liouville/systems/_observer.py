@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from functools import cached_property
-from typing import Any
+from typing import Any, TypeAlias
 
-import casadi as ca
 import numpy as np
 
+from liouville import _casadi as ca
 from liouville import _core
 from liouville.systems import _trace
 from liouville.systems._expressions import Expressions, Symbols, recorded
@@ -16,7 +16,7 @@ from liouville.systems._linear import Matrix, Term
 from liouville.tape import record
 
 #: An invariant: an expression, plus a . x with the row a, plus x^T A x.
-Invariant = tuple[ca.SX, _core.Rows | None, _core.Rows | None]
+Invariant: TypeAlias = "tuple[ca.SX, _core.Rows | None, _core.Rows | None]"
 
 
 def invariant(name: str, value: Any, s: Symbols) -> Invariant:

@@ -9,9 +9,9 @@ from __future__ import annotations
 
 from weakref import WeakKeyDictionary
 
-import casadi as ca
 import numpy as np
 
+from liouville import _casadi as ca
 from liouville import _core
 from liouville.systems._derivatives import jacobian
 from liouville.systems._form import Model, Nonholonomic, Redundant

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from typing import Any
 
-import casadi as ca
 import numpy as np
 
+from liouville import _casadi as ca
 from liouville.systems._expand import expand
 from liouville.systems._expressions import Expressions, Symbols
 from liouville.systems._read_terms import TIME

@@ -7,9 +7,9 @@ from dataclasses import dataclass
 from fractions import Fraction
 from typing import Any
 
-import casadi as ca
 import numpy as np
 
+from liouville import _casadi as ca
 from liouville.errors import hinted
 from liouville.systems import _read_terms, _trace
 from liouville.systems._expand import ONE, Expansion, Polynomial, Refused, Value, value_of

@@ -4,16 +4,18 @@ from __future__ import annotations
 
 import inspect
 import keyword
+import math
+import os
 import traceback
 from collections import Counter
 from collections.abc import Callable, Iterable, Mapping, Sequence, Set
-from pathlib import Path
+from functools import cached_property
 from typing import Any
 
-import casadi as ca
 import numpy as np
 from numpy.typing import ArrayLike
 
+from liouville import _casadi as ca
 from liouville.errors import hinted
 from liouville.tape import check
 
@@ -33,12 +35,24 @@ class Parameters:
     def __init__(self, defaults: Mapping[str, ArrayLike] | None) -> None:
         given = mapping("params", defaults)
         self.defaults = {name: _parameter(name, value) for name, value in given.items()}
-        symbols = {name: ca.SX.sym(name, max(x.size, 1)) for name, x in self.defaults.items()}
-        self.vector = ca.vertcat(ca.SX(0, 1), *symbols.values())
-        self.namespace = Namespace(symbols)
+        self._initial = np.concatenate([np.empty(0), *(x.ravel() for x in self.defaults.values())])
+
+        self._symbols = _Symbols({name: max(x.size, 1) for name, x in self.defaults.items()})
+
+    @property
+    def namespace(self) -> Namespace:
+        """The symbols by name."""
+        return self._symbols.namespace
+
+    @property
+    def vector(self) -> ca.SX:
+        """The symbols, one after another."""
+        return self._symbols.vector
 
     def values(self, changes: Mapping[str, ArrayLike] | None) -> np.ndarray:
         """Return the defaults with changes, one after another."""
+        if changes is None:
+            return self._initial.copy()
         values = dict(self.defaults)
         for name, value in mapping("params", changes).items():
             if name not in values:
@@ -61,10 +75,25 @@ class Parameters:
     def replaced(self, values: np.ndarray) -> Parameters:
         """Return the same parameters with other defaults, one after another."""
         other, places = Parameters(None), np.cumsum([x.size for x in self.defaults.values()])[:-1]
-        other.vector, other.namespace = self.vector, self.namespace
+        other._symbols, other._initial = self._symbols, values.copy()
         parts = zip(self.defaults.items(), np.split(values, places), strict=True)
         other.defaults = {name: part.reshape(x.shape) for (name, x), part in parts}
         return other
+
+
+class _Symbols:
+    """Symbols of parameters with these sizes, made when they are first used."""
+
+    def __init__(self, sizes: Mapping[str, int]) -> None:
+        self._sizes = sizes
+
+    @cached_property
+    def namespace(self) -> Namespace:
+        return Namespace({name: ca.SX.sym(name, size) for name, size in self._sizes.items()})
+
+    @cached_property
+    def vector(self) -> ca.SX:
+        return vector_of(self.namespace)
 
 
 class Namespace:
@@ -119,9 +148,10 @@ def vector(name: str, value: Any, places: tuple[str, ...]) -> np.ndarray:
         raise TypeError(f"{name} is an array of real numbers, not {value!r}")
     if array.shape != (len(places),):
         raise ValueError(f"{name} has shape {array.shape}, wanted ({len(places)},)")
-    bad = np.flatnonzero(~np.isfinite(array))
-    if bad.size:
-        raise ValueError(f"{name} of '{places[bad[0]]}' is {array[bad[0]]}")
+    # quicker than a look at each; where it overflows, numbers may be finite all the same
+    if not math.isfinite(array.dot(array)) and not np.isfinite(array).all():
+        bad = int(np.argmin(np.isfinite(array)))
+        raise ValueError(f"{name} of '{places[bad]}' is {array[bad]}")
     return array
 
 
@@ -241,7 +271,11 @@ def _undecided(what: str, function: Callable[..., Any], error: RuntimeError) -> 
     """Return the error of a function that asks whether an expression is true."""
     frames = traceback.extract_tb(error.__traceback__)
     file = getattr(getattr(function, "__code__", None), "co_filename", None)
-    lines = [f", line {x.lineno} of {Path(x.filename).name}," for x in frames if x.filename == file]
+    lines = [
+        f", line {x.lineno} of {os.path.basename(x.filename)},"
+        for x in frames
+        if x.filename == file
+    ]
     where = lines[-1] if lines else ""
     return TypeError(
         hinted(

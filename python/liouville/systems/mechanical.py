@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 
-import casadi as ca
 from numpy.typing import ArrayLike
 
+from liouville import _casadi as ca
 from liouville.errors import hinted
 from liouville.systems import _trace
 from liouville.systems._derivatives import jacobian

@@ -6,12 +6,13 @@ from collections.abc import Callable, Mapping
 from functools import cached_property
 from typing import Any
 
-import casadi as ca
 import numpy as np
 from numpy.typing import ArrayLike
 
+from liouville import _casadi as ca
 from liouville import _core
 from liouville.errors import describe, hinted
+from liouville.program import elements
 from liouville.systems import _trace
 from liouville.systems._consistent import projection
 from liouville.systems._expressions import Expressions, Symbols
@@ -25,16 +26,24 @@ from liouville.systems._form import (
     separable,
     total_derivative,
 )
+from liouville.systems._layout import Layout, of_mechanics
 from liouville.systems._singular import nearly_dependent
 from liouville.systems.traced import (
     FLOOR,
     TOLERANCE,
     TracedSystem,
-    check_residual,
     finite_time,
+    missed,
     shown,
 )
 from liouville.tape import record
+
+#: The hint where a start violates a constraint.
+ONTO = "system.consistent({}=..., {}=...) moves a start onto its constraints"
+
+#: A state that violates a constraint, by its number; the kind and the number of the constraint, its
+#: value and the largest allowed.
+Violation = tuple[int, str, int, float, float]
 
 
 class Mechanics(TracedSystem):
@@ -124,15 +133,15 @@ class Mechanics(TracedSystem):
         ValueError
             One has a wrong shape, an unknown coordinate, or is not finite.
         """
-        wanted = " and ".join(f"{name}=" for name in self.states)
+        takes = f"takes {self.states[0]}= and {self.states[1]}="
         for name in start:
-            if name not in (*self.states, *also):
-                raise TypeError(f"'{name}' is no start value of this system, which takes {wanted}")
+            if name not in self.states and name not in also:
+                raise TypeError(f"'{name}' is no start value of this system, which {takes}")
         for name in self.states:
             if name not in start:
-                raise TypeError(f"start value '{name}' is missing: this system takes {wanted}")
+                raise TypeError(f"start value '{name}' is missing: this system {takes}")
         given = (*self.states, *(name for name in also if start.get(name) is not None))
-        return tuple(_trace.vector(name, start[name], self.coordinates) for name in given)
+        return tuple([_trace.vector(name, start[name], self.coordinates) for name in given])
 
     def check(
         self,
@@ -140,49 +149,44 @@ class Mechanics(TracedSystem):
         y: np.ndarray,
         z: np.ndarray,
         params: np.ndarray,
-        hint: str = "system.consistent({}=..., {}=...) moves a start onto its constraints",
+        hint: str = ONTO,
         *,
         hidden: bool = True,
     ) -> None:
         """Refuse a start that violates the constraint or, if asked, the hidden constraint."""
+        found = self.violation(t, y[None], z[None], params[None], hidden=hidden)
+        if found is not None:
+            raise ValueError(self.violated(found, t, hint.format(*self.states)))
+
+    def violation(
+        self, t: float, y: np.ndarray, z: np.ndarray, params: np.ndarray, *, hidden: bool
+    ) -> Violation | None:
+        """Return the first of P states that violates a constraint, and how; None if all are fine.
+
+        `params` has a row for each state, or one for all.
+        """
         if not self.constraints:
-            return
-        m, n = len(self._holonomic), len(y)
-        lam = np.zeros(m)
-        end = self._at("end", params, t, y, z)
-        w, v = end[n : n + m], end[n + m :] if end.size > n + m else z
-        length, speed = np.abs(y).max(), np.abs(v).max()
-        size = self._slopes("g_y", self._at("node_blocks", params, t, y, lam))
-        g = self._at("node", params, t, y, lam)[:m]
-        limits = [size * (TOLERANCE * x + FLOOR) for x in (length, speed + 1e-2 * length)]
-        symbols = (f"g({self.states[0]})", f"g_t + g_{self.states[0]} v")
-        cases = [("constraint", symbols[0], self._holonomic, g, limits[0])] * bool(m)
-        if hidden and m:
-            cases.append(("hidden constraint", symbols[1], self._holonomic, w, limits[1]))
-        if self.nonholonomic:
-            nu = np.zeros(len(self.nonholonomic))
-            k = self._at("nonholonomic", params, t, y, z, nu)[: nu.size]
-            blocks = self._at("nonholonomic_blocks", params, t, y, z, nu)
-            entries = len(self._patterns["k_y"][2])
-            of_y, of_z = self._slopes("k_y", blocks), self._slopes("k_z", blocks[entries:])
-            limit = of_y * (TOLERANCE * length + FLOOR) + of_z * (
-                TOLERANCE * (np.abs(z).max() + 1e-2 * length) + FLOOR
-            )
-            symbol = f"k({', '.join(self.states)})"
-            cases.append(("nonholonomic constraint", symbol, self.nonholonomic, k, limit))
-        for case in cases:
-            check_residual(*case, t, hint.format(*self.states))
+            return None
+        return _core.violation(self.problem, params, t, (y, z), (TOLERANCE, FLOOR), hidden)
+
+    def violated(self, violation: Violation, t: float, hint: str) -> str:
+        """Return what is wrong with a start, in the user's names."""
+        _, kind, index, value, limit = violation
+        first, names = self.states[0], self._holonomic
+        what, symbol = {
+            "constraint": ("constraint", f"g({first})"),
+            "hidden": ("hidden constraint", f"g_t + g_{first} v"),
+            "nonholonomic": ("nonholonomic constraint", f"k({', '.join(self.states)})"),
+        }[kind]
+        if kind == "nonholonomic":
+            names = self.nonholonomic
+        return missed(what, symbol, names[index], value, limit, t, hint)
 
     def nearly_dependent(self, t: float, y: np.ndarray, params: np.ndarray) -> tuple[str, ...]:
         """Name the holonomic constraints whose gradients are nearly dependent at a point."""
         values = self._at("node_blocks", params, t, y, np.zeros(len(self._holonomic)))
         pattern = self._patterns["g_y"]
         return nearly_dependent(pattern, values[: len(pattern[2])], self._holonomic)
-
-    def _slopes(self, name: str, values: np.ndarray) -> np.ndarray:
-        """Return the sum of the sizes of a derivative's entries, row by row."""
-        count, _, rows, _ = self._patterns[name]
-        return np.bincount(rows, np.abs(values[: len(rows)]), count)
 
     def consistent(
         self,
@@ -320,6 +324,8 @@ class Mechanics(TracedSystem):
 
     def stepped(self, t: float, y: np.ndarray, z: np.ndarray, params: np.ndarray) -> Mechanics:
         """Return the system without constraints that the others imply around this state."""
+        if len(self.constraints) < 2:
+            return self
         # imported here, as it makes systems of this class
         from liouville.systems._redundant import redundant, without
 
@@ -351,6 +357,17 @@ class Mechanics(TracedSystem):
         """The names of the entries of all states that a run keeps, by the name of the state."""
         first, second = self.states
         return {first: self.coordinates, second: self.coordinates, "lam": self.constraints}
+
+    @property
+    def _layout(self) -> Layout:
+        return of_mechanics(self)
+
+    @property
+    def _vectors(self) -> dict[str, list[str]]:
+        (first, second), n = self.states, len(self.coordinates)
+        lam, m = elements("lam", len(self.constraints)), len(self._holonomic)
+        states = {"y": elements(first, n), "z": elements(second, n)}
+        return {"t": ["t"], **states, "lam": lam[:m], "nu": lam[m:]}
 
     @property
     def _velocity(self) -> ca.SX:

@@ -2,16 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from liouville.systems import _trace
-from liouville.systems.mechanics import Mechanics
+from liouville.systems.mechanics import ONTO, Mechanics
 from liouville.systems.semi_explicit import SemiExplicit
-from liouville.systems.traced import FLOOR, TOLERANCE, shown
+from liouville.systems.traced import shown
 
 
 def starts(
@@ -115,47 +115,18 @@ def check(
     hidden: bool = True,
 ) -> None:
     """Refuse members that violate their constraints; `params` has a row for each, or one."""
-    suspects: Iterable[int] = range(len(y)) if system.constraints else ()
-    if isinstance(system, Mechanics) and _is_quick(system, params):
-        suspects = _suspects(system, t, (y, z), params[0], hidden=hidden)
-    for member in suspects:
+    if isinstance(system, Mechanics):
+        found = system.violation(t, y, z, params, hidden=hidden)
+        if found is not None:
+            sentence = system.violated(found, t, ONTO.format(*system.states))
+            raise ValueError(f"member {found[0]}: {sentence}")
+        return
+    for member in range(len(y)):
         values = params[member if len(params) > 1 else 0]
         try:
-            system.check(t, y[member], z[member], values, hidden=hidden)
+            system.check(t, y[member], z[member], values)
         except ValueError as error:
             raise ValueError(f"member {member}: {error}") from None
-
-
-def _is_quick(system: Mechanics, params: np.ndarray) -> bool:
-    """Say whether all members can be looked at in a few operations."""
-    return bool(system.constraints) and not system.nonholonomic and len(params) == 1
-
-
-def _suspects(
-    system: Mechanics,
-    t: float,
-    start: tuple[np.ndarray, np.ndarray],
-    params: np.ndarray,
-    *,
-    hidden: bool,
-) -> Iterable[int]:
-    """Return the members that are to be looked at more closely."""
-    y, z = start
-    (count, n), m = y.shape, len(system.constraints)
-    times, lam = np.full((count, 1), t), np.zeros((count, m))
-    g = system._map("node", params, times, y, lam)[:, :m]
-    slopes = np.abs(system._map("node_blocks", params, times, y, lam))
-    size = np.zeros((count, m))
-    for k, row in enumerate(system._patterns["g_y"][2]):
-        size[:, row] += slopes[:, k]
-    length = np.abs(y).max(axis=1, keepdims=True)
-    is_fine = np.abs(g) <= size * (TOLERANCE * length + FLOOR)
-    if hidden:
-        end = system._map("end", params, times, y, z)
-        w, v = end[:, n : n + m], end[:, n + m :] if end.shape[1] > n + m else z
-        speed = np.abs(v).max(axis=1, keepdims=True)
-        is_fine &= np.abs(w) <= size * (TOLERANCE * (speed + 1e-2 * length) + FLOOR)
-    return [int(member) for member in np.flatnonzero(~is_fine.all(axis=1))]
 
 
 def _rows(name: str, value: Any, places: tuple[str, ...]) -> np.ndarray | None:

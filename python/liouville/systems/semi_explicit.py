@@ -6,16 +6,18 @@ from collections.abc import Mapping, Sequence
 from functools import cached_property
 from typing import Any
 
-import casadi as ca
 import numpy as np
 from numpy.typing import ArrayLike
 
+from liouville import _casadi as ca
 from liouville import _core
 from liouville.errors import Description, hinted
+from liouville.program import elements
 from liouville.systems import _trace
 from liouville.systems._derivatives import entries, jacobian
 from liouville.systems._expressions import Expressions, Symbols
 from liouville.systems._form import record_blocks, total_derivative
+from liouville.systems._layout import Layout, of_semi_explicit
 from liouville.systems._linear import Block
 from liouville.systems.traced import (
     FLOOR,
@@ -202,7 +204,7 @@ class SemiExplicit(TracedSystem):
         self._tapes = tapes
         is_linear = not ca.depends_on(entries(jacobian(f, s.z)), s.z)
         patterns = {name: block.pattern for name, block in jac.items()}
-        self._slope = jac["k_y"].pattern
+        self._patterns = patterns
         return _core.SemiExplicit(
             len(self.coordinates), len(self.unknowns), is_linear, tapes, patterns
         )
@@ -248,7 +250,7 @@ class SemiExplicit(TracedSystem):
         args = [np.array([[t]]), y[None, :]]
         k = self._tapes["constraint"].map(params, args)[0]
         slope = self._tapes["constraint_jacobian"].map(params, args)[0]
-        size = np.bincount(self._slope[2], np.abs(slope), len(k))
+        size = np.bincount(self._patterns["k_y"][2], np.abs(slope), len(k))
         limit = size * (TOLERANCE * np.abs(y).max() + FLOOR)
         check_residual("constraint", "k(y)", self.constraints, k, limit, t, hint)
 
@@ -346,6 +348,15 @@ class SemiExplicit(TracedSystem):
     def places(self) -> dict[str, tuple[str, ...]]:
         """The names of the entries of all states that a run keeps, by the name of the state."""
         return {"y": self.coordinates, "z": self.unknowns}
+
+    @property
+    def _layout(self) -> Layout:
+        return of_semi_explicit(self)
+
+    @property
+    def _vectors(self) -> dict[str, list[str]]:
+        sizes = {"y": len(self.coordinates), "z": len(self.unknowns)}
+        return {"t": ["t"], **{name: elements(name, size) for name, size in sizes.items()}}
 
     @property
     def _velocity(self) -> ca.SX:

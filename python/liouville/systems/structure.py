@@ -5,10 +5,10 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-import casadi as ca
 import numpy as np
 from numpy.typing import ArrayLike
 
+from liouville import _casadi as ca
 from liouville.errors import hinted
 from liouville.systems import _trace
 from liouville.systems._form import Model

@@ -2,18 +2,21 @@
 
 from __future__ import annotations
 
+import math
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping
 from typing import Any, Self
 
-import casadi as ca
 import numpy as np
 from numpy.typing import ArrayLike
 
+from liouville import _casadi as ca
 from liouville import _core
 from liouville.errors import Description, describe, hinted
+from liouville.program import Program, elements, parameters
 from liouville.systems import _trace
 from liouville.systems._expressions import Expressions, Pickled, Symbols, recorded
+from liouville.systems._layout import POINT, Layout
 from liouville.systems._monitor import traced
 from liouville.tape import record
 
@@ -52,6 +55,7 @@ class TracedSystem(Pickled, ABC):
     states: tuple[str, str]
     invariants: tuple[str, ...]
     problem: _core.Mechanical | _core.SemiExplicit
+    _tapes: dict[str, _core.Tape]
 
     def _keep(self, expressions: Expressions, invariants: Mapping[str, ca.SX]) -> None:
         """Keep expressions, and the invariants among them."""
@@ -85,6 +89,62 @@ class TracedSystem(Pickled, ABC):
     def _multipliers(self) -> ca.SX | None:
         """The symbols of the multipliers, None in a system whose functions do not see any."""
         return None
+
+    @property
+    @abstractmethod
+    def _layout(self) -> Layout:
+        """The tapes by name, but for that of the records."""
+
+    @property
+    @abstractmethod
+    def _vectors(self) -> dict[str, list[str]]:
+        """The names of the elements of each vector that tapes take, by the core's names."""
+
+    def tape(self, name: str) -> Program:
+        """Return a program that runs inside a step; ``print`` shows it.
+
+        Parameters
+        ----------
+        name : str
+            A tape, or a part of one, such as "force": then only what leads to it.
+
+        Returns
+        -------
+        Program
+            Registers are numbered, inputs and outputs named.
+
+        Raises
+        ------
+        ValueError
+            There is no such tape; the message lists those that there are.
+
+        Examples
+        --------
+        >>> from liouville.problems import pendulum
+        >>> print(pendulum.system.tape("reaction"))
+        """
+        recorder, widths = self.observer(None)
+        kept = {part.removeprefix(INVARIANT): width for part, width in widths.items() if width}
+        named = {x: [x] if x in self.invariants else elements(x, k) for x, k in kept.items()}
+        layout = {**self._layout, "observer": (POINT, named)}
+        place = next((tape for tape, (_, parts) in layout.items() if name in (tape, *parts)), None)
+        if place is None:
+            known = dict.fromkeys(part for _, parts in layout.values() for part in parts)
+            sentence = f"there is no tape {name!r}; there are {', '.join(layout)}"
+            raise ValueError(hinted(sentence, f"or name a part of one: {', '.join(known)}"))
+        (vectors, parts), first = layout[place], 0
+        inputs = [x for vector in vectors for x in self._vectors[vector]]
+        inputs += parameters(self._symbols.params.defaults)
+        outputs = [x for names in parts.values() for x in names]
+        tape = recorder if place == "observer" else self._tapes[place]
+        if name == place:
+            return Program(name, tape, inputs, outputs)
+        for part, names in parts.items():
+            if part == name:
+                break
+            first += len(names)
+        wanted = range(first, first + len(parts[name]))
+        return Program(f"{name}, of {place}", tape, inputs, outputs, wanted)
 
     def values(self, params: Mapping[str, ArrayLike] | None) -> np.ndarray:
         """Return the parameter vector with changes; ValueError names an unknown one."""
@@ -220,21 +280,24 @@ def check_residual(
     hint: str,
 ) -> None:
     """Refuse values of constraints at the start that are not finite or over their limits."""
-    if not np.isfinite(value).all():
-        k = int(np.argmin(np.isfinite(value)))
-        raise ValueError(
-            hinted(
-                f"the {what} '{names[k]}' is {value[k]} at the start, t = {t:g}",
-                "look for a division by zero, a root or a logarithm of the model there",
-            )
-        )
-    over = np.abs(value) - limit
-    k = int(np.argmax(over))
+    with np.errstate(invalid="ignore"):
+        over = np.abs(value) - limit
+    k = int(np.argmin(np.isfinite(value))) if not np.isfinite(value).all() else int(np.argmax(over))
     if not over[k] <= 0:
-        raise ValueError(
-            hinted(
-                f"start violates the {what} '{names[k]}': |{symbol}| = {abs(value[k]):.1e} "
-                f"at t = {t:g}, wanted at most {limit[k]:.1e}",
-                hint,
-            )
+        raise ValueError(missed(what, symbol, names[k], value[k], limit[k], t, hint))
+
+
+def missed(
+    what: str, symbol: str, name: str, value: float, limit: float, t: float, hint: str
+) -> str:
+    """Return what is wrong with the value of a constraint at the start."""
+    if not math.isfinite(value):
+        sentence = f"the {what} '{name}' is {value} at the start, t = {t:g}"
+        return hinted(
+            sentence, "look for a division by zero, a root or a logarithm of the model there"
         )
+    sentence = (
+        f"start violates the {what} '{name}': |{symbol}| = {abs(value):.1e} "
+        f"at t = {t:g}, wanted at most {limit:.1e}"
+    )
+    return hinted(sentence, hint)

@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from typing import Any
 
-import casadi as ca
 import numpy as np
 
+from liouville import _casadi as ca
 from liouville import _core
 from liouville.errors import hinted
 from liouville.systems import _trace

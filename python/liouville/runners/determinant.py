@@ -1,0 +1,44 @@
+"""Runs of a polynomial field with the determinant of the Jacobian of its steps."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+from liouville import _core
+from liouville._arguments import check_memory
+from liouville.errors import Description
+from liouville.methods import VolumeSplitting
+from liouville.planner import FieldPlan
+from liouville.runners.field import FieldRunner
+from liouville.runners.runner import Request
+from liouville.splitting import crossed
+from liouville.systems import PolynomialField
+
+
+class DeterminantRunner(FieldRunner):
+    """Runs a field with tangents."""
+
+    def __init__(
+        self, system: PolynomialField, method: VolumeSplitting | FieldPlan, request: Request
+    ) -> None:
+        super().__init__(system, method, request)
+        n = len(system.coordinates)
+        self.columns = {"x": n, "observed log_determinant": 1, "observed defect": 1}
+        hint = "this is for fields of up to a few hundred variables: take a smaller one of the kind"
+        check_memory(f"the Jacobian of {n} variables", 8.0 * n * n, hint)
+
+    def start(self) -> _core.Run | dict[str, Any]:
+        """Start the run, or return the error of its start."""
+        job = replace(self.job, observer="determinants")
+        return _core.run(crossed(self.split), self.choice.method, job)
+
+    def describe(self, error: dict[str, Any]) -> Description:
+        """Describe an error in the user's names: sentence, hint and quantity."""
+        if error.get("quantity") == "observable":
+            return (
+                "the Jacobian of the step is singular to roundoff, its determinant unknown",
+                "the step stretches some directions too much over others: try a smaller h",
+                "determinant",
+            )
+        return super().describe(error)

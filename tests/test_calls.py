@@ -1,0 +1,127 @@
+"""Calls: what an import loads, what runs without CasADi, and that no run knows of those before."""
+
+import pickle
+import subprocess
+import sys
+from concurrent.futures import ThreadPoolExecutor
+
+import numpy as np
+import pytest
+
+import liouville as lv
+from liouville.problems import chain, euler_top, pendulum
+
+#: A process in which CasADi cannot be imported runs what was pickled, and writes the bits.
+WITHOUT = """
+import pickle, sys
+sys.modules["casadi"] = None
+import liouville as lv
+runs, path = pickle.load(open(sys.argv[1], "rb"))
+found = []
+for system, method, more in runs:
+    run = lv.integrate(system, method, **more)
+    found.append({name: x.tobytes() for name, x in (run.states | run.invariants).items()})
+found.append(lv.resume(path).status)
+try:
+    lv.Lagrangian(lambda t, q, v, params: v[0], q=1)
+except ImportError as error:
+    found.append(str(error))
+pickle.dump(found, open(sys.argv[2], "wb"))
+"""
+
+
+def python(code, *args):
+    found = subprocess.run(
+        [sys.executable, "-c", code, *map(str, args)], capture_output=True, text=True, check=False
+    )
+    assert found.returncode == 0, found.stderr[-2000:]
+    return found.stdout.split()
+
+
+def bits(run):
+    return {name: x.tobytes() for name, x in (run.states | run.invariants).items()}
+
+
+def test_an_import_loads_little():
+    listed = python("import liouville, sys; print(*sys.modules)")
+    outside = {name.partition(".")[0] for name in listed}
+    assert not outside & {"casadi", "scipy", "matplotlib", "xarray", "sympy", "concurrent"}
+    assert not {"liouville.planner", "liouville.splitting", "liouville.stored"} & set(listed)
+    assert {"numpy", "liouville.runners"} <= set(listed)
+
+
+def test_names_that_are_imported_later_are_listed_and_others_refused():
+    for name in dir(lv):
+        assert getattr(lv, name) is not None
+    assert {"plan", "Store", "resume", "load", "FieldPlan"} <= set(dir(lv))
+    with pytest.raises(AttributeError, match="module 'liouville' has no attribute 'stores'"):
+        _ = lv.stores
+
+
+def test_pickled_systems_and_stored_runs_need_no_casadi(tmp_path):
+    semi_explicit = lv.SemiExplicit(
+        field=lambda t, y, z, params: (y[1] - params.k * z[0] * y[0], -y[0] - z[0] * y[1]),
+        constraint=lambda t, y, params: y[0] ** 2 + y[1] ** 2 - 1,
+        y=("a", "b"), z=("u",), params={"k": 1.0},
+    )  # fmt: skip
+    wave, span = lv.Schrodinger(lv.Lattice(8)), {"t": (0.0, 0.3), "steps": 3}
+    runs = [
+        (pendulum.system, lv.Spark(3), {**span, "params": {"g": 1.5}, **pendulum.start}),
+        (pendulum.system, lv.HHT(), {**span, **pendulum.start}),
+        (semi_explicit, lv.Spark(2), {**span, "y": [1.0, 0.0]}),
+        (euler_top.system, lv.VolumeSplitting("shears"), {**span, **euler_top.start}),
+        (wave, lv.SchrodingerSplitting(), {"t": (0, 1), "psi": np.eye(8)[0]}),
+    ]
+    wanted = [bits(lv.integrate(system, method, **more)) for system, method, more in runs]
+    store = tmp_path / "run.zarr"
+
+    def interrupt(done, total):
+        if done > 2:
+            raise KeyboardInterrupt
+
+    more = {"t": (0.0, 400.0), "steps": 40_000, "every": 10_000, **pendulum.start}
+    cut = lv.integrate(pendulum.system, lv.Spark(2), store=store, progress=interrupt, **more)
+    assert cut.status == "interrupted"
+    (tmp_path / "in").write_bytes(pickle.dumps((runs, str(store))))
+    python(WITHOUT, tmp_path / "in", tmp_path / "out")
+    *found, status, refused = pickle.loads((tmp_path / "out").read_bytes())
+    assert found == wanted
+    assert status == "done"
+    assert "casadi" in refused.lower()
+    assert "hint: pip install casadi" in refused
+
+
+def test_a_run_has_the_same_bits_whatever_ran_before():
+    def first(system):
+        return bits(lv.integrate(system, lv.Spark(3), t=(0, 0.4), h=0.05, **pendulum.start))
+
+    system = pickle.loads(pickle.dumps(pendulum.system))
+    wanted = first(system)
+    for method in (lv.Spark(3), lv.Spark(3, solver="newton"), lv.HHT(), lv.LobattoPair(2)):
+        more = {"params": {"g": 3.0}, **pendulum.start}
+        lv.integrate(system, method, t=(0, 1), h=0.1, **more)
+    with pytest.raises(lv.IntegrationError):
+        lv.integrate(system, lv.Spark(3), t=(0, 1e4), steps=1, **pendulum.start)
+    assert first(system) == wanted
+
+
+def test_threads_integrate_one_system_at_once():
+    links = 60  # enough for the plan of the sparse constraints, which the first run makes
+    built, start = chain.build(links), chain.start_for(links)
+    options = {"t": (0.0, 0.01), "steps": 3, **start}
+    methods = [lv.Spark(stages) for stages in (1, 2, 3, 4)] * 2
+    wanted = [bits(lv.integrate(built, method, **options)) for method in methods]
+    fresh = pickle.loads(pickle.dumps(built))
+    with ThreadPoolExecutor(len(methods)) as pool:
+        found = pool.map(lambda method: lv.integrate(fresh, method, **options), methods)
+        assert [bits(run) for run in found] == wanted
+
+
+def test_tableaux_are_the_same_at_every_call():
+    methods = [lv.Spark(2), lv.Spark(2, points="radau"), lv.LobattoPair(3), lv.LobattoPair(3, "A")]
+    ends = [
+        lv.integrate(pendulum.system, method, t=(0, 1), steps=2, **pendulum.start).q[-1].tobytes()
+        for method in (*methods, *methods)
+    ]
+    assert ends[:4] == ends[4:]
+    assert len(set(ends)) == 4
