@@ -49,7 +49,8 @@ class Starting:
             for name in ("points", "drawn", "pitches")
         )
         drawn = drawn.reshape(-1, 3).T
-        self.tree = Tree(system._body_layout, joints, given, points.reshape(-1, 2, 3), drawn, pitches)
+        layout = system._body_layout
+        self.tree = Tree(layout, joints, given, points.reshape(-1, 2, 3), drawn, pitches)
         spread = [np.ptp(self.tree.x, axis=1).max(), np.abs(points).max(initial=0.0)]
         self.size = float(max(spread)) or 1.0
         kept = {x.joint.name for x in self.tree.branches if x.joint is not None and x.is_kept}
