@@ -158,22 +158,30 @@ impl CompensatedProgram {
         }
     }
 
+    /// As long as the operation is the same, no jump has to be predicted.
     #[inline(always)]
     fn run<R: Real>(&self, registers: &mut [Compensated<R>]) {
-        for instr in &self.instrs {
-            let (a, b) = (registers[instr.a as usize], registers[instr.b as usize]);
-            registers[instr.out as usize] = match Cheap::of(instr.op) {
-                Some(Cheap::Assign) => a,
-                Some(Cheap::Add) => a + b,
-                Some(Cheap::Sub) => a - b,
-                Some(Cheap::Mul) => a * b,
-                Some(Cheap::Div) => a / b,
-                Some(Cheap::Neg) => -a,
-                Some(Cheap::Sq) => a * a,
-                Some(Cheap::Twice) => a + a,
-                Some(Cheap::Inv) => Compensated::exact(R::splat(1.0)) / a,
-                None => a.sqrt(),
-            };
+        for same in self.instrs.chunk_by(|a, b| a.op == b.op) {
+            macro_rules! each {
+                (|$a:ident, $b:ident| $value:expr) => {
+                    for instr in same {
+                        let ($a, $b) = (registers[instr.a as usize], registers[instr.b as usize]);
+                        registers[instr.out as usize] = $value;
+                    }
+                };
+            }
+            match Cheap::of(same[0].op) {
+                Some(Cheap::Assign) => each!(|a, _b| a),
+                Some(Cheap::Add) => each!(|a, b| a + b),
+                Some(Cheap::Sub) => each!(|a, b| a - b),
+                Some(Cheap::Mul) => each!(|a, b| a * b),
+                Some(Cheap::Div) => each!(|a, b| a / b),
+                Some(Cheap::Neg) => each!(|a, _b| -a),
+                Some(Cheap::Sq) => each!(|a, _b| a * a),
+                Some(Cheap::Twice) => each!(|a, _b| a + a),
+                Some(Cheap::Inv) => each!(|a, _b| Compensated::exact(R::splat(1.0)) / a),
+                None => each!(|a, _b| a.sqrt()),
+            }
         }
     }
 }
