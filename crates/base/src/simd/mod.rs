@@ -48,6 +48,10 @@ pub trait SimdViews: Copy {
 
     /// Visits all parts of each of `count` numbers stored one after another; false where it was stopped.
     fn each<V: ForEach<Self::Stored>>(self, count: usize, visitor: &mut V) -> bool;
+
+    /// Makes a computation in a function of its own: parts that are all inlined make one long function, which takes the
+    /// compiler longer than its parts do.
+    fn call<K: Kernel<Self::Stored>>(self, kernel: K) -> K::Output;
 }
 
 /// A computation on stored numbers.

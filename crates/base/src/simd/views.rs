@@ -28,9 +28,7 @@ impl<S: Simd, const N: usize> SimdView for BlockView<S, N> {
     fn load(self, x: &[f64], place: usize) -> RegisterBlock<S, N> {
         let from = place + self.offset;
         let x = &x[from..from + N * S::F64_LANES];
-        let simd = self.simd;
-        let registers = S::as_simd_f64s(x).0.as_chunks::<N>().0[0];
-        RegisterBlock { simd, registers }
+        RegisterBlock::of(self.simd, S::as_simd_f64s(x).0)
     }
     #[inline(always)]
     fn shared(self, values: &[f64], place: usize) -> RegisterBlock<S, N> {
@@ -44,7 +42,7 @@ impl<S: Simd, const N: usize> SimdView for BlockView<S, N> {
     fn store(self, x: &mut [f64], place: usize, value: RegisterBlock<S, N>) {
         let from = place + self.offset;
         let x = &mut x[from..from + N * S::F64_LANES];
-        S::as_mut_simd_f64s(x).0.as_chunks_mut::<N>().0[0] = value.registers;
+        S::as_mut_simd_f64s(x).0.copy_from_slice(&value.registers);
     }
     #[inline(always)]
     fn first(self) -> usize {
@@ -112,6 +110,23 @@ impl<S: Scalar + Number> SimdViews for ScalarViews<S> {
         }
         true
     }
+    #[inline(always)]
+    fn call<K: Kernel<S>>(self, kernel: K) -> K::Output {
+        kernel.run(self)
+    }
+}
+
+/// Calls a computation by the function that pulp makes for an instruction set, and by one of ours where it makes none.
+#[inline(always)]
+fn call<S: Simd, C: WithSimd>(simd: S, computation: C) -> C::Output {
+    fn scalar<S: Simd, C: WithSimd>(simd: S, computation: C) -> C::Output {
+        simd.vectorize(computation)
+    }
+    if S::F64_LANES > 1 {
+        simd.vectorize(computation)
+    } else {
+        scalar(simd, computation)
+    }
 }
 
 /// Numbers of one trajectory: blocks of N registers, then single registers, then single numbers.
@@ -162,6 +177,10 @@ impl<S: Simd> SimdViews for BlockViews<S> {
     fn each<V: ForEach<f64>>(self, count: usize, visitor: &mut V) -> bool {
         self.blocks::<8, V>(count, visitor)
     }
+    #[inline(always)]
+    fn call<K: Kernel<f64>>(self, kernel: K) -> K::Output {
+        call(self.simd, OnBlocks(kernel))
+    }
 }
 
 struct OnBlocks<K>(K);
@@ -200,10 +219,7 @@ impl<S: Simd, const W: usize, const N: usize> SimdView for LaneView<S, W, N> {
     }
     #[inline(always)]
     fn load(self, x: &[Lanes<W>], place: usize) -> RegisterBlock<S, N> {
-        let simd = self.simd;
-        let parts = S::as_simd_f64s(&x[place + self.offset].0).0;
-        let registers = parts.as_chunks::<N>().0[self.part];
-        RegisterBlock { simd, registers }
+        self.every(x, place + self.offset)
     }
     #[inline(always)]
     fn shared(self, values: &[f64], place: usize) -> RegisterBlock<S, N> {
@@ -211,15 +227,13 @@ impl<S: Simd, const W: usize, const N: usize> SimdView for LaneView<S, W, N> {
     }
     #[inline(always)]
     fn every(self, x: &[Lanes<W>], place: usize) -> RegisterBlock<S, N> {
-        let simd = self.simd;
-        let parts = S::as_simd_f64s(&x[place].0).0;
-        let registers = parts.as_chunks::<N>().0[self.part];
-        RegisterBlock { simd, registers }
+        let registers = S::as_simd_f64s(&x[place].0).0;
+        RegisterBlock::of(self.simd, &registers[self.part * N..])
     }
     #[inline(always)]
     fn store(self, x: &mut [Lanes<W>], place: usize, value: RegisterBlock<S, N>) {
-        let parts = S::as_mut_simd_f64s(&mut x[place + self.offset].0).0;
-        parts.as_chunks_mut::<N>().0[self.part] = value.registers;
+        let registers = S::as_mut_simd_f64s(&mut x[place + self.offset].0).0;
+        registers[self.part * N..][..N].copy_from_slice(&value.registers);
     }
     #[inline(always)]
     fn first(self) -> usize {
@@ -262,6 +276,10 @@ impl<S: Simd, const W: usize> SimdViews for LaneViews<S, W> {
             4 => self.parts::<4, V>(count, visitor),
             _ => self.parts::<8, V>(count, visitor),
         }
+    }
+    #[inline(always)]
+    fn call<K: Kernel<Lanes<W>>>(self, kernel: K) -> K::Output {
+        call(self.simd, OnLanes((kernel, [(); W])))
     }
 }
 

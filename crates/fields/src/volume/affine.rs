@@ -9,12 +9,12 @@
 
 use super::State;
 use super::flow::PieceFlow;
-use super::kernel::{FlowScratch, add, set_rows};
+use super::kernel::{FlowOf, add, set_rows};
 use super::order::Order;
 use super::rows::{PolynomialRows, narrow};
 use liouville_base::composition::Flow;
 use liouville_base::linalg::{Lu, Matrix, combine, max_norm};
-use liouville_base::simd::{ForEach, SimdView, SimdViews};
+use liouville_base::simd::{ForEach, Kernel, SimdView, SimdViews};
 
 /// An affine piece.
 #[derive(Clone, Debug)]
@@ -204,14 +204,17 @@ impl<S> ForEach<S> for AddAffine<'_, S> {
     }
 }
 
-#[inline(always)]
-pub(super) fn move_along<W: SimdViews>(
-    views: W,
-    rows: &PolynomialRows,
-    state: &mut State<W::Stored>,
-    scratch: &mut FlowScratch<W::Stored>,
-) {
-    set_rows(views, rows, &state.x, &mut scratch.change);
-    let change = scratch.change.as_slice();
-    views.each(change.len(), &mut AddAffine { change, state });
+/// The change of each variable.
+pub(super) struct AffineChange<'a>(pub(super) &'a PolynomialRows);
+
+impl<S> Kernel<S> for FlowOf<'_, S, AffineChange<'_>> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run<W: SimdViews<Stored = S>>(self, views: W) {
+        let Self { state, scratch, .. } = self;
+        set_rows(views, self.piece.0, &state.x, &mut scratch.change);
+        let change = scratch.change.as_slice();
+        views.each(change.len(), &mut AddAffine { change, state });
+    }
 }

@@ -8,9 +8,9 @@
 #![allow(clippy::inline_always)] // all of a kernel is compiled for one instruction set
 
 use super::State;
-use super::kernel::multiply;
+use super::kernel::{FlowOf, multiply};
 use liouville_base::real::Scalar;
-use liouville_base::simd::{ForEach, Number, SimdView, SimdViews};
+use liouville_base::simd::{ForEach, Kernel, Number, SimdView, SimdViews};
 
 /// A piece of one monomial.
 #[derive(Clone, Debug)]
@@ -112,42 +112,33 @@ impl<S> ForEach<S> for ExponentialFlow<'_, S> {
         for &place in piece.monomial.iter().skip(1) {
             m = m * view.load(x, place as usize);
         }
-        if piece.alpha == 0.0 {
-            self.multiply(view, m.scaled(self.h));
-            return true;
-        }
-        let z = m.scaled(piece.alpha * self.h);
-        if !z.is_below(1.0) {
-            self.failed = view.first();
-            return false;
-        }
-        match &piece.roots {
-            Some(roots) if self.state.low.is_empty() => {
-                let base = view.constant(1.0) - z;
-                let root = base.inverse_root(roots.q);
-                for &(place, a, b) in &roots.powers {
-                    let x = view.load(&self.state.x, place as usize);
-                    let x = times_power(times_power(x, base, a), root, b);
-                    view.store(&mut self.state.x, place as usize, x);
+        let mut time = m.scaled(self.h);
+        if piece.alpha != 0.0 {
+            let z = m.scaled(piece.alpha * self.h);
+            if !z.is_below(1.0) {
+                self.failed = view.first();
+                return false;
+            }
+            match &piece.roots {
+                Some(roots) if self.state.low.is_empty() => {
+                    let base = view.constant(1.0) - z;
+                    let root = base.inverse_root(roots.q);
+                    for &(place, a, b) in &roots.powers {
+                        let x = view.load(&self.state.x, place as usize);
+                        let x = times_power(times_power(x, base, a), root, b);
+                        view.store(&mut self.state.x, place as usize, x);
+                    }
+                    return true;
                 }
-            }
-            _ => {
-                let time = (view.constant(0.0) - z).ln_1p();
-                self.multiply(view, time.scaled(-1.0 / piece.alpha));
+                _ => time = (view.constant(0.0) - z).ln_1p().scaled(-1.0 / piece.alpha),
             }
         }
-        true
-    }
-}
-
-impl<S> ExponentialFlow<'_, S> {
-    /// x *= exp(c t)
-    #[inline(always)]
-    fn multiply<W: SimdView<Stored = S>>(&mut self, view: W, time: W::Number) {
-        for &(place, rate) in &self.piece.rates {
+        // x *= exp(c t*)
+        for &(place, rate) in &piece.rates {
             let exponent = time.scaled(rate);
             multiply(view, self.state.parts(), place as usize, exponent);
         }
+        true
     }
 }
 
@@ -166,27 +157,26 @@ fn times_power<N: Number>(mut x: N, mut y: N, mut power: u32) -> N {
     x
 }
 
-/// On failure the first trajectory whose flow is too long.
-#[inline(always)]
-pub(super) fn exponential<W: SimdViews>(
-    views: W,
-    piece: &Exponential,
-    h: f64,
-    state: &mut State<W::Stored>,
-) -> Result<(), usize>
-where
-    W::Stored: Scalar,
-{
-    let mut flow = ExponentialFlow {
-        piece,
-        h,
-        state: &mut *state,
-        failed: 0,
-    };
-    if views.each(1, &mut flow) {
-        Ok(())
-    } else {
-        let first = flow.failed;
-        Err(piece.too_long(h, &state.x, first).unwrap_or(first))
+impl<S: Scalar> Kernel<S> for FlowOf<'_, S, &Exponential> {
+    /// On failure the first trajectory whose flow is too long.
+    type Output = Result<(), usize>;
+
+    #[inline(always)]
+    fn run<W: SimdViews<Stored = S>>(self, views: W) -> Result<(), usize> {
+        let Self { piece, h, .. } = self;
+        let state = &mut *self.state;
+        let failed = 0;
+        let mut flow = ExponentialFlow {
+            piece,
+            h,
+            state,
+            failed,
+        };
+        if views.each(1, &mut flow) {
+            Ok(())
+        } else {
+            let first = flow.failed;
+            Err(piece.too_long(h, &self.state.x, first).unwrap_or(first))
+        }
     }
 }

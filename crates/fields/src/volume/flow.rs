@@ -18,11 +18,7 @@ pub(super) enum PieceFlow {
         waves: PolynomialRows,
     },
     /// x += h g a
-    Shear {
-        change: PolynomialRows,
-        waves: PolynomialRows,
-        places: Vec<(u32, f64)>,
-    },
+    Shear(Shear),
     /// x *= exp(h p)
     Scaling { rows: PolynomialRows },
     /// x *= exp(c t*)
@@ -31,6 +27,16 @@ pub(super) enum PieceFlow {
     Triangular(Triangular),
     /// x = exp(h A) x + ...
     Affine(Affine),
+}
+
+/// One change g of several variables.
+#[derive(Clone, Debug)]
+pub(super) struct Shear {
+    pub(super) change: PolynomialRows,
+    /// Cosine factors to be computed first.
+    pub(super) waves: PolynomialRows,
+    /// Places, and a.
+    pub(super) places: Vec<(u32, f64)>,
 }
 
 /// Rows that a flow changes level after level.
@@ -65,7 +71,7 @@ impl PieceFlow {
             Self::Triangular(piece) if piece.is_euler() => {
                 (Change::Add, &NO_WAVES, &piece.levels[..], !is_adjoint)
             }
-            Self::Shear { .. } | Self::Exponential(_) | Self::Triangular(_) | Self::Affine(_) => {
+            Self::Shear(_) | Self::Exponential(_) | Self::Triangular(_) | Self::Affine(_) => {
                 return None;
             }
         };
@@ -102,11 +108,11 @@ impl SplitLayout<'_> {
                 direction,
                 change,
                 waves,
-            } => PieceFlow::Shear {
+            } => PieceFlow::Shear(Shear {
                 change: self.compiled(change, &[(0, 0)]),
                 waves: self.waves(waves),
                 places: self.paired(places, direction),
-            },
+            }),
             Piece::Scaling { rows, rate } => PieceFlow::Scaling {
                 rows: self.rows(rate, rows),
             },

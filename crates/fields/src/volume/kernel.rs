@@ -2,12 +2,11 @@
 #![allow(clippy::inline_always)] // all of a kernel is compiled for one instruction set
 
 use super::State;
-use super::affine::{Changes, move_along};
+use super::affine::{AffineChange, Changes};
 use super::code::{Code, Variables, evaluate};
-use super::exponential::exponential;
-use super::flow::PieceFlow;
+use super::flow::{Levels, PieceFlow, Shear};
 use super::rows::{PolynomialRows, RowRun};
-use super::stages::{runge_kutta, substitute};
+use super::stages::{RungeKutta, Substitution};
 use liouville_base::composition::Flow;
 use liouville_base::error::StepError;
 use liouville_base::real::Scalar;
@@ -46,47 +45,76 @@ impl<S: Scalar> Kernel<S> for FlowKernel<'_, S> {
             let h = before + flow.weight * self.h;
             before = 0.0;
             let piece = &self.piece_flows[flow.part];
-            // one place for all of them, as each place is compiled for all registers
             if let Some(levels) = piece.levels(flow.is_adjoint) {
-                set_waves(views, levels.waves, state);
-                for rows in levels.iter() {
-                    change_rows(views, levels.change, rows, h, state);
-                }
+                views.call(flow_of(levels, h, state, scratch));
                 continue;
             }
             match piece {
                 PieceFlow::Natural { .. } | PieceFlow::Scaling { .. } => {
                     unreachable!("flows of levels are made above")
                 }
-                PieceFlow::Shear {
-                    change,
-                    waves,
-                    places,
-                } => {
-                    set_waves(views, waves, state);
-                    shear(views, change, places, h, state);
-                }
+                PieceFlow::Shear(piece) => views.call(flow_of(piece, h, state, scratch)),
                 PieceFlow::Exponential(piece) => {
-                    exponential(views, piece, h, state).map_err(|member| StepError::Singular {
+                    let done = views.call(flow_of(piece, h, state, scratch));
+                    done.map_err(|member| StepError::Singular {
                         piece: flow.part,
                         member,
                         t: self.t + flow.offset * self.h,
                     })?;
                 }
+                PieceFlow::Triangular(piece) if flow.is_adjoint => {
+                    views.call(flow_of(Substitution(piece), h, state, scratch));
+                }
                 PieceFlow::Triangular(piece) => {
-                    if flow.is_adjoint {
-                        substitute(views, piece, h, state, scratch);
-                    } else {
-                        runge_kutta(views, piece, h, state, scratch);
-                    }
+                    views.call(flow_of(RungeKutta(piece), h, state, scratch));
                 }
                 PieceFlow::Affine(_) => {
-                    let change = self.changes.find(flow.part, h);
-                    move_along(views, change, state, scratch);
+                    let change = AffineChange(self.changes.find(flow.part, h));
+                    views.call(flow_of(change, h, state, scratch));
                 }
             }
         }
         Ok(())
+    }
+}
+
+/// The flow of one piece, of length `h`.
+pub(super) struct FlowOf<'a, S, P> {
+    pub(super) piece: P,
+    pub(super) h: f64,
+    pub(super) state: &'a mut State<S>,
+    pub(super) scratch: &'a mut FlowScratch<S>,
+}
+
+#[inline(always)]
+fn flow_of<'a, S, P>(
+    piece: P,
+    h: f64,
+    state: &'a mut State<S>,
+    scratch: &'a mut FlowScratch<S>,
+) -> FlowOf<'a, S, P> {
+    FlowOf {
+        piece,
+        h,
+        state,
+        scratch,
+    }
+}
+
+impl<S> Kernel<S> for FlowOf<'_, S, Levels<'_>> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run<W: SimdViews<Stored = S>>(self, views: W) {
+        let Self {
+            piece, h, state, ..
+        } = self;
+        set_waves(views, piece.waves, state);
+        for rows in piece.iter() {
+            for run in rows.iter() {
+                change_run(views, piece.change, run, h, state);
+            }
+        }
     }
 }
 
@@ -197,19 +225,6 @@ pub(super) fn change_run<W: SimdViews>(
     views.each(run.count, &mut row);
 }
 
-#[inline(always)]
-fn change_rows<W: SimdViews>(
-    views: W,
-    change: Change,
-    rows: &PolynomialRows,
-    h: f64,
-    state: &mut State<W::Stored>,
-) {
-    for run in rows.iter() {
-        change_run(views, change, run, h, state);
-    }
-}
-
 /// A cosine factor, stored behind the variables.
 struct SetWave<'a, S> {
     program: &'a [Code],
@@ -257,22 +272,24 @@ impl<S> ForEach<S> for ShearBy<'_, S> {
     }
 }
 
-#[inline(always)]
-fn shear<W: SimdViews>(
-    views: W,
-    change: &PolynomialRows,
-    places: &[(u32, f64)],
-    h: f64,
-    state: &mut State<W::Stored>,
-) {
-    for (_, program) in change.iter() {
-        let mut shear = ShearBy {
-            program,
-            places,
-            h,
-            state: &mut *state,
-        };
-        views.each(1, &mut shear);
+impl<S> Kernel<S> for FlowOf<'_, S, &Shear> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run<W: SimdViews<Stored = S>>(self, views: W) {
+        let Self {
+            piece, h, state, ..
+        } = self;
+        set_waves(views, &piece.waves, state);
+        for (_, program) in piece.change.iter() {
+            let mut shear = ShearBy {
+                program,
+                places: &piece.places,
+                h,
+                state: &mut *state,
+            };
+            views.each(1, &mut shear);
+        }
     }
 }
 

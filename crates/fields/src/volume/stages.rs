@@ -3,10 +3,10 @@
 
 use super::State;
 use super::code::Code;
-use super::kernel::{FlowScratch, add, set_rows, value};
+use super::kernel::{FlowOf, add, set_rows, value};
 use super::rows::PolynomialRows;
 use super::triangular::Triangular;
-use liouville_base::simd::{ForEach, Number, SimdView, SimdViews};
+use liouville_base::simd::{ForEach, Kernel, Number, SimdView, SimdViews};
 
 /// Z_r = x + h Σ_{q<r} A_rq K_q, for a run.
 struct SetStage<'a, S> {
@@ -63,46 +63,48 @@ impl<S> ForEach<S> for AddStages<'_, S> {
 }
 
 /// The step: Z_r and K_r stage after stage.
-#[inline(always)]
-pub(super) fn runge_kutta<W: SimdViews>(
-    views: W,
-    piece: &Triangular,
-    h: f64,
-    state: &mut State<W::Stored>,
-    scratch: &mut FlowScratch<W::Stored>,
-) where
-    W::Stored: Copy,
-{
-    let s = piece.stages;
-    let runs = || piece.levels.iter().flat_map(PolynomialRows::iter);
-    for r in 0..s {
-        let (earlier, later) = scratch.stages.split_at_mut(r);
-        let [z, k] = &mut later[0];
-        z.copy_from_slice(&state.x);
+pub(super) struct RungeKutta<'a>(pub(super) &'a Triangular);
+
+impl<S: Copy> Kernel<S> for FlowOf<'_, S, RungeKutta<'_>> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run<W: SimdViews<Stored = S>>(self, views: W) {
+        let Self {
+            h, state, scratch, ..
+        } = self;
+        let piece = self.piece.0;
+        let s = piece.stages;
+        let runs = || piece.levels.iter().flat_map(PolynomialRows::iter);
+        for r in 0..s {
+            let (earlier, later) = scratch.stages.split_at_mut(r);
+            let [z, k] = &mut later[0];
+            z.copy_from_slice(&state.x);
+            for (run, _) in runs() {
+                let mut stage = SetStage {
+                    weights: &piece.a[r * s..r * s + r],
+                    place: run.place,
+                    h,
+                    x: &state.x,
+                    earlier: &*earlier,
+                    out: &mut *z,
+                };
+                views.each(run.count, &mut stage);
+            }
+            for level in &piece.levels {
+                set_rows(views, level, z, k);
+            }
+        }
         for (run, _) in runs() {
-            let mut stage = SetStage {
-                weights: &piece.a[r * s..r * s + r],
+            let mut add_stages = AddStages {
+                weights: &piece.b,
                 place: run.place,
                 h,
-                x: &state.x,
-                earlier: &*earlier,
-                out: &mut *z,
+                state: &mut *state,
+                stages: &scratch.stages[..s],
             };
-            views.each(run.count, &mut stage);
+            views.each(run.count, &mut add_stages);
         }
-        for level in &piece.levels {
-            set_rows(views, level, z, k);
-        }
-    }
-    for (run, _) in runs() {
-        let mut add_stages = AddStages {
-            weights: &piece.b,
-            place: run.place,
-            h,
-            state: &mut *state,
-            stages: &scratch.stages[..s],
-        };
-        views.each(run.count, &mut add_stages);
     }
 }
 
@@ -139,30 +141,32 @@ impl<S> ForEach<S> for Substitute<'_, S> {
 }
 
 /// The adjoint step, level after level.
-#[inline(always)]
-pub(super) fn substitute<W: SimdViews>(
-    views: W,
-    piece: &Triangular,
-    h: f64,
-    state: &mut State<W::Stored>,
-    scratch: &mut FlowScratch<W::Stored>,
-) where
-    W::Stored: Copy,
-{
-    for [z, _] in &mut scratch.stages[..piece.stages] {
-        z.copy_from_slice(&state.x);
-    }
-    for level in &piece.levels {
-        for (run, program) in level.iter() {
-            let mut substitute = Substitute {
-                piece,
-                program,
-                place: run.place,
-                h,
-                state: &mut *state,
-                stages: &mut scratch.stages,
-            };
-            views.each(run.count, &mut substitute);
+pub(super) struct Substitution<'a>(pub(super) &'a Triangular);
+
+impl<S: Copy> Kernel<S> for FlowOf<'_, S, Substitution<'_>> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run<W: SimdViews<Stored = S>>(self, views: W) {
+        let Self {
+            h, state, scratch, ..
+        } = self;
+        let piece = self.piece.0;
+        for [z, _] in &mut scratch.stages[..piece.stages] {
+            z.copy_from_slice(&state.x);
+        }
+        for level in &piece.levels {
+            for (run, program) in level.iter() {
+                let mut substitute = Substitute {
+                    piece,
+                    program,
+                    place: run.place,
+                    h,
+                    state: &mut *state,
+                    stages: &mut scratch.stages,
+                };
+                views.each(run.count, &mut substitute);
+            }
         }
     }
 }
