@@ -246,7 +246,8 @@ pub(super) fn execute_strided<R: Real>(batch: &Strided, registers: &mut [R]) {
     }
 }
 
-/// All but the last are loops that the compiler turns into vector operations.
+/// For single numbers all but the last are loops that the compiler turns into vector operations; an operation of lanes is
+/// a vector already, and one loop is enough.
 #[allow(clippy::inline_always)]
 #[inline(always)]
 #[allow(unsafe_code)]
@@ -257,41 +258,41 @@ fn walk<R: Real>(batch: &Strided, registers: &mut [R], f: impl Fn(R, R) -> R) {
     unsafe {
         let out = start.add(first.out as usize);
         let (a, b) = (start.add(first.a as usize), start.add(first.b as usize));
-        match batch.strides {
-            [1, 1, 1] => {
+        match (batch.strides, R::IS_SINGLE) {
+            ([1, 1, 1], true) => {
                 for i in 0..batch.count {
                     *out.add(i) = f(*a.add(i), *b.add(i));
                 }
             }
-            [1, 0, 1] => {
+            ([1, 0, 1], true) => {
                 let x = *a;
                 for i in 0..batch.count {
                     *out.add(i) = f(x, *b.add(i));
                 }
             }
-            [1, 1, 0] => {
+            ([1, 1, 0], true) => {
                 let y = *b;
                 for i in 0..batch.count {
                     *out.add(i) = f(*a.add(i), y);
                 }
             }
-            [1, 2, 2] => {
+            ([1, 2, 2], true) => {
                 for i in 0..batch.count {
                     *out.add(i) = f(*a.add(2 * i), *b.add(2 * i));
                 }
             }
-            [2, 2, 1] => {
+            ([2, 2, 1], true) => {
                 for i in 0..batch.count {
                     *out.add(2 * i) = f(*a.add(2 * i), *b.add(i));
                 }
             }
-            [2, 1, 0] => {
+            ([2, 1, 0], true) => {
                 let y = *b;
                 for i in 0..batch.count {
                     *out.add(2 * i) = f(*a.add(i), y);
                 }
             }
-            strides => {
+            (strides, _) => {
                 let [to, from, and] = strides.map(|stride| stride as isize);
                 for i in 0..batch.count as isize {
                     *out.offset(to * i) = f(*a.offset(from * i), *b.offset(and * i));

@@ -75,12 +75,25 @@ impl Program {
     pub(super) fn run<R: Real>(&self, registers: &mut [R]) {
         match self {
             Self::Plain(instrs) => execute(instrs, registers),
-            Self::Batched { instrs, steps } => run_steps(instrs, steps, registers),
+            Self::Batched { instrs, steps } => {
+                if R::IS_SINGLE {
+                    if let Some(registers) = R::alone_mut(registers) {
+                        run_steps_alone(instrs, steps, registers);
+                    }
+                } else {
+                    run_steps(instrs, steps, registers);
+                }
+            }
         }
     }
 }
 
+/// [`run_steps`] of one member, which is much code: compiled here, and not again by each crate that evaluates tapes.
 #[inline(never)]
+fn run_steps_alone(instrs: &[Instr], steps: &[ProgramStep], registers: &mut [f64]) {
+    run_steps(instrs, steps, registers);
+}
+
 fn run_steps<R: Real>(instrs: &[Instr], steps: &[ProgramStep], registers: &mut [R]) {
     dispatch_simd_long::<R, _>(
         registers.len(),
