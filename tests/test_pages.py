@@ -59,7 +59,8 @@ def entries(page):
     ):
         found = re.match(r"\.\. auto(\w+):: (\S+)", block)
         members = re.search(r"^   :members:(.*)$", block, re.M)
-        assert ":inherited-members:" not in block, found[2]
+        # systems inherit what only runners call
+        assert page.stem != "systems" or ":inherited-members:" not in block, found[2]
         yield found[2], [] if members is None else re.findall(r"\w+", members[1])
 
 
