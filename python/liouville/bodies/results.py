@@ -180,7 +180,7 @@ def _mechanism(solution: Solution, what: str) -> Mechanism:
             )
         )
     if solution.members is not None:
-        hint = "dataclasses.replace cuts a member out of an ensemble"
+        hint = "take a member of the ensemble: solution[0]"
         raise ValueError(hinted(f"the motion of {what} is that of a single run", hint))
     return system
 
