@@ -3,14 +3,13 @@
 import importlib
 import inspect
 import re
-from urllib.parse import urlsplit
 
 import pytest
 from pages import PAGES, ROOT, name
 
 import liouville
 
-SITE = "liouville.readthedocs.io"
+SITE = "https://liouville-integrators.github.io/liouville/"
 HOST = "https://github.com/liouville-integrators/liouville"
 RAW = "https://raw.githubusercontent.com/liouville-integrators/liouville/main/"
 REFERENCE = [ROOT / "docs" / "api.md", *sorted((ROOT / "docs" / "api").glob("*.md"))]
@@ -26,10 +25,8 @@ def of_the_tree(address):
         return address.removeprefix(RAW)
     if address.startswith(f"{HOST}/blob/main/"):
         return address.removeprefix(f"{HOST}/blob/main/").split("#")[0]
-    parts = urlsplit(address)
-    if parts.netloc == SITE and parts.path.strip("/"):
-        assert parts.path.startswith("/en/latest/"), address
-        inside = parts.path.removeprefix("/en/latest/")
+    inside = address.removeprefix(SITE).split("#")[0]
+    if address.startswith(SITE) and inside:
         if inside.startswith("gallery/"):  # built from the examples
             script = inside.removeprefix("gallery/").replace(".html", ".py")
             return "examples/GALLERY_HEADER.rst" if script == "index.py" else f"examples/{script}"
