@@ -1,7 +1,7 @@
 //! Starts that violate their constraints, and records whose energy cannot be right.
 
-use crate::mechanical::Mechanical;
 use crate::errors::refused;
+use crate::mechanical::Mechanical;
 use liouville_mechanics::problem::{
     self, EnergyColumns, Kind, KineticColumns, Model, Tolerances, Violation,
 };
@@ -93,9 +93,8 @@ pub(crate) fn energy_change(
         return Err(refused("each member has one energy at the start"));
     }
     let (rows, at) = (rows.as_slice()?, EnergyColumns { energy, kinetic });
-    let found = py.detach(|| {
-        problem::energy_change(rows, (members, width), at, start.as_deref(), rises)
-    });
+    let found =
+        py.detach(|| problem::energy_change(rows, (members, width), at, start.as_deref(), rises));
     Ok(found.map(|found| (found.record, found.member, found.first, found.jump)))
 }
 
