@@ -180,21 +180,21 @@ def test_what_would_fill_the_memory_while_it_is_made_is_refused_before(make, wor
 
 def test_a_matrix_that_cannot_be_read_is_refused_before(monkeypatch):
     sparse = pytest.importorskip("scipy.sparse")
-    matrix = sparse.diags_array([np.ones(10_000)], offsets=[0]).tocsr()
-    monkeypatch.setattr(_arguments, "memory", lambda: 9e5)
+    matrix = sparse.diags_array([np.ones(20_000)], offsets=[0]).tocsr()
+    monkeypatch.setattr(_arguments, "memory", lambda: 1.8e6)
     with pytest.raises(
-        MemoryError, match=r"H with its 10000 entries takes 0.954 MiB, and 0.858 MiB"
+        MemoryError, match=r"H with its 20000 entries takes 1.91 MiB, and 1.72 MiB"
     ):
         lv.Schrodinger(matrix)
 
 
 @pytest.mark.parametrize("method", [lv.Chebyshev(), lv.Lanczos(dimension=12)])
 def test_a_method_whose_states_do_not_fit_is_refused_before(method, monkeypatch):
-    system = lv.Schrodinger(lv.Lattice(1 << 14))
-    call = {"t": (0.0, 0.1), "psi": np.ones(1 << 14), "states": False}
-    monkeypatch.setattr(_arguments, "memory", lambda: 3.0 * 2**18)
+    system = lv.Schrodinger(lv.Lattice(1 << 16))
+    call = {"t": (0.0, 0.1), "psi": np.ones(1 << 16), "states": False}
+    monkeypatch.setattr(_arguments, "memory", lambda: 3.0 * 2**20)
     with pytest.raises(
-        MemoryError, match=r"stepping a state of 16384 components by .* takes \d.* MiB"
+        MemoryError, match=r"stepping a state of 65536 components by .* takes \d.* MiB"
     ):
         lv.integrate(system, method, **call)
     least = lv.SchrodingerSplitting(mode="stable")

@@ -54,10 +54,7 @@ impl<R: Real> Compensated<R> {
     #[inline(always)]
     #[must_use]
     pub fn sqrt(self) -> Self {
-        let high = self.high.map(
-            #[inline(always)]
-            |x| x.sqrt(),
-        );
+        let high = self.high.map(f64::sqrt);
         let rest = fused(-high, high, self.high) + self.low;
         Self {
             high,

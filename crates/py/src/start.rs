@@ -8,6 +8,12 @@ use liouville_mechanics::problem::{
 use numpy::{PyReadonlyArray2, PyReadonlyArrayDyn, PyUntypedArrayMethods};
 use pyo3::prelude::*;
 
+/// Member, kind and number of a constraint, its value, and the largest allowed.
+type Violated = (usize, &'static str, usize, f64, f64);
+
+/// Record, member, the energy at the start, and of a jump its part of the energy's size.
+type Changed = (usize, usize, f64, Option<f64>);
+
 /// The first of P states (t, y, z) that violates a constraint, with the constraint's kind and number, its value and
 /// the largest allowed; None if there is none. `params` has a row for each, or one for all; tolerances are relative
 /// and of coordinates that are zero.
@@ -20,7 +26,7 @@ pub(crate) fn violation(
     start: (PyReadonlyArray2<'_, f64>, PyReadonlyArray2<'_, f64>),
     tolerances: (f64, f64),
     with_hidden: bool,
-) -> PyResult<Option<(usize, &'static str, usize, f64, f64)>> {
+) -> PyResult<Option<Violated>> {
     let (y, z) = start;
     let problem = problem.0.clone();
     let ([members, n], rows) = ([y.shape()[0], problem.n], params.shape()[0]);
@@ -78,7 +84,7 @@ pub(crate) fn energy_change(
     kinetic: KineticAt,
     start: Option<Vec<f64>>,
     rises: bool,
-) -> PyResult<Option<(usize, usize, f64, Option<f64>)>> {
+) -> PyResult<Option<Changed>> {
     let shape = rows.shape();
     let width = shape.last().copied().unwrap_or(0);
     let (kinetic, end) = match kinetic {

@@ -122,6 +122,15 @@ class TracedSystem(Pickled, ABC):
         --------
         >>> from liouville.problems import pendulum
         >>> print(pendulum.system.tape("reaction"))
+        reaction, of node: 7 operations for reaction[0], reaction[1]
+          each time:
+            r13 = mul(0.5, lam[0])
+            r16 = twice(q[0])
+            r17 = twice(q[1])
+            r19 = mul(r16, r13)
+            r20 = mul(r17, r13)
+            reaction[0] = neg(r19)
+            reaction[1] = neg(r20)
         """
         recorder, widths = self.observer(None)
         kept = {part.removeprefix(INVARIANT): width for part, width in widths.items() if width}
