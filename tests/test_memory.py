@@ -182,9 +182,7 @@ def test_a_matrix_that_cannot_be_read_is_refused_before(monkeypatch):
     sparse = pytest.importorskip("scipy.sparse")
     matrix = sparse.diags_array([np.ones(20_000)], offsets=[0]).tocsr()
     monkeypatch.setattr(_arguments, "memory", lambda: 1.8e6)
-    with pytest.raises(
-        MemoryError, match=r"H with its 20000 entries takes 1.91 MiB, and 1.72 MiB"
-    ):
+    with pytest.raises(MemoryError, match=r"H with its 20000 entries takes 1.91 MiB, and 1.72 MiB"):
         lv.Schrodinger(matrix)
 
 
