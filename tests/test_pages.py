@@ -1,4 +1,4 @@
-"""The pages as somebody finds them: addresses name files, the reference has public names only."""
+"""The pages as a reader finds them: addresses name files, the reference has public names only."""
 
 import importlib
 import inspect
@@ -55,7 +55,7 @@ def entries(page):
         r"^\.\. auto(?:class|function|data|exception|module):: .*\n(?:   .*\n)*", text, re.M
     ):
         found = re.match(r"\.\. auto(\w+):: (\S+)", block)
-        members = re.search(r"^   :members:(.*)$", block, re.M)
+        members = re.search(r"^   :members:(.*(?:\n {6}.*)*)$", block, re.M)
         # systems inherit what only runners call
         assert page.stem != "systems" or ":inherited-members:" not in block, found[2]
         yield found[2], [] if members is None else re.findall(r"\w+", members[1])
