@@ -44,7 +44,7 @@ PACKAGE_FLOORS = (
     ("_casadi", "_core", "errors"),
     (
         *("_arguments", "_job", "_options", "checksum", "events", "failure", "locks", "points"),
-        *("html", "motions", "program", "progress", "tape", "terms"),
+        *("html", "motions", "program", "progress", "states", "tape", "terms"),
     ),
     ("control", "methods", "parts", "systems"),
     ("bodies", "solution", "splitting"),

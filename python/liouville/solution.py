@@ -15,6 +15,7 @@ from liouville.errors import check_name, hinted
 from liouville.failure import Failure
 from liouville.motions import Motions
 from liouville.points import Points, times_within
+from liouville.states import States
 from liouville.systems import Mechanics, SemiExplicit, System
 
 if TYPE_CHECKING:
@@ -30,7 +31,7 @@ RESIDUALS = ("constraint", "hidden", "nonholonomic")
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Solution(Motions):
+class Solution(States, Motions):
     r"""A run's result: arrays with time as the first axis, and the record of how it went.
 
     Below, k is the number of kept steps, n of coordinates and m of constraints, l of them
@@ -290,92 +291,6 @@ class Solution(Motions):
     def step_size(self) -> str:
         """The step size in words: "h = 0.01", or "mean h = 0.01" of controlled steps."""
         return f"{'mean ' if self.tolerances else ''}h = {self.h:.6g}"
-
-    @property
-    def x(self) -> Array:
-        """States of a ``PolynomialField``, shape (k, n), or (k, P, n) of an ensemble."""
-        return self._state("x")
-
-    @property
-    def psi(self) -> Array:
-        """Wave functions of a ``Schrodinger`` equation, complex, shape (k, N) or (k, P, N)."""
-        return self._state("psi")
-
-    @property
-    def q(self) -> Array:
-        """Positions, shape (k, n)."""
-        return self._state("q")
-
-    @property
-    def v(self) -> Array:
-        """Velocities, shape (k, n)."""
-        return self._state("v")
-
-    @property
-    def p(self) -> Array:
-        """Momenta, shape (k, n)."""
-        return self._state("p")
-
-    @property
-    def lam(self) -> Array:
-        """Multipliers of the constraints, shape (k, m)."""
-        return self._state("lam")
-
-    @property
-    def y(self) -> Array:
-        """Positions of a ``Mechanical`` system, coordinates of a ``SemiExplicit``, shape (k, n)."""
-        return self._state("y")
-
-    @property
-    def z(self) -> Array:
-        """Second half of the state of a ``Mechanical`` system, shape (k, n).
-
-        Of a ``SemiExplicit`` system its algebraic unknowns, shape (k, l).
-        """
-        return self._state("z")
-
-    @property
-    def acceleration(self) -> Array:
-        """Accelerations, with the reactions in them, shape (k, n)."""
-        return self._state("acceleration")
-
-    @property
-    def a(self) -> Array:
-        r"""The method's own accelerations without the reactions, at :math:`t + \Delta h`, (k, n).
-
-        :math:`\Delta = \alpha_m - \alpha_f`; give the last to :func:`liouville.integrate` as ``a=``
-        to go on with a run.
-        """
-        return self._state("a")
-
-    @property
-    def work(self) -> Array:
-        """Energy that forces without a potential have put in since the start, shape (k,)."""
-        return self._balanced("work")
-
-    @property
-    def dissipated(self) -> Array:
-        r"""Energy lost since the start, :math:`E(0) + W - E(t)`, shape (k,).
-
-        What the damping of the method took and, in a ``Structure``, that of its damping matrix;
-        with it the errors of energy and work.
-        """
-        return self._balanced("dissipated")
-
-    def _balanced(self, name: str) -> Array:
-        if name in self.balance:
-            return self.balance[name]
-        hint = "HHT and its relatives record it, for a Lagrangian or a Structure"
-        raise AttributeError(hinted(f"the solution has no {name!r}", hint))
-
-    def _state(self, name: str) -> Array:
-        if name in self.states:
-            return self.states[name]
-        why, hint = "", f"its states are {', '.join(self.states)}"
-        if not self.states:
-            why = ": the run stored no states"
-            hint = "integrate with states=True, or name what you need in observe="
-        raise AttributeError(f"the solution has no {name!r}{why}\nhint: {hint}")
 
     def invariant_drift(self, name: str) -> Array:
         r"""Measure how far an invariant has moved from its start, :math:`|I(t) - I(0)| / |I(0)|`.

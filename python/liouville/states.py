@@ -1,0 +1,104 @@
+"""The states of a solution, and the balance of its energy, as attributes."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from numpy.typing import NDArray
+
+from liouville.errors import hinted
+
+Array = NDArray[Any]
+
+
+class States:
+    """A base of :class:`Solution`: what it has of these is known by its system and method."""
+
+    states: dict[str, Array]
+    balance: dict[str, Array]
+
+    @property
+    def x(self) -> Array:
+        """States of a ``PolynomialField``, shape (k, n), or (k, P, n) of an ensemble."""
+        return self._state("x")
+
+    @property
+    def psi(self) -> Array:
+        """Wave functions of a ``Schrodinger`` equation, complex, shape (k, N) or (k, P, N)."""
+        return self._state("psi")
+
+    @property
+    def q(self) -> Array:
+        """Positions, shape (k, n)."""
+        return self._state("q")
+
+    @property
+    def v(self) -> Array:
+        """Velocities, shape (k, n)."""
+        return self._state("v")
+
+    @property
+    def p(self) -> Array:
+        """Momenta, shape (k, n)."""
+        return self._state("p")
+
+    @property
+    def lam(self) -> Array:
+        """Multipliers of the constraints, shape (k, m)."""
+        return self._state("lam")
+
+    @property
+    def y(self) -> Array:
+        """Positions of a ``Mechanical`` system, coordinates of a ``SemiExplicit``, shape (k, n)."""
+        return self._state("y")
+
+    @property
+    def z(self) -> Array:
+        """Second half of the state of a ``Mechanical`` system, shape (k, n).
+
+        Of a ``SemiExplicit`` system its algebraic unknowns, shape (k, l).
+        """
+        return self._state("z")
+
+    @property
+    def acceleration(self) -> Array:
+        """Accelerations, with the reactions in them, shape (k, n)."""
+        return self._state("acceleration")
+
+    @property
+    def a(self) -> Array:
+        r"""The method's own accelerations without the reactions, at :math:`t + \Delta h`, (k, n).
+
+        :math:`\Delta = \alpha_m - \alpha_f`; give the last to :func:`liouville.integrate` as ``a=``
+        to go on with a run.
+        """
+        return self._state("a")
+
+    @property
+    def work(self) -> Array:
+        """Energy that forces without a potential have put in since the start, shape (k,)."""
+        return self._balanced("work")
+
+    @property
+    def dissipated(self) -> Array:
+        r"""Energy lost since the start, :math:`E(0) + W - E(t)`, shape (k,).
+
+        What the damping of the method took and, in a ``Structure``, that of its damping matrix;
+        with it the errors of energy and work.
+        """
+        return self._balanced("dissipated")
+
+    def _balanced(self, name: str) -> Array:
+        if name in self.balance:
+            return self.balance[name]
+        hint = "HHT and its relatives record it, for a Lagrangian or a Structure"
+        raise AttributeError(hinted(f"the solution has no {name!r}", hint))
+
+    def _state(self, name: str) -> Array:
+        if name in self.states:
+            return self.states[name]
+        why, hint = "", f"its states are {', '.join(self.states)}"
+        if not self.states:
+            why = ": the run stored no states"
+            hint = "integrate with states=True, or name what you need in observe="
+        raise AttributeError(f"the solution has no {name!r}{why}\nhint: {hint}")
