@@ -62,6 +62,11 @@ impl<R: Real> Polynomial<R> {
         combine(out, &self.end_weights, &self.values, as_is);
     }
 
+    /// The weights of the values at the targets, a row for each, and at the end of the step.
+    pub fn weights(&self) -> [&Matrix; 2] {
+        [&self.weights, &self.end_weights]
+    }
+
     /// Goes through the first `count` nodes alone.
     fn pass_through(&mut self, count: usize) {
         self.knots.clear();
@@ -126,6 +131,11 @@ impl<R: Real> Predictor<R> {
             }
         }
         true
+    }
+
+    /// What the weights there are were made for: where the step begins, and how long it is.
+    pub fn place(&self) -> [f64; 2] {
+        [self.begin, self.ratio]
     }
 
     /// The size of the step held.

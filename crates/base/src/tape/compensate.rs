@@ -2,7 +2,7 @@
 #![allow(clippy::inline_always)] // a call would lack the instruction set
 
 use super::execute::{Cheap, Instr, Op};
-use super::{Registers, Tape, groups};
+use super::{PointRegisters, Registers, Tape, groups};
 use crate::compensated::Compensated;
 use crate::real::{Lanes, Real, Scalar};
 use crate::simd::{dispatch_fused, dispatch_simd};
@@ -35,6 +35,13 @@ enum Memory<R> {
     Members(Vec<Compensated<R>>),
 }
 
+/// [`CompensatedTape`] for points that stand in [`PointRegisters`].
+#[derive(Clone, Debug)]
+pub struct CompensatedPoints<P> {
+    program: CompensatedProgram,
+    registers: Vec<Compensated<P>>,
+}
+
 impl Tape {
     /// The first so many outputs in compensated numbers, with the parameters of `bound`; `None` where they take more than
     /// arithmetic and square roots.
@@ -43,6 +50,29 @@ impl Tape {
         Registers(bound): &Registers<R>,
         outputs: usize,
     ) -> Option<CompensatedTape<R>> {
+        let memory = match R::alone(bound) {
+            Some(bound) => Memory::Points(exact(bound.iter().map(|x| Lanes::splat(*x)))),
+            None => Memory::Members(exact(bound.iter().copied())),
+        };
+        Some(CompensatedTape {
+            program: self.compensated_program(outputs)?,
+            memory,
+        })
+    }
+
+    /// The same for points that stand in registers.
+    pub fn compensated_points<P: Real>(
+        &self,
+        bound: &PointRegisters<P>,
+        outputs: usize,
+    ) -> Option<CompensatedPoints<P>> {
+        Some(CompensatedPoints {
+            program: self.compensated_program(outputs)?,
+            registers: exact(bound.first_point()),
+        })
+    }
+
+    fn compensated_program(&self, outputs: usize) -> Option<CompensatedProgram> {
         if self.terms.is_some() {
             return None;
         }
@@ -52,17 +82,10 @@ impl Tape {
         if !instrs.iter().all(is_known) {
             return None;
         }
-        let memory = match R::alone(bound) {
-            Some(bound) => Memory::Points(exact(bound.iter().map(|x| Lanes::splat(*x)))),
-            None => Memory::Members(exact(bound.iter().copied())),
-        };
-        Some(CompensatedTape {
-            program: CompensatedProgram {
-                instrs,
-                argument: groups(&self.inputs).get(1)?.clone(),
-                outputs,
-            },
-            memory,
+        Some(CompensatedProgram {
+            instrs,
+            argument: groups(&self.inputs).get(1)?.clone(),
+            outputs,
         })
     }
 }
@@ -99,6 +122,40 @@ impl<R: Real> CompensatedTape<R> {
                 }
             }
         }
+    }
+}
+
+impl<P: Real> CompensatedPoints<P> {
+    /// Adds to the values at the points from `first` on what roundings took from them; each number of the second argument
+    /// has a low part at each point.
+    #[inline(never)]
+    pub fn add_low(
+        &mut self,
+        first: usize,
+        points: &mut PointRegisters<P>,
+        low: impl Fn(usize, usize) -> P,
+    ) {
+        let Self { program, registers } = self;
+        dispatch_simd::<P, _>(
+            #[inline(always)]
+            || {
+                for i in first..points.points() {
+                    registers[0] = Compensated::exact(points.argument(0)[i]);
+                    for (q, place) in program.argument.clone().enumerate() {
+                        let high = points.argument(place)[i];
+                        registers[place] = Compensated {
+                            high,
+                            low: low(q, i),
+                        };
+                    }
+                    program.run(registers);
+                    for (c, result) in registers[program.outputs.clone()].iter().enumerate() {
+                        let value = &mut points.value_mut(c)[i];
+                        *value = value.zip(result.low, sum);
+                    }
+                }
+            },
+        );
     }
 }
 

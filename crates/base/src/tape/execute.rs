@@ -69,7 +69,7 @@ pub(super) fn cost(instrs: &[Instr]) -> (usize, usize) {
 #[inline]
 pub(super) fn execute<R: Real>(program: &[Instr], registers: &mut [R]) {
     if R::IS_SINGLE {
-        run(program, registers);
+        run(program, registers, 1);
     } else {
         run_wide(program, registers);
     }
@@ -79,14 +79,23 @@ pub(super) fn execute<R: Real>(program: &[Instr], registers: &mut [R]) {
 fn run_wide<R: Real>(program: &[Instr], registers: &mut [R]) {
     dispatch_simd::<R, _>(
         #[inline(always)]
-        || run(program, registers),
+        || run(program, registers, 1),
+    );
+}
+
+/// Runs instructions at several points, whose values of a register follow one another.
+#[inline(never)]
+pub(super) fn execute_points<R: Real>(program: &[Instr], registers: &mut [R], points: usize) {
+    dispatch_simd::<R, _>(
+        #[inline(always)]
+        || run(program, registers, points),
     );
 }
 
 #[allow(clippy::inline_always)] // a call would lack the instruction set
 #[allow(unsafe_code)]
 #[inline(always)]
-fn run<R: Real>(program: &[Instr], registers: &mut [R]) {
+fn run<R: Real>(program: &[Instr], registers: &mut [R], points: usize) {
     let start = registers.as_mut_ptr();
     let truth = |condition: bool| f64::from(u8::from(condition));
     let mut left = program;
@@ -96,10 +105,14 @@ fn run<R: Real>(program: &[Instr], registers: &mut [R]) {
             (|$x:ident, $y:ident| $value:expr) => {
                 loop {
                     // SAFETY: `Tape::new` gives out registers below `self.registers` only, and callers
-                    // pass exactly that many.
+                    // pass exactly that many at each point.
                     unsafe {
-                        let ($x, $y) = (*start.add(instr.a as usize), *start.add(instr.b as usize));
-                        *start.add(instr.out as usize) = $value;
+                        let [a, b, out] =
+                            [instr.a, instr.b, instr.out].map(|x| start.add(x as usize * points));
+                        for i in 0..points {
+                            let ($x, $y) = (*a.add(i), *b.add(i));
+                            *out.add(i) = $value;
+                        }
                     }
                     match rest.split_first() {
                         Some((&next, after)) if next.op == instr.op => (instr, rest) = (next, after),

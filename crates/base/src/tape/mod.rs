@@ -19,14 +19,16 @@ mod execute;
 mod listing;
 mod order;
 mod plan;
+mod points;
 mod program;
 mod terms;
 mod values;
 
 pub use batch::BatchRegisters;
-pub use compensate::CompensatedTape;
+pub use compensate::{CompensatedPoints, CompensatedTape};
 pub use execute::Op;
 pub use listing::{Listing, Operation};
+pub use points::PointRegisters;
 pub use terms::Term;
 
 use crate::linalg::copy;

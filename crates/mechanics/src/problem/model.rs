@@ -7,7 +7,7 @@ use super::{Mechanical, State};
 use liouville_base::error::{Quantity, StepError};
 use liouville_base::linalg::{Pattern, all_finite};
 use liouville_base::real::Real;
-use liouville_base::tape::{CompensatedTape, Registers};
+use liouville_base::tape::{CompensatedPoints, CompensatedTape, PointRegisters, Registers};
 use std::sync::Arc;
 
 /// A system ready to be evaluated.
@@ -145,11 +145,21 @@ impl<R: Real> Model<R> {
     /// g in compensated numbers, where it is made of arithmetic and square roots. Where p depends on y, what its own
     /// roundings leave in the momenta is of one sign unless the roundings of g are there too.
     pub(crate) fn compensated_g(&self) -> Option<CompensatedTape<R>> {
-        let problem = &self.problem;
-        if problem.m == 0 || !problem.patterns.p_y.is_empty() {
-            return None;
-        }
+        let problem = self.compensable()?;
         problem.node.compensated(&self.node.one, problem.m)
+    }
+
+    /// The same at the points of `node`.
+    pub(crate) fn compensated_g_at<P: Real>(
+        &self,
+        node: &PointRegisters<P>,
+    ) -> Option<CompensatedPoints<P>> {
+        let problem = self.compensable()?;
+        problem.node.compensated_points(node, problem.m)
+    }
+
+    fn compensable(&self) -> Option<&Mechanical> {
+        Some(&*self.problem).filter(|x| x.m > 0 && x.patterns.p_y.is_empty())
     }
 
     /// `g_y`, `r_λ` at (t, y, λ).

@@ -5,7 +5,7 @@ use super::Model;
 use super::model::{Parts, cut};
 use liouville_base::linalg::Matrix;
 use liouville_base::real::Real;
-use liouville_base::tape::{BatchRegisters, Registers, Tape};
+use liouville_base::tape::{BatchRegisters, PointRegisters, Registers, Tape};
 
 /// The memory of one tape.
 #[derive(Clone, Debug)]
@@ -104,6 +104,21 @@ impl<R: Real> Model<R> {
         self.node_blocks.reserve_batch(&problem.node_blocks, nodes);
         self.node_jacobian
             .reserve_batch(&problem.node_jacobian, nodes);
+    }
+
+    /// Memory of [`Model::stage`] at so many points, and of [`Model::node`] and [`Model::node_blocks`], with numbers
+    /// that several of these become; `None` where they are large.
+    pub(crate) fn at_points<P: Real>(
+        &self,
+        [stages, nodes]: [usize; 2],
+        number: impl Fn(R) -> P + Copy,
+    ) -> Option<[PointRegisters<P>; 3]> {
+        let problem = &self.problem;
+        Some([
+            problem.stage.at_points(&self.stage.one, stages, number)?,
+            problem.node.at_points(&self.node.one, nodes, number)?,
+            (problem.node_blocks).at_points(&self.node_blocks.one, nodes, number)?,
+        ])
     }
 
     /// [`Model::stage`] at several points.

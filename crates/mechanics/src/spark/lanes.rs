@@ -7,6 +7,7 @@
 
 use super::node_schur::NodeSchur;
 use super::predictor::Predictor;
+use super::small::Small;
 use super::stages::{Stages, Step};
 use super::update::Update;
 use super::{Solver, Spark};
@@ -39,6 +40,7 @@ pub struct SparkBatch {
     problem: Arc<Mechanical>,
     solver: Solver,
     model: Model<Block>,
+    small: Option<Box<Small<Block>>>,
     stages: Stages<Block>,
     schur: NodeSchur<Block>,
     predictor: Predictor<Block>,
@@ -64,7 +66,8 @@ impl SparkBatch {
         tableau: tableau::Spark,
         solver: Solver,
     ) -> Self {
-        let model = Model::new(problem.clone(), params);
+        let mut model = Model::new(problem.clone(), params);
+        let small = Small::new(&mut model, &tableau, solver);
         let is_common = |x: &Block| x.0.iter().all(|value| value.to_bits() == x.0[0].to_bits());
         let count = if params.iter().all(is_common) {
             1
@@ -86,6 +89,7 @@ impl SparkBatch {
         saved.reserve_exact(BATCH * (saved.len() + 5 * problem.n));
         Self {
             solver,
+            small,
             schur: NodeSchur::new(&model, &stages),
             predictor: Predictor::new(&model, &stages.tableau),
             update: Update::new(&model),
@@ -129,12 +133,23 @@ impl SparkBatch {
         let open = self.rests[..self.count].iter();
         let open = open.filter(|rests| is_open(rests)).count();
         let (stages, model) = (&mut self.stages, &mut self.model);
-        let z1 = &mut self.update.z;
-        if open < FEWEST_MEMBERS || !self.predictor.extrapolate(stages, z1, step) {
+        if open < FEWEST_MEMBERS {
             self.members = [Member::Out; BATCH];
             return Ok(());
         }
         let most = self.solver.max_iterations(&self.problem, &stages.tableau);
+        if let Some(small) = &mut self.small {
+            let (predictor, until) = (&mut self.predictor, (most, stages.stop));
+            let made = small.advance(model, predictor, step, until, &mut self.members);
+            if made.is_none() {
+                self.members = [Member::Out; BATCH];
+            }
+            return Ok(());
+        }
+        if !(self.predictor).extrapolate(stages, &mut self.update.z, step) {
+            self.members = [Member::Out; BATCH];
+            return Ok(());
+        }
         let mut equations = self.schur.start(stages, model, step);
         newton::solve_each(&mut equations, most, &mut self.members)?;
         if !self.members.iter().any(has_converged) {
@@ -229,8 +244,12 @@ impl Stepper for SparkBatch {
         }
         if self.members.iter().any(has_converged) {
             let (predictor, update) = (&mut self.predictor, &self.update);
-            predictor.keep(&self.stages, h, &state.z, &update.z, &update.v);
-            update.commit(state);
+            if let Some(small) = &self.small {
+                small.commit(predictor, h, state);
+            } else {
+                predictor.keep(&self.stages, h, &state.z, &update.z, &update.v);
+                update.commit(state);
+            }
             self.sum_up();
         }
         let is_own = self.take_back(state).is_ok();

@@ -22,6 +22,7 @@ mod lanes;
 mod node_schur;
 mod predictor;
 mod probe;
+mod small;
 mod sparse_schur;
 mod stages;
 mod update;
@@ -33,10 +34,11 @@ use liouville_base::error::StepError;
 use liouville_base::linalg::choice::{CHEAP_NEWTON, SCHUR_ITERATIONS};
 use liouville_base::linalg::copy;
 use liouville_base::method::{Stats, Stepper, Symmetric};
-use liouville_base::newton::{self, Attempts, Confirms, Rest, Slot, Solved, Start};
+use liouville_base::newton::{self, Attempts, Confirms, Member, Rest, Slot, Solved, Start};
 use liouville_base::tableau;
 use node_schur::NodeSchur;
 use predictor::Predictor;
+use small::Small;
 use stages::{Stages, Step, Unknowns};
 use update::Update;
 
@@ -75,6 +77,8 @@ const MOST_ITERATIONS: usize = 100;
 pub struct Spark {
     model: Model,
     solver: Solver,
+    /// What makes nearly all steps of a small system.
+    small: Option<Box<Small<f64>>>,
     stages: Stages,
     schur: NodeSchur,
     /// Full Newton, made when it is first wanted.
@@ -107,9 +111,11 @@ impl Spark {
     /// The method of these coefficients.
     pub fn of(mut model: Model, tableau: tableau::Spark, solver: Solver) -> Self {
         model.reserve_batch(tableau.stages, tableau.intervals + 1);
+        let small = Small::new(&mut model, &tableau, solver);
         let stages = Stages::new(&model, tableau);
         Self {
             solver,
+            small,
             schur: NodeSchur::new(&model, &stages),
             full: None,
             predictor: Predictor::new(&model, &stages.tableau),
@@ -148,6 +154,33 @@ impl Spark {
         self.predictor
             .keep(&self.stages, step.h, &step.state.z, z, v);
         Ok(())
+    }
+
+    /// The step of a small system; says whether it has come to its end, and has only to be committed.
+    fn advance_small(&mut self, step: Step) -> bool {
+        let Some(small) = &mut self.small else {
+            return false;
+        };
+        if self.schur_rest.is_on() || self.rest.is_on() {
+            return false;
+        }
+        let stages = &mut self.stages;
+        let most = (self.solver).max_iterations(&self.model.problem, &stages.tableau);
+        let (until, mut members) = ((most, stages.stop), [Member::Open]);
+        let (model, predictor) = (&mut self.model, &mut self.predictor);
+        let is_made = small
+            .advance(model, predictor, step, until, &mut members)
+            .is_some();
+        let [Member::Converged(iterations)] = members else {
+            return false;
+        };
+        if is_made {
+            self.stats.iterations += iterations;
+            stages.evaluations += (iterations + 1) * stages.tableau.stages;
+            self.schur_rest.end_row();
+            self.rest.end_row();
+        }
+        is_made
     }
 
     /// The modified iteration, by node Schur or full Newton; says whether the solution is near.
@@ -328,13 +361,19 @@ impl Stepper for Spark {
 
     fn step(&mut self, t: f64, h: f64, state: &mut State) -> Result<(), StepError> {
         let step = Step { t, h, state };
-        let attempted = newton::attempt(&mut SparkAttempt { spark: self, step }, h);
-        attempted.map_err(|error| self.without_full(error))?;
-        self.finish(step)?;
+        let is_small = self.advance_small(step);
+        if !is_small {
+            let attempted = newton::attempt(&mut SparkAttempt { spark: self, step }, h);
+            attempted.map_err(|error| self.without_full(error))?;
+            self.finish(step)?;
+        }
         if let Some(estimate) = &mut self.estimate {
             estimate.keep(state);
         }
-        self.update.commit(state);
+        match &self.small {
+            Some(small) if is_small => small.commit(&mut self.predictor, h, state),
+            _ => self.update.commit(state),
+        }
         if let Some(estimate) = &mut self.estimate {
             estimate.measure(self.predictor.velocities(), h, state);
         }

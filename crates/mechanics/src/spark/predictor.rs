@@ -18,17 +18,17 @@ use liouville_base::tableau;
 /// What the next step starts from.
 #[derive(Clone, Debug)]
 pub(super) struct Predictor<R = f64> {
-    acceleration: Acceleration<R>,
+    pub(super) acceleration: Acceleration<R>,
     velocity_is_z: bool,
     /// z0, Z_1..Z_s, z1; λ at the nodes; ν at the stages.
-    held: newton::Predictor<R>,
+    pub(super) held: newton::Predictor<R>,
     /// v0, V_1..V_s, v1 where v is not z; a cold start writes v0.
     v: Matrix<R>,
 }
 
 /// The curves held.
-const Z: usize = 0;
-const LAM: usize = 1;
+pub(super) const Z: usize = 0;
+pub(super) const LAM: usize = 1;
 const NU: usize = 2;
 
 impl<R: Real> Predictor<R> {

@@ -1,0 +1,247 @@
+//! The end of a step of a small system, as the update above finds it: one correction, as all is linear.
+#![allow(clippy::inline_always)] // what is not inlined is compiled without the registers it is for
+
+use super::super::predictor::{LAM, Predictor, Z};
+use super::super::stages::Step;
+use super::layout::Layout;
+use super::{CONSTRAINTS, COORDINATES, Small};
+use crate::problem::{Model, State};
+use liouville_base::linalg::{carry, gather};
+use liouville_base::simd::dispatch_simd;
+
+/// The state at the end, and λ_k.
+#[derive(Clone, Debug)]
+pub(super) struct End<L> {
+    pub(super) z: [L; COORDINATES],
+    z0: [L; COORDINATES],
+    y: [L; COORDINATES],
+    p: [L; COORDINATES],
+    y_low: [L; COORDINATES],
+    p_low: [L; COORDINATES],
+    /// What the sums of increments lose.
+    y_lost: [L; COORDINATES],
+    p_lost: [L; COORDINATES],
+    lam: [L; CONSTRAINTS],
+}
+
+impl<L: Layout> End<L> {
+    pub(super) fn new() -> Self {
+        let zeros = [L::splat(0.0); COORDINATES];
+        Self {
+            z: zeros,
+            z0: zeros,
+            y: zeros,
+            p: zeros,
+            y_low: zeros,
+            p_low: zeros,
+            y_lost: zeros,
+            p_lost: zeros,
+            lam: [L::splat(0.0); CONSTRAINTS],
+        }
+    }
+}
+
+impl<L: Layout> Small<L> {
+    /// (U1)–(U3) at the last iterate; `None` where that is not finite.
+    pub(super) fn finish(
+        &mut self,
+        model: &mut Model<L>,
+        step: Step<L>,
+        loses: bool,
+    ) -> Option<()> {
+        dispatch_simd::<L::Row, _>(
+            #[inline(always)]
+            || {
+                self.evaluate(step, false);
+                self.sum_up(step, loses);
+            },
+        );
+        dispatch_simd::<L, _>(
+            #[inline(always)]
+            || self.correct_end(model, step),
+        );
+        let n = self.problem.n;
+        let end = &self.end;
+        let is_finite = (end.y[..n].iter().chain(&end.z[..n]).chain(&end.p[..n]))
+            .fold(L::splat(0.0), |sum, x| sum + *x * 0.0)
+            .all(|x| x == 0.0);
+        is_finite.then_some(())
+    }
+
+    /// y1, and what p gains but for the last reaction.
+    #[inline(always)]
+    fn sum_up(&mut self, step: Step<L>, loses: bool) {
+        let (s, k) = (self.tables.stages, self.tables.intervals);
+        let (n, m) = (self.problem.n.min(COORDINATES), self.problem.m);
+        let State {
+            y_low, p_low, z, ..
+        } = step.state;
+        let end = &mut self.end;
+        for q in 0..n {
+            (end.y_low[q], end.p_low[q]) = (y_low[q], p_low[q]);
+            (end.y_lost[q], end.p_lost[q]) = (L::splat(0.0), L::splat(0.0));
+            end.z0[q] = z[q];
+            for j in 0..s {
+                let moved = L::at(&self.moves[q], j);
+                gather_one(&mut end.y_low[q], &mut end.y_lost[q], moved);
+                if loses {
+                    end.y_lost[q] -= L::at(&self.velocity[q], j) * self.weights[0].0[j];
+                }
+                let impulse = L::at(&self.impulses[q], j);
+                gather_one(&mut end.p_low[q], &mut end.p_lost[q], impulse);
+            }
+            if m > 0 {
+                for l in 0..k {
+                    let impulse = L::at(&self.reactions[q], l);
+                    gather_one(&mut end.p_low[q], &mut end.p_lost[q], impulse);
+                }
+            }
+        }
+        carry(&step.state.y, &mut end.y_low[..n], &mut end.y[..n]);
+        for q in 0..n {
+            end.y_low[q] += end.y_lost[q];
+        }
+        for c in 0..m.min(CONSTRAINTS) {
+            end.lam[c] = L::at(&self.lam[c], k);
+        }
+    }
+
+    /// z1 and λ_k from (U2) and (U3).
+    #[inline(always)]
+    fn correct_end(&mut self, model: &mut Model<L>, step: Step<L>) {
+        let (n, m, k) = (
+            self.problem.n.min(COORDINATES),
+            self.problem.m.min(CONSTRAINTS),
+            self.tables.intervals,
+        );
+        let t = step.t + self.tables.c_hat.0[k] * step.h;
+        let weight = self.weights[1].0[k];
+        let end = &mut self.end;
+        let mut momentum = end.p_low;
+        let mut reaction = [L::splat(0.0); COORDINATES];
+        let mut gradient = [[L::splat(0.0); COORDINATES]; CONSTRAINTS];
+        let mut r_lam = gradient;
+        let at = &self.problem.patterns;
+        if m > 0 {
+            let [g_y, r] = model.node_blocks(t, &end.y[..n], &end.lam[..m]);
+            for (&(c, q), x) in at.g_y.entries().iter().zip(g_y) {
+                gradient[c][q] = *x;
+            }
+            for (&(q, c), x) in at.r_lam.entries().iter().zip(r) {
+                r_lam[c][q] = *x;
+            }
+            let [_, r] = model.node(t, &end.y[..n], &end.lam[..m]);
+            reaction[..n].copy_from_slice(r);
+        }
+        let [p, w, _] = model.end(t, &end.y[..n], &end.z[..n]);
+        for q in 0..n {
+            momentum[q] += reaction[q] * weight;
+            momentum[q] -= p[q] - step.state.p[q];
+        }
+        // S μ = −w − G M⁻¹ a
+        let velocity = self.inverse_times(&momentum);
+        let mass_r = r_lam.map(|r| self.inverse_times(&r));
+        let mut sides = [L::splat(0.0); CONSTRAINTS];
+        let mut s = [[L::splat(0.0); CONSTRAINTS]; CONSTRAINTS];
+        for c in 0..m {
+            sides[c] = -w[c] - dot(&gradient[c], &velocity);
+            for d in 0..m {
+                s[c][d] = dot(&gradient[c], &mass_r[d]);
+            }
+        }
+        let impulses = solve_small(m, &s, sides);
+        let end = &mut self.end;
+        for q in 0..n {
+            let mut d_z = velocity[q];
+            for c in 0..m {
+                d_z += mass_r[c][q] * impulses[c];
+                reaction[q] += r_lam[c][q] * (impulses[c] * (1.0 / weight));
+            }
+            end.z[q] += d_z;
+            reaction[q] *= L::splat(weight);
+        }
+        for c in 0..m {
+            end.lam[c] += impulses[c] * (1.0 / weight);
+        }
+        gather(&mut end.p_low[..n], &mut end.p_lost[..n], &reaction[..n]);
+        carry(&step.state.p, &mut end.p_low[..n], &mut end.p[..n]);
+        for q in 0..n {
+            end.p_low[q] += end.p_lost[q];
+        }
+    }
+
+    /// M⁻¹ x
+    #[inline(always)]
+    fn inverse_times(&self, x: &[L; COORDINATES]) -> [L; COORDINATES] {
+        self.inverse_mass.map(
+            #[inline(always)]
+            |row| dot(&row, x),
+        )
+    }
+
+    pub(in super::super) fn commit(
+        &self,
+        predictor: &mut Predictor<L>,
+        h: f64,
+        state: &mut State<L>,
+    ) {
+        let (n, m, k) = (self.problem.n, self.problem.m, self.tables.intervals);
+        let end = &self.end;
+        state.y.copy_from_slice(&end.y[..n]);
+        state.z.copy_from_slice(&end.z[..n]);
+        state.p.copy_from_slice(&end.p[..n]);
+        state.y_low.copy_from_slice(&end.y_low[..n]);
+        state.p_low.copy_from_slice(&end.p_low[..n]);
+        let last = self.tables.stages + 1;
+        let values = &mut predictor.held.curves[Z].values;
+        values.row_mut(0).copy_from_slice(&end.z0[..n]);
+        values.row_mut(last).copy_from_slice(&end.z[..n]);
+        for i in 1..last {
+            for (q, out) in values.row_mut(i).iter_mut().enumerate() {
+                *out = L::at(&self.z[q], i - 1);
+            }
+        }
+        let values = &mut predictor.held.curves[LAM].values;
+        for j in 0..k {
+            for (c, out) in values.row_mut(j).iter_mut().enumerate() {
+                *out = L::at(&self.lam[c], j);
+            }
+        }
+        values.row_mut(k).copy_from_slice(&end.lam[..m]);
+        predictor.held.hold(h);
+    }
+}
+
+#[inline(always)]
+fn gather_one<L: Layout>(sum: &mut L, lost: &mut L, x: L) {
+    gather(std::slice::from_mut(sum), std::slice::from_mut(lost), &[x]);
+}
+
+#[inline(always)]
+fn dot<L: Layout>(a: &[L; COORDINATES], b: &[L; COORDINATES]) -> L {
+    let mut sum = a[0] * b[0];
+    for q in 1..COORDINATES {
+        sum += a[q] * b[q];
+    }
+    sum
+}
+
+/// The solution of one or two equations, by determinants.
+#[inline(always)]
+fn solve_small<L: Layout>(
+    m: usize,
+    s: &[[L; CONSTRAINTS]; CONSTRAINTS],
+    b: [L; CONSTRAINTS],
+) -> [L; CONSTRAINTS] {
+    match m {
+        0 => b,
+        1 => [b[0] / s[0][0], b[1]],
+        _ => {
+            let determinant = s[0][0] * s[1][1] - s[0][1] * s[1][0];
+            [
+                (b[0] * s[1][1] - s[0][1] * b[1]) / determinant,
+                (s[0][0] * b[1] - b[0] * s[1][0]) / determinant,
+            ]
+        }
+    }
+}

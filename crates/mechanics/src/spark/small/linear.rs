@@ -1,0 +1,129 @@
+//! The inverse of P⁻¹ S, by Gauss and Jordan: at most sixteen rows, in registers as the nodes are.
+#![allow(clippy::inline_always)] // what is not inlined is compiled without the registers it is for
+
+use super::layout::Layout;
+use super::tables::Tables;
+use super::{CONSTRAINTS, COORDINATES};
+use liouville_base::real::Scalar;
+
+/// g_y and M⁻¹ r_λ at the nodes, and (P⁻¹ S)⁻¹: a column for each node 0..k−1 and constraint.
+#[derive(Clone, Debug)]
+pub(super) struct Linear<L: Layout> {
+    pub(super) g_y: [[L::Points; COORDINATES]; CONSTRAINTS],
+    pub(super) mass_r: [[L::Points; COORDINATES]; CONSTRAINTS],
+    columns: Vec<[L::Points; CONSTRAINTS]>,
+    sides: [L::Points; CONSTRAINTS],
+}
+
+impl<L: Layout> Linear<L> {
+    pub(super) fn new(order: usize) -> Self {
+        let zeros = [[L::zeros(); COORDINATES]; CONSTRAINTS];
+        Self {
+            g_y: zeros,
+            mass_r: zeros,
+            columns: vec![[L::zeros(); CONSTRAINTS]; order],
+            sides: [L::zeros(); CONSTRAINTS],
+        }
+    }
+
+    /// Makes the inverse for the blocks there are, of m constraints.
+    #[inline(always)]
+    pub(super) fn invert(&mut self, tables: &Tables, (n, m): (usize, usize)) {
+        let k = tables.intervals;
+        let nodes = L::rows(k + 1);
+        for l in 0..k {
+            for d in 0..m {
+                let impulse = self.mass_r[d].map(
+                    #[inline(always)]
+                    |r| L::at(&r, l).every(),
+                );
+                for c in 0..m {
+                    let mut s = L::zeros();
+                    for row in 0..nodes {
+                        let mut sum = L::Row::splat(0.0);
+                        for q in 0..n.min(COORDINATES) {
+                            sum += self.g_y[c][q].as_ref()[row] * impulse[q];
+                        }
+                        s.as_mut()[row] = sum * L::factor(&tables.product[l], row);
+                    }
+                    let column = &mut self.columns[d * k + l][c];
+                    let out = &mut column.as_mut()[..L::rows(k)];
+                    L::sums(out, &tables.inverse_product, &s);
+                }
+            }
+        }
+        self.eliminate(k, m);
+    }
+
+    #[inline(always)]
+    fn eliminate(&mut self, k: usize, m: usize) {
+        let rows = L::rows(k);
+        for c in 0..m {
+            for l in 0..k {
+                let p = c * k + l;
+                let pivot = self.columns[p];
+                let inverse = L::splat(1.0) / L::at(&pivot[c], l);
+                for (j, column) in self.columns.iter_mut().enumerate() {
+                    if j == p {
+                        continue;
+                    }
+                    let factor = L::at(&column[c], l) * inverse;
+                    let every = factor.every();
+                    for d in 0..m {
+                        for row in 0..rows {
+                            let x = &mut column[d].as_mut()[row];
+                            *x -= every * pivot[d].as_ref()[row];
+                        }
+                    }
+                    L::set(&mut column[c], l, factor);
+                }
+                let every = (-inverse).every();
+                for d in 0..m {
+                    for row in 0..rows {
+                        let x = &mut self.columns[p][d].as_mut()[row];
+                        *x *= every;
+                    }
+                }
+                L::set(&mut self.columns[p][c], l, inverse);
+            }
+        }
+    }
+
+    /// Writes dΛ for these right-hand sides at the nodes 1..k.
+    #[inline(always)]
+    pub(super) fn solve(
+        &mut self,
+        tables: &Tables,
+        sides: &[L::Points; CONSTRAINTS],
+        d_lam: &mut [L::Points; CONSTRAINTS],
+        m: usize,
+    ) {
+        let (k, rows) = (tables.intervals, L::rows(tables.intervals));
+        for c in 0..m {
+            L::sums(
+                &mut self.sides[c].as_mut()[..rows],
+                &tables.inverse_product,
+                &sides[c],
+            );
+        }
+        for c in 0..m {
+            for row in 0..rows {
+                let mut sum = L::Row::splat(0.0);
+                for d in 0..m {
+                    let [mut even, mut odd] = [L::Row::splat(0.0); 2];
+                    for (l, column) in self.columns[d * k..][..k].iter().enumerate() {
+                        let x = L::at(&self.sides[d], l).every();
+                        let term = column[c].as_ref()[row] * x;
+                        if l % 2 == 0 {
+                            even += term;
+                        } else {
+                            odd += term;
+                        }
+                    }
+                    sum += even + odd;
+                }
+                d_lam[c].as_mut()[row] = sum;
+            }
+        }
+    }
+}
