@@ -36,7 +36,7 @@ def test_fewer_corrections_and_errors_below_the_tolerance(name):
         assert residual < 10 * tolerance * size
     # to roundoff another solver may have been the better choice
     assert corrections[1:] == sorted(corrections[1:], reverse=True)
-    assert corrections[-1] < 0.75 * corrections[0]
+    assert corrections[-1] <= max(0.75 * corrections[0], 2 * steps)
 
 
 def test_what_is_below_roundoff_changes_nothing():
@@ -44,6 +44,6 @@ def test_what_is_below_roundoff_changes_nothing():
         lv.integrate(
             car_axis.system, lv.Spark(4, newton_tol=tol), t=(0, 1), steps=50, **car_axis.start
         )
-        for tol in (None, 1e-5 * np.finfo(float).eps)
+        for tol in (None, 1e-3 * np.finfo(float).eps)
     ]
     np.testing.assert_array_equal(same[0].q, same[1].q)

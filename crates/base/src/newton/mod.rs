@@ -94,16 +94,33 @@ pub struct Stop {
 }
 
 impl Default for Stop {
-    /// What a symplectic method needs: what is not corrected is of one sign step after step and grows with
-    /// their number, roundoff with its root. A ten-thousandth of ε shows as a drift in ten million steps.
+    /// For steps whose number is not known.
     fn default() -> Self {
+        Self::of_run(MANY_STEPS)
+    }
+}
+
+impl Stop {
+    /// What a symplectic method needs in a run of so many steps: what is not corrected is of one sign step after step
+    /// and grows with their number, roundoff with its root. At the end it is a tenth of that.
+    pub fn of_run(steps: usize) -> Self {
+        let steps = steps.clamp(FEW_STEPS, MANY_STEPS);
         Self {
-            tolerance: 1e-5 * f64::EPSILON,
+            tolerance: 0.1 * f64::EPSILON / (steps as f64).sqrt(),
             is_even: true,
             least_rate: 0.0,
         }
     }
+
+    /// Whether no more than roundoff is left out.
+    pub fn is_roundoff(&self) -> bool {
+        self.tolerance < f64::EPSILON
+    }
 }
+
+/// A run of fewer steps may be one of many, each of which begins where another ends.
+const FEW_STEPS: usize = 10_000;
+const MANY_STEPS: usize = 100_000_000;
 
 /// A correction of more than this part of the yardstick is no small one: its ratio to others says nothing.
 const FAR: f64 = 0.1;

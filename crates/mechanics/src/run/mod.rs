@@ -18,6 +18,7 @@ use crate::semi_explicit::{self, SemiExplicit};
 use crate::spark::{BATCH, Spark, SparkBatch, supports_batch};
 use liouville_base::ensemble::{Ensemble, Layout};
 use liouville_base::error::StepError;
+use liouville_base::newton::Stop;
 use liouville_base::run::{Advance, Fixed, Reversible, StartError};
 use liouville_base::tableau;
 use member::{composed, in_lanes};
@@ -123,6 +124,15 @@ impl Starter {
         }
     }
 
+    /// To which fraction of the velocities stage equations are solved.
+    fn newton_tol(&self, spark: &SparkMethod) -> f64 {
+        let to_roundoff = match self.job.control {
+            Control::Fixed => Stop::of_run(self.job.span.steps),
+            _ => Stop::default(),
+        };
+        spark.newton_tol.unwrap_or(to_roundoff.tolerance)
+    }
+
     fn batch(
         &self,
         (problem, spark): (&Arc<Mechanical>, &SparkMethod),
@@ -133,10 +143,8 @@ impl Starter {
         let y = in_lanes(members, |member| self.part(0, member));
         let z = in_lanes(members, |member| self.part(1, member));
         let (tableau, filled) = (spark.tableau.clone(), (&params[..], members.len()));
-        let mut stepper = SparkBatch::of(problem, filled, tableau, spark.solver);
-        if let Some(tolerance) = spark.newton_tol {
-            stepper = stepper.to_tolerance(tolerance);
-        }
+        let mut stepper = SparkBatch::of(problem, filled, tableau, spark.solver)
+            .to_tolerance(self.newton_tol(spark));
         let state = stepper.state(self.job.span.t0, &y, &z);
         let each = if self.is_common() {
             &members[..1]
@@ -159,10 +167,8 @@ impl Starter {
         let span = self.job.span;
         let mut model = Model::new(problem.clone(), self.params(member));
         let state = model.state(span.t0, self.part(0, member), self.part(1, member));
-        let mut stepper = Spark::of(model, spark.tableau.clone(), spark.solver);
-        if let Some(tolerance) = spark.newton_tol {
-            stepper = stepper.to_tolerance(tolerance);
-        }
+        let stepper = Spark::of(model, spark.tableau.clone(), spark.solver)
+            .to_tolerance(self.newton_tol(spark));
         let Control::Adaptive {
             tolerance,
             first,

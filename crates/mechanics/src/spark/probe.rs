@@ -9,7 +9,7 @@ use super::stages::{Stages, Step, Unknowns};
 use crate::problem::Model;
 use liouville_base::error::StepError;
 use liouville_base::linalg::{Matrix, copy, max_norm};
-use liouville_base::newton::{Equations, MARGIN, SHAKE, Stop, signs};
+use liouville_base::newton::{Equations, MARGIN, SHAKE, signs};
 use liouville_base::real::Real;
 
 /// Unknowns and residuals before they were moved.
@@ -98,7 +98,7 @@ impl<R: Real> Stages<R> {
         self.shake(step, SHAKE, 1);
         let shaken = self.evaluate(model, step);
         self.unknowns.copy_from(&probe.unknowns);
-        let units = (self.stop.tolerance / Stop::default().tolerance).max(1.0);
+        let units = (self.stop.tolerance / f64::EPSILON).max(1.0);
         let unit =
             max_norm(self.unknowns.v.flat()) + max_norm(&step.state.y) * (1.0 / step.h.abs());
         let least = [0.0, 2.0 * f64::EPSILON, 2.0 * f64::EPSILON * step.h.abs()];

@@ -345,7 +345,7 @@ impl<R: Real> Stages<R> {
     /// Whether what the rounding of velocities takes away is to be told. Where p depends on y, the rounding of Y_i
     /// would pass for it.
     pub(super) fn loses_moves(&self, problem: &Mechanical) -> bool {
-        problem.patterns.p_y.is_empty() && self.stop == Stop::default()
+        problem.patterns.p_y.is_empty() && self.stop.is_roundoff()
     }
 
     /// Which value is not finite.

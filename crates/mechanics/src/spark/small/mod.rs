@@ -27,7 +27,7 @@ use liouville_base::real::{Lanes, Scalar};
 use liouville_base::tableau;
 use liouville_base::tape::{CompensatedPoints, PointRegisters};
 use std::sync::Arc;
-use tables::{Start, Tables};
+use tables::{StartWeights, Tables};
 
 /// The most coordinates and constraints.
 const COORDINATES: usize = 4;
@@ -46,7 +46,7 @@ fn is_plain(problem: &Mechanical) -> bool {
 pub(super) struct Small<L: Layout> {
     problem: Arc<Mechanical>,
     tables: Tables,
-    start: Start,
+    start: StartWeights,
     stage: PointRegisters<L::Row>,
     node: PointRegisters<L::Row>,
     node_blocks: PointRegisters<L::Row>,
@@ -61,7 +61,7 @@ pub(super) struct Small<L: Layout> {
     z: [L::Points; COORDINATES],
     lam: [L::Points; CONSTRAINTS],
     /// The best found for members that take no further corrections.
-    kept: Option<Box<Unknowns<L>>>,
+    kept: Option<Box<Kept<L>>>,
     /// h b_j V_j, h b_j F_j, h b̂_j R_j; Σ μᶠ h b F; M⁻¹ times the residual of the momentum.
     moves: [L::Points; COORDINATES],
     impulses: [L::Points; COORDINATES],
@@ -105,7 +105,7 @@ impl<L: Layout> Work<L> {
 }
 
 /// Z and λ.
-type Unknowns<L> = (
+type Kept<L> = (
     [<L as Layout>::Points; COORDINATES],
     [<L as Layout>::Points; CONSTRAINTS],
 );
@@ -132,7 +132,7 @@ impl<L: Layout> Small<L> {
         let has_force = !at.f_y.is_empty() || !at.f_z.is_empty();
         Some(Box::new(Self {
             tables: Tables::new(tableau)?,
-            start: Start::new(tableau),
+            start: StartWeights::new(tableau),
             stage,
             compensated: model.compensated_g_at(&node).map(Box::new),
             node,
@@ -185,7 +185,7 @@ impl<L: Layout> Small<L> {
         if !members.iter().any(has_converged) {
             return None;
         }
-        let loses = self.problem.patterns.p_y.is_empty() && stop == Stop::default();
+        let loses = self.problem.patterns.p_y.is_empty() && stop.is_roundoff();
         self.finish(model, step, loses)
     }
 

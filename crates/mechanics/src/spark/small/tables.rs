@@ -84,14 +84,14 @@ impl Tables {
 
 /// The weights that extrapolate the step before, and what they were made for.
 #[derive(Clone, Debug)]
-pub(super) struct Start {
+pub(super) struct StartWeights {
     place: [u64; 2],
     pub(super) z: Weights,
     pub(super) lam: Weights,
     pub(super) end: Vec<f64>,
 }
 
-impl Start {
+impl StartWeights {
     pub(super) fn new(tableau: &tableau::Spark) -> Self {
         let (s, k) = (tableau.stages, tableau.intervals);
         Self {
