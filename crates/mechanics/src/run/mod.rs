@@ -126,11 +126,15 @@ impl Starter {
 
     /// To which fraction of the velocities stage equations are solved.
     fn newton_tol(&self, spark: &SparkMethod) -> f64 {
-        let to_roundoff = match self.job.control {
-            Control::Fixed => Stop::of_run(self.job.span.steps),
-            _ => Stop::default(),
+        let span = self.job.span;
+        let steps = match self.job.control {
+            Control::Fixed => span.steps,
+            Control::Reversible { first, .. } => {
+                ((span.t1 - span.t0) / first).abs().ceil() as usize
+            }
+            Control::Adaptive { .. } => 0, // their errors exceed what adds up
         };
-        spark.newton_tol.unwrap_or(to_roundoff.tolerance)
+        (spark.newton_tol).unwrap_or_else(|| Stop::of_run(steps).tolerance)
     }
 
     fn batch(
