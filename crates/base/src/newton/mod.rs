@@ -103,10 +103,10 @@ impl Default for Stop {
 impl Stop {
     /// What a symplectic method needs in a run of so many steps: what is not corrected is of one sign step after step
     /// and grows with their number, roundoff with its root. At the end it is a tenth of that.
-    pub fn of_run(steps: usize) -> Self {
+    pub fn of_run(steps: f64) -> Self {
         let steps = steps.clamp(FEW_STEPS, MANY_STEPS);
         Self {
-            tolerance: 0.1 * f64::EPSILON / (steps as f64).sqrt(),
+            tolerance: 0.1 * f64::EPSILON / steps.sqrt(),
             is_even: true,
             least_rate: 0.0,
         }
@@ -119,8 +119,8 @@ impl Stop {
 }
 
 /// A run of fewer steps may be one of many, each of which begins where another ends.
-const FEW_STEPS: usize = 10_000;
-const MANY_STEPS: usize = 100_000_000;
+const FEW_STEPS: f64 = 1e4;
+const MANY_STEPS: f64 = 1e8;
 
 /// A correction of more than this part of the yardstick is no small one: its ratio to others says nothing.
 const FAR: f64 = 0.1;

@@ -128,11 +128,9 @@ impl Starter {
     fn newton_tol(&self, spark: &SparkMethod) -> f64 {
         let span = self.job.span;
         let steps = match self.job.control {
-            Control::Fixed => span.steps,
-            Control::Reversible { first, .. } => {
-                ((span.t1 - span.t0) / first).abs().ceil() as usize
-            }
-            Control::Adaptive { .. } => 0, // their errors exceed what adds up
+            Control::Fixed => span.steps as f64,
+            Control::Reversible { first, .. } => ((span.t1 - span.t0) / first).abs(),
+            Control::Adaptive { .. } => 0.0, // their errors exceed what adds up
         };
         (spark.newton_tol).unwrap_or_else(|| Stop::of_run(steps).tolerance)
     }
