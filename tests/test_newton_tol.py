@@ -1,4 +1,4 @@
-"""Stage equations solved to a tolerance: what it saves, and what it costs."""
+"""Stage equations solved to a tolerance: what it saves and costs; constraints hold all the same."""
 
 import numpy as np
 import pytest
@@ -33,7 +33,7 @@ def test_fewer_corrections_and_errors_below_the_tolerance(name):
         corrections.append(loose.stats["iterations"])
         residual = max(np.abs(x).max(initial=0.0) for x in loose.residuals.values())
         assert np.abs(loose.q - whole.q).max() < 1e3 * tolerance * size
-        assert residual < 10 * tolerance * size
+        assert residual < 1e-13 * size
     # to roundoff another solver may have been the better choice
     assert corrections[1:] == sorted(corrections[1:], reverse=True)
     assert corrections[-1] <= max(0.75 * corrections[0], 2 * steps)

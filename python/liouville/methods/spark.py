@@ -95,9 +95,9 @@ class Spark:
     newton_tol : float, optional
         Corrections of the stage equations that are expected to be below this fraction of the
         velocities are not made; at most 0.01. By default they are solved to roundoff, and a little
-        further, which is what constraints to roundoff and energies without drift need. A short run
-        that is wanted to 1e-6 only takes about half the time with 1e-8, and keeps its
-        constraints to that.
+        further, which is what energies without drift need. A short run that is wanted to 1e-6 only
+        takes about half the time with 1e-8. Its constraints hold to roundoff all the same: the end
+        of each step is moved onto them.
 
     Raises
     ------

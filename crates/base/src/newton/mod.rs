@@ -94,15 +94,15 @@ pub struct Stop {
 }
 
 impl Default for Stop {
-    /// For steps whose number is not known.
+    /// For steps whose number is not known, but may be large.
     fn default() -> Self {
-        Self::of_run(MANY_STEPS)
+        Self::of_run(1e7)
     }
 }
 
 impl Stop {
     /// What a symplectic method needs in a run of so many steps: what is not corrected is of one sign step after step
-    /// and grows with their number, roundoff with its root. At the end it is a fifth of that, as measured.
+    /// and grows with their number, roundoff with its root. At the end it is a quarter of that, as measured.
     pub fn of_run(steps: f64) -> Self {
         let steps = steps.clamp(FEW_STEPS, MANY_STEPS);
         Self {

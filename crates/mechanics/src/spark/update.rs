@@ -3,19 +3,32 @@
 //! Nonholonomic constraints have been met by then, up to roundoff: what is left of them is taken away by
 //! impulses of their reactions at t1, of the size of roundoff.
 //!
+//! Stage equations that are solved to a tolerance leave y1 as far off the constraints: it is moved onto them first.
+//!
 //! Increments are summed first and added last. What either loses is kept in the low part: the roundings
 //! of sums in a fixed order are no random ones, and cost a drift of the energy.
 #![allow(clippy::inline_always)] // what is not inlined is compiled without the registers it is for
 
 use super::stages::{Stages, Step};
 use crate::problem::{Model, Saddle, State, finite, finite_k};
+use liouville_base::compensated::Compensated;
 use liouville_base::error::{Quantity, StepError};
 use liouville_base::linalg::{add_scaled, carry, copy, copy_scaled, gather, max_norm};
-use liouville_base::newton::{self, Equations};
+use liouville_base::newton::{self, Equations, Stop};
 use liouville_base::real::Real;
 use liouville_base::simd::{dispatch_simd, dispatch_simd_long};
 
 const MOST_ITERATIONS: usize = 30;
+
+/// How many corrections with one matrix move y1 onto the constraints, each by a factor of about the tolerance; the same
+/// for all members.
+pub(super) fn projections(stop: Stop) -> usize {
+    if stop.is_roundoff() {
+        return 0;
+    }
+    let falls = (1..).take_while(|i| stop.tolerance.powi(*i) > f64::EPSILON);
+    falls.count() + 1
+}
 
 /// The state at the end of a step while it is being found.
 #[derive(Clone, Debug)]
@@ -35,7 +48,7 @@ pub(super) struct Update<R = f64> {
     momentum: Vec<R>,
     /// Corrections of w = 0, then of k = 0.
     hidden: Vec<R>,
-    /// λ_k and ν_s, where there are both.
+    /// λ_k and ν_s.
     multipliers: Vec<R>,
 }
 
@@ -112,6 +125,9 @@ impl<R: Real> Update<R> {
         let k = stages.tableau.intervals;
         let (h, state) = (step.h, step.state);
         self.sum_up(stages, state);
+        if model.problem.m > 0 {
+            self.project(model, stages, stages.node_time(step, k))?;
+        }
         let is_linear = model.problem.is_linear;
         let mut solve = EndEquations {
             update: self,
@@ -137,6 +153,50 @@ impl<R: Real> Update<R> {
             copy(&mut self.v, &self.z);
         }
         Ok(())
+    }
+
+    /// Moves y1 onto the constraints at t1, along v_z p_z⁻¹ r_λ.
+    #[inline(always)]
+    fn project(
+        &mut self,
+        model: &mut Model<R>,
+        stages: &Stages<R>,
+        t: f64,
+    ) -> Result<(), StepError> {
+        let corrections = projections(stages.stop);
+        if corrections == 0 {
+            return Ok(());
+        }
+        self.take_multipliers(stages);
+        (self.saddle).update(model, t, &self.y, &self.z, &self.multipliers)?;
+        let m = model.problem.m;
+        for _ in 0..corrections {
+            let [g, _] = model.node(t, &self.y, &self.multipliers[..m]);
+            finite(g, Quantity::Constraint, t)?;
+            self.hidden.fill(R::splat(0.0));
+            copy_scaled(&mut self.hidden[..m], -1.0, g);
+            self.momentum.fill(R::splat(0.0));
+            self.saddle
+                .solve(model, &mut self.momentum, &mut self.hidden);
+            self.v.fill(R::splat(0.0));
+            self.saddle.mass.add_velocity(&self.momentum, &mut self.v);
+            for ((y, low), moved) in self.y.iter_mut().zip(&mut self.y_low).zip(&self.v) {
+                Compensated {
+                    high: *y,
+                    low: *low,
+                } = Compensated::sum(*y, *low + *moved);
+            }
+        }
+        Ok(())
+    }
+
+    /// λ_k and ν_s, one after the other.
+    #[inline(always)]
+    fn take_multipliers(&mut self, stages: &Stages<R>) {
+        let lam = stages.unknowns.lam.row(stages.tableau.intervals);
+        let nu = stages.unknowns.nu.row(stages.tableau.stages - 1);
+        copy(&mut self.multipliers[..lam.len()], lam);
+        copy(&mut self.multipliers[lam.len()..], nu);
     }
 
     /// The end becomes the state.
@@ -172,15 +232,10 @@ impl<R: Real> EndEquations<'_, R> {
         let t = stages.node_time(step, k);
         let weight = step.h * stages.tableau.b_hat[k];
         let m = model.problem.m;
-        let mut lam = stages.unknowns.lam.row(k);
         let nu = stages.unknowns.nu.row(stages.tableau.stages - 1);
-        if !nu.is_empty() {
-            copy(&mut update.multipliers[..m], lam);
-            copy(&mut update.multipliers[m..], nu);
-            lam = &update.multipliers;
-        }
+        update.take_multipliers(stages);
         let (y, z) = (&update.y, &update.z);
-        update.saddle.update(model, t, y, z, lam)?;
+        update.saddle.update(model, t, y, z, &update.multipliers)?;
         copy(&mut update.momentum, &update.p_low);
         if model.problem.m > 0 {
             let [_, r] = model.node(t, &update.y, stages.unknowns.lam.row(k));

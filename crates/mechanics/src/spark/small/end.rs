@@ -6,6 +6,7 @@ use super::super::stages::Step;
 use super::layout::Layout;
 use super::{CONSTRAINTS, COORDINATES, Small};
 use crate::problem::{Model, State};
+use liouville_base::compensated::Compensated;
 use liouville_base::linalg::{carry, gather};
 use liouville_base::simd::dispatch_simd;
 
@@ -22,6 +23,26 @@ pub(super) struct End<L> {
     y_lost: [L; COORDINATES],
     p_lost: [L; COORDINATES],
     lam: [L; CONSTRAINTS],
+}
+
+/// G, r_λ, M⁻¹ r_λ and S = G M⁻¹ r_λ at y1.
+struct Blocks<L> {
+    gradient: [[L; COORDINATES]; CONSTRAINTS],
+    r_lam: [[L; COORDINATES]; CONSTRAINTS],
+    mass_r: [[L; COORDINATES]; CONSTRAINTS],
+    s: [[L; CONSTRAINTS]; CONSTRAINTS],
+}
+
+impl<L: Layout> Default for Blocks<L> {
+    fn default() -> Self {
+        let zeros = [[L::splat(0.0); COORDINATES]; CONSTRAINTS];
+        Self {
+            gradient: zeros,
+            r_lam: zeros,
+            mass_r: zeros,
+            s: [[L::splat(0.0); CONSTRAINTS]; CONSTRAINTS],
+        }
+    }
 }
 
 impl<L: Layout> End<L> {
@@ -47,7 +68,7 @@ impl<L: Layout> Small<L> {
         &mut self,
         model: &mut Model<L>,
         step: Step<L>,
-        loses: bool,
+        (loses, projections): (bool, usize),
     ) -> Option<()> {
         dispatch_simd::<L::Row, _>(
             #[inline(always)]
@@ -58,7 +79,10 @@ impl<L: Layout> Small<L> {
         );
         dispatch_simd::<L, _>(
             #[inline(always)]
-            || self.correct_end(model, step),
+            || {
+                self.project(model, step, projections);
+                self.correct_end(model, step);
+            },
         );
         let n = self.problem.n;
         let end = &self.end;
@@ -106,6 +130,69 @@ impl<L: Layout> Small<L> {
         }
     }
 
+    /// Moves y1 onto the constraints at t1, along M⁻¹ r_λ.
+    #[inline(always)]
+    fn project(&mut self, model: &mut Model<L>, step: Step<L>, corrections: usize) {
+        let (n, m) = (
+            self.problem.n.min(COORDINATES),
+            self.problem.m.min(CONSTRAINTS),
+        );
+        if m == 0 || corrections == 0 {
+            return;
+        }
+        let t = step.t + self.tables.c_hat.0[self.tables.intervals] * step.h;
+        let blocks = self.end_blocks(model, t);
+        let end = &mut self.end;
+        for _ in 0..corrections {
+            let [g, _] = model.node(t, &end.y[..n], &end.lam[..m]);
+            let mut sides = [L::splat(0.0); CONSTRAINTS];
+            for c in 0..m {
+                sides[c] = -g[c];
+            }
+            let impulses = solve_small(m, &blocks.s, sides);
+            for q in 0..n {
+                let mut low = end.y_low[q];
+                for c in 0..m {
+                    low += blocks.mass_r[c][q] * impulses[c];
+                }
+                let sum = Compensated::sum(end.y[q], low);
+                (end.y[q], end.y_low[q]) = (sum.high, sum.low);
+            }
+        }
+    }
+
+    /// What the constraints at y1 are made of.
+    #[inline(always)]
+    fn end_blocks(&self, model: &mut Model<L>, t: f64) -> Blocks<L> {
+        let (n, m) = (self.problem.n, self.problem.m.min(CONSTRAINTS));
+        let mut gradient = [[L::splat(0.0); COORDINATES]; CONSTRAINTS];
+        let mut r_lam = gradient;
+        let at = &self.problem.patterns;
+        let [g_y, r] = model.node_blocks(t, &self.end.y[..n], &self.end.lam[..m]);
+        for (&(c, q), x) in at.g_y.entries().iter().zip(g_y) {
+            gradient[c][q] = *x;
+        }
+        for (&(q, c), x) in at.r_lam.entries().iter().zip(r) {
+            r_lam[c][q] = *x;
+        }
+        let mass_r = r_lam.map(
+            #[inline(always)]
+            |r| self.inverse_times(&r),
+        );
+        let mut s = [[L::splat(0.0); CONSTRAINTS]; CONSTRAINTS];
+        for c in 0..m {
+            for d in 0..m {
+                s[c][d] = dot(&gradient[c], &mass_r[d]);
+            }
+        }
+        Blocks {
+            gradient,
+            r_lam,
+            mass_r,
+            s,
+        }
+    }
+
     /// z1 and λ_k from (U2) and (U3).
     #[inline(always)]
     fn correct_end(&mut self, model: &mut Model<L>, step: Step<L>) {
@@ -116,23 +203,15 @@ impl<L: Layout> Small<L> {
         );
         let t = step.t + self.tables.c_hat.0[k] * step.h;
         let weight = self.weights[1].0[k];
-        let end = &mut self.end;
-        let mut momentum = end.p_low;
         let mut reaction = [L::splat(0.0); COORDINATES];
-        let mut gradient = [[L::splat(0.0); COORDINATES]; CONSTRAINTS];
-        let mut r_lam = gradient;
-        let at = &self.problem.patterns;
+        let mut blocks = Blocks::default();
         if m > 0 {
-            let [g_y, r] = model.node_blocks(t, &end.y[..n], &end.lam[..m]);
-            for (&(c, q), x) in at.g_y.entries().iter().zip(g_y) {
-                gradient[c][q] = *x;
-            }
-            for (&(q, c), x) in at.r_lam.entries().iter().zip(r) {
-                r_lam[c][q] = *x;
-            }
-            let [_, r] = model.node(t, &end.y[..n], &end.lam[..m]);
+            blocks = self.end_blocks(model, t);
+            let [_, r] = model.node(t, &self.end.y[..n], &self.end.lam[..m]);
             reaction[..n].copy_from_slice(r);
         }
+        let end = &mut self.end;
+        let mut momentum = end.p_low;
         let [p, w, _] = model.end(t, &end.y[..n], &end.z[..n]);
         for q in 0..n {
             momentum[q] += reaction[q] * weight;
@@ -140,22 +219,17 @@ impl<L: Layout> Small<L> {
         }
         // S μ = −w − G M⁻¹ a
         let velocity = self.inverse_times(&momentum);
-        let mass_r = r_lam.map(|r| self.inverse_times(&r));
         let mut sides = [L::splat(0.0); CONSTRAINTS];
-        let mut s = [[L::splat(0.0); CONSTRAINTS]; CONSTRAINTS];
         for c in 0..m {
-            sides[c] = -w[c] - dot(&gradient[c], &velocity);
-            for d in 0..m {
-                s[c][d] = dot(&gradient[c], &mass_r[d]);
-            }
+            sides[c] = -w[c] - dot(&blocks.gradient[c], &velocity);
         }
-        let impulses = solve_small(m, &s, sides);
+        let impulses = solve_small(m, &blocks.s, sides);
         let end = &mut self.end;
         for q in 0..n {
             let mut d_z = velocity[q];
             for c in 0..m {
-                d_z += mass_r[c][q] * impulses[c];
-                reaction[q] += r_lam[c][q] * (impulses[c] * (1.0 / weight));
+                d_z += blocks.mass_r[c][q] * impulses[c];
+                reaction[q] += blocks.r_lam[c][q] * (impulses[c] * (1.0 / weight));
             }
             end.z[q] += d_z;
             reaction[q] *= L::splat(weight);

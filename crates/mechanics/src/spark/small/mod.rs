@@ -18,6 +18,7 @@ mod tables;
 use super::Solver;
 use super::predictor::Predictor;
 use super::stages::Step;
+use super::update::projections;
 use crate::problem::{Mass, Mechanical, Model};
 use end::End;
 use layout::{Layout, POINTS};
@@ -186,7 +187,7 @@ impl<L: Layout> Small<L> {
             return None;
         }
         let loses = self.problem.patterns.p_y.is_empty() && stop.is_roundoff();
-        self.finish(model, step, loses)
+        self.finish(model, step, (loses, projections(stop)))
     }
 
     fn begin(
