@@ -133,6 +133,25 @@ def test_given_times_keep_what_is_observed_without_the_states():
     np.testing.assert_array_equal(run.observed["height"], whole(times).q[:, 1])
 
 
+@pytest.mark.parametrize("form", FORMS)
+def test_a_member_of_an_ensemble_has_the_dense_output_of_a_run_of_its_own(form):
+    system, start = started(form)
+    params = {"params": {"d": [0.1, 0.2, 0.3]}} if form == "velocities" else {}
+    rows = {name: np.tile(x, (3, 1)) for name, x in start.items()}
+    many = lv.ensemble(system, lv.Spark(3), t=(0, 1), h=0.1, **params, **rows)
+    for k, times in ((0, 0.55), (2, [0.05, 0.98, 1.0])):
+        of_one = {"params": {"d": params["params"]["d"][k]}} if params else {}
+        one = lv.integrate(system, lv.Spark(3), t=(0, 1), h=0.1, **of_one, **start)(times)
+        found = many.member(k)(times)
+        for name, values in one.states.items():
+            np.testing.assert_array_equal(found.states[name], values)
+    with pytest.raises(ValueError, match=r"of one member of an ensemble\nhint: solution\.member"):
+        many(0.5)
+    thin = lv.ensemble(system, lv.Spark(3), t=(0, 1), h=0.1, every=2, **params, **rows)
+    with pytest.raises(ValueError, match="states of all steps"):
+        thin.member(0)(0.5)
+
+
 def test_what_has_no_dense_output_says_why():
     keep = {"t": (0, 1), "h": 0.1, **wire.start}
     run = lv.integrate(wire.system, lv.Spark(3), **keep)

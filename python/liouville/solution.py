@@ -66,8 +66,8 @@ class Solution(States, Motions):
         Where the functions of ``events=`` changed their sign, by name, with the states there.
     dense_order : int
         The order of the method, where the states of all steps are kept and the system is a
-        mechanical or semi-explicit one: then ``solution(t)`` gives the states between them. 0
-        otherwise.
+        mechanical or semi-explicit one: then ``solution(t)`` gives the states between them, of an
+        ensemble ``solution.member(i)(t)``. 0 otherwise.
     names : dict of str to tuple of str
         ``coordinates`` (n of them) and ``constraints`` (m of them, the nonholonomic ones last); of
         a ``SemiExplicit`` system also its ``unknowns`` z.
@@ -256,21 +256,20 @@ class Solution(States, Motions):
         ------
         ValueError
             A time is outside the run; not all steps are kept; the solution was loaded and knows no
-            system; or the accelerations cannot be solved for.
+            system, or is that of an ensemble; or the accelerations cannot be solved for.
         TypeError
             t is no array of numbers.
         """
+        if self.dense_order and self.members is not None:
+            sentence = "dense output is that of one member of an ensemble"
+            raise ValueError(hinted(sentence, "solution.member(0)(t) is that of the first"))
         system = parts.system_of(self, "dense output needs") if self.dense_order else None
         if not self.dense_order or not isinstance(system, Mechanics | SemiExplicit):
             sentence = (
                 "dense output needs the states of all steps of a mechanical or semi-explicit system"
             )
-            raise ValueError(
-                hinted(
-                    sentence,
-                    "integrate with every=1, states=True and without t_eval; ensembles have none",
-                )
-            )
+            hint = "integrate with every=1, states=True and without t_eval"
+            raise ValueError(hinted(sentence, hint))
         times = times_within(t, self.t[0], self.t[-1])
         flat = times.ravel()
         order = np.argsort(flat if self.t[0] <= self.t[-1] else -flat, kind="stable")

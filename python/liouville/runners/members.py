@@ -31,11 +31,6 @@ class Members(TracedRunner):
         job.params, job.threads, job.is_ensemble = self._rows, self.threads, True
         return job
 
-    @property
-    def dense_order(self) -> int:
-        """Zero: an ensemble has no dense output."""
-        return 0
-
     def events(self, run: _core.Run) -> tuple[dict[str, Points], str]:
         """Return no events: an ensemble has none."""
         del run
