@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 
 from liouville import _core
 from liouville._arguments import MOST_STEPS, number
-from liouville.errors import IntegrationError
+from liouville.errors import IntegrationError, hinted
 from liouville.events import DIRECTIONS
 from liouville.failure import Failure, summary_of
 from liouville.methods import VolumeSplitting
@@ -187,7 +187,11 @@ def _plane(plane: str | ArrayLike, names: Sequence[str]) -> Array:
     if isinstance(plane, str):
         if plane not in names:
             known = ", ".join(names[:10]) + (", ..." if len(names) > 10 else "")
-            raise ValueError(f"there is no coordinate '{plane}': the system has {known}")
+            sentence = f"there is no coordinate '{plane}': the system has {known}"
+            if plane != "t":
+                raise ValueError(sentence)
+            hint = "lv.ensemble keeps the states at equal times, with every="
+            raise ValueError(hinted(sentence, hint))
         axis: Array = np.eye(len(names))[names.index(plane)]
         return axis
     try:

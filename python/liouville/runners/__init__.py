@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
+
+import numpy as np
 
 from liouville._arguments import count
 from liouville._options import check_options
@@ -72,9 +75,24 @@ def runner_of(system: System, method: Method | Plan | str, request: Request) -> 
             hint = INSTEAD.get((name, type(system)), INSTEAD[name, None])
             sentence = f"{name} is for a mechanical or semi-explicit system, not for {system!r}"
             raise TypeError(hinted(sentence, hint))
+    if request.is_ensemble:
+        _check_shared(system, request)
     if isinstance(system, Schrodinger):
         return _of_waves(system, method, request)
     return _of_fields(system, method, request)
+
+
+def _check_shared(system: PolynomialField | Schrodinger, request: Request) -> None:
+    """Refuse parameters of each member, which a system that is planned once does not take."""
+    given = request.params if isinstance(request.params, Mapping) else {}
+    for name, value in given.items():
+        if name in system.params and np.ndim(value) > np.ndim(system.params[name]):
+            kind = type(system).__name__
+            sentence = (
+                f"members of a {kind} share their parameters, and '{name}' has a row for each"
+            )
+            hint = f"integrate them one by one: params={{{name!r}: value}} for each value"
+            raise ValueError(hinted(sentence, hint))
 
 
 def _of_mechanics(system: Mechanics, method: Any, request: Request) -> Runner:

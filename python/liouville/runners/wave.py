@@ -66,8 +66,9 @@ class WaveRunner(Runner):
         if isinstance(method, Stepped):
             assert self._stops is not None
             return plan_steps(self.system, method, times[0], self._stops)
-        _check_no_steps(type(method).__name__, request)
-        return plan_wave(self.system, method, times, not np.any(self.psi.imag))
+        plan = plan_wave(self.system, method, times, not np.any(self.psi.imag))
+        _check_no_steps(type(method).__name__, request)  # last: methods for H(t) do take steps
+        return plan
 
     def _check_states(self) -> None:
         """Refuse a method whose states would not fit in memory."""
@@ -139,9 +140,10 @@ def _stops(times: tuple[float, ...], method: Stepped, request: Request) -> list[
     takes = Takes(type(method).__name__, hint="give h or steps")
     if len(times) > 2:
         if request.h is None or request.steps is not None or request.every != 1:
-            raise TypeError(
-                f"{takes.name} takes h= with a sequence of times, and neither steps nor every"
-            )
+            sentence = f"a sequence of times are those to keep, for which {takes.name} takes h="
+            given = [name for name in ("steps", "every") if getattr(request, name) not in (None, 1)]
+            hint = f"leave {' and '.join(given)} out, and " * bool(given) + "give h"
+            raise TypeError(hinted(sentence, hint))
         ends = [_steps(pair, request, takes) for pair in pairwise(times)]
         return [(each.t1, each.count) for each in ends]
     steps = _steps(times, request, takes)

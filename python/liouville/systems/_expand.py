@@ -37,6 +37,11 @@ ROUNDOFF = 16 * float(np.finfo(float).eps)
 #: Where an expansion is given up.
 MOST_TERMS, MOST_FACTORS = 10**7, 100
 
+#: What helps where the phase of a wave is no sum a x + b t + c.
+SWAYING = (
+    "\nhint: a wave of x + f(t) is one of the coordinate X = x + f(t), whose velocity is x' + f'(t)"
+)
+
 
 class Refused(str):
     """The part of an expression that is no polynomial: "exp(x), which is no polynomial"."""
@@ -162,7 +167,7 @@ class Expansion:
         affine = dict(p)
         offset, _ = affine.pop((), (0, 0.0))
         if any(len(monomial) > 1 or monomial[0] >= len(self.names) for monomial in affine):
-            return Refused(f"{function}({self.written(p)}), whose argument is not affine")
+            return Refused(f"{function}({self.written(p)}), whose argument is not affine{SWAYING}")
         places = tuple(sorted(place for (place,) in affine))
         k = tuple(float(affine[place,][0]) for place in places)
         wave = Wave(places, k, float(offset) - (np.pi / 2 if function == "sin" else 0.0))

@@ -91,8 +91,9 @@ def _magnus(system: Schrodinger, method: Magnus, t0: float, stops: Stops) -> Wav
     theta = 0.5 * (high - low) * h / exponentials
     found = cheapest(np.array([theta]), method.tol / (exponentials * steps), stable=False)
     if found is None:
-        sentence = f"no splitting reaches {method.tol:g} in {exponentials * steps} exponentials"
-        raise ValueError(hinted(sentence, "give a larger tol, or a larger h"))
+        count = exponentials * steps
+        sentence = f"{method!r}: {count} exponentials have roundoff above a tol of {method.tol:g}"
+        raise ValueError(hinted(sentence, _looser(method, theta, count)))
     shears = exponentials * steps * found.shears
     core = Exponentials(
         method.order, found.rung.coefficients, found.x, NORM, tuple(system.operator_bounds)
@@ -111,6 +112,14 @@ def _magnus(system: Schrodinger, method: Magnus, t0: float, stops: Stops) -> Wav
         ),
         core=core,
     )
+
+
+def _looser(method: Magnus, theta: float, count: int) -> str:
+    """Say which tolerance so many exponentials can keep to, if any."""
+    for tol in 10.0 ** np.arange(np.ceil(np.log10(method.tol)), 0):
+        if tol > method.tol and cheapest(np.array([theta]), tol / count, stable=False):
+            return f"give a tol of {tol:g} or more, or a larger h"
+    return "give a larger h"
 
 
 def _shears(
