@@ -90,6 +90,32 @@ ROWS = [
         "SplitOperator steps a Grid.*\nhint: take SchrodingerSplitting, or Magnus",
     ),
     ("driven", lambda: run(DRIVEN), TypeError, "SchrodingerSplitting is for an H without time\nhi"),
+    (
+        "driven with h",
+        lambda: run(DRIVEN, h=0.1),
+        TypeError,
+        r"without time\nhint: take Magnus\(\)",
+    ),
+    (
+        "too many exponentials",
+        lambda: run(DRIVEN, lv.Magnus(), steps=10**5),
+        ValueError,
+        r"2\d* exponentials have roundoff above a tol of 1e-10\nhint: give a tol of 1e-0\d or more",
+    ),
+    (
+        "times and steps",
+        lambda: run(GRID, lv.SplitOperator(), psi=WAVE, t=[0, 1, 2], h=0.1, steps=9),
+        TypeError,
+        "takes h=\nhint: leave steps out, and give h",
+    ),
+    (
+        "parameter of each",
+        lambda: lv.ensemble(
+            GRID, lv.SplitOperator(), t=(0, 1), h=0.1, psi=[WAVE] * 2, params={"a": [1.0, 2.0]}
+        ),
+        ValueError,
+        "Schrodinger share their parameters, and 'a'.*\nhint: .*one by one",
+    ),
     ("driven series", lambda: run(DRIVEN, lv.Chebyshev()), TypeError, "without time\nhint: .*Magn"),
     ("driven Krylov", lambda: run(DRIVEN, lv.Lanczos()), TypeError, "without time\nhint: .*Magnus"),
     ("driven plan", lambda: plan(DRIVEN), TypeError, "without time"),

@@ -20,6 +20,7 @@ import numpy as np
 from liouville import _casadi as ca
 from liouville import tape
 from liouville.errors import hinted
+from liouville.systems._read_terms import TIME
 from liouville.terms import Terms, Wave
 
 Rational: TypeAlias = int | Fraction
@@ -37,7 +38,7 @@ ROUNDOFF = 16 * float(np.finfo(float).eps)
 #: Where an expansion is given up.
 MOST_TERMS, MOST_FACTORS = 10**7, 100
 
-#: What helps where the phase of a wave is no sum a x + b t + c.
+#: What helps where the phase of a wave moves with time, but not evenly.
 SWAYING = (
     "\nhint: a wave of x + f(t) is one of the coordinate X = x + f(t), whose velocity is x' + f'(t)"
 )
@@ -166,8 +167,10 @@ class Expansion:
             return self._evaluated(function, p)
         affine = dict(p)
         offset, _ = affine.pop((), (0, 0.0))
-        if any(len(monomial) > 1 or monomial[0] >= len(self.names) for monomial in affine):
-            return Refused(f"{function}({self.written(p)}), whose argument is not affine{SWAYING}")
+        others = [m for m in affine if len(m) > 1 or m[0] >= len(self.names)]
+        if others:
+            hint = SWAYING if all(map(self._is_of_time, others)) else ""
+            return Refused(f"{function}({self.written(p)}), whose argument is not affine{hint}")
         places = tuple(sorted(place for (place,) in affine))
         k = tuple(float(affine[place,][0]) for place in places)
         wave = Wave(places, k, float(offset) - (np.pi / 2 if function == "sin" else 0.0))
@@ -176,6 +179,14 @@ class Expansion:
         if number == len(self.waves):
             self.waves.append(wave)
         return self.variable(len(self.names) + number)
+
+    def _is_of_time(self, monomial: Monomial) -> bool:
+        """Return whether a monomial has no variable but t, alone or in waves."""
+        count = len(self.names)
+        places = {
+            q for p in monomial for q in (self.waves[p - count].places if p >= count else (p,))
+        }
+        return {self.names[place] for place in places} == {TIME}
 
     def _choice(self, condition: Polynomial, p: Polynomial) -> Value:
         if value_of(condition) is None:
