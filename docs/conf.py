@@ -1,7 +1,13 @@
+import base64
 import importlib.metadata
+import json
 import re
+import zipfile
+from pathlib import Path
 
 from docutils import nodes
+from sphinx.errors import ExtensionError
+from sphinx_gallery.directives import imgsgnode
 
 project = "liouville"
 author = copyright = "The liouville developers"
@@ -36,6 +42,7 @@ sphinx_gallery_conf = {
     "within_subsection_order": "FileNameSortKey",
     "abort_on_example_error": True,
     "download_all_examples": False,
+    "image_srcset": ["2x"],
     "show_signature": False,
     "write_computation_times": False,  # their page fetches scripts from the network
     "min_reported_time": 1e9,
@@ -56,6 +63,49 @@ def keep_numbers_whole(app, doctree):
             cell["classes"].append("number")
 
 
+def outputs(page, source):
+    """Return the outputs of each code cell of a gallery page, as a notebook writes them."""
+    cells = []
+    for node in page.findall():
+        if isinstance(node, nodes.literal_block) and node.get("language") == "Python":
+            cells.append([])
+        elif isinstance(node, nodes.literal_block) and "sphx-glr-script-out" in node["classes"]:
+            text = f"{node.astext()}\n"
+            cells[-1].append({"output_type": "stream", "name": "stdout", "text": text})
+        elif isinstance(node, imgsgnode):
+            picture = base64.b64encode((source / node["uri"].lstrip("/")).read_bytes()).decode()
+            cells[-1].append(shown("display_data", {"image/png": picture}))
+        elif isinstance(node, nodes.raw) and "output_result" in node.astext():
+            html = {"text/html": node.astext().removesuffix("<br />\n<br />")}
+            cells[-1].append(shown("execute_result", html, execution_count=len(cells)))
+    return cells
+
+
+def shown(kind, data, **more):
+    """Return an output of a notebook that has data."""
+    return {"output_type": kind, "data": data, "metadata": {}, **more}
+
+
+def fill_notebooks(app, env):
+    """Give the notebooks of the gallery the outputs that their pages have: nothing runs twice."""
+    source = Path(app.srcdir)
+    for path in sorted((source / "gallery").glob("*.ipynb")):
+        notebook = json.loads(path.read_text(encoding="utf-8"))
+        code = [cell for cell in notebook["cells"] if cell["cell_type"] == "code"]
+        found = outputs(env.get_doctree(f"gallery/{path.stem}"), source)
+        if len(found) != len(code) or not any(found):
+            raise ExtensionError(
+                f"{path.name}: {len(code)} cells, {len(found)} of them on its page"
+            )
+        for count, (cell, shown_there) in enumerate(zip(code, found, strict=True), 1):
+            cell.update(outputs=shown_there, execution_count=count)
+        path.write_text(json.dumps(notebook, indent=1) + "\n", encoding="utf-8")
+        with zipfile.ZipFile(path.with_suffix(".zip"), "w", zipfile.ZIP_DEFLATED) as both:
+            for file in (path, path.with_suffix(".py")):
+                both.write(file, file.name)
+
+
 def setup(app):
     """Connect the above."""
     app.connect("doctree-read", keep_numbers_whole)
+    app.connect("env-updated", fill_notebooks)

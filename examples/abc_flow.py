@@ -15,6 +15,12 @@ import liouville as lv
 from liouville import plot
 from liouville.problems import abc_flow as problem
 
+plt.style.use(plot.STYLE)
+problem.system
+
+# %%
+# Eighty trajectories from places on the plane z = 0.
+
 rng = np.random.default_rng(0)
 starts = np.column_stack([rng.uniform(0.0, 2 * np.pi, (80, 2)), np.zeros(80)])
 points = lv.section(
@@ -27,11 +33,12 @@ points = lv.section(
     params={"A": 1.0, "B": np.sqrt(2 / 3), "C": np.sqrt(1 / 3)},
     x=starts,
 )
-print(points)
+points
 
 # %%
 # Coordinates are angles. Where z' is zero trajectories touch the plane, and there are no dots.
 
-fig, ax = plt.subplots(figsize=(7, 7), layout="constrained")
+fig, ax = plt.subplots(figsize=(5.4, 5.6))
 plot.section(points, period=2 * np.pi, ax=ax)
+ax.set(xlabel="x / rad", ylabel="y / rad")
 plt.show()

@@ -15,6 +15,8 @@ import liouville as lv
 from liouville import plot
 from liouville.problems import tight_binding
 
+plt.style.use(plot.STYLE)
+
 SITES, END = 401, 95.0
 times = np.linspace(0.0, END, 191)
 place = np.arange(SITES) - SITES // 2
@@ -26,23 +28,32 @@ runs = {}
 for width in (0.0, 1.0, 2.0, 4.0):
     system = tight_binding.build(SITES, width=width)
     runs[width] = lv.integrate(system, "auto", t=times, psi=psi, observe=observe)
-print(lv.plan(system, t=times))
 
 # %%
-# The clean chain on the left, one with energies spread over an interval of width 2 on the right.
+# The plan says which method ``"auto"`` takes, and why.
 
-fig, axes = plt.subplots(1, 2, figsize=(10, 4), layout="constrained", sharey=True)
-for ax, width in zip(axes, (0.0, 2.0), strict=True):
-    plot.density(runs[width], ax=ax)
-    ax.set_title(f"W = {width:g}", loc="left")
+lv.plan(system, t=times)
+
+# %%
+# On the clean chain the particle moves away at both sides.
+
+fig, ax = plt.subplots()
+plot.density(runs[0.0], ax=ax)
+plt.show()
+
+# %%
+# With energies spread over an interval of width 2 it stays.
+
+fig, ax = plt.subplots()
+plot.density(runs[2.0], ax=ax)
 plt.show()
 
 # %%
 # The mean distance from the start; on a clean chain it is the time times the root of two.
 
-fig, ax = plt.subplots(figsize=(7, 4), layout="constrained")
+fig, ax = plt.subplots()
 for width, solution in runs.items():
-    ax.plot(times, np.sqrt(solution.observed["square"]), lw=1.3, label=f"W = {width:g}")
-ax.set(xlabel="t", ylabel="root mean square distance", ylim=(0, 40))
-ax.legend()
+    ax.plot(times, np.sqrt(solution.observed["square"]), label=f"W = {width:g}")
+ax.set(xlabel="time", ylabel="root mean square distance / sites", ylim=(0, 40))
+fig.legend(ncols=4, loc="outside upper left")
 plt.show()

@@ -13,7 +13,10 @@ import numpy as np
 import skfem
 
 import liouville as lv
+from liouville import plot
 from liouville.fem import Body
+
+plt.style.use(plot.STYLE)
 
 LENGTH, HEIGHT, LOAD = 1.0, 0.05, 1e5  # m, m, N per metre of width
 
@@ -31,6 +34,9 @@ body = Body.elastic(basis, young=210e9, poisson=0.0, density=7800.0, clamped=lef
 along, across = body.at(nodes["tip"])
 (loaded,) = body.at(nodes["middle"].all("u^2"))
 
+# %%
+# The hinge is a constraint on the displacements of two nodes, and the load a force on one.
+
 
 def hinge(t, q, params):
     return {"along": q[along], "across": q[across]}
@@ -41,6 +47,11 @@ def load(t, q, v, params):
 
 
 beam = body.structure(force=load, constraint=hinge, params={"load": LOAD})
+beam
+
+# %%
+# From rest, with the trapezoidal rule and with HHT.
+
 rest = np.zeros(len(body.names))
 runs = {
     name: lv.integrate(beam, method, t=(0.0, 0.02), h=1e-4, q=rest, v=rest)
@@ -50,18 +61,26 @@ runs = {
 # %%
 # At rest, a beam clamped and hinged at its ends carries 5/16 of a load in its middle on the hinge.
 
-fig, (left, right) = plt.subplots(1, 2, figsize=(10, 3.8), layout="constrained")
+fig, ax = plt.subplots()
 for name, run in runs.items():
-    left.plot(1e3 * run.t, -1e-3 * run.lam[:, 1], lw=1, label=name)
-left.axhline(1e-3 * LOAD * 5 / 16, color="gray", ls=":", label="at rest")
-left.set(xlabel="time / ms", ylabel="force of the hinge / kN", ylim=(None, 190))
-left.legend(loc="upper right", ncols=3)
+    ax.plot(1e3 * run.t, -1e-3 * run.lam[:, 1], lw=1, label=name)
+ax.axhline(1e-3 * LOAD * 5 / 16, color="gray", ls=":", label="at rest")
+ax.set(xlabel="time / ms", ylabel="force of the hinge / kN")
+fig.legend(ncols=3, loc="outside upper left")
+plt.show()
+
+# %%
+# The beam bends in the first 5 ms, dark to light.
 
 line = basis.get_dofs(nodes=basis.mesh.nodes_satisfying(lambda x: abs(x[1]) < 1e-9)).all("u^2")
 line = line[np.argsort(basis.doflocs[0, line])]
 swing = runs["HHT"]
+
+fig, ax = plt.subplots()
 for i in range(0, 60, 10):
     bent = body.values(swing.q[i])[line]
-    right.plot(basis.doflocs[0, line], 1e3 * bent, color=plt.cm.viridis(i / 60))
-right.set(xlabel="x / m", ylabel="deflection / mm", title="the first 5 ms, dark to light")
+    label = f"{1e3 * swing.t[i]:.0f} ms"
+    ax.plot(basis.doflocs[0, line], 1e3 * bent, color=plt.cm.viridis(i / 60), label=label)
+ax.set(xlabel="x / m", ylabel="deflection / mm")
+fig.legend(ncols=6, loc="outside upper left")
 plt.show()

@@ -12,6 +12,9 @@ import matplotlib.pyplot as plt
 import numpy as np
 
 import liouville as lv
+from liouville import plot
+
+plt.style.use(plot.STYLE)
 
 BOUNCES = 60
 
@@ -24,6 +27,10 @@ ball = lv.Lagrangian(
     lambda t, q, v, params: ca.dot(v, v) / 2 - q[1], q=("x", "y"), params={"n": 2.0}
 )
 wall = lv.Event(depth, direction="down", terminal=True)
+ball
+
+# %%
+# At a bounce the velocity along the normal changes its sign.
 
 
 def reflected(q, v, n):
@@ -46,14 +53,29 @@ def bounce(x, n):
     return np.concatenate(path), np.array(places)
 
 
-fig, axes = plt.subplots(1, 3, figsize=(11, 3.6), layout="constrained")
+# %%
+# For each bowl two paths, the starts of which are a billionth apart.
+
+runs = {n: (bounce(0.6, n), bounce(0.6 + 1e-9, n)) for n in (2.0, 4.0)}
+
+# %%
+# The first of each.
+
+fig, axes = plt.subplots(1, 2, figsize=(6.4, 3.4), sharey=True)
 x = np.linspace(-2, 2, 200)
-for ax, n in zip(axes, (2.0, 4.0), strict=False):
-    (path, places), (_, others) = bounce(0.6, n), bounce(0.6 + 1e-9, n)
+for ax, (n, ((path, _), _)) in zip(axes, runs.items(), strict=True):
     ax.plot(x, np.abs(x) ** n / n, "k")
     ax.plot(*path.T, lw=0.6)
     ax.set(title=f"bowl of degree {n:g}", ylim=(-0.1, 2), xlabel="x")
-    axes[2].semilogy(np.linalg.norm(places - others, axis=1), label=f"degree {n:g}")
-axes[2].set(title="distance of two paths", xlabel="bounce")
-axes[2].legend()
+axes[0].set_ylabel("y")
+plt.show()
+
+# %%
+# The distance of the two, at each bounce.
+
+fig, ax = plt.subplots()
+for n, ((_, places), (_, others)) in runs.items():
+    ax.semilogy(np.linalg.norm(places - others, axis=1), label=f"degree {n:g}")
+ax.set(xlabel="bounce", ylabel="distance of two paths")
+fig.legend(ncols=2, loc="outside upper left")
 plt.show()

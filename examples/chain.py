@@ -11,7 +11,10 @@ import matplotlib.pyplot as plt
 import numpy as np
 
 import liouville as lv
+from liouville import plot
 from liouville.problems import chain
+
+plt.style.use(plot.STYLE)
 
 LINKS, STEPS = 10, 400
 LIMITS = {1: 2.00, 2: 2.83, 3: 3.11, 4: 3.14}
@@ -32,6 +35,10 @@ system = chain.build(LINKS)
 nudge = np.zeros(2 * LINKS)
 nudge[::2] = 1e-6 * np.random.default_rng(1).standard_normal(LINKS)
 start = system.consistent(q=chain.start_for(LINKS)["q"], v=nudge)
+system
+
+# %%
+# A run whose step is too large fails, and its error carries the solution so far.
 
 
 def swing(stages, h):
@@ -43,7 +50,10 @@ def swing(stages, h):
     return np.abs(solution.q[:, ::2]).max(), True
 
 
-fig, ax = plt.subplots(figsize=(8, 4), layout="constrained")
+# %%
+# Steps from well below the limits to well above them.
+
+fig, ax = plt.subplots(figsize=(6.4, 4))
 products = np.linspace(1.5, 4.0, 51)
 for stages, limit in LIMITS.items():
     sizes, done = np.array([swing(stages, x / omega) for x in products]).T
@@ -51,6 +61,6 @@ for stages, limit in LIMITS.items():
     failed = done == 0
     ax.semilogy(products[failed], sizes[failed], "x", ms=4, color=line.get_color())
     ax.axvline(limit, color=line.get_color(), ls="--", lw=0.8)
-ax.set(xlabel=r"$h\,\omega$", ylabel="largest displacement")
-ax.legend(ncols=4)
+ax.set(xlabel=r"step times fastest frequency, $h\,\omega$", ylabel="largest displacement")
+fig.legend(ncols=4, loc="outside upper left")
 plt.show()

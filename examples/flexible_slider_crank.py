@@ -20,6 +20,9 @@ import matplotlib.pyplot as plt
 import numpy as np
 
 import liouville as lv
+from liouville import plot
+
+plt.style.use(plot.STYLE)
 
 
 def crank_pin(t, params):
@@ -46,6 +49,11 @@ def constraint(t, q, params):
 
 params = {"r": 0.15, "l": 0.3, "speed": 150.0, "rhoA": 0.39, "EI": 42.0, "slider": 0.1}  # SI
 system = lv.Lagrangian(lagrangian, constraint, q=("rod", "slider", "e1", "e2"), params=params)
+system
+
+# %%
+# Two turns of the crank, with two rods.
+
 start = system.consistent(q=[0.0, 0.45, 0.0, 0.0], v=[-75.0, 0.0, 0.0, 0.0])
 turns = 2 * 2 * np.pi / params["speed"]
 
@@ -56,14 +64,24 @@ runs = {
     for name, stiffness in {"slender": params["EI"], "rigid": 1e6 * params["EI"]}.items()
 }
 
-fig, (left, right) = plt.subplots(1, 2, figsize=(10, 3.8), layout="constrained")
+# %%
+# The slender rod bends in its first mode.
+
 bent = runs["slender"]
+
+fig, ax = plt.subplots()
 for mode in (0, 1):
-    left.plot(1e3 * bent.t, 1e3 * bent.q[:, 2 + mode], label=f"mode {mode + 1}")
-left.set(xlabel="time / ms", ylabel="amplitude / mm", title="bending of the slender rod")
-left.legend()
+    ax.plot(1e3 * bent.t, 1e3 * bent.q[:, 2 + mode], label=f"mode {mode + 1}")
+ax.set(xlabel="time / ms", ylabel="amplitude / mm")
+fig.legend(ncols=2, loc="outside upper left")
+plt.show()
+
+# %%
+# The force on the guide of both.
+
+fig, ax = plt.subplots()
 for name, run in runs.items():
-    right.plot(1e3 * run.t, run.lam[:, 1], lw=1.2, label=f"{name} rod")
-right.set(xlabel="time / ms", ylabel="force / N", title="force on the guide")
-right.legend()
+    ax.plot(1e3 * run.t, run.lam[:, 1], label=f"{name} rod")
+ax.set(xlabel="time / ms", ylabel="force on the guide / N")
+fig.legend(ncols=2, loc="outside upper left")
 plt.show()

@@ -10,8 +10,11 @@ import matplotlib.pyplot as plt
 import numpy as np
 
 import liouville as lv
+from liouville import plot
 
-POINTS = {"A": (0.0, 0.0), "B": (0.0, 0.5), "C": (0.9, 0.9), "D": (1.1, 0.0)}
+plt.style.use(plot.STYLE)
+
+POINTS = {"A": (0.0, 0.0), "B": (0.0, 0.5), "C": (0.9, 0.9), "D": (1.1, 0.0)}  # m
 BARS = {"crank": "AB", "coupler": "BC", "rocker": "DC"}
 
 m = lv.bodies.Assembly(gravity=(0, -9.81, 0))
@@ -21,32 +24,44 @@ for name, (first, second) in BARS.items():
     middle = np.add(POINTS[first], POINTS[second]) / 2
     m.planar_body(name, mass=2 * length, inertia=length**3 / 6, at=middle, angle=angle)
 
+# %%
+# The joints; the crank turns at 4 rad/s.
+
 for name, (a, b) in {
     "A": ("ground", "crank"),
     "B": ("crank", "coupler"),
     "C": ("coupler", "rocker"),
     "D": ("ground", "rocker"),
 }.items():
-    # the crank turns at 4 rad/s
     motion = (lambda t, params: params.speed * t) if name == "A" else None
     m.revolute(name, a, b, at=(*POINTS[name], 0), axis=(0, 0, 1), motion=motion)
 
 system = m.system(params={"speed": 4.0})
+system
+
+# %%
+# Two turns. A body knows where its points are.
+
 solution = lv.integrate(system, lv.Spark(4), t=(0, np.pi), h=0.01, **m.start())
 
-fig, (left, right) = plt.subplots(1, 2, figsize=(10, 3.8), layout="constrained")
+fig, ax = plt.subplots()
 for name in BARS:
     body = solution.body(name)
     reach = np.hypot(*np.subtract(*(POINTS[point] for point in BARS[name]))) / 2
     ends = np.array([body.point((x, 0, 0)) for x in (-reach, reach)])
     for k in range(0, 157, 12):
-        left.plot(*ends[:, k, :2].T, color=plt.cm.viridis(k / 157), lw=1.5)
-left.set(aspect="equal", xlabel="x / m", ylabel="y / m", title="one turn, dark to light")
+        ax.plot(*ends[:, k, :2].T, color=plt.cm.viridis(k / 157))
+ax.set(aspect="equal", xlabel="x / m", ylabel="y / m", title="the first turn, dark to light")
+plt.show()
 
+# %%
+# A joint knows what it bears. The hinges are loaded most when the rocker turns round.
+
+fig, ax = plt.subplots()
 for name in "BCD":
     force = solution.joint(name).force
-    right.plot(solution.t, np.hypot(force[:, 0], force[:, 1]), label=f"force in {name} / N")
-right.plot(solution.t, solution.joint("A").torque[:, 2], "k", label="torque of the motor / Nm")
-right.set(xlabel="time / s", title="what the joints bear")
-right.legend()
+    ax.plot(solution.t, np.hypot(force[:, 0], force[:, 1]), label=f"force in {name} / N")
+ax.plot(solution.t, solution.joint("A").torque[:, 2], "k", label="torque of the motor / Nm")
+ax.set(xlabel="time / s", ylabel="force / N, torque / Nm")
+fig.legend(ncols=2, loc="outside upper left")
 plt.show()

@@ -13,6 +13,12 @@ import liouville as lv
 from liouville import plot
 from liouville.problems import heavy_top as problem
 
+plt.style.use(plot.STYLE)
+problem.system
+
+# %%
+# The centre of the disc is a function of the attitude, which the core evaluates at each kept state.
+
 
 def disc(t, q, v, params):
     return problem.rotate(q, params.X)
@@ -27,11 +33,23 @@ solution = lv.integrate(
     observe={"disc": disc},
     **problem.start,
 )
+solution
 
-fig = plt.figure(figsize=(10, 4), layout="constrained")
-left, right = fig.add_subplot(121, projection="3d"), fig.add_subplot(122)
+# %%
+# The rod is as long as the unit, so the path is on a sphere.
+
+fig, ax = plt.subplots(figsize=(5, 4.6), subplot_kw={"projection": "3d"})
 shown = solution.t <= 4.0
-left.plot(*solution.observed["disc"][shown].T, lw=1)
-left.set(title="path of the disc's centre, 4 s", box_aspect=(1, 1, 1))
-plot.invariants(solution, ax=right)
+ax.plot(*solution.observed["disc"][shown].T, lw=1)
+ax.set(xlabel="x / m", ylabel="y / m", zlabel="z / m", title="path of the disc's centre, 4 s")
+ax.set_box_aspect((1, 1, 1), zoom=0.9)
+ax.locator_params(nbins=5)
+plt.show()
+
+# %%
+# What is constant, after a thousand revolutions and more.
+
+fig, ax = plt.subplots()
+plot.invariants(solution, ax=ax)
+ax.set(xlabel="time / s")
 plt.show()

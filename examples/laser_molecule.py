@@ -14,6 +14,12 @@ import liouville as lv
 from liouville import plot
 from liouville.problems import walker_preston as problem
 
+plt.style.use(plot.STYLE)
+problem.system
+
+# %%
+# Forty periods of the laser, in atomic units; the mean stretch of the bond is observed.
+
 period = 2 * np.pi / problem.PARAMS["omega"]
 points = problem.system.grid.points[:, 0]
 solution = lv.integrate(
@@ -25,13 +31,22 @@ solution = lv.integrate(
     observe={"stretch": points},
     **problem.start,
 )
-print(solution)
+solution
 
-fig, axes = plt.subplots(2, 1, figsize=(8, 6.5), layout="constrained")
-plot.density(solution, ax=axes[0])
-axes[0].set(xlim=(-0.6, 1.6), title="")
-axes[1].plot(solution.t / period, solution.observed["stretch"], lw=1)
-axes[1].set(xlabel="periods of the laser", ylabel="mean stretch (bohr)")
+# %%
+# The density of the bond's stretch.
+
+fig, ax = plt.subplots()
+plot.density(solution, ax=ax)
+ax.set(xlim=(-0.6, 1.6), xlabel="stretch / bohr", ylabel="time / atomic units")
+plt.show()
+
+# %%
+# Its mean: the laser is a little off resonance, so the bond takes energy and gives it back.
+
+fig, ax = plt.subplots()
+ax.plot(solution.t / period, solution.observed["stretch"])
+ax.set(xlabel="time / periods of the laser", ylabel="mean stretch / bohr")
 plt.show()
 
 # %%

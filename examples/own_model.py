@@ -10,6 +10,9 @@ import casadi as ca
 import matplotlib.pyplot as plt
 
 import liouville as lv
+from liouville import plot
+
+plt.style.use(plot.STYLE)
 
 
 def lagrangian(t, q, v, params):
@@ -29,6 +32,9 @@ def tilt(t, q, v, params):
     return ca.atan(q[0] / params.R)
 
 
+# %%
+# The functions are called once, with CasADi's symbols, and give a system in SI units.
+
 system = lv.Lagrangian(
     lagrangian,
     constraint,
@@ -36,16 +42,16 @@ system = lv.Lagrangian(
     force=friction,
     params={"m": 0.1, "g": 9.81, "R": 0.5, "a": 0.03, "w": 8.0, "c": 0.002},
 )
+system
 
 # %%
-# Shaking at twice the bead's own frequency amplifies its oscillation; shaking at another frequency
-# hardly affects it. Parameters are changed in the call, without building the model again. The start
-# depends on them: at rest in x, the bead has to move with the wire.
+# Parameters are changed in the call, without building the model again. The start depends on them:
+# at rest in x, the bead has to move with the wire.
 
-fig, ax = plt.subplots(figsize=(7, 4), layout="constrained")
+runs = {}
 for w in (6.0, 8.8):
     start = system.consistent(params={"w": w}, q=[0.1, 0.0], v=[0.0, 0.0])
-    solution = lv.integrate(
+    runs[w] = lv.integrate(
         system,
         lv.Spark(stages=3),
         t=(0.0, 20.0),
@@ -54,7 +60,15 @@ for w in (6.0, 8.8):
         observe={"tilt": tilt},
         **start,
     )
+runs[8.8]
+
+# %%
+# Shaking at twice the bead's own frequency amplifies its oscillation; shaking at another frequency
+# hardly affects it.
+
+fig, ax = plt.subplots()
+for w, solution in runs.items():
     ax.plot(solution.t, solution.observed["tilt"], label=f"w = {w:g} rad/s")
 ax.set(xlabel="time / s", ylabel="tilt of the wire under the bead / rad")
-ax.legend()
+fig.legend(ncols=2, loc="outside upper left")
 plt.show()

@@ -11,7 +11,10 @@ import matplotlib.pyplot as plt
 import numpy as np
 
 import liouville as lv
+from liouville import plot
 from liouville.problems import polymer as problem
+
+plt.style.use(plot.STYLE)
 
 BEADS, STEPS = 1000, 2000
 
@@ -23,14 +26,28 @@ solution = lv.integrate(
 microseconds = 1e6 * solution.stats["seconds"] / STEPS
 print(f"{solution.stats['solver']}: {microseconds:.0f} microseconds a step")
 
-fig = plt.figure(figsize=(10, 4), layout="constrained")
-left, right = fig.add_subplot(121, projection="3d"), fig.add_subplot(122)
-for q, style, label in ((solution.q[0], "0.7", "start"), (solution.q[-1], "C0", "end")):
-    left.plot(*q.reshape(-1, 3).T, color=style, lw=0.8, label=label)
-left.legend()
+solution
+
+# %%
+# The polymer at the start and at the end, in lengths of a bond.
+
+fig, ax = plt.subplots(figsize=(5.4, 4.6), subplot_kw={"projection": "3d"})
+for q, color, label in ((solution.q[0], "0.7", "start"), (solution.q[-1], "C0", "end")):
+    ax.plot(*q.reshape(-1, 3).T, color=color, lw=0.8, label=label)
+ax.set(xlabel="x", ylabel="y", zlabel="z")
+ax.set_box_aspect(None, zoom=0.9)
+ax.locator_params(nbins=5)
+fig.legend(ncols=2, loc="outside upper left")
+plt.show()
+
+# %%
+# The error of the energy, of order 2 in the step, and how long the bonds are.
+
 energy = solution.invariants["energy"]
-right.plot(solution.t, energy / energy[0] - 1, label="energy, relative error")
 lengths = np.linalg.norm(np.diff(solution.q.reshape(-1, BEADS, 3), axis=1), axis=2)
-right.set(xlabel="time", title=f"bonds are within {np.abs(lengths - 1).max():.0e} of their length")
-right.legend()
+print(f"bonds are within {np.abs(lengths - 1).max():.0e} of their length")
+
+fig, ax = plt.subplots()
+ax.plot(solution.t, 1e4 * (energy / energy[0] - 1))
+ax.set(xlabel="time", ylabel="relative error of the energy / 10⁻⁴")
 plt.show()

@@ -18,6 +18,8 @@ import liouville as lv
 from liouville import plot
 from liouville.problems import poschl_teller, tight_binding
 
+plt.style.use(plot.STYLE)
+
 THETA = 500.0
 METHODS = {
     "splitting": lv.SchrodingerSplitting(mode="fast"),
@@ -29,8 +31,13 @@ PROBLEMS = {
     "well": (poschl_teller.system, poschl_teller.start["psi"]),
 }
 
-fig, axes = plt.subplots(1, 2, figsize=(10, 4.2), layout="constrained", sharey=True)
-for ax, (name, (system, psi)) in zip(axes, PROBLEMS.items(), strict=True):
+
+# %%
+# A method takes a tolerance, and the error is measured against a run to eleven digits.
+
+
+def measure(system, psi):
+    """Return products and errors of each method, for tolerances of one to nine digits."""
     low, high = system.bounds
     span = (0.0, 2 * THETA / (high - low))
     psi = psi * np.exp(1j) / np.linalg.norm(psi)  # not a real state, which would be a special case
@@ -43,6 +50,19 @@ for ax, (name, (system, psi)) in zip(axes, PROBLEMS.items(), strict=True):
             error = np.linalg.norm(found.psi[-1] - exact)
             points.append((found.stats["products"], error))
         runs[code] = np.transpose(points)
-    plot.cost(runs, ax=ax)
-    ax.set_xlabel(f"products $H \\psi$, {name}")
+    return runs
+
+
+# %%
+# The lattice with disorder.
+
+fig, ax = plt.subplots()
+plot.cost(measure(*PROBLEMS["disorder"]), ax=ax)
+plt.show()
+
+# %%
+# The well.
+
+fig, ax = plt.subplots()
+plot.cost(measure(*PROBLEMS["well"]), ax=ax)
 plt.show()

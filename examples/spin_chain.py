@@ -12,29 +12,41 @@ import matplotlib.pyplot as plt
 import numpy as np
 
 import liouville as lv
+from liouville import plot
+
+plt.style.use(plot.STYLE)
 
 LENGTH = 16
+chain = lv.SpinChain(LENGTH, z=1.0, up=LENGTH // 2)
+lv.Schrodinger(chain)
+
+# %%
+# Bit i of a state's number is set where spin i is down. The wall is one of these states.
+
 method = lv.SchrodingerSplitting(tol=1e-6)
 times = np.linspace(0.0, 12.0, 121)
 profiles = {}
 for delta in (0.0, 1.0, 2.0):
     chain = lv.SpinChain(LENGTH, z=delta, up=LENGTH // 2)
     wall = np.zeros(chain.size)
-    wall[chain.index(0xFF00)] = 1.0  # bit i is set where spin i is down
+    wall[chain.index(0xFF00)] = 1.0
     observe = {f"spin {i}": chain.sz(i) for i in range(LENGTH)}
     solution = lv.integrate(
         lv.Schrodinger(chain), method, t=times, psi=wall, states=False, observe=observe
     )
     profiles[delta] = np.stack([solution.observed[name] for name in observe], axis=1)
-print(solution)
+solution
 
-fig, axes = plt.subplots(1, 3, figsize=(10, 4), layout="constrained", sharey=True)
+# %%
+# The magnetisation for three strengths of the exchange along z.
+
+fig, axes = plt.subplots(1, 3, figsize=(6.4, 3.8), sharey=True)
 for ax, (delta, profile) in zip(axes, profiles.items(), strict=True):
     shown = ax.pcolormesh(
         np.arange(LENGTH), times, profile, vmin=-0.5, vmax=0.5, cmap="RdBu_r", shading="nearest"
     )
-    ax.set_title(rf"$\Delta = {delta:g}$", loc="left")
-    ax.set(xlabel="spin")
-axes[0].set_ylabel("t")
-fig.colorbar(shown, ax=axes, label=r"$\langle S^z \rangle$")
+    ax.set(title=rf"$\Delta = {delta:g}$", xlabel="spin")
+    ax.grid(visible=False)
+axes[0].set_ylabel("time")
+fig.colorbar(shown, ax=axes, label=r"magnetisation $\langle S^z \rangle$")
 plt.show()

@@ -15,6 +15,8 @@ import liouville as lv
 from liouville import plot
 from liouville.problems import bajer_moffatt as problem
 
+plt.style.use(plot.STYLE)
+
 # %%
 # The components are polynomials of degree 2, and the divergence is zero:
 #
@@ -27,15 +29,14 @@ rng = np.random.default_rng(1)
 directions = rng.standard_normal((30, 3))
 directions /= np.linalg.norm(directions, axis=1, keepdims=True)
 starts = 0.95 * directions * rng.uniform(size=(30, 1)) ** (1 / 3)  # evenly in the ball
-print(lv.plan(problem.system, h=problem.h, x=starts))
+lv.plan(problem.system, h=problem.h, x=starts)
 
 # %%
 # Volume is preserved, so the tracers stay evenly distributed in the ball. The sphere itself is
 # invariant to the accuracy of the method only: with too large a step some tracers would leave it.
 
-fig, axes = plt.subplots(1, 2, figsize=(10, 5.4), layout="constrained", sharey=True)
-for ax, alpha in zip(axes, (0.1, 1.0), strict=True):
-    points = lv.section(
+points = {
+    alpha: lv.section(
         problem.system,
         lv.VolumeSplitting(composition="BM4"),
         t=(0.0, 1500.0),
@@ -44,7 +45,22 @@ for ax, alpha in zip(axes, (0.1, 1.0), strict=True):
         params={"alpha": alpha},
         x=starts,
     )
-    plot.section(points, ax=ax)
-    ax.set_title(rf"y = 0 for $\alpha = {alpha}$", loc="left")
-    ax.set(xlim=(-1.02, 1.02), ylim=(-1.02, 1.02))
+    for alpha in (0.1, 1.0)
+}
+points[0.1]
+
+# %%
+# The fluid turns slowly.
+
+fig, ax = plt.subplots(figsize=(5, 5.2))
+plot.section(points[0.1], ax=ax)
+ax.set(xlabel="x", ylabel="z", title=r"y = 0 for $\alpha$ = 0.1")
+plt.show()
+
+# %%
+# It turns fast.
+
+fig, ax = plt.subplots(figsize=(5, 5.2))
+plot.section(points[1.0], ax=ax)
+ax.set(xlabel="x", ylabel="z", title=r"y = 0 for $\alpha$ = 1")
 plt.show()

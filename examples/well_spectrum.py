@@ -16,6 +16,8 @@ import liouville as lv
 from liouville import plot
 from liouville.problems import poschl_teller as problem
 
+plt.style.use(plot.STYLE)
+
 x = problem.grid.points[:, 0]
 psi = np.exp(-((x - 0.5) ** 2) / 0.15)
 psi /= np.linalg.norm(psi)
@@ -23,15 +25,21 @@ times = np.linspace(0.0, 10.0, 3001)
 solution = lv.integrate(
     problem.system, lv.SchrodingerSplitting(tol=1e-6), t=times, psi=psi, states=False
 )
-print(solution)
+solution
 
-fig, axes = plt.subplots(2, 1, figsize=(8, 6.5), layout="constrained")
-plot.autocorrelation(solution, ax=axes[0])
-axes[0].set_xlim(0.0, 3.0)
-energies = [problem.energy(n) for n in range(problem.LAMBDA)]
-plot.spectrum(solution, energies=energies, ax=axes[1])
-axes[1].set_xlim(-136.0, 4.0)
+# %%
+# The first returns of the packet.
+
+fig, ax = plt.subplots()
+plot.autocorrelation(solution, ax=ax)
+ax.set_xlim(0.0, 3.0)
 plt.show()
 
 # %%
-# The width of a peak is inverse to the length of the run: here :math:`2 \pi / 10`.
+# The spectrum. The width of a peak is inverse to the length of the run: here :math:`2 \pi / 10`.
+
+fig, ax = plt.subplots()
+energies = [problem.energy(n) for n in range(problem.LAMBDA)]
+plot.spectrum(solution, energies=energies, ax=ax)
+ax.set_xlim(-136.0, 4.0)
+plt.show()

@@ -1,5 +1,6 @@
 """The programs of the documentation run, its sources exist, and it has one sentence a line."""
 
+import ast
 import doctest
 import pkgutil
 import re
@@ -24,6 +25,9 @@ SOURCES = [
     *sorted((ROOT / "examples").glob("*.py")),
 ]
 
+# The demo is a program, and no page.
+GALLERY = [path for path in sorted((ROOT / "examples").glob("*.py")) if path.stem != "demo"]
+
 # A sentence ends inside a line: not after an initial, nor after a catchword in italics.
 END = re.compile(r"(?<!\b[A-Z])(?<=\S)[.?!][)*\"]* +(?=[A-Z*({\[~])")
 CATCHWORD = re.compile(r"\*[^*]+[.?!]\* ")
@@ -44,6 +48,17 @@ def test_the_programs_of_a_page_run(page, elsewhere):
 def test_the_examples_in_docstrings_are_true(module, elsewhere):
     failed, _ = doctest.testmod(import_module(module), optionflags=doctest.ELLIPSIS)
     assert failed == 0
+
+
+@pytest.mark.parametrize("script", GALLERY, ids=name)
+def test_an_example_of_the_gallery_is_a_notebook_of_prose_and_code(script):
+    docstring, *cells = re.split(r"^# %%\n", script.read_text(encoding="utf-8"), flags=re.M)
+    assert ast.get_docstring(ast.parse(docstring))
+    assert len(cells) >= 2
+    for cell in cells:
+        assert re.match(r"# [A-Z]", cell), f"a cell without prose:\n{cell}"
+        assert ast.parse(cell).body, f"a cell without code:\n{cell}"
+    assert cells[-1].endswith("plt.show()\n") or "print(" in cells[-1]
 
 
 def test_every_source_cited_is_in_the_list():

@@ -4,10 +4,10 @@ Each panel function draws on the axes it is given, or on a figure of its own, an
 ``plot.invariants(solution).figure.savefig("drift.pdf")``. A notebook shows them, and an overview.
 Nothing here touches ``pyplot``, so no window opens and no figure lingers. Colours are those of
 Okabe and Ito, told apart by all eyes; curves beyond seven run through the colours of viridis in
-order.
+order. ``plt.style.use(plot.STYLE)`` gives figures of your own the same look.
 """
 
-from liouville.plot.canvas import ANIMATIONS, COLOURS, FIGURES, FLOOR, check
+from liouville.plot.canvas import ANIMATIONS, COLOURS, FIGURES, FLOOR, STYLE, check
 from liouville.plot.film import animation
 from liouville.plot.orders import convergence
 from liouville.plot.panels import (
@@ -27,6 +27,7 @@ __all__ = [
     "COLOURS",
     "FIGURES",
     "FLOOR",
+    "STYLE",
     "animation",
     "autocorrelation",
     "check",

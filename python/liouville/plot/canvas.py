@@ -20,6 +20,34 @@ FLOOR = 1e-17
 UNITS = "(system's units)"
 COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#000000")
 GREY = "#6e6e6e"
+
+#: How all figures look, as settings of matplotlib: ``plt.style.use(plot.STYLE)``.
+STYLE: dict[str, Any] = {
+    "axes.axisbelow": True,
+    "axes.grid": True,
+    "axes.labelsize": 9,
+    "axes.prop_cycle": f"cycler(color={list(COLOURS)})",
+    "axes.spines.right": False,
+    "axes.spines.top": False,
+    "axes.titlelocation": "left",
+    "axes.titlesize": 10,
+    "figure.constrained_layout.use": True,
+    "figure.figsize": (6.0, 3.8),
+    "grid.color": "#e4e4e4",
+    "grid.linewidth": 0.6,
+    "legend.fontsize": 8,
+    "legend.frameon": False,
+    "lines.linewidth": 1.3,
+    "xtick.color": GREY,
+    "xtick.labelcolor": "black",
+    "xtick.labelsize": 8,
+    "ytick.color": GREY,
+    "ytick.labelcolor": "black",
+    "ytick.labelsize": 8,
+}
+
+# Between decades an axis of so many decades or fewer has labels.
+LABELLED = 2
 GREEK = (
     "alpha beta gamma delta epsilon zeta eta theta iota kappa lambda mu nu xi pi rho sigma tau"
     " upsilon phi chi psi omega Gamma Delta Theta Lambda Xi Pi Sigma Upsilon Phi Psi Omega"
@@ -81,13 +109,25 @@ def single(width: float, height: float) -> Axes:
 def drawn_on(ax: Axes | None, xlabel: str, ylabel: str) -> Axes:
     """Dress the axes given, or those of a new figure."""
     axes: Axes = single(6.0, 3.8) if ax is None else ax
-    axes.set_xlabel(xlabel, fontsize=9)
-    axes.set_ylabel(ylabel, fontsize=9)
-    axes.tick_params(labelsize=8, color=GREY)
+    axes.set_xlabel(xlabel, fontsize=STYLE["axes.labelsize"])
+    axes.set_ylabel(ylabel, fontsize=STYLE["axes.labelsize"])
+    axes.tick_params(labelsize=STYLE["xtick.labelsize"], color=GREY)
     axes.spines[["top", "right"]].set_visible(False)
-    axes.grid(color="#e4e4e4", lw=0.6)
+    axes.grid(color=STYLE["grid.color"], lw=STYLE["grid.linewidth"])
     axes.set_axisbelow(True)
     return axes
+
+
+def scale_by_decades(axes: Axes) -> None:
+    """Make both scales logarithmic, with labels at 1, 2 and 5 where decades are few."""
+    axes.set_xscale("log")
+    axes.set_yscale("log")
+    ticker = matplotlib("ticker")
+    for axis in (axes.xaxis, axes.yaxis):
+        axis.set_minor_locator(ticker.LogLocator(subs=(2, 5)))
+        few = (LABELLED, LABELLED)
+        axis.set_minor_formatter(ticker.LogFormatterSciNotation(minor_thresholds=few))
+    axes.tick_params(which="both", labelsize=STYLE["xtick.labelsize"])
 
 
 def colours(count: int) -> Sequence[Any]:

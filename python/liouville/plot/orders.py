@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from liouville.plot.canvas import GREY, UNITS, colours, drawn_on, legend
+from liouville.plot.canvas import GREY, UNITS, colours, drawn_on, legend, scale_by_decades
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -30,9 +30,7 @@ def convergence(study: Study, *, ax: Axes | None = None) -> Axes:
         With a curve for each state, and where it has an order a dashed line of that slope.
     """
     axes = drawn_on(ax, f"step size $h$ {UNITS}", "error")
-    axes.set_xscale("log")
-    axes.set_yscale("log")
-    axes.tick_params(which="both", labelsize=8)
+    scale_by_decades(axes)
     lines, names = [], []
     for (name, errors), colour in zip(
         study.errors.items(), colours(len(study.errors)), strict=True

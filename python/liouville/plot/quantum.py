@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from liouville.errors import hinted
-from liouville.plot.canvas import FLOOR, GREY, UNITS, colours, drawn_on, legend
+from liouville.plot.canvas import FLOOR, GREY, UNITS, colours, drawn_on, legend, scale_by_decades
 from liouville.plot.curves import draw_curves, of_chosen
 from liouville.plot.fans import chosen
 from liouville.solution import Array, Solution
@@ -233,9 +233,7 @@ def cost(
         With a curve for each method.
     """
     axes = drawn_on(ax, what, "error")
-    axes.set_xscale("log")
-    axes.set_yscale("log")
-    axes.tick_params(which="both", labelsize=8)
+    scale_by_decades(axes)
     lines = []
     for (costs, errors), colour in zip(runs.values(), colours(len(runs)), strict=True):
         x, y = np.asarray(costs, dtype=float), np.asarray(errors, dtype=float)
