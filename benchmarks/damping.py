@@ -13,10 +13,12 @@ from pathlib import Path
 
 import casadi as ca
 import numpy as np
+from matplotlib import style
 from matplotlib.figure import Figure
 from report import RESULTS, publish
 
 import liouville as lv
+from liouville.plot import STYLE
 
 METHODS = [
     *(lv.HHT(alpha) for alpha in (0.0, -0.05, -0.1, -0.2, -0.3, -1 / 3)),
@@ -90,7 +92,8 @@ def row(method):
 
 
 def draw(path):
-    figure = Figure(figsize=(9, 3.6), layout="constrained")
+    style.use(STYLE)
+    figure = Figure(figsize=(8, 3.8))
     left, right = figure.subplots(1, 2)
     lines, dots = np.logspace(-1.5, 3, 400), np.logspace(-1.5, 3, 28)
     slow, slow_dots = lines[lines < 2], dots[dots < 2]
@@ -106,8 +109,8 @@ def draw(path):
         right.plot(slow_dots, ratios, ".", ms=4, label=name(method), **color)
     left.set(xlabel=r"$\omega h$", ylabel="spectral radius", ylim=(0, 1.05))
     right.set(xlabel=r"$\omega h$", ylabel="damping ratio")
-    right.legend(fontsize="x-small", frameon=False)
-    figure.savefig(path, dpi=110)
+    figure.legend(ncols=3, loc="outside upper left")
+    figure.savefig(path, dpi=150)
 
 
 def main():

@@ -39,6 +39,7 @@ from peers import implicit, reduced
 from report import RESULTS, publish
 
 import liouville as lv
+from liouville.plot import STYLE
 
 LEVELS = (1e-3, 1e-6, 1e-9, 1e-12)
 COUNTS = {  # numbers of steps of SPARK, the fewest and the most, and of Exudyn
@@ -49,6 +50,10 @@ COUNTS = {  # numbers of steps of SPARK, the fewest and the most, and of Exudyn
     "chain": ((1, 32), (10, 10_000)),
 }
 STAGES = range(2, 9)
+SHADES = (
+    "tab:red", "tab:pink", "tab:orange", "black", "tab:gray", "tab:green", "tab:purple",
+    "tab:brown", "tab:blue", "tab:cyan",
+)  # fmt: skip
 LOOSE = "Spark to tolerance"
 OWN = ("Spark", LOOSE, "LobattoPair")
 DAE = (
@@ -264,24 +269,26 @@ def row(case, entry):
 
 def draw(results):
     """Draw each code's best runs, a panel a problem."""
-    figure, axes = plt.subplots(1, len(results), figsize=(3.6 * len(results), 4), squeeze=False)
+    plt.style.use(STYLE)
+    rows = -(-(len(results) + 1) // 3)  # the last panel has the names
+    figure, axes = plt.subplots(rows, 3, figsize=(9, 3 * rows), squeeze=False)
     families = (*OWN, *DAE, *ODE)
-    colours = dict(
-        zip(families, ("C3", "C6", "C1", "k", "C7", "C2", "C4", "C5", "C0", "C9"), strict=True)
-    )
-    for axis, (case, found) in zip(axes[0], results, strict=True):
+    colours = dict(zip(families, SHADES, strict=True))
+    for axis, (case, found) in zip(axes.flat, results, strict=False):
         for family in dict.fromkeys(entry.family for entry in found):
             points = best([entry for entry in found if entry.family == family])
             line = "-" if family in OWN else ":" if family in ODE else "--"
             axis.loglog(*points.T, line, marker=".", color=colours[family], label=family)
         axis.set(title=case.name, xlabel="relative error of positions", xlim=(1e-1, 1e-14))
-        axis.grid(alpha=0.3)
-    axes[0, 0].set_ylabel("seconds")
-    axes[0, 0].legend(fontsize=7)
-    figure.tight_layout()
+    for axis in axes[:, 0]:
+        axis.set_ylabel("seconds")
+    for axis in axes.flat[len(results) :]:
+        axis.set_axis_off()
+    names = {line.get_label(): line for axis in axes.flat for line in axis.lines}
+    axes.flat[-1].legend(names.values(), names, loc="center left")
     path = RESULTS.parent.parent / "build" / "work_precision.png"
     path.parent.mkdir(exist_ok=True)
-    figure.savefig(path, dpi=90)
+    figure.savefig(path, dpi=150)
 
 
 def main():

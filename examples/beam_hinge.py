@@ -35,7 +35,7 @@ along, across = body.at(nodes["tip"])
 (loaded,) = body.at(nodes["middle"].all("u^2"))
 
 # %%
-# The hinge is a constraint on the displacements of two nodes, and the load a force on one.
+# The hinge is a constraint on both displacements of a node, and the load a force on one of another.
 
 
 def hinge(t, q, params):

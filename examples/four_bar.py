@@ -55,7 +55,8 @@ ax.set(aspect="equal", xlabel="x / m", ylabel="y / m", title="the first turn, da
 plt.show()
 
 # %%
-# A joint knows what it bears. The hinges are loaded most when the rocker turns round.
+# A joint knows what it bears. The hinges bear most where the rotation of the rocker
+# changes fastest.
 
 fig, ax = plt.subplots()
 for name in "BCD":

@@ -36,7 +36,7 @@ solution = lv.integrate(
 solution
 
 # %%
-# The rod is as long as the unit, so the path is on a sphere.
+# The rod is 1 m long, so the path is on a sphere of that radius.
 
 fig, ax = plt.subplots(figsize=(5, 4.6), subplot_kw={"projection": "3d"})
 shown = solution.t <= 4.0
