@@ -175,10 +175,12 @@ class Layout:
     planes : tuple of float
         The height of the plane that a planar body moves in, for all bodies.
     coordinates : tuple of str
-        Names of all coordinates.
+        Names of all coordinates, those of bodies first.
+    own : dict of str to int
+        The first coordinate of each joint that has some of its own.
     """
 
-    def __init__(self, bodies: Sequence[Body]) -> None:
+    def __init__(self, bodies: Sequence[Body], joints: Sequence[Any] = ()) -> None:
         self.names = tuple(body.name for body in bodies)
         self.kinds = tuple(body.kind for body in bodies)
         self.planes = tuple(
@@ -191,6 +193,11 @@ class Layout:
         )
         sizes = [len(PARTS[kind]) for kind in self.kinds]
         self.starts = tuple(np.cumsum([0, *sizes])[:-1].tolist())
+        self.own: dict[str, int] = {}
+        for joint in joints:
+            if joint.axes:
+                self.own[joint.name] = len(self.coordinates)
+                self.coordinates += tuple(f"{joint.name}.{axis.name}" for axis in joint.axes)
 
     def of_kind(self, kind: str) -> list[int]:
         """Return the places of the bodies of one kind."""
@@ -238,7 +245,7 @@ class Layout:
         return (own[0], own[1], zero), (zero, zero, own[2])
 
     def rates(self, poses: Any, velocity: Any, omega: Any) -> NDArray[np.float64]:
-        """Return v, shape (n, j), of j twists of all bodies, each of shape (3, bodies, j)."""
+        """Return v of bodies, shape (n, j), of j twists of each, of shape (3, bodies, j)."""
         _, e = poses
         rows = []
         for k, kind in enumerate(self.kinds):
@@ -250,7 +257,7 @@ class Layout:
         return np.array([np.broadcast_to(row, velocity.shape[2:]) for row in rows])
 
     def gathered(self, poses: Any) -> NDArray[np.float64]:
-        """Return q, shape (n,), of poses of shapes (3, bodies) and (4, bodies)."""
+        """Return q of bodies, shape (n,), of poses of shapes (3, bodies) and (4, bodies)."""
         x, e = poses
         rows: list[float] = []
         for k, kind in enumerate(self.kinds):
@@ -268,6 +275,8 @@ class Poses:
 
     Attributes
     ----------
+    q, v : SX
+        Coordinates and velocities.
     x, e : tuple of SX, each of shape (1, bodies + 1)
         Positions of the centres and quaternions, by component.
     directors : tuple of tuple of SX
@@ -277,7 +286,7 @@ class Poses:
     """
 
     def __init__(self, layout: Layout, q: ca.SX, v: ca.SX) -> None:
-        self.layout, self._q, self._v = layout, q, v
+        self.layout, self.q, self.v = layout, q, v
         self.x = self._x(q, layout.planes)
         self.velocity = self._x(v, (0.0,) * len(layout.kinds))
         self._turning()
@@ -295,7 +304,7 @@ class Poses:
         return tuple(found)
 
     def _turning(self) -> None:
-        layout, q, v = self.layout, self._q, self._v
+        layout, q, v = self.layout, self.q, self.v
         spatial, planar = layout.of_kind("spatial"), layout.of_kind("planar")
         rows = [[layout.starts[k] + 3 + j for k in spatial] for j in range(4)]
         self.spatial = tuple(q[row].T for row in rows)

@@ -133,9 +133,10 @@ def of_joints(
     potential = ca.SX(0)
     found = {}
     for group in groups:
-        for name in group.items[0].coordinates:
-            value, rate = group.coordinate(name)
+        for j, first in enumerate(group.items[0].coordinates):
+            value, rate = group.coordinate(first)
             for k, joint in enumerate(group.items):
+                name = joint.coordinates[j]
                 own = None if value is None else value[k]
                 if name in joint.springs:
                     assert own is not None
@@ -152,9 +153,8 @@ def _effort(joint: Joint, name: str, at: tuple[ca.SX, Any, ca.SX], params: Any) 
     if name in joint.damping:
         effort -= column(joint.damping[name], params, 1) * rate
     if name in joint.efforts:
-        word = "force" if name.startswith("slide") else "torque"
-        what = f"{word} of joint '{joint.name}'"
-        measure = "slide" if name.startswith("slide") else "angle"
+        measure = "angle" if name in joint.angles else "slide"
+        what = f"{'torque' if name in (*joint.angles, *RATES) else 'force'} of joint '{joint.name}'"
         args = {"t": t, measure: value, "rate": rate}
         if name in RATES:
             del args[measure]

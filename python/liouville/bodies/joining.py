@@ -2,17 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from liouville.bodies.body import Body, Value, given, numbers, unit
+from liouville.bodies.chaining import Chaining, Effort, Which
 from liouville.bodies.joints import DRIVEN, KINDS, Joint
 from liouville.bodies.registry import (
-    Registry,
     apart,
     by_coordinate,
     check_damping,
@@ -22,19 +21,8 @@ from liouville.bodies.registry import (
 )
 from liouville.errors import hinted
 
-Which = Body | str
-Effort = Callable[..., Any]
 
-
-@dataclass(frozen=True, eq=False)
-class Gear:
-    """A relation between the rates of joints: the sum of factors times rates is zero."""
-
-    name: str
-    ratios: Mapping[tuple[str, str], Value]
-
-
-class Joining(Registry):
+class Joining(Chaining):
     """The joints of :class:`Assembly`.
 
     Everywhere, `at` is a point in the world as drawn, `(x, y, z)`, or two, one on each body, where
@@ -261,28 +249,6 @@ class Joining(Registry):
             self._frames(of, *sides, axis=(plane, rim)),
             sizes={"radius": radius},
         )
-
-    def gear(self, name: str, ratios: Mapping[str, Value]) -> None:
-        """Keep the sum of factors times rates of joints at zero: a gear, a rack, a differential.
-
-        `ratios` has the factors by joint, ``{"A": 20, "B": 31}`` for two wheels with these numbers
-        of teeth outside each other; of joints with more rates the first is meant.
-        """
-        of = f"gear '{name}'"
-        if not isinstance(ratios, Mapping) or len(ratios) < 2:
-            raise TypeError(
-                f"{of} takes factors by the names of two joints or more, not {ratios!r}"
-            )
-        found = {}
-        for joint, factor in ratios.items():
-            if joint not in self._joints:
-                known = ", ".join(self._joints) or "none"
-                raise ValueError(hinted(f"{of} has no joint {joint!r}", f"joints are {known}"))
-            own = self._joints[joint].coordinates
-            if not own:
-                raise ValueError(f"joint '{joint}' has no rate that {of} could take")
-            found[joint, own[0]] = given(f"factor of {of}", factor, ())
-        self._gears[self._new(name)] = Gear(name, found)
 
     def _with_axis(
         self,

@@ -65,6 +65,7 @@ KINDS = {
     "guide": Kind((), ("move_x", "move_y", "move_z"), ANY, keeps=False),
     "rolling ball": Kind(("height",), SPINS, ANY, keeps=False),
     "rolling wheel": Kind(("height",), SPINS, ANY, keeps=False),
+    "compound": Kind((*AT, *LOCK)),
 }
 
 #: Coordinates that are turned, and others, without a value, that are rates only.
@@ -72,6 +73,28 @@ ANGLES = ("angle", "second angle")
 RATES = ("move_x", "move_y", "move_z", *SPINS)
 #: Coordinates that a motion can be prescribed for.
 DRIVEN = ("angle", "slide", "slide_x", "slide_y")
+
+
+@dataclass(frozen=True)
+class Axis:
+    """An axis of a compound joint, with a coordinate of its own.
+
+    Attributes
+    ----------
+    name : str
+        The name of its coordinate.
+    turns : bool
+        Whether b turns about it; else b slides along it.
+    direction : tuple of float
+        Its direction in the axes of body a, as drawn.
+    point : array or callable
+        A point on it in the world as drawn.
+    """
+
+    name: str
+    turns: bool
+    direction: tuple[float, ...]
+    point: Value
 
 
 @dataclass(frozen=True, eq=False)
@@ -94,6 +117,10 @@ class Joint:
         Its further measures by name.
     equations : callable or None
         What a guide holds at zero, of the place of b's point in the axes of a as drawn.
+    axes : tuple of Axis
+        Those of a compound joint, in order from a to b.
+    armature : dict
+        Inertia of rotors by coordinate.
     """
 
     name: str
@@ -108,6 +135,8 @@ class Joint:
     motions: Mapping[str, Callable[..., Any]] = field(default_factory=dict)
     sizes: Mapping[str, Value] = field(default_factory=dict)
     equations: Callable[..., Any] | None = None
+    axes: tuple[Axis, ...] = ()
+    armature: Mapping[str, Value] = field(default_factory=dict)
 
     def __repr__(self) -> str:
         """Name the joint and its bodies."""
@@ -116,7 +145,18 @@ class Joint:
     @property
     def coordinates(self) -> tuple[str, ...]:
         """What it leaves free and measures."""
-        return KINDS[self.kind].coordinates
+        return tuple(axis.name for axis in self.axes) or KINDS[self.kind].coordinates
+
+    @property
+    def angles(self) -> tuple[str, ...]:
+        """Those that are angles."""
+        turns = {axis.name: axis.turns for axis in self.axes}
+        return tuple(name for name in self.coordinates if turns.get(name, name in ANGLES))
+
+    @property
+    def pattern(self) -> tuple[Any, ...]:
+        """What joints have in common whose equations have the same form."""
+        return self.kind, *(axis.turns for axis in self.axes)
 
 
 class Ends:

@@ -13,15 +13,17 @@ from liouville import _casadi as ca
 from liouville import _core
 from liouville.bodies import rotations as rot
 from liouville.bodies.body import Body, Layout, Poses, Value, column, kinetic
+from liouville.bodies.chaining import Coupling
+from liouville.bodies.compound import grouped, rotors
 from liouville.bodies.elements import Efforts, Element, of_elements, of_joints
-from liouville.bodies.joints import KINDS, Group, Joint, local, rolled, stacked
+from liouville.bodies.joints import KINDS, Joint, local, rolled, stacked
 from liouville.errors import hinted
 from liouville.systems import Lagrangian
 from liouville.systems._expressions import Expressions
 from liouville.tape import record
 
 if TYPE_CHECKING:
-    from liouville.bodies.joining import Gear
+    from liouville.bodies.chaining import Gear
 
 
 @dataclass(frozen=True)
@@ -42,6 +44,10 @@ class Place:
         What it leaves free.
     first : int
         The place of the first of them among those of all joints.
+    angles : tuple of str
+        Those of them that are angles.
+    axes : tuple of (bool, tuple of float)
+        Of a compound joint, whether b turns and the direction in the axes of the first body.
     """
 
     name: str
@@ -51,6 +57,8 @@ class Place:
     rows: tuple[str, ...]
     coordinates: tuple[str, ...]
     first: int
+    angles: tuple[str, ...] = ()
+    axes: tuple[tuple[bool, tuple[float, ...]], ...] = ()
 
 
 class Mechanism(Lagrangian):
@@ -58,8 +66,8 @@ class Mechanism(Lagrangian):
 
     The coordinates of a spatial body are its centre of mass and the unit quaternion from its axes
     to the world's, ``"crank.x"`` to ``"crank.e3"``; of a point mass its place; of a planar body its
-    centre and its angle. The constraints of a joint have its name, ``"A.x"``, those that keep
-    quaternions units that of the body, ``"crank.unit"``.
+    centre and its angle. Those of compound joints follow, ``"A.angle"``. The constraints of a joint
+    have its name, ``"A.x"``, those that keep quaternions units that of the body, ``"crank.unit"``.
 
     Attributes
     ----------
@@ -72,11 +80,11 @@ class Mechanism(Lagrangian):
         bodies: Sequence[Body],
         joints: Sequence[Joint],
         elements: Sequence[Element],
-        gears: Sequence[Gear],
+        gears: Sequence[Gear | Coupling],
         gravity: Value,
         params: Mapping[str, ArrayLike] | None,
     ) -> None:
-        self._body_layout = Layout(bodies)
+        self._body_layout = Layout(bodies, joints)
         model = _Model(bodies, joints, elements, gears, gravity, self._body_layout)
         super().__init__(
             model.lagrangian,
@@ -92,7 +100,7 @@ class Mechanism(Lagrangian):
         self._output_tapes: dict[str, _core.Tape] = {}
 
     def output(self, name: str, params: NDArray[np.float64], *at: ArrayLike) -> NDArray[np.float64]:
-        """Return "values", "rates" or "efforts" of joints, "points" or "drawn" at (t, q, v)."""
+        """Return what :meth:`_Model.outputs` names at (t, q, v)."""
         if name not in self._output_tapes:
             s = self._symbols
             self._output_tapes[name] = record(name, s.inputs(z=s.z), self._outputs.columns[name])
@@ -161,24 +169,22 @@ class _Model:
         bodies: Sequence[Body],
         joints: Sequence[Joint],
         elements: Sequence[Element],
-        gears: Sequence[Gear],
+        gears: Sequence[Gear | Coupling],
         gravity: Value,
         layout: Layout,
     ) -> None:
         self.bodies, self.joints, self.elements = bodies, joints, elements
-        self.gears, self.gravity, self.layout = gears, gravity, layout
+        self.couplings = [x for x in gears if isinstance(x, Coupling)]
+        self.gears = [x for x in gears if not isinstance(x, Coupling)]
+        self.gravity, self.layout = gravity, layout
         self.indices = {body.name: k for k, body in enumerate(bodies)} | {"ground": len(bodies)}
-        self.is_nonholonomic = bool(gears) or any("rolling" in x.kind for x in joints)
+        self.is_nonholonomic = bool(self.gears) or any("rolling" in x.kind for x in joints)
 
     def _compute(self, t: ca.SX, q: ca.SX, v: ca.SX, params: Any) -> None:
         """Make the expressions that all functions are parts of."""
         self.t, self.q, self.v, self.params = t, q, v, params
         self.poses = Poses(self.layout, q, v)
-        kinds = dict.fromkeys(joint.kind for joint in self.joints)
-        self.groups = [
-            Group([x for x in self.joints if x.kind == kind], self.indices, self.poses, params)
-            for kind in kinds
-        ]
+        self.groups = grouped(self.joints, self.indices, self.poses, params)
         self.potential, self.coordinates = of_joints(self.groups, t, params)
         more, self.efforts = of_elements(self.elements, self.indices, self.poses, t, params)
         self.potential += more
@@ -186,6 +192,7 @@ class _Model:
     def lagrangian(self, t: ca.SX, q: ca.SX, v: ca.SX, params: Any) -> ca.SX:
         self._compute(t, q, v, params)
         energy = kinetic(self.bodies, self.poses, params) - self.potential
+        energy += rotors(self.groups, self.coordinates, params)
         gravity = column(self.gravity, params, 3)
         if not gravity.is_zero():
             masses = ca.horzcat(*(column(body.mass, params, 1) for body in self.bodies))
@@ -213,7 +220,14 @@ class _Model:
         spatial = self.layout.of_kind("spatial")
         units = {f"{self.bodies[k].name}.unit": norms[j] / 2 for j, k in enumerate(spatial)}
         # units first: of dependent constraints those that come first are kept
-        return units | rows
+        return units | rows | {coupling.name: self._coupled(coupling) for coupling in self.couplings}
+
+    def _coupled(self, coupling: Coupling) -> ca.SX:
+        """Return what a coupling holds at zero."""
+        value, *other = (self.coordinates[joint][0] for joint in coupling.joints)
+        for k, factor in enumerate(coupling.coefficients):
+            value = value - factor * (other[0] ** k if k else 1)
+        return value
 
     def nonholonomic(self, t: ca.SX, q: ca.SX, v: ca.SX, params: Any) -> dict[str, ca.SX]:
         found: dict[str, ca.SX] = {}
@@ -253,7 +267,12 @@ class _Model:
         for joint in self.joints:
             sides = self.indices[joint.a.name], self.indices[joint.b.name]
             rows, own = self.rows.get(joint.name, ()), joint.coordinates
-            found.append(Place(joint.name, joint.kind, sides, joint.frames, rows, own, first))
+            axes = tuple((axis.turns, axis.direction) for axis in joint.axes)
+            found.append(
+                Place(
+                    joint.name, joint.kind, sides, joint.frames, rows, own, first, joint.angles, axes
+                )
+            )
             first += len(own)
         return found
 
@@ -267,11 +286,13 @@ class _Model:
             for joint in self.joints
             for side in range(2)
         ]
+        anchors = [local(x.a, axis.point, self.params) for x in self.joints for axis in x.axes]
         return {
             "values": _column([ca.SX(0) if x is None else x for x in values]),
             "rates": _column(rates),
             "efforts": _column(efforts),
             "points": ca.vec(stacked(points)) if points else ca.SX(0, 1),
+            "anchors": ca.vec(stacked(anchors)) if anchors else ca.SX(0, 1),
             "drawn": _column([column(body.at, self.params, 3) for body in self.bodies]),
             "pitches": _column(
                 [column(joint.sizes.get("pitch", 0.0), self.params, 1) for joint in self.joints]

@@ -146,7 +146,13 @@ def apart(points: tuple[Value, Value]) -> Value:
 
 def by_coordinate(of: str, kind: str, what: str, value: Any, empty: Any) -> dict[str, Any]:
     """Return what is given for the coordinates of a joint, one or as many as it has, by name."""
-    names = KINDS[kind].coordinates
+    return coordinate_values(of, KINDS[kind].coordinates, what, value, empty)
+
+
+def coordinate_values(
+    of: str, names: Sequence[str], what: str, value: Any, empty: Any
+) -> dict[str, Any]:
+    """Return what is given for coordinates with these names, by name."""
     if callable(value) or not isinstance(value, Sequence | np.ndarray):
         alike = len(names) == 1 or set(names) <= set(RATES)
         if not alike and value is not empty and not (_is_number(value) and value == empty):

@@ -63,7 +63,8 @@ class JointMotion:
 
     Force and torque are those that keep the joint, and that prescribe its motion; they act on its
     second body, at its point there, and the opposite ones on the first. What dampers, springs and
-    motors exert along its coordinates is `effort` and not among them.
+    motors exert along its coordinates is `effort` and not among them, but for compound joints,
+    whose axes transmit it.
 
     Attributes
     ----------
@@ -153,7 +154,7 @@ def joint_of(solution: Solution, name: str, frame: str = "world") -> JointMotion
         _columns(system, solution, place, what) for what in ("values", "rates", "efforts")
     )
     coordinates = {
-        key: _continuous(solution.t, x, rates[key]) if key in ANGLES else x
+        key: _continuous(solution.t, x, rates[key]) if key in ANGLES and not place.axes else x
         for key, x in values.items()
         if key not in RATES
     }

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from liouville.bodies.joints import ANGLES, RATES
+from liouville.bodies.joints import RATES
 from liouville.bodies.mechanism import Place
 from liouville.bodies.tree import Tree
 from liouville.errors import hinted, quoted
@@ -44,13 +44,14 @@ class Starting:
         n = len(system.coordinates)
         self.still = np.zeros(n)
         joints = [system.place(name) for name in system.joints]
-        points, drawn, pitches = (
+        points, drawn, pitches, anchors = (
             system.output(name, params, t, self.still, self.still)[0]
-            for name in ("points", "drawn", "pitches")
+            for name in ("points", "drawn", "pitches", "anchors")
         )
         drawn = drawn.reshape(-1, 3).T
         layout = system._body_layout
-        self.tree = Tree(layout, joints, given, points.reshape(-1, 2, 3), drawn, pitches)
+        sizes = points.reshape(-1, 2, 3), pitches, anchors.reshape(-1, 3)
+        self.tree = Tree(layout, joints, given, drawn, *sizes)
         spread = [np.ptp(self.tree.x, axis=1).max(), np.abs(points).max(initial=0.0)]
         self.size = float(max(spread)) or 1.0
         kept = {x.joint.name for x in self.tree.branches if x.joint is not None and x.is_kept}
@@ -116,13 +117,13 @@ class Starting:
             )
             way = -np.linalg.pinv(slopes, CUTOFF) @ off
             way *= min(1.0, LARGEST / max(np.abs(way).max(initial=0.0), 1e-300))
-            before = tree.x.copy(), tree.e.copy()
+            before = tree.state
             for damping in (1.0, 0.5, 0.25, 0.125, 1 / 64):
                 tree.move(damping * way)
                 after = missed()
                 if np.linalg.norm(after) < norm:
                     break
-                tree.x, tree.e = before[0].copy(), before[1].copy()
+                tree.state = before
             else:
                 break
             off = after
@@ -133,7 +134,7 @@ class Starting:
     def assemble(self, held: list[int], wanted: Array, angles: list[int]) -> Array:
         """Close the loops as drawn, then move the coordinates given to where they are wanted."""
         tree = self.tree
-        drawn = tree.x.copy(), tree.e.copy()
+        drawn = tree.state
         limit = CLOSED * self.size
         gap = self.close([], np.empty(0), [])
         if not held and gap > limit:
@@ -147,7 +148,7 @@ class Starting:
             if gap > limit:
                 break
         if gap > limit:
-            tree.x, tree.e = drawn
+            tree.state = drawn
             gap = self.close(held, wanted, angles)
         if gap > limit:
             self._refuse()
@@ -218,12 +219,12 @@ class Starting:
 
     def _moves(self, null: Array) -> bool:
         """Return whether a small move along the freedoms does not return when loops are closed."""
-        tree, before = self.tree, (self.tree.x.copy(), self.tree.e.copy())
+        tree, before = self.tree, self.tree.state
         q = tree.q()
         ways = [*null.T[:3], null @ np.random.default_rng(0).standard_normal(null.shape[1])]
         found = False
         for way in ways:
-            tree.x, tree.e = before[0].copy(), before[1].copy()
+            tree.state = before
             tree.move(ASIDE * way / np.abs(way).max())
             aside = np.linalg.norm(tree.q() - q)
             gap = self.close([], np.empty(0), [])
@@ -231,7 +232,7 @@ class Starting:
             found = bool(gap <= CLOSED * self.size and left > RETURNED * aside)
             if found:
                 break
-        tree.x, tree.e = before
+        tree.state = before
         return found
 
     def velocities(self, q: Array, held: list[int], wanted: Array) -> Array:
@@ -268,8 +269,10 @@ def assembled(
     t = finite_time(t)
     held, wanted = _given(system, "values", values)
     moving, speeds = _given(system, "rates", rates)
-    names = [name for joint in system.joints for name in system.place(joint).coordinates]
-    angles = [k for k, at in enumerate(held) if names[at] in ANGLES]
+    places = [system.place(joint) for joint in system.joints]
+    names = [name for place in places for name in place.coordinates]
+    turning = [name in place.angles for place in places for name in place.coordinates]
+    angles = [k for k, at in enumerate(held) if turning[at]]
     for at in held:
         if names[at] in RATES:
             joint = next(x for x in system.joints if at < system.place(x).first + 6)

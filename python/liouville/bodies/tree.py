@@ -68,6 +68,8 @@ class Tree:
         Positions and quaternions.
     loops : list of Place
         Joints that are not in the tree.
+    own : ndarray
+        The coordinates that joints have of their own.
     """
 
     def __init__(
@@ -75,9 +77,10 @@ class Tree:
         layout: Layout,
         joints: Sequence[Place],
         first: Collection[str],
-        points: Array,
         drawn: Array,
+        points: Array,
         pitches: Array,
+        anchors: Array,
     ) -> None:
         self.layout = layout
         self.points = {joint.name: own for joint, own in zip(joints, points, strict=True)}
@@ -85,6 +88,11 @@ class Tree:
         self.branches = self._grown(sorted(joints, key=lambda joint: joint.name not in first))
         inside = {branch.joint.name for branch in self.branches if branch.joint}
         self.loops = [joint for joint in joints if joint.name not in inside]
+        counts = np.cumsum([0, *(len(joint.axes) for joint in joints)])
+        starts = dict(zip((joint.name for joint in joints), counts[:-1].tolist(), strict=True))
+        self.starts, self.anchors, self.own = starts, anchors, np.zeros(len(anchors))
+        # coordinates of compound joints outside the tree move alone
+        self.lone = [starts[x.name] + k for x in self.loops for k in range(len(x.axes))]
         self.x = np.append(drawn, np.zeros((3, 1)), axis=1)
         self.e = np.array([*layout.rotations, (1.0, 0.0, 0.0, 0.0)]).T
         self._place()
@@ -122,6 +130,10 @@ class Tree:
         self, joint: Place | None, parent: int, child: int, carried: NDArray[np.int64]
     ) -> Branch:
         moves = ANY if joint is None else KINDS[joint.kind].moves
+        if joint is not None and joint.axes:
+            moves = tuple(
+                f"{'turn' if turns else 'slide'} {k}" for k, (turns, _) in enumerate(joint.axes)
+            )
         possible = POSSIBLE[self.layout.kinds[child]]
         moves = tuple(x for x in moves if x in possible or "world" not in x)
         if self.layout.kinds[child] == "point":
@@ -157,6 +169,9 @@ class Tree:
         which, joint, child = move.split()[1], branch.joint, branch.child
         if joint is None:
             return np.eye(3)["xyz".index(which[-1])], self.x[:, child]
+        if joint.axes:
+            axis, point = self._carried(joint, int(which))
+            return branch.sign * axis, point
         side = joint.bodies.index(child)
         arm = rot.rotate(self.e[:, child], self.points[joint.name][side])
         point = self.x[:, child] + np.array(arm)
@@ -166,6 +181,22 @@ class Tree:
         attitude = rot.product(self.e[:, joint.bodies[own]], joint.frames[own])
         axis = np.array(rot.columns(attitude)["xyz".index(which[0])])
         return branch.sign * axis, point
+
+    def _carried(self, joint: Place, which: int) -> tuple[Array, Array]:
+        """Return the direction of an axis of a compound joint and a point on it, as carried."""
+        start, body = self.starts[joint.name], joint.bodies[0]
+        direction, point = np.array(joint.axes[which][1]), self.anchors[start + which]
+        for k in reversed(range(which)):
+            turns, own = joint.axes[k]
+            value, anchor = self.own[start + k], self.anchors[start + k]
+            if turns:
+                turn = rot.turn(own, value)
+                direction = np.array(rot.rotate(turn, direction))
+                point = anchor + np.array(rot.rotate(turn, point - anchor))
+            else:
+                point = point + value * np.array(own)
+        e = self.e[:, body]
+        return np.array(rot.rotate(e, direction)), self.x[:, body] + np.array(rot.rotate(e, point))
 
     def twists(self) -> tuple[Array, Array]:
         """Return velocities and angular velocities of all bodies, a column each move."""
@@ -193,8 +224,9 @@ class Tree:
     def move(self, sizes: Array) -> None:
         """Make moves of finite sizes, one after another from the ground on."""
         at = 0
+        self.own[self.lone] += sizes[len(sizes) - len(self.lone) :]
         for branch in self.branches:
-            for move in branch.moves:
+            for j, move in enumerate(branch.moves):
                 size, at = sizes[at], at + 1
                 axis, point = self._axis(branch, move)
                 bodies = branch.carried
@@ -204,17 +236,40 @@ class Tree:
                     self.x[:, bodies] = np.array(arms) + point[:, None]
                     self.e[:, bodies] = rot.product(turned, self.e[:, bodies])
                 self.x[:, bodies] += self._slide(branch, move) * size * axis[:, None]
+                if branch.joint is not None and branch.joint.axes:
+                    self.own[self.starts[branch.joint.name] + j] += size
         points = [k for k, kind in enumerate(self.layout.kinds) if kind == "point"]
         self.e[:, points] = np.array([[1.0], [0.0], [0.0], [0.0]])
         self.e /= np.linalg.norm(self.e, axis=0)
 
     def q(self) -> Array:
         """Return the coordinates."""
-        return self.layout.gathered((self.x, self.e))
+        return np.append(self.layout.gathered((self.x, self.e)), self.own)
+
+    @property
+    def state(self) -> tuple[Array, Array, Array]:
+        """Places, attitudes and coordinates of joints, to return to."""
+        return self.x.copy(), self.e.copy(), self.own.copy()
+
+    @state.setter
+    def state(self, state: tuple[Array, Array, Array]) -> None:
+        self.x, self.e, self.own = (part.copy() for part in state)
 
     def rates(self) -> Array:
         """Return the rates of the coordinates in all moves, shape (n, moves)."""
-        return self.layout.rates((self.x, self.e), *self.twists())
+        rates = self.layout.rates((self.x, self.e), *self.twists())
+        count = rates.shape[1]
+        own = np.zeros((len(self.own), count + len(self.lone)))
+        at = 0
+        for branch in self.branches:
+            if branch.joint is not None and branch.joint.axes:
+                start = self.starts[branch.joint.name]
+                for j in range(len(branch.moves)):
+                    own[start + j, at + j] = 1.0
+            at += len(branch.moves)
+        own[self.lone, count + np.arange(len(self.lone))] = 1.0
+        wide = np.zeros((len(rates), len(self.lone)))
+        return np.vstack([np.hstack([rates, wide]), own])
 
     def loop(self, joint: Place) -> list[str]:
         """Return the joints of the loop that a joint closes, in order."""

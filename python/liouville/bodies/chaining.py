@@ -1,0 +1,208 @@
+"""The methods of an assembly that add compound joints, and relations between joints."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from liouville.bodies import rotations as rot
+from liouville.bodies.body import Body, Value, given, numbers, unit
+from liouville.bodies.joints import RATES, Axis, Joint
+from liouville.bodies.registry import Registry, check_damping, coordinate_values
+from liouville.errors import hinted
+
+Which = Body | str
+Effort = Callable[..., Any]
+
+
+@dataclass(frozen=True, eq=False)
+class Gear:
+    """A relation between the rates of joints: the sum of factors times rates is zero."""
+
+    name: str
+    ratios: Mapping[tuple[str, str], Value]
+
+
+@dataclass(frozen=True, eq=False)
+class Coupling:
+    """A relation between values of joints: the first is a polynomial of the second, or constant."""
+
+    name: str
+    joints: tuple[tuple[str, str], ...]
+    coefficients: tuple[float, ...]
+
+
+class Chaining(Registry):
+    """Compound joints, gears and couplings of :class:`Assembly`."""
+
+    def compound(
+        self,
+        name: str,
+        a: Which,
+        b: Which,
+        axes: Sequence[tuple[Any, ...]],
+        *,
+        names: Sequence[str] | None = None,
+        armature: Any = 0.0,
+        damping: Any = 0.0,
+        effort: Any = None,
+        spring: Any = 0.0,
+        rest: Any = 0.0,
+    ) -> Joint:
+        """Let b turn about and slide along several axes, each carried by those before.
+
+        Coordinates are unknowns of their own, which count turns. A rotor on an axis adds to the
+        energy half of its inertia times the square of the rate.
+
+        Parameters
+        ----------
+        name : str
+            Its name.
+        a, b : Body or str
+            Bodies in space, or the ground.
+        axes : sequence
+            From a to b, ``("turn", direction, point)`` or ``("slide", direction)``, in the world as
+            drawn.
+        names : sequence of str, optional
+            Names of the coordinates, by default "angle" or "slide" of one axis, "turn 1" or
+            "slide 2" of several.
+        armature, damping, effort, spring, rest : optional
+            Of all coordinates, or a sequence with one each: inertia of a rotor, coefficient of a
+            damper, a function ``f(t, angle, rate, params)``, stiffness, and where it rests.
+
+        Returns
+        -------
+        Joint
+            Its force and torque are all that b needs, along the axes too.
+
+        Raises
+        ------
+        TypeError, ValueError
+            An argument is wrong.
+        """
+        of = f"joint '{name}'"
+        sides = self._sides(of, a, b)
+        for body in sides:
+            if body.kind not in ("spatial", "ground"):
+                raise ValueError(f"{of} joins bodies in space, and '{body.name}' is {body.kind}")
+        words = [x[0] if isinstance(x, Sequence) and x else None for x in axes]
+        if not words or set(words) - {"turn", "slide"}:
+            raise ValueError(
+                hinted(
+                    f"axes of {of} are {axes!r}",
+                    "write ('turn', direction, point) or ('slide', direction)",
+                )
+            )
+        if names is None:
+            single = {"turn": "angle", "slide": "slide"}
+            numbered = [f"{word} {k + 1}" for k, word in enumerate(words)]
+            names = [single[words[0]]] if len(words) == 1 else numbered
+        _check_names(of, names, len(words))
+        found = [self._axis(of, sides, own, x) for own, x in zip(names, axes, strict=True)]
+        turns = [axis.point for axis in found if axis.turns]
+        at = turns[-1] if turns else sides[1].at
+        dampers = coordinate_values(of, names, "damping", damping, 0.0)
+        check_damping(of, dampers)
+        rotors = coordinate_values(of, names, "armature", armature, 0.0)
+        for own, value in rotors.items():
+            if not callable(value) and value < 0:
+                raise ValueError(f"armature of '{own}' of {of} is {float(value):g}, below zero")
+        efforts = coordinate_values(of, names, "effort", effort, None)
+        for value in efforts.values():
+            if not callable(value):
+                raise TypeError(f"effort= of {of} is a function, not {value!r}")
+        rests = coordinate_values(of, names, "rest", rest, 0.0)
+        stiffness = coordinate_values(of, names, "spring", spring, 0.0)
+        return self._add(
+            "compound",
+            name,
+            sides,
+            (at, at),
+            axes=tuple(found),
+            armature=rotors,
+            damping=dampers,
+            efforts=efforts,
+            springs={own: (value, rests.get(own, 0.0)) for own, value in stiffness.items()},
+        )
+
+    def _axis(self, of: str, sides: tuple[Body, Body], name: str, axis: Any) -> Axis:
+        turns = axis[0] == "turn"
+        if len(axis) != (3 if turns else 2):
+            wanted = "('turn', direction, point)" if turns else "('slide', direction)"
+            raise ValueError(hinted(f"an axis of {of} is {axis!r}", f"write {wanted}"))
+        direction = unit(f"direction of '{name}' of {of}", axis[1])
+        own = rot.rotate(rot.conjugate(sides[0].rotation), direction)
+        point = given(f"point of '{name}' of {of}", axis[2], (3,)) if turns else np.zeros(3)
+        return Axis(name, turns, tuple(float(x) for x in own), point)
+
+    def gear(self, name: str, ratios: Mapping[str, Value]) -> None:
+        """Keep the sum of factors times rates of joints at zero: a gear, a rack, a differential.
+
+        `ratios` has the factors by joint, ``{"A": 20, "B": 31}`` for two wheels with these numbers
+        of teeth outside each other; of joints with more rates the first is meant.
+        """
+        of = f"gear '{name}'"
+        if not isinstance(ratios, Mapping) or len(ratios) < 2:
+            raise TypeError(
+                f"{of} takes factors by the names of two joints or more, not {ratios!r}"
+            )
+        found = {}
+        for joint, factor in ratios.items():
+            own = self._coordinate(of, joint)
+            found[own] = given(f"factor of {of}", factor, ())
+        self._gears[self._new(name)] = Gear(name, found)
+
+    def couple(self, name: str, joint: Any, other: Any = None, *, by: ArrayLike) -> None:
+        """Keep a coordinate at a polynomial of another, or at a constant without another.
+
+        Parameters
+        ----------
+        name : str
+            The name of this constraint; its multiplier is the effort against the first coordinate.
+        joint, other : str or tuple of str
+            A joint, of which the first coordinate is meant, or the joint and the coordinate.
+        by : array_like
+            Coefficients of the polynomial from the constant on; values are zero as drawn.
+
+        Raises
+        ------
+        TypeError, ValueError
+            There is no such joint or coordinate, or it is a rate without a value.
+        """
+        of = f"coupling '{name}'"
+        pair = [self._coordinate(of, x) for x in (joint, other) if x is not None]
+        for own, coordinate in pair:
+            if coordinate in RATES:
+                raise ValueError(f"'{coordinate}' of joint '{own}' has no value for {of}")
+        if len(set(pair)) < len(pair):
+            raise ValueError(f"{of} couples joint '{pair[0][0]}' with itself")
+        coefficients = numbers(f"by= of {of}", by, np.shape(by) or (1,))
+        if other is None and coefficients[1:].any():
+            raise ValueError(f"{of} has a polynomial of no other joint")
+        self._gears[self._new(name)] = Coupling(name, tuple(pair), tuple(coefficients.tolist()))
+
+    def _coordinate(self, of: str, which: Any) -> tuple[str, str]:
+        """Return a joint and a coordinate of it, the first by default, by their names."""
+        joint, coordinate = which if isinstance(which, tuple) else (which, None)
+        if joint not in self._joints:
+            known = ", ".join(self._joints) or "none"
+            raise ValueError(hinted(f"{of} has no joint {joint!r}", f"joints are {known}"))
+        own = self._joints[joint].coordinates
+        if not own:
+            raise ValueError(f"joint '{joint}' has no rate that {of} could take")
+        if coordinate is not None and coordinate not in own:
+            sentence = f"{of}: joint '{joint}' has no {coordinate!r}"
+            raise ValueError(hinted(sentence, f"its coordinates are {', '.join(own)}"))
+        return joint, coordinate or own[0]
+
+
+def _check_names(of: str, names: Any, count: int) -> None:
+    good = isinstance(names, Sequence) and all(isinstance(x, str) and x for x in names)
+    if not good or len(set(names)) != count or len(names) != count:
+        raise ValueError(f"names= of {of} are {count} different names, not {names!r}")
+    if bad := set(names) & set(RATES):
+        raise ValueError(f"names= of {of}: {min(bad)!r} is the name of a rate")
