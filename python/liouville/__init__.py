@@ -50,6 +50,7 @@ if _typing.TYPE_CHECKING:
     from liouville.planner import plan as plan
     from liouville.stored import Store as Store
     from liouville.stored import resume as resume
+    from liouville.systems._sympy_mechanics import from_sympy as from_sympy
 
 #: Names that few runs need, by the modules that are imported when they are first used.
 _LATER = {
@@ -60,6 +61,7 @@ _LATER = {
     "plan": "planner",
     "Store": "stored",
     "resume": "stored",
+    "from_sympy": "systems._sympy_mechanics",
 }
 
 

@@ -2,6 +2,7 @@
 
 from liouville.bodies.assembly import Assembly
 from liouville.bodies.body import Body
+from liouville.bodies.files import from_mjcf, from_urdf
 from liouville.bodies.joints import Joint
 from liouville.bodies.mechanism import Mechanism
 from liouville.bodies.results import BodyMotion, JointMotion, body_of, joint_of
@@ -14,5 +15,7 @@ __all__ = [
     "JointMotion",
     "Mechanism",
     "body_of",
+    "from_mjcf",
+    "from_urdf",
     "joint_of",
 ]

@@ -33,6 +33,8 @@ class Assembly(Joining):
     ----------
     ground : Body
         What stands still.
+    params : dict
+        Parameters that a file brought, such as signals of actuators, with default values.
 
     Examples
     --------
@@ -50,6 +52,7 @@ class Assembly(Joining):
         self._gravity = given("gravity", gravity, (3,))
         self._system: Mechanism | None = None
         self._params: Mapping[str, ArrayLike] | None = None
+        self.params: dict[str, ArrayLike] = {}
 
     def __repr__(self) -> str:
         """Count what it has."""
@@ -248,7 +251,8 @@ class Assembly(Joining):
         Parameters
         ----------
         params : mapping of str to float or 1-D array_like, optional
-            Parameters by name, with default values, as those of :class:`~liouville.Lagrangian`.
+            Parameters by name, with default values, as those of :class:`~liouville.Lagrangian`;
+            they come after those of the assembly, and may give these other values.
 
         Returns
         -------
@@ -270,7 +274,8 @@ class Assembly(Joining):
             sentence = f"{quoted(alone)} {what} not connected with the ground"
             hint = f"join it, or let it fly: m.free('flight', '{alone[0]}')"
             raise ValueError(hinted(sentence, hint))
-        defaults = _trace.Parameters(params).defaults
+        own = {**self.params, **_trace.mapping("params", params)}
+        defaults = _trace.Parameters(own).defaults
         numbers_of = _trace.Namespace({name: _plain(x) for name, x in defaults.items()})
         for body in bodies:
             if callable(body.mass) or callable(body.inertia):
@@ -282,7 +287,7 @@ class Assembly(Joining):
             list(self._elements.values()),
             list(self._gears.values()),
             self._gravity,
-            params,
+            own,
         )
         return self._system
 

@@ -1,0 +1,158 @@
+"""Assemblies from MJCF and URDF files, which MuJoCo's own compiler reads."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from liouville.bodies import unmodelled
+from liouville.bodies.assembly import Assembly
+from liouville.bodies.body import numbers
+from liouville.bodies.reading import Reader
+from liouville.errors import hinted
+
+#: A loop of :func:`from_urdf`.
+Loop = Sequence[Any]
+
+
+def from_mjcf(
+    source: str | Path,
+    *,
+    without: Sequence[str] = (),
+    controls: Mapping[str, float | Callable[..., Any]] | None = None,
+) -> Assembly:
+    r"""Read an assembly from a file in MuJoCo's format.
+
+    Bodies and joints keep their names, bodies without joints are parts of those that carry them.
+    The file is drawn at its reference pose, so a value of a joint is that of MuJoCo less its
+    ``ref``. Armature, damping and springs of joints, equality constraints (connect, weld and joint,
+    here exact) and actuators of hinges and slides come along. What an assembly has not is refused
+    by name.
+
+    Parameters
+    ----------
+    source : str or Path
+        A path, or the text of the file, which begins with "<".
+    without : sequence of str
+        What to leave out: "contact", "limits", "friction loss", "tendons", "muscles", "activation",
+        "transmissions", "actuator models", "nonlinear springs", "nonlinear damping", "springs of
+        balls", "equality constraints", "fluid", "gravity compensation", "flex", "mocap", "plugins".
+    controls : mapping, optional
+        Signals by actuator: a number, or a function ``f(t, angle, rate, params)`` of the joint that
+        it acts on. Others are parameters with the name of the actuator, zero by default.
+
+    Returns
+    -------
+    Assembly
+        With parameters for the actuators in ``params``. A body with several joints has one compound
+        joint with their names for its coordinates, called after the body, ``"thigh.joints"``.
+
+    Raises
+    ------
+    ImportError
+        MuJoCo is not installed.
+    TypeError, ValueError
+        MuJoCo does not read the file; it has what is not modelled; a body has no mass.
+
+    Examples
+    --------
+    >>> import liouville as lv
+    >>> m = lv.bodies.from_mjcf('''<mujoco><worldbody><body name="bob"><joint name="pin"/>
+    ...     <geom size="0.1" pos="0 0 -1"/></body></worldbody></mujoco>''')  # doctest: +SKIP
+    >>> start = m.start(values={"pin": 0.3})  # doctest: +SKIP
+    """
+    model, data = _compiled(source, fuses=True)
+    return _read(model, data, without, controls).assembly
+
+
+def from_urdf(
+    source: str | Path,
+    *,
+    loops: Mapping[str, Loop] | None = None,
+    without: Sequence[str] = (),
+    controls: Mapping[str, float | Callable[..., Any]] | None = None,
+) -> Assembly:
+    """Read an assembly from a URDF file; its root is fixed to the ground.
+
+    Parameters
+    ----------
+    source : str or Path
+        A path, or the text of the file, which begins with "<".
+    loops : mapping, optional
+        Joints that the format has no place for, by name: two links and a point of both,
+        ``(link, other, point)`` of a ball joint, ``(link, other, point, axis)`` of a hinge, in the
+        axes of the first link. Two points, one in the axes of each link, close a loop that is drawn
+        open.
+    without, controls : optional
+        As for :func:`from_mjcf`.
+
+    Returns
+    -------
+    Assembly
+        As of :func:`from_mjcf`; mimic joints are couplings.
+
+    Raises
+    ------
+    ImportError, TypeError, ValueError
+        As for :func:`from_mjcf`, or a loop names no link.
+    """
+    model, data = _compiled(source, fuses=False)
+    reader = _read(model, data, without, controls)
+    for name, loop in (loops or {}).items():
+        _close(reader, name, loop)
+    return reader.assembly
+
+
+def _compiled(source: str | Path, *, fuses: bool) -> tuple[Any, Any]:
+    """Return the model that MuJoCo makes of a file, and its state at the reference pose."""
+    try:
+        import mujoco
+    except ImportError as error:
+        sentence = "MJCF and URDF files are read by MuJoCo, which is not installed"
+        raise ImportError(hinted(sentence, "pip install 'liouville[robots]'")) from error
+    if not isinstance(source, str | Path):
+        raise TypeError(f"a file is a path or its text, not {source!r}")
+    is_text = isinstance(source, str) and source.lstrip().startswith("<")
+    try:
+        read = mujoco.MjSpec.from_string if is_text else mujoco.MjSpec.from_file
+        spec = read(str(source))
+        if not fuses:
+            spec.compiler.fusestatic = False
+        model = spec.compile()
+    except ValueError as error:
+        what = "the text" if is_text else f"'{source}'"
+        raise ValueError(f"MuJoCo does not read {what}: {error}") from error
+    data = mujoco.MjData(model)
+    mujoco.mj_kinematics(model, data)
+    return model, data
+
+
+def _read(model: Any, data: Any, without: Sequence[str], controls: Any) -> Reader:
+    unmodelled.check(model, without if isinstance(without, str) else tuple(without))  # type: ignore[arg-type]
+    return Reader(model, data, controls)
+
+
+def _close(reader: Reader, name: str, loop: Loop) -> None:
+    """Add a joint between two links."""
+    of = f"loop '{name}'"
+    if isinstance(loop, str) or not isinstance(loop, Sequence) or len(loop) not in (3, 4):
+        hint = "write (link, other, point), and an axis of a hinge"
+        raise ValueError(hinted(f"{of} is {loop!r}", hint))
+    links = [reader.link(of, link) for link in loop[:2]]
+    shape = np.shape(loop[2])
+    points = numbers(f"point of {of}", loop[2], (2, 3) if shape == (2, 3) else (3,))
+    if points.ndim == 2:
+        at: Any = tuple(reader.placed(own, x) for own, x in zip(links, points, strict=True))
+    else:
+        at = reader.placed(links[0], points)
+    first, second = (reader.body_of(link) for link in links)
+    if len(loop) == 3:
+        reader.assembly.spherical(name, first, second, at=at)
+        return
+    axis = numbers(f"axis of {of}", loop[3], (3,))
+    turned = [reader.turned(link, axis) for link in links]
+    own = turned[0] if points.ndim == 1 else turned
+    reader.assembly.revolute(name, first, second, at=at, axis=own)

@@ -1,0 +1,249 @@
+"""What a compiled model of MuJoCo's has and an assembly has not, by names that can be left out."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from liouville.errors import hinted, quoted
+
+#: Bits of ``opt.disableflags``.
+OFF = {
+    "constraint": 1,
+    "equality": 2,
+    "friction loss": 4,
+    "limits": 8,
+    "contact": 16,
+    "spring": 32,
+    "damper": 64,
+    "gravity": 128,
+    "clamp": 256,
+    "filter parent": 1024,
+    "actuation": 2048,
+}
+#: Codes of joints, of transmissions, and of gains, biases and activations.
+JOINTS = ("free", "ball", "slide", "hinge")
+OF_JOINT, OF_TENDON = (0, 1), 3
+PLAIN = {"gain": (0, 1), "bias": (0, 1)}
+MUSCLE = {"gain": 2, "bias": 2, "dyn": 4}
+#: Codes of equality constraints.
+EQUALITIES = ("connect", "weld", "joint")
+
+#: What can be left out, with what it is of.
+KNOWN: dict[str, str] = {
+    "contact": "bodies",
+    "limits": "joints",
+    "friction loss": "joints",
+    "tendons": "tendons",
+    "muscles": "actuators",
+    "activation": "actuators",
+    "transmissions": "actuators",
+    "actuator models": "actuators",
+    "nonlinear springs": "joints",
+    "nonlinear damping": "joints",
+    "springs of balls": "joints",
+    "equality constraints": "constraints",
+    "fluid": "",
+    "gravity compensation": "bodies",
+    "flex": "",
+    "mocap": "bodies",
+    "plugins": "",
+}
+
+
+def is_off(model: Any, what: str) -> bool:
+    """Return whether the file switches a part of the physics off."""
+    return bool(int(model.opt.disableflags) & OFF[what])
+
+
+def named(model: Any, kind: str, index: int) -> str:
+    """Return the name of a body, joint, actuator or constraint, or its kind with its number."""
+    word = {"jnt": "joint", "eq": "constraint"}.get(kind, kind)
+    return getattr(model, kind)(index).name or f"{word}{index}"
+
+
+def check(model: Any, without: tuple[str, ...]) -> None:
+    """Refuse what a model has beyond an assembly, but for what is named in `without`.
+
+    Raises
+    ------
+    TypeError, ValueError
+        The model has more, or `without` has an unknown name.
+    """
+    if isinstance(without, str) or not all(isinstance(x, str) for x in without):
+        raise TypeError(f"without= is a sequence of names, not {without!r}")
+    for name in without:
+        if name not in KNOWN:
+            raise ValueError(
+                hinted(f"without= has {name!r}, which is nothing known", f"there are {_listed()}")
+            )
+    found = {name: items for name, items in _found(model).items() if name not in without}
+    if not found:
+        return
+    parts = []
+    for name, items in found.items():
+        which = f" ({KNOWN[name]} {_some(items)})" if KNOWN[name] else ""
+        parts.append(name + which)
+    left = "".join(f"{name!r}, " for name in found)
+    left = left if len(found) == 1 else left[:-2]
+    sentence = f"the file has what bodies and joints have not: {'; '.join(parts)}"
+    raise ValueError(hinted(sentence, f"leave it out with without=({left.rstrip() or left})"))
+
+
+def plain_actuators(model: Any) -> list[int]:
+    """Return the actuators that are modelled, but for those that the file switches off."""
+    bad = {k for items in _actuators(model).values() for k in items}
+    return [k for k in _switched_on(model) if k not in bad]
+
+
+def _listed() -> str:
+    return ", ".join(KNOWN)
+
+
+def _some(items: list[str]) -> str:
+    more = len(items) - 6
+    return quoted(items) if more <= 1 else f"{', '.join(repr(x) for x in items[:6])} and {more} more"
+
+
+def _found(model: Any) -> dict[str, list[str]]:
+    """Return what the model has beyond an assembly, with the names of where it is."""
+    joints, bodies = range(model.njnt), range(model.nbody)
+    constrained = not is_off(model, "constraint")
+    dofs = model.dof_jntid
+
+    def at_joints(values: NDArray[Any]) -> list[str]:
+        own = np.flatnonzero(values.reshape(len(values), -1).any(axis=1))
+        return [named(model, "jnt", int(k)) for k in own]
+
+    def at_dofs(values: NDArray[Any]) -> list[str]:
+        own = np.flatnonzero(values.reshape(len(values), -1).any(axis=1))
+        return [named(model, "jnt", int(k)) for k in dict.fromkeys(dofs[own].tolist())]
+
+    springs = not is_off(model, "spring")
+    round_ones = [k for k in joints if model.jnt_type[k] < 2 and model.jnt_stiffness[k]]
+    bent = np.column_stack([model.jnt_stiffnesspoly, model.jnt_springyield])
+    all_found: dict[str, Callable[[], list[str]]] = {
+        "contact": lambda: _touching(model) if constrained else [],
+        "limits": lambda: (
+            at_joints(model.jnt_limited) if constrained and not is_off(model, "limits") else []
+        ),
+        "friction loss": lambda: (
+            at_dofs(model.dof_frictionloss)
+            if constrained and not is_off(model, "friction loss")
+            else []
+        ),
+        "tendons": lambda: [named(model, "tendon", k) for k in range(model.ntendon)],
+        "nonlinear springs": lambda: at_joints(bent) if springs else [],
+        "nonlinear damping": lambda: (
+            at_dofs(model.dof_dampingpoly) if not is_off(model, "damper") else []
+        ),
+        "springs of balls": lambda: (
+            [named(model, "jnt", k) for k in round_ones] if springs else []
+        ),
+        "equality constraints": lambda: [
+            named(model, "eq", k)
+            for k in active(model)
+            if model.eq_type[k] >= len(EQUALITIES)
+        ],
+        "fluid": lambda: ["all"] if model.opt.density > 0 or model.opt.viscosity > 0 else [],
+        "gravity compensation": lambda: [
+            named(model, "body", k) for k in bodies if model.body_gravcomp[k]
+        ],
+        "flex": lambda: ["all"] if model.nflex else [],
+        "mocap": lambda: [named(model, "body", k) for k in bodies if model.body_mocapid[k] >= 0],
+        "plugins": lambda: ["all"] if model.nplugin else [],
+    }
+    found = {name: items() for name, items in all_found.items()}
+    for name, own in _actuators(model).items():
+        found[name] = found.get(name, []) + [named(model, "actuator", k) for k in own]
+    return {name: found[name] for name in KNOWN if found.get(name)}
+
+
+def active(model: Any) -> list[int]:
+    """Return the equality constraints that hold from the start."""
+    if is_off(model, "equality") or is_off(model, "constraint"):
+        return []
+    return [k for k in range(model.neq) if model.eq_active0[k]]
+
+
+def _switched_on(model: Any) -> list[int]:
+    if is_off(model, "actuation"):
+        return []
+    return [
+        k
+        for k in range(model.nactuator)
+        if not int(model.opt.disableactuator) >> int(model.actuator_group[k]) & 1
+    ]
+
+
+def _actuators(model: Any) -> dict[str, list[int]]:
+    """Return the actuators that are not modelled, by the reason."""
+    found: dict[str, list[int]] = {}
+    for k in _switched_on(model):
+        reason = _reason(model, k)
+        if reason:
+            found.setdefault(reason, []).append(k)
+    return found
+
+
+def _reason(model: Any, k: int) -> str | None:
+    codes = {x: int(getattr(model, f"actuator_{x}type")[k]) for x in ("gain", "bias", "dyn")}
+    if any(codes[x] == code for x, code in MUSCLE.items()):
+        return "muscles"
+    if int(model.actuator_trntype[k]) == OF_TENDON:
+        return "tendons"
+    if any(codes[x] not in plain for x, plain in PLAIN.items()):
+        return "actuator models"
+    if codes["dyn"] or model.actuator_actnum[k]:
+        return "activation"
+    if int(model.actuator_trntype[k]) not in OF_JOINT:
+        return "transmissions"
+    if model.jnt_type[model.actuator_trnid[k, 0]] < 2:
+        return "transmissions"
+    delayed = model.actuator_delay[k] > 0 or model.actuator_damping[k]
+    if delayed or model.actuator_dampingpoly[k].any() or model.actuator_ctrlnum[k] != 1:
+        return "actuator models"
+    return None
+
+
+def _touching(model: Any) -> list[str]:
+    """Return the bodies that can touch others."""
+    if is_off(model, "contact"):
+        return []
+    weld = model.body_weldid
+    parent = weld[model.body_parentid[weld]]
+    excluded = {int(x) for x in model.exclude_signature}
+    pairs = {
+        tuple(int(model.geom_bodyid[x]) for x in pair)
+        for pair in zip(model.pair_geom1, model.pair_geom2, strict=True)
+    }
+    filters = not is_off(model, "filter parent")
+
+    def free(a: int, b: int) -> bool:
+        """Return whether MuJoCo looks for contacts of the geoms of two bodies."""
+        first, second = int(weld[a]), int(weld[b])
+        kin = first in (second, int(parent[b])) or second == int(parent[a])
+        if first == second or (filters and kin and first and second):
+            return False
+        low, high = sorted((a, b))
+        return (low << 16) + high not in excluded
+
+    pairs |= {pair for pair in _meeting(model) if free(*pair)}
+    touching = {body for pair in pairs for body in pair if weld[body]}
+    return [named(model, "body", k) for k in sorted(touching)]
+
+
+def _meeting(model: Any) -> Iterator[tuple[int, int]]:
+    """Yield the pairs of bodies with geoms whose bits meet."""
+    kinds: dict[tuple[int, int, int], None] = {}
+    for k in range(model.ngeom):
+        own = (int(model.geom_contype[k]), int(model.geom_conaffinity[k]))
+        kinds[int(model.geom_bodyid[k]), *own] = None
+    rows = list(kinds)
+    for j, (a, contype, affinity) in enumerate(rows):
+        for b, other, its in rows[:j]:
+            if a != b and (contype & its or other & affinity):
+                yield b, a

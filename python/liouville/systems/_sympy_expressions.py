@@ -1,0 +1,149 @@
+"""SymPy's expressions of mechanics as expressions that models are traced with."""
+
+from __future__ import annotations
+
+import importlib
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any
+
+from liouville import _casadi as ca
+from liouville.errors import hinted, quoted
+
+#: Functions of SymPy's that have a place on a tape, by the names that are printed for them.
+FUNCTIONS = {
+    **{name: name for name in ("sin", "cos", "tan", "asin", "acos", "atan", "atan2")},
+    **{name: name for name in ("sinh", "cosh", "tanh", "asinh", "acosh", "atanh")},
+    **{name: name for name in ("exp", "log", "sqrt", "sign")},
+    "Abs": "fabs",
+}
+
+Inputs = Mapping[str, Callable[..., Any]]
+
+
+def imported(name: str) -> Any:
+    """Return a module of SymPy's.
+
+    Raises
+    ------
+    ImportError
+        SymPy is not installed.
+    """
+    try:
+        return importlib.import_module(name)
+    except ImportError as error:
+        sentence = "models of SymPy's need sympy"
+        raise ImportError(hinted(sentence, "pip install 'liouville[sympy]'")) from error
+
+
+def name_of(symbol: Any) -> str:
+    """Return the name of a symbol, or of a function of time."""
+    return str(symbol.func.__name__) if symbol.args else str(symbol)
+
+
+class Reader:
+    """Expressions in coordinates, their rates, speeds, inputs, parameters and time.
+
+    Attributes
+    ----------
+    params : dict of str to float
+        The parameters that have been seen, with the values given.
+    """
+
+    def __init__(
+        self,
+        coordinates: Sequence[Any],
+        speeds: Sequence[Any],
+        zeros: Sequence[Any],
+        given: Mapping[Any, Any] | None,
+        inputs: Mapping[Any, Any] | None,
+    ) -> None:
+        self.sympy = imported("sympy")
+        mechanics = imported("sympy.physics.mechanics")
+        self.t = mechanics.dynamicsymbols._t
+        self._parts = [list(coordinates), [x.diff(self.t) for x in coordinates], list(speeds)]
+        dummies = {x: self.sympy.Dummy() for part in self._parts for x in part}
+        self._known = dummies | dict.fromkeys(zeros, self.sympy.Integer(0))
+        self._zero_rates = {x.diff(self.t): self.sympy.Integer(0) for x in zeros}
+        self._inputs = {_called(x): function for x, function in (inputs or {}).items()}
+        self._dummy_inputs: dict[Any, Any] = {}
+        self._given = {_called(x): value for x, value in (given or {}).items()}
+        self.params: dict[str, Any] = dict(self._given)
+
+    def is_zero(self, expressions: Sequence[Any]) -> bool:
+        """Return whether all expressions are plainly zero."""
+        known = self._known | self._zero_rates
+        return all(self.sympy.sympify(x).xreplace(known) == 0 for x in expressions)
+
+    def function(self, what: str, expressions: Sequence[Any]) -> Callable[..., list[Any]]:
+        """Return expressions as a function ``f(t, q, rates, u, params)`` of CasADi's.
+
+        Raises
+        ------
+        TypeError, ValueError
+            An expression has a function of time that is nothing known, an operation without a place
+            on a tape, or a parameter without a value.
+        """
+        sympy = self.sympy
+        plain = [sympy.sympify(x).xreplace(self._known | self._zero_rates) for x in expressions]
+        used = self._check(what, plain)
+        plain = [x.xreplace(self._dummy_inputs) for x in plain]
+        symbols = sorted(used, key=str)
+        order = [self._known[x] for part in self._parts for x in part]
+        inputs = dict(self._dummy_inputs)
+        args = [self.t, *order, *inputs.values(), *symbols]
+        numbers = {x: sympy.Float(x.evalf(20)) for e in plain for x in e.atoms(sympy.NumberSymbol)}
+        own = {name: getattr(ca, function) for name, function in FUNCTIONS.items()}
+        own["abs"] = own["Abs"]
+        plain = [x.xreplace(numbers) for x in plain]
+        compiled = sympy.lambdify(args, plain, modules=[own], cse=True)
+
+        def function(t: Any, q: Any, rates: Any, u: Any, params: Any) -> list[Any]:
+            columns = [x for part in (q, rates, u) for x in ca.vertsplit(ca.SX(part))]
+            columns = columns[: len(order)]
+            state = (t, q, u if u.numel() else rates, params)
+            acting = [self._inputs[name_of(x)](*state) for x in inputs]
+            own = (getattr(params, str(x)) for x in symbols)
+            return list(compiled(t, *columns, *acting, *own))
+
+        return function
+
+    def _check(self, what: str, expressions: Sequence[Any]) -> set[Any]:
+        """Refuse what has no place on a tape; returns the parameters."""
+        sympy = self.sympy
+        applied = importlib.import_module("sympy.core.function").AppliedUndef
+        seen: set[Any] = set()
+        for expression in expressions:
+            for rate in expression.atoms(sympy.Derivative):
+                raise ValueError(
+                    hinted(
+                        f"{what} has {rate}, which is no rate of a coordinate",
+                        "prescribed motions are coordinates with a constraint",
+                    )
+                )
+            for function in expression.atoms(applied):
+                if name_of(function) not in self._inputs:
+                    known = quoted([name_of(x) for x in self._parts[0] + self._parts[2]])
+                    hint = f"give it: inputs={{'{name_of(function)}': f}}, f(t, q, v, params)"
+                    sentence = f"{what} has {function}, which is none of {known}"
+                    raise ValueError(hinted(sentence, hint))
+                self._dummy_inputs.setdefault(function, sympy.Dummy())
+            for function in expression.atoms(sympy.Function) - expression.atoms(applied):
+                if type(function).__name__ not in FUNCTIONS:
+                    raise ValueError(
+                        hinted(
+                            f"{what} has {type(function).__name__}, which no model can have",
+                            f"there are {', '.join(FUNCTIONS)}",
+                        )
+                    )
+            seen |= expression.free_symbols - set(self._known.values()) - {self.t}
+        missing = sorted(str(x) for x in seen if str(x) not in self._given)
+        if missing:
+            text = ", ".join(f"'{x}': ..." for x in missing)
+            have = "has" if len(missing) == 1 else "have"
+            sentence = f"{quoted(missing)} of {what} {have} no value"
+            raise ValueError(hinted(sentence, f"give params={{{text}}}"))
+        return seen
+
+
+def _called(which: Any) -> str:
+    return which if isinstance(which, str) else name_of(which)
