@@ -10,8 +10,9 @@ from numpy.typing import ArrayLike, NDArray
 
 from liouville.bodies import rotations as rot
 from liouville.bodies.body import Body, Value, check_mass, given, numbers, unit
+from liouville.bodies.chaining import Which
 from liouville.bodies.elements import Element
-from liouville.bodies.joining import Joining, Which
+from liouville.bodies.joining import Joining
 from liouville.bodies.mechanism import Mechanism
 from liouville.bodies.registry import Frames, apart, points_of, two_points, with_height
 from liouville.errors import hinted, quoted

@@ -98,9 +98,9 @@ class Chaining(Registry):
                 )
             )
         if names is None:
-            single = {"turn": "angle", "slide": "slide"}
-            numbered = [f"{word} {k + 1}" for k, word in enumerate(words)]
-            names = [single[words[0]]] if len(words) == 1 else numbered
+            single = "angle" if words == ["turn"] else "slide"
+            names = [f"{word} {k + 1}" for k, word in enumerate(words)]
+            names = [single] if len(words) == 1 else names
         _check_names(of, names, len(words))
         found = [self._axis(of, sides, own, x) for own, x in zip(names, axes, strict=True)]
         turns = [axis.point for axis in found if axis.turns]

@@ -220,10 +220,13 @@ class _Model:
         spatial = self.layout.of_kind("spatial")
         units = {f"{self.bodies[k].name}.unit": norms[j] / 2 for j, k in enumerate(spatial)}
         # units first: of dependent constraints those that come first are kept
-        return units | rows | {coupling.name: self._coupled(coupling) for coupling in self.couplings}
+        return (
+            units | rows | {coupling.name: self._coupled(coupling) for coupling in self.couplings}
+        )
 
     def _coupled(self, coupling: Coupling) -> ca.SX:
         """Return what a coupling holds at zero."""
+        value: ca.SX
         value, *other = (self.coordinates[joint][0] for joint in coupling.joints)
         for k, factor in enumerate(coupling.coefficients):
             value = value - factor * (other[0] ** k if k else 1)
@@ -268,11 +271,8 @@ class _Model:
             sides = self.indices[joint.a.name], self.indices[joint.b.name]
             rows, own = self.rows.get(joint.name, ()), joint.coordinates
             axes = tuple((axis.turns, axis.direction) for axis in joint.axes)
-            found.append(
-                Place(
-                    joint.name, joint.kind, sides, joint.frames, rows, own, first, joint.angles, axes
-                )
-            )
+            what = joint.name, joint.kind, sides, joint.frames, rows
+            found.append(Place(*what, own, first, joint.angles, axes))
             first += len(own)
         return found
 

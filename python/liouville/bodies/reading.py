@@ -201,9 +201,7 @@ class Reader:
             armature=[self._armature(k) for k in joints],
             **{key: [x[key] for x in acting] for key in acting[0]},
         )
-        self.places |= {
-            k: (name, own) for k, own in zip(joints, made.coordinates, strict=True)
-        }
+        self.places |= {k: (name, own) for k, own in zip(joints, made.coordinates, strict=True)}
 
     def _round(self, name: str, parent: Body, child: Body, joint: int, kind: str) -> None:
         """Add a ball joint, or none; damping and armature act on all of its rates."""

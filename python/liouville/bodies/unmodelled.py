@@ -32,6 +32,9 @@ MUSCLE = {"gain": 2, "bias": 2, "dyn": 4}
 #: Codes of equality constraints.
 EQUALITIES = ("connect", "weld", "joint")
 
+#: The most names of where something is.
+SHOWN = 6
+
 #: What can be left out, with what it is of.
 KNOWN: dict[str, str] = {
     "contact": "bodies",
@@ -78,19 +81,21 @@ def check(model: Any, without: tuple[str, ...]) -> None:
     for name in without:
         if name not in KNOWN:
             raise ValueError(
-                hinted(f"without= has {name!r}, which is nothing known", f"there are {_listed()}")
+                hinted(
+                    f"without= has {name!r}, which is no such thing",
+                    f"there are {', '.join(KNOWN)}",
+                )
             )
     found = {name: items for name, items in _found(model).items() if name not in without}
     if not found:
         return
-    parts = []
-    for name, items in found.items():
-        which = f" ({KNOWN[name]} {_some(items)})" if KNOWN[name] else ""
-        parts.append(name + which)
-    left = "".join(f"{name!r}, " for name in found)
-    left = left if len(found) == 1 else left[:-2]
+    parts = [
+        f"{name} ({KNOWN[name]} {_some(items)})" if KNOWN[name] else name
+        for name, items in found.items()
+    ]
     sentence = f"the file has what bodies and joints have not: {'; '.join(parts)}"
-    raise ValueError(hinted(sentence, f"leave it out with without=({left.rstrip() or left})"))
+    left = [*without, *found]
+    raise ValueError(hinted(sentence, f"leave it out: without={tuple(left)}"))
 
 
 def plain_actuators(model: Any) -> list[int]:
@@ -99,13 +104,10 @@ def plain_actuators(model: Any) -> list[int]:
     return [k for k in _switched_on(model) if k not in bad]
 
 
-def _listed() -> str:
-    return ", ".join(KNOWN)
-
-
 def _some(items: list[str]) -> str:
-    more = len(items) - 6
-    return quoted(items) if more <= 1 else f"{', '.join(repr(x) for x in items[:6])} and {more} more"
+    if len(items) <= SHOWN:
+        return quoted(items)
+    return f"{', '.join(repr(x) for x in items[:SHOWN])} and {len(items) - SHOWN} more"
 
 
 def _found(model: Any) -> dict[str, list[str]]:
@@ -140,13 +142,9 @@ def _found(model: Any) -> dict[str, list[str]]:
         "nonlinear damping": lambda: (
             at_dofs(model.dof_dampingpoly) if not is_off(model, "damper") else []
         ),
-        "springs of balls": lambda: (
-            [named(model, "jnt", k) for k in round_ones] if springs else []
-        ),
+        "springs of balls": lambda: [named(model, "jnt", k) for k in round_ones] if springs else [],
         "equality constraints": lambda: [
-            named(model, "eq", k)
-            for k in active(model)
-            if model.eq_type[k] >= len(EQUALITIES)
+            named(model, "eq", k) for k in active(model) if model.eq_type[k] >= len(EQUALITIES)
         ],
         "fluid": lambda: ["all"] if model.opt.density > 0 or model.opt.viscosity > 0 else [],
         "gravity compensation": lambda: [

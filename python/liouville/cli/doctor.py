@@ -20,6 +20,8 @@ EXTRAS = {
     "parquet": ("pyarrow",),
     "cli": ("rich", "typer"),
     "fem": ("scikit-fem",),
+    "robots": ("mujoco-core",),
+    "sympy": ("sympy",),
 }
 
 #: Instruction sets that the core is compiled for, the widest first, and NumPy's names of what each

@@ -110,7 +110,7 @@ class Reader:
     def _check(self, what: str, expressions: Sequence[Any]) -> set[Any]:
         """Refuse what has no place on a tape; returns the parameters."""
         sympy = self.sympy
-        applied = importlib.import_module("sympy.core.function").AppliedUndef
+        applied = imported("sympy.core.function").AppliedUndef
         seen: set[Any] = set()
         for expression in expressions:
             for rate in expression.atoms(sympy.Derivative):

@@ -332,7 +332,8 @@ class _Kane:
         for _ in range(3):
             at = rng.uniform(0.1, 1.0, 2 * n + 1)
             own, others = (
-                np.array(x) for x in function(at[0], at[1 : n + 1], at[n + 1 :], params.values(None))
+                np.array(x)
+                for x in function(at[0], at[1 : n + 1], at[n + 1 :], params.values(None))
             )
             kept = others.T @ np.linalg.lstsq(others.T, own.T, rcond=1e-12)[0]
             scale = np.maximum(np.abs(own).max(axis=1), 1e-300)
