@@ -46,7 +46,7 @@ class Reader:
     Attributes
     ----------
     params : dict of str to float
-        The parameters that have been seen, with the values given.
+        Parameters with the values given.
     """
 
     def __init__(
@@ -66,8 +66,8 @@ class Reader:
         self._zero_rates = {x.diff(self.t): self.sympy.Integer(0) for x in zeros}
         self._inputs = {_called(x): function for x, function in (inputs or {}).items()}
         self._dummy_inputs: dict[Any, Any] = {}
-        self._given = {_called(x): value for x, value in (given or {}).items()}
-        self.params: dict[str, Any] = dict(self._given)
+        self.params: dict[str, Any] = {_called(x): value for x, value in (given or {}).items()}
+        self._seen: set[str] = set()
 
     def is_zero(self, expressions: Sequence[Any]) -> bool:
         """Return whether all expressions are plainly zero."""
@@ -80,8 +80,8 @@ class Reader:
         Raises
         ------
         TypeError, ValueError
-            An expression has a function of time that is nothing known, an operation without a place
-            on a tape, or a parameter without a value.
+            An expression has a function of time that is nothing known, or an operation without a
+            place on a tape.
         """
         sympy = self.sympy
         plain = [sympy.sympify(x).xreplace(self._known | self._zero_rates) for x in expressions]
@@ -136,13 +136,17 @@ class Reader:
                         )
                     )
             seen |= expression.free_symbols - set(self._known.values()) - {self.t}
-        missing = sorted(str(x) for x in seen if str(x) not in self._given)
+        self._seen |= {str(x) for x in seen}
+        return seen
+
+    def check_params(self) -> None:
+        """Refuse parameters without a value, of all expressions that have been read."""
+        missing = sorted(self._seen - self.params.keys())
         if missing:
             text = ", ".join(f"'{x}': ..." for x in missing)
-            have = "has" if len(missing) == 1 else "have"
-            sentence = f"{quoted(missing)} of {what} {have} no value"
+            words = "parameter {} has" if len(missing) == 1 else "parameters {} have"
+            sentence = f"{words.format(quoted(missing))} no value"
             raise ValueError(hinted(sentence, f"give params={{{text}}}"))
-        return seen
 
 
 def _called(which: Any) -> str:

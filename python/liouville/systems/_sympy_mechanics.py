@@ -113,6 +113,7 @@ def _lagrange(method: Any, params: Any, inputs: Any, invariants: Any) -> Lagrang
     others = list(method.coneqs)[count:]
     rolling = reader.function("a nonholonomic constraint", others)
     loads = _Loads(reader, method.forcelist, method.inertial)
+    reader.check_params()
 
     def constraint(t: Any, q: Any, params: Any) -> Any:
         return holonomic(t, q, ca.SX.zeros(q.numel()), none, params)
@@ -226,6 +227,7 @@ class _Kane:
         self._is_free = not parts["holonomic"]
         self.loads = _Loads(self.reader, parts["loads"], parts["frame"])
         self._read_bodies(parts["bodies"], parts["frame"])
+        self.reader.check_params()
         self._nonholonomic = self._no_rates(len(parts["rows"]))
 
     def _read_bodies(self, bodies: Sequence[Any], frame: Any) -> None:
