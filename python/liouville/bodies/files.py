@@ -61,8 +61,10 @@ def from_mjcf(
     --------
     >>> import liouville as lv
     >>> m = lv.bodies.from_mjcf('''<mujoco><worldbody><body name="bob"><joint name="pin"/>
-    ...     <geom size="0.1" pos="0 0 -1"/></body></worldbody></mujoco>''')  # doctest: +SKIP
-    >>> start = m.start(values={"pin": 0.3})  # doctest: +SKIP
+    ...     <geom size="0.1" pos="0 0 -1"/></body></worldbody></mujoco>''')
+    >>> m
+    <Assembly of 1 bodies and 1 joints>
+    >>> start = m.start(values={"pin": 0.3})
     """
     model, data = _compiled(source, fuses=True)
     return _read(model, data, without, controls).assembly

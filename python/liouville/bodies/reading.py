@@ -39,7 +39,7 @@ class Reader:
         #: the joint of the assembly and its coordinate, by the number of the file's joint
         self.places: dict[int, tuple[str, str]] = {}
         self.actuation = self._actuation(controls)
-        self._taken = {named(model, "body", int(k)) for k in self._moving()} | {"ground"}
+        self._taken = {"ground"}
         self._read_bodies()
         coupled = self._coupled()
         for body in self._moving():
@@ -109,6 +109,7 @@ class Reader:
             mass = float(model.body_mass[parts].sum())
             centre = model.body_mass[parts] @ data.xipos[parts] / mass
             rotation, inertia = self._principal(parts.tolist(), centre)
+            name = self._unused(name, f"{name}.body")
             self.bodies[body] = self.assembly.body(
                 name, mass=mass, inertia=inertia, at=centre, rotation=rotation
             )
