@@ -31,7 +31,7 @@ class Compound(Group):
         attitude: Any = constants(rot.product(self.frames[0], rot.conjugate(self.frames[1])))
         for j in reversed(range(len(rows))):
             place, attitude = self._carried(j, place, attitude)
-        self.attitude = attitude
+        self.place, self.attitude = place, attitude
         ahead = rot.plus(self.of(poses.x, 0), rot.combine(self.directors(0), place))
         self.d = rot.minus(self.r[1], ahead)
 
@@ -41,15 +41,19 @@ class Compound(Group):
 
     def _carried(self, j: int, place: Any, attitude: Any) -> tuple[Any, Any]:
         """Return a place and an attitude as axis j takes them."""
-        axes = [joint.axes[j] for joint in self.items]
-        direction = constants([list(x) for x in zip(*(own.direction for own in axes), strict=True)])
-        if not axes[0].turns:
+        direction, turn = self._turn(j)
+        if not self.items[0].axes[j].turns:
             return rot.plus(place, rot.times(self.values[j], direction)), attitude
-        point = self._stacked([own.point for own in axes])
-        half = self.values[j] / 2
-        turn = (ca.cos(half), *rot.times(ca.sin(half), direction))
+        point = self._stacked([joint.axes[j].point for joint in self.items])
         arm = rot.rotate(turn, rot.minus(place, point))
         return rot.plus(point, arm), rot.product(turn, attitude)
+
+    def _turn(self, j: int) -> tuple[Any, Any]:
+        """Return the direction of axis j as drawn and the turn about it, by the axes of a."""
+        axes = [joint.axes[j].direction for joint in self.items]
+        direction = constants([list(x) for x in zip(*axes, strict=True)])
+        half = self.values[j] / 2
+        return direction, (ca.cos(half), *rot.times(ca.sin(half), direction))
 
     @cached_property
     def off(self) -> tuple[Any, ...]:
@@ -64,22 +68,48 @@ class Compound(Group):
     def completion(self) -> ca.SX:
         """Return a kinetic energy that gives coordinates without rotors a mass.
 
-        It is a square of the rates of the rows, which vanish along every motion: it changes neither
-        motions nor multipliers.
+        It is a square of what b moves and turns beyond the rates of the axes. That vanishes along
+        every motion, so it changes neither motions nor multipliers.
         """
-        bare = [k for k, x in enumerate(self.items) if set(x.coordinates) - x.armature.keys()]
-        found = ca.SX(0)
-        rows = [*self.d, *(2 * x for x in self.off[1:])]
-        for k in bare:
-            joint = self.items[k]
-            body = joint.a if joint.b.kind == "ground" else joint.b
-            mass = column(body.mass, self.params, 1)
-            moment = ca.trace(inertia_matrix(body, self.params)) / 3
-            own = ca.vertcat(*(row[k] for row in rows))
-            rates = ca.jtimes(own, self.poses.q, self.poses.v)
-            weights = ca.vertcat(ca.repmat(mass, 3, 1), ca.repmat(moment, 3, 1))
-            found += ca.dot(weights * rates, rates) / 2
+        bare = [bool(set(x.coordinates) - x.armature.keys()) for x in self.items]
+        if not any(bare):
+            return ca.SX(0)
+        moving = [x.a if x.b.kind == "ground" else x.b for x in self.items]
+        moments = [ca.trace(inertia_matrix(body, self.params)) / 3 for body in moving]
+        found = self._square(moments, bare, self._spin_beyond())
+        parallel = [own and x.has_like_turns for own, x in zip(bare, self.items, strict=True)]
+        if any(parallel):
+            masses = [column(body.mass, self.params, 1) for body in moving]
+            found += self._square(masses, parallel, self._velocity_beyond())
         return found
+
+    def _square(self, weights: Sequence[ca.SX], which: Sequence[bool], rows: Any) -> ca.SX:
+        own = zip(weights, which, strict=True)
+        weight = ca.horzcat(*(x if is_meant else ca.SX(0) for x, is_meant in own))
+        return ca.sum2(weight * rot.dot(rows, rows)) / 2
+
+    def _spin_beyond(self) -> Any:
+        """Return the angular velocity of b against a beyond that of the axes."""
+        turned: Any = [ca.SX.zeros(1, len(self.items))] * 3
+        carried: Any = None
+        for j, axis in enumerate(self.items[0].axes):
+            if axis.turns:
+                direction, turn = self._turn(j)
+                own = direction if carried is None else rot.rotate(carried, direction)
+                turned = rot.plus(turned, rot.times(self.rates[j], own))
+                carried = turn if carried is None else rot.product(carried, turn)
+        return rot.minus(self.spin, rot.combine(self.directors(0), turned))
+
+    def _velocity_beyond(self) -> Any:
+        """Return the velocity of b's point beyond that of where the axes take it."""
+        place = ca.vertcat(*self.place)
+        values, rates = ca.vertcat(*self.values), ca.vertcat(*self.rates)
+        slid = ca.vertsplit(ca.reshape(ca.jtimes(place, values, rates), *place.shape))
+        directors = self.directors(0)
+        arm = rot.combine(directors, self.place)
+        velocity = rot.plus(self.of(self.poses.velocity, 0), rot.combine(directors, slid))
+        turned = rot.cross(self.of(self.poses.omega, 0), arm)
+        return rot.minus(self.point_velocity(1), rot.plus(velocity, turned))
 
 
 def grouped(

@@ -154,6 +154,12 @@ class Joint:
         return tuple(name for name in self.coordinates if turns.get(name, name in ANGLES))
 
     @property
+    def has_like_turns(self) -> bool:
+        """Whether turns about its axes do not give all of its rates."""
+        turns = [axis.direction for axis in self.axes if axis.turns]
+        return len(turns) < len(self.axes) or np.linalg.matrix_rank(turns, 0.1) < len(turns)
+
+    @property
     def pattern(self) -> tuple[Any, ...]:
         """What joints have in common whose equations have the same form."""
         return self.kind, *(axis.turns for axis in self.axes)
