@@ -12,6 +12,7 @@ from liouville.bodies.files import _compiled
 from liouville.bodies.reading import Reader
 
 mujoco = pytest.importorskip("mujoco")
+mjcf, urdf = lv.bodies.from_mjcf, lv.bodies.from_urdf
 
 #: All kinds of joints, several on a body, rotors, springs, actuators and a body without joint.
 TREE = """
@@ -219,7 +220,7 @@ FOURBAR = """
 
 def test_a_loop_of_a_file_starts_and_runs():
     controls = {"M": lambda t, angle, rate, params: 0.2 * ca.sin(angle)}
-    m = lv.bodies.from_mjcf(FOURBAR, controls=controls)
+    m = mjcf(FOURBAR, controls=controls)
     system = m.system()
     start = m.start(values={"A": -0.6}, rates={"A": 5.0})
     solution = lv.integrate(system, lv.Spark(4), t=(0, 0.5), h=0.005, **start)
@@ -267,7 +268,7 @@ def test_a_robot_has_loops_that_its_file_cannot_have(tmp_path):
     path.write_text(ROBOT, encoding="utf-8")
     # the ends of arm and stay are both at (1, 0, 1)
     loops = {"pin": ("arm", "stay", (1, 0, 0)), "hook": ("lamp", "arm", (0, -0.2, 0), (0, 1, 0))}
-    m = lv.bodies.from_urdf(path, loops={"pin": loops["pin"]})
+    m = urdf(path, loops={"pin": loops["pin"]})
     system = m.system()
     assert system.bodies == ("tower", "arm", "stay")
     start = m.start(rates={"turn": 1.0})
@@ -275,13 +276,13 @@ def test_a_robot_has_loops_that_its_file_cannot_have(tmp_path):
     solution = lv.integrate(system, lv.Spark(3), t=(0, 0.2), h=0.01, **start)
     turn = solution.joint("turn")
     assert np.abs(turn.effort + 0.3 * turn.rate).max() < 1e-14
-    hooked = lv.bodies.from_urdf(ROBOT, loops=loops).system()
+    hooked = urdf(ROBOT, loops=loops).system()
     assert hooked.place("hook").kind == "revolute"
     mimic = ROBOT.replace(
         '<joint name="lean" type="continuous">',
         '<joint name="lean" type="continuous"><mimic joint="lift" multiplier="2" offset="0.1"/>',
     )
-    system = lv.bodies.from_urdf(mimic).system()
+    system = urdf(mimic).system()
     row = functions(system)(0, np.arange(len(system.coordinates)), np.zeros(23), [])[3]
     lift, lean = (system.coordinates.index(f"{x}.angle") for x in ("lift", "lean"))
     assert float(row[-1]) == lean - 2 * lift - 0.1
@@ -338,10 +339,10 @@ def test_what_is_not_modelled_is_refused_by_name_or_left_out(name):
     change, where = REFUSED[name]
     text = pendulum(change)
     with pytest.raises(ValueError, match=name) as raised:
-        lv.bodies.from_mjcf(text)
+        mjcf(text)
     assert where in str(raised.value)
     assert f"hint: leave it out: without=('{name}',)" in str(raised.value)
-    m = lv.bodies.from_mjcf(text, without=[name])
+    m = mjcf(text, without=[name])
     assert m.system().bodies[-2:] == ("arm", "ball")
 
 
@@ -350,7 +351,7 @@ def test_all_that_is_not_modelled_is_named_at_once():
     more = cord + '<equality><tendon name="taut" tendon1="cord"/></equality>'
     text = pendulum({"more": more, "joint": 'range="-1 1"'})
     with pytest.raises(ValueError, match="equality constraints \\(constraints 'taut'\\)") as raised:
-        lv.bodies.from_mjcf(text, without=["limits"])
+        mjcf(text, without=["limits"])
     left = "without=('limits', 'tendons', 'equality constraints')"
     assert str(raised.value).endswith(left)
 
@@ -359,7 +360,7 @@ def test_what_the_file_switches_off_is_not_refused():
     parts = {"geom": "", "joint": 'range="-1 1" frictionloss="1" stiffness="1 2"'}
     flags = 'contact="disable" limit="disable" frictionloss="disable" spring="disable"'
     option = f'gravity="0 0 -9"/><option><flag {flags} gravity="disable"/></option><option'
-    m = lv.bodies.from_mjcf(pendulum({**parts, "option": option}))
+    m = mjcf(pendulum({**parts, "option": option}))
     system = m.system()
     start = m.start(rates={"pin": 1.0, "socket": (0.3, 0, 0)})
     solution = lv.integrate(system, lv.Spark(3), t=(0, 1), h=0.1, **start)
@@ -367,24 +368,20 @@ def test_what_the_file_switches_off_is_not_refused():
 
 
 BAD = {
-    "is a path or its text, not 3": lambda: lv.bodies.from_mjcf(3),
-    "MuJoCo does not read 'no.xml'": lambda: lv.bodies.from_mjcf("no.xml"),
-    "MuJoCo does not read the text": lambda: lv.bodies.from_mjcf("<mujoco><bad/></mujoco>"),
-    "without= has 'contacts', which is": lambda: lv.bodies.from_mjcf(
-        pendulum({}), without=["contacts"]
+    "is a path or its text, not 3": lambda: mjcf(3),
+    "MuJoCo does not read 'no.xml'": lambda: mjcf("no.xml"),
+    "MuJoCo does not read the text": lambda: mjcf("<mujoco><bad/></mujoco>"),
+    "without= has 'contacts', which is": lambda: mjcf(pendulum({}), without=["contacts"]),
+    "sequence of names, not 'contact'": lambda: mjcf(pendulum({}), without="contact"),
+    "'M', which is no actuator\nhint: actuators are none": lambda: mjcf(
+        pendulum({}), controls={"M": 1.0}
     ),
-    "sequence of names, not 'contact'": lambda: lv.bodies.from_mjcf(
-        pendulum({}), without="contact"
-    ),
-    "controls= has 'M', which is no actuator\nhint: actuators are none": lambda: (
-        lv.bodies.from_mjcf(pendulum({}), controls={"M": 1.0})
-    ),
-    "control of 'M' is a finite number": lambda: lv.bodies.from_mjcf(FOURBAR, controls={"M": "a"}),
-    "loop 'P' has no link 'leg'\nhint: links are world, foot, tower": lambda: lv.bodies.from_urdf(
+    "control of 'M' is a finite number": lambda: mjcf(FOURBAR, controls={"M": "a"}),
+    "loop 'P' has no link 'leg'\nhint: links are world, foot, tower": lambda: urdf(
         ROBOT, loops={"P": ("leg", "arm", (0, 0, 0))}
     ),
-    "loop 'P' is 'arm'\nhint: write": lambda: lv.bodies.from_urdf(ROBOT, loops={"P": "arm"}),
-    "point of loop 'P' is 3 finite numbers": lambda: lv.bodies.from_urdf(
+    "loop 'P' is 'arm'\nhint: write": lambda: urdf(ROBOT, loops={"P": "arm"}),
+    "point of loop 'P' is 3 finite numbers": lambda: urdf(
         ROBOT, loops={"P": ("stay", "arm", (0, 0))}
     ),
 }
@@ -400,79 +397,4 @@ def test_bad_files_are_refused_with_a_sentence(sentence):
 def test_a_missing_mujoco_is_named_with_its_extra(monkeypatch):
     monkeypatch.setitem(sys.modules, "mujoco", None)
     with pytest.raises(ImportError, match=r"pip install 'liouville\[robots\]'"):
-        lv.bodies.from_mjcf(FOURBAR)
-
-
-# --- compound joints and couplings, without any file ------------------------------------
-
-
-def test_a_compound_joint_counts_turns_and_closes_loops():
-    m = lv.bodies.Assembly()
-    m.body("wheel", mass=1.0, inertia=(0.1, 0.1, 0.2), at=(0, 0, 0))
-    m.body("bolt", mass=1.0, inertia=(0.1, 0.1, 0.2), at=(0, 0, 1))
-    m.compound("W", m.ground, "wheel", [("turn", (0, 0, 2), (0, 0, 0))], armature=0.3, spring=0.5)
-    m.revolute("R", m.ground, "bolt", at=(0, 0, 1), axis=(0, 0, 1))
-    m.compound("C", "bolt", "wheel", [("slide", (0, 0, 1)), ("turn", (0, 0, 1), (0, 0, 0))])
-    m.couple("gear", "W", ("C", "turn 2"), by=(0.0, 2.0))
-    system = m.system()
-    start = m.start(values={"W": 5 * np.pi})
-    found = dict(zip(system.coordinates, start["q"], strict=True))
-    assert abs(found["W.angle"] - 5 * np.pi) < 1e-12
-    assert abs(found["C.turn 2"] - 2.5 * np.pi) < 1e-12
-    solution = lv.integrate(system, lv.Spark(4), t=(0, 3), h=0.05, **start)
-    # W - R = C = W / 2, so bolt turns half as far: (0.2 + 0.3 + 0.2 / 4) x'' = -0.5 x
-    wanted = 5 * np.pi * np.cos(np.sqrt(0.5 / 0.55) * solution.t)
-    assert np.abs(solution.joint("W").angle - wanted).max() < 1e-9
-    assert np.abs(solution.joint("C").coordinates["slide 1"]).max() < 1e-14
-
-
-def test_compound_joints_move_as_those_with_their_own_equations():
-    def built(kind, **more):
-        m = lv.bodies.Assembly(gravity=(0.3, 0.2, -9.81))
-        place = {"at": (0.3, 0.2, -1), "rotation": (1, 0.2, 0.3, 0.4)}
-        m.body("a", mass=1.3, inertia=(1, 1.5, 2), **place)
-        m.body("b", mass=0.7, inertia=(0.5, 0.7, 0.4), at=(0.3, 1.2, -2))
-        m.spherical("S", m.ground, "a", at=(0, 0, 0))
-        getattr(m, kind)("J", "a", "b", damping=(0.1, 0.2), spring=(1.0, 2.0), **more)
-        start = m.start(values={"J": (0.4, -0.3)}, rates={"J": (2.0, -1.0), "S": (0.1, 0.2, 0.3)})
-        return lv.integrate(m.system(), lv.Spark(4), t=(0, 0.5), h=0.01, **start)
-
-    at, x, y = (0.5, 0.5, -1.5), (1, 0, 0), (0, 1, 0)
-    one = built("universal", at=at, axes=(x, y))
-    other = built("compound", axes=[("turn", x, at), ("turn", y, at)])
-    assert np.abs(one.q - other.q[:, :14]).max() < 1e-13
-    assert np.abs(one.joint("J").force - other.joint("J").force).max() < 1e-11
-
-
-COMPOUND = {
-    "write ('turn', direction, point)": lambda m: m.compound("J", "a", "b", [("twist", (0, 0, 1))]),
-    "an axis of joint 'J' is": lambda m: m.compound("J", "a", "b", [("turn", (0, 0, 1))]),
-    "direction of 'slide' of joint 'J' has length zero": lambda m: m.compound(
-        "J", "a", "b", [("slide", (0, 0, 0))]
-    ),
-    "names= of joint 'J' are 1 different names": lambda m: m.compound(
-        "J", "a", "b", [("slide", (0, 0, 1))], names=("x", "x")
-    ),
-    "armature of 'slide' of joint 'J' is -1, below zero": lambda m: m.compound(
-        "J", "a", "b", [("slide", (0, 0, 1))], armature=-1.0
-    ),
-    "'p' is point": lambda m: m.compound("J", "a", "p", [("slide", (0, 0, 1))]),
-    "coupling 'k' has no joint 'X'\nhint: joints are A": lambda m: m.couple("k", "X", by=[1.0]),
-    "has no 'slide'\nhint: its coordinates are angle": lambda m: m.couple(
-        "k", ("A", "slide"), by=0.0
-    ),
-    "couples joint 'A' with itself": lambda m: m.couple("k", "A", "A", by=[0.0, 1.0]),
-    "a polynomial of no other joint": lambda m: m.couple("k", "A", by=[0.0, 1.0]),
-}
-
-
-@pytest.mark.parametrize("sentence", COMPOUND)
-def test_bad_compounds_and_couplings_are_refused(sentence):
-    m = lv.bodies.Assembly()
-    for name in "ab":
-        m.body(name, mass=1.0, inertia=(1, 1, 1), at=(0, 0, 0))
-    m.point_mass("p", mass=1.0, at=(0, 0, 0))
-    m.revolute("A", m.ground, "a", at=(0, 0, 0), axis=(0, 0, 1))
-    with pytest.raises((TypeError, ValueError)) as raised:
-        COMPOUND[sentence](m)
-    assert sentence in str(raised.value)
+        mjcf(FOURBAR)

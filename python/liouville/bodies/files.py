@@ -133,7 +133,7 @@ def _compiled(source: str | Path, *, fuses: bool) -> tuple[Any, Any]:
 
 
 def _read(model: Any, data: Any, without: Sequence[str], controls: Any) -> Reader:
-    unmodelled.check(model, without if isinstance(without, str) else tuple(without))  # type: ignore[arg-type]
+    unmodelled.check(model, without)
     return Reader(model, data, controls)
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from typing import Any
 
 import numpy as np
@@ -68,7 +68,7 @@ def named(model: Any, kind: str, index: int) -> str:
     return getattr(model, kind)(index).name or f"{word}{index}"
 
 
-def check(model: Any, without: tuple[str, ...]) -> None:
+def check(model: Any, without: Sequence[str]) -> None:
     """Refuse what a model has beyond an assembly, but for what is named in `without`.
 
     Raises
