@@ -86,7 +86,8 @@ class Compound(Group):
     def _square(self, weights: Sequence[ca.SX], which: Sequence[bool], rows: Any) -> ca.SX:
         own = zip(weights, which, strict=True)
         weight = ca.horzcat(*(x if is_meant else ca.SX(0) for x, is_meant in own))
-        return ca.sum2(weight * rot.dot(rows, rows)) / 2
+        found: ca.SX = ca.sum2(weight * rot.dot(rows, rows)) / 2
+        return found
 
     def _spin_beyond(self) -> Any:
         """Return the angular velocity of b against a beyond that of the axes."""
