@@ -34,7 +34,7 @@ TREE = """
       <body name="thigh" pos="0 0.3 -0.2" euler="0 0.7 0">
         <joint name="out" axis="1 0 0" pos="0 0 0.1" ref="0.4" stiffness="3" springref="0.1"/>
         <joint name="up" type="slide" axis="0 1 1" damping="0.7" armature="0.4" stiffness="11"/>
-        <joint name="round" axis="0 0.3 1" pos="0.05 0 0" damping="0.1"/>
+        <joint name="round" axis="0 0.3 1" pos="0.05 0 0" actuatorfrcrange="-1 1"/>
         <geom type="ellipsoid" size="0.1 0.06 0.2" pos="0 0 -0.1"/>
         <body name="shin" pos="0 0 -0.4">
           <joint name="knee" axis="0 1 0" stiffness="5" springref="0.3" damping="0.4"/>
@@ -52,7 +52,8 @@ TREE = """
     </body>
   </worldbody>
   <actuator>
-    <motor name="drive" joint="wheel" gear="7"/>
+    <motor name="drive" joint="wheel" gear="7" armature="0.002"/>
+    <damper name="brake" joint="round" kv="2" ctrlrange="0 1"/>
     <position name="hold knee" joint="knee" kp="20" kv="0.5" gear="1.5"/>
     <general name="up" joint="up" gainprm="3" biastype="affine" biasprm="0.2 -4 -0.1"/>
     <motor name="out" joint="out" gear="-2" forcelimited="true" forcerange="-0.3 0.4"/>
@@ -132,7 +133,7 @@ def test_mass_bias_and_slopes_of_joints_are_those_of_mujoco():
     reader = read(TREE)
     system = reader.assembly.system()
     assert system.bodies == ("base", "wheel", "thigh", "shin", "body6", "cart")
-    assert set(system.params) == {"drive", "hold_knee", "up", "out", "push"}
+    assert set(system.params) == {"drive", "brake", "hold_knee", "up", "out", "push"}
     assert system.place("thigh.joints").coordinates == ("out", "up", "round")
     known, model = functions(system), reader.model
     for data in states(reader, 5):
@@ -157,8 +158,7 @@ LOOPS = """
     <body name="a"><joint name="a" axis="0 0 1"/><geom fromto="0 0 0 1 0 0"/>
       <body name="b" pos="1 0 0"><joint name="b" axis="0 1 1"/><geom fromto="0 0 0 0 1 0"/>
         <body name="c" pos="0 1 0"><joint name="c" type="ball"/><geom fromto="0 0 0 0 1 1"/></body>
-      </body>
-    </body>
+      </body></body>
     <body name="d" pos="3 0 0"><freejoint/><geom fromto="0 0 0 0 1 0"/></body>
     <body name="e" pos="4 0 0" euler="0.2 0.3 0"><freejoint/><geom fromto="0 0 0 1 1 0"/></body>
   </worldbody>
