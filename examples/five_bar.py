@@ -2,20 +2,23 @@
 A robot from a file
 ===================
 
-Two motors move the tip of a five-bar linkage. The file has a tree of joints and a connection that
-closes the loop, which is exact here. The motors are servos: they follow their signals as far as
-their forces reach.
+Two motors move the tip of a five-bar linkage. Its file has a tree of joints and a connection that
+closes the loop; the loop is exact here. The motors are servos: they follow their signals as far as
+their torques reach.
 """
 
 # %%
-# A path would do as well as the text. MuJoCo's compiler reads it, ``pip install
-# "liouville[robots]"``.
+# The path of a file would do as well as its text. MuJoCo's compiler reads both, from the extra
+# ``robots``.
 
 import casadi as ca
 import matplotlib.pyplot as plt
 import numpy as np
 
 import liouville as lv
+from liouville import plot
+
+plt.style.use(plot.STYLE)
 
 ROBOT = """
 <mujoco>
@@ -50,36 +53,49 @@ ROBOT = """
 </mujoco>
 """
 
+# %%
+# The signals of the servos are functions of time here, and parameters where none are given.
+
 controls = {
     "left": lambda t, angle, rate, params: params.sway * ca.sin(params.pace * t),
     "right": lambda t, angle, rate, params: params.sway * ca.sin(params.pace * t + 1.2),
 }
 robot = lv.bodies.from_mjcf(ROBOT, controls=controls)
 system = robot.system(params={"sway": 0.35, "pace": 6.0})
-print(system)
+system
 
 # %%
-# Starts close the loop, and the force in the connection comes out with the motion.
+# The start closes the loop, which stays closed to roundoff.
 
-solution = lv.integrate(system, lv.Spark(3), t=(0, 4), h=0.005, **robot.start())
-print(f"the loop is open by {max(np.abs(x).max() for x in solution.residuals.values()):.1e}")
+solution = lv.integrate(system, lv.Spark(3), t=(0, 2), h=0.005, **robot.start())
+max(np.abs(x).max() for x in solution.residuals.values())
 
-# elbow and tip are the ends of bars, whose centres are in the middle
-elbow = 2 * solution.body("left").position
-tip = 2 * solution.body("left forearm").position - elbow
-other = 2 * solution.body("right").position - [0.2, 0, 0]
-force = solution.joint("tip").force
+# %%
+# Elbows and tip are ends of bars, whose centres are in the middle.
 
-fig, (left, right) = plt.subplots(1, 2, figsize=(10, 3.8), layout="constrained")
+feet = np.array([0, 0, 0]), np.array([0.2, 0, 0])
+elbows = [
+    2 * solution.body(name).position - foot
+    for name, foot in zip(("left", "right"), feet, strict=True)
+]
+tip = 2 * solution.body("left forearm").position - elbows[0]
+
+fig, ax = plt.subplots()
 for k in range(0, 200, 20):
-    bars = np.array([[0, 0, 0], elbow[k], tip[k], other[k], [0.2, 0, 0]])
-    left.plot(bars[:, 0], bars[:, 2], color="0.8")
-left.plot(tip[:, 0], tip[:, 2])
-left.set(aspect="equal", xlabel="x / m", ylabel="z / m", title="path of the tip")
+    bars = np.array([feet[0], elbows[0][k], tip[k], elbows[1][k], feet[1]])
+    ax.plot(bars[:, 0], bars[:, 2], color="0.8")
+ax.plot(tip[:, 0], tip[:, 2])
+ax.set(aspect="equal", xlabel="x / m", ylabel="z / m", title="the path of the tip")
+plt.show()
 
+# %%
+# The servos catch up with their signals first. What the connection bears comes out with the motion.
+
+fig, ax = plt.subplots()
 for name in ("left motor", "right motor"):
-    right.plot(solution.t, solution.joint(name).effort, label=f"torque of the {name} / Nm")
-right.plot(solution.t, np.linalg.norm(force, axis=1), "k", label="force in the tip / N")
-right.set(xlabel="time / s", xlim=(0, 2))
-right.legend()
+    ax.plot(solution.t, solution.joint(name).effort, label=f"torque of the {name} / Nm")
+force = np.linalg.norm(solution.joint("tip").force, axis=1)
+ax.plot(solution.t, force, "k", label="force in the tip / N")
+ax.set(xlabel="time / s", ylabel="torque / Nm, force / N")
+fig.legend(ncols=2, loc="outside upper left")
 plt.show()
