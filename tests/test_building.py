@@ -22,7 +22,7 @@ def built(links):
     chain = problems.load("chain")
     system, start = chain.build(links), chain.start_for(links)
     system.consistent(**start)
-    projections = [tape for tapes, *_ in system._projections.values() for tape in tapes]
+    projections = [tape for tapes, *_ in system._recorded.values() for tape in tapes]
     return system, [*system._tapes.values(), system.observer(None, True)[0], *projections]
 
 

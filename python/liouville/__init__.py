@@ -42,7 +42,13 @@ from liouville.systems import SpinChain as SpinChain
 from liouville.systems import Structure as Structure
 
 if _typing.TYPE_CHECKING:
+    from liouville import analysis as analysis
     from liouville import bodies as bodies
+    from liouville.analysis.equilibrium import equilibrium as equilibrium
+    from liouville.analysis.inverse_dynamics import inverse_dynamics as inverse_dynamics
+    from liouville.analysis.linearization import linearize as linearize
+    from liouville.analysis.modes import modes as modes
+    from liouville.analysis.power import power_balance as power_balance
     from liouville.export import load as load
     from liouville.planner import FieldPlan as FieldPlan
     from liouville.planner import Plan as Plan
@@ -51,9 +57,15 @@ if _typing.TYPE_CHECKING:
     from liouville.stored import Store as Store
     from liouville.stored import resume as resume
     from liouville.systems._sympy_mechanics import from_sympy as from_sympy
+    from liouville.systems._table import table as table
 
 #: Names that few runs need, by the modules that are imported when they are first used.
 _LATER = {
+    "equilibrium": "analysis",
+    "inverse_dynamics": "analysis",
+    "linearize": "analysis",
+    "modes": "analysis",
+    "power_balance": "analysis",
     "load": "export",
     "FieldPlan": "planner",
     "Plan": "planner",
@@ -62,13 +74,17 @@ _LATER = {
     "Store": "stored",
     "resume": "stored",
     "from_sympy": "systems._sympy_mechanics",
+    "table": "systems._table",
 }
+
+#: Modules that few runs need.
+_ROOMS = ("analysis", "bodies")
 
 
 def __getattr__(name: str) -> _typing.Any:
     """Import a name that few runs need."""
-    if name == "bodies":
-        return _import_module("liouville.bodies")
+    if name in _ROOMS:
+        return _import_module(f"liouville.{name}")
     if name not in _LATER:
         raise AttributeError(f"module 'liouville' has no attribute {name!r}", name=name)
     globals()[name] = found = getattr(_import_module(f"liouville.{_LATER[name]}"), name)
@@ -77,4 +93,4 @@ def __getattr__(name: str) -> _typing.Any:
 
 def __dir__() -> list[str]:
     """List these names too."""
-    return sorted({*globals(), *_LATER, "bodies"})
+    return sorted({*globals(), *_LATER, *_ROOMS})

@@ -15,6 +15,7 @@ from liouville.runners.runner import processors
 
 #: The packages of each extra.
 EXTRAS = {
+    "analysis": ("scipy",),
     "plot": ("matplotlib", "pillow"),
     "io": ("google-crc32c", "h5netcdf", "h5py", "scipy", "xarray", "zarr"),
     "parquet": ("pyarrow",),

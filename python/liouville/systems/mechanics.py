@@ -99,7 +99,7 @@ class Mechanics(TracedSystem):
         self.is_conservative = (
             power is not None and power.is_zero() and self._linear.damping is None
         )
-        self._projections: dict[str, Any] = {}
+        self._recorded: dict[str, Any] = {}
         self._tapes, self._patterns, self.problem = compiled(symbols, model)
 
     @cached_property
@@ -251,10 +251,10 @@ class Mechanics(TracedSystem):
     def _project(
         self, what: str, t: float, x: np.ndarray, held: np.ndarray, params: np.ndarray
     ) -> np.ndarray:
-        if what not in self._projections:
+        if what not in self._recorded:
             named = self._holonomic, self.nonholonomic
-            self._projections[what] = projection(what, self._symbols, self._model, *named)
-        tapes, patterns, names = self._projections[what]
+            self._recorded[what] = projection(what, self._symbols, self._model, *named)
+        tapes, patterns, names = self._recorded[what]
         if not names:
             return x
         found = _core.project(tapes, patterns, x, np.append(held, t), params)

@@ -1,0 +1,373 @@
+"""States of rest: Newton's method on the tangent space of the constraints."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from liouville.analysis.needed import scipy
+from liouville.analysis.point import LARGE, Array, Point, Split, mechanical
+from liouville.analysis.sparse_modes import independent
+from liouville.errors import hinted
+from liouville.systems import Mechanics
+
+#: The most corrections; the longest of one, in the size of the coordinates.
+MOST, STRIDE = 300, 0.3
+#: The most corrections onto the constraints.
+RETURNS = 50
+#: Corrections below this part of the size are roundoff, and forces left below this part balance.
+LAST, BALANCED = 1e-12, 1e-9
+#: Of the largest curvature, a smaller one is taken as this part.
+FLAT = 1e-8
+#: A step that overshoots by this part of the force it began with is made again, half as long.
+OVERSHOT = -0.5
+#: A constraint that moves faster than this part of the mechanism's size per unit of time is driven.
+DRIVEN = 1e-12
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Equilibrium:
+    """A state of rest.
+
+    Attributes
+    ----------
+    t : float
+        The time.
+    start : dict of str to ndarray, shape (n,)
+        The state by the system's names, for ``integrate(..., **equilibrium.start)``.
+    lam : ndarray, shape (m,)
+        Multipliers of the constraints, of redundant ones those of least norm.
+    reactions : ndarray, shape (n,)
+        The generalised forces of the constraints.
+    residual : float
+        The largest generalised force left.
+    is_stable : bool or None
+        Whether stiffness pushes back in every free direction, or in none away; None of systems of
+        more than 1000 coordinates. :func:`modes` tells more, and of follower forces what is true.
+    iterations : int
+        Corrections that were made.
+    """
+
+    t: float
+    start: dict[str, Array]
+    lam: Array
+    reactions: Array
+    residual: float
+    is_stable: bool | None
+    iterations: int
+
+    def __repr__(self) -> str:
+        """Say how stable it is and what force is left."""
+        words = {True: "stable", False: "unstable", None: "not looked at for stability"}
+        return (
+            f"<Equilibrium at t = {self.t:g}: {words[self.is_stable]}, "
+            f"largest force left {self.residual:.1e}, {self.iterations} iterations>"
+        )
+
+
+def equilibrium(
+    system: Mechanics,
+    *,
+    stable: bool = True,
+    t: float = 0.0,
+    params: Mapping[str, ArrayLike] | None = None,
+    **start: Any,
+) -> Equilibrium:
+    r"""Find a state of rest: :math:`0 = f + r(\lambda)`, :math:`0 = g`, without velocity.
+
+    Corrections of Newton's method are split into those onto the constraints and those along them.
+    Where the stiffness is negative a step of ``stable=True`` goes the other way: down the potential
+    and not up. Constraints may be redundant; where equilibria are a family, one nearby is found.
+
+    Parameters
+    ----------
+    system : Mechanics
+        A Lagrangian, Hamiltonian, Mechanical, Structure, or the system of an assembly.
+    stable : bool, default True
+        Whether a stable equilibrium is sought, the one that the mechanism would fall into; False
+        takes the nearest of any kind. An equilibrium given is left as it is. Of more than 1000
+        coordinates the nearest is taken.
+    t : float, default 0
+        Time, in the system's unit; what depends on it stands still.
+    params : mapping, optional
+        Parameters that differ from their defaults.
+    **start : array_like
+        A guess of the coordinates by the system's name, ``q`` or ``y``, of shape (n,); it need not
+        satisfy the constraints. Its partner may be given too, and of velocities it is not looked
+        at: ``**m.start()`` of an assembly is a guess.
+
+    Returns
+    -------
+    Equilibrium
+        The state, its multipliers, and whether it is stable.
+
+    Raises
+    ------
+    TypeError, ValueError
+        An argument is wrong; a constraint moves; or none is found, with the force that is left.
+    ImportError
+        SciPy is not installed, which large systems need.
+
+    References
+    ----------
+    :cite:t:`greenstadt1967` for the steps that turn where the stiffness is negative.
+
+    Examples
+    --------
+    >>> from liouville.problems import pendulum
+    >>> import liouville as lv
+    >>> lv.equilibrium(pendulum.system, q=[0.6, -0.8])
+    <Equilibrium at t = 0: stable, largest force left ...
+    """
+    point = Point.given(mechanical(system, "equilibrium"), start, t, params).at_rest()
+    if not isinstance(stable, bool):
+        raise TypeError(f"stable is True or False, not {stable!r}")
+    search = _Sparse(point) if point.n > LARGE else _Dense(point, stable)
+    done = 1
+    while search.corrected() > LAST * search.size and done < MOST:
+        done += 1
+    return search.result(done)
+
+
+class _Search:
+    """A search for an equilibrium: a point, its multipliers, and the forces there."""
+
+    def __init__(self, point: Point) -> None:
+        self.point, self.lam = point, np.zeros(len(point.system.constraints))
+        self.size = float(np.abs(point.y).max()) or 1.0
+        self.scale = 0.0  # of forces
+        self._check_driven()
+
+    def _check_driven(self) -> None:
+        """Refuse constraints that move."""
+        point = self.point
+        rates = point._at("end")[point.n : point.n + point.m]
+        if point.m and np.abs(rates).max() > DRIVEN * self.size:
+            k = int(np.argmax(np.abs(rates)))
+            name = point.system._holonomic[k]
+            sentence = (
+                f"constraint '{name}' moves by {rates[k]:.2g} per unit of time: nothing rests"
+            )
+            hint = "leave the motion out, or set its speed to zero by params="
+            raise ValueError(hinted(sentence, hint))
+
+    def corrected(self) -> float:
+        """Make one correction; return its length."""
+        raise NotImplementedError
+
+    def is_stable(self) -> bool | None:
+        """Return whether no free direction is pushed away."""
+        return None
+
+    def move(self, change: Array) -> None:
+        """Go by a change of the coordinates."""
+        self.point = self.point.moved(self.point.y + change).at_rest()
+
+    def result(self, iterations: int) -> Equilibrium:
+        """Check what is found."""
+        point = self.point
+        reactions = point.reaction(self.lam)
+        left, missed = point.rates[0] + reactions, point.missed
+        worst = int(np.argmax(np.where(np.isfinite(left), np.abs(left), np.inf)))
+        names, wanted = point.system.coordinates, BALANCED * self.scale
+        off = float(np.abs(missed).max(initial=0.0))
+        if not (abs(left[worst]) <= wanted and off <= BALANCED * self.size):
+            name = names[worst]
+            sentence = (
+                f"no equilibrium is found near the start: after {iterations} iterations a force of "
+                f"{abs(left[worst]):.2g} is left on '{name}', of forces up to {self.scale:.2g}"
+            )
+            if off > BALANCED * self.size:
+                k = int(np.argmax(np.abs(missed)))
+                sentence += f", and constraint '{point.system._holonomic[k]}' is off by {off:.2g}"
+            first = point.system.states[0]
+            hint = f"start at another {first}, or take any kind with stable=False"
+            raise ValueError(hinted(sentence, hint))
+        start = dict(zip(point.system.states, (point.y, point.z), strict=True))
+        return Equilibrium(
+            point.t, start, self.lam, reactions, abs(left[worst]), self.is_stable(), iterations
+        )
+
+
+class _Dense(_Search):
+    """The search with dense matrices, split into free directions and others."""
+
+    def __init__(self, point: Point, stable: bool) -> None:
+        super().__init__(point)
+        self.stable = stable
+        self.stride = STRIDE * self.size
+        if not self._returned():
+            self._refuse_start()
+        self._look()
+
+    def _refuse_start(self) -> None:
+        """Say which constraint cannot be met near the start."""
+        k, system = int(np.argmax(np.abs(self.point.missed))), self.point.system
+        sentence = (
+            f"no state on the constraints is found near the start: '{system._holonomic[k]}' is off "
+            f"by {abs(self.point.missed[k]):.2g} at last"
+        )
+        hint = f"start at another {system.states[0]}, nearer to the constraints"
+        raise ValueError(hinted(sentence, hint))
+
+    def _look(self) -> None:
+        """Compute forces, multipliers, free directions and stiffness at the point."""
+        point, system = self.point, self.point.system
+        force, _ = point.rates
+        gradients = point.blocks("node_blocks", self.lam[: point.m])["g_y"]
+        self.normal = Split.of(gradients)
+        felt = point.reactions(self.lam)
+        split = Split.of(felt.T)
+        # of nonlinear reactions this is one step of Newton's method
+        given = force + point.reaction(self.lam) - felt @ self.lam
+        self.lam = -split.inverse.T @ given
+        self.force = split.null.T @ given
+        self.test = split.null
+        # no ideal reaction acts along what it leaves free
+        self.free = split.null if system._is_ideal else self.normal.null
+        self.full = self._stiffness()
+        self.stiffness = self.test.T @ self.full @ self.free
+        terms = np.abs(self.full) @ np.abs(point.y)
+        parts = np.abs(felt) @ np.abs(self.lam)
+        self.scale = max(
+            self.scale, np.abs(force).max(), terms.max(initial=0.0), parts.max(initial=0.0)
+        )
+
+    def _stiffness(self) -> Array:
+        """Return the derivative of the forces by coordinates at rest, with the sign of K."""
+        point, m = self.point, self.point.m
+        stage = point.blocks("stage_jacobian")
+        slope = stage["f_y"] + point.blocks("node_jacobian", self.lam[:m])["r_y"]
+        of_z = stage["f_z"]
+        if point.system.nonholonomic:
+            own = point.blocks("nonholonomic_blocks", self.lam[m:])
+            slope, of_z = slope + own["rn_y"], of_z + own["rn_z"]
+        if "v_z" in point.system._patterns:  # z changes with y so that nothing moves
+            slope = slope - of_z @ np.linalg.solve(
+                point.blocks("stage_blocks")["v_z"], stage["v_y"]
+            )
+        found: Array = -slope
+        return found
+
+    def corrected(self) -> float:
+        """Make one correction along the free directions, and return to the constraints."""
+        along = self.free @ self._along()
+        length = float(np.abs(along).max(initial=0.0))
+        if length > self.stride:
+            along *= self.stride / length
+        before, lam, force = self.point, self.lam, self.test @ self.force
+        try:
+            self.move(along)
+            is_back = self._returned()
+            change = self.point.y - before.y
+            moved = float(np.abs(change).max(initial=0.0))
+            if is_back:
+                self._look()
+        except ValueError:  # the model has no values there
+            is_back, moved = False, length
+        if not is_back and moved > LAST * self.size:
+            self.point, self.lam, self.stride = before, lam, min(self.stride, moved) / 2
+            self._look()
+            return self.stride
+        self.size = max(self.size, float(np.abs(self.point.y).max()))
+        then, now = force @ change, (self.test @ self.force) @ change
+        if self.stable and moved > 1e-6 * self.size:
+            if now < OVERSHOT * abs(then):
+                self.point, self.lam, self.stride = before, lam, moved / 2
+                self._look()
+            elif now > 0.25 * abs(then):
+                self.stride = min(2 * self.stride, STRIDE * self.size)
+        return moved
+
+    def _returned(self) -> bool:
+        """Move onto the constraints by Gauss-Newton steps; say whether they hold then."""
+        before = np.inf
+        for _ in range(RETURNS):
+            missed = self.point.missed
+            off = float(np.abs(missed).max(initial=0.0))
+            if off <= LAST * self.size or (off >= before and off <= BALANCED * self.size):
+                return True
+            before = off
+            gradients = self.point.blocks("node_blocks", self.lam[: self.point.m])["g_y"]
+            change = -Split.of(gradients).inverse @ missed
+            length = float(np.abs(change).max())
+            self.move(change * min(1.0, STRIDE * self.size / max(length, 1e-300)))
+        return False
+
+    def _along(self) -> Array:
+        """Return the way along the free directions: Newton's, turned where it would go up."""
+        if not self.force.size:
+            return np.zeros(self.free.shape[1])
+        plain: Array = np.linalg.lstsq(self.stiffness, self.force, rcond=1e-11)[0]
+        if not self.stable or self.stiffness.shape[0] != self.stiffness.shape[1]:
+            return plain
+        if np.abs(self.force).max() <= BALANCED * self.scale:
+            return plain
+        sizes, ways = self._curvatures()
+        if sizes.min() > FLAT * np.abs(sizes).max():
+            return plain
+        floor = FLAT * (np.abs(sizes).max() or 1.0)
+        found: Array = ways @ (ways.T @ self.force / np.maximum(np.abs(sizes), floor))
+        return found
+
+    def _curvatures(self) -> tuple[Array, Array]:
+        """Return eigenvalues and directions of the symmetric part of the stiffness."""
+        sizes, ways = np.linalg.eigh((self.stiffness + self.stiffness.T) / 2)
+        return sizes, ways
+
+    def is_stable(self) -> bool | None:
+        """Return whether no free direction is pushed away."""
+        if not self.stiffness.size:
+            return True
+        if self.stiffness.shape[0] != self.stiffness.shape[1]:
+            return None
+        sizes, _ = self._curvatures()
+        return bool(sizes.min() >= -FLAT * np.abs(sizes).max())
+
+
+class _Sparse(_Search):
+    """Newton's method with sparse matrices bordered by independent gradients."""
+
+    def __init__(self, point: Point) -> None:
+        system = point.system
+        if system.nonholonomic or "v_z" in system._patterns or not system._is_ideal:
+            raise TypeError(
+                hinted(
+                    f"equilibria of {point.n} coordinates are those of holonomic constraints with "
+                    "ideal reactions, and velocities of their own",
+                    "write the system as a Lagrangian or a Structure",
+                )
+            )
+        super().__init__(point)
+        self.sparse, self.linalg = (scipy(x, "equilibrium") for x in ("sparse", "sparse.linalg"))
+        gradients = point.blocks("node_blocks", self.lam)["g_y"]
+        self.kept = independent(gradients.tocsr())
+
+    def corrected(self) -> float:
+        """Make one correction of coordinates and multipliers together."""
+        point, n = self.point, self.point.n
+        force, _ = point.rates
+        slope = -(
+            point.blocks("stage_jacobian")["f_y"] + point.blocks("node_jacobian", self.lam)["r_y"]
+        )
+        gradients = point.blocks("node_blocks", self.lam)["g_y"].tocsr()[self.kept]
+        rows = [[slope, gradients.T], [gradients, None]] if self.kept else [[slope]]
+        right = np.append(force + point.reaction(self.lam), -point.missed[self.kept])
+        terms = abs(slope) @ np.abs(point.y)
+        self.scale = max(self.scale, np.abs(force).max(), terms.max())
+        try:
+            found = self.linalg.splu(self.sparse.block_array(rows, format="csc")).solve(right)
+        except RuntimeError:
+            sentence = "the stiffness is singular: nothing holds the system in some direction"
+            raise ValueError(hinted(sentence, "hold it by constraints or springs")) from None
+        length = float(np.abs(found[:n]).max())
+        first = self.point.y.any()
+        part = min(1.0, STRIDE * self.size / length) if first and length else 1.0
+        self.lam[self.kept] += part * found[n:]
+        self.move(part * found[:n])
+        self.size = max(self.size if first else 0.0, float(np.abs(self.point.y).max())) or 1.0
+        return part * length

@@ -1,0 +1,291 @@
+"""Efforts of actuators that a motion needs."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from liouville import _core
+from liouville.analysis.point import Array, Point, Split, mechanical
+from liouville.errors import hinted, quoted
+from liouville.solution import Solution
+from liouville.systems import Mechanics, _trace
+from liouville.systems._motion import rates as recorded
+from liouville.systems._singular import dense
+
+#: A motion may miss its constraints by this part of their size, and near zero by so much.
+CONSISTENT, FLOOR = 1e-6, 1e-9
+#: A force left that is more than this part of those there is one that the actuators cannot make.
+MADE = 1e-8
+#: Actuators do different things where the smallest singular value is above this part.
+APART = 1e-9
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class InverseDynamics:
+    """Efforts that make a motion, at k times.
+
+    Attributes
+    ----------
+    t : ndarray, shape (k,)
+        The times.
+    efforts : dict of str to ndarray, shape (k,)
+        The effort of each actuator, besides the forces that the system has: a torque along an
+        angle, a force along a length.
+    rates : dict of str to ndarray, shape (k,)
+        The rates that they work on: effort times rate is the power.
+    lam : ndarray, shape (k, m)
+        Multipliers of the constraints, of redundant ones those of least norm.
+    residual : ndarray, shape (k,)
+        The largest generalised force that is left; roundoff unless least squares were asked for.
+    """
+
+    t: Array
+    efforts: dict[str, Array]
+    rates: dict[str, Array]
+    lam: Array
+    residual: Array
+
+    def __repr__(self) -> str:
+        """Give the largest efforts."""
+        most = [f"{name} {np.abs(x).max():.4g}" for name, x in self.efforts.items()]
+        left = self.residual.max()
+        return f"<InverseDynamics at {len(self.t)} times: most {', '.join(most)}; left {left:.1e}>"
+
+
+def inverse_dynamics(
+    system: Mechanics,
+    motion: Solution | Mapping[str, ArrayLike],
+    actuators: Sequence[str] | Mapping[str, Callable[..., Any]],
+    *,
+    params: Mapping[str, ArrayLike] | None = None,
+    least_squares: bool = False,
+) -> InverseDynamics:
+    r"""Compute the efforts u of actuators that make a motion.
+
+    .. math::
+
+        M a = f - g_q^T \lambda - k_v^T \nu + B u
+
+    with the columns :math:`(\partial \rho / \partial v)^T` of B, where an actuator works on the
+    rate :math:`\rho`. Constraints, redundant ones too, take up what they can.
+
+    Parameters
+    ----------
+    system : Mechanics
+        A Lagrangian, Structure, Mechanical with v = z, or the system of an assembly, without the
+        actuators.
+    motion : Solution or mapping
+        The solution of a system with the same coordinates, whose own forces give the accelerations;
+        or arrays ``t`` of shape (k,), and ``q``, ``v`` (or ``y``, ``z``) and ``acceleration`` of
+        shape (k, n), in the system's units.
+    actuators : sequence of str, or mapping of str to callable
+        Where efforts act: joints of an assembly by name, ``"A"``, or ``"A.slide"`` where one has
+        several coordinates; coordinates; or by name functions ``rate(t, q, v, params)``, linear in
+        v.
+    params : mapping, optional
+        Parameters that differ from their defaults; by default those of the solution.
+    least_squares : bool, default False
+        Whether the nearest efforts are given where the actuators cannot make the motion, and the
+        least where several can.
+
+    Returns
+    -------
+    InverseDynamics
+        Efforts, rates, multipliers and what is left.
+
+    Raises
+    ------
+    TypeError, ValueError
+        An argument is wrong; the motion violates the constraints; too few actuators make it, or
+        they are too many to be told apart.
+
+    References
+    ----------
+    :cite:t:`jay2007` for the equations.
+    """
+    system = mechanical(system, "inverse_dynamics")
+    if "v_z" in system._patterns or not system._is_ideal:
+        raise TypeError(
+            hinted(
+                "inverse dynamics takes systems in velocities, with ideal reactions",
+                "write the system as a Lagrangian",
+            )
+        )
+    t, y, z, a, values = _motion(system, motion, params)
+    names, slopes = _actuators(system, actuators, (t, y, z), values)
+    rows = [
+        _solved(Point(system, time, q, v, values), names, b, least_squares, u)
+        for time, q, v, b, u in zip(t.tolist(), y, z, slopes, a, strict=True)
+    ]
+    efforts, lam, left = (np.array(x) for x in zip(*rows, strict=True))
+    speeds = np.einsum("kij,kj->ki", slopes, z)
+    return InverseDynamics(
+        t,
+        {name: efforts[:, j] for j, name in enumerate(names)},
+        {name: speeds[:, j] for j, name in enumerate(names)},
+        lam,
+        left,
+    )
+
+
+def _motion(
+    system: Mechanics,
+    motion: Solution | Mapping[str, ArrayLike],
+    params: Mapping[str, ArrayLike] | None,
+) -> tuple[Array, Array, Array, Array, Array]:
+    """Return times, coordinates, velocities, accelerations and parameters."""
+    first, second = system.states
+    if isinstance(motion, Solution):
+        return _solution(system, motion, params)
+    given = _trace.mapping("motion", motion)
+    wanted = ("t", first, second, "acceleration")
+    if set(given) != set(wanted):
+        hint = "a spline of q gives both: CubicSpline(t, q).derivative()"
+        raise TypeError(hinted(f"motion has {list(given)}, wanted {list(wanted)}", hint))
+    arrays = {name: _trace.numbers(given[name]) for name in wanted}
+    k, n = np.size(given["t"]), len(system.coordinates)
+    for name, array in arrays.items():
+        shape = (k,) if name == "t" else (k, n)
+        if array is None or array.shape != shape or not k:
+            found = "no array of numbers" if array is None else f"of shape {array.shape}"
+            raise ValueError(f"{name} of the motion is {found}, wanted {shape}")
+        if not np.isfinite(array).all():
+            raise ValueError(f"{name} of the motion is not finite everywhere")
+    t, y, z, a = (np.asarray(x) for x in arrays.values())
+    return t, y, z, a, system.values(params)
+
+
+def _solution(
+    system: Mechanics, motion: Solution, params: Mapping[str, ArrayLike] | None
+) -> tuple[Array, Array, Array, Array, Array]:
+    """Return the same of a solution, with accelerations by its own system."""
+    own = motion.system
+    if motion.members is not None:
+        raise ValueError(hinted("the motion is an ensemble", "take a member: solution[0]"))
+    if not isinstance(own, Mechanics) or "v_z" in own._patterns:
+        raise ValueError(
+            hinted(
+                "the solution carries no system in velocities that gives its accelerations",
+                "give t, q, v and acceleration as arrays",
+            )
+        )
+    if own.coordinates != system.coordinates:
+        raise ValueError(
+            f"the motion is one of {', '.join(own.coordinates[:6])}, the system has the "
+            f"coordinates {', '.join(system.coordinates[:6])}"
+        )
+    y, z = (motion.states[name] for name in own.states)
+    values = own.values(motion.params)
+    times = zip(motion.t.tolist(), y, z, strict=True)
+    a = np.array([Point(own, time, q, v, values).motion()[0] for time, q, v in times])
+    if params is None:
+        params = {name: x for name, x in motion.params.items() if name in system.params}
+    return motion.t, y, z, a, system.values(params)
+
+
+def _actuators(
+    system: Mechanics, actuators: Any, at: tuple[Array, Array, Array], values: Array
+) -> tuple[list[str], Array]:
+    """Return the names of actuators and the derivatives of their rates by v, (k, j, n)."""
+    t, y, z = at
+    k, n = y.shape
+    if isinstance(actuators, Mapping):
+        functions = _trace.mapping("actuators", actuators)
+        tape, patterns = recorded(system, functions)
+        found = tape.map(values, [t.reshape(-1, 1), np.ascontiguousarray(y), np.array(z)])
+        slopes = np.array([dense(patterns["rates"], row) for row in found])
+        names = list(functions)
+    else:
+        if isinstance(actuators, str) or not isinstance(actuators, Sequence):
+            hint = f"give a list, [{actuators!r}]" if isinstance(actuators, str) else "give names"
+            raise TypeError(hinted(f"actuators are names or functions, not {actuators!r}", hint))
+        names = list(actuators)
+        places = [_place(system, name) for name in names]
+        slopes = np.zeros((k, len(names), n))
+        if any(is_joint for is_joint, _ in places):
+            # rates of joints are linear in v: their values at unit velocities are the derivatives
+            grid = np.repeat(t, n), np.repeat(y, n, axis=0), np.tile(np.eye(n), (k, 1))
+            joints = system.output("rates", values, *grid).reshape(k, n, -1)  # type: ignore[attr-defined]
+        for j, (is_joint, place) in enumerate(places):
+            slopes[:, j] = joints[:, :, place] if is_joint else np.eye(n)[place]
+    if not names:
+        raise ValueError("no actuators are named")
+    return names, slopes
+
+
+def _place(system: Mechanics, name: str) -> tuple[bool, int]:
+    """Return whether an actuator is that of a joint, and the place of its rate."""
+    if name in system.coordinates:
+        return False, system.coordinates.index(name)
+    joints: tuple[str, ...] = getattr(system, "joints", ())
+    of, _, which = str(name).partition(".")
+    for joint in (x for x in (name, of) if x in joints):
+        place = system.place(joint)  # type: ignore[attr-defined]
+        own = which if joint != name else (place.coordinates[0] if place.coordinates else "")
+        if own in place.coordinates and (joint != name or len(place.coordinates) == 1):
+            return True, place.first + place.coordinates.index(own)
+        known = quoted([f"{joint}.{x}" for x in place.coordinates]) or "none"
+        raise ValueError(hinted(f"actuator '{name}' names no one coordinate", f"there is {known}"))
+    known = ", ".join([*joints, *system.coordinates][:12])
+    sentence = f"there is no joint or coordinate {name!r} for an actuator"
+    raise ValueError(hinted(sentence, f"there are {known}"))
+
+
+def _solved(
+    point: Point, names: list[str], slopes: Array, least_squares: bool, a: Array
+) -> tuple[Array, Array, float]:
+    """Return efforts, multipliers and the largest force left at a time."""
+    _check(point, a)
+    system, (force, _) = point.system, point.rates
+    needed = point.blocks("stage_blocks")["p_z"] @ a - force
+    felt = point.reactions(np.zeros(len(system.constraints)))
+    split = Split.of(felt.T)
+    inside, wanted = split.null.T @ slopes.T, split.null.T @ needed
+    sizes = np.linalg.svd(inside, compute_uv=False)
+    limit = APART * np.linalg.norm(slopes, axis=1).max()
+    rank = int((sizes > limit).sum())
+    if rank < len(names) and not least_squares:
+        few = f"{inside.shape[0]} freedoms are left by the constraints"
+        sentence = f"efforts of {quoted(names)} cannot be told apart at t = {point.t:g}: {few}"
+        raise ValueError(hinted(sentence, "name fewer, or least_squares=True gives the least"))
+    cutoff = limit / max(sizes.max(initial=0.0), 1e-300)
+    efforts = np.linalg.lstsq(inside, wanted, rcond=cutoff)[0]
+    left = split.null @ (wanted - inside @ efforts)
+    worst = int(np.argmax(np.abs(left)))
+    scale = np.abs(needed).max() + np.abs(force).max()
+    if abs(left[worst]) > MADE * scale and not least_squares:
+        sentence = (
+            f"{quoted(names)} cannot make this motion: at t = {point.t:g} a force of "
+            f"{abs(left[worst]):.2g} is left on '{system.coordinates[worst]}', with {len(names)} "
+            f"actuators for {inside.shape[0]} freedoms"
+        )
+        hint = "name more actuators, or least_squares=True gives the nearest efforts"
+        raise ValueError(hinted(sentence, hint))
+    lam = split.inverse.T @ (needed - slopes.T @ efforts)
+    return efforts, lam, float(abs(left[worst]))
+
+
+def _check(point: Point, a: Array) -> None:
+    """Refuse a motion that violates the constraints, or whose accelerations do."""
+    system = point.system
+    if not system.constraints:
+        return
+    limits, state = (CONSISTENT, FLOOR), (point.y[None], point.z[None])
+    found = _core.violation(system.problem, point.params[None], point.t, state, limits, True)
+    if found is not None:
+        sentence = system.violated(found, point.t, "").partition("\n")[0]
+        hint = "inverse dynamics needs a motion that the mechanism can make"
+        raise ValueError(hinted(sentence.replace("start violates", "motion violates"), hint))
+    held, (_, rate) = point.held(), point.rates
+    off = np.abs(rate + held @ a)
+    size = np.abs(rate) + np.abs(held) @ np.abs(a) + FLOOR / CONSISTENT
+    k = int(np.argmax(off / size))
+    if off[k] > CONSISTENT * size[k]:
+        name = system.constraints[k]
+        sentence = f"accelerations of the motion violate constraint '{name}' at t = {point.t:g}"
+        raise ValueError(hinted(sentence, "they are the second derivatives of its coordinates"))

@@ -1,0 +1,17 @@
+"""SciPy, imported when it is first needed."""
+
+from __future__ import annotations
+
+from importlib import import_module
+from typing import Any
+
+from liouville.errors import hinted
+
+
+def scipy(module: str, what: str) -> Any:
+    """Import a module of SciPy; ImportError says what needs it and which extra has it."""
+    try:
+        return import_module(f"scipy.{module}")
+    except ImportError as error:
+        hint = 'pip install "liouville[analysis]"'
+        raise ImportError(hinted(f"{what} needs SciPy", hint), name="scipy") from error

@@ -1,0 +1,254 @@
+"""A mechanical system at one state: forces, matrices, and directions that constraints leave."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from liouville.analysis.needed import scipy
+from liouville.errors import hinted
+from liouville.systems import Mechanics
+from liouville.systems._linear import Pattern
+from liouville.systems._motion import linearized
+from liouville.systems._singular import dense
+from liouville.systems.traced import finite_time
+
+Array = NDArray[np.float64]
+
+#: Singular values of gradients of length one below this part of the largest are zero.
+RANK = 1e-9
+#: Systems of more coordinates are not taken apart by dense matrices.
+LARGE = 1000
+#: The most corrections of a velocity of rest, or of nonlinear multipliers, and their last size.
+MOST, LAST = 50, 1e-14
+
+#: The derivatives on each tape, in their order.
+TAPES = {
+    "stage_blocks": ("p_z", "v_z"),
+    "stage_jacobian": ("p_y", "f_y", "f_z", "v_y"),
+    "node_blocks": ("g_y", "r_lam"),
+    "node_jacobian": ("r_y",),
+    "nonholonomic_blocks": ("k_y", "k_z", "rn_y", "rn_z", "rn_nu"),
+}
+
+
+def mechanical(system: Any, what: str) -> Mechanics:
+    """Return a mechanical system; TypeError for any other."""
+    if not isinstance(system, Mechanics):
+        raise TypeError(
+            hinted(
+                f"{what} takes a mechanical system, not a {type(system).__name__}",
+                "a Lagrangian, Hamiltonian, Mechanical, Structure or the system of an assembly",
+            )
+        )
+    return system
+
+
+@dataclass(frozen=True)
+class Split:
+    """A matrix by its singular values: what it leaves free, and its pseudo-inverse.
+
+    Attributes
+    ----------
+    null : ndarray, shape (n, n - rank)
+        An orthonormal basis of the directions that it maps to zero; all of them if it has no rows.
+    inverse : ndarray, shape (n, m)
+        The pseudo-inverse.
+    """
+
+    null: Array
+    inverse: Array
+
+    @classmethod
+    def of(cls, rows: Array) -> Split:
+        """Split a matrix of shape (m, n), its rows taken with length one."""
+        m, n = rows.shape
+        if not m:
+            return cls(np.eye(n), np.zeros((n, 0)))
+        lengths = np.linalg.norm(rows, axis=1)
+        lengths[lengths == 0] = 1.0
+        left, sizes, right = np.linalg.svd(rows / lengths[:, None])
+        rank = int((sizes > RANK * sizes.max(initial=0.0)).sum())
+        inverse = (right[:rank].T / sizes[:rank]) @ left[:, :rank].T / lengths
+        return cls(right[rank:].T, inverse)
+
+
+class Point:
+    """A system at (t, y, z) with its derivatives, which are dense unless `sparse` is asked for."""
+
+    def __init__(
+        self, system: Mechanics, t: float, y: Array, z: Array, params: Array, sparse: bool = False
+    ) -> None:
+        self.system, self.t, self.y, self.z, self.params = system, t, y, z, params
+        self._sparse = sparse
+        self.n, self.m = len(y), len(system._holonomic)
+
+    @classmethod
+    def given(
+        cls,
+        system: Mechanics,
+        start: Mapping[str, Any],
+        t: float,
+        params: Mapping[str, ArrayLike] | None,
+    ) -> Point:
+        """Take the state of a user's, at rest unless its second half is given."""
+        t, values = finite_time(t), system.values(params)
+        second = system.states[1]
+        is_still = start.get(second) is None
+        still = {second: np.zeros(len(system.coordinates))} if is_still else {}
+        y, z = system.start({**start, **still})
+        point = cls(system, t, y, z, values, len(y) > LARGE)
+        return point.at_rest() if is_still else point
+
+    def moved(self, y: Array) -> Point:
+        """Return the same with other coordinates."""
+        return Point(self.system, self.t, y, self.z, self.params, self._sparse)
+
+    def at_rest(self) -> Point:
+        """Return the same with the z that has no velocity.
+
+        Raises
+        ------
+        ValueError
+            There is none near z.
+        """
+        z = self.z
+        if "v_z" not in self.system._patterns:
+            return Point(self.system, self.t, self.y, np.zeros_like(z), self.params, self._sparse)
+        for _ in range(MOST):
+            there = Point(self.system, self.t, self.y, z, self.params)
+            change = np.linalg.lstsq(there.blocks("stage_blocks")["v_z"], there.velocity)[0]
+            z = z - change
+            if not np.abs(change).max() > LAST * max(np.abs(z).max(), 1e-300):
+                return Point(self.system, self.t, self.y, z, self.params, self._sparse)
+        sentence = f"no {self.system.states[1]} without velocity is found at t = {self.t:g}"
+        raise ValueError(hinted(sentence, f"give {self.system.states[1]}= near it"))
+
+    def check(self) -> None:
+        """Refuse a state off its constraints."""
+        self.system.check(self.t, self.y, self.z, self.params)
+
+    def _at(self, tape: str, *more: Array) -> Array:
+        state = (self.y,) if tape.startswith("node") else (self.y, self.z)
+        found = self.system._at(tape, self.params, self.t, *state, *more)
+        if not np.isfinite(found).all():
+            names = [name for part in self.system._layout[tape][1].values() for name in part]
+            if tape == "acceleration":
+                names[: self.n] = [f"the force on '{name}'" for name in self.system.coordinates]
+            self._refuse(names[int(np.argmin(np.isfinite(found)))])
+        return found
+
+    def _refuse(self, what: str) -> None:
+        """Raise the error of a model without a value."""
+        sentence = f"{what} is not finite at this state, t = {self.t:g}"
+        hint = "look for a division by zero, a root or a logarithm of the model there"
+        raise ValueError(hinted(sentence, hint))
+
+    def matrix(self, pattern: Pattern, values: Array) -> Any:
+        """Return a derivative by its entries."""
+        if not self._sparse:
+            return dense(pattern, values)
+        rows, columns, row, column = pattern
+        sparse = scipy("sparse", f"a system of {self.n} coordinates")
+        return sparse.csc_array((values[: len(row)], (row, column)), shape=(rows, columns))
+
+    def blocks(self, tape: str, *more: Array) -> dict[str, Any]:
+        """Return the derivatives on a tape by name."""
+        values, patterns = self._at(tape, *more), self.system._patterns
+        return self._named(values, {x: patterns[x] for x in TAPES[tape] if x in patterns})
+
+    def linearized(self, u: Array, lam: Array) -> dict[str, Any]:
+        """Return the derivatives of the equations of motion, with z' = u."""
+        tape, patterns = linearized(self.system)
+        parts = np.array([self.t]), self.y, self.z, u, lam[: self.m], lam[self.m :]
+        values = tape.map(self.params, [np.ascontiguousarray(x.reshape(1, -1)) for x in parts])
+        if not np.isfinite(values).all():
+            self._refuse("a derivative of the equations of motion")
+        return self._named(values[0], patterns)
+
+    def _named(self, values: Array, patterns: Mapping[str, Pattern]) -> dict[str, Any]:
+        cuts = np.cumsum([len(pattern[2]) for pattern in patterns.values()])[:-1]
+        pairs = zip(patterns.items(), np.split(values, cuts), strict=True)
+        return {name: self.matrix(pattern, part) for (name, pattern), part in pairs}
+
+    @cached_property
+    def velocity(self) -> Array:
+        """The velocity y', shape (n,)."""
+        if "v_z" not in self.system._patterns:
+            return self.z
+        return self._at("stage")[2 * self.n :]
+
+    @cached_property
+    def rates(self) -> tuple[Array, Array]:
+        """The force f - p_t - p_y v, and the rates of (w, k) without z'."""
+        found, rows = self._at("acceleration"), len(self.system.constraints)
+        return found[: self.n], found[self.n : self.n + rows]
+
+    @cached_property
+    def missed(self) -> Array:
+        """The values of the holonomic constraints, shape (m,)."""
+        return self._at("node", np.zeros(self.m))[: self.m]
+
+    def reaction(self, lam: Array) -> Array:
+        """Return the reactions of all constraints, shape (n,)."""
+        found = self._at("node", lam[: self.m])[self.m :]
+        own = len(self.system.nonholonomic)
+        return found + self._at("nonholonomic", lam[self.m :])[own:] if own else found
+
+    def held(self) -> Any:
+        """Return the derivatives of all constraints by z: of g along the velocity, and of k."""
+        blocks = self.blocks("node_blocks", np.zeros(self.m))
+        found = blocks["g_y"]
+        if "v_z" in self.system._patterns:
+            found = found @ self.blocks("stage_blocks")["v_z"]
+        if not self.system.nonholonomic:
+            return found
+        zero = np.zeros(len(self.system.nonholonomic))
+        return np.vstack([found, self.blocks("nonholonomic_blocks", zero)["k_z"]])
+
+    def reactions(self, lam: Array) -> Any:
+        """Return the derivatives of all reactions by their multipliers, shape (n, m)."""
+        found = self.blocks("node_blocks", lam[: self.m])["r_lam"]
+        if not self.system.nonholonomic:
+            return found
+        own = self.blocks("nonholonomic_blocks", lam[self.m :])["rn_nu"]
+        return np.hstack([found, own])
+
+    def motion(self) -> tuple[Array, Array]:
+        """Return z' and all multipliers, of redundant constraints the least ones.
+
+        Raises
+        ------
+        ValueError
+            The mass matrix is singular in directions that the constraints leave.
+        """
+        held, mass = Split.of(self.held()), self.blocks("stage_blocks")["p_z"]
+        force, rate = self.rates
+        lam = np.zeros(len(self.system.constraints))
+        own = -held.inverse @ rate
+        for _ in range(MOST):
+            felt = self.reactions(lam)
+            split = Split.of(felt.T)
+            given = force + self.reaction(lam) - felt @ lam
+            inside = split.null.T @ mass @ held.null
+            try:
+                ways = np.linalg.solve(inside, split.null.T @ (given - mass @ own))
+            except np.linalg.LinAlgError:
+                self._singular()
+            u = own + held.null @ ways
+            before, lam = lam, split.inverse.T @ (mass @ u - given)
+            if self.system._is_ideal or np.allclose(lam, before, rtol=1e-13, atol=0.0):
+                break
+        if not np.isfinite(u).all():
+            self._singular()
+        return u, lam
+
+    def _singular(self) -> None:
+        sentence = "the equations for accelerations are singular at this state"
+        hint = "every direction that the constraints leave needs a mass"
+        raise ValueError(hinted(sentence, hint)) from None

@@ -1,0 +1,124 @@
+"""Where the energy of a run went: power of forces, constraints and damping, by its tapes."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from liouville.analysis.point import mechanical
+from liouville.errors import hinted
+from liouville.parts import system_of
+from liouville.solution import Solution
+from liouville.systems import Mechanics
+from liouville.systems._motion import power
+
+Array = NDArray[np.float64]
+
+#: Points of Gauss's quadrature in a step: of order 8, as the interpolation is.
+NODES = 4
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class PowerBalance:
+    """Powers along a run and their integrals, at its k steps.
+
+    The names are "forces", which have no potential, with what the energy changes by its own
+    dependence on time; "constraints" that move or roll; and "damping" by the matrix of a Structure.
+
+    Attributes
+    ----------
+    t : ndarray, shape (k,)
+        The times.
+    energy : ndarray, shape (k,)
+        The energy.
+    power : dict of str to ndarray, shape (k,)
+        The power of each.
+    work : dict of str to ndarray, shape (k,)
+        The work of each since the start.
+    defect : ndarray, shape (k,)
+        The change of the energy that is no work: damping of the method, and errors.
+    """
+
+    t: Array
+    energy: Array
+    power: dict[str, Array]
+    work: dict[str, Array]
+    defect: Array
+
+    def __repr__(self) -> str:
+        """Give the work of the run and what is not accounted for."""
+        done = ", ".join(f"{name} {x[-1]:.4g}" for name, x in self.work.items())
+        change, off = self.energy[-1] - self.energy[0], np.abs(self.defect).max()
+        return f"<PowerBalance: energy changed by {change:.4g}; work: {done}; defect {off:.1e}>"
+
+
+def power_balance(solution: Solution) -> PowerBalance:
+    r"""Account for the energy of a run, by any method.
+
+    .. math:: E' = Q^T v + E_t + r^T v - v^T C v
+
+    The powers are evaluated at the points of Gauss's quadrature of every step, where states and
+    multipliers are interpolated; the work has their order.
+
+    Parameters
+    ----------
+    solution : Solution
+        A single run of a Lagrangian, Hamiltonian, Structure or the system of an assembly, with all
+        its steps.
+
+    Returns
+    -------
+    PowerBalance
+        Powers, their work, and what is left.
+
+    Raises
+    ------
+    TypeError, ValueError
+        The energy of the system is not known, or the solution has not all steps or no system.
+    """
+    if not isinstance(solution, Solution):
+        raise TypeError(f"power_balance takes a solution, not {solution!r}")
+    if solution.members is not None:
+        raise ValueError(hinted("the solution is an ensemble", "take a member: solution[0]"))
+    system = mechanical(system_of(solution, "a balance of power needs"), "power_balance")
+    values = system.values(solution.params)
+    power(system)
+    if not solution.dense_order:
+        sentence = "a balance of power needs the states of all steps"
+        raise ValueError(hinted(sentence, "integrate with every=1, states=True, without t_eval"))
+    if len(solution.t) < 2:
+        raise ValueError("a balance of power needs a step at least")
+    places, weights = np.polynomial.legendre.leggauss(NODES)
+    steps = np.diff(solution.t)
+    times = (solution.t[:-1, None] + steps[:, None] * (1 + places) / 2).ravel()
+    inner = solution(times).states
+    at_steps = _powers(system, values, solution.t, solution.states)
+    between = _powers(system, values, times, inner)
+    work = {
+        name: np.append(0.0, np.cumsum(x.reshape(-1, NODES) @ weights * steps / 2))
+        for name, x in between.items()
+    }
+    energy = solution.invariants["energy"]
+    kept = {name for name, x in between.items() if x.any() or at_steps[name].any()}
+    defect = energy - energy[0] - sum(work.values())
+    return PowerBalance(
+        solution.t,
+        energy,
+        {name: x for name, x in at_steps.items() if name in kept},
+        {name: x for name, x in work.items() if name in kept},
+        defect,
+    )
+
+
+def _powers(
+    system: Mechanics, values: Array, t: Array, states: Mapping[str, Array]
+) -> dict[str, Array]:
+    """Return the powers at some states."""
+    m = len(system._holonomic)
+    y, z = (states[name] for name in system.states)
+    parts = t.reshape(-1, 1), y, z, states["lam"][:, :m], states["lam"][:, m:]
+    found = power(system).map(values, [np.ascontiguousarray(x) for x in parts])
+    return dict(zip(("forces", "constraints", "damping"), found.T, strict=True))

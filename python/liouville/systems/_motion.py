@@ -1,0 +1,122 @@
+"""Tapes of what is asked about a motion besides running it, recorded when they are first wanted.
+
+They stay with the system: a system that was pickled after that needs no CasADi for them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from typing import TYPE_CHECKING, Any, TypeVar
+
+import numpy as np
+
+from liouville import _casadi as ca
+from liouville import _core
+from liouville.errors import hinted
+from liouville.systems import _trace
+from liouville.systems._derivatives import jacobian
+from liouville.systems._form import record_blocks, total_derivative
+from liouville.systems._linear import Block, Pattern
+from liouville.tape import record
+
+if TYPE_CHECKING:
+    from liouville.systems.mechanics import Mechanics
+
+T = TypeVar("T")
+
+#: A tape of derivatives, and the pattern of each of them.
+Slopes = tuple[_core.Tape, dict[str, Pattern]]
+
+
+def linearized(system: Mechanics) -> Slopes:
+    r"""Record the derivatives of the equations of motion at (t, y, z, z', lam, nu).
+
+    With the residual :math:`R = p_z z' + p_y v + p_t - f - r - r_n`, the constraints on z,
+    :math:`c = (w, k)`, and their rate :math:`\dot c`: ``r_y``, ``r_z``, ``c_y``, ``m_y`` and
+    ``m_z`` are :math:`R_y, R_z, c_y, \dot c_y, \dot c_z`.
+    """
+    return _kept(system, "linearized", lambda: _linearized(system))
+
+
+def power(system: Mechanics) -> _core.Tape:
+    r"""Record powers at (t, y, z, lam, nu): of forces, of constraints and of a damping matrix.
+
+    They are :math:`Q^T v + E_t`, :math:`\lambda^T g_t + r_n^T v + \nu^T k`, which is zero for rows
+    k homogeneous in v wherever they are evaluated, and :math:`-v^T C v`.
+
+    Raises
+    ------
+    TypeError
+        The energy of the system is not known.
+    """
+    return _kept(system, "power", lambda: _power(system))
+
+
+def rates(system: Mechanics, functions: Mapping[str, Callable[..., Any]]) -> Slopes:
+    """Record the derivatives of rates by z at (t, y, z), a row ``rates`` for each function.
+
+    Raises
+    ------
+    TypeError, ValueError
+        A function returns no expression, or one that does not depend on z or not linearly.
+    """
+    s, found = system._symbols, []
+    for name, function in functions.items():
+        what = f"actuator '{name}'"
+        row = jacobian(_trace.scalar(what, function, s.args), s.z)
+        if row.is_zero() or ca.depends_on(row, s.z):
+            partner = system.states[1]
+            sentence = f"{what} is no rate: it is not linear in {partner}, or does not depend on it"
+            hint = f"return the rate that the effort works on, such as {partner}[0]"
+            raise ValueError(hinted(sentence, hint))
+        found.append(row)
+    block = Block(ca.vertcat(ca.SX(0, s.z.numel()), *found))
+    return record_blocks("rates", s.inputs(z=s.z), [block]), {"rates": block.pattern}
+
+
+def _kept(system: Mechanics, name: str, make: Callable[[], T]) -> T:
+    if name not in system._recorded:
+        system._recorded[name] = make()
+    found: T = system._recorded[name]
+    return found
+
+
+def _linearized(system: Mechanics) -> Slopes:
+    s, model = system._symbols, system._model
+    own, u = model.nonholonomic, ca.SX.sym("u", s.z.numel())
+
+    def along(x: ca.SX) -> ca.SX:
+        return total_derivative(x, s, model.v) + ca.jtimes(x, s.z, u)
+
+    residual = along(model.p) - model.f - model.r
+    if own.nu.numel():
+        residual -= own.rn
+    held = ca.vertcat(total_derivative(model.g, s, model.v), own.k)
+    moved, linear = along(held), model.linear
+    blocks = {
+        "r_y": Block(jacobian(residual, s.y), linear.stiffness),
+        "r_z": Block(jacobian(residual, s.z), linear.damping),
+        "c_y": Block(jacobian(held, s.y)),
+        "m_y": Block(jacobian(moved, s.y)),
+        "m_z": Block(jacobian(moved, s.z)),
+    }
+    tape = record_blocks(
+        "linearized", s.inputs(z=s.z, u=u, lam=model.lam, nu=own.nu), [*blocks.values()]
+    )
+    return tape, {name: block.pattern for name, block in blocks.items()}
+
+
+def _power(system: Mechanics) -> _core.Tape:
+    s, columns = system._symbols, system._expressions.columns
+    if "power" not in columns:
+        sentence = f"the energy of a {type(system).__name__} system is not known to the library"
+        raise TypeError(hinted(sentence, "write it as a Lagrangian, Hamiltonian or Structure"))
+    total, model = columns["power"], system._model
+    own, moving = model.nonholonomic, ca.jtimes(total, model.lam, model.lam)
+    if own.nu.numel():
+        moving += ca.dot(own.rn, model.v) + ca.dot(own.nu, own.k)
+    forces = ca.substitute(total, model.lam, ca.SX.zeros(model.lam.numel(), 1))
+    inputs = s.inputs(z=s.z, lam=model.lam, nu=own.nu)
+    forms = system._linear.terms(2, damping=(2, -1.0))
+    tape = record("power", inputs, forces, moving, ca.SX(0))
+    return tape.with_terms(np.empty(0), [], forms) if forms else tape

@@ -1,0 +1,564 @@
+"""Equilibria, linearisations, modes, inverse dynamics and balances of power, by closed forms."""
+
+import pickle
+import subprocess
+import sys
+from itertools import pairwise
+
+import casadi as ca
+import numpy as np
+import pytest
+import scipy.sparse as sp
+from numpy.polynomial.laguerre import lagroots
+from scipy.linalg import expm
+
+import liouville as lv
+from liouville import problems
+from liouville.analysis.point import Point
+from liouville.systems import Mechanics
+
+G = 9.81
+
+
+def quadratic(t, q, v, params):
+    return ca.dot(v, v) / 2
+
+
+def hanging(count, ends=None, length=1.0):
+    """Build beads on a string from the origin, hanging or with its far end at a place."""
+
+    def lagrangian(t, q, v, params):
+        return ca.dot(v, v) / 2 - G * ca.sum1(q[1::2])
+
+    def constraint(t, q, params):
+        beads = [ca.SX([0, 0]), *(q[2 * k : 2 * k + 2] for k in range(count))]
+        beads += [] if ends is None else [ca.SX(ends)]
+        return [(ca.sumsqr(b - a) - length**2) / 2 for a, b in pairwise(beads)]
+
+    return lv.Lagrangian(lagrangian, constraint, q=2 * count)
+
+
+PENDULUM = hanging(1)
+DOWN, UP = [0.0, -1.0], [0.0, 1.0]
+
+
+def four_bar(kind="planar", **motor):
+    """Draw a four-bar linkage of planar or spatial bodies, with a motor at the crank."""
+    points = {"A": (0.0, 0.0), "B": (0.0, 0.5), "C": (0.9, 0.9), "D": (1.1, 0.0)}
+    m = lv.bodies.Assembly(gravity=(0, -G, 0))
+    for name, (a, b) in {"crank": "AB", "coupler": "BC", "rocker": "DC"}.items():
+        along, middle = np.subtract(points[b], points[a]), np.add(points[a], points[b]) / 2
+        length, angle = np.hypot(*along), np.arctan2(along[1], along[0])
+        inertia = length**3 / 6
+        if kind == "planar":
+            m.planar_body(name, mass=2 * length, inertia=inertia, at=middle, angle=angle)
+        else:
+            turn = (np.cos(angle / 2), 0, 0, np.sin(angle / 2))
+            inertia = (1e-3, inertia, inertia)
+            m.body(name, mass=2 * length, inertia=inertia, at=(*middle, 0), rotation=turn)
+    pairs = {"A": "ground crank", "B": "crank coupler", "C": "coupler rocker", "D": "ground rocker"}
+    for name, pair in pairs.items():
+        own = motor if name == "A" else {"damping": 0.5} if name == "C" else {}
+        m.revolute(name, *pair.split(), at=(*points[name], 0), axis=(0, 0, 1), **own)
+    return m
+
+
+@pytest.fixture(scope="module")
+def linkages():
+    """Give the four-bar without a motor, planar and spatial, with starts."""
+    drawn = {kind: four_bar(kind) for kind in ("planar", "spatial")}
+    return {kind: (m.system(), m.start(rates={"A": 2.0})) for kind, m in drawn.items()}
+
+
+# Linearisations
+
+
+def test_the_stiffness_of_a_pendulum_is_in_its_multiplier():
+    linear = lv.linearize(PENDULUM, q=DOWN)
+    assert linear.mass == pytest.approx(1)
+    assert linear.damping == pytest.approx(0, abs=1e-15)
+    assert linear.stiffness == pytest.approx(G, rel=1e-14)
+    assert linear.lam == pytest.approx(G)
+    assert not np.abs(linear.acceleration).max() > 1e-14
+    assert "1 free" in repr(linear)
+
+
+def test_a_moving_pendulum_in_its_own_coordinate():
+    angle, rate = 0.7, 1.3
+    sin, cos = np.sin(angle), np.cos(angle)
+    start = {"q": [sin, -cos], "v": [rate * cos, rate * sin]}
+    state = lv.linearize(PENDULUM, independent=["q0"], **start).state
+    # x'' = -x (g c + x'^2 / c^2) with c^2 = 1 - x^2
+    x, speed = sin, rate * cos
+    of_x = -(G * cos + speed**2 / cos**2) - x * (-G * x / cos + 2 * x * speed**2 / cos**4)
+    wanted = [[0, 1], [of_x, -2 * x * speed / cos**2]]
+    assert state == pytest.approx(np.array(wanted), abs=1e-13)
+
+
+MOVING = (
+    "hinged_fourbar",
+    "relativistic_particle",
+    "moving_wire",
+    "rolling_disk",
+    "kepler_on_sphere",
+    "rolling_ball",
+)
+
+
+@pytest.mark.parametrize("name", MOVING)
+def test_a_linearisation_is_the_difference_of_motions_nearby(name):
+    problem = problems.load(name)
+    system, t = problem.system, problem.interval[0] + 0.3
+    assert isinstance(system, Mechanics)
+    start = system.consistent(t=t, **problem.start)
+    linear = lv.linearize(system, t=t, **start)
+    y, z = (start[state] for state in system.states)
+    n, (_, free) = len(y), linear.stiffness.shape
+
+    def rates(step):
+        # states a step away along the tangent miss the constraints by its square, which is the same
+        # on both sides
+        there = Point(system, t, y + step[:n], z + step[n:], system.values(None))
+        return np.append(there.velocity, there.motion()[0])
+
+    h, tangent = 1e-5, linear.tangent
+    slopes = np.array([(rates(h * x) - rates(-h * x)) / (2 * h) for x in tangent.T]).T
+    wanted = np.vstack([linear.basis.T @ slopes[:n], tangent[n:, free:].T @ slopes[n:]])
+    assert linear.state == pytest.approx(wanted, abs=1e-7 * max(1, np.abs(wanted).max()))
+
+
+def test_independent_coordinates_have_to_tell_the_freedoms_apart():
+    with pytest.raises(ValueError, match="2 independent coordinates are named, and 1 are free"):
+        lv.linearize(PENDULUM, independent=["q0", "q1"], q=DOWN)
+    with pytest.raises(ValueError, match="'q1' do not tell the 1 freedoms apart"):
+        lv.linearize(PENDULUM, independent=["q1"], q=DOWN)
+    with pytest.raises(TypeError, match=r"independent=\['q0'\]"):
+        lv.linearize(PENDULUM, independent="q0", q=DOWN)
+    with pytest.raises(ValueError, match="no coordinate 'x'"):
+        lv.linearize(PENDULUM, independent=["x"], q=DOWN)
+
+
+def test_bad_states_and_systems_are_refused():
+    with pytest.raises(ValueError, match=r"violates the constraint(.|\n)*consistent"):
+        lv.linearize(PENDULUM, q=[0.5, 0.5])
+    with pytest.raises(ValueError, match="leave nothing to move"):
+        lv.linearize(lv.Lagrangian(quadratic, lambda t, q, p: q[0], q=1), q=[0.0])
+    with pytest.raises(TypeError, match="modes takes a mechanical system, not a PolynomialField"):
+        lv.modes(problems.load("euler_top").system, q=[0.0])
+    with pytest.raises(ValueError, match="shape"):
+        lv.equilibrium(PENDULUM, q=[0.0])
+    with pytest.raises(TypeError, match="'x' is no start value"):
+        lv.modes(PENDULUM, x=[0.0])
+    with pytest.raises(ValueError, match="no parameter 'h'"):
+        lv.modes(PENDULUM, q=DOWN, params={"h": 1.0})
+
+
+# Modes
+
+
+def test_a_hanging_string_of_beads_has_the_roots_of_laguerre():
+    count = 8
+    chain = hanging(count)
+    straight = np.array([[0.0, -k - 1.0] for k in range(count)])
+    modes = lv.modes(chain, q=straight.ravel())
+    wanted = np.sqrt(G * lagroots([0] * count + [1]))
+    assert modes.angular_frequencies == pytest.approx(wanted, rel=1e-12)
+    assert modes.hertz == pytest.approx(wanted / (2 * np.pi), rel=1e-12)
+    assert not modes.damping_ratios.any()
+    assert not modes.unstable
+    sideways = modes.shapes.reshape(count, 2, -1)
+    assert not np.abs(sideways[:, 1]).max() > 1e-12
+    assert sideways[:, 0].T @ sideways[:, 0] == pytest.approx(np.eye(count), abs=1e-12)
+    assert (np.max(modes.shapes, axis=0) == np.abs(modes.shapes).max(axis=0)).all()
+
+
+def test_constraints_given_twice_change_nothing():
+    def twice(t, q, params):
+        return [ca.dot(q, q) - 1, 3 * ca.dot(q, q) - 3]
+
+    same = lv.Lagrangian(lambda t, q, v, p: ca.dot(v, v) / 2 - G * q[1], twice, q=2)
+    found = lv.equilibrium(same, q=[0.5, 0.1])
+    assert found.start["q"] == pytest.approx(DOWN, abs=1e-12)
+    assert lv.modes(same, **found.start).angular_frequencies == pytest.approx(np.sqrt(G))
+
+
+def test_damping_and_unstable_modes_are_told():
+    oscillator = lv.Structure([1.0, 1.0, 1.0], [4.0, 4.0, -4.0], [0.4, 5.0, 0.0])
+    modes = lv.modes(oscillator, q=[0, 0, 0])
+    order = np.lexsort((modes.damping_ratios, modes.angular_frequencies.round(9)))
+    wanted = [-2, -0.2 + 2j * np.sqrt(0.99), 2, -1, -4]
+    assert sorted(modes.eigenvalues, key=str) == pytest.approx(sorted(wanted, key=str))
+    assert len(order) == 5
+    (k,) = modes.unstable
+    assert modes.eigenvalues[k] == pytest.approx(2)
+    under = int(np.argmax(modes.eigenvalues.imag))
+    assert modes.damping_ratios[under] == pytest.approx(0.1)
+    assert modes.damped_hertz[under] == pytest.approx(np.sqrt(0.99) / np.pi)
+    assert "1 of them unstable" in repr(modes)
+    assert "unstable" in modes._repr_html_()
+    up = lv.modes(PENDULUM, q=UP)
+    assert up.eigenvalues == pytest.approx(np.sqrt(G))
+    assert up.unstable == (0,)
+
+
+def test_a_hamiltonian_in_a_magnetic_field_has_the_frequencies_of_fock():
+    field, well = 1.3, 2.0
+
+    def hamiltonian(t, q, p, params):
+        kinetic = p - field / 2 * ca.vertcat(-q[1], q[0])
+        return ca.dot(kinetic, kinetic) / 2 + well**2 * ca.dot(q, q) / 2
+
+    system = lv.Hamiltonian(hamiltonian, q=2)
+    rest = lv.equilibrium(system, q=[0.1, 0.2], p=[0.3, -0.2])
+    assert rest.start["p"] == pytest.approx([0, 0], abs=1e-12)
+    heavy = lv.Hamiltonian(
+        lambda t, q, p, params: ca.dot(p, p) / 6 + 3 * G * q[1],
+        lambda t, q, params: ca.dot(q, q) - 1,
+        q=2,
+    )
+    swing = lv.modes(heavy, q=DOWN)
+    assert swing.angular_frequencies == pytest.approx(np.sqrt(G))
+    assert swing.shapes[:, 0] == pytest.approx([1 / np.sqrt(3), 0])
+    held = lv.Hamiltonian(hamiltonian, lambda t, q, p: {"line": q[1] - 1}, q=2)
+    rest_of_it = lv.equilibrium(held, q=[0.1, 0.2], p=[0.3, -0.2]).start
+    # without velocity the momentum is that of the field
+    assert rest_of_it["p"] == pytest.approx([-field / 2, 0], abs=1e-12)
+    assert lv.modes(held, **rest_of_it).angular_frequencies == pytest.approx(well)
+    found = lv.modes(system, **rest.start)
+    middle = np.hypot(well, field / 2)
+    assert found.angular_frequencies == pytest.approx([middle - field / 2, middle + field / 2])
+
+
+def test_a_sleigh_in_straight_motion():
+    mass, inertia, ahead, speed = 1.5, 0.4, 0.6, 2.0
+
+    def lagrangian(t, q, v, params):
+        x, y = v[0] - ahead * v[2] * ca.sin(q[2]), v[1] + ahead * v[2] * ca.cos(q[2])
+        return mass * (x**2 + y**2) / 2 + inertia * v[2] ** 2 / 2
+
+    def blade(t, q, v, params):
+        return ca.sin(q[2]) * v[0] - ca.cos(q[2]) * v[1]
+
+    sleigh = lv.Lagrangian(lagrangian, nonholonomic=blade, q=("x", "y", "heading"))
+    turn = mass * ahead * speed / (inertia + mass * ahead**2)
+    linear = lv.linearize(sleigh, q=[0, 0, 0], v=[speed, 0, 0])
+    assert linear.mass.shape == (2, 2)
+    assert linear.stiffness.shape == (2, 3)
+    wanted = [-turn, 0, 0, 0, 0]
+    assert np.sort(np.linalg.eigvals(linear.state).real) == pytest.approx(wanted, abs=1e-7)
+    back = lv.modes(sleigh, q=[0, 0, 0], v=[-speed, 0, 0])
+    assert back.eigenvalues[list(back.unstable)] == pytest.approx(turn)
+
+
+def test_a_cantilever_of_hermite_elements():
+    count = 12
+    length = 1 / count
+    own = np.array([[12, 6, -12, 6], [6, 4, -6, 2], [-12, -6, 12, -6], [6, 2, -6, 4]], float)
+    heavy = [[156, 22, 54, -13], [22, 4, 13, -3], [54, 13, 156, -22], [-13, -3, -22, 4]]
+    scale = np.diag([1, length] * 2)
+    stiffness, mass = np.zeros((2, 2 * count + 2, 2 * count + 2))
+    for k in range(count):
+        at = slice(2 * k, 2 * k + 4)
+        stiffness[at, at] += scale @ own @ scale / length**3
+        mass[at, at] += scale @ np.array(heavy) @ scale * length / 420
+    load = np.zeros(2 * count)
+    load[-2] = -0.1
+    beam = lv.Structure(mass[2:, 2:], stiffness[2:, 2:], force=load)
+    rest = lv.equilibrium(beam, q=np.zeros(2 * count))
+    assert rest.is_stable
+    assert rest.start["q"][-2] == pytest.approx(-0.1 / 3, rel=1e-10)
+    found = lv.modes(beam, count=2, **rest.start)
+    assert found.angular_frequencies == pytest.approx([1.8751040687**2, 4.6940911330**2], rel=2e-5)
+
+
+LARGE = 1200
+
+
+def springs(free=False, **more):
+    """Build a long row of masses between springs, with walls at its ends or free."""
+    ends = np.full(LARGE, 2.0)
+    ends[[0, -1]] -= free
+    row = np.full(LARGE - 1, -1.0)
+    return lv.Structure(np.ones(LARGE), sp.diags([row, ends, row], [-1, 0, 1]), **more)
+
+
+def test_large_structures_take_sparse_matrices():
+    rest, k = np.zeros(LARGE), np.arange(1, 5)
+    wanted = 2 * np.sin(k * np.pi / (2 * LARGE + 2))
+    modes = lv.modes(springs(), count=4, q=rest)
+    assert modes.angular_frequencies == pytest.approx(wanted, rel=1e-9)
+    assert modes.shapes.T @ modes.shapes == pytest.approx(np.eye(4), abs=1e-9)
+    # both masses at the ends held, one of them twice
+    held = lambda t, q, p: [q[0], q[LARGE - 1], 2 * q[0]]  # noqa: E731
+    modes = lv.modes(springs(free=True, constraint=held), count=4, q=rest)
+    wanted = 2 * np.sin(k * np.pi / (2 * LARGE - 2))
+    assert modes.angular_frequencies == pytest.approx(wanted, rel=1e-9)
+    free = lv.modes(springs(free=True), count=3, q=rest)
+    wanted = 2 * np.sin(np.arange(3) * np.pi / (2 * LARGE))
+    assert free.angular_frequencies == pytest.approx(wanted, rel=1e-9, abs=1e-9)
+    damped = lv.modes(springs(damping=np.full(LARGE, 1e-3)), count=2, q=rest)
+    sizes = 2 * np.sin(k[:2] * np.pi / (2 * LARGE + 2))
+    assert damped.damping_ratios == pytest.approx(0.5e-3 / sizes, rel=1e-6)
+    assert damped.angular_frequencies == pytest.approx(sizes, rel=1e-6)
+
+
+def test_large_structures_find_their_equilibrium():
+    loaded = springs(force=np.full(LARGE, 1e-3), constraint=lambda t, q, p: [q[0] - 1.0])
+    found = lv.equilibrium(loaded, q=np.zeros(LARGE))
+    x = np.arange(LARGE)
+    wanted = 1e-3 * x * (LARGE - x) / 2 + (LARGE - x) / LARGE
+    assert found.start["q"] == pytest.approx(wanted, rel=1e-9)
+    assert found.is_stable is None
+    with pytest.raises(ValueError, match=r"the stiffness is singular|no equilibrium is found"):
+        lv.equilibrium(springs(free=True, force=np.ones(LARGE)), q=np.zeros(LARGE))
+    with pytest.raises(TypeError, match="count=20"):
+        lv.modes(springs(), q=np.zeros(LARGE))
+    with pytest.raises(ValueError, match="no equilibrium: the force left on"):
+        lv.modes(loaded, count=2, q=np.eye(LARGE)[0])
+    with pytest.raises(ValueError, match="a linearisation of 1200 coordinates is not made"):
+        lv.linearize(springs(), q=np.zeros(LARGE))
+
+
+# Equilibria
+
+
+def test_a_hanging_chain_is_the_discrete_catenary():
+    count, width, length = 19, 0.6, 0.05
+    chain = hanging(count, ends=(width, 0.0), length=length)
+    rough = np.zeros((count, 2))
+    rough[:, 0] = np.linspace(0, width, count + 2)[1:-1]
+    rough += 0.05 * np.random.default_rng(1).standard_normal(rough.shape)
+    found = lv.equilibrium(chain, q=rough.ravel())
+    assert found.is_stable
+    assert found.residual < 1e-10
+    beads = np.vstack([[0, 0], found.start["q"].reshape(-1, 2), [width, 0]])
+    links = np.diff(beads, axis=0)
+    assert np.hypot(*links.T) == pytest.approx(length, rel=1e-11)
+    slopes = np.diff(links[:, 1] / links[:, 0])  # weight over horizontal tension, at each bead
+    assert slopes == pytest.approx(slopes.mean(), rel=1e-9)
+    assert slopes.mean() > 0
+    assert (
+        np.abs(lv.integrate(chain, lv.Spark(2), t=(0, 0.01), h=0.01, **found.start).v).max() < 1e-9
+    )
+
+
+def test_equilibria_are_stable_unless_any_is_asked_for():
+    near_top = [0.02, 1.0]
+    assert lv.equilibrium(PENDULUM, q=near_top).start["q"] == pytest.approx(DOWN, abs=1e-12)
+    top = lv.equilibrium(PENDULUM, q=near_top, stable=False)
+    assert top.start["q"] == pytest.approx(UP, abs=1e-12)
+    assert top.is_stable is False
+    assert "unstable" in repr(top)
+    assert top.reactions == pytest.approx([0, G], abs=1e-12)
+    assert lv.equilibrium(PENDULUM, q=UP).start["q"] == pytest.approx(UP)
+
+
+def test_what_has_no_equilibrium_is_refused_with_the_force_left():
+    falling = lv.Lagrangian(lambda t, q, v, p: v[0] ** 2 / 2 - q[0], q=("height",))
+    with pytest.raises(ValueError, match="a force of 1 is left on 'height', of forces up to"):
+        lv.equilibrium(falling, q=[0.0])
+    apart = lv.Lagrangian(quadratic, lambda t, q, p: {"never": ca.dot(q, q) + 1}, q=2)
+    with pytest.raises(
+        ValueError, match=r"no state on the constraints is found.*'never' is off by"
+    ):
+        lv.equilibrium(apart, q=[1.0, 1.0])
+    broken = lv.Lagrangian(lambda t, q, v, p: v[0] ** 2 / 2 - ca.sqrt(q[0]), q=1)
+    with pytest.raises(ValueError, match="the force on 'q0' is not finite at this state"):
+        lv.equilibrium(broken, q=[-1.0])
+    driven = four_bar(motion=lambda t, params: 4 * t)
+    system = driven.system()
+    with pytest.raises(
+        ValueError, match=r"'A.motion' moves by -?4 per unit of time: nothing rests"
+    ):
+        lv.equilibrium(system, **driven.start())
+    with pytest.raises(ValueError, match=r"no equilibrium: the force left on 'q1' is 9\.8"):
+        lv.modes(PENDULUM, q=[1.0, 0.0])
+    with pytest.raises(TypeError, match="stable is True or False"):
+        lv.equilibrium(PENDULUM, q=DOWN, stable="yes")
+
+
+# Assemblies
+
+
+def test_linkages_in_space_and_in_the_plane_vibrate_alike(linkages):
+    found = {}
+    for kind, (system, start) in linkages.items():
+        rest = lv.equilibrium(system, **start)
+        assert rest.is_stable
+        modes = lv.modes(system, **rest.start)
+        found[kind] = modes.eigenvalues
+        shift, turn = modes.body("crank")
+        # the centre of the crank goes around its hinge
+        arm = rest.start["q"][:2]
+        wanted = turn[2] * np.array([-arm[1], arm[0]])[:, None]
+        assert shift[:2] == pytest.approx(wanted, rel=1e-9)
+        linear = lv.linearize(system, **rest.start)
+        assert linear.mass.shape == (1, 1)
+    assert found["planar"] == pytest.approx(found["spatial"], rel=1e-10)
+    with pytest.raises(ValueError, match="no body 'x'"):
+        modes.body("x")
+    with pytest.raises(TypeError, match="a Lagrangian knows no bodies"):
+        lv.modes(PENDULUM, q=DOWN).body("crank")
+
+
+def test_a_run_near_the_equilibrium_follows_the_state_matrix(linkages):
+    system, start = linkages["planar"]
+    rest = lv.equilibrium(system, **start).start
+    linear = lv.linearize(system, independent=["crank.angle"], **rest)
+    size = 1e-5
+    near = system.consistent(q=rest["q"] + size * linear.basis[:, 0], v=rest["v"], hold=None)
+    run = lv.integrate(system, lv.Spark(3), t=(0, 1), h=0.02, **near)
+    angle = system.coordinates.index("crank.angle")
+    begin = [near["q"][angle] - rest["q"][angle], near["v"][angle]]
+    end = [run.q[-1, angle] - rest["q"][angle], run.v[-1, angle]]
+    assert end == pytest.approx(expm(linear.state) @ begin, abs=1e-3 * size)
+
+
+def torque(t, angle, rate, params):
+    return 3 * ca.sin(2 * t) - 0.2 * rate
+
+
+def test_inverse_dynamics_gives_the_torque_of_a_run_back(linkages):
+    free, _ = linkages["spatial"]
+    driven = four_bar("spatial", torque=torque)
+    system, start = driven.system(), driven.start(rates={"A": 2.0})
+    run = lv.integrate(system, lv.Spark(3), t=(0, 0.2), h=0.02, **start)
+    found = lv.inverse_dynamics(free, run, ["A"])
+    joint = run.joint("A")
+    assert found.efforts["A"] == pytest.approx(joint.effort, abs=1e-12)
+    assert found.rates["A"] == pytest.approx(joint.rate, abs=1e-13)
+    assert found.residual.max() < 1e-12
+    assert found.lam.shape == run.lam.shape
+    again = lv.inverse_dynamics(system, run, ["A.angle"])
+    assert np.abs(again.efforts["A.angle"]).max() < 1e-11
+
+
+def test_inverse_dynamics_gives_the_multiplier_of_a_prescribed_motion(linkages):
+    free, _ = linkages["planar"]
+    driven = four_bar(motion=lambda t, params: 4 * t)
+    run = lv.integrate(driven.system(), lv.Spark(4), t=(0, 0.2), h=0.02, **driven.start())
+    wanted = run.joint("A").torque[:, 2]
+    rate = {"motor": lambda t, q, v, params: v[2]}
+    assert lv.inverse_dynamics(free, run, rate).efforts["motor"] == pytest.approx(wanted, abs=1e-10)
+    two = lv.inverse_dynamics(free, run, ["A", "D"], least_squares=True)
+    power = sum(two.efforts[name] * two.rates[name] for name in "AD")
+    assert power == pytest.approx(4 * wanted, abs=1e-9)
+    with pytest.raises(ValueError, match="efforts of 'A' and 'D' cannot be told apart"):
+        lv.inverse_dynamics(free, run, ["A", "D"])
+
+
+def test_motions_by_arrays_and_actuators_that_do_not_fit():
+    system = lv.Lagrangian(
+        lambda t, q, v, p: (v[0] ** 2 + 2 * v[1] ** 2) / 2 - G * q[1], q=["x", "y"]
+    )
+    t = np.linspace(0, 1, 5)
+    q = np.stack([t**2, np.sin(t)], axis=1)
+    v, a = np.stack([2 * t, np.cos(t)], axis=1), np.stack([2 + 0 * t, -np.sin(t)], axis=1)
+    motion = {"t": t, "q": q, "v": v, "acceleration": a}
+    both = lv.inverse_dynamics(system, motion, ["x", "y"])
+    assert both.efforts["x"] == pytest.approx(a[:, 0])
+    assert both.efforts["y"] == pytest.approx(2 * a[:, 1] + G)
+    with pytest.raises(ValueError, match=r"'x' cannot make this motion.* 1 actuators for 2 freed"):
+        lv.inverse_dynamics(system, motion, ["x"])
+    some = lv.inverse_dynamics(system, motion, ["x"], least_squares=True)
+    assert some.residual == pytest.approx(np.abs(2 * a[:, 1] + G))
+    for actuators, error, words in (
+        ("x", TypeError, r"give a list, \['x'\]"),
+        ([], ValueError, "no actuators"),
+        (["z"], ValueError, "no joint or coordinate 'z'"),
+        ({"m": lambda t, q, v, p: q[0]}, ValueError, "actuator 'm' is no rate"),
+        ({"m": lambda t, q, v, p: v[0] ** 2}, ValueError, "not linear in v"),
+    ):
+        with pytest.raises(error, match=words):
+            lv.inverse_dynamics(system, motion, actuators)
+    for change, error, words in (
+        ({"v": v[1:]}, ValueError, r"v of the motion is of shape \(4, 2\), wanted \(5, 2\)"),
+        ({"v": v * np.nan}, ValueError, "v of the motion is not finite"),
+        ({"p": v}, TypeError, r"wanted \['t', 'q', 'v', 'acceleration'\]"),
+    ):
+        with pytest.raises(error, match=words):
+            lv.inverse_dynamics(system, motion | change, ["x", "y"])
+    off = {"t": [0.0], "q": [DOWN], "v": [[1.0, 0.0]], "acceleration": [[0.0, 0.0]]}
+    with pytest.raises(ValueError, match="accelerations of the motion violate constraint"):
+        lv.inverse_dynamics(PENDULUM, off, ["q0"])
+    with pytest.raises(ValueError, match="motion violates the hidden constraint"):
+        lv.inverse_dynamics(PENDULUM, off | {"v": [[0.0, 1.0]]}, ["q0"])
+
+
+WITHOUT = """
+import pickle, sys
+sys.modules["casadi"] = None
+import liouville as lv
+plain, kept = pickle.loads(sys.stdin.buffer.read())
+rest = lv.equilibrium(plain, q=[0.6, -0.8])
+motion = {"t": [0.0], "q": [rest.start["q"]], "v": [[0, 0]], "acceleration": [[1.0, 0]]}
+print(lv.inverse_dynamics(plain, motion, ["q0"]).efforts["q0"][0])
+print(lv.modes(kept, **rest.start).eigenvalues[0].imag)
+try:
+    lv.modes(plain, **rest.start)
+except ImportError as error:
+    print(str(error).splitlines()[1])
+"""
+
+
+def test_pickled_systems_without_casadi():
+    plain, kept = hanging(1), hanging(1)
+    lv.linearize(kept, q=DOWN)
+    given = pickle.dumps((plain, kept))
+    ran = subprocess.run([sys.executable, "-c", WITHOUT], input=given, capture_output=True)
+    assert not ran.returncode, ran.stderr.decode()[-2000:]
+    effort, frequency, hint = ran.stdout.decode().splitlines()
+    assert float(effort) == pytest.approx(1.0)
+    assert float(frequency) == pytest.approx(np.sqrt(G))
+    assert hint == "hint: pip install casadi"
+
+
+# Balances of power
+
+
+def test_the_power_of_forces_and_damping_accounts_for_the_energy():
+    oscillator = lv.Structure([1.0], [4.0], [0.3], force=lambda t, q, v, p: [ca.cos(t) - v[0] ** 3])
+    run = lv.integrate(oscillator, lv.Spark(3), t=(0, 3), h=0.05, q=[1.0], v=[0.0])
+    found = lv.power_balance(run)
+    assert set(found.work) == {"forces", "damping"}
+    assert np.abs(found.defect).max() < 1e-9
+    wanted = run.v[:, 0] * (np.cos(run.t) - run.v[:, 0] ** 3)
+    assert found.power["forces"] == pytest.approx(wanted)
+    assert found.power["damping"] == pytest.approx(-0.3 * run.v[:, 0] ** 2)
+    hht = lv.integrate(oscillator, lv.HHT(alpha=-0.2), t=(0, 3), h=0.05, q=[1.0], v=[0.0])
+    found = lv.power_balance(hht)
+    assert found.work["forces"] == pytest.approx(hht.work, abs=2e-3)
+    assert found.work["damping"] + found.defect == pytest.approx(-hht.dissipated, abs=2e-3)
+
+
+@pytest.mark.parametrize("name", ["moving_wire", "rolling_ball"])
+def test_the_power_of_moving_constraints_accounts_for_the_energy(name):
+    problem = problems.load(name)
+    start, h = problem.system.consistent(**problem.start), problem.h / 2
+    run = lv.integrate(problem.system, lv.Spark(4), t=(0, 40 * h), h=h, **start)
+    found = lv.power_balance(run)
+    assert np.ptp(run.energy if hasattr(run, "energy") else found.energy) > 1e-3
+    assert "constraints" in found.work
+    assert np.abs(found.defect).max() < 1e-7 * np.abs(found.energy).max()
+
+
+def test_balances_that_cannot_be_made_are_refused():
+    run = lv.integrate(PENDULUM, lv.Spark(2), t=(0, 1), h=0.1, every=2, q=DOWN, v=[1.0, 0.0])
+    with pytest.raises(ValueError, match="states of all steps"):
+        lv.power_balance(run)
+    parts = {"velocity": lambda t, y, z, p: z, "momentum": lambda t, y, z, p: 2 * z}
+    general = lv.Mechanical(**parts, force=lambda t, y, z, p: [-1], y=1)
+    run = lv.integrate(general, lv.Spark(2), t=(0, 0.1), h=0.1, y=[0.0], z=[0.0])
+    with pytest.raises(TypeError, match="energy of a Mechanical system is not known"):
+        lv.power_balance(run)
+    with pytest.raises(TypeError, match="takes a solution"):
+        lv.power_balance(PENDULUM)
+
+
+def test_without_scipy_the_extra_is_named(monkeypatch):
+    monkeypatch.setitem(sys.modules, "scipy.linalg", None)
+    monkeypatch.setitem(sys.modules, "scipy.interpolate", None)
+    assert lv.equilibrium(PENDULUM, q=[0.1, -0.9]).is_stable
+    for needs in (lambda: lv.modes(PENDULUM, q=DOWN), lambda: lv.table([0, 1], [0, 1])):
+        with pytest.raises(ImportError, match=r"need.* SciPy(.|\n)*liouville\[analysis\]"):
+            needs()
