@@ -21,7 +21,8 @@ ELEMENTARY = (
 )
 CALLED = (
     "functions of CasADi's that have no expressions, such as interpolant, rootfinder or "
-    "integrator, cannot be taken; for a table write ca.pw_lin(x, xs, ys) or np.interp(x, xs, ys)"
+    "integrator, cannot be taken; for a table write lv.table(xs, ys)(x), "
+    "ca.pw_lin(x, xs, ys) or np.interp(x, xs, ys)"
 )
 
 
@@ -198,7 +199,8 @@ def _codes(name: str, function: ca.Function, codes: np.ndarray) -> np.ndarray:
                 raise ValueError(
                     hinted(
                         f"{name} contains the constant nan",
-                        "on symbols use casadi's functions (ca.sin); math.sin makes them nan",
+                        "on symbols use casadi's functions (ca.sin); math.sin makes them nan, as "
+                        "all code for numbers does: lv.table(x, y) stands in for it by its values",
                     )
                 )
         found[at] = _operation(name, code)

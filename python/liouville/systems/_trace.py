@@ -243,7 +243,8 @@ def _call(what: str, function: Callable[..., Any], args: Args) -> Any:
             raise _undecided(what, function, error) from error
         error.add_note(
             f"raised while `{what}` was called with CasADi symbols; "
-            "use casadi's functions (ca.sin), and ca.if_else for a choice"
+            "use casadi's functions (ca.sin), and ca.if_else for a choice; code for numbers alone "
+            "cannot be traced, and lv.table(x, y) stands in for it by its values"
         )
         raise
 

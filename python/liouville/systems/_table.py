@@ -1,0 +1,183 @@
+"""Tables as smooth functions: cubic splines by operations that tapes have."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from importlib import import_module
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from liouville import _casadi as ca
+from liouville.errors import hinted
+from liouville.systems._trace import numbers
+
+Array = NDArray[np.float64]
+
+#: The fewest points, by what holds at the ends.
+FEWEST = {"natural": 2, "not-a-knot": 4, "periodic": 3}
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Table:
+    """A cubic spline through points, by :func:`table`: a function of numbers and of expressions.
+
+    Attributes
+    ----------
+    x, y : ndarray, shape (k,)
+        The points.
+    ends : str
+        What holds at the ends.
+    """
+
+    x: Array
+    y: Array
+    ends: str
+    _starts: Array  # of the pieces
+    _powers: Array  # coefficients of 1, u, u^2 and u^3 of each, with u from its base
+    _bases: Array
+
+    def __repr__(self) -> str:
+        """Give the number of points and the interval."""
+        return f"<Table of {len(self.x)} points from {self.x[0]:g} to {self.x[-1]:g}, {self.ends}>"
+
+    def __call__(self, x: Any) -> Any:
+        """Return the value at x: of an expression an expression, of numbers an array of them.
+
+        Raises
+        ------
+        TypeError
+            x is neither.
+        """
+        if isinstance(x, float | int | np.ndarray | np.floating | np.integer | list | tuple):
+            return self._of_numbers(x)
+        if not isinstance(x, ca.SX):
+            kind = type(x).__name__
+            raise TypeError(f"a table takes numbers or CasADi's SX, not a {kind}")
+        return ca.vertcat(*(self._of_expression(x[k]) for k in range(x.numel())))
+
+    def _of_numbers(self, x: Any) -> Any:
+        at = numbers(x)
+        if at is None:
+            raise TypeError(f"a table takes numbers or CasADi's SX, not {x!r}")
+        inside = self._wrapped(at, np.floor)
+        piece = np.searchsorted(self._starts[1:], inside, side="right")
+        a, b, c, d = self._powers[:, piece]
+        u = inside - self._bases[piece]
+        found: Array = a + u * (b + u * (c + u * d))
+        return found if found.ndim else float(found)
+
+    def _of_expression(self, x: ca.SX) -> ca.SX:
+        """Choose base and coefficients by comparisons, whose derivatives are zero."""
+        inside = self._wrapped(x, ca.floor)
+        beyond = [ca.SX(1), *(inside >= start for start in self._starts[1:].tolist()), ca.SX(0)]
+        # one of these is one and the others are zero: sums have no roundoff
+        chosen = ca.vertcat(*(here - further for here, further in pairwise(beyond)))
+
+        def pick(values: Array) -> ca.SX:
+            found: ca.SX = ca.dot(chosen, ca.SX(ca.DM(values)))
+            return found
+
+        a, b, c, d = (pick(row) for row in self._powers)
+        u = inside - pick(self._bases)
+        found: ca.SX = a + u * (b + u * (c + u * d))
+        return found
+
+    def _wrapped(self, x: Any, floor: Any) -> Any:
+        """Return x, of a periodic table moved into its interval."""
+        if self.ends != "periodic":
+            return x
+        first, period = self.x[0], self.x[-1] - self.x[0]
+        return x - period * floor((x - first) / period)
+
+
+def table(x: ArrayLike, y: ArrayLike, ends: str = "natural") -> Table:
+    r"""Make a smooth function of a table: the cubic spline through its points.
+
+    It has two continuous derivatives, between the points and beyond them, where a natural spline
+    goes on straight. It may stand in any function of a model: a force by a characteristic, a cam, a
+    stiffness measured. Between points a spline may overshoot; ``ca.pw_lin(x, xs, ys)`` and
+    ``np.interp(x, xs, ys)`` do not, and have kinks, which cost methods their high order.
+
+    Parameters
+    ----------
+    x : array_like, shape (k,)
+        Where the values are, increasing.
+    y : array_like, shape (k,)
+        The values.
+    ends : {"natural", "not-a-knot", "periodic"}
+        A natural spline has no curvature at its ends, and its error there is of order 2. One with
+        "not-a-knot" has order 4 up to the ends, goes on straight beyond them too, and has a jump
+        of its curvature there. A periodic one repeats itself, its last value is the first.
+
+    Returns
+    -------
+    Table
+        Called with an expression it gives an expression, with numbers numbers.
+
+    Raises
+    ------
+    TypeError, ValueError
+        There are too few points, x does not increase, a number is not finite, or the values of a
+        periodic table do not meet.
+    ImportError
+        SciPy is not installed.
+
+    References
+    ----------
+    :cite:t:`deboor1978`.
+
+    Examples
+    --------
+    >>> import liouville as lv
+    >>> spring = lv.table([-1, 0, 1, 2], [-3, 0, 1, 4])
+    >>> spring(1.0), spring(3.0)
+    (1.0, 7.666666666666667)
+    """
+    if ends not in FEWEST:
+        raise ValueError(f"ends is one of {', '.join(map(repr, FEWEST))}, not {ends!r}")
+    at, values = _points("x", x), _points("y", y)
+    if at.shape != values.shape:
+        raise ValueError(f"x of a table has {at.size} numbers, and y has {values.size}")
+    if at.size < FEWEST[ends]:
+        sentence = f"a {ends} table has {FEWEST[ends]} points at least, not {at.size}"
+        raise ValueError(sentence)
+    if not np.all(np.diff(at) > 0):
+        k = int(np.argmin(np.diff(at) > 0))
+        sentence = f"x of a table increases: x[{k}] = {at[k]:g} is followed by {at[k + 1]:g}"
+        raise ValueError(hinted(sentence, "sort both by x, and leave repeated points out"))
+    if ends == "periodic" and values[0] != values[-1]:
+        sentence = f"a periodic table begins with {values[0]:g} and ends with {values[-1]:g}"
+        raise ValueError(hinted(sentence, "its last point is the first one, a period later"))
+    return _spline(at, values, ends)
+
+
+def _points(name: str, given: Any) -> Array:
+    found = numbers(given)
+    if found is None:
+        raise TypeError(f"{name} of a table is a 1-D array of numbers, not {given!r}")
+    if found.ndim != 1:
+        raise ValueError(f"{name} of a table has shape {found.shape}, wanted (k,)")
+    bad = np.flatnonzero(~np.isfinite(found))
+    if bad.size:
+        raise ValueError(f"{name}[{bad[0]}] of a table is {found[bad[0]]}")
+    found.setflags(write=False)
+    return found
+
+
+def _spline(x: Array, y: Array, ends: str) -> Table:
+    try:
+        interpolate = import_module("scipy.interpolate")
+    except ImportError as error:
+        hint = 'pip install "liouville[analysis]"'
+        raise ImportError(hinted("tables need SciPy", hint), name="scipy") from error
+    spline = interpolate.CubicSpline(x, y, bc_type=ends)
+    powers, starts, bases = spline.c[::-1], x[:-1], x[:-1]
+    if ends != "periodic":  # straight beyond the ends
+        slopes = spline(x[[0, -1]], 1)
+        lines = [[y[0], y[-1]], slopes, [0.0, 0.0], [0.0, 0.0]]
+        powers = np.column_stack([*np.array(lines)[:, :1].T, *powers.T, *np.array(lines)[:, 1:].T])
+        starts, bases = np.append(-np.inf, x), np.concatenate([x[:1], x])
+    return Table(x, y, ends, starts, np.ascontiguousarray(powers), bases)
