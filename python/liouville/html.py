@@ -74,12 +74,17 @@ def of_solution(solution: Solution) -> Markup:
     """Return the arrays of a solution: shapes, ends and how they look."""
     if not solution.t.size:
         return table(repr(solution), [])
-    t, rows = solution.t, [("t", _shape(solution.t), _ends(solution.t), "")]
+    unit = f" ({solution.units['t']})" if "t" in solution.units else ""
+    t, rows = solution.t, [("t" + unit, _shape(solution.t), _ends(solution.t), "")]
     columns = dict(solution.states)
     for group in (solution.invariants, solution.balance, solution.observed):
         columns |= {name: x for name, x in group.items() if name not in columns}
     is_many = solution.members is not None
-    rows += [(name, _shape(x), _ends(x, is_many), sparkline(x)) for name, x in columns.items()]
+    named = {name: f"{name} ({unit})" for name, unit in solution.units.items()}
+    rows += [
+        (named.get(name, name), _shape(x), _ends(x, is_many), sparkline(x))
+        for name, x in columns.items()
+    ]
     kept = {f"|{name}|": np.abs(x) for name, x in solution.residuals.items() if x.size}
     rows += [(name, _shape(x), f"at most {_most(x)}", sparkline(x)) for name, x in kept.items()]
     drifts = {name: solution.invariant_drift(name) for name in solution.invariants}

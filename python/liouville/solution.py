@@ -86,6 +86,8 @@ class Solution(States, Motions):
         Parameters the run used.
     varied : tuple of str
         The parameters of an ensemble that have a value for each member, along their first axis.
+    units : dict of str to str
+        Units of axes and tables, by :meth:`with_units`; empty unless given.
     status : str
         ``"done"``, ``"failed"`` or ``"interrupted"``, with all up to the last good step; of an
         ensemble some of whose members failed ``"partly failed"``.
@@ -121,6 +123,7 @@ class Solution(States, Motions):
     tolerances: dict[str, Any] = field(default_factory=dict)
     events: dict[str, Points] = field(default_factory=dict)
     dense_order: int = 0
+    units: dict[str, str] = field(default_factory=dict)
     status: str = "done"
     message: str = ""
     members: int | None = None

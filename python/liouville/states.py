@@ -2,11 +2,16 @@
 
 from __future__ import annotations
 
-from typing import Any
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from typing import TYPE_CHECKING, Any, cast
 
 from numpy.typing import NDArray
 
-from liouville.errors import hinted
+from liouville.errors import check_name, hinted
+
+if TYPE_CHECKING:
+    from liouville.solution import Solution
 
 Array = NDArray[Any]
 
@@ -16,6 +21,41 @@ class States:
 
     states: dict[str, Array]
     balance: dict[str, Array]
+    units: dict[str, str]
+
+    def with_units(self, units: Mapping[str, str]) -> Solution:
+        """Return the same solution with units for the axes of figures and the heads of tables.
+
+        Parameters
+        ----------
+        units : mapping of str to str
+            Units by quantity: ``t``, states, invariants, ``work``, ``reaction`` or observed, and
+            single columns by the names that tables have: ``{"q": "m", "q[angle]": "rad"}``. They
+            are words; nothing is converted.
+
+        Returns
+        -------
+        Solution
+            It shares all arrays. Files keep the units.
+
+        Raises
+        ------
+        TypeError, ValueError
+            A unit is no word, or there is no such quantity.
+        """
+        if not isinstance(units, Mapping):
+            raise TypeError(f"units is a mapping of names to units, not {units!r}")
+        own = cast("Solution", self)
+        groups = (own.states, own.invariants, own.balance, own.observed, own.residuals)
+        known = ["t", *(name for group in groups for name in group), "reaction"]
+        labels = [label for names in own.names.values() for label in names]
+        for name, unit in units.items():
+            quantity, _, label = str(name).partition("[")
+            if name not in known and not (quantity in known and label[:-1] in labels):
+                check_name(str(name), known, "quantity")
+            if not isinstance(unit, str) or not unit:
+                raise TypeError(f"the unit of '{name}' is a word such as 'm', not {unit!r}")
+        return replace(own, units=dict(units))
 
     @property
     def x(self) -> Array:
@@ -91,7 +131,10 @@ class States:
     def _balanced(self, name: str) -> Array:
         if name in self.balance:
             return self.balance[name]
-        hint = "HHT and its relatives record it, for a Lagrangian or a Structure"
+        hint = (
+            "HHT and its relatives record it, for a Lagrangian or a Structure; "
+            "lv.power_balance(solution) finds it for every method"
+        )
         raise AttributeError(hinted(f"the solution has no {name!r}", hint))
 
     def _state(self, name: str) -> Array:
@@ -102,3 +145,11 @@ class States:
             why = ": the run stored no states"
             hint = "integrate with states=True, or name what you need in observe="
         raise AttributeError(f"the solution has no {name!r}{why}\nhint: {hint}")
+
+
+def unit_of(solution: Solution, name: str, labels: Sequence[str] = ()) -> str:
+    """Return the unit of a quantity, or those of some of its columns; empty if it has none."""
+    units = solution.units
+    own = dict.fromkeys(units.get(f"{name}[{label}]", units.get(name, "")) for label in labels)
+    found = [*own] if labels else [units.get(name, "")]
+    return ", ".join(found) if all(found) else ""

@@ -11,14 +11,23 @@ import numpy as np
 from liouville.export.datasets import needed
 from liouville.export.layout import laid_out, place_of, reactions
 from liouville.solution import Array, Solution
+from liouville.states import unit_of
 
 
 def save_csv(solution: Solution, path: Path) -> None:
     """Write a CSV file, one row a kept step with all digits."""
     columns = table(solution)
-    header = ",".join(f'"{name}"' if "," in name else name for name in columns)
+    heads = [_headed(solution, name) for name in columns]
+    header = ",".join(f'"{name}"' if "," in name else name for name in heads)
     rows = np.stack(list(columns.values()), axis=1)
     np.savetxt(path, rows, delimiter=",", header=header, comments="", fmt="%.17g")
+
+
+def _headed(solution: Solution, column: str) -> str:
+    """Return the name of a column with its unit, if that is given."""
+    name, _, label = column.partition("[")
+    unit = unit_of(solution, name, (label[:-1],) if label else ())
+    return f"{column} ({unit})" if unit else column
 
 
 def save_parquet(solution: Solution, path: Path) -> None:

@@ -8,15 +8,20 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from liouville.states import unit_of
+
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
+
+    from liouville.solution import Solution
 
 FIGURES, ANIMATIONS = (".png", ".pdf", ".svg"), (".gif",)
 
 # A log axis has no zero: what is exactly kept is drawn here, below the roundoff of one operation.
 FLOOR = 1e-17
 
+#: What stands in the place of a unit that is not given.
 UNITS = "(system's units)"
 COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#000000")
 GREY = "#6e6e6e"
@@ -128,6 +133,12 @@ def scale_by_decades(axes: Axes) -> None:
         few = (LABELLED, LABELLED)
         axis.set_minor_formatter(ticker.LogFormatterSciNotation(minor_thresholds=few))
     axes.tick_params(which="both", labelsize=STYLE["xtick.labelsize"])
+
+
+def in_unit(solution: Solution, name: str, labels: Sequence[str] = ()) -> str:
+    """Return the unit of a quantity, or of some of its columns, in brackets for an axis."""
+    unit = unit_of(solution, name, labels)
+    return f"({text(unit)})" if unit else UNITS
 
 
 def colours(count: int) -> Sequence[Any]:

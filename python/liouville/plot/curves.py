@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from liouville.plot.canvas import FLOOR, GREY, UNITS, colours, drawn_on, legend
+from liouville.plot.canvas import FLOOR, GREY, UNITS, colours, drawn_on, in_unit, legend
 from liouville.plot.fans import chosen, draw_fans
 from liouville.plot.thinning import extremes
 from liouville.solution import Array, Solution
@@ -23,9 +23,13 @@ def draw_curves(
     title: str,
     symbol: str,
     fan: bool = False,
+    units: tuple[str, str] = (UNITS, UNITS),
 ) -> Axes:
-    """Draw columns of shape (k,), or (k, P) of members or their fan, against time."""
-    axes = drawn_on(ax, f"time $t$ {UNITS}", f"{symbol} {UNITS}")
+    """Draw columns of shape (k,), or (k, P) of members or their fan, against time.
+
+    `units` are those of time and of the columns.
+    """
+    axes = drawn_on(ax, f"time $t$ {units[0]}", f"{symbol} {units[1]}")
     if fan:
         legend(axes, draw_fans(axes, t, columns), list(columns), title)
         return axes
@@ -82,7 +86,7 @@ def draw_sizes(
     if fan:
         shown, note = chosen(solution, columns, fan)
         first = int(len(t) > 1 and not solution.initial)
-        axes = drawn_on(ax, f"time $t$ {UNITS}", label)
+        axes = drawn_on(ax, f"time $t$ {in_unit(solution, 't')}", label)
         axes.set_yscale("log")
         shown = {name: np.maximum(sizes, FLOOR)[first:] for name, sizes in shown.items()}
         legend(axes, draw_fans(axes, t[first:], shown), list(shown), title + note)
@@ -90,7 +94,7 @@ def draw_sizes(
     if solution.members is not None:
         columns = {name: np.fmax.reduce(sizes, axis=1) for name, sizes in columns.items()}
         title += f", largest of {solution.members} members"
-    axes = drawn_on(ax, f"time $t$ {UNITS}", label)
+    axes = drawn_on(ax, f"time $t$ {in_unit(solution, 't')}", label)
     axes.set_yscale("log")
     lines = []
     for sizes, colour in zip(columns.values(), colours(len(columns)), strict=True):

@@ -15,6 +15,7 @@ from liouville.plot.canvas import (
     UNITS,
     blank,
     drawn_on,
+    in_unit,
     legend,
     text,
 )
@@ -96,12 +97,16 @@ def trajectories(
     shown = {name: values[..., known.index(name)] for name in wanted}
     columns, note = chosen(solution, shown, fan)
     if against is None:
-        return draw_curves(ax, solution.t, columns, title + note, symbol, fan)
+        units = in_unit(solution, "t"), in_unit(solution, of, wanted)
+        return draw_curves(ax, solution.t, columns, title + note, symbol, fan, units)
     if fan:
         raise ValueError("a fan is drawn against time: leave against= out, or fan=")
     check_name(against, known, kind)
     symbol = "" if of in ("q", "y", "x") else f"{symbol} of "
-    labels = [f"{symbol}{', '.join(map(text, some))} {UNITS}" for some in ([against], wanted)]
+    labels = [
+        f"{symbol}{', '.join(map(text, some))} {in_unit(solution, of, some)}"
+        for some in ([against], wanted)
+    ]
     axes = drawn_on(ax, *labels)
     across, _ = few(solution, {against: values[..., known.index(against)]}, len(wanted))
     at = thinned(len(values), 5 * POINTS)
@@ -156,7 +161,8 @@ def invariants(
     change = "|I(t) - I(0)|"
     label, words = f"${change}\\,/\\,|I(0)|$", dict.fromkeys(wanted, "")
     if absolute and all(each.all() for each in absolute.values()):
-        label = f"${change}$ {UNITS}"
+        units = {in_unit(solution, name) for name in wanted}
+        label = f"${change}$ {units.pop() if len(units) == 1 else UNITS}"
     else:
         words = {name: _absolutely(each) for name, each in absolute.items()}
     sizes = {name + words[name]: solution.invariant_drift(name) for name in wanted}
@@ -188,7 +194,8 @@ def energy(solution: Solution, *, fan: bool = False, ax: Axes | None = None) -> 
     columns = {"change": solution.work - solution.dissipated}
     columns |= {name: values for name, values in solution.balance.items() if values.any()}
     columns, note = chosen(solution, columns, fan)
-    return draw_curves(ax, solution.t, columns, f"energy{note}", "", fan)
+    units = in_unit(solution, "t"), in_unit(solution, "energy")
+    return draw_curves(ax, solution.t, columns, f"energy{note}", "", fan, units)
 
 
 def steps(solution: Solution, *, ax: Axes | None = None) -> Axes:
@@ -209,7 +216,8 @@ def steps(solution: Solution, *, ax: Axes | None = None) -> Axes:
     sizes = np.abs(np.diff(solution.t))
     is_whole = len(sizes) == solution.stats.get("steps", len(sizes))
     title = "step sizes" if is_whole else "times between kept states"
-    axes = draw_curves(ax, solution.t[:-1], {"h": sizes}, title, "$h$")
+    units = (in_unit(solution, "t"),) * 2
+    axes = draw_curves(ax, solution.t[:-1], {"h": sizes}, title, "$h$", units=units)
     axes.set_yscale("log")
     return axes
 
