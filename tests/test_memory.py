@@ -125,6 +125,37 @@ def test_memory_that_runs_out_unforeseen_is_an_error_with_the_solution_so_far(na
         assert "not fit in memory" in more[1]
 
 
+SAVED = """
+import os, resource
+os.environ["OPENBLAS_NUM_THREADS"] = "1"
+import numpy as np
+import liouville as lv
+
+n = 2**20
+call = {{"system": lv.Schrodinger(lv.Lattice(n)), "method": lv.StabilitySplitting(),
+        "t": (0.0, 0.02), "h": 0.01, "psi": np.eye(1, n)[0], "states": False, "threads": 1}}
+lv.integrate(**call, store={folder!r} + "/warm.zarr")
+used = int(open("/proc/self/statm").read().split()[0]) * resource.getpagesize()
+resource.setrlimit(resource.RLIMIT_AS, (used + 150 * 2**20,) * 2)
+lv._arguments.memory = lambda: 1e18
+try:
+    print(lv.integrate(**call, store={folder!r} + "/run.zarr").status)
+except MemoryError as error:
+    print("MemoryError", error)
+"""
+
+
+@limited
+def test_a_state_that_cannot_be_saved_beside_the_run_is_an_error(tmp_path):
+    code = SAVED.format(folder=str(tmp_path))
+    found = subprocess.run(
+        [sys.executable, "-c", code], capture_output=True, text=True, timeout=300, check=False
+    )
+    assert found.returncode == 0, (found.returncode, found.stderr[-2000:])
+    assert "the state of the run does not fit in memory" in found.stdout
+    assert [path.name for path in tmp_path.iterdir()] == ["warm.zarr"]
+
+
 def test_limits_of_control_groups_count(tmp_path, monkeypatch):
     listed = tmp_path / "cgroup"
     monkeypatch.setattr(

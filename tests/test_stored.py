@@ -57,6 +57,31 @@ def sphere():
     )
 
 
+def crank(**more):
+    """Return a slider-crank that jumps next to its centre: its links are nearly equal."""
+
+    def links(t, q, params):
+        length = 1.000001**2
+        return [ca.sumsqr(q[:2]) - 1, (q[0] - q[2]) ** 2 + q[1] ** 2 - length]
+
+    system = lv.Lagrangian(lambda t, q, v, params: ca.sumsqr(v) / 2, links, q=3)
+    slider = np.cos(1.0) + np.sqrt(1.000001**2 - np.sin(1.0) ** 2)
+    start = system.consistent(q=[np.cos(1.0), np.sin(1.0), slider], v=[-1, 0.5, 0], hold="q")
+    call = {"system": system, "method": lv.Spark(3), "t": (0.0, 3.0), "h": 0.01}
+    return {**call, **start, **more}
+
+
+def bent(**more):
+    """Return a point in a plane given twice, whose constraints disagree behind x = 1."""
+    system = lv.Lagrangian(
+        lambda t, q, v, params: ca.sumsqr(v) / 2,
+        lambda t, q, params: {"flat": q[1], "bent": q[1] + ca.fmax(q[0] - 1, 0) ** 3},
+        q=("x", "y"),
+    )
+    call = {"system": system, "method": lv.Spark(2), "t": (0.0, 2.0), "h": 0.01}
+    return {**call, "q": [0, 0], "v": [1, 0], **more}
+
+
 def waves(**more):
     psi = np.exp(-((np.arange(15) - 5.0) ** 2) / 8 + 0.7j * np.arange(15))
     start = {"psi": psi / np.linalg.norm(psi), "t": np.linspace(0.0, 4.0, 40)}
@@ -84,6 +109,7 @@ KINDS = {
     "events": lambda: pendulum(steps=300, events={"low/high": height}, states=False),
     "ended": lambda: pendulum(steps=300, events={"low": lv.Event(height, terminal=2)}),
     "spark": lambda: pendulum(method=lv.Spark(3), steps=200),
+    "jumping": crank,
     "reversible": lambda: pendulum(method=lv.Spark(2), h=0.01, control=lv.Reversible()),
     "tolerant": lambda: pendulum(method=lv.Spark(3), rtol=1e-7),
     "composed": lambda: pendulum(method=lv.Composition(lv.LobattoPair(2), "SU4"), steps=100),
@@ -400,6 +426,50 @@ def test_a_failing_run_stores_all_before_it_and_fails_again(small, tmp_path):
         assert stored.value.step == plain.value.step
         assert stored.value.solution.t[-1] == plain.value.solution.t[-1]
         same(plain.value.solution, lv.load(path))
+
+
+def test_a_stored_run_says_where_its_energy_jumps(tmp_path):
+    path = tmp_path / "run.zarr"
+    said = lv.integrate(**crank(), store=path).message
+    assert "the energy has jumped by" in said
+    assert said == lv.load(path).message == lv.integrate(**crank()).message
+
+
+@pytest.mark.parametrize("every", [1, 3])
+def test_a_stored_run_ends_where_a_constraint_left_out_follows_no_longer(every, small, tmp_path):
+    with pytest.raises(lv.IntegrationError, match="no longer follows from the others") as plain:
+        lv.integrate(**bent(every=every))
+    path = tmp_path / "run.zarr"
+    for attempt in (
+        lambda: lv.integrate(**bent(every=every), store=lv.Store(path, 40)),
+        lambda: lv.resume(path),
+    ):
+        with pytest.raises(lv.IntegrationError) as stored:
+            attempt()
+        assert str(stored.value) == str(plain.value)
+        assert (stored.value.step, stored.value.t) == (plain.value.step, plain.value.t)
+        found = lv.load(path)
+        assert found.q.tobytes() == plain.value.solution.q.tobytes()
+
+
+def test_a_state_that_does_not_fit_ends_the_run_with_all_before_it(small, tmp_path, monkeypatch):
+    path, save, calls = tmp_path / "run.zarr", stream.Stream.save, count(1)
+
+    def full(*args):
+        if next(calls) == 4:
+            raise MemoryError("the state of the run does not fit in memory")
+        save(*args)
+
+    call = pendulum(method=lv.Spark(2), steps=300)
+    monkeypatch.setattr(stream.Stream, "save", full)
+    with pytest.raises(lv.IntegrationError, match="not fit in memory") as caught:
+        lv.integrate(**call, store=lv.Store(path, 25))
+    assert caught.value.step == 75
+    found = lv.load(path)
+    assert found.status == "failed"
+    assert found.t.size == 76
+    assert lv.resume(path).status == "done"
+    assert lv.load(path).q.tobytes() == lv.integrate(**call).q.tobytes()
 
 
 def test_a_run_that_cannot_start_leaves_nothing(tmp_path):

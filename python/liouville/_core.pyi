@@ -13,6 +13,7 @@ _Term = tuple[int, int, float, "Rows"]
 __all__ = [
     "OPERATIONS",
     "VERSION",
+    "EnergyWatch",
     "Hamiltonian",
     "Mechanical",
     "Operator",
@@ -25,7 +26,6 @@ __all__ = [
     "Tape",
     "chebyshev_degree",
     "compositions",
-    "energy_change",
     "independent_rows",
     "ladder",
     "listing",
@@ -131,13 +131,23 @@ def listing(
 ) -> tuple[
     list[tuple[int, float]], list[tuple[str, int, list[int]]], list[tuple[str, int, list[int]]]
 ]: ...
-def energy_change(
-    rows: NDArray[np.float64],
-    energy: int,
-    kinetic: int | tuple[int, int, int],
-    start: Sequence[float] | NDArray[np.float64] | None,
-    rises: bool,
-) -> tuple[int, int, float, float | None] | None: ...
+
+@final
+class EnergyWatch:
+    def __new__(
+        cls,
+        energy: int,
+        kinetic: int | tuple[int, int, int],
+        start: float | None = None,
+        rises: bool = False,
+    ) -> EnergyWatch: ...
+    def add(
+        self, times: NDArray[np.float64], rows: NDArray[np.float64], member: int = 0
+    ) -> None: ...
+    def found(self) -> tuple[int | None, float, float, float] | None: ...
+    def save(self) -> NDArray[np.float64]: ...
+    def restore(self, saved: NDArray[np.float64]) -> None: ...
+
 def violation(
     problem: Mechanical,
     params: NDArray[np.float64],

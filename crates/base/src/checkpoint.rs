@@ -5,13 +5,35 @@
 /// Whole numbers below this have a number each.
 const LARGEST: f64 = 9_007_199_254_740_992.0;
 
+/// Where numbers are saved: to memory, or only counted.
+pub trait Numbers {
+    /// Takes the next number.
+    fn push(&mut self, x: f64);
+}
+
+impl Numbers for Vec<f64> {
+    fn push(&mut self, x: f64) {
+        Self::push(self, x);
+    }
+}
+
+/// How many numbers are saved, to have room for them before.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Count(pub usize);
+
+impl Numbers for Count {
+    fn push(&mut self, _: f64) {
+        self.0 += 1;
+    }
+}
+
 /// The numbers that one step leaves to the next.
 ///
 /// A run restored from them goes on with the same bits: after a pause, or in a stepper of one member for a member
 /// of several in lock-step. Save only what the next step reads; statistics are left out. The default saves nothing.
 pub trait Checkpoint: Send + Sync {
     /// Appends the numbers of a member.
-    fn save(&self, _member: usize, _out: &mut Vec<f64>) {}
+    fn save(&self, _member: usize, _out: &mut dyn Numbers) {}
 
     /// Takes the numbers of a member from the front of `saved`, as [`Checkpoint::save`] wrote them.
     ///
@@ -31,7 +53,7 @@ macro_rules! checkpoint {
         [$($generics:tt)*] $type:ty { $($($field:ident).+),* $(,)? } $(then $check:expr)?
     ) => {
         impl<$($generics)*> $crate::checkpoint::Checkpoint for $type {
-            fn save(&self, member: usize, out: &mut Vec<f64>) {
+            fn save(&self, member: usize, out: &mut dyn $crate::checkpoint::Numbers) {
                 $($crate::checkpoint::Checkpoint::save(&self.$($field).+, member, out);)*
             }
 
@@ -73,7 +95,7 @@ pub fn split_front<'a>(
 }
 
 impl<M: Checkpoint + ?Sized> Checkpoint for Box<M> {
-    fn save(&self, member: usize, out: &mut Vec<f64>) {
+    fn save(&self, member: usize, out: &mut dyn Numbers) {
         (**self).save(member, out);
     }
 
@@ -83,7 +105,7 @@ impl<M: Checkpoint + ?Sized> Checkpoint for Box<M> {
 }
 
 impl Checkpoint for f64 {
-    fn save(&self, _: usize, out: &mut Vec<f64>) {
+    fn save(&self, _: usize, out: &mut dyn Numbers) {
         out.push(*self);
     }
 
@@ -95,7 +117,7 @@ impl Checkpoint for f64 {
 
 impl Checkpoint for usize {
     #[allow(clippy::cast_precision_loss)] // counters stay below 2⁵³
-    fn save(&self, _: usize, out: &mut Vec<f64>) {
+    fn save(&self, _: usize, out: &mut dyn Numbers) {
         out.push(*self as f64);
     }
 
@@ -111,7 +133,7 @@ impl Checkpoint for usize {
 }
 
 impl Checkpoint for bool {
-    fn save(&self, member: usize, out: &mut Vec<f64>) {
+    fn save(&self, member: usize, out: &mut dyn Numbers) {
         usize::from(*self).save(member, out);
     }
 
@@ -128,7 +150,7 @@ impl Checkpoint for bool {
 }
 
 impl<M: Checkpoint> Checkpoint for [M] {
-    fn save(&self, member: usize, out: &mut Vec<f64>) {
+    fn save(&self, member: usize, out: &mut dyn Numbers) {
         for x in self {
             x.save(member, out);
         }
@@ -140,7 +162,7 @@ impl<M: Checkpoint> Checkpoint for [M] {
 }
 
 impl<M: Checkpoint> Checkpoint for Vec<M> {
-    fn save(&self, member: usize, out: &mut Vec<f64>) {
+    fn save(&self, member: usize, out: &mut dyn Numbers) {
         self.as_slice().save(member, out);
     }
 
@@ -150,7 +172,7 @@ impl<M: Checkpoint> Checkpoint for Vec<M> {
 }
 
 impl<M: Checkpoint, const N: usize> Checkpoint for [M; N] {
-    fn save(&self, member: usize, out: &mut Vec<f64>) {
+    fn save(&self, member: usize, out: &mut dyn Numbers) {
         self.as_slice().save(member, out);
     }
 
@@ -160,7 +182,7 @@ impl<M: Checkpoint, const N: usize> Checkpoint for [M; N] {
 }
 
 impl<A: Checkpoint, B: Checkpoint> Checkpoint for (A, B) {
-    fn save(&self, member: usize, out: &mut Vec<f64>) {
+    fn save(&self, member: usize, out: &mut dyn Numbers) {
         self.0.save(member, out);
         self.1.save(member, out);
     }
@@ -172,7 +194,7 @@ impl<A: Checkpoint, B: Checkpoint> Checkpoint for (A, B) {
 }
 
 impl<M: Checkpoint + Default> Checkpoint for Option<M> {
-    fn save(&self, member: usize, out: &mut Vec<f64>) {
+    fn save(&self, member: usize, out: &mut dyn Numbers) {
         self.is_some().save(member, out);
         if let Some(found) = self {
             found.save(member, out);

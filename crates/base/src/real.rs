@@ -5,7 +5,7 @@
 #![allow(clippy::inline_always)] // an operation on lanes must vanish into the loop around it
 #![allow(clippy::needless_range_loop)] // and be one that is sure to be unrolled
 
-use crate::checkpoint::{Checkpoint, CheckpointMismatch};
+use crate::checkpoint::{Checkpoint, CheckpointMismatch, Numbers};
 use crate::elementary::Register;
 pub use crate::number::Number;
 use crate::number::number;
@@ -130,7 +130,7 @@ pub const WIDTH: usize = 8;
 pub struct Lanes<const W: usize = WIDTH>(pub [f64; W]);
 
 impl<const W: usize> Checkpoint for Lanes<W> {
-    fn save(&self, member: usize, out: &mut Vec<f64>) {
+    fn save(&self, member: usize, out: &mut dyn Numbers) {
         self.0[member].save(0, out);
     }
 

@@ -78,7 +78,7 @@ pub fn start(split: Arc<Split>, method: Method, job: Job) -> Result<Box<dyn Adva
             let plane = plane.clone();
             Ok(Box::new(starter.section(members, plane)))
         }
-        (Some(members), _) => Ok(Box::new(starter.ensemble(members))),
+        (Some(members), _) => Ok(Box::new(starter.ensemble(members)?)),
     }
 }
 
@@ -150,7 +150,7 @@ impl Starter {
     }
 
     /// All members, in blocks.
-    fn ensemble(self, members: usize) -> Ensemble {
+    fn ensemble(self, members: usize) -> Result<Ensemble, StepError> {
         let (span, threads) = (self.job.span, self.job.threads);
         let block = if members < BLOCK * threads {
             SMALL_BLOCK
@@ -164,7 +164,7 @@ impl Starter {
             _ => 0,
         };
         let layout = Layout::Aligned {
-            times: span.times(),
+            times: span.times()?,
             width,
         };
         let many = self.stepper::<Lanes<BLOCK>>(1);
@@ -176,7 +176,13 @@ impl Starter {
                 self.begin(few.clone(), members)
             }
         };
-        Ensemble::new(Box::new(begin), (members, block), threads, layout, span.t0)
+        Ok(Ensemble::new(
+            Box::new(begin),
+            (members, block),
+            threads,
+            layout,
+            span.t0,
+        ))
     }
 
     /// All members, in blocks, with the points where they pass a plane.

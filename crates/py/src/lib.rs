@@ -6,6 +6,7 @@
 mod caught;
 mod composition;
 mod convert;
+mod energy;
 mod errors;
 mod job;
 mod ladder;
@@ -38,6 +39,8 @@ mod _core {
     #[pymodule_export]
     use super::convert::{Rows, Tape};
     #[pymodule_export]
+    use super::energy::Watch;
+    #[pymodule_export]
     use super::ladder::{ladder, stability};
     #[pymodule_export]
     use super::listing::listing;
@@ -60,7 +63,7 @@ mod _core {
     #[pymodule_export]
     use super::split::Split;
     #[pymodule_export]
-    use super::start::{energy_change, violation};
+    use super::start::violation;
     #[pymodule_export]
     use super::tableau::{lobatto_pair, spark_tableau};
 

@@ -203,10 +203,11 @@ impl Run {
 
     /// All that the rest of the run depends on, without the records and events collected before; None where runs of
     /// this kind cannot be saved.
-    fn save<'py>(&self, py: Python<'py>) -> Option<Bound<'py, PyArray1<f64>>> {
+    fn save<'py>(&self, py: Python<'py>) -> PyResult<Option<Bound<'py, PyArray1<f64>>>> {
         let mut saved = Vec::new();
-        let is_saved = self.inner.save(&mut saved);
-        is_saved.then(|| PyArray1::from_vec(py, saved))
+        let no_memory = |_| PyMemoryError::new_err("the state of the run does not fit in memory");
+        let is_saved = self.inner.save(&mut saved).map_err(no_memory)?;
+        Ok(is_saved.then(|| PyArray1::from_vec(py, saved)))
     }
 
     /// Goes on where a run that was begun in the same way was saved.

@@ -1,18 +1,13 @@
-//! Starts that violate their constraints, and records whose energy cannot be right.
+//! Starts that violate their constraints.
 
 use crate::errors::refused;
 use crate::mechanical::Mechanical;
-use liouville_mechanics::problem::{
-    self, EnergyColumns, Kind, KineticColumns, Model, Tolerances, Violation,
-};
-use numpy::{PyReadonlyArray2, PyReadonlyArrayDyn, PyUntypedArrayMethods};
+use liouville_mechanics::problem::{Kind, Model, Tolerances, Violation};
+use numpy::{PyReadonlyArray2, PyUntypedArrayMethods};
 use pyo3::prelude::*;
 
 /// Member, kind and number of a constraint, its value, and the largest allowed.
 type Violated = (usize, &'static str, usize, f64, f64);
-
-/// Record, member, the energy at the start, and of a jump its part of the energy's size.
-type Changed = (usize, usize, f64, Option<f64>);
 
 /// The first of P states (t, y, z) that violates a constraint, with the constraint's kind and number, its value and
 /// the largest allowed; None if there is none. `params` has a row for each, or one for all; tolerances are relative
@@ -69,44 +64,4 @@ pub(crate) fn violation(
         };
         (member, kind, index, value, limit)
     }))
-}
-
-/// The first of k records whose energy has changed by more than its own size, else the record before a jump: with its
-/// member, the energy at the start, and of a jump its part of the energy's size; None if there is neither. Rows have
-/// shape (k, width) or (k, P, width). `kinetic` is its column, or those of the first of n velocities and momenta with
-/// n. `start` has the energies at the start of all members; with `rises` only a gain counts.
-#[pyfunction]
-#[pyo3(signature = (rows, energy, kinetic, start, rises))]
-pub(crate) fn energy_change(
-    py: Python<'_>,
-    rows: PyReadonlyArrayDyn<'_, f64>,
-    energy: usize,
-    kinetic: KineticAt,
-    start: Option<Vec<f64>>,
-    rises: bool,
-) -> PyResult<Option<Changed>> {
-    let shape = rows.shape();
-    let width = shape.last().copied().unwrap_or(0);
-    let (kinetic, end) = match kinetic {
-        KineticAt::Recorded(at) => (KineticColumns::Recorded(at), at + 1),
-        KineticAt::Product(v, p, n) => (KineticColumns::Product { v, p, n }, v.max(p) + n),
-    };
-    if shape.len() < 2 || energy >= width || end > width {
-        return Err(refused("records are rows with all these columns"));
-    }
-    let members: usize = shape[1..shape.len() - 1].iter().product();
-    if start.as_ref().is_some_and(|start| start.len() != members) {
-        return Err(refused("each member has one energy at the start"));
-    }
-    let (rows, at) = (rows.as_slice()?, EnergyColumns { energy, kinetic });
-    let found =
-        py.detach(|| problem::energy_change(rows, (members, width), at, start.as_deref(), rises));
-    Ok(found.map(|found| (found.record, found.member, found.first, found.jump)))
-}
-
-/// Columns of the kinetic energy, or of the first of n velocities and momenta with n.
-#[derive(FromPyObject)]
-pub(crate) enum KineticAt {
-    Product(usize, usize, usize),
-    Recorded(usize),
 }

@@ -2,62 +2,59 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from itertools import accumulate
-
-import numpy as np
 
 from liouville import _core
 
+#: What a watch has found: see :meth:`liouville._core.EnergyWatch.found`.
+Found = tuple[int | None, float, float, float]
 
-def change_of_energy(
-    t: np.ndarray,
-    rows: np.ndarray,
-    columns: Mapping[str, int],
-    *,
-    start: float | np.ndarray | None = None,
-    rises: bool = False,
-) -> str:
-    r"""Say where the energy changed by more than its own size, or jumped and stayed; else "".
 
-    The size of an energy that is :math:`E_0` first is :math:`|E_0|` and the mean so far of the
-    kinetic energy :math:`v^T p / 2`, but not below a tenth of the present one. A jump parts all
-    energies before from all after it, by a thousandth of the size and a thousand times the median
-    change.
+def watch_of(
+    columns: Mapping[str, int], start: float | None, *, rises: bool
+) -> _core.EnergyWatch | None:
+    r"""Return a watch over the energy of records, None if they have not what it takes.
+
+    The watch finds where the energy changed by more than its own size, or jumped and stayed. The
+    size of an energy that is :math:`E_0` first is :math:`|E_0|` and the mean so far of the kinetic
+    energy :math:`v^T p / 2`, but not below a tenth of the present one. A jump parts all energies
+    before from all after it, by a thousandth of the size and a thousand times the median change.
 
     Parameters
     ----------
-    t : ndarray, shape (k,)
-        Times of the records.
-    rows : ndarray, shape (k, w) or (k, P, w)
-        The records, of a run or of the members of an ensemble.
     columns : mapping of str to int
-        Names and widths of their columns: without an energy, or what makes the kinetic energy,
-        there is nothing to say.
-    start : float or ndarray, optional
+        Names and widths of the columns of a record.
+    start : float or None
         The energy at the start; without one, that of the first record.
-    rises : bool, default False
+    rises : bool
         Whether only a gain counts, as of methods that damp.
     """
     has_states = "v" in columns and "p" in columns
-    if t.size < 2 or "invariant energy" not in columns or not (has_states or "kinetic" in columns):
-        return ""
+    if "invariant energy" not in columns or not (has_states or "kinetic" in columns):
+        return None
     at = dict(zip(columns, accumulate(columns.values(), initial=0), strict=False))
     kinetic = (at["v"], at["p"], columns["v"]) if has_states else at["kinetic"]
-    energy = at["invariant energy"]
-    first = None if start is None else np.ravel(start)
-    found = _core.energy_change(rows, energy, kinetic, first, rises)
-    if found is None:
+    return _core.EnergyWatch(at["invariant energy"], kinetic, start, rises)
+
+
+def said_of(found_of_each: Iterable[Found | None], *, is_ensemble: bool) -> str:
+    """Say what watches over one motion, or over each member of an ensemble, have found."""
+    found = [(member, *what) for member, what in enumerate(found_of_each) if what is not None]
+    if not found:
         return ""
-    k, member, begin, jump = found
-    of = f" of member {member}" if rows.ndim == 3 else ""
-    if jump is None:
-        now = rows[k, ..., energy].reshape(-1)[member]
+    # the earliest change of all members before a jump of any
+    changes = [each for each in found if each[1] is not None]
+    member, record, *rest = min(changes, key=lambda each: each[1] or 0) if changes else found[0]
+    of = f" of member {member}" if is_ensemble else ""
+    if record is None:
+        begin, end, part = rest
         return (
-            f"the energy{of} has changed from {begin:.3g} to {now:.3g} at t = {t[k]:.6g}, "
-            "by more than its own size: steps were too large before"
+            f"the energy{of} has jumped by {100 * part:.2g} % of its size between "
+            f"t = {begin:.6g} and t = {end:.6g}: steps were too large there"
         )
+    t, first, now = rest
     return (
-        f"the energy{of} has jumped by {100 * jump:.2g} % of its size between "
-        f"t = {t[k]:.6g} and t = {t[k + 1]:.6g}: steps were too large there"
+        f"the energy{of} has changed from {first:.3g} to {now:.3g} at t = {t:.6g}, "
+        "by more than its own size: steps were too large before"
     )

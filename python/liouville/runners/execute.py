@@ -60,6 +60,8 @@ def execute(runner: Runner, progress: Progress = None) -> Solution:
             status, stats["steps"] = ending_of(failures, runner.members[0]), runner.steps.count
             if status == "failed":
                 stats["steps"] = max(failure.step for failure in failures.values())
+    if status != "failed":
+        message = "; ".join(filter(None, [message, runner.remark(times, rows)]))
     ended = status, message
     solution = solution_of(runner, times, rows, stats, reached, ended, events, failures)
     if failures and not solution.t.size:
@@ -130,8 +132,6 @@ def solution_of(
         end += width
     parts = runner.read(columns)
     status, message = ended
-    if status != "failed":
-        message = "; ".join(filter(None, [message, runner.remark(times, rows)]))
     return Solution(
         t=times,
         states={name: parts[name] for name in STATES if name in parts},

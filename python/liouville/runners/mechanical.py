@@ -12,7 +12,7 @@ from liouville._job import Job
 from liouville.control import Takes
 from liouville.errors import Description, hinted, quoted
 from liouville.methods import Composition, LobattoPair, Method
-from liouville.runners.energy import change_of_energy
+from liouville.runners.energy import watch_of
 from liouville.runners.runner import Request
 from liouville.runners.traced import TracedRunner
 from liouville.systems import Mechanical, Mechanics
@@ -120,12 +120,11 @@ class MechanicalRunner(TracedRunner):
         start = self.initial.get("energy", energy[:1])
         return {"work": work, "dissipated": start + work - energy}
 
-    def remark(self, t: np.ndarray, rows: np.ndarray) -> str:
-        """Say where the energy of a conservative system changed as only large steps change it."""
+    def watch(self) -> _core.EnergyWatch | None:
+        """Return a watch over the energy of a conservative system."""
         if not self.system.is_conservative:
-            return ""
-        start = self.initial.get("energy")
-        return change_of_energy(t, rows, self.columns, start=start, rises=not self._is_general)
+            return None
+        return watch_of(self.columns, self.initial.get("energy"), rises=not self._is_general)
 
     def contradiction(self, rows: np.ndarray) -> tuple[int, dict[str, Any]] | None:
         """Return where constraints that were left out do not hold, with the first of them."""

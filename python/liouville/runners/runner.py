@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import os
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
@@ -18,6 +18,7 @@ from liouville.control import Steps, Takes, steps_of
 from liouville.errors import Description, describe
 from liouville.methods import Method
 from liouville.points import Points
+from liouville.runners.energy import Found, said_of
 from liouville.systems import System
 
 if TYPE_CHECKING:
@@ -143,10 +144,22 @@ class Runner(ABC):
         del parts
         return {}
 
+    def watch(self) -> _core.EnergyWatch | None:
+        """Return a watch over the energy of a motion, None where nothing tells what it may be."""
+        return None
+
     def remark(self, t: np.ndarray, rows: np.ndarray) -> str:
         """Return a sentence on records that cannot be right; empty where there is none."""
-        del t, rows
-        return ""
+        return said_of(self._found(t, rows), is_ensemble=bool(self.members))
+
+    def _found(self, t: np.ndarray, rows: np.ndarray) -> Iterator[Found | None]:
+        """Give what is found of each member, one after another."""
+        for member in range(math.prod(self.members)):
+            watch = self.watch()
+            if watch is None:
+                return
+            watch.add(t, rows, member)
+            yield watch.found()
 
     def events(self, run: _core.Run) -> tuple[dict[str, Points], str]:
         """Return the events met, by name, and a sentence on the one that ended the run."""

@@ -40,7 +40,7 @@ from liouville.stored.store import Interval, Store, interval_of, is_there, store
 from liouville.stored.stream import JOB, STATE, Stream, chunks_of
 
 #: The layout of a checkpoint.
-LAYOUT = 4
+LAYOUT = 5
 
 #: The message in a folder of a run that is going on, or was cut off.
 CUT_OFF = "not finished: liouville.resume goes on with it"
@@ -182,7 +182,11 @@ class _StoredRun:
             outcome = self._advance(progress, is_interrupted)
             if outcome == "interrupted":
                 self._save()
-            self._stream.add(self._run, self._run.take())
+            if not _is_cut(outcome):
+                outcome = self._stream.add(self._run, self._run.take()) or outcome
+            if isinstance(outcome, dict):
+                recent = self._stream.recent()
+                self._runner.look(outcome, recent["t"], recent["rows"])
             self._stream.finish()
             quantity = self._describe(outcome)
         solution = _ends(self._folder.path, self._runner)
@@ -202,10 +206,15 @@ class _StoredRun:
         last = time.monotonic()
         while True:
             outcome = advance_slice(run, interval.limit(run.done, most))
-            stream.add(run, run.collect())
-            if outcome == "paused" and interval.is_due(run.done, last):
-                self._save()
-                last = time.monotonic()
+            try:
+                bad = stream.add(run, run.collect())
+                if bad is None and outcome == "paused" and interval.is_due(run.done, last):
+                    self._save()
+                    last = time.monotonic()
+            except MemoryError:
+                return {"kind": "no memory", "step": run.done, "start": run.t}
+            if bad is not None:
+                return bad
             try:
                 report()
             except KeyboardInterrupt:
@@ -224,6 +233,8 @@ class _StoredRun:
         stats = self._runner.stats(self._run)
         stats["seconds"] = time.perf_counter() - self._clock
         status, message, quantity = status_of(outcome, self._runner, stats, self._stream.end)
+        if status != "failed":
+            message = "; ".join(filter(None, [message, self._stream.remark()]))
         if status == "interrupted":
             message += f"; liouville.resume({str(path)!r}) goes on"
         h = self._runner.steps.mean(self._run.t, stats["steps"])
@@ -233,6 +244,11 @@ class _StoredRun:
         if status == "done":
             (path / CHECKPOINT / STATE).unlink()
         return quantity
+
+
+def _is_cut(outcome: Outcome) -> bool:
+    """Return whether records end before the present state: one is bad, or they do not fit."""
+    return isinstance(outcome, dict) and outcome["kind"] in ("contradiction", "no memory")
 
 
 @contextmanager

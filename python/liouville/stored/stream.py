@@ -13,6 +13,7 @@ import numpy as np
 from liouville import _core
 from liouville.points import Points
 from liouville.runners import Runner
+from liouville.runners.energy import said_of
 from liouville.runners.execute import solution_of
 from liouville.solution import Solution
 from liouville.stored import arrays
@@ -53,18 +54,39 @@ class Stream:
         self._rest: dict[str, list[Columns]] = {axis: [] for axis in chunks}
         self._written = dict.fromkeys(chunks, 0)
         self._first: Columns = {}
+        self._last = 0, runner.steps.t0
+        self._watch = runner.watch()
         self.rows = chunks[TIME]
         self.end = ""
 
-    def add(self, run: _core.Run, records: tuple[np.ndarray, np.ndarray]) -> None:
-        """Take records, and the events met until then."""
+    def add(self, run: _core.Run, records: tuple[np.ndarray, np.ndarray]) -> dict[str, Any] | None:
+        """Take records, and the events met until then; returns the error of one that is bad."""
         times, rows = records
+        found = self._runner.contradiction(rows)
+        if found:
+            times, rows = times[: found[0]], rows[: found[0]]
+        if times.size:
+            self._last = self._last[0] + times.size, float(times[-1])
+        if self._watch is not None:
+            self._watch.add(times, rows)
         if not self._first and times.size:
             self._first = {"t": times[:1].copy(), "rows": rows[:1].copy()}
         self._append(TIME, {"t": times, "rows": rows})
         events, self.end = self._runner.events(run)
         for name, points in events.items():
             self._append(arrays.event_axis(name), {"t": points.t, **points.states})
+        if not found:
+            return None
+        count, start = self._last
+        return found[1] | {"step": max(count - 1, 0) * self._runner.every, "start": start}
+
+    def remark(self) -> str:
+        """Return a sentence on records that cannot be right; empty where there is none."""
+        return "" if self._watch is None else said_of([self._watch.found()], is_ensemble=False)
+
+    def recent(self) -> Columns:
+        """Return the records that do not fill a chunk yet."""
+        return _joined(self._rest[TIME])
 
     def _append(self, axis: str, columns: Columns) -> None:
         rest, size = self._rest[axis], self._chunks[axis]
@@ -110,9 +132,12 @@ class Stream:
             for name, x in _joined(each).items()
         }
         first = {f"first/{name}": x for name, x in self._first.items()}
-        state = json.dumps({"written": self._written, "stats": dict(stats), "end": self.end})
+        counts = {"written": self._written, "last": self._last, "end": self.end}
+        state = json.dumps({**counts, "stats": dict(stats)})
         buffer = io.BytesIO()
         whole: dict[str, Any] = {"memory": memory, "counts": np.array(state), **rest, **first}
+        if self._watch is not None:
+            whole["watch"] = self._watch.save()
         np.savez(buffer, **whole)
         self._folder.commit(STATE, buffer.getvalue())
 
@@ -121,6 +146,9 @@ class Stream:
         run.restore(state["memory"])
         counts = json.loads(str(state["counts"]))
         self._written, self.end = counts["written"], counts["end"]
+        self._last = tuple(counts["last"])
+        if self._watch is not None:
+            self._watch.restore(state["watch"])
         rest: dict[str, Columns] = {axis: {} for axis in (*self._chunks, "first")}
         for key, values in state.items():
             axis, slash, name = key.rpartition("/")

@@ -75,7 +75,7 @@ impl MemberRecords {
         let Layout::Aligned { times: all, width } = &self.layout else {
             let records = match one {
                 None => (times, rows),
-                Some(_) => rows_of(members[0], &times, &rows),
+                Some(_) => rows_of(members[0], &times, &rows)?,
             };
             self.counts.0 += records.0.len();
             self.counts.1 += records.1.len();
@@ -109,9 +109,9 @@ impl MemberRecords {
 
     /// All records up to a time this far from the start; none are left.
     pub(super) fn take(&mut self, reached: f64) -> TimesAndRows {
-        match &self.layout {
+        match &mut self.layout {
             Layout::Aligned { times, width } => {
-                let total = self.members * width;
+                let total = self.members * *width;
                 let mut rows = mem::take(&mut self.table);
                 let is_there = |row: &[f64]| row.iter().any(|value| !value.is_nan());
                 let count = match total {
@@ -119,7 +119,9 @@ impl MemberRecords {
                     _ => rows.chunks(total).rposition(is_there).map_or(0, |k| k + 1),
                 };
                 rows.truncate(count * total);
-                (times[..count].to_vec(), rows)
+                let mut times = mem::take(times);
+                times.truncate(count);
+                (times, rows)
             }
             Layout::Ragged { .. } => {
                 self.ragged.sort_by_key(|(member, _)| *member);
@@ -131,13 +133,23 @@ impl MemberRecords {
 }
 
 /// The rows of one member, whose number comes first in each.
+///
+/// # Errors
+/// There is no memory for them.
 #[allow(clippy::float_cmp, clippy::cast_precision_loss)] // it is a small integer
-fn rows_of(member: usize, times: &[f64], rows: &[f64]) -> TimesAndRows {
+fn rows_of(member: usize, times: &[f64], rows: &[f64]) -> Result<TimesAndRows, StepError> {
     let width = (rows.len() / times.len().max(1)).max(1);
     let both = times.iter().zip(rows.chunks_exact(width));
-    let own = both.filter(|(_, row)| row[0] == member as f64);
-    let (times, rows): (Vec<f64>, Vec<&[f64]>) = own.unzip();
-    (times, rows.concat())
+    let own = || both.clone().filter(|(_, row)| row[0] == member as f64);
+    let count = own().count();
+    let (mut own_times, mut own_rows) = (Vec::new(), Vec::new());
+    reserve(&mut own_times, count)?;
+    reserve(&mut own_rows, count * width)?;
+    for (t, row) in own() {
+        own_times.push(*t);
+        own_rows.extend_from_slice(row);
+    }
+    Ok((own_times, own_rows))
 }
 
 /// Rows of one run after those of another, up to a time this far from the start, in room for them.

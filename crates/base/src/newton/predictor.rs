@@ -6,7 +6,7 @@
 #![allow(clippy::inline_always)] // what is not inlined is compiled without the registers it is for
 #![allow(clippy::float_cmp)] // begin is 0 or 1
 
-use crate::checkpoint::{Checkpoint, CheckpointMismatch};
+use crate::checkpoint::{Checkpoint, CheckpointMismatch, Numbers};
 use crate::linalg::{Matrix, as_is, combine};
 use crate::real::Real;
 use crate::tableau::lagrange;
@@ -179,7 +179,7 @@ impl<R: Real> Predictor<R> {
 
 /// The curves; their weights are made again, to the same bits.
 impl<R: Real> Checkpoint for Predictor<R> {
-    fn save(&self, member: usize, out: &mut Vec<f64>) {
+    fn save(&self, member: usize, out: &mut dyn Numbers) {
         (self.h, self.begin).save(member, out);
         for curve in &self.curves {
             curve.values.flat().save(member, out);

@@ -64,8 +64,11 @@ pub trait Advance: Send + Sync {
     }
     /// Appends all that the rest of the run depends on; the records and events collected before are not part of
     /// it. Returns whether runs of this kind can be saved.
-    fn save(&self, _out: &mut Vec<f64>) -> bool {
-        false
+    ///
+    /// # Errors
+    /// There is no memory for it.
+    fn save(&self, _out: &mut Vec<f64>) -> Result<bool, StepError> {
+        Ok(false)
     }
     /// Continues a saved run, with the same bits; this one was begun in the same way.
     ///

@@ -14,7 +14,7 @@ pub use record::Records;
 pub use room::reserve;
 pub use start::{Span, StartError};
 
-use crate::checkpoint::{Checkpoint, CheckpointMismatch};
+use crate::checkpoint::{Checkpoint, CheckpointMismatch, Count, Numbers};
 use crate::error::StepError;
 use crate::method::Stats;
 use crate::observe::Observe;
@@ -141,6 +141,19 @@ impl<State: Checkpoint> Run<State> {
         let t = self.present();
         self.records.push(&mut *self.observer, t, &self.state)
     }
+
+    fn save_all(&self, out: &mut dyn Numbers) {
+        let all = 0;
+        (self.n, self.end).save(all, out);
+        self.stats().0.save(all, out);
+        self.state.save(all, out);
+        self.control.save(all, out);
+        self.observer.save(all, out);
+        self.records.save(all, out);
+        if let Some(events) = &self.events {
+            events.save(all, out);
+        }
+    }
 }
 
 impl<State: Checkpoint> Advance for Run<State> {
@@ -217,18 +230,12 @@ impl<State: Checkpoint> Advance for Run<State> {
         self.records.collect()
     }
 
-    fn save(&self, out: &mut Vec<f64>) -> bool {
-        let all = 0;
-        (self.n, self.end).save(all, out);
-        self.stats().0.save(all, out);
-        self.state.save(all, out);
-        self.control.save(all, out);
-        self.observer.save(all, out);
-        self.records.save(all, out);
-        if let Some(events) = &self.events {
-            events.save(all, out);
-        }
-        true
+    fn save(&self, out: &mut Vec<f64>) -> Result<bool, StepError> {
+        let mut count = Count::default();
+        self.save_all(&mut count);
+        reserve(out, count.0)?;
+        self.save_all(out);
+        Ok(true)
     }
 
     fn restore(&mut self, mut saved: &[f64]) -> Result<(), CheckpointMismatch> {

@@ -1,5 +1,6 @@
 //! How a run starts: its times, and why it may not.
 
+use super::reserve;
 use crate::error::StepError;
 
 /// A run by equal steps.
@@ -21,15 +22,21 @@ impl Span {
         (self.t1 - self.t0) / self.steps as f64
     }
 
-    /// About how many records there will be.
+    /// How many records there will be, or a few more.
     pub fn records(&self) -> usize {
         self.steps / self.every + 2
     }
 
     /// The times of all records.
-    pub fn times(&self) -> Vec<f64> {
+    ///
+    /// # Errors
+    /// There is no memory for them.
+    pub fn times(&self) -> Result<Vec<f64>, StepError> {
+        let mut times = Vec::new();
+        reserve(&mut times, self.records())?;
         let kept = (0..self.steps).step_by(self.every).chain([self.steps]);
-        kept.map(|n| self.t0 + n as f64 * self.h()).collect()
+        times.extend(kept.map(|n| self.t0 + n as f64 * self.h()));
+        Ok(times)
     }
 }
 

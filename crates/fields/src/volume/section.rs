@@ -7,7 +7,7 @@
 
 use super::{State, UserVariables, Volume};
 use liouville_base::bracket::Bracket;
-use liouville_base::checkpoint::{Checkpoint, CheckpointMismatch};
+use liouville_base::checkpoint::{Checkpoint, CheckpointMismatch, Numbers};
 use liouville_base::error::StepError;
 use liouville_base::method::Stepper;
 use liouville_base::observe::Observe;
@@ -210,7 +210,7 @@ impl<S: Stored + Real, M: Stepper<State = State<f64>>> Observe<State<S>> for Sec
 
 /// The end of the last step.
 impl<S: Stored, M: Checkpoint> Checkpoint for Section<S, M> {
-    fn save(&self, member: usize, out: &mut Vec<f64>) {
+    fn save(&self, member: usize, out: &mut dyn Numbers) {
         let last = self.last.map(|(t, s)| (t, s.member(member)));
         last.save(member, out);
         self.before.save(member, out);

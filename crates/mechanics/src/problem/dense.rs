@@ -13,7 +13,7 @@
 
 use super::hermite::Newton;
 use super::{Carried, Dynamics, Model};
-use liouville_base::checkpoint::{Checkpoint, CheckpointMismatch};
+use liouville_base::checkpoint::{Checkpoint, CheckpointMismatch, Numbers};
 use liouville_base::error::StepError;
 use liouville_base::linalg::copy;
 
@@ -321,7 +321,7 @@ impl<M: Dynamics> Path<M> {
 
 /// The knots; polynomials are fitted again, to the same bits.
 impl<M: Dynamics> Checkpoint for Path<M> {
-    fn save(&self, member: usize, out: &mut Vec<f64>) {
+    fn save(&self, member: usize, out: &mut dyn Numbers) {
         self.knots.len().save(member, out);
         for knot in &self.knots {
             knot.save(member, out);
@@ -344,7 +344,7 @@ impl<M: Dynamics> Checkpoint for Path<M> {
 }
 
 impl Checkpoint for Knot {
-    fn save(&self, member: usize, out: &mut Vec<f64>) {
+    fn save(&self, member: usize, out: &mut dyn Numbers) {
         self.t.save(member, out);
         self.y.save(member, out);
         self.z.save(member, out);

@@ -1,10 +1,17 @@
 //! Records in which the energy of a conservative system changes as only steps that are too large change it.
 
+use liouville_base::checkpoint::{Checkpoint, CheckpointMismatch, Numbers};
+use std::collections::VecDeque;
+
 /// The part of the kinetic energy that an error of the energy may be without a word.
 const PART: f64 = 0.1;
 /// The part of the energy's size that is a jump, if it is so many times the median change.
 const JUMP: f64 = 1e-3;
 const CONSPICUOUS: f64 = 1e3;
+/// Gaps that are kept of one sign.
+const MOST_GAPS: usize = 1 << 12;
+/// A change is counted by its exponent and so many bits more: its median is known to an eighth.
+const BITS: u32 = 2;
 
 /// Places in a row of records.
 #[derive(Clone, Copy, Debug)]
@@ -45,114 +52,281 @@ impl KineticColumns {
 
 /// A change of the energy that errors of good steps do not make.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct EnergyChange {
-    /// The record where it has changed, or the one before a jump.
-    pub record: usize,
-    /// The member.
-    pub member: usize,
-    /// The energy at the start.
-    pub first: f64,
-    /// Of a jump, its part of the energy's size.
-    pub jump: Option<f64>,
+pub enum EnergyChange {
+    /// By more than its own size.
+    Large {
+        /// Number and time of the record that shows it.
+        record: usize,
+        /// Its time.
+        t: f64,
+        /// The energy at the start, and there.
+        energies: [f64; 2],
+    },
+    /// All energies before are off all those after.
+    Jump {
+        /// The times of the records around it.
+        between: [f64; 2],
+        /// By how much at least, as a part of the energy's size.
+        part: f64,
+    },
 }
 
-/// The first record whose energy has changed by more than its own size, else the first member with a jump.
+/// Follows the energy of one motion, record by record, in memory that does not grow with their number.
 ///
 /// The size of an energy that is E at the start is |E| and the mean so far of the kinetic energy, but not below a
-/// tenth of the present one. A jump parts all energies before from all after it, see [`largest_jump`]. With `rises`
-/// only a gain counts, as of methods that damp. A record has a row of this width for each member; without energies at
-/// the start, one for each member, those of the first record count.
-///
-/// # Panics
-/// When a column is beyond the width, or there is not a start for each member.
-pub fn energy_change(
-    rows: &[f64],
-    (members, width): (usize, usize),
+/// tenth of the present one. A change by more than that is a large one. A jump parts all energies before from all
+/// after it by a thousandth of the size, and by a thousand times the median change, as a change that the others are
+/// like is no jump. An error that comes and goes, as that of a symplectic method, parts no energies.
+#[derive(Clone, Debug)]
+pub struct EnergyWatch {
     at: EnergyColumns,
-    start: Option<&[f64]>,
+    /// Whether only a gain counts, as of methods that damp.
     rises: bool,
-) -> Option<EnergyChange> {
-    let records = rows.chunks_exact(members * width);
-    let count = records.len();
-    if count < 2 {
-        return None;
-    }
-    let first_of = |member: usize| match start {
-        Some(start) => start[member],
-        None => rows[member * width + at.energy],
-    };
-    let mut sums = vec![0.0; members];
-    for (record, row) in records.enumerate() {
-        for (member, (row, sum)) in row.chunks_exact(width).zip(&mut sums).enumerate() {
-            let (kinetic, first) = (at.kinetic.of(row), first_of(member));
-            *sum += kinetic;
-            let change = row[at.energy] - first;
-            let change = if rises { change } else { change.abs() };
-            let size = first.abs() + *sum / (record + 1) as f64;
-            if change > size.max(PART * kinetic) {
-                let jump = None;
-                return Some(EnergyChange {
-                    record,
-                    member,
-                    first,
-                    jump,
-                });
-            }
-        }
-    }
-    (0..members).find_map(|member| {
-        let of_member = rows.iter().skip(member * width + at.energy);
-        let energies: Vec<f64> = of_member.step_by(members * width).copied().collect();
-        let first = first_of(member);
-        let size = first.abs().max(sums[member] / count as f64);
-        let (record, jump) = largest_jump(&energies, rises)?;
-        (jump > JUMP * size).then_some(EnergyChange {
-            record,
-            member,
-            first,
-            jump: Some(jump / size),
-        })
-    })
+    start: Option<f64>,
+    records: usize,
+    kinetic: f64,
+    large: Option<(usize, (f64, f64))>,
+    /// Time and energy of the last record.
+    last: (f64, f64),
+    /// The highest energy, and the highest of −E.
+    highest: [f64; 2],
+    gaps: [Vec<Gap>; 2],
+    changes: Changes,
+    is_finite: bool,
 }
 
-/// By how much all energies up to a record are at least off those after it, where that is most; `None` unless it is a
-/// thousand times the median change, as a change that the others are like is no jump.
-///
-/// An error that comes and goes, as that of a symplectic method, parts no energies. Energies that are not all finite
-/// have no jump.
-fn largest_jump(energies: &[f64], rises: bool) -> Option<(usize, f64)> {
-    if !energies.iter().all(|energy| energy.is_finite()) {
-        return None;
-    }
-    let widen = |(low, high): (f64, f64), x: &f64| (x.min(low), x.max(high));
-    let none = (f64::INFINITY, f64::NEG_INFINITY);
-    let mut after: Vec<(f64, f64)> = energies
-        .iter()
-        .rev()
-        .scan(none, |range, energy| {
-            *range = widen(*range, energy);
-            Some(*range)
-        })
-        .collect();
-    after.reverse();
-    let (mut before, mut most) = (none, (0, f64::NEG_INFINITY));
-    for (record, (energy, (lowest, highest))) in energies.iter().zip(&after[1..]).enumerate() {
-        before = widen(before, energy);
-        let fall = if rises {
-            f64::NEG_INFINITY
-        } else {
-            before.0 - highest
-        };
-        let gap = fall.max(lowest - before.1);
-        if gap > most.1 {
-            most = (record, gap);
+/// Energies that all records before stay below, and all those after above, with the times of the records around.
+#[derive(Clone, Copy, Debug, Default)]
+struct Gap {
+    below: f64,
+    above: f64,
+    from: f64,
+    to: f64,
+}
+
+/// How many changes of the energy are of which size.
+#[derive(Clone, Debug, Default)]
+struct Changes {
+    zeros: usize,
+    first: usize,
+    counts: VecDeque<usize>,
+}
+
+impl EnergyWatch {
+    /// A watch over a motion with this energy at the start; without it, that of the first record counts.
+    pub fn new(at: EnergyColumns, start: Option<f64>, rises: bool) -> Self {
+        Self {
+            at,
+            rises,
+            start,
+            records: 0,
+            kinetic: 0.0,
+            large: None,
+            last: (0.0, 0.0),
+            highest: [f64::NEG_INFINITY; 2],
+            gaps: [Vec::new(), Vec::new()],
+            changes: Changes::default(),
+            is_finite: true,
         }
     }
-    let mut changes: Vec<f64> = energies
-        .windows(2)
-        .map(|pair| (pair[1] - pair[0]).abs())
-        .collect();
-    let middle = changes.len() / 2;
-    let (_, median, _) = changes.select_nth_unstable_by(middle, f64::total_cmp);
-    (most.1 > CONSPICUOUS * *median).then_some(most)
+
+    /// Looks at the next record.
+    ///
+    /// # Panics
+    /// When a column is beyond the row.
+    pub fn add(&mut self, t: f64, row: &[f64]) {
+        let (energy, kinetic) = (row[self.at.energy], self.at.kinetic.of(row));
+        let first = *self.start.get_or_insert(energy);
+        self.records += 1;
+        self.kinetic += kinetic;
+        let change = energy - first;
+        let change = if self.rises { change } else { change.abs() };
+        if self.large.is_none() && change > self.size(first).max(PART * kinetic) {
+            self.large = Some((self.records - 1, (t, energy)));
+        }
+        self.is_finite &= energy.is_finite();
+        if !self.is_finite {
+            return;
+        }
+        if self.records > 1 {
+            self.changes.count((energy - self.last.1).abs());
+        }
+        for (sign, (highest, gaps)) in [1.0, -1.0]
+            .into_iter()
+            .zip(self.highest.iter_mut().zip(&mut self.gaps))
+            .take(if self.rises { 1 } else { 2 })
+        {
+            part(gaps, *highest, sign * energy, [self.last.0, t]);
+            *highest = highest.max(sign * energy);
+        }
+        self.last = (t, energy);
+    }
+
+    fn size(&self, first: f64) -> f64 {
+        first.abs() + self.kinetic / self.records as f64
+    }
+
+    /// What is to be said of the records so far; one alone shows nothing.
+    pub fn found(&self) -> Option<EnergyChange> {
+        let first = self.start.filter(|_| self.records > 1)?;
+        if let Some((record, (t, energy))) = self.large {
+            let energies = [first, energy];
+            return Some(EnergyChange::Large {
+                record,
+                t,
+                energies,
+            });
+        }
+        let size = first.abs().max(self.kinetic / self.records as f64);
+        let gaps = self.gaps.iter().filter_map(|gaps| gaps.last());
+        let widest = gaps.max_by(|a, b| a.width().total_cmp(&b.width()))?;
+        let (width, between) = (widest.width(), [widest.from, widest.to]);
+        let is_jump =
+            self.is_finite && width > JUMP * size && width > CONSPICUOUS * self.changes.median();
+        is_jump.then_some(EnergyChange::Jump {
+            between,
+            part: width / size,
+        })
+    }
+}
+
+impl Gap {
+    fn width(&self) -> f64 {
+        self.above - self.below
+    }
+}
+
+/// Brings gaps up to date with an energy that follows others of which none is higher than `highest`.
+///
+/// Later gaps lie higher and go first when the energy falls. So one that is narrower than one before it is never the
+/// widest, and is not kept: the last is the widest.
+fn part(gaps: &mut Vec<Gap>, highest: f64, energy: f64, [from, to]: [f64; 2]) {
+    while gaps.last().is_some_and(|gap| energy <= gap.below) {
+        gaps.pop();
+    }
+    if let Some(gap) = gaps.last_mut() {
+        gap.above = gap.above.min(energy);
+    }
+    if let [.., before, last] = gaps.as_slice()
+        && last.width() <= before.width()
+    {
+        gaps.pop();
+    }
+    let new = Gap {
+        below: highest,
+        above: energy,
+        from,
+        to,
+    };
+    let is_first = highest == f64::NEG_INFINITY;
+    let widest = gaps.last().map_or(0.0, Gap::width);
+    if !is_first && new.width() > widest {
+        if gaps.len() == MOST_GAPS {
+            gaps.drain(..MOST_GAPS / 2); // the narrower ones
+        }
+        gaps.push(new);
+    }
+}
+
+impl Changes {
+    fn count(&mut self, change: f64) {
+        if change == 0.0 {
+            self.zeros += 1;
+            return;
+        }
+        let place = (change.to_bits() >> (f64::MANTISSA_DIGITS - 1 - BITS)) as usize;
+        if self.counts.is_empty() {
+            self.first = place;
+        }
+        while place < self.first {
+            self.counts.push_front(0);
+            self.first -= 1;
+        }
+        let place = place - self.first;
+        if place >= self.counts.len() {
+            self.counts.resize(place + 1, 0);
+        }
+        self.counts[place] += 1;
+    }
+
+    /// The median, as the middle of the range in which it is counted.
+    fn median(&self) -> f64 {
+        let all = self.zeros + self.counts.iter().sum::<usize>();
+        let mut before = self.zeros;
+        if all / 2 < before {
+            return 0.0;
+        }
+        for (place, count) in self.counts.iter().enumerate() {
+            before += count;
+            if all / 2 < before {
+                let half = 1 << (f64::MANTISSA_DIGITS - 2 - BITS);
+                let bits = (self.first + place) as u64;
+                return f64::from_bits((bits << (f64::MANTISSA_DIGITS - 1 - BITS)) + half);
+            }
+        }
+        0.0
+    }
+}
+
+liouville_base::checkpoint!(Gap {
+    below,
+    above,
+    from,
+    to
+});
+
+impl Checkpoint for EnergyWatch {
+    fn save(&self, member: usize, out: &mut dyn Numbers) {
+        (self.start, self.records).save(member, out);
+        (self.kinetic, self.large).save(member, out);
+        (self.last, self.highest).save(member, out);
+        self.is_finite.save(member, out);
+        for gaps in &self.gaps {
+            gaps.len().save(member, out);
+            gaps.save(member, out);
+        }
+        let Changes {
+            zeros,
+            first,
+            counts,
+        } = &self.changes;
+        (*zeros, (*first, counts.len())).save(member, out);
+        counts.iter().for_each(|count| count.save(member, out));
+    }
+
+    fn restore(&mut self, member: usize, saved: &mut &[f64]) -> Result<(), CheckpointMismatch> {
+        self.start.restore(member, saved)?;
+        self.records.restore(member, saved)?;
+        self.kinetic.restore(member, saved)?;
+        self.large.restore(member, saved)?;
+        self.last.restore(member, saved)?;
+        self.highest.restore(member, saved)?;
+        self.is_finite.restore(member, saved)?;
+        for gaps in &mut self.gaps {
+            *gaps = restored(member, saved)?;
+        }
+        self.changes.zeros.restore(member, saved)?;
+        self.changes.first.restore(member, saved)?;
+        self.changes.counts = restored::<usize>(member, saved)?.into();
+        Ok(())
+    }
+}
+
+/// As many as were saved behind their number.
+fn restored<M: Checkpoint + Default>(
+    member: usize,
+    saved: &mut &[f64],
+) -> Result<Vec<M>, CheckpointMismatch> {
+    let mut count = 0_usize;
+    count.restore(member, saved)?;
+    if count > saved.len() {
+        return Err(CheckpointMismatch);
+    }
+    let mut found = Vec::new();
+    for _ in 0..count {
+        let mut one = M::default();
+        one.restore(member, saved)?;
+        found.push(one);
+    }
+    Ok(found)
 }

@@ -32,7 +32,7 @@ pub use acceleration::Acceleration;
 pub use consistency::{Kind, Tolerances, Violation};
 pub use dense::{Path, Point};
 pub use dynamics::Dynamics;
-pub use energy::{EnergyChange, EnergyColumns, KineticColumns, energy_change};
+pub use energy::{EnergyChange, EnergyColumns, EnergyWatch, KineticColumns};
 pub(crate) use estimate::Estimate;
 pub use kinetic::Kinetic;
 pub use mass::Mass;

@@ -11,7 +11,7 @@
 //! Source: hairer2005.
 
 use super::{Acceleration, Carried, Dynamics, Model, model::finite};
-use liouville_base::checkpoint::{Checkpoint, CheckpointMismatch};
+use liouville_base::checkpoint::{Checkpoint, CheckpointMismatch, Numbers};
 use liouville_base::error::{Quantity, StepError};
 use liouville_base::linalg::{add_scaled, copy, dot, max_norm};
 use liouville_base::observe::Monitor;
@@ -267,7 +267,7 @@ impl<S: Carried> Monitor<S> for TimeScale {
 }
 
 impl<M: Dynamics> Checkpoint for Traced<M> {
-    fn save(&self, member: usize, out: &mut Vec<f64>) {
+    fn save(&self, member: usize, out: &mut dyn Numbers) {
         if let Some(solver) = &self.solver {
             solver.save(member, out);
         }

@@ -1,7 +1,7 @@
 //! What is recorded of a mechanical or semi-explicit system at an output point.
 
 use super::{Dynamics, Model, State, model::finite};
-use liouville_base::checkpoint::{Checkpoint, CheckpointMismatch};
+use liouville_base::checkpoint::{Checkpoint, CheckpointMismatch, Numbers};
 use liouville_base::error::{Quantity, StepError};
 use liouville_base::observe::Observe;
 use liouville_base::real::Real;
@@ -114,7 +114,7 @@ impl<S: Carried, M: Dynamics> Observe<S> for Observer<M> {
 }
 
 impl<M: Dynamics> Checkpoint for Observer<M> {
-    fn save(&self, member: usize, out: &mut Vec<f64>) {
+    fn save(&self, member: usize, out: &mut dyn Numbers) {
         if let Some(states) = &self.states {
             states.save(member, out);
         }
@@ -173,7 +173,7 @@ impl<R: Real> Observe<State<R>> for Observers {
 }
 
 impl Checkpoint for Observers {
-    fn save(&self, member: usize, out: &mut Vec<f64>) {
+    fn save(&self, member: usize, out: &mut dyn Numbers) {
         self.each[member.min(self.each.len() - 1)].save(0, out);
     }
 

@@ -39,7 +39,7 @@ pub fn start(problem: Problem, method: Method, job: Job) -> Result<Box<dyn Advan
     let starter = Starter { system, job };
     match starter.job.members {
         None => Ok(starter.begin(&[0])?),
-        Some(members) => Ok(Box::new(starter.ensemble(members))),
+        Some(members) => Ok(Box::new(starter.ensemble(members)?)),
     }
 }
 
@@ -76,17 +76,23 @@ type Begun = Result<Box<dyn Advance>, StepError>;
 
 impl Starter {
     /// All members, in blocks.
-    fn ensemble(self, members: usize) -> Ensemble {
+    fn ensemble(self, members: usize) -> Result<Ensemble, StepError> {
         let (span, threads) = (self.job.span, self.job.threads);
         // blocks no larger than leaves one for each thread
         let fair = members.div_ceil(threads.max(1));
         let block = self.block().min(fair);
         let layout = Layout::Aligned {
-            times: span.times(),
+            times: span.times()?,
             width: self.width(),
         };
         let begin = Box::new(move |members: &[usize]| self.begin(members));
-        Ensemble::new(begin, (members, block), threads, layout, span.t0)
+        Ok(Ensemble::new(
+            begin,
+            (members, block),
+            threads,
+            layout,
+            span.t0,
+        ))
     }
 
     /// How many members advance in lock-step.

@@ -12,7 +12,7 @@ use super::stages::{Stages, Step};
 use super::update::Update;
 use super::{Solver, Spark};
 use crate::problem::{Mechanical, Model, State};
-use liouville_base::checkpoint::{Checkpoint, CheckpointMismatch};
+use liouville_base::checkpoint::{Checkpoint, CheckpointMismatch, Numbers};
 use liouville_base::error::StepError;
 use liouville_base::linalg::choice::{FEWEST_MEMBERS, LARGEST_MEMBER};
 use liouville_base::method::{Stats, Stepper, Symmetric};
@@ -270,7 +270,7 @@ impl Stepper for SparkBatch {
 impl Symmetric for SparkBatch {}
 
 impl Checkpoint for SparkBatch {
-    fn save(&self, member: usize, out: &mut Vec<f64>) {
+    fn save(&self, member: usize, out: &mut dyn Numbers) {
         self.predictor.save(member, out);
         self.rests[member].save(0, out);
     }

@@ -7,7 +7,7 @@
 
 use super::stages::{Stages, Step, Unknowns};
 use crate::problem::{Acceleration, Model, State};
-use liouville_base::checkpoint::{Checkpoint, CheckpointMismatch};
+use liouville_base::checkpoint::{Checkpoint, CheckpointMismatch, Numbers};
 use liouville_base::error::StepError;
 use liouville_base::linalg::{Matrix, add_scaled, copy};
 use liouville_base::newton::{self, Polynomial};
@@ -205,7 +205,7 @@ impl<R: Real> Predictor<R> {
 }
 
 impl<R: Real> Checkpoint for Predictor<R> {
-    fn save(&self, member: usize, out: &mut Vec<f64>) {
+    fn save(&self, member: usize, out: &mut dyn Numbers) {
         self.acceleration.save(member, out);
         self.held.save(member, out);
         self.v.flat().save(member, out);

@@ -168,7 +168,7 @@ fn ensemble(threads: usize, failures: &'static [(usize, usize)]) -> Ensemble {
         every: EVERY,
     };
     let layout = Layout::Aligned {
-        times: span.times(),
+        times: span.times().expect("few"),
         width: 2,
     };
     Ensemble::new(Box::new(begin), (RUNS, MEMBERS), threads, layout, 0.5)

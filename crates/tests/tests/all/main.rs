@@ -6,6 +6,7 @@ mod compensated;
 mod composition;
 mod determinant;
 mod elementary;
+mod energy;
 mod ensemble;
 mod gram;
 mod index2;

@@ -72,7 +72,7 @@ fn goes_on<A: Advance>(name: &str, at: &[usize], make: impl Fn() -> A) {
         let records = run.collect();
         parted.add(&mut run, records);
         saved.clear();
-        assert!(run.save(&mut saved), "{name}");
+        assert_eq!(run.save(&mut saved), Ok(true), "{name}");
         run = make();
         run.restore(&saved).expect("what was saved");
     }

@@ -141,7 +141,7 @@ proptest! {
     fn a_member_has_the_bits_that_it_has_alone(all in members(), s in 1..4_usize) {
         let problem = held().build();
         let span = Span { t0: 0.0, t1: STEPS as f64 * H, steps: STEPS, every: EVERY };
-        let (count, times) = (all.len(), span.times());
+        let (count, times) = (all.len(), span.times().expect("few"));
         let layout = Layout::Aligned { times: times.clone(), width: WIDTH };
         let (shared, of) = (problem.clone(), all.clone());
         let begin = move |places: &[usize]| match places {

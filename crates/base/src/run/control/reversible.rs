@@ -15,7 +15,7 @@ use super::adaptive::{RETRY, SHRINK, preferred};
 use super::time::CompensatedTime;
 use super::trial::Trial;
 use super::{Adaptive, StepControl, StepSizes};
-use crate::checkpoint::{Checkpoint, CheckpointMismatch};
+use crate::checkpoint::{Checkpoint, CheckpointMismatch, Numbers};
 use crate::error::StepError;
 use crate::method::{Estimating, Stepper, Symmetric};
 use crate::observe::{Fitted, Monitor};
@@ -234,7 +234,7 @@ impl<State: Checkpoint> StepControl<State> for Reversible<State> {
 }
 
 impl<State: Checkpoint> Checkpoint for Maker<State> {
-    fn save(&self, member: usize, out: &mut Vec<f64>) {
+    fn save(&self, member: usize, out: &mut dyn Numbers) {
         match self {
             Self::Symmetric(stepper) => stepper.save(member, out),
             Self::Estimating(stepper) => stepper.save(member, out),
@@ -251,7 +251,7 @@ impl<State: Checkpoint> Checkpoint for Maker<State> {
 
 /// A run saved before the end of its trial makes it again.
 impl<State: Checkpoint> Checkpoint for Reversible<State> {
-    fn save(&self, member: usize, out: &mut Vec<f64>) {
+    fn save(&self, member: usize, out: &mut dyn Numbers) {
         self.stepper.save(member, out);
         self.time.save(member, out);
         self.h.save(member, out);

@@ -1,0 +1,99 @@
+//! Energies that cannot be right.
+
+use crate::errors::refused;
+use liouville_base::checkpoint::Checkpoint;
+use liouville_mechanics::problem::{EnergyChange, EnergyColumns, EnergyWatch, KineticColumns};
+use numpy::{PyArray1, PyReadonlyArray1, PyReadonlyArrayDyn, PyUntypedArrayMethods};
+use pyo3::prelude::*;
+
+/// Follows the energy of a motion through its records, in memory that does not grow with their number. `kinetic` is the
+/// column of the kinetic energy, or those of the first of n velocities and momenta with n. `start` is the energy at
+/// the start, that of the first record if None; with `rises` only a gain counts.
+#[pyclass(name = "EnergyWatch", module = "liouville._core")]
+pub(crate) struct Watch {
+    inner: EnergyWatch,
+    width: usize,
+}
+
+/// Columns of the kinetic energy, or of the first of n velocities and momenta with n.
+#[derive(FromPyObject)]
+pub(crate) enum KineticAt {
+    Product(usize, usize, usize),
+    Recorded(usize),
+}
+
+#[pymethods]
+impl Watch {
+    #[new]
+    #[pyo3(signature = (energy, kinetic, start = None, rises = false))]
+    fn new(energy: usize, kinetic: KineticAt, start: Option<f64>, rises: bool) -> Self {
+        let (kinetic, end) = match kinetic {
+            KineticAt::Recorded(at) => (KineticColumns::Recorded(at), at + 1),
+            KineticAt::Product(v, p, n) => (KineticColumns::Product { v, p, n }, v.max(p) + n),
+        };
+        Self {
+            inner: EnergyWatch::new(EnergyColumns { energy, kinetic }, start, rises),
+            width: end.max(energy + 1),
+        }
+    }
+
+    /// Looks at further records, of one member where rows have shape (k, P, width).
+    #[pyo3(signature = (times, rows, member = 0))]
+    fn add(
+        &mut self,
+        py: Python<'_>,
+        times: PyReadonlyArray1<'_, f64>,
+        rows: PyReadonlyArrayDyn<'_, f64>,
+        member: usize,
+    ) -> PyResult<()> {
+        let shape = rows.shape();
+        let width = shape.last().copied().unwrap_or(0);
+        let members: usize = shape.iter().skip(1).rev().skip(1).product();
+        if shape.len() < 2 || width < self.width || member >= members {
+            return Err(refused("records are rows with all these columns"));
+        }
+        let (times, rows) = (times.as_slice()?, rows.as_slice()?);
+        let inner = &mut self.inner;
+        py.detach(|| {
+            let all = rows.chunks_exact(width).skip(member).step_by(members);
+            for (t, row) in times.iter().zip(all) {
+                inner.add(*t, row);
+            }
+        });
+        Ok(())
+    }
+
+    /// Of a change by more than the energy's size the number of the record, its time, and the energies at the start and
+    /// there; of a jump None, the times around it, and its part of the energy's size. None if there is neither.
+    fn found(&self) -> Option<(Option<usize>, f64, f64, f64)> {
+        self.inner.found().map(|change| match change {
+            EnergyChange::Large {
+                record,
+                t,
+                energies: [first, now],
+            } => (Some(record), t, first, now),
+            EnergyChange::Jump {
+                between: [from, to],
+                part,
+            } => (None, from, to, part),
+        })
+    }
+
+    /// All that the rest of the run adds to.
+    fn save<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
+        let mut saved = Vec::new();
+        self.inner.save(0, &mut saved);
+        PyArray1::from_vec(py, saved)
+    }
+
+    /// Goes on where a watch that was made in the same way was saved.
+    fn restore(&mut self, saved: PyReadonlyArray1<'_, f64>) -> PyResult<()> {
+        let mut saved = saved.as_slice()?;
+        self.inner.restore(0, &mut saved).map_err(refused)?;
+        if saved.is_empty() {
+            Ok(())
+        } else {
+            Err(refused("what was saved is of another watch"))
+        }
+    }
+}

@@ -1,0 +1,99 @@
+//! Energies that jump, against every place where records can be parted.
+
+use liouville_base::checkpoint::Checkpoint;
+use liouville_mechanics::problem::{EnergyChange, EnergyColumns, EnergyWatch, KineticColumns};
+
+const AT: EnergyColumns = EnergyColumns {
+    energy: 0,
+    kinetic: KineticColumns::Recorded(1),
+};
+
+fn watch(rises: bool) -> EnergyWatch {
+    EnergyWatch::new(AT, None, rises)
+}
+
+/// Energies of which most follow one that is the same, so that any gap is conspicuous.
+fn energies(seed: u64) -> Vec<f64> {
+    let mut state = seed;
+    let mut next = move |below: u64| {
+        state = state.wrapping_mul(0x5851_f42d_4c95_7f2d).wrapping_add(1);
+        (state >> 33) % below
+    };
+    let mut energy = 1.0;
+    let moves = (0..40).map(|_| {
+        if next(3) == 0 {
+            energy += (next(1000) as f64 - 500.0) / 1024.0 * [0.01, 0.3][next(2) as usize];
+        }
+        energy
+    });
+    moves.collect()
+}
+
+/// The widest gap between all energies before a record and all after it, found at every record.
+fn widest(energies: &[f64], rises: bool) -> f64 {
+    let lowest = |part: &[f64]| part.iter().copied().fold(f64::INFINITY, f64::min);
+    let highest = |part: &[f64]| part.iter().copied().fold(f64::NEG_INFINITY, f64::max);
+    let gap = |place: usize| {
+        let (before, after) = energies.split_at(place);
+        let rise = lowest(after) - highest(before);
+        let fall = lowest(before) - highest(after);
+        if rises { rise } else { rise.max(fall) }
+    };
+    highest(&(1..energies.len()).map(gap).collect::<Vec<_>>())
+}
+
+#[test]
+fn the_widest_gap_is_found_while_records_come_and_after_a_pause() {
+    let (mut jumps, mut none) = (0, 0);
+    for seed in 0..400 {
+        let (energies, rises) = (energies(seed), seed % 2 == 1);
+        let (mut whole, mut parted) = (watch(rises), watch(rises));
+        for (n, energy) in energies.iter().enumerate() {
+            for watch in [&mut whole, &mut parted] {
+                watch.add(n as f64, &[*energy, 100.0]);
+            }
+            if n == 20 {
+                let mut saved = Vec::new();
+                parted.save(0, &mut saved);
+                parted = watch(rises);
+                parted
+                    .restore(0, &mut saved.as_slice())
+                    .expect("what was saved");
+            }
+        }
+        assert_eq!(whole.found(), parted.found());
+        let (size, gap) = (100.0, widest(&energies, rises));
+        match whole.found() {
+            Some(EnergyChange::Jump { between, part }) => {
+                assert!((part * size - gap).abs() < 1e-15, "{seed}: {part} {gap}");
+                assert_eq!(between[1] - between[0], 1.0);
+                let at = between[1] as usize;
+                let (before, after) = (energies[at - 1], energies[at]);
+                assert!((after - before).abs() >= gap, "{seed}");
+                jumps += 1;
+            }
+            None => {
+                assert!(gap <= 1e-3 * size, "{seed}: {gap}");
+                none += 1;
+            }
+            found => panic!("{seed}: {found:?}"),
+        }
+    }
+    assert!(jumps > 50 && none > 50, "{jumps} {none}");
+}
+
+#[test]
+fn a_step_among_steps_like_it_is_no_jump_and_one_among_small_ones_is() {
+    for (small, is_jump) in [(1e-2, false), (1e-7, true)] {
+        let mut watch = watch(false);
+        for n in 0..100 {
+            let energy = 1.0 + small * f64::from(n) + if n > 50 { 0.1 } else { 0.0 };
+            watch.add(f64::from(n), &[energy, 2.0]);
+        }
+        let found = watch.found();
+        assert_eq!(found.is_some(), is_jump, "{small}: {found:?}");
+        if let Some(EnergyChange::Jump { between, .. }) = found {
+            assert_eq!(between, [50.0, 51.0]);
+        }
+    }
+}
