@@ -10,7 +10,7 @@ use pyo3::prelude::*;
 /// column of the kinetic energy, or those of the first of n velocities and momenta with n. `start` is the energy at
 /// the start, that of the first record if None; with `rises` only a gain counts.
 #[pyclass(name = "EnergyWatch", module = "liouville._core")]
-pub(crate) struct Watch {
+pub(crate) struct PyEnergyWatch {
     inner: EnergyWatch,
     width: usize,
 }
@@ -23,7 +23,7 @@ pub(crate) enum KineticAt {
 }
 
 #[pymethods]
-impl Watch {
+impl PyEnergyWatch {
     #[new]
     #[pyo3(signature = (energy, kinetic, start = None, rises = false))]
     fn new(energy: usize, kinetic: KineticAt, start: Option<f64>, rises: bool) -> Self {

@@ -39,7 +39,7 @@ mod _core {
     #[pymodule_export]
     use super::convert::{Rows, Tape};
     #[pymodule_export]
-    use super::energy::Watch;
+    use super::energy::PyEnergyWatch;
     #[pymodule_export]
     use super::ladder::{ladder, stability};
     #[pymodule_export]

@@ -291,7 +291,9 @@ impl Checkpoint for EnergyWatch {
             counts,
         } = &self.changes;
         (*zeros, (*first, counts.len())).save(member, out);
-        counts.iter().for_each(|count| count.save(member, out));
+        for count in counts {
+            count.save(member, out);
+        }
     }
 
     fn restore(&mut self, member: usize, saved: &mut &[f64]) -> Result<(), CheckpointMismatch> {
