@@ -21,7 +21,7 @@ fn energies(seed: u64) -> Vec<f64> {
     };
     let mut energy = 1.0;
     let moves = (0..40).map(|_| {
-        if next(3) == 0 {
+        if next(5) == 0 {
             let size = if next(2) == 0 { 0.01 } else { 0.3 };
             energy += (next(1000) as f64 - 500.0) / 1024.0 * size;
         }
