@@ -214,6 +214,19 @@ impl Lu {
     }
 }
 
+/// The inverse of a matrix; `None` where it is singular.
+pub fn inverse(matrix: &Matrix) -> Option<Matrix> {
+    let n = matrix.rows();
+    let mut lu = Lu::new(n);
+    lu.matrix_mut().flat_mut().copy_from_slice(matrix.flat());
+    lu.factor().ok()?;
+    let mut columns = Matrix::from_fn(n, n, |i, j| if i == j { 1.0 } else { 0.0 });
+    for col in 0..n {
+        lu.solve(columns.row_mut(col));
+    }
+    Some(Matrix::from_fn(n, n, |i, j| columns[(j, i)]))
+}
+
 /// `row -= factor * pivot_row` for those members whose factor is not zero: they alone do that.
 #[cold]
 fn eliminate_some<R: Real>(row: &mut [R], factor: R, pivot_row: &[R]) {

@@ -11,6 +11,7 @@ mod fill;
 mod kernels;
 mod matrix;
 mod members;
+mod node_block;
 mod node_gram;
 mod pattern;
 mod product;
@@ -22,7 +23,7 @@ pub use assembly::Assembly;
 pub use blocks::Blocks;
 pub(crate) use choice::prefers_sparse;
 pub use dependent::{IndependentRows, dependencies, dependent_rows, independent_rows};
-pub use factor::{Factor, Lu, Singular};
+pub use factor::{Factor, Lu, Singular, inverse};
 pub use kernels::{
     add_scaled, all_finite, as_is, carry, combine, copy, copy_scaled, dot, furthest, gather,
     max_norm, scale_each,

@@ -1,7 +1,7 @@
 //! Products of two sparse matrices, whose places are found once.
 
 use super::Pattern;
-use super::node_gram::at;
+use super::node_block::at;
 use crate::real::Real;
 
 /// For each place of A B, the pairs of entries of A and B whose products add up there.

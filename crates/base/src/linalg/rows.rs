@@ -1,6 +1,6 @@
 //! A sparse matrix row by row, to multiply with: of constants, or with the values of several nodes side by side.
 
-use super::node_gram::at;
+use super::node_block::at;
 use super::{Pattern, PatternError};
 use crate::real::Real;
 

@@ -168,19 +168,15 @@ impl Spark {
         let most = (self.solver).max_iterations(&self.model.problem, &stages.tableau);
         let (until, mut members) = ((most, stages.stop), [Member::Open]);
         let (model, predictor) = (&mut self.model, &mut self.predictor);
-        let is_made = small
-            .advance(model, predictor, step, until, &mut members)
-            .is_some();
-        let [Member::Converged(iterations)] = members else {
+        let made = small.advance(model, predictor, step, until, &mut members);
+        let (Some(()), [Member::Converged(iterations)]) = (made, members) else {
             return false;
         };
-        if is_made {
-            self.stats.iterations += iterations;
-            stages.evaluations += (iterations + 1) * stages.tableau.stages;
-            self.schur_rest.end_row();
-            self.rest.end_row();
-        }
-        is_made
+        self.stats.iterations += iterations;
+        stages.evaluations += (iterations + 1) * stages.tableau.stages;
+        self.schur_rest.end_row();
+        self.rest.end_row();
+        true
     }
 
     /// The modified iteration, by node Schur or full Newton; says whether the solution is near.

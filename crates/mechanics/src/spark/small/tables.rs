@@ -3,7 +3,7 @@
 
 use super::super::predictor::{LAM, Z};
 use super::layout::Weights;
-use liouville_base::linalg::{Lu, Matrix};
+use liouville_base::linalg::{Matrix, inverse};
 use liouville_base::newton;
 use liouville_base::real::{Lanes, Real};
 use liouville_base::tableau;
@@ -40,14 +40,7 @@ impl Tables {
             let terms = (0..s).map(|j| tableau.a_bar[(i + 1, j)] * tableau.a_hat[(j, l)]);
             terms.sum()
         });
-        let mut lu = Lu::new(k);
-        lu.matrix_mut().flat_mut().copy_from_slice(product.flat());
-        lu.factor().ok()?;
-        let mut inverse = Matrix::zeros(k, k);
-        for j in 0..k {
-            inverse.row_mut(j)[j] = 1.0; // columns as rows
-            lu.solve(inverse.row_mut(j));
-        }
+        let inverse = inverse(&product)?;
         let below = |l: usize| {
             Lanes(std::array::from_fn(|i| match i {
                 0 => 0.0,
@@ -70,7 +63,7 @@ impl Tables {
             a_hat: matrix(&tableau.a_hat, k),
             product: (0..k).map(below).collect(),
             inverse_product: Weights::new(k + 1, |i, j| match (i, j) {
-                (i, j) if i < k && j > 0 => inverse[(j - 1, i)],
+                (i, j) if i < k && j > 0 => inverse[(i, j - 1)],
                 _ => 0.0,
             }),
         })
