@@ -51,6 +51,7 @@ rest
 lv.linearize(system, **rest.start).state
 
 # %%
+# Its frequency, how soon it is still, and what it moves.
 
 modes = lv.modes(system, **rest.start)
 modes
