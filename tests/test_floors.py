@@ -43,8 +43,8 @@ CRATE_FLOORS = {
 PACKAGE_FLOORS = (
     ("_casadi", "_core", "errors"),
     (
-        *("_arguments", "_job", "_options", "checksum", "events", "failure", "locks", "points"),
-        *("html", "motions", "program", "progress", "states", "tape", "terms"),
+        *("_arguments", "_job", "_options", "_scipy", "checksum", "events", "failure", "locks"),
+        *("html", "motions", "points", "program", "progress", "states", "tape", "terms"),
     ),
     ("control", "methods", "parts", "systems"),
     ("bodies", "solution", "splitting"),
@@ -81,9 +81,8 @@ PACKAGE_ROOMS = {
     "pyarrow": ("export/",),
     "rich": ("cli/", "progress.py"),
     "scipy": (
-        "analysis/needed.py",
+        "_scipy.py",
         "export/",
-        "systems/_table.py",
         "systems/schrodinger/graph.py",
     ),
     "skfem": ("fem.py",),

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
@@ -9,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from liouville.analysis.needed import scipy
+from liouville._scipy import scipy
 from liouville.analysis.point import LARGE, Array, Point, Split, mechanical
 from liouville.analysis.sparse_modes import independent
 from liouville.errors import hinted
@@ -133,7 +134,7 @@ def equilibrium(
     return search.result(done)
 
 
-class _Search:
+class _Search(ABC):
     """A search for an equilibrium: a point, its multipliers, and the forces there."""
 
     def __init__(self, point: Point) -> None:
@@ -155,9 +156,9 @@ class _Search:
             hint = "leave the motion out, or set its speed to zero by params="
             raise ValueError(hinted(sentence, hint))
 
+    @abstractmethod
     def corrected(self) -> float:
         """Make one correction; return its length."""
-        raise NotImplementedError
 
     def is_stable(self) -> bool | None:
         """Return whether no free direction is pushed away."""
@@ -333,15 +334,7 @@ class _Sparse(_Search):
     """Newton's method with sparse matrices bordered by independent gradients."""
 
     def __init__(self, point: Point) -> None:
-        system = point.system
-        if system.nonholonomic or "v_z" in system._patterns or not system._is_ideal:
-            raise TypeError(
-                hinted(
-                    f"equilibria of {point.n} coordinates are those of holonomic constraints with "
-                    "ideal reactions, and velocities of their own",
-                    "write the system as a Lagrangian or a Structure",
-                )
-            )
+        point.check_plain("equilibria")
         super().__init__(point)
         self.sparse, self.linalg = (scipy(x, "equilibrium") for x in ("sparse", "sparse.linalg"))
         gradients = point.blocks("node_blocks", self.lam)["g_y"]

@@ -11,8 +11,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from liouville import html
 from liouville._arguments import count as counted
+from liouville._scipy import scipy
 from liouville.analysis.linearization import Linearization, linearized_at
-from liouville.analysis.needed import scipy
 from liouville.analysis.point import LARGE, Array, Point, mechanical
 from liouville.analysis.sparse_modes import sparse_modes
 from liouville.errors import hinted

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from liouville.analysis.needed import scipy
+from liouville._scipy import scipy
 from liouville.errors import hinted
 from liouville.systems import Mechanics
 from liouville.systems._linear import Pattern
@@ -128,6 +128,16 @@ class Point:
                 return Point(self.system, self.t, self.y, z, self.params, self._sparse)
         sentence = f"no {self.system.states[1]} without velocity is found at t = {self.t:g}"
         raise ValueError(hinted(sentence, f"give {self.system.states[1]}= near it"))
+
+    def check_plain(self, what: str) -> None:
+        """Refuse what sparse matrices are not made for."""
+        system = self.system
+        if system.nonholonomic or "v_z" in system._patterns or not system._is_ideal:
+            sentence = (
+                f"{what} of {self.n} coordinates are those of holonomic constraints with ideal "
+                "reactions, and velocities of their own"
+            )
+            raise TypeError(hinted(sentence, "write the system as a Lagrangian or a Structure"))
 
     def check(self) -> None:
         """Refuse a state off its constraints."""

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from liouville import _core
-from liouville.analysis.needed import scipy
+from liouville._scipy import scipy
 from liouville.analysis.point import Array, Point
 from liouville.errors import hinted
 
@@ -32,15 +32,8 @@ class Pencil:
     """Sparse mass, damping, stiffness and independent gradients of a large system at rest."""
 
     def __init__(self, point: Point) -> None:
-        system, n = point.system, point.n
-        if system.nonholonomic or "v_z" in system._patterns or not system._is_ideal:
-            raise TypeError(
-                hinted(
-                    f"modes of {n} coordinates are those of holonomic constraints with ideal "
-                    "reactions, and velocities of their own",
-                    "write the system as a Lagrangian or a Structure",
-                )
-            )
+        n = point.n
+        point.check_plain("modes")
         if np.any(point.z):
             raise ValueError(f"modes of {n} coordinates are those about a state of rest")
         self.sparse, self.linalg = (scipy(x, "modes") for x in ("sparse", "sparse.linalg"))

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from importlib import import_module
 from itertools import pairwise
 from typing import Any
 
@@ -11,6 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from liouville import _casadi as ca
+from liouville._scipy import scipy
 from liouville.errors import hinted
 from liouville.systems._trace import numbers
 
@@ -168,12 +168,7 @@ def _points(name: str, given: Any) -> Array:
 
 
 def _spline(x: Array, y: Array, ends: str) -> Table:
-    try:
-        interpolate = import_module("scipy.interpolate")
-    except ImportError as error:
-        hint = 'pip install "liouville[analysis]"'
-        raise ImportError(hinted("tables need SciPy", hint), name="scipy") from error
-    spline = interpolate.CubicSpline(x, y, bc_type=ends)
+    spline = scipy("interpolate", "a table").CubicSpline(x, y, bc_type=ends)
     powers, starts, bases = spline.c[::-1], x[:-1], x[:-1]
     if ends != "periodic":  # straight beyond the ends
         slopes = spline(x[[0, -1]], 1)

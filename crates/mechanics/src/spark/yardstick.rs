@@ -59,18 +59,7 @@ impl<R: Real> Stages<R> {
     /// A relative size in the yardstick of the step; from rest at the origin there is none.
     #[inline(always)]
     pub(super) fn reach(&self, size: R) -> R {
-        R::each(
-            [size, self.speed, self.yardstick],
-            #[inline(always)]
-            |[size, speed, yardstick]| {
-                let reach = size * (speed / yardstick);
-                if size == 0.0 || yardstick == 0.0 {
-                    0.0
-                } else {
-                    reach
-                }
-            },
-        )
+        reach(size, self.speed, self.yardstick)
     }
 
     /// How far the stages are from y0 + c_i h v0, in the yardstick.
@@ -100,4 +89,21 @@ impl<R: Real> Stages<R> {
             |moved, unit| if unit == 0.0 { 0.0 } else { moved / unit },
         )
     }
+}
+
+/// A size relative to a speed, in a yardstick; 0 where there is none.
+#[inline(always)]
+pub(super) fn reach<R: Real>(size: R, speed: R, yardstick: R) -> R {
+    R::each(
+        [size, speed, yardstick],
+        #[inline(always)]
+        |[size, speed, yardstick]| {
+            let reach = size * (speed / yardstick);
+            if size == 0.0 || yardstick == 0.0 {
+                0.0
+            } else {
+                reach
+            }
+        },
+    )
 }

@@ -2,6 +2,7 @@
 #![allow(clippy::inline_always)] // what is not inlined is compiled without the registers it is for
 
 use super::super::stages::Step;
+use super::super::yardstick::reach;
 use super::layout::{Layout, larger};
 use super::{CONSTRAINTS, COORDINATES, Small};
 use liouville_base::error::StepError;
@@ -291,18 +292,7 @@ impl<L: Layout> Equations<L> for SmallEquations<'_, L> {
 
     #[inline(always)]
     fn reach(&self, size: L) -> L {
-        L::each(
-            [size, self.small.speed, self.small.yardstick],
-            #[inline(always)]
-            |[size, speed, yardstick]| {
-                let reach = size * (speed / yardstick);
-                if size == 0.0 || yardstick == 0.0 {
-                    0.0
-                } else {
-                    reach
-                }
-            },
-        )
+        reach(size, self.small.speed, self.small.yardstick)
     }
 
     #[inline(always)]
