@@ -1,10 +1,4 @@
-//! Constrained mechanics: index-3 and index-2 problems, the methods that step them, and events.
+//! Runs of constrained mechanics: a system, a method and a job become one run, which may watch for events.
 
-pub mod alpha;
 pub mod events;
-pub mod index2;
-pub mod problem;
-pub mod rattle;
 pub mod run;
-pub mod semi_explicit;
-pub mod spark;

@@ -2,7 +2,7 @@
 
 use crate::errors::refused;
 use liouville_base::checkpoint::Checkpoint;
-use liouville_mechanics::problem::{EnergyChange, EnergyColumns, EnergyWatch, KineticColumns};
+use liouville_problem::{EnergyChange, EnergyColumns, EnergyWatch, KineticColumns};
 use numpy::{PyArray1, PyReadonlyArray1, PyReadonlyArrayDyn, PyUntypedArrayMethods};
 use pyo3::prelude::*;
 

@@ -3,15 +3,15 @@
 use crate::convert;
 use crate::errors::refused;
 use crate::tableau::{lobatto_named, scheme_named, spark_named};
+use liouville_alpha::Reactions;
 use liouville_base::method::Tolerance;
 use liouville_base::run::{Advance, Span, StartError};
 use liouville_base::tableau;
 use liouville_base::tape::Tape;
-use liouville_mechanics::alpha::Reactions;
 use liouville_mechanics::run::{
     self, Control, Detection, EventFunction, Method, Problem, SparkMethod,
 };
-use liouville_mechanics::spark::Solver;
+use liouville_spark::Solver;
 use numpy::{PyReadonlyArray1, PyReadonlyArrayDyn, PyUntypedArrayMethods};
 use pyo3::prelude::*;
 

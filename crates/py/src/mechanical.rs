@@ -3,7 +3,7 @@
 use crate::convert::{Made, Recipe, Tape, item, pattern};
 use crate::errors::refused;
 use liouville_base::tape;
-use liouville_mechanics::problem::{self, Nonholonomic, NonholonomicPatterns, Patterns, Redundant};
+use liouville_problem::{Nonholonomic, NonholonomicPatterns, Patterns, Redundant};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 use std::sync::{Arc, OnceLock};
@@ -11,7 +11,7 @@ use std::sync::{Arc, OnceLock};
 /// A mechanical system in the core's terms.
 #[pyclass(frozen, module = "liouville._core")]
 #[derive(Clone)]
-pub(crate) struct Mechanical(pub(crate) Arc<problem::Mechanical>, Made);
+pub(crate) struct Mechanical(pub(crate) Arc<liouville_problem::Mechanical>, Made);
 
 #[pymethods]
 impl Mechanical {
@@ -67,7 +67,7 @@ impl Mechanical {
             None
         };
         let made = Made::of(tapes.py(), (n, m, is_linear, tapes, patterns, left_out))?;
-        let system = problem::Mechanical {
+        let system = liouville_problem::Mechanical {
             n,
             m,
             is_linear,

@@ -3,8 +3,8 @@
 use crate::errors;
 use crate::mechanical::Mechanical;
 use crate::semi_explicit::SemiExplicit;
-use liouville_mechanics::problem::{Carried, Dynamics, Model, Path};
-use liouville_mechanics::semi_explicit;
+use liouville_index2::semi_explicit;
+use liouville_problem::{Carried, Dynamics, Model, Path};
 use numpy::{
     PyArray1, PyArray2, PyArrayMethods, PyReadonlyArray1, PyReadonlyArray2, PyUntypedArrayMethods,
 };

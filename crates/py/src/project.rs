@@ -4,7 +4,7 @@ use crate::convert::{self, pattern};
 use crate::errors;
 use liouville_base::linalg::{self, Matrix};
 use liouville_base::tape::Tape;
-use liouville_mechanics::problem::Projection;
+use liouville_problem::Projection;
 use numpy::{PyArray1, PyReadonlyArray1, PyReadonlyArray2, PyUntypedArrayMethods};
 use pyo3::prelude::*;
 
@@ -33,7 +33,7 @@ pub(crate) fn project<'py>(
         metric: Tape::clone(&metric.0),
         metric_pattern: pattern(&patterns.1)?,
     };
-    match liouville_mechanics::problem::project(&projection, x, held, params) {
+    match liouville_problem::project(&projection, x, held, params) {
         Ok(x) => Ok(PyArray1::from_vec(py, x).into_any()),
         Err(error) => Ok(errors::error(py, &error)?.into_any()),
     }

@@ -4,7 +4,7 @@ use crate::convert::{Made, Recipe, Tape, item, pattern};
 use crate::errors::refused;
 use crate::mechanical::Mechanical;
 use liouville_base::tape;
-use liouville_mechanics::problem::SecondOrderPatterns;
+use liouville_problem::SecondOrderPatterns;
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 use std::sync::Arc;
@@ -12,10 +12,7 @@ use std::sync::Arc;
 /// A mechanical system as the α methods step it.
 #[pyclass(frozen, module = "liouville._core")]
 #[derive(Clone)]
-pub(crate) struct SecondOrder(
-    pub(crate) Arc<liouville_mechanics::problem::SecondOrder>,
-    Made,
-);
+pub(crate) struct SecondOrder(pub(crate) Arc<liouville_problem::SecondOrder>, Made);
 
 #[pymethods]
 impl SecondOrder {
@@ -38,7 +35,7 @@ impl SecondOrder {
             None
         };
         let made = Made::of(tapes.py(), (problem, tapes, patterns, power_of_lam))?;
-        let system = liouville_mechanics::problem::SecondOrder {
+        let system = liouville_problem::SecondOrder {
             mechanical: problem.get().0.clone(),
             residual: tape("residual")?,
             jacobian: tape("jacobian")?,
@@ -65,10 +62,7 @@ impl SecondOrder {
 /// A mechanical system as RATTLE steps it.
 #[pyclass(frozen, module = "liouville._core")]
 #[derive(Clone)]
-pub(crate) struct Separable(
-    pub(crate) Arc<liouville_mechanics::problem::Separable>,
-    Made,
-);
+pub(crate) struct Separable(pub(crate) Arc<liouville_problem::Separable>, Made);
 
 #[pymethods]
 impl Separable {
@@ -80,7 +74,7 @@ impl Separable {
             Ok(tape::Tape::clone(&found))
         };
         let made = Made::of(tapes.py(), (problem, tapes))?;
-        let system = liouville_mechanics::problem::Separable {
+        let system = liouville_problem::Separable {
             mechanical: problem.get().0.clone(),
             force: tape("force")?,
             constraint: tape("constraint")?,

@@ -3,7 +3,7 @@
 use crate::convert::{self, Made, Recipe, item, pattern};
 use crate::errors::{self, refused};
 use liouville_base::tape;
-use liouville_mechanics::semi_explicit::{self, SemiExplicitModel, SemiExplicitPatterns};
+use liouville_index2::semi_explicit::{self, SemiExplicitModel, SemiExplicitPatterns};
 use numpy::{PyArray1, PyReadonlyArray1};
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;

@@ -2,7 +2,7 @@
 
 use crate::errors::refused;
 use crate::mechanical::Mechanical;
-use liouville_mechanics::problem::{Kind, Model, Tolerances, Violation};
+use liouville_problem::{Kind, Model, Tolerances, Violation};
 use numpy::{PyReadonlyArray2, PyUntypedArrayMethods};
 use pyo3::prelude::*;
 

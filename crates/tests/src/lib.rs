@@ -18,11 +18,11 @@ pub mod waves;
 
 use liouville_base::linalg::Pattern;
 use liouville_base::tape::{Line, Op, Tape};
-use liouville_mechanics::problem::{
+use liouville_index2::semi_explicit::{self, SemiExplicit};
+use liouville_problem::{
     Mechanical, Nonholonomic, NonholonomicPatterns, Patterns, SecondOrder, SecondOrderPatterns,
     Separable,
 };
-use liouville_mechanics::semi_explicit::{self, SemiExplicit};
 use std::collections::HashMap;
 use std::ops::{Add, Mul, Neg, Sub};
 use std::rc::Rc;

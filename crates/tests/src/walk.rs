@@ -3,8 +3,8 @@
 use super::{Functions, LAM, T, Y, Z, dot, input, inputs};
 use liouville_base::error::StepError;
 use liouville_base::method::{Stats, Stepper};
-use liouville_mechanics::problem::{Mechanical, Model, State};
-use liouville_mechanics::spark::{Solver, Spark};
+use liouville_problem::{Mechanical, Model, State};
+use liouville_spark::{Solver, Spark};
 use std::sync::Arc;
 
 pub const SOLVERS: [Solver; 3] = [Solver::Auto, Solver::NodeSchur, Solver::Newton];

@@ -116,6 +116,34 @@ impl Stop {
     pub fn is_roundoff(&self) -> bool {
         self.tolerance < f64::EPSILON
     }
+
+    /// How many corrections with one matrix move y1 onto the constraints, each by a factor of about the tolerance; the
+    /// same for all members.
+    pub fn projections(&self) -> usize {
+        if self.is_roundoff() {
+            return 0;
+        }
+        let falls = (1..).take_while(|i| self.tolerance.powi(*i) > f64::EPSILON);
+        falls.count() + 1
+    }
+}
+
+/// A size relative to a speed, in a yardstick; 0 where there is none.
+#[inline(always)]
+#[allow(clippy::inline_always)] // what is not inlined is compiled without the registers it is for
+pub fn reach<R: Real>(size: R, speed: R, yardstick: R) -> R {
+    R::each(
+        [size, speed, yardstick],
+        #[inline(always)]
+        |[size, speed, yardstick]| {
+            let reach = size * (speed / yardstick);
+            if size == 0.0 || yardstick == 0.0 {
+                0.0
+            } else {
+                reach
+            }
+        },
+    )
 }
 
 /// A run of fewer steps may be one of many, each of which begins where another ends.

@@ -6,11 +6,11 @@ mod search;
 
 pub use event::Event;
 
-use crate::problem::{Carried, Dynamics, Model, Observer, Path, Point};
 use liouville_base::checkpoint::Checkpoint;
 use liouville_base::error::StepError;
 use liouville_base::method::Stepper;
 use liouville_base::run::{EventDetector, Events, Records, reserve};
+use liouville_problem::{Carried, Dynamics, Model, Observer, Path, Point};
 use partial::PartialStep;
 use search::{Node, Scene, Trust, Zero};
 

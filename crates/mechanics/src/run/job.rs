@@ -1,13 +1,13 @@
 //! The system, the method and the job of a run.
 
-use crate::alpha::Reactions;
-use crate::problem::{Mechanical, SecondOrder, Separable};
-use crate::semi_explicit::SemiExplicit;
-use crate::spark::Solver;
+use liouville_alpha::Reactions;
 use liouville_base::method::Tolerance;
 use liouville_base::run::Span;
 use liouville_base::tableau::{self, Scheme};
 use liouville_base::tape::Tape;
+use liouville_index2::semi_explicit::SemiExplicit;
+use liouville_problem::{Mechanical, SecondOrder, Separable};
+use liouville_spark::Solver;
 use std::sync::Arc;
 
 /// A system in the form that its method steps.

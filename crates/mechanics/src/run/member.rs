@@ -2,8 +2,8 @@
 
 use super::{Begun, Control, Starter};
 use crate::events::{DenseDetector, Event};
-use crate::problem::{Carried, Dynamics, Model, Observer, Path, TimeScale, Traced};
-use crate::spark::BATCH;
+use liouville_problem::{BATCH, Carried, Dynamics, Model, Observer, Path, TimeScale, Traced};
+
 use liouville_base::checkpoint::Checkpoint;
 use liouville_base::composition::Composed;
 use liouville_base::method::{Estimating, Stepper, Symmetric};

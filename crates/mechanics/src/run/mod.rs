@@ -8,19 +8,20 @@ mod member;
 
 pub use job::{Control, Detection, EventFunction, Job, Method, Problem, SparkMethod};
 
-use crate::alpha::{Alpha, Reactions};
-use crate::index2::Index2;
-use crate::problem::{
-    Kinetic, Mechanical, Model, Observers, SecondOrder, SecondOrderModel, Separable, SeparableModel,
-};
-use crate::rattle::Rattle;
-use crate::semi_explicit::{self, SemiExplicit};
-use crate::spark::{BATCH, Spark, SparkBatch, supports_batch};
+use liouville_alpha::{Alpha, Reactions};
 use liouville_base::ensemble::{Ensemble, Layout};
 use liouville_base::error::StepError;
 use liouville_base::newton::Stop;
 use liouville_base::run::{Advance, Fixed, Reversible, StartError};
 use liouville_base::tableau;
+use liouville_index2::Index2;
+use liouville_index2::semi_explicit::{self, SemiExplicit};
+use liouville_problem::{
+    BATCH, Kinetic, Mechanical, Model, Observers, SecondOrder, SecondOrderModel, Separable,
+    SeparableModel,
+};
+use liouville_spark::rattle::Rattle;
+use liouville_spark::{Spark, SparkBatch, supports_batch};
 use member::{composed, in_lanes};
 use std::sync::Arc;
 

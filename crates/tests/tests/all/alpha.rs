@@ -1,11 +1,11 @@
 //! The α family at work: order with changing steps, its error estimate, its matrix, its memory.
 
+use liouville_alpha::{Alpha, AlphaState, Reactions};
 use liouville_base::linalg::{Lu, Matrix};
 use liouville_base::method::Tolerance;
 use liouville_base::method::{Estimating, Stepper};
 use liouville_base::tableau;
-use liouville_mechanics::alpha::{Alpha, AlphaState, Reactions};
-use liouville_mechanics::problem::SecondOrderModel;
+use liouville_problem::SecondOrderModel;
 use liouville_tests::walk::{START, distance, driven_start, heavy};
 
 const EXTENDED: Reactions = Reactions::Extended {

@@ -8,8 +8,8 @@ use liouville_base::method::{Stats, Stepper, Symmetric};
 use liouville_base::observe::Observe;
 use liouville_base::run::{Advance, Fixed, Run, Status};
 use liouville_base::tableau::Scheme;
-use liouville_mechanics::problem::Model;
-use liouville_mechanics::spark::{Solver, Spark};
+use liouville_problem::Model;
+use liouville_spark::{Solver, Spark};
 use std::time::Duration;
 
 const ALL_DAY: Duration = Duration::from_secs(86400);

@@ -1,7 +1,7 @@
 //! Energies that jump, against every place where records can be parted.
 
 use liouville_base::checkpoint::Checkpoint;
-use liouville_mechanics::problem::{EnergyChange, EnergyColumns, EnergyWatch, KineticColumns};
+use liouville_problem::{EnergyChange, EnergyColumns, EnergyWatch, KineticColumns};
 
 const AT: EnergyColumns = EnergyColumns {
     energy: 0,

@@ -4,8 +4,8 @@ use liouville_base::error::StepError;
 use liouville_base::linalg::Matrix;
 use liouville_base::method::{Stats, Stepper};
 use liouville_base::tableau::{Spark, moments};
-use liouville_mechanics::index2::Index2;
-use liouville_mechanics::semi_explicit::{SemiExplicitModel, SemiExplicitState};
+use liouville_index2::Index2;
+use liouville_index2::semi_explicit::{SemiExplicitModel, SemiExplicitState};
 use liouville_tests::{T, Y, Z, input, inputs, semi_explicit, turning};
 
 fn run(s: usize, h: f64, steps: i32) -> (SemiExplicitState, Stats) {

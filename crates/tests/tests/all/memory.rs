@@ -1,5 +1,6 @@
 //! What a run brings from step to step: who restores it goes on with the same bits.
 
+use liouville_alpha::{Alpha, Reactions};
 use liouville_base::checkpoint::{Checkpoint, CheckpointMismatch};
 use liouville_base::composition::Composed;
 use liouville_base::method::{Stepper, Tolerance};
@@ -7,15 +8,14 @@ use liouville_base::run::{Adaptive, Advance, Fixed, Listed, Reversible, Run, Sta
 use liouville_base::tableau::{self, Purpose, Scheme, Stable};
 use liouville_fields::problem::Split;
 use liouville_fields::volume::{self, Volume};
-use liouville_mechanics::alpha::{Alpha, Reactions};
+use liouville_index2::Index2;
+use liouville_index2::semi_explicit;
 use liouville_mechanics::events::{DenseDetector, Event};
-use liouville_mechanics::index2::Index2;
-use liouville_mechanics::problem::{
+use liouville_problem::{
     Model, Observer, Path, SecondOrderModel, SeparableModel, State, TimeScale, Traced,
 };
-use liouville_mechanics::rattle::Rattle;
-use liouville_mechanics::semi_explicit;
-use liouville_mechanics::spark::{Solver, Spark};
+use liouville_spark::rattle::Rattle;
+use liouville_spark::{Solver, Spark};
 use liouville_tests::quantum::{flows, packet, rotor};
 use liouville_tests::splits::{Draw, every_kind};
 use liouville_tests::walk::{START, driven_start, heavy};
@@ -94,7 +94,7 @@ fn observer(model: &Model, params: &[f64]) -> Observer {
     Observer::new(model.clone(), params, square, true)
 }
 
-fn ball(reactions: Reactions) -> (Alpha, liouville_mechanics::alpha::AlphaState) {
+fn ball(reactions: Reactions) -> (Alpha, liouville_alpha::AlphaState) {
     let hht = tableau::Alpha {
         alpha_m: 0.0,
         alpha_f: 0.1,

@@ -2,8 +2,8 @@
 
 use liouville_base::linalg::max_norm;
 use liouville_base::method::Stepper;
-use liouville_mechanics::problem::{SeparableModel, State};
-use liouville_mechanics::rattle::Rattle;
+use liouville_problem::{SeparableModel, State};
+use liouville_spark::rattle::Rattle;
 use liouville_tests::{Expr, Functions, Y, Z, dot, inputs};
 
 /// Beads in the plane, bonded in pairs to one another or to the origin, under gravity.

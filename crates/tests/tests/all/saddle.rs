@@ -2,7 +2,7 @@
 
 use liouville_base::error::StepError;
 use liouville_base::linalg::{Pattern, dependencies, max_norm};
-use liouville_mechanics::problem::{Model, Projection, Saddle, project};
+use liouville_problem::{Model, Projection, Saddle, project};
 use liouville_tests::{Expr, Functions, Y, Z, dot, input, inputs};
 
 const LINKS: usize = 60;

@@ -1,8 +1,8 @@
 //! Gauss–Lobatto SPARK: the seed scheme, the order, and what is kept.
 
 use liouville_base::method::Stepper;
-use liouville_mechanics::problem::{Acceleration, Model, State};
-use liouville_mechanics::spark::{Solver, Spark};
+use liouville_problem::{Acceleration, Model, State};
+use liouville_spark::{Solver, Spark};
 use liouville_tests::walk::{SOLVERS, apart, distance, driven, general, largest, walk};
 use liouville_tests::{Expr, Functions, PENDULUM, Y, Z, input, inputs, pendulum};
 

@@ -2,8 +2,8 @@
 
 use liouville_base::error::{Quantity, StepError};
 use liouville_base::method::Stepper;
-use liouville_mechanics::problem::Model;
-use liouville_mechanics::spark::{Solver, Spark};
+use liouville_problem::Model;
+use liouville_spark::{Solver, Spark};
 use liouville_tests::walk::{SOLVERS, apart, driven, general, walk};
 use liouville_tests::{Functions, LAM, PENDULUM, T, Y, Z, input, inputs, pendulum};
 

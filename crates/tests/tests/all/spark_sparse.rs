@@ -2,9 +2,9 @@
 
 use liouville_base::error::StepError;
 use liouville_base::method::Stepper;
-use liouville_mechanics::problem::Model;
-use liouville_mechanics::problem::{Mechanical, State};
-use liouville_mechanics::spark::{Solver, Spark};
+use liouville_problem::Model;
+use liouville_problem::{Mechanical, State};
+use liouville_spark::{Solver, Spark};
 use liouville_tests::walk::{SOLVERS, Walk, apart, distance};
 use liouville_tests::{Expr, FOURTH, Functions, PARAMS, Y, Z, dot, input, inputs};
 use std::sync::Arc;

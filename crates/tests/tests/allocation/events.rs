@@ -7,11 +7,11 @@ use liouville_base::method::Tolerance;
 use liouville_base::observe::Observe;
 use liouville_base::run::{Adaptive, Advance, Fixed, Run};
 use liouville_base::tableau;
+use liouville_index2::Index2;
+use liouville_index2::semi_explicit;
 use liouville_mechanics::events::{DenseDetector, Event};
-use liouville_mechanics::index2::Index2;
-use liouville_mechanics::problem::{Carried, Model, Observer, Path};
-use liouville_mechanics::semi_explicit;
-use liouville_mechanics::spark::{Solver, Spark};
+use liouville_problem::{Carried, Model, Observer, Path};
+use liouville_spark::{Solver, Spark};
 use liouville_tests::{
     Functions, PENDULUM, T, Y, Z, input, pendulum, semi_explicit as traced, tape, turning,
 };

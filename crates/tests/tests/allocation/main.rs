@@ -5,6 +5,7 @@ mod counting;
 mod events;
 
 use counting::allocations;
+use liouville_alpha::{Alpha, Reactions};
 use liouville_base::composition::Composed;
 use liouville_base::linalg::{Factor, Pattern, Rows};
 use liouville_base::method::Tolerance;
@@ -14,14 +15,11 @@ use liouville_base::real::{Lanes, Scalar};
 use liouville_base::tableau;
 use liouville_fields::problem::{Piece, Polynomials, Split};
 use liouville_fields::volume::{Determinant, Volume};
-use liouville_mechanics::alpha::{Alpha, Reactions};
-use liouville_mechanics::index2::Index2;
-use liouville_mechanics::problem::{
-    Acceleration, Model, SecondOrderModel, SeparableModel, TimeScale,
-};
-use liouville_mechanics::rattle::Rattle;
-use liouville_mechanics::semi_explicit::SemiExplicitModel;
-use liouville_mechanics::spark::{BATCH, Solver, Spark, SparkBatch};
+use liouville_index2::Index2;
+use liouville_index2::semi_explicit::SemiExplicitModel;
+use liouville_problem::{Acceleration, BATCH, Model, SecondOrderModel, SeparableModel, TimeScale};
+use liouville_spark::rattle::Rattle;
+use liouville_spark::{Solver, Spark, SparkBatch};
 use liouville_tests::quantum::{flows, kinetic, packet, rotor};
 use liouville_tests::splits::{Draw, every_kind};
 use liouville_tests::walk::{START, driven_start, heavy};

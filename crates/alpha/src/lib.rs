@@ -1,0 +1,322 @@
+//! The extended HHT-α method and its relatives, order 2, for M(t, y) z' = F(t, y, z) + r(t, y, λ).
+//!
+//! One step from (t0, y0, z0, a0) to t1 = t0 + h, with φ := M⁻¹ F:
+//!
+//!     (3a) y1 = y0 + h z0 + h² ((1/2 − β) a0 + β a1) + h²/2 ((1 − b) A0 + b A1)
+//!     (3b) z1 = z0 + h ((1 − γ) a0 + γ a1) + h/2 (A0 + A1)
+//!     (3c) (1 − α_m) a1 + α_m a0 = (1 − α_f) φ1 + α_f φ0,   M(t1, y1) φ1 = F(t1, y1, z1)
+//!     (3d) M(t0, y0) A0 = r(t0, y0, Λ0),   M(t1, Y) A1 = r(t1, Y, Λ1)
+//!     (3e) 0 = g(t1, y1),   0 = g_t(t1, y1) + g_y(t1, y1) z1
+//!
+//! with Y = y1, or y0 + h z0 in the less implicit variant. a_n approximates φ(t_n + Δ h),
+//! Δ = α_m − α_f: it excludes the reaction. The Λ are internal and not passed on. Before a step whose
+//! size differs from the last one's, a0 is moved along: a0 ← φ0 + (h/h_old)(a0 − φ0).
+//!
+//! The index-3 relative of arnold2007 has no A; its φ1 is the whole acceleration,
+//! M φ1 = F + r(t1, y1, λ1), and only the constraint itself is imposed.
+//!
+//! Source: jay2007hht, jay2009; the paper's R is M A, its ψ our Λ.
+
+mod attempt;
+mod coupling;
+mod newton_matrix;
+mod probe;
+mod reaction;
+mod solve;
+mod state;
+
+use attempt::{AlphaAttempt, KeptAlpha};
+use liouville_base::error::StepError;
+use liouville_base::linalg::{Matrix, add_scaled, copy};
+use liouville_base::method::{Estimating, Stats, Stepper, Tolerance};
+use liouville_base::newton::{self, Rest};
+use liouville_base::tableau;
+use liouville_problem::{Acceleration, SecondOrderModel};
+use newton_matrix::AlphaMatrix;
+use reaction::Reaction;
+use solve::{AlphaSolver, AlphaStep};
+pub use state::AlphaState;
+
+/// How the constraints' reactions enter a step.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Reactions {
+    /// By A0 and A1, with the weight b; A1 at the predicted position if it is said so.
+    Extended {
+        /// The weight of A1 in the position.
+        b: f64,
+        /// Whether r is taken at y0 + h z0.
+        predicted: bool,
+    },
+    /// As a part of φ, by the constraint on the position alone.
+    Position,
+}
+
+/// Corrections a step may take.
+const MOST_ITERATIONS: usize = 30;
+
+/// A method of the α family at work.
+#[derive(Clone, Debug)]
+pub struct Alpha {
+    model: SecondOrderModel,
+    weights: tableau::Alpha,
+    reactions: Reactions,
+    tolerance: Option<Tolerance>,
+    solver: AlphaSolver,
+    matrix: AlphaMatrix,
+    acceleration: Acceleration,
+    /// dφ/dt, the reactions and their rates in the last step, to start the next with.
+    phi_rate: Vec<f64>,
+    kept: [Reaction; 2],
+    rates: [Reaction; 2],
+    /// The state before the last step; during a step, the one after it.
+    other: AlphaState,
+    local_error: Vec<f64>,
+    error: f64,
+    is_warm: bool,
+    rest: Rest,
+    /// Solutions to be compared.
+    kept_solutions: [Option<Box<KeptAlpha>>; 2],
+    stats: Stats,
+}
+
+impl Alpha {
+    /// A method with these weights for this model; without a tolerance, errors are not estimated.
+    pub fn new(
+        model: SecondOrderModel,
+        weights: tableau::Alpha,
+        reactions: Reactions,
+        tolerance: Option<Tolerance>,
+    ) -> Self {
+        let n = model.problem.mechanical.n;
+        let zeros = || vec![0.0; n];
+        let solver = AlphaSolver::new(&model, weights, reactions);
+        Self {
+            weights,
+            reactions,
+            matrix: AlphaMatrix::new(&model, &solver, tolerance.is_some()),
+            tolerance,
+            acceleration: Acceleration::new(&model.general),
+            phi_rate: zeros(),
+            kept: solver.reactions.clone(),
+            rates: solver.reactions.clone(),
+            other: AlphaState {
+                y: zeros(),
+                z: zeros(),
+                a: zeros(),
+                phi: zeros(),
+                h: 0.0,
+                work: 0.0,
+                power: 0.0,
+            },
+            local_error: zeros(),
+            error: f64::INFINITY,
+            is_warm: false,
+            rest: Rest::default(),
+            kept_solutions: [None, None],
+            stats: Stats::default(),
+            solver,
+            model,
+        }
+    }
+
+    /// The state at (t, y, z); a is φ there unless it is given.
+    ///
+    /// # Errors
+    /// A value that is not finite, or a singular matrix.
+    pub fn start(
+        &mut self,
+        t: f64,
+        y: &[f64],
+        z: &[f64],
+        a: Option<&[f64]>,
+    ) -> Result<AlphaState, StepError> {
+        self.acceleration.solve(&mut self.model.general, t, y, z)?;
+        let phi = if self.reactions == Reactions::Position {
+            self.acceleration.z_dot.clone()
+        } else {
+            self.matrix.mass.update(&mut self.model.general, t, y, z)?;
+            let none = vec![0.0; y.len()];
+            let mut phi = self.model.residual(t, y, z, &none)?[0].to_vec();
+            self.matrix.mass.solve(&mut phi);
+            phi
+        };
+        Ok(AlphaState {
+            y: y.to_vec(),
+            z: z.to_vec(),
+            a: a.unwrap_or(&phi).to_vec(),
+            phi,
+            h: 0.0,
+            work: 0.0,
+            power: self.model.power(t, y, z, &self.acceleration.lam)?,
+        })
+    }
+
+    /// The matrix of the last Newton iterations.
+    pub fn newton_matrix(&self) -> Matrix {
+        self.matrix.matrix.to_dense()
+    }
+
+    /// A first step whose acceleration moves the coordinates by about the tolerance.
+    pub fn first_step(&self, state: &AlphaState, span: f64) -> f64 {
+        match &self.tolerance {
+            Some(tolerance) => tolerance.first_step(&state.y, [&state.phi, &state.a], span),
+            None => span.abs() / 100.0,
+        }
+    }
+
+    /// The unknowns on the line through those of the last step.
+    fn extrapolate(&mut self, step: AlphaStep) {
+        let at = &mut self.solver;
+        copy(&mut at.phi, &step.state.phi);
+        add_scaled(&mut at.phi, step.h, &self.phi_rate);
+        for ((reaction, kept), rate) in at.reactions.iter_mut().zip(&self.kept).zip(&self.rates) {
+            reaction.extrapolate(kept, rate, step.h);
+        }
+    }
+
+    /// The unknowns as they are at the start of the step.
+    fn start_cold(&mut self, step: AlphaStep) -> Result<(), StepError> {
+        let AlphaState { y, z, phi, .. } = step.state;
+        self.acceleration
+            .solve(&mut self.model.general, step.t, y, z)?;
+        let at = &mut self.solver;
+        copy(&mut at.phi, phi);
+        for reaction in &mut at.reactions {
+            copy(&mut reaction.lam, &self.acceleration.lam);
+            for (k, a) in reaction.a.iter_mut().enumerate() {
+                *a = self.acceleration.z_dot[k] - phi[k];
+            }
+        }
+        Ok(())
+    }
+
+    /// The iteration, with factors made where it starts unless there are reusable ones, or with factors for each
+    /// correction if it `is_full`; says whether the solution is near.
+    fn iterate(&mut self, step: AlphaStep, is_full: bool) -> Result<bool, StepError> {
+        if !is_full && !self.matrix.reuse.is_reusable(step.h) {
+            self.stats.factorizations += 1;
+            self.matrix
+                .update(&mut self.model, &mut self.solver, step)?;
+        }
+        let mut equations = self.solver.start(&mut self.model, &mut self.matrix, step);
+        let outcome = if is_full {
+            newton::solve_full(&mut equations)
+        } else {
+            newton::solve(&mut equations, MOST_ITERATIONS)
+        };
+        self.stats.factorizations += equations.factorizations;
+        let solved = outcome.inspect_err(|_| self.matrix.reuse.discard())?;
+        self.stats.iterations += solved.iterations;
+        self.stats.evaluations += solved.iterations;
+        self.matrix.reuse.record(solved.iterations);
+        Ok(solved.is_near)
+    }
+
+    /// The state after the step, in `other`.
+    fn finish(&mut self, step: AlphaStep) -> Result<(), StepError> {
+        let t1 = step.t + step.h;
+        let (at, next) = (&mut self.solver, &mut self.other);
+        at.place(step.h);
+        copy(&mut next.y, &at.y);
+        copy(&mut next.z, &at.z);
+        copy(&mut next.phi, &at.phi);
+        for k in 0..next.a.len() {
+            next.a[k] = self.weights.share() * at.phi[k] + at.known_a[k];
+            self.phi_rate[k] = (at.phi[k] - step.state.phi[k]) / step.h;
+        }
+        for ((reaction, kept), rate) in at.reactions.iter().zip(&self.kept).zip(&mut self.rates) {
+            rate.between(
+                kept,
+                reaction,
+                if self.is_warm { step.h } else { f64::INFINITY },
+            );
+        }
+        std::mem::swap(&mut self.kept, &mut at.reactions);
+        next.h = step.h;
+        if self.model.problem.power_of_lam {
+            self.acceleration
+                .solve(&mut self.model.general, t1, &next.y, &next.z)?;
+        }
+        next.power = self
+            .model
+            .power(t1, &next.y, &next.z, &self.acceleration.lam)?;
+        next.work = step.state.work + step.h / 2.0 * (step.state.power + next.power);
+        Ok(())
+    }
+}
+
+impl Stepper for Alpha {
+    type State = AlphaState;
+
+    fn step(&mut self, t: f64, h: f64, state: &mut AlphaState) -> Result<(), StepError> {
+        let step = AlphaStep { t, h, state };
+        let attempted = newton::attempt(&mut AlphaAttempt { alpha: self, step }, h);
+        attempted.inspect_err(|_| self.is_warm = false)?;
+        self.finish(step)?;
+        self.is_warm = true;
+        if self.tolerance.is_some() {
+            self.estimate(step);
+        }
+        std::mem::swap(state, &mut self.other);
+        Ok(())
+    }
+
+    fn forget(&mut self) {
+        self.is_warm = false;
+    }
+
+    fn stats(&self) -> Stats {
+        self.stats
+    }
+}
+
+impl Alpha {
+    /// The local error of y, to leading order, along the constraints:
+    ///
+    ///     h² P ((1/6 − Δ/2 − β) (a1 − a0) + (1/6 − b/2) (A1 − A0)),   P = I − M⁻¹ r_λ (g_y M⁻¹ r_λ)⁻¹ g_y
+    ///
+    /// Around b = 1/3, where the reactions' part of it vanishes, what they leave in z counts: they are
+    /// weighted as a is.
+    fn estimate(&mut self, step: AlphaStep) {
+        let constant = self.weights.error_constant();
+        let of_reactions = match self.reactions {
+            Reactions::Extended { b, .. } if (1.0 / 6.0 - b / 2.0).abs() > constant.abs() => {
+                1.0 / 6.0 - b / 2.0
+            }
+            Reactions::Extended { .. } => constant,
+            Reactions::Position => 0.0,
+        };
+        let h2 = step.h * step.h;
+        let [first, last] = &self.kept;
+        for (k, error) in self.local_error.iter_mut().enumerate() {
+            let by_a = constant * (self.other.a[k] - self.solver.a[k]);
+            *error = h2 * (by_a + of_reactions * (last.a[k] - first.a[k]));
+        }
+        let error = &mut self.local_error;
+        self.matrix.project(&self.model, error);
+        let error = self.tolerance.as_ref().map(|tolerance| {
+            let ends = [&step.state.y[..], &self.other.y];
+            tolerance.weigh(ends, self.local_error.iter().copied())
+        });
+        self.error = error.filter(|e| !e.is_nan()).unwrap_or(f64::INFINITY);
+    }
+}
+
+impl Estimating for Alpha {
+    fn error(&self) -> f64 {
+        self.error
+    }
+
+    fn error_order(&self) -> f64 {
+        3.0
+    }
+
+    fn undo(&mut self, state: &mut AlphaState) {
+        std::mem::swap(state, &mut self.other);
+    }
+}
+
+liouville_base::checkpoint!(
+    Alpha { is_warm, rest, acceleration, phi_rate, kept, rates, matrix }
+    then |alpha| alpha.matrix.restore_factors(&mut alpha.model)
+);

@@ -1,0 +1,66 @@
+//! What a step of the α family begins with.
+
+use liouville_problem::Carried;
+
+/// What is carried from step to step.
+#[derive(Debug, PartialEq)]
+pub struct AlphaState {
+    /// Coordinates.
+    pub y: Vec<f64>,
+    /// Velocities.
+    pub z: Vec<f64>,
+    /// The method's accelerations.
+    pub a: Vec<f64>,
+    /// φ at the present time.
+    pub phi: Vec<f64>,
+    /// The last step, 0 before there is one.
+    pub h: f64,
+    /// What forces without a potential have put in, by the trapezoidal rule.
+    pub work: f64,
+    pub(super) power: f64,
+}
+
+impl Clone for AlphaState {
+    fn clone(&self) -> Self {
+        Self {
+            y: self.y.clone(),
+            z: self.z.clone(),
+            a: self.a.clone(),
+            phi: self.phi.clone(),
+            ..*self
+        }
+    }
+
+    /// Into the memory there is.
+    fn clone_from(&mut self, source: &Self) {
+        self.y.clone_from(&source.y);
+        self.z.clone_from(&source.z);
+        self.a.clone_from(&source.a);
+        self.phi.clone_from(&source.phi);
+        (self.h, self.work, self.power) = (source.h, source.work, source.power);
+    }
+}
+
+impl Carried for AlphaState {
+    fn y(&self) -> &[f64] {
+        &self.y
+    }
+
+    fn z(&self) -> &[f64] {
+        &self.z
+    }
+
+    fn accelerations(&self) -> Option<(&[f64], f64)> {
+        Some((&self.a, self.work))
+    }
+}
+
+liouville_base::checkpoint!(AlphaState {
+    y,
+    z,
+    a,
+    phi,
+    h,
+    work,
+    power
+});

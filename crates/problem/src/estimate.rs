@@ -1,0 +1,119 @@
+//! The error of a step, from how far the velocities at its ends are off the polynomial of its stages:
+//!
+//!     e0 = h (v0 − Σ_j ℓ_j(0) V_j),     e1 = h (v1 − Σ_j ℓ_j(1) V_j)
+//!
+//! are O(h^(s+1)), a velocity times h (ωh)^s; the local error of y is that times another (ωh)^s. With
+//! ‖x‖ the root mean square in units of the tolerance, the estimate is therefore
+//!
+//!     c_s max(‖e0‖, ‖e1‖)² / max(‖h v0‖, ‖h V_1‖, …, ‖h v1‖) = O(h^(2s+1))
+//!
+//! and for Radau points, whose order is 2s − 1, the power (2s − 1)/s in the place of 2. c_s is
+//! measured: the error of y is then mostly below the tolerance, and above it by a small factor where e
+//! passes a zero.
+
+use super::{Carried, State};
+use liouville_base::linalg::Matrix;
+use liouville_base::method::Tolerance;
+use liouville_base::tableau;
+
+/// What an estimate is made of, and what is kept to undo a step.
+#[derive(Clone, Debug)]
+pub struct Estimate<S = State> {
+    /// The tolerance that errors are measured in.
+    pub tolerance: Tolerance,
+    /// 1 and −ℓ_j(0), then −ℓ_j(1) and 1: of v0, V_1..V_s, v1.
+    weights: [Vec<f64>; 2],
+    constant: f64,
+    /// How many times an error's power of ωh is that of e; and the power of h in the estimate.
+    power: f64,
+    order: f64,
+    /// The state before the step, once there is one.
+    before: Option<S>,
+    error: f64,
+}
+
+/// c_s. Errors of methods of few stages pass zeros at other places than e does, and those of Lobatto
+/// pairs are larger: they want a margin.
+fn constant(tableau: &tableau::Spark) -> f64 {
+    let of_gauss = match tableau.intervals {
+        1 => 5.0,
+        2 => 4.0,
+        3 => 2.0,
+        _ => 1.0,
+    };
+    let is_pair = tableau.stages > tableau.intervals;
+    of_gauss * if is_pair { 4.0 } else { 1.0 }
+}
+
+impl<S: Carried + Clone> Estimate<S> {
+    /// The estimate of a method, for states still to come.
+    pub fn new(tableau: &tableau::Spark, tolerance: Tolerance) -> Self {
+        let all: Vec<usize> = (0..tableau.stages).collect();
+        let mut ends = Matrix::zeros(2, tableau.stages);
+        tableau::lagrange(&tableau.c, &all, [0.0, 1.0].into_iter(), &mut ends);
+        let basis = |end: usize| ends.row(end).iter().map(|weight| -weight);
+        let first = std::iter::once(1.0).chain(basis(0)).chain([0.0]);
+        let last = std::iter::once(0.0).chain(basis(1)).chain([1.0]);
+        let is_radau = tableau.c[0] > 0.0 && tableau.c.last() == Some(&1.0);
+        let order = (2 * tableau.intervals - usize::from(is_radau)) as f64;
+        Self {
+            weights: [first.collect(), last.collect()],
+            constant: constant(tableau),
+            power: order / tableau.intervals as f64,
+            order: order + 1.0,
+            before: None,
+            tolerance,
+            error: f64::INFINITY,
+        }
+    }
+
+    /// Keeps the state at the start of a step.
+    pub fn keep(&mut self, state: &S) {
+        match &mut self.before {
+            Some(before) => before.clone_from(state),
+            none => *none = Some(state.clone()),
+        }
+    }
+
+    /// Estimates the error of the step of `h` that led to `state`, from v0, V_1..V_s and v1.
+    pub fn measure(&mut self, velocities: &Matrix, h: f64, state: &S) {
+        let before = self.before.as_ref().unwrap_or(state);
+        let ends = [before.y(), state.y()];
+        let (rows, n) = (velocities.rows(), state.y().len());
+        let off = |weights: &[f64]| {
+            let of = |k: usize| (0..rows).map(|i| weights[i] * velocities[(i, k)]).sum();
+            self.tolerance.weigh(ends, (0..n).map(of))
+        };
+        let off = off(&self.weights[0]).max(off(&self.weights[1]));
+        let speeds = (0..rows).map(|i| {
+            self.tolerance
+                .weigh(ends, velocities.row(i).iter().copied())
+        });
+        let speed = speeds.fold(0.0, f64::max);
+        self.error = if off == 0.0 {
+            0.0
+        } else {
+            self.constant * h.abs() * speed * (off / speed).powf(self.power)
+        };
+        if self.error.is_nan() {
+            self.error = f64::INFINITY;
+        }
+    }
+
+    /// The error, in units of the tolerance.
+    pub fn error(&self) -> f64 {
+        self.error
+    }
+
+    /// The power of h with which it falls.
+    pub fn order(&self) -> f64 {
+        self.order
+    }
+
+    /// Puts a state back to where it was before the step.
+    pub fn undo(&self, state: &mut S) {
+        if let Some(before) = &self.before {
+            state.clone_from(before);
+        }
+    }
+}

@@ -1,0 +1,315 @@
+//! The end of a step of a small system, as the update above finds it: one correction, as all is linear.
+#![allow(clippy::inline_always)] // what is not inlined is compiled without the registers it is for
+
+use super::layout::Layout;
+use super::{CONSTRAINTS, COORDINATES, LAM, Small, Z};
+use liouville_base::compensated::Compensated;
+use liouville_base::linalg::{carry, gather};
+use liouville_base::newton;
+use liouville_base::simd::dispatch_simd;
+use liouville_problem::{Model, State, Step};
+
+/// The state at the end, and λ_k.
+#[derive(Clone, Debug)]
+pub(super) struct End<L> {
+    pub(super) z: [L; COORDINATES],
+    z0: [L; COORDINATES],
+    y: [L; COORDINATES],
+    p: [L; COORDINATES],
+    y_low: [L; COORDINATES],
+    p_low: [L; COORDINATES],
+    /// What the sums of increments lose.
+    y_lost: [L; COORDINATES],
+    p_lost: [L; COORDINATES],
+    lam: [L; CONSTRAINTS],
+}
+
+/// G, r_λ, M⁻¹ r_λ and S = G M⁻¹ r_λ at y1.
+struct Blocks<L> {
+    gradient: [[L; COORDINATES]; CONSTRAINTS],
+    r_lam: [[L; COORDINATES]; CONSTRAINTS],
+    mass_r: [[L; COORDINATES]; CONSTRAINTS],
+    s: [[L; CONSTRAINTS]; CONSTRAINTS],
+}
+
+impl<L: Layout> Default for Blocks<L> {
+    fn default() -> Self {
+        let zeros = [[L::splat(0.0); COORDINATES]; CONSTRAINTS];
+        Self {
+            gradient: zeros,
+            r_lam: zeros,
+            mass_r: zeros,
+            s: [[L::splat(0.0); CONSTRAINTS]; CONSTRAINTS],
+        }
+    }
+}
+
+impl<L: Layout> End<L> {
+    pub(super) fn new() -> Self {
+        let zeros = [L::splat(0.0); COORDINATES];
+        Self {
+            z: zeros,
+            z0: zeros,
+            y: zeros,
+            p: zeros,
+            y_low: zeros,
+            p_low: zeros,
+            y_lost: zeros,
+            p_lost: zeros,
+            lam: [L::splat(0.0); CONSTRAINTS],
+        }
+    }
+}
+
+impl<L: Layout> Small<L> {
+    /// (U1)–(U3) at the last iterate; `None` where that is not finite.
+    pub(super) fn finish(
+        &mut self,
+        model: &mut Model<L>,
+        step: Step<L>,
+        (loses, projections): (bool, usize),
+    ) -> Option<()> {
+        dispatch_simd::<L::Row, _>(
+            #[inline(always)]
+            || {
+                self.evaluate(step, false);
+                self.sum_up(step, loses);
+            },
+        );
+        dispatch_simd::<L, _>(
+            #[inline(always)]
+            || {
+                self.project(model, step, projections);
+                self.correct_end(model, step);
+            },
+        );
+        let n = self.problem.n;
+        let end = &self.end;
+        let is_finite = (end.y[..n].iter().chain(&end.z[..n]).chain(&end.p[..n]))
+            .fold(L::splat(0.0), |sum, x| sum + *x * 0.0)
+            .all(|x| x == 0.0);
+        is_finite.then_some(())
+    }
+
+    /// y1, and what p gains but for the last reaction.
+    #[inline(always)]
+    fn sum_up(&mut self, step: Step<L>, loses: bool) {
+        let (s, k) = (self.tables.stages, self.tables.intervals);
+        let (n, m) = (self.problem.n.min(COORDINATES), self.problem.m);
+        let State {
+            y_low, p_low, z, ..
+        } = step.state;
+        let end = &mut self.end;
+        for q in 0..n {
+            (end.y_low[q], end.p_low[q]) = (y_low[q], p_low[q]);
+            (end.y_lost[q], end.p_lost[q]) = (L::splat(0.0), L::splat(0.0));
+            end.z0[q] = z[q];
+            for j in 0..s {
+                let moved = L::at(&self.moves[q], j);
+                gather_one(&mut end.y_low[q], &mut end.y_lost[q], moved);
+                if loses {
+                    end.y_lost[q] -= L::at(&self.velocity[q], j) * self.weights[0].0[j];
+                }
+                let impulse = L::at(&self.impulses[q], j);
+                gather_one(&mut end.p_low[q], &mut end.p_lost[q], impulse);
+            }
+            if m > 0 {
+                for l in 0..k {
+                    let impulse = L::at(&self.reactions[q], l);
+                    gather_one(&mut end.p_low[q], &mut end.p_lost[q], impulse);
+                }
+            }
+        }
+        carry(&step.state.y, &mut end.y_low[..n], &mut end.y[..n]);
+        for q in 0..n {
+            end.y_low[q] += end.y_lost[q];
+        }
+        for c in 0..m.min(CONSTRAINTS) {
+            end.lam[c] = L::at(&self.lam[c], k);
+        }
+    }
+
+    /// Moves y1 onto the constraints at t1, along M⁻¹ r_λ.
+    #[inline(always)]
+    fn project(&mut self, model: &mut Model<L>, step: Step<L>, corrections: usize) {
+        let (n, m) = (
+            self.problem.n.min(COORDINATES),
+            self.problem.m.min(CONSTRAINTS),
+        );
+        if m == 0 || corrections == 0 {
+            return;
+        }
+        let t = step.t + self.tables.c_hat.0[self.tables.intervals] * step.h;
+        let blocks = self.end_blocks(model, t);
+        let end = &mut self.end;
+        for _ in 0..corrections {
+            let [g, _] = model.node(t, &end.y[..n], &end.lam[..m]);
+            let mut sides = [L::splat(0.0); CONSTRAINTS];
+            for c in 0..m {
+                sides[c] = -g[c];
+            }
+            let impulses = solve_small(m, &blocks.s, sides);
+            for q in 0..n {
+                let mut low = end.y_low[q];
+                for c in 0..m {
+                    low += blocks.mass_r[c][q] * impulses[c];
+                }
+                let sum = Compensated::sum(end.y[q], low);
+                (end.y[q], end.y_low[q]) = (sum.high, sum.low);
+            }
+        }
+    }
+
+    /// What the constraints at y1 are made of.
+    #[inline(always)]
+    fn end_blocks(&self, model: &mut Model<L>, t: f64) -> Blocks<L> {
+        let (n, m) = (self.problem.n, self.problem.m.min(CONSTRAINTS));
+        let mut gradient = [[L::splat(0.0); COORDINATES]; CONSTRAINTS];
+        let mut r_lam = gradient;
+        let at = &self.problem.patterns;
+        let [g_y, r] = model.node_blocks(t, &self.end.y[..n], &self.end.lam[..m]);
+        for (&(c, q), x) in at.g_y.entries().iter().zip(g_y) {
+            gradient[c][q] = *x;
+        }
+        for (&(q, c), x) in at.r_lam.entries().iter().zip(r) {
+            r_lam[c][q] = *x;
+        }
+        let mass_r = r_lam.map(
+            #[inline(always)]
+            |r| self.inverse_times(&r),
+        );
+        let mut s = [[L::splat(0.0); CONSTRAINTS]; CONSTRAINTS];
+        for c in 0..m {
+            for d in 0..m {
+                s[c][d] = dot(&gradient[c], &mass_r[d]);
+            }
+        }
+        Blocks {
+            gradient,
+            r_lam,
+            mass_r,
+            s,
+        }
+    }
+
+    /// z1 and λ_k from (U2) and (U3).
+    #[inline(always)]
+    fn correct_end(&mut self, model: &mut Model<L>, step: Step<L>) {
+        let (n, m, k) = (
+            self.problem.n.min(COORDINATES),
+            self.problem.m.min(CONSTRAINTS),
+            self.tables.intervals,
+        );
+        let t = step.t + self.tables.c_hat.0[k] * step.h;
+        let weight = self.weights[1].0[k];
+        let mut reaction = [L::splat(0.0); COORDINATES];
+        let mut blocks = Blocks::default();
+        if m > 0 {
+            blocks = self.end_blocks(model, t);
+            let [_, r] = model.node(t, &self.end.y[..n], &self.end.lam[..m]);
+            reaction[..n].copy_from_slice(r);
+        }
+        let end = &mut self.end;
+        let mut momentum = end.p_low;
+        let [p, w, _] = model.end(t, &end.y[..n], &end.z[..n]);
+        for q in 0..n {
+            momentum[q] += reaction[q] * weight;
+            momentum[q] -= p[q] - step.state.p[q];
+        }
+        // S μ = −w − G M⁻¹ a
+        let velocity = self.inverse_times(&momentum);
+        let mut sides = [L::splat(0.0); CONSTRAINTS];
+        for c in 0..m {
+            sides[c] = -w[c] - dot(&blocks.gradient[c], &velocity);
+        }
+        let impulses = solve_small(m, &blocks.s, sides);
+        let end = &mut self.end;
+        for q in 0..n {
+            let mut d_z = velocity[q];
+            for c in 0..m {
+                d_z += blocks.mass_r[c][q] * impulses[c];
+                reaction[q] += blocks.r_lam[c][q] * (impulses[c] * (1.0 / weight));
+            }
+            end.z[q] += d_z;
+            reaction[q] *= L::splat(weight);
+        }
+        for c in 0..m {
+            end.lam[c] += impulses[c] * (1.0 / weight);
+        }
+        gather(&mut end.p_low[..n], &mut end.p_lost[..n], &reaction[..n]);
+        carry(&step.state.p, &mut end.p_low[..n], &mut end.p[..n]);
+        for q in 0..n {
+            end.p_low[q] += end.p_lost[q];
+        }
+    }
+
+    /// M⁻¹ x
+    #[inline(always)]
+    fn inverse_times(&self, x: &[L; COORDINATES]) -> [L; COORDINATES] {
+        self.inverse_mass.map(
+            #[inline(always)]
+            |row| dot(&row, x),
+        )
+    }
+
+    pub(super) fn hand_over(&self, held: &mut newton::Predictor<L>, h: f64, state: &mut State<L>) {
+        let (n, m, k) = (self.problem.n, self.problem.m, self.tables.intervals);
+        let end = &self.end;
+        state.y.copy_from_slice(&end.y[..n]);
+        state.z.copy_from_slice(&end.z[..n]);
+        state.p.copy_from_slice(&end.p[..n]);
+        state.y_low.copy_from_slice(&end.y_low[..n]);
+        state.p_low.copy_from_slice(&end.p_low[..n]);
+        let last = self.tables.stages + 1;
+        let values = &mut held.curves[Z].values;
+        values.row_mut(0).copy_from_slice(&end.z0[..n]);
+        values.row_mut(last).copy_from_slice(&end.z[..n]);
+        for i in 1..last {
+            for (q, out) in values.row_mut(i).iter_mut().enumerate() {
+                *out = L::at(&self.z[q], i - 1);
+            }
+        }
+        let values = &mut held.curves[LAM].values;
+        for j in 0..k {
+            for (c, out) in values.row_mut(j).iter_mut().enumerate() {
+                *out = L::at(&self.lam[c], j);
+            }
+        }
+        values.row_mut(k).copy_from_slice(&end.lam[..m]);
+        held.hold(h);
+    }
+}
+
+#[inline(always)]
+fn gather_one<L: Layout>(sum: &mut L, lost: &mut L, x: L) {
+    gather(std::slice::from_mut(sum), std::slice::from_mut(lost), &[x]);
+}
+
+#[inline(always)]
+fn dot<L: Layout>(a: &[L; COORDINATES], b: &[L; COORDINATES]) -> L {
+    let mut sum = a[0] * b[0];
+    for q in 1..COORDINATES {
+        sum += a[q] * b[q];
+    }
+    sum
+}
+
+/// The solution of one or two equations, by determinants.
+#[inline(always)]
+fn solve_small<L: Layout>(
+    m: usize,
+    s: &[[L; CONSTRAINTS]; CONSTRAINTS],
+    b: [L; CONSTRAINTS],
+) -> [L; CONSTRAINTS] {
+    match m {
+        0 => b,
+        1 => [b[0] / s[0][0], b[1]],
+        _ => {
+            let determinant = s[0][0] * s[1][1] - s[0][1] * s[1][0];
+            [
+                (b[0] * s[1][1] - s[0][1] * b[1]) / determinant,
+                (s[0][0] * b[1] - b[0] * s[1][0]) / determinant,
+            ]
+        }
+    }
+}

@@ -1,0 +1,356 @@
+//! The stage equations of a small system, and their corrections by node Schur.
+#![allow(clippy::inline_always)] // what is not inlined is compiled without the registers it is for
+
+use super::layout::{Layout, larger};
+use super::{CONSTRAINTS, COORDINATES, Small};
+use liouville_base::error::StepError;
+use liouville_base::linalg::carry;
+use liouville_base::newton::{Equations, Stop, reach};
+use liouville_base::real::{Real, Scalar};
+use liouville_base::simd::dispatch_simd;
+use liouville_problem::Step;
+
+/// The stage equations of one step, still to be linearised or not.
+pub(super) struct SmallEquations<'a, L: Layout> {
+    pub(super) small: &'a mut Small<L>,
+    pub(super) step: Step<'a, L>,
+    pub(super) stop: Stop,
+    pub(super) is_linearized: bool,
+}
+
+impl<L: Layout> Small<L> {
+    /// Writes the points where the tapes read them: Ŷ_j with λ_j, and Z_i with Y_i where that is wanted.
+    #[inline(always)]
+    fn move_points(&mut self, step: Step<L>, wants_y: bool) {
+        let (s, k) = (
+            L::rows(self.tables.stages),
+            L::rows(self.tables.intervals + 1),
+        );
+        let n = self.problem.n.min(COORDINATES);
+        let [b, _] = self.weights;
+        for row in 0..s {
+            self.stage.argument(0)[row] =
+                L::Row::splat(step.t) + L::factor(&self.tables.c, row) * step.h;
+        }
+        for row in 0..k {
+            self.node.argument(0)[row] =
+                L::Row::splat(step.t) + L::factor(&self.tables.c_hat, row) * step.h;
+        }
+        for q in 0..n {
+            for row in 0..s {
+                let z = self.z[q].as_ref()[row];
+                self.stage.argument(1 + n + q)[row] = z;
+                self.moves[q].as_mut()[row] = z * L::factor(&b, row);
+            }
+        }
+        for q in 0..n {
+            let (y, low) = (step.state.y[q].every(), step.state.y_low[q].every());
+            let node_low = &mut self.node_low[q].as_mut()[..k];
+            L::product(
+                node_low,
+                &self.tables.mu_bar,
+                &self.moves[q],
+                #[inline(always)]
+                |_, sum| low + sum,
+            );
+            for (out, low) in self.node.argument(1 + q).iter_mut().zip(node_low) {
+                carry(&[y], std::slice::from_mut(low), std::slice::from_mut(out));
+            }
+            if wants_y {
+                let out = self.stage.argument(1 + q);
+                L::product(
+                    out,
+                    &self.tables.mu_v,
+                    &self.moves[q],
+                    #[inline(always)]
+                    |_, sum| y + (low + sum),
+                );
+            }
+        }
+        for c in 0..self.problem.m.min(CONSTRAINTS) {
+            let out = self.node.argument(1 + n + c);
+            out.copy_from_slice(&self.lam[c].as_ref()[..k]);
+        }
+    }
+
+    /// Impulses, and M⁻¹ times the residual of the momentum; `is_first` where they are the first of a step.
+    #[inline(always)]
+    pub(super) fn evaluate(&mut self, step: Step<L>, is_first: bool) {
+        self.move_points(step, is_first || self.reads_y);
+        self.problem.stage.run_points(&mut self.stage);
+        self.problem.node.run_points(&mut self.node);
+        let n = self.problem.n.min(COORDINATES);
+        let (s, k) = (
+            L::rows(self.tables.stages),
+            L::rows(self.tables.intervals + 1),
+        );
+        let m = self.problem.m.min(CONSTRAINTS);
+        let [b, b_hat] = self.weights;
+        if is_first || self.has_force {
+            for q in 0..n {
+                let f = self.stage.value(n + q);
+                for row in 0..s {
+                    self.impulses[q].as_mut()[row] = f[row] * L::factor(&b, row);
+                }
+                let out = &mut self.forces[q].as_mut()[..s];
+                L::sums(out, &self.tables.mu_f, &self.impulses[q]);
+            }
+        }
+        for q in 0..n {
+            let (p, f) = (self.stage.value(q), self.forces[q].as_ref());
+            let (p0, low) = (step.state.p[q].every(), step.state.p_low[q].every());
+            let out = &mut self.work.residual[q].as_mut()[..s];
+            if m == 0 {
+                for row in 0..s {
+                    out[row] = (p[row] - p0) - (low + f[row]);
+                }
+                continue;
+            }
+            let r = self.node.value(m + q);
+            for row in 0..k {
+                self.reactions[q].as_mut()[row] = r[row] * L::factor(&b_hat, row);
+            }
+            L::product(
+                out,
+                &self.tables.mu_hat,
+                &self.reactions[q],
+                #[inline(always)]
+                |row, sum| (p[row] - p0) - (low + (f[row] + sum)),
+            );
+        }
+        let residual = &self.work.residual;
+        for i in 0..n {
+            let inverse = &self.inverse_mass[i];
+            for row in 0..s {
+                let of = |q: usize| residual[q].as_ref()[row] * inverse[q].every();
+                let mut sum = of(i);
+                if !self.is_diagonal {
+                    for q in (0..n).filter(|q| *q != i) {
+                        sum += of(q);
+                    }
+                }
+                self.velocity[i].as_mut()[row] = sum;
+            }
+        }
+    }
+
+    #[inline(always)]
+    fn linearize(&mut self) {
+        let (n, m) = (
+            self.problem.n.min(COORDINATES),
+            self.problem.m.min(CONSTRAINTS),
+        );
+        let rows = L::rows(self.tables.intervals + 1);
+        for place in 0..1 + n + m {
+            let given = self.node.argument(place);
+            self.node_blocks.argument(place).copy_from_slice(given);
+        }
+        self.problem.node_blocks.run_points(&mut self.node_blocks);
+        let at = &self.problem.patterns;
+        for (place, &(c, q)) in at.g_y.entries().iter().enumerate() {
+            let out = &mut self.linear.g_y[c % CONSTRAINTS][q % COORDINATES].as_mut()[..rows];
+            out.copy_from_slice(self.node_blocks.value(place));
+        }
+        for c in 0..m {
+            self.linear.mass_r[c] = [L::zeros(); COORDINATES];
+        }
+        for (place, &(q, c)) in at.r_lam.entries().iter().enumerate() {
+            let r = self.node_blocks.value(at.g_y.len() + place);
+            for i in 0..n {
+                let inverse = self.inverse_mass[i][q % COORDINATES].every();
+                let out = &mut self.linear.mass_r[c % CONSTRAINTS][i].as_mut()[..rows];
+                for row in 0..rows {
+                    out[row] += inverse * r[row];
+                }
+            }
+        }
+        self.linear.invert(&self.tables, (n, m));
+    }
+
+    /// Adds to g what roundings took from it, as the stages above do.
+    #[inline(always)]
+    fn compensate(&mut self) {
+        if let Some(compensated) = &mut self.compensated {
+            let (low, first) = (&self.node_low, usize::from(!L::IS_SINGLE));
+            compensated.add_low(
+                first,
+                &mut self.node,
+                #[inline(always)]
+                |q, row| low[q].as_ref()[row],
+            );
+        }
+    }
+
+    /// Corrects λ, and writes M⁻¹ R dΛ.
+    #[inline(always)]
+    fn correct_multipliers(&mut self, h: f64) {
+        let (n, m) = (
+            self.problem.n.min(COORDINATES),
+            self.problem.m.min(CONSTRAINTS),
+        );
+        let nodes = L::rows(self.tables.intervals + 1);
+        let work = &mut self.work;
+        for q in 0..n {
+            L::sums(
+                &mut work.at_nodes[q].as_mut()[..nodes],
+                &self.tables.a_bar,
+                &self.velocity[q],
+            );
+        }
+        for c in 0..m {
+            let (g, g_y) = (self.node.value(c), &self.linear.g_y[c]);
+            for row in 0..nodes {
+                let mut sum = -g[row] * (1.0 / h);
+                for q in 0..n {
+                    sum += g_y[q].as_ref()[row] * work.at_nodes[q].as_ref()[row];
+                }
+                work.sides[c].as_mut()[row] = sum;
+            }
+        }
+        (self.linear).solve(&self.tables, &work.sides, &mut work.d_lam, m);
+        for row in 0..L::rows(self.tables.intervals) {
+            for c in 0..m {
+                self.lam[c].as_mut()[row] += work.d_lam[c].as_ref()[row] * (1.0 / h);
+            }
+            for q in 0..n {
+                let mut sum = L::Row::splat(0.0);
+                for c in 0..m {
+                    let r = self.linear.mass_r[c][q].as_ref()[row];
+                    sum += r * work.d_lam[c].as_ref()[row];
+                }
+                work.at_nodes[q].as_mut()[row] = sum;
+            }
+        }
+    }
+
+    /// Corrects the unknowns; returns the largest correction of Z, and whether all is finite.
+    #[inline(always)]
+    fn correct(&mut self, h: f64) -> (L, bool) {
+        let n = self.problem.n.min(COORDINATES);
+        let rows = L::rows(self.tables.stages);
+        let has_constraints = self.problem.m > 0;
+        if has_constraints {
+            self.compensate();
+            self.correct_multipliers(h);
+        }
+        let (mut largest, mut total) = (L::zeros(), L::Row::splat(0.0));
+        for q in 0..n {
+            let u = self.velocity[q].as_ref();
+            let d_z = &mut self.work.d_z.as_mut()[..rows];
+            if has_constraints {
+                L::product(
+                    d_z,
+                    &self.tables.a_hat,
+                    &self.work.at_nodes[q],
+                    #[inline(always)]
+                    |row, sum| sum - u[row],
+                );
+            } else {
+                for row in 0..rows {
+                    d_z[row] = -u[row];
+                }
+            }
+            for row in 0..rows {
+                self.z[q].as_mut()[row] += d_z[row];
+                total += d_z[row];
+                let out = &mut largest.as_mut()[row];
+                *out = larger(*out, d_z[row]);
+            }
+        }
+        let is_finite = total.all(
+            #[inline(always)]
+            |x| x.abs() < f64::INFINITY,
+        );
+        (L::largest(&largest.as_ref()[..rows]), is_finite)
+    }
+
+    /// The size of a correction, relative to what moves the coordinates by their own size.
+    #[inline(always)]
+    fn relative(&mut self, size: L) -> L {
+        let rows = L::rows(self.tables.stages);
+        let mut largest = L::zeros();
+        for z in &self.z[..self.problem.n.min(COORDINATES)] {
+            for row in 0..rows {
+                let out = &mut largest.as_mut()[row];
+                *out = larger(*out, z.as_ref()[row]);
+            }
+        }
+        self.speed = L::largest(&largest.as_ref()[..rows]) + self.rest;
+        size.zip(
+            self.speed,
+            #[inline(always)]
+            |size, speed| if size == 0.0 { 0.0 } else { size / speed },
+        )
+    }
+}
+
+impl<L: Layout> Equations<L> for SmallEquations<'_, L> {
+    fn stop(&self) -> Stop {
+        self.stop
+    }
+
+    #[inline(always)]
+    fn reach(&self, size: L) -> L {
+        reach(size, self.small.speed, self.small.yardstick)
+    }
+
+    #[inline(always)]
+    fn moved(&self) -> L {
+        self.small.moved
+    }
+
+    fn correct(&mut self) -> Result<L, StepError> {
+        let (small, step) = (&mut *self.small, self.step);
+        let is_first = !self.is_linearized;
+        self.is_linearized = true;
+        let (size, is_finite) = dispatch_simd::<L::Row, _>(
+            #[inline(always)]
+            || {
+                small.evaluate(step, is_first);
+                if is_first {
+                    small.measure_moved(step);
+                    if small.problem.m > 0 {
+                        small.linearize();
+                    }
+                }
+                let (size, is_finite) = small.correct(step.h);
+                (small.relative(size), is_finite)
+            },
+        );
+        if is_finite {
+            return Ok(size);
+        }
+        Err(StepError::NotConverged {
+            iterations: 0,
+            size: f64::INFINITY,
+        })
+    }
+
+    #[inline(always)]
+    fn keep(&mut self, members: L) {
+        let Small { z, lam, kept, .. } = &mut *self.small;
+        if let Some(kept) = kept {
+            choose::<L>([&mut kept.0, &mut kept.1], [z, lam], members);
+        }
+    }
+
+    #[inline(always)]
+    fn put_back(&mut self, members: L) {
+        let Small { z, lam, kept, .. } = &mut *self.small;
+        if let Some(kept) = kept {
+            choose::<L>([z, lam], [&kept.0, &kept.1], members);
+        }
+    }
+}
+
+/// Takes what another has for the chosen members.
+#[inline(always)]
+fn choose<L: Layout>(out: [&mut [L::Points]; 2], from: [&[L::Points]; 2], members: L) {
+    let members = members.every();
+    let pairs = out.into_iter().flatten().zip(from.into_iter().flatten());
+    for (out, from) in pairs {
+        for (out, from) in out.as_mut().iter_mut().zip(from.as_ref()) {
+            *out = members.choose(*from, *out);
+        }
+    }
+}

@@ -1,0 +1,259 @@
+//! Steps of small systems, of fixed sizes, with the stages of a step, or members, in vector registers.
+//!
+//! What nearly all steps do is done here: the start, extrapolated or cold, node Schur, the update. The equations, the stopping
+//! rule and the order of sums are those of the modules above; a step that leaves this path is made there, from its start.
+//! With M = p_z constant and V = Z, node Schur takes per correction the products with ā, â, μ̄, μ̂ and the inverse of
+//!
+//!     P⁻¹ S,   S_il = P_il G_i M⁻¹ R_l,   P = ā â,
+//!
+//! which is a multiple of the identity in the nodes as h → 0: it needs no pivots.
+
+mod end;
+mod equations;
+mod layout;
+mod linear;
+mod start;
+mod tables;
+
+use end::End;
+use layout::{Layout, POINTS};
+use linear::Linear;
+use liouville_base::newton::{self, Member, Stop};
+use liouville_base::real::{Lanes, Scalar};
+use liouville_base::tableau;
+use liouville_base::tape::{CompensatedPoints, PointRegisters};
+use liouville_problem::{Acceleration, Block, Mass, Mechanical, Model, State, Step};
+use std::sync::Arc;
+use tables::{StartWeights, Tables};
+
+/// The curves of Z and λ that a predictor holds.
+pub const Z: usize = 0;
+#[allow(missing_docs)]
+pub const LAM: usize = 1;
+
+/// The most coordinates and constraints.
+const COORDINATES: usize = 4;
+const CONSTRAINTS: usize = 2;
+
+/// Whether V is Z, its mass constant, and nothing but holonomic constraints acts with reactions linear in λ.
+fn is_plain(problem: &Mechanical) -> bool {
+    problem.is_linear
+        && problem.l() == 0
+        && problem.patterns.v_z.is_none()
+        && problem.stage_blocks.is_empty()
+}
+
+/// The memory of a step.
+#[derive(Clone, Debug)]
+pub struct Small<L: Layout> {
+    problem: Arc<Mechanical>,
+    tables: Tables,
+    start: StartWeights,
+    stage: PointRegisters<L::Row>,
+    node: PointRegisters<L::Row>,
+    node_blocks: PointRegisters<L::Row>,
+    /// Finds the roundings of g, where it can.
+    compensated: Option<Box<CompensatedPoints<L::Row>>>,
+    /// Whether forces depend on the stages at all, and p or they on their positions.
+    has_force: bool,
+    reads_y: bool,
+    inverse_mass: [[L; COORDINATES]; COORDINATES],
+    is_diagonal: bool,
+    linear: Linear<L>,
+    z: [L::Points; COORDINATES],
+    lam: [L::Points; CONSTRAINTS],
+    /// The best found for members that take no further corrections.
+    kept: Option<Box<Kept<L>>>,
+    /// h b_j V_j, h b_j F_j, h b̂_j R_j; Σ μᶠ h b F; M⁻¹ times the residual of the momentum.
+    moves: [L::Points; COORDINATES],
+    impulses: [L::Points; COORDINATES],
+    reactions: [L::Points; COORDINATES],
+    forces: [L::Points; COORDINATES],
+    velocity: [L::Points; COORDINATES],
+    /// What the nodes lose as they are rounded.
+    node_low: [L::Points; COORDINATES],
+    work: Work<L>,
+    /// h b and h b̂.
+    weights: [Lanes; 2],
+    still: [L; COORDINATES],
+    yardstick: L,
+    rest: L,
+    speed: L,
+    moved: L,
+    end: End<L>,
+}
+
+/// Values within a correction.
+#[derive(Clone, Debug)]
+struct Work<L: Layout> {
+    residual: [L::Points; COORDINATES],
+    at_nodes: [L::Points; COORDINATES],
+    sides: [L::Points; CONSTRAINTS],
+    d_lam: [L::Points; CONSTRAINTS],
+    d_z: L::Points,
+}
+
+impl<L: Layout> Work<L> {
+    fn new() -> Self {
+        let (of_n, of_m) = ([L::zeros(); COORDINATES], [L::zeros(); CONSTRAINTS]);
+        Self {
+            residual: of_n,
+            at_nodes: of_n,
+            sides: of_m,
+            d_lam: of_m,
+            d_z: L::zeros(),
+        }
+    }
+}
+
+/// Z and λ.
+type Kept<L> = (
+    [<L as Layout>::Points; COORDINATES],
+    [<L as Layout>::Points; CONSTRAINTS],
+);
+
+impl<L: Layout> Small<L> {
+    fn make(model: &mut Model<L>, tableau: &tableau::Spark) -> Option<Box<Self>> {
+        let sizes = (model.problem.n, model.problem.m);
+        let points = tableau.stages.max(tableau.intervals + 1);
+        let is_small = sizes.0 <= COORDINATES && sizes.1 <= CONSTRAINTS && points <= POINTS;
+        if !is_small || !is_plain(&model.problem) {
+            return None;
+        }
+        let problem = model.problem.clone();
+        let rows = [tableau.stages, tableau.intervals + 1].map(L::rows);
+        let [stage, node, node_blocks] = model.at_points(rows, Layout::every)?;
+        let zeros = [L::zeros(); COORDINATES];
+        let of_unknowns = (zeros, [L::zeros(); CONSTRAINTS]);
+        let at = &problem.patterns;
+        let has_force = !at.f_y.is_empty() || !at.f_z.is_empty();
+        Some(Box::new(Self {
+            tables: Tables::new(tableau)?,
+            start: StartWeights::new(tableau),
+            stage,
+            compensated: model.compensated_g_at(&node).map(Box::new),
+            node,
+            node_blocks,
+            has_force,
+            reads_y: !at.f_y.is_empty() || !at.p_y.is_empty(),
+            inverse_mass: inverse_mass(model)?,
+            is_diagonal: at.p_z.entries().iter().all(|(i, j)| i == j),
+            linear: Linear::new(tableau.intervals * problem.m),
+            z: zeros,
+            lam: of_unknowns.1,
+            kept: (!L::IS_SINGLE).then(|| Box::new(of_unknowns)),
+            moves: zeros,
+            impulses: zeros,
+            reactions: zeros,
+            forces: zeros,
+            velocity: zeros,
+            node_low: zeros,
+            work: Work::new(),
+            weights: [Lanes::splat(0.0); 2],
+            still: [L::splat(0.0); COORDINATES],
+            yardstick: L::splat(0.0),
+            rest: L::splat(0.0),
+            speed: L::splat(0.0),
+            moved: L::splat(0.0),
+            end: End::new(),
+            problem,
+        }))
+    }
+
+    fn iterate(
+        &mut self,
+        model: &mut Model<L>,
+        from: Before<L>,
+        step: Step<L>,
+        (most, stop): (usize, Stop),
+        members: &mut [Member],
+    ) -> Option<()> {
+        self.begin(model, from, step)?;
+        let mut equations = equations::SmallEquations {
+            small: self,
+            step,
+            stop,
+            is_linearized: false,
+        };
+        newton::solve_each(&mut equations, most, members).ok()?;
+        let has_converged = |member: &Member| matches!(member, Member::Converged(_));
+        if !members.iter().any(has_converged) {
+            return None;
+        }
+        let loses = self.problem.patterns.p_y.is_empty() && stop.is_roundoff();
+        self.finish(model, step, (loses, stop.projections()))
+    }
+
+    fn begin(&mut self, model: &mut Model<L>, from: Before<L>, step: Step<L>) -> Option<()> {
+        let (held, acceleration) = from;
+        self.weights = self.tables.weights(step.h);
+        if !held.weigh(step.h) {
+            return self.start_cold(model, acceleration, step);
+        }
+        self.start.update(held);
+        self.extrapolate(held, step);
+        Some(())
+    }
+}
+
+/// What a step starts from: the step before, or the accelerations.
+type Before<'a, L> = (&'a mut newton::Predictor<L>, &'a mut Acceleration<L>);
+
+/// Compiles the steps of one number here, once, and not where they are used.
+macro_rules! compiled {
+    ($($number:ty),*) => {$(
+        impl Small<$number> {
+            /// Memory for a small system with these parameters; `None` where it is none.
+            #[inline(never)]
+            pub fn new(model: &mut Model<$number>, tableau: &tableau::Spark) -> Option<Box<Self>> {
+                Self::make(model, tableau)
+            }
+
+            /// Iterates from the extrapolated start, or the cold one, and finds the end of the step for members that
+            /// are open; `None` where something cannot be told here.
+            #[inline(never)]
+            pub fn advance(
+                &mut self,
+                model: &mut Model<$number>,
+                from: Before<$number>,
+                step: Step<$number>,
+                until: (usize, Stop),
+                members: &mut [Member],
+            ) -> Option<()> {
+                self.iterate(model, from, step, until, members)
+            }
+
+            /// Writes the end of the step, and holds what the next one is extrapolated from.
+            #[inline(never)]
+            pub fn commit(
+                &self,
+                held: &mut newton::Predictor<$number>,
+                h: f64,
+                state: &mut State<$number>,
+            ) {
+                self.hand_over(held, h, state);
+            }
+        }
+    )*};
+}
+
+compiled!(f64, Block);
+
+/// p_z⁻¹, which parameters alone determine.
+fn inverse_mass<L: Layout>(model: &mut Model<L>) -> Option<[[L; COORDINATES]; COORDINATES]> {
+    let n = model.problem.n;
+    let mut mass = Mass::new(model);
+    let mut column = vec![L::splat(0.0); n];
+    mass.update(model, 0.0, &column.clone(), &column.clone())
+        .ok()?;
+    let mut inverse = [[L::splat(0.0); COORDINATES]; COORDINATES];
+    for j in 0..n {
+        column.fill(L::splat(0.0));
+        column[j] = L::splat(1.0);
+        mass.solve(&mut column);
+        for (row, x) in inverse.iter_mut().zip(&column) {
+            row[j] = *x;
+        }
+    }
+    Some(inverse)
+}

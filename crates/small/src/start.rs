@@ -1,0 +1,107 @@
+//! The start of a step of a small system: from the step before, or cold; and the yardstick of its corrections.
+#![allow(clippy::inline_always)] // what is not inlined is compiled without the registers it is for
+
+use super::layout::{Layout, larger};
+use super::{CONSTRAINTS, COORDINATES, LAM, Small, Z};
+use liouville_base::linalg::max_norm;
+use liouville_base::newton;
+use liouville_base::simd::dispatch_simd;
+use liouville_problem::{Acceleration, Model, State, Step};
+
+impl<L: Layout> Small<L> {
+    /// Z, λ and z1 from the step before, and v0.
+    pub(super) fn extrapolate(&mut self, held: &newton::Predictor<L>, step: Step<L>) {
+        let (s, k) = (self.tables.stages, self.tables.intervals);
+        let (n, m) = (self.problem.n, self.problem.m);
+        let [z, lam] = [Z, LAM].map(|curve| &held.curves[curve].values);
+        let first = if held.is_undone() { 0 } else { z.rows() - 1 };
+        dispatch_simd::<L::Row, _>(
+            #[inline(always)]
+            || {
+                for q in 0..n.min(COORDINATES) {
+                    let out = &mut self.z[q].as_mut()[..L::rows(s)];
+                    L::product_of(
+                        out,
+                        &self.start.z,
+                        #[inline(always)]
+                        |j| z[(j, q)],
+                    );
+                    let mut sum = L::splat(0.0);
+                    for (j, weight) in self.start.end.iter().enumerate() {
+                        sum += z[(j, q)] * *weight;
+                    }
+                    self.end.z[q] = sum;
+                    self.still[q] = z[(first, q)];
+                }
+                for c in 0..m.min(CONSTRAINTS) {
+                    let out = &mut self.lam[c].as_mut()[..L::rows(k + 1)];
+                    L::product_of(
+                        out,
+                        &self.start.lam,
+                        #[inline(always)]
+                        |j| lam[(j, c)],
+                    );
+                }
+                self.measure(step);
+            },
+        );
+    }
+
+    /// Z, λ and z1 with the accelerations of the start; `None` where there are none.
+    pub(super) fn start_cold(
+        &mut self,
+        model: &mut Model<L>,
+        solver: &mut Acceleration<L>,
+        step: Step<L>,
+    ) -> Option<()> {
+        let State { y, z, .. } = step.state;
+        solver.solve(model, step.t, y, z).ok()?;
+        for (q, (z, rate)) in z.iter().zip(&solver.z_dot).enumerate() {
+            for row in 0..L::rows(self.tables.stages) {
+                let moved = rate.every() * (L::factor(&self.tables.c, row) * step.h);
+                self.z[q].as_mut()[row] = z.every() + moved;
+            }
+            self.end.z[q] = *z + *rate * step.h;
+            self.still[q] = *z;
+        }
+        for (out, lam) in self.lam.iter_mut().zip(&solver.lam) {
+            out.as_mut().fill(lam.every());
+        }
+        self.measure(step);
+        Some(())
+    }
+
+    /// What moves the coordinates by their size, and the yardstick, as the steps above measure them.
+    #[inline(always)]
+    fn measure(&mut self, step: Step<L>) {
+        self.rest = max_norm(&step.state.y) / L::splat(step.h.abs());
+        self.yardstick = if self.problem.is_affine() {
+            L::splat(0.0)
+        } else {
+            max_norm(&self.still) + self.rest
+        };
+    }
+
+    /// How far the stages are from y0 + c_i h v0, in the yardstick.
+    #[inline(always)]
+    pub(super) fn measure_moved(&mut self, step: Step<L>) {
+        let n = self.problem.n.min(COORDINATES);
+        let mut largest = L::zeros();
+        let rows = L::rows(self.tables.stages);
+        for q in 0..n {
+            let (y, y0, v0) = (self.stage.argument(1 + q), step.state.y[q], self.still[q]);
+            for row in 0..rows {
+                let still = v0.every() * (L::factor(&self.tables.c, row) * step.h);
+                let moved = (y[row] - y0.every()) - still;
+                let out = &mut largest.as_mut()[row];
+                *out = larger(*out, moved);
+            }
+        }
+        let unit = self.yardstick * step.h.abs();
+        self.moved = L::largest(&largest.as_ref()[..rows]).zip(
+            unit,
+            #[inline(always)]
+            |moved, unit| if unit == 0.0 { 0.0 } else { moved / unit },
+        );
+    }
+}

@@ -1,0 +1,259 @@
+//! The blocks of the Newton matrix: their places, and the coefficients they are weighted with.
+
+use self::Along::{Column, Row};
+use liouville_base::linalg::{Matrix, Pattern, combine};
+use liouville_base::newton::{BlockGrid, BlockHandle, BlockLayout, BlockMatrix};
+use liouville_base::tableau;
+use liouville_problem::{Model, NonholonomicPatterns};
+
+/// Where equations and unknowns begin, counted alike: momenta and Z first, then constraints and Λ, moments of k
+/// and N, and velocities and V last.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Offsets {
+    /// Stages, and the end of the step where it is solved for with them.
+    pub(super) points: usize,
+    /// Nodes with an unknown multiplier.
+    pub(super) nodes: usize,
+    pub(super) lam: usize,
+    pub(super) nu: usize,
+    /// Behind everything but V.
+    pub(super) order: usize,
+    /// Columns of V, which are those of Z where v is z.
+    pub(super) v: usize,
+}
+
+impl Offsets {
+    fn new(model: &Model, tableau: &tableau::Spark) -> Self {
+        let (problem, s) = (&model.problem, tableau.stages);
+        let ends = usize::from(problem.l() > 0);
+        let (points, nodes) = (s + ends, tableau.intervals + ends);
+        let lam = points * problem.n;
+        let nu = lam + nodes * problem.m;
+        let order = nu + s * problem.l();
+        Self {
+            points,
+            nodes,
+            lam,
+            nu,
+            order,
+            v: problem.patterns.v_z.as_ref().map_or(0, |_| order),
+        }
+    }
+}
+
+/// The blocks that the derivative at a point goes to, each with its weight.
+pub(super) type Targets = Vec<(BlockHandle, f64)>;
+
+/// Adds `factor` times the weighted values to all targets.
+pub(super) fn add_to(matrix: &mut BlockMatrix, targets: &Targets, values: &[f64], factor: f64) {
+    for (block, weight) in targets {
+        matrix.add(*block, values, factor * weight);
+    }
+}
+
+/// Where each derivative goes; one entry a stage, with the end behind them, or one a node.
+#[derive(Clone, Debug)]
+pub(super) struct SparkBlocks {
+    pub(super) p_z: Vec<Targets>,
+    pub(super) v_z: Vec<Targets>,
+    pub(super) one: Vec<Targets>,
+    pub(super) v_y: Vec<Targets>,
+    pub(super) p_y: Vec<Targets>,
+    pub(super) f_z: Vec<Targets>,
+    pub(super) f_y: ByPosition,
+    pub(super) g_y: Vec<Targets>,
+    pub(super) r_lam: Vec<Targets>,
+    pub(super) r_y: ByPosition,
+    pub(super) own: Option<RollingBlocks>,
+}
+
+/// Where the derivatives of k and of its reactions go.
+#[derive(Clone, Debug)]
+pub(super) struct RollingBlocks {
+    pub(super) r_z: Vec<Targets>,
+    pub(super) r_nu: Vec<Targets>,
+    pub(super) r_y: ByPosition,
+    pub(super) k_z: Vec<Targets>,
+    pub(super) k_y: ByPosition,
+    /// At the end of the step: of k and of the hidden constraints w.
+    pub(super) end_k_z: Targets,
+    pub(super) end_k_y: Targets,
+    pub(super) end_w_y: Targets,
+    pub(super) end_g_y: Targets,
+    /// b_j P_{i−1}(c_j), s − 1 by s.
+    pub(super) moments: Matrix,
+}
+
+/// Derivatives by y at all stages or nodes, and the sums of them that are in each block: what V_j moves is felt
+/// at each of them.
+#[derive(Clone, Debug)]
+pub(super) struct ByPosition {
+    grid: BlockGrid,
+    cols: usize,
+    /// Row (i, j) has the products of weights of row i of the matrix and of column j at each point.
+    weights: Matrix,
+    pub(super) values: Matrix,
+    sums: Matrix,
+}
+
+impl ByPosition {
+    fn new<'a>(
+        layout: &mut BlockLayout<'a>,
+        pattern: &'a Pattern,
+        corner: (usize, usize),
+        [of_row, of_col]: [&Matrix; 2],
+    ) -> Self {
+        let (rows, cols) = (of_row.rows(), of_col.cols());
+        let weight = |ij: usize, l| of_row[(ij / cols, l)] * of_col[(l, ij % cols)];
+        Self {
+            grid: layout.grid(pattern, (rows, cols), corner),
+            cols,
+            weights: Matrix::from_fn(rows * cols, of_row.cols(), weight),
+            values: Matrix::zeros(of_row.cols(), pattern.len()),
+            sums: Matrix::zeros(rows * cols, pattern.len()),
+        }
+    }
+
+    /// Adds `factor` times all sums.
+    pub(super) fn add_to(&mut self, matrix: &mut BlockMatrix, factor: f64) {
+        if self.values.cols() == 0 {
+            return;
+        }
+        let sums = self.sums.flat_mut();
+        combine(sums, &self.weights, &self.values, |_, _, _| ());
+        for ij in 0..self.sums.rows() {
+            let block = self.grid.at(ij / self.cols, ij % self.cols);
+            matrix.add(block, self.sums.row(ij), factor);
+        }
+    }
+}
+
+/// Whether the derivative at a point goes to a row of blocks or to a column of them.
+#[derive(Clone, Copy, PartialEq)]
+enum Along {
+    Row,
+    Column,
+}
+
+/// A block for each weight that is not zero, from a corner on, by the points they belong to.
+fn place<'a>(
+    layout: &mut BlockLayout<'a>,
+    pattern: &'a Pattern,
+    (row, col): (usize, usize),
+    weights: &Matrix,
+    along: Along,
+) -> Vec<Targets> {
+    let ((height, width), is_row) = (pattern.shape(), along == Along::Row);
+    let points = if is_row {
+        weights.rows()
+    } else {
+        weights.cols()
+    };
+    let mut targets = vec![Targets::new(); points];
+    for i in 0..weights.rows() {
+        for j in 0..weights.cols() {
+            let weight = weights[(i, j)];
+            if weight != 0.0 {
+                let block = layout.place(pattern, row + i * height, col + j * width);
+                targets[if is_row { i } else { j }].push((block, weight));
+            }
+        }
+    }
+    targets
+}
+
+/// `a`, and `end` below it where there are more rows.
+fn extended(a: &Matrix, end: &[f64], rows: usize, cols: usize) -> Matrix {
+    Matrix::from_fn(
+        rows,
+        cols,
+        |i, j| if i < a.rows() { a[(i, j)] } else { end[j] },
+    )
+}
+
+impl SparkBlocks {
+    /// The places of all blocks, and the matrix of them.
+    pub(super) fn new(model: &Model, tableau: &tableau::Spark) -> (Offsets, Self, BlockMatrix) {
+        let (problem, at) = (&model.problem, &model.problem.patterns);
+        let (n, s) = (problem.n, tableau.stages);
+        let offsets = Offsets::new(model, tableau);
+        let Offsets {
+            points,
+            nodes,
+            lam,
+            order,
+            v,
+            ..
+        } = offsets;
+        let a_v = extended(&tableau.a_v, &tableau.b, points, s);
+        let a_f = extended(&tableau.a_f, &tableau.b, points, s);
+        let a_hat = extended(&tableau.a_hat, &tableau.b_hat, points, nodes);
+        let a_bar = Matrix::from_fn(nodes, s, |j, i| tableau.a_bar[(j, i)]);
+        let to_nodes = Matrix::from_fn(tableau.intervals, s, |j, i| tableau.a_bar[(j + 1, i)]);
+        let unit = Matrix::from_fn(points, points, |i, j| f64::from(u8::from(i == j)));
+        let one = Pattern::diagonal(n);
+        let mut layout = BlockLayout::default();
+        let to = &mut layout;
+        let none = || vec![Targets::new(); points];
+        let [mut v_z, mut ones, mut v_y] = [none(), none(), none()];
+        if let Some(pattern) = &at.v_z {
+            v_z = place(to, pattern, (order, 0), &unit, Row);
+            ones = place(to, &one, (order, v), &unit, Row);
+            v_y = place(to, &at.v_y, (order, v), &tableau.a_v, Row);
+        }
+        let blocks = Self {
+            p_z: place(to, &at.p_z, (0, 0), &unit, Row),
+            p_y: place(to, &at.p_y, (0, v), &a_v, Row),
+            f_y: ByPosition::new(to, &at.f_y, (0, v), [&a_f, &tableau.a_v]),
+            f_z: place(to, &at.f_z, (0, 0), &a_f, Column),
+            g_y: place(to, &at.g_y, (lam, v), &to_nodes, Row),
+            r_lam: place(to, &at.r_lam, (0, lam), &a_hat, Column),
+            r_y: ByPosition::new(to, &at.r_y, (0, v), [&a_hat, &a_bar]),
+            own: (problem.nonholonomic.as_ref())
+                .map(|own| RollingBlocks::new(to, &at.g_y, &own.patterns, tableau, offsets)),
+            v_z,
+            one: ones,
+            v_y,
+        };
+        let condensed = if at.v_z.is_some() { points * n } else { 0 };
+        (offsets, blocks, layout.build(order, condensed))
+    }
+}
+
+impl RollingBlocks {
+    fn new<'a>(
+        to: &mut BlockLayout<'a>,
+        g_y: &'a Pattern,
+        at: &'a NonholonomicPatterns,
+        tableau: &tableau::Spark,
+        offsets: Offsets,
+    ) -> Self {
+        let Offsets {
+            points,
+            nodes,
+            lam,
+            nu,
+            v,
+            ..
+        } = offsets;
+        let (s, a_v) = (tableau.stages, &tableau.a_v);
+        let ((m, n), (l, _)) = (g_y.shape(), at.k_z.shape());
+        let a_r = extended(&tableau.a_r, &tableau.b, points, s);
+        let moments = tableau::moments(&tableau.b, &tableau.c);
+        let (w, k) = (lam + (nodes - 1) * m, nu + (s - 1) * l);
+        let b = Matrix::from_fn(1, s, |_, j| tableau.b[j]);
+        let one = Matrix::from_fn(1, 1, |_, _| 1.0);
+        Self {
+            r_z: place(to, &at.r_z, (0, 0), &a_r, Column),
+            r_nu: place(to, &at.r_nu, (0, nu), &a_r, Column),
+            r_y: ByPosition::new(to, &at.r_y, (0, v), [&a_r, a_v]),
+            k_z: place(to, &at.k_z, (nu, 0), &moments, Column),
+            k_y: ByPosition::new(to, &at.k_y, (nu, v), [&moments, a_v]),
+            end_k_z: place(to, &at.k_z, (k, s * n), &one, Row).concat(),
+            end_k_y: place(to, &at.k_y, (k, v), &b, Row).concat(),
+            end_w_y: place(to, &at.w_y, (w, v), &b, Row).concat(),
+            end_g_y: place(to, g_y, (w, v + s * n), &one, Row).concat(),
+            moments,
+        }
+    }
+}

@@ -1,0 +1,405 @@
+//! The full simplified Newton iteration: all unknowns of a step together, with f_y, f_z, p_y and r_y, for forces
+//! too stiff for node Schur. Unknowns are dZ_i, dΛ_k with Λ = h λ and, where v is not z, dV_j:
+//!
+//!     Σ_j (δ_ij p_z(i) − h aᶠ_ij f_z(j)) dZ_j + Σ_j C_ij dV_j − Σ_k â_ik r_λ(k) dΛ_k = −R2_i
+//!     Σ_j (δ_ij − h aᵛ_ij v_y(i)) dV_j − v_z(i) dZ_i                                  = −R1_i
+//!     Σ_j ā_kj g_y(k) dV_j                                                             = −g_k/h
+//!     C_ij = h aᵛ_ij p_y(i) − h² Σ_l aᶠ_il f_y(l) aᵛ_lj − h² Σ_k â_ik r_y(k) ā_kj
+//!
+//! Nonholonomic constraints, alone or beside holonomic ones, make z1 meet the stages through k. To (S1)–(S4) and
+//! (U1)–(U3) come reactions at the stages and
+//!
+//!     0 = Σ_j b_j P_{i−1}(c_j) k(T_j, Y_j, Z_j)    i = 1..s−1        0 = k(t1, y1, z1)
+//!
+//! with P the shifted Legendre polynomials; further unknowns are dN_i with N = h ν, dz1 and dΛ of the last node, and
+//! the end of the step is treated as a further stage with the coefficients b. Source: jay2009lagrange.
+//!
+//! The matrix is O(1) as h → 0. It is made and factored once a step, where the iteration starts; a dense one by dV
+//! first.
+
+mod blocks;
+
+use super::probe::{self, AtStages};
+use super::stages::Stages;
+use blocks::{Offsets, SparkBlocks, add_to};
+use liouville_base::error::{Quantity, StepError};
+use liouville_base::linalg::{Matrix, add_scaled, copy, copy_scaled, max_norm};
+use liouville_base::newton::{BlockMatrix, Equations, Stop};
+use liouville_problem::{Mass, Model, Step, diagnose_rank, diagnose_rank_all, finite, finite_k};
+
+/// The Newton matrix, and the memory of solving with it.
+#[derive(Clone, Debug)]
+pub(super) struct FullNewton {
+    offsets: Offsets,
+    blocks: SparkBlocks,
+    matrix: BlockMatrix,
+    /// dV_i itself.
+    ones: Vec<f64>,
+    /// Tells the size of a multiplier, where reactions are not linear.
+    mass: Mass,
+    r_lam: Matrix,
+    r_nu: Matrix,
+    unknowns: Vec<f64>,
+}
+
+/// All equations of one step, to be solved together.
+pub(super) struct StageEquations<'a> {
+    solver: &'a mut FullNewton,
+    stages: &'a mut Stages,
+    model: &'a mut Model,
+    /// z at the end of the step, unknown where there are nonholonomic constraints.
+    z1: &'a mut [f64],
+    step: Step<'a>,
+    is_linearized: bool,
+}
+
+impl FullNewton {
+    pub(super) fn new(model: &Model, stages: &Stages) -> Self {
+        let (problem, tableau) = (&model.problem, &stages.tableau);
+        let (offsets, blocks, matrix) = SparkBlocks::new(model, tableau);
+        let own = problem.nonholonomic.as_ref();
+        Self {
+            ones: vec![1.0; problem.n],
+            mass: Mass::new(model),
+            r_lam: Matrix::zeros(tableau.intervals + 1, problem.patterns.r_lam.len()),
+            r_nu: Matrix::zeros(tableau.stages, own.map_or(0, |own| own.patterns.r_nu.len())),
+            unknowns: vec![0.0; matrix.order()],
+            offsets,
+            blocks,
+            matrix,
+        }
+    }
+
+    /// The equations of one step, still to be linearised; `z1` is a guess of its end.
+    pub(super) fn start<'a>(
+        &'a mut self,
+        stages: &'a mut Stages,
+        model: &'a mut Model,
+        z1: &'a mut [f64],
+        step: Step<'a>,
+    ) -> StageEquations<'a> {
+        StageEquations {
+            solver: self,
+            stages,
+            model,
+            z1,
+            step,
+            is_linearized: false,
+        }
+    }
+}
+
+impl StageEquations<'_> {
+    /// The right-hand sides, but for those of the end.
+    fn set_residuals(&mut self) {
+        let (solver, stages, h) = (&mut *self.solver, &*self.stages, self.step.h);
+        let Offsets { lam, nu, order, .. } = solver.offsets;
+        let out = &mut solver.unknowns;
+        copy_scaled(out, -1.0, stages.momentum_residual.flat());
+        let constraints = &stages.g.flat()[self.model.problem.m..];
+        for (out, g) in out[lam..].iter_mut().zip(constraints) {
+            *out = -g / h;
+        }
+        if let Some(own) = &solver.blocks.own {
+            let l = self.model.problem.l();
+            for (i, out) in out[nu..order - l].chunks_exact_mut(l).enumerate() {
+                out.fill(0.0);
+                for (j, weight) in own.moments.row(i).iter().enumerate() {
+                    add_scaled(out, -weight, stages.k.row(j));
+                }
+            }
+        }
+        if self.model.problem.patterns.v_z.is_some() {
+            out[order..].fill(0.0);
+            copy_scaled(&mut out[order..], -1.0, stages.velocity_residual.flat());
+        }
+    }
+
+    /// The right-hand sides of (U2), (U3) and of k at the end.
+    fn set_end_residuals(&mut self) -> Result<(), StepError> {
+        let (solver, stages, z1) = (&mut *self.solver, &*self.stages, &*self.z1);
+        let Offsets { lam, nu, order, .. } = solver.offsets;
+        let problem = &self.model.problem;
+        let (n, m, l) = (problem.n, problem.m, problem.l());
+        let (s, k) = (stages.tableau.stages, stages.tableau.intervals);
+        let (t, y1) = (stages.node_time(self.step, k), stages.node_y.row(k));
+        let state = self.step.state;
+        let [p, w, _] = self.model.end(t, y1, z1);
+        finite(p, Quantity::Momentum, t)?;
+        finite(w, Quantity::Hidden, t)?;
+        let out = &mut solver.unknowns[s * n..lam];
+        copy(out, &state.p_low);
+        for impulse in stages.impulses.flat().chunks_exact(n) {
+            add_scaled(out, 1.0, impulse);
+        }
+        for ((out, p), p0) in out.iter_mut().zip(p).zip(&state.p) {
+            *out -= p - p0;
+        }
+        copy_scaled(&mut solver.unknowns[lam + k * m..nu], -1.0, w);
+        let [value, _] = self
+            .model
+            .nonholonomic(t, y1, z1, stages.unknowns.nu.row(s - 1));
+        finite_k(value, m, t)?;
+        copy_scaled(&mut solver.unknowns[order - l..order], -1.0, value);
+        Ok(())
+    }
+
+    /// Corrects everything by the solution; returns the largest velocity.
+    fn correct_unknowns(&mut self) -> f64 {
+        let (solver, unknowns) = (&mut *self.solver, &mut self.stages.unknowns);
+        let Offsets {
+            lam, nu, order, v, ..
+        } = solver.offsets;
+        let (d, h) = (&solver.unknowns, self.step.h);
+        let (d_z, d_v) = (&d[..lam], &d[v..v + lam]);
+        let stages = unknowns.z.flat().len();
+        add_scaled(unknowns.z.flat_mut(), 1.0, d_z);
+        add_scaled(self.z1, 1.0, &d_z[stages..]);
+        add_scaled(unknowns.v.flat_mut(), 1.0, d_v);
+        add_scaled(unknowns.lam.flat_mut(), 1.0 / h, &d[lam..nu]);
+        add_scaled(unknowns.nu.flat_mut(), 1.0 / h, &d[nu..order]);
+        max_norm(d_v)
+    }
+
+    /// The largest velocity that corrections of the multipliers give: where reactions are not linear, it need not
+    /// show in the velocities.
+    fn multiplier_size(&mut self) -> f64 {
+        let (solver, problem) = (&mut *self.solver, &self.model.problem);
+        if problem.is_linear {
+            return 0.0;
+        }
+        let Offsets { lam, nu, order, .. } = solver.offsets;
+        let (mass, d, mut size) = (&mut solver.mass, &solver.unknowns, 0.0_f64);
+        if problem.m > 0 {
+            for (j, d_lam) in d[lam..nu].chunks_exact(problem.m).enumerate() {
+                size = size.max(mass.velocity_of(solver.r_lam.row(j), d_lam));
+            }
+        }
+        if let Some(own) = &problem.nonholonomic {
+            for (j, d_nu) in d[nu..order].chunks_exact(own.l).enumerate() {
+                let r_nu = solver.r_nu.row(j);
+                size = size.max(mass.velocity_by(&own.patterns.r_nu, r_nu, d_nu));
+            }
+        }
+        size
+    }
+
+    /// Makes the matrix at the present unknowns, and factors it.
+    fn linearize(&mut self) -> Result<(), StepError> {
+        self.solver.matrix.clear();
+        self.add_stages()?;
+        self.add_reactions_at_stages()?;
+        if self.model.problem.m > 0 {
+            self.add_nodes()?;
+        }
+        self.add_end()?;
+        if !self.model.problem.is_linear {
+            self.update_mass()?;
+        }
+        let factored = self.solver.matrix.factor();
+        factored.map_err(|_| self.diagnose())
+    }
+
+    /// The blocks of p, f and v at the stages.
+    fn add_stages(&mut self) -> Result<(), StepError> {
+        let (solver, stages, h) = (&mut *self.solver, &*self.stages, self.step.h);
+        let (at, matrix) = (&mut solver.blocks, &mut solver.matrix);
+        let times = stages.stage_times(self.step);
+        let (y, z) = (&stages.y, &stages.unknowns.z);
+        let mut own = self.model.stages_blocks(times, y, z);
+        for l in 0..y.rows() {
+            let [p_z, v_z] = own.at(l);
+            finite(p_z, Quantity::Derivative, times.at(l))?;
+            finite(v_z, Quantity::Derivative, times.at(l))?;
+            add_to(matrix, &at.p_z[l], p_z, 1.0);
+            add_to(matrix, &at.v_z[l], v_z, -1.0);
+            add_to(matrix, &at.one[l], &solver.ones, 1.0);
+        }
+        let mut jacobian = self.model.stages_jacobian(times, y, z);
+        for l in 0..y.rows() {
+            let blocks = jacobian.at(l);
+            for values in blocks {
+                finite(values, Quantity::Derivative, times.at(l))?;
+            }
+            let [p_y, f_y, f_z, v_y] = blocks;
+            add_to(matrix, &at.p_y[l], p_y, h);
+            if let Some(targets) = at.v_y.get(l) {
+                add_to(matrix, targets, v_y, -h);
+            }
+            add_to(matrix, &at.f_z[l], f_z, -h);
+            copy(at.f_y.values.row_mut(l), f_y);
+        }
+        at.f_y.add_to(matrix, -h * h);
+        Ok(())
+    }
+
+    /// The blocks of k and its reactions at the stages.
+    fn add_reactions_at_stages(&mut self) -> Result<(), StepError> {
+        let (solver, stages, h) = (&mut *self.solver, &*self.stages, self.step.h);
+        let (Some(at), matrix) = (&mut solver.blocks.own, &mut solver.matrix) else {
+            return Ok(());
+        };
+        let unknowns = &stages.unknowns;
+        for j in 0..stages.y.rows() {
+            let t = stages.stage_time(self.step, j);
+            let (y, z, nu) = (stages.y.row(j), unknowns.z.row(j), unknowns.nu.row(j));
+            let blocks = self.model.nonholonomic_blocks(t, y, z, nu);
+            for values in blocks {
+                finite(values, Quantity::Derivative, t)?;
+            }
+            let [k_y, k_z, r_y, r_z, r_nu] = blocks;
+            add_to(matrix, &at.k_z[j], k_z, 1.0);
+            add_to(matrix, &at.r_z[j], r_z, -h);
+            add_to(matrix, &at.r_nu[j], r_nu, -1.0);
+            copy(solver.r_nu.row_mut(j), r_nu);
+            copy(at.k_y.values.row_mut(j), k_y);
+            copy(at.r_y.values.row_mut(j), r_y);
+        }
+        at.k_y.add_to(matrix, h);
+        at.r_y.add_to(matrix, -h * h);
+        Ok(())
+    }
+
+    /// The blocks of g and r at the nodes.
+    fn add_nodes(&mut self) -> Result<(), StepError> {
+        let (solver, stages, h) = (&mut *self.solver, &*self.stages, self.step.h);
+        let (at, matrix) = (&mut solver.blocks, &mut solver.matrix);
+        let times = stages.node_times(self.step);
+        let (y, lam) = (&stages.node_y, &stages.unknowns.lam);
+        let mut blocks = self.model.nodes_blocks(times, y, lam);
+        for k in 0..y.rows() {
+            let [g_y, r_lam] = blocks.at(k);
+            finite(g_y, Quantity::Derivative, times.at(k))?;
+            finite(r_lam, Quantity::Derivative, times.at(k))?;
+            if let Some(row) = k.checked_sub(1) {
+                add_to(matrix, &at.g_y[row], g_y, 1.0);
+            }
+            if let Some(targets) = at.r_lam.get(k) {
+                add_to(matrix, targets, r_lam, -1.0);
+            }
+            copy(solver.r_lam.row_mut(k), r_lam);
+        }
+        let mut jacobian = self.model.nodes_jacobian(times, y, lam);
+        for k in 0..solver.offsets.nodes {
+            let [r_y] = jacobian.at(k);
+            finite(r_y, Quantity::Derivative, times.at(k))?;
+            copy(at.r_y.values.row_mut(k), r_y);
+        }
+        at.r_y.add_to(matrix, -h * h);
+        Ok(())
+    }
+
+    /// The blocks of p, v, w and k at the end, which h b_j dV_j moves.
+    fn add_end(&mut self) -> Result<(), StepError> {
+        let (solver, stages, z1) = (&mut *self.solver, &*self.stages, &*self.z1);
+        let (all, matrix, h) = (&solver.blocks, &mut solver.matrix, self.step.h);
+        let Some(at) = &all.own else {
+            return Ok(());
+        };
+        let (s, k) = (stages.tableau.stages, stages.tableau.intervals);
+        let (t, y1) = (stages.node_time(self.step, k), stages.node_y.row(k));
+        let mut add = |targets, values: &[f64], factor| {
+            add_to(matrix, targets, values, factor);
+            finite(values, Quantity::Derivative, t)
+        };
+        let [p_z, v_z] = self.model.stage_blocks(t, y1, z1);
+        add(&all.p_z[s], p_z, 1.0)?;
+        add(&all.v_z[s], v_z, -1.0)?;
+        add(&all.one[s], &solver.ones, 1.0)?;
+        let [p_y, ..] = self.model.stage_jacobian(t, y1, z1);
+        add(&all.p_y[s], p_y, h)?;
+        let nu = stages.unknowns.nu.row(s - 1);
+        let [k_y, k_z, ..] = self.model.nonholonomic_blocks(t, y1, z1, nu);
+        add(&at.end_k_z, k_z, 1.0)?;
+        add(&at.end_k_y, k_y, h)?;
+        add(&at.end_w_y, self.model.hidden_jacobian(t, y1, z1), h)?;
+        let lam = stages.unknowns.lam.row(k);
+        let [g_y, _] = self.model.node_blocks(t, y1, lam);
+        add(&at.end_g_y, g_y, 1.0)
+    }
+
+    /// The mass at the end of the step where that is solved for, else in its middle.
+    fn update_mass(&mut self) -> Result<(), StepError> {
+        let (solver, stages) = (&mut *self.solver, &*self.stages);
+        let (t, y, z) = if solver.blocks.own.is_some() {
+            let k = stages.tableau.intervals;
+            let t = stages.node_time(self.step, k);
+            (t, stages.node_y.row(k), &*self.z1)
+        } else {
+            let middle = stages.tableau.stages / 2;
+            let t = stages.stage_time(self.step, middle);
+            (t, stages.y.row(middle), stages.unknowns.z.row(middle))
+        };
+        solver.mass.update(self.model, t, y, z)
+    }
+
+    /// What makes the matrix singular: dependent constraints, if there are any at the end of the step.
+    #[cold]
+    fn diagnose(&mut self) -> StepError {
+        let problem = self.model.problem.clone();
+        if problem.l() > 0
+            && let Err(error) = self.update_mass()
+        {
+            return error;
+        }
+        let (stages, z1) = (&*self.stages, &*self.z1);
+        let (s, k) = (stages.tableau.stages, stages.tableau.intervals);
+        let (t, y1) = (stages.node_time(self.step, k), stages.node_y.row(k));
+        let nu = stages.unknowns.nu.row(s - 1);
+        let k_z = self.model.nonholonomic_blocks(t, y1, z1, nu)[1].to_vec();
+        let lam = stages.unknowns.lam.row(k);
+        let [g_y, _] = self.model.node_blocks(t, y1, lam);
+        if problem.l() > 0 {
+            diagnose_rank_all(&problem, &self.solver.mass, g_y, &k_z)
+        } else {
+            diagnose_rank(&problem.patterns.g_y, g_y, StepError::SingularNewton)
+        }
+    }
+}
+
+impl AtStages<f64> for StageEquations<'_> {
+    fn stages(&mut self) -> (&mut Stages, Step<'_>) {
+        (self.stages, self.step)
+    }
+}
+
+impl Equations for StageEquations<'_> {
+    fn stop(&self) -> Stop {
+        self.stages.stop
+    }
+
+    fn reach(&self, size: f64) -> f64 {
+        self.stages.reach(size)
+    }
+
+    fn moved(&self) -> f64 {
+        self.stages.moved(self.step)
+    }
+
+    fn refresh(&mut self) {
+        self.is_linearized = false;
+    }
+
+    fn is_solved(&mut self) -> Result<bool, StepError> {
+        self.stages.is_solved(self.model, self.step)
+    }
+
+    fn floor(&mut self) -> Result<f64, StepError> {
+        probe::floor(self)
+    }
+
+    fn correct(&mut self) -> Result<f64, StepError> {
+        self.stages.evaluate(self.model, self.step)?;
+        self.set_residuals();
+        if self.solver.blocks.own.is_some() {
+            self.set_end_residuals()?;
+        }
+        if !self.is_linearized {
+            self.linearize()?;
+            self.is_linearized = true;
+        }
+        self.solver.matrix.solve(&mut self.solver.unknowns);
+        let size = self.correct_unknowns().max(self.multiplier_size());
+        Ok(self.stages.relative(size, self.step))
+    }
+}

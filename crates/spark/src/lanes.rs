@@ -1,0 +1,277 @@
+//! Several members in lock-step, each with the bits it has alone.
+//!
+//! What nearly all steps do is done for all members at once: the extrapolated start, node Schur, the update.
+//! Each member decides for itself when it has converged. One that leaves this path makes that step
+//! alone: it is moved, with what it brings, to a stepper of one member, and back. It is what makes any other
+//! step, too: the first one, and those by full Newton.
+
+use super::node_schur::NodeSchur;
+use super::predictor::Predictor;
+use super::stages::Stages;
+use super::update::Update;
+use super::{Solver, Spark};
+use liouville_base::checkpoint::{Checkpoint, CheckpointMismatch, Numbers};
+use liouville_base::error::StepError;
+use liouville_base::linalg::choice::{FEWEST_MEMBERS, LARGEST_MEMBER};
+use liouville_base::method::{Stats, Stepper, Symmetric};
+use liouville_base::newton::{self, Member, Rest};
+use liouville_base::real::Scalar;
+use liouville_base::tableau;
+use liouville_problem::{BATCH, Block, Mechanical, Model, State, Step};
+use liouville_small::Small;
+use std::sync::Arc;
+
+/// Whether steps of this system by this solver have members in lock-step.
+pub fn supports_batch(problem: &Mechanical, solver: Solver) -> bool {
+    problem.is_linear
+        && problem.l() == 0
+        && solver != Solver::Newton
+        && problem.n + problem.m <= LARGEST_MEMBER
+}
+
+/// A SPARK method at work on as many members as there are lanes.
+#[derive(Clone, Debug)]
+pub struct SparkBatch {
+    problem: Arc<Mechanical>,
+    solver: Solver,
+    model: Model<Block>,
+    small: Option<Box<Small<Block>>>,
+    stages: Stages<Block>,
+    schur: NodeSchur<Block>,
+    predictor: Predictor<Block>,
+    update: Update<Block>,
+    /// What makes a step of one member: of any, where their parameters are the same.
+    alone: Vec<Spark>,
+    state: State,
+    /// Rests of node Schur and of the modified iteration, of each.
+    rests: [[Rest; 2]; BATCH],
+    members: [Member; BATCH],
+    /// How many there are: the last one fills the places that are left, and all it does is done there too.
+    count: usize,
+    saved: Vec<f64>,
+    stats: Stats,
+}
+
+impl SparkBatch {
+    /// The method of these coefficients, for parameters of each of so many members; the last one is to fill the
+    /// places that are left.
+    pub fn of(
+        problem: &Arc<Mechanical>,
+        (params, members): (&[Block], usize),
+        tableau: tableau::Spark,
+        solver: Solver,
+    ) -> Self {
+        let mut model = Model::new(problem.clone(), params);
+        let small = solver.small(|| Small::<Block>::new(&mut model, &tableau));
+        let is_common = |x: &Block| x.0.iter().all(|value| value.to_bits() == x.0[0].to_bits());
+        let count = if params.iter().all(is_common) {
+            1
+        } else {
+            BATCH
+        };
+        let single = |member: usize| {
+            let params: Vec<f64> = params.iter().map(|x| x.member(member)).collect();
+            Spark::of(
+                Model::new(problem.clone(), &params),
+                tableau.clone(),
+                solver,
+            )
+        };
+        let alone: Vec<Spark> = (0..count).map(single).collect();
+        let stages = Stages::new(&model, tableau);
+        let mut saved = Vec::new();
+        alone[0].save(0, &mut saved);
+        saved.reserve_exact(BATCH * (saved.len() + 5 * problem.n));
+        Self {
+            solver,
+            small,
+            schur: NodeSchur::new(&model, &stages),
+            predictor: Predictor::new(&model, &stages.tableau),
+            update: Update::new(&model),
+            alone,
+            state: State::zeros(problem.n),
+            rests: Default::default(),
+            members: [Member::Out; BATCH],
+            count: members.clamp(1, BATCH),
+            saved,
+            stats: Stats::default(),
+            stages,
+            model,
+            problem: problem.clone(),
+        }
+    }
+
+    /// The same, with stage equations solved to this fraction of the velocities instead of to roundoff.
+    #[must_use]
+    pub fn to_tolerance(mut self, tolerance: f64) -> Self {
+        self.stages.stop.tolerance = tolerance;
+        let alone = self.alone.into_iter();
+        self.alone = alone.map(|one| one.to_tolerance(tolerance)).collect();
+        self
+    }
+
+    /// The members' state at `t`, from y and z.
+    pub fn state(&mut self, t: f64, y: &[Block], z: &[Block]) -> State<Block> {
+        self.model.state(t, y, z)
+    }
+
+    /// The common path, up to where the step has only to be committed; says who has come to its end.
+    fn advance(&mut self, step: Step<Block>) -> Result<(), StepError> {
+        let is_open = |rests: &[Rest; 2]| !rests.iter().any(|rest| rest.is_on());
+        self.members = self.rests.map(|rests| {
+            if is_open(&rests) {
+                Member::Open
+            } else {
+                Member::Out
+            }
+        });
+        let open = self.rests[..self.count].iter();
+        let open = open.filter(|rests| is_open(rests)).count();
+        let (stages, model) = (&mut self.stages, &mut self.model);
+        if open < FEWEST_MEMBERS {
+            self.members = [Member::Out; BATCH];
+            return Ok(());
+        }
+        let most = self.solver.max_iterations(&self.problem, &stages.tableau);
+        if let Some(small) = &mut self.small {
+            let (predictor, until) = (&mut self.predictor, (most, stages.stop));
+            let made = small.advance(model, predictor.start(), step, until, &mut self.members);
+            if made.is_none() {
+                self.members = [Member::Out; BATCH];
+            }
+            return Ok(());
+        }
+        if !(self.predictor).extrapolate(stages, &mut self.update.z, step) {
+            self.members = [Member::Out; BATCH];
+            return Ok(());
+        }
+        let mut equations = self.schur.start(stages, model, step);
+        newton::solve_each(&mut equations, most, &mut self.members)?;
+        if !self.members.iter().any(has_converged) {
+            return Ok(());
+        }
+        // from here on as a member alone goes
+        let last = stages.tableau.intervals - 1;
+        stages.evaluate_values(model, step, last);
+        if stages.loses_moves(&self.problem) {
+            self.schur.find_lost_moves(stages, step);
+        } else {
+            stages.lost_moves.clear();
+        }
+        self.update.solve(model, stages, step)
+    }
+
+    /// A step of one member alone; what it leads to is appended to what is saved.
+    fn step_alone(
+        &mut self,
+        member: usize,
+        (t, h): (f64, f64),
+        state: &State<Block>,
+    ) -> Result<(), StepError> {
+        let mut saved = std::mem::take(&mut self.saved);
+        let start = saved.len();
+        self.save(member, &mut saved);
+        let place = member.min(self.alone.len() - 1);
+        let alone = &mut self.alone[place];
+        let is_own = alone.restore(0, &mut &saved[start..]).is_ok();
+        debug_assert!(is_own, "it is of the same problem");
+        saved.truncate(start);
+        self.state.copy_member(0, state, member);
+        let made = alone.step(t, h, &mut self.state);
+        if made.is_ok() {
+            alone.save(0, &mut saved);
+            self.state.save(0, &mut saved);
+        }
+        self.saved = saved;
+        made.map_err(|error| error.of_member(member))
+    }
+
+    /// Puts those who stepped alone back beside the others.
+    fn take_back(&mut self, state: &mut State<Block>) -> Result<(), CheckpointMismatch> {
+        let held = std::mem::take(&mut self.saved);
+        let mut saved = &held[..];
+        for member in 0..BATCH {
+            if has_converged(&self.members[member]) {
+                continue;
+            }
+            let before = saved;
+            self.restore(member, &mut saved)?;
+            state.restore(member, &mut saved)?;
+            if member + 1 >= self.count {
+                saved = before; // for the next place to follow
+            }
+        }
+        self.saved = held;
+        Ok(())
+    }
+
+    fn sum_up(&mut self) {
+        let stages = self.stages.tableau.stages;
+        for (member, stands) in self.members.iter().enumerate() {
+            if let Member::Converged(iterations) = stands {
+                self.rests[member].iter_mut().for_each(Rest::end_row);
+                if member < self.count {
+                    self.stats.iterations += iterations;
+                    self.stats.evaluations += (iterations + 1) * stages;
+                }
+            }
+        }
+    }
+}
+
+fn has_converged(member: &Member) -> bool {
+    matches!(member, Member::Converged(_))
+}
+
+impl Stepper for SparkBatch {
+    type State = State<Block>;
+
+    fn step(&mut self, t: f64, h: f64, state: &mut State<Block>) -> Result<(), StepError> {
+        if self.advance(Step { t, h, state }).is_err() {
+            // whose error it is, each finds out alone
+            self.members = [Member::Out; BATCH];
+        }
+        self.saved.clear();
+        for member in 0..self.count {
+            if !has_converged(&self.members[member]) {
+                self.step_alone(member, (t, h), state)?;
+            }
+        }
+        if self.members.iter().any(has_converged) {
+            let (predictor, update) = (&mut self.predictor, &self.update);
+            if let Some(small) = &self.small {
+                small.commit(&mut predictor.held, h, state);
+            } else {
+                predictor.keep(&self.stages, h, &state.z, &update.z, &update.v);
+                update.commit(state);
+            }
+            self.sum_up();
+        }
+        let is_own = self.take_back(state).is_ok();
+        debug_assert!(is_own, "it is of the same problem");
+        Ok(())
+    }
+
+    fn forget(&mut self) {
+        self.predictor.forget();
+    }
+
+    fn stats(&self) -> Stats {
+        let alone = self.alone.iter().map(Stepper::stats);
+        alone.fold(self.stats, |sum, stats| sum + stats)
+    }
+}
+
+impl Symmetric for SparkBatch {}
+
+impl Checkpoint for SparkBatch {
+    fn save(&self, member: usize, out: &mut dyn Numbers) {
+        self.predictor.save(member, out);
+        self.rests[member].save(0, out);
+    }
+
+    fn restore(&mut self, member: usize, saved: &mut &[f64]) -> Result<(), CheckpointMismatch> {
+        self.predictor.restore(member, saved)?;
+        self.rests[member].restore(0, saved)
+    }
+}

@@ -1,0 +1,403 @@
+//! SPARK methods for index-3 mechanical systems, of any coefficients with s stages and k + 1 nodes.
+//!
+//! One step from (t0, y0, z0) to t1 = t0 + h, with stages T_i = t0 + c_i h and nodes
+//! T̂_j = t0 + ĉ_j h:
+//!
+//!     (S1)  Y_i = y0 + h Σ_j aᵛ_ij v(T_j, Y_j, Z_j)                                     i = 1..s
+//!     (S2)  Ŷ_i = y0 + h Σ_j ā_ij v(T_j, Y_j, Z_j)                                      i = 0..k
+//!     (S3)  p(T_i, Y_i, Z_i) = p0 + h Σ_j aᶠ_ij f(T_j, Y_j, Z_j) + h Σ_{j<k} â_ij r(T̂_j, Ŷ_j, λ_j)
+//!     (S4)  0 = g(T̂_i, Ŷ_i)                                                            i = 1..k
+//!     (U1)  y1 = y0 + h Σ_j b_j v(T_j, Y_j, Z_j)
+//!     (U2)  p(t1, y1, z1) = p0 + h Σ_j b_j f(T_j, Y_j, Z_j) + h Σ_{j≤k} b̂_j r(T̂_j, Ŷ_j, λ_j)
+//!     (U3)  0 = g_t(t1, y1) + g_y(t1, y1) v(t1, y1, z1)
+//!
+//! (S1)–(S4) give Z_i and λ_0..λ_{k−1}, with V_i = v(T_i, Y_i, Z_i) as unknowns of their own;
+//! (U2), (U3) then give z1 and λ_k. The λ_j are internal: they are not passed on to the next step.
+//! y and p are summed with their rounding errors carried along. Source: jay2007; the paper's ψ is λ.
+//! Nonholonomic constraints bring equations of their own, in `full_newton`.
+
+mod estimate;
+mod full_newton;
+mod lanes;
+mod node_schur;
+mod predictor;
+mod probe;
+pub mod rattle;
+mod sparse_schur;
+mod stages;
+mod update;
+mod yardstick;
+
+use full_newton::FullNewton;
+use liouville_base::error::StepError;
+use liouville_base::linalg::choice::{CHEAP_NEWTON, SCHUR_ITERATIONS};
+use liouville_base::linalg::copy;
+use liouville_base::method::{Stats, Stepper, Symmetric};
+use liouville_base::newton::{self, Attempts, Confirms, Member, Rest, Slot, Solved, Start};
+use liouville_base::tableau;
+use liouville_problem::{Estimate, Mechanical, Model, State, Step};
+use liouville_small::Small;
+use node_schur::NodeSchur;
+use predictor::Predictor;
+use stages::{Stages, Unknowns};
+use update::Update;
+
+pub use lanes::{SparkBatch, supports_batch};
+
+/// How the stage equations are solved; all ways lead to the same solution, to roundoff.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Solver {
+    /// Node Schur, and full Newton where that is slow.
+    Auto,
+    /// Node Schur only, but where its matrix would be dense and large.
+    NodeSchur,
+    /// Full simplified Newton only.
+    Newton,
+}
+
+impl Solver {
+    /// What steps a small system, where node Schur may.
+    fn small<S>(self, make: impl FnOnce() -> Option<S>) -> Option<S> {
+        if self == Self::Newton { None } else { make() }
+    }
+
+    /// Corrections that node Schur may take.
+    fn max_iterations(self, problem: &Mechanical, tableau: &tableau::Spark) -> usize {
+        let order = tableau.stages * problem.n + tableau.intervals * problem.m;
+        match self {
+            Self::Auto => {
+                SCHUR_ITERATIONS
+                    [usize::from(order > CHEAP_NEWTON || problem.patterns.p_y.is_empty())]
+            }
+            _ => MOST_ITERATIONS,
+        }
+    }
+}
+
+/// Corrections a solver may take when there is no other.
+const MOST_ITERATIONS: usize = 100;
+
+/// A SPARK method at work.
+#[derive(Clone, Debug)]
+pub struct Spark {
+    model: Model,
+    solver: Solver,
+    /// What makes nearly all steps of a small system.
+    small: Option<Box<Small<f64>>>,
+    stages: Stages,
+    schur: NodeSchur,
+    /// Full Newton, made when it is first wanted.
+    full: Option<Box<FullNewton>>,
+    predictor: Predictor,
+    update: Update,
+    /// What tells errors, where they are wanted.
+    estimate: Option<Box<Estimate>>,
+    /// Where node Schur started, for full Newton to start there too.
+    start: Unknowns,
+    /// Solutions to be compared, each made when it is first wanted.
+    kept: [Option<Box<KeptStages>>; 2],
+    /// Rest of node Schur, and of the modified iteration.
+    schur_rest: Rest,
+    rest: Rest,
+    /// Whether node Schur has found the present stages.
+    is_by_schur: bool,
+    stats: Stats,
+}
+
+impl Spark {
+    /// The (s,s)-Gauss–Lobatto method for this model.
+    ///
+    /// # Panics
+    /// When `s` is zero.
+    pub fn new(model: Model, s: usize, solver: Solver) -> Self {
+        Self::of(model, tableau::Spark::gauss(s), solver)
+    }
+
+    /// The method of these coefficients.
+    pub fn of(mut model: Model, tableau: tableau::Spark, solver: Solver) -> Self {
+        model.reserve_batch(tableau.stages, tableau.intervals + 1);
+        let small = solver.small(|| Small::<f64>::new(&mut model, &tableau));
+        let stages = Stages::new(&model, tableau);
+        Self {
+            solver,
+            small,
+            schur: NodeSchur::new(&model, &stages),
+            full: None,
+            predictor: Predictor::new(&model, &stages.tableau),
+            update: Update::new(&model),
+            estimate: None,
+            start: stages.unknowns.clone(),
+            kept: [None, None],
+            schur_rest: Rest::default(),
+            rest: Rest::default(),
+            is_by_schur: false,
+            stats: Stats::default(),
+            stages,
+            model,
+        }
+    }
+
+    /// The same, with stage equations solved to this fraction of the velocities instead of to roundoff.
+    #[must_use]
+    pub fn to_tolerance(mut self, tolerance: f64) -> Self {
+        self.stages.stop.tolerance = tolerance;
+        self
+    }
+
+    /// (U1)–(U3), and what the next step is extrapolated from.
+    fn finish(&mut self, step: Step) -> Result<(), StepError> {
+        // the update needs forces at the last iterate: older ones cost a drift in the energy
+        let last = self.stages.tableau.intervals - 1;
+        self.stages.evaluate_values(&mut self.model, step, last);
+        if self.is_by_schur && self.stages.loses_moves(&self.model.problem) {
+            self.schur.find_lost_moves(&mut self.stages, step);
+        } else {
+            self.stages.lost_moves.clear();
+        }
+        self.update.solve(&mut self.model, &mut self.stages, step)?;
+        let (z, v) = (&self.update.z, &self.update.v);
+        self.predictor
+            .keep(&self.stages, step.h, &step.state.z, z, v);
+        Ok(())
+    }
+
+    /// The step of a small system; says whether it has come to its end, and has only to be committed.
+    fn advance_small(&mut self, step: Step) -> bool {
+        let Some(small) = &mut self.small else {
+            return false;
+        };
+        if self.schur_rest.is_on() || self.rest.is_on() {
+            return false;
+        }
+        let stages = &mut self.stages;
+        let most = (self.solver).max_iterations(&self.model.problem, &stages.tableau);
+        let (until, mut members) = ((most, stages.stop), [Member::Open]);
+        let (model, from) = (&mut self.model, self.predictor.start());
+        let made = small.advance(model, from, step, until, &mut members);
+        let (Some(()), [Member::Converged(iterations)]) = (made, members) else {
+            return false;
+        };
+        self.stats.iterations += iterations;
+        stages.evaluations += (iterations + 1) * stages.tableau.stages;
+        self.schur_rest.end_row();
+        self.rest.end_row();
+        true
+    }
+
+    /// The modified iteration, by node Schur or full Newton; says whether the solution is near.
+    fn iterate(&mut self, step: Step) -> Result<bool, StepError> {
+        self.is_by_schur = false;
+        let solved = if self.wants_newton() {
+            self.iterate_newton(step, false)?
+        } else {
+            self.start.copy_from(&self.stages.unknowns);
+            match self.iterate_schur(step) {
+                Err(_) if self.solver == Solver::Auto => {
+                    self.schur_rest.begin();
+                    self.stages.unknowns.copy_from(&self.start);
+                    self.iterate_newton(step, false)?
+                }
+                outcome => {
+                    self.schur_rest.end_row();
+                    self.is_by_schur = outcome.is_ok();
+                    outcome?
+                }
+            }
+        };
+        self.stats.iterations += solved.iterations;
+        Ok(solved.is_near)
+    }
+
+    /// The iteration with a matrix for each correction, where there is one.
+    fn iterate_full(&mut self, step: Step) -> Result<bool, StepError> {
+        if self.is_schur_only() {
+            return self.iterate(step);
+        }
+        self.is_by_schur = false;
+        let solved = self.iterate_newton(step, true)?;
+        self.stats.iterations += solved.iterations;
+        Ok(solved.is_near)
+    }
+
+    /// Whether there is no iteration with a matrix for each correction.
+    fn is_schur_only(&self) -> bool {
+        self.solver == Solver::NodeSchur && self.schur.is_able() && self.model.problem.l() == 0
+    }
+
+    /// The error of a step, which node Schur alone cannot blame on its size.
+    fn without_full(&self, error: StepError) -> StepError {
+        match error {
+            StepError::StepTooLarge { .. } if self.is_schur_only() => StepError::NotConverged {
+                iterations: self
+                    .solver
+                    .max_iterations(&self.model.problem, &self.stages.tableau),
+                size: f64::INFINITY,
+            },
+            error => error,
+        }
+    }
+
+    /// Whether full Newton is asked for or all there is, or node Schur rests after having failed.
+    fn wants_newton(&mut self) -> bool {
+        self.schur_rest.take()
+            || self.solver == Solver::Newton
+            || !self.schur.is_able()
+            || self.model.problem.l() > 0
+    }
+
+    fn iterate_schur(&mut self, step: Step) -> Result<Solved, StepError> {
+        let (stages, model) = (&mut self.stages, &mut self.model);
+        let most = self.solver.max_iterations(&model.problem, &stages.tableau);
+        newton::solve(&mut self.schur.start(stages, model, step), most)
+    }
+
+    /// Full Newton: by one matrix, or by one for each correction.
+    fn iterate_newton(&mut self, step: Step, is_each: bool) -> Result<Solved, StepError> {
+        self.stats.newton_steps += 1;
+        let (stages, model) = (&mut self.stages, &mut self.model);
+        let full = self
+            .full
+            .get_or_insert_with(|| FullNewton::new(model, stages).into());
+        let mut equations = full.start(stages, model, &mut self.update.z, step);
+        if is_each {
+            newton::solve_full(&mut equations)
+        } else {
+            newton::solve(&mut equations, MOST_ITERATIONS)
+        }
+    }
+}
+
+/// A solution kept beside the present one.
+#[derive(Clone, Debug)]
+struct KeptStages {
+    unknowns: Unknowns,
+    z1: Vec<f64>,
+    is_by_schur: bool,
+}
+
+/// A step whose stage equations are attempted.
+struct SparkAttempt<'a> {
+    spark: &'a mut Spark,
+    step: Step<'a>,
+}
+
+impl Attempts for SparkAttempt<'_> {
+    fn start(&mut self, h: f64, start: Start) -> Result<bool, StepError> {
+        let step = Step { h, ..self.step };
+        let Spark {
+            model,
+            stages,
+            predictor,
+            update,
+            ..
+        } = &mut *self.spark;
+        match start {
+            Start::Extrapolated => Ok(predictor.extrapolate(stages, &mut update.z, step)),
+            Start::Continued => {
+                stages.begin_again(step);
+                Ok(true)
+            }
+            Start::Cold | Start::Still => {
+                let is_still = start == Start::Still;
+                predictor.start_cold(model, stages, &mut update.z, step, is_still)?;
+                Ok(true)
+            }
+        }
+    }
+
+    fn iterate(&mut self, h: f64) -> Result<bool, StepError> {
+        self.spark.iterate(Step { h, ..self.step })
+    }
+
+    fn count_cold_start(&mut self) {
+        self.spark.stats.cold_starts += 1;
+    }
+}
+
+impl Confirms for SparkAttempt<'_> {
+    fn iterate_full(&mut self, h: f64) -> Result<bool, StepError> {
+        self.spark.iterate_full(Step { h, ..self.step })
+    }
+
+    fn keep(&mut self, _h: f64, slot: Slot) {
+        let Spark {
+            stages,
+            update,
+            kept,
+            is_by_schur,
+            ..
+        } = &mut *self.spark;
+        let kept = kept[slot as usize].get_or_insert_with(|| {
+            Box::new(KeptStages {
+                unknowns: stages.unknowns.clone(),
+                z1: update.z.clone(),
+                is_by_schur: false,
+            })
+        });
+        kept.unknowns.copy_from(&stages.unknowns);
+        copy(&mut kept.z1, &update.z);
+        kept.is_by_schur = *is_by_schur;
+    }
+
+    fn put_back(&mut self, slot: Slot) {
+        if let Some(kept) = &self.spark.kept[slot as usize] {
+            self.spark.stages.unknowns.copy_from(&kept.unknowns);
+            copy(&mut self.spark.update.z, &kept.z1);
+            self.spark.is_by_schur = kept.is_by_schur;
+        }
+    }
+
+    fn distance(&mut self, _h: f64, slot: Slot) -> (f64, usize) {
+        let kept = self.spark.kept[slot as usize].as_ref();
+        kept.map_or((0.0, 0), |kept| self.spark.stages.distance(&kept.unknowns))
+    }
+
+    fn rest(&mut self) -> &mut Rest {
+        &mut self.spark.rest
+    }
+}
+
+impl Stepper for Spark {
+    type State = State;
+
+    fn step(&mut self, t: f64, h: f64, state: &mut State) -> Result<(), StepError> {
+        let step = Step { t, h, state };
+        let is_small = self.advance_small(step);
+        if !is_small {
+            let attempted = newton::attempt(&mut SparkAttempt { spark: self, step }, h);
+            attempted.map_err(|error| self.without_full(error))?;
+            self.finish(step)?;
+        }
+        if let Some(estimate) = &mut self.estimate {
+            estimate.keep(state);
+        }
+        match &self.small {
+            Some(small) if is_small => small.commit(&mut self.predictor.held, h, state),
+            _ => self.update.commit(state),
+        }
+        if let Some(estimate) = &mut self.estimate {
+            estimate.measure(self.predictor.velocities(), h, state);
+        }
+        Ok(())
+    }
+
+    fn forget(&mut self) {
+        self.predictor.forget();
+    }
+
+    fn stats(&self) -> Stats {
+        Stats {
+            evaluations: self.stages.evaluations,
+            ..self.stats
+        }
+    }
+}
+
+impl Symmetric for Spark {}
+
+// What is extrapolated, and how long node Schur still rests.
+liouville_base::checkpoint!(Spark {
+    predictor,
+    schur_rest,
+    rest
+});

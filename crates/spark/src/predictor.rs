@@ -1,0 +1,223 @@
+//! Start values of the stages: from the polynomials of the step before, or cold.
+//!
+//! Extrapolated: the polynomial through {z0, Z_1..Z_s, z1} at {0, c, 1}, and that through λ_0..λ_k at
+//! the nodes, both evaluated one step on. Cold: z0' and λ from the acceleration-level solve,
+//! Z_i = z0 + c_i h z0'. Still, where stiff forces make that a leap away: Z_i = z0.
+#![allow(clippy::inline_always)] // what is not inlined is compiled without the registers it is for
+
+use super::stages::{Stages, Unknowns};
+use liouville_base::checkpoint::{Checkpoint, CheckpointMismatch, Numbers};
+use liouville_base::error::StepError;
+use liouville_base::linalg::{Matrix, add_scaled, copy};
+use liouville_base::newton::{self, Polynomial};
+use liouville_base::real::Real;
+use liouville_base::simd::{dispatch_simd, dispatch_simd_long};
+use liouville_base::tableau;
+use liouville_problem::{Acceleration, Model, State, Step};
+use liouville_small::{LAM, Z};
+
+/// What the next step starts from.
+#[derive(Clone, Debug)]
+pub(super) struct Predictor<R = f64> {
+    acceleration: Acceleration<R>,
+    velocity_is_z: bool,
+    /// z0, Z_1..Z_s, z1; λ at the nodes; ν at the stages.
+    pub(super) held: newton::Predictor<R>,
+    /// v0, V_1..V_s, v1 where v is not z; a cold start writes v0.
+    v: Matrix<R>,
+}
+
+/// The curve of ν, after those of Z and λ.
+const NU: usize = 2;
+
+impl<R: Real> Predictor<R> {
+    pub(super) fn new(model: &Model<R>, tableau: &tableau::Spark) -> Self {
+        let (n, m, l) = (model.problem.n, model.problem.m, model.problem.l());
+        let nodes = [&[0.0], &tableau.c[..], &[1.0]].concat();
+        let velocity_is_z = model.problem.patterns.v_z.is_none();
+        let (c, c_hat) = (&tableau.c[..], &tableau.c_hat[..]);
+        let (rows, width) = (nodes.len(), if velocity_is_z { 0 } else { n });
+        Self {
+            acceleration: Acceleration::new(model),
+            velocity_is_z,
+            held: newton::Predictor::new(vec![
+                Polynomial::new(&nodes, c, n),
+                Polynomial::new(c_hat, c_hat, m),
+                Polynomial::new(c, c, l),
+            ]),
+            v: Matrix::zeros(rows, width),
+        }
+    }
+
+    /// What a step starts from: the step before, or the accelerations.
+    pub(super) fn start(&mut self) -> (&mut newton::Predictor<R>, &mut Acceleration<R>) {
+        (&mut self.held, &mut self.acceleration)
+    }
+
+    /// Forgets the polynomials: the next start is cold.
+    pub(super) fn forget(&mut self) {
+        self.held.forget();
+    }
+
+    /// Writes the extrapolated unknowns and `z1`; says whether there was a step to extrapolate.
+    pub(super) fn extrapolate(
+        &mut self,
+        stages: &mut Stages<R>,
+        z1: &mut [R],
+        step: Step<R>,
+    ) -> bool {
+        if !self.held.weigh(step.h) {
+            return false;
+        }
+        let held = self.velocities();
+        let start = if self.held.is_undone() {
+            0
+        } else {
+            held.rows() - 1
+        };
+        stages.begin(step, held.row(start));
+        dispatch_simd_long::<R, _>(
+            z1.len(),
+            #[inline(always)]
+            || self.write_start(&mut stages.unknowns, z1),
+        );
+        true
+    }
+
+    #[inline(always)]
+    fn write_start(&self, unknowns: &mut Unknowns<R>, z1: &mut [R]) {
+        let Unknowns { z, v, lam, nu } = unknowns;
+        let curves = &self.held.curves;
+        curves[Z].extrapolate(z.flat_mut());
+        if self.velocity_is_z {
+            // nothing but equal starts keeps them equal: their difference is no residual
+            copy(v.flat_mut(), z.flat());
+        } else {
+            curves[Z].extrapolate_other(&self.v, v.flat_mut());
+        }
+        curves[Z].extrapolate_end(z1);
+        curves[LAM].extrapolate(lam.flat_mut());
+        curves[NU].extrapolate(nu.flat_mut());
+    }
+
+    /// Writes the cold start; one that is `still` leaves z' out.
+    pub(super) fn start_cold(
+        &mut self,
+        model: &mut Model<R>,
+        stages: &mut Stages<R>,
+        z1: &mut [R],
+        step: Step<R>,
+        still: bool,
+    ) -> Result<(), StepError> {
+        let Step { t, h, state } = step;
+        let reach = if still { 0.0 } else { h };
+        self.acceleration.solve(model, t, &state.y, &state.z)?;
+        let z_dot = &self.acceleration.z_dot;
+        let [_, _, v] = model.end(t, &state.y, &state.z);
+        if !self.velocity_is_z {
+            self.v.row_mut(0).copy_from_slice(v);
+        }
+        let velocity = if self.velocity_is_z {
+            &state.z
+        } else {
+            self.v.row(0)
+        };
+        stages.begin(step, velocity);
+        for i in 0..stages.tableau.stages {
+            let (c, t) = (stages.tableau.c[i], stages.stage_time(step, i));
+            let z = stages.unknowns.z.row_mut(i);
+            z.copy_from_slice(&state.z);
+            add_scaled(z, c * reach, z_dot);
+            let y = stages.y.row_mut(i);
+            y.copy_from_slice(&state.y);
+            add_scaled(y, c * h, velocity);
+            let [_, _, v] = model.stage(t, y, z);
+            let v = if v.is_empty() { &*z } else { v };
+            copy(stages.unknowns.v.row_mut(i), v);
+        }
+        z1.copy_from_slice(&state.z);
+        add_scaled(z1, reach, z_dot);
+        let (lam, nu) = self.acceleration.lam.split_at(model.problem.m);
+        for j in 0..=stages.tableau.intervals {
+            stages.unknowns.lam.row_mut(j).copy_from_slice(lam);
+        }
+        for i in 0..stages.tableau.stages {
+            stages.unknowns.nu.row_mut(i).copy_from_slice(nu);
+        }
+        Ok(())
+    }
+
+    /// Keeps the polynomials of a finished step from `z0` to `z1`, where v is `v1`.
+    pub(super) fn keep(&mut self, stages: &Stages<R>, h: f64, z0: &[R], z1: &[R], v1: &[R]) {
+        dispatch_simd::<R, _>(
+            #[inline(always)]
+            || self.keep_points(stages, z0, z1, v1),
+        );
+        self.held.hold(h);
+    }
+
+    #[inline(always)]
+    fn keep_points(&mut self, stages: &Stages<R>, z0: &[R], z1: &[R], v1: &[R]) {
+        let s = stages.tableau.stages;
+        if !self.velocity_is_z && self.held.held().is_some() && !self.held.is_undone() {
+            let (head, tail) = self.v.flat_mut().split_at_mut((s + 1) * v1.len());
+            head[..v1.len()].copy_from_slice(tail);
+        }
+        let [z, lam, nu] = &mut self.held.curves[..] else {
+            return;
+        };
+        let z = &mut z.values;
+        copy(z.row_mut(0), z0);
+        for i in 0..s {
+            copy(z.row_mut(i + 1), stages.unknowns.z.row(i));
+        }
+        copy(z.row_mut(s + 1), z1);
+        if !self.velocity_is_z {
+            for i in 0..s {
+                copy(self.v.row_mut(i + 1), stages.unknowns.v.row(i));
+            }
+            copy(self.v.row_mut(s + 1), v1);
+        }
+        copy(lam.values.flat_mut(), stages.unknowns.lam.flat());
+        copy(nu.values.flat_mut(), stages.unknowns.nu.flat());
+    }
+
+    /// v' at a state, or z' where v is not z: how fast the velocities begin to change.
+    pub(super) fn acceleration(
+        &mut self,
+        model: &mut Model<R>,
+        t: f64,
+        state: &State<R>,
+    ) -> Result<&[R], StepError> {
+        self.acceleration.solve(model, t, &state.y, &state.z)?;
+        Ok(&self.acceleration.z_dot)
+    }
+
+    /// v at the start of the step held, V_1..V_s, and v at its end.
+    pub(super) fn velocities(&self) -> &Matrix<R> {
+        if self.velocity_is_z {
+            &self.held.curves[Z].values
+        } else {
+            &self.v
+        }
+    }
+
+    /// The next step begins where the one held began, which says where it goes.
+    pub(super) fn undo(&mut self) {
+        self.held.undo();
+    }
+}
+
+impl<R: Real> Checkpoint for Predictor<R> {
+    fn save(&self, member: usize, out: &mut dyn Numbers) {
+        self.acceleration.save(member, out);
+        self.held.save(member, out);
+        self.v.flat().save(member, out);
+    }
+
+    fn restore(&mut self, member: usize, saved: &mut &[f64]) -> Result<(), CheckpointMismatch> {
+        self.acceleration.restore(member, saved)?;
+        self.held.restore(member, saved)?;
+        self.v.flat_mut().restore(member, saved)
+    }
+}

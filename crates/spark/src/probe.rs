@@ -1,0 +1,165 @@
+//! Roundoff of the stage equations: whether a residual is no more than that, and what corrections it makes.
+//!
+//! Both are measured: unknowns are moved by a few ε of their size, with signs that follow no pattern, and
+//! what that changes is what roundoff of the data may change. A bound by norms would be far too large for
+//! stiff forces, whose noise lies where the Newton matrix takes it away.
+
+use super::node_schur::SchurEquations;
+use super::stages::{Stages, Unknowns};
+use liouville_base::error::StepError;
+use liouville_base::linalg::{Matrix, copy, max_norm};
+use liouville_base::newton::{Equations, MARGIN, SHAKE, signs};
+use liouville_base::real::Real;
+use liouville_problem::{Model, Step};
+
+/// Unknowns and residuals before they were moved.
+#[derive(Clone, Debug)]
+pub(super) struct Probe<R> {
+    unknowns: Unknowns<R>,
+    corrected: Unknowns<R>,
+    momentum: Matrix<R>,
+    velocity: Matrix<R>,
+    g: Matrix<R>,
+}
+
+/// The equations of a step whose unknowns are the stages'.
+pub(super) trait AtStages<R: Real>: Equations<R> {
+    /// The stages, and the step they are for.
+    fn stages(&mut self) -> (&mut Stages<R>, Step<'_, R>);
+}
+
+impl<R: Real> AtStages<R> for SchurEquations<'_, R> {
+    fn stages(&mut self) -> (&mut Stages<R>, Step<'_, R>) {
+        (self.stages, self.step)
+    }
+}
+
+impl<R: Real> Probe<R> {
+    fn new(stages: &Stages<R>) -> Self {
+        Self {
+            unknowns: stages.unknowns.clone(),
+            corrected: stages.unknowns.clone(),
+            momentum: stages.momentum_residual.clone(),
+            velocity: stages.velocity_residual.clone(),
+            g: stages.g.clone(),
+        }
+    }
+}
+
+/// `x += size ξ`, with signs ξ.
+fn shake<R: Real>(x: &mut [R], size: R, sign: &mut impl FnMut() -> f64) {
+    for x in x {
+        *x += size * sign();
+    }
+}
+
+/// The largest difference.
+fn apart<R: Real>(a: &Matrix<R>, b: &Matrix<R>) -> R {
+    let pairs = a.flat().iter().zip(b.flat());
+    pairs.fold(R::splat(0.0), |largest, (a, b)| {
+        largest.zip((*a - *b).map(f64::abs), f64::max)
+    })
+}
+
+impl<R: Real> Stages<R> {
+    /// Moves the unknowns by this many ε of their sizes.
+    fn shake(&mut self, step: Step<R>, units: f64, seed: u64) {
+        let mut sign = signs(seed);
+        let size = R::splat(units * f64::EPSILON);
+        let rest = max_norm(&step.state.y) * (1.0 / step.h.abs());
+        let Unknowns { z, v, lam, nu } = &mut self.unknowns;
+        let of_v = max_norm(v.flat()) + rest;
+        if self.velocity_is_z {
+            shake(z.flat_mut(), of_v * size, &mut sign);
+            copy(v.flat_mut(), z.flat());
+        } else {
+            let of_z = max_norm(z.flat());
+            shake(z.flat_mut(), of_z * size, &mut sign);
+            shake(v.flat_mut(), of_v * size, &mut sign);
+        }
+        for multipliers in [lam, nu] {
+            let own = max_norm(multipliers.flat());
+            shake(multipliers.flat_mut(), own * size, &mut sign);
+        }
+    }
+
+    /// Whether the residuals of (S1)–(S4) are what a few ε in the unknowns make of them.
+    pub(super) fn is_solved(
+        &mut self,
+        model: &mut Model<R>,
+        step: Step<R>,
+    ) -> Result<bool, StepError> {
+        let mut probe = self.take_probe();
+        self.evaluate(model, step)?;
+        copy(probe.momentum.flat_mut(), self.momentum_residual.flat());
+        copy(probe.velocity.flat_mut(), self.velocity_residual.flat());
+        copy(probe.g.flat_mut(), self.g.flat());
+        probe.unknowns.copy_from(&self.unknowns);
+        self.shake(step, SHAKE, 1);
+        let shaken = self.evaluate(model, step);
+        self.unknowns.copy_from(&probe.unknowns);
+        let units = (self.stop.tolerance / f64::EPSILON).max(1.0);
+        let unit =
+            max_norm(self.unknowns.v.flat()) + max_norm(&step.state.y) * (1.0 / step.h.abs());
+        let least = [0.0, 2.0 * f64::EPSILON, 2.0 * f64::EPSILON * step.h.abs()];
+        let blocks = [
+            (&probe.momentum, &self.momentum_residual),
+            (&probe.velocity, &self.velocity_residual),
+            (&probe.g, &self.g),
+        ];
+        let mut is_solved = true;
+        for ((kept, moved), least) in blocks.into_iter().zip(least) {
+            let bound = (apart(kept, moved) + unit * least) * (MARGIN * units);
+            let first = if moved.rows() > self.y.rows() {
+                kept.cols()
+            } else {
+                0
+            };
+            let size = max_norm(&kept.flat()[first.min(kept.flat().len())..]);
+            is_solved &= size
+                .zip(bound, |size, bound| f64::from(u8::from(size <= bound)))
+                .all(|x| x != 0.0);
+        }
+        self.probe = Some(probe);
+        shaken.map(|()| is_solved)
+    }
+
+    fn take_probe(&mut self) -> Box<Probe<R>> {
+        self.probe
+            .take()
+            .unwrap_or_else(|| Box::new(Probe::new(self)))
+    }
+}
+
+/// The largest relative correction that one ε in the unknowns makes, of two tries; leaves them corrected.
+pub(super) fn floor<R: Real>(equations: &mut impl AtStages<R>) -> Result<f64, StepError> {
+    let mut largest = 0.0_f64;
+    for seed in [2, 3] {
+        let (stages, _) = equations.stages();
+        let mut probe = stages.take_probe();
+        probe.unknowns.copy_from(&stages.unknowns);
+        equations.correct()?;
+        let (stages, step) = equations.stages();
+        probe.corrected.copy_from(&stages.unknowns);
+        stages.unknowns.copy_from(&probe.unknowns);
+        stages.shake(step, 1.0, seed);
+        copy(probe.momentum.flat_mut(), stages.unknowns.v.flat());
+        equations.correct()?;
+        let (stages, step) = equations.stages();
+        // what of the move is left after both corrections
+        let moves = probe
+            .momentum
+            .flat_mut()
+            .iter_mut()
+            .zip(stages.unknowns.v.flat());
+        let before = probe.unknowns.v.flat().iter().zip(probe.corrected.v.flat());
+        for ((out, moved), (start, corrected)) in moves.zip(before) {
+            *out = (*moved - *out) - (*corrected - *start);
+        }
+        let size = max_norm(probe.momentum.flat());
+        largest = largest.max(stages.relative(size, step).member(0));
+        stages.unknowns.copy_from(&probe.corrected);
+        stages.probe = Some(probe);
+    }
+    Ok(largest)
+}

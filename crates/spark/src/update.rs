@@ -1,0 +1,267 @@
+//! The end of a step: (U1), then z1 and λ_k from (U2) and (U3).
+//!
+//! Nonholonomic constraints have been met by then, up to roundoff: what is left of them is taken away by
+//! impulses of their reactions at t1, of the size of roundoff.
+//!
+//! Stage equations that are solved to a tolerance leave y1 as far off the constraints: it is moved onto them first.
+//!
+//! Increments are summed first and added last. What either loses is kept in the low part: the roundings
+//! of sums in a fixed order are no random ones, and cost a drift of the energy.
+#![allow(clippy::inline_always)] // what is not inlined is compiled without the registers it is for
+
+use super::stages::Stages;
+use liouville_base::compensated::Compensated;
+use liouville_base::error::{Quantity, StepError};
+use liouville_base::linalg::{add_scaled, carry, copy, copy_scaled, gather, max_norm};
+use liouville_base::newton::{self, Equations};
+use liouville_base::real::Real;
+use liouville_base::simd::{dispatch_simd, dispatch_simd_long};
+use liouville_problem::{Model, Saddle, State, Step, finite, finite_k};
+
+const MOST_ITERATIONS: usize = 30;
+
+/// The state at the end of a step while it is being found.
+#[derive(Clone, Debug)]
+pub(super) struct Update<R = f64> {
+    pub(super) z: Vec<R>,
+    pub(super) v: Vec<R>,
+    y: Vec<R>,
+    y_low: Vec<R>,
+    p: Vec<R>,
+    p_low: Vec<R>,
+    /// What the sums of increments lose.
+    y_lost: Vec<R>,
+    p_lost: Vec<R>,
+    saddle: Saddle<R>,
+    /// r at t1, as (U2) has it.
+    reaction: Vec<R>,
+    momentum: Vec<R>,
+    /// Corrections of w = 0, then of k = 0.
+    hidden: Vec<R>,
+    /// λ_k and ν_s.
+    multipliers: Vec<R>,
+}
+
+struct EndEquations<'a, R> {
+    update: &'a mut Update<R>,
+    model: &'a mut Model<R>,
+    stages: &'a mut Stages<R>,
+    step: Step<'a, R>,
+}
+
+impl<R: Real> Update<R> {
+    pub(super) fn new(model: &Model<R>) -> Self {
+        let zeros = vec![R::splat(0.0); model.problem.n];
+        Self {
+            z: zeros.clone(),
+            v: zeros.clone(),
+            y: zeros.clone(),
+            y_low: zeros.clone(),
+            p: zeros.clone(),
+            p_low: zeros.clone(),
+            y_lost: zeros.clone(),
+            p_lost: zeros.clone(),
+            saddle: Saddle::new(model),
+            reaction: zeros.clone(),
+            momentum: zeros,
+            hidden: vec![R::splat(0.0); model.problem.multipliers()],
+            multipliers: vec![R::splat(0.0); model.problem.multipliers()],
+        }
+    }
+
+    /// y1, and what p gains but for the last reaction.
+    #[inline(always)]
+    fn sum_up(&mut self, stages: &Stages<R>, state: &State<R>) {
+        let (s, k) = (stages.tableau.stages, stages.tableau.intervals);
+        copy(&mut self.y_low, &state.y_low);
+        copy(&mut self.p_low, &state.p_low);
+        self.y_lost.fill(R::splat(0.0));
+        self.p_lost.fill(R::splat(0.0));
+        for j in 0..s {
+            gather(&mut self.y_low, &mut self.y_lost, stages.moves.row(j));
+            add_scaled(&mut self.y_lost, 1.0, stages.lost_moves.row(j));
+        }
+        for j in 0..s + k {
+            gather(&mut self.p_low, &mut self.p_lost, stages.impulses.row(j));
+        }
+        for j in s + k + 1..stages.impulses.rows() {
+            gather(&mut self.p_low, &mut self.p_lost, stages.impulses.row(j));
+        }
+        carry(&state.y, &mut self.y_low, &mut self.y);
+        add_scaled(&mut self.y_low, 1.0, &self.y_lost);
+    }
+
+    /// Finds the end of the step; `z` holds a guess before and z1 afterwards.
+    pub(super) fn solve(
+        &mut self,
+        model: &mut Model<R>,
+        stages: &mut Stages<R>,
+        step: Step<R>,
+    ) -> Result<(), StepError> {
+        dispatch_simd_long::<R, _>(
+            step.state.y.len(),
+            #[inline(always)]
+            || self.find(model, stages, step),
+        )
+    }
+
+    #[inline(always)]
+    fn find(
+        &mut self,
+        model: &mut Model<R>,
+        stages: &mut Stages<R>,
+        step: Step<R>,
+    ) -> Result<(), StepError> {
+        let k = stages.tableau.intervals;
+        let (h, state) = (step.h, step.state);
+        self.sum_up(stages, state);
+        if model.problem.m > 0 {
+            self.project(model, stages, stages.node_time(step, k))?;
+        }
+        let is_linear = model.problem.is_linear;
+        let mut solve = EndEquations {
+            update: self,
+            model,
+            stages,
+            step,
+        };
+        if is_linear {
+            solve.correct()?;
+        } else {
+            newton::solve_all(&mut solve, MOST_ITERATIONS)?;
+        }
+
+        let impulse = &mut self.momentum;
+        copy_scaled(impulse, h * stages.tableau.b_hat[k], &self.reaction);
+        gather(&mut self.p_low, &mut self.p_lost, impulse);
+        carry(&state.p, &mut self.p_low, &mut self.p);
+        add_scaled(&mut self.p_low, 1.0, &self.p_lost);
+        if model.problem.patterns.v_z.is_some() {
+            let t = stages.node_time(step, k);
+            copy(&mut self.v, model.end(t, &self.y, &self.z)[2]);
+        } else {
+            copy(&mut self.v, &self.z);
+        }
+        Ok(())
+    }
+
+    /// Moves y1 onto the constraints at t1, along v_z p_z⁻¹ r_λ.
+    #[inline(always)]
+    fn project(
+        &mut self,
+        model: &mut Model<R>,
+        stages: &Stages<R>,
+        t: f64,
+    ) -> Result<(), StepError> {
+        let corrections = stages.stop.projections();
+        if corrections == 0 {
+            return Ok(());
+        }
+        self.take_multipliers(stages);
+        (self.saddle).update(model, t, &self.y, &self.z, &self.multipliers)?;
+        let m = model.problem.m;
+        for _ in 0..corrections {
+            let [g, _] = model.node(t, &self.y, &self.multipliers[..m]);
+            finite(g, Quantity::Constraint, t)?;
+            self.hidden.fill(R::splat(0.0));
+            copy_scaled(&mut self.hidden[..m], -1.0, g);
+            self.momentum.fill(R::splat(0.0));
+            self.saddle
+                .solve(model, &mut self.momentum, &mut self.hidden);
+            self.v.fill(R::splat(0.0));
+            self.saddle.mass.add_velocity(&self.momentum, &mut self.v);
+            for ((y, low), moved) in self.y.iter_mut().zip(&mut self.y_low).zip(&self.v) {
+                Compensated {
+                    high: *y,
+                    low: *low,
+                } = Compensated::sum(*y, *low + *moved);
+            }
+        }
+        Ok(())
+    }
+
+    /// λ_k and ν_s, one after the other.
+    #[inline(always)]
+    fn take_multipliers(&mut self, stages: &Stages<R>) {
+        let lam = stages.unknowns.lam.row(stages.tableau.intervals);
+        let nu = stages.unknowns.nu.row(stages.tableau.stages - 1);
+        copy(&mut self.multipliers[..lam.len()], lam);
+        copy(&mut self.multipliers[lam.len()..], nu);
+    }
+
+    /// The end becomes the state.
+    pub(super) fn commit(&self, state: &mut State<R>) {
+        dispatch_simd::<R, _>(
+            #[inline(always)]
+            || {
+                copy(&mut state.y, &self.y);
+                copy(&mut state.z, &self.z);
+                copy(&mut state.p, &self.p);
+                copy(&mut state.y_low, &self.y_low);
+                copy(&mut state.p_low, &self.p_low);
+            },
+        );
+    }
+}
+
+impl<R: Real> Equations<R> for EndEquations<'_, R> {
+    fn correct(&mut self) -> Result<R, StepError> {
+        dispatch_simd::<R, _>(
+            #[inline(always)]
+            || self.correct_end(),
+        )
+    }
+}
+
+impl<R: Real> EndEquations<'_, R> {
+    #[inline(always)]
+    fn correct_end(&mut self) -> Result<R, StepError> {
+        let (update, model) = (&mut *self.update, &mut *self.model);
+        let (stages, step) = (&mut *self.stages, self.step);
+        let k = stages.tableau.intervals;
+        let t = stages.node_time(step, k);
+        let weight = step.h * stages.tableau.b_hat[k];
+        let m = model.problem.m;
+        let nu = stages.unknowns.nu.row(stages.tableau.stages - 1);
+        update.take_multipliers(stages);
+        let (y, z) = (&update.y, &update.z);
+        update.saddle.update(model, t, y, z, &update.multipliers)?;
+        copy(&mut update.momentum, &update.p_low);
+        if model.problem.m > 0 {
+            let [_, r] = model.node(t, &update.y, stages.unknowns.lam.row(k));
+            finite(r, Quantity::Reaction, t)?;
+            copy(&mut update.reaction, r);
+            add_scaled(&mut update.momentum, weight, r);
+        }
+        let [p, w, _] = model.end(t, &update.y, &update.z);
+        finite(p, Quantity::Momentum, t)?;
+        finite(w, Quantity::Hidden, t)?;
+        for ((out, p), p0) in update.momentum.iter_mut().zip(p).zip(&step.state.p) {
+            *out -= *p - *p0;
+        }
+        copy_scaled(&mut update.hidden, -1.0, w);
+        if !nu.is_empty() {
+            let [k, _] = model.nonholonomic(t, &update.y, &update.z, nu);
+            finite_k(k, m, t)?;
+            copy_scaled(&mut update.hidden[m..], -1.0, k);
+        }
+        let (momentum, hidden) = (&mut update.momentum, &mut update.hidden);
+        update.saddle.solve(model, momentum, hidden);
+        add_scaled(&mut update.z, 1.0, &update.momentum);
+        let (d_lam, _) = update.hidden.split_at_mut(m);
+        for x in d_lam.iter_mut() {
+            *x *= R::splat(1.0 / weight);
+        }
+        add_scaled(stages.unknowns.lam.row_mut(k), 1.0, d_lam);
+        update
+            .saddle
+            .add_reaction(model, d_lam, &mut update.reaction);
+        update
+            .saddle
+            .add_rolling(model, &update.hidden[m..], &mut update.p_low);
+        update.v.fill(R::splat(0.0));
+        let mass = &update.saddle.mass;
+        mass.add_velocity(&update.momentum, &mut update.v);
+        Ok(stages.relative(max_norm(&update.v), step))
+    }
+}

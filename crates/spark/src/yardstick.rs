@@ -1,0 +1,94 @@
+//! How large corrections and moves are: relative to the present velocities, and in a yardstick of the step.
+#![allow(clippy::inline_always)] // what is not inlined is compiled without the registers it is for
+
+use super::stages::{Stages, Unknowns};
+use liouville_base::linalg::{copy, furthest, max_norm};
+use liouville_base::newton::reach;
+use liouville_base::real::Real;
+use liouville_problem::Step;
+
+impl<R: Real> Stages<R> {
+    /// Begins a step with these velocities at its start.
+    pub(super) fn begin(&mut self, step: Step<R>, v: &[R]) {
+        copy(&mut self.still, v);
+        self.begin_again(step);
+    }
+
+    /// Begins a step of another size from the same state.
+    pub(super) fn begin_again(&mut self, step: Step<R>) {
+        self.yardstick = if self.is_affine {
+            R::splat(0.0)
+        } else {
+            max_norm(&self.still) + max_norm(&step.state.y) / R::splat(step.h.abs())
+        };
+    }
+}
+
+impl Stages {
+    /// How far other velocities are from the present ones, relative to the yardstick or to them, and the coordinate
+    /// where they are.
+    pub(super) fn distance(&self, other: &Unknowns) -> (f64, usize) {
+        let (v, n) = (&self.unknowns.v, self.unknowns.v.cols());
+        let (apart, k) = furthest(
+            v.flat(),
+            other.v.flat(),
+            self.yardstick.max(max_norm(v.flat())),
+        );
+        (apart, k % n.max(1))
+    }
+}
+
+impl<R: Real> Stages<R> {
+    /// The size of a velocity correction, relative to what moves the coordinates by their own size.
+    #[inline(always)]
+    pub(super) fn relative(&mut self, correction: R, step: Step<R>) -> R {
+        if correction.all(|correction| correction == 0.0) {
+            return correction;
+        }
+        let y = max_norm(&step.state.y) / R::splat(step.h.abs());
+        let speed = max_norm(self.unknowns.v.flat()) + y;
+        self.speed = speed;
+        correction.zip(
+            speed,
+            #[inline(always)]
+            |correction, speed| match correction {
+                0.0 => 0.0,
+                _ => correction / speed,
+            },
+        )
+    }
+
+    /// A relative size in the yardstick of the step; from rest at the origin there is none.
+    #[inline(always)]
+    pub(super) fn reach(&self, size: R) -> R {
+        reach(size, self.speed, self.yardstick)
+    }
+
+    /// How far the stages are from y0 + c_i h v0, in the yardstick.
+    #[inline(always)]
+    pub(super) fn moved(&self, step: Step<R>) -> R {
+        let mut largest = R::splat(0.0);
+        for (c, y) in self
+            .tableau
+            .c
+            .iter()
+            .zip(self.y.flat().chunks_exact(self.y.cols().max(1)))
+        {
+            let given = step.state.y.iter().zip(&self.still);
+            for (y, (y0, v0)) in y.iter().zip(given) {
+                let moved = (*y - *y0) - *v0 * (c * step.h);
+                largest = largest.zip(
+                    moved,
+                    #[inline(always)]
+                    |largest, moved| largest.max(moved.abs()),
+                );
+            }
+        }
+        let unit = self.yardstick * step.h.abs();
+        largest.zip(
+            unit,
+            #[inline(always)]
+            |moved, unit| if unit == 0.0 { 0.0 } else { moved / unit },
+        )
+    }
+}
