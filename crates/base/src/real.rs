@@ -11,6 +11,21 @@ pub use crate::number::Number;
 use crate::number::number;
 use std::ops::{Add, AddAssign, Div, Mul, MulAssign, Neg, Sub, SubAssign};
 
+/// Compiles generic functions that are never inlined here, for each of these numbers: the crates above take them from here
+/// instead of compiling them anew.
+#[macro_export]
+macro_rules! compiled {
+    ($R:ident in [$($number:ty),*] $functions:tt) => {
+        const _: () = {
+            static _COMPILED: fn() = || { $($crate::compiled!(@ $R $number, $functions);)* };
+        };
+    };
+    (@ $R:ident $number:ty, { $($function:expr),* $(,)? }) => {{
+        type $R = $number;
+        $(std::hint::black_box($function);)*
+    }};
+}
+
 /// An element of a state: a number, or the same number of several trajectories.
 pub trait Scalar: Checkpoint + Copy + Send + Sync + 'static {
     /// How many trajectories advance in lock-step.
@@ -123,6 +138,8 @@ impl Real for f64 {
 
 /// How many `f64` advance together in [`Lanes`], unless said otherwise.
 pub const WIDTH: usize = 8;
+/// How many members a block has: two of the widest registers, so that one does not wait for the other.
+pub const BATCH: usize = 16;
 
 /// Several `f64` in lock-step.
 #[derive(Clone, Copy, Debug, PartialEq)]

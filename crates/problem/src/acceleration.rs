@@ -6,9 +6,11 @@
 //!
 //! It gives the multipliers at full order and the cold start of an integration.
 
+use super::Block;
 use super::model::{finite, finite_k};
 use super::redundant::LeastNorm;
 use super::{Model, Saddle};
+use liouville_base::compiled;
 use liouville_base::error::{Quantity, StepError};
 use liouville_base::linalg::max_norm;
 use liouville_base::newton::{self, Equations};
@@ -36,6 +38,7 @@ struct AccelerationEquations<'a, R> {
 
 impl<R: Real> Acceleration<R> {
     /// Memory for this model.
+    #[inline(never)]
     pub fn new(model: &Model<R>) -> Self {
         let (n, m) = (model.problem.n, model.problem.multipliers());
         Self {
@@ -54,6 +57,7 @@ impl<R: Real> Acceleration<R> {
     /// # Errors
     /// A value that is not finite, a singular matrix, or no convergence where reactions are nonlinear
     /// in their multipliers.
+    #[inline(never)]
     pub fn solve(
         &mut self,
         model: &mut Model<R>,
@@ -149,3 +153,8 @@ impl<R: Real> Equations<R> for AccelerationEquations<'_, R> {
 
 // Multipliers, where the next solve starts from.
 liouville_base::checkpoint!([R: Scalar] Acceleration<R> { lam });
+
+compiled!(R in [f64, Block] {
+    Acceleration::<R>::new as fn(_) -> _,
+    Acceleration::<R>::solve as fn(_, _, _, _, _) -> _,
+});

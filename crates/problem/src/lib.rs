@@ -52,7 +52,7 @@ pub use separable::{Separable, SeparableModel};
 
 use liouville_base::linalg::Pattern;
 use liouville_base::method;
-use liouville_base::real::{Lanes, Real, Scalar};
+use liouville_base::real::{BATCH, Lanes, Real, Scalar};
 use liouville_base::tape::Tape;
 use model::cut;
 use std::sync::{Arc, OnceLock};
@@ -190,11 +190,13 @@ impl Mechanical {
     }
 
     /// Number l of nonholonomic constraints.
+    #[inline]
     pub fn l(&self) -> usize {
         self.nonholonomic.as_ref().map_or(0, |own| own.l)
     }
 
     /// Whether all equations are linear in y, z and λ, with factors that depend on parameters alone.
+    #[inline]
     pub fn is_affine(&self) -> bool {
         let derivatives = [
             &self.stage_blocks,
@@ -206,16 +208,19 @@ impl Mechanical {
     }
 
     /// Whether most derivatives of the constraints are zero.
+    #[inline]
     pub fn is_sparse(&self) -> bool {
         4 * self.patterns.g_y.len() <= self.n * self.m
     }
 
     /// Number of all multipliers, λ then ν, that a step solves for.
+    #[inline]
     pub fn multipliers(&self) -> usize {
         self.m + self.l()
     }
 
     /// Number of all multipliers that are recorded, with those of constraints left out.
+    #[inline]
     pub fn recorded_multipliers(&self) -> usize {
         let left = self.redundant.as_ref().map_or(0, |own| own.left_out.len());
         self.multipliers() + left
@@ -243,8 +248,6 @@ fn check(name: &'static str, found: usize, wanted: usize) -> Result<(), Mismatch
     }
 }
 
-/// How many members a block has: two of the widest registers, so that one does not wait for the other.
-pub const BATCH: usize = 16;
 /// The same number of each member of a block.
 pub type Block = Lanes<BATCH>;
 

@@ -1,8 +1,10 @@
 //! The mass matrix of a mechanical system, p_z, factored.
 #![allow(clippy::inline_always)] // what is not inlined is compiled without the registers it is for
 
+use super::Block;
 use super::model::finite;
 use super::{Mechanical, Model};
+use liouville_base::compiled;
 use liouville_base::error::{Quantity, StepError};
 use liouville_base::linalg::{Factor, Matrix, Pattern, copy, max_norm};
 use liouville_base::real::Real;
@@ -23,6 +25,7 @@ pub struct Mass<R = f64> {
 
 impl<R: Real> Mass<R> {
     /// Memory for the mass of this model.
+    #[inline(never)]
     pub fn new(model: &Model<R>) -> Self {
         let at = &model.problem.patterns;
         Self {
@@ -43,6 +46,7 @@ impl<R: Real> Mass<R> {
     ///
     /// # Errors
     /// [`StepError::SingularMass`], or a derivative that is not finite.
+    #[inline(never)]
     pub fn update(
         &mut self,
         model: &mut Model<R>,
@@ -127,6 +131,7 @@ impl<R: Real> Mass<R> {
     }
 
     /// `(v_z p_z⁻¹ A)ᵀ`, one row for each column of A.
+    #[inline(never)]
     pub fn inverse_mass_rt(&mut self, pattern: &Pattern, values: &[R], out: &mut Matrix<R>) {
         dispatch_simd::<R, _>(
             #[inline(always)]
@@ -169,3 +174,9 @@ impl<R: Real> Mass<R> {
         Some((pattern, values))
     }
 }
+
+compiled!(R in [f64, Block] {
+    Mass::<R>::new as fn(_) -> _,
+    Mass::<R>::update as fn(_, _, _, _, _) -> _,
+    Mass::<R>::inverse_mass_rt as fn(_, _, _, _),
+});

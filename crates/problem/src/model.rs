@@ -1,9 +1,11 @@
 //! A mechanical system with its parameters bound, and the memory its tapes work in.
 #![allow(clippy::inline_always)] // what is not inlined is compiled without the registers it is for
 
+use super::Block;
 use super::nonholonomic::{Bound, Nonholonomic};
 use super::points::TapeRegisters;
 use super::{Mechanical, State};
+use liouville_base::compiled;
 use liouville_base::error::{Quantity, StepError};
 use liouville_base::linalg::{Pattern, all_finite};
 use liouville_base::real::Real;
@@ -47,6 +49,7 @@ impl<R: Real> Model<R> {
     ///
     /// # Panics
     /// When `params` has not the size the tapes have.
+    #[inline(never)]
     pub fn new(problem: Arc<Mechanical>, params: &[R]) -> Self {
         Self {
             stage: TapeRegisters::new(&problem.stage, params),
@@ -247,6 +250,7 @@ impl<R: Real> Model<R> {
     }
 
     /// The state at (t, y, z), with nothing lost to rounding yet.
+    #[inline(never)]
     pub fn state(&mut self, t: f64, y: &[R], z: &[R]) -> State<R> {
         let p = self.end(t, y, z)[0].to_vec();
         let low = vec![R::splat(0.0); y.len()];
@@ -296,3 +300,8 @@ pub fn finite_k<R: Real>(k: &[R], m: usize, t: f64) -> Result<(), StepError> {
         None => Ok(()),
     }
 }
+
+compiled!(R in [f64, Block] {
+    Model::<R>::new as fn(_, _) -> _,
+    Model::<R>::state as fn(_, _, _, _) -> _,
+});

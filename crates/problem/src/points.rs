@@ -93,6 +93,7 @@ impl<const N: usize, R: Real> Points<'_, N, R> {
 
 impl<R: Real> Model<R> {
     /// Takes memory to be evaluated at so many stages and nodes at once.
+    #[inline(never)]
     pub fn reserve_batch(&mut self, stages: usize, nodes: usize) {
         let problem = &self.problem;
         self.stage.reserve_batch(&problem.stage, stages);

@@ -7,11 +7,13 @@
 //! make r_λ as large as p_z. Nonholonomic constraints add the rows k_z and the columns −∂r_n/∂ν.
 #![allow(clippy::inline_always)] // what is not inlined is compiled without the registers it is for
 
+use super::Block;
 use super::kkt::{KktMatrix, KktPatterns, NonholonomicBlocks};
 use super::model::finite;
 use super::nonholonomic::diagnose_rank_all;
 use super::schur::SparseSchur;
 use super::{Mass, Mechanical, Model};
+use liouville_base::compiled;
 use liouville_base::error::{Quantity, StepError};
 use liouville_base::linalg::choice::{KKT_SADDLE, SPARSE_SADDLE};
 use liouville_base::linalg::{Lu, Matrix, Pattern, Singular, copy, dependencies};
@@ -40,6 +42,7 @@ pub fn add_product<R: Real>(
 /// The constraints whose gradients are dependent, if any are; otherwise `error` itself.
 ///
 /// Of several members nothing is said: each is asked alone.
+#[inline(never)]
 pub fn diagnose_rank<R: Real>(pattern: &Pattern, g_y: &[R], error: StepError) -> StepError {
     let found = R::alone(g_y).and_then(|g_y| dependencies(pattern, g_y));
     found.map_or(error, |constraints| StepError::DependentConstraints {
@@ -83,6 +86,7 @@ struct Eliminated<R> {
 
 impl<R: Real> Saddle<R> {
     /// Memory for the saddle of this model.
+    #[inline(never)]
     pub fn new(model: &Model<R>) -> Self {
         let problem = &model.problem;
         let order = problem.multipliers();
@@ -142,6 +146,7 @@ impl<R: Real> Saddle<R> {
     ///
     /// # Errors
     /// A singular mass, redundant constraints, or a derivative that is not finite.
+    #[inline(never)]
     pub fn update(
         &mut self,
         model: &mut Model<R>,
@@ -233,6 +238,7 @@ impl<R: Real> Saddle<R> {
     }
 
     /// Solves in place: `a` becomes x, `b` becomes μ.
+    #[inline(never)]
     pub fn solve(&mut self, model: &Model<R>, a: &mut [R], b: &mut [R]) {
         dispatch_simd::<R, _>(
             #[inline(always)]
@@ -328,3 +334,10 @@ impl<R: Real> Eliminated<R> {
         mass.solve(a);
     }
 }
+
+compiled!(R in [f64, Block] {
+    Saddle::<R>::new as fn(_) -> _,
+    Saddle::<R>::update as fn(_, _, _, _, _, _) -> _,
+    Saddle::<R>::solve as fn(_, _, _, _),
+    diagnose_rank::<R> as fn(_, _, _) -> _,
+});

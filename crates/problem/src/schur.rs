@@ -4,7 +4,9 @@
 //!
 //! with given weights P; of one node with P = 1 it is that of every index-1 solve.
 
+use super::Block;
 use super::{Mass, Mechanical};
+use liouville_base::compiled;
 use liouville_base::linalg::{GramPlan, Matrix, NodeGram, Product, Rows, Singular};
 use liouville_base::real::Real;
 use std::sync::Arc;
@@ -56,6 +58,7 @@ pub struct SparseSchur<R = f64> {
 impl<R: Real> SparseSchur<R> {
     /// Memory for the holonomic constraints of this problem and the weights P; `None` where a block of the mass is
     /// large, or S is not sparse.
+    #[inline(never)]
     pub fn new(problem: &Mechanical, mass: &Mass<R>, weights: &Matrix) -> Option<Self> {
         let nodes = weights.rows();
         let plan = problem
@@ -115,3 +118,5 @@ impl<R: Real> SparseSchur<R> {
         &self.r_lam
     }
 }
+
+compiled!(R in [f64, Block] { SparseSchur::<R>::new as fn(_, _, _) -> _ });

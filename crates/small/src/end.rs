@@ -252,7 +252,9 @@ impl<L: Layout> Small<L> {
         )
     }
 
-    pub(super) fn hand_over(&self, held: &mut newton::Predictor<L>, h: f64, state: &mut State<L>) {
+    /// Writes the end of the step, and holds what the next one is extrapolated from.
+    #[inline(never)]
+    pub fn commit(&self, held: &mut newton::Predictor<L>, h: f64, state: &mut State<L>) {
         let (n, m, k) = (self.problem.n, self.problem.m, self.tables.intervals);
         let end = &self.end;
         state.y.copy_from_slice(&end.y[..n]);

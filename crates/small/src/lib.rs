@@ -1,7 +1,7 @@
 //! Steps of small systems, of fixed sizes, with the stages of a step, or members, in vector registers.
 //!
 //! What nearly all steps do is done here: the start, extrapolated or cold, node Schur, the update. The equations, the stopping
-//! rule and the order of sums are those of the modules above; a step that leaves this path is made there, from its start.
+//! rule and the order of sums are those of the crate above; a step that leaves this path is made there, from its start.
 //! With M = p_z constant and V = Z, node Schur takes per correction the products with ā, â, μ̄, μ̂ and the inverse of
 //!
 //!     P⁻¹ S,   S_il = P_il G_i M⁻¹ R_l,   P = ā â,
@@ -18,11 +18,12 @@ mod tables;
 use end::End;
 use layout::{Layout, POINTS};
 use linear::Linear;
+use liouville_base::compiled;
 use liouville_base::newton::{self, Member, Stop};
 use liouville_base::real::{Lanes, Scalar};
 use liouville_base::tableau;
 use liouville_base::tape::{CompensatedPoints, PointRegisters};
-use liouville_problem::{Acceleration, Block, Mass, Mechanical, Model, State, Step};
+use liouville_problem::{Acceleration, Block, Mass, Mechanical, Model, Step};
 use std::sync::Arc;
 use tables::{StartWeights, Tables};
 
@@ -113,7 +114,9 @@ type Kept<L> = (
 );
 
 impl<L: Layout> Small<L> {
-    fn make(model: &mut Model<L>, tableau: &tableau::Spark) -> Option<Box<Self>> {
+    /// Memory for a small system with these parameters; `None` where it is none.
+    #[inline(never)]
+    pub fn new(model: &mut Model<L>, tableau: &tableau::Spark) -> Option<Box<Self>> {
         let sizes = (model.problem.n, model.problem.m);
         let points = tableau.stages.max(tableau.intervals + 1);
         let is_small = sizes.0 <= COORDINATES && sizes.1 <= CONSTRAINTS && points <= POINTS;
@@ -160,7 +163,10 @@ impl<L: Layout> Small<L> {
         }))
     }
 
-    fn iterate(
+    /// Iterates from the extrapolated start, or the cold one, and finds the end of the step for members that are open;
+    /// `None` where something cannot be told here.
+    #[inline(never)]
+    pub fn advance(
         &mut self,
         model: &mut Model<L>,
         from: Before<L>,
@@ -199,46 +205,6 @@ impl<L: Layout> Small<L> {
 /// What a step starts from: the step before, or the accelerations.
 type Before<'a, L> = (&'a mut newton::Predictor<L>, &'a mut Acceleration<L>);
 
-/// Compiles the steps of one number here, once, and not where they are used.
-macro_rules! compiled {
-    ($($number:ty),*) => {$(
-        impl Small<$number> {
-            /// Memory for a small system with these parameters; `None` where it is none.
-            #[inline(never)]
-            pub fn new(model: &mut Model<$number>, tableau: &tableau::Spark) -> Option<Box<Self>> {
-                Self::make(model, tableau)
-            }
-
-            /// Iterates from the extrapolated start, or the cold one, and finds the end of the step for members that
-            /// are open; `None` where something cannot be told here.
-            #[inline(never)]
-            pub fn advance(
-                &mut self,
-                model: &mut Model<$number>,
-                from: Before<$number>,
-                step: Step<$number>,
-                until: (usize, Stop),
-                members: &mut [Member],
-            ) -> Option<()> {
-                self.iterate(model, from, step, until, members)
-            }
-
-            /// Writes the end of the step, and holds what the next one is extrapolated from.
-            #[inline(never)]
-            pub fn commit(
-                &self,
-                held: &mut newton::Predictor<$number>,
-                h: f64,
-                state: &mut State<$number>,
-            ) {
-                self.hand_over(held, h, state);
-            }
-        }
-    )*};
-}
-
-compiled!(f64, Block);
-
 /// p_z⁻¹, which parameters alone determine.
 fn inverse_mass<L: Layout>(model: &mut Model<L>) -> Option<[[L; COORDINATES]; COORDINATES]> {
     let n = model.problem.n;
@@ -257,3 +223,9 @@ fn inverse_mass<L: Layout>(model: &mut Model<L>) -> Option<[[L; COORDINATES]; CO
     }
     Some(inverse)
 }
+
+compiled!(R in [f64, Block] {
+    Small::<R>::new as fn(_, _) -> _,
+    Small::<R>::advance as fn(_, _, _, _, _, _) -> _,
+    Small::<R>::commit as fn(_, _, _, _),
+});

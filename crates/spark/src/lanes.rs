@@ -15,9 +15,9 @@ use liouville_base::error::StepError;
 use liouville_base::linalg::choice::{FEWEST_MEMBERS, LARGEST_MEMBER};
 use liouville_base::method::{Stats, Stepper, Symmetric};
 use liouville_base::newton::{self, Member, Rest};
-use liouville_base::real::Scalar;
+use liouville_base::real::{BATCH, Scalar};
 use liouville_base::tableau;
-use liouville_problem::{BATCH, Block, Mechanical, Model, State, Step};
+use liouville_problem::{Block, Mechanical, Model, State, Step};
 use liouville_small::Small;
 use std::sync::Arc;
 
@@ -62,7 +62,8 @@ impl SparkBatch {
         solver: Solver,
     ) -> Self {
         let mut model = Model::new(problem.clone(), params);
-        let small = solver.small(|| Small::<Block>::new(&mut model, &tableau));
+        let is_schur = solver != Solver::Newton;
+        let small = is_schur.then(|| Small::new(&mut model, &tableau)).flatten();
         let is_common = |x: &Block| x.0.iter().all(|value| value.to_bits() == x.0[0].to_bits());
         let count = if params.iter().all(is_common) {
             1

@@ -56,11 +56,6 @@ pub enum Solver {
 }
 
 impl Solver {
-    /// What steps a small system, where node Schur may.
-    fn small<S>(self, make: impl FnOnce() -> Option<S>) -> Option<S> {
-        if self == Self::Newton { None } else { make() }
-    }
-
     /// Corrections that node Schur may take.
     fn max_iterations(self, problem: &Mechanical, tableau: &tableau::Spark) -> usize {
         let order = tableau.stages * problem.n + tableau.intervals * problem.m;
@@ -116,7 +111,8 @@ impl Spark {
     /// The method of these coefficients.
     pub fn of(mut model: Model, tableau: tableau::Spark, solver: Solver) -> Self {
         model.reserve_batch(tableau.stages, tableau.intervals + 1);
-        let small = solver.small(|| Small::<f64>::new(&mut model, &tableau));
+        let is_schur = solver != Solver::Newton;
+        let small = is_schur.then(|| Small::new(&mut model, &tableau)).flatten();
         let stages = Stages::new(&model, tableau);
         Self {
             solver,

@@ -4,7 +4,7 @@
 use super::choice::LARGEST_BLOCK;
 use super::kernels::short;
 use super::{Lu, Pattern, Singular};
-use crate::real::Real;
+use crate::real::{BATCH, Lanes, Real};
 use crate::simd::dispatch_simd;
 
 /// The inverse of a block-diagonal matrix, whose blocks may stand anywhere.
@@ -25,6 +25,7 @@ pub struct Blocks<R = f64> {
 impl<R: Real> Blocks<R> {
     /// Memory for matrices of this pattern; `None` where a block is large.
     #[allow(clippy::cast_possible_truncation)] // more unknowns would not fit in memory
+    #[inline(never)]
     pub fn new(pattern: &Pattern) -> Option<Self> {
         let n = pattern.shape().0;
         let of = components(pattern);
@@ -79,6 +80,7 @@ impl<R: Real> Blocks<R> {
     ///
     /// # Errors
     /// The first column without a pivot.
+    #[inline(never)]
     pub fn factor(&mut self, values: &[R]) -> Result<(), Singular> {
         dispatch_simd::<R, _>(
             #[inline(always)]
@@ -205,3 +207,8 @@ fn components(pattern: &Pattern) -> Vec<usize> {
     }
     (0..of.len()).map(|k| root(&mut of, k)).collect()
 }
+
+crate::compiled!(R in [f64, Lanes<BATCH>] {
+    Blocks::<R>::new as fn(_) -> _,
+    Blocks::<R>::factor as fn(_, _) -> _,
+});

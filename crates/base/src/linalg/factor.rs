@@ -4,7 +4,7 @@
 use super::choice::prefers_sparse;
 use super::kernels::short;
 use super::{Blocks, Matrix, Pattern, SparseOf, add_scaled, dot, max_norm, scale_each};
-use crate::real::Real;
+use crate::real::{BATCH, Lanes, Real};
 use crate::simd::dispatch_simd;
 
 /// No pivot in this column: it depends on the columns before it.
@@ -51,6 +51,7 @@ impl<R: Real> Lu<R> {
     ///
     /// # Errors
     /// The first column whose best pivot is at roundoff of its row.
+    #[inline(never)]
     pub fn factor(&mut self) -> Result<(), Singular> {
         dispatch_simd::<R, _>(
             #[inline(always)]
@@ -290,6 +291,7 @@ fn invert<R: Real>(inverse: &mut [R], pattern: &Pattern, values: &[R]) -> Result
 
 impl<R: Real> Factor<R> {
     /// Memory for matrices of this pattern.
+    #[inline(never)]
     pub fn new(pattern: &Pattern) -> Self {
         let (n, _) = pattern.shape();
         if pattern.is_diagonal() {
@@ -307,6 +309,7 @@ impl<R: Real> Factor<R> {
     ///
     /// # Errors
     /// The first column without a pivot.
+    #[inline(never)]
     pub fn factor(&mut self, pattern: &Pattern, values: &[R]) -> Result<(), Singular> {
         match self {
             Self::Diagonal(inverse) => dispatch_simd::<R, _>(
@@ -352,3 +355,9 @@ impl<R: Real> Factor<R> {
         }
     }
 }
+
+crate::compiled!(R in [f64, Lanes<BATCH>] {
+    Lu::<R>::factor as fn(_) -> _,
+    Factor::<R>::new as fn(_) -> _,
+    Factor::<R>::factor as fn(_, _, _) -> _,
+});

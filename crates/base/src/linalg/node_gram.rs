@@ -20,7 +20,7 @@ use super::node_block::{
 };
 use super::product::Pairs;
 use super::{Matrix, Pattern, Singular, inverse};
-use crate::real::Real;
+use crate::real::{BATCH, Lanes, Real};
 use crate::simd::dispatch_simd;
 use std::sync::Arc;
 
@@ -106,6 +106,7 @@ impl<R: Real> NodeGram<R> {
     ///
     /// # Panics
     /// When P is singular.
+    #[inline(never)]
     pub fn with(plan: Arc<GramPlan>, weights: &Matrix) -> Option<Self> {
         let nodes = weights.rows();
         if nodes > MOST_NODES {
@@ -136,6 +137,7 @@ impl<R: Real> NodeGram<R> {
     ///
     /// # Panics
     /// When there are fewer values than entries.
+    #[inline(never)]
     pub fn factor(&mut self, a: &[R], b: &[R]) -> Result<(), Singular> {
         at_nodes!(R, self.nodes, (K, k) => dispatch_simd::<R, _>(#[inline(always)] || {
             self.multiply::<K>(k, a, b);
@@ -147,6 +149,7 @@ impl<R: Real> NodeGram<R> {
     ///
     /// # Panics
     /// When `b` is too short.
+    #[inline(never)]
     pub fn solve(&mut self, b: &mut [R]) {
         at_nodes!(R, self.nodes, (K, k) => dispatch_simd::<R, _>(#[inline(always)] || self.substitute::<K>(k, b)));
     }
@@ -270,3 +273,9 @@ impl<R: Real> NodeGram<R> {
         }
     }
 }
+
+crate::compiled!(R in [f64, Lanes<BATCH>] {
+    NodeGram::<R>::with as fn(_, _) -> _,
+    NodeGram::<R>::factor as fn(_, _, _) -> _,
+    NodeGram::<R>::solve as fn(_, _),
+});

@@ -3,7 +3,7 @@
 //! Functions are those of the standard library, which are the C library's; only its inverse
 //! hyperbolic functions are formulas of its own that lose digits, and come from `libm` instead.
 
-use crate::real::Real;
+use crate::real::{BATCH, Lanes, Real};
 use crate::simd::dispatch_simd;
 
 macro_rules! operations {
@@ -69,10 +69,15 @@ pub(super) fn cost(instrs: &[Instr]) -> (usize, usize) {
 #[inline]
 pub(super) fn execute<R: Real>(program: &[Instr], registers: &mut [R]) {
     if R::IS_SINGLE {
-        run(program, registers, 1);
+        run_alone(program, registers);
     } else {
         run_wide(program, registers);
     }
+}
+
+#[inline(never)]
+fn run_alone<R: Real>(program: &[Instr], registers: &mut [R]) {
+    run(program, registers, 1);
 }
 
 #[inline(never)]
@@ -321,3 +326,6 @@ fn walk<R: Real>(batch: &Strided, registers: &mut [R], f: impl Fn(R, R) -> R) {
 fn apart(f: fn(f64) -> f64, x: f64) -> f64 {
     f(x)
 }
+
+crate::compiled!(R in [f64] { run_alone::<R> as fn(_, _) });
+crate::compiled!(R in [Lanes, Lanes<BATCH>] { run_wide::<R> as fn(_, _), execute_points::<R> as fn(_, _, _) });

@@ -1,7 +1,7 @@
 //! A program: instructions one after another, or in the steps of its batches.
 
 use super::execute::{Instr, Strided, execute, execute_strided};
-use crate::real::Real;
+use crate::real::{BATCH, Lanes, Real};
 use crate::simd::dispatch_simd_long;
 use std::ops::Range;
 
@@ -76,24 +76,13 @@ impl Program {
         match self {
             Self::Plain(instrs) => execute(instrs, registers),
             Self::Batched { instrs, steps } => {
-                if R::IS_SINGLE {
-                    if let Some(registers) = R::alone_mut(registers) {
-                        run_steps_alone(instrs, steps, registers);
-                    }
-                } else {
-                    run_steps(instrs, steps, registers);
-                }
+                run_steps(instrs, steps, registers);
             }
         }
     }
 }
 
-/// [`run_steps`] of one member, which is much code: compiled here, and not again by each crate that evaluates tapes.
 #[inline(never)]
-fn run_steps_alone(instrs: &[Instr], steps: &[ProgramStep], registers: &mut [f64]) {
-    run_steps(instrs, steps, registers);
-}
-
 fn run_steps<R: Real>(instrs: &[Instr], steps: &[ProgramStep], registers: &mut [R]) {
     dispatch_simd_long::<R, _>(
         registers.len(),
@@ -108,3 +97,5 @@ fn run_steps<R: Real>(instrs: &[Instr], steps: &[ProgramStep], registers: &mut [
         },
     );
 }
+
+crate::compiled!(R in [f64, Lanes, Lanes<BATCH>] { run_steps::<R> as fn(_, _, _) });

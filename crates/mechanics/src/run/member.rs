@@ -2,13 +2,13 @@
 
 use super::{Begun, Control, Starter};
 use crate::events::{DenseDetector, Event};
-use liouville_problem::{BATCH, Carried, Dynamics, Model, Observer, Path, TimeScale, Traced};
+use liouville_problem::{Carried, Dynamics, Model, Observer, Path, TimeScale, Traced};
 
 use liouville_base::checkpoint::Checkpoint;
 use liouville_base::composition::Composed;
 use liouville_base::method::{Estimating, Stepper, Symmetric};
 use liouville_base::observe::{Monitor, Observe};
-use liouville_base::real::{Lanes, Scalar};
+use liouville_base::real::{BATCH, Lanes, Scalar};
 use liouville_base::run::{Adaptive, EventDetector, Fixed, Reversible, Run, StepControl};
 
 /// A stepper of any kind for a type of state.

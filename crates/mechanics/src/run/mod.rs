@@ -12,13 +12,13 @@ use liouville_alpha::{Alpha, Reactions};
 use liouville_base::ensemble::{Ensemble, Layout};
 use liouville_base::error::StepError;
 use liouville_base::newton::Stop;
+use liouville_base::real::BATCH;
 use liouville_base::run::{Advance, Fixed, Reversible, StartError};
 use liouville_base::tableau;
 use liouville_index2::Index2;
 use liouville_index2::semi_explicit::{self, SemiExplicit};
 use liouville_problem::{
-    BATCH, Kinetic, Mechanical, Model, Observers, SecondOrder, SecondOrderModel, Separable,
-    SeparableModel,
+    Kinetic, Mechanical, Model, Observers, SecondOrder, SecondOrderModel, Separable, SeparableModel,
 };
 use liouville_spark::rattle::Rattle;
 use liouville_spark::{Spark, SparkBatch, supports_batch};

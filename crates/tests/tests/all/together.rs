@@ -3,10 +3,10 @@
 
 use liouville_base::ensemble::{Ensemble, Layout};
 use liouville_base::error::StepError;
-use liouville_base::real::{Lanes, Scalar};
+use liouville_base::real::{BATCH, Lanes, Scalar};
 use liouville_base::run::{Advance, Fixed, Run, Span, Status};
 use liouville_base::tableau;
-use liouville_problem::{BATCH, Mechanical, Model, Observer, Observers};
+use liouville_problem::{Mechanical, Model, Observer, Observers};
 use liouville_spark::{Solver, Spark, SparkBatch};
 use liouville_tests::properties::properties;
 use liouville_tests::{Functions, PARAMS, Y, Z, dot, input, inputs, tape};
