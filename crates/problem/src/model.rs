@@ -145,8 +145,7 @@ impl<R: Real> Model<R> {
         [self.problem.m, self.problem.n]
     }
 
-    /// g in compensated numbers, where it is made of arithmetic and square roots. Where p depends on y, what its own
-    /// roundings leave in the momenta is of one sign unless the roundings of g are there too.
+    /// g in compensated numbers, where it is made of arithmetic and square roots.
     pub fn compensated_g(&self) -> Option<CompensatedTape<R>> {
         let problem = self.compensable()?;
         problem.node.compensated(&self.node.one, problem.m)
@@ -162,7 +161,7 @@ impl<R: Real> Model<R> {
     }
 
     fn compensable(&self) -> Option<&Mechanical> {
-        Some(&*self.problem).filter(|x| x.m > 0 && x.patterns.p_y.is_empty())
+        Some(&*self.problem).filter(|x| x.m > 0)
     }
 
     /// `g_y`, `r_λ` at (t, y, λ).

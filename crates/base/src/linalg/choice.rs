@@ -52,11 +52,10 @@ pub const LARGEST_DENSE_NODE_SCHUR: usize = 400;
 /// ... and so it does where v_z p_z⁻¹ r_λ of all nodes has more entries than this.
 pub const LARGEST_DENSE_INVERSE_MASS_RT: usize = 10_000_000;
 
-/// Corrections node Schur may take before full Newton is the better choice, where slower ones leave a remainder of
-/// one sign under the roundoff and a matrix of full Newton is cheap ...
+/// Corrections node Schur may take before full Newton is the better choice, where a matrix of full Newton is cheap ...
 ///
-/// ... or where it is of a higher order than [`CHEAP_NEWTON`], or p does not depend on y: then the remainder is put back.
-pub const SCHUR_ITERATIONS: [usize; 2] = [6, 20];
+/// ... or where it is of a higher order than [`CHEAP_NEWTON`], or p does not depend on y.
+pub const SCHUR_ITERATIONS: [usize; 2] = [8, 20];
 
 /// The order up to which a matrix of full Newton is cheap.
 pub const CHEAP_NEWTON: usize = 40;

@@ -189,7 +189,7 @@ pub fn solve(equations: &mut impl Equations, most: usize) -> Result<Solved, Step
         let is_converged = if verdict == CONVERGED {
             reach.is_doubtful(iterations) == 0.0 || equations.is_solved()?
         } else if verdict == HOPELESS {
-            is_at_floor(equations, size)? && equations.is_solved()?
+            iterations < most && is_at_floor(equations, size)? && equations.is_solved()?
         } else {
             continue;
         };

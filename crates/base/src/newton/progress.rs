@@ -7,6 +7,10 @@ use crate::real::Real;
 
 /// Corrections below this fraction may be nothing but roundoff.
 const NOISE: f64 = 1e3 * f64::EPSILON;
+/// There a ratio that has grown by less than this, and is no larger than that, is still the iteration's own, whose rates
+/// need not be all the same: noise makes it leap.
+const GROWTH: f64 = 2.0;
+const LARGEST_BELIEVED: f64 = 0.5;
 /// A first ratio of corrections above this says that the solution found need not be the nearby one.
 const NEARBY: f64 = 0.5;
 
@@ -51,10 +55,27 @@ impl<R: Real> Progress<R> {
             self.least = self.least.zip(theta, f64::min);
         }
         // noise hides what is still converging: the rate seen above it is believed
-        self.expected = size.zip(
-            self.rate * self.expected,
+        let rate = R::each(
+            [size, theta, self.rate],
             #[inline(always)]
-            |size, rest| {
+            |[size, theta, rate]| {
+                let is_believed = theta <= (GROWTH * rate).min(LARGEST_BELIEVED);
+                if !(is_even & (size < NOISE)) {
+                    theta.max(least_rate)
+                } else if is_believed & !rate.is_nan() {
+                    theta.max(rate)
+                } else {
+                    rate
+                }
+            },
+        );
+        if iterations > 1 {
+            self.rate = rate;
+        }
+        self.expected = R::each(
+            [size, self.rate * self.expected],
+            #[inline(always)]
+            |[size, rest]| {
                 if is_even & (size < NOISE) {
                     size.min(rest)
                 } else {
@@ -62,19 +83,6 @@ impl<R: Real> Progress<R> {
                 }
             },
         );
-        if iterations > 1 {
-            self.rate = R::each(
-                [size, theta, self.rate],
-                #[inline(always)]
-                |[size, theta, rate]| {
-                    if is_even & (size < NOISE) {
-                        rate
-                    } else {
-                        theta.max(least_rate)
-                    }
-                },
-            );
-        }
         self.last = size;
         let slow = self.too_slow(size, theta, iterations, most);
         let verdict = self.verdict(iterations, most);
@@ -107,8 +115,7 @@ impl<R: Real> Progress<R> {
             let rate_now = if rate.is_nan() { least } else { rate };
             let is_converged = (size == 0.0)
                 | (!is_first & (still_to_come(rate_now, expected) < tolerance))
-                | (is_noise & (rate.is_nan() | !is_even) & (theta >= 0.5))
-                | (is_noise & is_last);
+                | (is_noise & (rate.is_nan() | !is_even) & ((theta >= 0.5) | is_last));
             let is_stalled = !is_even & is_third & (size < SMALL) & (theta >= 0.9);
             let is_hopeless = (theta >= worst) | is_stalled | (minds_slow & (slow != 0.0));
             if is_converged {
