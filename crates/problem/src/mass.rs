@@ -46,7 +46,6 @@ impl<R: Real> Mass<R> {
     ///
     /// # Errors
     /// [`StepError::SingularMass`], or a derivative that is not finite.
-    #[inline(never)]
     pub fn update(
         &mut self,
         model: &mut Model<R>,
@@ -177,6 +176,5 @@ impl<R: Real> Mass<R> {
 
 compiled!(R in [f64, Block] {
     Mass::<R>::new as fn(_) -> _,
-    Mass::<R>::update as fn(_, _, _, _, _) -> _,
     Mass::<R>::inverse_mass_rt as fn(_, _, _, _),
 });

@@ -146,7 +146,6 @@ impl<R: Real> Saddle<R> {
     ///
     /// # Errors
     /// A singular mass, redundant constraints, or a derivative that is not finite.
-    #[inline(never)]
     pub fn update(
         &mut self,
         model: &mut Model<R>,
@@ -238,7 +237,6 @@ impl<R: Real> Saddle<R> {
     }
 
     /// Solves in place: `a` becomes x, `b` becomes μ.
-    #[inline(never)]
     pub fn solve(&mut self, model: &Model<R>, a: &mut [R], b: &mut [R]) {
         dispatch_simd::<R, _>(
             #[inline(always)]
@@ -337,7 +335,5 @@ impl<R: Real> Eliminated<R> {
 
 compiled!(R in [f64, Block] {
     Saddle::<R>::new as fn(_) -> _,
-    Saddle::<R>::update as fn(_, _, _, _, _, _) -> _,
-    Saddle::<R>::solve as fn(_, _, _, _),
     diagnose_rank::<R> as fn(_, _, _) -> _,
 });

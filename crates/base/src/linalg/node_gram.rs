@@ -149,7 +149,6 @@ impl<R: Real> NodeGram<R> {
     ///
     /// # Panics
     /// When `b` is too short.
-    #[inline(never)]
     pub fn solve(&mut self, b: &mut [R]) {
         at_nodes!(R, self.nodes, (K, k) => dispatch_simd::<R, _>(#[inline(always)] || self.substitute::<K>(k, b)));
     }
@@ -277,5 +276,4 @@ impl<R: Real> NodeGram<R> {
 crate::compiled!(R in [f64, Lanes<BATCH>] {
     NodeGram::<R>::with as fn(_, _) -> _,
     NodeGram::<R>::factor as fn(_, _, _) -> _,
-    NodeGram::<R>::solve as fn(_, _),
 });
