@@ -11,7 +11,7 @@ import pytest
 
 import liouville as lv
 from liouville.bodies import rotations as rot
-from liouville.problems import bricard, hinged_fourbar, slider_crank
+from liouville.problems import bricard, hinged_fourbar, rigid_chain, slider_crank
 
 G = np.array([0.0, 0.0, -9.81])
 Z = (0, 0, 1)
@@ -585,6 +585,9 @@ BAD = {
     "points of spring 'K' coincide": lambda m: m.spring(
         "K", m.ground, "rod", at=((0, 0, 0),) * 2, stiffness=1
     ),
+    "would turn 'p', a point mass, which cannot\nhint: take a body": lambda m: m.revolute(
+        "A", m.ground, m.point_mass("p", mass=1, at=(1, 0, 0)), **AT, axis=Z
+    ),
     "motion= of joint 'A' is a function": lambda m: m.revolute(
         "A", m.ground, "rod", **AT, axis=Z, motion=1.0
     ),
@@ -602,6 +605,21 @@ def test_functions_of_joints_are_refused_by_name():
     m.revolute("A", m.ground, "rod", **AT, axis=Z, torque=lambda t, params: 1.0)
     with pytest.raises(TypeError, match=r"torque of joint 'A' is called with \(t, angle, rate, p"):
         m.system()
+    m = base()
+    m.revolute("A", m.ground, "rod", **AT, axis=Z, damping=lambda params: params.c)
+    with pytest.raises(
+        ValueError, match="damping of joint 'A': there is no parameter 'c'; the sys"
+    ):
+        m.system({"d": 1.0})
+    m = base()
+    m.revolute("A", m.ground, "rod", **AT, axis=(0, 1, 0), torque=lambda t, x, v, p: float(x))
+    with pytest.raises(ValueError, match="torque of joint 'A' contains the constant nan") as raised:
+        m.system()
+    assert not hasattr(raised.value, "__notes__")
+    m = base()
+    m.revolute("A", m.ground, "rod", **AT, axis=(0, 1, 0), motion=lambda t, params: 2 * t)
+    with pytest.raises(ValueError, match="joint 'A' cannot be where its motion= has it at t = 0"):
+        m.start(values={"A": 1.0})
     m = lv.bodies.Assembly()
     m.planar_body("plate", mass=1.0, inertia=1.0, at=(0, 0))
     with pytest.raises(ValueError, match="joint 'A' of 'ground' and 'plate' does not fit"):
@@ -658,3 +676,100 @@ def test_bodies_are_imported_where_they_are_used():
         "lv.bodies.Assembly()"
     )
     subprocess.run([sys.executable, "-c", program], check=True)
+
+
+# --- prescribed motions, springs of ball joints -----------------------------------------
+
+
+def test_motions_of_any_coordinate_are_followed_by_the_torques_of_inertia():
+    wave = lambda t, params: 0.3 * ca.sin(3 * t)  # noqa: E731
+    still = lambda t, params: 0.2 * t  # noqa: E731
+    given = {
+        "universal": {"at": (0, 0, 0), "axes": ((1, 0, 0), (0, 1, 0)), "motion": (still, wave)},
+        "cylindrical": {"at": (0, 0, 0), "axis": Z, "motion": (wave, still)},
+        "screw": {"at": (0, 0, 0), "axis": Z, "lead": 0.5, "motion": (None, wave)},
+        "planar": {"at": (0, 0, 0), "normal": Z, "motion": (still, None, wave)},
+        "compound": {
+            "axes": [("turn", (1, 0, 0), (0, 0, 0)), ("slide", Z)],
+            "motion": (wave, None),
+        },
+    }
+    for kind, more in given.items():
+        m = lv.bodies.Assembly()
+        m.body("body", mass=1.0, inertia=(0.3, 0.2, 0.4), at=(0, 0, 0))
+        getattr(m, kind)("J", m.ground, "body", **more)
+        system = m.system()
+        solution = run(system, m.start(), t=0.3)
+        joint = solution.joint("J")
+        for name, motion in zip(joint.coordinates, more["motion"], strict=True):
+            if motion is not None:
+                wanted = [float(motion(t, None)) for t in solution.t]
+                assert off(joint.coordinates[name], wanted) < 1e-13
+    with pytest.raises(ValueError, match="motion= of joint 'K' has two functions\nhint: a screw"):
+        m.screw("K", m.ground, "body", at=(0, 0, 0), axis=Z, lead=0.5, motion=(wave, wave))
+
+
+def test_a_ball_joint_with_a_spring_swings_as_its_angle_does():
+    m = lv.bodies.Assembly()
+    m.body("ball", mass=1.0, inertia=(0.5, 0.5, 0.5), at=(0, 0, 0))
+    m.spherical("S", m.ground, "ball", at=(0, 0, 0), spring=lambda params: params.k)
+    # through half of a turn nearly, and through small angles
+    start = m.system({"k": 2.0}) and m.start(rates={"S": (0, 3.6, 4.8)})
+    solution = run(m.system({"k": 2.0}), start, t=2.0, h=0.02, stages=6)
+    wanted = 6.0 / 2.0 * np.sin(2.0 * solution.t)  # 3 rad at most
+    turned = 2 * np.arctan2(
+        solution.body("ball").rotation[:, 1:] @ (0, 0.6, 0.8), solution.body("ball").rotation[:, 0]
+    )
+    assert off(turned, wanted) < 1e-9
+    assert solution.invariant_drift("energy").max() < 1e-12
+
+
+@pytest.mark.parametrize("revolute", [False, True])
+def test_a_chain_of_bodies_has_programs_no_longer_than_one_by_hand(revolute):
+    count = 10
+    mass = length = 1 / count
+    across, along = mass * length**2 * (3 * 0.25**2 + 1) / 12, mass * length**2 * 0.25**2 / 2
+    m = lv.bodies.Assembly(gravity=(0, 0, -1))
+    before = m.ground
+    for k in range(count):
+        at = (0, 0, -(k + 0.5) * length)
+        m.body(f"rod{k}", mass=mass, inertia=(across, across, along), at=at)
+        add = m.revolute if revolute else m.spherical
+        more = {"axis": np.eye(3)[k % 2]} if revolute else {}
+        add(f"J{k}", before, f"rod{k}", at=(0, 0, -k * length), **more)
+        before = f"rod{k}"
+    system, by_hand = m.system(), rigid_chain.build(count, revolute)
+    own, wanted = (sum(map(len, x._tapes.values())) for x in (system, by_hand))
+    assert own < 0.6 * wanted
+    start = rigid_chain.start_for(count, revolute)
+    runs = [run(x, start, t=0.02, stages=3) for x in (system, by_hand)]
+    assert off(runs[0].q, runs[1].q) < 1e-13
+
+
+def test_a_beam_bends_and_twists_as_a_cantilever_does():
+    load, length, ei, ej = 1e-4, 0.8, 30.0, 70.0
+    m = lv.bodies.Assembly()
+    m.body("tip", mass=0.5, inertia=(0.1, 0.1, 0.1), at=(length, 0, 0))
+    m.force("F", "tip", lambda t, x, v, params: [params.F, params.F, params.F])
+    m.torque("T", "tip", lambda t, omega, params: [params.F, 0, 0])
+    ends = ((0, 0, 0), (length, 0, 0))
+    m.beam(
+        "B",
+        m.ground,
+        "tip",
+        at=ends,
+        axial=1e3,
+        bending=(lambda params: params.ei, ej),
+        torsion=20.0,
+        across=(1.0, 1.0, 0),
+    )
+    system = m.system({"F": load, "ei": ei})
+    q = lv.equilibrium(system, **m.start()).start["q"]
+    # bent about y by the force along z, about z by that along y
+    wanted = (load * length / 1e3, load * length**3 / 3 / ej, load * length**3 / 3 / ei)
+    assert q[:3] - (length, 0, 0) == pytest.approx(wanted, rel=1e-6)
+    turned = 2 * q[4:]
+    slopes = (load * length / 20, -load * length**2 / 2 / ei, load * length**2 / 2 / ej)
+    assert turned == pytest.approx(slopes, rel=1e-6)
+    with pytest.raises(ValueError, match="the line between the ends of beam 'C' has length zero"):
+        m.beam("C", m.ground, "tip", at=(ends[0],) * 2, axial=1, bending=1, torsion=1)

@@ -40,7 +40,7 @@ TREE = """
           <joint name="knee" axis="0 1 0" stiffness="5" springref="0.3" damping="0.4"/>
           <geom type="capsule" size="0.04 0.15"/>
           <body pos="0.1 0 -0.2">
-            <joint name="ankle" type="ball" damping="0.05" armature="0.02"/>
+            <joint name="ankle" type="ball" stiffness="3" damping="0.05" armature="0.02"/>
             <geom type="box" size="0.1 0.05 0.02"/>
           </body>
         </body>
@@ -322,7 +322,13 @@ REFUSED = {
     ),
     "nonlinear springs": ({"joint": 'stiffness="1 2"'}, "joints 'pin'"),
     "nonlinear damping": ({"joint": 'damping="1 2"'}, "joints 'pin'"),
-    "springs of balls": ({"ball": 'stiffness="1"'}, "joints 'socket'"),
+    "springs of free bodies": (
+        {
+            "world": '<body><joint name="f" type="free" stiffness="1"/>'
+            f'<geom size="1" {QUIET}/></body>'
+        },
+        "joints 'f'",
+    ),
     "fluid": ({"option": 'density="1.2"'}, "fluid"),
     "gravity compensation": ({"body": 'gravcomp="1"'}, "bodies 'arm'"),
     "mocap": ({"world": '<body name="hand" mocap="true"/>'}, "bodies 'hand'"),

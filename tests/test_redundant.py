@@ -9,6 +9,7 @@ import pytest
 
 import liouville as lv
 from liouville.problems import bricard, hinged_fourbar, load
+from liouville.systems._redundant import redundant
 
 METHODS = {
     "spark": (lv.Spark(3), 1),
@@ -257,3 +258,18 @@ def test_members_whose_redundant_constraints_differ_are_refused():
     both = lv.ensemble(leaning, lv.Spark(2), params={"slope": [1.0, 0.0]}, **run)
     assert [*both.failures] == [1]
     assert "'other'" in both.failures[1].message
+
+
+def test_what_is_redundant_in_a_large_system_is_found():
+    links = 360  # dense gradients of 260,000 entries
+
+    def lengths(q):
+        ends = ca.reshape(q, 2, -1)
+        return ca.sum1((ends - ca.horzcat(ca.SX(2, 1), ends[:, :-1])) ** 2).T
+
+    def constraint(t, q, params):
+        return ca.vertcat((lengths(q) - 1) / 2, (lengths(q)[7] - 1) / 3)
+
+    system = lv.Lagrangian(kinetic, constraint, q=2 * links)
+    q = np.stack([np.arange(links) + 1.0, np.zeros(links)], 1).ravel()
+    assert redundant(system, 0.0, q, np.zeros(2 * links), np.empty(0)) == (links,)

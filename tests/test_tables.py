@@ -2,6 +2,7 @@
 
 import math
 import pickle
+import warnings
 
 import casadi as ca
 import numpy as np
@@ -90,3 +91,12 @@ def test_black_boxes_are_refused_with_a_table_in_mind():
         assert "lv.table(x, y) stands in for it by its values" in told
     with pytest.raises(TypeError, match="numbers or CasADi's SX, not a MX"):
         lv.table([0, 1], [0, 1])(ca.MX.sym("x"))
+
+
+def test_functions_of_numpy_are_taken_without_a_word():
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        system = lv.Lagrangian(
+            lambda t, q, v, p: v[0] ** 2 / 2 - np.interp(q[0], X, X**2) + np.sin(q[0]), q=1
+        )
+    assert system.coordinates == ("q0",)

@@ -1,6 +1,7 @@
 """CasADi, imported at its first use: models are traced by it, and run without it.
 
 A module that traces writes ``from liouville import _casadi as ca`` and uses it as CasADi itself.
+Its one name besides is ``raw``, the module of the functions that CasADi's classes wrap.
 """
 
 from __future__ import annotations
@@ -16,7 +17,7 @@ def __getattr__(name: str) -> Any:
     """Give what CasADi has under this name."""
     if name.startswith("__"):  # of Python's own
         raise AttributeError(name)
-    globals()[name] = found = getattr(_imported(), name)
+    globals()[name] = found = getattr(_imported(), "_casadi" if name == "raw" else name)
     return found
 
 

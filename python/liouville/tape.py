@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
-from functools import cache
+from functools import cache, partial
+from itertools import chain
+from typing import Any
 
 import numpy as np
 
@@ -122,11 +124,12 @@ def read(
         The constant.
     """
     function, names = _function(name, inputs, column), _names()
+    code_of, outputs, reads = (_ask(function, what) for what in ("id", "output", "input"))
     for k in range(function.n_instructions()):
-        code = function.instruction_id(k)
-        slot = function.instruction_output(k)[1 if code == ca.OP_OUTPUT else 0]
-        value = function.instruction_constant(k) if code == ca.OP_CONST else 0.0
-        yield names[code], slot, function.instruction_input(k), value
+        code = code_of(k)
+        slot = outputs(k)[1 if code == ca.OP_OUTPUT else 0]
+        value = _constants(function, [k])[0] if code == ca.OP_CONST else 0.0
+        yield names[code], slot, reads(k), value
 
 
 def evaluate(operation: str, *values: float) -> float:
@@ -154,10 +157,20 @@ def _function(
     return function
 
 
+def _ask(function: ca.Function, what: str) -> Callable[[int], Any]:
+    """Return the function that tells something of an instruction, without CasADi's wrapper.
+
+    Large systems have 10^5 instructions and more, and through the methods of the class each call
+    takes three times as long.
+    """
+    pointer: Any = function.this  # type: ignore[attr-defined]
+    return partial(getattr(ca.raw, f"Function_instruction_{what}"), pointer)
+
+
 def _instructions(function: ca.Function) -> np.ndarray:
     """Return CasADi's code of each instruction."""
     count = function.n_instructions()
-    return np.fromiter(map(function.instruction_id, range(count)), np.int64, count)
+    return np.fromiter(map(_ask(function, "id"), range(count)), np.int64, count)
 
 
 def _distinct(codes: np.ndarray) -> list[int]:
@@ -177,15 +190,21 @@ def _program(function: ca.Function) -> tuple[np.ndarray, np.ndarray]:
     lines[:, 1] = np.cumsum(~is_output) - 1
     lines[is_output, 2] = np.arange(is_output.sum())
     values = np.zeros(codes.size)
+    operands = _ask(function, "input")
     for code in _distinct(codes):
         at = np.flatnonzero(codes == code)
+        places = at.tolist()
         if code == ca.OP_CONST:
-            values[at] = [function.instruction_constant(k) for k in at.tolist()]
+            values[at] = _constants(function, places)
             continue
-        operands = np.array([function.instruction_input(k) for k in at.tolist()])
-        first = 1 if code == ca.OP_OUTPUT else 2
-        lines[at, first : first + operands.shape[1]] = operands
+        first, count = 1 if code == ca.OP_OUTPUT else 2, len(operands(places[0]))
+        found = np.fromiter(chain.from_iterable(map(operands, places)), np.int64, count * at.size)
+        lines[at, first : first + count] = found.reshape(-1, count)
     return lines, values
+
+
+def _constants(function: ca.Function, places: list[int]) -> list[float]:
+    return list(map(_ask(function, "constant"), places))
 
 
 def _codes(name: str, function: ca.Function, codes: np.ndarray) -> np.ndarray:
@@ -193,16 +212,15 @@ def _codes(name: str, function: ca.Function, codes: np.ndarray) -> np.ndarray:
     found = np.empty_like(codes)
     for code in _distinct(codes):
         at = codes == code
-        if code == ca.OP_CONST:
-            constants = np.flatnonzero(at).tolist()
-            if np.isnan([function.instruction_constant(k) for k in constants]).any():
-                raise ValueError(
-                    hinted(
-                        f"{name} contains the constant nan",
-                        "on symbols use casadi's functions (ca.sin); math.sin makes them nan, as "
-                        "all code for numbers does: lv.table(x, y) stands in for it by its values",
-                    )
+        is_constant = code == ca.OP_CONST
+        if is_constant and np.isnan(_constants(function, np.flatnonzero(at).tolist())).any():
+            raise ValueError(
+                hinted(
+                    f"{name} contains the constant nan",
+                    "on symbols use casadi's functions (ca.sin); math.sin makes them nan, as all "
+                    "code for numbers does: lv.table(x, y) stands in for it by its values",
                 )
+            )
         found[at] = _operation(name, code)
     return found
 

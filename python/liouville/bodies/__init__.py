@@ -3,6 +3,7 @@
 from liouville.bodies.assembly import Assembly
 from liouville.bodies.body import Body
 from liouville.bodies.files import from_mjcf, from_urdf
+from liouville.bodies.friction import Coulomb, Stribeck
 from liouville.bodies.joints import Joint
 from liouville.bodies.mechanism import Mechanism
 from liouville.bodies.results import BodyMotion, JointMotion, body_of, joint_of
@@ -11,9 +12,11 @@ __all__ = [
     "Assembly",
     "Body",
     "BodyMotion",
+    "Coulomb",
     "Joint",
     "JointMotion",
     "Mechanism",
+    "Stribeck",
     "body_of",
     "from_mjcf",
     "from_urdf",

@@ -2,16 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from liouville import _casadi as ca
 from liouville.bodies import rotations as rot
-from liouville.bodies.body import Body, Value, check_mass, given, numbers, unit
+from liouville.bodies.body import Body, Value, check_mass, column, evaluated, given, numbers, unit
 from liouville.bodies.chaining import Which
-from liouville.bodies.elements import Element
+from liouville.bodies.elements import Element, beam_stiffness
 from liouville.bodies.joining import Joining
 from liouville.bodies.mechanism import Mechanism
 from liouville.bodies.registry import Frames, apart, points_of, two_points, with_height
@@ -209,6 +210,80 @@ class Assembly(Joining):
         frames = self._frames(of, *self._sides(of, a, b), axis=axis)
         return self._act("bushing", name, (a, b), points_of(of, at), values, frames)
 
+    def beam(
+        self,
+        name: str,
+        a: Which,
+        b: Which,
+        *,
+        at: Any,
+        axial: Value,
+        bending: Any,
+        torsion: Value,
+        across: ArrayLike | None = None,
+        damping: Value = 0.0,
+    ) -> Element:
+        """Hold b by a straight beam without mass from a, between points `at=(on a, on b)`.
+
+        It is that of Euler and Bernoulli, straight as drawn, for small turns of b against a.
+
+        Parameters
+        ----------
+        name : str
+            Its name.
+        a, b : Body or str
+            Its bodies.
+        at : sequence
+            Both of its ends in the world as drawn.
+        axial, torsion : float or callable
+            Its stiffnesses EA and GJ.
+        bending : float, callable or pair of them
+            EI about any axis, or about `across` and about the third direction.
+        across : array_like, shape (3,), optional
+            A direction across the beam.
+        damping : float or callable, default 0
+            Time that its damping matrix is in times of its stiffness.
+
+        Returns
+        -------
+        Element
+            The beam.
+
+        Raises
+        ------
+        TypeError, ValueError
+            An argument is wrong.
+        """
+        of = f"beam '{name}'"
+        points = two_points(of, at)
+        ends = [numbers(f"at= of {of}", point, (3,)) for point in points]
+        length = float(np.linalg.norm(ends[1] - ends[0]))
+        along = unit(f"the line between the ends of {of}", ends[1] - ends[0])
+        x = None
+        if across is not None:
+            given_x = unit(f"across= of {of}", across)
+            x = unit(f"across= of {of}, beside the beam,", given_x - (given_x @ along) * along)
+        pair = bending if isinstance(bending, Sequence | np.ndarray) else (bending, bending)
+        if len(pair) != 2:
+            raise ValueError(f"bending= of {of} is one stiffness or two, not {bending!r}")
+        names = ("axial", "bending", "bending", "torsion", "damping")
+        sizes = [
+            given(f"{what}= of {of}", value, ())
+            for what, value in zip(names, (axial, *pair, torsion, damping), strict=True)
+        ]
+
+        def stiffness(params: Any) -> ca.SX:
+            own = [column(value, params, 1) for value in sizes[:4]]
+            return beam_stiffness(length, *own)
+
+        values = {
+            "stiffness": stiffness,
+            "damping": lambda params: column(sizes[4], params, 1) * stiffness(params),
+            "length": np.array(length),
+        }
+        frames = self._frames(of, *self._sides(of, a, b), axis=along, x=x)
+        return self._act("beam", name, (a, b), points, values, frames)
+
     def force(
         self, name: str, body: Which, force: Callable[..., Any], *, at: Any = None
     ) -> Element:
@@ -281,6 +356,13 @@ class Assembly(Joining):
         for body in bodies:
             if callable(body.mass) or callable(body.inertia):
                 check_mass(body, numbers_of)
+            if callable(body.at):
+                evaluated(f"at= of body '{body.name}'", body.at, numbers_of, 3)
+        parts = [(f"joint '{x.name}'", x.functions) for x in self._joints.values()]
+        parts += [(f"{x.kind} '{x.name}'", x.functions) for x in self._elements.values()]
+        for of, functions in parts:
+            for what, function, size in functions:
+                evaluated(f"{what} of {of}", function, numbers_of, size)
         self._params = params
         self._system = Mechanism(
             bodies,

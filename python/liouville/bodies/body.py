@@ -67,9 +67,26 @@ def column(value: Value, params: Any, size: int) -> ca.SX:
     found = resolved(value, params)
     if isinstance(found, ca.SX | ca.DM):
         return ca.SX(found)
+    if isinstance(found, np.ndarray) and found.dtype == float:
+        found = ca.SX(ca.DM(found.ravel()))
+        return found if found.numel() > 1 or size == 1 else ca.repmat(found, size, 1)
     if isinstance(found, Sequence | np.ndarray):
         return ca.vertcat(*(ca.SX(x) for x in np.asarray(found, dtype=object).ravel().tolist()))
     return ca.SX(found) if size == 1 else ca.repmat(ca.SX(found), size, 1)
+
+
+def row(values: Sequence[Value], params: Any) -> ca.SX:
+    """Return a number or a function of the parameters of each of many as a row."""
+    if all(isinstance(value, float | np.ndarray) for value in values):
+        return ca.SX(ca.DM(np.array(values, dtype=float).ravel())).T
+    return ca.horzcat(*(column(value, params, 1) for value in values))
+
+
+def stacked(points: Sequence[Any]) -> ca.SX:
+    """Return vectors, of numbers or expressions, as columns."""
+    if all(isinstance(point, np.ndarray) for point in points):
+        return ca.SX(ca.DM(np.array(points).T))
+    return ca.horzcat(*(ca.SX(ca.DM(x) if isinstance(x, np.ndarray) else x) for x in points))
 
 
 def given(what: str, value: Value, shape: tuple[int, ...]) -> Value:
@@ -101,6 +118,8 @@ def evaluated(what: str, value: Value, params: Any, size: int) -> NDArray[np.flo
         return value.ravel()
     try:
         found = np.array(ca.DM(ca.evalf(column(value, params, size)))).ravel()
+    except AttributeError as error:
+        raise ValueError(f"{what}: {error}") from error
     except (TypeError, RuntimeError, NotImplementedError) as error:
         raise TypeError(f"{what} does not return numbers: {error}") from error
     if found.size != size or not np.isfinite(found).all():
@@ -246,15 +265,19 @@ class Layout:
 
     def rates(self, poses: Any, velocity: Any, omega: Any) -> NDArray[np.float64]:
         """Return v of bodies, shape (n, j), of j twists of each, of shape (3, bodies, j)."""
-        _, e = poses
-        rows = []
-        for k, kind in enumerate(self.kinds):
-            place, spin = velocity[:, k], omega[:, k]
+        e = np.asarray(poses[1])[:, :, None]
+        found = np.zeros((sum(len(PARTS[kind]) for kind in self.kinds), *velocity.shape[2:]))
+        for kind in set(self.kinds):
+            own = self.of_kind(kind)
+            first = np.array(self.starts)[own]
+            place, spin = velocity[:, own], omega[:, own]
             if kind == "spatial":
-                rows += [*place, *rot.rate_of(e[:, k], spin)]
+                rows = (*place, *rot.rate_of(e[:, own], spin))
             else:
-                rows += [*place] if kind == "point" else [place[0], place[1], spin[2]]
-        return np.array([np.broadcast_to(row, velocity.shape[2:]) for row in rows])
+                rows = (*place,) if kind == "point" else (place[0], place[1], spin[2])
+            for j, rates in enumerate(rows):
+                found[first + j] = rates
+        return found
 
     def gathered(self, poses: Any) -> NDArray[np.float64]:
         """Return q of bodies, shape (n,), of poses of shapes (3, bodies) and (4, bodies)."""
@@ -270,114 +293,6 @@ class Layout:
         return np.array(rows, dtype=float)
 
 
-class Poses:
-    """Expressions of places, attitudes and velocities of all bodies, a column each, ground last.
-
-    Attributes
-    ----------
-    q, v : SX
-        Coordinates and velocities.
-    x, e : tuple of SX, each of shape (1, bodies + 1)
-        Positions of the centres and quaternions, by component.
-    directors : tuple of tuple of SX
-        Columns of the rotation, by component.
-    velocity, omega : tuple of SX
-        Velocities and angular velocities in the world, by component.
-    """
-
-    def __init__(self, layout: Layout, q: ca.SX, v: ca.SX) -> None:
-        self.layout, self.q, self.v = layout, q, v
-        self.x = self._x(q, layout.planes)
-        self.velocity = self._x(v, (0.0,) * len(layout.kinds))
-        self._turning()
-
-    def _x(self, q: ca.SX, planes: Sequence[float]) -> tuple[Any, ...]:
-        n, kinds, starts = q.numel(), self.layout.kinds, self.layout.starts
-        wide = ca.vertcat(q, ca.SX(0.0), *(ca.SX(z) for z in planes))
-        found = []
-        for axis in range(3):
-            places = [
-                n + 1 + k if kinds[k] == "planar" and axis == 2 else starts[k] + axis
-                for k in range(len(kinds))
-            ]
-            found.append(wide[[*places, n]].T)
-        return tuple(found)
-
-    def _turning(self) -> None:
-        layout, q, v = self.layout, self.q, self.v
-        spatial, planar = layout.of_kind("spatial"), layout.of_kind("planar")
-        rows = [[layout.starts[k] + 3 + j for k in spatial] for j in range(4)]
-        self.spatial = tuple(q[row].T for row in rows)
-        self.spatial_rates = tuple(v[row].T for row in rows)
-        angles = [layout.starts[k] + 2 for k in planar]
-        angle, turning = q[angles].T, v[angles].T
-        zeros, ones = ca.SX.zeros(1, len(planar)), ca.SX.ones(1, len(planar))
-        cos, sin = ca.cos(angle), ca.sin(angle)
-        quaternion = (ca.cos(angle / 2), zeros, zeros, ca.sin(angle / 2))
-        of_plane = ((cos, sin, zeros), (-sin, cos, zeros), (zeros, zeros, ones))
-        still = len(layout.kinds) + 1 - len(spatial) - len(planar)
-        fixed = [k for k in range(len(layout.kinds) + 1) if k not in {*spatial, *planar}]
-        order = np.argsort([*spatial, *planar, *fixed]).tolist()
-
-        def joined(first: ca.SX, second: ca.SX, constant: float) -> ca.SX:
-            return ca.horzcat(first, second, ca.SX.ones(1, still) * constant)[:, order]
-
-        self.e = tuple(
-            joined(first, second, float(k == 0))
-            for k, (first, second) in enumerate(zip(self.spatial, quaternion, strict=True))
-        )
-        own = rot.columns(self.spatial)
-        self.directors = tuple(
-            tuple(joined(own[j][k], of_plane[j][k], float(j == k)) for k in range(3))
-            for j in range(3)
-        )
-        rate = rot.world_rate(self.spatial, self.spatial_rates)
-        self.omega = tuple(
-            joined(x, y, 0.0) for x, y in zip(rate, (zeros, zeros, turning), strict=True)
-        )
-
-
-def kinetic(bodies: Sequence[Body], poses: Poses, params: Any) -> ca.SX:
-    r"""Return the kinetic energy of all bodies.
-
-    Of turning it is :math:`\tfrac12 \Omega^T (J - j) \Omega + 2 j |e'|^2` with one of the moments
-    for j. As :math:`|\Omega|^2 = 4 |e'|^2` where :math:`|e| = 1`, this is the energy there, and it
-    gives the direction along e a mass. Beside the sphere the two forms differ by a multiple of its
-    constraint, which adds to the multiplier of that alone. A ball has a constant mass.
-    """
-    layout = poses.layout
-    masses = ca.horzcat(*(column(body.mass, params, 1) for body in bodies))
-    moving = [x[:, : len(bodies)] for x in poses.velocity]
-    found: ca.SX = ca.sum2(masses * rot.dot(moving, moving)) / 2
-    spatial = [bodies[k] for k in layout.of_kind("spatial")]
-    if spatial:
-        matrices = [ca.densify(inertia_matrix(body, params)) for body in spatial]
-        common = [_common(matrix) for matrix in matrices]
-        rest = [ca.vec(x - j * ca.SX.eye(3)) for x, j in zip(matrices, common, strict=True)]
-        rows = ca.vertsplit(ca.horzcat(*(ca.densify(x) for x in rest)))
-        omega = rot.own_rate(poses.spatial, poses.spatial_rates)
-        for i in range(3):
-            for j in range(3):
-                found += ca.sum2(rows[3 * j + i] * omega[i] * omega[j]) / 2
-        squares = rot.dot(poses.spatial_rates, poses.spatial_rates)
-        found += 2 * ca.sum2(ca.horzcat(*common) * squares)
-    for k in layout.of_kind("planar"):
-        found += column(bodies[k].inertia, params, 1) * poses.omega[2][k] ** 2 / 2
-    return found
-
-
-def _common(inertia: ca.SX) -> ca.SX:
-    """Return the moment that two axes have in common, else one between the others."""
-    moments = [inertia[k, k] for k in range(3)]
-    for k in range(3):
-        if ca.is_equal(moments[k], moments[k - 1], 2):
-            return moments[k]
-    if all(x.is_constant() for x in moments):
-        return ca.SX(sorted(float(x) for x in moments)[1])
-    return moments[0]
-
-
-#: A function of a user's that is called with fresh symbols and then with expressions.
 def called(
     what: str,
     function: Callable[..., Any],

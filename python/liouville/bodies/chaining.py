@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 from liouville.bodies import rotations as rot
 from liouville.bodies.body import Body, Value, given, numbers, unit
 from liouville.bodies.joints import RATES, Axis, Joint
-from liouville.bodies.registry import Registry, check_damping, coordinate_values
+from liouville.bodies.registry import Registry, check_damping, coordinate_values, functions_of
 from liouville.errors import hinted
 
 Which = Body | str
@@ -52,6 +52,7 @@ class Chaining(Registry):
         effort: Any = None,
         spring: Any = 0.0,
         rest: Any = 0.0,
+        motion: Any = None,
     ) -> Joint:
         """Let b turn about and slide along several axes, each carried by those before.
 
@@ -70,9 +71,10 @@ class Chaining(Registry):
         names : sequence of str, optional
             Names of the coordinates, by default "angle" or "slide" of one axis, "turn 1" or
             "slide 2" of several.
-        armature, damping, effort, spring, rest : optional
+        armature, damping, effort, spring, rest, motion : optional
             Of all coordinates, or a sequence with one each: inertia of a rotor, coefficient of a
-            damper, a function ``f(t, angle, rate, params)``, stiffness, and where it rests.
+            damper, a function ``f(t, angle, rate, params)``, stiffness, and where it rests; a
+            function ``f(t, params)`` that the coordinate follows.
 
         Returns
         -------
@@ -111,10 +113,10 @@ class Chaining(Registry):
         for own, value in rotors.items():
             if not callable(value) and value < 0:
                 raise ValueError(f"armature of '{own}' of {of} is {float(value):g}, below zero")
-        efforts = coordinate_values(of, names, "effort", effort, None)
-        for value in efforts.values():
-            if not callable(value):
-                raise TypeError(f"effort= of {of} is a function, not {value!r}")
+        efforts, motions = (
+            functions_of(of, what, coordinate_values(of, names, what, value, None))
+            for what, value in (("effort", effort), ("motion", motion))
+        )
         rests = coordinate_values(of, names, "rest", rest, 0.0)
         stiffness = coordinate_values(of, names, "spring", spring, 0.0)
         return self._add(
@@ -126,6 +128,7 @@ class Chaining(Registry):
             armature=rotors,
             damping=dampers,
             efforts=efforts,
+            motions=motions,
             springs={own: (value, rests.get(own, 0.0)) for own, value in stiffness.items()},
         )
 

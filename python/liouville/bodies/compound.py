@@ -13,8 +13,9 @@ from typing import Any
 
 from liouville import _casadi as ca
 from liouville.bodies import rotations as rot
-from liouville.bodies.body import Poses, Value, column, inertia_matrix
-from liouville.bodies.joints import Group, Joint, constants, local, stacked
+from liouville.bodies.body import Value, column, inertia_matrix, stacked
+from liouville.bodies.joints import Group, Joint, constants, local
+from liouville.bodies.poses import Poses
 
 
 class Compound(Group):

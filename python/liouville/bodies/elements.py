@@ -6,14 +6,15 @@ whose power is rho tau: action and reaction come out together.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
 from liouville import _casadi as ca
 from liouville.bodies import rotations as rot
-from liouville.bodies.body import Body, Poses, Value, called, column
+from liouville.bodies.body import Body, Value, called, column, row
 from liouville.bodies.joints import RATES, Ends, Group, Joint
+from liouville.bodies.poses import Poses
 
 #: Rates and their efforts, the same number of expressions each.
 Efforts = list[tuple[Any, Any]]
@@ -26,7 +27,7 @@ class Element:
     Attributes
     ----------
     name, kind : str
-        Its name, and ``"spring"``, ``"bushing"``, ``"force"`` or ``"torque"``.
+        Its name, and ``"spring"``, ``"bushing"``, ``"beam"``, ``"force"`` or ``"torque"``.
     a, b : Body
         The bodies that it acts between; a force acts on b.
     points, frames : tuple of two
@@ -50,13 +51,21 @@ class Element:
         """Name the element."""
         return f"<{self.kind.capitalize()} {self.name!r}>"
 
+    @property
+    def functions(self) -> Iterator[tuple[str, Value, int]]:
+        """What is a function of the parameters, as that of a joint."""
+        found = [("at", point, 3) for point in self.points]
+        if self.kind == "spring":
+            found += [(name, x, 1) for name, x in self.values.items()]
+        yield from (own for own in found if callable(own[1]))
+
 
 def of_elements(
     elements: Sequence[Element], places: Mapping[str, int], poses: Poses, t: ca.SX, params: Any
 ) -> tuple[ca.SX, Efforts]:
     """Return the potential of all elements, and their efforts."""
     potential, efforts = ca.SX(0), []
-    for kind, act in (("spring", _springs), ("bushing", _bushings)):
+    for kind, act in (("spring", _springs), ("bushing", _bushings), ("beam", _bushings)):
         own = [element for element in elements if element.kind == kind]
         if own:
             energy, more = act(Group(own, places, poses, params))
@@ -69,7 +78,7 @@ def of_elements(
 
 
 def _values(group: Ends, name: str) -> ca.SX:
-    return ca.horzcat(*(column(x.values[name], group.params, 1) for x in group.items))
+    return row([x.values[name] for x in group.items], group.params)
 
 
 def _springs(group: Group) -> tuple[ca.SX, Efforts]:
@@ -90,7 +99,10 @@ def _bushings(group: Group) -> tuple[ca.SX, Efforts]:
     """
     turned = [2 * x * ca.sign(group.p[0]) for x in group.p[1:]]
     axes = [group.axis(0, k) for k in range(3)]
-    shifts = [*(group.along(axis) for axis in axes), *turned]
+    ways = [group.along(axis) for axis in axes]
+    if group.items[0].kind == "beam":  # along the third axis as drawn
+        ways[2] = ways[2] - _values(group, "length")
+    shifts = [*ways, *turned]
     rates = [group.along_rate(axis) for axis in axes]
     rates += [rot.dot(group.spin, axis) for axis in axes]
     energy, efforts = ca.SX(0), []
@@ -108,6 +120,16 @@ def _bushings(group: Group) -> tuple[ca.SX, Efforts]:
 def _matrix(value: Value, params: Any) -> ca.SX:
     entries = column(value, params, 6)
     return ca.diag(entries) if entries.numel() == 6 else ca.reshape(entries, 6, 6).T
+
+
+def beam_stiffness(length: float, axial: Any, about_x: Any, about_y: Any, torsion: Any) -> ca.SX:
+    """Return the stiffness of the end of a beam along z against its beginning, shape (6, 6)."""
+    found = ca.SX.zeros(6, 6)
+    found[2, 2], found[5, 5] = axial / length, torsion / length
+    for bending, shift, turn, sign in ((about_y, 0, 4, -1), (about_x, 1, 3, 1)):
+        found[shift, shift], found[turn, turn] = 12 * bending / length**3, 4 * bending / length
+        found[shift, turn] = found[turn, shift] = sign * 6 * bending / length**2
+    return found
 
 
 def _force(element: Element, ends: Ends, t: ca.SX) -> Efforts:
@@ -133,17 +155,21 @@ def of_joints(
     potential = ca.SX(0)
     found = {}
     for group in groups:
+        if any("stiffness" in joint.sizes for joint in group.items):  # of ball joints
+            stiffness = row([joint.sizes.get("stiffness", 0.0) for joint in group.items], params)
+            potential += ca.sum2(stiffness * group.turn_square) / 2
         for j, first in enumerate(group.items[0].coordinates):
             value, rate = group.coordinate(first)
-            for k, joint in enumerate(group.items):
+            rates = ca.horzsplit(rate)
+            values = [None] * len(rates) if value is None else ca.horzsplit(value)
+            for joint, own, speed in zip(group.items, values, rates, strict=True):
                 name = joint.coordinates[j]
-                own = None if value is None else value[k]
                 if name in joint.springs:
                     assert own is not None
                     stiffness, rest = (column(x, params, 1) for x in joint.springs[name])
                     potential += stiffness * (own - rest) ** 2 / 2
-                effort = _effort(joint, name, (t, own, rate[k]), params)
-                found[joint.name, name] = own, rate[k], effort
+                effort = _effort(joint, name, (t, own, speed), params)
+                found[joint.name, name] = own, speed, effort
     return potential, found
 
 

@@ -39,7 +39,8 @@ def from_mjcf(
     without : sequence of str
         What to leave out: "contact", "limits", "friction loss", "tendons", "muscles", "activation",
         "transmissions", "actuator models", "nonlinear springs", "nonlinear damping", "springs of
-        balls", "equality constraints", "fluid", "gravity compensation", "flex", "mocap", "plugins".
+        free bodies", "equality constraints", "fluid", "gravity compensation", "flex", "mocap",
+        "plugins".
     controls : mapping, optional
         Signals by actuator: a number, or a function ``f(t, angle, rate, params)`` of the joint that
         it acts on. Others are parameters with the name of the actuator, zero by default.

@@ -10,11 +10,13 @@ from numpy.typing import ArrayLike, NDArray
 
 from liouville.bodies.body import Body, Value, given, numbers, unit
 from liouville.bodies.chaining import Chaining, Effort, Which
-from liouville.bodies.joints import DRIVEN, KINDS, Joint
+from liouville.bodies.friction import Coulomb, check_friction
+from liouville.bodies.joints import Joint
 from liouville.bodies.registry import (
     apart,
     by_coordinate,
     check_damping,
+    functions_of,
     pair_of,
     points_of,
     two_points,
@@ -30,7 +32,8 @@ class Joining(Chaining):
     length, or two. An angle is that of b against a about the axis, a slide that of b along it,
     both zero as drawn. `damping` times the rate is a torque or force against it; `torque` and
     `force` are functions ``f(t, angle, rate, params)``; `spring` times the way from `rest` is one
-    with an energy; `motion` is a function ``f(t, params)`` that the coordinate follows.
+    with an energy; `motion` is a function ``f(t, params)`` that the coordinate follows; `friction`
+    is a :class:`~liouville.bodies.Coulomb` or a :class:`~liouville.bodies.Stribeck`.
     """
 
     def fixed(self, name: str, a: Which, b: Which, *, at: Any = None) -> Joint:
@@ -53,10 +56,21 @@ class Joining(Chaining):
         spring: Value = 0.0,
         rest: Value = 0.0,
         motion: Effort | None = None,
+        friction: Coulomb | None = None,
     ) -> Joint:
         """Let b turn about an axis of a: a hinge."""
         return self._with_axis(
-            "revolute", name, (a, b), at, axis, damping, torque, spring, rest, motion
+            "revolute",
+            name,
+            (a, b),
+            at,
+            axis,
+            damping,
+            torque,
+            spring,
+            rest,
+            motion,
+            friction=friction,
         )
 
     def prismatic(
@@ -72,12 +86,23 @@ class Joining(Chaining):
         spring: Value = 0.0,
         rest: Value = 0.0,
         motion: Effort | None = None,
+        friction: Coulomb | None = None,
     ) -> Joint:
         """Let b slide along an axis of a, without turning; `at` is the centre of b by default."""
         body = self._body(b, f"joint '{name}'")
         at = body.at if at is None else at
         return self._with_axis(
-            "prismatic", name, (a, b), at, axis, damping, force, spring, rest, motion
+            "prismatic",
+            name,
+            (a, b),
+            at,
+            axis,
+            damping,
+            force,
+            spring,
+            rest,
+            motion,
+            friction=friction,
         )
 
     def cylindrical(
@@ -94,6 +119,7 @@ class Joining(Chaining):
         spring: Any = 0.0,
         rest: Any = 0.0,
         motion: Any = None,
+        friction: Coulomb | None = None,
     ) -> Joint:
         """Let b turn about an axis of a and slide along it.
 
@@ -101,7 +127,17 @@ class Joining(Chaining):
         """
         efforts = (torque, force)
         return self._with_axis(
-            "cylindrical", name, (a, b), at, axis, damping, efforts, spring, rest, motion
+            "cylindrical",
+            name,
+            (a, b),
+            at,
+            axis,
+            damping,
+            efforts,
+            spring,
+            rest,
+            motion,
+            friction=friction,
         )
 
     def screw(
@@ -116,16 +152,21 @@ class Joining(Chaining):
         damping: Any = 0.0,
         torque: Effort | None = None,
         force: Effort | None = None,
+        spring: Any = 0.0,
+        rest: Any = 0.0,
+        motion: Any = None,
     ) -> Joint:
-        """Let b turn about an axis of a and slide along it by `lead` for each turn."""
+        """Let b turn about an axis of a and slide along it by `lead` for each turn.
+
+        `damping`, `spring`, `rest` and `motion` are pairs, of the angle and of the slide.
+        """
         of = f"joint '{name}'"
         lead = given(f"lead= of {of}", lead, ())
         if not callable(lead) and lead == 0:
             raise ValueError(hinted(f"lead= of {of} is zero", "take a revolute joint"))
         pitch = (lambda p: lead(p) / (2 * np.pi)) if callable(lead) else lead / (2 * np.pi)
-        return self._with_axis(
-            "screw", name, (a, b), at, axis, damping, (torque, force), sizes={"pitch": pitch}
-        )
+        acting = damping, (torque, force), spring, rest, motion
+        return self._with_axis("screw", name, (a, b), at, axis, *acting, sizes={"pitch": pitch})
 
     def universal(
         self,
@@ -139,10 +180,11 @@ class Joining(Chaining):
         torque: Any = None,
         spring: Any = 0.0,
         rest: Any = 0.0,
+        motion: Any = None,
     ) -> Joint:
         """Let b turn about two axes that cross at a right angle, the first of a, the second of b.
 
-        `damping`, `torque`, `spring` and `rest` are pairs, of both angles.
+        `damping`, `torque`, `spring`, `rest` and `motion` are pairs, of both angles.
         """
         of = f"joint '{name}'"
         first, second = pair_of(of, numbers(f"axes= of {of}", axes, (2, 3)))
@@ -155,14 +197,32 @@ class Joining(Chaining):
             (a, b),
             points_of(of, at),
             frames,
-            **_free(of, "universal", damping, torque, spring, rest, None),
+            **_free(of, "universal", damping, torque, spring, rest, motion),
         )
 
-    def spherical(self, name: str, a: Which, b: Which, *, at: Any, damping: Value = 0.0) -> Joint:
-        """Let b turn freely about a point of a; `damping` is against all angular velocities."""
+    def spherical(
+        self,
+        name: str,
+        a: Which,
+        b: Which,
+        *,
+        at: Any,
+        damping: Value = 0.0,
+        spring: Value = 0.0,
+        friction: Coulomb | None = None,
+    ) -> Joint:
+        """Let b turn freely about a point of a; `damping` is against all angular velocities.
+
+        `spring` times the least angle from b as drawn is a torque back, with an energy.
+        """
         of = f"joint '{name}'"
-        free = _free(of, "spherical", damping, None, 0.0, 0.0, None)
-        return self._add("spherical", name, (a, b), points_of(of, at), **free)
+        check_friction(of, "spherical", friction)
+        more = _free(of, "spherical", damping, None, 0.0, 0.0, None)
+        stiffness = given(f"spring= of {of}", spring, ())
+        if callable(stiffness) or stiffness != 0:
+            more["sizes"] = {"stiffness": stiffness}
+        points = points_of(of, at)
+        return self._add("spherical", name, (a, b), points, friction=friction, **more)
 
     def planar(
         self,
@@ -173,13 +233,19 @@ class Joining(Chaining):
         at: Any,
         normal: ArrayLike,
         damping: Any = 0.0,
+        effort: Any = None,
+        spring: Any = 0.0,
+        rest: Any = 0.0,
         motion: Any = None,
+        friction: Coulomb | None = None,
     ) -> Joint:
         """Let b turn about a normal of a and slide across it.
 
-        `damping` and `motion` have three entries, of the angle and of both slides.
+        `damping`, `effort`, `spring`, `rest` and `motion` have three entries, of the angle and of
+        both slides.
         """
-        return self._with_axis("planar", name, (a, b), at, normal, damping, None, 0.0, 0.0, motion)
+        more = damping, effort, spring, rest, motion
+        return self._with_axis("planar", name, (a, b), at, normal, *more, friction=friction)
 
     def distance(
         self, name: str, a: Which, b: Which, *, at: Any, length: Value | None = None
@@ -263,15 +329,16 @@ class Joining(Chaining):
         rest: Any = 0.0,
         motion: Any = None,
         sizes: Mapping[str, Value] | None = None,
+        friction: Coulomb | None = None,
     ) -> Joint:
         of = f"joint '{name}'"
+        check_friction(of, kind, friction)
         a, b = self._sides(of, *sides)
         frames = self._frames(of, a, b, axis=axis)
         _check_plane(of, kind, a, b, pair_of(of, axis)[0])
         free = _free(of, kind, damping, effort, spring, rest, motion)
-        return self._add(
-            kind, name, sides, points_of(of, at), frames, sizes=dict(sizes or {}), **free
-        )
+        more = {"sizes": dict(sizes or {}), "friction": friction, **free}
+        return self._add(kind, name, sides, points_of(of, at), frames, **more)
 
 
 def _free(
@@ -281,17 +348,15 @@ def _free(
     dampers = by_coordinate(of, kind, "damping", damping, 0.0)
     check_damping(of, dampers)
     efforts, motions = (
-        _functions(of, what, by_coordinate(of, kind, what, value, None))
+        functions_of(of, what, by_coordinate(of, kind, what, value, None))
         for what, value in (("torque= or force", effort), ("motion", motion))
     )
     stiffness = by_coordinate(of, kind, "spring", spring, 0.0)
     rests = by_coordinate(of, kind, "rest", rest, 0.0)
     springs = {name: (value, rests.get(name, 0.0)) for name, value in stiffness.items()}
-    bad = [name for name in motions if name not in DRIVEN or name not in KINDS[kind].coordinates]
-    if bad:
-        raise ValueError(f"motion= of {of} cannot be that of its {bad[0]}")
-    if len(motions) > 1:
-        raise ValueError(hinted(f"{of} has more than one motion", "prescribe one coordinate"))
+    if kind == "screw" and len(motions) > 1:
+        hint = "a screw turns as it slides: prescribe one of both"
+        raise ValueError(hinted(f"motion= of {of} has two functions", hint))
     return {"damping": dampers, "springs": springs, "efforts": efforts, "motions": motions}
 
 
@@ -308,10 +373,3 @@ def _check_plane(of: str, kind: str, a: Body, b: Body, axis: NDArray[np.float64]
                 "planar bodies turn about z and slide along directions across it",
             )
         )
-
-
-def _functions(of: str, what: str, values: dict[str, Any]) -> dict[str, Any]:
-    for value in values.values():
-        if not callable(value):
-            raise TypeError(f"{what}= of {of} is a function, not {value!r}")
-    return values

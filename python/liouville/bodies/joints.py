@@ -8,16 +8,21 @@ no other attitude satisfies these equations. The angle about the axis is 2 atan2
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+import math
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from liouville import _casadi as ca
 from liouville.bodies import rotations as rot
-from liouville.bodies.body import Body, Poses, Value, called, column, resolved
+from liouville.bodies.body import Body, Value, called, column, resolved, row, stacked
+from liouville.bodies.poses import Poses
+
+if TYPE_CHECKING:
+    from liouville.bodies.friction import Coulomb
 
 
 @dataclass(frozen=True)
@@ -71,8 +76,10 @@ KINDS = {
 #: Coordinates that are turned, and others, without a value, that are rates only.
 ANGLES = ("angle", "second angle")
 RATES = ("move_x", "move_y", "move_z", *SPINS)
-#: Coordinates that a motion can be prescribed for.
-DRIVEN = ("angle", "slide", "slide_x", "slide_y")
+#: Below this square of the sine of half of it, the square of an angle is summed as a series.
+NEAR = 0.02
+#: The beginning of the names of rows that prescribe the motion of a coordinate, after the joint's.
+MOTION = ".motion"
 
 
 @dataclass(frozen=True)
@@ -121,6 +128,8 @@ class Joint:
         Those of a compound joint, in order from a to b.
     armature : dict
         Inertia of rotors by coordinate.
+    friction : Coulomb or None
+        Dry friction along its coordinates.
     """
 
     name: str
@@ -137,6 +146,7 @@ class Joint:
     equations: Callable[..., Any] | None = None
     axes: tuple[Axis, ...] = ()
     armature: Mapping[str, Value] = field(default_factory=dict)
+    friction: Coulomb | None = None
 
     def __repr__(self) -> str:
         """Name the joint and its bodies."""
@@ -152,6 +162,20 @@ class Joint:
         """Those that are angles."""
         turns = {axis.name: axis.turns for axis in self.axes}
         return tuple(name for name in self.coordinates if turns.get(name, name in ANGLES))
+
+    @property
+    def functions(self) -> Iterator[tuple[str, Value, int]]:
+        """What is a function of the parameters: its name, itself and how many numbers it has."""
+        found = [("at", point, 3) for point in self.points]
+        found += [("at", axis.point, 3) for axis in self.axes]
+        found += [("damping", x, 1) for x in self.damping.values()]
+        found += [("armature", x, 1) for x in self.armature.values()]
+        found += [("spring", stiffness, 1) for stiffness, _ in self.springs.values()]
+        found += [("rest", rest, 1) for _, rest in self.springs.values()]
+        found += [(name, x, 1) for name, x in self.sizes.items()]
+        if self.friction is not None:
+            found += [(f"{name} of friction", x, 1) for name, x in vars(self.friction).items()]
+        yield from (own for own in found if callable(own[1]))
 
     @property
     def has_like_turns(self) -> bool:
@@ -254,7 +278,7 @@ class Group(Ends):
 
     def size(self, name: str) -> ca.SX:
         """Return a measure of each joint."""
-        return ca.horzcat(*(column(item.sizes[name], self.params, 1) for item in self.items))
+        return row([item.sizes[name] for item in self.items], self.params)
 
     def row(self, name: str) -> Any:
         """Return what the joints hold at zero, by the name of a row."""
@@ -271,16 +295,36 @@ class Group(Ends):
         return list(ca.vertsplit(rows))
 
     def drive(self, k: int, coordinate: str, t: ca.SX) -> ca.SX:
-        """Return the row of joint k that prescribes a coordinate; its multiplier is the effort."""
+        """Return the row of joint k that prescribes a coordinate; its multiplier is the effort.
+
+        Of a universal joint that is the effort over the cosine of half the second angle.
+        """
         joint = self.items[k]
         what = f"motion of joint '{joint.name}'"
         wanted = called(what, joint.motions[coordinate], {"t": t}, self.params)
-        if coordinate in ANGLES:
-            off: ca.SX = 2 * (self.p[3][k] * ca.cos(wanted / 2) - self.p[0][k] * ca.sin(wanted / 2))
-        else:
-            value, _ = self.coordinate(coordinate)
-            off = value[k] - wanted
+        if coordinate in ANGLES and not joint.axes:
+            p = [x[k] for x in self.p]
+            sine, cosine = p[3], p[0]
+            if coordinate == "second angle":
+                sine, cosine = p[1] * p[0] + p[2] * p[3], p[0] * p[0] + p[3] * p[3]
+            off: ca.SX = 2 * (sine * ca.cos(wanted / 2) - cosine * ca.sin(wanted / 2))
+        else:  # the first joint's names stand for those of all
+            own = self.items[0].coordinates[joint.coordinates.index(coordinate)]
+            off = self.coordinate(own)[0][k] - wanted
         return off
+
+    @property
+    def turn_square(self) -> Any:
+        """The square of the least angle between the frames: smooth, but at half a turn.
+
+        With x the sine of half of it this is 4 asin(x)^2; near zero by its series.
+        """
+        square = rot.dot(self.p[1:], self.p[1:])
+        series = ca.SX(0)
+        for n in range(10, 0, -1):
+            series = (series + 2 * 4**n / (n * n * math.comb(2 * n, n))) * square
+        half = ca.atan2(ca.sqrt(ca.fmax(square, NEAR)), ca.fabs(self.p[0]))
+        return ca.if_else(square > NEAR, 4 * half**2, series)
 
 
 def _thread(group: Group) -> Any:
@@ -353,10 +397,3 @@ def local(body: Body, point: Value, params: Any) -> Any:
         return np.array(rot.rotate(rot.conjugate(body.rotation), point - at))
     difference = ca.vertsplit(column(point, params, 3) - column(at, params, 3))
     return ca.vertcat(*rot.rotate(rot.conjugate(body.rotation), difference))
-
-
-def stacked(points: Sequence[Any]) -> ca.SX:
-    """Return points as columns."""
-    if all(isinstance(point, np.ndarray) for point in points):
-        return ca.SX(ca.DM(np.array(points).T))
-    return ca.horzcat(*(ca.SX(ca.DM(x) if isinstance(x, np.ndarray) else x) for x in points))

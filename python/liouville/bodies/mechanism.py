@@ -12,18 +12,23 @@ from numpy.typing import ArrayLike, NDArray
 from liouville import _casadi as ca
 from liouville import _core
 from liouville.bodies import rotations as rot
-from liouville.bodies.body import Body, Layout, Poses, Value, column, kinetic
+from liouville.bodies.body import Body, Layout, Value, column, row, stacked
 from liouville.bodies.chaining import Coupling
 from liouville.bodies.compound import grouped, rotors
 from liouville.bodies.elements import Efforts, Element, of_elements, of_joints
-from liouville.bodies.joints import KINDS, Joint, local, rolled, stacked
-from liouville.errors import hinted
+from liouville.bodies.friction import contact, multipliers, normal_forces
+from liouville.bodies.joints import KINDS, MOTION, Joint, local, rolled
+from liouville.bodies.poses import Poses, kinetic
+from liouville.errors import Description, hinted, quoted
 from liouville.systems import Lagrangian
 from liouville.systems._expressions import Expressions
+from liouville.systems.mechanics import Mechanics
 from liouville.tape import record
 
 if TYPE_CHECKING:
     from liouville.bodies.chaining import Gear
+
+Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
@@ -73,6 +78,8 @@ class Mechanism(Lagrangian):
     ----------
     bodies, joints : tuple of str
         Names of the bodies but the ground, and of the joints.
+    rubbing : tuple of str
+        Names of the joints with friction.
     """
 
     def __init__(
@@ -98,6 +105,7 @@ class Mechanism(Lagrangian):
         self.bodies, self.joints = self._body_layout.names, tuple(self._places)
         self._outputs = Expressions(self._symbols, model.outputs())
         self._output_tapes: dict[str, _core.Tape] = {}
+        self.rubbing = tuple(joint.name for joint in joints if joint.friction is not None)
 
     def output(self, name: str, params: NDArray[np.float64], *at: ArrayLike) -> NDArray[np.float64]:
         """Return what :meth:`_Model.outputs` names at (t, q, v)."""
@@ -145,6 +153,41 @@ class Mechanism(Lagrangian):
         from liouville.bodies.starting import assembled
 
         return assembled(self, values, rates, t, params)
+
+    def stepped(  # type: ignore[override]
+        self, t: float, y: Array, z: Array, params: Array
+    ) -> Mechanics:
+        """Return the system without redundant constraints, which friction must not have.
+
+        Raises
+        ------
+        ValueError
+            There are redundant constraints, so that normal forces are not determined.
+        """
+        found = super().stepped(t, y, z, params)
+        if self.rubbing and found is not self:
+            left = quoted(tuple(name for name in self.constraints if name not in found.constraints))
+            sentence = (
+                f"friction in {self._rubbing_joints} has no normal force: loops hold more than "
+                f"they need, by the constraints {left}"
+            )
+            hint = "take planar bodies in a planar loop, or joints that leave more free"
+            raise ValueError(hinted(sentence, hint))
+        return found
+
+    @property
+    def _rubbing_joints(self) -> str:
+        return f"joint{'s' if len(self.rubbing) > 1 else ''} {quoted(self.rubbing)}"
+
+    def describe(self, error: dict[str, Any]) -> Description:
+        """Describe an error of the core in the user's names: sentence, hint and quantity."""
+        sentence, hint, quantity = super().describe(error)
+        if self.rubbing and error["kind"] == "not finite":
+            hint = (
+                f"friction in {self._rubbing_joints} may jam there: what it exerts presses the "
+                "joint harder than the load does; take less friction, or a smaller radius"
+            )
+        return sentence, hint, quantity
 
     def place(self, name: str) -> Place:
         """Return a joint by its name."""
@@ -195,28 +238,31 @@ class _Model:
         energy += rotors(self.groups, self.coordinates, params)
         gravity = column(self.gravity, params, 3)
         if not gravity.is_zero():
-            masses = ca.horzcat(*(column(body.mass, params, 1) for body in self.bodies))
+            masses = row([body.mass for body in self.bodies], params)
             for k in range(3):
                 energy += gravity[k] * ca.sum2(masses * self.poses.x[k][:, : len(self.bodies)])
+        self.energy = energy
         return energy
 
     def constraint(self, t: ca.SX, q: ca.SX, params: Any) -> dict[str, ca.SX]:
+        """Return the constraints, which are those of the symbols of the Lagrangian."""
         found: dict[str, dict[str, ca.SX]] = {joint.name: {} for joint in self.joints}
         for group in self.groups:
             for name in KINDS[group.items[0].kind].rows:
-                row = group.row(name)
-                for k, joint in enumerate(group.items):
-                    if not row[k].is_zero():  # as between planar bodies
-                        found[joint.name][f"{joint.name}.{name}"] = row[k]
+                held = ca.horzsplit(group.row(name))
+                for joint, own in zip(group.items, held, strict=True):
+                    if not own.is_zero():  # as between planar bodies
+                        found[joint.name][f"{joint.name}.{name}"] = own
             for k, joint in enumerate(group.items):
                 if joint.equations is not None:
-                    rows = {f"{joint.name}.{j}": row for j, row in enumerate(group.guide(k))}
-                    found[joint.name] |= rows
+                    guides = enumerate(group.guide(k))
+                    found[joint.name] |= {f"{joint.name}.{j}": own for j, own in guides}
                 for name in joint.motions:
-                    found[joint.name][f"{joint.name}.motion"] = group.drive(k, name, t)
+                    own = f"{joint.name}{MOTION}" + (f" {name}" if len(joint.motions) > 1 else "")
+                    found[joint.name][own] = group.drive(k, name, t)
         self.rows = {name: tuple(rows) for name, rows in found.items()}
-        rows = {name: row for part in found.values() for name, row in part.items()}
-        norms = rot.dot(self.poses.spatial, self.poses.spatial) - 1
+        rows = {name: own for part in found.values() for name, own in part.items()}
+        norms = ca.horzsplit(rot.dot(self.poses.spatial, self.poses.spatial) - 1)
         spatial = self.layout.of_kind("spatial")
         units = {f"{self.bodies[k].name}.unit": norms[j] / 2 for j, k in enumerate(spatial)}
         # units first: of dependent constraints those that come first are kept
@@ -250,9 +296,35 @@ class _Model:
                 for (name, coordinate), factor in gear.ratios.items()
             )
         # these velocities are symbols of their own
-        return {name: ca.substitute(row, self.v, v) for name, row in found.items()}
+        return {name: ca.substitute(own, self.v, v) for name, own in found.items()}
 
     def force(self, t: ca.SX, q: ca.SX, v: ca.SX, params: Any) -> ca.SX:
+        found = self._pushed(v)
+        if any(joint.friction is not None for joint in self.joints):
+            self._rub(t, q, v, params, found)
+            found = self._pushed(v)
+        return found
+
+    def _rub(self, t: ca.SX, q: ca.SX, v: ca.SX, params: Any, force: ca.SX) -> None:
+        """Add friction, whose normal forces these forces determine, to the efforts of joints."""
+        holonomic = self.constraint(t, q, params)
+        rolling = self.nonholonomic(t, q, v, params)
+        g, k = (ca.vertcat(ca.SX(0, 1), *x.values()) for x in (holonomic, rolling))
+        mass, rest, slopes, gamma = multipliers(self.energy, force, g, k, (t, q, v))
+        contacts = [
+            contact(group, j, [*holonomic, *rolling], self.coordinates)
+            for group in self.groups
+            for j, joint in enumerate(group.items)
+            if joint.friction is not None
+        ]
+        normal = normal_forces(contacts, mass, rest, slopes, gamma, v)
+        for x, N in zip(contacts, normal, strict=True):
+            for name, unit in x.forces.items():
+                value, rate, effort = self.coordinates[x.name, name]
+                self.coordinates[x.name, name] = value, rate, effort + N * unit
+
+    def _pushed(self, v: ca.SX) -> ca.SX:
+        """Return the generalised forces of all efforts."""
         own: Efforts = [(rate, effort) for _, rate, effort in self.coordinates.values()]
         pairs = [
             (ca.vec(rate), ca.vec(effort))
@@ -260,7 +332,7 @@ class _Model:
             if not effort.is_zero()
         ]
         if not pairs:
-            return ca.SX(q.numel(), 1)
+            return ca.SX(v.numel(), 1)
         rates, efforts = (ca.vertcat(*x) for x in zip(*pairs, strict=True))
         return ca.jtimes(rates, v, efforts, True)
 
@@ -293,11 +365,13 @@ class _Model:
             "efforts": _column(efforts),
             "points": ca.vec(stacked(points)) if points else ca.SX(0, 1),
             "anchors": ca.vec(stacked(anchors)) if anchors else ca.SX(0, 1),
-            "drawn": _column([column(body.at, self.params, 3) for body in self.bodies]),
-            "pitches": _column(
-                [column(joint.sizes.get("pitch", 0.0), self.params, 1) for joint in self.joints]
-            ),
+            "drawn": ca.vec(stacked([_place(body, self.params) for body in self.bodies])),
+            "pitches": ca.vec(row([x.sizes.get("pitch", 0.0) for x in self.joints], self.params)),
         }
+
+
+def _place(body: Body, params: Any) -> Any:
+    return column(body.at, params, 3) if callable(body.at) else body.at
 
 
 def _column(parts: Sequence[ca.SX]) -> ca.SX:

@@ -205,13 +205,14 @@ class Reader:
         self.places |= {k: (name, own) for k, own in zip(joints, made.coordinates, strict=True)}
 
     def _round(self, name: str, parent: Body, child: Body, joint: int, kind: str) -> None:
-        """Add a ball joint, or none; damping and armature act on all of its rates."""
+        """Add a ball joint with its spring, or none; the others act on all of its rates."""
         model, data = self.model, self.data
         dof = int(model.jnt_dofadr[joint])
         kind = {"free": "free", "ball": "spherical"}[kind]
         rates = KINDS[kind].coordinates
         damping = 0.0 if is_off(model, "damper") else float(model.dof_damping[dof])
         armature = float(model.dof_armature[dof])
+        stiffness = 0.0 if is_off(model, "spring") else float(model.jnt_stiffness[joint])
         at = data.xpos[model.jnt_bodyid[joint]] if kind == "free" else data.xanchor[joint]
         points = (np.zeros(3), at.copy()) if kind == "free" else (at.copy(), at.copy())
         self._add(
@@ -221,6 +222,7 @@ class Reader:
             points,
             damping=dict.fromkeys(rates, damping) if damping else {},
             armature=dict.fromkeys(rates, armature) if armature else {},
+            sizes={"stiffness": stiffness} if stiffness and kind == "spherical" else {},
         )
 
     def _add(self, kind: str, name: str, sides: Any, points: Any, **more: Any) -> Joint:

@@ -17,6 +17,8 @@ from liouville.errors import hinted, quoted
 from liouville.systems import _trace
 
 Z = (0.0, 0.0, 1.0)
+#: Kinds of joints about a point that one of the bodies turns about.
+TURNING = ("revolute", "universal", "spherical")
 Frames = tuple[tuple[float, ...], tuple[float, ...]]
 
 
@@ -76,6 +78,10 @@ class Registry:
         """Add a joint."""
         of = f"joint '{name}'"
         a, b = self._sides(of, *sides)
+        if kind in TURNING and {a.kind, b.kind} <= {"point", "ground"}:
+            point = (b if b.kind == "point" else a).name
+            hint = "take a body, or a rod without mass: m.distance"
+            raise ValueError(hinted(f"{of} would turn '{point}', a point mass, which cannot", hint))
         joint = Joint(self._new(name), kind, a, b, points, frames or self._frames(of, a, b), **more)
         self._joints[name] = joint
         return joint
@@ -99,7 +105,9 @@ class Registry:
         """Return the bodies that nothing connects with the ground."""
         pairs = [(x.a.name, x.b.name) for x in self._joints.values()]
         pairs += [
-            (x.a.name, x.b.name) for x in self._elements.values() if x.kind in ("spring", "bushing")
+            (x.a.name, x.b.name)
+            for x in self._elements.values()
+            if x.kind in ("spring", "bushing", "beam")
         ]
         reached, size = {"ground"}, 0
         while len(reached) > size:
@@ -170,6 +178,14 @@ def coordinate_values(
             continue
         found[name] = own if callable(own) else numbers(f"{what}= of {of}", own, ())
     return found
+
+
+def functions_of(of: str, what: str, values: dict[str, Any]) -> dict[str, Any]:
+    """Refuse what is no function."""
+    for value in values.values():
+        if not callable(value):
+            raise TypeError(f"{what}= of {of} is a function, not {value!r}")
+    return values
 
 
 def check_damping(of: str, damping: Mapping[str, Value]) -> None:

@@ -62,9 +62,9 @@ class JointMotion:
     """The motion of a joint and the wrench in it, at the k kept steps.
 
     Force and torque are those that keep the joint, and that prescribe its motion; they act on its
-    second body, at its point there, and the opposite ones on the first. What dampers, springs and
-    motors exert along its coordinates is `effort` and not among them, but for compound joints,
-    whose axes transmit it.
+    second body, at its point there, and the opposite ones on the first. What dampers, springs,
+    motors and friction exert along its coordinates is `effort` and not among them, but for compound
+    joints, whose axes transmit it.
 
     Attributes
     ----------
@@ -79,7 +79,7 @@ class JointMotion:
     rates : dict of str to ndarray, shape (k,)
         Their rates, and velocities of joints that have no coordinates.
     efforts : dict of str to ndarray, shape (k,)
-        What dampers and motors exert along each, without springs.
+        What dampers, motors and friction exert along each, without springs.
     """
 
     name: str
@@ -118,7 +118,7 @@ class JointMotion:
 
     @property
     def effort(self) -> Array:
-        """What dampers and motors exert along the first coordinate, shape (k,)."""
+        """What dampers, motors and friction exert along the first coordinate, shape (k,)."""
         return self._only(self.efforts, next(iter(self.efforts), "effort"))
 
     def _only(self, found: dict[str, Array], name: str) -> Array:

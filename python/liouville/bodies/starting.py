@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from liouville.bodies.joints import RATES
+from liouville.bodies.joints import MOTION, RATES
 from liouville.bodies.mechanism import Place
 from liouville.bodies.tree import Tree
 from liouville.errors import hinted, quoted
@@ -55,11 +55,11 @@ class Starting:
         spread = [np.ptp(self.tree.x, axis=1).max(), np.abs(points).max(initial=0.0)]
         self.size = float(max(spread)) or 1.0
         kept = {x.joint.name for x in self.tree.branches if x.joint is not None and x.is_kept}
-        own = {x for name in kept for x in system.place(name).rows if not x.endswith(".motion")}
+        own = {x for name in kept for x in system.place(name).rows if MOTION not in x}
         own |= {f"{body}.unit" for body in system.bodies}
         #: constraints that moves along the tree do not keep by themselves
         self.open = [k for k, name in enumerate(system._holonomic) if name not in own]
-        self.is_driven = any(name.endswith(".motion") for name in system._holonomic)
+        self.is_driven = any(MOTION in name for name in system._holonomic)
         self.is_tree = not (self.open or system.nonholonomic)
 
     def rows(self, q: Array) -> Array:
@@ -171,6 +171,15 @@ class Starting:
                     "give fewer of them: the others are solved for",
                 )
             )
+        place = self.system.place(worst)
+        if any(MOTION in x and rows[own[x]] == gaps[worst] for x in place.rows if x in own):
+            raise ValueError(
+                hinted(
+                    f"joint '{worst}' cannot be where its motion= has it at t = {self.t:g}: it "
+                    f"misses by {gaps[worst]:.2g}",
+                    "give no values against it, or a motion that the mechanism can follow",
+                )
+            )
         inside = next((x for x in self.tree.loops if x.name == worst), None)
         loop = self.tree.loop(inside or (self.tree.loops or places)[0])
         raise ValueError(
@@ -190,7 +199,7 @@ class Starting:
         v = self.tree.rates()
         slopes, _ = self.slopes(q, v)
         rows = [self.system._holonomic[k] for k in self.open]
-        motions = [k for k, row in enumerate(rows) if row.endswith(".motion")]
+        motions = [k for k, row in enumerate(rows) if MOTION in row]
         null = self._null(v, np.delete(slopes, motions, axis=0))
         names = [x.name for x in self._all_joints()]
         if not null.shape[1]:

@@ -210,8 +210,9 @@ class Tree:
             if not move.startswith("slide"):
                 omega[:, bodies, j] = axis[:, None]
                 arms = self.x[:, bodies] - point[:, None]
-                velocity[:, bodies, j] = np.cross(axis, arms, axisb=0).T
-            velocity[:, bodies, j] += self._slide(branch, move) * axis[:, None]
+                velocity[:, bodies, j] = rot.cross(axis, arms)
+            if slide := self._slide(branch, move):
+                velocity[:, bodies, j] += slide * axis[:, None]
         return velocity, omega
 
     def _slide(self, branch: Branch, move: str) -> float:

@@ -47,7 +47,7 @@ KNOWN: dict[str, str] = {
     "actuator models": "actuators",
     "nonlinear springs": "joints",
     "nonlinear damping": "joints",
-    "springs of balls": "joints",
+    "springs of free bodies": "joints",
     "equality constraints": "constraints",
     "fluid": "",
     "gravity compensation": "bodies",
@@ -125,7 +125,7 @@ def _found(model: Any) -> dict[str, list[str]]:
         return [named(model, "jnt", int(k)) for k in dict.fromkeys(dofs[own].tolist())]
 
     springs = not is_off(model, "spring")
-    round_ones = [k for k in joints if model.jnt_type[k] < 2 and model.jnt_stiffness[k]]
+    flying = [k for k in joints if model.jnt_type[k] == 0 and model.jnt_stiffness[k]]
     bent = np.column_stack([model.jnt_stiffnesspoly, model.jnt_springyield])
     all_found: dict[str, Callable[[], list[str]]] = {
         "contact": lambda: _touching(model) if constrained else [],
@@ -142,7 +142,9 @@ def _found(model: Any) -> dict[str, list[str]]:
         "nonlinear damping": lambda: (
             at_dofs(model.dof_dampingpoly) if not is_off(model, "damper") else []
         ),
-        "springs of balls": lambda: [named(model, "jnt", k) for k in round_ones] if springs else [],
+        "springs of free bodies": lambda: (
+            [named(model, "jnt", k) for k in flying] if springs else []
+        ),
         "equality constraints": lambda: [
             named(model, "eq", k) for k in active(model) if model.eq_type[k] >= len(EQUALITIES)
         ],

@@ -45,7 +45,8 @@ class Redundant:
 class Model:
     """The expressions v, p, f, r and g of the general form; r depends on `lam`.
 
-    A linear part, which wants v = z, adds to p and f. Ideal reactions r are -g_y^T lam.
+    A linear part, which wants v = z, adds to p and f. Ideal reactions r are -g_y^T lam. The
+    derivative g_y is kept where it is known already.
     """
 
     v: ca.SX
@@ -58,6 +59,7 @@ class Model:
     linear: Linear = field(default_factory=Linear)
     is_ideal: bool = False
     redundant: Redundant | None = None
+    g_y: ca.SX | None = None
 
 
 def compiled(
@@ -67,7 +69,9 @@ def compiled(
     v, p, f, r, g, lam = model.v, model.p, model.f, model.r, model.g, model.lam
     n, linear, own_velocity = s.y.numel(), model.linear, differ(v, s.z)
     w = total_derivative(g, s, v)
-    p_z, v_z, r_lam = jacobian(p, s.z), jacobian(v, s.z), jacobian(r, lam)
+    p_z, v_z = jacobian(p, s.z), jacobian(v, s.z)
+    g_y = jacobian(g, s.y) if model.g_y is None else model.g_y
+    r_lam = -g_y.T if model.is_ideal else jacobian(r, lam)
     own = model.nonholonomic
     k_z, rn_nu = jacobian(own.k, s.z), jacobian(own.rn, own.nu)
     is_linear = not (
@@ -82,7 +86,7 @@ def compiled(
         "f_y": Block(jacobian(f, s.y), linear.stiffness, -1.0),
         "f_z": Block(jacobian(f, s.z), linear.damping, -1.0),
         "v_y": Block(jacobian(v, s.y)),
-        "g_y": Block(jacobian(g, s.y)),
+        "g_y": Block(g_y),
         "r_lam": Block(r_lam),
         "r_y": Block(jacobian(r, s.y)),
     }

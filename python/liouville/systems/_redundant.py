@@ -21,9 +21,8 @@ from liouville.systems.mechanics import Mechanics
 #: Where orthogonalising the gradients takes more operations than this, it is first seen whether the
 #: sparse equations for multipliers are singular.
 MOST_OPERATIONS = 1e6
-#: Redundant constraints are not looked for in gradients with more entries, nor does the core move
-#: starts onto them.
-MOST_ENTRIES = 250_000
+#: Redundant constraints are not looked for in gradients with more entries.
+MOST_ENTRIES = 2_000_000
 #: Gradients of length one are clearly independent where this part of each is its own.
 CLEARLY = 1e-6
 #: Roundoff of such a part, in units of the larger number of rows and columns.
@@ -32,6 +31,10 @@ ROUNDOFF = 10 * float(np.finfo(float).eps)
 GAP = 1e3
 #: How far away a neighbour is, in the size of the positions.
 ASIDE = 1e-4
+#: The most corrections of a neighbour, and what it may miss of what constraints are made of.
+MOST_CORRECTIONS, MISSED = 12, 1e-10
+#: Passes of a projection by normal equations of gradients that are clearly independent.
+REPEATS = 4
 #: Reactions of constraints left out are combinations of the others up to this.
 ALIKE = 1e-8
 
@@ -63,20 +66,22 @@ def redundant(
     if len(kept) == rows or not np.abs(gradients).max(axis=1).all():
         return ()
     cutoff = ROUNDOFF * max(rows, n)
-    try:
-        y = system._project("positions", t, y, z, params)
-        gradients = _gradients(system, t, y, z, params)
-        kept, least, _ = _core.independent_rows(gradients, cutoff)
-        if len(kept) == rows or least < GAP * cutoff:
-            return ()
-        for aside in _asides(system, t, y, z, params, kept):
-            there = system._project("positions", t, y + aside, z, params)
-            near = _gradients(system, t, there, z, params)
-            if len(_core.independent_rows(near, cutoff)[0]) > len(kept):
-                return ()
-    except ValueError:  # they contradict one another, which a run says better
+    nearby = _Nearby(system, t, z, params, y, [k for k in kept if k < len(system._holonomic)])
+    found = nearby.moved(np.zeros(n))
+    if found is None:  # they contradict one another, which a run says better
+        return ()
+    y, gradients = found, _gradients(system, t, found, z, params)
+    kept, least, _ = _core.independent_rows(gradients, cutoff)
+    if len(kept) == rows or least < GAP * cutoff:
         return ()
     left = tuple(sorted(set(range(rows)) - set(kept)))
+    for aside in nearby.asides():
+        there = nearby.moved(aside)
+        if there is None:
+            return ()
+        near = _gradients(system, t, there, z, params)
+        if _beyond(near[kept], near[[*left]]).max() > cutoff:
+            return ()
     if not _are_alike(system, t, y, z, params, kept, left):
         return ()
     if rows > n == len(kept) and not _is_driven(system):
@@ -141,6 +146,7 @@ def _without(system: Mechanics, left: tuple[int, ...]) -> Mechanics:
             ),
             linear=model.linear,
             is_ideal=model.is_ideal,
+            g_y=None if model.g_y is None else model.g_y[held, :],
             redundant=Redundant(
                 ca.horzcat(jacobian(model.r, model.lam), jacobian(own.rn, own.nu)), left
             ),
@@ -188,26 +194,74 @@ def _is_solved(
     return not isinstance(found, dict)
 
 
-def _asides(
-    system: Mechanics,
-    t: float,
-    y: np.ndarray,
-    z: np.ndarray,
-    params: np.ndarray,
-    kept: list[int],
-) -> list[np.ndarray]:
-    """Return two small moves that keep the constraints nearly: along the velocity and another."""
-    n, m = len(y), len(system._holonomic)
-    end = system._at("end", params, t, y, z)
-    velocity = end[n + m :] if end.size > n + m else z
-    holonomic = [k for k in kept if k < m]
-    rows = dense(system._patterns["g_y"], system._at("node_blocks", params, t, y, np.zeros(m)))[
-        holonomic
-    ]
-    other = np.random.default_rng(0).standard_normal(n)
-    other -= np.linalg.lstsq(rows, rows @ other, rcond=None)[0]
-    size = ASIDE * (np.abs(y).max() or 1.0)
-    return [size * x / np.abs(x).max() for x in (velocity, other) if np.abs(x).max() > 1e-8]
+class _Nearby:
+    """Positions near one that meet its holonomic constraints, by the independent ones of them."""
+
+    def __init__(
+        self,
+        system: Mechanics,
+        t: float,
+        z: np.ndarray,
+        params: np.ndarray,
+        y: np.ndarray,
+        kept: list[int],
+    ) -> None:
+        self.system, self.t, self.z, self.params, self.y, self.kept = system, t, z, params, y, kept
+        self._none = np.zeros(len(system._holonomic))
+        blocks = system._at("node_blocks", params, t, y, self._none)
+        gradients = dense(system._patterns["g_y"], blocks)
+        slopes = np.abs(gradients).sum(axis=1) * (np.abs(y).max(initial=0.0) or 1.0)
+        self._limits = MISSED * np.where(slopes > 0, slopes, 1.0)
+        self._gradients = gradients[kept]
+        self._inverse = np.linalg.inv(self._gradients @ self._gradients.T)
+
+    def moved(self, aside: np.ndarray) -> np.ndarray | None:
+        """Return a position moved and then corrected; None if some constraints are not met there.
+
+        Corrections are along the gradients at the first position. They end where they are roundoff.
+        """
+        y, least = self.y + aside, np.inf
+        for _ in range(MOST_CORRECTIONS):
+            off = self._missed(y)
+            size = float(np.abs(off[self.kept]).max(initial=0.0))
+            if not size < least / 2:
+                break
+            least = size
+            y = y - self._across(off[self.kept])
+        return y if (np.abs(self._missed(y)) <= self._limits).all() else None
+
+    def _across(self, rates: np.ndarray) -> np.ndarray:
+        """Return the least move with these rates of the constraints kept."""
+        found: np.ndarray = (self._inverse @ rates) @ self._gradients
+        return found
+
+    def _missed(self, y: np.ndarray) -> np.ndarray:
+        found: np.ndarray = self.system._at("node", self.params, self.t, y, self._none)
+        return found[: self._none.size]
+
+    def asides(self) -> list[np.ndarray]:
+        """Return two small moves that keep the constraints nearly: along the velocity, another."""
+        n, m = len(self.y), self._none.size
+        end = self.system._at("end", self.params, self.t, self.y, self.z)
+        velocity = end[n + m :] if end.size > n + m else self.z
+        other = np.random.default_rng(0).standard_normal(n)
+        other -= self._across(self._gradients @ other)
+        size = ASIDE * (np.abs(self.y).max() or 1.0)
+        return [size * x / np.abs(x).max() for x in (velocity, other) if np.abs(x).max() > 1e-8]
+
+
+def _beyond(basis: np.ndarray, rows: np.ndarray) -> np.ndarray:
+    """Return the part of each row that is no combination of a basis, in its own size.
+
+    Parts along the basis are found by normal equations, and what these miss by them again.
+    """
+    basis = basis / np.linalg.norm(basis, axis=1)[:, None]
+    inverse = np.linalg.inv(basis @ basis.T)
+    rest = rows / np.linalg.norm(rows, axis=1)[:, None]
+    for _ in range(REPEATS):
+        rest = rest - (rest @ basis.T @ inverse) @ basis
+    found: np.ndarray = np.linalg.norm(rest, axis=1)
+    return found
 
 
 def _are_alike(
@@ -232,11 +286,8 @@ def _are_alike(
             columns = np.hstack([columns, dense(system._patterns["rn_nu"], blocks[-of_nu:])])
         found.append(columns)
     first, second = found
-    basis, wanted = first[:, kept], first[:, list(left)]
-    rest = wanted - basis @ np.linalg.lstsq(basis, wanted, rcond=None)[0]
-    return np.array_equal(first, second) and bool(
-        np.all(np.linalg.norm(rest, axis=0) <= ALIKE * np.linalg.norm(wanted, axis=0))
-    )
+    is_linear = np.array_equal(first, second)
+    return is_linear and bool((_beyond(first[:, kept].T, first[:, [*left]].T) <= ALIKE).all())
 
 
 def _is_driven(system: Mechanics) -> bool:

@@ -7,6 +7,7 @@ import keyword
 import math
 import os
 import traceback
+import warnings
 from collections import Counter
 from collections.abc import Callable, Iterable, Mapping, Sequence, Set
 from functools import cached_property
@@ -237,16 +238,26 @@ def _call(what: str, function: Callable[..., Any], args: Args) -> Any:
     *symbols, params = args.values()
     _check_signature(what, function, args)
     try:
-        return function(*symbols, params.namespace)
+        with warnings.catch_warnings():  # np.sin of symbols is theirs, whatever CasADi will do
+            warnings.filterwarnings("ignore", r"\s*casadi: a numpy function", FutureWarning)
+            return function(*symbols, params.namespace)
     except Exception as error:
         if isinstance(error, RuntimeError) and "truth value" in str(error):
             raise _undecided(what, function, error) from error
+        if _is_inner(error):
+            raise
         error.add_note(
             f"raised while `{what}` was called with CasADi symbols; "
             "use casadi's functions (ca.sin), and ca.if_else for a choice; code for numbers alone "
             "cannot be traced, and lv.table(x, y) stands in for it by its values"
         )
         raise
+
+
+def _is_inner(error: Exception) -> bool:
+    """Return whether an error comes from a function that was called inside another, by its name."""
+    _, *inner = traceback.extract_tb(error.__traceback__)
+    return any(x.filename == __file__ and x.name != "__getattr__" for x in inner)
 
 
 def _check_signature(what: str, function: Callable[..., Any], args: Args) -> None:
@@ -302,12 +313,14 @@ def _checked(what: str, expression: ca.SX, args: Args) -> ca.SX:
 
 
 def _column(what: str, value: Any) -> ca.SX:
+    if isinstance(value, ca.SX):  # of many bodies there are hundreds
+        return value if value.is_column() else ca.vec(value)
     if value is None:
         raise TypeError(f"{what} returns None; is a `return` missing?")
     if isinstance(value, np.ndarray):
         value = list(value.ravel())
     if isinstance(value, Iterable) and not isinstance(
-        value, (ca.SX, ca.DM, ca.MX, str, bytes, Mapping, Set)
+        value, (ca.DM, ca.MX, str, bytes, Mapping, Set)
     ):
         parts = [_column(what, part) for part in value]
         return ca.vertcat(ca.SX(0, 1), *parts)

@@ -86,7 +86,7 @@ class Lagrangian(Mechanics):
         L = _trace.scalar("lagrangian", lagrangian, args)
         p, extra = ca.gradient(L, s.z), _force(force, args, len(coordinates))
         f = ca.gradient(L, s.y) + extra
-        names, g, lam = holonomic(constraint, s)
+        names, g, lam, g_y = holonomic(constraint, s)
         more, own = rolling(nonholonomic, s, s.z, names)
         super().__init__(
             s,
@@ -99,6 +99,7 @@ class Lagrangian(Mechanics):
                 lam=lam,
                 is_ideal=True,
                 nonholonomic=own,
+                g_y=g_y,
             ),
             states=("q", "v"),
             coordinates=coordinates,
@@ -150,7 +151,7 @@ class Hamiltonian(Mechanics):
         H = _trace.scalar("hamiltonian", hamiltonian, args)
         v, extra = ca.gradient(H, s.z), _force(force, args, len(coordinates))
         f = -ca.gradient(H, s.y) + extra
-        names, g, lam = holonomic(constraint, s)
+        names, g, lam, g_y = holonomic(constraint, s)
         more, own = rolling(nonholonomic, s, v, names)
         super().__init__(
             s,
@@ -163,6 +164,7 @@ class Hamiltonian(Mechanics):
                 lam=lam,
                 is_ideal=True,
                 nonholonomic=own,
+                g_y=g_y,
             ),
             states=("q", "p"),
             coordinates=coordinates,
@@ -234,7 +236,7 @@ class Mechanical(Mechanics):
             _trace.column(what, function, args, n)
             for what, function in (("velocity", velocity), ("momentum", momentum), ("force", force))
         )
-        names, g, lam = holonomic(constraint, s)
+        names, g, lam, g_y = holonomic(constraint, s)
         if reaction is None:
             r = ideal(g, s, lam)
         else:
@@ -253,6 +255,7 @@ class Mechanical(Mechanics):
                 lam=lam,
                 is_ideal=reaction is None,
                 nonholonomic=own,
+                g_y=g_y,
             ),
             states=("y", "z"),
             coordinates=coordinates,
@@ -279,13 +282,16 @@ def _force(force: Function | None, args: _trace.Args, n: int) -> ca.SX:
     return _trace.column("force", force, args, n)
 
 
-def holonomic(constraint: Function | None, s: Symbols) -> tuple[tuple[str, ...], ca.SX, ca.SX]:
-    """Trace holonomic constraints: their names, their expressions and their multipliers."""
+def holonomic(
+    constraint: Function | None, s: Symbols
+) -> tuple[tuple[str, ...], ca.SX, ca.SX, ca.SX]:
+    """Trace holonomic constraints g: their names, g, their multipliers, and g_y."""
     if constraint is None:
-        return (), ca.SX(0, 1), ca.SX(0, 1)
+        return (), ca.SX(0, 1), ca.SX(0, 1), ca.SX(0, s.y.numel())
     t, y, _, params = s.args
     names, g = _trace.named("constraint", constraint, {k: s.args[k] for k in (t, y, params)})
-    moved = set(ca.sparsify(jacobian(g, s.y)).sparsity().row())
+    g_y = jacobian(g, s.y)
+    moved = set(ca.sparsify(g_y).sparsity().row())
     for k, name in enumerate(names):
         if k not in moved:
             raise ValueError(
@@ -294,7 +300,7 @@ def holonomic(constraint: Function | None, s: Symbols) -> tuple[tuple[str, ...],
                     "return what is to vanish, not a comparison",
                 )
             )
-    return names, g, ca.SX.sym("lam", len(names))
+    return names, g, ca.SX.sym("lam", len(names)), g_y
 
 
 def ideal(g: ca.SX, s: Symbols, lam: ca.SX) -> ca.SX:

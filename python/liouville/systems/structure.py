@@ -88,7 +88,7 @@ class Structure(Mechanics):
         _check_mass(matrices["mass"], coordinates)
         args = s.args
         extra = _load(force, args, coordinates)
-        names, g, lam = holonomic(constraint, s)
+        names, g, lam, g_y = holonomic(constraint, s)
         zero = ca.SX(n, 1)
         super().__init__(
             s,
@@ -101,6 +101,7 @@ class Structure(Mechanics):
                 lam=lam,
                 linear=Linear(**matrices),
                 is_ideal=True,
+                g_y=g_y,
             ),
             states=("q", "v"),
             coordinates=coordinates,

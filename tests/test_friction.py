@@ -1,0 +1,148 @@
+"""Friction in joints: closed forms, its normal force, its order, and what is refused."""
+
+import numpy as np
+import pytest
+
+import liouville as lv
+from liouville.bodies import Coulomb, Stribeck
+
+g = 9.81
+MASS, MU, RADIUS, TILT = 2.0, 0.2, 0.3, 0.4
+SLOPE = (np.cos(TILT), 0, -np.sin(TILT))
+AT = {"at": (0, 0, 0)}
+
+
+def block(joint, inertia, friction, gravity=(0, 0, -g), **more):
+    """Place a body at the origin in one joint of the ground, called J."""
+    m = lv.bodies.Assembly(gravity=gravity)
+    m.body("block", mass=MASS, inertia=inertia, at=(0, 0, 0))
+    getattr(m, joint)("J", m.ground, "block", friction=friction, **more)
+    return m
+
+
+def run(m, rates, t=1.0, h=0.01, stages=3, **more):
+    start = m.start(rates=rates, **more)
+    return lv.integrate(m.system(), lv.Spark(stages), t=(0, t), h=h, **start)
+
+
+def falling(t, speed, decay):
+    """Return the part of a velocity that is left, where the speed falls at a constant rate."""
+    return 1 - decay * t / speed
+
+
+# kind, inertia, has a radius, more of the joint, rates at first, the part of them that is left
+SLIDING = {
+    "incline": (
+        ("prismatic", (0.1, 0.1, 0.1), False, {"axis": SLOPE}, (1.0,)),
+        lambda t: 1 + g * (np.sin(TILT) - MU * np.cos(TILT)) * t,
+    ),
+    "bearing": (
+        ("revolute", (0.3, 0.5, 0.3), True, {**AT, "axis": (0, 1, 0)}, (5.0,)),
+        lambda t: falling(t, 5.0, MU * RADIUS * MASS * g / 0.5),
+    ),
+    "bush": (
+        ("cylindrical", (0.2, MASS * RADIUS**2, 0.2), True, {**AT, "axis": (0, 1, 0)}, (8.0, 1.6)),
+        lambda t: falling(t, np.hypot(8.0 * RADIUS, 1.6), MU * g),
+    ),
+    "ball": (
+        ("spherical", (0.6, 0.6, 0.6), True, AT, (1.0, 2.0, 2.0)),
+        lambda t: falling(t, 3.0, MU * RADIUS * MASS * g / 0.6),
+    ),
+    "table": (
+        ("planar", (0.1, 0.2, 0.3), False, {**AT, "normal": (0, 0, 1)}, (0.0, 3.0, 4.0)),
+        lambda t: falling(t, 5.0, MU * g),
+    ),
+}
+
+
+@pytest.mark.parametrize("name", SLIDING)
+def test_what_slides_and_turns_is_slowed_at_its_constant_rate(name):
+    (kind, inertia, turns, more, rates), wanted = SLIDING[name]
+    friction = Coulomb(mu=MU, v_s=1e-4, radius=RADIUS if turns else None)
+    solution = run(block(kind, inertia, friction, **more), {"J": rates})
+    joint = solution.joint("J")
+    for rate, first in zip(joint.rates.values(), rates, strict=True):
+        assert np.abs(rate - first * wanted(solution.t)).max() < 1e-12
+    assert max(np.abs(x).max() for x in solution.residuals.values()) < 1e-14
+
+
+def test_a_block_that_friction_holds_creeps_below_its_velocity():
+    friction = Stribeck(mu=0.3, mu_static=lambda p: p.mu, v_stribeck=10.0, v_s=0.01)
+    m = block("prismatic", (0.1, 0.1, 0.1), friction, axis=SLOPE)
+    system = m.system({"mu": 0.5})
+    solution = lv.integrate(system, lv.Spark(2), t=(0, 0.2), h=2e-3, **m.start())
+    rate = solution.joint("J").rate[-1]
+    mu = 0.3 + 0.2 * np.exp(-((rate / 10.0) ** 2))
+    assert rate == pytest.approx(0.01 * np.arctanh(np.tan(TILT) / mu), rel=1e-9)
+
+
+def rods(count, friction, planar=True):
+    """Rods hinged to one another and to the ground, drawn along x."""
+    m = lv.bodies.Assembly(gravity=(0, -g, 0))
+    before = m.ground
+    for k in range(count):
+        add = m.planar_body if planar else m.body
+        at = (k + 0.5, 0) if planar else (k + 0.5, 0, 0)
+        before_name, own = before, 0.1 if planar else (0.1, 0.1, 0.1)
+        add(f"rod{k}", mass=1.0, inertia=own, at=at)
+        m.revolute(f"J{k}", before_name, f"rod{k}", at=(k, 0, 0), axis=(0, 0, 1), friction=friction)
+        before = f"rod{k}"
+    return m
+
+
+def exerted(friction, joint):
+    """Return the torque of friction by the reaction that a run found."""
+    slip, normal = friction.radius * joint.rate, np.hypot(*joint.force[:, :2].T)
+    mu = friction.mu + (friction.mu_static - friction.mu) * np.exp(
+        -((slip / friction.v_stribeck) ** 2)
+    )
+    return -mu * friction.radius * normal * np.tanh(slip / friction.v_s)
+
+
+@pytest.mark.parametrize(("count", "planar"), [(3, True), (1, False)])
+def test_the_normal_force_is_the_reaction_that_the_method_finds(count, planar):
+    friction = Stribeck(mu=0.4, mu_static=0.6, v_stribeck=0.2, v_s=0.1, radius=0.4)
+    solution = run(rods(count, friction, planar), {"J0": 1.0}, t=0.4)
+    for k in range(count):
+        joint = solution.joint(f"J{k}")
+        assert np.abs(joint.effort).max() > 0.5
+        assert np.abs(joint.effort - exerted(friction, joint)).max() < 1e-12
+
+
+def test_friction_keeps_the_order_and_the_constraints():
+    m = rods(1, Coulomb(mu=0.3, v_s=0.5, radius=0.2))
+    runs = [
+        run(m, {}, t=0.4, h=h, stages=stages, values={"J0": 0.3})
+        for h, stages in ((0.04, 2), (0.02, 2), (0.01, 3))
+    ]
+    coarse, fine, wanted = (x.joint("J0").angle[-1] for x in runs)
+    assert np.log2(abs(coarse - wanted) / abs(fine - wanted)) == pytest.approx(4, abs=0.2)
+    for solution in runs:
+        assert max(np.abs(x).max() for x in solution.residuals.values()) < 1e-14
+
+
+BAD = {
+    "friction= of joint 'J0' is 0.2\nhint: write lv.bodies.Coulomb": lambda: rods(1, 0.2),
+    "joint 'J0': the joint wants the radius": lambda: rods(1, Coulomb(mu=0.1, v_s=0.1)),
+    "slides, and has no radius": lambda: block(
+        "prismatic", (1, 1, 1), Coulomb(mu=0.1, v_s=0.1, radius=1), axis=SLOPE
+    ),
+    "mu= of friction is -1, and wants to be not negative": lambda: Coulomb(mu=-1, v_s=0.1),
+    "v_s= of friction is 0, and wants to be positive": lambda: Coulomb(mu=1, v_s=0),
+}
+
+
+@pytest.mark.parametrize("sentence", BAD)
+def test_friction_that_is_none_is_refused(sentence):
+    with pytest.raises((TypeError, ValueError), match=sentence):
+        BAD[sentence]()
+
+
+def test_friction_that_jams_or_has_no_normal_force_is_refused():
+    m = rods(1, Coulomb(mu=2.0, v_s=0.1, radius=1.0))
+    with pytest.raises(lv.IntegrationError, match="friction in joint 'J0' may jam there"):
+        run(m, {"J0": 3.0})
+    m = rods(1, Coulomb(mu=0.2, v_s=0.1, radius=0.1), planar=False)
+    m.revolute("again", m.ground, "rod0", **AT, axis=(0, 0, 1))
+    with pytest.raises(ValueError, match=r"friction in joint 'J0' has no normal force: .* 'again"):
+        run(m, {"J0": 1.0})
