@@ -11,7 +11,7 @@ PYTEST_SETTINGS := PYTHONDONTWRITEBYTECODE= OPENBLAS_NUM_THREADS=1
 SPHINX := $(BIN)/sphinx-build -W --keep-going -q
 
 .DEFAULT_GOAL := help
-.PHONY: help demo test slow fuzz sanitize lint format build docs wheel bench ci clean
+.PHONY: help demo test slow fuzz sanitize lint format build docs links wheel tryout bench ci clean
 
 help:  ## Print the verbs
 	@sed -n 's/^\([a-z]*\):.*## /\1\t/p' $(MAKEFILE_LIST) | awk -F '\t' '{printf "make %-8s %s\n", $$1, $$2}'
@@ -51,13 +51,29 @@ build: $(VENV)/built  ## Compile the core and install liouville into .venv, with
 docs: $(VENV)/tools  ## Build the documentation into docs/_build/html; runs the gallery
 	$(SPHINX) docs docs/_build/html
 
+# Addresses of other sites change without our doing, so no change waits for them: a job of each week looks.
+links: $(VENV)/tools  ## Ask every address that the documentation names; needs the network
+	$(BIN)/sphinx-build -q -b linkcheck docs docs/_build/links
+
+define CHECK_WHEEL
+	$(BIN)/python -m twine check --strict dist/*
+	$(BIN)/python tools/check_wheel.py dist/*.whl dist/*.tar.gz
+endef
+
 # The wheel is built from the sdist, as pip would; what it is compiled from stays in target/ for the next time.
 wheel: $(VENV)/tools  ## Build sdist and wheel into dist/, and try them in fresh environments without Rust
 	rm -rf dist
 	$(PIP_INSTALL) --group package
 	CARGO_TARGET_DIR=$(CURDIR)/target $(BIN)/python -m build
-	$(BIN)/python -m twine check --strict dist/*
-	$(BIN)/python tools/check_wheel.py dist/*.whl dist/*.tar.gz
+	$(CHECK_WHEEL)
+
+# The wheel of `make wheel` but for optimisation across crates, which takes ten minutes: the core is compiled by now.
+tryout: $(VENV)/tools  ## The same with the core as the tests have it, in two minutes
+	rm -rf dist
+	$(PIP_INSTALL) --group package
+	$(BIN)/python -m pip wheel --quiet --no-deps --wheel-dir dist --config-settings=build-args='--profile release' .
+	$(BIN)/python -m build --sdist --outdir dist >/dev/null
+	$(CHECK_WHEEL)
 
 bench: $(VENV)/bench  ## Measure beside other codes, in under ten minutes; tables in build/benchmarks.md
 	$(BIN)/python benchmarks/work_precision.py --short
@@ -66,7 +82,7 @@ bench: $(VENV)/bench  ## Measure beside other codes, in under ten minutes; table
 	$(BIN)/python benchmarks/mujoco_chain.py
 	$(BIN)/python benchmarks/tables.py build/benchmarks.md
 
-ci: lint test docs  ## What .ci/run runs
+ci: lint test docs tryout  ## What .ci/run runs
 
 clean:  ## Remove what the verbs made
 	rm -rf $(VENV) target build dist docs/_build docs/gallery python/liouville/_core*.so

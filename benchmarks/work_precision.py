@@ -20,7 +20,7 @@ Setting up (symbols, tapes, compilers) is not part of the times and has a table 
 that cannot be imported is left out, with a line that says so. Run as
 ``python benchmarks/work_precision.py``, after ``pip install --group bench`` and with a C
 compiler: about ten minutes, most of them heyoka's compiler. ``--short`` takes fewer settings, and
-heyoka's compact mode. Draws build/work_precision.png.
+heyoka's compact mode. ``benchmarks/tables.py`` draws the figure.
 """
 
 import os
@@ -32,14 +32,12 @@ import time
 from dataclasses import dataclass
 from importlib import import_module
 
-import matplotlib.pyplot as plt
 import numpy as np
 from diagram import Own, Setup, best, first_line, front, least, measure, published, seconds_at
 from peers import implicit, reduced
-from report import RESULTS, publish
+from report import publish
 
 import liouville as lv
-from liouville.plot import STYLE
 
 LEVELS = (1e-3, 1e-6, 1e-9, 1e-12)
 COUNTS = {  # numbers of steps of SPARK, the fewest and the most, and of Exudyn
@@ -50,10 +48,6 @@ COUNTS = {  # numbers of steps of SPARK, the fewest and the most, and of Exudyn
     "chain": ((1, 32), (10, 10_000)),
 }
 STAGES = range(2, 9)
-SHADES = (
-    "tab:red", "tab:pink", "tab:orange", "black", "tab:gray", "tab:green", "tab:purple",
-    "tab:brown", "tab:blue", "tab:cyan",
-)  # fmt: skip
 LOOSE = "Spark to tolerance"
 OWN = ("Spark", LOOSE, "LobattoPair")
 DAE = (
@@ -267,30 +261,6 @@ def row(case, entry):
     }
 
 
-def draw(results):
-    """Draw each code's best runs, a panel a problem."""
-    plt.style.use(STYLE)
-    rows = -(-(len(results) + 1) // 3)  # the last panel has the names
-    figure, axes = plt.subplots(rows, 3, figsize=(9, 3 * rows), squeeze=False)
-    families = (*OWN, *DAE, *ODE)
-    colours = dict(zip(families, SHADES, strict=True))
-    for axis, (case, found) in zip(axes.flat, results, strict=False):
-        for family in dict.fromkeys(entry.family for entry in found):
-            points = best([entry for entry in found if entry.family == family])
-            line = "-" if family in OWN else ":" if family in ODE else "--"
-            axis.loglog(*points.T, line, marker=".", color=colours[family], label=family)
-        axis.set(title=case.name, xlabel="relative error of positions", xlim=(1e-1, 1e-14))
-    for axis in axes[:, 0]:
-        axis.set_ylabel("seconds")
-    for axis in axes.flat[len(results) :]:
-        axis.set_axis_off()
-    names = {line.get_label(): line for axis in axes.flat for line in axis.lines}
-    axes.flat[-1].legend(names.values(), names, loc="center left")
-    path = RESULTS.parent.parent / "build" / "work_precision.png"
-    path.parent.mkdir(exist_ok=True)
-    figure.savefig(path, dpi=150)
-
-
 def main():
     parser = argparse.ArgumentParser(description="work against precision of mechanical methods")
     parser.add_argument("problems", nargs="*", help="some of the problems, by name")
@@ -300,20 +270,18 @@ def main():
     peers = {
         name: peer(name) for name in ("sundials", "general", "mechanisms", "taylor", "compiled")
     }
-    results, tables = [], {name: [] for name in ("", "_stages", "_taylor", "_setup", "_runs")}
+    tables = {name: [] for name in ("", "_stages", "_taylor", "_setup", "_runs")}
     for name in asked.problems or COUNTS:
         print(f"{name} ...", flush=True)
         case = published(name)
         setup = entries(case, effort, peers)
         measure(case, setup.entries, effort.share, effort.longest)
-        results.append((case, setup.entries))
         tables[""] += times(case, setup.entries)
         tables["_stages"] += by_stages(case, setup.entries)
         tables["_taylor"] += taylor(case, setup.entries)
         took = {key: round(x, 3) for key, x in setup.took.items() if key not in OWN}
         tables["_setup"].append({"problem": name, "ms a call": call(case), **took})
         tables["_runs"] += (row(case, entry) for entry in setup.entries)
-    draw(results)
     tables["_ratios"] = [ratio(found) for found in tables[""]]
     for name in ("_runs", "_setup", "_taylor", "_stages", "", "_ratios"):
         if tables[name]:

@@ -1,6 +1,7 @@
 import base64
 import importlib.metadata
 import json
+import logging
 import re
 import zipfile
 from pathlib import Path
@@ -10,6 +11,7 @@ from sphinx.errors import ExtensionError
 from sphinx_gallery.directives import imgsgnode
 
 project = "liouville"
+logging.getLogger("skfem").setLevel("WARNING")  # it tells of every assembly
 author = copyright = "The liouville developers"
 release = importlib.metadata.version("liouville")
 
@@ -25,6 +27,13 @@ extensions = [
 myst_enable_extensions = ["amsmath", "deflist", "dollarmath"]
 myst_heading_anchors = 3
 exclude_patterns = ["_build", "gallery/*.ipynb", "gallery/*.py"]
+
+nitpicky = True  # a link that leads nowhere is an error
+# Types in docstrings are words: "optional", "array_like".
+nitpick_ignore_regex = [("py:class", r"(?!liouville\b).*")]
+
+linkcheck_ignore = ["https://(github.com/)?liouville-integrators"]  # tests/test_pages.py looks
+linkcheck_retries = 3
 
 autodoc_member_order = "bysource"
 autodoc_typehints = "none"  # the docstrings say shapes and units, which types cannot

@@ -6,6 +6,7 @@ import pkgutil
 import re
 from importlib import import_module
 from itertools import pairwise
+from pathlib import Path
 
 import pytest
 from pages import PAGES, ROOT, name, tokens
@@ -33,15 +34,44 @@ END = re.compile(r"(?<!\b[A-Z])(?<=\S)[.?!][)*\"]* +(?=[A-Z*({\[~])")
 CATCHWORD = re.compile(r"\*[^*]+[.?!]\* ")
 
 
-def programs(page):
-    return re.findall(r"^```python\n(.*?)^```", page.read_text(encoding="utf-8"), re.M | re.S)
+# What a command of a page would take minutes for, and what stands for it here.
+SHORTER = {"--until 1e6": "--until 50", "--until 0.2": "--until 0.002"}
 
 
-@pytest.mark.parametrize("page", [page for page in PAGES if programs(page)], ids=name)
-def test_the_programs_of_a_page_run(page, elsewhere):
+def blocks(page, language):
+    text = page.read_text(encoding="utf-8")
+    return re.findall(rf"^```{language}\n(.*?)^```", text, re.M | re.S)
+
+
+def commands(page):
+    """Return the calls of the program ``liouville`` on a page."""
+    return re.findall(r"^liouville (.*?) *(?:#.*)?$", "\n".join(blocks(page, "sh")), re.M)
+
+
+@pytest.mark.parametrize("page", [page for page in PAGES if blocks(page, "python")], ids=name)
+def test_the_programs_of_a_page_run_and_print_what_it_says(page, elsewhere, capsys):
     scope = {"__name__": "page"}
-    for program in programs(page):
+    printed = ""
+    for program, _, said in re.findall(
+        r"^```python\n(.*?)^```\n(\s*```text\n(.*?)^```)?",
+        page.read_text(encoding="utf-8"),
+        re.M | re.S,
+    ):
         exec(compile(program, name(page), "exec"), scope)
+        printed = capsys.readouterr().out
+        assert said in printed
+
+
+# Those of README.md are run by tools/check_wheel.py.
+@pytest.mark.parametrize("page", [page for page in PAGES[1:] if commands(page)], ids=name)
+def test_the_commands_of_a_page_run(page, liouville):
+    model = next(program for program in blocks(page, "python") if "def lagrangian" in program)
+    Path("pendulum.py").write_text(model, encoding="utf-8")
+    for command in commands(page):
+        for long, short in SHORTER.items():
+            command = command.replace(long, short)
+        ran = liouville(command)
+        assert ran.returncode == 0, f"liouville {command}\n{ran.stdout}{ran.stderr}"
 
 
 @pytest.mark.parametrize("module", ["liouville", *MODULES])

@@ -174,20 +174,21 @@ def test_of_an_ensemble_some_members_are_drawn_mixed(ensemble, tmp_path):
 def test_the_overview_of_an_ensemble_has_its_worst_member(ensemble, tmp_path):
     figure = plot.overview(ensemble)
     assert titles(figure) == [
-        "states, 50 of 120 members", "drift of invariants, largest of 120 members",
+        "states, 50 of 120 members", "observed, 50 of 120 members",
+        "drift of invariants, largest of 120 members",
     ]  # fmt: skip
-    worst = curves(figure.axes[1])[0].get_ydata()
+    worst = curves(figure.axes[2])[0].get_ydata()
     assert worst[-1] == ensemble.invariant_drift("stream").max()
     figure.savefig(tmp_path / "overview.png")
     light = plot.overview(replace(ensemble, states={}))
     assert titles(light)[0] == "observed, 50 of 120 members"
     assert legend(light.axes[0]) == ["height"]
-    few = replace(ensemble, members=2, states={"x": ensemble.x[:, :2]}, invariants={})
+    few = replace(ensemble, members=2, states={"x": ensemble.x[:, :2]}, observed={}, invariants={})
     assert titles(plot.overview(few)) == ["states, 2 members"]
 
 
 def test_a_long_method_has_room_in_the_title(ensemble):
-    title = plot.overview(replace(ensemble, method="a method " * 30)).get_suptitle()
+    title = plot.overview(replace(ensemble, method="a method " * 50)).get_suptitle()
     assert title.count("\n") == 2
     assert "20 steps" in title
 

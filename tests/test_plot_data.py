@@ -18,6 +18,7 @@ MEMBERS = 3
 def _of_mechanics(many):
     problem = problems.load("double_pendulum")
     span = {"t": (0.0, 0.5), "h": 0.01}
+    span["observe"] = {"height": lambda t, q, v, p: q[3], "middle": lambda t, q, v, p: q[:2] / 2}
     q = np.array([[1.0, 0.0, 2.0, 0.0], [0.0, -1.0, 0.0, -2.0], [0.6, -0.8, 0.6, -1.8]])
     v = np.array([[0.0, 0.0, 0.0, 0.0], [1.0, 0.0, 2.5, 0.0], [0.0, 0.0, 1.0, 0.0]])
     if many:
@@ -129,6 +130,16 @@ def check_invariants(solution):
     check_worst(plot.invariants(solution), solution, [*drifts(solution)])
 
 
+def check_observed(solution):
+    if "height" in solution.observed:
+        check_curves(plot.observed(solution), solution, [solution.observed["height"]])
+        columns = np.moveaxis(solution.observed["middle"], -1, 0)
+        check_curves(plot.observed(solution, ["middle"]), solution, columns)
+    if "autocorrelation" in solution.observed:
+        with pytest.raises(ValueError, match="'autocorrelation' is complex"):
+            plot.observed(solution, ["autocorrelation"])
+
+
 def check_energy(solution):
     if not solution.balance:
         return
@@ -216,7 +227,8 @@ def check_overview(solution):
     kept = f"drift of invariants{most}"
     expected = {
         "q": [
-            f"positions{many}", kept, f"energy{many}", f"residuals{most}", f"multipliers{many}",
+            f"positions{many}", f"observed{many}", kept, f"energy{many}", f"residuals{most}",
+            f"multipliers{many}",
         ],
         "x": [f"states{many}", kept],
         "psi": [f"$|\\psi|^2${member}", "", f"autocorrelation{member}", kept],
@@ -255,6 +267,8 @@ def fans_of(solution):
         yield plot.residuals, [np.abs(x).max(axis=-1)[1:] for x in solution.residuals.values()]
     if solution.balance:
         yield plot.energy, [solution.work - solution.dissipated, solution.dissipated]
+    if "height" in solution.observed:
+        yield plot.observed, [solution.observed["height"]]
     if "autocorrelation" in solution.observed:
         yield plot.autocorrelation, [np.abs(solution.observed["autocorrelation"])]
     yield plot.invariants, [x[1:] for x in drifts(solution)]
@@ -295,7 +309,7 @@ def test_a_fan_is_of_the_members_that_are_left(runs):
 
 
 def test_an_overview_of_fans_has_one_in_each_panel(runs):
-    for kind, count in (("mechanics", 5), ("fields", 2), ("waves", 2)):
+    for kind, count in (("mechanics", 6), ("fields", 2), ("waves", 2)):
         drawn = [
             axes.get_title(loc="left") for axes in plot.overview(runs[kind, True], fan=True).axes
         ]

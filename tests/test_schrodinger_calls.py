@@ -89,7 +89,7 @@ ROWS = [
         TypeError,
         "SplitOperator steps a Grid.*\nhint: take SchrodingerSplitting, or Magnus",
     ),
-    ("driven", lambda: run(DRIVEN), TypeError, "SchrodingerSplitting is for an H without time\nhi"),
+    ("driven", lambda: run(DRIVEN), TypeError, "'auto' is for an H without time\nhi"),
     (
         "driven with h",
         lambda: run(DRIVEN, h=0.1),

@@ -118,6 +118,23 @@ def test_repr_tells_how_it_went_and_what_was_kept_worst(solution):
     )
 
 
+def test_an_energy_that_a_force_changes_has_no_drift(tmp_path):
+    def oscillator(force):
+        return lv.Lagrangian(lambda t, q, v, p: (v[0] ** 2 - q[0] ** 2) / 2, q=1, force=force)
+
+    span = {"t": (0.0, 1.0), "h": 0.1, "q": [1.0], "v": [0.0]}
+    free, damped = (
+        lv.integrate(oscillator(force), lv.Spark(2), **span)
+        for force in (None, lambda t, q, v, p: -0.1 * v)
+    )
+    damped.save(tmp_path / "damped.npz")
+    assert "worst drift" in repr(free)
+    for found in (damped, lv.load(tmp_path / "damped.npz")):
+        size = found.invariant_drift("energy").max()
+        assert repr(found).endswith(f"\n largest change {size:.1e} (energy)>")
+        assert "change of energy" in found._repr_html_()
+
+
 def test_the_reaction_of_a_pendulum_is_the_pull_of_its_rod(solution):
     # g = (|q|^2 - l^2) / 2, so that -g_q^T lam = -q lam; gravity and acceleration give it too.
     np.testing.assert_allclose(solution.reaction(), -solution.q * solution.lam, rtol=1e-14)

@@ -1,8 +1,9 @@
 """Try a wheel and its sdist as someone would who has neither Rust nor a compiler.
 
 ``python tools/check_wheel.py dist/*.whl dist/*.tar.gz`` looks at what both contain, installs the
-wheel alone into a fresh environment, runs the programs of README.md there, then commands with the
-extras that they need. ``--tests`` also unpacks the sdist and runs its own tests against the wheel.
+wheel alone into a fresh environment, runs the programs of README.md there, then its commands with
+the extras that they need. ``--tests`` also unpacks the sdist and runs its own tests against the
+wheel.
 """
 
 # ruff: noqa: T201
@@ -20,6 +21,7 @@ import zipfile
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[1]
+README = ROOT / "README.md"
 IN_SDIST = [
     "CHANGELOG.md",
     "Makefile",
@@ -29,11 +31,7 @@ IN_SDIST = [
 ]
 IN_WHEEL = ["liouville/__init__.py", "liouville/_core.pyi", "liouville/py.typed"]
 COMPILERS = ["cargo", "rustc", "cc", "gcc", "clang", "c++"]
-COMMANDS = [
-    "liouville problems",
-    "liouville run slider_crank --stages 4 --out run.nc --plot run.png",
-    "liouville run andrews --method hht --rtol 1e-5",
-]
+GUIDE = ROOT / "docs" / "guide" / "command_line.md"  # it has a model that README.md speaks of
 
 
 class Environment:
@@ -70,7 +68,7 @@ class Environment:
 
     def install(self, *requirements: str, cwd: Path = ROOT) -> None:
         """Install from wheels only."""
-        pip = ("-m", "pip", "install", "--quiet", "--only-binary", ":all:")
+        pip = ("-m", "pip", "install", "--quiet", "--no-compile", "--only-binary", ":all:")
         self.run("python", *pip, *requirements, cwd=cwd)
 
 
@@ -93,9 +91,15 @@ def check_contents(wheel: Path, sdist: Path) -> None:
         raise SystemExit(f"{wheel.name} is not for the stable interface of Python 3.11 and later")
 
 
-def programs(page: Path) -> str:
-    """Return the programs of a page, one after the other."""
-    return "\n".join(re.findall(r"^```python\n(.*?)^```", page.read_text("utf-8"), re.M | re.S))
+def blocks(page: Path, language: str) -> str:
+    """Return the programs of a page in a language, one after the other."""
+    found = re.findall(rf"^```{language}\n(.*?)^```", page.read_text("utf-8"), re.M | re.S)
+    return "\n".join(found)
+
+
+def commands(page: Path) -> list[str]:
+    """Return the calls of the program ``liouville`` on a page."""
+    return re.findall(r"^(liouville .*?) *(?:#.*)?$", blocks(page, "sh"), re.M)
 
 
 def run_tests(environment: Environment, wheel: Path, sdist: Path, folder: Path) -> None:
@@ -121,9 +125,11 @@ def main() -> None:
         folder = Path(name)
         environment = Environment(folder / "environment")
         environment.install(str(wheel))
-        environment.run("python", "-c", programs(ROOT / "README.md"), cwd=folder)
+        environment.run("python", "-c", blocks(README, "python"), cwd=folder)
         environment.install(f"{wheel}[cli,io,plot]")
-        for command in COMMANDS:
+        model = f"{blocks(GUIDE, 'python')}\nsystem = pendulum\n"
+        (folder / "model.py").write_text(model, "utf-8")
+        for command in commands(README):
             environment.run(*command.split(), cwd=folder)
         if arguments.tests:
             run_tests(environment, wheel, sdist, folder)

@@ -88,7 +88,8 @@ def of_solution(solution: Solution) -> Markup:
     kept = {f"|{name}|": np.abs(x) for name, x in solution.residuals.items() if x.size}
     rows += [(name, _shape(x), f"at most {_most(x)}", sparkline(x)) for name, x in kept.items()]
     drifts = {name: solution.invariant_drift(name) for name in solution.invariants}
-    rows += [(f"drift of {name}", "", f"at most {_most(x)}", "") for name, x in drifts.items()]
+    words = {x: f"{'change' if x in solution.changing else 'drift'} of {x}" for x in drifts}
+    rows += [(words[name], "", f"at most {_most(x)}", "") for name, x in drifts.items()]
     rows += [(f"event {name}", f"{len(x)}", "", "") for name, x in solution.events.items()]
     rows += [("params", "", _listed(_params(solution)), "")] if solution.params else []
     rows += [("message", "", solution.message, "")] if solution.message else []

@@ -10,7 +10,7 @@ if TYPE_CHECKING:
 
 
 class Motions:
-    """A base of :class:`Solution`, for the systems of :mod:`liouville.bodies`."""
+    """A base of :class:`Solution`, for the systems of ``liouville.bodies``."""
 
     def joint(self, name: str, frame: str = "world") -> JointMotion:
         """Give the motion of a joint of an assembly, and the force and torque in it.

@@ -86,8 +86,11 @@ class Solution(States, Motions):
         Parameters the run used.
     varied : tuple of str
         The parameters of an ensemble that have a value for each member, along their first axis.
+    changing : tuple of str
+        Which of the invariants the model itself changes: the energy where a force that has no
+        potential, damping, or time has a part in it.
     units : dict of str to str
-        Units of axes and tables, by :meth:`with_units`; empty unless given.
+        Units of axes and tables, by :meth:`~liouville.states.States.with_units`, else empty.
     status : str
         ``"done"``, ``"failed"`` or ``"interrupted"``, with all up to the last good step; of an
         ensemble some of whose members failed ``"partly failed"``.
@@ -129,6 +132,7 @@ class Solution(States, Motions):
     members: int | None = None
     failures: dict[int, Failure] = field(default_factory=dict)
     varied: tuple[str, ...] = ()
+    changing: tuple[str, ...] = ()
     reactions: Array | None = None
     system: System | None = None
     path: str | None = None
@@ -158,7 +162,10 @@ class Solution(States, Motions):
             x: ", absolute" * bool(self.is_drift_absolute(x).all()) for x in self.invariants
         }
         drifts = {x + how: self._largest(self.invariant_drift(x)) for x, how in absolute.items()}
-        kept = [*_worst("residual", residuals), *_worst("drift", drifts)]
+        own = {x + absolute[x] for x in self.changing if x in absolute}
+        changes = {x: drifts.pop(x) for x in own}
+        kept = [*_worst("worst residual", residuals), *_worst("worst drift", drifts)]
+        kept += _worst("largest change", changes)
         return (
             "\n ".join([f"<Solution {self.headline}", *([", ".join(kept)] if kept else [])]) + ">"
         )
@@ -371,8 +378,8 @@ class Solution(States, Motions):
         export.save(self, path)
 
 
-def _worst(kind: str, sizes: Mapping[str, float]) -> list[str]:
+def _worst(words: str, sizes: Mapping[str, float]) -> list[str]:
     if not sizes:
         return []
     name = list(sizes)[int(np.argmax(list(sizes.values())))]  # a NaN counts as the largest
-    return [f"worst {kind} {sizes[name]:.1e} ({name})"]
+    return [f"{words} {sizes[name]:.1e} ({name})"]

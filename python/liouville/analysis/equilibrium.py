@@ -48,7 +48,8 @@ class Equilibrium:
         The largest generalised force left.
     is_stable : bool or None
         Whether stiffness pushes back in every free direction, or in none away; None of systems of
-        more than 1000 coordinates. :func:`modes` tells more, and of follower forces what is true.
+        more than 1000 coordinates. :func:`~liouville.modes` tells more, and of follower forces what
+        is true.
     iterations : int
         Corrections that were made.
     """

@@ -333,8 +333,8 @@ class Assembly(Joining):
         Returns
         -------
         Mechanism
-            A Lagrangian whose solutions have :meth:`~liouville.Solution.joint` and
-            :meth:`~liouville.Solution.body`.
+            A Lagrangian whose solutions have :meth:`~liouville.motions.Motions.joint`
+            and :meth:`~liouville.motions.Motions.body`.
 
         Raises
         ------

@@ -111,7 +111,7 @@ class Joint:
     Attributes
     ----------
     name, kind : str
-        Its name, and its kind: a key of :data:`KINDS`.
+        Its name, and its kind: a key of ``KINDS``.
     a, b : Body
         The bodies that it joins.
     points : tuple of two

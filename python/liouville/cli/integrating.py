@@ -144,7 +144,8 @@ def run(
             solution = left_by(error)
     reference = {} if start or param or sweep else getattr(module, "reference", {})
     reference = reference_at(reference, solution.t[-1])
-    conserved = getattr(module, "conserved", tuple(solution.invariants))
+    conserved = [name for name in solution.invariants if name not in solution.changing]
+    conserved = getattr(module, "conserved", conserved)
     with leaving_with(FAILED):
         if out is not None:
             solution.save(out)

@@ -168,7 +168,7 @@ def _without_fill(dataset: xarray.Dataset) -> dict[str, dict[str, Any]]:
 
 
 def load(path: str | os.PathLike[str]) -> Solution:
-    """Read a solution that :func:`save` wrote to a NetCDF or NumPy file or a Zarr folder.
+    """Read a NetCDF or NumPy file or a Zarr folder that :func:`~liouville.export.save` wrote.
 
     Parameters
     ----------

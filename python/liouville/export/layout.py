@@ -99,6 +99,7 @@ def laid_out(solution: Solution) -> Layout:
         "members": -1 if solution.members is None else solution.members,
         "failures": json.dumps({k: [x.step, x.t, x.message] for k, x in failures.items()}),
         "varied": json.dumps(solution.varied),
+        "changing": json.dumps(solution.changing),
         "units": json.dumps(solution.units),
         "tolerances": json.dumps(solution.tolerances, default=_plain),
         # Zarr forgets the order of variables, and that one was there.
@@ -164,6 +165,7 @@ def read(layout: Layout) -> Solution:
         failures=_failures(json.loads(attributes.get("failures", "{}"))),
         units=json.loads(attributes.get("units", "{}")),
         varied=tuple(json.loads(attributes.get("varied", "[]"))),
+        changing=tuple(json.loads(attributes.get("changing", "[]"))),
         reactions=None if forces is None else forces[1],
         initial=json.loads(attributes.get("initial", "{}")),
         tolerances=json.loads(attributes["tolerances"]),

@@ -12,7 +12,7 @@ from liouville._arguments import count, number, times_of
 from liouville.methods import Chebyshev, Lanczos, SchrodingerSplitting, VolumeSplitting
 from liouville.planner.fields.choice import plan_field
 from liouville.planner.fields.plan import FieldPlan
-from liouville.planner.waves.choice import Planned, plan_wave
+from liouville.planner.waves.choice import AUTO, Planned, plan_wave
 from liouville.planner.waves.plan import WavePlan
 from liouville.systems import PolynomialField, Schrodinger
 
@@ -148,7 +148,7 @@ def _of_field(
 
 def _of_wave(system: Schrodinger, method: Any, t: Any, psi: Any) -> WavePlan:
     if method is None or (isinstance(method, str) and method == "auto"):
-        method = SchrodingerSplitting()
+        method = AUTO
     if not isinstance(method, SchrodingerSplitting | Chebyshev | Lanczos):
         raise TypeError(f"method is a SchrodingerSplitting, Chebyshev or Lanczos, not {method!r}")
     times = times_of(t)

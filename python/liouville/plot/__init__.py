@@ -9,6 +9,7 @@ order. ``plt.style.use(plot.STYLE)`` gives figures of your own the same look.
 
 from liouville.plot.canvas import ANIMATIONS, COLOURS, FIGURES, FLOOR, STYLE, check
 from liouville.plot.film import animation
+from liouville.plot.observed import observed
 from liouville.plot.orders import convergence
 from liouville.plot.panels import (
     energy,
@@ -37,6 +38,7 @@ __all__ = [
     "energy",
     "invariants",
     "multipliers",
+    "observed",
     "overview",
     "residuals",
     "section",

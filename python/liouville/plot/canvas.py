@@ -8,6 +8,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from liouville.errors import check_name, hinted
 from liouville.states import unit_of
 
 if TYPE_CHECKING:
@@ -139,6 +140,19 @@ def in_unit(solution: Solution, name: str, labels: Sequence[str] = ()) -> str:
     """Return the unit of a quantity, or of some of its columns, in brackets for an axis."""
     unit = unit_of(solution, name, labels)
     return f"({text(unit)})" if unit else UNITS
+
+
+def names_of(
+    names: Sequence[str] | None, default: Sequence[str], known: Sequence[str], kind: str
+) -> list[str]:
+    """Return the names asked for, each of which is known."""
+    if isinstance(names, str):
+        hint = f"give a list, such as names={[*known[:2]]!r}"
+        raise TypeError(hinted(f"names is a sequence of names, not {names!r}", hint))
+    chosen = list(default if names is None else names)
+    for name in chosen:
+        check_name(name, known, kind)
+    return chosen
 
 
 def colours(count: int) -> Sequence[Any]:

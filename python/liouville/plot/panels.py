@@ -17,10 +17,12 @@ from liouville.plot.canvas import (
     drawn_on,
     in_unit,
     legend,
+    names_of,
     text,
 )
 from liouville.plot.curves import draw_curves, draw_sizes, interleaved, of_member
 from liouville.plot.fans import chosen
+from liouville.plot.observed import observed, scalars
 from liouville.plot.quantum import shown
 from liouville.plot.thinning import POINTS, few, some, thinned
 from liouville.points import STATES
@@ -90,9 +92,10 @@ def trajectories(
         of = next((name for name in ("y", "x", "psi") if name in solution.states), "q")
     if of not in STATES or of == "psi":
         hint = "plot.density draws psi" if of == "psi" else f"it has {', '.join(solution.states)}"
+        hint = "plot.observed draws observables" if of in solution.observed else hint
         raise ValueError(hinted(f"the solution has no state {of!r} with curves", hint))
     values, (kind, known) = getattr(solution, of), _labels(solution, of)
-    wanted = _chosen(names, [name for name in known if name != against], known, kind)
+    wanted = names_of(names, [name for name in known if name != against], known, kind)
     title, symbol = TITLES.get(of, ("positions", f"${of}$"))
     shown = {name: values[..., known.index(name)] for name in wanted}
     columns, note = chosen(solution, shown, fan)
@@ -145,8 +148,8 @@ def invariants(
     Returns
     -------
     Axes
-        Dots are :meth:`Solution.invariant_drift`, the largest of an ensemble, lines their maximum
-        so far. The label of the axis, or the name, says where it is absolute.
+        Dots are :meth:`~liouville.Solution.invariant_drift`, the largest of an ensemble, lines
+        their maximum so far. The label of the axis, or the name, says where it is absolute.
 
     Raises
     ------
@@ -156,7 +159,7 @@ def invariants(
         The names are one string.
     """
     known = list(solution.invariants)
-    wanted = _chosen(names, known, known, "invariant")
+    wanted = names_of(names, known, known, "invariant")
     absolute = {name: solution.is_drift_absolute(name) for name in wanted}
     change = "|I(t) - I(0)|"
     label, words = f"${change}\\,/\\,|I(0)|$", dict.fromkeys(wanted, "")
@@ -166,7 +169,8 @@ def invariants(
     else:
         words = {name: _absolutely(each) for name, each in absolute.items()}
     sizes = {name + words[name]: solution.invariant_drift(name) for name in wanted}
-    return draw_sizes(ax, solution, sizes, "drift of invariants", label, fan)
+    title = "drift" if set(wanted) - set(solution.changing) or not wanted else "change"
+    return draw_sizes(ax, solution, sizes, f"{title} of invariants", label, fan)
 
 
 def energy(solution: Solution, *, fan: bool = False, ax: Axes | None = None) -> Axes:
@@ -309,16 +313,11 @@ def overview(solution: Solution, *, fan: bool = False) -> Figure:
         Save it with ``savefig``.
     """
     panels: list[Callable[..., Axes]] = []
-    of_scalar = 1 if solution.members is None else 2
-    real = {k: values for k, values in solution.observed.items() if values.dtype.kind != "c"}
-    scalars = {k: values for k, values in real.items() if values.ndim == of_scalar}
     panels += shown(solution, fan)
     if "psi" not in solution.states and solution.states:
         panels.append(partial(trajectories, fan=fan, names=some(solution.names["coordinates"])))
-    elif scalars:
-        shown_of, note = chosen(solution, scalars, fan)
-        title = f"observed{note}"
-        panels.append(lambda solution, ax: draw_curves(ax, solution.t, shown_of, title, "", fan))
+    if scalars(solution):
+        panels.append(partial(observed, fan=fan))
     if solution.invariants:
         panels.append(partial(invariants, fan=fan))
     if solution.balance:
@@ -357,19 +356,6 @@ def _labels(solution: Solution, of: str) -> tuple[str, tuple[str, ...]]:
     kind = {"lam": "constraint", "z": "unknown"}.get(of, "coordinate")
     kind = kind if f"{kind}s" in solution.names else "coordinate"
     return kind, solution.names[f"{kind}s"]
-
-
-def _chosen(
-    names: Sequence[str] | None, default: Sequence[str], known: Sequence[str], kind: str
-) -> list[str]:
-    """Return the names asked for, each of which is known."""
-    if isinstance(names, str):
-        hint = f"give a list, such as names={[*known[:2]]!r}"
-        raise TypeError(hinted(f"names is a sequence of names, not {names!r}", hint))
-    chosen = list(default if names is None else names)
-    for name in chosen:
-        check_name(name, known, kind)
-    return chosen
 
 
 def _absolutely(flags: Array) -> str:

@@ -3,7 +3,7 @@
 Every module has
 
 ``system``
-    the system, see :mod:`liouville.systems`;
+    the system, see :doc:`/api/systems`;
 ``start``, ``interval``, ``h``
     start values by name, the times to begin and end at, a sensible step: of a mechanical system for
     ``Spark(stages=3)``, which a method of order 2 takes eighths of, and of a polynomial field for

@@ -18,7 +18,6 @@ from liouville.methods import (
     GeneralizedAlpha,
     LobattoPair,
     Method,
-    SchrodingerSplitting,
     Spark,
     VolumeSplitting,
     WaveMethod,
@@ -117,10 +116,11 @@ def _of_semi_explicit(system: SemiExplicit, method: Any, request: Request) -> Ru
 def _of_waves(system: Schrodinger, method: Any, request: Request) -> Runner:
     # imported here: runs of mechanics need neither planner nor splitting
     from liouville.planner import WavePlan
+    from liouville.planner.waves.choice import AUTO
     from liouville.runners.wave import WaveRunner
 
     if isinstance(method, str) and method == "auto":
-        method = SchrodingerSplitting()
+        method = AUTO
     if isinstance(method, WaveMethod | WavePlan):
         return WaveRunner(system, method, request)
     raise no_runner(method, "wave", "Schrödinger equations")

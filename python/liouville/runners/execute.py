@@ -153,6 +153,7 @@ def solution_of(
         members=runner.members[0] if runner.members else None,
         failures=dict(failures or {}),
         varied=runner.varied,
+        changing=("energy",) * getattr(runner.system, "gains_energy", False),
         system=runner.system,
     )
 

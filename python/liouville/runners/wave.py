@@ -15,6 +15,7 @@ from liouville.control import Steps, Takes, steps_of
 from liouville.errors import Description, describe, hinted
 from liouville.methods import Stepped, WaveMethod
 from liouville.planner import WavePlan, plan_steps, plan_wave
+from liouville.planner.waves.choice import name_of
 from liouville.planner.waves.propagators import Krylov
 from liouville.runners.runner import Request, Runner, kept, threads_of
 from liouville.systems import Schrodinger
@@ -67,7 +68,7 @@ class WaveRunner(Runner):
             assert self._stops is not None
             return plan_steps(self.system, method, times[0], self._stops)
         plan = plan_wave(self.system, method, times, not np.any(self.psi.imag))
-        _check_no_steps(type(method).__name__, request)  # last: methods for H(t) do take steps
+        _check_no_steps(name_of(method), request)  # last: methods for H(t) do take steps
         return plan
 
     def _check_states(self) -> None:

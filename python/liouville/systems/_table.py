@@ -22,7 +22,7 @@ FEWEST = {"natural": 2, "not-a-knot": 4, "periodic": 3}
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Table:
-    """A cubic spline through points, by :func:`table`: a function of numbers and of expressions.
+    """A cubic spline through points, by :func:`~liouville.table`: of numbers and of expressions.
 
     Attributes
     ----------

@@ -175,7 +175,10 @@ def names(value: Sequence[str] | int, prefix: str) -> tuple[str, ...]:
             raise ValueError(f"a system has at least one coordinate, not {prefix}={value}")
         return tuple(f"{prefix}{k}" for k in range(value))
     if isinstance(value, str) or not isinstance(value, Sequence):
-        raise TypeError(f"{prefix} is a sequence of names or a number, not {value!r}")
+        wanted = tuple(value) if isinstance(value, str) else ("x", "y")
+        hint = f"write {prefix}={wanted} or {prefix}={len(wanted)}"
+        sentence = f"{prefix} is a sequence of names or a number, not {value!r}"
+        raise TypeError(hinted(sentence, hint))
     found = tuple(value)
     if not found or not all(isinstance(name, str) and name for name in found):
         raise ValueError(f"{prefix} needs at least one name, and each a string: {value!r}")

@@ -72,6 +72,8 @@ class Mechanics(TracedSystem):
         Names of what is recorded along a run, "energy" among them where there is one.
     is_conservative : bool
         Whether nothing changes the energy: no time, no force without a potential, no damping.
+    gains_energy : bool
+        Whether something does, of a system whose energy is recorded.
     """
 
     problem: _core.Mechanical
@@ -99,6 +101,7 @@ class Mechanics(TracedSystem):
         self.is_conservative = (
             power is not None and power.is_zero() and self._linear.damping is None
         )
+        self.gains_energy = power is not None and not self.is_conservative
         self._recorded: dict[str, Any] = {}
         self._tapes, self._patterns, self.problem = compiled(symbols, model)
 

@@ -21,6 +21,15 @@ from liouville.systems import Schrodinger
 #: The methods that choose their steps.
 Planned = SchrodingerSplitting | Chebyshev | Lanczos
 
+#: What "auto" stands for; messages call it by that word.
+AUTO = SchrodingerSplitting()
+
+
+def name_of(method: Planned) -> str:
+    """Return what a user calls a method."""
+    return "'auto'" if method is AUTO else type(method).__name__
+
+
 #: Beyond so many steps a stable method is taken.
 MANY = 50
 
@@ -118,10 +127,9 @@ def plan_wave(
 
 def _check_system(system: Schrodinger, method: Planned) -> None:
     """Refuse an H that depends on time, and a complex one for what needs a real one."""
-    name = type(method).__name__
     if system.is_driven:
         hint = "take Magnus(), or SplitOperator() on a grid, with h or steps"
-        raise TypeError(hinted(f"{name} is for an H without time", hint))
+        raise TypeError(hinted(f"{name_of(method)} is for an H without time", hint))
     takes_complex = isinstance(method, Chebyshev) or getattr(method, "mode", "") == "auto"
     if not (system.is_real or takes_complex):
         sentence = f"H is complex and no gauge makes it real, which {method!r} needs"

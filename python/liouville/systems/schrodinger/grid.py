@@ -51,7 +51,7 @@ class Grid:
     size : int
         Number of points N; components of a state follow one another as in a flat NumPy array.
     axes, k : tuple of ndarray
-        Coordinates along each axis, and wave numbers in the order of :func:`numpy.fft.fftfreq`.
+        Coordinates along each axis, and wave numbers in the order of ``numpy.fft.fftfreq``.
     points : ndarray
         Coordinates of all points, shape (N, d).
     cell : float
