@@ -10,6 +10,9 @@ from docutils import nodes
 from sphinx.errors import ExtensionError
 from sphinx_gallery.directives import imgsgnode
 
+import liouville as lv
+from liouville import plot, problems
+
 project = "liouville"
 logging.getLogger("skfem").setLevel("WARNING")  # it tells of every assembly
 author = copyright = "The liouville developers"
@@ -114,7 +117,18 @@ def fill_notebooks(app, env):
                 both.write(file, file.name)
 
 
+def write_view(app, error):
+    """Write the page of the moving mechanism that the front page has in a frame."""
+    if error is None and app.builder.format == "html":
+        problem = problems.load("stewart_platform")
+        motion = lv.integrate(
+            problem.system, lv.Spark(3), t=(0, 10), h=0.02, params={"c": 3000.0}, **problem.start
+        )
+        plot.view(motion, path=Path(app.outdir) / "_static" / "mechanism.html", trace="plate")
+
+
 def setup(app):
     """Connect the above."""
     app.connect("doctree-read", keep_numbers_whole)
     app.connect("env-updated", fill_notebooks)
+    app.connect("build-finished", write_view)

@@ -217,7 +217,7 @@ def test_an_interrupted_run_is_kept_and_leaves_with_130(tmp_path):
         ("run pendulum --out run.txt", "hint: use one of .nc, .zarr, .npz, .mat, "),
         ("run pendulum --out nowhere/run.nc", "the folder of"),
         ("run pendulum --plot run.doc", "hint: use a name that ends in .png"),
-        ("run heavy_top --animate run.gif", "has no outline"),
+        ("run fekete --animate run.gif", "has no outline"),
         ("run nowhere.py:system", "there is no model file"),
         ("run model.py", "hint: name one after a colon, model.py:NAME; it has oscillator"),
         ("run model.py:oscillator --h 0.1", "hint: give --until"),

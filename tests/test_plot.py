@@ -285,8 +285,10 @@ def test_an_animation_moves_for_as_long_as_asked(solution, tmp_path):
     assert min(rod.sum() for rod in rods) > 200
     assert np.sum(rods[0] & rods[1]) < 0.2 * np.sum(rods[0])
     assert np.array_equal(*rods_of(lambda q, params: [[[0.0, 0.0], [1.0, 1.0]]]))  # one layout
-    with pytest.raises(ValueError, match=r"hint: use a name that ends in \.gif"):
-        plot.animation(solution, outline, tmp_path / "swing.mp4")
+    with pytest.raises(ValueError, match=r"hint: use a name that ends in \.gif or \.html or \.mp4"):
+        plot.animation(solution, outline, tmp_path / "swing.avi")
+    plot.animation(solution, outline, tmp_path / "swing.html", seconds=1.0)
+    assert "<canvas" in (tmp_path / "swing.html").read_text(encoding="utf-8")
 
 
 def test_a_notebook_shows_panels_and_overviews(solution):

@@ -11,7 +11,8 @@ from numpy.typing import ArrayLike, NDArray
 from liouville.bodies import rotations as rot
 from liouville.bodies.body import numbers
 from liouville.bodies.joints import ANGLES, RATES
-from liouville.bodies.mechanism import Mechanism, Place
+from liouville.bodies.mechanism import Mechanism
+from liouville.bodies.model import Place
 from liouville.errors import hinted
 from liouville.parts import system_of
 from liouville.systems._redundant import _gradients

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from liouville.bodies.joints import MOTION, RATES
-from liouville.bodies.mechanism import Place
+from liouville.bodies.model import Place
 from liouville.bodies.tree import Tree
 from liouville.errors import hinted, quoted
 from liouville.systems import _trace

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from liouville.bodies import rotations as rot
 from liouville.bodies.body import Layout
 from liouville.bodies.joints import ANY, KINDS
-from liouville.bodies.mechanism import Place
+from liouville.bodies.model import Place
 
 Array = NDArray[np.float64]
 

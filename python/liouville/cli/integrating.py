@@ -119,10 +119,10 @@ def run(
         wanted = {"out": out, "plot": figure, "animate": film, "report": page}
         _check_stored(store, checkpoint, wanted)
         _check_paths(system, **wanted)
-        if film is not None and outline is None:
+        if film is not None and outline is None and not isinstance(system, lv.bodies.Mechanism):
             raise ValueError(
                 f"{model} cannot be animated: it has no outline(q, params)\n"
-                "hint: leave --animate out, or define outline as the planar problems do"
+                "hint: leave --animate out, or define outline as the mechanical problems do"
             )
         options_of = {"t": times, "h": h, "every": every}
         single = {"rtol": rtol, "atol": atol, "control": control, "h-min": h_min, "at": at}

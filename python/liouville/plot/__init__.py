@@ -1,4 +1,4 @@
-"""Figures of solutions and sections, and animations of planar mechanisms.
+"""Figures of solutions and sections, and animations and views of mechanisms.
 
 Each panel function draws on the axes it is given, or on a figure of its own, and returns the axes:
 ``plot.invariants(solution).figure.savefig("drift.pdf")``. A notebook shows them, and an overview.
@@ -11,6 +11,7 @@ from liouville.plot.canvas import ANIMATIONS, COLOURS, FIGURES, FLOOR, STYLE, ch
 from liouville.plot.film import animation
 from liouville.plot.observed import observed
 from liouville.plot.orders import convergence
+from liouville.plot.page import View, view
 from liouville.plot.panels import (
     energy,
     invariants,
@@ -29,6 +30,7 @@ __all__ = [
     "FIGURES",
     "FLOOR",
     "STYLE",
+    "View",
     "animation",
     "autocorrelation",
     "check",
@@ -45,4 +47,5 @@ __all__ = [
     "spectrum",
     "steps",
     "trajectories",
+    "view",
 ]

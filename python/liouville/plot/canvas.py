@@ -6,6 +6,7 @@ import importlib
 import os
 from collections.abc import Sequence
 from pathlib import Path
+from shutil import which
 from typing import TYPE_CHECKING, Any
 
 from liouville.errors import check_name, hinted
@@ -17,7 +18,7 @@ if TYPE_CHECKING:
 
     from liouville.solution import Solution
 
-FIGURES, ANIMATIONS = (".png", ".pdf", ".svg"), (".gif",)
+FIGURES, ANIMATIONS = (".png", ".pdf", ".svg"), (".gif", ".html", ".mp4")
 
 # A log axis has no zero: what is exactly kept is drawn here, below the roundoff of one operation.
 FLOOR = 1e-17
@@ -77,7 +78,7 @@ def check(path: str | os.PathLike[str], suffixes: Sequence[str] = FIGURES) -> No
     FileNotFoundError
         The folder does not exist.
     ImportError
-        matplotlib is not installed.
+        matplotlib is not installed, or ffmpeg, which writes ``.mp4``, is not on the path.
     """
     matplotlib("figure")
     if Path(path).suffix not in suffixes:
@@ -86,6 +87,11 @@ def check(path: str | os.PathLike[str], suffixes: Sequence[str] = FIGURES) -> No
         )
     if not Path(path).absolute().parent.is_dir():
         raise FileNotFoundError(f"the folder of {str(path)!r} does not exist\nhint: create it")
+    if Path(path).suffix == ".mp4" and which("ffmpeg") is None:
+        raise ImportError(
+            "a film as .mp4 needs ffmpeg, which is not on the path\n"
+            "hint: install it, or write a .gif, or a page that turns under the mouse: .html"
+        )
 
 
 def matplotlib(module: str) -> Any:

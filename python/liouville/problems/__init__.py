@@ -18,8 +18,9 @@ Every module has
 
 of a Schrödinger equation instead of `h`, ``tol``, a sensible tolerance, and references
 ``{time: {"psi": ...}}``, of a grid with a closed form whole states, else a dict of some components;
-where the mechanism is planar, ``outline(q, params)``: the polylines of its bodies, with parameters
-``params.name`` as a model's functions see them;
+where it is a mechanism that is not made by :mod:`liouville.bodies`, ``outline(q, params)``: the
+polylines of its bodies, in the plane or in space, with parameters ``params.name`` as a model's
+functions see them;
 and, where the number of coordinates is free, ``build`` and ``start_for``: the system and its start
 for any.
 
@@ -54,6 +55,11 @@ MECHANICAL = (
     "circular_track",
     "fekete",
     "kepler_on_sphere",
+    "four_bars",
+    "jansen_leg",
+    "spatial_slider_crank",
+    "flyball_governor",
+    "stewart_platform",
 )
 
 #: Those some of whose constraints are redundant.

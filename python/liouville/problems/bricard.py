@@ -15,12 +15,14 @@ Syst. Dyn. 16 (2006) 179-190; here bars have a radius, and it starts in motion. 
 one degree of freedom, the angle p by a quadrature in 30 digits (``tools/references.py``).
 """
 
+from typing import Any
+
 import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
 from liouville.problems import Parameters
-from liouville.problems._directors import coordinates, frames, hinge, kinetic, rigid, row
+from liouville.problems._directors import coordinates, ends, frames, hinge, kinetic, rigid, row
 from liouville.systems import Lagrangian
 
 BARS = 5
@@ -44,6 +46,11 @@ def constraint(t: ca.SX, q: ca.SX, params: Parameters) -> dict[str, ca.SX]:
         before = bar
     closing = (before[0] + before[1] / 2, ca.SX(3, 1))
     return {**found, **hinge("joint6", closing, z, (before[1], before[3])), **rigid(q)}
+
+
+def outline(q: NDArray[np.float64], params: Any) -> list[NDArray[np.float64]]:
+    """Draw the bars, and the ground as the last."""
+    return [*(ends(q, bar, 1.0) for bar in range(BARS)), np.array([(0.0, 0, 0), (1.0, 0, 0)])]
 
 
 def turn(axis: int, angle: float) -> NDArray[np.float64]:

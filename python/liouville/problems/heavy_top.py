@@ -19,7 +19,11 @@ at t = 1 and 2 s the centre of mass R X comes out at
 (-0.15041682274564176, -0.72416559163689565, -0.67302226956044410).
 """
 
+from typing import Any
+
 import casadi as ca
+import numpy as np
+from numpy.typing import NDArray
 
 from liouville.problems import Parameters
 from liouville.systems import Lagrangian
@@ -62,6 +66,20 @@ def angular_momentum(t: ca.SX, q: ca.SX, v: ca.SX, params: Parameters) -> ca.SX:
 def spin(t: ca.SX, q: ca.SX, v: ca.SX, params: Parameters) -> ca.SX:
     """Return the component of the angular momentum along the rod."""
     return ca.dot(params.X, body_momentum(q, v, params))
+
+
+def outline(q: NDArray[np.float64], params: Any) -> list[NDArray[np.float64]]:
+    """Draw the rod, and the disc's rim with a spoke."""
+    w, u, arm = q[0], q[1:], np.asarray(params.X)
+    length = np.linalg.norm(arm)
+    across = np.roll(arm, 1) / length, np.roll(arm, 2) / length
+    angles = np.linspace(0, 2 * np.pi, 25)
+    rim = arm + 0.4 * length * (
+        np.outer(np.cos(angles), across[0]) + np.outer(np.sin(angles), across[1])
+    )
+    points = np.array([np.zeros(3), arm, *rim])
+    turned = points + 2 * np.cross(u, w * points + np.cross(u, points))
+    return [turned[:2], turned[1:]]
 
 
 system = Lagrangian(

@@ -23,6 +23,8 @@ The reference is for three rods: angular accelerations with the forces of the jo
 extrapolation in 45 digits, two tolerances 6e-35 apart (``tools/rigid_chain_reference.py``).
 """
 
+from typing import Any
+
 import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
@@ -168,6 +170,17 @@ def start_for(rods: int, revolute: bool = False) -> dict[str, NDArray[np.float64
     v[:, :3] = np.cumsum(across, axis=0) - across / 2
     v[:, 4:] = omega / 2
     return {"q": q.ravel(), "v": v.ravel()}
+
+
+def outline(q: NDArray[np.float64], params: Any) -> list[NDArray[np.float64]]:
+    """Draw the rods."""
+    rods = q.reshape(-1, 7)
+    half = params.l / len(rods) / 2
+    found = []
+    for x, (w, i, j, k) in zip(rods[:, :3], rods[:, 3:], strict=True):
+        axis = np.array([2 * (i * k + w * j), 2 * (j * k - w * i), w * w - i * i - j * j + k * k])
+        found.append(np.array([x + half * axis, x - half * axis]))
+    return found
 
 
 system = build(3)

@@ -16,7 +16,11 @@ The reference is from the equations of the two angles, extrapolation in 45 digit
 2e-32 apart (``tools/references.py``).
 """
 
+from typing import Any
+
 import casadi as ca
+import numpy as np
+from numpy.typing import NDArray
 
 from liouville.problems import Parameters
 from liouville.systems import Lagrangian
@@ -38,6 +42,14 @@ def nonholonomic(t: ca.SX, q: ca.SX, v: ca.SX, params: Parameters) -> dict[str, 
     """Let the point of contact be at rest."""
     rolled = params.r * v[2]
     return {"along x": v[0] - ca.cos(q[3]) * rolled, "along y": v[1] - ca.sin(q[3]) * rolled}
+
+
+def outline(q: NDArray[np.float64], params: Any) -> list[NDArray[np.float64]]:
+    """Draw the rim with a spoke, upright on the plane."""
+    angles = np.linspace(0, 2 * np.pi, 33) + q[2]
+    along = params.r * np.sin(angles)
+    rim = np.stack([np.cos(q[3]) * along, np.sin(q[3]) * along, params.r * np.cos(angles)], axis=1)
+    return [np.array([q[0], q[1], params.r]) + np.array([np.zeros(3), *rim])]
 
 
 system = Lagrangian(

@@ -10,7 +10,11 @@ energy the angular momentum m (x v_y - y v_x) about the vertical is constant, 3/
 The reference is a motion computed in 69 digits, error below 1e-45.
 """
 
+from typing import Any
+
 import casadi as ca
+import numpy as np
+from numpy.typing import NDArray
 
 from liouville.problems import Parameters
 from liouville.systems import Lagrangian
@@ -29,6 +33,11 @@ def constraint(t: ca.SX, q: ca.SX, params: Parameters) -> dict[str, ca.SX]:
 def angular_momentum(t: ca.SX, q: ca.SX, v: ca.SX, params: Parameters) -> ca.SX:
     """Return the component about the vertical."""
     return params.m * (q[0] * v[1] - q[1] * v[0])
+
+
+def outline(q: NDArray[np.float64], params: Any) -> list[NDArray[np.float64]]:
+    """Draw the rod."""
+    return [np.array([np.zeros(3), q])]
 
 
 system = Lagrangian(
