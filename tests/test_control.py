@@ -317,3 +317,40 @@ def test_events_part_dry_friction_into_smooth_pieces():
         exact = 2 - 0.6 * (swing + 1) if swing < 2 else 0.3 + 0.5 * np.cos(9.0 - 2 * np.pi)
         assert abs(abs(q[0]) - abs(exact)) <= 1e-6
         assert abs(t - min((swing + 1) * np.pi, 9.0)) <= 1e-6
+
+
+def test_controlled_steps_end_at_the_switches_of_a_system():
+    """A narrow regularisation of dry friction, beside a large swing that carries the tolerance."""
+    width = 1e-2
+
+    def block(**more):
+        return lv.Lagrangian(
+            lambda t, q, v, params: (ca.dot(v, v) - q[0] ** 2 - 4 * q[1] ** 2) / 2,
+            force=lambda t, q, v, params: [-0.3 * ca.tanh(v[0] / width), 0],
+            q=2,
+            **more,
+        )
+
+    edges = {
+        f"edge {k}": lambda t, q, v, params, k=k: v[0] - k * width for k in (-8, -3, -1, 1, 3, 8)
+    }
+    call = {"t": (0, 5), "q": [2.0, 100.0], "v": [0.3, 0.0]}
+    exact = lv.integrate(block(), lv.Spark(4), steps=6000, every=6000, **call).q[-1, 0]
+    blind = lv.integrate(block(), lv.Spark(3), rtol=1e-6, **call)
+    seeing = lv.integrate(block(switches=edges), lv.Spark(3), rtol=1e-6, **call)
+    assert abs(blind.q[-1, 0] - exact) > 1e-3
+    assert abs(seeing.q[-1, 0] - exact) < 5e-7
+    assert seeing.stats["steps"] < 120
+    assert not seeing.events
+    # each is the end of a step
+    crossed = np.abs(seeing.v[:, 0, None] / width - np.array([-8, -3, -1, 1, 3, 8])).min(axis=0)
+    assert crossed.max() < 1e-10
+    np.testing.assert_array_equal(
+        lv.integrate(block(switches=edges), lv.Spark(3), rtol=1e-6, t_eval=[1.2, 4.1], **call).q,
+        seeing([1.2, 4.1]).q,
+    )
+    equal = [
+        lv.integrate(block(**more), lv.Spark(3), h=0.1, **call)
+        for more in ({}, {"switches": edges})
+    ]
+    np.testing.assert_array_equal(equal[0].q, equal[1].q)

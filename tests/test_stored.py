@@ -108,6 +108,10 @@ KINDS = {
     "given times": lambda: pendulum(steps=300, t_eval=np.linspace(0, 2, 77)),
     "events": lambda: pendulum(steps=300, events={"low/high": height}, states=False),
     "ended": lambda: pendulum(steps=300, events={"low": lv.Event(height, terminal=2)}),
+    "reset": lambda: pendulum(steps=300, events={"wall": lv.Event(height, reset=lv.Impact(0.9))}),
+    "controlled reset": lambda: pendulum(
+        method=lv.Spark(3), rtol=1e-7, events={"wall": lv.Event(height, reset=lv.Impact(0.9))}
+    ),
     "spark": lambda: pendulum(method=lv.Spark(3), steps=200),
     "jumping": crank,
     "reversible": lambda: pendulum(method=lv.Spark(2), h=0.01, control=lv.Reversible()),

@@ -9,6 +9,7 @@ from liouville.determinant import determinant as determinant
 from liouville.ensemble import ensemble as ensemble
 from liouville.errors import IntegrationError as IntegrationError
 from liouville.events import Event as Event
+from liouville.events import Impact as Impact
 from liouville.failure import Failure as Failure
 from liouville.integrate import integrate as integrate
 from liouville.methods import HHT as HHT

@@ -11,9 +11,13 @@ from liouville import _core
 
 Array = np.ndarray
 
-#: An event as it crosses the border: its tape, its direction, how many end the run, and whether it
-#: needs multipliers.
-Event = tuple[_core.Tape, int, int, bool]
+#: A reset as it crosses the border: its tape, whether it is an impact, and the tape of the rate of
+#: its event, where that is a function of time and coordinates alone.
+Reset = tuple[_core.Tape, bool, _core.Tape | None]
+
+#: An event as it crosses the border: its tape, its direction, how many end the run, whether it
+#: needs multipliers, its reset, and whether it is no event but a switch.
+Event = tuple[_core.Tape, int, int, bool, Reset | None, bool]
 
 
 @dataclass(kw_only=True, eq=False, slots=True)

@@ -21,7 +21,6 @@ SINGLE = {
     "atol": "its members take equal steps: give h or steps",
     "control": "its members take equal steps: give h or steps",
     "t_eval": "give every=, which keeps one step in so many; integrate takes t_eval for one member",
-    "events": "integrate takes them for one member",
     "store": "solution.save(path) writes what it returns",
 }
 

@@ -10,6 +10,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike
 
+from liouville.errors import hinted
+from liouville.events import Event
 from liouville.methods import Method
 from liouville.progress import Progress
 from liouville.runners import Request, runner_of
@@ -31,6 +33,7 @@ def ensemble(
     h: float | None = None,
     steps: int | None = None,
     every: int = 1,
+    events: Mapping[str, Event | Callable[..., Any]] | None = None,
     observe: Mapping[str, Callable[..., Any]] | None = None,
     params: Mapping[str, ArrayLike] | None = None,
     states: bool = True,
@@ -53,9 +56,10 @@ def ensemble(
         Schrodinger: what is integrated.
     method : Method or Plan
         How: any method for the system, with steps of equal size.
-    t, h, steps, every, observe, states
-        As for :func:`integrate`. What is kept of all members is what takes memory:
-        ``every=steps`` keeps starts and ends, ``states=False`` only invariants and `observe`.
+    t, h, steps, every, events, observe, states
+        As for :func:`integrate`; with events, members are not in lock-step. What is kept of all
+        members is what takes memory: ``every=steps`` keeps starts and ends, ``states=False`` only
+        invariants and `observe`.
     params : mapping, optional
         Parameters that differ from the defaults. Those of a mechanical or semi-explicit system may
         have a further, first axis of members: a number as shape (P,), a vector of j numbers as
@@ -83,8 +87,9 @@ def ensemble(
     Solution
         Its arrays have the member as their second axis: ``q`` of shape (k, P, n), invariants of
         shape (k, P). After the step at which a member failed, or which it did not come to before
-        an interrupt (Ctrl-C), its values are NaN. Where some members failed, its status is
-        "partly failed" and its message has their numbers; where all did, "failed".
+        an interrupt (Ctrl-C), its values are NaN, as after an event that ended its run. Where some
+        members failed, its status is "partly failed" and its message has their numbers; where all
+        did, "failed".
         :meth:`Solution.member` gives one of them, and ``for`` goes through them.
 
     Raises
@@ -103,14 +108,17 @@ def ensemble(
     (11, 2, 3)
     """
     request = Request(
-        t=t, h=h, steps=steps, every=every, observe=observe, params=params, states=states,
-        threads=threads, start=start, is_ensemble=True,
+        t=t, h=h, steps=steps, every=every, events=events, observe=observe, params=params,
+        states=states, threads=threads, start=start, is_ensemble=True,
     )  # fmt: skip
     runner = runner_of(system, method, request)
     if executor is None:
         if chunk is not None:
             raise TypeError("chunk is for an executor: give executor= too")
         return execute(runner, progress)
+    if events:
+        hint = "leave executor= out: threads of this process take the members"
+        raise TypeError(hinted("an ensemble on an executor has no events", hint))
     from liouville.distribute import Task, distribute
 
     part = partial(

@@ -99,6 +99,8 @@ def _described(
             return _singular_mass(coordinates[error["index"]])
         case "overflow":
             return _overflow(coordinates[error["index"]])
+        case "reset":
+            return _reset(error, constraints)
         case "redundant":
             return _redundant([constraints[k] for k in error["constraints"]])
         case "contradiction":
@@ -145,6 +147,24 @@ def _overflow(name: str) -> Description:
     return (
         f"'{name}' is not finite after it",
         "a trajectory goes to infinity there; if it should not, try a smaller h",
+        name,
+    )
+
+
+def _reset(error: dict[str, Any], constraints: Sequence[str]) -> Description:
+    event, t = error["event"], error["t"]
+    if "index" not in error:
+        return (
+            f"the impact of event '{event}' at t = {t:.6g} finds nothing that gives way: the "
+            "constraints hold the motion along its gradient",
+            "look at whether what is hit can move, and for an event whose gradient vanishes there",
+            event,
+        )
+    name = constraints[error["index"]]
+    return (
+        f"the reset of event '{event}' at t = {t:.6g} cannot be made consistent: "
+        f"{error['quantity']} '{name}' stays at {error['value']:.1e}",
+        "return states near to the constraints, onto which they are moved by the least change",
         name,
     )
 

@@ -1,4 +1,4 @@
-"""Events: zeros of a function along a trajectory."""
+"""Events: zeros of a function along a trajectory, and what they do to it."""
 
 from __future__ import annotations
 
@@ -10,8 +10,68 @@ import numpy as np
 
 from liouville.errors import hinted
 
+#: What the states after a reset are called, behind the names of those before.
+AFTER = "_after"
+
 #: Which zeros count: the sign of the change.
 DIRECTIONS = {"both": 0, "up": 1, "down": -1}
+
+
+@dataclass(frozen=True)
+class Impact:
+    r"""Newton's law of impact, as the reset of an :class:`Event` with a function :math:`e(t, q)`.
+
+    .. math::
+
+        e_t + e_q v^+ = -\varepsilon \, (e_t + e_q v^-), \qquad
+        p^+ - p^- = e_q^T \Lambda + r_\lambda \hat\lambda
+
+    The impulse :math:`\Lambda` acts along the gradient of :math:`e`, and :math:`\hat\lambda` are
+    the impulses of all constraints, which hold after the impact too.
+
+    Parameters
+    ----------
+    restitution : float or callable, default 1
+        :math:`\varepsilon`, from 0 (no rebound) to 1 (no loss), or a function of the arguments of
+        the event.
+
+    Raises
+    ------
+    TypeError, ValueError
+        It is no such thing.
+
+    References
+    ----------
+    :cite:t:`glocker2001`; :doc:`/theory/steps`.
+
+    Examples
+    --------
+    >>> import liouville as lv
+    >>> ball = lv.Lagrangian(lambda t, q, v, params: v[0] ** 2 / 2 - q[0], q=("height",))
+    >>> ground = lv.Event(lambda t, q, v, lam, params: q[0], "down", reset=lv.Impact(0.5))
+    >>> run = lv.integrate(
+    ...     ball, lv.Spark(2), t=(0, 3), h=0.1, events={"ground": ground}, q=[0.5], v=[0.0]
+    ... )
+    >>> run.events["ground"].t[:4].round(12).tolist()
+    [1.0, 2.0, 2.5, 2.75]
+    """
+
+    restitution: float | Callable[..., Any] = 1.0
+
+    def __post_init__(self) -> None:
+        """Refuse what is no restitution."""
+        given = self.restitution
+        if callable(given):
+            return
+        if isinstance(given, (bool, np.bool_)) or not isinstance(given, int | float | np.number):
+            raise TypeError(f"restitution is a number or a function, not {given!r}")
+        if not 0 <= given <= 1:
+            raise ValueError(f"restitution is from 0 to 1, not {given}")
+
+    @property
+    def is_elastic(self) -> bool:
+        """Whether it undoes itself."""
+        return not callable(self.restitution) and self.restitution == 1
 
 
 @dataclass(frozen=True)
@@ -30,11 +90,18 @@ class Event:
         one that goes backwards in time passes it the other way.
     terminal : bool or int, default False
         Whether the event ends the run, or how many of it do.
+    reset : Impact or callable, optional
+        The state after the event, with which the run goes on: an :class:`Impact`, or a function of
+        the same arguments that returns the velocities after it (``p`` of a ``Hamiltonian``, ``z``
+        of a ``Mechanical``, ``y`` of a ``SemiExplicit``), or a mapping of states, such as
+        ``{"q": ..., "v": ...}``. What it says is moved to the constraints, as
+        ``system.consistent`` moves a start, by impulses in the velocities. ``solution.events`` has
+        both states: ``q`` and ``v`` before, ``q_after`` and ``v_after``.
 
     Raises
     ------
     TypeError, ValueError
-        One of the three is no such thing.
+        One of them is no such thing.
 
     Examples
     --------
@@ -54,6 +121,7 @@ class Event:
     function: Callable[..., Any]
     direction: str = "both"
     terminal: bool | int = False
+    reset: Impact | Callable[..., Any] | None = None
 
     def __post_init__(self) -> None:
         """Refuse what is no event."""
@@ -65,6 +133,10 @@ class Event:
             raise TypeError(f"terminal is True, False or a number, not {self.terminal!r}")
         if self.terminal < 0:
             raise ValueError(f"terminal is at least 1, or False, not {self.terminal}")
+        if not (self.reset is None or isinstance(self.reset, Impact) or callable(self.reset)):
+            sentence = f"reset is an Impact or a function, not {self.reset!r}"
+            hint = "reset=lv.Impact(0.8), or a function that returns the velocities after it"
+            raise TypeError(hinted(sentence, hint))
 
 
 def named(events: Any) -> dict[str, Event]:

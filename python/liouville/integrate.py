@@ -83,7 +83,7 @@ def integrate(
     events : mapping of str to Event or callable, optional
         Functions ``f(t, q, v, lam, params)``, of semi-explicit systems ``f(t, y, z, params)``,
         whose changes of sign are wanted, by name; see :class:`Event` for those that have a
-        direction or end the run.
+        direction, end the run, or reset its state.
     observe : mapping of str to callable, optional
         Further quantities ``f(t, q, v, params)`` (the system's own states), scalars or vectors,
         evaluated in the core at each kept step.

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from liouville.errors import check_name, hinted
+from liouville.events import AFTER
 from liouville.points import Points
 
 if TYPE_CHECKING:
@@ -21,7 +22,7 @@ GROUPS = ("states", "invariants", "residuals", "observed", "balance")
 ROUNDINGS = 4
 
 #: The states that have no number for each coordinate.
-NOT_OF_COORDINATES = ("lam", "psi")
+NOT_OF_COORDINATES = ("lam", "psi", "member")
 
 
 def member_of(solution: Solution, member: int) -> Solution:
@@ -36,14 +37,14 @@ def member_of(solution: Solution, member: int) -> Solution:
     arrays = _each(solution, lambda x: x[:, k])
     failure = solution.failures.get(k)
     rows = len(solution.t)
-    if failure is not None or solution.status == "interrupted":
+    if failure is not None or k in solution.endings or solution.status == "interrupted":
         rows = _reached(arrays, rows)
         arrays = _each(solution, lambda x: x[:rows, k])
     status, steps = "done", solution.stats.get("steps")
     if failure is not None:
         status, steps = "failed", failure.step
     elif rows < len(solution.t):
-        status, steps = "interrupted", None
+        status, steps = ("done" if k in solution.endings else "interrupted"), None
     params = solution.params
     return replace(
         solution,
@@ -54,7 +55,9 @@ def member_of(solution: Solution, member: int) -> Solution:
         varied=(),
         stats={} if steps is None else {"steps": steps},
         status=status,
-        message="" if failure is None else failure.message,
+        message=solution.endings.get(k, "") if failure is None else failure.message,
+        events={name: points.of_member(k) for name, points in solution.events.items()},
+        endings={},
         members=None,
         failures={},
     )
@@ -138,7 +141,10 @@ def _of_coordinates(solution: Solution, names: Sequence[str]) -> Solution:
     others = {*NOT_OF_COORDINATES, *(("z",) if "unknowns" in solution.names else ())}
 
     def cut(states: dict[str, Array]) -> dict[str, Array]:
-        return {name: x if name in others else _columns(x, places) for name, x in states.items()}
+        return {
+            name: x if name.removesuffix(AFTER) in others else _columns(x, places)
+            for name, x in states.items()
+        }
 
     given = solution.reactions
     return replace(
@@ -157,6 +163,52 @@ def _columns(x: Array, places: Sequence[int]) -> Array:
     if list(places) == list(range(first, first + len(places))):
         return x[..., first : first + len(places)]
     return x[..., places]
+
+
+def pieces(solution: Solution, names: tuple[str, str]) -> list[tuple[Array, Array, Array]]:
+    """Return t, y and z at the ends of all steps, one piece of a run between resets after another.
+
+    A piece begins with the state after a reset and ends with the one before the next.
+    """
+    t, *states = solution.t, *(solution.states[name] for name in names)
+    hits = [x for x in solution.events.values() if names[0] + AFTER in x.states]
+    way = 1 if not t.size or t[0] <= t[-1] else -1
+    times = np.concatenate([np.empty(0), *(x.t for x in hits)])
+    order = np.argsort(way * times, kind="stable")
+    times = times[order]
+    if not times.size:
+        return [(t, states[0], states[1])]
+    before, after = (
+        [np.concatenate([x.states[name + end] for x in hits])[order] for name in names]
+        for end in ("", AFTER)
+    )
+    found, row, begin = [], 0, [x[:0] for x in (t, *states)]
+    for group in np.split(np.arange(times.size), np.flatnonzero(np.diff(times)) + 1):
+        first, last = _outermost(group, before, after)
+        cut = int(np.searchsorted(way * t, way * times[first]))
+        end = [x[first : first + 1] for x in (times, *before)]
+        found.append(_joined(begin, [x[row:cut] for x in (t, *states)], end))
+        begin = [x[last : last + 1] for x in (times, *after)]
+        row = cut + int(np.array_equal(t[cut : cut + 1], begin[0]))  # the record after it
+    found.append(_joined(begin, [x[row:] for x in (t, *states)]))
+    return found
+
+
+def _joined(*parts: list[Array]) -> tuple[Array, Array, Array]:
+    t, y, z = (np.concatenate(x) for x in zip(*parts, strict=True))
+    return t, y, z
+
+
+def _outermost(group: Array, before: list[Array], after: list[Array]) -> tuple[int, int]:
+    """Return the first and the last of resets at one time, each of which leads to the next."""
+    if len(group) == 1:
+        return int(group[0]), int(group[0])
+    starts, ends = (np.concatenate([x[group] for x in side], axis=1) for side in (before, after))
+    leads = (starts[:, None] == ends[None]).all(axis=2)  # the row from the column
+    np.fill_diagonal(leads, False)
+    first = group[~leads.any(axis=1)]
+    last = group[~leads.any(axis=0)]
+    return int(first[0] if first.size else group[0]), int(last[-1] if last.size else group[-1])
 
 
 def reaction(solution: Solution, constraint: str | int | None) -> Array:

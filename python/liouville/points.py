@@ -22,7 +22,9 @@ class Points:
         The times.
     states : dict of str to ndarray
         ``q``, ``v``, ``p`` of shape (k, n) and ``lam`` of shape (k, m), or others by the names that
-        the solution has them under; without the first axis where t is a single time.
+        the solution has them under; without the first axis where t is a single time. Of an event
+        with a reset these are the states before it, and ``q_after``, ``v_after`` and so on those
+        after it. The events of an ensemble have ``member``, shape (k,), too.
     """
 
     t: Any
@@ -48,6 +50,12 @@ class Points:
         raise AttributeError(
             f"the points have no {name!r}\nhint: their states are {', '.join(states)}"
         )
+
+    def of_member(self, member: int) -> Points:
+        """Return the points of one member of an ensemble, by its number from 0."""
+        own = self.states["member"] == member
+        states = {name: x[own] for name, x in self.states.items() if name != "member"}
+        return Points(self.t[own], states)
 
     def __len__(self) -> int:
         """Return how many there are."""

@@ -63,7 +63,8 @@ class Solution(States, Motions):
         Where the energy of a Lagrangian or a Structure went, if the method records it: ``work``
         and ``dissipated``, which are attributes too. Empty otherwise.
     events : dict of str to Points
-        Where the functions of ``events=`` changed their sign, by name, with the states there.
+        Where the functions of ``events=`` changed their sign, by name, with the states there; of an
+        ensemble those of one member after another.
     dense_order : int
         The order of the method, where the states of all steps are kept and the system is a
         mechanical or semi-explicit one: then ``solution(t)`` gives the states between them, of an
@@ -103,6 +104,9 @@ class Solution(States, Motions):
     failures : dict of int to Failure
         Members of an ensemble that failed, in their order, with the step, its time and why; what
         they have after it is NaN.
+    endings : dict of int to str
+        Members of an ensemble that an event ended, with which and when; what they have after it is
+        NaN.
     reactions : ndarray, shape (k, n), or None
         The reaction forces of a solution that was loaded; :meth:`reaction` gives them.
     system : System or None
@@ -131,6 +135,7 @@ class Solution(States, Motions):
     message: str = ""
     members: int | None = None
     failures: dict[int, Failure] = field(default_factory=dict)
+    endings: dict[int, str] = field(default_factory=dict)
     varied: tuple[str, ...] = ()
     changing: tuple[str, ...] = ()
     reactions: Array | None = None
@@ -249,7 +254,9 @@ class Solution(States, Motions):
         start of the step before too, of degree 8. Velocities are its derivative; with methods of
         order 2, and where the second half of the state is no velocity, it has a polynomial of its
         own, and so has z of a ``SemiExplicit`` system. Multipliers are solved for at the
-        interpolated point. Constraints hold there to the order of all this.
+        interpolated point. Constraints hold there to the order of all this. Where an event had a
+        reset, the motion is interpolated on each side by itself; at its time the state is the one
+        after it.
 
         Parameters
         ----------
@@ -283,16 +290,15 @@ class Solution(States, Motions):
         times = times_within(t, self.t[0], self.t[-1])
         flat = times.ravel()
         order = np.argsort(flat if self.t[0] <= self.t[-1] else -flat, kind="stable")
-        y, z = (self.states[name] for name in system.states)
-        values = system.values(self.params)
-        found = system.between(self.dense_order, (self.t, y, z), flat[order], values)
+        values, run = system.values(self.params), parts.pieces(self, system.states)
+        found = system.between(self.dense_order, run, flat[order], values)
         back = np.argsort(order)
         states = {name: x[back].reshape(*times.shape, -1) for name, x in found.items()}
         return Points(flat if times.ndim else float(flat[0]), states)
 
     def _largest(self, sizes: Array) -> float:
         """Return the largest value, of those members that have come so far."""
-        if self.members is not None and (self.failures or self.status != "done"):
+        if self.members is not None and (self.failures or self.endings or self.status != "done"):
             sizes = sizes[~np.isnan(sizes)]
         return float(np.max(sizes, initial=0.0))
 

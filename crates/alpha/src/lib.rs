@@ -22,6 +22,7 @@ mod coupling;
 mod newton_matrix;
 mod probe;
 mod reaction;
+mod restart;
 mod solve;
 mod state;
 
@@ -34,6 +35,7 @@ use liouville_base::tableau;
 use liouville_problem::{Acceleration, SecondOrderModel};
 use newton_matrix::AlphaMatrix;
 use reaction::Reaction;
+pub use restart::AlphaRestart;
 use solve::{AlphaSolver, AlphaStep};
 pub use state::AlphaState;
 

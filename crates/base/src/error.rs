@@ -27,6 +27,8 @@ pub enum Quantity {
     Observable,
     /// A function whose zeros are events.
     Event,
+    /// The state after an event.
+    Reset,
 }
 
 impl Quantity {
@@ -45,6 +47,7 @@ impl Quantity {
             Self::Power => "power",
             Self::Observable => "observable",
             Self::Event => "event",
+            Self::Reset => "reset",
         }
     }
 }
@@ -93,6 +96,13 @@ pub enum StepError {
     Norm { norm: f64, start: f64, t: f64 },
     #[error("the step at t = {t} spans {theta} of the spectrum, the method takes {most}")]
     Spectrum { theta: f64, most: f64, t: f64 },
+    #[error("event {event} at t = {t} has a reset that leads to no state of the system")]
+    Reset {
+        event: usize,
+        t: f64,
+        /// The constraint that is missed, and by how much; none where the constraints hold what an impact is to move.
+        missed: Option<(Quantity, usize, f64)>,
+    },
     #[error("interrupted")]
     Interrupted,
     #[error("there is no memory for more records")]

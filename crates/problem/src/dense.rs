@@ -150,6 +150,28 @@ impl<M: Dynamics> Path<M> {
         Ok(())
     }
 
+    /// Puts a knot in the place of the last one, where the motion goes on with another state.
+    ///
+    /// # Errors
+    /// As [`Path::push`].
+    pub fn end_at(&mut self, t: f64, state: &impl Carried) -> Result<(), StepError> {
+        self.spare.extend(self.knots.pop());
+        self.is_fitted = false;
+        if self.end().to_bits() == t.to_bits() {
+            return Ok(());
+        }
+        self.push(t, state)
+    }
+
+    /// Forgets all knots, and goes on from this one.
+    ///
+    /// # Errors
+    /// As [`Path::push`].
+    pub fn begin(&mut self, t: f64, state: &impl Carried) -> Result<(), StepError> {
+        self.spare.append(&mut self.knots);
+        self.push(t, state)
+    }
+
     /// Goes to the point at time `t` of a trajectory of which all steps are known: their ends `times`, and
     /// y and z there, one row a time. The times asked for in turn follow the trajectory.
     ///

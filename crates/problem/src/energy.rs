@@ -93,6 +93,9 @@ pub struct EnergyWatch {
     gaps: [Vec<Gap>; 2],
     changes: Changes,
     is_finite: bool,
+    /// Changes by resets that no record has shown yet, with their times; and the sum of the others.
+    resets: VecDeque<(f64, f64)>,
+    by_resets: f64,
 }
 
 /// Energies that all records before stay below, and all those after above, with the times of the records around.
@@ -127,7 +130,15 @@ impl EnergyWatch {
             gaps: [Vec::new(), Vec::new()],
             changes: Changes::default(),
             is_finite: true,
+            resets: VecDeque::new(),
+            by_resets: 0.0,
         }
+    }
+
+    /// Leaves out of the changes one by a reset at a time, to be told of in their order and before the records after
+    /// them.
+    pub fn reset(&mut self, t: f64, change: f64) {
+        self.resets.push_back((t, change));
     }
 
     /// Looks at the next record.
@@ -135,7 +146,13 @@ impl EnergyWatch {
     /// # Panics
     /// When a column is beyond the row.
     pub fn add(&mut self, t: f64, row: &[f64]) {
-        let (energy, kinetic) = (row[self.at.energy], self.at.kinetic.of(row));
+        while self.resets.front().is_some_and(|(reset, _)| *reset <= t) {
+            self.by_resets += self.resets.pop_front().map_or(0.0, |(_, change)| change);
+        }
+        let (energy, kinetic) = (
+            row[self.at.energy] - self.by_resets,
+            self.at.kinetic.of(row),
+        );
         let first = *self.start.get_or_insert(energy);
         self.records += 1;
         self.kinetic += kinetic;
@@ -294,6 +311,10 @@ impl Checkpoint for EnergyWatch {
         for count in counts {
             count.save(member, out);
         }
+        (self.by_resets, self.resets.len()).save(member, out);
+        for reset in &self.resets {
+            reset.save(member, out);
+        }
     }
 
     fn restore(&mut self, member: usize, saved: &mut &[f64]) -> Result<(), CheckpointMismatch> {
@@ -310,6 +331,8 @@ impl Checkpoint for EnergyWatch {
         self.changes.zeros.restore(member, saved)?;
         self.changes.first.restore(member, saved)?;
         self.changes.counts = restored::<usize>(member, saved)?.into();
+        self.by_resets.restore(member, saved)?;
+        self.resets = restored::<(f64, f64)>(member, saved)?.into();
         Ok(())
     }
 }

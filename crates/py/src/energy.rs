@@ -37,6 +37,11 @@ impl PyEnergyWatch {
         }
     }
 
+    /// Leaves a change by a reset out, told of before the records after it.
+    fn reset(&mut self, t: f64, change: f64) {
+        self.inner.reset(t, change);
+    }
+
     /// Looks at further records, of one member where rows have shape (k, P, width).
     #[pyo3(signature = (times, rows, member = 0))]
     fn add(

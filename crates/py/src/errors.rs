@@ -85,6 +85,16 @@ pub(crate) fn error<'py>(py: Python<'py>, error: &StepError) -> PyResult<Bound<'
             dict.set_item("t", t)?;
             "spectrum"
         }
+        StepError::Reset { event, t, missed } => {
+            dict.set_item("event", event)?;
+            dict.set_item("t", t)?;
+            if let Some((quantity, index, value)) = missed {
+                dict.set_item("quantity", quantity.name())?;
+                dict.set_item("index", index)?;
+                dict.set_item("value", value)?;
+            }
+            "reset"
+        }
         StepError::Interrupted => "interrupted",
         StepError::NoMemory => "no memory",
         StepError::Member { member, error } => {

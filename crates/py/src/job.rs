@@ -8,6 +8,7 @@ use liouville_base::method::Tolerance;
 use liouville_base::run::{Advance, Span, StartError};
 use liouville_base::tableau;
 use liouville_base::tape::Tape;
+use liouville_mechanics::events::Law;
 use liouville_mechanics::run::{
     self, Control, Detection, EventFunction, Method, Problem, SparkMethod,
 };
@@ -126,25 +127,45 @@ impl ControlOf<'_> {
     }
 }
 
-/// Order of the method, times to record at or None, and events: (tape, direction, how many end the run or 0, whether
-/// it needs lam).
-type Watch<'py> = (
+/// Order of the method, times to record at or None, and events.
+type Watch<'py> = (usize, Option<PyReadonlyArray1<'py, f64>>, Vec<EventOf<'py>>);
+
+/// An event: tape, direction, how many end the run or 0, whether it needs lam, its reset or None, and whether it is a
+/// switch.
+type EventOf<'py> = (
+    PyRef<'py, convert::Tape>,
+    i8,
     usize,
-    Option<PyReadonlyArray1<'py, f64>>,
-    Vec<(PyRef<'py, convert::Tape>, i8, usize, bool)>,
+    bool,
+    Option<ResetOf<'py>>,
+    bool,
+);
+
+/// A reset: its tape, whether it is an impact, and the tape of the event's rate or None.
+type ResetOf<'py> = (
+    PyRef<'py, convert::Tape>,
+    bool,
+    Option<PyRef<'py, convert::Tape>>,
 );
 
 fn detection((order, times, events): &Watch<'_>) -> PyResult<Detection> {
     let times = times.as_ref().map(|x| x.as_slice().map(<[f64]>::to_vec));
-    let events = events.iter().map(|(tape, direction, terminal, needs_lam)| {
-        let tape = Tape::clone(&tape.0);
-        EventFunction {
-            tape,
-            direction: *direction,
-            terminal: *terminal,
-            needs_lam: *needs_lam,
-        }
-    });
+    let copied = |tape: &PyRef<'_, convert::Tape>| Tape::clone(&tape.0);
+    let events = events.iter();
+    let events =
+        events.map(
+            |(tape, direction, terminal, needs_lam, reset, is_switch)| EventFunction {
+                tape: copied(tape),
+                direction: *direction,
+                terminal: *terminal,
+                needs_lam: *needs_lam,
+                reset: reset.as_ref().map(|(tape, is_impact, rate)| {
+                    let law = if *is_impact { Law::Impact } else { Law::State };
+                    (law(copied(tape)), rate.as_ref().map(copied))
+                }),
+                is_switch: *is_switch,
+            },
+        );
     Ok(Detection {
         order: *order,
         times: times.transpose()?,

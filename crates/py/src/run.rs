@@ -159,22 +159,30 @@ impl Run {
         Ok(dict)
     }
 
-    /// For each event function times and rows (y, z, lam) one after another; then which one ended the run,
-    /// and when.
+    /// For each event function times, rows (y, z, lam) one after another, of one with a reset each followed by that
+    /// after it, and members of an ensemble; then which one ended the run, when, where its hits accumulate if they do,
+    /// and of which member.
     #[allow(clippy::type_complexity)]
     fn events<'py>(
         &mut self,
         py: Python<'py>,
     ) -> (
-        Vec<(Bound<'py, PyArray1<f64>>, Bound<'py, PyArray1<f64>>)>,
-        Option<(usize, f64)>,
+        Vec<(
+            Bound<'py, PyArray1<f64>>,
+            Bound<'py, PyArray1<f64>>,
+            Bound<'py, PyArray1<usize>>,
+        )>,
+        Vec<(usize, f64, Option<f64>, usize)>,
     ) {
         let events = self.inner.events();
-        let found = events.found.into_iter().map(|(times, rows)| {
-            let times = PyArray1::from_vec(py, times);
-            (times, PyArray1::from_vec(py, rows))
+        let found = events.found.into_iter().map(|hits| {
+            let times = PyArray1::from_vec(py, hits.times);
+            let rows = PyArray1::from_vec(py, hits.rows);
+            (times, rows, PyArray1::from_vec(py, hits.members))
         });
-        (found.collect(), events.end)
+        let ends = events.ends.into_iter();
+        let ends = ends.map(|end| (end.event, end.t, end.limit, end.member));
+        (found.collect(), ends.collect())
     }
 
     /// Times and rows of the records; the run keeps none. A section has rows of its own times.

@@ -60,6 +60,7 @@ class Mechanism(Lagrangian):
             q=self._body_layout.coordinates,
             params=params,
             force=model.force,
+            switches=model.switches,
         )
         self._places = {place.name: place for place in model.places()}
         self.bodies, self.joints = self._body_layout.names, tuple(self._places)

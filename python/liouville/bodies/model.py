@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
@@ -12,7 +12,7 @@ from liouville.bodies.body import Body, Layout, Value, column, inertia_matrix, r
 from liouville.bodies.chaining import Coupling
 from liouville.bodies.compound import grouped, rotors
 from liouville.bodies.elements import Efforts, Element, of_elements, of_joints
-from liouville.bodies.friction import contact, multipliers, normal_forces
+from liouville.bodies.friction import RUBBING, contact, multipliers, normal_forces
 from liouville.bodies.joints import KINDS, MOTION, Joint, local, rolled
 from liouville.bodies.poses import Poses, kinetic
 
@@ -176,6 +176,18 @@ class Model:
             for name, unit in x.forces.items():
                 value, rate, effort = self.coordinates[x.name, name]
                 self.coordinates[x.name, name] = value, rate, effort + N * unit
+
+    @property
+    def switches(self) -> dict[str, Callable[..., ca.SX]]:
+        """The slips at whose reversal controlled steps end, of joints with one slip, by name."""
+
+        def slip(joint: str, name: str) -> Callable[..., ca.SX]:
+            return lambda t, q, v, params: self.coordinates[joint, name][1]
+
+        slips = {
+            joint.name: RUBBING[joint.kind][0] for joint in self.joints if joint.friction is not None
+        }
+        return {f"slip of {x}": slip(x, own[0]) for x, own in slips.items() if len(own) == 1}
 
     def _pushed(self, v: ca.SX) -> ca.SX:
         """Return the generalised forces of all efforts."""

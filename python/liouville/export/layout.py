@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from liouville.events import AFTER
 from liouville.failure import Failure
 from liouville.points import STATES, Points
 from liouville.solution import Array, Solution
@@ -78,7 +79,7 @@ def laid_out(solution: Solution) -> Layout:
         axis = f"event_axis_{label}"
         variables[f"event_t_{label}"] = ((axis,), points.t, {"name": name})
         for state, values in points.states.items():
-            dims = (axis, axis_of.get(state, "coordinate"))
+            dims = (axis, axis_of.get(state.removesuffix(AFTER), "coordinate"))[: values.ndim]
             variables[f"event_{state}_{label}"] = (dims, values, {"name": name, "state": state})
     labels = {
         "coordinate": names["coordinates"],
@@ -98,6 +99,7 @@ def laid_out(solution: Solution) -> Layout:
         "initial": json.dumps(solution.initial, default=_plain),
         "members": -1 if solution.members is None else solution.members,
         "failures": json.dumps({k: [x.step, x.t, x.message] for k, x in failures.items()}),
+        "endings": json.dumps(solution.endings),
         "varied": json.dumps(solution.varied),
         "changing": json.dumps(solution.changing),
         "units": json.dumps(solution.units),
@@ -163,6 +165,7 @@ def read(layout: Layout) -> Solution:
         h=float(attributes["h"]),
         members=_members(attributes.get("members", -1)),
         failures=_failures(json.loads(attributes.get("failures", "{}"))),
+        endings={int(k): x for k, x in json.loads(attributes.get("endings", "{}")).items()},
         units=json.loads(attributes.get("units", "{}")),
         varied=tuple(json.loads(attributes.get("varied", "[]"))),
         changing=tuple(json.loads(attributes.get("changing", "[]"))),

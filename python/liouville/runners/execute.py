@@ -6,6 +6,7 @@ import math
 import time
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -33,7 +34,7 @@ def execute(runner: Runner, progress: Progress = None) -> Solution:
     run = runner.start()
     outcome: Outcome
     events: dict[str, Points] = {}
-    reached, end = runner.steps.t0, ""
+    reached, endings = runner.steps.t0, dict[int, str]()
     if isinstance(run, dict):
         outcome = run
         times, rows = np.empty(0), np.empty((0, *runner.members, sum(runner.columns.values())))
@@ -42,7 +43,7 @@ def execute(runner: Runner, progress: Progress = None) -> Solution:
         outcome = advance(run, runner, progress)
         reached = run.t
         (times, rows), stats = run.take(), runner.stats(run)
-        events, end = runner.events(run)
+        events, endings = runner.events(run)
         if found := runner.contradiction(rows):
             good, outcome = found
             outcome |= {"step": max(good - 1, 0) * runner.every, "start": times[max(good - 1, 0)]}
@@ -51,6 +52,7 @@ def execute(runner: Runner, progress: Progress = None) -> Solution:
             runner.look(outcome, times, rows)
     stats["seconds"] = time.perf_counter() - clock
 
+    end = "" if runner.members else endings.get(0, "")
     status, message, quantity = status_of(outcome, runner, stats, end)
     failures: dict[int, Failure] = {}
     if runner.members and not isinstance(run, dict):
@@ -61,9 +63,11 @@ def execute(runner: Runner, progress: Progress = None) -> Solution:
             if status == "failed":
                 stats["steps"] = max(failure.step for failure in failures.values())
     if status != "failed":
-        message = "; ".join(filter(None, [message, runner.remark(times, rows)]))
+        message = "; ".join(filter(None, [message, runner.remark(times, rows, events)]))
     ended = status, message
     solution = solution_of(runner, times, rows, stats, reached, ended, events, failures)
+    if runner.members and endings:
+        solution = replace(solution, endings=endings)
     if failures and not solution.t.size:
         member, first = next(iter(failures.items()))
         raise IntegrationError(

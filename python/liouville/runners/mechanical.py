@@ -11,7 +11,9 @@ from liouville import _core
 from liouville._job import Job
 from liouville.control import Takes
 from liouville.errors import Description, hinted, quoted
+from liouville.events import AFTER
 from liouville.methods import Composition, LobattoPair, Method
+from liouville.points import Points
 from liouville.runners.energy import watch_of
 from liouville.runners.runner import Request
 from liouville.runners.traced import TracedRunner
@@ -38,6 +40,7 @@ class MechanicalRunner(TracedRunner):
 
     system: Mechanics
     _left_out: tuple[int, ...] = ()
+    _rows: np.ndarray
 
     def __init__(self, system: Mechanics, method: Method, request: Request) -> None:
         self._stepped = system
@@ -77,6 +80,11 @@ class MechanicalRunner(TracedRunner):
         if not self._is_general:
             return Takes(type(self.choice).__name__, ("error",))
         return super()._takes()
+
+    @property
+    def _sees_switches(self) -> bool:
+        # the alpha family takes reversible steps where nothing changes the energy
+        return super()._sees_switches and (self._is_general or not self.system.is_conservative)
 
     @property
     def _also(self) -> tuple[str, ...]:
@@ -125,6 +133,27 @@ class MechanicalRunner(TracedRunner):
         if not self.system.is_conservative:
             return None
         return watch_of(self.columns, self.initial.get("energy"), rises=not self._is_general)
+
+    def resets(self, events: Mapping[str, Points], member: int = 0) -> list[tuple[float, float]]:
+        """Return when resets have changed the energy of a member, and by how much, in order."""
+        if self.steps.t1 < self.steps.t0 or "invariant energy" not in self.widths:
+            return []
+        place = list(self.widths.values())[: [*self.widths].index("invariant energy")]
+        params = self._rows if self.members else self._values[None]
+        params = np.ascontiguousarray(params[member if len(params) > 1 else 0])
+        found: list[tuple[float, float]] = []
+        for points in events.values():
+            sides = [[f"{name}{end}" for name in self.system.states] for end in ("", AFTER)]
+            if sides[1][0] not in points.states:
+                continue
+            at = points.of_member(member) if self.members else points
+            energies = []
+            for names in sides:
+                args = [at.t[:, None], *(at.states[name] for name in names)]
+                rows = self._observer.map(params, [*map(np.ascontiguousarray, args)])
+                energies.append(rows[:, sum(place)])
+            found += zip(at.t.tolist(), (energies[1] - energies[0]).tolist(), strict=True)
+        return sorted(found)
 
     def contradiction(self, rows: np.ndarray) -> tuple[int, dict[str, Any]] | None:
         """Return where constraints that were left out do not hold, with the first of them."""

@@ -31,10 +31,11 @@ class Members(TracedRunner):
         job.params, job.threads, job.is_ensemble = self._rows, self.threads, True
         return job
 
-    def events(self, run: _core.Run) -> tuple[dict[str, Points], str]:
-        """Return no events: an ensemble has none."""
-        del run
-        return {}, ""
+    def events(self, run: _core.Run) -> tuple[dict[str, Points], dict[int, str]]:
+        """Return the events met, of one member after another, and what ended which runs."""
+        if self._watched is None:
+            return {}, {}
+        return self._watch.events_of(run, self.system, np.atleast_2d(self._rows))
 
     def _takes(self) -> Takes:
         return Takes(type(self.choice).__name__)

@@ -148,23 +148,32 @@ class Runner(ABC):
         """Return a watch over the energy of a motion, None where nothing tells what it may be."""
         return None
 
-    def remark(self, t: np.ndarray, rows: np.ndarray) -> str:
+    def remark(self, t: np.ndarray, rows: np.ndarray, events: Mapping[str, Points]) -> str:
         """Return a sentence on records that cannot be right; empty where there is none."""
-        return said_of(self._found(t, rows), is_ensemble=bool(self.members))
+        return said_of(self._found(t, rows, events), is_ensemble=bool(self.members))
 
-    def _found(self, t: np.ndarray, rows: np.ndarray) -> Iterator[Found | None]:
+    def resets(self, events: Mapping[str, Points], member: int = 0) -> list[tuple[float, float]]:
+        """Return when resets have changed the energy of a member, and by how much, in order."""
+        del events, member
+        return []
+
+    def _found(
+        self, t: np.ndarray, rows: np.ndarray, events: Mapping[str, Points]
+    ) -> Iterator[Found | None]:
         """Give what is found of each member, one after another."""
         for member in range(math.prod(self.members)):
             watch = self.watch()
             if watch is None:
                 return
+            for reset in self.resets(events, member):
+                watch.reset(*reset)
             watch.add(t, rows, member)
             yield watch.found()
 
-    def events(self, run: _core.Run) -> tuple[dict[str, Points], str]:
-        """Return the events met, by name, and a sentence on the one that ended the run."""
+    def events(self, run: _core.Run) -> tuple[dict[str, Points], dict[int, str]]:
+        """Return the events met, by name, and a sentence on each that ended a run, by member."""
         del run
-        return {}, ""
+        return {}, {}
 
     def look(self, error: dict[str, Any], t: np.ndarray, rows: np.ndarray) -> None:
         """Add to an error what the last record tells of its cause; by default nothing."""

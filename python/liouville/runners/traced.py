@@ -60,7 +60,8 @@ class TracedRunner(Runner):
         self._order = int(getattr(method, "order", 0))
         span = (self.steps.t0, self.steps.t1)
         self._watch = Watch(request.events, request.t_eval, span, self.every)
-        self._watched = self._watch.crossed(system, self._order)
+        switches = system.switch_tapes if self._sees_switches else {}
+        self._watched = self._watch.crossed(system, self._order, switches)
         self._take(request)
         self.params = {**system.params, **(request.params or {})}
         self._states = request.states
@@ -124,10 +125,10 @@ class TracedRunner(Runner):
         """Return the numbers of a run of the core that mean nothing here."""
         return set() if self._control == "error" else {"rejected"}
 
-    def events(self, run: _core.Run) -> tuple[dict[str, Points], str]:
-        """Return the events met, by name, and a sentence on the one that ended the run."""
+    def events(self, run: _core.Run) -> tuple[dict[str, Points], dict[int, str]]:
+        """Return the events met, by name, and a sentence on each that ended a run, by member."""
         if self._watched is None:
-            return {}, ""
+            return {}, {}
         return self._watch.events_of(run, self.system, self._values)
 
     def _monitored(self, control: Reversible) -> tuple[_core.Tape, bool] | None:
@@ -140,6 +141,11 @@ class TracedRunner(Runner):
         self._begin = self.system.start(request.start, self._also)
         y, z = self._begin[:2]
         self.system.check(self.steps.t0, y, z, self._values, hidden=self._is_hidden_kept)
+
+    @property
+    def _sees_switches(self) -> bool:
+        """Whether steps end at the switches of the system."""
+        return self._control == "error"
 
     @property
     def _also(self) -> tuple[str, ...]:
@@ -166,8 +172,11 @@ class TracedRunner(Runner):
 
     def _described_by(self, system: Mechanics | SemiExplicit, error: dict[str, Any]) -> Description:
         """Describe an error by the names of this system."""
-        if error.get("quantity") == "event":
-            error["quantity"] = f"event {[*self._watch.events][error['index']]}"
+        names = [*self._watch.events, *self.system.switch_tapes]
+        if error.get("quantity") in ("event", "reset") and error["kind"] == "not finite":
+            error["quantity"] += f" {names[error['index']]}"
+        if error["kind"] == "reset":
+            error["event"] = names[error["event"]]
         return system.describe(error)
 
     def _check_sizes(self, request: Request) -> None:

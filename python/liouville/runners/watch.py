@@ -7,15 +7,14 @@ from typing import Any
 
 import numpy as np
 
-from liouville import _core
+from liouville import _core, _job
 from liouville.errors import hinted
-from liouville.events import DIRECTIONS, Event, named
+from liouville.events import AFTER, DIRECTIONS, Event, Impact, named
 from liouville.points import Points
 from liouville.systems import Mechanics, SemiExplicit
 
-#: The watch as it crosses the border: the order of the method, the times, and for each event its
-#: tape, its direction, how many end the run, and whether it needs multipliers.
-Crossed = tuple[int, np.ndarray | None, list[tuple[_core.Tape, int, int, bool]]]
+#: The watch as it crosses the border: the order of the method, the times, and the events.
+Crossed = tuple[int, np.ndarray | None, list[_job.Event]]
 
 
 class Watch:
@@ -31,38 +30,94 @@ class Watch:
 
     def __init__(self, events: Any, times: Any, span: tuple[float, float], every: int) -> None:
         self.events: Mapping[str, Event] = named(events)
+        self._resets = frozenset(
+            name for name, event in self.events.items() if event.reset is not None
+        )
+        if span[1] < span[0]:
+            _check_invertible(self.events)
         self.times = None if times is None else within(times, *span)
         if times is not None and every != 1:
             raise ValueError("give either every= or t_eval=: both say which states to keep")
 
     def __getstate__(self) -> dict[str, Any]:
         """Leave the functions behind: the core has them as tapes."""
-        return {"events": dict.fromkeys(self.events), "times": self.times}
+        events = dict.fromkeys(self.events)
+        return {"events": events, "times": self.times, "_resets": self._resets}
 
-    def crossed(self, system: Mechanics | SemiExplicit, order: int) -> Crossed | None:
-        """Return the watch for the core, if anything is looked at."""
-        if not self.events and self.times is None:
+    def crossed(
+        self, system: Mechanics | SemiExplicit, order: int, switches: Mapping[str, _core.Tape]
+    ) -> Crossed | None:
+        """Return the watch for the core, if anything is looked at; switches come last."""
+        if not self.events and not switches and self.times is None:
             return None
-        events = []
+        events: list[_job.Event] = []
         for name, event in self.events.items():
-            tape, needs_lam = system.event(name, event.function)
-            events.append((tape, DIRECTIONS[event.direction], int(event.terminal), needs_lam))
+            tape, needs_lam, reset = system.event(name, event)
+            way, terminal = DIRECTIONS[event.direction], int(event.terminal)
+            events.append((tape, way, terminal, needs_lam, reset, False))
+        events += [(tape, 0, 0, False, None, True) for tape in switches.values()]
         return order, self.times, events
 
     def events_of(
         self, run: _core.Run, system: Mechanics | SemiExplicit, params: np.ndarray
-    ) -> tuple[dict[str, Points], str]:
-        """Return the events by name, and which of them ended the run."""
-        found, end = run.events()
+    ) -> tuple[dict[str, Points], dict[int, str]]:
+        """Return the events by name, and which of them ended the run of which member.
+
+        Of an ensemble, `params` has a row for each member, or one for all.
+        """
+        found, ends = run.events()
         points = {}
-        for name, (times, rows) in zip(self.events, found, strict=False):
+        for name, (times, rows, members) in zip(self.events, found, strict=False):
             width = sum(len(names) for names in system.places.values())
-            states = system.states_at(times, rows.reshape(-1, width), params)
-            points[name] = Points(times, states)
-        if end is None:
-            return points, ""
-        which, t = end
-        return points, f"event '{[*self.events][which]}' at t = {t:.6g}"
+            sides = rows.reshape(times.size, 1 + (name in self._resets), width)
+            states: dict[str, np.ndarray] = {}
+            for side, end in enumerate(("", AFTER)[: sides.shape[1]]):
+                at = _states_at(system, times, sides[:, side], params, members)
+                states |= {f"{state}{end}": x for state, x in at.items()}
+            points[name] = Points(times, states | ({"member": members} if params.ndim > 1 else {}))
+        names = [*self.events]
+        return points, {member: _said(names[which], t, limit) for which, t, limit, member in ends}
+
+
+def _states_at(
+    system: Mechanics | SemiExplicit,
+    times: np.ndarray,
+    rows: np.ndarray,
+    params: np.ndarray,
+    members: np.ndarray,
+) -> dict[str, np.ndarray]:
+    """Name all states at points of one member after another."""
+    rows = np.ascontiguousarray(rows)
+    if params.ndim == 1 or len(params) == 1:
+        return system.states_at(times, rows, params.reshape(-1))
+    cuts = np.flatnonzero(np.diff(members)) + 1
+    parts = [
+        system.states_at(t, np.ascontiguousarray(x), params[own[0]] if own.size else params[0])
+        for t, x, own in zip(
+            np.split(times, cuts), np.split(rows, cuts), np.split(members, cuts), strict=True
+        )
+    ]
+    return {name: np.concatenate([part[name] for part in parts]) for name in parts[0]}
+
+
+def _said(name: str, t: float, limit: float | None) -> str:
+    """Say which event ended a run."""
+    if limit is None:
+        return f"event '{name}' at t = {t:.6g}"
+    return (
+        f"the hits of '{name}' accumulate at t = {limit:.6g}, and the run ends with the last that "
+        "can be told apart: from there on the motion stays on it, which another model describes"
+    )
+
+
+def _check_invertible(events: Mapping[str, Event]) -> None:
+    """Refuse resets that a run back in time would have to undo."""
+    for name, event in events.items():
+        reset = event.reset
+        if reset is not None and not (isinstance(reset, Impact) and reset.is_elastic):
+            sentence = f"event '{name}' has a reset, and the run goes back in time"
+            hint = "only reset=lv.Impact(1.0), without loss, undoes itself: run forwards"
+            raise ValueError(hinted(sentence, hint))
 
 
 def within(times: Any, t0: float, t1: float) -> np.ndarray:

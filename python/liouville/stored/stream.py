@@ -67,12 +67,15 @@ class Stream:
             times, rows = times[: found[0]], rows[: found[0]]
         if times.size:
             self._last = self._last[0] + times.size, float(times[-1])
+        events, endings = self._runner.events(run)
+        self.end = endings.get(0, "")
         if self._watch is not None:
+            for reset in self._runner.resets(events):
+                self._watch.reset(*reset)
             self._watch.add(times, rows)
         if not self._first and times.size:
             self._first = {"t": times[:1].copy(), "rows": rows[:1].copy()}
         self._append(TIME, {"t": times, "rows": rows})
-        events, self.end = self._runner.events(run)
         for name, points in events.items():
             self._append(arrays.event_axis(name), {"t": points.t, **points.states})
         if not found:

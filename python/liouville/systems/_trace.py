@@ -223,6 +223,22 @@ def placed(what: str, function: Callable[..., Any], args: Args, places: tuple[st
     return _checked(what, expression, args)
 
 
+def replaced(
+    what: str, function: Callable[..., Any], args: Args, states: Mapping[str, ca.SX]
+) -> list[ca.SX]:
+    """Call a function and return states that it replaces: the last, or those of a mapping."""
+    value = _call(what, function, args)
+    if not isinstance(value, Mapping):
+        value = {[*states][-1]: value}
+    found = dict(states)
+    for name, part in mapping(what, value).items():
+        if name not in states:
+            raise ValueError(f"{what} gives '{name}', which is none of {', '.join(states)}")
+        which = f"{what} '{name}'"
+        found[name] = _sized(which, _column(which, part), args, states[name].numel())
+    return [*found.values()]
+
+
 def named(what: str, function: Callable[..., Any], args: Args) -> tuple[tuple[str, ...], ca.SX]:
     """Call a function and return names and expressions: of a mapping, a sequence, or a scalar."""
     value = _call(what, function, args)

@@ -14,7 +14,7 @@ from liouville.systems._expressions import Symbols
 from liouville.systems._form import Model
 from liouville.systems._nonholonomic import check_felt, rolling, rolling_of_z
 from liouville.systems.mechanics import Mechanics
-from liouville.systems.traced import Function, traced_invariants
+from liouville.systems.traced import Function, traced_invariants, traced_switches
 
 
 class Lagrangian(Mechanics):
@@ -45,6 +45,10 @@ class Lagrangian(Mechanics):
         ``force(t, q, v, params)``: the n generalised forces Q that do not come from L.
     invariants : mapping of str to callable, optional
         Quantities ``f(t, q, v, params)`` to record besides "energy", :math:`v^T L_v - L`.
+    switches : mapping of str to callable, optional
+        Functions ``f(t, q, v, params)`` at whose zeros forces bend sharply, such as the edges of a
+        regularised friction. Steps controlled by their errors end there, and the next one is as
+        short as the first; equal and reversible steps do not see them.
 
     Raises
     ------
@@ -80,6 +84,7 @@ class Lagrangian(Mechanics):
         params: Mapping[str, ArrayLike] | None = None,
         force: Function | None = None,
         invariants: Mapping[str, Function] | None = None,
+        switches: Mapping[str, Function] | None = None,
     ) -> None:
         coordinates, s = declared(q, ("q", "v"), params)
         args = s.args
@@ -106,6 +111,7 @@ class Lagrangian(Mechanics):
             constraints=names + more,
             invariants={"energy": ca.dot(s.z, p) - L, **traced_invariants(invariants, args)},
             power=extra_power(extra, s.z, -jacobian(L, s.t), g, s, lam),
+            switches=traced_switches(switches, args),
         )
 
 

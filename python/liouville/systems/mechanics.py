@@ -88,6 +88,7 @@ class Mechanics(TracedSystem):
         constraints: tuple[str, ...],
         invariants: Mapping[str, ca.SX],
         power: ca.SX | None = None,
+        switches: Mapping[str, ca.SX] | None = None,
     ) -> None:
         self.coordinates = coordinates
         self.constraints = constraints
@@ -103,6 +104,9 @@ class Mechanics(TracedSystem):
         )
         self.gains_energy = power is not None and not self.is_conservative
         self._recorded: dict[str, Any] = {}
+        at = symbols.inputs(z=symbols.z, lam=self._multipliers)
+        found = (switches or {}).items()
+        self.switch_tapes = {name: record(f"switch '{name}'", at, x) for name, x in found}
         self._tapes, self._patterns, self.problem = compiled(symbols, model)
 
     @cached_property

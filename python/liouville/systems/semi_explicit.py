@@ -350,6 +350,10 @@ class SemiExplicit(TracedSystem):
         return {"y": self.coordinates, "z": self.unknowns}
 
     @property
+    def _replaceable(self) -> dict[str, ca.SX]:
+        return {"y": self._symbols.y}  # z follows
+
+    @property
     def _layout(self) -> Layout:
         return of_semi_explicit(self)
 

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import math
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
+from types import MappingProxyType
 from typing import Any, Self
 
 import numpy as np
@@ -12,10 +13,13 @@ from numpy.typing import ArrayLike
 
 from liouville import _casadi as ca
 from liouville import _core
+from liouville._job import Reset
 from liouville.errors import Description, describe, hinted
+from liouville.events import Event, Impact
 from liouville.program import Program, elements, parameters
 from liouville.systems import _trace
 from liouville.systems._expressions import Expressions, Pickled, Symbols, recorded
+from liouville.systems._form import total_derivative
 from liouville.systems._layout import POINT, Layout
 from liouville.systems._monitor import traced
 from liouville.tape import record
@@ -33,6 +37,12 @@ SHOWN = 20
 INVARIANT = "invariant "
 
 Function = Callable[..., Any]
+
+#: Tapes of an event and of its reset, and whether the event uses multipliers.
+EventTapes = tuple[_core.Tape, bool, Reset | None]
+
+#: Times, y and z at the ends of the steps of a piece of a run.
+Piece = tuple[np.ndarray, np.ndarray, np.ndarray]
 
 
 class TracedSystem(Pickled, ABC):
@@ -54,6 +64,9 @@ class TracedSystem(Pickled, ABC):
     constraints: tuple[str, ...]
     states: tuple[str, str]
     invariants: tuple[str, ...]
+    #: Tapes of the functions at whose zeros controlled steps end, by name.
+    switch_tapes: Mapping[str, _core.Tape] = MappingProxyType({})
+
     problem: _core.Mechanical | _core.SemiExplicit
     _tapes: dict[str, _core.Tape]
 
@@ -188,12 +201,22 @@ class TracedSystem(Pickled, ABC):
         """Return functions to observe in a form that can be pickled."""
         return recorded(observe, self._symbols.args)
 
-    def event(self, name: str, function: Function) -> tuple[_core.Tape, bool]:
-        """Record a function of the states and params, and say whether it uses the multipliers."""
+    @property
+    def _args_of_events(self) -> dict[str, Any]:
+        """The arguments of an event's functions."""
+        *point, params = self._symbols.args.items()
+        lam = self._multipliers
+        return dict([*point, *([] if lam is None else [("lam", lam)]), params])
+
+    @property
+    def _replaceable(self) -> dict[str, ca.SX]:
+        """The states that a reset replaces, the last by default."""
+        return dict(zip(self.states, (self._symbols.y, self._symbols.z), strict=True))
+
+    def event(self, name: str, event: Event) -> EventTapes:
+        """Record the functions of an event, and say whether it uses the multipliers."""
         s, what, lam = self._symbols, f"event '{name}'", self._multipliers
-        *point, params = s.args.items()
-        given = [] if lam is None else [("lam", lam)]
-        value = _trace.scalar(what, function, dict([*point, *given, params]))
+        value = _trace.scalar(what, event.function, self._args_of_events)
         lam = ca.SX(0, 1) if lam is None else lam
         if not ca.depends_on(value, ca.vertcat(s.t, s.y, s.z, lam)):
             raise ValueError(
@@ -204,7 +227,39 @@ class TracedSystem(Pickled, ABC):
                 )
             )
         needs_lam = lam.numel() > 0 and ca.depends_on(value, lam)
-        return record(what, s.inputs(z=s.z, lam=lam), value), needs_lam
+        inputs = s.inputs(z=s.z, lam=lam)
+        tape = record(what, inputs, value)
+        if event.reset is None:
+            return tape, needs_lam, None
+        rate = None
+        if not ca.depends_on(value, ca.vertcat(s.z, lam)):
+            rate = record(what, s.inputs(z=s.z), total_derivative(value, s, self._velocity))
+        if isinstance(event.reset, Impact):
+            law = self._impact(what, value, event.reset, has_rate=rate is not None)
+        else:
+            args = self._args_of_events
+            law = _trace.replaced(f"the reset of {what}", event.reset, args, self._replaceable)
+            law += [s.z] * (len(law) == 1)
+        reset = record(f"the reset of {what}", inputs, *law)
+        return tape, needs_lam, (reset, isinstance(event.reset, Impact), rate)
+
+    def _impact(self, what: str, value: ca.SX, impact: Impact, has_rate: bool) -> list[ca.SX]:
+        """Return the restitution of an impact and the gradient of its event."""
+        first, second = self.states
+        if second == "z" and first == "y" and "lam" not in self._args_of_events:
+            hint = "give a function of (t, y, z, params) that returns the y after it"
+            raise TypeError(hinted(f"{what} has an Impact, and its system has no masses", hint))
+        if not has_rate or not ca.depends_on(value, self._symbols.y):
+            sentence = f"{what} has an Impact, whose gradient is that of a function of (t, {first})"
+            hint = f"return what vanishes at contact, a function of {first}"
+            raise ValueError(hinted(sentence, hint))
+        given = impact.restitution
+        if callable(given):
+            which = f"the restitution of {what}"
+            restitution = _trace.scalar(which, given, self._args_of_events)
+        else:
+            restitution = ca.SX(float(given))
+        return [restitution, ca.densify(ca.gradient(value, self._symbols.y))]
 
     def monitor(self, function: Function) -> tuple[_core.Tape, bool]:
         """Record a function of (t, y, z) and its rate along the motion; say if z' is in it."""
@@ -218,26 +273,35 @@ class TracedSystem(Pickled, ABC):
     def between(
         self,
         order: int,
-        run: tuple[np.ndarray, np.ndarray, np.ndarray],
+        run: Sequence[Piece],
         times: np.ndarray,
         params: np.ndarray,
     ) -> dict[str, np.ndarray]:
         """Return the states at times within a run, of which t, y and z of all steps are given.
 
-        The times are in the order of the run, the method has the order `order`.
+        They are those of one piece of the run after another, the times in the order of the run; at
+        the end of a piece the next one counts. The method has the order `order`.
 
         Raises
         ------
         ValueError
             The accelerations cannot be solved for there.
         """
-        t, y, z = (np.ascontiguousarray(x) for x in run)
+        t, y, z = run[0]
         problem = self.stepped(t[0], y[0], z[0], params).problem
-        found = _core.path(problem, params, order, t, y, z, times)
-        if isinstance(found, dict):
-            sentence, hint, _ = self.describe(found)
-            raise ValueError(hinted(sentence, hint))
-        return self.states_at(times, np.concatenate(found, axis=1), params)
+        way = 1 if t[0] <= run[-1][0][-1] else -1
+        ends = np.searchsorted(way * times, [way * piece[0][-1] for piece in run[:-1]])
+        rows = [np.empty((0, sum(len(names) for names in self.places.values())))]
+        for piece, some in zip(run, np.split(times, ends), strict=True):
+            if not some.size:
+                continue
+            t, y, z = (np.ascontiguousarray(x) for x in piece)
+            found = _core.path(problem, params, order, t, y, z, some)
+            if isinstance(found, dict):
+                sentence, hint, _ = self.describe(found)
+                raise ValueError(hinted(sentence, hint))
+            rows.append(np.concatenate(found, axis=1))
+        return self.states_at(times, np.concatenate(rows), params)
 
     def states_at(
         self, t: np.ndarray, rows: np.ndarray, params: np.ndarray
@@ -263,6 +327,14 @@ def traced_invariants(
     return {
         name: _trace.scalar(f"invariant '{name}'", function, args)
         for name, function in _trace.mapping("invariants", invariants).items()
+    }
+
+
+def traced_switches(switches: Mapping[str, Function] | None, args: _trace.Args) -> dict[str, ca.SX]:
+    """Trace the functions at whose zeros controlled steps end."""
+    return {
+        name: _trace.scalar(f"switch '{name}'", function, args)
+        for name, function in _trace.mapping("switches", switches).items()
     }
 
 

@@ -10,7 +10,7 @@ pub use records::Layout;
 
 use crate::error::StepError;
 use crate::method::Stats;
-use crate::run::{Advance, Failure, Status};
+use crate::run::{Advance, Events, Failure, Status};
 use rayon::{ThreadPool, ThreadPoolBuilder};
 use records::MemberRecords;
 use std::collections::VecDeque;
@@ -50,6 +50,8 @@ struct Queue {
     /// Steps of a turn.
     turn: usize,
     records: MemberRecords,
+    /// The events of members that run alone.
+    events: Vec<(usize, Events)>,
     failures: Vec<Failure>,
     /// Whether there is no memory for more records.
     is_short: bool,
@@ -101,6 +103,7 @@ impl Ensemble {
                 resting: Vec::new(),
                 turn: 1,
                 records: MemberRecords::new(layout, members, t0),
+                events: Vec::new(),
                 failures: Vec::new(),
                 is_short: false,
                 over: 0,
@@ -278,6 +281,10 @@ impl Queue {
         self.stats = (self.stats.0 + stats, self.stats.1 + rejected);
         self.steps += run.done() * members.len();
         self.is_short |= self.records.keep(members, run.take(), one).is_err();
+        let events = run.events();
+        if !events.found.is_empty() {
+            self.events.push((members[0], events));
+        }
     }
 }
 
@@ -345,6 +352,17 @@ impl Advance for Ensemble {
 
     fn over(&self) -> usize {
         self.queue().over
+    }
+
+    fn events(&mut self) -> Events {
+        let queue = &mut *self.queue();
+        let mut found = std::mem::take(&mut queue.events);
+        found.sort_by_key(|(member, _)| *member);
+        let mut all = Events::default();
+        for (member, events) in found {
+            queue.is_short |= all.append(member, events).is_err();
+        }
+        all
     }
 
     fn is_short(&self) -> bool {

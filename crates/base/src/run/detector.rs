@@ -1,6 +1,6 @@
 //! Event detectors: what a run consults between its steps.
 
-use super::Records;
+use super::{Records, reserve};
 use crate::checkpoint::Checkpoint;
 use crate::error::StepError;
 
@@ -18,8 +18,7 @@ pub trait EventDetector<State>: Checkpoint {
     /// A step is about to be made from here.
     fn before(&mut self, t: f64, state: &State);
 
-    /// A step led here. Where the run is to end within it, the state becomes that of its end, and the time
-    /// of that is returned.
+    /// A step led here. Where the run is to end or to go on anew within it, the state becomes that there.
     ///
     /// # Errors
     /// An event function is not finite, or a state cannot be recorded.
@@ -28,7 +27,7 @@ pub trait EventDetector<State>: Checkpoint {
         t: f64,
         state: &mut State,
         records: &mut Records,
-    ) -> Result<Option<f64>, StepError>;
+    ) -> Result<Outcome, StepError>;
 
     /// The run is over: records that are still due.
     fn finish(&mut self, records: &mut Records);
@@ -37,11 +36,77 @@ pub trait EventDetector<State>: Checkpoint {
     fn take(&mut self) -> Events;
 }
 
-/// The events that a run has met.
+/// What an event detector has found in a step.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Outcome {
+    /// Nothing that changes the run.
+    Continue,
+    /// The run goes on from this time within the step, or at its end, with another state.
+    Restart(f64),
+    /// The step ends at this time within it, and the next one begins anew.
+    Shorten(f64),
+    /// The run ends at this time.
+    End(f64),
+}
+
+/// The events that a run, or each member of an ensemble, has met.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Events {
-    /// For each kind of event the times, and rows of y, z and λ one after another.
-    pub found: Vec<(Vec<f64>, Vec<f64>)>,
-    /// Which kind ended the run, and when.
-    pub end: Option<(usize, f64)>,
+    /// For each kind of event where it was met.
+    pub found: Vec<Hits>,
+    /// What ended the run, or which members' runs.
+    pub ends: Vec<Ending>,
+}
+
+/// Where an event was met.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Hits {
+    /// The times.
+    pub times: Vec<f64>,
+    /// Rows of y, z and λ one after another; of an event with a reset, those after it behind those before.
+    pub rows: Vec<f64>,
+    /// The member of each, in an ensemble.
+    pub members: Vec<usize>,
+}
+
+/// An event that has ended a run.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Ending {
+    /// Which kind.
+    pub event: usize,
+    /// When.
+    pub t: f64,
+    /// Where its hits accumulate, if that is why.
+    pub limit: Option<f64>,
+    /// The member of an ensemble.
+    pub member: usize,
+}
+
+crate::checkpoint!(Ending {
+    event,
+    t,
+    limit,
+    member
+});
+
+impl Events {
+    /// Appends what a member of an ensemble has met.
+    ///
+    /// # Errors
+    /// There is no memory for it; nothing was appended to the last kind of event.
+    pub fn append(&mut self, member: usize, other: Self) -> Result<(), StepError> {
+        self.found
+            .resize_with(other.found.len().max(self.found.len()), Hits::default);
+        for (all, hits) in self.found.iter_mut().zip(other.found) {
+            reserve(&mut all.times, hits.times.len())?;
+            reserve(&mut all.rows, hits.rows.len())?;
+            all.members
+                .extend(std::iter::repeat_n(member, hits.times.len()));
+            all.times.extend(hits.times);
+            all.rows.extend(hits.rows);
+        }
+        let ends = other.ends.into_iter();
+        self.ends.extend(ends.map(|end| Ending { member, ..end }));
+        Ok(())
+    }
 }

@@ -9,7 +9,7 @@ mod start;
 
 pub use advance::{Advance, Failure, Status};
 pub use control::{Adaptive, Fixed, Listed, Reversible, StepControl, StepSizes};
-pub use detector::{EventDetector, Events};
+pub use detector::{Ending, EventDetector, Events, Hits, Outcome};
 pub use record::Records;
 pub use room::reserve;
 pub use start::{Span, StartError};
@@ -107,7 +107,23 @@ impl<State: Checkpoint> Run<State> {
         if let Some(events) = &mut self.events {
             self.control.stepper_mut().synchronize(&mut self.state)?;
             let t = self.control.time();
-            self.end = events.after(t, &mut self.state, &mut self.records)?;
+            match events.after(t, &mut self.state, &mut self.records)? {
+                Outcome::Continue => {}
+                Outcome::End(end) => self.end = Some(end),
+                Outcome::Shorten(end) => {
+                    self.control.stepper_mut().forget();
+                    self.control.shorten(end);
+                }
+                Outcome::Restart(start) => {
+                    self.control.stepper_mut().forget();
+                    self.control.restart(start, &self.state);
+                    if start.to_bits() != t.to_bits() {
+                        // the rest of the step is still to be made
+                        self.n -= 1;
+                        return Ok(());
+                    }
+                }
+            }
         }
         // a run that ends where a step began has its last record
         let is_there = self.end.is_some() && self.end == self.records.last();

@@ -8,10 +8,12 @@
 mod algebraic;
 mod dynamics;
 mod model;
+mod restart;
 
 pub use algebraic::Algebraic;
 pub use dynamics::Derivatives;
 pub use model::SemiExplicitModel;
+pub use restart::SemiExplicitRestart;
 
 use liouville_base::linalg::Pattern;
 use liouville_base::tape::Tape;

@@ -1,5 +1,7 @@
 //! A function of the state whose zeros are events.
 
+use super::Reset;
+use liouville_base::checkpoint::{Checkpoint, CheckpointMismatch, Numbers};
 use liouville_base::error::{Quantity, StepError};
 use liouville_base::tape::{Registers, Tape};
 
@@ -15,6 +17,10 @@ pub struct Event {
     pub(super) terminal: usize,
     /// Whether the function depends on λ.
     pub(super) needs_lam: bool,
+    /// What it does to the motion.
+    pub(super) reset: Option<Reset>,
+    /// Whether steps end at it, where it is a switch of the forces.
+    pub(super) is_switch: bool,
     /// The sign of e where it was last clear, 0 before that.
     pub(super) sign: f64,
     /// e at the end of the step before, and shortly before it: (how long before, e).
@@ -47,12 +53,34 @@ impl Event {
             direction,
             terminal,
             needs_lam,
+            reset: None,
+            is_switch: false,
             sign: 0.0,
             last: f64::NAN,
             earlier: None,
             samples: Vec::new(),
             count: 0,
         }
+    }
+
+    /// The same event with a reset of the state.
+    #[must_use]
+    pub fn with_reset(self, reset: Option<Reset>) -> Self {
+        Self { reset, ..self }
+    }
+
+    /// A switch of the forces, at which steps end; it comes behind all events.
+    #[must_use]
+    pub fn switch(index: usize, tape: Tape, params: &[f64]) -> Self {
+        Self {
+            is_switch: true,
+            ..Self::new(index, tape, params, 0, 0, false)
+        }
+    }
+
+    /// Whether it changes no step.
+    pub(super) fn is_plain(&self) -> bool {
+        self.reset.is_none() && !self.is_switch
     }
 
     /// e at (t, y, z, λ).
@@ -79,9 +107,23 @@ impl Event {
     }
 }
 
-liouville_base::checkpoint!(Event {
-    sign,
-    last,
-    earlier,
-    count
-});
+impl Checkpoint for Event {
+    fn save(&self, member: usize, out: &mut dyn Numbers) {
+        (self.sign, self.last).save(member, out);
+        (self.earlier, self.count).save(member, out);
+        if let Some(reset) = &self.reset {
+            reset.save(member, out);
+        }
+    }
+
+    fn restore(&mut self, member: usize, saved: &mut &[f64]) -> Result<(), CheckpointMismatch> {
+        self.sign.restore(member, saved)?;
+        self.last.restore(member, saved)?;
+        self.earlier.restore(member, saved)?;
+        self.count.restore(member, saved)?;
+        match &mut self.reset {
+            Some(reset) => reset.restore(member, saved),
+            None => Ok(()),
+        }
+    }
+}

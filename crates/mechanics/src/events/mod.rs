@@ -1,16 +1,20 @@
 //! Events of a mechanical or semi-explicit system, and its states at given times.
 
 mod event;
+mod hits;
 mod partial;
+mod reset;
 mod search;
 
 pub use event::Event;
+pub use reset::{Law, Reset};
 
+use hits::{Crossing, Restarts};
 use liouville_base::checkpoint::Checkpoint;
 use liouville_base::error::StepError;
 use liouville_base::method::Stepper;
-use liouville_base::run::{EventDetector, Events, Records, reserve};
-use liouville_problem::{Carried, Dynamics, Model, Observer, Path, Point};
+use liouville_base::run::{Ending, EventDetector, Events, Hits, Outcome, Records};
+use liouville_problem::{Carried, Dynamics, Model, Observer, Path, Point, Restart};
 use partial::PartialStep;
 use search::{Node, Scene, Trust, Zero};
 
@@ -28,13 +32,24 @@ pub struct DenseDetector<State: Checkpoint, M: Dynamics = Model> {
     events: Vec<Event>,
     nodes: Vec<Node>,
     zeros: Vec<Zero>,
-    /// Zeros of all events in a step: where, and which.
-    found: Vec<(f64, usize)>,
-    met: Events,
+    /// Zeros of all events in a step.
+    found: Vec<Crossing>,
+    met: Met,
+    /// What makes the states after resets, y and z as they say, and how many holonomic constraints there are.
+    restart: Restarts<State>,
+    jump: [Vec<f64>; 2],
+    holonomic: usize,
     observer: Observer<M>,
     /// Times of the records, where they are the detector's.
     times: Option<Vec<f64>>,
     next: usize,
+}
+
+/// The events met, and the one that ended the run.
+#[derive(Debug, Default)]
+struct Met {
+    found: Vec<Hits>,
+    end: Option<Ending>,
 }
 
 /// An event's function in a step that is over.
@@ -90,8 +105,8 @@ impl<State: Carried + Checkpoint + Clone, M: Dynamics> DenseDetector<State, M> {
         events: Vec<Event>,
         (observer, times): (Observer<M>, Option<Vec<f64>>),
     ) -> Self {
-        let met = Events {
-            found: vec![(Vec::new(), Vec::new()); events.len()],
+        let met = Met {
+            found: vec![Hits::default(); events.iter().filter(|event| !event.is_switch).count()],
             end: None,
         };
         Self {
@@ -109,9 +124,23 @@ impl<State: Carried + Checkpoint + Clone, M: Dynamics> DenseDetector<State, M> {
             zeros: Vec::new(),
             found: Vec::new(),
             met,
+            restart: Restarts(None),
+            jump: [Vec::new(), Vec::new()],
+            holonomic: 0,
             observer,
             times,
             next: 0,
+        }
+    }
+
+    /// The same with what makes states after resets, of a system with so many holonomic constraints.
+    #[must_use]
+    pub fn resetting(self, restart: Box<dyn Restart<State>>, holonomic: usize) -> Self {
+        let restart = Restarts(Some(restart));
+        Self {
+            restart,
+            holonomic,
+            ..self
         }
     }
 
@@ -170,6 +199,7 @@ impl<State: Carried + Checkpoint + Clone, M: Dynamics> DenseDetector<State, M> {
             value: event.last,
             is_exact: true,
         };
+        let mut side = None;
         let mut before = Node {
             x: -1.0 / SAMPLES as f64,
             value: f64::NAN,
@@ -182,8 +212,22 @@ impl<State: Carried + Checkpoint + Clone, M: Dynamics> DenseDetector<State, M> {
             // before the start the function may not exist
             before.value = rough(path, event, t).unwrap_or(f64::NAN);
             first = leaving(path, partial, event, first)?;
+            let is_on_it = first.x > 0.0 || first.value == 0.0;
+            if is_on_it && event.sign != 0.0 && first.value * event.sign <= 0.0 {
+                // a piece of the run that begins on the event, on a known side of it
+                before.value = f64::NAN;
+                side = Some(Node {
+                    x: 0.0,
+                    value: event.sign * f64::MIN_POSITIVE,
+                    is_exact: true,
+                });
+            }
         }
-        nodes.extend([before, first]);
+        nodes.push(before);
+        nodes.extend(side);
+        if side.is_none() || first.value != 0.0 {
+            nodes.push(first);
+        }
         nodes.extend(event.samples.iter().zip(1_usize..).map(|(value, k)| Node {
             x: k as f64 / SAMPLES as f64,
             value: *value,
@@ -206,43 +250,23 @@ impl<State: Carried + Checkpoint + Clone, M: Dynamics> DenseDetector<State, M> {
         };
         search::zeros(&mut function, nodes, &mut sign, (trust, resolution), zeros)?;
         event.sign = sign;
-        let wanted = zeros.iter().filter(|zero| event.wants(zero.sign));
-        self.found.extend(wanted.map(|zero| (zero.x, index)));
+        self.found.extend(zeros.iter().map(|zero| Crossing {
+            x: zero.x,
+            index,
+            sign: zero.sign,
+            counts: event.wants(zero.sign),
+        }));
         Ok(())
     }
 
-    /// Keeps the events of a step in the order of time, up to one that ends the run.
-    fn keep(&mut self, end: &State) -> Result<Option<f64>, StepError> {
-        self.found.sort_by(|a, b| a.0.total_cmp(&b.0));
-        for (part, index) in self.found.drain(..) {
-            let t = self.partial.go(part, end)?;
-            let state = &self.partial.state;
-            self.path.solve(t, state)?;
-            let (times, rows) = &mut self.met.found[index];
-            let parts = [state.y(), state.z(), self.path.lam()];
-            reserve(times, 1)?;
-            reserve(rows, parts.iter().map(|part| part.len()).sum())?;
-            times.push(t);
-            for part in parts {
-                rows.extend_from_slice(part);
-            }
-            let event = &mut self.events[index];
-            event.count += 1;
-            if event.count == event.terminal {
-                self.met.end = Some((index, t));
-                return Ok(Some(t));
-            }
-        }
-        Ok(None)
-    }
-
-    /// Records at the wanted times up to `t`.
-    fn emit(&mut self, t: f64, records: &mut Records) -> Result<(), StepError> {
+    /// Records at the wanted times up to `t`, that itself only if it `is_whole`.
+    fn emit(&mut self, t: f64, is_whole: bool, records: &mut Records) -> Result<(), StepError> {
         let Some(times) = &self.times else {
             return Ok(());
         };
         while let Some(wanted) = times.get(self.next) {
-            if (wanted - t) * self.partial.h > 0.0 {
+            let after = (wanted - t) * self.partial.h;
+            if after > 0.0 || after == 0.0 && !is_whole {
                 break;
             }
             self.path.move_to(*wanted);
@@ -317,51 +341,51 @@ impl<State: Carried + Checkpoint + Clone, M: Dynamics> EventDetector<State>
         t: f64,
         state: &mut State,
         records: &mut Records,
-    ) -> Result<Option<f64>, StepError> {
+    ) -> Result<Outcome, StepError> {
         (self.partial.end, self.partial.h) = (t, t - self.partial.t);
         self.path.push(t, state)?;
-        let mut end = None;
+        let mut outcome = Outcome::Continue;
         if !self.events.is_empty() {
             self.found.clear();
             self.sample(state)?;
             for index in 0..self.events.len() {
                 self.search(index, state)?;
             }
-            end = self.keep(state)?;
-            if end.is_some() {
-                state.clone_from(&self.partial.state);
-            }
+            outcome = self.keep(state, records)?;
         }
         // with fewer knots the polynomials would not be those of the whole run
-        if self.path.is_full() || end.is_some() {
-            self.emit(end.unwrap_or(t), records)?;
+        match outcome {
+            Outcome::End(end) => self.emit(end, true, records)?,
+            Outcome::Continue if self.path.is_full() => self.emit(t, true, records)?,
+            Outcome::Shorten(end) if self.path.is_full() => self.emit(end, true, records)?,
+            _ => {}
         }
-        Ok(end)
+        Ok(outcome)
     }
 
     fn finish(&mut self, records: &mut Records) {
         let last = self.path.end();
         if self.met.end.is_none() && !self.path.is_full() {
             // where one cannot be recorded, the records end before it
-            let _ = self.emit(last, records);
+            let _ = self.emit(last, true, records);
         }
     }
 
     fn take(&mut self) -> Events {
         Events {
             found: self.met.found.iter_mut().map(std::mem::take).collect(),
-            end: self.met.end,
+            ends: self.met.end.into_iter().collect(),
         }
     }
 }
 
 // Events are not saved: they were taken before.
 liouville_base::checkpoint!(
-    [State: Checkpoint, M: Dynamics] DenseDetector<State, M> { path, partial.stepper, partial.h, events, met.end, observer, next }
+    [State: Checkpoint, M: Dynamics] DenseDetector<State, M> { path, partial.stepper, partial.h, events, met.end, restart, observer, next }
     then |detector| {
-        for (times, rows) in &mut detector.met.found {
-            times.clear();
-            rows.clear();
+        for hits in &mut detector.met.found {
+            hits.times.clear();
+            hits.rows.clear();
         }
         Ok(())
     }

@@ -1,6 +1,7 @@
 //! Refusal of a method that does not step its system, and of a job that fits neither.
 
 use super::{Control, Detection, Job, Method, Problem, SparkMethod, System};
+use crate::events::Law;
 use liouville_base::composition::NeedsAdjoint;
 use liouville_base::run::StartError;
 
@@ -140,9 +141,11 @@ impl Job {
             let name = self.control.name();
             return invalid(format!("this method has no control {name:?}"));
         }
-        let is_plain = matches!(self.control, Control::Fixed) && self.detection.is_none();
+        let has_times =
+            (self.detection.as_ref()).is_some_and(|detection| detection.times.is_some());
+        let is_plain = matches!(self.control, Control::Fixed) && !has_times;
         if self.members.is_some() && !is_plain {
-            return invalid("an ensemble has equal steps and no events");
+            return invalid("an ensemble has equal steps, and records at their ends");
         }
         match &self.control {
             Control::Adaptive { tolerance, .. } if tolerance.atol.len() != n => {
@@ -165,10 +168,32 @@ impl Detection {
         let mut tapes = self.events.iter().map(|event| &event.tape);
         let point = [1, n, l, system.multipliers(), params];
         let is_event = |inputs: &[usize]| inputs == point;
-        if tapes.all(|tape| is_event(tape.inputs()) && tape.outputs() == 1) {
+        if !tapes.all(|tape| is_event(tape.inputs()) && tape.outputs() == 1) {
+            return invalid("an event is a tape of (t, y, z, lam, params) with one value");
+        }
+        let takes_impacts = !matches!(system, System::Index2(..));
+        let mut resets = self.events.iter().filter_map(|event| event.reset.as_ref());
+        let fits = resets.all(|(law, rate)| {
+            let of_rate = [1, n, l, params];
+            let has_rate =
+                (rate.as_ref()).map(|rate| rate.inputs() == of_rate && rate.outputs() == 1);
+            match law {
+                Law::State(tape) => {
+                    is_event(tape.inputs()) && tape.outputs() == n + l && has_rate != Some(false)
+                }
+                Law::Impact(tape) => {
+                    let is_impact = is_event(tape.inputs()) && tape.outputs() == 1 + n;
+                    is_impact && takes_impacts && has_rate == Some(true)
+                }
+            }
+        });
+        if fits {
             return Ok(());
         }
-        invalid("an event is a tape of (t, y, z, lam, params) with one value")
+        invalid(
+            "a reset is a tape of (t, y, z, lam, params) of the state after it, or of an impact with the rate of its \
+             event",
+        )
     }
 }
 

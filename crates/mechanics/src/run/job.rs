@@ -1,5 +1,6 @@
 //! The system, the method and the job of a run.
 
+use crate::events::Law;
 use liouville_alpha::Reactions;
 use liouville_base::method::Tolerance;
 use liouville_base::run::Span;
@@ -93,6 +94,10 @@ pub struct EventFunction {
     pub terminal: usize,
     /// Whether it depends on λ.
     pub needs_lam: bool,
+    /// What it does to the motion, and a tape of (t, y, z, params) → de/dt where it is a function of (t, y) alone.
+    pub reset: Option<(Law, Option<Tape>)>,
+    /// Whether it is a switch of the forces, at which controlled steps end; switches come behind all events.
+    pub is_switch: bool,
 }
 
 /// Events and times to record, on the interpolated trajectory.

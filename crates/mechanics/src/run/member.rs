@@ -1,15 +1,16 @@
 //! The parts of a run that each member has of its own: start, parameters, observer, monitor, detector.
 
 use super::{Begun, Control, Starter};
-use crate::events::{DenseDetector, Event};
-use liouville_problem::{Carried, Dynamics, Model, Observer, Path, TimeScale, Traced};
-
+use crate::events::{DenseDetector, Event, Reset};
 use liouville_base::checkpoint::Checkpoint;
 use liouville_base::composition::Composed;
 use liouville_base::method::{Estimating, Stepper, Symmetric};
 use liouville_base::observe::{Monitor, Observe};
 use liouville_base::real::{BATCH, Lanes, Scalar};
 use liouville_base::run::{Adaptive, EventDetector, Fixed, Reversible, Run, StepControl};
+use liouville_problem::{
+    Carried, Dynamics, Impulse, Model, Observer, Path, Restart, State, TimeScale, Traced,
+};
 
 /// A stepper of any kind for a type of state.
 pub(super) type BoxedStepper<State> = Box<dyn Stepper<State = State>>;
@@ -17,7 +18,37 @@ pub(super) type BoxedStepper<State> = Box<dyn Stepper<State = State>>;
 /// What steps follow, with the first step and the least; nothing where they are equal.
 type Followed<State> = Option<(Box<dyn Monitor<State>>, [f64; 2])>;
 
+/// A member: its number, its model, and what makes its states after resets, where events have them.
+pub(super) struct Member<State, M: Dynamics = Model> {
+    pub(super) number: usize,
+    pub(super) model: M,
+    pub(super) restart: Option<Box<dyn Restart<State>>>,
+}
+
 impl Starter {
+    /// Whether events have resets.
+    pub(super) fn has_resets(&self) -> bool {
+        let detection = self.job.detection.iter();
+        detection
+            .flat_map(|detection| &detection.events)
+            .any(|event| event.reset.is_some())
+    }
+
+    /// The impulses of a mechanical member.
+    pub(super) fn impulse(&self, member: usize) -> Option<Impulse> {
+        self.has_resets().then(|| Impulse::new(self.model(member)))
+    }
+
+    /// A member whose states have coordinates and momenta.
+    pub(super) fn member(&self, number: usize) -> Member<State> {
+        let impulse = self.impulse(number);
+        Member {
+            number,
+            model: self.model(number),
+            restart: impulse.map(|impulse| Box::new(impulse) as _),
+        }
+    }
+
     /// Whether all members have the same parameters.
     pub(super) fn is_common(&self) -> bool {
         self.job.params.len() == self.system.sizes().1
@@ -94,7 +125,7 @@ impl Starter {
         &self,
         stepper: S,
         (first, least): (f64, f64),
-        (member, model): (usize, M),
+        member: Member<S::State, M>,
         state: S::State,
     ) -> Begun
     where
@@ -103,7 +134,7 @@ impl Starter {
     {
         let (span, copy) = (self.job.span, self.copy(&stepper));
         let control = Adaptive::new(Box::new(stepper), (span.t0, span.t1), first, least);
-        self.launch(Box::new(control), copy, (member, model), state)
+        self.launch(Box::new(control), copy, member, state)
     }
 
     /// A run of a symmetric method, alone or composed, by steps that follow a monitor, if there is one, or by equal
@@ -112,7 +143,7 @@ impl Starter {
         &self,
         (stepper, stages): (S, Option<&[f64]>),
         monitor: Followed<S::State>,
-        of: (usize, M),
+        of: Member<S::State, M>,
         state: S::State,
     ) -> Begun
     where
@@ -131,7 +162,7 @@ impl Starter {
         &self,
         stepper: S,
         monitor: Followed<S::State>,
-        of: (usize, M),
+        of: Member<S::State, M>,
         state: S::State,
     ) -> Begun
     where
@@ -155,7 +186,11 @@ impl Starter {
         &self,
         control: Box<dyn StepControl<State>>,
         copy: Option<BoxedStepper<State>>,
-        (member, model): (usize, M),
+        Member {
+            number: member,
+            model,
+            restart,
+        }: Member<State, M>,
         state: State,
     ) -> Begun {
         let observer = self.observer(model.clone(), member);
@@ -168,14 +203,23 @@ impl Starter {
             let params = self.params(member);
             let functions = detection.events.iter().enumerate();
             let functions = functions.map(|(k, event)| {
+                if event.is_switch {
+                    return Event::switch(k, event.tape.clone(), params);
+                }
                 let (direction, terminal) = (event.direction, event.terminal);
                 let tape = event.tape.clone();
-                Event::new(k, tape, params, direction, terminal, event.needs_lam)
+                let reset = event.reset.clone();
+                let reset = reset.map(|(law, rate)| Reset::new(law, rate, params));
+                Event::new(k, tape, params, direction, terminal, event.needs_lam).with_reset(reset)
             });
             let recorded = (observer.clone(), detection.times.clone());
             expected = detection.times.as_ref().map_or(expected, Vec::len);
             let path = Path::new(model, detection.order);
-            let detector = DenseDetector::new(path, stepper, &state, functions.collect(), recorded);
+            let functions = functions.collect();
+            let mut detector = DenseDetector::new(path, stepper, &state, functions, recorded);
+            if let Some(restart) = restart {
+                detector = detector.resetting(restart, self.system.holonomic());
+            }
             events = Some(Box::new(detector) as Box<dyn EventDetector<State>>);
         }
         let kept = (self.job.span.every, expected);

@@ -8,7 +8,7 @@ mod member;
 
 pub use job::{Control, Detection, EventFunction, Job, Method, Problem, SparkMethod};
 
-use liouville_alpha::{Alpha, Reactions};
+use liouville_alpha::{Alpha, AlphaRestart, AlphaState, Reactions};
 use liouville_base::ensemble::{Ensemble, Layout};
 use liouville_base::error::StepError;
 use liouville_base::newton::Stop;
@@ -16,13 +16,13 @@ use liouville_base::real::BATCH;
 use liouville_base::run::{Advance, Fixed, Reversible, StartError};
 use liouville_base::tableau;
 use liouville_index2::Index2;
-use liouville_index2::semi_explicit::{self, SemiExplicit};
+use liouville_index2::semi_explicit::{self, SemiExplicit, SemiExplicitRestart};
 use liouville_problem::{
     Kinetic, Mechanical, Model, Observers, SecondOrder, SecondOrderModel, Separable, SeparableModel,
 };
 use liouville_spark::rattle::Rattle;
 use liouville_spark::{Spark, SparkBatch, supports_batch};
-use member::{composed, in_lanes};
+use member::{Member, composed, in_lanes};
 use std::sync::Arc;
 
 /// The least and the most steps of a trial by which reversible steps meet a tolerance ...
@@ -65,6 +65,14 @@ impl System {
             Self::Index2(..) => unreachable!("a semi-explicit system"),
         }
     }
+
+    /// How many holonomic constraints there are.
+    fn holonomic(&self) -> usize {
+        match self {
+            Self::Index2(problem, ..) => problem.l,
+            _ => self.mechanical().m,
+        }
+    }
 }
 
 /// Begins the runs of a job that fits its system.
@@ -99,6 +107,8 @@ impl Starter {
     /// How many members advance in lock-step.
     fn block(&self) -> usize {
         match &self.system {
+            // events part the steps of each member in its own way
+            _ if self.job.detection.is_some() => 1,
             System::Spark(problem, spark, _) if supports_batch(problem, spark.solver) => BATCH,
             _ => 1,
         }
@@ -184,7 +194,7 @@ impl Starter {
             least,
         } = &self.job.control
         else {
-            let (monitor, of) = (self.monitor(member), (member, self.model(member)));
+            let (monitor, of) = (self.monitor(member), self.member(member));
             return self.symmetric((stepper, stages), monitor, of, state);
         };
         let mut stepper = stepper.estimating(tolerance.clone());
@@ -192,12 +202,7 @@ impl Starter {
             Some(first) => *first,
             None => stepper.first_step(span.t0, &state, span.t1 - span.t0)?,
         };
-        self.adaptive(
-            stepper,
-            (first, *least),
-            (member, self.model(member)),
-            state,
-        )
+        self.adaptive(stepper, (first, *least), self.member(member), state)
     }
 
     fn rattle(&self, problem: &Arc<Separable>, stages: Option<&[f64]>, member: usize) -> Begun {
@@ -205,7 +210,7 @@ impl Starter {
         let (y, z) = (self.part(0, member), self.part(1, member));
         let state = model.general.state(self.job.span.t0, y, z);
         let stepper = Rattle::new(model)?;
-        let (monitor, of) = (self.monitor(member), (member, self.model(member)));
+        let (monitor, of) = (self.monitor(member), self.member(member));
         self.symmetric((stepper, stages), monitor, of, state)
     }
 
@@ -227,15 +232,14 @@ impl Starter {
         else {
             let mut stepper = Alpha::new(model, weights, reactions, None);
             let state = stepper.start(span.t0, y, z, a)?;
-            let copy = self.copy(&stepper);
+            let (copy, of) = (self.copy(&stepper), self.alpha_member(member, &stepper));
             let control = Fixed::new(Box::new(stepper), span.t0, span.h(), span.steps);
-            let of = (member, self.model(member));
             return self.launch(Box::new(control), copy, of, state);
         };
         let mut stepper = Alpha::new(model, weights, reactions, Some(tolerance.clone()));
         let state = stepper.start(span.t0, y, z, a)?;
         let first = first.unwrap_or_else(|| stepper.first_step(&state, span.t1 - span.t0));
-        let of = (member, self.model(member));
+        let of = self.alpha_member(member, &stepper);
         if !self.job.is_reversible {
             return self.adaptive(stepper, (first, *least), of, state);
         }
@@ -245,6 +249,17 @@ impl Starter {
         let trial = TRIAL[1].min(TRIAL[0] + TRIAL_COORDINATES / self.system.mechanical().n);
         let control = Reversible::within_tolerance(pair, trial, ends, sizes, monitor, &state);
         self.launch(Box::new(control), copy, of, state)
+    }
+
+    /// A member whose states have accelerations of their own.
+    fn alpha_member(&self, number: usize, stepper: &Alpha) -> Member<AlphaState> {
+        let impulse = self.impulse(number);
+        let restart = |impulse| Box::new(AlphaRestart::new(impulse, stepper.clone())) as _;
+        Member {
+            number,
+            model: self.model(number),
+            restart: impulse.map(restart),
+        }
     }
 
     fn index2(
@@ -257,7 +272,13 @@ impl Starter {
         let mut model = semi_explicit::SemiExplicitModel::new(problem.clone(), self.params(member));
         let (y, z) = (self.part(0, member), self.part(1, member));
         let state = model.state(span.t0, y, z, span.h())?;
-        let of = (member, model.clone());
+        let restart = self.has_resets();
+        let restart = restart.then(|| Box::new(SemiExplicitRestart::new(model.clone())) as _);
+        let of = Member {
+            number: member,
+            model: model.clone(),
+            restart,
+        };
         let stepper = Index2::of(model, tableau.clone());
         let Control::Adaptive {
             tolerance,
@@ -265,7 +286,7 @@ impl Starter {
             least,
         } = &self.job.control
         else {
-            let monitor = self.traced(member, || of.1.clone());
+            let monitor = self.traced(member, || of.model.clone());
             return self.symmetric((stepper, stages), monitor, of, state);
         };
         let mut stepper = stepper.estimating(tableau, tolerance.clone());

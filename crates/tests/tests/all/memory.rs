@@ -49,11 +49,11 @@ impl Left {
         self.rows.extend(rows.iter().map(|x| x.to_bits()));
         let met = run.events();
         self.events.resize(met.found.len(), <_>::default());
-        for (kept, (times, rows)) in self.events.iter_mut().zip(&met.found) {
-            kept[0].extend(times.iter().map(|x| x.to_bits()));
-            kept[1].extend(rows.iter().map(|x| x.to_bits()));
+        for (kept, hits) in self.events.iter_mut().zip(&met.found) {
+            kept[0].extend(hits.times.iter().map(|x| x.to_bits()));
+            kept[1].extend(hits.rows.iter().map(|x| x.to_bits()));
         }
-        self.end = format!("{:?} {:?} {:?}", run.stats(), run.sizes(), met.end);
+        self.end = format!("{:?} {:?} {:?}", run.stats(), run.sizes(), met.ends);
     }
 }
 

@@ -94,7 +94,9 @@ fn corrections_within_the_noise_end_the_iteration() {
 #[test]
 fn what_the_noise_hides_is_corrected_too() {
     // a top's: the ratio creeps up to 0.02 before all is noise, so two more leave 1e-22
-    let sizes = [1.2e-9, 1.5e-10, 1.7e-12, 2.4e-14, 4.9e-16, 3e-17, 3e-17, 3e-17];
+    let sizes = [
+        1.2e-9, 1.5e-10, 1.7e-12, 2.4e-14, 4.9e-16, 3e-17, 3e-17, 3e-17,
+    ];
     assert_eq!(after(&sizes, 20), (Ok(8), 8));
     assert_eq!(after(&sizes, 8), (Ok(8), 8));
     assert_eq!(after(&sizes, 6), (not_converged(6, 3e-17), 6));

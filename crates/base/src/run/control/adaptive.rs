@@ -27,6 +27,7 @@ pub struct Adaptive<State: Checkpoint> {
     stepper: Box<dyn Estimating<State = State>>,
     time: CompensatedTime,
     h: f64,
+    first: f64,
     least: f64,
     last_error: f64,
     rejected: usize,
@@ -44,6 +45,7 @@ impl<State: Checkpoint> Adaptive<State> {
             stepper,
             time: CompensatedTime::new(t0, t1),
             h,
+            first: h,
             least,
             last_error: 1.0,
             rejected: 0,
@@ -130,6 +132,16 @@ impl<State: Checkpoint> StepControl<State> for Adaptive<State> {
                     .map_err(|least| preferred(error, least))?,
             }
         }
+    }
+
+    fn restart(&mut self, t: f64, _: &State) {
+        self.time.go_back(t);
+    }
+
+    fn shorten(&mut self, t: f64) {
+        self.time.go_back(t);
+        self.h = self.first.min(self.h);
+        self.last_error = 1.0;
     }
 
     fn rejected(&self) -> usize {

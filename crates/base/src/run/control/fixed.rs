@@ -12,6 +12,8 @@ pub struct Fixed<State: Checkpoint> {
     h: f64,
     steps: usize,
     n: usize,
+    /// Where the next step begins, if that is within it.
+    cut: Option<f64>,
 }
 
 impl<State: Checkpoint> Fixed<State> {
@@ -23,11 +25,16 @@ impl<State: Checkpoint> Fixed<State> {
             h,
             steps,
             n: 0,
+            cut: None,
         }
     }
 
+    fn end_of(&self, n: usize) -> f64 {
+        self.t0 + n as f64 * self.h
+    }
+
     fn present(&self) -> f64 {
-        self.t0 + self.n as f64 * self.h
+        self.cut.unwrap_or_else(|| self.end_of(self.n))
     }
 }
 
@@ -49,10 +56,22 @@ impl<State: Checkpoint> StepControl<State> for Fixed<State> {
     }
 
     fn step(&mut self, state: &mut State) -> Result<(), StepError> {
-        self.stepper.step(self.present(), self.h, state)?;
+        let h = match self.cut {
+            None => self.h,
+            Some(t) => self.end_of(self.n + 1) - t,
+        };
+        self.stepper.step(self.present(), h, state)?;
         self.n += 1;
+        self.cut = None;
         Ok(())
+    }
+
+    fn restart(&mut self, t: f64, _: &State) {
+        if t.to_bits() != self.present().to_bits() {
+            self.n -= 1;
+            self.cut = Some(t);
+        }
     }
 }
 
-crate::checkpoint!([State: Checkpoint] Fixed<State> { stepper, n });
+crate::checkpoint!([State: Checkpoint] Fixed<State> { stepper, n, cut });

@@ -50,6 +50,14 @@ pub trait StepControl<State: Checkpoint>: Checkpoint {
     /// Why it could not be made.
     fn step(&mut self, state: &mut State) -> Result<(), StepError>;
 
+    /// Goes on from this time within the last step, or at its end, with another state. Only controls of runs with
+    /// events are asked to.
+    fn restart(&mut self, _t: f64, _state: &State) {}
+
+    /// Ends the last step earlier, at this time, from which the next one is as short as the first of a run. Only
+    /// controls by errors are asked to.
+    fn shorten(&mut self, _t: f64) {}
+
     /// How many steps were rejected.
     fn rejected(&self) -> usize {
         0

@@ -42,8 +42,9 @@ pub struct Reversible<State: Checkpoint> {
     time: CompensatedTime,
     /// The sign of the steps.
     sign: f64,
-    /// The step size at the present state.
+    /// The step size at the present state, and at the one before the last step.
     h: f64,
+    before: f64,
     least: f64,
     /// What the steps follow; there is none before the end of the trial that fits it.
     monitor: Option<Box<dyn Monitor<State>>>,
@@ -98,6 +99,7 @@ impl<State: Checkpoint> Reversible<State> {
             time: CompensatedTime::new(t0, t1),
             sign: (t1 - t0).signum(),
             h,
+            before: h,
             least,
             monitor: None,
             trial: None,
@@ -215,6 +217,7 @@ impl<State: Checkpoint> StepControl<State> for Reversible<State> {
             self.h *= shorter;
         }
         self.stepper_mut().synchronize(state)?;
+        self.before = self.h;
         self.time.advance(h);
         self.rate = self.rate_at(state).ok();
         self.h = match self.rate {
@@ -222,6 +225,12 @@ impl<State: Checkpoint> StepControl<State> for Reversible<State> {
             None => wanted,
         };
         Ok(())
+    }
+
+    fn restart(&mut self, t: f64, state: &State) {
+        self.time.go_back(t);
+        self.h = self.before;
+        self.rate = self.rate_at(state).ok();
     }
 
     fn rejected(&self) -> usize {

@@ -52,6 +52,13 @@ impl CompensatedTime {
         self.t = t;
     }
 
+    /// Goes back, to within the last step.
+    pub(super) fn go_back(&mut self, t: f64) {
+        if t.to_bits() != self.t.to_bits() {
+            (self.t, self.low) = (t, 0.0);
+        }
+    }
+
     pub(super) fn sizes(&self, next: f64) -> StepSizes {
         StepSizes {
             smallest: self.smallest,
