@@ -185,7 +185,9 @@ class Model:
             return lambda t, q, v, params: self.coordinates[joint, name][1]
 
         slips = {
-            joint.name: RUBBING[joint.kind][0] for joint in self.joints if joint.friction is not None
+            joint.name: RUBBING[joint.kind][0]
+            for joint in self.joints
+            if joint.friction is not None
         }
         return {f"slip of {x}": slip(x, own[0]) for x, own in slips.items() if len(own) == 1}
 
