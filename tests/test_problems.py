@@ -17,7 +17,7 @@ DATA = json.loads((Path(__file__).parent / "data" / "mechanics_reference.json").
 # Largest error at the references, relative to the largest entry, with Spark(6) and the module's h:
 # ten times what was measured. The top turns some fifty times, so roundoff weighs more;
 # the Fekete points are almost at rest, so their speeds are small beside it.
-CASES = (*problems.MECHANICAL, *problems.REDUNDANT, *problems.NONHOLONOMIC)
+CASES = (*problems.MECHANICAL, *problems.ASSEMBLED, *problems.REDUNDANT, *problems.NONHOLONOMIC)
 TOLERANCE = dict.fromkeys(CASES, 1e-13) | {
     "heavy_top": 1e-11,
     "kepler_on_sphere": 1e-11,

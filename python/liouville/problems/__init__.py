@@ -55,6 +55,10 @@ MECHANICAL = (
     "circular_track",
     "fekete",
     "kepler_on_sphere",
+)
+
+#: Those made of bodies and joints, by :mod:`liouville.bodies`.
+ASSEMBLED = (
     "four_bars",
     "jansen_leg",
     "spatial_slider_crank",
@@ -94,7 +98,7 @@ QUANTUM = (
     "lattice3d",
 )
 
-NAMES = (*MECHANICAL, *REDUNDANT, *NONHOLONOMIC, *FIELDS, *QUANTUM)
+NAMES = (*MECHANICAL, *ASSEMBLED, *REDUNDANT, *NONHOLONOMIC, *FIELDS, *QUANTUM)
 
 
 class Parameters(Protocol):

@@ -40,8 +40,7 @@ def build() -> Assembly:
     m.body("spindle", mass=SPINDLE[0], inertia=SPINDLE[1], at=(0.0, 0.0, HEIGHT / 2))
     m.body("sleeve", mass=SLEEVE[0], inertia=SLEEVE[1], at=(0.0, 0.0, low))
     m.revolute("spindle bearing", m.ground, "spindle", at=(0.0, 0.0, 0.0), axis=z)
-    spring = {"spring": lambda params: params.k}
-    m.prismatic("slide", "spindle", "sleeve", axis=z, **spring)
+    m.prismatic("slide", "spindle", "sleeve", axis=z, spring=lambda params: params.k)
     for name, side in (("right", 1.0), ("left", -1.0)):
         hook = np.array([side * OFFSET, 0.0, HEIGHT])
         along = np.array([side * np.sin(ANGLE), 0.0, -np.cos(ANGLE)])
