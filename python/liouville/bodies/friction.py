@@ -30,6 +30,9 @@ TURNS = 16
 #: The slip of several coordinates is rounded off below this part of the velocity v_s.
 ROUNDED = 1e-4
 
+#: Controlled steps end where a slip passes so many v_s, the flanks of a reversal.
+EDGES = (-8, -3, -1, 1, 3, 8)
+
 #: The coordinates that friction acts along, and the rows whose reactions press, by kind of joint.
 RUBBING: dict[str, tuple[tuple[str, ...], tuple[str, ...]]] = {
     "revolute": (("angle",), ("x", "y", "z")),

@@ -12,7 +12,7 @@ from liouville.bodies.body import Body, Layout, Value, column, inertia_matrix, r
 from liouville.bodies.chaining import Coupling
 from liouville.bodies.compound import grouped, rotors
 from liouville.bodies.elements import Efforts, Element, of_elements, of_joints
-from liouville.bodies.friction import RUBBING, contact, multipliers, normal_forces
+from liouville.bodies.friction import EDGES, RUBBING, contact, multipliers, normal_forces
 from liouville.bodies.joints import KINDS, MOTION, Joint, local, rolled
 from liouville.bodies.poses import Poses, kinetic
 
@@ -179,17 +179,26 @@ class Model:
 
     @property
     def switches(self) -> dict[str, Callable[..., ca.SX]]:
-        """The slips at whose reversal controlled steps end, of joints with one slip, by name."""
+        """Where friction turns, of joints with one slip, by name: there controlled steps end."""
+        found = {}
+        for joint in self.joints:
+            if joint.friction is not None and len(RUBBING[joint.kind][0]) == 1:
+                for k in EDGES:
+                    found[f"slip {k:+d} v_s of {joint.name}"] = self._edge(joint, k)
+        return found
 
-        def slip(joint: str, name: str) -> Callable[..., ca.SX]:
-            return lambda t, q, v, params: self.coordinates[joint, name][1]
+    def _edge(self, joint: Joint, k: int) -> Callable[..., ca.SX]:
+        """Return the slip of a joint beyond so many of its v_s."""
+        friction, (name,) = joint.friction, RUBBING[joint.kind][0]
+        assert friction is not None
 
-        slips = {
-            joint.name: RUBBING[joint.kind][0]
-            for joint in self.joints
-            if joint.friction is not None
-        }
-        return {f"slip of {x}": slip(x, own[0]) for x, own in slips.items() if len(own) == 1}
+        def edge(t: ca.SX, q: ca.SX, v: ca.SX, params: Any) -> ca.SX:
+            del t, q, v
+            arm = ca.SX(1) if name.startswith("slide") else column(friction.radius, params, 1)
+            slip = arm * self.coordinates[joint.name, name][1]
+            return slip - k * column(friction.v_s, params, 1)
+
+        return edge
 
     def _pushed(self, v: ca.SX) -> ca.SX:
         """Return the generalised forces of all efforts."""
