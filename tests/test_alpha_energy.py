@@ -1,5 +1,6 @@
 """The energy of conservative systems by the alpha family with controlled steps."""
 
+from functools import cache
 from itertools import pairwise
 
 import casadi as ca
@@ -16,6 +17,7 @@ def apart(a, b):
     return (ca.sumsqr(a - b) - 1) / 2
 
 
+@cache
 def four_bar():
     """Return two links in a row on rods from the ground, and a start through flat positions."""
     points = [(2 * i, 2 * i + 2) for i in range(3)]
@@ -37,6 +39,7 @@ def four_bar():
     return lv.Lagrangian(lagrangian, constraint, q=6), start
 
 
+@cache
 def pendulum(force=None):
     system = lv.Lagrangian(
         lambda t, q, v, params: ca.sumsqr(v) / 2 - G * q[1],
@@ -47,6 +50,7 @@ def pendulum(force=None):
     return system, {"q": [1, 0], "v": [0, 0]}
 
 
+@cache
 def spring():
     system = lv.Lagrangian(
         lambda t, q, v, params: ca.sumsqr(v) / 2 - 25 * (ca.norm_2(q) - 1) ** 2 - G * q[2], q=3
@@ -54,6 +58,7 @@ def spring():
     return system, {"q": [0.6, 0, -0.8], "v": [0, 1.25, 0]}
 
 
+@cache
 def kepler():
     system = lv.Lagrangian(lambda t, q, v, params: ca.sumsqr(v) / 2 + 1 / ca.norm_2(q), q=2)
     return system, {"q": [1.9, 0], "v": [0, np.sqrt(0.1 / 1.9)]}

@@ -13,8 +13,8 @@ from liouville import problems
 from liouville.systems._derivatives import jacobian, solve
 from liouville.tape import record
 
-LINKS = (100, 1000)
-FEWER = (30, 300)
+LINKS = (60, 600)
+FEWER = (20, 200)
 
 
 def built(links):

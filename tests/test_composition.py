@@ -65,8 +65,13 @@ def words(degree):
 
 
 def residuals(flows, most):
-    """Largest difference to exp(E_1) among words of each degree up to `most`, by intervals."""
-    all_words = [word for degree in range(most + 1) for word in words(degree)]
+    """Largest difference to exp(E_1) among words of each degree up to `most`, by intervals.
+
+    Of the last degree, words of one and two letters: that one is off says that the order ends.
+    """
+    of_degree = [words(degree) for degree in range(most)]
+    of_degree.append([word for word in words(most) if len(word) <= 2])
+    all_words = [word for each in of_degree for word in each]
     series = {word: arb(word == ()) for word in all_words}
     for is_adjoint, alpha in flows:
         powers = [arb(mp.nstr(alpha, 45)) ** k for k in range(most + 1)]
@@ -82,8 +87,7 @@ def residuals(flows, most):
         }
     exact = {word: arb(set(word) <= {1}) / factorial(len(word)) for word in all_words}
     return [
-        max(float(abs(series[word] - exact[word]).upper()) for word in words(degree))
-        for degree in range(most + 1)
+        max(float(abs(series[word] - exact[word]).upper()) for word in each) for each in of_degree
     ]
 
 
@@ -107,7 +111,7 @@ def test_the_core_steps_with_the_fractions_of_the_digits(name):
 def test_a_wrong_digit_is_seen():
     wrong = [(kind, alpha + (k in (0, 1)) * mpf(10) ** -36) for k, (kind, alpha) in
              enumerate(flows(SCHEMES["SS8s21"]))]  # fmt: skip
-    assert max(residuals(wrong, 8)) > mpf(10) ** -37
+    assert max(residuals(wrong, 8)[:-1]) > mpf(10) ** -37
 
 
 THIRD = [[0, 0, 0], [0.5, 0, 0], [-1, 2, 0]], [0.25, 0.5, 0.25]
@@ -165,7 +169,7 @@ def test_a_composition_has_its_order_in_many_digits(name, sample):
     scheme, (pieces, start, wanted) = SCHEMES[name], sample
     maps = flows(scheme)
     errors = [
-        distance(plain.walk(pieces, maps, start, mpf(1) / (4 * n), n), wanted) for n in (3, 6)
+        distance(plain.walk(pieces, maps, start, mpf(1) / (4 * n), n), wanted) for n in (2, 4)
     ]
     assert abs(mp.log(errors[0] / errors[1], 2) - scheme["order"]) < 0.1
     assert errors[1] > mpf(10) ** -38

@@ -6,7 +6,7 @@ import shutil
 import numpy as np
 import pytest
 import zarr
-from test_stored import CutError, cutting, pendulum, same
+from test_stored import CutError, cutting, pendulum, same, turning
 
 import liouville as lv
 from liouville import problems
@@ -17,6 +17,10 @@ SEED = 15
 
 def height(t, q, v, lam, params):
     return q[0]
+
+
+def swinging(**more):
+    return pendulum(steps=60, events={"low": height}, **more)
 
 
 def changed(draw, file):
@@ -64,45 +68,46 @@ def flipped(path, act, whole, tmp_path, times):
 
 
 @pytest.mark.parametrize(
-    ("name", "times"),
+    ("name", "call", "times"),
     [
-        ("run.nc", 50),
-        ("run.zarr", 1),
-        pytest.param("run.nc", 500, marks=pytest.mark.slow),
-        pytest.param("run.zarr", 5, marks=pytest.mark.slow),
+        ("run.nc", swinging, 50),
+        ("run.zarr", turning, 1),
+        pytest.param("run.nc", swinging, 500, marks=pytest.mark.slow),
+        pytest.param("run.zarr", swinging, 5, marks=pytest.mark.slow),
     ],
 )
-def test_a_flipped_byte_of_a_saved_solution_is_found(name, times, tmp_path):
-    whole = lv.integrate(**pendulum(steps=40, events={"low": height}))
+def test_a_flipped_byte_of_a_saved_solution_is_found(name, call, times, tmp_path):
+    whole = lv.integrate(**call())
     whole.save(tmp_path / name)
     # a blank more or less between the entries of JSON changes nothing
     least = 1.0 if name == "run.nc" else 0.7
     assert flipped(tmp_path / name, lv.load, whole, tmp_path, times) >= least
 
 
-several = pytest.mark.parametrize("times", [1, pytest.param(5, marks=pytest.mark.slow)])
+several = pytest.mark.parametrize(
+    ("call", "times"), [(turning, 1), pytest.param(swinging, 5, marks=pytest.mark.slow)]
+)
 
 
 @pytest.fixture
 def small(monkeypatch):
-    monkeypatch.setattr(stream, "BYTES", 2000)
+    monkeypatch.setattr(stream, "BYTES", 1000)
     monkeypatch.setattr(folder.os, "fsync", lambda _: None)
 
 
 @several
-def test_a_flipped_byte_of_a_store_is_found(times, small, tmp_path):
-    call = pendulum(steps=40, events={"low": height})
-    whole = lv.integrate(**call)
-    lv.integrate(**call, store=tmp_path / "run.zarr")
+def test_a_flipped_byte_of_a_store_is_found(call, times, small, tmp_path):
+    whole = lv.integrate(**call())
+    lv.integrate(**call(), store=tmp_path / "run.zarr")
     assert flipped(tmp_path / "run.zarr", lv.load, whole, tmp_path, times) > 0.5
 
 
 @several
-def test_a_run_goes_on_from_no_damaged_state(times, small, tmp_path):
-    call, path = pendulum(steps=60, events={"low": height}), tmp_path / "run.zarr"
-    whole = lv.integrate(**call)
+def test_a_run_goes_on_from_no_damaged_state(call, times, small, tmp_path):
+    path = tmp_path / "run.zarr"
+    whole = lv.integrate(**call())
     with pytest.raises(CutError):
-        lv.integrate(**call, store=lv.Store(path, 20), progress=cutting(2))
+        lv.integrate(**call(), store=lv.Store(path, 15), progress=cutting(2))
 
     def resumed(path):
         return lv.load(lv.resume(path).path)
@@ -112,13 +117,13 @@ def test_a_run_goes_on_from_no_damaged_state(times, small, tmp_path):
 
 @pytest.mark.parametrize("act", [lv.load, lambda path: lv.load(lv.resume(path).path)])
 def test_a_lost_file_of_a_store_is_missed(act, small, tmp_path):
-    call, path, copy = pendulum(steps=40), tmp_path / "run.zarr", tmp_path / "copy.zarr"
-    whole = lv.integrate(**call)
+    path, copy = tmp_path / "run.zarr", tmp_path / "copy.zarr"
+    whole = lv.integrate(**turning())
     if act is lv.load:
-        lv.integrate(**call, store=path)
+        lv.integrate(**turning(), store=path)
     else:
         with pytest.raises(CutError):
-            lv.integrate(**call, store=lv.Store(path, 20), progress=cutting(2))
+            lv.integrate(**turning(), store=lv.Store(path, 15), progress=cutting(2))
     for file in files_of(path):
         shutil.rmtree(copy, ignore_errors=True)
         shutil.copytree(path, copy)
@@ -128,11 +133,11 @@ def test_a_lost_file_of_a_store_is_missed(act, small, tmp_path):
 
 @pytest.mark.parametrize("name", ["run.nc", "run.zarr"])
 def test_a_file_cut_short_is_found(name, tmp_path):
-    whole = lv.integrate(**pendulum(steps=40))
+    whole = lv.integrate(**(turning() if name == "run.zarr" else swinging()))
     whole.save(tmp_path / name)
     for file in files_of(tmp_path / name):
         data = file.read_bytes()
-        for size in {0, 1, len(data) // 2, len(data) - 1}:
+        for size in {0, len(data) // 2, len(data) - 1}:
             file.write_bytes(data[:size])
             is_found = found_or_harmless(lv.load, whole, tmp_path / name)
             assert is_found or (name == "run.zarr" and data[size:] == b"\n")

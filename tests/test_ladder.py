@@ -76,7 +76,7 @@ def bound(method, fraction, steps):
 def test_errors_are_below_what_the_tables_promise(method):
     assert len(method["coefficients"]) == method["n"]
     chance = np.random.default_rng(method["n"])
-    fractions = [*chance.uniform(0, 1, 3), 0.05, 0.3, 1.0]
+    fractions = [chance.uniform(), 0.05, 1.0]
     middles = [k * mp.pi / method["theta"] for k in range(1, int(method["theta"] / np.pi) + 1)]
     beside = [middle * (1 + mpf(10) ** -6) for middle in middles[-2:-1]]
     for fraction in [*fractions, *middles[-1:], *beside]:

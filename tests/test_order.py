@@ -16,7 +16,7 @@ from liouville.convergence import slope, study
 
 CASES = [(row, name) for row in ROWS for name in row.on if row.order and row not in ALPHA]
 EXTENDED = [(row.method, name) for row in ALPHA if row.keeps for name in row.on]
-POINTS, SIZES = 32, (256, 512, 1024, 2048)
+POINTS, SIZES = 32, (256, 512, 1024)
 
 
 @functools.cache

@@ -11,7 +11,7 @@ from properties import examples
 import liouville as lv
 from liouville.tape import record
 
-FEW = examples(15)
+FEW = examples(8)
 STEPS, H = 12, 0.05
 
 
@@ -227,7 +227,7 @@ BINARY = (
 OPERATIONS = [(f, 1) for f in UNARY] + [(f, 2) for f in BINARY]
 
 
-@examples(200)
+@examples(100)
 @given(
     lines=st.lists(
         st.tuples(st.integers(0, len(OPERATIONS) - 1), st.integers(0, 99), st.integers(0, 99)),

@@ -153,7 +153,7 @@ def stored(problem, method, path, **more):
 
 
 #: What methods of one kind may differ in without another checkpoint.
-COEFFICIENTS = ("alpha", "b", "rho", "scheme", "composition")
+COEFFICIENTS = ("alpha", "b", "rho", "scheme", "composition", "stages", "force", "order")
 
 
 def by_kind():

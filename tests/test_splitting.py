@@ -88,7 +88,7 @@ def check(parts: Split, terms: Terms, tolerance=1e-13):
     assert parts.mismatch(terms) <= (0 if terms.is_exact else tolerance)
 
 
-@examples(60)
+@examples(40)
 @given(
     st.sampled_from(METHODS), st.integers(1, 4), st.integers(3, 10), st.integers(0, 999),
     st.booleans(), st.sampled_from(["split", "exact"]),

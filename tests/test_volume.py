@@ -136,7 +136,7 @@ def test_every_method_and_composition_keeps_volume(n, d, diagonal, off_diagonal)
         pytest.skip("has no such splitting")
     x = np.random.default_rng(n).uniform(-0.5, 0.5, n)
     # pieces keep volume, so one composition tells as much of a field as all do
-    for composition in COMPOSITIONS if (n, d) in ((4, 2), (3, 3), (5, 3)) else ("BM4",):
+    for composition in COMPOSITIONS if (n, d) in ((4, 2), (5, 3)) else ("BM4",):
         for runge_kutta in ("euler", "rk4") if off_diagonal == "triangular" else ("euler",):
             method = lv.VolumeSplitting(
                 diagonal, off_diagonal, composition, "split", runge_kutta=runge_kutta
@@ -144,8 +144,15 @@ def test_every_method_and_composition_keeps_volume(n, d, diagonal, off_diagonal)
             assert defect(field, method, x, 0.01) <= TOLERANCES["det_minus_1"], composition
 
 
-@pytest.mark.parametrize(("diagonal", "off_diagonal"), PARTS)
-@pytest.mark.parametrize("name", PROBLEMS)
+def problems_split():
+    """Return what is split how; the dense directions of 24 variables are slow."""
+    for name in PROBLEMS:
+        for parts in PARTS:
+            is_slow = (name, parts[0]) == ("euler2d", "n+d")
+            yield pytest.param(name, *parts, marks=[pytest.mark.slow] if is_slow else [])
+
+
+@pytest.mark.parametrize(("name", "diagonal", "off_diagonal"), [*problems_split()])
 def test_every_problem_keeps_volume(name, diagonal, off_diagonal):
     problem = load(name)
     if not takes(problem.system, diagonal, off_diagonal):
@@ -196,12 +203,12 @@ def test_an_unknown_determinant_is_named():
 
 @pytest.mark.parametrize(("diagonal", "off_diagonal"), PARTS)
 def test_a_step_back_undoes_a_step(diagonal, off_diagonal):
-    field = dense(5, 2, seed=4)
-    x = np.random.default_rng(1).uniform(-0.5, 0.5, 5)
+    field = dense(4, 2, seed=4)
+    x = np.random.default_rng(1).uniform(-0.5, 0.5, 4)
     for composition in COMPOSITIONS[1:]:
         method = lv.VolumeSplitting(diagonal, off_diagonal, composition, "split", "heun")
-        there = lv.integrate(field, method, t=(0.0, 0.2), steps=10, x=x).x[-1]
-        back = lv.integrate(field, method, t=(0.2, 0.0), steps=10, x=there).x[-1]
+        there = lv.integrate(field, method, t=(0.0, 0.08), steps=4, x=x).x[-1]
+        back = lv.integrate(field, method, t=(0.08, 0.0), steps=4, x=there).x[-1]
         assert np.abs(back - x).max() <= TOLERANCES["adjoint_roundtrip"], composition
 
 
@@ -226,11 +233,11 @@ def test_an_ensemble_is_its_members_bit_for_bit():
 
 def test_a_huge_state_does_not_depend_on_threads():
     lorenz = load("lorenz96")
-    field = lorenz.build(80_000)  # work for several threads begins at 65 536
-    x = np.random.default_rng(3).normal(size=80_000)
-    method = lv.VolumeSplitting(composition="S2")
+    field = lorenz.build(66_000)  # work for several threads begins at 65 536
+    x = np.random.default_rng(3).normal(size=66_000)
+    plan = lv.plan(field, lv.VolumeSplitting(composition="S2"), h=0.01, x=x)
     ends = [
-        lv.integrate(field, method, t=(0, 0.02), h=0.01, every=2, x=x, threads=threads).x[-1]
+        lv.integrate(field, plan, t=(0, 0.02), h=0.01, every=2, x=x, threads=threads).x[-1]
         for threads in (1, 3)
     ]
     assert np.array_equal(*ends)
