@@ -179,14 +179,12 @@ class Mechanics(TracedSystem):
     def violated(self, violation: Violation, t: float, hint: str) -> str:
         """Return what is wrong with a start, in the user's names."""
         _, kind, index, value, limit = violation
-        first, names = self.states[0], self._holonomic
-        what, symbol = {
-            "constraint": ("constraint", f"g({first})"),
-            "hidden": ("hidden constraint", f"g_t + g_{first} v"),
-            "nonholonomic": ("nonholonomic constraint", f"k({', '.join(self.states)})"),
+        (first, second), own = self.states, self._holonomic
+        what, symbol, names = {
+            "constraint": ("constraint", f"g({first})", own),
+            "hidden": ("hidden constraint", f"g_t + g_{first} v", own),
+            "nonholonomic": ("nonholonomic constraint", f"k({first}, {second})", self.nonholonomic),
         }[kind]
-        if kind == "nonholonomic":
-            names = self.nonholonomic
         return missed(what, symbol, names[index], value, limit, t, hint)
 
     def nearly_dependent(self, t: float, y: np.ndarray, params: np.ndarray) -> tuple[str, ...]:
