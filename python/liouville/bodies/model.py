@@ -195,8 +195,9 @@ class Model:
         def edge(t: ca.SX, q: ca.SX, v: ca.SX, params: Any) -> ca.SX:
             del t, q, v
             arm = ca.SX(1) if name.startswith("slide") else column(friction.radius, params, 1)
-            slip = arm * self.coordinates[joint.name, name][1]
-            return slip - k * column(friction.v_s, params, 1)
+            beyond: ca.SX = arm * self.coordinates[joint.name, name][1]
+            beyond -= k * column(friction.v_s, params, 1)
+            return beyond
 
         return edge
 
