@@ -1,9 +1,11 @@
-"""Assemblies of bodies: against minimal coordinates, Newton and Euler, closed forms, references."""
+"""Assemblies of bodies: against minimal coordinates, Newton and Euler, closed forms, references.
+
+One file, since every kind of joint is held against several of them by the same helpers.
+"""
 
 import pickle
 import subprocess
 import sys
-from itertools import pairwise
 
 import casadi as ca
 import numpy as np
@@ -496,136 +498,6 @@ def test_a_start_closes_loops_with_what_is_given():
         assert abs(found[0] - angle) < 1e-13
         assert abs(rates[3] - 2.0) < 1e-13
         lv.integrate(system, lv.Spark(2), t=(0, 0.01), h=0.01, **start)
-
-
-def rods(*points, pins=None):
-    """Rods between points in the plane, hinged to one another, and to the ground at both ends."""
-    m = lv.bodies.Assembly()
-    before = m.ground
-    for k, (a, b) in enumerate(pairwise(points)):
-        m.body(f"rod{k}", mass=1.0, inertia=CUBE, at=(np.add(a, b) / 2))
-        m.revolute(f"J{k}", before, f"rod{k}", at=(pins or {}).get(k, a), axis=Z)
-        before = f"rod{k}"
-    m.revolute("end", before, m.ground, at=points[-1], axis=Z)
-    return m
-
-
-@pytest.mark.parametrize(
-    ("points", "pins", "sentence"),
-    [
-        (((0, 0, 0), (1, 1, 0), (2, 0, 0)), None, "no freedom: joints 'J0', 'J1' and 'end'"),
-        (((0, 0, 0), (1, 0, 0), (2, 0, 0)), None, "first-order mobility only"),
-        (
-            ((0, 0, 0), (1, 1, 0), (2, 0, 0)),
-            {1: ((9.0, 0, 0), (1.0, 1, 0))},
-            "the loop through 'J0', 'J1' and 'end' cannot be closed",
-        ),
-    ],
-)
-def test_a_mechanism_that_cannot_move_or_be_closed_is_refused(points, pins, sentence):
-    with pytest.raises(ValueError, match=sentence):
-        rods(*points, pins=pins).start()
-
-
-def test_starts_refuse_what_contradicts_the_joints():
-    m = fourbar()
-    with pytest.raises(ValueError, match="rates given contradict"):
-        m.start(rates={"A": 1.0, "D": 1.0})
-    with pytest.raises(ValueError, match=r"loop through|values given contradict"):
-        m.start(values={"A": 0.5, "D": 3.0})
-    with pytest.raises(ValueError, match="no joint 'E'\nhint: joints are A, B, C, D"):
-        m.start(values={"E": 0.5})
-    with pytest.raises(ValueError, match="coordinates angle, and 2 of them"):
-        m.start(values={"A": (0.5, 1.0)})
-    with pytest.raises(ValueError, match="rates of joint 'A' is a finite number"):
-        m.start(rates={"A": np.nan})
-
-
-# --- calls ------------------------------------------------------------------------------
-
-
-def base():
-    m = lv.bodies.Assembly(gravity=G)
-    m.body("rod", mass=1.0, inertia=CUBE, at=(0, 0, -1))
-    return m
-
-
-AT = {"at": (0, 0, 0)}
-BAD = {
-    "at= of joint 'A' is 3 finite": lambda m: m.spherical("A", m.ground, "rod", at=(0, np.inf, 0)),
-    "axis of joint 'A' has length": lambda m: m.revolute(
-        "A", m.ground, "rod", **AT, axis=(0, 0, 0)
-    ),
-    "which is no body\nhint: there are 'ground' and 'rod'": lambda m: m.fixed("A", "rob", "rod"),
-    "belongs to another assembly": lambda m: m.fixed("A", base().ground, "rod"),
-    "joins 'rod' with itself": lambda m: m.fixed("A", "rod", "rod"),
-    "there is a body called 'rod' already": lambda m: m.free("rod", "rod"),
-    "rod' is not connected with the ground\nhint": lambda m: m.system(),
-    "inertia of body 'b' is that of no body": lambda m: m.body(
-        "b", mass=1, inertia=(1, 1, 2.1), at=(0, 0, 0)
-    ),
-    "principal moment 0": lambda m: m.body("b", mass=1, inertia=(1, 1, 0), at=(0, 0, 0)),
-    "mass of body 'b' is -1": lambda m: m.point_mass("b", mass=-1, at=(0, 0, 0)),
-    "rotation of body 'b' has length zero": lambda m: m.body(
-        "b", mass=1, inertia=CUBE, at=(0, 0, 0), rotation=(0, 0, 0, 0)
-    ),
-    "damping= of joint 'A' is -1": lambda m: m.revolute(
-        "A", m.ground, "rod", **AT, axis=Z, damping=-1
-    ),
-    "damping= of joint 'A' is one value for each": lambda m: m.cylindrical(
-        "A", m.ground, "rod", **AT, axis=Z, damping=1.0
-    ),
-    "do not cross at a right angle": lambda m: m.universal(
-        "A", m.ground, "rod", **AT, axes=((1, 0, 0), (1, 1, 0))
-    ),
-    "length= of joint 'A' is 0": lambda m: m.distance("A", m.ground, "rod", at=((0, 0, 0),) * 2),
-    "lies flat on its plane": lambda m: m.rolling("A", m.ground, "rod", radius=1, axis=Z),
-    "gear 'A' has no joint 'B'": lambda m: m.gear("A", {"B": 1, "C": 2}),
-    "lead= of joint 'A' is zero": lambda m: m.screw("A", m.ground, "rod", **AT, axis=Z, lead=0),
-    "points of spring 'K' coincide": lambda m: m.spring(
-        "K", m.ground, "rod", at=((0, 0, 0),) * 2, stiffness=1
-    ),
-    "would turn 'p', a point mass, which cannot\nhint: take a body": lambda m: m.revolute(
-        "A", m.ground, m.point_mass("p", mass=1, at=(1, 0, 0)), **AT, axis=Z
-    ),
-    "motion= of joint 'A' is a function": lambda m: m.revolute(
-        "A", m.ground, "rod", **AT, axis=Z, motion=1.0
-    ),
-}
-
-
-@pytest.mark.parametrize("sentence", BAD)
-def test_bad_calls_are_refused_with_a_sentence(sentence):
-    with pytest.raises((ValueError, TypeError), match=sentence):
-        BAD[sentence](base())
-
-
-def test_functions_of_joints_are_refused_by_name():
-    m = base()
-    m.revolute("A", m.ground, "rod", **AT, axis=Z, torque=lambda t, params: 1.0)
-    with pytest.raises(TypeError, match=r"torque of joint 'A' is called with \(t, angle, rate, p"):
-        m.system()
-    m = base()
-    m.revolute("A", m.ground, "rod", **AT, axis=Z, damping=lambda params: params.c)
-    with pytest.raises(
-        ValueError, match="damping of joint 'A': there is no parameter 'c'; the sys"
-    ):
-        m.system({"d": 1.0})
-    m = base()
-    m.revolute("A", m.ground, "rod", **AT, axis=(0, 1, 0), torque=lambda t, x, v, p: float(x))
-    with pytest.raises(ValueError, match="torque of joint 'A' contains the constant nan") as raised:
-        m.system()
-    assert not hasattr(raised.value, "__notes__")
-    m = base()
-    m.revolute("A", m.ground, "rod", **AT, axis=(0, 1, 0), motion=lambda t, params: 2 * t)
-    with pytest.raises(ValueError, match="joint 'A' cannot be where its motion= has it at t = 0"):
-        m.start(values={"A": 1.0})
-    m = lv.bodies.Assembly()
-    m.planar_body("plate", mass=1.0, inertia=1.0, at=(0, 0))
-    with pytest.raises(ValueError, match="joint 'A' of 'ground' and 'plate' does not fit"):
-        m.revolute("A", m.ground, "plate", **AT, axis=(1, 0, 0))
-    with pytest.raises(ValueError, match="the assembly has no bodies"):
-        lv.bodies.Assembly().system()
 
 
 def test_systems_are_pickled_and_run_in_ensembles():

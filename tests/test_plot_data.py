@@ -1,4 +1,7 @@
-"""What every plot function draws, of single runs and ensembles of mechanics, fields and waves."""
+"""What every plot function draws, of single runs and ensembles of mechanics, fields and waves.
+
+One file, since one table has the check of each function, and a test that none is missing.
+"""
 
 import inspect
 from dataclasses import replace
