@@ -45,7 +45,7 @@ pub use observe::{Carried, Observer, Observers};
 pub use points::{Points, Times};
 pub use projection::{Projection, project};
 pub use redundant::Redundant;
-pub use restart::{Corrections, Impact, Impulse, Jump, Refused, Restart};
+pub use restart::{Impact, Impulse, Jump, Refused, Restart, Sizes};
 pub use saddle::Saddle;
 pub use saddle::{add_product, diagnose_rank};
 pub use schur::{SchurPlan, SparseSchur};

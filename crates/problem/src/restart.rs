@@ -14,9 +14,8 @@ use super::{Model, Saddle, State};
 use liouville_base::checkpoint::Checkpoint;
 use liouville_base::error::{Quantity, StepError};
 use liouville_base::linalg::{add_scaled, copy, max_norm};
+use liouville_base::newton::{Equations, solve_full};
 
-/// Corrections that may be needed.
-const MOST_ITERATIONS: usize = 50;
 /// Corrections of this part are roundoff; those of the second are, where they do not become smaller.
 const ROUNDOFF: [f64; 2] = [2.0 * f64::EPSILON, 1e-10];
 /// A gradient yields where so much of it is not along the constraints.
@@ -137,76 +136,45 @@ impl Impulse {
     }
 
     fn move_positions(&mut self, t: f64, y: &mut [f64], z: &[f64]) -> Result<(), StepError> {
-        let m = self.model.problem.m;
-        if m == 0 {
+        if self.model.problem.m == 0 {
             return Ok(());
         }
-        let mut corrections = Corrections::of(max_norm(y));
-        loop {
-            self.saddle.update(&mut self.model, t, y, z, &self.none)?;
-            let g = self.model.node(t, y, &self.none[..m])[0];
-            finite(g, Quantity::Constraint, t)?;
-            self.mu.fill(0.0);
-            add_scaled(&mut self.mu[..m], -1.0, g);
-            self.x.fill(0.0);
-            self.saddle.solve(&self.model, &mut self.x, &mut self.mu);
-            self.dv.fill(0.0);
-            self.saddle.mass.add_velocity(&self.x, &mut self.dv);
-            add_scaled(y, 1.0, &self.dv);
-            if corrections.is_last(max_norm(&self.dv), max_norm(y))? {
-                return Ok(());
-            }
-        }
+        let sizes = Sizes::of(y);
+        let mut positions = Positions {
+            of: self,
+            t,
+            y,
+            z,
+            sizes,
+        };
+        solve_full(&mut positions).map(|_| ())
     }
 
     fn move_velocities(&mut self, t: f64, jump: &mut Jump) -> Result<(), Refused> {
-        let (m, y) = (self.model.problem.m, &*jump.y);
         if jump.impact.is_none() && self.none.is_empty() {
             return Ok(());
         }
-        let [p, _, v] = self.model.end(t, y, jump.z);
+        let [p, _, v] = self.model.end(t, jump.y, jump.z);
         copy(&mut self.p, p);
         copy(&mut self.v, if v.is_empty() { &*jump.z } else { v });
         self.sum.fill(0.0);
-        let mut corrections = Corrections::of(max_norm(jump.z));
-        loop {
-            let z = &*jump.z;
-            self.saddle.update(&mut self.model, t, y, z, &self.none)?;
-            let k = self.model.nonholonomic(t, y, z, &self.none[m..])[0];
-            finite_k(k, m, t)?;
-            self.mu.fill(0.0);
-            add_scaled(&mut self.mu[m..], -1.0, k);
-            let [p, w, v] = self.model.end(t, y, z);
-            finite(p, Quantity::Momentum, t)?;
-            finite(w, Quantity::Hidden, t)?;
-            add_scaled(&mut self.mu[..m], -1.0, w);
-            for (k, x) in self.x.iter_mut().enumerate() {
-                *x = self.p[k] + self.sum[k] - p[k];
-            }
-            let v = if v.is_empty() { z } else { v };
-            let rate = jump.impact.map_or(0.0, |impact| {
-                let changes = v.iter().zip(&self.v).zip(impact.gradient);
-                impact.change
-                    - changes
-                        .map(|((v, before), e)| e * (v - before))
-                        .sum::<f64>()
-            });
-            self.saddle.solve(&self.model, &mut self.x, &mut self.mu);
-            if let Some(impact) = jump.impact {
-                self.add_impact(impact.gradient, rate)?;
-            }
-            let (lam, nu) = self.mu.split_at(m);
-            self.saddle.add_reaction(&self.model, lam, &mut self.sum);
-            self.saddle.add_rolling(&self.model, nu, &mut self.sum);
-            add_scaled(jump.z, 1.0, &self.x);
-            if corrections.is_last(max_norm(&self.x), max_norm(jump.z))? {
-                return Ok(());
-            }
+        let sizes = Sizes::of(jump.z);
+        let mut velocities = Velocities {
+            of: self,
+            t,
+            jump,
+            sizes,
+            is_locked: false,
+        };
+        match solve_full(&mut velocities) {
+            Err(_) if velocities.is_locked => Err(Refused::Locked),
+            solved => Ok(solved.map(|_| ())?),
         }
     }
 
-    /// Adds what changes the rate along a gradient by so much, less what the present changes do to it.
-    fn add_impact(&mut self, gradient: &[f64], rate: f64) -> Result<(), Refused> {
+    /// Adds what changes the rate along a gradient by so much, less what the present changes do to it; or not, where the
+    /// constraints allow no motion along it.
+    fn add_impact(&mut self, gradient: &[f64], rate: f64) -> bool {
         let [x, mu] = &mut self.unit;
         let dv = &mut self.dv;
         let mut along = |saddle: &Saddle, x: &[f64]| {
@@ -223,13 +191,122 @@ impl Impulse {
         self.saddle.solve(&self.model, x, mu);
         let yields = along(&self.saddle, x);
         if yields.is_nan() || yields <= YIELDS * free {
-            return Err(Refused::Locked);
+            return false;
         }
         let size = left / yields;
         add_scaled(&mut self.x, size, x);
         add_scaled(&mut self.mu, size, mu);
         add_scaled(&mut self.sum, size, gradient);
-        Ok(())
+        true
+    }
+}
+
+/// g = 0, of coordinates that are moved.
+struct Positions<'a> {
+    of: &'a mut Impulse,
+    t: f64,
+    y: &'a mut [f64],
+    z: &'a [f64],
+    sizes: Sizes,
+}
+
+impl Equations for Positions<'_> {
+    fn correct(&mut self) -> Result<f64, StepError> {
+        let Impulse {
+            model,
+            saddle,
+            none,
+            x,
+            dv,
+            mu,
+            ..
+        } = &mut *self.of;
+        let (m, t) = (model.problem.m, self.t);
+        saddle.update(model, t, self.y, self.z, none)?;
+        let g = model.node(t, self.y, &none[..m])[0];
+        finite(g, Quantity::Constraint, t)?;
+        mu.fill(0.0);
+        add_scaled(&mut mu[..m], -1.0, g);
+        x.fill(0.0);
+        saddle.solve(model, x, mu);
+        dv.fill(0.0);
+        saddle.mass.add_velocity(x, dv);
+        add_scaled(self.y, 1.0, dv);
+        Ok(self.sizes.next(dv, self.y))
+    }
+
+    fn is_solved(&mut self) -> Result<bool, StepError> {
+        Ok(self.sizes.are_roundoff())
+    }
+}
+
+/// The momenta, w = 0, k = 0 and the rate along an impact, of velocities that are changed.
+struct Velocities<'a, 'b> {
+    of: &'a mut Impulse,
+    t: f64,
+    jump: &'a mut Jump<'b>,
+    sizes: Sizes,
+    is_locked: bool,
+}
+
+impl Equations for Velocities<'_, '_> {
+    fn correct(&mut self) -> Result<f64, StepError> {
+        let Impulse {
+            model,
+            saddle,
+            none,
+            p: momenta,
+            v: rates,
+            sum,
+            x,
+            mu,
+            ..
+        } = &mut *self.of;
+        let (m, t, y, z) = (model.problem.m, self.t, &*self.jump.y, &*self.jump.z);
+        saddle.update(model, t, y, z, none)?;
+        let k = model.nonholonomic(t, y, z, &none[m..])[0];
+        finite_k(k, m, t)?;
+        mu.fill(0.0);
+        add_scaled(&mut mu[m..], -1.0, k);
+        let [p, w, v] = model.end(t, y, z);
+        finite(p, Quantity::Momentum, t)?;
+        finite(w, Quantity::Hidden, t)?;
+        add_scaled(&mut mu[..m], -1.0, w);
+        for (k, x) in x.iter_mut().enumerate() {
+            *x = momenta[k] + sum[k] - p[k];
+        }
+        let v = if v.is_empty() { z } else { v };
+        let rate = self.jump.impact.map_or(0.0, |impact| {
+            let changes = v.iter().zip(&*rates).zip(impact.gradient);
+            impact.change
+                - changes
+                    .map(|((v, before), e)| e * (v - before))
+                    .sum::<f64>()
+        });
+        saddle.solve(model, x, mu);
+        if let Some(impact) = self.jump.impact
+            && !self.of.add_impact(impact.gradient, rate)
+        {
+            self.is_locked = true;
+            return Ok(f64::NAN);
+        }
+        let Impulse {
+            model,
+            saddle,
+            x,
+            mu,
+            sum,
+            ..
+        } = &mut *self.of;
+        let (lam, nu) = mu.split_at(m);
+        saddle.add_reaction(model, lam, sum);
+        saddle.add_rolling(model, nu, sum);
+        add_scaled(self.jump.z, 1.0, x);
+        Ok(self.sizes.next(x, self.jump.z))
+    }
+
+    fn is_solved(&mut self) -> Result<bool, StepError> {
+        Ok(self.sizes.are_roundoff())
     }
 }
 
@@ -255,41 +332,37 @@ impl Restart<State> for Impulse {
     }
 }
 
-/// Corrections that become smaller until they are roundoff.
+/// Sizes of the last two corrections, relative to what is corrected.
 #[derive(Debug)]
-pub struct Corrections {
+pub struct Sizes {
     start: f64,
-    last: f64,
-    count: usize,
+    last: [f64; 2],
 }
 
-impl Corrections {
-    /// Of something of this size.
+impl Sizes {
+    /// Before the first correction of this.
     #[must_use]
-    pub fn of(start: f64) -> Self {
+    pub fn of(start: &[f64]) -> Self {
         Self {
-            start,
-            last: f64::INFINITY,
-            count: 0,
+            start: max_norm(start),
+            last: [f64::INFINITY; 2],
         }
     }
 
-    /// Whether a correction was the last one needed, of what has this size now.
-    ///
-    /// # Errors
-    /// There were too many.
-    pub fn is_last(&mut self, size: f64, now: f64) -> Result<bool, StepError> {
-        let unit = self.start.max(now);
-        self.count += 1;
-        if size <= ROUNDOFF[0] * unit || size <= ROUNDOFF[1] * unit && size >= self.last / 2.0 {
-            return Ok(true);
-        }
-        if self.count == MOST_ITERATIONS || !size.is_finite() {
-            let (iterations, size) = (self.count, size / unit);
-            return Err(StepError::NotConverged { iterations, size });
-        }
-        self.last = size;
-        Ok(false)
+    /// The relative size of another correction, of what is this now.
+    pub fn next(&mut self, correction: &[f64], now: &[f64]) -> f64 {
+        let size = max_norm(correction);
+        let unit = self.start.max(max_norm(now));
+        let relative = if size == 0.0 { 0.0 } else { size / unit };
+        self.last = [self.last[1], relative];
+        relative
+    }
+
+    /// Whether the last correction was nothing but roundoff.
+    #[must_use]
+    pub fn are_roundoff(&self) -> bool {
+        let [before, last] = self.last;
+        last <= ROUNDOFF[0] || last <= ROUNDOFF[1] && last >= before / 2.0
     }
 }
 

@@ -3,8 +3,9 @@
 use super::{SemiExplicitModel, SemiExplicitState};
 use liouville_base::checkpoint::Checkpoint;
 use liouville_base::error::{Quantity, StepError};
-use liouville_base::linalg::{Factor, copy, max_norm};
-use liouville_problem::{Corrections, Jump, Kind, Refused, Restart, Violation, finite};
+use liouville_base::linalg::{Factor, add_scaled, copy, max_norm};
+use liouville_base::newton::{Equations, solve_full};
+use liouville_problem::{Jump, Kind, Refused, Restart, Sizes, Violation, finite};
 
 /// How far constraints may be missed, as at the start of a run: in units of the coordinates, and of those at zero.
 const TOLERANCES: [f64; 2] = [1e-10, 1e-14];
@@ -31,32 +32,6 @@ impl SemiExplicitRestart {
         }
     }
 
-    fn move_positions(&mut self, t: f64, y: &mut [f64], z: &[f64]) -> Result<(), StepError> {
-        let problem = self.model.problem.clone();
-        let mut corrections = Corrections::of(max_norm(y));
-        loop {
-            let k = self.model.constraint(t, y);
-            finite(k, Quantity::Constraint, t)?;
-            copy(&mut self.mu, k);
-            let (w_z, f_z) = self.model.hidden_jacobian(t, y, z);
-            finite(w_z, Quantity::Derivative, t)?;
-            let factored = self.factor.factor(&problem.patterns.w_z, w_z);
-            factored.map_err(|singular| StepError::SingularHidden {
-                unknown: singular.column,
-            })?;
-            self.factor.solve(&mut self.mu);
-            self.moves.fill(0.0);
-            let at = &problem.patterns.f_z;
-            at.multiply_add(f_z, -1.0, &self.mu, &mut self.moves);
-            for (y, x) in y.iter_mut().zip(&self.moves) {
-                *y += x;
-            }
-            if corrections.is_last(max_norm(&self.moves), max_norm(y))? {
-                return Ok(());
-            }
-        }
-    }
-
     /// The constraint that is missed most, if one is.
     fn violation(&mut self, t: f64, y: &[f64]) -> Option<Violation> {
         let problem = self.model.problem.clone();
@@ -80,6 +55,46 @@ impl SemiExplicitRestart {
     }
 }
 
+/// k = 0, of coordinates that are moved.
+struct Positions<'a> {
+    of: &'a mut SemiExplicitRestart,
+    t: f64,
+    y: &'a mut [f64],
+    z: &'a [f64],
+    sizes: Sizes,
+}
+
+impl Equations for Positions<'_> {
+    fn correct(&mut self) -> Result<f64, StepError> {
+        let SemiExplicitRestart {
+            model,
+            factor,
+            mu,
+            moves,
+        } = &mut *self.of;
+        let (t, problem) = (self.t, model.problem.clone());
+        let k = model.constraint(t, self.y);
+        finite(k, Quantity::Constraint, t)?;
+        copy(mu, k);
+        let (w_z, f_z) = model.hidden_jacobian(t, self.y, self.z);
+        finite(w_z, Quantity::Derivative, t)?;
+        let factored = factor.factor(&problem.patterns.w_z, w_z);
+        factored.map_err(|singular| StepError::SingularHidden {
+            unknown: singular.column,
+        })?;
+        factor.solve(mu);
+        moves.fill(0.0);
+        let at = &problem.patterns.f_z;
+        at.multiply_add(f_z, -1.0, mu, moves);
+        add_scaled(self.y, 1.0, moves);
+        Ok(self.sizes.next(moves, self.y))
+    }
+
+    fn is_solved(&mut self) -> Result<bool, StepError> {
+        Ok(self.sizes.are_roundoff())
+    }
+}
+
 impl Restart<SemiExplicitState> for SemiExplicitRestart {
     fn restart(
         &mut self,
@@ -91,7 +106,16 @@ impl Restart<SemiExplicitState> for SemiExplicitRestart {
         let moved = if *jump.y == before.y[..] {
             Ok(())
         } else {
-            self.move_positions(t, jump.y, jump.z)
+            let sizes = Sizes::of(jump.y);
+            let (y, z) = (&mut *jump.y, &*jump.z);
+            solve_full(&mut Positions {
+                of: self,
+                t,
+                y,
+                z,
+                sizes,
+            })
+            .map(|_| ())
         };
         if let Some(missed) = self.violation(t, jump.y) {
             return Err(Refused::Violated(missed));

@@ -1,9 +1,7 @@
 //! A tape does what its lines say, bit for bit, whatever the lines: plain, batched, in lanes and side by side, in one
 //! file since nearly all are held against the same interpreter of the same programs.
 //!
-//! Miri runs it, in five minutes, with MIRIFLAGS="-Zmiri-disable-isolation -Zmiri-deterministic-floats":
-//!
-//!     cargo +nightly miri test -p liouville-tests --features libm/force-soft-floats --test all tape
+//! Miri runs it in five minutes, by `make sanitize`.
 
 use liouville_base::real::{Lanes, WIDTH};
 use liouville_base::tape::{Line, Op, Tape};
