@@ -24,7 +24,14 @@ OWN = (
     (lv.Spark(4), 0.05),
     (lv.Spark(5), 0.1),
 )
-PEERS = (("Euler", 1e-2), ("implicitfast", 1e-2), ("implicit", 1e-3), ("RK4", 1e-2), ("RK4", 1e-3))
+PEERS = (
+    ("DISCRETE", 1e-2),
+    ("Euler", 1e-2),
+    ("implicitfast", 1e-2),
+    ("implicit", 1e-3),
+    ("RK4", 1e-2),
+    ("RK4", 1e-3),
+)
 
 
 def run_here(system, start, method, h):
