@@ -6,6 +6,8 @@ SECONDS ?= 300
 CORE   := Cargo.toml pyproject.toml $(wildcard Cargo.lock crates/*/Cargo.toml) $(shell find crates -name '*.rs' -o -name 'table.txt')
 # With the extension beside them the tests share what is compiled for it.
 RUST_TESTS := -p liouville-py -p liouville-tests
+# The core is compiled while pip fetches what is Python, and is taken from there by the build that pip makes.
+COMPILE := cargo build --quiet --release -p liouville-py
 # Modules are compiled once and not by every process, and workers do not compete by their threads.
 PYTEST_SETTINGS := PYTHONDONTWRITEBYTECODE= OPENBLAS_NUM_THREADS=1
 SPHINX := $(BIN)/sphinx-build -W --keep-going -q
@@ -16,7 +18,8 @@ SPHINX := $(BIN)/sphinx-build -W --keep-going -q
 help:  ## Print the verbs
 	@sed -n 's/^\([a-z]*\):.*## /\1\t/p' $(MAKEFILE_LIST) | awk -F '\t' '{printf "make %-8s %s\n", $$1, $$2}'
 
-demo: $(VENV)/demo  ## Build, integrate two mechanisms, compare with references, draw build/demo.png
+demo:  ## Build, integrate two mechanisms, compare with references, draw build/demo.png
+	@$(COMPILE) & $(MAKE) --no-print-directory $(VENV)/demo && wait
 	$(BIN)/python examples/demo.py
 
 test:  ## Run every test but the slow ones: Rust, Python, examples in the documentation
