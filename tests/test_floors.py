@@ -38,7 +38,7 @@ CRATE_FLOORS = {
             *("estimate", "full_newton", "lanes", "node_schur", "predictor"),
             *("probe", "sparse_schur", "stages", "update", "yardstick"),
         ),
-        ("rattle",),  # it falls back on the stage equations
+        ("rattle", "tangent"),  # the one falls back on the stage equations, the other follows them
     ),
     "alpha": (),
     "index2": (
@@ -53,7 +53,8 @@ PACKAGE_FLOORS = (
     ("_casadi", "_core", "errors"),
     (
         *("_arguments", "_job", "_options", "_scipy", "checksum", "events", "failure", "locks"),
-        *("html", "motions", "points", "program", "progress", "states", "tape", "terms"),
+        *("html", "motions", "points", "program", "progress", "states", "tangents", "tape"),
+        "terms",
     ),
     ("control", "methods", "parts", "systems"),
     ("bodies", "solution", "splitting"),

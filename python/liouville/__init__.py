@@ -41,6 +41,7 @@ from liouville.systems import Schrodinger as Schrodinger
 from liouville.systems import SemiExplicit as SemiExplicit
 from liouville.systems import SpinChain as SpinChain
 from liouville.systems import Structure as Structure
+from liouville.tangents import Tangent as Tangent
 
 if _typing.TYPE_CHECKING:
     from liouville import analysis as analysis

@@ -21,6 +21,7 @@ __all__ = [
     "Run",
     "SecondOrder",
     "SemiExplicit",
+    "Sensitivity",
     "Separable",
     "Split",
     "Tape",
@@ -33,6 +34,7 @@ __all__ = [
     "path",
     "processor_degree",
     "project",
+    "project_tangents",
     "run",
     "spark_tableau",
     "split_program",
@@ -93,6 +95,12 @@ class Mechanical:
         patterns: dict[str, _Pattern],
         left_out: list[int] = ...,
     ) -> Mechanical: ...
+
+@final
+class Sensitivity:
+    def __new__(
+        cls, problem: Mechanical, tapes: dict[str, Tape], patterns: dict[str, _Pattern]
+    ) -> Sensitivity: ...
 
 @final
 class SecondOrder:
@@ -248,6 +256,14 @@ def project(
     x: NDArray[np.float64],
     held: NDArray[np.float64],
     params: NDArray[np.float64],
+) -> NDArray[np.float64] | _Error: ...
+def project_tangents(
+    tapes: tuple[Tape, Tape, Tape],
+    patterns: tuple[_Pattern, _Pattern],
+    x: NDArray[np.float64],
+    held: NDArray[np.float64],
+    params: NDArray[np.float64],
+    rates: NDArray[np.float64],
 ) -> NDArray[np.float64] | _Error: ...
 def independent_rows(
     matrix: NDArray[np.float64], cutoff: float

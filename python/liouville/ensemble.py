@@ -37,6 +37,7 @@ def ensemble(
     observe: Mapping[str, Callable[..., Any]] | None = None,
     params: Mapping[str, ArrayLike] | None = None,
     states: bool = True,
+    tangents: Mapping[str, ArrayLike] | None = None,
     progress: Progress = None,
     threads: int | None = None,
     executor: Executor | None = None,
@@ -64,6 +65,9 @@ def ensemble(
         Parameters that differ from the defaults. Those of a mechanical or semi-explicit system may
         have a further, first axis of members: a number as shape (P,), a vector of j numbers as
         (P, j).
+    tangents : mapping of str to array_like, optional
+        As for :func:`integrate`, the same directions for all members, of which each then runs by
+        itself: derivatives have the member as their second axis.
     progress : bool or callable, optional
         True shows a bar, on a terminal or in a notebook. A function is called about twenty times a
         second, ``progress(done, total)``, with numbers of steps; of members with an executor.
@@ -109,13 +113,16 @@ def ensemble(
     """
     request = Request(
         t=t, h=h, steps=steps, every=every, events=events, observe=observe, params=params,
-        states=states, threads=threads, start=start, is_ensemble=True,
+        states=states, tangents=tangents, threads=threads, start=start, is_ensemble=True,
     )  # fmt: skip
     runner = runner_of(system, method, request)
     if executor is None:
         if chunk is not None:
             raise TypeError("chunk is for an executor: give executor= too")
         return execute(runner, progress)
+    if tangents is not None:
+        hint = "leave executor= out: threads of this process take the members"
+        raise TypeError(hinted("an ensemble on an executor has no tangents", hint))
     if events:
         hint = "leave executor= out: threads of this process take the members"
         raise TypeError(hinted("an ensemble on an executor has no events", hint))

@@ -38,6 +38,7 @@ def integrate(
     observe: Mapping[str, Callable[..., Any]] | None = None,
     params: Mapping[str, ArrayLike] | None = None,
     states: bool = True,
+    tangents: Mapping[str, ArrayLike] | None = None,
     progress: Progress = None,
     threads: int | None = None,
     store: Store | str | os.PathLike[str] | None = None,
@@ -92,6 +93,14 @@ def integrate(
     states : bool, default True
         Whether states and multipliers are kept; without them only invariants, residuals and
         observed quantities are.
+    tangents : mapping of str to array_like, optional
+        Directions to differentiate the run in, by name: a state of the system such as ``"q"`` or
+        ``"v"``, ``"params.name"``, and ``"t0"`` or ``"t1"`` where steps are equal. Each is an array
+        of the shape of that, or d of them stacked, of shape (d, n). ``solution.tangents`` has the
+        derivatives of the discrete solution, to roundoff; see :doc:`/theory/adjoint`. A direction
+        that leaves the constraints, such as that of a length in them, is moved onto them by the
+        tangent of ``system.consistent``. Controlled steps are held. Of mechanical systems by
+        ``Spark``, ``LobattoPair`` and compositions of them.
     progress : bool or callable, optional
         True shows a bar, on a terminal or in a notebook. A function is called about twenty times a
         second, ``progress(done, total)``, with numbers of steps, or times where steps are
@@ -138,8 +147,8 @@ def integrate(
     """
     request = Request(
         t=t, h=h, steps=steps, rtol=rtol, atol=atol, control=control, every=every, t_eval=t_eval,
-        events=events, observe=observe, params=params, states=states, threads=threads, start=start,
-        is_stored=store is not None,
+        events=events, observe=observe, params=params, states=states, tangents=tangents,
+        threads=threads, start=start, is_stored=store is not None,
     )  # fmt: skip
     if store is None:
         return execute(runner_of(system, method, request), progress)

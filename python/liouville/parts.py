@@ -11,6 +11,7 @@ import numpy as np
 from liouville.errors import check_name, hinted
 from liouville.events import AFTER
 from liouville.points import Points
+from liouville.tangents import Tangent
 
 if TYPE_CHECKING:
     from liouville.solution import Array, Solution
@@ -75,7 +76,16 @@ def _each(solution: Solution, cut: Callable[[Array], Array]) -> dict[str, Any]:
         group: {name: cut(x) for name, x in getattr(solution, group).items()} for group in GROUPS
     }
     given = solution.reactions
+    found["tangents"] = _of_tangents(
+        solution, lambda states: {name: cut(x) for name, x in states.items()}
+    )
     return found | {"reactions": None if given is None else cut(given)}
+
+
+def _of_tangents(
+    solution: Solution, change: Callable[[dict[str, Array]], dict[str, Array]]
+) -> dict[str, Tangent]:
+    return {name: tangent.each(change) for name, tangent in solution.tangents.items()}
 
 
 def _reached(arrays: dict[str, Any], rows: int) -> int:
@@ -152,6 +162,7 @@ def _of_coordinates(solution: Solution, names: Sequence[str]) -> Solution:
         states=cut(solution.states),
         reactions=None if given is None else _columns(given, places),
         events={name: Points(x.t, cut(x.states)) for name, x in solution.events.items()},
+        tangents=_of_tangents(solution, cut),
         names=solution.names | {"coordinates": tuple(names)},
         dense_order=0,
     )

@@ -17,6 +17,7 @@ from liouville.motions import Motions
 from liouville.points import Points, times_within
 from liouville.states import States
 from liouville.systems import Mechanics, SemiExplicit, System
+from liouville.tangents import Tangent
 
 if TYPE_CHECKING:
     import xarray
@@ -107,6 +108,9 @@ class Solution(States, Motions):
     endings : dict of int to str
         Members of an ensemble that an event ended, with which and when; what they have after it is
         NaN.
+    tangents : dict of str to Tangent
+        Derivatives of the states in the directions that ``tangents=`` asked for, by name:
+        ``solution.tangents["params.l"].q``. Files do not keep them.
     reactions : ndarray, shape (k, n), or None
         The reaction forces of a solution that was loaded; :meth:`reaction` gives them.
     system : System or None
@@ -138,6 +142,7 @@ class Solution(States, Motions):
     endings: dict[int, str] = field(default_factory=dict)
     varied: tuple[str, ...] = ()
     changing: tuple[str, ...] = ()
+    tangents: dict[str, Tangent] = field(default_factory=dict)
     reactions: Array | None = None
     system: System | None = None
     path: str | None = None

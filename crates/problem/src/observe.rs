@@ -68,6 +68,11 @@ impl<M: Dynamics> Observer<M> {
         &self.model
     }
 
+    /// What solved for multipliers last, where states are recorded.
+    pub fn solved(&self) -> Option<&M::Solver> {
+        self.states.as_ref()
+    }
+
     fn append<S: Carried>(
         &mut self,
         t: f64,

@@ -79,28 +79,7 @@ pub fn project(
     params: &[f64],
 ) -> Result<Vec<f64>, StepError> {
     let (rows, n) = projection.pattern.shape();
-    let tapes = [
-        &projection.residual,
-        &projection.jacobian,
-        &projection.metric,
-    ];
-    let metric = &projection.metric_pattern;
-    let mut equations = ConstraintEquations {
-        projection,
-        registers: tapes.map(|tape| tape.bind(params)),
-        held,
-        scale: max_norm(x),
-        x: x.to_vec(),
-        blocks: [metric, &projection.pattern].map(|pattern| vec![0.0; pattern.len()]),
-        units: vec![0.0; n + rows],
-        c: vec![0.0; rows],
-        metric: Factor::new(metric),
-        leaves_out: false,
-        rows: (0..rows).collect(),
-        kkt: matrix(metric, &projection.pattern),
-        dx: vec![0.0; n],
-        mu: vec![0.0; rows],
-    };
+    let mut equations = ConstraintEquations::new(projection, x, held, params);
     let Err(error) = newton::solve(&mut equations, 100) else {
         return Ok(equations.x);
     };
@@ -122,6 +101,31 @@ pub fn project(
     Ok(equations.x)
 }
 
+/// The least changes of `x` that change c by the rows of `rates`, one after another.
+///
+/// # Errors
+/// A value is not finite, or some equations depend on others.
+///
+/// # Panics
+/// When an argument has not the size of the tapes' input.
+pub fn project_tangents(
+    projection: &Projection,
+    (x, held, params): (&[f64], &[f64], &[f64]),
+    rates: &[f64],
+) -> Result<Vec<f64>, StepError> {
+    let mut equations = ConstraintEquations::new(projection, x, held, params);
+    equations.factor()?;
+    let mut moves = Vec::new();
+    for rate in rates.chunks_exact(equations.c.len()) {
+        let of_c = &equations.units[x.len()..];
+        let scaled = rate.iter().zip(of_c).map(|(rate, unit)| -rate / unit);
+        equations.c.splice(.., scaled);
+        equations.solve();
+        moves.extend_from_slice(&equations.dx);
+    }
+    Ok(moves)
+}
+
 /// The matrix of a metric and of rows of `c_x`.
 fn matrix(metric: &Pattern, rows: &Pattern) -> KktMatrix {
     KktMatrix::new(KktPatterns {
@@ -133,7 +137,33 @@ fn matrix(metric: &Pattern, rows: &Pattern) -> KktMatrix {
     })
 }
 
-impl ConstraintEquations<'_> {
+impl<'a> ConstraintEquations<'a> {
+    fn new(projection: &'a Projection, x: &[f64], held: &'a [f64], params: &[f64]) -> Self {
+        let (rows, n) = projection.pattern.shape();
+        let tapes = [
+            &projection.residual,
+            &projection.jacobian,
+            &projection.metric,
+        ];
+        let metric = &projection.metric_pattern;
+        Self {
+            projection,
+            registers: tapes.map(|tape| tape.bind(params)),
+            held,
+            scale: max_norm(x),
+            x: x.to_vec(),
+            blocks: [metric, &projection.pattern].map(|pattern| vec![0.0; pattern.len()]),
+            units: vec![0.0; n + rows],
+            c: vec![0.0; rows],
+            metric: Factor::new(metric),
+            leaves_out: false,
+            rows: (0..rows).collect(),
+            kkt: matrix(metric, &projection.pattern),
+            dx: vec![0.0; n],
+            mu: vec![0.0; rows],
+        }
+    }
+
     /// Evaluates c, `c_x` and the metric, and scales them.
     fn evaluate(&mut self) -> Result<(), StepError> {
         let args: [&[f64]; 2] = [&self.x, self.held];
@@ -208,8 +238,9 @@ fn check_finite(values: &[f64], quantity: Quantity) -> Result<(), StepError> {
     })
 }
 
-impl Equations for ConstraintEquations<'_> {
-    fn correct(&mut self) -> Result<f64, StepError> {
+impl ConstraintEquations<'_> {
+    /// Evaluates everything at the present point, and factors the matrix.
+    fn factor(&mut self) -> Result<(), StepError> {
         self.evaluate()?;
         let (at_c, at_w) = (&self.projection.pattern, &self.projection.metric_pattern);
         let factored = self.metric.factor(at_w, &self.blocks[0]);
@@ -224,13 +255,26 @@ impl Equations for ConstraintEquations<'_> {
         let own = own.filter(|((row, _), _)| self.rows.binary_search(row).is_ok());
         let own: Vec<f64> = own.map(|(_, value)| *value).collect();
         let factored = self.kkt.factor([w, &[]], &own, &own, None);
-        factored.map_err(|_| diagnose_rank(at_c, scaled, StepError::SingularNewton))?;
+        factored.map_err(|_| diagnose_rank(at_c, scaled, StepError::SingularNewton))
+    }
+
+    /// Writes the least change of x that takes c away.
+    fn solve(&mut self) {
         self.dx.fill(0.0);
         self.mu.clear();
         self.mu.extend(self.rows.iter().map(|row| -self.c[*row]));
         self.kkt.solve(&mut self.dx, &mut self.mu);
-        for ((x, dx), unit) in self.x.iter_mut().zip(&mut self.dx).zip(&self.units) {
+        for (dx, unit) in self.dx.iter_mut().zip(&self.units) {
             *dx *= *unit;
+        }
+    }
+}
+
+impl Equations for ConstraintEquations<'_> {
+    fn correct(&mut self) -> Result<f64, StepError> {
+        self.factor()?;
+        self.solve();
+        for (x, dx) in self.x.iter_mut().zip(&self.dx) {
             *x += *dx;
         }
         let size = max_norm(&self.dx);

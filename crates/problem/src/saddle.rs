@@ -8,7 +8,7 @@
 #![allow(clippy::inline_always)] // what is not inlined is compiled without the registers it is for
 
 use super::Block;
-use super::kkt::{KktMatrix, KktPatterns, NonholonomicBlocks};
+use super::kkt::{KktMatrix, NonholonomicBlocks};
 use super::model::finite;
 use super::nonholonomic::diagnose_rank_all;
 use super::schur::SparseSchur;
@@ -95,7 +95,7 @@ impl<R: Real> Saddle<R> {
         let eliminated = is_large.then(|| Eliminated::new(problem, &mass)).flatten();
         let form = match eliminated {
             Some(eliminated) => Form::Sparse(Box::new(eliminated)),
-            None if order >= KKT_SADDLE => Form::Kkt(Box::new(kkt_matrix(problem))),
+            None if order >= KKT_SADDLE => Form::Kkt(Box::new(KktMatrix::of(problem))),
             None => Form::Dense {
                 inverse_mass_rt: Matrix::zeros(order, problem.n),
                 schur: Lu::new(order),
@@ -275,17 +275,6 @@ impl<R: Real> Saddle<R> {
     }
 }
 
-fn kkt_matrix<R: Real>(problem: &Mechanical) -> KktMatrix<R> {
-    let at = &problem.patterns;
-    KktMatrix::new(KktPatterns {
-        p_z: &at.p_z,
-        v_z: at.v_z.as_ref(),
-        g_y: &at.g_y,
-        r_lam: &at.r_lam,
-        nonholonomic: problem.nonholonomic.as_ref().map(|own| &own.patterns),
-    })
-}
-
 impl<R: Real> Eliminated<R> {
     /// Memory for the Schur complement of holonomic constraints; `None` where it is not sparse.
     fn new(problem: &Mechanical, mass: &Mass<R>) -> Option<Self> {
@@ -309,7 +298,7 @@ impl<R: Real> Eliminated<R> {
     /// The KKT matrix, to be factored instead.
     fn kkt(&mut self, problem: &Mechanical) -> &mut KktMatrix<R> {
         self.is_kkt = true;
-        self.kkt.get_or_insert_with(|| kkt_matrix(problem))
+        self.kkt.get_or_insert_with(|| KktMatrix::of(problem))
     }
 
     #[inline(always)]

@@ -2,6 +2,7 @@
 
 use crate::convert;
 use crate::errors::refused;
+use crate::mechanical::Sensitivity;
 use crate::tableau::{lobatto_named, scheme_named, spark_named};
 use liouville_alpha::Reactions;
 use liouville_base::method::Tolerance;
@@ -10,7 +11,7 @@ use liouville_base::tableau;
 use liouville_base::tape::Tape;
 use liouville_mechanics::events::Law;
 use liouville_mechanics::run::{
-    self, Control, Detection, EventFunction, Method, Problem, SparkMethod,
+    self, Control, Detection, EventFunction, Method, Problem, SparkMethod, Tangents,
 };
 use liouville_spark::Solver;
 use numpy::{PyReadonlyArray1, PyReadonlyArrayDyn, PyUntypedArrayMethods};
@@ -173,6 +174,25 @@ fn detection((order, times, events): &Watch<'_>) -> PyResult<Detection> {
     })
 }
 
+/// Tangents: derivatives of the system, changes of y and of z at the start, those of time and parameters, a row for each
+/// direction, and by which part of themselves the steps become longer.
+type TangentsOf<'py> = (
+    PyRef<'py, Sensitivity>,
+    PyReadonlyArrayDyn<'py, f64>,
+    PyReadonlyArrayDyn<'py, f64>,
+    PyReadonlyArrayDyn<'py, f64>,
+    PyReadonlyArray1<'py, f64>,
+);
+
+fn tangents((sensitivity, y, z, tau, stretch): &TangentsOf<'_>) -> PyResult<Tangents> {
+    Ok(Tangents {
+        sensitivity: sensitivity.0.clone(),
+        start: [y.as_slice()?.to_vec(), z.as_slice()?.to_vec()],
+        tau: tau.as_slice()?.to_vec(),
+        stretch: stretch.as_slice()?.to_vec(),
+    })
+}
+
 /// A job, by the attributes of its dataclass; an ensemble has arrays of rows.
 #[derive(FromPyObject)]
 struct MechanicalJob<'py> {
@@ -183,6 +203,7 @@ struct MechanicalJob<'py> {
     states: bool,
     control: Option<ControlOf<'py>>,
     watch: Option<Watch<'py>>,
+    tangents: Option<TangentsOf<'py>>,
     threads: usize,
     is_ensemble: bool,
     is_reversible: bool,
@@ -219,6 +240,7 @@ impl MechanicalJob<'_> {
             control,
             is_reversible: self.is_reversible,
             detection: self.watch.as_ref().map(detection).transpose()?,
+            tangents: self.tangents.as_ref().map(tangents).transpose()?,
             observer: Tape::clone(&self.observer.0),
             states: self.states,
             threads: self.threads,

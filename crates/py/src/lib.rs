@@ -45,13 +45,13 @@ mod _core {
     #[pymodule_export]
     use super::listing::listing;
     #[pymodule_export]
-    use super::mechanical::Mechanical;
+    use super::mechanical::{Mechanical, Sensitivity};
     #[pymodule_export]
     use super::operator::{Hamiltonian, Operator};
     #[pymodule_export]
     use super::path::path;
     #[pymodule_export]
-    use super::project::{independent_rows, project};
+    use super::project::{independent_rows, project, project_tangents};
     #[pymodule_export]
     use super::run::{Run, run};
     #[pymodule_export]

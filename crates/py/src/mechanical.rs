@@ -3,7 +3,9 @@
 use crate::convert::{Made, Recipe, Tape, item, pattern};
 use crate::errors::refused;
 use liouville_base::tape;
-use liouville_problem::{Nonholonomic, NonholonomicPatterns, Patterns, Redundant};
+use liouville_problem::{
+    Nonholonomic, NonholonomicPatterns, Patterns, Redundant, SensitivityPatterns,
+};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 use std::sync::{Arc, OnceLock};
@@ -95,6 +97,64 @@ impl Mechanical {
             schur_plan: OnceLock::new(),
         };
         Ok(Self(Arc::new(system.checked().map_err(refused)?), made))
+    }
+
+    fn __reduce__<'py>(&self, py: Python<'py>) -> Recipe<'py> {
+        self.1.again::<Self>(py)
+    }
+}
+
+/// Derivatives of a mechanical system by time and parameters, and of its accelerations.
+#[pyclass(frozen, module = "liouville._core")]
+#[derive(Clone)]
+pub(crate) struct Sensitivity(pub(crate) Arc<liouville_problem::Sensitivity>, Made);
+
+#[pymethods]
+impl Sensitivity {
+    /// Tapes and patterns by name; there is no "v_tau" where v is z.
+    #[new]
+    fn new(
+        problem: &Bound<'_, Mechanical>,
+        tapes: &Bound<'_, PyDict>,
+        patterns: &Bound<'_, PyDict>,
+    ) -> PyResult<Self> {
+        let tape = |name: &str| -> PyResult<tape::Tape> {
+            let found = item(tapes, name)?.extract::<PyRef<'_, Tape>>()?.0.clone();
+            Ok(tape::Tape::clone(&found))
+        };
+        let pattern = |name: &str| pattern(&item(patterns, name)?);
+        let v_tau = if patterns.contains("v_tau")? {
+            Some(pattern("v_tau")?)
+        } else {
+            None
+        };
+        let made = Made::of(tapes.py(), (problem, tapes, patterns))?;
+        let sensitivity = liouville_problem::Sensitivity {
+            mechanical: problem.get().0.clone(),
+            stage: tape("stage")?,
+            node: tape("node")?,
+            hidden: tape("hidden")?,
+            motion: tape("motion")?,
+            patterns: SensitivityPatterns {
+                p_tau: pattern("p_tau")?,
+                f_tau: pattern("f_tau")?,
+                v_tau,
+                g_tau: pattern("g_tau")?,
+                r_tau: pattern("r_tau")?,
+                w_y: pattern("w_y")?,
+                w_tau: pattern("w_tau")?,
+                motion: [
+                    pattern("motion_y")?,
+                    pattern("motion_z")?,
+                    pattern("motion_tau")?,
+                ],
+                rate: [pattern("rate_y")?, pattern("rate_z")?, pattern("rate_tau")?],
+            },
+        };
+        Ok(Self(
+            Arc::new(sensitivity.checked().map_err(refused)?),
+            made,
+        ))
     }
 
     fn __reduce__<'py>(&self, py: Python<'py>) -> Recipe<'py> {

@@ -5,36 +5,70 @@ use crate::errors;
 use liouville_base::linalg::{self, Matrix};
 use liouville_base::tape::Tape;
 use liouville_problem::Projection;
-use numpy::{PyArray1, PyReadonlyArray1, PyReadonlyArray2, PyUntypedArrayMethods};
+use numpy::{PyArray1, PyArrayMethods, PyReadonlyArray1, PyReadonlyArray2, PyUntypedArrayMethods};
 use pyo3::prelude::*;
 
-/// The point nearest to `x` that meets a projection's equations, or the error of finding it.
-///
-/// Tapes of c, `c_x` and the metric; patterns of the last two.
-#[pyfunction]
-pub(crate) fn project<'py>(
-    py: Python<'py>,
-    tapes: (
-        PyRef<'py, convert::Tape>,
-        PyRef<'py, convert::Tape>,
-        PyRef<'py, convert::Tape>,
-    ),
-    patterns: (Bound<'py, PyAny>, Bound<'py, PyAny>),
-    x: PyReadonlyArray1<'py, f64>,
-    held: PyReadonlyArray1<'py, f64>,
-    params: PyReadonlyArray1<'py, f64>,
-) -> PyResult<Bound<'py, PyAny>> {
+/// Tapes of c, `c_x` and the metric.
+type Tapes<'py> = (
+    PyRef<'py, convert::Tape>,
+    PyRef<'py, convert::Tape>,
+    PyRef<'py, convert::Tape>,
+);
+
+fn projection(
+    tapes: &Tapes<'_>,
+    patterns: &(Bound<'_, PyAny>, Bound<'_, PyAny>),
+) -> PyResult<Projection> {
     let (residual, jacobian, metric) = tapes;
-    let (x, held, params) = (x.as_slice()?, held.as_slice()?, params.as_slice()?);
-    let projection = Projection {
+    Ok(Projection {
         residual: Tape::clone(&residual.0),
         jacobian: Tape::clone(&jacobian.0),
         pattern: pattern(&patterns.0)?,
         metric: Tape::clone(&metric.0),
         metric_pattern: pattern(&patterns.1)?,
-    };
+    })
+}
+
+/// The point nearest to `x` that meets a projection's equations, or the error of finding it; patterns are those of
+/// `c_x` and of the metric.
+#[pyfunction]
+pub(crate) fn project<'py>(
+    py: Python<'py>,
+    tapes: Tapes<'py>,
+    patterns: (Bound<'py, PyAny>, Bound<'py, PyAny>),
+    x: PyReadonlyArray1<'py, f64>,
+    held: PyReadonlyArray1<'py, f64>,
+    params: PyReadonlyArray1<'py, f64>,
+) -> PyResult<Bound<'py, PyAny>> {
+    let projection = projection(&tapes, &patterns)?;
+    let (x, held, params) = (x.as_slice()?, held.as_slice()?, params.as_slice()?);
     match liouville_problem::project(&projection, x, held, params) {
         Ok(x) => Ok(PyArray1::from_vec(py, x).into_any()),
+        Err(error) => Ok(errors::error(py, &error)?.into_any()),
+    }
+}
+
+/// The least changes of `x`, a row each, that change c by the rows of `rates`, or the error of finding them.
+#[pyfunction]
+pub(crate) fn project_tangents<'py>(
+    py: Python<'py>,
+    tapes: Tapes<'py>,
+    patterns: (Bound<'py, PyAny>, Bound<'py, PyAny>),
+    x: PyReadonlyArray1<'py, f64>,
+    held: PyReadonlyArray1<'py, f64>,
+    params: PyReadonlyArray1<'py, f64>,
+    rates: PyReadonlyArray2<'py, f64>,
+) -> PyResult<Bound<'py, PyAny>> {
+    let projection = projection(&tapes, &patterns)?;
+    let (x, held, params) = (x.as_slice()?, held.as_slice()?, params.as_slice()?);
+    if rates.shape()[1] != projection.pattern.shape().0 {
+        return Err(errors::refused("rates have a column for each equation"));
+    }
+    match liouville_problem::project_tangents(&projection, (x, held, params), rates.as_slice()?) {
+        Ok(moves) => {
+            let shape = [rates.shape()[0], x.len()];
+            Ok(PyArray1::from_vec(py, moves).reshape(shape)?.into_any())
+        }
         Err(error) => Ok(errors::error(py, &error)?.into_any()),
     }
 }

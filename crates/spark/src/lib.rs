@@ -25,10 +25,12 @@ mod probe;
 pub mod rattle;
 mod sparse_schur;
 mod stages;
+mod tangent;
 mod update;
 mod yardstick;
 
 use full_newton::FullNewton;
+pub use lanes::{SparkBatch, supports_batch};
 use liouville_base::error::StepError;
 use liouville_base::linalg::choice::{CHEAP_NEWTON, SCHUR_ITERATIONS};
 use liouville_base::linalg::copy;
@@ -40,9 +42,8 @@ use liouville_small::Small;
 use node_schur::NodeSchur;
 use predictor::Predictor;
 use stages::{Stages, Unknowns};
+pub use tangent::SparkTangents;
 use update::Update;
-
-pub use lanes::{SparkBatch, supports_batch};
 
 /// How the stage equations are solved; all ways lead to the same solution, to roundoff.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

@@ -182,6 +182,17 @@ impl<R: Real> Predictor<R> {
         copy(nu.values.flat_mut(), stages.unknowns.nu.flat());
     }
 
+    /// Writes the unknowns of the finished step that is held.
+    pub(super) fn write_solution(&self, Unknowns { z, v, lam, nu }: &mut Unknowns<R>) {
+        let (curves, velocities) = (&self.held.curves, self.velocities());
+        for i in 0..z.rows() {
+            copy(z.row_mut(i), curves[Z].values.row(i + 1));
+            copy(v.row_mut(i), velocities.row(i + 1));
+        }
+        copy(lam.flat_mut(), curves[LAM].values.flat());
+        copy(nu.flat_mut(), curves[NU].values.flat());
+    }
+
     /// v' at a state, or z' where v is not z: how fast the velocities begin to change.
     pub(super) fn acceleration(
         &mut self,

@@ -92,7 +92,7 @@ pub(super) struct Stages<R = f64> {
     /// Memory of looking at roundoff, made when it is first wanted.
     pub(super) probe: Option<Box<Probe<R>>>,
     /// μᶠ and μ̂ side by side, the last column of μ̂, which is zero, left out unless μʳ follows.
-    force_weights: Matrix,
+    pub(super) force_weights: Matrix,
 }
 
 impl<R: Real> Stages<R> {

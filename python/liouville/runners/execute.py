@@ -144,6 +144,7 @@ def solution_of(
         observed=_named("observed ", parts),
         initial=runner.initial,
         balance=runner.balance(parts),
+        tangents=runner.tangents(parts),
         names=_names(runner),
         events=dict(events),
         dense_order=runner.dense_order,

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -19,6 +19,10 @@ from liouville.runners.runner import Request
 from liouville.runners.traced import TracedRunner
 from liouville.systems import Mechanical, Mechanics
 from liouville.systems._redundant import sizes
+from liouville.tangents import Tangent
+
+if TYPE_CHECKING:
+    from liouville.runners.tangents import Directions
 
 #: A constraint left out may miss this much of the size of what it is made of.
 IMPLIED = 1e-8
@@ -45,6 +49,7 @@ class MechanicalRunner(TracedRunner):
     def __init__(self, system: Mechanics, method: Method, request: Request) -> None:
         self._stepped = system
         self._is_general = method.form == "general"
+        self._wants_tangents = request.tangents is not None
         self._base = method.base if isinstance(method, Composition) else method
         super().__init__(system, method, request)
         self._leave_out()
@@ -52,6 +57,18 @@ class MechanicalRunner(TracedRunner):
         by_rtol = self._control == "error" and request.control is None
         self._is_reversible = by_rtol and not self._is_general and system.is_conservative
         self._is_rattle = isinstance(self._problem, _core.Separable)
+        self._directions = self._directed(request) if self._wants_tangents else None
+
+    def _directed(self, request: Request) -> Directions:
+        """Take the directions of tangents, which each record has columns for."""
+        # imported here: few runs have tangents
+        from liouville.runners.tangents import Directions
+
+        found = Directions(self.system, request.tangents, self.steps)
+        wide = 2 * len(self.system.coordinates) + len(self._stepped.constraints)
+        self.columns["tangents"] = found.count * wide
+        self._check_sizes(request)
+        return found
 
     def _leave_out(self) -> None:
         """Take the system without constraints that the others imply, if there are any."""
@@ -69,7 +86,23 @@ class MechanicalRunner(TracedRunner):
     def _job(self) -> Job:
         job = super()._job()
         job.is_reversible = self._is_reversible
+        if self._directions is not None:
+            # imported here: few runs have tangents
+            from liouville.systems._sensitivity import sensitivity
+
+            own, (y, z) = self._directions, self._begin[:2]
+            params = self._rows if self.members else self._values
+            start = own.starts(self._stepped, self.steps.t0, y, z, params)
+            dy, dz, tau = (np.ascontiguousarray(x) for x in (*start, own.tau))
+            job.tangents = (sensitivity(self._stepped), dy, dz, tau, own.stretch)
         return job
+
+    def tangents(self, parts: Mapping[str, np.ndarray]) -> dict[str, Tangent]:
+        """Return the tangents in records by the names of their directions, if any were wanted."""
+        if self._directions is None:
+            return {}
+        sizes = len(self.system.coordinates), len(self.constraints)
+        return self._directions.read(self.system.states, parts["tangents"], *sizes)
 
     @property
     def control_taken(self) -> str:
@@ -105,6 +138,7 @@ class MechanicalRunner(TracedRunner):
             return self._stepped.second_order
         self._check_solver()
         takes_fast_path = self._base == RATTLE and self._control != "error"
+        takes_fast_path = takes_fast_path and not self._wants_tangents
         fast = self._stepped.separable if takes_fast_path else None
         return self._stepped.problem if fast is None else fast
 

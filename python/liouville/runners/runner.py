@@ -20,6 +20,7 @@ from liouville.methods import Method
 from liouville.points import Points
 from liouville.runners.energy import Found, said_of
 from liouville.systems import System
+from liouville.tangents import Tangent
 
 if TYPE_CHECKING:
     from liouville.planner import Plan
@@ -52,6 +53,7 @@ class Request:
     observe: Mapping[str, Callable[..., Any]] | None = None
     params: Mapping[str, ArrayLike] | None = None
     states: Any = True
+    tangents: Any = None
     threads: Any = None
     start: Mapping[str, Any] = field(default_factory=dict)
     is_ensemble: bool = False
@@ -141,6 +143,11 @@ class Runner(ABC):
 
     def balance(self, parts: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
         """Return where the energy went; empty where a system does not know."""
+        del parts
+        return {}
+
+    def tangents(self, parts: Mapping[str, np.ndarray]) -> dict[str, Tangent]:
+        """Return the tangents in records by the names of their directions, if any were wanted."""
         del parts
         return {}
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 from liouville import _casadi as ca
 from liouville import _core
 from liouville.systems._derivatives import jacobian, solve
@@ -10,10 +12,34 @@ from liouville.systems._form import Model, differ, record_blocks, total_derivati
 from liouville.systems._linear import Block, Pattern
 from liouville.tape import record
 
+if TYPE_CHECKING:
+    from liouville.systems.mechanics import Mechanics
+
+#: Tapes, patterns, and names of the rows of c; see :func:`projection`.
+Projection = tuple[
+    tuple[_core.Tape, _core.Tape, _core.Tape], tuple[Pattern, Pattern], tuple[str, ...]
+]
+
+
+def recorded(system: Mechanics, what: str) -> Projection:
+    """Return the projection of a system, recorded when it is first wanted."""
+    if what not in system._recorded:
+        named = system._holonomic, system.nonholonomic
+        system._recorded[what] = projection(what, system._symbols, system._model, *named)
+    found: Projection = system._recorded[what]
+    return found
+
+
+def equations(what: str, s: Symbols, model: Model) -> tuple[ca.SX, ca.SX, ca.SX]:
+    """Return x, what is held, and c of "positions" or of the "partner"."""
+    if what == "partner":
+        return s.z, s.y, ca.vertcat(total_derivative(model.g, s, model.v), model.nonholonomic.k)
+    return s.y, s.z, model.g
+
 
 def projection(
     what: str, s: Symbols, model: Model, holonomic: tuple[str, ...], nonholonomic: tuple[str, ...]
-) -> tuple[tuple[_core.Tape, ...], tuple[Pattern, Pattern], tuple[str, ...]]:
+) -> Projection:
     """Record the projection of "positions", of "both" by positions, or of the "partner".
 
     Returns tapes (x, held and t, params) of c, c_x and the metric, the patterns of the last two and
@@ -21,13 +47,12 @@ def projection(
     """
     p_z, v_z = jacobian(model.p, s.z), jacobian(model.v, s.z)
     own_velocity = differ(model.v, s.z)
+    x, held, c = equations(what, s, model)
     if what == "partner":
-        x, held = s.z, s.y
-        c = ca.vertcat(total_derivative(model.g, s, model.v), model.nonholonomic.k)
         names = (*(f"hidden {name}" for name in holonomic), *nonholonomic)
         metric = ca.mtimes(v_z.T, p_z) if own_velocity else p_z
     else:
-        x, held, c, names = s.y, s.z, model.g, holonomic
+        names = holonomic
         metric = solve(v_z.T, p_z.T).T if own_velocity else p_z
     if what == "both":
         w = total_derivative(model.g, s, model.v)

@@ -35,7 +35,7 @@ def linearized(system: Mechanics) -> Slopes:
     :math:`c = (w, k)`, and their rate :math:`\dot c`: ``r_y``, ``r_z``, ``c_y``, ``m_y`` and
     ``m_z`` are :math:`R_y, R_z, c_y, \dot c_y, \dot c_z`.
     """
-    return _kept(system, "linearized", lambda: _linearized(system))
+    return kept(system, "linearized", lambda: _linearized(system))
 
 
 def power(system: Mechanics) -> _core.Tape:
@@ -49,7 +49,7 @@ def power(system: Mechanics) -> _core.Tape:
     TypeError
         The energy of the system is not known.
     """
-    return _kept(system, "power", lambda: _power(system))
+    return kept(system, "power", lambda: _power(system))
 
 
 def rates(system: Mechanics, functions: Mapping[str, Callable[..., Any]]) -> Slopes:
@@ -74,14 +74,16 @@ def rates(system: Mechanics, functions: Mapping[str, Callable[..., Any]]) -> Slo
     return record_blocks("rates", s.inputs(z=s.z), [block]), {"rates": block.pattern}
 
 
-def _kept(system: Mechanics, name: str, make: Callable[[], T]) -> T:
+def kept(system: Mechanics, name: str, make: Callable[[], T]) -> T:
+    """Return what stays with a system by its name, made when it is first wanted."""
     if name not in system._recorded:
         system._recorded[name] = make()
     found: T = system._recorded[name]
     return found
 
 
-def _linearized(system: Mechanics) -> Slopes:
+def equations(system: Mechanics) -> tuple[ca.SX, ca.SX, ca.SX, ca.SX]:
+    r"""Return symbols of z', the residual R, the constraints c on z, and their rate."""
     s, model = system._symbols, system._model
     own, u = model.nonholonomic, ca.SX.sym("u", s.z.numel())
 
@@ -92,7 +94,13 @@ def _linearized(system: Mechanics) -> Slopes:
     if own.nu.numel():
         residual -= own.rn
     held = ca.vertcat(total_derivative(model.g, s, model.v), own.k)
-    moved, linear = along(held), model.linear
+    return u, residual, held, along(held)
+
+
+def _linearized(system: Mechanics) -> Slopes:
+    s, model = system._symbols, system._model
+    u, residual, held, moved = equations(system)
+    linear = model.linear
     blocks = {
         "r_y": Block(jacobian(residual, s.y), linear.stiffness),
         "r_z": Block(jacobian(residual, s.z), linear.damping),
@@ -100,6 +108,7 @@ def _linearized(system: Mechanics) -> Slopes:
         "m_y": Block(jacobian(moved, s.y)),
         "m_z": Block(jacobian(moved, s.z)),
     }
+    own = model.nonholonomic
     tape = record_blocks(
         "linearized", s.inputs(z=s.z, u=u, lam=model.lam, nu=own.nu), [*blocks.values()]
     )

@@ -14,7 +14,7 @@ from liouville import _core
 from liouville.errors import describe, hinted
 from liouville.program import elements
 from liouville.systems import _trace
-from liouville.systems._consistent import projection
+from liouville.systems._consistent import recorded
 from liouville.systems._expressions import Expressions, Symbols
 from liouville.systems._form import (
     Model,
@@ -256,10 +256,7 @@ class Mechanics(TracedSystem):
     def _project(
         self, what: str, t: float, x: np.ndarray, held: np.ndarray, params: np.ndarray
     ) -> np.ndarray:
-        if what not in self._recorded:
-            named = self._holonomic, self.nonholonomic
-            self._recorded[what] = projection(what, self._symbols, self._model, *named)
-        tapes, patterns, names = self._recorded[what]
+        tapes, patterns, names = recorded(self, what)
         if not names:
             return x
         found = _core.project(tapes, patterns, x, np.append(held, t), params)

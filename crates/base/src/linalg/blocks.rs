@@ -131,6 +131,26 @@ impl<R: Real> Blocks<R> {
     }
 }
 
+impl Blocks {
+    /// Solves `A^T x = b` in place.
+    pub fn solve_transposed(&self, b: &mut [f64]) {
+        let (mut rest, mut unknowns) = (&self.inverse[..], &self.unknowns[..]);
+        for order in &self.orders {
+            let (own, next) = unknowns.split_at(*order);
+            let (block, others) = rest.split_at(order * order);
+            let mut sums = [0.0; LARGEST_BLOCK];
+            for (sum, column) in sums.iter_mut().zip(block.chunks_exact(*order)) {
+                let terms = column.iter().zip(own);
+                *sum = terms.map(|(x, unknown)| x * b[*unknown as usize]).sum();
+            }
+            for (sum, unknown) in sums.iter().zip(own) {
+                b[*unknown as usize] = *sum;
+            }
+            (rest, unknowns) = (others, next);
+        }
+    }
+}
+
 /// The unknowns of one block, multiplied by its inverse.
 #[inline]
 fn multiply<R: Real, const N: usize>(inverse: &[R], unknowns: &[u32], b: &mut [R]) {

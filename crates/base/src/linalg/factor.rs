@@ -356,6 +356,18 @@ impl<R: Real> Factor<R> {
     }
 }
 
+impl Factor {
+    /// Solves `A^T x = b` in place.
+    pub fn solve_transposed(&mut self, b: &mut [f64]) {
+        match self {
+            Self::Diagonal(inverse) => scale_each(b, inverse),
+            Self::Blocks(blocks) => blocks.solve_transposed(b),
+            Self::Dense(lu) => lu.solve_transposed(b),
+            Self::Sparse(lu) => lu.solve_transposed(b),
+        }
+    }
+}
+
 crate::compiled!(R in [f64, Lanes<BATCH>] {
     Lu::<R>::factor as fn(_) -> _,
     Factor::<R>::new as fn(_) -> _,

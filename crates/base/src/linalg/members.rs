@@ -40,6 +40,11 @@ impl SparseOf {
         Ok(())
     }
 
+    /// Solves `A^T x = b` of a single member in place.
+    pub(crate) fn solve_transposed(&mut self, b: &mut [f64]) {
+        self.members[0].solve_transposed(b);
+    }
+
     /// Solves `A x = b` of each member in place.
     pub fn solve<R: Real>(&mut self, b: &mut [R]) {
         if let Some(b) = R::alone_mut(b) {

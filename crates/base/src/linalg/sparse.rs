@@ -124,6 +124,17 @@ impl Sparse {
         }
     }
 
+    /// Solves `A^T x = b` in place.
+    pub fn solve_transposed(&mut self, b: &mut [f64]) {
+        for ((x, b), scale) in self.x.iter_mut().zip(&*b).zip(&self.col_scale) {
+            *x = scale * b;
+        }
+        self.solve_equilibrated(true);
+        for ((b, x), scale) in b.iter_mut().zip(&self.x).zip(&self.row_scale) {
+            *b = scale * x;
+        }
+    }
+
     /// Scales rows, then columns, and refuses a column of zeros or with a value that is not finite.
     fn equilibrate(&mut self) -> Result<(), Singular> {
         self.row_scale.fill(0.0);

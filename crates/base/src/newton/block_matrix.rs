@@ -163,6 +163,16 @@ impl<R: Real> BlockMatrix<R> {
 }
 
 impl BlockMatrix {
+    /// Solves `A^T x = b` in place.
+    pub fn solve_transposed(&mut self, b: &mut [f64]) {
+        match &mut self.factors {
+            BlockFactors::Direct(factor) => factor.solve_transposed(b),
+            BlockFactors::Condensed(condensed) => {
+                condensed.solve_transposed(self.assembly.values(), b);
+            }
+        }
+    }
+
     /// The matrix, dense.
     pub fn to_dense(&self) -> Matrix {
         let mut dense = Matrix::zeros(self.order(), self.order());

@@ -145,3 +145,18 @@ impl<R: Real> Condensed<R> {
         }
     }
 }
+
+impl Condensed<f64> {
+    /// Solves with the transposed matrix: Lᵀ x = a − Wᵀ b with L = A − B W, then Dᵀ u = b − Bᵀ x.
+    pub(super) fn solve_transposed(&mut self, values: &[f64], x: &mut [f64]) {
+        let (x, u) = x.split_at_mut(self.lu.order());
+        for (row, (u, span)) in u.iter().zip(&self.spans).enumerate() {
+            add_scaled(&mut x[span.clone()], -*u, &self.w.row(row)[span.clone()]);
+        }
+        self.lu.solve_transposed(x);
+        for (slot, row, col) in &self.b {
+            u[*col] -= values[*slot] * x[*row];
+        }
+        self.d_factor.solve_transposed(u);
+    }
+}

@@ -94,6 +94,7 @@ impl Job {
     pub(super) fn check(&self, system: &System) -> Result<(), StartError> {
         self.check_sizes(system)?;
         self.check_control(system)?;
+        self.check_tangents(system)?;
         match &self.detection {
             Some(detection) => detection.check(system),
             None => Ok(()),
@@ -133,6 +134,20 @@ impl Job {
             "a run starts from {rows}{sizes}, with params of size {params}, and has a step; its observer takes \
              [1, {n}, {l}, {params}]"
         ))
+    }
+
+    fn check_tangents(&self, system: &System) -> Result<(), StartError> {
+        let Some(tangents) = &self.tangents else {
+            return Ok(());
+        };
+        let fits = tangents.fit(system, self.members.unwrap_or(1));
+        if fits && self.states && self.detection.is_none() {
+            return Ok(());
+        }
+        invalid(
+            "tangents are those of a SPARK method without newton_tol, of the system it steps, with states and without \
+             events",
+        )
     }
 
     fn check_control(&self, system: &System) -> Result<(), StartError> {

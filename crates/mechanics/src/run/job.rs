@@ -7,7 +7,7 @@ use liouville_base::run::Span;
 use liouville_base::tableau::{self, Scheme};
 use liouville_base::tape::Tape;
 use liouville_index2::semi_explicit::SemiExplicit;
-use liouville_problem::{Mechanical, SecondOrder, Separable};
+use liouville_problem::{Mechanical, SecondOrder, Sensitivity, Separable};
 use liouville_spark::Solver;
 use std::sync::Arc;
 
@@ -111,6 +111,19 @@ pub struct Detection {
     pub events: Vec<EventFunction>,
 }
 
+/// Tangents to carry along a run.
+#[derive(Clone, Debug)]
+pub struct Tangents {
+    /// Derivatives of the system that the method does not need itself.
+    pub sensitivity: Arc<Sensitivity>,
+    /// Changes of y, then of z, at the start: a row for each direction, and those of members one after another.
+    pub start: [Vec<f64>; 2],
+    /// Changes of the start time and of the parameters, a row for each direction.
+    pub tau: Vec<f64>,
+    /// By which part of themselves the steps become longer, for each direction.
+    pub stretch: Vec<f64>,
+}
+
 /// A run, or an ensemble of runs.
 #[derive(Clone, Debug)]
 pub struct Job {
@@ -128,6 +141,8 @@ pub struct Job {
     pub is_reversible: bool,
     /// Events and times to record, if there are any.
     pub detection: Option<Detection>,
+    /// Tangents, if they are wanted.
+    pub tangents: Option<Tangents>,
     /// A tape (t, y, z, params) → quantities to record.
     pub observer: Tape,
     /// Whether the states are recorded too.

@@ -150,35 +150,46 @@ impl Starter {
         S: Symmetric + Clone + 'static,
         S::State: Carried + Clone,
     {
+        let copy = match stages {
+            None => self.copy(&stepper),
+            Some(_) if self.job.detection.is_none() => None,
+            Some(stages) => self.copy(&Composed::of_stages(stepper.clone(), stages)),
+        };
+        let control = self.symmetric_control((stepper, stages), monitor, &state);
+        self.launch(control, copy, of, state)
+    }
+
+    /// The control of a symmetric method, alone or composed, that follows a monitor or makes equal steps.
+    pub(super) fn symmetric_control<S>(
+        &self,
+        (stepper, stages): (S, Option<&[f64]>),
+        monitor: Followed<S::State>,
+        state: &S::State,
+    ) -> Box<dyn StepControl<S::State>>
+    where
+        S: Symmetric + 'static,
+        S::State: Clone,
+    {
         match stages {
-            None => self.following(stepper, monitor, of, state),
-            Some(stages) => {
-                self.following(Composed::of_stages(stepper, stages), monitor, of, state)
-            }
+            None => self.following(stepper, monitor, state),
+            Some(stages) => self.following(Composed::of_stages(stepper, stages), monitor, state),
         }
     }
 
-    fn following<S, M: Dynamics>(
+    fn following<S: Symmetric + 'static>(
         &self,
         stepper: S,
         monitor: Followed<S::State>,
-        of: Member<S::State, M>,
-        state: S::State,
-    ) -> Begun
-    where
-        S: Symmetric + Clone + 'static,
-        S::State: Carried + Clone,
-    {
-        let (span, copy) = (self.job.span, self.copy(&stepper));
-        let stepper = Box::new(stepper);
-        let control: Box<dyn StepControl<S::State>> = match monitor {
+        state: &S::State,
+    ) -> Box<dyn StepControl<S::State>> {
+        let (span, stepper) = (self.job.span, Box::new(stepper));
+        match monitor {
             Some((monitor, [first, least])) => {
                 let (ends, sizes) = ((span.t0, span.t1), (first, least));
-                Box::new(Reversible::new(stepper, ends, sizes, monitor, &state))
+                Box::new(Reversible::new(stepper, ends, sizes, monitor, state))
             }
             None => Box::new(Fixed::new(stepper, span.t0, span.h(), span.steps)),
-        };
-        self.launch(control, copy, of, state)
+        }
     }
 
     /// A run of one member, with an event detector where `copy` makes its partial steps.
@@ -236,7 +247,21 @@ impl Starter {
     ) -> Begun {
         let span = self.job.span;
         let control = Box::new(Fixed::new(stepper, span.t0, span.h(), span.steps));
-        let run = Run::new(control, observer, state, (span.every, span.records()))?;
+        self.recorded(control, observer, state)
+    }
+
+    /// A run without events by steps of this control.
+    pub(super) fn recorded<State: Checkpoint + 'static>(
+        &self,
+        control: Box<dyn StepControl<State>>,
+        observer: Box<dyn Observe<State>>,
+        state: State,
+    ) -> Begun {
+        let expected = match control.sizes() {
+            None => self.job.span.records(),
+            Some(_) => 0,
+        };
+        let run = Run::new(control, observer, state, (self.job.span.every, expected))?;
         Ok(Box::new(run))
     }
 }

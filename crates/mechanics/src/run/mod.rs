@@ -5,15 +5,16 @@
 mod check;
 mod job;
 mod member;
+mod tangents;
 
-pub use job::{Control, Detection, EventFunction, Job, Method, Problem, SparkMethod};
+pub use job::{Control, Detection, EventFunction, Job, Method, Problem, SparkMethod, Tangents};
 
 use liouville_alpha::{Alpha, AlphaRestart, AlphaState, Reactions};
 use liouville_base::ensemble::{Ensemble, Layout};
 use liouville_base::error::StepError;
 use liouville_base::newton::Stop;
 use liouville_base::real::BATCH;
-use liouville_base::run::{Advance, Fixed, Reversible, StartError};
+use liouville_base::run::{Adaptive, Advance, Fixed, Reversible, StartError};
 use liouville_base::tableau;
 use liouville_index2::Index2;
 use liouville_index2::semi_explicit::{self, SemiExplicit, SemiExplicitRestart};
@@ -107,8 +108,8 @@ impl Starter {
     /// How many members advance in lock-step.
     fn block(&self) -> usize {
         match &self.system {
-            // events part the steps of each member in its own way
-            _ if self.job.detection.is_some() => 1,
+            // events part the steps of each member in its own way, and tangents are those of one
+            _ if self.job.detection.is_some() || self.job.tangents.is_some() => 1,
             System::Spark(problem, spark, _) if supports_batch(problem, spark.solver) => BATCH,
             _ => 1,
         }
@@ -119,7 +120,8 @@ impl Starter {
         let ([n, l], _) = self.system.sizes();
         let is_alpha = usize::from(matches!(self.system, System::Alpha(..)));
         let states = n + l + self.system.multipliers() + 2 * is_alpha * n;
-        usize::from(self.job.states) * states + is_alpha + self.job.observer.outputs()
+        let own = usize::from(self.job.states) * states + is_alpha;
+        own + self.job.observer.outputs() + self.tangent_width()
     }
 
     /// A run of these members, in lock-step where there are several.
@@ -194,6 +196,12 @@ impl Starter {
             least,
         } = &self.job.control
         else {
+            if let Some(tangents) = &self.job.tangents {
+                let (stepper, state) = self.with_tangents(stepper, tangents, state, member)?;
+                let monitor = self.monitor(member);
+                let control = self.symmetric_control((stepper, stages), monitor, &state);
+                return self.recording(control, tangents, state, member);
+            }
             let (monitor, of) = (self.monitor(member), self.member(member));
             return self.symmetric((stepper, stages), monitor, of, state);
         };
@@ -202,6 +210,11 @@ impl Starter {
             Some(first) => *first,
             None => stepper.first_step(span.t0, &state, span.t1 - span.t0)?,
         };
+        if let Some(tangents) = &self.job.tangents {
+            let (stepper, state) = self.with_tangents(stepper, tangents, state, member)?;
+            let control = Adaptive::new(Box::new(stepper), (span.t0, span.t1), first, *least);
+            return self.recording(Box::new(control), tangents, state, member);
+        }
         self.adaptive(stepper, (first, *least), self.member(member), state)
     }
 

@@ -9,17 +9,17 @@ use liouville_problem::{Model, NonholonomicPatterns};
 /// Where equations and unknowns begin, counted alike: momenta and Z first, then constraints and Λ, moments of k
 /// and N, and velocities and V last.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Offsets {
+pub(crate) struct Offsets {
     /// Stages, and the end of the step where it is solved for with them.
-    pub(super) points: usize,
+    pub(crate) points: usize,
     /// Nodes with an unknown multiplier.
-    pub(super) nodes: usize,
-    pub(super) lam: usize,
-    pub(super) nu: usize,
+    pub(crate) nodes: usize,
+    pub(crate) lam: usize,
+    pub(crate) nu: usize,
     /// Behind everything but V.
-    pub(super) order: usize,
+    pub(crate) order: usize,
     /// Columns of V, which are those of Z where v is z.
-    pub(super) v: usize,
+    pub(crate) v: usize,
 }
 
 impl Offsets {

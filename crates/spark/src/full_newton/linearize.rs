@@ -51,6 +51,9 @@ impl StageEquations<'_> {
             }
             add_to(matrix, &at.f_z[l], f_z, -h);
             copy(at.f_y.values.row_mut(l), f_y);
+            copy(solver.kept.p_y.row_mut(l), p_y);
+            copy(solver.kept.f_z.row_mut(l), f_z);
+            copy(solver.kept.v_y.row_mut(l), v_y);
         }
         at.f_y.add_to(matrix, -h * h);
         Ok(())
@@ -101,6 +104,7 @@ impl StageEquations<'_> {
                 add_to(matrix, targets, r_lam, -1.0);
             }
             copy(solver.r_lam.row_mut(k), r_lam);
+            copy(solver.kept.g_y.row_mut(k), g_y);
         }
         let mut jacobian = self.model.nodes_jacobian(times, y, lam);
         for k in 0..solver.offsets.nodes {

@@ -19,14 +19,17 @@
 
 mod blocks;
 mod linearize;
+mod solution;
 
 use super::probe::{self, AtStages};
 use super::stages::Stages;
-use blocks::{Offsets, SparkBlocks};
+pub(super) use blocks::Offsets;
+use blocks::SparkBlocks;
 use liouville_base::error::{Quantity, StepError};
 use liouville_base::linalg::{Matrix, add_scaled, copy, copy_scaled, max_norm};
 use liouville_base::newton::{BlockMatrix, Equations, Stop};
 use liouville_problem::{Mass, Model, Step, finite, finite_k};
+pub(super) use solution::Derivatives;
 
 /// The Newton matrix, and the memory of solving with it.
 #[derive(Clone, Debug)]
@@ -41,6 +44,8 @@ pub(super) struct FullNewton {
     r_lam: Matrix,
     r_nu: Matrix,
     unknowns: Vec<f64>,
+    /// What tangents of the step need too.
+    kept: Derivatives,
 }
 
 /// All equations of one step, to be solved together.
@@ -65,6 +70,7 @@ impl FullNewton {
             r_lam: Matrix::zeros(tableau.intervals + 1, problem.patterns.r_lam.len()),
             r_nu: Matrix::zeros(tableau.stages, own.map_or(0, |own| own.patterns.r_nu.len())),
             unknowns: vec![0.0; matrix.order()],
+            kept: Derivatives::new(model, tableau),
             offsets,
             blocks,
             matrix,

@@ -1,0 +1,84 @@
+//! Runs that carry tangents with their states.
+
+use super::{Begun, Starter, System, Tangents};
+use liouville_base::error::StepError;
+use liouville_base::linalg::Matrix;
+use liouville_base::run::StepControl;
+use liouville_problem::{Directions, SensitivityModel, State, TangentObserver, TangentState};
+use liouville_spark::{Spark, SparkTangents};
+
+impl Starter {
+    /// How many numbers the tangents of a member have in a row.
+    pub(super) fn tangent_width(&self) -> usize {
+        let Some(tangents) = &self.job.tangents else {
+            return 0;
+        };
+        let mechanical = self.system.mechanical();
+        tangents.stretch.len() * (2 * mechanical.n + mechanical.m)
+    }
+
+    /// A method that carries the tangents of a member, and its state with them.
+    pub(super) fn with_tangents(
+        &self,
+        stepper: Spark,
+        tangents: &Tangents,
+        state: State,
+        member: usize,
+    ) -> Result<(SparkTangents, TangentState), StepError> {
+        let directions = directions_of(tangents);
+        let (count, n) = (directions.count(), state.y.len());
+        let [y, z] = [0, 1].map(|part| {
+            let rows = &tangents.start[part][member * count * n..];
+            Matrix::from_fn(count, n, |i, j| rows[i * n + j])
+        });
+        let dt = (0..count).map(|i| directions.tau[(i, 0)]).collect();
+        let sensitivity = self.sensitivity(tangents, member);
+        let start = (self.job.span.t0, state);
+        SparkTangents::new(stepper, sensitivity, directions, start, (y, z, dt))
+    }
+
+    /// A run by steps of this control, whose tangents are recorded.
+    pub(super) fn recording(
+        &self,
+        control: Box<dyn StepControl<TangentState>>,
+        tangents: &Tangents,
+        state: TangentState,
+        member: usize,
+    ) -> Begun {
+        let inner = self.observer(self.model(member), member);
+        let sensitivity = self.sensitivity(tangents, member);
+        let observer = TangentObserver::new(inner, sensitivity, directions_of(tangents));
+        self.recorded(control, Box::new(observer), state)
+    }
+
+    fn sensitivity(&self, tangents: &Tangents, member: usize) -> SensitivityModel {
+        SensitivityModel::new(tangents.sensitivity.clone(), self.params(member))
+    }
+}
+
+fn directions_of(tangents: &Tangents) -> Directions {
+    let width = tangents.sensitivity.width();
+    Directions {
+        tau: Matrix::from_fn(tangents.stretch.len(), width, |i, j| {
+            tangents.tau[i * width + j]
+        }),
+        stretch: tangents.stretch.clone(),
+    }
+}
+
+impl Tangents {
+    /// Whether they are those of so many members of a system, and their method can carry them.
+    pub(super) fn fit(&self, system: &System, members: usize) -> bool {
+        let System::Spark(problem, spark, _) = system else {
+            return false;
+        };
+        let count = self.stretch.len();
+        spark.newton_tol.is_none()
+            && std::sync::Arc::ptr_eq(&self.sensitivity.mechanical, problem)
+            && self.tau.len() == count * self.sensitivity.width()
+            && self
+                .start
+                .iter()
+                .all(|x| x.len() == members * count * problem.n)
+    }
+}

@@ -1,0 +1,183 @@
+//! Derivatives of a mechanical system by time and parameters, τ = (t, θ), and of its accelerations: what tangents of
+//! a motion need beside the derivatives that a step has.
+
+use super::model::Parts;
+use super::{Mechanical, Mismatch, check, check_pattern, cut};
+use liouville_base::linalg::Pattern;
+use liouville_base::tape::{Registers, Tape};
+use std::sync::Arc;
+
+/// Tapes and patterns of the derivatives; a tape's last input is always the parameters.
+///
+/// Where v = z, there are no outputs for v.
+#[derive(Clone, Debug)]
+pub struct Sensitivity {
+    /// The system itself.
+    pub mechanical: Arc<Mechanical>,
+    /// (t, y, z) → p_τ, f_τ, v_τ
+    pub stage: Tape,
+    /// (t, y, λ) → g_τ, r_τ
+    pub node: Tape,
+    /// (t, y, z) → w_y, w_τ
+    pub hidden: Tape,
+    /// (t, y, z, u, λ) → derivatives by y, z and τ of p_z u + p_y v + p_t − f − r, then of w_z u + w_y v + w_t
+    pub motion: Tape,
+    /// Where the derivatives are not zero.
+    pub patterns: SensitivityPatterns,
+}
+
+/// The sparsity of each derivative, `motion` and `rate` being the two of accelerations.
+#[derive(Clone, Debug)]
+#[allow(missing_docs)]
+pub struct SensitivityPatterns {
+    pub p_tau: Pattern,
+    pub f_tau: Pattern,
+    pub v_tau: Option<Pattern>,
+    pub g_tau: Pattern,
+    pub r_tau: Pattern,
+    pub w_y: Pattern,
+    pub w_tau: Pattern,
+    pub motion: [Pattern; 3],
+    pub rate: [Pattern; 3],
+}
+
+impl Sensitivity {
+    /// The derivatives, once their parts are seen to fit together.
+    ///
+    /// # Errors
+    /// The first tape or pattern that has not the size the others imply, or nonholonomic constraints.
+    pub fn checked(self) -> Result<Self, Mismatch> {
+        let (own, at) = (&self.mechanical, &self.patterns);
+        let (n, m, params) = (own.n, own.m, own.stage.inputs()[3]);
+        check("nonholonomic", own.l(), 0)?;
+        let v_tau = at.v_tau.as_ref();
+        let has_velocity = usize::from(own.patterns.v_z.is_some());
+        check("v_tau", usize::from(v_tau.is_some()), has_velocity)?;
+        let v = v_tau.map_or(0, Pattern::len);
+        let sum = |patterns: &[Pattern]| patterns.iter().map(Pattern::len).sum::<usize>();
+        let tapes: [(_, &Tape, &[usize], _); 4] = [
+            (
+                "stage",
+                &self.stage,
+                &[1, n, n, params],
+                at.p_tau.len() + at.f_tau.len() + v,
+            ),
+            (
+                "node",
+                &self.node,
+                &[1, n, m, params],
+                at.g_tau.len() + at.r_tau.len(),
+            ),
+            (
+                "hidden",
+                &self.hidden,
+                &[1, n, n, params],
+                at.w_y.len() + at.w_tau.len(),
+            ),
+            (
+                "motion",
+                &self.motion,
+                &[1, n, n, n, m, params],
+                sum(&at.motion) + sum(&at.rate),
+            ),
+        ];
+        for (name, tape, inputs, outputs) in tapes {
+            check(name, tape.inputs().len(), inputs.len())?;
+            for (found, wanted) in tape.inputs().iter().zip(inputs) {
+                check(name, *found, *wanted)?;
+            }
+            check(name, tape.outputs(), outputs)?;
+        }
+        let tau = 1 + params;
+        let shapes = [
+            ("p_tau", &at.p_tau, (n, tau)),
+            ("f_tau", &at.f_tau, (n, tau)),
+            ("g_tau", &at.g_tau, (m, tau)),
+            ("r_tau", &at.r_tau, (n, tau)),
+            ("w_y", &at.w_y, (m, n)),
+            ("w_tau", &at.w_tau, (m, tau)),
+        ];
+        let of_v = v_tau.map(|pattern| ("v_tau", pattern, (n, tau)));
+        let widths = [n, n, tau];
+        let motion = at.motion.iter().zip(widths);
+        let motion = motion.map(|(pattern, width)| ("motion", pattern, (n, width)));
+        let rate = at.rate.iter().zip(widths);
+        let rate = rate.map(|(pattern, width)| ("rate", pattern, (m, width)));
+        for (name, pattern, shape) in shapes.into_iter().chain(of_v).chain(motion).chain(rate) {
+            check_pattern(name, pattern, shape)?;
+        }
+        Ok(self)
+    }
+
+    /// Number of time and parameters.
+    pub fn width(&self) -> usize {
+        self.patterns.p_tau.shape().1
+    }
+}
+
+/// The derivatives ready to be evaluated.
+#[derive(Clone, Debug)]
+pub struct SensitivityModel {
+    /// The derivatives themselves, shared.
+    pub problem: Arc<Sensitivity>,
+    stage: Registers<f64>,
+    node: Registers<f64>,
+    hidden: Registers<f64>,
+    motion: Registers<f64>,
+}
+
+impl SensitivityModel {
+    /// Binds parameters.
+    ///
+    /// # Panics
+    /// When `params` has not the size the tapes have.
+    pub fn new(problem: Arc<Sensitivity>, params: &[f64]) -> Self {
+        Self {
+            stage: problem.stage.bind(params),
+            node: problem.node.bind(params),
+            hidden: problem.hidden.bind(params),
+            motion: problem.motion.bind(params),
+            problem,
+        }
+    }
+
+    /// p_τ, f_τ, v_τ at (t, y, z); the last is empty where v is z.
+    pub fn stage(&mut self, t: f64, y: &[f64], z: &[f64]) -> Parts<'_, 3> {
+        let at = &self.problem.patterns;
+        let v = at.v_tau.as_ref().map_or(0, Pattern::len);
+        let sizes = [at.p_tau.len(), at.f_tau.len(), v];
+        let args: [&[f64]; 3] = [&[t], y, z];
+        cut(self.problem.stage.eval(&mut self.stage, args), sizes)
+    }
+
+    /// g_τ, r_τ at (t, y, λ).
+    pub fn node(&mut self, t: f64, y: &[f64], lam: &[f64]) -> Parts<'_, 2> {
+        let at = &self.problem.patterns;
+        let sizes = [at.g_tau.len(), at.r_tau.len()];
+        let args: [&[f64]; 3] = [&[t], y, lam];
+        cut(self.problem.node.eval(&mut self.node, args), sizes)
+    }
+
+    /// w_y, w_τ at (t, y, z).
+    pub fn hidden(&mut self, t: f64, y: &[f64], z: &[f64]) -> Parts<'_, 2> {
+        let at = &self.problem.patterns;
+        let sizes = [at.w_y.len(), at.w_tau.len()];
+        let args: [&[f64]; 3] = [&[t], y, z];
+        cut(self.problem.hidden.eval(&mut self.hidden, args), sizes)
+    }
+
+    /// The derivatives of the equations of accelerations at (t, y, z), where z' is `u`.
+    pub fn motion(&mut self, t: f64, [y, z, u, lam]: [&[f64]; 4]) -> Parts<'_, 6> {
+        let SensitivityPatterns { motion, rate, .. } = &self.problem.patterns;
+        let of = |k: usize| {
+            if k < 3 {
+                motion[k].len()
+            } else {
+                rate[k - 3].len()
+            }
+        };
+        let args: [&[f64]; 5] = [&[t], y, z, u, lam];
+        let values = self.problem.motion.eval(&mut self.motion, args);
+        cut(values, std::array::from_fn(of))
+    }
+}

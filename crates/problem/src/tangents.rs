@@ -1,0 +1,186 @@
+//! Tangents of a motion: the derivatives of its states in some directions, carried with them and recorded.
+
+use super::sensitivity::SensitivityModel;
+use super::{Carried, Kkt, Model, Observer, State, model::finite};
+use liouville_base::checkpoint::{Checkpoint, CheckpointMismatch, Numbers};
+use liouville_base::error::{Quantity, StepError};
+use liouville_base::linalg::{Matrix, Pattern};
+use liouville_base::observe::Observe;
+
+/// A state with its tangents, one a row.
+#[derive(Debug, PartialEq)]
+pub struct TangentState {
+    /// The state.
+    pub motion: State,
+    /// Those of coordinates.
+    pub y: Matrix,
+    /// Those of velocities or momenta, as the system has them.
+    pub z: Matrix,
+    /// Those of p, summed up from their increments.
+    pub p: Matrix,
+    /// Those of time.
+    pub t: Vec<f64>,
+}
+
+impl Clone for TangentState {
+    fn clone(&self) -> Self {
+        Self {
+            motion: self.motion.clone(),
+            y: self.y.clone(),
+            z: self.z.clone(),
+            p: self.p.clone(),
+            t: self.t.clone(),
+        }
+    }
+
+    /// Into the memory there is: steps keep copies.
+    fn clone_from(&mut self, source: &Self) {
+        self.motion.clone_from(&source.motion);
+        let pairs = [
+            (&mut self.y, &source.y),
+            (&mut self.z, &source.z),
+            (&mut self.p, &source.p),
+        ];
+        for (out, x) in pairs {
+            out.flat_mut().copy_from_slice(x.flat());
+        }
+        self.t.clone_from(&source.t);
+    }
+}
+
+impl Carried for TangentState {
+    fn y(&self) -> &[f64] {
+        &self.motion.y
+    }
+
+    fn z(&self) -> &[f64] {
+        &self.motion.z
+    }
+}
+
+liouville_base::checkpoint!(TangentState { motion, y, z, p, t });
+
+/// Directions in which a run is differentiated.
+#[derive(Clone, Debug)]
+pub struct Directions {
+    /// Changes of τ = (t, θ), a row for each direction; those of t are written where they are wanted.
+    pub tau: Matrix,
+    /// By which part of itself a step becomes longer.
+    pub stretch: Vec<f64>,
+}
+
+impl Directions {
+    /// How many there are.
+    pub fn count(&self) -> usize {
+        self.stretch.len()
+    }
+
+    /// The changes of τ in a direction, where t changes by so much.
+    #[inline]
+    pub fn tau(&mut self, direction: usize, t: f64) -> &[f64] {
+        let row = self.tau.row_mut(direction);
+        row[0] = t;
+        row
+    }
+}
+
+/// Records what [`Observer`] does, and behind it the tangents of y, z and λ in one direction after another.
+///
+/// λ solves the equations of accelerations at the point, whose tangent this is too: the multipliers inside a step are
+/// of a lower order, and those at its end have roundoff that a derivative would show.
+#[derive(Clone, Debug)]
+pub struct TangentObserver {
+    inner: Observer,
+    model: Model,
+    sensitivity: SensitivityModel,
+    matrix: Kkt,
+    directions: Directions,
+    a: Vec<f64>,
+    b: Vec<f64>,
+}
+
+impl TangentObserver {
+    /// An observer of tangents in these directions beside `inner`, which records states.
+    pub fn new(inner: Observer, sensitivity: SensitivityModel, directions: Directions) -> Self {
+        let model = inner.model().clone();
+        Self {
+            matrix: Kkt::new(&model.problem),
+            a: vec![0.0; model.problem.n],
+            b: vec![0.0; model.problem.m],
+            inner,
+            model,
+            sensitivity,
+            directions,
+        }
+    }
+
+    fn append(
+        &mut self,
+        t: f64,
+        state: &TangentState,
+        row: &mut Vec<f64>,
+    ) -> Result<(), StepError> {
+        self.inner.observe(t, state, row)?;
+        let Some(solved) = self.inner.solved() else {
+            return Ok(());
+        };
+        let State { y, z, .. } = &state.motion;
+        let lam = &solved.lam[..];
+        self.matrix.update(&mut self.model, t, [y, z, lam])?;
+        let problem = self.sensitivity.problem.clone();
+        let at = &problem.patterns;
+        let values = self.sensitivity.motion(t, [y, z, &solved.z_dot, lam]);
+        for part in values {
+            finite(part, Quantity::Derivative, t)?;
+        }
+        let (motion, rate) = values.split_at(3);
+        for direction in 0..self.directions.count() {
+            let (dy, dz) = (state.y.row(direction), state.z.row(direction));
+            let tau = self.directions.tau(direction, state.t[direction]);
+            let along = [dy, dz, tau];
+            subtract(&at.motion, motion, along, &mut self.a);
+            subtract(&at.rate, rate, along, &mut self.b);
+            self.matrix.solve(&mut self.a, &mut self.b);
+            row.extend_from_slice(dy);
+            row.extend_from_slice(dz);
+            row.extend_from_slice(&self.b);
+        }
+        Ok(())
+    }
+}
+
+/// out = −Σ A x
+fn subtract(patterns: &[Pattern; 3], values: &[&[f64]], along: [&[f64]; 3], out: &mut [f64]) {
+    out.fill(0.0);
+    for ((pattern, values), x) in patterns.iter().zip(values).zip(along) {
+        pattern.multiply_add(values, -1.0, x, out);
+    }
+}
+
+impl Observe<TangentState> for TangentObserver {
+    fn width(&self, state: &TangentState) -> usize {
+        let each = 2 * self.a.len() + self.b.len();
+        self.inner.width(state) + self.directions.count() * each
+    }
+
+    fn observe(
+        &mut self,
+        t: f64,
+        state: &TangentState,
+        row: &mut Vec<f64>,
+    ) -> Result<(), StepError> {
+        let start = row.len();
+        self.append(t, state, row)
+            .inspect_err(|_| row.truncate(start))
+    }
+}
+
+impl Checkpoint for TangentObserver {
+    fn save(&self, member: usize, out: &mut dyn Numbers) {
+        self.inner.save(member, out);
+    }
+
+    fn restore(&mut self, member: usize, saved: &mut &[f64]) -> Result<(), CheckpointMismatch> {
+        self.inner.restore(member, saved)
+    }
+}

@@ -1,0 +1,247 @@
+//! Tangents of one step. With e(F) what changes of y0, of τ and of h make of F where V_i, Z_i and λ_j stay, and Λ = h λ:
+//!
+//!     J (dZ, dΛ, dV) = (dp0 − e(p_i) + Σ_j d(h aᶠ_ij f_j) + Σ_{j<k} d(h â_ij r_j),  −e(g_j)/h,  e(v_i))
+//!
+//! J being the matrix of full Newton, in the order of its equations. Then dY_i = e(Y_i) + h Σ_j aᵛ_ij dV_j, the nodes
+//! alike, dy1 = dŶ_k, and
+//!
+//!     dp1 = dp0 + Σ_j d(h b_j f_j) + Σ_j d(h b̂_j r_j),     p_z dz1 = dp1 − e(p1),   w_z dz1 = −e(w1)
+//!
+//! give dz1 and dΛ_k. It is λ that stays where h changes, not Λ. Source: sanzserna2016.
+
+use super::super::stages::Stages;
+use super::linear_step::LinearStep;
+use liouville_base::linalg::{Matrix, add_scaled, as_is, combine, copy, copy_scaled};
+use liouville_base::tableau;
+use liouville_problem::{Directions, Mechanical, Step, TangentState};
+
+/// The memory of a direction.
+#[derive(Clone, Debug)]
+pub(super) struct Forward {
+    /// What changes of y0 and of the step make of Y_i and Ŷ_j; then what those of V_j add.
+    stages: Matrix,
+    nodes: Matrix,
+    /// h b_j dV_j
+    moves: Matrix,
+    /// d(h b_j f_j), then d(h b̂_j r_j).
+    impulses: Matrix,
+    right: Vec<f64>,
+    /// dy1, then right-hand sides of the end.
+    y: Vec<f64>,
+    momentum: Vec<f64>,
+    hidden: Vec<f64>,
+}
+
+/// The direction that is followed, through which step, from which state.
+#[derive(Clone, Copy)]
+pub(super) struct Along<'a> {
+    pub(super) step: Step<'a>,
+    pub(super) direction: usize,
+    pub(super) before: &'a TangentState,
+    /// By which part of itself the step becomes longer.
+    pub(super) stretch: f64,
+}
+
+impl Along<'_> {
+    /// The change of time at a fraction of the step.
+    fn time(&self, c: f64) -> f64 {
+        self.before.t[self.direction] + c * self.step.h * self.stretch
+    }
+
+    /// The change of τ at a fraction of the step.
+    fn tau<'d>(&self, directions: &'d mut Directions, c: f64) -> &'d [f64] {
+        directions.tau(self.direction, self.time(c))
+    }
+}
+
+impl Forward {
+    pub(super) fn new(problem: &Mechanical, tableau: &tableau::Spark, order: usize) -> Self {
+        let (n, s, k) = (problem.n, tableau.stages, tableau.intervals);
+        Self {
+            stages: Matrix::zeros(s, n),
+            nodes: Matrix::zeros(k + 1, n),
+            moves: Matrix::zeros(s, n),
+            impulses: Matrix::zeros(s + k + 1, n),
+            right: vec![0.0; order],
+            y: vec![0.0; n],
+            momentum: vec![0.0; n],
+            hidden: vec![0.0; problem.m],
+        }
+    }
+
+    /// Writes the tangent at the end of a linearised step.
+    pub(super) fn follow(
+        &mut self,
+        linear: &mut LinearStep,
+        stages: &Stages,
+        directions: &mut Directions,
+        along: Along,
+        state: &mut TangentState,
+    ) {
+        self.vary(linear, stages, directions, along);
+        self.set_right(linear, stages, directions, along);
+        linear.solve(&mut self.right);
+        self.move_points(linear, stages, along.step);
+        self.add_impulses(linear, stages, along.step);
+        self.finish(linear, directions, along, state);
+    }
+
+    /// Writes e(Y_i), e(Ŷ_j), and e(h b_j f_j), e(h b̂_j r_j).
+    fn vary(
+        &mut self,
+        linear: &LinearStep,
+        stages: &Stages,
+        directions: &mut Directions,
+        along: Along,
+    ) {
+        let Along { step, stretch, .. } = along;
+        let (at, by_tau) = (
+            &linear.problem.patterns,
+            &linear.sensitivity.problem.patterns,
+        );
+        let (tableau, dy0) = (&stages.tableau, along.before.y.row(along.direction));
+        // h Σ a v is known: it has led from y0 to the point
+        let moved = |out: &mut [f64], y: &[f64]| {
+            let led = y.iter().zip(&step.state.y).map(|(y, y0)| y - y0);
+            for ((out, dy0), led) in out.iter_mut().zip(dy0).zip(led) {
+                *out = dy0 + stretch * led;
+            }
+        };
+        copy_scaled(self.impulses.flat_mut(), stretch, stages.impulses.flat());
+        for i in 0..tableau.stages {
+            let (weight, out) = (step.h * tableau.b[i], self.impulses.row_mut(i));
+            let dy = self.stages.row_mut(i);
+            moved(dy, stages.y.row(i));
+            let tau = along.tau(directions, tableau.c[i]);
+            at.f_y.multiply_add(linear.f_y(i), weight, dy, out);
+            by_tau
+                .f_tau
+                .multiply_add(linear.f_tau.row(i), weight, tau, out);
+        }
+        for j in 0..self.nodes.rows() {
+            let out = self.impulses.row_mut(tableau.stages + j);
+            let (weight, dy) = (step.h * tableau.b_hat[j], self.nodes.row_mut(j));
+            moved(dy, stages.node_y.row(j));
+            let tau = along.tau(directions, tableau.c_hat[j]);
+            at.r_y.multiply_add(linear.r_y(j), weight, dy, out);
+            by_tau
+                .r_tau
+                .multiply_add(linear.r_tau.row(j), weight, tau, out);
+        }
+    }
+
+    /// Writes the right-hand sides, in the order of full Newton.
+    fn set_right(
+        &mut self,
+        linear: &LinearStep,
+        stages: &Stages,
+        directions: &mut Directions,
+        along: Along,
+    ) {
+        let (at, by_tau) = (
+            &linear.problem.patterns,
+            &linear.sensitivity.problem.patterns,
+        );
+        let (n, m, tableau) = (linear.problem.n, linear.problem.m, &stages.tableau);
+        let (offsets, slopes, right) = (linear.places().0, linear.derivatives(), &mut self.right);
+        right.fill(0.0);
+        let momenta = &mut right[..offsets.lam];
+        combine(momenta, &stages.force_weights, &self.impulses, as_is);
+        for i in 0..tableau.stages {
+            let (dy, tau) = (self.stages.row(i), along.tau(directions, tableau.c[i]));
+            let out = &mut right[i * n..(i + 1) * n];
+            add_scaled(out, 1.0, along.before.p.row(along.direction));
+            at.p_y.multiply_add(slopes.p_y.row(i), -1.0, dy, out);
+            by_tau
+                .p_tau
+                .multiply_add(linear.p_tau.row(i), -1.0, tau, out);
+            if let Some(v_tau) = &by_tau.v_tau {
+                let out = &mut right[offsets.v + i * n..offsets.v + (i + 1) * n];
+                at.v_y.multiply_add(slopes.v_y.row(i), 1.0, dy, out);
+                v_tau.multiply_add(linear.v_tau.row(i), 1.0, tau, out);
+            }
+        }
+        let weight = -1.0 / along.step.h;
+        let rows = right[offsets.lam..offsets.nu].chunks_exact_mut(m.max(1));
+        for (out, j) in rows.zip(1..) {
+            let tau = along.tau(directions, tableau.c_hat[j]);
+            at.g_y
+                .multiply_add(slopes.g_y.row(j), weight, self.nodes.row(j), out);
+            by_tau
+                .g_tau
+                .multiply_add(linear.g_tau.row(j), weight, tau, out);
+        }
+    }
+
+    /// What dV_i make of the points, and dy1.
+    fn move_points(&mut self, linear: &LinearStep, stages: &Stages, step: Step) {
+        let (tableau, offsets) = (&stages.tableau, linear.places().0);
+        let d_v = self.right[offsets.v..].chunks_exact(linear.problem.n);
+        for (j, d_v) in (0..tableau.stages).zip(d_v) {
+            copy_scaled(self.moves.row_mut(j), step.h * tableau.b[j], d_v);
+        }
+        combine(self.stages.flat_mut(), &tableau.mu_v, &self.moves, as_is);
+        copy(&mut self.y, self.nodes.row(tableau.intervals));
+        combine(self.nodes.flat_mut(), &tableau.mu_bar, &self.moves, as_is);
+        add_scaled(&mut self.y, 1.0, self.nodes.row(tableau.intervals));
+    }
+
+    /// Adds to the impulses what the moved points, dZ_i and dΛ_j make of them.
+    fn add_impulses(&mut self, linear: &LinearStep, stages: &Stages, step: Step) {
+        let (at, tableau) = (&linear.problem.patterns, &stages.tableau);
+        let (n, m, offsets) = (linear.problem.n, linear.problem.m, linear.places().0);
+        let d_z = self.right[..offsets.lam].chunks_exact(n);
+        for (j, d_z) in (0..tableau.stages).zip(d_z) {
+            let (weight, out) = (step.h * tableau.b[j], self.impulses.row_mut(j));
+            at.f_y
+                .multiply_add(linear.f_y(j), weight, self.stages.row(j), out);
+            at.f_z
+                .multiply_add(linear.derivatives().f_z.row(j), weight, d_z, out);
+        }
+        for j in 0..self.nodes.rows() {
+            let (weight, out) = (tableau.b_hat[j], self.impulses.row_mut(tableau.stages + j));
+            at.r_y
+                .multiply_add(linear.r_y(j), step.h * weight, self.nodes.row(j), out);
+        }
+        let d_lam = self.right[offsets.lam..offsets.nu].chunks_exact(m.max(1));
+        for (j, d_lam) in d_lam.enumerate() {
+            let (weight, out) = (tableau.b_hat[j], self.impulses.row_mut(tableau.stages + j));
+            at.r_lam.multiply_add(linear.r_lam(j), weight, d_lam, out);
+        }
+    }
+
+    /// Writes the tangent at the end of the step.
+    fn finish(
+        &mut self,
+        linear: &mut LinearStep,
+        directions: &mut Directions,
+        along: Along,
+        state: &mut TangentState,
+    ) {
+        let (at, by_tau) = (
+            &linear.problem.patterns,
+            &linear.sensitivity.problem.patterns,
+        );
+        let (end, direction) = (&mut linear.end, along.direction);
+        let tau = along.tau(directions, 1.0);
+        let (dp, momentum, hidden) = (
+            state.p.row_mut(direction),
+            &mut self.momentum,
+            &mut self.hidden,
+        );
+        for impulse in self.impulses.flat().chunks_exact(dp.len()) {
+            add_scaled(dp, 1.0, impulse);
+        }
+        copy(momentum, dp);
+        at.p_y.multiply_add(&end.p_y, -1.0, &self.y, momentum);
+        by_tau.p_tau.multiply_add(&end.p_tau, -1.0, tau, momentum);
+        hidden.fill(0.0);
+        by_tau.w_y.multiply_add(&end.w_y, -1.0, &self.y, hidden);
+        by_tau.w_tau.multiply_add(&end.w_tau, -1.0, tau, hidden);
+        end.matrix.solve(momentum, hidden);
+        at.r_lam.multiply_add(end.matrix.r_lam(), 1.0, hidden, dp);
+        copy(state.y.row_mut(direction), &self.y);
+        copy(state.z.row_mut(direction), momentum);
+        state.t[direction] = along.time(1.0);
+    }
+}

@@ -1,0 +1,168 @@
+//! Steps with their tangents: derivatives of a step's end by its start, by parameters and by time.
+
+mod forward;
+mod linear_step;
+
+use super::Spark;
+use forward::{Along, Forward};
+use linear_step::LinearStep;
+use liouville_base::error::{Quantity, StepError};
+use liouville_base::linalg::Matrix;
+use liouville_base::method::{Estimating, Stats, Stepper, Symmetric};
+use liouville_problem::{Directions, Model, SensitivityModel, State, Step, TangentState, finite};
+
+/// A SPARK method at work on a state and its tangents.
+///
+/// A step is made first, as it is without tangents; then its equations are linearised at their solution. The derivative
+/// is that of the step as it is made, with its size held unless that is among the directions.
+#[derive(Clone, Debug)]
+pub struct SparkTangents {
+    spark: Spark,
+    linear: LinearStep,
+    forward: Forward,
+    directions: Directions,
+    /// The state before the step.
+    before: TangentState,
+}
+
+impl SparkTangents {
+    /// The method with tangents of a motion from `motion` at `t`: changes of its coordinates and of its z, a row for
+    /// each direction, and of `t`.
+    ///
+    /// # Errors
+    /// A derivative at the start that is not finite.
+    pub fn new(
+        mut spark: Spark,
+        mut sensitivity: SensitivityModel,
+        mut directions: Directions,
+        (t, motion): (f64, State),
+        (y, z, dt): (Matrix, Matrix, Vec<f64>),
+    ) -> Result<(Self, TangentState), StepError> {
+        let mut p = Matrix::zeros(y.rows(), y.cols());
+        let tangents = (&y, &z, &dt[..]);
+        start(
+            &mut spark.model,
+            &mut sensitivity,
+            &mut directions,
+            (t, &motion),
+            tangents,
+            &mut p,
+        )?;
+        let state = TangentState {
+            motion,
+            y,
+            z,
+            p,
+            t: dt,
+        };
+        let linear = LinearStep::new(&spark, sensitivity);
+        let order = linear.places().1;
+        let stepper = Self {
+            forward: Forward::new(&spark.model.problem, &spark.stages.tableau, order),
+            before: state.clone(),
+            spark,
+            linear,
+            directions,
+        };
+        Ok((stepper, state))
+    }
+}
+
+/// Writes p_y dy + p_z dz + p_τ dτ at the start of a run.
+fn start(
+    model: &mut Model,
+    sensitivity: &mut SensitivityModel,
+    directions: &mut Directions,
+    (t, State { y, z, .. }): (f64, &State),
+    (dy, dz, dt): (&Matrix, &Matrix, &[f64]),
+    p: &mut Matrix,
+) -> Result<(), StepError> {
+    let problem = sensitivity.problem.clone();
+    let (at, by_tau) = (&problem.mechanical.patterns, &problem.patterns.p_tau);
+    let [p_tau, ..] = sensitivity.stage(t, y, z);
+    finite(p_tau, Quantity::Derivative, t)?;
+    let [p_z, _] = model.stage_blocks(t, y, z);
+    finite(p_z, Quantity::Derivative, t)?;
+    for direction in 0..p.rows() {
+        let out = p.row_mut(direction);
+        at.p_z.multiply_add(p_z, 1.0, dz.row(direction), out);
+        let tau = directions.tau(direction, dt[direction]);
+        by_tau.multiply_add(p_tau, 1.0, tau, out);
+    }
+    let [p_y, ..] = model.stage_jacobian(t, y, z);
+    finite(p_y, Quantity::Derivative, t)?;
+    for direction in 0..p.rows() {
+        at.p_y
+            .multiply_add(p_y, 1.0, dy.row(direction), p.row_mut(direction));
+    }
+    Ok(())
+}
+
+impl SparkTangents {
+    /// Makes the tangents at the end of the step that was just made.
+    fn follow(&mut self, t: f64, h: f64, state: &mut TangentState) -> Result<(), StepError> {
+        let (spark, before) = (&mut self.spark, &self.before);
+        let step = Step {
+            t,
+            h,
+            state: &before.motion,
+        };
+        (spark.predictor).write_solution(&mut spark.stages.unknowns);
+        let (model, stages) = (&mut spark.model, &mut spark.stages);
+        let z1 = &mut spark.update.z;
+        (self.linear).make((model, stages), step, &state.motion, z1)?;
+        for direction in 0..self.directions.count() {
+            let along = Along {
+                step,
+                direction,
+                before,
+                stretch: self.directions.stretch[direction],
+            };
+            let directions = &mut self.directions;
+            (self.forward).follow(&mut self.linear, stages, directions, along, state);
+        }
+        Ok(())
+    }
+}
+
+impl Stepper for SparkTangents {
+    type State = TangentState;
+
+    fn step(&mut self, t: f64, h: f64, state: &mut TangentState) -> Result<(), StepError> {
+        self.before.clone_from(state);
+        self.spark.step(t, h, &mut state.motion)?;
+        let made = self.follow(t, h, state);
+        made.inspect_err(|_| {
+            state.clone_from(&self.before);
+            self.spark.predictor.undo();
+        })
+    }
+
+    fn forget(&mut self) {
+        self.spark.forget();
+    }
+
+    fn stats(&self) -> Stats {
+        self.spark.stats()
+    }
+}
+
+impl Symmetric for SparkTangents {}
+
+impl Estimating for SparkTangents {
+    fn error(&self) -> f64 {
+        self.spark.error()
+    }
+
+    fn error_order(&self) -> f64 {
+        self.spark.error_order()
+    }
+
+    fn undo(&mut self, state: &mut TangentState) {
+        self.spark.undo(&mut state.motion);
+        state.clone_from(&self.before);
+    }
+}
+
+// The tangents are the state's, and what a step writes is made anew.
+liouville_base::checkpoint!(SparkTangents { spark });

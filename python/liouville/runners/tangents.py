@@ -1,0 +1,186 @@
+"""The directions in which a run is differentiated, from the user's names to arrays and back."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+
+from liouville.control import Steps
+from liouville.errors import hinted, quoted
+from liouville.methods import Composition, LobattoPair, Spark
+from liouville.runners.runner import Request
+from liouville.systems import Mechanics
+from liouville.systems._sensitivity import moved_start
+from liouville.tangents import Tangent
+
+#: The prefix of directions that are parameters.
+PARAMS = "params."
+
+#: Ends of a run, whose derivatives are those of its equal steps.
+ENDS = ("t0", "t1")
+
+#: What has tangents.
+COVERED = (
+    "tangents are those of a mechanical system without nonholonomic constraints, by Spark, "
+    "LobattoPair or a Composition of them, without events, t_eval and store"
+)
+
+#: Options that change what would have to be differentiated, or where it goes.
+WITHOUT = ("events", "t_eval")
+
+
+def check_covered(system: Any, method: Any, request: Request) -> None:
+    """Refuse what has no tangents; the sentence says what has.
+
+    Raises
+    ------
+    TypeError, ValueError
+        The system, its method or an option of the run is not covered.
+    """
+    base = method.base if isinstance(method, Composition) else method
+    if not isinstance(system, Mechanics):
+        raise TypeError(hinted(f"a {type(system).__name__} has no tangents yet", COVERED))
+    if not isinstance(base, Spark | LobattoPair):
+        raise TypeError(hinted(f"{method!r} has no tangents yet", COVERED))
+    if system.nonholonomic:
+        sentence = f"nonholonomic constraints have no tangents yet: {quoted(system.nonholonomic)}"
+        raise TypeError(hinted(sentence, COVERED))
+    given = [name for name in WITHOUT if getattr(request, name) is not None]
+    if given or request.is_stored:
+        raise TypeError(hinted(f"tangents go without {(given or ['store'])[0]}=", COVERED))
+    if not request.states:
+        raise ValueError("tangents are those of states: leave out states=False")
+    if base.newton_tol is not None:
+        sentence = "newton_tol leaves an error in the stages, and as large a one in their tangents"
+        raise ValueError(hinted(sentence, "leave newton_tol out"))
+
+
+class Directions:
+    """Directions by name, and all of them as rows.
+
+    Attributes
+    ----------
+    count : int
+        How many rows there are.
+    y, z : ndarray, shape (count, n)
+        Changes of positions and of their partner, not yet moved onto the constraints.
+    tau : ndarray, shape (count, 1 + P)
+        Changes of the start time and of the P parameters.
+    stretch : ndarray, shape (count,)
+        By which part of themselves the steps become longer.
+    """
+
+    def __init__(self, system: Mechanics, tangents: Any, steps: Steps) -> None:
+        if not isinstance(tangents, Mapping) or not tangents:
+            hint = f'write tangents={{"{system.states[0]}": direction}} or {{"params.name": 1.0}}'
+            raise TypeError(hinted(f"tangents is a mapping of directions, not {tangents!r}", hint))
+        self._shapes: dict[str, tuple[int, ...]] = {}
+        places = _places(system)
+        rows = [np.empty((0, _width(system)))]
+        for name, value in tangents.items():
+            if name not in places:
+                raise ValueError(_unknown(name, places))
+            if name in ENDS and steps.control is not None:
+                sentence = f"there is no derivative by '{name}' where steps are controlled"
+                raise ValueError(hinted(sentence, "controlled steps are held: give steps or h"))
+            first, shape = places[name]
+            own = _direction(name, value, shape, _labels(system, name))
+            self._shapes[name] = own.shape[: own.ndim - len(shape)]
+            row = np.zeros((int(np.prod(self._shapes[name])), _width(system)))
+            size = int(np.prod(shape))
+            row[:, first : first + size] = own.reshape(-1, size)
+            rows.append(row)
+        n = len(system.coordinates)
+        self.y, self.z, self.tau, end = np.split(np.concatenate(rows), (n, 2 * n, -1), axis=1)
+        self.count = len(self.y)
+        self.stretch = (end[:, 0] - self.tau[:, 0]) / (steps.t1 - steps.t0)
+
+    def starts(
+        self, system: Mechanics, t: float, y: np.ndarray, z: np.ndarray, params: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """Return the changes of y and z at the start, of a run or of each of P members.
+
+        They are moved onto the constraints as :meth:`Mechanics.consistent` moves a start.
+        """
+        moves = self.y, self.z, self.tau
+        if y.ndim == 1:
+            return moved_start(system, t, y, z, params, moves)
+        rows = np.broadcast_to(params, (len(y), params.shape[-1]))
+        rows = np.ascontiguousarray(rows)
+        each = [moved_start(system, t, *at, moves) for at in zip(y, z, rows, strict=True)]
+        dy, dz = (np.array(parts) for parts in zip(*each, strict=True))
+        return dy, dz
+
+    def read(self, states: tuple[str, str], rows: np.ndarray, n: int, m: int) -> dict[str, Tangent]:
+        """Name the columns of tangents in records; `m` is 0 where multipliers are not told."""
+        each = rows.reshape(*rows.shape[:-1], self.count, -1)
+        found, first = {}, 0
+        for name, shape in self._shapes.items():
+            last = first + int(np.prod(shape))
+            own = each[..., first:last, :] if shape else each[..., first, :]
+            parts = {states[0]: own[..., :n], states[1]: own[..., n : 2 * n]}
+            if own.shape[-1] == 2 * n + m:
+                parts["lam"] = own[..., 2 * n :]
+            found[name], first = Tangent(parts), last
+        return found
+
+
+def _width(system: Mechanics) -> int:
+    """Return the number of all that may change: states, start time, parameters, end time."""
+    return 2 * len(system.coordinates) + 1 + system.values(None).size + 1
+
+
+def _places(system: Mechanics) -> dict[str, tuple[int, tuple[int, ...]]]:
+    """Return where each direction begins among all that may change, and its shape."""
+    n = len(system.coordinates)
+    first, second = system.states
+    found = {first: (0, (n,)), second: (n, (n,)), "t0": (2 * n, ()), "t1": (_width(system) - 1, ())}
+    place = 2 * n + 1
+    for name, value in system.params.items():
+        found[PARAMS + name] = (place, np.shape(value))
+        place += np.size(value)
+    return found
+
+
+def _labels(system: Mechanics, name: str) -> tuple[str, ...]:
+    return system.coordinates if name in system.states else ()
+
+
+def _unknown(name: Any, places: Mapping[str, Any]) -> str:
+    known = ", ".join(places)
+    hint = f"there are {known}"
+    if name in ("h", "steps"):
+        hint = "steps are counted in whole numbers: the derivative by their end is that by 't1'"
+    elif isinstance(name, str) and PARAMS + name in places:
+        hint = f"a parameter's direction is called '{PARAMS}{name}'"
+    return hinted(f"there is no direction {name!r}", hint)
+
+
+def _direction(
+    name: str, value: Any, shape: tuple[int, ...], labels: tuple[str, ...]
+) -> np.ndarray:
+    """Return a direction, or several one after another, as an array of floats."""
+    if isinstance(value, Mapping) and labels:
+        for label in value:
+            if label not in labels:
+                sentence = f"tangents of '{name}' has a value for {label!r}, which is no coordinate"
+                raise ValueError(sentence)
+        value = [value.get(label, 0.0) for label in labels]
+    try:
+        array = np.asarray(value)
+    except ValueError:  # rows of different lengths
+        array = np.array(None)
+    if array.dtype.kind not in "iuf":
+        raise TypeError(f"tangents of '{name}' is an array of real numbers, not {value!r}")
+    inner = array.ndim - len(shape)
+    if inner not in (0, 1) or array.shape[inner:] != shape or 0 in array.shape:
+        stacked = "d, " + ", ".join(map(str, shape)) if shape else "d,"
+        raise ValueError(
+            f"tangents of '{name}' has shape {array.shape}, wanted {shape} for one direction or "
+            f"({stacked}) for d of them"
+        )
+    if not np.isfinite(array).all():
+        raise ValueError(f"tangents of '{name}' is not finite")
+    return array.astype(float)
