@@ -52,6 +52,10 @@ if _typing.TYPE_CHECKING:
     from liouville.analysis.modes import modes as modes
     from liouville.analysis.power import power_balance as power_balance
     from liouville.export import load as load
+    from liouville.gradients import GradientCheck as GradientCheck
+    from liouville.gradients import Pullback as Pullback
+    from liouville.gradients import check_gradient as check_gradient
+    from liouville.gradients import vjp as vjp
     from liouville.planner import FieldPlan as FieldPlan
     from liouville.planner import Plan as Plan
     from liouville.planner import WavePlan as WavePlan
@@ -69,6 +73,10 @@ _LATER = {
     "modes": "analysis",
     "power_balance": "analysis",
     "load": "export",
+    "GradientCheck": "gradients",
+    "Pullback": "gradients",
+    "check_gradient": "gradients",
+    "vjp": "gradients",
     "FieldPlan": "planner",
     "Plan": "planner",
     "WavePlan": "planner",

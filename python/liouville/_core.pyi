@@ -17,6 +17,7 @@ __all__ = [
     "Hamiltonian",
     "Mechanical",
     "Operator",
+    "Pullback",
     "Rows",
     "Run",
     "SecondOrder",
@@ -34,6 +35,7 @@ __all__ = [
     "path",
     "processor_degree",
     "project",
+    "project_cotangents",
     "project_tangents",
     "run",
     "spark_tableau",
@@ -95,6 +97,22 @@ class Mechanical:
         patterns: dict[str, _Pattern],
         left_out: list[int] = ...,
     ) -> Mechanical: ...
+
+@final
+class Pullback:
+    def __new__(
+        cls, problem: Mechanical, method: object, job: object, sensitivity: Sensitivity
+    ) -> Pullback: ...
+    def follow(
+        self,
+        saved: NDArray[np.float64],
+        last: int,
+        kept: NDArray[np.int64],
+        rows: NDArray[np.float64],
+    ) -> _Error | None: ...
+    def end(
+        self, row: NDArray[np.float64]
+    ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64], float] | _Error: ...
 
 @final
 class Sensitivity:
@@ -264,6 +282,14 @@ def project_tangents(
     held: NDArray[np.float64],
     params: NDArray[np.float64],
     rates: NDArray[np.float64],
+) -> NDArray[np.float64] | _Error: ...
+def project_cotangents(
+    tapes: tuple[Tape, Tape, Tape],
+    patterns: tuple[_Pattern, _Pattern],
+    x: NDArray[np.float64],
+    held: NDArray[np.float64],
+    params: NDArray[np.float64],
+    of_x: NDArray[np.float64],
 ) -> NDArray[np.float64] | _Error: ...
 def independent_rows(
     matrix: NDArray[np.float64], cutoff: float

@@ -8,6 +8,7 @@
 
 mod acceleration;
 mod consistency;
+mod cotangents;
 mod dense;
 mod dynamics;
 mod energy;
@@ -33,6 +34,7 @@ mod tangents;
 
 pub use acceleration::Acceleration;
 pub use consistency::{Kind, Tolerances, Violation};
+pub use cotangents::{Cotangents, PointAdjoint};
 pub use dense::{Path, Point};
 pub use dynamics::Dynamics;
 pub use energy::{EnergyChange, EnergyColumns, EnergyWatch, KineticColumns};
@@ -46,7 +48,7 @@ pub use nonholonomic::diagnose_rank_all;
 pub use nonholonomic::{Nonholonomic, NonholonomicPatterns};
 pub use observe::{Carried, Observer, Observers};
 pub use points::{Points, Times};
-pub use projection::{Projection, project, project_tangents};
+pub use projection::{Projection, project, project_cotangents, project_tangents};
 pub use redundant::Redundant;
 pub use restart::{Impact, Impulse, Jump, Refused, Restart, Sizes};
 pub use saddle::Saddle;

@@ -126,6 +126,29 @@ pub fn project_tangents(
     Ok(moves)
 }
 
+/// The multipliers μ whose `c_xᵀ` μ is to be taken off a cotangent of the moved point, to make it one of the point.
+///
+/// # Errors
+/// As [`project_tangents`].
+///
+/// # Panics
+/// When an argument has not the size of the tapes' input.
+pub fn project_cotangents(
+    projection: &Projection,
+    (x, held, params): (&[f64], &[f64], &[f64]),
+    of_x: &[f64],
+) -> Result<Vec<f64>, StepError> {
+    let mut equations = ConstraintEquations::new(projection, x, held, params);
+    equations.factor()?;
+    let (units, of_c) = equations.units.split_at(x.len());
+    let scaled = of_x.iter().zip(units).map(|(of_x, unit)| of_x * unit);
+    equations.dx.splice(.., scaled);
+    equations.mu.fill(0.0);
+    equations.kkt.solve(&mut equations.dx, &mut equations.mu);
+    let multipliers = equations.mu.iter().zip(of_c);
+    Ok(multipliers.map(|(mu, unit)| -mu / unit).collect())
+}
+
 /// The matrix of a metric and of rows of `c_x`.
 fn matrix(metric: &Pattern, rows: &Pattern) -> KktMatrix {
     KktMatrix::new(KktPatterns {

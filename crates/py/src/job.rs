@@ -258,3 +258,15 @@ pub(crate) fn start(
     let job = job.extract::<MechanicalJob<'_>>()?.read()?;
     Ok(run::start(problem, method, job))
 }
+
+/// The parts of a job in the core's terms, of a single run by equal steps.
+pub(crate) fn pullback(
+    problem: Problem,
+    sensitivity: &Sensitivity,
+    method: &Bound<'_, PyAny>,
+    job: &Bound<'_, PyAny>,
+) -> PyResult<Result<run::Pullback, StartError>> {
+    let method = method.extract::<MechanicalMethod>()?.read()?;
+    let job = job.extract::<MechanicalJob<'_>>()?.read()?;
+    Ok(run::Pullback::new(problem, method, job, &sensitivity.0))
+}

@@ -16,6 +16,7 @@ mod operator;
 mod path;
 mod program;
 mod project;
+mod pullback;
 mod run;
 mod schrodinger;
 mod second_order;
@@ -51,7 +52,9 @@ mod _core {
     #[pymodule_export]
     use super::path::path;
     #[pymodule_export]
-    use super::project::{independent_rows, project, project_tangents};
+    use super::project::{independent_rows, project, project_cotangents, project_tangents};
+    #[pymodule_export]
+    use super::pullback::Pullback;
     #[pymodule_export]
     use super::run::{Run, run};
     #[pymodule_export]

@@ -73,6 +73,30 @@ pub(crate) fn project_tangents<'py>(
     }
 }
 
+/// The multipliers that take a cotangent of a point moved onto its equations to one of the point, or the error of
+/// finding them.
+#[pyfunction]
+pub(crate) fn project_cotangents<'py>(
+    py: Python<'py>,
+    tapes: Tapes<'py>,
+    patterns: (Bound<'py, PyAny>, Bound<'py, PyAny>),
+    x: PyReadonlyArray1<'py, f64>,
+    held: PyReadonlyArray1<'py, f64>,
+    params: PyReadonlyArray1<'py, f64>,
+    of_x: PyReadonlyArray1<'py, f64>,
+) -> PyResult<Bound<'py, PyAny>> {
+    let projection = projection(&tapes, &patterns)?;
+    let (x, held, params) = (x.as_slice()?, held.as_slice()?, params.as_slice()?);
+    if of_x.len() != x.len() {
+        return Err(errors::refused("a cotangent has the size of the point"));
+    }
+    let at = (x, held, params);
+    match liouville_problem::project_cotangents(&projection, at, of_x.as_slice()?) {
+        Ok(multipliers) => Ok(PyArray1::from_vec(py, multipliers).into_any()),
+        Err(error) => Ok(errors::error(py, &error)?.into_any()),
+    }
+}
+
 /// The rows of a matrix that are independent of one another, of dependent ones the first; the least part of a kept row
 /// that is its own, and the largest of another: those not longer than `cutoff` count as roundoff.
 #[pyfunction]

@@ -12,6 +12,7 @@
 pub mod meaning;
 pub mod properties;
 pub mod quantum;
+pub mod sensitivity;
 pub mod splits;
 pub mod walk;
 pub mod waves;

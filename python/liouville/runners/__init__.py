@@ -65,7 +65,7 @@ def runner_of(system: System, method: Method | Plan | str, request: Request) -> 
         raise TypeError(f"states is True or False, not {request.states!r}")
     if request.threads is not None:
         count("threads", request.threads)
-    if request.tangents is not None:
+    if request.tangents is not None or request.has_pullback:
         from liouville.runners.tangents import check_covered
 
         check_covered(system, method, request)

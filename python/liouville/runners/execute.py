@@ -28,7 +28,32 @@ SLICE = 0.05
 Outcome = str | dict[str, Any]
 
 
-def execute(runner: Runner, progress: Progress = None) -> Solution:
+class Checkpoints:
+    """States that a run is made again from, one every so many steps."""
+
+    def __init__(self, stride: int) -> None:
+        self.stride, self.next = stride, 0
+        self._saved: list[np.ndarray] = []
+
+    def take(self, run: _core.Run) -> None:
+        """Save a run that has come to where it is to be saved."""
+        if run.done == self.next:
+            saved = run.save()
+            assert saved is not None
+            self._saved.append(saved)
+            self.next += self.stride
+
+    def reversed(self, steps: int) -> Iterator[tuple[int, int, np.ndarray]]:
+        """Give the pieces of a run of so many steps, the last first: first and last step, state."""
+        for place in range(len(self._saved) - 1, -1, -1):
+            first = place * self.stride
+            if first < steps:
+                yield first, min(first + self.stride, steps), self._saved[place]
+
+
+def execute(
+    runner: Runner, progress: Progress = None, checkpoints: Checkpoints | None = None
+) -> Solution:
     """Run to the end, and return the solution; IntegrationError if a step fails."""
     clock = time.perf_counter()
     run = runner.start()
@@ -40,7 +65,7 @@ def execute(runner: Runner, progress: Progress = None) -> Solution:
         times, rows = np.empty(0), np.empty((0, *runner.members, sum(runner.columns.values())))
         stats: dict[str, Any] = {"steps": 0}
     else:
-        outcome = advance(run, runner, progress)
+        outcome = advance(run, runner, progress, checkpoints)
         reached = run.t
         (times, rows), stats = run.take(), runner.stats(run)
         events, endings = runner.events(run)
@@ -163,12 +188,20 @@ def solution_of(
     )
 
 
-def advance(run: _core.Run, runner: Runner, progress: Progress) -> Outcome:
+def advance(
+    run: _core.Run, runner: Runner, progress: Progress, checkpoints: Checkpoints | None = None
+) -> Outcome:
     """Advance to the end, or until memory is full; returns how that ended."""
-    most = math.inf
+    most, stop = math.inf, None
     with reporting(run, runner, progress) as report:
         try:
-            while (outcome := advance_slice(run)) == "paused":
+            if checkpoints is not None:
+                checkpoints.take(run)
+                stop = checkpoints.next
+            while (outcome := advance_slice(run, stop)) == "paused":
+                if checkpoints is not None:
+                    checkpoints.take(run)
+                    stop = checkpoints.next
                 report()
                 if most == math.inf:  # the limits take longer to read than a short run
                     most = runner.every * memory() / runner.row

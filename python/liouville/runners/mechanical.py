@@ -23,6 +23,7 @@ from liouville.tangents import Tangent
 
 if TYPE_CHECKING:
     from liouville.runners.tangents import Directions
+    from liouville.systems._sensitivity import Cotangents
 
 #: A constraint left out may miss this much of the size of what it is made of.
 IMPLIED = 1e-8
@@ -49,7 +50,7 @@ class MechanicalRunner(TracedRunner):
     def __init__(self, system: Mechanics, method: Method, request: Request) -> None:
         self._stepped = system
         self._is_general = method.form == "general"
-        self._wants_tangents = request.tangents is not None
+        self._is_differentiated = request.tangents is not None or request.has_pullback
         self._base = method.base if isinstance(method, Composition) else method
         super().__init__(system, method, request)
         self._leave_out()
@@ -57,7 +58,7 @@ class MechanicalRunner(TracedRunner):
         by_rtol = self._control == "error" and request.control is None
         self._is_reversible = by_rtol and not self._is_general and system.is_conservative
         self._is_rattle = isinstance(self._problem, _core.Separable)
-        self._directions = self._directed(request) if self._wants_tangents else None
+        self._directions = None if request.tangents is None else self._directed(request)
 
     def _directed(self, request: Request) -> Directions:
         """Take the directions of tangents, which each record has columns for."""
@@ -65,7 +66,7 @@ class MechanicalRunner(TracedRunner):
         from liouville.runners.tangents import Directions
 
         found = Directions(self.system, request.tangents, self.steps)
-        wide = 2 * len(self.system.coordinates) + len(self._stepped.constraints)
+        wide = 2 * len(self.system.coordinates) + self.multipliers
         self.columns["tangents"] = found.count * wide
         self._check_sizes(request)
         return found
@@ -104,6 +105,29 @@ class MechanicalRunner(TracedRunner):
         sizes = len(self.system.coordinates), len(self.constraints)
         return self._directions.read(self.system.states, parts["tangents"], *sizes)
 
+    def pullback(self) -> tuple[_core.Mechanical, Method, Job, _core.Sensitivity]:
+        """Return what the core makes a pullback of; the run itself keeps its start alone."""
+        # imported here: few runs are differentiated
+        from liouville.systems._sensitivity import sensitivity
+
+        job, steps = self._job(), self.steps
+        job.span = (steps.t0, steps.t1, steps.count, steps.count)
+        assert isinstance(self._problem, _core.Mechanical)
+        return self._problem, self.choice, job, sensitivity(self._stepped)
+
+    def pulled_start(self, found: Cotangents) -> Cotangents:
+        """Return cotangents of a start that is moved onto the constraints, from those there."""
+        # imported here: few runs are differentiated
+        from liouville.systems._sensitivity import pulled_start
+
+        y, z = self._begin[:2]
+        return pulled_start(self._stepped, self.steps.t0, y, z, self._values, found)
+
+    @property
+    def multipliers(self) -> int:
+        """How many multipliers the equations of a step have."""
+        return len(self._stepped.constraints)
+
     @property
     def control_taken(self) -> str:
         """What the steps follow, where a tolerance is met by reversible ones."""
@@ -138,7 +162,7 @@ class MechanicalRunner(TracedRunner):
             return self._stepped.second_order
         self._check_solver()
         takes_fast_path = self._base == RATTLE and self._control != "error"
-        takes_fast_path = takes_fast_path and not self._wants_tangents
+        takes_fast_path = takes_fast_path and not self._is_differentiated
         fast = self._stepped.separable if takes_fast_path else None
         return self._stepped.problem if fast is None else fast
 

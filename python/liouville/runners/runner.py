@@ -54,6 +54,7 @@ class Request:
     params: Mapping[str, ArrayLike] | None = None
     states: Any = True
     tangents: Any = None
+    has_pullback: bool = False
     threads: Any = None
     start: Mapping[str, Any] = field(default_factory=dict)
     is_ensemble: bool = False

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -12,7 +12,7 @@ from liouville.errors import hinted, quoted
 from liouville.methods import Composition, LobattoPair, Spark
 from liouville.runners.runner import Request
 from liouville.systems import Mechanics
-from liouville.systems._sensitivity import moved_start
+from liouville.systems._sensitivity import Cotangents, moved_start
 from liouville.tangents import Tangent
 
 #: The prefix of directions that are parameters.
@@ -125,6 +125,40 @@ class Directions:
                 parts["lam"] = own[..., 2 * n :]
             found[name], first = Tangent(parts), last
         return found
+
+
+def check_wrt(system: Mechanics, wrt: Any) -> tuple[str, ...]:
+    """Return names of what gradients are by, each seen to be one."""
+    if isinstance(wrt, str) or not isinstance(wrt, Sequence) or not wrt:
+        hint = f'write wrt=["{system.states[0]}", "params.name"]'
+        raise TypeError(hinted(f"wrt is a sequence of names, not {wrt!r}", hint))
+    places = _places(system)
+    for name in wrt:
+        if name not in places:
+            raise ValueError(_unknown(name, places))
+    return tuple(wrt)
+
+
+def shapes_of(system: Mechanics, names: tuple[str, ...]) -> dict[str, tuple[int, ...]]:
+    """Return the shape of what each name is a direction of."""
+    places = _places(system)
+    return {name: places[name][1] for name in names}
+
+
+def gradients_of(
+    system: Mechanics, steps: Steps, found: Cotangents, stretch: float, wrt: tuple[str, ...]
+) -> dict[str, Any]:
+    """Return gradients by name, from cotangents of the start and of the stretch of the steps."""
+    y, z, tau = found
+    end = stretch / (steps.t1 - steps.t0)
+    row = np.concatenate([y, z, tau, [end]])
+    row[2 * len(system.coordinates)] -= end
+    places, gradients = _places(system), {}
+    for name in wrt:
+        first, shape = places[name]
+        own = row[first : first + int(np.prod(shape))].reshape(shape)
+        gradients[name] = own if shape else float(own)
+    return gradients
 
 
 def _width(system: Mechanics) -> int:

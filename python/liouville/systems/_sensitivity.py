@@ -5,7 +5,7 @@ They are recorded when tangents are first wanted, and stay with the system.
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -21,6 +21,9 @@ from liouville.tape import record
 
 if TYPE_CHECKING:
     from liouville.systems.mechanics import Mechanics
+
+#: Cotangents of a start: of positions, of their partner, and of time and parameters.
+Cotangents = tuple[np.ndarray, np.ndarray, np.ndarray]
 
 #: Changes of positions, of their partner, and of time and parameters, a row for each direction.
 Moves = tuple[np.ndarray, np.ndarray, np.ndarray]
@@ -87,6 +90,57 @@ def moved_start(
     return dy, _moved(system, "partner", t, (z, y), params, (dz, dy, dtau))
 
 
+def pulled_start(
+    system: Mechanics,
+    t: float,
+    y: np.ndarray,
+    z: np.ndarray,
+    params: np.ndarray,
+    found: Cotangents,
+) -> Cotangents:
+    """Return cotangents of a start, from those of the one that `consistent` makes of it.
+
+    It is the transpose of :func:`moved_start`.
+    """
+    of_y, of_z, of_tau = found
+    of_z, more, of_tau = _pulled(system, "partner", t, (z, y), params, (of_z, of_y, of_tau))
+    of_y, of_z, of_tau = _pulled(system, "positions", t, (y, z), params, (more, of_z, of_tau))
+    return of_y, of_z, of_tau
+
+
+def _pulled(
+    system: Mechanics,
+    what: str,
+    t: float,
+    at: tuple[np.ndarray, np.ndarray],
+    params: np.ndarray,
+    found: Cotangents,
+) -> Cotangents:
+    """Return cotangents of x, of what is held and of tau, from those of the x moved."""
+    tapes, patterns, names = _consistent.recorded(system, what)
+    (x, other), (of_x, of_other, of_tau) = at, found
+    if not names:
+        return found
+    held = np.append(other, t)
+    mu = _core.project_cotangents(tapes, patterns, x, held, params, of_x)
+    if isinstance(mu, dict):
+        raise _undifferentiable(system, t, mu, names)
+    tape = kept(system, f"transposed rates of {what}", lambda: _transposed(system, what))
+    row = tape.map(params, [part[None] for part in (x, held, mu)])[0]
+    n = len(x)
+    return of_x - row[:n], of_other - row[n : 2 * n], of_tau - row[2 * n :]
+
+
+def _undifferentiable(
+    system: Mechanics, t: float, error: dict[str, Any], names: tuple[str, ...]
+) -> ValueError:
+    if error["kind"] == "not finite":
+        error["t"] = t
+    sentence, _, _ = describe(error, system.coordinates, names)
+    hint = "constraints are to be independent at the start: move away from this position"
+    return ValueError(hinted(f"the start cannot be differentiated: {sentence}", hint))
+
+
 def _moved(
     system: Mechanics,
     what: str,
@@ -106,11 +160,7 @@ def _moved(
     rates = tape.map(params, rows)
     found = _core.project_tangents(tapes, patterns, x, held, params, -rates)
     if isinstance(found, dict):
-        if found["kind"] == "not finite":
-            found["t"] = t
-        sentence, _, _ = describe(found, system.coordinates, names)
-        hint = "tangents start on constraints that are independent: move away from this position"
-        raise ValueError(hinted(f"the start cannot be differentiated: {sentence}", hint))
+        raise _undifferentiable(system, t, found, names)
     return dx + found
 
 
@@ -122,3 +172,13 @@ def _rates(system: Mechanics, what: str) -> _core.Tape:
     d = ca.SX.sym("d", along.numel())
     inputs = {"x": x, "held": ca.vertcat(held, s.t), "d": d, "params": s.params.vector}
     return record(f"rates of {what}", inputs, ca.jtimes(c, along, d))
+
+
+def _transposed(system: Mechanics, what: str) -> _core.Tape:
+    """Record the transpose of that at (x, held, mu): by x, by what is held, and by tau."""
+    s = system._symbols
+    x, held, c = _consistent.equations(what, s, system._model)
+    along = ca.vertcat(x, held, s.t, s.params.vector)
+    mu = ca.SX.sym("mu", c.numel())
+    inputs = {"x": x, "held": ca.vertcat(held, s.t), "mu": mu, "params": s.params.vector}
+    return record(f"transposed rates of {what}", inputs, ca.jtimes(c, along, mu, True))

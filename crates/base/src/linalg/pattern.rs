@@ -126,6 +126,13 @@ impl Pattern {
         }
     }
 
+    /// `out += factor * Aᵀ x`
+    pub fn multiply_add_transposed(&self, values: &[f64], factor: f64, x: &[f64], out: &mut [f64]) {
+        for (&(row, col), value) in self.entries.iter().zip(values) {
+            out[col] += value * factor * x[row];
+        }
+    }
+
     /// Adds `factor * A` to `target`, its corner at `(row, col)`.
     #[inline(always)]
     pub fn add_to<R: Real>(

@@ -5,9 +5,11 @@
 mod check;
 mod job;
 mod member;
+mod pullback;
 mod tangents;
 
 pub use job::{Control, Detection, EventFunction, Job, Method, Problem, SparkMethod, Tangents};
+pub use pullback::Pullback;
 
 use liouville_alpha::{Alpha, AlphaRestart, AlphaState, Reactions};
 use liouville_base::ensemble::{Ensemble, Layout};

@@ -1,11 +1,14 @@
 //! Runs that carry tangents with their states.
 
-use super::{Begun, Starter, System, Tangents};
+use super::{Begun, Control, SparkMethod, Starter, System, Tangents};
 use liouville_base::error::StepError;
 use liouville_base::linalg::Matrix;
 use liouville_base::run::StepControl;
-use liouville_problem::{Directions, SensitivityModel, State, TangentObserver, TangentState};
+use liouville_problem::{
+    Directions, Sensitivity, SensitivityModel, State, TangentObserver, TangentState,
+};
 use liouville_spark::{Spark, SparkTangents};
+use std::sync::Arc;
 
 impl Starter {
     /// How many numbers the tangents of a member have in a row.
@@ -56,6 +59,19 @@ impl Starter {
     }
 }
 
+impl Starter {
+    /// Whether a run has a pullback with these derivatives.
+    pub(super) fn has_pullback(&self, sensitivity: &Sensitivity, spark: &SparkMethod) -> bool {
+        let job = &self.job;
+        Arc::ptr_eq(&sensitivity.mechanical, self.system.mechanical())
+            && matches!(job.control, Control::Fixed)
+            && job.detection.is_none()
+            && job.tangents.is_none()
+            && job.members.is_none()
+            && spark.newton_tol.is_none()
+    }
+}
+
 fn directions_of(tangents: &Tangents) -> Directions {
     let width = tangents.sensitivity.width();
     Directions {
@@ -74,7 +90,7 @@ impl Tangents {
         };
         let count = self.stretch.len();
         spark.newton_tol.is_none()
-            && std::sync::Arc::ptr_eq(&self.sensitivity.mechanical, problem)
+            && Arc::ptr_eq(&self.sensitivity.mechanical, problem)
             && self.tau.len() == count * self.sensitivity.width()
             && self
                 .start

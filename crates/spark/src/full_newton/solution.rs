@@ -46,6 +46,11 @@ impl FullNewton {
         self.matrix.solve(x);
     }
 
+    /// Solves with the transposed matrix in place.
+    pub(crate) fn solve_transposed(&mut self, x: &mut [f64]) {
+        self.matrix.solve_transposed(x);
+    }
+
     /// Number of unknowns.
     pub(crate) fn order(&self) -> usize {
         self.unknowns.len()

@@ -34,7 +34,7 @@ pub(super) struct Forward {
 
 /// The direction that is followed, through which step, from which state.
 #[derive(Clone, Copy)]
-pub(super) struct Along<'a> {
+pub(super) struct StepAlong<'a> {
     pub(super) step: Step<'a>,
     pub(super) direction: usize,
     pub(super) before: &'a TangentState,
@@ -42,7 +42,7 @@ pub(super) struct Along<'a> {
     pub(super) stretch: f64,
 }
 
-impl Along<'_> {
+impl StepAlong<'_> {
     /// The change of time at a fraction of the step.
     fn time(&self, c: f64) -> f64 {
         self.before.t[self.direction] + c * self.step.h * self.stretch
@@ -75,7 +75,7 @@ impl Forward {
         linear: &mut LinearStep,
         stages: &Stages,
         directions: &mut Directions,
-        along: Along,
+        along: StepAlong,
         state: &mut TangentState,
     ) {
         self.vary(linear, stages, directions, along);
@@ -92,9 +92,9 @@ impl Forward {
         linear: &LinearStep,
         stages: &Stages,
         directions: &mut Directions,
-        along: Along,
+        along: StepAlong,
     ) {
-        let Along { step, stretch, .. } = along;
+        let StepAlong { step, stretch, .. } = along;
         let (at, by_tau) = (
             &linear.problem.patterns,
             &linear.sensitivity.problem.patterns,
@@ -136,7 +136,7 @@ impl Forward {
         linear: &LinearStep,
         stages: &Stages,
         directions: &mut Directions,
-        along: Along,
+        along: StepAlong,
     ) {
         let (at, by_tau) = (
             &linear.problem.patterns,
@@ -215,7 +215,7 @@ impl Forward {
         &mut self,
         linear: &mut LinearStep,
         directions: &mut Directions,
-        along: Along,
+        along: StepAlong,
         state: &mut TangentState,
     ) {
         let (at, by_tau) = (

@@ -5,7 +5,7 @@ use super::super::Spark;
 use super::super::full_newton::{Derivatives, FullNewton, Offsets};
 use super::super::stages::Stages;
 use liouville_base::error::{Quantity, StepError};
-use liouville_base::linalg::{Matrix, copy};
+use liouville_base::linalg::{Matrix, Pattern, copy};
 use liouville_problem::{Kkt, Mechanical, Model, SensitivityModel, State, Step, finite};
 use std::sync::Arc;
 
@@ -42,7 +42,7 @@ impl LinearStep {
         let (problem, tableau) = (&model.problem, &stages.tableau);
         let at = &sensitivity.problem.patterns;
         let (s, nodes) = (tableau.stages, tableau.intervals + 1);
-        let v_tau = at.v_tau.as_ref().map_or(0, |pattern| pattern.len());
+        let v_tau = at.v_tau.as_ref().map_or(0, Pattern::len);
         let values = |length: usize| vec![0.0; length];
         Self {
             p_tau: Matrix::zeros(s, at.p_tau.len()),
@@ -142,6 +142,11 @@ impl LinearStep {
     /// Solves the stage equations in place.
     pub(super) fn solve(&mut self, x: &mut [f64]) {
         self.full.solve(x);
+    }
+
+    /// Solves the transposed stage equations in place.
+    pub(super) fn solve_transposed(&mut self, x: &mut [f64]) {
+        self.full.solve_transposed(x);
     }
 
     /// Derivatives by y and z at the stages, and of g at the nodes.

@@ -1,10 +1,13 @@
 //! Steps with their tangents: derivatives of a step's end by its start, by parameters and by time.
 
+mod adjoint;
+mod backward;
 mod forward;
 mod linear_step;
 
 use super::Spark;
-use forward::{Along, Forward};
+pub use adjoint::{SharedRecords, SparkAdjoint, SparkRecorder};
+use forward::{Forward, StepAlong};
 use linear_step::LinearStep;
 use liouville_base::error::{Quantity, StepError};
 use liouville_base::linalg::Matrix;
@@ -112,7 +115,7 @@ impl SparkTangents {
         let z1 = &mut spark.update.z;
         (self.linear).make((model, stages), step, &state.motion, z1)?;
         for direction in 0..self.directions.count() {
-            let along = Along {
+            let along = StepAlong {
                 step,
                 direction,
                 before,

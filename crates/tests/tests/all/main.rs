@@ -31,5 +31,6 @@ mod tape;
 mod tape_refusals;
 mod tape_terms;
 mod together;
+mod transposed;
 mod volume;
 mod volume_refusals;

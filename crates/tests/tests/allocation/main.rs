@@ -7,7 +7,7 @@ mod events;
 use counting::allocations;
 use liouville_alpha::{Alpha, Reactions};
 use liouville_base::composition::Composed;
-use liouville_base::linalg::{Factor, Pattern, Rows};
+use liouville_base::linalg::{Factor, Matrix, Pattern, Rows};
 use liouville_base::method::Tolerance;
 use liouville_base::method::{Estimating, Stepper};
 use liouville_base::observe::Monitor;
@@ -17,9 +17,14 @@ use liouville_fields::problem::{Piece, Polynomials, Split};
 use liouville_fields::volume::{Determinant, Volume};
 use liouville_index2::Index2;
 use liouville_index2::semi_explicit::SemiExplicitModel;
-use liouville_problem::{Acceleration, Model, SecondOrderModel, SeparableModel, TimeScale};
+use liouville_problem::{
+    Acceleration, Cotangents, Directions, Model, SecondOrderModel, SensitivityModel,
+    SeparableModel, TimeScale,
+};
 use liouville_spark::rattle::Rattle;
-use liouville_spark::{Solver, Spark, SparkBatch};
+use liouville_spark::{
+    SharedRecords, Solver, Spark, SparkAdjoint, SparkBatch, SparkRecorder, SparkTangents,
+};
 use liouville_tests::quantum::{flows, kinetic, packet, rotor};
 use liouville_tests::splits::{Draw, every_kind};
 use liouville_tests::walk::{START, driven_start, heavy};
@@ -102,6 +107,67 @@ fn a_step_takes_no_memory() {
             assert_eq!(general.1, 0, "with {solver:?}, s = {s}");
         }
     }
+}
+
+/// Allocations of 50 steps with two directions and of following 40 of them back, the first 10 apart.
+fn tangents(functions: &Functions, params: &[f64], y: &[f64]) -> [usize; 2] {
+    let problem = functions.build();
+    let sensitivity = SensitivityModel::new(functions.sensitivity(&problem), params);
+    let mut model = Model::new(problem, params);
+    let (n, width) = (y.len(), 1 + params.len());
+    let state = model.state(0.0, y, &vec![0.0; n]);
+    let spark = Spark::new(model, 3, Solver::Auto);
+    let records = SharedRecords::default();
+    let mut adjoint = SparkAdjoint::new(&spark, sensitivity.clone());
+    let mut recorder = SparkRecorder::new(spark.clone(), records.clone());
+    let mut recorded = state.clone();
+    let directions = Directions {
+        tau: Matrix::from_fn(2, width, |i, j| (i + j) as f64),
+        stretch: vec![0.1, 0.0],
+    };
+    let zeros = || Matrix::zeros(2, n);
+    let start = (zeros(), zeros(), vec![0.0; 2]);
+    let made = SparkTangents::new(spark, sensitivity, directions, (0.0, state), start);
+    let (mut stepper, mut state) = made.expect("derivatives are finite");
+    let mut n_steps = 0;
+    let mut forward = |count: usize| {
+        for _ in 0..count {
+            let t = 0.01 * f64::from(n_steps);
+            stepper.step(t, 0.01, &mut state).expect("a step");
+            recorder
+                .step(t, 0.01, &mut recorded)
+                .expect("the same step");
+            n_steps += 1;
+        }
+    };
+    forward(10);
+    let piece = || records.lock().clear();
+    piece();
+    let of_steps = allocations(|| {
+        for _ in 0..4 {
+            forward(10);
+            piece();
+        }
+    });
+    forward(10);
+    let mut of = Cotangents::zeros(n, width);
+    of.y.fill(1.0);
+    let steps = records.lock();
+    let mut follow = |k: usize| {
+        adjoint
+            .follow(&steps.steps()[k], &mut of)
+            .expect("a step back")
+    };
+    follow(9);
+    [of_steps, allocations(|| (0..9).rev().for_each(&mut follow))]
+}
+
+#[test]
+fn steps_with_tangents_and_steps_back_take_no_memory() {
+    assert_eq!(tangents(&pendulum(), &PENDULUM, &[1.0, 0.0]), [0; 2]);
+    assert_eq!(tangents(&general(), &[], &[0.0, -1.0, 1.0, -1.0]), [0; 2]);
+    let (functions, y) = zigzag(60);
+    assert_eq!(tangents(&functions, &[], &y), [0; 2]);
 }
 
 /// A zigzag of links in the plane, as many as make matrices sparse.

@@ -1,0 +1,135 @@
+//! Cotangents of a motion: the derivatives of some function of it by its states, and by what it depends on.
+
+use super::sensitivity::SensitivityModel;
+use super::{Acceleration, Kkt, Model, State, model::finite};
+use liouville_base::error::{Quantity, StepError};
+use liouville_base::linalg::Pattern;
+
+/// Derivatives of a function of a run: by the state at a point, and by all else from there on.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Cotangents {
+    /// By coordinates.
+    pub y: Vec<f64>,
+    /// By z where the run is observed; what it does beyond that is `p`.
+    pub z: Vec<f64>,
+    /// By p, of the steps behind.
+    pub p: Vec<f64>,
+    /// By τ = (t, θ), the time being that of the point.
+    pub tau: Vec<f64>,
+    /// By the part of themselves by which the steps become longer.
+    pub stretch: f64,
+}
+
+impl Cotangents {
+    /// Those of nothing.
+    pub fn zeros(n: usize, width: usize) -> Self {
+        Self {
+            y: vec![0.0; n],
+            z: vec![0.0; n],
+            p: vec![0.0; n],
+            tau: vec![0.0; width],
+            stretch: 0.0,
+        }
+    }
+}
+
+/// What is observed of a point, transposed: y, z and the multipliers of the accelerations there.
+#[derive(Clone, Debug)]
+pub struct PointAdjoint {
+    model: Model,
+    sensitivity: SensitivityModel,
+    acceleration: Acceleration,
+    matrix: Kkt,
+    a: Vec<f64>,
+    b: Vec<f64>,
+}
+
+impl PointAdjoint {
+    /// Memory for this model.
+    pub fn new(model: Model, sensitivity: SensitivityModel) -> Self {
+        Self {
+            acceleration: Acceleration::new(&model),
+            matrix: Kkt::new(&model.problem),
+            a: vec![0.0; model.problem.n],
+            b: vec![0.0; model.problem.m],
+            model,
+            sensitivity,
+        }
+    }
+
+    /// Adds cotangents (y, z, λ) of a state.
+    ///
+    /// # Errors
+    /// The multipliers cannot be solved for, or a derivative is not finite.
+    pub fn observe(
+        &mut self,
+        (t, state): (f64, &State),
+        row: &[f64],
+        of: &mut Cotangents,
+    ) -> Result<(), StepError> {
+        let n = self.a.len();
+        add(&mut of.y, &row[..n]);
+        add(&mut of.z, &row[n..2 * n]);
+        let own = &row[2 * n..];
+        if own.iter().all(|x| *x == 0.0) {
+            return Ok(());
+        }
+        let (y, z) = (&state.y[..], &state.z[..]);
+        self.acceleration.solve(&mut self.model, t, y, z)?;
+        let Acceleration { z_dot, lam, .. } = &self.acceleration;
+        self.matrix.update(&mut self.model, t, [y, z, lam])?;
+        self.a.fill(0.0);
+        self.b.copy_from_slice(own);
+        self.matrix.solve_transposed(&mut self.a, &mut self.b);
+        let problem = self.sensitivity.problem.clone();
+        let at = &problem.patterns;
+        let values = self.sensitivity.motion(t, [y, z, z_dot, lam]);
+        for part in values {
+            finite(part, Quantity::Derivative, t)?;
+        }
+        let (motion, rate) = values.split_at(3);
+        let out = [&mut of.y, &mut of.z, &mut of.tau];
+        for (k, out) in out.into_iter().enumerate() {
+            subtract(&at.motion[k], motion[k], &self.a, out);
+            subtract(&at.rate[k], rate[k], &self.b, out);
+        }
+        Ok(())
+    }
+
+    /// Takes cotangents of p at the start of a run to y, z and τ there.
+    ///
+    /// # Errors
+    /// A derivative that is not finite.
+    pub fn leave(
+        &mut self,
+        (t, state): (f64, &State),
+        of: &mut Cotangents,
+    ) -> Result<(), StepError> {
+        let (y, z) = (&state.y[..], &state.z[..]);
+        let problem = self.sensitivity.problem.clone();
+        let at = &problem.mechanical.patterns;
+        let [p_tau, ..] = self.sensitivity.stage(t, y, z);
+        let [p_z, _] = self.model.stage_blocks(t, y, z);
+        (at.p_z).multiply_add_transposed(p_z, 1.0, &of.p, &mut of.z);
+        let by_tau = &problem.patterns.p_tau;
+        by_tau.multiply_add_transposed(p_tau, 1.0, &of.p, &mut of.tau);
+        let [p_y, ..] = self.model.stage_jacobian(t, y, z);
+        at.p_y.multiply_add_transposed(p_y, 1.0, &of.p, &mut of.y);
+        of.p.fill(0.0);
+        for values in [&of.y, &of.z, &of.tau] {
+            finite(values, Quantity::Derivative, t)?;
+        }
+        Ok(())
+    }
+}
+
+fn add(out: &mut [f64], x: &[f64]) {
+    for (out, x) in out.iter_mut().zip(x) {
+        *out += x;
+    }
+}
+
+/// out −= Aᵀ x
+fn subtract(pattern: &Pattern, values: &[f64], x: &[f64], out: &mut [f64]) {
+    pattern.multiply_add_transposed(values, -1.0, x, out);
+}

@@ -1,0 +1,87 @@
+//! Pullbacks of runs, as Python drives them: from checkpoint to checkpoint.
+
+use crate::errors::{self, refused};
+use crate::job;
+use crate::mechanical::{Mechanical, Sensitivity};
+use liouville_base::linalg::Matrix;
+use liouville_base::run::StartError;
+use liouville_mechanics::run;
+use numpy::{PyArray1, PyReadonlyArray1, PyReadonlyArray2, PyUntypedArrayMethods};
+use pyo3::prelude::*;
+
+/// The pullback of a run by equal steps.
+#[pyclass(module = "liouville._core")]
+pub(crate) struct Pullback {
+    inner: run::Pullback,
+    width: usize,
+}
+
+#[pymethods]
+impl Pullback {
+    /// The pullback of a run that was begun with these arguments, from the cotangents of nothing.
+    #[new]
+    fn new(
+        problem: PyRef<'_, Mechanical>,
+        method: &Bound<'_, PyAny>,
+        job: &Bound<'_, PyAny>,
+        sensitivity: PyRef<'_, Sensitivity>,
+    ) -> PyResult<Self> {
+        let width = 2 * problem.0.n + problem.0.m;
+        let problem = run::Problem::General(problem.0.clone());
+        match job::pullback(problem, &sensitivity, method, job)? {
+            Ok(inner) => Ok(Self { inner, width }),
+            Err(StartError::Invalid(sentence)) => Err(refused(sentence)),
+            Err(StartError::Failed(error)) => Err(refused(error)),
+        }
+    }
+
+    /// Follows the steps from a saved state up to the step `last` back; rows are cotangents of (y, z, lam) at the ends
+    /// of the steps `kept`. Returns None, or the error.
+    fn follow<'py>(
+        &mut self,
+        py: Python<'py>,
+        saved: PyReadonlyArray1<'py, f64>,
+        last: usize,
+        kept: PyReadonlyArray1<'py, i64>,
+        rows: PyReadonlyArray2<'py, f64>,
+    ) -> PyResult<Option<Bound<'py, PyAny>>> {
+        if rows.shape() != [kept.len(), self.width] {
+            return Err(refused("cotangents are rows of (y, z, lam)"));
+        }
+        let kept = crate::convert::indices(&kept)?;
+        let (saved, values) = (saved.as_slice()?, rows.as_slice()?);
+        let width = self.width;
+        let rows = Matrix::from_fn(kept.len(), width, |i, j| values[i * width + j]);
+        let inner = &mut self.inner;
+        inner.restore(saved).map_err(refused)?;
+        match py.detach(|| inner.follow(last, &kept, &rows)) {
+            Ok(()) => Ok(None),
+            Err(error) => Ok(Some(errors::error(py, &error)?.into_any())),
+        }
+    }
+
+    /// Cotangents of y, z and of time and parameters at the start, and by which part of themselves the steps become
+    /// longer; `row` are those of the start as it is observed. Or the error.
+    fn end<'py>(
+        &mut self,
+        py: Python<'py>,
+        row: PyReadonlyArray1<'py, f64>,
+    ) -> PyResult<Bound<'py, PyAny>> {
+        if row.len() != self.width {
+            return Err(refused("cotangents are rows of (y, z, lam)"));
+        }
+        match self.inner.end(row.as_slice()?) {
+            Ok(found) => {
+                let array = |x: &Vec<f64>| PyArray1::from_slice(py, x);
+                let arrays = (
+                    array(&found.y),
+                    array(&found.z),
+                    array(&found.tau),
+                    found.stretch,
+                );
+                Ok(arrays.into_pyobject(py)?.into_any())
+            }
+            Err(error) => Ok(errors::error(py, &error)?.into_any()),
+        }
+    }
+}

@@ -1,0 +1,255 @@
+//! Adjoint of one step: the transpose of its tangent, from cotangents of the end to those of the start, of τ and of h.
+//!
+//! The order is that of the tangent, turned round; with π̂ the cotangent of p behind the end's own equations,
+//!
+//!     Jᵀ (η_i, ν_j, μ_i) = (h b_i f_zᵀ π̂,  b̂_j r_λᵀ π̂,  h b_i Σ_l …)
+//!
+//! By the symplecticity of the coefficients this is the same method on the adjoint equations. Source: sanzserna2016.
+
+use super::super::stages::Stages;
+use super::linear_step::LinearStep;
+use liouville_base::linalg::{Matrix, add_scaled, copy, dot};
+use liouville_base::tableau;
+use liouville_problem::{Cotangents, Mechanical, State, Step};
+
+/// The memory of an adjoint step.
+#[derive(Clone, Debug)]
+pub(super) struct Backward {
+    /// Cotangents of Y_i and Ŷ_j, first those of what V_j add, then of e(Y_i) and e(Ŷ_j).
+    stages: Matrix,
+    nodes: Matrix,
+    right: Vec<f64>,
+    /// Of an impulse.
+    impulse: Vec<f64>,
+    y: Vec<f64>,
+    momentum: Vec<f64>,
+    hidden: Vec<f64>,
+    tau: Vec<f64>,
+}
+
+impl Backward {
+    pub(super) fn new(
+        problem: &Mechanical,
+        tableau: &tableau::Spark,
+        order: usize,
+        width: usize,
+    ) -> Self {
+        let (n, s, k) = (problem.n, tableau.stages, tableau.intervals);
+        Self {
+            stages: Matrix::zeros(s, n),
+            nodes: Matrix::zeros(k + 1, n),
+            right: vec![0.0; order],
+            impulse: vec![0.0; n],
+            y: vec![0.0; n],
+            momentum: vec![0.0; n],
+            hidden: vec![0.0; problem.m],
+            tau: vec![0.0; width],
+        }
+    }
+
+    /// Takes cotangents from the end of a linearised step to its start.
+    pub(super) fn follow(
+        &mut self,
+        linear: &mut LinearStep,
+        stages: &Stages,
+        step: Step,
+        cotangents: &mut Cotangents,
+    ) {
+        // dt1 = dt0 + h stretch
+        cotangents.stretch += step.h * cotangents.tau[0];
+        self.leave_end(linear, step, cotangents);
+        self.set_right(linear, stages, step, cotangents);
+        linear.solve_transposed(&mut self.right);
+        self.enter(linear, stages, step, cotangents);
+    }
+
+    /// Adds `tau`, which belongs to a fraction of the step, to cotangents, and clears it.
+    fn add_tau(&mut self, c: f64, step: Step, cotangents: &mut Cotangents) {
+        add_scaled(&mut cotangents.tau, 1.0, &self.tau);
+        cotangents.stretch += c * step.h * self.tau[0];
+        self.tau.fill(0.0);
+    }
+
+    /// Of z1 and λ_k to those of y1 and of all impulses, which `cotangents.p` is then.
+    fn leave_end(&mut self, linear: &mut LinearStep, step: Step, cotangents: &mut Cotangents) {
+        let (at, by_tau) = (
+            &linear.problem.patterns,
+            &linear.sensitivity.problem.patterns,
+        );
+        let end = &mut linear.end;
+        copy(&mut self.momentum, &cotangents.z);
+        self.hidden.fill(0.0);
+        at.r_lam
+            .multiply_add_transposed(end.matrix.r_lam(), 1.0, &cotangents.p, &mut self.hidden);
+        end.matrix
+            .solve_transposed(&mut self.momentum, &mut self.hidden);
+        add_scaled(&mut cotangents.p, 1.0, &self.momentum);
+        copy(&mut self.y, &cotangents.y);
+        at.p_y
+            .multiply_add_transposed(&end.p_y, -1.0, &self.momentum, &mut self.y);
+        by_tau
+            .w_y
+            .multiply_add_transposed(&end.w_y, -1.0, &self.hidden, &mut self.y);
+        by_tau
+            .p_tau
+            .multiply_add_transposed(&end.p_tau, -1.0, &self.momentum, &mut self.tau);
+        by_tau
+            .w_tau
+            .multiply_add_transposed(&end.w_tau, -1.0, &self.hidden, &mut self.tau);
+        self.add_tau(1.0, step, cotangents);
+    }
+
+    /// Writes the right-hand sides of the transposed stage equations.
+    fn set_right(&mut self, linear: &LinearStep, stages: &Stages, step: Step, of: &Cotangents) {
+        let (at, tableau) = (&linear.problem.patterns, &stages.tableau);
+        let (n, m, offsets) = (linear.problem.n, linear.problem.m, linear.places().0);
+        self.right.fill(0.0);
+        self.stages.clear();
+        self.nodes.clear();
+        let last = tableau.intervals;
+        add_scaled(self.nodes.row_mut(last), 1.0, &self.y);
+        for j in 0..tableau.stages {
+            let weight = step.h * tableau.b[j];
+            let f_z = linear.derivatives().f_z.row(j);
+            let out = &mut self.right[j * n..(j + 1) * n];
+            at.f_z.multiply_add_transposed(f_z, weight, &of.p, out);
+            let out = self.stages.row_mut(j);
+            at.f_y
+                .multiply_add_transposed(linear.f_y(j), weight, &of.p, out);
+        }
+        for j in 0..=last {
+            let weight = step.h * tableau.b_hat[j];
+            let out = self.nodes.row_mut(j);
+            at.r_y
+                .multiply_add_transposed(linear.r_y(j), weight, &of.p, out);
+        }
+        let rows = self.right[offsets.lam..offsets.nu].chunks_exact_mut(m.max(1));
+        for (j, out) in rows.enumerate() {
+            let weight = tableau.b_hat[j];
+            at.r_lam
+                .multiply_add_transposed(linear.r_lam(j), weight, &of.p, out);
+        }
+        let rows = self.right[offsets.v..].chunks_exact_mut(n);
+        for (j, out) in (0..tableau.stages).zip(rows) {
+            let weight = step.h * tableau.b[j];
+            for i in 0..tableau.stages {
+                add_scaled(out, weight * tableau.mu_v[(i, j)], self.stages.row(i));
+            }
+            for i in 0..=last {
+                add_scaled(out, weight * tableau.mu_bar[(i, j)], self.nodes.row(i));
+            }
+        }
+    }
+
+    /// From the solution to cotangents of the start.
+    fn enter(&mut self, linear: &LinearStep, stages: &Stages, step: Step, of: &mut Cotangents) {
+        let (tableau, offsets) = (&stages.tableau, linear.places().0);
+        let n = linear.problem.n;
+        self.stages.clear();
+        self.nodes.clear();
+        add_scaled(self.nodes.row_mut(tableau.intervals), 1.0, &self.y);
+        for i in 0..tableau.stages {
+            self.enter_stage(linear, stages, step, i, of);
+        }
+        for j in 0..=tableau.intervals {
+            self.enter_node(linear, stages, step, j, of);
+        }
+        for row in self.right[..offsets.lam].chunks_exact(n) {
+            add_scaled(&mut of.p, 1.0, row);
+        }
+        of.y.fill(0.0);
+        let State { y: y0, .. } = step.state;
+        for (moved, points) in [(&self.stages, &stages.y), (&self.nodes, &stages.node_y)] {
+            for i in 0..moved.rows() {
+                add_scaled(&mut of.y, 1.0, moved.row(i));
+                let led = points.row(i).iter().zip(y0).map(|(y, y0)| y - y0);
+                of.stretch += led.zip(moved.row(i)).map(|(led, x)| led * x).sum::<f64>();
+            }
+        }
+        of.z.fill(0.0);
+    }
+
+    /// The cotangent of the impulse in column `j` of the weights.
+    fn weigh(&mut self, stages: &Stages, n: usize, j: usize, of: &Cotangents) {
+        copy(&mut self.impulse, &of.p);
+        let weights = &stages.force_weights;
+        if j < weights.cols() {
+            for (i, row) in self.right.chunks_exact(n).take(weights.rows()).enumerate() {
+                add_scaled(&mut self.impulse, weights[(i, j)], row);
+            }
+        }
+    }
+
+    fn enter_stage(
+        &mut self,
+        linear: &LinearStep,
+        stages: &Stages,
+        step: Step,
+        i: usize,
+        of: &mut Cotangents,
+    ) {
+        let (at, by_tau) = (
+            &linear.problem.patterns,
+            &linear.sensitivity.problem.patterns,
+        );
+        let (n, tableau, slopes) = (linear.problem.n, &stages.tableau, linear.derivatives());
+        self.weigh(stages, n, i, of);
+        of.stretch += dot(stages.impulses.row(i), &self.impulse);
+        let (weight, own) = (step.h * tableau.b[i], &self.right[i * n..(i + 1) * n]);
+        let out = self.stages.row_mut(i);
+        at.f_y
+            .multiply_add_transposed(linear.f_y(i), weight, &self.impulse, out);
+        at.p_y
+            .multiply_add_transposed(slopes.p_y.row(i), -1.0, own, out);
+        let tau = &mut self.tau;
+        by_tau
+            .f_tau
+            .multiply_add_transposed(linear.f_tau.row(i), weight, &self.impulse, tau);
+        by_tau
+            .p_tau
+            .multiply_add_transposed(linear.p_tau.row(i), -1.0, own, tau);
+        if let Some(v_tau) = &by_tau.v_tau {
+            let first = linear.places().0.v + i * n;
+            let own = &self.right[first..first + n];
+            at.v_y
+                .multiply_add_transposed(slopes.v_y.row(i), 1.0, own, out);
+            v_tau.multiply_add_transposed(linear.v_tau.row(i), 1.0, own, tau);
+        }
+        self.add_tau(tableau.c[i], step, of);
+    }
+
+    fn enter_node(
+        &mut self,
+        linear: &LinearStep,
+        stages: &Stages,
+        step: Step,
+        j: usize,
+        of: &mut Cotangents,
+    ) {
+        let (at, by_tau) = (
+            &linear.problem.patterns,
+            &linear.sensitivity.problem.patterns,
+        );
+        let (n, m, tableau) = (linear.problem.n, linear.problem.m, &stages.tableau);
+        self.weigh(stages, n, tableau.stages + j, of);
+        of.stretch += dot(stages.impulses.row(tableau.stages + j), &self.impulse);
+        let weight = step.h * tableau.b_hat[j];
+        let out = self.nodes.row_mut(j);
+        at.r_y
+            .multiply_add_transposed(linear.r_y(j), weight, &self.impulse, out);
+        let tau = &mut self.tau;
+        by_tau
+            .r_tau
+            .multiply_add_transposed(linear.r_tau.row(j), weight, &self.impulse, tau);
+        if let Some(row) = j.checked_sub(1) {
+            let first = linear.places().0.lam + row * m;
+            let (own, weight) = (&self.right[first..first + m], -1.0 / step.h);
+            let g_y = linear.derivatives().g_y.row(j);
+            at.g_y.multiply_add_transposed(g_y, weight, own, out);
+            by_tau
+                .g_tau
+                .multiply_add_transposed(linear.g_tau.row(j), weight, own, tau);
+        }
+        self.add_tau(tableau.c_hat[j], step, of);
+    }
+}

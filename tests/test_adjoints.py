@@ -1,0 +1,103 @@
+"""Pullbacks are the transposes of tangents, to roundoff, whatever lies between two checkpoints.
+
+That they agree with tangents says nothing about stages that were not solved to the end: tangents
+are compared with differences in `test_tangents`, and a few gradients here.
+"""
+
+import numpy as np
+import pytest
+from registry import ALL
+from test_tangents import COVERED, directions_of, general, pendulum
+
+import liouville as lv
+from liouville.problems import load
+
+
+def paired(system, method, t, start, directions, **run):
+    """Return how far the pairings of tangent and pullback are apart, in units of their parts."""
+    rng = np.random.default_rng(2)
+    solution, pullback = lv.vjp(system, method, wrt=[*directions], t=t, **run, **start)
+    found = lv.integrate(system, method, t=t, tangents=directions, **run, **start)
+    assert all(np.array_equal(solution.states[x], found.states[x]) for x in pullback.states)
+    cotangents = {x: rng.standard_normal(solution.states[x].shape) for x in pullback.states}
+    gradients = pullback(**cotangents)
+    sizes = []
+    for name, direction in directions.items():
+        parts = [cotangents[x] * found.tangents[name].states[x] for x in cotangents]
+        forward, unit = sum(x.sum() for x in parts), sum(np.abs(x).sum() for x in parts)
+        sizes.append(abs(np.sum(gradients[name] * direction) - forward) / unit)
+    return max(sizes)
+
+
+@pytest.mark.parametrize(("row", "name"), COVERED, ids=str)
+def test_pullbacks_are_the_transposes_of_tangents(row, name):
+    problem = ALL[name]
+    system, t = problem.system, (problem.t[0], problem.t[0] + 0.5)
+    start = system.consistent(t=t[0], **problem.start)
+    directions = directions_of(system, "t0", "t1")
+    assert paired(system, row.method, t, start, directions, steps=5, every=2) < 1e-12
+
+
+def test_every_parameter_of_every_function_and_both_ends():
+    system, t = general(), (0.2, 0.8)
+    start = system.consistent(t=t[0], y=[0.6, 0.1, -0.8], z=[0.1, 1.2, 0.4])
+    directions = directions_of(system, "t0", "t1")
+    for method in (lv.Spark(3), lv.LobattoPair(3, "C"), lv.Composition(lv.Spark(1), "Y4")):
+        assert paired(system, method, t, start, directions, steps=10) < 1e-12
+    found = lv.check_gradient(system, lv.Spark(2), wrt=[*directions], t=t, steps=4, **start)
+    assert found.dot < 1e-13
+    assert found.differences < 1e-9
+
+
+def test_the_pairing_is_kept_over_many_steps():
+    system = pendulum()
+    start = system.consistent(q=[1.2, -1.6], v=[1.6, 1.2])
+    run = {"steps": 3000, "every": 3000}
+    directions = directions_of(system)
+    assert paired(system, lv.Spark(2), (0.0, 60.0), start, directions, **run) < 1e-12
+
+
+def test_redundant_and_sparse_mechanisms():
+    for name in ("doubled_rod", "andrews"):
+        system = load(name).system
+        start = system.consistent(**load(name).start)
+        directions = {x: d for x, d in directions_of(system).items() if x in system.states}
+        assert paired(system, lv.Spark(2), (0.0, 1e-3), start, directions, steps=5) < 1e-12
+
+
+def test_a_cotangent_of_the_start_alone_is_projected():
+    system = pendulum()
+    start = system.consistent(q=[1.2, -1.6], v=[1.6, 1.2])
+    run = {"wrt": ["q", "v", "params.l"], "t": (0, 1), "steps": 4, "every": 4}
+    solution, pullback = lv.vjp(system, lv.Spark(2), **run, **start)
+    at_start = np.array([[1.0, 0.0], [0.0, 0.0]])
+    q, v = start["q"], start["v"]
+    by = pullback(q=at_start)
+    across = np.array([-q[1], q[0]]) / 2
+    np.testing.assert_allclose(by["q"], across[0] * across, rtol=0, atol=1e-15)
+    np.testing.assert_allclose(by["params.l"], q[0] / 2, rtol=1e-15)
+    np.testing.assert_array_equal(by["v"], 0)
+    # a velocity turns with the rod that it is to stay across
+    by = pullback(v=at_start)
+    np.testing.assert_allclose(by["v"], across[0] * across, rtol=0, atol=1e-15)
+    np.testing.assert_allclose(by["q"], -q[0] / 4 * (v @ across) * across, rtol=0, atol=1e-15)
+    assert repr(pullback) == "<Pullback of q, v, lam to q, v, params.l>"
+    assert solution.stats["steps"] == 4
+
+
+@pytest.mark.parametrize(("call", "given", "sentence"), [
+    ({"wrt": ["params.length"]}, None, "there is no direction 'params.length'"),
+    ({"wrt": "q"}, None, "wrt is a sequence of names"),
+    ({"method": lv.HHT()}, None, "has no tangents yet"),
+    ({"method": lv.Spark(2, newton_tol=1e-6)}, None, "leave newton_tol out"),
+    ({}, {}, "no cotangents are given"),
+    ({}, {"x": 1.0}, "there is no cotangent of 'x'"),
+    ({}, {"q": [1.0, 2.0]}, r"has shape \(2,\), wanted \(5, 2\)"),
+    ({}, {"lam": np.full((5, 1), np.nan)}, "the cotangent of 'lam' is not finite"),
+    ({}, {"q": np.full((5, 2), 1j)}, "is an array of real numbers"),
+])  # fmt: skip
+def test_bad_input_is_refused_by_a_sentence(call, given, sentence):
+    arguments = {"system": pendulum(), "method": lv.Spark(2), "t": (0, 1), "steps": 4,
+                 "wrt": ["q"], "q": [1.2, -1.6], "v": [1.6, 1.2]} | call  # fmt: skip
+    with pytest.raises((TypeError, ValueError), match=sentence):
+        lv.vjp(**arguments)[1](**(given or {}))
