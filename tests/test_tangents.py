@@ -245,9 +245,7 @@ def test_bad_input_is_refused_by_a_sentence(changes, sentence):
 
 
 def test_other_systems_have_no_tangents_yet():
-    for name in ("knife_edge", "euler_top"):
-        problem = load(name)
-        method = lv.Spark(2) if name == "knife_edge" else lv.VolumeSplitting()
-        with pytest.raises(TypeError, match="no tangents yet"):
-            lv.integrate(problem.system, method, t=(0, 1), steps=4, tangents={"q": 1.0},
-                         **problem.start)  # fmt: skip
+    problem = load("knife_edge")
+    with pytest.raises(TypeError, match="no tangents yet"):
+        lv.integrate(problem.system, lv.Spark(2), t=(0, 1), steps=4, tangents={"q": 1.0},
+                     **problem.start)  # fmt: skip

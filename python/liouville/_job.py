@@ -43,10 +43,11 @@ class Job:
         step, tape of the monitor with whether it needs z' or None)``.
     watch : tuple or None
         Order of the method, times of the records or None, and events.
-    tangents : tuple or None
-        Derivatives of the system, changes of y and of z at the start, those of time and parameters,
-        a row for each direction, and by which part of themselves the steps become longer. Changes
-        of the members of an ensemble come one after another.
+    tangents : tuple, ndarray of shape (d, n) or None
+        Of a field, directions in what is stepped. Of a mechanical system its derivatives, changes
+        of y and of z at the start, those of time and parameters, a row for each direction, and by
+        which part of themselves the steps become longer. Changes of the members of an ensemble come
+        one after another.
     seen : tuple
         How many variables of a split field the user has, and the matrix A of x = A y or None.
     threads : int
@@ -64,7 +65,7 @@ class Job:
     states: bool = True
     control: tuple[object, ...] | None = None
     watch: tuple[int, Array | None, list[Event]] | None = None
-    tangents: tuple[_core.Sensitivity, Array, Array, Array, Array] | None = None
+    tangents: tuple[_core.Sensitivity, Array, Array, Array, Array] | Array | None = None
     seen: tuple[int, Array | None] = (0, None)
     threads: int = 1
     is_ensemble: bool = False

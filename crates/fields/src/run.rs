@@ -1,7 +1,9 @@
 //! Runs of split fields: a split, a composition and a job become one run.
 
 use crate::problem::Split;
-use crate::volume::{Determinant, Observer, Plane, Section, UserVariables, Volume};
+use crate::volume::{
+    Determinant, Observer, Plane, Section, TangentObserver, Tangents, UserVariables, Volume,
+};
 use liouville_base::checkpoint::Checkpoint;
 use liouville_base::composition::Composed;
 use liouville_base::ensemble::{Ensemble, Layout};
@@ -60,6 +62,8 @@ pub struct Job {
     pub span: Span,
     /// Its records.
     pub recorded: Recorded,
+    /// Directions of tangents, row by row, which are recorded behind observables; empty without.
+    pub directions: Vec<f64>,
     /// Threads: of an ensemble, or of one large state.
     pub threads: usize,
 }
@@ -73,6 +77,7 @@ pub fn start(split: Arc<Split>, method: Method, job: Job) -> Result<Box<dyn Adva
     let starter = Starter { split, method, job };
     match (starter.job.members, &starter.job.recorded) {
         (None, Recorded::Determinants) => Ok(starter.determinants()?),
+        (None, _) if starter.has_tangents() => Ok(starter.tangents(0)?),
         (None, _) => Ok(starter.begin(starter.stepper::<f64>(starter.job.threads), &[0])?),
         (Some(members), Recorded::Section(plane)) => {
             let plane = plane.clone();
@@ -92,14 +97,17 @@ impl Job {
             && self.span.every > 0
             && *visible <= n
             && basis.as_ref().is_none_or(|basis| basis.len() == n * n)
+            && self.directions.len().is_multiple_of(n)
             && match &self.recorded {
                 Recorded::Observables { tape, params, .. } => {
                     tape.inputs() == [1, *visible, params.len()]
                 }
                 Recorded::Section(plane) => {
-                    plane.normal.len() == *visible && self.members.is_some()
+                    plane.normal.len() == *visible
+                        && self.members.is_some()
+                        && self.directions.is_empty()
                 }
-                Recorded::Determinants => self.members.is_none(),
+                Recorded::Determinants => self.members.is_none() && self.directions.is_empty(),
             };
         if fits {
             return Ok(());
@@ -128,6 +136,14 @@ impl Starter {
 
     /// A run of these members in lock-step.
     fn begin<S: Stored>(&self, stepper: Composed<Volume<S>>, members: &[usize]) -> Begun {
+        let volume = stepper.parts();
+        let state = volume.state(&self.in_lanes(members));
+        let observer = self.observer(volume, members.len());
+        self.launch(Box::new(stepper), Box::new(observer), state)
+    }
+
+    /// An observer of the first `members` trajectories that `volume` steps.
+    fn observer<S: Stored>(&self, volume: &Volume<S>, members: usize) -> Observer<S> {
         let Recorded::Observables {
             tape,
             params,
@@ -136,17 +152,40 @@ impl Starter {
         else {
             unreachable!("sections and determinants have runs of their own");
         };
-        let volume = stepper.parts();
-        let state = volume.state(&self.in_lanes(members));
-        let observer = Observer::new(
-            volume.clone(),
-            self.job.variables.clone(),
-            members.len(),
-            tape.clone(),
-            params,
-            *states,
+        let (variables, tape) = (self.job.variables.clone(), tape.clone());
+        Observer::new(volume.clone(), variables, members, tape, params, *states)
+    }
+
+    fn has_tangents(&self) -> bool {
+        !self.job.directions.is_empty()
+    }
+
+    /// A run of one member with its tangents.
+    fn tangents(&self, member: usize) -> Begun {
+        let (n, directions) = (self.split.n(), &self.job.directions);
+        let Method {
+            scheme,
+            is_compensated,
+        } = self.method;
+        let stepper = Tangents::new(
+            self.split.clone(),
+            scheme,
+            is_compensated,
+            directions.len() / n,
         );
+        let state = stepper.state(&self.in_lanes::<f64>(&[member]), directions);
+        let plain = self.observer(stepper.volume(), 1);
+        let variables = self.job.variables.clone();
+        let observer = TangentObserver::new(plain, variables, n, self.observed());
         self.launch(Box::new(stepper), Box::new(observer), state)
+    }
+
+    /// How many quantities are recorded beside states and tangents.
+    fn observed(&self) -> usize {
+        match &self.job.recorded {
+            Recorded::Observables { tape, .. } => tape.outputs(),
+            _ => 0,
+        }
     }
 
     /// All members, in blocks.
@@ -157,16 +196,27 @@ impl Starter {
         } else {
             BLOCK
         };
-        let width = match &self.job.recorded {
-            Recorded::Observables { tape, states, .. } => {
-                tape.outputs() + usize::from(*states) * self.job.variables.n
-            }
-            _ => 0,
-        };
+        let states = matches!(
+            self.job.recorded,
+            Recorded::Observables { states: true, .. }
+        );
+        let rows = usize::from(states) + self.job.directions.len() / self.split.n();
+        let width = self.observed() + rows * self.job.variables.n;
         let layout = Layout::Aligned {
             times: span.times()?,
             width,
         };
+        if self.has_tangents() {
+            let begin = move |members: &[usize]| self.tangents(members[0]);
+            let each = (members, 1);
+            return Ok(Ensemble::new(
+                Box::new(begin),
+                each,
+                threads,
+                layout,
+                span.t0,
+            ));
+        }
         let many = self.stepper::<Lanes<BLOCK>>(1);
         let few = self.stepper::<Lanes<SMALL_BLOCK>>(1);
         let begin = move |members: &[usize]| {

@@ -173,12 +173,13 @@ enum RecordedOf<'py> {
 }
 
 /// A job, by the attributes of its dataclass: `start` has rows of values, `seen` is how many variables the user has,
-/// and the matrix A of x = A y if y is what is stepped.
+/// and the matrix A of x = A y if y is what is stepped; `tangents` are directions, rows of values too.
 #[derive(FromPyObject)]
 struct FieldJob<'py> {
     start: (PyReadonlyArray2<'py, f64>,),
     params: Values<'py>,
     seen: (usize, Option<PyReadonlyArray2<'py, f64>>),
+    tangents: Option<PyReadonlyArray2<'py, f64>>,
     span: (f64, f64, usize, usize),
     observer: RecordedOf<'py>,
     states: bool,
@@ -194,6 +195,8 @@ impl FieldJob<'_> {
         }
         let basis = self.seen.1.as_ref();
         let basis = basis.map(|basis| basis.as_slice().map(<[f64]>::to_vec));
+        let directions = self.tangents.as_ref();
+        let directions = directions.map(|rows| rows.as_slice().map(<[f64]>::to_vec));
         let (t0, t1, steps, every) = self.span;
         Ok(run::Job {
             x: x.as_slice()?.to_vec(),
@@ -209,6 +212,7 @@ impl FieldJob<'_> {
                 every,
             },
             recorded: self.recorded()?,
+            directions: directions.transpose()?.unwrap_or_default(),
             threads: self.threads,
         })
     }

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
@@ -15,6 +16,7 @@ from liouville.planner import FieldPlan, plan_field
 from liouville.runners.runner import Request, Runner, kept, threads_of
 from liouville.splitting import Affine, Split, crossed, described, variables_of
 from liouville.systems import PolynomialField
+from liouville.tangents import Tangent
 
 #: Half of the digits of an affine flow are left after so many of its own times.
 MOST_TURNS = 1e8
@@ -45,6 +47,13 @@ class FieldRunner(Runner):
         self._states = request.states
         self._observer, self.widths = system.observer(request.observe, request.states)
         self.columns = {"x": x.shape[-1]} if request.states else {}
+        self._directions = None
+        if request.tangents is not None:
+            # imported here: few runs have tangents
+            from liouville.runners.tangents import FieldDirections
+
+            self._directions = FieldDirections(system, request.tangents)
+            self.widths = {**self.widths, "tangents": self._directions.rows.size}
         self.columns |= self.widths
         self._check_records(request, self.steps.records(self.every))
         self.x = system.extended(np.atleast_2d(x), self.steps.t0)
@@ -69,8 +78,19 @@ class FieldRunner(Runner):
             start=(parts.inward(self.x),), span=(steps.t0, steps.t1, steps.count, self.every),
             observer=self._observer, params=self.system.values(None), states=self._states,
             seen=(len(self.system.coordinates), parts.outward), threads=self.threads,
-            is_ensemble=bool(self.members),
+            is_ensemble=bool(self.members), tangents=self._tangents(),
         )  # fmt: skip
+
+    def _tangents(self) -> np.ndarray | None:
+        """Return the directions in the variables that are stepped; time stands still."""
+        if self._directions is None:
+            return None
+        rows = self.system.extended(self._directions.rows, 0.0)
+        return np.ascontiguousarray(self.split.inward(rows))
+
+    def tangents(self, parts: Mapping[str, np.ndarray]) -> dict[str, Tangent]:
+        """Return the tangents in records by the names of their directions, if any were wanted."""
+        return {} if self._directions is None else self._directions.read(parts["tangents"])
 
     def stats(self, run: _core.Run) -> dict[str, Any]:
         """Return the numbers of a run: steps, flows of pieces, and how many pieces there are."""
@@ -84,6 +104,10 @@ class FieldRunner(Runner):
         }
 
     def _described(self, error: dict[str, Any]) -> Description:
+        if error.get("quantity") == "tangents":
+            sentence = "the tangents have grown beyond the largest number"
+            hint = "make the run shorter; lv.lyapunov makes them orthogonal on its way"
+            return sentence, hint, "tangents"
         names = self.system.variables
         if error["kind"] == "singular piece":
             piece = self.split.pieces[error["piece"]]

@@ -22,7 +22,7 @@ from liouville.systems._redundant import sizes
 from liouville.tangents import Tangent
 
 if TYPE_CHECKING:
-    from liouville.runners.tangents import Directions
+    from liouville.runners.tangents import MechanicalDirections
     from liouville.systems._sensitivity import Cotangents
 
 #: A constraint left out may miss this much of the size of what it is made of.
@@ -60,12 +60,12 @@ class MechanicalRunner(TracedRunner):
         self._is_rattle = isinstance(self._problem, _core.Separable)
         self._directions = None if request.tangents is None else self._directed(request)
 
-    def _directed(self, request: Request) -> Directions:
+    def _directed(self, request: Request) -> MechanicalDirections:
         """Take the directions of tangents, which each record has columns for."""
         # imported here: few runs have tangents
-        from liouville.runners.tangents import Directions
+        from liouville.runners.tangents import MechanicalDirections
 
-        found = Directions(self.system, request.tangents, self.steps)
+        found = MechanicalDirections(self.system, request.tangents, self.steps)
         wide = 2 * len(self.system.coordinates) + self.multipliers
         self.columns["tangents"] = found.count * wide
         self._check_sizes(request)

@@ -11,7 +11,7 @@ from liouville.control import Steps
 from liouville.errors import hinted, quoted
 from liouville.methods import Composition, LobattoPair, Spark
 from liouville.runners.runner import Request
-from liouville.systems import Mechanics
+from liouville.systems import Mechanics, PolynomialField
 from liouville.systems._sensitivity import Cotangents, moved_start
 from liouville.tangents import Tangent
 
@@ -21,10 +21,14 @@ PARAMS = "params."
 #: Ends of a run, whose derivatives are those of its equal steps.
 ENDS = ("t0", "t1")
 
+#: Where a direction begins among all that may change, and its shape.
+Place = tuple[int, tuple[int, ...]]
+
 #: What has tangents.
 COVERED = (
-    "tangents are those of a mechanical system without nonholonomic constraints, by Spark, "
-    "LobattoPair or a Composition of them, without events, t_eval and store"
+    "tangents are those of a polynomial field by its start, and of a mechanical system without "
+    "nonholonomic constraints, by Spark, LobattoPair or a Composition of them, without events, "
+    "t_eval and store"
 )
 
 #: Options that change what would have to be differentiated, or where it goes.
@@ -40,18 +44,23 @@ def check_covered(system: Any, method: Any, request: Request) -> None:
         The system, its method or an option of the run is not covered.
     """
     base = method.base if isinstance(method, Composition) else method
-    if not isinstance(system, Mechanics):
+    if not isinstance(system, Mechanics | PolynomialField):
         raise TypeError(hinted(f"a {type(system).__name__} has no tangents yet", COVERED))
-    if not isinstance(base, Spark | LobattoPair):
-        raise TypeError(hinted(f"{method!r} has no tangents yet", COVERED))
-    if system.nonholonomic:
-        sentence = f"nonholonomic constraints have no tangents yet: {quoted(system.nonholonomic)}"
-        raise TypeError(hinted(sentence, COVERED))
     given = [name for name in WITHOUT if getattr(request, name) is not None]
     if given or request.is_stored:
         raise TypeError(hinted(f"tangents go without {(given or ['store'])[0]}=", COVERED))
     if not request.states:
         raise ValueError("tangents are those of states: leave out states=False")
+    if isinstance(system, PolynomialField):
+        if request.has_pullback:
+            sentence = "a PolynomialField has no pullback yet"
+            raise TypeError(hinted(sentence, "tangents= has the derivatives by its start"))
+        return
+    if not isinstance(base, Spark | LobattoPair):
+        raise TypeError(hinted(f"{method!r} has no tangents yet", COVERED))
+    if system.nonholonomic:
+        sentence = f"nonholonomic constraints have no tangents yet: {quoted(system.nonholonomic)}"
+        raise TypeError(hinted(sentence, COVERED))
     if base.newton_tol is not None:
         sentence = "newton_tol leaves an error in the stages, and as large a one in their tangents"
         raise ValueError(hinted(sentence, "leave newton_tol out"))
@@ -62,8 +71,67 @@ class Directions:
 
     Attributes
     ----------
+    rows : ndarray, shape (count, width)
+        What each direction changes of all that may change.
     count : int
         How many rows there are.
+    """
+
+    def __init__(
+        self,
+        tangents: Any,
+        places: Mapping[str, Place],
+        labels: Mapping[str, tuple[str, ...]],
+        hint: str,
+    ) -> None:
+        if not isinstance(tangents, Mapping) or not tangents:
+            raise TypeError(hinted(f"tangents is a mapping of directions, not {tangents!r}", hint))
+        self._shapes: dict[str, tuple[int, ...]] = {}
+        width = max(first + int(np.prod(shape)) for first, shape in places.values())
+        rows = [np.empty((0, width))]
+        for name, value in tangents.items():
+            if name not in places:
+                raise ValueError(_unknown(name, places))
+            first, shape = places[name]
+            own = _direction(name, value, shape, labels.get(name, ()))
+            self._shapes[name] = own.shape[: own.ndim - len(shape)]
+            row = np.zeros((int(np.prod(self._shapes[name])), width))
+            size = int(np.prod(shape))
+            row[:, first : first + size] = own.reshape(-1, size)
+            rows.append(row)
+        self.rows = np.concatenate(rows)
+        self.count = len(self.rows)
+
+    def named(self, rows: np.ndarray, cuts: Mapping[str, slice]) -> dict[str, Tangent]:
+        """Name the columns of tangents in records, cut into states."""
+        each = rows.reshape(*rows.shape[:-1], self.count, -1)
+        found, first = {}, 0
+        for name, shape in self._shapes.items():
+            last = first + int(np.prod(shape))
+            own = each[..., first:last, :] if shape else each[..., first, :]
+            found[name] = Tangent({state: own[..., cut] for state, cut in cuts.items()})
+            first = last
+        return found
+
+
+class FieldDirections(Directions):
+    """Directions at the start of a polynomial field."""
+
+    def __init__(self, system: PolynomialField, tangents: Any) -> None:
+        places: dict[str, Place] = {"x": (0, (len(system.coordinates),))}
+        hint = 'write tangents={"x": direction}'
+        super().__init__(tangents, places, {"x": system.coordinates}, hint)
+
+    def read(self, rows: np.ndarray) -> dict[str, Tangent]:
+        """Name the columns of tangents in records."""
+        return self.named(rows, {"x": slice(None)})
+
+
+class MechanicalDirections(Directions):
+    """Directions of a mechanical system.
+
+    Attributes
+    ----------
     y, z : ndarray, shape (count, n)
         Changes of positions and of their partner, not yet moved onto the constraints.
     tau : ndarray, shape (count, 1 + P)
@@ -73,28 +141,15 @@ class Directions:
     """
 
     def __init__(self, system: Mechanics, tangents: Any, steps: Steps) -> None:
-        if not isinstance(tangents, Mapping) or not tangents:
-            hint = f'write tangents={{"{system.states[0]}": direction}} or {{"params.name": 1.0}}'
-            raise TypeError(hinted(f"tangents is a mapping of directions, not {tangents!r}", hint))
-        self._shapes: dict[str, tuple[int, ...]] = {}
-        places = _places(system)
-        rows = [np.empty((0, _width(system)))]
-        for name, value in tangents.items():
-            if name not in places:
-                raise ValueError(_unknown(name, places))
-            if name in ENDS and steps.control is not None:
+        hint = f'write tangents={{"{system.states[0]}": direction}} or {{"params.name": 1.0}}'
+        labels = dict.fromkeys(system.states, system.coordinates)
+        super().__init__(tangents, _places(system), labels, hint)
+        for name in ENDS:
+            if name in tangents and steps.control is not None:
                 sentence = f"there is no derivative by '{name}' where steps are controlled"
                 raise ValueError(hinted(sentence, "controlled steps are held: give steps or h"))
-            first, shape = places[name]
-            own = _direction(name, value, shape, _labels(system, name))
-            self._shapes[name] = own.shape[: own.ndim - len(shape)]
-            row = np.zeros((int(np.prod(self._shapes[name])), _width(system)))
-            size = int(np.prod(shape))
-            row[:, first : first + size] = own.reshape(-1, size)
-            rows.append(row)
         n = len(system.coordinates)
-        self.y, self.z, self.tau, end = np.split(np.concatenate(rows), (n, 2 * n, -1), axis=1)
-        self.count = len(self.y)
+        self.y, self.z, self.tau, end = np.split(self.rows, (n, 2 * n, -1), axis=1)
         self.stretch = (end[:, 0] - self.tau[:, 0]) / (steps.t1 - steps.t0)
 
     def starts(
@@ -115,16 +170,10 @@ class Directions:
 
     def read(self, states: tuple[str, str], rows: np.ndarray, n: int, m: int) -> dict[str, Tangent]:
         """Name the columns of tangents in records; `m` is 0 where multipliers are not told."""
-        each = rows.reshape(*rows.shape[:-1], self.count, -1)
-        found, first = {}, 0
-        for name, shape in self._shapes.items():
-            last = first + int(np.prod(shape))
-            own = each[..., first:last, :] if shape else each[..., first, :]
-            parts = {states[0]: own[..., :n], states[1]: own[..., n : 2 * n]}
-            if own.shape[-1] == 2 * n + m:
-                parts["lam"] = own[..., 2 * n :]
-            found[name], first = Tangent(parts), last
-        return found
+        cuts = {states[0]: slice(n), states[1]: slice(n, 2 * n)}
+        if rows.shape[-1] == self.count * (2 * n + m):
+            cuts["lam"] = slice(2 * n, None)
+        return self.named(rows, cuts)
 
 
 def check_wrt(system: Mechanics, wrt: Any) -> tuple[str, ...]:
@@ -161,34 +210,27 @@ def gradients_of(
     return gradients
 
 
-def _width(system: Mechanics) -> int:
-    """Return the number of all that may change: states, start time, parameters, end time."""
-    return 2 * len(system.coordinates) + 1 + system.values(None).size + 1
-
-
-def _places(system: Mechanics) -> dict[str, tuple[int, tuple[int, ...]]]:
+def _places(system: Mechanics) -> dict[str, Place]:
     """Return where each direction begins among all that may change, and its shape."""
     n = len(system.coordinates)
     first, second = system.states
-    found = {first: (0, (n,)), second: (n, (n,)), "t0": (2 * n, ()), "t1": (_width(system) - 1, ())}
+    found: dict[str, Place] = {first: (0, (n,)), second: (n, (n,)), "t0": (2 * n, ())}
     place = 2 * n + 1
     for name, value in system.params.items():
         found[PARAMS + name] = (place, np.shape(value))
         place += np.size(value)
-    return found
-
-
-def _labels(system: Mechanics, name: str) -> tuple[str, ...]:
-    return system.coordinates if name in system.states else ()
+    return found | {"t1": (place, ())}
 
 
 def _unknown(name: Any, places: Mapping[str, Any]) -> str:
     known = ", ".join(places)
     hint = f"there are {known}"
-    if name in ("h", "steps"):
+    if name in ("h", "steps") and "t1" in places:
         hint = "steps are counted in whole numbers: the derivative by their end is that by 't1'"
     elif isinstance(name, str) and PARAMS + name in places:
         hint = f"a parameter's direction is called '{PARAMS}{name}'"
+    elif isinstance(name, str) and name.startswith(PARAMS) and "x" in places:
+        hint += ": a field is planned for its parameters, which are not differentiated"
     return hinted(f"there is no direction {name!r}", hint)
 
 

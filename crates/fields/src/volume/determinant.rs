@@ -3,11 +3,12 @@
 //! The columns of the derivative of a step are pushed through it as dual numbers, eight at a time. The trajectory is that
 //! of a run without them, bit for bit: flows held back between steps and compensated sums are read, not changed.
 
+use super::tangents::DualSteps;
 use super::{State, UserVariables, Volume};
 use crate::problem::Split;
 use liouville_base::checkpoint::Checkpoint;
 use liouville_base::composition::Composed;
-use liouville_base::dual::{DIRECTIONS, Dual};
+use liouville_base::dual::DIRECTIONS;
 use liouville_base::error::{Quantity, StepError};
 use liouville_base::linalg::Lu;
 use liouville_base::method::{Stats, Stepper};
@@ -23,17 +24,8 @@ pub struct Determinant {
     /// The start of a step.
     start: State<f64>,
     x: Vec<f64>,
-    tangent: Tangent,
+    duals: DualSteps,
     derivative: Lu,
-}
-
-/// The same composition of dual numbers.
-#[derive(Clone, Debug)]
-struct Tangent {
-    volume: Volume<Dual>,
-    stepper: Composed<Volume<Dual>>,
-    state: State<Dual>,
-    x: Vec<Dual>,
 }
 
 /// A trajectory, and the determinants of its steps so far.
@@ -59,7 +51,7 @@ impl Determinant {
             start: volume.state(&x),
             volume,
             x,
-            tangent: Tangent::new(split, scheme),
+            duals: DualSteps::new(split, scheme),
             derivative: Lu::new(n),
         }
     }
@@ -83,8 +75,9 @@ impl Determinant {
         self.volume.values(&self.start, &mut self.x);
         let derivative = self.derivative.matrix_mut();
         for first in (0..self.x.len()).step_by(DIRECTIONS) {
-            self.tangent.push(first, t, h, &self.x)?;
-            for (i, x) in self.tangent.x.iter().enumerate() {
+            let identity = |i, k| if i == first + k { 1.0 } else { 0.0 };
+            self.duals.push(t, h, &self.x, identity)?;
+            for (i, x) in self.duals.x.iter().enumerate() {
                 let columns = derivative.row_mut(i)[first..].iter_mut();
                 for (column, tangent) in columns.zip(x.tangents) {
                     *column = tangent;
@@ -104,34 +97,6 @@ impl Determinant {
             index: 0,
             t,
         })
-    }
-}
-
-impl Tangent {
-    fn new(split: Arc<Split>, scheme: &Scheme) -> Self {
-        let x = vec![Dual::constant(0.0); split.n()];
-        let volume = Volume::new(split, false);
-        Self {
-            stepper: Composed::new(volume.clone(), scheme),
-            state: volume.state(&x),
-            volume,
-            x,
-        }
-    }
-
-    /// Makes a step with the columns of the derivative from `first` on.
-    fn push(&mut self, first: usize, t: f64, h: f64, start: &[f64]) -> Result<(), StepError> {
-        for (i, (x, &start)) in self.x.iter_mut().zip(start).enumerate() {
-            *x = Dual::constant(start);
-            if (first..first + DIRECTIONS).contains(&i) {
-                x.tangents[i - first] = 1.0;
-            }
-        }
-        self.volume.set(&self.x, &mut self.state);
-        self.stepper.step(t, h, &mut self.state)?;
-        self.stepper.synchronize(&mut self.state)?;
-        self.volume.values(&self.state, &mut self.x);
-        Ok(())
     }
 }
 

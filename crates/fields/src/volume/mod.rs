@@ -15,16 +15,17 @@ mod flow;
 mod kernel;
 mod observe;
 mod order;
-
 mod rows;
 mod section;
 mod shared;
 mod stages;
+mod tangents;
 mod triangular;
 
 pub use determinant::{Determinant, Determined};
 pub use observe::{Observer, UserVariables};
 pub use section::{Direction, Plane, Section};
+pub use tangents::{TangentObserver, Tangential, Tangents};
 
 use crate::problem::Split;
 use affine::Changes;
