@@ -61,7 +61,7 @@ PACKAGE_FLOORS = (
     ("analysis", "distribute", "planner"),
     ("runners",),
     ("integrate",),
-    ("determinant", "ensemble", "gradients", "section"),
+    ("determinant", "ensemble", "exponents", "fitting", "gradients", "section"),
     ("convergence", "export", "fem", "plot", "problems"),
     ("stored",),
     ("cli",),

@@ -51,7 +51,9 @@ if _typing.TYPE_CHECKING:
     from liouville.analysis.linearization import linearize as linearize
     from liouville.analysis.modes import modes as modes
     from liouville.analysis.power import power_balance as power_balance
+    from liouville.exponents import lyapunov as lyapunov
     from liouville.export import load as load
+    from liouville.fitting import fit as fit
     from liouville.gradients import GradientCheck as GradientCheck
     from liouville.gradients import Pullback as Pullback
     from liouville.gradients import check_gradient as check_gradient
@@ -72,7 +74,9 @@ _LATER = {
     "linearize": "analysis",
     "modes": "analysis",
     "power_balance": "analysis",
+    "lyapunov": "exponents",
     "load": "export",
+    "fit": "fitting",
     "GradientCheck": "gradients",
     "Pullback": "gradients",
     "check_gradient": "gradients",

@@ -1,0 +1,294 @@
+"""Lyapunov exponents: how fast neighbouring trajectories part, by tangents of the steps."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from liouville._arguments import count
+from liouville.analysis.linearization import linearized_at
+from liouville.analysis.point import Array, Point, Split
+from liouville.control import Takes, steps_of
+from liouville.errors import hinted
+from liouville.integrate import integrate
+from liouville.methods import Method, VolumeSplitting
+from liouville.planner import plan as plan_of
+from liouville.progress import Progress, reported
+from liouville.systems import Mechanics, PolynomialField, System
+
+if TYPE_CHECKING:
+    from liouville.planner import Plan
+
+#: Tangents are made orthogonal at equal steps alone.
+TAKES = Takes("lyapunov", hint="give h or steps: tangents are of equal steps")
+
+
+#: Directions whose parts across each other are below this are parallel.
+LEAST = 1e-13
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Lyapunov:
+    """The exponents of a trajectory, and how they have settled.
+
+    Attributes
+    ----------
+    exponents : ndarray, shape (d,)
+        Mean growth rates of d orthogonal directions until the end, the largest first but for those
+        that have not settled, in one over the system's unit of time.
+    t : ndarray, shape (k,)
+        Times at which the directions were made orthogonal again.
+    history : ndarray, shape (k, d)
+        The same means until each of these times.
+    final : dict of str to ndarray
+        The state at the end, by the system's names, to go on from.
+    """
+
+    exponents: Array
+    t: Array
+    history: Array
+    final: dict[str, Array]
+
+    @property
+    def pairs(self) -> Array:
+        """Sums of the first exponent and the last, the second and the last but one, and so on.
+
+        They are zero for a Hamiltonian system, to roundoff at any time, if all were asked for.
+        """
+        sums: Array = self.exponents + self.exponents[::-1]
+        return sums[: len(sums) // 2]
+
+    def __repr__(self) -> str:
+        """Return the number of exponents, the largest, and when the run ended."""
+        return (
+            f"<Lyapunov: {len(self.exponents)} exponents until t = {self.t[-1]:g}, "
+            f"the largest {self.exponents.max():.6g}>"
+        )
+
+
+def lyapunov(
+    system: System,
+    method: Method | Plan,
+    *,
+    t: tuple[float, float],
+    h: float | None = None,
+    steps: int | None = None,
+    every: int = 10,
+    exponents: int | None = None,
+    params: Mapping[str, ArrayLike] | None = None,
+    progress: Progress = None,
+    **start: ArrayLike,
+) -> Lyapunov:
+    r"""Compute Lyapunov exponents of a mechanical system, on its constraints, or of a field.
+
+    Tangents of the discrete solution are stepped with it, and made orthogonal by :math:`W = Q R`
+    again and again; the exponents are
+
+    .. math::
+
+        \lambda_i = \frac{1}{t_1 - t_0} \sum \ln R_{ii}
+
+    Those of a mechanical system with n coordinates and m constraints are 2 (n - m): directions are
+    (dy, dp) with dp the part of the momentum's change that is tangential to the constraints. In
+    these coordinates the step of a Hamiltonian system is symplectic, the directions begin as an
+    orthogonal symplectic basis, and exponents come in pairs of opposite sign whatever the time. The
+    exponents of a divergence-free field sum to zero.
+
+    Parameters
+    ----------
+    system : Mechanics or PolynomialField
+        What moves.
+    method : Method or Plan
+        ``Spark``, ``LobattoPair`` or a ``Composition`` of them; ``VolumeSplitting`` or a plan.
+    t, h, steps, params, progress
+        As for :func:`liouville.integrate`, with equal steps, forward in time.
+    every : int, default 10
+        Steps between two orthogonalisations; directions must not grow by more than 1e10 between.
+    exponents : int, optional
+        How many of the largest are wanted; all by default.
+    **start : array_like
+        The start, by the system's names, on its constraints.
+
+    Returns
+    -------
+    Lyapunov
+        The exponents and their history.
+
+    Raises
+    ------
+    TypeError, ValueError
+        The system or the method has no tangents, the start is off its constraints, or there are not
+        so many exponents.
+    IntegrationError
+        A step failed.
+
+    References
+    ----------
+    :cite:t:`benettin1980`; the coordinates on constraints are those of :doc:`/theory/adjoint`.
+
+    Examples
+    --------
+    >>> import liouville as lv
+    >>> from liouville.problems import abc_flow
+    >>> found = lv.lyapunov(
+    ...     abc_flow.system, lv.VolumeSplitting(), t=(0, 5), h=0.1, x=[0.1, 0.2, 0.3]
+    ... )
+    >>> bool(abs(found.exponents.sum()) < 1e-12)
+    True
+    """
+    plan = steps_of(t, h, steps, TAKES, coordinates=system.coordinates)
+    if plan.t1 < plan.t0:
+        raise ValueError(hinted("t runs backwards", "exponents are those of the time ahead"))
+    segment = min(count("every", every), plan.count)
+    flow = _flow_of(system, method, plan.mean(plan.t1, plan.count), params)
+    flow.begin(plan.t0, start)
+    most = flow.moved.shape[1]
+    wanted = most if exponents is None else count("exponents", exponents)
+    if wanted > most:
+        raise ValueError(f"there are {most} exponents, not {wanted}")
+    flow.moved = flow.moved[:, :wanted]
+    ends = [*range(segment, plan.count, segment), plan.count]
+    h = plan.mean(plan.t1, plan.count)
+    times = np.array([plan.t0 + end * h for end in ends])
+    times[-1] = plan.t1
+    history, total = np.empty((len(ends), wanted)), np.zeros(wanted)
+    with reported(progress, "steps") as call:
+        for k, t0 in enumerate([plan.t0, *times[:-1].tolist()]):
+            done = ends[k - 1] if k else 0
+            flow.advance((t0, float(times[k])), ends[k] - done)
+            total += flow.stretched(float(times[k]))
+            history[k] = total / (times[k] - plan.t0)
+            if call is not None:
+                call(ends[k], plan.count)
+    return Lyapunov(history[-1].copy(), times, history, dict(flow.state))
+
+
+def _flow_of(
+    system: System, method: Method | Plan, h: float, params: Mapping[str, ArrayLike] | None
+) -> _Flow:
+    if isinstance(system, Mechanics):
+        return _Mechanical(system, method, params)
+    if isinstance(system, PolynomialField):
+        return _Field(system, method, h, params)
+    sentence = (
+        f"exponents are those of a mechanical system or a polynomial field, not of {system!r}"
+    )
+    raise TypeError(hinted(sentence, "a wave function moves linearly: all its exponents are 0"))
+
+
+class _Flow(ABC):
+    """A system on its way, with directions as columns of `moved`, in the order of its states."""
+
+    state: dict[str, Any]
+    moved: Array
+
+    def __init__(
+        self, system: System, method: Method | Plan, params: Mapping[str, ArrayLike] | None
+    ) -> None:
+        self.system, self.method, self.params = system, method, params
+
+    @abstractmethod
+    def begin(self, t: float, start: Mapping[str, ArrayLike]) -> None:
+        """Take a start, and directions that are orthonormal in the coordinates of the exponents."""
+
+    @abstractmethod
+    def coordinates(self, t: float) -> Array:
+        """Return the directions in the coordinates of the exponents."""
+
+    def advance(self, t: tuple[float, float], steps: int) -> None:
+        """Make steps with all directions."""
+        cuts = np.cumsum([len(value) for value in self.state.values()])[:-1]
+        rows = map(np.ascontiguousarray, np.split(self.moved.T, cuts, axis=1))
+        run = integrate(
+            self.system, self.method, t=t, steps=steps, every=steps, params=self.params,
+            tangents=dict(zip(self.state, rows, strict=True)), **self.state,
+        )  # fmt: skip
+        # a direction of all states is the sum of its parts
+        found = [
+            sum(tangent.states[name][-1] for tangent in run.tangents.values())
+            for name in self.state
+        ]
+        self.moved = np.hstack(found).T
+        self.state = {name: run.states[name][-1].copy() for name in self.state}
+
+    def stretched(self, t: float) -> Array:
+        """Make the directions orthonormal, and return the logarithms of their growth."""
+        _, upper = np.linalg.qr(self.coordinates(t))
+        sizes = np.diagonal(upper)
+        if not np.all(np.abs(sizes) > LEAST * np.abs(upper).max()):
+            sentence = f"directions have become parallel before t = {t:g}"
+            raise ValueError(hinted(sentence, "make them orthogonal more often: a smaller every"))
+        self.moved = np.linalg.solve(upper.T, self.moved.T).T * np.sign(sizes)
+        found: Array = np.log(np.abs(sizes))
+        return found
+
+
+class _Field(_Flow):
+    """A polynomial field: its directions are their own coordinates."""
+
+    system: PolynomialField
+
+    def __init__(
+        self,
+        system: PolynomialField,
+        method: Method | Plan,
+        h: float,
+        params: Mapping[str, ArrayLike] | None,
+    ) -> None:
+        super().__init__(system, method, params)
+        self.h = h
+
+    def begin(self, t: float, start: Mapping[str, ArrayLike]) -> None:
+        """Take a start, with the directions of the axes."""
+        x = self.system.start(start, False)
+        if isinstance(self.method, VolumeSplitting):  # planned once, not for each run
+            self.method = plan_of(self.system, self.method, h=self.h, x=x, t=t, params=self.params)
+        self.state, self.moved = {"x": x}, np.eye(len(x))
+
+    def coordinates(self, t: float) -> Array:
+        """Return the directions."""
+        del t
+        return self.moved
+
+
+class _Mechanical(_Flow):
+    """A mechanical system: its directions are (dy, dz), their coordinates (dy, tangential dp)."""
+
+    system: Mechanics
+
+    def begin(self, t: float, start: Mapping[str, ArrayLike]) -> None:
+        """Take a start, with an orthogonal symplectic basis of directions."""
+        y, z = self.system.start(start)
+        self.state = dict(zip(self.system.states, (y, z), strict=True))
+        point = self._point(t)
+        point.check()
+        self.moved = linearized_at(point).tangent
+        null = self._free(point)
+        n, k = null.shape
+        basis = np.zeros((2 * n, 2 * k))
+        basis[:n, :k], basis[n:, k:] = null, null[:, ::-1]
+        self.moved = self.moved @ np.linalg.lstsq(self.coordinates(t), basis)[0]
+
+    def coordinates(self, t: float) -> Array:
+        """Return the changes of positions, and of the momenta along the constraints."""
+        point, n = self._point(t), len(self.system.coordinates)
+        dy, dz = self.moved[:n], self.moved[n:]
+        dp = point.blocks("stage_blocks")["p_z"] @ dz
+        by_position = point.blocks("stage_jacobian").get("p_y")
+        if by_position is not None:
+            dp = dp + by_position @ dy
+        null = self._free(point)
+        return np.vstack([dy, null @ (null.T @ dp)])
+
+    def _point(self, t: float) -> Point:
+        y, z = self.state.values()
+        return Point(self.system, t, y, z, self.system.values(self.params))
+
+    @staticmethod
+    def _free(point: Point) -> Array:
+        return Split.of(point.blocks("node_blocks", np.zeros(point.m))["g_y"]).null

@@ -1,0 +1,390 @@
+"""Parameters and starts that fit measured motions, by least squares with exact derivatives."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from liouville._scipy import scipy
+from liouville.analysis.linearization import linearized_at
+from liouville.analysis.point import Array, Point, mechanical
+from liouville.errors import IntegrationError, hinted, quoted
+from liouville.fitting.measurements import Measurements
+from liouville.integrate import integrate
+from liouville.methods import Method
+from liouville.solution import Solution
+from liouville.systems import Mechanics
+
+#: Fits from the start that the last one found, until it moves by less than this part of its error.
+MOST, SETTLED = 10, 1e-3
+#: A singular value of the scaled Jacobian below this part of the largest determines nothing, of
+#: unknowns that have more than the second part in it.
+RANK, APART = 1e-10, 0.1
+#: Nor does an unknown that as large a change of its own moves states by less than this part.
+NOTHING = 1e-11
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Fit:
+    """What fits best, and how well it is known.
+
+    Attributes
+    ----------
+    params : dict
+        All parameters, the fitted ones with the values found.
+    start : dict of str to ndarray
+        The start by the system's names, as it was found or given, on its constraints.
+    names : tuple of str
+        What was fitted: ``params.l``, or ``params.k[0]`` of a vector, then coordinates of the start
+        such as ``q.x``.
+    covariance : ndarray, shape (K, K)
+        Of the values of `names`; of a start it is singular across the constraints.
+    residuals : ndarray, shape (N,)
+        Measured minus computed values over their standard deviations, or over 1 without `sigma`.
+    sigma : float or None
+        The standard deviation of the measurements found from the residuals, where none was given.
+    evaluations : int
+        Runs that were made.
+    solution : Solution
+        The run that fits best, at the times of the measurements.
+    """
+
+    params: dict[str, Any]
+    start: dict[str, Array]
+    names: tuple[str, ...]
+    covariance: Array
+    residuals: Array
+    sigma: float | None
+    evaluations: int
+    solution: Solution
+
+    @property
+    def errors(self) -> dict[str, float]:
+        """Standard deviations of what was fitted, by name."""
+        sizes = np.sqrt(np.diagonal(self.covariance))
+        return dict(zip(self.names, sizes.tolist(), strict=True))
+
+    def __repr__(self) -> str:
+        """Return the values found with their standard deviations."""
+        values = _values(self.params, self.start, self.solution.names["coordinates"])
+        shown = ", ".join(f"{x} = {values[x]:.6g} ± {size:.1g}" for x, size in self.errors.items())
+        return f"<Fit: {shown}; {self.residuals.size} values, {self.evaluations} runs>"
+
+
+def fit(
+    system: Mechanics,
+    method: Method,
+    data: Mapping[str, ArrayLike],
+    *,
+    h: float,
+    params: Sequence[str] | Mapping[str, ArrayLike] = (),
+    free: Sequence[str] = (),
+    sigma: float | Mapping[str, ArrayLike] | None = None,
+    bounds: Mapping[str, tuple[float, float]] | None = None,
+    t0: float | None = None,
+    **start: ArrayLike,
+) -> Fit:
+    r"""Fit parameters and the start of a motion to measurements of it, by least squares.
+
+    .. math::
+
+        \min_{\theta, y_0, z_0} \sum_k \bigl(x_k - x(t_k; \theta, y_0, z_0)\bigr)^2 / \sigma_k^2
+
+    Gauss and Newton's method with a trust region; residuals and their derivatives come from the
+    same run, the derivatives as its tangents, exact to roundoff. A start stays on its constraints,
+    also while lengths in them are fitted: it is moved as ``system.consistent`` moves it.
+
+    Parameters
+    ----------
+    system : Mechanics
+        What moves, without nonholonomic constraints.
+    method : Method
+        ``Spark``, ``LobattoPair`` or a ``Composition`` of them.
+    data : mapping of str to array_like
+        ``"t"``, shape (k,), at equal distances, and measured values by the name of a coordinate,
+        shape (k,), or of a state of the system such as ``"q"``, shape (k, n). NaN is no
+        measurement: gaps in the times are filled so.
+    h : float
+        The largest step, in the system's unit of time.
+    params : sequence of str, or mapping
+        Names of the parameters to fit, from their defaults, or values to begin with by name.
+        Others keep their defaults.
+    free : sequence of str
+        States of the start that are fitted too: ``"q"``, ``"v"``, or what the system calls them.
+    sigma : float or mapping, optional
+        Standard deviation of all measurements, or by the names in `data`, as a number or of the
+        shape of the data. Without it measurements count alike, and their deviation is found from
+        the residuals.
+    bounds : mapping of str to (float, float), optional
+        Least and largest value of parameters, by name.
+    t0 : float, optional
+        Time of the start, before the first measurement by a multiple of their distance, or at it
+        by default.
+    **start : array_like
+        The start by the system's names, or a guess of what is free of it.
+
+    Returns
+    -------
+    Fit
+        Values, their covariance and the motion that fits.
+
+    Raises
+    ------
+    TypeError, ValueError
+        Names, shapes, times or bounds are wrong, nothing is to be fitted, there are fewer
+        measurements than unknowns, or they do not determine them all.
+    IntegrationError
+        The run from the first guess fails, or no fit was found.
+    ImportError
+        SciPy is missing.
+
+    Notes
+    -----
+    The covariance is :math:`(J^T J)^{-1}` with the Jacobian J of the residuals at the end, times
+    the mean square of residuals where `sigma` is not given.
+
+    References
+    ----------
+    :cite:t:`bock1983` for fits through differential-algebraic equations.
+    """
+    measured = Measurements(mechanical(system, "fit"), data, h, sigma, t0)
+    problem = _Problem(system, method, measured, start)
+    problem.take(params, free, bounds or {})
+    return problem.solve()
+
+
+class _Problem:
+    """Measurements, and the run that is to meet them."""
+
+    def __init__(
+        self, system: Mechanics, method: Method, data: Measurements, start: Mapping[str, Any]
+    ) -> None:
+        self.system, self.method, self.data = system, method, data
+        self.start: dict[str, Any] = dict(zip(system.states, system.start(start), strict=True))
+        self.evaluations = 0
+
+    def take(
+        self,
+        params: Sequence[str] | Mapping[str, ArrayLike],
+        free: Sequence[str],
+        bounds: Mapping[str, tuple[float, float]],
+    ) -> None:
+        """Take what is to be fitted."""
+        given: dict[str, Any] = dict(params) if isinstance(params, Mapping) else {}
+        names = [params] if isinstance(params, str) else list(params)
+        self.system.values(given)  # refuses names and shapes
+        self.params: dict[str, Any] = dict(self.system.params)
+        for name in names:
+            if name not in self.params:
+                hint = f"there are {quoted(list(self.params))}" if self.params else "it has none"
+                raise ValueError(hinted(f"the system has no parameter {name!r}", hint))
+        self.params |= given
+        self.fitted, self.free = tuple(names), (free,) if isinstance(free, str) else tuple(free)
+        for name in self.free:
+            if name not in self.system.states:
+                raise ValueError(f"free is {' or '.join(self.system.states)}, not {name!r}")
+        for name in bounds:
+            if name not in self.fitted:
+                raise ValueError(f"bounds has {name!r}, which is not fitted")
+        sizes = [np.size(self.params[name]) for name in self.fitted]
+        self.cuts = np.cumsum([0, *sizes]).tolist()
+        self.bounds = np.array([[-np.inf, np.inf]] * self.cuts[-1]).reshape(-1, 2)
+        for name, size, first in zip(self.fitted, sizes, self.cuts, strict=False):
+            self.bounds[first : first + size] = bounds.get(name, (-np.inf, np.inf))
+        if not self.fitted and not self.free:
+            raise ValueError("nothing is to be fitted: give params= or free=")
+
+    def solve(self) -> Fit:
+        """Fit, from the start that the last fit found until it stays there."""
+        least_squares = scipy("optimize", "a fit").least_squares
+        self.start = self._on_constraints(self.start, self.params)
+        for _ in range(MOST):
+            self.basis = self._basis()
+            x = np.concatenate([self._theta(), np.zeros(self.basis.shape[1])])
+            there = int(np.count_nonzero(self.data.is_there))
+            if there < x.size:
+                raise ValueError(f"{there} measurements do not determine {x.size} unknowns")
+            free = np.full((len(x) - len(self.bounds), 2), (-np.inf, np.inf))
+            sides = np.vstack([self.bounds, free]).T
+            self.last = self._run(x)  # a failure here is that of the guess
+            self._covariance(self._jacobian(x))
+            found = least_squares(
+                self._residuals, x, jac=self._jacobian, bounds=sides, x_scale="jac",
+                xtol=1e-12, ftol=1e-14, gtol=1e-14,
+            )  # fmt: skip
+            self._residuals(found.x)
+            covariance = self._covariance(self._jacobian(found.x))
+            moved = found.x[len(self.bounds) :]
+            self.params, self.start = self.last.params, self.last.start
+            # a step from the start last taken is exact to its first order only
+            errors = np.sqrt(np.diagonal(covariance))[len(self.bounds) :]
+            if not (np.abs(moved) > SETTLED * errors).any():
+                break
+        return self._fit(covariance, found.fun)
+
+    def _theta(self) -> Array:
+        values = [np.ravel(self.params[name]) for name in self.fitted]
+        found: Array = np.concatenate([np.zeros(0), *values]).astype(float)
+        return found
+
+    def _with(self, theta: Array) -> dict[str, Any]:
+        """Return all parameters, with these values of those that are fitted."""
+        parts = np.split(theta, self.cuts[1:-1])
+        new = {
+            name: float(part[0]) if np.ndim(self.params[name]) == 0 else part
+            for name, part in zip(self.fitted, parts, strict=False)
+        }
+        return self.params | new
+
+    def _on_constraints(self, start: dict[str, Any], params: dict[str, Any]) -> dict[str, Any]:
+        return dict(self.system.consistent(t=self.data.t0, params=params, **start))
+
+    def _basis(self) -> Array:
+        """Return directions of the start that are free and on the constraints, as columns."""
+        n, values = len(self.system.coordinates), self.system.values(self.params)
+        if not self.free:
+            return np.zeros((2 * n, 0))
+        y, z = self.start.values()
+        tangent = linearized_at(Point(self.system, self.data.t0, y, z, values)).tangent
+        held = [k for k, name in enumerate(self.system.states) if name not in self.free]
+        if held:  # of what is tangent, that which leaves the other state where it is
+            rows = tangent[n * held[0] : n * (held[0] + 1)]
+            _, sizes, right = np.linalg.svd(rows)
+            rank = int((sizes > RANK * sizes.max(initial=0.0)).sum())
+            tangent = tangent @ right[rank:].T
+        basis: Array = np.linalg.qr(tangent)[0]
+        return basis
+
+    def _run(self, x: Array) -> _Tried:
+        """Run with these values, and their tangents."""
+        self.evaluations += 1
+        theta, along = np.split(x, [len(self.bounds)])
+        params, n = self._with(theta), len(self.system.coordinates)
+        moved = self.basis @ along
+        start: dict[str, Any] = {
+            name: value + moved[k * n : (k + 1) * n]
+            for k, (name, value) in enumerate(self.start.items())
+        }
+        start = self._on_constraints(start, params)
+        tangents: dict[str, Any] = {
+            f"params.{name}": 1.0 if np.ndim(params[name]) == 0 else np.eye(np.size(params[name]))
+            for name in self.fitted
+        }
+        if along.size:
+            for k, name in enumerate(self.system.states):
+                tangents[name] = np.ascontiguousarray(self.basis[k * n : (k + 1) * n].T)
+        run = integrate(
+            self.system, self.method, t=self.data.span, steps=self.data.steps,
+            every=self.data.every, params=params, tangents=tangents, **start,
+        )  # fmt: skip
+        return _Tried(x.copy(), params, start, run)
+
+    def _residuals(self, x: Array) -> Array:
+        if not np.array_equal(x, self.last.x):
+            try:
+                self.last = self._run(x)
+            except (IntegrationError, ValueError):
+                # the trust region becomes smaller where no motion is
+                return np.full(int(self.data.is_there.sum()), np.inf)
+        there = self._of(self.last.run.states)
+        found: Array = ((there - self.data.values) / self.data.weights)[self.data.is_there]
+        return found
+
+    def _jacobian(self, x: Array) -> Array:
+        assert np.array_equal(x, self.last.x), "derivatives come from the run of the residuals"
+        columns: list[Array] = []
+        for name, tangent in self.last.run.tangents.items():
+            rows = self._of(tangent.states)
+            rows = rows if rows.ndim == 3 else rows[:, None]
+            if name in self.system.states and name != self.system.states[0]:
+                columns[-1] = (
+                    columns[-1] + rows
+                )  # a direction of all states is the sum of its parts
+            else:
+                columns.append(rows)
+        each = np.concatenate(columns, axis=1) / self.data.weights[:, None]
+        found: Array = np.moveaxis(each, 1, 2)[self.data.is_there]
+        return found
+
+    def _of(self, states: Mapping[str, Array]) -> Array:
+        return self.data.of({name: states[name] for name in self.system.states})
+
+    def _covariance(self, jacobian: Array) -> Array:
+        """Return the covariance of the unknowns for measurements of deviation one."""
+        _, sizes, right = np.linalg.svd(jacobian / (scales := self._scales(jacobian)), False)
+        if not (sizes > RANK * sizes[0]).all():
+            self._undetermined(np.abs(right[-1]) > APART)
+        half = right.T / sizes / scales[:, None]
+        found: Array = half @ half.T
+        return found
+
+    def _scales(self, jacobian: Array) -> Array:
+        """Return the sizes of derivatives; ValueError where one is nothing but roundoff."""
+        scales: Array = np.linalg.norm(jacobian, axis=0)
+        states = self._of(self.last.run.states) / self.data.weights
+        typical = np.abs(self._theta())
+        typical[typical == 0] = 1.0
+        along = np.full(len(scales) - len(typical), max(map(np.linalg.norm, self.start.values())))
+        nothing = scales * np.concatenate([typical, along]) <= NOTHING * np.linalg.norm(states)
+        if nothing.any():
+            self._undetermined(nothing)
+        return scales
+
+    def _undetermined(self, unknowns: np.ndarray) -> None:
+        names = self._names()
+        parts = [names[k] for k in np.flatnonzero(unknowns) if k < len(names)]
+        what = quoted(parts) if parts else "the start"
+        sentence = f"the measurements do not determine {what}"
+        raise ValueError(hinted(sentence, "fix something of it, or measure what it changes"))
+
+    def _names(self) -> list[str]:
+        names = []
+        for name in self.fitted:
+            size, shape = np.size(self.params[name]), np.ndim(self.params[name])
+            names += [f"params.{name}" + f"[{k}]" * shape for k in range(size)]
+        return names
+
+    def _fit(self, covariance: Array, residuals: Array) -> Fit:
+        """Return what was found, with the covariance of parameters and of the start."""
+        sigma, unknowns = None, len(covariance)
+        if not self.data.is_absolute:
+            left = max(residuals.size - unknowns, 1)
+            sigma = float(np.sqrt(residuals @ residuals / left))
+            covariance = covariance * sigma**2
+        n, own, names = len(self.system.coordinates), len(self.bounds), self._names()
+        rows = [k for k in range(2 * n) if self.system.states[k // n] in self.free]
+        names += [f"{self.system.states[k // n]}.{self.system.coordinates[k % n]}" for k in rows]
+        spread = np.zeros((own + len(rows), unknowns))
+        spread[:own, :own], spread[own:, own:] = np.eye(own), self.basis[rows]
+        return Fit(
+            params=self.params, start=self.start, names=tuple(names),
+            covariance=spread @ covariance @ spread.T, residuals=-residuals, sigma=sigma,
+            evaluations=self.evaluations, solution=self.last.run,
+        )  # fmt: skip
+
+
+@dataclass(frozen=True)
+class _Tried:
+    """A run with some values of the unknowns."""
+
+    x: Array
+    params: dict[str, Any]
+    start: dict[str, Array]
+    run: Solution
+
+
+def _values(
+    params: Mapping[str, Any], start: Mapping[str, Array], coordinates: Sequence[str]
+) -> dict[str, float]:
+    """Return all that may be fitted, by name."""
+    found = {}
+    for name, value in params.items():
+        for k, x in enumerate(np.ravel(value)):
+            found[f"params.{name}" + f"[{k}]" * np.ndim(value)] = float(x)
+    for name, value in start.items():
+        found |= {f"{name}.{x}": float(v) for x, v in zip(coordinates, value, strict=True)}
+    return found

@@ -1,0 +1,122 @@
+"""Fits recover what made the data, say how well it is known, and refuse what cannot be known."""
+
+import casadi as ca
+import numpy as np
+import pytest
+from scipy.stats import chi2
+
+import liouville as lv
+
+
+def springs():
+    """Return a pendulum on a spring of a rod, with a vector of stiffnesses."""
+    return lv.Lagrangian(
+        lambda t, q, v, params: (
+            params.m * ca.dot(v, v) / 2
+            - params.m * params.g * q[1]
+            - (params.k[0] * q[0] ** 2 + params.k[1] * q[0] ** 4) / 2
+        ),
+        lambda t, q, params: {"rod": ca.dot(q, q) - params.l**2},
+        q=("x", "y"),
+        params={"m": 1.0, "g": 9.81, "l": 2.0, "k": [3.0, 0.5]},
+    )
+
+
+SYSTEM = springs()
+START = SYSTEM.consistent(q=[1.2, -1.6], v=[1.6, 1.2])
+METHOD, RUN = lv.Spark(3), {"t": (0.0, 2.0), "h": 0.05, "every": 2}
+TRUTH = lv.integrate(SYSTEM, METHOD, **RUN, **START)
+
+
+def noisy(seed, sigma=0.01):
+    """Return measured positions, with normal noise."""
+    noise = np.random.default_rng(seed).standard_normal(TRUTH.q.shape)
+    return {"t": TRUTH.t, "q": TRUTH.q + sigma * noise}
+
+
+def test_exact_data_give_back_what_made_them():
+    """A length in the constraint, a vector and the whole start, from a guess that is far off."""
+    found = lv.fit(
+        SYSTEM, METHOD, {"t": TRUTH.t, "q": TRUTH.q, "v": TRUTH.v}, h=0.05,
+        params={"l": 1.8, "k": [2.0, 0.0]}, free=("q", "v"), q=[1.0, -1.5], v=[1.4, 1.0],
+    )  # fmt: skip
+    assert found.params["l"] == pytest.approx(2.0, abs=1e-11)
+    np.testing.assert_allclose(found.params["k"], [3.0, 0.5], atol=1e-9)
+    np.testing.assert_allclose(found.start["q"], START["q"], atol=1e-11)
+    np.testing.assert_allclose(found.start["v"], START["v"], atol=1e-10)
+    np.testing.assert_allclose(found.solution.q, TRUTH.q, atol=1e-10)
+    assert found.names[:3] == ("params.l", "params.k[0]", "params.k[1]")
+    assert found.names[3:] == ("q.x", "q.y", "v.x", "v.y")
+    # the start varies along the constraint alone
+    along = np.array([0, 0, 0, *START["q"], 0, 0]) / 2.0
+    free = lv.fit(SYSTEM, METHOD, noisy(0), h=0.05, params=("g",), free="q", sigma=0.01, **START)
+    assert abs(along[3:5] @ free.covariance[1:, 1:] @ along[3:5]) < 1e-12 * free.covariance.max()
+
+
+def test_covariance_holds_the_truth_as_often_as_it_says():
+    """Of 100 data sets 95 are expected within the ellipse of 95 %, 88 to 100 with odds of 0.998."""
+    inside = 0
+    for seed in range(100):
+        found = lv.fit(SYSTEM, METHOD, noisy(seed), h=0.05, params=("l", "g"), sigma=0.01, **START)
+        off = np.array([found.params["l"] - 2.0, found.params["g"] - 9.81])
+        inside += off @ np.linalg.solve(found.covariance, off) < chi2.ppf(0.95, 2)
+    assert 88 <= inside <= 100
+
+
+def test_gaps_later_starts_and_single_coordinates():
+    """NaN is no measurement, and the deviation of what there is comes from the residuals."""
+    data = noisy(3)
+    x = data["q"][5:, 0].copy()
+    x[[2, 7]] = np.nan
+    found = lv.fit(
+        SYSTEM, METHOD, {"t": data["t"][5:], "x": x}, h=0.05, t0=0.0, params={"l": 1.9}, **START
+    )
+    assert found.residuals.size == x.size - 2
+    assert found.sigma == pytest.approx(0.01, rel=0.5)
+    assert abs(found.params["l"] - 2.0) < 4 * found.errors["params.l"]
+    assert found.solution.t.size == TRUTH.t.size
+    assert "params.l = " in repr(found)
+
+
+def test_bounds_are_kept():
+    """The nearest value allowed is taken."""
+    found = lv.fit(
+        SYSTEM, METHOD, noisy(1), h=0.05, params={"l": 1.8}, bounds={"l": (1.5, 1.9)}, **START
+    )
+    assert found.params["l"] == pytest.approx(1.9, abs=1e-6)
+
+
+GIVEN = {"h": 0.05, "params": ("l",)}
+
+
+@pytest.mark.parametrize(
+    ("data", "more", "says"),
+    [
+        ({"q": TRUTH.q}, GIVEN, "data has no 't'"),
+        ({"t": [0.0, 1.0, 1.5], "x": [0, 1, 2]}, GIVEN, "rise by equal distances"),
+        ({"t": TRUTH.t, "w": TRUTH.q}, GIVEN, "'w', which is no state"),
+        ({"t": TRUTH.t, "q": TRUTH.q[:3]}, GIVEN, "shape"),
+        ({"t": TRUTH.t, "x": np.full(21, np.nan)}, GIVEN, "finite numbers"),
+        (noisy(0), GIVEN | {"params": ("c",)}, "no parameter 'c'"),
+        (noisy(0), GIVEN | {"params": ()}, "nothing is to be fitted"),
+        (noisy(0), GIVEN | {"params": ("m", "k")}, "do not determine 'params.m'"),
+        (noisy(0), GIVEN | {"free": ("p",)}, "free is q or v"),
+        (noisy(0), GIVEN | {"bounds": {"g": (0, 1)}}, "'g', which is not fitted"),
+        (noisy(0), GIVEN | {"sigma": -1.0}, "sigma is positive"),
+        (noisy(0), GIVEN | {"sigma": {"x": 0.1}}, "sigma has no value for 'q'"),
+        (noisy(0), GIVEN | {"t0": 3.0}, "after the first measurement"),
+        (noisy(0), GIVEN | {"h": -1.0}, "h is positive"),
+    ],
+)
+def test_bad_calls_are_refused(data, more, says):
+    """By name, before or instead of a fit."""
+    with pytest.raises((ValueError, TypeError), match=says):
+        lv.fit(SYSTEM, METHOD, data, **more, **START)
+
+
+def test_too_few_measurements():
+    """There are as many as unknowns at least."""
+    with pytest.raises(ValueError, match="2 measurements do not determine 3 unknowns"):
+        lv.fit(
+            SYSTEM, METHOD, {"t": [0.0, 0.1], "x": [1.2, 1.3]}, h=0.05, params=("l", "k"), **START
+        )

@@ -1,0 +1,107 @@
+"""Exponents agree with variational equations, and come in pairs or sum to zero as theory says."""
+
+import casadi as ca
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+
+import liouville as lv
+from liouville.problems import abc_flow, load
+
+
+def henon_heiles():
+    """Return the system of Hénon and Heiles."""
+    return lv.Lagrangian(
+        lambda t, q, v, params: (
+            ca.dot(v, v) / 2 - ca.dot(q, q) / 2 - q[0] ** 2 * q[1] + q[1] ** 3 / 3
+        ),
+        q=("x", "y"),
+    )
+
+
+def variational(x, v, intervals, length):
+    """Return the same exponents by DOP853, in the same orthonormal bases."""
+
+    def rates(t, w):
+        q, d = w[:2], w[4:].reshape(4, 4)
+        slope = np.zeros((4, 4))
+        slope[:2, 2:] = np.eye(2)
+        slope[2:, :2] = [[-1 - 2 * q[1], -2 * q[0]], [-2 * q[0], -1 + 2 * q[1]]]
+        force = [-q[0] - 2 * q[0] * q[1], -q[1] - q[0] ** 2 + q[1] ** 2]
+        return np.concatenate([w[2:4], force, (slope @ d).ravel()])
+
+    state, basis, total = np.array([*x, *v]), np.eye(4)[:, [0, 1, 3, 2]], np.zeros(4)
+    for _ in range(intervals):
+        start = np.concatenate([state, basis.ravel()])
+        end = solve_ivp(rates, (0, length), start, method="DOP853", rtol=1e-12, atol=1e-13).y[:, -1]
+        state, (basis, upper) = end[:4], np.linalg.qr(end[4:].reshape(4, 4))
+        total += np.log(np.abs(np.diagonal(upper)))
+    return total / (intervals * length)
+
+
+def test_exponents_are_those_of_the_variational_equation():
+    """Of a finite time, to the accuracy of both; in pairs to roundoff."""
+    found = lv.lyapunov(
+        henon_heiles(), lv.Spark(4), t=(0, 20), h=0.1, every=20, q=[0, 0.1], v=[0.48, 0.1]
+    )
+    wanted = variational([0, 0.1], [0.48, 0.1], 10, 2.0)
+    np.testing.assert_allclose(found.exponents, wanted, rtol=0, atol=1e-11)
+    np.testing.assert_allclose(found.pairs, 0.0, atol=1e-13)
+    np.testing.assert_array_equal(found.history[-1], found.exponents)
+    assert found.t[-1] == 20.0
+    assert found.final["q"].shape == (2,)
+
+
+@pytest.mark.parametrize("name", ["spherical_pendulum", "heavy_top", "double_pendulum"])
+def test_pairs_on_constraints(name):
+    """2 (n - m) exponents in pairs, with masses that vary too."""
+    problem = load(name)
+    system = problem.system
+    found = lv.lyapunov(system, lv.Spark(2), t=(0, 1), h=0.02, every=5, **problem.start)
+    assert len(found.exponents) == 2 * (len(system.coordinates) - len(system.constraints))
+    np.testing.assert_allclose(found.pairs, 0.0, atol=1e-11)
+
+
+def test_friction_shifts_all_pairs():
+    """By minus the rate at which momenta die out, to the order of the method."""
+    system = lv.Lagrangian(
+        lambda t, q, v, params: ca.dot(v, v) / 2 - 9.81 * q[1],
+        lambda t, q, params: {"rod": ca.dot(q, q) - 1},
+        q=("x", "y"),
+        force=lambda t, q, v, params: -0.2 * v,
+    )
+    found = lv.lyapunov(system, lv.Spark(4), t=(0, 5), h=0.05, q=[1.0, 0.0], v=[0.0, 1.0])
+    np.testing.assert_allclose(found.pairs, -0.2, atol=1e-9)
+
+
+def test_exponents_of_a_field_sum_to_zero():
+    """As volume is kept; of some of them the largest are the same."""
+    method = lv.VolumeSplitting(composition="BM4")
+    run = {"t": (0, 20), "h": 0.05, "x": [0.1, 0.2, 0.3]}
+    found = lv.lyapunov(abc_flow.system, method, **run)
+    assert abs(found.exponents.sum()) < 1e-12
+    assert found.exponents[0] > 0.01
+    first = lv.lyapunov(abc_flow.system, method, exponents=2, **run)
+    np.testing.assert_allclose(first.exponents, found.exponents[:2], atol=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("more", "says"),
+    [
+        ({"t": (1, 0), "h": 0.1}, "runs backwards"),
+        ({"t": (0, 1)}, "steps"),
+        ({"t": (0, 1), "h": 0.1, "exponents": 5}, "there are 4 exponents, not 5"),
+        ({"t": (0, 1), "h": 0.1, "every": 0}, "every is at least 1"),
+    ],
+)
+def test_bad_calls_are_refused(more, says):
+    """By what is wrong."""
+    with pytest.raises((TypeError, ValueError), match=says):
+        lv.lyapunov(henon_heiles(), lv.Spark(2), q=[0, 0.1], v=[0.4, 0], **more)
+
+
+def test_waves_have_none():
+    """Their sentence says why."""
+    waves = lv.Schrodinger(np.diag([0.0, 1.0]))
+    with pytest.raises(TypeError, match="moves linearly"):
+        lv.lyapunov(waves, lv.Chebyshev(), t=(0, 1), h=0.1, psi=[1, 0])
