@@ -108,13 +108,9 @@ ROWS = [
     ),
     ("n+d waves", lambda: run(ABC, V("n+d")), ValueError, r"has waves\nhint: take diagonal='exp"),
     # steps
-    (
-        "rtol",
-        lambda: run(rtol=1e-3),
-        TypeError,
-        "(?s)equal steps and no rtol.*hint: give h or steps.*depends on the state, volume is not",
-    ),
-    ("atol", lambda: run(atol=1e-3), TypeError, "equal steps and no atol"),
+    ("rtol", lambda: run(h=None, rtol=2.0), ValueError, "rtol is from 1e-12 to below 1, not 2"),
+    ("rtol and steps", lambda: run(h=None, steps=4, rtol=1e-3), TypeError, "either steps, which"),
+    ("atol", lambda: run(atol=1e-3), TypeError, "equal steps and no atol without rtol"),
     ("control", lambda: run(control=lv.Adaptive()), TypeError, "equal steps and no control"),
     ("many rtol", lambda: many(rtol=1e-3), TypeError, r"no rtol=\nhint: its members take equal"),
     ("h zero", lambda: run(h=0), ValueError, "h is positive and finite, not 0"),

@@ -17,6 +17,8 @@ LEAST_TOLERANCE = 1e-12
 
 #: The controls, by the names that the core has for them.
 CONTROLS = ("error", "reversible")
+#: Equal steps, of a number that trial runs find for a tolerance.
+TRIAL = ("trial",)
 
 #: The absolute tolerance by default, in units of the relative one.
 SMALL = 1e-3
@@ -121,13 +123,16 @@ class Steps:
     """How a run goes from t0 to t1: `count` equal steps, or controlled ones.
 
     `control` is what the core takes: "error" with rtol, atol of shape (n,), the first step or 0
-    where the method is to choose it, and the least; or "reversible" with the first and the least.
+    where the method is to choose it, and the least, which "trial" has too until equal steps are
+    found; or "reversible" with the first and the least.
     """
 
     t0: float
     t1: float
     count: int = 1
     control: tuple[Any, ...] | None = None
+    #: The control that equal steps were found for by trial runs, and how many steps these made.
+    trial: tuple[tuple[Any, ...], int] | None = None
 
     @property
     def total(self) -> str:
@@ -137,11 +142,12 @@ class Steps:
     @property
     def tolerances(self) -> dict[str, float | list[float]]:
         """Return what controls the steps, if anything does."""
-        if self.control is None:
+        control = self.control if self.trial is None else self.trial[0]
+        if control is None:
             return {}
-        if self.control[0] == "reversible":
-            return {"h": self.control[1]}
-        _, rtol, atol, _, _ = self.control
+        if control[0] == "reversible":
+            return {"h": control[1]}
+        _, rtol, atol, _, _ = control
         return {"rtol": rtol, "atol": float(atol[0]) if np.ptp(atol) == 0 else atol.tolist()}
 
     def mean(self, end: float, steps: int) -> float:
@@ -185,11 +191,11 @@ def steps_of(
     kind = _kind(rtol, atol, control, takes)
     if kind is None:
         if (h is None) == (steps is None):
-            more = "" if "error" not in takes.controls or steps else ", or rtol"
+            more = ", or rtol" if not steps and set(takes.controls) & {"error", *TRIAL} else ""
             raise TypeError(f"give either h or steps{more}")
         return _equal(t0, t1, h, steps)
     if steps is not None:
-        asks = "rtol, which controls them" if kind == "error" else "control=Reversible(...)"
+        asks = "control=Reversible(...)" if kind == "reversible" else "rtol, which controls them"
         raise TypeError(f"give either steps, which are equal, or {asks}")
     h_min = None if control is None else control.h_min
     if kind == "reversible":
@@ -211,7 +217,11 @@ def _kind(rtol: Any, atol: Any, control: Any, takes: Takes) -> str | None:
         raise TypeError(hinted(f"control is an Adaptive or a Reversible, not {control!r}", hint))
     given = {"rtol": rtol, "atol": atol, "control": control}
     asked = [name for name, value in given.items() if value is not None]
-    if not takes.controls:
+    if takes.controls == TRIAL:
+        if control is None and rtol is not None:
+            return TRIAL[0]
+        asked = ["control" if rtol is None and atol is None else "atol without rtol"]
+    if not takes.controls or takes.controls == TRIAL:
         raise TypeError(hinted(f"{takes.name} takes equal steps and no {asked[0]}", takes.hint))
     if isinstance(control, Reversible):
         if "reversible" not in takes.controls:

@@ -67,7 +67,9 @@ def integrate(
     rtol : float, optional
         Relative tolerance, which asks for controlled steps: the estimated error that a step adds
         to the coordinates is at most ``atol + rtol * |y|``, in the root mean square over them; see
-        :class:`Adaptive`. A wave function's tolerance is its method's, ``tol``.
+        :class:`Adaptive`. A polynomial field takes equal steps all the same, as many as keep the
+        error of x within this until the end by trial runs of the whole time; `h` is the first step
+        tried. A wave function's tolerance is its method's, ``tol``.
     atol : float or array_like, shape (n,), optional
         Absolute tolerance, for all coordinates or for each, in their own unit; ``rtol / 1000`` by
         default.

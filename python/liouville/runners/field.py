@@ -3,17 +3,19 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
 from liouville import _core
 from liouville._job import Job
-from liouville.control import Takes
+from liouville.control import TRIAL, Steps, Takes
 from liouville.errors import Description, describe, hinted
 from liouville.methods import VolumeSplitting
 from liouville.planner import FieldPlan, plan_field
 from liouville.runners.runner import Request, Runner, kept, threads_of
+from liouville.runners.trial_steps import RECORDS, trial_steps
 from liouville.splitting import Affine, Split, crossed, described, variables_of
 from liouville.systems import PolynomialField
 from liouville.tangents import Tangent
@@ -24,8 +26,13 @@ MOST_TURNS = 1e8
 #: Equal steps alone keep volume.
 TAKES = Takes(
     "VolumeSplitting",
-    hint="give h or steps: with a step size that depends on the state, volume is not kept",
+    TRIAL,
+    hint="give h, steps or rtol: with a step size that depends on the state, volume is not kept",
 )
+
+#: The step that trial runs begin with, as a part of the time in which states move by their size,
+#: and how many members make these runs.
+PART, TRIED = 0.1, 32
 
 
 class FieldRunner(Runner):
@@ -39,9 +46,11 @@ class FieldRunner(Runner):
     ) -> None:
         self.system = system = system.with_params(request.params)
         self.params = system.params
-        self.steps = request.steps_of(system, TAKES)
-        self.every = kept(self.steps, request.every)
         x = system.start(request.start, request.is_ensemble)
+        self.steps = request.steps_of(system, TAKES)
+        if self.steps.control is not None:
+            self.steps, method = _tried(system, method, self.steps, np.atleast_2d(x))
+        self.every = kept(self.steps, request.every)
         self.members = x.shape[:-1]
         self.threads = threads_of(request.threads)
         self._states = request.states
@@ -92,6 +101,14 @@ class FieldRunner(Runner):
         """Return the tangents in records by the names of their directions, if any were wanted."""
         return {} if self._directions is None else self._directions.read(parts["tangents"])
 
+    @property
+    def control_taken(self) -> str:
+        """What the steps are, where a tolerance was asked for."""
+        if self.steps.trial is None:
+            return ""
+        h, made = self.steps.mean(self.steps.t1, self.steps.count), self.steps.trial[1]
+        return f"equal steps of {h:.4g} for rtol, from trial runs of {made} steps"
+
     def stats(self, run: _core.Run) -> dict[str, Any]:
         """Return the numbers of a run: steps, flows of pieces, and how many pieces there are."""
         steps, done = self.steps, run.done
@@ -117,6 +134,39 @@ class FieldRunner(Runner):
             # the coordinate that has most of what is not finite
             error["index"] = int(np.abs(outward[:, error["index"]]).argmax())
         return describe(error, names, ())
+
+
+def _tried(
+    system: PolynomialField, method: VolumeSplitting | FieldPlan, asked: Steps, x: np.ndarray
+) -> tuple[Steps, FieldPlan]:
+    """Return equal steps that meet a tolerance, and the plan they were found with."""
+    # imported here: the trial runs are runs of this runner
+    from liouville.runners.execute import execute
+
+    assert asked.control is not None, "steps for a tolerance"
+    x, t0 = x[:TRIED], asked.t0
+    extended, length = system.extended(x, t0), abs(asked.t1 - t0)
+    kind, rtol, atol, h, least = asked.control
+    if not h:
+        rates = np.array([system.terms.evaluate(row) for row in extended], dtype=float)
+        speed = np.abs(rates[:, : x.shape[1]]).max()
+        h = min(PART * np.abs(x).max() / speed, length) if speed > 0 else length
+    if not isinstance(method, FieldPlan):
+        along = float(np.copysign(h, asked.t1 - t0))
+        method, _ = plan_field(system.terms, method, along, extended, names=system.variables)
+    asked = replace(asked, control=(kind, rtol, atol, h, least))
+
+    def run(steps: int) -> np.ndarray:
+        request = Request(
+            t=(t0, asked.t1), steps=steps, every=steps // RECORDS, start={"x": x},
+            is_ensemble=True,
+        )  # fmt: skip
+        found: np.ndarray = execute(FieldRunner(system, method, request)).x[1:]
+        return found
+
+    order = method.method.order
+    assert order is not None, "a plan leaves nothing open"
+    return trial_steps(run, asked, order), method
 
 
 def _check_affine(parts: Split, h: float) -> None:

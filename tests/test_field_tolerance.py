@@ -1,0 +1,55 @@
+"""Equal steps for a tolerance: the error is below it and not far below, whatever the field."""
+
+import numpy as np
+import pytest
+
+import liouville as lv
+from liouville.problems import load
+from liouville.runners import trial_steps
+
+
+@pytest.mark.parametrize("rtol", [1e-4, 1e-9])
+@pytest.mark.parametrize("name", ["euler_top", "abc_flow", "lorenz96", "hill_vortex"])
+def test_errors_are_below_the_tolerance(name, rtol):
+    """Against steps of order eight, in the norm of the tolerance."""
+    problem = load(name)
+    run = {"t": (0.0, 5.0), "every": 10**6, "x": problem.start["x"]}
+    found = lv.integrate(problem.system, lv.VolumeSplitting(), rtol=rtol, **run)
+    finest = lv.VolumeSplitting(composition="SS8s21")
+    wanted = lv.integrate(problem.system, finest, h=0.005, **run).x[-1]
+    off = (found.x[-1] - wanted) / (rtol / 1000 + rtol * np.abs(wanted))
+    assert 0.003 < np.sqrt(np.mean(off**2)) < 1.0
+    assert found.tolerances == pytest.approx({"rtol": rtol, "atol": rtol / 1000})
+    assert "equal steps of" in found.message
+    again = lv.integrate(problem.system, lv.VolumeSplitting(), rtol=rtol, **run)
+    np.testing.assert_array_equal(again.x, found.x)
+
+
+def test_backwards_a_first_step_and_absolute_tolerances():
+    """The start comes back; a coordinate that may be off by much does not ask for more steps."""
+    problem = load("abc_flow")
+    there = lv.integrate(
+        problem.system, lv.VolumeSplitting(), t=(0, 3), rtol=1e-8, h=0.01, **problem.start
+    )
+    back = lv.integrate(problem.system, lv.VolumeSplitting(), t=(3, 0), rtol=1e-8, x=there.x[-1])
+    np.testing.assert_allclose(back.x[-1], problem.start["x"], atol=1e-6)
+    loose = lv.integrate(
+        problem.system, lv.VolumeSplitting(), t=(0, 3), rtol=1e-8, atol=1e-2, **problem.start
+    )
+    assert loose.stats["steps"] < there.stats["steps"] / 4
+
+
+def test_a_flow_that_is_exact_takes_the_fewest_steps():
+    """A shear has no error at all."""
+    shear = lv.PolynomialField(lambda t, x, params: [x[1] ** 2, 0], x=2)
+    found = lv.integrate(shear, lv.VolumeSplitting(), t=(0, 1), rtol=1e-12, x=[1.0, 2.0])
+    assert found.stats["steps"] == 4
+    np.testing.assert_allclose(found.x[-1], [5.0, 2.0], rtol=1e-15)
+
+
+def test_what_no_steps_meet_is_refused(monkeypatch):
+    """A chaotic flow over a long time; the sentence says what helps."""
+    monkeypatch.setattr(trial_steps, "MOST", 20_000)
+    problem = load("lorenz96")
+    with pytest.raises(ValueError, match=r"no equal steps(?s:.*)neighbouring trajectories part"):
+        lv.integrate(problem.system, lv.VolumeSplitting(), t=(0, 200), rtol=1e-10, **problem.start)
