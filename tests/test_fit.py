@@ -102,6 +102,7 @@ GIVEN = {"h": 0.05, "params": ("l",)}
         (noisy(0), GIVEN | {"params": ("m", "k")}, "do not determine 'params.m'"),
         (noisy(0), GIVEN | {"free": ("p",)}, "free is q or v"),
         (noisy(0), GIVEN | {"bounds": {"g": (0, 1)}}, "'g', which is not fitted"),
+        (noisy(0), GIVEN | {"bounds": {"l": (0, 1)}}, "'l' begins at 2.0, which is not between"),
         (noisy(0), GIVEN | {"sigma": -1.0}, "sigma is positive"),
         (noisy(0), GIVEN | {"sigma": {"x": 0.1}}, "sigma has no value for 'q'"),
         (noisy(0), GIVEN | {"t0": 3.0}, "after the first measurement"),

@@ -136,9 +136,9 @@ def fit(
     ------
     TypeError, ValueError
         Names, shapes, times or bounds are wrong, nothing is to be fitted, there are fewer
-        measurements than unknowns, or they do not determine them all.
+        measurements than unknowns, they do not determine them all, or no fit is found.
     IntegrationError
-        The run from the first guess fails, or no fit was found.
+        The run from the first guess fails.
     ImportError
         SciPy is missing.
 
@@ -194,7 +194,12 @@ class _Problem:
         self.cuts = np.cumsum([0, *sizes]).tolist()
         self.bounds = np.array([[-np.inf, np.inf]] * self.cuts[-1]).reshape(-1, 2)
         for name, size, first in zip(self.fitted, sizes, self.cuts, strict=False):
-            self.bounds[first : first + size] = bounds.get(name, (-np.inf, np.inf))
+            low, high = bounds.get(name, (-np.inf, np.inf))
+            value = np.asarray(self.params[name])
+            if not ((low < value) & (value < high)).all():
+                sentence = f"'{name}' begins at {value}, which is not between {low:g} and {high:g}"
+                raise ValueError(hinted(sentence, "give params= as a mapping with first values"))
+            self.bounds[first : first + size] = low, high
         if not self.fitted and not self.free:
             raise ValueError("nothing is to be fitted: give params= or free=")
 
@@ -216,6 +221,9 @@ class _Problem:
                 self._residuals, x, jac=self._jacobian, bounds=sides, x_scale="jac",
                 xtol=1e-12, ftol=1e-14, gtol=1e-14,
             )  # fmt: skip
+            if found.status == 0:
+                sentence = f"no fit is found in {self.evaluations} runs"
+                raise ValueError(hinted(sentence, "begin nearer, or fit to a shorter time first"))
             self._residuals(found.x)
             covariance = self._covariance(self._jacobian(found.x))
             moved = found.x[len(self.bounds) :]
@@ -300,10 +308,9 @@ class _Problem:
         for name, tangent in self.last.run.tangents.items():
             rows = self._of(tangent.states)
             rows = rows if rows.ndim == 3 else rows[:, None]
-            if name in self.system.states and name != self.system.states[0]:
-                columns[-1] = (
-                    columns[-1] + rows
-                )  # a direction of all states is the sum of its parts
+            if name == self.system.states[1]:
+                # a direction of both states is the sum of its parts
+                columns[-1] = columns[-1] + rows
             else:
                 columns.append(rows)
         each = np.concatenate(columns, axis=1) / self.data.weights[:, None]
@@ -315,7 +322,8 @@ class _Problem:
 
     def _covariance(self, jacobian: Array) -> Array:
         """Return the covariance of the unknowns for measurements of deviation one."""
-        _, sizes, right = np.linalg.svd(jacobian / (scales := self._scales(jacobian)), False)
+        scales = self._scales(jacobian)
+        _, sizes, right = np.linalg.svd(jacobian / scales, full_matrices=False)
         if not (sizes > RANK * sizes[0]).all():
             self._undetermined(np.abs(right[-1]) > APART)
         half = right.T / sizes / scales[:, None]
