@@ -1,5 +1,6 @@
 """Friction in joints: closed forms, its normal force, its order, and what is refused."""
 
+import casadi as ca
 import numpy as np
 import pytest
 
@@ -48,6 +49,28 @@ SLIDING = {
         ("spherical", (0.6, 0.6, 0.6), True, AT, (1.0, 2.0, 2.0)),
         lambda t: falling(t, 3.0, MU * RADIUS * MASS * g / 0.6),
     ),
+    "pin of a cross": (
+        ("universal", (0.3, 0.5, 0.3), True, {**AT, "axes": ((0, 1, 0), (1, 0, 0))}, (5.0, 0.0)),
+        lambda t: falling(t, 5.0, MU * RADIUS * MASS * g / 0.5),
+    ),
+    "axis of a chain": (
+        ("compound", (0.3, 0.5, 0.3), True, {"axes": [("turn", (0, 1, 0), (0, 0, 0))]}, (5.0,)),
+        lambda t: falling(t, 5.0, MU * RADIUS * MASS * g / 0.5),
+    ),
+    "slide of a chain": (
+        ("compound", (0.1, 0.1, 0.1), False, {"axes": [("slide", SLOPE)]}, (1.0,)),
+        lambda t: 1 + g * (np.sin(TILT) - MU * np.cos(TILT)) * t,
+    ),
+    "surface": (
+        (
+            "guide",
+            (0.1, 0.2, 0.3),
+            False,
+            {"equations": lambda position, params: position[2]},
+            (3.0, 4.0, 0.0),
+        ),
+        lambda t: falling(t, 5.0, MU * g),
+    ),
     "table": (
         ("planar", (0.1, 0.2, 0.3), False, {**AT, "normal": (0, 0, 1)}, (0.0, 3.0, 4.0)),
         lambda t: falling(t, 5.0, MU * g),
@@ -64,6 +87,63 @@ def test_what_slides_and_turns_is_slowed_at_its_constant_rate(name):
     for rate, first in zip(joint.rates.values(), rates, strict=True):
         assert np.abs(rate - first * wanted(solution.t)).max() < 1e-12
     assert max(np.abs(x).max() for x in solution.residuals.values()) < 1e-14
+
+
+def test_a_bead_on_a_ring_that_turns_is_slowed_by_its_velocity_along_it():
+    speed, radius, turning = 2.0, 0.8, 1.5
+
+    def ring(position, params):
+        return [position[2], ca.norm_2(position) - radius]
+
+    m = lv.bodies.Assembly()
+    m.body("ring", mass=1e6, inertia=(1e6, 1e6, 1e6), at=(0, 0, 0))
+    m.revolute("axle", m.ground, "ring", **AT, axis=(0, 0, 1), motion=lambda t, p: turning * t)
+    m.point_mass("bead", mass=MASS, at=(radius, 0, 0))
+    m.guide("J", "ring", "bead", ring, friction=Coulomb(mu=MU, v_s=1e-4))
+    solution = run(m, {"J": (0.0, speed, 0.0)}, t=0.5)
+    joint = solution.joint("J")
+    # N = m (v + Omega R)^2 / R of the velocity v along the ring
+    wanted = (speed + turning * radius) / (
+        1 + MU * (speed + turning * radius) / radius * solution.t
+    ) - turning * radius
+    found = np.linalg.norm(np.stack([*joint.rates.values()]), axis=0)
+    assert np.abs(found - wanted).max() < 1e-11
+
+
+@pytest.mark.parametrize("rate", [-5.0, 5.0])
+def test_a_nut_with_friction_turns_as_on_an_incline(rate):
+    inertia, lead, weight = 0.02, 0.3, MASS * g
+    friction = Coulomb(mu=MU, v_s=1e-4, radius=RADIUS)
+    m = block(
+        "screw", (1, 1, inertia), friction, **AT, axis=(0, 0, 1), lead=lead
+    )
+    solution = run(m, {"J": (rate, None)}, t=0.03)
+    pitch = lead / (2 * np.pi)
+    up = np.sign(rate)
+    # m p w' = -W + F (1 - up mu p / r),  I w' = -F (p + up mu r), F along the axis
+    share = (1 - up * MU * pitch / RADIUS) / (pitch + up * MU * RADIUS)
+    wanted = -weight / (MASS * pitch + inertia * share)
+    assert np.abs(solution.joint("J").rates["angle"] - rate - wanted * solution.t).max() < 1e-9
+
+
+def test_each_axis_of_a_compound_joint_is_pressed_by_the_force_across_it():
+    dry = Stribeck(mu=0.4, mu_static=0.6, v_stribeck=0.2, v_s=0.1, radius=0.2)
+    axes = [("turn", (0, 1, 0), (0, 0, 0)), ("turn", (1, 0, 0), (0, 0, 0))]
+    m = lv.bodies.Assembly(gravity=(0, 0, -g))
+    m.body("arm", mass=MASS, inertia=(0.2, 0.3, 0.1), at=(0.1, 0.2, -0.6))
+    names = ("pitch", "roll")
+    m.compound("J", m.ground, "arm", axes, names=names, friction=(dry, dry), armature=(0.1, 0.1))
+    solution = run(m, {"J": (1.0, 2.0)}, t=0.3)
+    joint = solution.joint("J")
+    pitch = joint.coordinates["pitch"]
+    carried = np.stack([np.cos(pitch), 0 * pitch, -np.sin(pitch)], axis=1)
+    for name, axis in (("pitch", np.array([[0.0, 1.0, 0.0]])), ("roll", carried)):
+        along = (joint.force * axis).sum(axis=1, keepdims=True)
+        normal = np.linalg.norm(joint.force - along * axis, axis=1)
+        slip = dry.radius * joint.rates[name]
+        mu = dry.mu + (dry.mu_static - dry.mu) * np.exp(-((slip / dry.v_stribeck) ** 2))
+        wanted = -mu * dry.radius * normal * np.tanh(slip / dry.v_s)
+        assert np.abs(joint.efforts[name] - wanted).max() < 1e-12
 
 
 def test_a_block_that_friction_holds_creeps_below_its_velocity():
@@ -121,6 +201,8 @@ def test_friction_keeps_the_order_and_the_constraints():
         assert max(np.abs(x).max() for x in solution.residuals.values()) < 1e-14
 
 
+AXES = [("turn", (0, 1, 0), (0, 0, 0)), ("slide", (1, 0, 0))]
+BOTH = (Coulomb(mu=0.1, v_s=0.1, radius=1),) * 2
 BAD = {
     "friction= of joint 'J0' is 0.2\nhint: write lv.bodies.Coulomb": lambda: rods(1, 0.2),
     "joint 'J0': the joint wants the radius": lambda: rods(1, Coulomb(mu=0.1, v_s=0.1)),
@@ -128,6 +210,12 @@ BAD = {
         "prismatic", (1, 1, 1), Coulomb(mu=0.1, v_s=0.1, radius=1), axis=SLOPE
     ),
     "mu= of friction is -1, and wants to be not negative": lambda: Coulomb(mu=-1, v_s=0.1),
+    "friction= of joint 'J' is one value for each of its coordinates: turn 1, slide 2": lambda: block(
+        "compound", (1, 1, 1), BOTH[0], axes=AXES
+    ),
+    "friction= of 'slide 2' of joint 'J': the joint slides, and has no radius": lambda: block(
+        "compound", (1, 1, 1), BOTH, axes=AXES
+    ),
     "v_s= of friction is 0, and wants to be positive": lambda: Coulomb(mu=1, v_s=0),
 }
 

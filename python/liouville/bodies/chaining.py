@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike
 
 from liouville.bodies import rotations as rot
 from liouville.bodies.body import Body, Value, given, numbers, unit
+from liouville.bodies.friction import frictions_of_axes
 from liouville.bodies.joints import RATES, Axis, Joint
 from liouville.bodies.registry import Registry, check_damping, coordinate_values, functions_of
 from liouville.errors import hinted
@@ -53,6 +54,7 @@ class Chaining(Registry):
         spring: Any = 0.0,
         rest: Any = 0.0,
         motion: Any = None,
+        friction: Any = None,
     ) -> Joint:
         """Let b turn about and slide along several axes, each carried by those before.
 
@@ -71,10 +73,11 @@ class Chaining(Registry):
         names : sequence of str, optional
             Names of the coordinates, by default "angle" or "slide" of one axis, "turn 1" or
             "slide 2" of several.
-        armature, damping, effort, spring, rest, motion : optional
-            Of all coordinates, or a sequence with one each: inertia of a rotor, coefficient of a
+        armature, damping, effort, spring, rest, motion, friction : optional
+            Of the only coordinate, or a sequence with one each: inertia of a rotor, coefficient of a
             damper, a function ``f(t, angle, rate, params)``, stiffness, and where it rests; a
-            function ``f(t, params)`` that the coordinate follows.
+            function ``f(t, params)`` that the coordinate follows; a
+            :class:`~liouville.bodies.Coulomb` that is pressed by the joint's force across the axis.
 
         Returns
         -------
@@ -130,6 +133,7 @@ class Chaining(Registry):
             efforts=efforts,
             motions=motions,
             springs={own: (value, rests.get(own, 0.0)) for own, value in stiffness.items()},
+            friction=frictions_of_axes(of, {axis.name: axis.turns for axis in found}, friction),
         )
 
     def _axis(self, of: str, sides: tuple[Body, Body], name: str, axis: Any) -> Axis:

@@ -57,9 +57,25 @@ class Compound(Group):
         return direction, (ca.cos(half), *rot.times(ca.sin(half), direction))
 
     @cached_property
+    def carried(self) -> list[Any]:
+        """The directions of all axes, each as those before carry it, by the axes of a."""
+        found: list[Any] = []
+        before: Any = None
+        for j, axis in enumerate(self.items[0].axes):
+            direction, turn = self._turn(j)
+            found.append(direction if before is None else rot.rotate(before, direction))
+            if axis.turns:
+                before = turn if before is None else rot.product(before, turn)
+        return found
+
+    @cached_property
     def off(self) -> tuple[Any, ...]:
         """The turn of b against where the axes take it, by the axes of body b."""
         return rot.product(rot.conjugate(self.attitude), self.turned)
+
+    def along_of(self, j: int) -> Any:
+        """Return the direction of axis j, in the world."""
+        return rot.combine(self.directors(0), self.carried[j])
 
     def coordinate(self, name: str) -> tuple[Any, Any]:
         """Return the value of a coordinate of the first joint's, for all, and its rate."""
@@ -93,13 +109,11 @@ class Compound(Group):
     def _spin_beyond(self) -> Any:
         """Return the angular velocity of b against a beyond that of the axes."""
         turned: Any = [ca.SX.zeros(1, len(self.items))] * 3
-        carried: Any = None
-        for j, axis in enumerate(self.items[0].axes):
+        for axis, rate, direction in zip(
+            self.items[0].axes, self.rates, self.carried, strict=True
+        ):
             if axis.turns:
-                direction, turn = self._turn(j)
-                own = direction if carried is None else rot.rotate(carried, direction)
-                turned = rot.plus(turned, rot.times(self.rates[j], own))
-                carried = turn if carried is None else rot.product(carried, turn)
+                turned = rot.plus(turned, rot.times(rate, direction))
         return rot.minus(self.spin, rot.combine(self.directors(0), turned))
 
     def _velocity_beyond(self) -> Any:

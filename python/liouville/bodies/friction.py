@@ -21,28 +21,34 @@ from typing import Any
 
 from liouville import _casadi as ca
 from liouville.bodies.body import Value, column, given
-from liouville.bodies.joints import SPINS, Group, Joint
+from liouville.bodies.joints import ALONG, AT, SPINS, Group, Joint
 from liouville.errors import hinted
 from liouville.systems._derivatives import jacobian, solve
 
-#: Normal forces of several joints are found in turn, this many times.
+#: Normal forces of several slips are found in turn, this many times.
 TURNS = 16
 #: The slip of several coordinates is rounded off below this part of the velocity v_s.
 ROUNDED = 1e-4
 
 #: Controlled steps end where a slip passes so many v_s, the flanks of a reversal.
-EDGES = (-8, -3, -1, 1, 3, 8)
+EDGES = (1, 3, 8)
 
-#: The coordinates that friction acts along, and the rows whose reactions press, by kind of joint.
-RUBBING: dict[str, tuple[tuple[str, ...], tuple[str, ...]]] = {
-    "revolute": (("angle",), ("x", "y", "z")),
-    "prismatic": (("slide",), ("off_x", "off_y")),
-    "cylindrical": (("angle", "slide"), ("off_x", "off_y")),
-    "spherical": (SPINS, ("x", "y", "z")),
-    "planar": (("slide_x", "slide_y"), ("off_z",)),
+#: The coordinates that make up each slip, by kind of joint; those of compound joints slip alone.
+SLIPS: dict[str, tuple[tuple[str, ...], ...]] = {
+    "revolute": (("angle",),),
+    "prismatic": (("slide",),),
+    "cylindrical": (("angle", "slide"),),
+    "screw": (("angle", "slide"),),
+    "universal": (("angle",), ("second angle",)),
+    "spherical": (SPINS,),
+    "planar": (("slide_x", "slide_y"),),
+    "guide": (("move_x", "move_y", "move_z"),),
 }
 #: Kinds of joints whose slip is a turn about a pin or a ball with a radius.
-TURNING = ("revolute", "cylindrical", "spherical")
+TURNING = ("revolute", "cylindrical", "screw", "universal", "spherical")
+
+#: Dry friction by the coordinates that make up its slip.
+Frictions = Mapping[tuple[str, ...], "Coulomb"]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -53,9 +59,11 @@ class Coulomb:
 
         F = -\mu N \tanh\!\left(\frac{|s|}{v_s}\right) \frac{s}{|s|}
 
-    N is the size of the joint's force across its axis, of a ball joint of all of it, of a planar
-    joint along its normal. The slip s is the velocity of a slide, of a turn the rate times the
-    radius, of both together in a cylindrical joint. Torques that a joint holds add nothing to N.
+    N is the size of the joint's force across its axis, of a ball joint and of a guide of all of it,
+    of a planar joint along its normal, of a screw across its thread and its axis. The slip s is the
+    velocity of a slide, of a turn the rate times the radius, of both together in a cylindrical
+    joint and along the thread of a screw. A universal and a compound joint slip on each axis by
+    itself. Torques that a joint holds add nothing to N.
     A joint does not stick: at rest under a load it creeps, slower than ``v_s``.
 
     Attributes
@@ -134,22 +142,91 @@ class Stribeck(Coulomb):
         return mu + (static - mu) * ca.exp(-square / v**2)
 
 
-def check_friction(of: str, kind: str, friction: Any) -> None:
-    """Refuse friction that a joint cannot have."""
+HINT = "write lv.bodies.Coulomb(mu=0.2, v_s=1e-3, radius=0.01) or lv.bodies.Stribeck"
+
+
+def frictions(of: str, kind: str, friction: Any) -> Frictions:
+    """Return friction by slips, and refuse what a joint of this kind cannot have."""
     if friction is None:
-        return
+        return {}
+    _check(of, friction, kind in TURNING)
+    return dict.fromkeys(SLIPS[kind], friction)
+
+
+def frictions_of_axes(of: str, turns: Mapping[str, bool], friction: Any) -> Frictions:
+    """Return friction by slips of a compound joint, whose axes turn or do not."""
+    if friction is None:
+        return {}
+    own = friction if isinstance(friction, Sequence) else [friction]
+    if len(own) != len(turns):
+        names = ", ".join(turns)
+        raise ValueError(f"friction= of {of} is one value for each of its coordinates: {names}")
+    found = {(name,): x for name, x in zip(turns, own, strict=True) if x is not None}
+    for (name,), x in found.items():
+        _check(f"'{name}' of {of}", x, turns[name])
+    return found
+
+
+def _check(of: str, friction: Any, turns: bool) -> None:
     if not isinstance(friction, Coulomb):
-        hint = "write lv.bodies.Coulomb(mu=0.2, v_s=1e-3, radius=0.01) or lv.bodies.Stribeck"
-        raise TypeError(hinted(f"friction= of {of} is {friction!r}", hint))
-    turns = kind in TURNING
+        raise TypeError(hinted(f"friction= of {of} is {friction!r}", HINT))
     if turns == (friction.radius is None):
         missing = "wants the radius of its pin" if turns else "slides, and has no radius"
         raise ValueError(f"friction= of {of}: the joint {missing}")
 
 
+def _ways(joint: Joint, names: Sequence[str], params: Any) -> ca.SX:
+    """Return the matrix from rates to the parts of a slip."""
+    friction = joint.friction[tuple(names)]
+    if joint.kind == "screw":
+        radius, pitch = column(friction.radius, params, 1), column(joint.sizes["pitch"], params, 1)
+        along: ca.SX = ca.horzcat(radius**2, pitch) / ca.sqrt(radius**2 + pitch**2)
+        return along
+    turning = {*joint.angles, *SPINS}
+    arms = [column(friction.radius, params, 1) if x in turning else ca.SX(1) for x in names]
+    return ca.diag(ca.vertcat(*arms))
+
+
+def _slips(
+    joint: Joint, names: Sequence[str], at: Mapping[tuple[str, str], Any], params: Any
+) -> list[ca.SX]:
+    """Return the parts of a slip."""
+    rates = ca.vertcat(*(at[joint.name, name][1] for name in names))
+    return list(ca.vertsplit(ca.mtimes(_ways(joint, names, params), rates)))
+
+
+def switches(joint: Joint) -> dict[str, tuple[tuple[str, ...], int]]:
+    """Return where controlled steps end: by name the slip and how many of its v_s it passes.
+
+    One slip passes them on both sides; several together are measured by their size, whose least
+    value on the way through a reversal the search for events follows.
+    """
+    found = {}
+    for names in joint.friction:
+        of = joint.name if len(joint.friction) == 1 else f"{joint.name}.{names[0]}"
+        both = [-k for k in EDGES] if len(names) == 1 or joint.kind == "screw" else []
+        for k in sorted([*both, *EDGES]):
+            found[f"slip {k:+d} v_s of {of}" if both else f"slip {k} v_s of {of}"] = names, k
+    return found
+
+
+def edge(
+    joint: Joint,
+    names: tuple[str, ...],
+    k: int,
+    at: Mapping[tuple[str, str], Any],
+    params: Any,
+) -> ca.SX:
+    """Return a slip beyond k of its v_s, of several the square of their size in v_s beyond k^2."""
+    slips, v_s = _slips(joint, names, at, params), column(joint.friction[names].v_s, params, 1)
+    if len(slips) == 1:
+        return slips[0] - k * v_s
+    return ca.SX(sum(x**2 for x in slips) / v_s**2 - k**2)
+
+
 @dataclass(frozen=True)
 class Contact:
-    """A joint with friction in the expressions of a model.
+    """A slip with friction in the expressions of a model.
 
     Attributes
     ----------
@@ -172,33 +249,58 @@ class Contact:
     least: ca.SX
 
 
-def contact(
+def contacts(
     group: Group, k: int, rows: Sequence[str], coordinates: Mapping[tuple[str, str], Any]
-) -> Contact:
-    """Return joint k of a group as a contact, of a system with constraints named `rows`."""
+) -> list[Contact]:
+    """Return the slips of joint k of a group, of a system with constraints named `rows`."""
     joint: Joint = group.items[k]
-    friction, params = joint.friction, group.params
-    assert friction is not None
-    names, pressing = RUBBING[joint.kind]
-    rates = [coordinates[joint.name, name][1] for name in names]
-    arms = [
-        ca.SX(1) if name.startswith("slide") else column(friction.radius, params, 1)
-        for name in names
-    ]
-    slips = [arm * rate for arm, rate in zip(arms, rates, strict=True)]
-    forces = zip(names, arms, friction.forces(slips, params), strict=True)
-    found = {name: arm * force for name, arm, force in forces}
-    own = [name for name in pressing if f"{joint.name}.{name}" in rows]
-    directions = ca.SX.eye(len(own))
-    if joint.kind == "revolute":  # its rows are the world's
-        across = [group.axis(0, axis) for axis in (0, 1)]
-        directions = ca.vertcat(
-            *(ca.horzcat(*(axis["xyz".index(name)][k] for name in own)) for axis in across)
+    params, found = group.params, []
+    for names, friction in joint.friction.items():
+        slips = _slips(joint, names, coordinates, params)
+        along = ca.vertcat(*friction.forces(slips, params))
+        forces = ca.vertsplit(ca.mtimes(_ways(joint, names, params).T, along))
+        rates = [coordinates[joint.name, name][1] for name in names]
+        pressing, directions = _pressing(group, k, names, friction)
+        own = [j for j, name in enumerate(pressing) if f"{joint.name}.{name}" in rows]
+        press = ca.SX(directions.shape[0], len(rows))
+        for j in own:
+            press[:, rows.index(f"{joint.name}.{pressing[j]}")] = directions[:, j]
+        least = column(friction.force_s, params, 1)
+        efforts = dict(zip(names, forces, strict=True))
+        found.append(Contact(joint.name, efforts, rates, press, least))
+    return found
+
+
+def _pressing(
+    group: Group, k: int, names: tuple[str, ...], friction: Coulomb
+) -> tuple[tuple[str, ...], ca.SX]:
+    """Return the rows whose reactions press a slip, and what they press, one row a direction."""
+    joint: Joint = group.items[k]
+    if joint.kind == "guide":
+        place = ca.SX.sym("place", 3)
+        rows = group.guiding(k, place)
+        slopes = ca.densify(ca.jacobian(rows, place))
+        at = ca.vertcat(*(group.along(group.axis(0, axis))[k] for axis in range(3)))
+        names = tuple(str(j) for j in range(rows.numel()))
+        return names, ca.substitute(slopes.T, place, at)
+    if joint.kind in ("revolute", "universal"):  # rows are the world's
+        second = names == ("second angle",)
+        across = [group.axis(1, axis) for axis in (1, 2)] if second else [
+            group.axis(0, axis) for axis in (0, 1)
+        ]
+        return AT, ca.vertcat(*(ca.horzcat(*(x[k] for x in axis)) for axis in across))
+    if joint.kind == "compound":
+        along = group.along_of(joint.coordinates.index(names[0]))
+        own = ca.vertcat(*(x[k] for x in along))
+        return AT, ca.SX.eye(3) - ca.mtimes(own, own.T)
+    if joint.kind == "screw":
+        radius, pitch = (
+            column(x, group.params, 1) for x in (friction.radius, joint.sizes["pitch"])
         )
-    press = ca.SX(directions.shape[0], len(rows))
-    for j, name in enumerate(own):
-        press[:, rows.index(f"{joint.name}.{name}")] = directions[:, j]
-    return Contact(joint.name, found, rates, press, column(friction.force_s, params, 1))
+        steep = ca.sqrt(1 + (pitch / radius) ** 2)
+        return (*ALONG, "thread"), ca.diag(ca.vertcat(1, 1, steep))
+    pressing = {"spherical": AT, "planar": ("off_z",)}.get(joint.kind, ALONG)
+    return pressing, ca.SX.eye(len(pressing))
 
 
 def normal_forces(

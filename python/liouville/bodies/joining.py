@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from liouville.bodies.body import Body, Value, given, numbers, unit
 from liouville.bodies.chaining import Chaining, Effort, Which
-from liouville.bodies.friction import Coulomb, check_friction
+from liouville.bodies.friction import Coulomb, frictions
 from liouville.bodies.joints import Joint
 from liouville.bodies.registry import (
     apart,
@@ -155,6 +155,7 @@ class Joining(Chaining):
         spring: Any = 0.0,
         rest: Any = 0.0,
         motion: Any = None,
+        friction: Coulomb | None = None,
     ) -> Joint:
         """Let b turn about an axis of a and slide along it by `lead` for each turn.
 
@@ -165,8 +166,8 @@ class Joining(Chaining):
         if not callable(lead) and lead == 0:
             raise ValueError(hinted(f"lead= of {of} is zero", "take a revolute joint"))
         pitch = (lambda p: lead(p) / (2 * np.pi)) if callable(lead) else lead / (2 * np.pi)
-        acting = damping, (torque, force), spring, rest, motion
-        return self._with_axis("screw", name, (a, b), at, axis, *acting, sizes={"pitch": pitch})
+        acting = damping, (torque, force), spring, rest, motion, {"pitch": pitch}, friction
+        return self._with_axis("screw", name, (a, b), at, axis, *acting)
 
     def universal(
         self,
@@ -181,6 +182,7 @@ class Joining(Chaining):
         spring: Any = 0.0,
         rest: Any = 0.0,
         motion: Any = None,
+        friction: Coulomb | None = None,
     ) -> Joint:
         """Let b turn about two axes that cross at a right angle, the first of a, the second of b.
 
@@ -197,6 +199,7 @@ class Joining(Chaining):
             (a, b),
             points_of(of, at),
             frames,
+            friction=frictions(of, "universal", friction),
             **_free(of, "universal", damping, torque, spring, rest, motion),
         )
 
@@ -216,13 +219,13 @@ class Joining(Chaining):
         `spring` times the least angle from b as drawn is a torque back, with an energy.
         """
         of = f"joint '{name}'"
-        check_friction(of, "spherical", friction)
         more = _free(of, "spherical", damping, None, 0.0, 0.0, None)
+        more["friction"] = frictions(of, "spherical", friction)
         stiffness = given(f"spring= of {of}", spring, ())
         if callable(stiffness) or stiffness != 0:
             more["sizes"] = {"stiffness": stiffness}
         points = points_of(of, at)
-        return self._add("spherical", name, (a, b), points, friction=friction, **more)
+        return self._add("spherical", name, (a, b), points, **more)
 
     def planar(
         self,
@@ -260,7 +263,14 @@ class Joining(Chaining):
         return self._add("distance", name, (a, b), points, sizes={"length": length})
 
     def guide(
-        self, name: str, a: Which, b: Which, equations: Callable[..., Any], *, at: Any = None
+        self,
+        name: str,
+        a: Which,
+        b: Which,
+        equations: Callable[..., Any],
+        *,
+        at: Any = None,
+        friction: Coulomb | None = None,
     ) -> Joint:
         """Keep a point of b on a curve or a surface of a.
 
@@ -273,7 +283,10 @@ class Joining(Chaining):
         if not callable(equations):
             raise TypeError(f"equations of {of} are a function, not {equations!r}")
         point = second.at if at is None else given(f"at= of {of}", at, (3,))
-        return self._add("guide", name, (first, second), (np.zeros(3), point), equations=equations)
+        points, dry = (np.zeros(3), point), frictions(of, "guide", friction)
+        return self._add(
+            "guide", name, (first, second), points, equations=equations, friction=dry
+        )
 
     def free(self, name: str, b: Which) -> Joint:
         """Let b fly freely; its rates are its velocity and angular velocity."""
@@ -332,12 +345,12 @@ class Joining(Chaining):
         friction: Coulomb | None = None,
     ) -> Joint:
         of = f"joint '{name}'"
-        check_friction(of, kind, friction)
+        dry = frictions(of, kind, friction)
         a, b = self._sides(of, *sides)
         frames = self._frames(of, a, b, axis=axis)
         _check_plane(of, kind, a, b, pair_of(of, axis)[0])
         free = _free(of, kind, damping, effort, spring, rest, motion)
-        more = {"sizes": dict(sizes or {}), "friction": friction, **free}
+        more = {"sizes": dict(sizes or {}), "friction": dry, **free}
         return self._add(kind, name, sides, points_of(of, at), frames, **more)
 
 

@@ -20,6 +20,7 @@ from liouville import _casadi as ca
 from liouville.bodies import rotations as rot
 from liouville.bodies.body import Body, Value, called, column, resolved, row, stacked
 from liouville.bodies.poses import Poses
+from liouville.bodies.rolling import height
 
 if TYPE_CHECKING:
     from liouville.bodies.friction import Coulomb
@@ -76,6 +77,8 @@ KINDS = {
 #: Coordinates that are turned, and others, without a value, that are rates only.
 ANGLES = ("angle", "second angle")
 RATES = ("move_x", "move_y", "move_z", *SPINS)
+#: Parts of unit vectors below this are roundoff.
+NONE = 1e-15
 #: Below this square of the sine of half of it, the square of an angle is summed as a series.
 NEAR = 0.02
 #: The beginning of the names of rows that prescribe the motion of a coordinate, after the joint's.
@@ -128,8 +131,8 @@ class Joint:
         Those of a compound joint, in order from a to b.
     armature : dict
         Inertia of rotors by coordinate.
-    friction : Coulomb or None
-        Dry friction along its coordinates.
+    friction : dict
+        Dry friction by the coordinates that make up its slip.
     """
 
     name: str
@@ -146,7 +149,7 @@ class Joint:
     equations: Callable[..., Any] | None = None
     axes: tuple[Axis, ...] = ()
     armature: Mapping[str, Value] = field(default_factory=dict)
-    friction: Coulomb | None = None
+    friction: Mapping[tuple[str, ...], Coulomb] = field(default_factory=dict)
 
     def __repr__(self) -> str:
         """Name the joint and its bodies."""
@@ -173,9 +176,9 @@ class Joint:
         found += [("spring", stiffness, 1) for stiffness, _ in self.springs.values()]
         found += [("rest", rest, 1) for _, rest in self.springs.values()]
         found += [(name, x, 1) for name, x in self.sizes.items()]
-        if self.friction is not None:
-            found += [(f"{name} of friction", x, 1) for name, x in vars(self.friction).items()]
-        yield from (own for own in found if callable(own[1]))
+        for own in self.friction.values():
+            found += [(f"{name} of friction", x, 1) for name, x in vars(own).items()]
+        yield from (x for x in found if callable(x[1]))
 
     @property
     def has_like_turns(self) -> bool:
@@ -223,6 +226,11 @@ class Ends:
         return rot.minus(self.point_velocity(1), self.point_velocity(0))
 
     @property
+    def moving(self) -> tuple[Any, ...]:
+        """The velocity of b's point as a sees it, by components in the world."""
+        return rot.minus(self.d_rate, rot.cross(self.of(self.poses.omega, 0), self.d))
+
+    @property
     def spin(self) -> tuple[Any, ...]:
         """The angular velocity of b against a, in the world."""
         return rot.minus(self.of(self.poses.omega, 1), self.of(self.poses.omega, 0))
@@ -238,9 +246,13 @@ class Group(Ends):
 
     @cached_property
     def p(self) -> tuple[Any, ...]:
-        """The attitude of b's frame in that of a."""
-        first, second = (constants(frame) for frame in self.frames)
-        return rot.product(rot.product(rot.conjugate(first), self.turned), second)
+        """The attitude of b's frame in that of a.
+
+        It is linear in the turn of b against a, with numbers that are mostly 0 and 1.
+        """
+        first, second = rot.conjugate(self.frames[0]), self.frames[1]
+        ways = [constants(rot.product(rot.product(first, one), second)) for one in np.eye(4)]
+        return tuple(rot.dot(own, self.turned) for own in zip(*ways, strict=True))
 
     @cached_property
     def off(self) -> tuple[Any, ...]:
@@ -266,7 +278,7 @@ class Group(Ends):
         """Return the value of a coordinate, None if it is a rate alone, and its rate."""
         p = self.p
         if name in RATES:
-            rates = self.d_rate if name.startswith("move") else self.spin
+            rates = self.moving if name.startswith("move") else self.spin
             return None, rates["xyz".index(name[-1])]
         if name == "second angle":
             half = ca.atan2(p[1] * p[0] + p[2] * p[3], p[0] * p[0] + p[3] * p[3])
@@ -286,13 +298,17 @@ class Group(Ends):
 
     def guide(self, k: int) -> list[ca.SX]:
         """Return the rows of guide k."""
-        joint = self.items[k]
         place = ca.vertcat(*(self.along(self.axis(0, axis))[k] for axis in range(3)))
+        return list(ca.vertsplit(self.guiding(k, place)))
+
+    def guiding(self, k: int, place: ca.SX) -> ca.SX:
+        """Return what guide k holds at zero at a place in the axes of a."""
+        joint = self.items[k]
         what = f"equations of joint '{joint.name}'"
         rows = called(what, joint.equations, {"position": place}, self.params, None)
         if rows.numel() > 2:
             raise ValueError(f"{what} are {rows.numel()}, wanted 1 of a surface or 2 of a curve")
-        return list(ca.vertsplit(rows))
+        return rows
 
     def drive(self, k: int, coordinate: str, t: ca.SX) -> ca.SX:
         """Return the row of joint k that prescribes a coordinate; its multiplier is the effort.
@@ -338,34 +354,6 @@ def _length(group: Group) -> Any:
     return (rot.dot(group.d, group.d) - length**2) / (2 * length)
 
 
-def _height(group: Group) -> Any:
-    """Return the height of the lowest point of a ball or a wheel over its plane."""
-    normal, radius = group.axis(0, 2), group.size("radius")
-    return group.along(normal) - radius * _slope(group)
-
-
-def _slope(group: Group) -> Any:
-    """Return the sine of the angle between the plane's normal and a wheel's axis; 1 of a ball."""
-    if group.items[0].kind == "rolling ball":
-        return 1.0
-    along = rot.dot(group.axis(0, 2), group.axis(1, 2))
-    return ca.sqrt(1 - along**2)
-
-
-def rolled(group: Group) -> tuple[Any, Any]:
-    """Return the velocity of the point of contact against the plane, along its x and y."""
-    normal, axis, radius = group.axis(0, 2), group.axis(1, 2), group.size("radius")
-    down = normal
-    if group.items[0].kind == "rolling wheel":
-        down = rot.minus(normal, rot.times(rot.dot(normal, axis), axis))
-    arm = rot.times(-radius / _slope(group), down)
-    velocity = rot.plus(group.d_rate, rot.cross(group.of(group.poses.omega, 1), arm))
-    # the plane's own motion at the point of contact
-    carried = rot.cross(group.of(group.poses.omega, 0), rot.plus(group.d, arm))
-    slip = rot.minus(velocity, carried)
-    return rot.dot(slip, group.axis(0, 0)), rot.dot(slip, group.axis(0, 1))
-
-
 ROWS: dict[str, Callable[[Group], Any]] = {
     "x": lambda group: group.d[0],
     "y": lambda group: group.d[1],
@@ -381,19 +369,24 @@ ROWS: dict[str, Callable[[Group], Any]] = {
     "off_z": lambda group: group.along(group.axis(0, 2)),
     "thread": _thread,
     "length": _length,
-    "height": _height,
+    "height": height,
 }
 
 
 def constants(components: rot.Components) -> list[ca.SX]:
-    """Return rows of numbers as expressions; roundoff of zero, whose products vanish, is zero."""
-    return [ca.SX(ca.DM(np.where(np.abs(x) < 1e-15, 0.0, x))).T for x in components]
+    """Return rows of parts of unit vectors as expressions.
+
+    Roundoff of 0, 1 and -1 is taken off: products with these are no operations.
+    """
+    whole = [np.where(np.abs(x - np.round(x)) < NONE, np.round(x), x) for x in components]
+    return [ca.SX(ca.DM(x)).T for x in whole]
 
 
 def local(body: Body, point: Value, params: Any) -> Any:
     """Return a point of the world, as drawn, in the axes of a body."""
     point, at = resolved(point, params), resolved(body.at, params)
     if isinstance(point, np.ndarray) and isinstance(at, np.ndarray):
-        return np.array(rot.rotate(rot.conjugate(body.rotation), point - at))
+        own = np.array(rot.rotate(rot.conjugate(body.rotation), point - at))
+        return np.where(np.abs(own) < NONE * np.abs(own).max(), 0.0, own)
     difference = ca.vertsplit(column(point, params, 3) - column(at, params, 3))
     return ca.vertcat(*rot.rotate(rot.conjugate(body.rotation), difference))

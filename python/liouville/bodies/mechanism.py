@@ -67,7 +67,7 @@ class Mechanism(Lagrangian):
         self._springs = model.springs()
         self._outputs = Expressions(self._symbols, model.outputs())
         self._output_tapes: dict[str, _core.Tape] = {}
-        self.rubbing = tuple(joint.name for joint in joints if joint.friction is not None)
+        self.rubbing = tuple(joint.name for joint in joints if joint.friction)
 
     def output(self, name: str, params: NDArray[np.float64], *at: ArrayLike) -> NDArray[np.float64]:
         """Return what :meth:`Model.outputs` names at (t, q, v)."""

@@ -6,15 +6,18 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
 from liouville import _casadi as ca
 from liouville.bodies import rotations as rot
 from liouville.bodies.body import Body, Layout, Value, column, inertia_matrix, row, stacked
 from liouville.bodies.chaining import Coupling
 from liouville.bodies.compound import grouped, rotors
 from liouville.bodies.elements import Efforts, Element, of_elements, of_joints
-from liouville.bodies.friction import EDGES, RUBBING, contact, multipliers, normal_forces
-from liouville.bodies.joints import KINDS, MOTION, Joint, local, rolled
+from liouville.bodies.friction import contacts, edge, multipliers, normal_forces, switches
+from liouville.bodies.joints import KINDS, MOTION, Joint, local
 from liouville.bodies.poses import Poses, kinetic
+from liouville.bodies.rolling import rolled
 
 if TYPE_CHECKING:
     from liouville.bodies.chaining import Gear
@@ -154,7 +157,7 @@ class Model:
     def force(self, t: ca.SX, q: ca.SX, v: ca.SX, params: Any) -> ca.SX:
         """Return the forces without an energy."""
         found = self._pushed(v)
-        if any(joint.friction is not None for joint in self.joints):
+        if any(joint.friction for joint in self.joints):
             self._rub(t, q, v, params, found)
             found = self._pushed(v)
         return found
@@ -165,41 +168,33 @@ class Model:
         rolling = self.nonholonomic(t, q, v, params)
         g, k = (ca.vertcat(ca.SX(0, 1), *x.values()) for x in (holonomic, rolling))
         mass, rest, slopes, gamma = multipliers(self.energy, force, g, k, (t, q, v))
-        contacts = [
-            contact(group, j, [*holonomic, *rolling], self.coordinates)
+        slips = [
+            own
             for group in self.groups
-            for j, joint in enumerate(group.items)
-            if joint.friction is not None
+            for j in range(len(group.items))
+            for own in contacts(group, j, [*holonomic, *rolling], self.coordinates)
         ]
-        normal = normal_forces(contacts, mass, rest, slopes, gamma, v)
-        for x, N in zip(contacts, normal, strict=True):
+        normal = normal_forces(slips, mass, rest, slopes, gamma, v)
+        for x, N in zip(slips, normal, strict=True):
             for name, unit in x.forces.items():
                 value, rate, effort = self.coordinates[x.name, name]
                 self.coordinates[x.name, name] = value, rate, effort + N * unit
 
     @property
     def switches(self) -> dict[str, Callable[..., ca.SX]]:
-        """Where friction turns, of joints with one slip, by name: there controlled steps end."""
-        found = {}
-        for joint in self.joints:
-            if joint.friction is not None and len(RUBBING[joint.kind][0]) == 1:
-                for k in EDGES:
-                    found[f"slip {k:+d} v_s of {joint.name}"] = self._edge(joint, k)
-        return found
+        """Where friction turns, by name: there controlled steps end."""
+        return {
+            name: self._edge(joint, *own)
+            for joint in self.joints
+            for name, own in switches(joint).items()
+        }
 
-    def _edge(self, joint: Joint, k: int) -> Callable[..., ca.SX]:
-        """Return the slip of a joint beyond so many of its v_s."""
-        friction, (name,) = joint.friction, RUBBING[joint.kind][0]
-        assert friction is not None
-
-        def edge(t: ca.SX, q: ca.SX, v: ca.SX, params: Any) -> ca.SX:
+    def _edge(self, joint: Joint, names: tuple[str, ...], k: int) -> Callable[..., ca.SX]:
+        def beyond(t: ca.SX, q: ca.SX, v: ca.SX, params: Any) -> ca.SX:
             del t, q, v
-            arm = ca.SX(1) if name.startswith("slide") else column(friction.radius, params, 1)
-            beyond: ca.SX = arm * self.coordinates[joint.name, name][1]
-            beyond -= k * column(friction.v_s, params, 1)
-            return beyond
+            return edge(joint, names, k, self.coordinates, params)
 
-        return edge
+        return beyond
 
     def _pushed(self, v: ca.SX) -> ca.SX:
         """Return the generalised forces of all efforts."""
@@ -265,7 +260,7 @@ class Model:
             "radii": self._sizes("radius"),
             "ends": ca.vec(stacked(ends)) if ends else ca.SX(0, 1),
             "masses": ca.vec(row([body.mass for body in self.bodies], self.params)),
-            "inertias": _column([_inertia(body, self.params) for body in self.bodies]),
+            "inertias": ca.vec(stacked([_inertia(body, self.params) for body in self.bodies])),
             "gravity": column(self.gravity, self.params, 3),
         }
 
@@ -274,12 +269,14 @@ class Model:
         return ca.vec(row([joint.sizes.get(name, 0.0) for joint in self.joints], self.params))
 
 
-def _inertia(body: Body, params: Any) -> ca.SX:
+def _inertia(body: Body, params: Any) -> Any:
     """Return the entries of the inertia about the centre; of a planar body, all of them that."""
-    if body.kind == "spatial":
+    if body.kind != "spatial":
+        moment = 0.0 if body.kind == "point" else body.inertia
+        return ca.repmat(column(moment, params, 1), 9, 1)
+    if callable(body.inertia):
         return ca.vec(ca.densify(inertia_matrix(body, params)))
-    moment = 0.0 if body.kind == "point" else body.inertia
-    return ca.repmat(column(moment, params, 1), 9, 1)
+    return (body.inertia if body.inertia.ndim == 2 else np.diag(body.inertia)).ravel()
 
 
 def _place(body: Body, params: Any) -> Any:
