@@ -177,7 +177,7 @@ def slider_crank(times: Sequence[Any] = (mpf(1), mpf(2))) -> None:
     masses = vector(*slider.MASSES)
     moments = [vector(*own) for own in slider.INERTIAS]
     sides = [vector(1, 0, 0, 0), vector(*slider.assembly._bodies["rod"].rotation)]
-    x, z = vector(1, 0, 0), vector(0, 0, 1)
+    x = vector(1, 0, 0)
 
     def bodies(angle: Any) -> Any:
         c, s = mp.cos(angle), mp.sin(angle)
@@ -186,7 +186,7 @@ def slider_crank(times: Sequence[Any] = (mpf(1), mpf(2))) -> None:
         place = mp.sqrt(length**2 - pin[1] ** 2 - pin[2] ** 2)
         rate = -(pin[1] * swing[1] + pin[2] * swing[2]) / place
         u, du = (pin - place * x) / length, (swing - rate * x) / length
-        frame, omega = carried(u, du, z)
+        frame, omega = carried(u, du, x)
         half = np.array([mp.cos(angle / 2), mp.sin(angle / 2), mpf(0), mpf(0)])
         e = quaternion(frame, sides[1])
         rows = [
