@@ -383,6 +383,9 @@ BAD = {
         pendulum({}), controls={"M": 1.0}
     ),
     "control of 'M' is a finite number": lambda: mjcf(FOURBAR, controls={"M": "a"}),
+    "the assembly has no bodies": lambda: mjcf(
+        "<mujoco><worldbody><geom size='1'/></worldbody></mujoco>", without=["contact"]
+    ).system(),
     "loop 'P' has no link 'leg'\nhint: links are world, foot, tower": lambda: urdf(
         ROBOT, loops={"P": ("leg", "arm", (0, 0, 0))}
     ),

@@ -116,12 +116,14 @@ def _found(model: Any) -> dict[str, list[str]]:
     constrained = not is_off(model, "constraint")
     dofs = model.dof_jntid
 
+    def somewhere(values: NDArray[Any]) -> NDArray[Any]:
+        return np.flatnonzero(values.any(axis=tuple(range(1, values.ndim))))
+
     def at_joints(values: NDArray[Any]) -> list[str]:
-        own = np.flatnonzero(values.reshape(len(values), -1).any(axis=1))
-        return [named(model, "jnt", int(k)) for k in own]
+        return [named(model, "jnt", int(k)) for k in somewhere(values)]
 
     def at_dofs(values: NDArray[Any]) -> list[str]:
-        own = np.flatnonzero(values.reshape(len(values), -1).any(axis=1))
+        own = somewhere(values)
         return [named(model, "jnt", int(k)) for k in dict.fromkeys(dofs[own].tolist())]
 
     springs = not is_off(model, "spring")
