@@ -64,6 +64,9 @@ def base():
 AT = {"at": (0, 0, 0)}
 BAD = {
     "at= of joint 'A' is 3 finite": lambda m: m.spherical("A", m.ground, "rod", at=(0, np.inf, 0)),
+    "at= of joint 'A' is .0, 0.\nhint: give three coordinates": lambda m: m.spherical(
+        "A", m.ground, "rod", at=(0, 0)
+    ),
     "axis of joint 'A' has length": lambda m: m.revolute(
         "A", m.ground, "rod", **AT, axis=(0, 0, 0)
     ),
@@ -98,6 +101,9 @@ BAD = {
     ),
     "would turn 'p', a point mass, which cannot\nhint: take a body": lambda m: m.revolute(
         "A", m.ground, m.point_mass("p", mass=1, at=(1, 0, 0)), **AT, axis=Z
+    ),
+    "not <Assembly of 1 bodies and 0 joints>\nhint: take its system": lambda m: lv.integrate(
+        m, lv.Spark(2), t=(0, 1), h=0.1
     ),
     "motion= of joint 'A' is a function": lambda m: m.revolute(
         "A", m.ground, "rod", **AT, axis=Z, motion=1.0

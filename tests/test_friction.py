@@ -114,9 +114,7 @@ def test_a_bead_on_a_ring_that_turns_is_slowed_by_its_velocity_along_it():
 def test_a_nut_with_friction_turns_as_on_an_incline(rate):
     inertia, lead, weight = 0.02, 0.3, MASS * g
     friction = Coulomb(mu=MU, v_s=1e-4, radius=RADIUS)
-    m = block(
-        "screw", (1, 1, inertia), friction, **AT, axis=(0, 0, 1), lead=lead
-    )
+    m = block("screw", (1, 1, inertia), friction, **AT, axis=(0, 0, 1), lead=lead)
     solution = run(m, {"J": (rate, None)}, t=0.03)
     pitch = lead / (2 * np.pi)
     up = np.sign(rate)
@@ -210,7 +208,7 @@ BAD = {
         "prismatic", (1, 1, 1), Coulomb(mu=0.1, v_s=0.1, radius=1), axis=SLOPE
     ),
     "mu= of friction is -1, and wants to be not negative": lambda: Coulomb(mu=-1, v_s=0.1),
-    "friction= of joint 'J' is one value for each of its coordinates: turn 1, slide 2": lambda: block(
+    "one value for each of its coordinates: turn 1, slide 2": lambda: block(
         "compound", (1, 1, 1), BOTH[0], axes=AXES
     ),
     "friction= of 'slide 2' of joint 'J': the joint slides, and has no radius": lambda: block(
@@ -234,3 +232,18 @@ def test_friction_that_jams_or_has_no_normal_force_is_refused():
     m.revolute("again", m.ground, "rod0", **AT, axis=(0, 0, 1))
     with pytest.raises(ValueError, match=r"friction in joint 'J0' has no normal force: .* 'again"):
         run(m, {"J0": 1.0})
+
+
+def test_controlled_steps_end_where_two_slips_reverse_together():
+    speed = np.array([1.6, 1.2])
+    common = {"at": (0, 0, 0), "friction": Coulomb(mu=0.3, v_s=1e-3)}
+    flat = block("planar", (0.1, 0.1, 0.1), normal=(0, 0, 1), spring=(0.0, 200.0, 200.0), **common)
+    rail = block("prismatic", (0.1, 0.1, 0.1), axis=(*speed, 0), spring=200.0, **common)
+    runs = []
+    for m, rate in ((flat, (0.0, *speed)), (rail, np.linalg.norm(speed))):
+        start = m.start(rates={"J": rate})
+        runs.append(lv.integrate(m.system(), lv.Spark(3), t=(0, 0.5), rtol=1e-7, **start))
+    two, one = runs
+    assert two.stats["steps"] == one.stats["steps"]
+    assert np.abs(two.q[-1] - one.q[-1]).max() < 1e-7  # 4e-5 without switches
+    assert sorted(flat.system().switch_tapes) == [f"slip {k} v_s of J" for k in (1, 3, 8)]

@@ -156,6 +156,8 @@ def test_what_cannot_be_shown_is_refused_with_a_sentence(solution, tmp_path):
     swing = lv.integrate(pendulum.system, lv.Spark(2), t=(0, 0.1), h=0.05, **pendulum.start)
     with pytest.raises(TypeError, match=r"bodies are not known.*\nhint: give outline\(q, params\)"):
         plot.view(swing)
+    with pytest.raises(TypeError, match="a motion is a solution, not Mechanism"):
+        plot.view(solution.system)
     with pytest.raises(ValueError, match="there is no body 'bob'\nhint: bodies are rod, slider"):
         plot.view(solution, trace="bob")
     with pytest.raises(ValueError, match="trace of body 'rod' is 3 finite numbers"):

@@ -166,7 +166,7 @@ def _solution(
     """Return the same of a solution, with accelerations by its own system."""
     own = motion.system
     if motion.members is not None:
-        raise ValueError(hinted("the motion is an ensemble", "take a member: solution[0]"))
+        raise ValueError(hinted("the motion is an ensemble", "take a member: solution.member(0)"))
     if not isinstance(own, Mechanics) or "v_z" in own._patterns:
         raise ValueError(
             hinted(

@@ -82,7 +82,7 @@ def power_balance(solution: Solution) -> PowerBalance:
     if not isinstance(solution, Solution):
         raise TypeError(f"power_balance takes a solution, not {solution!r}")
     if solution.members is not None:
-        raise ValueError(hinted("the solution is an ensemble", "take a member: solution[0]"))
+        raise ValueError(hinted("the solution is an ensemble", "take a member: solution.member(0)"))
     system = mechanical(system_of(solution, "a balance of power needs"), "power_balance")
     values = system.values(solution.params)
     power(system)

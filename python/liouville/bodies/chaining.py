@@ -74,8 +74,8 @@ class Chaining(Registry):
             Names of the coordinates, by default "angle" or "slide" of one axis, "turn 1" or
             "slide 2" of several.
         armature, damping, effort, spring, rest, motion, friction : optional
-            Of the only coordinate, or a sequence with one each: inertia of a rotor, coefficient of a
-            damper, a function ``f(t, angle, rate, params)``, stiffness, and where it rests; a
+            Of the only coordinate, or a sequence with one each: inertia of a rotor, coefficient of
+            a damper, a function ``f(t, angle, rate, params)``, stiffness, and where it rests; a
             function ``f(t, params)`` that the coordinate follows; a
             :class:`~liouville.bodies.Coulomb` that is pressed by the joint's force across the axis.
 

@@ -109,9 +109,7 @@ class Compound(Group):
     def _spin_beyond(self) -> Any:
         """Return the angular velocity of b against a beyond that of the axes."""
         turned: Any = [ca.SX.zeros(1, len(self.items))] * 3
-        for axis, rate, direction in zip(
-            self.items[0].axes, self.rates, self.carried, strict=True
-        ):
+        for axis, rate, direction in zip(self.items[0].axes, self.rates, self.carried, strict=True):
             if axis.turns:
                 turned = rot.plus(turned, rot.times(rate, direction))
         return rot.minus(self.spin, rot.combine(self.directors(0), turned))

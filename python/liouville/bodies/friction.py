@@ -21,6 +21,7 @@ from typing import Any
 
 from liouville import _casadi as ca
 from liouville.bodies.body import Value, column, given
+from liouville.bodies.compound import Compound
 from liouville.bodies.joints import ALONG, AT, SPINS, Group, Joint
 from liouville.errors import hinted
 from liouville.systems._derivatives import jacobian, solve
@@ -161,9 +162,11 @@ def frictions_of_axes(of: str, turns: Mapping[str, bool], friction: Any) -> Fric
     if len(own) != len(turns):
         names = ", ".join(turns)
         raise ValueError(f"friction= of {of} is one value for each of its coordinates: {names}")
-    found = {(name,): x for name, x in zip(turns, own, strict=True) if x is not None}
-    for (name,), x in found.items():
-        _check(f"'{name}' of {of}", x, turns[name])
+    found: dict[tuple[str, ...], Coulomb] = {}
+    for name, x in zip(turns, own, strict=True):
+        if x is not None:
+            _check(f"'{name}' of {of}", x, turns[name])
+            found[name,] = x
     return found
 
 
@@ -285,11 +288,13 @@ def _pressing(
         return names, ca.substitute(slopes.T, place, at)
     if joint.kind in ("revolute", "universal"):  # rows are the world's
         second = names == ("second angle",)
-        across = [group.axis(1, axis) for axis in (1, 2)] if second else [
-            group.axis(0, axis) for axis in (0, 1)
-        ]
+        across = (
+            [group.axis(1, axis) for axis in (1, 2)]
+            if second
+            else [group.axis(0, axis) for axis in (0, 1)]
+        )
         return AT, ca.vertcat(*(ca.horzcat(*(x[k] for x in axis)) for axis in across))
-    if joint.kind == "compound":
+    if isinstance(group, Compound):
         along = group.along_of(joint.coordinates.index(names[0]))
         own = ca.vertcat(*(x[k] for x in along))
         return AT, ca.SX.eye(3) - ca.mtimes(own, own.T)

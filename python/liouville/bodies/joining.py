@@ -284,9 +284,7 @@ class Joining(Chaining):
             raise TypeError(f"equations of {of} are a function, not {equations!r}")
         point = second.at if at is None else given(f"at= of {of}", at, (3,))
         points, dry = (np.zeros(3), point), frictions(of, "guide", friction)
-        return self._add(
-            "guide", name, (first, second), points, equations=equations, friction=dry
-        )
+        return self._add("guide", name, (first, second), points, equations=equations, friction=dry)
 
     def free(self, name: str, b: Which) -> Joint:
         """Let b fly freely; its rates are its velocity and angular velocity."""

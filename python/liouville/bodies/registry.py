@@ -132,6 +132,10 @@ def points_of(of: str, at: Any) -> tuple[Value, Value]:
     what = f"at= of {of}"
     if callable(at):
         return at, at
+    flat = _trace.numbers(at)
+    if flat is not None and flat.shape == (2,):
+        hint = "give three coordinates, of planar bodies the last is 0, or two points, one on each"
+        raise ValueError(hinted(f"{what} is {at!r}", hint))
     if isinstance(at, Sequence | np.ndarray) and len(at) == 2:
         return given(what, at[0], (3,)), given(what, at[1], (3,))
     own = numbers(what, at, (3,))

@@ -182,7 +182,7 @@ def _mechanism(solution: Solution, what: str) -> Mechanism:
             )
         )
     if solution.members is not None:
-        hint = "take a member of the ensemble: solution[0]"
+        hint = "take a member of the ensemble: solution.member(0)"
         raise ValueError(hinted(f"the motion of {what} is that of a single run", hint))
     return system
 

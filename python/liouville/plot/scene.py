@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 from liouville.bodies import Mechanism
 from liouville.bodies import rotations as rot
 from liouville.bodies.body import numbers
+from liouville.errors import hinted
 from liouville.plot.curves import of_chosen
 from liouville.plot.shapes import Part, parts_of, planar, poses_of, springs_of
 from liouville.plot.thinning import thinned
@@ -89,10 +90,14 @@ def scene_of(
     Raises
     ------
     TypeError
-        There is no outline, and the system is no assembly of bodies.
+        What is to be shown is no solution; there is no outline, and the system is no assembly of
+        bodies.
     ValueError
         There is no such member, body or direction; an outline has no such lines.
     """
+    if not isinstance(solution, Solution):
+        hint = "integrate the system and show what that returns"
+        raise TypeError(hinted(f"a motion is a solution, not {solution!r}", hint))
     if up is not None and up not in AXES:
         raise ValueError(f"up is 'x', 'y' or 'z', not {up!r}")
     positions = solution.y if "y" in solution.states else solution.q

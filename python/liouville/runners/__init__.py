@@ -56,10 +56,12 @@ def runner_of(system: System, method: Method | Plan | str, request: Request) -> 
         unknown.
     """
     if not isinstance(system, SYSTEMS):
-        raise TypeError(
+        sentence = (
             "system is a Lagrangian, Hamiltonian, Mechanical, Structure, SemiExplicit, "
             f"PolynomialField or Schrodinger, not {system!r}"
         )
+        is_assembly = hasattr(system, "system")
+        raise TypeError(hinted(sentence, "take its system()") if is_assembly else sentence)
     check_options(request.start, "ensemble" if request.is_ensemble else "integrate")
     if not isinstance(request.states, bool):
         raise TypeError(f"states is True or False, not {request.states!r}")
