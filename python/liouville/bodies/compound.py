@@ -13,8 +13,8 @@ from typing import Any
 
 from liouville import _casadi as ca
 from liouville.bodies import rotations as rot
-from liouville.bodies.body import Value, column, inertia_matrix, stacked
-from liouville.bodies.joints import Group, Joint, constants, local
+from liouville.bodies.body import Value, column, inertia_matrix
+from liouville.bodies.joints import Group, Joint, constants, drawn
 from liouville.bodies.poses import Poses
 
 
@@ -37,8 +37,8 @@ class Compound(Group):
         self.d = rot.minus(self.r[1], ahead)
 
     def _stacked(self, points: Sequence[Value]) -> list[ca.SX]:
-        pairs = zip(self.items, points, strict=True)
-        return ca.vertsplit(stacked([local(joint.a, point, self.params) for joint, point in pairs]))
+        sides = [joint.a for joint in self.items]
+        return ca.vertsplit(drawn([*zip(sides, points, strict=True)], self.params))
 
     def _carried(self, j: int, place: Any, attitude: Any) -> tuple[Any, Any]:
         """Return a place and an attitude as axis j takes them."""

@@ -18,7 +18,7 @@ import numpy as np
 
 from liouville import _casadi as ca
 from liouville.bodies import rotations as rot
-from liouville.bodies.body import Body, Value, called, column, resolved, row, stacked
+from liouville.bodies.body import Body, Value, called, column, resolved, row
 from liouville.bodies.poses import Poses
 from liouville.bodies.rolling import height
 
@@ -200,8 +200,7 @@ class Ends:
         sides = [[places[getattr(item, side).name] for item in items] for side in "ab"]
         self.sides = sides
         points = [
-            stacked([local((item.a, item.b)[k], item.points[k], p) for item in items])
-            for k in range(2)
+            drawn([((item.a, item.b)[k], item.points[k]) for item in items], p) for k in range(2)
         ]
         self.arms = [rot.combine(self.directors(k), ca.vertsplit(points[k])) for k in range(2)]
         r = [rot.plus(self.of(poses.x, k), self.arms[k]) for k in range(2)]
@@ -382,11 +381,18 @@ def constants(components: rot.Components) -> list[ca.SX]:
     return [ca.SX(ca.DM(x)).T for x in whole]
 
 
-def local(body: Body, point: Value, params: Any) -> Any:
-    """Return a point of the world, as drawn, in the axes of a body."""
-    point, at = resolved(point, params), resolved(body.at, params)
-    if isinstance(point, np.ndarray) and isinstance(at, np.ndarray):
-        own = np.array(rot.rotate(rot.conjugate(body.rotation), point - at))
-        return np.where(np.abs(own) < NONE * np.abs(own).max(), 0.0, own)
-    difference = ca.vertsplit(column(point, params, 3) - column(at, params, 3))
-    return ca.vertcat(*rot.rotate(rot.conjugate(body.rotation), difference))
+def drawn(pairs: Sequence[tuple[Body, Value]], params: Any) -> ca.SX:
+    """Return points of the world, as drawn, in the axes of their bodies, a column each."""
+    places = [(resolved(point, params), resolved(body.at, params)) for body, point in pairs]
+    if all(isinstance(x, np.ndarray) for pair in places for x in pair):
+        turns = np.array([body.rotation for body, _ in pairs]).T
+        arms = np.array([point - at for point, at in places]).T
+        own = np.array(rot.rotate(rot.conjugate(turns), arms))
+        # without the roundoff of zero, whose products vanish
+        return ca.SX(ca.DM(np.where(np.abs(own) < NONE * np.abs(own).max(axis=0), 0.0, own)))
+    columns = []
+    for (body, _), (point, at) in zip(pairs, places, strict=True):
+        arm = ca.vertsplit(column(point, params, 3) - column(at, params, 3))
+        columns.append(ca.vertcat(*rot.rotate(rot.conjugate(body.rotation), arm)))
+    found: ca.SX = ca.horzcat(*columns)
+    return found

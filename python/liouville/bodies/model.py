@@ -15,7 +15,7 @@ from liouville.bodies.chaining import Coupling
 from liouville.bodies.compound import grouped, rotors
 from liouville.bodies.elements import Efforts, Element, of_elements, of_joints
 from liouville.bodies.friction import contacts, edge, multipliers, normal_forces, switches
-from liouville.bodies.joints import KINDS, MOTION, Joint, local
+from liouville.bodies.joints import KINDS, MOTION, Joint, drawn
 from liouville.bodies.poses import Poses, kinetic
 from liouville.bodies.rolling import rolled
 
@@ -232,17 +232,17 @@ class Model:
         own = [self.coordinates[key] for key in order]
         values, rates, efforts = zip(*own, strict=True) if own else ((), (), ())
         points = [
-            local((joint.a, joint.b)[side], joint.points[side], self.params)
+            ((joint.a, joint.b)[side], joint.points[side])
             for joint in self.joints
             for side in range(2)
         ]
-        anchors = [local(x.a, axis.point, self.params) for x in self.joints for axis in x.axes]
+        anchors = [(x.a, axis.point) for x in self.joints for axis in x.axes]
         return {
             "values": _column([ca.SX(0) if x is None else x for x in values]),
             "rates": _column(rates),
             "efforts": _column(efforts),
-            "points": ca.vec(stacked(points)) if points else ca.SX(0, 1),
-            "anchors": ca.vec(stacked(anchors)) if anchors else ca.SX(0, 1),
+            "points": self._drawn(points),
+            "anchors": self._drawn(anchors),
             "drawn": ca.vec(stacked([_place(body, self.params) for body in self.bodies])),
             "pitches": self._sizes("pitch"),
             **self._looks(),
@@ -251,18 +251,21 @@ class Model:
     def _looks(self) -> dict[str, ca.SX]:
         """Return the expressions of what is drawn besides."""
         ends = [
-            local((element.a, element.b)[side], element.points[side], self.params)
+            ((element.a, element.b)[side], element.points[side])
             for element in self.elements
             if element.kind == "spring"
             for side in range(2)
         ]
         return {
             "radii": self._sizes("radius"),
-            "ends": ca.vec(stacked(ends)) if ends else ca.SX(0, 1),
+            "ends": self._drawn(ends),
             "masses": ca.vec(row([body.mass for body in self.bodies], self.params)),
             "inertias": ca.vec(stacked([_inertia(body, self.params) for body in self.bodies])),
             "gravity": column(self.gravity, self.params, 3),
         }
+
+    def _drawn(self, pairs: Sequence[tuple[Body, Value]]) -> ca.SX:
+        return ca.vec(drawn(pairs, self.params)) if pairs else ca.SX(0, 1)
 
     def _sizes(self, name: str) -> ca.SX:
         """Return a measure of all joints, zero of those that have none."""
