@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache, partial
-from itertools import chain
+from itertools import chain, repeat
 from typing import Any
 
 import numpy as np
@@ -40,11 +40,15 @@ class Part:
         Where they are, shape (k,).
     size : int
         Number of outputs.
+    minus : (Part, ndarray) or None
+        Instead of the expressions, another part of the tape and the order in which these are the
+        negatives of its own.
     """
 
     values: ca.SX
     places: np.ndarray
     size: int
+    minus: tuple[Part, np.ndarray] | None = None
 
     @classmethod
     def of(cls, x: ca.SX) -> Part:
@@ -78,7 +82,7 @@ def record(name: str, inputs: Mapping[str, ca.SX], *outputs: ca.SX | Part) -> Ta
     column = ca.vertcat(ca.SX(0, 1), *(part.values for part in parts))
     function = _function(name, inputs, column, reuse=False)
     lines, values = _program(function)
-    lines[:, 0] = _codes(name, function, lines[:, 0])
+    lines[:, 0] = _codes(name, lines[:, 0], values)
     starts = np.cumsum([0, *(part.size for part in parts)])
     places = np.concatenate(
         [
@@ -86,10 +90,16 @@ def record(name: str, inputs: Mapping[str, ca.SX], *outputs: ca.SX | Part) -> Ta
             *(x.places + at for x, at in zip(parts, starts, strict=False)),
         ]
     )
-    is_output = lines[:, 0] == _OUTPUT
-    lines[is_output, 2] = places[lines[is_output, 2]]
+    own = [np.full(x.places.size, x.minus is None) for x in parts]
+    traced = np.concatenate([np.empty(0, dtype=bool), *own])
     zeros = np.ones(starts[-1], dtype=bool)
     zeros[places] = False
+    is_output = lines[:, 0] == _OUTPUT
+    order = lines[is_output, 2]
+    slots = np.empty(order.size, dtype=np.int64)
+    slots[order] = lines[is_output, 1]
+    lines[is_output, 2] = places[traced][order]
+    lines, values = _with_negatives(lines, values, slots[_negatives(parts)], places[~traced])
     lines, values = _with_zeros(lines, values, np.flatnonzero(zeros))
     return Tape([x.numel() for x in inputs.values()], int(starts[-1]), lines, values)
 
@@ -97,7 +107,8 @@ def record(name: str, inputs: Mapping[str, ca.SX], *outputs: ca.SX | Part) -> Ta
 def check(name: str, inputs: Mapping[str, ca.SX], expression: ca.SX) -> None:
     """Refuse an expression that :func:`record` would refuse."""
     function = _function(name, inputs, ca.vec(expression.nz[:]))
-    _codes(name, function, _instructions(function))
+    codes = _instructions(function)
+    _codes(name, codes, _constants_of(function, codes))
 
 
 def read(
@@ -157,7 +168,7 @@ def _function(
     return function
 
 
-def _ask(function: ca.Function, what: str) -> Callable[[int], Any]:
+def _ask(function: ca.Function, what: str) -> partial[Any]:
     """Return the function that tells something of an instruction, without CasADi's wrapper.
 
     Large systems have 10^5 instructions and more, and through the methods of the class each call
@@ -167,10 +178,16 @@ def _ask(function: ca.Function, what: str) -> Callable[[int], Any]:
     return partial(getattr(ca.raw, f"Function_instruction_{what}"), pointer)
 
 
+def _each(function: ca.Function, what: str, places: Iterable[int]) -> Iterator[Any]:
+    """Ask something of many instructions."""
+    asked = _ask(function, what)
+    return map(asked.func, repeat(*asked.args), places)
+
+
 def _instructions(function: ca.Function) -> np.ndarray:
     """Return CasADi's code of each instruction."""
     count = function.n_instructions()
-    return np.fromiter(map(_ask(function, "id"), range(count)), np.int64, count)
+    return np.fromiter(_each(function, "id", range(count)), np.int64, count)
 
 
 def _distinct(codes: np.ndarray) -> list[int]:
@@ -189,31 +206,35 @@ def _program(function: ca.Function) -> tuple[np.ndarray, np.ndarray]:
     lines[:, 0] = codes
     lines[:, 1] = np.cumsum(~is_output) - 1
     lines[is_output, 2] = np.arange(is_output.sum())
-    values = np.zeros(codes.size)
-    operands = _ask(function, "input")
     for code in _distinct(codes):
         at = np.flatnonzero(codes == code)
         places = at.tolist()
         if code == ca.OP_CONST:
-            values[at] = _constants(function, places)
             continue
-        first, count = 1 if code == ca.OP_OUTPUT else 2, len(operands(places[0]))
-        found = np.fromiter(chain.from_iterable(map(operands, places)), np.int64, count * at.size)
+        first, count = 1 if code == ca.OP_OUTPUT else 2, len(_ask(function, "input")(places[0]))
+        operands = chain.from_iterable(_each(function, "input", places))
+        found = np.fromiter(operands, np.int64, count * at.size)
         lines[at, first : first + count] = found.reshape(-1, count)
-    return lines, values
+    return lines, _constants_of(function, codes)
 
 
 def _constants(function: ca.Function, places: list[int]) -> list[float]:
-    return list(map(_ask(function, "constant"), places))
+    return list(_each(function, "constant", places))
 
 
-def _codes(name: str, function: ca.Function, codes: np.ndarray) -> np.ndarray:
+def _constants_of(function: ca.Function, codes: np.ndarray) -> np.ndarray:
+    """Return the constants of instructions with these codes, zero of all others."""
+    values, at = np.zeros(codes.size), np.flatnonzero(codes == ca.OP_CONST)
+    values[at] = _constants(function, at.tolist())
+    return values
+
+
+def _codes(name: str, codes: np.ndarray, values: np.ndarray) -> np.ndarray:
     """Return the core's codes for CasADi's, once each is seen to have a place on a tape."""
     found = np.empty_like(codes)
     for code in _distinct(codes):
         at = codes == code
-        is_constant = code == ca.OP_CONST
-        if is_constant and np.isnan(_constants(function, np.flatnonzero(at).tolist())).any():
+        if code == ca.OP_CONST and np.isnan(values[at]).any():
             raise ValueError(
                 hinted(
                     f"{name} contains the constant nan",
@@ -234,6 +255,45 @@ def _operation(name: str, code: int) -> int:
         sentence = f"{name} uses the operation '{operation}', which has no place on a tape"
         raise ValueError(hinted(sentence, CALLED if operation == "call" else ELEMENTARY))
     return OPERATIONS[operation]
+
+
+def _negatives(parts: Sequence[Part]) -> np.ndarray:
+    """Return the expressions, by their place in the column, that negatives are of."""
+    traced = [part for part in parts if part.minus is None]
+    starts = np.cumsum([0, *(part.places.size for part in traced)])
+    found = [np.empty(0, dtype=np.int64)]
+    for part in parts:
+        if part.minus is not None:
+            other, order = part.minus
+            at = next(k for k, own in enumerate(traced) if own is other)
+            found.append(starts[at] + order)
+    return np.concatenate(found)
+
+
+def _with_negatives(
+    lines: np.ndarray, values: np.ndarray, slots: np.ndarray, places: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """Write the negatives of slots to outputs, as CasADi does: those of constants are constants.
+
+    A negative of a negative is what that is of.
+    """
+    if places.size == 0:
+        return lines, values
+    makers = np.flatnonzero(lines[:, 0] != _OUTPUT)[slots]
+    first = lines[:, 1].max(initial=-1) + 1
+    count, minus = slots.size, OPERATIONS["neg"]
+    is_constant, is_minus = (lines[makers, 0] == code for code in (_CONSTANT, minus))
+    more = np.zeros((2 * count, 4), dtype=np.int64)
+    made, written = more[:count], more[count:]
+    made[:, 0] = np.where(is_constant, _CONSTANT, minus)
+    made[:, 1] = first + np.arange(count)
+    made[:, 2] = np.where(is_constant, 0, slots)
+    written[:, 0], written[:, 2] = _OUTPUT, places
+    written[:, 1] = np.where(is_minus, lines[makers, 2], made[:, 1])
+    constants = np.where(is_constant, 0.0 - values[makers], 0.0)  # zero has no sign
+    keep = np.append(~is_minus, np.ones(count, dtype=bool))
+    more_values = np.append(constants, np.zeros(count))
+    return np.vstack([lines, more[keep]]), np.append(values, more_values[keep])
 
 
 def _with_zeros(

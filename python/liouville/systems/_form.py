@@ -71,12 +71,13 @@ def compiled(
     w = total_derivative(g, s, v)
     p_z, v_z = jacobian(p, s.z), jacobian(v, s.z)
     g_y = jacobian(g, s.y) if model.g_y is None else model.g_y
-    r_lam = -g_y.T if model.is_ideal else jacobian(r, lam)
+    slopes = Block(g_y)
+    r_lam = None if model.is_ideal else jacobian(r, lam)
     own = model.nonholonomic
     k_z, rn_nu = jacobian(own.k, s.z), jacobian(own.rn, own.nu)
     is_linear = not (
         any(ca.depends_on(entries(x), s.z) for x in (p_z, v_z, k_z))
-        or ca.depends_on(entries(r_lam), lam)
+        or (r_lam is not None and ca.depends_on(entries(r_lam), lam))
         or ca.depends_on(entries(rn_nu), own.nu)
     )
     jac = {
@@ -86,8 +87,8 @@ def compiled(
         "f_y": Block(jacobian(f, s.y), linear.stiffness, -1.0),
         "f_z": Block(jacobian(f, s.z), linear.damping, -1.0),
         "v_y": Block(jacobian(v, s.y)),
-        "g_y": Block(g_y),
-        "r_lam": Block(r_lam),
+        "g_y": slopes,
+        "r_lam": slopes.minus_transposed() if r_lam is None else Block(r_lam),
         "r_y": Block(jacobian(r, s.y)),
     }
     velocity = [v] if own_velocity else []

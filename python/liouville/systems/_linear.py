@@ -131,3 +131,13 @@ class Block:
         self.constant = np.zeros(places.size)
         if matrix is not None:
             self.constant[np.searchsorted(places, matrix.places)] = factor * matrix.values
+
+    def minus_transposed(self) -> Block:
+        """Return the negative transposed, which is not traced again."""
+        rows, cols, row, col = self.pattern
+        order = np.lexsort((col, row))
+        found = object.__new__(Block)
+        found.pattern = (cols, rows, col[order], row[order])
+        found.part = Part(ca.SX(0, 1), np.arange(order.size), order.size, (self.part, order))
+        found.constant = np.zeros(order.size)
+        return found
