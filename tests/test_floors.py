@@ -61,7 +61,7 @@ PACKAGE_FLOORS = (
     ("analysis", "distribute", "planner"),
     ("runners",),
     ("integrate",),
-    ("determinant", "ensemble", "exponents", "fitting", "gradients", "section"),
+    ("determinant", "ensemble", "exponents", "fitting", "gradients", "optimal", "section"),
     ("convergence", "export", "fem", "plot", "problems"),
     ("stored",),
     ("cli",),
@@ -83,7 +83,7 @@ CRATE_ROOMS = {
 }
 PACKAGE_ROOMS = {
     "casadi": ("_casadi.py", "problems/"),
-    "liouville._casadi": ("bodies/", "systems/", "tape.py"),
+    "liouville._casadi": ("bodies/", "optimal/", "systems/", "tape.py"),
     "google_crc32c": ("stored/folder.py",),
     "h5netcdf": ("export/",),
     "matplotlib": ("plot/",),

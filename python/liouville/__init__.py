@@ -8,6 +8,7 @@ from liouville.control import Reversible as Reversible
 from liouville.determinant import determinant as determinant
 from liouville.ensemble import ensemble as ensemble
 from liouville.errors import IntegrationError as IntegrationError
+from liouville.errors import OptimizationError as OptimizationError
 from liouville.events import Event as Event
 from liouville.events import Impact as Impact
 from liouville.failure import Failure as Failure
@@ -58,6 +59,8 @@ if _typing.TYPE_CHECKING:
     from liouville.gradients import Pullback as Pullback
     from liouville.gradients import check_gradient as check_gradient
     from liouville.gradients import vjp as vjp
+    from liouville.optimal.control import optimal_control as optimal_control
+    from liouville.optimal.result import OptimalControl as OptimalControl
     from liouville.planner import FieldPlan as FieldPlan
     from liouville.planner import Plan as Plan
     from liouville.planner import WavePlan as WavePlan
@@ -81,6 +84,8 @@ _LATER = {
     "Pullback": "gradients",
     "check_gradient": "gradients",
     "vjp": "gradients",
+    "OptimalControl": "optimal",
+    "optimal_control": "optimal",
     "FieldPlan": "planner",
     "Plan": "planner",
     "WavePlan": "planner",

@@ -7,6 +7,7 @@ from collections.abc import Collection, Sequence
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from liouville.optimal import OptimalControl
     from liouville.section import Section
     from liouville.solution import Solution
 
@@ -48,6 +49,33 @@ class IntegrationError(RuntimeError):
         self.member = member
         self.solution = solution
         self.section = section
+
+
+class OptimizationError(RuntimeError):
+    """IPOPT found no solution of an optimal control problem.
+
+    Attributes
+    ----------
+    status : str
+        What IPOPT returned, such as ``"Infeasible_Problem_Detected"``.
+    iterations : int
+        How many it took.
+    result : OptimalControl or None
+        The last iterate, which may be the guess of another attempt.
+    """
+
+    def __init__(
+        self,
+        message: str,
+        *,
+        status: str = "",
+        iterations: int = 0,
+        result: OptimalControl | None = None,
+    ) -> None:
+        super().__init__(message)
+        self.status = status
+        self.iterations = iterations
+        self.result = result
 
 
 def hinted(message: str, hint: str) -> str:

@@ -1,0 +1,214 @@
+"""What a user gives of an optimal control problem, checked: controls, bounds, times, guesses."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from liouville import _casadi as ca
+from liouville._arguments import count, interval, number
+from liouville.errors import hinted, quoted
+from liouville.methods import Method, Spark
+from liouville.systems import Mechanics, _trace
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Controls:
+    """Parameters of a system that are functions of time.
+
+    Attributes
+    ----------
+    names : tuple of str
+        Their names.
+    shapes : dict of str to tuple
+        The shape of each, () or (k,).
+    places : ndarray of int
+        Where their elements are among the elements of all parameters.
+    """
+
+    names: tuple[str, ...]
+    shapes: dict[str, tuple[int, ...]]
+    places: NDArray[np.int64]
+
+    @classmethod
+    def of(cls, system: Mechanics, given: Any) -> Controls:
+        """Find them among the parameters, and refuse those that are not in forces alone."""
+        if isinstance(given, str) or not isinstance(given, Sequence):
+            hint = f"write controls=({given!r},)" if isinstance(given, str) else "name parameters"
+            raise TypeError(hinted(f"controls is a sequence of names, not {given!r}", hint))
+        defaults = system._symbols.params.defaults
+        names = tuple(given)
+        for name in names:
+            if name not in defaults:
+                known = ", ".join(defaults) or "none"
+                sentence = f"control {name!r} is no parameter of the system, which has {known}"
+                hint = "declare it with its default, params={'F': 0.0}, and use it in the force"
+                raise ValueError(hinted(sentence, hint))
+            if names.count(name) > 1:
+                raise ValueError(f"controls names {name!r} twice")
+        if not names:
+            raise ValueError("controls names no parameter")
+        sizes = [max(x.size, 1) for x in defaults.values()]
+        firsts = dict(zip(defaults, np.cumsum([0, *sizes]).tolist(), strict=False))
+        places = [np.arange(firsts[x], firsts[x] + defaults[x].size) for x in names]
+        found = cls(names, {x: defaults[x].shape for x in names}, np.concatenate(places))
+        found._check(system)
+        return found
+
+    def _check(self, system: Mechanics) -> None:
+        model = system._model
+        elsewhere = {
+            "the momentum": model.p,
+            "the velocity": model.v,
+            "a constraint": ca.vertcat(model.g, model.nonholonomic.k),
+            "a reaction": ca.vertcat(model.r, model.nonholonomic.rn),
+        }
+        for name in self.names:
+            own = getattr(system._symbols.params.namespace, name)
+            for what, expression in elsewhere.items():
+                if ca.depends_on(expression, own):
+                    sentence = f"control '{name}' is in {what}, and controls act by forces alone"
+                    hint = "let a force drive the motion, and bound or prescribe that at its end"
+                    raise ValueError(hinted(sentence, hint))
+            if not ca.depends_on(model.f, own):
+                sentence = f"control '{name}' is in no force: nothing depends on it"
+                raise ValueError(hinted(sentence, f"use params.{name} in the force"))
+
+    @property
+    def size(self) -> int:
+        """The number of their elements."""
+        return len(self.places)
+
+    def split(self, values: Array) -> dict[str, Array]:
+        """Name elements along the last axis."""
+        sizes = [math.prod(shape) for shape in self.shapes.values()]
+        parts = np.split(values, np.cumsum(sizes)[:-1], axis=-1)
+        return {
+            name: part.reshape(*part.shape[:-1], *self.shapes[name])
+            for name, part in zip(self.names, parts, strict=True)
+        }
+
+
+@dataclass(frozen=True)
+class Times:
+    """Start, end or its limits, and the number of equal steps."""
+
+    start: float
+    end: float
+    limits: tuple[float, float] | None
+    steps: int
+
+    @classmethod
+    def of(cls, t: Any, h: Any, steps: Any, final_time: Any) -> Times:
+        """Check what is given of them."""
+        t0, t1 = interval(t)
+        if t1 < t0:
+            raise ValueError(f"optimal control goes forward in time, not from {t0:g} to {t1:g}")
+        if (h is None) == (steps is None):
+            raise TypeError("optimal control takes either h or steps")
+        if steps is None:
+            h = number("h is a number", h)
+            if not 0 < h < math.inf:
+                raise ValueError(f"h is positive, not {h:g}")
+            steps = max(1, math.ceil((t1 - t0) / h * (1 - 1e-12)))
+        return cls(t0, t1, cls._limits(final_time, t0, t1), count("steps", steps))
+
+    @staticmethod
+    def _limits(given: Any, t0: float, t1: float) -> tuple[float, float] | None:
+        if given is None:
+            return None
+        low, high = pair("final_time", given, ())
+        if not t0 < low <= t1 <= high:
+            sentence = f"final_time is from {low:g} to {high:g}, with the guess {t1:g} of t in it"
+            raise ValueError(hinted(sentence, f"limits are above the start, {t0:g}"))
+        return float(low), float(high)
+
+    @property
+    def h(self) -> float:
+        """The step, of a guess where the final time is free."""
+        return (self.end - self.start) / self.steps
+
+
+def checked_method(method: Method | str) -> Spark:
+    """Return the method, whose stages are Gauss points."""
+    if not isinstance(method, Spark):
+        sentence = f"optimal control takes the step equations of Spark, not of {method!r}"
+        raise TypeError(hinted(sentence, "lv.Spark(3) has order 6 in the controls too"))
+    if method.points != "gauss":
+        sentence = f"optimal control takes Gauss points, not {method.points!r}"
+        raise ValueError(
+            hinted(sentence, "the adjoint of Radau stages is another method, of lower order")
+        )
+    return method
+
+
+def pair(what: str, given: Any, shape: tuple[int, ...]) -> tuple[Array, Array]:
+    """Return least and largest values of a quantity; None leaves a side open."""
+    if not isinstance(given, Sequence | np.ndarray) or isinstance(given, str) or len(given) != 2:
+        raise TypeError(f"{what} is bounded by a pair (least, largest), not {given!r}")
+    found = []
+    for side, open_side in zip(given, (-np.inf, np.inf), strict=True):
+        array = _trace.numbers(open_side if side is None else side)
+        if array is None or np.isnan(array).any() or array.shape not in ((), shape):
+            raise ValueError(f"a bound of {what} is a number or has shape {shape}, not {side!r}")
+        found.append(np.broadcast_to(array, shape))
+    if (found[0] > found[1]).any():
+        raise ValueError(f"the bounds of {what} leave nothing: {given!r}")
+    return found[0], found[1]
+
+
+@dataclass(frozen=True)
+class Bounds:
+    """Least and largest values: of y and z, shape (2, 2, n), and of controls, shape (2, k)."""
+
+    states: Array
+    controls: Array
+
+    @classmethod
+    def of(cls, system: Mechanics, controls: Controls, given: Any) -> Bounds:
+        """Read them by the names of controls and states."""
+        sides = np.array([-np.inf, np.inf])[:, None]
+        n = len(system.coordinates)
+        states = np.tile(sides[:, None], (1, 2, n))
+        own = {name: np.empty((2, *shape)) for name, shape in controls.shapes.items()}
+        for name in own:
+            own[name][:] = sides.reshape(2, *([1] * (own[name].ndim - 1)))
+        for name, value in _trace.mapping("bounds", given).items():
+            if name in own:
+                own[name][:] = pair(f"control '{name}'", value, controls.shapes[name])
+            elif name in system.states:
+                place = system.states.index(name)
+                states[:, place] = _state_bounds(system, name, value, states[:, place])
+            else:
+                known = ", ".join([*controls.names, *system.states])
+                raise ValueError(hinted(f"bounds has no use for {name!r}", f"it takes {known}"))
+        return cls(states, np.concatenate([x.reshape(2, -1) for x in own.values()], axis=1))
+
+    def check(self, system: Mechanics, place: int, values: Array, when: str) -> None:
+        """Refuse a state, y (0) or z (1), outside its bounds."""
+        low, high = self.states[:, place]
+        bad = np.flatnonzero((values < low) | (values > high))
+        if bad.size:
+            k = int(bad[0])
+            name = f"{system.states[place]} of '{system.coordinates[k]}'"
+            bounds = f"from {low[k]:g} to {high[k]:g}"
+            raise ValueError(f"{name} is {values[k]:g} {when}, and its bounds are {bounds}")
+
+
+def _state_bounds(system: Mechanics, name: str, value: Any, free: Array) -> Array:
+    if not isinstance(value, Mapping):
+        return np.array(pair(name, value, (len(system.coordinates),)))
+    found = free.copy()
+    for coordinate, own in value.items():
+        if coordinate not in system.coordinates:
+            known = quoted(system.coordinates[:6])
+            raise ValueError(hinted(f"bounds of {name}: there is no '{coordinate}'", known))
+        found[:, system.coordinates.index(coordinate)] = pair(f"{name} of '{coordinate}'", own, ())
+    return found

@@ -1,0 +1,305 @@
+"""An optimal control problem, checked, and what its nonlinear program gives."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from time import perf_counter
+from typing import Any
+
+import numpy as np
+
+from liouville import _casadi as ca
+from liouville import _core
+from liouville.errors import IntegrationError, OptimizationError, hinted
+from liouville.integrate import integrate
+from liouville.methods import Spark
+from liouville.optimal.arguments import Array, Bounds, Controls, Times, checked_method
+from liouville.optimal.final import Final, check_free
+from liouville.optimal.guess import path_of
+from liouville.optimal.nodal import Hamiltonian
+from liouville.optimal.result import OptimalControl
+from liouville.optimal.transcription import Equations, Transcription
+from liouville.systems import Mechanics, _trace
+
+#: What IPOPT calls a solution.
+SOLVED = ("Solve_Succeeded", "Solved_To_Acceptable_Level")
+
+#: A final state may be off the one asked for by this part of its size.
+REACHED = 1e-6
+
+#: So many steps at most are made again to see whether a run follows them.
+MOST, TINY = 20, 1e-12
+
+
+class Problem:
+    """What was asked, checked, with its nonlinear program."""
+
+    def __init__(
+        self, system: Any, method: Any, controls: Any, cost: Any, final_cost: Any, times: Times,
+        final: Any, bounds: Any, params: Any, start: Mapping[str, Any],
+    ) -> None:  # fmt: skip
+        self.method: Spark = checked_method(method)
+        self.system, self.times = _mechanical(system), times
+        self.controls = Controls.of(system, controls)
+        self.params = system.values(params)
+        self.start: tuple[Array, Array] = system.start(start)
+        system.check(times.start, *self.start, self.params)
+        self.reduced = system.stepped(times.start, *self.start, self.params)
+        self.bounds = Bounds.of(system, self.controls, bounds)
+        self.final = Final.of(system, self.controls, final)
+        self.equations = Equations(
+            self.reduced, self.controls, self.params, self._costs(cost, final_cost)
+        )
+        self._check_end()
+        self.transcription = Transcription(
+            self.reduced, self.method.stages, self.equations, times, self.final, self.params
+        )
+
+    def _costs(self, cost: Any, final_cost: Any) -> dict[str, ca.SX]:
+        given = {"cost": cost, "final_cost": final_cost}
+        found = {
+            name: _trace.scalar(name, function, self.system._symbols.args)
+            for name, function in given.items()
+            if function is not None
+        }
+        if not found:
+            hint = "cost=lambda t, q, v, params: params.F**2 is the effort of a control"
+            raise TypeError(hinted("optimal control needs cost or final_cost", hint))
+        if "final_cost" in found:
+            check_free("final_cost", found["final_cost"], self.system, self.controls)
+        return found
+
+    def _check_end(self) -> None:
+        end = self.final.guess(*self.start)
+        self.final.check(self.system, self.reduced, self.times.end, end, self.params)
+        for place, values in enumerate(end):
+            self.bounds.check(self.system, place, self.start[place], "at the start")
+            if place in self.final.whole:
+                self.bounds.check(self.system, place, values, "at the end")
+
+    def solve(self, guess: Any, options: Mapping[str, Any]) -> OptimalControl:
+        """Solve it from a guess."""
+        begun = perf_counter()
+        transcription, program = self.transcription, self.transcription.program
+        path = path_of(guess, self)
+        limits = transcription.bounds(self.bounds, self.start)
+        x0 = np.clip(transcription.guess(self.start, path), *limits)
+        with np.errstate(all="ignore"):
+            found, stats = program.solve(x0, limits, options)
+        result = self._result(found, stats, perf_counter() - begun)
+        if stats["return_status"] not in SOLVED:
+            raise self._error(found["g"], result)
+        self._check_reached(result)
+        self._check_leaps(result, found["x"][transcription.layout.V])
+        return result
+
+    def _result(
+        self, found: dict[str, Array], stats: dict[str, Any], seconds: float
+    ) -> OptimalControl:
+        layout, program, system = self.transcription.layout, self.transcription.program, self.system
+        x, steps = found["x"], self.times.steps
+        end = float(x[layout.end[0]]) if layout.end.size else self.times.end
+        h = (end - self.times.start) / steps
+        t: Array = self.times.start + h * np.arange(steps + 1.0)
+        y, z, u = x[layout.y], x[layout.z], x[layout.u]
+        costates = self._costates(found)
+        nodal, message = self._nodal(t, y, z, costates[1], u)
+        repeated = self.final.repeated(self.reduced, end, (y[-1], z[-1]), self.params)
+        if repeated is not None:
+            message = f"{repeated} repeats others at the end found, where costates are not unique"
+        lam = self._multipliers(t, y, z, nodal)
+        states = system.states_at(t, np.hstack([y, z, lam]), self.params)
+        table, names = self.transcription.table, self.controls.names
+        every = system._symbols.params.defaults
+        return OptimalControl(
+            t=t,
+            states=states,
+            controls=self.controls.split(nodal),
+            stage_t=t[:-1, None] + h * table["c"],
+            stage_controls=self.controls.split(u),
+            weights=table["b"].copy(),
+            costates={
+                system.states[0]: self._along(t, y, costates[0]),
+                "p": costates[1],
+            },
+            cost=float(found["f"][0]),
+            h=h,
+            status=stats["return_status"],
+            iterations=int(stats["iter_count"]),
+            message=message,
+            stats={
+                "variables": program.size,
+                "equations": program.equations,
+                "violation": float(np.abs(found["g"]).max(initial=0.0)),
+                "seconds": seconds,
+            },
+            method=repr(self.method),
+            params={k: v for k, v in _named(every, self.params).items() if k not in names},
+            system=system,
+            _how=(self.method, self.controls),
+        )
+
+    def _costates(self, found: dict[str, Array]) -> tuple[Array, Array]:
+        """Return the costates of position and momentum at all nodes.
+
+        They are multipliers of the updates of a step, with the opposite sign; at the start those of
+        the first step's other rows are added, which the gradient of the whole has in it.
+        """
+        transcription, n, m = self.transcription, self.equations.n, self.equations.m
+        program, layout = transcription.program, transcription.layout
+        rows = program.rows_of(transcription.step, found["lam_g"])
+        last = rows[:, -(2 * n + m) :]
+        lam, pi = -last[:, :n], -last[:, n : 2 * n]
+        own = 0 if self.equations.is_own_velocity else self.method.stages * n
+        stages = rows[0, own : own + self.method.stages * n].reshape(-1, n)
+        first = pi[0] - stages.sum(axis=0)
+        slope = program.slope(found["x"], found["lam_g"])[layout.y[0]]
+        s, model = self.reduced._symbols, self.reduced._model
+        p_y = ca.Function("p_y", s.all, [ca.jacobian(model.p, s.y)])
+        moved = np.array(ca.DM(p_y(self.times.start, *self.start, self.params)))
+        return np.vstack([slope - moved.T @ first, lam]), np.vstack([first, pi])
+
+    def _along(self, t: Array, y: Array, costate: Array) -> Array:
+        """Return the part of costates of the position that is along the constraints."""
+        s, model = self.reduced._symbols, self.reduced._model
+        if not self.equations.m:
+            return costate
+        slopes = ca.Function("g_y", [s.t, s.y, s.params.vector], [ca.jacobian(model.g, s.y)])
+        found = costate.copy()
+        for k, (time, place) in enumerate(zip(t, y, strict=True)):
+            g_y = np.array(ca.DM(slopes(time, place, self.params)))
+            found[k] -= g_y.T @ np.linalg.lstsq(g_y.T, costate[k])[0]
+        return found
+
+    def _nodal(self, t: Array, y: Array, z: Array, pi: Array, stages: Array) -> tuple[Array, str]:
+        """Return controls at nodes, and what is to be said of them."""
+        c = self.transcription.table["c"]
+        ends = np.linalg.solve(
+            np.vander(c, increasing=True).T, np.vander([0.0, 1.0], c.size, True).T
+        )
+        start, end = np.einsum("ik,nij->knj", ends, stages)
+        interpolated = np.vstack([start[:1], (end[:-1] + start[1:]) / 2, end[-1:]])
+        bounds = self.bounds.controls
+        interpolated = np.clip(interpolated, *bounds)
+        found = Hamiltonian(self.equations).minimum((t, y, z, pi), interpolated, bounds)
+        if found is not None:
+            return found, ""
+        return interpolated, (
+            "controls at nodes are interpolated between stages: the Hamiltonian has no minimum in "
+            "them that says more"
+        )
+
+    def _multipliers(self, t: Array, y: Array, z: Array, u: Array) -> Array:
+        """Return the multipliers at nodes, from accelerations there; NaN where there are none."""
+        params, rows = self.params.copy(), []
+        for k in range(t.size):
+            params[self.controls.places] = u[k]
+            at = t[k : k + 1], np.ascontiguousarray(y[k : k + 1]), z[k : k + 1].copy()
+            found = _core.path(self.reduced.problem, params, 2, *at, t[k : k + 1])
+            if isinstance(found, dict):
+                rows.append(np.full(len(self.system.constraints), np.nan))
+            else:
+                rows.append(found[2][0])
+        return np.array(rows).reshape(t.size, -1)
+
+    def _check_reached(self, result: OptimalControl) -> None:
+        for place, wanted in self.final.whole.items():
+            name = self.system.states[place]
+            off = np.abs(result.states[name][-1] - wanted)
+            if off.max() > REACHED * max(np.abs(wanted).max(), 1.0):
+                k = int(np.argmax(off))
+                sentence = (
+                    f"the motion found ends with {name} of '{self.system.coordinates[k]}' "
+                    f"{off[k]:.2g} off: it meets the constraints at another place"
+                )
+                hint = f"give more of the final state, or a guess that ends at this {name}"
+                raise self._failed(hinted(sentence, hint), result)
+
+    def _check_leaps(self, result: OptimalControl, V: Array) -> None:
+        """Refuse a solution of the step equations that no run follows.
+
+        Large steps have other solutions, where reactions throw the mechanism across a gap. They are
+        looked for where velocities within a step are more than twice those at its ends, and made
+        again by a run.
+        """
+        ends, inside = np.abs(result.states["v"]).max(axis=1), np.abs(V).max(axis=(1, 2))
+        ratio = inside / (np.maximum(ends[:-1], ends[1:]) + TINY * inside.max())
+        first, second = self.system.states
+        for k in np.argsort(-ratio)[:MOST].tolist():
+            if not ratio[k] > 2:
+                return
+            start = {name: result.states[name][k] for name in (first, second)}
+            t = float(result.t[k]), float(result.t[k + 1])
+            try:
+                run = integrate(
+                    result.driven, self.method, t=t, steps=1, params=result.params, **start
+                )
+                off = np.abs(run.states[first][-1] - result.states[first][k + 1]).max()
+            except (IntegrationError, ValueError):
+                off = np.inf
+            if off > REACHED * max(np.abs(result.states[first]).max(), TINY):
+                sentence = (
+                    f"the motion found leaps in step {k}, at t = {t[0]:g}: its equations hold, and "
+                    "no run follows them"
+                )
+                hint = "take more steps, a guess along a motion, or bounds that leave one"
+                raise self._failed(hinted(sentence, hint), result)
+
+    def _error(self, g: Array, result: OptimalControl) -> OptimizationError:
+        """Return the error of a run of IPOPT that found nothing."""
+        row = int(np.argmax(np.abs(g))) if np.isfinite(g).all() else 0
+        label, copy = self.transcription.program.label(row)
+        step = "" if label.startswith("final") else f" in step {copy}"
+        off = f"{label}{step} is {abs(g[row]):.1e} off"
+        counted = f"IPOPT stopped after {result.iterations} iterations, {result.status}"
+        match result.status:
+            case "Infeasible_Problem_Detected":
+                sentence = f"no motion meets all conditions near the last one: {off}"
+                hint = "allow more time, wider bounds or fewer final conditions, or give a guess"
+            case "Maximum_Iterations_Exceeded" | "Maximum_CpuTime_Exceeded":
+                sentence = f"no optimum is found yet: {off}"
+                hint = (
+                    "go on from guess=error.result, solve with fewer steps first and give that as "
+                    "the guess, or raise options={'max_iter': ...}"
+                )
+            case "Diverging_Iterates":
+                sentence = "the cost falls without end"
+                hint = "bound the controls, or make the cost rise with them"
+            case "Not_Enough_Degrees_Of_Freedom":
+                sentence = "there are more final conditions than the controls can meet"
+                hint = "give fewer final conditions, or more steps"
+            case "Invalid_Number_Detected":
+                sentence = "a function of the model or the cost is not finite where IPOPT looked"
+                hint = "look for a division by zero or a root, bound the states, or give a guess"
+            case _:
+                sentence = f"no optimum is found: {off}"
+                hint = "give a guess nearer to it, or bounds that keep away from singular positions"
+        return self._failed(hinted(f"{sentence} ({counted})", hint), result)
+
+    def _failed(self, message: str, result: OptimalControl) -> OptimizationError:
+        return OptimizationError(
+            message, status=result.status, iterations=result.iterations, result=result
+        )
+
+
+def _mechanical(system: Any) -> Mechanics:
+    if not isinstance(system, Mechanics):
+        sentence = f"optimal control takes a mechanical system, not a {type(system).__name__}"
+        hint = "a Lagrangian, Hamiltonian, Mechanical, Structure or the system of an assembly"
+        raise TypeError(hinted(sentence, hint))
+    if system.nonholonomic:
+        sentence = (
+            f"optimal control takes holonomic constraints, and '{system.nonholonomic[0]}' is none"
+        )
+        hint = (
+            "the adjoint of nonholonomic steps is another method, whose controls have lower order"
+        )
+        raise TypeError(hinted(sentence, hint))
+    return system
+
+
+def _named(defaults: Mapping[str, Array], values: Array) -> dict[str, Any]:
+    """Name the elements of all parameters."""
+    places = np.cumsum([x.size for x in defaults.values()])[:-1]
+    parts = zip(defaults.items(), np.split(values, places), strict=True)
+    return {name: x.reshape(own.shape) if own.ndim else float(x[0]) for (name, own), x in parts}

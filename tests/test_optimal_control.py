@@ -1,0 +1,335 @@
+"""Optimal control: orders, published optima, what is kept, and what is refused."""
+
+import casadi as ca
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+
+import liouville as lv
+
+# A pendulum on a cart, from rest below to rest above in 3 s, with gravity 1: what minimises its
+# effort, in minimal coordinates (X, theta) by Pontryagin and shooting. Costates at the start:
+COSTATES = (-40.8125500643424, 5.07496110579028, -89.6459611176871, -81.6342305435885)
+LEAST = 31.569328809322
+
+
+def lagrangian(t, q, v, params):
+    return v[0] ** 2 / 2 + (v[1] ** 2 + v[2] ** 2) / 4 - q[2] / 2
+
+
+def rod(t, q, params):
+    return {"rod": ((q[1] - q[0]) ** 2 + q[2] ** 2 - params.l**2) / 2}
+
+
+CART = lv.Lagrangian(
+    lagrangian,
+    rod,
+    force=lambda t, q, v, params: [params.F, 0, 0],
+    q=("X", "x", "y"),
+    params={"F": 0.0, "l": 1.0, "idle": 0.0},
+)
+UPRIGHT = {"q": [0, 0, 1], "v": [0, 0, 0]}
+ANGLES = np.pi * np.linspace(0, 1, 41) ** 4 - 1.5 * np.sin(np.pi * np.linspace(0, 1, 41)) ** 2
+PUMPED = {"q": np.stack([0 * ANGLES, np.sin(ANGLES), -np.cos(ANGLES)], axis=1)}
+
+
+def effort(t, q, v, params):
+    return params.F**2 / 2
+
+
+def swing(stages=2, steps=40, system=CART, **more):
+    given = {
+        "controls": ("F",), "cost": effort, "t": (0, 3), "steps": steps, "q": [0, 0, -1],
+        "v": [0, 0, 0], "final": UPRIGHT, "guess": PUMPED,
+    }  # fmt: skip
+    return lv.optimal_control(system, lv.Spark(stages), **{**given, **more})
+
+
+@pytest.fixture(scope="module")
+def swung():
+    return swing(3, 48)
+
+
+@pytest.fixture(scope="module")
+def pontryagin():
+    """Return cart, angle, their rates and the control as a function of time, and the cost."""
+    x, u = ca.SX.sym("x", 8), ca.SX.sym("u")
+    _, angle, speed, rate, *_ = ca.vertsplit(x)
+    mass = ca.blockcat([[1.5, ca.cos(angle) / 2], [ca.cos(angle) / 2, 0.5]])
+    force = ca.vertcat(u + ca.sin(angle) * rate**2 / 2, -ca.sin(angle) / 2)
+    f = ca.vertcat(speed, rate, ca.solve(mass, force))
+    least = -ca.dot(x[4:], ca.jacobian(f, u))
+    hamiltonian = ca.substitute(u**2 / 2 + ca.dot(x[4:], f), u, least)
+    rates = ca.vertcat(ca.substitute(f, u, least), -ca.gradient(hamiltonian, x[:4]), least**2 / 2)
+    field, control = ca.Function("field", [x], [rates]), ca.Function("control", [x], [least])
+    run = solve_ivp(
+        lambda t, y: np.array(field(y[:8])).ravel(), (0, 3), [0, 0, 0, 0, *COSTATES, 0],
+        method="DOP853", rtol=1e-13, atol=1e-13, dense_output=True,
+    )  # fmt: skip
+
+    def at(t):
+        y = run.sol(t)
+        return y[:4], np.array(control.map(t.size)(y[:8])).ravel()
+
+    return at, run.y[8, -1]
+
+
+def errors(found, reference):
+    """Return the errors of cost, states, and controls at nodes."""
+    at, cost = reference
+    (X, angle, speed, rate), u = at(found.t)
+    q = np.stack([X, X + np.sin(angle), -np.cos(angle)], axis=1)
+    v = np.stack([speed, speed + np.cos(angle) * rate, np.sin(angle) * rate], axis=1)
+    states = max(np.abs(found.q - q).max(), np.abs(found.v - v).max())
+    return np.array([abs(found.cost - cost), states, np.abs(found.controls["F"] - u).max()])
+
+
+@pytest.mark.parametrize(("stages", "steps"), [(1, (40, 80)), (2, (40, 80)), (3, (48, 80))])
+def test_cost_states_and_controls_at_nodes_have_the_order_of_pontryagin_s(
+    stages, steps, swung, pontryagin
+):
+    assert abs(pontryagin[1] - LEAST) < 1e-9
+    coarse, fine = (errors(swing(stages, N, guess=swung), pontryagin) for N in steps)
+    orders = np.log(coarse / fine) / np.log(steps[1] / steps[0])
+    assert (orders > 2 * stages - 0.15).all(), orders
+
+
+def test_a_fine_optimum_is_that_of_shooting(swung):
+    found = swing(4, 64, guess=swung)
+    assert abs(found.cost - LEAST) < 1e-9
+    # costates by the position and the momentum of the start, in minimal coordinates
+    ways = np.array([[1, 0], [1, 1], [0, 0]])
+    by_velocity = np.array([1, 0.5, 0.5]) * found.costates["p"][0]
+    costates = [*(ways.T @ found.costates["q"][0]), *(ways.T @ by_velocity)]
+    np.testing.assert_allclose(costates, COSTATES, rtol=0, atol=1e-6)
+
+
+def test_the_published_optimum_of_a_pendulum_in_cartesian_coordinates():
+    # Betts, A Collection of Optimal Control Test Problems, 10.103: 12.8738850
+    pendulum = lv.Lagrangian(
+        lambda t, q, v, params: ca.dot(v, v) / 2 - 9.81 * q[1],
+        lambda t, q, params: ca.dot(q, q) - 1,
+        force=lambda t, q, v, params: [params.u * q[1], -params.u * q[0]],
+        q=("x", "y"),
+        params={"u": 0.0},
+    )
+    found = lv.optimal_control(
+        pendulum, lv.Spark(3), controls=("u",), cost=lambda t, q, v, params: params.u**2,
+        t=(0, 3), steps=40, q=[1, 0], v=[0, 0], final={"q": {"x": 0}, "v": {"x": 0}},
+    )  # fmt: skip
+    assert abs(found.cost / 12.8738850 - 1) < 1e-6
+
+
+def test_a_run_of_the_controls_is_the_motion_and_momentum_changes_by_the_impulse(swung):
+    run = swung.solution
+    for name in ("q", "v", "p"):
+        assert np.abs(run.states[name] - swung.states[name]).max() < 1e-12
+    assert np.abs(run.residuals["constraint"]).max() < 1e-14
+    impulse = swung.h * (swung.stage_controls["F"] @ swung.weights)
+    momentum = swung.p[:, 0] + swung.p[:, 1]
+    assert np.abs(momentum - np.append(0, np.cumsum(impulse))).max() < 1e-13
+    # the gradient of the constraint and the costate of the momentum are at right angles
+    across = np.stack([swung.q[:, 0] - swung.q[:, 1], swung.q[:, 1] - swung.q[:, 0], swung.q[:, 2]])
+    mixed = np.sum(across.T * swung.costates["p"], axis=1)
+    assert np.abs(mixed).max() < 1e-9 * np.abs(swung.costates["p"]).max()
+    work = np.abs(run.invariants["energy"][-1] - run.invariants["energy"][0])
+    assert abs(work - 1.0) < 1e-4  # half a unit of mass, lifted by two
+
+
+@pytest.fixture(scope="module")
+def general():
+    """Return a system that dissipates, with nonlinear momentum, velocity and reaction."""
+    return lv.Mechanical(
+        velocity=lambda t, y, z, params: [z[0] * (1 + y[0] ** 2 / 10), z[1], z[2] + z[1] / 10],
+        momentum=lambda t, y, z, params: [
+            z[0] * (1 + z[0] ** 2 / 5) + ca.sin(t) / 10, (1 + 0.3 * y[0] ** 2) * z[1], z[2],
+        ],
+        force=lambda t, y, z, params: [
+            params.u[0] - y[0] - 0.2 * z[0], params.u[1] * y[0] - y[1], -y[2] - 0.1 * z[2] ** 3,
+        ],
+        constraint=lambda t, y, params: ca.dot(y, y) - 1 - ca.sin(t) / 10,
+        reaction=lambda t, y, lam, params: -(lam + lam**3 / 10) * y,
+        y=("a", "b", "c"),
+        params={"u": (0.0, 0.0)},
+    )  # fmt: skip
+
+
+def test_costates_of_a_general_system_are_derivatives_of_the_cost(general):
+    def best(z):
+        start = general.consistent(y=[1, 0, 0.2], z=z, hold=None)
+        return start, lv.optimal_control(
+            general, lv.Spark(2), controls=("u",), t=(0, 1), steps=8,
+            cost=lambda t, y, z, params: ca.dot(params.u, params.u) / 2 + y[0] ** 2,
+            final_cost=lambda t, y, z, params: y[1] ** 2 + z[2] ** 2, **start,
+        )  # fmt: skip
+
+    start, found = best([0, 1, 0.3])
+    moved, other = best([0, 1 + 1e-4, 0.3])
+    _, back = best([0, 1 - 1e-4, 0.3])
+    z = start["z"]
+    slope = np.array([1 + 0.6 * z[0] ** 2, 1 + 0.3 * start["y"][0] ** 2, 1.0])
+    change = slope * (moved["z"] - z) @ found.costates["p"][0]
+    assert abs((other.cost - back.cost) / 2 / change - 1) < 1e-6
+    assert np.abs(found.solution.z - found.z).max() < 1e-12
+    assert np.abs(found.controls["u"][-1]).max() > 1e-3  # the final cost is felt
+
+
+def test_a_quaternion_turns_about_a_fixed_axis_as_it_is_known_to():
+    m = lv.bodies.Assembly()
+    m.body("satellite", mass=1.0, inertia=(1.0, 2.0, 3.0), at=(0, 0, 0))
+    m.free("flight", "satellite")
+    m.torque("jets", "satellite", lambda t, rate, params: params.torque)
+    satellite = m.system(params={"torque": (0.0, 0.0, 0.0)})
+    found = lv.optimal_control(
+        satellite, lv.Spark(3), controls=("torque",), t=(0, 2), steps=12,
+        cost=lambda t, q, v, params: ca.dot(params.torque, params.torque) / 2,
+        final={"q": [0, 0, 0, 0.5**0.5, 0, 0, 0.5**0.5], "v": np.zeros(7)}, **m.start(),
+    )  # fmt: skip
+    torque = 3 * np.pi / 2 * 6 / 4 * (1 - found.t)
+    assert abs(found.cost - 6 * (3 * np.pi / 2) ** 2 / 8) < 1e-6
+    np.testing.assert_allclose(found.controls["torque"][:, 2], torque, atol=1e-5)
+    assert found.solution.body("satellite").position.shape == (13, 3)
+
+
+def test_time_is_least_with_the_force_at_its_bounds():
+    sled = lv.Lagrangian(
+        lambda t, q, v, params: v[0] ** 2 / 2,
+        force=lambda t, q, v, params: [params.F],
+        q=("x",),
+        params={"F": 0.0},
+    )
+    found = lv.optimal_control(
+        sled, lv.Spark(2), controls=("F",), cost=lambda t, q, v, params: 1.0, t=(0, 3),
+        final_time=(0.5, 10), bounds={"F": (-1, 1)}, steps=10, q=[0], v=[0],
+        final={"q": [1], "v": [0]},
+    )  # fmt: skip
+    assert abs(found.t[-1] - 2) < 1e-8
+    assert (np.abs(found.controls["F"]) == 1).all()
+
+
+def test_bounds_hold_and_cost(swung):
+    reach = np.abs(swung.q[:, 0]).max()
+    bounds = {"F": (None, 0.9 * swung.stage_controls["F"].max()), "q": {"X": (-2, 0.95 * reach)}}
+    found = swing(2, 48, bounds=bounds, guess=swung)
+    assert found.stage_controls["F"].max() <= bounds["F"][1]
+    assert found.q[:, 0].max() <= 0.95 * reach
+    assert found.cost > swung.cost
+
+
+def test_hamiltonians_and_structures_have_the_optimum_of_the_lagrangian(swung):
+    hamiltonian = lv.Hamiltonian(
+        lambda t, q, p, params: p[0] ** 2 / 2 + p[1] ** 2 + p[2] ** 2 + q[2] / 2,
+        rod,
+        force=lambda t, q, p, params: [params.F, 0, 0],
+        q=("X", "x", "y"),
+        params={"F": 0.0, "l": 1.0},
+    )
+    given = {
+        "controls": ("F",), "cost": effort, "t": (0, 3), "steps": 20, "q": [0, 0, -1],
+        "p": [0, 0, 0], "final": {"q": [0, 0, 1], "p": [0, 0, 0]}, "guess": swung,
+    }  # fmt: skip
+    found, wanted = lv.optimal_control(hamiltonian, lv.Spark(2), **given), swing(2, 20, guess=swung)
+    assert abs(found.cost - wanted.cost) < 1e-9
+    np.testing.assert_allclose(found.costates["p"], wanted.costates["p"], atol=1e-8)
+    stiffness, damping = np.array([[2.0, -1.0], [-1.0, 1.0]]), np.diag([0.1, 0.2])
+    structure = lv.Structure(
+        np.ones(2), stiffness, damping=damping, params={"F": 0.0},
+        force=lambda t, q, v, params: [0, params.F],
+    )  # fmt: skip
+    springs = lv.Lagrangian(
+        lambda t, q, v, params: ca.dot(v, v) / 2 - ca.dot(q, ca.mtimes(stiffness, q)) / 2,
+        force=lambda t, q, v, params: ca.vertcat(0, params.F) - ca.mtimes(damping, v),
+        q=2,
+        params={"F": 0.0},
+    )
+    given = {"q": [0, 0], "v": [0, 0], "final": {"q": [0, 1], "v": [0, 0]}, "guess": None}
+    costs = [swing(2, 10, x, **given).cost for x in (structure, springs)]
+    assert abs(costs[0] / costs[1] - 1) < 1e-12
+
+
+def test_redundant_constraints_change_nothing(swung):
+    doubled = lv.Lagrangian(
+        lagrangian,
+        lambda t, q, params: (
+            rod(t, q, params) | {"again": ca.sqrt((q[1] - q[0]) ** 2 + q[2] ** 2) - params.l}
+        ),
+        force=lambda t, q, v, params: [params.F, 0, 0],
+        q=("X", "x", "y"),
+        params={"F": 0.0, "l": 1.0},
+    )
+    found, wanted = (swing(1, 40, x, guess=swung) for x in (doubled, CART))
+    assert abs(found.cost - wanted.cost) < 1e-9
+    np.testing.assert_allclose(found.lam.sum(axis=1), wanted.lam[:, 0], atol=1e-9)
+
+
+def test_the_program_grows_with_its_steps_only(general):
+    from liouville.optimal.arguments import Times
+    from liouville.optimal.problem import Problem
+
+    def entries(steps):
+        times = Times.of((0, 3), None, steps, None)
+        given = {"q": [0, 0, -1], "v": [0, 0, 0]}
+        problem = Problem(
+            CART, lv.Spark(2), ("F",), effort, None, times, UPRIGHT, None, None, given
+        )
+        program = problem.transcription.program
+        return np.array([program._jacobian.nnz_out(1), program._hessian.nnz_out(0)])
+
+    np.testing.assert_array_equal(entries(30) - entries(20), entries(20) - entries(10))
+
+
+REFUSED = {
+    "a name alone": ({"controls": "F"}, TypeError, r"write controls=\('F',\)"),
+    "no parameter": ({"controls": ("G",)}, ValueError, "'G' is no parameter"),
+    "in a constraint": ({"controls": ("l",)}, ValueError, "'l' is in a constraint"),
+    "in no force": ({"controls": ("F", "idle")}, ValueError, "'idle' is in no force"),
+    "no cost": ({"cost": None}, TypeError, "needs cost or final_cost"),
+    "a cost of two": ({"cost": lambda t, q, v, params: [1, 2]}, ValueError, "wanted a scalar"),
+    "a control at the end": ({"final_cost": effort}, ValueError, "final_cost depends on control"),
+    "off the start": ({"q": [0, 0, -1.1]}, ValueError, "start violates the constraint 'rod'"),
+    "off the end": ({"final": {"q": [0, 0, 1.1]}}, ValueError, "final state violates"),
+    "repeated": ({"final": {"q": {"x": 1, "X": 0, "y": 0}}}, ValueError, "repeats what"),
+    "too many": (
+        {"final": UPRIGHT | {"more": lambda t, q, v, params: q[0]}},
+        ValueError,
+        "5 independent conditions, and constraints leave 2 positions and 2 velocities",
+    ),
+    "velocities alone": ({"final": {"v": [1, 0, 0]}}, ValueError, "all of v, and not all of q"),
+    "bounds": ({"bounds": {"F": (2, 1)}}, ValueError, "leave nothing"),
+    "a bound of none": ({"bounds": {"G": (1, 2)}}, ValueError, "no use for 'G'"),
+    "a guess": ({"guess": {"t": [0, 1, 3], "F": [1, 2]}}, ValueError, "F of the guess has shape"),
+    "times": ({"final_time": (4, 5)}, ValueError, "the guess 3 of t in it"),
+    "an option": ({"options": {"no": 1}}, ValueError, "No such IPOPT option"),
+}
+
+
+@pytest.mark.parametrize("case", REFUSED)
+def test_what_is_wrong_is_refused_by_its_name(case):
+    given, kind, sentence = REFUSED[case]
+    with pytest.raises(kind, match=sentence):
+        swing(**given)
+
+
+def test_methods_and_systems_without_an_adjoint_of_their_own_are_refused():
+    with pytest.raises(ValueError, match="takes Gauss points"):
+        lv.optimal_control(CART, lv.Spark(2, points="radau"), controls=("F",), t=(0, 1), steps=1)
+    with pytest.raises(TypeError, match="not of HHT"):
+        lv.optimal_control(CART, lv.HHT(), controls=("F",), t=(0, 1), steps=1)
+    from liouville.problems import knife_edge
+
+    with pytest.raises(TypeError, match="holonomic constraints"):
+        lv.optimal_control(knife_edge.system, lv.Spark(1), controls=("F",), t=(0, 1), steps=1)
+
+
+def test_an_error_says_what_is_missing_and_the_next_attempt_begins_there(swung):
+    with pytest.raises(lv.OptimizationError, match="no optimum is found yet") as stopped:
+        swing(3, 48, options={"max_iter": 8})
+    assert stopped.value.iterations == 8
+    found = swing(3, 48, guess=stopped.value.result)
+    assert abs(found.cost - swung.cost) < 1e-9
+    straight = {"q": [[0, 0, -1], [0, 0, 1]], "v": [[0, 0, 2 / 3]] * 2}
+    with pytest.raises(lv.OptimizationError, match="leaps in step"):  # through its hinge
+        swing(3, 20, guess=straight)
+    with pytest.raises(lv.OptimizationError, match="off") as none:
+        swing(1, 20, bounds={"F": (-0.1, 0.1)}, guess=None)
+    assert none.value.status == "Infeasible_Problem_Detected"
