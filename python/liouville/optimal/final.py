@@ -139,7 +139,7 @@ class Final:
         params: Array,
     ) -> None:  # fmt: skip
         """Refuse a condition whose gradient those of constraints and of others before span."""
-        repeated = self.repeated(reduced, t, _aside(system, t, state, params), params)
+        repeated = self.repeated(reduced, t, near_constraints(system, t, state, params), params)
         if repeated is not None:
             others = [name for name in self.labels if name != repeated]
             of = [f"constraints {quoted(reduced.constraints[:4])}"] * bool(reduced.constraints)
@@ -239,7 +239,7 @@ def check_free(what: str, expression: ca.SX, system: Mechanics, controls: Contro
             raise ValueError(hinted(sentence, "bound it, or put it into the cost"))
 
 
-def _aside(
+def near_constraints(
     system: Mechanics, t: float, state: tuple[Array, Array], params: Array
 ) -> tuple[Array, Array]:
     """Return a state near the constraints, and at no special place."""

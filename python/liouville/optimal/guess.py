@@ -10,6 +10,7 @@ import numpy as np
 from liouville import _casadi as ca
 from liouville.errors import hinted
 from liouville.optimal.arguments import Array
+from liouville.optimal.final import near_constraints
 from liouville.optimal.result import OptimalControl
 from liouville.solution import Solution
 from liouville.systems import _trace
@@ -54,6 +55,9 @@ def _straight(problem: Problem) -> Path:
     """Return the way from start to end along the constraints, with controls as parameters are."""
     (y0, z0), steps = problem.start, problem.times.steps
     y1, z1 = problem.final.guess(*problem.start)
+    if problem.final.places and 0 not in problem.final.whole:  # some coordinates are open
+        at = problem.times.end, (y1, z1), problem.params
+        y1, _ = near_constraints(problem.system, *at)
     u = problem.params[problem.controls.places]
     moves = problem.equations.is_own_velocity and not np.array_equal(y0, y1)
     parts = np.linspace(0.0, 1.0, max(steps, FEWEST) + 1)
