@@ -57,6 +57,19 @@ def test_the_pairing_is_kept_over_many_steps():
     assert paired(system, lv.Spark(2), (0.0, 60.0), start, directions, **run) < 1e-12
 
 
+@pytest.mark.parametrize(
+    "control",
+    [{"rtol": 1e-7}, {"rtol": 1e-7, "h": 0.4}, {"control": lv.Reversible(), "h": 0.02}],
+    ids=str,
+)
+def test_controlled_steps_are_held(control):
+    problem = load("double_pendulum")
+    directions = directions_of(problem.system)
+    run = {**control, "every": 3}
+    method = lv.Spark(3)
+    assert paired(problem.system, method, (0.0, 2.0), problem.start, directions, **run) < 1e-12
+
+
 def test_redundant_and_sparse_mechanisms():
     for name in ("doubled_rod", "andrews"):
         system = load(name).system
@@ -87,6 +100,7 @@ def test_a_cotangent_of_the_start_alone_is_projected():
 
 @pytest.mark.parametrize(("call", "given", "sentence"), [
     ({"wrt": ["params.length"]}, None, "there is no direction 'params.length'"),
+    ({"wrt": ["t1"], "steps": None, "rtol": 1e-6}, None, "where steps are controlled"),
     ({"wrt": "q"}, None, "wrt is a sequence of names"),
     ({"method": lv.HHT()}, None, "has no tangents yet"),
     ({"method": lv.Spark(2, newton_tol=1e-6)}, None, "leave newton_tol out"),

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -11,6 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from liouville import _core
+from liouville.control import Control
 from liouville.errors import IntegrationError, hinted
 from liouville.integrate import integrate
 from liouville.methods import Method
@@ -55,6 +55,7 @@ class Pullback:
         wrt: tuple[str, ...],
     ) -> None:
         self.wrt, self._runner, self._checkpoints = wrt, runner, checkpoints
+        self._steps = int(solution.stats["steps"])
         names: tuple[str, ...] = (*runner.system.states, "lam")
         if runner.multipliers != len(runner.constraints):
             names = names[:2]  # those of redundant constraints are not differentiated
@@ -81,9 +82,8 @@ class Pullback:
         """
         rows, runner = self._rows(cotangents), self._runner
         core = _core.Pullback(*runner.pullback())
-        steps, every = runner.steps.count, runner.every
-        kept = np.minimum(np.arange(len(rows)) * every, steps)
-        for first, last, saved in self._checkpoints.reversed(steps):
+        kept = np.minimum(np.arange(len(rows)) * runner.every, self._steps)
+        for first, last, saved in self._checkpoints.reversed(self._steps):
             own = (first < kept) & (kept <= last)
             error = core.follow(saved, last, kept[own], np.ascontiguousarray(rows[own]))
             if error is not None:
@@ -132,6 +132,9 @@ def vjp(
     t: tuple[float, float],
     h: float | None = None,
     steps: int | None = None,
+    rtol: float | None = None,
+    atol: ArrayLike | None = None,
+    control: Control | None = None,
     every: int = 1,
     params: Mapping[str, ArrayLike] | None = None,
     progress: Progress = None,
@@ -144,12 +147,12 @@ def vjp(
 
     Parameters
     ----------
-    system, method, t, h, steps, every, params, progress
+    system, method, t, h, steps, rtol, atol, control, every, params, progress
         As for :func:`integrate`: a system without nonholonomic constraints, by ``Spark``,
-        ``LobattoPair`` or a composition of them, with equal steps.
+        ``LobattoPair`` or a composition of them. Controlled steps are held.
     wrt : sequence of str
         What gradients are by: states of the system such as ``"q"`` and ``"v"``, ``"params.name"``,
-        ``"t0"`` and ``"t1"``.
+        and ``"t0"`` and ``"t1"`` where steps are equal.
     **start : array_like
         Start values, as for :func:`integrate`.
 
@@ -166,7 +169,7 @@ def vjp(
     TypeError, ValueError
         An argument is wrong, or what is asked for has no pullback.
     IntegrationError
-        A step failed.
+        A step failed, or the run was interrupted; ``error.solution`` is what was computed before.
 
     Examples
     --------
@@ -182,13 +185,16 @@ def vjp(
     (2,)
     """
     request = Request(
-        t=t, h=h, steps=steps, every=every, params=params, start=start, has_pullback=True
+        t=t, h=h, steps=steps, rtol=rtol, atol=atol, control=control, every=every, params=params,
+        start=start, has_pullback=True,
     )  # fmt: skip
     runner = runner_of(system, method, request)
-    names = check_wrt(system, wrt)
+    names = check_wrt(system, wrt, runner.steps)
     assert isinstance(runner, MechanicalRunner)
-    checkpoints = Checkpoints(math.isqrt(runner.steps.count - 1) + 1)
+    checkpoints = Checkpoints(None if runner.steps.control else runner.steps.count)
     solution = execute(runner, progress, checkpoints)
+    if solution.status != "done":
+        raise IntegrationError(solution.message, solution=solution)
     return solution, Pullback(runner, solution, checkpoints, names)
 
 

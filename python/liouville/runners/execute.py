@@ -29,19 +29,28 @@ Outcome = str | dict[str, Any]
 
 
 class Checkpoints:
-    """States that a run is made again from, one every so many steps."""
+    """States that a run is made again from: about as many as there are steps between two of them.
 
-    def __init__(self, stride: int) -> None:
-        self.stride, self.next = stride, 0
+    Of a run whose number of steps is not known every second is dropped as it grows.
+    """
+
+    def __init__(self, steps: int | None) -> None:
+        self.stride = 1 if steps is None else math.isqrt(steps - 1) + 1
+        self._most = math.inf if steps is not None else 4
+        self.next = 0
         self._saved: list[np.ndarray] = []
 
     def take(self, run: _core.Run) -> None:
         """Save a run that has come to where it is to be saved."""
-        if run.done == self.next:
-            saved = run.save()
-            assert saved is not None
-            self._saved.append(saved)
-            self.next += self.stride
+        if run.done != self.next:
+            return
+        saved = run.save()
+        assert saved is not None
+        self._saved.append(saved)
+        if len(self._saved) > self._most * self.stride:
+            self._saved = self._saved[::2]
+            self.stride *= 2
+        self.next = len(self._saved) * self.stride
 
     def reversed(self, steps: int) -> Iterator[tuple[int, int, np.ndarray]]:
         """Give the pieces of a run of so many steps, the last first: first and last step, state."""

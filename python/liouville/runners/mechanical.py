@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from liouville import _core
+from liouville._arguments import MOST_STEPS
 from liouville._job import Job
 from liouville.control import Takes
 from liouville.errors import Description, hinted, quoted
@@ -111,7 +112,7 @@ class MechanicalRunner(TracedRunner):
         from liouville.systems._sensitivity import sensitivity
 
         job, steps = self._job(), self.steps
-        job.span = (steps.t0, steps.t1, steps.count, steps.count)
+        job.span = (steps.t0, steps.t1, steps.count, MOST_STEPS)
         assert isinstance(self._problem, _core.Mechanical)
         return self._problem, self.choice, job, sensitivity(self._stepped)
 

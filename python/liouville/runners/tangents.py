@@ -144,10 +144,8 @@ class MechanicalDirections(Directions):
         hint = f'write tangents={{"{system.states[0]}": direction}} or {{"params.name": 1.0}}'
         labels = dict.fromkeys(system.states, system.coordinates)
         super().__init__(tangents, _places(system), labels, hint)
-        for name in ENDS:
-            if name in tangents and steps.control is not None:
-                sentence = f"there is no derivative by '{name}' where steps are controlled"
-                raise ValueError(hinted(sentence, "controlled steps are held: give steps or h"))
+        for name in tangents:
+            _check_held(name, steps)
         n = len(system.coordinates)
         self.y, self.z, self.tau, end = np.split(self.rows, (n, 2 * n, -1), axis=1)
         self.stretch = (end[:, 0] - self.tau[:, 0]) / (steps.t1 - steps.t0)
@@ -176,7 +174,14 @@ class MechanicalDirections(Directions):
         return self.named(rows, cuts)
 
 
-def check_wrt(system: Mechanics, wrt: Any) -> tuple[str, ...]:
+def _check_held(name: str, steps: Steps) -> None:
+    """Refuse the end of a run whose steps do not follow it."""
+    if name in ENDS and steps.control is not None:
+        sentence = f"there is no derivative by '{name}' where steps are controlled"
+        raise ValueError(hinted(sentence, "controlled steps are held: give steps or h"))
+
+
+def check_wrt(system: Mechanics, wrt: Any, steps: Steps) -> tuple[str, ...]:
     """Return names of what gradients are by, each seen to be one."""
     if isinstance(wrt, str) or not isinstance(wrt, Sequence) or not wrt:
         hint = f'write wrt=["{system.states[0]}", "params.name"]'
@@ -185,6 +190,7 @@ def check_wrt(system: Mechanics, wrt: Any) -> tuple[str, ...]:
     for name in wrt:
         if name not in places:
             raise ValueError(_unknown(name, places))
+        _check_held(name, steps)
     return tuple(wrt)
 
 

@@ -132,9 +132,19 @@ impl Starter {
         S: Estimating + Clone + 'static,
         S::State: Carried + Clone,
     {
-        let (span, copy) = (self.job.span, self.copy(&stepper));
-        let control = Adaptive::new(Box::new(stepper), (span.t0, span.t1), first, least);
-        self.launch(Box::new(control), copy, member, state)
+        let copy = self.copy(&stepper);
+        let control = self.adaptive_control(stepper, (first, least));
+        self.launch(control, copy, member, state)
+    }
+
+    /// The control of a method by an estimate of its errors.
+    pub(super) fn adaptive_control<S: Estimating + 'static>(
+        &self,
+        stepper: S,
+        (first, least): (f64, f64),
+    ) -> Box<dyn StepControl<S::State>> {
+        let ends = (self.job.span.t0, self.job.span.t1);
+        Box::new(Adaptive::new(Box::new(stepper), ends, first, least))
     }
 
     /// A run of a symmetric method, alone or composed, by steps that follow a monitor, if there is one, or by equal

@@ -16,12 +16,13 @@ use liouville_base::ensemble::{Ensemble, Layout};
 use liouville_base::error::StepError;
 use liouville_base::newton::Stop;
 use liouville_base::real::BATCH;
-use liouville_base::run::{Adaptive, Advance, Fixed, Reversible, StartError};
+use liouville_base::run::{Advance, Fixed, Reversible, StartError};
 use liouville_base::tableau;
 use liouville_index2::Index2;
 use liouville_index2::semi_explicit::{self, SemiExplicit, SemiExplicitRestart};
 use liouville_problem::{
-    Kinetic, Mechanical, Model, Observers, SecondOrder, SecondOrderModel, Separable, SeparableModel,
+    Kinetic, Mechanical, Model, Observers, SecondOrder, SecondOrderModel, Separable,
+    SeparableModel, State,
 };
 use liouville_spark::rattle::Rattle;
 use liouville_spark::{Spark, SparkBatch, supports_batch};
@@ -85,6 +86,9 @@ struct Starter {
 }
 
 type Begun = Result<Box<dyn Advance>, StepError>;
+
+/// A SPARK method, the state that it starts from, and the first step and the least where errors control the steps.
+type SparkStart = (Spark, State, Option<(f64, f64)>);
 
 impl Starter {
     /// All members, in blocks.
@@ -181,16 +185,16 @@ impl Starter {
         self.fixed(composed(stepper, stages), observer, state)
     }
 
-    fn spark(
+    /// A SPARK method at the start of a member's run; it estimates errors where these control the steps.
+    fn spark_at(
         &self,
         (problem, spark): (&Arc<Mechanical>, &SparkMethod),
-        stages: Option<&[f64]>,
         member: usize,
-    ) -> Begun {
+    ) -> Result<SparkStart, StepError> {
         let span = self.job.span;
         let mut model = Model::new(problem.clone(), self.params(member));
         let state = model.state(span.t0, self.part(0, member), self.part(1, member));
-        let stepper = Spark::of(model, spark.tableau.clone(), spark.solver)
+        let mut stepper = Spark::of(model, spark.tableau.clone(), spark.solver)
             .to_tolerance(self.newton_tol(spark));
         let Control::Adaptive {
             tolerance,
@@ -198,26 +202,36 @@ impl Starter {
             least,
         } = &self.job.control
         else {
-            if let Some(tangents) = &self.job.tangents {
-                let (stepper, state) = self.with_tangents(stepper, tangents, state, member)?;
-                let monitor = self.monitor(member);
-                let control = self.symmetric_control((stepper, stages), monitor, &state);
-                return self.recording(control, tangents, state, member);
-            }
-            let (monitor, of) = (self.monitor(member), self.member(member));
-            return self.symmetric((stepper, stages), monitor, of, state);
+            return Ok((stepper, state, None));
         };
-        let mut stepper = stepper.estimating(tolerance.clone());
+        stepper = stepper.estimating(tolerance.clone());
         let first = match first {
             Some(first) => *first,
             None => stepper.first_step(span.t0, &state, span.t1 - span.t0)?,
         };
+        Ok((stepper, state, Some((first, *least))))
+    }
+
+    fn spark(
+        &self,
+        method: (&Arc<Mechanical>, &SparkMethod),
+        stages: Option<&[f64]>,
+        member: usize,
+    ) -> Begun {
+        let (stepper, state, sizes) = self.spark_at(method, member)?;
         if let Some(tangents) = &self.job.tangents {
             let (stepper, state) = self.with_tangents(stepper, tangents, state, member)?;
-            let control = Adaptive::new(Box::new(stepper), (span.t0, span.t1), first, *least);
-            return self.recording(Box::new(control), tangents, state, member);
+            let control = match sizes {
+                None => self.symmetric_control((stepper, stages), self.monitor(member), &state),
+                Some(sizes) => self.adaptive_control(stepper, sizes),
+            };
+            return self.recording(control, tangents, state, member);
         }
-        self.adaptive(stepper, (first, *least), self.member(member), state)
+        let of = self.member(member);
+        match sizes {
+            None => self.symmetric((stepper, stages), self.monitor(member), of, state),
+            Some(sizes) => self.adaptive(stepper, sizes, of, state),
+        }
     }
 
     fn rattle(&self, problem: &Arc<Separable>, stages: Option<&[f64]>, member: usize) -> Begun {

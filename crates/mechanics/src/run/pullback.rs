@@ -5,12 +5,12 @@ use liouville_base::checkpoint::CheckpointMismatch;
 use liouville_base::error::StepError;
 use liouville_base::linalg::Matrix;
 use liouville_base::run::{Advance, StartError, Status};
-use liouville_problem::{Cotangents, Model, PointAdjoint, Sensitivity, SensitivityModel, State};
-use liouville_spark::{SharedRecords, Spark, SparkAdjoint, SparkRecorder};
+use liouville_problem::{Cotangents, PointAdjoint, Sensitivity, SensitivityModel, State};
+use liouville_spark::{SharedRecords, SparkAdjoint, SparkRecorder};
 use std::sync::Arc;
 use std::time::Duration;
 
-/// The pullback of a run of a SPARK method by equal steps.
+/// The pullback of a run of a SPARK method, its steps held.
 pub struct Pullback {
     run: Box<dyn Advance>,
     records: SharedRecords,
@@ -42,33 +42,28 @@ impl Pullback {
             ));
         };
         if !starter.has_pullback(sensitivity, spark) {
-            let sentence = "a pullback is that of a single run by equal steps at roundoff";
+            let sentence = "a pullback is that of a single run without events, whose stages are solved to roundoff";
             return Err(StartError::Invalid(sentence.into()));
         }
-        let mut model = Model::new(problem.clone(), starter.params(0));
-        let (t0, y, z) = (starter.job.span.t0, starter.part(0, 0), starter.part(1, 0));
-        let state = model.state(t0, y, z);
+        let (stepper, state, sizes) = starter.spark_at((problem, spark), 0)?;
+        let (model, stages) = (starter.model(0), stages.as_deref());
         let derivatives = SensitivityModel::new(sensitivity.clone(), starter.params(0));
-        let stepper = Spark::of(model.clone(), spark.tableau.clone(), spark.solver)
-            .to_tolerance(starter.newton_tol(spark));
+        let adjoint = SparkAdjoint::new(&stepper, derivatives.clone());
         let records = SharedRecords::default();
-        let n = problem.n;
+        let (of, start) = (starter.member(0), state.clone());
+        let recorder = SparkRecorder::new(stepper, records.clone());
+        let run = match sizes {
+            None => starter.symmetric((recorder, stages), starter.monitor(0), of, start)?,
+            Some(sizes) => starter.adaptive(recorder, sizes, of, start)?,
+        };
         Ok(Self {
-            adjoint: SparkAdjoint::new(&stepper, derivatives.clone()),
+            cotangents: Cotangents::zeros(problem.n, sensitivity.width()),
             point: PointAdjoint::new(model, derivatives),
-            parts: stages.as_ref().map_or(1, Vec::len),
-            cotangents: Cotangents::zeros(n, sensitivity.width()),
-            run: starter.symmetric(
-                (
-                    SparkRecorder::new(stepper, records.clone()),
-                    stages.as_deref(),
-                ),
-                None,
-                starter.member(0),
-                state.clone(),
-            )?,
-            start: (t0, state),
+            parts: stages.map_or(1, <[f64]>::len),
+            start: (starter.job.span.t0, state),
+            run,
             records,
+            adjoint,
         })
     }
 

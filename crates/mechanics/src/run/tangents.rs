@@ -1,6 +1,6 @@
 //! Runs that carry tangents with their states.
 
-use super::{Begun, Control, SparkMethod, Starter, System, Tangents};
+use super::{Begun, SparkMethod, Starter, System, Tangents};
 use liouville_base::error::StepError;
 use liouville_base::linalg::Matrix;
 use liouville_base::run::StepControl;
@@ -64,7 +64,6 @@ impl Starter {
     pub(super) fn has_pullback(&self, sensitivity: &Sensitivity, spark: &SparkMethod) -> bool {
         let job = &self.job;
         Arc::ptr_eq(&sensitivity.mechanical, self.system.mechanical())
-            && matches!(job.control, Control::Fixed)
             && job.detection.is_none()
             && job.tangents.is_none()
             && job.members.is_none()

@@ -5,7 +5,7 @@ use super::super::stages::{Stages, Unknowns};
 use super::backward::Backward;
 use super::linear_step::LinearStep;
 use liouville_base::error::StepError;
-use liouville_base::method::{Stats, Stepper, Symmetric};
+use liouville_base::method::{Estimating, Stats, Stepper, Symmetric};
 use liouville_problem::{Cotangents, Model, SensitivityModel, State, Step};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
@@ -115,6 +115,21 @@ impl Stepper for SparkRecorder {
 
 impl Symmetric for SparkRecorder {}
 
+impl Estimating for SparkRecorder {
+    fn error(&self) -> f64 {
+        self.spark.error()
+    }
+
+    fn error_order(&self) -> f64 {
+        self.spark.error_order()
+    }
+
+    fn undo(&mut self, state: &mut State) {
+        self.spark.undo(state);
+        self.records.lock().count -= 1;
+    }
+}
+
 // What is recorded is made again with the steps.
 liouville_base::checkpoint!(SparkRecorder { spark });
 
@@ -132,11 +147,10 @@ impl SparkAdjoint {
     /// The adjoint of a method at work.
     pub fn new(spark: &Spark, sensitivity: SensitivityModel) -> Self {
         let (model, stages) = (spark.model.clone(), spark.stages.clone());
-        let width = sensitivity.problem.width();
         let linear = LinearStep::new(spark, sensitivity);
         let order = linear.places().1;
         Self {
-            backward: Backward::new(&model.problem, &stages.tableau, order, width),
+            backward: Backward::new(&model.problem, &stages.tableau, order),
             z1: vec![0.0; model.problem.n],
             model,
             stages,

@@ -24,16 +24,10 @@ pub(super) struct Backward {
     y: Vec<f64>,
     momentum: Vec<f64>,
     hidden: Vec<f64>,
-    tau: Vec<f64>,
 }
 
 impl Backward {
-    pub(super) fn new(
-        problem: &Mechanical,
-        tableau: &tableau::Spark,
-        order: usize,
-        width: usize,
-    ) -> Self {
+    pub(super) fn new(problem: &Mechanical, tableau: &tableau::Spark, order: usize) -> Self {
         let (n, s, k) = (problem.n, tableau.stages, tableau.intervals);
         Self {
             stages: Matrix::zeros(s, n),
@@ -43,7 +37,6 @@ impl Backward {
             y: vec![0.0; n],
             momentum: vec![0.0; n],
             hidden: vec![0.0; problem.m],
-            tau: vec![0.0; width],
         }
     }
 
@@ -61,13 +54,6 @@ impl Backward {
         self.set_right(linear, stages, step, cotangents);
         linear.solve_transposed(&mut self.right);
         self.enter(linear, stages, step, cotangents);
-    }
-
-    /// Adds `tau`, which belongs to a fraction of the step, to cotangents, and clears it.
-    fn add_tau(&mut self, c: f64, step: Step, cotangents: &mut Cotangents) {
-        add_scaled(&mut cotangents.tau, 1.0, &self.tau);
-        cotangents.stretch += c * step.h * self.tau[0];
-        self.tau.fill(0.0);
     }
 
     /// Of z1 and λ_k to those of y1 and of all impulses, which `cotangents.p` is then.
@@ -90,13 +76,14 @@ impl Backward {
         by_tau
             .w_y
             .multiply_add_transposed(&end.w_y, -1.0, &self.hidden, &mut self.y);
+        let (before, tau) = (cotangents.tau[0], &mut cotangents.tau);
         by_tau
             .p_tau
-            .multiply_add_transposed(&end.p_tau, -1.0, &self.momentum, &mut self.tau);
+            .multiply_add_transposed(&end.p_tau, -1.0, &self.momentum, tau);
         by_tau
             .w_tau
-            .multiply_add_transposed(&end.w_tau, -1.0, &self.hidden, &mut self.tau);
-        self.add_tau(1.0, step, cotangents);
+            .multiply_add_transposed(&end.w_tau, -1.0, &self.hidden, tau);
+        cotangents.stretch += step.h * (cotangents.tau[0] - before);
     }
 
     /// Writes the right-hand sides of the transposed stage equations.
@@ -201,7 +188,7 @@ impl Backward {
             .multiply_add_transposed(linear.f_y(i), weight, &self.impulse, out);
         at.p_y
             .multiply_add_transposed(slopes.p_y.row(i), -1.0, own, out);
-        let tau = &mut self.tau;
+        let (before, tau) = (of.tau[0], &mut of.tau);
         by_tau
             .f_tau
             .multiply_add_transposed(linear.f_tau.row(i), weight, &self.impulse, tau);
@@ -215,7 +202,7 @@ impl Backward {
                 .multiply_add_transposed(slopes.v_y.row(i), 1.0, own, out);
             v_tau.multiply_add_transposed(linear.v_tau.row(i), 1.0, own, tau);
         }
-        self.add_tau(tableau.c[i], step, of);
+        of.stretch += tableau.c[i] * step.h * (of.tau[0] - before);
     }
 
     fn enter_node(
@@ -237,7 +224,7 @@ impl Backward {
         let out = self.nodes.row_mut(j);
         at.r_y
             .multiply_add_transposed(linear.r_y(j), weight, &self.impulse, out);
-        let tau = &mut self.tau;
+        let (before, tau) = (of.tau[0], &mut of.tau);
         by_tau
             .r_tau
             .multiply_add_transposed(linear.r_tau.row(j), weight, &self.impulse, tau);
@@ -250,6 +237,6 @@ impl Backward {
                 .g_tau
                 .multiply_add_transposed(linear.g_tau.row(j), weight, own, tau);
         }
-        self.add_tau(tableau.c_hat[j], step, of);
+        of.stretch += tableau.c_hat[j] * step.h * (of.tau[0] - before);
     }
 }

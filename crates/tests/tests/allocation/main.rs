@@ -156,7 +156,7 @@ fn tangents(functions: &Functions, params: &[f64], y: &[f64]) -> [usize; 2] {
     let mut follow = |k: usize| {
         adjoint
             .follow(&steps.steps()[k], &mut of)
-            .expect("a step back")
+            .expect("a step back");
     };
     follow(9);
     [of_steps, allocations(|| (0..9).rev().for_each(&mut follow))]
