@@ -8,6 +8,7 @@ not solved to the end, and a start that leaves its constraints.
 import pickle
 
 import casadi as ca
+import mpmath
 import numpy as np
 import pytest
 from families import TOLERANT
@@ -134,6 +135,57 @@ def test_every_parameter_of_every_function_and_both_ends(method):
         assert farthest(found.tangents[name].states, wanted) < 1e-9, name
 
 
+def midpoint(q, v, length, stiffness, h, steps):
+    """Make steps of Spark(1) for a pendulum on a nonlinear spring, in the digits of mpmath."""
+    dot = mpmath.fdot
+
+    def force(y):
+        return [-stiffness * dot(y, y) * x - y0 for x, y0 in zip(y, (0, 1), strict=True)]
+
+    for _ in range(steps):
+
+        def residual(z0, z1, lam, q=q, v=v):
+            z = z0, z1
+            f = force([x + h / 2 * u for x, u in zip(q, z, strict=True)])
+            end = [x + h * u for x, u in zip(q, z, strict=True)]
+            moved = [z[i] - v[i] - h / 2 * (f[i] - 2 * q[i] * lam) for i in (0, 1)]
+            return *moved, (dot(end, end) - length**2) / h
+
+        found = mpmath.findroot(residual, (*v, 0), tol=1e-80)
+        z, first = found[:2], found[2]
+        f = force([x + h / 2 * u for x, u in zip(q, z, strict=True)])
+        end = [x + h * u for x, u in zip(q, z, strict=True)]
+        free = [v[i] + h * (f[i] - q[i] * first) for i in (0, 1)]
+        last = dot(end, free) / dot(end, end)
+        q, v = end, [free[i] - last * end[i] for i in (0, 1)]
+    return [*q, *v]
+
+
+def test_differences_in_many_digits_are_met_to_roundoff():
+    system = lv.Lagrangian(
+        lambda t, q, v, params: (ca.dot(v, v) - params.k * ca.dot(q, q) ** 2 / 2) / 2 - q[1],
+        lambda t, q, params: ca.dot(q, q) - params.l**2,
+        q=2, params={"k": 1.5, "l": 1.25},
+    )  # fmt: skip
+    start, h, steps = {"q": [0.75, -1.0], "v": [1.0, 0.75]}, 0.25, 3
+    directions = {"params.k": 1.0, "params.l": 1.0, "q": [1.0, 2.0], "v": [1.0, -1.0]}
+    found = lv.integrate(system, lv.Spark(1), t=(0, h * steps), steps=steps, tangents=directions,
+                         **start)  # fmt: skip
+    with mpmath.workdps(45):
+        for name, tangent in found.tangents.items():
+            own = [mpmath.mpf(x) for x in (*tangent.q[0], *tangent.v[0])]
+            rates = [name == "params.l", name == "params.k"]
+            ends = []
+            for size in (mpmath.mpf(10) ** -20, -(mpmath.mpf(10) ** -20)):
+                y, z = ([x + size * dx for x, dx in zip(start[s], own[k : k + 2], strict=True)]
+                        for s, k in (("q", 0), ("v", 2)))  # fmt: skip
+                values = [x + size * rate for x, rate in zip((1.25, 1.5), rates, strict=True)]
+                ends.append(midpoint(y, z, *values, mpmath.mpf(h), steps))
+            wanted = [float((a - b) / 2e-20) for a, b in zip(*ends, strict=True)]
+            own = np.concatenate([tangent.q[-1], tangent.v[-1]])
+            assert np.abs(own - wanted).max() < 1e-14 * np.abs(own).max(), name
+
+
 def test_linear_systems_have_linear_tangents():
     matrices = [2.0, 1.0], [[5.0, -2.0], [-2.0, 3.0]], [[0.1, 0.0], [0.0, 0.3]]
     system, rows = lv.Structure(*matrices, force=[0.0, 1.0]), np.eye(2)
@@ -245,6 +297,9 @@ def test_bad_input_is_refused_by_a_sentence(changes, sentence):
 
 
 def test_other_systems_have_no_tangents_yet():
+    with pytest.raises(TypeError, match="an ensemble on an executor has no tangents"):
+        lv.ensemble(pendulum(), lv.Spark(1), t=(0, 1), steps=1, tangents={"params.l": 1.0},
+                    executor=object(), q=[[0, -2]], v=[[1, 0]])  # fmt: skip
     problem = load("knife_edge")
     with pytest.raises(TypeError, match="no tangents yet"):
         lv.integrate(problem.system, lv.Spark(2), t=(0, 1), steps=4, tangents={"q": 1.0},
