@@ -1,9 +1,11 @@
 //! Adjoint of one step: the transpose of its tangent, from cotangents of the end to those of the start, of τ and of h.
 //!
-//! The order is that of the tangent, turned round; with π̂ the cotangent of p behind the end's own equations,
+//! The order is that of the tangent, turned round. With π the cotangent of p1 before the last reaction,
 //!
-//!     Jᵀ (η_i, ν_j, μ_i) = (h b_i f_zᵀ π̂,  b̂_j r_λᵀ π̂,  h b_i Σ_l …)
+//!     Jᵀ (η_i, ν_j, σ_i) = (h b_i f_zᵀ π,  b̂_j r_λᵀ π,  h b_i (Σ_l μᵛ_li χ_l + Σ_l μ̄_li ξ_l))
+//!     χ_l = h b_l f_yᵀ π,   ξ_l = h b̂_l r_yᵀ π, and ȳ1 too where l = k
 //!
+//! and then f_y, r_y, p_y, v_y and g_y transposed take η, ν and σ to cotangents of y0, as derivatives by τ do to those of τ.
 //! By the symplecticity of the coefficients this is the same method on the adjoint equations. Source: sanzserna2016.
 
 use super::super::stages::Stages;
