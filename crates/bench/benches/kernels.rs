@@ -17,7 +17,7 @@ use liouville_fields::problem::{Piece, Split};
 use liouville_fields::volume::Volume;
 use liouville_problem::Model;
 use liouville_spark::{Solver, Spark};
-use liouville_waves::method::{Move, Sweeper};
+use liouville_waves::method::{Move, Sink, Sweeper};
 use liouville_waves::problem::{Diagonals, Hamiltonian, Operator, Update};
 use std::hint::black_box;
 use std::sync::Arc;
@@ -312,11 +312,7 @@ fn shears(c: &mut Criterion) {
         let into_second = k % 2 == 1;
         let factor = if into_second { -0.01 } else { 0.01 };
         let update = Update::added(factor);
-        Move {
-            into_second,
-            update,
-            weight: 0.0,
-        }
+        Move::new(into_second, update)
     });
     let mut group = c.benchmark_group("shear on a lattice");
     for side in [64, 256, 1024] {
@@ -333,7 +329,7 @@ fn shears(c: &mut Criterion) {
                 let mut p = vec![0.0; n];
                 group.bench_function(BenchmarkId::new(format!("{name}, {how}"), n), |b| {
                     b.iter(|| {
-                        let made = sweeper.run(black_box(&moves), &mut q, &mut p, None);
+                        let made = sweeper.run(black_box(&moves), &mut q, &mut p, Sink::Nothing);
                         assert!(made.is_ok(), "{made:?}");
                     });
                 });

@@ -24,6 +24,7 @@ enum WaveMethod<'py> {
         rate: f64,
         norm_tol: f64,
         is_doubled: bool,
+        windows: Vec<usize>,
     },
     Lanczos {
         dimension: usize,
@@ -67,11 +68,13 @@ impl WaveMethod<'_> {
                 rate,
                 norm_tol: tolerance,
                 is_doubled,
+                windows,
             } => Method::Chebyshev {
                 bounds,
                 rate,
                 tolerance,
                 is_doubled,
+                windows,
             },
             Self::Lanczos {
                 dimension,

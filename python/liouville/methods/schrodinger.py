@@ -83,13 +83,15 @@ class Chebyshev:
         \psi(t + h) = e^{-i \sigma h} \sum_{k=0}^{M} (2 - \delta_{k0}) (-i)^k J_k(\beta h)\,
             T_k\!\left(\frac{H - \sigma}{\beta}\right) \psi(t)
 
-    M products an interval between two states that are kept, half of that from a real state. Not
-    unitary: the norm is kept to the tolerance only.
+    The terms are evaluated at all times within a window, which has M products, half of that from a
+    real state. Windows are as long as memory allows, so that any number of states takes at most
+    1.2 times the products of one series over all of the time. Not unitary: the norm is kept to the
+    tolerance only.
 
     Parameters
     ----------
     tol : float, default 1e-8
-        The error of :math:`\psi` at the end, relative to its norm; an interval has its share.
+        The error of :math:`\psi` at every state kept, relative to its norm.
 
     Raises
     ------

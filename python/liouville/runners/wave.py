@@ -16,12 +16,15 @@ from liouville.errors import Description, describe, hinted
 from liouville.methods import Stepped, WaveMethod
 from liouville.planner import WavePlan, plan_steps, plan_wave
 from liouville.planner.waves.choice import name_of
-from liouville.planner.waves.propagators import Krylov
+from liouville.planner.waves.propagators import Krylov, Series
 from liouville.runners.runner import Request, Runner, kept, threads_of
 from liouville.systems import Schrodinger
 
 #: The memory that each propagator takes beside the records, in states, as measured.
 STATES = {"shears": 2, "processed": 3, "chebyshev": 4, "magnus": 4, "split": 20}
+
+#: The memory of a window of several outputs beside these outputs: copies of terms.
+OUTPUTS = 17
 
 
 class WaveRunner(Runner):
@@ -29,6 +32,7 @@ class WaveRunner(Runner):
 
     system: Schrodinger
     choice: WaveMethod | WavePlan
+    _widened = 0
 
     def __init__(
         self, system: Schrodinger, method: WaveMethod | WavePlan, request: Request
@@ -75,6 +79,8 @@ class WaveRunner(Runner):
         """Refuse a method whose states would not fit in memory."""
         core = self.plan.core
         count = core.dimension + 2 if isinstance(core, Krylov) else STATES[core.kind]
+        if isinstance(core, Series) and max(core.windows) > 1:
+            count += OUTPUTS + max(core.windows)
         what = f"stepping a state of {self.system.size} components by {self.plan.scheme}"
         hint = "take SchrodingerSplitting(mode='stable'), which takes least, or a smaller dimension"
         check_memory(what, 16.0 * count * self.system.size, hint)
@@ -94,7 +100,19 @@ class WaveRunner(Runner):
         """Return the numbers of a run: steps, products for each state, the bound of its error."""
         members = int(np.prod(self.members))
         stats = {"steps": run.done, "products": run.stats["evaluations"] / 2 / members}
+        if isinstance(self.plan.core, Series):
+            stats["widened"] = self._widened = run.stats["cold_starts"]
         return stats if self.plan.bound is None else {**stats, "bound": self.plan.bound}
+
+    @property
+    def control_taken(self) -> str:
+        """A sentence on bounds of the spectrum that were wrong."""
+        if not self._widened:
+            return ""
+        return (
+            "an energy lies outside the bounds: a series was begun again with wider ones "
+            f"{self._widened} time{'s' if self._widened > 1 else ''}"
+        )
 
     def read(self, parts: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
         """Make complex what is complex, and give states and energies as the user has them."""

@@ -3,11 +3,12 @@
 use liouville_base::error::StepError;
 use liouville_base::method::Stepper;
 use liouville_base::real::{Lanes, Scalar};
+use liouville_base::simd::Stored;
 use liouville_tests::waves::{
     Parts, anyhow, at_site, chain, chain_after, distance, edge, ring, ring_after,
 };
 use liouville_waves::method::bessel::{bessel, degree, series};
-use liouville_waves::method::{Chebyshev, Sweeper, Wave};
+use liouville_waves::method::{Chebyshev, Sweeper, Wave, Windows};
 use liouville_waves::problem::Hamiltonian;
 use std::f64::consts::PI;
 use std::sync::Arc;
@@ -198,23 +199,17 @@ fn a_ring_with_a_flux_through_it_is_exact_too() {
     }
 }
 
-/// What a step with wrong bounds comes to: its error in units of the tolerance, or none where it is refused.
-fn with_bounds(bounds: (f64, f64), theta: f64, tolerance: f64, start: &Parts) -> Option<f64> {
+/// The error of a step with wrong bounds in units of the tolerance, and how often it was begun again.
+fn with_bounds(bounds: (f64, f64), theta: f64, tolerance: f64, start: &Parts) -> (f64, usize) {
     let n = start.0.len();
     let t = theta / edge(n);
     // the norm is free, so that the terms alone must tell
     let sweeper = Sweeper::new(chain(n, 0.0));
     let mut chebyshev = Chebyshev::new(sweeper, bounds, tolerance / t, 1.0);
     let mut state = wave(start);
-    let before = state.clone();
-    match chebyshev.step(0.0, t, &mut state) {
-        Ok(()) => Some(distance(&state, &chain_after(0.0, t, start)) / tolerance),
-        Err(StepError::Norm { .. }) => {
-            assert_eq!(state, before);
-            None
-        }
-        Err(other) => unreachable!("{other:?}"),
-    }
+    chebyshev.step(0.0, t, &mut state).expect("a step");
+    let error = distance(&state, &chain_after(0.0, t, start)) / tolerance;
+    (error, chebyshev.stats().cold_starts)
 }
 
 #[test]
@@ -238,18 +233,17 @@ fn bounds_that_are_too_narrow_are_never_silently_wrong() {
         hidden(1e-5),
         hidden(1e-8),
     ];
-    let (mut made, mut refused) = (0, 0);
+    let (mut made, mut again) = (0, 0);
     for narrow in [1e-5, 1e-3, 0.01, 0.03, 0.1, 0.3, 0.9] {
         let (whole, less) = (edge(n), (1.0 - narrow) * edge(n));
         for bounds in [(-whole, less), (-less, whole), (-less, less)] {
             for theta in [0.1, 1.0, 10.0, 100.0, 1000.0] {
                 for tolerance in [1e-3, 1e-6, 1e-9, 1e-12] {
                     for start in &starts {
-                        let Some(error) = with_bounds(bounds, theta, tolerance, start) else {
-                            refused += 1;
-                            continue;
-                        };
-                        made += 1;
+                        let (error, times) = with_bounds(bounds, theta, tolerance, start);
+                        made += usize::from(times == 0);
+                        again += usize::from(times > 0);
+                        assert!(times <= 4, "{times}");
                         // with bounds of a tenth, what hides is worth a few tolerances
                         let most = if narrow > 0.5 { 5.0 } else { 1.0 };
                         let rounding = 1e-16 * theta / tolerance;
@@ -261,9 +255,99 @@ fn bounds_that_are_too_narrow_are_never_silently_wrong() {
         }
     }
     assert!(
-        made > 500 && refused > 500,
-        "{made} made, {refused} refused"
+        made > 500 && again > 500,
+        "{made} made, {again} begun again"
     );
+}
+
+/// The states of a run at outputs in these windows, and the real products that it took.
+fn outputs<S: Stored>(
+    chebyshev: Chebyshev<S>,
+    state: &Wave<S>,
+    (times, counts): (&[f64], Vec<usize>),
+) -> (Vec<Wave<S>>, usize) {
+    let windows = Windows::new(times.to_vec(), counts).expect("windows of all outputs");
+    let mut chebyshev = chebyshev.with_windows(windows);
+    let (mut state, mut t) = (state.clone(), 0.0);
+    let mut found = Vec::new();
+    for &time in times {
+        chebyshev.step(t, time - t, &mut state).expect("a step");
+        found.push(state.clone());
+        t = time;
+    }
+    (found, chebyshev.stats().evaluations)
+}
+
+#[test]
+fn all_outputs_of_a_window_are_within_the_tolerance_and_take_the_products_of_its_end() {
+    let (n, tolerance) = (60, 1e-9);
+    for back in [1.0, -1.0] {
+        let times: Vec<f64> = [0.0, 0.1, 0.11, 3.0, 7.0, 20.0, 20.5, 41.0, 50.0]
+            .map(|t| back * t)
+            .to_vec();
+        for counts in [vec![9], vec![4, 5], vec![1, 6, 1, 1]] {
+            for (start, parts) in [(anyhow(n), 2), (at_site(n, 7), 1)] {
+                let edge = edge(n);
+                let sweeper = Sweeper::new(chain(n, 0.0));
+                let chebyshev = Chebyshev::new(sweeper, (-edge, edge), tolerance / 50.0, 1e-6);
+                let given = (&times[..], counts.clone());
+                let (found, products) = outputs(chebyshev, &wave(&start), given);
+                for (state, t) in found.iter().zip(&times) {
+                    let error = distance(state, &chain_after(0.0, *t, &start));
+                    assert!(error < tolerance, "{t}: {error}");
+                }
+                let (mut first, mut end, mut wanted, mut parts) = (0.0, 0, 0, parts);
+                for count in &counts {
+                    end += count;
+                    let length: f64 = times[end - 1] - first;
+                    let rate = tolerance / 50.0;
+                    wanted += parts * degree(edge * length, rate * length.abs());
+                    (first, parts) = (times[end - 1], if length == 0.0 { parts } else { 2 });
+                }
+                assert_eq!(products, wanted, "{counts:?}");
+            }
+        }
+    }
+}
+
+#[test]
+fn windows_of_a_ring_with_a_flux_are_exact_too() {
+    let (n, theta, tolerance) = (30, 0.21, 1e-9);
+    let times = [0.7, 5.0, 5.5, 12.5];
+    for counts in [vec![4], vec![3, 1]] {
+        let sweeper = Sweeper::new(ring(n, theta));
+        let series = Chebyshev::new(sweeper, (-2.0, 2.0), tolerance / 12.5, 1e-6).hermitian();
+        let start = anyhow(n);
+        let (found, _) = outputs(series, &wave(&start), (&times, counts));
+        for (state, t) in found.iter().zip(times) {
+            let error = distance(state, &ring_after(theta, t, &start));
+            assert!(error < tolerance, "{t}: {error}");
+        }
+    }
+}
+
+#[test]
+fn bounds_are_widened_in_a_window_of_several_outputs_too() {
+    let n = 60;
+    let sweeper = Sweeper::new(chain(n, 0.0));
+    let series = Chebyshev::new(sweeper, (-0.97 * edge(n), edge(n)), 1e-9 / 20.0, 1e-6);
+    let (found, _) = outputs(series, &wave(&anyhow(n)), (&[1.0, 10.0, 20.0], vec![2, 1]));
+    for (state, t) in found.iter().zip([1.0, 10.0, 20.0]) {
+        assert!(distance(state, &chain_after(0.0, t, &anyhow(n))) < 1e-9);
+    }
+}
+
+#[test]
+fn windows_do_not_depend_on_threads() {
+    let n = 40_000;
+    let times = [0.5, 0.7, 2.0];
+    let run = |threads: usize| {
+        let sweeper = Sweeper::new(chain(n, 0.0)).with_threads(threads);
+        let series = Chebyshev::new(sweeper.with_tiles(3000, 4), (-2.0, 2.0), 1e-9, 1e-6);
+        outputs(series, &wave(&anyhow(n)), (&times, vec![3])).0
+    };
+    let alone = run(1);
+    assert!(run(2) == alone && run(3) == alone);
 }
 
 #[test]
@@ -279,24 +363,28 @@ fn wave_functions_side_by_side_are_as_alone() {
             .map(|i| Lanes(std::array::from_fn(|k| of(&starts[k])[i])))
             .collect()
     };
-    let mut together = Wave::new(part(|parts| &parts.0), part(|parts| &parts.1));
+    let together = Wave::new(part(|parts| &parts.0), part(|parts| &parts.1));
     let sweeper = Sweeper::<Lanes>::new(hamiltonian.clone());
-    let mut chebyshev = Chebyshev::new(sweeper, bounds, 1e-9, 1e-6);
-    chebyshev.step(0.0, 6.0, &mut together).expect("a step");
+    let given: (&[f64], _) = (&[2.0, 5.0, 6.0], vec![2, 1]);
+    let chebyshev = Chebyshev::new(sweeper, bounds, 1e-9, 1e-6);
+    let (found, products) = outputs(chebyshev, &together, given.clone());
     assert_eq!(
-        chebyshev.stats().evaluations,
-        8 * 2 * degree(6.0 * edge(n), 6e-9)
+        products,
+        8 * 2 * (degree(5.0 * edge(n), 5e-9) + degree(edge(n), 1e-9))
     );
     for (k, start) in starts.iter().enumerate() {
-        let mut alone = wave(start);
-        stepper(&hamiltonian, bounds, 1e-9)
-            .step(0.0, 6.0, &mut alone)
-            .expect("a step");
-        let member = |x: &[Lanes]| -> Vec<f64> { x.iter().map(|x| x.member(k)).collect() };
-        assert_eq!(
-            (member(&together.q), member(&together.p)),
-            (alone.q, alone.p)
+        let (alone, _) = outputs(
+            stepper(&hamiltonian, bounds, 1e-9),
+            &wave(start),
+            given.clone(),
         );
+        let member = |x: &[Lanes]| -> Vec<f64> { x.iter().map(|x| x.member(k)).collect() };
+        for (together, alone) in found.iter().zip(&alone) {
+            assert_eq!(
+                (member(&together.q), member(&together.p)),
+                (alone.q.clone(), alone.p.clone())
+            );
+        }
     }
 }
 

@@ -26,7 +26,7 @@ use liouville_tests::{
 };
 use liouville_waves::method::{
     self as schrodinger, Chebyshev, Lanczos, Magnus, Nodes, Phases, Processed, Processor,
-    ShearProgram, Shears, Sweeper, Wave,
+    ShearProgram, Shears, Sweeper, Wave, Windows,
 };
 use std::sync::Arc;
 use std::time::Duration;
@@ -332,7 +332,11 @@ fn wave_functions_go_on() {
     };
     let phases = || Phases::new(grid(), 1e-6).expect("T and diagonals");
     let bounds = || vec![(0.0, 128.0), (-2.0, 2.0)];
-    let steppers: [Stepped<'_>; 6] = [
+    let windows = || {
+        let times = (1..=33).map(|k| 0.03 * f64::from(k)).collect();
+        Windows::new(times, vec![10, 1, 20, 2]).expect("windows of all outputs")
+    };
+    let steppers: [Stepped<'_>; 7] = [
         (
             "shears",
             40,
@@ -343,6 +347,14 @@ fn wave_functions_go_on() {
             "series",
             40,
             Box::new(|| Box::new(Chebyshev::new(sweeper(), (-1.8, 2.4), 1e-9, 1e-6))),
+        ),
+        (
+            "series of several outputs",
+            40,
+            Box::new(|| {
+                let series = Chebyshev::new(sweeper(), (-1.8, 1.0), 1e-9, 1e-6);
+                Box::new(series.with_windows(windows()))
+            }),
         ),
         (
             "lanczos",

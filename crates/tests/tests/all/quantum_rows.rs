@@ -4,7 +4,7 @@ use liouville_base::linalg::Rows;
 use liouville_base::real::{Lanes, Scalar};
 use liouville_base::simd::{InstructionSet, Stored};
 use liouville_tests::properties::properties;
-use liouville_waves::method::{Move, Sweeper};
+use liouville_waves::method::{Move, Outputs, Sink, Sweeper, TermBlock};
 use liouville_waves::problem::{
     Bond, Dense, Diagonals, Hamiltonian, Operator, RowBlock, Spins, Update,
 };
@@ -268,6 +268,7 @@ fn moves(draw: &mut Draw, count: usize) -> Vec<Move> {
         },
         update: UPDATES[draw.below(4)],
         weight: draw.next(),
+        copy: k,
     };
     (0..count).map(&mut one).collect()
 }
@@ -301,9 +302,62 @@ fn swept<S: Stored>(sweeper: &mut Sweeper<S>, moves: &[Move], start: &[Vec<S>; 4
     let mut all = start.clone();
     let [a, b, sum_a, sum_b] = &mut all;
     sweeper
-        .run(moves, a, b, Some((sum_a, sum_b)))
+        .run(moves, a, b, Sink::Sums(sum_a, sum_b))
         .expect("products can be made");
     all
+}
+
+/// Sums of what moves make at some outputs, those of even places apart from those of odd ones.
+fn summed<S: Stored>(
+    sweeper: &mut Sweeper<S>,
+    moves: &[Move],
+    [a, b, ..]: &[Vec<S>; 4],
+    weights: &[Vec<f64>],
+) -> Vec<[Vec<S>; 2]> {
+    let (n, count) = (a.len(), moves.len().next_multiple_of(2));
+    let (mut block, mut outputs) = (TermBlock::default(), Outputs::default());
+    block.reset(n, count).expect("memory");
+    outputs.reset(n, weights.len()).expect("memory");
+    let (mut a, mut b) = (a.clone(), b.clone());
+    let made = sweeper.run(moves, &mut a, &mut b, block.sink());
+    made.expect("products can be made");
+    for weights in weights {
+        block.push_weights(weights.iter().copied());
+    }
+    let added = sweeper.add_terms(&block, &mut outputs, false);
+    added.expect("sums can be made");
+    let read = |output: usize| {
+        [0, 1].map(|part| {
+            let mut sum = vec![S::splat(0.0); n];
+            outputs.read(output, part, &mut sum);
+            sum
+        })
+    };
+    (0..weights.len()).map(read).collect()
+}
+
+/// The same by a sum for each output and move.
+fn summed_one_by_one<S: Stored>(
+    operator: &Operator,
+    moves: &[Move],
+    start: &[Vec<S>; 4],
+    weights: &[Vec<f64>],
+) -> Vec<[Vec<S>; 2]> {
+    let zeros = || vec![S::splat(0.0); start[0].len()];
+    let of = |weights: &Vec<f64>| {
+        let mut sums = [zeros(), zeros()];
+        for (k, weight) in weights.iter().enumerate() {
+            let [a, b, ..] = one_by_one(operator, &moves[..=k], start);
+            let made = if moves[k].into_second { b } else { a };
+            for (sum, made) in sums[k % 2].iter_mut().zip(&made) {
+                for m in 0..S::MEMBERS {
+                    sum.set_member(m, sum.member(m) + weight * made.member(m));
+                }
+            }
+        }
+        sums
+    };
+    weights.iter().map(of).collect()
 }
 
 /// Compares sweeps in any way with moves one by one.
@@ -316,6 +370,12 @@ fn check_sweeps<S: Stored + PartialEq + std::fmt::Debug>(
     let count = 1 + draw.below(12);
     let moves = moves(draw, count);
     let want = one_by_one(operator, &moves, &start);
+    let mut of_output = |k: usize| {
+        let taken = if k == 0 { count } else { draw.below(count) };
+        draw.vector(taken)
+    };
+    let weights: Vec<_> = (0..3).map(&mut of_output).collect();
+    let sums = summed_one_by_one(operator, &moves, &start, &weights);
     let hamiltonian = Arc::new(Hamiltonian::new(vec![operator.clone()]));
     for threads in [1, 2, 3] {
         let sweeper = Sweeper::new(Arc::clone(&hamiltonian)).with_threads(threads);
@@ -325,6 +385,7 @@ fn check_sweeps<S: Stored + PartialEq + std::fmt::Debug>(
             let mut sweeper = sweeper.clone().with_tiles(rows, at_once);
             let got = swept(&mut sweeper, &moves, &start);
             assert_eq!(got, want, "{rows} rows, {at_once} moves, {threads} threads");
+            assert_eq!(summed(&mut sweeper.clone(), &moves, &start, &weights), sums);
             assert_eq!(sweeper.products(), S::MEMBERS * count);
         }
     }

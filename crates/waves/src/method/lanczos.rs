@@ -7,7 +7,7 @@
 //! Source: parklight1986; hochbruck1997.
 
 use super::observe::dot;
-use super::{Move, Sweeper, Wave, check_norm, squares};
+use super::{Move, Sink, Sweeper, Wave, check_norm, squares};
 use crate::problem::Update;
 use liouville_base::checkpoint::Checkpoint;
 use liouville_base::error::StepError;
@@ -210,14 +210,10 @@ pub(super) fn three_terms<const PARTS: usize>(
         factor: 1.0,
         diagonal: 0.0,
     };
-    let product = Move {
-        into_second: true,
-        update,
-        weight: 0.0,
-    };
+    let product = Move::new(true, update);
     let mut alpha = 0.0;
     for (v, w) in v.iter_mut().zip(&mut *w) {
-        sweeper.run(&[product], v, w, None)?;
+        sweeper.run(&[product], v, w, Sink::Nothing)?;
         alpha += dot(v, w);
     }
     let mut square = 0.0;

@@ -13,6 +13,7 @@ mod processor;
 mod shears;
 mod spectral_range;
 mod sweep;
+mod windows;
 
 pub use chebyshev::Chebyshev;
 pub use lanczos::Lanczos;
@@ -23,7 +24,8 @@ pub use processed::Processed;
 pub use processor::Processor;
 pub use shears::Shears;
 pub use spectral_range::{Ritz, asymmetry, ritz};
-pub use sweep::{Move, Sums, Sweeper};
+pub use sweep::{Move, Outputs, Sink, Sweeper, TermBlock};
+pub use windows::Windows;
 
 use liouville_base::error::StepError;
 use liouville_base::real::Scalar;

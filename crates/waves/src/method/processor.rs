@@ -8,7 +8,7 @@
 //! η odd in x. Both functions are sums of Chebyshev polynomials on [−X, X], and applied by their recursion.
 //! X has to stay below the limit of stability, where η is infinite. Source: lopezmarcos1996, blanes2006.
 
-use super::{Move, Sweeper, Wave};
+use super::{Move, Sink, Sweeper, Wave};
 use crate::problem::Update;
 use liouville_base::error::StepError;
 use liouville_base::simd::Stored;
@@ -75,11 +75,11 @@ impl Processor {
         let (mut q, mut p) = (scaled(&wave.q, first), scaled(&wave.p, first));
         let mut last = wave.q.clone();
         let mut this = scaled(&wave.q, 0.0);
-        let sums = Some((&mut q[..], &mut p[..]));
+        let sums = Sink::Sums(&mut q, &mut p);
         sweeper.run(&moves, &mut last, &mut this, sums)?;
         last.copy_from_slice(&wave.p);
         this.fill(S::splat(0.0));
-        let sums = Some((&mut p[..], &mut q[..]));
+        let sums = Sink::Sums(&mut p, &mut q);
         sweeper.run(&moves, &mut last, &mut this, sums)?;
         (wave.q, wave.p) = (q, p);
         Ok(())
@@ -103,6 +103,7 @@ impl Processor {
                         diagonal,
                     },
                     weight: if is_odd { sign * c } else { *c },
+                    copy: 0,
                 }
             })
             .collect()

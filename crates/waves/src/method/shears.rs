@@ -1,6 +1,6 @@
 //! Shears q ← q + c h (H − σ) p and p ← p − c h (H − σ) q, the parts of splittings that use products with H only.
 
-use super::{Move, Sweeper, Wave, check_norm};
+use super::{Move, Sink, Sweeper, Wave, check_norm};
 use crate::problem::Update;
 use liouville_base::checkpoint::Checkpoint;
 use liouville_base::composition::{Flow, Parts};
@@ -50,17 +50,12 @@ impl<S: Stored> Shears<S> {
             factor,
             diagonal: -factor * self.shift,
         };
-        let into_second = part == 1;
-        self.moves.push(Move {
-            into_second,
-            update,
-            weight: 0.0,
-        });
+        self.moves.push(Move::new(part == 1, update));
     }
 
     fn make(&mut self, state: &mut Wave<S>) -> Result<(), StepError> {
         self.sweeper
-            .run(&self.moves, &mut state.q, &mut state.p, None)
+            .run(&self.moves, &mut state.q, &mut state.p, Sink::Nothing)
     }
 }
 

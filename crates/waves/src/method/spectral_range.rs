@@ -5,7 +5,7 @@
 
 use super::lanczos::{LOST, three_terms};
 use super::observe::dot;
-use super::{Move, Sweeper};
+use super::{Move, Sink, Sweeper};
 use crate::problem::Update;
 use liouville_base::error::StepError;
 use liouville_base::linalg::Tridiagonal;
@@ -79,12 +79,9 @@ pub fn asymmetry(sweeper: &mut Sweeper<f64>, seed: u64) -> Result<f64, StepError
     let (mut x, mut y) = (random(n, seed), random(n, !seed));
     let mut product = |x: &mut [f64]| {
         let mut out = vec![0.0; n];
-        let product = [Move {
-            into_second: true,
-            update: Update::added(1.0),
-            weight: 0.0,
-        }];
-        sweeper.run(&product, x, &mut out, None).map(|()| out)
+        let product = [Move::new(true, Update::added(1.0))];
+        let made = sweeper.run(&product, x, &mut out, Sink::Nothing);
+        made.map(|()| out)
     };
     let (x_moved, y_moved) = (product(&mut x)?, product(&mut y)?);
     let length = |x: &[f64]| dot(x, x).sqrt();

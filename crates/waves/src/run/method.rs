@@ -2,7 +2,7 @@
 
 use crate::method::{
     Chebyshev, Lanczos, Magnus, Nodes, Phases, Processed, Processor, ShearProgram, Shears, Sweeper,
-    Wave, bessel,
+    Wave, Windows, bessel,
 };
 use crate::problem::Hamiltonian;
 use liouville_base::cancel::CancelToken;
@@ -40,6 +40,8 @@ pub enum Method {
         tolerance: f64,
         /// Whether H acts on real and imaginary parts one after the other.
         is_doubled: bool,
+        /// How many outputs each series makes.
+        windows: Vec<usize>,
     },
     /// A Krylov space for each step.
     Lanczos {
@@ -104,6 +106,7 @@ pub(super) enum Prepared {
         rate: f64,
         tolerance: f64,
         is_doubled: bool,
+        windows: Windows,
     },
     Processed {
         program: Vec<Flow>,
@@ -133,10 +136,11 @@ pub(super) enum Single {
 }
 
 impl Prepared {
-    /// The method for this Hamiltonian; shears back in time are undone, last to first.
+    /// The method for this Hamiltonian, and outputs at these times; shears back in time are undone, last to first.
     pub(super) fn new(
         method: Method,
         hamiltonian: &Arc<Hamiltonian>,
+        times: Vec<f64>,
         is_back: bool,
     ) -> Result<Self, StartError> {
         Ok(match method {
@@ -154,12 +158,17 @@ impl Prepared {
                 rate,
                 tolerance,
                 is_doubled,
-            } => Self::Chebyshev {
-                bounds,
-                rate,
-                tolerance,
-                is_doubled,
-            },
+                windows,
+            } => {
+                let unfit = || StartError::invalid("windows have all outputs, each at least one");
+                Self::Chebyshev {
+                    bounds,
+                    rate,
+                    tolerance,
+                    is_doubled,
+                    windows: Windows::new(times, windows).ok_or_else(unfit)?,
+                }
+            }
             Method::Lanczos {
                 dimension,
                 rate,
@@ -220,6 +229,14 @@ impl Prepared {
         })
     }
 
+    /// The most states of which a stepper has memory.
+    pub(super) fn states(&self) -> usize {
+        match self {
+            Self::Chebyshev { windows, .. } => windows.most(),
+            _ => 1,
+        }
+    }
+
     /// The part of all energies that is left out of H.
     pub(super) fn shift(&self) -> f64 {
         match self {
@@ -275,13 +292,15 @@ impl Prepared {
                 rate,
                 tolerance,
                 is_doubled,
+                windows,
             } => {
                 let series = Chebyshev::new(sweeper, *bounds, *rate, *tolerance);
-                Box::new(if *is_doubled {
+                let series = if *is_doubled {
                     series.hermitian()
                 } else {
                     series
-                })
+                };
+                Box::new(series.with_windows(windows.clone()))
             }
             Self::Processed {
                 program,

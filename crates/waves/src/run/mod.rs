@@ -16,6 +16,9 @@ use liouville_base::simd::Stored;
 use method::Prepared;
 use std::sync::Arc;
 
+/// Most bytes of the outputs of a window of members in lock-step.
+const LOCKSTEP: usize = 1 << 26;
+
 /// A run, or an ensemble of runs.
 #[derive(Clone)]
 pub struct Job {
@@ -57,8 +60,9 @@ pub fn start(
         )));
     }
     let is_back = job.stops.first().is_some_and(|(t, _)| *t < job.t0);
+    let times = job.stops.iter().map(|(t, _)| *t).collect();
     let starter = Starter {
-        method: Prepared::new(method, &hamiltonian, is_back)?,
+        method: Prepared::new(method, &hamiltonian, times, is_back)?,
         hamiltonian,
         job,
     };
@@ -98,8 +102,10 @@ impl Starter {
 
     /// All members: in lock-step if they share a matrix by rows and are not too few.
     fn ensemble(self, members: usize) -> Ensemble {
-        let is_lockstep =
-            !matches!(self.method, Prepared::Single(_)) && self.hamiltonian.reach().is_some();
+        let bytes = self.method.states() * size_of::<[Lanes<WIDTH>; 2]>() * self.job.n;
+        let is_lockstep = !matches!(self.method, Prepared::Single(_))
+            && self.hamiltonian.reach().is_some()
+            && bytes <= LOCKSTEP;
         let block = if is_lockstep && 2 * members >= WIDTH {
             WIDTH
         } else {

@@ -9,13 +9,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from liouville import _core
-from liouville._arguments import check_memory, memory
+from liouville._arguments import memory
 from liouville.errors import hinted
 from liouville.methods import Chebyshev, Lanczos, SchrodingerSplitting
 from liouville.planner.waves.ladder import ROUNDOFF, Choice, cheapest
 from liouville.planner.waves.plan import WavePlan
 from liouville.planner.waves.propagators import Krylov, Series, Shears
 from liouville.planner.waves.speed import series_cost
+from liouville.planner.waves.windows import SERIES, Windows, windows_of
 from liouville.systems import Schrodinger
 
 #: The methods that choose their steps.
@@ -36,8 +37,8 @@ MANY = 50
 #: Roundings of an energy count so many times in the phase.
 PHASE = 4.0
 
-#: Bytes of a series for each 1 / beta, and the longest time that double precision has room for.
-SERIES, LONGEST = 24.0, 1e200
+#: The longest time that double precision has room for.
+LONGEST = 1e200
 
 #: The norm may be off by ten times what the method promises, and by so much in any case.
 TIMES, LEAST = 10.0, 1e-10
@@ -101,11 +102,11 @@ def plan_wave(
     _check_reach(span, method.tol)
     if isinstance(method, Lanczos):
         return _lanczos(span, method)
-    if isinstance(method, Chebyshev):
-        return _chebyshev(span, method, system, is_real, ("asked for",))
-    if not system.is_real:
-        why = "H is complex and no gauge makes it real"
-        return _chebyshev(span, method, system, is_real, (why,))
+    if isinstance(method, Chebyshev) or not system.is_real:
+        windows = _windows(span, method.tol, system, is_real)
+        asked = isinstance(method, Chebyshev)
+        why = "asked for" if asked else "H is complex and no gauge makes it real"
+        return _chebyshev(span, method, windows, system, (why,))
     found = _splitting(span, method)
     if found is None and method.mode != "auto":
         raise ValueError(
@@ -117,12 +118,15 @@ def plan_wave(
         )
     if found is not None and SERIES * float(span.thetas.max()) > memory():
         return _split(span, found, method)
-    series = _chebyshev(span, method, system, is_real, ())
+    windows = _windows(span, method.tol, system, is_real)
+    series = _chebyshev(span, method, windows, system, ())
     if found is None:
         why = f"no splitting reaches {method.tol:g} over {span.thetas.sum():.3g} / beta"
-        return replace(series, reasons=(why,))
+        return replace(series, reasons=(why, *series.reasons))
     splitting = _split(span, found, method)
-    return _faster(system, splitting, series) if method.mode == "auto" else splitting
+    if method.mode != "auto":
+        return splitting
+    return _faster(system, splitting, series, windows.time)
 
 
 def _check_system(system: Schrodinger, method: Planned) -> None:
@@ -136,13 +140,15 @@ def _check_system(system: Schrodinger, method: Planned) -> None:
         raise ValueError(hinted(sentence, "take 'auto', which uses a Chebyshev series then"))
 
 
-def _faster(system: Schrodinger, splitting: WavePlan, series: WavePlan) -> WavePlan:
-    """Choose by the time that the products will take."""
+def _faster(
+    system: Schrodinger, splitting: WavePlan, series: WavePlan, time: float
+) -> WavePlan:
+    """Choose by the time that the products will take, and the outputs of a series."""
     why = [f"a Chebyshev series would take {series.products:g} products"]
-    if series.products < splitting.products:
+    if time < splitting.products:
         cost = series_cost(system, series.products)
         slower = f"a product takes about {cost:g} times as long in a series as in a splitting"
-        if cost * series.products < splitting.products:
+        if cost * time < splitting.products:
             other = f"a splitting would take {splitting.products:g} products"
             return replace(series, reasons=(*series.reasons, other, slower))
         why.append(slower)
@@ -195,35 +201,36 @@ def _split(span: Span, found: Choice, method: SchrodingerSplitting) -> WavePlan:
     )
 
 
-def _chebyshev(
-    span: Span, method: Planned, system: Schrodinger, is_real: bool, why: tuple[str, ...]
-) -> WavePlan:
-    """One series for each interval, with its share of the tolerance."""
-    thetas, tol = span.thetas, method.tol
+def _windows(span: Span, tol: float, system: Schrodinger, is_real: bool) -> Windows:
+    """Return the windows of series that share the tolerance."""
     rate = (tol - span.roundoff) / float(span.intervals.sum())
-    check_memory(
-        f"a Chebyshev series over {thetas.max():.3g} / beta", SERIES * float(thetas.max()),
-        "give more times to keep states at, so that each series is shorter",
-    )  # fmt: skip
-    lengths, place = np.unique(span.intervals, return_inverse=True)
-    each = [_core.chebyshev_degree(span.beta * length, rate * length) for length in lengths]
-    degrees = np.array(each)[place]
-    products = float(sum(degrees))
-    if is_real and system.is_real:
-        products -= degrees[0] / 2
-        why = (*why, "the start is real, which halves the products of the first interval")
+    return windows_of(span.intervals, span.beta, rate, system.size, is_real and system.is_real)
+
+
+def _chebyshev(
+    span: Span, method: Planned, windows: Windows, system: Schrodinger, why: tuple[str, ...]
+) -> WavePlan:
+    """One series for the outputs of each window."""
+    tol, counts = method.tol, windows.counts
+    if windows.is_real:
+        why = (*why, "the start is real, which halves the products of the first series")
+    if counts.max() > 1:
+        why = (*why, "outputs within a window take no products of their own")
     return WavePlan(
         method=method,
-        scheme=f"Chebyshev (series of degree {max(degrees)})",
+        scheme=f"Chebyshev (series of degree {windows.degrees.max()})",
         t0=span.t0,
-        stops=span.stops(np.ones(len(thetas))),
-        theta=float(thetas.max()),
+        stops=span.stops(np.ones(span.intervals.size)),
+        theta=span.beta * float(windows.lengths.max()),
         bounds=span.bounds,
-        products=products,
+        products=windows.products,
         bound=tol,
         reasons=why,
-        core=Series(span.bounds, rate, max(TIMES * tol, LEAST), not system.is_real),
-    )
+        core=Series(
+            span.bounds, windows.rate, max(TIMES * tol, LEAST), not system.is_real,
+            tuple(counts.tolist()),
+        ),
+    )  # fmt: skip
 
 
 def _lanczos(span: Span, method: Lanczos) -> WavePlan:

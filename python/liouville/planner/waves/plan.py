@@ -26,9 +26,10 @@ class WavePlan(Plan):
     t0 : float
         Time of the start.
     stops : tuple of (float, int)
-        Times of the states that are kept, and the steps to each from the one before.
+        Times of the states that are kept, and the steps to each from the one before; a series
+        makes the states of a window without steps, and counts one for each.
     theta : float
-        Length of the longest step in units of :math:`1/\beta`, with :math:`\beta` half the width
+        Length of the longest step or window in units of :math:`1/\beta`, with :math:`\beta` half the width
         of the spectrum.
     bounds : tuple of float
         Smallest and largest eigenvalue it is safe for, in units of :math:`\hbar/t`.
@@ -59,6 +60,11 @@ class WavePlan(Plan):
         return sum(steps for _, steps in self.stops)
 
     @property
+    def windows(self) -> int:
+        """Number of series, each of which makes several states; 0 where steps make them."""
+        return len(self.core.windows) if isinstance(self.core, Series) else 0
+
+    @property
     def times(self) -> tuple[float, ...]:
         """Times of the start and of the states that are kept."""
         return (self.t0, *(t for t, _ in self.stops))
@@ -78,7 +84,13 @@ class WavePlan(Plan):
 
     def __repr__(self) -> str:
         """Name the scheme, steps and products."""
-        return f"<WavePlan by {self.scheme}: {self.steps} steps, {self.products:g} products>"
+        return f"<WavePlan by {self.scheme}: {self._stages}, {self.products:g} products>"
+
+    @property
+    def _stages(self) -> str:
+        """Windows or steps, by number."""
+        count, word = (self.windows, "window") if self.windows else (self.steps, "step")
+        return f"{count} {word}{'' if count == 1 else 's'}"
 
     def _lines(self) -> list[str]:
         low, high = self.bounds
@@ -87,9 +99,10 @@ class WavePlan(Plan):
         bound = "not known beforehand" if self.bound is None else f"{self.bound:.1e}"
         return [
             self.scheme,
-            f"  t = {self.t0:g} to {to:g} in {self.steps} steps{kept}; "
+            f"  t = {self.t0:g} to {to:g} in {self._stages}{kept}; "
             f"{self.products:g} products H psi",
-            f"  spectrum within [{low:.6g}, {high:.6g}], theta = {self.theta:.4g} a step",
+            f"  spectrum within [{low:.6g}, {high:.6g}], theta = {self.theta:.4g} a "
+            f"{'window' if self.windows else 'step'}",
             f"  error at most {bound}",
             *self._why,
         ]

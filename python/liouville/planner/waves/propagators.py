@@ -23,15 +23,17 @@ class Shears:
 
 @dataclass(frozen=True, eq=False)
 class Series:
-    """A Chebyshev series for each step, to the error `rate` in a unit of time.
+    """Chebyshev series, each for the outputs of a window, to the error `rate` in a unit of time.
 
-    `is_doubled` says that H acts on real and imaginary parts one after the other.
+    `is_doubled` says that H acts on real and imaginary parts one after the other, and `windows` how
+    many outputs each series makes.
     """
 
     bounds: tuple[float, float]
     rate: float
     norm_tol: float
     is_doubled: bool
+    windows: tuple[int, ...]
     kind: str = field(default="chebyshev", init=False)
 
 

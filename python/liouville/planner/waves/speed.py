@@ -38,7 +38,7 @@ def series_cost(system: Schrodinger, products: float) -> float:
         low, high = system.bounds
         beta, sigma = 0.5 * (high - low), 0.5 * (high + low)
         shears = Shears(np.full(PRODUCTS, 1 / PRODUCTS), sigma, np.inf)
-        series = Series((low, high), 1e-3 * beta, np.inf, False)
+        series = Series((low, high), 1e-3 * beta, np.inf, False, (1, 1))
         ratio = _seconds(system, series, 4 / beta) / _seconds(system, shears, 1 / beta)
         _measured[system] = max(1.0, round(ratio / STEP) * STEP)
     return _measured[system]

@@ -4,8 +4,13 @@
 //! of the number of threads.
 
 mod blocking;
+mod outputs;
 mod shared;
+mod sink;
 mod wavefront;
+
+pub use outputs::{Outputs, TermBlock};
+pub use sink::Sink;
 
 use crate::problem::{Hamiltonian, HamiltonianAt, Operator, ProductScratch, Update};
 use blocking::Blocking;
@@ -30,10 +35,21 @@ pub struct Move {
     pub update: Update,
     /// The factor of the updated vector in its sum, where there are sums.
     pub weight: f64,
+    /// Its place among the copies, where there are copies.
+    pub copy: usize,
 }
 
-/// Weighted sums of the values of a and of b.
-pub type Sums<'a, S> = Option<(&'a mut [S], &'a mut [S])>;
+impl Move {
+    /// A product whose result is of no other use than the next one.
+    pub fn new(into_second: bool, update: Update) -> Self {
+        Self {
+            into_second,
+            update,
+            weight: 0.0,
+            copy: 0,
+        }
+    }
+}
 
 /// Products with a Hamiltonian, one after another.
 #[derive(Clone)]
@@ -146,25 +162,29 @@ impl<S: Stored> Sweeper<S> {
         moves: &[Move],
         a: &mut [S],
         b: &mut [S],
-        mut sums: Sums<'_, S>,
+        mut sink: Sink<'_, S>,
     ) -> Result<(), StepError> {
         if let Some(by_rows) = self.by_rows {
-            return self.run_by_rows(by_rows, moves, &mut SweepVectors { a, b, sums });
+            return self.run_by_rows(by_rows, moves, &mut SweepVectors { a, b, sink });
         }
         for step in moves {
             if self.cancel.is_cancelled() {
                 return Err(StepError::Interrupted);
             }
-            let sum = sums
-                .as_mut()
-                .map(|(a, b)| if step.into_second { &mut **b } else { &mut **a });
             if step.into_second {
-                self.one(step, a, b, sum)?;
+                self.one(step, a, b)?;
+                sink.take(self.machine, step, 0, b);
             } else {
-                self.one(step, b, a, sum)?;
+                self.one(step, b, a)?;
+                sink.take(self.machine, step, 0, a);
             }
         }
         Ok(())
+    }
+
+    /// Whether threads share the rows.
+    fn is_worth_sharing(&self) -> bool {
+        self.by_rows.is_some_and(|by_rows| by_rows.is_worth_sharing)
     }
 
     fn run_by_rows(
@@ -207,19 +227,9 @@ impl<S: Stored> Sweeper<S> {
         Ok(())
     }
 
-    fn one(
-        &mut self,
-        step: &Move,
-        x: &[S],
-        out: &mut [S],
-        sum: Option<&mut [S]>,
-    ) -> Result<(), StepError> {
+    fn one(&mut self, step: &Move, x: &[S], out: &mut [S]) -> Result<(), StepError> {
         self.products += S::MEMBERS;
         let weighted = self.hamiltonian.at(self.current.as_ref());
-        weighted.update(self.machine, step.update, x, out, &mut self.scratch)?;
-        if let Some(sum) = sum {
-            add_scaled(self.machine, step.weight, out, sum);
-        }
-        Ok(())
+        weighted.update(self.machine, step.update, x, out, &mut self.scratch)
     }
 }

@@ -5,8 +5,9 @@
 //! these are more than all rows, threads share the rows of one move at a time.
 
 use super::blocking::LONG;
+use super::sink::tile_rows;
 use super::wavefront::{Edge, Edges, SweepPlan, SweepRows};
-use super::{Move, Sums};
+use super::{Move, Sink};
 use crate::problem::RowBlock;
 use liouville_base::cancel::CancelToken;
 use liouville_base::parallel::Workers;
@@ -17,39 +18,35 @@ const MOST: usize = 64;
 /// Pieces for each thread, as rows take unequal time.
 const EACH: usize = 4;
 
-/// All of a and b, and of their sums.
+/// All of a and b, and the use of them.
 pub(super) struct SweepVectors<'a, S> {
     pub(super) a: &'a mut [S],
     pub(super) b: &'a mut [S],
-    pub(super) sums: Sums<'a, S>,
+    pub(super) sink: Sink<'a, S>,
 }
 
-impl<S> SweepVectors<'_, S> {
+impl<S: Stored> SweepVectors<'_, S> {
     /// All of it as one part.
     pub(super) fn part(&mut self) -> SweepRows<'_, S> {
-        let sums = self.sums.as_mut();
         SweepRows {
             first: 0,
             a: self.a,
             b: self.b,
-            sums: sums.map(|(a, b)| (&mut **a, &mut **b)),
+            sink: self.sink.reborrow(),
         }
     }
 
-    /// Pieces of `size` rows, from `first` on.
+    /// Pieces of `size` rows, from `first` on: whole tiles.
     fn pieces(&mut self, first: usize, size: usize) -> [Option<SweepRows<'_, S>>; MOST] {
         let mut a = self.a[first..].chunks_mut(size);
         let mut b = self.b[first..].chunks_mut(size);
-        let sums = self.sums.as_mut();
-        let mut sums =
-            sums.map(|(a, b)| (a[first..].chunks_mut(size), b[first..].chunks_mut(size)));
+        let (_, mut later) = self.sink.reborrow().split_at(first);
         std::array::from_fn(|k| {
-            Some(SweepRows {
-                first: first + k * size,
-                a: a.next()?,
-                b: b.next()?,
-                sums: sums.as_mut().and_then(|(a, b)| a.next().zip(b.next())),
-            })
+            let (a, b) = (a.next()?, b.next()?);
+            let (sink, rest) = std::mem::replace(&mut later, Sink::Nothing).split_at(size);
+            later = rest;
+            let first = first + k * size;
+            Some(SweepRows { first, a, b, sink })
         })
     }
 }
@@ -58,7 +55,7 @@ impl<S> SweepVectors<'_, S> {
 struct MoveRows<'a, S> {
     row: usize,
     out: &'a mut [S],
-    sum: Option<&'a mut [S]>,
+    sink: Sink<'a, S>,
 }
 
 impl SweepPlan<'_> {
@@ -70,7 +67,9 @@ impl SweepPlan<'_> {
         cancel: &mut CancelToken,
     ) -> bool {
         let count = self.moves.len();
+        // pieces and their halves are whole tiles
         let size = self.n.div_ceil(workers.threads().min(MOST));
+        let size = size.next_multiple_of(2 * tile_rows::<S>());
         if count > 1 && size >= 2 * (count + 1) * self.reach {
             self.share_moves(workers, size, all);
             return !cancel.is_cancelled();
@@ -120,43 +119,35 @@ impl SweepPlan<'_> {
         all: &mut SweepVectors<'_, S>,
         cancel: &mut CancelToken,
     ) -> bool {
-        let sums = all.sums.as_mut();
-        let (x, out, mut sum) = if step.into_second {
-            (&*all.a, &mut *all.b, sums.map(|(_, sum)| &mut **sum))
+        let mut later = all.sink.reborrow();
+        let (x, out) = if step.into_second {
+            (&*all.a, &mut *all.b)
         } else {
-            (&*all.b, &mut *all.a, sums.map(|(sum, _)| &mut **sum))
+            (&*all.b, &mut *all.a)
         };
         let pieces = (EACH * workers.threads()).min(MOST);
         let long = (LONG / self.bytes).clamp(1, self.n.div_ceil(pieces));
+        let long = long.next_multiple_of(tile_rows::<S>());
         let mut row = 0;
         for out in out.chunks_mut(pieces * long) {
             if cancel.is_cancelled() {
                 return false;
             }
-            let (rows, later) = match sum.take() {
-                Some(sum) => {
-                    let (now, later) = sum.split_at_mut(out.len());
-                    (Some(now), Some(later))
-                }
-                None => (None, None),
-            };
-            sum = later;
             let end = row + out.len();
             let mut outs = out.chunks_mut(long);
-            let mut sums = rows.map(|rows| rows.chunks_mut(long));
             let mut pieces: [Option<MoveRows<'_, S>>; MOST] = std::array::from_fn(|k| {
-                Some(MoveRows {
-                    row: row + k * long,
-                    out: outs.next()?,
-                    sum: sums.as_mut().and_then(Iterator::next),
-                })
+                let out = outs.next()?;
+                let (sink, rest) = std::mem::replace(&mut later, Sink::Nothing).split_at(long);
+                later = rest;
+                let row = row + k * long;
+                Some(MoveRows { row, out, sink })
             });
             workers.all(&mut pieces, |piece| {
-                let Some(MoveRows { row, out, sum }) = piece else {
+                let Some(MoveRows { row, out, sink }) = piece else {
                     return;
                 };
                 let (row, place) = (*row, 0);
-                self.make(step, RowBlock { row, out, place, x }, sum.as_deref_mut());
+                self.make(step, RowBlock { row, out, place, x }, sink, 0);
             });
             row = end;
         }

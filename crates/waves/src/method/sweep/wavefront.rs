@@ -7,7 +7,7 @@
 #![allow(clippy::inline_always)] // all of a kernel is compiled for one instruction set
 
 use super::blocking::Blocking;
-use super::{Move, Sums};
+use super::{Move, Sink};
 use crate::problem::{RowBlock, WeightedTerms};
 use liouville_base::cancel::CancelToken;
 use liouville_base::simd::{ForEach, InstructionSet, Kernel, Number, SimdView, SimdViews, Stored};
@@ -30,12 +30,12 @@ pub(super) struct SweepPlan<'a> {
     pub(super) moves: &'a [Move],
 }
 
-/// Some rows of a and b, and of their sums.
+/// Some rows of a and b, and the use of them.
 pub(super) struct SweepRows<'a, S> {
     pub(super) first: usize,
     pub(super) a: &'a mut [S],
     pub(super) b: &'a mut [S],
-    pub(super) sums: Sums<'a, S>,
+    pub(super) sink: Sink<'a, S>,
 }
 
 /// The rows that moves make, from one to another, which may be more or fewer with each move.
@@ -121,37 +121,35 @@ impl SweepPlan<'_> {
         let (first, row) = (part.first, rows.start);
         let place = row.saturating_sub(self.reach).max(first);
         let end = (rows.end + self.reach).min(first + part.a.len());
-        let sums = part.sums.as_mut();
-        let (x, out, sum) = if step.into_second {
-            (&*part.a, &mut *part.b, sums.map(|(_, sum)| &mut **sum))
+        let (x, out) = if step.into_second {
+            (&*part.a, &mut *part.b)
         } else {
-            (&*part.b, &mut *part.a, sums.map(|(sum, _)| &mut **sum))
+            (&*part.b, &mut *part.a)
         };
         let out = &mut out[row - first..rows.end - first];
         let x = &x[place - first..end - first];
-        let sum = sum.map(|sum| &mut sum[row - first..rows.end - first]);
-        self.make(step, RowBlock { row, out, place, x }, sum);
+        let block = RowBlock { row, out, place, x };
+        self.make(step, block, &mut part.sink, row - first);
     }
 
-    /// Makes rows, and adds to their sum.
+    /// Makes rows, and gives them to their use, of which they are those from `at` on.
     pub(super) fn make<S: Stored>(
         &self,
         step: &Move,
         block: RowBlock<'_, S>,
-        sum: Option<&mut [S]>,
+        sink: &mut Sink<'_, S>,
+        at: usize,
     ) {
         let RowBlock { row, out, place, x } = block;
-        let kept = &mut *out;
+        let made = &mut *out;
         let block = RowBlock {
             row,
-            out: kept,
+            out: made,
             place,
             x,
         };
         self.hamiltonian.act(self.machine, step.update, block);
-        if let Some(sum) = sum {
-            add_scaled(self.machine, step.weight, out, sum);
-        }
+        sink.take(self.machine, step, at, out);
     }
 }
 
