@@ -160,14 +160,6 @@ def test_a_splitting_takes_fewer_products_than_a_series(theta, mode):
         assert splitting.products >= theta / 2  # which no splitting can do better
 
 
-@pytest.mark.parametrize("interval", [20.0, 50.0])
-def test_many_output_times_cost_a_series_more_than_a_splitting(interval):
-    times = interval * np.arange(21)
-    for tol in (1e-3, 1e-6, 1e-9):
-        plans = {name: lv.plan(UNIT, METHODS[name](tol), t=times) for name in METHODS}
-        assert plans["Chebyshev"].products > 1.1 * plans["stable"].products
-
-
 def test_products_are_those_of_the_plan():
     chain = load("tight_binding").system
     psi = random_state(np.random.default_rng(0), 50)
@@ -179,13 +171,13 @@ def test_products_are_those_of_the_plan():
 
 
 def test_a_real_start_has_the_shorter_series_if_that_is_the_cheaper():
-    end, many = (0.0, 200.0), np.linspace(0.0, 200.0, 11)
-    for t, is_series in ((end, True), (many, False)):
+    end, few = (0.0, 200.0), np.linspace(0.0, 200.0, 5)
+    for t in (end, few):
         real = lv.plan(UNIT, METHODS["auto"](1e-6), t=t, psi=[1.0, 2.0])
         either = lv.plan(UNIT, METHODS["auto"](1e-6), t=t)
         assert "splitting" in either.scheme
-        assert ("Chebyshev" in real.scheme) == is_series
-        assert (real.products < either.products) == is_series
+        assert "Chebyshev" in real.scheme
+        assert real.products < either.products
 
 
 def bound(rung, x, steps):

@@ -247,13 +247,13 @@ impl Hamiltonian {
         Ok(PyArray1::from_vec(py, out))
     }
 
-    /// The smallest Ritz value and its residual, and the largest, after so many Lanczos steps from a random
-    /// vector.
+    /// The smallest and the largest Ritz value after so many Lanczos steps from a random vector, and the least and
+    /// the largest number within its residual of any Ritz value.
     fn ritz(&self, py: Python<'_>, steps: usize, seed: u64) -> PyResult<(f64, f64, f64, f64)> {
         let mut sweeper = Sweeper::new(self.inner.clone());
         let found = py.detach(|| liouville_waves::method::ritz(&mut sweeper, steps.max(1), seed));
         let found = found.map_err(|error| self.explained(error))?;
-        Ok((found.low.0, found.low.1, found.high.0, found.high.1))
+        Ok((found.low.0, found.high.0, found.outer.0, found.outer.1))
     }
 
     /// |x H y − y H x| / (|x| |H y|) of two random vectors, which is nothing where H is symmetric.

@@ -101,7 +101,8 @@ class WaveRunner(Runner):
         members = int(np.prod(self.members))
         stats = {"steps": run.done, "products": run.stats["evaluations"] / 2 / members}
         if isinstance(self.plan.core, Series):
-            stats["widened"] = self._widened = run.stats["cold_starts"]
+            self._widened = int(run.stats["cold_starts"])
+            stats["widened"] = self._widened
         return stats if self.plan.bound is None else {**stats, "bound": self.plan.bound}
 
     @property
@@ -134,7 +135,8 @@ class WaveRunner(Runner):
             return (
                 f"the norm is {error['norm']:.6g} where it was {error['norm_at_start']:.6g}",
                 f"H may have eigenvalues outside the bounds [{low:g}, {high:g}] of H/hbar, or its "
-                "products are not those of a symmetric matrix: leave out bounds=, or widen them",
+                "products are not those of a symmetric matrix: give bounds='gershgorin', or wider "
+                "ones",
                 "norm",
             )
         if error["kind"] == "spectrum":

@@ -1,6 +1,5 @@
 //! Chebyshev series: their coefficients, their errors, their costs, and bounds that are wrong.
 
-use liouville_base::error::StepError;
 use liouville_base::method::Stepper;
 use liouville_base::real::{Lanes, Scalar};
 use liouville_base::simd::Stored;
@@ -243,7 +242,7 @@ fn bounds_that_are_too_narrow_are_never_silently_wrong() {
                         let (error, times) = with_bounds(bounds, theta, tolerance, start);
                         made += usize::from(times == 0);
                         again += usize::from(times > 0);
-                        assert!(times <= 4, "{times}");
+                        assert!(times <= 8, "{times}");
                         // with bounds of a tenth, what hides is worth a few tolerances
                         let most = if narrow > 0.5 { 5.0 } else { 1.0 };
                         let rounding = 1e-16 * theta / tolerance;
@@ -405,6 +404,9 @@ fn a_spectrum_of_one_number_only_turns() {
     };
     let exact = (turned(1.0, &q, &p), turned(-1.0, &p, &q));
     assert!(distance(&state, &exact) < 1e-14);
-    let narrow = stepper(&hamiltonian, (2.4, 2.4), 1e-9).step(0.0, 1.2, &mut state);
-    assert!(matches!(narrow, Err(StepError::Norm { .. })));
+    // and bounds that leave it out are found to be wrong
+    let mut state = wave(&anyhow(3));
+    let mut narrow = stepper(&hamiltonian, (2.4, 2.4), 1e-9);
+    narrow.step(0.0, 1.2, &mut state).expect("a step");
+    assert!(distance(&state, &exact) < 1e-9 && narrow.stats().cold_starts > 0);
 }

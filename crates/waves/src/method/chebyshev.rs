@@ -80,6 +80,8 @@ pub struct Chebyshev<S: Stored> {
     block: TermBlock<S>,
     /// Windows begun again with wider bounds.
     again: usize,
+    /// Products for outputs that were made before the run was saved.
+    repeated: usize,
 }
 
 /// Whether a series went to its end.
@@ -121,6 +123,7 @@ impl<S: Stored> Chebyshev<S> {
             outputs: Outputs::default(),
             block: TermBlock::default(),
             again: 0,
+            repeated: 0,
         };
         series.set_bounds(bounds);
         series
@@ -408,9 +411,12 @@ impl<S: Stored> Stepper for Chebyshev<S> {
                     self.start.parts[1].copy_from_slice(&state.p);
                 }
             } else {
+                let (before, again) = (self.sweeper.products(), self.again);
                 let parts = std::mem::take(&mut self.start.parts);
                 let made = self.make(t, [&parts[0], &parts[1]]);
                 self.start.parts = parts;
+                self.repeated += self.sweeper.products() - before;
+                self.again = again;
                 made?;
             }
             self.is_lost = false;
@@ -431,7 +437,7 @@ impl<S: Stored> Stepper for Chebyshev<S> {
         // a product of the doubled matrix is four real ones, the counterpart of two with real H
         let each = if self.is_doubled { 2 } else { 1 };
         Stats {
-            evaluations: each * self.sweeper.products(),
+            evaluations: each * (self.sweeper.products() - self.repeated),
             cold_starts: self.again,
             ..Stats::default()
         }

@@ -1,12 +1,13 @@
-//! Bounds of a spectrum, by Lanczos steps from a random vector.
+//! Bounds of a spectrum, by Lanczos steps from a random vector of normal numbers, which has no preferred direction.
 //!
 //! Extreme Ritz values lie inside the spectrum, each within its residual β |[u]_m| of an eigenvalue. An extreme eigenvalue is
-//! missed only where the random vector is orthogonal to its eigenvectors.
+//! missed only where the random vector is nearly orthogonal to its eigenvectors. Sources: kuczynski1992; zhou2011.
 
 use super::lanczos::{LOST, three_terms};
 use super::observe::dot;
 use super::{Move, Sink, Sweeper};
 use crate::problem::Update;
+use liouville_base::elementary::ln_1p;
 use liouville_base::error::StepError;
 use liouville_base::linalg::Tridiagonal;
 
@@ -17,6 +18,8 @@ pub struct Ritz {
     pub low: (f64, f64),
     /// The largest Ritz value, and its residual.
     pub high: (f64, f64),
+    /// The least of all Ritz values less their residuals, and the largest of all with them.
+    pub outer: (f64, f64),
 }
 
 /// Ritz values of the Krylov space of H and a random vector, after `steps` steps or where it is invariant.
@@ -64,9 +67,17 @@ pub fn ritz(sweeper: &mut Sweeper<f64>, steps: usize, seed: u64) -> Result<Ritz,
             beside[m - 1] * small.vector(k)[m - 1].abs(),
         )
     };
+    let ends = (0..m).map(of);
+    let outer = ends.fold(
+        (f64::INFINITY, f64::NEG_INFINITY),
+        |(least, most), (value, residual)| {
+            (least.min(value - residual), most.max(value + residual))
+        },
+    );
     Ok(Ritz {
         low: of(0),
         high: of(m - 1),
+        outer,
     })
 }
 
@@ -90,17 +101,32 @@ pub fn asymmetry(sweeper: &mut Sweeper<f64>, seed: u64) -> Result<f64, StepError
     Ok(if scale > 0.0 { difference / scale } else { 0.0 })
 }
 
-/// Numbers between −1 and 1, the same for each seed: Steele, Lea and Flood's SplitMix64.
-#[allow(clippy::cast_precision_loss)]
+/// Normal numbers, the same for each seed, by Marsaglia's polar method.
 fn random(n: usize, seed: u64) -> Vec<f64> {
+    let mut draw = uniform(seed);
+    let mut found = Vec::with_capacity(n + 1);
+    while found.len() < n {
+        let (u, v) = (draw(), draw());
+        let square = u * u + v * v;
+        if square < 1.0 && square > 0.0 {
+            let factor = (-2.0 * ln_1p(square - 1.0) / square).sqrt();
+            found.extend([u * factor, v * factor]);
+        }
+    }
+    found.truncate(n);
+    found
+}
+
+/// Numbers between −1 and 1: Steele, Lea and Flood's SplitMix64.
+#[allow(clippy::cast_precision_loss)]
+fn uniform(seed: u64) -> impl FnMut() -> f64 {
     let mut state = seed;
-    let draw = || {
+    move || {
         state = state.wrapping_add(0x9e37_79b9_7f4a_7c15);
         let mut bits = state;
         bits = (bits ^ (bits >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
         bits = (bits ^ (bits >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
         bits ^= bits >> 31;
         (bits >> 11) as f64 / (1_u64 << 52) as f64 - 1.0
-    };
-    std::iter::repeat_with(draw).take(n).collect()
+    }
 }

@@ -2,22 +2,23 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
-from liouville import _core
 from liouville._arguments import memory
 from liouville.errors import hinted
 from liouville.methods import Chebyshev, Lanczos, SchrodingerSplitting
+from liouville.methods.schrodinger import LEAST_TOLERANCE
 from liouville.planner.waves.ladder import ROUNDOFF, Choice, cheapest
 from liouville.planner.waves.plan import WavePlan
 from liouville.planner.waves.propagators import Krylov, Series, Shears
 from liouville.planner.waves.speed import series_cost
 from liouville.planner.waves.windows import SERIES, Windows, windows_of
 from liouville.systems import Schrodinger
+from liouville.systems.schrodinger.bounds import Spectrum
 
 #: The methods that choose their steps.
 Planned = SchrodingerSplitting | Chebyshev | Lanczos
@@ -50,7 +51,12 @@ class Span:
 
     t0: float
     times: tuple[float, ...]
-    bounds: tuple[float, float]
+    spectrum: Spectrum
+
+    @property
+    def bounds(self) -> tuple[float, float]:
+        """Bounds of the spectrum."""
+        return self.spectrum.bounds
 
     @property
     def beta(self) -> float:
@@ -67,6 +73,11 @@ class Span:
         """The error of the phase by roundoff of the energies, for any method."""
         low, high = self.bounds
         return PHASE * ROUNDOFF * max(abs(low), abs(high)) * float(self.intervals.sum())
+
+    @property
+    def least(self) -> float:
+        """The least tolerance that the roundoff leaves within reach."""
+        return max(LEAST_TOLERANCE, 2 * self.roundoff)
 
     @property
     def intervals(self) -> NDArray[np.float64]:
@@ -97,8 +108,8 @@ def plan_wave(
     known to be real.
     """
     _check_system(system, method)
-    low, high = system.bounds
-    span = Span(times[0], tuple(times[1:]), (float(low), float(high)))
+    spectrum = system.spectrum(float(np.abs(np.diff(times)).sum()))
+    span = Span(times[0], tuple(times[1:]), spectrum)
     _check_reach(span, method.tol)
     if isinstance(method, Lanczos):
         return _lanczos(span, method)
@@ -107,8 +118,15 @@ def plan_wave(
         asked = isinstance(method, Chebyshev)
         why = "asked for" if asked else "H is complex and no gauge makes it real"
         return _chebyshev(span, method, windows, system, (why,))
+    if method.mode != "auto":
+        return _split(span, _found(span, method), method)
+    return _fewest(span, method, system, is_real)
+
+
+def _found(span: Span, method: SchrodingerSplitting) -> Choice:
+    """Return the splitting of a mode; ValueError if none reaches the tolerance."""
     found = _splitting(span, method)
-    if found is None and method.mode != "auto":
+    if found is None:
         raise ValueError(
             hinted(
                 f"no {method.mode} splitting reaches tol = {method.tol:g} for a span of "
@@ -116,39 +134,76 @@ def plan_wave(
                 "give a larger tol, or mode='auto', which takes a Chebyshev series then",
             )
         )
+    return found
+
+
+def _fewest(
+    span: Span, method: SchrodingerSplitting, system: Schrodinger, is_real: bool
+) -> WavePlan:
+    """Return the plan for this tolerance or a tighter one, so that none of these takes fewer.
+
+    A splitting may be faster though it takes more products, and stable ones come in where steps
+    are many, so that products alone could fall where the tolerance does. Tolerances are compared
+    four to a decade.
+    """
+    best: WavePlan | None = None
+    for tol in _tolerances(span, method.tol):
+        plan, fewest = _automatic(span, replace(method, tol=tol), system, is_real)
+        if best is None or plan.products < best.products:
+            best = plan
+        if fewest >= best.products:
+            break
+    assert best is not None
+    return replace(best, method=method)
+
+
+def _tolerances(span: Span, tol: float) -> Iterator[float]:
+    """Give powers of ten at steps of a quarter from a tolerance on, as far as is within reach."""
+    k = np.floor(4 * np.log10(tol) + 1e-9)
+    if 10 ** (k / 4) < span.least:
+        yield tol
+    while (grid := float(f"{10 ** (k / 4):.12g}")) >= span.least:
+        yield min(grid, tol)
+        k -= 1
+
+
+def _automatic(
+    span: Span, method: SchrodingerSplitting, system: Schrodinger, is_real: bool
+) -> tuple[WavePlan, float]:
+    """Return the plan for a tolerance, and the fewest products of any other for it."""
+    found = _splitting(span, method)
+    least = np.inf if found is None else _fast(span, method, found).shears / 2
     if found is not None and SERIES * float(span.thetas.max()) > memory():
-        return _split(span, found, method)
+        return _split(span, found, method), least
     windows = _windows(span, method.tol, system, is_real)
     series = _chebyshev(span, method, windows, system, ())
+    least = min(least, series.products)
     if found is None:
         why = f"no splitting reaches {method.tol:g} over {span.thetas.sum():.3g} / beta"
-        return replace(series, reasons=(why, *series.reasons))
-    splitting = _split(span, found, method)
-    if method.mode != "auto":
-        return splitting
-    return _faster(system, splitting, series, windows.time)
+        return replace(series, reasons=(why, *series.reasons)), least
+    return _faster(system, _split(span, found, method), series, windows.terms), least
 
 
 def _check_system(system: Schrodinger, method: Planned) -> None:
-    """Refuse an H that depends on time, and a complex one for what needs a real one."""
+    """Refuse an H that depends on time or is complex, for what takes neither."""
+    takes_complex = isinstance(method, Chebyshev) or getattr(method, "mode", "") == "auto"
     if system.is_driven:
         hint = "take Magnus(), or SplitOperator() on a grid, with h or steps"
         raise TypeError(hinted(f"{name_of(method)} is for an H without time", hint))
-    takes_complex = isinstance(method, Chebyshev) or getattr(method, "mode", "") == "auto"
     if not (system.is_real or takes_complex):
         sentence = f"H is complex and no gauge makes it real, which {method!r} needs"
         raise ValueError(hinted(sentence, "take 'auto', which uses a Chebyshev series then"))
 
 
-def _faster(
-    system: Schrodinger, splitting: WavePlan, series: WavePlan, time: float
-) -> WavePlan:
-    """Choose by the time that the products will take, and the outputs of a series."""
+def _faster(system: Schrodinger, splitting: WavePlan, series: WavePlan, terms: float) -> WavePlan:
+    """Choose by the time of the products, and of the terms that are added to outputs."""
     why = [f"a Chebyshev series would take {series.products:g} products"]
-    if time < splitting.products:
-        cost = series_cost(system, series.products)
+    if series.products < splitting.products:
+        cost, term = series_cost(system, series.products)
         slower = f"a product takes about {cost:g} times as long in a series as in a splitting"
-        if cost * time < splitting.products:
+        if terms:
+            slower += f", {terms:.0f} terms are added to outputs in the time of {term:g} each"
+        if cost * (series.products + term * terms) < splitting.products:
             other = f"a splitting would take {splitting.products:g} products"
             return replace(series, reasons=(*series.reasons, other, slower))
         why.append(slower)
@@ -180,6 +235,13 @@ def _splitting(span: Span, method: SchrodingerSplitting) -> Choice | None:
     return found
 
 
+def _fast(span: Span, method: SchrodingerSplitting, found: Choice) -> Choice:
+    """Return the cheapest splitting where a stable one was taken."""
+    if not found.rung.stable:
+        return found
+    return cheapest(span.thetas, method.tol - span.roundoff, False) or found
+
+
 def _split(span: Span, found: Choice, method: SchrodingerSplitting) -> WavePlan:
     rung, steps = found.rung, int(found.steps.sum())
     kind = "stable" if rung.stable else "fast"
@@ -194,6 +256,7 @@ def _split(span: Span, found: Choice, method: SchrodingerSplitting) -> WavePlan:
         stops=span.stops(found.steps),
         theta=found.x,
         bounds=span.bounds,
+        guarantee=span.spectrum.guarantee,
         products=found.shears / 2,
         bound=found.bound + span.roundoff,
         reasons=(why,),
@@ -203,8 +266,13 @@ def _split(span: Span, found: Choice, method: SchrodingerSplitting) -> WavePlan:
 
 def _windows(span: Span, tol: float, system: Schrodinger, is_real: bool) -> Windows:
     """Return the windows of series that share the tolerance."""
-    rate = (tol - span.roundoff) / float(span.intervals.sum())
-    return windows_of(span.intervals, span.beta, rate, system.size, is_real and system.is_real)
+    whole = float(span.intervals.sum())
+    windows = windows_of(
+        span.intervals, span.beta, (span.least - span.roundoff) / whole, system.size,
+        is_real and system.is_real,
+    )  # fmt: skip
+    # the same windows for every tolerance, so that a tighter one never takes fewer products
+    return replace(windows, rate=(tol - span.roundoff) / whole)
 
 
 def _chebyshev(
@@ -223,6 +291,7 @@ def _chebyshev(
         stops=span.stops(np.ones(span.intervals.size)),
         theta=span.beta * float(windows.lengths.max()),
         bounds=span.bounds,
+        guarantee=span.spectrum.guarantee,
         products=windows.products,
         bound=tol,
         reasons=why,
@@ -244,6 +313,7 @@ def _lanczos(span: Span, method: Lanczos) -> WavePlan:
         stops=span.stops(np.ones(len(span.times))),
         theta=float(span.thetas.max()),
         bounds=span.bounds,
+        guarantee=span.spectrum.guarantee,
         products=products * method.dimension,
         bound=None,
         reasons=("asked for; the number of products is a guess",),

@@ -6,6 +6,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Any, ClassVar, Self
 
+import numpy as np
+
 from liouville.errors import hinted
 from liouville.methods import WaveMethod
 from liouville.planner.plan import AGAIN, Plan, check_kinds, decoded
@@ -29,10 +31,13 @@ class WavePlan(Plan):
         Times of the states that are kept, and the steps to each from the one before; a series
         makes the states of a window without steps, and counts one for each.
     theta : float
-        Length of the longest step or window in units of :math:`1/\beta`, with :math:`\beta` half the width
-        of the spectrum.
+        Length of the longest step or window in units of :math:`1/\beta`, with :math:`\beta` half
+        the width of the spectrum.
     bounds : tuple of float
         Smallest and largest eigenvalue it is safe for, in units of :math:`\hbar/t`.
+    guarantee : str
+        What these bounds are: ``"rigorous"``, ``"probable"``, ``"with probability 1 - 1e-6"`` or
+        ``"given"``.
     products : float
         Products :math:`H \psi` it takes, two real ones each; for Lanczos an estimate.
     bound : float or None
@@ -50,6 +55,7 @@ class WavePlan(Plan):
     stops: tuple[tuple[float, int], ...]
     theta: float
     bounds: tuple[float, float]
+    guarantee: str
     products: float
     bound: float | None
     core: Propagator = field(repr=False, compare=False)
@@ -73,10 +79,11 @@ class WavePlan(Plan):
         """Refuse another equation, or other times, than it was made for."""
         if self.times != tuple(times):
             raise ValueError(hinted("the plan was made for other times", AGAIN))
-        if self.bounds != system.bounds:
-            raise ValueError(hinted("the plan was made for another spectrum", AGAIN))
         if system.is_driven:
             raise ValueError("the plan was made for an H without time")
+        span = float(np.abs(np.diff(times)).sum())
+        if self.bounds not in (system.bounds, system.spectrum(span).bounds):
+            raise ValueError(hinted("the plan was made for another spectrum", AGAIN))
         is_complex = isinstance(self.core, Series) and self.core.is_doubled
         if is_complex == system.is_real:
             kind = "complex" if is_complex else "real"
@@ -101,8 +108,8 @@ class WavePlan(Plan):
             self.scheme,
             f"  t = {self.t0:g} to {to:g} in {self._stages}{kept}; "
             f"{self.products:g} products H psi",
-            f"  spectrum within [{low:.6g}, {high:.6g}], theta = {self.theta:.4g} a "
-            f"{'window' if self.windows else 'step'}",
+            f"  spectrum within [{low:.6g}, {high:.6g}] ({self.guarantee}), "
+            f"theta = {self.theta:.4g} a {'window' if self.windows else 'step'}",
             f"  error at most {bound}",
             *self._why,
         ]
@@ -117,7 +124,7 @@ class WavePlan(Plan):
         if not isinstance(plan.method, WaveMethod):
             raise TypeError(f"its method is {plan.method!r}")
         numbers = {"t0": float, "theta": float, "products": float}
-        check_kinds(plan, {"scheme": str, **numbers, "stops": tuple})
+        check_kinds(plan, {"scheme": str, "guarantee": str, **numbers, "stops": tuple})
         if not isinstance(plan.bound, float | None):
             raise TypeError(f"bound is {plan.bound!r}")
         for t, steps in plan.stops:

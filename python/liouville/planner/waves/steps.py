@@ -73,6 +73,7 @@ def _split_operator(
         stops=tuple(stops),
         theta=0.5 * (high - low) * h,
         bounds=(low, high),
+        guarantee=system.guarantee,
         products=steps * drifts,
         bound=None,
         reasons=("asked for, with steps of this size; a product is a pair of FFTs",),
@@ -105,6 +106,7 @@ def _magnus(system: Schrodinger, method: Magnus, t0: float, stops: Stops) -> Wav
         stops=tuple(stops),
         theta=theta,
         bounds=(low, high),
+        guarantee=system.guarantee,
         products=shears / 2,
         bound=None,
         reasons=(
@@ -159,6 +161,7 @@ def _shears(
         stops=tuple(stops),
         theta=theta,
         bounds=(low, high),
+        guarantee=system.guarantee,
         products=products,
         bound=None,
         reasons=("asked for, with steps of this size",),

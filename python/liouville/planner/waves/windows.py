@@ -17,7 +17,7 @@ Array = NDArray[np.float64]
 #: Many outputs may take so many times the products of one series for all of them.
 MORE = 1.2
 
-#: Time of a term that is added to one of several outputs, in products of a series.
+#: Time of a term that is added to one of several outputs, in products of a series with a lattice.
 TERM = 0.1
 
 #: No window is longer than this, in units of 1/beta, but an interval that is: a longer one saves
@@ -72,11 +72,10 @@ class Windows:
         return float(self.degrees.sum()) - (self.degrees[0] / 2 if self.is_real else 0.0)
 
     @property
-    def time(self) -> float:
-        """Products, and the time that many outputs take, in products."""
+    def terms(self) -> float:
+        """Terms that are added to the outputs of windows of several: half of all, on average."""
         several = self.counts > 1
-        terms = (self.counts[several] * self.degrees[several]).sum() / 2
-        return self.products + TERM * float(terms)
+        return float((self.counts[several] * self.degrees[several]).sum()) / 2
 
 
 def windows_of(
@@ -98,8 +97,9 @@ def windows_of(
         if windows.counts.max() == 1:
             check_memory(
                 f"a Chebyshev series over {beta * windows.lengths.max():.3g} / beta",
-                windows.bytes(size), "give more times to keep states at, so that each series is shorter",
-            )  # fmt: skip
+                windows.bytes(size),
+                "give more times to keep states at, so that each series is shorter",
+            )
         if windows.products > MORE * fewest:
             break
         fewest = min(fewest, windows.products)
@@ -107,7 +107,7 @@ def windows_of(
         if windows.counts.max() == 1:
             break
     kept = [windows for windows in found if windows.products <= MORE * fewest]
-    return min(kept, key=lambda windows: windows.time)
+    return min(kept, key=lambda windows: windows.products + TERM * windows.terms)
 
 
 def _counts(theta: float, outputs: int) -> Iterator[float]:
