@@ -27,6 +27,7 @@ __all__ = [
     "Split",
     "Tape",
     "chebyshev_degree",
+    "driven_cost",
     "compositions",
     "independent_rows",
     "ladder",
@@ -266,6 +267,9 @@ class Hamiltonian:
     def asymmetry(self, seed: int) -> float: ...
 
 def chebyshev_degree(theta: float, tolerance: float) -> int: ...
+def driven_cost(
+    hamiltonian: Hamiltonian, method: object, t: float, end: float
+) -> tuple[int, int, int, float]: ...
 def processor_degree(order: int, stages: int, theta: float) -> int | None: ...
 def split_program(name: str) -> list[tuple[bool, float, float]]: ...
 def project(

@@ -5,7 +5,7 @@ use crate::convert::Values;
 use crate::errors::refused;
 use crate::operator::Hamiltonian;
 use liouville_base::run::{Advance, StartError};
-use liouville_waves::method::Observable;
+use liouville_waves::method::{Driven, Observable};
 use liouville_waves::run::{self, Method};
 use numpy::{Complex64, PyReadonlyArray2, PyUntypedArrayMethods};
 use pyo3::prelude::*;
@@ -45,11 +45,22 @@ enum WaveMethod<'py> {
         norm_tol: f64,
         bounds: Vec<(f64, f64)>,
     },
+    Driven {
+        groups: Vec<usize>,
+        part_bounds: Vec<Bounds>,
+        knots: Vec<(f64, Bounds)>,
+        rate: f64,
+        norm_tol: f64,
+        is_doubled: bool,
+    },
     Splitting {
         scheme: String,
         norm_tol: f64,
     },
 }
+
+/// An interval of energies.
+type Bounds = (f64, f64);
 
 impl WaveMethod<'_> {
     fn read(self) -> PyResult<Method> {
@@ -111,6 +122,21 @@ impl WaveMethod<'_> {
                 tolerance,
                 bounds,
             },
+            Self::Driven {
+                groups,
+                part_bounds: bounds,
+                knots,
+                rate,
+                norm_tol: tolerance,
+                is_doubled,
+            } => Method::Driven(Driven {
+                groups,
+                bounds,
+                knots,
+                rate,
+                tolerance,
+                is_doubled,
+            }),
             Self::Splitting {
                 scheme: name,
                 norm_tol: tolerance,
@@ -199,6 +225,27 @@ pub(crate) fn processor_degree(order: usize, stages: usize, theta: f64) -> Optio
 #[pyfunction]
 pub(crate) fn chebyshev_degree(theta: f64, tolerance: f64) -> usize {
     run::chebyshev_degree(theta, tolerance)
+}
+
+/// The windows of series in time from `t` to `end`, in powers and in Bessel functions, their products, and the longest
+/// window in units of 1/β.
+#[pyfunction]
+pub(crate) fn driven_cost(
+    py: Python<'_>,
+    hamiltonian: PyRef<'_, Hamiltonian>,
+    method: &Bound<'_, PyAny>,
+    t: f64,
+    end: f64,
+) -> PyResult<(usize, usize, usize, f64)> {
+    let method = method.extract::<WaveMethod<'_>>()?.read()?;
+    let Method::Driven(driven) = method else {
+        return Err(refused("the parts of an H that depends on time"));
+    };
+    let hamiltonian = hamiltonian.inner.clone();
+    let cost = py.detach(|| driven.cost(&hamiltonian, (t, end)));
+    let cost = cost.ok_or_else(|| refused("parts are all terms, each with its bounds"))?;
+    let cost = cost.map_err(refused)?;
+    Ok((cost.powers, cost.bessel, cost.products, cost.theta))
 }
 
 /// The flows of a splitting of T + V: whether a kick, its weight, and the weights of the drifts before it.

@@ -50,8 +50,9 @@ class SchrodingerSplitting:
     mode : {"auto", "fast", "stable"}
         ``"stable"`` methods keep a quadratic form close to the norm exactly, so that the norm does
         not drift over any number of steps; ``"fast"`` are all of the ladder. ``"auto"`` takes any,
-        a stable one beyond 50 steps, and a Chebyshev series where no splitting reaches the
-        tolerance, where a series is shorter, and for a Hamiltonian that no gauge makes real.
+        a stable one beyond 50 steps, and a :class:`Chebyshev` series where no splitting reaches the
+        tolerance, where a series is likely to be faster, for a Hamiltonian that no gauge makes
+        real, and for one that depends on time.
 
     Raises
     ------
@@ -87,6 +88,9 @@ class Chebyshev:
     real state. Windows are as long as memory allows, so that any number of states takes at most
     1.2 times the products of one series over all of the time. Not unitary: the norm is kept to the
     tolerance only.
+
+    An H(t) has a series in powers of the time, or in Bessel functions, in windows chosen by bounds
+    of its terms; they too are evaluated at all times within a window.
 
     Parameters
     ----------

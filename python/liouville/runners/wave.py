@@ -21,7 +21,7 @@ from liouville.runners.runner import Request, Runner, kept, threads_of
 from liouville.systems import Schrodinger
 
 #: The memory that each propagator takes beside the records, in states, as measured.
-STATES = {"shears": 2, "processed": 3, "chebyshev": 4, "magnus": 4, "split": 20}
+STATES = {"shears": 2, "processed": 3, "chebyshev": 4, "magnus": 4, "driven": 45, "split": 20}
 
 #: The memory of a window of several outputs beside these outputs: copies of terms.
 OUTPUTS = 17
@@ -139,6 +139,9 @@ class WaveRunner(Runner):
                 "ones",
                 "norm",
             )
+        if error["kind"] == "spectrum" and not np.isfinite(error["theta"]):
+            hint = "look for a jump, or a division by zero, in a function of time"
+            return ("H(t) is not finite or not smooth there", hint, "spectrum")
         if error["kind"] == "spectrum":
             return (
                 f"the spectrum of H(t) is too wide there: a step spans {error['theta']:.4g}, and "

@@ -25,8 +25,8 @@ use liouville_tests::{
     turning,
 };
 use liouville_waves::method::{
-    self as schrodinger, Chebyshev, Lanczos, Magnus, Nodes, Phases, Processed, Processor,
-    ShearProgram, Shears, Sweeper, Wave, Windows,
+    self as schrodinger, Chebyshev, Driven, DrivenSeries, Lanczos, Magnus, Nodes, Phases,
+    Processed, Processor, ShearProgram, Shears, Sweeper, Wave, Windows,
 };
 use std::sync::Arc;
 use std::time::Duration;
@@ -336,7 +336,7 @@ fn wave_functions_go_on() {
         let times = (1..=33).map(|k| 0.03 * f64::from(k)).collect();
         Windows::new(times, vec![10, 1, 20, 2]).expect("windows of all outputs")
     };
-    let steppers: [Stepped<'_>; 7] = [
+    let steppers: [Stepped<'_>; 8] = [
         (
             "shears",
             40,
@@ -365,6 +365,23 @@ fn wave_functions_go_on() {
             "phases",
             32,
             Box::new(|| Box::new(Composed::following(phases(), flows("BM4")))),
+        ),
+        (
+            "series in time",
+            32,
+            Box::new(|| {
+                let driven = Driven {
+                    groups: vec![1, 1],
+                    bounds: bounds(),
+                    knots: Vec::new(),
+                    rate: 1e-9,
+                    tolerance: 1e-6,
+                    is_doubled: false,
+                };
+                let times = (1..=33).map(|k| 0.03 * f64::from(k)).collect();
+                let series = DrivenSeries::new(&Sweeper::new(grid()), driven, times);
+                Box::new(series.expect("parts of the grid"))
+            }),
         ),
         (
             "magnus",

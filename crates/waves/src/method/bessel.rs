@@ -3,8 +3,10 @@
 //! J_{k−1} = (2k/x) J_k − J_{k+1} is run backwards from an order where J_k is nothing;
 //! J_0² + 2 Σ J_k² = 1 then sets the scale, in which nothing cancels. Source: dlmf10, 10.74(iv).
 
-/// Orders where J_k is below this are not begun with.
+/// Orders where J_k is below this are not begun with, ...
 const NOTHING: f64 = 1e-40;
+/// ... and where factors of them are large.
+const LESS: f64 = 1e-150;
 
 /// Tails below this would be lost in rounding errors.
 const LEAST: f64 = f64::EPSILON / 8.0;
@@ -19,10 +21,10 @@ fn ln_bound(k: f64, x: f64) -> f64 {
     s - k * ((k + s) / x).ln()
 }
 
-/// The first order from which on |J_k(x)| is nothing.
+/// The first order from which on |J_k(x)| is below a number.
 #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)] // orders are whole and not negative
-fn first_of_nothing(x: f64) -> usize {
-    let is_nothing = |k: usize| ln_bound(k as f64, x) < NOTHING.ln();
+fn first_below(nothing: f64, x: f64) -> usize {
+    let is_nothing = |k: usize| ln_bound(k as f64, x) < nothing.ln();
     let mut low = x as usize + 1;
     let mut high = low + 1;
     while !is_nothing(high) {
@@ -60,12 +62,21 @@ fn recurred(k: usize, x: f64, a: Pair, b: Pair) -> Pair {
 ///
 /// Over millions of orders the rounding errors of doubles would add up, hence pairs of them.
 pub fn bessel(x: f64) -> Vec<f64> {
+    all_above(NOTHING, x)
+}
+
+/// The same with orders of which even large multiples are nothing.
+pub(super) fn bessel_to_the_last(x: f64) -> Vec<f64> {
+    all_above(LESS, x)
+}
+
+fn all_above(nothing: f64, x: f64) -> Vec<f64> {
     if x < TINY {
         return vec![1.0, 0.5 * x];
     }
-    let last = first_of_nothing(x);
+    let last = first_below(nothing, x);
     let mut values = vec![0.0; last + 1];
-    let (mut next, mut value) = ((0.0, 0.0), (NOTHING, 0.0));
+    let (mut next, mut value) = ((0.0, 0.0), (nothing, 0.0));
     let (mut squares, mut lost) = (0.0, 0.0);
     for k in (1..=last).rev() {
         values[k] = value.0;

@@ -4,6 +4,7 @@
 
 pub mod bessel;
 mod chebyshev;
+mod driven;
 mod lanczos;
 mod magnus;
 mod observe;
@@ -16,6 +17,7 @@ mod sweep;
 mod windows;
 
 pub use chebyshev::Chebyshev;
+pub use driven::{Driven, DrivenCost, DrivenSeries};
 pub use lanczos::Lanczos;
 pub use magnus::{Magnus, Nodes, ShearProgram};
 pub use observe::{Observable, Observer};

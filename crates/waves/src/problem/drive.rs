@@ -24,12 +24,12 @@ impl Drive {
     }
 
     /// Memory of evaluations.
-    pub(super) fn bind(&self) -> Registers<f64> {
+    pub(crate) fn bind(&self) -> Registers<f64> {
         self.tape.bind(&self.params)
     }
 
     /// Adds `factor` times the weights at `t`.
-    pub(super) fn add(
+    pub(crate) fn add(
         &self,
         registers: &mut Registers<f64>,
         factor: f64,

@@ -60,6 +60,16 @@ impl Hamiltonian {
         &self.terms
     }
 
+    /// The weights that depend on time.
+    pub(crate) fn drive(&self) -> Option<&Drive> {
+        self.drive.as_ref()
+    }
+
+    /// The potential that depends on time.
+    pub(crate) fn potential(&self) -> Option<&Potential> {
+        self.potential.as_ref()
+    }
+
     /// Whether it depends on time.
     pub fn is_driven(&self) -> bool {
         self.drive.is_some() || self.potential.is_some()

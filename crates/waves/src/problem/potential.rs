@@ -46,14 +46,27 @@ impl Potential {
         self.size
     }
 
+    /// The same at some of the points only: about so many blocks of eight.
+    #[must_use]
+    pub(crate) fn thinned(&self, blocks: usize) -> Self {
+        let all = self.points.chunks_exact(self.axes);
+        let each = all.len().div_ceil(blocks).max(1);
+        let points: Arc<[Lanes]> = all.step_by(each).flatten().copied().collect();
+        Self {
+            size: points.len() / self.axes * WIDTH,
+            points,
+            ..self.clone()
+        }
+    }
+
     /// Memory of evaluations.
-    pub(super) fn bind(&self) -> Registers<Lanes> {
+    pub(crate) fn bind(&self) -> Registers<Lanes> {
         let params: Vec<Lanes> = self.params.iter().map(|p| Lanes::splat(*p)).collect();
         self.tape.bind(&params)
     }
 
     /// Adds `factor` times the potential at `t`.
-    pub(super) fn add(
+    pub(crate) fn add(
         &self,
         registers: &mut Registers<Lanes>,
         factor: f64,

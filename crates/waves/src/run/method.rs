@@ -1,8 +1,8 @@
 //! Methods for Schrödinger equations, by their numbers.
 
 use crate::method::{
-    Chebyshev, Lanczos, Magnus, Nodes, Phases, Processed, Processor, ShearProgram, Shears, Sweeper,
-    Wave, Windows, bessel,
+    Chebyshev, Driven, DrivenSeries, Lanczos, Magnus, Nodes, Phases, Processed, Processor,
+    ShearProgram, Shears, Sweeper, Wave, Windows, bessel,
 };
 use crate::problem::Hamiltonian;
 use liouville_base::cancel::CancelToken;
@@ -78,6 +78,8 @@ pub enum Method {
         /// Bounds of the spectra of all terms of H.
         bounds: Vec<(f64, f64)>,
     },
+    /// Series in time for H(t).
+    Driven(Driven),
     /// A splitting of T + V on a grid.
     Splitting {
         /// Its name.
@@ -90,7 +92,11 @@ pub enum Method {
 impl Method {
     /// Whether H acts on real and imaginary parts one after the other.
     pub(super) fn is_doubled(&self) -> bool {
-        matches!(self, Self::Chebyshev { is_doubled, .. } if *is_doubled)
+        match self {
+            Self::Chebyshev { is_doubled, .. } => *is_doubled,
+            Self::Driven(driven) => driven.is_doubled,
+            _ => false,
+        }
     }
 }
 
@@ -128,6 +134,10 @@ pub(super) enum Single {
         dimension: usize,
         rate: f64,
         tolerance: f64,
+    },
+    Driven {
+        driven: Driven,
+        times: Vec<f64>,
     },
     Splitting {
         program: Vec<Flow>,
@@ -218,6 +228,15 @@ impl Prepared {
                 },
                 bounds,
             },
+            Method::Driven(driven) => {
+                let sweeper = Sweeper::new(hamiltonian.clone());
+                if DrivenSeries::new(&sweeper, driven.clone(), times.clone()).is_none() {
+                    return Err(StartError::invalid(
+                        "parts are all terms, each with its bounds",
+                    ));
+                }
+                Self::Single(Single::Driven { driven, times })
+            }
             Method::Splitting { name, tolerance } => {
                 let no_grid = || StartError::invalid("H is no kinetic energy and a potential");
                 let phases = Phases::new(hamiltonian.clone(), tolerance).ok_or_else(no_grid)?;
@@ -255,6 +274,13 @@ impl Prepared {
             Self::Single(Single::Splitting { program, phases }) => {
                 let phases = phases.as_ref().clone().with_cancel(cancel);
                 Box::new(Composed::following(phases, program.clone()))
+            }
+            Self::Single(Single::Driven { driven, times }) => {
+                let sweeper = sweeper.with_cancel(cancel);
+                match DrivenSeries::new(&sweeper, driven.clone(), times.clone()) {
+                    Some(series) => Box::new(series),
+                    None => unreachable!("parts that have been checked"),
+                }
             }
             Self::Single(Single::Lanczos {
                 dimension,

@@ -12,6 +12,7 @@ from liouville._arguments import memory
 from liouville.errors import hinted
 from liouville.methods import Chebyshev, Lanczos, SchrodingerSplitting
 from liouville.methods.schrodinger import LEAST_TOLERANCE
+from liouville.planner.waves.driven import series_in_time, widest
 from liouville.planner.waves.ladder import ROUNDOFF, Choice, cheapest
 from liouville.planner.waves.plan import WavePlan
 from liouville.planner.waves.propagators import Krylov, Series, Shears
@@ -108,6 +109,8 @@ def plan_wave(
     known to be real.
     """
     _check_system(system, method)
+    if system.is_driven:
+        return _driven(system, method, times)
     spectrum = system.spectrum(float(np.abs(np.diff(times)).sum()))
     span = Span(times[0], tuple(times[1:]), spectrum)
     _check_reach(span, method.tol)
@@ -187,9 +190,9 @@ def _automatic(
 def _check_system(system: Schrodinger, method: Planned) -> None:
     """Refuse an H that depends on time or is complex, for what takes neither."""
     takes_complex = isinstance(method, Chebyshev) or getattr(method, "mode", "") == "auto"
-    if system.is_driven:
-        hint = "take Magnus(), or SplitOperator() on a grid, with h or steps"
-        raise TypeError(hinted(f"{name_of(method)} is for an H without time", hint))
+    if system.is_driven and not takes_complex:
+        hint = "take 'auto', or with h or steps Magnus(), or SplitOperator() on a grid"
+        raise TypeError(hinted(f"{method!r} is for an H without time", hint))
     if not (system.is_real or takes_complex):
         sentence = f"H is complex and no gauge makes it real, which {method!r} needs"
         raise ValueError(hinted(sentence, "take 'auto', which uses a Chebyshev series then"))
@@ -300,6 +303,37 @@ def _chebyshev(
             tuple(counts.tolist()),
         ),
     )  # fmt: skip
+
+
+def _driven(system: Schrodinger, method: Planned, times: Sequence[float]) -> WavePlan:
+    """Series in time, with windows chosen by bounds of their terms."""
+    span = Span(times[0], tuple(times[1:]), widest(system, times[0], times[-1]))
+    _check_reach(span, method.tol)
+    rate = (method.tol - span.roundoff) / float(span.intervals.sum())
+    core, (powers, bessel, products, theta) = series_in_time(
+        system, tuple(times), rate, max(TIMES * method.tol, LEAST)
+    )
+    why = ["H depends on time; a window has one product for each term of its series"]
+    if len(span.times) > 1:
+        why.append("outputs within a window take no products of their own")
+    if bessel:
+        why.append(
+            f"{bessel} of {powers + bessel} windows by Bessel functions, whose terms are watched "
+            "and not bounded beforehand; their products are an estimate"
+        )
+    return WavePlan(
+        method=method,
+        scheme=f"series in time ({powers + bessel} windows)",
+        t0=span.t0,
+        stops=span.stops(np.ones(len(span.times))),
+        theta=theta,
+        bounds=span.bounds,
+        guarantee=span.spectrum.guarantee,
+        products=float(products),
+        bound=None if bessel else method.tol,
+        reasons=tuple(why),
+        core=core,
+    )
 
 
 def _lanczos(span: Span, method: Lanczos) -> WavePlan:

@@ -11,7 +11,8 @@ import numpy as np
 from liouville.errors import hinted
 from liouville.methods import WaveMethod
 from liouville.planner.plan import AGAIN, Plan, check_kinds, decoded
-from liouville.planner.waves.propagators import Propagator, Series, read_propagator
+from liouville.planner.waves.driven import widest
+from liouville.planner.waves.propagators import Driven, Propagator, Series, read_propagator
 from liouville.systems import Schrodinger
 
 
@@ -68,6 +69,8 @@ class WavePlan(Plan):
     @property
     def windows(self) -> int:
         """Number of series, each of which makes several states; 0 where steps make them."""
+        if isinstance(self.core, Driven):
+            return self.core.windows
         return len(self.core.windows) if isinstance(self.core, Series) else 0
 
     @property
@@ -79,12 +82,16 @@ class WavePlan(Plan):
         """Refuse another equation, or other times, than it was made for."""
         if self.times != tuple(times):
             raise ValueError(hinted("the plan was made for other times", AGAIN))
-        if system.is_driven:
-            raise ValueError("the plan was made for an H without time")
+        if isinstance(self.core, Driven) != system.is_driven:
+            kind = "without time" if system.is_driven else "that depends on time"
+            raise ValueError(hinted(f"the plan was made for an H {kind}", AGAIN))
         span = float(np.abs(np.diff(times)).sum())
-        if self.bounds not in (system.bounds, system.spectrum(span).bounds):
+        known = [widest(system, times[0], times[-1])] if system.is_driven else [
+            system.spectrum(0.0), system.spectrum(span),
+        ]  # fmt: skip
+        if self.bounds not in [spectrum.bounds for spectrum in known]:
             raise ValueError(hinted("the plan was made for another spectrum", AGAIN))
-        is_complex = isinstance(self.core, Series) and self.core.is_doubled
+        is_complex = isinstance(self.core, Series | Driven) and self.core.is_doubled
         if is_complex == system.is_real:
             kind = "complex" if is_complex else "real"
             raise ValueError(hinted(f"the plan was made for a {kind} H", AGAIN))

@@ -72,6 +72,25 @@ class Exponentials:
 
 
 @dataclass(frozen=True, eq=False)
+class Driven:
+    """Series in time for H(t), to the error `rate` in a unit of time.
+
+    The core has H as parts with a weight each: `groups` says of how many operators, and
+    `part_bounds` has bounds of their eigenvalues. `knots` are times with closer bounds of H.
+    `windows` is how many series the run takes, for the plan alone.
+    """
+
+    groups: tuple[int, ...]
+    part_bounds: tuple[tuple[float, float], ...]
+    knots: tuple[tuple[float, tuple[float, float]], ...]
+    rate: float
+    norm_tol: float
+    is_doubled: bool
+    windows: int
+    kind: str = field(default="driven", init=False)
+
+
+@dataclass(frozen=True, eq=False)
 class Split:
     """A splitting of T + V on a grid."""
 
@@ -80,7 +99,7 @@ class Split:
     kind: str = field(default="split", init=False)
 
 
-Propagator = Shears | Series | Krylov | Processed | Exponentials | Split
+Propagator = Shears | Series | Krylov | Processed | Exponentials | Driven | Split
 
 KINDS: dict[str, type[Propagator]] = {
     "shears": Shears,
@@ -88,6 +107,7 @@ KINDS: dict[str, type[Propagator]] = {
     "lanczos": Krylov,
     "processed": Processed,
     "magnus": Exponentials,
+    "driven": Driven,
     "split": Split,
 }
 

@@ -309,6 +309,31 @@ class Schrodinger(Pickled):
         return [term.bounds or self._closer.bounds for term in self._terms]
 
     @property
+    def given_bounds(self) -> Bounds | None:
+        r"""The bounds of :math:`H / \hbar` that were given, if any."""
+        return self._given
+
+    @property
+    def groups(self) -> list[int]:
+        """How many operators of the core make up :math:`H_0` and each :math:`H_k`."""
+        return [len(term.operators) for term in self._terms]
+
+    def parts(self) -> np.ndarray | None:
+        r"""Return :math:`H_0 / \hbar` and each :math:`H_k / \hbar` as arrays of the core.
+
+        None where a potential depends on time.
+        """
+        if self._moving is not None:
+            return None
+        unit = np.eye(self.hamiltonian.size)
+        terms = [_core.Hamiltonian(term.operators) for term in self._terms]
+        return np.array([[term.multiply(row) for row in unit] for term in terms])
+
+    def weights_at(self, t: float) -> np.ndarray:
+        """Return the weights of these at a time, the first of which is 1."""
+        return np.array([1.0, *(float(f.at(t)[0]) for f in self._functions)])
+
+    @property
     def operator_bounds(self) -> list[Bounds]:
         """Bounds of each operator of the core, whose sums over a term are those of the term."""
         found: list[Bounds] = []
@@ -368,8 +393,8 @@ class Schrodinger(Pickled):
         if self._given is not None:
             return self._given
         low, high = self.term_bounds[0]
-        for traced, ends in zip(self._functions, self.term_bounds[1:], strict=True):
-            weight = float(traced.at(t)[0])
+        weights = self.weights_at(t)[1:].tolist()
+        for weight, ends in zip(weights, self.term_bounds[1:], strict=True):
             ends = (weight * ends[0], weight * ends[1])
             low, high = low + min(ends), high + max(ends)
         if self._moving is not None and self.grid is not None:

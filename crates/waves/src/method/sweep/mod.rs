@@ -137,6 +137,18 @@ impl<S: Stored> Sweeper<S> {
         Self { by_rows, ..self }
     }
 
+    /// Products with another Hamiltonian of the same size, by the same threads.
+    #[must_use]
+    pub(in crate::method) fn of(self, hamiltonian: Arc<Hamiltonian>) -> Self {
+        let threads = self.workers.as_ref().map_or(1, Workers::threads);
+        Self {
+            current: hamiltonian.current(),
+            by_rows: ByRows::new::<S>(&hamiltonian, threads),
+            hamiltonian,
+            ..self
+        }
+    }
+
     /// The same, stopping where `cancel` is set.
     #[must_use]
     pub fn with_cancel(self, cancel: CancelToken) -> Self {

@@ -1,0 +1,246 @@
+//! The choice of windows by scalars alone, before any product.
+//!
+//! With H(t0 + s) = Σ_l H_l (s/h)^l and G_0 = |h| |H_0 − σ|, G_l = |h| |H_l|, the terms of the series in powers of s/h are
+//! no longer than e_n of e_0 = 1, e_{n+1} = Σ_l G_l e_{n−l}/(n + 1). H is Hermitian, so that errors of windows add.
+
+use super::fit::{Bounds, Look, Sampler};
+use crate::method::bessel::{bessel_to_the_last, degree};
+use liouville_base::error::StepError;
+
+/// Lengths of windows in units of 1/β for a series in Bessel functions, ...
+const BESSEL: [f64; 6] = [32.0, 24.0, 16.0, 12.0, 8.0, 5.6];
+/// ... and for one in powers, of which terms add up to no more than this.
+const POWERS: [f64; 7] = [8.0, 5.6, 4.0, 2.8, 2.0, 1.4, 1.0];
+const LARGEST: f64 = 1e5;
+
+/// Rounding errors of a series, in units of its largest term.
+pub(super) const ROUNDING: f64 = 4.0 * f64::EPSILON;
+
+/// A series ends where two terms in a row are below this part of its share of the tolerance.
+pub(super) const END: f64 = 0.3;
+
+/// The part of the tolerance for the fit; the rest is for the tail.
+const FIT: f64 = 0.3;
+
+/// A window without a fit, as one around a jump, may be off by this part of the whole tolerance.
+const JUMP: f64 = 0.01;
+
+/// Most terms of a series, and halvings of a window.
+const TERMS: usize = 400;
+const HALVINGS: usize = 60;
+
+/// The series of a window.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) enum Form {
+    /// In powers of s/h.
+    Powers,
+    /// In Bessel functions of βs.
+    Bessel,
+}
+
+/// A window: its length, its series and their sizes.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Window {
+    pub(super) h: f64,
+    pub(super) form: Form,
+    /// In time.
+    pub(super) degree: usize,
+    /// The last term: of powers at most, of Bessel functions about.
+    pub(super) last: usize,
+    pub(super) sigma: f64,
+    pub(super) beta: f64,
+}
+
+impl Window {
+    fn new(h: f64, form: Form, look: &Look, last: usize) -> Self {
+        let (low, high) = look.bounds;
+        Self {
+            h,
+            form,
+            degree: look.degree,
+            last,
+            sigma: f64::midpoint(low, high),
+            beta: half(look.bounds),
+        }
+    }
+}
+
+/// Half the width of a spectrum, where it has one.
+fn half((low, high): Bounds) -> f64 {
+    (0.5 * (high - low))
+        .max(8.0 * f64::EPSILON * low.abs().max(high.abs()))
+        .max(1e-290)
+}
+
+/// The tolerance of all windows.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Share {
+    /// Error allowed in a unit of time, and in all.
+    pub(super) rate: f64,
+    pub(super) whole: f64,
+}
+
+impl Share {
+    /// The error that the tail of a window may have.
+    pub(super) fn tail(self, h: f64) -> f64 {
+        (1.0 - FIT) * self.rate * h.abs()
+    }
+}
+
+impl Sampler {
+    /// The next window from t on, where `left` is left to the end.
+    ///
+    /// # Errors
+    /// H is not finite.
+    pub(super) fn window(
+        &mut self,
+        t: f64,
+        left: f64,
+        share: Share,
+        is_plain: bool,
+    ) -> Result<Window, StepError> {
+        let beta = half(self.bounds_at(t));
+        if !beta.is_finite() {
+            let (theta, most) = (beta, BESSEL[0]);
+            return Err(StepError::Spectrum { theta, most, t });
+        }
+        // equal parts of what is left
+        let part = |theta: f64| left / (left.abs() * beta / theta).ceil().max(1.0);
+        let mut best: Option<Window> = None;
+        let mut before = f64::NAN;
+        for h in BESSEL.map(part).into_iter().filter(|_| !is_plain) {
+            if h.to_bits() == before.to_bits() {
+                continue;
+            }
+            before = h;
+            let window = self.in_bessel(t, h, share);
+            best = cheaper(best, window);
+            // constant on the window: no shorter one takes fewer products
+            if window.is_some_and(|window| window.degree == 0) {
+                return best.ok_or(StepError::Interrupted);
+            }
+        }
+        for h in POWERS.map(part) {
+            best = cheaper(best, self.in_powers(t, h, FIT * share.rate, share));
+        }
+        let mut h = part(POWERS[POWERS.len() - 1]);
+        for _ in 0..HALVINGS {
+            if let Some(best) = best {
+                return Ok(best);
+            }
+            h *= 0.5;
+            let tolerance = f64::max(FIT * share.rate, JUMP * share.whole / h.abs());
+            best = self.in_powers(t, h, tolerance, share);
+        }
+        let (theta, most) = (f64::NAN, BESSEL[0]);
+        best.ok_or(StepError::Spectrum { theta, most, t })
+    }
+
+    fn in_bessel(&mut self, t: f64, h: f64, share: Share) -> Option<Window> {
+        let look = self.look(t, h, FIT * share.rate)?;
+        let beta = half(look.bounds);
+        let mut last = degree(beta * h.abs(), share.tail(h));
+        for energies in look.energies.iter().filter(|_| look.degree > 0) {
+            last = last.max(bessel_terms(energies, beta * h, beta, share.tail(h))?);
+        }
+        Some(Window::new(h, Form::Bessel, &look, last))
+    }
+
+    fn in_powers(&mut self, t: f64, h: f64, tolerance: f64, share: Share) -> Option<Window> {
+        let look = self.look(t, h, tolerance)?;
+        let sigma = f64::midpoint(look.bounds.0, look.bounds.1);
+        let (low, high) = look.first;
+        let first = (high - sigma).abs().max((low - sigma).abs());
+        let sizes: Vec<f64> = std::iter::once(&first)
+            .chain(&look.sizes)
+            .map(|size| h.abs() * size)
+            .collect();
+        let last = last_term(&sizes, share.tail(h))?;
+        Some(Window::new(h, Form::Powers, &look, last))
+    }
+}
+
+/// The window that takes fewer products for its length.
+fn cheaper(best: Option<Window>, window: Option<Window>) -> Option<Window> {
+    let cost = |window: &Window| window.last as f64 / window.h.abs();
+    match (best, window) {
+        (Some(best), Some(window)) if cost(&window) < cost(&best) => Some(window),
+        (None, window) => window,
+        (best, _) => best,
+    }
+}
+
+/// The last term that a series in Bessel functions takes for one energy, a polynomial of time; none where terms are
+/// so large that their rounding errors are not below the tolerance.
+fn bessel_terms(energies: &[f64], theta: f64, beta: f64, tolerance: f64) -> Option<usize> {
+    let bessel = bessel_to_the_last(theta.abs());
+    let degree = energies.len() - 1;
+    let mut c = [(0.0, 0.0), (1.0, 0.0)];
+    let mut w = vec![[(0.0, 0.0); 2]; degree];
+    let mut small = 0;
+    for (n, factor) in bessel.iter().enumerate() {
+        let [before, now] = c;
+        let size = f64::hypot(now.0, now.1) * factor.abs();
+        if size * ROUNDING > tolerance {
+            return None;
+        }
+        let is_small = n as f64 > theta.abs() && size <= END * tolerance;
+        small = if is_small { small + 1 } else { 0 };
+        if small == 2 {
+            return Some(n);
+        }
+        let newer = 2.0 * n as f64 / theta;
+        let (this, last) = (n % 2, (n + 1) % 2);
+        let mut sum = (energies[0] * now.0, energies[0] * now.1);
+        for (energy, w) in energies[1..].iter().zip(&w) {
+            sum.0 += energy * newer * w[last].0;
+            sum.1 += energy * newer * w[last].1;
+        }
+        for l in (1..degree).rev() {
+            let lower = w[l - 1][last];
+            let (re, im) = w[l][this];
+            w[l][this] = (newer * lower.0 - re, newer * lower.1 - im);
+        }
+        if let Some(lowest) = w.first_mut() {
+            let (re, im) = lowest[this];
+            lowest[this] = (now.0 - re, now.1 - im);
+        }
+        let keep = if n == 1 { 2.0 } else { 1.0 };
+        let factor = 2.0 / beta;
+        let next = (
+            keep * before.0 + factor * sum.1,
+            keep * before.1 - factor * sum.0,
+        );
+        c = [now, next];
+    }
+    None
+}
+
+/// The least M ≥ 1 with Σ_{n>M} e_n at most a tolerance; none where terms are too large or too many.
+fn last_term(sizes: &[f64], tolerance: f64) -> Option<usize> {
+    let tolerance = tolerance.max(f64::EPSILON / 8.0);
+    let mut terms = vec![1.0];
+    let mut sum = 1.0;
+    while terms.len() < TERMS {
+        let n = terms.len() - 1;
+        let products = sizes.iter().zip(terms.iter().rev());
+        let next = products.map(|(size, term)| size * term).sum::<f64>() / (n + 1) as f64;
+        terms.push(next);
+        sum += next;
+        if sum > LARGEST || sum.is_nan() {
+            return None;
+        }
+        // from here on terms fall at least by a half
+        let is_falling = 2.0 * sizes.iter().sum::<f64>() < (n + 2) as f64;
+        if is_falling && next <= 1e-3 * tolerance {
+            let mut rest = next;
+            let mut last = terms.len() - 1;
+            while last > 1 && rest + terms[last] <= tolerance {
+                rest += terms[last];
+                last -= 1;
+            }
+            return Some(last);
+        }
+    }
+    None
+}

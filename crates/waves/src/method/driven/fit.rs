@@ -1,0 +1,322 @@
+//! H(t) on a window as a polynomial in time: weights of groups of terms, and a potential.
+//!
+//! Functions of time are interpolated at Chebyshev's nodes, the ends among them, and their series are cut where the rest
+//! is below a tolerance: nothing but their values is needed.
+
+use crate::problem::{Drive, Hamiltonian, Potential};
+use liouville_base::real::Lanes;
+use liouville_base::tape::Registers;
+use std::f64::consts::PI;
+use std::sync::Arc;
+
+/// The highest degree in time.
+pub(super) const DEGREE: usize = 14;
+
+/// Nodes of the interpolation.
+const NODES: usize = DEGREE + 7;
+
+/// Points at which a potential is looked at before it is fitted at all of them.
+const LOOKS: usize = 8;
+
+/// Rounding errors of a fit, relative to what is fitted.
+const ROUNDING: f64 = 1e-14;
+
+/// An interval of energies.
+pub(super) type Bounds = (f64, f64);
+
+/// The polynomials of a window in y = s/h: coefficients of each power, one power after another.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Fit {
+    pub(super) degree: usize,
+    /// Of each group.
+    pub(super) weights: Vec<f64>,
+    /// At each point, empty without a potential.
+    pub(super) potential: Vec<f64>,
+}
+
+/// The part of a Hamiltonian that depends on time, and how large it is.
+#[derive(Clone)]
+pub(super) struct Sampler {
+    hamiltonian: Arc<Hamiltonian>,
+    /// The first term of each group: terms of a group have their weight in common.
+    firsts: Vec<usize>,
+    /// Of the eigenvalues of each group.
+    bounds: Vec<Bounds>,
+    /// Times, and bounds of H there, between which the bounds are convex.
+    knots: Vec<(f64, Bounds)>,
+    drive: Option<Registers<f64>>,
+    /// The potential at all points, and at some of them.
+    potentials: [Option<(Potential, Registers<Lanes>)>; 2],
+    weights: Vec<f64>,
+    /// Values at the nodes, then coefficients of Chebyshev's polynomials.
+    samples: Vec<f64>,
+    series: Vec<f64>,
+}
+
+/// A window as it was looked at: the degree that it takes, and sizes.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Look {
+    pub(super) degree: usize,
+    /// Of H, over the window.
+    pub(super) bounds: Bounds,
+    /// Of H, at its start.
+    pub(super) first: Bounds,
+    /// The norm of the part of each power from the first on, in energies.
+    pub(super) sizes: Vec<f64>,
+    /// Polynomials of time as an energy might be, less the middle of the spectrum.
+    pub(super) energies: Vec<Vec<f64>>,
+}
+
+impl Sampler {
+    /// For terms in groups of so many, with bounds of the eigenvalues of each group; none where these do not fit.
+    pub(super) fn new(
+        hamiltonian: Arc<Hamiltonian>,
+        groups: &[usize],
+        bounds: Vec<Bounds>,
+        knots: Vec<(f64, Bounds)>,
+    ) -> Option<Self> {
+        let is_fitting = groups.iter().sum::<usize>() == hamiltonian.terms().len()
+            && !groups.contains(&0)
+            && bounds.len() == groups.len();
+        if !is_fitting {
+            return None;
+        }
+        let mut next = 0;
+        let mut first = |count: &usize| {
+            next += count;
+            next - count
+        };
+        let bound = |potential: Potential| {
+            let registers = potential.bind();
+            (potential, registers)
+        };
+        let potential = hamiltonian.potential();
+        Some(Self {
+            firsts: groups.iter().map(&mut first).collect(),
+            drive: hamiltonian.drive().map(Drive::bind),
+            potentials: [
+                potential.cloned().map(bound),
+                potential.map(|potential| bound(potential.thinned(LOOKS))),
+            ],
+            weights: vec![0.0; hamiltonian.terms().len()],
+            samples: Vec::new(),
+            series: Vec::new(),
+            bounds,
+            knots,
+            hamiltonian,
+        })
+    }
+
+    /// Number of groups.
+    pub(super) fn groups(&self) -> usize {
+        self.firsts.len()
+    }
+
+    /// Adds a row of values at t: weights of the groups, then the potential at all points or at some.
+    fn sample(&mut self, t: f64, is_look: bool) {
+        self.weights.fill(1.0);
+        if let (Some(drive), Some(registers)) = (self.hamiltonian.drive(), &mut self.drive) {
+            self.weights.fill(0.0);
+            drive.add(registers, 1.0, t, &mut self.weights);
+        }
+        let weights = &self.weights;
+        let of_groups = self.firsts.iter().map(|first| weights[*first]);
+        self.samples.extend(of_groups);
+        if let Some((potential, registers)) = &mut self.potentials[usize::from(is_look)] {
+            let start = self.samples.len();
+            self.samples.resize(start + potential.size(), 0.0);
+            potential.add(registers, 1.0, t, &mut self.samples[start..]);
+        }
+    }
+
+    /// Bounds of H with such weights and potential, by those of its parts.
+    fn added(&self, row: &[f64]) -> Bounds {
+        let (mut low, mut high) = (0.0, 0.0);
+        for (weight, (least, most)) in row.iter().zip(&self.bounds) {
+            let (a, b) = (weight * least, weight * most);
+            low += a.min(b);
+            high += a.max(b);
+        }
+        let potential = &row[self.groups()..];
+        low += potential.iter().copied().reduce(f64::min).unwrap_or(0.0);
+        high += potential.iter().copied().reduce(f64::max).unwrap_or(0.0);
+        (low, high)
+    }
+
+    /// Bounds at t by those at the knots around it.
+    fn between(&self, t: f64) -> Option<Bounds> {
+        let after = self.knots.partition_point(|(knot, _)| *knot < t);
+        let (a, b) = (
+            self.knots.get(after.saturating_sub(1))?,
+            self.knots.get(after.min(self.knots.len() - 1))?,
+        );
+        let width = b.0 - a.0;
+        let part = if width > 0.0 { (t - a.0) / width } else { 0.0 };
+        let part = part.clamp(0.0, 1.0);
+        let of = |from: f64, to: f64| from + part * (to - from);
+        Some((of(a.1.0, b.1.0), of(a.1.1, b.1.1)))
+    }
+
+    /// Bounds of H at t.
+    pub(super) fn bounds_at(&mut self, t: f64) -> Bounds {
+        self.samples.clear();
+        self.sample(t, true);
+        let (mut low, mut high) = self.added(&self.samples);
+        if let Some(closer) = self.between(t) {
+            (low, high) = (low.max(closer.0), high.min(closer.1));
+        }
+        (low, high)
+    }
+
+    /// Chebyshev's coefficients of all rows on a window, and the length of a row.
+    fn interpolate(&mut self, t: f64, h: f64, is_look: bool) -> usize {
+        self.samples.clear();
+        let last = NODES - 1;
+        let angle = |node: usize| PI * node as f64 / last as f64;
+        for node in 0..NODES {
+            let y = 0.5 * (1.0 + angle(node).cos());
+            self.sample(t + h * y, is_look);
+        }
+        let width = self.samples.len() / NODES;
+        self.series.clear();
+        self.series.resize(self.samples.len(), 0.0);
+        for (j, out) in self.series.chunks_mut(width).enumerate() {
+            let half = |place: usize| {
+                if place == 0 || place == last {
+                    0.5
+                } else {
+                    1.0
+                }
+            };
+            let scale = 2.0 * half(j) / last as f64;
+            for (node, row) in self.samples.chunks(width).enumerate() {
+                let factor = scale * half(node) * (j as f64 * angle(node)).cos();
+                for (out, x) in out.iter_mut().zip(row) {
+                    *out += factor * x;
+                }
+            }
+        }
+        width
+    }
+
+    /// The norm of a row of coefficients, in energies.
+    fn size(&self, row: &[f64]) -> f64 {
+        let of_groups = row.iter().zip(&self.bounds);
+        let sum: f64 = of_groups
+            .map(|(weight, (low, high))| weight.abs() * low.abs().max(high.abs()))
+            .sum();
+        let potential = row[self.groups()..].iter();
+        sum + potential.fold(0.0, |most: f64, v| most.max(v.abs()))
+    }
+
+    /// Looks at a window: none where no degree leaves less than `tolerance`, in energies.
+    pub(super) fn look(&mut self, t: f64, h: f64, tolerance: f64) -> Option<Look> {
+        let first = self.bounds_at(t);
+        let width = self.interpolate(t, h, true);
+        let rows = self.samples.chunks(width).map(|row| self.added(row));
+        let (mut low, mut high) = rows.fold(first, |(low, high), (least, most)| {
+            (low.min(least), high.max(most))
+        });
+        if let (Some(a), Some(b)) = (self.between(t), self.between(t + h)) {
+            let (start, end) = (t.min(t + h), t.max(t + h));
+            let inside = self.knots.iter().filter(|(t, _)| (start..=end).contains(t));
+            let ends = [a, b].into_iter().chain(inside.map(|(_, bounds)| *bounds));
+            let closer = ends.reduce(|x, y| (x.0.min(y.0), x.1.max(y.1)))?;
+            (low, high) = (low.max(closer.0), high.min(closer.1));
+        }
+        let largest =
+            (self.samples.chunks(width)).fold(0.0, |most: f64, row| most.max(self.size(row)));
+        let tolerance = tolerance.max(ROUNDING * largest);
+        let rests: Vec<f64> = self
+            .series
+            .chunks(width)
+            .map(|row| self.size(row))
+            .collect();
+        let mut rest = 0.0;
+        let mut degree = NODES;
+        while degree > 0 && rest <= tolerance {
+            degree -= 1;
+            rest += rests[degree];
+        }
+        // not a number is no tail below the tolerance
+        if degree > DEGREE || !rest.is_finite() || !(low.is_finite() && high.is_finite()) {
+            return None;
+        }
+        let degree = if rest <= tolerance { 0 } else { degree };
+        let fit = self.powers(degree, width);
+        let sizes = fit.chunks(width).skip(1).map(|row| self.size(row));
+        Some(Look {
+            degree,
+            bounds: (low, high),
+            first,
+            sizes: sizes.collect(),
+            energies: self.energies(&fit, width, f64::midpoint(low, high)),
+        })
+    }
+
+    /// How energies might change with time: by the ends of the first group with those of the others, and where the
+    /// potential changes most.
+    fn energies(&self, fit: &[f64], width: usize, middle: f64) -> Vec<Vec<f64>> {
+        let groups = self.groups();
+        let changes = |place: usize| -> f64 {
+            let rows = fit.chunks(width).skip(1);
+            rows.map(|row| row[place].abs()).sum()
+        };
+        let most = (groups..width).max_by(|a, b| changes(*a).total_cmp(&changes(*b)));
+        let end = |(low, high): Bounds, is_high: bool| if is_high { high } else { low };
+        let mut found = Vec::new();
+        for is_high in [true, false] {
+            for others in [true, false] {
+                let of_power = |(l, row): (usize, &[f64])| {
+                    let parts = row.iter().zip(&self.bounds).enumerate();
+                    let sum: f64 = parts
+                        .map(|(k, (weight, bounds))| {
+                            weight * end(*bounds, if k == 0 { is_high } else { others })
+                        })
+                        .sum();
+                    let potential = most.map_or(0.0, |place| row[place]);
+                    sum + potential - if l == 0 { middle } else { 0.0 }
+                };
+                found.push(fit.chunks(width).enumerate().map(of_power).collect());
+            }
+        }
+        found
+    }
+
+    /// Coefficients of the powers of y up to a degree.
+    fn powers(&self, degree: usize, width: usize) -> Vec<f64> {
+        let mut powers = vec![0.0; (degree + 1) * width];
+        // Chebyshev's polynomials of 2y − 1 in powers of y
+        let (mut before, mut now) = (vec![0.0; degree + 2], vec![0.0; degree + 2]);
+        now[0] = 1.0;
+        for (j, row) in self.series.chunks(width).take(degree + 1).enumerate() {
+            for (factor, out) in now.iter().zip(powers.chunks_mut(width)) {
+                for (out, x) in out.iter_mut().zip(row) {
+                    *out += factor * x;
+                }
+            }
+            let twice = if j == 0 { 1.0 } else { 2.0 };
+            let next = (0..degree + 2).map(|l| {
+                let lower = if l == 0 { 0.0 } else { now[l - 1] };
+                twice * (2.0 * lower - now[l]) - if j == 0 { 0.0 } else { before[l] }
+            });
+            let next = next.collect();
+            before = std::mem::replace(&mut now, next);
+        }
+        powers
+    }
+
+    /// Fits a window by polynomials of a degree.
+    pub(super) fn fit(&mut self, t: f64, h: f64, degree: usize, fit: &mut Fit) {
+        let width = self.interpolate(t, h, false);
+        let powers = self.powers(degree, width);
+        let groups = self.groups();
+        fit.degree = degree;
+        fit.weights.clear();
+        fit.potential.clear();
+        for row in powers.chunks(width) {
+            fit.weights.extend_from_slice(&row[..groups]);
+            fit.potential.extend_from_slice(&row[groups..]);
+        }
+    }
+}

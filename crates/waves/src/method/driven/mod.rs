@@ -1,0 +1,381 @@
+//! Series in time for H(t) = Σ f_k(t) B_k + V(t), evaluated at all outputs of a window.
+//!
+//! On a window the f_k and V are polynomials of time, and ψ is a power series, or a series of Bessel functions: the next
+//! term takes one product. Windows are chosen before any product, so long that the terms per time are fewest and
+//! the fit and the tail keep to the tolerance.
+
+mod choice;
+mod factors;
+mod fit;
+mod terms;
+
+use super::observe::dot;
+use super::sweep::{Outputs, TermBlock};
+use super::{Sweeper, Wave, guard, squares};
+use crate::problem::Hamiltonian;
+use choice::{END, Form, ROUNDING, Share, Window};
+use factors::Factors;
+use fit::{Fit, Sampler};
+use liouville_base::checkpoint::{Checkpoint, CheckpointMismatch, Numbers};
+use liouville_base::error::StepError;
+use liouville_base::method::{Stats, Stepper};
+use std::f64::consts::TAU;
+use std::sync::Arc;
+use terms::Terms;
+
+/// Terms that are added to the outputs at once.
+const AT_ONCE: usize = 8;
+
+/// Most outputs of a window.
+const OUTPUTS: usize = 256;
+
+/// The parts of a Hamiltonian, and the tolerance.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Driven {
+    /// How many terms each part has: terms of a part have their weight in common.
+    pub groups: Vec<usize>,
+    /// Bounds of the eigenvalues of each part.
+    pub bounds: Vec<(f64, f64)>,
+    /// Closer bounds of H at some times, in order, in between which the ends are convex; may be empty.
+    pub knots: Vec<(f64, (f64, f64))>,
+    /// Error allowed in a unit of time.
+    pub rate: f64,
+    /// Of the norm.
+    pub tolerance: f64,
+    /// Whether H acts on real and imaginary parts one after the other.
+    pub is_doubled: bool,
+}
+
+/// What windows come to: series of powers and of Bessel functions, and the products of all of them.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct DrivenCost {
+    /// Windows with a series of powers.
+    pub powers: usize,
+    /// Windows with a series of Bessel functions.
+    pub bessel: usize,
+    /// Products: at most of powers, about of Bessel functions.
+    pub products: usize,
+    /// The longest window, in units of 1/β.
+    pub theta: f64,
+}
+
+impl Driven {
+    fn sampler(&self, hamiltonian: &Arc<Hamiltonian>) -> Option<Sampler> {
+        let (bounds, knots) = (self.bounds.clone(), self.knots.clone());
+        Sampler::new(hamiltonian.clone(), &self.groups, bounds, knots)
+    }
+
+    /// What a run from `t` to `end` comes to; none where the parts do not fit.
+    ///
+    /// # Errors
+    /// H is not finite.
+    pub fn cost(
+        &self,
+        hamiltonian: &Arc<Hamiltonian>,
+        (t, end): (f64, f64),
+    ) -> Option<Result<DrivenCost, StepError>> {
+        let mut sampler = self.sampler(hamiltonian)?;
+        let share = Share {
+            rate: self.rate,
+            whole: self.rate * (end - t).abs(),
+        };
+        let (mut cost, mut t) = (DrivenCost::default(), t);
+        while t.to_bits() != end.to_bits() {
+            let window = match sampler.window(t, end - t, share, false) {
+                Ok(window) => window,
+                Err(error) => return Some(Err(error)),
+            };
+            match window.form {
+                Form::Powers => cost.powers += 1,
+                Form::Bessel => cost.bessel += 1,
+            }
+            cost.products += window.last;
+            cost.theta = cost.theta.max(window.beta * window.h.abs());
+            t = next_time(t, window.h, end);
+        }
+        Some(Ok(cost))
+    }
+}
+
+/// The end of a window, which is that of the run where it is as near as rounding errors.
+fn next_time(t: f64, h: f64, end: f64) -> f64 {
+    let next = t + h;
+    if (end - next).abs() <= 1e-9 * h.abs() || next.to_bits() == t.to_bits() {
+        end
+    } else {
+        next
+    }
+}
+
+/// A state at a time: its parts one after the other, and the phase to be removed.
+#[derive(Clone, Debug, Default)]
+struct Point {
+    t: f64,
+    parts: Vec<f64>,
+    phase: f64,
+}
+
+liouville_base::checkpoint!(Point { t, parts, phase });
+
+/// Steps by series in time, from each output to the next.
+#[derive(Clone)]
+pub struct DrivenSeries {
+    driven: Driven,
+    sampler: Sampler,
+    terms: Terms,
+    fit: Fit,
+    times: Vec<f64>,
+    /// The start of the present window, and its end.
+    start: Point,
+    end: Point,
+    /// The first output of the present window, the first behind it, and the next of all.
+    first: usize,
+    behind: usize,
+    next: usize,
+    /// Whether the present window is to be made again, as the run was restored within it.
+    is_lost: bool,
+    has_begun: bool,
+    /// Error allowed in all.
+    whole: f64,
+    sigma: f64,
+    outputs: Outputs<f64>,
+    block: TermBlock<f64>,
+    /// Coefficients of the terms at each output.
+    factors: Vec<Factors>,
+    state: Vec<f64>,
+    found: Vec<f64>,
+}
+
+impl DrivenSeries {
+    /// Series with outputs at these times; none where the parts do not fit the Hamiltonian.
+    pub fn new(sweeper: &Sweeper<f64>, driven: Driven, times: Vec<f64>) -> Option<Self> {
+        let hamiltonian = sweeper.hamiltonian();
+        let sampler = driven.sampler(hamiltonian)?;
+        let n = hamiltonian.size();
+        let size = if driven.is_doubled { n } else { 2 * n };
+        let empty = || Point {
+            parts: vec![0.0; size],
+            ..Point::default()
+        };
+        Some(Self {
+            terms: Terms::new(sweeper, &driven.groups, driven.is_doubled),
+            sampler,
+            fit: Fit::default(),
+            times,
+            start: empty(),
+            end: empty(),
+            first: 0,
+            behind: 0,
+            next: 0,
+            is_lost: false,
+            has_begun: false,
+            whole: 0.0,
+            sigma: 0.0,
+            outputs: Outputs::default(),
+            block: TermBlock::default(),
+            factors: Vec::new(),
+            state: vec![0.0; size],
+            found: vec![0.0; size],
+            driven,
+        })
+    }
+
+    /// Makes the window that begins at `start`, and the outputs in it.
+    fn make(&mut self) -> Result<(), StepError> {
+        let end = self.times[self.times.len() - 1];
+        let t = self.start.t;
+        let share = Share {
+            rate: self.driven.rate,
+            whole: self.whole,
+        };
+        let mut is_plain = false;
+        loop {
+            let window = self.sampler.window(t, end - t, share, is_plain)?;
+            let next = self.lay_out(t, end, window);
+            let window = Window {
+                h: self.factors[self.factors.len() - 1].s,
+                ..window
+            };
+            if self.expand(&window, share.tail(window.h))? {
+                self.sigma = window.sigma;
+                let mut parts = std::mem::take(&mut self.end.parts);
+                self.read(self.factors.len() - 1, &mut parts);
+                self.end.parts = parts;
+                self.end.t = next;
+                self.end.phase = (self.start.phase + window.sigma * window.h) % TAU;
+                return Ok(());
+            }
+            // where Bessel functions do not converge, powers do
+            is_plain = true;
+        }
+    }
+
+    /// Finds the outputs of a window, no more than there may be, and its end.
+    fn lay_out(&mut self, t: f64, end: f64, window: Window) -> f64 {
+        let mut next = next_time(t, window.h, end);
+        let is_in = |time: &f64| (time - t).abs() <= (next - t).abs();
+        let inside = self.times[self.first..].iter().take_while(|x| is_in(x));
+        self.behind = self.first + inside.count();
+        if self.behind > self.first + OUTPUTS {
+            self.behind = self.first + OUTPUTS;
+            next = self.times[self.behind - 1];
+        }
+        let window = Window {
+            h: next - t,
+            ..window
+        };
+        let times = self.times[self.first..self.behind].iter().copied();
+        self.factors.clear();
+        let lengths = times.map(|time| time - t).chain([next - t]);
+        self.factors
+            .extend(lengths.map(|s| Factors::new(&window, s)));
+        next
+    }
+
+    /// Makes terms until they are below the share of the tolerance; false where they do not fall.
+    fn expand(&mut self, window: &Window, share: f64) -> Result<bool, StepError> {
+        self.sampler
+            .fit(self.start.t, window.h, window.degree, &mut self.fit);
+        let size = self.start.parts.len();
+        self.outputs.reset(size, self.factors.len())?;
+        self.block.reset(size, AT_ONCE)?;
+        self.terms.begin(window, self.fit.degree, &self.start.parts);
+        let theta = window.beta * window.h.abs();
+        let norm = dot(&self.start.parts, &self.start.parts).sqrt();
+        let most = END * share.max(f64::EPSILON / 8.0) * norm;
+        let (mut n, mut small) = (0, 0);
+        loop {
+            let newest = self.terms.newest();
+            self.block.set(n % AT_ONCE, newest);
+            let factor = match self.factors.last() {
+                Some(last) => last.of(window, n).abs(),
+                None => 1.0,
+            };
+            let size = dot(newest, newest).sqrt() * factor;
+            let is_past = window.form == Form::Powers || n as f64 > theta;
+            small = if is_past && size <= most {
+                small + 1
+            } else {
+                0
+            };
+            let is_last = small == 2;
+            if is_last || n % AT_ONCE == AT_ONCE - 1 {
+                self.add(window, n)?;
+            }
+            if is_last {
+                return Ok(true);
+            }
+            let is_lost = window.form == Form::Bessel && ROUNDING * size > share * norm;
+            if is_lost || !size.is_finite() || n > 3 * window.last + 50 {
+                if window.form == Form::Bessel {
+                    return Ok(false);
+                }
+                let (t, start) = (self.start.t, norm);
+                return Err(StepError::Norm {
+                    norm: size,
+                    start,
+                    t,
+                });
+            }
+            self.terms.advance(window, &self.fit)?;
+            n += 1;
+        }
+    }
+
+    /// Adds the terms of the present block, up to n, to all outputs.
+    fn add(&mut self, window: &Window, n: usize) -> Result<(), StepError> {
+        self.block.clear_weights();
+        let first = n - n % AT_ONCE;
+        for factors in &self.factors {
+            let weights = (first..=n).map(|n| factors.of(window, n));
+            self.block.push_weights(weights);
+        }
+        let sweeper = self.terms.sweeper();
+        sweeper.add_terms(&self.block, &mut self.outputs, false)
+    }
+
+    /// Sets `out` to an output.
+    fn read(&mut self, output: usize, out: &mut [f64]) {
+        self.outputs.read(output, 0, out);
+        self.outputs.read(output, 1, &mut self.state);
+        for (out, x) in out.iter_mut().zip(&self.state) {
+            *out += x;
+        }
+    }
+
+    /// Begins at a state, where this is the first step.
+    fn begin(&mut self, t: f64, state: &Wave<f64>) {
+        if self.has_begun {
+            return;
+        }
+        let n = state.q.len();
+        self.end.parts[..n].copy_from_slice(&state.q);
+        self.end.parts[n..].copy_from_slice(&state.p);
+        (self.end.t, self.end.phase) = (t, state.phase);
+        let last = self.times[self.times.len() - 1];
+        self.whole = self.driven.rate * (last - t).abs();
+        self.has_begun = true;
+    }
+}
+
+impl Stepper for DrivenSeries {
+    type State = Wave<f64>;
+
+    fn step(&mut self, t: f64, h: f64, state: &mut Wave<f64>) -> Result<(), StepError> {
+        self.begin(t, state);
+        while self.is_lost || self.next >= self.behind {
+            if !self.is_lost {
+                self.start.clone_from(&self.end);
+                self.first = self.behind;
+            }
+            let before = self.terms.products;
+            self.make()?;
+            if self.is_lost {
+                // these were counted before the run was saved
+                self.terms.products = before;
+                self.is_lost = false;
+            }
+        }
+        let output = self.next - self.first;
+        let mut parts = std::mem::take(&mut self.found);
+        self.read(output, &mut parts);
+        self.found = parts;
+        let (q, p) = self.found.split_at(state.q.len());
+        guard(squares(q, p), state.start, self.driven.tolerance, t + h)?;
+        state.q.copy_from_slice(q);
+        state.p.copy_from_slice(p);
+        state.phase = self.start.phase;
+        state.add_phase(self.sigma * self.factors[output].s);
+        self.next += 1;
+        Ok(())
+    }
+
+    fn stats(&self) -> Stats {
+        Stats {
+            evaluations: 2 * self.terms.products,
+            ..Stats::default()
+        }
+    }
+}
+
+/// Within a window its start is saved, and its outputs are made again.
+impl Checkpoint for DrivenSeries {
+    fn save(&self, member: usize, out: &mut dyn Numbers) {
+        (self.has_begun, self.whole).save(member, out);
+        (self.first, self.next).save(member, out);
+        self.start.save(member, out);
+    }
+
+    fn restore(&mut self, member: usize, saved: &mut &[f64]) -> Result<(), CheckpointMismatch> {
+        let mut place = ((false, 0.0), (0, 0));
+        place.restore(member, saved)?;
+        ((self.has_begun, self.whole), (self.first, self.next)) = place;
+        self.start.restore(member, saved)?;
+        let is_fitting = self.first <= self.next && self.next <= self.times.len();
+        if !is_fitting {
+            return Err(CheckpointMismatch);
+        }
+        self.is_lost = self.has_begun;
+        Ok(())
+    }
+}

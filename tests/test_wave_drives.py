@@ -1,0 +1,111 @@
+"""H(t) to a tolerance: series in time against references, their products, outputs and windows."""
+
+import sys
+from pathlib import Path
+
+import casadi as ca
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+
+import liouville as lv
+from liouville.problems import walker_preston
+
+sys.path.insert(0, str(Path(__file__).parents[1] / "benchmarks"))
+import driven_products
+
+TOLERANCES = (1e-4, 1e-7, 1e-10)
+
+#: Products of DOP853 for the error that the series has at each of these tolerances.
+CASES = {
+    "chain": (lambda: driven_products.chain(8), None),
+    "Landau-Zener": (driven_products.landau_zener, None),
+    "circular": (lambda: driven_products.circular(6), None),
+}
+
+
+def exact(h0, functions, times, psi):
+    """Return states at times by a Runge-Kutta method of order 8 near roundoff."""
+    found = solve_ivp(
+        lambda t, y: -1j * (h0 @ y + sum(f(t) * (h @ y) for f, h in functions)),
+        (times[0], times[-1]), psi.astype(complex), "DOP853", times, rtol=1e-13, atol=1e-15,
+    )  # fmt: skip
+    return found.y.T
+
+
+@pytest.mark.parametrize("case", CASES)
+def test_driven_runs_keep_to_their_tolerance_at_every_output(case):
+    h0, functions, drive, (t0, t1), psi = CASES[case][0]()
+    system = lv.Schrodinger(h0, drive=drive)
+    times = np.append(t0, t0 + (t1 - t0) * np.linspace(0.01, 1.0, 23) ** 2)
+    wanted = exact(h0, functions, times, psi)
+    for tol in TOLERANCES:
+        solution = lv.integrate(system, lv.SchrodingerSplitting(tol), t=times, psi=psi)
+        errors = np.linalg.norm(solution.psi - wanted, axis=1)
+        assert errors.max() <= tol + 1e-11, tol
+        end = lv.integrate(system, lv.Chebyshev(tol), t=(t0, t1), psi=psi)
+        # outputs are free
+        assert solution.stats["products"] == end.stats["products"]
+        assert np.linalg.norm(end.psi[-1] - solution.psi[-1]) <= 1e-13
+        assert (
+            end.stats["products"] <= 1.3 * lv.plan(system, lv.Chebyshev(tol), t=(t0, t1)).products
+        )
+
+
+def test_the_molecule_in_its_laser_keeps_to_its_tolerance():
+    (t, wanted), *_ = walker_preston.reference.items()
+    for tol in (1e-5, 1e-9):
+        solution = lv.integrate(
+            walker_preston.system, lv.Chebyshev(tol), t=(0.0, t), **walker_preston.start
+        )
+        off = max(abs(solution.psi[-1][k] - value) for k, value in wanted["psi"].items())
+        assert off <= tol
+
+
+def test_a_run_back_in_time_returns_and_auto_is_the_series():
+    h0, _, drive, (t0, t1), psi = driven_products.chain(6)
+    system = lv.Schrodinger(h0, drive=drive)
+    there = lv.integrate(system, "auto", t=(t0, t1), psi=psi)
+    assert "series in time" in there.method
+    back = lv.integrate(system, lv.Chebyshev(1e-10), t=(t1, t0), psi=there.psi[-1])
+    assert np.linalg.norm(back.psi[-1] - psi) <= 2e-8
+
+
+def test_a_jump_is_bisected_down_to():
+    h0, h1 = np.array([[0.0, 1.0], [1.0, 0.0]]), np.diag([1.0, -1.0])
+    system = lv.Schrodinger(h0, drive=[(lambda t, _: ca.if_else(t < 1.3, 0.0, 2.0), h1)])
+    psi = np.array([1.0, 0.0])
+    solution = lv.integrate(system, lv.Chebyshev(1e-8), t=[0.0, 1.3, 3.0], psi=psi)
+    half = exact(h0, [], np.array([0.0, 1.3]), psi)[-1]
+    end = exact(h0 + 2 * h1, [], np.array([1.3, 3.0]), half)[-1]
+    assert np.linalg.norm(solution.psi[1] - half) <= 1e-8
+    assert np.linalg.norm(solution.psi[2] - end) <= 1e-8
+    wild = lv.Schrodinger(h0, drive=[(lambda t, _: 1 / (t - 1), h1)])
+    with pytest.raises(ValueError, match="is inf at t = 1"):
+        lv.integrate(wild, "auto", t=(0.0, 2.0), psi=psi)
+
+
+def test_a_plan_says_windows_and_comes_back_from_its_file(tmp_path):
+    h0, _, drive, span, psi = driven_products.chain(6)
+    system = lv.Schrodinger(h0, drive=drive)
+    plan = lv.plan(system, lv.Chebyshev(1e-6), t=span)
+    assert plan.bound == 1e-6
+    assert f"series in time ({plan.windows} windows)" in str(plan)
+    plan.save(tmp_path / "plan.json")
+    again = lv.Plan.load(tmp_path / "plan.json")
+    runs = [lv.integrate(system, each, t=span, psi=psi).psi for each in (plan, again)]
+    assert runs[0].tobytes() == runs[1].tobytes()
+    with pytest.raises(ValueError, match="an H that depends on time"):
+        lv.integrate(lv.Schrodinger(h0), plan, t=span, psi=psi)
+    with pytest.raises(TypeError, match="is for an H without time"):
+        lv.plan(system, lv.Lanczos(), t=span)
+
+
+def test_members_of_an_ensemble_are_as_alone():
+    h0, _, drive, span, psi = driven_products.circular(4)
+    system = lv.Schrodinger(h0, drive=drive)
+    starts = np.array([psi, psi[::-1], psi.real / np.linalg.norm(psi.real)])
+    many = lv.ensemble(system, lv.Chebyshev(1e-6), t=span, psi=starts)
+    for k, start in enumerate(starts):
+        one = lv.integrate(system, lv.Chebyshev(1e-6), t=span, psi=start)
+        assert np.array_equal(one.psi, many.psi[:, k])
