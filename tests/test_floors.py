@@ -62,7 +62,7 @@ PACKAGE_FLOORS = (
     ("runners",),
     ("integrate",),
     ("determinant", "ensemble", "exponents", "fitting", "gradients", "optimal", "section"),
-    ("convergence", "export", "fem", "plot", "problems"),
+    ("bridges", "convergence", "export", "fem", "plot", "problems"),
     ("stored",),
     ("cli",),
 )
@@ -83,9 +83,10 @@ CRATE_ROOMS = {
 }
 PACKAGE_ROOMS = {
     "casadi": ("_casadi.py", "problems/"),
-    "liouville._casadi": ("bodies/", "optimal/", "systems/", "tape.py"),
+    "liouville._casadi": ("bodies/", "bridges/casadi.py", "optimal/", "systems/", "tape.py"),
     "google_crc32c": ("stored/folder.py",),
     "h5netcdf": ("export/",),
+    "jax": ("bridges/jax.py",),
     "matplotlib": ("plot/",),
     "mujoco": ("bodies/files.py",),
     "pyarrow": ("export/",),
@@ -97,6 +98,7 @@ PACKAGE_ROOMS = {
     ),
     "skfem": ("fem.py",),
     "sympy": ("systems/_sympy.py", "systems/_sympy_expressions.py"),
+    "torch": ("bridges/torch.py",),
     "typer": ("cli/",),
     "xarray": ("export/",),
     "zarr": ("export/",),

@@ -52,6 +52,9 @@ if _typing.TYPE_CHECKING:
     from liouville.analysis.linearization import linearize as linearize
     from liouville.analysis.modes import modes as modes
     from liouville.analysis.power import power_balance as power_balance
+    from liouville.bridges import casadi as casadi
+    from liouville.bridges import jax as jax
+    from liouville.bridges import torch as torch
     from liouville.exponents import lyapunov as lyapunov
     from liouville.export import load as load
     from liouville.fitting import fit as fit
@@ -96,14 +99,20 @@ _LATER = {
     "table": "systems._table",
 }
 
-#: Modules that few runs need.
-_ROOMS = ("analysis", "bodies")
+#: Modules that few runs need, by where they are.
+_ROOMS = {
+    "analysis": "analysis",
+    "bodies": "bodies",
+    "casadi": "bridges.casadi",
+    "jax": "bridges.jax",
+    "torch": "bridges.torch",
+}
 
 
 def __getattr__(name: str) -> _typing.Any:
     """Import a name that few runs need."""
     if name in _ROOMS:
-        return _import_module(f"liouville.{name}")
+        return _import_module(f"liouville.{_ROOMS[name]}")
     if name not in _LATER:
         raise AttributeError(f"module 'liouville' has no attribute {name!r}", name=name)
     globals()[name] = found = getattr(_import_module(f"liouville.{_LATER[name]}"), name)

@@ -1,0 +1,1 @@
+"""Runs as functions of libraries that differentiate: JAX, PyTorch and CasADi."""

@@ -1,0 +1,207 @@
+"""Runs as functions of CasADi."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from liouville import _casadi as ca
+from liouville.bridges.run import RunFunction, RunPoint
+from liouville.methods import Method
+from liouville.runners import Request
+from liouville.systems import Mechanics
+
+Array = NDArray[np.float64]
+
+#: Names with shapes of one side of a function, and what makes one side of the other.
+Shapes = Sequence[tuple[str, tuple[int, int]]]
+Call = Callable[[list[Array]], Sequence[Array]]
+
+
+def solver(
+    system: Mechanics,
+    method: Method,
+    *,
+    wrt: Sequence[str],
+    returns: str | Sequence[str] = "q",
+    t: tuple[float, float],
+    h: float | None = None,
+    steps: int | None = None,
+    every: int = 1,
+    params: Mapping[str, ArrayLike] | None = None,
+    **start: ArrayLike,
+) -> ca.Callback:
+    """Return a run as a function of CasADi, for expressions in MX and for ``nlpsol``.
+
+    Reverse derivatives take the pullback of :func:`liouville.vjp`, forward ones take tangents, all
+    directions in one run. There are no second derivatives: IPOPT takes
+    ``hessian_approximation="limited-memory"``.
+
+    Parameters
+    ----------
+    system, method, t, h, steps, every, params
+        As for :func:`liouville.vjp`, with equal steps. Their number is that of `t`, also where its
+        ends are inputs.
+    wrt : sequence of str
+        What the run is a function of: states of the system such as ``"q"`` and ``"v"``,
+        ``"params.name"``, ``"t0"`` and ``"t1"``.
+    returns : str or sequence of str
+        The states that it returns: those of the system, or ``"lam"``.
+    **start : array_like
+        Start values that are not in `wrt`, each of shape (n,).
+
+    Returns
+    -------
+    casadi.Callback
+        A function with an input for each name in `wrt`, columns of shape (n, 1) for vectors, and an
+        output for each name in `returns`, of shape (k, n), at the kept times, the start among them.
+        It moves a start onto its constraints as ``system.consistent`` does. Derivatives are taken
+        at starts on the constraints; those by velocities alone at any start, where the mass does
+        not depend on them. CasADi wants the function kept alive while it is in use.
+
+    Raises
+    ------
+    TypeError, ValueError
+        An argument is wrong, or what is asked for has no pullback. Where a run fails, or its start
+        cannot be differentiated, CasADi's RuntimeError has the sentence; IPOPT takes a shorter
+        step there.
+
+    Examples
+    --------
+    >>> import casadi as ca
+    >>> import liouville as lv
+    >>> from liouville.problems import pendulum
+    >>> end = lv.casadi.solver(
+    ...     pendulum.system, lv.Spark(2), wrt=["params.g"], t=(0, 1), steps=50, every=50,
+    ...     **pendulum.start,
+    ... )
+    >>> g = ca.MX.sym("g")
+    >>> ca.Function("f", [g], [ca.gradient(end(g)[-1, 1], g)])(9.81).shape
+    (1, 1)
+    """
+    request = Request(
+        t=t, h=h, steps=steps, every=every, params=params, start=start, has_pullback=True
+    )  # fmt: skip
+    return _Run(RunFunction(system, method, wrt, returns, request))
+
+
+class _Called(ca.Callback):
+    """A function of CasADi that Python evaluates, with the names and shapes of its two sides."""
+
+    def __init__(
+        self, name: str, ins: Shapes, outs: Shapes, call: Call, options: Mapping[str, Any]
+    ) -> None:
+        super().__init__()
+        self._ins, self._outs, self._call = ins, outs, call
+        self.construct(name, dict(options))
+
+    def get_n_in(self) -> int:
+        """Return how many inputs there are."""
+        return len(self._ins)
+
+    def get_n_out(self) -> int:
+        """Return how many outputs there are."""
+        return len(self._outs)
+
+    def get_name_in(self, k: int) -> str:
+        """Return the name of an input."""
+        return self._ins[k][0]
+
+    def get_name_out(self, k: int) -> str:
+        """Return the name of an output."""
+        return self._outs[k][0]
+
+    def get_sparsity_in(self, k: int) -> ca.Sparsity:
+        """Return the shape of an input."""
+        return ca.Sparsity.dense(*self._ins[k][1])
+
+    def get_sparsity_out(self, k: int) -> ca.Sparsity:
+        """Return the shape of an output."""
+        return ca.Sparsity.dense(*self._outs[k][1])
+
+    def eval(self, given: Sequence[ca.DM]) -> list[ca.DM]:
+        """Return the outputs."""
+        return [ca.DM(x) for x in self._call([x.full() for x in given])]
+
+
+class _Run(_Called):
+    """A run, with its derivatives, which live as long as it does."""
+
+    def __init__(self, function: RunFunction) -> None:
+        self._function = function
+        self._derivatives: list[_Called] = []
+        ins = [(_name(x, k), _matrix(function.inputs[x])) for k, x in enumerate(function.inputs)]
+        outs = [(x, _matrix(shape)) for x, shape in function.outputs.items()]
+        super().__init__("run", ins, outs, lambda given: self._at(given).values, {})
+
+    def has_forward(self, count: int) -> bool:
+        """Say that there are forward derivatives."""
+        return True
+
+    def has_reverse(self, count: int) -> bool:
+        """Say that there are reverse derivatives."""
+        return True
+
+    def get_forward(
+        self, count: int, name: str, ins: Sequence[str], outs: Sequence[str], options: Any
+    ) -> ca.Function:
+        """Return the derivatives by so many directions."""
+        shapes = [*self._function.inputs.values()]
+
+        def call(given: list[Array]) -> list[Array]:
+            own = zip(given[-len(shapes) :], shapes, strict=True)
+            directions = [
+                np.stack([x.reshape(shape) for x in np.split(stacked, count, axis=1)])
+                for stacked, shape in own
+            ]
+            return [np.concatenate([*x], axis=1) for x in self._at(given).pushed(directions)]
+
+        return self._derivative(self._ins, self._outs, count, call, (name, ins, outs, options))
+
+    def get_reverse(
+        self, count: int, name: str, ins: Sequence[str], outs: Sequence[str], options: Any
+    ) -> ca.Function:
+        """Return the derivatives of so many scalars."""
+        shapes = [_matrix(shape) for shape in self._function.inputs.values()]
+
+        def call(given: list[Array]) -> list[Array]:
+            seeds = [np.split(x, count, axis=1) for x in given[-len(self._outs) :]]
+            found = [self._at(given).pulled(each) for each in zip(*seeds, strict=True)]
+            each = zip(zip(*found, strict=True), shapes, strict=True)
+            return [np.hstack([x.reshape(shape) for x in own]) for own, shape in each]
+
+        return self._derivative(self._outs, self._ins, count, call, (name, ins, outs, options))
+
+    def _at(self, given: Sequence[Array]) -> RunPoint:
+        shapes = self._function.inputs.values()
+        return self._function.at([x.reshape(to) for x, to in zip(given, shapes, strict=False)])
+
+    def _derivative(
+        self, taken: Shapes, made: Shapes, count: int, call: Call, names: Any
+    ) -> ca.Function:
+        """Return a function from inputs, outputs and what is taken, `count` times side by side."""
+
+        def wide(shapes: Shapes) -> list[tuple[int, int]]:
+            return [(rows, count * columns) for _, (rows, columns) in shapes]
+
+        name, ins, outs, options = names
+        sizes = [shape for _, shape in [*self._ins, *self._outs]] + wide(taken)
+        own_ins, own_outs = zip(ins, sizes, strict=True), zip(outs, wide(made), strict=True)
+        found = _Called(name, [*own_ins], [*own_outs], call, options)
+        self._derivatives.append(found)
+        return found
+
+
+def _name(name: str, k: int) -> str:
+    """Return the name of an input as CasADi takes it."""
+    found = name.replace(".", "_")
+    return found if ca.Function.check_name(found) else f"i{k}"
+
+
+def _matrix(shape: tuple[int, ...]) -> tuple[int, int]:
+    """Return the shape of a number, a vector or a matrix as that of a matrix."""
+    rows, columns = (*shape, 1, 1)[:2]
+    return rows, columns

@@ -1,0 +1,217 @@
+"""Runs as functions of JAX, PyTorch and CasADi have the derivatives of `vjp`, and those are right.
+
+JAX and PyTorch are large, and only where they are installed are their tests run.
+"""
+
+import sys
+
+import casadi as ca
+import numpy as np
+import pytest
+
+import liouville as lv
+from liouville.bridges import run
+
+SYSTEM = lv.Lagrangian(
+    lambda t, q, v, params: ca.dot(v, v) / 2 - params.g * q[1],
+    lambda t, q, params: {"rod": ca.dot(q, q) - params.l**2},
+    q=("x", "y"),
+    params={"g": 9.81, "l": 2.0},
+)
+METHOD = lv.Spark(2)
+WRT = ("q", "v", "params.l", "t1")
+POINT = [np.array([1.2, -1.6]), np.array([1.6, 1.2]), np.array(2.0), np.array(0.5)]
+RUN = {"t": (0.0, 0.5), "steps": 10, "every": 5}
+CALL = {"wrt": WRT, "returns": ("q", "lam"), **RUN}
+LIBRARIES = ("jax", "torch", "casadi")
+
+
+def gradients():
+    """Return the derivatives of the height at the end plus the multiplier midway, by `vjp`."""
+    solution, pullback = lv.vjp(SYSTEM, METHOD, wrt=WRT, **RUN, q=POINT[0], v=POINT[1])
+    of_q, of_lam = np.zeros_like(solution.q), np.zeros_like(solution.lam)
+    of_q[-1, 1] = of_lam[1, 0] = 1
+    return [*pullback(q=of_q, lam=of_lam).values()]
+
+
+def scalar(q, lam):
+    return q[-1, 1] + lam[1, 0]
+
+
+def moving(solve, like):
+    """Return the scalar as a function of an angle, its rate and a length: always on the rod."""
+
+    def value(angle, rate, length):
+        cosine, sine = like.cos(angle), like.sin(angle)
+        q = like.stack([length * cosine, length * sine])
+        v = like.stack([-rate * length * sine, rate * length * cosine])
+        return scalar(*solve(q, v, length, like.ones_like(length) / 2))
+
+    return value
+
+
+@pytest.fixture
+def jax():
+    found = pytest.importorskip("jax", reason="JAX is not installed")
+    found.config.update("jax_enable_x64", True)
+    yield found
+    found.config.update("jax_enable_x64", False)
+
+
+@pytest.fixture
+def torch():
+    return pytest.importorskip("torch", reason="PyTorch is not installed")
+
+
+def test_jax_has_the_gradients_of_vjp_in_all_its_modes(jax):
+    solve = lv.jax.solver(SYSTEM, METHOD, **CALL)
+
+    def cost(*inputs):
+        return scalar(*solve(*inputs))
+
+    every, expected = tuple(range(len(WRT))), gradients()
+    value, found = jax.jit(jax.value_and_grad(cost, every))(*POINT)
+    assert value == cost(*POINT)
+    for own in (found, jax.grad(cost, every)(*POINT)):
+        assert all(map(np.array_equal, own, expected))
+    forward = jax.jacfwd(cost, every)(*POINT)
+    for own, wanted in zip(forward, expected, strict=True):
+        np.testing.assert_allclose(own, wanted, rtol=1e-11)
+    # members, each with its own gradient, in either order
+    many = np.stack([POINT[1], -POINT[1]])
+    axes = (None, 0, None, None)
+    each = np.stack([jax.grad(cost, 1)(POINT[0], v, *POINT[2:]) for v in many])
+    mapped = jax.vmap(jax.grad(cost, 1), axes)
+    np.testing.assert_array_equal(jax.jit(mapped)(POINT[0], many, *POINT[2:]), each)
+    summed = jax.grad(lambda v: jax.vmap(cost, axes)(POINT[0], v, *POINT[2:]).sum())
+    np.testing.assert_array_equal(summed(many), each)
+    with pytest.raises(NotImplementedError, match="first derivatives only"):
+        jax.hessian(cost, 1)(*POINT)
+
+
+def test_jax_differences_of_a_motion_on_its_constraints(jax):
+    value = moving(lv.jax.solver(SYSTEM, METHOD, **CALL), jax.numpy)
+    at = (-0.9, 0.7, 1.7)
+    found = jax.grad(value, (0, 1, 2))(*at)
+    for k, slope in enumerate(found):
+        step = np.eye(3)[k] * 1e-4
+        one, two = (float(value(*(at + m * step)) - value(*(at - m * step))) for m in (1, 2))
+        assert float(slope) == pytest.approx((8 * one - two) / 12e-4, abs=1e-9)
+
+
+def test_jax_without_numbers_of_64_bits_is_refused(jax):
+    solve = lv.jax.solver(SYSTEM, METHOD, **CALL)
+    jax.config.update("jax_enable_x64", False)
+    with pytest.raises(ValueError, match="has numbers of 32 bits, and runs take 64"):
+        solve(*POINT)
+
+
+@pytest.mark.filterwarnings("ignore:.torch.jit.script")  # PyTorch's own, in forward mode
+def test_torch_has_the_gradients_of_vjp_and_passes_gradcheck(torch):
+    solve = lv.torch.solver(SYSTEM, METHOD, **CALL)
+    inputs = [torch.tensor(x, requires_grad=True) for x in POINT]
+    scalar(*solve(*inputs)).backward()
+    assert all(map(np.array_equal, [x.grad.numpy() for x in inputs], gradients()))
+    assert torch.autograd.gradcheck(solve, inputs, check_forward_ad=True)
+    along = [torch.tensor(x, dtype=torch.float64, requires_grad=True) for x in (-0.9, 0.7, 1.7)]
+    assert torch.autograd.gradcheck(moving(solve, torch), along)
+    assert solve(*inputs[:3], 0.5)[0].dtype == torch.float64
+
+
+def test_casadi_has_the_gradients_of_vjp_from_one_run(monkeypatch):
+    runs = []
+    monkeypatch.setattr(run, "vjp", lambda *a, **options: runs.append(a) or lv.vjp(*a, **options))
+    solve = lv.casadi.solver(SYSTEM, METHOD, **CALL)
+    assert solve.name_in() == ["q", "v", "params_l", "t1"]
+    symbols = [ca.MX.sym("x", *np.shape(x)) for x in POINT]
+    q, lam = solve(*symbols)
+    reverse = [ca.gradient(scalar(q, lam), x) for x in symbols]
+    forward = [ca.jacobian(ca.vertcat(q[-1, 1], lam[1]), x) for x in symbols]
+    found = ca.Function("derivatives", symbols, [*reverse, *forward])(*POINT)
+    assert len(runs) == 1
+    for k, expected in enumerate(gradients()):
+        np.testing.assert_array_equal(found[k].full().ravel(), np.ravel(expected))
+        both = found[k + 4].full().sum(axis=0)
+        np.testing.assert_allclose(both, np.ravel(expected), rtol=1e-11)
+
+
+def test_ipopt_finds_the_velocity_that_brings_a_pendulum_to_a_place():
+    own = {"t": (0, 1), "steps": 20}
+    solve = lv.casadi.solver(SYSTEM, METHOD, wrt=["v"], every=20, **own, q=[0.0, -2.0])
+    v = ca.MX.sym("v", 2)
+    place = 2 * np.array([np.sin(2.0), -np.cos(2.0)])
+    problem = {"x": v, "f": ca.sumsqr(v), "g": solve(v)[-1, 1] - place[1]}
+    options = {"ipopt.hessian_approximation": "limited-memory", "ipopt.print_level": 0}
+    options |= {"ipopt.sb": "yes", "print_time": False}
+    optimum = ca.nlpsol("aim", "ipopt", problem, options)
+    found = optimum(x0=[5.0, 1.0], lbg=0, ubg=0)  # off the hidden constraint
+    assert optimum.stats()["return_status"] == "Solve_Succeeded"
+    velocity = found["x"].full().ravel()
+    start = SYSTEM.consistent(q=[0.0, -2.0], v=velocity)
+    end = lv.integrate(SYSTEM, METHOD, **own, **start).q[-1]
+    np.testing.assert_allclose(end, place, atol=1e-6)
+    assert abs(velocity[1]) < 1e-6  # across the rod is wasted
+
+
+def test_velocities_off_the_constraints_have_the_right_derivatives():
+    solve = lv.casadi.solver(SYSTEM, METHOD, wrt=["v", "t1"], **RUN, q=POINT[0])
+    v, d = np.array([1.0, 3.0]), np.array([0.3, -0.4])
+    one, two = ((solve(v + m * d, 0.5) - solve(v - m * d, 0.5)).full() for m in (1e-3, 2e-3))
+    symbol = ca.MX.sym("v", 2)
+    found = ca.Function("along", [symbol], [ca.jtimes(solve(symbol, 0.5), symbol, d)])(v)
+    np.testing.assert_allclose(found.full(), (8 * one - two) / 12e-3, atol=1e-9)
+
+
+def test_what_would_be_a_wrong_gradient_is_refused():
+    solve = lv.casadi.solver(SYSTEM, METHOD, wrt=["v", "params.l"], **RUN, q=POINT[0])
+    v, length = ca.MX.sym("v", 2), ca.MX.sym("l")
+    slope = ca.Function("slope", [v, length], [ca.gradient(solve(v, length)[-1, 1], length)])
+    assert np.isfinite(float(slope(POINT[1], 2.0)))
+    for off in [(POINT[1], 2.1), ([1.0, 3.0], 2.0)]:
+        assert np.isfinite(solve(*off).full()).all()
+        with pytest.raises(RuntimeError, match="derivatives are taken at starts on the cons"):
+            slope(*off)
+
+
+@pytest.mark.parametrize(("changes", "sentence"), [
+    ({"wrt": ["w"]}, "there is no direction 'w'"),
+    ({"wrt": ["v", "v"]}, "wrt names each input once"),
+    ({"wrt": ["v"]}, "start value 'q' is missing"),
+    ({"q": [0.0, -2.0]}, "'q' is in wrt, and has a fixed value too"),
+    ({"params": {"l": 2.0}}, "'params.l' is in wrt, and has a fixed value too"),
+    ({"x": [0.0]}, "'x' is no start value"),
+    ({"returns": "energy"}, "there is no state 'energy'"),
+    ({"returns": ("q", "q")}, "returns names each state once"),
+    ({"returns": ()}, "returns is the name of a state"),
+    ({"method": lv.HHT()}, "has no tangents yet"),
+    ({"steps": None}, "give either h or steps"),
+])  # fmt: skip
+def test_a_wrong_call_is_refused_by_a_sentence(changes, sentence):
+    with pytest.raises((TypeError, ValueError), match=sentence):
+        lv.casadi.solver(**{"system": SYSTEM, "method": METHOD, **CALL, **changes})
+
+
+@pytest.mark.parametrize("name", ["jax", "torch"])
+def test_wrong_inputs_are_refused_by_a_sentence(name, request):
+    library = request.getfixturevalue(name)
+    array = library.numpy.array if name == "jax" else library.tensor
+    solve = getattr(lv, name).solver(SYSTEM, METHOD, **CALL)
+    q, *others = map(array, POINT)
+    for bad, sentence in (
+        ([array([1, -2]), *others], "'q' is of type int64\nhint: numbers are float64 here"),
+        ([array([1.0, 0.0, 0.0]).astype("float64") if name == "jax" else q.new_zeros(3), *others],
+         r"'q' has shape \(3,\), wanted \(2,\)"),
+        ([q, *others[:2]], "the solver takes 4 arrays, not 3\nhint: in the order of wrt: q, v"),
+        ([q * np.nan, *others], "'q' is not finite"),
+        ([q, *others[:2], 1], "'t1' is of type int64|inputs are tensors of torch.float64"),
+    ):  # fmt: skip
+        with pytest.raises((TypeError, ValueError, RuntimeError), match=sentence):
+            solve(*bad)
+
+
+@pytest.mark.parametrize("name", ["jax", "torch"])
+def test_a_library_that_is_missing_is_named_with_its_extra(name, monkeypatch):
+    monkeypatch.setitem(sys.modules, name, None)
+    hint = rf'needs {name}\nhint: pip install "liouville\[{name}\]"'
+    with pytest.raises(ImportError, match=hint):
+        getattr(lv, name).solver(SYSTEM, METHOD, **CALL)
