@@ -1,0 +1,146 @@
+"""Bounds of the energies of a Schrödinger equation, at the start and while it is driven."""
+
+from __future__ import annotations
+
+from functools import cached_property
+
+import numpy as np
+
+from liouville import _core
+from liouville.errors import hinted
+from liouville.systems._expressions import Pickled
+from liouville.systems.schrodinger.bounds import (
+    GIVEN,
+    RIGOROUS,
+    WORTH,
+    Spectrum,
+    check_inside,
+    inside,
+    likely,
+    probable,
+)
+from liouville.systems.schrodinger.entries import SMALL, Bounds
+from liouville.systems.schrodinger.forms import Term
+from liouville.systems.schrodinger.grid import Grid
+from liouville.systems.schrodinger.time_functions import TimeFunction
+
+
+class Bounded(Pickled):
+    """A base of :class:`Schrodinger`: what is known of its eigenvalues."""
+
+    hamiltonian: _core.Hamiltonian
+    hbar: float
+    grid: Grid | None
+    size: int
+    is_driven: bool
+    _given: Bounds | None
+    _way: str
+    _terms: list[Term]
+    _functions: list[TimeFunction]
+    _moving: TimeFunction | None
+
+    @cached_property
+    def _static(self) -> _core.Hamiltonian:
+        return _core.Hamiltonian(self._terms[0].operators)
+
+    @cached_property
+    def term_bounds(self) -> list[Bounds]:
+        r"""Bounds of the eigenvalues of :math:`H_0 / \hbar` and of each :math:`H_k / \hbar`.
+
+        A potential that depends on time is in none of them.
+        """
+        return [term.bounds or self._closer.bounds for term in self._terms]
+
+    @property
+    def given_bounds(self) -> Bounds | None:
+        r"""The bounds of :math:`H / \hbar` that were given, if any."""
+        return self._given
+
+    @property
+    def groups(self) -> list[int]:
+        """How many operators of the core make up :math:`H_0` and each :math:`H_k`."""
+        return [len(term.operators) for term in self._terms]
+
+    def parts(self) -> np.ndarray | None:
+        r"""Return :math:`H_0 / \hbar` and each :math:`H_k / \hbar` as arrays of the core.
+
+        None where a potential depends on time.
+        """
+        if self._moving is not None:
+            return None
+        unit = np.eye(self.hamiltonian.size)
+        terms = [_core.Hamiltonian(term.operators) for term in self._terms]
+        return np.array([[term.multiply(row) for row in unit] for term in terms])
+
+    def weights_at(self, t: float) -> np.ndarray:
+        """Return the weights of these at a time, the first of which is 1."""
+        return np.array([1.0, *(float(f.at(t)[0]) for f in self._functions)])
+
+    @property
+    def operator_bounds(self) -> list[Bounds]:
+        """Bounds of each operator of the core, whose sums over a term are those of the term."""
+        found: list[Bounds] = []
+        for term, bounds in zip(self._terms, self.term_bounds, strict=True):
+            found += [bounds, *[(0.0, 0.0)] * (len(term.operators) - 1)]
+        return found
+
+    @property
+    def bounds(self) -> Bounds:
+        r"""Numbers below and above all eigenvalues of :math:`H / \hbar`; if driven, at t = 0.
+
+        Raises
+        ------
+        ValueError
+            The bounds that were given leave out an eigenvalue; the message has both.
+        """
+        return self._spectrum.bounds
+
+    @property
+    def guarantee(self) -> str:
+        """What the bounds are: "rigorous", "probable", "with probability 1 - 1e-6" or "given"."""
+        return self._spectrum.guarantee
+
+    @cached_property
+    def _spectrum(self) -> Spectrum:
+        if self._given is not None:
+            if not self.is_driven:
+                check_inside(self._given, self._static, self.hbar)
+            return Spectrum(self._given, GIVEN)
+        if self.is_driven:
+            return Spectrum(self.bounds_at(0.0), RIGOROUS)
+        rigorous = self._terms[0].bounds
+        if self._way == "lanczos":
+            return inside(likely(self._static), rigorous)
+        if rigorous is not None:
+            return Spectrum(rigorous, RIGOROUS)
+        if self._way == "gershgorin":
+            sentence = "H is known by its products, which have no discs of Gershgorin's"
+            raise ValueError(hinted(sentence, "give bounds='lanczos', or leave bounds= out"))
+        return self._closer
+
+    @cached_property
+    def _closer(self) -> Spectrum:
+        """Probable bounds, no wider than rigorous ones."""
+        return inside(probable(self._static), self._terms[0].bounds)
+
+    def spectrum(self, span: float) -> Spectrum:
+        """Return bounds that are worth finding for a run over so much time, and what they are."""
+        found = self._spectrum
+        low, high = found.bounds
+        is_wide = 0.5 * (high - low) * span > WORTH and self.size > SMALL
+        is_free = self._way == "auto" and found.guarantee == RIGOROUS and not self.is_driven
+        return self._closer if is_wide and is_free else found
+
+    def bounds_at(self, t: float) -> Bounds:
+        r"""Bound the eigenvalues of :math:`H / \hbar` at a time."""
+        if self._given is not None:
+            return self._given
+        low, high = self.term_bounds[0]
+        weights = self.weights_at(t)[1:].tolist()
+        for weight, ends in zip(weights, self.term_bounds[1:], strict=True):
+            ends = (weight * ends[0], weight * ends[1])
+            low, high = low + min(ends), high + max(ends)
+        if self._moving is not None and self.grid is not None:
+            values = self._moving.at(t, self.grid.points) / self.hbar
+            low, high = low + float(values.min()), high + float(values.max())
+        return low, high
