@@ -234,6 +234,23 @@ def test_the_symplectic_form_of_tangents_is_kept_whatever_the_steps(method, cont
     assert np.abs(form - form[0]).max() < 1e-13 * size
 
 
+@pytest.mark.slow
+def test_the_symplectic_form_is_kept_over_many_steps():
+    """1e5 of them, in which tangents grow to 3e5: roundoff of the product of their norms."""
+    problem = load("spherical_pendulum")
+    each = np.random.default_rng(0).standard_normal((2, 3))
+    run = lv.integrate(
+        problem.system, lv.Spark(3), t=(0, 2000), steps=100_000, every=1000,
+        tangents={"q": each, "v": each}, **problem.start,
+    )  # fmt: skip
+    by_q, by_v = run.tangents["q"], run.tangents["v"]
+    # its momenta are its velocities
+    form = np.einsum("kin,kjn->kij", by_q.q, by_v.v) - np.einsum("kin,kjn->kij", by_q.v, by_v.q)
+    norms = [np.sqrt((x.q**2 + x.v**2).sum(axis=2)) for x in (by_q, by_v)]
+    size = np.einsum("ki,kj->kij", *norms)
+    assert (np.abs(form - form[0]) / size).max() < 1e-13
+
+
 def test_redundant_and_sparse_mechanisms():
     for name, count in (("doubled_rod", 40), ("andrews", 5)):
         problem = load(name)
