@@ -309,6 +309,20 @@ fn split_fields_go_on() {
     }
 }
 
+/// A series in time of a driven grid, whose parts have these bounds.
+fn series_in_time(sweeper: &Sweeper<f64>, bounds: Vec<(f64, f64)>) -> DrivenSeries<f64> {
+    let driven = Driven {
+        groups: vec![1, 1],
+        bounds,
+        knots: Vec::new(),
+        rate: 1e-9,
+        tolerance: 1e-6,
+        is_doubled: false,
+    };
+    let times = (1..=33).map(|k| 0.03 * f64::from(k)).collect();
+    DrivenSeries::new(sweeper, driven, times).expect("parts of the grid")
+}
+
 #[test]
 fn wave_functions_go_on() {
     type Waving = Box<dyn Stepper<State = Wave<f64>>>;
@@ -369,19 +383,7 @@ fn wave_functions_go_on() {
         (
             "series in time",
             32,
-            Box::new(|| {
-                let driven = Driven {
-                    groups: vec![1, 1],
-                    bounds: bounds(),
-                    knots: Vec::new(),
-                    rate: 1e-9,
-                    tolerance: 1e-6,
-                    is_doubled: false,
-                };
-                let times = (1..=33).map(|k| 0.03 * f64::from(k)).collect();
-                let series = DrivenSeries::new(&Sweeper::new(grid()), driven, times);
-                Box::new(series.expect("parts of the grid"))
-            }),
+            Box::new(|| Box::new(series_in_time(&Sweeper::new(grid()), bounds()))),
         ),
         (
             "magnus",
