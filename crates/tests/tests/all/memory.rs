@@ -310,7 +310,7 @@ fn split_fields_go_on() {
 }
 
 /// A series in time of a driven grid, whose parts have these bounds.
-fn series_in_time(sweeper: &Sweeper<f64>, bounds: Vec<(f64, f64)>) -> DrivenSeries<f64> {
+fn series_in_time(sweeper: &Sweeper<f64>, bounds: Vec<(f64, f64)>) -> DrivenSeries {
     let driven = Driven {
         groups: vec![1, 1],
         bounds,
