@@ -71,6 +71,7 @@ def test_a_series_drifts():
     assert last > 5 * first
     assert drift[-1] / drift[len(drift) // 2] == pytest.approx(2.0, rel=0.2)
 
+    t = np.linspace(0.0, 2000 * 5.0 / BETA, 2001)
     splitting = lv.SchrodingerSplitting(method.tol, "stable")
     kept = lv.integrate(CHAIN, splitting, t=t, psi=start(), states=False).invariant_drift("norm")
     first, last = tenths(kept)
