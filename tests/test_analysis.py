@@ -1,4 +1,7 @@
-"""Equilibria, linearisations, modes, inverse dynamics and balances of power, by closed forms."""
+"""Equilibria, linearisations, modes, inverse dynamics and balances of power, by closed forms.
+
+One file, since they are asked of the same few mechanisms.
+"""
 
 import pickle
 import subprocess

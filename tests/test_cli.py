@@ -1,3 +1,8 @@
+"""The command line: what it runs, prints, refuses, and leaves with.
+
+One file, since all commands are called by the same helper.
+"""
+
 import os
 import re
 import signal

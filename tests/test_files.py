@@ -1,4 +1,7 @@
-"""Models from files: MJCF and URDF against MuJoCo's own numbers."""
+"""Models from files: MJCF and URDF against MuJoCo's own numbers.
+
+One file, since both formats are read by one compiler, and compared by the same helpers.
+"""
 
 import sys
 

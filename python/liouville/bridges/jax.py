@@ -112,7 +112,7 @@ def _derivative() -> Any:
     """Return JAX's primitive of the derivative of a run, and of its transpose.
 
     It takes the inputs of the run, then directions of them or cotangents of its outputs; it is
-    linear in the latter.
+    linear in the latter. One function, since every rule that JAX is given names the primitive.
     """
     jax = library("jax", "lv.jax.solver")
     from jax.extend.core import Primitive

@@ -14,6 +14,7 @@ from liouville.control import TRIAL, Steps, Takes
 from liouville.errors import Description, describe, hinted
 from liouville.methods import VolumeSplitting
 from liouville.planner import FieldPlan, plan_field
+from liouville.runners.execute import execute
 from liouville.runners.runner import Request, Runner, kept, threads_of
 from liouville.runners.trial_steps import RECORDS, trial_steps
 from liouville.splitting import Affine, Split, crossed, described, variables_of
@@ -140,9 +141,6 @@ def _tried(
     system: PolynomialField, method: VolumeSplitting | FieldPlan, asked: Steps, x: np.ndarray
 ) -> tuple[Steps, FieldPlan]:
     """Return equal steps that meet a tolerance, and the plan they were found with."""
-    # imported here: the trial runs are runs of this runner
-    from liouville.runners.execute import execute
-
     assert asked.control is not None, "steps for a tolerance"
     x, t0 = x[:TRIED], asked.t0
     extended, length = system.extended(x, t0), abs(asked.t1 - t0)

@@ -65,7 +65,10 @@ class Model:
 def compiled(
     s: Symbols, model: Model
 ) -> tuple[dict[str, _core.Tape], dict[str, Pattern], _core.Mechanical]:
-    """Differentiate and record: the tapes and patterns of `problem::mechanical` in the core."""
+    """Differentiate and record: the tapes and patterns of `problem::mechanical` in the core.
+
+    One function, since its tapes share derivatives, each traced once.
+    """
     v, p, f, r, g, lam = model.v, model.p, model.f, model.r, model.g, model.lam
     n, linear, own_velocity = s.y.numel(), model.linear, differ(v, s.z)
     w = total_derivative(g, s, v)

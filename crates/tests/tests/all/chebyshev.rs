@@ -1,4 +1,5 @@
-//! Chebyshev series: their coefficients, their errors, their costs, and bounds that are wrong.
+//! Chebyshev series: their coefficients, their errors, their costs, and bounds that are wrong. One file, since nearly
+//! all step one chain with the same helpers.
 
 use liouville_base::method::Stepper;
 use liouville_base::real::{Lanes, Scalar};

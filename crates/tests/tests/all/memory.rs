@@ -1,4 +1,5 @@
-//! What a run brings from step to step: who restores it goes on with the same bits.
+//! What a run brings from step to step: restored, it goes on with the same bits. One file, since all steppers are
+//! saved and restored by the same function.
 
 use liouville_alpha::{Alpha, Reactions};
 use liouville_base::checkpoint::{Checkpoint, CheckpointMismatch};

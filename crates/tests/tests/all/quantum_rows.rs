@@ -1,4 +1,5 @@
-//! Products of Hamiltonians by rows: against dense ones, member by member, and many in one sweep.
+//! Products of Hamiltonians by rows: against dense ones, member by member, and many in one sweep. One file, since all
+//! are tried on the same random families of matrices.
 
 use liouville_base::linalg::Rows;
 use liouville_base::real::{Lanes, Scalar};
