@@ -8,6 +8,9 @@ CORE   := Cargo.toml pyproject.toml $(wildcard Cargo.lock crates/*/Cargo.toml) $
 RUST_TESTS := -p liouville-py -p liouville-tests
 # The core is compiled while pip fetches what is Python, and is taken from there by the build that pip makes.
 COMPILE := cargo build --quiet --release -p liouville-py
+# It finds there what it asks for where PyO3 is told the same by both: the stable ABI, which no interpreter is asked about.
+export PYO3_BUILD_EXTENSION_MODULE := 1
+export PYO3_CONFIG_FILE := $(CURDIR)/crates/py/stable_abi.txt
 # Modules are compiled once and not by every process, and workers do not compete by their threads.
 PYTEST_SETTINGS := PYTHONDONTWRITEBYTECODE= OPENBLAS_NUM_THREADS=1
 SPHINX := $(BIN)/sphinx-build -W --keep-going -q
