@@ -4,6 +4,7 @@ That they agree with tangents says nothing about stages that were not solved to 
 are compared with differences in `test_tangents`, and a few gradients here.
 """
 
+import casadi as ca
 import numpy as np
 import pytest
 from registry import ALL
@@ -57,6 +58,16 @@ def test_the_pairing_is_kept_over_many_steps():
     assert paired(system, lv.Spark(2), (0.0, 60.0), start, directions, **run) < 1e-12
 
 
+@pytest.mark.slow
+def test_the_pairing_is_kept_over_a_hundred_thousand_steps():
+    problem = load("double_pendulum")
+    system, run = problem.system, {"steps": 100_000, "every": 100_000}
+    # a small swing: the tangents of a chaotic one would lose what is compared
+    start = system.consistent(q=[0.1, -0.99, 0.1, -1.99], v=np.zeros(4))
+    directions = directions_of(system)
+    assert paired(system, lv.Spark(3), (0.0, 2000.0), start, directions, **run) < 1e-12
+
+
 @pytest.mark.parametrize(
     "control",
     [{"rtol": 1e-7}, {"rtol": 1e-7, "h": 0.4}, {"control": lv.Reversible(), "h": 0.02}],
@@ -74,8 +85,48 @@ def test_redundant_and_sparse_mechanisms():
     for name in ("doubled_rod", "andrews"):
         system = load(name).system
         start = system.consistent(**load(name).start)
-        directions = {x: d for x, d in directions_of(system).items() if x in system.states}
+        directions = directions_of(system, "t0", "t1")
         assert paired(system, lv.Spark(2), (0.0, 1e-3), start, directions, steps=5) < 1e-12
+
+
+def springs(stiffness):
+    """Return a chain whose links are springs but for every second one, which is a rod."""
+
+    def lagrangian(t, q, v, params):
+        x, y = q[0::2], q[1::2]
+        dx, dy = ca.vertcat(x[0], x[1:] - x[:-1]), ca.vertcat(y[0], y[1:] - y[:-1])
+        stretch = dx[0::2] ** 2 + dy[0::2] ** 2 - 1
+        return ca.dot(v, v) / 2 - params.g * ca.sum1(y) - params.k / 2 * ca.sumsqr(stretch)
+
+    def constraint(t, q, params):
+        x, y = q[0::2], q[1::2]
+        return ((x[1::2] - x[0::2]) ** 2 + (y[1::2] - y[0::2]) ** 2 - params.l**2) / 2
+
+    names = [f"{axis}{i}" for i in range(1, 9) for axis in "xy"]
+    params = {"g": 1.0, "k": stiffness, "l": 1.0}
+    return lv.Lagrangian(lagrangian, constraint, q=names, params=params)
+
+
+def test_linear_steps_are_corrected_and_where_that_fails_factored():
+    """Large systems are solved by node Schur's corrections, which stiff springs make diverge."""
+    across = np.array([0.6, -0.8])
+    q = np.outer(np.arange(1, 9), across).ravel()
+    v = np.outer(np.linspace(0.1, 0.4, 8), [0.8, 0.6]).ravel()
+    for stiffness, steps, kind in ((1.0, 10, 1e-13), (1e6, 20, 1e-11)):
+        system = springs(stiffness)
+        start = system.consistent(q=q, v=v)
+        directions = directions_of(system, "t1")
+        run = {"t": (0.0, 0.5), "steps": steps}
+        assert paired(system, lv.Spark(3), start=start, directions=directions, **run) < kind
+        if stiffness == 1.0:
+            found = lv.check_gradient(system, lv.Spark(3), wrt=[*directions], **run, **start)
+            assert found.differences < 1e-9
+        by_newton = {}
+        for method in (lv.Spark(3), lv.Spark(3, solver="newton")):
+            tangent = lv.integrate(system, method, **run, tangents={"v": v}, **start).tangents["v"]
+            by_newton[method.solver] = tangent.q[-1]
+        first, second = by_newton.values()
+        np.testing.assert_allclose(first, second, rtol=0, atol=1e-9 * np.abs(first).max())
 
 
 def test_a_cotangent_of_the_start_alone_is_projected():

@@ -11,6 +11,7 @@ import pytest
 
 import liouville as lv
 from liouville.bridges import run
+from liouville.problems import load
 
 SYSTEM = lv.Lagrangian(
     lambda t, q, v, params: ca.dot(v, v) / 2 - params.g * q[1],
@@ -162,15 +163,44 @@ def test_velocities_off_the_constraints_have_the_right_derivatives():
     np.testing.assert_allclose(found.full(), (8 * one - two) / 12e-3, atol=1e-9)
 
 
-def test_what_would_be_a_wrong_gradient_is_refused():
-    solve = lv.casadi.solver(SYSTEM, METHOD, wrt=["v", "params.l"], **RUN, q=POINT[0])
-    v, length = ca.MX.sym("v", 2), ca.MX.sym("l")
-    slope = ca.Function("slope", [v, length], [ca.gradient(solve(v, length)[-1, 1], length)])
-    assert np.isfinite(float(slope(POINT[1], 2.0)))
-    for off in [(POINT[1], 2.1), ([1.0, 3.0], 2.0)]:
-        assert np.isfinite(solve(*off).full()).all()
-        with pytest.raises(RuntimeError, match="derivatives are taken at starts on the cons"):
-            slope(*off)
+def test_starts_off_the_constraints_have_the_derivatives_of_the_start_moved():
+    """Positions and velocities bend on their way onto the constraints, which differences see."""
+    for off in [(POINT[0], POINT[1], 2.1, 0.5), ([1.3, -1.4], [1.0, 3.0], 2.0, 0.5)]:
+        solve = lv.casadi.solver(SYSTEM, METHOD, **CALL)
+        rng = np.random.default_rng(1)
+        along = [rng.standard_normal(np.shape(x)) for x in off]
+        values = {}
+        for m in (1, -1, 2, -2, 3, -3):
+            moved = [np.asarray(x) + m * 2e-3 * d for x, d in zip(off, along, strict=True)]
+            values[m] = np.concatenate([x.full().ravel() for x in solve(*moved)])
+        weights = {1: 3 / 4, 2: -3 / 20, 3: 1 / 60}
+        slope = sum(w / 2e-3 * (values[m] - values[-m]) for m, w in weights.items())
+        symbols = [ca.MX.sym("x", *np.shape(x)) for x in off]
+        outputs = ca.vertcat(*(ca.vec(x.T) for x in solve(*symbols)))
+        d = [ca.MX.sym("d", *np.shape(x)) for x in off]
+        back = ca.MX.sym("back", outputs.numel())
+        pairs = zip(symbols, d, strict=True)
+        forward = sum(ca.jtimes(outputs, x, own) for x, own in pairs)
+        reverse = [ca.jtimes(outputs, x, back, True) for x in symbols]
+        cotangent = rng.standard_normal(outputs.numel())
+        function = ca.Function("both", [*symbols, *d, back], [forward, *reverse])
+        pushed, *pulled = function(*off, *along, cotangent)
+        np.testing.assert_allclose(pushed.full().ravel(), slope, rtol=0, atol=1e-8)
+        pairs = zip(pulled, along, strict=True)
+        paired = sum(float(np.sum(x.full().ravel() * np.ravel(own))) for x, own in pairs)
+        assert abs(paired - cotangent @ pushed.full().ravel()) < 1e-12 * np.abs(slope).sum()
+
+
+def test_redundant_constraints_have_derivatives_at_starts_on_them():
+    problem = load("doubled_rod")
+    start = problem.start
+    solve = lv.casadi.solver(
+        problem.system, lv.Spark(2), wrt=["v"], t=(0, 0.1), steps=2, q=1.01 * np.asarray(start["q"])
+    )
+    v = ca.MX.sym("v", len(start["v"]))
+    slope = ca.Function("slope", [v], [ca.gradient(solve(v)[-1, 1], v)])
+    with pytest.raises(RuntimeError, match="derivatives are then taken at starts on all"):
+        slope(start["v"])
 
 
 @pytest.mark.parametrize(("changes", "sentence"), [

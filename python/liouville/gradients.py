@@ -56,9 +56,11 @@ class Pullback:
     ) -> None:
         self.wrt, self._runner, self._checkpoints = wrt, runner, checkpoints
         self._steps = int(solution.stats["steps"])
+        self._solution = solution
         names: tuple[str, ...] = (*runner.system.states, "lam")
-        if runner.multipliers != len(runner.constraints):
-            names = names[:2]  # those of redundant constraints are not differentiated
+        self._is_shared = runner.shares_multipliers
+        if runner.multipliers != len(runner.constraints) and not self._is_shared:
+            names = names[:2]
         self._shapes = {name: solution.states[name].shape for name in names}
 
     @property
@@ -81,6 +83,9 @@ class Pullback:
             A step cannot be differentiated.
         """
         rows, runner = self._rows(cotangents), self._runner
+        longer, more = 0.0, np.zeros(0)
+        if self._is_shared:
+            rows, more, longer = runner.pulled_multipliers(self._solution, rows)
         core = _core.Pullback(*runner.pullback())
         kept = np.minimum(np.arange(len(rows)) * runner.every, self._steps)
         for first, last, saved in self._checkpoints.reversed(self._steps):
@@ -92,8 +97,10 @@ class Pullback:
         if isinstance(found, dict):
             raise self._error(found)
         of_y, of_z, of_tau, stretch = found
+        if more.size:
+            of_tau = of_tau + more
         moved = runner.pulled_start((of_y, of_z, of_tau))
-        return gradients_of(runner.system, runner.steps, moved, stretch, self.wrt)
+        return gradients_of(runner.system, runner.steps, moved, stretch + longer, self.wrt)
 
     def _error(self, error: dict[str, Any]) -> IntegrationError:
         sentence, hint, quantity = self._runner.describe(error)

@@ -1,7 +1,7 @@
 //! Cotangents of a motion: the derivatives of some function of it by its states, and by what it depends on.
 
 use super::sensitivity::SensitivityModel;
-use super::{Acceleration, Kkt, Model, State, model::finite};
+use super::{Acceleration, Model, Saddle, State, model::finite};
 use liouville_base::error::{Quantity, StepError};
 use liouville_base::linalg::Pattern;
 
@@ -39,7 +39,7 @@ pub struct PointAdjoint {
     model: Model,
     sensitivity: SensitivityModel,
     acceleration: Acceleration,
-    matrix: Kkt,
+    matrix: Saddle,
     a: Vec<f64>,
     b: Vec<f64>,
 }
@@ -49,7 +49,7 @@ impl PointAdjoint {
     pub fn new(model: Model, sensitivity: SensitivityModel) -> Self {
         Self {
             acceleration: Acceleration::new(&model),
-            matrix: Kkt::new(&model.problem),
+            matrix: Saddle::new(&model),
             a: vec![0.0; model.problem.n],
             b: vec![0.0; model.problem.m],
             model,
@@ -77,10 +77,10 @@ impl PointAdjoint {
         let (y, z) = (&state.y[..], &state.z[..]);
         self.acceleration.solve(&mut self.model, t, y, z)?;
         let Acceleration { z_dot, lam, .. } = &self.acceleration;
-        self.matrix.update(&mut self.model, t, [y, z, lam])?;
+        self.matrix.update(&mut self.model, t, y, z, lam)?;
         self.a.fill(0.0);
         self.b.copy_from_slice(own);
-        self.matrix.solve_transposed(&mut self.a, &mut self.b);
+        (self.matrix).solve_transposed(&self.model, &mut self.a, &mut self.b);
         let problem = self.sensitivity.problem.clone();
         let at = &problem.patterns;
         let values = self.sensitivity.motion(t, [y, z, z_dot, lam]);

@@ -7,9 +7,7 @@
 //!
 //! with V = v_z x for a further unknown, where v is not z, and u the unit of the multipliers.
 
-use super::model::finite;
-use super::{Mechanical, Model, NonholonomicPatterns, diagnose_rank};
-use liouville_base::error::{Quantity, StepError};
+use super::{Mechanical, NonholonomicPatterns};
 use liouville_base::linalg::{Assembly, Factor, Pattern, Singular, copy_scaled, max_norm};
 use liouville_base::real::Real;
 
@@ -120,71 +118,9 @@ impl<R: Real> KktMatrix<R> {
     }
 }
 
-/// The matrix of a system with holonomic constraints at a point: of the end of a step, and of accelerations. It is
-/// solved with as it stands and transposed.
-#[derive(Clone, Debug)]
-pub struct Kkt {
-    matrix: KktMatrix,
-    g_y: Vec<f64>,
-    r_lam: Vec<f64>,
-}
-
-impl Kkt {
-    /// Memory for the matrix of a system.
-    pub fn new(problem: &Mechanical) -> Self {
-        Self {
-            matrix: KktMatrix::of(problem),
-            g_y: vec![0.0; problem.patterns.g_y.len()],
-            r_lam: vec![0.0; problem.patterns.r_lam.len()],
-        }
-    }
-
-    /// Factors the matrix at (t, y, z, λ).
-    ///
-    /// # Errors
-    /// Dependent constraints, a singular mass, or a derivative that is not finite.
-    pub fn update(
-        &mut self,
-        model: &mut Model,
-        t: f64,
-        [y, z, lam]: [&[f64]; 3],
-    ) -> Result<(), StepError> {
-        if !lam.is_empty() {
-            let [g_y, r_lam] = model.node_blocks(t, y, lam);
-            finite(g_y, Quantity::Derivative, t)?;
-            finite(r_lam, Quantity::Derivative, t)?;
-            self.g_y.copy_from_slice(g_y);
-            self.r_lam.copy_from_slice(r_lam);
-        }
-        let problem = model.problem.clone();
-        let blocks = model.stage_blocks(t, y, z);
-        for values in blocks {
-            finite(values, Quantity::Derivative, t)?;
-        }
-        let factored = self.matrix.factor(blocks, &self.g_y, &self.r_lam, None);
-        let pattern = &problem.patterns.g_y;
-        factored.map_err(|_| diagnose_rank(pattern, &self.g_y, StepError::SingularNewton))
-    }
-
-    /// `r_λ` it was last factored with.
-    pub fn r_lam(&self) -> &[f64] {
-        &self.r_lam
-    }
-
-    /// Solves in place: `a` becomes x, `b` becomes μ.
-    pub fn solve(&mut self, a: &mut [f64], b: &mut [f64]) {
-        self.matrix.solve(a, b);
-    }
-
-    /// Solves with the transposed matrix: of cotangents of x and μ they become those of a and b.
-    pub fn solve_transposed(&mut self, x: &mut [f64], mu: &mut [f64]) {
-        self.matrix.solve_transposed(x, mu);
-    }
-}
-
 impl KktMatrix {
     /// Solves with the transposed matrix in place.
-    fn solve_transposed(&mut self, x: &mut [f64], mu: &mut [f64]) {
+    pub(super) fn solve_transposed(&mut self, x: &mut [f64], mu: &mut [f64]) {
         let end = self.unknowns.len() - mu.len();
         self.unknowns[..x.len()].copy_from_slice(x);
         self.unknowns[x.len()..end].fill(0.0);

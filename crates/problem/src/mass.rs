@@ -6,7 +6,7 @@ use super::model::finite;
 use super::{Mechanical, Model};
 use liouville_base::compiled;
 use liouville_base::error::{Quantity, StepError};
-use liouville_base::linalg::{Factor, Matrix, Pattern, copy, max_norm};
+use liouville_base::linalg::{Factor, Matrix, Pattern, add_scaled, copy, max_norm};
 use liouville_base::real::Real;
 use liouville_base::simd::dispatch_simd;
 use std::sync::Arc;
@@ -62,6 +62,17 @@ impl<R: Real> Mass<R> {
         );
         finite(p_z, Quantity::Derivative, t)?;
         finite(v_z, Quantity::Derivative, t)?;
+        self.set(p_z, v_z)
+    }
+
+    /// Brings the factors to these values.
+    ///
+    /// # Errors
+    /// [`StepError::SingularMass`].
+    pub fn set(&mut self, p_z: &[R], v_z: &[R]) -> Result<(), StepError> {
+        if self.is_ready && self.is_constant {
+            return Ok(());
+        }
         if let Some((_, values)) = &mut self.v_z {
             values.copy_from_slice(v_z);
         }
@@ -171,6 +182,21 @@ impl<R: Real> Mass<R> {
     pub(super) fn v_z(&self) -> Option<(&Pattern, &[R])> {
         let (pattern, values) = self.v_z.as_ref()?;
         Some((pattern, values))
+    }
+}
+
+impl Mass {
+    /// `x = p_z⁻ᵀ x`
+    pub fn solve_transposed(&mut self, x: &mut [f64]) {
+        self.factor.solve_transposed(x);
+    }
+
+    /// `out += factor * v_zᵀ x`
+    pub fn add_velocity_transposed(&self, factor: f64, x: &[f64], out: &mut [f64]) {
+        match &self.v_z {
+            Some((pattern, values)) => pattern.multiply_add_transposed(values, factor, x, out),
+            None => add_scaled(out, factor, x),
+        }
     }
 }
 

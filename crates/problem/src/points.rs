@@ -22,12 +22,12 @@ impl<R: Real> TapeRegisters<R> {
         }
     }
 
-    fn reserve_batch(&mut self, tape: &Tape, points: usize) {
+    pub(super) fn reserve_batch(&mut self, tape: &Tape, points: usize) {
         self.batch = tape.batch(&self.one, points).map(Box::new);
     }
 
     #[inline(always)]
-    fn at<'a, const N: usize>(
+    pub(super) fn at<'a, const N: usize>(
         &'a mut self,
         tape: &'a Tape,
         times: Times<'a>,
@@ -77,6 +77,11 @@ pub struct Points<'a, const N: usize, R = f64> {
 }
 
 impl<const N: usize, R: Real> Points<'_, N, R> {
+    /// Whether the values depend on parameters alone.
+    pub fn is_constant(&self) -> bool {
+        self.tape.is_empty()
+    }
+
     /// The values at one point.
     #[inline(always)]
     pub fn at(&mut self, i: usize) -> Parts<'_, N, R> {

@@ -101,52 +101,39 @@ pub fn project(
     Ok(equations.x)
 }
 
-/// The least changes of `x` that change c by the rows of `rates`, one after another.
+/// Solves with the matrix of a correction at `x`, `[W, −c_xᵀ; c_x, 0]`, or where it `is_transposed` with its transpose:
+/// `rows` are right-hand sides one after another, and become solutions.
 ///
 /// # Errors
 /// A value is not finite, or some equations depend on others.
 ///
 /// # Panics
 /// When an argument has not the size of the tapes' input.
-pub fn project_tangents(
+pub fn project_linear(
     projection: &Projection,
     (x, held, params): (&[f64], &[f64], &[f64]),
-    rates: &[f64],
-) -> Result<Vec<f64>, StepError> {
+    rows: &mut [f64],
+    is_transposed: bool,
+) -> Result<(), StepError> {
     let mut equations = ConstraintEquations::new(projection, x, held, params);
     equations.factor()?;
-    let mut moves = Vec::new();
-    for rate in rates.chunks_exact(equations.c.len()) {
-        let of_c = &equations.units[x.len()..];
-        let scaled = rate.iter().zip(of_c).map(|(rate, unit)| -rate / unit);
-        equations.c.splice(.., scaled);
-        equations.solve();
-        moves.extend_from_slice(&equations.dx);
+    let (units, kkt) = (&equations.units, &mut equations.kkt);
+    let (of_x, of_c) = units.split_at(x.len());
+    for row in rows.chunks_exact_mut(units.len()) {
+        let (x, c) = row.split_at_mut(x.len());
+        let scale = |x: &mut [f64], c: &mut [f64]| {
+            x.iter_mut().zip(of_x).for_each(|(x, unit)| *x *= unit);
+            c.iter_mut().zip(of_c).for_each(|(c, unit)| *c /= unit);
+        };
+        scale(x, c);
+        if is_transposed {
+            kkt.solve_transposed(x, c);
+        } else {
+            kkt.solve(x, c);
+        }
+        scale(x, c);
     }
-    Ok(moves)
-}
-
-/// The multipliers μ whose `c_xᵀ` μ is to be taken off a cotangent of the moved point, to make it one of the point.
-///
-/// # Errors
-/// As [`project_tangents`].
-///
-/// # Panics
-/// When an argument has not the size of the tapes' input.
-pub fn project_cotangents(
-    projection: &Projection,
-    (x, held, params): (&[f64], &[f64], &[f64]),
-    of_x: &[f64],
-) -> Result<Vec<f64>, StepError> {
-    let mut equations = ConstraintEquations::new(projection, x, held, params);
-    equations.factor()?;
-    let (units, of_c) = equations.units.split_at(x.len());
-    let scaled = of_x.iter().zip(units).map(|(of_x, unit)| of_x * unit);
-    equations.dx.splice(.., scaled);
-    equations.mu.fill(0.0);
-    equations.kkt.solve(&mut equations.dx, &mut equations.mu);
-    let multipliers = equations.mu.iter().zip(of_c);
-    Ok(multipliers.map(|(mu, unit)| -mu / unit).collect())
+    Ok(())
 }
 
 /// The matrix of a metric and of rows of `c_x`.

@@ -108,6 +108,11 @@ impl<R: Real> SparseSchur<R> {
         self.factor.solve(b);
     }
 
+    /// Solves `Sᵀ x = b` in place.
+    pub fn solve_transposed(&mut self, b: &mut [R]) {
+        self.factor.solve_transposed(b);
+    }
+
     /// `g_y` at the nodes it was last factored with.
     pub fn g_y(&self) -> &Rows<R> {
         &self.g_y

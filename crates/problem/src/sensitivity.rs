@@ -2,8 +2,10 @@
 //! a motion need beside the derivatives that a step has.
 
 use super::model::Parts;
+use super::points::TapeRegisters;
 use super::{Mechanical, Mismatch, check, check_pattern, cut};
-use liouville_base::linalg::Pattern;
+use super::{Points, Times};
+use liouville_base::linalg::{Matrix, Pattern};
 use liouville_base::tape::{Registers, Tape};
 use std::sync::Arc;
 
@@ -120,8 +122,8 @@ impl Sensitivity {
 pub struct SensitivityModel {
     /// The derivatives themselves, shared.
     pub problem: Arc<Sensitivity>,
-    stage: Registers<f64>,
-    node: Registers<f64>,
+    stage: TapeRegisters<f64>,
+    node: TapeRegisters<f64>,
     hidden: Registers<f64>,
     motion: Registers<f64>,
 }
@@ -133,29 +135,53 @@ impl SensitivityModel {
     /// When `params` has not the size the tapes have.
     pub fn new(problem: Arc<Sensitivity>, params: &[f64]) -> Self {
         Self {
-            stage: problem.stage.bind(params),
-            node: problem.node.bind(params),
+            stage: TapeRegisters::new(&problem.stage, params),
+            node: TapeRegisters::new(&problem.node, params),
             hidden: problem.hidden.bind(params),
             motion: problem.motion.bind(params),
             problem,
         }
     }
 
-    /// p_τ, f_τ, v_τ at (t, y, z); the last is empty where v is z.
-    pub fn stage(&mut self, t: f64, y: &[f64], z: &[f64]) -> Parts<'_, 3> {
-        let at = &self.problem.patterns;
-        let v = at.v_tau.as_ref().map_or(0, Pattern::len);
-        let sizes = [at.p_tau.len(), at.f_tau.len(), v];
-        let args: [&[f64]; 3] = [&[t], y, z];
-        cut(self.problem.stage.eval(&mut self.stage, args), sizes)
+    /// Takes memory to be evaluated at so many stages and nodes at once.
+    pub fn reserve_batch(&mut self, stages: usize, nodes: usize) {
+        self.stage.reserve_batch(&self.problem.stage, stages);
+        self.node.reserve_batch(&self.problem.node, nodes);
     }
 
-    /// g_τ, r_τ at (t, y, λ).
-    pub fn node(&mut self, t: f64, y: &[f64], lam: &[f64]) -> Parts<'_, 2> {
+    /// p_τ, f_τ, v_τ at (t, y, z); the last is empty where v is z.
+    pub fn stage(&mut self, t: f64, y: &[f64], z: &[f64]) -> Parts<'_, 3> {
+        let (sizes, args): (_, [&[f64]; 3]) = (self.stage_sizes(), [&[t], y, z]);
+        cut(self.problem.stage.eval(&mut self.stage.one, args), sizes)
+    }
+
+    fn stage_sizes(&self) -> [usize; 3] {
+        let at = &self.problem.patterns;
+        let v = at.v_tau.as_ref().map_or(0, Pattern::len);
+        [at.p_tau.len(), at.f_tau.len(), v]
+    }
+
+    /// [`SensitivityModel::stage`] at several points.
+    pub fn stages<'a>(
+        &'a mut self,
+        times: Times<'a>,
+        y: &'a Matrix,
+        z: &'a Matrix,
+    ) -> Points<'a, 3> {
+        let sizes = self.stage_sizes();
+        self.stage.at(&self.problem.stage, times, [y, z], sizes)
+    }
+
+    /// g_τ, r_τ at several points (t, y, λ).
+    pub fn nodes<'a>(
+        &'a mut self,
+        times: Times<'a>,
+        y: &'a Matrix,
+        lam: &'a Matrix,
+    ) -> Points<'a, 2> {
         let at = &self.problem.patterns;
         let sizes = [at.g_tau.len(), at.r_tau.len()];
-        let args: [&[f64]; 3] = [&[t], y, lam];
-        cut(self.problem.node.eval(&mut self.node, args), sizes)
+        self.node.at(&self.problem.node, times, [y, lam], sizes)
     }
 
     /// w_y, w_τ at (t, y, z).

@@ -1,7 +1,7 @@
 //! Tangents of a motion: the derivatives of its states in some directions, carried with them and recorded.
 
 use super::sensitivity::SensitivityModel;
-use super::{Carried, Kkt, Model, Observer, State, model::finite};
+use super::{Carried, Model, Observer, Saddle, State, model::finite};
 use liouville_base::checkpoint::{Checkpoint, CheckpointMismatch, Numbers};
 use liouville_base::error::{Quantity, StepError};
 use liouville_base::linalg::{Matrix, Pattern};
@@ -93,7 +93,7 @@ pub struct TangentObserver {
     inner: Observer,
     model: Model,
     sensitivity: SensitivityModel,
-    matrix: Kkt,
+    matrix: Saddle,
     directions: Directions,
     a: Vec<f64>,
     b: Vec<f64>,
@@ -104,7 +104,7 @@ impl TangentObserver {
     pub fn new(inner: Observer, sensitivity: SensitivityModel, directions: Directions) -> Self {
         let model = inner.model().clone();
         Self {
-            matrix: Kkt::new(&model.problem),
+            matrix: Saddle::new(&model),
             a: vec![0.0; model.problem.n],
             b: vec![0.0; model.problem.m],
             inner,
@@ -126,7 +126,7 @@ impl TangentObserver {
         };
         let State { y, z, .. } = &state.motion;
         let lam = &solved.lam[..];
-        self.matrix.update(&mut self.model, t, [y, z, lam])?;
+        self.matrix.update(&mut self.model, t, y, z, lam)?;
         let problem = self.sensitivity.problem.clone();
         let at = &problem.patterns;
         let values = self.sensitivity.motion(t, [y, z, &solved.z_dot, lam]);
@@ -140,7 +140,7 @@ impl TangentObserver {
             let along = [dy, dz, tau];
             subtract(&at.motion, motion, along, &mut self.a);
             subtract(&at.rate, rate, along, &mut self.b);
-            self.matrix.solve(&mut self.a, &mut self.b);
+            self.matrix.solve(&self.model, &mut self.a, &mut self.b);
             row.extend_from_slice(dy);
             row.extend_from_slice(dz);
             row.extend_from_slice(&self.b);

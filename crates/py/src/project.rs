@@ -48,51 +48,33 @@ pub(crate) fn project<'py>(
     }
 }
 
-/// The least changes of `x`, a row each, that change c by the rows of `rates`, or the error of finding them.
+/// Solutions with the matrix of a correction at `x`, or with its transpose, for right-hand sides of momenta and
+/// equations, a row each; or the error of finding them.
 #[pyfunction]
-pub(crate) fn project_tangents<'py>(
+#[allow(clippy::too_many_arguments)] // those of `project`, and two
+pub(crate) fn project_linear<'py>(
     py: Python<'py>,
     tapes: Tapes<'py>,
     patterns: (Bound<'py, PyAny>, Bound<'py, PyAny>),
     x: PyReadonlyArray1<'py, f64>,
     held: PyReadonlyArray1<'py, f64>,
     params: PyReadonlyArray1<'py, f64>,
-    rates: PyReadonlyArray2<'py, f64>,
+    rows: PyReadonlyArray2<'py, f64>,
+    is_transposed: bool,
 ) -> PyResult<Bound<'py, PyAny>> {
     let projection = projection(&tapes, &patterns)?;
     let (x, held, params) = (x.as_slice()?, held.as_slice()?, params.as_slice()?);
-    if rates.shape()[1] != projection.pattern.shape().0 {
-        return Err(errors::refused("rates have a column for each equation"));
+    if rows.shape()[1] != x.len() + projection.pattern.shape().0 {
+        return Err(errors::refused(
+            "rows have a column for each unknown and each equation",
+        ));
     }
-    match liouville_problem::project_tangents(&projection, (x, held, params), rates.as_slice()?) {
-        Ok(moves) => {
-            let shape = [rates.shape()[0], x.len()];
-            Ok(PyArray1::from_vec(py, moves).reshape(shape)?.into_any())
+    let (mut found, at) = (rows.as_slice()?.to_vec(), (x, held, params));
+    match liouville_problem::project_linear(&projection, at, &mut found, is_transposed) {
+        Ok(()) => {
+            let shape = [rows.shape()[0], rows.shape()[1]];
+            Ok(PyArray1::from_vec(py, found).reshape(shape)?.into_any())
         }
-        Err(error) => Ok(errors::error(py, &error)?.into_any()),
-    }
-}
-
-/// The multipliers that take a cotangent of a point moved onto its equations to one of the point, or the error of
-/// finding them.
-#[pyfunction]
-pub(crate) fn project_cotangents<'py>(
-    py: Python<'py>,
-    tapes: Tapes<'py>,
-    patterns: (Bound<'py, PyAny>, Bound<'py, PyAny>),
-    x: PyReadonlyArray1<'py, f64>,
-    held: PyReadonlyArray1<'py, f64>,
-    params: PyReadonlyArray1<'py, f64>,
-    of_x: PyReadonlyArray1<'py, f64>,
-) -> PyResult<Bound<'py, PyAny>> {
-    let projection = projection(&tapes, &patterns)?;
-    let (x, held, params) = (x.as_slice()?, held.as_slice()?, params.as_slice()?);
-    if of_x.len() != x.len() {
-        return Err(errors::refused("a cotangent has the size of the point"));
-    }
-    let at = (x, held, params);
-    match liouville_problem::project_cotangents(&projection, at, of_x.as_slice()?) {
-        Ok(multipliers) => Ok(PyArray1::from_vec(py, multipliers).into_any()),
         Err(error) => Ok(errors::error(py, &error)?.into_any()),
     }
 }

@@ -11,11 +11,11 @@
 //!     (U2)  p(t1, y1, z1) = p0 + h Σ_j b_j f(T_j, Y_j, Z_j) + h Σ_{j≤k} b̂_j r(T̂_j, Ŷ_j, λ_j)
 //!     (U3)  0 = g_t(t1, y1) + g_y(t1, y1) v(t1, y1, z1)
 //!
-//! (S1)–(S4) give Z_i and λ_0..λ_{k−1}, with V_i = v(T_i, Y_i, Z_i) as unknowns of their own;
-//! (U2), (U3) then give z1 and λ_k. The λ_j are internal: they are not passed on to the next step.
-//! y and p are summed with their rounding errors carried along. Source: jay2007; the paper's ψ is λ.
-//! Nonholonomic constraints bring equations of their own, in `full_newton`.
+//! (S1)–(S4) give Z_i and λ_0..λ_{k−1}, with V_i = v(T_i, Y_i, Z_i) as unknowns of their own; (U2), (U3) then give z1
+//! and λ_k. The λ_j are internal: they are not passed on to the next step. y and p are summed with their rounding errors
+//! carried along. Source: jay2007; the paper's ψ is λ. Nonholonomic constraints bring equations in `full_newton`.
 
+mod derivatives;
 mod estimate;
 mod full_newton;
 mod lanes;

@@ -137,4 +137,50 @@ impl<R: Real> SparseNodeSchur<R> {
             }
         }
     }
+
+    /// ν from Sᵀ ν = b_l + R_lᵀ Σ â_il d_z_i, where `nu` is b, and Σ_i ā_ij G_iᵀ ν_i of each stage; the weights are
+    /// those of â and ā, transposed.
+    pub(super) fn solve_transposed(
+        &mut self,
+        (a_hat, a_bar): (&Matrix, &Matrix),
+        d_z: &Matrix<R>,
+        nu: &mut [R],
+        moves: &mut Matrix<R>,
+    ) {
+        let m = nu.len() / self.nodes;
+        at_nodes!(R, self.nodes, (K, k) => dispatch_simd::<R, _>(#[inline(always)] || {
+            let (multipliers, vectors) = (&mut self.multipliers[..], &mut self.vectors[..]);
+            for (l, nu) in nu.chunks_exact(m).enumerate() {
+                for (out, nu) in multipliers.chunks_exact_mut(k).zip(nu) {
+                    out[l] = *nu;
+                }
+            }
+            vectors.fill(R::splat(0.0));
+            for i in 0..d_z.rows() {
+                for (out, x) in vectors.chunks_exact_mut(k).zip(d_z.row(i)) {
+                    for l in 0..k {
+                        out[l] += *x * a_hat[(l, i)];
+                    }
+                }
+            }
+            (self.schur.r_lam()).add_product_transposed::<K>(k, vectors, multipliers);
+            self.schur.solve_transposed(multipliers);
+            for (l, nu) in nu.chunks_exact_mut(m).enumerate() {
+                for (out, nu) in nu.iter_mut().zip(multipliers.chunks_exact(k)) {
+                    *out = nu[l];
+                }
+            }
+            vectors.fill(R::splat(0.0));
+            (self.schur.g_y()).add_product_transposed::<K>(k, multipliers, vectors);
+            for j in 0..moves.rows() {
+                for (out, v) in moves.row_mut(j).iter_mut().zip(vectors.chunks_exact(k)) {
+                    let mut sum = R::splat(0.0);
+                    for i in 0..k {
+                        sum += v[i] * a_bar[(j, i)];
+                    }
+                    *out = sum;
+                }
+            }
+        }));
+    }
 }

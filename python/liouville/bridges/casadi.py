@@ -58,9 +58,10 @@ def solver(
     casadi.Callback
         A function with an input for each name in `wrt`, columns of shape (n, 1) for vectors, and an
         output for each name in `returns`, of shape (k, n), at the kept times, the start among them.
-        It moves a start onto its constraints as ``system.consistent`` does. Derivatives are taken
-        at starts on the constraints; those by velocities alone at any start, where the mass does
-        not depend on them. CasADi wants the function kept alive while it is in use.
+        It moves a start onto its constraints as ``system.consistent`` does, and derivatives are
+        those of the start moved. Where some constraints imply others, they are taken at starts on
+        all of them.
+        CasADi wants the function kept alive while it is in use.
 
     Raises
     ------

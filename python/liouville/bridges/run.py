@@ -17,18 +17,25 @@ from liouville.gradients import vjp
 from liouville.integrate import integrate
 from liouville.methods import Method
 from liouville.runners import Request
-from liouville.runners.tangents import PARAMS, check_covered, check_wrt, shapes_of
+from liouville.runners.tangents import (
+    PARAMS,
+    check_covered,
+    check_wrt,
+    places_of,
+    shapes_of,
+)
 from liouville.systems import Mechanics
+from liouville.systems._sensitivity import moved_start, pulled_start
 
 Array = NDArray[np.float64]
 
 #: The type of all numbers, by the name that every library has for it.
 DOUBLE = "float64"
 
-#: How a start gets onto its constraints.
+#: Where redundant constraints are dependent on one another.
 ON_CONSTRAINTS = (
-    "values are those of the start that consistent moves there; derivatives are taken at starts on "
-    "the constraints: make q and v of variables along them, such as an angle and its rate"
+    "some constraints imply others, and derivatives are then taken at starts on all of them: make "
+    "q and v of variables along them, such as an angle and its rate"
 )
 
 
@@ -173,46 +180,60 @@ class RunPoint:
         self._run, self._given = function.arguments(inputs)
         system, method = function.system, function.method
         own = {"t": self._run["t"][0], "params": self._run["params"]}
-        self._start = system.consistent(**own, **self._given)
-        run = self._run | dict(self._start)
-        solution, self._pullback = vjp(system, method, wrt=[*function.inputs], **run)
+        start = system.consistent(**own, **self._given)
+        given = dict(zip(system.states, system.start(self._given), strict=True))
+        self._is_consistent = all(np.array_equal(x, given[name]) for name, x in start.items())
+        self._run |= dict(start)
+        moving = [name for name in function.inputs if name not in system.states]
+        wrt = [*function.inputs] if self._is_consistent else [*system.states, *moving]
+        solution, self._pullback = vjp(system, method, wrt=wrt, **self._run)
         if "lam" in function.outputs and "lam" not in self._pullback.states:
-            sentence = "multipliers of redundant constraints are not differentiated"
+            sentence = "multipliers of a structure's redundant constraints are not differentiated"
             raise ValueError(hinted(sentence, "leave 'lam' out of returns"))
         self.values = [solution.states[name] for name in function.outputs]
 
     def pushed(self, directions: Sequence[Array]) -> list[Array]:
         """Return the derivatives of all outputs by d directions, of shapes (d, k, n)."""
-        self._check_start()
-        function = self._function
-        run = self._run | dict(self._start)
-        run["tangents"] = dict(zip(function.inputs, directions, strict=True))
-        each = integrate(function.system, function.method, **run).tangents.values()
+        function, system = self._function, self._function.system
+        tangents = dict(zip(function.inputs, directions, strict=True))
+        if not self._is_consistent:
+            n, places = len(system.coordinates), places_of(system)
+            rows = np.zeros((len(directions[0]), places["t1"][0] + 1))
+            for name, direction in tangents.items():
+                first, shape = places[name]
+                size = int(np.prod(shape))
+                rows[:, first : first + size] = np.reshape(direction, (-1, size))
+            moves = rows[:, :n], rows[:, n : 2 * n], rows[:, 2 * n : -1]
+            moved = moved_start(*self._start(), moves)
+            tangents |= dict(zip(system.states, moved, strict=True))
+        run = self._run | {"tangents": tangents}
+        each = integrate(system, function.method, **run).tangents.values()
         sums = (sum(tangent.states[name] for tangent in each) for name in function.outputs)
         return [np.moveaxis(np.asarray(x), 1, 0) for x in sums]
 
     def pulled(self, cotangents: Sequence[Array]) -> list[Array]:
         """Return the derivatives by all inputs of a scalar, from those by all outputs."""
-        self._check_start()
-        found = self._pullback(**dict(zip(self._function.outputs, cotangents, strict=True)))
-        return [np.asarray(found[name], dtype=float) for name in self._function.inputs]
+        function, system = self._function, self._function.system
+        found = self._pullback(**dict(zip(function.outputs, cotangents, strict=True)))
+        if not self._is_consistent:
+            n, places = len(system.coordinates), places_of(system)
+            states = [found[name] for name in system.states]
+            more = np.zeros(places["t1"][0] - 2 * n)
+            *states, more = pulled_start(*self._start(), (*states, more))
+            found |= dict(zip(system.states, states, strict=True))
+            for name in set(function.inputs) - {*system.states, "t1"}:
+                first, shape = places[name]
+                own = more[first - 2 * n :][: int(np.prod(shape))]
+                found[name] = found[name] + own.reshape(shape)
+        return [np.asarray(found[name], dtype=float) for name in function.inputs]
 
-    def _check_start(self) -> None:
-        """Refuse a start that was moved: its derivative is not that of the start moved.
-
-        Velocities alone are excepted where they are moved by an affine map.
-        """
-        system, inputs = self._function.system, {*self._function.inputs}
-        is_excepted = inputs <= {system.states[1], "t1"} and _is_affine(system)
-        y, z = system.start(self._given)
+    def _start(self) -> tuple[Mechanics, float, Array, Array, Array]:
+        """Return what the start that was given is moved from, to differentiate the move."""
+        system = self._function.system
         at, values = self._run["t"][0], system.values(self._run["params"])
-        system.check(at, y, z, values, ON_CONSTRAINTS, hidden=not is_excepted)
-
-
-def _is_affine(system: Mechanics) -> bool:
-    """Say whether velocities are states, with a mass that does not depend on them."""
-    try:
-        system.second_order  # noqa: B018
-    except TypeError:
-        return False
-    return True
+        y, z = system.start({name: self._run[name] for name in system.states})
+        is_whole = system.stepped(at, y, z, values) is system
+        y, z = system.start(self._given)
+        if not is_whole:
+            system.check(at, y, z, values, ON_CONSTRAINTS)
+        return system, at, y, z, values

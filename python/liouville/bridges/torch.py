@@ -52,9 +52,9 @@ def solver(
         ``f(*tensors)`` with a tensor of ``torch.float64``, or a float, for each name in `wrt`. It
         returns a tensor for each name in `returns`, or one where that is a string: of shape (k, n),
         at the kept times, the start among them.
-        It moves a start onto its constraints as ``system.consistent`` does. Derivatives are taken
-        at starts on the constraints; those by velocities alone at any start, where the mass does
-        not depend on them.
+        It moves a start onto its constraints as ``system.consistent`` does, and derivatives are
+        those of the start moved. Where some constraints imply others, they are taken at starts on
+        all of them.
 
     Raises
     ------

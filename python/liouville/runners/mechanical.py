@@ -24,6 +24,7 @@ from liouville.tangents import Tangent
 
 if TYPE_CHECKING:
     from liouville.runners.tangents import MechanicalDirections
+    from liouville.solution import Solution
     from liouville.systems._sensitivity import Cotangents
 
 #: A constraint left out may miss this much of the size of what it is made of.
@@ -99,12 +100,47 @@ class MechanicalRunner(TracedRunner):
             job.tangents = (sensitivity(self._stepped), dy, dz, tau, own.stretch)
         return job
 
-    def tangents(self, parts: Mapping[str, np.ndarray]) -> dict[str, Tangent]:
+    def tangents(self, t: np.ndarray, parts: Mapping[str, np.ndarray]) -> dict[str, Tangent]:
         """Return the tangents in records by the names of their directions, if any were wanted."""
         if self._directions is None:
             return {}
+        own, rows, states = self._directions, parts["tangents"], self.system.states
         sizes = len(self.system.coordinates), len(self.constraints)
-        return self._directions.read(self.system.states, parts["tangents"], *sizes)
+        if self.shares_multipliers:
+            params = self._rows if self.members else self._values
+            motion = (t, parts[states[0]], parts[states[1]], parts["lam"])
+            rows = own.shared(self._stepped, (self.steps.t0, *motion), params, rows)
+        return own.read(states, rows, *sizes)
+
+    @property
+    def shares_multipliers(self) -> bool:
+        """Whether multipliers of redundant constraints are differentiated."""
+        # imported here: few runs are differentiated
+        from liouville.systems._multipliers import are_shared
+
+        return bool(self._left_out) and are_shared(self._stepped)
+
+    def pulled_multipliers(
+        self, solution: Solution, rows: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray, float]:
+        """Return cotangents of (y, z, lam) with the multipliers of a step, of tau and of stretch.
+
+        `rows` have all multipliers, where some constraints imply others.
+        """
+        from liouville.systems._multipliers import SharedMultipliers
+
+        n, (first, second) = len(self.system.coordinates), self.system.states
+        found, stretch = np.zeros((len(rows), 2 * n + self.multipliers)), 0.0
+        tau = np.zeros(1 + self._values.size)
+        found[:, : 2 * n] = rows[:, : 2 * n]
+        for k in np.flatnonzero(rows[:, 2 * n :].any(axis=1)):
+            at = float(solution.t[k]), solution.states[first][k], solution.states[second][k]
+            shared = SharedMultipliers(self._stepped, at, solution.states["lam"][k], self._values)
+            of_point, found[k, 2 * n :] = shared.pulled(rows[k, 2 * n :])
+            found[k, : 2 * n] += of_point[1 : 1 + 2 * n]
+            tau += np.append(of_point[0], of_point[1 + 2 * n :])
+            stretch += of_point[0] * (at[0] - self.steps.t0)
+        return found, tau, stretch
 
     def pullback(self) -> tuple[_core.Mechanical, Method, Job, _core.Sensitivity]:
         """Return what the core makes a pullback of; the run itself keeps its start alone."""

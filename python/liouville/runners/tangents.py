@@ -11,7 +11,8 @@ from liouville.control import Steps
 from liouville.errors import hinted, quoted
 from liouville.methods import Composition, LobattoPair, Spark
 from liouville.runners.runner import Request
-from liouville.systems import Mechanics, PolynomialField
+from liouville.systems import Field, Mechanics
+from liouville.systems._multipliers import SharedMultipliers
 from liouville.systems._sensitivity import Cotangents, moved_start
 from liouville.tangents import Tangent
 
@@ -44,16 +45,16 @@ def check_covered(system: Any, method: Any, request: Request) -> None:
         The system, its method or an option of the run is not covered.
     """
     base = method.base if isinstance(method, Composition) else method
-    if not isinstance(system, Mechanics | PolynomialField):
+    if not isinstance(system, Mechanics | Field):
         raise TypeError(hinted(f"a {type(system).__name__} has no tangents yet", COVERED))
     given = [name for name in WITHOUT if getattr(request, name) is not None]
     if given or request.is_stored:
         raise TypeError(hinted(f"tangents go without {(given or ['store'])[0]}=", COVERED))
     if not request.states:
         raise ValueError("tangents are those of states: leave out states=False")
-    if isinstance(system, PolynomialField):
+    if isinstance(system, Field):
         if request.has_pullback:
-            sentence = "a PolynomialField has no pullback yet"
+            sentence = f"a {type(system).__name__} has no pullback yet"
             raise TypeError(hinted(sentence, "tangents= has the derivatives by its start"))
         return
     if not isinstance(base, Spark | LobattoPair):
@@ -115,9 +116,9 @@ class Directions:
 
 
 class FieldDirections(Directions):
-    """Directions at the start of a polynomial field."""
+    """Directions at the start of a field."""
 
-    def __init__(self, system: PolynomialField, tangents: Any) -> None:
+    def __init__(self, system: Field, tangents: Any) -> None:
         places: dict[str, Place] = {"x": (0, (len(system.coordinates),))}
         hint = 'write tangents={"x": direction}'
         super().__init__(tangents, places, {"x": system.coordinates}, hint)
@@ -143,7 +144,7 @@ class MechanicalDirections(Directions):
     def __init__(self, system: Mechanics, tangents: Any, steps: Steps) -> None:
         hint = f'write tangents={{"{system.states[0]}": direction}} or {{"params.name": 1.0}}'
         labels = dict.fromkeys(system.states, system.coordinates)
-        super().__init__(tangents, _places(system), labels, hint)
+        super().__init__(tangents, places_of(system), labels, hint)
         for name in tangents:
             _check_held(name, steps)
         n = len(system.coordinates)
@@ -166,6 +167,32 @@ class MechanicalDirections(Directions):
         dy, dz = (np.array(parts) for parts in zip(*each, strict=True))
         return dy, dz
 
+    def shared(
+        self,
+        stepped: Mechanics,
+        motion: tuple[float, np.ndarray, np.ndarray, np.ndarray, np.ndarray],
+        params: np.ndarray,
+        rows: np.ndarray,
+    ) -> np.ndarray:
+        """Return records with tangents of all multipliers, from those of a step's.
+
+        `motion` is the start time, then t, y, z and all multipliers of the records.
+        """
+        t0, times, *states = motion
+        n, m = states[0].shape[-1], states[2].shape[-1]
+        each = rows.reshape(*rows.shape[:-1], self.count, -1)
+        found = np.empty((*each.shape[:-1], 2 * n + m))
+        found[..., : 2 * n] = each[..., : 2 * n]
+        for place in np.ndindex(each.shape[:-2]):
+            at, own = float(times[place[0]]), each[place]
+            y, z, lam = (x[place] for x in states)
+            values = params[place[1]] if params.ndim > 1 else params
+            dt = self.tau[:, :1] + (self.stretch * (at - t0))[:, None]
+            along = np.hstack([dt, own[:, : 2 * n], self.tau[:, 1:]])
+            multipliers = SharedMultipliers(stepped, (at, y, z), lam, values)
+            found[place][:, 2 * n :] = multipliers.pushed(along, own[:, 2 * n :])
+        return found.reshape(*rows.shape[:-1], -1)
+
     def read(self, states: tuple[str, str], rows: np.ndarray, n: int, m: int) -> dict[str, Tangent]:
         """Name the columns of tangents in records; `m` is 0 where multipliers are not told."""
         cuts = {states[0]: slice(n), states[1]: slice(n, 2 * n)}
@@ -186,7 +213,7 @@ def check_wrt(system: Mechanics, wrt: Any, steps: Steps) -> tuple[str, ...]:
     if isinstance(wrt, str) or not isinstance(wrt, Sequence) or not wrt:
         hint = f'write wrt=["{system.states[0]}", "params.name"]'
         raise TypeError(hinted(f"wrt is a sequence of names, not {wrt!r}", hint))
-    places = _places(system)
+    places = places_of(system)
     for name in wrt:
         if name not in places:
             raise ValueError(_unknown(name, places))
@@ -196,7 +223,7 @@ def check_wrt(system: Mechanics, wrt: Any, steps: Steps) -> tuple[str, ...]:
 
 def shapes_of(system: Mechanics, names: tuple[str, ...]) -> dict[str, tuple[int, ...]]:
     """Return the shape of what each name is a direction of."""
-    places = _places(system)
+    places = places_of(system)
     return {name: places[name][1] for name in names}
 
 
@@ -208,7 +235,7 @@ def gradients_of(
     end = stretch / (steps.t1 - steps.t0)
     row = np.concatenate([y, z, tau, [end]])
     row[2 * len(system.coordinates)] -= end
-    places, gradients = _places(system), {}
+    places, gradients = places_of(system), {}
     for name in wrt:
         first, shape = places[name]
         own = row[first : first + int(np.prod(shape))].reshape(shape)
@@ -216,7 +243,7 @@ def gradients_of(
     return gradients
 
 
-def _places(system: Mechanics) -> dict[str, Place]:
+def places_of(system: Mechanics) -> dict[str, Place]:
     """Return where each direction begins among all that may change, and its shape."""
     n = len(system.coordinates)
     first, second = system.states

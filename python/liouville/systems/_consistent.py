@@ -37,6 +37,14 @@ def equations(what: str, s: Symbols, model: Model) -> tuple[ca.SX, ca.SX, ca.SX]
     return s.y, s.z, model.g
 
 
+def metric(what: str, s: Symbols, model: Model) -> ca.SX:
+    """Return the metric of x in a projection, but for the constants of a structure."""
+    p_z, v_z = jacobian(model.p, s.z), jacobian(model.v, s.z)
+    if not differ(model.v, s.z):
+        return p_z
+    return ca.mtimes(v_z.T, p_z) if what == "partner" else solve(v_z.T, p_z.T).T
+
+
 def projection(
     what: str, s: Symbols, model: Model, holonomic: tuple[str, ...], nonholonomic: tuple[str, ...]
 ) -> Projection:
@@ -45,22 +53,17 @@ def projection(
     Returns tapes (x, held and t, params) of c, c_x and the metric, the patterns of the last two and
     the names of the rows of c.
     """
-    p_z, v_z = jacobian(model.p, s.z), jacobian(model.v, s.z)
-    own_velocity = differ(model.v, s.z)
     x, held, c = equations(what, s, model)
+    names = holonomic
     if what == "partner":
         names = (*(f"hidden {name}" for name in holonomic), *nonholonomic)
-        metric = ca.mtimes(v_z.T, p_z) if own_velocity else p_z
-    else:
-        names = holonomic
-        metric = solve(v_z.T, p_z.T).T if own_velocity else p_z
     if what == "both":
         w = total_derivative(model.g, s, model.v)
         moved = sorted(set(ca.sparsify(jacobian(w, s.y)).sparsity().row()))
         c = ca.vertcat(c, w[moved] if moved else ca.SX(0, 1))
         names = (*names, *(f"hidden {holonomic[k]}" for k in moved))
     inputs = {"x": x, "held": ca.vertcat(held, s.t), "params": s.params.vector}
-    slope, weight = Block(jacobian(c, x)), Block(metric, model.linear.mass)
+    slope, weight = Block(jacobian(c, x)), Block(metric(what, s, model), model.linear.mass)
     tapes = (
         record(what, inputs, c),
         record_blocks(what, inputs, [slope]),

@@ -5,7 +5,8 @@ They are recorded when tangents are first wanted, and stay with the system.
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from collections.abc import Callable
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -27,6 +28,13 @@ Cotangents = tuple[np.ndarray, np.ndarray, np.ndarray]
 
 #: Changes of positions, of their partner, and of time and parameters, a row for each direction.
 Moves = tuple[np.ndarray, np.ndarray, np.ndarray]
+
+#: Corrections of this size relative to x are roundoff, and so are smaller ones than the next
+#: number that no longer shrink.
+ROUNDOFF, STALLED = 1e-14, 1e-9
+
+#: More corrections than a consistent start takes.
+MOST_CORRECTIONS = 100
 
 
 def sensitivity(system: Mechanics) -> _core.Sensitivity:
@@ -72,13 +80,17 @@ def moved_start(
     params: np.ndarray,
     moves: Moves,
 ) -> tuple[np.ndarray, np.ndarray]:
-    r"""Return the tangents of :meth:`Mechanics.consistent` at a start that satisfies it.
+    r"""Return the tangents of :meth:`Mechanics.consistent`, on the constraints or beside them.
+
+    They are those of each of its corrections :math:`\delta`, which solve :math:`F = 0` with
 
     .. math::
 
-        dy^* = dy - W^{-1} g_y^T (g_y W^{-1} g_y^T)^{-1} (g_y dy + g_\tau d\tau)
+        F = (W \delta - c_x^T \mu,\ c_x \delta + c), \qquad
+        F_{\delta, \mu}\, (d\delta, d\mu) = -F_x\, dx - F_\tau\, d\tau ,
 
-    with the metric W of the mass; then dz alike, with the constraints on z and dy* in its place.
+    where W is the metric of the mass: first of positions, then of z with positions moved. On the
+    constraints this is the projection onto them.
 
     Raises
     ------
@@ -86,8 +98,10 @@ def moved_start(
         Constraints are dependent at the start.
     """
     dy, dz, dtau = moves
-    dy = _moved(system, "positions", t, (y, z), params, (dy, dz, dtau))
-    return dy, _moved(system, "partner", t, (z, y), params, (dz, dy, dtau))
+    positions = Corrections(system, "positions", t, (y, z), params)
+    dy = positions.pushed(dy, dz, dtau)
+    partner = Corrections(system, "partner", t, (z, positions.end), params)
+    return dy, partner.pushed(dz, dy, dtau)
 
 
 def pulled_start(
@@ -103,82 +117,113 @@ def pulled_start(
     It is the transpose of :func:`moved_start`.
     """
     of_y, of_z, of_tau = found
-    of_z, more, of_tau = _pulled(system, "partner", t, (z, y), params, (of_z, of_y, of_tau))
-    of_y, of_z, of_tau = _pulled(system, "positions", t, (y, z), params, (more, of_z, of_tau))
+    positions = Corrections(system, "positions", t, (y, z), params)
+    partner = Corrections(system, "partner", t, (z, positions.end), params)
+    of_z, of_y, of_tau = partner.pulled(of_z, of_y, of_tau)
+    of_y, of_z, of_tau = positions.pulled(of_y, of_z, of_tau)
     return of_y, of_z, of_tau
 
 
-def _pulled(
-    system: Mechanics,
-    what: str,
-    t: float,
-    at: tuple[np.ndarray, np.ndarray],
-    params: np.ndarray,
-    found: Cotangents,
-) -> Cotangents:
-    """Return cotangents of x, of what is held and of tau, from those of the x moved."""
-    tapes, patterns, names = _consistent.recorded(system, what)
-    (x, other), (of_x, of_other, of_tau) = at, found
-    if not names:
-        return found
-    held = np.append(other, t)
-    mu = _core.project_cotangents(tapes, patterns, x, held, params, of_x)
-    if isinstance(mu, dict):
-        raise _undifferentiable(system, t, mu, names)
-    tape = kept(system, f"transposed rates of {what}", lambda: _transposed(system, what))
-    row = tape.map(params, [part[None] for part in (x, held, mu)])[0]
-    n = len(x)
-    return of_x - row[:n], of_other - row[n : 2 * n], of_tau - row[2 * n :]
+class Corrections:
+    """The corrections that move x onto a projection's equations, and their derivative.
 
+    Attributes
+    ----------
+    end : ndarray, shape (n,)
+        The point that they lead to.
+    """
 
-def _undifferentiable(
-    system: Mechanics, t: float, error: dict[str, Any], names: tuple[str, ...]
-) -> ValueError:
-    if error["kind"] == "not finite":
-        error["t"] = t
-    sentence, _, _ = describe(error, system.coordinates, names)
-    hint = "constraints are to be independent at the start: move away from this position"
-    return ValueError(hinted(f"the start cannot be differentiated: {sentence}", hint))
+    def __init__(
+        self,
+        system: Mechanics,
+        what: str,
+        t: float,
+        at: tuple[np.ndarray, np.ndarray],
+        params: np.ndarray,
+    ) -> None:
+        self._system, self._what, self._t, self._params = system, what, t, params
+        self._tapes, self._patterns, self._names = _consistent.recorded(system, what)
+        self.end, other = at
+        self._held = np.append(other, t)
+        self._steps: list[tuple[np.ndarray, np.ndarray]] = []
+        size, last = np.inf, np.inf
+        while self._names and size > ROUNDOFF and (size < last or size > STALLED):
+            x, last = self.end, size
+            if len(self._steps) == MOST_CORRECTIONS:
+                raise ValueError("no consistent start is near the one given")
+            c = self._tapes[0].map(params, [x[None], self._held[None]])[0]
+            row = self._solved(x, np.concatenate([np.zeros_like(x), -c])[None], False)[0]
+            self._steps.append((x, row))
+            self.end = x + row[: len(x)]
+            scale = max(np.abs(self.end).max(), np.abs(x).max())
+            size = np.abs(row[: len(x)]).max() / scale if scale else 0.0
 
-
-def _moved(
-    system: Mechanics,
-    what: str,
-    t: float,
-    at: tuple[np.ndarray, np.ndarray],
-    params: np.ndarray,
-    moves: Moves,
-) -> np.ndarray:
-    """Return changes of x, moved by the least that keeps the equations of a projection."""
-    tapes, patterns, names = _consistent.recorded(system, what)
-    (x, other), (dx, d_other, dtau) = at, moves
-    if not names:
+    def pushed(self, dx: np.ndarray, d_held: np.ndarray, dtau: np.ndarray) -> np.ndarray:
+        """Return changes of the end, a row for each direction."""
+        for x, row in self._steps:
+            along = np.hstack([dx, d_held, dtau])
+            given = [np.tile(part, (len(dx), 1)) for part in (x, self._held, row)]
+            rates = self._tape(_rates).map(self._params, [*given, along])
+            dx = dx + self._solved(x, -rates, False)[:, : dx.shape[1]]
         return dx
-    held, count = np.append(other, t), len(dx)
-    tape = kept(system, f"rates of {what}", lambda: _rates(system, what))
-    rows = [np.tile(x, (count, 1)), np.tile(held, (count, 1)), np.hstack([dx, d_other, dtau])]
-    rates = tape.map(params, rows)
-    found = _core.project_tangents(tapes, patterns, x, held, params, -rates)
-    if isinstance(found, dict):
-        raise _undifferentiable(system, t, found, names)
-    return dx + found
+
+    def pulled(self, of_x: np.ndarray, of_held: np.ndarray, of_tau: np.ndarray) -> Cotangents:
+        """Return cotangents of the point, of what is held and of tau, from those of the end."""
+        n = len(of_x)
+        for x, row in reversed(self._steps):
+            right = np.concatenate([of_x, np.zeros(len(row) - n)])
+            back = self._solved(x, right[None], True)[0]
+            given = [part[None] for part in (x, self._held, row, back)]
+            found = self._tape(_transposed).map(self._params, given)[0]
+            of_x, of_held = of_x - found[:n], of_held - found[n : 2 * n]
+            of_tau = of_tau - found[2 * n :]
+        return of_x, of_held, of_tau
+
+    def _tape(self, make: Callable[[Mechanics, str], _core.Tape]) -> _core.Tape:
+        system, what = self._system, self._what
+        return kept(system, f"{make.__name__} {what}", lambda: make(system, what))
+
+    def _solved(self, x: np.ndarray, rows: np.ndarray, is_transposed: bool) -> np.ndarray:
+        """Solve with the matrix of a correction at x, or with its transpose."""
+        found = _core.project_linear(
+            self._tapes, self._patterns, x, self._held, self._params, rows, is_transposed
+        )
+        if isinstance(found, dict):
+            if found["kind"] == "not finite":
+                found["t"] = self._t
+            sentence, _, _ = describe(found, self._system.coordinates, self._names)
+            hint = "constraints are to be independent at the start: move away from this position"
+            raise ValueError(hinted(f"the start cannot be differentiated: {sentence}", hint))
+        return found
 
 
 def _rates(system: Mechanics, what: str) -> _core.Tape:
-    """Record c_x dx + c_held dheld + c_tau dtau of a projection's equations c."""
-    s = system._symbols
-    x, held, c = _consistent.equations(what, s, system._model)
-    along = ca.vertcat(x, held, s.t, s.params.vector)
+    """Record F_x dx + F_held dheld + F_tau dtau at (x, held, (delta, mu))."""
+    inputs, along, equations = _correction(system, what)
     d = ca.SX.sym("d", along.numel())
-    inputs = {"x": x, "held": ca.vertcat(held, s.t), "d": d, "params": s.params.vector}
-    return record(f"rates of {what}", inputs, ca.jtimes(c, along, d))
+    params = inputs.pop("params")
+    name = f"rates of {what}"
+    return record(name, {**inputs, "d": d, "params": params}, ca.jtimes(equations, along, d))
 
 
 def _transposed(system: Mechanics, what: str) -> _core.Tape:
-    """Record the transpose of that at (x, held, mu): by x, by what is held, and by tau."""
+    """Record the transpose of that: by x, by what is held, and by tau."""
+    inputs, along, equations = _correction(system, what)
+    back = ca.SX.sym("back", equations.numel())
+    params = inputs.pop("params")
+    found = ca.jtimes(equations, along, back, True)
+    return record(f"transposed rates of {what}", {**inputs, "back": back, "params": params}, found)
+
+
+def _correction(system: Mechanics, what: str) -> tuple[dict[str, ca.SX], ca.SX, ca.SX]:
+    """Return inputs, what moves, and F of a projection; constants in the metric do not move."""
     s = system._symbols
     x, held, c = _consistent.equations(what, s, system._model)
+    metric = _consistent.metric(what, s, system._model)
+    step = ca.SX.sym("step", x.numel() + c.numel())
+    delta, mu = ca.vertsplit(step, [0, x.numel(), step.numel()])
+    impulse = ca.mtimes(metric, delta) - ca.jtimes(c, x, mu, True)
+    missing = ca.jtimes(c, x, delta) + c
+    inputs = {"x": x, "held": ca.vertcat(held, s.t), "step": step, "params": s.params.vector}
     along = ca.vertcat(x, held, s.t, s.params.vector)
-    mu = ca.SX.sym("mu", c.numel())
-    inputs = {"x": x, "held": ca.vertcat(held, s.t), "mu": mu, "params": s.params.vector}
-    return record(f"transposed rates of {what}", inputs, ca.jtimes(c, along, mu, True))
+    return inputs, along, ca.vertcat(impulse, missing)

@@ -120,6 +120,22 @@ pub(super) fn apply<R: Real, const K: usize>(k: usize, columns: &[R], y: &[R], o
     }
 }
 
+/// `out = Aᵀ y`, with the columns of A one after another.
+#[inline(always)]
+pub(super) fn apply_transposed<R: Real, const K: usize>(
+    k: usize,
+    columns: &[R],
+    y: &[R],
+    out: &mut [R; K],
+) {
+    for l in 0..k {
+        out[l] = columns[l * k] * y[0];
+        for i in 1..k {
+            out[l] += columns[l * k + i] * y[i];
+        }
+    }
+}
+
 /// `out = A y`, A being a block.
 #[inline(always)]
 pub(super) fn apply_block<R: Real, const K: usize>(

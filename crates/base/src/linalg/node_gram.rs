@@ -15,8 +15,8 @@
 use super::choice::{MOST_NODES, MOST_UPDATES};
 use super::fill::EliminationPlan;
 use super::node_block::{
-    add_outer, apply, at, at_mut, block_at, clear, invert, read, subtract, subtract_product, times,
-    write, zero,
+    add_outer, apply, apply_transposed, at, at_mut, block_at, clear, invert, read, subtract,
+    subtract_product, times, write, zero,
 };
 use super::product::Pairs;
 use super::{Matrix, Pattern, Singular, inverse};
@@ -150,7 +150,11 @@ impl<R: Real> NodeGram<R> {
     /// # Panics
     /// When `b` is too short.
     pub fn solve(&mut self, b: &mut [R]) {
-        at_nodes!(R, self.nodes, (K, k) => dispatch_simd::<R, _>(#[inline(always)] || self.substitute::<K>(k, b)));
+        at_nodes!(R, self.nodes, (K, k) => dispatch_simd::<R, _>(#[inline(always)] || {
+            self.gather::<K>(k, b, true);
+            self.substitute::<K, false>(k);
+            self.scatter::<K>(k, b, false);
+        }));
     }
 
     #[inline(always)]
@@ -222,16 +226,28 @@ impl<R: Real> NodeGram<R> {
         Ok(())
     }
 
+    /// Solves with the transposed matrix in place, P included: Sᵀ x = b.
+    ///
+    /// # Panics
+    /// When `b` is too short.
+    pub fn solve_transposed(&mut self, b: &mut [R]) {
+        at_nodes!(R, self.nodes, (K, k) => dispatch_simd::<R, _>(#[inline(always)] || {
+            self.gather::<K>(k, b, false);
+            self.substitute::<K, true>(k);
+            self.scatter::<K>(k, b, true);
+        }));
+    }
+
+    /// Takes `b` in the order of elimination, times P⁻¹ where it `is_weighted`.
     #[inline(always)]
-    fn substitute<const K: usize>(&mut self, k: usize, b: &mut [R]) {
-        let plan = &self.plan.plan;
-        let (m, count) = (plan.order.len(), plan.neighbours.len());
-        let (diagonal, others) = self.values.split_at(m * k * k);
-        let (lower, upper) = others.split_at(count * k * k);
-        let x = &mut self.x[..];
-        let inverse = self.inverse.flat();
-        for (x, unknown) in x.chunks_exact_mut(k).zip(&plan.order) {
+    fn gather<const K: usize>(&mut self, k: usize, b: &[R], is_weighted: bool) {
+        let (order, inverse) = (&self.plan.plan.order, self.inverse.flat());
+        for (x, unknown) in self.x.chunks_exact_mut(k).zip(order) {
             let b = at::<R, K>(k, b, *unknown as usize);
+            if !is_weighted {
+                x.copy_from_slice(b);
+                continue;
+            }
             for (x, weights) in x.iter_mut().zip(inverse.chunks_exact(k)) {
                 let mut sum = R::splat(0.0);
                 for j in 0..k {
@@ -240,36 +256,79 @@ impl<R: Real> NodeGram<R> {
                 *x = sum;
             }
         }
+    }
+
+    /// Puts the solution where its unknowns are, times P⁻ᵀ where it `is_weighted`.
+    #[inline(always)]
+    fn scatter<const K: usize>(&self, k: usize, b: &mut [R], is_weighted: bool) {
+        let (order, inverse) = (&self.plan.plan.order, self.inverse.flat());
+        for (x, unknown) in self.x.chunks_exact(k).zip(order) {
+            let b = at_mut::<R, K>(k, b, *unknown as usize);
+            if !is_weighted {
+                b.copy_from_slice(x);
+                continue;
+            }
+            b.fill(R::splat(0.0));
+            for (x, weights) in x.iter().zip(inverse.chunks_exact(k)) {
+                for j in 0..k {
+                    b[j] += *x * weights[j];
+                }
+            }
+        }
+    }
+
+    /// L, D and U in turn, or those of the transposed matrix: U and L change places.
+    #[inline(always)]
+    fn substitute<const K: usize, const TRANSPOSED: bool>(&mut self, k: usize) {
+        let plan = &self.plan.plan;
+        let (m, count) = (plan.order.len(), plan.neighbours.len());
+        let (diagonal, others) = self.values.split_at(m * k * k);
+        let (mut lower, mut upper) = others.split_at(count * k * k);
+        if TRANSPOSED {
+            (lower, upper) = (upper, lower);
+        }
+        let x = &mut self.x[..];
         let (mut value, mut product) = ([R::splat(0.0); K], [R::splat(0.0); K]);
         let mut start = 0;
         for (step, end) in plan.starts[1..].iter().enumerate() {
             value[..k].copy_from_slice(at::<R, K>(k, x, step));
             for place in start..*end as usize {
                 let row = plan.neighbours[place] as usize;
-                apply(k, block_at::<R, K>(k, lower, place), &value, &mut product);
+                multiply::<R, K, TRANSPOSED>(k, lower, place, &value, &mut product);
                 subtract(k, at_mut::<R, K>(k, x, row), &product);
             }
             start = *end as usize;
-            apply(k, block_at::<R, K>(k, diagonal, step), &value, &mut product);
+            multiply::<R, K, TRANSPOSED>(k, diagonal, step, &value, &mut product);
             at_mut::<R, K>(k, x, step).copy_from_slice(&product[..k]);
         }
-        for (step, unknown) in plan.order.iter().enumerate().rev() {
+        for step in (0..m).rev() {
             value[..k].copy_from_slice(at::<R, K>(k, x, step));
             let end = start;
             start = plan.starts[step] as usize;
             for place in start..end {
                 let col = plan.neighbours[place] as usize;
-                apply(
-                    k,
-                    block_at::<R, K>(k, upper, place),
-                    at::<R, K>(k, x, col),
-                    &mut product,
-                );
+                multiply::<R, K, TRANSPOSED>(k, upper, place, at::<R, K>(k, x, col), &mut product);
                 subtract(k, &mut value, &product);
             }
             at_mut::<R, K>(k, x, step).copy_from_slice(&value[..k]);
-            at_mut::<R, K>(k, b, *unknown as usize).copy_from_slice(&value[..k]);
         }
+    }
+}
+
+/// `out = A y` with the block in this place, or `out = Aᵀ y`.
+#[inline(always)]
+fn multiply<R: Real, const K: usize, const TRANSPOSED: bool>(
+    k: usize,
+    values: &[R],
+    place: usize,
+    y: &[R],
+    out: &mut [R; K],
+) {
+    let block = block_at::<R, K>(k, values, place);
+    if TRANSPOSED {
+        apply_transposed(k, block, y, out);
+    } else {
+        apply(k, block, y, out);
     }
 }
 

@@ -127,6 +127,7 @@ impl Pattern {
     }
 
     /// `out += factor * Aᵀ x`
+    #[inline]
     pub fn multiply_add_transposed(&self, values: &[f64], factor: f64, x: &[f64], out: &mut [f64]) {
         for (&(row, col), value) in self.entries.iter().zip(values) {
             out[col] += value * factor * x[row];

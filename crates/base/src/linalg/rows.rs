@@ -1,6 +1,6 @@
 //! A sparse matrix row by row, to multiply with: of constants, or with the values of several nodes side by side.
 
-use super::node_block::at;
+use super::node_block::{at, at_mut};
 use super::{Pattern, PatternError};
 use crate::real::Real;
 
@@ -248,6 +248,25 @@ impl<R: Real> Rows<R> {
                 }
             }
             out.copy_from_slice(&sum[..k]);
+        }
+    }
+
+    /// `out += Aᵀ x` at each of k nodes, in memory for K.
+    ///
+    /// # Panics
+    /// When `x` or `out` is too short.
+    #[allow(clippy::inline_always)] // what is not inlined is compiled without the registers it is for
+    #[inline(always)]
+    pub fn add_product_transposed<const K: usize>(&self, k: usize, x: &[R], out: &mut [R]) {
+        let mut values = self.values.chunks_exact(k);
+        let rows = self.starts.iter().zip(&self.starts[1..]);
+        for (x, (start, end)) in x.chunks_exact(k).zip(rows) {
+            for (col, value) in self.cols[*start..*end].iter().zip(&mut values) {
+                let out = at_mut::<R, K>(k, out, *col as usize);
+                for i in 0..k {
+                    out[i] += value[i] * x[i];
+                }
+            }
         }
     }
 }

@@ -1,10 +1,11 @@
 //! The blocks of the Newton matrix: their places, and the coefficients they are weighted with.
 
 use self::Along::{Column, Row};
-use liouville_base::linalg::{Matrix, Pattern, combine};
+use super::Derivatives;
+use liouville_base::linalg::{Matrix, Pattern, as_is, combine};
 use liouville_base::newton::{BlockGrid, BlockHandle, BlockLayout, BlockMatrix};
 use liouville_base::tableau;
-use liouville_problem::{Model, NonholonomicPatterns};
+use liouville_problem::{Mechanical, Model, NonholonomicPatterns};
 
 /// Where equations and unknowns begin, counted alike: momenta and Z first, then constraints and Λ, moments of k
 /// and N, and velocities and V last.
@@ -23,8 +24,8 @@ pub(crate) struct Offsets {
 }
 
 impl Offsets {
-    fn new(model: &Model, tableau: &tableau::Spark) -> Self {
-        let (problem, s) = (&model.problem, tableau.stages);
+    pub(crate) fn new(problem: &Mechanical, tableau: &tableau::Spark) -> Self {
+        let s = tableau.stages;
         let ends = usize::from(problem.l() > 0);
         let (points, nodes) = (s + ends, tableau.intervals + ends);
         let lam = points * problem.n;
@@ -38,6 +39,11 @@ impl Offsets {
             order,
             v: problem.patterns.v_z.as_ref().map_or(0, |_| order),
         }
+    }
+
+    /// Number of unknowns.
+    pub(crate) fn count(&self) -> usize {
+        self.order + if self.v == 0 { 0 } else { self.lam }
     }
 }
 
@@ -57,6 +63,8 @@ pub(super) struct SparkBlocks {
     pub(super) p_z: Vec<Targets>,
     pub(super) v_z: Vec<Targets>,
     pub(super) one: Vec<Targets>,
+    /// dV_i itself.
+    pub(super) ones: Vec<f64>,
     pub(super) v_y: Vec<Targets>,
     pub(super) p_y: Vec<Targets>,
     pub(super) f_z: Vec<Targets>,
@@ -82,6 +90,9 @@ pub(super) struct RollingBlocks {
     pub(super) end_g_y: Targets,
     /// b_j P_{i−1}(c_j), s − 1 by s.
     pub(super) moments: Matrix,
+    /// k_y and the derivatives of its reactions by y, a row a stage.
+    pub(super) k_y_values: Matrix,
+    pub(super) r_y_values: Matrix,
 }
 
 /// Derivatives by y at all stages or nodes, and the sums of them that are in each block: what V_j moves is felt
@@ -92,7 +103,6 @@ pub(super) struct ByPosition {
     cols: usize,
     /// Row (i, j) has the products of weights of row i of the matrix and of column j at each point.
     weights: Matrix,
-    pub(super) values: Matrix,
     sums: Matrix,
 }
 
@@ -109,18 +119,16 @@ impl ByPosition {
             grid: layout.grid(pattern, (rows, cols), corner),
             cols,
             weights: Matrix::from_fn(rows * cols, of_row.cols(), weight),
-            values: Matrix::zeros(of_row.cols(), pattern.len()),
             sums: Matrix::zeros(rows * cols, pattern.len()),
         }
     }
 
-    /// Adds `factor` times all sums.
-    pub(super) fn add_to(&mut self, matrix: &mut BlockMatrix, factor: f64) {
-        if self.values.cols() == 0 {
+    /// Adds `factor` times all sums of these values, a row a point.
+    pub(super) fn add_to(&mut self, matrix: &mut BlockMatrix, values: &Matrix, factor: f64) {
+        if values.cols() == 0 {
             return;
         }
-        let sums = self.sums.flat_mut();
-        combine(sums, &self.weights, &self.values, |_, _, _| ());
+        combine(self.sums.flat_mut(), &self.weights, values, as_is);
         for ij in 0..self.sums.rows() {
             let block = self.grid.at(ij / self.cols, ij % self.cols);
             matrix.add(block, self.sums.row(ij), factor);
@@ -176,7 +184,7 @@ impl SparkBlocks {
     pub(super) fn new(model: &Model, tableau: &tableau::Spark) -> (Offsets, Self, BlockMatrix) {
         let (problem, at) = (&model.problem, &model.problem.patterns);
         let (n, s) = (problem.n, tableau.stages);
-        let offsets = Offsets::new(model, tableau);
+        let offsets = Offsets::new(problem, tableau);
         let Offsets {
             points,
             nodes,
@@ -212,11 +220,45 @@ impl SparkBlocks {
             own: (problem.nonholonomic.as_ref())
                 .map(|own| RollingBlocks::new(to, &at.g_y, &own.patterns, tableau, offsets)),
             v_z,
+            ones: vec![1.0; n],
             one: ones,
             v_y,
         };
         let condensed = if at.v_z.is_some() { points * n } else { 0 };
         (offsets, blocks, layout.build(order, condensed))
+    }
+
+    /// Adds the blocks of p, f and v at the stages.
+    pub(super) fn add_stages(&mut self, matrix: &mut BlockMatrix, of: &Derivatives, h: f64) {
+        for l in 0..of.p_z.rows() {
+            add_to(matrix, &self.p_z[l], of.p_z.row(l), 1.0);
+            add_to(matrix, &self.v_z[l], of.v_z.row(l), -1.0);
+            add_to(matrix, &self.one[l], &self.ones, 1.0);
+        }
+        for l in 0..of.p_y.rows() {
+            add_to(matrix, &self.p_y[l], of.p_y.row(l), h);
+            if let Some(targets) = self.v_y.get(l) {
+                add_to(matrix, targets, of.v_y.row(l), -h);
+            }
+            add_to(matrix, &self.f_z[l], of.f_z.row(l), -h);
+        }
+        self.f_y.add_to(matrix, &of.f_y, -h * h);
+    }
+
+    /// Adds the blocks of g and r at the nodes.
+    pub(super) fn add_nodes(&mut self, matrix: &mut BlockMatrix, of: &Derivatives, h: f64) {
+        if of.g_y.cols() == 0 {
+            return;
+        }
+        for k in 0..of.g_y.rows() {
+            if let Some(row) = k.checked_sub(1) {
+                add_to(matrix, &self.g_y[row], of.g_y.row(k), 1.0);
+            }
+            if let Some(targets) = self.r_lam.get(k) {
+                add_to(matrix, targets, of.r_lam.row(k), -1.0);
+            }
+        }
+        self.r_y.add_to(matrix, &of.r_y, -h * h);
     }
 }
 
@@ -254,6 +296,8 @@ impl RollingBlocks {
             end_w_y: place(to, &at.w_y, (w, v), &b, Row).concat(),
             end_g_y: place(to, g_y, (w, v + s * n), &one, Row).concat(),
             moments,
+            k_y_values: Matrix::zeros(s, at.k_y.len()),
+            r_y_values: Matrix::zeros(s, at.r_y.len()),
         }
     }
 }

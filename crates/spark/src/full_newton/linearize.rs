@@ -9,54 +9,20 @@ use liouville_problem::{diagnose_rank, diagnose_rank_all, finite};
 impl StageEquations<'_> {
     /// Makes the matrix at the present unknowns, and factors it.
     pub(super) fn linearize(&mut self) -> Result<(), StepError> {
-        self.solver.matrix.clear();
-        self.add_stages()?;
+        let (solver, h) = (&mut *self.solver, self.step.h);
+        let nodes = solver.offsets.nodes;
+        (solver.derivatives).evaluate(self.model, self.stages, self.step, nodes)?;
+        solver.matrix.clear();
+        (solver.blocks).add_stages(&mut solver.matrix, &solver.derivatives, h);
         self.add_reactions_at_stages()?;
-        if self.model.problem.m > 0 {
-            self.add_nodes()?;
-        }
+        let solver = &mut *self.solver;
+        (solver.blocks).add_nodes(&mut solver.matrix, &solver.derivatives, h);
         self.add_end()?;
         if !self.model.problem.is_linear {
             self.update_mass()?;
         }
         let factored = self.solver.matrix.factor();
         factored.map_err(|_| self.diagnose())
-    }
-
-    /// The blocks of p, f and v at the stages.
-    fn add_stages(&mut self) -> Result<(), StepError> {
-        let (solver, stages, h) = (&mut *self.solver, &*self.stages, self.step.h);
-        let (at, matrix) = (&mut solver.blocks, &mut solver.matrix);
-        let times = stages.stage_times(self.step);
-        let (y, z) = (&stages.y, &stages.unknowns.z);
-        let mut own = self.model.stages_blocks(times, y, z);
-        for l in 0..y.rows() {
-            let [p_z, v_z] = own.at(l);
-            finite(p_z, Quantity::Derivative, times.at(l))?;
-            finite(v_z, Quantity::Derivative, times.at(l))?;
-            add_to(matrix, &at.p_z[l], p_z, 1.0);
-            add_to(matrix, &at.v_z[l], v_z, -1.0);
-            add_to(matrix, &at.one[l], &solver.ones, 1.0);
-        }
-        let mut jacobian = self.model.stages_jacobian(times, y, z);
-        for l in 0..y.rows() {
-            let blocks = jacobian.at(l);
-            for values in blocks {
-                finite(values, Quantity::Derivative, times.at(l))?;
-            }
-            let [p_y, f_y, f_z, v_y] = blocks;
-            add_to(matrix, &at.p_y[l], p_y, h);
-            if let Some(targets) = at.v_y.get(l) {
-                add_to(matrix, targets, v_y, -h);
-            }
-            add_to(matrix, &at.f_z[l], f_z, -h);
-            copy(at.f_y.values.row_mut(l), f_y);
-            copy(solver.kept.p_y.row_mut(l), p_y);
-            copy(solver.kept.f_z.row_mut(l), f_z);
-            copy(solver.kept.v_y.row_mut(l), v_y);
-        }
-        at.f_y.add_to(matrix, -h * h);
-        Ok(())
     }
 
     /// The blocks of k and its reactions at the stages.
@@ -78,41 +44,11 @@ impl StageEquations<'_> {
             add_to(matrix, &at.r_z[j], r_z, -h);
             add_to(matrix, &at.r_nu[j], r_nu, -1.0);
             copy(solver.r_nu.row_mut(j), r_nu);
-            copy(at.k_y.values.row_mut(j), k_y);
-            copy(at.r_y.values.row_mut(j), r_y);
+            copy(at.k_y_values.row_mut(j), k_y);
+            copy(at.r_y_values.row_mut(j), r_y);
         }
-        at.k_y.add_to(matrix, h);
-        at.r_y.add_to(matrix, -h * h);
-        Ok(())
-    }
-
-    /// The blocks of g and r at the nodes.
-    fn add_nodes(&mut self) -> Result<(), StepError> {
-        let (solver, stages, h) = (&mut *self.solver, &*self.stages, self.step.h);
-        let (at, matrix) = (&mut solver.blocks, &mut solver.matrix);
-        let times = stages.node_times(self.step);
-        let (y, lam) = (&stages.node_y, &stages.unknowns.lam);
-        let mut blocks = self.model.nodes_blocks(times, y, lam);
-        for k in 0..y.rows() {
-            let [g_y, r_lam] = blocks.at(k);
-            finite(g_y, Quantity::Derivative, times.at(k))?;
-            finite(r_lam, Quantity::Derivative, times.at(k))?;
-            if let Some(row) = k.checked_sub(1) {
-                add_to(matrix, &at.g_y[row], g_y, 1.0);
-            }
-            if let Some(targets) = at.r_lam.get(k) {
-                add_to(matrix, targets, r_lam, -1.0);
-            }
-            copy(solver.r_lam.row_mut(k), r_lam);
-            copy(solver.kept.g_y.row_mut(k), g_y);
-        }
-        let mut jacobian = self.model.nodes_jacobian(times, y, lam);
-        for k in 0..solver.offsets.nodes {
-            let [r_y] = jacobian.at(k);
-            finite(r_y, Quantity::Derivative, times.at(k))?;
-            copy(at.r_y.values.row_mut(k), r_y);
-        }
-        at.r_y.add_to(matrix, -h * h);
+        at.k_y.add_to(matrix, &at.k_y_values, h);
+        at.r_y.add_to(matrix, &at.r_y_values, -h * h);
         Ok(())
     }
 
@@ -132,7 +68,7 @@ impl StageEquations<'_> {
         let [p_z, v_z] = self.model.stage_blocks(t, y1, z1);
         add(&all.p_z[s], p_z, 1.0)?;
         add(&all.v_z[s], v_z, -1.0)?;
-        add(&all.one[s], &solver.ones, 1.0)?;
+        add(&all.one[s], &all.ones, 1.0)?;
         let [p_y, ..] = self.model.stage_jacobian(t, y1, z1);
         add(&all.p_y[s], p_y, h)?;
         let nu = stages.unknowns.nu.row(s - 1);

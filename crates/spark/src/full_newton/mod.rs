@@ -19,17 +19,16 @@
 
 mod blocks;
 mod linearize;
-mod solution;
 
+use super::derivatives::Derivatives;
 use super::probe::{self, AtStages};
 use super::stages::Stages;
 pub(super) use blocks::Offsets;
 use blocks::SparkBlocks;
 use liouville_base::error::{Quantity, StepError};
-use liouville_base::linalg::{Matrix, add_scaled, copy, copy_scaled, max_norm};
+use liouville_base::linalg::{Matrix, Singular, add_scaled, copy, copy_scaled, max_norm};
 use liouville_base::newton::{BlockMatrix, Equations, Stop};
 use liouville_problem::{Mass, Model, Step, finite, finite_k};
-pub(super) use solution::Derivatives;
 
 /// The Newton matrix, and the memory of solving with it.
 #[derive(Clone, Debug)]
@@ -37,15 +36,11 @@ pub(super) struct FullNewton {
     offsets: Offsets,
     blocks: SparkBlocks,
     matrix: BlockMatrix,
-    /// dV_i itself.
-    ones: Vec<f64>,
     /// Tells the size of a multiplier, where reactions are not linear.
     mass: Mass,
-    r_lam: Matrix,
     r_nu: Matrix,
     unknowns: Vec<f64>,
-    /// What tangents of the step need too.
-    kept: Derivatives,
+    derivatives: Derivatives,
 }
 
 /// All equations of one step, to be solved together.
@@ -65,16 +60,32 @@ impl FullNewton {
         let (offsets, blocks, matrix) = SparkBlocks::new(model, tableau);
         let own = problem.nonholonomic.as_ref();
         Self {
-            ones: vec![1.0; problem.n],
             mass: Mass::new(model),
-            r_lam: Matrix::zeros(tableau.intervals + 1, problem.patterns.r_lam.len()),
             r_nu: Matrix::zeros(tableau.stages, own.map_or(0, |own| own.patterns.r_nu.len())),
             unknowns: vec![0.0; matrix.order()],
-            kept: Derivatives::new(model, tableau),
+            derivatives: Derivatives::new(problem, tableau),
             offsets,
             blocks,
             matrix,
         }
+    }
+
+    /// Factors the matrix of holonomic constraints with these derivatives.
+    pub(super) fn factor_with(&mut self, of: &Derivatives, h: f64) -> Result<(), Singular> {
+        self.matrix.clear();
+        self.blocks.add_stages(&mut self.matrix, of, h);
+        self.blocks.add_nodes(&mut self.matrix, of, h);
+        self.matrix.factor()
+    }
+
+    /// Solves in place, in the order of equations and unknowns.
+    pub(super) fn solve(&mut self, x: &mut [f64]) {
+        self.matrix.solve(x);
+    }
+
+    /// Solves with the transposed matrix in place.
+    pub(super) fn solve_transposed(&mut self, x: &mut [f64]) {
+        self.matrix.solve_transposed(x);
     }
 
     /// The equations of one step, still to be linearised; `z1` is a guess of its end.
@@ -179,7 +190,7 @@ impl StageEquations<'_> {
         let (mass, d, mut size) = (&mut solver.mass, &solver.unknowns, 0.0_f64);
         if problem.m > 0 {
             for (j, d_lam) in d[lam..nu].chunks_exact(problem.m).enumerate() {
-                size = size.max(mass.velocity_of(solver.r_lam.row(j), d_lam));
+                size = size.max(mass.velocity_of(solver.derivatives.r_lam.row(j), d_lam));
             }
         }
         if let Some(own) = &problem.nonholonomic {

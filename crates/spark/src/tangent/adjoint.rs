@@ -140,18 +140,16 @@ pub struct SparkAdjoint {
     stages: Stages,
     linear: LinearStep,
     backward: Backward,
-    z1: Vec<f64>,
 }
 
 impl SparkAdjoint {
     /// The adjoint of a method at work.
     pub fn new(spark: &Spark, sensitivity: SensitivityModel) -> Self {
         let (model, stages) = (spark.model.clone(), spark.stages.clone());
-        let linear = LinearStep::new(spark, sensitivity);
+        let linear = LinearStep::new(spark, sensitivity, 1);
         let order = linear.places().1;
         Self {
             backward: Backward::new(&model.problem, &stages.tableau, order),
-            z1: vec![0.0; model.problem.n],
             model,
             stages,
             linear,
@@ -171,8 +169,7 @@ impl SparkAdjoint {
         };
         self.stages.unknowns.copy_from(&record.unknowns);
         let (model, stages) = (&mut self.model, &mut self.stages);
-        (self.linear).make((model, stages), step, &record.end, &mut self.z1)?;
-        self.backward.follow(&mut self.linear, stages, step, of);
-        Ok(())
+        (self.linear).make((model, stages), step, &record.end)?;
+        (self.backward).follow(&mut self.linear, (model, stages), step, of)
     }
 }

@@ -10,9 +10,10 @@
 
 use super::super::stages::Stages;
 use super::linear_step::LinearStep;
+use liouville_base::error::StepError;
 use liouville_base::linalg::{Matrix, add_scaled, copy, dot};
 use liouville_base::tableau;
-use liouville_problem::{Cotangents, Mechanical, State, Step};
+use liouville_problem::{Cotangents, Mechanical, Model, State, Step};
 
 /// The memory of an adjoint step.
 #[derive(Clone, Debug)]
@@ -43,23 +44,32 @@ impl Backward {
     }
 
     /// Takes cotangents from the end of a linearised step to its start.
+    ///
+    /// # Errors
+    /// A singular matrix.
     pub(super) fn follow(
         &mut self,
         linear: &mut LinearStep,
-        stages: &Stages,
+        (model, stages): (&Model, &Stages),
         step: Step,
         cotangents: &mut Cotangents,
-    ) {
+    ) -> Result<(), StepError> {
         // dt1 = dt0 + h stretch
         cotangents.stretch += step.h * cotangents.tau[0];
-        self.leave_end(linear, step, cotangents);
+        self.leave_end((linear, model), step, cotangents);
         self.set_right(linear, stages, step, cotangents);
-        linear.solve_transposed(&mut self.right);
+        linear.solve_transposed((model, stages), &mut self.right)?;
         self.enter(linear, stages, step, cotangents);
+        Ok(())
     }
 
     /// Of z1 and λ_k to those of y1 and of all impulses, which `cotangents.p` is then.
-    fn leave_end(&mut self, linear: &mut LinearStep, step: Step, cotangents: &mut Cotangents) {
+    fn leave_end(
+        &mut self,
+        (linear, model): (&mut LinearStep, &Model),
+        step: Step,
+        cotangents: &mut Cotangents,
+    ) {
         let (at, by_tau) = (
             &linear.problem.patterns,
             &linear.sensitivity.problem.patterns,
@@ -70,7 +80,7 @@ impl Backward {
         at.r_lam
             .multiply_add_transposed(end.matrix.r_lam(), 1.0, &cotangents.p, &mut self.hidden);
         end.matrix
-            .solve_transposed(&mut self.momentum, &mut self.hidden);
+            .solve_transposed(model, &mut self.momentum, &mut self.hidden);
         add_scaled(&mut cotangents.p, 1.0, &self.momentum);
         copy(&mut self.y, &cotangents.y);
         at.p_y
@@ -104,19 +114,19 @@ impl Backward {
             at.f_z.multiply_add_transposed(f_z, weight, &of.p, out);
             let out = self.stages.row_mut(j);
             at.f_y
-                .multiply_add_transposed(linear.f_y(j), weight, &of.p, out);
+                .multiply_add_transposed(linear.derivatives().f_y.row(j), weight, &of.p, out);
         }
         for j in 0..=last {
             let weight = step.h * tableau.b_hat[j];
             let out = self.nodes.row_mut(j);
             at.r_y
-                .multiply_add_transposed(linear.r_y(j), weight, &of.p, out);
+                .multiply_add_transposed(linear.derivatives().r_y.row(j), weight, &of.p, out);
         }
         let rows = self.right[offsets.lam..offsets.nu].chunks_exact_mut(m.max(1));
         for (j, out) in rows.enumerate() {
             let weight = tableau.b_hat[j];
             at.r_lam
-                .multiply_add_transposed(linear.r_lam(j), weight, &of.p, out);
+                .multiply_add_transposed(linear.derivatives().r_lam.row(j), weight, &of.p, out);
         }
         let rows = self.right[offsets.v..].chunks_exact_mut(n);
         for (j, out) in (0..tableau.stages).zip(rows) {
@@ -187,7 +197,7 @@ impl Backward {
         let (weight, own) = (step.h * tableau.b[i], &self.right[i * n..(i + 1) * n]);
         let out = self.stages.row_mut(i);
         at.f_y
-            .multiply_add_transposed(linear.f_y(i), weight, &self.impulse, out);
+            .multiply_add_transposed(linear.derivatives().f_y.row(i), weight, &self.impulse, out);
         at.p_y
             .multiply_add_transposed(slopes.p_y.row(i), -1.0, own, out);
         let (before, tau) = (of.tau[0], &mut of.tau);
@@ -225,7 +235,7 @@ impl Backward {
         let weight = step.h * tableau.b_hat[j];
         let out = self.nodes.row_mut(j);
         at.r_y
-            .multiply_add_transposed(linear.r_y(j), weight, &self.impulse, out);
+            .multiply_add_transposed(linear.derivatives().r_y.row(j), weight, &self.impulse, out);
         let (before, tau) = (of.tau[0], &mut of.tau);
         by_tau
             .r_tau

@@ -11,9 +11,10 @@
 
 use super::super::stages::Stages;
 use super::linear_step::LinearStep;
+use liouville_base::error::StepError;
 use liouville_base::linalg::{Matrix, add_scaled, as_is, combine, copy, copy_scaled};
 use liouville_base::tableau;
-use liouville_problem::{Directions, Mechanical, Step, TangentState};
+use liouville_problem::{Directions, Mechanical, Model, Step, TangentState};
 
 /// The memory of a direction.
 #[derive(Clone, Debug)]
@@ -70,20 +71,24 @@ impl Forward {
     }
 
     /// Writes the tangent at the end of a linearised step.
+    ///
+    /// # Errors
+    /// A singular matrix.
     pub(super) fn follow(
         &mut self,
         linear: &mut LinearStep,
-        stages: &Stages,
+        (model, stages): (&Model, &Stages),
         directions: &mut Directions,
         along: StepAlong,
         state: &mut TangentState,
-    ) {
+    ) -> Result<(), StepError> {
         self.vary(linear, stages, directions, along);
         self.set_right(linear, stages, directions, along);
-        linear.solve(&mut self.right);
+        linear.solve((model, stages), &mut self.right)?;
         self.move_points(linear, stages, along.step);
         self.add_impulses(linear, stages, along.step);
-        self.finish(linear, directions, along, state);
+        self.finish((linear, model), directions, along, state);
+        Ok(())
     }
 
     /// Writes e(Y_i), e(Ŷ_j), and e(h b_j f_j), e(h b̂_j r_j).
@@ -113,7 +118,8 @@ impl Forward {
             let dy = self.stages.row_mut(i);
             moved(dy, stages.y.row(i));
             let tau = along.tau(directions, tableau.c[i]);
-            at.f_y.multiply_add(linear.f_y(i), weight, dy, out);
+            at.f_y
+                .multiply_add(linear.derivatives().f_y.row(i), weight, dy, out);
             by_tau
                 .f_tau
                 .multiply_add(linear.f_tau.row(i), weight, tau, out);
@@ -123,7 +129,8 @@ impl Forward {
             let (weight, dy) = (step.h * tableau.b_hat[j], self.nodes.row_mut(j));
             moved(dy, stages.node_y.row(j));
             let tau = along.tau(directions, tableau.c_hat[j]);
-            at.r_y.multiply_add(linear.r_y(j), weight, dy, out);
+            at.r_y
+                .multiply_add(linear.derivatives().r_y.row(j), weight, dy, out);
             by_tau
                 .r_tau
                 .multiply_add(linear.r_tau.row(j), weight, tau, out);
@@ -193,27 +200,36 @@ impl Forward {
         let d_z = self.right[..offsets.lam].chunks_exact(n);
         for (j, d_z) in (0..tableau.stages).zip(d_z) {
             let (weight, out) = (step.h * tableau.b[j], self.impulses.row_mut(j));
-            at.f_y
-                .multiply_add(linear.f_y(j), weight, self.stages.row(j), out);
+            at.f_y.multiply_add(
+                linear.derivatives().f_y.row(j),
+                weight,
+                self.stages.row(j),
+                out,
+            );
             at.f_z
                 .multiply_add(linear.derivatives().f_z.row(j), weight, d_z, out);
         }
         for j in 0..self.nodes.rows() {
             let (weight, out) = (tableau.b_hat[j], self.impulses.row_mut(tableau.stages + j));
-            at.r_y
-                .multiply_add(linear.r_y(j), step.h * weight, self.nodes.row(j), out);
+            at.r_y.multiply_add(
+                linear.derivatives().r_y.row(j),
+                step.h * weight,
+                self.nodes.row(j),
+                out,
+            );
         }
         let d_lam = self.right[offsets.lam..offsets.nu].chunks_exact(m.max(1));
         for (j, d_lam) in d_lam.enumerate() {
             let (weight, out) = (tableau.b_hat[j], self.impulses.row_mut(tableau.stages + j));
-            at.r_lam.multiply_add(linear.r_lam(j), weight, d_lam, out);
+            at.r_lam
+                .multiply_add(linear.derivatives().r_lam.row(j), weight, d_lam, out);
         }
     }
 
     /// Writes the tangent at the end of the step.
     fn finish(
         &mut self,
-        linear: &mut LinearStep,
+        (linear, model): (&mut LinearStep, &Model),
         directions: &mut Directions,
         along: StepAlong,
         state: &mut TangentState,
@@ -238,7 +254,7 @@ impl Forward {
         hidden.fill(0.0);
         by_tau.w_y.multiply_add(&end.w_y, -1.0, &self.y, hidden);
         by_tau.w_tau.multiply_add(&end.w_tau, -1.0, tau, hidden);
-        end.matrix.solve(momentum, hidden);
+        end.matrix.solve(model, momentum, hidden);
         at.r_lam.multiply_add(end.matrix.r_lam(), 1.0, hidden, dp);
         copy(state.y.row_mut(direction), &self.y);
         copy(state.z.row_mut(direction), momentum);

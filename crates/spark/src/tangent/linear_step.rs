@@ -2,11 +2,13 @@
 //! those by τ = (t, θ), and those at the end of the step.
 
 use super::super::Spark;
-use super::super::full_newton::{Derivatives, FullNewton, Offsets};
+use super::super::derivatives::{Derivatives, take};
+use super::super::full_newton::Offsets;
 use super::super::stages::Stages;
+use super::equations::LinearEquations;
 use liouville_base::error::{Quantity, StepError};
 use liouville_base::linalg::{Matrix, Pattern, copy};
-use liouville_problem::{Kkt, Mechanical, Model, SensitivityModel, State, Step, finite};
+use liouville_problem::{Mechanical, Model, Saddle, SensitivityModel, State, Step, finite};
 use std::sync::Arc;
 
 /// Derivatives of one step.
@@ -14,7 +16,8 @@ use std::sync::Arc;
 pub(super) struct LinearStep {
     pub(super) problem: Arc<Mechanical>,
     pub(super) sensitivity: SensitivityModel,
-    full: FullNewton,
+    offsets: Offsets,
+    equations: LinearEquations,
     /// Of the stages.
     pub(super) p_tau: Matrix,
     pub(super) f_tau: Matrix,
@@ -23,26 +26,29 @@ pub(super) struct LinearStep {
     pub(super) g_tau: Matrix,
     pub(super) r_tau: Matrix,
     pub(super) end: End,
+    /// Whether those that are constants are there.
+    is_ready: bool,
 }
 
 /// Derivatives at the end of the step, and the matrix that z1 and λ_k are solved with.
 #[derive(Clone, Debug)]
 pub(super) struct End {
-    pub(super) matrix: Kkt,
+    pub(super) matrix: Saddle,
     pub(super) p_y: Vec<f64>,
     pub(super) p_tau: Vec<f64>,
     pub(super) w_y: Vec<f64>,
     pub(super) w_tau: Vec<f64>,
-    r_y: Vec<f64>,
 }
 
 impl LinearStep {
-    pub(super) fn new(spark: &Spark, sensitivity: SensitivityModel) -> Self {
+    pub(super) fn new(spark: &Spark, mut sensitivity: SensitivityModel, directions: usize) -> Self {
         let (model, stages) = (&spark.model, &spark.stages);
         let (problem, tableau) = (&model.problem, &stages.tableau);
-        let at = &sensitivity.problem.patterns;
         let (s, nodes) = (tableau.stages, tableau.intervals + 1);
+        sensitivity.reserve_batch(s, nodes);
+        let at = &sensitivity.problem.patterns;
         let v_tau = at.v_tau.as_ref().map_or(0, Pattern::len);
+        let offsets = Offsets::new(problem, tableau);
         let values = |length: usize| vec![0.0; length];
         Self {
             p_tau: Matrix::zeros(s, at.p_tau.len()),
@@ -51,16 +57,17 @@ impl LinearStep {
             g_tau: Matrix::zeros(nodes, at.g_tau.len()),
             r_tau: Matrix::zeros(nodes, at.r_tau.len()),
             end: End {
-                matrix: Kkt::new(problem),
+                matrix: Saddle::new(model),
                 p_y: values(problem.patterns.p_y.len()),
                 p_tau: values(at.p_tau.len()),
                 w_y: values(at.w_y.len()),
                 w_tau: values(at.w_tau.len()),
-                r_y: values(problem.patterns.r_y.len()),
             },
-            full: FullNewton::new(model, stages),
+            equations: LinearEquations::new(spark, offsets.count(), directions),
+            offsets,
             problem: problem.clone(),
             sensitivity,
+            is_ready: false,
         }
     }
 
@@ -70,43 +77,36 @@ impl LinearStep {
         (model, stages): (&mut Model, &mut Stages),
         step: Step,
         end: &State,
-        z1: &mut [f64],
     ) -> Result<(), StepError> {
         let counted = stages.evaluations;
         stages.evaluate_values(model, step, stages.tableau.intervals);
         stages.evaluations = counted;
-        self.full.linearize_at(stages, model, z1, step)?;
+        let of = &mut self.equations.derivatives;
+        of.evaluate(model, stages, step, stages.tableau.intervals + 1)?;
+        self.equations.factor((model, stages), step.h)?;
         self.evaluate_stages(stages, step)?;
         self.evaluate_end(model, stages, step, end)?;
         if self.problem.m > 0 {
             self.evaluate_nodes(stages, step)?;
         }
+        self.is_ready = true;
         Ok(())
     }
 
     fn evaluate_stages(&mut self, stages: &Stages, step: Step) -> Result<(), StepError> {
-        for i in 0..self.p_tau.rows() {
-            let (t, y) = (stages.stage_time(step, i), stages.y.row(i));
-            let values = self.sensitivity.stage(t, y, stages.unknowns.z.row(i));
-            let out = [&mut self.p_tau, &mut self.f_tau, &mut self.v_tau];
-            for (out, values) in out.into_iter().zip(values) {
-                finite(values, Quantity::Derivative, t)?;
-                copy(out.row_mut(i), values);
-            }
-        }
-        Ok(())
+        let times = stages.stage_times(step);
+        let (y, z) = (&stages.y, &stages.unknowns.z);
+        let out = [&mut self.p_tau, &mut self.f_tau, &mut self.v_tau];
+        let points = self.sensitivity.stages(times, y, z);
+        take(out, times, points, (y.rows(), self.is_ready))
     }
 
     fn evaluate_nodes(&mut self, stages: &Stages, step: Step) -> Result<(), StepError> {
-        for j in 0..self.g_tau.rows() {
-            let (t, y) = (stages.node_time(step, j), stages.node_y.row(j));
-            let values = self.sensitivity.node(t, y, stages.unknowns.lam.row(j));
-            for (out, values) in [&mut self.g_tau, &mut self.r_tau].into_iter().zip(values) {
-                finite(values, Quantity::Derivative, t)?;
-                copy(out.row_mut(j), values);
-            }
-        }
-        Ok(())
+        let times = stages.node_times(step);
+        let (y, lam) = (&stages.node_y, &stages.unknowns.lam);
+        let out = [&mut self.g_tau, &mut self.r_tau];
+        let points = self.sensitivity.nodes(times, y, lam);
+        take(out, times, points, (y.rows(), self.is_ready))
     }
 
     fn evaluate_end(
@@ -119,16 +119,15 @@ impl LinearStep {
         let k = stages.tableau.intervals;
         let (t, lam) = (stages.node_time(step, k), stages.unknowns.lam.row(k));
         let end = &mut self.end;
-        end.matrix.update(model, t, [y, z, lam])?;
+        end.matrix.update(model, t, y, z, lam)?;
         copy(&mut end.p_y, model.stage_jacobian(t, y, z)[0]);
         copy(&mut end.p_tau, self.sensitivity.stage(t, y, z)[0]);
         if self.problem.m > 0 {
             let [w_y, w_tau] = self.sensitivity.hidden(t, y, z);
             copy(&mut end.w_y, w_y);
             copy(&mut end.w_tau, w_tau);
-            copy(&mut end.r_y, model.node_jacobian(t, y, lam));
         }
-        for values in [&end.p_y, &end.p_tau, &end.w_y, &end.w_tau, &end.r_y] {
+        for values in [&end.p_y, &end.p_tau, &end.w_y, &end.w_tau] {
             finite(values, Quantity::Derivative, t)?;
         }
         Ok(())
@@ -136,41 +135,28 @@ impl LinearStep {
 
     /// The places of equations and unknowns, and how many there are.
     pub(super) fn places(&self) -> (Offsets, usize) {
-        (self.full.offsets(), self.full.order())
+        (self.offsets, self.offsets.count())
     }
 
     /// Solves the stage equations in place.
-    pub(super) fn solve(&mut self, x: &mut [f64]) {
-        self.full.solve(x);
+    pub(super) fn solve(&mut self, at: (&Model, &Stages), x: &mut [f64]) -> Result<(), StepError> {
+        self.equations.solve::<false>(at, x)
     }
 
     /// Solves the transposed stage equations in place.
-    pub(super) fn solve_transposed(&mut self, x: &mut [f64]) {
-        self.full.solve_transposed(x);
+    pub(super) fn solve_transposed(
+        &mut self,
+        at: (&Model, &Stages),
+        x: &mut [f64],
+    ) -> Result<(), StepError> {
+        self.equations.solve::<true>(at, x)
     }
 
-    /// Derivatives by y and z at the stages, and of g at the nodes.
+    /// Derivatives by y, z and λ.
     pub(super) fn derivatives(&self) -> &Derivatives {
-        self.full.derivatives()
-    }
-
-    /// `f_y` at the stages.
-    pub(super) fn f_y(&self, i: usize) -> &[f64] {
-        self.full.f_y().row(i)
-    }
-
-    /// `r_λ` at a node.
-    pub(super) fn r_lam(&self, j: usize) -> &[f64] {
-        self.full.r_lam().row(j)
-    }
-
-    /// `r_y` at a node.
-    pub(super) fn r_y(&self, j: usize) -> &[f64] {
-        let inner = self.full.r_y();
-        if j < inner.rows() {
-            inner.row(j)
-        } else {
-            &self.end.r_y
-        }
+        &self.equations.derivatives
     }
 }
+
+// How long corrections still rest.
+liouville_base::checkpoint!(LinearStep { equations });

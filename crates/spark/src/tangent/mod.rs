@@ -2,8 +2,10 @@
 
 mod adjoint;
 mod backward;
+mod equations;
 mod forward;
 mod linear_step;
+mod operator;
 
 use super::Spark;
 pub use adjoint::{SharedRecords, SparkAdjoint, SparkRecorder};
@@ -58,7 +60,7 @@ impl SparkTangents {
             p,
             t: dt,
         };
-        let linear = LinearStep::new(&spark, sensitivity);
+        let linear = LinearStep::new(&spark, sensitivity, directions.count());
         let order = linear.places().1;
         let stepper = Self {
             forward: Forward::new(&spark.model.problem, &spark.stages.tableau, order),
@@ -112,8 +114,7 @@ impl SparkTangents {
         };
         (spark.predictor).write_solution(&mut spark.stages.unknowns);
         let (model, stages) = (&mut spark.model, &mut spark.stages);
-        let z1 = &mut spark.update.z;
-        (self.linear).make((model, stages), step, &state.motion, z1)?;
+        (self.linear).make((model, stages), step, &state.motion)?;
         for direction in 0..self.directions.count() {
             let along = StepAlong {
                 step,
@@ -122,7 +123,8 @@ impl SparkTangents {
                 stretch: self.directions.stretch[direction],
             };
             let directions = &mut self.directions;
-            (self.forward).follow(&mut self.linear, stages, directions, along, state);
+            let at = (&*model, &*stages);
+            (self.forward).follow(&mut self.linear, at, directions, along, state)?;
         }
         Ok(())
     }
@@ -168,4 +170,4 @@ impl Estimating for SparkTangents {
 }
 
 // The tangents are the state's, and what a step writes is made anew.
-liouville_base::checkpoint!(SparkTangents { spark });
+liouville_base::checkpoint!(SparkTangents { spark, linear });

@@ -65,14 +65,21 @@ fn it_solves_as_dense_lu_does() {
             lu.factor().expect("it has an inverse");
             let mut gram = NodeGram::new(&pattern, &other, &p).expect("few updates");
             gram.factor(&a, &b).expect("it has an inverse");
-            let mut x: Vec<f64> = (0..m * nodes).map(noise).collect();
-            let mut y = x.clone();
-            lu.solve(&mut x);
-            gram.solve(&mut y);
-            let largest = x.iter().fold(0.0_f64, |max, x| max.max(x.abs()));
-            let apart = x.iter().zip(&y).map(|(x, y)| (x - y).abs());
-            let apart = apart.fold(0.0_f64, f64::max) / largest;
-            assert!(apart < 1e-11, "{apart:e} apart with {nodes} nodes");
+            for is_transposed in [false, true] {
+                let mut x: Vec<f64> = (0..m * nodes).map(noise).collect();
+                let mut y = x.clone();
+                if is_transposed {
+                    lu.solve_transposed(&mut x);
+                    gram.solve_transposed(&mut y);
+                } else {
+                    lu.solve(&mut x);
+                    gram.solve(&mut y);
+                }
+                let largest = x.iter().fold(0.0_f64, |max, x| max.max(x.abs()));
+                let apart = x.iter().zip(&y).map(|(x, y)| (x - y).abs());
+                let apart = apart.fold(0.0_f64, f64::max) / largest;
+                assert!(apart < 1e-11, "{apart:e} apart with {nodes} nodes");
+            }
         }
     }
 }

@@ -80,6 +80,36 @@ fn a_large_saddle_multiplies_back() {
     }
 }
 
+/// What a solve takes from (a, b) to (x, μ), the transposed one takes back, whatever the matrix is solved with.
+#[test]
+fn a_transposed_saddle_is_the_transpose() {
+    for (links, own_velocity) in [(LINKS, false), (LINKS, true), (5, false)] {
+        let mut functions = chain(3.0, own_velocity);
+        let n = 2 * links;
+        functions.p.truncate(n);
+        functions.f.truncate(n);
+        functions.g = lengths(links);
+        let mut model = Model::new(functions.build(), &[]);
+        let mut saddle = Saddle::new(&model);
+        let (y, z, lam) = (hanging(links), vec![0.1; n], vec![0.3; links]);
+        let made = saddle.update(&mut model, 0.0, &y, &z, &lam);
+        made.expect("regular");
+        let noise = |count: usize, phase: f64| -> Vec<f64> {
+            (0..count).map(|k| (k as f64 * 1.7 + phase).sin()).collect()
+        };
+        let (right, left) = (noise(n + links, 0.1), noise(n + links, 0.7));
+        let (mut x, mut back) = (right.clone(), left.clone());
+        let (a, b) = x.split_at_mut(n);
+        saddle.solve(&model, a, b);
+        let (a, b) = back.split_at_mut(n);
+        saddle.solve_transposed(&model, a, b);
+        let paired = |a: &[f64], b: &[f64]| a.iter().zip(b).map(|(a, b)| a * b).sum::<f64>();
+        let unit = left.iter().zip(&x).map(|(a, b)| (a * b).abs()).sum::<f64>();
+        let apart = (paired(&left, &x) - paired(&back, &right)).abs() / unit;
+        assert!(apart < 1e-12, "{apart:e} apart with {links} links");
+    }
+}
+
 #[test]
 fn a_large_saddle_names_constraints_that_depend() {
     let mut functions = chain(1.0, false);

@@ -7,6 +7,8 @@
 //! make r_λ as large as p_z. Nonholonomic constraints add the rows k_z and the columns −∂r_n/∂ν.
 #![allow(clippy::inline_always)] // what is not inlined is compiled without the registers it is for
 
+mod transposed;
+
 use super::Block;
 use super::kkt::{KktMatrix, NonholonomicBlocks};
 use super::model::finite;

@@ -1,0 +1,50 @@
+//! Solves with the transposed saddle-point matrix, whose factors are those of the matrix:
+//!
+//!     [ p_zᵀ   v_zᵀ g_yᵀ ] [ x ]   [ a ]
+//!     [ −r_λᵀ       0    ] [ μ ] = [ b ],     Sᵀ μ = b + r_λᵀ p_z⁻ᵀ a
+
+use super::{Eliminated, Form, Saddle};
+use crate::{Mass, Model};
+use liouville_base::linalg::copy;
+
+impl Saddle {
+    /// Solves with the transposed matrix of holonomic constraints in place: `a` becomes x, `b` becomes μ.
+    pub fn solve_transposed(&mut self, model: &Model, a: &mut [f64], b: &mut [f64]) {
+        let at = &model.problem.patterns;
+        match &mut self.form {
+            _ if b.is_empty() => self.mass.solve_transposed(a),
+            Form::Dense {
+                schur, velocity, ..
+            } => {
+                copy(velocity, a);
+                self.mass.solve_transposed(velocity);
+                at.r_lam
+                    .multiply_add_transposed(&self.r_lam, 1.0, velocity, b);
+                schur.solve_transposed(b);
+                velocity.fill(0.0);
+                at.g_y.multiply_add_transposed(&self.g_y, 1.0, b, velocity);
+                self.mass.add_velocity_transposed(-1.0, velocity, a);
+                self.mass.solve_transposed(a);
+            }
+            Form::Sparse(eliminated) => eliminated.solve_transposed(&mut self.mass, a, b),
+            Form::Kkt(kkt) => kkt.solve_transposed(a, b),
+        }
+    }
+}
+
+impl Eliminated<f64> {
+    fn solve_transposed(&mut self, mass: &mut Mass, a: &mut [f64], b: &mut [f64]) {
+        if let (true, Some(kkt)) = (self.is_kkt, &mut self.kkt) {
+            return kkt.solve_transposed(a, b);
+        }
+        let velocity = &mut self.velocity;
+        copy(velocity, a);
+        mass.solve_transposed(velocity);
+        (self.schur.r_lam()).add_product_transposed::<1>(1, velocity, b);
+        self.schur.solve_transposed(b);
+        velocity.fill(0.0);
+        (self.schur.g_y()).add_product_transposed::<1>(1, b, velocity);
+        mass.add_velocity_transposed(-1.0, velocity, a);
+        mass.solve_transposed(a);
+    }
+}

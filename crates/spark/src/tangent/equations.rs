@@ -1,0 +1,203 @@
+//! Solves with the matrix of a linearised step: by corrections with the matrix of node Schur, as steps themselves are
+//! solved, and with its own factors where these do not contract or cost no more.
+//!
+//!     x ← x + Ja⁻¹ (b − J x),     x ← x + Ja⁻ᵀ (b − Jᵀ x)
+//!
+//! contract by the same factor, that of the step.
+
+use super::super::derivatives::Derivatives;
+use super::super::full_newton::FullNewton;
+use super::super::node_schur::LinearSchur;
+use super::super::stages::Stages;
+use super::super::{Solver, Spark};
+use super::operator::Operator;
+use liouville_base::error::StepError;
+use liouville_base::linalg::{add_scaled, copy, max_norm};
+use liouville_base::newton::Rest;
+use liouville_problem::{Mechanical, Model, diagnose_rank};
+use std::sync::Arc;
+
+/// The order up to which full Newton's matrix costs no more than corrections.
+const SMALL: usize = 40;
+
+/// Right-hand sides up to which corrections of each cost less than factors for all.
+///
+/// Measured on chains of 100 and 1000: one takes 1.2 runs by corrections after 1.9 for all, and 0.4 by factors after 6.4.
+const FEW: usize = 5;
+
+/// Corrections that shrink less than this do not contract, or are roundoff.
+const CONTRACTION: f64 = 0.25;
+
+/// Corrections of this size, relative to the solution, are roundoff where they no longer shrink.
+const ROUNDOFF: f64 = 1e-10;
+
+const MOST_CORRECTIONS: usize = 30;
+
+/// The linear equations of one step.
+#[derive(Clone, Debug)]
+pub(super) struct LinearEquations {
+    problem: Arc<Mechanical>,
+    pub(super) derivatives: Derivatives,
+    h: f64,
+    schur: Option<Box<Corrected>>,
+    full: Option<Box<FullNewton>>,
+    /// The matrix that is factored.
+    is_full: bool,
+    rest: Rest,
+}
+
+/// Node Schur, and the memory of corrections.
+#[derive(Clone, Debug)]
+struct Corrected {
+    matrix: LinearSchur,
+    operator: Operator,
+    right: Vec<f64>,
+    change: Vec<f64>,
+    product: Vec<f64>,
+}
+
+impl LinearEquations {
+    /// The equations of a method at work, with so many unknowns and right-hand sides a step.
+    pub(super) fn new(spark: &Spark, order: usize, directions: usize) -> Self {
+        let (model, stages) = (&spark.model, &spark.stages);
+        let (problem, tableau) = (&model.problem, &stages.tableau);
+        let corrected = |matrix| {
+            let vector = || vec![0.0; order];
+            Box::new(Corrected {
+                matrix,
+                operator: Operator::new(problem.n, tableau),
+                right: vector(),
+                change: vector(),
+                product: vector(),
+            })
+        };
+        let is_large = order > SMALL && directions <= FEW && spark.solver != Solver::Newton;
+        let schur = is_large.then(|| LinearSchur::new(model, stages));
+        Self {
+            derivatives: Derivatives::new(problem, tableau),
+            h: 0.0,
+            schur: schur.flatten().map(corrected),
+            full: None,
+            is_full: true,
+            rest: Rest::default(),
+            problem: problem.clone(),
+        }
+    }
+
+    /// Factors a matrix with the derivatives, of a step of this size.
+    pub(super) fn factor(
+        &mut self,
+        (model, stages): (&Model, &Stages),
+        h: f64,
+    ) -> Result<(), StepError> {
+        self.h = h;
+        self.is_full = match &mut self.schur {
+            Some(schur) if !self.rest.take() => schur.matrix.factor(&self.derivatives).is_err(),
+            _ => true,
+        };
+        if self.is_full {
+            self.factor_full((model, stages))
+        } else {
+            Ok(())
+        }
+    }
+
+    fn factor_full(&mut self, (model, stages): (&Model, &Stages)) -> Result<(), StepError> {
+        let full = (self.full).get_or_insert_with(|| FullNewton::new(model, stages).into());
+        let of = &self.derivatives;
+        self.is_full = true;
+        full.factor_with(of, self.h).map_err(|_| {
+            let last = of.g_y.row(of.g_y.rows() - 1);
+            let at = &self.problem.patterns.g_y;
+            diagnose_rank(at, last, StepError::SingularNewton)
+        })
+    }
+
+    /// Solves in place, with the transposed matrix where `TRANSPOSED`.
+    pub(super) fn solve<const TRANSPOSED: bool>(
+        &mut self,
+        at: (&Model, &Stages),
+        x: &mut [f64],
+    ) -> Result<(), StepError> {
+        if !self.is_full && self.correct::<TRANSPOSED>(x) {
+            return Ok(());
+        }
+        if !self.is_full {
+            self.rest.begin();
+            self.factor_full(at)?;
+        }
+        if let Some(full) = &mut self.full {
+            if TRANSPOSED {
+                full.solve_transposed(x);
+            } else {
+                full.solve(x);
+            }
+        }
+        Ok(())
+    }
+
+    /// Corrects from zero until corrections are roundoff; says whether they got there. Otherwise `x` is left as it was.
+    ///
+    /// The two matrices differ in what they make of Z and V alone, and so the next residual is one of their corrections.
+    fn correct<const TRANSPOSED: bool>(&mut self, x: &mut [f64]) -> bool {
+        let Some(schur) = &mut self.schur else {
+            return false;
+        };
+        let Corrected {
+            matrix,
+            operator,
+            right,
+            change,
+            product,
+        } = &mut **schur;
+        let of = (&*self.problem, &self.derivatives, self.h);
+        let stages = of.1.p_z.rows() * self.problem.n;
+        let sizes = |x: &[f64]| {
+            let has_velocity = self.problem.patterns.v_z.is_some();
+            let v = if has_velocity { x.len() - stages } else { 0 };
+            [max_norm(&x[..stages]), max_norm(&x[v..v + stages])]
+        };
+        copy(right, x);
+        copy(change, right);
+        x.fill(0.0);
+        let mut last = f64::INFINITY;
+        for _ in 0..MOST_CORRECTIONS {
+            if TRANSPOSED {
+                matrix.solve_transposed(change);
+            } else {
+                matrix.solve(change);
+            }
+            add_scaled(x, 1.0, change);
+            let parts = sizes(change).into_iter().zip(sizes(x));
+            let relative = |(change, x)| if change == 0.0 { 0.0 } else { change / x };
+            let size = parts.map(relative).fold(0.0, f64::max);
+            // of the first it is not known how much the next will be smaller
+            let shrunk = if last.is_finite() { size / last } else { 1.0 };
+            if size * shrunk <= 4.0 * f64::EPSILON {
+                self.rest.end_row();
+                return true;
+            }
+            let is_contracting = shrunk < CONTRACTION;
+            if last.is_finite() && !is_contracting {
+                if size <= ROUNDOFF {
+                    self.rest.end_row();
+                    return true;
+                }
+                break;
+            }
+            last = size;
+            if TRANSPOSED {
+                operator.apply_transposed(of, x, product);
+            } else {
+                operator.apply(of, x, product);
+            }
+            for ((change, right), product) in change.iter_mut().zip(&*right).zip(&*product) {
+                *change = right - product;
+            }
+        }
+        copy(x, right);
+        false
+    }
+}
+
+liouville_base::checkpoint!(LinearEquations { rest });
