@@ -46,7 +46,12 @@ def entry(i, j, value):
 ROWS = [
     # H
     ("lopsided", lambda: lv.Schrodinger(entry(0, 1, 0.5)), ValueError, r"H\[0, 1\] = 0.5, but H"),
-    ("absorbing", lambda: lv.Schrodinger(entry(1, 1, 1 - 1j)), ValueError, "not real\nhint.*absor"),
+    (
+        "absorbing",
+        lambda: lv.Schrodinger(entry(1, 1, 1 - 1j)),
+        ValueError,
+        "not real, where.*\nhint.*absor",
+    ),
     ("H NaN", lambda: lv.Schrodinger(entry(1, 1, NAN)), ValueError, r"H\[1, 1\] is nan"),
     ("sparse", lambda: lv.Schrodinger(sp.csr_array(entry(0, 3, INF))), ValueError, "is inf"),
     ("V NaN", lambda: lv.Lattice(3, potential=[0, NAN, 0]), ValueError, r"potential\[1\] is nan"),
@@ -60,7 +65,7 @@ ROWS = [
         "lopsided product",
         lambda: lv.Schrodinger((4, lambda x: entry(0, 1, 0.5) @ x)),
         ValueError,
-        "H is not symmetric: x . H y and y . H x differ",
+        "H is not Hermitian: x . H y and y . H x differ",
     ),
     (
         "lopsided operator",
@@ -68,7 +73,7 @@ ROWS = [
             LinearOperator((4, 4), matvec=lambda x: entry(0, 1, 0.5) @ x, dtype=float)
         ),
         ValueError,
-        "H is not symmetric",
+        "H is not Hermitian",
     ),
     ("NaN product", lambda: lv.Schrodinger((2, lambda x: x * NAN)), ValueError, "returns nan"),
     ("drive", lambda: lv.Schrodinger(np.eye(2), drive=[np.eye(2)]), TypeError, r"drive\[0\] is a"),
@@ -93,9 +98,9 @@ ROWS = [
     ("driven shears", lambda: run(DRIVEN, Splitting(mode="fast")), TypeError, "take 'auto'"),
     (
         "too many exponentials",
-        lambda: run(DRIVEN, lv.Magnus(), steps=10**5),
+        lambda: run(DRIVEN, lv.Magnus(tol=1e-13), steps=10**4),
         ValueError,
-        r"2\d* exponentials have roundoff above a tol of 1e-10\nhint: give a tol of 1e-0\d or more",
+        r"2\d* exponentials have roundoff above a tol of 1e-13\nhint: give a tol of 1e-11 or more",
     ),
     (
         "times and steps",
@@ -117,10 +122,8 @@ ROWS = [
         "driven, with an order",
         lambda: run(DRIVEN, lv.GrayManolopoulos(), steps=9),
         TypeError,
-        "is for a real H without time\nhint: .*Magnus",
+        "is for an H without time\nhint: .*Magnus",
     ),
-    ("flux", lambda: run(RING, Splitting(mode="fast"), psi=[1, 0, 0]), ValueError, "no gauge"),
-    ("flux Magnus", lambda: run(RING, lv.Magnus(), psi=[1, 0, 0], steps=1), TypeError, "no gauge"),
     # tolerances and steps
     ("tol zero", lambda: Splitting(0.0), ValueError, "tol is from 1e-14 to below 1, not 0\nhint"),
     ("tol NaN", lambda: Splitting(NAN), ValueError, "tol is from 1e-14 to below 1, not nan"),

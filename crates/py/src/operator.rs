@@ -158,6 +158,15 @@ impl Operator {
         }
     }
 
+    /// The same matrix on real and on imaginary parts.
+    fn twice(&self) -> Self {
+        let inner = Arc::new(self.inner.clone());
+        Self {
+            inner: liouville_waves::problem::Operator::Twice(inner),
+            caught: self.caught.clone(),
+        }
+    }
+
     /// Number of rows.
     #[getter]
     fn size(&self) -> usize {
@@ -186,11 +195,13 @@ pub(crate) struct Hamiltonian {
 impl Hamiltonian {
     /// A sum of terms, with weights that depend on time if there is a `drive`, (tape of t and parameters, the
     /// parameters), and a diagonal that does if there is a `potential`, (tape of t, x and parameters, the
-    /// parameters, the coordinates x of all points).
+    /// parameters, the coordinates x of all points). A doubled one is [[A, -B], [B, A]] of a complex H = A + iB,
+    /// and acts on (q, p).
     #[new]
-    #[pyo3(signature = (terms, drive = None, potential = None))]
+    #[pyo3(signature = (terms, is_doubled = false, drive = None, potential = None))]
     fn new(
         terms: Vec<PyRef<'_, Operator>>,
+        is_doubled: bool,
         drive: Option<Driven<'_>>,
         potential: Option<Moving<'_>>,
     ) -> PyResult<Self> {
@@ -208,6 +219,12 @@ impl Hamiltonian {
             .collect();
         let terms = terms.iter().map(|term| term.inner.clone()).collect();
         let mut inner = liouville_waves::problem::Hamiltonian::new(terms);
+        if is_doubled {
+            if !inner.size().is_multiple_of(2) {
+                return Err(PyValueError::new_err("a doubled matrix of even order"));
+            }
+            inner = inner.doubled();
+        }
         let unfit = || PyValueError::new_err("a drive or a potential of another size");
         if let Some((tape, params)) = drive {
             let weights = inner.terms().len();

@@ -23,7 +23,6 @@ enum WaveMethod<'py> {
         bounds: (f64, f64),
         rate: f64,
         norm_tol: f64,
-        is_doubled: bool,
         windows: Vec<usize>,
     },
     Lanczos {
@@ -45,13 +44,18 @@ enum WaveMethod<'py> {
         norm_tol: f64,
         bounds: Vec<(f64, f64)>,
     },
+    MagnusSeries {
+        order: usize,
+        rate: f64,
+        norm_tol: f64,
+        bounds: Vec<Bounds>,
+    },
     Driven {
         groups: Vec<usize>,
         part_bounds: Vec<Bounds>,
         knots: Vec<(f64, Bounds)>,
         rate: f64,
         norm_tol: f64,
-        is_doubled: bool,
     },
     Splitting {
         scheme: String,
@@ -78,13 +82,11 @@ impl WaveMethod<'_> {
                 bounds,
                 rate,
                 norm_tol: tolerance,
-                is_doubled,
                 windows,
             } => Method::Chebyshev {
                 bounds,
                 rate,
                 tolerance,
-                is_doubled,
                 windows,
             },
             Self::Lanczos {
@@ -122,20 +124,29 @@ impl WaveMethod<'_> {
                 tolerance,
                 bounds,
             },
+            Self::MagnusSeries {
+                order,
+                rate,
+                norm_tol: tolerance,
+                bounds,
+            } => Method::MagnusSeries {
+                order,
+                rate,
+                tolerance,
+                bounds,
+            },
             Self::Driven {
                 groups,
                 part_bounds: bounds,
                 knots,
                 rate,
                 norm_tol: tolerance,
-                is_doubled,
             } => Method::Driven(Driven {
                 groups,
                 bounds,
                 knots,
                 rate,
                 tolerance,
-                is_doubled,
             }),
             Self::Splitting {
                 scheme: name,

@@ -81,7 +81,8 @@ pub fn ring(n: usize, theta: f64) -> Arc<Hamiltonian> {
             entries.extend([(i, n + j, sin), (n + i, j, -sin)]);
         }
     }
-    sparse(2 * n, &entries)
+    let rows = sparse(2 * n, &entries).terms().to_vec();
+    Arc::new(Hamiltonian::new(rows).doubled())
 }
 
 /// What ψ on a [`ring`] is after t, from its plane waves.

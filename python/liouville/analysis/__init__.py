@@ -1,20 +1,26 @@
-"""What engineers ask of a mechanism besides its motion."""
+"""What is asked of a mechanism, or of a wave function, besides its motion."""
 
 from liouville.analysis.equilibrium import Equilibrium, equilibrium
+from liouville.analysis.ground_state import GroundState, ground_state
 from liouville.analysis.inverse_dynamics import InverseDynamics, inverse_dynamics
 from liouville.analysis.linearization import Linearization, linearize
 from liouville.analysis.modes import Modes, modes
 from liouville.analysis.power import PowerBalance, power_balance
+from liouville.analysis.thermal_state import ThermalState, thermal_state
 
 __all__ = [
     "Equilibrium",
+    "GroundState",
     "InverseDynamics",
     "Linearization",
     "Modes",
     "PowerBalance",
+    "ThermalState",
     "equilibrium",
+    "ground_state",
     "inverse_dynamics",
     "linearize",
     "modes",
     "power_balance",
+    "thermal_state",
 ]

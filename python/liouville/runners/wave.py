@@ -21,7 +21,13 @@ from liouville.runners.runner import Request, Runner, kept, threads_of
 from liouville.systems import Schrodinger
 
 #: The memory that each propagator takes beside the records, in states, as measured.
-STATES = {"shears": 2, "processed": 3, "chebyshev": 4, "magnus": 4, "driven": 45, "split": 20}
+STATES = {
+    "shears": 2, "processed": 3, "chebyshev": 4, "magnus": 4, "magnus series": 5, "driven": 45,
+    "split": 20,
+}  # fmt: skip
+
+#: The memory of the two halves by which shears step a state of a complex H.
+HALVES = 2
 
 #: The memory of a window of several outputs beside these outputs: copies of terms.
 OUTPUTS = 17
@@ -79,6 +85,8 @@ class WaveRunner(Runner):
         """Refuse a method whose states would not fit in memory."""
         core = self.plan.core
         count = core.dimension + 2 if isinstance(core, Krylov) else STATES[core.kind]
+        if self.plan.is_complex and core.kind in ("shears", "processed"):
+            count += HALVES
         if isinstance(core, Series) and max(core.windows) > 1:
             count += OUTPUTS + max(core.windows)
         what = f"stepping a state of {self.system.size} components by {self.plan.scheme}"
@@ -89,7 +97,7 @@ class WaveRunner(Runner):
         """Start the run, or return the error of its start."""
         plan = self.plan
         observables: list[tuple[object, ...]] = [("symmetric", self.system.hamiltonian), ("start",)]
-        observables += [each for _, _, each in self._observed]
+        observables += [each for _, _, parts in self._observed for each in parts]
         job = Job(
             start=(np.atleast_2d(self.psi),), span=(plan.t0, plan.stops), observer=observables,
             states=self._states, threads=self.threads, is_ensemble=bool(self.members),

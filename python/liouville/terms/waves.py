@@ -9,6 +9,8 @@ from fractions import Fraction
 from functools import reduce
 from itertools import product
 
+import numpy as np
+
 #: A cosine or sine is 0 or 1 if it is within this.
 NEAR = 4e-16
 
@@ -23,6 +25,10 @@ class Wave:
     places: tuple[int, ...]
     k: tuple[float, ...]
     phase: float = 0.0
+
+    def evaluate(self, x: np.ndarray) -> np.ndarray:
+        """Return the values at x of shape (..., n)."""
+        return np.asarray(np.cos(x[..., list(self.places)] @ np.array(self.k) + self.phase))
 
     def written(self, names: Sequence[str]) -> str:
         """Write the factor in the user's names: ``sin(2*x - y)``."""

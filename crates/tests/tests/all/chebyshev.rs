@@ -182,7 +182,7 @@ fn a_ring_with_a_flux_through_it_is_exact_too() {
     let (n, theta) = (30, 0.21);
     let (tolerance, t) = (1e-9, 12.5);
     for start in [anyhow(n), at_site(n, 3)] {
-        let mut chebyshev = stepper(&ring(n, theta), (-2.0, 2.0), tolerance / t).hermitian();
+        let mut chebyshev = stepper(&ring(n, theta), (-2.0, 2.0), tolerance / t);
         let mut state = wave(&start);
         for k in 0..2 {
             chebyshev
@@ -316,7 +316,7 @@ fn windows_of_a_ring_with_a_flux_are_exact_too() {
     let times = [0.7, 5.0, 5.5, 12.5];
     for counts in [vec![4], vec![3, 1]] {
         let sweeper = Sweeper::new(ring(n, theta));
-        let series = Chebyshev::new(sweeper, (-2.0, 2.0), tolerance / 12.5, 1e-6).hermitian();
+        let series = Chebyshev::new(sweeper, (-2.0, 2.0), tolerance / 12.5, 1e-6);
         let start = anyhow(n);
         let (found, _) = outputs(series, &wave(&start), (&times, counts));
         for (state, t) in found.iter().zip(times) {

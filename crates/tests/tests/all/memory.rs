@@ -318,7 +318,6 @@ fn series_in_time(sweeper: &Sweeper<f64>, bounds: Vec<(f64, f64)>) -> DrivenSeri
         knots: Vec::new(),
         rate: 1e-9,
         tolerance: 1e-6,
-        is_doubled: false,
     };
     let times = (1..=33).map(|k| 0.03 * f64::from(k)).collect();
     DrivenSeries::new(sweeper, driven, times).expect("parts of the grid")

@@ -62,20 +62,26 @@ fn recurred(k: usize, x: f64, a: Pair, b: Pair) -> Pair {
 ///
 /// Over millions of orders the rounding errors of doubles would add up, hence pairs of them.
 pub fn bessel(x: f64) -> Vec<f64> {
-    all_above(NOTHING, x)
+    let mut values = Vec::new();
+    all_above(NOTHING, x, &mut values);
+    values
 }
 
 /// The same with orders of which even large multiples are nothing.
 pub(super) fn bessel_to_the_last(x: f64) -> Vec<f64> {
-    all_above(LESS, x)
+    let mut values = Vec::new();
+    all_above(LESS, x, &mut values);
+    values
 }
 
-fn all_above(nothing: f64, x: f64) -> Vec<f64> {
+fn all_above(nothing: f64, x: f64, values: &mut Vec<f64>) {
+    values.clear();
     if x < TINY {
-        return vec![1.0, 0.5 * x];
+        values.extend([1.0, 0.5 * x]);
+        return;
     }
     let last = first_below(nothing, x);
-    let mut values = vec![0.0; last + 1];
+    values.resize(last + 1, 0.0);
     let (mut next, mut value) = ((0.0, 0.0), (nothing, 0.0));
     let (mut squares, mut lost) = (0.0, 0.0);
     for k in (1..=last).rev() {
@@ -87,10 +93,9 @@ fn all_above(nothing: f64, x: f64) -> Vec<f64> {
     }
     values[0] = value.0;
     let scale = 1.0 / (value.0 * value.0 + 2.0 * squares).sqrt();
-    for value in &mut values {
+    for value in values {
         *value *= scale;
     }
-    values
 }
 
 /// c_0 .. c_M of e^{−iθx} = Σ (−i)^k c_k T_k(x), c_k = (2 − δ_k0) J_k(θ), with the least M ≥ 1 that leaves
@@ -98,7 +103,14 @@ fn all_above(nothing: f64, x: f64) -> Vec<f64> {
 ///
 /// A tolerance below rounding errors is raised to them.
 pub fn series(theta: f64, tolerance: f64) -> Vec<f64> {
-    let mut c = bessel(theta.abs());
+    let mut c = Vec::new();
+    series_into(theta, tolerance, &mut c);
+    c
+}
+
+/// [`series`] in memory that is there.
+pub(super) fn series_into(theta: f64, tolerance: f64, c: &mut Vec<f64>) {
+    all_above(NOTHING, theta.abs(), c);
     for (k, c) in c.iter_mut().enumerate().skip(1) {
         *c *= if theta < 0.0 && k % 2 == 1 { -2.0 } else { 2.0 };
     }
@@ -110,7 +122,6 @@ pub fn series(theta: f64, tolerance: f64) -> Vec<f64> {
         }
         c.pop();
     }
-    c
 }
 
 /// The degree M of [`series`]: so many products with H a step takes.

@@ -14,8 +14,8 @@ use liouville_base::error::StepError;
 use liouville_base::linalg::{Tridiagonal, add_scaled};
 use liouville_base::method::{Stats, Stepper};
 
-/// Real and imaginary parts.
-type ComplexVector = [Vec<f64>; 2];
+/// Real parts, then imaginary parts.
+type ComplexVector = Vec<f64>;
 
 /// Phase of its fastest part between two evaluations of the residual.
 const APART: f64 = 0.25;
@@ -72,22 +72,20 @@ impl Lanczos {
     fn build(&mut self, t: f64, state: &Wave<f64>, norm: f64, span: f64) -> Result<f64, StepError> {
         self.alpha.clear();
         self.beta.clear();
-        for (v, part) in self.basis[0].iter_mut().zip([&state.q, &state.p]) {
-            v.clear();
-            v.extend(part.iter().map(|x| x / norm));
-        }
+        let v = &mut self.basis[0];
+        v.clear();
+        v.extend(state.q.iter().chain(&state.p).map(|x| x / norm));
         // ln of β_1 .. β_m span^m / m!, a bound of the error
         let mut ln_error = 0.0;
         let mut largest = 0.0_f64;
         let mut before = 0.0;
         for j in 0..self.dimension {
             let (old, new) = self.basis.split_at_mut(j + 1);
-            match j.checked_sub(1) {
-                Some(i) => new[0].clone_from(&old[i]),
-                None => new[0].iter_mut().for_each(|w| {
-                    w.clear();
-                    w.resize(state.q.len(), 0.0);
-                }),
+            if j > 0 {
+                new[0].clone_from(&old[j - 1]);
+            } else {
+                new[0].clear();
+                new[0].resize(2 * state.q.len(), 0.0);
             }
             let (alpha, beta) = three_terms(&mut self.sweeper, before, &mut old[j], &mut new[0])?;
             if !(alpha.is_finite() && beta.is_finite()) {
@@ -169,7 +167,7 @@ impl Lanczos {
                 im -= u[0] * u[j] * sin;
             }
             let (re, im) = (norm * re, norm * im);
-            let [v_q, v_p] = &self.basis[j];
+            let (v_q, v_p) = self.basis[j].split_at(state.q.len());
             add_scaled(&mut state.q, re, v_q);
             add_scaled(&mut state.q, -im, v_p);
             add_scaled(&mut state.p, re, v_p);
@@ -198,12 +196,12 @@ impl Lanczos {
 
 /// w ← (H v − α v − β w)/β' for w the vector before v, and (α, β').
 ///
-/// Vectors are real or complex ones, in their parts.
-pub(super) fn three_terms<const PARTS: usize>(
+/// A real H multiplies real and imaginary parts, a complex one all of a vector.
+pub(super) fn three_terms(
     sweeper: &mut Sweeper<f64>,
     beta: f64,
-    v: &mut [Vec<f64>; PARTS],
-    w: &mut [Vec<f64>; PARTS],
+    v: &mut [f64],
+    w: &mut [f64],
 ) -> Result<(f64, f64), StepError> {
     let update = Update {
         keep: -beta,
@@ -211,19 +209,20 @@ pub(super) fn three_terms<const PARTS: usize>(
         diagonal: 0.0,
     };
     let product = Move::new(true, update);
+    let size = sweeper.hamiltonian().size();
     let mut alpha = 0.0;
-    for (v, w) in v.iter_mut().zip(&mut *w) {
+    for (v, w) in v.chunks_mut(size).zip(w.chunks_mut(size)) {
         sweeper.run(&[product], v, w, Sink::Nothing)?;
         alpha += dot(v, w);
     }
     let mut square = 0.0;
-    for (v, w) in v.iter().zip(&mut *w) {
+    for (v, w) in v.chunks(size).zip(w.chunks_mut(size)) {
         add_scaled(w, -alpha, v);
         square += dot(w, w);
     }
     let next = square.sqrt();
     if next > 0.0 {
-        for x in w.iter_mut().flatten() {
+        for x in w {
             *x /= next;
         }
     }
@@ -234,13 +233,12 @@ impl Stepper for Lanczos {
     type State = Wave<f64>;
 
     fn step(&mut self, t: f64, h: f64, state: &mut Wave<f64>) -> Result<(), StepError> {
-        let [q, p] = &mut self.before;
-        q.clone_from(&state.q);
-        p.clone_from(&state.p);
+        self.before.clear();
+        self.before.extend(state.q.iter().chain(&state.p));
         self.walk(t, h, state).inspect_err(|_| {
-            let [q, p] = &mut self.before;
-            std::mem::swap(q, &mut state.q);
-            std::mem::swap(p, &mut state.p);
+            let (q, p) = self.before.split_at(state.q.len());
+            state.q.copy_from_slice(q);
+            state.p.copy_from_slice(p);
         })
     }
 

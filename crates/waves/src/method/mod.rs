@@ -1,9 +1,10 @@
-//! The Schrödinger equation i ψ' = H ψ with real symmetric H, as q' = H p, p' = −H q of ψ = q + i p.
+//! The Schrödinger equation i ψ' = H ψ, as q' = H p, p' = −H q of ψ = q + i p with real symmetric H.
 //!
 //! Methods step e^{iσt} ψ(t), by H − σ with σ in the middle of the spectrum; a state keeps σt.
 
 pub mod bessel;
 mod chebyshev;
+mod doubled;
 mod driven;
 mod lanczos;
 mod magnus;
@@ -17,6 +18,7 @@ mod sweep;
 mod windows;
 
 pub use chebyshev::Chebyshev;
+pub use doubled::Doubled;
 pub use driven::{Driven, DrivenCost, DrivenSeries};
 pub use lanczos::Lanczos;
 pub use magnus::{Magnus, Nodes, ShearProgram};

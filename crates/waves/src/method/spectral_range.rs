@@ -32,12 +32,12 @@ pub struct Ritz {
 pub fn ritz(sweeper: &mut Sweeper<f64>, steps: usize, seed: u64) -> Result<Ritz, StepError> {
     assert!(steps > 0, "steps to a Ritz value");
     let n = sweeper.hamiltonian().size();
-    let mut v = [random(n, seed)];
-    let length = dot(&v[0], &v[0]).sqrt();
-    for x in &mut v[0] {
+    let mut v = random(n, seed);
+    let length = dot(&v, &v).sqrt();
+    for x in &mut v {
         *x /= length;
     }
-    let mut w = [vec![0.0; n]];
+    let mut w = vec![0.0; n];
     let (mut diagonal, mut beside) = (Vec::new(), Vec::new());
     let (mut before, mut largest) = (0.0, 0.0_f64);
     while diagonal.len() < steps.min(n) {

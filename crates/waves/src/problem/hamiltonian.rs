@@ -11,6 +11,7 @@ pub struct Hamiltonian {
     pub(super) terms: Vec<Operator>,
     pub(super) drive: Option<Drive>,
     pub(super) potential: Option<Potential>,
+    is_doubled: bool,
 }
 
 impl Hamiltonian {
@@ -25,6 +26,40 @@ impl Hamiltonian {
             terms,
             drive: None,
             potential: None,
+            is_doubled: false,
+        }
+    }
+
+    /// The same as [[A, −B], [B, A]] of a complex Hermitian H = A + iB, which acts on (q, p).
+    ///
+    /// It is real and symmetric, with every eigenvalue of H twice, and an even number of rows.
+    #[must_use]
+    pub fn doubled(self) -> Self {
+        let is_doubled = true;
+        Self { is_doubled, ..self }
+    }
+
+    /// Whether it acts on real and imaginary parts one after the other, as a complex H does.
+    pub fn is_doubled(&self) -> bool {
+        self.is_doubled
+    }
+
+    /// Number of places of a wave function.
+    pub fn places(&self) -> usize {
+        if self.is_doubled {
+            self.size() / 2
+        } else {
+            self.size()
+        }
+    }
+
+    /// Some of the terms without their dependence on time.
+    #[must_use]
+    pub(crate) fn part(&self, terms: &[Operator]) -> Self {
+        let is_doubled = self.is_doubled;
+        Self {
+            is_doubled,
+            ..Self::new(terms.to_vec())
         }
     }
 
@@ -174,21 +209,10 @@ impl WeightedTerms<'_> {
         out: &mut [S],
         scratch: &mut ProductScratch,
     ) -> Result<(), StepError> {
-        let (row, place) = (0, 0);
         for (k, term) in self.terms.iter().enumerate() {
-            let (update, out) = (self.part(k, update), &mut *out);
-            match term {
-                Operator::Product(product) => apply(&**product, update, x, out, scratch)?,
-                Operator::Kinetic(kinetic) => {
-                    kinetic.update(update, x, out, &mut scratch.memory);
-                }
-                Operator::Rows(_)
-                | Operator::Sparse(_)
-                | Operator::Diagonals(_)
-                | Operator::Dense(_)
-                | Operator::Spins(_) => term.act(machine, update, RowBlock { row, out, place, x }),
-            }
+            update_all(term, machine, self.part(k, update), x, out, scratch)?;
         }
+        let (row, place) = (0, 0);
         self.add_potential(update.factor, RowBlock { row, out, place, x });
         Ok(())
     }
@@ -207,6 +231,34 @@ impl WeightedTerms<'_> {
         out.fill(S::splat(0.0));
         self.update(machine, Update::added(1.0), x, out, scratch)
     }
+}
+
+/// Updates all rows by a term.
+fn update_all<S: Stored>(
+    term: &Operator,
+    machine: InstructionSet,
+    update: Update,
+    x: &[S],
+    out: &mut [S],
+    scratch: &mut ProductScratch,
+) -> Result<(), StepError> {
+    let (row, place) = (0, 0);
+    match term {
+        Operator::Product(product) => apply(&**product, update, x, out, scratch)?,
+        Operator::Kinetic(kinetic) => kinetic.update(update, x, out, &mut scratch.memory),
+        Operator::Twice(operator) => {
+            let n = operator.size();
+            for (x, out) in x.chunks(n).zip(out.chunks_mut(n)) {
+                update_all(operator, machine, update, x, out, scratch)?;
+            }
+        }
+        Operator::Rows(_)
+        | Operator::Sparse(_)
+        | Operator::Diagonals(_)
+        | Operator::Dense(_)
+        | Operator::Spins(_) => term.act(machine, update, RowBlock { row, out, place, x }),
+    }
+    Ok(())
 }
 
 /// Updates all rows by a product of the user, member by member.

@@ -1,6 +1,7 @@
 //! A real symmetric Hamiltonian, known by its products: i ψ' = H ψ with H = Σ w_k H_k.
 //!
-//! With ψ = q + i p this is q' = H p, p' = −H q. Terms are of two kinds. A term by rows computes some rows of a product from
+//! With ψ = q + i p this is q' = H p, p' = −H q. A complex Hermitian H = A + iB is the real symmetric matrix
+//! [[A, −B], [B, A]] of (q, p), which methods take as one of their products. Terms are of two kinds. A term by rows computes some rows of a product from
 //! their neighbourhood in x, so that several products go over the matrix in one sweep and threads share the rows; a
 //! whole term computes all of a product at once.
 
@@ -85,6 +86,8 @@ pub enum Operator {
     Spins(Arc<Spins>),
     /// Any function that computes products.
     Product(Arc<dyn Product>),
+    /// A matrix that acts on real and on imaginary parts.
+    Twice(Arc<Operator>),
 }
 
 impl Operator {
@@ -106,6 +109,7 @@ impl Operator {
             Self::Dense(dense) => dense.size(),
             Self::Spins(spins) => spins.size(),
             Self::Product(product) => product.size(),
+            Self::Twice(operator) => 2 * operator.size(),
         }
     }
 
@@ -114,7 +118,7 @@ impl Operator {
         match self {
             Self::Rows(rows) => Some(rows.reach()),
             Self::Sparse(sparse) => Some(sparse.reach()),
-            Self::Kinetic(_) | Self::Product(_) => None,
+            Self::Kinetic(_) | Self::Product(_) | Self::Twice(_) => None,
             Self::Diagonals(diagonals) => Some(diagonals.reach()),
             Self::Dense(dense) => Some(dense.size()),
             Self::Spins(spins) => Some(spins.size()),
@@ -129,7 +133,7 @@ impl Operator {
             Self::Diagonals(diagonals) => diagonals.bytes(),
             Self::Dense(dense) => dense.bytes(),
             Self::Spins(spins) => spins.bytes(),
-            Self::Kinetic(_) | Self::Product(_) => 0,
+            Self::Kinetic(_) | Self::Product(_) | Self::Twice(_) => 0,
         };
         bytes.div_ceil(self.size())
     }
@@ -142,7 +146,9 @@ impl Operator {
         match self {
             Self::Rows(rows) => update_rows(&**rows, machine, update, block),
             Self::Sparse(sparse) => sparse.act(machine, update, block),
-            Self::Kinetic(_) | Self::Product(_) => unreachable!("whole terms have no rows"),
+            Self::Kinetic(_) | Self::Product(_) | Self::Twice(_) => {
+                unreachable!("whole terms have no rows")
+            }
             Self::Diagonals(diagonals) => update_rows(&**diagonals, machine, update, block),
             Self::Dense(dense) => update_rows(&**dense, machine, update, block),
             Self::Spins(spins) => spins.act(machine, update, block),

@@ -1,6 +1,7 @@
 //! Runs of Schrödinger equations: a Hamiltonian, a method and a job become one run.
 
 mod method;
+mod prepared;
 
 pub use method::{Method, chebyshev_degree, processor_degree, turns};
 
@@ -13,7 +14,7 @@ use liouville_base::method::Stepper;
 use liouville_base::real::{Lanes, WIDTH};
 use liouville_base::run::{Advance, Listed, Run, StartError};
 use liouville_base::simd::Stored;
-use method::Prepared;
+use prepared::Prepared;
 use std::sync::Arc;
 
 /// Most bytes of the outputs of a window of members in lock-step.
@@ -52,8 +53,7 @@ pub fn start(
     cancel: CancelToken,
 ) -> Result<Box<dyn Advance>, StartError> {
     let (n, members) = (job.n, job.members.unwrap_or(1));
-    let order = if method.is_doubled() { 2 * n } else { n };
-    let fits = order == hamiltonian.size() && members > 0 && job.psi.len() == members * n;
+    let fits = n == hamiltonian.places() && members > 0 && job.psi.len() == members * n;
     if !fits || n == 0 || job.stops.iter().any(|(_, steps)| *steps == 0) {
         return Err(StartError::Invalid(format!(
             "wave functions are rows of {n} values, and steps at least one"

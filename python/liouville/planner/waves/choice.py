@@ -115,14 +115,14 @@ def plan_wave(
     span = Span(times[0], tuple(times[1:]), spectrum)
     _check_reach(span, method.tol)
     if isinstance(method, Lanczos):
-        return _lanczos(span, method)
-    if isinstance(method, Chebyshev) or not system.is_real:
+        return _lanczos(span, method, system)
+    if isinstance(method, Chebyshev) or (method.mode == "auto" and not system.is_real):
         windows = _windows(span, method.tol, system, is_real)
         asked = isinstance(method, Chebyshev)
         why = "asked for" if asked else "H is complex and no gauge makes it real"
         return _chebyshev(span, method, windows, system, (why,))
     if method.mode != "auto":
-        return _split(span, _found(span, method), method)
+        return _split(span, _found(span, method), method, system)
     return _fewest(span, method, system, is_real)
 
 
@@ -177,25 +177,22 @@ def _automatic(
     found = _splitting(span, method)
     least = np.inf if found is None else _fast(span, method, found).shears / 2
     if found is not None and SERIES * float(span.thetas.max()) > memory():
-        return _split(span, found, method), least
+        return _split(span, found, method, system), least
     windows = _windows(span, method.tol, system, is_real)
     series = _chebyshev(span, method, windows, system, ())
     least = min(least, series.products)
     if found is None:
         why = f"no splitting reaches {method.tol:g} over {span.thetas.sum():.3g} / beta"
         return replace(series, reasons=(why, *series.reasons)), least
-    return _faster(system, _split(span, found, method), series, windows.terms), least
+    return _faster(system, _split(span, found, method, system), series, windows.terms), least
 
 
 def _check_system(system: Schrodinger, method: Planned) -> None:
-    """Refuse an H that depends on time or is complex, for what takes neither."""
-    takes_complex = isinstance(method, Chebyshev) or getattr(method, "mode", "") == "auto"
-    if system.is_driven and not takes_complex:
+    """Refuse an H that depends on time, for what takes none."""
+    takes_time = isinstance(method, Chebyshev) or getattr(method, "mode", "") == "auto"
+    if system.is_driven and not takes_time:
         hint = "take 'auto', or with h or steps Magnus(), or SplitOperator() on a grid"
         raise TypeError(hinted(f"{method!r} is for an H without time", hint))
-    if not (system.is_real or takes_complex):
-        sentence = f"H is complex and no gauge makes it real, which {method!r} needs"
-        raise ValueError(hinted(sentence, "take 'auto', which uses a Chebyshev series then"))
 
 
 def _faster(system: Schrodinger, splitting: WavePlan, series: WavePlan, terms: float) -> WavePlan:
@@ -245,13 +242,17 @@ def _fast(span: Span, method: SchrodingerSplitting, found: Choice) -> Choice:
     return cheapest(span.thetas, method.tol - span.roundoff, False) or found
 
 
-def _split(span: Span, found: Choice, method: SchrodingerSplitting) -> WavePlan:
+def _split(
+    span: Span, found: Choice, method: SchrodingerSplitting, system: Schrodinger
+) -> WavePlan:
     rung, steps = found.rung, int(found.steps.sum())
     kind = "stable" if rung.stable else "fast"
     norm = rung.norm_bound(found.x, steps) if rung.stable else found.bound
     why = "fewest products of the splittings that keep to the tolerance"
     if kind == "stable" and method.mode == "auto" and steps > MANY:
         why += f", stable ones beyond {MANY} steps"
+    if not system.is_real:
+        why += "; a shear by a complex H is a product"
     return WavePlan(
         method=method,
         scheme=f"{rung.name} ({kind} splitting of {rung.n} shears)",
@@ -260,10 +261,11 @@ def _split(span: Span, found: Choice, method: SchrodingerSplitting) -> WavePlan:
         theta=found.x,
         bounds=span.bounds,
         guarantee=span.spectrum.guarantee,
-        products=found.shears / 2,
+        products=found.shears / (2 if system.is_real else 1),
         bound=found.bound + span.roundoff,
         reasons=(why,),
         core=Shears(rung.coefficients, span.sigma, max(TIMES * norm, LEAST)),
+        is_complex=not system.is_real,
     )
 
 
@@ -298,11 +300,9 @@ def _chebyshev(
         products=windows.products,
         bound=tol,
         reasons=why,
-        core=Series(
-            span.bounds, windows.rate, max(TIMES * tol, LEAST), not system.is_real,
-            tuple(counts.tolist()),
-        ),
-    )  # fmt: skip
+        core=Series(span.bounds, windows.rate, max(TIMES * tol, LEAST), tuple(counts.tolist())),
+        is_complex=not system.is_real,
+    )
 
 
 def _driven(system: Schrodinger, method: Planned, times: Sequence[float]) -> WavePlan:
@@ -333,10 +333,11 @@ def _driven(system: Schrodinger, method: Planned, times: Sequence[float]) -> Wav
         bound=None if bessel else method.tol,
         reasons=tuple(why),
         core=core,
+        is_complex=not system.is_real,
     )
 
 
-def _lanczos(span: Span, method: Lanczos) -> WavePlan:
+def _lanczos(span: Span, method: Lanczos, system: Schrodinger) -> WavePlan:
     """Guess the products: a Krylov space of dimension m goes about m/2 / beta."""
     products = float(np.maximum(np.ceil(2 * span.thetas / method.dimension), 1).sum())
     rate = method.tol / float(span.intervals.sum())
@@ -352,4 +353,5 @@ def _lanczos(span: Span, method: Lanczos) -> WavePlan:
         bound=None,
         reasons=("asked for; the number of products is a guess",),
         core=Krylov(method.dimension, rate, max(TIMES * method.tol, LEAST)),
+        is_complex=not system.is_real,
     )

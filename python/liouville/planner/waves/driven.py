@@ -35,7 +35,7 @@ def series_in_time(
     """Return the series of a run, and its windows of both kinds, products and longest window."""
     core = Driven(
         tuple(system.groups), tuple(system.term_bounds), _knots(system, times[0], times[-1]),
-        rate, norm_tol, not system.is_real, 0,
+        rate, norm_tol, 0,
     )  # fmt: skip
     cost = _core.driven_cost(system.hamiltonian, core, times[0], times[-1])
     return replace(core, windows=cost[0] + cost[1]), cost

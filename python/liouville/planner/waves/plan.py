@@ -46,6 +46,8 @@ class WavePlan(Plan):
         where none is known.
     reasons : tuple of str
         Why, and what else there was.
+    is_complex : bool
+        Whether H is complex, and no gauge makes it real.
     """
 
     form: ClassVar[str] = "wave"
@@ -60,6 +62,7 @@ class WavePlan(Plan):
     products: float
     bound: float | None
     core: Propagator = field(repr=False, compare=False)
+    is_complex: bool = False
 
     @property
     def steps(self) -> int:
@@ -91,9 +94,8 @@ class WavePlan(Plan):
         ]  # fmt: skip
         if self.bounds not in [spectrum.bounds for spectrum in known]:
             raise ValueError(hinted("the plan was made for another spectrum", AGAIN))
-        is_complex = isinstance(self.core, Series | Driven) and self.core.is_doubled
-        if is_complex == system.is_real:
-            kind = "complex" if is_complex else "real"
+        if self.is_complex == system.is_real:
+            kind = "complex" if self.is_complex else "real"
             raise ValueError(hinted(f"the plan was made for a {kind} H", AGAIN))
 
     def __repr__(self) -> str:

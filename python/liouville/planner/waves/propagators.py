@@ -25,14 +25,12 @@ class Shears:
 class Series:
     """Chebyshev series, each for the outputs of a window, to the error `rate` in a unit of time.
 
-    `is_doubled` says that H acts on real and imaginary parts one after the other, and `windows` how
-    many outputs each series makes.
+    `windows` says how many outputs each series makes.
     """
 
     bounds: tuple[float, float]
     rate: float
     norm_tol: float
-    is_doubled: bool
     windows: tuple[int, ...]
     kind: str = field(default="chebyshev", init=False)
 
@@ -72,6 +70,17 @@ class Exponentials:
 
 
 @dataclass(frozen=True, eq=False)
+class SeriesExponentials:
+    """The same with Chebyshev series, all together off by `rate` in a unit of time."""
+
+    order: int
+    rate: float
+    norm_tol: float
+    bounds: tuple[tuple[float, float], ...]
+    kind: str = field(default="magnus series", init=False)
+
+
+@dataclass(frozen=True, eq=False)
 class Driven:
     """Series in time for H(t), to the error `rate` in a unit of time.
 
@@ -85,7 +94,6 @@ class Driven:
     knots: tuple[tuple[float, tuple[float, float]], ...]
     rate: float
     norm_tol: float
-    is_doubled: bool
     windows: int
     kind: str = field(default="driven", init=False)
 
@@ -99,7 +107,9 @@ class Split:
     kind: str = field(default="split", init=False)
 
 
-Propagator = Shears | Series | Krylov | Processed | Exponentials | Driven | Split
+Propagator = (
+    Shears | Series | Krylov | Processed | Exponentials | SeriesExponentials | Driven | Split
+)
 
 KINDS: dict[str, type[Propagator]] = {
     "shears": Shears,
@@ -107,6 +117,7 @@ KINDS: dict[str, type[Propagator]] = {
     "lanczos": Krylov,
     "processed": Processed,
     "magnus": Exponentials,
+    "magnus series": SeriesExponentials,
     "driven": Driven,
     "split": Split,
 }

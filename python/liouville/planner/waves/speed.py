@@ -62,7 +62,7 @@ def _series(system: Schrodinger, outputs: int) -> Series:
     """Return a step by a series, and then a window."""
     low, high = system.bounds
     rate = 1e-3 * 0.5 * (high - low)
-    return Series((low, high), rate, np.inf, not system.is_real, (1, outputs))
+    return Series((low, high), rate, np.inf, (1, outputs))
 
 
 def _seconds(

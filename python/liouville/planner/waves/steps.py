@@ -16,12 +16,13 @@ from liouville.methods import (
     Stepped,
     shears_of,
 )
-from liouville.planner.waves.ladder import cheapest
+from liouville.planner.waves.ladder import ROUNDOFF, cheapest
 from liouville.planner.waves.plan import WavePlan
 from liouville.planner.waves.propagators import (
     Exponentials,
     Processed,
     Propagator,
+    SeriesExponentials,
     Shears,
     Split,
 )
@@ -82,55 +83,50 @@ def _split_operator(
 
 
 def _magnus(system: Schrodinger, method: Magnus, t0: float, stops: Stops) -> WavePlan:
-    if not system.is_real:
-        raise TypeError("H is complex and no gauge makes it real, which Magnus methods need here")
     steps, h = _sizes(t0, stops)
     looks = np.linspace(t0, stops[-1][0], LOOKS)
     widths = [np.ptp(system.bounds_at(t)) for t in looks]
     low, high = system.bounds_at(float(looks[int(np.argmax(widths))]))
     exponentials = 2 if method.order == 4 else 1
     theta = 0.5 * (high - low) * h / exponentials
-    found = cheapest(np.array([theta]), method.tol / (exponentials * steps), stable=False)
-    if found is None:
-        count = exponentials * steps
+    count, bounds = exponentials * steps, tuple(system.operator_bounds)
+    found = cheapest(np.array([theta]), method.tol / count, stable=False)
+    core: Propagator
+    if found is not None and system.is_real:
+        core = Exponentials(method.order, found.rung.coefficients, found.x, NORM, bounds)
+        by, products = found.rung.name, count * found.shears / 2
+    elif method.tol < count * ROUNDOFF:
         sentence = f"{method!r}: {count} exponentials have roundoff above a tol of {method.tol:g}"
-        raise ValueError(hinted(sentence, _looser(method, theta, count)))
-    shears = exponentials * steps * found.shears
-    core = Exponentials(
-        method.order, found.rung.coefficients, found.x, NORM, tuple(system.operator_bounds)
-    )
+        least = 10 ** np.ceil(np.log10(count * ROUNDOFF))
+        raise ValueError(hinted(sentence, f"give a tol of {least:g} or more, or a larger h"))
+    else:
+        core = SeriesExponentials(method.order, method.tol / abs(stops[-1][0] - t0), NORM, bounds)
+        by = "Chebyshev series"
+        products = float(count * _core.chebyshev_degree(theta, method.tol / count))
     return WavePlan(
         method=method,
-        scheme=f"Magnus of order {method.order}, exponentials by {found.rung.name}",
+        scheme=f"Magnus of order {method.order}, exponentials by {by}",
         t0=t0,
         stops=tuple(stops),
         theta=theta,
         bounds=(low, high),
         guarantee=system.guarantee,
-        products=shears / 2,
+        products=products,
         bound=None,
         reasons=(
             "asked for, with steps of this size; the products are those of the widest spectrum",
         ),
         core=core,
+        is_complex=not system.is_real,
     )
-
-
-def _looser(method: Magnus, theta: float, count: int) -> str:
-    """Say which tolerance so many exponentials can keep to, if any."""
-    for tol in 10.0 ** np.arange(np.ceil(np.log10(method.tol)), 0):
-        if tol > method.tol and cheapest(np.array([theta]), tol / count, stable=False):
-            return f"give a tol of {tol:g} or more, or a larger h"
-    return "give a larger h"
 
 
 def _shears(
     system: Schrodinger, method: StabilitySplitting | GrayManolopoulos, t0: float, stops: Stops
 ) -> WavePlan:
     name = type(method).__name__
-    if system.is_driven or not system.is_real:
-        hint = "take Magnus for H(t), or a Chebyshev series for a complex one"
-        raise TypeError(hinted(f"{name} is for a real H without time", hint))
+    if system.is_driven:
+        raise TypeError(hinted(f"{name} is for an H without time", "take Magnus for H(t)"))
     kind = "stability" if isinstance(method, StabilitySplitting) else "gray-manolopoulos"
     stages = getattr(method, "stages", method.order)
     table = shears_of(kind, method.order, stages)
@@ -146,14 +142,16 @@ def _shears(
             )
         )
     core: Propagator = Shears(table["coefficients"], sigma, LOOSE)
-    products = float(steps * stages)
+    # a shear by a complex H is a product with all of a state
+    each = 1 if system.is_real else 2
+    products = float(each * steps * stages)
     if isinstance(method, StabilitySplitting) and method.processed:
         degree = _core.processor_degree(method.order, stages, theta)
         if degree is None:
             sentence = f"{method!r} has no processor for steps of {theta:.4g} / beta"
             raise ValueError(hinted(sentence, "give a smaller h, order 2 or 6, or processed=False"))
         core = Processed(method.order, stages, sigma, theta, NORM)
-        products += 2 * degree * len(stops)
+        products += each * 2 * degree * len(stops)
     return WavePlan(
         method=method,
         scheme=f"{name} of order {method.order}, {2 * stages} shears",
@@ -166,6 +164,7 @@ def _shears(
         bound=None,
         reasons=("asked for, with steps of this size",),
         core=core,
+        is_complex=not system.is_real,
     )
 
 

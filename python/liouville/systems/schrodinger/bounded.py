@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from functools import cached_property
 
 import numpy as np
@@ -75,6 +76,23 @@ class Bounded(Pickled):
     def weights_at(self, t: float) -> np.ndarray:
         """Return the weights of these at a time, the first of which is 1."""
         return np.array([1.0, *(float(f.at(t)[0]) for f in self._functions)])
+
+    def product_at(self, t: float) -> Callable[[np.ndarray], np.ndarray]:
+        r"""Return the product of :math:`H / \hbar` at a time with a real vector of the core."""
+        terms = [_core.Hamiltonian(term.operators) for term in self._terms]
+        parts = [pair for pair in zip(self.weights_at(t).tolist(), terms, strict=True) if pair[0]]
+        potential: np.ndarray | None = None
+        if self._moving is not None and self.grid is not None:
+            values = self._moving.at(t, self.grid.points) / self.hbar
+            potential = np.tile(values, self.hamiltonian.size // self.size)
+
+        def product(x: np.ndarray) -> np.ndarray:
+            found = np.zeros_like(x) if potential is None else potential * x
+            for weight, term in parts:
+                found += weight * term.multiply(x)
+            return found
+
+        return product
 
     @property
     def operator_bounds(self) -> list[Bounds]:

@@ -128,13 +128,13 @@ def check_inside(given: Bounds, hamiltonian: _core.Hamiltonian, hbar: float) -> 
             )
 
 
-def check_symmetric(hamiltonian: _core.Hamiltonian) -> None:
-    """Refuse products that random vectors see to belong to no symmetric matrix."""
+def check_symmetric(
+    name: str,
+    hamiltonian: _core.Hamiltonian,
+    hint: str = "only a Hermitian operator keeps the norm; absorbing potentials are not taken",
+) -> None:
+    """Refuse products that random vectors see to belong to no Hermitian matrix."""
     found = hamiltonian.asymmetry(SEED)
     if not found <= ASYMMETRY:
-        raise ValueError(
-            hinted(
-                f"H is not symmetric: x . H y and y . H x differ by {found:.1e} of their size",
-                "only a Hermitian operator keeps the norm; absorbing potentials are not taken",
-            )
-        )
+        sentence = f"x . {name} y and y . {name} x differ by {found:.1e} of their size"
+        raise ValueError(hinted(f"{name} is not Hermitian: {sentence}", hint))

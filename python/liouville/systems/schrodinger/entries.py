@@ -20,6 +20,9 @@ SMALL = 256
 #: Bytes that are taken for each entry while a matrix is read and turned into the core's form, ...
 READING = 100.0
 
+#: ... for each of a complex one, which has four times the entries in the core, ...
+COMPLEX = 276.0
+
 #: ... and for each of a lattice, whose entries are known to be symmetric.
 MAKING = 72.0
 
@@ -92,7 +95,7 @@ class Entries:
 
     @classmethod
     def read(cls, name: str, given: Any) -> Entries:
-        """Read a sparse matrix of SciPy's, a square array, or the array of a diagonal.
+        """Read a Hermitian matrix: one of SciPy's, a square array, or the array of a diagonal.
 
         Raises
         ------
@@ -101,8 +104,13 @@ class Entries:
         ValueError
             It is not square, not finite or not Hermitian; the message names the entry.
         """
+        return cls.read_any(name, given)._symmetric(name)
+
+    @classmethod
+    def read_any(cls, name: str, given: Any) -> Entries:
+        """Read a matrix that may not be Hermitian; see :meth:`read`."""
         if hasattr(given, "tocsr"):
-            check_entries(name, given.nnz)
+            check_entries(name, given.nnz, COMPLEX if given.dtype.kind == "c" else READING)
             csr = given.tocsr(copy=True)
             csr.sum_duplicates()
             row = np.repeat(np.arange(csr.shape[0]), np.diff(csr.indptr))
@@ -113,7 +121,8 @@ class Entries:
                 diagonal = np.arange(array.size)
                 found = ((array.size, array.size), diagonal, diagonal, array)
             elif array.ndim == 2:
-                check_entries(name, int(np.count_nonzero(array)))
+                each = COMPLEX if array.dtype.kind == "c" else READING
+                check_entries(name, int(np.count_nonzero(array)), each)
                 row, col = np.nonzero(array)
                 found = (array.shape, row, col, array[row, col])
             else:
@@ -137,7 +146,7 @@ class Entries:
         row, col, values = row[kept].astype(np.int64), col[kept].astype(np.int64), values[kept]
         if values.dtype.kind == "c" and not values.imag.any():
             values = values.real.copy()
-        return cls(n, row, col, values)._symmetric(name)
+        return cls(n, row, col, values)
 
     def _symmetric(self, name: str) -> Entries:
         """Return the matrix with roundoff taken from its symmetry."""
@@ -150,26 +159,50 @@ class Entries:
             small = np.abs(self.values) <= slack
             lonely = np.isin(places, alone)
             if (lonely & ~small).any():
-                self._refuse(name, int(np.flatnonzero(lonely & ~small)[0]))
+                self._refuse(name)
             kept = ~lonely
             return Entries(self.n, self.row[kept], self.col[kept], self.values[kept])._symmetric(
                 name
             )
         other = self.values[mirror].conj()
-        far = np.flatnonzero(np.abs(self.values - other) > slack)
-        if far.size:
-            self._refuse(name, int(far[0]))
+        if (np.abs(self.values - other) > slack).any():
+            self._refuse(name)
         return Entries(self.n, self.row, self.col, (self.values + other) / 2)
 
-    def _refuse(self, name: str, k: int) -> None:
-        i, j = int(self.row[k]), int(self.col[k])
-        other = self.at(j, i) if not self.is_real else self.at(j, i).real
+    def halves(self) -> list[Entries]:
+        r"""Return :math:`(A + A^\dagger)/2` and, if it is not zero, :math:`(A - A^\dagger)/2i`."""
+        if not self._skew().values.size:
+            return [self._symmetric("A")]
+        places = np.concatenate([self.row, self.col]), np.concatenate([self.col, self.row])
+        mirrored = self.values.conj()
+        halves = (self.values / 2, mirrored / 2), (self.values / 2j, -mirrored / 2j)
+        return [
+            Entries.of(self.n, *places, np.concatenate(half))._symmetric("A") for half in halves
+        ]
+
+    def _skew(self) -> Entries:
+        r"""Return :math:`A - A^\dagger` where it is more than roundoff."""
+        row, col = np.concatenate([self.row, self.col]), np.concatenate([self.col, self.row])
+        values = np.concatenate([self.values, -self.values.conj()])
+        found = Entries.of(self.n, row, col, values)
+        far = np.abs(found.values) > ROUNDOFF * np.abs(self.values).max(initial=0.0)
+        return Entries(self.n, found.row[far], found.col[far], found.values[far])
+
+    def _refuse(self, name: str) -> None:
+        skew = self._skew()
+        k = int(np.abs(skew.values).argmax())
+        i, j, far = int(skew.row[k]), int(skew.col[k]), float(np.abs(skew.values[k]))
+        one, other = self.at(i, j), self.at(j, i)
+        if self.is_real:
+            one, other = one.real, other.real
         if i == j:
-            sentence = f"{name}[{i}, {i}] = {self.values[k]:.6g} is not real"
+            sentence = f"{name}[{i}, {i}] = {one:.6g} is not real"
         else:
-            sentence = (
-                f"{name}[{i}, {j}] = {self.values[k]:.6g}, but {name}[{j}, {i}] = {other:.6g}"
-            )
+            sentence = f"{name}[{i}, {j}] = {one:.6g}, but {name}[{j}, {i}] = {other:.6g}"
+        part = far / float(np.abs(self.values).max())
+        sentence += (
+            f", where {name} - {name}^+ is largest: {far:.3g}, or {part:.2g} of the largest entry"
+        )
         hint = "only a Hermitian matrix keeps the norm; absorbing potentials are not taken"
         raise ValueError(hinted(f"{name} is not Hermitian: {sentence}", hint))
 

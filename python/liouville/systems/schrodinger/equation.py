@@ -11,16 +11,18 @@ from numpy.typing import ArrayLike
 from liouville import _core
 from liouville.errors import hinted
 from liouville.systems import _trace
-from liouville.systems.schrodinger import graph, observed, time_functions
+from liouville.systems.schrodinger import foreign, graph, observed, time_functions
 from liouville.systems.schrodinger.bounded import Bounded
 from liouville.systems.schrodinger.bounds import check_symmetric, interval, positive, way
 from liouville.systems.schrodinger.entries import Entries, check_size
-from liouville.systems.schrodinger.forms import Term, operators
+from liouville.systems.schrodinger.exchange import Exchange
+from liouville.systems.schrodinger.forms import Term, operators, twice
 from liouville.systems.schrodinger.frame import Frame, doubled
 from liouville.systems.schrodinger.grid import Grid
 from liouville.systems.schrodinger.lattice import Lattice
 from liouville.systems.schrodinger.observed import Observable
 from liouville.systems.schrodinger.products import Product
+from liouville.systems.schrodinger.sites.system import SiteSystem
 from liouville.systems.schrodinger.spins import SpinChain
 from liouville.systems.schrodinger.time_functions import TimeFunction
 
@@ -34,9 +36,11 @@ class Schrodinger(Bounded):
 
     Parameters
     ----------
-    hamiltonian : sparse matrix, array_like, Grid, Lattice, SpinChain, LinearOperator or tuple
-        :math:`H_0`, Hermitian: a sparse matrix of SciPy's, a square array, one of the library's
-        models, or, if it is real, what makes products, a LinearOperator or ``(N, function)``.
+    hamiltonian : sparse matrix, array_like, Qobj, model, LinearOperator, tuple or list
+        :math:`H_0`, Hermitian: a sparse matrix of SciPy's, a square array, an operator of QuTiP's
+        or QuSpin's, one of the library's models, or what makes products, a LinearOperator or
+        ``(N, function)``. A list ``[H0, [H1, f1], [H2, f2]]``, as QuTiP has it, has drives too,
+        whose functions may be ``f(t)``, ``f(t, args)`` or ``f(t, name, ...)``.
     bounds : {"auto", "gershgorin", "lanczos"} or tuple of two floats
         How bounds of the eigenvalues are found, or numbers below and above all of them, at all
         times; see the notes.
@@ -44,7 +48,9 @@ class Schrodinger(Bounded):
         Planck's constant in the units of the Hamiltonian.
     drive : sequence of tuple, optional
         Pairs :math:`(f_k, H_k)`: a function ``f(t, params)``, called once with CasADi symbols, and
-        a matrix, or the array of a diagonal one.
+        a Hermitian matrix, or the array of a diagonal one. Samples at `times` stand for a function.
+    times : array_like, optional
+        When samples are taken: the function is the cubic spline through them.
     params : mapping of str to float or 1-D array_like, optional
         Parameters by name, with default values; functions see ``params.name``.
 
@@ -74,10 +80,10 @@ class Schrodinger(Bounded):
     Raises
     ------
     TypeError
-        An argument is of the wrong kind, or a complex H is known by its products only.
+        An argument is of the wrong kind.
     ValueError
         H is not Hermitian, not finite or not square, or a drive does not fit it; the message names
-        the entry.
+        the entry, where :math:`H - H^\dagger` is largest.
 
     Notes
     -----
@@ -86,7 +92,10 @@ class Schrodinger(Bounded):
     A complex H has a gauge if phases g make all :math:`\bar g_i H_{ij} g_j` real, which is so if
     the flux through every loop is 0 or :math:`\pi`. Then :math:`\bar g \psi` is propagated with a
     real matrix. Otherwise `is_real` is False, and H acts as a real matrix on real and imaginary
-    parts.
+    parts. That is so, too, if H is known by its products and they or a drive are complex.
+
+    A drive with a complex weight is one of two Hermitian matrices with real ones,
+    :math:`z K + \bar z K^\dagger = \Re z\, (K + K^\dagger) + \Im z\, i (K - K^\dagger)`.
 
     Bounds are those of Gershgorin for a matrix, the least and largest energies of a grid, closed
     formulas for a lattice, the energies of blocks for a chain of spins; up to N = 256 they are the
@@ -109,7 +118,7 @@ class Schrodinger(Bounded):
     >>> lv.Schrodinger(np.array([[0.0, 1.0], [2.0, 0.0]]))
     Traceback (most recent call last):
     ...
-    ValueError: H is not Hermitian: H[0, 1] = 1, but H[1, 0] = 2
+    ValueError: H is not Hermitian: H[0, 1] = 1, but H[1, 0] = 2, where H - H^+ is largest: 1, ...
     hint: ...
     """
 
@@ -123,10 +132,11 @@ class Schrodinger(Bounded):
         *,
         bounds: tuple[float, float] | str = "auto",
         hbar: float = 1.0,
-        drive: Sequence[tuple[Callable[..., Any], Any]] = (),
+        drive: Sequence[tuple[Callable[..., Any] | ArrayLike, Any]] = (),
+        times: ArrayLike | None = None,
         params: Mapping[str, ArrayLike] | None = None,
     ) -> None:
-        self.source, self._drive = hamiltonian, drive
+        self.source, self._drive = foreign.parted(hamiltonian, drive, times)
         self.hbar = positive("hbar", hbar)
         self._params = _trace.Parameters(params)
         self._given, self._way = interval(bounds, self.hbar), way(bounds)
@@ -136,12 +146,10 @@ class Schrodinger(Bounded):
         """Make the core's form of H, in a frame if it is known."""
         hamiltonian, drive = self.source, self._drive
         self.grid = hamiltonian if isinstance(hamiltonian, Grid) else None
-        is_model = isinstance(hamiltonian, (Grid, SpinChain))
-        source = hamiltonian if is_model else Product.read("H", hamiltonian)
-        source = source or _entries(hamiltonian)
+        source = _source(hamiltonian)
         self.size: int = source.n if isinstance(source, (Entries, Product)) else source.size
         self._functions, driven = self._read(drive)
-        if isinstance(source, SpinChain) and not all(matrix.is_real for matrix in driven):
+        if isinstance(source, Exchange) and not all(matrix.is_real for matrix in driven):
             source = source.entries()
         self.frame = self._framed([source, *driven]) if frame is None else frame
         self._build(source, driven)
@@ -167,12 +175,10 @@ class Schrodinger(Bounded):
         self, drive: Sequence[tuple[Callable[..., Any], Any]]
     ) -> tuple[list[TimeFunction], list[Entries]]:
         functions, matrices = [], []
-        for k, pair in enumerate(drive):
-            if not (isinstance(pair, (tuple, list)) and len(pair) == 2):
-                raise TypeError(f"drive[{k}] is a pair of a function and a matrix, not {pair!r}")
+        for k, (function, matrix) in enumerate(drive):
             name = f"H{k + 1}"
-            functions.append(TimeFunction(f"drive[{k}]", pair[0], self._params))
-            matrices.append(Entries.read(name, pair[1]))
+            functions.append(TimeFunction(f"drive[{k}]", function, self._params))
+            matrices.append(Entries.read(name, matrix))
             if matrices[-1].n != self.size:
                 raise ValueError(f"{name} has order {matrices[-1].n}, H has {self.size}")
         return functions, matrices
@@ -180,11 +186,8 @@ class Schrodinger(Bounded):
     def _framed(self, parts: Sequence[Any]) -> Frame:
         matrices = [part for part in parts if isinstance(part, Entries)]
         phases, is_doubled = None, False
-        if not all(matrix.is_real for matrix in matrices):
-            if len(matrices) < len(parts):
-                sentence = "a complex drive wants a Hamiltonian that is a matrix"
-                raise TypeError(hinted(sentence, "grids and products take real ones"))
-            phases = graph.gauge(matrices)
+        if not all(getattr(part, "is_real", True) for part in parts):
+            phases = graph.gauge(matrices) if len(matrices) == len(parts) else None
             is_doubled = phases is None
         order = None
         if isinstance(self.source, Lattice):
@@ -210,17 +213,18 @@ class Schrodinger(Bounded):
             more["drive"] = (time_functions.weights(self._functions, repeats, self._params), params)
         if self._moving is not None and self.grid is not None:
             tape = self._moving.tape(1 / self.hbar)
-            more["potential"] = (tape, params, np.ascontiguousarray(self.grid.points.ravel()))
-        self.hamiltonian = _core.Hamiltonian(flat, **more)
+            points = np.tile(self.grid.points, (1 + self.frame.is_doubled, 1))
+            more["potential"] = (tape, params, points.ravel())
+        self.hamiltonian = _core.Hamiltonian(flat, self.frame.is_doubled, **more)
         if isinstance(source, Product):
-            check_symmetric(self._static)
+            check_symmetric("H", self._static)
 
-    def _of(self, source: Entries | Product | SpinChain) -> Term:
+    def _of(self, source: Entries | Product | Exchange) -> Term:
         """Make the first term; a model may know closer bounds than its matrix."""
         scale = 1 / self.hbar
         if isinstance(source, Product):
-            return Term([source.operator(scale)], None)
-        if isinstance(source, SpinChain):
+            return Term([source.operator(scale, self.frame.is_doubled)], None)
+        if isinstance(source, Exchange):
             low, high = source.bounds()
             return Term([source.operator(scale)], (scale * low, scale * high))
         term = self._of_matrix(source)
@@ -239,7 +243,8 @@ class Schrodinger(Bounded):
     def _of_grid(self, grid: Grid) -> Term:
         kinetic = [energies / self.hbar for energies in grid.kinetic(self.hbar)]
         check_size("T / hbar", np.concatenate(kinetic))
-        terms = [_core.Operator.kinetic(kinetic)]
+        is_doubled = self.frame.is_doubled
+        terms = [twice(_core.Operator.kinetic(kinetic), is_doubled)]
         low, high = 0.0, float(sum(energies.max() for energies in kinetic))
         found = time_functions.potential(grid, self._params)
         if isinstance(found, TimeFunction):
@@ -251,12 +256,13 @@ class Schrodinger(Bounded):
         self.potential = found / self.hbar
         low, high = low + float(self.potential.min()), high + float(self.potential.max())
         if self.potential.any():
-            terms.append(_core.Operator.diagonals(grid.size, [0], [self.potential]))
+            diagonal = _core.Operator.diagonals(grid.size, [0], [self.potential])
+            terms.append(twice(diagonal, is_doubled))
         return Term(terms, (low, high))
 
     def __repr__(self) -> str:
         """Name the model, or the number of components."""
-        is_model = isinstance(self.source, (Grid, Lattice, SpinChain))
+        is_model = isinstance(self.source, (Grid, Lattice, SpinChain, SiteSystem))
         what = repr(self.source) if is_model else f"{self.size} components"
         return f"{type(self).__name__}({what}{', driven' if self.is_driven else ''})"
 
@@ -292,7 +298,8 @@ class Schrodinger(Bounded):
         ValueError
             It has a wrong shape, is zero, or not finite; the message names the component.
         """
-        return self.frame.inward(observed.checked(psi, self._shapes, is_ensemble))
+        given = foreign.state(psi, self.size, is_ensemble)
+        return self.frame.inward(observed.checked(given, self._shapes, is_ensemble))
 
     def outward(self, psi: np.ndarray) -> np.ndarray:
         """Return states of the core as the user has them; components are the last axis."""
@@ -312,14 +319,16 @@ class Schrodinger(Bounded):
         ----------
         observe : mapping of str to array_like or sparse matrix
             A real array of shape (N,) is a diagonal A, a matrix or an operator is A itself, for
-            :math:`\langle \psi | A | \psi \rangle`; a complex array of shape (N,) is a state
-            :math:`\phi`, for :math:`\langle \phi | \psi \rangle`. On a grid also a function of
-            position, ``f(t, x, params)``, constant in time.
+            :math:`\langle \psi | A | \psi \rangle`, which is complex where A is not Hermitian; a
+            complex array of shape (N,) is a state :math:`\phi`, for
+            :math:`\langle \phi | \psi \rangle`. On a grid also a function of position,
+            ``f(t, x, params)``, constant in time.
 
         Raises
         ------
         TypeError, ValueError
-            One is of the wrong kind or shape, or not Hermitian; the message has its name.
+            One is of the wrong kind or shape, or known by its products and not Hermitian; the
+            message has its name.
         """
         return observed.observables(observe, self.frame, self._shapes, self._at_points)
 
@@ -338,9 +347,17 @@ class Schrodinger(Bounded):
         return traced.at(0.0, self.grid.points)
 
 
-def _entries(given: Any) -> Entries:
+def _source(given: Any) -> Grid | Product | Exchange | Entries:
+    """Return a Hamiltonian in one of the forms that the core has."""
+    if isinstance(given, Grid):
+        return given
+    if isinstance(given, SpinChain):
+        return given.exchange
+    if isinstance(given, SiteSystem):
+        return given.exchange or Entries.read("H", given.matrix())
     if isinstance(given, Lattice):
         return given.entries()
-    if callable(given):
+    found = Product.read("H", given)
+    if found is None and callable(given):
         raise TypeError(hinted("H is a function of unknown size", "give (N, function)"))
-    return Entries.read("H", given)
+    return found or Entries.read("H", given)

@@ -57,6 +57,11 @@ def operators(matrix: Entries) -> list[_core.Operator]:
     return terms
 
 
+def twice(operator: _core.Operator, is_doubled: bool) -> _core.Operator:
+    """Return a real operator as the core has it beside complex ones."""
+    return operator.twice() if is_doubled else operator
+
+
 def by_rows(matrix: Entries) -> _core.Operator:
     """Return a matrix by its rows."""
     n = matrix.n

@@ -10,13 +10,15 @@ import numpy as np
 from liouville import _core
 from liouville.errors import hinted
 from liouville.systems import _trace
+from liouville.systems.schrodinger.bounds import check_symmetric
 from liouville.systems.schrodinger.entries import LARGEST, Entries, numbers
+from liouville.systems.schrodinger.foreign import plain
 from liouville.systems.schrodinger.forms import operators
 from liouville.systems.schrodinger.frame import Frame, doubled
 from liouville.systems.schrodinger.products import Product
 
-#: The name of an observable, how many numbers it has, and what the core makes of it.
-Observable = tuple[str, int, tuple[Any, ...]]
+#: The name of an observable, how many numbers it has, and what the core makes of each.
+Observable = tuple[str, int, list[tuple[Any, ...]]]
 
 
 def checked(psi: Any, shapes: Sequence[tuple[int, ...]], is_ensemble: bool) -> np.ndarray:
@@ -58,6 +60,7 @@ def portable(
     """Return observables that can be pickled: functions of position by their values."""
     found = _trace.mapping("observe", observe)
     for name, given in found.items():
+        found[name] = given = plain(f"observable '{name}'", given)
         is_operator = hasattr(given, "matvec") or isinstance(given, tuple)
         if callable(given) and not is_operator:
             found[name] = at_points(name, given)
@@ -76,39 +79,48 @@ def observables(
         what = f"observable '{name}'"
         is_operator = hasattr(given, "matvec") or isinstance(given, tuple)
         if is_operator or hasattr(given, "tocsr"):
-            found.append((name, 1, _symmetric(what, given, frame)))
+            found.append((name, *_expectation(what, given, frame)))
             continue
         array = numbers(what, given)
         if array.shape in shapes:
             found.append((name, *_of_array(what, array.ravel(), frame)))
         elif array.shape == (frame.size, frame.size):
-            found.append((name, 1, _symmetric(what, array, frame)))
+            found.append((name, *_expectation(what, array, frame)))
         else:
             wanted = " or ".join(map(str, [*shapes, (frame.size, frame.size)]))
             raise ValueError(f"{what} has shape {array.shape}, wanted {wanted}")
     return found
 
 
-def _of_array(what: str, array: np.ndarray, frame: Frame) -> tuple[int, tuple[Any, ...]]:
+def _of_array(what: str, array: np.ndarray, frame: Frame) -> tuple[int, list[tuple[Any, ...]]]:
     bad = np.flatnonzero(~np.isfinite(array))
     if bad.size:
         raise ValueError(f"{what} is {array[bad[0]]} in place {bad[0]}")
     if array.dtype.kind != "c":
-        return 1, ("diagonal", frame.diagonal(array.astype(float)))
+        return 1, [("diagonal", frame.diagonal(array.astype(float)))]
     phi = frame.inward(array)
-    return 2, ("overlap", phi.real.copy(), phi.imag.copy())
+    return 2, [("overlap", phi.real.copy(), phi.imag.copy())]
 
 
-def _symmetric(what: str, given: Any, frame: Frame) -> tuple[Any, ...]:
+def _expectation(what: str, given: Any, frame: Frame) -> tuple[int, list[tuple[Any, ...]]]:
+    """Return an expectation value: two real ones where A = B + iC is not Hermitian."""
     product = Product.read(what, given)
     if product is not None:
-        if not frame.is_plain:
+        if frame.order is not None or frame.gauge is not None:
             sentence = f"{what} is known by its products only, and H has been transformed"
             raise TypeError(hinted(sentence, "give it as a matrix"))
-        return ("symmetric", _core.Hamiltonian([product.operator(1.0)]))
-    matrix = Entries.read(what, given)
+        known = _core.Hamiltonian([product.operator(1.0)], not product.is_real)
+        check_symmetric(what, known, "give it as a matrix, whose value is complex")
+        return 1, [("symmetric", known)]
+    matrix = Entries.read_any(what, given)
     if matrix.n != frame.size:
         raise ValueError(f"{what} has order {matrix.n}, H has {frame.size}")
+    halves = matrix.halves()
+    return len(halves), [_symmetric(half, frame) for half in halves]
+
+
+def _symmetric(matrix: Entries, frame: Frame) -> tuple[Any, ...]:
     inside = frame.entries(matrix)
-    inside = inside if inside.is_real else doubled(inside)
-    return ("symmetric", _core.Hamiltonian(operators(inside)))
+    if inside.is_real:
+        return ("symmetric", _core.Hamiltonian(operators(inside)))
+    return ("symmetric", _core.Hamiltonian(operators(doubled(inside)), True))

@@ -1,9 +1,9 @@
-"""Hamiltonians that are known by their products only."""
+"""Hermitian operators that are known by their products only."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -12,21 +12,27 @@ from liouville import _core
 from liouville._arguments import count
 from liouville.errors import hinted
 
+#: A product with i x may differ from i times that with x by so much of its largest number.
+LINEAR = 1e-10
+
 
 @dataclass(frozen=True)
 class Product:
-    """A function that makes products with a real symmetric matrix of order n.
+    """A function that makes products with a Hermitian matrix of order n.
 
     Attributes
     ----------
     n : int
         The order.
     function : callable
-        A real vector in, a real vector out, both of shape (n,).
+        A vector in, a vector out, both of shape (n,): real ones if the matrix is.
+    is_real : bool
+        Whether it is.
     """
 
     n: int
     function: Callable[[np.ndarray], Any]
+    is_real: bool = True
 
     @classmethod
     def read(cls, name: str, given: Any) -> Product | None:
@@ -37,32 +43,53 @@ class Product:
             return None
         if len(given.shape) != 2 or given.shape[0] != given.shape[1]:
             raise ValueError(f"{name} has shape {given.shape}, wanted a square operator")
-        if np.dtype(getattr(given, "dtype", None) or float).kind == "c":
-            raise TypeError(
-                hinted(
-                    f"{name} is a complex operator known by its products only",
-                    "give a complex Hamiltonian as a matrix: its phases may be taken away",
-                )
-            )
-        return cls(int(given.shape[0]), given.matvec)._checked(name)
+        is_real = np.dtype(getattr(given, "dtype", None) or float).kind != "c"
+        return cls(int(given.shape[0]), given.matvec, is_real)._checked(name)
 
     def _checked(self, name: str) -> Product:
         found = self.function(np.ones(self.n))
         array = np.asarray(found)
-        if array.dtype.kind not in "biuf":
+        if array.dtype.kind not in "biufc":
             what = type(found).__name__ if array.dtype.kind == "O" else str(array.dtype)
-            raise TypeError(f"{name} returns {what} for a real vector, wanted real numbers")
+            raise TypeError(f"{name} returns {what} for a real vector, wanted numbers")
         if array.shape not in ((self.n,), (self.n, 1)):
             raise ValueError(f"{name} returns shape {array.shape}, wanted ({self.n},)")
         bad = np.flatnonzero(~np.isfinite(array))
         if bad.size:
             raise ValueError(f"{name} returns {array.flat[bad[0]]} in place {bad[0]}")
-        return self
+        if self.is_real and array.dtype.kind != "c":
+            return self
+        found = replace(self, is_real=False)
+        found._check_linear(name)
+        return found
 
-    def operator(self, factor: float) -> _core.Operator:
-        """Return the operator, times a number."""
+    def _check_linear(self, name: str) -> None:
+        """Refuse a function of real parts alone, or of a conjugate."""
+        x = np.exp(1j * np.arange(self.n) ** 2)
+        moved, turned = self.multiply(x), self.multiply(1j * x)
+        off = np.abs(turned - 1j * moved).max()
+        largest = np.abs(moved).max(initial=0.0)
+        if not off <= LINEAR * largest:
+            sentence = (
+                f"{name} is not linear: of i x it makes no i H x, by {off:.1e} of {largest:.1e}"
+            )
+            raise ValueError(hinted(sentence, "take no real part and no conjugate of the vector"))
+
+    def multiply(self, x: np.ndarray) -> np.ndarray:
+        """Return the product with a complex vector, of a complex matrix."""
+        return np.asarray(np.ravel(self.function(x)), dtype=complex)
+
+    def operator(self, factor: float, is_doubled: bool = False) -> _core.Operator:
+        """Return the operator, times a number; of a doubled or complex one that on (q, p)."""
 
         def multiply(x: np.ndarray) -> np.ndarray:
             return np.ascontiguousarray(np.ravel(self.function(x)), dtype=float) * factor
 
-        return _core.Operator.product(self.n, multiply)
+        def multiply_parts(x: np.ndarray) -> np.ndarray:
+            found = self.multiply(x[: self.n] + 1j * x[self.n :]) * factor
+            return np.concatenate([found.real, found.imag])
+
+        if not self.is_real:
+            return _core.Operator.product(2 * self.n, multiply_parts)
+        found = _core.Operator.product(self.n, multiply)
+        return found.twice() if is_doubled else found

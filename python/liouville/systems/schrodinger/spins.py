@@ -10,19 +10,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from liouville import _core
 from liouville._arguments import check_memory, count
 from liouville.systems._trace import numbers
-from liouville.systems.schrodinger.entries import SMALL, Bounds, Entries, check_size
-
-#: Blocks of so many bonds are diagonalised to bound the energies.
-BLOCK = 7
-
-#: The core takes no longer chains.
-LONGEST = 32
-
-#: Bytes that are taken for each basis state while the bounds of the energies are found.
-BUILDING = 44.0
+from liouville.systems.schrodinger.entries import Entries, check_size
+from liouville.systems.schrodinger.exchange import BUILDING, MOST, Exchange, states_of
 
 
 @dataclass(frozen=True, init=False, eq=False, repr=False)
@@ -104,8 +95,8 @@ class SpinChain:
         for name, value in found.items():
             object.__setattr__(self, name, value)
         hint = "give up=, the number of spins that are up, or fewer spins"
-        if n > LONGEST:
-            raise ValueError(f"length = {n}: chains have at most {LONGEST} spins")
+        if n > MOST:
+            raise ValueError(f"length = {n}: chains have at most {MOST} spins")
         check_memory(f"a chain of {n} spins, with a state", (16.0 + BUILDING) * self.size, hint)
 
     def __repr__(self) -> str:
@@ -121,16 +112,7 @@ class SpinChain:
     @cached_property
     def basis(self) -> np.ndarray:
         """The basis states in order."""
-        if self.up is None:
-            return np.arange(2**self.length)
-        low = self.length // 2
-        down = self.length - self.up
-        states = np.arange(2**low)
-        by_count = [states[np.bitwise_count(states) == k] for k in range(low + 1)]
-        high = np.arange(2 ** (self.length - low))
-        rest = down - np.bitwise_count(high).astype(int)
-        fits = np.flatnonzero((rest >= 0) & (rest <= low))
-        return np.concatenate([(high[k] << low) + by_count[rest[k]] for k in fits])
+        return states_of(self.length, self.up).states
 
     def __getstate__(self) -> dict[str, Any]:
         """Leave out what can be computed again."""
@@ -138,8 +120,8 @@ class SpinChain:
 
     def index(self, state: int) -> int:
         """Return the place of a basis state; ValueError if it is in another sector."""
-        place = int(np.searchsorted(self.basis, state))
-        if place == self.size or self.basis[place] != state:
+        place = states_of(self.length, self.up).place(state)
+        if place is None:
             raise ValueError(f"state {state} is not among the {self.size} of this sector")
         return place
 
@@ -153,77 +135,14 @@ class SpinChain:
         pairs = [(i, i + 1) for i in range(self.length - 1)]
         return [*pairs, (self.length - 1, 0)] if self.periodic else pairs
 
+    @property
+    def exchange(self) -> Exchange:
+        """The chain as the core takes it."""
+        return Exchange(self.bonds, self.xy, self.z, self.field, self.up)
+
     def entries(self) -> Entries:
         """Return the matrix H in the basis."""
-        basis, n = self.basis, self.size
-        row, col, values = [np.arange(n)], [np.arange(n)], [self._discs()[0]]
-        for (i, j), xy in zip(self.bonds, self.xy, strict=True):
-            if xy:
-                at = np.flatnonzero(self._differ(i, j))
-                row.append(at)
-                col.append(np.searchsorted(basis, basis[at] ^ (1 << i | 1 << j)))
-                values.append(np.full(at.size, xy / 2))
-        return Entries.of(n, np.concatenate(row), np.concatenate(col), np.concatenate(values))
-
-    def bounds(self) -> Bounds:
-        """Bound the energies in the sector, by those of blocks of bonds, and as Gershgorin does."""
-        if self.size <= SMALL:
-            return self.entries().bounds
-        diagonal, radius = self._discs()
-        low, high = self._of_blocks()
-        return max(low, float((diagonal - radius).min())), min(
-            high, float((diagonal + radius).max())
-        )
-
-    def _discs(self) -> tuple[np.ndarray, np.ndarray]:
-        """Return the diagonal, and the sum of what is beside it in each row."""
-        diagonal = sum((h * self.sz(i) for i, h in enumerate(self.field) if h), np.zeros(self.size))
-        radius = np.zeros(self.size)
-        for (i, j), xy, z in zip(self.bonds, self.xy, self.z, strict=True):
-            differ = self._differ(i, j)
-            diagonal += np.where(differ, -z / 4, z / 4)
-            radius += np.where(differ, abs(xy) / 2, 0.0)
-        return diagonal, radius
-
-    def _differ(self, i: int, j: int) -> np.ndarray:
-        differ: np.ndarray = ((self.basis >> i ^ self.basis >> j) & 1).astype(bool)
-        return differ
-
-    def operator(self, factor: float) -> _core.Operator:
-        """Return H times a number, without a matrix."""
-        bonds = [
-            (i, j, factor * float(xy), factor * float(z))
-            for (i, j), xy, z in zip(self.bonds, self.xy, self.z, strict=True)
-        ]
-        return _core.Operator.spins(bonds, (factor * self.field).tolist(), self.up)
-
-    def _of_blocks(self) -> Bounds:
-        """Add the energies of blocks of bonds; a spin's field is shared by the blocks it is in."""
-        low, high, bonds = 0.0, 0.0, self.length - 1
-        seen: dict[bytes, Bounds] = {}
-        blocks = [(np.arange(k, min(k + BLOCK, bonds))) for k in range(0, bonds, BLOCK)]
-        spins = [np.append(block, block[-1] + 1) for block in blocks]
-        if self.periodic:
-            blocks.append(np.array([bonds]))
-            spins.append(np.array([bonds, 0]))
-        shares = np.bincount(np.concatenate(spins), minlength=self.length)
-        for block, inside in zip(blocks, spins, strict=True):
-            own = self.field[inside] / shares[inside]
-            found = self._of_block(self.xy[block], self.z[block], own, seen)
-            low, high = low + found[0], high + found[1]
-        return low, high
-
-    @staticmethod
-    def _of_block(
-        xy: np.ndarray, z: np.ndarray, own: np.ndarray, seen: dict[bytes, Bounds]
-    ) -> Bounds:
-        key = b"".join(x.tobytes() for x in (xy, z, own))
-        if key not in seen:
-            block = SpinChain(own.size, xy, z, own).entries()
-            eigenvalues = np.linalg.eigvalsh(block.dense())
-            slack = 1e-12 * max(abs(eigenvalues[0]), abs(eigenvalues[-1]))
-            seen[key] = float(eigenvalues[0] - slack), float(eigenvalues[-1] + slack)
-        return seen[key]
+        return self.exchange.entries()
 
 
 def _along(name: str, value: Any, size: int, what: str) -> np.ndarray:

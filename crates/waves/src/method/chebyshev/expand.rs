@@ -1,6 +1,6 @@
 //! The terms of a series, added up at all outputs of a window.
 
-use super::super::bessel::series;
+use super::super::bessel::series_into;
 use super::super::observe::dot;
 use super::super::{Move, Sink, squares};
 use super::{Chebyshev, Series};
@@ -45,17 +45,20 @@ impl<S: Stored> Chebyshev<S> {
             return place;
         }
         if self.lengths.len() > 1 {
-            self.kept.clear();
+            self.spare.append(&mut self.kept);
         }
         if self.kept.len() == KEPT {
-            self.kept.remove(0);
+            self.spare.push(self.kept.remove(0));
         }
         let whole = self.lengths.last().map_or(0.0, |length| length.abs());
         let tolerance = self.rate * whole;
-        let each = self.lengths.iter();
-        let c = each.map(|s| series(self.beta * s, tolerance)).collect();
-        let lengths = self.lengths.clone();
-        self.kept.push(Series { lengths, c });
+        let mut series = self.spare.pop().unwrap_or_default();
+        series.lengths.clone_from(&self.lengths);
+        series.c.resize_with(self.lengths.len(), Vec::new);
+        for (c, s) in series.c.iter_mut().zip(&self.lengths) {
+            series_into(self.beta * s, tolerance, c);
+        }
+        self.kept.push(series);
         self.kept.len() - 1
     }
 
@@ -141,8 +144,7 @@ impl<S: Stored> Chebyshev<S> {
     /// Makes all outputs of the window of a state.
     fn expand_parts(&mut self, parts: [&[S]; 2]) -> Result<Expanded, StepError> {
         let series = self.series_for();
-        let n = parts[0].len();
-        let rows = if self.is_doubled { 2 * n } else { n };
+        let rows = self.sweeper.hamiltonian().size();
         if self.lengths.len() == 1 {
             for sum in &mut self.next {
                 sum.clear();
@@ -152,7 +154,7 @@ impl<S: Stored> Chebyshev<S> {
             self.outputs.reset(rows, self.lengths.len())?;
             self.block.reset(rows, AT_ONCE)?;
         }
-        if self.is_doubled {
+        if self.sweeper.hamiltonian().is_doubled() {
             // the terms are complex vectors (q, p): even ones are summed in (C, C'), odd ones in (S, S')
             self.turns[0].clear();
             self.turns[0].extend_from_slice(parts[0]);
@@ -239,13 +241,13 @@ impl<S: Stored> Chebyshev<S> {
     pub(super) fn read(&mut self, output: usize, n: usize) {
         let [even, odd] = &mut self.next;
         if self.lengths.len() > 1 {
-            let rows = if self.is_doubled { 2 * n } else { n };
+            let rows = self.sweeper.hamiltonian().size();
             for (part, sum) in [&mut *even, &mut *odd].into_iter().enumerate() {
                 sum.resize(rows, S::splat(0.0));
                 self.outputs.read(output, part, sum);
             }
         }
-        if self.is_doubled {
+        if self.sweeper.hamiltonian().is_doubled() {
             // ψ = C + S' + i (C' − S)
             let (q, p) = even.split_at_mut(n);
             add(q, 1.0, &odd[n..]);

@@ -8,7 +8,7 @@
 //! that outputs inside it take no products of their own and are as exact as its end.
 //! T_{k+1} = 2 G T_k − T_{k−1} overwrites T_{k−1}: even and odd k take turns in two arrays. Even terms are
 //! real multiples of the start of the series, odd ones imaginary; a real ψ thus needs one recurrence of
-//! real vectors, any other ψ two, one after another. At one output terms are added up where they are made, at
+//! real vectors, any other ψ two, one after another. The terms of a complex H are complex vectors. At one output terms are added up where they are made, at
 //! several in blocks of copies.
 //!
 //! Within the bounds no T_k(G) u is longer than u. One that is proves that the spectrum reaches out of them, and is
@@ -25,7 +25,7 @@ use liouville_base::method::{Stats, Stepper};
 use liouville_base::simd::Stored;
 
 /// The coefficients of a window of these lengths, for each of its outputs.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Default)]
 struct Series {
     lengths: Vec<f64>,
     c: Vec<Vec<f64>>,
@@ -47,8 +47,9 @@ pub struct Chebyshev<S: Stored> {
     beta: f64,
     rate: f64,
     guard: f64,
-    is_doubled: bool,
     kept: Vec<Series>,
+    /// Memory of coefficients that are of no more use.
+    spare: Vec<Series>,
     moves: Vec<Move>,
     /// T_k(G) u of even k, and of odd k.
     turns: [Vec<S>; 2],
@@ -83,8 +84,8 @@ impl<S: Stored> Chebyshev<S> {
             beta: 0.0,
             rate,
             guard,
-            is_doubled: false,
             kept: Vec::new(),
+            spare: Vec::new(),
             moves: Vec::new(),
             turns: empty(),
             next: empty(),
@@ -105,21 +106,12 @@ impl<S: Stored> Chebyshev<S> {
         series
     }
 
-    /// The same for a Hermitian H = A + iB, of which the sweeper knows [[A, −B], [B, A]] by its products
-    /// with (q, p): the terms are complex vectors then.
-    #[must_use]
-    pub fn hermitian(self) -> Self {
-        let is_doubled = true;
-        Self { is_doubled, ..self }
-    }
-
     /// The same with several outputs from a series; steps are from each output to the next.
     #[must_use]
     pub fn with_windows(self, windows: Windows) -> Self {
         let mut series = Self { windows, ..self };
         if series.windows.most() > 1 {
-            let rows = series.sweeper.hamiltonian().size();
-            let n = if series.is_doubled { rows / 2 } else { rows };
+            let n = series.sweeper.hamiltonian().places();
             series.start.parts = [vec![S::splat(0.0); n], vec![S::splat(0.0); n]];
         }
         series
@@ -141,7 +133,7 @@ impl<S: Stored> Chebyshev<S> {
         // a spectrum of one number is known to rounding errors
         let least = (8.0 * f64::EPSILON * self.sigma.abs()).max(1e-290);
         self.beta = (0.5 * (high - low)).max(least);
-        self.kept.clear();
+        self.spare.append(&mut self.kept);
     }
 }
 
@@ -186,10 +178,8 @@ impl<S: Stored> Stepper for Chebyshev<S> {
 
     /// Windows begun again with wider bounds are cold starts.
     fn stats(&self) -> Stats {
-        // a product of the doubled matrix is four real ones, the counterpart of two with real H
-        let each = if self.is_doubled { 2 } else { 1 };
         Stats {
-            evaluations: each * (self.sweeper.products() - self.repeated),
+            evaluations: self.sweeper.products() - self.repeated,
             cold_starts: self.again,
             ..Stats::default()
         }

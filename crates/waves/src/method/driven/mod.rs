@@ -42,8 +42,6 @@ pub struct Driven {
     pub rate: f64,
     /// Of the norm.
     pub tolerance: f64,
-    /// Whether H acts on real and imaginary parts one after the other.
-    pub is_doubled: bool,
 }
 
 /// What windows come to: series of powers and of Bessel functions, and the products of all of them.
@@ -151,14 +149,13 @@ impl DrivenSeries {
     pub fn new(sweeper: &Sweeper<f64>, driven: Driven, times: Vec<f64>) -> Option<Self> {
         let hamiltonian = sweeper.hamiltonian();
         let sampler = driven.sampler(hamiltonian)?;
-        let n = hamiltonian.size();
-        let size = if driven.is_doubled { n } else { 2 * n };
+        let size = 2 * hamiltonian.places();
         let empty = || Point {
             parts: vec![0.0; size],
             ..Point::default()
         };
         Some(Self {
-            terms: Terms::new(sweeper, &driven.groups, driven.is_doubled),
+            terms: Terms::new(sweeper, &driven.groups),
             sampler,
             fit: Fit::default(),
             times,

@@ -10,7 +10,7 @@
 use super::choice::{Form, Window};
 use super::fit::Fit;
 use crate::method::{Move, Sink, Sweeper};
-use crate::problem::{Hamiltonian, Update};
+use crate::problem::Update;
 use liouville_base::error::StepError;
 use liouville_base::linalg::add_scaled;
 use std::sync::Arc;
@@ -23,7 +23,6 @@ type Flat = Vec<f64>;
 pub(super) struct Terms {
     /// Products with each group of terms.
     groups: Vec<Sweeper<f64>>,
-    is_doubled: bool,
     /// The terms c_n, of powers as many as are needed, of Bessel functions the last two.
     c: Vec<Flat>,
     /// w^l, of even n and of odd n.
@@ -37,16 +36,16 @@ pub(super) struct Terms {
 
 impl Terms {
     /// Memory for terms of a Hamiltonian in groups of so many.
-    pub(super) fn new(sweeper: &Sweeper<f64>, counts: &[usize], is_doubled: bool) -> Self {
-        let mut terms = sweeper.hamiltonian().terms();
+    pub(super) fn new(sweeper: &Sweeper<f64>, counts: &[usize]) -> Self {
+        let hamiltonian = sweeper.hamiltonian();
+        let mut terms = hamiltonian.terms();
         let mut group = |count: &usize| {
             let (now, later) = terms.split_at(*count);
             terms = later;
-            sweeper.clone().of(Arc::new(Hamiltonian::new(now.to_vec())))
+            sweeper.clone().of(Arc::new(hamiltonian.part(now)))
         };
         Self {
             groups: counts.iter().map(&mut group).collect(),
-            is_doubled,
             c: Vec::new(),
             w: Vec::new(),
             sum: Vec::new(),
@@ -155,12 +154,8 @@ impl Terms {
                 diagonal: 0.0,
             };
             let step = [Move::new(true, update)];
-            let half = if self.is_doubled {
-                self.sum.len()
-            } else {
-                self.sum.len() / 2
-            };
-            let parts = self.sum.chunks_mut(half).zip(self.product.chunks_mut(half));
+            let size = self.groups[k].hamiltonian().size();
+            let parts = self.sum.chunks_mut(size).zip(self.product.chunks_mut(size));
             for (x, out) in parts {
                 self.groups[k].run(&step, x, out, Sink::Nothing)?;
             }
@@ -172,7 +167,7 @@ impl Terms {
 
     fn add_potential(&mut self, window: &Window, fit: &Fit, newer: f64) {
         let (n, count) = (self.n, self.c.len());
-        let size = self.product.len() / 2;
+        let size = self.groups[0].hamiltonian().size();
         for (l, v) in fit.potential.chunks(size).enumerate().take(n + 1) {
             let (factor, x) = match (window.form, l) {
                 (_, 0) => (1.0, &self.c[n % count]),

@@ -160,7 +160,7 @@ impl<S: Stored> Sweeper<S> {
         &self.hamiltonian
     }
 
-    /// Real products made so far.
+    /// Real products made so far; one with the doubled matrix of a complex H counts as two.
     pub fn products(&self) -> usize {
         self.products
     }
@@ -192,6 +192,12 @@ impl<S: Stored> Sweeper<S> {
             }
         }
         Ok(())
+    }
+
+    /// Products that one of this type counts as.
+    fn each(&self) -> usize {
+        let parts = if self.hamiltonian.is_doubled() { 2 } else { 1 };
+        parts * S::MEMBERS
     }
 
     /// Whether threads share the rows.
@@ -234,13 +240,13 @@ impl<S: Stored> Sweeper<S> {
             if !is_made {
                 return Err(StepError::Interrupted);
             }
-            self.products += S::MEMBERS * moves.len();
+            self.products += self.each() * moves.len();
         }
         Ok(())
     }
 
     fn one(&mut self, step: &Move, x: &[S], out: &mut [S]) -> Result<(), StepError> {
-        self.products += S::MEMBERS;
+        self.products += self.each();
         let weighted = self.hamiltonian.at(self.current.as_ref());
         weighted.update(self.machine, step.update, x, out, &mut self.scratch)
     }

@@ -1,0 +1,179 @@
+"""Operators, states and drives as QuTiP and QuSpin have them, read without importing these."""
+
+from __future__ import annotations
+
+import inspect
+from collections.abc import Callable, Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from liouville.errors import hinted
+from liouville.systems._trace import numbers
+from liouville.systems.schrodinger.entries import numbers as array_of
+
+#: Pairs of a function of time and a matrix.
+Drive = list[tuple[Any, Any]]
+
+
+def plain(name: str, given: Any) -> Any:
+    """Return SciPy's or NumPy's form of an operator or state of QuTiP's or QuSpin's.
+
+    Raises
+    ------
+    TypeError
+        It is of another kind of theirs: a superoperator, or depends on time.
+    """
+    if _is_qobj(given):
+        if given.type not in ("oper", "ket"):
+            hint = "density matrices and open systems are not taken"
+            raise TypeError(hinted(f"{name} is a Qobj of type {given.type!r}", hint))
+        if given.type == "ket":
+            return np.asarray(given.full()).ravel()
+        sparse = getattr(given.data, "as_scipy", None)  # of QuTiP 5; a dense one has none
+        return given.full() if sparse is None else sparse()
+    if hasattr(given, "to_list") and hasattr(given, "isconstant"):
+        hint = "give the list that it was made of, [H0, [H1, f], [H2, samples]], and times="
+        raise TypeError(hinted(f"{name} is a QobjEvo, whose functions are compiled", hint))
+    if hasattr(given, "static") and hasattr(given, "dynamic"):
+        if given.dynamic:
+            hint = f"give {name}.static, and the others with functions of time as drive="
+            sentence = f"{name} has {len(given.dynamic)} parts that depend on time"
+            raise TypeError(hinted(sentence, hint))
+        return given.static
+    return given
+
+
+def _is_qobj(given: Any) -> bool:
+    return all(hasattr(given, name) for name in ("dims", "full", "data", "isket"))
+
+
+def state(psi: Any, size: int, is_ensemble: bool) -> Any:
+    """Return a state of QuTiP's, or a list of them, or a column, as NumPy has it."""
+    if isinstance(psi, (list, tuple)) and psi and all(map(_is_qobj, psi)):
+        return np.array([plain("psi", one) for one in psi])
+    if _is_qobj(psi) and not psi.isket:
+        hint = "density matrices and open systems are not taken"
+        raise TypeError(hinted(f"psi is a Qobj of type {psi.type!r}, wanted a ket", hint))
+    found = plain("psi", psi)
+    if not is_ensemble and getattr(found, "shape", None) == (size, 1):
+        return np.asarray(found).ravel()
+    return found
+
+
+def parted(
+    hamiltonian: Any, drive: Sequence[Any], times: ArrayLike | None
+) -> tuple[Any, list[Any]]:
+    """Return H without time, and pairs of a function and a matrix.
+
+    ``[H0, [H1, f], [H2, samples]]`` is a Hamiltonian as QuTiP has it. A sequence of samples at
+    `times` stands for its spline.
+    """
+    pairs: list[Any] = list(drive)
+    if _is_listed(hamiltonian):
+        still = [part for part in hamiltonian if not _is_pair(part)]
+        moved = [part for part in hamiltonian if _is_pair(part)]
+        pairs = [(_of_list(f), matrix) for matrix, f in moved] + pairs
+        matrices = [plain("H", part) for part in still]
+        if matrices:
+            hamiltonian = sum(matrices[1:], start=matrices[0])
+        elif moved:
+            hamiltonian = 0 * plain("H1", moved[0][0])
+    at = None if times is None else _times(times)
+    found = []
+    for k, pair in enumerate(pairs):
+        if not (isinstance(pair, (tuple, list)) and len(pair) == 2):
+            raise TypeError(f"drive[{k}] is a pair of a function and a matrix, not {pair!r}")
+        function, matrix = pair
+        if isinstance(function, str):
+            hint = "write it as a function of t and params, with ca.cos and ca.exp"
+            raise TypeError(hinted(f"drive[{k}] is the text {function!r}", hint))
+        if isinstance(function, (np.ndarray, list, tuple)):
+            function = Samples(f"drive[{k}]", function, at)
+        found.append((function, plain(f"H{k + 1}", matrix)))
+    return plain("H", hamiltonian), found
+
+
+def _is_listed(given: Any) -> bool:
+    """Return whether this is a list of operators and of pairs, and no matrix as nested lists."""
+    if not isinstance(given, list) or not given:
+        return False
+    return any(_is_pair(part) or _is_operator(part) for part in given)
+
+
+def _is_operator(given: Any) -> bool:
+    if isinstance(given, np.ndarray):
+        return given.ndim == 2
+    return _is_qobj(given) or hasattr(given, "tocsr") or hasattr(given, "static")
+
+
+def _is_pair(given: Any) -> bool:
+    return isinstance(given, (list, tuple)) and len(given) == 2 and _is_operator(given[0])
+
+
+def _of_list(function: Any) -> Any:
+    """Return a function of t and params from one of t alone, of t and a dict, or of t and names."""
+    if not callable(function):
+        return function
+    try:
+        _, *names = inspect.signature(function).parameters
+    except (TypeError, ValueError):  # of some functions that are not written in Python
+        return function
+    if names == ["params"]:
+        return function
+    return Named(function, tuple(names))
+
+
+class Named:
+    """A function of t and of some parameters by name, or of t and a dict ``args`` of all."""
+
+    def __init__(self, function: Callable[..., Any], names: tuple[str, ...]) -> None:
+        self.function, self.names = function, names
+
+    def __call__(self, t: Any, params: Any) -> Any:
+        """Call it with these parameters."""
+        if self.names == ("args",):
+            return self.function(t, dict(vars(params)))
+        return self.function(t, *(getattr(params, name) for name in self.names))
+
+
+class Samples:
+    """The spline through samples, which has an error of the fourth order in their distance.
+
+    Raises
+    ------
+    TypeError, ValueError
+        There are no times, or not as many, or the samples are complex.
+    """
+
+    def __init__(self, name: str, samples: Any, times: np.ndarray | None) -> None:
+        values = array_of(f"the function of {name}", samples)
+        if times is None:
+            hint = "give times=, or a function of t and params"
+            raise TypeError(
+                hinted(f"{name} is made of samples, and their times are not given", hint)
+            )
+        if values.dtype.kind == "c":
+            if values.imag.any():
+                hint = "z K + h.c. is Re z with K + K^+, and Im z with i (K - K^+)"
+                raise ValueError(hinted(f"the samples of {name} are complex", hint))
+            values = values.real
+        if values.shape != times.shape:
+            sentence = f"{name} has samples of shape {values.shape}"
+            raise ValueError(f"{sentence}, and there are {times.size} times")
+        from liouville.systems._table import table
+
+        ends = "not-a-knot" if times.size > 3 else "natural"
+        self.table = table(times, values.astype(float), ends=ends)
+
+    def __call__(self, t: Any, params: Any) -> Any:
+        """Return the spline's value."""
+        return self.table(t)
+
+
+def _times(times: ArrayLike) -> np.ndarray:
+    found = numbers(times)
+    if found is None or found.ndim != 1:
+        raise TypeError(f"times is an array of the times of samples, not {times!r}")
+    return found

@@ -1,0 +1,119 @@
+"""Ground and thermal states: energies that are known, errors within their bounds."""
+
+import numpy as np
+import pytest
+
+import liouville as lv
+from liouville.analysis.thermal_state import coefficients
+
+EXCHANGE = ["xx", "yy", "zz"]
+TWISTED = [("xy", 0.4), ("yx", -0.4), ("zz", 1.0), ("x", 0.3), ("y", 0.2)]
+
+
+@pytest.mark.parametrize(
+    ("length", "energy"), [(4, -2.0), (8, -3.651093409), (12, -5.387390917)]
+)  # of Bonner and Fisher: by all eigenvalues, and by Lanczos' method
+def test_the_ground_energy_of_a_ring_is_the_published_one(length, energy):
+    ring = lv.SpinSystem(length, EXCHANGE, periodic=True, up=length // 2)
+    ground = lv.ground_state(lv.Schrodinger(ring))
+    assert ground.energy == pytest.approx(energy, abs=6e-10)
+    assert np.linalg.norm(ground.psi) == pytest.approx(1.0)
+    assert ground.psi.dtype == float
+
+
+@pytest.mark.parametrize("hbar", [1.0, 2.0])
+@pytest.mark.parametrize("terms", [TWISTED, [("zz", -1.0), ("x", -1.2)]])
+def test_errors_of_a_ground_state_are_within_its_bounds(terms, hbar):
+    chain = lv.SpinSystem(9, terms, periodic=True)
+    matrix = chain.matrix()
+    exact = np.linalg.eigvalsh(matrix.toarray())
+    system = lv.Schrodinger(chain, hbar=hbar)
+    rough = lv.ground_state(system, tol=1e-3)
+    assert abs(rough.energy - exact[0]) < rough.estimate + 1e-13
+    assert rough.estimate < rough.bound
+    ground = lv.ground_state(system)
+    assert abs(ground.energy - exact[0]) < 1e-13 * np.ptp(exact)
+    assert np.linalg.norm(matrix @ ground.psi - ground.energy * ground.psi) < 2 * ground.bound
+    assert ground.gap == pytest.approx(exact[1] - exact[0], abs=1e-8)
+    run = lv.integrate(system, lv.Chebyshev(), t=(0, 1), **ground.start)
+    turned = np.exp(-1j * ground.energy / hbar) * ground.psi
+    assert np.linalg.norm(run.psi[-1] - turned) < 1e-7
+
+
+def test_a_ground_state_of_a_driven_system_is_that_of_its_time():
+    chain = lv.SpinSystem(8, [("zz", -1.0)], pauli=True)
+    system = lv.Schrodinger(
+        chain, drive=[(lambda t, params: -params.g * t, chain.operator("x"))], params={"g": 2.0}
+    )
+    ground = lv.ground_state(system, t=0.25, params={"g": 4.0})
+    modes = np.linalg.svd(np.eye(8) + np.eye(8, k=-1), compute_uv=False)
+    assert ground.energy == pytest.approx(-modes.sum(), abs=1e-11)
+    assert ground.gap == pytest.approx(2 * modes[-1], abs=1e-8)
+
+
+def test_a_grid_that_depends_on_time_has_a_ground_state():
+    grid = lv.Grid(-10, 10, 160, potential=lambda t, x, params: (1 + t) ** 2 * x[0] ** 2 / 2)
+    ground = lv.ground_state(lv.Schrodinger(grid), t=1.0)
+    assert ground.energy == pytest.approx(1.0, abs=1e-10)
+    assert ground.gap == pytest.approx(2.0, abs=1e-6)
+
+
+@pytest.mark.parametrize("terms", [TWISTED, [("zz", 1.0), ("x", 0.5)]])
+def test_thermal_states_have_the_averages_of_all_states(terms):
+    temperature, chain = 0.7, lv.SpinSystem(7, terms)
+    system = lv.Schrodinger(chain, hbar=2.0)
+    energies, vectors = np.linalg.eigh(chain.matrix().toarray())
+    occupied = np.exp(-energies / temperature)
+    exact = energies @ occupied / occupied.sum()
+    thermal = lv.thermal_state(system, temperature, states=80)
+    assert abs(thermal.energy - exact) < 3 * thermal.energy_error < 0.1
+    assert thermal.log_partition == pytest.approx(np.log(occupied.sum()), abs=0.05)
+    bonds = chain.operator("zz", 1.0, (2, 3))
+    parts = vectors.conj().T @ (bonds[:, None] * vectors)
+    average = np.diag(parts).real @ occupied / occupied.sum()
+    run = lv.ensemble(system, lv.Chebyshev(), t=(0, 1), observe={"zz": bonds}, **thermal.start)
+    seen = run.observed["zz"]
+    assert (abs(thermal.mean(seen) - average) < 4 * thermal.error(seen)).all()
+
+
+def test_imaginary_time_is_the_exponential():
+    chain = lv.SpinSystem(6, [("zz", 1.0), ("x", 0.5)])
+    energies, vectors = np.linalg.eigh(chain.matrix().toarray())
+    start = np.random.default_rng(3).normal(size=chain.size)
+    for temperature in (0.02, 1.0, 100.0):
+        thermal = lv.thermal_state(lv.Schrodinger(chain), temperature, states=1, seed=3)
+        cooled = vectors @ (
+            np.exp(-(energies - energies[0]) / temperature / 2) * (vectors.T @ start)
+        )
+        cooled /= np.linalg.norm(cooled)
+        assert np.linalg.norm(thermal.psi[0] - cooled) < thermal.bound + 1e-13
+
+
+@pytest.mark.parametrize("x", [0.0, 1e-8, 0.3, 40.0, 3e4])
+def test_what_a_series_leaves_out_is_known(x):
+    factors, tail = coefficients(x)
+    points = np.linspace(-1, 1, 801)
+    series = np.polynomial.chebyshev.chebval(points, factors)
+    assert abs(series - np.exp(-x * (points + 1))).max() < tail + 1e-13
+    assert factors.size < 20 + 9 * np.sqrt(x)  # sqrt(2 x ln(2 / 1e-14)) and some more
+
+
+@pytest.mark.parametrize(
+    ("make", "error", "words"),
+    [
+        (lambda: lv.ground_state(lv.SpinSystem(4, ["z"])), TypeError, "is a Schrodinger equation"),
+        (lambda: lv.ground_state(lv.Schrodinger(np.eye(2)), tol=0.0), ValueError, "tol = 0"),
+        (lambda: lv.thermal_state(lv.Schrodinger(np.eye(2)), 0.0), ValueError, "is positive"),
+        (lambda: lv.thermal_state(lv.Schrodinger(np.eye(2)), 1.0, states=0), ValueError, "states"),
+    ],
+)
+def test_what_is_wrong_is_said(make, error, words):
+    with pytest.raises(error, match=words):
+        make()
+
+
+def test_an_energy_outside_the_bounds_is_seen():
+    system = lv.Schrodinger(lv.Lattice(300))
+    system.__dict__["_spectrum"] = system._spectrum.__class__((-1.5, 1.5), "probable")
+    with pytest.raises(RuntimeError, match="an energy lies outside the bounds"):
+        lv.thermal_state(system, 0.05, states=1)
