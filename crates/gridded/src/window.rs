@@ -1,0 +1,154 @@
+//! The potential as a spline of one coordinate, near the cell where that is.
+#![allow(clippy::inline_always)] // all of a kernel is compiled for one instruction set
+
+use crate::basis::{Basis, MOST, Place};
+use crate::plane::Plane;
+use liouville_base::simd::{Number, Stored};
+
+/// Coefficients of F and of its derivative by the other coordinate, of the functions from `first` on: those of three
+/// cells. `M` is two more than the functions of a cell.
+pub(crate) struct Window<T, const M: usize> {
+    pub(crate) first: usize,
+    values: [T; M],
+    slopes: [T; M],
+}
+
+/// The place of frozen coordinates: the coefficients there, and the values of their functions.
+pub(crate) struct Frozen<'a, T, const K: usize> {
+    plane: &'a Plane,
+    offset: [usize; K],
+    count: [usize; K],
+    weights: [[T; MOST]; K],
+    strides: [usize; K],
+}
+
+impl<'a, T: Number + Stored, const K: usize> Frozen<'a, T, K> {
+    #[inline(always)]
+    pub(crate) fn new(plane: &'a Plane, bases: &[Basis], places: [Place<T>; K], like: T) -> Self {
+        let mut strides = [plane.axes[0].functions() * plane.axes[1].functions(); K];
+        for k in (1..K).rev() {
+            strides[k - 1] = strides[k] * bases[k].functions();
+        }
+        let mut frozen = Self {
+            plane,
+            offset: [0; K],
+            count: [0; K],
+            weights: [[like; MOST]; K],
+            strides,
+        };
+        for k in 0..K {
+            frozen.offset[k] = places[k].cell * strides[k];
+            frozen.count[k] = bases[k].degree() + 1;
+            frozen.weights[k] = bases[k].values(places[k]);
+        }
+        frozen
+    }
+
+    /// Calls `add` with each product of functions: its weight, and where its coefficients begin.
+    #[inline(always)]
+    fn each(&self, mut add: impl FnMut(Option<T>, usize)) {
+        match K {
+            0 => add(None, 0),
+            1 => {
+                for i in 0..self.count[0] {
+                    add(
+                        Some(self.weights[0][i]),
+                        self.offset[0] + i * self.strides[0],
+                    );
+                }
+            }
+            _ => {
+                for i in 0..self.count[0] {
+                    for j in 0..self.count[1] {
+                        let weight = self.weights[0][i] * self.weights[1][j];
+                        let place = self.offset[0] + i * self.strides[0];
+                        add(Some(weight), place + self.offset[1] + j * self.strides[1]);
+                    }
+                }
+            }
+        }
+    }
+}
+
+impl<T: Number + Stored, const M: usize> Window<T, M> {
+    /// The window around cell `near` of the implicit coordinate, given the functions of the explicit one and their slopes.
+    /// `is_inner`: whether the implicit coordinate is the last of the array.
+    #[inline(always)]
+    pub(crate) fn new<const N: usize, const K: usize>(
+        frozen: &Frozen<'_, T, K>,
+        (cell, values, slopes): (usize, &[T; N], &[T; N]),
+        near: usize,
+        is_inner: bool,
+    ) -> Self {
+        let plane = frozen.plane;
+        let implicit = &plane.axes[usize::from(is_inner)];
+        let first = near.saturating_sub(1).min(implicit.cells() - 3);
+        let zero = values[0].like(0.0);
+        let mut window = Self {
+            first,
+            values: [zero; M],
+            slopes: [zero; M],
+        };
+        let stride = plane.axes[1].functions();
+        if is_inner {
+            let mut patch = [[zero; M]; N];
+            let corner = cell * stride + first;
+            frozen.each(
+                #[inline(always)]
+                |weight, place| plane.gather(&mut patch, weight, place + corner, stride),
+            );
+            for i in 0..N {
+                for m in 0..M {
+                    window.values[m] = window.values[m] + values[i] * patch[i][m];
+                    window.slopes[m] = window.slopes[m] + slopes[i] * patch[i][m];
+                }
+            }
+        } else {
+            let mut patch = [[zero; N]; M];
+            let corner = first * stride + cell;
+            frozen.each(
+                #[inline(always)]
+                |weight, place| plane.gather(&mut patch, weight, place + corner, stride),
+            );
+            for m in 0..M {
+                for i in 0..N {
+                    window.values[m] = window.values[m] + values[i] * patch[m][i];
+                    window.slopes[m] = window.slopes[m] + slopes[i] * patch[m][i];
+                }
+            }
+        }
+        window
+    }
+
+    /// Whether it has the functions of a cell.
+    #[inline(always)]
+    pub(crate) fn holds(&self, cell: usize) -> bool {
+        cell.wrapping_sub(self.first) < 3
+    }
+
+    /// F_e and F_eu, the derivatives by the explicit coordinate e and by both, given the functions of the cell of u.
+    #[inline(always)]
+    pub(crate) fn implicit<const N: usize>(
+        &self,
+        cell: usize,
+        (values, slopes): (&[T; N], &[T; N]),
+    ) -> (T, T) {
+        let own = &self.slopes[cell - self.first..][..N];
+        (dot(own, values), dot(own, slopes))
+    }
+
+    /// F_u
+    #[inline(always)]
+    pub(crate) fn explicit<const N: usize>(&self, cell: usize, slopes: &[T; N]) -> T {
+        dot(&self.values[cell - self.first..][..N], slopes)
+    }
+}
+
+#[inline(always)]
+fn dot<T: Number, const N: usize>(a: &[T], b: &[T; N]) -> T {
+    let mut sum = a[0] * b[0];
+    for i in 1..N {
+        sum = sum + a[i] * b[i];
+    }
+    sum
+}

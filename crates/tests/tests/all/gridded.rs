@@ -1,0 +1,146 @@
+//! Planes of gridded fields: their flows and adjoints, and what makes no plane.
+
+use liouville_base::dual::Dual;
+use liouville_base::simd::InstructionSet;
+use liouville_gridded::{Basis, Bounds, Fault, Malformed, Plane, PlaneFlow};
+
+/// The cubic functions of a periodic axis with cells of width one, by powers of s.
+const CUBIC: [f64; 16] = [
+    1.0 / 6.0,
+    4.0 / 6.0,
+    1.0 / 6.0,
+    0.0,
+    -0.5,
+    0.0,
+    0.5,
+    0.0,
+    0.5,
+    -1.0,
+    0.5,
+    0.0,
+    -1.0 / 6.0,
+    0.5,
+    -0.5,
+    1.0 / 6.0,
+];
+
+fn axis(cells: usize, bounds: Bounds) -> Result<Basis, Malformed> {
+    let edges: Vec<f64> = (0..=cells).map(|k| k as f64).collect();
+    let origin = edges[..cells].to_vec();
+    Basis::new(edges, 3, CUBIC.to_vec(), vec![0; cells], origin, bounds)
+}
+
+/// F = Σ sin(3 i + 5 j) B_i(v) B_j(w) on a periodic square of eight cells.
+fn plane(bounds: Bounds) -> Plane {
+    let coefficient = |k: usize| (3.0 * (k / 11 % 8) as f64 + 5.0 * (k % 11 % 8) as f64).sin();
+    let coefficients = (0..121).map(coefficient).collect();
+    let axes = [8, 8].map(|cells| axis(cells, bounds).expect("an axis"));
+    Plane::new(Vec::new(), axes, coefficients, [vec![0.1], vec![0.0]]).expect("a plane")
+}
+
+fn flow<T: liouville_base::simd::Stored + liouville_base::simd::Number>(
+    plane: &Plane,
+    [v, w]: [T; 2],
+    is_adjoint: bool,
+    h: f64,
+) -> Result<[T; 2], Fault> {
+    let x = [v, w, v, v];
+    let flow = PlaneFlow {
+        plane,
+        x,
+        is_adjoint,
+        h,
+    };
+    flow.run(InstructionSet::default())
+}
+
+#[test]
+fn an_adjoint_undoes_its_flow_across_cells_and_periods() {
+    let plane = plane(Bounds::Periodic);
+    for (h, start) in [(0.3, [0.2, 7.9]), (-0.4, [15.97, -8.01]), (0.7, [3.0, 4.0])] {
+        let there = flow(&plane, start, false, h).expect("a flow");
+        let back = flow(&plane, there, true, -h).expect("a flow");
+        assert!((back[0] - start[0]).abs() < 1e-13 && (back[1] - start[1]).abs() < 1e-13);
+        assert!((there[0] - start[0]).hypot(there[1] - start[1]) > 0.05);
+    }
+}
+
+#[test]
+fn the_derivative_of_a_flow_has_determinant_one() {
+    let plane = plane(Bounds::Periodic);
+    for is_adjoint in [false, true] {
+        let mut start = [Dual::constant(0.9), Dual::constant(2.4)];
+        start[0].tangents[0] = 1.0;
+        start[1].tangents[1] = 1.0;
+        let [v, w] = flow(&plane, start, is_adjoint, 0.6).expect("a flow");
+        let determinant = v.tangents[0] * w.tangents[1] - v.tangents[1] * w.tangents[0];
+        assert!((determinant - 1.0).abs() < 1e-14, "{determinant}");
+        assert!((v.tangents[0] - 1.0).abs() > 1e-2);
+    }
+}
+
+#[test]
+fn every_instruction_set_gives_the_same_bits() {
+    let plane = plane(Bounds::Periodic);
+    let x = [1.3, 5.6, 0.0, 0.0];
+    let ends = InstructionSet::all().into_iter().map(|machine| {
+        let flow = PlaneFlow {
+            plane: &plane,
+            x,
+            is_adjoint: false,
+            h: 0.5,
+        };
+        flow.run(machine).expect("a flow").map(f64::to_bits)
+    });
+    let ends: Vec<_> = ends.collect();
+    assert!(ends.windows(2).all(|pair| pair[0] == pair[1]));
+}
+
+#[test]
+fn a_coordinate_outside_an_open_axis_is_told_by_its_number() {
+    let plane = plane(Bounds::Open);
+    assert_eq!(flow(&plane, [8.5, 2.0], false, 0.1), Err(Fault::Outside(0)));
+    assert_eq!(flow(&plane, [2.0, -0.5], true, 0.1), Err(Fault::Outside(1)));
+    assert_eq!(
+        flow(&plane, [2.0, f64::NAN], true, 0.1),
+        Err(Fault::Outside(1))
+    );
+}
+
+#[test]
+fn what_makes_no_basis_or_plane_is_refused() {
+    assert_eq!(axis(2, Bounds::Wall), Err(Malformed::Cells { cells: 2 }));
+    let falling = Basis::new(
+        vec![0.0, 2.0, 1.0, 3.0],
+        3,
+        CUBIC.to_vec(),
+        vec![0; 3],
+        vec![0.0; 3],
+        Bounds::Open,
+    );
+    assert_eq!(falling, Err(Malformed::Edges { index: 2 }));
+    let far = Basis::new(
+        vec![0.0, 1.0, 2.0, 3.0],
+        3,
+        CUBIC.to_vec(),
+        vec![0, 1, 0],
+        vec![0.0; 3],
+        Bounds::Open,
+    );
+    assert_eq!(
+        far,
+        Err(Malformed::Table {
+            cell: 1,
+            table: 1,
+            tables: 1
+        })
+    );
+    let axes = [3, 3].map(|cells| axis(cells, Bounds::Open).expect("an axis"));
+    let short = Plane::new(Vec::new(), axes, vec![0.0; 35], [vec![0.0], vec![0.0]]);
+    let wanted = Malformed::Size {
+        name: "coefficients",
+        found: 35,
+        wanted: 36,
+    };
+    assert_eq!(short, Err(wanted));
+}

@@ -1,0 +1,112 @@
+"""Plans of gridded fields: their pieces are known, the step has to be short enough."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from liouville.errors import hinted
+from liouville.methods import VolumeSplitting
+from liouville.methods.composition import SCHEMES
+from liouville.planner.fields.plan import FieldPlan
+from liouville.planner.plan import AGAIN
+from liouville.splitting import Natural, Plane, PlaneSplit
+from liouville.systems.gridded import GriddedField
+from liouville.terms import Terms
+
+#: The composition where none is asked for, by the degree of the splines: of higher ones the order
+#: is lost at the faces of cells.
+USUAL = {3: "BM4", 5: "BM6"}
+
+#: Equations have a solution below 1, which is near to its start below this.
+MOST = 0.9
+
+
+def plan_gridded(
+    system: GriddedField, method: VolumeSplitting | FieldPlan, h: float
+) -> tuple[FieldPlan, PlaneSplit]:
+    """Return the plan of a gridded field for steps h, and the field split by it.
+
+    Raises
+    ------
+    TypeError
+        The method has words that are for polynomial fields.
+    ValueError
+        The step is too long, or a plan was made for another field.
+    """
+    parts = split_of(system)
+    if isinstance(method, FieldPlan):
+        if not method.is_gridded or (method.n, method.terms) != (parts.n, system.size):
+            sentence = (
+                f"the plan is not for a gridded field of {parts.n} variables and {system.size} "
+                f"coefficients: {method!r}"
+            )
+            raise ValueError(hinted(sentence, AGAIN))
+        check_step(system, method.method.composition, h)
+        return method, parts
+    _check_method(method)
+    name = USUAL[system.degree] if method.composition == "auto" else method.composition
+    scheme = SCHEMES[name]
+    theta = check_step(system, name, h)
+    order = min(int(scheme["order"]), system.degree)
+    found = replace(method, composition=name)
+    reasons = [
+        f"equations of a flow: theta = {theta:.2g} of the {MOST} that are taken; h up to "
+        f"{longest_step(system, name):.3g}",
+        f"splines of degree {system.degree}: order {order}",
+        f"{system.divergence:.1e} of the velocity was taken off, which had a divergence",
+    ]
+    cost = len(scheme["flows"]) * sum(piece.operations for piece in parts.pieces)
+    names = system.variables
+    pieces = tuple(
+        piece.described(names) if isinstance(piece, Plane) else f"shear of {names[-1]}: 1 term"
+        for piece in parts.pieces
+    )
+    plan = FieldPlan(
+        method=found, order=tuple(range(len(parts.pieces))), directions=(), n=parts.n,
+        terms=system.size, h=abs(h), seed=0, cost=float(cost), pieces=pieces,
+        reasons=tuple(reasons), is_gridded=True,
+    )  # fmt: skip
+    return plan, parts
+
+
+def split_of(system: GriddedField) -> PlaneSplit:
+    """Return the pieces of a gridded field."""
+    n = len(system.variables)
+    time = Terms(n, np.array([n - 1]), np.ones(1), np.full((1, 1), -1))
+    shear = (Natural(time),) if system.is_driven else ()
+    planes = (Plane(system, number) for number in range(len(system.planes)))
+    return PlaneSplit(n, (*shear, *planes))
+
+
+def longest_step(system: GriddedField, scheme: str) -> float:
+    """Return the longest step that is taken."""
+    largest = max(abs(float(alpha)) for alpha in _stages(scheme))
+    return MOST / (largest * system.steepest) if system.steepest else np.inf
+
+
+def check_step(system: GriddedField, scheme: str, h: float) -> float:
+    """Refuse a step whose equations may have no solution, else return theta."""
+    longest = longest_step(system, scheme)
+    theta = MOST * abs(h) / longest
+    if theta >= MOST:
+        sentence = (
+            f"a step of {abs(h):g} is too long for this grid: the equations of {scheme} have "
+            f"solutions for sure up to {longest:.3g}"
+        )
+        hint = f"give a smaller h, up to {0.99 * longest:.3g}; smoother data take longer steps"
+        raise ValueError(hinted(sentence, hint))
+    return theta
+
+
+def _stages(scheme: str) -> list[float]:
+    return [alpha for _, alpha in SCHEMES[scheme]["flows"]]
+
+
+def _check_method(method: VolumeSplitting) -> None:
+    usual = VolumeSplitting()
+    for name in ("diagonal", "off_diagonal", "linear", "runge_kutta"):
+        if getattr(method, name) != getattr(usual, name):
+            sentence = f"{name}= is for polynomial fields: a gridded field is split into planes"
+            raise TypeError(hinted(sentence, "VolumeSplitting(composition='BM4') has all there is"))

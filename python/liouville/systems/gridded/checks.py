@@ -1,0 +1,178 @@
+"""What a gridded field is given: axes, arrays and words, checked and brought into order."""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from liouville.errors import hinted
+from liouville.systems import _trace
+from liouville.systems.gridded.axis import Array, Axis, Bounds
+
+#: Degrees of the splines.
+DEGREES = (3, 5)
+
+#: Nodes are equidistant where their distances differ by no more than this part.
+EQUAL = 1e-6
+
+#: Splines in time have this degree.
+IN_TIME = 3
+
+#: A divergence above this part of the velocity is warned of, and refused above the larger one.
+SILENT, MOST_DIVERGENCE = 1e-3, 5e-2
+
+
+def axes_of(
+    nodes: Mapping[str, Any], periodic: Any, walls: Any, degree: Any, is_of_faces: bool
+) -> tuple[list[Axis], list[bool]]:
+    """Return the axes, and whether the values of each are to be reversed."""
+    if isinstance(degree, bool) or degree not in DEGREES:
+        raise ValueError(f"degree is {' or '.join(map(str, DEGREES))}, not {degree!r}")
+    periods = _periods(periodic, nodes)
+    walls = _named("walls", walls, nodes)
+    if both := [name for name in walls if name in periods]:
+        raise ValueError(f"'{both[0]}' is periodic and has walls; it is one of them or none")
+    axes, reversed_ = [], []
+    for name, given in nodes.items():
+        points = _points(name, given)
+        is_reversed = bool(points[0] > points[-1])
+        points = points[::-1] if is_reversed else points
+        bounds: Bounds = "open"
+        if name in periods:
+            bounds, points = "periodic", _with_period(name, points, periods[name])
+        elif name in walls:
+            bounds = "wall"
+        least = degree + 2 if bounds == "periodic" else degree + 1
+        if points.size - 1 < least:
+            what = "edges" if is_of_faces else "nodes"
+            sentence = f"'{name}' has {np.size(given)} {what}: splines of degree {degree} want more"
+            raise ValueError(hinted(sentence, f"give {least + 1} at least, or degree=3"))
+        axes.append(Axis(name, points, degree, bounds))
+        reversed_.append(is_reversed)
+    return axes, reversed_
+
+
+def time_axis(t: Any) -> Axis:
+    """Return the axis of the times of samples."""
+    times = _points("t", t)
+    if times[0] > times[-1]:
+        raise ValueError("t grows from sample to sample")
+    if times.size < IN_TIME + 1:
+        sentence = f"a field of {times.size} times has no cubic spline in time"
+        raise ValueError(hinted(sentence, "give 4 times at least, or one field without t="))
+    return Axis("t", times, IN_TIME, "open")
+
+
+def arrays_of(
+    what: str, given: Any, names: Sequence[str], shapes: Sequence[tuple[int, ...]]
+) -> list[Array]:
+    """Return the arrays of components with these shapes."""
+    if isinstance(given, np.ndarray) and len(shapes) == 1 and given.shape == shapes[0]:
+        given = (given,)
+    if isinstance(given, str) or not isinstance(given, (Sequence, np.ndarray)):
+        raise TypeError(f"{what} is a tuple of arrays, not {type(given).__name__}")
+    if len(given) != len(shapes):
+        wanted = f"{len(shapes)} arrays" if len(shapes) > 1 else "one array"
+        raise ValueError(f"{what} has {len(given)} components, wanted {wanted}")
+    arrays = []
+    for name, values, shape in zip(names, given, shapes, strict=True):
+        array = _trace.numbers(values)
+        if array is None:
+            raise TypeError(f"{what} of '{name}' is an array of real numbers")
+        if array.shape != shape:
+            sentence = f"{what} of '{name}' has shape {array.shape}, wanted {shape}"
+            hint = "axes are in the order (t, x, y, z), the time only where t= is given"
+            if array.shape == shape[::-1]:
+                hint = f"{hint}: transpose it"
+            raise ValueError(hinted(sentence, hint))
+        arrays.append(np.asarray(array, dtype=float))
+    return arrays
+
+
+def check_ends(what: str, arrays: Sequence[Array], axes: Sequence[Axis], lead: int) -> None:
+    """Refuse periodic data whose last values are the first ones."""
+    for k, axis in enumerate(axes):
+        if not axis.is_periodic:
+            continue
+        ends = [(np.take(x, 0, lead + k), np.take(x, -1, lead + k)) for x in arrays]
+        is_one = all(np.array_equal(*pair, equal_nan=True) for pair in ends)
+        if is_one and any(np.any(np.diff(x, axis=lead + k)) for x in arrays):
+            sentence = f"{what} at the last '{axis.name}' is that at the first"
+            raise ValueError(hinted(sentence, "leave out the last one, which is a period later"))
+
+
+def gauge_of(gauge: str | None, what: str, axes: Sequence[Axis]) -> str:
+    """Return the gauge asked for, or the one that a field has without."""
+    if gauge is None:
+        is_open = any(axis.bounds == "open" for axis in axes)
+        return "given" if what == "potential" and is_open else "coulomb"
+    if gauge not in ("coulomb", "given"):
+        raise ValueError(f"gauge is 'coulomb' or 'given', not {gauge!r}")
+    if gauge == "given" and what != "potential":
+        raise ValueError(f"gauge='given' is for potential=, and {what} has none")
+    return gauge
+
+
+def check_divergence(part: float, most: float) -> None:
+    """Warn of a divergence that was taken off, or refuse it."""
+    if part > most:
+        sentence = (
+            f"the field is not divergence-free: {part:.1%} of it would have to be taken off, more "
+            f"than {most:.1%}"
+        )
+        hint = (
+            "look at units, at the order of axes and at periodic= and walls=, through which "
+            "nothing may flow; or allow more with most_divergence="
+        )
+        raise ValueError(hinted(sentence, hint))
+    if part > SILENT:
+        warnings.warn(
+            f"the field was not divergence-free: {part:.1%} of it was taken off", stacklevel=5
+        )
+
+
+def _points(name: str, given: ArrayLike) -> Array:
+    points = _trace.numbers(given)
+    if points is None or points.ndim != 1 or points.size < 2:
+        raise TypeError(f"{name} is an array of the nodes along the axis, not {given!r}")
+    points = np.array(points, dtype=float)
+    if not np.isfinite(points).all():
+        raise ValueError(f"{name} has nodes that are not finite")
+    steps = np.diff(points)
+    if not ((steps > 0).all() or (steps < 0).all()):
+        raise ValueError(f"{name} has nodes that are not in order")
+    if np.ptp(steps) <= EQUAL * np.abs(steps).max():
+        points = np.linspace(points[0], points[-1], points.size)
+    return points
+
+
+def _with_period(name: str, points: Array, period: float | None) -> Array:
+    steps = np.diff(points)
+    if np.ptp(steps) > EQUAL * steps.max():
+        sentence = f"'{name}' is periodic, and its nodes are not equidistant"
+        raise ValueError(hinted(sentence, "interpolate the data to equidistant nodes"))
+    whole = (points[-1] - points[0]) * points.size / (points.size - 1)
+    if period is not None and abs(period - whole) > 1e-3 * steps[0]:
+        sentence = f"'{name}' has period {period:g}, and its nodes one of {whole:g}"
+        raise ValueError(hinted(sentence, "the last node is not the first one a period later"))
+    found: Array = np.linspace(points[0], points[0] + (period or whole), points.size + 1)
+    return found
+
+
+def _periods(periodic: Any, names: Mapping[str, Any]) -> dict[str, float | None]:
+    if isinstance(periodic, Mapping):
+        _named("periodic", tuple(periodic), names)
+        return {name: float(period) for name, period in periodic.items()}
+    return dict.fromkeys(_named("periodic", periodic, names))
+
+
+def _named(what: str, given: Any, names: Mapping[str, Any]) -> tuple[str, ...]:
+    found = (given,) if isinstance(given, str) else tuple(given)
+    for name in found:
+        if name not in names:
+            raise ValueError(f"{what} names {name!r}, and the axes are {', '.join(names)}")
+    return found

@@ -1,0 +1,86 @@
+"""Coordinates in which a divergence is the plain one.
+
+With q = R^2 / 2 a field without divergence in space has none in (q, phi, Z):
+
+    q' = R v_R,   phi' = v_phi / R,   Z' = v_Z;   A_q = A_R / R,   A_phi -> R A_phi
+
+and on a sphere of radius a, with mu = sin(latitude), none in (longitude, mu):
+
+    lon' = u / (a cos lat),   mu' = v cos(lat) / a
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from liouville.systems.gridded.axis import Array
+
+#: The kinds of coordinates.
+KINDS = ("cartesian", "cylindrical", "spherical")
+
+#: Nodes nearer to an axis or a pole than this part of the rest cannot be told from it.
+POLE = 1e-9
+
+
+@dataclass(frozen=True)
+class Coordinates:
+    """The way from a user's coordinates to those that are stepped.
+
+    Attributes
+    ----------
+    kind : {"cartesian", "cylindrical", "spherical"}
+        Which they are.
+    radius : float
+        Of the sphere.
+    """
+
+    kind: str = "cartesian"
+    radius: float = 1.0
+
+    def names(self, given: tuple[str, ...]) -> tuple[str, ...]:
+        """Return the names of the coordinates that are stepped."""
+        if self.kind == "cylindrical":
+            return ("q", "phi", "Z")
+        return ("lon", "mu") if self.kind == "spherical" else given
+
+    def inward(self, x: Array) -> Array:
+        """Return states of points, the coordinate last."""
+        x = np.array(x, dtype=float)
+        if self.kind == "cylindrical":
+            x[..., 0] = x[..., 0] ** 2 / 2
+        elif self.kind == "spherical":
+            x = np.radians(x)
+            x[..., 1] = np.sin(x[..., 1])
+        return x
+
+    def outward(self, x: Array) -> Array:
+        """Return points of states."""
+        x = np.array(x, dtype=float)
+        if self.kind == "cylindrical":
+            x[..., 0] = np.sqrt(2 * x[..., 0])
+        elif self.kind == "spherical":
+            x[..., 1] = np.arcsin(np.clip(x[..., 1], -1, 1))
+            x = np.degrees(x)
+        return x
+
+    def velocity(self, components: Sequence[Array], first: Array, second: Array) -> list[Array]:
+        """Return the rates of the states, given the nodes along the first and the second axis."""
+        if self.kind == "cylindrical":
+            r = first[:, None, None]
+            return [r * components[0], components[1] / r, components[2]]
+        if self.kind == "spherical":
+            cosine = np.cos(np.radians(second))
+            return [components[0] / (self.radius * cosine), components[1] * cosine / self.radius]
+        return list(components)
+
+    def potential(self, components: Sequence[Array], first: Array) -> list[Array]:
+        """Return the potential in the coordinates of the states."""
+        if self.kind == "cylindrical":
+            r = first[:, None, None]
+            return [components[0] / r, r * components[1], components[2]]
+        if self.kind == "spherical":
+            return [components[0] / self.radius**2]
+        return list(components)

@@ -1,0 +1,129 @@
+"""The data of a gridded field: arrays on axes, land among them, and their potential."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from liouville.errors import hinted
+from liouville.systems.gridded import checks, islands
+from liouville.systems.gridded.axis import Array, Axis
+from liouville.systems.gridded.coordinates import POLE, Coordinates
+from liouville.systems.gridded.potential import (
+    Potential,
+    curl,
+    fluxes_of_faces,
+    fluxes_of_nodes,
+    of_potential,
+    solved,
+)
+
+
+@dataclass(frozen=True, eq=False)
+class Given:
+    """What is given of a field.
+
+    Attributes
+    ----------
+    what : {"velocity", "potential", "fluxes"}
+        Which arrays there are.
+    kind : Coordinates
+        The coordinates of the axes.
+    axes : list of Axis
+        In the user's coordinates.
+    time : Axis, or None
+        That of the samples.
+    """
+
+    what: str
+    kind: Coordinates
+    axes: list[Axis]
+    time: Axis | None
+
+    @property
+    def lead(self) -> int:
+        """How many axes of arrays are before those of space."""
+        return int(self.time is not None)
+
+    def arrays(self, data: Any, turned: Sequence[bool]) -> list[Array]:
+        """Return the arrays given, axes growing."""
+        what, axes, n = self.what, self.axes, len(self.axes)
+        times = () if self.time is None else (self.time.nodes,)
+        lead = len(times)
+        if what == "fluxes":
+            shapes = [
+                tuple(a.nodes if j == k else a.n for j, a in enumerate(axes)) for k in range(n)
+            ]
+        else:
+            count = 1 if what == "potential" and n == 2 else n
+            shapes = [tuple(axis.nodes for axis in axes)] * count
+        shapes = [times + shape for shape in shapes]
+        named = [axis.name for axis in axes] if len(shapes) == n else ["psi"]
+        arrays = checks.arrays_of(what, data, named, shapes)
+        if what != "fluxes":
+            checks.check_ends(what, arrays, axes, lead)
+        flips = tuple(lead + k for k, is_turned in enumerate(turned) if is_turned)
+        return [np.flip(array, flips) for array in arrays]
+
+    def land(
+        self, arrays: list[Array], mask: Any, turned: Sequence[bool]
+    ) -> tuple[list[Array], Any]:
+        """Return the arrays with zeros for land, and which cells are land."""
+        what, axes, lead = self.what, self.axes, self.lead
+        bad = [~np.isfinite(array) for array in arrays]
+        land = None
+        if mask is not None:
+            land = np.asarray(mask)
+            wanted = tuple(a.n if what == "fluxes" else a.nodes for a in axes)
+            if land.dtype != bool or land.shape != wanted:
+                raise ValueError(f"mask is an array of bool of shape {wanted}, not {land.shape}")
+            land = np.flip(land, tuple(k for k, is_turned in enumerate(turned) if is_turned))
+        if any(each.any() for each in bad):
+            if what != "velocity":
+                raise ValueError(hinted(f"{what} has values that are not finite", "give 0 on land"))
+            missing = np.logical_or.reduce(bad)
+            missing = missing.any(0) if lead else missing
+            land = missing if land is None else land | missing
+        if land is None:
+            return arrays, None
+        if len(axes) == 3:
+            sentence = f"{int(land.sum())} nodes have no velocity, and land is for a plane"
+            hint = "cut a box without land out, or give 0 there and let the field be smooth"
+            raise ValueError(hinted(sentence, hint))
+        if what == "fluxes":
+            return [np.nan_to_num(array) for array in arrays], land
+        arrays = [np.where(land, 0.0, array) for array in arrays]
+        return arrays, islands.cells_of_nodes(land, axes)
+
+    def stepped(self) -> list[Axis]:
+        """Return the axes in the coordinates that are stepped."""
+        axes, (first, second, *_) = self.axes, self.axes
+        if self.kind.kind == "cylindrical":
+            if not first.edges[0] > POLE * first.edges[-1]:
+                sentence = f"R begins at {first.edges[0]:g}, and cylindrical grids beyond the axis"
+                raise ValueError(hinted(sentence, "give a Cartesian grid around the axis"))
+            return [Axis(first.name, first.edges**2 / 2, first.p, first.bounds), *axes[1:]]
+        if self.kind.kind == "spherical":
+            if np.abs(second.edges).max() > 90 * (1 - POLE):
+                raise ValueError("latitudes are between -90 and 90 degrees, without the poles")
+            mu = np.sin(np.radians(second.edges))
+            lon = Axis(first.name, np.radians(first.edges), first.p, first.bounds)
+            return [lon, Axis(second.name, mu, second.p, second.bounds)]
+        return axes
+
+    def potential(self, arrays: list[Array], axes: list[Axis], gauge: str) -> Potential:
+        """Return the potential of the data on these axes, and the mean flow."""
+        what, lead, kind = self.what, self.lead, self.kind
+        nodes = [axis.edges[: axis.nodes] for axis in self.axes]
+        if what == "fluxes":
+            return solved(fluxes_of_faces(arrays, axes, lead), axes, lead)
+        if what == "velocity":
+            rates = kind.velocity(arrays, nodes[0], nodes[1])
+            return solved(fluxes_of_nodes(rates, axes, lead), axes, lead)
+        a = of_potential(kind.potential(arrays, nodes[0]), axes, lead)
+        if gauge == "coulomb":
+            return solved(curl(a, axes, lead), axes, lead)
+        return Potential(a, np.zeros((*a[0].shape[:lead], len(axes))), 0.0)

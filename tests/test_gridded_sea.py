@@ -1,0 +1,216 @@
+"""Gridded fields that depend on time, with islands, from data sets, and around a torus."""
+
+import numpy as np
+import pytest
+import xarray
+from scipy.io import netcdf_file
+
+import liouville as lv
+
+V = lv.VolumeSplitting
+
+
+def psi_of(t, x, y, eps=0.25, omega=np.pi / 5):
+    a = eps * np.sin(omega * t)
+    return -0.1 * np.sin(np.pi * (a * x**2 + (1 - 2 * a) * x)) * np.sin(np.pi * y)
+
+
+def velocity_of(t, x, y, eps=0.25, omega=np.pi / 5):
+    a = eps * np.sin(omega * t)
+    f, slope = a * x**2 + (1 - 2 * a) * x, 2 * a * x + 1 - 2 * a
+    u = -0.1 * np.pi * np.sin(np.pi * f) * np.cos(np.pi * y)
+    return u, 0.1 * np.pi * np.cos(np.pi * f) * slope * np.sin(np.pi * y)
+
+
+def sea(samples=81, n=32, t1=20.0):
+    """Return times, axes and velocities of the double gyre."""
+    t, x, y = np.linspace(0, t1, samples), np.linspace(0, 2, 2 * n + 1), np.linspace(0, 1, n + 1)
+    u, v = velocity_of(*np.meshgrid(t, x, y, indexing="ij"))
+    return t, x, y, u, v
+
+
+def driven(degree=3, **more):
+    t, x, y, u, v = sea(**more)
+    return lv.GriddedField(x, y, t=t, velocity=(u, v), walls=("x", "y"), degree=degree)
+
+
+def test_a_field_in_time_is_the_double_gyre():
+    field, rng = driven(), np.random.default_rng(0)
+    assert field.is_driven
+    assert field.times == (0, 20)
+    points = rng.uniform(0, 1, (100, 2)) * [2, 1]
+    for t in (0.0, 3.3, 20.0):
+        exact = np.stack(velocity_of(t, *points.T), axis=-1)
+        assert abs(field.velocity(points, t) - exact).max() < 2e-4
+    x = [[0.3, 0.4], [1.2, 0.7], [0.0, 0.2], [1.0, 1.0]]
+    found = lv.ensemble(field, V(), t=(0, 20), h=0.1, x=x)
+    assert (found.x[:, 2, 0] == 0).all()
+    assert (found.x[:, 3, 1] == 1).all()
+    found = lv.determinant(field, V(), t=(0, 20), h=0.1, x=x[0])
+    assert found.observed["defect"][-1] < 1e-12
+
+
+def test_time_keeps_the_order_of_steps_that_end_at_samples():
+    field, x = driven(5, samples=41), [[0.3, 0.4], [1.2, 0.7]]
+    for scheme, order in (("BM4", 4), ("BM6", 5.5)):
+        ends = [
+            lv.ensemble(field, V(composition=scheme), t=(0, 10), steps=n, every=n, x=x).x[-1]
+            for n in (20, 40, 320)
+        ]
+        errors = [abs(end - ends[-1]).max() for end in ends[:-1]]
+        assert np.log2(errors[0] / errors[1]) > order - 0.6
+
+
+def test_runs_beyond_the_samples_are_refused():
+    with pytest.raises(ValueError, match="t = 21 is outside the samples, which are from 0 to 20"):
+        lv.integrate(driven(), V(), t=(0, 21), h=0.1, x=[0.3, 0.4])
+    with pytest.raises(lv.IntegrationError, match="a stage of the composition is at a time outsid"):
+        lv.integrate(driven(), V(composition="Y4"), t=(0, 2), h=0.1, x=[0.3, 0.4])
+
+
+@pytest.fixture(scope="module")
+def archipelago():
+    """Return a gyre with two islands, one of them at a wall, and its land."""
+    _, x, y, u, v = sea(2, 24)
+    a, b = np.meshgrid(x, y, indexing="ij")
+    land = (np.hypot(a - 0.6, b - 0.5) < 0.16) | (np.hypot(a - 2, b - 0.4) < 0.2)
+    # a flow around the islands: the stream function is damped where they are
+    near = np.exp(-((np.hypot(a - 0.6, b - 0.5) / 0.3) ** 8))
+    psi = psi_of(0, a, b) * (1 - near) + near * psi_of(0, 0.6, 0.5)
+    del u, v
+    field = lv.GriddedField(x, y, potential=psi, walls=("x", "y"), degree=3)
+    nodes = field.velocity(np.stack([a, b], axis=-1))
+    u, v = (np.where(land, np.nan, nodes[..., k]) for k in (0, 1))
+    return lv.GriddedField(x, y, velocity=(u, v), walls=("x", "y"), most_divergence=1), land, (a, b)
+
+
+@pytest.mark.filterwarnings("ignore:the field was not divergence-free")
+def test_nothing_flows_on_islands_or_through_their_shores(archipelago):
+    field, land, (a, b) = archipelago
+    assert field.islands == 2
+    inland = land[:-1, :-1] & land[1:, :-1] & land[:-1, 1:] & land[1:, 1:]
+    centres = np.stack([a, b], -1)[:-1, :-1][inland] + 1 / 48
+    assert abs(field.velocity(centres)).max() < 1e-13
+    rng = np.random.default_rng(0)
+    x = rng.uniform(0, 1, (40, 2)) * [2, 1]
+
+    def is_inland(points):
+        i = np.floor(points * 24).astype(int)
+        return inland[i[..., 0].clip(0, 47), i[..., 1].clip(0, 23)]
+
+    x = x[~is_inland(x)]
+    h = 0.9 * 0.9 / (0.367 * field.steepest)
+    found = lv.ensemble(field, V(), t=(0, 400 * h), h=h, every=10, x=x)
+    assert not found.failures
+    assert not is_inland(found.x).any()
+
+
+def dataset(**more):
+    t, x, y, u, v = sea(21)
+    standard = "sea_water_{}_velocity"
+    attributes = {"standard_name": standard.format("x"), "units": "m s-1"}
+    other = attributes | {"standard_name": standard.format("y")}
+    dims = ("time", "north", "east")
+    return xarray.Dataset(
+        {"speed_u": (dims, u.transpose(0, 2, 1), attributes),
+         "speed_v": (dims, v.transpose(0, 2, 1), other)},
+        {"time": ("time", t, {"units": "s"}), "east": ("east", x, {"axis": "X", "units": "m"}),
+         "north": ("north", y, {"axis": "Y", "units": "m"} | more)},
+    )  # fmt: skip
+
+
+def test_a_data_set_is_read_by_its_attributes():
+    t, x, y, u, v = sea(21)
+    plain = lv.GriddedField(x, y, t=t, velocity=(u, v), walls=("x", "y"))
+    read = lv.GriddedField.from_xarray(dataset(), walls=("east", "north"))
+    assert read.coordinates == ("east", "north")
+    assert (read.velocity([0.3, 0.4], 3.3) == plain.velocity([0.3, 0.4], 3.3)).all()
+    level = dataset().expand_dims("depth")
+    assert lv.GriddedField.from_xarray(level, walls=("east", "north")).times == (0, 20)
+
+
+def write(path, **attributes):
+    t, x, y, u, v = sea(21)
+    with netcdf_file(path, "w") as file:
+        for name, values in (("time", t), ("lat", y), ("lon", x)):
+            file.createDimension(name, len(values))
+            file.createVariable(name, "d", (name,))[:] = values
+        file.variables["time"].units = "hours since 2026-01-01"
+        file.variables["lon"].units, file.variables["lat"].units = "degrees_east", "degrees_north"
+        for name, values in (("uo", u), ("vo", v)):
+            values = np.where(
+                np.hypot(x - 1, y[:, None] - 0.5) < 0.1, np.nan, values.swapaxes(1, 2)
+            )
+            one = file.createVariable(name, "d", ("time", "lat", "lon"))
+            one._FillValue, one.units = 1e20, "m s-1"
+            for key, value in attributes.items():
+                setattr(one, key, value)
+            one[:] = np.nan_to_num(values, nan=1e20)
+
+
+@pytest.mark.filterwarnings("ignore:the field was not divergence-free")
+def test_a_classic_file_is_read_with_its_units_and_its_land(tmp_path):
+    write(tmp_path / "sea.nc")
+    field = lv.GriddedField.from_netcdf(
+        tmp_path / "sea.nc", walls=("lon", "lat"), most_divergence=1
+    )
+    assert field.coordinates == ("lon", "mu")
+    assert field.islands == 1
+    assert field.times == (0, 20 * 3600)
+    start = field.states_of([0.3, 0.3])
+    assert np.allclose(field.points_of(start), [0.3, 0.3])
+    metres = field.velocity(start) * 6.371e6
+    assert np.allclose(metres, np.ravel(velocity_of(0, 0.3, 0.3)), rtol=0.1, atol=0.02)
+
+
+@pytest.mark.parametrize(
+    ("change", "sentence"),
+    [
+        (lambda d: d.drop_vars("speed_v"), "has no component v of a velocity; it has speed_u"),
+        (lambda d: d.assign_coords(north=d.north.assign_attrs(units="km")), "'north' is in km and"),
+        (lambda d: d.expand_dims(member=[1, 2]), "'member' of 'speed_u' is no axis that is known"),
+        (
+            lambda d: d.expand_dims(depth=[1.0, 2]),
+            "levels along 'depth', and there is no component",
+        ),
+        (lambda d: d.assign(more=d.speed_u), "u may be one of speed_u, more"),
+    ],
+)
+def test_a_data_set_that_does_not_fit_is_refused(change, sentence):
+    with pytest.raises(ValueError, match=sentence):
+        lv.GriddedField.from_xarray(change(dataset()), walls=("east", "north"))
+
+
+def torus(n=24, eps=0.0):
+    """Return a field of nested surfaces around R = 1, with F / R along phi, by its potential."""
+    r, z = np.linspace(0.6, 1.4, n + 1), np.linspace(-0.4, 0.4, n + 1)
+    phi = np.linspace(0, 2 * np.pi, 16, endpoint=False)
+    a, b, c = np.meshgrid(r, phi, z, indexing="ij")
+    s = (a - 1) ** 2 + c**2
+    psi = s / 2 + 2 * s**2
+    psi = psi + eps * (((a - 1) ** 2 - c**2) * np.cos(b) + 2 * (a - 1) * c * np.sin(b))
+    return lv.GriddedField(
+        r, phi, z, potential=(0 * a, psi / a, -2.2 * np.log(a)), periodic=("phi",),
+        coordinates="cylindrical",
+    )  # fmt: skip
+
+
+def test_field_lines_of_a_torus_stay_on_their_surfaces():
+    field = torus()
+    assert field.gauge == "given"
+    start = field.states_of([[1.1, 0, 0], [1.25, 0, 0], [1, 0, 0.2]])
+    rate = field.velocity(start)
+    assert np.allclose(rate[:, 1], 2.2 / (2 * start[:, 0]), rtol=1e-4)
+    found = lv.ensemble(field, V(), t=(0, 400), h=0.2, every=20, x=start)
+    psi = field.potential(found.x)[..., 1]
+    assert abs(psi[-20:] - psi[0]).max() < 3e-4 * psi[0].max()
+    assert lv.determinant(field, V(), t=(0, 20), h=0.2, x=start[1]).observed["defect"][-1] < 1e-12
+
+
+def test_a_section_of_a_torus_is_where_it_closes():
+    field = torus(eps=1e-2)
+    start = field.states_of([[1.15, 0.1, 0], [1.3, 0.1, 0]])
+    found = lv.section(field, V(), t=(0, 300), h=0.2, plane="phi", period=2 * np.pi, x=start)
+    assert len(found) > 80
+    points = field.points_of(found.x)
+    assert np.hypot(points[:, 0] - 1, points[:, 2]).max() < 0.39
