@@ -170,6 +170,25 @@ def polynomial(name, t):
     )
 
 
+def gridded():
+    """Return waves on a grid in space, whose planes have equations that are not explicit."""
+    nodes, rng = np.linspace(0, 2 * np.pi, 16, endpoint=False), np.random.default_rng(1)
+    points, potential = (
+        np.array(np.meshgrid(nodes, nodes, nodes, indexing="ij")),
+        np.zeros((3, 16, 16, 16)),
+    )
+    for _ in range(12):
+        k, phase = rng.integers(-2, 3, 3), rng.uniform(0, 2 * np.pi, 3)
+        for j in range(3):
+            potential[j] += rng.normal() * np.cos(np.tensordot(k, points, 1) + phase[j]) / 8
+    field = lv.GriddedField(
+        nodes, nodes, nodes, potential=tuple(potential), periodic=("x", "y", "z"), degree=5
+    )
+    best = lv.VolumeSplitting(composition="BM6", compensated=True)
+    start = {"x": [0.1, 0.2, 0.3]}
+    return Problem(field, start, (0.0, 1.0), floor=1e-11, best=best, best_steps=400)
+
+
 # --- wave functions ------------------------------------------------------------------------------
 
 CHAIN = lv.Lattice(8, potential=np.cos(np.arange(8.0)))
@@ -216,6 +235,21 @@ def driven():
     return Problem(system, {"psi": psi}, (t0, 2.3), exact=exact)
 
 
+def flux():
+    """Return a ring that a flux goes through: complex, and real by no gauge."""
+    still = CHAIN.entries().dense().astype(complex)
+    still[0, -1] = np.exp(0.9j)
+    still[-1, 0] = np.exp(-0.9j)
+    energies, vectors = np.linalg.eigh(still)
+    psi = random_state(8)
+
+    def exact(t):
+        return {"psi": vectors @ (np.exp(-1j * energies * t) * (vectors.conj().T @ psi))}
+
+    system = lv.Schrodinger(still)
+    return Problem(system, {"psi": psi}, (0.0, 3.0), exact=exact)
+
+
 def moving_grid():
     grid = lv.Grid(
         -8.0, 8.0, 64, lambda t, x, params: x**2 / 2 + 2 * ca.sin(2 * t) * x + x**4 / 100
@@ -246,7 +280,9 @@ FAMILIES = {
     "index 2": index2(),
     "five variables": polynomial("maxwell_bloch", 16.0),
     "cubic charge": polynomial("cubic_charge", 8.0),
+    "waves on a grid": gridded(),
     "chain": chain(),
     "driven chain": driven(),
+    "flux": flux(),
     "moving grid": moving_grid(),
 }

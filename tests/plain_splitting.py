@@ -3,16 +3,16 @@
 Pieces are tuples as the core reads them (``liouville.splitting.border.packed``), of lists or
 arrays:
 
-    ("natural", rows, term_rows, coefficients, factors, waves)              x_i += h R_i
-    ("shear", places, direction, term_rows, coefficients, factors, waves)   x += h g a
-    ("scaling", rows, term_rows, coefficients, factors)                     x_i *= exp(h p_i)
-    ("exponential", rows, rates, monomial)                                  x_i' = c_i x_i x^j
+    ("natural", rows, term_rows, coefficients, factors, functions)              x_i += h R_i
+    ("shear", places, direction, term_rows, coefficients, factors, functions)   x += h g a
+    ("scaling", rows, term_rows, coefficients, factors, functions)          x_i *= exp(h p_i)
+    ("exponential", rows, rates, monomial, functions)                       x_i' = c_i x_i x^j
     ("triangular", order, term_rows, coefficients, factors, A, b)           explicit Runge-Kutta
     ("affine", matrix, vector)                                              x' = A x + c
 
 Term k is ``coefficients[k]`` times the variables ``factors[k]`` (negative ones are absent, n + q
-is the q-th of the waves (places, k, phase)) and belongs to row ``term_rows[k]``. Nothing is fused,
-and every number is taken for the rational that it is.
+is the q-th of the functions, waves (places, k, phase)) and belongs to row ``term_rows[k]``. Nothing
+is fused, and every number is taken for the rational that it is.
 """
 
 from fractions import Fraction
@@ -53,45 +53,45 @@ def terms(rows, term_rows, coefficients, factors):
     ]
 
 
-def value(term, x, waves=()):
+def value(term, x, functions=()):
     """Evaluate a term."""
     _, coefficient, factors = term
 
     def factor(v):
         if v < len(x):
             return x[v]
-        where, k, phase = waves[v - len(x)]
+        where, k, phase = functions[v - len(x)]
         angle = zip(places(where), numbers(k), strict=True)
         return mp.cos(sum((k * x[i] for i, k in angle), numbers(phase)))
 
     return coefficient * prod(map(factor, factors), start=Fraction(1))
 
 
-def natural(x, h, rows, term_rows, coefficients, factors, waves=()):
+def natural(x, h, rows, term_rows, coefficients, factors, functions=()):
     z = list(x)
     for term in terms(rows, term_rows, coefficients, factors):
-        z[term[0]] += h * value(term, x, waves)
+        z[term[0]] += h * value(term, x, functions)
     return z
 
 
-def shear(x, h, rows, direction, term_rows, coefficients, factors, waves=()):
-    g = sum(value(term, x, waves) for term in terms([0], term_rows, coefficients, factors))
+def shear(x, h, rows, direction, term_rows, coefficients, factors, functions=()):
+    g = sum(value(term, x, functions) for term in terms([0], term_rows, coefficients, factors))
     z = list(x)
     for i, a in zip(places(rows), numbers(direction), strict=True):
         z[i] += h * g * a
     return z
 
 
-def scaling(x, h, rows, term_rows, coefficients, factors):
+def scaling(x, h, rows, term_rows, coefficients, factors, functions=()):
     z = list(x)
     for term in terms(rows, term_rows, coefficients, factors):
-        z[term[0]] *= mp.exp(h * value(term, x))
+        z[term[0]] *= mp.exp(h * value(term, x, functions))
     return z
 
 
-def exponential(x, h, rows, rates, monomial):
+def exponential(x, h, rows, rates, monomial, functions=()):
     monomial, rates = places(monomial), numbers(rates)
-    m = prod((x[v] for v in monomial), start=Fraction(1))
+    m = value((0, Fraction(1), monomial), x, functions)
     alpha = sum(c * monomial.count(i) for i, c in zip(places(rows), rates, strict=True))
     time = -mp.log(1 - alpha * h * m) / alpha if alpha else h * m
     z = list(x)

@@ -293,16 +293,22 @@ def volumes():
         )
 
 
-FIELDS = list(volumes())
+#: Splines of degree 5 leave orders up to theirs.
+_ON_GRIDS = Row(
+    lv.VolumeSplitting(composition="BM4"), 4, ("waves on a grid",), ("volume", "reversibility"),
+    (20, 26, 34, 44), room=0.24,
+)  # fmt: skip
+
+FIELDS = [*volumes(), _ON_GRIDS]
 
 #: Symplectic and reversible as maps of (Re psi, Im psi); those of the grid keep the norm too.
 _SHEARS = ("symplectic form", "reversibility")
 SPLIT = {"S2": 2, "BM4": 4, "RKN4s6": 4, "BM6": 6, "RKN6s11": 6}
 WAVES = [
-    Row(lv.SchrodingerSplitting(1e-6, "fast"), None, ("chain",), (*_SHEARS, "tolerance")),
-    Row(lv.SchrodingerSplitting(1e-6, "stable"), None, ("chain",), (*_SHEARS, "tolerance")),
-    Row(lv.Chebyshev(1e-6), None, ("chain",), ("tolerance",)),
-    Row(lv.Lanczos(1e-6, dimension=6), None, ("chain",), ("tolerance",)),
+    Row(lv.SchrodingerSplitting(1e-6, "fast"), None, ("chain", "flux"), (*_SHEARS, "tolerance")),
+    Row(lv.SchrodingerSplitting(1e-6, "stable"), None, ("chain", "flux"), (*_SHEARS, "tolerance")),
+    Row(lv.Chebyshev(1e-6), None, ("chain", "flux"), ("tolerance",)),
+    Row(lv.Lanczos(1e-6, dimension=6), None, ("chain", "flux"), ("tolerance",)),
     *(
         Row(lv.SplitOperator(name), order, ("moving grid",), (*_SHEARS, "norm"), (30, 42, 60), 0.2)
         for name, order in SPLIT.items()
@@ -323,7 +329,14 @@ WAVES = [
         for order in range(2, 7)
     ),
     *(
-        Row(lv.StabilitySplitting(order, stages), order, ("chain",), _SHEARS, _SPREAD, room=0.2)
+        Row(
+            lv.StabilitySplitting(order, stages),
+            order,
+            ("chain",),
+            _SHEARS,
+            _SPREAD,
+            room=0.2,
+        )
         for order, stages in ((2, 6), (4, 4), (6, 6), (8, 8))
     ),
 ]

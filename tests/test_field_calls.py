@@ -106,7 +106,12 @@ ROWS = [
         ValueError,
         "for a diagonal part of degree 2, not 3\nhint: take diagonal='exponentials' or 'shears'",
     ),
-    ("n+d waves", lambda: run(ABC, V("n+d")), ValueError, r"has waves\nhint: take diagonal='exp"),
+    (
+        "n+d waves",
+        lambda: run(ABC, V("n+d")),
+        ValueError,
+        r"has functions\nhint: take diagonal='exp",
+    ),
     # steps
     ("rtol", lambda: run(h=None, rtol=2.0), ValueError, "rtol is from 1e-12 to below 1, not 2"),
     ("rtol and steps", lambda: run(h=None, steps=4, rtol=1e-3), TypeError, "either steps, which"),

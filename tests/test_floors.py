@@ -47,6 +47,7 @@ CRATE_FLOORS = {
     ),
     "mechanics": (("events",), ("run",)),
     "fields": (("problem",), ("volume",), ("run",)),
+    "gridded": (),
     "waves": (("problem",), ("method",), ("run",)),
 }
 PACKAGE_FLOORS = (
@@ -100,7 +101,7 @@ PACKAGE_ROOMS = {
     "sympy": ("systems/_sympy.py", "systems/_sympy_expressions.py"),
     "torch": ("bridges/torch.py",),
     "typer": ("cli/",),
-    "xarray": ("export/",),
+    "xarray": ("export/", "systems/gridded/reading.py"),
     "zarr": ("export/",),
 }
 

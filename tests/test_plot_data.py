@@ -426,6 +426,13 @@ def test_members_and_states_that_are_not_there_are_refused(runs):
         plot.trajectories(runs["mechanics", False], "t")
 
 
+@pytest.mark.parametrize("what", [plot.overview, plot.energy, plot.observed, plot.density])
+def test_what_is_no_solution_is_refused(what):
+    words = f"what plot.{what.__name__} draws is a solution, not 'run.nc'\nhint: integrate"
+    with pytest.raises(TypeError, match=words):
+        what("run.nc")
+
+
 @pytest.mark.parametrize("panel", [plot.trajectories, plot.multipliers, plot.invariants])
 def test_names_as_one_string_are_refused_and_not_read_as_letters(runs, panel):
     with pytest.raises(TypeError, match=r"not 'xy'\nhint: give a list, such as names=\['"):

@@ -323,7 +323,7 @@ def test_other_waves_are_refused_by_name():
     terms = Terms.of(2, [(0, 1.0, (0, 3)), (1, -1.0, (2,))], (sin_y, cos_y))
     with pytest.raises(ValueError, match=r"terms sin\(v\) in v' are neither off-diagonal nor"):
         split(terms, names=["u", "v"])
-    with pytest.raises(ValueError, match="the field has waves"):
+    with pytest.raises(ValueError, match="the field has functions"):
         split(abc_flow(1, 1, 1), "n+d")
 
 

@@ -184,8 +184,8 @@ def test_products_of_waves_are_sums_of_cosines_and_sines():
     terms = Terms.of(2, [(0, 1.5, (2, 3, 1)), (1, -2.0, (4, 4, 5, 0)), (1, 0.3, (0, 0))], waves())
     resolved = terms.resolved()
     assert ((resolved.variables >= 2).sum(axis=1) <= 1).all()
-    assert {wave.phase for wave in resolved.waves} == {0.0, SINE}
-    assert all(wave.k[0] > 0 for wave in resolved.waves)
+    assert {wave.phase for wave in resolved.functions} == {0.0, SINE}
+    assert all(wave.k[0] > 0 for wave in resolved.functions)
     x = np.random.default_rng(0).normal(size=(5, 2))
     assert np.allclose(resolved.evaluate(x), terms.evaluate(x), atol=1e-14)
 

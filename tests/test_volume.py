@@ -62,9 +62,9 @@ def dense(n, d, seed):
 def takes(field, diagonal, off_diagonal):
     """Say whether a field can be split so."""
     terms = field.terms
-    if diagonal == "regular" and (terms.degree > 2 or terms.n < 3 or terms.waves):
+    if diagonal == "regular" and (terms.degree > 2 or terms.n < 3 or terms.functions):
         return False
-    return not (terms.waves and (diagonal in ("n+d", "shears")))
+    return not (terms.functions and (diagonal in ("n+d", "shears")))
 
 
 @pytest.mark.parametrize(

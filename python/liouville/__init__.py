@@ -32,6 +32,8 @@ from liouville.points import Points as Points
 from liouville.section import Section as Section
 from liouville.section import section as section
 from liouville.solution import Solution as Solution
+from liouville.systems import BosonSystem as BosonSystem
+from liouville.systems import FermionSystem as FermionSystem
 from liouville.systems import Grid as Grid
 from liouville.systems import Hamiltonian as Hamiltonian
 from liouville.systems import Lagrangian as Lagrangian
@@ -41,6 +43,7 @@ from liouville.systems import PolynomialField as PolynomialField
 from liouville.systems import Schrodinger as Schrodinger
 from liouville.systems import SemiExplicit as SemiExplicit
 from liouville.systems import SpinChain as SpinChain
+from liouville.systems import SpinSystem as SpinSystem
 from liouville.systems import Structure as Structure
 from liouville.tangents import Tangent as Tangent
 
@@ -48,10 +51,12 @@ if _typing.TYPE_CHECKING:
     from liouville import analysis as analysis
     from liouville import bodies as bodies
     from liouville.analysis.equilibrium import equilibrium as equilibrium
+    from liouville.analysis.ground_state import ground_state as ground_state
     from liouville.analysis.inverse_dynamics import inverse_dynamics as inverse_dynamics
     from liouville.analysis.linearization import linearize as linearize
     from liouville.analysis.modes import modes as modes
     from liouville.analysis.power import power_balance as power_balance
+    from liouville.analysis.thermal_state import thermal_state as thermal_state
     from liouville.bridges import casadi as casadi
     from liouville.bridges import jax as jax
     from liouville.bridges import torch as torch
@@ -72,14 +77,17 @@ if _typing.TYPE_CHECKING:
     from liouville.stored import resume as resume
     from liouville.systems._sympy_mechanics import from_sympy as from_sympy
     from liouville.systems._table import table as table
+    from liouville.systems.gridded import GriddedField as GriddedField
 
 #: Names that few runs need, by the modules that are imported when they are first used.
 _LATER = {
     "equilibrium": "analysis",
+    "ground_state": "analysis",
     "inverse_dynamics": "analysis",
     "linearize": "analysis",
     "modes": "analysis",
     "power_balance": "analysis",
+    "thermal_state": "analysis",
     "lyapunov": "exponents",
     "load": "export",
     "fit": "fitting",
@@ -95,6 +103,7 @@ _LATER = {
     "plan": "planner",
     "Store": "stored",
     "resume": "stored",
+    "GriddedField": "systems.gridded",
     "from_sympy": "systems._sympy_mechanics",
     "table": "systems._table",
 }

@@ -17,6 +17,7 @@ __all__ = [
     "Hamiltonian",
     "Mechanical",
     "Operator",
+    "Plane",
     "Pullback",
     "Rows",
     "Run",
@@ -36,8 +37,7 @@ __all__ = [
     "path",
     "processor_degree",
     "project",
-    "project_cotangents",
-    "project_tangents",
+    "project_linear",
     "run",
     "spark_tableau",
     "split_program",
@@ -226,6 +226,17 @@ def path(
 ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]] | _Error: ...
 
 @final
+class Plane:
+    def __new__(
+        cls,
+        frozen: Sequence[tuple[object, ...]],
+        axes: Sequence[tuple[object, ...]],
+        coefficients: NDArray[np.float64],
+        mean: Sequence[NDArray[np.float64]],
+    ) -> Plane: ...
+    def sample(self, points: NDArray[np.float64]) -> NDArray[np.float64]: ...
+
+@final
 class Split:
     def __new__(cls, n: int, pieces: Sequence[tuple[object, ...]]) -> Split: ...
 
@@ -249,6 +260,7 @@ class Operator:
     def product(
         n: int, function: Callable[[NDArray[np.float64]], NDArray[np.float64]]
     ) -> Operator: ...
+    def twice(self) -> Operator: ...
     @property
     def size(self) -> int: ...
 
@@ -257,6 +269,7 @@ class Hamiltonian:
     def __new__(
         cls,
         terms: Sequence[Operator],
+        is_doubled: bool = False,
         drive: tuple[Tape, NDArray[np.float64]] | None = None,
         potential: tuple[Tape, NDArray[np.float64], NDArray[np.float64]] | None = None,
     ) -> Hamiltonian: ...
@@ -279,21 +292,14 @@ def project(
     held: NDArray[np.float64],
     params: NDArray[np.float64],
 ) -> NDArray[np.float64] | _Error: ...
-def project_tangents(
+def project_linear(
     tapes: tuple[Tape, Tape, Tape],
     patterns: tuple[_Pattern, _Pattern],
     x: NDArray[np.float64],
     held: NDArray[np.float64],
     params: NDArray[np.float64],
-    rates: NDArray[np.float64],
-) -> NDArray[np.float64] | _Error: ...
-def project_cotangents(
-    tapes: tuple[Tape, Tape, Tape],
-    patterns: tuple[_Pattern, _Pattern],
-    x: NDArray[np.float64],
-    held: NDArray[np.float64],
-    params: NDArray[np.float64],
-    of_x: NDArray[np.float64],
+    rows: NDArray[np.float64],
+    is_transposed: bool,
 ) -> NDArray[np.float64] | _Error: ...
 def independent_rows(
     matrix: NDArray[np.float64], cutoff: float

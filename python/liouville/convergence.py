@@ -15,7 +15,7 @@ from liouville.integrate import integrate
 from liouville.methods import Method, VolumeSplitting
 from liouville.planner import FieldPlan, plan
 from liouville.solution import Array
-from liouville.systems import PolynomialField, System
+from liouville.systems import Field, System
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -133,7 +133,7 @@ def study(
     if len(hs) == 0:
         raise ValueError("a study needs at least one step size, and hs is empty")
     hs = sorted(hs, key=abs, reverse=True)
-    if isinstance(system, PolynomialField) and isinstance(method, VolumeSplitting):
+    if isinstance(system, Field) and isinstance(method, VolumeSplitting):
         method = plan(system, method, h=hs[len(hs) // 2], t=t[0], params=params, **start)
 
     def end(h: float) -> tuple[float, dict[str, Array]]:

@@ -12,14 +12,14 @@ from liouville.progress import Progress
 from liouville.runners import Request, no_runner
 from liouville.runners.execute import execute
 from liouville.solution import Solution
-from liouville.systems import PolynomialField
+from liouville.systems import Field, PolynomialField
 
 if TYPE_CHECKING:
     from liouville.planner import FieldPlan
 
 
 def determinant(
-    system: PolynomialField,
+    system: Field,
     method: VolumeSplitting | FieldPlan,
     *,
     t: tuple[float, float],
@@ -70,12 +70,14 @@ def determinant(
     >>> bool(found.observed["defect"][-1] < 1e-14)
     True
     """
-    if not isinstance(system, PolynomialField):
+    if not isinstance(system, Field):
         raise TypeError(f"determinants are those of a PolynomialField, not of {system!r}")
     from liouville.planner import FieldPlan
-    from liouville.runners.determinant import DeterminantRunner
+    from liouville.runners.determinant import DeterminantRunner, GriddedDeterminantRunner
 
     if not isinstance(method, VolumeSplitting | FieldPlan):
         raise no_runner(method, "field", "polynomial fields")
+    is_polynomial = isinstance(system, PolynomialField)
+    kind = DeterminantRunner if is_polynomial else GriddedDeterminantRunner
     request = Request(t=t, h=h, steps=steps, every=every, params=params, start={"x": x})
-    return execute(DeterminantRunner(system, method, request), progress)
+    return execute(kind(system, method, request), progress)

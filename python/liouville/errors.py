@@ -127,6 +127,8 @@ def _described(
             return _singular_mass(coordinates[error["index"]])
         case "overflow":
             return _overflow(coordinates[error["index"]])
+        case "outside":
+            return _outside(coordinates[error["index"]])
         case "reset":
             return _reset(error, constraints)
         case "redundant":
@@ -141,6 +143,8 @@ def _described(
             return _monitor(error)
         case "singular piece":
             return _singular_piece(error["quantity"])
+        case "singular function":
+            return _singular_function(error["quantity"], error["t"])
         case "raised":
             return _raised(error["cause"])
         case "singular":
@@ -175,6 +179,14 @@ def _overflow(name: str) -> Description:
     return (
         f"'{name}' is not finite after it",
         "a trajectory goes to infinity there; if it should not, try a smaller h",
+        name,
+    )
+
+
+def _outside(name: str) -> Description:
+    return (
+        f"'{name}' has left the grid",
+        "end the run before, or begin further inside; walls= has ends that nothing flows through",
         name,
     )
 
@@ -269,6 +281,15 @@ def _singular_piece(piece: str) -> Description:
         "a trajectory may go to infinity there; if it should not, try a smaller h, or pieces "
         "without that danger: diagonal='shears', or 'regular' for degree 2",
         piece,
+    )
+
+
+def _singular_function(function: str, t: float) -> Description:
+    return (
+        f"{function} is not finite in the step from t = {t:.6g}",
+        "look for a division by zero, a root or a logarithm there; begin elsewhere, or take a "
+        "smaller h",
+        function,
     )
 
 

@@ -19,7 +19,7 @@ from liouville.integrate import integrate
 from liouville.methods import Method, VolumeSplitting
 from liouville.planner import plan as plan_of
 from liouville.progress import Progress, reported
-from liouville.systems import Mechanics, PolynomialField, System
+from liouville.systems import Field, Mechanics, System
 
 if TYPE_CHECKING:
     from liouville.planner import Plan
@@ -101,7 +101,7 @@ def lyapunov(
 
     Parameters
     ----------
-    system : Mechanics or PolynomialField
+    system : Mechanics, PolynomialField or GriddedField
         What moves.
     method : Method or Plan
         ``Spark``, ``LobattoPair`` or a ``Composition`` of them; ``VolumeSplitting`` or a plan.
@@ -173,7 +173,7 @@ def _flow_of(
 ) -> _Flow:
     if isinstance(system, Mechanics):
         return _Mechanical(system, method, params)
-    if isinstance(system, PolynomialField):
+    if isinstance(system, Field):
         return _Field(system, method, h, params)
     sentence = (
         f"exponents are those of a mechanical system or a polynomial field, not of {system!r}"
@@ -229,13 +229,13 @@ class _Flow(ABC):
 
 
 class _Field(_Flow):
-    """A polynomial field: its directions are their own coordinates."""
+    """A field: its directions are their own coordinates."""
 
-    system: PolynomialField
+    system: Field
 
     def __init__(
         self,
-        system: PolynomialField,
+        system: Field,
         method: Method | Plan,
         h: float,
         params: Mapping[str, ArrayLike] | None,

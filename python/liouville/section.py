@@ -20,7 +20,7 @@ from liouville.progress import Progress
 from liouville.runners import Request, runner_of
 from liouville.runners.execute import advance, explain, failures_of
 from liouville.solution import Array
-from liouville.systems import PolynomialField
+from liouville.systems import Field
 
 if TYPE_CHECKING:
     from liouville.planner import FieldPlan
@@ -78,7 +78,7 @@ class Section:
 
 
 def section(
-    system: PolynomialField,
+    system: Field,
     method: VolumeSplitting | FieldPlan,
     *,
     t: tuple[float, float],
@@ -140,7 +140,7 @@ def section(
     >>> bool(abs(found.x[:, 0]).max() < 1e-14)
     True
     """
-    if not isinstance(system, PolynomialField):
+    if not isinstance(system, Field):
         raise TypeError(f"sections are those of a PolynomialField, not of {system!r}")
     from liouville.runners.field import FieldRunner
     from liouville.splitting import crossed

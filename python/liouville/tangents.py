@@ -22,7 +22,7 @@ class Tangent:
         By the names of the system: ``q`` and ``v``, ``q`` and ``p``, or ``y`` and ``z``, of shape
         (k, n), and ``lam`` of shape (k, m). Of d directions at once they have these as the axis
         before the last, as in (k, d, n), and in an ensemble of P members these as their second:
-        (k, P, d, n). There is no ``lam`` where constraints are redundant.
+        (k, P, d, n). There is no ``lam`` where constraints of a structure are redundant.
     """
 
     states: dict[str, Array]
@@ -45,7 +45,7 @@ class Tangent:
             return found
         why = ""
         if name == "lam":
-            why = ": multipliers of redundant constraints are not differentiated"
+            why = ": multipliers of a structure's redundant constraints are not differentiated"
         raise AttributeError(f"the tangent has no {name!r}{why}\nhint: it has {', '.join(states)}")
 
     def __repr__(self) -> str:

@@ -150,6 +150,12 @@ def evaluate(operation: str, *values: float) -> float:
     return float(apply(code, *(ca.DM(x) for x in values)))
 
 
+def applied(operation: str, *args: ca.SX) -> ca.SX:
+    """Apply CasADi's operation of this name to one or two expressions."""
+    code = getattr(ca, f"OP_{operation.upper()}")
+    return (ca.SX.unary if len(args) == 1 else ca.SX.binary)(code, *args)
+
+
 @cache
 def _names() -> dict[int, str]:
     """Return the names of CasADi's operations by their codes."""

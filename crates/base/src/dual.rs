@@ -96,6 +96,15 @@ impl Scalar for Dual {
     fn set_member(&mut self, _: usize, value: f64) {
         self.value = value;
     }
+    const HAS_DERIVATIVES: bool = true;
+    fn set_function(&mut self, _: usize, value: f64, slopes: impl Iterator<Item = (Self, f64)>) {
+        *self = slopes.fold(Self::constant(value), |mut sum, (x, slope)| {
+            for (sum, tangent) in sum.tangents.iter_mut().zip(x.tangents) {
+                *sum += slope * tangent;
+            }
+            sum
+        });
+    }
 }
 
 impl Number for Dual {
@@ -121,6 +130,9 @@ impl Number for Dual {
     fn sin(self) -> Self {
         self.chain(elementary::sin(self.value), elementary::cos(self.value))
     }
+    fn sin_and_cos(self) -> (Self, Self) {
+        (self.sin(), self.cos())
+    }
     fn inverse_root(self, q: u32) -> Self {
         let value = self.value.inverse_root(q);
         self.chain(value, -value / (f64::from(q) * self.value))
@@ -135,6 +147,14 @@ impl Number for Dual {
 }
 
 impl Stored for Dual {
+    type One = Self;
+
+    fn one(&self, _: usize) -> Self {
+        *self
+    }
+    fn set_one(&mut self, _: usize, value: Self) {
+        *self = value;
+    }
     fn run<K: Kernel<Self>>(_: InstructionSet, kernel: K) -> K::Output {
         kernel.run(ScalarViews::default())
     }

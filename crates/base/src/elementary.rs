@@ -100,8 +100,20 @@ impl Register for f64 {
     }
     #[inline(always)]
     fn replace_beyond(self, most: f64, value: Self, f: fn(f64) -> f64) -> Self {
-        if self.abs() <= most { value } else { f(self) }
+        if self.abs() <= most {
+            value
+        } else {
+            rare(self, f)
+        }
     }
+}
+
+/// A call that stays behind its branch: the compiler takes the functions of the standard library for cheap enough to be
+/// called always, and half of a sine was that.
+#[cold]
+#[inline(never)]
+fn rare(x: f64, f: fn(f64) -> f64) -> f64 {
+    f(x)
 }
 
 /// 1.5 * 2^52: added to a number below 2^51 it leaves the nearest integer in the low bits.
@@ -226,9 +238,9 @@ pub fn ln_1p<R: Register>(x: R) -> R {
 /// Largest magnitude that [`sin`] and [`cos`] reduce by themselves.
 pub const REDUCIBLE: f64 = 8e5;
 
-/// sin(x + quadrants pi/2)
+/// The sine and the cosine of x up to signs and places, and the quadrant that tells them.
 #[inline(always)]
-fn sin_turned<R: Register>(x: R, quadrants: u64) -> R {
+fn in_quadrant<R: Register>(x: R) -> ((R, R), R::Bits) {
     const PARTS: [f64; 3] = [
         1.570_796_326_734_125_6,
         6.077_100_506_303_966e-11,
@@ -241,13 +253,18 @@ fn sin_turned<R: Register>(x: R, quadrants: u64) -> R {
     let high = first - second;
     let low = n * x.like(PARTS[2]) - ((first - high) - second);
     let r = high - low;
-    let (sin, cos) = sin_cos(r, (high - r) - low);
-    let bits = x.add_bits(bits, x.bits_like(quadrants));
-    let one = x.bits_like(1);
-    let odd = x.or_bits(x.and_bits(bits, one), x.bits_like(1.0_f64.to_bits()));
-    let value = x.like(1.0).if_less(x.with_bits(odd), cos, sin);
-    let sign = x.up::<62>(x.and_bits(bits, x.bits_like(2)));
-    x.with_bits(x.xor_bits(value.bits(), sign))
+    (sin_cos(r, (high - r) - low), bits)
+}
+
+/// The sine a quarter turn `quadrants` times further on, of what [`in_quadrant`] found.
+#[inline(always)]
+fn turned<R: Register>((sin, cos): (R, R), bits: R::Bits, quadrants: u64) -> R {
+    let bits = sin.add_bits(bits, sin.bits_like(quadrants));
+    let one = sin.bits_like(1);
+    let odd = sin.or_bits(sin.and_bits(bits, one), sin.bits_like(1.0_f64.to_bits()));
+    let value = sin.like(1.0).if_less(sin.with_bits(odd), cos, sin);
+    let sign = sin.up::<62>(sin.and_bits(bits, sin.bits_like(2)));
+    sin.with_bits(sin.xor_bits(value.bits(), sign))
 }
 
 /// sin(r + lost) and cos(r + lost) for |r| <= pi/4.
@@ -273,13 +290,25 @@ fn sin_cos<R: Register>(r: R, lost: R) -> (R, R) {
 /// sin x
 #[inline(always)]
 pub fn sin<R: Register>(x: R) -> R {
-    x.replace_beyond(REDUCIBLE, sin_turned(x, 0), f64::sin)
+    let (found, bits) = in_quadrant(x);
+    x.replace_beyond(REDUCIBLE, turned(found, bits, 0), f64::sin)
 }
 
 /// cos x
 #[inline(always)]
 pub fn cos<R: Register>(x: R) -> R {
-    x.replace_beyond(REDUCIBLE, sin_turned(x, 1), f64::cos)
+    let (found, bits) = in_quadrant(x);
+    x.replace_beyond(REDUCIBLE, turned(found, bits, 1), f64::cos)
+}
+
+/// [`sin`] and [`cos`], nearly at the price of one.
+#[inline(always)]
+pub fn sin_and_cos<R: Register>(x: R) -> (R, R) {
+    let (found, bits) = in_quadrant(x);
+    (
+        x.replace_beyond(REDUCIBLE, turned(found, bits, 0), f64::sin),
+        x.replace_beyond(REDUCIBLE, turned(found, bits, 1), f64::cos),
+    )
 }
 
 /// x^(-1/2) by a guess from the exponent and two corrections.

@@ -90,8 +90,17 @@ pub enum StepError {
     Monitor { value: f64, rate: f64, t: f64 },
     #[error("the flow of piece {piece} reaches infinity within the step from t = {t}")]
     Singular { piece: usize, member: usize, t: f64 },
+    #[error("function {function} of piece {piece} is not finite at t = {t}")]
+    Function {
+        piece: usize,
+        function: usize,
+        member: usize,
+        t: f64,
+    },
     #[error("variable {index} is not finite at t = {t}")]
     Overflow { index: usize, member: usize, t: f64 },
+    #[error("variable {index} has left the grid at t = {t}")]
+    Outside { index: usize, member: usize, t: f64 },
     #[error("the norm is {norm} at t = {t}, where it was {start}")]
     Norm { norm: f64, start: f64, t: f64 },
     #[error("the step at t = {t} spans {theta} of the spectrum, the method takes {most}")]
@@ -119,7 +128,9 @@ impl StepError {
     pub fn member(&self) -> Option<usize> {
         match self {
             Self::Singular { member, .. }
+            | Self::Function { member, .. }
             | Self::Overflow { member, .. }
+            | Self::Outside { member, .. }
             | Self::Member { member, .. } => Some(*member),
             _ => None,
         }
@@ -139,7 +150,9 @@ impl StepError {
     pub fn of_member(mut self, first: usize) -> Self {
         match &mut self {
             Self::Singular { member, .. }
+            | Self::Function { member, .. }
             | Self::Overflow { member, .. }
+            | Self::Outside { member, .. }
             | Self::Member { member, .. } => {
                 *member += first;
                 self

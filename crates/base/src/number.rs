@@ -28,6 +28,9 @@ pub trait Number:
     /// sin x
     #[must_use]
     fn sin(self) -> Self;
+    /// sin x and cos x
+    #[must_use]
+    fn sin_and_cos(self) -> (Self, Self);
     /// x^(-1/q) for x > 0 and q = 1, 2, 3.
     #[must_use]
     fn inverse_root(self, q: u32) -> Self;
@@ -67,6 +70,10 @@ macro_rules! number {
         #[inline(always)]
         fn sin(self) -> Self {
             $crate::elementary::sin(self)
+        }
+        #[inline(always)]
+        fn sin_and_cos(self) -> (Self, Self) {
+            $crate::elementary::sin_and_cos(self)
         }
         #[inline(always)]
         fn inverse_root(self, q: u32) -> Self {

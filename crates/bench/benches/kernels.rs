@@ -215,12 +215,13 @@ fn folding() -> Split {
     let natural = |row: usize, terms: &[(usize, f64, Vec<usize>)]| Piece::Natural {
         rows: vec![row],
         change: liouville_tests::splits::polynomials(1, 3, terms),
-        waves: Vec::new(),
+        functions: Vec::new(),
     };
     let growth = Piece::Exponential {
         rows: vec![0, 1, 2],
         rates: vec![-8.0, 3.0, 2.0],
         monomial: vec![1],
+        functions: Vec::new(),
     };
     let quadratic = [
         (0, 11.0, vec![0, 0]),

@@ -1,6 +1,6 @@
 //! Runs of split fields: a split, a composition and a job become one run.
 
-use crate::problem::Split;
+use crate::problem::{Piece, Split};
 use crate::volume::{
     Determinant, Observer, Plane, Section, TangentObserver, Tangents, UserVariables, Volume,
 };
@@ -74,7 +74,13 @@ pub struct Job {
 /// The job does not fit the split, or the start of a single run failed.
 pub fn start(split: Arc<Split>, method: Method, job: Job) -> Result<Box<dyn Advance>, StartError> {
     job.check(split.n())?;
-    let starter = Starter { split, method, job };
+    let clock = job.clock(&split);
+    let starter = Starter {
+        split,
+        method,
+        job,
+        clock,
+    };
     match (starter.job.members, &starter.job.recorded) {
         (None, Recorded::Determinants) => Ok(starter.determinants()?),
         (None, _) if starter.has_tangents() => Ok(starter.tangents(0)?),
@@ -116,6 +122,20 @@ impl Job {
             "trajectories are rows of {n} values, and steps at least one"
         )))
     }
+
+    /// The variable that functions of it alone need once for all members: it moves evenly from the same start.
+    fn clock(&self, split: &Split) -> Option<usize> {
+        let functions = split.pieces().iter().flat_map(Piece::functions);
+        let mut alone = functions.filter_map(|function| match function.places[..] {
+            [variable] => Some(variable),
+            _ => None,
+        });
+        alone.find(|&variable| {
+            let mut starts = self.x.chunks(split.n()).map(|x| x[variable].to_bits());
+            let first = starts.next();
+            starts.all(|start| Some(start) == first) && split.is_clock(variable)
+        })
+    }
 }
 
 /// Begins the runs of a job that fits its split.
@@ -123,6 +143,7 @@ struct Starter {
     split: Arc<Split>,
     method: Method,
     job: Job,
+    clock: Option<usize>,
 }
 
 type Begun = Result<Box<dyn Advance>, StepError>;
@@ -130,8 +151,12 @@ type Begun = Result<Box<dyn Advance>, StepError>;
 impl Starter {
     /// A stepper of as many trajectories as `S` has members.
     fn stepper<S: Stored>(&self, threads: usize) -> Composed<Volume<S>> {
-        let volume = Volume::new(self.split.clone(), self.method.is_compensated);
-        Composed::new(volume.with_threads(threads), self.method.scheme)
+        Composed::new(self.volume().with_threads(threads), self.method.scheme)
+    }
+
+    /// The flows of the pieces.
+    fn volume<S: Stored>(&self) -> Volume<S> {
+        Volume::new(self.split.clone(), self.method.is_compensated).with_clock(self.clock)
     }
 
     /// A run of these members in lock-step.
@@ -239,9 +264,8 @@ impl Starter {
     fn section(self, members: usize, plane: Plane) -> Ensemble {
         let Span { t0, .. } = self.job.span;
         let (threads, width) = (self.job.threads, 2 + self.job.variables.n);
-        let volume =
-            Volume::<Lanes<SMALL_BLOCK>>::new(self.split.clone(), self.method.is_compensated);
-        let single = Volume::<f64>::new(self.split.clone(), self.method.is_compensated);
+        let volume = self.volume::<Lanes<SMALL_BLOCK>>();
+        let single = self.volume::<f64>();
         let begin = move |members: &[usize]| {
             let state = volume.state(&self.in_lanes(members));
             let alone = Composed::new(single.clone(), self.method.scheme);

@@ -1,6 +1,6 @@
 //! Core errors as Python sees them; the names and the advice are added there.
 
-use liouville_base::error::StepError;
+use liouville_base::error::{Quantity, StepError};
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
@@ -9,6 +9,26 @@ use std::fmt::Display;
 /// An error of sizes or options, which only a direct call of the core can make.
 pub(crate) fn refused(error: impl Display) -> PyErr {
     PyValueError::new_err(error.to_string())
+}
+
+/// Which piece of a field, or which coordinate, fails, for which member and when.
+fn of_member(
+    dict: &Bound<'_, PyDict>,
+    (part, number): (&str, usize),
+    member: usize,
+    t: f64,
+) -> PyResult<()> {
+    dict.set_item(part, number)?;
+    dict.set_item("member", member)?;
+    dict.set_item("t", t)
+}
+
+/// What a reset has missed, and by how much.
+fn of_reset(dict: &Bound<'_, PyDict>, missed: &(Quantity, usize, f64)) -> PyResult<()> {
+    let (quantity, index, value) = missed;
+    dict.set_item("quantity", quantity.name())?;
+    dict.set_item("index", index)?;
+    dict.set_item("value", value)
 }
 
 /// An error as a dictionary: its kind, its numbers, and its own sentence.
@@ -62,16 +82,26 @@ pub(crate) fn error<'py>(py: Python<'py>, error: &StepError) -> PyResult<Bound<'
             "monitor"
         }
         StepError::Singular { piece, member, t } => {
-            dict.set_item("piece", piece)?;
-            dict.set_item("member", member)?;
-            dict.set_item("t", t)?;
+            of_member(&dict, ("piece", *piece), *member, *t)?;
             "singular piece"
         }
+        StepError::Function {
+            piece,
+            function,
+            member,
+            t,
+        } => {
+            of_member(&dict, ("piece", *piece), *member, *t)?;
+            dict.set_item("function", function)?;
+            "singular function"
+        }
         StepError::Overflow { index, member, t } => {
-            dict.set_item("index", index)?;
-            dict.set_item("member", member)?;
-            dict.set_item("t", t)?;
+            of_member(&dict, ("index", *index), *member, *t)?;
             "overflow"
+        }
+        StepError::Outside { index, member, t } => {
+            of_member(&dict, ("index", *index), *member, *t)?;
+            "outside"
         }
         StepError::Norm { norm, start, t } => {
             dict.set_item("norm", norm)?;
@@ -88,11 +118,9 @@ pub(crate) fn error<'py>(py: Python<'py>, error: &StepError) -> PyResult<Bound<'
         StepError::Reset { event, t, missed } => {
             dict.set_item("event", event)?;
             dict.set_item("t", t)?;
-            if let Some((quantity, index, value)) = missed {
-                dict.set_item("quantity", quantity.name())?;
-                dict.set_item("index", index)?;
-                dict.set_item("value", value)?;
-            }
+            missed
+                .as_ref()
+                .map_or(Ok(()), |missed| of_reset(&dict, missed))?;
             "reset"
         }
         StepError::Interrupted => "interrupted",

@@ -8,6 +8,7 @@ mod composition;
 mod convert;
 mod energy;
 mod errors;
+mod gridded;
 mod job;
 mod ladder;
 mod listing;
@@ -42,6 +43,8 @@ mod _core {
     #[pymodule_export]
     use super::energy::PyEnergyWatch;
     #[pymodule_export]
+    use super::gridded::Plane;
+    #[pymodule_export]
     use super::ladder::{ladder, stability};
     #[pymodule_export]
     use super::listing::listing;
@@ -52,7 +55,7 @@ mod _core {
     #[pymodule_export]
     use super::path::path;
     #[pymodule_export]
-    use super::project::{independent_rows, project, project_cotangents, project_tangents};
+    use super::project::{independent_rows, project, project_linear};
     #[pymodule_export]
     use super::pullback::Pullback;
     #[pymodule_export]

@@ -2,12 +2,13 @@
 
 use crate::convert::{self, Values};
 use crate::errors::refused;
+use crate::gridded::Plane;
 use crate::tableau::scheme_named;
 use liouville_base::run::{Advance, Span, StartError};
 use liouville_base::tape::Tape;
-use liouville_fields::problem::{CosineFactor, Piece, Polynomials};
+use liouville_fields::problem::{Formula, Function, Piece, Polynomials};
 use liouville_fields::run::{self, Method, Recorded};
-use liouville_fields::volume::{Direction, Plane, UserVariables};
+use liouville_fields::volume::{self, Direction, UserVariables};
 use numpy::{PyReadonlyArray1, PyReadonlyArray2, PyUntypedArrayMethods};
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
@@ -15,7 +16,19 @@ use pyo3::types::PyTuple;
 use std::sync::Arc;
 
 type Index<'py> = PyReadonlyArray1<'py, i64>;
-type Waves<'py> = Vec<(Index<'py>, Values<'py>, f64)>;
+
+/// A function among the factors of terms, with the variables that it depends on.
+#[derive(FromPyObject)]
+enum Factor<'py> {
+    /// cos(k · x + phase)
+    Cosine(Index<'py>, Values<'py>, f64),
+    /// A tape, and another of its partial derivatives.
+    Tape(
+        Index<'py>,
+        PyRef<'py, convert::Tape>,
+        PyRef<'py, convert::Tape>,
+    ),
+}
 
 /// A field as a sum of pieces.
 #[pyclass(frozen, module = "liouville._core")]
@@ -25,14 +38,16 @@ pub(crate) struct Split(Arc<liouville_fields::problem::Split>);
 impl Split {
     /// Pieces of n variables are tuples, their kind first:
     ///
-    ///     ("natural", rows, term_rows, coefficients, factors, waves)
-    ///     ("shear", places, direction, term_rows, coefficients, factors, waves)
-    ///     ("scaling", rows, term_rows, coefficients, factors)
-    ///     ("exponential", rows, rates, monomial)
+    ///     ("natural", rows, term_rows, coefficients, factors, functions)
+    ///     ("shear", places, direction, term_rows, coefficients, factors, functions)
+    ///     ("scaling", rows, term_rows, coefficients, factors, functions)
+    ///     ("exponential", rows, rates, monomial, functions)
     ///     ("triangular", order, term_rows, coefficients, factors, a, b)
     ///     ("affine", matrix, vector)
+    ///     ("plane", plane, variables)
     ///
-    /// `factors` has a row for each term, −1 where there are fewer; waves are (places, k, phase).
+    /// `factors` has a row for each term, −1 where there are fewer; functions are cosines (places, k, phase), or tapes
+    /// (places, value, slopes).
     #[new]
     fn new(n: usize, pieces: Vec<Bound<'_, PyTuple>>) -> PyResult<Self> {
         let pieces = pieces
@@ -49,55 +64,49 @@ fn parsed(n: usize, piece: &Bound<'_, PyTuple>) -> PyResult<Piece> {
     let rest = piece.get_slice(1, piece.len());
     match kind.as_str() {
         "natural" => {
-            let (rows, terms, c, factors, waves): (
-                Index<'_>,
-                Index<'_>,
-                Values<'_>,
-                PyReadonlyArray2<'_, i64>,
-                Waves<'_>,
-            ) = rest.extract()?;
-            let rows = convert::indices(&rows)?;
-            let change = terms_of(rows.len(), n + waves.len(), &terms, &c, &factors)?;
-            let waves = waves_of(&waves)?;
+            let (rows, change, functions) = rows_of(n, &rest)?;
             Ok(Piece::Natural {
                 rows,
                 change,
-                waves,
+                functions,
             })
         }
         "shear" => {
-            let (places, direction, terms, c, factors, waves): (
+            let (places, direction, terms, c, factors, functions): (
                 Index<'_>,
                 Values<'_>,
                 Index<'_>,
                 Values<'_>,
                 PyReadonlyArray2<'_, i64>,
-                Waves<'_>,
+                Vec<Factor<'_>>,
             ) = rest.extract()?;
             Ok(Piece::Shear {
                 places: convert::indices(&places)?,
                 direction: direction.as_slice()?.to_vec(),
-                change: terms_of(1, n + waves.len(), &terms, &c, &factors)?,
-                waves: waves_of(&waves)?,
+                change: terms_of(1, n + functions.len(), &terms, &c, &factors)?,
+                functions: functions_of(&functions)?,
             })
         }
         "scaling" => {
-            let (rows, terms, c, factors): (
-                Index<'_>,
-                Index<'_>,
-                Values<'_>,
-                PyReadonlyArray2<'_, i64>,
-            ) = rest.extract()?;
-            let rows = convert::indices(&rows)?;
-            let rate = terms_of(rows.len(), n, &terms, &c, &factors)?;
-            Ok(Piece::Scaling { rows, rate })
+            let (rows, rate, functions) = rows_of(n, &rest)?;
+            Ok(Piece::Scaling {
+                rows,
+                rate,
+                functions,
+            })
         }
         "exponential" => {
-            let (rows, rates, monomial): (Index<'_>, Values<'_>, Index<'_>) = rest.extract()?;
+            let (rows, rates, monomial, functions): (
+                Index<'_>,
+                Values<'_>,
+                Index<'_>,
+                Vec<Factor<'_>>,
+            ) = rest.extract()?;
             Ok(Piece::Exponential {
                 rows: convert::indices(&rows)?,
                 rates: rates.as_slice()?.to_vec(),
                 monomial: convert::indices(&monomial)?,
+                functions: functions_of(&functions)?,
             })
         }
         "triangular" => {
@@ -126,10 +135,34 @@ fn parsed(n: usize, piece: &Bound<'_, PyTuple>) -> PyResult<Piece> {
                 vector: vector.as_slice()?.to_vec(),
             })
         }
+        "plane" => {
+            let (plane, variables): (PyRef<'_, Plane>, Index<'_>) = rest.extract()?;
+            Ok(Piece::Plane {
+                plane: plane.0.clone(),
+                variables: convert::indices(&variables)?,
+            })
+        }
         other => Err(PyValueError::new_err(format!(
             "there is no piece {other:?}"
         ))),
     }
+}
+
+/// Rows, what is of each, and the functions among the factors.
+fn rows_of(
+    n: usize,
+    piece: &Bound<'_, PyTuple>,
+) -> PyResult<(Vec<usize>, Polynomials, Vec<Function>)> {
+    let (rows, terms, c, factors, functions): (
+        Index<'_>,
+        Index<'_>,
+        Values<'_>,
+        PyReadonlyArray2<'_, i64>,
+        Vec<Factor<'_>>,
+    ) = piece.extract()?;
+    let rows = convert::indices(&rows)?;
+    let change = terms_of(rows.len(), n + functions.len(), &terms, &c, &factors)?;
+    Ok((rows, change, functions_of(&functions)?))
 }
 
 fn terms_of(
@@ -145,15 +178,22 @@ fn terms_of(
     Polynomials::new(rows, variables, &term_rows, coefficients, factors, width).map_err(refused)
 }
 
-fn waves_of(waves: &Waves<'_>) -> PyResult<Vec<CosineFactor>> {
-    let wave = |(places, k, phase): &(Index<'_>, Values<'_>, f64)| {
-        Ok(CosineFactor {
-            places: convert::indices(places)?,
-            k: k.as_slice()?.to_vec(),
-            phase: *phase,
-        })
+fn functions_of(functions: &[Factor<'_>]) -> PyResult<Vec<Function>> {
+    let function = |factor: &Factor<'_>| {
+        let (places, formula) = match factor {
+            Factor::Cosine(places, k, phase) => {
+                let (k, phase) = (k.as_slice()?.to_vec(), *phase);
+                (places, Formula::Cosine { k, phase })
+            }
+            Factor::Tape(places, value, slopes) => {
+                let [value, slopes] = [value, slopes].map(|tape| Arc::clone(&tape.0));
+                (places, Formula::Tape { value, slopes })
+            }
+        };
+        let places = convert::indices(places)?;
+        Ok(Function { places, formula })
     };
-    waves.iter().map(wave).collect()
+    functions.iter().map(function).collect()
 }
 
 /// A method, by the attributes of its dataclass.
@@ -225,7 +265,7 @@ impl FieldJob<'_> {
                 states: self.states,
             }),
             RecordedOf::Section(normal, offset, period, direction) => {
-                Ok(Recorded::Section(Plane {
+                Ok(Recorded::Section(volume::Plane {
                     normal: normal.as_slice()?.to_vec(),
                     offset: *offset,
                     period: *period,

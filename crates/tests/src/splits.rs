@@ -1,6 +1,9 @@
 //! Random splits of every kind of piece, and their flows by plain loops.
 
-use liouville_fields::problem::{CosineFactor, Piece, Polynomials, Split};
+use liouville_base::tape::{Line, Op, Tape};
+use liouville_fields::problem::{Formula, Function, Piece, Polynomials, Split};
+use std::f64::consts::FRAC_PI_2;
+use std::sync::Arc;
 
 /// A generator of its own, so that a seed is a field.
 pub struct Draw(u64);
@@ -77,29 +80,74 @@ fn terms(draw: &mut Draw, rows: usize, of: &[usize]) -> Vec<Term> {
     terms
 }
 
-fn wave(draw: &mut Draw, of: &[usize]) -> CosineFactor {
-    let places: Vec<usize> = of.iter().take(2).copied().collect();
-    CosineFactor {
-        k: draw.reals(places.len()),
+/// A cosine, or the sine of the same where there is one already.
+fn wave(draw: &mut Draw, of: &[usize], like: Option<&Function>) -> Function {
+    if let Some(Function {
         places,
-        phase: 3.0 * draw.real(),
+        formula: Formula::Cosine { k, .. },
+    }) = like
+    {
+        let (k, phase) = (k.clone(), -FRAC_PI_2);
+        return cosine(places.clone(), k, phase);
+    }
+    let places: Vec<usize> = of.iter().take(2).copied().collect();
+    let phase = [0.0, 3.0 * draw.real()][draw.below(2)];
+    cosine(places.clone(), draw.reals(places.len()), phase)
+}
+
+/// cos(k x + phase)
+pub fn cosine(places: Vec<usize>, k: Vec<f64>, phase: f64) -> Function {
+    let formula = Formula::Cosine { k, phase };
+    Function { places, formula }
+}
+
+/// y exp(x) of two variables.
+pub fn growth(places: [usize; 2]) -> Function {
+    let input = |element| Line::Input {
+        slot: element,
+        group: 0,
+        element,
+    };
+    let apply = |op, slot, a, b| Line::Apply { op, slot, a, b };
+    let output = |element, slot| Line::Output { element, slot };
+    let lines = [
+        input(0),
+        input(1),
+        apply(Op::Exp, 2, 0, 0),
+        apply(Op::Mul, 3, 2, 1),
+        output(0, 3),
+    ];
+    let tape =
+        |outputs, lines: &[Line]| Arc::new(Tape::new(&[2, 0], outputs, lines).expect("a program"));
+    Function {
+        places: places.to_vec(),
+        formula: Formula::Tape {
+            value: tape(1, &lines),
+            slopes: tape(2, &[&lines[..], &[output(1, 2)]].concat()),
+        },
     }
 }
 
-pub fn natural(draw: &mut Draw, n: usize, with_waves: bool) -> Piece {
+pub fn natural(draw: &mut Draw, n: usize, with_functions: bool) -> Piece {
     let mut rows = draw.permutation(n);
     let others = rows.split_off(1 + draw.below(n - 1));
     let mut change = terms(draw, rows.len(), &others);
-    let mut waves = Vec::new();
-    if with_waves {
-        waves.extend([wave(draw, &others), wave(draw, &others)]);
+    let mut functions = Vec::new();
+    if with_functions {
+        let first = wave(draw, &others, None);
+        let second = wave(draw, &others, Some(&first));
+        functions.extend([first, second]);
         change.push((0, draw.real(), vec![n + 1]));
         change.push((0, draw.real(), vec![others[0], n]));
+        if let [x, y, ..] = others[..] {
+            functions.push(growth([x, y]));
+            change.push((0, 0.01 * draw.real(), vec![others[0], n + 2]));
+        }
     }
     Piece::Natural {
-        change: polynomials(rows.len(), n + waves.len(), &change),
+        change: polynomials(rows.len(), n + functions.len(), &change),
         rows,
-        waves,
+        functions,
     }
 }
 
@@ -118,13 +166,13 @@ pub fn shear(draw: &mut Draw, n: usize) -> Piece {
         let common = others.first().copied();
         change.push((0, coefficient, factors.into_iter().chain(common).collect()));
     }
-    let waves = vec![wave(draw, &others)];
+    let functions = vec![wave(draw, &others, None)];
     change.push((0, draw.real(), vec![n]));
     Piece::Shear {
         change: polynomials(1, n + 1, &change),
         places,
         direction,
-        waves,
+        functions,
     }
 }
 
@@ -137,16 +185,21 @@ pub fn scaling(draw: &mut Draw, n: usize) -> Piece {
             .into_iter()
             .map(|(_, c, factors)| (1, -c, factors)),
     );
+    let functions = vec![wave(draw, &others, None)];
+    for (row, sign) in [(0, 1.0), (1, -1.0)] {
+        rate.push((row, sign, vec![n]));
+    }
     Piece::Scaling {
-        rate: polynomials(2, n, &rate),
+        rate: polynomials(2, n + 1, &rate),
         rows,
+        functions,
     }
 }
 
 /// Of degree below 4; with small integer rates or without.
 pub fn exponential(draw: &mut Draw, n: usize, with_integers: bool) -> Piece {
     let rows: Vec<usize> = draw.permutation(n).into_iter().take(3).collect();
-    let monomial: Vec<usize> = (0..draw.below(4)).map(|_| draw.below(n)).collect();
+    let mut monomial: Vec<usize> = (0..draw.below(4)).map(|_| draw.below(n)).collect();
     let weight = |row: &usize| monomial.iter().filter(|place| *place == row).count() as f64 + 1.0;
     let mut rates = if with_integers {
         let power = weight(&rows[2]);
@@ -163,10 +216,14 @@ pub fn exponential(draw: &mut Draw, n: usize, with_integers: bool) -> Piece {
         .map(|(rate, row)| rate * weight(row))
         .sum();
     rates.push(-sum / weight(&rows[2]));
+    let others: Vec<usize> = (0..n).filter(|v| !rows.contains(v)).collect();
+    let functions = vec![wave(draw, &others, None)];
+    monomial.push(n);
     Piece::Exponential {
         rows,
         rates,
         monomial,
+        functions,
     }
 }
 
@@ -240,25 +297,15 @@ pub fn lorenz(n: usize, colours: usize) -> Split {
         Piece::Natural {
             change: polynomials(rows.len(), n, &terms),
             rows,
-            waves: Vec::new(),
+            functions: Vec::new(),
         }
     };
     Split::new(n, (0..colours).map(piece).collect()).expect("independent rows")
 }
 
 /// The polynomials of a piece at x, term by term.
-fn values(polynomials: &Polynomials, waves: &[CosineFactor], x: &[f64]) -> Vec<f64> {
-    let factor = |factor: &u32| {
-        let factor = *factor as usize;
-        match factor.checked_sub(x.len()) {
-            None => x[factor],
-            Some(q) => {
-                let places = waves[q].places.iter().zip(&waves[q].k);
-                let argument: f64 = places.map(|(place, k)| k * x[*place]).sum();
-                (argument + waves[q].phase).cos()
-            }
-        }
-    };
+fn values(polynomials: &Polynomials, functions: &[Function], x: &[f64]) -> Vec<f64> {
+    let factor = |factor: &u32| factor_at(*factor as usize, functions, x);
     let row = |row| {
         let terms = polynomials.row(row);
         terms
@@ -268,17 +315,39 @@ fn values(polynomials: &Polynomials, waves: &[CosineFactor], x: &[f64]) -> Vec<f
     (0..polynomials.rows()).map(row).collect()
 }
 
+/// A variable, or a function numbered after them.
+fn factor_at(factor: usize, functions: &[Function], x: &[f64]) -> f64 {
+    let Some(q) = factor.checked_sub(x.len()) else {
+        return x[factor];
+    };
+    let arguments = functions[q].places.iter().map(|place| x[*place]);
+    match &functions[q].formula {
+        Formula::Cosine { k, phase } => {
+            let argument: f64 = arguments.zip(k).map(|(x, k)| k * x).sum();
+            (argument + phase).cos()
+        }
+        Formula::Tape { value, .. } => {
+            let arguments: Vec<f64> = arguments.collect();
+            value.eval(&mut value.bind(&[]), [&arguments])[0]
+        }
+    }
+}
+
 /// h over the time in which a flow reaches infinity.
 pub fn reach(piece: &Piece, h: f64, x: &[f64]) -> f64 {
     let Piece::Exponential {
         rows,
         rates,
         monomial,
+        functions,
     } = piece
     else {
         return 0.0;
     };
-    let m: f64 = monomial.iter().map(|place| x[*place]).product();
+    let factors = monomial.iter();
+    let m: f64 = factors
+        .map(|factor| factor_at(*factor, functions, x))
+        .product();
     let power = |row| monomial.iter().filter(|place| *place == row).count() as f64;
     let parts = rows.iter().zip(rates).map(|(row, rate)| rate * power(row));
     parts.sum::<f64>() * h * m
@@ -290,9 +359,9 @@ pub fn plain(piece: &Piece, is_adjoint: bool, h: f64, x: &mut [f64]) {
         Piece::Natural {
             rows,
             change,
-            waves,
+            functions,
         } => {
-            let change = values(change, waves, x);
+            let change = values(change, functions, x);
             rows.iter()
                 .zip(change)
                 .for_each(|(row, change)| x[*row] += h * change);
@@ -301,16 +370,20 @@ pub fn plain(piece: &Piece, is_adjoint: bool, h: f64, x: &mut [f64]) {
             places,
             direction,
             change,
-            waves,
+            functions,
         } => {
-            let g = values(change, waves, x)[0];
+            let g = values(change, functions, x)[0];
             places
                 .iter()
                 .zip(direction)
                 .for_each(|(place, a)| x[*place] += h * g * a);
         }
-        Piece::Scaling { rows, rate } => {
-            let rate = values(rate, &[], x);
+        Piece::Scaling {
+            rows,
+            rate,
+            functions,
+        } => {
+            let rate = values(rate, functions, x);
             rows.iter()
                 .zip(rate)
                 .for_each(|(row, rate)| x[*row] *= (h * rate).exp());
@@ -319,8 +392,12 @@ pub fn plain(piece: &Piece, is_adjoint: bool, h: f64, x: &mut [f64]) {
             rows,
             rates,
             monomial,
+            functions,
         } => {
-            let m: f64 = monomial.iter().map(|place| x[*place]).product();
+            let factors = monomial.iter();
+            let m: f64 = factors
+                .map(|factor| factor_at(*factor, functions, x))
+                .product();
             let z = reach(piece, h, x);
             let phi = if z.abs() < 1e-12 {
                 1.0 + z / 2.0
@@ -363,6 +440,7 @@ pub fn plain(piece: &Piece, is_adjoint: bool, h: f64, x: &mut [f64]) {
             }
         }
         Piece::Affine { matrix, vector } => affine_flow(matrix, vector, h, x),
+        Piece::Plane { .. } => unreachable!("random splits have no planes"),
     }
 }
 

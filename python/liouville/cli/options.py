@@ -12,7 +12,7 @@ from typing import Annotated, Any, Union, get_args, get_origin, get_type_hints
 import typer
 
 import liouville as lv
-from liouville import problems
+from liouville import problems, systems
 
 Model = Annotated[
     str,
@@ -123,7 +123,7 @@ def _usual(system: Any) -> str:
         if system.is_driven:
             return "magnus" if system.grid is None else "split-operator"
         return "schrodinger-splitting"
-    return "volume-splitting" if isinstance(system, lv.PolynomialField) else "spark"
+    return "volume-splitting" if isinstance(system, systems.Field) else "spark"
 
 
 def assigned(option: str, items: Sequence[str]) -> dict[str, list[float]]:

@@ -22,6 +22,7 @@ from liouville.cli.options import (
     parameters,
 )
 from liouville.cli.screen import FAILED, WRONG, leaving_with, say
+from liouville.systems import Field
 
 
 @method_options
@@ -46,7 +47,7 @@ def show_plan(
     with leaving_with(WRONG):
         module, system = system_of(model)
         chosen = method_named(None, options, system)
-        if not isinstance(system, lv.PolynomialField | lv.Schrodinger):
+        if not isinstance(system, Field | lv.Schrodinger):
             raise TypeError(
                 f"{model} is no polynomial field or Schrodinger equation, and plans are for those\n"
                 "hint: liouville methods lists what steps it"

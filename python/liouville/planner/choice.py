@@ -14,12 +14,12 @@ from liouville.planner.fields.choice import plan_field
 from liouville.planner.fields.plan import FieldPlan
 from liouville.planner.waves.choice import AUTO, Planned, plan_wave
 from liouville.planner.waves.plan import WavePlan
-from liouville.systems import PolynomialField, Schrodinger
+from liouville.systems import Field, PolynomialField, Schrodinger
 
 
 @overload
 def plan(
-    system: PolynomialField,
+    system: Field,
     method: VolumeSplitting | None = None,
     *,
     h: float,
@@ -39,7 +39,7 @@ def plan(
     params: Mapping[str, ArrayLike] | None = None,
 ) -> WavePlan: ...
 def plan(
-    system: PolynomialField | Schrodinger,
+    system: Field | Schrodinger,
     method: VolumeSplitting | Planned | str | None = None,
     *,
     t: ArrayLike = 0.0,
@@ -59,7 +59,7 @@ def plan(
 
     Parameters
     ----------
-    system : PolynomialField or Schrodinger
+    system : PolynomialField, GriddedField or Schrodinger
         What is to be integrated.
     method : Method, optional
         What is fixed already; nothing by default. A ``VolumeSplitting`` for a field; for a wave
@@ -107,7 +107,7 @@ def plan(
     >>> lv.plan(chain, lv.SchrodingerSplitting(tol=1e-6), t=(0, 10)).products
     20.0
     """
-    if isinstance(system, PolynomialField):
+    if isinstance(system, Field):
         _refuse(system, psi=psi)
         return _of_field(system.with_params(params), method, h, x, t, seed, trials)
     if isinstance(system, Schrodinger):
@@ -124,7 +124,7 @@ def _refuse(system: Any, **given: Any) -> None:
 
 
 def _of_field(
-    system: PolynomialField, method: Any, h: Any, x: Any, t: Any, seed: Any, trials: Any
+    system: Field, method: Any, h: Any, x: Any, t: Any, seed: Any, trials: Any
 ) -> FieldPlan:
     if not isinstance(method, VolumeSplitting | None):
         raise TypeError(f"{method!r} does not split fields: method is a VolumeSplitting")
@@ -138,6 +138,13 @@ def _of_field(
         raise ValueError(f"t is finite, not {time}")
     if isinstance(seed, bool) or not isinstance(seed, int) or seed < 0:
         raise ValueError(f"seed is an integer from 0 on, not {seed!r}")
+    if not isinstance(system, PolynomialField):
+        from liouville.planner.fields.gridded import plan_gridded
+        from liouville.systems.gridded import GriddedField
+
+        assert isinstance(system, GriddedField)
+        system.start({"x": x}, np.ndim(x) == 2)
+        return plan_gridded(system, method or VolumeSplitting(), step)[0]
     states = np.atleast_2d(system.start({"x": x}, np.ndim(x) == 2))
     found, _ = plan_field(
         system.terms, method or VolumeSplitting(), step, system.extended(states, time), seed,

@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from typing import TYPE_CHECKING, Any
+from functools import wraps
+from typing import TYPE_CHECKING, Any, TypeVar, cast
 
 import numpy as np
 
+from liouville.errors import hinted
 from liouville.plot.canvas import FLOOR, GREY, UNITS, colours, drawn_on, in_unit, legend
 from liouville.plot.fans import chosen, draw_fans
 from liouville.plot.thinning import extremes
@@ -14,6 +16,26 @@ from liouville.solution import Array, Solution
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
+
+Panel = TypeVar("Panel", bound=Callable[..., Any])
+
+
+def check_solution(what: str, solution: Any) -> None:
+    """Refuse what is no solution."""
+    if not isinstance(solution, Solution):
+        hint = "integrate the system and show what that returns"
+        raise TypeError(hinted(f"{what} is a solution, not {solution!r}", hint))
+
+
+def of_solution(draw: Panel) -> Panel:
+    """Let a panel refuse what is no solution."""
+
+    @wraps(draw)
+    def checked(solution: Solution, *args: Any, **options: Any) -> Any:
+        check_solution(f"what plot.{draw.__name__} draws", solution)
+        return draw(solution, *args, **options)
+
+    return cast("Panel", checked)
 
 
 def draw_curves(

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 from liouville.errors import hinted
 from liouville.plot.canvas import names_of
-from liouville.plot.curves import draw_curves
+from liouville.plot.curves import draw_curves, of_solution
 from liouville.plot.fans import chosen
 from liouville.solution import Array, Solution
 
@@ -15,6 +15,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 
+@of_solution
 def observed(
     solution: Solution,
     names: Sequence[str] | None = None,

@@ -20,7 +20,7 @@ from liouville.plot.canvas import (
     names_of,
     text,
 )
-from liouville.plot.curves import draw_curves, draw_sizes, interleaved, of_member
+from liouville.plot.curves import draw_curves, draw_sizes, interleaved, of_member, of_solution
 from liouville.plot.fans import chosen
 from liouville.plot.observed import observed, scalars
 from liouville.plot.quantum import shown
@@ -44,6 +44,7 @@ TITLES = {
 }
 
 
+@of_solution
 def trajectories(
     solution: Solution,
     of: str | None = None,
@@ -125,6 +126,7 @@ def trajectories(
     return axes
 
 
+@of_solution
 def invariants(
     solution: Solution,
     names: Sequence[str] | None = None,
@@ -173,6 +175,7 @@ def invariants(
     return draw_sizes(ax, solution, sizes, f"{title} of invariants", label, fan)
 
 
+@of_solution
 def energy(solution: Solution, *, fan: bool = False, ax: Axes | None = None) -> Axes:
     """Draw where the energy went: its change, the work of other forces, and what was dissipated.
 
@@ -202,6 +205,7 @@ def energy(solution: Solution, *, fan: bool = False, ax: Axes | None = None) -> 
     return draw_curves(ax, solution.t, columns, f"energy{note}", "", fan, units)
 
 
+@of_solution
 def steps(solution: Solution, *, ax: Axes | None = None) -> Axes:
     """Draw the times between kept states on a log scale, the step sizes where all are kept.
 
@@ -226,6 +230,7 @@ def steps(solution: Solution, *, ax: Axes | None = None) -> Axes:
     return axes
 
 
+@of_solution
 def residuals(solution: Solution, *, fan: bool = False, ax: Axes | None = None) -> Axes:
     """Draw how well each kind of constraint is kept, on a log scale.
 
@@ -255,6 +260,7 @@ def residuals(solution: Solution, *, fan: bool = False, ax: Axes | None = None) 
     return draw_sizes(ax, solution, sizes, "residuals", label, fan)
 
 
+@of_solution
 def multipliers(
     solution: Solution,
     *,
@@ -292,6 +298,7 @@ def multipliers(
     return trajectories(solution, "lam", names=names, fan=fan, ax=ax)
 
 
+@of_solution
 def overview(solution: Solution, *, fan: bool = False) -> Figure:
     """Draw the overview of a run: motion, invariants, constraints and multipliers.
 

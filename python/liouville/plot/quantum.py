@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike
 
 from liouville.errors import hinted
 from liouville.plot.canvas import FLOOR, GREY, UNITS, colours, drawn_on, legend, scale_by_decades
-from liouville.plot.curves import draw_curves, of_chosen
+from liouville.plot.curves import draw_curves, of_chosen, of_solution
 from liouville.plot.fans import chosen
 from liouville.solution import Array, Solution
 
@@ -28,6 +28,7 @@ EQUAL = 1e-6
 PADDED = 8
 
 
+@of_solution
 def density(solution: Solution, *, member: int = 0, at: int = -1, ax: Axes | None = None) -> Axes:
     r"""Draw :math:`|\psi|^2` as a map: place across and time up, or the places of a plane.
 
@@ -83,6 +84,7 @@ def density(solution: Solution, *, member: int = 0, at: int = -1, ax: Axes | Non
     return _map(axes, places[0], solution.t, values, title, most)
 
 
+@of_solution
 def autocorrelation(
     solution: Solution, *, member: int = 0, fan: bool = False, ax: Axes | None = None
 ) -> Axes:
@@ -127,6 +129,7 @@ def autocorrelation(
     return axes
 
 
+@of_solution
 def spectrum(
     solution: Solution,
     *,

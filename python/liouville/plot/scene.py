@@ -12,8 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 from liouville.bodies import Mechanism
 from liouville.bodies import rotations as rot
 from liouville.bodies.body import numbers
-from liouville.errors import hinted
-from liouville.plot.curves import of_chosen
+from liouville.plot.curves import check_solution, of_chosen
 from liouville.plot.shapes import Part, parts_of, planar, poses_of, springs_of
 from liouville.plot.thinning import thinned
 from liouville.solution import Array, Solution
@@ -95,9 +94,7 @@ def scene_of(
     ValueError
         There is no such member, body or direction; an outline has no such lines.
     """
-    if not isinstance(solution, Solution):
-        hint = "integrate the system and show what that returns"
-        raise TypeError(hinted(f"a motion is a solution, not {solution!r}", hint))
+    check_solution("a motion", solution)
     if up is not None and up not in AXES:
         raise ValueError(f"up is 'x', 'y' or 'z', not {up!r}")
     positions = solution.y if "y" in solution.states else solution.q

@@ -28,20 +28,27 @@ from liouville.runners.members import SemiExplicitMembersRunner as SemiExplicitM
 from liouville.runners.runner import Request as Request
 from liouville.runners.runner import Runner as Runner
 from liouville.runners.semi_explicit import SemiExplicitRunner as SemiExplicitRunner
-from liouville.systems import Mechanics, PolynomialField, Schrodinger, SemiExplicit, System
+from liouville.systems import (
+    Field,
+    Mechanics,
+    PolynomialField,
+    Schrodinger,
+    SemiExplicit,
+    System,
+)
 
 if TYPE_CHECKING:
     from liouville.planner import Plan
 
 #: The systems that can be integrated, and the methods that step mechanical ones.
-SYSTEMS = (Mechanics, SemiExplicit, PolynomialField, Schrodinger)
+SYSTEMS = (Mechanics, SemiExplicit, Field, Schrodinger)
 MECHANICAL = (Spark, LobattoPair, HHT, GeneralizedAlpha, ArnoldBruls, Composition)
 
 #: What helps other systems instead of these options of mechanical and semi-explicit ones.
 INSTEAD: dict[tuple[str, type | None], str] = {
     ("t_eval", Schrodinger): "t= takes the times of all states to keep",
     ("t_eval", None): "give an h of which these times are multiples, and every=",
-    ("events", PolynomialField): "lv.section finds where trajectories cross a plane",
+    ("events", Field): "lv.section finds where trajectories cross a plane",
     ("events", None): "observe= records such a function at each kept state",
 }
 
@@ -58,7 +65,7 @@ def runner_of(system: System, method: Method | Plan | str, request: Request) -> 
     if not isinstance(system, SYSTEMS):
         sentence = (
             "system is a Lagrangian, Hamiltonian, Mechanical, Structure, SemiExplicit, "
-            f"PolynomialField or Schrodinger, not {system!r}"
+            f"PolynomialField, GriddedField or Schrodinger, not {system!r}"
         )
         is_assembly = hasattr(system, "system")
         raise TypeError(hinted(sentence, "take its system()") if is_assembly else sentence)
@@ -77,7 +84,8 @@ def runner_of(system: System, method: Method | Plan | str, request: Request) -> 
         return _of_semi_explicit(system, method, request)
     for name, value in (("t_eval", request.t_eval), ("events", request.events)):
         if value is not None:
-            hint = INSTEAD.get((name, type(system)), INSTEAD[name, None])
+            kind = Field if isinstance(system, Field) else type(system)
+            hint = INSTEAD.get((name, kind), INSTEAD[name, None])
             sentence = f"{name} is for a mechanical or semi-explicit system, not for {system!r}"
             raise TypeError(hinted(sentence, hint))
     if request.is_ensemble:
@@ -87,7 +95,7 @@ def runner_of(system: System, method: Method | Plan | str, request: Request) -> 
     return _of_fields(system, method, request)
 
 
-def _check_shared(system: PolynomialField | Schrodinger, request: Request) -> None:
+def _check_shared(system: Field | Schrodinger, request: Request) -> None:
     """Refuse parameters of each member, which a system that is planned once does not take."""
     given = request.params if isinstance(request.params, Mapping) else {}
     for name, value in given.items():
@@ -132,13 +140,18 @@ def _of_waves(system: Schrodinger, method: Any, request: Request) -> Runner:
     raise no_runner(method, "wave", "Schrödinger equations")
 
 
-def _of_fields(system: PolynomialField, method: Any, request: Request) -> Runner:
+def _of_fields(system: Field, method: Any, request: Request) -> Runner:
     from liouville.planner import FieldPlan
     from liouville.runners.field import FieldRunner
 
-    if isinstance(method, VolumeSplitting | FieldPlan):
+    is_polynomial = isinstance(system, PolynomialField)
+    if not isinstance(method, VolumeSplitting | FieldPlan):
+        raise no_runner(method, "field", f"{'polynomial' if is_polynomial else 'gridded'} fields")
+    if is_polynomial:
         return FieldRunner(system, method, request)
-    raise no_runner(method, "field", "polynomial fields")
+    from liouville.runners.gridded import GriddedRunner
+
+    return GriddedRunner(system, method, request)
 
 
 def no_runner(method: Any, form: str, systems: str) -> TypeError:

@@ -1,4 +1,4 @@
-"""Runs of a polynomial field with the determinant of the Jacobian of its steps."""
+"""Runs of a field with the determinant of the Jacobian of its steps."""
 
 from __future__ import annotations
 
@@ -11,16 +11,17 @@ from liouville.errors import Description
 from liouville.methods import VolumeSplitting
 from liouville.planner import FieldPlan
 from liouville.runners.field import FieldRunner
+from liouville.runners.gridded import GriddedRunner
 from liouville.runners.runner import Request
 from liouville.splitting import crossed
-from liouville.systems import PolynomialField
+from liouville.systems import Field
 
 
-class DeterminantRunner(FieldRunner):
-    """Runs a field with tangents."""
+class Determinants(FieldRunner):
+    """Runs a field with tangents; before another runner, which splits it."""
 
     def __init__(
-        self, system: PolynomialField, method: VolumeSplitting | FieldPlan, request: Request
+        self, system: Field, method: VolumeSplitting | FieldPlan, request: Request
     ) -> None:
         super().__init__(system, method, request)
         n = len(system.coordinates)
@@ -42,3 +43,11 @@ class DeterminantRunner(FieldRunner):
                 "determinant",
             )
         return super().describe(error)
+
+
+class DeterminantRunner(Determinants):
+    """Runs a polynomial field with tangents."""
+
+
+class GriddedDeterminantRunner(Determinants, GriddedRunner):
+    """Runs a gridded field with tangents."""

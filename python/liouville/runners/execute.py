@@ -178,7 +178,7 @@ def solution_of(
         observed=_named("observed ", parts),
         initial=runner.initial,
         balance=runner.balance(parts),
-        tangents=runner.tangents(parts),
+        tangents=runner.tangents(times, parts),
         names=_names(runner),
         events=dict(events),
         dense_order=runner.dense_order,

@@ -1,4 +1,4 @@
-"""Runs of a polynomial field, or of an ensemble of its states."""
+"""Runs of a field, or of an ensemble of its states."""
 
 from __future__ import annotations
 
@@ -18,8 +18,9 @@ from liouville.runners.execute import execute
 from liouville.runners.runner import Request, Runner, kept, threads_of
 from liouville.runners.trial_steps import RECORDS, trial_steps
 from liouville.splitting import Affine, Split, crossed, described, variables_of
-from liouville.systems import PolynomialField
+from liouville.systems import Field, PolynomialField
 from liouville.tangents import Tangent
+from liouville.terms import Function
 
 #: Half of the digits of an affine flow are left after so many of its own times.
 MOST_TURNS = 1e8
@@ -36,21 +37,27 @@ TAKES = Takes(
 PART, TRIED = 0.1, 32
 
 
-class FieldRunner(Runner):
-    """Runs a polynomial field, or an ensemble of its states; see :class:`Runner`."""
+#: At so many times functions of time are looked at before a run.
+TIMES = 2001
 
-    system: PolynomialField
+
+class FieldRunner(Runner):
+    """Runs a field, or an ensemble of its states; see :class:`Runner`. This one is polynomial."""
+
+    system: Field
     choice: FieldPlan
 
     def __init__(
-        self, system: PolynomialField, method: VolumeSplitting | FieldPlan, request: Request
+        self, system: Field, method: VolumeSplitting | FieldPlan, request: Request
     ) -> None:
         self.system = system = system.with_params(request.params)
         self.params = system.params
         x = system.start(request.start, request.is_ensemble)
         self.steps = request.steps_of(system, TAKES)
+        if isinstance(system, PolynomialField):
+            _check_times(system, self.steps)
         if self.steps.control is not None:
-            self.steps, method = _tried(system, method, self.steps, np.atleast_2d(x))
+            self.steps, method = self._tried(method, self.steps, np.atleast_2d(x))
         self.every = kept(self.steps, request.every)
         self.members = x.shape[:-1]
         self.threads = threads_of(request.threads)
@@ -68,13 +75,63 @@ class FieldRunner(Runner):
         self._check_records(request, self.steps.records(self.every))
         self.x = system.extended(np.atleast_2d(x), self.steps.t0)
         h = self.steps.mean(self.steps.t1, self.steps.count)
-        if isinstance(method, FieldPlan):
-            self.choice, self.split = method, method.split(system.terms, system.variables)
-        else:
-            found = plan_field(system.terms, method, h, self.x, names=system.variables)
-            self.choice, self.split = found
+        self.choice, self.split = self._planned(method, h)
         self.method = repr(self.choice.method)
-        _check_affine(self.split, h)
+
+    def _planned(self, method: VolumeSplitting | FieldPlan, h: float) -> Any:
+        """Return the plan for steps h, and the field split by it."""
+        system = self.system
+        assert isinstance(system, PolynomialField)
+        if isinstance(method, FieldPlan):
+            plan, parts = method, method.split(system.terms, system.variables)
+        else:
+            plan, parts = plan_field(system.terms, method, h, self.x, names=system.variables)
+        _check_affine(parts, h)
+        return plan, parts
+
+    def _tried(
+        self, method: VolumeSplitting | FieldPlan, asked: Steps, x: np.ndarray
+    ) -> tuple[Steps, VolumeSplitting | FieldPlan]:
+        """Return equal steps that meet a tolerance, and the plan they were found with."""
+        assert asked.control is not None, "steps for a tolerance"
+        x, t0 = x[:TRIED], asked.t0
+        length = abs(asked.t1 - t0)
+        kind, rtol, atol, h, least = asked.control
+        if not h:
+            speed = np.abs(self._rates(x, t0)).max()
+            h = min(PART * np.abs(x).max() / speed, length) if 0 < speed < np.inf else length
+        method, order, h = self._planned_once(method, float(np.copysign(h, asked.t1 - t0)), x, t0)
+        asked = replace(asked, control=(kind, rtol, atol, abs(h), least))
+
+        def run(steps: int) -> np.ndarray:
+            request = Request(
+                t=(t0, asked.t1), steps=steps, every=steps // RECORDS, start={"x": x},
+                is_ensemble=True,
+            )  # fmt: skip
+            found: np.ndarray = execute(type(self)(self.system, method, request)).x[1:]
+            return found
+
+        return trial_steps(run, asked, order), method
+
+    def _rates(self, x: np.ndarray, t: float) -> np.ndarray:
+        """Return the rates of states x, shape (P, n)."""
+        assert isinstance(self.system, PolynomialField)
+        rows = self.system.extended(x, t)
+        rates = np.array([self.system.terms.evaluate(row) for row in rows], dtype=float)
+        return rates[:, : x.shape[1]]
+
+    def _planned_once(
+        self, method: VolumeSplitting | FieldPlan, h: float, x: np.ndarray, t: float
+    ) -> tuple[VolumeSplitting | FieldPlan, int, float]:
+        """Return the plan for trial runs, its order, and the step that they begin with."""
+        system = self.system
+        assert isinstance(system, PolynomialField)
+        if not isinstance(method, FieldPlan):
+            states = system.extended(x, t)
+            method, _ = plan_field(system.terms, method, h, states, names=system.variables)
+        order = method.method.order
+        assert order is not None, "a plan leaves nothing open"
+        return method, order, h
 
     def start(self) -> _core.Run | dict[str, Any]:
         """Start the run, or return the error of its start."""
@@ -98,7 +155,7 @@ class FieldRunner(Runner):
         rows = self.system.extended(self._directions.rows, 0.0)
         return np.ascontiguousarray(self.split.inward(rows))
 
-    def tangents(self, parts: Mapping[str, np.ndarray]) -> dict[str, Tangent]:
+    def tangents(self, t: np.ndarray, parts: Mapping[str, np.ndarray]) -> dict[str, Tangent]:
         """Return the tangents in records by the names of their directions, if any were wanted."""
         return {} if self._directions is None else self._directions.read(parts["tangents"])
 
@@ -130,6 +187,9 @@ class FieldRunner(Runner):
         if error["kind"] == "singular piece":
             piece = self.split.pieces[error["piece"]]
             error["quantity"] = described(piece, variables_of(self.split, names))
+        if error["kind"] == "singular function":
+            functions = self.split.pieces[error["piece"]].field().compact().functions
+            error["quantity"] = functions[error["function"]].written(names)
         outward = self.split.outward
         if error["kind"] == "overflow" and outward is not None:
             # the coordinate that has most of what is not finite
@@ -137,34 +197,18 @@ class FieldRunner(Runner):
         return describe(error, names, ())
 
 
-def _tried(
-    system: PolynomialField, method: VolumeSplitting | FieldPlan, asked: Steps, x: np.ndarray
-) -> tuple[Steps, FieldPlan]:
-    """Return equal steps that meet a tolerance, and the plan they were found with."""
-    assert asked.control is not None, "steps for a tolerance"
-    x, t0 = x[:TRIED], asked.t0
-    extended, length = system.extended(x, t0), abs(asked.t1 - t0)
-    kind, rtol, atol, h, least = asked.control
-    if not h:
-        rates = np.array([system.terms.evaluate(row) for row in extended], dtype=float)
-        speed = np.abs(rates[:, : x.shape[1]]).max()
-        h = min(PART * np.abs(x).max() / speed, length) if speed > 0 else length
-    if not isinstance(method, FieldPlan):
-        along = float(np.copysign(h, asked.t1 - t0))
-        method, _ = plan_field(system.terms, method, along, extended, names=system.variables)
-    asked = replace(asked, control=(kind, rtol, atol, h, least))
-
-    def run(steps: int) -> np.ndarray:
-        request = Request(
-            t=(t0, asked.t1), steps=steps, every=steps // RECORDS, start={"x": x},
-            is_ensemble=True,
-        )  # fmt: skip
-        found: np.ndarray = execute(FieldRunner(system, method, request)).x[1:]
-        return found
-
-    order = method.method.order
-    assert order is not None, "a plan leaves nothing open"
-    return trial_steps(run, asked, order), method
+def _check_times(system: PolynomialField, steps: Steps) -> None:
+    """Refuse functions of time that are singular in the time of a run."""
+    times = np.linspace(steps.t0, steps.t1, TIMES) if system.is_driven else np.empty(0)
+    for function in system.terms.functions if system.is_driven else ():
+        if not isinstance(function, Function) or function.places != (len(system.coordinates),):
+            continue
+        found = function.singular(times)
+        if found is not None:
+            t0, t1 = sorted(times[list(found)].tolist())
+            where = f"at t = {t0:g}" if t0 == t1 else f"between t = {t0:g} and {t1:g}"
+            hint = "begin after it, or end before"
+            raise ValueError(hinted(f"the field contains {function.text}, singular {where}", hint))
 
 
 def _check_affine(parts: Split, h: float) -> None:

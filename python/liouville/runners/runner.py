@@ -147,7 +147,7 @@ class Runner(ABC):
         del parts
         return {}
 
-    def tangents(self, parts: Mapping[str, np.ndarray]) -> dict[str, Tangent]:
+    def tangents(self, t: np.ndarray, parts: Mapping[str, np.ndarray]) -> dict[str, Tangent]:
         """Return the tangents in records by the names of their directions, if any were wanted."""
         del parts
         return {}

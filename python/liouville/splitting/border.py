@@ -8,33 +8,36 @@ import numpy as np
 
 from liouville import _core
 from liouville.splitting.pieces import Affine, Exponential, Natural, Piece, Scaling, Shear, Split
-from liouville.terms import Terms
+from liouville.splitting.planes import Plane, PlaneSplit
+from liouville.terms import Function, Terms, Wave
 
 
-def crossed(split: Split) -> _core.Split:
+def crossed(split: Split | PlaneSplit) -> _core.Split:
     """Hand a split field to the core."""
     return _core.Split(split.n, [packed(piece) for piece in split.pieces])
 
 
-def packed(piece: Piece) -> tuple[Any, ...]:
+def packed(piece: Piece | Plane) -> tuple[Any, ...]:
     """Return a piece as the core reads it; its terms know their rows by number."""
     match piece:
         case Natural():
-            rows = np.unique(piece.terms.component)
-            return ("natural", rows, *_terms(piece.terms, rows), _waves(piece.terms))
+            return ("natural", *_rows(piece.terms.compact()))
         case Shear():
             places = np.flatnonzero(piece.direction)
             direction = _floats(piece.direction[places])
-            g = _terms(piece.g, np.zeros(1, dtype=np.int64))
-            return ("shear", places, direction, *g, _waves(piece.g))
+            g = piece.g.compact()
+            terms = _terms(g, np.zeros(1, dtype=np.int64))
+            return ("shear", places, direction, *terms, _functions(g))
         case Scaling():
-            rows = np.unique(piece.rate.component)
-            return ("scaling", rows, *_terms(piece.rate, rows))
+            return ("scaling", *_rows(piece.rate.compact()))
         case Exponential():
-            monomial = np.array(piece.monomial, dtype=np.int64)
-            return ("exponential", piece.places, _floats(piece.rates), monomial)
+            rates = _floats(piece.rates)
+            m = Terms.of(piece.n, [(0, 1, piece.monomial)], piece.factors).compact()
+            return ("exponential", piece.places, rates, m.variables[0], _functions(m))
         case Affine():
             return ("affine", _floats(piece.matrix), _floats(piece.vector))
+        case Plane():
+            return ("plane", piece.plane, np.array(piece.variables, dtype=np.int64))
         case _:
             a, b = piece.tableau.a, piece.tableau.b
             return ("triangular", piece.order, *_terms(piece.terms, piece.order), a, b)
@@ -44,6 +47,12 @@ def _floats(numbers: np.ndarray) -> np.ndarray:
     return np.ascontiguousarray(numbers, dtype=float)
 
 
+def _rows(terms: Terms) -> tuple[Any, ...]:
+    """Return components that are not zero, their terms, and the functions among their factors."""
+    rows = np.unique(terms.component)
+    return rows, *_terms(terms, rows), _functions(terms)
+
+
 def _terms(terms: Terms, rows: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     number = np.zeros(terms.n, dtype=np.int64)
     number[rows] = np.arange(rows.size)
@@ -51,8 +60,13 @@ def _terms(terms: Terms, rows: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.n
     return number[terms.component], _floats(terms.coefficient), factors
 
 
-def _waves(terms: Terms) -> list[tuple[np.ndarray, np.ndarray, float]]:
-    return [
-        (np.array(wave.places, dtype=np.int64), np.array(wave.k, dtype=float), wave.phase)
-        for wave in terms.waves
-    ]
+def _functions(terms: Terms) -> list[tuple[Any, ...]]:
+    """Return the functions among the factors of terms as the core reads them."""
+    return [_function(function) for function in terms.functions]
+
+
+def _function(function: Wave | Function) -> tuple[Any, ...]:
+    places = np.array(function.places, dtype=np.int64)
+    if isinstance(function, Wave):
+        return places, np.array(function.k, dtype=float), function.phase
+    return places, function.value, function.slopes

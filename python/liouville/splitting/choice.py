@@ -97,13 +97,28 @@ def split(
 def _diagonal(
     terms: Terms, word: str, directions: np.ndarray | None, merged: bool
 ) -> tuple[list[Piece], Terms]:
-    """Return the pieces of the diagonal part, and what is left."""
+    """Return the pieces of the diagonal part, and what is left.
+
+    Terms with functions are always exponentials.
+    """
+    has_function = terms.has_function.any(axis=1)
+    if word == "exponentials" or not has_function.any():
+        return _plain_diagonal(terms, word, directions, merged)
+    found, plain = _plain_diagonal(terms.selected(~has_function), word, directions, merged)
+    others = terms.selected(has_function)
+    rest = plain.joined(others.off_diagonal())
+    return [*found, *exponentials(others.diagonal(), merged)], rest
+
+
+def _plain_diagonal(
+    terms: Terms, word: str, directions: np.ndarray | None, merged: bool
+) -> tuple[list[Piece], Terms]:
     first: list[Piece] = []
     if word == "shears":
-        found, rest = shears(terms, directions)
+        found, rest = shears(replace(terms, functions=()), directions)
         return [*found], rest
     if word == "regular":
-        taken, terms = regular(terms)
+        taken, terms = regular(replace(terms, functions=()))
         first = [*taken]
     return [*first, *exponentials(terms.diagonal(), merged)], terms.off_diagonal()
 
@@ -117,16 +132,17 @@ def _off_diagonal(
 ) -> list[Piece]:
     if word == "natural":
         return [*natural(terms, merged)]
-    has_wave = (terms.variables >= terms.n).any(axis=1)
-    plain = replace(terms.selected(~has_wave), waves=())
-    waves = natural(terms.selected(has_wave), merged)
-    return [*triangular(plain, permutations, runge_kutta, merged), *waves]
+    has_function = terms.has_function.any(axis=1)
+    plain = replace(terms.selected(~has_function), functions=())
+    others = natural(terms.selected(has_function), merged)
+    return [*triangular(plain, permutations, runge_kutta, merged), *others]
 
 
 def _whole(terms: Terms, affine: list[Piece], directions: np.ndarray | None, merged: bool) -> Split:
-    if terms.waves:
-        hint = "take diagonal='exponentials', which leaves waves to shears of their own"
-        raise ValueError(hinted("n + d shears are for polynomials, and the field has waves", hint))
+    if terms.functions:
+        hint = "take diagonal='exponentials', which leaves functions to pieces of their own"
+        sentence = "n + d shears are for polynomials, and the field has functions"
+        raise ValueError(hinted(sentence, hint))
     parts = whole(terms, directions, merged)
     inside = [_in_basis(piece, parts) if isinstance(piece, Affine) else piece for piece in affine]
     return replace(parts, pieces=(*inside, *parts.pieces))
@@ -157,7 +173,7 @@ def _turned(
 
 def _affine(terms: Terms) -> tuple[Affine | None, Terms]:
     """Take the terms of degree 0 and 1 from a field."""
-    chosen = (terms.degrees <= 1) & ~(terms.variables >= terms.n).any(axis=1)
+    chosen = (terms.degrees <= 1) & ~terms.has_function.any(axis=1)
     part, n = terms.selected(chosen), terms.n
     if not len(part):
         return None, terms

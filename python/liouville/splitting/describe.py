@@ -27,7 +27,7 @@ def described(piece: Piece, names: Sequence[str] | None = None) -> str:
             changed, terms = piece.rate.component, piece.rate
             return f"scaling of {_listed(changed, terms.n, names)}: {_counted(terms)}"
         case Exponential():
-            by = Terms.none(piece.n).written(piece.monomial, names or numbered(piece.n))
+            by = piece.field().written(piece.monomial, names or numbered(piece.n))
             what = f"exponential of {_listed(piece.places, piece.n, names)}"
             return f"{what} by {by}" if piece.monomial else what
         case Affine():

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from liouville.splitting.colouring import Conflicts, Lists, coloured
@@ -16,7 +18,7 @@ def exponentials(terms: Terms, merged: bool = True) -> list[Scaling | Exponentia
     Parameters
     ----------
     terms : Terms
-        Each term contains the variable of its component, and no wave.
+        Each term contains the variable of its component, and no function of it.
     merged : bool
         Whether monomials that stand still in their flow are united while none that is read is
         changed. Else there is one piece for each monomial, lower degrees first.
@@ -44,8 +46,8 @@ def by_monomial(terms: Terms) -> tuple[Terms, np.ndarray]:
         raise ValueError("an exponential needs the variable of its component in each term")
     variables = terms.variables.copy()
     variables[np.arange(len(terms)), hits.argmax(axis=1)] = -1
-    rate = Terms(terms.n, terms.component, terms.coefficient, np.sort(variables, axis=1))
-    order, starts = grouped(list(rate.variables.T), terms.n)
+    rate = replace(terms, variables=np.sort(variables, axis=1))
+    order, starts = grouped(list(rate.variables.T), terms.n + len(terms.functions))
     label = np.empty(len(rate), dtype=np.int64)
     label[order] = np.repeat(np.arange(starts.size), np.diff([*starts, len(rate)]))
     return rate, label
@@ -69,4 +71,5 @@ def _united(rate: Terms, label: np.ndarray) -> np.ndarray:
 
 def _exponential(rate: Terms) -> Exponential:
     row = rate.variables[0]
-    return Exponential(rate.n, rate.component, rate.coefficient, tuple(row[row >= 0].tolist()))
+    monomial = tuple(row[row >= 0].tolist())
+    return Exponential(rate.n, rate.component, rate.coefficient, monomial, rate.functions)

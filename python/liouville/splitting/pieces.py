@@ -10,7 +10,7 @@ import numpy as np
 
 from liouville.splitting.basis import transformed
 from liouville.splitting.runge_kutta import Tableau
-from liouville.terms import Monomial, Terms, exact
+from liouville.terms import Function, Monomial, Terms, Wave, exact
 
 
 @dataclass(frozen=True, eq=False)
@@ -46,7 +46,7 @@ class Shear:
         component = np.repeat(places, len(self.g))
         coefficient = np.outer(self.direction[places], self.g.coefficient).ravel()
         variables = np.tile(self.g.variables, (places.size, 1))
-        return Terms(self.g.n, component, coefficient, variables, self.g.waves)
+        return Terms(self.g.n, component, coefficient, variables, self.g.functions)
 
     @property
     def operations(self) -> int:
@@ -79,7 +79,7 @@ class Scaling:
 
 @dataclass(frozen=True, eq=False)
 class Exponential:
-    """x_i' = c_i x_i m(x) for one monomial m = x^j; m itself moves by m' = alpha m^2.
+    """x_i' = c_i x_i m(x) for one m, x^j times functions that stand still: m' = alpha m^2.
 
     The flow blows up within h if alpha h m >= 1; it never does if alpha = sum c_i j_i is 0.
     """
@@ -88,12 +88,14 @@ class Exponential:
     places: np.ndarray
     rates: np.ndarray
     monomial: Monomial
+    factors: tuple[Wave | Function, ...] = ()
     is_exact: ClassVar[bool] = True
 
     def field(self) -> Terms:
         """Return the piece as a vector field."""
         m = np.tile(np.array(self.monomial, dtype=np.int64), (self.places.size, 1))
-        return Terms(self.n, self.places, self.rates, np.column_stack([m, self.places]))
+        variables = np.column_stack([m, self.places])
+        return Terms(self.n, self.places, self.rates, variables, self.factors)
 
     @property
     def operations(self) -> int:

@@ -9,7 +9,7 @@ import numpy as np
 
 from liouville.errors import hinted
 from liouville.splitting.pieces import Shear
-from liouville.terms import ROUNDOFF, Terms, grouped
+from liouville.terms import ROUNDOFF, Terms, Wave, grouped
 
 
 def numbered(n: int) -> list[str]:
@@ -18,10 +18,11 @@ def numbered(n: int) -> list[str]:
 
 
 def wave_shears(terms: Terms, names: Sequence[str] | None = None) -> tuple[list[Shear], Terms]:
-    """Take the diagonal terms with waves from a field, as shears.
+    """Take the diagonal terms with waves that move from a field, as shears.
 
     Terms of equal factors are x' = a m(x) cos(k . x + phase), which is a shear if a . k = 0 and m
-    is free of the variables that move. Those of parallel a are one piece.
+    is free of the variables that move. Those of parallel a are one piece. Where the wave stands
+    still too, as a wave of time does, the terms are left for exponentials.
 
     Parameters
     ----------
@@ -35,7 +36,7 @@ def wave_shears(terms: Terms, names: Sequence[str] | None = None) -> tuple[list[
     list of Shear
         The shears.
     Terms
-        The rest, whose terms with waves are off-diagonal.
+        The rest, whose terms with functions are off-diagonal, or of functions that stand still.
 
     Raises
     ------
@@ -43,20 +44,29 @@ def wave_shears(terms: Terms, names: Sequence[str] | None = None) -> tuple[list[
         Some terms are no shear.
     """
     diagonal = terms.diagonal()
-    diagonal = diagonal.selected((diagonal.variables >= terms.n).any(axis=1))
-    if not len(diagonal):
-        return [], terms
-    order, starts = grouped(list(diagonal.variables.T), terms.n + len(terms.waves))
+    diagonal = diagonal.selected(diagonal.has_function.any(axis=1))
+    order, starts = grouped(list(diagonal.variables.T), terms.n + len(terms.functions))
     found: dict[tuple[Any, ...], list[Terms]] = {}
-    for rows in np.split(order, starts[1:]):
+    taken = [terms]
+    for rows in np.split(order, starts[1:]) if len(diagonal) else []:
         part = diagonal.selected(rows)
+        if not _moves(part):
+            continue
+        taken.append(part.scaled(-1))
         _check_is_shear(part, names or numbered(terms.n))
         size = part.coefficient[np.abs(part.coefficient).argmax()]
         direction = tuple(zip(part.component.tolist(), part.coefficient / size, strict=True))
-        g = Terms(terms.n, np.zeros(1), np.array([size]), part.variables[:1], terms.waves)
+        g = Terms(terms.n, np.zeros(1), np.array([size]), part.variables[:1], terms.functions)
         found.setdefault(direction, []).append(g)
-    rest = terms.joined(diagonal.scaled(-1)).merged()
+    rest = taken[0].joined(*taken[1:]).merged() if found else terms
     return [_shear(terms, a, parts) for a, parts in found.items()], rest
+
+
+def _moves(part: Terms) -> bool:
+    """Return whether terms of equal factors move a variable that one of their functions is of."""
+    row = part.variables[0]
+    functions = [part.functions[v - part.n] for v in row[row >= part.n]]
+    return any(np.isin(part.component, function.places).any() for function in functions)
 
 
 def _shear(terms: Terms, a: tuple[Any, ...], parts: list[Terms]) -> Shear:
@@ -71,9 +81,12 @@ def _check_is_shear(part: Terms, names: Sequence[str]) -> None:
     row = part.variables[0]
     row = row[row >= 0]
     is_free = not np.isin(part.component, row).any()
-    wave = part.waves[row[-1] - part.n]
     slope = np.zeros(part.n)
-    slope[list(wave.places)] = wave.k
+    for function in (part.functions[v - part.n] for v in row[row >= part.n]):
+        if isinstance(function, Wave):
+            slope[list(function.places)] = function.k
+        else:
+            is_free &= not np.isin(part.component, function.places).any()
     products = part.coefficient.astype(float) * slope[part.component]
     if is_free and abs(products.sum()) <= ROUNDOFF * np.abs(products).sum():
         return

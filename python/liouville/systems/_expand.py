@@ -1,42 +1,44 @@
-"""Polynomials over the user's variables, expanded exactly, and expressions expanded into them.
-
-A polynomial maps monomials to coefficients. A monomial is the ascending tuple of its factors, with
-repetition: variables by their number, and waves numbered after them. A coefficient is a pair: its
-value, an exact rational, and its size, the sum of the absolute values of what was added up to it. A
-float is a dyadic rational, so nothing is rounded before the end, and the size then tells a
-coefficient from roundoff of the constants.
-"""
+"""Expressions expanded into polynomials whose factors are variables and functions of them."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
-from dataclasses import replace
+from collections.abc import Callable, Iterator, Sequence
 from fractions import Fraction
-from typing import TypeAlias
+from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
 
 from liouville import _casadi as ca
 from liouville import tape
 from liouville.errors import hinted
+from liouville.systems._functions import BY_CASES, Node, Opaque
+from liouville.systems._polynomials import (
+    MOST_FACTORS,
+    MOST_TERMS,
+    ONE,
+    Monomial,
+    Polynomial,
+    Rational,
+    constant,
+    is_short,
+    product,
+    reduced,
+    too_large,
+    total,
+    value_of,
+)
 from liouville.systems._read_terms import TIME
-from liouville.terms import Terms, Wave
+from liouville.terms import Function, Terms, Wave, written
 
-Rational: TypeAlias = int | Fraction
-Monomial: TypeAlias = tuple[int, ...]
-Polynomial: TypeAlias = dict[Monomial, tuple[Rational, float]]
-
-ONE: Polynomial = {(): (1, 1.0)}
-
-#: Numerators and denominators of a fraction that is taken as exact are at most this.
-SHORT = 2**31
+#: A term of a field: component, coefficient and monomial.
+Row: TypeAlias = tuple[int, Rational, Monomial]
 
 #: The least coefficient that is not roundoff of the constants, in units of their size.
 ROUNDOFF = 16 * float(np.finfo(float).eps)
 
-#: Where an expansion is given up.
-MOST_TERMS, MOST_FACTORS = 10**7, 100
+#: Operations of polynomials that functions by cases take in.
+ARITHMETIC = frozenset(("add", "sub", "mul", "div", "inv", "sq", "twice", "neg", "pow", "constpow"))
 
 #: What helps where the phase of a wave moves with time, but not evenly.
 SWAYING = (
@@ -45,10 +47,21 @@ SWAYING = (
 
 
 class Refused(str):
+    """The part of an expression that no field can have: "log(-1), which is nan"."""
+
+
+class NoPolynomial(Refused):
     """The part of an expression that is no polynomial: "exp(x), which is no polynomial"."""
 
 
 Value: TypeAlias = Polynomial | Refused
+
+
+class Traced(NamedTuple):
+    """An expression: expanded, and as it stands."""
+
+    value: Value
+    node: Node
 
 
 class Expansion:
@@ -58,17 +71,17 @@ class Expansion:
     ----------
     names : sequence of str
         The names of the variables.
-    waves : list of Wave
-        Those met, each once.
+    functions : list of Wave or Opaque
+        The factors met that are no variables, each once.
     is_exact : bool
         Whether all constants met were short rationals, and so are meant as they stand.
     """
 
     def __init__(self, names: Sequence[str]) -> None:
         self.names = names
-        self.waves: list[Wave] = []
+        self.functions: list[Wave | Opaque] = []
         self.is_exact = True
-        self._numbers: dict[Wave, int] = {}
+        self._numbers: dict[Any, int] = {}
         self._operations: dict[str, Callable[..., Value]] = {
             "add": self.add,
             "sub": lambda p, q: self.add(p, self.negative(q)),
@@ -85,40 +98,111 @@ class Expansion:
             "if_else_zero": self._choice,
         }
 
-    def apply(self, operation: str, *args: Value) -> Value:
+    def apply(self, operation: str, *args: Traced) -> Traced:
         """Apply an operation by CasADi's name; what is refused stays so."""
-        if operation == "if_else_zero" and args[0] == {}:
-            return {}
+        node = (operation, *(arg.node for arg in args))
+        if operation == "if_else_zero" and args[0].value == {}:
+            return Traced({}, ("const", 0.0))
         polynomials = []
         for arg in args:
-            if isinstance(arg, Refused):
-                return arg
-            polynomials.append(arg)
+            if isinstance(arg.value, Refused):
+                return Traced(arg.value, node)
+            polynomials.append(arg.value)
+        if operation in ARITHMETIC and self._is_by_cases(polynomials):
+            first = next(f for p in polynomials for f in self._opaque_in(p) if f.is_by_cases)
+            within = self._function(operation, polynomials, node, "", first.reason)
+            return Traced(within, node)
         if operation in self._operations:
-            return self._operations[operation](*polynomials)
-        return self._evaluated(operation, *polynomials)
+            found = self._operations[operation](*polynomials)
+        else:
+            found = self._evaluated(operation, *polynomials)
+        if isinstance(found, NoPolynomial):
+            found = self._opaque(operation, polynomials, node, found)
+        return Traced(found, node)
 
-    def constant(self, value: float | Rational) -> Polynomial:
+    def _opaque(
+        self, operation: str, args: list[Polynomial], node: Node, reason: NoPolynomial
+    ) -> Polynomial:
+        """Return an operation without a polynomial as a function; of a quotient its divisor's."""
+        if operation in ("div", "inv"):
+            divided = args[0] if operation == "div" else ONE
+            text = f"(1/{self._enclosed(args[-1])})"
+            inverse = self._function("inv", args[-1:], ("inv", node[-1]), text, reason)
+            return product(divided, inverse)
+        text = reason.partition(", which")[0].partition(", whose")[0]
+        return self._function(operation, args, node, text, reason)
+
+    def _function(
+        self, operation: str, args: Sequence[Polynomial], node: Node, text: str, reason: str
+    ) -> Polynomial:
+        """Return a function as a factor."""
+        key = (operation, *(tuple(sorted((m, value) for m, (value, _) in p.items())) for p in args))
+        if key not in self._numbers:
+            places = tuple(sorted(set().union(*map(self._places, args))))
+            within = (f.is_by_cases for p in args for f in self._opaque_in(p))
+            is_by_cases = operation in BY_CASES or any(within)
+            self._numbers[key] = len(self.functions)
+            self.functions.append(Opaque(places, key, node, text, reason, is_by_cases))
+        return self.variable(len(self.names) + self._numbers[key])
+
+    def _opaque_in(self, p: Polynomial) -> Iterator[Opaque]:
+        """Return the functions in a polynomial that are no waves."""
+        count = len(self.names)
+        for q in {q for monomial in p for q in monomial if q >= count}:
+            function = self.functions[q - count]
+            if isinstance(function, Opaque):
+                yield function
+
+    def _places(self, p: Polynomial) -> set[int]:
+        """Return the variables that a polynomial depends on, also through functions."""
+        count = len(self.names)
+        found: set[int] = set()
+        for q in {q for monomial in p for q in monomial}:
+            found.update(self.functions[q - count].places if q >= count else (q,))
+        return found
+
+    def _is_by_cases(self, args: Sequence[Polynomial]) -> bool:
+        """Return whether an operation is one more of a function by cases, such as a table.
+
+        Its cases are not multiplied out: it takes in all that depends on no other variable than
+        it does itself. Numbers stay factors.
+        """
+        if len(args) == 2 and any(value_of(p) is not None for p in args):
+            return False
+        functions = [f for p in args for f in self._opaque_in(p) if f.is_by_cases]
+        if not functions or (len(args) == 1 and len(args[0]) == 1):
+            return False
+        places = set().union(*map(self._places, args))
+        return places == set().union(*(f.places for f in functions))
+
+    def number(self, value: float | Rational) -> Polynomial:
         """Return a finite number, exactly."""
-        number = _reduced(Fraction(value))
-        if not _is_short(number):
+        number = reduced(Fraction(value))
+        if not is_short(number):
             self.is_exact = False
-        return _constant(number)
+        return constant(number)
+
+    def traced(self, value: float) -> Traced:
+        """Return a number as an expression."""
+        is_finite = math.isfinite(value)
+        found = self.number(value) if is_finite else Refused(f"the constant {value}")
+        return Traced(found, ("const", float(value)))
+
+    def traced_variable(self, index: int) -> Traced:
+        """Return a variable as an expression."""
+        return Traced(self.variable(index), ("variable", index))
 
     def rational(self, value: Fraction) -> Polynomial:
         """Return a number that is meant as it stands."""
-        return _constant(_reduced(value))
+        return constant(reduced(value))
 
     def variable(self, index: int) -> Polynomial:
-        """Return a variable or, behind them, a wave."""
+        """Return a variable or, behind them, a function."""
         return {(index,): (1, 1.0)}
 
     def add(self, p: Polynomial, q: Polynomial) -> Polynomial:
         """Return p + q."""
-        found = dict(p)
-        for monomial, (value, size) in q.items():
-            _add_to(found, monomial, value, size)
-        return found
+        return total(p, q)
 
     def negative(self, p: Polynomial) -> Polynomial:
         """Return -p."""
@@ -126,24 +210,15 @@ class Expansion:
 
     def multiply(self, p: Polynomial, q: Polynomial) -> Polynomial:
         """Return p q."""
-        if len(p) * len(q) > MOST_TERMS:
-            raise _too_large(f"a product has {len(p)} times {len(q)} terms")
-        found: Polynomial = {}
-        for left, (a, size_a) in p.items():
-            for right, (b, size_b) in q.items():
-                monomial = tuple(sorted(left + right)) if left and right else left or right
-                _add_to(found, monomial, a * b, size_a * size_b)
-        degree = max(map(len, found), default=0)
-        if degree > MOST_FACTORS:
-            raise _too_large(f"a product has degree {degree}")
-        return found
+        return product(p, q)
 
     def divide(self, p: Polynomial, q: Polynomial) -> Value:
         """Return p / q, where q is a number other than 0."""
         divisor = value_of(q)
         if not divisor:
-            return self._refused(f"{self._enclosed(p)}/{self._enclosed(q)}")
-        return self.multiply(p, _constant(_reduced(1 / Fraction(divisor))))
+            refused = Refused if divisor == 0 else NoPolynomial
+            return refused(f"{self._enclosed(p)}/{self._enclosed(q)}, which is no polynomial")
+        return self.multiply(p, constant(reduced(1 / Fraction(divisor))))
 
     def power(self, p: Polynomial, q: Polynomial) -> Value:
         """Return p to the power of q, which is a natural number if p is none."""
@@ -158,7 +233,7 @@ class Expansion:
         if exponent is not None and value_of(p) is not None:
             return self._evaluated("pow", p, q)
         if is_natural:
-            raise _too_large(f"it has the exponent {exponent}")
+            raise too_large(f"it has the exponent {exponent}")
         return self._refused(f"{self._enclosed(p)}**{self._enclosed(q)}")
 
     def wave(self, function: str, p: Polynomial) -> Value:
@@ -170,23 +245,20 @@ class Expansion:
         others = [m for m in affine if len(m) > 1 or m[0] >= len(self.names)]
         if others:
             hint = SWAYING if all(map(self._is_of_time, others)) else ""
-            return Refused(f"{function}({self.written(p)}), whose argument is not affine{hint}")
+            sentence = f"{function}({self.written(p)}), whose argument is not affine{hint}"
+            return NoPolynomial(sentence)
         places = tuple(sorted(place for (place,) in affine))
         k = tuple(float(affine[place,][0]) for place in places)
         wave = Wave(places, k, float(offset) - (np.pi / 2 if function == "sin" else 0.0))
         self.is_exact = False
-        number = self._numbers.setdefault(wave, len(self.waves))
-        if number == len(self.waves):
-            self.waves.append(wave)
+        number = self._numbers.setdefault(wave, len(self.functions))
+        if number == len(self.functions):
+            self.functions.append(wave)
         return self.variable(len(self.names) + number)
 
     def _is_of_time(self, monomial: Monomial) -> bool:
-        """Return whether a monomial has no variable but t, alone or in waves."""
-        count = len(self.names)
-        places = {
-            q for p in monomial for q in (self.waves[p - count].places if p >= count else (p,))
-        }
-        return {self.names[place] for place in places} == {TIME}
+        """Return whether a monomial has no variable but t, alone or in functions."""
+        return {self.names[place] for place in self._places({monomial: (1, 1.0)})} == {TIME}
 
     def _choice(self, condition: Polynomial, p: Polynomial) -> Value:
         if value_of(condition) is None:
@@ -201,12 +273,10 @@ class Expansion:
         if len(numbers) < len(args):
             return self._refused(call)
         found = tape.evaluate(operation, *numbers)
-        return (
-            self.constant(found) if math.isfinite(found) else Refused(f"{call}, which is {found}")
-        )
+        return self.number(found) if math.isfinite(found) else Refused(f"{call}, which is {found}")
 
     def _refused(self, expression: str) -> Refused:
-        return Refused(f"{expression}, which is no polynomial")
+        return NoPolynomial(f"{expression}, which is no polynomial")
 
     def _enclosed(self, p: Polynomial) -> str:
         text = self.written(p)
@@ -220,11 +290,10 @@ class Expansion:
         return " + ".join(words).replace("+ -", "- ") or "0"
 
     def _term(self, monomial: Monomial, value: Rational) -> str:
-        coefficient = str(value) if _is_short(value) else f"{float(value):.6g}"
+        coefficient = str(value) if is_short(value) else f"{float(value):.6g}"
         if not monomial:
             return coefficient
-        terms = Terms.none(len(self.names))
-        factors = replace(terms, waves=tuple(self.waves)).written(monomial, self.names)
+        factors = written(monomial, self.names, self.functions)
         return {"1": factors, "-1": f"-{factors}"}.get(coefficient, f"{coefficient}*{factors}")
 
     def terms(self, components: Sequence[Polynomial], time: bool = False) -> Terms:
@@ -233,20 +302,47 @@ class Expansion:
         Coefficients stay rational if all constants were short; otherwise they are floats, and those
         that roundoff of the constants could have made are left out.
         """
-        rows: list[tuple[int, Rational, Monomial]] = []
+        is_exact = self.is_exact and not any(any(self._opaque_in(p)) for p in components)
+        rows: list[Row] = []
         for component, polynomial in enumerate(components):
             for monomial, (value, size) in polynomial.items():
                 if math.isinf(size):
                     raise OverflowError
-                limit = 0.0 if self.is_exact else ROUNDOFF * size
+                limit = 0.0 if is_exact else ROUNDOFF * size
                 if not -limit <= value <= limit:
                     rows.append((component, value, monomial))
         if time:
             rows.append((len(self.names) - 1, 1, ()))
         if len(rows) > MOST_TERMS:
-            raise _too_large(f"it has {len(rows)} terms")
-        found = Terms.of(len(self.names), rows, tuple(self.waves)).resolved()
-        return found.merged() if self.is_exact else found.to_float().merged(ROUNDOFF)
+            raise too_large(f"it has {len(rows)} terms")
+        self._check_functions(rows)
+        found = Terms.of(len(self.names), *self._with_functions(rows)).resolved()
+        return found.merged() if is_exact else found.to_float().merged(ROUNDOFF)
+
+    def _check_functions(self, rows: Sequence[Row]) -> None:
+        """Refuse a component with a function of its own variable that is no polynomial."""
+        count = len(self.names)
+        for component, _, monomial in rows:
+            for function in (self.functions[q - count] for q in monomial if q >= count):
+                if isinstance(function, Opaque) and component in function.places:
+                    name = self.names[component]
+                    sentence = f"component '{name}' contains {function.reason}"
+                    hint = f"other components than that of '{name}' may have any function of it"
+                    raise ValueError(sentence if "hint" in sentence else hinted(sentence, hint))
+
+    def _with_functions(
+        self, rows: Sequence[Row]
+    ) -> tuple[Sequence[Row], tuple[Wave | Function, ...]]:
+        """Return terms with the functions that they use, as tapes."""
+        count = len(self.names)
+        used = sorted({q - count for _, _, monomial in rows for q in monomial if q >= count})
+        number = {count + q: count + k for k, q in enumerate(used)}
+        functions = [self.functions[q] for q in used]
+        recorded = [f.recorded(self.names) if isinstance(f, Opaque) else f for f in functions]
+        return [
+            (component, value, tuple(number.get(q, q) for q in monomial))
+            for component, value, monomial in rows
+        ], tuple(recorded)
 
 
 def expand(
@@ -271,24 +367,21 @@ def expand(
         An expression is no polynomial; component, operation and expression are named.
     """
     n, expansion = inputs[1].numel(), Expansion(names)
-    slots: dict[int, Value] = {}
+    slots: dict[int, Traced] = {}
     components: list[Polynomial] = [{} for _ in range(column.numel())]
     groups = dict(zip(("t", "x", "params"), inputs, strict=True))
     for operation, slot, reads, number in tape.read("field", groups, ca.densify(column)):
         if operation == "input":
             group, place = reads
             slots[slot] = (
-                expansion.constant(params[place])
+                expansion.traced(params[place])
                 if group == 2
-                else expansion.variable(place if group else n)
+                else expansion.traced_variable(place if group else n)
             )
         elif operation == "const":
-            is_finite = math.isfinite(number)
-            slots[slot] = (
-                expansion.constant(number) if is_finite else Refused(f"the constant {number}")
-            )
+            slots[slot] = expansion.traced(number)
         elif operation == "output":
-            found = slots[reads[0]]
+            found = slots[reads[0]].value
             if isinstance(found, Refused):
                 name = names[slot] if slot < n else str(slot)
                 raise ValueError(f"component '{name}' contains {found}")
@@ -296,36 +389,3 @@ def expand(
         else:
             slots[slot] = expansion.apply(operation, *(slots[k] for k in reads))
     return expansion, components
-
-
-def value_of(p: Polynomial) -> Rational | None:
-    """Return the number that a polynomial is, and None if it is none."""
-    if not p:
-        return 0
-    return p[()][0] if len(p) == 1 and () in p else None
-
-
-def _constant(value: Rational) -> Polynomial:
-    return {(): (value, abs(float(value)))} if value else {}
-
-
-def _reduced(value: Fraction) -> Rational:
-    return value.numerator if value.denominator == 1 else value
-
-
-def _is_short(value: Rational) -> bool:
-    return max(abs(value.numerator), value.denominator) <= SHORT
-
-
-def _add_to(p: Polynomial, monomial: Monomial, value: Rational, size: float) -> None:
-    before, other = p.get(monomial, (0, 0.0))
-    if total := before + value:
-        p[monomial] = total, other + size
-    else:
-        p.pop(monomial, None)
-
-
-def _too_large(what: str) -> ValueError:
-    return ValueError(
-        hinted(f"the field is too large to expand: {what}", "give it by PolynomialField.from_terms")
-    )

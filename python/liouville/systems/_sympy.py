@@ -12,7 +12,9 @@ import numpy as np
 from liouville import _casadi as ca
 from liouville.errors import hinted
 from liouville.systems import _read_terms, _trace
-from liouville.systems._expand import ONE, Expansion, Polynomial, Refused, Value, value_of
+from liouville.systems._expand import Expansion, Refused, Traced
+from liouville.systems._polynomials import Polynomial, value_of
+from liouville.systems._sympy_expressions import FUNCTIONS
 from liouville.terms import Terms
 
 
@@ -114,22 +116,22 @@ class _Reader:
 
     def component(self, k: int) -> Polynomial:
         """Expand a component, or name what keeps it from being a polynomial."""
-        found = self.value(self.given.expressions[k])
+        found = self.value(self.given.expressions[k]).value
         if isinstance(found, Refused):
             raise ValueError(f"component '{self.given.names[k]}' contains {found}")
         return found
 
-    def value(self, expression: Any) -> Value:
+    def value(self, expression: Any) -> Traced:
         """Expand an expression."""
         sympy, expansion = self.sympy, self.expansion
         if isinstance(expression, sympy.Poly):
             return self._poly(expression)
         if expression in self._place:
-            return expansion.variable(self._place[expression])
+            return expansion.traced_variable(self._place[expression])
         if expression in self._number:
-            return expansion.constant(self._number[expression])
+            return expansion.traced(self._number[expression])
         if expression.is_Rational:
-            return expansion.rational(Fraction(int(expression.p), int(expression.q)))
+            return self._rational(Fraction(int(expression.p), int(expression.q)))
         if expression.is_Symbol:
             hint = f"give it a value: params={{'{expression}': ...}}"
             raise ValueError(
@@ -143,35 +145,39 @@ class _Reader:
             return found
         if expression.is_Pow:
             return self._power(*(self.value(arg) for arg in expression.args))
-        if isinstance(expression, (sympy.sin, sympy.cos)):
-            return expansion.apply(expression.func.__name__, self.value(expression.args[0]))
         if not expression.free_symbols & self._place.keys():
             return self._constant(expression)
-        return Refused(f"{expression}, which is no polynomial")
+        known = FUNCTIONS.get(expression.func.__name__)
+        if known is not None:
+            return expansion.apply(known, *(self.value(arg) for arg in expression.args))
+        return Traced(Refused(f"{expression}, which has no place on a tape"), ())
 
-    def _poly(self, poly: Any) -> Value:
-        total: Value = {}
+    def _rational(self, value: Fraction) -> Traced:
+        return Traced(self.expansion.rational(value), ("const", float(value)))
+
+    def _poly(self, poly: Any) -> Traced:
+        total = self._rational(Fraction(0))
         gens = [self.value(gen) for gen in poly.gens]
         for exponents, coefficient in poly.terms():
             term = self.value(coefficient)
             for gen, exponent in zip(gens, exponents, strict=True):
                 if exponent:
-                    power = self._power(gen, self.expansion.rational(Fraction(int(exponent))))
+                    power = self._power(gen, self._rational(Fraction(int(exponent))))
                     term = self.expansion.apply("mul", term, power)
             total = self.expansion.apply("add", total, term)
         return total
 
-    def _power(self, base: Value, exponent: Value) -> Value:
-        if isinstance(base, dict) and isinstance(exponent, dict):
-            number = value_of(exponent)
-            if number is not None and number < 0 and value_of(base):
-                inverse = self.expansion.divide(ONE, base)
-                return self.expansion.apply("pow", inverse, self.expansion.negative(exponent))
+    def _power(self, base: Traced, exponent: Traced) -> Traced:
+        if isinstance(base.value, dict) and isinstance(exponent.value, dict):
+            number = value_of(exponent.value)
+            if number is not None and number < 0 and value_of(base.value) != 0:
+                inverse = self.expansion.apply("inv", base)
+                return self.expansion.apply("pow", inverse, self.expansion.apply("neg", exponent))
         return self.expansion.apply("pow", base, exponent)
 
-    def _constant(self, expression: Any) -> Value:
+    def _constant(self, expression: Any) -> Traced:
         """Evaluate what depends on parameters at most."""
         number = complex(expression.subs(self._number))
         if number.imag or not np.isfinite(number.real):
-            return Refused(f"{expression}, which is {number:.6g}")
-        return self.expansion.constant(number.real)
+            return Traced(Refused(f"{expression}, which is {number:.6g}"), ())
+        return self.expansion.traced(number.real)

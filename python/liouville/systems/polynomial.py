@@ -9,11 +9,11 @@ from typing import Any, Self
 import numpy as np
 from numpy.typing import ArrayLike
 
-from liouville import _core
 from liouville.errors import hinted
 from liouville.systems import _read_terms, _sympy, _trace
 from liouville.systems._divergence import check_divergence, check_rounding
-from liouville.systems._expressions import Pickled, Symbols
+from liouville.systems._expressions import Symbols
+from liouville.systems._field import Field
 from liouville.systems._observer import Observer
 from liouville.systems._source import Source, callable_of
 from liouville.terms import Terms
@@ -21,7 +21,7 @@ from liouville.terms import Terms
 Function = Callable[..., Any]
 
 
-class PolynomialField(Pickled):
+class PolynomialField(Field):
     r"""A polynomial vector field without divergence.
 
     .. math::
@@ -32,7 +32,8 @@ class PolynomialField(Pickled):
     Its flow preserves volume. The divergence vanishes if for every monomial :math:`x^j` the sum
     :math:`\sum_i (j_i + 1) c_i` does, where :math:`c_i` is the coefficient of :math:`x_i x^j` in
     :math:`f_i`. This is checked when the field is made. Sines and cosines of affine functions of t
-    and x may be factors too.
+    and x may be factors too, and so may any function of t and of other coordinates than that of
+    the component: ``exp(-t)``, a table of t, ``sqrt(1 + y**2)`` in the component of x.
 
     Parameters
     ----------
@@ -66,8 +67,8 @@ class PolynomialField(Pickled):
     TypeError
         An argument is of the wrong kind.
     ValueError
-        The field has a divergence, is no polynomial, or is zero; the message names the monomials,
-        or the component, the operation and its arguments.
+        The field has a divergence or is zero, or a component has a function of its own coordinate
+        that is no polynomial; the message names the monomials, or the component and the function.
 
     Notes
     -----
@@ -97,9 +98,6 @@ class PolynomialField(Pickled):
     ValueError: the field is not divergence-free: div f contains 1 * z
     hint: ...
     """
-
-    states = ("x",)
-    constraints: tuple[str, ...] = ()
 
     def __init__(
         self,
@@ -266,26 +264,6 @@ class PolynomialField(Pickled):
         words = f"{count} term{'s' if count > 1 else ''} of degree {self.terms.degree}{time}"
         return f"{type(self).__name__}({', '.join(names)}; {words})"
 
-    @property
-    def variables(self) -> tuple[str, ...]:
-        """Names of the variables of the terms: the coordinates, and of a driven field the time."""
-        return (*self.coordinates, _read_terms.TIME) if self.is_driven else self.coordinates
-
-    @property
-    def params(self) -> dict[str, float | np.ndarray]:
-        """The parameters' default values."""
-        defaults = self._symbols.params.defaults
-        return {name: x.copy() if x.ndim else float(x) for name, x in defaults.items()}
-
-    @property
-    def invariants(self) -> tuple[str, ...]:
-        """Names of the invariants."""
-        return self._observer.names
-
-    def values(self, params: Mapping[str, ArrayLike] | None) -> np.ndarray:
-        """Return the parameter vector with changes; ValueError names an unknown one."""
-        return self._symbols.params.values(params)
-
     def with_params(self, params: Mapping[str, ArrayLike] | np.ndarray | None) -> Self:
         """Return the field expanded with other numbers, by name or as :meth:`values` gives them.
 
@@ -302,62 +280,3 @@ class PolynomialField(Pickled):
         other._values = values
         other.terms = other._expanded(values)
         return other
-
-    def start(self, start: Mapping[str, Any], members: bool = False) -> np.ndarray:
-        """Check a start and return it as an array of shape (n,), or (P, n) for P members.
-
-        Raises
-        ------
-        TypeError
-            x is missing or no array of numbers, or there is another start value.
-        ValueError
-            x has a wrong shape, an unknown coordinate, or is not finite.
-        """
-        for name in start:
-            if name not in self.states:
-                raise TypeError(f"'{name}' is no start value of this system, which takes x=")
-        if "x" not in start:
-            raise TypeError("start value 'x' is missing: this system takes x=")
-        array = self._array(start["x"])
-        n = len(self.coordinates)
-        wanted = f"(P, {n}) for P members" if members else f"({n},)"
-        if array.ndim != 1 + members or array.shape[-1] != n or array.size == 0:
-            message = f"x has shape {array.shape}, wanted {wanted}"
-            if array.ndim == 2 - members and array.size and array.shape[-1] == n:
-                other = "integrate takes one start" if members else "ensemble takes many starts"
-                message = hinted(message, f"lv.{other}")
-            raise ValueError(message)
-        bad = np.argwhere(~np.isfinite(array))
-        if bad.size:
-            place = tuple(bad[0])
-            member = f" of member {place[0]}" if members else ""
-            raise ValueError(f"x of '{self.coordinates[place[-1]]}'{member} is {array[place]}")
-        return np.ascontiguousarray(array)
-
-    def extended(self, x: np.ndarray, t: float) -> np.ndarray:
-        """Return states (P, n) with the time as a further variable, where the field has it."""
-        return np.pad(x, ((0, 0), (0, 1)), constant_values=t) if self.is_driven else x
-
-    def _array(self, value: Any) -> np.ndarray:
-        """Return a start as an array, the coordinate last."""
-        if isinstance(value, Mapping):
-            if set(value) != set(self.coordinates):
-                raise ValueError(f"x gives {list(value)}, wanted {list(self.coordinates)}")
-            value = [value[coordinate] for coordinate in self.coordinates]
-            array = _trace.numbers(value)
-            array = array if array is None else array.T
-        else:
-            array = _trace.numbers(value)
-        if array is None:
-            raise TypeError(f"x is an array of real numbers, not {value!r}")
-        return array
-
-    def observer(
-        self, observe: Mapping[str, Callable[..., Any]] | None, states: bool = True
-    ) -> tuple[_core.Tape, dict[str, int]]:
-        """Record what a run keeps besides x; returns the tape of t, x and params, and widths."""
-        return self._observer.tape(observe)
-
-    def portable(self, observe: Mapping[str, Any] | None) -> dict[str, Any]:
-        """Return functions to observe in a form that can be pickled."""
-        return self._observer.portable(observe)

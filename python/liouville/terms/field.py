@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 
 from liouville.terms.arrays import exact, grouped, widened
+from liouville.terms.functions import Function, written
 from liouville.terms.waves import Wave, expanded
 
 #: A sum of floating-point numbers is zero if it is below this times the sum of their sizes.
@@ -38,8 +39,8 @@ class Terms:
         Its coefficient.
     variables : ndarray of int, shape (N, d)
         Its factors in ascending order, each as often as it occurs. Absent factors are -1 and
-        stand first; ``n + q`` is the wave q.
-    waves : tuple of Wave
+        stand first; ``n + q`` is the function q.
+    functions : tuple of Wave or Function
         Factors that are no variables.
     """
 
@@ -47,7 +48,7 @@ class Terms:
     component: np.ndarray
     coefficient: np.ndarray
     variables: np.ndarray
-    waves: tuple[Wave, ...] = ()
+    functions: tuple[Wave | Function, ...] = ()
 
     def __post_init__(self) -> None:
         """Bring the arrays to their types, and the factors of each term into order."""
@@ -69,18 +70,21 @@ class Terms:
         cls,
         n: int,
         terms: Iterable[tuple[int, Any, Sequence[int]]],
-        waves: tuple[Wave, ...] = (),
+        functions: tuple[Wave | Function, ...] = (),
     ) -> Terms:
         """Collect terms (component, coefficient, variables), and merge them.
 
         They are exact unless a coefficient is a floating-point number: integers, fractions, and
         strings such as ``"-3/8"`` are.
         """
-        return cls._listed(n, list(terms), waves).merged()
+        return cls._listed(n, list(terms), functions).merged()
 
     @classmethod
     def _listed(
-        cls, n: int, rows: Sequence[tuple[int, Any, Sequence[int]]], waves: tuple[Wave, ...]
+        cls,
+        n: int,
+        rows: Sequence[tuple[int, Any, Sequence[int]]],
+        functions: tuple[Wave | Function, ...],
     ) -> Terms:
         component = np.array([row[0] for row in rows], dtype=np.int64)
         width = max((len(row[2]) for row in rows), default=0)
@@ -90,7 +94,7 @@ class Terms:
         given = [row[1] for row in rows]
         is_exact = not any(isinstance(c, (float, np.floating)) for c in given)
         coefficient = exact(given) if is_exact else np.array([float(Fraction(c)) for c in given])
-        return cls(n, component, coefficient, variables, waves)
+        return cls(n, component, coefficient, variables, functions)
 
     @classmethod
     def none(cls, n: int, is_exact: bool = False) -> Terms:
@@ -114,6 +118,11 @@ class Terms:
     def is_exact(self) -> bool:
         """Return whether the coefficients are fractions."""
         return bool(self.coefficient.dtype == object)
+
+    @property
+    def has_function(self) -> np.ndarray:
+        """Mark the factors that are functions."""
+        return np.asarray(self.variables >= self.n)
 
     @property
     def degrees(self) -> np.ndarray:
@@ -149,9 +158,9 @@ class Terms:
     def joined(self, *others: Terms) -> Terms:
         """Return the terms of several fields one after another, exact if all are."""
         fields: tuple[Terms, ...] = (self, *others)
-        waves: dict[Wave, int] = {}
-        for wave in (wave for field in fields for wave in field.waves):
-            waves.setdefault(wave, len(waves))
+        functions: dict[Wave | Function, int] = {}
+        for function in (function for field in fields for function in field.functions):
+            functions.setdefault(function, len(functions))
         width = max(field.variables.shape[1] for field in fields)
         is_exact = all(field.is_exact for field in fields)
         return replace(
@@ -161,25 +170,38 @@ class Terms:
                 [f.coefficient if is_exact else f.coefficient.astype(float) for f in fields]
             ),
             variables=np.concatenate(
-                [widened(field._renumbered(waves), width) for field in fields]
+                [widened(field._renumbered(functions), width) for field in fields]
             ),
-            waves=tuple(waves),
+            functions=tuple(functions),
         )
 
-    def _renumbered(self, waves: dict[Wave, int]) -> np.ndarray:
-        if not self.waves:
+    def compact(self) -> Terms:
+        """Return the field without functions that no term has."""
+        if not self.functions:
+            return self
+        used = np.unique(self.variables[self.has_function]) - self.n
+        if used.size == len(self.functions):
+            return self
+        functions = tuple(self.functions[q] for q in used)
+        number = {self.functions[q]: k for k, q in enumerate(used.tolist())}
+        rest = {f: 0 for f in self.functions if f not in number}
+        variables = self._renumbered(number | rest)
+        return replace(self, variables=variables, functions=functions)
+
+    def _renumbered(self, functions: dict[Wave | Function, int]) -> np.ndarray:
+        if not self.functions:
             return self.variables
-        number = np.array([self.n + waves[wave] for wave in self.waves])
-        is_wave = self.variables >= self.n
-        places = np.where(is_wave, self.variables - self.n, 0)
-        return np.sort(np.where(is_wave, number[places], self.variables), axis=1)
+        number = np.array([self.n + functions[function] for function in self.functions])
+        is_function = self.has_function
+        places = np.where(is_function, self.variables - self.n, 0)
+        return np.sort(np.where(is_function, number[places], self.variables), axis=1)
 
     def merged(self, noise: float = 0.0) -> Terms:
         """Add up terms of equal component and factors; sort them by these, lower degrees first.
 
         A sum is dropped if it is zero, or in floating point at most `noise` times the sum of sizes.
         """
-        order, starts = grouped(self._keys(component=True), self.n + len(self.waves))
+        order, starts = grouped(self._keys(component=True), self.n + len(self.functions))
         total = self._sums(order, starts)
         if noise and not self.is_exact:
             size = self.sized()._sums(order, starts)
@@ -205,11 +227,11 @@ class Terms:
         return np.asarray(np.add.reduceat(self.coefficient[order], starts))
 
     def _is_diagonal(self) -> np.ndarray:
-        """Mark the terms whose component is among their variables, or moves one of their waves."""
+        """Mark the terms whose component is among their variables, or those of their functions."""
         found: np.ndarray = (self.variables == self.component[:, None]).any(axis=1)
-        for q, wave in enumerate(self.waves):
+        for q, function in enumerate(self.functions):
             has = (self.variables == self.n + q).any(axis=1)
-            found |= has & np.isin(self.component, wave.places)
+            found |= has & np.isin(self.component, function.places)
         return found
 
     def diagonal(self) -> Terms:
@@ -221,12 +243,12 @@ class Terms:
         return self.selected(~self._is_diagonal())
 
     def dependencies(self) -> tuple[np.ndarray, np.ndarray]:
-        """Return pairs of a term and a variable that it depends on, also through a wave."""
+        """Return pairs of a term and a variable that it depends on, also through a function."""
         term, column = np.nonzero((self.variables >= 0) & (self.variables < self.n))
         pairs = [(term, self.variables[term, column])]
-        for q, wave in enumerate(self.waves):
+        for q, function in enumerate(self.functions):
             has = np.flatnonzero((self.variables == self.n + q).any(axis=1))
-            pairs.append((np.repeat(has, len(wave.places)), np.tile(wave.places, has.size)))
+            pairs.append((np.repeat(has, len(function.places)), np.tile(function.places, has.size)))
         terms, variables = (np.concatenate(parts) for parts in zip(*pairs, strict=True))
         return terms, variables
 
@@ -237,16 +259,20 @@ class Terms:
     def _derived(self, by: np.ndarray) -> Terms:
         """Return the derivative of each term with respect to a variable of its own."""
         parts = [self._derived_factor(self.variables == by[:, None], -1)]
-        for q, wave in enumerate(self.waves):
+        for q, wave in enumerate(self.functions):
+            if isinstance(wave, Function):
+                if ((self.variables == self.n + q).any(axis=1) & np.isin(by, wave.places)).any():
+                    raise ValueError(f"{wave.text} has no derivative in closed form")
+                continue
             slope = np.zeros(self.n)
             slope[list(wave.places)] = wave.k
             slopes = slope[by]
             turned = replace(wave, phase=wave.phase + np.pi / 2)
             hits = (self.variables == self.n + q) & (slopes != 0)[:, None]
-            new = replace(self, waves=(*self.waves, turned)).scaled(
+            new = replace(self, functions=(*self.functions, turned)).scaled(
                 exact(slopes) if self.is_exact else slopes
             )
-            parts.append(new._derived_factor(hits, self.n + len(self.waves)))
+            parts.append(new._derived_factor(hits, self.n + len(self.functions)))
         return parts[0].joined(*parts[1:])
 
     def _derived_factor(self, hits: np.ndarray, derivative: int) -> Terms:
@@ -271,21 +297,24 @@ class Terms:
         """Return the field with at most one wave in a term, which is a cosine or a sine.
 
         Products of waves become sums, and phases become cosines and sines: waves of equal k are
-        then the same, or independent.
+        then the same, or independent. Other functions stay.
         """
-        with_wave = (self.variables >= self.n).any(axis=1)
-        if not with_wave.any():
-            return replace(self, waves=())
-        numbers: dict[Wave, int] = {}
+        has_function = self.has_function.any(axis=1)
+        if not has_function.any():
+            return replace(self, functions=())
+        numbers: dict[Wave | Function, int] = {}
         rows = []
-        part = self.selected(with_wave)
+        part = self.selected(has_function)
         for i, c, row in zip(part.component, part.coefficient, part.variables, strict=True):
             places = row[(row >= 0) & (row < self.n)].tolist()
-            product = expanded([self.waves[v - self.n] for v in row[row >= self.n]])
-            for factor, wave in product:
+            functions = [self.functions[v - self.n] for v in row[row >= self.n]]
+            others = [f for f in functions if isinstance(f, Function)]
+            places += [self.n + numbers.setdefault(f, len(numbers)) for f in others]
+            waves = [f for f in functions if isinstance(f, Wave)]
+            for factor, wave in expanded(waves) if waves else [(1, None)]:
                 known = [] if wave is None else [self.n + numbers.setdefault(wave, len(numbers))]
                 rows.append((int(i), c * factor, places + known))
-        plain = replace(self.selected(~with_wave), waves=())
+        plain = replace(self.selected(~has_function), functions=())
         return plain.joined(Terms._listed(self.n, rows, tuple(numbers)))
 
     def excess(self) -> Terms:
@@ -294,7 +323,7 @@ class Terms:
         For every monomial x^j must sum_i (j_i + 1) c_i vanish, where c_i is the coefficient of
         x_i x^j in component i: exactly if the coefficients are exact, else up to ``ROUNDOFF``.
         """
-        terms = self.to_float() if self.waves else self
+        terms = self.to_float() if self.functions else self
         return terms._own_derivatives().merged(ROUNDOFF)
 
     def imbalance(self) -> tuple[float, Monomial, float]:
@@ -304,7 +333,7 @@ class Terms:
         monomial and its sum. Without any monomial they are 0, () and 0.
         """
         own = self.to_float()._own_derivatives()
-        order, starts = grouped(own._keys(component=False), own.n + len(own.waves))
+        order, starts = grouped(own._keys(component=False), own.n + len(own.functions))
         if not starts.size:
             return 0.0, (), 0.0
         sums = own._sums(order, starts)
@@ -337,7 +366,7 @@ class Terms:
         variables = merged.variables[rows]
         variables[np.arange(rows.size), hits[rows].argmax(axis=1)] = -1
         monomials = replace(merged.selected(rows), variables=np.sort(variables, axis=1))
-        order, starts = grouped(monomials._keys(component=False), self.n + len(self.waves))
+        order, starts = grouped(monomials._keys(component=False), self.n + len(self.functions))
         group = np.empty(rows.size, dtype=np.int64)
         group[order] = np.repeat(np.arange(starts.size), np.diff([*starts, rows.size]))
         excess = np.add.reduceat((monomials.coefficient * w)[order], starts)
@@ -351,11 +380,8 @@ class Terms:
         x = np.asarray(x)
         if x.shape[-1] != self.n:
             raise ValueError(f"x has shape {x.shape}, wanted ({self.n},) or (P, {self.n})")
-        waves = [
-            np.cos(x[..., list(wave.places)] @ np.array(wave.k) + wave.phase)[..., None]
-            for wave in self.waves
-        ]
-        factors = np.concatenate([x, *waves, np.ones_like(x[..., :1])], axis=-1)
+        functions = [function.evaluate(x)[..., None] for function in self.functions]
+        factors = np.concatenate([x, *functions, np.ones_like(x[..., :1])], axis=-1)
         values = self.coefficient * factors[..., self.variables].prod(axis=-1)
         result = np.zeros(x.shape, dtype=np.result_type(values, x))
         np.add.at(result.T, self.component, values.T)
@@ -363,9 +389,4 @@ class Terms:
 
     def written(self, monomial: Monomial, names: Sequence[str]) -> str:
         """Write a monomial in the user's names: ``x*y**2``."""
-        words = []
-        for v in sorted(set(monomial)):
-            word = names[v] if v < self.n else self.waves[v - self.n].written(names)
-            power = monomial.count(v)
-            words.append(word if power == 1 else f"{word}**{power}")
-        return "*".join(words) or "1"
+        return written(monomial, names, self.functions)

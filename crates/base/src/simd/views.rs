@@ -7,6 +7,9 @@ use crate::real::{Lanes, Scalar};
 use pulp::{Simd, WithSimd};
 use std::marker::PhantomData;
 
+/// Registers of a part for long formulas.
+const NARROW: usize = 2;
+
 /// N registers of consecutive numbers, from an offset on.
 #[derive(Clone, Copy)]
 struct BlockView<S, const N: usize> {
@@ -111,6 +114,10 @@ impl<S: Scalar + Number> SimdViews for ScalarViews<S> {
         true
     }
     #[inline(always)]
+    fn each_narrow<V: ForEach<S>>(self, count: usize, visitor: &mut V) -> bool {
+        self.each(count, visitor)
+    }
+    #[inline(always)]
     fn call<K: Kernel<S>>(self, kernel: K) -> K::Output {
         kernel.run(self)
     }
@@ -178,6 +185,10 @@ impl<S: Simd> SimdViews for BlockViews<S> {
         self.blocks::<8, V>(count, visitor)
     }
     #[inline(always)]
+    fn each_narrow<V: ForEach<f64>>(self, count: usize, visitor: &mut V) -> bool {
+        self.blocks::<NARROW, V>(count, visitor)
+    }
+    #[inline(always)]
     fn call<K: Kernel<f64>>(self, kernel: K) -> K::Output {
         call(self.simd, OnBlocks(kernel))
     }
@@ -194,6 +205,16 @@ impl<K: Kernel<f64>> WithSimd for OnBlocks<K> {
 }
 
 impl Stored for f64 {
+    type One = f64;
+
+    #[inline(always)]
+    fn one(&self, _: usize) -> f64 {
+        *self
+    }
+    #[inline(always)]
+    fn set_one(&mut self, _: usize, value: f64) {
+        *self = value;
+    }
     fn run<K: Kernel<f64>>(machine: InstructionSet, kernel: K) -> K::Output {
         machine.0.dispatch(OnBlocks(kernel))
     }
@@ -278,6 +299,13 @@ impl<S: Simd, const W: usize> SimdViews for LaneViews<S, W> {
         }
     }
     #[inline(always)]
+    fn each_narrow<V: ForEach<Lanes<W>>>(self, count: usize, visitor: &mut V) -> bool {
+        match Self::REGISTERS {
+            1 => self.parts::<1, V>(count, visitor),
+            _ => self.parts::<NARROW, V>(count, visitor),
+        }
+    }
+    #[inline(always)]
     fn call<K: Kernel<Lanes<W>>>(self, kernel: K) -> K::Output {
         call(self.simd, OnLanes((kernel, [(); W])))
     }
@@ -294,6 +322,16 @@ impl<const W: usize, K: Kernel<Lanes<W>>> WithSimd for OnLanes<(K, [(); W])> {
 }
 
 impl<const W: usize> Stored for Lanes<W> {
+    type One = f64;
+
+    #[inline(always)]
+    fn one(&self, member: usize) -> f64 {
+        self.0[member]
+    }
+    #[inline(always)]
+    fn set_one(&mut self, member: usize, value: f64) {
+        self.0[member] = value;
+    }
     fn run<K: Kernel<Lanes<W>>>(machine: InstructionSet, kernel: K) -> K::Output {
         const { assert!(W.is_power_of_two() && W >= 8, "lanes fill whole registers") };
         machine.0.dispatch(OnLanes((kernel, [(); W])))

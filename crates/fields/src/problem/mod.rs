@@ -8,7 +8,7 @@
 mod split;
 mod terms;
 
-pub use split::{CosineFactor, Piece, Split};
+pub use split::{Formula, Function, Piece, Split};
 pub use terms::Polynomials;
 
 /// The defect of a polynomial, a piece or a split.

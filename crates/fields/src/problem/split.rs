@@ -2,20 +2,40 @@
 
 use super::terms::{finite, size};
 use super::{Malformed, Polynomials};
+use liouville_base::tape::Tape;
+use liouville_gridded::Plane;
+use std::sync::Arc;
 
-/// cos(k · x + phase), a factor like a variable: number q of a piece is factor n + q.
-#[derive(Clone, Debug, PartialEq)]
-pub struct CosineFactor {
+/// A function of some variables, a factor like a variable: number q of a piece is factor n + q.
+#[derive(Clone, Debug)]
+pub struct Function {
     /// The variables it depends on.
     pub places: Vec<usize>,
-    /// Its wave vector, one number a place.
-    pub k: Vec<f64>,
-    /// Its phase.
-    pub phase: f64,
+    /// Its value.
+    pub formula: Formula,
+}
+
+/// The value of a function at the variables of its places.
+#[derive(Clone, Debug)]
+pub enum Formula {
+    /// cos(k · x + phase)
+    Cosine {
+        /// The wave vector, one number a place.
+        k: Vec<f64>,
+        /// The phase.
+        phase: f64,
+    },
+    /// Any other.
+    Tape {
+        /// The function, of one group of arguments and no parameters.
+        value: Arc<Tape>,
+        /// Its partial derivatives.
+        slopes: Arc<Tape>,
+    },
 }
 
 /// A divergence-free field that is easy to step.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug)]
 pub enum Piece {
     /// x_i' = R_i, no R_i containing a variable the piece changes: x_i += h R_i.
     Natural {
@@ -24,7 +44,7 @@ pub enum Piece {
         /// R_i, one row each.
         change: Polynomials,
         /// Factors n + q of `change`.
-        waves: Vec<CosineFactor>,
+        functions: Vec<Function>,
     },
     /// x' = g(x) a with a · grad g = 0, which is not checked: x += h g(x) a.
     Shear {
@@ -35,7 +55,7 @@ pub enum Piece {
         /// g, the only row.
         change: Polynomials,
         /// Factors n + q of `change`.
-        waves: Vec<CosineFactor>,
+        functions: Vec<Function>,
     },
     /// x_i' = p_i x_i, no p_i containing a variable the piece changes, and Σ p_i = 0, which is not checked:
     /// x_i *= exp(h p_i).
@@ -44,15 +64,19 @@ pub enum Piece {
         rows: Vec<usize>,
         /// p_i, one row each.
         rate: Polynomials,
+        /// Factors n + q of `rate`.
+        functions: Vec<Function>,
     },
-    /// x_i' = c_i x_i x^j with one monomial x^j and Σ c_i (j_i + 1) = 0.
+    /// x_i' = c_i x_i m with one m, a monomial x^j times functions of variables that stand still, and Σ c_i (j_i + 1) = 0.
     Exponential {
         /// The variables i.
         rows: Vec<usize>,
         /// c_i
         rates: Vec<f64>,
-        /// The variables of x^j, with repetition.
+        /// The factors of m, with repetition.
         monomial: Vec<usize>,
+        /// Factors n + q of m.
+        functions: Vec<Function>,
     },
     /// x_i' = F_i with F_i depending on variables before i in the order, and on variables outside it;
     /// stepped by an explicit Runge-Kutta method.
@@ -73,10 +97,17 @@ pub enum Piece {
         /// c
         vector: Vec<f64>,
     },
+    /// Two variables by a spline as their Hamiltonian, the others frozen; stepped by symplectic Euler.
+    Plane {
+        /// The spline.
+        plane: Arc<Plane>,
+        /// Its frozen variables, then the two that move.
+        variables: Vec<usize>,
+    },
 }
 
 /// A field of n variables as the sum of pieces.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug)]
 pub struct Split {
     n: usize,
     pieces: Vec<Piece>,
@@ -111,6 +142,53 @@ impl Split {
     pub fn pieces(&self) -> &[Piece] {
         &self.pieces
     }
+
+    /// Whether a variable moves evenly, as time does: trajectories that begin with the same value keep it in common.
+    /// That of an affine piece may, but is not looked at.
+    pub fn is_clock(&self, variable: usize) -> bool {
+        let is_even = |rows: &[usize], change: &Polynomials| {
+            let row = rows.iter().position(|row| *row == variable);
+            row.is_none_or(|row| change.row_factors(row).is_empty())
+        };
+        self.pieces.iter().all(|piece| match piece {
+            Piece::Natural { rows, change, .. } => is_even(rows, change),
+            Piece::Triangular { order, change, .. } => is_even(order, change),
+            Piece::Shear { places, .. } => !places.contains(&variable),
+            Piece::Plane { variables, .. } => !variables.contains(&variable),
+            Piece::Scaling { rows, .. } | Piece::Exponential { rows, .. } => {
+                !rows.contains(&variable)
+            }
+            Piece::Affine { .. } => false,
+        })
+    }
+}
+
+impl Piece {
+    /// The variables that it changes, of n.
+    pub fn changes(&self, n: usize) -> Vec<usize> {
+        match self {
+            Self::Natural { rows, .. }
+            | Self::Scaling { rows, .. }
+            | Self::Exponential { rows, .. } => rows.clone(),
+            Self::Shear { places, .. } => places.clone(),
+            Self::Triangular {
+                order: variables, ..
+            }
+            | Self::Plane { variables, .. } => variables.clone(),
+            Self::Affine { .. } => (0..n).collect(),
+        }
+    }
+
+    /// The functions among its factors.
+    pub fn functions(&self) -> &[Function] {
+        match self {
+            Self::Natural { functions, .. }
+            | Self::Shear { functions, .. }
+            | Self::Scaling { functions, .. }
+            | Self::Exponential { functions, .. } => functions,
+            Self::Triangular { .. } | Self::Affine { .. } | Self::Plane { .. } => &[],
+        }
+    }
 }
 
 /// The place of a variable that is not in a list.
@@ -122,46 +200,47 @@ const ROUNDOFF: f64 = 1e-12;
 /// Checks one piece; `place` becomes the place of each variable in the list of those the piece changes.
 fn check(piece: &Piece, place: &mut [u32]) -> Result<(), Malformed> {
     let n = place.len();
+    let functions = piece.functions();
+    check_functions(functions, n)?;
     match piece {
-        Piece::Natural {
-            rows,
-            change,
-            waves,
-        } => {
+        Piece::Natural { rows, change, .. } => {
             locate(rows, place)?;
-            check_waves(waves, n)?;
             size("change", change.rows(), rows.len())?;
-            size("variables", change.variables(), n + waves.len())?;
-            uncoupled(rows, change, waves, place)
+            size("variables", change.variables(), n + functions.len())?;
+            uncoupled(rows, change, functions, place)
         }
         Piece::Shear {
             places,
             direction,
             change,
-            waves,
+            ..
         } => {
             locate(places, place)?;
-            check_waves(waves, n)?;
             size("direction", direction.len(), places.len())?;
             finite("direction", direction)?;
             size("change", change.rows(), 1)?;
-            size("variables", change.variables(), n + waves.len())
+            size("variables", change.variables(), n + functions.len())?;
+            let is_tape = |function: &&Function| matches!(function.formula, Formula::Tape { .. });
+            let tapes = functions.iter().filter(is_tape);
+            still(places, tapes, place)
         }
-        Piece::Scaling { rows, rate } => {
+        Piece::Scaling { rows, rate, .. } => {
             locate(rows, place)?;
             size("rate", rate.rows(), rows.len())?;
-            size("variables", rate.variables(), n)?;
-            uncoupled(rows, rate, &[], place)
+            size("variables", rate.variables(), n + functions.len())?;
+            uncoupled(rows, rate, functions, place)
         }
         Piece::Exponential {
             rows,
             rates,
             monomial,
+            ..
         } => {
             locate(rows, place)?;
             size("rates", rates.len(), rows.len())?;
             finite("rate", rates)?;
-            inside(monomial, n)?;
+            inside(monomial, n + functions.len())?;
+            still(rows, functions, place)?;
             let powers = rows.iter().map(|row| {
                 let power = monomial.iter().filter(|place| *place == row).count();
                 power as f64 + 1.0
@@ -187,6 +266,10 @@ fn check(piece: &Piece, place: &mut [u32]) -> Result<(), Malformed> {
             finite("vector entry", vector)?;
             balanced(matrix.iter().step_by(n + 1).copied())
         }
+        Piece::Plane { plane, variables } => {
+            locate(variables, place)?;
+            size("variables", variables.len(), plane.frozen() + 2)
+        }
     }
 }
 
@@ -210,29 +293,58 @@ fn locate(variables: &[usize], place: &mut [u32]) -> Result<(), Malformed> {
     Ok(())
 }
 
-fn check_waves(waves: &[CosineFactor], n: usize) -> Result<(), Malformed> {
-    for wave in waves {
-        inside(&wave.places, n)?;
-        size("wave vector", wave.k.len(), wave.places.len())?;
-        finite("wave number", &wave.k)?;
-        finite("phase", &[wave.phase])?;
+fn check_functions(functions: &[Function], n: usize) -> Result<(), Malformed> {
+    for Function { places, formula } in functions {
+        inside(places, n)?;
+        match formula {
+            Formula::Cosine { k, phase } => {
+                size("wave vector", k.len(), places.len())?;
+                finite("wave number", k)?;
+                finite("phase", &[*phase])?;
+            }
+            Formula::Tape { value, slopes } => {
+                for tape in [value, slopes] {
+                    size("arguments", tape.inputs().len(), 2)?;
+                    size("arguments", tape.inputs()[0], places.len())?;
+                    size("parameters", tape.inputs()[1], 0)?;
+                }
+                size("value", value.outputs(), 1)?;
+                size("slopes", slopes.outputs(), places.len())?;
+            }
+        }
     }
     Ok(())
 }
 
-/// Refuses a rate that contains a variable of the piece, alone or in a wave.
+/// Refuses functions of a variable that the piece changes.
+fn still<'a>(
+    rows: &[usize],
+    functions: impl IntoIterator<Item = &'a Function>,
+    place: &[u32],
+) -> Result<(), Malformed> {
+    let mut places = functions.into_iter().flat_map(|function| &function.places);
+    match places.find(|variable| place[**variable] != NOWHERE) {
+        Some(&variable) => Err(Malformed::Coupled {
+            row: rows[0],
+            variable,
+        }),
+        None => Ok(()),
+    }
+}
+
+/// Refuses a rate that contains a variable of the piece, alone or in a function.
 fn uncoupled(
     rows: &[usize],
     change: &Polynomials,
-    waves: &[CosineFactor],
+    functions: &[Function],
     place: &[u32],
 ) -> Result<(), Malformed> {
     let n = place.len();
     let changed = |variable: &usize| place[*variable] != NOWHERE;
     for (k, &row) in rows.iter().enumerate() {
         for &factor in change.row_factors(k) {
-            let found = match waves.get((factor as usize).wrapping_sub(n)) {
-                Some(wave) => wave.places.iter().copied().find(changed),
+            let found = match functions.get((factor as usize).wrapping_sub(n)) {
+                Some(function) => function.places.iter().copied().find(changed),
                 None => Some(factor as usize).filter(changed),
             };
             if let Some(variable) = found {

@@ -1,14 +1,10 @@
 //! The determinant of the derivative of each step.
 //!
-//! The columns of the derivative of a step are pushed through it as dual numbers, eight at a time. The trajectory is that
-//! of a run without them, bit for bit: flows held back between steps and compensated sums are read, not changed.
+//! The derivative of a step has the tangents along all variables, which [`Tangents`] makes, as its columns.
 
-use super::tangents::DualSteps;
-use super::{State, UserVariables, Volume};
+use super::{State, Tangents, UserVariables};
 use crate::problem::Split;
 use liouville_base::checkpoint::Checkpoint;
-use liouville_base::composition::Composed;
-use liouville_base::dual::DIRECTIONS;
 use liouville_base::error::{Quantity, StepError};
 use liouville_base::linalg::Lu;
 use liouville_base::method::{Stats, Stepper};
@@ -19,12 +15,8 @@ use std::sync::Arc;
 /// A composition of a split, with the derivative of each of its steps.
 #[derive(Clone, Debug)]
 pub struct Determinant {
-    volume: Volume<f64>,
-    stepper: Composed<Volume<f64>>,
-    /// The start of a step.
-    start: State<f64>,
-    x: Vec<f64>,
-    duals: DualSteps,
+    /// Along all variables.
+    tangents: Tangents,
     derivative: Lu,
 }
 
@@ -44,14 +36,8 @@ impl Determinant {
     /// `split`, composed by `scheme`, with or without compensated sums.
     pub fn new(split: Arc<Split>, scheme: &Scheme, is_compensated: bool) -> Self {
         let n = split.n();
-        let volume = Volume::new(Arc::clone(&split), is_compensated);
-        let x = vec![0.0; n];
         Self {
-            stepper: Composed::new(volume.clone(), scheme),
-            start: volume.state(&x),
-            volume,
-            x,
-            duals: DualSteps::new(split, scheme),
+            tangents: Tangents::new(split, scheme, is_compensated, n),
             derivative: Lu::new(n),
         }
     }
@@ -62,7 +48,7 @@ impl Determinant {
     /// When there are not as many values as variables.
     pub fn state(&self, x: &[f64]) -> Determined {
         Determined {
-            state: self.volume.state(x),
+            state: self.tangents.volume().state(x),
             x: x.to_vec(),
             logarithm: 0.0,
             largest: 0.0,
@@ -71,17 +57,13 @@ impl Determinant {
 
     /// det of the derivative of a step.
     fn determinant(&mut self, t: f64, h: f64, state: &State<f64>) -> Result<f64, StepError> {
-        self.stepper.peek(state, &mut self.start)?;
-        self.volume.values(&self.start, &mut self.x);
+        let identity = |direction, i| if direction == i { 1.0 } else { 0.0 };
+        self.tangents.push(t, h, state, identity)?;
+        let n = self.tangents.volume().split().n();
         let derivative = self.derivative.matrix_mut();
-        for first in (0..self.x.len()).step_by(DIRECTIONS) {
-            let identity = |i, k| if i == first + k { 1.0 } else { 0.0 };
-            self.duals.push(t, h, &self.x, identity)?;
-            for (i, x) in self.duals.x.iter().enumerate() {
-                let columns = derivative.row_mut(i)[first..].iter_mut();
-                for (column, tangent) in columns.zip(x.tangents) {
-                    *column = tangent;
-                }
+        for (k, tangent) in self.tangents.next().chunks(n).enumerate() {
+            for (i, entry) in tangent.iter().enumerate() {
+                derivative.row_mut(i)[k] = *entry;
             }
         }
         // the determinant of a derivative that is singular to roundoff is not known
@@ -105,20 +87,20 @@ impl Stepper for Determinant {
 
     fn step(&mut self, t: f64, h: f64, state: &mut Determined) -> Result<(), StepError> {
         let determinant = self.determinant(t, h, &state.state)?;
-        self.stepper.step(t, h, &mut state.state)?;
+        self.tangents.step_alone(t, h, &mut state.state)?;
         state.logarithm += determinant.abs().ln();
         state.largest = state.largest.max((determinant - 1.0).abs());
         Ok(())
     }
 
     fn synchronize(&mut self, state: &mut Determined) -> Result<(), StepError> {
-        self.stepper.synchronize(&mut state.state)?;
-        self.volume.values(&state.state, &mut state.x);
+        self.tangents.synchronize_alone(&mut state.state)?;
+        self.tangents.volume().values(&state.state, &mut state.x);
         Ok(())
     }
 
     fn stats(&self) -> Stats {
-        self.stepper.stats()
+        self.tangents.stats()
     }
 }
 
@@ -137,7 +119,7 @@ impl Observe<Determined> for UserVariables {
     }
 }
 
-liouville_base::checkpoint!(Determinant { stepper });
+liouville_base::checkpoint!(Determinant { tangents });
 
 liouville_base::checkpoint!(Determined {
     state,

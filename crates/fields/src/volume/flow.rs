@@ -4,19 +4,17 @@ use super::affine::Affine;
 use super::exponential::Exponential;
 use super::kernel::Change;
 use super::order::Order;
+use super::plane::PlanePiece;
 use super::rows::{PolynomialRows, narrow};
 use super::triangular::Triangular;
-use crate::problem::{CosineFactor, Piece, Polynomials, Split};
+use crate::problem::{Piece, Polynomials, Split};
 use std::slice;
 
 /// The flow of a piece, compiled.
 #[derive(Clone, Debug)]
 pub(super) enum PieceFlow {
     /// x += h R
-    Natural {
-        rows: PolynomialRows,
-        waves: PolynomialRows,
-    },
+    Natural { rows: PolynomialRows },
     /// x += h g a
     Shear(Shear),
     /// x *= exp(h p)
@@ -27,14 +25,14 @@ pub(super) enum PieceFlow {
     Triangular(Triangular),
     /// x = exp(h A) x + ...
     Affine(Affine),
+    /// Symplectic Euler, one member after another.
+    Plane(PlanePiece),
 }
 
 /// One change g of several variables.
 #[derive(Clone, Debug)]
 pub(super) struct Shear {
     pub(super) change: PolynomialRows,
-    /// Cosine factors to be computed first.
-    pub(super) waves: PolynomialRows,
     /// Places, and a.
     pub(super) places: Vec<(u32, f64)>,
 }
@@ -42,8 +40,6 @@ pub(super) struct Shear {
 /// Rows that a flow changes level after level.
 pub(super) struct Levels<'a> {
     pub(super) change: Change,
-    /// Cosine factors to be computed first.
-    pub(super) waves: &'a PolynomialRows,
     rows: &'a [PolynomialRows],
     is_reversed: bool,
 }
@@ -58,26 +54,24 @@ impl Levels<'_> {
     }
 }
 
-/// No cosine factors.
-static NO_WAVES: PolynomialRows = PolynomialRows::empty();
-
 impl PieceFlow {
     /// The levels of a flow, or of its adjoint, that only changes rows.
     #[inline]
     pub(super) fn levels(&self, is_adjoint: bool) -> Option<Levels<'_>> {
-        let (change, waves, levels, is_reversed) = match self {
-            Self::Natural { rows, waves } => (Change::Add, waves, slice::from_ref(rows), false),
-            Self::Scaling { rows } => (Change::Scale, &NO_WAVES, slice::from_ref(rows), false),
+        let (change, levels, is_reversed) = match self {
+            Self::Natural { rows } => (Change::Add, slice::from_ref(rows), false),
+            Self::Scaling { rows } => (Change::Scale, slice::from_ref(rows), false),
             Self::Triangular(piece) if piece.is_euler() => {
-                (Change::Add, &NO_WAVES, &piece.levels[..], !is_adjoint)
+                (Change::Add, &piece.levels[..], !is_adjoint)
             }
-            Self::Shear(_) | Self::Exponential(_) | Self::Triangular(_) | Self::Affine(_) => {
-                return None;
-            }
+            Self::Shear(_)
+            | Self::Exponential(_)
+            | Self::Triangular(_)
+            | Self::Affine(_)
+            | Self::Plane(_) => return None,
         };
         Some(Levels {
             change,
-            waves,
             rows: levels,
             is_reversed,
         })
@@ -88,6 +82,8 @@ impl PieceFlow {
 pub(super) struct SplitLayout<'a> {
     pub(super) split: &'a Split,
     pub(super) order: &'a Order,
+    /// The places of the piece's functions.
+    pub(super) functions: &'a [u32],
     /// Whether rows are joined to runs, which is for states of one trajectory.
     pub(super) in_runs: bool,
 }
@@ -95,31 +91,26 @@ pub(super) struct SplitLayout<'a> {
 impl SplitLayout<'_> {
     pub(super) fn flow(&self, piece: &Piece) -> PieceFlow {
         match piece {
-            Piece::Natural {
-                rows,
-                change,
-                waves,
-            } => PieceFlow::Natural {
+            Piece::Natural { rows, change, .. } => PieceFlow::Natural {
                 rows: self.rows(change, rows),
-                waves: self.waves(waves),
             },
             Piece::Shear {
                 places,
                 direction,
                 change,
-                waves,
+                ..
             } => PieceFlow::Shear(Shear {
                 change: self.compiled(change, &[(0, 0)]),
-                waves: self.waves(waves),
                 places: self.paired(places, direction),
             }),
-            Piece::Scaling { rows, rate } => PieceFlow::Scaling {
+            Piece::Scaling { rows, rate, .. } => PieceFlow::Scaling {
                 rows: self.rows(rate, rows),
             },
             Piece::Exponential {
                 rows,
                 rates,
                 monomial,
+                ..
             } => {
                 let monomial = monomial.iter().map(|variable| self.place(*variable));
                 PieceFlow::Exponential(Exponential::new(
@@ -136,11 +127,19 @@ impl SplitLayout<'_> {
             Piece::Affine { matrix, vector } => {
                 PieceFlow::Affine(Affine::new(self.order, self.split.n(), matrix, vector))
             }
+            Piece::Plane { plane, variables } => {
+                let places = variables.iter().map(|v| self.order.place_of(*v));
+                PieceFlow::Plane(PlanePiece::new(plane.clone(), variables, places))
+            }
         }
     }
 
-    pub(super) fn place(&self, variable: usize) -> u32 {
-        narrow(self.order.place_of(variable))
+    /// The place of a factor: a variable, or one of the functions numbered after them.
+    pub(super) fn place(&self, factor: usize) -> u32 {
+        match factor.checked_sub(self.split.n()) {
+            Some(q) => self.functions[q],
+            None => narrow(self.order.place_of(factor)),
+        }
     }
 
     fn paired(&self, variables: &[usize], values: &[f64]) -> Vec<(u32, f64)> {
@@ -161,21 +160,7 @@ impl SplitLayout<'_> {
         polynomials: &Polynomials,
         rows: &[(usize, usize)],
     ) -> PolynomialRows {
-        let place_of = |variable| self.order.place_of(variable);
+        let place_of = |factor| self.place(factor);
         PolynomialRows::new(polynomials, rows, place_of, self.in_runs)
-    }
-
-    /// The arguments of cosines, as rows behind the variables.
-    fn waves(&self, waves: &[CosineFactor]) -> PolynomialRows {
-        let n = self.split.n();
-        let mut rows = PolynomialRows::default();
-        for (q, wave) in waves.iter().enumerate() {
-            let factors = wave.places.iter().map(|variable| self.place(*variable));
-            let terms = factors.zip(&wave.k).map(|(place, k)| (*k, vec![place]));
-            let phase = (wave.phase, Vec::new());
-            let terms: Vec<_> = std::iter::once(phase).chain(terms).collect();
-            rows.push(n + q, &terms);
-        }
-        rows
     }
 }

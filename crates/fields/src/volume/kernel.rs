@@ -5,12 +5,12 @@ use super::State;
 use super::affine::{AffineChange, Changes};
 use super::code::{Code, Variables, evaluate};
 use super::flow::{Levels, PieceFlow, Shear};
+use super::functions::{FunctionScratch, Functions, SetFunctions};
 use super::rows::{PolynomialRows, RowRun};
 use super::stages::{RungeKutta, Substitution};
 use liouville_base::composition::Flow;
 use liouville_base::error::StepError;
-use liouville_base::real::Scalar;
-use liouville_base::simd::{ForEach, Kernel, Number, SimdView, SimdViews};
+use liouville_base::simd::{ForEach, Kernel, Number, SimdView, SimdViews, Stored};
 
 /// Memory of flows beside the state.
 #[derive(Clone, Debug)]
@@ -19,11 +19,15 @@ pub(super) struct FlowScratch<S> {
     pub(super) change: Vec<S>,
     /// Z_r of each stage, and its K_r.
     pub(super) stages: Vec<[Vec<S>; 2]>,
+    pub(super) functions: FunctionScratch,
 }
 
 /// Flows to be made one after another.
 pub(super) struct FlowKernel<'a, S> {
     pub(super) piece_flows: &'a [PieceFlow],
+    pub(super) functions: &'a Functions,
+    /// The place of a variable that is the same in all trajectories.
+    pub(super) clock: Option<u32>,
     pub(super) changes: &'a Changes,
     pub(super) flows: &'a [Flow],
     /// An addition to the length of the first.
@@ -34,17 +38,34 @@ pub(super) struct FlowKernel<'a, S> {
     pub(super) scratch: &'a mut FlowScratch<S>,
 }
 
-impl<S: Scalar> Kernel<S> for FlowKernel<'_, S> {
+impl<S: Stored> Kernel<S> for FlowKernel<'_, S> {
     type Output = Result<(), StepError>;
 
     #[inline(always)]
     fn run<W: SimdViews<Stored = S>>(self, views: W) -> Result<(), StepError> {
         let Self { state, scratch, .. } = self;
+        scratch.functions.forget();
         let mut before = self.before;
         for flow in self.flows {
             let h = before + flow.weight * self.h;
             before = 0.0;
             let piece = &self.piece_flows[flow.part];
+            if self.functions.wants(flow.part, &scratch.functions) {
+                let done = views.call(SetFunctions {
+                    functions: self.functions,
+                    piece: flow.part,
+                    clock: self.clock,
+                    x: &mut state.x,
+                    scratch: &mut scratch.functions,
+                });
+                done.map_err(|(function, member)| StepError::Function {
+                    piece: flow.part,
+                    function,
+                    member,
+                    t: self.t + flow.offset * self.h,
+                })?;
+            }
+            self.functions.outdate(flow.part, &mut scratch.functions);
             if let Some(levels) = piece.levels(flow.is_adjoint) {
                 views.call(flow_of(levels, h, state, scratch));
                 continue;
@@ -68,6 +89,7 @@ impl<S: Scalar> Kernel<S> for FlowKernel<'_, S> {
                 PieceFlow::Triangular(piece) => {
                     views.call(flow_of(RungeKutta(piece), h, state, scratch));
                 }
+                PieceFlow::Plane(_) => unreachable!("made one member after another"),
                 PieceFlow::Affine(_) => {
                     let change = AffineChange(self.changes.find(flow.part, h));
                     views.call(flow_of(change, h, state, scratch));
@@ -109,7 +131,6 @@ impl<S> Kernel<S> for FlowOf<'_, S, Levels<'_>> {
         let Self {
             piece, h, state, ..
         } = self;
-        set_waves(views, piece.waves, state);
         for rows in piece.iter() {
             for run in rows.iter() {
                 change_run(views, piece.change, run, h, state);
@@ -225,34 +246,6 @@ pub(super) fn change_run<W: SimdViews>(
     views.each(run.count, &mut row);
 }
 
-/// A cosine factor, stored behind the variables.
-struct SetWave<'a, S> {
-    program: &'a [Code],
-    place: usize,
-    x: &'a mut [S],
-}
-
-impl<S> ForEach<S> for SetWave<'_, S> {
-    #[inline(always)]
-    fn visit<W: SimdView<Stored = S>>(&mut self, view: W) -> bool {
-        let argument = value(view, self.program, self.x);
-        view.store(self.x, self.place, argument.cos());
-        true
-    }
-}
-
-#[inline(always)]
-fn set_waves<W: SimdViews>(views: W, waves: &PolynomialRows, state: &mut State<W::Stored>) {
-    for (run, program) in waves.iter() {
-        let mut wave = SetWave {
-            program,
-            place: run.place,
-            x: &mut state.x,
-        };
-        views.each(run.count, &mut wave);
-    }
-}
-
 struct ShearBy<'a, S> {
     program: &'a [Code],
     places: &'a [(u32, f64)],
@@ -280,7 +273,6 @@ impl<S> Kernel<S> for FlowOf<'_, S, &Shear> {
         let Self {
             piece, h, state, ..
         } = self;
-        set_waves(views, &piece.waves, state);
         for (_, program) in piece.change.iter() {
             let mut shear = ShearBy {
                 program,

@@ -12,9 +12,11 @@ mod compiled;
 mod determinant;
 mod exponential;
 mod flow;
+mod functions;
 mod kernel;
 mod observe;
 mod order;
+mod plane;
 mod rows;
 mod section;
 mod shared;
@@ -31,6 +33,7 @@ use crate::problem::Split;
 use affine::Changes;
 use compiled::CompiledSplit;
 use flow::PieceFlow;
+use functions::FunctionScratch;
 use kernel::{FlowKernel, FlowScratch};
 use liouville_base::checkpoint::Checkpoint;
 use liouville_base::composition::{Flow, Parts};
@@ -42,7 +45,7 @@ use std::sync::Arc;
 /// The variables of a trajectory, or of several in lock-step.
 #[derive(Debug, PartialEq)]
 pub struct State<S> {
-    /// The variables in the order of the stepper, and room for cosine factors.
+    /// The variables in the order of the stepper, and room for functions of them.
     x: Vec<S>,
     /// Their rounding errors with compensated sums, empty without.
     low: Vec<S>,
@@ -81,6 +84,7 @@ pub struct Volume<S> {
     is_compensated: bool,
     scratch: FlowScratch<S>,
     changes: Changes,
+    clock: Option<u32>,
     kept: Option<State<S>>,
 }
 
@@ -93,10 +97,12 @@ impl<S: Stored> Volume<S> {
         let compiled = Arc::new(CompiledSplit::new(&split, S::IS_SINGLE));
         let n = split.n();
         let zeros = |n: usize| vec![S::splat(0.0); n];
-        let stages = (0..compiled.stages).map(|_| [zeros(n + compiled.waves), zeros(n)]);
+        let stages =
+            (0..compiled.stages).map(|_| [zeros(n + compiled.functions.places()), zeros(n)]);
         let scratch = FlowScratch {
             change: zeros(if compiled.has_affine { n } else { 0 }),
             stages: stages.collect(),
+            functions: FunctionScratch::new(&compiled.functions),
         };
         Self {
             split,
@@ -106,6 +112,7 @@ impl<S: Stored> Volume<S> {
             is_compensated,
             scratch,
             changes: Changes::default(),
+            clock: None,
             kept: None,
         }
     }
@@ -124,6 +131,14 @@ impl<S: Stored> Volume<S> {
         self
     }
 
+    /// The same for trajectories that have the same value of a variable, [`Split::is_clock`]: functions of it alone are
+    /// computed once.
+    #[must_use]
+    pub fn with_clock(mut self, variable: Option<usize>) -> Self {
+        self.clock = variable.map(|variable| rows::narrow(self.compiled.order.place_of(variable)));
+        self
+    }
+
     /// The split field.
     pub fn split(&self) -> &Split {
         &self.split
@@ -137,7 +152,7 @@ impl<S: Stored> Volume<S> {
         let n = self.split.n();
         let zeros = |n: usize| vec![S::splat(0.0); n];
         let mut state = State {
-            x: zeros(n + self.compiled.waves),
+            x: zeros(n + self.compiled.functions.places()),
             low: zeros(if self.is_compensated { n } else { 0 }),
         };
         self.set(x, &mut state);
@@ -177,6 +192,8 @@ impl<S: Stored> Volume<S> {
     ) -> Result<(), StepError> {
         let kernel = FlowKernel {
             piece_flows: &self.compiled.piece_flows,
+            functions: &self.compiled.functions,
+            clock: self.clock,
             changes: &self.changes,
             flows,
             before,
@@ -188,6 +205,29 @@ impl<S: Stored> Volume<S> {
         S::run(self.machine, kernel)
     }
 
+    /// Makes flows one after another, those of planes for each member alone.
+    fn by_planes(
+        &mut self,
+        flows: &[Flow],
+        before: f64,
+        (t, h): (f64, f64),
+        state: &mut State<S>,
+    ) -> Result<(), StepError> {
+        let mut before = before;
+        for flow in flows {
+            match &self.compiled.piece_flows[flow.part] {
+                PieceFlow::Plane(piece) => {
+                    let start = t + flow.offset * h;
+                    let length = before + flow.weight * h;
+                    piece.flow(self.machine, flow.is_adjoint, (start, length), state)?;
+                }
+                _ => self.single_thread(std::slice::from_ref(flow), before, (t, h), state)?,
+            }
+            before = 0.0;
+        }
+        Ok(())
+    }
+
     /// Makes a flow of length `h` on all threads, if it changes rows level after level.
     fn shared(&self, flow: &Flow, h: f64, state: &mut State<S>) -> bool {
         let Some(workers) = &self.workers else {
@@ -197,7 +237,7 @@ impl<S: Stored> Volume<S> {
         let Some(levels) = piece.levels(flow.is_adjoint) else {
             return false;
         };
-        if !levels.waves.is_empty() {
+        if self.compiled.functions.has(flow.part) {
             return false;
         }
         for rows in levels.iter() {
@@ -215,7 +255,8 @@ impl<S: Stored> Parts for Volume<S> {
     }
 
     fn is_exact(&self, part: usize) -> bool {
-        !matches!(self.compiled.piece_flows[part], PieceFlow::Triangular(_))
+        let piece = &self.compiled.piece_flows[part];
+        !matches!(piece, PieceFlow::Triangular(_) | PieceFlow::Plane(_))
     }
 
     fn flow(
@@ -246,6 +287,9 @@ impl<S: Stored> Parts for Volume<S> {
         if self.compiled.has_affine {
             self.changes
                 .prepare(&self.compiled.piece_flows, flows, before, h);
+        }
+        if self.compiled.has_planes {
+            return self.by_planes(flows, before, (t, h), state);
         }
         if self.workers.is_none() {
             return self.single_thread(flows, before, (t, h), state);

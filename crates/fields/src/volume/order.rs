@@ -52,12 +52,10 @@ impl Order {
         }
     }
 
-    /// The place of a variable; cosine factors are behind the variables.
+    /// The place of a variable.
     #[inline]
     pub(super) fn place_of(&self, variable: usize) -> usize {
-        self.place_of
-            .get(variable)
-            .map_or(variable, |place| *place as usize)
+        self.place_of[variable] as usize
     }
 
     /// The variable at a place.

@@ -22,12 +22,12 @@ pub(super) struct PolynomialRows {
 impl PolynomialRows {
     /// Compiles the rows `rows` of `polynomials`, which change the places beside them.
     ///
-    /// `place_of` is the place of a variable. Where `in_runs`, rows with neighbouring places are joined if
+    /// `place_of` is the place of a factor. Where `in_runs`, rows with neighbouring places are joined if
     /// their terms agree but for the shift.
     pub(super) fn new(
         polynomials: &Polynomials,
         rows: &[(usize, usize)],
-        place_of: impl Fn(usize) -> usize,
+        place_of: impl Fn(usize) -> u32,
         in_runs: bool,
     ) -> Self {
         let mut compiled = Self::default();
@@ -35,9 +35,7 @@ impl PolynomialRows {
         for &(row, place) in rows {
             terms.clear();
             terms.extend(polynomials.row(row).map(|(coefficient, factors)| {
-                let places = factors
-                    .iter()
-                    .map(|factor| narrow(place_of(*factor as usize)));
+                let places = factors.iter().map(|factor| place_of(*factor as usize));
                 let mut places: Vec<u32> = places.collect();
                 places.sort_unstable();
                 (coefficient, places)
@@ -53,14 +51,6 @@ impl PolynomialRows {
         compiled
     }
 
-    /// No rows.
-    pub(super) const fn empty() -> Self {
-        Self {
-            runs: Vec::new(),
-            program: Vec::new(),
-        }
-    }
-
     /// Appends a row.
     pub(super) fn push(&mut self, place: usize, terms: &[RowTerm]) {
         let start = self.program.len();
@@ -71,11 +61,6 @@ impl PolynomialRows {
             start,
             end: self.program.len(),
         });
-    }
-
-    /// Whether there are no rows.
-    pub(super) fn is_empty(&self) -> bool {
-        self.runs.is_empty()
     }
 
     /// The runs, and the program of each run's first row.

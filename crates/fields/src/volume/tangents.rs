@@ -16,16 +16,16 @@ use std::sync::Arc;
 
 /// A composition of a split, of dual numbers.
 #[derive(Clone, Debug)]
-pub(super) struct DualSteps {
+struct DualSteps {
     volume: Volume<Dual>,
     stepper: Composed<Volume<Dual>>,
     state: State<Dual>,
     /// The variables after the last step.
-    pub(super) x: Vec<Dual>,
+    x: Vec<Dual>,
 }
 
 impl DualSteps {
-    pub(super) fn new(split: Arc<Split>, scheme: &Scheme) -> Self {
+    fn new(split: Arc<Split>, scheme: &Scheme) -> Self {
         let x = vec![Dual::constant(0.0); split.n()];
         let volume = Volume::new(split, false);
         Self {
@@ -37,7 +37,7 @@ impl DualSteps {
     }
 
     /// Makes a step from `start`; `seed(i, k)` is what the variable i has there of direction k of eight.
-    pub(super) fn push(
+    fn push(
         &mut self,
         t: f64,
         h: f64,
@@ -117,31 +117,66 @@ impl Tangents {
     }
 }
 
-impl Stepper for Tangents {
-    type State = Tangential;
-
-    fn step(&mut self, t: f64, h: f64, state: &mut Tangential) -> Result<(), StepError> {
-        self.stepper.peek(&state.state, &mut self.start)?;
+impl Tangents {
+    /// Makes the tangents at the end of a step, [`Self::next`]; `seed(direction, variable)` are those at its start.
+    pub(super) fn push(
+        &mut self,
+        t: f64,
+        h: f64,
+        state: &State<f64>,
+        seed: impl Fn(usize, usize) -> f64,
+    ) -> Result<(), StepError> {
+        self.stepper.peek(state, &mut self.start)?;
         self.volume.values(&self.start, &mut self.x);
-        let block = DIRECTIONS * self.x.len();
-        let blocks = state.tangents.chunks(block);
-        for (next, tangents) in self.next.chunks_mut(block).zip(blocks) {
-            let n = self.x.len();
-            let seed = |i, k| tangents.get(k * n + i).copied().unwrap_or(0.0);
-            self.duals.push(t, h, &self.x, seed)?;
+        let n = self.x.len();
+        for (block, next) in self.next.chunks_mut(DIRECTIONS * n).enumerate() {
+            let first = block * DIRECTIONS;
+            self.duals.push(t, h, &self.x, |i, k| seed(first + k, i))?;
             for (k, row) in next.chunks_mut(n).enumerate() {
                 for (tangent, x) in row.iter_mut().zip(&self.duals.x) {
                     *tangent = x.tangents[k];
                 }
             }
         }
-        self.stepper.step(t, h, &mut state.state)?;
+        Ok(())
+    }
+
+    /// The tangents at the end of a step, row by row.
+    pub(super) fn next(&self) -> &[f64] {
+        &self.next
+    }
+
+    /// Makes a step without its tangents.
+    pub(super) fn step_alone(
+        &mut self,
+        t: f64,
+        h: f64,
+        state: &mut State<f64>,
+    ) -> Result<(), StepError> {
+        self.stepper.step(t, h, state)
+    }
+
+    /// Brings a trajectory to the end of its last step.
+    pub(super) fn synchronize_alone(&mut self, state: &mut State<f64>) -> Result<(), StepError> {
+        self.stepper.synchronize(state)
+    }
+}
+
+impl Stepper for Tangents {
+    type State = Tangential;
+
+    fn step(&mut self, t: f64, h: f64, state: &mut Tangential) -> Result<(), StepError> {
+        let n = self.x.len();
+        let tangents = &state.tangents;
+        let seed = |direction, i| tangents.get(direction * n + i).copied().unwrap_or(0.0);
+        self.push(t, h, &state.state, seed)?;
+        self.step_alone(t, h, &mut state.state)?;
         state.tangents.copy_from_slice(&self.next);
         Ok(())
     }
 
     fn synchronize(&mut self, state: &mut Tangential) -> Result<(), StepError> {
-        self.stepper.synchronize(&mut state.state)
+        self.synchronize_alone(&mut state.state)
     }
 
     fn stats(&self) -> Stats {

@@ -8,8 +8,9 @@ use liouville_base::method::Stepper;
 use liouville_base::run::{Advance, Fixed, Run, Status};
 use liouville_base::simd::{Number, Stored};
 use liouville_base::tableau::Scheme;
-use liouville_fields::problem::{CosineFactor, Piece, Polynomials, Split};
+use liouville_fields::problem::{Piece, Polynomials, Split};
 use liouville_fields::volume::{Determinant, Determined, UserVariables, Volume};
+use liouville_tests::splits::cosine;
 use std::sync::Arc;
 use std::time::Duration;
 
@@ -36,7 +37,7 @@ fn natural(row: usize, n: usize, terms: &[(usize, f64, [i64; 2])]) -> Piece {
     Piece::Natural {
         rows: vec![row],
         change: polynomials(1, n, terms),
-        waves: vec![],
+        functions: vec![],
     }
 }
 
@@ -45,6 +46,7 @@ fn exponential(rates: &[f64], monomial: &[usize]) -> Piece {
         rows: (0..rates.len()).collect(),
         rates: rates.to_vec(),
         monomial: monomial.to_vec(),
+        functions: vec![],
     }
 }
 
@@ -65,13 +67,7 @@ fn triangular(a: &[f64], b: &[f64]) -> Piece {
 
 /// One piece of each kind, and of each way to make its flow, of three variables.
 fn kinds() -> Vec<(&'static str, Piece)> {
-    let wave = |k: &[f64]| {
-        vec![CosineFactor {
-            places: vec![1, 2],
-            k: k.to_vec(),
-            phase: 0.3,
-        }]
-    };
+    let wave = |k: &[f64]| vec![cosine(vec![1, 2], k.to_vec(), 0.3)];
     let waving = [(0, 0.7, [1, 3]), (0, -0.2, [-1, 2])];
     // of y = x0 - 2 x1 + x2, which (1, 1, 1) does not change
     let square = [
@@ -82,11 +78,11 @@ fn kinds() -> Vec<(&'static str, Piece)> {
         (0, -4.0, [1, 2]),
         (0, 1.0, [2, 2]),
     ];
-    let shear = |direction: [f64; 3], change, waves| Piece::Shear {
+    let shear = |direction: [f64; 3], change, functions| Piece::Shear {
         places: vec![0, 1, 2],
         direction: direction.to_vec(),
         change,
-        waves,
+        functions,
     };
     let rate = polynomials(2, 3, &[(0, 0.6, [2, 2]), (1, -0.6, [2, 2])]);
     #[rustfmt::skip]
@@ -98,7 +94,7 @@ fn kinds() -> Vec<(&'static str, Piece)> {
             Piece::Natural {
                 rows: vec![0],
                 change: polynomials(1, 4, &waving),
-                waves: wave(&[1.5, -0.8]),
+                functions: wave(&[1.5, -0.8]),
             },
         ),
         ("shear", shear([0.1; 3], polynomials(1, 3, &square), vec![])),
@@ -115,6 +111,7 @@ fn kinds() -> Vec<(&'static str, Piece)> {
             Piece::Scaling {
                 rows: vec![0, 1],
                 rate,
+                functions: vec![],
             },
         ),
         ("exponential", exponential(&[1.0, root, -2.0 - root], &[0])),
@@ -310,7 +307,7 @@ fn spoiled(n: usize, i: usize, c: f64) -> Arc<Split> {
         places: vec![i],
         direction: vec![1.0],
         change: polynomials(1, n, &[(0, c, square)]),
-        waves: vec![],
+        functions: vec![],
     };
     // what couples all variables, where there are others
     let next = |j: usize| ((j + 1) % n) as i64;
@@ -337,6 +334,7 @@ fn determinants_are_those_of_whole_steps() {
     let growth = Piece::Scaling {
         rows: vec![0],
         rate: polynomials(1, 3, &[(0, 1.0, [1, 1])]),
+        functions: vec![],
     };
     let cycle = (0..3).map(|j| natural(j, 3, &[(0, 0.5, [(j as i64 + 1) % 3, -1])]));
     let split = split(3, std::iter::once(growth).chain(cycle).collect());

@@ -9,6 +9,7 @@ mod elementary;
 mod energy;
 mod ensemble;
 mod gram;
+mod gridded;
 mod index2;
 mod lanczos;
 mod linalg;

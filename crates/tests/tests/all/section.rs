@@ -24,7 +24,7 @@ fn shears(n: usize, terms: &[(usize, f64, Vec<i64>)]) -> Arc<Split> {
             rows: vec![*row],
             change: Polynomials::new(1, n, &[0], &[*coefficient], factors, factors.len())
                 .expect("a polynomial"),
-            waves: vec![],
+            functions: vec![],
         });
     Arc::new(Split::new(n, pieces.collect()).expect("a split"))
 }

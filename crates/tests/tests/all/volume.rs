@@ -168,7 +168,7 @@ fn a_determinant_that_is_not_one_is_seen() {
         places: vec![0],
         direction: vec![1.0],
         change,
-        waves: Vec::new(),
+        functions: Vec::new(),
     };
     let split = Split::new(2, vec![wrong]).expect("the core does not look");
     let mut stepper = Determinant::new(Arc::new(split), scheme("Lie"), false);
@@ -231,7 +231,7 @@ fn compensated_sums_keep_what_others_lose() {
     let piece = |row, coefficient, factor| Piece::Natural {
         rows: vec![row],
         change: polynomials(1, 2, &[(0, coefficient, vec![factor])]),
-        waves: Vec::new(),
+        functions: Vec::new(),
     };
     let pieces = vec![piece(0, 1.0, 1), piece(1, -1.0, 0)];
     let split = Arc::new(Split::new(2, pieces).expect("proper pieces"));

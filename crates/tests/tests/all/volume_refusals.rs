@@ -5,9 +5,9 @@ use liouville_base::error::StepError;
 use liouville_base::method::Stepper;
 use liouville_base::real::{Lanes, Scalar};
 use liouville_base::tableau::Scheme;
-use liouville_fields::problem::{CosineFactor, Malformed, Piece, Polynomials, Split};
+use liouville_fields::problem::{Malformed, Piece, Polynomials, Split};
 use liouville_fields::volume::Volume;
-use liouville_tests::splits::{Term, polynomials};
+use liouville_tests::splits::{Term, cosine, polynomials};
 use std::sync::Arc;
 
 /// Why a piece of three variables is refused.
@@ -22,7 +22,7 @@ fn natural(rows: Vec<usize>, terms: &[Term]) -> Piece {
     Piece::Natural {
         change: polynomials(rows.len(), 3, terms),
         rows,
-        waves: Vec::new(),
+        functions: Vec::new(),
     }
 }
 
@@ -74,18 +74,15 @@ fn pieces_that_change_what_they_read_are_refused() {
     let through_a_wave = Piece::Natural {
         rows: vec![0, 1],
         change: polynomials(2, 4, &[(0, 1.0, vec![3])]),
-        waves: vec![CosineFactor {
-            places: vec![2, 1],
-            k: vec![1.0, 2.0],
-            phase: 0.0,
-        }],
+        functions: vec![cosine(vec![2, 1], vec![1.0, 2.0], 0.0)],
     };
     assert_eq!(defect(through_a_wave), coupled);
     let rate = polynomials(2, 3, &[(0, 1.0, vec![1])]);
     assert_eq!(
         defect(Piece::Scaling {
             rows: vec![0, 1],
-            rate
+            rate,
+            functions: Vec::new(),
         }),
         coupled
     );
@@ -118,6 +115,7 @@ fn pieces_with_a_divergence_are_refused() {
         rows: vec![0, 1],
         rates: vec![1.0, -1.0],
         monomial: vec![1],
+        functions: Vec::new(),
     };
     assert_eq!(defect(growing), Malformed::Divergence { divergence: -1.0 });
     let mut matrix = vec![0.0; 9];
@@ -142,6 +140,7 @@ fn pole() -> Arc<Split> {
         rows: vec![0, 1],
         rates: vec![1.0, -1.0],
         monomial: vec![0, 0],
+        functions: Vec::new(),
     };
     // 3 − 1 ≠ 0: balanced by a third variable
     assert!(Split::new(2, vec![growth]).is_err());
@@ -149,11 +148,12 @@ fn pole() -> Arc<Split> {
         rows: vec![0, 1],
         rates: vec![1.0, -2.0],
         monomial: vec![0],
+        functions: Vec::new(),
     };
     let natural = Piece::Natural {
         rows: vec![1],
         change: polynomials(1, 2, &[(0, 1.0, Vec::new())]),
-        waves: Vec::new(),
+        functions: Vec::new(),
     };
     Arc::new(Split::new(2, vec![growth, natural]).expect("proper pieces"))
 }
@@ -183,7 +183,7 @@ fn an_overflow_is_said_with_its_variable() {
     let piece = |row, factors: Vec<usize>| Piece::Natural {
         rows: vec![row],
         change: polynomials(1, 3, &[(0, 1.0, factors)]),
-        waves: Vec::new(),
+        functions: Vec::new(),
     };
     let pieces = vec![piece(2, Vec::new()), piece(1, vec![0; 4])];
     let split = Arc::new(Split::new(3, pieces).expect("proper pieces"));

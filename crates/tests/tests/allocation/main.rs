@@ -28,7 +28,7 @@ use liouville_spark::{
 use liouville_tests::quantum::{flows, kinetic, packet, rotor};
 use liouville_tests::splits::{Draw, every_kind};
 use liouville_tests::walk::{START, driven_start, heavy};
-use liouville_tests::waves::{anyhow, ring};
+use liouville_tests::waves::{anyhow, chain, ring};
 use liouville_tests::{
     Expr, FOURTH, Functions, LAM, PENDULUM, T, Y, Z, dot, input, inputs, pendulum, semi_explicit,
     turning,
@@ -352,7 +352,7 @@ fn a_composed_step_takes_no_memory() {
     let turn = |row, coefficient, factor| Piece::Natural {
         rows: vec![row],
         change: Polynomials::new(1, 2, &[0], &[coefficient], &[factor], 1).expect("a term"),
-        waves: vec![],
+        functions: vec![],
     };
     let split = Split::new(2, vec![turn(0, 1.0, 1), turn(1, -1.0, 0)]).expect("a split");
     let split = Arc::new(split);
@@ -530,13 +530,21 @@ fn a_sparse_matrix_is_factored_and_solved_with_in_the_memory_of_the_first_time()
 #[test]
 fn steps_of_wave_functions_allocate_nothing() {
     let sweeper = || Sweeper::<f64>::new(ring(20, 0.0));
-    let mut steppers: [Box<dyn Stepper<State = Wave<f64>>>; 3] = [
+    let plain = || Sweeper::<f64>::new(chain(20, 0.0));
+    let bounds = vec![(-2.0, 2.0)];
+    let mut steppers: [Box<dyn Stepper<State = Wave<f64>>>; 4] = [
+        Box::new(Chebyshev::new(plain(), (-2.0, 2.0), 1e-9, 1e-6)),
         Box::new(Chebyshev::new(sweeper(), (-2.0, 2.0), 1e-9, 1e-6)),
-        Box::new(Chebyshev::new(sweeper(), (-2.0, 2.0), 1e-9, 1e-6).hermitian()),
         Box::new(Lanczos::new(sweeper(), 12, 1e-9, 1e-6)),
+        Box::new(Magnus::by_series(
+            sweeper(),
+            Nodes::gauss(),
+            (1e-9, 1e-6),
+            bounds,
+        )),
     ];
     for (k, stepper) in steppers.iter_mut().enumerate() {
-        let (q, p) = anyhow(if k == 1 { 20 } else { 40 });
+        let (q, p) = anyhow(20);
         let mut state = Wave::new(q, p);
         let mut advance = |n: usize| {
             for i in 0..n {

@@ -72,6 +72,8 @@ class FieldPlan(Plan):
         The first pieces in words, and why.
     trials : tuple of Trial
         The candidates of the trial run, the best one first.
+    is_gridded : bool
+        Whether the pieces are planes of a gridded field, whose coefficients are counted as terms.
     """
 
     form: ClassVar[str] = "field"
@@ -86,6 +88,7 @@ class FieldPlan(Plan):
     cost: float
     pieces: tuple[str, ...] = ()
     trials: tuple[Trial, ...] = field(default=(), repr=False)
+    is_gridded: bool = False
 
     def split(self, terms: Terms, names: Sequence[str] | None = None) -> Split:
         """Split a field as planned; `names` are those of its variables, for messages.
@@ -95,7 +98,7 @@ class FieldPlan(Plan):
         ValueError
             The plan was made for another field.
         """
-        if (terms.n, len(terms)) != (self.n, self.terms):
+        if self.is_gridded or (terms.n, len(terms)) != (self.n, self.terms):
             raise ValueError(
                 hinted(
                     f"the plan is for a field of {self.n} variables and {self.terms} terms, not "
@@ -120,9 +123,12 @@ class FieldPlan(Plan):
 
     def _lines(self) -> list[str]:
         m = self.method
+        words, counted = _words(m), "terms"
+        if self.is_gridded:
+            words, counted = "planes by symplectic Euler", "coefficients"
         lines = [
-            f"{m.composition} of {len(self.order)} pieces: {_words(m)}",
-            f"  {self.n} variables, {self.terms} terms, h = {self.h:g}; "
+            f"{m.composition} of {len(self.order)} pieces: {words}",
+            f"  {self.n} variables, {self.terms} {counted}, h = {self.h:g}; "
             f"a step takes about {self.cost:.3g} operations",
             *self._why,
             "pieces, in the order of the first half of a step",
@@ -149,7 +155,7 @@ class FieldPlan(Plan):
         )
         method = _splitting(given.pop("method"))
         plan = cls(method=method, trials=trials, **decoded(given))
-        if plan.method.is_open:
+        if plan.method.is_open and not (plan.is_gridded and plan.method.order):
             raise ValueError("its method leaves something to choose")
         check_kinds(plan, {"n": int, "terms": int, "seed": int, "h": float, "cost": float})
         counts = (("order", len(plan.order)), ("directions", plan.n if plan.directions else 0))

@@ -25,7 +25,7 @@ def affine_part(
     if method.linear != "auto":
         return method.linear, []
     affine = terms.selected(terms.degrees <= 1)
-    if terms.n > MOST_EXACT or terms.waves or not len(affine):
+    if terms.n > MOST_EXACT or terms.functions or not len(affine):
         return "split", []
     if len(affine) == len(terms):
         return "exact", ["the field is affine: one exact flow is all of it"]
@@ -64,7 +64,7 @@ def _by_structure(
     terms: Terms, method: VolumeSplitting, names: Sequence[str]
 ) -> tuple[list[str], list[str], list[str]]:
     diagonal, reasons = terms.diagonal(), []
-    offs = ["natural"] if terms.waves else ["natural", "triangular"]
+    offs = ["natural"] if terms.functions else ["natural", "triangular"]
     if method.off_diagonal != "auto":
         offs = [method.off_diagonal]
     if method.diagonal != "auto":
@@ -74,8 +74,8 @@ def _by_structure(
     if not len(diagonal):
         reasons = ["no component contains its own variable: no diagonal part, no fill-in"]
         return ["exponentials"], offs, reasons
-    why = "the field has waves beside a diagonal part"
-    if not terms.waves:
+    why = "the field has functions beside a diagonal part"
+    if not terms.functions:
         why = _keeps_structure(terms, names)
     if why or terms.degree == 1:
         reasons = [why or "the diagonal part is linear"]

@@ -1,0 +1,72 @@
+"""RK4 by Numba on tracers in the ABC flow, with ``run(steps) -> (seconds, x)``.
+
+x' = A sin z + C cos y, y' = B sin x + A cos z, z' = C sin y + B cos x
+
+States are (P, 3). The loops are compiled for this processor with fused and reordered operations;
+compiling is not part of the time. Sines and cosines are those that Numba takes: the C library's, or
+Intel's SVML in vectors where it is installed.
+"""
+
+import time
+from math import cos, sin
+
+import numba
+import numpy as np
+
+FAST = {"fastmath": True, "error_model": "numpy"}
+A, B, C = 1.0, 0.8, 0.6
+BLOCK = 512  # tracers that the vectorised loop takes through all steps together
+
+
+@numba.njit(inline="always", **FAST)
+def field(x, y, z):
+    return A * sin(z) + C * cos(y), B * sin(x) + A * cos(z), C * sin(y) + B * cos(x)
+
+
+@numba.njit(inline="always", **FAST)
+def rk4_step(x, y, z, h):
+    a1, b1, c1 = field(x, y, z)
+    a2, b2, c2 = field(x + h / 2 * a1, y + h / 2 * b1, z + h / 2 * c1)
+    a3, b3, c3 = field(x + h / 2 * a2, y + h / 2 * b2, z + h / 2 * c2)
+    a4, b4, c4 = field(x + h * a3, y + h * b3, z + h * c3)
+    x += h / 6 * (a1 + 2 * a2 + 2 * a3 + a4)
+    y += h / 6 * (b1 + 2 * b2 + 2 * b3 + b4)
+    z += h / 6 * (c1 + 2 * c2 + 2 * c3 + c4)
+    return x, y, z
+
+
+@numba.njit(**FAST)
+def loop(x, h, steps):
+    for p in range(x.shape[0]):
+        a, b, c = x[p, 0], x[p, 1], x[p, 2]
+        for _ in range(steps):
+            a, b, c = rk4_step(a, b, c, h)
+        x[p, 0], x[p, 1], x[p, 2] = a, b, c
+
+
+@numba.njit(**FAST)
+def vectors(x, h, steps):
+    """Take blocks through all steps, the loop over tracers inside: it becomes vectors."""
+    for first in range(0, x.shape[0], BLOCK):
+        count = min(BLOCK, x.shape[0] - first)
+        part = x[first : first + count].T.copy()
+        a, b, c = part[0], part[1], part[2]
+        for _ in range(steps):
+            for j in range(count):
+                a[j], b[j], c[j] = rk4_step(a[j], b[j], c[j], h)
+        x[first : first + count] = part.T
+
+
+class RK4:
+    """RK4 compiled by Numba on one thread: a loop over tracers, or over blocks of them."""
+
+    def __init__(self, start, span, kernel):
+        self.kernel, self.start, self.span = kernel, start, span
+        kernel(start[:2].copy(), 1e-3, 1)
+
+    def run(self, steps):
+        """Integrate with a number of steps."""
+        x = np.array(self.start)
+        begin = time.perf_counter()
+        self.kernel(x, self.span / steps, steps)
+        return time.perf_counter() - begin, x

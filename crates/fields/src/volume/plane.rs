@@ -1,0 +1,124 @@
+//! The flow of a plane of a gridded field, one member after another: each is in a cell of its own.
+
+use super::State;
+use liouville_base::error::StepError;
+use liouville_base::simd::{InstructionSet, Stored};
+use liouville_gridded::{Fault, Plane, PlaneFlow};
+use std::sync::Arc;
+
+/// A plane, and where its coordinates are.
+#[derive(Clone, Debug)]
+pub(super) struct PlanePiece {
+    plane: Arc<Plane>,
+    /// The frozen variables, then the two that move, and their places in a state.
+    variables: Vec<usize>,
+    places: Vec<usize>,
+}
+
+impl PlanePiece {
+    pub(super) fn new(
+        plane: Arc<Plane>,
+        variables: &[usize],
+        places: impl Iterator<Item = usize>,
+    ) -> Self {
+        Self {
+            plane,
+            variables: variables.to_vec(),
+            places: places.collect(),
+        }
+    }
+
+    /// Moves each member from `t` over `h`.
+    pub(super) fn flow<S: Stored>(
+        &self,
+        machine: InstructionSet,
+        is_adjoint: bool,
+        (t, h): (f64, f64),
+        state: &mut State<S>,
+    ) -> Result<(), StepError> {
+        let mut last = None;
+        for member in 0..S::MEMBERS {
+            let mut x = [state.x[self.places[0]].one(member); 4];
+            for (x, place) in x.iter_mut().zip(&self.places) {
+                *x = state.x[*place].one(member);
+            }
+            if let Some((from, after)) = last
+                && x == from
+            {
+                // a place without a member follows the last one
+                self.set(state, member, &x, after);
+                continue;
+            }
+            let flow = PlaneFlow {
+                plane: &self.plane,
+                x,
+                is_adjoint,
+                h,
+            };
+            let after = flow.run(machine);
+            let after = after.map_err(|fault| self.error(fault, member, &x, t))?;
+            self.set(state, member, &x, after);
+            last = Some((x, after));
+        }
+        Ok(())
+    }
+
+    /// Sets the two variables that move.
+    fn set<S: Stored>(
+        &self,
+        state: &mut State<S>,
+        member: usize,
+        x: &[S::One; 4],
+        after: [S::One; 2],
+    ) {
+        let moved = self.plane.frozen();
+        for (k, after) in after.into_iter().enumerate() {
+            set(state, self.places[moved + k], member, x[moved + k], after);
+        }
+    }
+
+    #[cold]
+    fn error<T: Stored>(&self, fault: Fault, member: usize, x: &[T; 4], t: f64) -> StepError {
+        match fault {
+            Fault::Outside(k) if !x[k].member(0).is_finite() => StepError::Overflow {
+                index: self.variables[k],
+                member,
+                t,
+            },
+            Fault::Outside(k) => StepError::Outside {
+                index: self.variables[k],
+                member,
+                t,
+            },
+            Fault::NotConverged(size) => StepError::Member {
+                member,
+                error: Box::new(StepError::NotConverged {
+                    iterations: liouville_gridded::MOST_CORRECTIONS,
+                    size,
+                }),
+            },
+        }
+    }
+}
+
+/// Sets a variable of a member, with its rounding error where that is kept.
+#[inline]
+fn set<S: Stored>(
+    state: &mut State<S>,
+    place: usize,
+    member: usize,
+    before: S::One,
+    after: S::One,
+) {
+    let (x, low) = state.parts();
+    if low.is_empty() {
+        x[place].set_one(member, after);
+        return;
+    }
+    let change = (after - before) + low[place].one(member);
+    let sum = before + change;
+    let back = sum - before;
+    let lost = (before - (sum - back)) + (change - back);
+    x[place].set_one(member, sum);
+    low[place].set_one(member, lost);
+}

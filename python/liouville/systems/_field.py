@@ -1,0 +1,110 @@
+"""Vector fields without divergence: the calls that all of them have in common."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Callable, Mapping
+from typing import Any, Self
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from liouville import _core
+from liouville.errors import hinted
+from liouville.systems import _trace
+from liouville.systems._expressions import Pickled, Symbols
+from liouville.systems._observer import Observer
+
+
+class Field(Pickled, ABC):
+    """A base of fields x' = f(t, x), whose one state is x."""
+
+    states = ("x",)
+    constraints: tuple[str, ...] = ()
+    coordinates: tuple[str, ...]
+    is_driven: bool
+    _symbols: Symbols
+    _observer: Observer
+
+    @property
+    def variables(self) -> tuple[str, ...]:
+        """Names of what is stepped: the coordinates, and of a driven field the time."""
+        return (*self.coordinates, "t") if self.is_driven else self.coordinates
+
+    @abstractmethod
+    def with_params(self, params: Mapping[str, ArrayLike] | np.ndarray | None) -> Self:
+        """Return the field with other numbers, by name or as :meth:`values` gives them."""
+
+    @property
+    def params(self) -> dict[str, float | np.ndarray]:
+        """The parameters' default values."""
+        defaults = self._symbols.params.defaults
+        return {name: x.copy() if x.ndim else float(x) for name, x in defaults.items()}
+
+    @property
+    def invariants(self) -> tuple[str, ...]:
+        """Names of the invariants."""
+        return self._observer.names
+
+    def values(self, params: Mapping[str, ArrayLike] | None) -> np.ndarray:
+        """Return the parameter vector with changes; ValueError names an unknown one."""
+        return self._symbols.params.values(params)
+
+    def start(self, start: Mapping[str, Any], members: bool = False) -> np.ndarray:
+        """Check a start and return it as an array of shape (n,), or (P, n) for P members.
+
+        Raises
+        ------
+        TypeError
+            x is missing or no array of numbers, or there is another start value.
+        ValueError
+            x has a wrong shape, an unknown coordinate, or is not finite.
+        """
+        for name in start:
+            if name not in self.states:
+                raise TypeError(f"'{name}' is no start value of this system, which takes x=")
+        if "x" not in start:
+            raise TypeError("start value 'x' is missing: this system takes x=")
+        array = self._array(start["x"])
+        n = len(self.coordinates)
+        wanted = f"(P, {n}) for P members" if members else f"({n},)"
+        if array.ndim != 1 + members or array.shape[-1] != n or array.size == 0:
+            message = f"x has shape {array.shape}, wanted {wanted}"
+            if array.ndim == 2 - members and array.size and array.shape[-1] == n:
+                other = "integrate takes one start" if members else "ensemble takes many starts"
+                message = hinted(message, f"lv.{other}")
+            raise ValueError(message)
+        bad = np.argwhere(~np.isfinite(array))
+        if bad.size:
+            place = tuple(bad[0])
+            member = f" of member {place[0]}" if members else ""
+            raise ValueError(f"x of '{self.coordinates[place[-1]]}'{member} is {array[place]}")
+        return np.ascontiguousarray(array)
+
+    def extended(self, x: np.ndarray, t: float) -> np.ndarray:
+        """Return states (P, n) with the time as a further variable, where the field has it."""
+        return np.pad(x, ((0, 0), (0, 1)), constant_values=t) if self.is_driven else x
+
+    def _array(self, value: Any) -> np.ndarray:
+        """Return a start as an array, the coordinate last."""
+        if isinstance(value, Mapping):
+            if set(value) != set(self.coordinates):
+                raise ValueError(f"x gives {list(value)}, wanted {list(self.coordinates)}")
+            value = [value[coordinate] for coordinate in self.coordinates]
+            array = _trace.numbers(value)
+            array = array if array is None else array.T
+        else:
+            array = _trace.numbers(value)
+        if array is None:
+            raise TypeError(f"x is an array of real numbers, not {value!r}")
+        return array
+
+    def observer(
+        self, observe: Mapping[str, Callable[..., Any]] | None, states: bool = True
+    ) -> tuple[_core.Tape, dict[str, int]]:
+        """Record what a run keeps besides x; returns the tape of t, x and params, and widths."""
+        return self._observer.tape(observe)
+
+    def portable(self, observe: Mapping[str, Any] | None) -> dict[str, Any]:
+        """Return functions to observe in a form that can be pickled."""
+        return self._observer.portable(observe)
