@@ -150,6 +150,11 @@ class Steps:
         _, rtol, atol, _, _ = control
         return {"rtol": rtol, "atol": float(atol[0]) if np.ptp(atol) == 0 else atol.tolist()}
 
+    @property
+    def unit(self) -> str:
+        """What progress is counted in."""
+        return "steps" if self.control is None else "of time"
+
     def mean(self, end: float, steps: int) -> float:
         """Return the step, or the mean of those made up to the time `end`."""
         if self.control is None:

@@ -6,7 +6,7 @@ import importlib.util
 import sys
 import time
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import AbstractContextManager, contextmanager, nullcontext
 from typing import Any
 
 from liouville.errors import hinted
@@ -21,9 +21,8 @@ Progress = bool | Report | None
 PAUSE = 0.2
 
 
-@contextmanager
-def reported(progress: Progress, unit: str) -> Iterator[Report | None]:
-    """Give what is to be called while the block runs: a bar's for True, a function's own.
+def reported(progress: Progress, unit: str) -> AbstractContextManager[Report | None]:
+    """Give what is to be called while a block runs: a bar's for True, a function's own.
 
     Raises
     ------
@@ -31,15 +30,13 @@ def reported(progress: Progress, unit: str) -> Iterator[Report | None]:
         `progress` is neither.
     """
     if progress is None or progress is False:
-        yield None
-    elif progress is True:
-        with bar("", unit) as report:
-            yield report
-    elif callable(progress):
-        yield progress
-    else:
-        hint = "or True, which shows a bar"
-        raise TypeError(hinted(f"progress is a function, not {progress!r}", hint))
+        return nullcontext()
+    if progress is True:
+        return bar("", unit)
+    if callable(progress):
+        return nullcontext(progress)
+    hint = "or True, which shows a bar"
+    raise TypeError(hinted(f"progress is a function, not {progress!r}", hint))
 
 
 @contextmanager

@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Callable, Iterator, Mapping
-from contextlib import contextmanager
+from collections.abc import Iterator, Mapping
 from dataclasses import replace
 from typing import Any
 
@@ -13,10 +12,11 @@ import numpy as np
 
 from liouville import _core
 from liouville._arguments import memory
+from liouville.control import Steps
 from liouville.errors import IntegrationError, hinted
 from liouville.failure import Failure, ending_of, summary_of
 from liouville.points import STATES, Points
-from liouville.progress import Progress, reported
+from liouville.progress import Progress, Report, reported
 from liouville.runners.runner import Runner
 from liouville.solution import RESIDUALS, Solution
 from liouville.systems import SemiExplicit
@@ -202,7 +202,7 @@ def advance(
 ) -> Outcome:
     """Advance to the end, or until memory is full; returns how that ended."""
     most, stop = math.inf, None
-    with reporting(run, runner, progress) as report:
+    with reported(progress, runner.steps.unit) as report:
         try:
             if checkpoints is not None:
                 checkpoints.take(run)
@@ -211,32 +211,25 @@ def advance(
                 if checkpoints is not None:
                     checkpoints.take(run)
                     stop = checkpoints.next
-                report()
+                tell(report, run, runner.steps)
                 if most == math.inf:  # the limits take longer to read than a short run
                     most = runner.every * memory() / runner.row
                 if run.done > most:
                     return {"kind": "no memory", "step": run.done, "start": run.t}
         except KeyboardInterrupt:
             return "interrupted"
-        report()
+        tell(report, run, runner.steps)
     return outcome
 
 
-@contextmanager
-def reporting(run: _core.Run, runner: Runner, progress: Progress) -> Iterator[Callable[[], None]]:
-    """Give a function that says how far a run is, to a function of the user's or on a bar."""
-    steps = runner.steps
-    with reported(progress, "steps" if steps.control is None else "of time") as call:
-
-        def report() -> None:
-            if call is None:
-                return
-            if steps.control is None:
-                call(run.done, steps.count)
-            else:
-                call(abs(run.t - steps.t0), abs(steps.t1 - steps.t0))
-
-        yield report
+def tell(report: Report | None, run: _core.Run, steps: Steps) -> None:
+    """Tell who wants to know how far a run is."""
+    if report is None:
+        return
+    if steps.control is None:
+        report(run.done, steps.count)
+    else:
+        report(abs(run.t - steps.t0), abs(steps.t1 - steps.t0))
 
 
 def advance_slice(run: _core.Run, steps: int | None = None) -> Outcome:

@@ -22,16 +22,16 @@ from liouville._options import check_options
 from liouville.checksum import FREE, META
 from liouville.errors import hinted
 from liouville.locks import lock_of, locked
-from liouville.progress import Progress
+from liouville.progress import Progress, Report, reported
 from liouville.runners import Runner
 from liouville.runners.execute import (
     Outcome,
     advance_slice,
     error_of,
     execute,
-    reporting,
     solution_of,
     status_of,
+    tell,
 )
 from liouville.solution import Solution
 from liouville.stored import arrays
@@ -195,11 +195,11 @@ class _StoredRun:
         return solution
 
     def _advance(self, progress: Progress, is_interrupted: Callable[[], bool]) -> Outcome:
-        with reporting(self._run, self._runner, progress) as report:
+        with reported(progress, self._runner.steps.unit) as report:
             return self._advance_reporting(report, is_interrupted)
 
     def _advance_reporting(
-        self, report: Callable[[], None], is_interrupted: Callable[[], bool]
+        self, report: Report | None, is_interrupted: Callable[[], bool]
     ) -> Outcome:
         run, interval, stream = self._run, self._interval, self._stream
         most = stream.rows * self._runner.every
@@ -216,7 +216,7 @@ class _StoredRun:
             if bad is not None:
                 return bad
             try:
-                report()
+                tell(report, run, self._runner.steps)
             except KeyboardInterrupt:
                 return "interrupted"
             if outcome != "paused":
