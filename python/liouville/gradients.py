@@ -7,24 +7,18 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-from liouville import _core
 from liouville.control import Control
 from liouville.errors import IntegrationError, hinted
 from liouville.integrate import integrate
 from liouville.methods import Method
 from liouville.progress import Progress
-from liouville.runners import MechanicalRunner, Request, runner_of
-from liouville.runners.execute import Checkpoints, execute
-from liouville.runners.tangents import PARAMS, check_wrt, gradients_of, shapes_of
+from liouville.runners import Request, runner_of
+from liouville.runners.adjoint import Adjoint, Gradients
+from liouville.runners.execute import execute
 from liouville.solution import Solution
 from liouville.systems import Mechanics
-
-Array = NDArray[np.float64]
-
-#: Gradients by name, each of the shape of what it is by.
-Gradients = dict[str, Any]
 
 #: Moved starts of a difference of order six, in units of its step, with their weights.
 WEIGHTS = {1: 3 / 4, 2: -3 / 20, 3: 1 / 60}
@@ -45,23 +39,13 @@ class Pullback:
     ----------
     wrt : tuple of str
         What gradients are by.
+    adjoint : Adjoint
+        What the family of the system brings to it.
     """
 
-    def __init__(
-        self,
-        runner: MechanicalRunner,
-        solution: Solution,
-        checkpoints: Checkpoints,
-        wrt: tuple[str, ...],
-    ) -> None:
-        self.wrt, self._runner, self._checkpoints = wrt, runner, checkpoints
-        self._steps = int(solution.stats["steps"])
-        self._solution = solution
-        names: tuple[str, ...] = (*runner.system.states, "lam")
-        self._is_shared = runner.shares_multipliers
-        if runner.multipliers != len(runner.constraints) and not self._is_shared:
-            names = names[:2]
-        self._shapes = {name: solution.states[name].shape for name in names}
+    def __init__(self, adjoint: Adjoint, solution: Solution) -> None:
+        self.wrt, self.adjoint, self._solution = adjoint.wrt, adjoint, solution
+        self._shapes = adjoint.shapes(solution)
 
     @property
     def states(self) -> tuple[str, ...]:
@@ -82,32 +66,10 @@ class Pullback:
         IntegrationError
             A step cannot be differentiated.
         """
-        rows, runner = self._rows(cotangents), self._runner
-        longer, more = 0.0, np.zeros(0)
-        if self._is_shared:
-            rows, more, longer = runner.pulled_multipliers(self._solution, rows)
-        core = _core.Pullback(*runner.pullback())
-        kept = np.minimum(np.arange(len(rows)) * runner.every, self._steps)
-        for first, last, saved in self._checkpoints.reversed(self._steps):
-            own = (first < kept) & (kept <= last)
-            error = core.follow(saved, last, kept[own], np.ascontiguousarray(rows[own]))
-            if error is not None:
-                raise self._error(error)
-        found = core.end(np.ascontiguousarray(rows[0]))
-        if isinstance(found, dict):
-            raise self._error(found)
-        of_y, of_z, of_tau, stretch = found
-        if more.size:
-            of_tau = of_tau + more
-        moved = runner.pulled_start((of_y, of_z, of_tau))
-        return gradients_of(runner.system, runner.steps, moved, stretch + longer, self.wrt)
+        return self.adjoint.pulled(self._solution, self._checked(cotangents))
 
-    def _error(self, error: dict[str, Any]) -> IntegrationError:
-        sentence, hint, quantity = self._runner.describe(error)
-        return IntegrationError(hinted(sentence, hint), quantity=quantity)
-
-    def _rows(self, cotangents: Mapping[str, ArrayLike]) -> Array:
-        """Return cotangents of all states as rows, one for each kept time."""
+    def _checked(self, cotangents: Mapping[str, ArrayLike]) -> dict[str, np.ndarray]:
+        """Return cotangents of all states, zero where none is given."""
         known = ", ".join(self._shapes)
         if not cotangents:
             raise TypeError(hinted("no cotangents are given", f"there are {known}"))
@@ -115,20 +77,19 @@ class Pullback:
             if name not in self._shapes:
                 sentence = f"there is no cotangent of '{name}'"
                 raise TypeError(hinted(sentence, f"there are {known}"))
-        parts = []
+        is_complex, parts = self.adjoint.is_complex, {}
+        kinds, kind = ("iufc", "complex") if is_complex else ("iuf", "real")
         for name, shape in self._shapes.items():
             value = np.asarray(cotangents[name]) if name in cotangents else np.zeros(shape)
-            if value.dtype.kind not in "iuf":
-                raise TypeError(f"the cotangent of '{name}' is an array of real numbers")
+            if value.dtype.kind not in kinds:
+                raise TypeError(f"the cotangent of '{name}' is an array of {kind} numbers")
             if value.shape != shape:
                 sentence = f"the cotangent of '{name}' has shape {value.shape}, wanted {shape}"
                 raise ValueError(hinted(sentence, "it is that of the solution's array"))
             if not np.isfinite(value).all():
                 raise ValueError(f"the cotangent of '{name}' is not finite")
-            parts.append(value.astype(float))
-        if len(parts) < 3:
-            parts.append(np.zeros((len(parts[0]), self._runner.multipliers)))
-        return np.concatenate(parts, axis=1)
+            parts[name] = value.astype(complex if is_complex else float)
+        return parts
 
 
 def vjp(
@@ -195,14 +156,11 @@ def vjp(
         t=t, h=h, steps=steps, rtol=rtol, atol=atol, control=control, every=every, params=params,
         start=start, has_pullback=True,
     )  # fmt: skip
-    runner = runner_of(system, method, request)
-    names = check_wrt(system, wrt, runner.steps)
-    assert isinstance(runner, MechanicalRunner)
-    checkpoints = Checkpoints(None if runner.steps.control else runner.steps.count)
-    solution = execute(runner, progress, checkpoints)
+    adjoint = runner_of(system, method, request).adjoint(request, wrt)
+    solution = execute(adjoint.runner, progress, adjoint.checkpoints)
     if solution.status != "done":
         raise IntegrationError(solution.message, solution=solution)
-    return solution, Pullback(runner, solution, checkpoints, names)
+    return solution, Pullback(adjoint, solution)
 
 
 @dataclass(frozen=True)
@@ -267,43 +225,23 @@ def check_gradient(
     True
     """
     solution, pullback = vjp(system, method, wrt=wrt, t=t, params=params, **run)
-    rng = np.random.default_rng(seed)
-    shapes = shapes_of(system, pullback.wrt)
-    directions = {name: rng.standard_normal(shape) for name, shape in shapes.items()}
-    states = {name: rng.standard_normal(solution.states[name].shape) for name in pullback.states}
-    tangents = {name: np.asarray(x) for name, x in directions.items()}
-    found = integrate(system, method, t=t, params=params, tangents=tangents, **run).tangents
-    parts = [states[x] * tangent.states[x] for tangent in found.values() for x in states]
-    forward, unit = (float(sum(f(x).sum() for x in parts)) for f in (np.asarray, np.abs))
+    rng, adjoint = np.random.default_rng(seed), pullback.adjoint
+
+    def random(shape: tuple[int, ...], is_complex: bool) -> np.ndarray:
+        real = np.asarray(rng.standard_normal(shape))
+        return real + 1j * rng.standard_normal(shape) if is_complex else real
+
+    directions = {x: random(*which) for x, which in adjoint.directions.items()}
+    states = {x: random(solution.states[x].shape, adjoint.is_complex) for x in pullback.states}
+    found = integrate(system, method, t=t, params=params, tangents=directions, **run).tangents
+    parts = [np.conj(states[x]) * each.states[x] for each in found.values() for x in states]
+    forward, unit = (float(sum(f(x).real.sum() for x in parts)) for f in (np.asarray, np.abs))
     gradients = pullback(**states)
-    back = sum(float(np.sum(gradients[name] * x)) for name, x in directions.items())
-    start = {name: run.pop(name) for name in system.states}
+    back = sum(float(np.vdot(gradients[x], own).real) for x, own in directions.items())
     slope = 0.0
     for count, weight in WEIGHTS.items():
         for sign in (1, -1):
-            own = _moved(system, t, start, params, directions, sign * count * size)
-            moved = integrate(system, method, **run, **own)
-            terms = sum(float(np.sum(x * moved.states[name])) for name, x in states.items())
+            moved = adjoint.moved(directions, sign * count * size)
+            terms = sum(float(np.vdot(x, moved[name]).real) for name, x in states.items())
             slope += sign * weight / size * terms
     return GradientCheck(dot=abs(back - forward) / unit, differences=abs(slope - forward) / unit)
-
-
-def _moved(
-    system: Mechanics,
-    t: tuple[float, float],
-    start: Mapping[str, Any],
-    params: Mapping[str, ArrayLike] | None,
-    directions: Mapping[str, Any],
-    size: float,
-) -> dict[str, Any]:
-    """Return ends, start and parameters moved by so much of all directions, on the constraints."""
-    values: dict[str, Any] = {**system.params, **(params or {})}
-    for name, x in directions.items():
-        if name.startswith(PARAMS):
-            which = name.removeprefix(PARAMS)
-            values[which] = np.asarray(values[which]) + size * x
-    given = dict(zip(system.states, system.start(start), strict=True))
-    own = {name: x + size * directions.get(name, 0.0) for name, x in given.items()}
-    first, last = (t[k] + size * directions.get(f"t{k}", 0.0) for k in (0, 1))
-    on_constraints = system.consistent(t=first, params=values, **own)
-    return {"t": (first, last), "params": values, **on_constraints}

@@ -23,6 +23,7 @@ from liouville.systems._redundant import sizes
 from liouville.tangents import Tangent
 
 if TYPE_CHECKING:
+    from liouville.runners.adjoint import Adjoint
     from liouville.runners.tangents import MechanicalDirections
     from liouville.solution import Solution
     from liouville.systems._sensitivity import Cotangents
@@ -111,6 +112,13 @@ class MechanicalRunner(TracedRunner):
             motion = (t, parts[states[0]], parts[states[1]], parts["lam"])
             rows = own.shared(self._stepped, (self.steps.t0, *motion), params, rows)
         return own.read(states, rows, *sizes)
+
+    def adjoint(self, request: Request, wrt: Any) -> Adjoint:
+        """Return the transposed derivative of the run by what `wrt` names, before it begins."""
+        # imported here: few runs are differentiated
+        from liouville.runners.mechanical_adjoint import MechanicalAdjoint
+
+        return MechanicalAdjoint(self, request, wrt)
 
     @property
     def shares_multipliers(self) -> bool:

@@ -24,6 +24,7 @@ from liouville.tangents import Tangent
 
 if TYPE_CHECKING:
     from liouville.planner import Plan
+    from liouville.runners.adjoint import Adjoint
 
 KEEP_LESS = "keep fewer with every=, or none with states=False"
 STORE = "; store= keeps all of them in a folder"
@@ -151,6 +152,17 @@ class Runner(ABC):
         """Return the tangents in records by the names of their directions, if any were wanted."""
         del parts
         return {}
+
+    def adjoint(self, request: Request, wrt: Any) -> Adjoint:
+        """Return the transposed derivative of the run by what `wrt` names, before it begins.
+
+        Raises
+        ------
+        TypeError, ValueError
+            There is none, or none by one of these.
+        """
+        del request, wrt
+        raise TypeError(f"{self.method} has no pullback for {self.system!r}")
 
     def watch(self) -> _core.EnergyWatch | None:
         """Return a watch over the energy of a motion, None where nothing tells what it may be."""

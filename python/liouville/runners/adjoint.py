@@ -1,0 +1,54 @@
+"""The transposed derivative of a run: what a family of systems brings to a pullback."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+
+from liouville.runners.execute import Checkpoints
+from liouville.runners.runner import Runner
+from liouville.solution import Solution
+
+#: Gradients by name, each of the shape of what it is by.
+Gradients = dict[str, Any]
+
+
+class Adjoint(ABC):
+    """The transposed derivative of a run, which is made before the run by :meth:`Runner.adjoint`.
+
+    Attributes
+    ----------
+    runner : Runner
+        The run.
+    directions : dict of str to tuple
+        What gradients are by, each name seen to be one: its shape, and whether it is complex.
+    is_complex : bool
+        Whether states are complex.
+    checkpoints : Checkpoints or None
+        What the run is to leave for its repetition, if anything.
+    """
+
+    runner: Runner
+    directions: Mapping[str, tuple[tuple[int, ...], bool]]
+    is_complex: bool = False
+    checkpoints: Checkpoints | None = None
+
+    @property
+    def wrt(self) -> tuple[str, ...]:
+        """The names of what gradients are by."""
+        return tuple(self.directions)
+
+    @abstractmethod
+    def shapes(self, solution: Solution) -> dict[str, tuple[int, ...]]:
+        """Return the shapes of what has cotangents, by the names of the states."""
+
+    @abstractmethod
+    def pulled(self, solution: Solution, cotangents: Mapping[str, np.ndarray]) -> Gradients:
+        """Return gradients from cotangents of all these states, checked, zero where not given."""
+
+    @abstractmethod
+    def moved(self, directions: Mapping[str, np.ndarray], size: float) -> Mapping[str, np.ndarray]:
+        """Return the states of the same discrete run, moved by so much of all directions."""

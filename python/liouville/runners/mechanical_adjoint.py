@@ -1,0 +1,88 @@
+"""Pullbacks of mechanical runs."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from liouville import _core
+from liouville.errors import IntegrationError, hinted
+from liouville.runners.adjoint import Adjoint, Gradients
+from liouville.runners.execute import Checkpoints, execute
+from liouville.runners.mechanical import MechanicalRunner
+from liouville.runners.runner import Request
+from liouville.runners.tangents import PARAMS, check_wrt, gradients_of, shapes_of
+from liouville.solution import Solution
+
+
+class MechanicalAdjoint(Adjoint):
+    """The transposed derivative of a mechanical run; see :class:`Adjoint`."""
+
+    runner: MechanicalRunner
+
+    def __init__(self, runner: MechanicalRunner, request: Request, wrt: Any) -> None:
+        self.runner, self._request = runner, request
+        shapes = shapes_of(runner.system, check_wrt(runner.system, wrt, runner.steps))
+        self.directions = {name: (shape, False) for name, shape in shapes.items()}
+        self.checkpoints = Checkpoints(None if runner.steps.control else runner.steps.count)
+
+    def shapes(self, solution: Solution) -> dict[str, tuple[int, ...]]:
+        """Return the shapes of what has cotangents, by the names of the states."""
+        runner = self.runner
+        names: tuple[str, ...] = (*runner.system.states, "lam")
+        if runner.multipliers != len(runner.constraints) and not runner.shares_multipliers:
+            names = names[:2]
+        return {name: solution.states[name].shape for name in names}
+
+    def pulled(self, solution: Solution, cotangents: Mapping[str, np.ndarray]) -> Gradients:
+        """Return gradients from cotangents of all states; see :class:`Adjoint`."""
+        runner, checkpoints = self.runner, self.checkpoints
+        assert checkpoints is not None
+        parts = [*cotangents.values()]
+        if len(parts) < 3:
+            parts.append(np.zeros((len(parts[0]), runner.multipliers)))
+        rows, steps = np.concatenate(parts, axis=1), int(solution.stats["steps"])
+        longer, more = 0.0, np.zeros(0)
+        if runner.shares_multipliers:
+            rows, more, longer = runner.pulled_multipliers(solution, rows)
+        core = _core.Pullback(*runner.pullback())
+        kept = np.minimum(np.arange(len(rows)) * runner.every, steps)
+        for first, last, saved in checkpoints.reversed(steps):
+            own = (first < kept) & (kept <= last)
+            error = core.follow(saved, last, kept[own], np.ascontiguousarray(rows[own]))
+            if error is not None:
+                raise self._error(error)
+        found = core.end(np.ascontiguousarray(rows[0]))
+        if isinstance(found, dict):
+            raise self._error(found)
+        of_y, of_z, of_tau, stretch = found
+        if more.size:
+            of_tau = of_tau + more
+        moved = runner.pulled_start((of_y, of_z, of_tau))
+        return gradients_of(runner.system, runner.steps, moved, stretch + longer, self.wrt)
+
+    def _error(self, error: dict[str, Any]) -> IntegrationError:
+        sentence, hint, quantity = self.runner.describe(error)
+        return IntegrationError(hinted(sentence, hint), quantity=quantity)
+
+    def moved(self, directions: Mapping[str, np.ndarray], size: float) -> Mapping[str, np.ndarray]:
+        """Return the states of the run, moved by so much of all directions, on the constraints."""
+        system, request = self.runner.system, self._request
+        values: dict[str, Any] = {**system.params, **(request.params or {})}
+        for name, x in directions.items():
+            if name.startswith(PARAMS):
+                which = name.removeprefix(PARAMS)
+                values[which] = np.asarray(values[which]) + size * x
+        given = dict(zip(system.states, system.start(request.start), strict=True))
+        own: dict[str, Any] = {
+            name: x + size * directions.get(name, 0.0) for name, x in given.items()
+        }
+        ends = [request.t[k] + size * directions.get(f"t{k}", 0.0) for k in (0, 1)]
+        start = {**request.start, **system.consistent(t=ends[0], params=values, **own)}
+        moved = replace(
+            request, t=tuple(map(float, ends)), params=values, start=start, has_pullback=False
+        )
+        return execute(type(self.runner)(system, self.runner.choice, moved)).states
