@@ -239,7 +239,8 @@ class MechanicalRunner(TracedRunner):
 
     def resets(self, events: Mapping[str, Points], member: int = 0) -> list[tuple[float, float]]:
         """Return when resets have changed the energy of a member, and by how much, in order."""
-        if self.steps.t1 < self.steps.t0 or "invariant energy" not in self.widths:
+        is_known = events and "invariant energy" in self.widths
+        if not is_known or self.steps.t1 < self.steps.t0:
             return []
         place = list(self.widths.values())[: [*self.widths].index("invariant energy")]
         params = self._rows if self.members else self._values[None]

@@ -54,11 +54,13 @@ impl Tape {
         number: impl Fn(R) -> P,
     ) -> Option<PointRegisters<P>> {
         self.plain()?;
-        let each = one
-            .iter()
-            .flat_map(|x| std::iter::repeat_n(number(*x), points));
+        // asked for at once: aligned memory that grows is moved each time
+        let mut registers = Vec::with_capacity(one.len() * points);
+        for x in one {
+            registers.extend(std::iter::repeat_n(number(*x), points));
+        }
         Some(PointRegisters {
-            registers: each.collect(),
+            registers,
             points,
             first_output: self.outputs.start,
         })
