@@ -8,14 +8,17 @@ import casadi as ca
 import numpy as np
 import pytest
 from registry import ALL
-from test_tangents import COVERED, directions_of, general, pendulum
+from test_tangents import COVERED, DENSE, directions_of, general, pendulum
 
 import liouville as lv
 from liouville.problems import load
 
 
-def paired(system, method, t, start, directions, **run):
-    """Return how far the pairings of tangent and pullback are apart, in units of their parts."""
+def paired(system, method, t, start, directions, least=0.0, **run):
+    """Return how far the pairings of tangent and pullback are apart, in units of their parts.
+
+    Where these are errors of the method alone, the unit is the least one.
+    """
     rng = np.random.default_rng(2)
     solution, pullback = lv.vjp(system, method, wrt=[*directions], t=t, **run, **start)
     found = lv.integrate(system, method, t=t, tangents=directions, **run, **start)
@@ -26,7 +29,7 @@ def paired(system, method, t, start, directions, **run):
     for name, direction in directions.items():
         parts = [cotangents[x] * found.tangents[name].states[x] for x in cotangents]
         forward, unit = sum(x.sum() for x in parts), sum(np.abs(x).sum() for x in parts)
-        sizes.append(abs(np.sum(gradients[name] * direction) - forward) / unit)
+        sizes.append(abs(np.sum(gradients[name] * direction) - forward) / max(unit, least))
     return max(sizes)
 
 
@@ -79,6 +82,30 @@ def test_controlled_steps_are_held(control):
     run = {**control, "every": 3}
     method = lv.Spark(3)
     assert paired(problem.system, method, (0.0, 2.0), problem.start, directions, **run) < 1e-12
+
+
+@pytest.mark.parametrize(("method", "steps"), DENSE, ids=str)
+def test_states_at_given_times(method, steps):
+    t, times = (0.2, 0.8), [0.2, 0.23, 0.31, 0.35, 0.5, 0.79, 0.8]
+    run = {"steps": steps, "t_eval": times}
+    for system, start in ((general(), {"y": [0.6, 0.1, -0.8], "z": [0.1, 1.2, 0.4]}),
+                          (pendulum(), {"q": [1.2, -1.6], "v": [1.6, 1.2]})):  # fmt: skip
+        start = system.consistent(t=t[0], **start)
+        directions = directions_of(system, "t0", "t1")
+        assert paired(system, method, t, start, directions, least=1.0, **run) < 1e-12
+
+
+@pytest.mark.parametrize("control", [{"steps": 40}, {"rtol": 1e-8}], ids=str)
+def test_times_far_apart_in_long_runs_and_of_redundant_constraints(control):
+    for name, method in (("doubled_rod", lv.Spark(2)), ("double_pendulum", lv.Spark(4))):
+        system, t = load(name).system, (0.0, 1.0)
+        start = system.consistent(**load(name).start)
+        directions = directions_of(system, *([] if "rtol" in control else ["t0", "t1"]))
+        run = {**control, "least": 1.0}
+        times = [0.001, 0.3, 0.31, 0.311, 0.999]
+        assert paired(system, method, t, start, directions, t_eval=times, **run) < 1e-12
+        t, times = t[::-1], times[::-1]
+        assert paired(system, method, t, start, directions, t_eval=times, **run) < 1e-12
 
 
 def test_redundant_and_sparse_mechanisms():

@@ -136,6 +136,35 @@ def test_every_parameter_of_every_function_and_both_ends(method):
         assert farthest(found.tangents[name].states, wanted) < 1e-9, name
 
 
+#: Methods by the kinds of polynomials between their steps, and how many of them reach how far.
+DENSE = [(lv.Spark(1), 2), (lv.Spark(1), 6), (lv.Spark(2), 1), (lv.Spark(3), 2), (lv.Spark(4), 6),
+         (lv.Composition(lv.Spark(1), "Y4"), 4)]  # fmt: skip
+
+
+@pytest.mark.parametrize(("method", "steps"), DENSE, ids=str)
+@pytest.mark.parametrize("make", [general, pendulum])
+def test_states_at_given_times(make, method, steps):
+    system, t = make(), (0.2, 0.8)
+    values = [0.6, 0.1, -0.8], [0.1, 1.2, 0.4]
+    if make is pendulum:
+        values = [1.2, -1.6], [1.6, 1.2]
+    start = system.consistent(t=t[0], **dict(zip(system.states, values, strict=True)))
+    ends = np.linspace(*t, steps + 1)
+    # beside the ends of steps, which move with those of the run: λ is no smooth function there
+    within = {"t_eval": [0.23, 0.33, 0.71, 0.79], "steps": steps}
+    directions = directions_of(system, "t0", "t1")
+    found = lv.integrate(system, method, t=t, tangents=directions, **within, **start)
+    assert np.array_equal(found.t, within["t_eval"])
+    for name in ("t0", "t1", "params." + ("b" if make is general else "l")):
+        wanted = differences(system, method, t, start, {name: directions[name]}, **within)
+        assert farthest(found.tangents[name].states, wanted) < 1e-9, name
+    at_ends = {"t_eval": ends, "steps": steps}
+    held = {name: x for name, x in directions.items() if name not in ("t0", "t1")}
+    found = lv.integrate(system, method, t=t, tangents=held, **at_ends, **start)
+    wanted = lv.integrate(system, method, t=t, steps=steps, tangents=held, **start)
+    assert farthest(summed(found, held), summed(wanted, held)) < 1e-12
+
+
 def midpoint(q, v, length, stiffness, h, steps):
     """Make steps of Spark(1) for a pendulum on a nonlinear spring, in the digits of mpmath."""
     dot = mpmath.fdot
@@ -336,7 +365,6 @@ def test_members_pickles_and_parts_have_the_bits_of_a_run():
     ({"method": lv.HHT()}, "has no tangents yet"),
     ({"method": lv.Spark(2, newton_tol=1e-6)}, "leave newton_tol out"),
     ({"events": {"low": lambda t, q, v, lam, params: q[0]}}, "tangents go without events="),
-    ({"t_eval": [0.5]}, "tangents go without t_eval="),
     ({"store": "nowhere.zarr"}, "tangents go without store="),
     ({"states": False}, "leave out states=False"),
 ])  # fmt: skip

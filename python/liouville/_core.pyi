@@ -104,6 +104,7 @@ class Pullback:
     def __new__(
         cls, problem: Mechanical, method: object, job: object, sensitivity: Sensitivity
     ) -> Pullback: ...
+    def give(self, rows: NDArray[np.float64]) -> None: ...
     def follow(
         self,
         saved: NDArray[np.float64],

@@ -104,6 +104,7 @@ def vjp(
     atol: ArrayLike | None = None,
     control: Control | None = None,
     every: int = 1,
+    t_eval: ArrayLike | None = None,
     params: Mapping[str, ArrayLike] | None = None,
     progress: Progress = None,
     **start: ArrayLike,
@@ -115,9 +116,10 @@ def vjp(
 
     Parameters
     ----------
-    system, method, t, h, steps, rtol, atol, control, every, params, progress
+    system, method, t, h, steps, rtol, atol, control, every, t_eval, params, progress
         As for :func:`integrate`: a system without nonholonomic constraints, by ``Spark``,
-        ``LobattoPair`` or a composition of them. Controlled steps are held.
+        ``LobattoPair`` or a composition of them. Controlled steps are held, and so are the times
+        in `t_eval`.
     wrt : sequence of str
         What gradients are by: states of the system such as ``"q"`` and ``"v"``, ``"params.name"``,
         and ``"t0"`` and ``"t1"`` where steps are equal.
@@ -153,8 +155,8 @@ def vjp(
     (2,)
     """
     request = Request(
-        t=t, h=h, steps=steps, rtol=rtol, atol=atol, control=control, every=every, params=params,
-        start=start, has_pullback=True,
+        t=t, h=h, steps=steps, rtol=rtol, atol=atol, control=control, every=every, t_eval=t_eval,
+        params=params, start=start, has_pullback=True,
     )  # fmt: skip
     adjoint = runner_of(system, method, request).adjoint(request, wrt)
     solution = execute(adjoint.runner, progress, adjoint.checkpoints)

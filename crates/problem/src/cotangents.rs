@@ -1,7 +1,7 @@
 //! Cotangents of a motion: the derivatives of some function of it by its states, and by what it depends on.
 
 use super::sensitivity::SensitivityModel;
-use super::{Acceleration, Model, Saddle, State, model::finite};
+use super::{Acceleration, Carried, KnotCotangents, Model, Saddle, State, model::finite};
 use liouville_base::error::{Quantity, StepError};
 use liouville_base::linalg::Pattern;
 
@@ -57,29 +57,82 @@ impl PointAdjoint {
         }
     }
 
-    /// Adds cotangents (y, z, λ) of a state.
+    /// Adds cotangents (y, z, λ) of a point.
     ///
     /// # Errors
     /// The multipliers cannot be solved for, or a derivative is not finite.
     pub fn observe(
         &mut self,
-        (t, state): (f64, &State),
+        (t, point): (f64, &impl Carried),
         row: &[f64],
         of: &mut Cotangents,
     ) -> Result<(), StepError> {
         let n = self.a.len();
         add(&mut of.y, &row[..n]);
         add(&mut of.z, &row[n..2 * n]);
-        let own = &row[2 * n..];
-        if own.iter().all(|x| *x == 0.0) {
+        self.a.fill(0.0);
+        self.b.copy_from_slice(&row[2 * n..]);
+        self.accelerations((t, point.y(), point.z()), of)
+    }
+
+    /// Adds cotangents of what the knot at a point has.
+    ///
+    /// # Errors
+    /// As [`PointAdjoint::observe`].
+    pub fn observe_knot(
+        &mut self,
+        (t, point): (f64, &impl Carried),
+        knot: &KnotCotangents,
+        of: &mut Cotangents,
+    ) -> Result<(), StepError> {
+        let (y, z) = (point.y(), point.z());
+        let [by_y, by_v, by_rate] = &knot.y;
+        let [by_z, by_z_dot] = &knot.z;
+        add(&mut of.y, by_y);
+        add(&mut of.z, by_z);
+        of.tau[0] += knot.t;
+        self.a.fill(0.0);
+        self.b.fill(0.0);
+        add(&mut self.a, by_z_dot);
+        let problem = self.sensitivity.problem.clone();
+        let (at, by_tau) = (&problem.mechanical.patterns, &problem.patterns);
+        let (Some(v_z), Some(v_tau), Some(velocity)) = (&at.v_z, &by_tau.v_tau, &by_tau.velocity)
+        else {
+            add(&mut of.z, by_v);
+            add(&mut self.a, by_rate);
+            return self.accelerations((t, y, z), of);
+        };
+        let values = self.model.stage_blocks(t, y, z)[1];
+        v_z.multiply_add_transposed(values, 1.0, by_v, &mut of.z);
+        v_z.multiply_add_transposed(values, 1.0, by_rate, &mut self.a);
+        let values = self.model.stage_jacobian(t, y, z)[3];
+        at.v_y.multiply_add_transposed(values, 1.0, by_v, &mut of.y);
+        let values = self.sensitivity.stage(t, y, z)[2];
+        v_tau.multiply_add_transposed(values, 1.0, by_v, &mut of.tau);
+        self.acceleration.solve(&mut self.model, t, y, z)?;
+        let rate = &self.acceleration.z_dot;
+        if let Some(slopes) = self.sensitivity.velocity(t, [y, z, rate]) {
+            let out = [&mut of.y, &mut of.z, &mut of.tau];
+            for ((pattern, values), out) in velocity.iter().zip(slopes).zip(out) {
+                finite(values, Quantity::Derivative, t)?;
+                pattern.multiply_add_transposed(values, 1.0, by_rate, out);
+            }
+        }
+        self.accelerations((t, y, z), of)
+    }
+
+    /// Takes cotangents `a` and `b` of z' and λ to the point.
+    fn accelerations(
+        &mut self,
+        (t, y, z): (f64, &[f64], &[f64]),
+        of: &mut Cotangents,
+    ) -> Result<(), StepError> {
+        if self.a.iter().chain(&self.b).all(|x| *x == 0.0) {
             return Ok(());
         }
-        let (y, z) = (&state.y[..], &state.z[..]);
         self.acceleration.solve(&mut self.model, t, y, z)?;
         let Acceleration { z_dot, lam, .. } = &self.acceleration;
         self.matrix.update(&mut self.model, t, y, z, lam)?;
-        self.a.fill(0.0);
-        self.b.copy_from_slice(own);
         (self.matrix).solve_transposed(&self.model, &mut self.a, &mut self.b);
         let problem = self.sensitivity.problem.clone();
         let at = &problem.patterns;

@@ -35,7 +35,7 @@ mod tangents;
 pub use acceleration::Acceleration;
 pub use consistency::{Kind, Tolerances, Violation};
 pub use cotangents::{Cotangents, PointAdjoint};
-pub use dense::{Path, Point};
+pub use dense::{KnotCotangents, Path, PathAdjoint, PathTangents, Point};
 pub use dynamics::Dynamics;
 pub use energy::{EnergyChange, EnergyColumns, EnergyWatch, KineticColumns};
 pub use estimate::Estimate;
@@ -56,7 +56,7 @@ pub use schur::{SchurPlan, SparseSchur};
 pub use second_order::{SecondOrder, SecondOrderModel, SecondOrderPatterns};
 pub use sensitivity::{Sensitivity, SensitivityModel, SensitivityPatterns};
 pub use separable::{Separable, SeparableModel};
-pub use tangents::{Directions, TangentObserver, TangentState};
+pub use tangents::{Directions, TangentObserver, TangentState, TangentView};
 
 use liouville_base::linalg::Pattern;
 use liouville_base::method;

@@ -1,6 +1,6 @@
 //! What is recorded of a mechanical or semi-explicit system at an output point.
 
-use super::{Dynamics, Model, State, model::finite};
+use super::{Dynamics, Model, State, TangentView, model::finite};
 use liouville_base::checkpoint::{Checkpoint, CheckpointMismatch, Numbers};
 use liouville_base::error::{Quantity, StepError};
 use liouville_base::observe::Observe;
@@ -17,6 +17,11 @@ pub trait Carried {
 
     /// The method's accelerations and the work done so far, where it carries them.
     fn accelerations(&self) -> Option<(&[f64], f64)> {
+        None
+    }
+
+    /// The tangents of y, z and of time, where they are carried.
+    fn tangents(&self) -> Option<TangentView<'_>> {
         None
     }
 }

@@ -24,11 +24,13 @@ pub struct Sensitivity {
     pub hidden: Tape,
     /// (t, y, z, u, λ) → derivatives by y, z and τ of p_z u + p_y v + p_t − f − r, then of w_z u + w_y v + w_t
     pub motion: Tape,
+    /// (t, y, z, u) → derivatives by y, z and τ of v_t + v_y v + v_z u; none where v = z
+    pub velocity: Option<Tape>,
     /// Where the derivatives are not zero.
     pub patterns: SensitivityPatterns,
 }
 
-/// The sparsity of each derivative, `motion` and `rate` being the two of accelerations.
+/// The sparsity of each derivative, `motion` and `rate` being the two of accelerations, `velocity` that of y''.
 #[derive(Clone, Debug)]
 #[allow(missing_docs)]
 pub struct SensitivityPatterns {
@@ -41,6 +43,7 @@ pub struct SensitivityPatterns {
     pub w_tau: Pattern,
     pub motion: [Pattern; 3],
     pub rate: [Pattern; 3],
+    pub velocity: Option<[Pattern; 3]>,
 }
 
 impl Sensitivity {
@@ -55,6 +58,8 @@ impl Sensitivity {
         let v_tau = at.v_tau.as_ref();
         let has_velocity = usize::from(own.patterns.v_z.is_some());
         check("v_tau", usize::from(v_tau.is_some()), has_velocity)?;
+        let velocity = self.velocity.iter().zip(&at.velocity);
+        check("velocity", velocity.clone().count(), has_velocity)?;
         let v = v_tau.map_or(0, Pattern::len);
         let sum = |patterns: &[Pattern]| patterns.iter().map(Pattern::len).sum::<usize>();
         let tapes: [(_, &Tape, &[usize], _); 4] = [
@@ -83,7 +88,11 @@ impl Sensitivity {
                 sum(&at.motion) + sum(&at.rate),
             ),
         ];
-        for (name, tape, inputs, outputs) in tapes {
+        let in_u: [usize; 5] = [1, n, n, n, params];
+        let of_velocity = velocity
+            .clone()
+            .map(|(tape, at)| ("velocity", tape, &in_u[..], sum(at)));
+        for (name, tape, inputs, outputs) in tapes.into_iter().chain(of_velocity) {
             check(name, tape.inputs().len(), inputs.len())?;
             for (found, wanted) in tape.inputs().iter().zip(inputs) {
                 check(name, *found, *wanted)?;
@@ -105,7 +114,10 @@ impl Sensitivity {
         let motion = motion.map(|(pattern, width)| ("motion", pattern, (n, width)));
         let rate = at.rate.iter().zip(widths);
         let rate = rate.map(|(pattern, width)| ("rate", pattern, (m, width)));
-        for (name, pattern, shape) in shapes.into_iter().chain(of_v).chain(motion).chain(rate) {
+        let velocity = velocity.flat_map(|(_, at)| at.iter().zip(widths));
+        let velocity = velocity.map(|(pattern, width)| ("velocity", pattern, (n, width)));
+        let all = shapes.into_iter().chain(of_v).chain(motion).chain(rate);
+        for (name, pattern, shape) in all.chain(velocity) {
             check_pattern(name, pattern, shape)?;
         }
         Ok(self)
@@ -126,6 +138,7 @@ pub struct SensitivityModel {
     node: TapeRegisters<f64>,
     hidden: Registers<f64>,
     motion: Registers<f64>,
+    velocity: Option<Registers<f64>>,
 }
 
 impl SensitivityModel {
@@ -139,6 +152,7 @@ impl SensitivityModel {
             node: TapeRegisters::new(&problem.node, params),
             hidden: problem.hidden.bind(params),
             motion: problem.motion.bind(params),
+            velocity: problem.velocity.as_ref().map(|tape| tape.bind(params)),
             problem,
         }
     }
@@ -205,5 +219,14 @@ impl SensitivityModel {
         let args: [&[f64]; 5] = [&[t], y, z, u, lam];
         let values = self.problem.motion.eval(&mut self.motion, args);
         cut(values, std::array::from_fn(of))
+    }
+
+    /// The derivatives of y'' by y, z and τ at (t, y, z), where z' is `u`; none where v is z.
+    pub fn velocity(&mut self, t: f64, [y, z, u]: [&[f64]; 3]) -> Option<Parts<'_, 3>> {
+        let (tape, at) =
+            (self.problem.velocity.as_ref()).zip(self.problem.patterns.velocity.as_ref())?;
+        let (registers, args): (_, [&[f64]; 4]) = (self.velocity.as_mut()?, [&[t], y, z, u]);
+        let sizes = std::array::from_fn(|k| at[k].len());
+        Some(cut(tape.eval(registers, args), sizes))
     }
 }

@@ -56,6 +56,25 @@ impl Carried for TangentState {
     fn z(&self) -> &[f64] {
         &self.motion.z
     }
+
+    fn tangents(&self) -> Option<TangentView<'_>> {
+        Some(TangentView {
+            y: &self.y,
+            z: &self.z,
+            t: &self.t,
+        })
+    }
+}
+
+/// Tangents of a point: of coordinates, of z and of its time, a row for each direction.
+#[derive(Clone, Copy, Debug)]
+pub struct TangentView<'a> {
+    /// Those of coordinates.
+    pub y: &'a Matrix,
+    /// Those of z.
+    pub z: &'a Matrix,
+    /// Those of time.
+    pub t: &'a [f64],
 }
 
 liouville_base::checkpoint!(TangentState { motion, y, z, p, t });
@@ -84,6 +103,54 @@ impl Directions {
     }
 }
 
+/// The tangents of z' and λ, which solve the equations of accelerations at a point.
+#[derive(Clone, Debug)]
+pub(super) struct AccelerationTangents {
+    pub(super) model: Model,
+    pub(super) sensitivity: SensitivityModel,
+    matrix: Saddle,
+    a: Vec<f64>,
+    b: Vec<f64>,
+}
+
+impl AccelerationTangents {
+    pub(super) fn new(model: Model, sensitivity: SensitivityModel) -> Self {
+        Self {
+            matrix: Saddle::new(&model),
+            a: vec![0.0; model.problem.n],
+            b: vec![0.0; model.problem.m],
+            model,
+            sensitivity,
+        }
+    }
+
+    /// Solves for the tangents of z' and λ at (t, y, z, z', λ), and gives them to `take` in one direction after another.
+    pub(super) fn solve(
+        &mut self,
+        (t, [y, z, z_dot, lam]): (f64, [&[f64]; 4]),
+        (of, directions): (TangentView<'_>, &mut Directions),
+        mut take: impl FnMut(usize, &[f64], &[f64]),
+    ) -> Result<(), StepError> {
+        self.matrix.update(&mut self.model, t, y, z, lam)?;
+        let problem = self.sensitivity.problem.clone();
+        let at = &problem.patterns;
+        let values = self.sensitivity.motion(t, [y, z, z_dot, lam]);
+        for part in values {
+            finite(part, Quantity::Derivative, t)?;
+        }
+        let (motion, rate) = values.split_at(3);
+        for direction in 0..directions.count() {
+            let tau = directions.tau(direction, of.t[direction]);
+            let along = [of.y.row(direction), of.z.row(direction), tau];
+            subtract(&at.motion, motion, along, &mut self.a);
+            subtract(&at.rate, rate, along, &mut self.b);
+            self.matrix.solve(&self.model, &mut self.a, &mut self.b);
+            take(direction, &self.a, &self.b);
+        }
+        Ok(())
+    }
+}
+
 /// Records what [`Observer`] does, and behind it the tangents of y, z and λ in one direction after another.
 ///
 /// λ solves the equations of accelerations at the point, whose tangent this is too: the multipliers inside a step are
@@ -91,12 +158,8 @@ impl Directions {
 #[derive(Clone, Debug)]
 pub struct TangentObserver {
     inner: Observer,
-    model: Model,
-    sensitivity: SensitivityModel,
-    matrix: Saddle,
+    acceleration: AccelerationTangents,
     directions: Directions,
-    a: Vec<f64>,
-    b: Vec<f64>,
 }
 
 impl TangentObserver {
@@ -104,48 +167,30 @@ impl TangentObserver {
     pub fn new(inner: Observer, sensitivity: SensitivityModel, directions: Directions) -> Self {
         let model = inner.model().clone();
         Self {
-            matrix: Saddle::new(&model),
-            a: vec![0.0; model.problem.n],
-            b: vec![0.0; model.problem.m],
             inner,
-            model,
-            sensitivity,
+            acceleration: AccelerationTangents::new(model, sensitivity),
             directions,
         }
     }
 
-    fn append(
+    fn append<S: Carried>(
         &mut self,
         t: f64,
-        state: &TangentState,
+        state: &S,
         row: &mut Vec<f64>,
     ) -> Result<(), StepError> {
         self.inner.observe(t, state, row)?;
-        let Some(solved) = self.inner.solved() else {
+        let (Some(solved), Some(of)) = (self.inner.solved(), state.tangents()) else {
             return Ok(());
         };
-        let State { y, z, .. } = &state.motion;
-        let lam = &solved.lam[..];
-        self.matrix.update(&mut self.model, t, y, z, lam)?;
-        let problem = self.sensitivity.problem.clone();
-        let at = &problem.patterns;
-        let values = self.sensitivity.motion(t, [y, z, &solved.z_dot, lam]);
-        for part in values {
-            finite(part, Quantity::Derivative, t)?;
-        }
-        let (motion, rate) = values.split_at(3);
-        for direction in 0..self.directions.count() {
-            let (dy, dz) = (state.y.row(direction), state.z.row(direction));
-            let tau = self.directions.tau(direction, state.t[direction]);
-            let along = [dy, dz, tau];
-            subtract(&at.motion, motion, along, &mut self.a);
-            subtract(&at.rate, rate, along, &mut self.b);
-            self.matrix.solve(&self.model, &mut self.a, &mut self.b);
-            row.extend_from_slice(dy);
-            row.extend_from_slice(dz);
-            row.extend_from_slice(&self.b);
-        }
-        Ok(())
+        let point = [state.y(), state.z(), &solved.z_dot, &solved.lam];
+        let directions = &mut self.directions;
+        self.acceleration
+            .solve((t, point), (of, directions), |direction, _, lam| {
+                row.extend_from_slice(of.y.row(direction));
+                row.extend_from_slice(of.z.row(direction));
+                row.extend_from_slice(lam);
+            })
     }
 }
 
@@ -157,18 +202,14 @@ fn subtract(patterns: &[Pattern; 3], values: &[&[f64]], along: [&[f64]; 3], out:
     }
 }
 
-impl Observe<TangentState> for TangentObserver {
-    fn width(&self, state: &TangentState) -> usize {
-        let each = 2 * self.a.len() + self.b.len();
+impl<S: Carried> Observe<S> for TangentObserver {
+    fn width(&self, state: &S) -> usize {
+        let problem = &self.acceleration.model.problem;
+        let each = 2 * problem.n + problem.m;
         self.inner.width(state) + self.directions.count() * each
     }
 
-    fn observe(
-        &mut self,
-        t: f64,
-        state: &TangentState,
-        row: &mut Vec<f64>,
-    ) -> Result<(), StepError> {
+    fn observe(&mut self, t: f64, state: &S, row: &mut Vec<f64>) -> Result<(), StepError> {
         let start = row.len();
         self.append(t, state, row)
             .inspect_err(|_| row.truncate(start))

@@ -111,7 +111,7 @@ pub(crate) struct Sensitivity(pub(crate) Arc<liouville_problem::Sensitivity>, Ma
 
 #[pymethods]
 impl Sensitivity {
-    /// Tapes and patterns by name; there is no "v_tau" where v is z.
+    /// Tapes and patterns by name; there is no "v_tau" and no "velocity" where v is z.
     #[new]
     fn new(
         problem: &Bound<'_, Mechanical>,
@@ -135,6 +135,11 @@ impl Sensitivity {
             node: tape("node")?,
             hidden: tape("hidden")?,
             motion: tape("motion")?,
+            velocity: if tapes.contains("velocity")? {
+                Some(tape("velocity")?)
+            } else {
+                None
+            },
             patterns: SensitivityPatterns {
                 p_tau: pattern("p_tau")?,
                 f_tau: pattern("f_tau")?,
@@ -149,6 +154,15 @@ impl Sensitivity {
                     pattern("motion_tau")?,
                 ],
                 rate: [pattern("rate_y")?, pattern("rate_z")?, pattern("rate_tau")?],
+                velocity: if patterns.contains("velocity_y")? {
+                    Some([
+                        pattern("velocity_y")?,
+                        pattern("velocity_z")?,
+                        pattern("velocity_tau")?,
+                    ])
+                } else {
+                    None
+                },
             },
         };
         Ok(Self(

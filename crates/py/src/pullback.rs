@@ -35,6 +35,20 @@ impl Pullback {
         }
     }
 
+    /// Takes cotangents of (y, z, lam) at the times given with the run, a row for each.
+    fn give(&mut self, rows: PyReadonlyArray2<'_, f64>) -> PyResult<()> {
+        let (count, width) = (rows.shape()[0], rows.shape()[1]);
+        let values = rows.as_slice()?;
+        let rows = Matrix::from_fn(count, width, |i, j| values[i * width + j]);
+        if self.inner.give(rows) {
+            Ok(())
+        } else {
+            Err(refused(
+                "cotangents are rows of (y, z, lam), one for each time",
+            ))
+        }
+    }
+
     /// Follows the steps from a saved state up to the step `last` back; rows are cotangents of (y, z, lam) at the ends
     /// of the steps `kept`. Returns None, or the error.
     fn follow<'py>(

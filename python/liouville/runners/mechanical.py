@@ -109,8 +109,8 @@ class MechanicalRunner(TracedRunner):
         sizes = len(self.system.coordinates), len(self.constraints)
         if self.shares_multipliers:
             params = self._rows if self.members else self._values
-            motion = (t, parts[states[0]], parts[states[1]], parts["lam"])
-            rows = own.shared(self._stepped, (self.steps.t0, *motion), params, rows)
+            motion = (self.steps.t0, t, parts[states[0]], parts[states[1]], parts["lam"])
+            rows = own.shared(self._stepped, motion, params, rows, self.times is not None)
         return own.read(states, rows, *sizes)
 
     def adjoint(self, request: Request, wrt: Any) -> Adjoint:
@@ -119,6 +119,11 @@ class MechanicalRunner(TracedRunner):
         from liouville.runners.mechanical_adjoint import MechanicalAdjoint
 
         return MechanicalAdjoint(self, request, wrt)
+
+    @property
+    def times(self) -> np.ndarray | None:
+        """The times of the records, where they are given."""
+        return self._watch.times
 
     @property
     def shares_multipliers(self) -> bool:
@@ -146,8 +151,9 @@ class MechanicalRunner(TracedRunner):
             shared = SharedMultipliers(self._stepped, at, solution.states["lam"][k], self._values)
             of_point, found[k, 2 * n :] = shared.pulled(rows[k, 2 * n :])
             found[k, : 2 * n] += of_point[1 : 1 + 2 * n]
-            tau += np.append(of_point[0], of_point[1 + 2 * n :])
-            stretch += of_point[0] * (at[0] - self.steps.t0)
+            of_time = of_point[0] if self.times is None else 0.0
+            tau += np.append(of_time, of_point[1 + 2 * n :])
+            stretch += of_time * (at[0] - self.steps.t0)
         return found, tau, stretch
 
     def pullback(self) -> tuple[_core.Mechanical, Method, Job, _core.Sensitivity]:

@@ -50,6 +50,10 @@ class MechanicalAdjoint(Adjoint):
             rows, more, longer = runner.pulled_multipliers(solution, rows)
         core = _core.Pullback(*runner.pullback())
         kept = np.minimum(np.arange(len(rows)) * runner.every, steps)
+        if runner.times is not None:
+            # between steps, where the core takes them to the ends of these
+            core.give(np.ascontiguousarray(rows))
+            kept, rows = np.zeros(1, int), np.zeros_like(rows[:1])
         for first, last, saved in checkpoints.reversed(steps):
             own = (first < kept) & (kept <= last)
             error = core.follow(saved, last, kept[own], np.ascontiguousarray(rows[own]))

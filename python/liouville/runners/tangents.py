@@ -28,12 +28,9 @@ Place = tuple[int, tuple[int, ...]]
 #: What has tangents.
 COVERED = (
     "tangents are those of a polynomial field by its start, and of a mechanical system without "
-    "nonholonomic constraints, by Spark, LobattoPair or a Composition of them, without events, "
-    "t_eval and store"
+    "nonholonomic constraints, by Spark, LobattoPair or a Composition of them, without events and "
+    "store"
 )
-
-#: Options that change what would have to be differentiated, or where it goes.
-WITHOUT = ("events", "t_eval")
 
 
 def check_covered(system: Any, method: Any, request: Request) -> None:
@@ -47,9 +44,10 @@ def check_covered(system: Any, method: Any, request: Request) -> None:
     base = method.base if isinstance(method, Composition) else method
     if not isinstance(system, Mechanics | Field):
         raise TypeError(hinted(f"a {type(system).__name__} has no tangents yet", COVERED))
-    given = [name for name in WITHOUT if getattr(request, name) is not None]
-    if given or request.is_stored:
-        raise TypeError(hinted(f"tangents go without {(given or ['store'])[0]}=", COVERED))
+    without = {"events": request.events is not None, "store": request.is_stored}
+    without["t_eval"] = isinstance(system, Field) and request.t_eval is not None
+    if given := [name for name, is_given in without.items() if is_given]:
+        raise TypeError(hinted(f"tangents go without {given[0]}=", COVERED))
     if not request.states:
         raise ValueError("tangents are those of states: leave out states=False")
     if isinstance(system, Field):
@@ -173,10 +171,12 @@ class MechanicalDirections(Directions):
         motion: tuple[float, np.ndarray, np.ndarray, np.ndarray, np.ndarray],
         params: np.ndarray,
         rows: np.ndarray,
+        is_held: bool,
     ) -> np.ndarray:
         """Return records with tangents of all multipliers, from those of a step's.
 
-        `motion` is the start time, then t, y, z and all multipliers of the records.
+        `motion` is the start time, then t, y, z and all multipliers of the records, whose times
+        may be held.
         """
         t0, times, *states = motion
         n, m = states[0].shape[-1], states[2].shape[-1]
@@ -188,6 +188,7 @@ class MechanicalDirections(Directions):
             y, z, lam = (x[place] for x in states)
             values = params[place[1]] if params.ndim > 1 else params
             dt = self.tau[:, :1] + (self.stretch * (at - t0))[:, None]
+            dt = np.zeros_like(dt) if is_held else dt
             along = np.hstack([dt, own[:, : 2 * n], self.tau[:, 1:]])
             multipliers = SharedMultipliers(stepped, (at, y, z), lam, values)
             found[place][:, 2 * n :] = multipliers.pushed(along, own[:, 2 * n :])

@@ -15,7 +15,7 @@ from liouville import _core
 from liouville.errors import describe, hinted
 from liouville.systems import _consistent
 from liouville.systems._derivatives import jacobian
-from liouville.systems._form import record_blocks
+from liouville.systems._form import record_blocks, total_derivative
 from liouville.systems._linear import Block
 from liouville.systems._motion import equations, kept
 from liouville.tape import record
@@ -49,8 +49,6 @@ def _sensitivity(system: Mechanics) -> _core.Sensitivity:
     at_stage, at_node = s.inputs(z=s.z), s.inputs(lam=model.lam)
     at_motion = s.inputs(z=s.z, u=u, lam=model.lam)
     stage = {"p_tau": Block(jacobian(model.p, tau)), "f_tau": Block(jacobian(model.f, tau))}
-    if "v_z" in system._patterns:
-        stage["v_tau"] = Block(jacobian(model.v, tau))
     node = {"g_tau": Block(jacobian(model.g, tau)), "r_tau": Block(jacobian(model.r, tau))}
     hidden = {"w_y": Block(jacobian(w, s.y)), "w_tau": Block(jacobian(w, tau))}
     motion = {
@@ -61,13 +59,21 @@ def _sensitivity(system: Mechanics) -> _core.Sensitivity:
         "rate_z": Block(jacobian(rate, s.z)),
         "rate_tau": Block(jacobian(rate, tau)),
     }
+    velocity: dict[str, Block] = {}
+    if "v_z" in system._patterns:
+        stage["v_tau"] = Block(jacobian(model.v, tau))
+        rates = total_derivative(model.v, s, model.v) + ca.jtimes(model.v, s.z, u)
+        by = {"y": s.y, "z": s.z, "tau": tau}
+        velocity = {f"velocity_{x}": Block(jacobian(rates, along)) for x, along in by.items()}
     tapes = {
         "stage": record_blocks("stage", at_stage, [*stage.values()]),
         "node": record_blocks("node", at_node, [*node.values()]),
         "hidden": record_blocks("hidden", at_stage, [*hidden.values()]),
         "motion": record_blocks("motion", at_motion, [*motion.values()]),
     }
-    blocks = stage | node | hidden | motion
+    if velocity:
+        tapes["velocity"] = record_blocks("velocity", s.inputs(z=s.z, u=u), [*velocity.values()])
+    blocks = stage | node | hidden | motion | velocity
     patterns = {name: block.pattern for name, block in blocks.items()}
     return _core.Sensitivity(system.problem, tapes, patterns)
 

@@ -13,8 +13,9 @@ use hits::{Crossing, Restarts};
 use liouville_base::checkpoint::Checkpoint;
 use liouville_base::error::StepError;
 use liouville_base::method::Stepper;
+use liouville_base::observe::Observe;
 use liouville_base::run::{Ending, EventDetector, Events, Hits, Outcome, Records};
-use liouville_problem::{Carried, Dynamics, Model, Observer, Path, Point, Restart};
+use liouville_problem::{Carried, Dynamics, Model, Path, Point, Restart};
 use partial::PartialStep;
 use search::{Node, Scene, Trust, Zero};
 
@@ -39,7 +40,7 @@ pub struct DenseDetector<State: Checkpoint, M: Dynamics = Model> {
     restart: Restarts<State>,
     jump: [Vec<f64>; 2],
     holonomic: usize,
-    observer: Observer<M>,
+    observer: Box<dyn Observe<Path<M>>>,
     /// Times of the records, where they are the detector's.
     times: Option<Vec<f64>>,
     next: usize,
@@ -103,7 +104,7 @@ impl<State: Carried + Checkpoint + Clone, M: Dynamics> DenseDetector<State, M> {
         stepper: Box<dyn Stepper<State = State>>,
         state: &State,
         events: Vec<Event>,
-        (observer, times): (Observer<M>, Option<Vec<f64>>),
+        (observer, times): (Box<dyn Observe<Path<M>>>, Option<Vec<f64>>),
     ) -> Self {
         let met = Met {
             found: vec![Hits::default(); events.iter().filter(|event| !event.is_switch).count()],
@@ -270,7 +271,8 @@ impl<State: Carried + Checkpoint + Clone, M: Dynamics> DenseDetector<State, M> {
                 break;
             }
             self.path.move_to(*wanted);
-            records.push::<Point>(&mut self.observer, *wanted, self.path.point())?;
+            self.path.move_tangents();
+            records.push(&mut *self.observer, *wanted, &self.path)?;
             self.next += 1;
         }
         Ok(())

@@ -141,13 +141,18 @@ impl Job {
             return Ok(());
         };
         let fits = tangents.fit(system, self.members.unwrap_or(1));
-        if fits && self.states && self.detection.is_none() {
+        if fits && self.states && self.has_no_events() {
             return Ok(());
         }
         invalid(
             "tangents are those of a SPARK method without newton_tol, of the system it steps, with states and without \
              events",
         )
+    }
+
+    /// Whether nothing is looked for in the steps; their states at given times may be.
+    pub(super) fn has_no_events(&self) -> bool {
+        (self.detection.as_ref()).is_none_or(|detection| detection.events.is_empty())
     }
 
     fn check_control(&self, system: &System) -> Result<(), StartError> {

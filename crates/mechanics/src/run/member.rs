@@ -18,6 +18,9 @@ pub(super) type BoxedStepper<State> = Box<dyn Stepper<State = State>>;
 /// What steps follow, with the first step and the least; nothing where they are equal.
 type Followed<State> = Option<(Box<dyn Monitor<State>>, [f64; 2])>;
 
+/// What is recorded of a member's states, and at given times of its path.
+pub(super) type Observed<State, M> = (Box<dyn Observe<State>>, Box<dyn Observe<Path<M>>>);
+
 /// A member: its number, its model, and what makes its states after resets, where events have them.
 pub(super) struct Member<State, M: Dynamics = Model> {
     pub(super) number: usize,
@@ -120,6 +123,22 @@ impl Starter {
         self.job.detection.is_some().then(copy)
     }
 
+    /// A copy of a symmetric stepper, alone or composed.
+    pub(super) fn composed_copy<S>(
+        &self,
+        (stepper, stages): (&S, Option<&[f64]>),
+    ) -> Option<BoxedStepper<S::State>>
+    where
+        S: Symmetric + Clone + 'static,
+        S::State: Clone,
+    {
+        match stages {
+            None => self.copy(stepper),
+            Some(_) if self.job.detection.is_none() => None,
+            Some(stages) => self.copy(&Composed::of_stages(stepper.clone(), stages)),
+        }
+    }
+
     /// A run by steps that an estimate of their errors controls, from a first one.
     pub(super) fn adaptive<S, M: Dynamics>(
         &self,
@@ -160,11 +179,7 @@ impl Starter {
         S: Symmetric + Clone + 'static,
         S::State: Carried + Clone,
     {
-        let copy = match stages {
-            None => self.copy(&stepper),
-            Some(_) if self.job.detection.is_none() => None,
-            Some(stages) => self.copy(&Composed::of_stages(stepper.clone(), stages)),
-        };
+        let copy = self.composed_copy((&stepper, stages));
         let control = self.symmetric_control((stepper, stages), monitor, &state);
         self.launch(control, copy, of, state)
     }
@@ -207,14 +222,28 @@ impl Starter {
         &self,
         control: Box<dyn StepControl<State>>,
         copy: Option<BoxedStepper<State>>,
+        member: Member<State, M>,
+        state: State,
+    ) -> Begun {
+        let observer = self.observer(member.model.clone(), member.number);
+        let observed = (Box::new(observer.clone()) as _, Box::new(observer) as _);
+        let stepping = (control, copy);
+        self.launch_observed(stepping, member, state, observed, |path| path)
+    }
+
+    /// The same with other observers, and a path that `with` makes of one.
+    pub(super) fn launch_observed<State: Carried + Checkpoint + Clone + 'static, M: Dynamics>(
+        &self,
+        (control, copy): (Box<dyn StepControl<State>>, Option<BoxedStepper<State>>),
         Member {
             number: member,
             model,
             restart,
         }: Member<State, M>,
         state: State,
+        (observer, at_times): Observed<State, M>,
+        with: impl FnOnce(Path<M>) -> Path<M>,
     ) -> Begun {
-        let observer = self.observer(model.clone(), member);
         let mut expected = match control.sizes() {
             None => self.job.span.records(),
             Some(_) => 0,
@@ -233,9 +262,9 @@ impl Starter {
                 let reset = reset.map(|(law, rate)| Reset::new(law, rate, params));
                 Event::new(k, tape, params, direction, terminal, event.needs_lam).with_reset(reset)
             });
-            let recorded = (observer.clone(), detection.times.clone());
+            let recorded = (at_times, detection.times.clone());
             expected = detection.times.as_ref().map_or(expected, Vec::len);
-            let path = Path::new(model, detection.order);
+            let path = with(Path::new(model, detection.order));
             let functions = functions.collect();
             let mut detector = DenseDetector::new(path, stepper, &state, functions, recorded);
             if let Some(restart) = restart {
@@ -244,7 +273,7 @@ impl Starter {
             events = Some(Box::new(detector) as Box<dyn EventDetector<State>>);
         }
         let kept = (self.job.span.every, expected);
-        let run = Run::with_events(control, Box::new(observer), state, kept, events)?;
+        let run = Run::with_events(control, observer, state, kept, events)?;
         Ok(Box::new(run))
     }
 

@@ -2,6 +2,7 @@
 //!
 //! A single run is made as a member of an ensemble is; it may have control of its steps and events too.
 
+mod at_times;
 mod check;
 mod job;
 mod member;
@@ -221,11 +222,12 @@ impl Starter {
         let (stepper, state, sizes) = self.spark_at(method, member)?;
         if let Some(tangents) = &self.job.tangents {
             let (stepper, state) = self.with_tangents(stepper, tangents, state, member)?;
+            let copy = self.composed_copy((&stepper, stages));
             let control = match sizes {
                 None => self.symmetric_control((stepper, stages), self.monitor(member), &state),
                 Some(sizes) => self.adaptive_control(stepper, sizes),
             };
-            return self.recording(control, tangents, state, member);
+            return self.recording((control, copy), tangents, state, member);
         }
         let of = self.member(member);
         match sizes {

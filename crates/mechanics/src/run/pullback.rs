@@ -1,11 +1,14 @@
 //! Pullbacks: a run made again from checkpoints, one piece after another from the last, each followed back.
 
+use super::at_times::{AtTimes, TimesObserver};
+use super::member::Member;
 use super::{Job, Method, Problem, Starter, System};
 use liouville_base::checkpoint::CheckpointMismatch;
 use liouville_base::error::StepError;
-use liouville_base::linalg::Matrix;
+use liouville_base::linalg::{Matrix, add_scaled};
+use liouville_base::observe::Observe;
 use liouville_base::run::{Advance, StartError, Status};
-use liouville_problem::{Cotangents, PointAdjoint, Sensitivity, SensitivityModel, State};
+use liouville_problem::{Cotangents, Path, PointAdjoint, Sensitivity, SensitivityModel, State};
 use liouville_spark::{SharedRecords, SparkAdjoint, SparkRecorder};
 use std::sync::Arc;
 use std::time::Duration;
@@ -20,6 +23,8 @@ pub struct Pullback {
     /// How many times the method is at work in a step.
     parts: usize,
     cotangents: Cotangents,
+    /// Where states are given at times that are not those of the steps.
+    times: Option<AtTimes>,
 }
 
 impl Pullback {
@@ -50,21 +55,52 @@ impl Pullback {
         let derivatives = SensitivityModel::new(sensitivity.clone(), starter.params(0));
         let adjoint = SparkAdjoint::new(&stepper, derivatives.clone());
         let records = SharedRecords::default();
-        let (of, start) = (starter.member(0), state.clone());
+        let start = state.clone();
+        let parts = stages.map_or(1, <[f64]>::len);
+        let copy = starter.composed_copy((&stepper, stages));
         let recorder = SparkRecorder::new(stepper, records.clone());
-        let run = match sizes {
-            None => starter.symmetric((recorder, stages), starter.monitor(0), of, start)?,
-            Some(sizes) => starter.adaptive(recorder, sizes, of, start)?,
+        let control = match sizes {
+            None => starter.symmetric_control((recorder, stages), starter.monitor(0), &start),
+            Some(sizes) => starter.adaptive_control(recorder, sizes),
         };
+        let point = PointAdjoint::new(model.clone(), derivatives);
+        let detection = starter.job.detection.as_ref();
+        let times = detection.and_then(|detection| detection.times.clone());
+        let times = times.map(|times| {
+            let sizes = ([problem.n, problem.m], sensitivity.width());
+            let recorded = (records.clone(), parts);
+            AtTimes::new(times, sizes, point.clone(), recorded)
+        });
+        let inner = starter.observer(model.clone(), 0);
+        let at_times: Box<dyn Observe<Path>> = match times.clone() {
+            None => Box::new(inner.clone()),
+            Some(at_times) => Box::new(TimesObserver {
+                inner: inner.clone(),
+                at_times,
+            }),
+        };
+        let of = Member {
+            number: 0,
+            model,
+            restart: None,
+        };
+        let observed = (Box::new(inner) as _, at_times);
+        let run = starter.launch_observed((control, copy), of, start, observed, |path| path)?;
         Ok(Self {
             cotangents: Cotangents::zeros(problem.n, sensitivity.width()),
-            point: PointAdjoint::new(model, derivatives),
-            parts: stages.map_or(1, <[f64]>::len),
+            point,
+            parts,
             start: (starter.job.span.t0, state),
             run,
             records,
             adjoint,
+            times,
         })
+    }
+
+    /// Takes cotangents of (y, z, λ) at the given times, a row for each; says whether the run has so many.
+    pub fn give(&mut self, rows: Matrix) -> bool {
+        (self.times.as_ref()).is_some_and(|times| times.lock().give(rows))
     }
 
     /// Goes to a checkpoint of the run.
@@ -83,10 +119,17 @@ impl Pullback {
     pub fn follow(&mut self, last: usize, kept: &[usize], rows: &Matrix) -> Result<(), StepError> {
         self.records.lock().clear();
         let first = self.run.done();
-        if let Status::Failed { error, .. } = self.run.advance_to(last, Duration::MAX) {
-            return Err(error);
+        let pending = self.times.as_ref().map(|times| times.lock().pending());
+        match self.run.advance_to(last, Duration::MAX) {
+            Status::Failed { error, .. } => return Err(error),
+            // what is due at the end only
+            Status::Done if self.times.is_some() => drop(self.run.take()),
+            _ => {}
         }
         let records = self.records.lock();
+        if let Some((times, pending)) = self.times.as_ref().zip(pending) {
+            times.lock().shift(pending, records.steps().len());
+        }
         for (k, record) in records.steps().iter().enumerate().rev() {
             let is_end = (k + 1) % self.parts == 0;
             let step = first + (k + 1) / self.parts;
@@ -94,6 +137,11 @@ impl Pullback {
                 let at = (record.time(), &record.end);
                 self.point
                     .observe(at, rows.row(row), &mut self.cotangents)?;
+            }
+            let knot = (self.times.as_ref()).and_then(|times| times.lock().take(k + 1));
+            if let Some(knot) = knot {
+                let at = (record.time(), &record.end);
+                self.point.observe_knot(at, &knot, &mut self.cotangents)?;
             }
             self.adjoint.follow(record, &mut self.cotangents)?;
         }
@@ -106,6 +154,13 @@ impl Pullback {
     /// A derivative that is not finite.
     pub fn end(&mut self, row: &[f64]) -> Result<&Cotangents, StepError> {
         let at = (self.start.0, &self.start.1);
+        if let Some(times) = &self.times {
+            let mut held = times.lock();
+            if let Some(knot) = held.take(0) {
+                self.point.observe_knot(at, &knot, &mut self.cotangents)?;
+            }
+            add_scaled(&mut self.cotangents.tau, 1.0, &held.tau);
+        }
         self.point.observe(at, row, &mut self.cotangents)?;
         self.point.leave(at, &mut self.cotangents)?;
         Ok(&self.cotangents)

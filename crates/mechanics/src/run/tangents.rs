@@ -1,11 +1,13 @@
 //! Runs that carry tangents with their states.
 
+use super::member::{BoxedStepper, Member};
 use super::{Begun, SparkMethod, Starter, System, Tangents};
 use liouville_base::error::StepError;
 use liouville_base::linalg::Matrix;
 use liouville_base::run::StepControl;
 use liouville_problem::{
-    Directions, Sensitivity, SensitivityModel, State, TangentObserver, TangentState,
+    Directions, Path, PathTangents, Sensitivity, SensitivityModel, State, TangentObserver,
+    TangentState,
 };
 use liouville_spark::{Spark, SparkTangents};
 use std::sync::Arc;
@@ -40,18 +42,33 @@ impl Starter {
         SparkTangents::new(stepper, sensitivity, directions, start, (y, z, dt))
     }
 
-    /// A run by steps of this control, whose tangents are recorded.
+    /// A run whose tangents are recorded, by steps of this control; `copy` makes its partial steps.
     pub(super) fn recording(
         &self,
-        control: Box<dyn StepControl<TangentState>>,
+        stepping: (
+            Box<dyn StepControl<TangentState>>,
+            Option<BoxedStepper<TangentState>>,
+        ),
         tangents: &Tangents,
         state: TangentState,
-        member: usize,
+        number: usize,
     ) -> Begun {
-        let inner = self.observer(self.model(member), member);
-        let sensitivity = self.sensitivity(tangents, member);
-        let observer = TangentObserver::new(inner, sensitivity, directions_of(tangents));
-        self.recorded(control, Box::new(observer), state)
+        let model = self.model(number);
+        let parts = || (self.sensitivity(tangents, number), directions_of(tangents));
+        let (sensitivity, directions) = parts();
+        let inner = self.observer(model.clone(), number);
+        let observer = TangentObserver::new(inner, sensitivity, directions);
+        let observed = (Box::new(observer.clone()) as _, Box::new(observer) as _);
+        let with = |path: Path| {
+            let (sensitivity, directions) = parts();
+            path.with_tangents(PathTangents::new(model.clone(), sensitivity, directions))
+        };
+        let of = Member {
+            number,
+            model: model.clone(),
+            restart: None,
+        };
+        self.launch_observed(stepping, of, state, observed, with)
     }
 
     fn sensitivity(&self, tangents: &Tangents, member: usize) -> SensitivityModel {
@@ -64,7 +81,7 @@ impl Starter {
     pub(super) fn has_pullback(&self, sensitivity: &Sensitivity, spark: &SparkMethod) -> bool {
         let job = &self.job;
         Arc::ptr_eq(&sensitivity.mechanical, self.system.mechanical())
-            && job.detection.is_none()
+            && job.has_no_events()
             && job.tangents.is_none()
             && job.members.is_none()
             && spark.newton_tol.is_none()

@@ -153,7 +153,7 @@ fn turned<C: StepControl<semi_explicit::SemiExplicitState> + 'static>(
         Path::new(model.clone(), 2 * s),
         Index2::new(model.clone(), s),
     );
-    let recorded = (observer.clone(), times);
+    let recorded = (Box::new(observer.clone()) as _, times);
     let detector = DenseDetector::new(path, Box::new(copy), &state, events.collect(), recorded);
     let control = Box::new(control(model, &state));
     let (observer, kept) = (Box::new(observer), (1, 0));
@@ -279,7 +279,8 @@ fn event_detection_goes_on() {
             let path = Path::new(model.clone(), order);
             let stepper = Box::new(Spark::new(model.clone(), order / 2, Solver::Auto));
             let observer = observer(&model, &PENDULUM);
-            let (copy, recorded) = (stepper.clone(), (observer.clone(), times));
+            let recorded = (Box::new(observer.clone()) as _, times);
+            let copy = stepper.clone();
             let events = events.map(event).collect();
             let detector = Box::new(DenseDetector::new(path, copy, &state, events, recorded));
             let control = Box::new(Fixed::new(stepper, 0.0, 0.02, 150));

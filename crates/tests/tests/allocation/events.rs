@@ -48,7 +48,7 @@ fn detecting_events_takes_no_memory() {
         stepper.clone(),
         &state,
         events.collect(),
-        (observer, None),
+        (Box::new(observer), None),
     );
     let control = Box::new(Fixed::new(stepper, 0.0, 0.01, 60));
     let mut run = Run::with_events(
@@ -83,7 +83,8 @@ fn controlled_steps_of_index_2_and_their_events_take_no_memory() {
     let gauss = tableau::Spark::gauss(3);
     let stepper = Index2::of(model, gauss.clone()).estimating(&gauss, tolerance);
     let copy = Box::new(stepper.clone());
-    let detector = DenseDetector::new(path, copy, &state, vec![event], (observer, None));
+    let recorded = (Box::new(observer) as _, None);
+    let detector = DenseDetector::new(path, copy, &state, vec![event], recorded);
     let control = Box::new(Adaptive::new(Box::new(stepper), (0.0, 20.0), 0.05, 1e-9));
     let detector = Some(Box::new(detector) as _);
     let run = Run::with_events(control, Box::new(Nothing), state, (1000, 2), detector);

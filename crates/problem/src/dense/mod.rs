@@ -11,45 +11,19 @@
 //! constraints hold to the order of all this, no better. Source: hairer1993, II.6, for k = 2; the polynomials are
 //! in Newton's form.
 
+mod adjoint;
+mod knot;
+mod tangents;
+
+pub use adjoint::{KnotCotangents, PathAdjoint};
+pub use knot::Point;
+pub use tangents::PathTangents;
+
 use super::hermite::Newton;
-use super::{Carried, Dynamics, Model};
-use liouville_base::checkpoint::{Checkpoint, CheckpointMismatch, Numbers};
+use super::{Carried, Dynamics, Model, TangentView};
+use knot::Knot;
 use liouville_base::error::StepError;
 use liouville_base::linalg::copy;
-
-/// A point of a trajectory between steps.
-#[derive(Clone, Debug)]
-pub struct Point {
-    /// Coordinates.
-    pub y: Vec<f64>,
-    /// Velocities or momenta, as the system has them.
-    pub z: Vec<f64>,
-    /// The method's accelerations and the work done so far, of methods that carry them.
-    carried: Option<(Vec<f64>, f64)>,
-}
-
-impl Carried for Point {
-    fn y(&self) -> &[f64] {
-        &self.y
-    }
-
-    fn z(&self) -> &[f64] {
-        &self.z
-    }
-
-    fn accelerations(&self) -> Option<(&[f64], f64)> {
-        self.carried.as_ref().map(|(a, work)| (&a[..], *work))
-    }
-}
-
-/// The end of a step: y, y', y'', and z and z' where z is not y'.
-#[derive(Clone, Debug)]
-struct Knot {
-    t: f64,
-    y: [Vec<f64>; 3],
-    z: [Vec<f64>; 2],
-    carried: Option<(Vec<f64>, f64)>,
-}
 
 /// The last few knots of a trajectory, and its polynomials through them.
 #[derive(Clone, Debug)]
@@ -69,6 +43,7 @@ pub struct Path<M: Dynamics = Model> {
     of_z: Newton,
     t: f64,
     point: Point,
+    tangents: Option<Box<PathTangents>>,
 }
 
 impl<M: Dynamics> Path<M> {
@@ -88,6 +63,7 @@ impl<M: Dynamics> Path<M> {
             y: [zeros(), zeros(), zeros()],
             z: [z(), z()],
             carried: None,
+            tangents: None,
         };
         Self {
             solver: model.solver(),
@@ -105,9 +81,22 @@ impl<M: Dynamics> Path<M> {
                 y: zeros(),
                 z: vec![0.0; l],
                 carried: None,
+                tangents: None,
             },
+            tangents: None,
             model,
         }
+    }
+
+    /// The same path of states that carry tangents.
+    #[must_use]
+    pub fn with_tangents(mut self, tangents: PathTangents) -> Self {
+        for knot in &mut self.spare {
+            knot.tangents = Some(tangents.knot(self.has_own_z));
+        }
+        self.point.tangents = Some(tangents.point());
+        self.tangents = Some(Box::new(tangents));
+        self
     }
 
     /// Whether the method is of so low an order that its steps tell from the polynomials at first sight.
@@ -144,6 +133,9 @@ impl<M: Dynamics> Path<M> {
             let (kept, sum) = knot.carried.get_or_insert_with(|| (a.to_vec(), work));
             copy(kept, a);
             *sum = work;
+        }
+        if let (Some(tangents), Some(of)) = (&mut self.tangents, state.tangents()) {
+            tangents.push((t, y, z), of, &mut knot)?;
         }
         self.knots.push(knot);
         self.is_fitted = false;
@@ -247,6 +239,16 @@ impl<M: Dynamics> Path<M> {
         }
     }
 
+    /// Finds the tangents where the path has gone to, its time held, if states carry some.
+    pub fn move_tangents(&mut self) {
+        let (start, h) = self.last_step();
+        self.fit(start, h);
+        let (knots, polynomials) = (&self.knots, [&self.of_y, &self.of_z]);
+        if let (Some(tangents), Some(of)) = (&mut self.tangents, &mut self.point.tangents) {
+            tangents.move_to(self.t, (start, h), (knots, polynomials), of);
+        }
+    }
+
     /// Goes to a state at time `t` with coordinates and velocities changed by these parts of them, in turn.
     pub fn move_near(&mut self, t: f64, state: &impl Carried, parts: [f64; 2]) {
         self.t = t;
@@ -300,12 +302,13 @@ impl<M: Dynamics> Path<M> {
         if std::mem::replace(&mut self.is_fitted, true) {
             return;
         }
-        let count = self.knots.len();
-        let order = [2, 1, 3, 4].into_iter().filter(|back| *back <= count);
-        let knots = order.map(|back| &self.knots[count - back]);
+        let knots = by_closeness(&self.knots);
         let at = |knot: &Knot| (knot.t - start) / h;
         let of_y = knots.clone().map(|knot| (at(knot), &knot.y));
         self.of_y.fit(h, &of_y);
+        if let Some(tangents) = &mut self.tangents {
+            tangents.forget();
+        }
         if self.has_own_z {
             self.of_z.fit(h, &knots.map(|knot| (at(knot), &knot.z)));
         }
@@ -341,45 +344,29 @@ impl<M: Dynamics> Path<M> {
     }
 }
 
-/// The knots; polynomials are fitted again, to the same bits.
-impl<M: Dynamics> Checkpoint for Path<M> {
-    fn save(&self, member: usize, out: &mut dyn Numbers) {
-        self.knots.len().save(member, out);
-        for knot in &self.knots {
-            knot.save(member, out);
-        }
-        self.solver.save(member, out);
-    }
-
-    fn restore(&mut self, member: usize, saved: &mut &[f64]) -> Result<(), CheckpointMismatch> {
-        let mut count = 0_usize;
-        count.restore(member, saved)?;
-        self.spare.append(&mut self.knots);
-        for _ in 0..count {
-            let mut knot = self.spare.pop().ok_or(CheckpointMismatch)?;
-            knot.restore(member, saved)?;
-            self.knots.push(knot);
-        }
-        self.is_fitted = false;
-        self.solver.restore(member, saved)
-    }
+/// Knots, the last step's first.
+fn by_closeness(knots: &[Knot]) -> impl Iterator<Item = &Knot> + Clone {
+    let count = knots.len();
+    let order = [2, 1, 3, 4].into_iter();
+    order
+        .filter(move |back| *back <= count)
+        .map(move |back| &knots[count - back])
 }
 
-impl Checkpoint for Knot {
-    fn save(&self, member: usize, out: &mut dyn Numbers) {
-        self.t.save(member, out);
-        self.y.save(member, out);
-        self.z.save(member, out);
-        self.carried.save(member, out);
+impl<M: Dynamics> Carried for Path<M> {
+    fn y(&self) -> &[f64] {
+        self.point.y()
     }
 
-    fn restore(&mut self, member: usize, saved: &mut &[f64]) -> Result<(), CheckpointMismatch> {
-        self.t.restore(member, saved)?;
-        self.y.restore(member, saved)?;
-        self.z.restore(member, saved)?;
-        let none = || (vec![0.0; self.y[0].len()], 0.0);
-        // what is not there is as large as y
-        self.carried.get_or_insert_with(none);
-        self.carried.restore(member, saved)
+    fn z(&self) -> &[f64] {
+        self.point.z()
+    }
+
+    fn accelerations(&self) -> Option<(&[f64], f64)> {
+        self.point.accelerations()
+    }
+
+    fn tangents(&self) -> Option<TangentView<'_>> {
+        self.point.tangents()
     }
 }

@@ -1,0 +1,136 @@
+//! Cotangents of a run's states at given times, taken to the ends of its steps as these are made again.
+
+use liouville_base::checkpoint::{Checkpoint, CheckpointMismatch, Numbers};
+use liouville_base::error::StepError;
+use liouville_base::linalg::{Matrix, add_scaled};
+use liouville_base::observe::Observe;
+use liouville_problem::{Cotangents, KnotCotangents, Observer, Path, PathAdjoint, PointAdjoint};
+use liouville_spark::SharedRecords;
+use std::collections::BTreeMap;
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+
+/// The cotangents that a pullback shares with the observer of its run.
+#[derive(Clone)]
+pub(super) struct AtTimes(Arc<Mutex<Held>>);
+
+/// Cotangents at given times, and those of knots that follow from them.
+pub(super) struct Held {
+    times: Vec<f64>,
+    /// Those of (y, z, λ) at each time.
+    rows: Matrix,
+    point: PointAdjoint,
+    path: PathAdjoint,
+    /// Memory of a point.
+    own: Cotangents,
+    /// Those of parameters; the times are held.
+    pub(super) tau: Vec<f64>,
+    /// By the number of steps recorded up to the knot.
+    knots: BTreeMap<isize, KnotCotangents>,
+    records: SharedRecords,
+    /// How many recorded steps lead from one knot to the next.
+    parts: usize,
+}
+
+impl AtTimes {
+    /// Nothing yet at these times, of a run that records so many steps between knots.
+    pub(super) fn new(
+        times: Vec<f64>,
+        ([n, m], width): ([usize; 2], usize),
+        point: PointAdjoint,
+        (records, parts): (SharedRecords, usize),
+    ) -> Self {
+        Self(Arc::new(Mutex::new(Held {
+            rows: Matrix::zeros(times.len(), 2 * n + m),
+            times,
+            point,
+            path: PathAdjoint::default(),
+            own: Cotangents::zeros(n, width),
+            tau: vec![0.0; width],
+            knots: BTreeMap::new(),
+            records,
+            parts,
+        })))
+    }
+
+    pub(super) fn lock(&self) -> MutexGuard<'_, Held> {
+        self.0.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+}
+
+impl Held {
+    /// Takes cotangents of (y, z, λ), a row for each time; says whether there are so many.
+    pub(super) fn give(&mut self, rows: Matrix) -> bool {
+        let fits = (rows.rows(), rows.cols()) == (self.rows.rows(), self.rows.cols());
+        if fits {
+            self.rows = rows;
+        }
+        fits
+    }
+
+    /// Those of knots before the steps that are recorded next.
+    pub(super) fn pending(&mut self) -> BTreeMap<isize, KnotCotangents> {
+        std::mem::take(&mut self.knots)
+    }
+
+    /// Adds those of knots that were pending before so many steps were recorded.
+    pub(super) fn shift(&mut self, pending: BTreeMap<isize, KnotCotangents>, count: usize) {
+        for (place, knot) in pending {
+            let place = place + count.cast_signed();
+            self.knots.entry(place).or_default().add(&knot);
+        }
+    }
+
+    /// Those of the knot behind so many recorded steps.
+    pub(super) fn take(&mut self, count: usize) -> Option<KnotCotangents> {
+        self.knots.remove(&count.cast_signed())
+    }
+
+    /// Takes the cotangents at a time to the knots of the path there.
+    fn pull(&mut self, t: f64, path: &Path) -> Result<(), StepError> {
+        let is_forward = self.times.first() <= self.times.last();
+        let is_before = |own: &f64| if is_forward { *own < t } else { *own > t };
+        let row = self.rows.row(self.times.partition_point(is_before));
+        if row.iter().all(|x| *x == 0.0) {
+            return Ok(());
+        }
+        let own = &mut self.own;
+        own.y.fill(0.0);
+        own.z.fill(0.0);
+        own.tau.fill(0.0);
+        self.point.observe((t, path), row, own)?;
+        add_scaled(&mut self.tau[1..], 1.0, &own.tau[1..]);
+        let found = self.path.pull(path, (&own.y, &own.z));
+        let last = self.records.lock().steps().len().cast_signed();
+        for (back, knot) in found.iter().enumerate() {
+            let place = last - (back * self.parts).cast_signed();
+            self.knots.entry(place).or_default().add(knot);
+        }
+        Ok(())
+    }
+}
+
+/// The observer of a run that is made again: it saves and restores what that of the first run does.
+pub(super) struct TimesObserver {
+    pub(super) inner: Observer,
+    pub(super) at_times: AtTimes,
+}
+
+impl Observe<Path> for TimesObserver {
+    fn width(&self, _: &Path) -> usize {
+        0
+    }
+
+    fn observe(&mut self, t: f64, path: &Path, _: &mut Vec<f64>) -> Result<(), StepError> {
+        self.at_times.lock().pull(t, path)
+    }
+}
+
+impl Checkpoint for TimesObserver {
+    fn save(&self, member: usize, out: &mut dyn Numbers) {
+        self.inner.save(member, out);
+    }
+
+    fn restore(&mut self, member: usize, saved: &mut &[f64]) -> Result<(), CheckpointMismatch> {
+        self.inner.restore(member, saved)
+    }
+}
