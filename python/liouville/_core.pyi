@@ -27,6 +27,8 @@ __all__ = [
     "Separable",
     "Split",
     "Tape",
+    "WaveDerivative",
+    "WaveRecord",
     "chebyshev_degree",
     "compositions",
     "driven_cost",
@@ -279,6 +281,32 @@ class Hamiltonian:
     def multiply(self, x: NDArray[np.float64]) -> NDArray[np.float64]: ...
     def ritz(self, steps: int, seed: int) -> tuple[float, float, float, float]: ...
     def asymmetry(self, seed: int) -> float: ...
+
+@final
+class WaveRecord:
+    def __new__(cls) -> WaveRecord: ...
+
+@final
+class WaveDerivative:
+    def __new__(
+        cls, hamiltonian: Hamiltonian, groups: Sequence[int], record: WaveRecord, threads: int
+    ) -> WaveDerivative: ...
+    def __len__(self) -> int: ...
+    def piece(self, piece: int) -> tuple[int, NDArray[np.float64]]: ...
+    def raise_degree(self, piece: int, degree: int) -> None: ...
+    def repeat(
+        self, piece: int, state: NDArray[np.complex128], change: NDArray[np.float64]
+    ) -> tuple[NDArray[np.complex128], NDArray[np.complex128]]: ...
+    def follow(
+        self, piece: int, changes: NDArray[np.complex128], weights: NDArray[np.float64]
+    ) -> tuple[NDArray[np.complex128], NDArray[np.complex128]]: ...
+    def pull(
+        self,
+        piece: int,
+        cotangent: NDArray[np.complex128],
+        of_steps: NDArray[np.complex128],
+        is_wanted: bool,
+    ) -> tuple[NDArray[np.complex128], NDArray[np.float64]]: ...
 
 def chebyshev_degree(theta: float, tolerance: float) -> int: ...
 def driven_cost(

@@ -56,6 +56,8 @@ class Job:
         Whether the rows are members of an ensemble.
     is_reversible : bool
         Whether the alpha family meets a tolerance by reversible steps.
+    record : WaveRecord or None
+        Where a run of wave functions leaves what its derivatives need.
     """
 
     start: tuple[Array, ...]
@@ -70,3 +72,4 @@ class Job:
     threads: int = 1
     is_ensemble: bool = False
     is_reversible: bool = False
+    record: _core.WaveRecord | None = None

@@ -18,14 +18,14 @@ from liouville.runners import Request, runner_of
 from liouville.runners.adjoint import Adjoint, Gradients
 from liouville.runners.execute import execute
 from liouville.solution import Solution
-from liouville.systems import Mechanics
+from liouville.systems import Mechanics, Schrodinger
 
 #: Moved starts of a difference of order six, in units of its step, with their weights.
 WEIGHTS = {1: 3 / 4, 2: -3 / 20, 3: 1 / 60}
 
 
 class Pullback:
-    """The transpose of a run's derivative: from cotangents of its states to gradients.
+    r"""The transpose of a run's derivative: from cotangents of its states to gradients.
 
     It is called with cotangents by the names of the states, ``q``, ``v`` and ``lam`` of a
     Lagrangian: the derivatives of some scalar by these arrays of the solution, of the same shapes.
@@ -34,6 +34,14 @@ class Pullback:
     The states between are made again from checkpoints, about the square root of the number of
     steps of them, so a call takes one more run, and as much again and somewhat more for the
     transposed steps. Memory grows with that root.
+
+    A cotangent of ``psi`` is complex: with F a real function of the states kept, it is the array c
+    for which :math:`dF = \operatorname{Re} \langle c | d\psi \rangle`, such as
+    :math:`2 A \psi` for :math:`F = \langle \psi | A | \psi \rangle` and
+    :math:`2 \varphi \langle \varphi | \psi \rangle` for
+    :math:`F = |\langle \varphi | \psi \rangle|^2`. The gradient by a start ``psi`` is complex in
+    the same way. States at the starts of windows are kept by the run, the terms of a window are
+    made again.
 
     Attributes
     ----------
@@ -93,11 +101,11 @@ class Pullback:
 
 
 def vjp(
-    system: Mechanics,
-    method: Method,
+    system: Mechanics | Schrodinger,
+    method: Method | str,
     *,
     wrt: Sequence[str],
-    t: tuple[float, float],
+    t: tuple[float, float] | Sequence[float],
     h: float | None = None,
     steps: int | None = None,
     rtol: float | None = None,
@@ -109,7 +117,7 @@ def vjp(
     progress: Progress = None,
     **start: ArrayLike,
 ) -> tuple[Solution, Pullback]:
-    r"""Integrate a mechanical system, and return the run's pullback beside its solution.
+    r"""Integrate a system, and return the run's pullback beside its solution.
 
     The gradient of a scalar function of the kept states by any number of parameters takes one call
     of the pullback; see :doc:`/theory/adjoint`.
@@ -117,19 +125,22 @@ def vjp(
     Parameters
     ----------
     system, method, t, h, steps, rtol, atol, control, every, t_eval, params, progress
-        As for :func:`integrate`: a system without nonholonomic constraints, by ``Spark``,
-        ``LobattoPair`` or a composition of them. Controlled steps are held, and so are the times
-        in `t_eval`.
+        As for :func:`integrate`: a mechanical system without nonholonomic constraints, by
+        ``Spark``, ``LobattoPair`` or a composition of them, whose controlled steps are held, as are
+        the times in `t_eval`; or a Schrödinger equation by series: ``Chebyshev``, and ``"auto"``
+        and ``Magnus`` where they take them. Bounds, windows and the numbers of terms are held.
     wrt : sequence of str
         What gradients are by: states of the system such as ``"q"`` and ``"v"``, ``"params.name"``,
-        and ``"t0"`` and ``"t1"`` where steps are equal.
+        and ``"t0"`` and ``"t1"`` where steps are equal. Of a Schrödinger equation ``"psi"``,
+        parameters of its drive, and ``"drive[k]"``, the samples of a drive.
     **start : array_like
         Start values, as for :func:`integrate`.
 
     Returns
     -------
     solution : Solution
-        That of :func:`integrate`, bit for bit.
+        That of :func:`integrate`, bit for bit; of an H(t) that is differentiated by parameters or
+        samples to the tolerance, as windows then end where these bend its functions.
     pullback : Pullback
         Takes cotangents, ``pullback(q=..., lam=...)``, and returns a dict of gradients. Those by
         starts and parameters are of the run from the start as ``system.consistent`` moves it.
@@ -184,11 +195,11 @@ class GradientCheck:
 
 
 def check_gradient(
-    system: Mechanics,
-    method: Method,
+    system: Mechanics | Schrodinger,
+    method: Method | str,
     *,
     wrt: Sequence[str],
-    t: tuple[float, float],
+    t: tuple[float, float] | Sequence[float],
     size: float = 2e-3,
     seed: int = 0,
     params: Mapping[str, ArrayLike] | None = None,
@@ -197,7 +208,8 @@ def check_gradient(
     """Check the gradient of a run in a random direction, by its tangent and by differences.
 
     The two tests see different things. The pairing of tangent and pullback is exact, but agrees
-    even where a model bends within a step; differences see that, with their own error.
+    even where a model bends within a step; differences see that, with their own error. Of a
+    Schrödinger equation they are of the run with the same bounds, windows and numbers of terms.
 
     Parameters
     ----------

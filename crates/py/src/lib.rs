@@ -6,6 +6,7 @@
 mod caught;
 mod composition;
 mod convert;
+mod derivative;
 mod energy;
 mod errors;
 mod gridded;
@@ -40,6 +41,8 @@ mod _core {
     use super::composition::compositions;
     #[pymodule_export]
     use super::convert::{Rows, Tape};
+    #[pymodule_export]
+    use super::derivative::{WaveDerivative, WaveRecord};
     #[pymodule_export]
     use super::energy::PyEnergyWatch;
     #[pymodule_export]

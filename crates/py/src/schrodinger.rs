@@ -2,6 +2,7 @@
 
 use crate::caught::Caught;
 use crate::convert::Values;
+use crate::derivative::WaveRecord;
 use crate::errors::refused;
 use crate::operator::Hamiltonian;
 use liouville_base::run::{Advance, StartError};
@@ -54,6 +55,7 @@ enum WaveMethod<'py> {
         groups: Vec<usize>,
         part_bounds: Vec<Bounds>,
         knots: Vec<(f64, Bounds)>,
+        breaks: Vec<f64>,
         rate: f64,
         norm_tol: f64,
     },
@@ -139,12 +141,14 @@ impl WaveMethod<'_> {
                 groups,
                 part_bounds: bounds,
                 knots,
+                breaks,
                 rate,
                 norm_tol: tolerance,
             } => Method::Driven(Driven {
                 groups,
                 bounds,
                 knots,
+                breaks,
                 rate,
                 tolerance,
             }),
@@ -190,6 +194,7 @@ struct WaveJob<'py> {
     states: bool,
     threads: usize,
     is_ensemble: bool,
+    record: Option<PyRef<'py, WaveRecord>>,
 }
 
 impl WaveJob<'_> {
@@ -205,6 +210,7 @@ impl WaveJob<'_> {
             stops,
             observables: observables.collect::<PyResult<_>>()?,
             states: self.states,
+            recorder: self.record.map(|record| record.0.clone()),
             threads: self.threads,
         })
     }

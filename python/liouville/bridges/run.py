@@ -68,6 +68,9 @@ class RunFunction:
     ) -> None:
         check_options(request.start, "integrate")
         check_covered(system, method, request)
+        if not isinstance(system, Mechanics):
+            sentence = f"a run of a {type(system).__name__} is no function of arrays yet"
+            raise TypeError(hinted(sentence, "lv.vjp has its pullback"))
         self.system, self.method = system, method
         steps = request.steps_of(system, Takes(type(method).__name__))
         self.inputs = shapes_of(system, check_wrt(system, wrt, steps))

@@ -11,7 +11,7 @@ from liouville.control import Steps
 from liouville.errors import hinted, quoted
 from liouville.methods import Composition, LobattoPair, Spark
 from liouville.runners.runner import Request
-from liouville.systems import Field, Mechanics
+from liouville.systems import Field, Mechanics, Schrodinger
 from liouville.systems._multipliers import SharedMultipliers
 from liouville.systems._sensitivity import Cotangents, moved_start
 from liouville.tangents import Tangent
@@ -28,8 +28,8 @@ Place = tuple[int, tuple[int, ...]]
 #: What has tangents.
 COVERED = (
     "tangents are those of a polynomial field by its start, and of a mechanical system without "
-    "nonholonomic constraints, by Spark, LobattoPair or a Composition of them, without events and "
-    "store"
+    "nonholonomic constraints, by Spark, LobattoPair or a Composition of them, and of a "
+    "Schrodinger equation, without events and store"
 )
 
 
@@ -42,14 +42,19 @@ def check_covered(system: Any, method: Any, request: Request) -> None:
         The system, its method or an option of the run is not covered.
     """
     base = method.base if isinstance(method, Composition) else method
-    if not isinstance(system, Mechanics | Field):
+    if not isinstance(system, Mechanics | Field | Schrodinger):
         raise TypeError(hinted(f"a {type(system).__name__} has no tangents yet", COVERED))
     without = {"events": request.events is not None, "store": request.is_stored}
-    without["t_eval"] = isinstance(system, Field) and request.t_eval is not None
+    without["t_eval"] = not isinstance(system, Mechanics) and request.t_eval is not None
     if given := [name for name, is_given in without.items() if is_given]:
         raise TypeError(hinted(f"tangents go without {given[0]}=", COVERED))
     if not request.states:
         raise ValueError("tangents are those of states: leave out states=False")
+    if isinstance(system, Schrodinger):
+        if request.is_ensemble:
+            sentence = "an ensemble of wave functions has no tangents"
+            raise TypeError(hinted(sentence, "integrate its members one by one"))
+        return  # its method is seen when it is planned
     if isinstance(system, Field):
         if request.has_pullback:
             sentence = f"a {type(system).__name__} has no pullback yet"
@@ -76,6 +81,9 @@ class Directions:
         How many rows there are.
     """
 
+    #: Whether directions may be complex.
+    has_complex = False
+
     def __init__(
         self,
         tangents: Any,
@@ -87,14 +95,16 @@ class Directions:
             raise TypeError(hinted(f"tangents is a mapping of directions, not {tangents!r}", hint))
         self._shapes: dict[str, tuple[int, ...]] = {}
         width = max(first + int(np.prod(shape)) for first, shape in places.values())
-        rows = [np.empty((0, width))]
+        kind = complex if self.has_complex else float
+        rows = [np.empty((0, width), dtype=kind)]
         for name, value in tangents.items():
             if name not in places:
                 raise ValueError(_unknown(name, places))
             first, shape = places[name]
-            own = _direction(name, value, shape, labels.get(name, ()))
+            is_complex = self.has_complex and name == "psi"
+            own = _direction(name, value, shape, labels.get(name, ()), is_complex)
             self._shapes[name] = own.shape[: own.ndim - len(shape)]
-            row = np.zeros((int(np.prod(self._shapes[name])), width))
+            row = np.zeros((int(np.prod(self._shapes[name])), width), dtype=kind)
             size = int(np.prod(shape))
             row[:, first : first + size] = own.reshape(-1, size)
             rows.append(row)
@@ -211,14 +221,20 @@ def _check_held(name: str, steps: Steps) -> None:
 
 def check_wrt(system: Mechanics, wrt: Any, steps: Steps) -> tuple[str, ...]:
     """Return names of what gradients are by, each seen to be one."""
+    names = check_names(wrt, places_of(system), system.states[0])
+    for name in names:
+        _check_held(name, steps)
+    return names
+
+
+def check_names(wrt: Any, places: Mapping[str, Place], first: str) -> tuple[str, ...]:
+    """Return names of what gradients are by, each of which has a place."""
     if isinstance(wrt, str) or not isinstance(wrt, Sequence) or not wrt:
-        hint = f'write wrt=["{system.states[0]}", "params.name"]'
+        hint = f'write wrt=["{first}", "params.name"]'
         raise TypeError(hinted(f"wrt is a sequence of names, not {wrt!r}", hint))
-    places = places_of(system)
     for name in wrt:
         if name not in places:
             raise ValueError(_unknown(name, places))
-        _check_held(name, steps)
     return tuple(wrt)
 
 
@@ -269,7 +285,11 @@ def _unknown(name: Any, places: Mapping[str, Any]) -> str:
 
 
 def _direction(
-    name: str, value: Any, shape: tuple[int, ...], labels: tuple[str, ...]
+    name: str,
+    value: Any,
+    shape: tuple[int, ...],
+    labels: tuple[str, ...],
+    is_complex: bool = False,
 ) -> np.ndarray:
     """Return a direction, or several one after another, as an array of floats."""
     if isinstance(value, Mapping) and labels:
@@ -282,8 +302,9 @@ def _direction(
         array = np.asarray(value)
     except ValueError:  # rows of different lengths
         array = np.array(None)
-    if array.dtype.kind not in "iuf":
-        raise TypeError(f"tangents of '{name}' is an array of real numbers, not {value!r}")
+    if array.dtype.kind not in ("iufc" if is_complex else "iuf"):
+        kind = "" if is_complex else "real "
+        raise TypeError(f"tangents of '{name}' is an array of {kind}numbers, not {value!r}")
     inner = array.ndim - len(shape)
     if inner not in (0, 1) or array.shape[inner:] != shape or 0 in array.shape:
         stacked = "d, " + ", ".join(map(str, shape)) if shape else "d,"
@@ -293,4 +314,4 @@ def _direction(
         )
     if not np.isfinite(array).all():
         raise ValueError(f"tangents of '{name}' is not finite")
-    return array.astype(float)
+    return array.astype(complex if is_complex else float)

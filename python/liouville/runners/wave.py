@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from itertools import pairwise
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -19,6 +19,11 @@ from liouville.planner.waves.choice import name_of
 from liouville.planner.waves.propagators import Krylov, Series
 from liouville.runners.runner import Request, Runner, kept, threads_of
 from liouville.systems import Schrodinger
+from liouville.tangents import Tangent
+
+if TYPE_CHECKING:
+    from liouville.runners.adjoint import Adjoint
+    from liouville.runners.wave_derivative import WaveDerivative, WaveDirections
 
 #: The memory that each propagator takes beside the records, in states, as measured.
 STATES = {
@@ -61,6 +66,11 @@ class WaveRunner(Runner):
         self._check_records(request, len(self._stops or times[1:]) + 1)
         self.plan = self._planned(method, times, request)
         self._check_states()
+        self._record: _core.WaveRecord | None = None
+        self._derivative: WaveDerivative | None = None
+        self._directions: WaveDirections | None = None
+        if request.tangents is not None or request.has_pullback:
+            self._differentiated(request)
         # given steps leave nothing to choose
         self.choice = method if isinstance(method, Stepped) else self.plan
         self.method = self.plan.scheme
@@ -93,6 +103,49 @@ class WaveRunner(Runner):
         hint = "take SchrodingerSplitting(mode='stable'), which takes least, or a smaller dimension"
         check_memory(what, 16.0 * count * self.system.size, hint)
 
+    def _differentiated(self, request: Request) -> None:
+        """Have the run leave what its derivatives need."""
+        # imported here: few runs are differentiated
+        from liouville.runners import wave_derivative
+
+        wave_derivative.check_plan(self.plan)
+        self._record = _core.WaveRecord()
+        if request.tangents is not None:
+            self._directions = wave_derivative.WaveDirections(self.system, request.tangents)
+            names = wave_derivative.check_wrt(self.system, self._directions.names)
+            self.plan = wave_derivative.with_breaks(self.plan, self.system, names)
+
+    def adjoint(self, request: Request, wrt: Any) -> Adjoint:
+        """Return the transposed derivative of the run by what `wrt` names, before it begins."""
+        # imported here: few runs are differentiated
+        from liouville.runners.wave_adjoint import WaveAdjoint
+        from liouville.runners.wave_derivative import check_wrt, with_breaks
+
+        del request
+        names = check_wrt(self.system, wrt)
+        self.plan = with_breaks(self.plan, self.system, names)
+        return WaveAdjoint(self, names)
+
+    def derivative(self, names: Sequence[str]) -> WaveDerivative:
+        """Return what moves derivatives by these names through the run, when it is over."""
+        # imported here: few runs are differentiated
+        from liouville.runners.wave_derivative import WaveDerivative
+
+        if self._derivative is None:
+            assert self._record is not None
+            run = self._record, self.threads
+            self._derivative = WaveDerivative(self.system, self.plan, self.psi, run)
+            self._derivative.resolve(names)
+        return self._derivative
+
+    def tangents(self, t: np.ndarray, parts: Mapping[str, np.ndarray]) -> dict[str, Tangent]:
+        """Return tangents of the states kept, if any were wanted."""
+        own = self._directions
+        if own is None or len(t) <= len(self.plan.stops):
+            return {}
+        rows = self.derivative(own.names).followed(own.rows)
+        return own.read(rows.reshape(*rows.shape[:-2], -1))
+
     def start(self) -> _core.Run | dict[str, Any]:
         """Start the run, or return the error of its start."""
         plan = self.plan
@@ -101,6 +154,7 @@ class WaveRunner(Runner):
         job = Job(
             start=(np.atleast_2d(self.psi),), span=(plan.t0, plan.stops), observer=observables,
             states=self._states, threads=self.threads, is_ensemble=bool(self.members),
+            record=self._record,
         )  # fmt: skip
         return _core.run(self.system.hamiltonian, plan.core, job)
 

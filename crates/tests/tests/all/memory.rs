@@ -317,6 +317,7 @@ fn series_in_time(sweeper: &Sweeper<f64>, bounds: Vec<(f64, f64)>) -> DrivenSeri
         groups: vec![1, 1],
         bounds,
         knots: Vec::new(),
+        breaks: Vec::new(),
         rate: 1e-9,
         tolerance: 1e-6,
     };

@@ -9,6 +9,7 @@
 //! Chebyshev series of the degree that it takes. Its shift and the number of steps come from the bounds of the terms,
 //! weighted and added up. Source: alvermann2011.
 
+use super::derivative::Recorder;
 use super::{Chebyshev, Shears, Sweeper, Wave};
 use crate::problem::HamiltonianAt;
 use liouville_base::checkpoint::{Checkpoint, CheckpointMismatch, Numbers};
@@ -249,6 +250,21 @@ fn at_times<S: Stored>(mut sweeper: Sweeper<S>) -> Sweeper<S> {
     sweeper
 }
 
+impl<S: Stored> Magnus<S> {
+    /// Completes the pieces of an exponential, for a run that is to be differentiated: the last one of a step ends it.
+    fn keep(&self, recorder: &Recorder, (first, row): (usize, usize), (t, h): (f64, f64)) {
+        let (nodes, last) = (&self.nodes, recorder.len() - 1);
+        let mut place = first;
+        recorder.change(first, |piece| {
+            piece.nodes = nodes.nodes.iter().map(|c| t + c * h).collect();
+            piece.map.series.clone_from(&nodes.rows[row]);
+            piece.map.powers = vec![1.0];
+            piece.steps = usize::from(place == last && row + 1 == nodes.rows.len());
+            place += 1;
+        });
+    }
+}
+
 impl<S: Stored> Stepper for Magnus<S> {
     type State = Wave<S>;
 
@@ -258,8 +274,13 @@ impl<S: Stored> Stepper for Magnus<S> {
             let sweeper = self.exponential.sweeper_mut();
             let scratch = &mut self.weighted_nodes;
             let bounds = set_average(sweeper, (&self.nodes, row), &self.bounds, (t, h), scratch);
+            let recorder = sweeper.recorder().cloned();
+            let first = recorder.as_ref().map_or(0, Recorder::len);
             let made = self.exponential.apply(bounds, t, h, state);
             made.inspect_err(|error| self.lost = Some(error.clone()))?;
+            if let Some(recorder) = recorder {
+                self.keep(&recorder, (first, row), (t, h));
+            }
         }
         Ok(())
     }

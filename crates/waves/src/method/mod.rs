@@ -4,6 +4,7 @@
 
 pub mod bessel;
 mod chebyshev;
+mod derivative;
 mod doubled;
 mod driven;
 mod lanczos;
@@ -18,6 +19,7 @@ mod sweep;
 mod windows;
 
 pub use chebyshev::Chebyshev;
+pub use derivative::{Derivative, Recorder};
 pub use doubled::Doubled;
 pub use driven::{Driven, DrivenCost, DrivenSeries};
 pub use lanczos::Lanczos;

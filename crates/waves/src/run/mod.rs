@@ -5,7 +5,7 @@ mod prepared;
 
 pub use method::{Method, chebyshev_degree, processor_degree, turns};
 
-use crate::method::{Observable, Observer, Sweeper, Wave};
+use crate::method::{Observable, Observer, Recorder, Sweeper, Wave};
 use crate::problem::Hamiltonian;
 use liouville_base::cancel::CancelToken;
 use liouville_base::ensemble::{Ensemble, Layout};
@@ -38,6 +38,8 @@ pub struct Job {
     pub observables: Vec<Observable>,
     /// Whether states are recorded.
     pub states: bool,
+    /// Where a single run leaves what its derivatives need, if it is to be differentiated.
+    pub recorder: Option<Recorder>,
     /// Threads: of an ensemble, or of one large state.
     pub threads: usize,
 }
@@ -88,7 +90,9 @@ impl Starter {
 
     /// A run of one member.
     fn single(&self, member: usize, threads: usize, cancel: CancelToken) -> Begun {
-        let stepper = self.method.single(self.sweeper(threads), cancel);
+        let sweeper = self.sweeper(threads);
+        let sweeper = sweeper.with_recorder(self.job.recorder.clone());
+        let stepper = self.method.single(sweeper, cancel);
         self.launch(stepper, &[member])
     }
 

@@ -86,7 +86,7 @@ class Driven:
 
     The core has H as parts with a weight each: `groups` says of how many operators, and
     `part_bounds` has bounds of their eigenvalues. `knots` are times with closer bounds of H.
-    `windows` is how many series the run takes, for the plan alone.
+    Windows end at `breaks` besides. `windows` is how many series the run takes, for the plan alone.
     """
 
     groups: tuple[int, ...]
@@ -95,6 +95,7 @@ class Driven:
     rate: float
     norm_tol: float
     windows: int
+    breaks: tuple[float, ...] = ()
     kind: str = field(default="driven", init=False)
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
+from functools import cached_property
 from typing import Any, Self
 
 import numpy as np
@@ -22,6 +23,7 @@ from liouville.systems.schrodinger.grid import Grid
 from liouville.systems.schrodinger.lattice import Lattice
 from liouville.systems.schrodinger.observed import Observable
 from liouville.systems.schrodinger.products import Product
+from liouville.systems.schrodinger.sensitivity import DriveSensitivity
 from liouville.systems.schrodinger.sites.system import SiteSystem
 from liouville.systems.schrodinger.spins import SpinChain
 from liouville.systems.schrodinger.time_functions import TimeFunction
@@ -270,6 +272,30 @@ class Schrodinger(Bounded):
     def is_real(self) -> bool:
         """Whether H is real, after its phases are taken away where that can be done."""
         return not self.frame.is_doubled
+
+    @property
+    def parameters(self) -> _trace.Parameters:
+        """The parameters with their symbols."""
+        return self._params
+
+    @property
+    def functions(self) -> list[TimeFunction]:
+        """The functions of the drive, as expressions."""
+        return self._functions
+
+    @property
+    def drives(self) -> list[tuple[Any, Any]]:
+        """Pairs of the functions of the drive and their matrices, as given."""
+        return self._drive
+
+    @cached_property
+    def sensitivity(self) -> DriveSensitivity:
+        """The derivatives of the functions of the drive."""
+        return DriveSensitivity(self)
+
+    def potential_depends_on(self, name: str) -> bool:
+        """Whether the potential of a grid depends on a parameter."""
+        return self._potential is not None and self._potential.depends_on(name)
 
     @property
     def params(self) -> dict[str, float | np.ndarray]:

@@ -55,6 +55,11 @@ class TimeFunction:
         """The symbol of the time."""
         return self._expressions.symbols.t
 
+    def depends_on(self, name: str) -> bool:
+        """Whether it depends on a parameter."""
+        symbol = getattr(self._expressions.symbols.params.namespace, name)
+        return bool(ca.depends_on(self.expression, symbol))
+
     def __call__(self, t: ca.SX, *args: Any) -> ca.SX:
         """Apply the function to other symbols: t, those of a point if there are points, params."""
         *x, params = args

@@ -16,6 +16,9 @@
 
 mod expand;
 
+use super::derivative::{Output, SeriesPiece, copied};
+use super::driven::choice::{Form, Window};
+use super::driven::fit::{Fit, NodeMap};
 use super::sweep::{Outputs, TermBlock};
 use super::windows::{Place, Windows};
 use super::{Move, Sweeper, Wave, guard, squares};
@@ -137,6 +140,51 @@ impl<S: Stored> Chebyshev<S> {
     }
 }
 
+impl<S: Stored> Chebyshev<S> {
+    /// Leaves the window that begins at a state to a run that is to be differentiated, as one of Bessel functions with
+    /// weights of the terms that do not depend on time.
+    fn keep(&self, state: &Wave<S>) -> Result<(), StepError> {
+        let Some(recorder) = self.sweeper.recorder() else {
+            return Ok(());
+        };
+        let series = self.kept.iter().rfind(|kept| kept.lengths == self.lengths);
+        let series = series.ok_or(StepError::NoMemory)?;
+        let output = |(s, c): (&f64, &Vec<f64>)| Output {
+            s: *s,
+            factors: (c.iter().enumerate())
+                .map(|(k, c)| if k == 0 { *c } else { 0.5 * c })
+                .collect(),
+        };
+        let outputs: Vec<Output> = self.lengths.iter().zip(&series.c).map(output).collect();
+        let mut start = copied(&[], state.q.len() + state.p.len())?;
+        start.extend(state.q.iter().chain(&state.p).map(|x| x.member(0)));
+        let terms = self.sweeper.hamiltonian().terms().len();
+        let current = self.sweeper.current.as_ref();
+        recorder.add(SeriesPiece {
+            start,
+            phase: state.phase,
+            window: Window {
+                h: outputs[outputs.len() - 1].s,
+                form: Form::Bessel,
+                degree: 0,
+                last: 0,
+                sigma: self.sigma,
+                beta: self.beta,
+            },
+            fit: Fit {
+                degree: 0,
+                weights: current.map_or_else(|| vec![1.0; terms], |at| at.weights().to_vec()),
+                potential: current.map_or_else(Vec::new, |at| at.potential().to_vec()),
+            },
+            nodes: Vec::new(),
+            map: NodeMap::default(),
+            steps: outputs.len(),
+            outputs,
+            is_by_terms: true,
+        })
+    }
+}
+
 impl<S: Stored> Stepper for Chebyshev<S> {
     type State = Wave<S>;
 
@@ -148,6 +196,7 @@ impl<S: Stored> Stepper for Chebyshev<S> {
             self.lengths = lengths;
             if output == 0 {
                 self.make(t, [&state.q, &state.p])?;
+                self.keep(state)?;
                 self.place.start = t;
                 self.start.phase = state.phase;
                 if self.lengths.len() > 1 {

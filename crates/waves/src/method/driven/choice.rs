@@ -31,7 +31,7 @@ const HALVINGS: usize = 60;
 
 /// The series of a window.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) enum Form {
+pub(in crate::method) enum Form {
     /// In powers of s/h.
     Powers,
     /// In Bessel functions of βs.
@@ -40,15 +40,15 @@ pub(super) enum Form {
 
 /// A window: its length, its series and their sizes.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Window {
-    pub(super) h: f64,
-    pub(super) form: Form,
+pub(in crate::method) struct Window {
+    pub(in crate::method) h: f64,
+    pub(in crate::method) form: Form,
     /// In time.
-    pub(super) degree: usize,
+    pub(in crate::method) degree: usize,
     /// The last term: of powers at most, of Bessel functions about.
-    pub(super) last: usize,
-    pub(super) sigma: f64,
-    pub(super) beta: f64,
+    pub(in crate::method) last: usize,
+    pub(in crate::method) sigma: f64,
+    pub(in crate::method) beta: f64,
 }
 
 impl Window {

@@ -5,14 +5,14 @@ use crate::method::bessel::bessel_to_the_last;
 
 /// The coefficients of the terms at an output, and where it is.
 #[derive(Clone, Debug)]
-pub(super) struct Factors {
+pub(in crate::method) struct Factors {
     /// Time from the start of the window.
-    pub(super) s: f64,
+    pub(in crate::method) s: f64,
     bessel: Vec<f64>,
 }
 
 impl Factors {
-    pub(super) fn new(window: &Window, s: f64) -> Self {
+    pub(in crate::method) fn new(window: &Window, s: f64) -> Self {
         let mut values = Vec::new();
         if window.form == Form::Bessel {
             let x = window.beta * s;
@@ -26,7 +26,7 @@ impl Factors {
     }
 
     /// The factor of the term n.
-    pub(super) fn of(&self, window: &Window, n: usize) -> f64 {
+    pub(in crate::method) fn of(&self, window: &Window, n: usize) -> f64 {
         match window.form {
             #[expect(clippy::cast_possible_truncation, clippy::cast_possible_wrap)]
             Form::Powers => (self.s / window.h).powi(n as i32),

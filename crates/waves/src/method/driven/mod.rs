@@ -4,18 +4,19 @@
 //! term takes one product. Windows are chosen before any product, so long that the terms per time are fewest and
 //! the fit and the tail keep to the tolerance.
 
-mod choice;
-mod factors;
-mod fit;
-mod terms;
+pub(super) mod choice;
+pub(super) mod factors;
+pub(super) mod fit;
+pub(super) mod terms;
 
+use super::derivative::{Output, SeriesPiece, copied};
 use super::observe::dot;
 use super::sweep::{Outputs, TermBlock};
 use super::{Sweeper, Wave, guard, squares};
 use crate::problem::Hamiltonian;
 use choice::{END, Form, ROUNDING, Share, Window};
 use factors::Factors;
-use fit::{Fit, Sampler};
+use fit::{Fit, Sampler, by_nodes, nodes};
 use liouville_base::checkpoint::{Checkpoint, CheckpointMismatch, Numbers};
 use liouville_base::error::StepError;
 use liouville_base::method::{Stats, Stepper};
@@ -38,6 +39,8 @@ pub struct Driven {
     pub bounds: Vec<(f64, f64)>,
     /// Closer bounds of H at some times, in order, in between which the ends are convex; may be empty.
     pub knots: Vec<(f64, (f64, f64))>,
+    /// Times where windows end, besides, in order along the run.
+    pub breaks: Vec<f64>,
     /// Error allowed in a unit of time.
     pub rate: f64,
     /// Of the norm.
@@ -79,7 +82,7 @@ impl Driven {
         };
         let (mut cost, mut t) = (DrivenCost::default(), t);
         while t.to_bits() != end.to_bits() {
-            let window = match sampler.window(t, end - t, share, false) {
+            let window = match sampler.window(t, self.end(t, end) - t, share, false) {
                 Ok(window) => window,
                 Err(error) => return Some(Err(error)),
             };
@@ -89,9 +92,16 @@ impl Driven {
             }
             cost.products += window.last;
             cost.theta = cost.theta.max(window.beta * window.h.abs());
-            t = next_time(t, window.h, end);
+            t = next_time(t, window.h, self.end(t, end));
         }
         Some(Ok(cost))
+    }
+
+    /// The end of the windows from t on: that of the run, or a time before where they end besides.
+    fn end(&self, t: f64, end: f64) -> f64 {
+        let is_between = |time: f64| (time - t) * (end - t) > 0.0 && (time - end) * (t - end) > 0.0;
+        let mut between = self.breaks.iter().copied().filter(|time| is_between(*time));
+        between.next().unwrap_or(end)
     }
 }
 
@@ -179,8 +189,8 @@ impl DrivenSeries {
 
     /// Makes the window that begins at `start`, and the outputs in it.
     fn make(&mut self) -> Result<(), StepError> {
-        let end = self.times[self.times.len() - 1];
         let t = self.start.t;
+        let end = self.driven.end(t, self.times[self.times.len() - 1]);
         let share = Share {
             rate: self.driven.rate,
             whole: self.whole,
@@ -195,6 +205,7 @@ impl DrivenSeries {
             };
             if self.expand(&window, share.tail(window.h))? {
                 self.sigma = window.sigma;
+                self.keep(&window)?;
                 let mut parts = std::mem::take(&mut self.end.parts);
                 self.read(self.factors.len() - 1, &mut parts);
                 self.end.parts = parts;
@@ -205,6 +216,29 @@ impl DrivenSeries {
             // where Bessel functions do not converge, powers do
             is_plain = true;
         }
+    }
+
+    /// Leaves the window to a run that is to be differentiated.
+    fn keep(&mut self, window: &Window) -> Result<(), StepError> {
+        let Some(recorder) = self.terms.sweeper().recorder().cloned() else {
+            return Ok(());
+        };
+        let count = self.terms.count();
+        let output = |factors: &Factors| Output {
+            s: factors.s,
+            factors: (0..count).map(|n| factors.of(window, n)).collect(),
+        };
+        recorder.add(SeriesPiece {
+            start: copied(&self.start.parts, 0)?,
+            phase: self.start.phase,
+            window: *window,
+            fit: self.fit.clone(),
+            nodes: (nodes().iter().map(|y| self.start.t + window.h * y)).collect(),
+            map: by_nodes(self.fit.degree),
+            outputs: self.factors.iter().map(output).collect(),
+            steps: self.factors.len() - 1,
+            is_by_terms: false,
+        })
     }
 
     /// Finds the outputs of a window, no more than there may be, and its end.

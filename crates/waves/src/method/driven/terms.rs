@@ -20,7 +20,7 @@ type Flat = Vec<f64>;
 
 /// The recurrence of a window.
 #[derive(Clone)]
-pub(super) struct Terms {
+pub(in crate::method) struct Terms {
     /// Products with each group of terms.
     groups: Vec<Sweeper<f64>>,
     /// The terms c_n, of powers as many as are needed, of Bessel functions the last two.
@@ -30,13 +30,13 @@ pub(super) struct Terms {
     sum: Flat,
     product: Flat,
     /// Products H ψ made.
-    pub(super) products: usize,
+    pub(in crate::method) products: usize,
     n: usize,
 }
 
 impl Terms {
     /// Memory for terms of a Hamiltonian in groups of so many.
-    pub(super) fn new(sweeper: &Sweeper<f64>, counts: &[usize]) -> Self {
+    pub(in crate::method) fn new(sweeper: &Sweeper<f64>, counts: &[usize]) -> Self {
         let hamiltonian = sweeper.hamiltonian();
         let mut terms = hamiltonian.terms();
         let mut group = |count: &usize| {
@@ -56,12 +56,12 @@ impl Terms {
     }
 
     /// The sweeper whose threads add terms to outputs.
-    pub(super) fn sweeper(&mut self) -> &mut Sweeper<f64> {
+    pub(in crate::method) fn sweeper(&mut self) -> &mut Sweeper<f64> {
         &mut self.groups[0]
     }
 
     /// Begins with a state.
-    pub(super) fn begin(&mut self, window: &Window, degree: usize, start: &[f64]) {
+    pub(in crate::method) fn begin(&mut self, window: &Window, degree: usize, start: &[f64]) {
         let size = start.len();
         let (terms, sums) = match window.form {
             Form::Powers => (degree + 1, 0),
@@ -78,8 +78,13 @@ impl Terms {
         self.c[0].copy_from_slice(start);
     }
 
+    /// The number of terms.
+    pub(in crate::method) fn count(&self) -> usize {
+        self.n + 1
+    }
+
     /// The newest term.
-    pub(super) fn newest(&self) -> &[f64] {
+    pub(in crate::method) fn newest(&self) -> &[f64] {
         &self.c[self.n % self.c.len()]
     }
 
@@ -87,8 +92,25 @@ impl Terms {
     ///
     /// # Errors
     /// A product failed, or the run was cancelled.
-    pub(super) fn advance(&mut self, window: &Window, fit: &Fit) -> Result<(), StepError> {
-        self.multiply(window, fit)?;
+    pub(in crate::method) fn advance(
+        &mut self,
+        window: &Window,
+        fit: &Fit,
+    ) -> Result<(), StepError> {
+        self.advance_from(window, fit, None)
+    }
+
+    /// Makes the next term, with that of other terms by another fit in the product: those that this is a change of.
+    ///
+    /// # Errors
+    /// A product failed, or the run was cancelled.
+    pub(in crate::method) fn advance_from(
+        &mut self,
+        window: &Window,
+        fit: &Fit,
+        other: Option<(&Self, &Fit)>,
+    ) -> Result<(), StepError> {
+        self.multiply(window, fit, other)?;
         self.products += 1;
         if window.form == Form::Bessel {
             self.advance_sums(window);
@@ -124,57 +146,86 @@ impl Terms {
     }
 
     /// Sets `product` to Σ_k B_k Σ_l g_lk y^l.
-    fn multiply(&mut self, window: &Window, fit: &Fit) -> Result<(), StepError> {
-        let (n, count) = (self.n, self.c.len());
-        let theta = window.beta * window.h;
-        let newer = 2.0 * n as f64 / theta;
-        let groups = self.groups.len();
-        let mut keep = 0.0;
-        for k in 0..groups {
-            let weight = |l: usize| fit.weights[l * groups + k];
-            self.sum.fill(0.0);
-            add_scaled(&mut self.sum, weight(0), &self.c[n % count]);
-            for l in 1..=fit.degree.min(n) {
-                if weight(l) == 0.0 {
-                    continue;
-                }
-                match window.form {
-                    Form::Powers => {
-                        add_scaled(&mut self.sum, weight(l), &self.c[(n - l) % count]);
-                    }
-                    Form::Bessel => {
-                        let w = &self.w[l - 1][(n + 1) % 2];
-                        add_scaled(&mut self.sum, weight(l) * newer, w);
-                    }
-                }
+    fn multiply(
+        &mut self,
+        window: &Window,
+        fit: &Fit,
+        other: Option<(&Self, &Fit)>,
+    ) -> Result<(), StepError> {
+        let mut product = std::mem::take(&mut self.product);
+        for k in 0..self.groups.len() {
+            let mut sum = std::mem::take(&mut self.sum);
+            sum.fill(0.0);
+            self.add_powers(window, fit, k, &mut sum);
+            if let Some((terms, fit)) = other {
+                terms.add_powers(window, fit, k, &mut sum);
             }
-            let update = Update {
-                keep,
-                factor: 1.0,
-                diagonal: 0.0,
-            };
-            let step = [Move::new(true, update)];
-            let size = self.groups[k].hamiltonian().size();
-            let parts = self.sum.chunks_mut(size).zip(self.product.chunks_mut(size));
-            for (x, out) in parts {
-                self.groups[k].run(&step, x, out, Sink::Nothing)?;
-            }
-            keep = 1.0;
+            let keep = if k == 0 { 0.0 } else { 1.0 };
+            let made = self.multiply_by(k, keep, &mut sum, &mut product);
+            self.sum = sum;
+            made?;
         }
-        self.add_potential(window, fit, newer);
+        self.add_potential(window, fit, &mut product);
+        if let Some((terms, fit)) = other {
+            terms.add_potential(window, fit, &mut product);
+        }
+        self.product = product;
         Ok(())
     }
 
-    fn add_potential(&mut self, window: &Window, fit: &Fit, newer: f64) {
+    /// Adds Σ_l g_lk y^l to `sum`.
+    fn add_powers(&self, window: &Window, fit: &Fit, k: usize, sum: &mut [f64]) {
+        for l in 0..=fit.degree.min(self.n) {
+            let weight = fit.weights[l * self.groups.len() + k];
+            if weight != 0.0 {
+                let (factor, power) = self.power(window, l);
+                add_scaled(sum, weight * factor, power);
+            }
+        }
+    }
+
+    /// y^l_n of the newest n, as a factor and a vector.
+    pub(in crate::method) fn power(&self, window: &Window, l: usize) -> (f64, &[f64]) {
         let (n, count) = (self.n, self.c.len());
+        match (window.form, l) {
+            (_, 0) => (1.0, &self.c[n % count]),
+            (Form::Powers, l) => (1.0, &self.c[(n - l) % count]),
+            (Form::Bessel, l) => {
+                let newer = 2.0 * n as f64 / (window.beta * window.h);
+                (newer, &self.w[l - 1][(n + 1) % 2])
+            }
+        }
+    }
+
+    /// Sets `out` to `keep` times itself and the product of the group k with `x`.
+    ///
+    /// # Errors
+    /// The product failed, or the run was cancelled.
+    pub(in crate::method) fn multiply_by(
+        &mut self,
+        k: usize,
+        keep: f64,
+        x: &mut [f64],
+        out: &mut [f64],
+    ) -> Result<(), StepError> {
+        let update = Update {
+            keep,
+            factor: 1.0,
+            diagonal: 0.0,
+        };
+        let step = [Move::new(true, update)];
+        let size = self.groups[k].hamiltonian().size();
+        for (x, out) in x.chunks_mut(size).zip(out.chunks_mut(size)) {
+            self.groups[k].run(&step, x, out, Sink::Nothing)?;
+        }
+        Ok(())
+    }
+
+    fn add_potential(&self, window: &Window, fit: &Fit, product: &mut [f64]) {
         let size = self.groups[0].hamiltonian().size();
-        for (l, v) in fit.potential.chunks(size).enumerate().take(n + 1) {
-            let (factor, x) = match (window.form, l) {
-                (_, 0) => (1.0, &self.c[n % count]),
-                (Form::Powers, l) => (1.0, &self.c[(n - l) % count]),
-                (Form::Bessel, l) => (newer, &self.w[l - 1][(n + 1) % 2]),
-            };
-            for (out, x) in self.product.chunks_mut(size).zip(x.chunks(size)) {
+        for (l, v) in fit.potential.chunks(size).enumerate().take(self.n + 1) {
+            let (factor, x) = self.power(window, l);
+            for (out, x) in product.chunks_mut(size).zip(x.chunks(size)) {
                 for ((out, v), x) in out.iter_mut().zip(v).zip(x) {
                     *out += factor * v * x;
                 }

@@ -12,6 +12,7 @@ mod wavefront;
 pub use outputs::{Outputs, TermBlock};
 pub use sink::Sink;
 
+use super::derivative::Recorder;
 use crate::problem::{Hamiltonian, HamiltonianAt, Operator, ProductScratch, Update};
 use blocking::Blocking;
 use liouville_base::cancel::CancelToken;
@@ -63,6 +64,7 @@ pub struct Sweeper<S> {
     scratch: ProductScratch,
     products: usize,
     by_rows: Option<ByRows>,
+    recorder: Option<Recorder>,
     stored: PhantomData<S>,
 }
 
@@ -101,6 +103,7 @@ impl<S: Stored> Sweeper<S> {
             cancel: CancelToken::default(),
             scratch: ProductScratch::default(),
             products: 0,
+            recorder: None,
             stored: PhantomData,
         }
     }
@@ -153,6 +156,17 @@ impl<S: Stored> Sweeper<S> {
     #[must_use]
     pub fn with_cancel(self, cancel: CancelToken) -> Self {
         Self { cancel, ..self }
+    }
+
+    /// The same, with a place for what a derivative needs to know of a run.
+    #[must_use]
+    pub fn with_recorder(self, recorder: Option<Recorder>) -> Self {
+        Self { recorder, ..self }
+    }
+
+    /// The place for what a derivative needs to know of a run, if it is to be differentiated.
+    pub(in crate::method) fn recorder(&self) -> Option<&Recorder> {
+        self.recorder.as_ref()
     }
 
     /// The Hamiltonian.

@@ -1,0 +1,211 @@
+//! Derivatives of runs of Schrödinger equations, as Python drives them: from piece to piece.
+
+use crate::caught::Caught;
+use crate::errors::refused;
+use crate::operator::Hamiltonian;
+use liouville_base::error::StepError;
+use liouville_waves::method::{Derivative, Recorder, Sweeper};
+use numpy::{
+    Complex64, PyArray1, PyArray2, PyArrayMethods, PyReadonlyArray2, PyReadonlyArray3,
+    PyUntypedArrayMethods,
+};
+use pyo3::prelude::*;
+
+/// A place where a run leaves what its derivatives need.
+#[pyclass(frozen, module = "liouville._core")]
+#[derive(Default)]
+pub(crate) struct WaveRecord(pub(crate) Recorder);
+
+#[pymethods]
+impl WaveRecord {
+    #[new]
+    fn new() -> Self {
+        Self::default()
+    }
+}
+
+/// The derivatives of a run that is over.
+#[pyclass(module = "liouville._core")]
+pub(crate) struct WaveDerivative {
+    inner: Derivative,
+    places: usize,
+    groups: usize,
+    caught: Vec<Caught>,
+}
+
+/// States as rows of a matrix.
+type States<'py> = Bound<'py, PyArray2<Complex64>>;
+
+#[pymethods]
+impl WaveDerivative {
+    /// Derivatives of a run with operators in groups of so many, from what it left.
+    #[new]
+    fn new(
+        hamiltonian: PyRef<'_, Hamiltonian>,
+        groups: Vec<usize>,
+        record: PyRef<'_, WaveRecord>,
+        threads: usize,
+    ) -> PyResult<Self> {
+        let inner = &hamiltonian.inner;
+        if groups.contains(&0) || groups.iter().sum::<usize>() != inner.terms().len() {
+            return Err(refused("groups have all operators, each at least one"));
+        }
+        let (signals, mut caught) = (Caught::default(), hamiltonian.caught.clone());
+        let sweeper = Sweeper::new(inner.clone()).with_threads(threads);
+        let sweeper = sweeper.with_cancel(signals.cancel());
+        caught.push(signals);
+        Ok(Self {
+            inner: Derivative::new(&sweeper, &groups, &record.0),
+            places: inner.places(),
+            groups: groups.len(),
+            caught,
+        })
+    }
+
+    /// Number of pieces.
+    fn __len__(&self) -> usize {
+        self.inner.count()
+    }
+
+    /// How many steps of the run end in a piece, and the times of its nodes.
+    fn piece<'py>(
+        &self,
+        py: Python<'py>,
+        piece: usize,
+    ) -> PyResult<(usize, Bound<'py, PyArray1<f64>>)> {
+        self.check(piece)?;
+        let (steps, nodes) = self.inner.piece(piece);
+        Ok((steps, PyArray1::from_slice(py, nodes)))
+    }
+
+    /// Lets weights change within a piece by polynomials of this degree at least.
+    fn raise_degree(&mut self, piece: usize, degree: usize) -> PyResult<()> {
+        self.check(piece)?;
+        self.inner.raise(piece, degree);
+        Ok(())
+    }
+
+    /// The state where a piece ends and at the ends of its steps, from that where it begins, with weights of H changed at
+    /// its nodes, a row for each node, or no rows.
+    fn repeat<'py>(
+        &mut self,
+        py: Python<'py>,
+        piece: usize,
+        state: PyReadonlyArray2<'py, Complex64>,
+        change: PyReadonlyArray2<'py, f64>,
+    ) -> PyResult<(States<'py>, States<'py>)> {
+        self.check(piece)?;
+        let mut rows = self.flat(&state)?;
+        let change = self.of_nodes(piece, change.as_slice()?)?;
+        let [state] = &mut rows[..] else {
+            return Err(refused("one state"));
+        };
+        let inner = &mut self.inner;
+        let found = py.detach(|| inner.repeat(piece, state, change));
+        let found = found.map_err(|error| self.explained(error))?;
+        Ok((self.complex(py, &rows)?, self.complex(py, &found)?))
+    }
+
+    /// Changes of the state where a piece ends, a row for each direction, and at the ends of its steps, from those where
+    /// it begins and those of the weights of H, of each direction a row for each node, or no rows.
+    fn follow<'py>(
+        &mut self,
+        py: Python<'py>,
+        piece: usize,
+        changes: PyReadonlyArray2<'py, Complex64>,
+        weights: PyReadonlyArray3<'py, f64>,
+    ) -> PyResult<(States<'py>, States<'py>)> {
+        self.check(piece)?;
+        let mut rows = self.flat(&changes)?;
+        let (shape, values) = (weights.shape(), weights.as_slice()?);
+        if rows.is_empty() || shape[0] != rows.len() {
+            return Err(refused("changes of weights for each direction"));
+        }
+        let each = shape[1] * shape[2];
+        let of_nodes: PyResult<Vec<Vec<f64>>> = (0..rows.len())
+            .map(|row| {
+                Ok(self
+                    .of_nodes(piece, &values[row * each..(row + 1) * each])?
+                    .to_vec())
+            })
+            .collect();
+        let (inner, of_nodes) = (&mut self.inner, of_nodes?);
+        let found = py.detach(|| inner.follow(piece, &mut rows, &of_nodes));
+        let found = found.map_err(|error| self.explained(error))?;
+        Ok((self.complex(py, &rows)?, self.complex(py, &found)?))
+    }
+
+    /// The cotangent of the state where a piece begins, from that where it ends and those at the ends of its steps, and
+    /// those of the weights of H at its nodes, where they are wanted.
+    fn pull<'py>(
+        &mut self,
+        py: Python<'py>,
+        piece: usize,
+        cotangent: PyReadonlyArray2<'py, Complex64>,
+        of_steps: PyReadonlyArray2<'py, Complex64>,
+        is_wanted: bool,
+    ) -> PyResult<(States<'py>, Bound<'py, PyArray1<f64>>)> {
+        self.check(piece)?;
+        let (mut rows, of_steps) = (self.flat(&cotangent)?, self.flat(&of_steps)?);
+        let [cotangent] = &mut rows[..] else {
+            return Err(refused("one cotangent"));
+        };
+        if of_steps.len() != self.inner.piece(piece).0 {
+            return Err(refused("a cotangent for each step that ends in the piece"));
+        }
+        let inner = &mut self.inner;
+        let found = py.detach(|| inner.pull(piece, cotangent, &of_steps, is_wanted));
+        let found = found.map_err(|error| self.explained(error))?;
+        Ok((self.complex(py, &rows)?, PyArray1::from_vec(py, found)))
+    }
+}
+
+impl WaveDerivative {
+    fn check(&self, piece: usize) -> PyResult<()> {
+        if piece < self.inner.count() {
+            Ok(())
+        } else {
+            Err(refused("there is no such piece"))
+        }
+    }
+
+    /// Changes of the weights at the nodes of a piece, which may be none.
+    fn of_nodes<'a>(&self, piece: usize, values: &'a [f64]) -> PyResult<&'a [f64]> {
+        let nodes = self.inner.piece(piece).1.len();
+        if values.is_empty() || values.len() == nodes * self.groups {
+            Ok(values)
+        } else {
+            Err(refused("changes of all weights at each node"))
+        }
+    }
+
+    /// Rows of complex numbers as real parts, then imaginary parts.
+    fn flat(&self, rows: &PyReadonlyArray2<'_, Complex64>) -> PyResult<Vec<Vec<f64>>> {
+        if rows.shape()[1] != self.places {
+            return Err(refused("states are rows of all places"));
+        }
+        let of_row = |row: &[Complex64]| {
+            let real = row.iter().map(|z| z.re);
+            real.chain(row.iter().map(|z| z.im)).collect()
+        };
+        Ok(rows.as_slice()?.chunks(self.places).map(of_row).collect())
+    }
+
+    fn complex<'py>(&self, py: Python<'py>, rows: &[Vec<f64>]) -> PyResult<States<'py>> {
+        let of_row = |row: &Vec<f64>| {
+            let (q, p) = row.split_at(self.places);
+            let pairs = q.iter().zip(p);
+            pairs
+                .map(|(q, p)| Complex64::new(*q, *p))
+                .collect::<Vec<_>>()
+        };
+        let values = rows.iter().flat_map(of_row).collect();
+        PyArray1::from_vec(py, values).reshape([rows.len(), self.places])
+    }
+
+    /// The exception of a function that makes products or of a signal, or else this error.
+    fn explained(&self, error: StepError) -> PyErr {
+        let raised = self.caught.iter().find_map(Caught::take);
+        raised.unwrap_or_else(|| refused(error))
+    }
+}

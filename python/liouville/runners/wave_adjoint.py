@@ -1,0 +1,42 @@
+"""Pullbacks of runs of a Schrödinger equation."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from liouville.runners.adjoint import Adjoint, Gradients
+from liouville.runners.wave_derivative import direction_row, places_of
+from liouville.solution import Solution
+
+if TYPE_CHECKING:
+    from liouville.runners.wave import WaveRunner
+
+
+class WaveAdjoint(Adjoint):
+    """The transposed derivative of a run of a Schrödinger equation; see :class:`Adjoint`."""
+
+    runner: WaveRunner
+    is_complex = True
+
+    def __init__(self, runner: WaveRunner, names: tuple[str, ...]) -> None:
+        self.runner = runner
+        places = places_of(runner.system)
+        self.directions = {name: (places[name][1], name == "psi") for name in names}
+
+    def shapes(self, solution: Solution) -> dict[str, tuple[int, ...]]:
+        """Return the shape of what has cotangents."""
+        return {"psi": solution.states["psi"].shape}
+
+    def pulled(self, solution: Solution, cotangents: Mapping[str, np.ndarray]) -> Gradients:
+        """Return gradients from cotangents of psi; see :class:`Adjoint`."""
+        rows = cotangents["psi"].reshape(len(solution.t), -1)
+        found = self.runner.derivative(self.wrt).pulled(rows, self.wrt)
+        return {name: x if x.ndim else float(x) for name, x in found.items()}
+
+    def moved(self, directions: Mapping[str, np.ndarray], size: float) -> Mapping[str, np.ndarray]:
+        """Return psi of the run with all choices held, moved by so much of all directions."""
+        row = direction_row(self.runner.system, directions)
+        return {"psi": self.runner.derivative(self.wrt).repeated(row, size)}

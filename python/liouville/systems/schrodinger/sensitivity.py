@@ -1,0 +1,109 @@
+"""Derivatives of the functions of a drive, by parameters and by samples."""
+
+from __future__ import annotations
+
+from functools import cached_property
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from liouville import _casadi as ca
+from liouville import _core
+from liouville._scipy import scipy
+from liouville.systems.schrodinger.foreign import Samples
+from liouville.tape import record
+
+if TYPE_CHECKING:
+    from liouville.systems.schrodinger.equation import Schrodinger
+
+Array = NDArray[np.float64]
+
+
+class DriveSensitivity:
+    """The weights f_k(t) of a driven Hamiltonian, and their derivatives.
+
+    Attributes
+    ----------
+    params : slice by name
+        Where each parameter is among all values, with its shape.
+    samples : dict of str to int
+        The drives that are samples, ``drive[k]``, and k.
+    count : int
+        The number of drives.
+    """
+
+    def __init__(self, system: Schrodinger) -> None:
+        self._functions = system.functions
+        self._params = system.parameters
+        self._values = self._params.values(None)
+        self.count = len(self._functions)
+        self.params: dict[str, tuple[slice, tuple[int, ...]]] = {}
+        first = 0
+        for name, value in self._params.defaults.items():
+            self.params[name] = (slice(first, first + value.size), value.shape)
+            first += value.size
+        given = enumerate(function for function, _ in system.drives)
+        self.samples = {f"drive[{k}]": k for k, f in given if isinstance(f, Samples)}
+        self._tables = {k: system.drives[k][0].table for k in self.samples.values()}
+
+    @cached_property
+    def _column(self) -> tuple[ca.SX, ca.SX]:
+        """The time and all functions of it."""
+        t = ca.SX.sym("t")
+        each = [ca.substitute(f.expression, f.t, t) for f in self._functions]
+        return t, ca.vertcat(ca.SX(0, 1), *each)
+
+    @cached_property
+    def _value_tape(self) -> _core.Tape:
+        t, column = self._column
+        return record("drive", {"t": t, "params": self._params.vector}, column)
+
+    @cached_property
+    def _slope_tape(self) -> _core.Tape:
+        """The functions' derivatives by all parameters, those by one after those by another."""
+        t, column = self._column
+        slopes = ca.jacobian(column, self._params.vector)
+        inputs = {"t": t, "params": self._params.vector}
+        return record("derivatives of the drive", inputs, ca.densify(slopes))
+
+    @cached_property
+    def _pull_tape(self) -> _core.Tape:
+        t, column = self._column
+        w = ca.SX.sym("w", self.count)
+        pulled = ca.jtimes(column, self._params.vector, w, True)
+        inputs = {"t": t, "w": w, "params": self._params.vector}
+        return record("derivatives of the drive", inputs, ca.densify(pulled))
+
+    def depends_on(self, name: str) -> bool:
+        """Whether a function depends on a parameter."""
+        return any(function.depends_on(name) for function in self._functions)
+
+    def values(self, t: Array, params: Array) -> Array:
+        """Return the functions at times, shape (k, count), with these values of all parameters."""
+        return np.asarray(self._value_tape.map(params, [t[:, None]]))
+
+    def slopes(self, t: Array) -> Array:
+        """Return their derivatives by all parameters at times, shape (k, P, count)."""
+        flat = self._slope_tape.map(self._values, [t[:, None]])
+        return np.asarray(flat).reshape(t.size, -1, self.count)
+
+    def pulled(self, t: Array, cotangents: Array) -> Array:
+        """Return cotangents of all parameters from those of the functions, shape (k, count)."""
+        args = [t[:, None], np.ascontiguousarray(cotangents)]
+        found: Array = self._pull_tape.map(self._values, args).sum(axis=0)
+        return found
+
+    def times(self, name: str) -> Array:
+        """Return the times of the samples of a drive."""
+        return np.asarray(self._tables[self.samples[name]].x)
+
+    def basis(self, name: str, t: Array) -> Array:
+        """Return what the spline of a drive makes of each of its samples, shape (k, samples)."""
+        table = self._tables[self.samples[name]]
+        spline = scipy("interpolate", "a table").CubicSpline(
+            table.x, np.eye(table.x.size), bc_type=table.ends
+        )
+        inside = np.clip(t, table.x[0], table.x[-1])
+        found: Array = spline(inside) + (t - inside)[:, None] * spline(inside, 1)
+        return found
