@@ -45,7 +45,7 @@ def check_covered(system: Any, method: Any, request: Request) -> None:
     if not isinstance(system, Mechanics | Field | Schrodinger):
         raise TypeError(hinted(f"a {type(system).__name__} has no tangents yet", COVERED))
     without = {"events": request.events is not None, "store": request.is_stored}
-    without["t_eval"] = not isinstance(system, Mechanics) and request.t_eval is not None
+    without["t_eval"] = isinstance(system, Field) and request.t_eval is not None
     if given := [name for name, is_given in without.items() if is_given]:
         raise TypeError(hinted(f"tangents go without {given[0]}=", COVERED))
     if not request.states:
