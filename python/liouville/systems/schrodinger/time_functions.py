@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -71,11 +72,15 @@ class TimeFunction:
         expression = self.expression if factor == 1.0 else factor * self.expression
         return record(self.what, self._expressions.symbols.inputs(), expression)
 
+    @cached_property
+    def _own_tape(self) -> _core.Tape:
+        return self.tape(1.0)
+
     def at(self, t: float, points: np.ndarray | None = None) -> np.ndarray:
         """Return values at a time, one for each point; ValueError names one that is not finite."""
         times = np.full((1 if points is None else len(points), 1), float(t))
         args = [times] if points is None else [times, np.ascontiguousarray(points)]
-        values = self.tape(1.0).map(self._expressions.symbols.params.values(None), args)[:, 0]
+        values = self._own_tape.map(self._expressions.symbols.params.values(None), args)[:, 0]
         bad = np.flatnonzero(~np.isfinite(values))
         if bad.size:
             place = "" if points is None else f" at x = {points[bad[0]].tolist()}"
