@@ -5,6 +5,7 @@ from functools import reduce
 import casadi as ca
 import numpy as np
 import pytest
+from registry import ALL, WAVES
 from scipy.linalg import expm
 from scipy.sparse.linalg import LinearOperator
 
@@ -59,6 +60,7 @@ def on_grid():
 
 
 U = RNG.standard_normal(17)
+STABLE = lv.SchrodingerSplitting(1e-6, mode="stable")
 PARAMS = ("psi", "params.a", "params.w", "params.b")
 
 #: System, method, what derivatives are by, and the rest of the run.
@@ -77,6 +79,13 @@ ROWS = {
     "driven and complex": (lambda: driven(C), "auto", PARAMS, {}),
     "samples": (lambda: sampled(U), "auto", ("psi", "drive[0]", "params.b"), {}),
     "grid": (on_grid, "auto", ("psi",), {}),
+    "shears": (lambda: lv.Schrodinger(H), STABLE, ("psi",), {}),
+    "stable": (
+        lambda: lv.Schrodinger(H), lv.StabilitySplitting(processed=False), ("psi",),
+        {"t": (4.0, 0.3), "h": 0.3, "every": 5},
+    ),
+    "Magnus 2 by shears": (driven, lv.Magnus(2, tol=1e-4), PARAMS, {"t": (0, 4), "steps": 7}),
+    "Magnus 4 by shears": (driven, lv.Magnus(4), PARAMS, {"t": (4, 0), "steps": 7, "every": 3}),
     "Magnus 2": (lambda: driven(C), lv.Magnus(2), PARAMS, {"t": (0, 4), "steps": 9, "every": 2}),
     "Magnus 4": (lambda: driven(C), lv.Magnus(4), PARAMS, {"t": (0, 4), "steps": 9, "every": 4}),
 }  # fmt: skip
@@ -93,18 +102,43 @@ def test_pullbacks_tangents_and_differences_are_of_one_discrete_map(name):
     assert found.differences < 1e-10
 
 
-@pytest.mark.parametrize("name", ["constant", "driven", "grid", "Magnus 4"])
+#: Methods and problems of the registry that have derivatives.
+WITHOUT = (lv.Lanczos, lv.SplitOperator)
+REGISTERED = [
+    (row, name)
+    for row in WAVES
+    for name in row.on
+    if not isinstance(row.method, WITHOUT)
+    and not getattr(row.method, "processed", False)
+    and not (isinstance(row.method, lv.SchrodingerSplitting) and name == "flux")
+]
+
+
+@pytest.mark.parametrize(("row", "name"), REGISTERED, ids=str)
+def test_methods_of_the_registry_have_pullbacks(row, name):
+    problem = ALL[name]
+    run = {"t": (problem.t[0], problem.t[0] + 1.0)}
+    if isinstance(row.method, lv.Magnus | lv.GrayManolopoulos | lv.StabilitySplitting):
+        run["steps"] = row.steps[-1]
+    found = lv.check_gradient(problem.system, row.method, wrt=["psi"], **run, **problem.start)
+    assert found.dot < 1e-12
+    assert found.differences < 1e-10
+
+
+@pytest.mark.parametrize(
+    "name", ["constant", "shears", "driven", "grid", "Magnus 4", "Magnus 2 by shears"]
+)
 def test_a_run_with_derivatives_has_the_bits_of_one_without(name):
     make, method, wrt, run = ROWS[name]
     system, run = make(), {"t": TIMES, **run}
-    wrt = wrt if name == "Magnus 4" else ["psi"]  # parameters may ask for shorter windows
+    wrt = wrt if "Magnus" in name else ["psi"]  # parameters may ask for shorter windows
     psi = state(system.size)
     plain = lv.integrate(system, method, **run, psi=psi).psi
     solution, _ = lv.vjp(system, method, wrt=wrt, **run, psi=psi)
     np.testing.assert_array_equal(solution.psi, plain)
     found = lv.integrate(system, method, **run, psi=psi, tangents={"psi": psi})
     np.testing.assert_array_equal(found.psi, plain)
-    np.testing.assert_allclose(found.tangents["psi"].psi, plain, atol=1e-7)  # H is linear
+    np.testing.assert_allclose(found.tangents["psi"].psi, plain, atol=1e-12)  # H is linear
 
 
 def fidelity(solution, target):
@@ -191,7 +225,7 @@ def jumping(t, p):
 
 BAD = [
     (driven, {"method": lv.Lanczos()}, {}, TypeError, "H without time"),
-    (lambda: lv.Schrodinger(H), {"method": lv.Lanczos(), "wrt": ["psi"]}, {}, TypeError, "series"),
+    (lambda: lv.Schrodinger(H), {"method": lv.Lanczos()}, {}, TypeError, "that have: 'auto'"),
     (driven, {"wrt": ["params.c"]}, {}, ValueError, "there is no direction 'params.c'"),
     (driven, {"wrt": ["drive[0]"]}, {}, ValueError, "there is no direction"),
     (driven, {"wrt": "psi"}, {}, TypeError, "a sequence of names"),

@@ -127,8 +127,9 @@ def vjp(
     system, method, t, h, steps, rtol, atol, control, every, t_eval, params, progress
         As for :func:`integrate`: a mechanical system without nonholonomic constraints, by
         ``Spark``, ``LobattoPair`` or a composition of them, whose controlled steps are held, as are
-        the times in `t_eval`; or a Schrödinger equation by series: ``Chebyshev``, and ``"auto"``
-        and ``Magnus`` where they take them. Bounds, windows and the numbers of terms are held.
+        the times in `t_eval`; or a Schrödinger equation by ``"auto"``, ``Chebyshev``, ``Magnus``,
+        or splittings of a real H into shears. Bounds, windows, steps and the numbers of terms are
+        held.
     wrt : sequence of str
         What gradients are by: states of the system such as ``"q"`` and ``"v"``, ``"params.name"``,
         and ``"t0"`` and ``"t1"`` where steps are equal. Of a Schrödinger equation ``"psi"``,

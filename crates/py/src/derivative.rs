@@ -6,8 +6,8 @@ use crate::operator::Hamiltonian;
 use liouville_base::error::StepError;
 use liouville_waves::method::{Derivative, Recorder, Sweeper};
 use numpy::{
-    Complex64, PyArray1, PyArray2, PyArrayMethods, PyReadonlyArray2, PyReadonlyArray3,
-    PyUntypedArrayMethods,
+    Complex64, PyArray1, PyArray2, PyArrayMethods, PyReadonlyArray1, PyReadonlyArray2,
+    PyReadonlyArray3, PyUntypedArrayMethods,
 };
 use pyo3::prelude::*;
 
@@ -60,6 +60,20 @@ impl WaveDerivative {
             groups: groups.len(),
             caught,
         })
+    }
+
+    /// Adds steps of shears of an H without time, from t on, as one piece and one step.
+    fn add_shears(
+        &mut self,
+        coefficients: PyReadonlyArray1<'_, f64>,
+        shift: f64,
+        t: f64,
+        h: f64,
+        steps: usize,
+    ) -> PyResult<()> {
+        self.inner
+            .add_shears(coefficients.as_slice()?, shift, (t, h), steps);
+        Ok(())
     }
 
     /// Number of pieces.

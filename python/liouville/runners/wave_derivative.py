@@ -12,7 +12,13 @@ from numpy.typing import NDArray
 from liouville import _core
 from liouville.errors import hinted
 from liouville.planner import WavePlan
-from liouville.planner.waves.propagators import Driven, Series, SeriesExponentials
+from liouville.planner.waves.propagators import (
+    Driven,
+    Exponentials,
+    Series,
+    SeriesExponentials,
+    Shears,
+)
 from liouville.runners.tangents import PARAMS, Directions, Place, check_names
 from liouville.systems import Schrodinger
 from liouville.systems.schrodinger.sensitivity import DriveSensitivity
@@ -24,6 +30,9 @@ Array = NDArray[Any]
 #: that of a spline between two samples.
 DEGREE, CUBIC = 14, 3
 
+#: Propagators whose runs leave what derivatives need.
+LEFT = (Series, Driven, SeriesExponentials, Exponentials)
+
 #: What a polynomial may leave out of a derivative of H, relative to the largest there is.
 LEFT_OUT = 1e-11
 
@@ -32,8 +41,8 @@ INTERVALS = 4096
 
 #: The methods whose runs leave pieces.
 COVERED = (
-    "of a Schrodinger equation there are derivatives by Chebyshev, by 'auto' and Magnus where "
-    "their plans take series, and by splittings of a real H into shears without a processor"
+    "methods that have: 'auto', Chebyshev, Magnus, and for a real H SchrodingerSplitting, "
+    "GrayManolopoulos, and StabilitySplitting with processed=False"
 )
 
 
@@ -68,7 +77,8 @@ def places_of(system: Schrodinger) -> dict[str, Place]:
 
 def check_plan(plan: WavePlan) -> None:
     """Refuse a plan whose run leaves nothing that a derivative could follow."""
-    if not isinstance(plan.core, Series | Driven | SeriesExponentials):
+    is_split = isinstance(plan.core, Shears) and not plan.is_complex
+    if not is_split and not isinstance(plan.core, LEFT):
         raise TypeError(hinted(f"{plan.scheme} has no tangents and no pullback", COVERED))
 
 
@@ -97,7 +107,15 @@ def with_breaks(plan: WavePlan, system: Schrodinger, names: Sequence[str]) -> Wa
         breaks |= set(_resolved(drive, own, t0, t1))
     inside = sorted(t for t in breaks if min(t0, t1) < t < max(t0, t1))
     core = replace(plan.core, breaks=tuple(inside if t1 > t0 else inside[::-1]))
-    return replace(plan, core=core)
+    powers, bessel, products, theta = _core.driven_cost(system.hamiltonian, core, t0, t1)
+    return replace(
+        plan,
+        core=replace(core, windows=powers + bessel),
+        scheme=f"series in time ({powers + bessel} windows)",
+        theta=theta,
+        products=float(products),
+        bound=None if bessel else getattr(plan.method, "tol", None),
+    )
 
 
 def _resolved(drive: DriveSensitivity, names: Sequence[str], t0: float, t1: float) -> list[float]:
@@ -154,8 +172,13 @@ class WaveDerivative:
         self._system, self._psi = system, psi
         self._drive = system.sensitivity
         self._core = _core.WaveDerivative(system.hamiltonian, system.groups, record, threads)
-        self._pieces = [self._core.piece(k) for k in range(len(self._core))]
         self._kept = [0, *np.cumsum([steps for _, steps in plan.stops]).tolist()]
+        if isinstance(plan.core, Shears):  # one piece to each state kept
+            self._kept = [*range(len(plan.times))]
+            for t, (end, steps) in zip(plan.times, plan.stops, strict=False):
+                h = (end - t) / steps
+                self._core.add_shears(plan.core.coefficients, plan.core.shift, t, h, steps)
+        self._pieces = [self._core.piece(k) for k in range(len(self._core))]
         self._steps = np.cumsum([0, *(steps for steps, _ in self._pieces)]).tolist()
         self._by: tuple[str, ...] = ()
 

@@ -9,7 +9,8 @@
 //! Chebyshev series of the degree that it takes. Its shift and the number of steps come from the bounds of the terms,
 //! weighted and added up. Source: alvermann2011.
 
-use super::derivative::Recorder;
+use super::derivative::{Piece, Recorder, ShearsPiece, flat};
+use super::driven::fit::NodeMap;
 use super::{Chebyshev, Shears, Sweeper, Wave};
 use crate::problem::HamiltonianAt;
 use liouville_base::checkpoint::{Checkpoint, CheckpointMismatch, Numbers};
@@ -104,10 +105,16 @@ impl<S: Stored> Exponential<S> {
                 // half of the phase before the shears and half after them, so that a step back in time is the inverse
                 state.add_phase(shift * h / 2.0);
                 state.remove_phase();
+                let recorder = shears.parts_mut().sweeper_mut().recorder().cloned();
+                let start = recorder.as_ref().map(|_| flat(state)).transpose()?;
                 let mut left = steps;
                 while left > 0.0 {
                     shears.step(t, h / steps, state)?;
                     left -= 1.0;
+                }
+                if let (Some(recorder), Some(start)) = (recorder, start) {
+                    let piece = shears_piece(shears, [start, flat(state)?], h, steps);
+                    recorder.add(Piece::Shears(piece))?;
                 }
                 state.add_phase(-shift * h / 2.0);
                 shears.synchronize(state)
@@ -129,6 +136,32 @@ impl<S: Stored> Exponential<S> {
             Self::Shears { shears, .. } => shears.stats(),
             Self::Series(series) => series.stats(),
         }
+    }
+}
+
+/// Steps of shears that were made over a time h, between these ends, for a run that is to be differentiated.
+#[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss)] // a number of steps, at least 1
+fn shears_piece<S: Stored>(
+    shears: &mut Composed<Shears<S>>,
+    ends: [Vec<f64>; 2],
+    h: f64,
+    steps: f64,
+) -> ShearsPiece {
+    let of_flow = |flow: &Flow| (flow.part == 1, flow.weight * h / steps);
+    let all = shears.program().iter().map(of_flow).collect();
+    let shift = shears.parts_mut().shift();
+    let current = shears.parts_mut().sweeper_mut().current.as_ref();
+    ShearsPiece {
+        shears: all,
+        repeats: steps as usize,
+        shift,
+        angles: (-shift * h / 2.0, -shift * h / 2.0),
+        ends,
+        weights: current.map_or_else(Vec::new, |at| at.weights().to_vec()),
+        potential: current.map_or_else(Vec::new, |at| at.potential().to_vec()),
+        nodes: Vec::new(),
+        map: NodeMap::default(),
+        steps: 0,
     }
 }
 
@@ -256,10 +289,9 @@ impl<S: Stored> Magnus<S> {
         let (nodes, last) = (&self.nodes, recorder.len() - 1);
         let mut place = first;
         recorder.change(first, |piece| {
-            piece.nodes = nodes.nodes.iter().map(|c| t + c * h).collect();
-            piece.map.series.clone_from(&nodes.rows[row]);
-            piece.map.powers = vec![1.0];
-            piece.steps = usize::from(place == last && row + 1 == nodes.rows.len());
+            let times = nodes.nodes.iter().map(|c| t + c * h).collect();
+            let is_end = place == last && row + 1 == nodes.rows.len();
+            piece.average(times, &nodes.rows[row], is_end);
             place += 1;
         });
     }

@@ -16,7 +16,7 @@
 
 mod expand;
 
-use super::derivative::{Output, SeriesPiece, copied};
+use super::derivative::{Output, Piece, SeriesPiece, flat};
 use super::driven::choice::{Form, Window};
 use super::driven::fit::{Fit, NodeMap};
 use super::sweep::{Outputs, TermBlock};
@@ -156,11 +156,10 @@ impl<S: Stored> Chebyshev<S> {
                 .collect(),
         };
         let outputs: Vec<Output> = self.lengths.iter().zip(&series.c).map(output).collect();
-        let mut start = copied(&[], state.q.len() + state.p.len())?;
-        start.extend(state.q.iter().chain(&state.p).map(|x| x.member(0)));
+        let start = flat(state)?;
         let terms = self.sweeper.hamiltonian().terms().len();
         let current = self.sweeper.current.as_ref();
-        recorder.add(SeriesPiece {
+        recorder.add(Piece::Series(SeriesPiece {
             start,
             phase: state.phase,
             window: Window {
@@ -181,7 +180,7 @@ impl<S: Stored> Chebyshev<S> {
             steps: outputs.len(),
             outputs,
             is_by_terms: true,
-        })
+        }))
     }
 }
 

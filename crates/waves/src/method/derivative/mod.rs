@@ -7,23 +7,58 @@
 
 mod powers;
 mod series;
+mod shears;
 
+use super::driven::fit::NodeMap;
 use super::driven::terms::Terms;
 use super::{Sweeper, Wave};
 use liouville_base::error::StepError;
+use liouville_base::simd::Stored;
 pub(super) use series::{Output, SeriesPiece};
+pub(super) use shears::ShearsPiece;
 use std::sync::{Arc, Mutex, PoisonError};
+
+/// A part of a run with choices of its own.
+pub(super) enum Piece {
+    Series(SeriesPiece),
+    Shears(ShearsPiece),
+}
+
+impl Piece {
+    /// Gives it the nodes of its weights, as an average of those there with these factors, and says whether a step ends
+    /// with it.
+    pub(super) fn average(&mut self, times: Vec<f64>, row: &[f64], is_end: bool) {
+        let (nodes, map, steps) = match self {
+            Self::Series(piece) => (&mut piece.nodes, &mut piece.map, &mut piece.steps),
+            Self::Shears(piece) => (&mut piece.nodes, &mut piece.map, &mut piece.steps),
+        };
+        *nodes = times;
+        map.series = row.to_vec();
+        map.powers = vec![1.0];
+        *steps = usize::from(is_end);
+    }
+
+    /// Takes the weights of groups of terms, which begin at these, for those of all terms.
+    fn group(&mut self, firsts: &[usize]) {
+        let weights = match self {
+            Self::Series(piece) if !piece.is_by_terms => return,
+            Self::Series(piece) => &mut piece.fit.weights,
+            Self::Shears(piece) => &mut piece.weights,
+        };
+        *weights = firsts.iter().map(|first| weights[*first]).collect();
+    }
+}
 
 /// A place where a run leaves its pieces; clones are the same place.
 #[derive(Clone, Default)]
-pub struct Recorder(Arc<Mutex<Vec<SeriesPiece>>>);
+pub struct Recorder(Arc<Mutex<Vec<Piece>>>);
 
 impl Recorder {
     /// Adds a piece.
     ///
     /// # Errors
     /// There is no memory for one more.
-    pub(super) fn add(&self, piece: SeriesPiece) -> Result<(), StepError> {
+    pub(super) fn add(&self, piece: Piece) -> Result<(), StepError> {
         let mut pieces = self.0.lock().unwrap_or_else(PoisonError::into_inner);
         pieces.try_reserve(1).map_err(|_| StepError::NoMemory)?;
         pieces.push(piece);
@@ -36,12 +71,12 @@ impl Recorder {
     }
 
     /// Changes the pieces from one on.
-    pub(super) fn change(&self, first: usize, change: impl FnMut(&mut SeriesPiece)) {
+    pub(super) fn change(&self, first: usize, change: impl FnMut(&mut Piece)) {
         let mut pieces = self.0.lock().unwrap_or_else(PoisonError::into_inner);
         pieces[first..].iter_mut().for_each(change);
     }
 
-    fn taken(&self) -> Vec<SeriesPiece> {
+    fn taken(&self) -> Vec<Piece> {
         std::mem::take(&mut self.0.lock().unwrap_or_else(PoisonError::into_inner))
     }
 }
@@ -59,9 +94,19 @@ pub(super) fn copied(x: &[f64], size: usize) -> Result<Vec<f64>, StepError> {
     Ok(found)
 }
 
+/// The parts of the first member, one after the other.
+///
+/// # Errors
+/// There is no memory for them.
+pub(super) fn flat<S: Stored>(state: &Wave<S>) -> Result<Vec<f64>, StepError> {
+    let mut found = copied(&[], state.q.len() + state.p.len())?;
+    found.extend(state.q.iter().chain(&state.p).map(|x| x.member(0)));
+    Ok(found)
+}
+
 /// The derivatives of a run, piece by piece.
 pub struct Derivative {
-    pieces: Vec<SeriesPiece>,
+    pieces: Vec<Piece>,
     terms: Terms,
     /// Those of changes, one direction after another.
     moved: Vec<Terms>,
@@ -76,9 +121,8 @@ impl Derivative {
             Some(*next - count)
         });
         let firsts: Vec<usize> = firsts.collect();
-        for piece in pieces.iter_mut().filter(|piece| piece.is_by_terms) {
-            let weights = &mut piece.fit.weights;
-            *weights = firsts.iter().map(|first| weights[*first]).collect();
+        for piece in &mut pieces {
+            piece.group(&firsts);
         }
         Self {
             pieces,
@@ -94,13 +138,47 @@ impl Derivative {
 
     /// How many steps of the run end in a piece, and the times of its nodes.
     pub fn piece(&self, piece: usize) -> (usize, &[f64]) {
-        let SeriesPiece { steps, nodes, .. } = &self.pieces[piece];
-        (*steps, nodes)
+        match &self.pieces[piece] {
+            Piece::Series(SeriesPiece { steps, nodes, .. })
+            | Piece::Shears(ShearsPiece { steps, nodes, .. }) => (*steps, nodes),
+        }
+    }
+
+    /// Adds steps of shears q ← q + c h (H − shift) p and p ← p − c h (H − shift) q in turn, of an H that does not change,
+    /// from t on, which count as one; back in time they are undone.
+    pub fn add_shears(
+        &mut self,
+        coefficients: &[f64],
+        shift: f64,
+        (t, h): (f64, f64),
+        repeats: usize,
+    ) {
+        let mut shears: Vec<(bool, f64)> = (coefficients.iter().enumerate())
+            .map(|(k, c)| (k % 2 == 1, c * h))
+            .collect();
+        if h < 0.0 {
+            shears.reverse();
+        }
+        let groups = self.terms.groups();
+        self.pieces.push(Piece::Shears(ShearsPiece {
+            shears,
+            repeats,
+            shift,
+            angles: (shift * t, -shift * (t + h * repeats as f64)),
+            ends: [Vec::new(), Vec::new()],
+            weights: vec![1.0; groups],
+            potential: Vec::new(),
+            nodes: Vec::new(),
+            map: NodeMap::default(),
+            steps: 1,
+        }));
     }
 
     /// Lets H change within a piece by polynomials of a degree, if it has polynomials of less.
     pub fn raise(&mut self, piece: usize, degree: usize) {
-        self.pieces[piece].raise(degree);
+        if let Piece::Series(piece) = &mut self.pieces[piece] {
+            piece.raise(degree);
+        }
     }
 
     /// Replaces a state where a piece begins by that where it ends, by the same choices, with weights of H changed at its nodes.
@@ -114,7 +192,10 @@ impl Derivative {
         state: &mut Vec<f64>,
         change: &[f64],
     ) -> Result<Vec<Vec<f64>>, StepError> {
-        self.pieces[piece].repeat(&mut self.terms, state, change)
+        match &self.pieces[piece] {
+            Piece::Series(piece) => piece.repeat(&mut self.terms, state, change),
+            Piece::Shears(piece) => piece.repeat(&mut self.terms, state, change),
+        }
     }
 
     /// Replaces changes of the state where a piece begins, one of each direction, by those where it ends, given those of
@@ -128,10 +209,13 @@ impl Derivative {
         changes: &mut [Vec<f64>],
         of_nodes: &[Vec<f64>],
     ) -> Result<Vec<Vec<f64>>, StepError> {
+        let piece = match &self.pieces[piece] {
+            Piece::Series(piece) => piece,
+            Piece::Shears(piece) => return piece.follow(&mut self.terms, changes, of_nodes),
+        };
         while self.moved.len() < changes.len() {
             self.moved.push(self.terms.clone());
         }
-        let piece = &self.pieces[piece];
         piece.follow(
             (&mut self.terms, &mut self.moved[..changes.len()]),
             changes,
@@ -151,7 +235,11 @@ impl Derivative {
         of_steps: &[Vec<f64>],
         is_wanted: bool,
     ) -> Result<Vec<f64>, StepError> {
-        self.pieces[piece].pull(&mut self.terms, cotangent, of_steps, is_wanted)
+        let terms = &mut self.terms;
+        match &self.pieces[piece] {
+            Piece::Series(piece) => piece.pull(terms, cotangent, of_steps, is_wanted),
+            Piece::Shears(piece) => piece.pull(terms, cotangent, of_steps, is_wanted),
+        }
     }
 }
 

@@ -12,6 +12,7 @@ use crate::method::driven::choice::{Form, Window};
 use crate::method::driven::fit::{Fit, NodeMap, by_nodes};
 use crate::method::driven::terms::Terms;
 use crate::method::observe::dot;
+use crate::problem::Update;
 use liouville_base::error::StepError;
 use liouville_base::linalg::add_scaled;
 
@@ -215,14 +216,31 @@ impl SeriesPiece {
                 Form::Bessel => 2.0 / window.beta,
             };
             times_i(scale, next, &mut r);
-            add_scaled(now, -window.sigma, &r);
             for (k, own) in powers.iter_mut().enumerate() {
-                terms.multiply_by(k, 0.0, &mut r, own.begin(window, m))?;
+                let diagonal = if k == 0 { -window.sigma } else { 0.0 };
+                if degree_of(k) == 0 && !may_change(k) {
+                    let factor = fit.weights[k];
+                    let update = Update {
+                        keep: 1.0,
+                        factor,
+                        diagonal,
+                    };
+                    terms.multiply_by(k, update, &mut r, now)?;
+                    continue;
+                }
+                let set = Update {
+                    keep: 0.0,
+                    ..Update::added(1.0)
+                };
+                terms.multiply_by(k, set, &mut r, own.begin(window, m))?;
+                add_scaled(now, diagonal, &r);
                 for l in 0..=degree_of(k) {
-                    let u = own.power(form, l);
-                    add_scaled(now, fit.weights[l * groups + k], u);
-                    if let Some(c) = kept.get(m) {
-                        weights[l * groups + k] += dot(u, c);
+                    let (u, weight) = (own.power(form, l), fit.weights[l * groups + k]);
+                    if weight != 0.0 {
+                        add_scaled(now, weight, u);
+                    }
+                    if may_change(k) {
+                        weights[l * groups + k] += dot(u, &kept[m]);
                     }
                 }
             }

@@ -9,7 +9,7 @@ pub(super) mod factors;
 pub(super) mod fit;
 pub(super) mod terms;
 
-use super::derivative::{Output, SeriesPiece, copied};
+use super::derivative::{Output, Piece, SeriesPiece, copied};
 use super::observe::dot;
 use super::sweep::{Outputs, TermBlock};
 use super::{Sweeper, Wave, guard, squares};
@@ -228,7 +228,7 @@ impl DrivenSeries {
             s: factors.s,
             factors: (0..count).map(|n| factors.of(window, n)).collect(),
         };
-        recorder.add(SeriesPiece {
+        recorder.add(Piece::Series(SeriesPiece {
             start: copied(&self.start.parts, 0)?,
             phase: self.start.phase,
             window: *window,
@@ -238,7 +238,7 @@ impl DrivenSeries {
             outputs: self.factors.iter().map(output).collect(),
             steps: self.factors.len() - 1,
             is_by_terms: false,
-        })
+        }))
     }
 
     /// Finds the outputs of a window, no more than there may be, and its end.

@@ -60,6 +60,11 @@ impl Terms {
         &mut self.groups[0]
     }
 
+    /// Number of groups.
+    pub(in crate::method) fn groups(&self) -> usize {
+        self.groups.len()
+    }
+
     /// Begins with a state.
     pub(in crate::method) fn begin(&mut self, window: &Window, degree: usize, start: &[f64]) {
         let size = start.len();
@@ -160,8 +165,11 @@ impl Terms {
             if let Some((terms, fit)) = other {
                 terms.add_powers(window, fit, k, &mut sum);
             }
-            let keep = if k == 0 { 0.0 } else { 1.0 };
-            let made = self.multiply_by(k, keep, &mut sum, &mut product);
+            let update = Update {
+                keep: if k == 0 { 0.0 } else { 1.0 },
+                ..Update::added(1.0)
+            };
+            let made = self.multiply_by(k, update, &mut sum, &mut product);
             self.sum = sum;
             made?;
         }
@@ -197,22 +205,17 @@ impl Terms {
         }
     }
 
-    /// Sets `out` to `keep` times itself and the product of the group k with `x`.
+    /// Updates `out` by the product of the group k with `x`, which is left as it is.
     ///
     /// # Errors
     /// The product failed, or the run was cancelled.
     pub(in crate::method) fn multiply_by(
         &mut self,
         k: usize,
-        keep: f64,
+        update: Update,
         x: &mut [f64],
         out: &mut [f64],
     ) -> Result<(), StepError> {
-        let update = Update {
-            keep,
-            factor: 1.0,
-            diagonal: 0.0,
-        };
         let step = [Move::new(true, update)];
         let size = self.groups[k].hamiltonian().size();
         for (x, out) in x.chunks_mut(size).zip(out.chunks_mut(size)) {

@@ -1,0 +1,200 @@
+//! The derivatives of shears by a real H, q ← q + a (H − σ) p and p ← p − a (H − σ) q: the transpose of a shear is one of
+//! the other kind.
+//!
+//!     q ← q + a (H − σ) p:   cotangent of w_k += a q̄·B_k p,   p̄ ← p̄ + a (H − σ) q̄
+//!     p ← p − a (H − σ) q:   cotangent of w_k −= a p̄·B_k q,   q̄ ← q̄ − a (H − σ) p̄
+//!
+//! A shear is undone by that of −a, so that no state between is kept.
+
+use super::turn;
+use crate::method::driven::fit::NodeMap;
+use crate::method::driven::terms::Terms;
+use crate::method::observe::dot;
+use crate::problem::Update;
+use liouville_base::error::StepError;
+use liouville_base::linalg::add_scaled;
+
+/// Steps of shears as they were made: the same ones in each step.
+pub(in crate::method) struct ShearsPiece {
+    /// Whether p is updated, not q, and a.
+    pub(in crate::method) shears: Vec<(bool, f64)>,
+    /// How many times.
+    pub(in crate::method) repeats: usize,
+    pub(in crate::method) shift: f64,
+    /// Angles by which ψ is turned before and after them.
+    pub(in crate::method) angles: (f64, f64),
+    /// The parts before and after them, where H may change.
+    pub(in crate::method) ends: [Vec<f64>; 2],
+    /// Of all terms, or of groups of them.
+    pub(in crate::method) weights: Vec<f64>,
+    pub(in crate::method) potential: Vec<f64>,
+    /// Times, and the weights by those of H there.
+    pub(in crate::method) nodes: Vec<f64>,
+    pub(in crate::method) map: NodeMap,
+    pub(in crate::method) steps: usize,
+}
+
+/// Adds a (Σ w_k B_k x + V x − σ x) to `out`.
+fn add_product(
+    terms: &mut Terms,
+    (weights, potential, shift): (&[f64], &[f64], f64),
+    a: f64,
+    (out, x): (&mut [f64], &mut [f64]),
+) -> Result<(), StepError> {
+    for (k, weight) in weights.iter().enumerate() {
+        let update = Update {
+            keep: 1.0,
+            factor: a * weight,
+            diagonal: if k == 0 { -a * shift } else { 0.0 },
+        };
+        terms.multiply_by(k, update, x, out)?;
+    }
+    for ((out, v), x) in out.iter_mut().zip(potential).zip(x) {
+        *out += a * v * *x;
+    }
+    Ok(())
+}
+
+/// The same, and calls `each` with the product B_k x of each group that may change: all but the first.
+fn add_products(
+    terms: &mut Terms,
+    (weights, potential, shift): (&[f64], &[f64], f64),
+    a: f64,
+    (out, x): (&mut [f64], &mut [f64]),
+    mut each: impl FnMut(usize, &[f64]),
+    part: &mut [f64],
+) -> Result<(), StepError> {
+    add_product(terms, (&weights[..1], potential, shift), a, (out, x))?;
+    for (k, weight) in weights.iter().enumerate().skip(1) {
+        let set = Update {
+            keep: 0.0,
+            ..Update::added(1.0)
+        };
+        terms.multiply_by(k, set, x, part)?;
+        each(k, part);
+        add_scaled(out, a * weight, part);
+    }
+    Ok(())
+}
+
+/// The part that a shear updates, and the other one.
+fn split(x: &mut [f64], into_second: bool) -> (&mut [f64], &mut [f64]) {
+    let (q, p) = x.split_at_mut(x.len() / 2);
+    if into_second { (p, q) } else { (q, p) }
+}
+
+/// The factor of the product in a shear.
+fn signed((into_second, a): (bool, f64)) -> f64 {
+    if into_second { -a } else { a }
+}
+
+impl ShearsPiece {
+    fn all(&self) -> impl DoubleEndedIterator<Item = (bool, f64)> {
+        (0..self.repeats).flat_map(|_| self.shears.iter().copied())
+    }
+
+    fn sum<'a>(&'a self, weights: &'a [f64]) -> (&'a [f64], &'a [f64], f64) {
+        (weights, &self.potential, self.shift)
+    }
+
+    /// See [`super::Derivative::repeat`].
+    pub(super) fn repeat(
+        &self,
+        terms: &mut Terms,
+        state: &mut [f64],
+        change: &[f64],
+    ) -> Result<Vec<Vec<f64>>, StepError> {
+        let mut weights = self.weights.clone();
+        if !change.is_empty() {
+            let change = self.map.apply(change, weights.len(), 0);
+            add_scaled(&mut weights, 1.0, &change);
+        }
+        turn(state, self.angles.0);
+        for shear in self.all() {
+            let parts = split(state, shear.0);
+            add_product(terms, self.sum(&weights), signed(shear), parts)?;
+        }
+        turn(state, self.angles.1);
+        Ok(vec![state.to_vec(); self.steps])
+    }
+
+    /// See [`super::Derivative::follow`].
+    pub(super) fn follow(
+        &self,
+        terms: &mut Terms,
+        changes: &mut [Vec<f64>],
+        of_nodes: &[Vec<f64>],
+    ) -> Result<Vec<Vec<f64>>, StepError> {
+        let width = self.weights.len();
+        let of = |values: &Vec<f64>| {
+            let is_given = !values.is_empty();
+            is_given.then(|| self.map.apply(values, width, 0))
+        };
+        let moved: Vec<Option<Vec<f64>>> = of_nodes.iter().map(of).collect();
+        let is_moved = moved.iter().any(Option::is_some);
+        let mut state = self.ends[0].clone();
+        let mut part = vec![0.0; state.len() / 2];
+        for change in &mut *changes {
+            turn(change, self.angles.0);
+        }
+        for shear in self.all() {
+            let a = signed(shear);
+            for change in &mut *changes {
+                add_product(terms, self.sum(&self.weights), a, split(change, shear.0))?;
+            }
+            if is_moved {
+                let parts = split(&mut state, shear.0);
+                let each = |k: usize, part: &[f64]| {
+                    for (change, moved) in changes.iter_mut().zip(&moved) {
+                        if let Some(moved) = moved {
+                            add_scaled(split(change, shear.0).0, a * moved[k], part);
+                        }
+                    }
+                };
+                let sum = self.sum(&self.weights);
+                add_products(terms, sum, a, parts, each, &mut part)?;
+            }
+        }
+        for change in &mut *changes {
+            turn(change, self.angles.1);
+        }
+        Ok(if self.steps > 0 {
+            changes.to_vec()
+        } else {
+            Vec::new()
+        })
+    }
+
+    /// See [`super::Derivative::pull`].
+    pub(super) fn pull(
+        &self,
+        terms: &mut Terms,
+        cotangent: &mut [f64],
+        of_steps: &[Vec<f64>],
+        is_wanted: bool,
+    ) -> Result<Vec<f64>, StepError> {
+        for x in of_steps {
+            add_scaled(cotangent, 1.0, x);
+        }
+        let mut state = self.ends[1].clone();
+        let mut found = vec![0.0; self.weights.len()];
+        let mut part = vec![0.0; cotangent.len() / 2];
+        turn(cotangent, -self.angles.1);
+        for shear in self.all().rev() {
+            let a = signed(shear);
+            let (sum, (now, other)) = (self.sum(&self.weights), split(cotangent, shear.0));
+            if is_wanted {
+                let parts = split(&mut state, shear.0);
+                let each = |k: usize, part: &[f64]| found[k] += a * dot(now, part);
+                add_products(terms, sum, -a, parts, each, &mut part)?;
+            }
+            add_product(terms, sum, a, (other, now))?;
+        }
+        turn(cotangent, -self.angles.0);
+        Ok(if is_wanted {
+            self.map.transposed(&found, found.len(), 0)
+        } else {
+            Vec::new()
+        })
+    }
+}
