@@ -364,7 +364,6 @@ def test_members_pickles_and_parts_have_the_bits_of_a_run():
     ({"tangents": {"t1": 1.0}, "steps": None, "rtol": 1e-6}, "where steps are controlled"),
     ({"method": lv.HHT()}, "has no tangents yet"),
     ({"method": lv.Spark(2, newton_tol=1e-6)}, "leave newton_tol out"),
-    ({"events": {"low": lambda t, q, v, lam, params: q[0]}}, "tangents go without events="),
     ({"store": "nowhere.zarr"}, "tangents go without store="),
     ({"states": False}, "leave out states=False"),
 ])  # fmt: skip

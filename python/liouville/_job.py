@@ -15,9 +15,16 @@ Array = np.ndarray
 #: its event, where that is a function of time and coordinates alone.
 Reset = tuple[_core.Tape, bool, _core.Tape | None]
 
+#: A derivative along a direction, and its transpose.
+Pair = tuple[_core.Tape, _core.Tape]
+
+#: The derivatives of an event: its gradient, and those of its reset and of the impulses after it.
+Slopes = tuple[_core.Tape, Pair | None, Pair | None]
+
 #: An event as it crosses the border: its tape, its direction, how many end the run, whether it
-#: needs multipliers, its reset, and whether it is no event but a switch.
-Event = tuple[_core.Tape, int, int, bool, Reset | None, bool]
+#: needs multipliers, its reset, whether it is no event but a switch, and its derivatives where they
+#: are wanted.
+Event = tuple[_core.Tape, int, int, bool, Reset | None, bool, Slopes | None]
 
 
 @dataclass(kw_only=True, eq=False, slots=True)

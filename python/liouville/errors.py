@@ -131,6 +131,8 @@ def _described(
             return _outside(coordinates[error["index"]])
         case "reset":
             return _reset(error, constraints)
+        case "no derivative":
+            return _no_derivative(error)
         case "redundant":
             return _redundant([constraints[k] for k in error["constraints"]])
         case "contradiction":
@@ -206,6 +208,23 @@ def _reset(error: dict[str, Any], constraints: Sequence[str]) -> Description:
         f"{error['quantity']} '{name}' stays at {error['value']:.1e}",
         "return states near to the constraints, onto which they are moved by the least change",
         name,
+    )
+
+
+def _no_derivative(error: dict[str, Any]) -> Description:
+    event, t = error["event"], error["t"]
+    if error["is_grazing"]:
+        return (
+            f"event '{event}' is touched and not crossed at t = {t:.6g}, where its time has no "
+            "derivative",
+            "a small change of the motion makes it two events or none: start elsewhere",
+            event,
+        )
+    return (
+        f"the reset of event '{event}' at t = {t:.6g} leads beside the constraints, and what moves "
+        "it back has no derivative",
+        "return positions on the constraints",
+        event,
     )
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -11,11 +11,12 @@ from numpy.typing import ArrayLike
 
 from liouville.control import Control
 from liouville.errors import IntegrationError, hinted
+from liouville.events import Event
 from liouville.integrate import integrate
 from liouville.methods import Method
 from liouville.progress import Progress
 from liouville.runners import Request, runner_of
-from liouville.runners.adjoint import Adjoint, Gradients
+from liouville.runners.adjoint import EVENTS, Adjoint, Gradients
 from liouville.runners.execute import execute
 from liouville.solution import Solution
 from liouville.systems import Mechanics, Schrodinger
@@ -29,7 +30,8 @@ class Pullback:
 
     It is called with cotangents by the names of the states, ``q``, ``v`` and ``lam`` of a
     Lagrangian: the derivatives of some scalar by these arrays of the solution, of the same shapes.
-    It returns the derivatives of that scalar by everything in `wrt`.
+    It returns the derivatives of that scalar by everything in `wrt`. Those by times of events and
+    by the states there are ``events={"name": {"t": ..., "q": ...}}``.
 
     The states between are made again from checkpoints, about the square root of the number of
     steps of them, so a call takes one more run, and as much again and somewhat more for the
@@ -58,14 +60,14 @@ class Pullback:
     @property
     def states(self) -> tuple[str, ...]:
         """The states that have cotangents."""
-        return tuple(self._shapes)
+        return tuple(name for name in self._shapes if not name.startswith(EVENTS))
 
     def __repr__(self) -> str:
         """Name what it takes and what it gives."""
         return f"<Pullback of {', '.join(self._shapes)} to {', '.join(self.wrt)}>"
 
-    def __call__(self, **cotangents: ArrayLike) -> Gradients:
-        """Pull cotangents of the states back; see :class:`Pullback`.
+    def __call__(self, **cotangents: Any) -> Gradients:
+        """Pull cotangents of the states back, and of events; see :class:`Pullback`.
 
         Raises
         ------
@@ -74,7 +76,13 @@ class Pullback:
         IntegrationError
             A step cannot be differentiated.
         """
-        return self.adjoint.pulled(self._solution, self._checked(cotangents))
+        events = cotangents.pop("events", {})
+        given = [events, *events.values()] if isinstance(events, Mapping) else [None]
+        if not all(isinstance(x, Mapping) for x in given):
+            hint = 'write events={"name": {"t": ...}}'
+            raise TypeError(hinted("cotangents of events are mappings of their states", hint))
+        of_events = {f"{EVENTS}{e}.{x}": y for e, own in events.items() for x, y in own.items()}
+        return self.adjoint.pulled(self._solution, self._checked(cotangents | of_events))
 
     def _checked(self, cotangents: Mapping[str, ArrayLike]) -> dict[str, np.ndarray]:
         """Return cotangents of all states, zero where none is given."""
@@ -113,6 +121,7 @@ def vjp(
     control: Control | None = None,
     every: int = 1,
     t_eval: ArrayLike | None = None,
+    events: Mapping[str, Event | Callable[..., Any]] | None = None,
     params: Mapping[str, ArrayLike] | None = None,
     progress: Progress = None,
     **start: ArrayLike,
@@ -124,7 +133,7 @@ def vjp(
 
     Parameters
     ----------
-    system, method, t, h, steps, rtol, atol, control, every, t_eval, params, progress
+    system, method, t, h, steps, rtol, atol, control, every, t_eval, events, params, progress
         As for :func:`integrate`: a mechanical system without nonholonomic constraints, by
         ``Spark``, ``LobattoPair`` or a composition of them, whose controlled steps are held, as are
         the times in `t_eval`; or a Schrödinger equation by ``"auto"``, ``Chebyshev``, ``Magnus``,
@@ -168,7 +177,7 @@ def vjp(
     """
     request = Request(
         t=t, h=h, steps=steps, rtol=rtol, atol=atol, control=control, every=every, t_eval=t_eval,
-        params=params, start=start, has_pullback=True,
+        events=events, params=params, start=start, has_pullback=True,
     )  # fmt: skip
     adjoint = runner_of(system, method, request).adjoint(request, wrt)
     solution = execute(adjoint.runner, progress, adjoint.checkpoints)

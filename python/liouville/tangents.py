@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
-from typing import Any
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
+
+if TYPE_CHECKING:
+    from liouville.points import Points
 
 Array = NDArray[np.float64]
 
@@ -23,9 +26,13 @@ class Tangent:
         (k, n), and ``lam`` of shape (k, m). Of d directions at once they have these as the axis
         before the last, as in (k, d, n), and in an ensemble of P members these as their second:
         (k, P, d, n). There is no ``lam`` where constraints of a structure are redundant.
+    events : dict of str to Points
+        Derivatives of the times of events, ``tangent.events["name"].t`` of shape (k,) or (k, d),
+        and of the states there, by the names that ``solution.events`` has.
     """
 
     states: dict[str, Array]
+    events: dict[str, Points] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         """Make the arrays read-only."""
@@ -55,4 +62,4 @@ class Tangent:
 
     def each(self, change: Callable[[dict[str, Array]], dict[str, Array]]) -> Tangent:
         """Return the same with other arrays."""
-        return Tangent(change(self.states))
+        return Tangent(change(self.states), self.events)

@@ -112,6 +112,13 @@ pub enum StepError {
         /// The constraint that is missed, and by how much; none where the constraints hold what an impact is to move.
         missed: Option<(Quantity, usize, f64)>,
     },
+    #[error("event {event} at t = {t} has no derivative")]
+    Undifferentiable {
+        event: usize,
+        t: f64,
+        /// Whether the motion touches it without crossing it; otherwise its reset leaves the constraints.
+        is_grazing: bool,
+    },
     #[error("interrupted")]
     Interrupted,
     #[error("there is no memory for more records")]

@@ -3,7 +3,7 @@
 use super::sensitivity::SensitivityModel;
 use super::{Acceleration, Carried, KnotCotangents, Model, Saddle, State, model::finite};
 use liouville_base::error::{Quantity, StepError};
-use liouville_base::linalg::Pattern;
+use liouville_base::linalg::{Pattern, add_scaled, dot};
 
 /// Derivatives of a function of a run: by the state at a point, and by all else from there on.
 #[derive(Clone, Debug, PartialEq)]
@@ -31,13 +31,25 @@ impl Cotangents {
             stretch: 0.0,
         }
     }
+
+    /// Adds so many times others.
+    pub fn add_scaled(&mut self, factor: f64, other: &Self) {
+        let own = [&mut self.y, &mut self.z, &mut self.p, &mut self.tau];
+        let others = [&other.y, &other.z, &other.p, &other.tau];
+        for (own, other) in own.into_iter().zip(others) {
+            add_scaled(own, factor, other);
+        }
+        self.stretch += factor * other.stretch;
+    }
 }
 
 /// What is observed of a point, transposed: y, z and the multipliers of the accelerations there.
 #[derive(Clone, Debug)]
 pub struct PointAdjoint {
-    model: Model,
-    sensitivity: SensitivityModel,
+    /// The model.
+    pub model: Model,
+    /// Its derivatives by time and parameters.
+    pub sensitivity: SensitivityModel,
     acceleration: Acceleration,
     matrix: Saddle,
     a: Vec<f64>,
@@ -147,6 +159,22 @@ impl PointAdjoint {
             subtract(&at.rate[k], rate[k], &self.b, out);
         }
         Ok(())
+    }
+
+    /// The derivative along the motion at a point of a function with these cotangents of (y, z, t) there.
+    ///
+    /// # Errors
+    /// As [`PointAdjoint::observe`].
+    pub fn rate(
+        &mut self,
+        (t, point): (f64, &impl Carried),
+        of: &Cotangents,
+    ) -> Result<f64, StepError> {
+        let (y, z) = (point.y(), point.z());
+        self.acceleration.solve(&mut self.model, t, y, z)?;
+        let v = self.model.end(t, y, z)[2];
+        let v = if v.is_empty() { z } else { v };
+        Ok(of.tau[0] + dot(&of.y, v) + dot(&of.z, &self.acceleration.z_dot))
     }
 
     /// Takes cotangents of p at the start of a run to y, z and τ there.

@@ -198,6 +198,14 @@ impl SensitivityModel {
         self.node.at(&self.problem.node, times, [y, lam], sizes)
     }
 
+    /// g_τ, r_τ at one point (t, y, λ).
+    pub fn node(&mut self, t: f64, y: &[f64], lam: &[f64]) -> Parts<'_, 2> {
+        let at = &self.problem.patterns;
+        let sizes = [at.g_tau.len(), at.r_tau.len()];
+        let args: [&[f64]; 3] = [&[t], y, lam];
+        cut(self.problem.node.eval(&mut self.node.one, args), sizes)
+    }
+
     /// w_y, w_τ at (t, y, z).
     pub fn hidden(&mut self, t: f64, y: &[f64], z: &[f64]) -> Parts<'_, 2> {
         let at = &self.problem.patterns;

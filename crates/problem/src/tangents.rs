@@ -1,7 +1,9 @@
 //! Tangents of a motion: the derivatives of its states in some directions, carried with them and recorded.
 
 use super::sensitivity::SensitivityModel;
-use super::{Carried, Model, Observer, Saddle, State, model::finite};
+use super::{
+    Carried, Impulse, Jump, Model, Observer, Refused, Restart, Saddle, State, model::finite,
+};
 use liouville_base::checkpoint::{Checkpoint, CheckpointMismatch, Numbers};
 use liouville_base::error::{Quantity, StepError};
 use liouville_base::linalg::{Matrix, Pattern};
@@ -66,6 +68,19 @@ impl Carried for TangentState {
     }
 }
 
+impl Restart<TangentState> for Impulse {
+    fn restart(
+        &mut self,
+        t: f64,
+        before: &TangentState,
+        jump: Jump<'_>,
+        state: &mut TangentState,
+    ) -> Result<(), Refused> {
+        // tangents are those of an event's reset
+        self.restart(t, &before.motion, jump, &mut state.motion)
+    }
+}
+
 /// Tangents of a point: of coordinates, of z and of its time, a row for each direction.
 #[derive(Clone, Copy, Debug)]
 pub struct TangentView<'a> {
@@ -105,16 +120,19 @@ impl Directions {
 
 /// The tangents of z' and λ, which solve the equations of accelerations at a point.
 #[derive(Clone, Debug)]
-pub(super) struct AccelerationTangents {
-    pub(super) model: Model,
-    pub(super) sensitivity: SensitivityModel,
+pub struct AccelerationTangents {
+    /// The model.
+    pub model: Model,
+    /// Its derivatives by time and parameters.
+    pub sensitivity: SensitivityModel,
     matrix: Saddle,
     a: Vec<f64>,
     b: Vec<f64>,
 }
 
 impl AccelerationTangents {
-    pub(super) fn new(model: Model, sensitivity: SensitivityModel) -> Self {
+    /// Memory for this model.
+    pub fn new(model: Model, sensitivity: SensitivityModel) -> Self {
         Self {
             matrix: Saddle::new(&model),
             a: vec![0.0; model.problem.n],
@@ -125,7 +143,10 @@ impl AccelerationTangents {
     }
 
     /// Solves for the tangents of z' and λ at (t, y, z, z', λ), and gives them to `take` in one direction after another.
-    pub(super) fn solve(
+    ///
+    /// # Errors
+    /// A derivative that is not finite, or a singular matrix.
+    pub fn solve(
         &mut self,
         (t, [y, z, z_dot, lam]): (f64, [&[f64]; 4]),
         (of, directions): (TangentView<'_>, &mut Directions),

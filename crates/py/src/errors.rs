@@ -23,6 +23,31 @@ fn of_member(
     dict.set_item("t", t)
 }
 
+/// The parts of an error at an event, and its kind.
+fn of_event(dict: &Bound<'_, PyDict>, error: &StepError) -> PyResult<&'static str> {
+    match error {
+        StepError::Reset { event, t, missed } => {
+            dict.set_item("event", event)?;
+            dict.set_item("t", t)?;
+            missed
+                .as_ref()
+                .map_or(Ok(()), |missed| of_reset(dict, missed))?;
+            Ok("reset")
+        }
+        StepError::Undifferentiable {
+            event,
+            t,
+            is_grazing,
+        } => {
+            dict.set_item("event", event)?;
+            dict.set_item("t", t)?;
+            dict.set_item("is_grazing", is_grazing)?;
+            Ok("no derivative")
+        }
+        _ => Ok(""),
+    }
+}
+
 /// What a reset has missed, and by how much.
 fn of_reset(dict: &Bound<'_, PyDict>, missed: &(Quantity, usize, f64)) -> PyResult<()> {
     let (quantity, index, value) = missed;
@@ -115,14 +140,7 @@ pub(crate) fn error<'py>(py: Python<'py>, error: &StepError) -> PyResult<Bound<'
             dict.set_item("t", t)?;
             "spectrum"
         }
-        StepError::Reset { event, t, missed } => {
-            dict.set_item("event", event)?;
-            dict.set_item("t", t)?;
-            missed
-                .as_ref()
-                .map_or(Ok(()), |missed| of_reset(&dict, missed))?;
-            "reset"
-        }
+        StepError::Reset { .. } | StepError::Undifferentiable { .. } => of_event(&dict, error)?,
         StepError::Interrupted => "interrupted",
         StepError::NoMemory => "no memory",
         StepError::Member { member, error } => {

@@ -9,7 +9,7 @@ use liouville_base::method::Tolerance;
 use liouville_base::run::{Advance, Span, StartError};
 use liouville_base::tableau;
 use liouville_base::tape::Tape;
-use liouville_mechanics::events::Law;
+use liouville_mechanics::events::{EventSlopes, Law};
 use liouville_mechanics::run::{
     self, Control, Detection, EventFunction, Method, Problem, SparkMethod, Tangents,
 };
@@ -131,8 +131,8 @@ impl ControlOf<'_> {
 /// Order of the method, times to record at or None, and events.
 type Watch<'py> = (usize, Option<PyReadonlyArray1<'py, f64>>, Vec<EventOf<'py>>);
 
-/// An event: tape, direction, how many end the run or 0, whether it needs lam, its reset or None, and whether it is a
-/// switch.
+/// An event: tape, direction, how many end the run or 0, whether it needs lam, its reset or None, whether it is a switch,
+/// and its derivatives or None.
 type EventOf<'py> = (
     PyRef<'py, convert::Tape>,
     i8,
@@ -140,7 +140,26 @@ type EventOf<'py> = (
     bool,
     Option<ResetOf<'py>>,
     bool,
+    Option<SlopesOf<'py>>,
 );
+
+/// Derivatives of an event: its gradient, and of its reset and of impulses the derivative with its transpose, or None.
+type SlopesOf<'py> = (
+    PyRef<'py, convert::Tape>,
+    Option<Pair<'py>>,
+    Option<Pair<'py>>,
+);
+type Pair<'py> = (PyRef<'py, convert::Tape>, PyRef<'py, convert::Tape>);
+
+fn slopes((event, reset, impulse): &SlopesOf<'_>) -> EventSlopes {
+    let copied = |tape: &PyRef<'_, convert::Tape>| Tape::clone(&tape.0);
+    let pair = |(push, pull): &Pair<'_>| [copied(push), copied(pull)];
+    EventSlopes {
+        event: copied(event),
+        reset: reset.as_ref().map(pair),
+        impulse: impulse.as_ref().map(pair),
+    }
+}
 
 /// A reset: its tape, whether it is an impact, and the tape of the event's rate or None.
 type ResetOf<'py> = (
@@ -153,20 +172,20 @@ fn detection((order, times, events): &Watch<'_>) -> PyResult<Detection> {
     let times = times.as_ref().map(|x| x.as_slice().map(<[f64]>::to_vec));
     let copied = |tape: &PyRef<'_, convert::Tape>| Tape::clone(&tape.0);
     let events = events.iter();
-    let events =
-        events.map(
-            |(tape, direction, terminal, needs_lam, reset, is_switch)| EventFunction {
-                tape: copied(tape),
-                direction: *direction,
-                terminal: *terminal,
-                needs_lam: *needs_lam,
-                reset: reset.as_ref().map(|(tape, is_impact, rate)| {
-                    let law = if *is_impact { Law::Impact } else { Law::State };
-                    (law(copied(tape)), rate.as_ref().map(copied))
-                }),
-                is_switch: *is_switch,
-            },
-        );
+    let events = events.map(
+        |(tape, direction, terminal, needs_lam, reset, is_switch, derivatives)| EventFunction {
+            tape: copied(tape),
+            direction: *direction,
+            terminal: *terminal,
+            needs_lam: *needs_lam,
+            reset: reset.as_ref().map(|(tape, is_impact, rate)| {
+                let law = if *is_impact { Law::Impact } else { Law::State };
+                (law(copied(tape)), rate.as_ref().map(copied))
+            }),
+            is_switch: *is_switch,
+            slopes: derivatives.as_ref().map(slopes),
+        },
+    );
     Ok(Detection {
         order: *order,
         times: times.transpose()?,

@@ -49,6 +49,21 @@ impl Pullback {
         }
     }
 
+    /// Takes cotangents of each kind of event, rows of t, y, z and lam, and of y, z and lam after a reset.
+    fn give_events(&mut self, rows: Vec<PyReadonlyArray2<'_, f64>>) -> PyResult<()> {
+        let each = rows.iter().map(|rows| {
+            let (count, width) = (rows.shape()[0], rows.shape()[1]);
+            if ![1 + self.width, 1 + 2 * self.width].contains(&width) {
+                return Err(refused("cotangents of events are rows of (t, y, z, lam)"));
+            }
+            let values = rows.as_slice()?;
+            Ok(Matrix::from_fn(count, width, |i, j| values[i * width + j]))
+        });
+        let rows = each.collect::<PyResult<_>>()?;
+        self.inner.give_events(rows);
+        Ok(())
+    }
+
     /// Follows the steps from a saved state up to the step `last` back; rows are cotangents of (y, z, lam) at the ends
     /// of the steps `kept`. Returns None, or the error.
     fn follow<'py>(

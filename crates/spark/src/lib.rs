@@ -42,7 +42,7 @@ use liouville_small::Small;
 use node_schur::NodeSchur;
 use predictor::Predictor;
 use stages::{Stages, Unknowns};
-pub use tangent::{SharedRecords, SparkAdjoint, SparkRecorder, SparkTangents};
+pub use tangent::{SharedRecords, SparkAdjoint, SparkRecorder, SparkTangents, StepRecord};
 use update::Update;
 
 /// How the stage equations are solved; all ways lead to the same solution, to roundoff.

@@ -12,6 +12,9 @@ from liouville.runners.execute import Checkpoints
 from liouville.runners.runner import Runner
 from liouville.solution import Solution
 
+#: The prefix of cotangents of events, among those of states.
+EVENTS = "events."
+
 #: Gradients by name, each of the shape of what it is by.
 Gradients = dict[str, Any]
 

@@ -61,6 +61,7 @@ class MechanicalRunner(TracedRunner):
         by_rtol = self._control == "error" and request.control is None
         self._is_reversible = by_rtol and not self._is_general and system.is_conservative
         self._is_rattle = isinstance(self._problem, _core.Separable)
+        self._moved_events: dict[str, np.ndarray] = {}
         self._directions = None if request.tangents is None else self._directed(request)
 
     def _directed(self, request: Request) -> MechanicalDirections:
@@ -74,6 +75,16 @@ class MechanicalRunner(TracedRunner):
         self._check_sizes(request)
         return found
 
+    def _refuse_resets(self) -> None:
+        """Refuse derivatives of what depends on the reactions of redundant constraints."""
+        if not self._is_differentiated or self._watched is None:
+            return
+        for name, own in zip(self._watch.events, self._watched[2], strict=False):
+            if own[3] or own[4] is not None:
+                sentence = f"event '{name}' has no derivatives, where some constraints imply others"
+                hint = "leave redundant constraints out"
+                raise ValueError(hinted(sentence, hint))
+
     def _leave_out(self) -> None:
         """Take the system without constraints that the others imply, if there are any."""
         y, z = (x if x.ndim == 1 else x[0] for x in self._begin[:2])
@@ -81,6 +92,7 @@ class MechanicalRunner(TracedRunner):
         self._stepped = self.system.stepped(*point)
         if self._stepped is self.system:
             return
+        self._refuse_resets()
         kept = self._stepped.constraints
         left = [k for k, name in enumerate(self.constraints) if name not in kept]
         self._left_out = tuple(left)
@@ -111,7 +123,18 @@ class MechanicalRunner(TracedRunner):
             params = self._rows if self.members else self._values
             motion = (self.steps.t0, t, parts[states[0]], parts[states[1]], parts["lam"])
             rows = own.shared(self._stepped, motion, params, rows, self.times is not None)
-        return own.read(states, rows, *sizes)
+        return own.read(states, rows, *sizes, self._moved_events)
+
+    def events(self, run: _core.Run) -> tuple[dict[str, Points], dict[int, str]]:
+        """Return the events met, by name, and a sentence on each that ended a run, by member."""
+        if self._directions is None or self._watched is None:
+            return super().events(run)
+        wide = 1 + 2 * len(self.system.coordinates) + self.multipliers
+        more = self._directions.count * wide
+        found, said, self._moved_events = self._watch.events_of(
+            run, self.system, self._values, more
+        )
+        return found, said
 
     def adjoint(self, request: Request, wrt: Any) -> Adjoint:
         """Return the transposed derivative of the run by what `wrt` names, before it begins."""

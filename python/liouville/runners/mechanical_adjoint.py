@@ -10,7 +10,8 @@ import numpy as np
 
 from liouville import _core
 from liouville.errors import IntegrationError, hinted
-from liouville.runners.adjoint import Adjoint, Gradients
+from liouville.events import AFTER
+from liouville.runners.adjoint import EVENTS, Adjoint, Gradients
 from liouville.runners.execute import Checkpoints, execute
 from liouville.runners.mechanical import MechanicalRunner
 from liouville.runners.runner import Request
@@ -35,20 +36,28 @@ class MechanicalAdjoint(Adjoint):
         names: tuple[str, ...] = (*runner.system.states, "lam")
         if runner.multipliers != len(runner.constraints) and not runner.shares_multipliers:
             names = names[:2]
-        return {name: solution.states[name].shape for name in names}
+        found = {name: solution.states[name].shape for name in names}
+        for event, points in solution.events.items():
+            found[f"{EVENTS}{event}.t"] = points.t.shape
+            alike = names if runner.multipliers == len(runner.constraints) else names[:2]
+            own = {f"{name}{end}" for name in alike for end in ("", AFTER)}
+            each = {name: x.shape for name, x in points.states.items() if name in own}
+            found |= {f"{EVENTS}{event}.{name}": shape for name, shape in each.items()}
+        return found
 
     def pulled(self, solution: Solution, cotangents: Mapping[str, np.ndarray]) -> Gradients:
         """Return gradients from cotangents of all states; see :class:`Adjoint`."""
         runner, checkpoints = self.runner, self.checkpoints
         assert checkpoints is not None
-        parts = [*cotangents.values()]
-        if len(parts) < 3:
-            parts.append(np.zeros((len(parts[0]), runner.multipliers)))
+        names = (*runner.system.states, "lam")
+        missing = np.zeros((len(cotangents[names[0]]), runner.multipliers))
+        parts = [cotangents.get(name, missing) for name in names]
         rows, steps = np.concatenate(parts, axis=1), int(solution.stats["steps"])
         longer, more = 0.0, np.zeros(0)
         if runner.shares_multipliers:
             rows, more, longer = runner.pulled_multipliers(solution, rows)
         core = _core.Pullback(*runner.pullback())
+        core.give_events(self._rows_of_events(solution, cotangents))
         kept = np.minimum(np.arange(len(rows)) * runner.every, steps)
         if runner.times is not None:
             # between steps, where the core takes them to the ends of these
@@ -67,6 +76,22 @@ class MechanicalAdjoint(Adjoint):
             of_tau = of_tau + more
         moved = runner.pulled_start((of_y, of_z, of_tau))
         return gradients_of(runner.system, runner.steps, moved, stretch + longer, self.wrt)
+
+    def _rows_of_events(
+        self, solution: Solution, cotangents: Mapping[str, np.ndarray]
+    ) -> list[np.ndarray]:
+        """Return cotangents of each kind of event: of t and the states on both sides of a reset."""
+        found = []
+        for event, points in solution.events.items():
+            own = {x.removeprefix(f"{EVENTS}{event}."): y for x, y in cotangents.items()}
+            parts = [own["t"][:, None]]
+            missing = np.zeros((len(points), self.runner.multipliers))
+            ends = ("", AFTER) if f"{self.runner.system.states[0]}{AFTER}" in own else ("",)
+            for end in ends:
+                parts += [own[f"{name}{end}"] for name in self.runner.system.states]
+                parts.append(own.get(f"lam{end}", missing))
+            found.append(np.ascontiguousarray(np.concatenate(parts, axis=1)))
+        return found
 
     def _error(self, error: dict[str, Any]) -> IntegrationError:
         sentence, hint, quantity = self.runner.describe(error)

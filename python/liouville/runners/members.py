@@ -35,7 +35,7 @@ class Members(TracedRunner):
         """Return the events met, of one member after another, and what ended which runs."""
         if self._watched is None:
             return {}, {}
-        return self._watch.events_of(run, self.system, np.atleast_2d(self._rows))
+        return self._watch.events_of(run, self.system, np.atleast_2d(self._rows))[:2]
 
     def _takes(self) -> Takes:
         return Takes(type(self.choice).__name__)

@@ -9,7 +9,9 @@ import numpy as np
 
 from liouville.control import Steps
 from liouville.errors import hinted, quoted
+from liouville.events import AFTER
 from liouville.methods import Composition, LobattoPair, Spark
+from liouville.points import Points
 from liouville.runners.runner import Request
 from liouville.systems import Field, Mechanics, Schrodinger
 from liouville.systems._multipliers import SharedMultipliers
@@ -29,7 +31,7 @@ Place = tuple[int, tuple[int, ...]]
 COVERED = (
     "tangents are those of a polynomial field by its start, and of a mechanical system without "
     "nonholonomic constraints, by Spark, LobattoPair or a Composition of them, and of a "
-    "Schrodinger equation, without events and store"
+    "Schrodinger equation, without store"
 )
 
 
@@ -44,8 +46,12 @@ def check_covered(system: Any, method: Any, request: Request) -> None:
     base = method.base if isinstance(method, Composition) else method
     if not isinstance(system, Mechanics | Field | Schrodinger):
         raise TypeError(hinted(f"a {type(system).__name__} has no tangents yet", COVERED))
-    without = {"events": request.events is not None, "store": request.is_stored}
-    without["t_eval"] = isinstance(system, Field) and request.t_eval is not None
+    is_field, events = isinstance(system, Field), request.events is not None
+    if events and request.is_ensemble:
+        sentence = "tangents of an ensemble go without events="
+        raise TypeError(hinted(sentence, "make a run of each member"))
+    without = {"events": is_field and events, "store": request.is_stored}
+    without["t_eval"] = is_field and request.t_eval is not None
     if given := [name for name, is_given in without.items() if is_given]:
         raise TypeError(hinted(f"tangents go without {given[0]}=", COVERED))
     if not request.states:
@@ -113,7 +119,7 @@ class Directions:
 
     def named(self, rows: np.ndarray, cuts: Mapping[str, slice]) -> dict[str, Tangent]:
         """Name the columns of tangents in records, cut into states."""
-        each = rows.reshape(*rows.shape[:-1], self.count, -1)
+        each = rows.reshape(*rows.shape[:-1], self.count, rows.shape[-1] // self.count)
         found, first = {}, 0
         for name, shape in self._shapes.items():
             last = first + int(np.prod(shape))
@@ -204,12 +210,35 @@ class MechanicalDirections(Directions):
             found[place][:, 2 * n :] = multipliers.pushed(along, own[:, 2 * n :])
         return found.reshape(*rows.shape[:-1], -1)
 
-    def read(self, states: tuple[str, str], rows: np.ndarray, n: int, m: int) -> dict[str, Tangent]:
-        """Name the columns of tangents in records; `m` is 0 where multipliers are not told."""
+    def read(
+        self,
+        states: tuple[str, str],
+        rows: np.ndarray,
+        n: int,
+        m: int,
+        events: Mapping[str, np.ndarray],
+    ) -> dict[str, Tangent]:
+        """Name the columns of tangents in records; `m` is 0 where multipliers are not told.
+
+        Of each event there are rows of time, states and multipliers, before a reset and after it.
+        """
         cuts = {states[0]: slice(n), states[1]: slice(n, 2 * n)}
         if rows.shape[-1] == self.count * (2 * n + m):
             cuts["lam"] = slice(2 * n, None)
-        return self.named(rows, cuts)
+        found = self.named(rows, cuts)
+        for event, sides in events.items():
+            width = sides.shape[-1] // self.count
+            wide = {"t": slice(1), states[0]: slice(1, 1 + n), states[1]: slice(1 + n, 1 + 2 * n)}
+            if width == 1 + 2 * n + m:
+                wide["lam"] = slice(1 + 2 * n, None)
+            ends = [self.named(sides[:, k], wide) for k in range(sides.shape[1])]
+            for name, tangent in found.items():
+                own = {f"{x}{end}": y for end, at in zip(("", AFTER), ends, strict=False)
+                       for x, y in at[name].states.items()}  # fmt: skip
+                t = own.pop("t")[..., 0]
+                own.pop(f"t{AFTER}", None)
+                tangent.events[event] = Points(t, own)
+        return found
 
 
 def _check_held(name: str, steps: Steps) -> None:

@@ -61,7 +61,8 @@ class TracedRunner(Runner):
         span = (self.steps.t0, self.steps.t1)
         self._watch = Watch(request.events, request.t_eval, span, self.every)
         switches = system.switch_tapes if self._sees_switches else {}
-        self._watched = self._watch.crossed(system, self._order, switches)
+        is_differentiated = request.tangents is not None or request.has_pullback
+        self._watched = self._watch.crossed(system, self._order, switches, is_differentiated)
         self._take(request)
         self.params = {**system.params, **(request.params or {})}
         self._states = request.states
@@ -129,7 +130,7 @@ class TracedRunner(Runner):
         """Return the events met, by name, and a sentence on each that ended a run, by member."""
         if self._watched is None:
             return {}, {}
-        return self._watch.events_of(run, self.system, self._values)
+        return self._watch.events_of(run, self.system, self._values)[:2]
 
     def _monitored(self, control: Reversible) -> tuple[_core.Tape, bool] | None:
         """Return the monitor that the steps follow, None for one that the core has."""
@@ -175,7 +176,7 @@ class TracedRunner(Runner):
         names = [*self._watch.events, *self.system.switch_tapes]
         if error.get("quantity") in ("event", "reset") and error["kind"] == "not finite":
             error["quantity"] += f" {names[error['index']]}"
-        if error["kind"] == "reset":
+        if error["kind"] in ("reset", "no derivative"):
             error["event"] = names[error["event"]]
         return system.describe(error)
 

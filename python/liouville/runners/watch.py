@@ -45,7 +45,11 @@ class Watch:
         return {"events": events, "times": self.times, "_resets": self._resets}
 
     def crossed(
-        self, system: Mechanics | SemiExplicit, order: int, switches: Mapping[str, _core.Tape]
+        self,
+        system: Mechanics | SemiExplicit,
+        order: int,
+        switches: Mapping[str, _core.Tape],
+        is_differentiated: bool = False,
     ) -> Crossed | None:
         """Return the watch for the core, if anything is looked at; switches come last."""
         if not self.events and not switches and self.times is None:
@@ -54,29 +58,40 @@ class Watch:
         for name, event in self.events.items():
             tape, needs_lam, reset = system.event(name, event)
             way, terminal = DIRECTIONS[event.direction], int(event.terminal)
-            events.append((tape, way, terminal, needs_lam, reset, False))
-        events += [(tape, 0, 0, False, None, True) for tape in switches.values()]
+            slopes = None
+            if is_differentiated and isinstance(system, Mechanics):
+                # imported here: few runs are differentiated
+                from liouville.systems._event_slopes import event_slopes
+
+                found = system.event_expressions(name, event)
+                is_impact = isinstance(event.reset, Impact)
+                slopes = event_slopes(system, f"event '{name}'", *found, is_impact)
+            events.append((tape, way, terminal, needs_lam, reset, False, slopes))
+        events += [(tape, 0, 0, False, None, True, None) for tape in switches.values()]
         return order, self.times, events
 
     def events_of(
-        self, run: _core.Run, system: Mechanics | SemiExplicit, params: np.ndarray
-    ) -> tuple[dict[str, Points], dict[int, str]]:
+        self, run: _core.Run, system: Mechanics | SemiExplicit, params: np.ndarray, more: int = 0
+    ) -> tuple[dict[str, Points], dict[int, str], dict[str, np.ndarray]]:
         """Return the events by name, and which of them ended the run of which member.
 
-        Of an ensemble, `params` has a row for each member, or one for all.
+        Of an ensemble, `params` has a row for each member, or one for all. Behind each state there
+        may be `more` numbers, which come last: at all events of a name, before and after.
         """
         found, ends = run.events()
-        points = {}
+        points, rest = {}, {}
         for name, (times, rows, members) in zip(self.events, found, strict=False):
             width = sum(len(names) for names in system.places.values())
-            sides = rows.reshape(times.size, 1 + (name in self._resets), width)
+            sides = rows.reshape(times.size, 1 + (name in self._resets), width + more)
+            sides, rest[name] = sides[..., :width], sides[..., width:]
             states: dict[str, np.ndarray] = {}
             for side, end in enumerate(("", AFTER)[: sides.shape[1]]):
                 at = _states_at(system, times, sides[:, side], params, members)
                 states |= {f"{state}{end}": x for state, x in at.items()}
             points[name] = Points(times, states | ({"member": members} if params.ndim > 1 else {}))
         names = [*self.events]
-        return points, {member: _said(names[which], t, limit) for which, t, limit, member in ends}
+        said = {member: _said(names[which], t, limit) for which, t, limit, member in ends}
+        return points, said, rest
 
 
 def _states_at(

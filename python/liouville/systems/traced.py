@@ -215,6 +215,22 @@ class TracedSystem(Pickled, ABC):
 
     def event(self, name: str, event: Event) -> EventTapes:
         """Record the functions of an event, and say whether it uses the multipliers."""
+        s, what = self._symbols, f"event '{name}'"
+        value, law = self.event_expressions(name, event)
+        lam = ca.SX(0, 1) if self._multipliers is None else self._multipliers
+        needs_lam = lam.numel() > 0 and ca.depends_on(value, lam)
+        inputs = s.inputs(z=s.z, lam=lam)
+        tape = record(what, inputs, value)
+        if event.reset is None:
+            return tape, needs_lam, None
+        rate = None
+        if not ca.depends_on(value, ca.vertcat(s.z, lam)):
+            rate = record(what, s.inputs(z=s.z), total_derivative(value, s, self._velocity))
+        reset = record(f"the reset of {what}", inputs, *law)
+        return tape, needs_lam, (reset, isinstance(event.reset, Impact), rate)
+
+    def event_expressions(self, name: str, event: Event) -> tuple[ca.SX, list[ca.SX]]:
+        """Return the function of an event, and its reset: of an impact restitution and gradient."""
         s, what, lam = self._symbols, f"event '{name}'", self._multipliers
         value = _trace.scalar(what, event.function, self._args_of_events)
         lam = ca.SX(0, 1) if lam is None else lam
@@ -226,22 +242,14 @@ class TracedSystem(Pickled, ABC):
                     f"{self.states[0]}[1] - params.height",
                 )
             )
-        needs_lam = lam.numel() > 0 and ca.depends_on(value, lam)
-        inputs = s.inputs(z=s.z, lam=lam)
-        tape = record(what, inputs, value)
         if event.reset is None:
-            return tape, needs_lam, None
-        rate = None
-        if not ca.depends_on(value, ca.vertcat(s.z, lam)):
-            rate = record(what, s.inputs(z=s.z), total_derivative(value, s, self._velocity))
+            return value, []
         if isinstance(event.reset, Impact):
-            law = self._impact(what, value, event.reset, has_rate=rate is not None)
-        else:
-            args = self._args_of_events
-            law = _trace.replaced(f"the reset of {what}", event.reset, args, self._replaceable)
-            law += [s.z] * (len(law) == 1)
-        reset = record(f"the reset of {what}", inputs, *law)
-        return tape, needs_lam, (reset, isinstance(event.reset, Impact), rate)
+            has_rate = not ca.depends_on(value, ca.vertcat(s.z, lam))
+            return value, self._impact(what, value, event.reset, has_rate=has_rate)
+        args = self._args_of_events
+        law = _trace.replaced(f"the reset of {what}", event.reset, args, self._replaceable)
+        return value, law + [s.z] * (len(law) == 1)
 
     def _impact(self, what: str, value: ca.SX, impact: Impact, has_rate: bool) -> list[ca.SX]:
         """Return the restitution of an impact and the gradient of its event."""

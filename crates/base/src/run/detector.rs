@@ -16,7 +16,7 @@ pub trait EventDetector<State>: Checkpoint {
     fn start(&mut self, t: f64, state: &State) -> Result<(), StepError>;
 
     /// A step is about to be made from here.
-    fn before(&mut self, t: f64, state: &State);
+    fn before(&mut self, t: f64, state: &mut State);
 
     /// A step led here. Where the run is to end or to go on anew within it, the state becomes that there.
     ///

@@ -92,7 +92,7 @@ impl<State: Checkpoint> Run<State> {
 
     fn step(&mut self) -> Result<(), StepError> {
         if let Some(events) = &mut self.events {
-            events.before(self.control.time(), &self.state);
+            events.before(self.control.time(), &mut self.state);
         }
         self.control.step(&mut self.state)?;
         self.n += 1;

@@ -1,6 +1,7 @@
 //! The events of a step in the order of time, and what they do to the run.
 
 use super::reset::RATE;
+use super::slopes::Meeting;
 use super::{DenseDetector, NOISE, at, rough};
 use liouville_base::checkpoint::{Checkpoint, CheckpointMismatch, Numbers};
 use liouville_base::error::{Quantity, StepError};
@@ -67,6 +68,14 @@ impl<State: Carried + Checkpoint + Clone, M: Dynamics> DenseDetector<State, M> {
                 let (t, h) = (self.partial.t + x * self.partial.h, self.partial.h);
                 let reset = self.events[index].reset.as_ref();
                 if reset.is_some_and(|reset| reset.intervals.is_short(t, h, noise)) {
+                    if self.follower.is_some() {
+                        let (event, is_grazing) = (index, true);
+                        return Err(StepError::Undifferentiable {
+                            event,
+                            t,
+                            is_grazing,
+                        });
+                    }
                     self.end(index, t, Some(t));
                     state.clone_from(&self.partial.state);
                     return Ok(Outcome::End(t));
@@ -106,6 +115,7 @@ impl<State: Carried + Checkpoint + Clone, M: Dynamics> DenseDetector<State, M> {
     /// Keeps an event that changes nothing; returns the time, if it ends the run.
     fn keep_one(&mut self, x: f64, index: usize, end: &State) -> Result<Option<f64>, StepError> {
         let t = self.partial.go(x, end)?;
+        self.follow(index, (x, t))?;
         self.keep_state(index, t)?;
         self.met.found[index].times.push(t);
         let event = &mut self.events[index];
@@ -115,6 +125,28 @@ impl<State: Carried + Checkpoint + Clone, M: Dynamics> DenseDetector<State, M> {
         }
         self.end(index, t, None);
         Ok(Some(t))
+    }
+
+    /// Differentiates the event that a part of the step has led to.
+    fn follow(&mut self, index: usize, (part, t): (f64, f64)) -> Result<(), StepError> {
+        let Some(follower) = &mut self.follower else {
+            return Ok(());
+        };
+        let (event, state) = (&self.events[index], &mut self.partial.state);
+        self.path.solve(t, state)?;
+        let size = |size: f64, x: &f64| size.max(x.abs());
+        let met = Meeting {
+            event: index,
+            hit: event.count,
+            part,
+            t,
+            h: self.partial.h,
+            lam: self.path.lam(),
+            needs_lam: event.needs_lam,
+            height: event.samples.iter().fold(0.0, size),
+            is_last: event.count + 1 == event.terminal,
+        };
+        follower.meet(met, state)
     }
 
     /// Keeps the state that parts of a step have led to.
@@ -132,7 +164,10 @@ impl<State: Carried + Checkpoint + Clone, M: Dynamics> DenseDetector<State, M> {
         for part in parts {
             hits.rows.extend_from_slice(part);
         }
-        Ok(())
+        match &mut self.follower {
+            Some(follower) => follower.record(t, state, &mut hits.rows),
+            None => Ok(()),
+        }
     }
 
     fn end(&mut self, event: usize, t: f64, limit: Option<f64>) {
@@ -177,6 +212,7 @@ impl<State: Carried + Checkpoint + Clone, M: Dynamics> DenseDetector<State, M> {
             }
         }
         let t = self.partial.go(x, state)?;
+        self.follow(index, (x, t))?;
         self.path.end_at(t, &self.partial.state)?;
         if self.events[index].is_switch {
             state.clone_from(&self.partial.state);
@@ -295,12 +331,18 @@ impl<State: Carried + Checkpoint + Clone, M: Dynamics> DenseDetector<State, M> {
             let event = index;
             StepError::Reset { event, t, missed }
         })?;
+        if let Some(follower) = &mut self.follower {
+            follower.reset((index, t), self.path.lam(), (before, state))?;
+        }
         let after = reset.rate(t, (state.y(), state.z()), index)?;
         self.path.solve(t, state)?;
         let hits = &mut self.met.found[index];
         hits.times.push(t);
         for part in [state.y(), state.z(), self.path.lam()] {
             hits.rows.extend_from_slice(part);
+        }
+        if let Some(follower) = &mut self.follower {
+            follower.record(t, state, &mut hits.rows)?;
         }
         Ok(rate.zip(after).map(|(before, after)| [before, after]))
     }

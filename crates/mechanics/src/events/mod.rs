@@ -1,21 +1,29 @@
 //! Events of a mechanical or semi-explicit system, and its states at given times.
 
 mod event;
+mod function;
 mod hits;
+mod impulse;
 mod partial;
 mod reset;
 mod search;
+mod slopes;
+mod tangents;
 
 pub use event::Event;
+pub use impulse::LinearImpulse;
 pub use reset::{Law, Reset};
+pub use slopes::{Before, EventSlopes, FollowEvents, Meeting, SlopesModel};
+pub use tangents::TangentEvents;
 
+use function::{at, leaving, rough};
 use hits::{Crossing, Restarts};
 use liouville_base::checkpoint::Checkpoint;
 use liouville_base::error::StepError;
 use liouville_base::method::Stepper;
 use liouville_base::observe::Observe;
 use liouville_base::run::{Ending, EventDetector, Events, Hits, Outcome, Records};
-use liouville_problem::{Carried, Dynamics, Model, Path, Point, Restart};
+use liouville_problem::{Carried, Dynamics, Model, Path, PathTangents, Point, Restart};
 use partial::PartialStep;
 use search::{Node, Scene, Trust, Zero};
 
@@ -23,8 +31,6 @@ use search::{Node, Scene, Trust, Zero};
 const SAMPLES: usize = 8;
 /// Relative changes of a state that may be nothing but roundoff.
 const NOISE: f64 = 256.0 * f64::EPSILON;
-/// A start on an event is left for this part of the first step, as a power of 2, or more.
-const LEAVING: i32 = -24;
 
 /// Finds events, and records at given times, on the interpolated trajectory.
 pub struct DenseDetector<State: Checkpoint, M: Dynamics = Model> {
@@ -40,6 +46,8 @@ pub struct DenseDetector<State: Checkpoint, M: Dynamics = Model> {
     restart: Restarts<State>,
     jump: [Vec<f64>; 2],
     holonomic: usize,
+    /// What differentiates the events, or keeps what does it later.
+    follower: Option<Box<dyn FollowEvents<State>>>,
     observer: Box<dyn Observe<Path<M>>>,
     /// Times of the records, where they are the detector's.
     times: Option<Vec<f64>>,
@@ -70,29 +78,6 @@ impl<State: Carried + Checkpoint + Clone, M: Dynamics> Scene for InStep<'_, Stat
         let t = self.partial.go(x, self.end)?;
         at(self.path, self.event, t, &self.partial.state)
     }
-}
-
-/// An event's function on the interpolated trajectory.
-fn rough<M: Dynamics>(path: &mut Path<M>, event: &mut Event, t: f64) -> Result<f64, StepError> {
-    path.move_to(t);
-    if event.needs_lam {
-        path.solve_there()?;
-    }
-    let Point { y, z, .. } = path.point();
-    event.at(t, (y, z), path.lam())
-}
-
-/// An event's function at a state.
-fn at<M: Dynamics>(
-    path: &mut Path<M>,
-    event: &mut Event,
-    t: f64,
-    state: &impl Carried,
-) -> Result<f64, StepError> {
-    if event.needs_lam {
-        path.solve(t, state)?;
-    }
-    event.at(t, (state.y(), state.z()), path.lam())
 }
 
 impl<State: Carried + Checkpoint + Clone, M: Dynamics> DenseDetector<State, M> {
@@ -128,6 +113,7 @@ impl<State: Carried + Checkpoint + Clone, M: Dynamics> DenseDetector<State, M> {
             restart: Restarts(None),
             jump: [Vec::new(), Vec::new()],
             holonomic: 0,
+            follower: None,
             observer,
             times,
             next: 0,
@@ -141,6 +127,22 @@ impl<State: Carried + Checkpoint + Clone, M: Dynamics> DenseDetector<State, M> {
         Self {
             restart,
             holonomic,
+            ..self
+        }
+    }
+
+    /// The same of states that carry tangents.
+    #[must_use]
+    pub fn with_tangents(mut self, tangents: PathTangents) -> Self {
+        self.path = self.path.with_tangents(tangents);
+        self
+    }
+
+    /// The same with what differentiates its events.
+    #[must_use]
+    pub fn followed(self, follower: Box<dyn FollowEvents<State>>) -> Self {
+        Self {
+            follower: Some(follower),
             ..self
         }
     }
@@ -279,44 +281,6 @@ impl<State: Carried + Checkpoint + Clone, M: Dynamics> DenseDetector<State, M> {
     }
 }
 
-/// The start of a run for an event: where its function is nothing but roundoff, shortly after it.
-fn leaving<State: Carried + Checkpoint, M: Dynamics>(
-    path: &mut Path<M>,
-    partial: &PartialStep<State>,
-    event: &mut Event,
-    start: Node,
-) -> Result<Node, StepError> {
-    let slope = (event.samples[0] - start.value).abs() * SAMPLES as f64;
-    let mut noise = NOISE * slope * (partial.t / partial.h).abs().max(1.0);
-    for parts in [[NOISE, NOISE], [NOISE, -NOISE]] {
-        path.move_near(partial.t, &partial.start, parts);
-        if event.needs_lam {
-            path.solve_there()?;
-        }
-        let Point { y, z, .. } = path.point();
-        let value = event.at(partial.t, (y, z), path.lam())?;
-        noise = noise.max((value - start.value).abs());
-    }
-    if start.value.abs() > noise {
-        return Ok(start);
-    }
-    for power in LEAVING..0 {
-        let x = f64::from(power).exp2() / SAMPLES as f64;
-        let value = rough(path, event, partial.t + x * partial.h)?;
-        if value.abs() > 2.0 * noise {
-            return Ok(Node {
-                x,
-                value,
-                is_exact: false,
-            });
-        }
-    }
-    Ok(Node {
-        value: 0.0,
-        ..start
-    })
-}
-
 impl<State: Carried + Checkpoint + Clone, M: Dynamics> EventDetector<State>
     for DenseDetector<State, M>
 {
@@ -333,8 +297,11 @@ impl<State: Carried + Checkpoint + Clone, M: Dynamics> EventDetector<State>
         Ok(())
     }
 
-    fn before(&mut self, t: f64, state: &State) {
+    fn before(&mut self, t: f64, state: &mut State) {
         self.partial.t = t;
+        if let Some(follower) = &mut self.follower {
+            follower.begin(state);
+        }
         self.partial.start.clone_from(state);
     }
 
@@ -345,6 +312,9 @@ impl<State: Carried + Checkpoint + Clone, M: Dynamics> EventDetector<State>
         records: &mut Records,
     ) -> Result<Outcome, StepError> {
         (self.partial.end, self.partial.h) = (t, t - self.partial.t);
+        if let Some(follower) = &mut self.follower {
+            follower.align(t, state);
+        }
         self.path.push(t, state)?;
         let mut outcome = Outcome::Continue;
         if !self.events.is_empty() {

@@ -13,6 +13,8 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 #[derive(Clone)]
 pub(super) struct AtTimes(Arc<Mutex<Held>>);
 
+type Place = (isize, bool);
+
 /// Cotangents at given times, and those of knots that follow from them.
 pub(super) struct Held {
     times: Vec<f64>,
@@ -24,8 +26,8 @@ pub(super) struct Held {
     own: Cotangents,
     /// Those of parameters; the times are held.
     pub(super) tau: Vec<f64>,
-    /// By the number of steps recorded up to the knot.
-    knots: BTreeMap<isize, KnotCotangents>,
+    /// By the number of steps recorded up to the knot, and whether a piece of the motion may begin there.
+    knots: BTreeMap<Place, KnotCotangents>,
     records: SharedRecords,
     /// How many recorded steps lead from one knot to the next.
     parts: usize,
@@ -68,21 +70,21 @@ impl Held {
     }
 
     /// Those of knots before the steps that are recorded next.
-    pub(super) fn pending(&mut self) -> BTreeMap<isize, KnotCotangents> {
+    pub(super) fn pending(&mut self) -> BTreeMap<Place, KnotCotangents> {
         std::mem::take(&mut self.knots)
     }
 
     /// Adds those of knots that were pending before so many steps were recorded.
-    pub(super) fn shift(&mut self, pending: BTreeMap<isize, KnotCotangents>, count: usize) {
-        for (place, knot) in pending {
+    pub(super) fn shift(&mut self, pending: BTreeMap<Place, KnotCotangents>, count: usize) {
+        for ((place, starts), knot) in pending {
             let place = place + count.cast_signed();
-            self.knots.entry(place).or_default().add(&knot);
+            self.knots.entry((place, starts)).or_default().add(&knot);
         }
     }
 
-    /// Those of the knot behind so many recorded steps.
-    pub(super) fn take(&mut self, count: usize) -> Option<KnotCotangents> {
-        self.knots.remove(&count.cast_signed())
+    /// Those of the knot behind so many recorded steps, that a piece of the motion begins or ends with.
+    pub(super) fn take(&mut self, count: usize, starts: bool) -> Option<KnotCotangents> {
+        self.knots.remove(&(count.cast_signed(), starts))
     }
 
     /// Takes the cotangents at a time to the knots of the path there.
@@ -103,7 +105,9 @@ impl Held {
         let last = self.records.lock().steps().len().cast_signed();
         for (back, knot) in found.iter().enumerate() {
             let place = last - (back * self.parts).cast_signed();
-            self.knots.entry(place).or_default().add(knot);
+            // behind an event there are no knots before it
+            let starts = back > 0 || found.len() == 1;
+            self.knots.entry((place, starts)).or_default().add(knot);
         }
         Ok(())
     }

@@ -141,18 +141,32 @@ impl Job {
             return Ok(());
         };
         let fits = tangents.fit(system, self.members.unwrap_or(1));
-        if fits && self.states && self.has_no_events() {
+        if fits && self.states && self.has_slopes() {
             return Ok(());
         }
         invalid(
-            "tangents are those of a SPARK method without newton_tol, of the system it steps, with states and without \
-             events",
+            "tangents are those of a SPARK method without newton_tol, of the system it steps, with states and the \
+             derivatives of all events",
         )
     }
 
-    /// Whether nothing is looked for in the steps; their states at given times may be.
-    pub(super) fn has_no_events(&self) -> bool {
-        (self.detection.as_ref()).is_none_or(|detection| detection.events.is_empty())
+    /// Whether all events have derivatives, of the sizes that they are to have.
+    pub(super) fn has_slopes(&self) -> bool {
+        let events = (self.detection.iter()).flat_map(|detection| &detection.events);
+        let mut slopes = events.map(|event| (event, event.slopes.as_ref()));
+        slopes.all(|(event, slopes)| {
+            let (params, point) = (self.params.len(), event.tape.inputs());
+            let Some(slopes) = slopes.filter(|_| point.len() == 5 && self.members.is_none()) else {
+                return false;
+            };
+            let [n, lam] = [point[1], point[3]];
+            let x = 1 + 2 * n + lam + params;
+            slopes.fit(
+                event.reset.as_ref().map(|(law, _)| law),
+                (n, lam, params),
+                x,
+            )
+        })
     }
 
     fn check_control(&self, system: &System) -> Result<(), StartError> {

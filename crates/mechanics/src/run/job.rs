@@ -1,6 +1,6 @@
 //! The system, the method and the job of a run.
 
-use crate::events::Law;
+use crate::events::{EventSlopes, Law};
 use liouville_alpha::Reactions;
 use liouville_base::method::Tolerance;
 use liouville_base::run::Span;
@@ -98,6 +98,8 @@ pub struct EventFunction {
     pub reset: Option<(Law, Option<Tape>)>,
     /// Whether it is a switch of the forces, at which controlled steps end; switches come behind all events.
     pub is_switch: bool,
+    /// Its derivatives, where it is to be differentiated.
+    pub slopes: Option<EventSlopes>,
 }
 
 /// Events and times to record, on the interpolated trajectory.

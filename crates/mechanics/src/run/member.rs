@@ -1,7 +1,7 @@
 //! The parts of a run that each member has of its own: start, parameters, observer, monitor, detector.
 
 use super::{Begun, Control, Starter};
-use crate::events::{DenseDetector, Event, Reset};
+use crate::events::{DenseDetector, Event, Reset, SlopesModel};
 use liouville_base::checkpoint::Checkpoint;
 use liouville_base::composition::Composed;
 use liouville_base::method::{Estimating, Stepper, Symmetric};
@@ -35,6 +35,18 @@ impl Starter {
         detection
             .flat_map(|detection| &detection.events)
             .any(|event| event.reset.is_some())
+    }
+
+    /// The derivatives of a member's events, if there are any.
+    pub(super) fn slopes(&self, member: usize) -> Vec<SlopesModel> {
+        let (detection, params) = (self.job.detection.iter(), self.params(member));
+        let events = detection.flat_map(|detection| &detection.events);
+        let events = events.enumerate().filter_map(|(k, event)| {
+            let law = event.reset.as_ref().map(|(law, _)| law);
+            let slopes = event.slopes.as_ref()?;
+            Some(SlopesModel::new(k, slopes, law, params))
+        });
+        events.collect()
     }
 
     /// The impulses of a mechanical member.
@@ -228,10 +240,10 @@ impl Starter {
         let observer = self.observer(member.model.clone(), member.number);
         let observed = (Box::new(observer.clone()) as _, Box::new(observer) as _);
         let stepping = (control, copy);
-        self.launch_observed(stepping, member, state, observed, |path| path)
+        self.launch_observed(stepping, member, state, observed, |detector| detector)
     }
 
-    /// The same with other observers, and a path that `with` makes of one.
+    /// The same with other observers, and a detector that `with` makes of one.
     pub(super) fn launch_observed<State: Carried + Checkpoint + Clone + 'static, M: Dynamics>(
         &self,
         (control, copy): (Box<dyn StepControl<State>>, Option<BoxedStepper<State>>),
@@ -242,7 +254,7 @@ impl Starter {
         }: Member<State, M>,
         state: State,
         (observer, at_times): Observed<State, M>,
-        with: impl FnOnce(Path<M>) -> Path<M>,
+        with: impl FnOnce(DenseDetector<State, M>) -> DenseDetector<State, M>,
     ) -> Begun {
         let mut expected = match control.sizes() {
             None => self.job.span.records(),
@@ -264,13 +276,13 @@ impl Starter {
             });
             let recorded = (at_times, detection.times.clone());
             expected = detection.times.as_ref().map_or(expected, Vec::len);
-            let path = with(Path::new(model, detection.order));
+            let path = Path::new(model, detection.order);
             let functions = functions.collect();
             let mut detector = DenseDetector::new(path, stepper, &state, functions, recorded);
             if let Some(restart) = restart {
                 detector = detector.resetting(restart, self.system.holonomic());
             }
-            events = Some(Box::new(detector) as Box<dyn EventDetector<State>>);
+            events = Some(Box::new(with(detector)) as Box<dyn EventDetector<State>>);
         }
         let kept = (self.job.span.every, expected);
         let run = Run::with_events(control, observer, state, kept, events)?;

@@ -5,6 +5,7 @@
 mod at_times;
 mod check;
 mod job;
+mod journal;
 mod member;
 mod pullback;
 mod tangents;

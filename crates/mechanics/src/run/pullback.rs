@@ -1,15 +1,17 @@
 //! Pullbacks: a run made again from checkpoints, one piece after another from the last, each followed back.
 
 use super::at_times::{AtTimes, TimesObserver};
+use super::journal::{Entry, EventAdjoint, EventRecorder, Journal};
 use super::member::Member;
 use super::{Job, Method, Problem, Starter, System};
+use crate::events::{DenseDetector, LinearImpulse};
 use liouville_base::checkpoint::CheckpointMismatch;
 use liouville_base::error::StepError;
 use liouville_base::linalg::{Matrix, add_scaled};
 use liouville_base::observe::Observe;
 use liouville_base::run::{Advance, StartError, Status};
 use liouville_problem::{Cotangents, Path, PointAdjoint, Sensitivity, SensitivityModel, State};
-use liouville_spark::{SharedRecords, SparkAdjoint, SparkRecorder};
+use liouville_spark::{SharedRecords, SparkAdjoint, SparkRecorder, StepRecord};
 use std::sync::Arc;
 use std::time::Duration;
 
@@ -25,6 +27,9 @@ pub struct Pullback {
     cotangents: Cotangents,
     /// Where states are given at times that are not those of the steps.
     times: Option<AtTimes>,
+    events: Option<EventAdjoint>,
+    /// The cotangent of the time at which the run begins, as the ends of its steps follow it.
+    held: f64,
 }
 
 impl Pullback {
@@ -47,7 +52,7 @@ impl Pullback {
             ));
         };
         if !starter.has_pullback(sensitivity, spark) {
-            let sentence = "a pullback is that of a single run without events, whose stages are solved to roundoff";
+            let sentence = "a pullback is that of a single run, of events with derivatives, whose stages are solved to roundoff";
             return Err(StartError::Invalid(sentence.into()));
         }
         let (stepper, state, sizes) = starter.spark_at((problem, spark), 0)?;
@@ -57,13 +62,15 @@ impl Pullback {
         let records = SharedRecords::default();
         let start = state.clone();
         let parts = stages.map_or(1, <[f64]>::len);
-        let copy = starter.composed_copy((&stepper, stages));
+        let partial = SharedRecords::default();
+        let part = SparkRecorder::new(stepper.clone(), partial.clone());
+        let copy = starter.composed_copy((&part, stages));
         let recorder = SparkRecorder::new(stepper, records.clone());
         let control = match sizes {
             None => starter.symmetric_control((recorder, stages), starter.monitor(0), &start),
             Some(sizes) => starter.adaptive_control(recorder, sizes),
         };
-        let point = PointAdjoint::new(model.clone(), derivatives);
+        let point = PointAdjoint::new(model.clone(), derivatives.clone());
         let detection = starter.job.detection.as_ref();
         let times = detection.and_then(|detection| detection.times.clone());
         let times = times.map(|times| {
@@ -79,13 +86,36 @@ impl Pullback {
                 at_times,
             }),
         };
+        let journal = Journal::default();
+        let recorder = EventRecorder {
+            journal: journal.clone(),
+            whole: records.clone(),
+            partial,
+            parts,
+        };
+        let events = starter.has_events().then(|| EventAdjoint {
+            journal,
+            events: starter.slopes(0),
+            impulse: LinearImpulse::new(model.clone(), derivatives),
+            rows: Vec::new(),
+            sizes: [problem.n, problem.m, starter.system.multipliers()],
+        });
+        let impulse = starter.impulse(0);
         let of = Member {
             number: 0,
             model,
-            restart: None,
+            restart: impulse.map(|impulse| Box::new(impulse) as _),
         };
-        let observed = (Box::new(inner) as _, at_times);
-        let run = starter.launch_observed((control, copy), of, start, observed, |path| path)?;
+        let (observed, stepping) = ((Box::new(inner) as _, at_times), (control, copy));
+        let has_events = events.is_some();
+        let with = |detector: DenseDetector<State>| {
+            if has_events {
+                detector.followed(Box::new(recorder))
+            } else {
+                detector
+            }
+        };
+        let run = starter.launch_observed(stepping, of, start, observed, with)?;
         Ok(Self {
             cotangents: Cotangents::zeros(problem.n, sensitivity.width()),
             point,
@@ -95,7 +125,17 @@ impl Pullback {
             records,
             adjoint,
             times,
+            events,
+            held: 0.0,
         })
+    }
+
+    /// Takes cotangents of the events of each kind, a row for each time it was met: of t, y, z and λ, and of y, z and λ
+    /// after a reset.
+    pub fn give_events(&mut self, rows: Vec<Matrix>) {
+        if let Some(events) = &mut self.events {
+            events.rows = rows;
+        }
     }
 
     /// Takes cotangents of (y, z, λ) at the given times, a row for each; says whether the run has so many.
@@ -118,33 +158,117 @@ impl Pullback {
     /// A step cannot be made again, or not followed back.
     pub fn follow(&mut self, last: usize, kept: &[usize], rows: &Matrix) -> Result<(), StepError> {
         self.records.lock().clear();
-        let first = self.run.done();
         let pending = self.times.as_ref().map(|times| times.lock().pending());
-        match self.run.advance_to(last, Duration::MAX) {
-            Status::Failed { error, .. } => return Err(error),
-            // what is due at the end only
-            Status::Done if self.times.is_some() => drop(self.run.take()),
-            _ => {}
+        let status = self.run.advance_to(last, Duration::MAX);
+        if let Status::Failed { error, .. } = status {
+            return Err(error);
         }
-        let records = self.records.lock();
+        let is_over = status == Status::Done;
+        if is_over && self.times.is_some() {
+            // what is due at the end only
+            drop(self.run.take());
+        }
+        let shared = self.records.clone();
+        let records = shared.lock();
         if let Some((times, pending)) = self.times.as_ref().zip(pending) {
             times.lock().shift(pending, records.steps().len());
         }
-        for (k, record) in records.steps().iter().enumerate().rev() {
-            let is_end = (k + 1) % self.parts == 0;
-            let step = first + (k + 1) / self.parts;
-            if is_end && let Ok(row) = kept.binary_search(&step) {
-                let at = (record.time(), &record.end);
+        let mut entries = match &self.events {
+            Some(events) => std::mem::take(&mut *events.journal.lock()),
+            None => Vec::new(),
+        };
+        let (mut number, last, parts) = (self.run.done(), records.steps().len(), self.parts);
+        for place in (1..=last / parts).rev().map(|k| k * parts) {
+            let own = entries.split_off(entries.partition_point(|entry| entry.place < place));
+            let cut = own.iter().rfind(|entry| entry.is_cut());
+            let step = &records.steps()[place - parts..place];
+            // a step that an event has parted is one with that to its end
+            let is_whole = cut.is_none_or(|entry| !entry.goes_on() || is_over && place == last);
+            if is_whole && let Ok(row) = kept.binary_search(&number) {
+                let end = &step[parts - 1];
+                let (t, state) = match cut {
+                    Some(entry) => (entry.t, entry.after.as_ref().unwrap_or(&entry.state)),
+                    None => (end.time(), &end.end),
+                };
                 self.point
-                    .observe(at, rows.row(row), &mut self.cotangents)?;
+                    .observe((t, state), rows.row(row), &mut self.cotangents)?;
             }
-            let knot = (self.times.as_ref()).and_then(|times| times.lock().take(k + 1));
-            if let Some(knot) = knot {
-                let at = (record.time(), &record.end);
-                self.point.observe_knot(at, &knot, &mut self.cotangents)?;
+            number -= usize::from(is_whole);
+            match cut {
+                Some(entry) => self.leave_cut(place, entry)?,
+                None => self.leave_step(place, step)?,
             }
-            self.adjoint.follow(record, &mut self.cotangents)?;
+            for entry in own.iter().filter(|entry| !entry.is_cut()) {
+                self.leave_event(entry)?;
+            }
         }
+        Ok(())
+    }
+
+    /// Follows a step back.
+    fn leave_step(&mut self, place: usize, step: &[StepRecord]) -> Result<(), StepError> {
+        let end = &step[self.parts - 1];
+        for starts in [false, true] {
+            self.leave_knot((place, starts), (end.time(), &end.end))?;
+        }
+        let of = &mut self.cotangents;
+        if self.events.is_none() {
+            return step
+                .iter()
+                .rev()
+                .try_for_each(|part| self.adjoint.follow(part, of));
+        }
+        let before = std::mem::take(&mut of.stretch);
+        for part in step.iter().rev() {
+            self.adjoint.follow(part, of)?;
+        }
+        // the end of the step is where it would be without events before, and its length follows
+        let moved = of.stretch / step.iter().map(StepRecord::size).sum::<f64>();
+        of.stretch = before + moved * (end.time() - self.start.0);
+        of.tau[0] -= moved;
+        self.held += moved;
+        Ok(())
+    }
+
+    /// Takes the cotangents of a knot to the state there.
+    fn leave_knot(
+        &mut self,
+        (place, starts): (usize, bool),
+        at: (f64, &State),
+    ) -> Result<(), StepError> {
+        let times = self.times.as_ref();
+        match times.and_then(|times| times.lock().take(place, starts)) {
+            Some(knot) => self.point.observe_knot(at, &knot, &mut self.cotangents),
+            None => Ok(()),
+        }
+    }
+
+    /// Follows back what led to an event that ended the step.
+    fn leave_cut(&mut self, place: usize, entry: &Entry) -> Result<(), StepError> {
+        if let Some(after) = &entry.after {
+            self.leave_knot((place, true), (entry.t, after))?;
+        }
+        let (of, point) = (&mut self.cotangents, &mut self.point);
+        if let Some(events) = &mut self.events {
+            events.leave_reset(entry, point, of)?;
+        }
+        self.leave_knot((place, false), (entry.t, &entry.state))?;
+        let (of, point) = (&mut self.cotangents, &mut self.point);
+        match &mut self.events {
+            Some(events) => events.leave(entry, (&mut self.adjoint, point), of),
+            None => Ok(()),
+        }
+    }
+
+    /// Adds what an event says of the start of its step, which went on.
+    fn leave_event(&mut self, entry: &Entry) -> Result<(), StepError> {
+        let Some(events) = &mut self.events else {
+            return Ok(());
+        };
+        let (n, width) = (self.cotangents.y.len(), self.cotangents.tau.len());
+        let mut own = Cotangents::zeros(n, width);
+        events.leave(entry, (&mut self.adjoint, &mut self.point), &mut own)?;
+        self.cotangents.add_scaled(1.0, &own);
         Ok(())
     }
 
@@ -153,14 +277,15 @@ impl Pullback {
     /// # Errors
     /// A derivative that is not finite.
     pub fn end(&mut self, row: &[f64]) -> Result<&Cotangents, StepError> {
-        let at = (self.start.0, &self.start.1);
-        if let Some(times) = &self.times {
-            let mut held = times.lock();
-            if let Some(knot) = held.take(0) {
-                self.point.observe_knot(at, &knot, &mut self.cotangents)?;
-            }
-            add_scaled(&mut self.cotangents.tau, 1.0, &held.tau);
+        let start = self.start.clone();
+        let at = (start.0, &start.1);
+        for starts in [false, true] {
+            self.leave_knot((0, starts), at)?;
         }
+        if let Some(times) = &self.times {
+            add_scaled(&mut self.cotangents.tau, 1.0, &times.lock().tau);
+        }
+        self.cotangents.tau[0] += std::mem::take(&mut self.held);
         self.point.observe(at, row, &mut self.cotangents)?;
         self.point.leave(at, &mut self.cotangents)?;
         Ok(&self.cotangents)

@@ -1,13 +1,14 @@
 //! Runs that carry tangents with their states.
 
 use super::member::{BoxedStepper, Member};
+use crate::events::{DenseDetector, TangentEvents};
+
 use super::{Begun, SparkMethod, Starter, System, Tangents};
 use liouville_base::error::StepError;
 use liouville_base::linalg::Matrix;
 use liouville_base::run::StepControl;
 use liouville_problem::{
-    Directions, Path, PathTangents, Sensitivity, SensitivityModel, State, TangentObserver,
-    TangentState,
+    Directions, PathTangents, Sensitivity, SensitivityModel, State, TangentObserver, TangentState,
 };
 use liouville_spark::{Spark, SparkTangents};
 use std::sync::Arc;
@@ -32,11 +33,15 @@ impl Starter {
     ) -> Result<(SparkTangents, TangentState), StepError> {
         let directions = directions_of(tangents);
         let (count, n) = (directions.count(), state.y.len());
+        let directions = self.with_length(directions);
         let [y, z] = [0, 1].map(|part| {
             let rows = &tangents.start[part][member * count * n..];
-            Matrix::from_fn(count, n, |i, j| rows[i * n + j])
+            let at = |i: usize, j: usize| if i < count { rows[i * n + j] } else { 0.0 };
+            Matrix::from_fn(directions.count(), n, at)
         });
-        let dt = (0..count).map(|i| directions.tau[(i, 0)]).collect();
+        let dt = (0..directions.count())
+            .map(|i| directions.tau[(i, 0)])
+            .collect();
         let sensitivity = self.sensitivity(tangents, member);
         let start = (self.job.span.t0, state);
         SparkTangents::new(stepper, sensitivity, directions, start, (y, z, dt))
@@ -59,16 +64,51 @@ impl Starter {
         let inner = self.observer(model.clone(), number);
         let observer = TangentObserver::new(inner, sensitivity, directions);
         let observed = (Box::new(observer.clone()) as _, Box::new(observer) as _);
-        let with = |path: Path| {
+        let start = self.job.span.t0;
+        let slopes = self.slopes(number);
+        let with = |detector: DenseDetector<TangentState>| {
             let (sensitivity, directions) = parts();
-            path.with_tangents(PathTangents::new(model.clone(), sensitivity, directions))
+            let of = (model.clone(), sensitivity);
+            let events =
+                TangentEvents::new(slopes, of.clone(), self.with_length(directions), start);
+            let detector = if self.has_events() {
+                detector.followed(Box::new(events))
+            } else {
+                detector
+            };
+            let (model, sensitivity) = of;
+            detector.with_tangents(PathTangents::new(
+                model,
+                sensitivity,
+                directions_of(tangents),
+            ))
         };
+        let impulse = self.impulse(number);
         let of = Member {
             number,
             model: model.clone(),
-            restart: None,
+            restart: impulse.map(|impulse| Box::new(impulse) as _),
         };
         self.launch_observed(stepping, of, state, observed, with)
+    }
+
+    /// Whether there are events.
+    pub(super) fn has_events(&self) -> bool {
+        let detection = self.job.detection.as_ref();
+        detection.is_some_and(|detection| !detection.events.is_empty())
+    }
+
+    /// The directions, and that of the length of a step where there are events: these move the ends of steps.
+    fn with_length(&self, directions: Directions) -> Directions {
+        if !self.has_events() {
+            return directions;
+        }
+        let Directions { tau, mut stretch } = directions;
+        let count = stretch.len();
+        stretch.push(1.0);
+        let at = |i: usize, j: usize| if i < count { tau[(i, j)] } else { 0.0 };
+        let tau = Matrix::from_fn(count + 1, tau.cols(), at);
+        Directions { tau, stretch }
     }
 
     fn sensitivity(&self, tangents: &Tangents, member: usize) -> SensitivityModel {
@@ -81,7 +121,7 @@ impl Starter {
     pub(super) fn has_pullback(&self, sensitivity: &Sensitivity, spark: &SparkMethod) -> bool {
         let job = &self.job;
         Arc::ptr_eq(&sensitivity.mechanical, self.system.mechanical())
-            && job.has_no_events()
+            && job.has_slopes()
             && job.tangents.is_none()
             && job.members.is_none()
             && spark.newton_tol.is_none()

@@ -89,12 +89,14 @@ impl PathTangents {
             .solve((t, point), along, |direction, rate, _| {
                 copy(&mut rates[direction * n..(direction + 1) * n], rate);
             })?;
-        copy(&mut out.t, of.t);
-        copy(&mut out.y[0], of.y.flat());
+        // a state may have a row more, of a direction that is not recorded
+        let (count, all) = (out.t.len(), rates.len());
+        copy(&mut out.t, &of.t[..count]);
+        copy(&mut out.y[0], &of.y.flat()[..all]);
         if let [z, z_dot] = &mut out.z
             && !z.is_empty()
         {
-            copy(z, of.z.flat());
+            copy(z, &of.z.flat()[..all]);
             copy(z_dot, rates);
         }
         let [_, velocities, accelerations] = &mut out.y;
@@ -103,7 +105,7 @@ impl PathTangents {
             accelerations.fill(0.0);
             self.add_velocities((t, y, z), of, [velocities, accelerations]);
         } else {
-            copy(velocities, of.z.flat());
+            copy(velocities, &of.z.flat()[..all]);
             copy(accelerations, rates);
         }
         finite(velocities, Quantity::Derivative, t)?;

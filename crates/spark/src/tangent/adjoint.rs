@@ -32,6 +32,11 @@ impl StepRecord {
     pub fn time(&self) -> f64 {
         self.t + self.h
     }
+
+    /// Its length.
+    pub fn size(&self) -> f64 {
+        self.h
+    }
 }
 
 impl StepRecords {

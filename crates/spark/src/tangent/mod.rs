@@ -8,7 +8,7 @@ mod linear_step;
 mod operator;
 
 use super::Spark;
-pub use adjoint::{SharedRecords, SparkAdjoint, SparkRecorder};
+pub use adjoint::{SharedRecords, SparkAdjoint, SparkRecorder, StepRecord};
 use forward::{Forward, StepAlong};
 use linear_step::LinearStep;
 use liouville_base::error::{Quantity, StepError};

@@ -1,0 +1,226 @@
+//! Tangents of events: of when they are met, of the states there, and of those after resets.
+//!
+//! With ũ and t̃ the tangents after a part of a step of a length that is held, and w the derivative by that length,
+//!
+//!     du = ũ + κ w,   dt = t̃ + κ,   κ = −(e_x x̃)/(e_y w_y + e_z w_z + e_t),
+//!
+//! as de = 0. The derivative by the length is a direction of its own, the last of a state's, which begins from zero with
+//! each step. The step after an event ends where that before would have: it takes up what the event has moved.
+
+use super::impulse::LinearImpulse;
+use super::slopes::{FollowEvents, Meeting, SlopesModel};
+use liouville_base::error::{Quantity, StepError};
+use liouville_base::linalg::{Matrix, add_scaled, copy, dot};
+use liouville_problem::{
+    Acceleration, AccelerationTangents, Directions, Model, SensitivityModel, TangentState, finite,
+};
+
+/// Finds the tangents of events in some directions.
+#[derive(Clone, Debug)]
+pub struct TangentEvents {
+    events: Vec<SlopesModel>,
+    impulse: LinearImpulse,
+    acceleration: AccelerationTangents,
+    solver: Acceleration,
+    /// All that a state has, the last of them that of the length of a step.
+    directions: Directions,
+    /// Those of λ, a row for each direction.
+    lam: Matrix,
+    /// The start of the run, and its tangents.
+    start: (f64, Vec<f64>),
+    /// A direction of (t, y, z, λ, θ).
+    along: Vec<f64>,
+}
+
+impl TangentEvents {
+    /// Tangents of these events, along a run of the model from `start`, in these directions and in that of the length
+    /// of a step, which comes last.
+    pub fn new(
+        events: Vec<SlopesModel>,
+        (model, sensitivity): (Model, SensitivityModel),
+        directions: Directions,
+        start: f64,
+    ) -> Self {
+        Self {
+            events,
+            impulse: LinearImpulse::new(model.clone(), sensitivity.clone()),
+            solver: Acceleration::new(&model),
+            lam: Matrix::zeros(directions.count(), model.problem.m),
+            start: (
+                start,
+                (0..directions.count())
+                    .map(|k| directions.tau[(k, 0)])
+                    .collect(),
+            ),
+            acceleration: AccelerationTangents::new(model, sensitivity),
+            directions,
+            along: Vec::new(),
+        }
+    }
+
+    /// Finds the tangents of λ in all directions, which `lam` has then.
+    fn solve(&mut self, t: f64, state: &TangentState) -> Result<(), StepError> {
+        let (y, z) = (&state.motion.y[..], &state.motion.z[..]);
+        let solver = &mut self.solver;
+        solver.solve(&mut self.acceleration.model, t, y, z)?;
+        let Some(of) = liouville_problem::Carried::tangents(state) else {
+            return Ok(());
+        };
+        let point = [y, z, &solver.z_dot, &solver.lam];
+        let (lam, along) = (&mut self.lam, (of, &mut self.directions));
+        self.acceleration
+            .solve((t, point), along, |direction, _, found| {
+                copy(lam.row_mut(direction), found);
+            })
+    }
+
+    /// Writes a direction of (t, y, z, λ, θ), where λ has so many numbers.
+    fn set_along(&mut self, direction: usize, state: &TangentState, multipliers: usize) {
+        let along = &mut self.along;
+        along.clear();
+        along.push(state.t[direction]);
+        along.extend_from_slice(state.y.row(direction));
+        along.extend_from_slice(state.z.row(direction));
+        // of redundant constraints there are more, which no event depends on
+        let own = self.lam.row(direction);
+        along.extend((0..multipliers).map(|k| own.get(k).copied().unwrap_or(0.0)));
+        along.extend_from_slice(&self.directions.tau.row(direction)[1..]);
+    }
+
+    /// Makes the last direction the derivative along the motion.
+    fn set_flow(&mut self, t: f64, state: &mut TangentState) -> Result<(), StepError> {
+        let (last, motion) = (self.directions.count() - 1, &state.motion);
+        let (y, z) = (&motion.y[..], &motion.z[..]);
+        let AccelerationTangents {
+            model, sensitivity, ..
+        } = &mut self.acceleration;
+        self.solver.solve(model, t, y, z)?;
+        let v = model.end(t, y, z)[2];
+        copy(state.y.row_mut(last), if v.is_empty() { z } else { v });
+        copy(state.z.row_mut(last), &self.solver.z_dot);
+        state.t[last] = 1.0;
+        let directions = &mut self.directions;
+        set_momentum((model, sensitivity), (last, directions), t, state)
+    }
+
+    /// Adds so many times the derivative by the length of a step to each direction.
+    fn move_by(&self, size: impl Fn(usize, &TangentState) -> f64, state: &mut TangentState) {
+        let last = self.directions.count() - 1;
+        for direction in 0..last {
+            let size = size(direction, state);
+            if size == 0.0 {
+                continue;
+            }
+            for rows in [&mut state.y, &mut state.z, &mut state.p] {
+                let n = rows.cols();
+                let (head, tail) = rows.flat_mut().split_at_mut(last * n);
+                add_scaled(&mut head[direction * n..(direction + 1) * n], size, tail);
+            }
+            state.t[direction] += size * state.t[last];
+        }
+    }
+}
+
+/// Writes p_y dy + p_z dz + p_τ dτ in a direction.
+fn set_momentum(
+    (model, sensitivity): (&mut Model, &mut SensitivityModel),
+    (direction, directions): (usize, &mut Directions),
+    t: f64,
+    state: &mut TangentState,
+) -> Result<(), StepError> {
+    let problem = sensitivity.problem.clone();
+    let (at, by_tau) = (&problem.mechanical.patterns, &problem.patterns.p_tau);
+    let (y, z) = (&state.motion.y[..], &state.motion.z[..]);
+    let out = state.p.row_mut(direction);
+    out.fill(0.0);
+    let tau = directions.tau(direction, state.t[direction]);
+    by_tau.multiply_add(sensitivity.stage(t, y, z)[0], 1.0, tau, out);
+    let p_z = model.stage_blocks(t, y, z)[0];
+    at.p_z.multiply_add(p_z, 1.0, state.z.row(direction), out);
+    let p_y = model.stage_jacobian(t, y, z)[0];
+    at.p_y.multiply_add(p_y, 1.0, state.y.row(direction), out);
+    finite(out, Quantity::Derivative, t)
+}
+
+impl FollowEvents<TangentState> for TangentEvents {
+    fn begin(&mut self, state: &mut TangentState) {
+        let last = self.directions.count() - 1;
+        for rows in [&mut state.y, &mut state.z, &mut state.p] {
+            rows.row_mut(last).fill(0.0);
+        }
+        state.t[last] = 0.0;
+    }
+
+    fn align(&mut self, t: f64, state: &mut TangentState) {
+        let last = self.directions.count() - 1;
+        let (stretch, (start, of_start)) = (&self.directions.stretch, &self.start);
+        let held = |k: usize| of_start[k] + stretch[k] * (t - start);
+        // of directions that the events leave alone nothing changes but roundoff
+        let size = |k: usize, state: &TangentState| (held(k) - state.t[k]) / state.t[last];
+        self.move_by(size, state);
+    }
+
+    fn meet(&mut self, met: Meeting<'_>, state: &mut TangentState) -> Result<(), StepError> {
+        let (t, last) = (met.t, self.directions.count() - 1);
+        if met.part == 0.0 {
+            self.set_flow(t, state)?;
+        }
+        if met.needs_lam {
+            self.solve(t, state)?;
+        }
+        let motion = (state.motion.y.clone(), state.motion.z.clone());
+        let point = (t, [&motion.0[..], &motion.1, met.lam]);
+        let gradient = self.events[met.event].gradient(point)?.to_vec();
+        self.set_along(last, state, met.lam.len());
+        let slope = dot(&gradient, &self.along);
+        met.check(slope / state.t[last])?;
+        for direction in 0..last {
+            self.set_along(direction, state, met.lam.len());
+            let size = -dot(&gradient, &self.along) / slope;
+            let own = |k: usize, _: &TangentState| if k == direction { size } else { 0.0 };
+            self.move_by(own, state);
+        }
+        Ok(())
+    }
+
+    fn reset(
+        &mut self,
+        (index, t): (usize, f64),
+        lam: &[f64],
+        (before, after): (&TangentState, &mut TangentState),
+    ) -> Result<(), StepError> {
+        let point = (t, [&before.motion.y[..], &before.motion.z, lam]);
+        self.solve(t, before)?;
+        let ends = [&after.motion.y[..], &after.motion.z];
+        self.impulse.make(&mut self.events[index], point, ends)?;
+        for direction in 0..self.directions.count() {
+            self.set_along(direction, before, lam.len());
+            let (along, slopes) = (&self.along, &mut self.events[index]);
+            let out = [after.y.row_mut(direction), after.z.row_mut(direction)];
+            self.impulse.push(slopes, point, along, out)?;
+            after.t[direction] = before.t[direction];
+            let AccelerationTangents {
+                model, sensitivity, ..
+            } = &mut self.acceleration;
+            let directions = &mut self.directions;
+            set_momentum((model, sensitivity), (direction, directions), t, after)?;
+        }
+        Ok(())
+    }
+
+    fn record(
+        &mut self,
+        t: f64,
+        state: &TangentState,
+        row: &mut Vec<f64>,
+    ) -> Result<(), StepError> {
+        self.solve(t, state)?;
+        for direction in 0..self.directions.count() - 1 {
+            row.push(state.t[direction]);
+            row.extend_from_slice(state.y.row(direction));
+            row.extend_from_slice(state.z.row(direction));
+            row.extend_from_slice(self.lam.row(direction));
+        }
+        Ok(())
+    }
+}

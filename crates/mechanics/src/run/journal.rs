@@ -1,0 +1,242 @@
+//! Events of a run that is made again, and their adjoints.
+//!
+//! With (ū, t̄) the cotangents of the state and the time of an event, and w the derivative by the length of the step,
+//!
+//!     κ̄ = ū w + t̄,   (ū, t̄) −= κ̄ / (e_y w_y + e_z w_z + e_t) (e_y, e_z, e_t),   θ̄ −= κ̄ / (…) e_θ
+//!
+//! before the part of the step is followed back. The products with w are what an adjoint step says of its length, so that
+//! part is followed twice: with (ū, t̄), and with the slopes of e.
+
+use crate::events::{Before, FollowEvents, LinearImpulse, Meeting, SlopesModel};
+use liouville_base::error::StepError;
+use liouville_base::linalg::{Matrix, add_scaled};
+use liouville_problem::{Cotangents, PointAdjoint, State};
+use liouville_spark::{SharedRecords, SparkAdjoint, StepRecord};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+
+/// An event that was met.
+#[derive(Clone, Debug)]
+pub(super) struct Entry {
+    /// How many steps were recorded, that in which it was met included.
+    pub(super) place: usize,
+    pub(super) t: f64,
+    /// The part of the step that led to it, and the state there.
+    pub(super) part: f64,
+    pub(super) state: State,
+    /// That after a reset.
+    pub(super) after: Option<State>,
+    /// Whether it ends the run.
+    pub(super) is_last: bool,
+    event: usize,
+    hit: usize,
+    /// The length of the whole step, and the largest size of the event's function in it.
+    h: f64,
+    height: f64,
+    lam: Vec<f64>,
+    /// The part of the step.
+    steps: Vec<StepRecord>,
+}
+
+impl Entry {
+    /// Whether no more of the step was made.
+    pub(super) fn is_cut(&self) -> bool {
+        self.after.is_some() || self.is_last
+    }
+}
+
+/// The events met, which the run shares with what follows it back.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Journal(Arc<Mutex<Vec<Entry>>>);
+
+impl Journal {
+    pub(super) fn lock(&self) -> MutexGuard<'_, Vec<Entry>> {
+        self.0.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+}
+
+/// Keeps the events of a run.
+pub(super) struct EventRecorder {
+    pub(super) journal: Journal,
+    /// Whole steps, and parts of steps, each made of so many.
+    pub(super) whole: SharedRecords,
+    pub(super) partial: SharedRecords,
+    pub(super) parts: usize,
+}
+
+impl FollowEvents<State> for EventRecorder {
+    fn begin(&mut self, _: &mut State) {
+        self.partial.lock().clear();
+    }
+
+    fn align(&mut self, _: f64, _: &mut State) {}
+
+    #[allow(clippy::float_cmp)] // 0 and 1 are the ends of the step
+    fn meet(&mut self, met: Meeting<'_>, state: &mut State) -> Result<(), StepError> {
+        let whole = self.whole.lock();
+        let (partial, last) = (self.partial.lock(), self.parts);
+        let steps = match met.part {
+            0.0 => &[],
+            1.0 => &whole.steps()[whole.steps().len() - last..],
+            _ => &partial.steps()[partial.steps().len() - last..],
+        };
+        self.journal.lock().push(Entry {
+            place: whole.steps().len(),
+            t: met.t,
+            part: met.part,
+            state: state.clone(),
+            after: None,
+            is_last: met.is_last,
+            event: met.event,
+            hit: met.hit,
+            h: met.h,
+            height: met.height,
+            lam: met.lam.to_vec(),
+            steps: steps.to_vec(),
+        });
+        Ok(())
+    }
+
+    fn reset(
+        &mut self,
+        _: (usize, f64),
+        _: &[f64],
+        (_, after): (&State, &mut State),
+    ) -> Result<(), StepError> {
+        if let Some(entry) = self.journal.lock().last_mut() {
+            entry.after = Some(after.clone());
+        }
+        Ok(())
+    }
+
+    fn record(&mut self, _: f64, _: &State, _: &mut Vec<f64>) -> Result<(), StepError> {
+        Ok(())
+    }
+}
+
+/// The adjoints of events.
+pub(super) struct EventAdjoint {
+    pub(super) journal: Journal,
+    pub(super) events: Vec<SlopesModel>,
+    pub(super) impulse: LinearImpulse,
+    /// Cotangents of each event: of t, y, z and λ, and of y, z and λ after a reset, a row for each time it was met.
+    pub(super) rows: Vec<Matrix>,
+    pub(super) sizes: [usize; 3],
+}
+
+impl EventAdjoint {
+    /// The row of an entry, where cotangents of its event were given.
+    fn row(&self, entry: &Entry) -> Option<&[f64]> {
+        let rows = self.rows.get(entry.event)?;
+        (entry.hit < rows.rows()).then(|| rows.row(entry.hit))
+    }
+
+    /// Takes cotangents from behind a reset to before it.
+    ///
+    /// # Errors
+    /// It has no derivative.
+    pub(super) fn leave_reset(
+        &mut self,
+        entry: &Entry,
+        point: &mut PointAdjoint,
+        of: &mut Cotangents,
+    ) -> Result<(), StepError> {
+        let Some(after) = &entry.after else {
+            return Ok(());
+        };
+        point.leave((entry.t, after), of)?;
+        let [n, m, _] = self.sizes;
+        if let Some(row) = self.row(entry).and_then(|row| row.get(1 + 2 * n + m..))
+            && !row.is_empty()
+        {
+            point.observe((entry.t, after), row, of)?;
+        }
+        let slopes = &mut self.events[entry.event];
+        let State { y, z, .. } = &entry.state;
+        let before: Before<'_> = (entry.t, [y, z, &entry.lam]);
+        self.impulse.make(slopes, before, [&after.y, &after.z])?;
+        let found = self.impulse.pull(slopes, before, [&of.y, &of.z])?;
+        of.y.fill(0.0);
+        of.z.fill(0.0);
+        self.add((entry, &found), point, of)
+    }
+
+    /// Adds cotangents of (t, y, z, λ, θ) at an event.
+    fn add(
+        &self,
+        (entry, found): (&Entry, &[f64]),
+        point: &mut PointAdjoint,
+        of: &mut Cotangents,
+    ) -> Result<(), StepError> {
+        let [n, m, multipliers] = self.sizes;
+        // of redundant constraints there are more multipliers, which no event depends on
+        let row = &found[1..][..2 * n + m.min(multipliers)];
+        let row = if m == multipliers {
+            row.to_vec()
+        } else {
+            [&row[..2 * n], &vec![0.0; m]].concat()
+        };
+        of.tau[0] += found[0];
+        add_scaled(&mut of.tau[1..], 1.0, &found[1 + 2 * n + multipliers..]);
+        point.observe((entry.t, &entry.state), &row, of)
+    }
+
+    /// Takes cotangents from an event to the start of the step in which it was met, those of the event included.
+    ///
+    /// # Errors
+    /// It has no derivative.
+    pub(super) fn leave(
+        &mut self,
+        entry: &Entry,
+        (adjoint, point): (&mut SparkAdjoint, &mut PointAdjoint),
+        of: &mut Cotangents,
+    ) -> Result<(), StepError> {
+        let [n, m, _] = self.sizes;
+        if let Some(row) = self.row(entry) {
+            of.tau[0] += row[0];
+            point.observe((entry.t, &entry.state), &row[1..=2 * n + m], of)?;
+        }
+        let State { y, z, .. } = &entry.state;
+        let before: Before<'_> = (entry.t, [y, z, &entry.lam]);
+        let gradient = self.events[entry.event].gradient(before)?.to_vec();
+        let mut slopes = Cotangents::zeros(n, of.tau.len());
+        self.add((entry, &gradient), point, &mut slopes)?;
+        let at = (entry.t, &entry.state);
+        let (own, slope, length) = if entry.steps.is_empty() {
+            let own = point.rate(at, of)?;
+            (own, point.rate(at, &slopes)?, 1.0)
+        } else {
+            let before = std::mem::take(&mut of.stretch);
+            for step in entry.steps.iter().rev() {
+                adjoint.follow(step, of)?;
+                adjoint.follow(step, &mut slopes)?;
+            }
+            let own = std::mem::replace(&mut of.stretch, before);
+            let slope = std::mem::take(&mut slopes.stretch);
+            (own, slope, entry.steps.iter().map(StepRecord::size).sum())
+        };
+        entry.meeting().check(slope / length)?;
+        of.add_scaled(-own / slope, &slopes);
+        Ok(())
+    }
+}
+
+impl Entry {
+    fn meeting(&self) -> Meeting<'_> {
+        Meeting {
+            event: self.event,
+            hit: self.hit,
+            part: self.part,
+            t: self.t,
+            h: self.h,
+            lam: &self.lam,
+            needs_lam: false,
+            height: self.height,
+            is_last: self.is_last,
+        }
+    }
+
+    /// Whether it begins a step anew within one, which is then made to its end.
+    pub(super) fn goes_on(&self) -> bool {
+        self.after.is_some() && self.part < 1.0
+    }
+}

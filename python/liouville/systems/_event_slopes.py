@@ -1,0 +1,87 @@
+"""Derivatives of events and of what they do to a motion, for tangents and pullbacks.
+
+They are by everything that an event may depend on, x = (t, y, z, lam, params).
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from liouville import _casadi as ca
+from liouville import _core
+from liouville._job import Pair, Slopes
+from liouville.errors import hinted
+from liouville.systems._form import total_derivative
+from liouville.tape import record
+
+if TYPE_CHECKING:
+    from liouville.systems.mechanics import Mechanics
+
+
+def event_slopes(
+    system: Mechanics, what: str, value: ca.SX, law: list[ca.SX], is_impact: bool
+) -> Slopes:
+    """Record the tapes of `events::EventSlopes` in the core, of an event and its reset, if any.
+
+    Raises
+    ------
+    TypeError
+        The mass matrix of what an impact moves is not among the expressions.
+    """
+    s, model = system._symbols, system._model
+    x = ca.vertcat(s.t, s.y, s.z, system._multipliers, s.params.vector)
+    gradient = record(f"slopes of {what}", _inputs(system), ca.densify(ca.gradient(value, x)))
+    reset = impulse = None
+    if law and not is_impact:
+        reset = _pair(f"the reset of {what}", system, x, ca.vertcat(*law), {})
+    if is_impact or (law and model.lam.numel()):
+        if model.linear.mass is not None:
+            sentence = f"the impulses of {what} have no derivatives yet: its masses are a matrix"
+            raise TypeError(hinted(sentence, "write the kinetic energy as an expression"))
+        after = ca.SX.sym("after", s.z.numel())
+        held = ca.SX.sym("impulses", model.lam.numel() + is_impact)
+        balance = _balance(system, (after, held), value, law[:1] if is_impact else [])
+        impulse = _pair(f"impulses of {what}", system, x, balance, {"after": after, "held": held})
+    return gradient, reset, impulse
+
+
+def _balance(
+    system: Mechanics, unknowns: tuple[ca.SX, ca.SX], value: ca.SX, restitution: list[ca.SX]
+) -> ca.SX:
+    """Return the equations of impulses: momenta, hidden constraints, the rate of an impact."""
+    s, model = system._symbols, system._model
+    after, held = unknowns
+    hidden = total_derivative(model.g, s, model.v)
+    ends = ca.vertcat(model.p, hidden, model.v)
+    ends = ca.substitute(ends, s.z, after)
+    n, m = model.p.numel(), hidden.numel()
+    p, w, v = ca.vertsplit(ends, [0, n, n + m, 2 * n + m])
+    momentum = p - model.p
+    if m:
+        reaction = ca.jtimes(model.r, model.lam, held[:m])
+        momentum -= ca.substitute(reaction, model.lam, ca.SX.zeros(m, 1))
+    if not restitution:
+        return ca.vertcat(momentum, w)
+    gradient = ca.gradient(value, s.y)
+    before = total_derivative(value, s, model.v)
+    rate = ca.dot(gradient, v - model.v) + (1 + restitution[0]) * before
+    return ca.vertcat(momentum - gradient * held[m], w, rate)
+
+
+def _inputs(system: Mechanics, **more: ca.SX) -> dict[str, ca.SX]:
+    """Return the inputs of an event, and more before the parameters."""
+    s = system._symbols
+    inputs = s.inputs(z=s.z, lam=system._multipliers)
+    params = inputs.pop("params")
+    return {**inputs, **more, "params": params}
+
+
+def _pair(what: str, system: Mechanics, x: ca.SX, found: ca.SX, more: dict[str, ca.SX]) -> Pair:
+    """Record the derivative of expressions along a direction, and its transpose."""
+
+    def tape(kind: str, vector: ca.SX, is_transposed: bool) -> _core.Tape:
+        along = ca.jtimes(found, x, vector, is_transposed)
+        return record(f"{kind} {what}", _inputs(system, **more, along=vector), ca.densify(along))
+
+    direction, cotangent = (ca.SX.sym("along", y.numel()) for y in (x, found))
+    return tape("tangents of", direction, False), tape("cotangents of", cotangent, True)
