@@ -147,14 +147,6 @@ impl Number for Dual {
 }
 
 impl Stored for Dual {
-    type One = Self;
-
-    fn one(&self, _: usize) -> Self {
-        *self
-    }
-    fn set_one(&mut self, _: usize, value: Self) {
-        *self = value;
-    }
     fn run<K: Kernel<Self>>(_: InstructionSet, kernel: K) -> K::Output {
         kernel.run(ScalarViews::default())
     }

@@ -2,7 +2,6 @@
 #![allow(clippy::inline_always)] // all of a kernel is compiled for one instruction set
 
 use crate::{Malformed, finite, size};
-use liouville_base::simd::{Number, Stored};
 
 /// The most functions on a cell: splines have degree five at most.
 pub(crate) const MOST: usize = 6;
@@ -39,21 +38,21 @@ pub struct Basis {
 
 /// A coordinate within its cell.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Place<T> {
+pub(crate) struct Place {
     pub(crate) cell: usize,
-    pub(crate) s: T,
+    pub(crate) s: f64,
     /// Where coordinates of this cell begin and end, and its origin, as many periods further as they are.
     between: [f64; 2],
     origin: f64,
 }
 
-impl<T: Number> Place<T> {
+impl Place {
     /// A place that is not used.
     #[inline(always)]
-    pub(crate) fn none(like: T) -> Self {
+    pub(crate) const fn none() -> Self {
         Self {
             cell: 0,
-            s: like,
+            s: 0.0,
             between: [0.0; 2],
             origin: 0.0,
         }
@@ -147,15 +146,14 @@ impl Basis {
 
     /// The place of a coordinate; outside the axis that of the nearest cell, whose polynomials go on.
     #[inline(always)]
-    pub(crate) fn find<T: Number + Stored>(&self, x: T) -> Place<T> {
+    pub(crate) fn find(&self, x: f64) -> Place {
         let (start, last) = (self.edges[0], self.cells() - 1);
-        let x_value = x.member(0);
         let mut shift = 0.0;
         if self.bounds == Bounds::Periodic {
-            let turns = ((x_value - start) * self.per_length).floor();
+            let turns = ((x - start) * self.per_length).floor();
             shift = turns * (self.edges[last + 1] - start);
         }
-        let value = x_value - shift;
+        let value = x - shift;
         let guess = (value - start) * self.cells_per_unit;
         #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)] // a cast saturates
         let mut cell = (guess as usize).min(last);
@@ -168,7 +166,7 @@ impl Basis {
         let origin = shift + self.origin[cell];
         Place {
             cell,
-            s: (x - x.like(origin)).scaled(self.inverse[cell]),
+            s: (x - origin) * self.inverse[cell],
             between: [shift + self.edges[cell], shift + self.edges[cell + 1]],
             origin,
         }
@@ -176,10 +174,9 @@ impl Basis {
 
     /// The place of a coordinate near another: mostly in the same cell.
     #[inline(always)]
-    pub(crate) fn go<T: Number + Stored>(&self, place: &mut Place<T>, x: T) {
-        let value = x.member(0);
-        if place.between[0] <= value && value < place.between[1] {
-            place.s = (x - x.like(place.origin)).scaled(self.inverse[place.cell]);
+    pub(crate) fn go(&self, place: &mut Place, x: f64) {
+        if place.between[0] <= x && x < place.between[1] {
+            place.s = (x - place.origin) * self.inverse[place.cell];
         } else {
             *place = self.find(x);
         }
@@ -187,14 +184,13 @@ impl Basis {
 
     /// The place of a coordinate, if it is inside the axis. Beyond a wall by roundoff is on it.
     #[inline(always)]
-    pub(crate) fn locate<T: Number + Stored>(&self, x: T) -> Option<Place<T>> {
-        let value = x.member(0);
-        if !value.is_finite() {
+    pub(crate) fn locate(&self, x: f64) -> Option<Place> {
+        if !x.is_finite() {
             return None;
         }
         let mut place = self.find(x);
         let (start, end) = (self.edges[0], self.edges[self.cells()]);
-        let beyond = (start - value).max(value - end);
+        let beyond = (start - x).max(x - end);
         if beyond <= 0.0 || self.bounds == Bounds::Periodic {
             return Some(place);
         }
@@ -204,19 +200,19 @@ impl Basis {
         if beyond > ROUNDINGS * f64::EPSILON * (start.abs() + end.abs()) {
             return None;
         }
-        place.s = place.s - x.like(place.s.member(0));
+        place.s = 0.0;
         Some(place)
     }
 
     /// The functions that are not zero at a place.
     #[inline(always)]
-    pub(crate) fn values<T: Number + Stored>(&self, place: Place<T>) -> [T; MOST] {
+    pub(crate) fn values(&self, place: Place) -> [f64; MOST] {
         let width = self.degree + 1;
         let table = self.table(place.cell);
-        let mut values = [place.s.like(0.0); MOST];
+        let mut values = [0.0; MOST];
         for row in table.chunks_exact(width).rev() {
             for (value, c) in values.iter_mut().zip(row) {
-                *value = *value * place.s + value.like(*c);
+                *value = *value * place.s + c;
             }
         }
         values
@@ -224,27 +220,41 @@ impl Basis {
 
     /// The functions at a place, and their derivatives by the coordinate; there are `N` of them.
     #[inline(always)]
-    pub(crate) fn values_and_slopes<const N: usize, T: Number + Stored>(
-        &self,
-        place: Place<T>,
-    ) -> ([T; N], [T; N]) {
-        let zero = place.s.like(0.0);
+    pub(crate) fn values_and_slopes<const N: usize>(&self, place: Place) -> ([f64; N], [f64; N]) {
         let table = &self.table(place.cell)[..N * N];
-        let (mut values, mut slopes) = ([zero; N], [zero; N]);
+        let (mut values, mut slopes) = ([0.0; N], [0.0; N]);
         for i in 0..N {
-            values[i] = zero.like(table[N * (N - 1) + i]);
+            values[i] = table[N * (N - 1) + i];
         }
         for k in (0..N - 1).rev() {
             for i in 0..N {
                 slopes[i] = slopes[i] * place.s + values[i];
-                values[i] = values[i] * place.s + zero.like(table[N * k + i]);
+                values[i] = values[i] * place.s + table[N * k + i];
             }
         }
         let inverse = self.inverse[place.cell];
         for slope in &mut slopes {
-            *slope = slope.scaled(inverse);
+            *slope *= inverse;
         }
         (values, slopes)
+    }
+
+    /// The functions at a place, and their first and second derivatives by the coordinate.
+    pub(crate) fn jet(&self, place: Place) -> [[f64; MOST]; 3] {
+        let mut jet = [[0.0; MOST]; 3];
+        for row in self.table(place.cell).chunks_exact(self.degree + 1).rev() {
+            for (i, c) in row.iter().enumerate() {
+                jet[2][i] = jet[2][i] * place.s + jet[1][i];
+                jet[1][i] = jet[1][i] * place.s + jet[0][i];
+                jet[0][i] = jet[0][i] * place.s + c;
+            }
+        }
+        let inverse = self.inverse[place.cell];
+        for i in 0..MOST {
+            jet[1][i] *= inverse;
+            jet[2][i] *= 2.0 * inverse * inverse;
+        }
+        jet
     }
 
     #[inline(always)]

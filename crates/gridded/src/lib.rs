@@ -5,6 +5,7 @@
 //! [`Basis`] functions; [`Plane`] makes the map. Source: feng1995.
 
 mod basis;
+mod derivative;
 mod plane;
 mod window;
 

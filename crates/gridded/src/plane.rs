@@ -11,7 +11,7 @@
 use crate::basis::{Basis, Place};
 use crate::window::{Frozen, Window};
 use crate::{Malformed, finite, size};
-use liouville_base::simd::{InstructionSet, Kernel, Number, SimdViews, Stored};
+use liouville_base::simd::{InstructionSet, Kernel, SimdViews, Stored};
 
 /// Newton's corrections, of which there are two to five up to the largest steps.
 pub const MOST_CORRECTIONS: usize = 12;
@@ -21,13 +21,13 @@ const CORRECTION: f64 = 1e-10;
 /// A spline of two coordinates and of frozen ones, as the Hamiltonian of the two.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Plane {
-    frozen: Vec<Basis>,
+    pub(crate) frozen: Vec<Basis>,
     /// The axes of v and w.
     pub(crate) axes: [Basis; 2],
     /// Coefficients, those of the frozen coordinates first, then v, then w.
-    coefficients: Vec<f64>,
+    pub(crate) coefficients: Vec<f64>,
     /// Coefficients of U and V by the functions of the last frozen axis; one number where they are constant.
-    mean: [Vec<f64>; 2],
+    pub(crate) mean: [Vec<f64>; 2],
 }
 
 /// Why a flow could not be made.
@@ -40,12 +40,12 @@ pub enum Fault {
 }
 
 /// A flow of one trajectory: coordinates are the frozen ones, v and w.
-#[derive(Debug)]
-pub struct PlaneFlow<'a, T> {
+#[derive(Clone, Copy, Debug)]
+pub struct PlaneFlow<'a> {
     /// The Hamiltonian.
     pub plane: &'a Plane,
     /// The coordinates.
-    pub x: [T; 4],
+    pub x: [f64; 4],
     /// Whether v is implicit.
     pub is_adjoint: bool,
     /// The length of the flow.
@@ -100,10 +100,10 @@ impl Plane {
 
     /// Adds the coefficients of a patch, times a weight.
     #[inline(always)]
-    pub(crate) fn gather<T: Number + Stored, const C: usize, const R: usize>(
+    pub(crate) fn gather<const C: usize, const R: usize>(
         &self,
-        patch: &mut [[T; C]; R],
-        weight: Option<T>,
+        patch: &mut [[f64; C]; R],
+        weight: Option<f64>,
         corner: usize,
         stride: usize,
     ) {
@@ -111,8 +111,8 @@ impl Plane {
             let own = &self.coefficients[corner + r * stride..][..C];
             for k in 0..C {
                 row[k] = match weight {
-                    Some(weight) => row[k] + weight.scaled(own[k]),
-                    None => row[k].like(own[k]),
+                    Some(weight) => row[k] + weight * own[k],
+                    None => own[k],
                 };
             }
         }
@@ -120,16 +120,16 @@ impl Plane {
 
     /// U and V, given the last frozen coordinate.
     #[inline(always)]
-    fn mean<T: Number + Stored>(&self, last: Option<Place<T>>, like: T) -> [T; 2] {
+    fn mean(&self, last: Option<Place>) -> [f64; 2] {
         let mean = |mean: &Vec<f64>| match (last, self.frozen.last()) {
             (Some(place), Some(basis)) if mean.len() > 1 => {
                 let values = basis.values(place);
                 let own = &mean[place.cell..=place.cell + basis.degree()];
                 own.iter()
                     .zip(values)
-                    .fold(like.like(0.0), |sum, (c, value)| sum + value.scaled(*c))
+                    .fold(0.0, |sum, (c, value)| sum + value * c)
             }
-            _ => like.like(mean[0]),
+            _ => mean[0],
         };
         [mean(&self.mean[0]), mean(&self.mean[1])]
     }
@@ -153,8 +153,8 @@ impl Plane {
         &self,
         x: [f64; 4],
     ) -> Result<[f64; 3], Fault> {
-        let local = Local::<f64, N, M, K>::new(self, &x, false)?;
-        let (values, slopes) = self.axes[1].values_and_slopes::<N, f64>(local.place);
+        let local = Local::<N, M, K>::new(self, &x, false)?;
+        let (values, slopes) = self.axes[1].values_and_slopes::<N>(local.place);
         let cell = local.place.cell;
         let (by_v, _) = local.window.implicit(cell, (&values, &slopes));
         let (value, by_w) = (
@@ -166,23 +166,23 @@ impl Plane {
 }
 
 /// The potential near a start: all but the frozen coordinates and the explicit one contracted.
-struct Local<'a, T, const N: usize, const M: usize, const K: usize> {
-    frozen: Frozen<'a, T, K>,
+struct Local<'a, const N: usize, const M: usize, const K: usize> {
+    frozen: Frozen<'a, K>,
     /// The cell of the explicit coordinate, and its functions there.
     cell: usize,
-    values: [T; N],
-    slopes: [T; N],
-    window: Window<T, M>,
+    values: [f64; N],
+    slopes: [f64; N],
+    window: Window<M>,
     /// The implicit coordinate.
-    place: Place<T>,
-    mean: [T; 2],
+    place: Place,
+    mean: [f64; 2],
     is_inner: bool,
 }
 
-impl<'a, T: Number + Stored, const N: usize, const M: usize, const K: usize> Local<'a, T, N, M, K> {
+impl<'a, const N: usize, const M: usize, const K: usize> Local<'a, N, M, K> {
     #[inline(always)]
-    fn new(plane: &'a Plane, x: &[T; 4], is_adjoint: bool) -> Result<Self, Fault> {
-        let mut places = [Place::none(x[K]); K];
+    fn new(plane: &'a Plane, x: &[f64; 4], is_adjoint: bool) -> Result<Self, Fault> {
+        let mut places = [Place::none(); K];
         for k in 0..K {
             places[k] = plane.frozen[k].locate(x[k]).ok_or(Fault::Outside(k))?;
         }
@@ -191,13 +191,13 @@ impl<'a, T: Number + Stored, const N: usize, const M: usize, const K: usize> Loc
         let fixed = fixed.ok_or(Fault::Outside(K + e))?;
         let place = plane.axes[u].locate(x[K + u]);
         let place = place.ok_or(Fault::Outside(K + u))?;
-        let (values, slopes) = plane.axes[e].values_and_slopes::<N, T>(fixed);
-        let frozen = Frozen::new(plane, &plane.frozen, places, x[K]);
+        let (values, slopes) = plane.axes[e].values_and_slopes::<N>(fixed);
+        let frozen = Frozen::new(plane, &plane.frozen, places);
         let is_inner = !is_adjoint;
         let explicit = (fixed.cell, &values, &slopes);
         Ok(Self {
             window: Window::new(&frozen, explicit, place.cell, is_inner),
-            mean: plane.mean(places.last().copied(), x[K]),
+            mean: plane.mean(places.last().copied()),
             cell: fixed.cell,
             frozen,
             values,
@@ -209,7 +209,7 @@ impl<'a, T: Number + Stored, const N: usize, const M: usize, const K: usize> Loc
 
     /// Moves the implicit coordinate to where an iterate is.
     #[inline(always)]
-    fn go(&mut self, axis: &Basis, u: T) {
+    fn go(&mut self, axis: &Basis, u: f64) {
         axis.go(&mut self.place, u);
         if !self.window.holds(self.place.cell) {
             let explicit = (self.cell, &self.values, &self.slopes);
@@ -218,41 +218,41 @@ impl<'a, T: Number + Stored, const N: usize, const M: usize, const K: usize> Loc
     }
 }
 
-impl<T: Number + Stored> PlaneFlow<'_, T> {
+impl PlaneFlow<'_> {
     /// Makes the flow: the new v and w.
     ///
     /// # Errors
     /// A coordinate is outside its axis, or the equation was not solved.
-    pub fn run(self, machine: InstructionSet) -> Result<[T; 2], Fault> {
-        T::run(machine, self)
+    pub fn run(self, machine: InstructionSet) -> Result<[f64; 2], Fault> {
+        f64::run(machine, self)
     }
 
     /// The flow with `N` functions on a cell, `M` in a window and `K` frozen coordinates.
     #[inline(always)]
-    fn solved<const N: usize, const M: usize, const K: usize>(&self) -> Result<[T; 2], Fault> {
+    fn solved<const N: usize, const M: usize, const K: usize>(&self) -> Result<[f64; 2], Fault> {
         let Self {
             plane,
             x,
             is_adjoint,
             h,
         } = *self;
-        let mut local = Local::<T, N, M, K>::new(plane, &x, is_adjoint)?;
+        let mut local = Local::<N, M, K>::new(plane, &x, is_adjoint)?;
         let (e, u) = (usize::from(is_adjoint), usize::from(!is_adjoint));
         let sigma = if is_adjoint { h } else { -h };
         let (axis, start, mean) = (&plane.axes[u], x[K + u], local.mean);
-        let target = start + mean[u].scaled(h);
+        let target = start + mean[u] * h;
         let (mut now, mut is_solved, mut last) = (start, false, 0.0);
         for _ in 0..MOST_CORRECTIONS {
-            let (values, slopes) = axis.values_and_slopes::<N, T>(local.place);
+            let (values, slopes) = axis.values_and_slopes::<N>(local.place);
             let functions = (&values, &slopes);
             let (change, slope) = local.window.implicit(local.place.cell, functions);
-            let residual = now - target - change.scaled(sigma);
-            let correction = residual / (start.like(1.0) - slope.scaled(sigma));
-            now = now - correction;
+            let residual = now - target - change * sigma;
+            let correction = residual / (1.0 - slope * sigma);
+            now -= correction;
             local.go(axis, now);
             let inverse = axis.inverse(local.place.cell);
-            last = correction.member(0).abs() * inverse;
-            let rounding = f64::EPSILON * now.member(0).abs() * inverse;
+            last = correction.abs() * inverse;
+            let rounding = f64::EPSILON * now.abs() * inverse;
             if last <= CORRECTION + 8.0 * rounding {
                 is_solved = true;
                 break;
@@ -267,9 +267,9 @@ impl<T: Number + Stored> PlaneFlow<'_, T> {
                 Fault::NotConverged(last)
             });
         }
-        let (_, slopes) = axis.values_and_slopes::<N, T>(local.place);
+        let (_, slopes) = axis.values_and_slopes::<N>(local.place);
         let other = local.window.explicit(local.place.cell, &slopes);
-        let moved = x[K + e] + mean[e].scaled(h) - other.scaled(sigma);
+        let moved = x[K + e] + mean[e] * h - other * sigma;
         Ok(if is_adjoint {
             [now, moved]
         } else {
@@ -278,32 +278,30 @@ impl<T: Number + Stored> PlaneFlow<'_, T> {
     }
 }
 
-impl<T: Number + Stored> Kernel<T> for PlaneFlow<'_, T> {
-    type Output = Result<[T; 2], Fault>;
+impl Kernel<f64> for PlaneFlow<'_> {
+    type Output = Result<[f64; 2], Fault>;
 
     #[inline(always)]
-    fn run<W: SimdViews<Stored = T>>(self, views: W) -> Self::Output {
+    fn run<W: SimdViews<Stored = f64>>(self, views: W) -> Self::Output {
         match (self.plane.axes[0].degree(), self.plane.frozen()) {
-            (3, 0) => views.call(Sized::<T, 4, 6, 0>(self)),
-            (3, 1) => views.call(Sized::<T, 4, 6, 1>(self)),
-            (3, _) => views.call(Sized::<T, 4, 6, 2>(self)),
-            (_, 0) => views.call(Sized::<T, 6, 8, 0>(self)),
-            (_, 1) => views.call(Sized::<T, 6, 8, 1>(self)),
-            _ => views.call(Sized::<T, 6, 8, 2>(self)),
+            (3, 0) => views.call(Sized::<4, 6, 0>(self)),
+            (3, 1) => views.call(Sized::<4, 6, 1>(self)),
+            (3, _) => views.call(Sized::<4, 6, 2>(self)),
+            (_, 0) => views.call(Sized::<6, 8, 0>(self)),
+            (_, 1) => views.call(Sized::<6, 8, 1>(self)),
+            _ => views.call(Sized::<6, 8, 2>(self)),
         }
     }
 }
 
 /// A flow with the sizes that it is compiled for.
-struct Sized<'a, T, const N: usize, const M: usize, const K: usize>(PlaneFlow<'a, T>);
+struct Sized<'a, const N: usize, const M: usize, const K: usize>(PlaneFlow<'a>);
 
-impl<T: Number + Stored, const N: usize, const M: usize, const K: usize> Kernel<T>
-    for Sized<'_, T, N, M, K>
-{
-    type Output = Result<[T; 2], Fault>;
+impl<const N: usize, const M: usize, const K: usize> Kernel<f64> for Sized<'_, N, M, K> {
+    type Output = Result<[f64; 2], Fault>;
 
     #[inline(always)]
-    fn run<W: SimdViews<Stored = T>>(self, _: W) -> Self::Output {
+    fn run<W: SimdViews<Stored = f64>>(self, _: W) -> Self::Output {
         self.0.solved::<N, M, K>()
     }
 }

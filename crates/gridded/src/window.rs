@@ -3,28 +3,27 @@
 
 use crate::basis::{Basis, MOST, Place};
 use crate::plane::Plane;
-use liouville_base::simd::{Number, Stored};
 
 /// Coefficients of F and of its derivative by the other coordinate, of the functions from `first` on: those of three
 /// cells. `M` is two more than the functions of a cell.
-pub(crate) struct Window<T, const M: usize> {
+pub(crate) struct Window<const M: usize> {
     pub(crate) first: usize,
-    values: [T; M],
-    slopes: [T; M],
+    values: [f64; M],
+    slopes: [f64; M],
 }
 
 /// The place of frozen coordinates: the coefficients there, and the values of their functions.
-pub(crate) struct Frozen<'a, T, const K: usize> {
+pub(crate) struct Frozen<'a, const K: usize> {
     plane: &'a Plane,
     offset: [usize; K],
     count: [usize; K],
-    weights: [[T; MOST]; K],
+    weights: [[f64; MOST]; K],
     strides: [usize; K],
 }
 
-impl<'a, T: Number + Stored, const K: usize> Frozen<'a, T, K> {
+impl<'a, const K: usize> Frozen<'a, K> {
     #[inline(always)]
-    pub(crate) fn new(plane: &'a Plane, bases: &[Basis], places: [Place<T>; K], like: T) -> Self {
+    pub(crate) fn new(plane: &'a Plane, bases: &[Basis], places: [Place; K]) -> Self {
         let mut strides = [plane.axes[0].functions() * plane.axes[1].functions(); K];
         for k in (1..K).rev() {
             strides[k - 1] = strides[k] * bases[k].functions();
@@ -33,7 +32,7 @@ impl<'a, T: Number + Stored, const K: usize> Frozen<'a, T, K> {
             plane,
             offset: [0; K],
             count: [0; K],
-            weights: [[like; MOST]; K],
+            weights: [[0.0; MOST]; K],
             strides,
         };
         for k in 0..K {
@@ -46,7 +45,7 @@ impl<'a, T: Number + Stored, const K: usize> Frozen<'a, T, K> {
 
     /// Calls `add` with each product of functions: its weight, and where its coefficients begin.
     #[inline(always)]
-    fn each(&self, mut add: impl FnMut(Option<T>, usize)) {
+    fn each(&self, mut add: impl FnMut(Option<f64>, usize)) {
         match K {
             0 => add(None, 0),
             1 => {
@@ -70,28 +69,27 @@ impl<'a, T: Number + Stored, const K: usize> Frozen<'a, T, K> {
     }
 }
 
-impl<T: Number + Stored, const M: usize> Window<T, M> {
+impl<const M: usize> Window<M> {
     /// The window around cell `near` of the implicit coordinate, given the functions of the explicit one and their slopes.
     /// `is_inner`: whether the implicit coordinate is the last of the array.
     #[inline(always)]
     pub(crate) fn new<const N: usize, const K: usize>(
-        frozen: &Frozen<'_, T, K>,
-        (cell, values, slopes): (usize, &[T; N], &[T; N]),
+        frozen: &Frozen<'_, K>,
+        (cell, values, slopes): (usize, &[f64; N], &[f64; N]),
         near: usize,
         is_inner: bool,
     ) -> Self {
         let plane = frozen.plane;
         let implicit = &plane.axes[usize::from(is_inner)];
         let first = near.saturating_sub(1).min(implicit.cells() - 3);
-        let zero = values[0].like(0.0);
         let mut window = Self {
             first,
-            values: [zero; M],
-            slopes: [zero; M],
+            values: [0.0; M],
+            slopes: [0.0; M],
         };
         let stride = plane.axes[1].functions();
         if is_inner {
-            let mut patch = [[zero; M]; N];
+            let mut patch = [[0.0; M]; N];
             let corner = cell * stride + first;
             frozen.each(
                 #[inline(always)]
@@ -99,12 +97,12 @@ impl<T: Number + Stored, const M: usize> Window<T, M> {
             );
             for i in 0..N {
                 for m in 0..M {
-                    window.values[m] = window.values[m] + values[i] * patch[i][m];
-                    window.slopes[m] = window.slopes[m] + slopes[i] * patch[i][m];
+                    window.values[m] += values[i] * patch[i][m];
+                    window.slopes[m] += slopes[i] * patch[i][m];
                 }
             }
         } else {
-            let mut patch = [[zero; N]; M];
+            let mut patch = [[0.0; N]; M];
             let corner = first * stride + cell;
             frozen.each(
                 #[inline(always)]
@@ -112,8 +110,8 @@ impl<T: Number + Stored, const M: usize> Window<T, M> {
             );
             for m in 0..M {
                 for i in 0..N {
-                    window.values[m] = window.values[m] + values[i] * patch[m][i];
-                    window.slopes[m] = window.slopes[m] + slopes[i] * patch[m][i];
+                    window.values[m] += values[i] * patch[m][i];
+                    window.slopes[m] += slopes[i] * patch[m][i];
                 }
             }
         }
@@ -131,24 +129,24 @@ impl<T: Number + Stored, const M: usize> Window<T, M> {
     pub(crate) fn implicit<const N: usize>(
         &self,
         cell: usize,
-        (values, slopes): (&[T; N], &[T; N]),
-    ) -> (T, T) {
+        (values, slopes): (&[f64; N], &[f64; N]),
+    ) -> (f64, f64) {
         let own = &self.slopes[cell - self.first..][..N];
         (dot(own, values), dot(own, slopes))
     }
 
     /// F_u
     #[inline(always)]
-    pub(crate) fn explicit<const N: usize>(&self, cell: usize, slopes: &[T; N]) -> T {
+    pub(crate) fn explicit<const N: usize>(&self, cell: usize, slopes: &[f64; N]) -> f64 {
         dot(&self.values[cell - self.first..][..N], slopes)
     }
 }
 
 #[inline(always)]
-fn dot<T: Number, const N: usize>(a: &[T], b: &[T; N]) -> T {
+fn dot<const N: usize>(a: &[f64], b: &[f64; N]) -> f64 {
     let mut sum = a[0] * b[0];
     for i in 1..N {
-        sum = sum + a[i] * b[i];
+        sum += a[i] * b[i];
     }
     sum
 }

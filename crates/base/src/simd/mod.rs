@@ -52,6 +52,12 @@ pub trait SimdViews: Copy {
     /// The same in parts of few registers, for long formulas: the registers of the machine then hold all that is between.
     fn each_narrow<V: ForEach<Self::Stored>>(self, count: usize, visitor: &mut V) -> bool;
 
+    /// Visits all parts of one number: a register of several numbers in a row is not compiled for it.
+    fn one<V: ForEach<Self::Stored>>(self, visitor: &mut V) -> bool;
+
+    /// The same in parts of few registers.
+    fn one_narrow<V: ForEach<Self::Stored>>(self, visitor: &mut V) -> bool;
+
     /// Makes a computation in a function of its own: parts that are all inlined make one long function, which takes the
     /// compiler longer than its parts do.
     fn call<K: Kernel<Self::Stored>>(self, kernel: K) -> K::Output;
@@ -68,13 +74,6 @@ pub trait Kernel<S> {
 
 /// Numbers in memory that kernels work on.
 pub trait Stored: Scalar {
-    /// The number of one member, with what it carries beside its value.
-    type One: Number + Stored + PartialEq;
-
-    /// The number of one member.
-    fn one(&self, member: usize) -> Self::One;
-    /// Sets the number of one member.
-    fn set_one(&mut self, member: usize, value: Self::One);
     /// Makes a computation with the registers of an instruction set.
     fn run<K: Kernel<Self>>(machine: InstructionSet, kernel: K) -> K::Output;
 }

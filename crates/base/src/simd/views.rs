@@ -118,6 +118,14 @@ impl<S: Scalar + Number> SimdViews for ScalarViews<S> {
         self.each(count, visitor)
     }
     #[inline(always)]
+    fn one<V: ForEach<S>>(self, visitor: &mut V) -> bool {
+        self.each(1, visitor)
+    }
+    #[inline(always)]
+    fn one_narrow<V: ForEach<S>>(self, visitor: &mut V) -> bool {
+        self.each(1, visitor)
+    }
+    #[inline(always)]
     fn call<K: Kernel<S>>(self, kernel: K) -> K::Output {
         kernel.run(self)
     }
@@ -189,6 +197,17 @@ impl<S: Simd> SimdViews for BlockViews<S> {
         self.blocks::<NARROW, V>(count, visitor)
     }
     #[inline(always)]
+    fn one<V: ForEach<f64>>(self, visitor: &mut V) -> bool {
+        visitor.visit(ScalarView {
+            offset: 0,
+            stored: PhantomData,
+        })
+    }
+    #[inline(always)]
+    fn one_narrow<V: ForEach<f64>>(self, visitor: &mut V) -> bool {
+        self.one(visitor)
+    }
+    #[inline(always)]
     fn call<K: Kernel<f64>>(self, kernel: K) -> K::Output {
         call(self.simd, OnBlocks(kernel))
     }
@@ -205,16 +224,6 @@ impl<K: Kernel<f64>> WithSimd for OnBlocks<K> {
 }
 
 impl Stored for f64 {
-    type One = f64;
-
-    #[inline(always)]
-    fn one(&self, _: usize) -> f64 {
-        *self
-    }
-    #[inline(always)]
-    fn set_one(&mut self, _: usize, value: f64) {
-        *self = value;
-    }
     fn run<K: Kernel<f64>>(machine: InstructionSet, kernel: K) -> K::Output {
         machine.0.dispatch(OnBlocks(kernel))
     }
@@ -294,6 +303,8 @@ impl<S: Simd, const W: usize> SimdViews for LaneViews<S, W> {
         match Self::REGISTERS {
             1 => self.parts::<1, V>(count, visitor),
             2 => self.parts::<2, V>(count, visitor),
+            // machines without registers of several numbers: what is unrolled for them takes long to compile
+            _ if S::F64_LANES == 1 => self.parts::<2, V>(count, visitor),
             4 => self.parts::<4, V>(count, visitor),
             _ => self.parts::<8, V>(count, visitor),
         }
@@ -304,6 +315,14 @@ impl<S: Simd, const W: usize> SimdViews for LaneViews<S, W> {
             1 => self.parts::<1, V>(count, visitor),
             _ => self.parts::<NARROW, V>(count, visitor),
         }
+    }
+    #[inline(always)]
+    fn one<V: ForEach<Lanes<W>>>(self, visitor: &mut V) -> bool {
+        self.each(1, visitor)
+    }
+    #[inline(always)]
+    fn one_narrow<V: ForEach<Lanes<W>>>(self, visitor: &mut V) -> bool {
+        self.each_narrow(1, visitor)
     }
     #[inline(always)]
     fn call<K: Kernel<Lanes<W>>>(self, kernel: K) -> K::Output {
@@ -322,16 +341,6 @@ impl<const W: usize, K: Kernel<Lanes<W>>> WithSimd for OnLanes<(K, [(); W])> {
 }
 
 impl<const W: usize> Stored for Lanes<W> {
-    type One = f64;
-
-    #[inline(always)]
-    fn one(&self, member: usize) -> f64 {
-        self.0[member]
-    }
-    #[inline(always)]
-    fn set_one(&mut self, member: usize, value: f64) {
-        self.0[member] = value;
-    }
     fn run<K: Kernel<Lanes<W>>>(machine: InstructionSet, kernel: K) -> K::Output {
         const { assert!(W.is_power_of_two() && W >= 8, "lanes fill whole registers") };
         machine.0.dispatch(OnLanes((kernel, [(); W])))

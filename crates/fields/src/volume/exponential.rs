@@ -172,7 +172,7 @@ impl<S: Scalar> Kernel<S> for FlowOf<'_, S, &Exponential> {
             state,
             failed,
         };
-        if views.each(1, &mut flow) {
+        if views.one_narrow(&mut flow) {
             Ok(())
         } else {
             let first = flow.failed;

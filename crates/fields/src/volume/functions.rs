@@ -280,7 +280,7 @@ impl<S: Stored> Kernel<S> for SetFunctions<'_, S> {
                         if is_shared {
                             wave.share(program, x);
                         } else {
-                            views.each_narrow(1, &mut SetWave { wave, program, x });
+                            views.one_narrow(&mut SetWave { wave, program, x });
                         }
                     }
                 }

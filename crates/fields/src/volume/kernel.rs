@@ -208,7 +208,6 @@ pub(super) enum Change {
 
 struct ChangeRow<'a, S> {
     program: &'a [Code],
-    change: Change,
     place: usize,
     h: f64,
     state: &'a mut State<S>,
@@ -218,17 +217,40 @@ impl<S> ForEach<S> for ChangeRow<'_, S> {
     #[inline(always)]
     fn visit<W: SimdView<Stored = S>>(&mut self, view: W) -> bool {
         let value = value(view, self.program, &self.state.x).scaled(self.h);
-        match self.change {
-            Change::Add => add(view, self.state.parts(), self.place, value),
-            Change::Scale => multiply(view, self.state.parts(), self.place, value),
-        }
+        add(view, self.state.parts(), self.place, value);
+        true
+    }
+}
+
+struct ScaleRow<'a, S>(ChangeRow<'a, S>);
+
+impl<S> ForEach<S> for ScaleRow<'_, S> {
+    #[inline(always)]
+    fn visit<W: SimdView<Stored = S>>(&mut self, view: W) -> bool {
+        let row = &mut self.0;
+        let value = value(view, row.program, &row.state.x).scaled(row.h);
+        let x = view.load(&row.state.x, row.place);
+        view.store(&mut row.state.x, row.place, x * value.exp());
+        true
+    }
+}
+
+/// The same with compensated sums, whose formula is long.
+struct ScaleLowRow<'a, S>(ChangeRow<'a, S>);
+
+impl<S> ForEach<S> for ScaleLowRow<'_, S> {
+    #[inline(always)]
+    fn visit<W: SimdView<Stored = S>>(&mut self, view: W) -> bool {
+        let row = &mut self.0;
+        let value = value(view, row.program, &row.state.x).scaled(row.h);
+        multiply(view, row.state.parts(), row.place, value);
         true
     }
 }
 
 /// Changes a run of rows.
 #[inline(always)]
-pub(super) fn change_run<W: SimdViews>(
+fn change_run<W: SimdViews>(
     views: W,
     change: Change,
     (run, program): (&RowRun, &[Code]),
@@ -238,12 +260,15 @@ pub(super) fn change_run<W: SimdViews>(
     let place = run.place;
     let mut row = ChangeRow {
         program,
-        change,
         place,
         h,
         state,
     };
-    views.each(run.count, &mut row);
+    match change {
+        Change::Add => views.each(run.count, &mut row),
+        Change::Scale if row.state.low.is_empty() => views.each(run.count, &mut ScaleRow(row)),
+        Change::Scale => views.each_narrow(run.count, &mut ScaleLowRow(row)),
+    };
 }
 
 struct ShearBy<'a, S> {
@@ -280,7 +305,7 @@ impl<S> Kernel<S> for FlowOf<'_, S, &Shear> {
                 h,
                 state: &mut *state,
             };
-            views.each(1, &mut shear);
+            views.one(&mut shear);
         }
     }
 }

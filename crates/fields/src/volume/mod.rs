@@ -127,7 +127,8 @@ impl<S: Stored> Volume<S> {
     /// The same with so many threads for large states, which give the same bits.
     #[must_use]
     pub fn with_threads(mut self, threads: usize) -> Self {
-        self.workers = Workers::new(threads);
+        let is_long = shared::has_long_runs(&self.compiled.piece_flows);
+        self.workers = Workers::new(threads).filter(|_| is_long);
         self
     }
 
@@ -240,8 +241,13 @@ impl<S: Stored> Volume<S> {
         if self.compiled.functions.has(flow.part) {
             return false;
         }
+        let (x, low) = state.parts();
+        let (Some(x), Some(low)) = (S::alone_mut(x), S::alone_mut(low)) else {
+            return false;
+        };
         for rows in levels.iter() {
-            shared::change_rows((workers, self.machine), levels.change, rows, h, state);
+            let of = (workers, self.machine);
+            shared::change_rows(of, levels.change, rows, h, (&mut *x, &mut *low));
         }
         true
     }

@@ -2,7 +2,8 @@
 
 use super::State;
 use liouville_base::error::StepError;
-use liouville_base::simd::{InstructionSet, Stored};
+use liouville_base::real::Scalar;
+use liouville_base::simd::InstructionSet;
 use liouville_gridded::{Fault, Plane, PlaneFlow};
 use std::sync::Arc;
 
@@ -29,7 +30,7 @@ impl PlanePiece {
     }
 
     /// Moves each member from `t` over `h`.
-    pub(super) fn flow<S: Stored>(
+    pub(super) fn flow<S: Scalar>(
         &self,
         machine: InstructionSet,
         is_adjoint: bool,
@@ -38,9 +39,9 @@ impl PlanePiece {
     ) -> Result<(), StepError> {
         let mut last = None;
         for member in 0..S::MEMBERS {
-            let mut x = [state.x[self.places[0]].one(member); 4];
+            let mut x = [0.0; 4];
             for (x, place) in x.iter_mut().zip(&self.places) {
-                *x = state.x[*place].one(member);
+                *x = state.x[*place].member(member);
             }
             if let Some((from, after)) = last
                 && x == from
@@ -57,6 +58,12 @@ impl PlanePiece {
             };
             let after = flow.run(machine);
             let after = after.map_err(|fault| self.error(fault, member, &x, t))?;
+            if S::HAS_DERIVATIVES {
+                let rows = flow.derivative(after);
+                let rows = rows.map_err(|fault| self.error(fault, member, &x, t))?;
+                self.set_derivatives(state, after, rows);
+                continue;
+            }
             self.set(state, member, &x, after);
             last = Some((x, after));
         }
@@ -64,23 +71,35 @@ impl PlanePiece {
     }
 
     /// Sets the two variables that move.
-    fn set<S: Stored>(
-        &self,
-        state: &mut State<S>,
-        member: usize,
-        x: &[S::One; 4],
-        after: [S::One; 2],
-    ) {
+    fn set<S: Scalar>(&self, state: &mut State<S>, member: usize, x: &[f64; 4], after: [f64; 2]) {
         let moved = self.plane.frozen();
         for (k, after) in after.into_iter().enumerate() {
             set(state, self.places[moved + k], member, x[moved + k], after);
         }
     }
 
+    /// Sets them with the derivatives that follow from the rows of those of the flow.
+    fn set_derivatives<S: Scalar>(
+        &self,
+        state: &mut State<S>,
+        after: [f64; 2],
+        rows: [[f64; 5]; 2],
+    ) {
+        let mut x = [state.x[self.places[0]]; 4];
+        for (x, place) in x.iter_mut().zip(&self.places) {
+            *x = state.x[*place];
+        }
+        let moved = self.plane.frozen();
+        for (k, (after, row)) in after.into_iter().zip(rows).enumerate() {
+            let chain = x.into_iter().zip(row).take(self.places.len());
+            state.x[self.places[moved + k]].set_function(0, after, chain);
+        }
+    }
+
     #[cold]
-    fn error<T: Stored>(&self, fault: Fault, member: usize, x: &[T; 4], t: f64) -> StepError {
+    fn error(&self, fault: Fault, member: usize, x: &[f64; 4], t: f64) -> StepError {
         match fault {
-            Fault::Outside(k) if !x[k].member(0).is_finite() => StepError::Overflow {
+            Fault::Outside(k) if !x[k].is_finite() => StepError::Overflow {
                 index: self.variables[k],
                 member,
                 t,
@@ -103,22 +122,16 @@ impl PlanePiece {
 
 /// Sets a variable of a member, with its rounding error where that is kept.
 #[inline]
-fn set<S: Stored>(
-    state: &mut State<S>,
-    place: usize,
-    member: usize,
-    before: S::One,
-    after: S::One,
-) {
+fn set<S: Scalar>(state: &mut State<S>, place: usize, member: usize, before: f64, after: f64) {
     let (x, low) = state.parts();
     if low.is_empty() {
-        x[place].set_one(member, after);
+        x[place].set_member(member, after);
         return;
     }
-    let change = (after - before) + low[place].one(member);
+    let change = (after - before) + low[place].member(member);
     let sum = before + change;
     let back = sum - before;
     let lost = (before - (sum - back)) + (change - back);
-    x[place].set_one(member, sum);
-    low[place].set_one(member, lost);
+    x[place].set_member(member, sum);
+    low[place].set_member(member, lost);
 }

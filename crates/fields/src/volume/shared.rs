@@ -4,48 +4,45 @@
 //! sums as one thread: results are bitwise independent of the number of threads.
 #![allow(clippy::inline_always)] // all of a kernel is compiled for one instruction set
 
-use super::State;
 use super::code::{Code, Variables, evaluate};
-use super::kernel::{Change, add, change_run, multiply};
-use super::rows::{PolynomialRows, RowRun};
+use super::flow::PieceFlow;
+use super::kernel::{Change, add, multiply};
+use super::rows::PolynomialRows;
 use liouville_base::parallel::Workers;
 use liouville_base::simd::{ForEach, InstructionSet, Kernel, Number, SimdView, SimdViews, Stored};
 
-/// Bytes of a run that a thread takes at a time.
-const SHARE: usize = 1 << 17;
-/// Runs of fewer shares are not worth a second thread.
-const LEAST_SHARES: usize = 4;
+/// Variables of a run that a thread takes at a time.
+const SHARE: usize = 1 << 14;
+/// Shorter runs are not worth a second thread.
+const LEAST: usize = 4 * SHARE;
+
+/// Whether there are runs that are worth a second thread.
+pub(super) fn has_long_runs(piece_flows: &[PieceFlow]) -> bool {
+    let levels = piece_flows.iter().filter_map(|piece| piece.levels(false));
+    levels.into_iter().any(|levels| {
+        let mut runs = levels.iter().flat_map(PolynomialRows::iter);
+        runs.any(|(run, _)| run.count >= LEAST)
+    })
+}
 
 /// Changes all rows, the long runs of them by several threads.
-pub(super) fn change_rows<S: Stored>(
+pub(super) fn change_rows(
     (workers, machine): (&Workers, InstructionSet),
     change: Change,
     rows: &PolynomialRows,
     h: f64,
-    state: &mut State<S>,
+    (x, low): (&mut [f64], &mut [f64]),
 ) {
-    let share = SHARE / size_of::<S>();
     for (run, program) in rows.iter() {
-        if run.count < LEAST_SHARES * share {
-            let short = ShortRun {
-                run,
-                program,
-                change,
-                h,
-                state: &mut *state,
-            };
-            S::run(machine, short);
-            continue;
-        }
         let (first, last) = (run.place, run.place + run.count);
-        let (before, rest) = state.x.split_at_mut(first);
+        let (before, rest) = x.split_at_mut(first);
         let (mine, after) = rest.split_at_mut(run.count);
-        let low = match state.low.get_mut(first..last) {
+        let low = match low.get_mut(first..last) {
             Some(low) => low,
             None => &mut [],
         };
         let (before, after) = (&*before, &*after);
-        workers.each(share, mine, low, |start, x, low| {
+        let work = |start, x: &mut [f64], low: &mut [f64]| {
             let around = Around {
                 before,
                 after,
@@ -61,35 +58,21 @@ pub(super) fn change_rows<S: Stored>(
                 x,
                 low,
             };
-            S::run(machine, part);
-        });
-    }
-}
-
-/// A run for one thread.
-struct ShortRun<'a, S> {
-    run: &'a RowRun,
-    program: &'a [Code],
-    change: Change,
-    h: f64,
-    state: &'a mut State<S>,
-}
-
-impl<S> Kernel<S> for ShortRun<'_, S> {
-    type Output = ();
-
-    #[inline(always)]
-    fn run<W: SimdViews<Stored = S>>(self, views: W) {
-        let run = (self.run, self.program);
-        change_run(views, self.change, run, self.h, self.state);
+            f64::run(machine, part);
+        };
+        if run.count < LEAST {
+            work(0, mine, low);
+        } else {
+            workers.each(SHARE, mine, low, work);
+        }
     }
 }
 
 /// The variables around those that a run changes.
 #[derive(Clone, Copy)]
-struct Around<'a, S> {
-    before: &'a [S],
-    after: &'a [S],
+struct Around<'a> {
+    before: &'a [f64],
+    after: &'a [f64],
     /// The places that are changed.
     first: usize,
     last: usize,
@@ -98,12 +81,12 @@ struct Around<'a, S> {
 }
 
 /// These variables in a view.
-struct SharedVariables<'a, W: SimdView> {
+struct SharedVariables<'a, W> {
     view: W,
-    around: Around<'a, W::Stored>,
+    around: Around<'a>,
 }
 
-impl<W: SimdView> Variables for SharedVariables<'_, W> {
+impl<W: SimdView<Stored = f64>> Variables for SharedVariables<'_, W> {
     type Number = W::Number;
 
     #[inline(always)]
@@ -119,34 +102,53 @@ impl<W: SimdView> Variables for SharedVariables<'_, W> {
 }
 
 /// A thread's part of a run.
-struct RunPart<'a, S> {
+struct RunPart<'a> {
     program: &'a [Code],
     change: Change,
     h: f64,
-    around: Around<'a, S>,
-    x: &'a mut [S],
-    low: &'a mut [S],
+    around: Around<'a>,
+    x: &'a mut [f64],
+    low: &'a mut [f64],
 }
 
-impl<S: Copy> ForEach<S> for RunPart<'_, S> {
+impl RunPart<'_> {
     #[inline(always)]
-    fn visit<W: SimdView<Stored = S>>(&mut self, view: W) -> bool {
+    fn value<W: SimdView<Stored = f64>>(&self, view: W) -> W::Number {
         let around = self.around;
         let zero = view.constant(0.0);
-        let value = evaluate(self.program, zero, &SharedVariables { view, around }).scaled(self.h);
-        match self.change {
-            Change::Add => add(view, (self.x, self.low), 0, value),
-            Change::Scale => multiply(view, (self.x, self.low), 0, value),
-        }
+        evaluate(self.program, zero, &SharedVariables { view, around }).scaled(self.h)
+    }
+}
+
+impl ForEach<f64> for RunPart<'_> {
+    #[inline(always)]
+    fn visit<W: SimdView<Stored = f64>>(&mut self, view: W) -> bool {
+        let value = self.value(view);
+        add(view, (self.x, self.low), 0, value);
         true
     }
 }
 
-impl<S: Copy> Kernel<S> for RunPart<'_, S> {
+struct ScalePart<'a>(RunPart<'a>);
+
+impl ForEach<f64> for ScalePart<'_> {
+    #[inline(always)]
+    fn visit<W: SimdView<Stored = f64>>(&mut self, view: W) -> bool {
+        let value = self.0.value(view);
+        multiply(view, (self.0.x, self.0.low), 0, value);
+        true
+    }
+}
+
+impl Kernel<f64> for RunPart<'_> {
     type Output = ();
 
     #[inline(always)]
-    fn run<W: SimdViews<Stored = S>>(mut self, views: W) {
-        views.each(self.x.len(), &mut self);
+    fn run<W: SimdViews<Stored = f64>>(mut self, views: W) {
+        let count = self.x.len();
+        match self.change {
+            Change::Add => views.each(count, &mut self),
+            Change::Scale => views.each_narrow(count, &mut ScalePart(self)),
+        };
     }
 }
