@@ -22,7 +22,7 @@ CRATE_FLOORS = {
         ("number",),
         ("real",),
         ("simd",),
-        ("compensated", "dual", "linalg", "observe"),
+        ("compensated", "linalg", "observe"),
         ("tableau", "tape"),
         ("newton",),
         ("method",),

@@ -14,6 +14,7 @@ __all__ = [
     "OPERATIONS",
     "VERSION",
     "EnergyWatch",
+    "FieldPullback",
     "Hamiltonian",
     "Mechanical",
     "Operator",
@@ -243,6 +244,18 @@ class Plane:
 @final
 class Split:
     def __new__(cls, n: int, pieces: Sequence[tuple[object, ...]]) -> Split: ...
+
+@final
+class FieldPullback:
+    def __new__(cls, split: Split, method: object, job: object) -> FieldPullback: ...
+    def follow(
+        self,
+        saved: NDArray[np.float64],
+        last: int,
+        kept: NDArray[np.int64],
+        rows: NDArray[np.float64],
+    ) -> _Error | None: ...
+    def end(self, row: NDArray[np.float64]) -> NDArray[np.float64]: ...
 
 @final
 class Operator:

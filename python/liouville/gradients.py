@@ -19,7 +19,7 @@ from liouville.runners import Request, runner_of
 from liouville.runners.adjoint import EVENTS, Adjoint, Gradients
 from liouville.runners.execute import execute
 from liouville.solution import Solution
-from liouville.systems import Mechanics, Schrodinger
+from liouville.systems import Field, Mechanics, Schrodinger
 
 #: Moved starts of a difference of order six, in units of its step, with their weights.
 WEIGHTS = {1: 3 / 4, 2: -3 / 20, 3: 1 / 60}
@@ -109,7 +109,7 @@ class Pullback:
 
 
 def vjp(
-    system: Mechanics | Schrodinger,
+    system: Mechanics | Field | Schrodinger,
     method: Method | str,
     *,
     wrt: Sequence[str],
@@ -136,13 +136,14 @@ def vjp(
     system, method, t, h, steps, rtol, atol, control, every, t_eval, events, params, progress
         As for :func:`integrate`: a mechanical system without nonholonomic constraints, by
         ``Spark``, ``LobattoPair`` or a composition of them, whose controlled steps are held, as are
-        the times in `t_eval`; or a Schrödinger equation by ``"auto"``, ``Chebyshev``, ``Magnus``,
-        or splittings of a real H into shears. Bounds, windows, steps and the numbers of terms are
-        held.
+        the times in `t_eval`; a field without divergence; or a Schrödinger equation by ``"auto"``,
+        ``Chebyshev``, ``Magnus``, or splittings of a real H into shears. Bounds, windows, steps and
+        the numbers of terms are held.
     wrt : sequence of str
         What gradients are by: states of the system such as ``"q"`` and ``"v"``, ``"params.name"``,
-        and ``"t0"`` and ``"t1"`` where steps are equal. Of a Schrödinger equation ``"psi"``,
-        parameters of its drive, and ``"drive[k]"``, the samples of a drive.
+        and ``"t0"`` and ``"t1"`` where steps are equal. Parameters of a field are those of its
+        coefficients. Of a Schrödinger equation ``"psi"``, parameters of its drive, and
+        ``"drive[k]"``, the samples of a drive.
     **start : array_like
         Start values, as for :func:`integrate`.
 
@@ -205,7 +206,7 @@ class GradientCheck:
 
 
 def check_gradient(
-    system: Mechanics | Schrodinger,
+    system: Mechanics | Field | Schrodinger,
     method: Method | str,
     *,
     wrt: Sequence[str],

@@ -6,7 +6,7 @@
 //! 0. `bracket`, `cancel`, `elementary`, `error`, `parallel`
 //! 1. `real`
 //! 2. `checkpoint`, `simd`
-//! 3. `compensated`, `dual`, `linalg`, `observe`
+//! 3. `compensated`, `linalg`, `observe`
 //! 4. `tape`, `tableau`
 //! 5. `newton`
 //! 6. `method`
@@ -19,7 +19,6 @@ pub mod cancel;
 pub mod checkpoint;
 pub mod compensated;
 pub mod composition;
-pub mod dual;
 pub mod elementary;
 pub mod ensemble;
 pub mod error;

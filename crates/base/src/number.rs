@@ -3,7 +3,7 @@
 
 use std::ops::{Add, Div, Mul, Sub};
 
-/// Arithmetic and elementary functions: of `f64`, lanes, registers, and dual numbers.
+/// Arithmetic and elementary functions: of `f64`, lanes and registers.
 pub trait Number:
     Copy + Add<Output = Self> + Sub<Output = Self> + Mul<Output = Self> + Div<Output = Self>
 {

@@ -39,18 +39,6 @@ pub trait Scalar: Checkpoint + Copy + Send + Sync + 'static {
     fn member(&self, member: usize) -> f64;
     /// Sets the value of one member.
     fn set_member(&mut self, member: usize, value: f64);
-    /// Whether a number carries derivatives.
-    const HAS_DERIVATIVES: bool = false;
-    /// Sets the value of one member to that of a function; `slopes` are its partial derivatives, with the numbers that it is
-    /// a function of.
-    fn set_function(
-        &mut self,
-        member: usize,
-        value: f64,
-        _slopes: impl Iterator<Item = (Self, f64)>,
-    ) {
-        self.set_member(member, value);
-    }
     /// The values themselves, where there is one member only.
     fn alone(_x: &[Self]) -> Option<&[f64]> {
         None

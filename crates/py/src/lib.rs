@@ -9,6 +9,7 @@ mod convert;
 mod derivative;
 mod energy;
 mod errors;
+mod field_pullback;
 mod gridded;
 mod job;
 mod ladder;
@@ -45,6 +46,8 @@ mod _core {
     use super::derivative::{WaveDerivative, WaveRecord};
     #[pymodule_export]
     use super::energy::PyEnergyWatch;
+    #[pymodule_export]
+    use super::field_pullback::FieldPullback;
     #[pymodule_export]
     use super::gridded::Plane;
     #[pymodule_export]

@@ -213,7 +213,8 @@ enum RecordedOf<'py> {
 }
 
 /// A job, by the attributes of its dataclass: `start` has rows of values, `seen` is how many variables the user has,
-/// and the matrix A of x = A y if y is what is stepped; `tangents` are directions, rows of values too.
+/// and the matrix A of x = A y if y is what is stepped; `tangents` are directions, rows of values too, and behind these,
+/// where they are wanted, changes of all coefficients in the order of pieces, and of the step size.
 #[derive(FromPyObject)]
 struct FieldJob<'py> {
     start: (PyReadonlyArray2<'py, f64>,),
@@ -235,8 +236,14 @@ impl FieldJob<'_> {
         }
         let basis = self.seen.1.as_ref();
         let basis = basis.map(|basis| basis.as_slice().map(<[f64]>::to_vec));
-        let directions = self.tangents.as_ref();
-        let directions = directions.map(|rows| rows.as_slice().map(<[f64]>::to_vec));
+        let (mut directions, mut constants) = (Vec::new(), Vec::new());
+        if let Some(rows) = &self.tangents {
+            for row in rows.as_slice()?.chunks(rows.shape()[1].max(1)) {
+                let (own, rest) = row.split_at(n.min(row.len()));
+                directions.extend_from_slice(own);
+                constants.extend_from_slice(rest);
+            }
+        }
         let (t0, t1, steps, every) = self.span;
         Ok(run::Job {
             x: x.as_slice()?.to_vec(),
@@ -252,7 +259,8 @@ impl FieldJob<'_> {
                 every,
             },
             recorded: self.recorded()?,
-            directions: directions.transpose()?.unwrap_or_default(),
+            directions,
+            constants,
             threads: self.threads,
         })
     }
@@ -288,11 +296,29 @@ pub(crate) fn start(
     method: &Bound<'_, PyAny>,
     job: &Bound<'_, PyAny>,
 ) -> PyResult<Result<Box<dyn Advance>, StartError>> {
+    let (method, job) = read(split, method, job)?;
+    Ok(run::start(split.0.clone(), method, job))
+}
+
+/// The pullback of such a run.
+pub(crate) fn pullback(
+    split: &Split,
+    method: &Bound<'_, PyAny>,
+    job: &Bound<'_, PyAny>,
+) -> PyResult<Result<run::Pullback, StartError>> {
+    let (method, job) = read(split, method, job)?;
+    Ok(run::Pullback::new(split.0.clone(), method, job))
+}
+
+fn read(
+    split: &Split,
+    method: &Bound<'_, PyAny>,
+    job: &Bound<'_, PyAny>,
+) -> PyResult<(Method, run::Job)> {
     let method: FieldMethod = method.extract()?;
     let method = Method {
         scheme: scheme_named(&method.composition)?,
         is_compensated: method.compensated,
     };
-    let job = job.extract::<FieldJob<'_>>()?.read(split.0.n())?;
-    Ok(run::start(split.0.clone(), method, job))
+    Ok((method, job.extract::<FieldJob<'_>>()?.read(split.0.n())?))
 }

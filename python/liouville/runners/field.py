@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import replace
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -21,6 +21,9 @@ from liouville.splitting import Affine, Split, crossed, described, variables_of
 from liouville.systems import Field, PolynomialField
 from liouville.tangents import Tangent
 from liouville.terms import Function
+
+if TYPE_CHECKING:
+    from liouville.runners.adjoint import Adjoint
 
 #: Half of the digits of an affine flow are left after so many of its own times.
 MOST_TURNS = 1e8
@@ -67,10 +70,10 @@ class FieldRunner(Runner):
         self._directions = None
         if request.tangents is not None:
             # imported here: few runs have tangents
-            from liouville.runners.tangents import FieldDirections
+            from liouville.runners.field_derivative import FieldDirections
 
             self._directions = FieldDirections(system, request.tangents)
-            self.widths = {**self.widths, "tangents": self._directions.rows.size}
+            self.widths = {**self.widths, "tangents": self._directions.count * x.shape[-1]}
         self.columns |= self.widths
         self._check_records(request, self.steps.records(self.every))
         self.x = system.extended(np.atleast_2d(x), self.steps.t0)
@@ -149,11 +152,15 @@ class FieldRunner(Runner):
         )  # fmt: skip
 
     def _tangents(self) -> np.ndarray | None:
-        """Return the directions in the variables that are stepped; time stands still."""
-        if self._directions is None:
-            return None
-        rows = self.system.extended(self._directions.rows, 0.0)
-        return np.ascontiguousarray(self.split.inward(rows))
+        """Return the directions as the core takes them."""
+        return None if self._directions is None else self._directions.crossed(self)
+
+    def adjoint(self, request: Request, wrt: Any) -> Adjoint:
+        """Return the transposed derivative of the run by what `wrt` names, before it begins."""
+        # imported here: few runs are differentiated
+        from liouville.runners.field_derivative import FieldAdjoint
+
+        return FieldAdjoint(self, request, wrt)
 
     def tangents(self, t: np.ndarray, parts: Mapping[str, np.ndarray]) -> dict[str, Tangent]:
         """Return the tangents in records by the names of their directions, if any were wanted."""

@@ -29,7 +29,7 @@ Place = tuple[int, tuple[int, ...]]
 
 #: What has tangents.
 COVERED = (
-    "tangents are those of a polynomial field by its start, and of a mechanical system without "
+    "tangents are those of a divergence-free field, of a mechanical system without "
     "nonholonomic constraints, by Spark, LobattoPair or a Composition of them, and of a "
     "Schrodinger equation, without store"
 )
@@ -62,9 +62,6 @@ def check_covered(system: Any, method: Any, request: Request) -> None:
             raise TypeError(hinted(sentence, "integrate its members one by one"))
         return  # its method is seen when it is planned
     if isinstance(system, Field):
-        if request.has_pullback:
-            sentence = f"a {type(system).__name__} has no pullback yet"
-            raise TypeError(hinted(sentence, "tangents= has the derivatives by its start"))
         return
     if not isinstance(base, Spark | LobattoPair):
         raise TypeError(hinted(f"{method!r} has no tangents yet", COVERED))
@@ -127,19 +124,6 @@ class Directions:
             found[name] = Tangent({state: own[..., cut] for state, cut in cuts.items()})
             first = last
         return found
-
-
-class FieldDirections(Directions):
-    """Directions at the start of a field."""
-
-    def __init__(self, system: Field, tangents: Any) -> None:
-        places: dict[str, Place] = {"x": (0, (len(system.coordinates),))}
-        hint = 'write tangents={"x": direction}'
-        super().__init__(tangents, places, {"x": system.coordinates}, hint)
-
-    def read(self, rows: np.ndarray) -> dict[str, Tangent]:
-        """Name the columns of tangents in records."""
-        return self.named(rows, {"x": slice(None)})
 
 
 class MechanicalDirections(Directions):
@@ -308,8 +292,6 @@ def _unknown(name: Any, places: Mapping[str, Any]) -> str:
         hint = "steps are counted in whole numbers: the derivative by their end is that by 't1'"
     elif isinstance(name, str) and PARAMS + name in places:
         hint = f"a parameter's direction is called '{PARAMS}{name}'"
-    elif isinstance(name, str) and name.startswith(PARAMS) and "x" in places:
-        hint += ": a field is planned for its parameters, which are not differentiated"
     return hinted(f"there is no direction {name!r}", hint)
 
 

@@ -42,6 +42,13 @@ class Source:
         expansion, components = expand(column, tuple(symbols.all), values, self._variables)
         return expansion.terms(components, self.is_driven)
 
+    def derivative(self, values: np.ndarray, number: int) -> Terms:
+        """Multiply out the derivatives of the components by one of the parameters' numbers."""
+        symbols, column = self._expressions.symbols, self._expressions.columns["field"]
+        by = ca.jacobian(column, symbols.params.vector[number])
+        expansion, components = expand(by, tuple(symbols.all), values, self._variables)
+        return expansion.terms(components)
+
 
 def callable_of(field: Any, s: Symbols) -> Any:
     """Return a function that calls a CasADi function with as many arguments as that takes."""

@@ -264,6 +264,18 @@ class PolynomialField(Field):
         words = f"{count} term{'s' if count > 1 else ''} of degree {self.terms.degree}{time}"
         return f"{type(self).__name__}({', '.join(names)}; {words})"
 
+    def by_parameter(self, number: int) -> Terms:
+        """Return the derivative of the field by one of the numbers that :meth:`values` gives.
+
+        Raises
+        ------
+        ValueError
+            It is no field of monomials and functions, or the field was made from SymPy.
+        """
+        if not isinstance(self._source, Source):
+            raise ValueError("the parameters of SymPy's expressions are not differentiated")
+        return self._source.derivative(self._values, number)
+
     def with_params(self, params: Mapping[str, ArrayLike] | np.ndarray | None) -> Self:
         """Return the field expanded with other numbers, by name or as :meth:`values` gives them.
 

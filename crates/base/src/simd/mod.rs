@@ -9,7 +9,6 @@ mod block;
 mod views;
 
 pub use crate::real::Number;
-pub use views::ScalarViews;
 
 use crate::real::Scalar;
 use pulp::{Arch, Simd, WithSimd};

@@ -90,47 +90,6 @@ impl<S: Scalar + Number> SimdView for ScalarView<S> {
     }
 }
 
-/// Numbers that no register holds, one by one.
-#[derive(Clone, Copy, Debug)]
-pub struct ScalarViews<S>(PhantomData<S>);
-
-impl<S> Default for ScalarViews<S> {
-    fn default() -> Self {
-        Self(PhantomData)
-    }
-}
-
-impl<S: Scalar + Number> SimdViews for ScalarViews<S> {
-    type Stored = S;
-
-    #[inline(always)]
-    fn each<V: ForEach<S>>(self, count: usize, visitor: &mut V) -> bool {
-        let stored = self.0;
-        for offset in 0..count {
-            if !visitor.visit(ScalarView { offset, stored }) {
-                return false;
-            }
-        }
-        true
-    }
-    #[inline(always)]
-    fn each_narrow<V: ForEach<S>>(self, count: usize, visitor: &mut V) -> bool {
-        self.each(count, visitor)
-    }
-    #[inline(always)]
-    fn one<V: ForEach<S>>(self, visitor: &mut V) -> bool {
-        self.each(1, visitor)
-    }
-    #[inline(always)]
-    fn one_narrow<V: ForEach<S>>(self, visitor: &mut V) -> bool {
-        self.each(1, visitor)
-    }
-    #[inline(always)]
-    fn call<K: Kernel<S>>(self, kernel: K) -> K::Output {
-        kernel.run(self)
-    }
-}
-
 /// Calls a computation by the function that pulp makes for an instruction set, and by one of ours where it makes none.
 #[inline(always)]
 fn call<S: Simd, C: WithSimd>(simd: S, computation: C) -> C::Output {

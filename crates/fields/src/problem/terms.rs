@@ -111,6 +111,11 @@ impl Polynomials {
         })
     }
 
+    /// The number of the first term of a row.
+    pub fn first(&self, row: usize) -> usize {
+        self.rows[row]
+    }
+
     /// All factors of a row, with repetitions.
     pub fn row_factors(&self, row: usize) -> &[u32] {
         let (first, last) = (self.rows[row], self.rows[row + 1]);

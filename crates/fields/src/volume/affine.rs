@@ -121,7 +121,7 @@ impl Changes {
 }
 
 /// exp(h M) − 1
-fn exponential_less_one(generator: &Matrix, h: f64) -> Matrix {
+pub(super) fn exponential_less_one(generator: &Matrix, h: f64) -> Matrix {
     let n = generator.rows();
     let row_sum = |i| generator.row(i).iter().map(|x| (h * x).abs()).sum();
     let sums: Vec<f64> = (0..n).map(row_sum).collect();

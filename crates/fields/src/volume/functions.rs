@@ -44,9 +44,9 @@ struct FunctionAt {
 #[derive(Debug)]
 enum FormulaAt {
     Wave(Wave),
-    /// A tape, its derivatives, and the number of their memory.
+    /// A tape, and the number of its memory.
     Tape {
-        tapes: [Arc<Tape>; 2],
+        tape: Arc<Tape>,
         number: usize,
         place: usize,
     },
@@ -187,8 +187,8 @@ impl FormulaAt {
                     cosine: None,
                 })
             }
-            Formula::Tape { value, slopes } => Self::Tape {
-                tapes: [Arc::clone(value), Arc::clone(slopes)],
+            Formula::Tape { value, .. } => Self::Tape {
+                tape: Arc::clone(value),
                 number: tapes,
                 place: 0,
             },
@@ -209,8 +209,8 @@ impl FunctionAt {
                 (FormulaAt::Wave(wave), Formula::Cosine { k, phase }) => {
                     wave.k == *k && wave.phase == phase_of(*phase)
                 }
-                (FormulaAt::Tape { tapes, .. }, Formula::Tape { value, .. }) => {
-                    Arc::ptr_eq(&tapes[0], value)
+                (FormulaAt::Tape { tape, .. }, Formula::Tape { value, .. }) => {
+                    Arc::ptr_eq(tape, value)
                 }
                 _ => false,
             }
@@ -221,8 +221,8 @@ impl FunctionAt {
 #[derive(Clone, Debug, Default)]
 pub(super) struct FunctionScratch {
     is_known: Vec<bool>,
-    /// Of the value of each tape, and of its slopes.
-    registers: Vec<[Registers<f64>; 2]>,
+    /// Of each tape.
+    registers: Vec<Registers<f64>>,
     arguments: Vec<f64>,
 }
 
@@ -234,9 +234,8 @@ impl FunctionScratch {
         };
         let mut most = 0;
         for function in &functions.all {
-            if let FormulaAt::Tape { tapes, .. } = &function.formula {
-                let registers = tapes.each_ref().map(|tape| tape.bind(&[]));
-                scratch.registers.push(registers);
+            if let FormulaAt::Tape { tape, .. } = &function.formula {
+                scratch.registers.push(tape.bind(&[]));
                 most = most.max(function.from.len());
             }
         }
@@ -348,7 +347,7 @@ impl FunctionAt {
         scratch: &mut FunctionScratch,
     ) -> Result<(), usize> {
         let FormulaAt::Tape {
-            tapes: [tape, slopes],
+            tape,
             number,
             place,
         } = &self.formula
@@ -356,7 +355,7 @@ impl FunctionAt {
             return Ok(());
         };
         let arguments = &mut scratch.arguments[..self.from.len()];
-        let [registers, of_slopes] = &mut scratch.registers[*number];
+        let registers = &mut scratch.registers[*number];
         let mut result = x[*place];
         for member in 0..if is_shared { 1 } else { S::MEMBERS } {
             for (argument, place) in arguments.iter_mut().zip(&self.from) {
@@ -366,12 +365,7 @@ impl FunctionAt {
             if !value.is_finite() {
                 return Err(member);
             }
-            if S::HAS_DERIVATIVES {
-                let slopes = slopes.eval(of_slopes, [arguments]).iter();
-                let chain = self.from.iter().zip(slopes);
-                let chain = chain.map(|(place, slope)| (x[*place as usize], *slope));
-                result.set_function(member, value, chain);
-            } else if is_shared {
+            if is_shared {
                 result = S::splat(value);
             } else {
                 result.set_member(member, value);

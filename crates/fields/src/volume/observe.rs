@@ -39,6 +39,18 @@ impl UserVariables {
         entries.filter(|(_, a)| *a != 0.0).collect()
     }
 
+    /// Adds to cotangents of y those of x.
+    pub(crate) fn pull(&self, x: &[f64], y: &mut [f64]) {
+        match &self.basis {
+            None => y.iter_mut().zip(x).for_each(|(y, x)| *y += x),
+            Some(basis) => {
+                for (x, row) in x.iter().zip(basis.chunks(y.len())) {
+                    y.iter_mut().zip(row).for_each(|(y, a)| *y += a * x);
+                }
+            }
+        }
+    }
+
     pub(super) fn write(&self, y: &[f64], x: &mut [f64]) {
         match &self.basis {
             None => x.copy_from_slice(&y[..self.n]),

@@ -30,6 +30,7 @@ impl PlanePiece {
     }
 
     /// Moves each member from `t` over `h`.
+    #[allow(clippy::float_cmp)] // the same numbers
     pub(super) fn flow<S: Scalar>(
         &self,
         machine: InstructionSet,
@@ -58,12 +59,6 @@ impl PlanePiece {
             };
             let after = flow.run(machine);
             let after = after.map_err(|fault| self.error(fault, member, &x, t))?;
-            if S::HAS_DERIVATIVES {
-                let rows = flow.derivative(after);
-                let rows = rows.map_err(|fault| self.error(fault, member, &x, t))?;
-                self.set_derivatives(state, after, rows);
-                continue;
-            }
             self.set(state, member, &x, after);
             last = Some((x, after));
         }
@@ -75,24 +70,6 @@ impl PlanePiece {
         let moved = self.plane.frozen();
         for (k, after) in after.into_iter().enumerate() {
             set(state, self.places[moved + k], member, x[moved + k], after);
-        }
-    }
-
-    /// Sets them with the derivatives that follow from the rows of those of the flow.
-    fn set_derivatives<S: Scalar>(
-        &self,
-        state: &mut State<S>,
-        after: [f64; 2],
-        rows: [[f64; 5]; 2],
-    ) {
-        let mut x = [state.x[self.places[0]]; 4];
-        for (x, place) in x.iter_mut().zip(&self.places) {
-            *x = state.x[*place];
-        }
-        let moved = self.plane.frozen();
-        for (k, (after, row)) in after.into_iter().zip(rows).enumerate() {
-            let chain = x.into_iter().zip(row).take(self.places.len());
-            state.x[self.places[moved + k]].set_function(0, after, chain);
         }
     }
 

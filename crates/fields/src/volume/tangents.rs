@@ -1,62 +1,17 @@
 //! Tangents: the derivatives of a trajectory along directions at its start.
 //!
-//! They are pushed through each step as dual numbers, eight at a time. The trajectory is that of a run without them, bit
-//! for bit: flows held back between steps and compensated sums are read, not changed.
+//! They are taken through each step flow by flow. The trajectory is that of a run without them, bit for bit: flows held
+//! back between steps and compensated sums are read, not changed.
 
-use super::{Observer, State, UserVariables, Volume};
+use super::{LinearSteps, Observer, State, UserVariables, Volume};
 use crate::problem::Split;
 use liouville_base::checkpoint::Checkpoint;
 use liouville_base::composition::Composed;
-use liouville_base::dual::{DIRECTIONS, Dual};
 use liouville_base::error::{Quantity, StepError};
 use liouville_base::method::{Stats, Stepper};
 use liouville_base::observe::Observe;
 use liouville_base::tableau::Scheme;
 use std::sync::Arc;
-
-/// A composition of a split, of dual numbers.
-#[derive(Clone, Debug)]
-struct DualSteps {
-    volume: Volume<Dual>,
-    stepper: Composed<Volume<Dual>>,
-    state: State<Dual>,
-    /// The variables after the last step.
-    x: Vec<Dual>,
-}
-
-impl DualSteps {
-    fn new(split: Arc<Split>, scheme: &Scheme) -> Self {
-        let x = vec![Dual::constant(0.0); split.n()];
-        let volume = Volume::new(split, false);
-        Self {
-            stepper: Composed::new(volume.clone(), scheme),
-            state: volume.state(&x),
-            volume,
-            x,
-        }
-    }
-
-    /// Makes a step from `start`; `seed(i, k)` is what the variable i has there of direction k of eight.
-    fn push(
-        &mut self,
-        t: f64,
-        h: f64,
-        start: &[f64],
-        seed: impl Fn(usize, usize) -> f64,
-    ) -> Result<(), StepError> {
-        for (i, (x, &start)) in self.x.iter_mut().zip(start).enumerate() {
-            *x = Dual::constant(start);
-            for (k, tangent) in x.tangents.iter_mut().enumerate() {
-                *tangent = seed(i, k);
-            }
-        }
-        self.volume.set(&self.x, &mut self.state);
-        self.stepper.step(t, h, &mut self.state)?;
-        self.stepper.synchronize(&mut self.state)?;
-        self.volume.values(&self.state, &mut self.x);
-        Ok(())
-    }
-}
 
 /// A composition of a split, with tangents.
 #[derive(Clone, Debug)]
@@ -67,7 +22,10 @@ pub struct Tangents {
     start: State<f64>,
     x: Vec<f64>,
     next: Vec<f64>,
-    duals: DualSteps,
+    steps: LinearSteps,
+    /// The directions as the derivative of a step takes them, and in coefficients and the step size, row by row.
+    y: Vec<f64>,
+    constants: Vec<f64>,
 }
 
 /// A trajectory and its tangents.
@@ -87,7 +45,8 @@ impl Tangents {
         directions: usize,
     ) -> Self {
         let n = split.n();
-        let volume = Volume::new(Arc::clone(&split), is_compensated);
+        let steps = LinearSteps::new(&split, scheme, false);
+        let volume = Volume::new(split, is_compensated);
         let x = vec![0.0; n];
         Self {
             stepper: Composed::new(volume.clone(), scheme),
@@ -95,8 +54,20 @@ impl Tangents {
             volume,
             x,
             next: vec![0.0; directions * n],
-            duals: DualSteps::new(split, scheme),
+            steps,
+            y: Vec::new(),
+            constants: Vec::new(),
         }
+    }
+
+    /// The same with changes of coefficients and of the step size, row by row; without, there are none.
+    #[must_use]
+    pub fn with_constants(mut self, scheme: &Scheme, constants: &[f64]) -> Self {
+        if !constants.is_empty() {
+            self.steps = LinearSteps::new(&self.volume.split, scheme, true);
+            self.constants = constants.to_vec();
+        }
+        self
     }
 
     /// What is stepped without its tangents.
@@ -129,13 +100,25 @@ impl Tangents {
         self.stepper.peek(state, &mut self.start)?;
         self.volume.values(&self.start, &mut self.x);
         let n = self.x.len();
-        for (block, next) in self.next.chunks_mut(DIRECTIONS * n).enumerate() {
-            let first = block * DIRECTIONS;
-            self.duals.push(t, h, &self.x, |i, k| seed(first + k, i))?;
-            for (k, row) in next.chunks_mut(n).enumerate() {
-                for (tangent, x) in row.iter_mut().zip(&self.duals.x) {
-                    *tangent = x.tangents[k];
-                }
+        let width = self.next.len() / n;
+        let y = &mut self.y;
+        y.clear();
+        y.resize(self.steps.width() * width, 0.0);
+        for direction in 0..width {
+            for i in 0..n {
+                y[i * width + direction] = seed(direction, i);
+            }
+        }
+        let constants = self.steps.constants();
+        for (direction, row) in self.constants.chunks(constants.len().max(1)).enumerate() {
+            for (place, change) in constants.clone().zip(row) {
+                y[place * width + direction] = *change;
+            }
+        }
+        self.steps.push((t, h), &self.x, width, y)?;
+        for (direction, row) in self.next.chunks_mut(n).enumerate() {
+            for (i, tangent) in row.iter_mut().enumerate() {
+                *tangent = y[i * width + direction];
             }
         }
         Ok(())

@@ -1,8 +1,13 @@
 //! Runs of split fields: a split, a composition and a job become one run.
 
+mod pullback;
+
+pub use pullback::Pullback;
+
 use crate::problem::{Piece, Split};
 use crate::volume::{
     Determinant, Observer, Plane, Section, TangentObserver, Tangents, UserVariables, Volume,
+    count_coefficients,
 };
 use liouville_base::checkpoint::Checkpoint;
 use liouville_base::composition::Composed;
@@ -64,6 +69,8 @@ pub struct Job {
     pub recorded: Recorded,
     /// Directions of tangents, row by row, which are recorded behind observables; empty without.
     pub directions: Vec<f64>,
+    /// Changes along with these of the coefficients of all pieces and of the step size, row by row; empty without.
+    pub constants: Vec<f64>,
     /// Threads: of an ensemble, or of one large state.
     pub threads: usize,
 }
@@ -73,7 +80,7 @@ pub struct Job {
 /// # Errors
 /// The job does not fit the split, or the start of a single run failed.
 pub fn start(split: Arc<Split>, method: Method, job: Job) -> Result<Box<dyn Advance>, StartError> {
-    job.check(split.n())?;
+    job.check(&split)?;
     let clock = job.clock(&split);
     let starter = Starter {
         split,
@@ -94,7 +101,8 @@ pub fn start(split: Arc<Split>, method: Method, job: Job) -> Result<Box<dyn Adva
 }
 
 impl Job {
-    fn check(&self, n: usize) -> Result<(), StartError> {
+    fn check(&self, split: &Split) -> Result<(), StartError> {
+        let n = split.n();
         let UserVariables { n: visible, basis } = &self.variables;
         let members = self.members.unwrap_or(1);
         let fits = self.x.len() == members * n
@@ -104,6 +112,9 @@ impl Job {
             && *visible <= n
             && basis.as_ref().is_none_or(|basis| basis.len() == n * n)
             && self.directions.len().is_multiple_of(n)
+            && (self.constants.is_empty()
+                || self.constants.len()
+                    == self.directions.len() / n * (count_coefficients(split) + 1))
             && match &self.recorded {
                 Recorded::Observables { tape, params, .. } => {
                     tape.inputs() == [1, *visible, params.len()]
@@ -197,7 +208,8 @@ impl Starter {
             scheme,
             is_compensated,
             directions.len() / n,
-        );
+        )
+        .with_constants(scheme, &self.job.constants);
         let state = stepper.state(&self.in_lanes::<f64>(&[member]), directions);
         let plain = self.observer(stepper.volume(), 1);
         let variables = self.job.variables.clone();

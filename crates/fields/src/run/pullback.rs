@@ -1,0 +1,160 @@
+//! Pullbacks: a run made again from checkpoints, one piece after another from the last, each followed back.
+
+use super::{Job, Method, Recorded, Starter};
+use crate::problem::Split;
+use crate::volume::{LinearSteps, State, UserVariables, Volume};
+use liouville_base::checkpoint::{Checkpoint, CheckpointMismatch, Numbers};
+use liouville_base::composition::Composed;
+use liouville_base::error::StepError;
+use liouville_base::method::{Stats, Stepper};
+use liouville_base::run::{Advance, StartError, Status};
+use std::sync::{Arc, Mutex, PoisonError};
+use std::time::Duration;
+
+/// The steps made: time and size of each, and all their starts.
+#[derive(Debug, Default)]
+struct StepStarts {
+    steps: Vec<(f64, f64)>,
+    x: Vec<f64>,
+}
+
+/// A stepper that leaves the starts of its steps.
+struct StartRecorder {
+    stepper: Composed<Volume<f64>>,
+    start: State<f64>,
+    x: Vec<f64>,
+    starts: Arc<Mutex<StepStarts>>,
+}
+
+impl Stepper for StartRecorder {
+    type State = State<f64>;
+
+    fn step(&mut self, t: f64, h: f64, state: &mut State<f64>) -> Result<(), StepError> {
+        self.stepper.peek(state, &mut self.start)?;
+        self.stepper.parts().values(&self.start, &mut self.x);
+        self.stepper.step(t, h, state)?;
+        let mut starts = self.starts.lock().unwrap_or_else(PoisonError::into_inner);
+        starts.steps.push((t, h));
+        starts.x.extend_from_slice(&self.x);
+        Ok(())
+    }
+
+    fn synchronize(&mut self, state: &mut State<f64>) -> Result<(), StepError> {
+        self.stepper.synchronize(state)
+    }
+
+    fn forget(&mut self) {
+        self.stepper.forget();
+    }
+
+    fn stats(&self) -> Stats {
+        self.stepper.stats()
+    }
+}
+
+/// What a run without a recorder saves.
+impl Checkpoint for StartRecorder {
+    fn save(&self, member: usize, out: &mut dyn Numbers) {
+        self.stepper.save(member, out);
+    }
+
+    fn restore(&mut self, member: usize, saved: &mut &[f64]) -> Result<(), CheckpointMismatch> {
+        self.stepper.restore(member, saved)
+    }
+}
+
+/// The pullback of a run of one trajectory.
+pub struct Pullback {
+    run: Box<dyn Advance>,
+    starts: Arc<Mutex<StepStarts>>,
+    steps: LinearSteps,
+    variables: UserVariables,
+    n: usize,
+    /// Cotangents of the variables that are stepped, of all coefficients and of the step size, then intermediate results.
+    y: Vec<f64>,
+}
+
+impl Pullback {
+    /// The pullback of a job's run.
+    ///
+    /// # Errors
+    /// The job is no such run, or its start failed.
+    pub fn new(split: Arc<Split>, method: Method, job: Job) -> Result<Self, StartError> {
+        job.check(&split)?;
+        let is_single = job.members.is_none() && job.directions.is_empty();
+        if !is_single || !matches!(job.recorded, Recorded::Observables { .. }) {
+            let sentence = "a pullback is that of a single run without tangents";
+            return Err(StartError::Invalid(sentence.into()));
+        }
+        let starter = Starter {
+            clock: job.clock(&split),
+            split,
+            method,
+            job,
+        };
+        let starts = Arc::<Mutex<StepStarts>>::default();
+        let stepper = starter.stepper::<f64>(starter.job.threads);
+        let observer = starter.observer(stepper.parts(), 1);
+        let x = starter.in_lanes::<f64>(&[0]);
+        let state = stepper.parts().state(&x);
+        let recorder = StartRecorder {
+            start: state.clone(),
+            stepper,
+            x,
+            starts: Arc::clone(&starts),
+        };
+        let steps = LinearSteps::new(&starter.split, method.scheme, true);
+        Ok(Self {
+            run: starter.launch(Box::new(recorder), Box::new(observer), state)?,
+            starts,
+            y: vec![0.0; steps.width()],
+            n: starter.split.n(),
+            steps,
+            variables: starter.job.variables,
+        })
+    }
+
+    /// The number of the user's variables.
+    pub fn variables(&self) -> usize {
+        self.variables.n
+    }
+
+    /// Goes to a checkpoint of the run.
+    ///
+    /// # Errors
+    /// It is one of another run.
+    pub fn restore(&mut self, saved: &[f64]) -> Result<(), CheckpointMismatch> {
+        self.run.restore(saved)
+    }
+
+    /// Makes the steps up to the step `last` again, and follows them back. `rows` are cotangents of the user's variables at
+    /// the ends of the steps `kept`, both in their order.
+    ///
+    /// # Errors
+    /// A step cannot be made again, or not followed back.
+    pub fn follow(&mut self, last: usize, kept: &[usize], rows: &[f64]) -> Result<(), StepError> {
+        let lock = || self.starts.lock().unwrap_or_else(PoisonError::into_inner);
+        *lock() = StepStarts::default();
+        let first = self.run.done();
+        if let Status::Failed { error, .. } = self.run.advance_to(last, Duration::MAX) {
+            return Err(error);
+        }
+        let starts = lock();
+        for (k, &at) in starts.steps.iter().enumerate().rev() {
+            if let Ok(row) = kept.binary_search(&(first + k + 1)) {
+                let row = &rows[row * self.variables.n..][..self.variables.n];
+                self.variables.pull(row, &mut self.y[..self.n]);
+            }
+            let x = &starts.x[k * self.n..][..self.n];
+            self.steps.pull(at, x, &mut self.y)?;
+        }
+        Ok(())
+    }
+
+    /// Ends at the start, whose cotangents are `row`: those of the variables that are stepped, of all coefficients, and of
+    /// the step size.
+    pub fn end(&mut self, row: &[f64]) -> &[f64] {
+        self.variables.pull(row, &mut self.y[..self.n]);
+        &self.y[..self.steps.constants().end]
+    }
+}

@@ -1,0 +1,175 @@
+"""Derivatives of runs of fields: by their start, by parameters, and by the ends of the time."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from liouville import _core
+from liouville.errors import IntegrationError, hinted
+from liouville.planner import FieldPlan
+from liouville.runners.adjoint import Adjoint, Gradients
+from liouville.runners.execute import Checkpoints, execute
+from liouville.runners.runner import Request
+from liouville.runners.tangents import PARAMS, Directions, Place, check_names
+from liouville.solution import Solution
+from liouville.splitting import crossed
+from liouville.splitting.coefficients import coefficients, derivative
+from liouville.systems import Field, PolynomialField
+from liouville.tangents import Tangent
+
+if TYPE_CHECKING:
+    from liouville.runners.field import FieldRunner
+
+
+def places_of(system: Field) -> dict[str, Place]:
+    """Return where each direction begins among all that may change, and its shape."""
+    n = len(system.coordinates)
+    found: dict[str, Place] = {"x": (0, (n,)), "t0": (n, ())}
+    place = n + 1
+    for name, value in system.params.items():
+        found[PARAMS + name] = (place, np.shape(value))
+        place += np.size(value)
+    return found | {"t1": (place, ())}
+
+
+class FieldDirections(Directions):
+    """Directions of a run of a field."""
+
+    def __init__(self, system: Field, tangents: Any) -> None:
+        hint = 'write tangents={"x": direction} or {"params.name": 1.0}'
+        super().__init__(tangents, places_of(system), {"x": system.coordinates}, hint)
+        self.n = len(system.coordinates)
+
+    def crossed(self, runner: FieldRunner) -> np.ndarray:
+        """Return the changes of what is stepped, and of coefficients and the step, if any are.
+
+        The variables, of which the time may be one, come first, as the core wants them.
+        """
+        x, t0, params, t1 = np.split(self.rows, (self.n, self.n + 1, -1), axis=1)
+        start = np.hstack([x, t0]) if runner.system.is_driven else x
+        rows = np.ascontiguousarray(runner.split.inward(start))
+        if not (t0.any() or params.any() or t1.any()):
+            return rows
+        changes = np.zeros((self.count, coefficients(runner.split).size))
+        for number in np.flatnonzero(params.any(axis=0)).tolist():
+            changes += np.outer(params[:, number], by_parameter(runner, number))
+        return np.hstack([rows, changes, (t1 - t0) / runner.steps.count])
+
+    def read(self, rows: np.ndarray) -> dict[str, Tangent]:
+        """Name the columns of tangents in records."""
+        return self.named(rows, {"x": slice(None)})
+
+
+def by_parameter(runner: FieldRunner, number: int) -> np.ndarray:
+    """Return the derivatives of all coefficients of the pieces by one of the parameters' numbers.
+
+    Raises
+    ------
+    ValueError
+        The parameter is in more than the coefficients of the field's terms.
+    """
+    system, plan, parts = runner.system, runner.choice, runner.split
+    assert isinstance(system, PolynomialField)
+    assert isinstance(plan, FieldPlan)
+    try:
+        change = system.by_parameter(number)
+    except ValueError:
+        change = None
+    found = None
+    if change is not None:
+        found = derivative(
+            parts, lambda terms: plan.split(terms, system.variables), system.terms, change
+        )
+    if found is not None:
+        return found
+    first = np.cumsum([np.size(value) for value in system.params.values()])
+    name = [*system.params][int(np.searchsorted(first, number, side="right"))]
+    sentence = (
+        f"'{PARAMS}{name}' changes more than the coefficients of the field's terms, of which alone "
+        "a splitting has derivatives"
+    )
+    hint = "a wave number, an exponent, a parameter of a function, or one that is 0 may be such"
+    raise ValueError(hinted(sentence, hint))
+
+
+class FieldAdjoint(Adjoint):
+    """The transposed derivative of a run of a field; see :class:`Adjoint`."""
+
+    runner: FieldRunner
+    checkpoints: Checkpoints
+
+    def __init__(self, runner: FieldRunner, request: Request, wrt: Any) -> None:
+        self.runner, self._request = runner, request
+        self._places = places_of(runner.system)
+        names = check_names(wrt, self._places, "x")
+        self.directions = {name: (self._places[name][1], False) for name in names}
+        self.checkpoints = Checkpoints(runner.steps.count)
+        # before the run: what has no derivative is refused
+        n = len(runner.system.coordinates)
+        self._by_number = {
+            place: by_parameter(runner, place - n - 1)
+            for name in names
+            if name.startswith(PARAMS)
+            for place in self._range(name)
+        }
+
+    def _range(self, name: str) -> range:
+        first, shape = self._places[name]
+        return range(first, first + int(np.prod(shape)))
+
+    def shapes(self, solution: Solution) -> dict[str, tuple[int, ...]]:
+        """Return the shape of what has cotangents."""
+        return {"x": solution.states["x"].shape}
+
+    def pulled(self, solution: Solution, cotangents: Mapping[str, np.ndarray]) -> Gradients:
+        """Return gradients from cotangents of x; see :class:`Adjoint`."""
+        runner, rows = self.runner, np.ascontiguousarray(cotangents["x"])
+        steps, split = runner.steps.count, runner.split
+        core = _core.FieldPullback(crossed(split), runner.choice.method, runner.job)
+        kept = np.minimum(np.arange(len(rows)) * runner.every, steps)
+        for first, last, saved in self.checkpoints.reversed(steps):
+            own = (first < kept) & (kept <= last)
+            error = core.follow(saved, last, kept[own], np.ascontiguousarray(rows[own]))
+            if error is not None:
+                sentence, hint, quantity = runner.describe(error)
+                raise IntegrationError(hinted(sentence, hint), quantity=quantity)
+        found = core.end(rows[0])
+        start, changes, end = found[: split.n], found[split.n : -1], found[-1] / steps
+        inverse = getattr(split, "inverse", None)
+        if inverse is not None:
+            start = np.asarray(inverse, dtype=float).T @ start
+        n = len(runner.system.coordinates)
+        whole = np.zeros(max(first + int(np.prod(s)) for first, s in self._places.values()))
+        whole[: start.size] = start
+        whole[n] -= end
+        whole[-1] = end
+        for place, by in self._by_number.items():
+            whole[place] = by @ changes
+        gradients: Gradients = {}
+        for name, (shape, _) in self.directions.items():
+            part = whole[self._range(name)].reshape(shape)
+            gradients[name] = part if shape else float(part)
+        return gradients
+
+    def moved(self, directions: Mapping[str, np.ndarray], size: float) -> Mapping[str, np.ndarray]:
+        """Return the states of the run, moved by so much of all directions, as planned before."""
+        runner, request = self.runner, self._request
+        values: dict[str, Any] = dict(runner.system.params)
+        for name, x in directions.items():
+            if name.startswith(PARAMS):
+                which = name.removeprefix(PARAMS)
+                values[which] = np.asarray(values[which]) + size * x
+        x = runner.system.start(request.start) + size * directions.get("x", np.zeros(()))
+        ends = [
+            float(end + size * directions.get(name, np.zeros(())))
+            for name, end in (("t0", runner.steps.t0), ("t1", runner.steps.t1))
+        ]
+        moved = replace(
+            request, t=tuple(ends), params=values, start={"x": x}, steps=runner.steps.count, h=None,
+            rtol=None, atol=None, control=None, has_pullback=False,
+        )  # fmt: skip
+        return execute(type(runner)(runner.system, runner.choice, moved)).states

@@ -1,0 +1,176 @@
+"""Gradients of runs of fields: by their start, by parameters, and by the ends of the time."""
+
+import casadi as ca
+import numpy as np
+import pytest
+
+import liouville as lv
+from liouville.problems import load
+
+RUN = {"t": (0.0, 1.0), "h": 0.1}
+
+
+def abc(t, x, params):
+    """Return the ABC flow."""
+    a, b, c = params.A, params.B, params.C
+    return [
+        a * ca.sin(x[2]) + c * ca.cos(x[1]),
+        b * ca.sin(x[0]) + a * ca.cos(x[2]),
+        c * ca.sin(x[1]) + b * ca.cos(x[0]),
+    ]
+
+
+def stretched(t, x, params):
+    """Return a field with exponentials, one of them of its own monomial, and a linear part."""
+    a, b = params.a, params.b
+    return [
+        a * x[0] * x[1] + b[0] * x[2] ** 2 + x[1],
+        -a * x[1] ** 2 / 2 + b[1] * x[2] * x[0],
+        b[0] * x[0] ** 2 * x[1] - a * x[0],
+    ]
+
+
+def driven(t, x, params):
+    """Return a field with functions of time and of coordinates."""
+    a = params.a
+    return [
+        a * ca.exp(-t) * x[0] + a**2 * ca.sqrt(1 + x[1] ** 2),
+        -a * ca.exp(-t) * x[1] + ca.tanh(x[0]) + ca.cos(3 * t),
+    ]
+
+
+FIELDS = {
+    "abc": (abc, 3, {"A": 1.0, "B": 0.7, "C": 0.4}),
+    "stretched": (stretched, 3, {"a": 0.8, "b": [0.5, -0.3]}),
+    "driven": (driven, 2, {"a": 0.6}),
+}
+
+#: Of each a splitting with another kind of piece.
+METHODS = [
+    ("abc", {}),
+    ("abc", {"composition": "SS8s21", "compensated": True}),
+    ("stretched", {"diagonal": "exponentials", "linear": "exact"}),
+    ("stretched", {"diagonal": "exponentials", "linear": "split", "off_diagonal": "natural"}),
+    ("stretched", {"diagonal": "shears", "off_diagonal": "triangular", "runge_kutta": "rk4"}),
+    ("stretched", {"diagonal": "shears", "off_diagonal": "triangular", "runge_kutta": "euler"}),
+    ("stretched", {"diagonal": "n+d"}),
+    ("driven", {"composition": "BM6"}),
+]
+
+
+def made(name):
+    """Return a field, all that it is differentiated by, and a start."""
+    field, n, params = FIELDS[name]
+    system = lv.PolynomialField(field, x=n, params=params)
+    wrt = ["x", "t0", "t1", *(f"params.{p}" for p in params)]
+    return system, wrt, np.random.default_rng(3).uniform(-0.6, 0.6, n)
+
+
+@pytest.mark.parametrize(("name", "method"), METHODS)
+def test_gradients_are_tangents_transposed_and_differences(name, method):
+    """Of every kind of piece, by everything."""
+    system, wrt, x = made(name)
+    found = lv.check_gradient(system, lv.VolumeSplitting(**method), wrt=wrt, **RUN, every=3, x=x)
+    assert found.dot < 1e-13
+    assert found.differences < 1e-8
+
+
+@pytest.mark.parametrize("name", ["hill_vortex", "bajer_moffatt", "lorenz96", "toda_lattice"])
+def test_gradients_of_the_problems(name):
+    """By their starts and parameters, as planned."""
+    problem = load(name)
+    wrt = ["x", *(f"params.{p}" for p in problem.system.params)]
+    found = lv.check_gradient(
+        problem.system, lv.VolumeSplitting(), wrt=wrt, **RUN, x=problem.start["x"], size=2e-4
+    )
+    assert found.dot < 1e-13
+    assert found.differences < 1e-8
+
+
+def test_tangents_by_parameters_are_differences():
+    """Of the same plan, to order six; many at once have the bits of one."""
+    system, _, x = made("stretched")
+    plan = lv.plan(system, lv.VolumeSplitting(), h=0.1, x=x)
+    directions = {"params.b": np.eye(2), "params.a": 1.0, "t1": 1.0, "x": [0.3, 0.0, 1.0]}
+    run = lv.integrate(system, plan, **RUN, x=x, tangents=directions)
+    np.testing.assert_array_equal(run.x, lv.integrate(system, plan, **RUN, x=x).x)
+
+    def end(size):
+        moved = {"a": 0.8 + size}
+        return lv.integrate(system, plan, **RUN, params=moved, x=x).x[-1]
+
+    d = 1e-2
+    sides = [end(j * d) - end(-j * d) for j in (1, 2, 3)]
+    wanted = (45 * sides[0] - 9 * sides[1] + sides[2]) / (60 * d)
+    np.testing.assert_allclose(run.tangents["params.a"].x[-1], wanted, rtol=0, atol=1e-11)
+    one = lv.integrate(system, plan, **RUN, x=x, tangents={"params.b": [0.0, 1.0]})
+    np.testing.assert_array_equal(one.tangents["params.b"].x, run.tangents["params.b"].x[:, 1])
+
+
+def test_pairings_are_constant_over_long_chaotic_runs():
+    """The states between are made again, not undone: as exact as of one step."""
+    system, wrt, x = made("abc")
+    run = {"t": (0.0, 400.0), "steps": 4000, "every": 4000, "x": x}
+    solution, pullback = lv.vjp(system, lv.VolumeSplitting(), wrt=wrt, **run)
+    np.testing.assert_array_equal(solution.x, lv.integrate(system, lv.VolumeSplitting(), **run).x)
+    rng = np.random.default_rng(0)
+    cotangent, direction = rng.standard_normal((2, 3))
+    gradient = pullback(x=[np.zeros(3), cotangent])["x"]
+    tangent = lv.integrate(system, lv.VolumeSplitting(), **run, tangents={"x": direction}).tangents[
+        "x"
+    ]
+    there, back = cotangent @ tangent.x[-1], gradient @ direction
+    assert np.linalg.norm(gradient) > 1e3
+    assert abs(there - back) < 1e-12 * np.linalg.norm(gradient) * np.linalg.norm(direction)
+
+
+def test_gradients_on_a_grid():
+    """By the start and the end, through a boundary between cells."""
+    nodes = np.linspace(0, 2 * np.pi, 12, endpoint=False)
+    psi = np.sin(nodes)[:, None] * np.sin(nodes) + 0.3 * np.cos(nodes)[:, None]
+    field = lv.GriddedField(nodes, nodes, potential=psi, periodic=("x", "y"), degree=5)
+    found = lv.check_gradient(
+        field, lv.VolumeSplitting(), wrt=["x", "t1"], t=(0, 2), steps=20, x=[0.9, 2.4], size=1e-3
+    )
+    assert found.dot < 1e-13
+    assert found.differences < 1e-8
+
+
+def test_a_driven_field_is_differentiated_by_its_beginning():
+    """A shift of both ends is not that of the phase."""
+    system, _, x = made("driven")
+    _, pullback = lv.vjp(system, lv.VolumeSplitting(), wrt=["t0", "t1"], **RUN, x=x)
+    cotangent = np.zeros((11, 2))
+    cotangent[-1] = 1.0, 2.0
+    found = pullback(x=cotangent)
+
+    def value(t0, t1):
+        run = {"t": (t0, t1), "steps": 10, "x": x}
+        return lv.integrate(system, lv.VolumeSplitting(), **run).x[-1] @ [1.0, 2.0]
+
+    for name, by in (("t0", np.array([1.0, 0.0])), ("t1", np.array([0.0, 1.0]))):
+        d = 1e-3
+        sides = [value(*([0, 1] + j * d * by)) - value(*([0, 1] - j * d * by)) for j in (1, 2, 3)]
+        wanted = (45 * sides[0] - 9 * sides[1] + sides[2]) / (60 * d)
+        assert abs(found[name] - wanted) < 1e-10
+
+
+def wave_number(t, x, params):
+    """Return a shear whose wave number is a parameter."""
+    return [ca.sin(params.k * x[1]), 0 * x[0] + 1]
+
+
+@pytest.mark.parametrize(
+    ("field", "wrt", "says"),
+    [
+        (wave_number, ["params.k"], "more than the coefficients"),
+        (lambda t, x, p: [p.k * x[1] + x[1] ** 2, p.z * x[0] - x[0]], ["params.z"], "or one that"),
+        (wave_number, ["x", "params.m"], "no direction 'params.m'"),
+        (wave_number, "x", "sequence of names"),
+    ],
+)
+def test_what_has_no_gradient_is_refused(field, wrt, says):
+    """Before the run, with what may be the reason."""
+    system = lv.PolynomialField(field, x=2, params={"k": 2.0, "z": 1.0})
+    with pytest.raises((TypeError, ValueError), match=says):
+        lv.vjp(system, lv.VolumeSplitting(), wrt=wrt, **RUN, x=[0.1, 0.2])
