@@ -154,12 +154,13 @@ ROWS = [
     ("plan t", lambda: plan(t=INF), ValueError, "t is finite, not inf"),
     ("plan params", lambda: plan(params={"b": 1}), ValueError, "no parameter 'b'.*: a"),
     # planes
-    ("plane of time", lambda: cut(plane="t"), ValueError, r"no coordinate 't'.*\nhint: .*every="),
+    ("plane of time", lambda: cut(plane="t"), ValueError, r"period= is missing: .*\nhint: "),
+    ("times up", lambda: cut(plane="t", period=1, direction="up"), ValueError, "no direction"),
     (
         "parameter of each",
-        lambda: many(DRIFTING, x=[[1.0, 0.5]] * 2, params={"a": [1.0, 2.0]}),
+        lambda: many(DRIFTING, x=[[1.0, 0.5]] * 2, params={"a": [1.0, 2.0, 3.0]}),
         ValueError,
-        r"PolynomialField share their parameters, and 'a'.*\nhint: .*one by one",
+        "parameter 'a' has 3 members along its first axis, x has 2",
     ),
     ("plane", lambda: cut(plane="w"), ValueError, "no coordinate 'w': the system has m1, m2, m3"),
     ("plane 2", lambda: cut(plane=[0, 1]), ValueError, r"plane has shape \(2,\), wanted \(3,\)"),

@@ -55,6 +55,8 @@ class Job:
         of y and of z at the start, those of time and parameters, a row for each direction, and by
         which part of themselves the steps become longer. Changes of the members of an ensemble come
         one after another.
+    varied : list of Split
+        The split fields of members, where these have parameters of their own.
     seen : tuple
         How many variables of a split field the user has, and the matrix A of x = A y or None.
     threads : int
@@ -75,6 +77,7 @@ class Job:
     control: tuple[object, ...] | None = None
     watch: tuple[int, Array | None, list[Event]] | None = None
     tangents: tuple[_core.Sensitivity, Array, Array, Array, Array] | Array | None = None
+    varied: list[_core.Split] = field(default_factory=list)
     seen: tuple[int, Array | None] = (0, None)
     threads: int = 1
     is_ensemble: bool = False

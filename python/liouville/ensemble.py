@@ -62,9 +62,9 @@ def ensemble(
         members is what takes memory: ``every=steps`` keeps starts and ends, ``states=False`` only
         invariants and `observe`.
     params : mapping, optional
-        Parameters that differ from the defaults. Those of a mechanical or semi-explicit system may
-        have a further, first axis of members: a number as shape (P,), a vector of j numbers as
-        (P, j).
+        Parameters that differ from the defaults. But for a Schrödinger equation they may have a
+        further, first axis of members: a number as shape (P,), a vector of j numbers as (P, j).
+        Fields of such members are split alike, and are not in lock-step.
     tangents : mapping of str to array_like, optional
         As for :func:`integrate`, the same directions for all members, of which each then runs by
         itself: derivatives have the member as their second axis.
@@ -135,7 +135,7 @@ def ensemble(
     task = Task(
         part,
         _arrays(start),
-        _arrays(params) if runner.system is system else None,
+        _arrays(params) if runner.system is system or runner.varied else None,
         system.params,
         runner.members[0],
         (runner.steps.count // runner.every + 2) * runner.row,

@@ -1,4 +1,4 @@
-"""Poincare sections: where trajectories cross a plane."""
+"""Poincare sections: where trajectories cross a plane, or are at equal times."""
 
 from __future__ import annotations
 
@@ -18,12 +18,16 @@ from liouville.failure import Failure, summary_of
 from liouville.methods import VolumeSplitting
 from liouville.progress import Progress
 from liouville.runners import Request, runner_of
-from liouville.runners.execute import advance, explain, failures_of
+from liouville.runners.execute import advance, execute, explain, failures_of
 from liouville.solution import Array
 from liouville.systems import Field
 
 if TYPE_CHECKING:
     from liouville.planner import FieldPlan
+    from liouville.runners.field import FieldRunner
+
+#: Times are counted in periods to roundoff.
+ROUNDOFF = 1e-9
 
 
 @dataclass(frozen=True, eq=False)
@@ -104,13 +108,15 @@ def section(
     system, method, t, h, steps, params, progress, threads
         As for :func:`liouville.ensemble`.
     plane : str or array_like, shape (n,)
-        The name of a coordinate, or the normal a.
+        The name of a coordinate, or the normal a; or ``"t"`` for the states at the times
+        :math:`c + k T` after the start, with ``period`` T: the strobe map of a driven field. The
+        steps are then the longest up to h of which a period is a whole number.
     offset : float, default 0
         The c of the plane.
     period : float, optional
         Distance of parallel planes that are all meant, such as :math:`2 \pi` for an angle.
     direction : {"both", "up", "down"}
-        Whether :math:`a \cdot x` must grow or fall.
+        Whether :math:`a \cdot x` must grow or fall. Times have no direction.
     x : array_like, shape (P, n)
         Starts of P trajectories.
 
@@ -152,7 +158,10 @@ def section(
     runner = runner_of(system, method, request)
     assert isinstance(runner, FieldRunner)
     names = system.coordinates
-    normal, cuts = _plane(plane, names), _cuts(offset, period, direction)
+    cuts = _cuts(offset, period, direction)
+    if isinstance(plane, str) and plane == "t" and "t" not in names:
+        return _strobed(runner, request, cuts, progress)
+    normal = _plane(plane, names)
     made = runner.steps
     job = replace(runner.job, observer=(normal, *cuts))
     run = _core.run(crossed(runner.split), runner.choice.method, job)
@@ -182,16 +191,65 @@ def section(
     return found
 
 
+def _strobed(
+    runner: FieldRunner,
+    request: Request,
+    cuts: tuple[float, float | None, int],
+    progress: Progress,
+) -> Section:
+    """Return the states at equal times, by runs of which these are ends of steps."""
+    offset, period, direction = cuts
+    if period is None:
+        sentence = "period= is missing: the distance of the times that are wanted"
+        raise ValueError(hinted(sentence, "that of the drive, such as 2 * np.pi / omega"))
+    if direction:
+        raise ValueError(hinted("times have no direction", "leave direction= out"))
+    steps, many = runner.steps, runner.members[0]
+    sign = math.copysign(1.0, steps.t1 - steps.t0)
+    each = max(math.ceil(period / abs(steps.mean(steps.t1, steps.count)) - ROUNDOFF), 1)
+    first = math.floor(sign * (steps.t0 - offset) / period + ROUNDOFF) + 1
+    last = math.floor(sign * (steps.t1 - offset) / period + ROUNDOFF)
+    times = offset + sign * period * np.arange(first, last + 1)
+    x, alive = np.full((times.size, many, len(runner.system.coordinates)), np.nan), np.arange(many)
+    start, begin, made, status = runner.x[:, : x.shape[-1]], steps.t0, 0, "done"
+    failures: dict[int, Failure] = {}
+    while made < times.size and alive.size and status == "done":
+        # up to the first of these times, and from there to the last
+        lead = abs(times[made] - begin) / period
+        is_whole = abs(lead - 1) < ROUNDOFF
+        count = times.size - made if is_whole else 1
+        pace = each if is_whole else max(math.ceil(lead * each - ROUNDOFF), 1)
+        own = {k: np.asarray(v)[alive] for k, v in runner.params.items() if k in runner.varied}
+        found = execute(
+            type(runner)(
+                runner.base, runner.choice,
+                replace(
+                    request, t=(begin, times[made + count - 1]), h=None, steps=count * pace,
+                    rtol=None, every=pace, params={**runner.params, **own}, start={"x": start},
+                ),
+            ),
+            progress,
+        )  # fmt: skip
+        failures |= {int(alive[member]): each for member, each in found.failures.items()}
+        x[made : made + len(found.x) - 1, alive] = found.x[1:]
+        status = "done" if found.status == "partly failed" else found.status
+        is_left = np.isfinite(found.x[-1]).all(axis=-1)
+        start, alive = found.x[-1][is_left], alive[is_left]
+        begin, made = float(found.t[-1]), made + len(found.x) - 1
+    member, time = np.nonzero(np.isfinite(x).all(axis=-1).T)
+    return Section(
+        x=x[time, member], t=times[time], member=member, members=many,
+        names=runner.system.coordinates, plane=(np.zeros(x.shape[-1]), offset),
+        method=runner.method, period=period, status=status, failures=failures,
+    )  # fmt: skip
+
+
 def _plane(plane: str | ArrayLike, names: Sequence[str]) -> Array:
     """Return the normal of a plane."""
     if isinstance(plane, str):
         if plane not in names:
             known = ", ".join(names[:10]) + (", ..." if len(names) > 10 else "")
-            sentence = f"there is no coordinate '{plane}': the system has {known}"
-            if plane != "t":
-                raise ValueError(sentence)
-            hint = "lv.ensemble keeps the states at equal times, with every="
-            raise ValueError(hinted(sentence, hint))
+            raise ValueError(f"there is no coordinate '{plane}': the system has {known}")
         axis: Array = np.eye(len(names))[names.index(plane)]
         return axis
     try:

@@ -9,7 +9,7 @@ use liouville_base::tape::Tape;
 use liouville_fields::problem::{Formula, Function, Piece, Polynomials};
 use liouville_fields::run::{self, Method, Recorded};
 use liouville_fields::volume::{self, Direction, UserVariables};
-use numpy::{PyReadonlyArray1, PyReadonlyArray2, PyUntypedArrayMethods};
+use numpy::{PyReadonlyArray1, PyReadonlyArray2, PyReadonlyArrayDyn, PyUntypedArrayMethods};
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 use pyo3::types::PyTuple;
@@ -214,11 +214,13 @@ enum RecordedOf<'py> {
 
 /// A job, by the attributes of its dataclass: `start` has rows of values, `seen` is how many variables the user has,
 /// and the matrix A of x = A y if y is what is stepped; `tangents` are directions, rows of values too, and behind these,
-/// where they are wanted, changes of all coefficients in the order of pieces, and of the step size.
+/// where they are wanted, changes of all coefficients in the order of pieces, and of the step size; `varied` are the
+/// splits of members, where these have different parameters.
 #[derive(FromPyObject)]
 struct FieldJob<'py> {
     start: (PyReadonlyArray2<'py, f64>,),
-    params: Values<'py>,
+    varied: Vec<PyRef<'py, Split>>,
+    params: PyReadonlyArrayDyn<'py, f64>,
     seen: (usize, Option<PyReadonlyArray2<'py, f64>>),
     tangents: Option<PyReadonlyArray2<'py, f64>>,
     span: (f64, f64, usize, usize),
@@ -248,6 +250,7 @@ impl FieldJob<'_> {
         Ok(run::Job {
             x: x.as_slice()?.to_vec(),
             members: self.is_ensemble.then(|| x.shape()[0]),
+            varied: self.varied.iter().map(|split| split.0.clone()).collect(),
             variables: UserVariables {
                 n: self.seen.0,
                 basis: basis.transpose()?,

@@ -84,9 +84,10 @@ def section(
 def _pair(section: Section, axes: tuple[str, str] | None) -> tuple[str, str]:
     if axes is None:
         normal = np.abs(section.plane[0])
-        left = [name for k, name in enumerate(section.names) if k != np.argmax(normal)]
+        crossed = int(np.argmax(normal)) if normal.any() else -1
+        left = [name for k, name in enumerate(section.names) if k != crossed]
         if len(left) < 2:
-            raise ValueError(f"a section of {len(left) + 1} coordinates is no picture")
+            raise ValueError(f"a section of {len(section.names)} coordinates is no picture")
         return left[0], left[1]
     if isinstance(axes, str) or len(axes) != 2:
         raise ValueError(f"axes are the names of two coordinates, not {axes!r}")
@@ -140,7 +141,9 @@ def _title(section: Section) -> str:
         for name, factor in zip(section.names, normal, strict=True)
         if factor
     ]
-    plane = " + ".join(parts) if len(parts) <= 4 else f"a plane of {len(parts)} coordinates"
+    plane = (
+        " + ".join(parts or ["t"]) if len(parts) <= 4 else f"a plane of {len(parts)} coordinates"
+    )
     words = f"{plane} = {_number(offset)}"
     words += f" mod {_number(section.period)}" if section.period else ""
     words += {"up": ", upwards", "down": ", downwards"}.get(section.direction, "")

@@ -88,14 +88,14 @@ def runner_of(system: System, method: Method | Plan | str, request: Request) -> 
             hint = INSTEAD.get((name, kind), INSTEAD[name, None])
             sentence = f"{name} is for a mechanical or semi-explicit system, not for {system!r}"
             raise TypeError(hinted(sentence, hint))
-    if request.is_ensemble:
-        _check_shared(system, request)
     if isinstance(system, Schrodinger):
+        if request.is_ensemble:
+            _check_shared(system, request)
         return _of_waves(system, method, request)
     return _of_fields(system, method, request)
 
 
-def _check_shared(system: Field | Schrodinger, request: Request) -> None:
+def _check_shared(system: Schrodinger, request: Request) -> None:
     """Refuse parameters of each member, which a system that is planned once does not take."""
     given = request.params if isinstance(request.params, Mapping) else {}
     for name, value in given.items():

@@ -18,7 +18,7 @@ from liouville.runners.execute import execute
 from liouville.runners.runner import Request, Runner, kept, threads_of
 from liouville.runners.trial_steps import RECORDS, trial_steps
 from liouville.splitting import Affine, Split, crossed, described, variables_of
-from liouville.systems import Field, PolynomialField
+from liouville.systems import Field, PolynomialField, members
 from liouville.tangents import Tangent
 from liouville.terms import Function
 
@@ -40,6 +40,9 @@ TAKES = Takes(
 PART, TRIED = 0.1, 32
 
 
+#: The prefix of directions that are parameters.
+PARAMS = "params."
+
 #: At so many times functions of time are looked at before a run.
 TIMES = 2001
 
@@ -53,12 +56,14 @@ class FieldRunner(Runner):
     def __init__(
         self, system: Field, method: VolumeSplitting | FieldPlan, request: Request
     ) -> None:
-        self.system = system = system.with_params(request.params)
-        self.params = system.params
         x = system.start(request.start, request.is_ensemble)
+        self.base = system
+        self.systems = self._with_params(system, request, len(x))
+        self.system = system = self.systems[0]
         self.steps = request.steps_of(system, TAKES)
-        if isinstance(system, PolynomialField):
-            _check_times(system, self.steps)
+        for each in self.systems:
+            if isinstance(each, PolynomialField):
+                _check_times(each, self.steps)
         if self.steps.control is not None:
             self.steps, method = self._tried(method, self.steps, np.atleast_2d(x))
         self.every = kept(self.steps, request.every)
@@ -79,7 +84,39 @@ class FieldRunner(Runner):
         self.x = system.extended(np.atleast_2d(x), self.steps.t0)
         h = self.steps.mean(self.steps.t1, self.steps.count)
         self.choice, self.split = self._planned(method, h)
+        self.splits = self._split_alike(h) if self.varied else []
         self.method = repr(self.choice.method)
+
+    def _with_params(self, system: Field, request: Request, many: int) -> list[Field]:
+        """Return the field with its parameters, or if these have rows those of all members."""
+        of_params: dict[str, int] = {}
+        if request.is_ensemble:
+            rows, of_params = members.parameters(system, request.params)
+        if not of_params:
+            found = system.with_params(request.params)
+            self.params = found.params
+            return [found]
+        members.common({"x": many} | {f"parameter '{k}'": n for k, n in of_params.items()})
+        if request.tangents is not None and any(x.startswith(PARAMS) for x in request.tangents):
+            sentence = "members with parameters of their own have no tangents by parameters"
+            raise ValueError(hinted(sentence, "integrate them one by one"))
+        self.varied = tuple(of_params)
+        self.params = {**system.params, **(request.params or {})}
+        return [system.with_params(row) for row in rows]
+
+    def _split_alike(self, h: float) -> list[Split]:
+        """Return the field of each member split as that of the first."""
+        found = [self.split]
+        for member, system in enumerate(self.systems[1:], 1):
+            assert isinstance(system, PolynomialField)
+            try:
+                found.append(self.choice.split(system.terms, system.variables))
+            except ValueError as error:
+                sentence = f"the field of member {member} has other terms than that of member 0"
+                hint = "a parameter that is 0 may leave some out: integrate it by itself"
+                raise ValueError(hinted(sentence, hint)) from error
+            _check_affine(found[-1], h)
+        return found
 
     def _planned(self, method: VolumeSplitting | FieldPlan, h: float) -> Any:
         """Return the plan for steps h, and the field split by it."""
@@ -144,9 +181,11 @@ class FieldRunner(Runner):
     def job(self) -> Job:
         """The run as the core begins it."""
         steps, parts = self.steps, self.split
+        params = np.concatenate([system.values(None) for system in self.systems])
         return Job(
             start=(parts.inward(self.x),), span=(steps.t0, steps.t1, steps.count, self.every),
-            observer=self._observer, params=self.system.values(None), states=self._states,
+            varied=[crossed(split) for split in self.splits],
+            observer=self._observer, params=params, states=self._states,
             seen=(len(self.system.coordinates), parts.outward), threads=self.threads,
             is_ensemble=bool(self.members), tangents=self._tangents(),
         )  # fmt: skip

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from liouville.systems import _trace
+from liouville.systems._field import Field
 from liouville.systems.mechanics import ONTO, Mechanics
 from liouville.systems.semi_explicit import SemiExplicit
 from liouville.systems.traced import shown
@@ -38,7 +39,7 @@ def starts(
 
 
 def parameters(
-    system: Mechanics | SemiExplicit, changes: Mapping[str, ArrayLike] | None
+    system: Mechanics | SemiExplicit | Field, changes: Mapping[str, ArrayLike] | None
 ) -> tuple[np.ndarray, dict[str, int]]:
     """Return rows of parameters, one or one for each member, and the members of those that vary."""
     defaults = system.params

@@ -15,7 +15,7 @@ use liouville_base::ensemble::{Ensemble, Layout};
 use liouville_base::error::StepError;
 use liouville_base::method::Stepper;
 use liouville_base::observe::Observe;
-use liouville_base::real::Lanes;
+use liouville_base::real::{Lanes, Real};
 use liouville_base::run::{Advance, Fixed, Run, Span, StartError};
 use liouville_base::simd::Stored;
 use liouville_base::tableau::Scheme;
@@ -43,7 +43,7 @@ pub enum Recorded {
     Observables {
         /// The tape.
         tape: Tape,
-        /// Its parameters.
+        /// Its parameters, a row for all members or one for each.
         params: Vec<f64>,
         /// Whether states are recorded.
         states: bool,
@@ -61,6 +61,8 @@ pub struct Job {
     pub x: Vec<f64>,
     /// The number of members of an ensemble; none for a single run.
     pub members: Option<usize>,
+    /// The split of each member of an ensemble, where they have different parameters; empty where all have one.
+    pub varied: Vec<Arc<Split>>,
     /// The variables of the user.
     pub variables: UserVariables,
     /// From where to where; a section looks at every step.
@@ -115,9 +117,12 @@ impl Job {
             && (self.constants.is_empty()
                 || self.constants.len()
                     == self.directions.len() / n * (count_coefficients(split) + 1))
+            && (self.varied.is_empty() || self.varied.len() == members && self.members.is_some())
+            && self.varied.iter().all(|split| split.n() == n)
             && match &self.recorded {
                 Recorded::Observables { tape, params, .. } => {
-                    tape.inputs() == [1, *visible, params.len()]
+                    let rows = if self.varied.is_empty() { 1 } else { members };
+                    tape.inputs() == [1, *visible, params.len() / rows]
                 }
                 Recorded::Section(plane) => {
                     plane.normal.len() == *visible
@@ -132,6 +137,13 @@ impl Job {
         Err(StartError::Invalid(format!(
             "trajectories are rows of {n} values, and steps at least one"
         )))
+    }
+
+    /// The parameters of a member.
+    fn params_of<'a>(&self, params: &'a [f64], member: usize) -> &'a [f64] {
+        let width = params.len() / self.varied.len().max(1);
+        let row = if self.varied.is_empty() { 0 } else { member };
+        &params[row * width..(row + 1) * width]
     }
 
     /// The variable that functions of it alone need once for all members: it moves evenly from the same start.
@@ -165,6 +177,18 @@ impl Starter {
         Composed::new(self.volume().with_threads(threads), self.method.scheme)
     }
 
+    /// The split of a member.
+    fn split_of(&self, member: usize) -> &Arc<Split> {
+        self.job.varied.get(member).unwrap_or(&self.split)
+    }
+
+    /// A stepper of one member.
+    fn single(&self, member: usize) -> Composed<Volume<f64>> {
+        let split = self.split_of(member).clone();
+        let volume = Volume::new(split, self.method.is_compensated);
+        Composed::new(volume, self.method.scheme)
+    }
+
     /// The flows of the pieces.
     fn volume<S: Stored>(&self) -> Volume<S> {
         Volume::new(self.split.clone(), self.method.is_compensated).with_clock(self.clock)
@@ -174,12 +198,12 @@ impl Starter {
     fn begin<S: Stored>(&self, stepper: Composed<Volume<S>>, members: &[usize]) -> Begun {
         let volume = stepper.parts();
         let state = volume.state(&self.in_lanes(members));
-        let observer = self.observer(volume, members.len());
+        let observer = self.observer(volume, members);
         self.launch(Box::new(stepper), Box::new(observer), state)
     }
 
-    /// An observer of the first `members` trajectories that `volume` steps.
-    fn observer<S: Stored>(&self, volume: &Volume<S>, members: usize) -> Observer<S> {
+    /// An observer of these members, the first trajectories that `volume` steps.
+    fn observer<S: Stored>(&self, volume: &Volume<S>, members: &[usize]) -> Observer<S> {
         let Recorded::Observables {
             tape,
             params,
@@ -189,7 +213,8 @@ impl Starter {
             unreachable!("sections and determinants have runs of their own");
         };
         let (variables, tape) = (self.job.variables.clone(), tape.clone());
-        Observer::new(volume.clone(), variables, members, tape, params, *states)
+        let (count, params) = (members.len(), self.job.params_of(params, members[0]));
+        Observer::new(volume.clone(), variables, count, tape, params, *states)
     }
 
     fn has_tangents(&self) -> bool {
@@ -204,14 +229,14 @@ impl Starter {
             is_compensated,
         } = self.method;
         let stepper = Tangents::new(
-            self.split.clone(),
+            self.split_of(member).clone(),
             scheme,
             is_compensated,
             directions.len() / n,
         )
         .with_constants(scheme, &self.job.constants);
         let state = stepper.state(&self.in_lanes::<f64>(&[member]), directions);
-        let plain = self.observer(stepper.volume(), 1);
+        let plain = self.observer(stepper.volume(), &[member]);
         let variables = self.job.variables.clone();
         let observer = TangentObserver::new(plain, variables, n, self.observed());
         self.launch(Box::new(stepper), Box::new(observer), state)
@@ -254,6 +279,17 @@ impl Starter {
                 span.t0,
             ));
         }
+        if !self.job.varied.is_empty() {
+            let begin = move |members: &[usize]| self.begin(self.single(members[0]), members);
+            let each = (members, 1);
+            return Ok(Ensemble::new(
+                Box::new(begin),
+                each,
+                threads,
+                layout,
+                span.t0,
+            ));
+        }
         let many = self.stepper::<Lanes<BLOCK>>(1);
         let few = self.stepper::<Lanes<SMALL_BLOCK>>(1);
         let begin = move |members: &[usize]| {
@@ -276,26 +312,42 @@ impl Starter {
     fn section(self, members: usize, plane: Plane) -> Ensemble {
         let Span { t0, .. } = self.job.span;
         let (threads, width) = (self.job.threads, 2 + self.job.variables.n);
+        let layout = Layout::Ragged { width };
+        if !self.job.varied.is_empty() {
+            let begin = move |members: &[usize]| {
+                let single = self.single(members[0]);
+                self.passages(single.parts(), single.parts(), members, &plane)
+            };
+            return Ensemble::new(Box::new(begin), (members, 1), threads, layout, t0);
+        }
         let volume = self.volume::<Lanes<SMALL_BLOCK>>();
         let single = self.volume::<f64>();
-        let begin = move |members: &[usize]| {
-            let state = volume.state(&self.in_lanes(members));
-            let alone = Composed::new(single.clone(), self.method.scheme);
-            let observer = Section::new(
-                volume.clone(),
-                (single.clone(), alone),
-                self.job.variables.clone(),
-                members.to_vec(),
-                plane.clone(),
-            );
-            let span = self.job.span;
-            let stepper = Box::new(Composed::new(volume.clone(), self.method.scheme));
-            let control = Box::new(Fixed::new(stepper, span.t0, span.h(), span.steps));
-            let run = Run::new(control, Box::new(observer), state, (1, 0))?;
-            Ok(Box::new(run) as Box<dyn Advance>)
-        };
-        let layout = Layout::Ragged { width };
+        let begin = move |members: &[usize]| self.passages(&volume, &single, members, &plane);
         Ensemble::new(Box::new(begin), (members, SMALL_BLOCK), threads, layout, t0)
+    }
+
+    /// A run of these members with the points where they pass a plane.
+    fn passages<S: Stored + Real>(
+        &self,
+        volume: &Volume<S>,
+        single: &Volume<f64>,
+        members: &[usize],
+        plane: &Plane,
+    ) -> Begun {
+        let state = volume.state(&self.in_lanes(members));
+        let alone = Composed::new(single.clone(), self.method.scheme);
+        let observer = Section::new(
+            volume.clone(),
+            (single.clone(), alone),
+            self.job.variables.clone(),
+            members.to_vec(),
+            plane.clone(),
+        );
+        let span = self.job.span;
+        let stepper = Box::new(Composed::new(volume.clone(), self.method.scheme));
+        let control = Box::new(Fixed::new(stepper, span.t0, span.h(), span.steps));
+        let run = Run::new(control, Box::new(observer), state, (1, 0))?;
+        Ok(Box::new(run))
     }
 
     /// A run of one trajectory with the determinants of its steps.

@@ -94,7 +94,7 @@ impl Pullback {
         };
         let starts = Arc::<Mutex<StepStarts>>::default();
         let stepper = starter.stepper::<f64>(starter.job.threads);
-        let observer = starter.observer(stepper.parts(), 1);
+        let observer = starter.observer(stepper.parts(), &[0]);
         let x = starter.in_lanes::<f64>(&[0]);
         let state = stepper.parts().state(&x);
         let recorder = StartRecorder {
