@@ -315,14 +315,20 @@ WAVES = [
     ),
     *(
         Row(
-            lv.Magnus(order, 1e-11),
+            lv.Magnus(order, 1e-13, exponentials),
             order,
             ("driven chain", "moving grid"),
             _SHEARS,
-            (40, 56, 80),
-            0.2,
+            steps,
+            0.03 * order + 0.1,
         )
-        for order in (2, 4)
+        for order, exponentials, steps in (
+            (2, 1, (40, 56, 80)),
+            (4, 2, (40, 56, 80)),
+            (4, 3, (28, 40, 56)),
+            (6, 5, (14, 20, 28)),
+            (8, 8, (16, 20, 25)),
+        )
     ),
     *(
         Row(lv.GrayManolopoulos(order), order, ("chain",), _SHEARS, _SPREAD, room=0.2)

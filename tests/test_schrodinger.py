@@ -271,7 +271,7 @@ WAYS = {
        for name, make in TOLERANT.items()},
     "Gray": (lv.Schrodinger(CHAIN), lv.GrayManolopoulos(5), {"t": (0, 3), "steps": 30}),
     "stability": (lv.Schrodinger(CHAIN), lv.StabilitySplitting(4, 4), {"t": (0, 3), "steps": 6}),
-    "Magnus": (driven(), lv.Magnus(), {"t": (0, 3), "steps": 30}),
+    "Magnus": (driven(), lv.Magnus(tol=1e-13), {"t": (0, 3), "steps": 30}),
     "split": (MOVED, lv.SplitOperator(), {"t": SPAN, "steps": 30}),
 }  # fmt: skip
 
@@ -319,7 +319,8 @@ RETURNING = {
     "stability": (CHAIN, lv.StabilitySplitting(2, 6), {"steps": 10}),
     "split": ("moved", lv.SplitOperator("BM4"), {"steps": 40}),
     "RKN": ("moved", lv.SplitOperator("RKN6s11"), {"steps": 40}),
-    "Magnus": ("driven", lv.Magnus(tol=1e-6), {"steps": 40}),
+    "Magnus": ("driven", lv.Magnus(tol=1e-13), {"steps": 4}),
+    "Magnus in shears": ("driven", lv.Magnus(2, tol=1e-6), {"steps": 10_001}),
 }
 
 

@@ -86,8 +86,8 @@ def test_a_jump_is_bisected_down_to():
 
 
 def test_a_plan_says_windows_and_comes_back_from_its_file(tmp_path):
-    h0, _, drive, span, psi = driven_products.chain(6)
-    system = lv.Schrodinger(h0, drive=drive)
+    h0, ((_, h1),), _, span, psi = driven_products.chain(6)
+    system = lv.Schrodinger(h0, drive=[(lambda t, _: ca.cos(4 * t) / 2, h1)])
     plan = lv.plan(system, lv.Chebyshev(1e-6), t=span)
     assert plan.bound == 1e-6
     assert f"series in time ({plan.windows} windows)" in str(plan)

@@ -67,7 +67,9 @@ mod _core {
     #[pymodule_export]
     use super::run::{Run, run};
     #[pymodule_export]
-    use super::schrodinger::{chebyshev_degree, driven_cost, processor_degree, split_program};
+    use super::schrodinger::{
+        chebyshev_degree, driven_cost, magnus_cost, processor_degree, split_program,
+    };
     #[pymodule_export]
     use super::second_order::{SecondOrder, Separable};
     #[pymodule_export]

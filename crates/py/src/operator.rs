@@ -6,7 +6,9 @@ use crate::errors::refused;
 use liouville_base::error::StepError;
 use liouville_base::simd::InstructionSet;
 use liouville_waves::method::Sweeper;
-use liouville_waves::problem::{Bond, Dense, Diagonals, Drive, Kinetic, Potential, Spins};
+use liouville_waves::problem::{
+    Bond, Dense, Diagonals, Drive, HamiltonianAt, Kinetic, Potential, Spins,
+};
 use numpy::{PyArray1, PyReadonlyArray1, PyReadonlyArray2, PyUntypedArrayMethods};
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
@@ -265,9 +267,21 @@ impl Hamiltonian {
     }
 
     /// The smallest and the largest Ritz value after so many Lanczos steps from a random vector, and the least and
-    /// the largest number within its residual of any Ritz value.
-    fn ritz(&self, py: Python<'_>, steps: usize, seed: u64) -> PyResult<(f64, f64, f64, f64)> {
+    /// the largest number within its residual of any Ritz value; terms may have weights.
+    #[pyo3(signature = (steps, seed, weights=None))]
+    fn ritz(
+        &self,
+        py: Python<'_>,
+        steps: usize,
+        seed: u64,
+        weights: Option<Vec<f64>>,
+    ) -> PyResult<(f64, f64, f64, f64)> {
         let mut sweeper = Sweeper::new(self.inner.clone());
+        if let Some(weights) = weights {
+            let current = HamiltonianAt::new(&self.inner).with_weights(weights);
+            let wrong = || refused("there is a weight for each term");
+            sweeper.current = Some(current.ok_or_else(wrong)?);
+        }
         let found = py.detach(|| liouville_waves::method::ritz(&mut sweeper, steps.max(1), seed));
         let found = found.map_err(|error| self.explained(error))?;
         Ok((found.low.0, found.high.0, found.outer.0, found.outer.1))

@@ -6,7 +6,7 @@ use crate::derivative::WaveRecord;
 use crate::errors::refused;
 use crate::operator::Hamiltonian;
 use liouville_base::run::{Advance, StartError};
-use liouville_waves::method::{Driven, Observable};
+use liouville_waves::method::{Driven, MagnusTolerance, Observable, TermBounds};
 use liouville_waves::run::{self, Method};
 use numpy::{Complex64, PyReadonlyArray2, PyUntypedArrayMethods};
 use pyo3::prelude::*;
@@ -39,22 +39,27 @@ enum WaveMethod<'py> {
         norm_tol: f64,
     },
     Magnus {
-        order: usize,
+        scheme: (usize, usize),
         coefficients: Values<'py>,
         theta: f64,
         norm_tol: f64,
-        bounds: Vec<(f64, f64)>,
+        parts: Parts,
+    },
+    MagnusSteps {
+        scheme: (usize, usize),
+        rate: f64,
+        tol: f64,
+        norm_tol: f64,
+        parts: Parts,
     },
     MagnusSeries {
-        order: usize,
+        scheme: (usize, usize),
         rate: f64,
         norm_tol: f64,
-        bounds: Vec<Bounds>,
+        parts: Parts,
     },
     Driven {
-        groups: Vec<usize>,
-        part_bounds: Vec<Bounds>,
-        knots: Vec<(f64, Bounds)>,
+        parts: Parts,
         breaks: Vec<f64>,
         rate: f64,
         norm_tol: f64,
@@ -67,6 +72,25 @@ enum WaveMethod<'py> {
 
 /// An interval of energies.
 type Bounds = (f64, f64);
+
+/// The parts of H(t): how many terms each has, bounds of each and of H, and a grid of weights with bounds at its corners.
+type Parts = (
+    Vec<usize>,
+    Vec<Bounds>,
+    Option<Bounds>,
+    Vec<Vec<f64>>,
+    Vec<Bounds>,
+);
+
+fn term_bounds((groups, parts, given, axes, corners): Parts) -> TermBounds {
+    TermBounds {
+        groups,
+        parts,
+        given,
+        axes,
+        corners,
+    }
+}
 
 impl WaveMethod<'_> {
     fn read(self) -> PyResult<Method> {
@@ -114,40 +138,47 @@ impl WaveMethod<'_> {
                 tolerance,
             },
             Self::Magnus {
-                order,
+                scheme,
                 coefficients,
                 theta,
                 norm_tol: tolerance,
-                bounds,
+                parts,
             } => Method::Magnus {
-                order,
+                scheme,
                 coefficients: coefficients.as_slice()?.to_vec(),
                 theta,
                 tolerance,
-                bounds,
+                bounds: term_bounds(parts),
+            },
+            Self::MagnusSteps {
+                scheme,
+                rate,
+                tol: whole,
+                norm_tol: norm,
+                parts,
+            } => Method::MagnusSteps {
+                scheme,
+                tolerance: MagnusTolerance { rate, whole, norm },
+                bounds: term_bounds(parts),
             },
             Self::MagnusSeries {
-                order,
+                scheme,
                 rate,
                 norm_tol: tolerance,
-                bounds,
+                parts,
             } => Method::MagnusSeries {
-                order,
+                scheme,
                 rate,
                 tolerance,
-                bounds,
+                bounds: term_bounds(parts),
             },
             Self::Driven {
-                groups,
-                part_bounds: bounds,
-                knots,
+                parts,
                 breaks,
                 rate,
                 norm_tol: tolerance,
             } => Method::Driven(Driven {
-                groups,
-                bounds,
-                knots,
+                bounds: term_bounds(parts),
                 breaks,
                 rate,
                 tolerance,
@@ -263,6 +294,21 @@ pub(crate) fn driven_cost(
     let cost = cost.ok_or_else(|| refused("parts are all terms, each with its bounds"))?;
     let cost = cost.map_err(refused)?;
     Ok((cost.powers, cost.bessel, cost.products, cost.theta))
+}
+
+/// The steps of a Magnus method from each time to the next, their products, at most, and the longest step in units of 1/β.
+#[pyfunction]
+pub(crate) fn magnus_cost(
+    py: Python<'_>,
+    hamiltonian: PyRef<'_, Hamiltonian>,
+    method: &Bound<'_, PyAny>,
+    times: Vec<f64>,
+) -> PyResult<(usize, usize, f64)> {
+    let method = method.extract::<WaveMethod<'_>>()?.read()?;
+    let hamiltonian = hamiltonian.inner.clone();
+    let cost = py.detach(|| run::magnus_cost(&hamiltonian, method, &times));
+    let cost = cost.map_err(refused)?;
+    Ok((cost.steps, cost.products, cost.theta))
 }
 
 /// The flows of a splitting of T + V: whether a kick, its weight, and the weights of the drifts before it.

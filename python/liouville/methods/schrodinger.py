@@ -15,6 +15,9 @@ MODES = ("auto", "fast", "stable")
 #: Orders of the splittings of Runge-Kutta-Nyström type.
 NYSTROM = {"RKN4s6": 4, "RKN6s11": 6}
 
+#: Exponentials of a step of the Magnus methods of each order, the default first.
+MAGNUS = {2: (1,), 4: (3, 2), 6: (5,), 8: (8,)}
+
 #: No tolerance is smaller: it would be that of a few roundings.
 LEAST_TOLERANCE = 1e-14
 
@@ -195,23 +198,38 @@ class SplitOperator:
 
 @dataclass(frozen=True)
 class Magnus:
-    r"""Commutator-free Magnus method for :math:`H(t)`, each exponential by a splitting.
+    r"""Commutator-free Magnus method for :math:`H(t)`.
 
-    Order 2 is the exponential midpoint rule; order 4, with
-    :math:`H_{1,2} = H(t + (\tfrac12 \mp \tfrac{\sqrt 3}{6}) h)` and
-    :math:`a_{1,2} = \tfrac14 \pm \tfrac{\sqrt 3}{6}`,
+    A step is a product of exponentials of sums of H at Gauss points c,
 
     .. math::
 
-        \psi \leftarrow e^{-i h (a_2 H_1 + a_1 H_2)}\, e^{-i h (a_1 H_1 + a_2 H_2)}\, \psi
+        \psi \leftarrow \prod_j e^{-i h \hat H_j}\, \psi, \qquad
+        \hat H_j = \sum_k a_{jk} H(t + c_k h),
+
+    the first one with j = 1. Each is a Chebyshev series of the degree that its own phase takes, or
+    by a stable splitting of :class:`SchrodingerSplitting` where a run has more than 10,000 of them.
+
+    Without ``h=`` and ``steps=`` a run chooses its steps by an estimate of their errors: some steps
+    are made as one and again as two halves. With them steps are of equal size.
 
     Parameters
     ----------
-    order : {4, 2}
-        Order in h.
-    tol : float, default 1e-10
-        The error of all exponentials together, relative to the norm; that of the Magnus method
-        itself comes on top, and falls with h.
+    order : {4, 2, 6, 8}
+        Order in h. The higher ones are for tighter tolerances, 6 from about 1e-5 on and 8 from
+        1e-8 on.
+    tol : float, default 1e-8
+        The error of :math:`\psi` at the end, relative to its norm, as far as estimates hold. With
+        steps of a given size it is that of all exponentials together; that of the Magnus method
+        comes on top, and falls with h.
+    exponentials : int, optional
+        Exponentials of a step: 1 of order 2, 3 or 2 of order 4, 5 of order 6, 8 of order 8. The
+        first of these is the default.
+
+    Attributes
+    ----------
+    scheme : tuple of int
+        The order and the number of exponentials.
 
     Raises
     ------
@@ -220,18 +238,32 @@ class Magnus:
 
     References
     ----------
-    :cite:t:`alvermann2011`.
+    :cite:t:`alvermann2011`; order 8 from :cite:t:`hofstatter2019`.
     """
 
     form: ClassVar[str] = "wave"
-    order: int = field(default=4, metadata={"help": "order in h, 2 or 4"})
-    tol: float = field(default=1e-10, metadata={"help": "error of all exponentials together"})
+    order: int = field(default=4, metadata={"help": "order in h, 2, 4, 6 or 8"})
+    tol: float = field(default=1e-8, metadata={"help": "error at the end, relative to the norm"})
+    exponentials: int | None = field(
+        default=None, metadata={"help": "of a step; 2 or 3 of order 4"}
+    )
 
     def __post_init__(self) -> None:
         """Refuse what makes no method."""
-        if count("order", self.order) not in (2, 4):
-            raise ValueError(f"order is 2 or 4, not {self.order}")
+        if count("order", self.order) not in MAGNUS:
+            raise ValueError(f"order is 2, 4, 6 or 8, not {self.order}")
+        known = MAGNUS[self.order]
+        if self.exponentials is not None and count("exponentials", self.exponentials) not in known:
+            raise ValueError(
+                f"exponentials of order {self.order} are {' or '.join(map(str, known))}, "
+                f"not {self.exponentials}"
+            )
         _check_tolerance(self.tol)
+
+    @property
+    def scheme(self) -> tuple[int, int]:
+        """The order and the number of exponentials."""
+        return self.order, self.exponentials or MAGNUS[self.order][0]
 
 
 @dataclass(frozen=True)

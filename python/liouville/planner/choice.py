@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from liouville._arguments import count, number, times_of
-from liouville.methods import Chebyshev, Lanczos, SchrodingerSplitting, VolumeSplitting
+from liouville.methods import VolumeSplitting
 from liouville.planner.fields.choice import plan_field
 from liouville.planner.fields.plan import FieldPlan
 from liouville.planner.waves.choice import AUTO, Planned, plan_wave
@@ -156,8 +156,9 @@ def _of_field(
 def _of_wave(system: Schrodinger, method: Any, t: Any, psi: Any) -> WavePlan:
     if method is None or (isinstance(method, str) and method == "auto"):
         method = AUTO
-    if not isinstance(method, SchrodingerSplitting | Chebyshev | Lanczos):
-        raise TypeError(f"method is a SchrodingerSplitting, Chebyshev or Lanczos, not {method!r}")
+    if not isinstance(method, Planned):
+        kinds = "SchrodingerSplitting, Chebyshev, Lanczos or Magnus"
+        raise TypeError(f"method is a {kinds}, not {method!r}")
     times = times_of(t)
     is_real = psi is not None and not np.any(system.inward(psi).imag)
     return plan_wave(system, method, times, is_real)

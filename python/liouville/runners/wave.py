@@ -13,9 +13,9 @@ from liouville._arguments import check_memory, times_of
 from liouville._job import Job
 from liouville.control import Steps, Takes, steps_of
 from liouville.errors import Description, describe, hinted
-from liouville.methods import Stepped, WaveMethod
+from liouville.methods import Magnus, Stepped, WaveMethod
 from liouville.planner import WavePlan, plan_steps, plan_wave
-from liouville.planner.waves.choice import name_of
+from liouville.planner.waves.choice import Planned, name_of
 from liouville.planner.waves.propagators import Krylov, Series
 from liouville.runners.runner import Request, Runner, kept, threads_of
 from liouville.systems import Schrodinger
@@ -27,8 +27,8 @@ if TYPE_CHECKING:
 
 #: The memory that each propagator takes beside the records, in states, as measured.
 STATES = {
-    "shears": 2, "processed": 3, "chebyshev": 4, "magnus": 4, "magnus series": 5, "driven": 45,
-    "split": 20,
+    "shears": 2, "processed": 3, "chebyshev": 4, "magnus": 4, "magnus series": 5,
+    "magnus steps": 7, "driven": 45, "split": 20,
 }  # fmt: skip
 
 #: The memory of the two halves by which shears step a state of a complex H.
@@ -62,7 +62,7 @@ class WaveRunner(Runner):
         self.columns |= {f"observed {name}": width for name, width, _ in self._observed}
         self.widths = self.columns
         # to plan many outputs takes long
-        self._stops = _stops(times, method, request) if isinstance(method, Stepped) else None
+        self._stops = _stops(times, method, request) if _is_stepped(method, request) else None
         self._check_records(request, len(self._stops or times[1:]) + 1)
         self.plan = self._planned(method, times, request)
         self._check_states()
@@ -72,7 +72,7 @@ class WaveRunner(Runner):
         if request.tangents is not None or request.has_pullback:
             self._differentiated(request)
         # given steps leave nothing to choose
-        self.choice = method if isinstance(method, Stepped) else self.plan
+        self.choice = method if self._stops is not None else self.plan
         self.method = self.plan.scheme
         self.steps = Steps(self.plan.t0, self.plan.stops[-1][0], self.plan.steps)
         self.every = -(-self.plan.steps // len(self.plan.stops))
@@ -84,9 +84,10 @@ class WaveRunner(Runner):
             _check_no_steps("a plan", request)
             method.check(times, self.system)
             return method
-        if isinstance(method, Stepped):
-            assert self._stops is not None
+        if self._stops is not None:
+            assert isinstance(method, Stepped)
             return plan_steps(self.system, method, times[0], self._stops)
+        assert isinstance(method, Planned)
         plan = plan_wave(self.system, method, times, not np.any(self.psi.imag))
         _check_no_steps(name_of(method), request)  # last: methods for H(t) do take steps
         return plan
@@ -214,6 +215,13 @@ class WaveRunner(Runner):
         return describe(error, (), ())
 
 
+def _is_stepped(method: WaveMethod | WavePlan, request: Request) -> bool:
+    """Return whether steps have a given size; without one a Magnus method chooses its own."""
+    if isinstance(method, Magnus) and request.h is None and request.steps is None:
+        return False
+    return isinstance(method, Stepped)
+
+
 def _start(start: Mapping[str, Any]) -> Any:
     if set(start) != {"psi"}:
         given = ", ".join(sorted(start)) or "nothing"
@@ -221,7 +229,9 @@ def _start(start: Mapping[str, Any]) -> Any:
     return start["psi"]
 
 
-def _stops(times: tuple[float, ...], method: Stepped, request: Request) -> list[tuple[float, int]]:
+def _stops(
+    times: tuple[float, ...], method: WaveMethod | WavePlan, request: Request
+) -> list[tuple[float, int]]:
     """Return the times of the states that are kept, with the steps to each."""
     takes = Takes(type(method).__name__, hint="give h or steps")
     if len(times) > 2:

@@ -41,8 +41,8 @@ INTERVALS = 4096
 
 #: The methods whose runs leave pieces.
 COVERED = (
-    "methods that have: 'auto', Chebyshev, Magnus, and for a real H SchrodingerSplitting, "
-    "GrayManolopoulos, and StabilitySplitting with processed=False"
+    "methods that have: 'auto', Chebyshev, Magnus with h or steps, and for a real H "
+    "SchrodingerSplitting, GrayManolopoulos, and StabilitySplitting with processed=False"
 )
 
 

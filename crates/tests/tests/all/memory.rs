@@ -26,8 +26,9 @@ use liouville_tests::{
     turning,
 };
 use liouville_waves::method::{
-    self as schrodinger, Chebyshev, Driven, DrivenSeries, Lanczos, Magnus, Nodes, Phases,
-    Processed, Processor, ShearProgram, Shears, Sweeper, Wave, Windows,
+    self as schrodinger, Chebyshev, Driven, DrivenSeries, Lanczos, Magnus, MagnusSteps,
+    MagnusTolerance, Nodes, Phases, Processed, Processor, ShearProgram, Shears, Sweeper,
+    TermBounds, Wave, Windows,
 };
 use std::sync::Arc;
 use std::time::Duration;
@@ -312,11 +313,9 @@ fn split_fields_go_on() {
 }
 
 /// A series in time of a driven grid, whose parts have these bounds.
-fn series_in_time(sweeper: &Sweeper<f64>, bounds: Vec<(f64, f64)>) -> DrivenSeries {
+fn series_in_time(sweeper: &Sweeper<f64>, bounds: TermBounds) -> DrivenSeries {
     let driven = Driven {
-        groups: vec![1, 1],
         bounds,
-        knots: Vec::new(),
         breaks: Vec::new(),
         rate: 1e-9,
         tolerance: 1e-6,
@@ -347,12 +346,16 @@ fn wave_functions_go_on() {
         Processed::new(Composed::new(kernel, scheme), processor, 1e9)
     };
     let phases = || Phases::new(grid(), 1e-6).expect("T and diagonals");
-    let bounds = || vec![(0.0, 128.0), (-2.0, 2.0)];
+    let bounds = || TermBounds {
+        groups: vec![1, 1],
+        parts: vec![(0.0, 128.0), (-2.0, 2.0)],
+        ..TermBounds::default()
+    };
     let windows = || {
         let times = (1..=33).map(|k| 0.03 * f64::from(k)).collect();
         Windows::new(times, vec![10, 1, 20, 2]).expect("windows of all outputs")
     };
-    let steppers: [Stepped<'_>; 8] = [
+    let steppers: [Stepped<'_>; 9] = [
         (
             "shears",
             40,
@@ -394,10 +397,24 @@ fn wave_functions_go_on() {
                 let sweeper = Sweeper::new(grid());
                 Box::new(Magnus::new(
                     sweeper,
-                    Nodes::gauss(),
+                    Nodes::find(4, 2).expect("a method"),
                     exponential(),
                     bounds(),
                 ))
+            }),
+        ),
+        (
+            "magnus to a tolerance",
+            32,
+            Box::new(|| {
+                let tolerance = MagnusTolerance {
+                    rate: 1e-6,
+                    whole: 1e-6,
+                    norm: 1e-5,
+                };
+                let nodes = Nodes::find(6, 5).expect("a method");
+                let steps = MagnusSteps::new(Sweeper::new(grid()), nodes, bounds(), tolerance);
+                Box::new(steps.expect("parts of the grid"))
             }),
         ),
     ];

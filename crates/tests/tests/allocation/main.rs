@@ -34,7 +34,8 @@ use liouville_tests::{
     turning,
 };
 use liouville_waves::method::{
-    Chebyshev, Lanczos, Magnus, Nodes, Phases, ShearProgram, Shears, Sweeper, Wave,
+    Chebyshev, Lanczos, Magnus, MagnusSteps, MagnusTolerance, Nodes, Phases, ShearProgram, Shears,
+    Sweeper, TermBounds, Wave,
 };
 use liouville_waves::problem::{Bond, Dense, Diagonals, Hamiltonian, Operator, Spins};
 use std::sync::Arc;
@@ -380,6 +381,15 @@ fn a_flow_of_any_piece_takes_no_memory() {
     assert_eq!(others(&mut determinant, &mut state), 0);
 }
 
+/// Bounds of parts of one term each.
+fn parts(bounds: &[(f64, f64)]) -> TermBounds {
+    TermBounds {
+        groups: vec![1; bounds.len()],
+        parts: bounds.to_vec(),
+        ..TermBounds::default()
+    }
+}
+
 #[test]
 fn a_step_of_a_wave_function_on_a_grid_takes_no_memory() {
     let hamiltonian = Arc::new(rotor(32, 1.0));
@@ -395,10 +405,10 @@ fn a_step_of_a_wave_function_on_a_grid_takes_no_memory() {
         theta: 0.5,
         tolerance: 1e-10,
     };
-    let bounds = vec![(0.0, 128.0), (-2.0, 2.0)];
+    let bounds = parts(&[(0.0, 128.0), (-2.0, 2.0)]);
     let mut stepper = Magnus::new(
         Sweeper::new(hamiltonian),
-        Nodes::gauss(),
+        Nodes::find(4, 3).expect("a method"),
         exponential,
         bounds,
     );
@@ -531,14 +541,22 @@ fn a_sparse_matrix_is_factored_and_solved_with_in_the_memory_of_the_first_time()
 fn steps_of_wave_functions_allocate_nothing() {
     let sweeper = || Sweeper::<f64>::new(ring(20, 0.0));
     let plain = || Sweeper::<f64>::new(chain(20, 0.0));
-    let bounds = vec![(-2.0, 2.0)];
-    let mut steppers: [Box<dyn Stepper<State = Wave<f64>>>; 4] = [
+    let bounds = parts(&[(-2.0, 2.0)]);
+    let tolerance = MagnusTolerance {
+        rate: 1e-6,
+        whole: 1e-6,
+        norm: 1e-5,
+    };
+    let nodes = Nodes::find(6, 5).expect("a method");
+    let steps = MagnusSteps::new(sweeper(), nodes, bounds.clone(), tolerance);
+    let mut steppers: [Box<dyn Stepper<State = Wave<f64>>>; 5] = [
+        Box::new(steps.expect("one part")),
         Box::new(Chebyshev::new(plain(), (-2.0, 2.0), 1e-9, 1e-6)),
         Box::new(Chebyshev::new(sweeper(), (-2.0, 2.0), 1e-9, 1e-6)),
         Box::new(Lanczos::new(sweeper(), 12, 1e-9, 1e-6)),
         Box::new(Magnus::by_series(
             sweeper(),
-            Nodes::gauss(),
+            Nodes::find(4, 3).expect("a method"),
             (1e-9, 1e-6),
             bounds,
         )),

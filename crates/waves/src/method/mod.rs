@@ -16,6 +16,7 @@ mod processor;
 mod shears;
 mod spectral_range;
 mod sweep;
+mod term_bounds;
 mod windows;
 
 pub use chebyshev::Chebyshev;
@@ -23,7 +24,7 @@ pub use derivative::{Derivative, Recorder};
 pub use doubled::Doubled;
 pub use driven::{Driven, DrivenCost, DrivenSeries};
 pub use lanczos::Lanczos;
-pub use magnus::{Magnus, Nodes, ShearProgram};
+pub use magnus::{Magnus, MagnusCost, MagnusSteps, MagnusTolerance, Nodes, ShearProgram};
 pub use observe::{Observable, Observer};
 pub use phases::Phases;
 pub use processed::Processed;
@@ -31,6 +32,7 @@ pub use processor::Processor;
 pub use shears::Shears;
 pub use spectral_range::{Ritz, asymmetry, ritz};
 pub use sweep::{Move, Outputs, Sink, Sweeper, TermBlock};
+pub use term_bounds::TermBounds;
 pub use windows::Windows;
 
 use liouville_base::error::StepError;

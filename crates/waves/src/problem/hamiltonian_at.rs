@@ -27,6 +27,11 @@ impl HamiltonianAt {
         }
     }
 
+    /// The same with these weights of the terms; none where there are not as many.
+    pub fn with_weights(self, weights: Vec<f64>) -> Option<Self> {
+        (weights.len() == self.weights.len()).then_some(Self { weights, ..self })
+    }
+
     /// Makes it Σ a H(t) over pairs (a, t), of the Hamiltonian it was made for.
     pub fn set(&mut self, hamiltonian: &Hamiltonian, nodes: &[(f64, f64)]) {
         self.weights.fill(0.0);

@@ -1,6 +1,6 @@
 //! Methods for Schrödinger equations, by their numbers.
 
-use crate::method::{Driven, Processor, bessel};
+use crate::method::{Driven, MagnusTolerance, Processor, TermBounds, bessel};
 use liouville_base::run::StartError;
 use liouville_base::tableau::{Purpose, Stable, Turn, split_program};
 
@@ -54,27 +54,36 @@ pub enum Method {
     },
     /// Exponentials of sums of H at nodes, each by shears.
     Magnus {
-        /// 2 or 4.
-        order: usize,
+        /// Its order, and the number of exponentials of a step.
+        scheme: (usize, usize),
         /// Coefficients of the shears.
         coefficients: Vec<f64>,
         /// Half the width of the spectrum times a step of the shears, at most.
         theta: f64,
         /// Of the norm.
         tolerance: f64,
-        /// Bounds of the spectra of all terms of H.
-        bounds: Vec<(f64, f64)>,
+        /// Bounds of the spectra of all parts of H.
+        bounds: TermBounds,
     },
     /// The same with exponentials by Chebyshev series.
     MagnusSeries {
-        /// 2 or 4.
-        order: usize,
+        /// Its order, and the number of exponentials of a step.
+        scheme: (usize, usize),
         /// Error of all exponentials allowed in a unit of time.
         rate: f64,
         /// Of the norm.
         tolerance: f64,
-        /// Bounds of the spectra of all terms of H.
-        bounds: Vec<(f64, f64)>,
+        /// Bounds of the spectra of all parts of H.
+        bounds: TermBounds,
+    },
+    /// The same with steps as long as a tolerance allows.
+    MagnusSteps {
+        /// Its order, and the number of exponentials of a step.
+        scheme: (usize, usize),
+        /// What it may be off.
+        tolerance: MagnusTolerance,
+        /// Bounds of the spectra of all parts of H.
+        bounds: TermBounds,
     },
     /// Series in time for H(t).
     Driven(Driven),

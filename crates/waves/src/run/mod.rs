@@ -4,6 +4,7 @@ mod method;
 mod prepared;
 
 pub use method::{Method, chebyshev_degree, processor_degree, turns};
+pub use prepared::magnus_cost;
 
 use crate::method::{Observable, Observer, Recorder, Sweeper, Wave};
 use crate::problem::Hamiltonian;

@@ -2,8 +2,9 @@
 
 use super::method::{Method, PROCESSOR_ERROR, turns};
 use crate::method::{
-    Chebyshev, Doubled, Driven, DrivenSeries, Lanczos, Magnus, Nodes, Phases, Processed, Processor,
-    ShearProgram, Shears, Sweeper, Wave, Windows,
+    Chebyshev, Doubled, Driven, DrivenSeries, Lanczos, Magnus, MagnusCost, MagnusSteps,
+    MagnusTolerance, Nodes, Phases, Processed, Processor, ShearProgram, Shears, Sweeper,
+    TermBounds, Wave, Windows,
 };
 use crate::problem::Hamiltonian;
 use liouville_base::cancel::CancelToken;
@@ -39,13 +40,13 @@ pub(super) enum Prepared {
     Magnus {
         nodes: Nodes,
         exponential: ShearProgram,
-        bounds: Vec<(f64, f64)>,
+        bounds: TermBounds,
     },
     MagnusSeries {
         nodes: Nodes,
         rate: f64,
         tolerance: f64,
-        bounds: Vec<(f64, f64)>,
+        bounds: TermBounds,
     },
     /// For single wave functions only.
     Single(Single),
@@ -60,6 +61,11 @@ pub(super) enum Single {
     Driven {
         driven: Driven,
         times: Vec<f64>,
+    },
+    MagnusSteps {
+        nodes: Nodes,
+        tolerance: MagnusTolerance,
+        bounds: TermBounds,
     },
     Splitting {
         program: Vec<Flow>,
@@ -129,40 +135,12 @@ impl Prepared {
                     tolerance,
                 }
             }
-            Method::Magnus {
-                order,
-                coefficients,
-                theta,
-                tolerance,
-                bounds,
-            } => Self::Magnus {
-                nodes: nodes(order),
-                exponential: ShearProgram {
-                    program: shears(&coefficients, is_back),
-                    theta,
-                    tolerance,
-                },
-                bounds,
-            },
-            Method::MagnusSeries {
-                order,
-                rate,
-                tolerance,
-                bounds,
-            } => {
-                let nodes = nodes(order);
-                Self::MagnusSeries {
-                    rate: rate / nodes.rows.len() as f64, // the exponentials of a step share it
-                    nodes,
-                    tolerance,
-                    bounds,
-                }
+            Method::Magnus { .. } | Method::MagnusSeries { .. } | Method::MagnusSteps { .. } => {
+                Self::magnus(method, hamiltonian, is_back)?
             }
             Method::Driven(driven) => {
-                let sweeper = Sweeper::new(hamiltonian.clone());
-                let series = DrivenSeries::new(&sweeper, driven.clone(), times.clone());
-                let unfit = || StartError::invalid("parts are all terms, each with its bounds");
-                series.ok_or_else(unfit)?;
+                let bounds = fitting(driven.bounds, hamiltonian)?;
+                let driven = Driven { bounds, ..driven };
                 Self::Single(Single::Driven { driven, times })
             }
             Method::Splitting { name, tolerance } => {
@@ -173,6 +151,52 @@ impl Prepared {
                     phases: phases.ok_or_else(no_grid)?.into(),
                 })
             }
+        })
+    }
+
+    /// A Magnus method for this Hamiltonian.
+    fn magnus(
+        method: Method,
+        hamiltonian: &Hamiltonian,
+        is_back: bool,
+    ) -> Result<Self, StartError> {
+        Ok(match method {
+            Method::Magnus {
+                scheme,
+                coefficients,
+                theta,
+                tolerance,
+                bounds,
+            } => Self::Magnus {
+                nodes: nodes(scheme)?,
+                exponential: ShearProgram {
+                    program: shears(&coefficients, is_back),
+                    theta,
+                    tolerance,
+                },
+                bounds: fitting(bounds, hamiltonian)?,
+            },
+            Method::MagnusSeries {
+                scheme,
+                rate,
+                tolerance,
+                bounds,
+            } => Self::MagnusSeries {
+                nodes: nodes(scheme)?,
+                rate,
+                tolerance,
+                bounds: fitting(bounds, hamiltonian)?,
+            },
+            Method::MagnusSteps {
+                scheme,
+                tolerance,
+                bounds,
+            } => Self::Single(Single::MagnusSteps {
+                nodes: nodes(scheme)?,
+                tolerance,
+                bounds: fitting(bounds, hamiltonian)?,
+            }),
+            _ => return Err(StartError::invalid("a Magnus method")),
         })
     }
 
@@ -208,6 +232,18 @@ impl Prepared {
                 match DrivenSeries::new(&sweeper, driven.clone(), times.clone()) {
                     Some(series) => Box::new(series),
                     None => unreachable!("parts that have been checked"),
+                }
+            }
+            Self::Single(Single::MagnusSteps {
+                nodes,
+                tolerance,
+                bounds,
+            }) => {
+                let (nodes, bounds) = (nodes.clone(), bounds.clone());
+                let sweeper = sweeper.with_cancel(cancel);
+                match MagnusSteps::new(sweeper, nodes, bounds, *tolerance) {
+                    Some(steps) => Box::new(steps),
+                    None => unreachable!("bounds that have been checked"),
                 }
             }
             Self::Single(Single::Lanczos {
@@ -308,12 +344,42 @@ fn of_halves<S: Stored>(
     }
 }
 
-/// The nodes of a Magnus method of this order.
-fn nodes(order: usize) -> Nodes {
-    if order == 2 {
-        Nodes::midpoint()
+/// The Magnus method of an order with so many exponentials.
+fn nodes((order, exponentials): (usize, usize)) -> Result<Nodes, StartError> {
+    let unknown = || StartError::invalid("there is no such Magnus method");
+    Nodes::find(order, exponentials).ok_or_else(unknown)
+}
+
+/// What steps of a Magnus method to a tolerance come to at most.
+///
+/// # Errors
+/// It is another method, its bounds do not fit, or H is not finite.
+pub fn magnus_cost(
+    hamiltonian: &Arc<Hamiltonian>,
+    method: Method,
+    times: &[f64],
+) -> Result<MagnusCost, StartError> {
+    let Method::MagnusSteps {
+        scheme,
+        tolerance,
+        bounds,
+    } = method
+    else {
+        return Err(StartError::invalid("the steps of a Magnus method"));
+    };
+    let bounds = fitting(bounds, hamiltonian)?;
+    let cost = MagnusSteps::cost(hamiltonian, nodes(scheme)?, bounds, tolerance, times);
+    Ok(cost.unwrap_or_else(|| unreachable!("bounds that have been checked"))?)
+}
+
+/// Bounds, if they are those of the terms of H.
+fn fitting(bounds: TermBounds, hamiltonian: &Hamiltonian) -> Result<TermBounds, StartError> {
+    if bounds.is_fitting(hamiltonian.terms().len()) {
+        Ok(bounds)
     } else {
-        Nodes::gauss()
+        Err(StartError::invalid(
+            "parts are all terms, each with its bounds",
+        ))
     }
 }
 

@@ -8,21 +8,22 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from liouville import _core
 from liouville._arguments import memory
 from liouville.errors import hinted
-from liouville.methods import Chebyshev, Lanczos, SchrodingerSplitting
+from liouville.methods import Chebyshev, Lanczos, Magnus, SchrodingerSplitting
 from liouville.methods.schrodinger import LEAST_TOLERANCE
-from liouville.planner.waves.driven import series_in_time, widest
+from liouville.planner.waves.driven import driving
 from liouville.planner.waves.ladder import ROUNDOFF, Choice, cheapest
 from liouville.planner.waves.plan import WavePlan
-from liouville.planner.waves.propagators import Krylov, Series, Shears
+from liouville.planner.waves.propagators import Driven, Krylov, MagnusSteps, Series, Shears
 from liouville.planner.waves.speed import series_cost
 from liouville.planner.waves.windows import SERIES, Windows, windows_of
 from liouville.systems import Schrodinger
 from liouville.systems.schrodinger.bounds import Spectrum
 
 #: The methods that choose their steps.
-Planned = SchrodingerSplitting | Chebyshev | Lanczos
+Planned = SchrodingerSplitting | Chebyshev | Lanczos | Magnus
 
 #: What "auto" stands for; messages call it by that word.
 AUTO = SchrodingerSplitting()
@@ -35,6 +36,11 @@ def name_of(method: Planned) -> str:
 
 #: Beyond so many steps a stable method is taken.
 MANY = 50
+
+#: With more functions of time than these, exponentials take H(t) to a tolerance, ...
+DRIVES = 10
+#: ... of an order by the tolerance.
+ORDERS = ((4, 1e-5), (6, 1e-8), (8, 0.0))
 
 #: Roundings of an energy count so many times in the phase.
 PHASE = 4.0
@@ -109,6 +115,8 @@ def plan_wave(
     known to be real.
     """
     _check_system(system, method)
+    if isinstance(method, Magnus):
+        return _magnus(system, method, times, "asked for")
     if system.is_driven:
         return _driven(system, method, times)
     spectrum = system.spectrum(float(np.abs(np.diff(times)).sum()))
@@ -189,9 +197,9 @@ def _automatic(
 
 def _check_system(system: Schrodinger, method: Planned) -> None:
     """Refuse an H that depends on time, for what takes none."""
-    takes_time = isinstance(method, Chebyshev) or getattr(method, "mode", "") == "auto"
+    takes_time = isinstance(method, Chebyshev | Magnus) or getattr(method, "mode", "") == "auto"
     if system.is_driven and not takes_time:
-        hint = "take 'auto', or with h or steps Magnus(), or SplitOperator() on a grid"
+        hint = "take 'auto' or Magnus(), or with h or steps SplitOperator() on a grid"
         raise TypeError(hinted(f"{method!r} is for an H without time", hint))
 
 
@@ -306,12 +314,19 @@ def _chebyshev(
 
 
 def _driven(system: Schrodinger, method: Planned, times: Sequence[float]) -> WavePlan:
-    """Series in time, with windows chosen by bounds of their terms."""
-    span = Span(times[0], tuple(times[1:]), widest(system, times[0], times[-1]))
+    """Series in time, or exponentials where each term of a series would add up many vectors."""
+    if len(system.groups) > 1 + DRIVES:
+        order = next(order for order, least in ORDERS if method.tol >= least)
+        many = f"H has {len(system.groups) - 1} functions of time, each with a matrix of its own"
+        plan = _magnus(system, Magnus(order, method.tol), times, many)
+        return replace(plan, method=method)
+    found = driving(system, times[0], times[-1])
+    span = Span(times[0], tuple(times[1:]), found.spectrum)
     _check_reach(span, method.tol)
     rate = (method.tol - span.roundoff) / float(span.intervals.sum())
-    core, (powers, bessel, products, theta) = series_in_time(
-        system, tuple(times), rate, max(TIMES * method.tol, LEAST)
+    core = Driven(found.parts, rate, max(TIMES * method.tol, LEAST), 0)
+    powers, bessel, products, theta = _core.driven_cost(
+        system.hamiltonian, core, times[0], times[-1]
     )
     why = ["H depends on time; a window has one product for each term of its series"]
     if len(span.times) > 1:
@@ -332,6 +347,32 @@ def _driven(system: Schrodinger, method: Planned, times: Sequence[float]) -> Wav
         products=float(products),
         bound=None if bessel else method.tol,
         reasons=tuple(why),
+        core=replace(core, windows=powers + bessel),
+        is_complex=not system.is_real,
+    )
+
+
+def _magnus(system: Schrodinger, method: Magnus, times: Sequence[float], why: str) -> WavePlan:
+    """Exponentials with steps chosen while running; the plan has as many as there may be."""
+    found = driving(system, times[0], times[-1])
+    span = Span(times[0], tuple(times[1:]), found.spectrum)
+    _check_reach(span, method.tol)
+    rate = (method.tol - span.roundoff) / float(span.intervals.sum())
+    norm = max(TIMES * method.tol, LEAST)
+    core = MagnusSteps(method.scheme, rate, method.tol, norm, found.parts)
+    steps, products, theta = _core.magnus_cost(system.hamiltonian, core, times)
+    order, exponentials = method.scheme
+    return WavePlan(
+        method=method,
+        scheme=f"Magnus of order {order}, {exponentials} exponentials by Chebyshev series",
+        t0=span.t0,
+        stops=span.stops(np.ones(len(span.times))),
+        theta=theta,
+        bounds=span.bounds,
+        guarantee=span.spectrum.guarantee,
+        products=float(products),
+        bound=None,
+        reasons=(why, f"steps are chosen by estimates while running, at most about {steps}"),
         core=core,
         is_complex=not system.is_real,
     )

@@ -1,59 +1,74 @@
-"""Plans for a Hamiltonian that depends on time: series in time, to a tolerance."""
+"""Bounds of a Hamiltonian that depends on time, for plans of series in time and Magnus methods."""
 
 from __future__ import annotations
 
-from dataclasses import replace
+import itertools
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
-from liouville import _core
 from liouville.errors import hinted
-from liouville.planner.waves.propagators import Driven
+from liouville.planner.waves.propagators import Interval, Parts
 from liouville.systems import Schrodinger
-from liouville.systems.schrodinger.bounds import RIGOROUS, Spectrum
+from liouville.systems.schrodinger.bounded import FEW
+from liouville.systems.schrodinger.bounds import PROBABLE, RIGOROUS, WORTH, Spectrum
 
-#: Times at which bounds are taken for the roundoff, and at which those of a small H are computed.
-LOOKS, KNOTS = 9, 17
+#: Times at which drives are looked at for their range, and bounds are taken without corners.
+LOOKS, TIMES = 257, 9
 
-#: Up to this order in the core the eigenvalues at the ends are computed at these times.
-SMALL = 128
+#: Most values of one function of time, of two, and of three, at which H is bounded.
+AXIS = (17, 5, 3)
+
+#: Lanczos' method finds one corner for so many units of 1/beta, as it takes 20 products.
+EACH = WORTH / 2
 
 
-def widest(system: Schrodinger, t0: float, t1: float) -> Spectrum:
-    """Return bounds of H(t) over a run, as far as they are seen at some of its times."""
-    ends = np.array([system.bounds_at(t) for t in np.linspace(t0, t1, LOOKS)])
+@dataclass(frozen=True)
+class Driving:
+    """What is known of the energies of H(t) over a run: its parts for the core, and bounds."""
+
+    parts: Parts
+    spectrum: Spectrum
+
+
+def driving(system: Schrodinger, t0: float, t1: float) -> Driving:
+    """Bound the parts of H(t) and H at corners of the box that its functions of time fill."""
+    ends = np.array([system.bounds_at(t) for t in np.linspace(t0, t1, TIMES)])
     if not np.isfinite(ends).all():
         raise ValueError(hinted("H(t) is not finite", "look for a division by zero in a drive"))
-    guarantee = RIGOROUS if system.guarantee == RIGOROUS else system.guarantee
-    return Spectrum((float(ends[:, 0].min()), float(ends[:, 1].max())), guarantee)
+    low, high = float(ends[:, 0].min()), float(ends[:, 1].max())
+    guarantee = system.guarantee
+    axes, corners = _corners(system, (t0, t1), 0.5 * (high - low) * abs(t1 - t0))
+    if corners:
+        guarantee = RIGOROUS if system.hamiltonian.size <= FEW else PROBABLE
+        low = max(low, min(bounds[0] for bounds in corners))
+        high = min(high, max(bounds[1] for bounds in corners))
+    given = system.given_bounds
+    parts = (tuple(system.groups), tuple(system.term_bounds), given, axes, corners)
+    return Driving(parts, Spectrum((low, high), guarantee))
 
 
-def series_in_time(
-    system: Schrodinger, times: tuple[float, ...], rate: float, norm_tol: float
-) -> tuple[Driven, tuple[int, int, int, float]]:
-    """Return the series of a run, and its windows of both kinds, products and longest window."""
-    core = Driven(
-        tuple(system.groups), tuple(system.term_bounds), _knots(system, times[0], times[-1]),
-        rate, norm_tol, 0,
-    )  # fmt: skip
-    cost = _core.driven_cost(system.hamiltonian, core, times[0], times[-1])
-    return replace(core, windows=cost[0] + cost[1]), cost
+def _corners(
+    system: Schrodinger, span: Interval, theta: float
+) -> tuple[tuple[tuple[float, ...], ...], tuple[Interval, ...]]:
+    """Return values of each function of time, and bounds of H where they take these."""
+    ranges = system.drive_ranges(np.linspace(*span, LOOKS))
+    if ranges is None or system.given_bounds is not None or not 0 < len(ranges) <= len(AXIS):
+        return (), ()
+    count = AXIS[len(ranges) - 1]
+    if system.hamiltonian.size > FEW:
+        worth = int((theta / EACH) ** (1 / len(ranges)) + 1e-9)
+        count = min(count, worth) if system.takes_lanczos else 0
+    if count < 2:
+        return (), ()
+    axes = tuple(_axis(low, high, count) for low, high in ranges)
+    return axes, tuple(system.corner(f) for f in itertools.product(*axes))
 
 
-def _knots(
-    system: Schrodinger, t0: float, t1: float
-) -> tuple[tuple[float, tuple[float, float]], ...]:
-    """Return closer bounds at some times: those given, or of a small H its own eigenvalues."""
-    if system.given_bounds is not None:
-        return tuple((t, system.given_bounds) for t in sorted((t0, t1)))
-    parts = system.parts() if system.hamiltonian.size <= SMALL else None
-    if parts is None:
-        return ()
-    found = []
-    for t in np.linspace(min(t0, t1), max(t0, t1), KNOTS).tolist():
-        matrix: NDArray[np.float64] = np.tensordot(system.weights_at(t), parts, axes=1)
-        ends = np.linalg.eigvalsh(matrix)[[0, -1]]
-        slack = 1e-12 * float(np.abs(ends).max())
-        found.append((t, (float(ends[0]) - slack, float(ends[1]) + slack)))
-    return tuple(found)
+def _axis(low: float, high: float, count: int) -> tuple[float, ...]:
+    """Return equidistant values, one where a function does not change."""
+    if high - low <= 1e-12 * max(abs(low), abs(high)):
+        return (0.5 * (low + high),)
+    values: NDArray[np.float64] = np.linspace(low, high, count)
+    return tuple(values.tolist())

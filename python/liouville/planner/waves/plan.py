@@ -11,8 +11,14 @@ import numpy as np
 from liouville.errors import hinted
 from liouville.methods import WaveMethod
 from liouville.planner.plan import AGAIN, Plan, check_kinds, decoded
-from liouville.planner.waves.driven import widest
-from liouville.planner.waves.propagators import Driven, Propagator, Series, read_propagator
+from liouville.planner.waves.driven import driving
+from liouville.planner.waves.propagators import (
+    Driven,
+    MagnusSteps,
+    Propagator,
+    Series,
+    read_propagator,
+)
 from liouville.systems import Schrodinger
 
 
@@ -40,7 +46,8 @@ class WavePlan(Plan):
         What these bounds are: ``"rigorous"``, ``"probable"``, ``"with probability 1 - 1e-6"`` or
         ``"given"``.
     products : float
-        Products :math:`H \psi` it takes, two real ones each; for Lanczos an estimate.
+        Products :math:`H \psi` it takes, two real ones each; for Lanczos an estimate, for
+        :class:`Magnus` without steps of a given size as many as there may be.
     bound : float or None
         A-priori bound of the error at the end, relative to the norm, roundings included; None
         where none is known.
@@ -85,11 +92,12 @@ class WavePlan(Plan):
         """Refuse another equation, or other times, than it was made for."""
         if self.times != tuple(times):
             raise ValueError(hinted("the plan was made for other times", AGAIN))
-        if isinstance(self.core, Driven) != system.is_driven:
+        of_time = isinstance(self.core, Driven | MagnusSteps)
+        if not isinstance(self.core, MagnusSteps) and of_time != system.is_driven:
             kind = "without time" if system.is_driven else "that depends on time"
             raise ValueError(hinted(f"the plan was made for an H {kind}", AGAIN))
         span = float(np.abs(np.diff(times)).sum())
-        known = [widest(system, times[0], times[-1])] if system.is_driven else [
+        known = [driving(system, times[0], times[-1]).spectrum] if of_time else [
             system.spectrum(0.0), system.spectrum(span),
         ]  # fmt: skip
         if self.bounds not in [spectrum.bounds for spectrum in known]:

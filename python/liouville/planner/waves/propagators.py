@@ -10,6 +10,19 @@ from typing import Any
 
 import numpy as np
 
+#: An interval of energies.
+Interval = tuple[float, float]
+
+#: The parts of H(t), each with a weight: of how many operators the core makes each, bounds of each,
+#: bounds of H if they were given, and a grid of weights with bounds of H at its corners.
+Parts = tuple[
+    tuple[int, ...],
+    tuple[Interval, ...],
+    Interval | None,
+    tuple[tuple[float, ...], ...],
+    tuple[Interval, ...],
+]
+
 
 @dataclass(frozen=True, eq=False)
 class Shears:
@@ -59,13 +72,16 @@ class Processed:
 
 @dataclass(frozen=True, eq=False)
 class Exponentials:
-    """A Magnus method of order 2 or 4, whose exponentials are shears of at most `theta` / beta."""
+    """A Magnus method, whose exponentials are shears of at most `theta` / beta.
 
-    order: int
+    `scheme` has its order, and the exponentials of a step.
+    """
+
+    scheme: tuple[int, int]
     coefficients: np.ndarray
     theta: float
     norm_tol: float
-    bounds: tuple[tuple[float, float], ...]
+    parts: Parts
     kind: str = field(default="magnus", init=False)
 
 
@@ -73,25 +89,33 @@ class Exponentials:
 class SeriesExponentials:
     """The same with Chebyshev series, all together off by `rate` in a unit of time."""
 
-    order: int
+    scheme: tuple[int, int]
     rate: float
     norm_tol: float
-    bounds: tuple[tuple[float, float], ...]
+    parts: Parts
     kind: str = field(default="magnus series", init=False)
+
+
+@dataclass(frozen=True, eq=False)
+class MagnusSteps:
+    """The same with steps that keep to the error `rate` in a unit of time, and `tol` in all."""
+
+    scheme: tuple[int, int]
+    rate: float
+    tol: float
+    norm_tol: float
+    parts: Parts
+    kind: str = field(default="magnus steps", init=False)
 
 
 @dataclass(frozen=True, eq=False)
 class Driven:
     """Series in time for H(t), to the error `rate` in a unit of time.
 
-    The core has H as parts with a weight each: `groups` says of how many operators, and
-    `part_bounds` has bounds of their eigenvalues. `knots` are times with closer bounds of H.
     Windows end at `breaks` besides. `windows` is how many series the run takes, for the plan alone.
     """
 
-    groups: tuple[int, ...]
-    part_bounds: tuple[tuple[float, float], ...]
-    knots: tuple[tuple[float, tuple[float, float]], ...]
+    parts: Parts
     rate: float
     norm_tol: float
     windows: int
@@ -109,7 +133,15 @@ class Split:
 
 
 Propagator = (
-    Shears | Series | Krylov | Processed | Exponentials | SeriesExponentials | Driven | Split
+    Shears
+    | Series
+    | Krylov
+    | Processed
+    | Exponentials
+    | SeriesExponentials
+    | MagnusSteps
+    | Driven
+    | Split
 )
 
 KINDS: dict[str, type[Propagator]] = {
@@ -119,6 +151,7 @@ KINDS: dict[str, type[Propagator]] = {
     "processed": Processed,
     "magnus": Exponentials,
     "magnus series": SeriesExponentials,
+    "magnus steps": MagnusSteps,
     "driven": Driven,
     "split": Split,
 }

@@ -16,6 +16,7 @@ from liouville.methods import (
     Stepped,
     shears_of,
 )
+from liouville.planner.waves.driven import driving
 from liouville.planner.waves.ladder import ROUNDOFF, cheapest
 from liouville.planner.waves.plan import WavePlan
 from liouville.planner.waves.propagators import (
@@ -28,8 +29,11 @@ from liouville.planner.waves.propagators import (
 )
 from liouville.systems import Schrodinger
 
-#: Times at which the width of the spectrum of H(t) is taken, for its largest.
-LOOKS = 33
+#: The phase of all exponentials of a step, in that of H: negative weights cost phase.
+PHASES = {(2, 1): 1.0, (4, 2): 1.0, (4, 3): 1.0, (6, 5): 1.19, (8, 8): 2.75}
+
+#: Beyond so many exponentials stable splittings make them, so that the norm does not drift.
+MANY = 10_000
 
 #: The norm may be off by so much, ...
 NORM = 1e-6
@@ -84,33 +88,37 @@ def _split_operator(
 
 def _magnus(system: Schrodinger, method: Magnus, t0: float, stops: Stops) -> WavePlan:
     steps, h = _sizes(t0, stops)
-    looks = np.linspace(t0, stops[-1][0], LOOKS)
-    widths = [np.ptp(system.bounds_at(t)) for t in looks]
-    low, high = system.bounds_at(float(looks[int(np.argmax(widths))]))
-    exponentials = 2 if method.order == 4 else 1
-    theta = 0.5 * (high - low) * h / exponentials
-    count, bounds = exponentials * steps, tuple(system.operator_bounds)
-    found = cheapest(np.array([theta]), method.tol / count, stable=False)
+    found = driving(system, t0, stops[-1][0])
+    low, high = found.spectrum.bounds
+    order, exponentials = method.scheme
+    count = exponentials * steps
+    # the phase of H over a step, shared by its exponentials
+    theta = 0.5 * (high - low) * h * PHASES[method.scheme] / exponentials
+    degree = _core.chebyshev_degree(theta, method.tol / count)
+    shears = None
+    if system.is_real:
+        shears = cheapest(np.array([theta]), method.tol / count, stable=count > MANY)
     core: Propagator
-    if found is not None and system.is_real:
-        core = Exponentials(method.order, found.rung.coefficients, found.x, NORM, bounds)
-        by, products = found.rung.name, count * found.shears / 2
-    elif method.tol < count * ROUNDOFF:
+    if method.tol < count * ROUNDOFF:
         sentence = f"{method!r}: {count} exponentials have roundoff above a tol of {method.tol:g}"
         least = 10 ** np.ceil(np.log10(count * ROUNDOFF))
         raise ValueError(hinted(sentence, f"give a tol of {least:g} or more, or a larger h"))
+    if shears is not None and (count > MANY or shears.shears / 2 < degree):
+        rung = shears.rung
+        core = Exponentials(method.scheme, rung.coefficients, shears.x, NORM, found.parts)
+        by, products = rung.name, count * shears.shears / 2
     else:
-        core = SeriesExponentials(method.order, method.tol / abs(stops[-1][0] - t0), NORM, bounds)
-        by = "Chebyshev series"
-        products = float(count * _core.chebyshev_degree(theta, method.tol / count))
+        rate = method.tol / abs(stops[-1][0] - t0)
+        core = SeriesExponentials(method.scheme, rate, NORM, found.parts)
+        by, products = "Chebyshev series", float(count * degree)
     return WavePlan(
         method=method,
-        scheme=f"Magnus of order {method.order}, exponentials by {by}",
+        scheme=f"Magnus of order {order}, {exponentials} exponentials by {by}",
         t0=t0,
         stops=tuple(stops),
         theta=theta,
         bounds=(low, high),
-        guarantee=system.guarantee,
+        guarantee=found.spectrum.guarantee,
         products=products,
         bound=None,
         reasons=(

@@ -12,6 +12,7 @@ from liouville.errors import hinted
 from liouville.systems._expressions import Pickled
 from liouville.systems.schrodinger.bounds import (
     GIVEN,
+    PROBABLE,
     RIGOROUS,
     WORTH,
     Spectrum,
@@ -24,6 +25,9 @@ from liouville.systems.schrodinger.entries import SMALL, Bounds
 from liouville.systems.schrodinger.forms import Term
 from liouville.systems.schrodinger.grid import Grid
 from liouville.systems.schrodinger.time_functions import TimeFunction
+
+#: Up to this order in the core the parts of H(t) are made as arrays, for their eigenvalues.
+FEW = 128
 
 
 class Bounded(Pickled):
@@ -94,13 +98,48 @@ class Bounded(Pickled):
 
         return product
 
+    def drive_ranges(self, times: np.ndarray) -> list[Bounds] | None:
+        """Return the least and the largest value of each function of time at these times.
+
+        None where a potential depends on time, or a value is not finite.
+        """
+        if self._moving is not None:
+            return None
+        found = [function.values(times) for function in self._functions]
+        if not all(np.isfinite(values).all() for values in found):
+            return None
+        return [(float(values.min()), float(values.max())) for values in found]
+
     @property
-    def operator_bounds(self) -> list[Bounds]:
-        """Bounds of each operator of the core, whose sums over a term are those of the term."""
-        found: list[Bounds] = []
-        for term, bounds in zip(self._terms, self.term_bounds, strict=True):
-            found += [bounds, *[(0.0, 0.0)] * (len(term.operators) - 1)]
-        return found
+    def takes_lanczos(self) -> bool:
+        """Whether closer bounds than the rigorous ones may be found by Lanczos' method."""
+        return self._way in ("auto", "lanczos")
+
+    def corner(self, values: tuple[float, ...]) -> Bounds:
+        r"""Bound the eigenvalues of :math:`H / \hbar` for these values of the functions of time.
+
+        They are those of the eigenvalues at the ends of a small H, and else of Lanczos' method.
+        """
+        if values not in self._known:
+            weights = (1.0, *values)
+            if self._parts is not None:
+                ends = np.linalg.eigvalsh(np.tensordot(weights, self._parts, axes=1))[[0, -1]]
+                slack = 1e-12 * float(np.abs(ends).max())
+                self._known[values] = float(ends[0]) - slack, float(ends[1]) + slack
+            else:
+                repeated = np.repeat(weights, self.groups).tolist()
+                find = likely if self._way == "lanczos" else probable
+                self._known[values] = find(self.hamiltonian, repeated).bounds
+        return self._known[values]
+
+    @cached_property
+    def _known(self) -> dict[tuple[float, ...], Bounds]:
+        return {}
+
+    @cached_property
+    def _parts(self) -> np.ndarray | None:
+        """The parts of a small H as arrays."""
+        return self.parts() if self.hamiltonian.size <= FEW else None
 
     @property
     def bounds(self) -> Bounds:
@@ -125,7 +164,8 @@ class Bounded(Pickled):
                 check_inside(self._given, self._static, self.hbar)
             return Spectrum(self._given, GIVEN)
         if self.is_driven:
-            return Spectrum(self.bounds_at(0.0), RIGOROUS)
+            is_known = all(term.bounds is not None for term in self._terms)
+            return Spectrum(self.bounds_at(0.0), RIGOROUS if is_known else PROBABLE)
         rigorous = self._terms[0].bounds
         if self._way == "lanczos":
             return inside(likely(self._static), rigorous)

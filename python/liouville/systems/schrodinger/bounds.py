@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -79,15 +80,15 @@ def interval(bounds: Any, hbar: float) -> Bounds | None:
     return low / hbar, high / hbar
 
 
-def probable(hamiltonian: _core.Hamiltonian) -> Spectrum:
+def probable(hamiltonian: _core.Hamiltonian, weights: Sequence[float] | None = None) -> Spectrum:
     """Find bounds by 40 steps of Lanczos' method: all Ritz values, their residuals, and 1 %."""
     steps = STEPS[0]
-    _, _, low, high = hamiltonian.ritz(steps, SEED)
+    _, _, low, high = hamiltonian.ritz(steps, SEED, weights)
     beyond = WIDENED * (high - low)
     return Spectrum((low - beyond, high + beyond), PROBABLE, steps / 2)
 
 
-def likely(hamiltonian: _core.Hamiltonian) -> Spectrum:
+def likely(hamiltonian: _core.Hamiltonian, weights: Sequence[float] | None = None) -> Spectrum:
     r"""Find bounds that are right with probability 1 - 1e-6, by 40 to 80 steps of Lanczos' method.
 
     From a random start k steps leave out :math:`q` of the width at an end with a probability of at
@@ -96,7 +97,7 @@ def likely(hamiltonian: _core.Hamiltonian) -> Spectrum:
     n = hamiltonian.size
     log = np.log(3.296 * np.sqrt(n) / FAILING)
     steps = int(np.clip(np.ceil((log / np.sqrt(CLOSE) + 1) / 2), *STEPS))
-    low, high, _, _ = hamiltonian.ritz(steps, SEED)
+    low, high, _, _ = hamiltonian.ritz(steps, SEED, weights)
     q = float((log / (2 * steps - 1)) ** 2) if steps < n else 0.0
     beyond = q * (high - low) / (1 - 2 * q) + 1e-12 * max(abs(low), abs(high))
     return Spectrum((low - beyond, high + beyond), LIKELY, min(steps, n) / 2)

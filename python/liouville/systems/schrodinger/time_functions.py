@@ -76,6 +76,12 @@ class TimeFunction:
     def _own_tape(self) -> _core.Tape:
         return self.tape(1.0)
 
+    def values(self, times: np.ndarray) -> np.ndarray:
+        """Return values at times, of a function without points; they may be not finite."""
+        params = self._expressions.symbols.params.values(None)
+        found = self._own_tape.map(params, [np.ascontiguousarray(times, dtype=float)[:, None]])
+        return np.array(found[:, 0])
+
     def at(self, t: float, points: np.ndarray | None = None) -> np.ndarray:
         """Return values at a time, one for each point; ValueError names one that is not finite."""
         times = np.full((1 if points is None else len(points), 1), float(t))

@@ -125,6 +125,11 @@ impl<S: Stored> Chebyshev<S> {
         &mut self.sweeper
     }
 
+    /// The bounds of the spectrum, wider ones where an energy was outside of those given.
+    pub fn bounds(&self) -> (f64, f64) {
+        self.bounds
+    }
+
     /// Changes the bounds of the spectrum, between two windows.
     ///
     /// # Panics

@@ -3,8 +3,9 @@
 //! With H(t0 + s) = Σ_l H_l (s/h)^l and G_0 = |h| |H_0 − σ|, G_l = |h| |H_l|, the terms of the series in powers of s/h are
 //! no longer than e_n of e_0 = 1, e_{n+1} = Σ_l G_l e_{n−l}/(n + 1). H is Hermitian, so that errors of windows add.
 
-use super::fit::{Bounds, Look, Sampler};
+use super::fit::{Look, Sampler, TwoLevels};
 use crate::method::bessel::{bessel_to_the_last, degree};
+use crate::method::term_bounds::Interval;
 use liouville_base::error::StepError;
 
 /// Lengths of windows in units of 1/β for a series in Bessel functions, ...
@@ -24,6 +25,15 @@ const FIT: f64 = 0.3;
 
 /// A window without a fit, as one around a jump, may be off by this part of the whole tolerance.
 const JUMP: f64 = 0.01;
+
+/// A series in Bessel functions may take one term in so many more than that of two levels.
+const MORE: usize = 16;
+
+/// So many times the products of a series in Bessel functions are taken for a bound.
+const BOUND: f64 = 1.05;
+
+/// Bounds by the parts alone are tried, too, where they are so many times as wide.
+const WIDER: f64 = 1.05;
 
 /// Most terms of a series, and halvings of a window.
 const TERMS: usize = 400;
@@ -52,21 +62,20 @@ pub(in crate::method) struct Window {
 }
 
 impl Window {
-    fn new(h: f64, form: Form, look: &Look, last: usize) -> Self {
-        let (low, high) = look.bounds;
+    fn new(h: f64, form: Form, degree: usize, bounds: Interval, last: usize) -> Self {
         Self {
             h,
             form,
-            degree: look.degree,
+            degree,
             last,
-            sigma: f64::midpoint(low, high),
-            beta: half(look.bounds),
+            sigma: f64::midpoint(bounds.0, bounds.1),
+            beta: half(bounds),
         }
     }
 }
 
 /// Half the width of a spectrum, where it has one.
-fn half((low, high): Bounds) -> f64 {
+fn half((low, high): Interval) -> f64 {
     (0.5 * (high - low))
         .max(8.0 * f64::EPSILON * low.abs().max(high.abs()))
         .max(1e-290)
@@ -138,12 +147,26 @@ impl Sampler {
 
     fn in_bessel(&mut self, t: f64, h: f64, share: Share) -> Option<Window> {
         let look = self.look(t, h, FIT * share.rate)?;
-        let beta = half(look.bounds);
-        let mut last = degree(beta * h.abs(), share.tail(h));
-        for energies in look.energies.iter().filter(|_| look.degree > 0) {
-            last = last.max(bessel_terms(energies, beta * h, beta, share.tail(h))?);
+        let close = self.in_bessel_by(&look, look.bounds, h, share);
+        // where H changes much its terms are smaller in units of a larger β
+        let is_wider = half(look.wider) > WIDER * half(look.bounds) && look.degree > 0;
+        if is_wider {
+            return cheaper(close, self.in_bessel_by(&look, look.wider, h, share));
         }
-        Some(Window::new(h, Form::Bessel, &look, last))
+        close
+    }
+
+    fn in_bessel_by(&self, look: &Look, bounds: Interval, h: f64, share: Share) -> Option<Window> {
+        let beta = half(bounds);
+        // it ends after two terms that are small
+        let mut last = degree(beta * h.abs(), share.tail(h)) + 2;
+        if look.degree > 0 {
+            for levels in self.levels(&look.fit, bounds) {
+                let found = bessel_terms(&levels, beta * h, beta, share.tail(h))?;
+                last = last.max(found + found / MORE);
+            }
+        }
+        Some(Window::new(h, Form::Bessel, look.degree, bounds, last))
     }
 
     fn in_powers(&mut self, t: f64, h: f64, tolerance: f64, share: Share) -> Option<Window> {
@@ -156,13 +179,20 @@ impl Sampler {
             .map(|size| h.abs() * size)
             .collect();
         let last = last_term(&sizes, share.tail(h))?;
-        Some(Window::new(h, Form::Powers, &look, last))
+        Some(Window::new(h, Form::Powers, look.degree, look.bounds, last))
     }
 }
 
-/// The window that takes fewer products for its length.
+/// The window that takes fewer products for its length; powers have a bound, for which they may take some more.
 fn cheaper(best: Option<Window>, window: Option<Window>) -> Option<Window> {
-    let cost = |window: &Window| window.last as f64 / window.h.abs();
+    let cost = |window: &Window| {
+        let factor = if window.form == Form::Powers {
+            1.0
+        } else {
+            BOUND
+        };
+        factor * window.last as f64 / window.h.abs()
+    };
     match (best, window) {
         (Some(best), Some(window)) if cost(&window) < cost(&best) => Some(window),
         (None, window) => window,
@@ -170,17 +200,27 @@ fn cheaper(best: Option<Window>, window: Option<Window>) -> Option<Window> {
     }
 }
 
-/// The last term that a series in Bessel functions takes for one energy, a polynomial of time; none where terms are
-/// so large that their rounding errors are not below the tolerance.
-fn bessel_terms(energies: &[f64], theta: f64, beta: f64, tolerance: f64) -> Option<usize> {
+/// A state of two levels, by the real and imaginary part of each.
+type Levels = [f64; 4];
+
+/// `out += factor * x` for each part.
+fn add(out: &mut Levels, factor: f64, x: &Levels) {
+    for (out, x) in out.iter_mut().zip(x) {
+        *out += factor * x;
+    }
+}
+
+/// The last term that a series in Bessel functions takes for two levels, whose H has polynomials of time on its diagonal,
+/// of both signs, and beside it; none where terms are so large that their rounding errors are not below the tolerance.
+fn bessel_terms(levels: &TwoLevels, theta: f64, beta: f64, tolerance: f64) -> Option<usize> {
     let bessel = bessel_to_the_last(theta.abs());
-    let degree = energies.len() - 1;
-    let mut c = [(0.0, 0.0), (1.0, 0.0)];
-    let mut w = vec![[(0.0, 0.0); 2]; degree];
+    let degree = levels.diagonal.len() - 1;
+    let mut c: [Levels; 2] = [[0.0; 4], levels.start];
+    let mut w = vec![[[0.0; 4]; 2]; degree];
     let mut small = 0;
     for (n, factor) in bessel.iter().enumerate() {
         let [before, now] = c;
-        let size = f64::hypot(now.0, now.1) * factor.abs();
+        let size = now.iter().map(|x| x * x).sum::<f64>().sqrt() * factor.abs();
         if size * ROUNDING > tolerance {
             return None;
         }
@@ -191,36 +231,36 @@ fn bessel_terms(energies: &[f64], theta: f64, beta: f64, tolerance: f64) -> Opti
         }
         let newer = 2.0 * n as f64 / theta;
         let (this, last) = (n % 2, (n + 1) % 2);
-        let mut sum = (energies[0] * now.0, energies[0] * now.1);
-        for (energy, w) in energies[1..].iter().zip(&w) {
-            sum.0 += energy * newer * w[last].0;
-            sum.1 += energy * newer * w[last].1;
+        let mut sum = [0.0; 4];
+        levels.add_product(0, 1.0, &now, &mut sum);
+        for (l, w) in w.iter().enumerate() {
+            levels.add_product(l + 1, newer, &w[last], &mut sum);
         }
         for l in (1..degree).rev() {
-            let lower = w[l - 1][last];
-            let (re, im) = w[l][this];
-            w[l][this] = (newer * lower.0 - re, newer * lower.1 - im);
+            let mut next = w[l][this].map(|x| -x);
+            add(&mut next, newer, &w[l - 1][last]);
+            w[l][this] = next;
         }
         if let Some(lowest) = w.first_mut() {
-            let (re, im) = lowest[this];
-            lowest[this] = (now.0 - re, now.1 - im);
+            let mut next = lowest[this].map(|x| -x);
+            add(&mut next, 1.0, &now);
+            lowest[this] = next;
         }
         let keep = if n == 1 { 2.0 } else { 1.0 };
         let factor = 2.0 / beta;
-        let next = (
-            keep * before.0 + factor * sum.1,
-            keep * before.1 - factor * sum.0,
-        );
+        let mut next = before.map(|x| keep * x);
+        add(&mut next, factor, &[sum[1], -sum[0], sum[3], -sum[2]]);
         c = [now, next];
     }
     None
 }
 
-/// The least M ≥ 1 with Σ_{n>M} e_n at most a tolerance; none where terms are too large or too many.
+/// The term with which a series in powers has ended: two in a row of e_n are below the part of a tolerance with which
+/// it ends, and the rest falls by halves; none where terms are too large or too many.
 fn last_term(sizes: &[f64], tolerance: f64) -> Option<usize> {
     let tolerance = tolerance.max(f64::EPSILON / 8.0);
     let mut terms = vec![1.0];
-    let mut sum = 1.0;
+    let (mut sum, mut small) = (1.0, 0);
     while terms.len() < TERMS {
         let n = terms.len() - 1;
         let products = sizes.iter().zip(terms.iter().rev());
@@ -230,16 +270,14 @@ fn last_term(sizes: &[f64], tolerance: f64) -> Option<usize> {
         if sum > LARGEST || sum.is_nan() {
             return None;
         }
-        // from here on terms fall at least by a half
+        small = if next <= END * tolerance {
+            small + 1
+        } else {
+            0
+        };
         let is_falling = 2.0 * sizes.iter().sum::<f64>() < (n + 2) as f64;
-        if is_falling && next <= 1e-3 * tolerance {
-            let mut rest = next;
-            let mut last = terms.len() - 1;
-            while last > 1 && rest + terms[last] <= tolerance {
-                rest += terms[last];
-                last -= 1;
-            }
-            return Some(last);
+        if is_falling && small >= 2 {
+            return Some(n + 1);
         }
     }
     None

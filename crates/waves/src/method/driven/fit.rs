@@ -3,6 +3,7 @@
 //! Functions of time are interpolated at Chebyshev's nodes, the ends among them, and their series are cut where the rest
 //! is below a tolerance: nothing but their values is needed.
 
+use crate::method::term_bounds::{Interval, TermBounds, range};
 use crate::problem::{Drive, Hamiltonian, Potential};
 use liouville_base::linalg::add_scaled;
 use liouville_base::real::Lanes;
@@ -22,9 +23,6 @@ const LOOKS: usize = 8;
 /// Rounding errors of a fit, relative to what is fitted.
 const ROUNDING: f64 = 1e-14;
 
-/// An interval of energies.
-pub(super) type Bounds = (f64, f64);
-
 /// The polynomials of a window in y = s/h: coefficients of each power, one power after another.
 #[derive(Clone, Debug, Default)]
 pub(in crate::method) struct Fit {
@@ -41,10 +39,7 @@ pub(super) struct Sampler {
     hamiltonian: Arc<Hamiltonian>,
     /// The first term of each group: terms of a group have their weight in common.
     firsts: Vec<usize>,
-    /// Of the eigenvalues of each group.
-    bounds: Vec<Bounds>,
-    /// Times, and bounds of H there, between which the bounds are convex.
-    knots: Vec<(f64, Bounds)>,
+    bounds: TermBounds,
     drive: Option<Registers<f64>>,
     /// The potential at all points, and at some of them.
     potentials: [Option<(Potential, Registers<Lanes>)>; 2],
@@ -59,27 +54,41 @@ pub(super) struct Sampler {
 pub(super) struct Look {
     pub(super) degree: usize,
     /// Of H, over the window.
-    pub(super) bounds: Bounds,
+    pub(super) bounds: Interval,
     /// Of H, at its start.
-    pub(super) first: Bounds,
+    pub(super) first: Interval,
     /// The norm of the part of each power from the first on, in energies.
     pub(super) sizes: Vec<f64>,
-    /// Polynomials of time as an energy might be, less the middle of the spectrum.
-    pub(super) energies: Vec<Vec<f64>>,
+    /// The same by the bounds of its parts alone.
+    pub(super) wider: Interval,
+    /// Coefficients of each power at the points that are looked at.
+    pub(super) fit: Vec<f64>,
+}
+
+/// A Hamiltonian of two levels, of polynomials of time: ± those of the diagonal, and what is beside it.
+#[derive(Clone, Debug, Default)]
+pub(super) struct TwoLevels {
+    pub(super) diagonal: Vec<f64>,
+    pub(super) beside: Vec<f64>,
+    /// Real and imaginary part of each level.
+    pub(super) start: [f64; 4],
+}
+
+impl TwoLevels {
+    /// `out += factor * H_l x`
+    pub(super) fn add_product(&self, l: usize, factor: f64, x: &[f64; 4], out: &mut [f64; 4]) {
+        let (a, b) = (factor * self.diagonal[l], factor * self.beside[l]);
+        for part in 0..2 {
+            out[part] += a * x[part] + b * x[part + 2];
+            out[part + 2] += b * x[part] - a * x[part + 2];
+        }
+    }
 }
 
 impl Sampler {
-    /// For terms in groups of so many, with bounds of the eigenvalues of each group; none where these do not fit.
-    pub(super) fn new(
-        hamiltonian: Arc<Hamiltonian>,
-        groups: &[usize],
-        bounds: Vec<Bounds>,
-        knots: Vec<(f64, Bounds)>,
-    ) -> Option<Self> {
-        let is_fitting = groups.iter().sum::<usize>() == hamiltonian.terms().len()
-            && !groups.contains(&0)
-            && bounds.len() == groups.len();
-        if !is_fitting {
+    /// For terms in groups, with bounds of the eigenvalues of each; none where these do not fit.
+    pub(super) fn new(hamiltonian: Arc<Hamiltonian>, bounds: TermBounds) -> Option<Self> {
+        if !bounds.is_fitting(hamiltonian.terms().len()) {
             return None;
         }
         let mut next = 0;
@@ -93,7 +102,7 @@ impl Sampler {
         };
         let potential = hamiltonian.potential();
         Some(Self {
-            firsts: groups.iter().map(&mut first).collect(),
+            firsts: bounds.groups.iter().map(&mut first).collect(),
             drive: hamiltonian.drive().map(Drive::bind),
             potentials: [
                 potential.cloned().map(bound),
@@ -103,7 +112,6 @@ impl Sampler {
             samples: Vec::new(),
             series: Vec::new(),
             bounds,
-            knots,
             hamiltonian,
         })
     }
@@ -130,43 +138,17 @@ impl Sampler {
         }
     }
 
-    /// Bounds of H with such weights and potential, by those of its parts.
-    fn added(&self, row: &[f64]) -> Bounds {
-        let (mut low, mut high) = (0.0, 0.0);
-        for (weight, (least, most)) in row.iter().zip(&self.bounds) {
-            let (a, b) = (weight * least, weight * most);
-            low += a.min(b);
-            high += a.max(b);
-        }
-        let potential = &row[self.groups()..];
-        low += potential.iter().copied().reduce(f64::min).unwrap_or(0.0);
-        high += potential.iter().copied().reduce(f64::max).unwrap_or(0.0);
-        (low, high)
+    /// Interval of H with such weights and potential, by those of its parts.
+    fn added(&self, row: &[f64]) -> Interval {
+        let (weights, potential) = row.split_at(self.groups());
+        self.bounds.at(weights, potential)
     }
 
-    /// Bounds at t by those at the knots around it.
-    fn between(&self, t: f64) -> Option<Bounds> {
-        let after = self.knots.partition_point(|(knot, _)| *knot < t);
-        let (a, b) = (
-            self.knots.get(after.saturating_sub(1))?,
-            self.knots.get(after.min(self.knots.len() - 1))?,
-        );
-        let width = b.0 - a.0;
-        let part = if width > 0.0 { (t - a.0) / width } else { 0.0 };
-        let part = part.clamp(0.0, 1.0);
-        let of = |from: f64, to: f64| from + part * (to - from);
-        Some((of(a.1.0, b.1.0), of(a.1.1, b.1.1)))
-    }
-
-    /// Bounds of H at t.
-    pub(super) fn bounds_at(&mut self, t: f64) -> Bounds {
+    /// Interval of H at t.
+    pub(super) fn bounds_at(&mut self, t: f64) -> Interval {
         self.samples.clear();
         self.sample(t, true);
-        let (mut low, mut high) = self.added(&self.samples);
-        if let Some(closer) = self.between(t) {
-            (low, high) = (low.max(closer.0), high.min(closer.1));
-        }
-        (low, high)
+        self.added(&self.samples)
     }
 
     /// Chebyshev's coefficients of all rows on a window, and the length of a row.
@@ -182,7 +164,7 @@ impl Sampler {
 
     /// The norm of a row of coefficients, in energies.
     fn size(&self, row: &[f64]) -> f64 {
-        let of_groups = row.iter().zip(&self.bounds);
+        let of_groups = row.iter().zip(&self.bounds.parts);
         let sum: f64 = of_groups
             .map(|(weight, (low, high))| weight.abs() * low.abs().max(high.abs()))
             .sum();
@@ -195,16 +177,13 @@ impl Sampler {
         let first = self.bounds_at(t);
         let width = self.interpolate(t, h, true);
         let rows = self.samples.chunks(width).map(|row| self.added(row));
-        let (mut low, mut high) = rows.fold(first, |(low, high), (least, most)| {
-            (low.min(least), high.max(most))
+        let hull = |a: Interval, b: Interval| (a.0.min(b.0), a.1.max(b.1));
+        let (low, high) = rows.fold(first, hull);
+        let rows = self.samples.chunks(width).map(|row| {
+            let (weights, potential) = row.split_at(self.groups());
+            self.bounds.of_parts(weights, potential)
         });
-        if let (Some(a), Some(b)) = (self.between(t), self.between(t + h)) {
-            let (start, end) = (t.min(t + h), t.max(t + h));
-            let inside = self.knots.iter().filter(|(t, _)| (start..=end).contains(t));
-            let ends = [a, b].into_iter().chain(inside.map(|(_, bounds)| *bounds));
-            let closer = ends.reduce(|x, y| (x.0.min(y.0), x.1.max(y.1)))?;
-            (low, high) = (low.max(closer.0), high.min(closer.1));
-        }
+        let wider = rows.reduce(hull)?;
         let largest =
             (self.samples.chunks(width)).fold(0.0, |most: f64, row| most.max(self.size(row)));
         let tolerance = tolerance.max(ROUNDING * largest);
@@ -226,40 +205,69 @@ impl Sampler {
         let degree = if rest <= tolerance { 0 } else { degree };
         let fit = powers(&self.series, degree, width);
         let sizes = fit.chunks(width).skip(1).map(|row| self.size(row));
+        let sizes = sizes.collect();
         Some(Look {
             degree,
             bounds: (low, high),
             first,
-            sizes: sizes.collect(),
-            energies: self.energies(&fit, width, f64::midpoint(low, high)),
+            sizes,
+            wider,
+            fit,
         })
     }
 
-    /// How energies might change with time: by the ends of the first group with those of the others, and where the
-    /// potential changes most.
-    fn energies(&self, fit: &[f64], width: usize, middle: f64) -> Vec<Vec<f64>> {
-        let groups = self.groups();
+    /// How levels might change with time: energies by the ends of the first group with those of the others, where the
+    /// potential changes most, and a pair of levels at the ends of the spectrum that all changes couple.
+    pub(super) fn levels(&self, fit: &[f64], (low, high): Interval) -> Vec<TwoLevels> {
+        let (groups, middle) = (self.groups(), f64::midpoint(low, high));
+        let row_width = self.samples.len() / NODES;
+        let width = 0.5 * (high - low);
         let changes = |place: usize| -> f64 {
-            let rows = fit.chunks(width).skip(1);
+            let rows = fit.chunks(row_width).skip(1);
             rows.map(|row| row[place].abs()).sum()
         };
-        let most = (groups..width).max_by(|a, b| changes(*a).total_cmp(&changes(*b)));
-        let end = |(low, high): Bounds, is_high: bool| if is_high { high } else { low };
+        let most = (groups..row_width).max_by(|a, b| changes(*a).total_cmp(&changes(*b)));
+        let end = |(low, high): Interval, is_high: bool| if is_high { high } else { low };
         let mut found = Vec::new();
         for is_high in [true, false] {
             for others in [true, false] {
                 let of_power = |(l, row): (usize, &[f64])| {
-                    let parts = row.iter().zip(&self.bounds).enumerate();
+                    let parts = row.iter().zip(&self.bounds.parts).enumerate();
                     let sum: f64 = parts
                         .map(|(k, (weight, bounds))| {
                             weight * end(*bounds, if k == 0 { is_high } else { others })
                         })
                         .sum();
                     let potential = most.map_or(0.0, |place| row[place]);
-                    sum + potential - if l == 0 { middle } else { 0.0 }
+                    match l {
+                        // closer bounds than those of the parts are those of H at the start, too
+                        0 => (sum + potential - middle).clamp(-width, width),
+                        _ => sum + potential,
+                    }
                 };
-                found.push(fit.chunks(width).enumerate().map(of_power).collect());
+                let diagonal: Vec<f64> = fit.chunks(row_width).enumerate().map(of_power).collect();
+                found.push(TwoLevels {
+                    beside: vec![0.0; diagonal.len()],
+                    diagonal,
+                    start: [1.0, 0.0, 0.0, 0.0],
+                });
             }
+        }
+        let changing = fit.chunks(row_width).skip(1).map(|row| {
+            let parts = row.iter().zip(&self.bounds.parts);
+            let sum: f64 = parts.map(|(w, (low, high))| w * 0.5 * (high - low)).sum();
+            let (least, largest) = range(&row[groups..]);
+            sum + 0.5 * (largest - least)
+        });
+        let beside: Vec<f64> = std::iter::once(0.0).chain(changing).collect();
+        let mut diagonal = vec![0.0; beside.len()];
+        diagonal[0] = width;
+        for start in [[1.0, 0.0, 0.0, 0.0], [0.6, 0.0, 0.0, 0.8]] {
+            found.push(TwoLevels {
+                diagonal: diagonal.clone(),
+                beside: beside.clone(),
+                start,
+            });
         }
         found
     }

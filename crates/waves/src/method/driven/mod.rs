@@ -12,7 +12,7 @@ pub(super) mod terms;
 use super::derivative::{Output, Piece, SeriesPiece, copied};
 use super::observe::dot;
 use super::sweep::{Outputs, TermBlock};
-use super::{Sweeper, Wave, guard, squares};
+use super::{Sweeper, TermBounds, Wave, guard, squares};
 use crate::problem::Hamiltonian;
 use choice::{END, Form, ROUNDING, Share, Window};
 use factors::Factors;
@@ -33,12 +33,8 @@ const OUTPUTS: usize = 256;
 /// The parts of a Hamiltonian, and the tolerance.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Driven {
-    /// How many terms each part has: terms of a part have their weight in common.
-    pub groups: Vec<usize>,
-    /// Bounds of the eigenvalues of each part.
-    pub bounds: Vec<(f64, f64)>,
-    /// Closer bounds of H at some times, in order, in between which the ends are convex; may be empty.
-    pub knots: Vec<(f64, (f64, f64))>,
+    /// The parts, and bounds of their eigenvalues.
+    pub bounds: TermBounds,
     /// Times where windows end, besides, in order along the run.
     pub breaks: Vec<f64>,
     /// Error allowed in a unit of time.
@@ -62,8 +58,7 @@ pub struct DrivenCost {
 
 impl Driven {
     fn sampler(&self, hamiltonian: &Arc<Hamiltonian>) -> Option<Sampler> {
-        let (bounds, knots) = (self.bounds.clone(), self.knots.clone());
-        Sampler::new(hamiltonian.clone(), &self.groups, bounds, knots)
+        Sampler::new(hamiltonian.clone(), self.bounds.clone())
     }
 
     /// What a run from `t` to `end` comes to; none where the parts do not fit.
@@ -165,7 +160,7 @@ impl DrivenSeries {
             ..Point::default()
         };
         Some(Self {
-            terms: Terms::new(sweeper, &driven.groups),
+            terms: Terms::new(sweeper, &driven.bounds.groups),
             sampler,
             fit: Fit::default(),
             times,
