@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -73,6 +74,20 @@ class Basis:
     charges: tuple[Charge, ...] = field(default=())
 
     @property
+    def whole(self) -> Basis:
+        """The basis states that states are made of: these."""
+        return self
+
+    def projected(self, psi: NDArray[Any]) -> NDArray[Any]:
+        """Return a state of all basis states in this basis."""
+        return psi
+
+    @property
+    def is_real(self) -> bool:
+        """Whether states are made of basis states by real numbers."""
+        return True
+
+    @property
     def width(self) -> int:
         """Bits of a site."""
         return max(1, (self.levels - 1).bit_length())
@@ -115,6 +130,10 @@ class Basis:
         found: Integers = self._firsts[0][states >> shift]
         found += self._ranks[states & ((1 << shift) - 1)]
         return found
+
+    def placed(self, moved: Integers, origin: Integers) -> tuple[Integers, NDArray[Any]]:
+        """Return the places of states, and amplitudes there, where a state, `origin`, is moved."""
+        return self.rank(moved), np.ones(origin.size)
 
     def place(self, state: int) -> int | None:
         """Return the place of a state, None if it is not in the basis."""

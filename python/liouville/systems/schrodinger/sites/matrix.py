@@ -35,7 +35,8 @@ class Matrix:
 
     def __init__(self, basis: Basis, products: Sum) -> None:
         self.basis = basis
-        self.is_real = all(z.imag == 0.0 for z in map(complex, products.amplitudes.values()))
+        is_real = all(z.imag == 0.0 for z in map(complex, products.amplitudes.values()))
+        self.is_real = is_real and basis.is_real
         self._groups: dict[Steps, list[tuple[complex, Moved]]] = defaultdict(list)
         for key, z in products.amplitudes.items():
             self._groups[key.steps].append((z, key))
@@ -73,9 +74,12 @@ class Matrix:
         starts = np.concatenate([[0], np.cumsum(np.concatenate(counts))])
         small = np.int32 if starts[-1] < 2**31 else np.int64
         found = (np.concatenate(values), np.concatenate(cols).astype(small, copy=False))
-        return scipy("sparse", "the matrix of a model of sites").csr_array(
+        matrix = scipy("sparse", "the matrix of a model of sites").csr_array(
             (*found, starts.astype(small)), shape=(n, n)
         )
+        # states of a momentum are met by several of an orbit
+        matrix.sum_duplicates()
+        return matrix
 
     def _blocks(self) -> Iterator[Integers]:
         states = self.basis.states
@@ -89,7 +93,8 @@ class Matrix:
             amplitudes = block.amplitudes(products, dtype)
             at = np.flatnonzero(amplitudes)
             moved = sum(step << (width * site) for site, step in steps)
-            yield k, at, (self.basis.rank(states[at] + moved), amplitudes[at].conj())
+            places, factors = self.basis.placed(states[at] + moved, states[at])
+            yield k, at, (places, (amplitudes[at] * factors).conj())
 
 
 class Block:

@@ -9,9 +9,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from liouville._arguments import number
+from liouville._arguments import check_memory, number
+from liouville.errors import hinted
 from liouville.systems.schrodinger.exchange import MOST, Exchange, states_of
 from liouville.systems.schrodinger.sites.basis import Basis, Charge
+from liouville.systems.schrodinger.sites.momentum import ORBITS, moving, with_momentum
 from liouville.systems.schrodinger.sites.system import SiteSystem, counted, whole
 from liouville.systems.schrodinger.sites.terms import Letters, Sum
 
@@ -39,15 +41,19 @@ class SpinSystem(SiteSystem):
         Fixes the total :math:`S^z` at ``up - L * S``: of spins one half the number that are up.
     parity : {0, 1}, optional
         Fixes whether the number of steps down, :math:`\sum_i (S - S^z_i)`, is even, 0, or odd, 1.
+    momentum : int, optional
+        Fixes the momentum :math:`2 \pi k / L` by k, from 0 to L - 1, of a periodic chain whose
+        terms do not change when all sites are moved by one.
 
     Attributes
     ----------
-    sites, terms, spin, pauli, periodic, up, parity
+    sites, terms, spin, pauli, periodic, up, parity, momentum
         As given.
     basis : ndarray
         The basis states in order, as integers. Of spins one half bit i is set where spin i is
         down, so that state 0 is all up. Of others the steps down of spin i are in the bits from
-        ``w * i`` on, with ``w = (2 * S).bit_length()`` bits each.
+        ``w * i`` on, with ``w = (2 * S).bit_length()`` bits each. Of a momentum the least state of
+        each orbit under translations.
     size : int
         Number of basis states N.
 
@@ -95,6 +101,7 @@ class SpinSystem(SiteSystem):
         periodic: bool = False,
         up: int | None = None,
         parity: int | None = None,
+        momentum: int | None = None,
     ) -> None:
         length = counted("sites", sites, periodic)
         twice = 2 * number("spin is a number", spin)
@@ -114,6 +121,19 @@ class SpinSystem(SiteSystem):
             named = ("the parity of the number of steps down", f"parity={self.parity}")
             charges += (Charge(*named, 0, length, self.parity, 2),)
         self._basis = Basis(length, steps + 1, charges)
+        self.momentum = momentum
+        if momentum is not None:
+            if not periodic:
+                hint = "give periodic=True, or leave momentum= out"
+                raise ValueError(hinted("an open chain has no momentum", hint))
+            named = f"of a chain of {length} sites k is"
+            self.momentum = whole("momentum", momentum, 0, length - 1, named)
+            self._basis.check()
+            hint = "fix what the sum conserves, or take fewer sites"
+            check_memory(
+                f"the orbits of {self._basis.size} states", ORBITS * self._basis.size, hint
+            )
+            self._basis = with_momentum(self._basis, self.momentum)
         self._letters = Letters(_matrices(steps, 2.0 if pauli else 1.0))
         super().__init__(length, terms, periodic)
 
@@ -121,10 +141,20 @@ class SpinSystem(SiteSystem):
         """Name the number of spins and the sector."""
         kind = "" if self.spin == 0.5 else f" of {self.spin:g}"
         sector = "".join(f", {charge.asked}" for charge in self._basis.charges)
+        sector += "" if self.momentum is None else f", momentum={self.momentum}"
         return f"SpinSystem({self.sites} spins{kind}{sector})"
 
+    def _check_sector(self, products: Sum) -> None:
+        super()._check_sector(products)
+        found = None if self.momentum is None else moving(products, self.sites)
+        if found is not None:
+            sentence = f"{products.origins[found]}, changes when all sites are moved by one"
+            hint = "leave momentum= out, or sum the term over all sites of the ring"
+            raise ValueError(hinted(f"{sentence}, so that there is no momentum", hint))
+
     def _exchange(self) -> Exchange | None:
-        is_half = self.spin == 0.5 and self.parity is None and self.sites <= MOST
+        is_whole = self.parity is None and self.momentum is None
+        is_half = self.spin == 0.5 and is_whole and self.sites <= MOST
         return _exchange(self._products, self.sites, self.up) if is_half else None
 
 

@@ -125,9 +125,11 @@ class SiteSystem:
                 f"states of sites have shape {phi.shape}, wanted {shape[1:]} or {shape}"
             )
         phi = np.broadcast_to(phi, shape)
-        psi = np.ones(self.size, phi.dtype if phi.dtype.kind == "c" else float)
+        whole = self._basis.whole
+        psi = np.ones(whole.size, phi.dtype if phi.dtype.kind == "c" else float)
         for i in range(shape[0]):
-            psi *= phi[i][self._basis.digits(self.basis, i)]
+            psi *= phi[i][whole.digits(whole.states, i)]
+        psi = self._basis.projected(psi)
         norm = float(np.linalg.norm(psi))
         if not (np.isfinite(norm) and norm > 0):
             raise ValueError(f"this product of states has the norm {norm:g} in the sector")
