@@ -55,19 +55,21 @@ class Watch:
         if not self.events and not switches and self.times is None:
             return None
         events: list[_job.Event] = []
+        if is_differentiated:
+            # imported here: few runs are differentiated
+            from liouville.systems._event_slopes import event_slopes, switch_slopes
         for name, event in self.events.items():
             tape, needs_lam, reset = system.event(name, event)
             way, terminal = DIRECTIONS[event.direction], int(event.terminal)
             slopes = None
             if is_differentiated and isinstance(system, Mechanics):
-                # imported here: few runs are differentiated
-                from liouville.systems._event_slopes import event_slopes
-
-                found = system.event_expressions(name, event)
-                is_impact = isinstance(event.reset, Impact)
-                slopes = event_slopes(system, f"event '{name}'", *found, is_impact)
+                slopes = event_slopes(system, name, event)
             events.append((tape, way, terminal, needs_lam, reset, False, slopes))
-        events += [(tape, 0, 0, False, None, True, None) for tape in switches.values()]
+        for name, tape in switches.items():
+            slopes = None
+            if is_differentiated and isinstance(system, Mechanics):
+                slopes = switch_slopes(system, name)
+            events.append((tape, 0, 0, False, None, True, slopes))
         return order, self.times, events
 
     def events_of(

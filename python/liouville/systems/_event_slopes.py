@@ -11,14 +11,28 @@ from liouville import _casadi as ca
 from liouville import _core
 from liouville._job import Pair, Slopes
 from liouville.errors import hinted
+from liouville.events import Event, Impact
 from liouville.systems._form import total_derivative
+from liouville.systems.traced import SWITCH
 from liouville.tape import record
 
 if TYPE_CHECKING:
     from liouville.systems.mechanics import Mechanics
 
 
-def event_slopes(
+def event_slopes(system: Mechanics, name: str, event: Event) -> Slopes:
+    """Record the derivatives of an event and of its reset."""
+    value, law = system.event_expressions(name, event)
+    return _slopes(system, f"event '{name}'", value, law, isinstance(event.reset, Impact))
+
+
+def switch_slopes(system: Mechanics, name: str) -> Slopes:
+    """Record the derivatives of a switch."""
+    value = system._expressions.columns[SWITCH + name]
+    return _slopes(system, f"switch '{name}'", value, [], False)
+
+
+def _slopes(
     system: Mechanics, what: str, value: ca.SX, law: list[ca.SX], is_impact: bool
 ) -> Slopes:
     """Record the tapes of `events::EventSlopes` in the core, of an event and its reset, if any.

@@ -30,6 +30,7 @@ from liouville.systems._layout import Layout, of_mechanics
 from liouville.systems._singular import nearly_dependent
 from liouville.systems.traced import (
     FLOOR,
+    SWITCH,
     TOLERANCE,
     TracedSystem,
     finite_time,
@@ -98,6 +99,7 @@ class Mechanics(TracedSystem):
         self._model, self._linear, self._is_ideal = model, model.linear, model.is_ideal
         own, columns = model.nonholonomic, {name: getattr(model, name) for name in "vpfrg"}
         columns |= {"k": own.k, "rn": own.rn, **({} if power is None else {"power": power})}
+        columns |= {SWITCH + name: x for name, x in (switches or {}).items()}
         self._keep(Expressions(symbols, columns, lam=model.lam, nu=own.nu), invariants)
         self.is_conservative = (
             power is not None and power.is_zero() and self._linear.damping is None

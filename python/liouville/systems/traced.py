@@ -36,6 +36,9 @@ SHOWN = 20
 #: The prefix of invariants among the expressions and in a record.
 INVARIANT = "invariant "
 
+#: The prefix of switches among the expressions.
+SWITCH = "switch "
+
 Function = Callable[..., Any]
 
 #: Tapes of an event and of its reset, and whether the event uses multipliers.

@@ -144,7 +144,7 @@ impl<State: Carried + Checkpoint + Clone, M: Dynamics> DenseDetector<State, M> {
             lam: self.path.lam(),
             needs_lam: event.needs_lam,
             height: event.samples.iter().fold(0.0, size),
-            is_last: event.count + 1 == event.terminal,
+            is_last: event.count + 1 == event.terminal || event.is_switch,
         };
         follower.meet(met, state)
     }

@@ -179,7 +179,7 @@ pub struct Meeting<'a> {
     pub needs_lam: bool,
     /// The largest size of the event's function in the step.
     pub height: f64,
-    /// Whether it ends the run.
+    /// Whether it ends the run, or is a switch that ends the step.
     pub is_last: bool,
 }
 

@@ -25,7 +25,7 @@ pub(super) struct Entry {
     pub(super) state: State,
     /// That after a reset.
     pub(super) after: Option<State>,
-    /// Whether it ends the run.
+    /// Whether it ends the run, or the step.
     pub(super) is_last: bool,
     event: usize,
     hit: usize,
