@@ -21,10 +21,17 @@ Pair = tuple[_core.Tape, _core.Tape]
 #: The derivatives of an event: its gradient, and those of its reset and of the impulses after it.
 Slopes = tuple[_core.Tape, Pair | None, Pair | None]
 
+#: The derivatives of a step of the alpha family: by its unknowns, with the pattern of that, by all
+#: else, of its end and of the start of a run.
+AlphaSlopes = tuple[_core.Tape, Any, _core.Tape, _core.Tape, _core.Tape]
+
 #: An event as it crosses the border: its tape, its direction, how many end the run, whether it
 #: needs multipliers, its reset, whether it is no event but a switch, and its derivatives where they
 #: are wanted.
 Event = tuple[_core.Tape, int, int, bool, Reset | None, bool, Slopes | None]
+
+#: Tangents of a mechanical system, as :class:`Job` has them.
+Tangents = tuple[_core.Sensitivity, Array, Array, Array, Array, AlphaSlopes | None]
 
 
 @dataclass(kw_only=True, eq=False, slots=True)
@@ -53,7 +60,8 @@ class Job:
     tangents : tuple, ndarray of shape (d, n) or None
         Of a field, directions in what is stepped. Of a mechanical system its derivatives, changes
         of y and of z at the start, those of time and parameters, a row for each direction, and by
-        which part of themselves the steps become longer. Changes of the members of an ensemble come
+        which part of themselves the steps become longer, and derivatives of a step of the alpha
+        family or None. Changes of the members of an ensemble come
         one after another.
     varied : list of Split
         The split fields of members, where these have parameters of their own.
@@ -76,7 +84,7 @@ class Job:
     states: bool = True
     control: tuple[object, ...] | None = None
     watch: tuple[int, Array | None, list[Event]] | None = None
-    tangents: tuple[_core.Sensitivity, Array, Array, Array, Array] | Array | None = None
+    tangents: Tangents | Array | None = None
     varied: list[_core.Split] = field(default_factory=list)
     seen: tuple[int, Array | None] = (0, None)
     threads: int = 1

@@ -25,6 +25,7 @@ mod reaction;
 mod restart;
 mod solve;
 mod state;
+mod tangent;
 
 use attempt::{AlphaAttempt, KeptAlpha};
 use liouville_base::error::StepError;
@@ -38,6 +39,7 @@ use reaction::Reaction;
 pub use restart::AlphaRestart;
 use solve::{AlphaSolver, AlphaStep};
 pub use state::AlphaState;
+pub use tangent::{AlphaSlopes, AlphaTangentState, AlphaTangents};
 
 /// How the constraints' reactions enter a step.
 #[derive(Clone, Copy, Debug, PartialEq)]

@@ -4,7 +4,7 @@ use crate::convert;
 use crate::errors::refused;
 use crate::mechanical::Sensitivity;
 use crate::tableau::{lobatto_named, scheme_named, spark_named};
-use liouville_alpha::Reactions;
+use liouville_alpha::{AlphaSlopes, Reactions};
 use liouville_base::method::Tolerance;
 use liouville_base::run::{Advance, Span, StartError};
 use liouville_base::tableau;
@@ -194,17 +194,41 @@ fn detection((order, times, events): &Watch<'_>) -> PyResult<Detection> {
 }
 
 /// Tangents: derivatives of the system, changes of y and of z at the start, those of time and parameters, a row for each
-/// direction, and by which part of themselves the steps become longer.
+/// direction, by which part of themselves the steps become longer, and derivatives of a step of the alpha family or None.
 type TangentsOf<'py> = (
     PyRef<'py, Sensitivity>,
     PyReadonlyArrayDyn<'py, f64>,
     PyReadonlyArrayDyn<'py, f64>,
     PyReadonlyArrayDyn<'py, f64>,
     PyReadonlyArray1<'py, f64>,
+    Option<AlphaSlopesOf<'py>>,
 );
 
-fn tangents((sensitivity, y, z, tau, stretch): &TangentsOf<'_>) -> PyResult<Tangents> {
+/// Derivatives of a step of the alpha family: tapes of E_u, with its pattern, of E_x dx, of the end and of the start.
+type AlphaSlopesOf<'py> = (
+    PyRef<'py, convert::Tape>,
+    Bound<'py, PyAny>,
+    PyRef<'py, convert::Tape>,
+    PyRef<'py, convert::Tape>,
+    PyRef<'py, convert::Tape>,
+);
+
+fn alpha_slopes(
+    (matrix, pattern, equations, end, start): &AlphaSlopesOf<'_>,
+) -> PyResult<AlphaSlopes> {
+    let copied = |tape: &PyRef<'_, convert::Tape>| Tape::clone(&tape.0);
+    Ok(AlphaSlopes {
+        matrix: copied(matrix),
+        pattern: convert::pattern(pattern)?,
+        equations: copied(equations),
+        end: copied(end),
+        start: copied(start),
+    })
+}
+
+fn tangents((sensitivity, y, z, tau, stretch, alpha): &TangentsOf<'_>) -> PyResult<Tangents> {
     Ok(Tangents {
+        alpha: alpha.as_ref().map(alpha_slopes).transpose()?,
         sensitivity: sensitivity.0.clone(),
         start: [y.as_slice()?.to_vec(), z.as_slice()?.to_vec()],
         tau: tau.as_slice()?.to_vec(),

@@ -110,7 +110,12 @@ class MechanicalRunner(TracedRunner):
             params = self._rows if self.members else self._values
             start = own.starts(self._stepped, self.steps.t0, y, z, params)
             dy, dz, tau = (np.ascontiguousarray(x) for x in (*start, own.tau))
-            job.tangents = (sensitivity(self._stepped), dy, dz, tau, own.stretch)
+            alpha = None
+            if not self._is_general:
+                from liouville.systems._alpha_slopes import alpha_slopes
+
+                alpha = alpha_slopes(self._stepped, self.choice)
+            job.tangents = (sensitivity(self._stepped), dy, dz, tau, own.stretch, alpha)
         return job
 
     def tangents(self, t: np.ndarray, parts: Mapping[str, np.ndarray]) -> dict[str, Tangent]:

@@ -10,7 +10,14 @@ import numpy as np
 from liouville.control import Steps
 from liouville.errors import hinted, quoted
 from liouville.events import AFTER
-from liouville.methods import Composition, LobattoPair, Spark
+from liouville.methods import (
+    HHT,
+    ArnoldBruls,
+    Composition,
+    GeneralizedAlpha,
+    LobattoPair,
+    Spark,
+)
 from liouville.points import Points
 from liouville.runners.runner import Request
 from liouville.systems import Field, Mechanics, Schrodinger
@@ -27,11 +34,14 @@ ENDS = ("t0", "t1")
 #: Where a direction begins among all that may change, and its shape.
 Place = tuple[int, tuple[int, ...]]
 
+#: The alpha family.
+ALPHA = (HHT, GeneralizedAlpha, ArnoldBruls)
+
 #: What has tangents.
 COVERED = (
-    "tangents are those of a divergence-free field, of a mechanical system without "
-    "nonholonomic constraints, by Spark, LobattoPair or a Composition of them, and of a "
-    "Schrodinger equation, without store"
+    "tangents are those of a divergence-free field, of a mechanical system without nonholonomic "
+    "constraints, by Spark, LobattoPair or a Composition of them, and by equal steps of the alpha "
+    "family, and of a Schrodinger equation, without store"
 )
 
 
@@ -63,14 +73,27 @@ def check_covered(system: Any, method: Any, request: Request) -> None:
         return  # its method is seen when it is planned
     if isinstance(system, Field):
         return
-    if not isinstance(base, Spark | LobattoPair):
+    if isinstance(base, ALPHA):
+        _check_alpha(method, request)
+    elif not isinstance(base, Spark | LobattoPair):
         raise TypeError(hinted(f"{method!r} has no tangents yet", COVERED))
     if system.nonholonomic:
         sentence = f"nonholonomic constraints have no tangents yet: {quoted(system.nonholonomic)}"
         raise TypeError(hinted(sentence, COVERED))
-    if base.newton_tol is not None:
+    if getattr(base, "newton_tol", None) is not None:
         sentence = "newton_tol leaves an error in the stages, and as large a one in their tangents"
         raise ValueError(hinted(sentence, "leave newton_tol out"))
+
+
+def _check_alpha(method: Any, request: Request) -> None:
+    """Refuse what the alpha family has no tangents of."""
+    if request.has_pullback:
+        sentence = f"{method!r} has no pullback yet"
+        raise TypeError(hinted(sentence, "tangents= has the derivatives of its equal steps"))
+    for name in ("events", "t_eval", "rtol", "control"):
+        if getattr(request, name) is not None:
+            sentence = f"tangents by {type(method).__name__} go without {name}="
+            raise TypeError(hinted(sentence, "they are those of equal steps and their ends"))
 
 
 class Directions:

@@ -141,12 +141,14 @@ impl Job {
             return Ok(());
         };
         let fits = tangents.fit(system, self.members.unwrap_or(1));
+        let is_plain = self.detection.is_none() && matches!(self.control, Control::Fixed);
+        let fits = fits && (is_plain || !matches!(system, System::Alpha(..)));
         if fits && self.states && self.has_slopes() {
             return Ok(());
         }
         invalid(
-            "tangents are those of a SPARK method without newton_tol, of the system it steps, with states and the \
-             derivatives of all events",
+            "tangents are those of a SPARK method without newton_tol, with the derivatives of all events, or of equal \
+             steps of the α family, of the system it steps, with states",
         )
     }
 

@@ -1,7 +1,7 @@
 //! The system, the method and the job of a run.
 
 use crate::events::{EventSlopes, Law};
-use liouville_alpha::Reactions;
+use liouville_alpha::{AlphaSlopes, Reactions};
 use liouville_base::method::Tolerance;
 use liouville_base::run::Span;
 use liouville_base::tableau::{self, Scheme};
@@ -124,6 +124,8 @@ pub struct Tangents {
     pub tau: Vec<f64>,
     /// By which part of themselves the steps become longer, for each direction.
     pub stretch: Vec<f64>,
+    /// The derivatives of a step, of methods of the α family.
+    pub alpha: Option<AlphaSlopes>,
 }
 
 /// A run, or an ensemble of runs.

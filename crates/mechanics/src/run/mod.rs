@@ -264,6 +264,12 @@ impl Starter {
         else {
             let mut stepper = Alpha::new(model, weights, reactions, None);
             let state = stepper.start(span.t0, y, z, a)?;
+            let tangents = self.job.tangents.as_ref();
+            if let Some((tangents, slopes)) = tangents.and_then(|of| Some((of, of.alpha.clone()?)))
+            {
+                let start = (state, a.is_some());
+                return self.alpha_tangents(stepper, (tangents, slopes), start, member);
+            }
             let (copy, of) = (self.copy(&stepper), self.alpha_member(member, &stepper));
             let control = Fixed::new(Box::new(stepper), span.t0, span.h(), span.steps);
             return self.launch(Box::new(control), copy, of, state);

@@ -4,9 +4,10 @@ use super::member::{BoxedStepper, Member};
 use crate::events::{DenseDetector, TangentEvents};
 
 use super::{Begun, SparkMethod, Starter, System, Tangents};
+use liouville_alpha::{Alpha, AlphaSlopes, AlphaState, AlphaTangents};
 use liouville_base::error::StepError;
 use liouville_base::linalg::Matrix;
-use liouville_base::run::StepControl;
+use liouville_base::run::{Fixed, StepControl};
 use liouville_problem::{
     Directions, PathTangents, Sensitivity, SensitivityModel, State, TangentObserver, TangentState,
 };
@@ -34,9 +35,9 @@ impl Starter {
         let directions = directions_of(tangents);
         let (count, n) = (directions.count(), state.y.len());
         let directions = self.with_length(directions);
-        let [y, z] = [0, 1].map(|part| {
-            let rows = &tangents.start[part][member * count * n..];
-            let at = |i: usize, j: usize| if i < count { rows[i * n + j] } else { 0.0 };
+        let [y, z] = tangents.starts(n, member).map(|rows| {
+            // that of the length of a step begins from zero
+            let at = |i: usize, j: usize| if i < count { rows[(i, j)] } else { 0.0 };
             Matrix::from_fn(directions.count(), n, at)
         });
         let dt = (0..directions.count())
@@ -45,6 +46,26 @@ impl Starter {
         let sensitivity = self.sensitivity(tangents, member);
         let start = (self.job.span.t0, state);
         SparkTangents::new(stepper, sensitivity, directions, start, (y, z, dt))
+    }
+
+    /// A run of the α family by equal steps, with its tangents.
+    pub(super) fn alpha_tangents(
+        &self,
+        stepper: Alpha,
+        (tangents, slopes): (&Tangents, AlphaSlopes),
+        (state, is_given): (AlphaState, bool),
+        number: usize,
+    ) -> Begun {
+        let (span, params) = (self.job.span, self.params(number));
+        let [y, z] = tangents.starts(state.y.len(), number);
+        let of = (self.sensitivity(tangents, number), directions_of(tangents));
+        let start = (span.t0, state, is_given);
+        let (stepper, state) =
+            AlphaTangents::new(stepper, (slopes, params), of.clone(), start, (y, z))?;
+        let inner = self.observer(self.model(number), number);
+        let observer = TangentObserver::new(inner, of.0, of.1);
+        let control = Fixed::new(Box::new(stepper), span.t0, span.h(), span.steps);
+        self.recorded(Box::new(control), Box::new(observer), state)
     }
 
     /// A run whose tangents are recorded, by steps of this control; `copy` makes its partial steps.
@@ -139,13 +160,30 @@ fn directions_of(tangents: &Tangents) -> Directions {
 }
 
 impl Tangents {
+    /// The changes of y and z at the start of a member.
+    fn starts(&self, n: usize, member: usize) -> [Matrix; 2] {
+        let count = self.stretch.len();
+        [0, 1].map(|part| {
+            let rows = &self.start[part][member * count * n..];
+            Matrix::from_fn(count, n, |i, j| rows[i * n + j])
+        })
+    }
+
     /// Whether they are those of so many members of a system, and their method can carry them.
     pub(super) fn fit(&self, system: &System, members: usize) -> bool {
-        let System::Spark(problem, spark, _) = system else {
-            return false;
+        let (problem, is_exact) = match system {
+            System::Spark(problem, spark, _) => (problem, spark.newton_tol.is_none()),
+            System::Alpha(problem, _, reactions) => {
+                let mechanical = &problem.mechanical;
+                let sizes = (mechanical.n, mechanical.m, self.sensitivity.width() - 1);
+                let slopes = self.alpha.as_ref();
+                let fits = slopes.is_some_and(|slopes| slopes.fit(sizes, *reactions));
+                (mechanical, fits)
+            }
+            _ => return false,
         };
         let count = self.stretch.len();
-        spark.newton_tol.is_none()
+        is_exact
             && Arc::ptr_eq(&self.sensitivity.mechanical, problem)
             && self.tau.len() == count * self.sensitivity.width()
             && self

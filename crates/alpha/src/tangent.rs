@@ -1,0 +1,327 @@
+//! Steps of the α family with their tangents.
+//!
+//! With x = (t0, h, y0, z0, a0, φ0, θ), u the unknowns (φ1, A0, A1, Λ0, Λ1) of a step, E(x, u) = 0 its equations and
+//! e(x, u) = (y1, z1, a1) its end,
+//!
+//!     E_u du = −E_x dx,   de = e_x dx + e_u du,
+//!
+//! at the solution that the step has found. At the start of a run M dφ0 = (F − M φ0)_x dx, and da0 = dφ0.
+
+use super::state::AlphaState;
+use super::{Alpha, Reactions};
+use liouville_base::error::{Quantity, StepError};
+use liouville_base::linalg::{Matrix, Pattern, add_scaled, copy};
+use liouville_base::method::{Stats, Stepper};
+use liouville_base::newton::{BlockHandle, BlockLayout, BlockMatrix};
+use liouville_base::tape::{Registers, Tape};
+use liouville_problem::{
+    AccelerationTangents, Carried, Directions, SensitivityModel, TangentView, finite,
+};
+
+/// Tapes of the derivatives of a step; their last input is the parameters.
+#[derive(Clone, Debug)]
+pub struct AlphaSlopes {
+    /// (t0, h, y0, z0, a0, φ0, u) → E_u, on its pattern.
+    pub matrix: Tape,
+    /// Where E_u is not zero.
+    pub pattern: Pattern,
+    /// (t0, h, y0, z0, a0, φ0, u, dx) → E_x dx
+    pub equations: Tape,
+    /// (t0, h, y0, z0, a0, φ0, u, dx, du) → (dy1, dz1, da1)
+    pub end: Tape,
+    /// (t, y, z, φ, d(t, y, z, θ)) → (F − M φ)_x dx
+    pub start: Tape,
+}
+
+impl AlphaSlopes {
+    /// Whether they are those of a system with n coordinates, m constraints and so many parameters.
+    #[must_use]
+    pub fn fit(&self, (n, m, params): (usize, usize, usize), reactions: Reactions) -> bool {
+        let unknowns = match reactions {
+            Reactions::Position => n + m,
+            Reactions::Extended { .. } if m > 0 => 3 * n + 2 * m,
+            Reactions::Extended { .. } => n,
+        };
+        let x = 2 + 4 * n + params;
+        let point = [1, 1, n, n, n, n, unknowns];
+        let takes = |tape: &Tape, more: &[usize], outputs: usize| {
+            let wanted = point.iter().chain(more).chain([&params]);
+            tape.inputs().iter().eq(wanted) && tape.outputs() == outputs
+        };
+        self.pattern.shape() == (unknowns, unknowns)
+            && takes(&self.matrix, &[], self.pattern.len())
+            && takes(&self.equations, &[x], unknowns)
+            && takes(&self.end, &[x, unknowns], 3 * n)
+            && self.start.inputs() == [1, n, n, n, 1 + 2 * n + params, params]
+            && self.start.outputs() == n
+    }
+}
+
+/// What is carried from step to step, with its tangents, one a row.
+#[derive(Debug, PartialEq)]
+pub struct AlphaTangentState {
+    /// The state.
+    pub motion: AlphaState,
+    y: Matrix,
+    z: Matrix,
+    a: Matrix,
+    phi: Matrix,
+    t: Vec<f64>,
+}
+
+impl Clone for AlphaTangentState {
+    fn clone(&self) -> Self {
+        Self {
+            motion: self.motion.clone(),
+            y: self.y.clone(),
+            z: self.z.clone(),
+            a: self.a.clone(),
+            phi: self.phi.clone(),
+            t: self.t.clone(),
+        }
+    }
+
+    /// Into the memory there is.
+    fn clone_from(&mut self, source: &Self) {
+        self.motion.clone_from(&source.motion);
+        let pairs = [
+            (&mut self.y, &source.y),
+            (&mut self.z, &source.z),
+            (&mut self.a, &source.a),
+            (&mut self.phi, &source.phi),
+        ];
+        for (out, x) in pairs {
+            copy(out.flat_mut(), x.flat());
+        }
+        self.t.clone_from(&source.t);
+    }
+}
+
+impl Carried for AlphaTangentState {
+    fn y(&self) -> &[f64] {
+        self.motion.y()
+    }
+
+    fn z(&self) -> &[f64] {
+        self.motion.z()
+    }
+
+    fn accelerations(&self) -> Option<(&[f64], f64)> {
+        self.motion.accelerations()
+    }
+
+    fn tangents(&self) -> Option<TangentView<'_>> {
+        Some(TangentView {
+            y: &self.y,
+            z: &self.z,
+            t: &self.t,
+        })
+    }
+}
+
+liouville_base::checkpoint!(AlphaTangentState {
+    motion,
+    y,
+    z,
+    a,
+    phi,
+    t
+});
+
+/// A method of the α family at work on a state and its tangents.
+#[derive(Clone, Debug)]
+pub struct AlphaTangents {
+    alpha: Alpha,
+    slopes: AlphaSlopes,
+    registers: [Registers<f64>; 3],
+    matrix: BlockMatrix,
+    block: BlockHandle,
+    directions: Directions,
+    before: AlphaTangentState,
+    unknowns: Vec<f64>,
+    along: Vec<f64>,
+    right: Vec<f64>,
+}
+
+impl AlphaTangents {
+    /// The method with tangents of a motion from `motion` at `t`: changes of its coordinates and velocities, a row for
+    /// each direction. Accelerations follow those, unless they are `given`.
+    ///
+    /// # Errors
+    /// A derivative at the start that is not finite, or a singular matrix.
+    pub fn new(
+        mut alpha: Alpha,
+        (slopes, params): (AlphaSlopes, &[f64]),
+        (sensitivity, mut directions): (SensitivityModel, Directions),
+        (t, motion, is_given): (f64, AlphaState, bool),
+        (y, z): (Matrix, Matrix),
+    ) -> Result<(Self, AlphaTangentState), StepError> {
+        let mut layout = BlockLayout::default();
+        let block = layout.place(&slopes.pattern, 0, 0);
+        let order = slopes.pattern.shape().0;
+        let matrix = layout.build(order, 0);
+        let dt: Vec<f64> = (0..directions.count())
+            .map(|k| directions.tau[(k, 0)])
+            .collect();
+        let mut state = AlphaTangentState {
+            a: Matrix::zeros(y.rows(), y.cols()),
+            phi: Matrix::zeros(y.rows(), y.cols()),
+            motion,
+            y,
+            z,
+            t: dt,
+        };
+        start(
+            &mut alpha,
+            (&slopes.start, params),
+            (sensitivity, &mut directions),
+            t,
+            &mut state,
+        )?;
+        if !is_given {
+            state.a = state.phi.clone();
+        }
+        let tapes = [&slopes.matrix, &slopes.equations, &slopes.end];
+        let stepper = Self {
+            registers: tapes.map(|tape| tape.bind(params)),
+            before: state.clone(),
+            unknowns: Vec::with_capacity(order),
+            along: Vec::new(),
+            right: vec![0.0; order],
+            alpha,
+            slopes,
+            matrix,
+            block,
+            directions,
+        };
+        Ok((stepper, state))
+    }
+
+    /// Makes the tangents at the end of the step that was just made.
+    fn follow(&mut self, t: f64, h: f64, state: &mut AlphaTangentState) -> Result<(), StepError> {
+        let before = &self.before;
+        let (AlphaState { y, z, phi, .. }, n) = (&before.motion, before.motion.y.len());
+        let is_same = before.motion.h == 0.0 || before.motion.h.to_bits() == h.to_bits();
+        let ratio = if is_same { 1.0 } else { h / before.motion.h };
+        self.unknowns.clear();
+        self.unknowns.extend_from_slice(&state.motion.phi);
+        let [first, last] = &self.alpha.kept;
+        if self.alpha.solver.is_paired() {
+            for part in [&first.a, &last.a, &first.lam] {
+                self.unknowns.extend_from_slice(part);
+            }
+        }
+        if self.unknowns.len() < self.right.len() {
+            self.unknowns.extend_from_slice(&last.lam);
+        }
+        let (a, unknowns) = (&self.alpha.solver.a, &self.unknowns);
+        let point: [&[f64]; 7] = [&[t], &[h], y, z, a, phi, unknowns];
+        let [of_matrix, of_equations, of_end] = &mut self.registers;
+        let values = self.slopes.matrix.eval(of_matrix, point);
+        finite(values, Quantity::Derivative, t)?;
+        self.matrix.clear();
+        self.matrix.add(self.block, values, 1.0);
+        self.matrix
+            .factor()
+            .map_err(|_| StepError::SingularNewton)?;
+        for direction in 0..self.directions.count() {
+            let along = &mut self.along;
+            along.clear();
+            along.push(before.t[direction]);
+            along.push(h * self.directions.stretch[direction]);
+            along.extend_from_slice(before.y.row(direction));
+            along.extend_from_slice(before.z.row(direction));
+            let (da, dphi) = (before.a.row(direction), before.phi.row(direction));
+            along.extend(da.iter().zip(dphi).map(|(a, phi)| phi + ratio * (a - phi)));
+            along.extend_from_slice(dphi);
+            along.extend_from_slice(&self.directions.tau.row(direction)[1..]);
+            let [t0, h0, y0, z0, a0, phi0, u0] = point;
+            let args = [t0, h0, y0, z0, a0, phi0, u0, along];
+            let rates = self.slopes.equations.eval(of_equations, args);
+            self.right.fill(0.0);
+            add_scaled(&mut self.right, -1.0, rates);
+            self.matrix.solve(&mut self.right);
+            let args = [t0, h0, y0, z0, a0, phi0, u0, along, &self.right];
+            let ends = self.slopes.end.eval(of_end, args);
+            finite(ends, Quantity::Derivative, t)?;
+            copy(state.y.row_mut(direction), &ends[..n]);
+            copy(state.z.row_mut(direction), &ends[n..2 * n]);
+            copy(state.a.row_mut(direction), &ends[2 * n..]);
+            copy(state.phi.row_mut(direction), &self.right[..n]);
+            state.t[direction] = before.t[direction] + h * self.directions.stretch[direction];
+        }
+        Ok(())
+    }
+}
+
+/// Writes the tangents of φ at the start of a run.
+fn start(
+    alpha: &mut Alpha,
+    (tape, params): (&Tape, &[f64]),
+    (sensitivity, directions): (SensitivityModel, &mut Directions),
+    t: f64,
+    state: &mut AlphaTangentState,
+) -> Result<(), StepError> {
+    let AlphaTangentState {
+        motion,
+        y: dy,
+        z: dz,
+        phi: dphi,
+        t: dt,
+        ..
+    } = state;
+    let AlphaState { y, z, phi, .. } = &*motion;
+    if alpha.reactions == Reactions::Position {
+        let general = &mut alpha.model.general;
+        alpha.acceleration.solve(general, t, y, z)?;
+        let point = [
+            &y[..],
+            z,
+            &alpha.acceleration.z_dot,
+            &alpha.acceleration.lam,
+        ];
+        let mut tangents = AccelerationTangents::new(general.clone(), sensitivity);
+        let of = TangentView {
+            y: dy,
+            z: dz,
+            t: dt,
+        };
+        return tangents.solve((t, point), (of, directions), |direction, rate, _| {
+            copy(dphi.row_mut(direction), rate);
+        });
+    }
+    let mut registers = tape.bind(params);
+    let mass = &mut alpha.matrix.mass;
+    mass.update(&mut alpha.model.general, t, y, z)?;
+    for direction in 0..directions.count() {
+        let tau = directions.tau(direction, dt[direction]);
+        let along = [&tau[..1], dy.row(direction), dz.row(direction), &tau[1..]].concat();
+        let out = dphi.row_mut(direction);
+        copy(out, tape.eval(&mut registers, [&[t], y, z, phi, &along]));
+        mass.solve(out);
+        finite(out, Quantity::Derivative, t)?;
+    }
+    Ok(())
+}
+
+impl Stepper for AlphaTangents {
+    type State = AlphaTangentState;
+
+    fn step(&mut self, t: f64, h: f64, state: &mut AlphaTangentState) -> Result<(), StepError> {
+        self.before.clone_from(state);
+        self.alpha.step(t, h, &mut state.motion)?;
+        let followed = self.follow(t, h, state);
+        followed.inspect_err(|_| state.clone_from(&self.before))
+    }
+
+    fn forget(&mut self) {
+        self.alpha.forget();
+    }
+
+    fn stats(&self) -> Stats {
+        self.alpha.stats()
+    }
+}
+
+// The tangents are the state's, and what a step writes is made anew.
+liouville_base::checkpoint!(AlphaTangents { alpha });

@@ -1,0 +1,94 @@
+"""Tangents of the alpha family, whose accelerations are part of what moves, against differences."""
+
+import casadi as ca
+import numpy as np
+import pytest
+from registry import ALL, ALPHA
+from test_tangents import differences, directions_of, farthest, summed
+
+import liouville as lv
+
+METHODS = [lv.HHT(), lv.HHT(-0.1, less_implicit=True), lv.GeneralizedAlpha(0.6),
+           lv.ArnoldBruls(0.8)]  # fmt: skip
+
+
+def system_of(constrained):
+    """Return a system whose mass, forces and reactions bend with everything there is."""
+
+    def momentum(t, y, z, params):
+        return z * (1 + params.a * ca.dot(y, y) / 5 + ca.cos(t) / 7)
+
+    def force(t, y, z, params):
+        wind = params.b * ca.sin(2 * t) * ca.vertcat(1, 0, y[0])
+        return ca.vertcat(z[1], -z[0], -params.c) - params.a * z / 5 + wind - y * y * z / 9
+
+    def reaction(t, y, lam, params):
+        return -y * lam + params.a * lam * ca.vertcat(y[1], 0, t / 9)
+
+    def length(t, y, params):
+        return ca.dot(y, y) - (params.l + ca.sin(t) / 9) ** 2
+
+    more = {"reaction": reaction, "constraint": length} if constrained else {}
+    return lv.Mechanical(
+        velocity=lambda t, y, z, params: z, momentum=momentum, force=force, y=3,
+        params={"a": 0.4, "b": 0.3, "c": 0.7, "l": 1.1}, **more,
+    )  # fmt: skip
+
+
+@pytest.mark.parametrize("method", METHODS, ids=str)
+@pytest.mark.parametrize("constrained", [True, False], ids=["constrained", "free"])
+def test_every_parameter_of_every_function_and_both_ends(method, constrained):
+    system, t, run = system_of(constrained), (0.2, 0.8), {"steps": 5}
+    start = system.consistent(t=t[0], y=[0.6, 0.1, -0.8], z=[0.1, 1.2, 0.4])
+    directions = directions_of(system, "t0", "t1")
+    found = lv.integrate(system, method, t=t, tangents=directions, **run, **start)
+    plain = lv.integrate(system, method, t=t, **run, **start)
+    assert np.array_equal(found.a, plain.a)
+    for name, direction in directions.items():
+        wanted = differences(system, method, t, start, {name: direction}, **run)
+        own = found.tangents[name].states
+        wanted = {x: wanted[x] for x in own if own[x].size}
+        assert farthest(own, wanted) < 1e-9, name
+
+
+#: Every row of the registry, each on one of its problems in turn.
+ROWS = [(row, row.on[k % len(row.on)]) for k, row in enumerate(ALPHA)]
+
+
+@pytest.mark.parametrize(("row", "name"), ROWS, ids=str)
+def test_tangents_are_differences(row, name):
+    problem = ALL[name]
+    system, t = problem.system, (problem.t[0], problem.t[0] + 0.3)
+    start = system.consistent(t=t[0], **problem.start)
+    directions, run = directions_of(system), {"steps": 3, "every": 3}
+    found = lv.integrate(system, row.method, t=t, tangents=directions, **run, **start)
+    wanted = differences(system, row.method, t, start, directions, **run)
+    own = summed(found, directions)
+    assert farthest(own, {x: wanted[x] for x in own}) < 1e-8
+
+
+def test_accelerations_that_are_given_stay_and_members_are_those_of_runs():
+    system, t = system_of(True), (0.2, 0.8)
+    start = system.consistent(t=t[0], y=[0.6, 0.1, -0.8], z=[0.1, 1.2, 0.4])
+    run, directions = {"t": t, "steps": 4}, {"params.c": 1.0, "params.l": 1.0}
+    held = {**start, "a": np.array([0.1, -0.2, 0.3])}
+    found = lv.integrate(system, lv.HHT(), tangents=directions, **run, **held).tangents
+    free = lv.integrate(system, lv.HHT(), tangents=directions, **run, **start).tangents
+    assert np.abs(found["params.c"].y - free["params.c"].y).max() > 1e-3
+    both = {name: np.stack([x, x]) for name, x in start.items()}
+    members = lv.ensemble(system, lv.HHT(), tangents=directions, **run, **both).tangents
+    assert np.array_equal(members["params.l"].lam[:, 1], free["params.l"].lam)
+
+
+@pytest.mark.parametrize(("more", "sentence"), [
+    ({"rtol": 1e-5, "steps": None}, "go without rtol="),
+    ({"t_eval": [0.3]}, "go without t_eval="),
+    ({"events": {"low": lambda t, y, z, lam, params: y[0]}}, "go without events="),
+])  # fmt: skip
+def test_what_has_no_tangents_is_refused(more, sentence):
+    system = system_of(False)
+    call = {"t": (0.2, 0.8), "steps": 4, "tangents": {"params.c": 1.0}} | more
+    with pytest.raises(TypeError, match=sentence):
+        lv.integrate(system, lv.HHT(), y=[0.6, 0.1, -0.8], z=[0.1, 1.2, 0.4], **call)
+    with pytest.raises(TypeError, match="has no pullback yet"):
+        lv.vjp(system, lv.HHT(), wrt=["params.c"], t=(0, 1), steps=4, y=[1, 0, 0], z=[0, 0, 0])
