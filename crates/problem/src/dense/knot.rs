@@ -3,7 +3,7 @@
 use super::super::{Carried, Dynamics, TangentView};
 use super::Path;
 use liouville_base::checkpoint::{Checkpoint, CheckpointMismatch, Numbers};
-use liouville_base::linalg::Matrix;
+use liouville_base::linalg::{Matrix, copy};
 
 /// A point of a trajectory between steps.
 #[derive(Clone, Debug)]
@@ -25,6 +25,17 @@ pub(super) struct PointTangents {
     pub(super) z: Matrix,
     /// None.
     pub(super) t: Vec<f64>,
+}
+
+impl KnotTangents {
+    /// Into the memory there is.
+    pub(super) fn copy_from(&mut self, other: &Self) {
+        let own = self.y.iter_mut().chain(&mut self.z);
+        for (own, other) in own.zip(other.y.iter().chain(&other.z)) {
+            copy(own, other);
+        }
+        copy(&mut self.t, &other.t);
+    }
 }
 
 impl Carried for Point {

@@ -192,7 +192,7 @@ impl PathTangents {
                 knot.y[0].len(),
                 (knot.t - start) / h,
             );
-            moved.clone_from(of);
+            moved.copy_from(of);
             for (direction, dt) in of.t.iter().enumerate() {
                 let own = direction * n..(direction + 1) * n;
                 for (level, moved) in moved.y.iter_mut().enumerate() {
