@@ -126,8 +126,8 @@ class SpinSystem(SiteSystem):
             if not periodic:
                 hint = "give periodic=True, or leave momentum= out"
                 raise ValueError(hinted("an open chain has no momentum", hint))
-            named = f"of a chain of {length} sites k is"
-            self.momentum = whole("momentum", momentum, 0, length - 1, named)
+            of_chain = f"of a chain of {length} sites k is"
+            self.momentum = whole("momentum", momentum, 0, length - 1, of_chain)
             self._basis.check()
             hint = "fix what the sum conserves, or take fewer sites"
             check_memory(
