@@ -11,6 +11,7 @@ import resource
 import time
 from functools import partial
 
+import casadi as ca
 import numpy as np
 from report import publish
 
@@ -31,10 +32,57 @@ def cases():
         yield f"chain of {links}", chain.build(links), start, t, 100, 2
 
 
-def seconds(function):
+def waves():
+    """Yield a name, system, method, what derivatives are by, the run, and the start."""
+    length, t = 14, (0.0, 10.0)
+    one = np.where(np.arange(2**length) % 2, -1.0, 1.0)
+    psi = np.zeros(2**length)
+    psi[int("01" * (length // 2), 2)] = 1.0
+    chain, times = lv.SpinChain(length), np.linspace(*t, 1000)
+    sampled = lv.Schrodinger(chain, drive=[(np.cos(2 * times) / 2, one)], times=times)
+    run = {"t": t, "steps": 1000, "every": 1000, "psi": psi}
+    yield "14 spins, 1000 samples", sampled, lv.Magnus(2), ["drive[0]"], run
+
+    def series(t, params):
+        return ca.dot(params.a, ca.sin(np.pi * t / 10 * ca.DM(range(1, 51))))
+
+    modes = np.random.default_rng(0).standard_normal(50) / 10
+    waved = lv.Schrodinger(chain, drive=[(series, one)], params={"a": modes})
+    yield "14 spins, 50 modes", waved, "auto", ["params.a"], {"t": t, "psi": psi}
+
+    sites = 1000
+    tilt = np.add.outer(np.arange(sites), np.zeros(sites)).ravel() / sites
+    packet = np.exp(-((np.arange(sites) - sites / 2) ** 2) / 200)
+    lattice = lv.Lattice((sites, sites))
+    shaken = lv.Schrodinger(
+        lattice, drive=[(lambda t, params: params.a * ca.sin(t), tilt)], params={"a": 1.0}
+    )
+    run = {"t": (0.0, 1.0), "psi": np.outer(packet, packet).ravel()}
+    yield "1000 x 1000 sites", shaken, "auto", ["psi", "params.a"], run
+
+
+def wave_gradient(system, method, wrt, run):
+    """Run, and take the gradient of the probability to be where it began."""
+    solution, pullback = lv.vjp(system, method, wrt=wrt, **run)
+    first, last = solution.psi[[0, -1]]
+    cotangent = np.zeros_like(solution.psi)
+    cotangent[-1] = 2 * first * np.vdot(first, last)
+    return pullback(psi=cotangent)
+
+
+def wave_cost(name, system, method, wrt, run):
+    """Return the row of a Schrödinger equation."""
+    repeats = REPEATS if system.size < 10**5 else 1
+    plain = seconds(partial(lv.integrate, system, method, **run), repeats)
+    row = {"system": name, "products": lv.integrate(system, method, **run).stats["products"]}
+    spent = seconds(partial(wave_gradient, system, method, wrt, run), repeats)
+    return row | {"run, s": round(plain, 2), "gradient": round(spent / plain, 1)}
+
+
+def seconds(function, repeats=REPEATS):
     """Return the least seconds of the processor of some calls."""
     best = float("inf")
-    for _ in range(REPEATS):
+    for _ in range(repeats):
         begin = time.process_time()
         function()
         best = min(best, time.process_time() - begin)
@@ -90,6 +138,7 @@ def main():
     parser.add_argument("--memory", type=int, nargs="?", const=10**6, help="steps of a long run")
     chosen = parser.parse_args()
     publish("gradients", [cost(*case) for case in cases()])
+    publish("gradients_waves", [wave_cost(*case) for case in waves()])
     if chosen.memory:
         publish("gradients_memory", [memory(chosen.memory)])
 

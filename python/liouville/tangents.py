@@ -23,9 +23,10 @@ class Tangent:
     ----------
     states : dict of str to ndarray
         By the names of the system: ``q`` and ``v``, ``q`` and ``p``, or ``y`` and ``z``, of shape
-        (k, n), and ``lam`` of shape (k, m). Of d directions at once they have these as the axis
-        before the last, as in (k, d, n), and in an ensemble of P members these as their second:
-        (k, P, d, n). There is no ``lam`` where constraints of a structure are redundant.
+        (k, n), and ``lam`` of shape (k, m); of a Schrödinger equation ``psi``, complex. Of d
+        directions at once they have these as the axis before the last, as in (k, d, n), and in an
+        ensemble of P members these as their second: (k, P, d, n). There is no ``lam`` where
+        constraints of a structure are redundant.
     events : dict of str to Points
         Derivatives of the times of events, ``tangent.events["name"].t`` of shape (k,) or (k, d),
         and of the states there, by the names that ``solution.events`` has.

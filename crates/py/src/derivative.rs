@@ -9,6 +9,7 @@ use numpy::{
     Complex64, PyArray1, PyArray2, PyArrayMethods, PyReadonlyArray1, PyReadonlyArray2,
     PyReadonlyArray3, PyUntypedArrayMethods,
 };
+use pyo3::exceptions::PyMemoryError;
 use pyo3::prelude::*;
 
 /// A place where a run leaves what its derivatives need.
@@ -220,6 +221,9 @@ impl WaveDerivative {
     /// The exception of a function that makes products or of a signal, or else this error.
     fn explained(&self, error: StepError) -> PyErr {
         let raised = self.caught.iter().find_map(Caught::take);
-        raised.unwrap_or_else(|| refused(error))
+        raised.unwrap_or_else(|| match error {
+            StepError::NoMemory => PyMemoryError::new_err("the terms of a window do not fit"),
+            error => refused(error),
+        })
     }
 }

@@ -115,16 +115,18 @@ class WaveRunner(Runner):
             self._directions = wave_derivative.WaveDirections(self.system, request.tangents)
             names = wave_derivative.check_wrt(self.system, self._directions.names)
             self.plan = wave_derivative.with_breaks(self.plan, self.system, names)
+            wave_derivative.check_room(self.plan, self.system.size, is_wanted=False)
 
     def adjoint(self, request: Request, wrt: Any) -> Adjoint:
         """Return the transposed derivative of the run by what `wrt` names, before it begins."""
         # imported here: few runs are differentiated
         from liouville.runners.wave_adjoint import WaveAdjoint
-        from liouville.runners.wave_derivative import check_wrt, with_breaks
+        from liouville.runners.wave_derivative import check_room, check_wrt, with_breaks
 
         del request
         names = check_wrt(self.system, wrt)
         self.plan = with_breaks(self.plan, self.system, names)
+        check_room(self.plan, self.system.size, is_wanted=set(names) != {"psi"})
         return WaveAdjoint(self, names)
 
     def derivative(self, names: Sequence[str]) -> WaveDerivative:

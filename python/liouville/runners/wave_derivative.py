@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from liouville import _core
+from liouville._arguments import check_memory
 from liouville.errors import hinted
 from liouville.planner import WavePlan
 from liouville.planner.waves.propagators import (
@@ -35,6 +36,9 @@ LEFT = (Series, Driven, SeriesExponentials, Exponentials)
 
 #: What a polynomial may leave out of a derivative of H, relative to the largest there is.
 LEFT_OUT = 1e-11
+
+#: Terms of a window beyond its length in units of 1/beta, about.
+TERMS = 40
 
 #: Most intervals on which derivatives of a drive are polynomials.
 INTERVALS = 4096
@@ -80,6 +84,16 @@ def check_plan(plan: WavePlan) -> None:
     is_split = isinstance(plan.core, Shears) and not plan.is_complex
     if not is_split and not isinstance(plan.core, LEFT):
         raise TypeError(hinted(f"{plan.scheme} has no tangents and no pullback", COVERED))
+
+
+def check_room(plan: WavePlan, size: int, *, is_wanted: bool) -> None:
+    """Refuse a run that would leave more than fits in memory, with the terms of a window."""
+    kept = 0 if isinstance(plan.core, Shears) else plan.windows
+    if isinstance(plan.core, Exponentials | SeriesExponentials):
+        kept = plan.core.order * plan.steps  # two ends of one or two exponentials
+    terms = plan.theta + TERMS if is_wanted else 0
+    what = f"differentiating a run of {size} components, which keeps {kept} of its states,"
+    check_memory(what, 16.0 * size * (kept + terms), "take fewer steps, or a shorter run")
 
 
 def check_wrt(system: Schrodinger, wrt: Any) -> tuple[str, ...]:
