@@ -63,6 +63,8 @@ impl LinearFlows {
         map: &mut LinearMap,
     ) {
         let (n, key) = (vector.len(), (flow.part, flow.h.to_bits()));
+        let mut end = std::mem::take(&mut self.scratch.arguments);
+        end.clear();
         let known = &mut self.scratch.affine.0;
         if known.len() > MOST_REMEMBERED {
             known.clear();
@@ -111,7 +113,7 @@ impl LinearFlows {
                 }
             }
         }
-        let end: Vec<f64> = (0..n).map(|i| moved(&made.change, i)).collect();
+        end.extend((0..n).map(|i| moved(&made.change, i)));
         if self.has_coefficients {
             for i in 0..n {
                 let row = matrix[i * n..(i + 1) * n].iter().zip(&end);
@@ -124,5 +126,6 @@ impl LinearFlows {
             map.add(i, results + i, 1.0);
         }
         self.scratch.values[..n].copy_from_slice(&end);
+        self.scratch.arguments = end;
     }
 }
