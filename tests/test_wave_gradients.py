@@ -260,3 +260,10 @@ def test_ensembles_and_bridges_are_refused():
         lv.ensemble(system, "auto", t=TIMES, psi=rows, tangents={"psi": rows[0]})
     with pytest.raises(TypeError, match="no function of arrays"):
         lv.casadi.solver(system, "auto", wrt=["psi"], t=(0, 1), steps=1)
+
+
+def test_what_does_not_fit_in_memory_is_refused_beforehand(monkeypatch):
+    monkeypatch.setattr("liouville._arguments.memory", lambda: 1e8)
+    run = {"t": (0, 4), "steps": 10**6, "every": 10**6, "psi": state()}
+    with pytest.raises(MemoryError, match="keeps 1000000 of its states"):
+        lv.vjp(driven(C), lv.Magnus(2, tol=1e-7), wrt=["psi"], **run)

@@ -256,3 +256,21 @@ fn turn(x: &mut [f64], angle: f64) {
     q.copy_from_slice(&wave.q);
     p.copy_from_slice(&wave.p);
 }
+
+/// Σ x y, in sums side by side, which a processor adds at once.
+fn inner(x: &[f64], y: &[f64]) -> f64 {
+    const BLOCK: usize = 256;
+    let of_block = |(x, y): (&[f64], &[f64])| {
+        let mut sums = [0.0; 8];
+        let (x, y) = (x.chunks_exact(8), y.chunks_exact(8));
+        let rest = x.remainder().iter().zip(y.remainder());
+        let rest: f64 = rest.map(|(x, y)| x * y).sum();
+        for (x, y) in x.zip(y) {
+            for ((sum, x), y) in sums.iter_mut().zip(x).zip(y) {
+                *sum += x * y;
+            }
+        }
+        rest + sums.iter().sum::<f64>()
+    };
+    x.chunks(BLOCK).zip(y.chunks(BLOCK)).map(of_block).sum()
+}

@@ -7,11 +7,10 @@
 //! with x_j = e^{iσs_j} times the cotangent of ψ_j. Source: the transpose of the series of `driven`.
 
 use super::powers::TransposedPowers;
-use super::{copied, turn};
+use super::{copied, inner, turn};
 use crate::method::driven::choice::{Form, Window};
 use crate::method::driven::fit::{Fit, NodeMap, by_nodes};
 use crate::method::driven::terms::Terms;
-use crate::method::observe::dot;
 use crate::problem::Update;
 use liouville_base::error::StepError;
 use liouville_base::linalg::add_scaled;
@@ -240,7 +239,7 @@ impl SeriesPiece {
                         add_scaled(now, weight, u);
                     }
                     if may_change(k) {
-                        weights[l * groups + k] += dot(u, &kept[m]);
+                        weights[l * groups + k] += inner(u, &kept[m]);
                     }
                 }
             }

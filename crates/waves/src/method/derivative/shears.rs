@@ -6,10 +6,9 @@
 //!
 //! A shear is undone by that of −a, so that no state between is kept.
 
-use super::turn;
+use super::{inner, turn};
 use crate::method::driven::fit::NodeMap;
 use crate::method::driven::terms::Terms;
-use crate::method::observe::dot;
 use crate::problem::Update;
 use liouville_base::error::StepError;
 use liouville_base::linalg::add_scaled;
@@ -185,7 +184,7 @@ impl ShearsPiece {
             let (sum, (now, other)) = (self.sum(&self.weights), split(cotangent, shear.0));
             if is_wanted {
                 let parts = split(&mut state, shear.0);
-                let each = |k: usize, part: &[f64]| found[k] += a * dot(now, part);
+                let each = |k: usize, part: &[f64]| found[k] += a * inner(now, part);
                 add_products(terms, sum, -a, parts, each, &mut part)?;
             }
             add_product(terms, sum, a, (other, now))?;
