@@ -106,7 +106,12 @@ class Mechanical:
 @final
 class Pullback:
     def __new__(
-        cls, problem: Mechanical, method: object, job: object, sensitivity: Sensitivity
+        cls,
+        problem: Mechanical | SecondOrder,
+        method: object,
+        job: object,
+        sensitivity: Sensitivity,
+        alpha: tuple[tuple[Tape, _Pattern, Tape, Tape, Tape], Tape, Tape, Tape] | None,
     ) -> Pullback: ...
     def give(self, rows: NDArray[np.float64]) -> None: ...
     def give_events(self, rows: list[NDArray[np.float64]]) -> None: ...

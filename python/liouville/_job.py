@@ -25,6 +25,9 @@ Slopes = tuple[_core.Tape, Pair | None, Pair | None]
 #: else, of its end and of the start of a run.
 AlphaSlopes = tuple[_core.Tape, Any, _core.Tape, _core.Tape, _core.Tape]
 
+#: The same with their transposes: by unknowns from the end, by all else from both, of the start.
+AlphaTransposed = tuple[AlphaSlopes, _core.Tape, _core.Tape, _core.Tape]
+
 #: An event as it crosses the border: its tape, its direction, how many end the run, whether it
 #: needs multipliers, its reset, whether it is no event but a switch, and its derivatives where they
 #: are wanted.

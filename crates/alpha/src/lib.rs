@@ -17,6 +17,7 @@
 //!
 //! Source: jay2007hht, jay2009; the paper's R is M A, its ψ our Λ.
 
+mod adjoint;
 mod attempt;
 mod coupling;
 mod newton_matrix;
@@ -27,6 +28,7 @@ mod solve;
 mod state;
 mod tangent;
 
+pub use adjoint::{AlphaAdjoint, AlphaCotangents, AlphaRecorder, AlphaRecords, AlphaTransposed};
 use attempt::{AlphaAttempt, KeptAlpha};
 use liouville_base::error::StepError;
 use liouville_base::linalg::{Matrix, add_scaled, copy};

@@ -7,12 +7,13 @@
 //!
 //! at the solution that the step has found. At the start of a run M dφ0 = (F − M φ0)_x dx, and da0 = dφ0.
 
+use super::adjoint::of_pattern;
 use super::state::AlphaState;
 use super::{Alpha, Reactions};
 use liouville_base::error::{Quantity, StepError};
 use liouville_base::linalg::{Matrix, Pattern, add_scaled, copy};
 use liouville_base::method::{Stats, Stepper};
-use liouville_base::newton::{BlockHandle, BlockLayout, BlockMatrix};
+use liouville_base::newton::{BlockHandle, BlockMatrix};
 use liouville_base::tape::{Registers, Tape};
 use liouville_problem::{
     AccelerationTangents, Carried, Directions, SensitivityModel, TangentView, finite,
@@ -156,10 +157,8 @@ impl AlphaTangents {
         (t, motion, is_given): (f64, AlphaState, bool),
         (y, z): (Matrix, Matrix),
     ) -> Result<(Self, AlphaTangentState), StepError> {
-        let mut layout = BlockLayout::default();
-        let block = layout.place(&slopes.pattern, 0, 0);
+        let (block, matrix) = of_pattern(&slopes.pattern);
         let order = slopes.pattern.shape().0;
-        let matrix = layout.build(order, 0);
         let dt: Vec<f64> = (0..directions.count())
             .map(|k| directions.tau[(k, 0)])
             .collect();
@@ -203,17 +202,7 @@ impl AlphaTangents {
         let (AlphaState { y, z, phi, .. }, n) = (&before.motion, before.motion.y.len());
         let is_same = before.motion.h == 0.0 || before.motion.h.to_bits() == h.to_bits();
         let ratio = if is_same { 1.0 } else { h / before.motion.h };
-        self.unknowns.clear();
-        self.unknowns.extend_from_slice(&state.motion.phi);
-        let [first, last] = &self.alpha.kept;
-        if self.alpha.solver.is_paired() {
-            for part in [&first.a, &last.a, &first.lam] {
-                self.unknowns.extend_from_slice(part);
-            }
-        }
-        if self.unknowns.len() < self.right.len() {
-            self.unknowns.extend_from_slice(&last.lam);
-        }
+        write_unknowns(&self.alpha, &state.motion, &mut self.unknowns);
         let (a, unknowns) = (&self.alpha.solver.a, &self.unknowns);
         let point: [&[f64]; 7] = [&[t], &[h], y, z, a, phi, unknowns];
         let [of_matrix, of_equations, of_end] = &mut self.registers;
@@ -252,6 +241,19 @@ impl AlphaTangents {
         }
         Ok(())
     }
+}
+
+/// Writes the unknowns of the step that has led to a state: φ1, A0 and A1 where there are any, and multipliers.
+pub(super) fn write_unknowns(alpha: &Alpha, state: &AlphaState, out: &mut Vec<f64>) {
+    out.clear();
+    out.extend_from_slice(&state.phi);
+    let [first, last] = &alpha.kept;
+    if alpha.solver.is_paired() {
+        for part in [&first.a, &last.a, &first.lam] {
+            out.extend_from_slice(part);
+        }
+    }
+    out.extend_from_slice(&last.lam);
 }
 
 /// Writes the tangents of φ at the start of a run.

@@ -133,6 +133,21 @@ impl PointAdjoint {
         self.accelerations((t, y, z), of)
     }
 
+    /// Adds cotangents of z' at a point.
+    ///
+    /// # Errors
+    /// As [`PointAdjoint::observe`].
+    pub fn observe_rate(
+        &mut self,
+        (t, point): (f64, &impl Carried),
+        rate: &[f64],
+        of: &mut Cotangents,
+    ) -> Result<(), StepError> {
+        self.a.copy_from_slice(rate);
+        self.b.fill(0.0);
+        self.accelerations((t, point.y(), point.z()), of)
+    }
+
     /// Takes cotangents `a` and `b` of z' and λ to the point.
     fn accelerations(
         &mut self,

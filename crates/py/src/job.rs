@@ -4,7 +4,7 @@ use crate::convert;
 use crate::errors::refused;
 use crate::mechanical::Sensitivity;
 use crate::tableau::{lobatto_named, scheme_named, spark_named};
-use liouville_alpha::{AlphaSlopes, Reactions};
+use liouville_alpha::{AlphaSlopes, AlphaTransposed, Reactions};
 use liouville_base::method::Tolerance;
 use liouville_base::run::{Advance, Span, StartError};
 use liouville_base::tableau;
@@ -302,14 +302,36 @@ pub(crate) fn start(
     Ok(run::start(problem, method, job))
 }
 
-/// The parts of a job in the core's terms, of a single run by equal steps.
+/// The derivatives of a step of the alpha family with their transposes: tapes of e_uᵀ w, of e_xᵀ w − E_xᵀ v and of the
+/// start.
+pub(crate) type AlphaOf<'py> = (
+    AlphaSlopesOf<'py>,
+    PyRef<'py, convert::Tape>,
+    PyRef<'py, convert::Tape>,
+    PyRef<'py, convert::Tape>,
+);
+
+/// The pullback of a single run in the core's terms.
 pub(crate) fn pullback(
     problem: Problem,
     sensitivity: &Sensitivity,
     method: &Bound<'_, PyAny>,
     job: &Bound<'_, PyAny>,
-) -> PyResult<Result<run::Pullback, StartError>> {
+    alpha: Option<AlphaOf<'_>>,
+) -> PyResult<Result<Box<dyn run::Follow>, StartError>> {
     let method = method.extract::<MechanicalMethod>()?.read()?;
     let job = job.extract::<MechanicalJob<'_>>()?.read()?;
-    Ok(run::Pullback::new(problem, method, job, &sensitivity.0))
+    let Some((slopes, unknowns, step, start)) = alpha else {
+        let found = run::Pullback::new(problem, method, job, &sensitivity.0);
+        return Ok(found.map(|found| Box::new(found) as _));
+    };
+    let copied = |tape: PyRef<'_, convert::Tape>| Tape::clone(&tape.0);
+    let transposed = AlphaTransposed {
+        unknowns: copied(unknowns),
+        step: copied(step),
+        start: copied(start),
+    };
+    let of = (alpha_slopes(&slopes)?, transposed);
+    let found = run::AlphaPullback::new(problem, method, job, &sensitivity.0, of);
+    Ok(found.map(|found| Box::new(found) as _))
 }

@@ -3,6 +3,7 @@
 use crate::errors::{self, refused};
 use crate::job;
 use crate::mechanical::{Mechanical, Sensitivity};
+use crate::second_order::SecondOrder;
 use liouville_base::linalg::Matrix;
 use liouville_base::run::StartError;
 use liouville_mechanics::run;
@@ -12,7 +13,7 @@ use pyo3::prelude::*;
 /// The pullback of a run by equal steps.
 #[pyclass(module = "liouville._core")]
 pub(crate) struct Pullback {
-    inner: run::Pullback,
+    inner: Box<dyn run::Follow>,
     width: usize,
 }
 
@@ -21,14 +22,21 @@ impl Pullback {
     /// The pullback of a run that was begun with these arguments, from the cotangents of nothing.
     #[new]
     fn new(
-        problem: PyRef<'_, Mechanical>,
+        problem: &Bound<'_, PyAny>,
         method: &Bound<'_, PyAny>,
         job: &Bound<'_, PyAny>,
         sensitivity: PyRef<'_, Sensitivity>,
+        alpha: Option<job::AlphaOf<'_>>,
     ) -> PyResult<Self> {
-        let width = 2 * problem.0.n + problem.0.m;
-        let problem = run::Problem::General(problem.0.clone());
-        match job::pullback(problem, &sensitivity, method, job)? {
+        let own = &sensitivity.0.mechanical;
+        let width = 2 * own.n + own.m;
+        let problem = if let Ok(problem) = problem.extract::<PyRef<'_, SecondOrder>>() {
+            run::Problem::SecondOrder(problem.0.clone())
+        } else {
+            let problem = problem.extract::<PyRef<'_, Mechanical>>()?;
+            run::Problem::General(problem.0.clone())
+        };
+        match job::pullback(problem, &sensitivity, method, job, alpha)? {
             Ok(inner) => Ok(Self { inner, width }),
             Err(StartError::Invalid(sentence)) => Err(refused(sentence)),
             Err(StartError::Failed(error)) => Err(refused(error)),

@@ -9,7 +9,7 @@ import numpy as np
 
 from liouville import _core
 from liouville._arguments import MOST_STEPS
-from liouville._job import Job
+from liouville._job import AlphaTransposed, Job
 from liouville.control import Takes
 from liouville.errors import Description, hinted, quoted
 from liouville.events import AFTER
@@ -184,15 +184,21 @@ class MechanicalRunner(TracedRunner):
             stretch += of_time * (at[0] - self.steps.t0)
         return found, tau, stretch
 
-    def pullback(self) -> tuple[_core.Mechanical, Method, Job, _core.Sensitivity]:
+    def pullback(
+        self,
+    ) -> tuple[
+        _core.Mechanical | _core.SecondOrder, Method, Job, _core.Sensitivity, AlphaTransposed | None
+    ]:
         """Return what the core makes a pullback of; the run itself keeps its start alone."""
         # imported here: few runs are differentiated
+        from liouville.systems._alpha_slopes import alpha_transposed
         from liouville.systems._sensitivity import sensitivity
 
         job, steps = self._job(), self.steps
         job.span = (steps.t0, steps.t1, steps.count, MOST_STEPS)
-        assert isinstance(self._problem, _core.Mechanical)
-        return self._problem, self.choice, job, sensitivity(self._stepped)
+        assert isinstance(self._problem, _core.Mechanical | _core.SecondOrder)
+        alpha = None if self._is_general else alpha_transposed(self._stepped, self.choice)
+        return self._problem, self.choice, job, sensitivity(self._stepped), alpha
 
     def pulled_start(self, found: Cotangents) -> Cotangents:
         """Return cotangents of a start that is moved onto the constraints, from those there."""

@@ -87,9 +87,6 @@ def check_covered(system: Any, method: Any, request: Request) -> None:
 
 def _check_alpha(method: Any, request: Request) -> None:
     """Refuse what the alpha family has no tangents of."""
-    if request.has_pullback:
-        sentence = f"{method!r} has no pullback yet"
-        raise TypeError(hinted(sentence, "tangents= has the derivatives of its equal steps"))
     for name in ("events", "t_eval", "rtol", "control"):
         if getattr(request, name) is not None:
             sentence = f"tangents by {type(method).__name__} go without {name}="

@@ -8,7 +8,8 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 from liouville import _casadi as ca
-from liouville._job import AlphaSlopes
+from liouville import _core
+from liouville._job import AlphaSlopes, AlphaTransposed
 from liouville.errors import hinted
 from liouville.systems._derivatives import jacobian
 from liouville.systems._form import record_blocks, total_derivative
@@ -32,6 +33,38 @@ def alpha_slopes(system: Mechanics, method: Any) -> AlphaSlopes:
         sentence = "tangents by the alpha family are those of expressions, not of matrices"
         raise TypeError(hinted(sentence, "take Spark"))
     return kept(system, f"slopes of {method!r}", lambda: _alpha_slopes(system, method))
+
+
+def alpha_transposed(system: Mechanics, method: Any) -> AlphaTransposed:
+    """Record the tapes of `AlphaTransposed` in the core beside those of :func:`alpha_slopes`."""
+    slopes = alpha_slopes(system, method)
+    more = kept(system, f"transposed {method!r}", lambda: _transposed(system, method))
+    return slopes, *more
+
+
+def _transposed(system: Mechanics, method: Any) -> tuple[_core.Tape, _core.Tape, _core.Tape]:
+    s, n = system._symbols, system._symbols.y.numel()
+    h, scale = ca.SX.sym("h"), ca.SX.sym("scale")
+    a, phi = ca.SX.sym("a", n), ca.SX.sym("phi", n)
+    unknowns, end, equations = _step(system, method, (h, scale, a, phi))
+    inputs = {"t": s.t, "h": h, "y": s.y, "z": s.z, "a": a, "phi": phi, "u": unknowns}
+    params = s.params.vector
+    x = ca.vertcat(s.t, h, s.y, s.z, a, phi, params)
+    v, w = ca.SX.sym("v", equations.numel()), ca.SX.sym("w", end.numel())
+    by_unknowns = ca.jtimes(end, unknowns, w, True)
+    both = ca.jtimes(end, x, w, True)
+    both -= ca.substitute(ca.jtimes(equations, x, v, True), scale, h)
+    mass, forces = _second_order(system)
+    at, c = ca.vertcat(s.t, s.y, s.z, params), ca.SX.sym("c", n)
+    start = ca.jtimes(forces - ca.mtimes(mass, phi), at, c, True)
+    point = {"t": s.t, "y": s.y, "z": s.z, "phi": phi, "c": c, "params": params}
+    return (
+        record("cotangents of unknowns", {**inputs, "w": w, "params": params},
+               ca.densify(by_unknowns)),
+        record("cotangents of a step", {**inputs, "v": v, "w": w, "params": params},
+               ca.densify(both)),
+        record("cotangents of its start", point, ca.densify(start)),
+    )  # fmt: skip
 
 
 def _alpha_slopes(system: Mechanics, method: Any) -> AlphaSlopes:

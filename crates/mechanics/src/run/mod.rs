@@ -2,6 +2,7 @@
 //!
 //! A single run is made as a member of an ensemble is; it may have control of its steps and events too.
 
+mod alpha_pullback;
 mod at_times;
 mod check;
 mod job;
@@ -10,8 +11,9 @@ mod member;
 mod pullback;
 mod tangents;
 
+pub use alpha_pullback::AlphaPullback;
 pub use job::{Control, Detection, EventFunction, Job, Method, Problem, SparkMethod, Tangents};
-pub use pullback::Pullback;
+pub use pullback::{Follow, Pullback};
 
 use liouville_alpha::{Alpha, AlphaRestart, AlphaState, Reactions};
 use liouville_base::ensemble::{Ensemble, Layout};

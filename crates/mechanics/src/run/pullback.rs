@@ -15,6 +15,37 @@ use liouville_spark::{SharedRecords, SparkAdjoint, SparkRecorder, StepRecord};
 use std::sync::Arc;
 use std::time::Duration;
 
+/// What takes cotangents of a run back to its start, from checkpoint to checkpoint.
+pub trait Follow: Send + Sync {
+    /// Goes to a checkpoint of the run.
+    ///
+    /// # Errors
+    /// It is one of another run.
+    fn restore(&mut self, saved: &[f64]) -> Result<(), CheckpointMismatch>;
+
+    /// Makes the steps up to the step `last` again, and follows them back. `rows` are cotangents of
+    /// (y, z, λ) at the ends of the steps `kept`, both in their order.
+    ///
+    /// # Errors
+    /// A step cannot be made again, or not followed back.
+    fn follow(&mut self, last: usize, kept: &[usize], rows: &Matrix) -> Result<(), StepError>;
+
+    /// Ends at the start, whose cotangents are `row`.
+    ///
+    /// # Errors
+    /// A derivative that is not finite.
+    fn end(&mut self, row: &[f64]) -> Result<&Cotangents, StepError>;
+
+    /// Takes cotangents of (y, z, λ) at the given times, a row for each; says whether the run has so many.
+    fn give(&mut self, _rows: Matrix) -> bool {
+        false
+    }
+
+    /// Takes cotangents of the events of each kind, a row for each time it was met: of t, y, z and λ, and of y, z and λ
+    /// after a reset.
+    fn give_events(&mut self, _rows: Vec<Matrix>) {}
+}
+
 /// The pullback of a run of a SPARK method, its steps held.
 pub struct Pullback {
     run: Box<dyn Advance>,
@@ -130,81 +161,6 @@ impl Pullback {
         })
     }
 
-    /// Takes cotangents of the events of each kind, a row for each time it was met: of t, y, z and λ, and of y, z and λ
-    /// after a reset.
-    pub fn give_events(&mut self, rows: Vec<Matrix>) {
-        if let Some(events) = &mut self.events {
-            events.rows = rows;
-        }
-    }
-
-    /// Takes cotangents of (y, z, λ) at the given times, a row for each; says whether the run has so many.
-    pub fn give(&mut self, rows: Matrix) -> bool {
-        (self.times.as_ref()).is_some_and(|times| times.lock().give(rows))
-    }
-
-    /// Goes to a checkpoint of the run.
-    ///
-    /// # Errors
-    /// It is one of another run.
-    pub fn restore(&mut self, saved: &[f64]) -> Result<(), CheckpointMismatch> {
-        self.run.restore(saved)
-    }
-
-    /// Makes the steps up to the step `last` again, and follows them back. `rows` are cotangents of
-    /// (y, z, λ) at the ends of the steps `kept`, both in their order.
-    ///
-    /// # Errors
-    /// A step cannot be made again, or not followed back.
-    pub fn follow(&mut self, last: usize, kept: &[usize], rows: &Matrix) -> Result<(), StepError> {
-        self.records.lock().clear();
-        let pending = self.times.as_ref().map(|times| times.lock().pending());
-        let status = self.run.advance_to(last, Duration::MAX);
-        if let Status::Failed { error, .. } = status {
-            return Err(error);
-        }
-        let is_over = status == Status::Done;
-        if is_over && self.times.is_some() {
-            // what is due at the end only
-            drop(self.run.take());
-        }
-        let shared = self.records.clone();
-        let records = shared.lock();
-        if let Some((times, pending)) = self.times.as_ref().zip(pending) {
-            times.lock().shift(pending, records.steps().len());
-        }
-        let mut entries = match &self.events {
-            Some(events) => std::mem::take(&mut *events.journal.lock()),
-            None => Vec::new(),
-        };
-        let (mut number, last, parts) = (self.run.done(), records.steps().len(), self.parts);
-        for place in (1..=last / parts).rev().map(|k| k * parts) {
-            let own = entries.split_off(entries.partition_point(|entry| entry.place < place));
-            let cut = own.iter().rfind(|entry| entry.is_cut());
-            let step = &records.steps()[place - parts..place];
-            // a step that an event has parted is one with that to its end
-            let is_whole = cut.is_none_or(|entry| !entry.goes_on() || is_over && place == last);
-            if is_whole && let Ok(row) = kept.binary_search(&number) {
-                let end = &step[parts - 1];
-                let (t, state) = match cut {
-                    Some(entry) => (entry.t, entry.after.as_ref().unwrap_or(&entry.state)),
-                    None => (end.time(), &end.end),
-                };
-                self.point
-                    .observe((t, state), rows.row(row), &mut self.cotangents)?;
-            }
-            number -= usize::from(is_whole);
-            match cut {
-                Some(entry) => self.leave_cut(place, entry)?,
-                None => self.leave_step(place, step)?,
-            }
-            for entry in own.iter().filter(|entry| !entry.is_cut()) {
-                self.leave_event(entry)?;
-            }
-        }
-        Ok(())
-    }
-
     /// Follows a step back.
     fn leave_step(&mut self, place: usize, step: &[StepRecord]) -> Result<(), StepError> {
         let end = &step[self.parts - 1];
@@ -271,12 +227,63 @@ impl Pullback {
         self.cotangents.add_scaled(1.0, &own);
         Ok(())
     }
+}
 
-    /// Ends at the start, whose cotangents are `row`.
-    ///
-    /// # Errors
-    /// A derivative that is not finite.
-    pub fn end(&mut self, row: &[f64]) -> Result<&Cotangents, StepError> {
+impl Follow for Pullback {
+    fn restore(&mut self, saved: &[f64]) -> Result<(), CheckpointMismatch> {
+        self.run.restore(saved)
+    }
+
+    fn follow(&mut self, last: usize, kept: &[usize], rows: &Matrix) -> Result<(), StepError> {
+        self.records.lock().clear();
+        let pending = self.times.as_ref().map(|times| times.lock().pending());
+        let status = self.run.advance_to(last, Duration::MAX);
+        if let Status::Failed { error, .. } = status {
+            return Err(error);
+        }
+        let is_over = status == Status::Done;
+        if is_over && self.times.is_some() {
+            // what is due at the end only
+            drop(self.run.take());
+        }
+        let shared = self.records.clone();
+        let records = shared.lock();
+        if let Some((times, pending)) = self.times.as_ref().zip(pending) {
+            times.lock().shift(pending, records.steps().len());
+        }
+        let mut entries = match &self.events {
+            Some(events) => std::mem::take(&mut *events.journal.lock()),
+            None => Vec::new(),
+        };
+        let (mut number, last, parts) = (self.run.done(), records.steps().len(), self.parts);
+        for place in (1..=last / parts).rev().map(|k| k * parts) {
+            let own = entries.split_off(entries.partition_point(|entry| entry.place < place));
+            let cut = own.iter().rfind(|entry| entry.is_cut());
+            let step = &records.steps()[place - parts..place];
+            // a step that an event has parted is one with that to its end
+            let is_whole = cut.is_none_or(|entry| !entry.goes_on() || is_over && place == last);
+            if is_whole && let Ok(row) = kept.binary_search(&number) {
+                let end = &step[parts - 1];
+                let (t, state) = match cut {
+                    Some(entry) => (entry.t, entry.after.as_ref().unwrap_or(&entry.state)),
+                    None => (end.time(), &end.end),
+                };
+                self.point
+                    .observe((t, state), rows.row(row), &mut self.cotangents)?;
+            }
+            number -= usize::from(is_whole);
+            match cut {
+                Some(entry) => self.leave_cut(place, entry)?,
+                None => self.leave_step(place, step)?,
+            }
+            for entry in own.iter().filter(|entry| !entry.is_cut()) {
+                self.leave_event(entry)?;
+            }
+        }
+        Ok(())
+    }
+
+    fn end(&mut self, row: &[f64]) -> Result<&Cotangents, StepError> {
         let start = self.start.clone();
         let at = (start.0, &start.1);
         for starts in [false, true] {
@@ -289,5 +296,15 @@ impl Pullback {
         self.point.observe(at, row, &mut self.cotangents)?;
         self.point.leave(at, &mut self.cotangents)?;
         Ok(&self.cotangents)
+    }
+
+    fn give(&mut self, rows: Matrix) -> bool {
+        (self.times.as_ref()).is_some_and(|times| times.lock().give(rows))
+    }
+
+    fn give_events(&mut self, rows: Vec<Matrix>) {
+        if let Some(events) = &mut self.events {
+            events.rows = rows;
+        }
     }
 }

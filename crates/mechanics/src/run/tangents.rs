@@ -3,7 +3,7 @@
 use super::member::{BoxedStepper, Member};
 use crate::events::{DenseDetector, TangentEvents};
 
-use super::{Begun, SparkMethod, Starter, System, Tangents};
+use super::{Begun, Control, SparkMethod, Starter, System, Tangents};
 use liouville_alpha::{Alpha, AlphaSlopes, AlphaState, AlphaTangents};
 use liouville_base::error::StepError;
 use liouville_base::linalg::Matrix;
@@ -138,6 +138,16 @@ impl Starter {
 }
 
 impl Starter {
+    /// Whether a run of the α family has a pullback with these derivatives.
+    pub(super) fn has_alpha_pullback(&self, sensitivity: &Sensitivity) -> bool {
+        let job = &self.job;
+        Arc::ptr_eq(&sensitivity.mechanical, self.system.mechanical())
+            && job.detection.is_none()
+            && job.tangents.is_none()
+            && job.members.is_none()
+            && matches!(job.control, Control::Fixed)
+    }
+
     /// Whether a run has a pullback with these derivatives.
     pub(super) fn has_pullback(&self, sensitivity: &Sensitivity, spark: &SparkMethod) -> bool {
         let job = &self.job;
