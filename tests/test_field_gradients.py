@@ -3,6 +3,7 @@
 import casadi as ca
 import numpy as np
 import pytest
+import registry
 
 import liouville as lv
 from liouville.problems import load
@@ -83,6 +84,18 @@ def test_gradients_of_the_problems(name):
     found = lv.check_gradient(
         problem.system, lv.VolumeSplitting(), wrt=wrt, **RUN, x=problem.start["x"], size=2e-4
     )
+    assert found.dot < 1e-13
+    assert found.differences < 1e-8
+
+
+@pytest.mark.parametrize(("row", "name"), [(row, row.on[0]) for row in registry.FIELDS], ids=str)
+def test_gradients_of_the_registry(row, name):
+    """Of every composition, by the start and the end."""
+    problem = registry.ALL[name]
+    found = lv.check_gradient(
+        problem.system, row.method, wrt=["x", "t1"], t=(0.0, 0.1), steps=5, size=2e-4,
+        **problem.start,
+    )  # fmt: skip
     assert found.dot < 1e-13
     assert found.differences < 1e-8
 
