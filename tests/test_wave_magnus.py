@@ -38,9 +38,10 @@ def test_errors_are_below_the_tolerance_and_products_below_the_plan(name):
     system, span, psi = CASES[name]
     exact = lv.integrate(system, lv.Chebyshev(1e-12), t=span, psi=psi).psi[-1]
     for tol in (1e-3, 1e-6, 1e-9):
-        for method in [lv.Chebyshev(tol), *(lv.Magnus(p, tol, j) for p, j in SCHEMES)]:
-            if method == lv.Magnus(2, tol, 1) and tol < 1e-4:
-                continue
+        # long ones are left out: loose tolerances by all, tight ones by high orders
+        least = 2 if tol > 1e-4 else 4 if tol > 1e-7 and name != "molecule" else 6
+        kept = [scheme for scheme in SCHEMES if scheme[0] >= least]
+        for method in [lv.Chebyshev(tol), *(lv.Magnus(p, tol, j) for p, j in kept)]:
             solution = lv.integrate(system, method, t=span, psi=psi)
             assert np.linalg.norm(solution.psi[-1] - exact) < tol, method
             assert solution.stats["products"] <= lv.plan(system, method, t=span).products, method

@@ -241,7 +241,9 @@ fn coefficients_satisfy_every_order_condition() {
                     *exponential.entry(word.clone()).or_default() += x;
                 }
                 power = times(&power, &exponent, order);
-                power.values_mut().for_each(|x| *x /= (k + 1) as f64);
+                for x in power.values_mut() {
+                    *x /= (k + 1) as f64;
+                }
             }
             // later factors are on the left
             product = times(&exponential, &product, order);

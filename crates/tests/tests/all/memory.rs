@@ -324,6 +324,17 @@ fn series_in_time(sweeper: &Sweeper<f64>, bounds: TermBounds) -> DrivenSeries {
     DrivenSeries::new(sweeper, driven, times).expect("parts of the grid")
 }
 
+/// Magnus' steps of a driven grid to a tolerance.
+fn magnus_steps(sweeper: Sweeper<f64>, bounds: TermBounds) -> MagnusSteps {
+    let tolerance = MagnusTolerance {
+        rate: 1e-6,
+        whole: 1e-6,
+        norm: 1e-5,
+    };
+    let nodes = Nodes::find(6, 5).expect("a method");
+    MagnusSteps::new(sweeper, nodes, bounds, tolerance).expect("parts of the grid")
+}
+
 #[test]
 fn wave_functions_go_on() {
     type Waving = Box<dyn Stepper<State = Wave<f64>>>;
@@ -394,10 +405,10 @@ fn wave_functions_go_on() {
             "magnus",
             32,
             Box::new(|| {
-                let sweeper = Sweeper::new(grid());
+                let nodes = Nodes::find(4, 2).expect("a method");
                 Box::new(Magnus::new(
-                    sweeper,
-                    Nodes::find(4, 2).expect("a method"),
+                    Sweeper::new(grid()),
+                    nodes,
                     exponential(),
                     bounds(),
                 ))
@@ -406,16 +417,7 @@ fn wave_functions_go_on() {
         (
             "magnus to a tolerance",
             32,
-            Box::new(|| {
-                let tolerance = MagnusTolerance {
-                    rate: 1e-6,
-                    whole: 1e-6,
-                    norm: 1e-5,
-                };
-                let nodes = Nodes::find(6, 5).expect("a method");
-                let steps = MagnusSteps::new(Sweeper::new(grid()), nodes, bounds(), tolerance);
-                Box::new(steps.expect("parts of the grid"))
-            }),
+            Box::new(|| Box::new(magnus_steps(Sweeper::new(grid()), bounds()))),
         ),
     ];
     for (name, size, stepper) in &steppers {
