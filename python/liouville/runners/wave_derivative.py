@@ -91,7 +91,7 @@ def check_room(plan: WavePlan, size: int, *, is_wanted: bool) -> None:
     kept = 0 if isinstance(plan.core, Shears) else plan.windows
     if isinstance(plan.core, Exponentials | SeriesExponentials):
         ends = 2 if isinstance(plan.core, Exponentials) else 1
-        kept = ends * (plan.core.order // 2) * plan.steps
+        kept = ends * plan.core.scheme[1] * plan.steps
     terms = plan.theta + TERMS if is_wanted else 0
     what = f"differentiating a run of {size} components, which keeps {kept} of its states,"
     check_memory(what, 16.0 * size * (kept + terms), "take fewer steps, or a shorter run")
