@@ -86,6 +86,8 @@ ROWS = {
     ),
     "Magnus 2 by shears": (driven, lv.Magnus(2, tol=1e-4), PARAMS, {"t": (0, 4), "steps": 7}),
     "Magnus 4 by shears": (driven, lv.Magnus(4), PARAMS, {"t": (4, 0), "steps": 7, "every": 3}),
+    "Magnus 6": (driven, lv.Magnus(6), PARAMS, {"t": (0, 4), "steps": 5}),
+    "Magnus 8": (lambda: driven(C), lv.Magnus(8), PARAMS, {"t": (0, 4), "steps": 3}),
     "Magnus 2": (lambda: driven(C), lv.Magnus(2), PARAMS, {"t": (0, 4), "steps": 9, "every": 2}),
     "Magnus 4": (lambda: driven(C), lv.Magnus(4), PARAMS, {"t": (0, 4), "steps": 9, "every": 4}),
 }  # fmt: skip

@@ -1,10 +1,11 @@
 //! Runs of Schrödinger equations: a Hamiltonian, a method and a job become one run.
 
+mod magnus;
 mod method;
 mod prepared;
 
+pub use magnus::magnus_cost;
 pub use method::{Method, chebyshev_degree, processor_degree, turns};
-pub use prepared::magnus_cost;
 
 use crate::method::{Observable, Observer, Recorder, Sweeper, Wave};
 use crate::problem::Hamiltonian;

@@ -1,10 +1,10 @@
 //! Methods that fit their Hamiltonians, and their steppers.
 
+use super::magnus::fitting;
 use super::method::{Method, PROCESSOR_ERROR, turns};
 use crate::method::{
-    Chebyshev, Doubled, Driven, DrivenSeries, Lanczos, Magnus, MagnusCost, MagnusSteps,
-    MagnusTolerance, Nodes, Phases, Processed, Processor, ShearProgram, Shears, Sweeper,
-    TermBounds, Wave, Windows,
+    Chebyshev, Doubled, Driven, DrivenSeries, Lanczos, Magnus, MagnusSteps, MagnusTolerance, Nodes,
+    Phases, Processed, Processor, ShearProgram, Shears, Sweeper, TermBounds, Wave, Windows,
 };
 use crate::problem::Hamiltonian;
 use liouville_base::cancel::CancelToken;
@@ -154,52 +154,6 @@ impl Prepared {
         })
     }
 
-    /// A Magnus method for this Hamiltonian.
-    fn magnus(
-        method: Method,
-        hamiltonian: &Hamiltonian,
-        is_back: bool,
-    ) -> Result<Self, StartError> {
-        Ok(match method {
-            Method::Magnus {
-                scheme,
-                coefficients,
-                theta,
-                tolerance,
-                bounds,
-            } => Self::Magnus {
-                nodes: nodes(scheme)?,
-                exponential: ShearProgram {
-                    program: shears(&coefficients, is_back),
-                    theta,
-                    tolerance,
-                },
-                bounds: fitting(bounds, hamiltonian)?,
-            },
-            Method::MagnusSeries {
-                scheme,
-                rate,
-                tolerance,
-                bounds,
-            } => Self::MagnusSeries {
-                nodes: nodes(scheme)?,
-                rate,
-                tolerance,
-                bounds: fitting(bounds, hamiltonian)?,
-            },
-            Method::MagnusSteps {
-                scheme,
-                tolerance,
-                bounds,
-            } => Self::Single(Single::MagnusSteps {
-                nodes: nodes(scheme)?,
-                tolerance,
-                bounds: fitting(bounds, hamiltonian)?,
-            }),
-            _ => return Err(StartError::invalid("a Magnus method")),
-        })
-    }
-
     /// The most states of which a stepper has memory.
     pub(super) fn states(&self) -> usize {
         match self {
@@ -344,47 +298,8 @@ fn of_halves<S: Stored>(
     }
 }
 
-/// The Magnus method of an order with so many exponentials.
-fn nodes((order, exponentials): (usize, usize)) -> Result<Nodes, StartError> {
-    let unknown = || StartError::invalid("there is no such Magnus method");
-    Nodes::find(order, exponentials).ok_or_else(unknown)
-}
-
-/// What steps of a Magnus method to a tolerance come to at most.
-///
-/// # Errors
-/// It is another method, its bounds do not fit, or H is not finite.
-pub fn magnus_cost(
-    hamiltonian: &Arc<Hamiltonian>,
-    method: Method,
-    times: &[f64],
-) -> Result<MagnusCost, StartError> {
-    let Method::MagnusSteps {
-        scheme,
-        tolerance,
-        bounds,
-    } = method
-    else {
-        return Err(StartError::invalid("the steps of a Magnus method"));
-    };
-    let bounds = fitting(bounds, hamiltonian)?;
-    let cost = MagnusSteps::cost(hamiltonian, nodes(scheme)?, bounds, tolerance, times);
-    Ok(cost.unwrap_or_else(|| unreachable!("bounds that have been checked"))?)
-}
-
-/// Bounds, if they are those of the terms of H.
-fn fitting(bounds: TermBounds, hamiltonian: &Hamiltonian) -> Result<TermBounds, StartError> {
-    if bounds.is_fitting(hamiltonian.terms().len()) {
-        Ok(bounds)
-    } else {
-        Err(StartError::invalid(
-            "parts are all terms, each with its bounds",
-        ))
-    }
-}
-
 /// Shears of q and p in turn; back in time they are undone, last to first.
-fn shears(coefficients: &[f64], is_back: bool) -> Vec<Flow> {
+pub(super) fn shears(coefficients: &[f64], is_back: bool) -> Vec<Flow> {
     let shear = |(k, weight): (usize, &f64)| Flow {
         part: k % 2,
         is_adjoint: false,

@@ -9,7 +9,7 @@ mod powers;
 mod series;
 mod shears;
 
-use super::driven::fit::NodeMap;
+use super::driven::polynomials::NodeMap;
 use super::driven::terms::Terms;
 use super::{Sweeper, Wave};
 use liouville_base::error::StepError;

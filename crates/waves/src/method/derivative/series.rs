@@ -9,7 +9,8 @@
 use super::powers::TransposedPowers;
 use super::{copied, inner, turn};
 use crate::method::driven::choice::{Form, Window};
-use crate::method::driven::fit::{Fit, NodeMap, by_nodes};
+use crate::method::driven::fit::Fit;
+use crate::method::driven::polynomials::{NodeMap, by_nodes};
 use crate::method::driven::terms::Terms;
 use crate::problem::Update;
 use liouville_base::error::StepError;

@@ -7,7 +7,7 @@
 //! A shear is undone by that of −a, so that no state between is kept.
 
 use super::{inner, turn};
-use crate::method::driven::fit::NodeMap;
+use crate::method::driven::polynomials::NodeMap;
 use crate::method::driven::terms::Terms;
 use crate::problem::Update;
 use liouville_base::error::StepError;

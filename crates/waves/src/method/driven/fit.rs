@@ -3,19 +3,12 @@
 //! Functions of time are interpolated at Chebyshev's nodes, the ends among them, and their series are cut where the rest
 //! is below a tolerance: nothing but their values is needed.
 
+use super::polynomials::{DEGREE, NODES, coefficients, node_at, powers};
 use crate::method::term_bounds::{Interval, TermBounds, range};
 use crate::problem::{Drive, Hamiltonian, Potential};
-use liouville_base::linalg::add_scaled;
 use liouville_base::real::Lanes;
 use liouville_base::tape::Registers;
-use std::f64::consts::PI;
 use std::sync::Arc;
-
-/// The highest degree in time.
-pub(super) const DEGREE: usize = 14;
-
-/// Nodes of the interpolation.
-const NODES: usize = DEGREE + 7;
 
 /// Points at which a potential is looked at before it is fitted at all of them.
 const LOOKS: usize = 8;
@@ -285,135 +278,4 @@ impl Sampler {
             fit.potential.extend_from_slice(&row[groups..]);
         }
     }
-}
-
-/// Coefficients of polynomials by values at nodes: first those of Chebyshev's polynomials, by each of which the powers
-/// have theirs. The two are not multiplied out, as what roundings add to high degrees has no part in smooth functions.
-#[derive(Clone, Debug, Default)]
-pub(in crate::method) struct NodeMap {
-    /// Of each polynomial a weight for each node.
-    pub(in crate::method) series: Vec<f64>,
-    /// Of each power a weight for each polynomial.
-    pub(in crate::method) powers: Vec<f64>,
-}
-
-impl NodeMap {
-    /// Coefficients of powers, from rows of values at the nodes.
-    pub(in crate::method) fn apply(&self, values: &[f64], width: usize, degree: usize) -> Vec<f64> {
-        let nodes = self.series.len() / (degree + 1);
-        let middle = combined(&self.series, nodes, values, width);
-        combined(&self.powers, degree + 1, &middle, width)
-    }
-
-    /// The transpose of this: cotangents of the values from those of the coefficients.
-    pub(in crate::method) fn transposed(
-        &self,
-        values: &[f64],
-        width: usize,
-        degree: usize,
-    ) -> Vec<f64> {
-        let nodes = self.series.len() / (degree + 1);
-        let middle = combined_transposed(&self.powers, degree + 1, values, width);
-        combined_transposed(&self.series, nodes, &middle, width)
-    }
-}
-
-/// The product of a matrix of so many columns with rows of a width.
-fn combined(matrix: &[f64], columns: usize, rows: &[f64], width: usize) -> Vec<f64> {
-    let mut found = vec![0.0; matrix.len() / columns * width];
-    for (weights, out) in matrix.chunks(columns).zip(found.chunks_mut(width)) {
-        for (weight, row) in weights.iter().zip(rows.chunks(width)) {
-            add_scaled(out, *weight, row);
-        }
-    }
-    found
-}
-
-/// The product of its transpose.
-fn combined_transposed(matrix: &[f64], columns: usize, rows: &[f64], width: usize) -> Vec<f64> {
-    let mut found = vec![0.0; columns * width];
-    for (weights, row) in matrix.chunks(columns).zip(rows.chunks(width)) {
-        for (weight, out) in weights.iter().zip(found.chunks_mut(width)) {
-            add_scaled(out, *weight, row);
-        }
-    }
-    found
-}
-
-fn angle(node: usize) -> f64 {
-    PI * node as f64 / (NODES - 1) as f64
-}
-
-/// A node, as part of a window.
-fn node_at(node: usize) -> f64 {
-    0.5 * (1.0 + angle(node).cos())
-}
-
-/// The nodes of all windows, as parts of them.
-pub(in crate::method) fn nodes() -> Vec<f64> {
-    (0..NODES).map(node_at).collect()
-}
-
-/// A polynomial of a degree by its values at the nodes.
-pub(in crate::method) fn by_nodes(degree: usize) -> NodeMap {
-    let unit: Vec<f64> = (0..NODES * NODES)
-        .map(|place| f64::from(u8::from(place % (NODES + 1) == 0)))
-        .collect();
-    let mut series = Vec::new();
-    coefficients(&unit, NODES, &mut series);
-    series.truncate((degree + 1) * NODES);
-    let terms = degree + 1;
-    let unit: Vec<f64> = (0..terms * terms)
-        .map(|place| f64::from(u8::from(place % (terms + 1) == 0)))
-        .collect();
-    NodeMap {
-        powers: powers(&unit, degree, terms),
-        series,
-    }
-}
-
-/// Chebyshev's coefficients of rows of values at the nodes.
-fn coefficients(samples: &[f64], width: usize, series: &mut Vec<f64>) {
-    let last = NODES - 1;
-    series.clear();
-    series.resize(samples.len(), 0.0);
-    for (j, out) in series.chunks_mut(width).enumerate() {
-        let half = |place: usize| {
-            if place == 0 || place == last {
-                0.5
-            } else {
-                1.0
-            }
-        };
-        let scale = 2.0 * half(j) / last as f64;
-        for (node, row) in samples.chunks(width).enumerate() {
-            let factor = scale * half(node) * (j as f64 * angle(node)).cos();
-            for (out, x) in out.iter_mut().zip(row) {
-                *out += factor * x;
-            }
-        }
-    }
-}
-
-/// Coefficients of the powers of y up to a degree.
-fn powers(series: &[f64], degree: usize, width: usize) -> Vec<f64> {
-    let mut powers = vec![0.0; (degree + 1) * width];
-    // Chebyshev's polynomials of 2y − 1 in powers of y
-    let (mut before, mut now) = (vec![0.0; degree + 2], vec![0.0; degree + 2]);
-    now[0] = 1.0;
-    for (j, row) in series.chunks(width).take(degree + 1).enumerate() {
-        for (factor, out) in now.iter().zip(powers.chunks_mut(width)) {
-            for (out, x) in out.iter_mut().zip(row) {
-                *out += factor * x;
-            }
-        }
-        let twice = if j == 0 { 1.0 } else { 2.0 };
-        let next = (0..degree + 2).map(|l| {
-            let lower = if l == 0 { 0.0 } else { now[l - 1] };
-            twice * (2.0 * lower - now[l]) - if j == 0 { 0.0 } else { before[l] }
-        });
-        let next = next.collect();
-        before = std::mem::replace(&mut now, next);
-    }
-    powers
 }

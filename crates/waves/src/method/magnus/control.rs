@@ -12,6 +12,7 @@
 
 use super::{Averages, Magnus, Nodes};
 use crate::method::bessel::degree;
+use crate::method::driven::next_time;
 use crate::method::term_bounds::{Interval, TermBounds};
 use crate::method::{Sweeper, Wave, squares};
 use crate::problem::{Hamiltonian, HamiltonianAt};
@@ -355,16 +356,6 @@ fn clone_into(from: &Wave<f64>, to: &mut Wave<f64>) {
     to.q.copy_from_slice(&from.q);
     to.p.copy_from_slice(&from.p);
     (to.phase, to.start) = (from.phase, from.start);
-}
-
-/// The end of a step, which is that of the interval where it is as near as rounding errors.
-fn next_time(t: f64, h: f64, end: f64) -> f64 {
-    let next = t + h;
-    if (end - next).abs() <= 1e-9 * h.abs() || next.to_bits() == t.to_bits() {
-        end
-    } else {
-        next
-    }
 }
 
 impl Stepper for MagnusSteps {

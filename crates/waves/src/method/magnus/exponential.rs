@@ -1,7 +1,7 @@
 //! The propagator of a matrix that does not depend on time: shears, or a Chebyshev series of the degree that it takes.
 
 use crate::method::derivative::{Piece, ShearsPiece, flat};
-use crate::method::driven::fit::NodeMap;
+use crate::method::driven::polynomials::NodeMap;
 use crate::method::term_bounds::Interval;
 use crate::method::{Chebyshev, Shears, Sweeper, Wave};
 use liouville_base::checkpoint::{Checkpoint, CheckpointMismatch, Numbers};
