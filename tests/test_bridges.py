@@ -213,7 +213,7 @@ def test_redundant_constraints_have_derivatives_at_starts_on_them():
     ({"returns": "energy"}, "there is no state 'energy'"),
     ({"returns": ("q", "q")}, "returns names each state once"),
     ({"returns": ()}, "returns is the name of a state"),
-    ({"method": lv.HHT()}, "has no tangents yet"),
+    ({"method": lv.Spark(2, newton_tol=1e-6)}, "newton_tol"),
     ({"steps": None}, "give either h or steps"),
 ])  # fmt: skip
 def test_a_wrong_call_is_refused_by_a_sentence(changes, sentence):
