@@ -215,7 +215,7 @@ enum RecordedOf<'py> {
 /// A job, by the attributes of its dataclass: `start` has rows of values, `seen` is how many variables the user has,
 /// and the matrix A of x = A y if y is what is stepped; `tangents` are directions, rows of values too, and behind these,
 /// where they are wanted, changes of all coefficients in the order of pieces, and of the step size; `varied` are the
-/// splits of members, where these have different parameters.
+/// splits of members, where these have different parameters; `times` are those of the records, where they are given.
 #[derive(FromPyObject)]
 struct FieldJob<'py> {
     start: (PyReadonlyArray2<'py, f64>,),
@@ -224,6 +224,7 @@ struct FieldJob<'py> {
     seen: (usize, Option<PyReadonlyArray2<'py, f64>>),
     tangents: Option<PyReadonlyArray2<'py, f64>>,
     span: (f64, f64, usize, usize),
+    times: Option<PyReadonlyArray1<'py, f64>>,
     observer: RecordedOf<'py>,
     states: bool,
     threads: usize,
@@ -247,6 +248,7 @@ impl FieldJob<'_> {
             }
         }
         let (t0, t1, steps, every) = self.span;
+        let times = self.times.as_ref().map(|times| times.as_slice());
         Ok(run::Job {
             x: x.as_slice()?.to_vec(),
             members: self.is_ensemble.then(|| x.shape()[0]),
@@ -262,6 +264,7 @@ impl FieldJob<'_> {
                 every,
             },
             recorded: self.recorded()?,
+            times: times.transpose()?.unwrap_or_default().to_vec(),
             directions,
             constants,
             threads: self.threads,

@@ -44,12 +44,11 @@ if TYPE_CHECKING:
 SYSTEMS = (Mechanics, SemiExplicit, Field, Schrodinger)
 MECHANICAL = (Spark, LobattoPair, HHT, GeneralizedAlpha, ArnoldBruls, Composition)
 
-#: What helps other systems instead of these options of mechanical and semi-explicit ones.
-INSTEAD: dict[tuple[str, type | None], str] = {
+#: What helps other systems instead of these options.
+INSTEAD: dict[tuple[str, type], str] = {
     ("t_eval", Schrodinger): "t= takes the times of all states to keep",
-    ("t_eval", None): "give an h of which these times are multiples, and every=",
     ("events", Field): "lv.section finds where trajectories cross a plane",
-    ("events", None): "observe= records such a function at each kept state",
+    ("events", Schrodinger): "observe= records such a function at each kept state",
 }
 
 
@@ -82,12 +81,9 @@ def runner_of(system: System, method: Method | Plan | str, request: Request) -> 
         return _of_mechanics(system, method, request)
     if isinstance(system, SemiExplicit):
         return _of_semi_explicit(system, method, request)
-    for name, value in (("t_eval", request.t_eval), ("events", request.events)):
-        if value is not None:
-            kind = Field if isinstance(system, Field) else type(system)
-            hint = INSTEAD.get((name, kind), INSTEAD[name, None])
-            sentence = f"{name} is for a mechanical or semi-explicit system, not for {system!r}"
-            raise TypeError(hinted(sentence, hint))
+    for (name, kind), hint in INSTEAD.items():
+        if isinstance(system, kind) and getattr(request, name) is not None:
+            raise TypeError(hinted(f"{name} is not for {system!r}", hint))
     if isinstance(system, Schrodinger):
         if request.is_ensemble:
             _check_shared(system, request)

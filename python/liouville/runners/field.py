@@ -17,8 +17,10 @@ from liouville.planner import FieldPlan, plan_field
 from liouville.runners.execute import execute
 from liouville.runners.runner import Request, Runner, kept, threads_of
 from liouville.runners.trial_steps import RECORDS, trial_steps
+from liouville.runners.watch import given
 from liouville.splitting import Affine, Split, crossed, described, variables_of
 from liouville.systems import Field, PolynomialField, members
+from liouville.systems.traced import INVARIANT
 from liouville.tangents import Tangent
 from liouville.terms import Function
 
@@ -67,6 +69,7 @@ class FieldRunner(Runner):
         if self.steps.control is not None:
             self.steps, method = self._tried(method, self.steps, np.atleast_2d(x))
         self.every = kept(self.steps, request.every)
+        self.times = given(request.t_eval, (self.steps.t0, self.steps.t1), self.every)
         self.members = x.shape[:-1]
         self.threads = threads_of(request.threads)
         self._states = request.states
@@ -80,7 +83,9 @@ class FieldRunner(Runner):
             self._directions = FieldDirections(system, request.tangents)
             self.widths = {**self.widths, "tangents": self._directions.count * x.shape[-1]}
         self.columns |= self.widths
-        self._check_records(request, self.steps.records(self.every))
+        times = self.times
+        records = self.steps.records(self.every) if times is None else times.size
+        self._check_records(request, records)
         self.x = system.extended(np.atleast_2d(x), self.steps.t0)
         h = self.steps.mean(self.steps.t1, self.steps.count)
         self.choice, self.split = self._planned(method, h)
@@ -184,11 +189,23 @@ class FieldRunner(Runner):
         params = np.concatenate([system.values(None) for system in self.systems])
         return Job(
             start=(parts.inward(self.x),), span=(steps.t0, steps.t1, steps.count, self.every),
-            varied=[crossed(split) for split in self.splits],
+            times=self.times, varied=[crossed(split) for split in self.splits],
             observer=self._observer, params=params, states=self._states,
             seen=(len(self.system.coordinates), parts.outward), threads=self.threads,
             is_ensemble=bool(self.members), tangents=self._tangents(),
         )  # fmt: skip
+
+    @property
+    def initial(self) -> dict[str, float]:
+        """The invariants at the start, where no record is kept of it."""
+        t0 = self.steps.t0
+        if not self.system.invariants or self.times is None or self.times[0] == t0:
+            return {}
+        x = np.ascontiguousarray(self.x[:, : len(self.system.coordinates)])
+        row = self._observer.map(self.system.values(None), [np.array([[t0]]), x])[0]
+        cuts = np.cumsum([*self.widths.values()])[:-1]
+        found = dict(zip(self.widths, np.split(row, cuts), strict=True))
+        return {name: float(found[INVARIANT + name][0]) for name in self.system.invariants}
 
     def _tangents(self) -> np.ndarray | None:
         """Return the directions as the core takes them."""

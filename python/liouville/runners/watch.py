@@ -35,9 +35,7 @@ class Watch:
         )
         if span[1] < span[0]:
             _check_invertible(self.events)
-        self.times = None if times is None else within(times, *span)
-        if times is not None and every != 1:
-            raise ValueError("give either every= or t_eval=: both say which states to keep")
+        self.times = given(times, span, every)
 
     def __getstate__(self) -> dict[str, Any]:
         """Leave the functions behind: the core has them as tapes."""
@@ -135,6 +133,15 @@ def _check_invertible(events: Mapping[str, Event]) -> None:
             sentence = f"event '{name}' has a reset, and the run goes back in time"
             hint = "only reset=lv.Impact(1.0), without loss, undoes itself: run forwards"
             raise ValueError(hinted(sentence, hint))
+
+
+def given(times: Any, span: tuple[float, float], every: int) -> np.ndarray | None:
+    """Return the times of the records of a run, None where they are not given."""
+    if times is None:
+        return None
+    if every != 1:
+        raise ValueError("give either every= or t_eval=: both say which states to keep")
+    return within(times, *span)
 
 
 def within(times: Any, t0: float, t1: float) -> np.ndarray:

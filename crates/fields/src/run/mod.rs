@@ -16,7 +16,7 @@ use liouville_base::error::StepError;
 use liouville_base::method::Stepper;
 use liouville_base::observe::Observe;
 use liouville_base::real::{Lanes, Real};
-use liouville_base::run::{Advance, Fixed, Run, Span, StartError};
+use liouville_base::run::{Advance, Fixed, GivenTimes, Run, Span, StartError};
 use liouville_base::simd::Stored;
 use liouville_base::tableau::Scheme;
 use liouville_base::tape::Tape;
@@ -69,6 +69,8 @@ pub struct Job {
     pub span: Span,
     /// Its records.
     pub recorded: Recorded,
+    /// When a single run without tangents is recorded, in its order; every so many steps where this is empty.
+    pub times: Vec<f64>,
     /// Directions of tangents, row by row, which are recorded behind observables; empty without.
     pub directions: Vec<f64>,
     /// Changes along with these of the coefficients of all pieces and of the step size, row by row; empty without.
@@ -119,6 +121,7 @@ impl Job {
                     == self.directions.len() / n * (count_coefficients(split) + 1))
             && (self.varied.is_empty() || self.varied.len() == members && self.members.is_some())
             && self.varied.iter().all(|split| split.n() == n)
+            && (self.times.is_empty() || self.members.is_none() && self.directions.is_empty())
             && match &self.recorded {
                 Recorded::Observables { tape, params, .. } => {
                     let rows = if self.varied.is_empty() { 1 } else { members };
@@ -129,7 +132,10 @@ impl Job {
                         && self.members.is_some()
                         && self.directions.is_empty()
                 }
-                Recorded::Determinants => self.members.is_none() && self.directions.is_empty(),
+                Recorded::Determinants => {
+                    let is_plain = self.directions.is_empty() && self.times.is_empty();
+                    self.members.is_none() && is_plain
+                }
             };
         if fits {
             return Ok(());
@@ -199,7 +205,17 @@ impl Starter {
         let volume = stepper.parts();
         let state = volume.state(&self.in_lanes(members));
         let observer = self.observer(volume, members);
-        self.launch(Box::new(stepper), Box::new(observer), state)
+        if self.job.times.is_empty() {
+            return self.launch(Box::new(stepper), Box::new(observer), state);
+        }
+        let (span, times) = (self.job.span, self.job.times.clone());
+        let expected = times.len();
+        let copies = (Box::new(stepper.clone()), Box::new(observer.clone()));
+        let events = Box::new(GivenTimes::new(copies.0, copies.1, times, &state));
+        let control = Fixed::new(Box::new(stepper), span.t0, span.h(), span.steps);
+        let (control, observer) = (Box::new(control), Box::new(observer));
+        let run = Run::with_events(control, observer, state, (1, expected), Some(events))?;
+        Ok(Box::new(run))
     }
 
     /// An observer of these members, the first trajectories that `volume` steps.
