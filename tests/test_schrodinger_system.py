@@ -1,4 +1,7 @@
-"""Hamiltonians cross to the core as they are, bounds hold, and others are refused."""
+"""Hamiltonians cross to the core as they are, bounds hold, and others are refused.
+
+One file, since chains, lattices, grids and matrices are all held against matrices written out.
+"""
 
 import numpy as np
 import pytest

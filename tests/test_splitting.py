@@ -1,7 +1,8 @@
 """Splittings: the pieces sum to the field, and each is what its name says.
 
 What is exact is compared exactly. The reference data hold fields, a splitting that is unique, the
-sizes of families of permutations, and steps of canonical splittings.
+sizes of families of permutations, and steps of canonical splittings. One file, since all pieces are
+held against the field by the same helpers.
 """
 
 import json

@@ -13,9 +13,9 @@ from math import cos, sin
 import numba
 import numpy as np
 
-FAST = {"fastmath": True, "error_model": "numpy"}
+from .rk4 import BLOCK, FAST, stepper
+
 A, B, C = 1.0, 0.8, 0.6
-BLOCK = 512  # tracers that the vectorised loop takes through all steps together
 
 
 @numba.njit(inline="always", **FAST)
@@ -23,16 +23,7 @@ def field(x, y, z):
     return A * sin(z) + C * cos(y), B * sin(x) + A * cos(z), C * sin(y) + B * cos(x)
 
 
-@numba.njit(inline="always", **FAST)
-def rk4_step(x, y, z, h):
-    a1, b1, c1 = field(x, y, z)
-    a2, b2, c2 = field(x + h / 2 * a1, y + h / 2 * b1, z + h / 2 * c1)
-    a3, b3, c3 = field(x + h / 2 * a2, y + h / 2 * b2, z + h / 2 * c2)
-    a4, b4, c4 = field(x + h * a3, y + h * b3, z + h * c3)
-    x += h / 6 * (a1 + 2 * a2 + 2 * a3 + a4)
-    y += h / 6 * (b1 + 2 * b2 + 2 * b3 + b4)
-    z += h / 6 * (c1 + 2 * c2 + 2 * c3 + c4)
-    return x, y, z
+rk4_step = stepper(field)
 
 
 @numba.njit(**FAST)

@@ -16,8 +16,8 @@ import numba
 import numpy as np
 from scipy.integrate import solve_ivp
 
-FAST = {"fastmath": True, "error_model": "numpy"}
-BLOCK = 512  # tracers that the vectorised loop takes through all steps together
+from .rk4 import BLOCK, FAST, stepper
+
 CHUNK = 16384  # tracers whose arrays stay in the cache, for NumPy
 
 
@@ -26,16 +26,7 @@ def field(x, y, z):
     return z - 8 * x * y, 11 * x * x + 3 * y * y + z * z + x * z - 3, -x + 2 * y * z - x * y
 
 
-@numba.njit(inline="always", **FAST)
-def rk4_step(x, y, z, h):
-    a1, b1, c1 = field(x, y, z)
-    a2, b2, c2 = field(x + h / 2 * a1, y + h / 2 * b1, z + h / 2 * c1)
-    a3, b3, c3 = field(x + h / 2 * a2, y + h / 2 * b2, z + h / 2 * c2)
-    a4, b4, c4 = field(x + h * a3, y + h * b3, z + h * c3)
-    x += h / 6 * (a1 + 2 * a2 + 2 * a3 + a4)
-    y += h / 6 * (b1 + 2 * b2 + 2 * b3 + b4)
-    z += h / 6 * (c1 + 2 * c2 + 2 * c3 + c4)
-    return x, y, z
+rk4_step = stepper(field)
 
 
 @numba.njit(inline="always", **FAST)

@@ -1,4 +1,5 @@
-//! Random splits of every kind of piece, and their flows by plain loops.
+//! Random splits of every kind of piece, and their flows by plain loops. One file, since each kind is made and
+//! followed here alone.
 
 use liouville_base::tape::{Line, Op, Tape};
 use liouville_fields::problem::{Formula, Function, Piece, Polynomials, Split};

@@ -284,19 +284,14 @@ impl Starter {
             times: span.times()?,
             width,
         };
-        if self.has_tangents() {
-            let begin = move |members: &[usize]| self.tangents(members[0]);
-            let each = (members, 1);
-            return Ok(Ensemble::new(
-                Box::new(begin),
-                each,
-                threads,
-                layout,
-                span.t0,
-            ));
-        }
-        if !self.job.varied.is_empty() {
-            let begin = move |members: &[usize]| self.begin(self.single(members[0]), members);
+        if self.has_tangents() || !self.job.varied.is_empty() {
+            let begin = move |members: &[usize]| {
+                if self.has_tangents() {
+                    self.tangents(members[0])
+                } else {
+                    self.begin(self.single(members[0]), members)
+                }
+            };
             let each = (members, 1);
             return Ok(Ensemble::new(
                 Box::new(begin),

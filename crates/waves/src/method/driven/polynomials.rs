@@ -62,13 +62,32 @@ fn combined_transposed(matrix: &[f64], columns: usize, rows: &[f64], width: usiz
     found
 }
 
-fn angle(node: usize) -> f64 {
-    PI * node as f64 / (NODES - 1) as f64
+/// A Chebyshev node of so many, as part of an interval.
+pub(in crate::method) fn chebyshev_node(node: usize, count: usize) -> f64 {
+    0.5 * (1.0 + angle(node, count).cos())
+}
+
+/// The weight of the value at a node of so many in the coefficient of Chebyshev's polynomial `T_j`.
+pub(in crate::method) fn chebyshev_weight(j: usize, node: usize, count: usize) -> f64 {
+    let last = count - 1;
+    let half = |place: usize| {
+        if place == 0 || place == last {
+            0.5
+        } else {
+            1.0
+        }
+    };
+    let scale = 2.0 * half(j) / last as f64;
+    scale * half(node) * (j as f64 * angle(node, count)).cos()
+}
+
+fn angle(node: usize, count: usize) -> f64 {
+    PI * node as f64 / (count - 1) as f64
 }
 
 /// A node, as part of a window.
 pub(super) fn node_at(node: usize) -> f64 {
-    0.5 * (1.0 + angle(node).cos())
+    chebyshev_node(node, NODES)
 }
 
 /// The nodes of all windows, as parts of them.
@@ -96,20 +115,11 @@ pub(in crate::method) fn by_nodes(degree: usize) -> NodeMap {
 
 /// Chebyshev's coefficients of rows of values at the nodes.
 pub(super) fn coefficients(samples: &[f64], width: usize, series: &mut Vec<f64>) {
-    let last = NODES - 1;
     series.clear();
     series.resize(samples.len(), 0.0);
     for (j, out) in series.chunks_mut(width).enumerate() {
-        let half = |place: usize| {
-            if place == 0 || place == last {
-                0.5
-            } else {
-                1.0
-            }
-        };
-        let scale = 2.0 * half(j) / last as f64;
         for (node, row) in samples.chunks(width).enumerate() {
-            let factor = scale * half(node) * (j as f64 * angle(node)).cos();
+            let factor = chebyshev_weight(j, node, NODES);
             for (out, x) in out.iter_mut().zip(row) {
                 *out += factor * x;
             }

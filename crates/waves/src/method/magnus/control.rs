@@ -13,13 +13,13 @@
 use super::{Averages, Magnus, Nodes};
 use crate::method::bessel::degree;
 use crate::method::driven::next_time;
+use crate::method::driven::polynomials::{chebyshev_node, chebyshev_weight};
 use crate::method::term_bounds::{Interval, TermBounds};
 use crate::method::{Sweeper, Wave, squares};
 use crate::problem::{Hamiltonian, HamiltonianAt};
 use liouville_base::checkpoint::{Checkpoint, CheckpointMismatch, Numbers};
 use liouville_base::error::StepError;
 use liouville_base::method::{Stats, Stepper};
-use std::f64::consts::PI;
 use std::sync::Arc;
 
 /// The parts of the tolerance: for all exponentials, and for the Magnus method itself.
@@ -97,20 +97,11 @@ const LAST: std::ops::Range<usize> = NODES - 2..NODES;
 /// The error of a step, in units of the part of H h that its α_n do not have.
 const UNRESOLVED: f64 = 0.1;
 
-fn angle(node: usize) -> f64 {
-    PI * node as f64 / (NODES - 1) as f64
-}
-
-/// Weights of values at the points in the coefficient of Chebyshev's polynomial T_n.
+/// Weights of values at the points in the coefficient of Chebyshev's polynomial `T_n`.
 fn moment(n: usize) -> Vec<f64> {
-    let last = NODES - 1;
-    let is_end = |k: usize| k == 0 || k == last;
-    let half = |k: usize| if is_end(k) { 0.5 } else { 1.0 };
-    let weight = |k: usize| {
-        let angle = PI * (n * k) as f64 / last as f64;
-        2.0 / last as f64 * half(n) * half(k) * angle.cos()
-    };
-    (0..NODES).map(weight).collect()
+    (0..NODES)
+        .map(|node| chebyshev_weight(n, node, NODES))
+        .collect()
 }
 
 fn half((low, high): Interval) -> f64 {
@@ -133,7 +124,7 @@ impl Chooser {
             current: HamiltonianAt::new(hamiltonian),
             hamiltonian: hamiltonian.clone(),
             averages: Averages::new(bounds, NODES),
-            points: (0..NODES).map(|k| 0.5 + 0.5 * angle(k).cos()).collect(),
+            points: (0..NODES).map(|k| chebyshev_node(k, NODES)).collect(),
             moments: (0..letters).chain(LAST).map(moment).collect(),
             norms: vec![0.0; letters],
             words: vec![0.0; nodes.order + 2],
