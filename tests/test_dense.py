@@ -189,12 +189,9 @@ def test_wrong_times_are_refused(times, message):
         )
 
 
-def test_events_and_times_of_other_systems_are_refused_with_what_helps():
-    field = problems.load("euler_top")
-    with pytest.raises(TypeError, match=r"events is not for .*\nhint: lv.section finds"):
-        lv.integrate(
-            field.system, lv.VolumeSplitting(), t=(0, 1), h=0.1, events={"e": sum}, x=[1, 0, 0]
-        )
+def test_events_and_times_of_waves_are_refused_with_what_helps():
     wave = lv.Schrodinger(lv.Lattice(4))
+    with pytest.raises(TypeError, match=r"events is not for .*\nhint: observe= records"):
+        lv.integrate(wave, "auto", t=(0, 1), events={"e": sum}, psi=[1, 0, 0, 0])
     with pytest.raises(TypeError, match=r"t_eval is not for .*\nhint: t= takes the times"):
         lv.integrate(wave, "auto", t=(0, 1), t_eval=[0.5], psi=[1, 0, 0, 0])

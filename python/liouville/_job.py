@@ -66,8 +66,6 @@ class Job:
         which part of themselves the steps become longer, and derivatives of a step of the alpha
         family or None. Changes of the members of an ensemble come
         one after another.
-    times : ndarray or None
-        Times of the records of a field, where they are given.
     varied : list of Split
         The split fields of members, where these have parameters of their own.
     seen : tuple
@@ -90,7 +88,6 @@ class Job:
     control: tuple[object, ...] | None = None
     watch: tuple[int, Array | None, list[Event]] | None = None
     tangents: Tangents | Array | None = None
-    times: Array | None = None
     varied: list[_core.Split] = field(default_factory=list)
     seen: tuple[int, Array | None] = (0, None)
     threads: int = 1

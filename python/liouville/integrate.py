@@ -85,9 +85,9 @@ def integrate(
         the constraints then show the error of that. Of a field each is the end of a shorter step
         instead, which keeps volume. A Schrödinger equation has its times in `t`.
     events : mapping of str to Event or callable, optional
-        Functions ``f(t, q, v, lam, params)``, of semi-explicit systems ``f(t, y, z, params)``,
-        whose changes of sign are wanted, by name; see :class:`Event` for those that have a
-        direction, end the run, or reset its state.
+        Functions ``f(t, q, v, lam, params)``, of semi-explicit systems ``f(t, y, z, params)``, of
+        fields ``f(t, x, params)``, whose changes of sign are wanted, by name; see :class:`Event`
+        for those that have a direction, end the run, or reset its state.
     observe : mapping of str to callable, optional
         Further quantities ``f(t, q, v, params)`` (the system's own states), scalars or vectors,
         evaluated in the core at each kept step.

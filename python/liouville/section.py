@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any
 
@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike
 from liouville import _core
 from liouville._arguments import MOST_STEPS, number
 from liouville.errors import IntegrationError, hinted
-from liouville.events import DIRECTIONS
+from liouville.events import DIRECTIONS, Event
 from liouville.failure import Failure, summary_of
 from liouville.methods import VolumeSplitting
 from liouville.progress import Progress
@@ -25,6 +25,9 @@ from liouville.systems import Field
 if TYPE_CHECKING:
     from liouville.planner import FieldPlan
     from liouville.runners.field import FieldRunner
+
+#: What the event is called that a surface is.
+SURFACE = "plane"
 
 #: Times are counted in periods to roundoff.
 ROUNDOFF = 1e-9
@@ -86,7 +89,7 @@ def section(
     method: VolumeSplitting | FieldPlan,
     *,
     t: tuple[float, float],
-    plane: str | ArrayLike,
+    plane: str | ArrayLike | Callable[..., Any],
     offset: float = 0.0,
     period: float | None = None,
     direction: str = "both",
@@ -101,14 +104,16 @@ def section(
 
     A crossing is between two steps; it is found by one more step from the first of them, of a part
     of h, with the same method. The points have the accuracy of the method and lie on the plane to
-    roundoff. Two crossings within a step are not seen.
+    roundoff. Two crossings of a plane within a step are not seen.
 
     Parameters
     ----------
     system, method, t, h, steps, params, progress, threads
         As for :func:`liouville.ensemble`.
-    plane : str or array_like, shape (n,)
-        The name of a coordinate, or the normal a; or ``"t"`` for the states at the times
+    plane : str, callable or array_like, shape (n,)
+        The name of a coordinate, or the normal a; or a function :math:`s(t, x, params)` of which
+        the surface :math:`s = c` is meant: it is an :class:`Event`, with two crossings seen within
+        a step, and members are not in lock-step. Or ``"t"`` for the states at the times
         :math:`c + k T` after the start, with ``period`` T: the strobe map of a driven field. The
         steps are then the longest up to h of which a period is a whole number.
     offset : float, default 0
@@ -151,22 +156,28 @@ def section(
     from liouville.runners.field import FieldRunner
     from liouville.splitting import crossed
 
+    cuts, names = _cuts(offset, period, direction), system.coordinates
     request = Request(
         t=t, h=h, steps=steps, every=MOST_STEPS, params=params, threads=threads, start={"x": x},
-        is_ensemble=True,
+        events=_surface(plane, cuts, direction), is_ensemble=True,
     )  # fmt: skip
     runner = runner_of(system, method, request)
     assert isinstance(runner, FieldRunner)
-    names = system.coordinates
-    cuts = _cuts(offset, period, direction)
     if isinstance(plane, str) and plane == "t" and "t" not in names:
         return _strobed(runner, request, cuts, progress)
-    normal = _plane(plane, names)
+    normal, job = np.zeros(len(names)), runner.job
+    if not callable(plane):
+        normal = _plane(plane, names)
+        job = replace(job, observer=(normal, *cuts))
     made = runner.steps
-    job = replace(runner.job, observer=(normal, *cuts))
     run = _core.run(crossed(runner.split), runner.choice.method, job)
     outcome = run if isinstance(run, dict) else advance(run, runner, progress)
-    _, rows = (None, np.empty((0, 2 + len(names)))) if isinstance(run, dict) else run.take()
+    rows = np.empty((0, 2 + len(names)))
+    if not isinstance(run, dict):
+        _, rows = run.take()
+        if callable(plane):
+            met = runner.events(run)[0][SURFACE]
+            rows = np.column_stack([met.member, met.t, met.x])
     failures = {} if isinstance(run, dict) else failures_of(run, runner)
     forwards = np.sign(made.t1 - made.t0)
     order = np.lexsort((forwards * rows[:, 1], rows[:, 0]))
@@ -189,6 +200,19 @@ def section(
             section=replace(found, status="failed"),
         )  # fmt: skip
     return found
+
+
+def _surface(
+    plane: Any, cuts: tuple[float, float | None, int], direction: str
+) -> dict[str, Event] | None:
+    """Return the event that a surface is, None of a plane."""
+    if not callable(plane):
+        return None
+    offset, period, _ = cuts
+    if period is not None:
+        hint = "return a function that is zero on all of them, such as sin(x[0])"
+        raise ValueError(hinted("period= is that of planes, and plane= is a function", hint))
+    return {SURFACE: Event(lambda t, x, params: plane(t, x, params) - offset, direction)}
 
 
 def _strobed(

@@ -6,7 +6,7 @@ use crate::mechanical::Sensitivity;
 use crate::tableau::{lobatto_named, scheme_named, spark_named};
 use liouville_alpha::{AlphaSlopes, AlphaTransposed, Reactions};
 use liouville_base::method::Tolerance;
-use liouville_base::run::{Advance, Span, StartError};
+use liouville_base::run::{Advance, EventRule, Span, StartError};
 use liouville_base::tableau;
 use liouville_base::tape::Tape;
 use liouville_mechanics::events::{EventSlopes, Law};
@@ -129,7 +129,7 @@ impl ControlOf<'_> {
 }
 
 /// Order of the method, times to record at or None, and events.
-type Watch<'py> = (usize, Option<PyReadonlyArray1<'py, f64>>, Vec<EventOf<'py>>);
+pub(crate) type Watch<'py> = (usize, Option<PyReadonlyArray1<'py, f64>>, Vec<EventOf<'py>>);
 
 /// An event: tape, direction, how many end the run or 0, whether it needs lam, its reset or None, whether it is a switch,
 /// and its derivatives or None.
@@ -168,22 +168,27 @@ type ResetOf<'py> = (
     Option<PyRef<'py, convert::Tape>>,
 );
 
-fn detection((order, times, events): &Watch<'_>) -> PyResult<Detection> {
+pub(crate) fn detection((order, times, events): &Watch<'_>) -> PyResult<Detection> {
     let times = times.as_ref().map(|x| x.as_slice().map(<[f64]>::to_vec));
     let copied = |tape: &PyRef<'_, convert::Tape>| Tape::clone(&tape.0);
-    let events = events.iter();
+    let events = events.iter().enumerate();
     let events = events.map(
-        |(tape, direction, terminal, needs_lam, reset, is_switch, derivatives)| EventFunction {
-            tape: copied(tape),
-            direction: *direction,
-            terminal: *terminal,
-            needs_lam: *needs_lam,
-            reset: reset.as_ref().map(|(tape, is_impact, rate)| {
-                let law = if *is_impact { Law::Impact } else { Law::State };
-                (law(copied(tape)), rate.as_ref().map(copied))
-            }),
-            is_switch: *is_switch,
-            slopes: derivatives.as_ref().map(slopes),
+        |(index, (tape, direction, terminal, needs_lam, reset, is_switch, derivatives))| {
+            EventFunction {
+                tape: copied(tape),
+                rule: EventRule {
+                    index,
+                    direction: *direction,
+                    terminal: *terminal,
+                },
+                needs_lam: *needs_lam,
+                reset: reset.as_ref().map(|(tape, is_impact, rate)| {
+                    let law = if *is_impact { Law::Impact } else { Law::State };
+                    (law(copied(tape)), rate.as_ref().map(copied))
+                }),
+                is_switch: *is_switch,
+                slopes: derivatives.as_ref().map(slopes),
+            }
         },
     );
     Ok(Detection {

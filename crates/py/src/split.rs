@@ -3,6 +3,7 @@
 use crate::convert::{self, Values};
 use crate::errors::refused;
 use crate::gridded::Plane;
+use crate::job::{Watch, detection};
 use crate::tableau::scheme_named;
 use liouville_base::run::{Advance, Span, StartError};
 use liouville_base::tape::Tape;
@@ -215,7 +216,7 @@ enum RecordedOf<'py> {
 /// A job, by the attributes of its dataclass: `start` has rows of values, `seen` is how many variables the user has,
 /// and the matrix A of x = A y if y is what is stepped; `tangents` are directions, rows of values too, and behind these,
 /// where they are wanted, changes of all coefficients in the order of pieces, and of the step size; `varied` are the
-/// splits of members, where these have different parameters; `times` are those of the records, where they are given.
+/// splits of members, where these have different parameters; `watch` has given times and events, whose functions are of (t, x, params).
 #[derive(FromPyObject)]
 struct FieldJob<'py> {
     start: (PyReadonlyArray2<'py, f64>,),
@@ -224,7 +225,7 @@ struct FieldJob<'py> {
     seen: (usize, Option<PyReadonlyArray2<'py, f64>>),
     tangents: Option<PyReadonlyArray2<'py, f64>>,
     span: (f64, f64, usize, usize),
-    times: Option<PyReadonlyArray1<'py, f64>>,
+    watch: Option<Watch<'py>>,
     observer: RecordedOf<'py>,
     states: bool,
     threads: usize,
@@ -248,7 +249,11 @@ impl FieldJob<'_> {
             }
         }
         let (t0, t1, steps, every) = self.span;
-        let times = self.times.as_ref().map(|times| times.as_slice());
+        let watch = self.watch.as_ref().map(detection).transpose()?;
+        let (times, events) = match watch {
+            Some(watch) => (watch.times.unwrap_or_default(), watch.events),
+            None => (Vec::new(), Vec::new()),
+        };
         Ok(run::Job {
             x: x.as_slice()?.to_vec(),
             members: self.is_ensemble.then(|| x.shape()[0]),
@@ -264,7 +269,10 @@ impl FieldJob<'_> {
                 every,
             },
             recorded: self.recorded()?,
-            times: times.transpose()?.unwrap_or_default().to_vec(),
+            times,
+            events: (events.into_iter())
+                .map(|event| (event.tape, event.rule))
+                .collect(),
             directions,
             constants,
             threads: self.threads,

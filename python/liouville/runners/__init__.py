@@ -47,7 +47,6 @@ MECHANICAL = (Spark, LobattoPair, HHT, GeneralizedAlpha, ArnoldBruls, Compositio
 #: What helps other systems instead of these options.
 INSTEAD: dict[tuple[str, type], str] = {
     ("t_eval", Schrodinger): "t= takes the times of all states to keep",
-    ("events", Field): "lv.section finds where trajectories cross a plane",
     ("events", Schrodinger): "observe= records such a function at each kept state",
 }
 

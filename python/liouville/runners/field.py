@@ -14,10 +14,11 @@ from liouville.control import TRIAL, Steps, Takes
 from liouville.errors import Description, describe, hinted
 from liouville.methods import VolumeSplitting
 from liouville.planner import FieldPlan, plan_field
+from liouville.points import Points
 from liouville.runners.execute import execute
 from liouville.runners.runner import Request, Runner, kept, threads_of
 from liouville.runners.trial_steps import RECORDS, trial_steps
-from liouville.runners.watch import given
+from liouville.runners.watch import Watch
 from liouville.splitting import Affine, Split, crossed, described, variables_of
 from liouville.systems import Field, PolynomialField, members
 from liouville.systems.traced import INVARIANT
@@ -69,7 +70,8 @@ class FieldRunner(Runner):
         if self.steps.control is not None:
             self.steps, method = self._tried(method, self.steps, np.atleast_2d(x))
         self.every = kept(self.steps, request.every)
-        self.times = given(request.t_eval, (self.steps.t0, self.steps.t1), self.every)
+        span = (self.steps.t0, self.steps.t1)
+        self._watch = Watch(request.events, request.t_eval, span, self.every)
         self.members = x.shape[:-1]
         self.threads = threads_of(request.threads)
         self._states = request.states
@@ -83,12 +85,13 @@ class FieldRunner(Runner):
             self._directions = FieldDirections(system, request.tangents)
             self.widths = {**self.widths, "tangents": self._directions.count * x.shape[-1]}
         self.columns |= self.widths
-        times = self.times
+        times = self._watch.times
         records = self.steps.records(self.every) if times is None else times.size
         self._check_records(request, records)
         self.x = system.extended(np.atleast_2d(x), self.steps.t0)
         h = self.steps.mean(self.steps.t1, self.steps.count)
         self.choice, self.split = self._planned(method, h)
+        self._watched = self._watch.crossed(system, self.choice.method.order or 0, {})
         self.splits = self._split_alike(h) if self.varied else []
         self.method = repr(self.choice.method)
 
@@ -186,20 +189,31 @@ class FieldRunner(Runner):
     def job(self) -> Job:
         """The run as the core begins it."""
         steps, parts = self.steps, self.split
-        params = np.concatenate([system.values(None) for system in self.systems])
         return Job(
             start=(parts.inward(self.x),), span=(steps.t0, steps.t1, steps.count, self.every),
-            times=self.times, varied=[crossed(split) for split in self.splits],
-            observer=self._observer, params=params, states=self._states,
+            watch=self._watched, varied=[crossed(split) for split in self.splits],
+            observer=self._observer, params=self._rows.ravel(), states=self._states,
             seen=(len(self.system.coordinates), parts.outward), threads=self.threads,
             is_ensemble=bool(self.members), tangents=self._tangents(),
         )  # fmt: skip
 
     @property
+    def _rows(self) -> np.ndarray:
+        """The parameters, a row for each member where these have their own."""
+        return np.array([system.values(None) for system in self.systems])
+
+    def events(self, run: _core.Run) -> tuple[dict[str, Points], dict[int, str]]:
+        """Return the events met, by name, and a sentence on each that ended a run, by member."""
+        if not self._watch.events:
+            return {}, {}
+        params = self._rows if self.members else self._rows[0]
+        return self._watch.events_of(run, self.system, params)[:2]
+
+    @property
     def initial(self) -> dict[str, float]:
         """The invariants at the start, where no record is kept of it."""
-        t0 = self.steps.t0
-        if not self.system.invariants or self.times is None or self.times[0] == t0:
+        t0, times = self.steps.t0, self._watch.times
+        if not self.system.invariants or times is None or times[0] == t0:
             return {}
         x = np.ascontiguousarray(self.x[:, : len(self.system.coordinates)])
         row = self._observer.map(self.system.values(None), [np.array([[t0]]), x])[0]
@@ -247,6 +261,8 @@ class FieldRunner(Runner):
             hint = "make the run shorter; lv.lyapunov makes them orthogonal on its way"
             return sentence, hint, "tangents"
         names = self.system.variables
+        if error.get("quantity") == "event":
+            error["quantity"] += f" {[*self._watch.events][error['index']]}"
         if error["kind"] == "singular piece":
             piece = self.split.pieces[error["piece"]]
             error["quantity"] = described(piece, variables_of(self.split, names))

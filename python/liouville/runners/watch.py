@@ -11,7 +11,7 @@ from liouville import _core, _job
 from liouville.errors import hinted
 from liouville.events import AFTER, DIRECTIONS, Event, Impact, named
 from liouville.points import Points
-from liouville.systems import Mechanics, SemiExplicit
+from liouville.systems import Field, Mechanics, SemiExplicit
 
 #: The watch as it crosses the border: the order of the method, the times, and the events.
 Crossed = tuple[int, np.ndarray | None, list[_job.Event]]
@@ -44,7 +44,7 @@ class Watch:
 
     def crossed(
         self,
-        system: Mechanics | SemiExplicit,
+        system: Mechanics | SemiExplicit | Field,
         order: int,
         switches: Mapping[str, _core.Tape],
         is_differentiated: bool = False,
@@ -71,7 +71,11 @@ class Watch:
         return order, self.times, events
 
     def events_of(
-        self, run: _core.Run, system: Mechanics | SemiExplicit, params: np.ndarray, more: int = 0
+        self,
+        run: _core.Run,
+        system: Mechanics | SemiExplicit | Field,
+        params: np.ndarray,
+        more: int = 0,
     ) -> tuple[dict[str, Points], dict[int, str], dict[str, np.ndarray]]:
         """Return the events by name, and which of them ended the run of which member.
 
@@ -95,7 +99,7 @@ class Watch:
 
 
 def _states_at(
-    system: Mechanics | SemiExplicit,
+    system: Mechanics | SemiExplicit | Field,
     times: np.ndarray,
     rows: np.ndarray,
     params: np.ndarray,

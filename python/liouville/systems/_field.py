@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike
 
 from liouville import _core
 from liouville.errors import hinted
+from liouville.events import Event
 from liouville.systems import _trace
 from liouville.systems._expressions import Pickled, Symbols
 from liouville.systems._observer import Observer
@@ -40,6 +41,11 @@ class Field(Pickled, ABC):
         """The parameters' default values."""
         defaults = self._symbols.params.defaults
         return {name: x.copy() if x.ndim else float(x) for name, x in defaults.items()}
+
+    @property
+    def places(self) -> dict[str, tuple[str, ...]]:
+        """The names of the entries of all states that a run keeps, by the name of the state."""
+        return {"x": self.coordinates}
 
     @property
     def invariants(self) -> tuple[str, ...]:
@@ -104,6 +110,21 @@ class Field(Pickled, ABC):
     ) -> tuple[_core.Tape, dict[str, int]]:
         """Record what a run keeps besides x; returns the tape of t, x and params, and widths."""
         return self._observer.tape(observe)
+
+    def event(self, name: str, event: Event) -> tuple[_core.Tape, bool, None]:
+        """Record the function of an event, of t, x and params; it has neither more nor a reset."""
+        if event.reset is not None:
+            sentence = f"event '{name}' has a reset, and the volume would not outlive it"
+            hint = "let it end the run, terminal=True, and begin another from the state you want"
+            raise TypeError(hinted(sentence, hint))
+        return self._observer.event(f"event '{name}'", event.function), False, None
+
+    def states_at(
+        self, t: np.ndarray, rows: np.ndarray, params: np.ndarray
+    ) -> dict[str, np.ndarray]:
+        """Name the states at k points, of which rows are given."""
+        del t, params
+        return {"x": rows}
 
     def portable(self, observe: Mapping[str, Any] | None) -> dict[str, Any]:
         """Return functions to observe in a form that can be pickled."""

@@ -10,6 +10,7 @@ import numpy as np
 
 from liouville import _casadi as ca
 from liouville import _core
+from liouville.errors import hinted
 from liouville.systems import _trace
 from liouville.systems._expressions import Expressions, Symbols, recorded
 from liouville.systems._linear import Matrix, Term
@@ -60,6 +61,16 @@ class Observer:
     ) -> tuple[_core.Tape, dict[str, int]]:
         """Return the tape of t, x and params, and the width of each of its parts."""
         return self._record(_trace.mapping("observe", observe)) if observe else self._alone
+
+    def event(self, what: str, function: Callable[..., Any]) -> _core.Tape:
+        """Return the tape of one function of t, x and params."""
+        s = self._expressions.symbols
+        value = _trace.scalar(what, function, s.args)
+        if not ca.depends_on(value, ca.vertcat(s.t, s.x)):
+            sentence = f"{what} is the same for all states"
+            hint = "return what is to change its sign, such as x[1] - params.height"
+            raise ValueError(hinted(sentence, hint))
+        return record(what, s.inputs(), value)
 
     def portable(self, observe: Mapping[str, Any] | None) -> dict[str, Any]:
         """Return functions to observe in a form that can be pickled."""

@@ -3,7 +3,7 @@
 mod advance;
 mod control;
 mod detector;
-mod given_times;
+mod events;
 mod record;
 mod room;
 mod start;
@@ -11,7 +11,10 @@ mod start;
 pub use advance::{Advance, Failure, Status};
 pub use control::{Adaptive, Fixed, Listed, Reversible, StepControl, StepSizes};
 pub use detector::{Ending, EventDetector, Events, Hits, Outcome};
-pub use given_times::GivenTimes;
+pub use events::{
+    Crossing, EventRule, NOISE, PartDetector, PartialStep, SAMPLES, Scene, Search, Trust,
+    WatchedFunction,
+};
 pub use record::Records;
 pub use room::reserve;
 pub use start::{Span, StartError};

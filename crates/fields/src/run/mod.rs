@@ -1,14 +1,13 @@
 //! Runs of split fields: a split, a composition and a job become one run.
 
+mod job;
 mod pullback;
 
+pub use job::{Job, Recorded};
 pub use pullback::Pullback;
 
-use crate::problem::{Piece, Split};
-use crate::volume::{
-    Determinant, Observer, Plane, Section, TangentObserver, Tangents, UserVariables, Volume,
-    count_coefficients,
-};
+use crate::problem::Split;
+use crate::volume::{Determinant, Observer, Plane, Section, TangentObserver, Tangents, Volume};
 use liouville_base::checkpoint::Checkpoint;
 use liouville_base::composition::Composed;
 use liouville_base::ensemble::{Ensemble, Layout};
@@ -16,10 +15,9 @@ use liouville_base::error::StepError;
 use liouville_base::method::Stepper;
 use liouville_base::observe::Observe;
 use liouville_base::real::{Lanes, Real};
-use liouville_base::run::{Advance, Fixed, GivenTimes, Run, Span, StartError};
+use liouville_base::run::{Advance, Fixed, PartDetector, Run, Span, StartError, WatchedFunction};
 use liouville_base::simd::Stored;
 use liouville_base::tableau::Scheme;
-use liouville_base::tape::Tape;
 use std::sync::Arc;
 
 /// Trajectories in lock-step: many hide the cost of deciding on their next flow ...
@@ -34,49 +32,6 @@ pub struct Method {
     pub scheme: &'static Scheme,
     /// Whether sums are compensated.
     pub is_compensated: bool,
-}
-
-/// Records of the trajectories.
-#[derive(Clone, Debug)]
-pub enum Recorded {
-    /// The states, if they are wanted, and the outputs of a tape (t, x, params).
-    Observables {
-        /// The tape.
-        tape: Tape,
-        /// Its parameters, a row for all members or one for each.
-        params: Vec<f64>,
-        /// Whether states are recorded.
-        states: bool,
-    },
-    /// Rows (member, t, x) where the members of an ensemble pass a plane.
-    Section(Plane),
-    /// Rows (x, ln |det|, largest |det − 1|) of the steps of one trajectory.
-    Determinants,
-}
-
-/// A run, or an ensemble of runs.
-#[derive(Clone, Debug)]
-pub struct Job {
-    /// Start values: rows of the members, one after another.
-    pub x: Vec<f64>,
-    /// The number of members of an ensemble; none for a single run.
-    pub members: Option<usize>,
-    /// The split of each member of an ensemble, where they have different parameters; empty where all have one.
-    pub varied: Vec<Arc<Split>>,
-    /// The variables of the user.
-    pub variables: UserVariables,
-    /// From where to where; a section looks at every step.
-    pub span: Span,
-    /// Its records.
-    pub recorded: Recorded,
-    /// When a single run without tangents is recorded, in its order; every so many steps where this is empty.
-    pub times: Vec<f64>,
-    /// Directions of tangents, row by row, which are recorded behind observables; empty without.
-    pub directions: Vec<f64>,
-    /// Changes along with these of the coefficients of all pieces and of the step size, row by row; empty without.
-    pub constants: Vec<f64>,
-    /// Threads: of an ensemble, or of one large state.
-    pub threads: usize,
 }
 
 /// A run about to start.
@@ -101,69 +56,6 @@ pub fn start(split: Arc<Split>, method: Method, job: Job) -> Result<Box<dyn Adva
             Ok(Box::new(starter.section(members, plane)))
         }
         (Some(members), _) => Ok(Box::new(starter.ensemble(members)?)),
-    }
-}
-
-impl Job {
-    fn check(&self, split: &Split) -> Result<(), StartError> {
-        let n = split.n();
-        let UserVariables { n: visible, basis } = &self.variables;
-        let members = self.members.unwrap_or(1);
-        let fits = self.x.len() == members * n
-            && members > 0
-            && self.span.steps > 0
-            && self.span.every > 0
-            && *visible <= n
-            && basis.as_ref().is_none_or(|basis| basis.len() == n * n)
-            && self.directions.len().is_multiple_of(n)
-            && (self.constants.is_empty()
-                || self.constants.len()
-                    == self.directions.len() / n * (count_coefficients(split) + 1))
-            && (self.varied.is_empty() || self.varied.len() == members && self.members.is_some())
-            && self.varied.iter().all(|split| split.n() == n)
-            && (self.times.is_empty() || self.members.is_none() && self.directions.is_empty())
-            && match &self.recorded {
-                Recorded::Observables { tape, params, .. } => {
-                    let rows = if self.varied.is_empty() { 1 } else { members };
-                    tape.inputs() == [1, *visible, params.len() / rows]
-                }
-                Recorded::Section(plane) => {
-                    plane.normal.len() == *visible
-                        && self.members.is_some()
-                        && self.directions.is_empty()
-                }
-                Recorded::Determinants => {
-                    let is_plain = self.directions.is_empty() && self.times.is_empty();
-                    self.members.is_none() && is_plain
-                }
-            };
-        if fits {
-            return Ok(());
-        }
-        Err(StartError::Invalid(format!(
-            "trajectories are rows of {n} values, and steps at least one"
-        )))
-    }
-
-    /// The parameters of a member.
-    fn params_of<'a>(&self, params: &'a [f64], member: usize) -> &'a [f64] {
-        let width = params.len() / self.varied.len().max(1);
-        let row = if self.varied.is_empty() { 0 } else { member };
-        &params[row * width..(row + 1) * width]
-    }
-
-    /// The variable that functions of it alone need once for all members: it moves evenly from the same start.
-    fn clock(&self, split: &Split) -> Option<usize> {
-        let functions = split.pieces().iter().flat_map(Piece::functions);
-        let mut alone = functions.filter_map(|function| match function.places[..] {
-            [variable] => Some(variable),
-            _ => None,
-        });
-        alone.find(|&variable| {
-            let mut starts = self.x.chunks(split.n()).map(|x| x[variable].to_bits());
-            let first = starts.next();
-            starts.all(|start| Some(start) == first) && split.is_clock(variable)
-        })
     }
 }
 
@@ -205,17 +97,35 @@ impl Starter {
         let volume = stepper.parts();
         let state = volume.state(&self.in_lanes(members));
         let observer = self.observer(volume, members);
-        if self.job.times.is_empty() {
+        if self.job.times.is_empty() && self.job.events.is_empty() {
             return self.launch(Box::new(stepper), Box::new(observer), state);
         }
+        let variables = self.job.variables.clone();
+        let reader = Observer::of_states(volume.clone(), variables, members.len());
+        let watched = (Box::new(reader) as _, self.watched(members[0]));
         let (span, times) = (self.job.span, self.job.times.clone());
-        let expected = times.len();
-        let copies = (Box::new(stepper.clone()), Box::new(observer.clone()));
-        let events = Box::new(GivenTimes::new(copies.0, copies.1, times, &state));
+        let times = Some(times).filter(|times| !times.is_empty());
+        let expected = times.as_ref().map_or(span.records(), Vec::len);
+        let recorded = (Box::new(observer.clone()) as _, times);
+        let copy = Box::new(stepper.clone());
+        let events = Box::new(PartDetector::new(copy, &state, watched, recorded));
         let control = Fixed::new(Box::new(stepper), span.t0, span.h(), span.steps);
         let (control, observer) = (Box::new(control), Box::new(observer));
-        let run = Run::with_events(control, observer, state, (1, expected), Some(events))?;
+        let kept = (span.every, expected);
+        let run = Run::with_events(control, observer, state, kept, Some(events))?;
         Ok(Box::new(run))
+    }
+
+    /// The functions whose zeros are events of a member.
+    fn watched(&self, member: usize) -> Vec<WatchedFunction> {
+        let Recorded::Observables { params, .. } = &self.job.recorded else {
+            return Vec::new();
+        };
+        let params = self.job.params_of(params, member);
+        let functions = self.job.events.iter();
+        let functions =
+            functions.map(|(tape, rule)| WatchedFunction::new(tape.clone(), params, *rule));
+        functions.collect()
     }
 
     /// An observer of these members, the first trajectories that `volume` steps.
@@ -284,7 +194,7 @@ impl Starter {
             times: span.times()?,
             width,
         };
-        if self.has_tangents() || !self.job.varied.is_empty() {
+        if self.has_tangents() || !self.job.varied.is_empty() || !self.job.events.is_empty() {
             let begin = move |members: &[usize]| {
                 if self.has_tangents() {
                     self.tangents(members[0])

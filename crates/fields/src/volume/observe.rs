@@ -71,14 +71,32 @@ pub struct Observer<S> {
     variables: UserVariables,
     members: usize,
     states: bool,
-    tape: Tape,
-    registers: Registers<f64>,
+    outputs: Option<(Tape, Registers<f64>)>,
     values: Vec<S>,
     y: Vec<f64>,
     x: Vec<f64>,
 }
 
 impl<S: Stored> Observer<S> {
+    /// An observer of the states of the first `members` trajectories that `volume` steps, and of nothing else.
+    ///
+    /// # Panics
+    /// When there are not so many members.
+    pub fn of_states(volume: Volume<S>, variables: UserVariables, members: usize) -> Self {
+        assert!(members <= S::MEMBERS, "members of an observer");
+        let n = volume.split().n();
+        Self {
+            outputs: None,
+            values: vec![S::splat(0.0); n],
+            y: vec![0.0; n],
+            x: vec![0.0; variables.n],
+            volume,
+            variables,
+            members,
+            states: true,
+        }
+    }
+
     /// An observer of the first `members` trajectories that `volume` steps.
     ///
     /// # Panics
@@ -91,23 +109,16 @@ impl<S: Stored> Observer<S> {
         params: &[f64],
         states: bool,
     ) -> Self {
-        assert!(members <= S::MEMBERS, "members of an observer");
         assert_eq!(
             tape.inputs(),
             [1, variables.n, params.len()],
             "inputs of an observer"
         );
-        let n = volume.split().n();
+        let registers = tape.bind(params);
         Self {
-            registers: tape.bind(params),
-            values: vec![S::splat(0.0); n],
-            y: vec![0.0; n],
-            x: vec![0.0; variables.n],
-            volume,
-            variables,
-            members,
+            outputs: Some((tape, registers)),
             states,
-            tape,
+            ..Self::of_states(volume, variables, members)
         }
     }
 
@@ -119,8 +130,11 @@ impl<S: Stored> Observer<S> {
         if self.states {
             row.extend_from_slice(&self.x);
         }
+        let Some((tape, registers)) = &mut self.outputs else {
+            return Ok(());
+        };
         let args: [&[f64]; 2] = [&[t], &self.x];
-        let values = self.tape.eval(&mut self.registers, args);
+        let values = tape.eval(registers, args);
         if let Some(index) = values.iter().position(|value| !value.is_finite()) {
             let quantity = Quantity::Observable;
             return Err(StepError::NotFinite { quantity, index, t });
@@ -133,7 +147,8 @@ impl<S: Stored> Observer<S> {
 impl<S: Stored> Observe<State<S>> for Observer<S> {
     fn width(&self, _: &State<S>) -> usize {
         let states = if self.states { self.variables.n } else { 0 };
-        self.members * (states + self.tape.outputs())
+        let outputs = self.outputs.as_ref().map_or(0, |(tape, _)| tape.outputs());
+        self.members * (states + outputs)
     }
 
     fn observe(&mut self, t: f64, state: &State<S>, row: &mut Vec<f64>) -> Result<(), StepError> {

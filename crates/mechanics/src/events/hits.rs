@@ -2,10 +2,10 @@
 
 use super::reset::RATE;
 use super::slopes::Meeting;
-use super::{DenseDetector, NOISE, at, rough};
+use super::{DenseDetector, at, rough};
 use liouville_base::checkpoint::{Checkpoint, CheckpointMismatch, Numbers};
 use liouville_base::error::{Quantity, StepError};
-use liouville_base::run::{Ending, Outcome, Records, reserve};
+use liouville_base::run::{Crossing, Ending, NOISE, Outcome, Records, reserve};
 use liouville_problem::{Carried, Dynamics, Impact, Jump, Point, Refused, Restart};
 
 /// Times that differ by so many roundings are the same.
@@ -32,17 +32,6 @@ impl<State> Checkpoint for Restarts<State> {
             None => Ok(()),
         }
     }
-}
-
-/// A zero of an event's function in a step.
-#[derive(Clone, Copy, Debug)]
-pub(super) struct Crossing {
-    pub(super) x: f64,
-    pub(super) index: usize,
-    /// The sign after it.
-    pub(super) sign: f64,
-    /// Whether its direction is the wanted one.
-    pub(super) counts: bool,
 }
 
 impl<State: Carried + Checkpoint + Clone, M: Dynamics> DenseDetector<State, M> {
@@ -119,8 +108,8 @@ impl<State: Carried + Checkpoint + Clone, M: Dynamics> DenseDetector<State, M> {
         self.keep_state(index, t)?;
         self.met.found[index].times.push(t);
         let event = &mut self.events[index];
-        event.count += 1;
-        if event.count != event.terminal {
+        event.function.count += 1;
+        if event.function.count != event.function.rule.terminal {
             return Ok(None);
         }
         self.end(index, t, None);
@@ -137,14 +126,14 @@ impl<State: Carried + Checkpoint + Clone, M: Dynamics> DenseDetector<State, M> {
         let size = |size: f64, x: &f64| size.max(x.abs());
         let met = Meeting {
             event: index,
-            hit: event.count,
+            hit: event.function.count,
             part,
             t,
             h: self.partial.h,
             lam: self.path.lam(),
             needs_lam: event.needs_lam,
-            height: event.samples.iter().fold(0.0, size),
-            is_last: event.count + 1 == event.terminal || event.is_switch,
+            height: event.function.samples.iter().fold(0.0, size),
+            is_last: event.function.count + 1 == event.function.rule.terminal || event.is_switch,
         };
         follower.meet(met, state)
     }
@@ -238,8 +227,8 @@ impl<State: Carried + Checkpoint + Clone, M: Dynamics> DenseDetector<State, M> {
         let of_time = rates.map_or(0.0, |rates| NOISE * (t * rates[0]).abs());
         let noise = self.noise(index, t)?.max(of_time);
         let event = &mut self.events[index];
-        event.count += 1;
-        let is_last = event.count == event.terminal;
+        event.function.count += 1;
+        let is_last = event.function.count == event.function.rule.terminal;
         let way = self.partial.h.signum();
         let mut limit = event.reset.as_mut().and_then(|reset| {
             let limit = reset.intervals.hit(t, self.partial.h, noise);
@@ -254,13 +243,13 @@ impl<State: Carried + Checkpoint + Clone, M: Dynamics> DenseDetector<State, M> {
             Some(_) => {
                 let soon = t + SHORTLY * self.partial.h;
                 let value = rough(&mut self.path, &mut self.events[index], soon)?;
-                if value * sign > 0.0 && self.events[index].last.abs() <= HOLDS * noise {
+                if value * sign > 0.0 && self.events[index].function.last.abs() <= HOLDS * noise {
                     limit = limit.or(Some(t));
                 }
                 value.signum()
             }
         };
-        self.events[index].sign = after;
+        self.events[index].function.sign = after;
         if is_last || limit.is_some() {
             self.end(index, t, limit.filter(|_| !is_last));
             self.emit(t, true, records)?;
@@ -360,15 +349,15 @@ impl<State: Carried + Checkpoint + Clone, M: Dynamics> DenseDetector<State, M> {
             let next = own.clone().next();
             let last = own.rfind(|crossing| crossing.x <= x + near);
             let event = &mut self.events[index];
-            event.sign = match last {
-                None => next.map_or(event.sign, |crossing| -crossing.sign),
+            event.function.sign = match last {
+                None => next.map_or(event.function.sign, |crossing| -crossing.sign),
                 Some(crossing) if crossing.x < x - near => crossing.sign,
                 // a reset at the same time is still to come
                 Some(crossing) if event.reset.is_some() && crossing.counts => -crossing.sign,
                 Some(_) => 0.0,
             };
-            event.earlier = None;
-            event.last = at(&mut self.path, event, t, state)?;
+            event.function.earlier = None;
+            event.function.last = at(&mut self.path, event, t, state)?;
         }
         Ok(())
     }

@@ -4,9 +4,7 @@ mod event;
 mod function;
 mod hits;
 mod impulse;
-mod partial;
 mod reset;
-mod search;
 mod slopes;
 mod tangents;
 
@@ -16,29 +14,24 @@ pub use reset::{Law, Reset};
 pub use slopes::{Before, EventSlopes, FollowEvents, Meeting, SlopesModel};
 pub use tangents::TangentEvents;
 
-use function::{at, leaving, rough};
-use hits::{Crossing, Restarts};
+use function::{at, rough};
+use hits::Restarts;
 use liouville_base::checkpoint::Checkpoint;
 use liouville_base::error::StepError;
 use liouville_base::method::Stepper;
 use liouville_base::observe::Observe;
-use liouville_base::run::{Ending, EventDetector, Events, Hits, Outcome, Records};
+use liouville_base::run::{
+    Crossing, Ending, EventDetector, Events, Hits, Outcome, PartialStep, Records, SAMPLES, Scene,
+    Search, Trust, WatchedFunction,
+};
 use liouville_problem::{Carried, Dynamics, Model, Path, PathTangents, Point, Restart};
-use partial::PartialStep;
-use search::{Node, Scene, Trust, Zero};
-
-/// Samples of an event's function in a step.
-const SAMPLES: usize = 8;
-/// Relative changes of a state that may be nothing but roundoff.
-const NOISE: f64 = 256.0 * f64::EPSILON;
 
 /// Finds events, and records at given times, on the interpolated trajectory.
 pub struct DenseDetector<State: Checkpoint, M: Dynamics = Model> {
     path: Path<M>,
     partial: PartialStep<State>,
     events: Vec<Event>,
-    nodes: Vec<Node>,
-    zeros: Vec<Zero>,
+    search: Search,
     /// Zeros of all events in a step.
     found: Vec<Crossing>,
     met: Met,
@@ -70,6 +63,10 @@ struct InStep<'a, State: Checkpoint, M: Dynamics> {
 }
 
 impl<State: Carried + Checkpoint + Clone, M: Dynamics> Scene for InStep<'_, State, M> {
+    fn function(&mut self) -> &mut WatchedFunction {
+        &mut self.event.function
+    }
+
     fn rough(&mut self, x: f64) -> Result<f64, StepError> {
         rough(self.path, self.event, self.partial.t + x * self.partial.h)
     }
@@ -77,6 +74,16 @@ impl<State: Carried + Checkpoint + Clone, M: Dynamics> Scene for InStep<'_, Stat
     fn exact(&mut self, x: f64) -> Result<f64, StepError> {
         let t = self.partial.go(x, self.end)?;
         at(self.path, self.event, t, &self.partial.state)
+    }
+
+    fn near(&mut self, parts: [f64; 2]) -> Result<f64, StepError> {
+        self.path
+            .move_near(self.partial.t, &self.partial.start, parts);
+        if self.event.needs_lam {
+            self.path.solve_there()?;
+        }
+        let Point { y, z, .. } = self.path.point();
+        self.event.at(self.partial.t, (y, z), self.path.lam())
     }
 }
 
@@ -97,17 +104,9 @@ impl<State: Carried + Checkpoint + Clone, M: Dynamics> DenseDetector<State, M> {
         };
         Self {
             path,
-            partial: PartialStep {
-                stepper,
-                t: 0.0,
-                h: 0.0,
-                end: 0.0,
-                start: state.clone(),
-                state: state.clone(),
-            },
+            partial: PartialStep::new(stepper, state),
             events,
-            nodes: Vec::new(),
-            zeros: Vec::new(),
+            search: Search::default(),
             found: Vec::new(),
             met,
             restart: Restarts(None),
@@ -151,7 +150,7 @@ impl<State: Carried + Checkpoint + Clone, M: Dynamics> DenseDetector<State, M> {
     fn sample(&mut self, end: &State) -> Result<(), StepError> {
         let needs_lam = self.events.iter().any(|event| event.needs_lam);
         for event in &mut self.events {
-            event.samples.clear();
+            event.function.samples.clear();
         }
         for k in 1..=SAMPLES + 1 {
             let t = self.partial.t + k as f64 / SAMPLES as f64 * self.partial.h;
@@ -178,7 +177,7 @@ impl<State: Carried + Checkpoint + Clone, M: Dynamics> DenseDetector<State, M> {
                     _ if is_beyond => f64::NAN,
                     other => other?,
                 };
-                event.samples.push(value);
+                event.function.samples.push(value);
             }
         }
         Ok(())
@@ -186,80 +185,20 @@ impl<State: Carried + Checkpoint + Clone, M: Dynamics> DenseDetector<State, M> {
 
     /// The zeros of one event in a step, appended to `found`.
     fn search(&mut self, index: usize, end: &State) -> Result<(), StepError> {
-        let Self {
-            path,
-            partial,
-            events,
-            nodes,
-            zeros,
-            ..
-        } = self;
-        let event = &mut events[index];
-        nodes.clear();
-        zeros.clear();
-        let mut first = Node {
-            x: 0.0,
-            value: event.last,
-            is_exact: true,
-        };
-        let mut side = None;
-        let mut before = Node {
-            x: -1.0 / SAMPLES as f64,
-            value: f64::NAN,
-            is_exact: false,
-        };
-        if let Some((earlier, value)) = event.earlier {
-            (before.x, before.value) = (-earlier / partial.h.abs(), value);
-        } else {
-            let t = partial.t + before.x * partial.h;
-            // before the start the function may not exist
-            before.value = rough(path, event, t).unwrap_or(f64::NAN);
-            first = leaving(path, partial, event, first)?;
-            let is_on_it = first.x > 0.0 || first.value == 0.0;
-            if is_on_it && event.sign != 0.0 && first.value * event.sign <= 0.0 {
-                // a piece of the run that begins on the event, on a known side of it
-                before.value = f64::NAN;
-                side = Some(Node {
-                    x: 0.0,
-                    value: event.sign * f64::MIN_POSITIVE,
-                    is_exact: true,
-                });
-            }
-        }
-        nodes.push(before);
-        nodes.extend(side);
-        if side.is_none() || first.value != 0.0 {
-            nodes.push(first);
-        }
-        nodes.extend(event.samples.iter().zip(1_usize..).map(|(value, k)| Node {
-            x: k as f64 / SAMPLES as f64,
-            value: *value,
-            is_exact: k == SAMPLES,
-        }));
-        event.earlier = Some((partial.h.abs() / SAMPLES as f64, event.samples[SAMPLES - 2]));
-        event.last = event.samples[SAMPLES - 1];
-        let resolution = f64::EPSILON / 2.0 * (partial.t / partial.h).abs().max(1.0);
-        let trust = if path.is_rough() {
+        let trust = if self.path.is_rough() {
             Trust::LOOSE
         } else {
             Trust::FIRM
         };
-        let mut sign = event.sign;
-        let mut function = InStep {
-            path,
-            partial,
-            event,
+        let step = (self.partial.t, self.partial.h);
+        let mut scene = InStep {
+            path: &mut self.path,
+            partial: &mut self.partial,
+            event: &mut self.events[index],
             end,
         };
-        search::zeros(&mut function, nodes, &mut sign, (trust, resolution), zeros)?;
-        event.sign = sign;
-        self.found.extend(zeros.iter().map(|zero| Crossing {
-            x: zero.x,
-            index,
-            sign: zero.sign,
-            counts: event.wants(zero.sign),
-        }));
-        Ok(())
+        self.search
+            .find(&mut scene, index, step, trust, &mut self.found)
     }
 
     /// Records at the wanted times up to `t`, that itself only if it `is_whole`.
@@ -292,7 +231,7 @@ impl<State: Carried + Checkpoint + Clone, M: Dynamics> EventDetector<State>
         self.path.push(t, state)?;
         self.partial.t = t;
         for event in &mut self.events {
-            event.last = at(&mut self.path, event, t, state)?;
+            event.function.last = at(&mut self.path, event, t, state)?;
         }
         Ok(())
     }

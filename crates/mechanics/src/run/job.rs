@@ -3,7 +3,7 @@
 use crate::events::{EventSlopes, Law};
 use liouville_alpha::{AlphaSlopes, Reactions};
 use liouville_base::method::Tolerance;
-use liouville_base::run::Span;
+use liouville_base::run::{EventRule, Span};
 use liouville_base::tableau::{self, Scheme};
 use liouville_base::tape::Tape;
 use liouville_index2::semi_explicit::SemiExplicit;
@@ -88,10 +88,8 @@ impl Control {
 pub struct EventFunction {
     /// A tape of (t, y, z, λ, params) with one value.
     pub tape: Tape,
-    /// 1 where it must grow along the run, −1 where it must fall, 0 for both.
-    pub direction: i8,
-    /// How many events end the run; none do if it is 0.
-    pub terminal: usize,
+    /// Which of its zeros count, and how many of them end the run.
+    pub rule: EventRule,
     /// Whether it depends on λ.
     pub needs_lam: bool,
     /// What it does to the motion, and a tape of (t, y, z, params) → de/dt where it is a function of (t, y) alone.

@@ -268,11 +268,10 @@ impl Starter {
                 if event.is_switch {
                     return Event::switch(k, event.tape.clone(), params);
                 }
-                let (direction, terminal) = (event.direction, event.terminal);
                 let tape = event.tape.clone();
                 let reset = event.reset.clone();
                 let reset = reset.map(|(law, rate)| Reset::new(law, rate, params));
-                Event::new(k, tape, params, direction, terminal, event.needs_lam).with_reset(reset)
+                Event::new(tape, params, event.rule, event.needs_lam).with_reset(reset)
             });
             let recorded = (at_times, detection.times.clone());
             expected = detection.times.as_ref().map_or(expected, Vec::len);

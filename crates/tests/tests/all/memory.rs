@@ -5,7 +5,9 @@ use liouville_alpha::{Alpha, Reactions};
 use liouville_base::checkpoint::{Checkpoint, CheckpointMismatch};
 use liouville_base::composition::Composed;
 use liouville_base::method::{Stepper, Tolerance};
-use liouville_base::run::{Adaptive, Advance, Fixed, Listed, Reversible, Run, Status, StepControl};
+use liouville_base::run::{
+    Adaptive, Advance, EventRule, Fixed, Listed, Reversible, Run, Status, StepControl,
+};
 use liouville_base::tableau::{self, Purpose, Scheme, Stable};
 use liouville_fields::problem::Split;
 use liouville_fields::volume::{self, Volume};
@@ -135,6 +137,15 @@ fn the_alpha_family_goes_on() {
     }
 }
 
+/// The event of this number, so many of which end the run.
+fn rule(index: usize, terminal: usize) -> EventRule {
+    EventRule {
+        index,
+        direction: 0,
+        terminal,
+    }
+}
+
 /// A turning vector whose steps a control makes, with two kinds of events, and given times if they are wanted.
 fn turned<C: StepControl<semi_explicit::SemiExplicitState> + 'static>(
     (s, has_times): (usize, bool),
@@ -148,7 +159,7 @@ fn turned<C: StepControl<semi_explicit::SemiExplicitState> + 'static>(
     let observer = Observer::new(model.clone(), &[], observed, true);
     let events = [input(Y, 1) - 0.1, input(Z, 0) - 0.05].map(|e| tape([1, 3, 1, 0, 0], &[e]));
     let events = events.into_iter().enumerate();
-    let events = events.map(|(k, tape)| Event::new(k, tape, &[], 0, 0, false));
+    let events = events.map(|(k, tape)| Event::new(tape, &[], rule(k, 0), false));
     let times = has_times.then(|| (0..70_i32).map(|k| 0.0571 * f64::from(k)).collect());
     let (path, copy) = (
         Path::new(model.clone(), 2 * s),
@@ -275,7 +286,7 @@ fn event_detection_goes_on() {
             let (low, pull) = (input(Y, 0) + 0.2, input(3, 0) - 20.0);
             let events = [low, pull].map(|e| tape([1, 2, 2, 1, 3], &[e]));
             let events = events.into_iter().enumerate();
-            let event = |(k, tape)| Event::new(k, tape, &PENDULUM, 0, 7 * k, k == 1);
+            let event = |(k, tape)| Event::new(tape, &PENDULUM, rule(k, 7 * k), k == 1);
             let times = times.map(|()| (0..70_i32).map(|k| 0.031 * f64::from(k)).collect());
             let path = Path::new(model.clone(), order);
             let stepper = Box::new(Spark::new(model.clone(), order / 2, Solver::Auto));

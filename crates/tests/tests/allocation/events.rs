@@ -2,11 +2,16 @@
 
 use crate::counting::allocations;
 use liouville_base::checkpoint::Checkpoint;
+use liouville_base::composition::Composed;
 use liouville_base::error::StepError;
 use liouville_base::method::Tolerance;
 use liouville_base::observe::Observe;
-use liouville_base::run::{Adaptive, Advance, Fixed, Run};
+use liouville_base::run::{
+    Adaptive, Advance, EventRule, Fixed, PartDetector, Run, WatchedFunction,
+};
 use liouville_base::tableau;
+use liouville_fields::problem::{Piece, Polynomials, Split};
+use liouville_fields::volume::{Observer as FieldObserver, UserVariables, Volume};
 use liouville_index2::Index2;
 use liouville_index2::semi_explicit;
 use liouville_mechanics::events::{DenseDetector, Event};
@@ -15,6 +20,7 @@ use liouville_spark::{Solver, Spark};
 use liouville_tests::{
     Functions, PENDULUM, T, Y, Z, input, pendulum, semi_explicit as traced, tape, turning,
 };
+use std::sync::Arc;
 use std::time::Duration;
 
 /// Records nothing of anything.
@@ -39,7 +45,17 @@ fn detecting_events_takes_no_memory() {
     let (height, lam) = (input(Y, 1), input(3, 0));
     let events = [height - 2.0, lam + 1e3].map(|e| tape([1, 2, 2, 1, 3], &[e]));
     let events = events.into_iter().enumerate();
-    let events = events.map(|(k, tape)| Event::new(k, tape, &PENDULUM, 0, 0, k == 1));
+    let events = events.map(|(k, tape)| {
+        Event::new(
+            tape,
+            &PENDULUM,
+            EventRule {
+                index: k,
+                ..EventRule::default()
+            },
+            k == 1,
+        )
+    });
     let path = Path::new(model.clone(), 6);
     let observer = Observer::new(model.clone(), &PENDULUM, tape([1, 2, 2, 3], &[]), false);
     let stepper = Box::new(Spark::new(model, 3, Solver::Auto));
@@ -65,6 +81,52 @@ fn detecting_events_takes_no_memory() {
     assert_eq!(run.done(), 50);
 }
 
+/// x' = y, y' = −x, with a function that almost has a zero in some steps, and one that has.
+#[test]
+fn detecting_events_of_a_field_takes_no_memory() {
+    let shear = |row: usize, c: f64, of: i64| Piece::Natural {
+        rows: vec![row],
+        change: Polynomials::new(1, 2, &[0], &[c], &[of], 1).expect("a polynomial"),
+        functions: vec![],
+    };
+    let split = Split::new(2, vec![shear(0, 1.0, 1), shear(1, -1.0, 0)]).expect("a split");
+    let volume = Volume::<f64>::new(Arc::new(split), false);
+    let state = volume.state(&[0.0, 1.0]);
+    let scheme = tableau::Scheme::named("BM4").expect("a scheme");
+    let stepper = Box::new(Composed::new(volume.clone(), scheme));
+    let variables = UserVariables { n: 2, basis: None };
+    let reader = FieldObserver::of_states(volume, variables, 1);
+    let functions = [1.01, 0.5].map(|c| {
+        let tape = tape([1, 2, 0], &[input(1, 0) - c]);
+        WatchedFunction::new(tape, &[], EventRule::default())
+    });
+    let detector = PartDetector::new(
+        stepper.clone(),
+        &state,
+        (Box::new(reader.clone()), functions.to_vec()),
+        (Box::new(reader), None),
+    );
+    let control = Box::new(Fixed::new(stepper, 0.0, 0.1, 400));
+    let detector = Some(Box::new(detector) as _);
+    let run = Run::with_events(control, Box::new(Nothing), state, (1000, 2), detector);
+    let mut run = run.expect("a start");
+    let all_day = Duration::from_secs(86400);
+    run.advance_to(100, all_day);
+    let found = |run: &mut Run<_>| {
+        run.events()
+            .found
+            .iter()
+            .map(|hits| hits.times.len())
+            .collect()
+    };
+    let before: Vec<usize> = found(&mut run);
+    assert_eq!(before, [0, 4]);
+    // what was found was taken, so that each of two hits takes memory for its time and for its state
+    assert!(allocations(|| drop(run.advance_to(160, all_day))) <= 4);
+    let after: Vec<usize> = found(&mut run);
+    assert_eq!(after, [0, 2]);
+}
+
 #[test]
 fn controlled_steps_of_index_2_and_their_events_take_no_memory() {
     let (f, k) = turning();
@@ -72,7 +134,7 @@ fn controlled_steps_of_index_2_and_their_events_take_no_memory() {
     let state = model.state(0.0, &[0.0, 0.0, 1.0], &[0.0], 0.05);
     let state = state.expect("a start");
     let tape = tape([1, 3, 1, 0, 0], &[input(Z, 0) + 1e3]);
-    let event = Event::new(0, tape, &[], 0, 0, false);
+    let event = Event::new(tape, &[], EventRule::default(), false);
     let observed = liouville_tests::tape([1, 3, 1, 0], &[]);
     let observer = Observer::new(model.clone(), &[], observed, false);
     let path = Path::new(model.clone(), 6);

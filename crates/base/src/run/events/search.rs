@@ -5,17 +5,34 @@
 //! to step. The rough one is known at equal samples, one of them beyond each end of the step. Between two of
 //! opposite sign there is a zero; where |e| has a local minimum without a change of sign, it is followed
 //! there, by parabolas, until the sign changes after all or it is seen not to. Whatever comes close to zero is decided by
-//! the exact function, and so is where the zero is: by the iteration of [`liouville_base::bracket`], to roundoff in t.
+//! the exact function, and so is where the zero is: by the iteration of [`crate::bracket`], to roundoff in t.
 
-use liouville_base::bracket::Bracket;
-use liouville_base::error::StepError;
+use super::WatchedFunction;
+use crate::bracket::Bracket;
+use crate::error::StepError;
 
-/// A function of θ, rough and exact.
-pub(super) trait Scene {
+/// An event's function in a step that is over, as a function of θ, rough and exact.
+pub trait Scene {
+    /// The function.
+    fn function(&mut self) -> &mut WatchedFunction;
+
     /// e on the interpolated trajectory.
+    ///
+    /// # Errors
+    /// It is not finite.
     fn rough(&mut self, x: f64) -> Result<f64, StepError>;
+
     /// e after a step of this part.
+    ///
+    /// # Errors
+    /// It is not finite, or the step cannot be made.
     fn exact(&mut self, x: f64) -> Result<f64, StepError>;
+
+    /// e at the start of the step, from numbers of the state changed by these parts of them in turn.
+    ///
+    /// # Errors
+    /// It is not finite.
+    fn near(&mut self, parts: [f64; 2]) -> Result<f64, StepError>;
 }
 
 /// A value of the function, and whether it is that of the exact one.
@@ -35,7 +52,7 @@ pub(super) struct Zero {
 
 /// How far the rough function may be from the exact one.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) struct Trust {
+pub struct Trust {
     /// A minimum is decided by the exact function where it is closer to zero than so many times what the
     /// samples around it bend.
     close: f64,
@@ -45,12 +62,12 @@ pub(super) struct Trust {
 
 impl Trust {
     /// Of an interpolation whose error is far below what a step bends.
-    pub(super) const FIRM: Self = Self {
+    pub const FIRM: Self = Self {
         close: 0.5,
         aside: 0.0,
     };
     /// Of one whose error is of the same size, as with a method of order 2.
-    pub(super) const LOOSE: Self = Self {
+    pub const LOOSE: Self = Self {
         close: 8.0,
         aside: 0.25,
     };
@@ -71,7 +88,7 @@ const ROUGHLY: f64 = 1e-7;
 
 /// Appends the zeros within the step to `zeros`; `nodes` are its samples, those beyond its ends included,
 /// and `sign` that of the last clear value before.
-pub(super) fn zeros(
+pub(super) fn look(
     scene: &mut impl Scene,
     nodes: &mut Vec<Node>,
     sign: &mut f64,

@@ -1,0 +1,63 @@
+//! Parts of a step, repeated from its start.
+
+use crate::checkpoint::Checkpoint;
+use crate::error::StepError;
+use crate::method::Stepper;
+
+/// A stepper that repeats parts of a step, and the states before and after.
+pub struct PartialStep<State: Checkpoint> {
+    /// Makes the same steps as the run.
+    pub stepper: Box<dyn Stepper<State = State>>,
+    /// Where the step begins.
+    pub t: f64,
+    /// Its length.
+    pub h: f64,
+    /// t + h, as the run has it.
+    pub end: f64,
+    /// The state where it begins.
+    pub start: State,
+    /// The state that a part of it has led to.
+    pub state: State,
+}
+
+impl<State: Checkpoint + Clone> PartialStep<State> {
+    /// Parts of the steps of `stepper`, whose states have the size of `state`.
+    pub fn new(stepper: Box<dyn Stepper<State = State>>, state: &State) -> Self {
+        Self {
+            stepper,
+            t: 0.0,
+            h: 0.0,
+            end: 0.0,
+            start: state.clone(),
+            state: state.clone(),
+        }
+    }
+
+    /// Makes this part of the step, all of which leads to `end`; returns the time.
+    ///
+    /// # Errors
+    /// The part cannot be made.
+    #[allow(clippy::float_cmp)] // 0 and 1 are the ends of the step
+    pub fn go(&mut self, part: f64, end: &State) -> Result<f64, StepError> {
+        if part == 1.0 {
+            self.state.clone_from(end);
+            return Ok(self.end);
+        }
+        self.by(part * self.h)?;
+        Ok(self.t + part * self.h)
+    }
+
+    /// Makes a step of this length from where the step begins.
+    ///
+    /// # Errors
+    /// It cannot be made.
+    pub fn by(&mut self, length: f64) -> Result<(), StepError> {
+        self.state.clone_from(&self.start);
+        if length == 0.0 {
+            return Ok(());
+        }
+        self.stepper.forget();
+        self.stepper.step(self.t, length, &mut self.state)?;
+        self.stepper.synchronize(&mut self.state)
+    }
+}

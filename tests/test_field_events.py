@@ -1,0 +1,165 @@
+"""Events of fields, and sections by surfaces: each is the end of a shorter step."""
+
+import casadi as ca
+import numpy as np
+import pytest
+
+import liouville as lv
+from liouville.problems import abc_flow
+
+X = [-1.2, -0.46, -2.83]
+PLAN = lv.plan(abc_flow.system, lv.VolumeSplitting(composition="BM6"), h=0.1, x=X)
+TURNING = lv.PolynomialField(lambda t, x, params: [x[1], -x[0]], x=("x", "y"))
+EXACT = lv.VolumeSplitting(linear="exact")
+
+
+def flow(events, t=(0, 30), x=X, **more):
+    steps = more.pop("steps", round(abs(t[1] - t[0]) / 0.1))
+    return lv.integrate(abc_flow.system, PLAN, t=t, steps=steps, x=x, events=events, **more)
+
+
+def turning(events, t=(0, 20), h=0.4, **more):
+    return lv.integrate(TURNING, EXACT, t=t, h=h, x=[0.0, 1.0], events=events, **more)
+
+
+def level(c, **more):
+    return lv.Event(lambda t, x, params: x[0] - c, **more)
+
+
+@pytest.mark.parametrize("direction", ["both", "up", "down"])
+def test_a_plane_is_met_where_the_section_by_it_is(direction):
+    run = flow({"plane": level(-1.5, direction=direction)})
+    call = {"t": (0, 30), "steps": 300, "offset": -1.5, "direction": direction, "x": [X]}
+    found = lv.section(abc_flow.system, PLAN, plane="x", **call)
+    points = run.events["plane"]
+    assert len(points) == len(found) > 1
+    np.testing.assert_allclose(points.t, found.t, rtol=0, atol=1e-13)
+    np.testing.assert_allclose(points.x, found.x, rtol=0, atol=1e-13)
+    assert np.abs(points.x[:, 0] + 1.5).max() < 1e-14
+    surface = lv.section(abc_flow.system, PLAN, plane=lambda t, x, params: x[0], **call)
+    np.testing.assert_array_equal(surface.x, points.x)
+    np.testing.assert_array_equal(surface.t, points.t)
+
+
+def test_an_event_is_the_end_of_a_shorter_step():
+    run = flow({"far": lambda t, x, params: ca.cos(x[0]) + 0.002 * t * params.A})
+    points = run.events["far"]
+    assert len(points)
+    for t, x in zip(points.t, points.x, strict=True):
+        n = int(t / 0.1)
+        part = flow(None, (run.t[n], t), run.x[n], steps=1)
+        np.testing.assert_allclose(part.x[-1], x, rtol=2e-15, atol=1e-14)
+        assert abs(np.cos(x[0]) + 0.002 * t * abc_flow.system.params["A"]) < 1e-14
+
+
+@pytest.mark.parametrize("c", [0.3, 0.95, 0.999, 0.99999, -0.999])
+def test_two_crossings_within_a_step_are_seen(c):
+    """Of x = sin t, in steps of an exact flow."""
+    run = turning({"level": level(c)})
+    first = np.arcsin(c)
+    wanted = np.sort(np.add.outer([first, np.pi - first], 2 * np.pi * np.arange(-1, 4)).ravel())
+    wanted = wanted[(wanted > 0) & (wanted < 20)]
+    np.testing.assert_allclose(run.events["level"].t, wanted, rtol=0, atol=1e-11)
+    above = turning({"level": level(1.0 + 1e-9)})
+    assert not len(above.events["level"])
+
+
+@pytest.mark.parametrize(("way", "first"), [(1, np.pi / 6), (-1, 7 * np.pi / 6)])
+def test_an_event_ends_a_run_forwards_and_backwards(way, first):
+    events = {"all": level(0.5), "third": level(0.5, direction="up", terminal=3)}
+    run = turning(events, (0, 20 * way))
+    points = run.events["third"]
+    wanted = way * (first + 2 * np.pi * np.arange(3))
+    np.testing.assert_allclose(points.t, wanted, rtol=0, atol=1e-11)
+    assert run.status == "done"
+    assert run.message == f"event 'third' at t = {points.t[-1]:.6g}"
+    assert run.t[-1] == points.t[-1]
+    np.testing.assert_array_equal(run.x[-1], points.x[-1])
+    np.testing.assert_array_equal(run.events["all"].t[::2], points.t)
+
+
+def test_a_start_on_an_event_is_none():
+    run = turning({"axis": level(0.0)}, h=0.5)
+    np.testing.assert_allclose(run.events["axis"].t, np.pi * np.arange(1, 7), rtol=0, atol=1e-11)
+
+
+def test_members_meet_the_events_of_runs_of_their_own():
+    starts = np.random.default_rng(3).uniform(-1, 1, (5, 3))
+    amplitudes = np.linspace(0.8, 1.2, 5)
+    events = {"end": level(1.5, terminal=True), "side": lambda t, x, params: x[1] - params.A}
+    call = {"t": (0, 20), "steps": 200, "events": events}
+    for params in ({}, {"A": amplitudes}):
+        many = lv.ensemble(abc_flow.system, PLAN, x=starts, params=params, **call)
+        for member, x in enumerate(starts):
+            own = {name: values[member] for name, values in params.items()}
+            one = lv.integrate(abc_flow.system, PLAN, x=x, params=own, **call)
+            for name, points in one.events.items():
+                of_member = many.events[name].of_member(member)
+                np.testing.assert_array_equal(of_member.t, points.t)
+                np.testing.assert_array_equal(of_member.x, points.x)
+            assert many.endings.get(member, "") == one.message
+            last = len(one.t) - bool(one.message)
+            np.testing.assert_array_equal(many.x[:last, member], one.x[:last])
+            assert np.isnan(many.x[last:, member]).all()
+
+
+def test_given_times_end_with_the_run():
+    times = np.arange(0.0, 20.0, 0.7)
+    run = turning({"third": level(0.5, terminal=3)}, t_eval=times)
+    end = run.events["third"].t[-1]
+    np.testing.assert_array_equal(run.t, times[times <= end])
+    np.testing.assert_allclose(run.x[:, 0], np.sin(run.t), rtol=0, atol=1e-12)
+
+
+def test_a_stored_run_has_the_same_events_after_pauses(tmp_path):
+    events = {"level": level(-1.5), "end": level(-1.6, terminal=5)}
+    stored = flow(events, store=lv.Store(tmp_path / "run.zarr", 7))
+    plain = flow(events)
+    found = lv.load(stored.path)
+    for name, points in plain.events.items():
+        np.testing.assert_array_equal(found.events[name].t, points.t)
+        np.testing.assert_array_equal(found.events[name].x, points.x)
+    np.testing.assert_array_equal(found.x, plain.x)
+
+
+def test_a_gridded_field_has_events_and_sections_by_surfaces():
+    axis = np.linspace(0, 2 * np.pi, 32, endpoint=False)
+    x, y = np.meshgrid(axis, axis, indexing="ij")
+    period = {"x": 2 * np.pi, "y": 2 * np.pi}
+    field = lv.GriddedField(axis, axis, potential=np.sin(x) * np.sin(y), periodic=period)
+    radius = 1.01
+
+    def circle(t, x, params):
+        return (x[0] - np.pi / 2) ** 2 + (x[1] - np.pi / 2) ** 2 - radius**2
+
+    call, x = {"t": (0, 30), "steps": 300}, [[1.0, 0.7], [0.8, 0.9]]
+    method, rim = lv.VolumeSplitting(), {"rim": lv.Event(circle, "up")}
+    found = lv.section(field, method, plane=circle, direction="up", x=x, **call)
+    assert {*found.member.tolist()} == {0, 1}
+    np.testing.assert_allclose(np.hypot(*(found.x.T - np.pi / 2)), radius, rtol=1e-14)
+    run = lv.integrate(field, method, x=x[0], events=rim, **call)
+    np.testing.assert_array_equal(run.events["rim"].t, found.t[found.member == 0])
+
+
+@pytest.mark.parametrize(("event", "more", "sentence"), [
+    (level(0.0, reset=lambda t, x, params: -x), {}, "has a reset, and the volume"),
+    (lambda t, x, params: params.A, {}, "'e' is the same for all states"),
+    (lambda t, x: x[0], {}, "takes \\(t, x\\)"),
+    (level(0.0), {"tangents": {"x": X}}, "without events="),
+])  # fmt: skip
+def test_wrong_events_are_refused(event, more, sentence):
+    with pytest.raises((TypeError, ValueError), match=sentence):
+        flow({"e": event}, (0, 1), **more)
+
+
+def test_a_surface_has_no_period():
+    with pytest.raises(ValueError, match="period= is that of planes"):
+        lv.section(abc_flow.system, PLAN, t=(0, 1), steps=10, x=[X], period=1.0,
+                   plane=lambda t, x, params: x[0])  # fmt: skip
+
+
+def test_an_event_that_is_not_finite_ends_the_run_by_name():
+    with pytest.raises(lv.IntegrationError, match="event 'root' is not finite") as info:
+        flow({"root": lambda t, x, params: ca.sqrt(0.8 - t)})
+    assert info.value.quantity == "root"
+    assert 0.5 < info.value.t <= 0.8
