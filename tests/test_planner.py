@@ -139,6 +139,40 @@ def test_the_same_seed_gives_the_same_plan():
     assert len({plan.order for plan in others}) > 1
 
 
+def test_a_plan_is_made_once_for_the_same_call(monkeypatch):
+    from liouville.runners import field as runner
+
+    made = []
+    plan_field = runner.plan_field
+
+    def counted(terms, method, h, *more, **options):
+        made.append((len(terms), method, h))
+        return plan_field(terms, method, h, *more, **options)
+
+    monkeypatch.setattr(runner, "plan_field", counted)
+    field = lv.PolynomialField(
+        lambda t, x, params: [params.a * x[1] * x[2], x[0] * x[2], -x[0] * x[1]],
+        x=3, params={"a": 0.5},
+    )  # fmt: skip
+
+    def run(x=(1.0, 0.5, 0.2), method=V(), h=0.1, a=0.5):  # noqa: B008
+        return lv.integrate(field, method, t=(0, 1), h=h, x=x, params={"a": a})
+
+    closed = V("exponentials", "natural", composition="S2", linear="split")
+    first, changed = run(), run(a=0.7)
+    for _ in range(2):
+        np.testing.assert_array_equal(run().x, first.x)
+        run(method=closed)
+        run(method=closed, h=0.2, x=(0.2, 0.4, 0.6))
+    assert len(made) == 3  # of the start, of other parameters, of the closed method
+    other = field.with_params({"a": 0.7})
+    again = lv.integrate(other, V(), t=(0, 1), h=0.1, x=(1.0, 0.5, 0.2))
+    np.testing.assert_array_equal(again.x, changed.x)
+    run(h=0.2)
+    run(x=(0.2, 0.4, 0.6))
+    assert [h for *_, h in made[-2:]] == [0.2, 0.1]
+
+
 def test_a_run_does_as_the_plan_says_on_any_number_of_threads():
     plan = lv.plan(FIELD, h=0.05, x=STARTS[0])
     span = {"t": (0, 2), "h": 0.05}

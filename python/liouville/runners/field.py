@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import replace
+from hashlib import blake2b
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -131,11 +132,24 @@ class FieldRunner(Runner):
         system = self.system
         assert isinstance(system, PolynomialField)
         if isinstance(method, FieldPlan):
-            plan, parts = method, method.split(system.terms, system.variables)
+            plan, make = method, lambda: method.split(system.terms, system.variables)
+            parts = system.kept(method, make)
         else:
-            plan, parts = plan_field(system.terms, method, h, self.x, names=system.variables)
+            plan, parts = self._chosen(system, method, h)
         _check_affine(parts, h)
         return plan, parts
+
+    def _chosen(
+        self, system: PolynomialField, method: VolumeSplitting, h: float
+    ) -> tuple[FieldPlan, Split]:
+        """Return the plan of a method, for steps h, and the field split by it."""
+        # what leaves nothing open depends on neither step nor start
+        trial = (h, self.x.shape, blake2b(self.x.tobytes()).digest()) if method.is_open else None
+        plan, parts = system.kept(
+            (method, trial),
+            lambda: plan_field(system.terms, method, h, self.x, names=system.variables),
+        )
+        return replace(plan, h=h), parts
 
     def _tried(
         self, method: VolumeSplitting | FieldPlan, asked: Steps, x: np.ndarray

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Hashable, Mapping, Sequence
 from copy import copy
-from typing import Any, Self
+from typing import Any, Self, TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -19,6 +19,10 @@ from liouville.systems._source import Source, callable_of
 from liouville.terms import Terms
 
 Function = Callable[..., Any]
+Made = TypeVar("Made")
+
+#: So many plans are kept with a field.
+MOST_KEPT = 4
 
 
 class PolynomialField(Field):
@@ -99,6 +103,9 @@ class PolynomialField(Field):
     hint: ...
     """
 
+    #: What was made of the terms, by what it was made for.
+    _kept: Mapping[Hashable, Any]
+
     def __init__(
         self,
         field: Function,
@@ -127,12 +134,21 @@ class PolynomialField(Field):
         self._source = source
         self._observer = Observer(symbols, invariants)
         self._values = self.values(None)
-        self.terms = self._expanded(self._values)
+        self.terms, self._kept = self._expanded(self._values), {}
         return self
+
+    def kept(self, key: Hashable, make: Callable[[], Made]) -> Made:
+        """Return what was made of the terms under this key before, else make it and keep it."""
+        found: Made | None = self._kept.get(key)
+        if found is None:
+            found = make()
+            # those before stay as they are, for other threads
+            self._kept = dict([*self._kept.items()][1 - MOST_KEPT :]) | {key: found}
+        return found
 
     def _state(self) -> dict[str, Any]:
         """Return what is pickled: without parameters the terms cannot change."""
-        own = dict(self.__dict__)
+        own = self.__dict__ | {"_kept": {}}
         return own if self._values.size else own | {"_source": None}
 
     def _expanded(self, values: np.ndarray) -> Terms:
@@ -290,5 +306,5 @@ class PolynomialField(Field):
         other = copy(self)
         other._symbols = self._symbols.with_params(self._symbols.params.replaced(values))
         other._values = values
-        other.terms = other._expanded(values)
+        other.terms, other._kept = other._expanded(values), {}
         return other
