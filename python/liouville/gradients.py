@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from liouville.control import Control
+from liouville.ensemble import ensemble
 from liouville.errors import IntegrationError, hinted
 from liouville.events import Event
 from liouville.integrate import integrate
@@ -19,7 +20,7 @@ from liouville.runners import Request, runner_of
 from liouville.runners.adjoint import EVENTS, Adjoint, Gradients
 from liouville.runners.execute import execute
 from liouville.solution import Solution
-from liouville.systems import Field, Mechanics, Schrodinger
+from liouville.systems import Field, Mechanics, Schrodinger, members
 
 #: Moved starts of a difference of order six, in units of its step, with their weights.
 WEIGHTS = {1: 3 / 4, 2: -3 / 20, 3: 1 / 60}
@@ -32,6 +33,10 @@ class Pullback:
     Lagrangian: the derivatives of some scalar by these arrays of the solution, of the same shapes.
     It returns the derivatives of that scalar by everything in `wrt`. Those by times of events and
     by the states there are ``events={"name": {"t": ..., "q": ...}}``.
+
+    Cotangents of an ensemble have the member as their second axis, as its solution has, and its
+    gradients have it as their first. Members are pulled back one by one, each from a run of its
+    own with the same bits, on as many threads as :func:`vjp` was given.
 
     The states between are made again from checkpoints, about the square root of the number of
     steps of them, so a call takes one more run, and as much again and somewhat more for the
@@ -124,6 +129,7 @@ def vjp(
     events: Mapping[str, Event | Callable[..., Any]] | None = None,
     params: Mapping[str, ArrayLike] | None = None,
     progress: Progress = None,
+    threads: int | None = None,
     **start: ArrayLike,
 ) -> tuple[Solution, Pullback]:
     r"""Integrate a system, and return the run's pullback beside its solution.
@@ -131,27 +137,37 @@ def vjp(
     The gradient of a scalar function of the kept states by any number of parameters takes one call
     of the pullback; see :doc:`/theory/adjoint`.
 
+    Starts or parameters with a row for each of P members make an ensemble, as :func:`ensemble`
+    takes it. Its gradients have the member as their first axis, whether a name has a value for each
+    member or one for all: the gradient of a sum over members by what they share is
+    ``gradient.sum(axis=0)``.
+
     Parameters
     ----------
     system, method, t, h, steps, rtol, atol, control, every, t_eval, events, params, progress
-        As for :func:`integrate`: a mechanical system without nonholonomic constraints, by
-        ``Spark``, ``LobattoPair`` or a composition of them, whose controlled steps are held, as are
-        the times in `t_eval`, or by equal steps of ``HHT``, ``GeneralizedAlpha`` and
-        ``ArnoldBruls``, without events; a field without divergence; or a Schrödinger equation by
-        ``"auto"``, ``Chebyshev``, ``Magnus`` with `h` or `steps`, or splittings of a real H into
-        shears. Bounds, windows, steps and the numbers of terms are held.
+        As for :func:`integrate`, and of members as for :func:`ensemble`: a mechanical system
+        without nonholonomic constraints, by ``Spark``, ``LobattoPair`` or a composition of them,
+        whose controlled steps are held, as are the times in `t_eval`, or by equal steps of ``HHT``,
+        ``GeneralizedAlpha`` and ``ArnoldBruls``, without events; a field without divergence; or a
+        Schrödinger equation by ``"auto"``, ``Chebyshev``, ``Magnus`` with `h` or `steps`, or
+        splittings of a real H into shears. Bounds, windows, steps and the numbers of terms are
+        held.
     wrt : sequence of str
         What gradients are by: states of the system such as ``"q"`` and ``"v"``, ``"params.name"``,
         and ``"t0"`` and ``"t1"`` where steps are equal. Parameters of a field are those of its
         coefficients. Of a Schrödinger equation ``"psi"``, parameters of its drive, and
         ``"drive[k]"``, the samples of a drive.
+    threads : int, optional
+        At most and by default as many as this process has processors. They take the members of an
+        ensemble in turn, or the rows of a large wave function. The result does not depend on them.
     **start : array_like
-        Start values, as for :func:`integrate`.
+        Start values, as for :func:`integrate` or :func:`ensemble`.
 
     Returns
     -------
     solution : Solution
-        That of :func:`integrate`, bit for bit; of an H(t) that is differentiated by parameters or
+        That of :func:`integrate` or :func:`ensemble`, bit for bit, by
+        ``LobattoPair(2)`` to roundoff; of an H(t) that is differentiated by parameters or
         samples to the tolerance, as windows then end where these bend its functions.
     pullback : Pullback
         Takes cotangents, ``pullback(q=..., lam=...)``, and returns a dict of gradients. Those by
@@ -162,7 +178,8 @@ def vjp(
     TypeError, ValueError
         An argument is wrong, or what is asked for has no pullback.
     IntegrationError
-        A step failed, or the run was interrupted; ``error.solution`` is what was computed before.
+        A step of any member failed, or the run was interrupted; ``error.solution`` is what was
+        computed before.
 
     Examples
     --------
@@ -179,7 +196,8 @@ def vjp(
     """
     request = Request(
         t=t, h=h, steps=steps, rtol=rtol, atol=atol, control=control, every=every, t_eval=t_eval,
-        events=events, params=params, start=start, has_pullback=True,
+        events=events, params=params, start=start, has_pullback=True, threads=threads,
+        is_ensemble=members.are_given(system, start, params),
     )  # fmt: skip
     adjoint = runner_of(system, method, request).adjoint(request, wrt)
     solution = execute(adjoint.runner, progress, adjoint.checkpoints)
@@ -222,6 +240,7 @@ def check_gradient(
     The two tests see different things. The pairing of tangent and pullback is exact, but agrees
     even where a model bends within a step; differences see that, with their own error. Of a
     Schrödinger equation they are of the run with the same bounds, windows and numbers of terms.
+    Members of an ensemble are moved in the same direction.
 
     Parameters
     ----------
@@ -257,9 +276,13 @@ def check_gradient(
         real = np.asarray(rng.standard_normal(shape))
         return real + 1j * rng.standard_normal(shape) if is_complex else real
 
-    directions = {x: random(*which) for x, which in adjoint.directions.items()}
+    is_many = solution.members is not None
+    sizes = {x: (shape[is_many:], kind) for x, (shape, kind) in adjoint.directions.items()}
+    alike = {x: random(*which) for x, which in sizes.items()}
+    directions = {x: np.broadcast_to(own, adjoint.directions[x][0]) for x, own in alike.items()}
     states = {x: random(solution.states[x].shape, adjoint.is_complex) for x in pullback.states}
-    found = integrate(system, method, t=t, params=params, tangents=directions, **run).tangents
+    call = ensemble if is_many else integrate
+    found = call(system, method, t=t, params=params, tangents=alike, **run).tangents
     parts = [np.conj(states[x]) * each.states[x] for each in found.values() for x in states]
     forward, unit = (float(sum(f(x).real.sum() for x in parts)) for f in (np.asarray, np.abs))
     gradients = pullback(**states)

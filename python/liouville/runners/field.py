@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from copy import copy
 from dataclasses import replace
 from hashlib import blake2b
 from typing import TYPE_CHECKING, Any
@@ -243,8 +244,29 @@ class FieldRunner(Runner):
         """Return the transposed derivative of the run by what `wrt` names, before it begins."""
         # imported here: few runs are differentiated
         from liouville.runners.field_derivative import FieldAdjoint
+        from liouville.runners.members_adjoint import MembersAdjoint
 
-        return FieldAdjoint(self, request, wrt)
+        if not self.members:
+            return FieldAdjoint(self, request, wrt)
+        first = FieldAdjoint(self._member(0), request, wrt)
+
+        def of_member(member: int) -> Adjoint:
+            if self.varied:
+                return FieldAdjoint(self._member(member), request, wrt)
+            return first.of(self._member(member))
+
+        return MembersAdjoint(self, of_member, self.threads)
+
+    def _member(self, member: int) -> FieldRunner:
+        """Return the run of a member alone, split as they all are."""
+        own = copy(self)
+        own.members, own.varied, own.splits = (), (), []
+        own.x = self.x[member : member + 1]
+        if self.varied:
+            own.systems = self.systems[member : member + 1]
+            own.system, own.split = own.systems[0], self.splits[member]
+            own.params = own.system.params
+        return own
 
     def tangents(self, t: np.ndarray, parts: Mapping[str, np.ndarray]) -> dict[str, Tangent]:
         """Return the tangents in records by the names of their directions, if any were wanted."""

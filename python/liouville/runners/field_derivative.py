@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from copy import copy
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
@@ -117,6 +118,12 @@ class FieldAdjoint(Adjoint):
             for place in self._range(name)
         }
 
+    def of(self, runner: FieldRunner) -> FieldAdjoint:
+        """Return that of another run of the same field, split in the same way."""
+        own = copy(self)
+        own.runner, own.checkpoints = runner, Checkpoints(runner.steps.count)
+        return own
+
     def _range(self, name: str) -> range:
         first, shape = self._places[name]
         return range(first, first + int(np.prod(shape)))
@@ -163,13 +170,14 @@ class FieldAdjoint(Adjoint):
             if name.startswith(PARAMS):
                 which = name.removeprefix(PARAMS)
                 values[which] = np.asarray(values[which]) + size * x
-        x = runner.system.start(request.start) + size * directions.get("x", np.zeros(()))
+        n = len(runner.system.coordinates)
+        x = runner.x[0, :n] + size * directions.get("x", np.zeros(()))
         ends = [
             float(end + size * directions.get(name, np.zeros(())))
             for name, end in (("t0", runner.steps.t0), ("t1", runner.steps.t1))
         ]
         moved = replace(
             request, t=tuple(ends), params=values, start={"x": x}, steps=runner.steps.count, h=None,
-            rtol=None, atol=None, control=None, has_pullback=False,
+            rtol=None, atol=None, control=None, has_pullback=False, is_ensemble=False,
         )  # fmt: skip
         return execute(type(runner)(runner.system, runner.choice, moved)).states

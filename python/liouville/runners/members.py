@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from typing import Any
+from dataclasses import replace
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -17,6 +18,9 @@ from liouville.runners.semi_explicit import SemiExplicitRunner
 from liouville.runners.traced import TracedRunner
 from liouville.systems import members
 from liouville.systems._redundant import are_implied
+
+if TYPE_CHECKING:
+    from liouville.runners.adjoint import Adjoint
 
 
 class Members(TracedRunner):
@@ -68,6 +72,24 @@ class Members(TracedRunner):
 
 class MembersRunner(Members, MechanicalRunner):
     """Runs many trajectories of a mechanical system; see :class:`Runner`."""
+
+    def adjoint(self, request: Request, wrt: Any) -> Adjoint:
+        """Return the transposed derivatives of all runs by what `wrt` names, before they begin."""
+        # imported here: few runs are differentiated
+        from liouville.runners.members_adjoint import MembersAdjoint
+
+        names = (*self.system.states, *self._also)
+
+        def of_member(member: int) -> Adjoint:
+            start = zip(names, (x[member] for x in self._begin), strict=False)
+            params = dict(request.params or {})
+            params |= {name: np.asarray(params[name])[member] for name in self.varied}
+            own = replace(
+                request, start=dict(start), params=params, threads=None, is_ensemble=False
+            )
+            return MechanicalRunner(self.system, self.choice, own).adjoint(own, wrt)
+
+        return MembersAdjoint(self, of_member, self.threads)
 
     def _leave_out(self) -> None:
         """Take the system without what the other constraints imply, which is alike of all."""

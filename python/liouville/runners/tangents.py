@@ -57,9 +57,10 @@ def check_covered(system: Any, method: Any, request: Request) -> None:
     if not isinstance(system, Mechanics | Field | Schrodinger):
         raise TypeError(hinted(f"a {type(system).__name__} has no tangents yet", COVERED))
     is_field, events = isinstance(system, Field), request.events is not None
-    if events and request.is_ensemble:
-        sentence = "tangents of an ensemble go without events="
-        raise TypeError(hinted(sentence, "make a run of each member"))
+    for name in ("events", "t_eval") if request.is_ensemble else ():
+        if getattr(request, name) is not None:
+            sentence = f"tangents of an ensemble go without {name}="
+            raise TypeError(hinted(sentence, "make a run of each member"))
     without = {"events": is_field and events, "store": request.is_stored}
     without["t_eval"] = is_field and request.t_eval is not None
     if given := [name for name, is_given in without.items() if is_given]:
@@ -67,7 +68,7 @@ def check_covered(system: Any, method: Any, request: Request) -> None:
     if not request.states:
         raise ValueError("tangents are those of states: leave out states=False")
     if isinstance(system, Schrodinger):
-        if request.is_ensemble:
+        if request.is_ensemble and not request.has_pullback:
             sentence = "an ensemble of wave functions has no tangents"
             raise TypeError(hinted(sentence, "integrate its members one by one"))
         return  # its method is seen when it is planned

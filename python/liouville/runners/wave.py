@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from itertools import pairwise
 from typing import TYPE_CHECKING, Any
 
@@ -110,6 +111,8 @@ class WaveRunner(Runner):
         from liouville.runners import wave_derivative
 
         wave_derivative.check_plan(self.plan)
+        if self.members:  # each is run again by itself when it is pulled back
+            return
         self._record = _core.WaveRecord()
         if request.tangents is not None:
             self._directions = wave_derivative.WaveDirections(self.system, request.tangents)
@@ -123,11 +126,20 @@ class WaveRunner(Runner):
         from liouville.runners.wave_adjoint import WaveAdjoint
         from liouville.runners.wave_derivative import check_room, check_wrt, with_breaks
 
-        del request
         names = check_wrt(self.system, wrt)
         self.plan = with_breaks(self.plan, self.system, names)
         check_room(self.plan, self.system.size, is_wanted=set(names) != {"psi"})
-        return WaveAdjoint(self, names)
+        if not self.members:
+            return WaveAdjoint(self, names)
+        from liouville.runners.members_adjoint import MembersAdjoint
+
+        def of_member(member: int) -> Adjoint:
+            start = {"psi": self.system.outward(self.psi[member])}
+            own = replace(request, start=start, params=None, threads=1, is_ensemble=False)
+            method = self.choice if self._stops is not None else self.plan
+            return WaveRunner(self.system, method, own).adjoint(own, wrt)
+
+        return MembersAdjoint(self, of_member, self.threads)
 
     def derivative(self, names: Sequence[str]) -> WaveDerivative:
         """Return what moves derivatives by these names through the run, when it is over."""

@@ -11,8 +11,30 @@ from numpy.typing import ArrayLike
 from liouville.systems import _trace
 from liouville.systems._field import Field
 from liouville.systems.mechanics import ONTO, Mechanics
+from liouville.systems.schrodinger.equation import Schrodinger
 from liouville.systems.semi_explicit import SemiExplicit
 from liouville.systems.traced import shown
+
+
+def are_given(
+    system: Mechanics | Field | Schrodinger,
+    start: Mapping[str, Any],
+    params: Mapping[str, ArrayLike] | None,
+) -> bool:
+    """Return whether a start value or a parameter has a row for each member."""
+    own = system.params
+    given = params.items() if isinstance(params, Mapping) else ()
+    if any(name in own and np.ndim(x) == np.ndim(own[name]) + 1 for name, x in given):
+        return True
+    if isinstance(system, Schrodinger):
+        return system.is_many(start.get("psi"))
+
+    def axes(value: Any) -> int:
+        if isinstance(value, Mapping):
+            return 1 + max((np.ndim(x) for x in value.values()), default=0)
+        return np.ndim(value)
+
+    return any(axes(x) == 2 for x in start.values())
 
 
 def starts(

@@ -327,6 +327,11 @@ class Schrodinger(Bounded):
         given = foreign.state(psi, self.size, is_ensemble)
         return self.frame.inward(observed.checked(given, self._shapes, is_ensemble))
 
+    def is_many(self, psi: Any) -> bool:
+        """Return whether these are states of several members, and not one."""
+        shape = np.shape(foreign.state(psi, self.size, False))
+        return shape not in self._shapes and shape[1:] in self._shapes
+
     def outward(self, psi: np.ndarray) -> np.ndarray:
         """Return states of the core as the user has them; components are the last axis."""
         return self.frame.outward(psi)

@@ -1,0 +1,89 @@
+"""Pullbacks of ensembles: those of their members, which threads take in turn."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from concurrent.futures import ThreadPoolExecutor
+
+import numpy as np
+
+from liouville.errors import IntegrationError
+from liouville.runners.adjoint import Adjoint, Gradients
+from liouville.runners.execute import execute
+from liouville.runners.runner import Runner
+from liouville.solution import Solution
+
+#: A run of no more steps is followed back from its start: it needs no other checkpoint.
+SHORT = 256
+
+
+class MembersAdjoint(Adjoint):
+    """The transposed derivative of the runs of an ensemble; see :class:`Adjoint`.
+
+    A member is run again by itself when it is pulled back, with the same bits, so that checkpoints
+    of no more members are kept than there are threads.
+    """
+
+    def __init__(self, runner: Runner, of_member: Callable[[int], Adjoint], threads: int) -> None:
+        self.runner, self._of_member, self._threads = runner, of_member, threads
+        self._first, (self._count,) = of_member(0), runner.members
+        self.is_complex = self._first.is_complex
+        each = self._first.directions.items()
+        self.directions = {
+            name: ((self._count, *shape), is_complex) for name, (shape, is_complex) in each
+        }
+
+    def shapes(self, solution: Solution) -> dict[str, tuple[int, ...]]:
+        """Return the shapes of what has cotangents, by the names of the states."""
+        return self._first.shapes(solution)
+
+    def pulled(self, solution: Solution, cotangents: Mapping[str, np.ndarray]) -> Gradients:
+        """Return gradients of each member, along their first axis; see :class:`Adjoint`."""
+
+        def pulled(member: int) -> Gradients:
+            own = {name: np.ascontiguousarray(x[:, member]) for name, x in cotangents.items()}
+            return self._pulled(solution, member, own)
+
+        # the first records tapes that all share
+        found = [pulled(0), *self._each(pulled, range(1, self._count))]
+        return {name: np.array([each[name] for each in found]) for name in self.wrt}
+
+    def _pulled(
+        self, solution: Solution, member: int, cotangents: Mapping[str, np.ndarray]
+    ) -> Gradients:
+        adjoint = self._of_member(member)
+        steps, checkpoints = adjoint.runner.steps.count, adjoint.checkpoints
+        try:
+            if checkpoints is not None and steps <= SHORT:
+                own, run = solution.member(member), adjoint.runner.start()
+                assert not isinstance(run, dict), "a member that has run"
+                checkpoints.stride = steps
+                checkpoints.take(run)
+            else:
+                own = execute(adjoint.runner, checkpoints=checkpoints)
+            if own.status != "done":
+                raise IntegrationError(own.message, solution=own)
+            return adjoint.pulled(own, cotangents)
+        except IntegrationError as error:
+            sentence = f"member {member}: {error}"
+            raise IntegrationError(sentence, quantity=error.quantity, member=member) from error
+
+    def _each(
+        self, call: Callable[[int], Gradients], members: Iterable[int]
+    ) -> Iterator[Gradients]:
+        if self._threads == 1:
+            yield from map(call, members)
+            return
+        pool = ThreadPoolExecutor(self._threads)
+        try:
+            yield from pool.map(call, members)
+        finally:  # where one fails, and after Ctrl-C, no other begins
+            pool.shutdown(cancel_futures=True)
+
+    def moved(self, directions: Mapping[str, np.ndarray], size: float) -> Mapping[str, np.ndarray]:
+        """Return the states of all runs, each moved by so much of its own directions."""
+        each = [
+            self._of_member(k).moved({name: x[k] for name, x in directions.items()}, size)
+            for k in range(self._count)
+        ]
+        return {name: np.stack([states[name] for states in each], axis=1) for name in each[0]}

@@ -1,0 +1,145 @@
+"""Pullbacks of ensembles give each member the gradients that it has alone, bit for bit."""
+
+import casadi as ca
+import numpy as np
+import pytest
+
+import liouville as lv
+from liouville.problems import abc_flow, load
+
+RNG = np.random.default_rng(11)
+
+
+def alone(system, method, wrt, run, start, params=None):
+    """Compare with runs of each member alone, and return the ensemble's own gradients."""
+    solution, pullback = lv.vjp(system, method, wrt=wrt, **run, **start, params=params)
+    cotangents = {
+        name: RNG.standard_normal(solution.states[name].shape) for name in pullback.states
+    }
+    if pullback.adjoint.is_complex:
+        cotangents = {name: x - 1j * x[::-1] for name, x in cotangents.items()}
+    gradients = pullback(**cotangents)
+    for k in range(solution.members):
+
+        def own(given, ndim, k=k):
+            return np.asarray(given)[k] if np.ndim(given) > ndim else given
+
+        values = {x: own(value, np.ndim(system.params[x])) for x, value in (params or {}).items()}
+        begin = {x: own(value, 1) for x, value in start.items()}
+        one, back = lv.vjp(system, method, wrt=wrt, **run, **begin, params=values)
+        assert all(np.array_equal(one.states[x], solution.states[x][:, k]) for x in cotangents)
+        found = back(**{x: np.ascontiguousarray(c[:, k]) for x, c in cotangents.items()})
+        for name in wrt:
+            assert gradients[name].shape == (solution.members, *np.shape(found[name]))
+            np.testing.assert_array_equal(gradients[name][k], found[name])
+    return gradients
+
+
+def starts(problem, many=3):
+    """Return starts along a motion, a row for each member."""
+    t0 = problem.interval[0]
+    run = {"t": (t0, t0 + 40 * problem.h), "steps": 40, "every": 40 // many}
+    found = lv.integrate(problem.system, lv.Spark(3), **run, **problem.start)
+    return {name: found.states[name][:many] for name in problem.system.states}
+
+
+@pytest.mark.parametrize("steps", [30, 300])
+@pytest.mark.parametrize("method", [
+    lv.Spark(3), lv.LobattoPair(2), lv.Composition(lv.Spark(1), "Y4"), lv.HHT(-0.1),
+], ids=str)  # fmt: skip
+def test_members_of_a_mechanism_have_the_gradients_of_runs_alone(method, steps):
+    """With few steps, which are followed from the start, and with more, from checkpoints."""
+    problem = load("double_pendulum")
+    start = starts(problem)
+    run = {"t": (0, 1), "steps": steps, "every": 7}
+    wrt = ["q", "v", "params.l1", "params.m2", "params.g", "t0", "t1"]
+    alone(problem.system, method, wrt, run, start, {"m2": [1.0, 1.5, 2.0], "g": 0.9})
+
+
+@pytest.mark.parametrize("name", ["doubled_rod", "heavy_top", "kepler_on_sphere", "car_axis"])
+def test_redundant_varying_and_moving_systems(name):
+    problem = load(name)
+    start = starts(problem, 2)
+    if name == "car_axis":  # the constraints move with the time
+        start = {x: np.stack([value[0]] * 2) for x, value in start.items()}
+    first, second = problem.system.states
+    run = {"t": (problem.interval[0], problem.interval[0] + 5 * problem.h), "steps": 5}
+    alone(problem.system, lv.Spark(2), [first, second], run, start)
+
+
+def test_one_start_and_many_lengths_sum_to_the_gradient_of_a_sum():
+    """What members share has a gradient from each, as `jax.vmap` has it."""
+    system = lv.Lagrangian(
+        lambda t, q, v, params: ca.dot(v, v) / 2 - params.g * q[1],
+        lambda t, q, params: {"rod": ca.dot(q, q) - params.l**2},
+        q=("x", "y"),
+        params={"g": 9.81, "l": 2.0},
+    )
+    lengths = np.array([1.0, 1.5, 2.0])
+    start = system.consistent(q=[0.6, -0.8], v=[0.8, 0.6], params={"l": lengths})
+    run = {"t": (0, 0.5), "steps": 20, "every": 20}
+    wrt = ["q", "params.g", "params.l"]
+    gradients = alone(system, lv.Spark(2), wrt, run, start, {"l": lengths})
+    assert gradients["params.g"].shape == (3,)
+    found = lv.check_gradient(
+        system, lv.Spark(2), wrt=wrt, **run, **start, params={"l": lengths}, threads=1
+    )
+    assert found.dot < 1e-13
+    assert found.differences < 1e-9
+
+
+def test_members_of_a_field():
+    system, x = abc_flow.system, RNG.random((3, 3))
+    run = {"t": (0, 2), "steps": 20, "every": 6}
+    plan = lv.plan(system, lv.VolumeSplitting(), h=0.1, x=x)
+    wrt = ["x", "params.A", "t0", "t1"]
+    alone(system, plan, wrt, run, {"x": x})
+    alone(system, plan, wrt, run, {"x": x}, {"A": [1.0, 1.1, 0.9]})
+    found = lv.check_gradient(system, plan, wrt=wrt, **run, x=x)
+    assert found.dot < 1e-13
+    assert found.differences < 1e-9
+
+
+@pytest.mark.parametrize(("method", "run"), [
+    ("auto", {"t": (0, 1, 3)}), (lv.Magnus(4), {"t": (0, 3), "steps": 9, "every": 4}),
+], ids=str)  # fmt: skip
+def test_members_of_a_wave_function(method, run):
+    h, b = (x + x.T for x in RNG.standard_normal((2, 6, 6)))
+    system = lv.Schrodinger(
+        h,
+        drive=[(RNG.standard_normal(9), b), (lambda t, p: p.a * ca.sin(t), b @ b)],
+        times=np.linspace(0, 3, 9),
+        params={"a": 0.3},
+    )
+    psi = RNG.standard_normal((3, 6)) + 1j * RNG.standard_normal((3, 6))
+    alone(system, method, ["psi", "drive[0]", "params.a"], run, {"psi": psi})
+
+
+def test_results_do_not_depend_on_threads():
+    problem = load("double_pendulum")
+    start, found = starts(problem), []
+    for threads in (1, 2):
+        solution, pullback = lv.vjp(
+            problem.system, lv.Spark(2), wrt=["v"], t=(0, 1), steps=20, threads=threads, **start
+        )
+        found.append(pullback(q=np.ones_like(solution.q))["v"])
+    np.testing.assert_array_equal(*found)
+
+
+def test_a_member_that_fails_and_what_has_no_pullback_are_named():
+    problem = load("double_pendulum")
+    start = starts(problem)
+    call = {"wrt": ["v"], "t": (0, 1), "steps": 20, **start}
+    with pytest.raises(TypeError, match="of an ensemble go without t_eval="):
+        lv.vjp(problem.system, lv.Spark(2), **call, t_eval=[0.5])
+    with pytest.raises(TypeError, match="of an ensemble go without events="):
+        lv.vjp(problem.system, lv.Spark(2), **call, events={"e": lambda t, q, v, lam, p: q[0]})
+    with pytest.raises(TypeError, match="rtol"):
+        lv.vjp(problem.system, lv.Spark(2), **{**call, "steps": None}, rtol=1e-6)
+    solution, pullback = lv.vjp(problem.system, lv.Spark(2), **call)
+    with pytest.raises(ValueError, match=r"has shape \(21, 4\), wanted \(21, 3, 4\)"):
+        pullback(q=np.zeros_like(solution.q[:, 0]))
+    fast = {**call, "v": start["v"] * [[1], [1e3], [1]]}
+    with pytest.raises(lv.IntegrationError, match="1 of 3 members failed") as caught:
+        lv.vjp(problem.system, lv.Spark(2), **fast)
+    assert [*caught.value.solution.failures] == [1]
