@@ -9,12 +9,12 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from liouville import _casadi as ca
-from liouville.bridges.run import RunFunction, RunPoint
+from liouville.bridges.functions import run_function
+from liouville.bridges.run import COMPLEX, RunFunction, Runnable, RunPoint
 from liouville.methods import Method
 from liouville.runners import Request
-from liouville.systems import Mechanics
 
-Array = NDArray[np.float64]
+Array = NDArray[Any]
 
 #: Names with shapes of one side of a function, and what makes one side of the other.
 Shapes = Sequence[tuple[str, tuple[int, int]]]
@@ -22,12 +22,12 @@ Call = Callable[[list[Array]], Sequence[Array]]
 
 
 def solver(
-    system: Mechanics,
-    method: Method,
+    system: Runnable,
+    method: Method | str,
     *,
     wrt: Sequence[str],
-    returns: str | Sequence[str] = "q",
-    t: tuple[float, float],
+    returns: str | Sequence[str] | None = None,
+    t: tuple[float, float] | Sequence[float],
     h: float | None = None,
     steps: int | None = None,
     every: int = 1,
@@ -43,13 +43,14 @@ def solver(
     Parameters
     ----------
     system, method, t, h, steps, every, params
-        As for :func:`liouville.vjp`, with equal steps. Their number is that of `t`, also where its
-        ends are inputs.
+        As for :func:`liouville.vjp`: a mechanical system or a field with equal steps, whose number
+        is that of `t`, also where its ends are inputs; or a Schrödinger equation, whose psi is
+        complex.
     wrt : sequence of str
         What the run is a function of: states of the system such as ``"q"`` and ``"v"``,
-        ``"params.name"``, ``"t0"`` and ``"t1"``.
-    returns : str or sequence of str
-        The states that it returns: those of the system, or ``"lam"``.
+        ``"params.name"``, ``"t0"`` and ``"t1"``, and ``"drive[k]"`` for the samples of a drive.
+    returns : str or sequence of str, optional
+        The states that it returns: those of the system, by default the first, or ``"lam"``.
     **start : array_like
         Start values that are not in `wrt`, each of shape (n,).
 
@@ -58,6 +59,7 @@ def solver(
     casadi.Callback
         A function with an input for each name in `wrt`, columns of shape (n, 1) for vectors, and an
         output for each name in `returns`, of shape (k, n), at the kept times, the start among them.
+        In the place of psi there are two, its real and its imaginary part.
         It moves a start onto its constraints as ``system.consistent`` does, and derivatives are
         those of the start moved. Where some constraints imply others, they are taken at starts on
         all of them.
@@ -86,7 +88,7 @@ def solver(
     request = Request(
         t=t, h=h, steps=steps, every=every, params=params, start=start, has_pullback=True
     )  # fmt: skip
-    return _Run(RunFunction(system, method, wrt, returns, request))
+    return _Run(run_function(system, method, wrt, returns, request))
 
 
 class _Called(ca.Callback):
@@ -134,9 +136,12 @@ class _Run(_Called):
     def __init__(self, function: RunFunction) -> None:
         self._function = function
         self._derivatives: list[_Called] = []
-        ins = [(_name(x, k), _matrix(function.inputs[x])) for k, x in enumerate(function.inputs)]
-        outs = [(x, _matrix(shape)) for x, shape in function.outputs.items()]
-        super().__init__("run", ins, outs, lambda given: self._at(given).values, {})
+        ins, outs = (_sides(function, shapes) for shapes in (function.inputs, function.outputs))
+
+        def call(given: list[Array]) -> list[Array]:
+            return _apart(self._at(given).values)
+
+        super().__init__("run", ins, outs, call, {})
 
     def has_forward(self, count: int) -> bool:
         """Say that there are forward derivatives."""
@@ -150,15 +155,14 @@ class _Run(_Called):
         self, count: int, name: str, ins: Sequence[str], outs: Sequence[str], options: Any
     ) -> ca.Function:
         """Return the derivatives by so many directions."""
-        shapes = [*self._function.inputs.values()]
+        shapes = self._function.inputs
 
         def call(given: list[Array]) -> list[Array]:
-            own = zip(given[-len(shapes) :], shapes, strict=True)
-            directions = [
-                np.stack([x.reshape(shape) for x in np.split(stacked, count, axis=1)])
-                for stacked, shape in own
-            ]
-            return [np.concatenate([*x], axis=1) for x in self._at(given).pushed(directions)]
+            seeds = [np.stack(np.split(x, count, axis=1)) for x in given[-len(self._ins) :]]
+            own = zip(self._together(seeds, shapes), shapes.values(), strict=True)
+            directions = [x.reshape(count, *shape) for x, shape in own]
+            found = _apart(self._at(given).pushed(directions))
+            return [np.concatenate([*x], axis=1) for x in found]
 
         return self._derivative(self._ins, self._outs, count, call, (name, ins, outs, options))
 
@@ -166,19 +170,28 @@ class _Run(_Called):
         self, count: int, name: str, ins: Sequence[str], outs: Sequence[str], options: Any
     ) -> ca.Function:
         """Return the derivatives of so many scalars."""
-        shapes = [_matrix(shape) for shape in self._function.inputs.values()]
+        outputs, shapes = self._function.outputs, [shape for _, shape in self._ins]
 
         def call(given: list[Array]) -> list[Array]:
             seeds = [np.split(x, count, axis=1) for x in given[-len(self._outs) :]]
-            found = [self._at(given).pulled(each) for each in zip(*seeds, strict=True)]
+            at, rows = self._at(given), zip(*seeds, strict=True)
+            found = [_apart(at.pulled(self._together(row, outputs))) for row in rows]
             each = zip(zip(*found, strict=True), shapes, strict=True)
             return [np.hstack([x.reshape(shape) for x in own]) for own, shape in each]
 
         return self._derivative(self._outs, self._ins, count, call, (name, ins, outs, options))
 
     def _at(self, given: Sequence[Array]) -> RunPoint:
-        shapes = self._function.inputs.values()
-        return self._function.at([x.reshape(to) for x, to in zip(given, shapes, strict=False)])
+        shapes = self._function.inputs
+        own = zip(self._together(given[: len(self._ins)], shapes), shapes.values(), strict=True)
+        return self._function.at([x.reshape(shape) for x, shape in own])
+
+    def _together(self, given: Sequence[Array], names: Mapping[str, Any]) -> list[Array]:
+        """Make complex arrays of the real and imaginary parts of those that are complex."""
+        parts, types = iter(given), self._function.types
+        return [
+            next(parts) + 1j * next(parts) if types[x] == COMPLEX else next(parts) for x in names
+        ]
 
     def _derivative(
         self, taken: Shapes, made: Shapes, count: int, call: Call, names: Any
@@ -194,6 +207,20 @@ class _Run(_Called):
         found = _Called(name, [*own_ins], [*own_outs], call, options)
         self._derivatives.append(found)
         return found
+
+
+def _sides(function: RunFunction, shapes: Mapping[str, tuple[int, ...]]) -> Shapes:
+    """Return names and shapes as CasADi takes them, real and imaginary parts each with its own."""
+    found = []
+    for k, (name, shape) in enumerate(shapes.items()):
+        ends = ("_re", "_im") if function.types[name] == COMPLEX else ("",)
+        found += [(_name(name, k) + end, _matrix(shape)) for end in ends]
+    return found
+
+
+def _apart(values: Sequence[Array]) -> list[Array]:
+    """Return real arrays, of complex ones their real and imaginary parts."""
+    return [part for x in values for part in ((x.real, x.imag) if np.iscomplexobj(x) else (x,))]
 
 
 def _name(name: str, k: int) -> str:

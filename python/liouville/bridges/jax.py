@@ -9,23 +9,26 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from liouville.bridges.run import DOUBLE, RunFunction, library
+from liouville.bridges.functions import run_function
+from liouville.bridges.run import RunFunction, RunMembers, Runnable, library
 from liouville.errors import hinted
 from liouville.methods import Method
 from liouville.runners import Request
-from liouville.systems import Mechanics
+
+#: What runs make of arguments, of which they have a row for each member.
+Call = Callable[[RunMembers, list[Any]], list[Any]]
 
 #: What switches numbers of 64 bits on.
 SWITCH = 'jax.config.update("jax_enable_x64", True) before the first array'
 
 
 def solver(
-    system: Mechanics,
-    method: Method,
+    system: Runnable,
+    method: Method | str,
     *,
     wrt: Sequence[str],
-    returns: str | Sequence[str] = "q",
-    t: tuple[float, float],
+    returns: str | Sequence[str] | None = None,
+    t: tuple[float, float] | Sequence[float],
     h: float | None = None,
     steps: int | None = None,
     every: int = 1,
@@ -35,28 +38,33 @@ def solver(
     """Return a run as a function that JAX differentiates, compiles and maps.
 
     ``jax.grad`` and ``jax.vjp`` take the pullback of :func:`liouville.vjp`, ``jax.jvp`` and
-    ``jax.jacfwd`` take tangents; ``jax.jit`` and ``jax.vmap`` work on all of them, ``vmap`` as one
-    run after another. There are no derivatives of derivatives.
+    ``jax.jacfwd`` take tangents, all directions at a point in one run. ``jax.jit`` and ``jax.vmap``
+    work on all of them: values and gradients that are mapped over starts and parameters are those
+    of one ensemble. Mapped over an end of a run, or over parameters and samples of a drive, they
+    are runs one after another, as are directions that differ from start to start. There are no
+    derivatives of derivatives.
 
     Parameters
     ----------
     system, method, t, h, steps, every, params
-        As for :func:`liouville.vjp`, with equal steps. Their number is that of `t`, also where its
-        ends are inputs.
+        As for :func:`liouville.vjp`: a mechanical system or a field with equal steps, whose number
+        is that of `t`, also where its ends are inputs; or a Schrödinger equation, whose psi is
+        complex.
     wrt : sequence of str
         What the run is a function of: states of the system such as ``"q"`` and ``"v"``,
-        ``"params.name"``, ``"t0"`` and ``"t1"``.
-    returns : str or sequence of str
-        The states that it returns: those of the system, or ``"lam"``.
+        ``"params.name"``, ``"t0"`` and ``"t1"``, and ``"drive[k]"`` for the samples of a drive.
+    returns : str or sequence of str, optional
+        The states that it returns: those of the system, by default the first, or ``"lam"``.
     **start : array_like
         Start values that are not in `wrt`, each of shape (n,).
 
     Returns
     -------
     callable
-        ``f(*arrays)`` with an array for each name in `wrt`, of float64. It returns an array for
-        each name in `returns`, or one where that is a string: of shape (k, n), at the kept times,
-        the start among them.
+        ``f(*arrays)`` with an array for each name in `wrt`, of float64, psi of complex128. It
+        returns an array for each name in `returns`, or one where that is a string: of shape (k, n),
+        at the kept times, the start among them. Cotangents and gradients of psi are those of JAX's
+        convention, the conjugates of those of :func:`liouville.vjp`.
         It moves a start onto its constraints as ``system.consistent`` does, and derivatives are
         those of the start moved. Where some constraints imply others, they are taken at starts on
         all of them.
@@ -81,20 +89,20 @@ def solver(
     request = Request(
         t=t, h=h, steps=steps, every=every, params=params, start=start, has_pullback=True
     )  # fmt: skip
-    function = RunFunction(system, method, wrt, returns, request)
-    shapes = [jax.ShapeDtypeStruct(shape, DOUBLE) for shape in function.outputs.values()]
+    function = run_function(system, method, wrt, returns, request)
 
     def values(*inputs: Any) -> list[Any]:
-        return function.at(inputs).values
+        return _called(function, inputs, lambda at, _: at.values)
 
     @jax.custom_jvp  # type: ignore[untyped-decorator]
     def run(*inputs: Any) -> Any:
-        return jax.pure_callback(values, shapes, *inputs, vmap_method="sequential")
+        shapes = _results(function, (), is_transposed=False)
+        return jax.pure_callback(values, shapes, *inputs, vmap_method="broadcast_all")
 
     @run.defjvp  # type: ignore[untyped-decorator]
     def run_jvp(inputs: Any, directions: Any) -> Any:
-        moved = _derivative().bind(*inputs, *directions, function=function, transposed=False)
-        return run(*inputs), moved
+        options = {"function": function, "is_transposed": False, "lead": ()}
+        return run(*inputs), _derivative().bind(*inputs, *directions, **options)
 
     def solve(*inputs: Any) -> Any:
         if not jax.config.jax_enable_x64:
@@ -107,12 +115,33 @@ def solver(
     return solve
 
 
+def _results(function: RunFunction, lead: tuple[int, ...], is_transposed: bool) -> list[Any]:
+    """Return shapes and types of what a derivative gives, after axes of members."""
+    jax = library("jax", "lv.jax.solver")
+    parts = function.inputs if is_transposed else function.outputs
+    kinds = function.types
+    return [jax.ShapeDtypeStruct((*lead, *shape), kinds[name]) for name, shape in parts.items()]
+
+
+def _called(function: RunFunction, args: Sequence[Any], call: Call) -> list[Any]:
+    """Return what runs have, given their inputs and other arguments; all begin with the members."""
+    shapes, arrays = [*function.inputs.values()], [np.asarray(x) for x in args]
+    lead = arrays[0].shape[: arrays[0].ndim - len(shapes[0])]
+    many = int(np.prod(lead))
+    flat = [x.reshape(many, *x.shape[len(lead) :]) for x in arrays]
+    at = function.members(flat[: len(shapes)])
+    found = [np.broadcast_to(x, (many, *x.shape[1:])) for x in call(at, flat[len(shapes) :])]
+    return [x.reshape((*lead, *x.shape[1:])) for x in found]
+
+
 @cache
 def _derivative() -> Any:
-    """Return JAX's primitive of the derivative of a run, and of its transpose.
+    r"""Return JAX's primitive of the derivative of a run, and of its transpose.
 
-    It takes the inputs of the run, then directions of them or cotangents of its outputs; it is
-    linear in the latter. One function, since every rule that JAX is given names the primitive.
+    It takes the inputs of the run, then directions of them or cotangents of its outputs, all with
+    the axes `lead` of members; it is linear in the latter. The pairing of JAX is that of
+    :math:`\Re \sum c\, d`, and that of the library of :math:`\Re \sum \bar c\, d`. One
+    function, since every rule that JAX is given names the primitive.
     """
     jax = library("jax", "lv.jax.solver")
     from jax.extend.core import Primitive
@@ -121,53 +150,48 @@ def _derivative() -> Any:
     derivative = Primitive("liouville_run_derivative")
     derivative.multiple_results = True
 
-    def shapes(function: RunFunction, transposed: bool) -> list[Any]:
-        parts = function.inputs if transposed else function.outputs
-        return [jax.ShapeDtypeStruct(shape, DOUBLE) for shape in parts.values()]
+    def call(*args: Any, function: RunFunction, is_transposed: bool, lead: tuple[int, ...]) -> Any:
+        def derived(at: RunMembers, linear: list[Any]) -> list[Any]:
+            if not is_transposed:
+                return at.pushed(linear)
+            return [np.conj(x) for x in at.pulled([np.conj(x) for x in linear])]
 
-    def call(*args: Any, function: RunFunction, transposed: bool) -> Any:
-        count = len(function.inputs)
+        own = _results(function, lead, is_transposed)
+        return jax.pure_callback(
+            lambda *args: _called(function, args, derived), own, *args, vmap_method="sequential"
+        )
 
-        def derived(*args: Any) -> list[Any]:
-            point, linear = function.at(args[:count]), [np.asarray(x) for x in args[count:]]
-            if transposed:
-                return point.pulled(linear)
-            return [x[0] for x in point.pushed([x[None] for x in linear])]
+    def abstract(*args: Any, function: RunFunction, is_transposed: bool, lead: Any) -> list[Any]:
+        own = _results(function, lead, is_transposed)
+        return [jax.core.ShapedArray(x.shape, x.dtype) for x in own]
 
-        own = shapes(function, transposed)
-        return jax.pure_callback(derived, own, *args, vmap_method="sequential")
-
-    def abstract(*args: Any, function: RunFunction, transposed: bool) -> list[Any]:
-        parts = function.inputs if transposed else function.outputs
-        return [jax.core.ShapedArray(shape, np.dtype(DOUBLE)) for shape in parts.values()]
-
-    def transpose(found: Any, *args: Any, function: RunFunction, transposed: bool) -> list[Any]:
+    def transpose(
+        found: Any, *args: Any, function: RunFunction, is_transposed: bool, lead: Any
+    ) -> list[Any]:
         count = len(function.inputs)
         inputs, linear = args[:count], args[count:]
         whole = [ad.instantiate_zeros(x) for x in found]
-        back = derivative.bind(*inputs, *whole, function=function, transposed=not transposed)
-        own = zip(linear, back, strict=True)
+        options = {"function": function, "is_transposed": not is_transposed, "lead": lead}
+        own = zip(linear, derivative.bind(*inputs, *whole, **options), strict=True)
         return [None] * count + [x if ad.is_undefined_primal(to) else None for to, x in own]
 
-    def jvp(args: Any, tangents: Any, function: RunFunction, transposed: bool) -> Any:
+    def jvp(args: Any, tangents: Any, function: RunFunction, **options: Any) -> Any:
         count = len(function.inputs)
         if any(type(x) is not ad.Zero for x in tangents[:count]):
             raise NotImplementedError("a run has first derivatives only, and no second ones")
         linear = [ad.instantiate_zeros(x) for x in tangents[count:]]
-        options = {"function": function, "transposed": transposed}
+        options["function"] = function
         return derivative.bind(*args, **options), derivative.bind(*args[:count], *linear, **options)
 
-    def batch(args: Any, axes: Any, **options: Any) -> Any:
-        mapped = [k for k, axis in enumerate(axes) if axis is not None]
-
-        def one(rows: Any) -> Any:
-            own = list(args)
-            for k, row in zip(mapped, rows, strict=True):
-                own[k] = row
-            return derivative.bind(*own, **options)
-
-        rows = [jax.numpy.moveaxis(args[k], axes[k], 0) for k in mapped]
-        found = jax.lax.map(one, rows)
+    def batch(args: Any, axes: Any, lead: Any, **options: Any) -> Any:
+        mapped = zip(args, axes, strict=True)
+        size = next(x.shape[axis] for x, axis in mapped if axis is not None)
+        rows = [
+            jax.numpy.broadcast_to(x, (size, *x.shape)) if axis is None
+            else jax.numpy.moveaxis(x, axis, 0)
+            for x, axis in zip(args, axes, strict=True)
+        ]  # fmt: skip
+        found = derivative.bind(*rows, lead=(size, *lead), **options)
         return found, [0] * len(found)
 
     derivative.def_impl(call)

@@ -2,41 +2,32 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from abc import ABC, abstractmethod
+from collections.abc import Iterable, Mapping, Sequence
+from functools import cached_property
 from importlib import import_module
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from liouville._arguments import count
 from liouville._options import check_options
-from liouville.control import Takes
 from liouville.errors import hinted, quoted
-from liouville.gradients import vjp
+from liouville.gradients import Pullback, vjp
 from liouville.integrate import integrate
 from liouville.methods import Method
 from liouville.runners import Request
-from liouville.runners.tangents import (
-    PARAMS,
-    check_covered,
-    check_wrt,
-    places_of,
-    shapes_of,
-)
-from liouville.systems import Mechanics
-from liouville.systems._sensitivity import moved_start, pulled_start
+from liouville.runners.tangents import PARAMS, check_covered
+from liouville.solution import Solution
+from liouville.systems import Field, Mechanics, Schrodinger
 
-Array = NDArray[np.float64]
+Array = NDArray[Any]
 
-#: The type of all numbers, by the name that every library has for it.
-DOUBLE = "float64"
+#: The systems whose runs are functions.
+Runnable = Mechanics | Field | Schrodinger
 
-#: Where redundant constraints are dependent on one another.
-ON_CONSTRAINTS = (
-    "some constraints imply others, and derivatives are then taken at starts on all of them: make "
-    "q and v of variables along them, such as an angle and its rate"
-)
+#: The types of numbers, by the names that every library has for them.
+DOUBLE, COMPLEX = "float64", "complex128"
 
 
 def library(name: str, what: str) -> Any:
@@ -48,65 +39,76 @@ def library(name: str, what: str) -> Any:
         raise ImportError(hinted(f"{what} needs {name}", hint), name=name) from error
 
 
-class RunFunction:
-    """A run with equal steps as a function of arrays, with its derivatives.
+class RunFunction(ABC):
+    """A run as a function of arrays, with its derivatives.
 
     The last point is kept, as libraries ask for values and then for derivatives at the same one.
 
     Attributes
     ----------
-    system, method : Mechanics, Method
+    system, method : Mechanics, Field or Schrodinger, and Method or str
         What is run, and how.
     inputs, outputs : dict of str to tuple of int
         Names with shapes: of what the run is a function of, and of the states that it returns.
+    types : dict of str to str
+        The types of the numbers of all inputs and outputs.
     is_single : bool
         Whether one output was asked for by its name alone.
     """
 
     def __init__(
-        self, system: Mechanics, method: Method, wrt: Any, returns: Any, request: Request
+        self, system: Any, method: Method | str, wrt: Any, returns: Any, request: Request
     ) -> None:
         check_options(request.start, "integrate")
         check_covered(system, method, request)
-        if not isinstance(system, Mechanics):
-            sentence = f"a run of a {type(system).__name__} is no function of arrays yet"
-            raise TypeError(hinted(sentence, "lv.vjp has its pullback"))
         self.system, self.method = system, method
-        steps = request.steps_of(system, Takes(type(method).__name__))
-        self.inputs = shapes_of(system, check_wrt(system, wrt, steps))
+        self.inputs = self._named(wrt, request)
         if len(self.inputs) < len(wrt):
             raise ValueError(f"wrt names each input once, not {wrt!r}")
+        self._refuse_fixed(request.start, "")
         self._start = self._fixed_start(request.start)
         self._params = self._fixed_params(request.params)
-        self._steps, self._every = steps.count, count("every", request.every)
-        self._ends = {"t0": steps.t0, "t1": steps.t1}
         self.is_single = isinstance(returns, str)
-        self.outputs = self._shapes((returns,) if self.is_single else returns)
-        self._last: RunPoint | None = None
+        self.outputs = self._chosen((returns,) if self.is_single else returns, request)
+        names = (*self.inputs, *self.outputs)
+        self.types = {name: COMPLEX if name == "psi" else DOUBLE for name in names}
+        self._last: RunMembers | None = None
 
+    @abstractmethod
+    def _named(self, wrt: Any, request: Request) -> dict[str, tuple[int, ...]]:
+        """Return the inputs with their shapes, each seen to be one that has derivatives."""
+
+    @abstractmethod
+    def _known(self, request: Request) -> dict[str, tuple[int, ...]]:
+        """Return the states that may be outputs, with their shapes."""
+
+    @abstractmethod
     def _fixed_start(self, start: Mapping[str, Any]) -> dict[str, Array]:
-        system = self.system
-        self._refuse_fixed(start, "")
-        free = [name for name in system.states if name in self.inputs]
-        zeros = {name: np.zeros(self.inputs[name]) for name in free}
-        values = dict(zip(system.states, system.start({**start, **zeros}), strict=True))
-        return {name: x for name, x in values.items() if name not in free}
+        """Return the start values that are no inputs, checked."""
+
+    @abstractmethod
+    def takes_members(self, varied: set[str]) -> bool:
+        """Whether runs that differ in these inputs are those of an ensemble."""
+
+    @abstractmethod
+    def point(self, inputs: list[Array]) -> RunPoint:
+        """Return the run with these inputs; some may have a row for each member."""
 
     def _fixed_params(self, params: Mapping[str, Any] | None) -> dict[str, Any]:
-        self.system.values(params)  # refuses names and shapes
+        own = self.system
+        values = own.parameters.values if isinstance(own, Schrodinger) else own.values
+        values(params)  # refuses names and shapes
         self._refuse_fixed(params or {}, PARAMS)
         return {**self.system.params, **(params or {})}
 
-    def _refuse_fixed(self, given: Mapping[str, Any], prefix: str) -> None:
+    def _refuse_fixed(self, given: Iterable[str], prefix: str) -> None:
         for name in given:
             if prefix + name in self.inputs:
                 sentence = f"'{prefix + name}' is in wrt, and has a fixed value too"
                 raise TypeError(hinted(sentence, "leave one of them out"))
 
-    def _shapes(self, returns: Any) -> dict[str, tuple[int, ...]]:
-        kept, n = -(-self._steps // self._every) + 1, len(self.system.coordinates)
-        known = dict.fromkeys(self.system.states, (kept, n))
-        known["lam"] = (kept, len(self.system.constraints))
+    def _chosen(self, returns: Any, request: Request) -> dict[str, tuple[int, ...]]:
+        known = self._known(request)
         if not isinstance(returns, Sequence) or not returns:
             raise TypeError(f"returns is the name of a state or a sequence of names: {returns!r}")
         for name in returns:
@@ -130,113 +132,177 @@ class RunFunction:
             sentence = f"the solver takes {len(self.inputs)} arrays, not {len(given)}"
             raise TypeError(hinted(sentence, f"in the order of wrt: {', '.join(self.inputs)}"))
         for (name, wanted), (shape, kind) in zip(self.inputs.items(), given, strict=True):
-            if kind != DOUBLE:
-                raise TypeError(hinted(f"'{name}' is of type {kind}", f"numbers are {DOUBLE} here"))
+            own = self.types[name]
+            if kind != own:
+                raise TypeError(hinted(f"'{name}' is of type {kind}", f"numbers are {own} here"))
             if tuple(shape) != wanted:
                 raise ValueError(f"'{name}' has shape {tuple(shape)}, wanted {wanted}")
 
-    def at(self, inputs: Sequence[Any]) -> RunPoint:
-        """Run with these inputs, unless it is the last run again.
+    def members(self, inputs: Sequence[Any]) -> RunMembers:
+        """Run with a row of inputs for each member, unless these are the last runs again.
 
         Raises
         ------
         ValueError
             An input is not finite, or no start on the constraints is near.
         IntegrationError
-            A step failed, or the run was interrupted.
+            A step failed, or a run was interrupted.
         """
-        own = [np.array(x, dtype=float) for x in inputs]  # libraries use their memory again
+        types = [self.types[name] for name in self.inputs]
+        # libraries use their memory again
+        own = [np.array(x, dtype=kind) for x, kind in zip(inputs, types, strict=True)]
+        if all(map(_are_alike, own)):  # the same point, whatever is asked of it
+            own = [x[:1] for x in own]
         last = self._last
         if last is None or not all(map(np.array_equal, own, last.inputs)):
-            self._last = last = RunPoint(self, own)
+            self._last = last = RunMembers(self, own)
         return last
 
-    def arguments(self, inputs: Sequence[Array]) -> tuple[dict[str, Any], dict[str, Any]]:
-        """Return all of a run but its start, and its start, with these inputs."""
-        ends, params, start = dict(self._ends), dict(self._params), dict(self._start)
+    def at(self, inputs: Sequence[Any]) -> RunPoint:
+        """Run with these inputs, as :meth:`members` does."""
+        return self.members([np.asarray(x)[None] for x in inputs]).one
+
+    def parted(self, inputs: Sequence[Array]) -> tuple[dict[str, Any], ...]:
+        """Return ends, parameters, start and all else of a run with these inputs."""
+        ends, params, start = dict[str, float](), dict(self._params), dict[str, Any](self._start)
+        more = dict[str, Any]()
         for name, value in zip(self.inputs, inputs, strict=True):
             if not np.isfinite(value).all():
                 raise ValueError(f"'{name}' is not finite")
-            if name in ends:
+            if name in ("t0", "t1"):
                 ends[name] = float(value)
             elif name in self.system.states:
                 start[name] = value
-            else:
+            elif name.startswith(PARAMS):
                 params[name.removeprefix(PARAMS)] = value
-        run = {"t": (ends["t0"], ends["t1"]), "params": params}
-        return run | {"steps": self._steps, "every": self._every}, start
+            else:
+                more[name] = value
+        return ends, params, start, more
 
 
 class RunPoint:
-    """A run with some inputs: what it returns, and its derivative there.
+    """A run with some inputs, or an ensemble: what it returns, and its derivative there.
 
     Attributes
     ----------
     inputs : list of ndarray
-        With which it was run.
-    values : list of ndarray
-        The states in `outputs`, each of shape (k, n).
+        With which it is run.
+    system : Mechanics, Field or Schrodinger
+        What is run.
+    run, start : dict
+        How it is run, and its start.
     """
 
-    def __init__(self, function: RunFunction, inputs: list[Array]) -> None:
-        self.inputs, self._function = inputs, function
-        self._run, self._given = function.arguments(inputs)
-        system, method = function.system, function.method
-        own = {"t": self._run["t"][0], "params": self._run["params"]}
-        start = system.consistent(**own, **self._given)
-        given = dict(zip(system.states, system.start(self._given), strict=True))
-        self._is_consistent = all(np.array_equal(x, given[name]) for name, x in start.items())
-        self._run |= dict(start)
-        moving = [name for name in function.inputs if name not in system.states]
-        wrt = [*function.inputs] if self._is_consistent else [*system.states, *moving]
-        solution, self._pullback = vjp(system, method, wrt=wrt, **self._run)
-        if "lam" in function.outputs and "lam" not in self._pullback.states:
-            sentence = "multipliers of a structure's redundant constraints are not differentiated"
-            raise ValueError(hinted(sentence, "leave 'lam' out of returns"))
-        self.values = [solution.states[name] for name in function.outputs]
+    def __init__(
+        self,
+        function: RunFunction,
+        inputs: list[Array],
+        system: Runnable,
+        run: Mapping[str, Any],
+        start: Mapping[str, Any],
+    ) -> None:
+        self.inputs, self.function = inputs, function
+        self.system, self.run, self.start = system, run, start
+
+    @property
+    def wrt(self) -> list[str]:
+        """What the pullback is by."""
+        return [*self.function.inputs]
+
+    @cached_property
+    def made(self) -> tuple[Solution, Pullback]:
+        """The run and its pullback."""
+        return vjp(self.system, self.function.method, wrt=self.wrt, **self.run, **self.start)
+
+    @property
+    def values(self) -> list[Array]:
+        """The states in `outputs`, each of shape (k, n), or (k, P, n) of P members."""
+        return [self.made[0].states[name] for name in self.function.outputs]
+
+    def directions(self, tangents: dict[str, Any]) -> dict[str, Any]:
+        """Return directions of the run from those of its inputs, each of shape (d, ...)."""
+        return tangents
 
     def pushed(self, directions: Sequence[Array]) -> list[Array]:
         """Return the derivatives of all outputs by d directions, of shapes (d, k, n)."""
-        function, system = self._function, self._function.system
-        tangents = dict(zip(function.inputs, directions, strict=True))
-        if not self._is_consistent:
-            n, places = len(system.coordinates), places_of(system)
-            rows = np.zeros((len(directions[0]), places["t1"][0] + 1))
-            for name, direction in tangents.items():
-                first, shape = places[name]
-                size = int(np.prod(shape))
-                rows[:, first : first + size] = np.reshape(direction, (-1, size))
-            moves = rows[:, :n], rows[:, n : 2 * n], rows[:, 2 * n : -1]
-            moved = moved_start(*self._start(), moves)
-            tangents |= dict(zip(system.states, moved, strict=True))
-        run = self._run | {"tangents": tangents}
+        function, system = self.function, self.system
+        tangents = self.directions(dict(zip(function.inputs, directions, strict=True)))
+        run: dict[str, Any] = {**self.run, **self.start, "tangents": tangents}
         each = integrate(system, function.method, **run).tangents.values()
         sums = (sum(tangent.states[name] for tangent in each) for name in function.outputs)
         return [np.moveaxis(np.asarray(x), 1, 0) for x in sums]
 
+    def gradients(self, found: dict[str, Any]) -> dict[str, Any]:
+        """Return gradients by all inputs from those of the run."""
+        return found
+
     def pulled(self, cotangents: Sequence[Array]) -> list[Array]:
         """Return the derivatives by all inputs of a scalar, from those by all outputs."""
-        function, system = self._function, self._function.system
-        found = self._pullback(**dict(zip(function.outputs, cotangents, strict=True)))
-        if not self._is_consistent:
-            n, places = len(system.coordinates), places_of(system)
-            states = [found[name] for name in system.states]
-            more = np.zeros(places["t1"][0] - 2 * n)
-            *states, more = pulled_start(*self._start(), (*states, more))
-            found |= dict(zip(system.states, states, strict=True))
-            for name in set(function.inputs) - {*system.states, "t1"}:
-                first, shape = places[name]
-                own = more[first - 2 * n :][: int(np.prod(shape))]
-                found[name] = found[name] + own.reshape(shape)
-        return [np.asarray(found[name], dtype=float) for name in function.inputs]
+        function, (_, pullback) = self.function, self.made
+        found = self.gradients(pullback(**dict(zip(function.outputs, cotangents, strict=True))))
+        return [np.asarray(found[name], dtype=function.types[name]) for name in function.inputs]
 
-    def _start(self) -> tuple[Mechanics, float, Array, Array, Array]:
-        """Return what the start that was given is moved from, to differentiate the move."""
-        system = self._function.system
-        at, values = self._run["t"][0], system.values(self._run["params"])
-        y, z = system.start({name: self._run[name] for name in system.states})
-        is_whole = system.stepped(at, y, z, values) is system
-        y, z = system.start(self._given)
-        if not is_whole:
-            system.check(at, y, z, values, ON_CONSTRAINTS)
-        return system, at, y, z, values
+
+class RunMembers:
+    """Runs with many inputs: one if these are alike, an ensemble where it takes them, or each.
+
+    Attributes
+    ----------
+    inputs : list of ndarray
+        With which they are run, a row for each.
+    """
+
+    def __init__(self, function: RunFunction, inputs: list[Array]) -> None:
+        self.inputs = inputs
+        alike = [_are_alike(x) for x in inputs]
+        own = [x[0] if same else x for x, same in zip(inputs, alike, strict=True)]
+        varied = {name for name, same in zip(function.inputs, alike, strict=True) if not same}
+        self._is_one, self._function = not varied, function
+        self._whole = function.point(own) if function.takes_members(varied) else None
+
+    @property
+    def one(self) -> RunPoint:
+        """The run, where there is one member."""
+        assert self._whole is not None, "one member is no other than itself"
+        return self._whole
+
+    @cached_property
+    def _each(self) -> list[RunPoint]:
+        rows = zip(*self.inputs, strict=True)
+        return [self._function.point([np.asarray(x) for x in row]) for row in rows]
+
+    @property
+    def values(self) -> list[Array]:
+        """The states in `outputs`, each of shape (P, k, n), or (1, k, n) where all are alike."""
+        if self._whole is None:
+            return self._stacked([point.values for point in self._each])
+        if self._is_one:
+            return [x[None] for x in self._whole.values]
+        return [np.moveaxis(x, 1, 0) for x in self._whole.values]
+
+    def pushed(self, directions: Sequence[Array]) -> list[Array]:
+        """Return the derivatives of all outputs, each member's by its own direction."""
+        if self._is_one and self._whole is not None:
+            return self._whole.pushed(directions)
+        rows = [[np.asarray(x)[None] for x in row] for row in zip(*directions, strict=True)]
+        pushed = [point.pushed(row) for point, row in zip(self._each, rows, strict=True)]
+        return self._stacked([[x[0] for x in found] for found in pushed])
+
+    def pulled(self, cotangents: Sequence[Array]) -> list[Array]:
+        """Return the derivatives by all inputs of a scalar of each member."""
+        rows = [*zip(*cotangents, strict=True)]
+        if self._whole is None:
+            each = zip(self._each, rows, strict=True)
+            return self._stacked([point.pulled(row) for point, row in each])
+        if self._is_one:
+            return self._stacked([self._whole.pulled(row) for row in rows])
+        return self._whole.pulled([np.moveaxis(x, 0, 1) for x in cotangents])
+
+    @staticmethod
+    def _stacked(found: Sequence[Sequence[Array]]) -> list[Array]:
+        return [np.stack(parts) for parts in zip(*found, strict=True)]
+
+
+def _are_alike(rows: Array) -> bool:
+    """Return whether all rows are the same; NaN is like nothing."""
+    return bool((rows == rows[:1]).all())

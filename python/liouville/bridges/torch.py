@@ -9,19 +9,19 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from liouville.bridges.run import RunFunction, library
+from liouville.bridges.functions import run_function
+from liouville.bridges.run import RunFunction, Runnable, library
 from liouville.methods import Method
 from liouville.runners import Request
-from liouville.systems import Mechanics
 
 
 def solver(
-    system: Mechanics,
-    method: Method,
+    system: Runnable,
+    method: Method | str,
     *,
     wrt: Sequence[str],
-    returns: str | Sequence[str] = "q",
-    t: tuple[float, float],
+    returns: str | Sequence[str] | None = None,
+    t: tuple[float, float] | Sequence[float],
     h: float | None = None,
     steps: int | None = None,
     every: int = 1,
@@ -36,20 +36,22 @@ def solver(
     Parameters
     ----------
     system, method, t, h, steps, every, params
-        As for :func:`liouville.vjp`, with equal steps. Their number is that of `t`, also where its
-        ends are inputs.
+        As for :func:`liouville.vjp`: a mechanical system or a field with equal steps, whose number
+        is that of `t`, also where its ends are inputs; or a Schrödinger equation, whose psi is
+        complex.
     wrt : sequence of str
         What the run is a function of: states of the system such as ``"q"`` and ``"v"``,
-        ``"params.name"``, ``"t0"`` and ``"t1"``.
-    returns : str or sequence of str
-        The states that it returns: those of the system, or ``"lam"``.
+        ``"params.name"``, ``"t0"`` and ``"t1"``, and ``"drive[k]"`` for the samples of a drive.
+    returns : str or sequence of str, optional
+        The states that it returns: those of the system, by default the first, or ``"lam"``.
     **start : array_like
         Start values that are not in `wrt`, each of shape (n,).
 
     Returns
     -------
     callable
-        ``f(*tensors)`` with a tensor of ``torch.float64``, or a float, for each name in `wrt`. It
+        ``f(*tensors)`` with a tensor of ``torch.float64``, or a float, for each name in `wrt`, and
+        one of ``torch.complex128`` for psi, whose gradient is that of :func:`liouville.vjp`. It
         returns a tensor for each name in `returns`, or one where that is a string: of shape (k, n),
         at the kept times, the start among them.
         It moves a start onto its constraints as ``system.consistent`` does, and derivatives are
@@ -77,7 +79,7 @@ def solver(
     request = Request(
         t=t, h=h, steps=steps, every=every, params=params, start=start, has_pullback=True
     )  # fmt: skip
-    function = RunFunction(system, method, wrt, returns, request)
+    function = run_function(system, method, wrt, returns, request)
 
     def solve(*inputs: Any) -> Any:
         double = torch.float64
@@ -99,10 +101,10 @@ def _function() -> Any:
     base: Any = torch.autograd.Function
 
     def arrays(tensors: Sequence[Any]) -> list[Any]:
-        return [x.detach().cpu().numpy() for x in tensors]
+        return [x.detach().cpu().resolve_conj().resolve_neg().numpy() for x in tensors]
 
-    def like(tensor: Any, values: Sequence[Any]) -> tuple[Any, ...]:
-        return tuple(torch.from_numpy(np.array(x)).to(tensor.device) for x in values)
+    def on(device: Any, values: Sequence[Any]) -> tuple[Any, ...]:
+        return tuple(torch.from_numpy(np.array(x)).to(device) for x in values)
 
     class Run(base):  # type: ignore[misc]
         """A run, its pullback and its tangents."""
@@ -110,13 +112,13 @@ def _function() -> Any:
         @staticmethod
         def forward(ctx: Any, function: RunFunction, *inputs: Any) -> Any:
             ctx.point = function.at(arrays(inputs))
-            ctx.to = inputs[0].new_empty(0)
-            return like(ctx.to, ctx.point.values)
+            ctx.device = inputs[0].device
+            return on(ctx.device, ctx.point.values)
 
         @staticmethod
         @torch.autograd.function.once_differentiable  # type: ignore[untyped-decorator]
         def backward(ctx: Any, *cotangents: Any) -> Any:
-            return None, *like(ctx.to, ctx.point.pulled(arrays(cotangents)))
+            return None, *on(ctx.device, ctx.point.pulled(arrays(cotangents)))
 
         @staticmethod
         def jvp(ctx: Any, _: Any, *directions: Any) -> Any:
@@ -125,6 +127,6 @@ def _function() -> Any:
                 zero if x is None else arrays([x])[0]
                 for zero, x in zip(zeros, directions, strict=True)
             ]
-            return like(ctx.to, [x[0] for x in ctx.point.pushed([x[None] for x in own])])
+            return on(ctx.device, [x[0] for x in ctx.point.pushed([x[None] for x in own])])
 
     return Run

@@ -307,12 +307,17 @@ class Schrodinger(Bounded):
         """Return the equation with other parameters; ValueError names an unknown one."""
         if not params:
             return self
-        found = self._params.replaced(self._params.values(params)).defaults
+        return self._other(self._drive, self._params.replaced(self._params.values(params)).defaults)
+
+    def _other(self, drive: Sequence[Any], params: Mapping[str, ArrayLike]) -> Self:
         given = self._given
         bounds = self._way if given is None else (given[0] * self.hbar, given[1] * self.hbar)
-        return type(self)(
-            self.source, bounds=bounds, hbar=self.hbar, drive=self._drive, params=found
-        )
+        return type(self)(self.source, bounds=bounds, hbar=self.hbar, drive=drive, params=params)
+
+    def with_samples(self, samples: Mapping[str, ArrayLike]) -> Self:
+        """Return the equation with other samples at the same times, by names as ``drive[0]``."""
+        drive = foreign.resampled(self._drive, samples)
+        return self._other(drive, self._params.defaults)
 
     def inward(self, psi: Any, is_ensemble: bool = False) -> np.ndarray:
         """Check a state and return it as the core has it, or P states as its rows.

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import inspect
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -93,6 +93,16 @@ def parted(
             function = Samples(f"drive[{k}]", function, at)
         found.append((function, plain(f"H{k + 1}", matrix)))
     return plain("H", hamiltonian), found
+
+
+def resampled(drive: Drive, samples: Mapping[str, ArrayLike]) -> Drive:
+    """Return pairs with other samples at the same times, by names such as ``drive[0]``."""
+    return [
+        (Samples(name, samples[name], function.table.x), matrix)
+        if (name := f"drive[{k}]") in samples
+        else (function, matrix)
+        for k, (function, matrix) in enumerate(drive)
+    ]
 
 
 def _is_listed(given: Any) -> bool:

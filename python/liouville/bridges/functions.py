@@ -1,0 +1,257 @@
+"""Runs of each family of systems as functions of arrays."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from liouville._arguments import count
+from liouville.bridges.run import Array, RunFunction, Runnable, RunPoint
+from liouville.control import Takes
+from liouville.errors import hinted
+from liouville.methods import Method
+from liouville.runners import Request, runner_of
+from liouville.runners.tangents import PARAMS, check_names, check_wrt, places_of, shapes_of
+from liouville.systems import Field, Mechanics, Schrodinger
+from liouville.systems._sensitivity import moved_start, pulled_start
+
+#: Where redundant constraints are dependent on one another.
+ON_CONSTRAINTS = (
+    "some constraints imply others, and derivatives are then taken at starts on all of them: make "
+    "q and v of variables along them, such as an angle and its rate"
+)
+
+
+def run_function(
+    system: Any, method: Method | str, wrt: Any, returns: Any, request: Request
+) -> RunFunction:
+    """Return a run as a function.
+
+    Raises
+    ------
+    TypeError, ValueError
+        An argument is wrong, or what is asked for has no pullback.
+    """
+    for family, kind in FAMILIES.items():
+        if isinstance(system, family):
+            returns = system.states[0] if returns is None else returns
+            return kind(system, method, wrt, returns, request)
+    raise TypeError(f"a run of a {type(system).__name__} is no function of arrays")
+
+
+class SteppedFunction(RunFunction):
+    """A run with equal steps; see :class:`RunFunction`."""
+
+    def _steps_of(self, request: Request) -> None:
+        steps = request.steps_of(self.system, Takes(type(self.method).__name__))
+        self._steps, self._every = steps.count, count("every", request.every)
+        self._ends, self._asked = {"t0": steps.t0, "t1": steps.t1}, steps
+
+    def _arguments(self, inputs: Sequence[Array]) -> tuple[dict[str, Any], dict[str, Any]]:
+        """Return all of a run but its start, and its start, with these inputs."""
+        ends, params, start, _ = self.parted(inputs)
+        ends = {**self._ends, **ends}
+        run = {"t": (ends["t0"], ends["t1"]), "params": params}
+        return run | {"steps": self._steps, "every": self._every}, start
+
+    def takes_members(self, varied: set[str]) -> bool:
+        """Whether runs that differ in these inputs are those of an ensemble."""
+        return not varied & {"t0", "t1"}
+
+    def _rows(self) -> int:
+        return -(-self._steps // self._every) + 1
+
+
+class FieldFunction(SteppedFunction):
+    """A run of a field; see :class:`RunFunction`."""
+
+    def _named(self, wrt: Any, request: Request) -> dict[str, tuple[int, ...]]:
+        # imported here: it needs the planner, which mechanics do not
+        from liouville.runners.field_derivative import places_of
+
+        self._steps_of(request)
+        places = places_of(self.system)
+        return {name: places[name][1] for name in check_names(wrt, places, "x")}
+
+    def _known(self, request: Request) -> dict[str, tuple[int, ...]]:
+        return {"x": (self._rows(), len(self.system.coordinates))}
+
+    def _fixed_start(self, start: Mapping[str, Any]) -> dict[str, Array]:
+        if "x" in self.inputs and not start:
+            return {}
+        return {"x": self.system.start(start)}
+
+    def point(self, inputs: list[Array]) -> RunPoint:
+        """Return the run with these inputs; some may have a row for each member."""
+        run, start = self._arguments(inputs)
+        own, n = self.system.params, len(self.system.coordinates)
+        for name, value in run["params"].items():
+            if np.ndim(value) > np.ndim(own[name]):
+                start["x"] = np.broadcast_to(start["x"], (len(value), n))
+        return RunPoint(self, inputs, self.system, run, start)
+
+
+class MechanicalFunction(SteppedFunction):
+    """A run of a mechanical system; see :class:`RunFunction`."""
+
+    def _named(self, wrt: Any, request: Request) -> dict[str, tuple[int, ...]]:
+        self._steps_of(request)
+        return shapes_of(self.system, check_wrt(self.system, wrt, self._asked))
+
+    def _known(self, request: Request) -> dict[str, tuple[int, ...]]:
+        rows, n = self._rows(), len(self.system.coordinates)
+        states: dict[str, tuple[int, ...]] = dict.fromkeys(self.system.states, (rows, n))
+        return states | {"lam": (rows, len(self.system.constraints))}
+
+    def _fixed_start(self, start: Mapping[str, Any]) -> dict[str, Array]:
+        system = self.system
+        free = [name for name in system.states if name in self.inputs]
+        zeros = {name: np.zeros(self.inputs[name]) for name in free}
+        values = dict(zip(system.states, system.start({**start, **zeros}), strict=True))
+        return {name: x for name, x in values.items() if name not in free}
+
+    def point(self, inputs: list[Array]) -> RunPoint:
+        """Return the run with these inputs; some may have a row for each member."""
+        return MechanicalPoint(self, inputs, *self._arguments(inputs))
+
+
+class MechanicalPoint(RunPoint):
+    """A run of a mechanical system from a start that is moved onto its constraints."""
+
+    system: Mechanics
+
+    def __init__(
+        self, function: RunFunction, inputs: list[Array], run: dict[str, Any], given: dict[str, Any]
+    ) -> None:
+        system = function.system
+        own = {"t": run["t"][0], "params": run["params"]}
+        self._given, start = given, system.consistent(**own, **given)
+        pairs = [(x, np.broadcast_to(given[name], x.shape)) for name, x in start.items()]
+        self._is_consistent = all(np.array_equal(*pair) for pair in pairs)
+        super().__init__(function, inputs, system, run, dict(start))
+
+    @property
+    def wrt(self) -> list[str]:
+        """What the pullback is by: all states of a start that was moved."""
+        if self._is_consistent:
+            return super().wrt
+        states = self.system.states
+        return [*states, *(name for name in self.function.inputs if name not in states)]
+
+    @property
+    def values(self) -> list[Array]:
+        """The states in `outputs`, each of shape (k, n), or (k, P, n) of P members."""
+        if "lam" in self.function.outputs and "lam" not in self.made[1].states:
+            sentence = "multipliers of a structure's redundant constraints are not differentiated"
+            raise ValueError(hinted(sentence, "leave 'lam' out of returns"))
+        return super().values
+
+    def directions(self, tangents: dict[str, Any]) -> dict[str, Any]:
+        """Return directions of the start as it is moved, each of shape (d, ...)."""
+        if self._is_consistent:
+            return tangents
+        system = self.system
+        n, places = len(system.coordinates), places_of(system)
+        rows = np.zeros((len(next(iter(tangents.values()))), places["t1"][0] + 1))
+        for name, direction in tangents.items():
+            first, shape = places[name]
+            size = int(np.prod(shape))
+            rows[:, first : first + size] = np.reshape(direction, (-1, size))
+        moves = rows[:, :n], rows[:, n : 2 * n], rows[:, 2 * n : -1]
+        moved = moved_start(*self._from(None), moves)
+        return tangents | dict(zip(system.states, moved, strict=True))
+
+    def gradients(self, found: dict[str, Any]) -> dict[str, Any]:
+        """Return gradients by the start as it was given, from those by the start as it is moved."""
+        if self._is_consistent:
+            return found
+        shape = found[self.system.states[0]].shape
+        if len(shape) == 1:
+            return self._moved_back(found, None)
+        each = [self._moved_back({x: y[k] for x, y in found.items()}, k) for k in range(shape[0])]
+        return {name: np.array([own[name] for own in each]) for name in found}
+
+    def _moved_back(self, found: dict[str, Any], member: int | None) -> dict[str, Any]:
+        system = self.system
+        n, places = len(system.coordinates), places_of(system)
+        states = [found[name] for name in system.states]
+        more = np.zeros(places["t1"][0] - 2 * n)
+        *states, more = pulled_start(*self._from(member), (*states, more))
+        found = found | dict(zip(system.states, states, strict=True))
+        for name in set(self.function.inputs) - {*system.states, "t1"}:
+            first, shape = places[name]
+            own = more[first - 2 * n :][: int(np.prod(shape))]
+            found[name] = found[name] + own.reshape(shape)
+        return found
+
+    def _from(self, member: int | None) -> tuple[Mechanics, float, Array, Array, Array]:
+        """Return what the start of a member that was given is moved from."""
+        system, at = self.system, self.run["t"][0]
+
+        def own(x: Any, axes: int) -> Any:
+            return x if member is None or np.ndim(x) == axes else x[member]
+
+        params = {x: own(y, np.ndim(system.params[x])) for x, y in self.run["params"].items()}
+        values = system.values(params)
+        y, z = system.start({name: own(self.start[name], 1) for name in system.states})
+        is_whole = system.stepped(at, y, z, values) is system
+        y, z = system.start({name: own(self._given[name], 1) for name in system.states})
+        if not is_whole:
+            system.check(at, y, z, values, ON_CONSTRAINTS)
+        return system, at, y, z, values
+
+
+class WaveFunction(RunFunction):
+    """A run of a Schrödinger equation; see :class:`RunFunction`."""
+
+    def _named(self, wrt: Any, request: Request) -> dict[str, tuple[int, ...]]:
+        # imported here: it needs the planner, which mechanics do not
+        from liouville.runners.wave_derivative import check_wrt, places_of
+
+        places = places_of(self.system)
+        return {name: places[name][1] for name in check_wrt(self.system, wrt)}
+
+    def _known(self, request: Request) -> dict[str, tuple[int, ...]]:
+        # imported here: it needs the planner, which mechanics do not
+        from liouville.runners.wave import WaveRunner
+
+        names = ("t", "h", "steps", "every")
+        self._run = {name: getattr(request, name) for name in names}
+        psi = self._start.get("psi", np.ones(self.system.size))
+        runner = runner_of(self.system, self.method, replace(request, start={"psi": psi}))
+        assert isinstance(runner, WaveRunner)
+        return {"psi": (len(runner.plan.stops) + 1, self.system.size)}
+
+    def _fixed_start(self, start: Mapping[str, Any]) -> dict[str, Array]:
+        if "psi" in self.inputs and not start:
+            return {}
+        if "psi" not in start:
+            raise TypeError("start value 'psi' is missing: it is neither in wrt nor given")
+        return {"psi": self.system.outward(self.system.inward(start["psi"]))}
+
+    def _fixed_params(self, params: Mapping[str, Any] | None) -> dict[str, Any]:
+        found = super()._fixed_params(params)
+        self.system = self.system.with_params(params)
+        return found
+
+    def takes_members(self, varied: set[str]) -> bool:
+        """Whether runs that differ in these inputs are those of an ensemble."""
+        return varied <= {"psi"}
+
+    def point(self, inputs: list[Array]) -> RunPoint:
+        """Return the run with these inputs; psi may have a row for each member."""
+        _, values, start, samples = self.parted(inputs)
+        params = {name: x for name, x in values.items() if PARAMS + name in self.inputs}
+        system = self.system.with_samples(samples) if samples else self.system
+        return RunPoint(self, inputs, system, {**self._run, "params": params}, start)
+
+
+#: How the systems of a family are run.
+FAMILIES: dict[type[Runnable], type[RunFunction]] = {
+    Mechanics: MechanicalFunction,
+    Field: FieldFunction,
+    Schrodinger: WaveFunction,
+}
