@@ -85,6 +85,47 @@ def test_exponents_of_a_field_sum_to_zero():
     np.testing.assert_allclose(first.exponents, found.exponents[:2], atol=1e-12)
 
 
+def lorenz96(n):
+    """Return the ring of Lorenz (1996) with friction and forcing, as half of z . F(y)."""
+
+    def rates(t, y, z, params):
+        return [(y[(i + 1) % n] - y[i - 2]) * y[i - 1] - y[i] + 8 for i in range(n)]
+
+    def force(t, y, z, params):
+        return -ca.jtimes(ca.vertcat(*rates(t, y, z, params)), y, z, True)
+
+    return lv.Mechanical(velocity=rates, momentum=lambda t, y, z, params: z, force=force, y=n)
+
+
+def test_equations_that_lose_volume_are_half_of_a_hamiltonian_system():
+    """The first exponents are theirs, and their sum is the divergence, here -n."""
+    n = 6
+    run = {"t": (0, 2), "h": 0.01, "y": np.linspace(-1, 4, n), "z": np.zeros(n)}
+    found = lv.lyapunov(lorenz96(n), lv.Spark(3), **run)
+    first = lv.lyapunov(lorenz96(n), lv.Spark(3), exponents=n, **run)
+    np.testing.assert_allclose(first.exponents, found.exponents[:n], atol=1e-12)
+    assert abs(first.exponents.sum() + n) < 1e-6
+    np.testing.assert_allclose(found.pairs, 0.0, atol=1e-12)
+
+
+@pytest.mark.slow
+def test_the_spectrum_of_lorenz96_is_the_published_one():
+    """Lorenz and Emanuel (1998): errors double in 2.1 days of 0.2, and the dimension is 27.1."""
+    n = 40
+    system, method = lorenz96(n), lv.Spark(2)
+    y = 8 + 0.01 * np.random.default_rng(0).standard_normal(n)
+    run = {"h": 0.02, "z": np.zeros(n)}
+    settled = lv.integrate(system, method, t=(0, 50), every=2500, y=y, **run).y[-1]
+    found = lv.lyapunov(system, method, t=(0, 400), exponents=n, y=settled, **run).exponents
+    exponents = np.sort(found)[::-1]
+    assert abs(np.log(2) / exponents[0] / 0.2 - 2.1) < 0.1
+    assert np.count_nonzero(exponents > 0.01) == 13
+    sums = np.cumsum(exponents)
+    k = np.flatnonzero(sums > 0)[-1]
+    assert abs(k + 1 + sums[k] / abs(exponents[k + 1]) - 27.1) < 0.3
+    assert abs(sums[-1] + n) < 1e-3
+
+
 @pytest.mark.parametrize(
     ("more", "says"),
     [

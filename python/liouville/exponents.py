@@ -97,7 +97,9 @@ def lyapunov(
     (dy, dp) with dp the part of the momentum's change that is tangential to the constraints. In
     these coordinates the step of a Hamiltonian system is symplectic, the directions begin as an
     orthogonal symplectic basis, and exponents come in pairs of opposite sign whatever the time. The
-    exponents of a divergence-free field sum to zero.
+    exponents of a divergence-free field sum to zero. The first n - m directions begin as changes of
+    positions alone: with :math:`H = z \cdot F(y)` and z = 0 their exponents are those of
+    :math:`y' = F(y)`, whatever that is.
 
     Parameters
     ----------
