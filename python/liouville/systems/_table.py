@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -72,9 +71,9 @@ class Table:
     def _of_expression(self, x: ca.SX) -> ca.SX:
         """Choose base and coefficients by comparisons, whose derivatives are zero."""
         inside = self._wrapped(x, ca.floor)
-        beyond = [ca.SX(1), *(inside >= start for start in self._starts[1:].tolist()), ca.SX(0)]
+        beyond = ca.vertcat(1, inside >= ca.DM(self._starts[1:]), 0)
         # one of these is one and the others are zero: sums have no roundoff
-        chosen = ca.vertcat(*(here - further for here, further in pairwise(beyond)))
+        chosen = beyond[:-1] - beyond[1:]
 
         def pick(values: Array) -> ca.SX:
             found: ca.SX = ca.dot(chosen, ca.SX(ca.DM(values)))

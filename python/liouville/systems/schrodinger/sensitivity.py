@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from functools import cached_property
-from typing import TYPE_CHECKING
+from functools import cached_property, lru_cache
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -101,9 +101,16 @@ class DriveSensitivity:
     def basis(self, name: str, t: Array) -> Array:
         """Return what the spline of a drive makes of each of its samples, shape (k, samples)."""
         table = self._tables[self.samples[name]]
-        spline = scipy("interpolate", "a table").CubicSpline(
-            table.x, np.eye(table.x.size), bc_type=table.ends
-        )
+        spline = _splines(table.x.tobytes(), table.ends)
         inside = np.clip(t, table.x[0], table.x[-1])
-        found: Array = spline(inside) + (t - inside)[:, None] * spline(inside, 1)
+        found: Array = spline(inside)
+        beyond = np.flatnonzero(t != inside)
+        found[beyond] += (t - inside)[beyond, None] * spline(inside[beyond], 1)
         return found
+
+
+@lru_cache(maxsize=1)
+def _splines(x: bytes, ends: str) -> Any:
+    """Return the splines through ones and zeros, which all pulses with samples at x share."""
+    at = np.frombuffer(x)
+    return scipy("interpolate", "a table").CubicSpline(at, np.eye(at.size), bc_type=ends)
