@@ -141,6 +141,13 @@ def test_bad_calls_are_refused(more, says):
         lv.lyapunov(henon_heiles(), lv.Spark(2), q=[0, 0.1], v=[0.4, 0], **more)
 
 
+def test_nonholonomic_motions_have_none_yet():
+    """By the name of the constraint."""
+    problem = load("knife_edge")
+    with pytest.raises(TypeError, match="go without nonholonomic constraints: 'blade'"):
+        lv.lyapunov(problem.system, lv.Spark(2), t=(0, 1), h=0.1, **problem.start)
+
+
 def test_waves_have_none():
     """Their sentence says why."""
     waves = lv.Schrodinger(np.diag([0.0, 1.0]))

@@ -104,7 +104,7 @@ def lyapunov(
     Parameters
     ----------
     system : Mechanics, PolynomialField or GriddedField
-        What moves.
+        What moves, without nonholonomic constraints.
     method : Method or Plan
         ``Spark``, ``LobattoPair`` or a ``Composition`` of them; ``VolumeSplitting`` or a plan.
     t, h, steps, params, progress
@@ -174,6 +174,10 @@ def _flow_of(
     system: System, method: Method | Plan, h: float, params: Mapping[str, ArrayLike] | None
 ) -> _Flow:
     if isinstance(system, Mechanics):
+        if system.nonholonomic:
+            sentence = f"exponents go without nonholonomic constraints: '{system.nonholonomic[0]}'"
+            hint = "their motions have no symplectic form; tangents= of integrate has derivatives"
+            raise TypeError(hinted(sentence, hint))
         return _Mechanical(system, method, params)
     if isinstance(system, Field):
         return _Field(system, method, h, params)

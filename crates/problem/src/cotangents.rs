@@ -63,7 +63,7 @@ impl PointAdjoint {
             acceleration: Acceleration::new(&model),
             matrix: Saddle::new(&model),
             a: vec![0.0; model.problem.n],
-            b: vec![0.0; model.problem.m],
+            b: vec![0.0; model.problem.multipliers()],
             model,
             sensitivity,
         }

@@ -22,15 +22,19 @@ pub struct Sensitivity {
     pub node: Tape,
     /// (t, y, z) → w_y, w_τ
     pub hidden: Tape,
-    /// (t, y, z, u, λ) → derivatives by y, z and τ of p_z u + p_y v + p_t − f − r, then of w_z u + w_y v + w_t
+    /// (t, y, z, u, λ), ν behind λ → derivatives by y, z and τ of p_z u + p_y v + p_t − f − r − r_n, then of
+    /// w_z u + w_y v + w_t with k_z u + k_y v + k_t below
     pub motion: Tape,
     /// (t, y, z, u) → derivatives by y, z and τ of v_t + v_y v + v_z u; none where v = z
     pub velocity: Option<Tape>,
+    /// (t, y, z, ν) → k_τ and the derivative of r_n by τ; none where there are no nonholonomic constraints
+    pub nonholonomic: Option<Tape>,
     /// Where the derivatives are not zero.
     pub patterns: SensitivityPatterns,
 }
 
-/// The sparsity of each derivative, `motion` and `rate` being the two of accelerations, `velocity` that of y''.
+/// The sparsity of each derivative, `motion` and `rate` being the two of accelerations, `velocity` that of y'',
+/// `nonholonomic` those of k and r_n.
 #[derive(Clone, Debug)]
 #[allow(missing_docs)]
 pub struct SensitivityPatterns {
@@ -44,22 +48,26 @@ pub struct SensitivityPatterns {
     pub motion: [Pattern; 3],
     pub rate: [Pattern; 3],
     pub velocity: Option<[Pattern; 3]>,
+    pub nonholonomic: Option<[Pattern; 2]>,
 }
 
 impl Sensitivity {
     /// The derivatives, once their parts are seen to fit together.
     ///
     /// # Errors
-    /// The first tape or pattern that has not the size the others imply, or nonholonomic constraints.
+    /// The first tape or pattern that has not the size the others imply.
     pub fn checked(self) -> Result<Self, Mismatch> {
         let (own, at) = (&self.mechanical, &self.patterns);
         let (n, m, params) = (own.n, own.m, own.stage.inputs()[3]);
-        check("nonholonomic", own.l(), 0)?;
+        let multipliers = own.multipliers();
         let v_tau = at.v_tau.as_ref();
         let has_velocity = usize::from(own.patterns.v_z.is_some());
         check("v_tau", usize::from(v_tau.is_some()), has_velocity)?;
         let velocity = self.velocity.iter().zip(&at.velocity);
         check("velocity", velocity.clone().count(), has_velocity)?;
+        let rolling = self.nonholonomic.iter().zip(&at.nonholonomic);
+        let rolls = usize::from(own.l() > 0);
+        check("nonholonomic", rolling.clone().count(), rolls)?;
         let v = v_tau.map_or(0, Pattern::len);
         let sum = |patterns: &[Pattern]| patterns.iter().map(Pattern::len).sum::<usize>();
         let tapes: [(_, &Tape, &[usize], _); 4] = [
@@ -84,7 +92,7 @@ impl Sensitivity {
             (
                 "motion",
                 &self.motion,
-                &[1, n, n, n, m, params],
+                &[1, n, n, n, multipliers, params],
                 sum(&at.motion) + sum(&at.rate),
             ),
         ];
@@ -92,7 +100,12 @@ impl Sensitivity {
         let of_velocity = velocity
             .clone()
             .map(|(tape, at)| ("velocity", tape, &in_u[..], sum(at)));
-        for (name, tape, inputs, outputs) in tapes.into_iter().chain(of_velocity) {
+        let in_nu: [usize; 5] = [1, n, n, own.l(), params];
+        let of_rolling = rolling
+            .clone()
+            .map(|(tape, at)| ("nonholonomic", tape, &in_nu[..], sum(at)));
+        let optional = of_velocity.chain(of_rolling);
+        for (name, tape, inputs, outputs) in tapes.into_iter().chain(optional) {
             check(name, tape.inputs().len(), inputs.len())?;
             for (found, wanted) in tape.inputs().iter().zip(inputs) {
                 check(name, *found, *wanted)?;
@@ -113,11 +126,14 @@ impl Sensitivity {
         let motion = at.motion.iter().zip(widths);
         let motion = motion.map(|(pattern, width)| ("motion", pattern, (n, width)));
         let rate = at.rate.iter().zip(widths);
-        let rate = rate.map(|(pattern, width)| ("rate", pattern, (m, width)));
+        let rate = rate.map(|(pattern, width)| ("rate", pattern, (multipliers, width)));
         let velocity = velocity.flat_map(|(_, at)| at.iter().zip(widths));
         let velocity = velocity.map(|(pattern, width)| ("velocity", pattern, (n, width)));
+        let heights = [own.l(), n];
+        let rolling = rolling.flat_map(|(_, at)| at.iter().zip(heights));
+        let rolling = rolling.map(|(pattern, height)| ("nonholonomic", pattern, (height, tau)));
         let all = shapes.into_iter().chain(of_v).chain(motion).chain(rate);
-        for (name, pattern, shape) in all.chain(velocity) {
+        for (name, pattern, shape) in all.chain(velocity).chain(rolling) {
             check_pattern(name, pattern, shape)?;
         }
         Ok(self)
@@ -139,6 +155,7 @@ pub struct SensitivityModel {
     hidden: Registers<f64>,
     motion: Registers<f64>,
     velocity: Option<Registers<f64>>,
+    nonholonomic: Option<Registers<f64>>,
 }
 
 impl SensitivityModel {
@@ -153,6 +170,7 @@ impl SensitivityModel {
             hidden: problem.hidden.bind(params),
             motion: problem.motion.bind(params),
             velocity: problem.velocity.as_ref().map(|tape| tape.bind(params)),
+            nonholonomic: (problem.nonholonomic.as_ref()).map(|tape| tape.bind(params)),
             problem,
         }
     }
@@ -235,6 +253,15 @@ impl SensitivityModel {
             (self.problem.velocity.as_ref()).zip(self.problem.patterns.velocity.as_ref())?;
         let (registers, args): (_, [&[f64]; 4]) = (self.velocity.as_mut()?, [&[t], y, z, u]);
         let sizes = std::array::from_fn(|k| at[k].len());
+        Some(cut(tape.eval(registers, args), sizes))
+    }
+
+    /// k_τ and the derivative of r_n by τ at (t, y, z, ν); none without nonholonomic constraints.
+    pub fn nonholonomic(&mut self, t: f64, [y, z, nu]: [&[f64]; 3]) -> Option<Parts<'_, 2>> {
+        let patterns = self.problem.patterns.nonholonomic.as_ref()?;
+        let tape = self.problem.nonholonomic.as_ref()?;
+        let (registers, args): (_, [&[f64]; 4]) = (self.nonholonomic.as_mut()?, [&[t], y, z, nu]);
+        let sizes = std::array::from_fn(|k| patterns[k].len());
         Some(cut(tape.eval(registers, args), sizes))
     }
 }

@@ -136,7 +136,7 @@ impl AccelerationTangents {
         Self {
             matrix: Saddle::new(&model),
             a: vec![0.0; model.problem.n],
-            b: vec![0.0; model.problem.m],
+            b: vec![0.0; model.problem.multipliers()],
             model,
             sensitivity,
         }
@@ -226,7 +226,7 @@ fn subtract(patterns: &[Pattern; 3], values: &[&[f64]], along: [&[f64]; 3], out:
 impl<S: Carried> Observe<S> for TangentObserver {
     fn width(&self, state: &S) -> usize {
         let problem = &self.acceleration.model.problem;
-        let each = 2 * problem.n + problem.m;
+        let each = 2 * problem.n + problem.multipliers();
         self.inner.width(state) + self.directions.count() * each
     }
 

@@ -111,7 +111,8 @@ pub(crate) struct Sensitivity(pub(crate) Arc<liouville_problem::Sensitivity>, Ma
 
 #[pymethods]
 impl Sensitivity {
-    /// Tapes and patterns by name; there is no "v_tau" and no "velocity" where v is z.
+    /// Tapes and patterns by name; there is no "v_tau" and no "velocity" where v is z, and no "nonholonomic" where
+    /// the system has no such constraint.
     #[new]
     fn new(
         problem: &Bound<'_, Mechanical>,
@@ -128,6 +129,10 @@ impl Sensitivity {
         } else {
             None
         };
+        let optional = |name: &str| -> PyResult<Option<tape::Tape>> {
+            let is_there = tapes.contains(name)?;
+            is_there.then(|| tape(name)).transpose()
+        };
         let made = Made::of(tapes.py(), (problem, tapes, patterns))?;
         let sensitivity = liouville_problem::Sensitivity {
             mechanical: problem.get().0.clone(),
@@ -135,11 +140,8 @@ impl Sensitivity {
             node: tape("node")?,
             hidden: tape("hidden")?,
             motion: tape("motion")?,
-            velocity: if tapes.contains("velocity")? {
-                Some(tape("velocity")?)
-            } else {
-                None
-            },
+            velocity: optional("velocity")?,
+            nonholonomic: optional("nonholonomic")?,
             patterns: SensitivityPatterns {
                 p_tau: pattern("p_tau")?,
                 f_tau: pattern("f_tau")?,
@@ -160,6 +162,11 @@ impl Sensitivity {
                         pattern("velocity_z")?,
                         pattern("velocity_tau")?,
                     ])
+                } else {
+                    None
+                },
+                nonholonomic: if patterns.contains("k_tau")? {
+                    Some([pattern("k_tau")?, pattern("rn_tau")?])
                 } else {
                     None
                 },

@@ -29,7 +29,7 @@ impl Pullback {
         alpha: Option<job::AlphaOf<'_>>,
     ) -> PyResult<Self> {
         let own = &sensitivity.0.mechanical;
-        let width = 2 * own.n + own.m;
+        let width = 2 * own.n + own.multipliers();
         let problem = if let Ok(problem) = problem.extract::<PyRef<'_, SecondOrder>>() {
             run::Problem::SecondOrder(problem.0.clone())
         } else {

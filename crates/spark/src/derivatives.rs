@@ -4,7 +4,7 @@ use super::stages::Stages;
 use liouville_base::error::{Quantity, StepError};
 use liouville_base::linalg::{Matrix, Pattern, all_finite, copy};
 use liouville_base::tableau;
-use liouville_problem::{Mechanical, Model, Points, Step, Times, finite};
+use liouville_problem::{Mechanical, Model, NonholonomicPatterns, Points, Step, Times, finite};
 
 /// A row a stage, or a node.
 #[derive(Clone, Debug)]
@@ -18,8 +18,110 @@ pub(super) struct Derivatives {
     pub(super) g_y: Matrix,
     pub(super) r_lam: Matrix,
     pub(super) r_y: Matrix,
+    /// Those of nonholonomic constraints, and at the end of the step, which is solved for with them.
+    pub(super) own: Option<Box<RollingDerivatives>>,
     /// Whether those that are constants are there.
     is_ready: bool,
+}
+
+/// Of nonholonomic constraints k and their reactions, a row a stage; those of r_n are called by `r`.
+#[derive(Clone, Debug)]
+pub(super) struct RollingDerivatives {
+    pub(super) k_y: Matrix,
+    pub(super) k_z: Matrix,
+    pub(super) r_y: Matrix,
+    pub(super) r_z: Matrix,
+    pub(super) r_nu: Matrix,
+    pub(super) end: EndDerivatives,
+}
+
+/// At the end of the step.
+#[derive(Clone, Debug)]
+pub(super) struct EndDerivatives {
+    pub(super) p_z: Vec<f64>,
+    pub(super) v_z: Vec<f64>,
+    pub(super) p_y: Vec<f64>,
+    pub(super) k_y: Vec<f64>,
+    pub(super) k_z: Vec<f64>,
+    pub(super) w_y: Vec<f64>,
+    pub(super) g_y: Vec<f64>,
+}
+
+impl RollingDerivatives {
+    fn new(problem: &Mechanical, own: &NonholonomicPatterns, s: usize) -> Self {
+        let at = &problem.patterns;
+        let rows = |pattern: &Pattern| Matrix::zeros(s, pattern.len());
+        let row = |pattern: &Pattern| vec![0.0; pattern.len()];
+        Self {
+            k_y: rows(&own.k_y),
+            k_z: rows(&own.k_z),
+            r_y: rows(&own.r_y),
+            r_z: rows(&own.r_z),
+            r_nu: rows(&own.r_nu),
+            end: EndDerivatives {
+                p_z: row(&at.p_z),
+                v_z: at.v_z.as_ref().map_or_else(Vec::new, row),
+                p_y: row(&at.p_y),
+                k_y: row(&own.k_y),
+                k_z: row(&own.k_z),
+                w_y: row(&own.w_y),
+                g_y: row(&at.g_y),
+            },
+        }
+    }
+
+    fn evaluate(
+        &mut self,
+        model: &mut Model,
+        stages: &Stages,
+        step: Step,
+        z1: &[f64],
+    ) -> Result<(), StepError> {
+        let unknowns = &stages.unknowns;
+        for j in 0..stages.y.rows() {
+            let t = stages.stage_time(step, j);
+            let (z, nu) = (unknowns.z.row(j), unknowns.nu.row(j));
+            let rows = [
+                &mut self.k_y,
+                &mut self.k_z,
+                &mut self.r_y,
+                &mut self.r_z,
+                &mut self.r_nu,
+            ];
+            let blocks = model.nonholonomic_blocks(t, stages.y.row(j), z, nu);
+            for (out, values) in rows.into_iter().zip(blocks) {
+                finite(values, Quantity::Derivative, t)?;
+                copy(out.row_mut(j), values);
+            }
+        }
+        let (s, k) = (stages.tableau.stages, stages.tableau.intervals);
+        let (t, y1) = (stages.node_time(step, k), stages.node_y.row(k));
+        let end = &mut self.end;
+        let [p_z, v_z] = model.stage_blocks(t, y1, z1);
+        copy(&mut end.p_z, p_z);
+        copy(&mut end.v_z, v_z);
+        copy(&mut end.p_y, model.stage_jacobian(t, y1, z1)[0]);
+        let nu = unknowns.nu.row(s - 1);
+        let [k_y, k_z, ..] = model.nonholonomic_blocks(t, y1, z1, nu);
+        copy(&mut end.k_y, k_y);
+        copy(&mut end.k_z, k_z);
+        copy(&mut end.w_y, model.hidden_jacobian(t, y1, z1));
+        copy(
+            &mut end.g_y,
+            model.node_blocks(t, y1, unknowns.lam.row(k))[0],
+        );
+        let EndDerivatives {
+            p_z,
+            v_z,
+            p_y,
+            k_y,
+            k_z,
+            w_y,
+            g_y,
+        } = end;
+        let mut all = [p_z, v_z, p_y, k_y, k_z, w_y, g_y].into_iter();
+        all.try_for_each(|values| finite(values, Quantity::Derivative, t))
+    }
 }
 
 impl Derivatives {
@@ -37,18 +139,23 @@ impl Derivatives {
             g_y: Matrix::zeros(nodes, at.g_y.len()),
             r_lam: Matrix::zeros(nodes, at.r_lam.len()),
             r_y: Matrix::zeros(nodes, at.r_y.len()),
+            own: (problem.nonholonomic.as_ref())
+                .map(|own| RollingDerivatives::new(problem, &own.patterns, s).into()),
             is_ready: false,
         }
     }
 
-    /// Evaluates all where the stages are, r_y at the first `nodes` nodes.
+    /// Evaluates all where the stages are and z1 at the end of the step, r_y at the first `nodes` nodes.
     pub(super) fn evaluate(
         &mut self,
         model: &mut Model,
         stages: &Stages,
-        step: Step,
+        (step, z1): (Step, &[f64]),
         nodes: usize,
     ) -> Result<(), StepError> {
+        if let Some(own) = &mut self.own {
+            own.evaluate(model, stages, step, z1)?;
+        }
         let times = stages.stage_times(step);
         let (y, z) = (&stages.y, &stages.unknowns.z);
         let out = [&mut self.p_z, &mut self.v_z];

@@ -63,7 +63,9 @@ impl Functions {
                 let parts: Vec<_> = parts.iter().collect();
                 tape([1, n, n, n, params], &values(&parts))
             }),
+            nonholonomic: None,
             patterns: SensitivityPatterns {
+                nonholonomic: None,
                 p_tau: p_tau.0,
                 f_tau: f_tau.0,
                 v_tau: self.v.as_ref().map(|_| v_tau.0),

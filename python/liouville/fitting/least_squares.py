@@ -101,7 +101,7 @@ def fit(
     Parameters
     ----------
     system : Mechanics
-        What moves, without nonholonomic constraints.
+        What moves.
     method : Method
         ``Spark``, ``LobattoPair`` or a ``Composition`` of them.
     data : mapping of str to array_like

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from liouville.control import Steps
-from liouville.errors import hinted, quoted
+from liouville.errors import hinted
 from liouville.events import AFTER
 from liouville.methods import (
     HHT,
@@ -39,9 +39,9 @@ ALPHA = (HHT, GeneralizedAlpha, ArnoldBruls)
 
 #: What has tangents.
 COVERED = (
-    "tangents are those of a divergence-free field, of a mechanical system without nonholonomic "
-    "constraints, by Spark, LobattoPair or a Composition of them, and by equal steps of the alpha "
-    "family, and of a Schrodinger equation, without store"
+    "tangents are those of a divergence-free field, of a mechanical system by Spark, LobattoPair "
+    "or a Composition of them, and by equal steps of the alpha family, and of a Schrodinger "
+    "equation, without store"
 )
 
 
@@ -78,9 +78,6 @@ def check_covered(system: Any, method: Any, request: Request) -> None:
         _check_alpha(method, request)
     elif not isinstance(base, Spark | LobattoPair):
         raise TypeError(hinted(f"{method!r} has no tangents yet", COVERED))
-    if system.nonholonomic:
-        sentence = f"nonholonomic constraints have no tangents yet: {quoted(system.nonholonomic)}"
-        raise TypeError(hinted(sentence, COVERED))
     if getattr(base, "newton_tol", None) is not None:
         sentence = "newton_tol leaves an error in the stages, and as large a one in their tangents"
         raise ValueError(hinted(sentence, "leave newton_tol out"))

@@ -48,32 +48,39 @@ def _slopes(
     reset = impulse = None
     if law and not is_impact:
         reset = _pair(f"the reset of {what}", system, x, ca.vertcat(*law), {})
-    if is_impact or (law and model.lam.numel()):
+    own, held = model.nonholonomic, model.lam.numel() + model.nonholonomic.nu.numel()
+    if is_impact or (law and held):
+        if own.nu.numel() and ca.depends_on(ca.jacobian(own.rn, own.nu), s.z):
+            sentence = f"the impulses of {what} have no derivatives: they turn with the velocity"
+            hint = "nonholonomic constraints that are linear in the velocity have them"
+            raise TypeError(hinted(sentence, hint))
         if model.linear.mass is not None:
             sentence = f"the impulses of {what} have no derivatives yet: its masses are a matrix"
             raise TypeError(hinted(sentence, "write the kinetic energy as an expression"))
         after = ca.SX.sym("after", s.z.numel())
-        held = ca.SX.sym("impulses", model.lam.numel() + is_impact)
-        balance = _balance(system, (after, held), value, law[:1] if is_impact else [])
-        impulse = _pair(f"impulses of {what}", system, x, balance, {"after": after, "held": held})
+        impulses = ca.SX.sym("impulses", held + is_impact)
+        balance = _balance(system, (after, impulses), value, law[:1] if is_impact else [])
+        more = {"after": after, "held": impulses}
+        impulse = _pair(f"impulses of {what}", system, x, balance, more)
     return gradient, reset, impulse
 
 
 def _balance(
     system: Mechanics, unknowns: tuple[ca.SX, ca.SX], value: ca.SX, restitution: list[ca.SX]
 ) -> ca.SX:
-    """Return the equations of impulses: momenta, hidden constraints, the rate of an impact."""
+    """Return the equations of impulses: momenta, constraints on z, the rate of an impact."""
     s, model = system._symbols, system._model
-    after, held = unknowns
-    hidden = total_derivative(model.g, s, model.v)
+    (after, held), own = unknowns, model.nonholonomic
+    hidden = ca.vertcat(total_derivative(model.g, s, model.v), own.k)
     ends = ca.vertcat(model.p, hidden, model.v)
     ends = ca.substitute(ends, s.z, after)
     n, m = model.p.numel(), hidden.numel()
     p, w, v = ca.vertsplit(ends, [0, n, n + m, 2 * n + m])
     momentum = p - model.p
     if m:
-        reaction = ca.jtimes(model.r, model.lam, held[:m])
-        momentum -= ca.substitute(reaction, model.lam, ca.SX.zeros(m, 1))
+        lam = ca.vertcat(model.lam, own.nu)
+        reactions = model.r + own.rn if own.nu.numel() else model.r
+        momentum -= ca.substitute(ca.jtimes(reactions, lam, held[:m]), lam, ca.SX.zeros(m, 1))
     if not restitution:
         return ca.vertcat(momentum, w)
     gradient = ca.gradient(value, s.y)

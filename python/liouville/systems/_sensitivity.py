@@ -45,11 +45,13 @@ def sensitivity(system: Mechanics) -> _core.Sensitivity:
 def _sensitivity(system: Mechanics) -> _core.Sensitivity:
     s, model = system._symbols, system._model
     tau, linear = ca.vertcat(s.t, s.params.vector), model.linear
-    u, residual, w, rate = equations(system)
+    u, residual, held, rate = equations(system)
+    own, m = model.nonholonomic, model.g.numel()
     at_stage, at_node = s.inputs(z=s.z), s.inputs(lam=model.lam)
-    at_motion = s.inputs(z=s.z, u=u, lam=model.lam)
+    at_motion = s.inputs(z=s.z, u=u, lam=ca.vertcat(model.lam, own.nu))
     stage = {"p_tau": Block(jacobian(model.p, tau)), "f_tau": Block(jacobian(model.f, tau))}
     node = {"g_tau": Block(jacobian(model.g, tau)), "r_tau": Block(jacobian(model.r, tau))}
+    w = held[:m]
     hidden = {"w_y": Block(jacobian(w, s.y)), "w_tau": Block(jacobian(w, tau))}
     motion = {
         "motion_y": Block(jacobian(residual, s.y), linear.stiffness),
@@ -65,6 +67,9 @@ def _sensitivity(system: Mechanics) -> _core.Sensitivity:
         rates = total_derivative(model.v, s, model.v) + ca.jtimes(model.v, s.z, u)
         by = {"y": s.y, "z": s.z, "tau": tau}
         velocity = {f"velocity_{x}": Block(jacobian(rates, along)) for x, along in by.items()}
+    rolling: dict[str, Block] = {}
+    if own.nu.numel():
+        rolling = {"k_tau": Block(jacobian(own.k, tau)), "rn_tau": Block(jacobian(own.rn, tau))}
     tapes = {
         "stage": record_blocks("stage", at_stage, [*stage.values()]),
         "node": record_blocks("node", at_node, [*node.values()]),
@@ -73,7 +78,10 @@ def _sensitivity(system: Mechanics) -> _core.Sensitivity:
     }
     if velocity:
         tapes["velocity"] = record_blocks("velocity", s.inputs(z=s.z, u=u), [*velocity.values()])
-    blocks = stage | node | hidden | motion | velocity
+    if rolling:
+        at_nu = s.inputs(z=s.z, nu=own.nu)
+        tapes["nonholonomic"] = record_blocks("nonholonomic", at_nu, [*rolling.values()])
+    blocks = stage | node | hidden | motion | velocity | rolling
     patterns = {name: block.pattern for name, block in blocks.items()}
     return _core.Sensitivity(system.problem, tapes, patterns)
 

@@ -5,7 +5,7 @@
 //!     y⁺ = ŷ + v_z x,   p_z x − r_λ μ = 0,   g(t, y⁺) = 0
 //!     p(y⁺, z⁺) = p(y⁺, ẑ) + r_λ μ + e_yᵀ Λ,   w(y⁺, z⁺) = 0
 //!
-//! and an impact has y⁺ = y, ẑ = z and e_y (v⁺ − v) = −(1 + ε) (e_t + e_y v). Where ŷ is on the constraints, x is zero and
+//! and k(t, y⁺, z⁺) = 0 with the reactions to it, and an impact has y⁺ = y, ẑ = z and e_y (v⁺ − v) = −(1 + ε) (e_t + e_y v). Where ŷ is on the constraints, x is zero and
 //! its derivative that of a projection. Linear equations have the matrix of accelerations, bordered by e_y.
 
 use super::slopes::{Before, SlopesModel};
@@ -42,7 +42,7 @@ pub struct LinearImpulse {
 impl LinearImpulse {
     /// Memory for this model.
     pub fn new(model: Model, sensitivity: SensitivityModel) -> Self {
-        let (n, m) = (model.problem.n, model.problem.m);
+        let (n, m) = (model.problem.n, model.problem.multipliers());
         let zeros = || vec![0.0; n];
         let pair = || [zeros(), vec![0.0; m]];
         Self {
@@ -160,7 +160,8 @@ impl LinearImpulse {
         [dy, dz]: [&mut [f64]; 2],
     ) -> Result<(), StepError> {
         let (t, [y0, z0, lam]) = before;
-        let (n, m) = (self.model.problem.n, self.model.problem.m);
+        let problem = &self.model.problem;
+        let (n, m, multipliers) = (problem.n, problem.m, problem.multipliers());
         let mut along = along.to_vec();
         if slopes.is_impact {
             copy(dy, &along[1..=n]);
@@ -188,9 +189,9 @@ impl LinearImpulse {
         self.mu.fill(0.0);
         dz.fill(0.0);
         add_scaled(dz, -1.0, &moved[..n]);
-        add_scaled(&mut self.mu, -1.0, &moved[n..n + m]);
+        add_scaled(&mut self.mu, -1.0, &moved[n..n + multipliers]);
         self.end.solve(&self.model, dz, &mut self.mu);
-        if let Some(rate) = moved.get(n + m) {
+        if let Some(rate) = moved.get(n + multipliers) {
             let unit = &self.unit[0];
             let size = (-rate - dot(&self.row, dz)) / dot(&self.row, unit);
             add_scaled(dz, size, unit);
@@ -209,7 +210,8 @@ impl LinearImpulse {
         let mut tau = vec![along[0]];
         tau.extend_from_slice(&along[1 + 2 * n + multipliers..]);
         let [y, z] = &self.jumped;
-        let g_tau = self.sensitivity.node(t, y, &self.none)[0];
+        let lam = &self.none[..self.model.problem.m];
+        let g_tau = self.sensitivity.node(t, y, lam)[0];
         let by_tau = &problem.patterns.g_tau;
         by_tau.multiply_add(g_tau, -1.0, &tau, &mut self.mu);
         self.moved.solve(&self.model, &mut self.x, &mut self.mu);
@@ -295,7 +297,8 @@ impl LinearImpulse {
         at.g_y
             .multiply_add_transposed(self.moved.g_y(), -1.0, &self.mu, of_y);
         let mut tau = vec![0.0; problem.width()];
-        let g_tau = self.sensitivity.node(t, y, &self.none)[0];
+        let lam = &self.none[..self.model.problem.m];
+        let g_tau = self.sensitivity.node(t, y, lam)[0];
         let by_tau = &problem.patterns.g_tau;
         by_tau.multiply_add_transposed(g_tau, -1.0, &self.mu, &mut tau);
         found[0] += tau[0];

@@ -45,7 +45,7 @@ impl TangentEvents {
             events,
             impulse: LinearImpulse::new(model.clone(), sensitivity.clone()),
             solver: Acceleration::new(&model),
-            lam: Matrix::zeros(directions.count(), model.problem.m),
+            lam: Matrix::zeros(directions.count(), model.problem.multipliers()),
             start: (
                 start,
                 (0..directions.count())

@@ -105,7 +105,7 @@ impl Pullback {
         let detection = starter.job.detection.as_ref();
         let times = detection.and_then(|detection| detection.times.clone());
         let times = times.map(|times| {
-            let sizes = ([problem.n, problem.m], sensitivity.width());
+            let sizes = ([problem.n, problem.multipliers()], sensitivity.width());
             let recorded = (records.clone(), parts);
             AtTimes::new(times, sizes, point.clone(), recorded)
         });
@@ -129,7 +129,11 @@ impl Pullback {
             events: starter.slopes(0),
             impulse: LinearImpulse::new(model.clone(), derivatives),
             rows: Vec::new(),
-            sizes: [problem.n, problem.m, starter.system.multipliers()],
+            sizes: [
+                problem.n,
+                problem.multipliers(),
+                starter.system.multipliers(),
+            ],
         });
         let impulse = starter.impulse(0);
         let of = Member {

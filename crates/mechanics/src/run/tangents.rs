@@ -21,7 +21,7 @@ impl Starter {
             return 0;
         };
         let mechanical = self.system.mechanical();
-        tangents.stretch.len() * (2 * mechanical.n + mechanical.m)
+        tangents.stretch.len() * (2 * mechanical.n + mechanical.multipliers())
     }
 
     /// A method that carries the tangents of a member, and its state with them.

@@ -2,13 +2,15 @@
 //!
 //!     [ p_zᵀ   v_zᵀ g_yᵀ ] [ x ]   [ a ]
 //!     [ −r_λᵀ       0    ] [ μ ] = [ b ],     Sᵀ μ = b + r_λᵀ p_z⁻ᵀ a
+//!
+//! and k_zᵀ beside v_zᵀ g_yᵀ, −∂r_n/∂νᵀ below −r_λᵀ.
 
 use super::{Eliminated, Form, Saddle};
 use crate::{Mass, Model};
 use liouville_base::linalg::copy;
 
 impl Saddle {
-    /// Solves with the transposed matrix of holonomic constraints in place: `a` becomes x, `b` becomes μ.
+    /// Solves with the transposed matrix in place: `a` becomes x, `b` becomes μ.
     pub fn solve_transposed(&mut self, model: &Model, a: &mut [f64], b: &mut [f64]) {
         let at = &model.problem.patterns;
         match &mut self.form {
@@ -20,10 +22,21 @@ impl Saddle {
                 self.mass.solve_transposed(velocity);
                 at.r_lam
                     .multiply_add_transposed(&self.r_lam, 1.0, velocity, b);
+                let own = (model.problem.nonholonomic.as_ref()).zip(self.nonholonomic.as_ref());
+                if let Some((problem, own)) = own {
+                    let (nu, at_own) = (&mut b[at.g_y.shape().0..], &problem.patterns);
+                    let r_nu = &at_own.r_nu;
+                    r_nu.multiply_add_transposed(&own.r_nu, 1.0, velocity, nu);
+                }
                 schur.solve_transposed(b);
                 velocity.fill(0.0);
                 at.g_y.multiply_add_transposed(&self.g_y, 1.0, b, velocity);
                 self.mass.add_velocity_transposed(-1.0, velocity, a);
+                if let Some((problem, own)) = own {
+                    let (nu, at_own) = (&b[at.g_y.shape().0..], &problem.patterns);
+                    let k_z = &at_own.k_z;
+                    k_z.multiply_add_transposed(&own.k_z, -1.0, nu, a);
+                }
                 self.mass.solve_transposed(a);
             }
             Form::Sparse(eliminated) => eliminated.solve_transposed(&mut self.mass, a, b),

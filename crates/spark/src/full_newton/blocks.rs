@@ -1,7 +1,7 @@
 //! The blocks of the Newton matrix: their places, and the coefficients they are weighted with.
 
 use self::Along::{Column, Row};
-use super::Derivatives;
+use super::super::derivatives::{Derivatives, EndDerivatives, RollingDerivatives};
 use liouville_base::linalg::{Matrix, Pattern, as_is, combine};
 use liouville_base::newton::{BlockGrid, BlockHandle, BlockLayout, BlockMatrix};
 use liouville_base::tableau;
@@ -90,9 +90,6 @@ pub(super) struct RollingBlocks {
     pub(super) end_g_y: Targets,
     /// b_j P_{i−1}(c_j), s − 1 by s.
     pub(super) moments: Matrix,
-    /// k_y and the derivatives of its reactions by y, a row a stage.
-    pub(super) k_y_values: Matrix,
-    pub(super) r_y_values: Matrix,
 }
 
 /// Derivatives by y at all stages or nodes, and the sums of them that are in each block: what V_j moves is felt
@@ -228,8 +225,21 @@ impl SparkBlocks {
         (offsets, blocks, layout.build(order, condensed))
     }
 
+    /// Writes the whole matrix.
+    pub(super) fn write(&mut self, matrix: &mut BlockMatrix, of: &Derivatives, h: f64) {
+        matrix.clear();
+        self.add_stages(matrix, of, h);
+        if let (Some(own), Some(of)) = (&mut self.own, &of.own) {
+            own.add_stages(matrix, of, h);
+        }
+        self.add_nodes(matrix, of, h);
+        if let Some(of) = &of.own {
+            self.add_end(matrix, &of.end, h);
+        }
+    }
+
     /// Adds the blocks of p, f and v at the stages.
-    pub(super) fn add_stages(&mut self, matrix: &mut BlockMatrix, of: &Derivatives, h: f64) {
+    fn add_stages(&mut self, matrix: &mut BlockMatrix, of: &Derivatives, h: f64) {
         for l in 0..of.p_z.rows() {
             add_to(matrix, &self.p_z[l], of.p_z.row(l), 1.0);
             add_to(matrix, &self.v_z[l], of.v_z.row(l), -1.0);
@@ -246,7 +256,7 @@ impl SparkBlocks {
     }
 
     /// Adds the blocks of g and r at the nodes.
-    pub(super) fn add_nodes(&mut self, matrix: &mut BlockMatrix, of: &Derivatives, h: f64) {
+    fn add_nodes(&mut self, matrix: &mut BlockMatrix, of: &Derivatives, h: f64) {
         if of.g_y.cols() == 0 {
             return;
         }
@@ -259,6 +269,21 @@ impl SparkBlocks {
             }
         }
         self.r_y.add_to(matrix, &of.r_y, -h * h);
+    }
+
+    /// Adds the blocks of p, v, w and k at the end, which h b_j dV_j moves.
+    fn add_end(&self, matrix: &mut BlockMatrix, of: &EndDerivatives, h: f64) {
+        let (Some(at), s) = (&self.own, self.p_z.len() - 1) else {
+            return;
+        };
+        add_to(matrix, &self.p_z[s], &of.p_z, 1.0);
+        add_to(matrix, &self.v_z[s], &of.v_z, -1.0);
+        add_to(matrix, &self.one[s], &self.ones, 1.0);
+        add_to(matrix, &self.p_y[s], &of.p_y, h);
+        add_to(matrix, &at.end_k_z, &of.k_z, 1.0);
+        add_to(matrix, &at.end_k_y, &of.k_y, h);
+        add_to(matrix, &at.end_w_y, &of.w_y, h);
+        add_to(matrix, &at.end_g_y, &of.g_y, 1.0);
     }
 }
 
@@ -296,8 +321,17 @@ impl RollingBlocks {
             end_w_y: place(to, &at.w_y, (w, v), &b, Row).concat(),
             end_g_y: place(to, g_y, (w, v + s * n), &one, Row).concat(),
             moments,
-            k_y_values: Matrix::zeros(s, at.k_y.len()),
-            r_y_values: Matrix::zeros(s, at.r_y.len()),
         }
+    }
+
+    /// Adds the blocks of k and its reactions at the stages.
+    fn add_stages(&mut self, matrix: &mut BlockMatrix, of: &RollingDerivatives, h: f64) {
+        for j in 0..of.k_z.rows() {
+            add_to(matrix, &self.k_z[j], of.k_z.row(j), 1.0);
+            add_to(matrix, &self.r_z[j], of.r_z.row(j), -h);
+            add_to(matrix, &self.r_nu[j], of.r_nu.row(j), -1.0);
+        }
+        self.k_y.add_to(matrix, &of.k_y, h);
+        self.r_y.add_to(matrix, &of.r_y, -h * h);
     }
 }

@@ -26,7 +26,7 @@ use super::stages::Stages;
 pub(super) use blocks::Offsets;
 use blocks::SparkBlocks;
 use liouville_base::error::{Quantity, StepError};
-use liouville_base::linalg::{Matrix, Singular, add_scaled, copy, copy_scaled, max_norm};
+use liouville_base::linalg::{Singular, add_scaled, copy, copy_scaled, max_norm};
 use liouville_base::newton::{BlockMatrix, Equations, Stop};
 use liouville_problem::{Mass, Model, Step, finite, finite_k};
 
@@ -38,7 +38,6 @@ pub(super) struct FullNewton {
     matrix: BlockMatrix,
     /// Tells the size of a multiplier, where reactions are not linear.
     mass: Mass,
-    r_nu: Matrix,
     unknowns: Vec<f64>,
     derivatives: Derivatives,
 }
@@ -58,10 +57,8 @@ impl FullNewton {
     pub(super) fn new(model: &Model, stages: &Stages) -> Self {
         let (problem, tableau) = (&model.problem, &stages.tableau);
         let (offsets, blocks, matrix) = SparkBlocks::new(model, tableau);
-        let own = problem.nonholonomic.as_ref();
         Self {
             mass: Mass::new(model),
-            r_nu: Matrix::zeros(tableau.stages, own.map_or(0, |own| own.patterns.r_nu.len())),
             unknowns: vec![0.0; matrix.order()],
             derivatives: Derivatives::new(problem, tableau),
             offsets,
@@ -70,11 +67,9 @@ impl FullNewton {
         }
     }
 
-    /// Factors the matrix of holonomic constraints with these derivatives.
+    /// Factors the matrix with these derivatives.
     pub(super) fn factor_with(&mut self, of: &Derivatives, h: f64) -> Result<(), Singular> {
-        self.matrix.clear();
-        self.blocks.add_stages(&mut self.matrix, of, h);
-        self.blocks.add_nodes(&mut self.matrix, of, h);
+        self.blocks.write(&mut self.matrix, of, h);
         self.matrix.factor()
     }
 
@@ -193,9 +188,9 @@ impl StageEquations<'_> {
                 size = size.max(mass.velocity_of(solver.derivatives.r_lam.row(j), d_lam));
             }
         }
-        if let Some(own) = &problem.nonholonomic {
+        if let (Some(own), Some(of)) = (&problem.nonholonomic, &solver.derivatives.own) {
             for (j, d_nu) in d[nu..order].chunks_exact(own.l).enumerate() {
-                let r_nu = solver.r_nu.row(j);
+                let r_nu = of.r_nu.row(j);
                 size = size.max(mass.velocity_by(&own.patterns.r_nu, r_nu, d_nu));
             }
         }

@@ -7,6 +7,9 @@
 //!
 //! and then f_y, r_y, p_y, v_y and g_y transposed take η, ν and σ to cotangents of y0, as derivatives by τ do to those of τ.
 //! By the symplecticity of the coefficients this is the same method on the adjoint equations. Source: sanzserna2016.
+//!
+//! With nonholonomic constraints the end is solved for with the stages, and its cotangents come of Jᵀ too: z̄1 is on the
+//! right, π that of its momenta. There the adjoint is another method, whose multipliers and constraints change places.
 
 use super::super::stages::Stages;
 use super::linear_step::LinearStep;
@@ -27,6 +30,8 @@ pub(super) struct Backward {
     y: Vec<f64>,
     momentum: Vec<f64>,
     hidden: Vec<f64>,
+    /// Of k at a stage.
+    rolling: Vec<f64>,
 }
 
 impl Backward {
@@ -40,6 +45,7 @@ impl Backward {
             y: vec![0.0; n],
             momentum: vec![0.0; n],
             hidden: vec![0.0; problem.m],
+            rolling: vec![0.0; problem.l()],
         }
     }
 
@@ -56,33 +62,54 @@ impl Backward {
     ) -> Result<(), StepError> {
         // dt1 = dt0 + h stretch
         cotangents.stretch += step.h * cotangents.tau[0];
-        self.leave_end((linear, model), step, cotangents);
+        copy(&mut self.y, &cotangents.y);
+        let is_together = linear.problem.l() > 0;
+        if !is_together {
+            self.solve_end((linear, model), cotangents);
+            self.leave_end(linear, step, cotangents);
+        }
         self.set_right(linear, stages, step, cotangents);
         linear.solve_transposed((model, stages), &mut self.right)?;
+        if is_together {
+            self.take_end(linear, stages);
+            self.leave_end(linear, step, cotangents);
+        }
         self.enter(linear, stages, step, cotangents);
         Ok(())
     }
 
-    /// Of z1 and λ_k to those of y1 and of all impulses, which `cotangents.p` is then.
-    fn leave_end(
-        &mut self,
-        (linear, model): (&mut LinearStep, &Model),
-        step: Step,
-        cotangents: &mut Cotangents,
-    ) {
-        let (at, by_tau) = (
-            &linear.problem.patterns,
-            &linear.sensitivity.problem.patterns,
-        );
-        let end = &mut linear.end;
+    /// Finds cotangents of the momenta and of the hidden constraints at the end, from those of z1.
+    fn solve_end(&mut self, (linear, model): (&mut LinearStep, &Model), cotangents: &Cotangents) {
+        let (at, end) = (&linear.problem.patterns, &mut linear.end);
         copy(&mut self.momentum, &cotangents.z);
         self.hidden.fill(0.0);
         at.r_lam
             .multiply_add_transposed(end.matrix.r_lam(), 1.0, &cotangents.p, &mut self.hidden);
         end.matrix
             .solve_transposed(model, &mut self.momentum, &mut self.hidden);
+    }
+
+    /// Takes them from the solution, where the end is solved for with the stages, and those of k at the end.
+    fn take_end(&mut self, linear: &LinearStep, stages: &Stages) {
+        let (offsets, tableau) = (linear.places().0, &stages.tableau);
+        let (n, m, l) = (linear.problem.n, linear.problem.m, linear.problem.l());
+        let (momenta, hidden) = (tableau.stages * n, offsets.lam + tableau.intervals * m);
+        copy(&mut self.momentum, &self.right[momenta..momenta + n]);
+        copy(&mut self.hidden, &self.right[hidden..hidden + m]);
+        copy(
+            &mut self.rolling,
+            &self.right[offsets.order - l..offsets.order],
+        );
+    }
+
+    /// Takes these to those of y1 and of all impulses, which `cotangents.p` is then.
+    fn leave_end(&mut self, linear: &LinearStep, step: Step, cotangents: &mut Cotangents) {
+        let (at, by_tau, end) = (
+            &linear.problem.patterns,
+            &linear.sensitivity.problem.patterns,
+            &linear.end,
+        );
         add_scaled(&mut cotangents.p, 1.0, &self.momentum);
-        copy(&mut self.y, &cotangents.y);
         at.p_y
             .multiply_add_transposed(&end.p_y, -1.0, &self.momentum, &mut self.y);
         by_tau
@@ -95,6 +122,11 @@ impl Backward {
         by_tau
             .w_tau
             .multiply_add_transposed(&end.w_tau, -1.0, &self.hidden, tau);
+        if let Some(own) = linear.rolling() {
+            let (k_y, k_tau) = (&own.at.k_y, &own.by_tau[0]);
+            k_y.multiply_add_transposed(&own.of.end.k_y, -1.0, &self.rolling, &mut self.y);
+            k_tau.multiply_add_transposed(own.end_k_tau, -1.0, &self.rolling, tau);
+        }
         cotangents.stretch += step.h * (cotangents.tau[0] - before);
     }
 
@@ -122,6 +154,20 @@ impl Backward {
             at.r_y
                 .multiply_add_transposed(linear.derivatives().r_y.row(j), weight, &of.p, out);
         }
+        if let Some(own) = linear.rolling() {
+            let l = linear.problem.l();
+            for (j, b) in tableau.b.iter().enumerate() {
+                let (weight, out) = (step.h * b, &mut self.right[j * n..(j + 1) * n]);
+                let (r_z, r_y, r_nu) = (own.of.r_z.row(j), own.of.r_y.row(j), own.of.r_nu.row(j));
+                own.at.r_z.multiply_add_transposed(r_z, weight, &of.p, out);
+                let out = self.stages.row_mut(j);
+                own.at.r_y.multiply_add_transposed(r_y, weight, &of.p, out);
+                let out = &mut self.right[offsets.nu + j * l..offsets.nu + (j + 1) * l];
+                own.at.r_nu.multiply_add_transposed(r_nu, *b, &of.p, out);
+            }
+            let first = tableau.stages * n;
+            copy(&mut self.right[first..first + n], &of.z);
+        }
         let rows = self.right[offsets.lam..offsets.nu].chunks_exact_mut(m.max(1));
         for (j, out) in rows.enumerate() {
             let weight = tableau.b_hat[j];
@@ -142,8 +188,7 @@ impl Backward {
 
     /// From the solution to cotangents of the start.
     fn enter(&mut self, linear: &LinearStep, stages: &Stages, step: Step, of: &mut Cotangents) {
-        let (tableau, offsets) = (&stages.tableau, linear.places().0);
-        let n = linear.problem.n;
+        let (tableau, n) = (&stages.tableau, linear.problem.n);
         self.stages.clear();
         self.nodes.clear();
         add_scaled(self.nodes.row_mut(tableau.intervals), 1.0, &self.y);
@@ -153,7 +198,7 @@ impl Backward {
         for j in 0..=tableau.intervals {
             self.enter_node(linear, stages, step, j, of);
         }
-        for row in self.right[..offsets.lam].chunks_exact(n) {
+        for row in self.right[..tableau.stages * n].chunks_exact(n) {
             add_scaled(&mut of.p, 1.0, row);
         }
         of.y.fill(0.0);
@@ -214,7 +259,40 @@ impl Backward {
                 .multiply_add_transposed(slopes.v_y.row(i), 1.0, own, out);
             v_tau.multiply_add_transposed(linear.v_tau.row(i), 1.0, own, tau);
         }
+        self.enter_rolling(linear, stages, step, i, of);
         of.stretch += tableau.c[i] * step.h * (of.tau[0] - before);
+    }
+
+    /// Nonholonomic constraints at a stage, and their reactions.
+    fn enter_rolling(
+        &mut self,
+        linear: &LinearStep,
+        stages: &Stages,
+        step: Step,
+        i: usize,
+        of: &mut Cotangents,
+    ) {
+        let Some(own) = linear.rolling() else { return };
+        let (n, l, tableau) = (linear.problem.n, linear.problem.l(), &stages.tableau);
+        let (column, offsets) = (
+            tableau.stages + tableau.intervals + 1 + i,
+            linear.places().0,
+        );
+        self.weigh(stages, n, column, of);
+        of.stretch += dot(stages.impulses.row(column), &self.impulse);
+        self.rolling.fill(0.0);
+        let moments = self.right[offsets.nu..offsets.order - l].chunks_exact(l);
+        for (row, moment) in moments.enumerate() {
+            add_scaled(&mut self.rolling, own.moments[(row, i)], moment);
+        }
+        let (weight, dy, tau) = (step.h * tableau.b[i], self.stages.row_mut(i), &mut of.tau);
+        let (at, [k_tau, rn_tau]) = (own.at, own.by_tau);
+        at.r_y
+            .multiply_add_transposed(own.of.r_y.row(i), weight, &self.impulse, dy);
+        rn_tau.multiply_add_transposed(own.rn_tau.row(i), weight, &self.impulse, tau);
+        at.k_y
+            .multiply_add_transposed(own.of.k_y.row(i), -1.0, &self.rolling, dy);
+        k_tau.multiply_add_transposed(own.k_tau.row(i), -1.0, &self.rolling, tau);
     }
 
     fn enter_node(

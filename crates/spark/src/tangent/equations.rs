@@ -72,6 +72,7 @@ impl LinearEquations {
             })
         };
         let is_large = order > SMALL && directions <= FEW && spark.solver != Solver::Newton;
+        let is_large = is_large && problem.l() == 0;
         let schur = is_large.then(|| LinearSchur::new(model, stages));
         Self {
             derivatives: Derivatives::new(problem, tableau),

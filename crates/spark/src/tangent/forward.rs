@@ -8,9 +8,12 @@
 //!     dp1 = dp0 + Σ_j d(h b_j f_j) + Σ_j d(h b̂_j r_j),     p_z dz1 = dp1 − e(p1),   w_z dz1 = −e(w1)
 //!
 //! give dz1 and dΛ_k. It is λ that stays where h changes, not Λ. Source: sanzserna2016.
+//!
+//! With nonholonomic constraints the matrix has the end in it, and with it come the right-hand sides −e(k) by their
+//! moments, dp0 + Σ .. − e(p1), −e(w1) and −e(k1), the reactions r_n being further impulses.
 
 use super::super::stages::Stages;
-use super::linear_step::LinearStep;
+use super::linear_step::{LinearStep, Rolling};
 use liouville_base::error::StepError;
 use liouville_base::linalg::{Matrix, add_scaled, as_is, combine, copy, copy_scaled};
 use liouville_base::tableau;
@@ -24,13 +27,15 @@ pub(super) struct Forward {
     nodes: Matrix,
     /// h b_j dV_j
     moves: Matrix,
-    /// d(h b_j f_j), then d(h b̂_j r_j).
+    /// d(h b_j f_j), then d(h b̂_j r_j), then d(h b_j r_n).
     impulses: Matrix,
     right: Vec<f64>,
     /// dy1, then right-hand sides of the end.
     y: Vec<f64>,
     momentum: Vec<f64>,
     hidden: Vec<f64>,
+    /// What moves k at a stage.
+    rolling: Vec<f64>,
 }
 
 /// The direction that is followed, through which step, from which state.
@@ -62,11 +67,12 @@ impl Forward {
             stages: Matrix::zeros(s, n),
             nodes: Matrix::zeros(k + 1, n),
             moves: Matrix::zeros(s, n),
-            impulses: Matrix::zeros(s + k + 1, n),
+            impulses: Matrix::zeros(s + k + 1 + if problem.l() > 0 { s } else { 0 }, n),
             right: vec![0.0; order],
             y: vec![0.0; n],
             momentum: vec![0.0; n],
             hidden: vec![0.0; problem.m],
+            rolling: vec![0.0; problem.l()],
         }
     }
 
@@ -84,6 +90,7 @@ impl Forward {
     ) -> Result<(), StepError> {
         self.vary(linear, stages, directions, along);
         self.set_right(linear, stages, directions, along);
+        self.set_right_rolling(linear, stages, directions, along);
         linear.solve((model, stages), &mut self.right)?;
         self.move_points(linear, stages, along.step);
         self.add_impulses(linear, stages, along.step);
@@ -135,6 +142,14 @@ impl Forward {
                 .r_tau
                 .multiply_add(linear.r_tau.row(j), weight, tau, out);
         }
+        let first = tableau.stages + self.nodes.rows();
+        let Some(own) = linear.rolling() else { return };
+        for (i, (b, c)) in tableau.b.iter().zip(&tableau.c).enumerate() {
+            let (dy, out) = (self.stages.row(i), self.impulses.row_mut(first + i));
+            let (weight, tau) = (step.h * b, along.tau(directions, *c));
+            own.at.r_y.multiply_add(own.of.r_y.row(i), weight, dy, out);
+            own.by_tau[1].multiply_add(own.rn_tau.row(i), weight, tau, out);
+        }
     }
 
     /// Writes the right-hand sides, in the order of full Newton.
@@ -152,7 +167,7 @@ impl Forward {
         let (n, m, tableau) = (linear.problem.n, linear.problem.m, &stages.tableau);
         let (offsets, slopes, right) = (linear.places().0, linear.derivatives(), &mut self.right);
         right.fill(0.0);
-        let momenta = &mut right[..offsets.lam];
+        let momenta = &mut right[..tableau.stages * n];
         combine(momenta, &stages.force_weights, &self.impulses, as_is);
         for i in 0..tableau.stages {
             let (dy, tau) = (self.stages.row(i), along.tau(directions, tableau.c[i]));
@@ -170,7 +185,7 @@ impl Forward {
         }
         let weight = -1.0 / along.step.h;
         let rows = right[offsets.lam..offsets.nu].chunks_exact_mut(m.max(1));
-        for (out, j) in rows.zip(1..) {
+        for (out, j) in rows.zip(1..self.nodes.rows()) {
             let tau = along.tau(directions, tableau.c_hat[j]);
             at.g_y
                 .multiply_add(slopes.g_y.row(j), weight, self.nodes.row(j), out);
@@ -178,6 +193,63 @@ impl Forward {
                 .g_tau
                 .multiply_add(linear.g_tau.row(j), weight, tau, out);
         }
+    }
+
+    /// The same of nonholonomic constraints and of the end, which is among the unknowns with them.
+    fn set_right_rolling(
+        &mut self,
+        linear: &LinearStep,
+        stages: &Stages,
+        directions: &mut Directions,
+        along: StepAlong,
+    ) {
+        let Some(Rolling {
+            at: own,
+            by_tau: of_own,
+            of,
+            moments,
+            k_tau,
+            end_k_tau,
+            ..
+        }) = linear.rolling()
+        else {
+            return;
+        };
+        let (at, by_tau) = (
+            &linear.problem.patterns,
+            &linear.sensitivity.problem.patterns,
+        );
+        let (tableau, offsets) = (&stages.tableau, linear.places().0);
+        let (s, n, l) = (tableau.stages, linear.problem.n, linear.problem.l());
+        let (right, end) = (&mut self.right, &linear.end);
+        let (moved, value) = (self.nodes.row(tableau.intervals), &mut self.rolling);
+        for j in 0..s {
+            let tau = along.tau(directions, tableau.c[j]);
+            value.fill(0.0);
+            own.k_y
+                .multiply_add(of.k_y.row(j), 1.0, self.stages.row(j), value);
+            of_own[0].multiply_add(k_tau.row(j), 1.0, tau, value);
+            for (i, out) in right[offsets.nu..offsets.order - l]
+                .chunks_exact_mut(l)
+                .enumerate()
+            {
+                add_scaled(out, -moments[(i, j)], value);
+            }
+        }
+        let tau = along.tau(directions, 1.0);
+        let out = &mut right[s * n..(s + 1) * n];
+        add_scaled(out, 1.0, along.before.p.row(along.direction));
+        for impulse in self.impulses.flat().chunks_exact(n) {
+            add_scaled(out, 1.0, impulse);
+        }
+        at.p_y.multiply_add(&end.p_y, -1.0, moved, out);
+        by_tau.p_tau.multiply_add(&end.p_tau, -1.0, tau, out);
+        let out = &mut right[offsets.lam + tableau.intervals * linear.problem.m..offsets.nu];
+        by_tau.w_y.multiply_add(&end.w_y, -1.0, moved, out);
+        by_tau.w_tau.multiply_add(&end.w_tau, -1.0, tau, out);
+        let out = &mut right[offsets.order - l..offsets.order];
+        own.k_y.multiply_add(&of.end.k_y, -1.0, moved, out);
+        of_own[0].multiply_add(end_k_tau, -1.0, tau, out);
     }
 
     /// What dV_i make of the points, and dy1.
@@ -224,6 +296,17 @@ impl Forward {
             at.r_lam
                 .multiply_add(linear.derivatives().r_lam.row(j), weight, d_lam, out);
         }
+        if let Some(Rolling { at, of, .. }) = linear.rolling() {
+            let (first, l) = (tableau.stages + self.nodes.rows(), linear.problem.l());
+            for (j, b) in tableau.b.iter().enumerate() {
+                let (d_y, d_z) = (self.stages.row(j), &self.right[j * n..(j + 1) * n]);
+                let d_nu = &self.right[offsets.nu + j * l..offsets.nu + (j + 1) * l];
+                let out = self.impulses.row_mut(first + j);
+                at.r_y.multiply_add(of.r_y.row(j), step.h * b, d_y, out);
+                at.r_z.multiply_add(of.r_z.row(j), step.h * b, d_z, out);
+                at.r_nu.multiply_add(of.r_nu.row(j), *b, d_nu, out);
+            }
+        }
     }
 
     /// Writes the tangent at the end of the step.
@@ -239,6 +322,7 @@ impl Forward {
             &linear.sensitivity.problem.patterns,
         );
         let (end, direction) = (&mut linear.end, along.direction);
+        let is_together = linear.problem.l() > 0;
         let tau = along.tau(directions, 1.0);
         let (dp, momentum, hidden) = (
             state.p.row_mut(direction),
@@ -248,14 +332,19 @@ impl Forward {
         for impulse in self.impulses.flat().chunks_exact(dp.len()) {
             add_scaled(dp, 1.0, impulse);
         }
-        copy(momentum, dp);
-        at.p_y.multiply_add(&end.p_y, -1.0, &self.y, momentum);
-        by_tau.p_tau.multiply_add(&end.p_tau, -1.0, tau, momentum);
-        hidden.fill(0.0);
-        by_tau.w_y.multiply_add(&end.w_y, -1.0, &self.y, hidden);
-        by_tau.w_tau.multiply_add(&end.w_tau, -1.0, tau, hidden);
-        end.matrix.solve(model, momentum, hidden);
-        at.r_lam.multiply_add(end.matrix.r_lam(), 1.0, hidden, dp);
+        if is_together {
+            let first = self.stages.flat().len();
+            copy(momentum, &self.right[first..first + dp.len()]);
+        } else {
+            copy(momentum, dp);
+            at.p_y.multiply_add(&end.p_y, -1.0, &self.y, momentum);
+            by_tau.p_tau.multiply_add(&end.p_tau, -1.0, tau, momentum);
+            hidden.fill(0.0);
+            by_tau.w_y.multiply_add(&end.w_y, -1.0, &self.y, hidden);
+            by_tau.w_tau.multiply_add(&end.w_tau, -1.0, tau, hidden);
+            end.matrix.solve(model, momentum, hidden);
+            at.r_lam.multiply_add(end.matrix.r_lam(), 1.0, hidden, dp);
+        }
         copy(state.y.row_mut(direction), &self.y);
         copy(state.z.row_mut(direction), momentum);
         state.t[direction] = along.time(1.0);

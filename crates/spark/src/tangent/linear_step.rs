@@ -2,13 +2,16 @@
 //! those by τ = (t, θ), and those at the end of the step.
 
 use super::super::Spark;
-use super::super::derivatives::{Derivatives, take};
+use super::super::derivatives::{Derivatives, RollingDerivatives, take};
 use super::super::full_newton::Offsets;
 use super::super::stages::Stages;
 use super::equations::LinearEquations;
 use liouville_base::error::{Quantity, StepError};
 use liouville_base::linalg::{Matrix, Pattern, copy};
-use liouville_problem::{Mechanical, Model, Saddle, SensitivityModel, State, Step, finite};
+use liouville_base::tableau::moments;
+use liouville_problem::{
+    Mechanical, Model, NonholonomicPatterns, Saddle, SensitivityModel, State, Step, finite,
+};
 use std::sync::Arc;
 
 /// Derivatives of one step.
@@ -25,12 +28,17 @@ pub(super) struct LinearStep {
     /// Of the nodes.
     pub(super) g_tau: Matrix,
     pub(super) r_tau: Matrix,
+    moments: Matrix,
+    /// Of nonholonomic constraints and their reactions, at the stages.
+    pub(super) k_tau: Matrix,
+    pub(super) rn_tau: Matrix,
     pub(super) end: End,
     /// Whether those that are constants are there.
     is_ready: bool,
 }
 
-/// Derivatives at the end of the step, and the matrix that z1 and λ_k are solved with.
+/// Derivatives at the end of the step, and the matrix that z1 and λ_k are solved with, where they are not solved for
+/// with the stages.
 #[derive(Clone, Debug)]
 pub(super) struct End {
     pub(super) matrix: Saddle,
@@ -38,6 +46,21 @@ pub(super) struct End {
     pub(super) p_tau: Vec<f64>,
     pub(super) w_y: Vec<f64>,
     pub(super) w_tau: Vec<f64>,
+    pub(super) k_tau: Vec<f64>,
+}
+
+/// Nonholonomic constraints of a linearised step.
+#[derive(Clone, Copy)]
+pub(super) struct Rolling<'a> {
+    pub(super) at: &'a NonholonomicPatterns,
+    /// b_j P_{i−1}(c_j), s − 1 by s.
+    pub(super) moments: &'a Matrix,
+    /// Of k_τ and of the derivative of r_n by τ.
+    pub(super) by_tau: &'a [Pattern; 2],
+    pub(super) of: &'a RollingDerivatives,
+    pub(super) k_tau: &'a Matrix,
+    pub(super) rn_tau: &'a Matrix,
+    pub(super) end_k_tau: &'a [f64],
 }
 
 impl LinearStep {
@@ -50,7 +73,12 @@ impl LinearStep {
         let v_tau = at.v_tau.as_ref().map_or(0, Pattern::len);
         let offsets = Offsets::new(problem, tableau);
         let values = |length: usize| vec![0.0; length];
+        let [k_tau, rn_tau] =
+            (at.nonholonomic.as_ref()).map_or([0, 0], |own| [own[0].len(), own[1].len()]);
         Self {
+            moments: moments(&tableau.b, &tableau.c),
+            k_tau: Matrix::zeros(s, k_tau),
+            rn_tau: Matrix::zeros(s, rn_tau),
             p_tau: Matrix::zeros(s, at.p_tau.len()),
             f_tau: Matrix::zeros(s, at.f_tau.len()),
             v_tau: Matrix::zeros(s, v_tau),
@@ -62,6 +90,7 @@ impl LinearStep {
                 p_tau: values(at.p_tau.len()),
                 w_y: values(at.w_y.len()),
                 w_tau: values(at.w_tau.len()),
+                k_tau: values(k_tau),
             },
             equations: LinearEquations::new(spark, offsets.count(), directions),
             offsets,
@@ -82,12 +111,16 @@ impl LinearStep {
         stages.evaluate_values(model, step, stages.tableau.intervals);
         stages.evaluations = counted;
         let of = &mut self.equations.derivatives;
-        of.evaluate(model, stages, step, stages.tableau.intervals + 1)?;
+        let nodes = stages.tableau.intervals + 1;
+        of.evaluate(model, stages, (step, &end.z), nodes)?;
         self.equations.factor((model, stages), step.h)?;
         self.evaluate_stages(stages, step)?;
         self.evaluate_end(model, stages, step, end)?;
         if self.problem.m > 0 {
             self.evaluate_nodes(stages, step)?;
+        }
+        if self.problem.l() > 0 {
+            self.evaluate_rolling(stages, step, end)?;
         }
         self.is_ready = true;
         Ok(())
@@ -109,6 +142,32 @@ impl LinearStep {
         take(out, times, points, (y.rows(), self.is_ready))
     }
 
+    fn evaluate_rolling(
+        &mut self,
+        stages: &Stages,
+        step: Step,
+        State { y, z, .. }: &State,
+    ) -> Result<(), StepError> {
+        let s = stages.tableau.stages;
+        for j in 0..s {
+            let (t, unknowns) = (stages.stage_time(step, j), &stages.unknowns);
+            let point = [stages.y.row(j), unknowns.z.row(j), unknowns.nu.row(j)];
+            let Some([k_tau, rn_tau]) = self.sensitivity.nonholonomic(t, point) else {
+                return Ok(());
+            };
+            finite(k_tau, Quantity::Derivative, t)?;
+            finite(rn_tau, Quantity::Derivative, t)?;
+            copy(self.k_tau.row_mut(j), k_tau);
+            copy(self.rn_tau.row_mut(j), rn_tau);
+        }
+        let t = stages.node_time(step, stages.tableau.intervals);
+        let point = [&y[..], z, stages.unknowns.nu.row(s - 1)];
+        if let Some([k_tau, _]) = self.sensitivity.nonholonomic(t, point) {
+            copy(&mut self.end.k_tau, k_tau);
+        }
+        finite(&self.end.k_tau, Quantity::Derivative, t)
+    }
+
     fn evaluate_end(
         &mut self,
         model: &mut Model,
@@ -119,7 +178,9 @@ impl LinearStep {
         let k = stages.tableau.intervals;
         let (t, lam) = (stages.node_time(step, k), stages.unknowns.lam.row(k));
         let end = &mut self.end;
-        end.matrix.update(model, t, y, z, lam)?;
+        if self.problem.l() == 0 {
+            end.matrix.update(model, t, y, z, lam)?;
+        }
         copy(&mut end.p_y, model.stage_jacobian(t, y, z)[0]);
         copy(&mut end.p_tau, self.sensitivity.stage(t, y, z)[0]);
         if self.problem.m > 0 {
@@ -150,6 +211,19 @@ impl LinearStep {
         x: &mut [f64],
     ) -> Result<(), StepError> {
         self.equations.solve::<true>(at, x)
+    }
+
+    /// The patterns of nonholonomic constraints and of their derivatives by τ, with the derivatives, if there are any.
+    pub(super) fn rolling(&self) -> Option<Rolling<'_>> {
+        Some(Rolling {
+            at: &self.problem.nonholonomic.as_ref()?.patterns,
+            by_tau: self.sensitivity.problem.patterns.nonholonomic.as_ref()?,
+            of: self.derivatives().own.as_deref()?,
+            moments: &self.moments,
+            k_tau: &self.k_tau,
+            rn_tau: &self.rn_tau,
+            end_k_tau: &self.end.k_tau,
+        })
     }
 
     /// Derivatives by y, z and λ.
