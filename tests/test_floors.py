@@ -44,6 +44,7 @@ CRATE_FLOORS = {
     "index2": (
         ("semi_explicit",),
         ("attempt", "estimate", "newton_matrix", "predictor", "probe", "stages"),
+        ("tangent",),
     ),
     "mechanics": (("events",), ("run",)),
     "fields": (("problem",), ("volume",), ("run",)),

@@ -84,7 +84,7 @@ def differences(system, method, t, start, directions, size=SIZE, **run):
             at = t[0] + step * ends[0], t[1] + step * ends[1]
             own, params = moved(system, at[0], start, directions, step)
             found = lv.integrate(system, method, t=at, params=params, **run, **own)
-            for name in (*system.states, "lam"):
+            for name in {*system.states, "lam"} & {*found.states}:
                 part = sign * weight / size * found.states[name]
                 total[name] = total.get(name, 0.0) + part
     return total

@@ -24,6 +24,7 @@ __all__ = [
     "Run",
     "SecondOrder",
     "SemiExplicit",
+    "SemiExplicitSensitivity",
     "Sensitivity",
     "Separable",
     "Split",
@@ -107,10 +108,10 @@ class Mechanical:
 class Pullback:
     def __new__(
         cls,
-        problem: Mechanical | SecondOrder,
+        problem: Mechanical | SecondOrder | SemiExplicit,
         method: object,
         job: object,
-        sensitivity: Sensitivity,
+        sensitivity: Sensitivity | SemiExplicitSensitivity,
         alpha: tuple[tuple[Tape, _Pattern, Tape, Tape, Tape], Tape, Tape, Tape] | None,
     ) -> Pullback: ...
     def give(self, rows: NDArray[np.float64]) -> None: ...
@@ -163,6 +164,12 @@ class SemiExplicit:
         z: NDArray[np.float64],
         params: NDArray[np.float64],
     ) -> NDArray[np.float64] | _Error: ...
+
+@final
+class SemiExplicitSensitivity:
+    def __new__(
+        cls, problem: SemiExplicit, tapes: dict[str, Tape], patterns: dict[str, _Pattern]
+    ) -> SemiExplicitSensitivity: ...
 
 def listing(
     tape: Tape,

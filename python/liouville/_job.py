@@ -33,8 +33,11 @@ AlphaTransposed = tuple[AlphaSlopes, _core.Tape, _core.Tape, _core.Tape]
 #: are wanted.
 Event = tuple[_core.Tape, int, int, bool, Reset | None, bool, Slopes | None]
 
-#: Tangents of a mechanical system, as :class:`Job` has them.
-Tangents = tuple[_core.Sensitivity, Array, Array, Array, Array, AlphaSlopes | None]
+#: Derivatives of a mechanical or semi-explicit system by time and parameters.
+Sensitivity = _core.Sensitivity | _core.SemiExplicitSensitivity
+
+#: Tangents of such a system, as :class:`Job` has them.
+Tangents = tuple[Sensitivity, Array, Array, Array, Array, AlphaSlopes | None]
 
 
 @dataclass(kw_only=True, eq=False, slots=True)
@@ -61,11 +64,11 @@ class Job:
     watch : tuple or None
         Order of the method, times of the records or None, and events.
     tangents : tuple, ndarray of shape (d, n) or None
-        Of a field, directions in what is stepped. Of a mechanical system its derivatives, changes
-        of y and of z at the start, those of time and parameters, a row for each direction, and by
-        which part of themselves the steps become longer, and derivatives of a step of the alpha
-        family or None. Changes of the members of an ensemble come
-        one after another.
+        Of a field, directions in what is stepped. Of another system its derivatives, changes of y
+        and of z at the start, the latter empty where z follows from y, those of time and
+        parameters, a row for each direction, and by which part of themselves the steps become
+        longer, and derivatives of a step of the alpha family or None. Changes of the members of an
+        ensemble come one after another.
     varied : list of Split
         The split fields of members, where these have parameters of their own.
     seen : tuple

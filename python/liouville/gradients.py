@@ -20,7 +20,7 @@ from liouville.runners import Request, runner_of
 from liouville.runners.adjoint import EVENTS, Adjoint, Gradients
 from liouville.runners.execute import execute
 from liouville.solution import Solution
-from liouville.systems import Field, Mechanics, Schrodinger, members
+from liouville.systems import Field, Mechanics, Schrodinger, SemiExplicit, members
 
 #: Moved starts of a difference of order six, in units of its step, with their weights.
 WEIGHTS = {1: 3 / 4, 2: -3 / 20, 3: 1 / 60}
@@ -114,7 +114,7 @@ class Pullback:
 
 
 def vjp(
-    system: Mechanics | Field | Schrodinger,
+    system: Mechanics | SemiExplicit | Field | Schrodinger,
     method: Method | str,
     *,
     wrt: Sequence[str],
@@ -148,9 +148,10 @@ def vjp(
         As for :func:`integrate`, and of members as for :func:`ensemble`: a mechanical system by
         ``Spark``, ``LobattoPair`` or a composition of them, whose controlled steps are held, as are
         the times in `t_eval`, or by equal steps of ``HHT``, ``GeneralizedAlpha`` and
-        ``ArnoldBruls``, without events; a field without divergence; or a Schrödinger equation by
-        ``"auto"``, ``Chebyshev``, ``Magnus`` with `h` or `steps`, or splittings of a real H into
-        shears. Bounds, windows, steps and the numbers of terms are held.
+        ``ArnoldBruls``, without events; a semi-explicit system, without events and `t_eval`; a
+        field without divergence; or a Schrödinger equation by ``"auto"``, ``Chebyshev``, ``Magnus``
+        with `h` or `steps`, or splittings of a real H into shears. Bounds, windows, steps and the
+        numbers of terms are held.
     wrt : sequence of str
         What gradients are by: states of the system such as ``"q"`` and ``"v"``, ``"params.name"``,
         and ``"t0"`` and ``"t1"`` where steps are equal. Parameters of a field are those of its
@@ -224,7 +225,7 @@ class GradientCheck:
 
 
 def check_gradient(
-    system: Mechanics | Field | Schrodinger,
+    system: Mechanics | SemiExplicit | Field | Schrodinger,
     method: Method | str,
     *,
     wrt: Sequence[str],

@@ -104,8 +104,8 @@ def integrate(
         that leaves the constraints, such as that of a length in them, is moved onto them by the
         tangent of ``system.consistent``. Controlled steps are held. Of mechanical systems by
         ``Spark``, ``LobattoPair`` and compositions of them and by equal steps of the alpha family,
-        of fields without divergence by ``"x"``, parameters and ends, and of Schrödinger equations
-        by ``"psi"``, parameters and samples, as for :func:`vjp`.
+        of semi-explicit systems by ``"y"``, of fields without divergence by ``"x"``, parameters and
+        ends, and of Schrödinger equations by ``"psi"``, parameters and samples, as for :func:`vjp`.
     progress : bool or callable, optional
         True shows a bar, on a terminal or in a notebook. A function is called about twenty times a
         second, ``progress(done, total)``, with numbers of steps, or times where steps are

@@ -21,6 +21,7 @@ mod predictor;
 mod probe;
 pub mod semi_explicit;
 mod stages;
+mod tangent;
 
 use crate::semi_explicit::{Algebraic, SemiExplicitModel, SemiExplicitState};
 use attempt::{CollocationAttempt, KeptCollocation};
@@ -32,6 +33,10 @@ use liouville_base::newton::{self, Equations, Predictor, Rest};
 use liouville_base::tableau::Spark;
 use newton_matrix::CollocationMatrix;
 use stages::{CollocationStages, CollocationStep};
+pub use tangent::{
+    Index2Adjoint, Index2Record, Index2Recorder, Index2Records, Index2Tangents,
+    SemiExplicitTangentObserver, SemiExplicitTangentState,
+};
 
 /// Corrections a step may take.
 const MOST_ITERATIONS: usize = 100;

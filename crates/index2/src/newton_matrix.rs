@@ -22,12 +22,14 @@ use liouville_problem::finite;
 pub(super) struct CollocationMatrix {
     pub(super) reuse: Reuse,
     matrix: BlockMatrix,
-    f_y: BlockGrid,
-    k_y: BlockGrid,
+    f_y_at: BlockGrid,
+    k_y_at: BlockGrid,
     one: BlockGrid,
     f_z_at: BlockGrid,
-    /// f_z of each stage.
+    /// f_y and f_z of each stage; k_y of each and of the end.
+    pub(super) f_y: Matrix,
     f_z: Vec<Vec<f64>>,
+    pub(super) k_y: Matrix,
     /// dZ is solved for in this unit.
     unit: f64,
     /// The point of linearisation: the start of the step, and y and z of the stages.
@@ -43,8 +45,8 @@ impl CollocationMatrix {
         let (n, l, s) = (model.problem.n, model.problem.l, stages.count());
         let (at, identity) = (&model.problem.patterns, Pattern::diagonal(n));
         let mut layout = BlockLayout::default();
-        let f_y = layout.grid(&at.f_y, (s, s), (0, 0));
-        let k_y = layout.grid(&at.k_y, (s, s), (s * n, 0));
+        let f_y_at = layout.grid(&at.f_y, (s, s), (0, 0));
+        let k_y_at = layout.grid(&at.k_y, (s, s), (s * n, 0));
         let one = layout.diagonal(&identity, s, (0, 0));
         let f_z_at = layout.diagonal(&at.f_z, s, (0, s * n));
         let matrix = layout.build(s * (n + l), 0);
@@ -52,11 +54,13 @@ impl CollocationMatrix {
             reuse: Reuse::new(&matrix, Renewal::AboveAverage),
             unknowns: vec![0.0; matrix.order()],
             matrix,
-            f_y,
-            k_y,
+            f_y_at,
+            k_y_at,
             one,
             f_z_at,
+            f_y: Matrix::zeros(s, at.f_y.len()),
             f_z: vec![vec![0.0; at.f_z.len()]; s],
+            k_y: Matrix::zeros(s + 1, at.k_y.len()),
             unit: 1.0,
             t: 0.0,
             y: stages.y.clone(),
@@ -124,8 +128,9 @@ impl CollocationMatrix {
             finite(f_z, Quantity::Derivative, t)?;
             for j in 0..s {
                 self.matrix
-                    .add(self.f_y.at(i, j), f_y, -h * stages.a[(i, j)]);
+                    .add(self.f_y_at.at(i, j), f_y, -h * stages.a[(i, j)]);
             }
+            copy(self.f_y.row_mut(i), f_y);
             copy(&mut self.f_z[i], f_z);
         }
         let largest = self.f_z.iter().map(|x| max_norm(x)).fold(0.0, f64::max);
@@ -150,18 +155,29 @@ impl CollocationMatrix {
             let t = stages.time(self.t, h, m);
             let k_y = model.constraint_jacobian(t, self.y.row(m));
             finite(k_y, Quantity::Derivative, t)?;
+            copy(self.k_y.row_mut(m), k_y);
             for j in 0..s {
                 if m == s {
-                    self.matrix.add(self.k_y.at(s - 1, j), k_y, stages.b[j]);
+                    self.matrix.add(self.k_y_at.at(s - 1, j), k_y, stages.b[j]);
                     continue;
                 }
                 for i in 0..s - 1 {
                     let weight = stages.moments[(i, m)] * stages.a[(m, j)];
-                    self.matrix.add(self.k_y.at(i, j), k_y, weight);
+                    self.matrix.add(self.k_y_at.at(i, j), k_y, weight);
                 }
             }
         }
         Ok(())
+    }
+
+    /// Solves in place, Z in its unit.
+    pub(super) fn solve(&mut self, x: &mut [f64]) {
+        self.matrix.solve(x);
+    }
+
+    /// Solves with the transposed matrix in place, Z in its unit.
+    pub(super) fn solve_transposed(&mut self, x: &mut [f64]) {
+        self.matrix.solve_transposed(x);
     }
 
     /// Corrects the unknowns, and returns the largest change of V or of what Z makes of it.

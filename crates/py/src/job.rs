@@ -3,6 +3,7 @@
 use crate::convert;
 use crate::errors::refused;
 use crate::mechanical::Sensitivity;
+use crate::semi_explicit::SemiExplicitSensitivity;
 use crate::tableau::{lobatto_named, scheme_named, spark_named};
 use liouville_alpha::{AlphaSlopes, AlphaTransposed, Reactions};
 use liouville_base::method::Tolerance;
@@ -11,7 +12,8 @@ use liouville_base::tableau;
 use liouville_base::tape::Tape;
 use liouville_mechanics::events::{EventSlopes, Law};
 use liouville_mechanics::run::{
-    self, Control, Detection, EventFunction, Method, Problem, SparkMethod, Tangents,
+    self, Control, Detection, EventFunction, Method, Problem, SparkMethod, SystemSensitivity,
+    Tangents,
 };
 use liouville_spark::Solver;
 use numpy::{PyReadonlyArray1, PyReadonlyArrayDyn, PyUntypedArrayMethods};
@@ -198,10 +200,37 @@ pub(crate) fn detection((order, times, events): &Watch<'_>) -> PyResult<Detectio
     })
 }
 
+/// Derivatives of a mechanical system, or of a semi-explicit one.
+#[derive(FromPyObject)]
+pub(crate) enum SensitivityOf<'py> {
+    Mechanical(PyRef<'py, Sensitivity>),
+    SemiExplicit(PyRef<'py, SemiExplicitSensitivity>),
+}
+
+impl SensitivityOf<'_> {
+    fn read(&self) -> SystemSensitivity {
+        match self {
+            Self::Mechanical(own) => SystemSensitivity::Mechanical(own.0.clone()),
+            Self::SemiExplicit(own) => SystemSensitivity::SemiExplicit(own.0.clone()),
+        }
+    }
+
+    /// Numbers of y, z and multipliers of a point.
+    pub(crate) fn width(&self) -> usize {
+        match self {
+            Self::Mechanical(own) => {
+                let own = &own.0.mechanical;
+                2 * own.n + own.multipliers()
+            }
+            Self::SemiExplicit(own) => own.0.system.n + own.0.system.l,
+        }
+    }
+}
+
 /// Tangents: derivatives of the system, changes of y and of z at the start, those of time and parameters, a row for each
 /// direction, by which part of themselves the steps become longer, and derivatives of a step of the alpha family or None.
 type TangentsOf<'py> = (
-    PyRef<'py, Sensitivity>,
+    SensitivityOf<'py>,
     PyReadonlyArrayDyn<'py, f64>,
     PyReadonlyArrayDyn<'py, f64>,
     PyReadonlyArrayDyn<'py, f64>,
@@ -234,7 +263,7 @@ fn alpha_slopes(
 fn tangents((sensitivity, y, z, tau, stretch, alpha): &TangentsOf<'_>) -> PyResult<Tangents> {
     Ok(Tangents {
         alpha: alpha.as_ref().map(alpha_slopes).transpose()?,
-        sensitivity: sensitivity.0.clone(),
+        sensitivity: sensitivity.read(),
         start: [y.as_slice()?.to_vec(), z.as_slice()?.to_vec()],
         tau: tau.as_slice()?.to_vec(),
         stretch: stretch.as_slice()?.to_vec(),
@@ -319,15 +348,22 @@ pub(crate) type AlphaOf<'py> = (
 /// The pullback of a single run in the core's terms.
 pub(crate) fn pullback(
     problem: Problem,
-    sensitivity: &Sensitivity,
+    sensitivity: &SensitivityOf<'_>,
     method: &Bound<'_, PyAny>,
     job: &Bound<'_, PyAny>,
     alpha: Option<AlphaOf<'_>>,
 ) -> PyResult<Result<Box<dyn run::Follow>, StartError>> {
     let method = method.extract::<MechanicalMethod>()?.read()?;
     let job = job.extract::<MechanicalJob<'_>>()?.read()?;
+    let sensitivity = match sensitivity {
+        SensitivityOf::Mechanical(own) => &own.0,
+        SensitivityOf::SemiExplicit(own) => {
+            let found = run::Index2Pullback::new(problem, method, job, &own.0);
+            return Ok(found.map(|found| Box::new(found) as _));
+        }
+    };
     let Some((slopes, unknowns, step, start)) = alpha else {
-        let found = run::Pullback::new(problem, method, job, &sensitivity.0);
+        let found = run::Pullback::new(problem, method, job, sensitivity);
         return Ok(found.map(|found| Box::new(found) as _));
     };
     let copied = |tape: PyRef<'_, convert::Tape>| Tape::clone(&tape.0);
@@ -337,6 +373,6 @@ pub(crate) fn pullback(
         start: copied(start),
     };
     let of = (alpha_slopes(&slopes)?, transposed);
-    let found = run::AlphaPullback::new(problem, method, job, &sensitivity.0, of);
+    let found = run::AlphaPullback::new(problem, method, job, sensitivity, of);
     Ok(found.map(|found| Box::new(found) as _))
 }

@@ -73,7 +73,7 @@ mod _core {
     #[pymodule_export]
     use super::second_order::{SecondOrder, Separable};
     #[pymodule_export]
-    use super::semi_explicit::SemiExplicit;
+    use super::semi_explicit::{SemiExplicit, SemiExplicitSensitivity};
     #[pymodule_export]
     use super::split::Split;
     #[pymodule_export]

@@ -2,15 +2,16 @@
 
 use crate::errors::{self, refused};
 use crate::job;
-use crate::mechanical::{Mechanical, Sensitivity};
+use crate::mechanical::Mechanical;
 use crate::second_order::SecondOrder;
+use crate::semi_explicit::SemiExplicit;
 use liouville_base::linalg::Matrix;
 use liouville_base::run::StartError;
 use liouville_mechanics::run;
 use numpy::{PyArray1, PyReadonlyArray1, PyReadonlyArray2, PyUntypedArrayMethods};
 use pyo3::prelude::*;
 
-/// The pullback of a run by equal steps.
+/// The pullback of a run.
 #[pyclass(module = "liouville._core")]
 pub(crate) struct Pullback {
     inner: Box<dyn run::Follow>,
@@ -25,13 +26,14 @@ impl Pullback {
         problem: &Bound<'_, PyAny>,
         method: &Bound<'_, PyAny>,
         job: &Bound<'_, PyAny>,
-        sensitivity: PyRef<'_, Sensitivity>,
+        sensitivity: job::SensitivityOf<'_>,
         alpha: Option<job::AlphaOf<'_>>,
     ) -> PyResult<Self> {
-        let own = &sensitivity.0.mechanical;
-        let width = 2 * own.n + own.multipliers();
+        let width = sensitivity.width();
         let problem = if let Ok(problem) = problem.extract::<PyRef<'_, SecondOrder>>() {
             run::Problem::SecondOrder(problem.0.clone())
+        } else if let Ok(problem) = problem.extract::<PyRef<'_, SemiExplicit>>() {
+            run::Problem::SemiExplicit(problem.0.clone())
         } else {
             let problem = problem.extract::<PyRef<'_, Mechanical>>()?;
             run::Problem::General(problem.0.clone())

@@ -3,7 +3,9 @@
 use crate::convert::{self, Made, Recipe, item, pattern};
 use crate::errors::{self, refused};
 use liouville_base::tape;
-use liouville_index2::semi_explicit::{self, SemiExplicitModel, SemiExplicitPatterns};
+use liouville_index2::semi_explicit::{
+    self, SemiExplicitModel, SemiExplicitPatterns, SemiExplicitSensitivityPatterns,
+};
 use numpy::{PyArray1, PyReadonlyArray1};
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
@@ -75,6 +77,52 @@ impl SemiExplicit {
             Ok(state) => Ok(PyArray1::from_vec(py, state.z).into_any()),
             Err(error) => Ok(errors::error(py, &error)?.into_any()),
         }
+    }
+}
+
+/// Derivatives of a semi-explicit system by time and parameters, and of z by a point.
+#[pyclass(frozen, module = "liouville._core")]
+#[derive(Clone)]
+pub(crate) struct SemiExplicitSensitivity(
+    pub(crate) Arc<semi_explicit::SemiExplicitSensitivity>,
+    Made,
+);
+
+#[pymethods]
+impl SemiExplicitSensitivity {
+    /// Tapes and patterns by name.
+    #[new]
+    fn new(
+        problem: &Bound<'_, SemiExplicit>,
+        tapes: &Bound<'_, PyDict>,
+        patterns: &Bound<'_, PyDict>,
+    ) -> PyResult<Self> {
+        let tape = |name: &str| -> PyResult<tape::Tape> {
+            let found = item(tapes, name)?
+                .extract::<PyRef<'_, convert::Tape>>()?
+                .0
+                .clone();
+            Ok(tape::Tape::clone(&found))
+        };
+        let pattern = |name: &str| pattern(&item(patterns, name)?);
+        let made = Made::of(tapes.py(), (problem, tapes, patterns))?;
+        let found = semi_explicit::SemiExplicitSensitivity {
+            system: problem.get().0.clone(),
+            field: tape("field")?,
+            constraint: tape("constraint")?,
+            hidden: tape("hidden")?,
+            patterns: SemiExplicitSensitivityPatterns {
+                f_tau: pattern("f_tau")?,
+                k_tau: pattern("k_tau")?,
+                w_y: pattern("w_y")?,
+                w_tau: pattern("w_tau")?,
+            },
+        };
+        Ok(Self(Arc::new(found.checked().map_err(refused)?), made))
+    }
+
+    fn __reduce__<'py>(&self, py: Python<'py>) -> Recipe<'py> {
+        self.1.again::<Self>(py)
     }
 }
 

@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from liouville import _core
-from liouville._arguments import MOST_STEPS
 from liouville._job import AlphaTransposed, Job
 from liouville.control import Takes
 from liouville.errors import Description, hinted, quoted
@@ -23,8 +22,6 @@ from liouville.systems._redundant import sizes
 from liouville.tangents import Tangent
 
 if TYPE_CHECKING:
-    from liouville.runners.adjoint import Adjoint
-    from liouville.runners.tangents import MechanicalDirections
     from liouville.solution import Solution
     from liouville.systems._sensitivity import Cotangents
 
@@ -48,7 +45,6 @@ class MechanicalRunner(TracedRunner):
 
     system: Mechanics
     _left_out: tuple[int, ...] = ()
-    _rows: np.ndarray
 
     def __init__(self, system: Mechanics, method: Method, request: Request) -> None:
         self._stepped = system
@@ -62,18 +58,7 @@ class MechanicalRunner(TracedRunner):
         self._is_reversible = by_rtol and not self._is_general and system.is_conservative
         self._is_rattle = isinstance(self._problem, _core.Separable)
         self._moved_events: dict[str, np.ndarray] = {}
-        self._directions = None if request.tangents is None else self._directed(request)
-
-    def _directed(self, request: Request) -> MechanicalDirections:
-        """Take the directions of tangents, which each record has columns for."""
-        # imported here: few runs have tangents
-        from liouville.runners.tangents import MechanicalDirections
-
-        found = MechanicalDirections(self.system, request.tangents, self.steps)
-        wide = 2 * len(self.system.coordinates) + self.multipliers
-        self.columns["tangents"] = found.count * wide
-        self._check_sizes(request)
-        return found
+        self._direct(request)
 
     def _refuse_resets(self) -> None:
         """Refuse derivatives of what depends on the reactions of redundant constraints."""
@@ -141,18 +126,6 @@ class MechanicalRunner(TracedRunner):
         )
         return found, said
 
-    def adjoint(self, request: Request, wrt: Any) -> Adjoint:
-        """Return the transposed derivative of the run by what `wrt` names, before it begins."""
-        # imported here: few runs are differentiated
-        from liouville.runners.mechanical_adjoint import MechanicalAdjoint
-
-        return MechanicalAdjoint(self, request, wrt)
-
-    @property
-    def times(self) -> np.ndarray | None:
-        """The times of the records, where they are given."""
-        return self._watch.times
-
     @property
     def shares_multipliers(self) -> bool:
         """Whether multipliers of redundant constraints are differentiated."""
@@ -184,21 +157,14 @@ class MechanicalRunner(TracedRunner):
             stretch += of_time * (at[0] - self.steps.t0)
         return found, tau, stretch
 
-    def pullback(
-        self,
-    ) -> tuple[
-        _core.Mechanical | _core.SecondOrder, Method, Job, _core.Sensitivity, AlphaTransposed | None
-    ]:
-        """Return what the core makes a pullback of; the run itself keeps its start alone."""
+    def sensitivity(self) -> tuple[_core.Sensitivity, AlphaTransposed | None]:
+        """Return derivatives by time and parameters, and those of a step of the alpha family."""
         # imported here: few runs are differentiated
         from liouville.systems._alpha_slopes import alpha_transposed
         from liouville.systems._sensitivity import sensitivity
 
-        job, steps = self._job(), self.steps
-        job.span = (steps.t0, steps.t1, steps.count, MOST_STEPS)
-        assert isinstance(self._problem, _core.Mechanical | _core.SecondOrder)
         alpha = None if self._is_general else alpha_transposed(self._stepped, self.choice)
-        return self._problem, self.choice, job, sensitivity(self._stepped), alpha
+        return sensitivity(self._stepped), alpha
 
     def pulled_start(self, found: Cotangents) -> Cotangents:
         """Return cotangents of a start that is moved onto the constraints, from those there."""

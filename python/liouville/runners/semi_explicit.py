@@ -2,19 +2,68 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+from typing import TYPE_CHECKING
+
 import numpy as np
 
 from liouville import _core
+from liouville._job import Job
 from liouville.control import Reversible
 from liouville.errors import hinted
+from liouville.methods import Method
+from liouville.runners.runner import Request
 from liouville.runners.traced import TracedRunner
 from liouville.systems import SemiExplicit
+from liouville.tangents import Tangent
+
+if TYPE_CHECKING:
+    from liouville.systems._sensitivity import Cotangents
 
 
 class SemiExplicitRunner(TracedRunner):
     """Runs a semi-explicit system; see :class:`Runner`."""
 
     system: SemiExplicit
+
+    def __init__(self, system: SemiExplicit, method: Method, request: Request) -> None:
+        super().__init__(system, method, request)
+        self._direct(request)
+
+    def _job(self) -> Job:
+        job = super()._job()
+        if self._directions is not None:
+            own, (y, z) = self._directions, self._begin
+            params = self._rows if self.members else self._values
+            start = own.starts(self.system, self.steps.t0, y, z, params)
+            parts = map(np.ascontiguousarray, (*start, own.tau))
+            job.tangents = (self.sensitivity()[0], *parts, own.stretch, None)
+        return job
+
+    def tangents(self, t: np.ndarray, parts: Mapping[str, np.ndarray]) -> dict[str, Tangent]:
+        """Return the tangents in records by the names of their directions, if any were wanted."""
+        del t
+        if self._directions is None:
+            return {}
+        n = len(self.system.coordinates)
+        return self._directions.named(parts["tangents"], {"y": slice(n), "z": slice(n, None)})
+
+    def sensitivity(self) -> tuple[_core.SemiExplicitSensitivity, None]:
+        """Return derivatives by time and parameters."""
+        # imported here: few runs are differentiated
+        from liouville.systems._semi_explicit_sensitivity import sensitivity
+
+        return sensitivity(self.system), None
+
+    def pulled_start(self, found: Cotangents) -> Cotangents:
+        """Return cotangents of a start that is moved onto the constraints, from those there."""
+        # imported here: few runs are differentiated
+        from liouville.systems._semi_explicit_sensitivity import pulled_start
+
+        of_y, of_z, of_tau = found
+        at = self.steps.t0, self._begin[0], self._values
+        of_y, of_tau = pulled_start(self.system, *at, (of_y, of_tau))
+        return of_y, of_z, of_tau
 
     def _foreign(self) -> set[str]:
         return super()._foreign() | {"newton_steps"}

@@ -20,10 +20,20 @@ from liouville.methods import (
 )
 from liouville.points import Points
 from liouville.runners.runner import Request
-from liouville.systems import Field, Mechanics, Schrodinger
+from liouville.systems import (
+    Field,
+    Mechanics,
+    Schrodinger,
+    SemiExplicit,
+    _semi_explicit_sensitivity,
+    _sensitivity,
+)
 from liouville.systems._multipliers import SharedMultipliers
-from liouville.systems._sensitivity import Cotangents, moved_start
+from liouville.systems._sensitivity import Cotangents
 from liouville.tangents import Tangent
+
+#: What moves on constraints, and is stepped with its tangents.
+Constrained = Mechanics | SemiExplicit
 
 #: The prefix of directions that are parameters.
 PARAMS = "params."
@@ -40,8 +50,8 @@ ALPHA = (HHT, GeneralizedAlpha, ArnoldBruls)
 #: What has tangents.
 COVERED = (
     "tangents are those of a divergence-free field, of a mechanical system by Spark, LobattoPair "
-    "or a Composition of them, and by equal steps of the alpha family, and of a Schrodinger "
-    "equation, without store"
+    "or a Composition of them, and by equal steps of the alpha family, of a semi-explicit system "
+    "without events and given times, and of a Schrodinger equation, without store"
 )
 
 
@@ -54,15 +64,16 @@ def check_covered(system: Any, method: Any, request: Request) -> None:
         The system, its method or an option of the run is not covered.
     """
     base = method.base if isinstance(method, Composition) else method
-    if not isinstance(system, Mechanics | Field | Schrodinger):
+    if not isinstance(system, Mechanics | SemiExplicit | Field | Schrodinger):
         raise TypeError(hinted(f"a {type(system).__name__} has no tangents yet", COVERED))
-    is_field, events = isinstance(system, Field), request.events is not None
+    events, has_times = request.events is not None, request.t_eval is not None
     for name in ("events", "t_eval") if request.is_ensemble else ():
         if getattr(request, name) is not None:
             sentence = f"tangents of an ensemble go without {name}="
             raise TypeError(hinted(sentence, "make a run of each member"))
-    without = {"events": is_field and events, "store": request.is_stored}
-    without["t_eval"] = is_field and request.t_eval is not None
+    is_mechanical = isinstance(system, Mechanics)
+    without = {"events": events and not is_mechanical, "store": request.is_stored}
+    without["t_eval"] = has_times and isinstance(system, Field | SemiExplicit)
     if given := [name for name, is_given in without.items() if is_given]:
         raise TypeError(hinted(f"tangents go without {given[0]}=", COVERED))
     if not request.states:
@@ -72,8 +83,8 @@ def check_covered(system: Any, method: Any, request: Request) -> None:
             sentence = "an ensemble of wave functions has no tangents"
             raise TypeError(hinted(sentence, "integrate its members one by one"))
         return  # its method is seen when it is planned
-    if isinstance(system, Field):
-        return
+    if not is_mechanical:
+        return  # and that of others when they are run
     if isinstance(base, ALPHA):
         _check_alpha(method, request)
     elif not isinstance(base, Spark | LobattoPair):
@@ -144,44 +155,53 @@ class Directions:
         return found
 
 
-class MechanicalDirections(Directions):
-    """Directions of a mechanical system.
+class ConstrainedDirections(Directions):
+    """Directions of a mechanical or of a semi-explicit system.
 
     Attributes
     ----------
     y, z : ndarray, shape (count, n)
-        Changes of positions and of their partner, not yet moved onto the constraints.
+        Changes of positions and of their partner, not yet moved onto the constraints; of z there
+        are none where it follows from y.
     tau : ndarray, shape (count, 1 + P)
         Changes of the start time and of the P parameters.
     stretch : ndarray, shape (count,)
         By which part of themselves the steps become longer.
     """
 
-    def __init__(self, system: Mechanics, tangents: Any, steps: Steps) -> None:
+    def __init__(self, system: Constrained, tangents: Any, steps: Steps) -> None:
         hint = f'write tangents={{"{system.states[0]}": direction}} or {{"params.name": 1.0}}'
         labels = dict.fromkeys(system.states, system.coordinates)
-        super().__init__(tangents, places_of(system), labels, hint)
+        places = places_of(system)
+        super().__init__(tangents, places, labels, hint)
         for name in tangents:
             _check_held(name, steps)
-        n = len(system.coordinates)
-        self.y, self.z, self.tau, end = np.split(self.rows, (n, 2 * n, -1), axis=1)
+        n, first = len(system.coordinates), places["t0"][0]
+        self.y, self.z, self.tau, end = np.split(self.rows, (n, first, -1), axis=1)
         self.stretch = (end[:, 0] - self.tau[:, 0]) / (steps.t1 - steps.t0)
 
     def starts(
-        self, system: Mechanics, t: float, y: np.ndarray, z: np.ndarray, params: np.ndarray
+        self, system: Constrained, t: float, y: np.ndarray, z: np.ndarray, params: np.ndarray
     ) -> tuple[np.ndarray, np.ndarray]:
         """Return the changes of y and z at the start, of a run or of each of P members.
 
-        They are moved onto the constraints as :meth:`Mechanics.consistent` moves a start.
+        They are moved onto the constraints as `consistent` of the system moves a start.
         """
-        moves = self.y, self.z, self.tau
         if y.ndim == 1:
-            return moved_start(system, t, y, z, params, moves)
+            return self._start(system, t, y, z, params)
         rows = np.broadcast_to(params, (len(y), params.shape[-1]))
         rows = np.ascontiguousarray(rows)
-        each = [moved_start(system, t, *at, moves) for at in zip(y, z, rows, strict=True)]
+        each = [self._start(system, t, *at) for at in zip(y, z, rows, strict=True)]
         dy, dz = (np.array(parts) for parts in zip(*each, strict=True))
         return dy, dz
+
+    def _start(
+        self, system: Constrained, t: float, y: np.ndarray, z: np.ndarray, params: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray]:
+        if isinstance(system, Mechanics):
+            return _sensitivity.moved_start(system, t, y, z, params, (self.y, self.z, self.tau))
+        moves = self.y, self.tau
+        return _semi_explicit_sensitivity.moved_start(system, t, y, params, moves), self.z
 
     def shared(
         self,
@@ -250,7 +270,7 @@ def _check_held(name: str, steps: Steps) -> None:
         raise ValueError(hinted(sentence, "controlled steps are held: give steps or h"))
 
 
-def check_wrt(system: Mechanics, wrt: Any, steps: Steps) -> tuple[str, ...]:
+def check_wrt(system: Constrained, wrt: Any, steps: Steps) -> tuple[str, ...]:
     """Return names of what gradients are by, each seen to be one."""
     names = check_names(wrt, places_of(system), system.states[0])
     for name in names:
@@ -269,21 +289,21 @@ def check_names(wrt: Any, places: Mapping[str, Place], first: str) -> tuple[str,
     return tuple(wrt)
 
 
-def shapes_of(system: Mechanics, names: tuple[str, ...]) -> dict[str, tuple[int, ...]]:
+def shapes_of(system: Constrained, names: tuple[str, ...]) -> dict[str, tuple[int, ...]]:
     """Return the shape of what each name is a direction of."""
     places = places_of(system)
     return {name: places[name][1] for name in names}
 
 
 def gradients_of(
-    system: Mechanics, steps: Steps, found: Cotangents, stretch: float, wrt: tuple[str, ...]
+    system: Constrained, steps: Steps, found: Cotangents, stretch: float, wrt: tuple[str, ...]
 ) -> dict[str, Any]:
     """Return gradients by name, from cotangents of the start and of the stretch of the steps."""
     y, z, tau = found
     end = stretch / (steps.t1 - steps.t0)
     row = np.concatenate([y, z, tau, [end]])
-    row[2 * len(system.coordinates)] -= end
     places, gradients = places_of(system), {}
+    row[places["t0"][0]] -= end
     for name in wrt:
         first, shape = places[name]
         own = row[first : first + int(np.prod(shape))].reshape(shape)
@@ -291,12 +311,14 @@ def gradients_of(
     return gradients
 
 
-def places_of(system: Mechanics) -> dict[str, Place]:
+def places_of(system: Constrained) -> dict[str, Place]:
     """Return where each direction begins among all that may change, and its shape."""
     n = len(system.coordinates)
-    first, second = system.states
-    found: dict[str, Place] = {first: (0, (n,)), second: (n, (n,)), "t0": (2 * n, ())}
-    place = 2 * n + 1
+    # of a semi-explicit system z follows from y
+    names = system.states if isinstance(system, Mechanics) else system.states[:1]
+    found: dict[str, Place] = {name: (k * n, (n,)) for k, name in enumerate(names)}
+    found["t0"] = (len(names) * n, ())
+    place = len(names) * n + 1
     for name, value in system.params.items():
         found[PARAMS + name] = (place, np.shape(value))
         place += np.size(value)
@@ -308,6 +330,8 @@ def _unknown(name: Any, places: Mapping[str, Any]) -> str:
     hint = f"there are {known}"
     if name in ("h", "steps") and "t1" in places:
         hint = "steps are counted in whole numbers: the derivative by their end is that by 't1'"
+    elif name == "z" and "y" in places:
+        hint = f"z follows from y by the hidden constraint: {hint}"
     elif isinstance(name, str) and PARAMS + name in places:
         hint = f"a parameter's direction is called '{PARAMS}{name}'"
     return hinted(f"there is no direction {name!r}", hint)

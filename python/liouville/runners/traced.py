@@ -4,12 +4,13 @@ from __future__ import annotations
 
 from abc import abstractmethod
 from functools import lru_cache
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from liouville import _core
-from liouville._job import Job
+from liouville._arguments import MOST_STEPS
+from liouville._job import AlphaTransposed, Job, Sensitivity
 from liouville.control import CONTROLS, LEAST_TOLERANCE, Reversible, Takes
 from liouville.errors import Description
 from liouville.methods import Composition, Method
@@ -18,6 +19,12 @@ from liouville.runners.runner import Request, Runner, kept
 from liouville.runners.watch import Watch
 from liouville.systems import Mechanics, SemiExplicit
 from liouville.systems.traced import INVARIANT
+
+if TYPE_CHECKING:
+    from liouville.runners.adjoint import Adjoint
+    from liouville.runners.tangents import ConstrainedDirections
+    from liouville.solution import Solution
+    from liouville.systems._sensitivity import Cotangents
 
 
 @lru_cache
@@ -46,6 +53,7 @@ class TracedRunner(Runner):
 
     system: Mechanics | SemiExplicit
     choice: Method
+    _rows: np.ndarray
 
     def __init__(self, system: Mechanics | SemiExplicit, method: Method, request: Request) -> None:
         self.system, self.choice, self.method = system, method, words(method)
@@ -69,6 +77,7 @@ class TracedRunner(Runner):
         self._observer, self.widths = system.observer(request.observe, request.states)
         self.columns = {**self._own(), **self.widths}
         self._check_sizes(request)
+        self._directions: ConstrainedDirections | None = None
 
     def _takes(self) -> Takes:
         """Return the controls of the steps that the method takes."""
@@ -93,6 +102,66 @@ class TracedRunner(Runner):
             observer=self._observer, params=self._values, states=self._states,
             control=control, watch=self._watched,
         )  # fmt: skip
+
+    def _direct(self, request: Request) -> None:
+        """Take the directions of tangents, if any are wanted, which each record has columns for."""
+        if request.tangents is None:
+            return
+        # imported here: few runs have tangents
+        from liouville.runners.tangents import ConstrainedDirections
+
+        found = ConstrainedDirections(self.system, request.tangents, self.steps)
+        wide = sum(x.shape[-1] for x in self._begin[:2]) + self.multipliers
+        self.columns["tangents"] = found.count * wide
+        self._check_sizes(request)
+        self._directions = found
+
+    def adjoint(self, request: Request, wrt: Any) -> Adjoint:
+        """Return the transposed derivative of the run by what `wrt` names, before it begins."""
+        # imported here: few runs are differentiated
+        from liouville.runners.constrained_adjoint import ConstrainedAdjoint
+
+        return ConstrainedAdjoint(self, request, wrt)
+
+    def pullback(self) -> _core.Pullback:
+        """Return the pullback of the run in the core; the run itself keeps its start alone."""
+        job, steps = self._job(), self.steps
+        job.span = (steps.t0, steps.t1, steps.count, MOST_STEPS)
+        assert not isinstance(self._problem, _core.Separable)
+        return _core.Pullback(self._problem, self.choice, job, *self.sensitivity())
+
+    @abstractmethod
+    def sensitivity(self) -> tuple[Sensitivity, AlphaTransposed | None]:
+        """Return derivatives by time and parameters, and those of a step of the alpha family."""
+
+    @abstractmethod
+    def pulled_start(self, found: Cotangents) -> Cotangents:
+        """Return cotangents of a start that is moved onto the constraints, from those there."""
+
+    @property
+    def times(self) -> np.ndarray | None:
+        """The times of the records, where they are given."""
+        return self._watch.times
+
+    @property
+    def multipliers(self) -> int:
+        """How many multipliers beside y and z the equations of a step have."""
+        return 0
+
+    @property
+    def shares_multipliers(self) -> bool:
+        """Whether multipliers of redundant constraints are differentiated."""
+        return False
+
+    def pulled_multipliers(
+        self, solution: Solution, rows: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray, float]:
+        """Return cotangents of (y, z, lam) with the multipliers of a step, of tau and of stretch.
+
+        `rows` have all multipliers, where some constraints imply others.
+        """
+        del solution
+        return rows, np.zeros(0), 0.0
 
     @property
     def dense_order(self) -> int:

@@ -21,6 +21,7 @@ from liouville.tape import record
 
 if TYPE_CHECKING:
     from liouville.systems.mechanics import Mechanics
+    from liouville.systems.semi_explicit import SemiExplicit
 
 T = TypeVar("T")
 
@@ -74,7 +75,7 @@ def rates(system: Mechanics, functions: Mapping[str, Callable[..., Any]]) -> Slo
     return record_blocks("rates", s.inputs(z=s.z), [block]), {"rates": block.pattern}
 
 
-def kept(system: Mechanics, name: str, make: Callable[[], T]) -> T:
+def kept(system: Mechanics | SemiExplicit, name: str, make: Callable[[], T]) -> T:
     """Return what stays with a system by its name, made when it is first wanted."""
     if name not in system._recorded:
         system._recorded[name] = make()

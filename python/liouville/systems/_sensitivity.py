@@ -6,6 +6,7 @@ They are recorded when tangents are first wanted, and stay with the system.
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -22,6 +23,7 @@ from liouville.tape import record
 
 if TYPE_CHECKING:
     from liouville.systems.mechanics import Mechanics
+    from liouville.systems.semi_explicit import SemiExplicit
 
 #: Cotangents of a start: of positions, of their partner, and of time and parameters.
 Cotangents = tuple[np.ndarray, np.ndarray, np.ndarray]
@@ -112,9 +114,9 @@ def moved_start(
         Constraints are dependent at the start.
     """
     dy, dz, dtau = moves
-    positions = Corrections(system, "positions", t, (y, z), params)
+    positions = Corrections(_projection(system, "positions"), t, (y, z), params)
     dy = positions.pushed(dy, dz, dtau)
-    partner = Corrections(system, "partner", t, (z, positions.end), params)
+    partner = Corrections(_projection(system, "partner"), t, (z, positions.end), params)
     return dy, partner.pushed(dz, dy, dtau)
 
 
@@ -131,11 +133,44 @@ def pulled_start(
     It is the transpose of :func:`moved_start`.
     """
     of_y, of_z, of_tau = found
-    positions = Corrections(system, "positions", t, (y, z), params)
-    partner = Corrections(system, "partner", t, (z, positions.end), params)
+    positions = Corrections(_projection(system, "positions"), t, (y, z), params)
+    partner = Corrections(_projection(system, "partner"), t, (z, positions.end), params)
     of_z, of_y, of_tau = partner.pulled(of_z, of_y, of_tau)
     of_y, of_z, of_tau = positions.pulled(of_y, of_z, of_tau)
     return of_y, of_z, of_tau
+
+
+def _projection(system: Mechanics, what: str) -> Moving:
+    s, model = system._symbols, system._model
+
+    def equations() -> tuple[ca.SX, ca.SX, ca.SX, ca.SX]:
+        # constants in the metric do not move
+        return *_consistent.equations(what, s, model), _consistent.metric(what, s, model)
+
+    return Moving(system, what, _consistent.recorded(system, what), equations)
+
+
+@dataclass(frozen=True)
+class Moving:
+    """A projection onto constraints that is differentiated.
+
+    Attributes
+    ----------
+    system : Mechanics or SemiExplicit
+        Whose it is.
+    what : str
+        What it moves.
+    recorded : tuple
+        Its tapes, their patterns, and names of the rows of c; see
+        :func:`_consistent.projection`.
+    equations : callable
+        What returns x, what is held, c and the metric, as expressions.
+    """
+
+    system: Mechanics | SemiExplicit
+    what: str
+    recorded: _consistent.Projection
+    equations: Callable[[], tuple[ca.SX, ca.SX, ca.SX, ca.SX]]
 
 
 class Corrections:
@@ -149,14 +184,13 @@ class Corrections:
 
     def __init__(
         self,
-        system: Mechanics,
-        what: str,
+        moving: Moving,
         t: float,
         at: tuple[np.ndarray, np.ndarray],
         params: np.ndarray,
     ) -> None:
-        self._system, self._what, self._t, self._params = system, what, t, params
-        self._tapes, self._patterns, self._names = _consistent.recorded(system, what)
+        self._moving, self._t, self._params = moving, t, params
+        self._tapes, self._patterns, self._names = moving.recorded
         self.end, other = at
         self._held = np.append(other, t)
         self._steps: list[tuple[np.ndarray, np.ndarray]] = []
@@ -183,19 +217,19 @@ class Corrections:
 
     def pulled(self, of_x: np.ndarray, of_held: np.ndarray, of_tau: np.ndarray) -> Cotangents:
         """Return cotangents of the point, of what is held and of tau, from those of the end."""
-        n = len(of_x)
+        n, last = len(of_x), len(of_x) + len(of_held)
         for x, row in reversed(self._steps):
             right = np.concatenate([of_x, np.zeros(len(row) - n)])
             back = self._solved(x, right[None], True)[0]
             given = [part[None] for part in (x, self._held, row, back)]
             found = self._tape(_transposed).map(self._params, given)[0]
-            of_x, of_held = of_x - found[:n], of_held - found[n : 2 * n]
-            of_tau = of_tau - found[2 * n :]
+            of_x, of_held = of_x - found[:n], of_held - found[n:last]
+            of_tau = of_tau - found[last:]
         return of_x, of_held, of_tau
 
-    def _tape(self, make: Callable[[Mechanics, str], _core.Tape]) -> _core.Tape:
-        system, what = self._system, self._what
-        return kept(system, f"{make.__name__} {what}", lambda: make(system, what))
+    def _tape(self, make: Callable[[Moving], _core.Tape]) -> _core.Tape:
+        moving = self._moving
+        return kept(moving.system, f"{make.__name__} {moving.what}", lambda: make(moving))
 
     def _solved(self, x: np.ndarray, rows: np.ndarray, is_transposed: bool) -> np.ndarray:
         """Solve with the matrix of a correction at x, or with its transpose."""
@@ -205,35 +239,35 @@ class Corrections:
         if isinstance(found, dict):
             if found["kind"] == "not finite":
                 found["t"] = self._t
-            sentence, _, _ = describe(found, self._system.coordinates, self._names)
+            sentence, _, _ = describe(found, self._moving.system.coordinates, self._names)
             hint = "constraints are to be independent at the start: move away from this position"
             raise ValueError(hinted(f"the start cannot be differentiated: {sentence}", hint))
         return found
 
 
-def _rates(system: Mechanics, what: str) -> _core.Tape:
+def _rates(moving: Moving) -> _core.Tape:
     """Record F_x dx + F_held dheld + F_tau dtau at (x, held, (delta, mu))."""
-    inputs, along, equations = _correction(system, what)
+    inputs, along, equations = _correction(moving)
     d = ca.SX.sym("d", along.numel())
     params = inputs.pop("params")
-    name = f"rates of {what}"
+    name = f"rates of {moving.what}"
     return record(name, {**inputs, "d": d, "params": params}, ca.jtimes(equations, along, d))
 
 
-def _transposed(system: Mechanics, what: str) -> _core.Tape:
+def _transposed(moving: Moving) -> _core.Tape:
     """Record the transpose of that: by x, by what is held, and by tau."""
-    inputs, along, equations = _correction(system, what)
+    inputs, along, equations = _correction(moving)
     back = ca.SX.sym("back", equations.numel())
     params = inputs.pop("params")
     found = ca.jtimes(equations, along, back, True)
-    return record(f"transposed rates of {what}", {**inputs, "back": back, "params": params}, found)
+    name = f"transposed rates of {moving.what}"
+    return record(name, {**inputs, "back": back, "params": params}, found)
 
 
-def _correction(system: Mechanics, what: str) -> tuple[dict[str, ca.SX], ca.SX, ca.SX]:
-    """Return inputs, what moves, and F of a projection; constants in the metric do not move."""
-    s = system._symbols
-    x, held, c = _consistent.equations(what, s, system._model)
-    metric = _consistent.metric(what, s, system._model)
+def _correction(moving: Moving) -> tuple[dict[str, ca.SX], ca.SX, ca.SX]:
+    """Return inputs, what moves, and F of a projection."""
+    s = moving.system._symbols
+    x, held, c, metric = moving.equations()
     step = ca.SX.sym("step", x.numel() + c.numel())
     delta, mu = ca.vertsplit(step, [0, x.numel(), step.numel()])
     impulse = ca.mtimes(metric, delta) - ca.jtimes(c, x, mu, True)

@@ -135,6 +135,7 @@ class SemiExplicit(TracedSystem):
         self._check_shape(jacobian(k, s.y), jacobian(w, s.z))
         columns = {"field": f, "constraint": k, "hidden": w}
         self._keep(Expressions(s, columns), traced_invariants(invariants, s.args))
+        self._recorded: dict[str, Any] = {}
         self.problem = self._compiled()
 
     def __repr__(self) -> str:

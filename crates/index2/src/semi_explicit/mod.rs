@@ -9,11 +9,15 @@ mod algebraic;
 mod dynamics;
 mod model;
 mod restart;
+mod sensitivity;
 
 pub use algebraic::Algebraic;
 pub use dynamics::Derivatives;
 pub use model::SemiExplicitModel;
 pub use restart::SemiExplicitRestart;
+pub use sensitivity::{
+    SemiExplicitSensitivity, SemiExplicitSensitivityModel, SemiExplicitSensitivityPatterns,
+};
 
 use liouville_base::linalg::Pattern;
 use liouville_base::tape::Tape;

@@ -6,7 +6,7 @@ use liouville_base::method::Tolerance;
 use liouville_base::run::{EventRule, Span};
 use liouville_base::tableau::{self, Scheme};
 use liouville_base::tape::Tape;
-use liouville_index2::semi_explicit::SemiExplicit;
+use liouville_index2::semi_explicit::{SemiExplicit, SemiExplicitSensitivity};
 use liouville_problem::{Mechanical, SecondOrder, Sensitivity, Separable};
 use liouville_spark::Solver;
 use std::sync::Arc;
@@ -111,12 +111,32 @@ pub struct Detection {
     pub events: Vec<EventFunction>,
 }
 
+/// Derivatives of a system by time and parameters.
+#[derive(Clone, Debug)]
+pub enum SystemSensitivity {
+    /// Of a mechanical system.
+    Mechanical(Arc<Sensitivity>),
+    /// Of a semi-explicit system.
+    SemiExplicit(Arc<SemiExplicitSensitivity>),
+}
+
+impl SystemSensitivity {
+    /// Number of time and parameters.
+    pub(super) fn width(&self) -> usize {
+        match self {
+            Self::Mechanical(own) => own.width(),
+            Self::SemiExplicit(own) => own.width(),
+        }
+    }
+}
+
 /// Tangents to carry along a run.
 #[derive(Clone, Debug)]
 pub struct Tangents {
     /// Derivatives of the system that the method does not need itself.
-    pub sensitivity: Arc<Sensitivity>,
-    /// Changes of y, then of z, at the start: a row for each direction, and those of members one after another.
+    pub sensitivity: SystemSensitivity,
+    /// Changes of y, then of z unless that follows from y, at the start: a row for each direction, and those of members
+    /// one after another.
     pub start: [Vec<f64>; 2],
     /// Changes of the start time and of the parameters, a row for each direction.
     pub tau: Vec<f64>,

@@ -5,6 +5,7 @@
 mod alpha_pullback;
 mod at_times;
 mod check;
+mod index2_pullback;
 mod job;
 mod journal;
 mod member;
@@ -12,7 +13,11 @@ mod pullback;
 mod tangents;
 
 pub use alpha_pullback::AlphaPullback;
-pub use job::{Control, Detection, EventFunction, Job, Method, Problem, SparkMethod, Tangents};
+pub use index2_pullback::Index2Pullback;
+pub use job::{
+    Control, Detection, EventFunction, Job, Method, Problem, SparkMethod, SystemSensitivity,
+    Tangents,
+};
 pub use pullback::{Follow, Pullback};
 
 use liouville_alpha::{Alpha, AlphaRestart, AlphaState, Reactions};
@@ -23,7 +28,9 @@ use liouville_base::real::BATCH;
 use liouville_base::run::{Advance, Fixed, Reversible, StartError};
 use liouville_base::tableau;
 use liouville_index2::Index2;
-use liouville_index2::semi_explicit::{self, SemiExplicit, SemiExplicitRestart};
+use liouville_index2::semi_explicit::{
+    SemiExplicit, SemiExplicitModel, SemiExplicitRestart, SemiExplicitState,
+};
 use liouville_problem::{
     Kinetic, Mechanical, Model, Observers, SecondOrder, SecondOrderModel, Separable,
     SeparableModel, State,
@@ -91,8 +98,8 @@ struct Starter {
 
 type Begun = Result<Box<dyn Advance>, StepError>;
 
-/// A SPARK method, the state that it starts from, and the first step and the least where errors control the steps.
-type SparkStart = (Spark, State, Option<(f64, f64)>);
+/// A method, the state that it starts from, and the first step and the least where errors control the steps.
+type MethodStart<M, S> = (M, S, Option<(f64, f64)>);
 
 impl Starter {
     /// All members, in blocks.
@@ -194,7 +201,7 @@ impl Starter {
         &self,
         (problem, spark): (&Arc<Mechanical>, &SparkMethod),
         member: usize,
-    ) -> Result<SparkStart, StepError> {
+    ) -> Result<MethodStart<Spark, State>, StepError> {
         let span = self.job.span;
         let mut model = Model::new(problem.clone(), self.params(member));
         let state = model.state(span.t0, self.part(0, member), self.part(1, member));
@@ -302,23 +309,15 @@ impl Starter {
         }
     }
 
-    fn index2(
+    fn index2_at(
         &self,
         (problem, tableau): (&Arc<SemiExplicit>, &tableau::Spark),
-        stages: Option<&[f64]>,
         member: usize,
-    ) -> Begun {
+    ) -> Result<MethodStart<Index2, SemiExplicitState>, StepError> {
         let span = self.job.span;
-        let mut model = semi_explicit::SemiExplicitModel::new(problem.clone(), self.params(member));
+        let mut model = SemiExplicitModel::new(problem.clone(), self.params(member));
         let (y, z) = (self.part(0, member), self.part(1, member));
         let state = model.state(span.t0, y, z, span.h())?;
-        let restart = self.has_resets();
-        let restart = restart.then(|| Box::new(SemiExplicitRestart::new(model.clone())) as _);
-        let of = Member {
-            number: member,
-            model: model.clone(),
-            restart,
-        };
         let stepper = Index2::of(model, tableau.clone());
         let Control::Adaptive {
             tolerance,
@@ -326,14 +325,50 @@ impl Starter {
             least,
         } = &self.job.control
         else {
-            let monitor = self.traced(member, || of.model.clone());
-            return self.symmetric((stepper, stages), monitor, of, state);
+            return Ok((stepper, state, None));
         };
         let mut stepper = stepper.estimating(tableau, tolerance.clone());
         let first = match first {
             Some(first) => *first,
             None => stepper.first_step(span.t0, &state, span.t1 - span.t0)?,
         };
-        self.adaptive(stepper, (first, *least), of, state)
+        Ok((stepper, state, Some((first, *least))))
+    }
+
+    /// A member of a semi-explicit system.
+    fn semi_explicit_member(
+        &self,
+        problem: &Arc<SemiExplicit>,
+        number: usize,
+    ) -> Member<SemiExplicitState, SemiExplicitModel> {
+        let model = SemiExplicitModel::new(problem.clone(), self.params(number));
+        let restart = self.has_resets();
+        let restart = restart.then(|| Box::new(SemiExplicitRestart::new(model.clone())) as _);
+        Member {
+            number,
+            model,
+            restart,
+        }
+    }
+
+    fn index2(
+        &self,
+        (problem, tableau): (&Arc<SemiExplicit>, &tableau::Spark),
+        stages: Option<&[f64]>,
+        member: usize,
+    ) -> Begun {
+        let start = self.index2_at((problem, tableau), member)?;
+        let of = self.semi_explicit_member(problem, member);
+        if let Some(tangents) = &self.job.tangents {
+            return self.index2_tangents((start, stages), tangents, of);
+        }
+        let (stepper, state, sizes) = start;
+        match sizes {
+            None => {
+                let monitor = self.traced(member, || of.model.clone());
+                self.symmetric((stepper, stages), monitor, of, state)
+            }
+            Some(sizes) => self.adaptive(stepper, sizes, of, state),
+        }
     }
 }

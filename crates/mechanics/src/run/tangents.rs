@@ -3,11 +3,17 @@
 use super::member::{BoxedStepper, Member};
 use crate::events::{DenseDetector, TangentEvents};
 
-use super::{Begun, Control, SparkMethod, Starter, System, Tangents};
+use super::{
+    Begun, Control, MethodStart, SparkMethod, Starter, System, SystemSensitivity, Tangents,
+};
 use liouville_alpha::{Alpha, AlphaSlopes, AlphaState, AlphaTangents};
 use liouville_base::error::StepError;
 use liouville_base::linalg::Matrix;
 use liouville_base::run::{Fixed, StepControl};
+use liouville_index2::semi_explicit::{
+    SemiExplicitModel, SemiExplicitSensitivityModel, SemiExplicitState,
+};
+use liouville_index2::{Index2, Index2Tangents, SemiExplicitTangentObserver};
 use liouville_problem::{
     Directions, PathTangents, Sensitivity, SensitivityModel, State, TangentObserver, TangentState,
 };
@@ -20,8 +26,13 @@ impl Starter {
         let Some(tangents) = &self.job.tangents else {
             return 0;
         };
-        let mechanical = self.system.mechanical();
-        tangents.stretch.len() * (2 * mechanical.n + mechanical.multipliers())
+        let each = if let System::Index2(problem, ..) = &self.system {
+            problem.n + problem.l
+        } else {
+            let mechanical = self.system.mechanical();
+            2 * mechanical.n + mechanical.multipliers()
+        };
+        tangents.stretch.len() * each
     }
 
     /// A method that carries the tangents of a member, and its state with them.
@@ -35,7 +46,7 @@ impl Starter {
         let directions = directions_of(tangents);
         let (count, n) = (directions.count(), state.y.len());
         let directions = self.with_length(directions);
-        let [y, z] = tangents.starts(n, member).map(|rows| {
+        let [y, z] = tangents.starts([n; 2], member).map(|rows| {
             // that of the length of a step begins from zero
             let at = |i: usize, j: usize| if i < count { rows[(i, j)] } else { 0.0 };
             Matrix::from_fn(directions.count(), n, at)
@@ -57,7 +68,7 @@ impl Starter {
         number: usize,
     ) -> Begun {
         let (span, params) = (self.job.span, self.params(number));
-        let [y, z] = tangents.starts(state.y.len(), number);
+        let [y, z] = tangents.starts([state.y.len(); 2], number);
         let of = (self.sensitivity(tangents, number), directions_of(tangents));
         let start = (span.t0, state, is_given);
         let (stepper, state) =
@@ -66,6 +77,33 @@ impl Starter {
         let observer = TangentObserver::new(inner, of.0, of.1);
         let control = Fixed::new(Box::new(stepper), span.t0, span.h(), span.steps);
         self.recorded(Box::new(control), Box::new(observer), state)
+    }
+
+    /// A run of an index-2 method with its tangents.
+    pub(super) fn index2_tangents(
+        &self,
+        (start, stages): (MethodStart<Index2, SemiExplicitState>, Option<&[f64]>),
+        tangents: &Tangents,
+        of: Member<SemiExplicitState, SemiExplicitModel>,
+    ) -> Begun {
+        let (stepper, state, sizes) = start;
+        let [y, _] = tangents.starts([state.y.len(), 0], of.number);
+        let SystemSensitivity::SemiExplicit(sensitivity) = &tangents.sensitivity else {
+            unreachable!("derivatives of a mechanical system");
+        };
+        let params = self.params(of.number);
+        let sensitivity = SemiExplicitSensitivityModel::new(sensitivity.clone(), params);
+        let directions = directions_of(tangents);
+        let start = (self.job.span.t0, state);
+        let (stepper, state) = Index2Tangents::new(stepper, sensitivity, directions, start, y)?;
+        let monitor = self.traced(of.number, || of.model.clone());
+        let control = match sizes {
+            None => self.symmetric_control((stepper, stages), monitor, &state),
+            Some(sizes) => self.adaptive_control(stepper, sizes),
+        };
+        let inner = self.observer(of.model, of.number);
+        let observer = SemiExplicitTangentObserver(inner);
+        self.recorded(control, Box::new(observer), state)
     }
 
     /// A run whose tangents are recorded, by steps of this control; `copy` makes its partial steps.
@@ -133,7 +171,7 @@ impl Starter {
     }
 
     fn sensitivity(&self, tangents: &Tangents, member: usize) -> SensitivityModel {
-        SensitivityModel::new(tangents.sensitivity.clone(), self.params(member))
+        SensitivityModel::new(tangents.mechanical().clone(), self.params(member))
     }
 }
 
@@ -170,10 +208,22 @@ fn directions_of(tangents: &Tangents) -> Directions {
 }
 
 impl Tangents {
+    /// Derivatives of a mechanical system.
+    ///
+    /// # Panics
+    /// When they are those of a semi-explicit one.
+    fn mechanical(&self) -> &Arc<Sensitivity> {
+        match &self.sensitivity {
+            SystemSensitivity::Mechanical(own) => own,
+            SystemSensitivity::SemiExplicit(_) => unreachable!("a semi-explicit system"),
+        }
+    }
+
     /// The changes of y and z at the start of a member.
-    fn starts(&self, n: usize, member: usize) -> [Matrix; 2] {
+    fn starts(&self, sizes: [usize; 2], member: usize) -> [Matrix; 2] {
         let count = self.stretch.len();
         [0, 1].map(|part| {
+            let n = sizes[part];
             let rows = &self.start[part][member * count * n..];
             Matrix::from_fn(count, n, |i, j| rows[i * n + j])
         })
@@ -181,24 +231,30 @@ impl Tangents {
 
     /// Whether they are those of so many members of a system, and their method can carry them.
     pub(super) fn fit(&self, system: &System, members: usize) -> bool {
-        let (problem, is_exact) = match system {
-            System::Spark(problem, spark, _) => (problem, spark.newton_tol.is_none()),
-            System::Alpha(problem, _, reactions) => {
-                let mechanical = &problem.mechanical;
-                let sizes = (mechanical.n, mechanical.m, self.sensitivity.width() - 1);
+        use SystemSensitivity::{Mechanical, SemiExplicit};
+        let width = self.sensitivity.width();
+        let (sizes, fits) = match (system, &self.sensitivity) {
+            (System::Spark(problem, spark, _), Mechanical(own)) => {
+                let is_own = Arc::ptr_eq(&own.mechanical, problem);
+                ([problem.n; 2], is_own && spark.newton_tol.is_none())
+            }
+            (System::Alpha(problem, _, reactions), Mechanical(own)) => {
+                let problem = &problem.mechanical;
+                let sizes = (problem.n, problem.m, width - 1);
                 let slopes = self.alpha.as_ref();
                 let fits = slopes.is_some_and(|slopes| slopes.fit(sizes, *reactions));
-                (mechanical, fits)
+                let is_own = Arc::ptr_eq(&own.mechanical, problem);
+                ([problem.n; 2], is_own && fits)
+            }
+            (System::Index2(problem, spark, _), SemiExplicit(own)) => {
+                let is_own = Arc::ptr_eq(&own.system, problem);
+                ([problem.n, 0], is_own && spark.newton_tol.is_none())
             }
             _ => return false,
         };
         let count = self.stretch.len();
-        is_exact
-            && Arc::ptr_eq(&self.sensitivity.mechanical, problem)
-            && self.tau.len() == count * self.sensitivity.width()
-            && self
-                .start
-                .iter()
-                .all(|x| x.len() == members * count * problem.n)
+        let parts = self.start.iter().zip(sizes);
+        fits && self.tau.len() == count * width && { parts }
+            .all(|(x, size)| x.len() == members * count * size)
     }
 }

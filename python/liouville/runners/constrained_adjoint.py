@@ -1,4 +1,4 @@
-"""Pullbacks of mechanical runs."""
+"""Pullbacks of runs on constraints, mechanical or semi-explicit."""
 
 from __future__ import annotations
 
@@ -8,23 +8,22 @@ from typing import Any
 
 import numpy as np
 
-from liouville import _core
 from liouville.errors import IntegrationError, hinted
 from liouville.events import AFTER
 from liouville.runners.adjoint import EVENTS, Adjoint, Gradients
 from liouville.runners.execute import Checkpoints, execute
-from liouville.runners.mechanical import MechanicalRunner
 from liouville.runners.runner import Request
 from liouville.runners.tangents import PARAMS, check_wrt, gradients_of, shapes_of
+from liouville.runners.traced import TracedRunner
 from liouville.solution import Solution
 
 
-class MechanicalAdjoint(Adjoint):
-    """The transposed derivative of a mechanical run; see :class:`Adjoint`."""
+class ConstrainedAdjoint(Adjoint):
+    """The transposed derivative of a run on constraints; see :class:`Adjoint`."""
 
-    runner: MechanicalRunner
+    runner: TracedRunner
 
-    def __init__(self, runner: MechanicalRunner, request: Request, wrt: Any) -> None:
+    def __init__(self, runner: TracedRunner, request: Request, wrt: Any) -> None:
         self.runner, self._request = runner, request
         shapes = shapes_of(runner.system, check_wrt(runner.system, wrt, runner.steps))
         self.directions = {name: (shape, False) for name, shape in shapes.items()}
@@ -56,7 +55,7 @@ class MechanicalAdjoint(Adjoint):
         longer, more = 0.0, np.zeros(0)
         if runner.shares_multipliers:
             rows, more, longer = runner.pulled_multipliers(solution, rows)
-        core = _core.Pullback(*runner.pullback())
+        core = runner.pullback()
         core.give_events(self._rows_of_events(solution, cotangents))
         kept = np.minimum(np.arange(len(rows)) * runner.every, steps)
         if runner.times is not None:

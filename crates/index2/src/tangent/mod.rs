@@ -1,0 +1,137 @@
+//! Steps of an index-2 method with their tangents, and their adjoints.
+
+mod adjoint;
+mod linear_step;
+mod state;
+
+use super::Index2;
+use super::stages::CollocationStep;
+use crate::semi_explicit::{SemiExplicitSensitivityModel, SemiExplicitState};
+pub use adjoint::{Index2Adjoint, Index2Record, Index2Recorder, Index2Records};
+use linear_step::{LinearCollocation, StepAlong};
+use liouville_base::error::StepError;
+use liouville_base::linalg::Matrix;
+use liouville_base::method::{Estimating, Stats, Stepper, Symmetric};
+use liouville_problem::Directions;
+pub use state::{SemiExplicitTangentObserver, SemiExplicitTangentState};
+
+/// An index-2 method at work on a state and its tangents.
+///
+/// A step is made first, as it is without tangents; then its equations are linearised at their solution.
+#[derive(Clone, Debug)]
+pub struct Index2Tangents {
+    index2: Index2,
+    linear: LinearCollocation,
+    directions: Directions,
+    before: SemiExplicitTangentState,
+}
+
+impl Index2Tangents {
+    /// The method with tangents of a motion from `motion` at `t`: changes of its coordinates, a row for each direction.
+    ///
+    /// # Errors
+    /// A derivative at the start that is not finite, or a singular matrix.
+    pub fn new(
+        index2: Index2,
+        sensitivity: SemiExplicitSensitivityModel,
+        mut directions: Directions,
+        (t, motion): (f64, SemiExplicitState),
+        y: Matrix,
+    ) -> Result<(Self, SemiExplicitTangentState), StepError> {
+        let mut linear = LinearCollocation::new(&index2, sensitivity);
+        let dt: Vec<f64> = (0..directions.count())
+            .map(|k| directions.tau[(k, 0)])
+            .collect();
+        let mut z = Matrix::zeros(y.rows(), motion.z.len());
+        linear.linearize_hidden(t, &motion)?;
+        for (direction, dt) in dt.iter().enumerate() {
+            let tau = directions.tau(direction, *dt);
+            linear
+                .sensitivity
+                .push(y.row(direction), tau, z.row_mut(direction));
+        }
+        let state = SemiExplicitTangentState {
+            motion,
+            y,
+            z,
+            t: dt,
+        };
+        let stepper = Self {
+            before: state.clone(),
+            index2,
+            linear,
+            directions,
+        };
+        Ok((stepper, state))
+    }
+
+    /// Makes the tangents at the end of the step that was just made.
+    fn follow(
+        &mut self,
+        t: f64,
+        h: f64,
+        state: &mut SemiExplicitTangentState,
+    ) -> Result<(), StepError> {
+        let (stages, before) = (&self.index2.stages, &self.before);
+        let step = CollocationStep {
+            t,
+            h,
+            state: &before.motion,
+        };
+        self.linear.make(stages, step)?;
+        self.linear.linearize_hidden(t + h, &state.motion)?;
+        for direction in 0..self.directions.count() {
+            let along = StepAlong { step, direction };
+            let (directions, linear) = (&mut self.directions, &mut self.linear);
+            linear.push(stages, directions, along, (before, state));
+        }
+        Ok(())
+    }
+}
+
+impl Stepper for Index2Tangents {
+    type State = SemiExplicitTangentState;
+
+    fn step(
+        &mut self,
+        t: f64,
+        h: f64,
+        state: &mut SemiExplicitTangentState,
+    ) -> Result<(), StepError> {
+        self.before.clone_from(state);
+        self.index2.step(t, h, &mut state.motion)?;
+        let made = self.follow(t, h, state);
+        made.inspect_err(|_| {
+            state.clone_from(&self.before);
+            self.index2.predictor.undo();
+        })
+    }
+
+    fn forget(&mut self) {
+        self.index2.forget();
+    }
+
+    fn stats(&self) -> Stats {
+        self.index2.stats()
+    }
+}
+
+impl Symmetric for Index2Tangents {}
+
+impl Estimating for Index2Tangents {
+    fn error(&self) -> f64 {
+        self.index2.error()
+    }
+
+    fn error_order(&self) -> f64 {
+        self.index2.error_order()
+    }
+
+    fn undo(&mut self, state: &mut SemiExplicitTangentState) {
+        self.index2.undo(&mut state.motion);
+        state.clone_from(&self.before);
+    }
+}
+
+// The tangents are the state's, and what a step writes is made anew.
+liouville_base::checkpoint!(Index2Tangents { index2 });
