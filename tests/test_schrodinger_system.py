@@ -315,7 +315,8 @@ def test_what_is_no_hamiltonian_is_refused(given, message):
     ("given", "message"),
     [
         ("H", "H is an array of numbers, not .H."),
-        (lambda x: x, r"function of unknown size\nhint: give \(N, function\)"),
+        (lambda x: x, r"H\(0\) is float, wanted an operator\nhint: .* \(N, function of psi\)"),
+        (lambda x, y, z: x, "function of unknown size"),
         ((3, lambda x: None), "H returns NoneType for a real vector"),
     ],
 )

@@ -29,10 +29,11 @@ impl From<liouville_waves::problem::Operator> for Operator {
     }
 }
 
-/// Products that a Python function makes.
+/// Products that a Python function makes, of x alone or of weights, times and x.
 struct Callable {
     n: usize,
     function: Py<PyAny>,
+    is_driven: bool,
     caught: Caught,
 }
 
@@ -41,10 +42,18 @@ impl liouville_waves::problem::Product for Callable {
         self.n
     }
 
-    fn multiply(&self, x: &[f64], out: &mut [f64]) -> bool {
+    fn is_driven(&self) -> bool {
+        self.is_driven
+    }
+
+    fn multiply(&self, nodes: &[(f64, f64)], x: &[f64], out: &mut [f64]) -> bool {
         self.caught.is_fine(Python::attach(|py| {
-            let argument = PyArray1::from_slice(py, x);
-            let product = self.function.bind(py).call1((argument,))?;
+            let (argument, function) = (PyArray1::from_slice(py, x), self.function.bind(py));
+            let product = if self.is_driven {
+                function.call1((nodes.to_vec(), argument))?
+            } else {
+                function.call1((argument,))?
+            };
             let product: PyReadonlyArray1<'_, f64> = product.extract()?;
             if product.len() != out.len() {
                 let wanted = out.len();
@@ -145,13 +154,16 @@ impl Operator {
         Ok(liouville_waves::problem::Operator::Kinetic(Arc::new(kinetic)).into())
     }
 
-    /// A function that makes products of n numbers: an array in, an array out.
+    /// A function that makes products of n numbers: an array in, an array out; of a driven one pairs (a, t) of the sum
+    /// of a H(t) come first.
     #[staticmethod]
-    fn product(n: usize, function: Py<PyAny>) -> Self {
+    #[pyo3(signature = (n, function, is_driven = false))]
+    fn product(n: usize, function: Py<PyAny>, is_driven: bool) -> Self {
         let caught = Caught::default();
         let product = Callable {
             n,
             function,
+            is_driven,
             caught: caught.clone(),
         };
         Self {

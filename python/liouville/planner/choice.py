@@ -12,7 +12,8 @@ from liouville._arguments import count, number, times_of
 from liouville.methods import VolumeSplitting
 from liouville.planner.fields.choice import plan_field
 from liouville.planner.fields.plan import FieldPlan
-from liouville.planner.waves.choice import AUTO, Planned, plan_wave
+from liouville.planner.waves.choice import AUTO, plan_wave
+from liouville.planner.waves.driven import Planned
 from liouville.planner.waves.plan import WavePlan
 from liouville.systems import Field, PolynomialField, Schrodinger
 

@@ -16,7 +16,8 @@ from liouville.control import Steps, Takes, steps_of
 from liouville.errors import Description, describe, hinted
 from liouville.methods import Magnus, Stepped, WaveMethod
 from liouville.planner import WavePlan, plan_steps, plan_wave
-from liouville.planner.waves.choice import Planned, name_of
+from liouville.planner.waves.choice import name_of
+from liouville.planner.waves.driven import Planned
 from liouville.planner.waves.propagators import Krylov, Series
 from liouville.runners.runner import Request, Runner, kept, threads_of
 from liouville.systems import Schrodinger

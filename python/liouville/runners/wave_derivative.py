@@ -99,6 +99,9 @@ def check_room(plan: WavePlan, size: int, *, is_wanted: bool) -> None:
 
 def check_wrt(system: Schrodinger, wrt: Any) -> tuple[str, ...]:
     """Return names of what derivatives are by, each seen to be one."""
+    if system.moving_product is not None:
+        hint = "give H(t) as a matrix and drives, pairs of a function and a matrix"
+        raise TypeError(hinted("there is no derivative of an H(t) known by its products", hint))
     drive, names = system.sensitivity, check_names(wrt, places_of(system), "psi")
     for name in names:
         if name.startswith(PARAMS) and system.potential_depends_on(name.removeprefix(PARAMS)):

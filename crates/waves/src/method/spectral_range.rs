@@ -102,7 +102,7 @@ pub fn asymmetry(sweeper: &mut Sweeper<f64>, seed: u64) -> Result<f64, StepError
 }
 
 /// Normal numbers, the same for each seed, by Marsaglia's polar method.
-fn random(n: usize, seed: u64) -> Vec<f64> {
+pub(super) fn random(n: usize, seed: u64) -> Vec<f64> {
     let mut draw = uniform(seed);
     let mut found = Vec::with_capacity(n + 1);
     while found.len() < n {

@@ -107,7 +107,12 @@ impl Hamiltonian {
 
     /// Whether it depends on time.
     pub fn is_driven(&self) -> bool {
-        self.drive.is_some() || self.potential.is_some()
+        self.drive.is_some() || self.potential.is_some() || self.is_by_products()
+    }
+
+    /// Whether nothing is known of how it depends on time but its products at any time.
+    pub fn is_by_products(&self) -> bool {
+        self.terms.iter().any(Operator::is_driven)
     }
 
     /// The largest distance of an entry from the diagonal; none if any term is a whole one.
@@ -132,6 +137,7 @@ impl Hamiltonian {
             terms: &self.terms,
             weights: current.map(|current| &current.weights[..]),
             potential: current.map_or(&[], |current| &current.potential),
+            nodes: current.map_or(&[], |current| &current.nodes),
         }
     }
 }
@@ -145,6 +151,8 @@ pub struct WeightedTerms<'a> {
     pub weights: Option<&'a [f64]>,
     /// The diagonal V, empty if there is none.
     pub potential: &'a [f64],
+    /// Pairs (a, t) of the sums Σ a H(t) of terms that depend on time by themselves.
+    pub nodes: &'a [(f64, f64)],
 }
 
 /// Memory of products with whole terms.
@@ -157,7 +165,19 @@ pub struct ProductScratch {
 
 impl WeightedTerms<'_> {
     fn weight(&self, k: usize) -> f64 {
+        if self.terms[k].is_driven() {
+            return 1.0;
+        }
         self.weights.map_or(1.0, |weights| weights[k])
+    }
+
+    /// Products that one counts as: one for each time of a term that depends on time by itself.
+    pub fn products(&self) -> usize {
+        if self.terms.iter().any(Operator::is_driven) {
+            self.nodes.len()
+        } else {
+            1
+        }
     }
 
     /// The update by a term: the first one keeps its part of `out`, others add.
@@ -210,7 +230,8 @@ impl WeightedTerms<'_> {
         scratch: &mut ProductScratch,
     ) -> Result<(), StepError> {
         for (k, term) in self.terms.iter().enumerate() {
-            update_all(term, machine, self.part(k, update), x, out, scratch)?;
+            let update = (self.part(k, update), self.nodes);
+            update_all(term, machine, update, x, out, scratch)?;
         }
         let (row, place) = (0, 0);
         self.add_potential(update.factor, RowBlock { row, out, place, x });
@@ -233,23 +254,26 @@ impl WeightedTerms<'_> {
     }
 }
 
+/// The use of a product, and pairs (a, t) where a term depends on time by itself.
+type At<'a> = (Update, &'a [(f64, f64)]);
+
 /// Updates all rows by a term.
 fn update_all<S: Stored>(
     term: &Operator,
     machine: InstructionSet,
-    update: Update,
+    (update, nodes): At<'_>,
     x: &[S],
     out: &mut [S],
     scratch: &mut ProductScratch,
 ) -> Result<(), StepError> {
     let (row, place) = (0, 0);
     match term {
-        Operator::Product(product) => apply(&**product, update, x, out, scratch)?,
+        Operator::Product(product) => apply(&**product, (update, nodes), x, out, scratch)?,
         Operator::Kinetic(kinetic) => kinetic.update(update, x, out, &mut scratch.memory),
         Operator::Twice(operator) => {
             let n = operator.size();
             for (x, out) in x.chunks(n).zip(out.chunks_mut(n)) {
-                update_all(operator, machine, update, x, out, scratch)?;
+                update_all(operator, machine, (update, nodes), x, out, scratch)?;
             }
         }
         Operator::Rows(_)
@@ -264,7 +288,7 @@ fn update_all<S: Stored>(
 /// Updates all rows by a product of the user, member by member.
 fn apply<S: Stored>(
     product: &dyn Product,
-    update: Update,
+    (update, nodes): At<'_>,
     x: &[S],
     out: &mut [S],
     scratch: &mut ProductScratch,
@@ -274,7 +298,7 @@ fn apply<S: Stored>(
         from.clear();
         from.extend(x.iter().map(|x| x.member(member)));
         to.resize(x.len(), 0.0);
-        if !product.multiply(from, to) {
+        if !product.multiply(nodes, from, to) {
             return Err(StepError::Interrupted);
         }
         for ((out, x), product) in out.iter_mut().zip(&*from).zip(&*to) {

@@ -11,6 +11,8 @@ pub struct HamiltonianAt {
     pub(super) weights: Vec<f64>,
     /// The potential, empty if there is none.
     pub(super) potential: Vec<f64>,
+    /// Pairs (a, t) of the sum.
+    pub(super) nodes: Vec<(f64, f64)>,
     drive: Option<Registers<f64>>,
     points: Option<Registers<Lanes>>,
 }
@@ -22,6 +24,7 @@ impl HamiltonianAt {
         Self {
             weights: vec![1.0; hamiltonian.terms.len()],
             potential: vec![0.0; potential.map_or(0, |_| hamiltonian.size())],
+            nodes: Vec::new(),
             drive: hamiltonian.drive.as_ref().map(super::Drive::bind),
             points: potential.map(super::Potential::bind),
         }
@@ -36,6 +39,8 @@ impl HamiltonianAt {
     pub fn set(&mut self, hamiltonian: &Hamiltonian, nodes: &[(f64, f64)]) {
         self.weights.fill(0.0);
         self.potential.fill(0.0);
+        self.nodes.clear();
+        self.nodes.extend_from_slice(nodes);
         for &(a, t) in nodes {
             match (&hamiltonian.drive, &mut self.drive) {
                 (Some(drive), Some(registers)) => drive.add(registers, a, t, &mut self.weights),

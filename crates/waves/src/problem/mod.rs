@@ -113,6 +113,11 @@ impl Operator {
         }
     }
 
+    /// Whether it depends on time by itself, as a function of the user's may.
+    pub fn is_driven(&self) -> bool {
+        matches!(self, Self::Product(product) if product.is_driven())
+    }
+
     /// The largest distance of an entry from the diagonal; none for a whole term.
     pub fn reach(&self) -> Option<usize> {
         match self {

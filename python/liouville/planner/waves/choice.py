@@ -13,7 +13,7 @@ from liouville._arguments import memory
 from liouville.errors import hinted
 from liouville.methods import Chebyshev, Lanczos, Magnus, SchrodingerSplitting
 from liouville.methods.schrodinger import LEAST_TOLERANCE
-from liouville.planner.waves.driven import driving
+from liouville.planner.waves.driven import Planned, driving, exponentials, magnus_cost
 from liouville.planner.waves.ladder import ROUNDOFF, Choice, cheapest
 from liouville.planner.waves.plan import WavePlan
 from liouville.planner.waves.propagators import Driven, Krylov, MagnusSteps, Series, Shears
@@ -21,9 +21,6 @@ from liouville.planner.waves.speed import series_cost
 from liouville.planner.waves.windows import SERIES, Windows, windows_of
 from liouville.systems import Schrodinger
 from liouville.systems.schrodinger.bounds import Spectrum
-
-#: The methods that choose their steps.
-Planned = SchrodingerSplitting | Chebyshev | Lanczos | Magnus
 
 #: What "auto" stands for; messages call it by that word.
 AUTO = SchrodingerSplitting()
@@ -36,11 +33,6 @@ def name_of(method: Planned) -> str:
 
 #: Beyond so many steps a stable method is taken.
 MANY = 50
-
-#: With more functions of time than these, exponentials take H(t) to a tolerance, ...
-DRIVES = 10
-#: ... of an order by the tolerance.
-ORDERS = ((4, 1e-5), (6, 1e-8), (8, 0.0))
 
 #: Roundings of an energy count so many times in the phase.
 PHASE = 4.0
@@ -315,11 +307,9 @@ def _chebyshev(
 
 def _driven(system: Schrodinger, method: Planned, times: Sequence[float]) -> WavePlan:
     """Series in time, or exponentials where each term of a series would add up many vectors."""
-    if len(system.groups) > 1 + DRIVES:
-        order = next(order for order, least in ORDERS if method.tol >= least)
-        many = f"H has {len(system.groups) - 1} functions of time, each with a matrix of its own"
-        plan = _magnus(system, Magnus(order, method.tol), times, many)
-        return replace(plan, method=method)
+    without = exponentials(system, method)
+    if without is not None:
+        return replace(_magnus(system, without[0], times, without[1]), method=method)
     found = driving(system, times[0], times[-1])
     span = Span(times[0], tuple(times[1:]), found.spectrum)
     _check_reach(span, method.tol)
@@ -360,7 +350,7 @@ def _magnus(system: Schrodinger, method: Magnus, times: Sequence[float], why: st
     rate = (method.tol - span.roundoff) / float(span.intervals.sum())
     norm = max(TIMES * method.tol, LEAST)
     core = MagnusSteps(method.scheme, rate, method.tol, norm, found.parts)
-    steps, products, theta = _core.magnus_cost(system.hamiltonian, core, times)
+    products, theta, by_estimates = magnus_cost(system, core, times, span.bounds)
     order, exponentials = method.scheme
     return WavePlan(
         method=method,
@@ -370,9 +360,9 @@ def _magnus(system: Schrodinger, method: Magnus, times: Sequence[float], why: st
         theta=theta,
         bounds=span.bounds,
         guarantee=span.spectrum.guarantee,
-        products=float(products),
+        products=products,
         bound=None,
-        reasons=(why, f"steps are chosen by estimates while running, at most about {steps}"),
+        reasons=(why, by_estimates),
         core=core,
         is_complex=not system.is_real,
     )

@@ -3,25 +3,85 @@
 from __future__ import annotations
 
 import itertools
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
+from liouville import _core
 from liouville.errors import hinted
-from liouville.planner.waves.propagators import Interval, Parts
+from liouville.methods import Chebyshev, Lanczos, Magnus, SchrodingerSplitting
+from liouville.planner.waves.propagators import Interval, MagnusSteps, Parts
 from liouville.systems import Schrodinger
 from liouville.systems.schrodinger.bounded import FEW
 from liouville.systems.schrodinger.bounds import PROBABLE, RIGOROUS, WORTH, Spectrum
 
+#: The methods that choose their steps.
+Planned = SchrodingerSplitting | Chebyshev | Lanczos | Magnus
+
+#: With more functions of time than these, exponentials take H(t) to a tolerance.
+DRIVES = 10
+
+#: The order of the exponentials and their number down to a tolerance, and the same where each time
+#: of a sum takes a product of its own.
+SCHEMES = ((4, 3, 1e-5), (6, 5, 1e-8), (8, 8, 0.0))
+OF_PRODUCTS = ((4, 2, 1e-6), (6, 5, 1e-10), (8, 8, 0.0))
+
+#: Times of the sums of H that make the exponentials of a Magnus method.
+NODES = {(2, 1): 1, (4, 2): 2, (4, 3): 3, (6, 5): 3, (8, 8): 4}
+
 #: Times at which drives are looked at for their range, and bounds are taken without corners.
 LOOKS, TIMES = 257, 9
+
+#: Times at which H(t) is looked at where nothing is known of it but its products.
+FEW_TIMES = 5
 
 #: Most values of one function of time, of two, and of three, at which H is bounded.
 AXIS = (17, 5, 3)
 
 #: Lanczos' method finds one corner for so many units of 1/beta, as it takes 20 products.
 EACH = WORTH / 2
+
+
+def exponentials(system: Schrodinger, method: Planned) -> tuple[Magnus, str] | None:
+    """Return the Magnus method that takes H(t) to a tolerance and why; None where series do.
+
+    Raises
+    ------
+    TypeError
+        A series was asked for, of an H(t) that is known by its products.
+    """
+    if system.moving_product is not None:
+        why = "H(t) is known by its products, not by functions of time that multiply matrices"
+        if isinstance(method, Chebyshev):
+            raise TypeError(hinted(f"{why}, which {method!r} wants", "take 'auto' or Magnus()"))
+        return _scheme(OF_PRODUCTS, method.tol), why
+    if len(system.groups) > 1 + DRIVES:
+        why = f"H has {len(system.groups) - 1} functions of time, each with a matrix of its own"
+        return _scheme(SCHEMES, method.tol), why
+    return None
+
+
+def _scheme(schemes: tuple[tuple[int, int, float], ...], tol: float) -> Magnus:
+    order, count = next(scheme[:2] for scheme in schemes if tol >= scheme[2])
+    return Magnus(order, tol, count)
+
+
+def magnus_cost(
+    system: Schrodinger, core: MagnusSteps, times: Sequence[float], bounds: Interval
+) -> tuple[float, float, str]:
+    """Return products of a Magnus method that chooses its steps, its longest step, and a reason."""
+    if system.moving_product is None:
+        steps, products, theta = _core.magnus_cost(system.hamiltonian, core, times)
+        why = f"steps are chosen by estimates while running, at most about {steps}"
+        return float(products), theta, why
+    lengths = np.abs(np.diff(times))
+    beta = 0.5 * (bounds[1] - bounds[0])
+    degree = _core.chebyshev_degree(beta * float(lengths.sum()), core.tol)
+    why = "steps are chosen by estimates while running; the products are the least there may be"
+    # every step is made as one and as two halves
+    return 2.0 * NODES[core.scheme] * degree, beta * float(lengths.max()), why
 
 
 @dataclass(frozen=True)
@@ -34,6 +94,8 @@ class Driving:
 
 def driving(system: Schrodinger, t0: float, t1: float) -> Driving:
     """Bound the parts of H(t) and H at corners of the box that its functions of time fill."""
+    if system.moving_product is not None:
+        return _by_products(system, t0, t1)
     ends = np.array([system.bounds_at(t) for t in np.linspace(t0, t1, TIMES)])
     if not np.isfinite(ends).all():
         raise ValueError(hinted("H(t) is not finite", "look for a division by zero in a drive"))
@@ -47,6 +109,15 @@ def driving(system: Schrodinger, t0: float, t1: float) -> Driving:
     given = system.given_bounds
     parts = (tuple(system.groups), tuple(system.term_bounds), given, axes, corners)
     return Driving(parts, Spectrum((low, high), guarantee))
+
+
+def _by_products(system: Schrodinger, t0: float, t1: float) -> Driving:
+    """Look at products at some times, and bound H there by Lanczos' method; it may exceed these."""
+    found = [system.spectrum_at(t) for t in np.linspace(t0, t1, FEW_TIMES).tolist()]
+    low = min(spectrum.bounds[0] for spectrum in found)
+    high = max(spectrum.bounds[1] for spectrum in found)
+    parts = (tuple(system.groups), ((low, high),), None, (), ())
+    return Driving(parts, Spectrum((low, high), found[0].guarantee))
 
 
 def _corners(

@@ -16,7 +16,7 @@ from liouville.methods import (
     Stepped,
     shears_of,
 )
-from liouville.planner.waves.driven import driving
+from liouville.planner.waves.driven import NODES, driving
 from liouville.planner.waves.ladder import ROUNDOFF, cheapest
 from liouville.planner.waves.plan import WavePlan
 from liouville.planner.waves.propagators import (
@@ -110,7 +110,8 @@ def _magnus(system: Schrodinger, method: Magnus, t0: float, stops: Stops) -> Wav
     else:
         rate = method.tol / abs(stops[-1][0] - t0)
         core = SeriesExponentials(method.scheme, rate, NORM, found.parts)
-        by, products = "Chebyshev series", float(count * degree)
+        times = NODES[method.scheme] if system.moving_product is not None else 1
+        by, products = "Chebyshev series", float(count * degree * times)
     return WavePlan(
         method=method,
         scheme=f"Magnus of order {order}, {exponentials} exponentials by {by}",

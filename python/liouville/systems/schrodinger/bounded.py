@@ -17,6 +17,7 @@ from liouville.systems.schrodinger.bounds import (
     WORTH,
     Spectrum,
     check_inside,
+    check_symmetric,
     inside,
     likely,
     probable,
@@ -24,6 +25,7 @@ from liouville.systems.schrodinger.bounds import (
 from liouville.systems.schrodinger.entries import SMALL, Bounds
 from liouville.systems.schrodinger.forms import Term
 from liouville.systems.schrodinger.grid import Grid
+from liouville.systems.schrodinger.moving import MovingProduct
 from liouville.systems.schrodinger.time_functions import TimeFunction
 
 #: Up to this order in the core the parts of H(t) are made as arrays, for their eigenvalues.
@@ -43,6 +45,7 @@ class Bounded(Pickled):
     _terms: list[Term]
     _functions: list[TimeFunction]
     _moving: TimeFunction | None
+    moving_product: MovingProduct | None
 
     @cached_property
     def _static(self) -> _core.Hamiltonian:
@@ -52,8 +55,11 @@ class Bounded(Pickled):
     def term_bounds(self) -> list[Bounds]:
         r"""Bounds of the eigenvalues of :math:`H_0 / \hbar` and of each :math:`H_k / \hbar`.
 
-        A potential that depends on time is in none of them.
+        A potential that depends on time is in none of them, and there are none of an H(t) that is
+        known by its products.
         """
+        if self.moving_product is not None:
+            return []
         return [term.bounds or self._closer.bounds for term in self._terms]
 
     @property
@@ -69,9 +75,9 @@ class Bounded(Pickled):
     def parts(self) -> np.ndarray | None:
         r"""Return :math:`H_0 / \hbar` and each :math:`H_k / \hbar` as arrays of the core.
 
-        None where a potential depends on time.
+        None where a potential depends on time, or H(t) is known by its products.
         """
-        if self._moving is not None:
+        if self._moving is not None or self.moving_product is not None:
             return None
         unit = np.eye(self.hamiltonian.size)
         terms = [_core.Hamiltonian(term.operators) for term in self._terms]
@@ -83,6 +89,8 @@ class Bounded(Pickled):
 
     def product_at(self, t: float) -> Callable[[np.ndarray], np.ndarray]:
         r"""Return the product of :math:`H / \hbar` at a time with a real vector of the core."""
+        if self.moving_product is not None:
+            return self.at(t).multiply
         terms = [_core.Hamiltonian(term.operators) for term in self._terms]
         parts = [pair for pair in zip(self.weights_at(t).tolist(), terms, strict=True) if pair[0]]
         potential: np.ndarray | None = None
@@ -132,6 +140,40 @@ class Bounded(Pickled):
                 self._known[values] = find(self.hamiltonian, repeated).bounds
         return self._known[values]
 
+    def at(self, t: float) -> _core.Hamiltonian:
+        """Return an H(t) that is known by its products at a time.
+
+        Raises
+        ------
+        TypeError, ValueError
+            It makes no products there, or they belong to no Hermitian matrix.
+        """
+        assert self.moving_product is not None
+        if t not in self._times:
+            product = self.moving_product.at(t)
+            found = _core.Hamiltonian([product.operator(1 / self.hbar, is_doubled=True)], True)
+            check_symmetric(f"H({t:g})", found)
+            self._times[t] = found
+        return self._times[t]
+
+    @cached_property
+    def _times(self) -> dict[float, _core.Hamiltonian]:
+        return {}
+
+    def spectrum_at(self, t: float) -> Spectrum:
+        """Bound the eigenvalues of an H(t) that is known by its products, by Lanczos' method."""
+        known = self.at(t)
+        if self._given is not None:
+            return Spectrum(self._given, GIVEN)
+        self._check_way()
+        if t not in self._spectra:
+            self._spectra[t] = (likely if self._way == "lanczos" else probable)(known)
+        return self._spectra[t]
+
+    @cached_property
+    def _spectra(self) -> dict[float, Spectrum]:
+        return {}
+
     @cached_property
     def _known(self) -> dict[tuple[float, ...], Bounds]:
         return {}
@@ -164,6 +206,8 @@ class Bounded(Pickled):
                 check_inside(self._given, self._static, self.hbar)
             return Spectrum(self._given, GIVEN)
         if self.is_driven:
+            if self.moving_product is not None:
+                return self.spectrum_at(0.0)
             is_known = all(term.bounds is not None for term in self._terms)
             return Spectrum(self.bounds_at(0.0), RIGOROUS if is_known else PROBABLE)
         rigorous = self._terms[0].bounds
@@ -171,10 +215,13 @@ class Bounded(Pickled):
             return inside(likely(self._static), rigorous)
         if rigorous is not None:
             return Spectrum(rigorous, RIGOROUS)
+        self._check_way()
+        return self._closer
+
+    def _check_way(self) -> None:
         if self._way == "gershgorin":
             sentence = "H is known by its products, which have no discs of Gershgorin's"
             raise ValueError(hinted(sentence, "give bounds='lanczos', or leave bounds= out"))
-        return self._closer
 
     @cached_property
     def _closer(self) -> Spectrum:
@@ -193,6 +240,8 @@ class Bounded(Pickled):
         r"""Bound the eigenvalues of :math:`H / \hbar` at a time."""
         if self._given is not None:
             return self._given
+        if self.moving_product is not None:
+            return self.spectrum_at(t).bounds
         low, high = self.term_bounds[0]
         weights = self.weights_at(t)[1:].tolist()
         for weight, ends in zip(weights, self.term_bounds[1:], strict=True):

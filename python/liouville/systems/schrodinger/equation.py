@@ -21,6 +21,7 @@ from liouville.systems.schrodinger.forms import Term, operators, twice
 from liouville.systems.schrodinger.frame import Frame, doubled
 from liouville.systems.schrodinger.grid import Grid
 from liouville.systems.schrodinger.lattice import Lattice
+from liouville.systems.schrodinger.moving import MovingProduct
 from liouville.systems.schrodinger.observed import Observable
 from liouville.systems.schrodinger.products import Product
 from liouville.systems.schrodinger.sensitivity import DriveSensitivity
@@ -42,7 +43,8 @@ class Schrodinger(Bounded):
         :math:`H_0`, Hermitian: a sparse matrix of SciPy's, a square array, an operator of QuTiP's
         or QuSpin's, one of the library's models, or what makes products, a LinearOperator or
         ``(N, function)``. A list ``[H0, [H1, f1], [H2, f2]]``, as QuTiP has it, has drives too,
-        whose functions may be ``f(t)``, ``f(t, args)`` or ``f(t, name, ...)``.
+        whose functions may be ``f(t)``, ``f(t, args)`` or ``f(t, name, ...)``. An H(t) known by its
+        products is ``(N, function)`` of t and psi, or a function of t that returns an operator.
     bounds : {"auto", "gershgorin", "lanczos"} or tuple of two floats
         How bounds of the eigenvalues are found, or numbers below and above all of them, at all
         times; see the notes.
@@ -72,6 +74,8 @@ class Schrodinger(Bounded):
         Whether H is real, after its phases are taken away where that can be done.
     is_foreign : bool
         Whether a function of the user's makes the products.
+    moving_product
+        An H(t) known by its products, or None.
     frame : Frame
         How the core has the components of a state.
     hamiltonian : _core.Hamiltonian
@@ -94,7 +98,7 @@ class Schrodinger(Bounded):
     A complex H has a gauge if phases g make all :math:`\bar g_i H_{ij} g_j` real, which is so if
     the flux through every loop is 0 or :math:`\pi`. Then :math:`\bar g \psi` is propagated with a
     real matrix. Otherwise `is_real` is False, and H acts as a real matrix on real and imaginary
-    parts. That is so, too, if H is known by its products and they or a drive are complex.
+    parts. That is so, too, of an H known by its products if they, a drive or time make it complex.
 
     A drive with a complex weight is one of two Hermitian matrices with real ones,
     :math:`z K + \bar z K^\dagger = \Re z\, (K + K^\dagger) + \Im z\, i (K - K^\dagger)`.
@@ -149,7 +153,10 @@ class Schrodinger(Bounded):
         hamiltonian, drive = self.source, self._drive
         self.grid = hamiltonian if isinstance(hamiltonian, Grid) else None
         source = _source(hamiltonian)
-        self.size: int = source.n if isinstance(source, (Entries, Product)) else source.size
+        self.size: int = source.size if isinstance(source, (Grid, Exchange)) else source.n
+        self.moving_product = source if isinstance(source, MovingProduct) else None
+        if self.moving_product is not None:
+            self.moving_product.check_alone(drive)
         self._functions, driven = self._read(drive)
         if isinstance(source, Exchange) and not all(matrix.is_real for matrix in driven):
             source = source.entries()
@@ -188,7 +195,7 @@ class Schrodinger(Bounded):
     def _framed(self, parts: Sequence[Any]) -> Frame:
         matrices = [part for part in parts if isinstance(part, Entries)]
         phases, is_doubled = None, False
-        if not all(getattr(part, "is_real", True) for part in parts):
+        if self.moving_product or not all(getattr(part, "is_real", True) for part in parts):
             phases = graph.gauge(matrices) if len(matrices) == len(parts) else None
             is_doubled = phases is None
         order = None
@@ -205,8 +212,8 @@ class Schrodinger(Bounded):
         self._moving: TimeFunction | None = None
         self._terms = [self._of_grid(source) if isinstance(source, Grid) else self._of(source)]
         self._terms += map(self._of_matrix, driven)
-        self.is_foreign = isinstance(source, Product)
-        self.is_driven = bool(driven) or self._moving is not None
+        self.is_foreign = isinstance(source, (Product, MovingProduct))
+        self.is_driven = bool(driven or self._moving or self.moving_product)
         flat = [operator for term in self._terms for operator in term.operators]
         params = self._params.values(None)
         more: dict[str, Any] = {}
@@ -221,11 +228,13 @@ class Schrodinger(Bounded):
         if isinstance(source, Product):
             check_symmetric("H", self._static)
 
-    def _of(self, source: Entries | Product | Exchange) -> Term:
+    def _of(self, source: Entries | Product | MovingProduct | Exchange) -> Term:
         """Make the first term; a model may know closer bounds than its matrix."""
         scale = 1 / self.hbar
         if isinstance(source, Product):
             return Term([source.operator(scale, self.frame.is_doubled)], None)
+        if isinstance(source, MovingProduct):
+            return Term([source.operator(scale)], None)
         if isinstance(source, Exchange):
             low, high = source.bounds()
             return Term([source.operator(scale)], (scale * low, scale * high))
@@ -383,7 +392,7 @@ class Schrodinger(Bounded):
         return traced.at(0.0, self.grid.points)
 
 
-def _source(given: Any) -> Grid | Product | Exchange | Entries:
+def _source(given: Any) -> Grid | Product | MovingProduct | Exchange | Entries:
     """Return a Hamiltonian in one of the forms that the core has."""
     if isinstance(given, Grid):
         return given
@@ -393,7 +402,8 @@ def _source(given: Any) -> Grid | Product | Exchange | Entries:
         return given.exchange or Entries.read("H", given.matrix())
     if isinstance(given, Lattice):
         return given.entries()
-    found = Product.read("H", given)
+    found = MovingProduct.read("H", given) or Product.read("H", given)
     if found is None and callable(given):
-        raise TypeError(hinted("H is a function of unknown size", "give (N, function)"))
+        hint = "give (N, function of psi), (N, function of t and psi), or an operator by t alone"
+        raise TypeError(hinted("H is a function of unknown size", hint))
     return found or Entries.read("H", given)

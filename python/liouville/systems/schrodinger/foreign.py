@@ -34,7 +34,7 @@ def plain(name: str, given: Any) -> Any:
         sparse = getattr(given.data, "as_scipy", None)  # of QuTiP 5; a dense one has none
         return given.full() if sparse is None else sparse()
     if hasattr(given, "to_list") and hasattr(given, "isconstant"):
-        hint = "give the list that it was made of, [H0, [H1, f], [H2, samples]], and times="
+        hint = "give the list it was made of, [H0, [H1, f], [H2, samples]], or lambda t: H(t)"
         raise TypeError(hinted(f"{name} is a QobjEvo, whose functions are compiled", hint))
     if hasattr(given, "static") and hasattr(given, "dynamic"):
         if given.dynamic:

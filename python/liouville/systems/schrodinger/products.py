@@ -38,15 +38,16 @@ class Product:
     def read(cls, name: str, given: Any) -> Product | None:
         """Read a LinearOperator of SciPy's, or a pair (n, function); None if it is neither."""
         if isinstance(given, tuple) and len(given) == 2 and callable(given[1]):
-            return cls(count(f"the size of {name}", given[0]), given[1])._checked(name)
+            return cls(count(f"the size of {name}", given[0]), given[1]).checked(name)
         if not (hasattr(given, "matvec") and hasattr(given, "shape")):
             return None
         if len(given.shape) != 2 or given.shape[0] != given.shape[1]:
             raise ValueError(f"{name} has shape {given.shape}, wanted a square operator")
         is_real = np.dtype(getattr(given, "dtype", None) or float).kind != "c"
-        return cls(int(given.shape[0]), given.matvec, is_real)._checked(name)
+        return cls(int(given.shape[0]), given.matvec, is_real).checked(name)
 
-    def _checked(self, name: str) -> Product:
+    def checked(self, name: str) -> Product:
+        """Return it, complex where its product is; ValueError for what is no linear operator."""
         found = self.function(np.ones(self.n))
         array = np.asarray(found)
         if array.dtype.kind not in "biufc":

@@ -1,33 +1,20 @@
 //! Steps of a Magnus method to a tolerance.
 //!
 //! A step is made as two halves, which are kept, and as one; the difference of both is the error of the halves times
-//! 2^p − 1. The next step follows from the last one by a prediction C m of its error, where m adds up by norms all words
-//! of weight p + 1, but that of α_1 alone, in the parts of H
-//!
-//!     H(t + s h) h = Σ_n α_n T_{n−1}(2s − 1),    α_n of weight n,
-//!
-//! which are found by Chebyshev's nodes, the ends of the step among them. So a step into a pulse is shortened before it is
-//! made, and one around a jump, which leaves much to the last α_n; and a plan counts steps by a C that none was found to
-//! exceed.
+//! 2^p − 1. The next step follows from the last one by a prediction C m of its error, m of [`Chooser`]; a plan counts steps
+//! by a C that none was found to exceed.
 
-use super::{Averages, Magnus, Nodes};
-use crate::method::bessel::degree;
+use super::chooser::{CHANGE, Chooser, MagnusTolerance, SAFETY, SERIES};
+use super::probe::Probe;
+use super::{Magnus, Nodes};
 use crate::method::driven::next_time;
-use crate::method::driven::polynomials::{chebyshev_node, chebyshev_weight};
-use crate::method::term_bounds::{Interval, TermBounds};
+use crate::method::term_bounds::TermBounds;
 use crate::method::{Sweeper, Wave, squares};
-use crate::problem::{Hamiltonian, HamiltonianAt};
+use crate::problem::Hamiltonian;
 use liouville_base::checkpoint::{Checkpoint, CheckpointMismatch, Numbers};
 use liouville_base::error::StepError;
 use liouville_base::method::{Stats, Stepper};
 use std::sync::Arc;
-
-/// The parts of the tolerance: for all exponentials, and for the Magnus method itself.
-const SERIES: f64 = 0.1;
-const METHOD: f64 = 0.8;
-
-/// A step, as one around a jump, may be off by this part of the whole tolerance.
-const JUMP: f64 = 0.01;
 
 /// C of a plan, and of the first step, by the order: ten times the largest of those found and more.
 fn constant(order: usize) -> f64 {
@@ -42,26 +29,8 @@ fn constant(order: usize) -> f64 {
 /// The most that the error of one step is taken to be above that of its halves.
 const RATIO: f64 = 40.0;
 
-/// New steps are so much shorter than those that just keep to the tolerance, ...
-const SAFETY: f64 = 0.9;
-/// ... change by such factors at once, ...
-const CHANGE: (f64, f64) = (0.3, 3.0);
-/// ... and are shortened so often before they are refused.
-const TRIES: usize = 200;
-
 /// Rounding errors of a step for each unit of its phase.
 const ROUNDING: f64 = 8.0 * f64::EPSILON;
-
-/// The tolerance of a run.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct MagnusTolerance {
-    /// Error allowed in a unit of time.
-    pub rate: f64,
-    /// In all.
-    pub whole: f64,
-    /// Of the norm.
-    pub norm: f64,
-}
 
 /// Steps and products of a run, at most.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -72,151 +41,6 @@ pub struct MagnusCost {
     pub products: usize,
     /// The longest step, in units of 1/β.
     pub theta: f64,
-}
-
-/// The choice of steps by scalars.
-#[derive(Clone)]
-struct Chooser {
-    hamiltonian: Arc<Hamiltonian>,
-    current: HamiltonianAt,
-    averages: Averages,
-    nodes: Nodes,
-    /// Points, and weights of values there in α_n / h.
-    points: Vec<f64>,
-    moments: Vec<Vec<f64>>,
-    tolerance: MagnusTolerance,
-    /// Norms of α_n / h, and sums of all words of each weight.
-    norms: Vec<f64>,
-    words: Vec<f64>,
-}
-
-/// Points of a step at which H is looked at, and the last terms of its series there.
-const NODES: usize = 9;
-const LAST: std::ops::Range<usize> = NODES - 2..NODES;
-
-/// The error of a step, in units of the part of H h that its α_n do not have.
-const UNRESOLVED: f64 = 0.1;
-
-/// Weights of values at the points in the coefficient of Chebyshev's polynomial `T_n`.
-fn moment(n: usize) -> Vec<f64> {
-    (0..NODES)
-        .map(|node| chebyshev_weight(n, node, NODES))
-        .collect()
-}
-
-fn half((low, high): Interval) -> f64 {
-    0.5 * (high - low)
-}
-
-impl Chooser {
-    fn new(
-        hamiltonian: &Arc<Hamiltonian>,
-        nodes: Nodes,
-        bounds: TermBounds,
-        tolerance: MagnusTolerance,
-    ) -> Option<Self> {
-        if !bounds.is_fitting(hamiltonian.terms().len()) {
-            return None;
-        }
-        // the third one is the error of a single node
-        let letters = (nodes.order / 2 + 1).max(3);
-        Some(Self {
-            current: HamiltonianAt::new(hamiltonian),
-            hamiltonian: hamiltonian.clone(),
-            averages: Averages::new(bounds, NODES),
-            points: (0..NODES).map(|k| chebyshev_node(k, NODES)).collect(),
-            moments: (0..letters).chain(LAST).map(moment).collect(),
-            norms: vec![0.0; letters],
-            words: vec![0.0; nodes.order + 2],
-            nodes,
-            tolerance,
-        })
-    }
-
-    /// The error that a step may have.
-    fn allowed(&self, h: f64) -> f64 {
-        let MagnusTolerance { rate, whole, .. } = self.tolerance;
-        METHOD * (rate * h.abs()).max(JUMP * whole)
-    }
-
-    /// The factor of a step with an error that leads to one within the tolerance.
-    fn factor(&self, error: f64, h: f64) -> f64 {
-        SAFETY * (self.allowed(h) / error).powf(1.0 / self.nodes.order as f64)
-    }
-
-    /// The norm of the part of H h that goes with a row of weights.
-    fn norm(&mut self, row: usize, t: f64, h: f64) -> f64 {
-        let row = (&self.points[..], &self.moments[row][..]);
-        let bounds = (self.averages).set(&mut self.current, &self.hamiltonian, row, (t, h));
-        half(bounds) * h.abs()
-    }
-
-    /// The part of H h that no α_n has, as where H jumps.
-    fn unresolved(&mut self, t: f64, h: f64) -> f64 {
-        let letters = self.norms.len();
-        (letters..self.moments.len())
-            .map(|row| self.norm(row, t, h))
-            .sum()
-    }
-
-    /// m of a step.
-    fn size(&mut self, t: f64, h: f64) -> f64 {
-        for row in 0..self.norms.len() {
-            self.norms[row] = self.norm(row, t, h);
-        }
-        self.words[0] = 1.0;
-        for weight in 1..self.words.len() {
-            let letters = self.norms.iter().zip(self.words[..weight].iter().rev());
-            self.words[weight] = letters.map(|(norm, rest)| norm * rest).sum();
-        }
-        let weight = self.nodes.order + 1;
-        #[expect(clippy::cast_possible_truncation, clippy::cast_possible_wrap)]
-        let alone = self.norms[0].powi(weight as i32);
-        (self.words[weight] - alone).max(0.0)
-    }
-
-    /// The next step, not above `most`, and its m, where an error is `constant` times m.
-    fn propose(
-        &mut self,
-        (t, left): (f64, f64),
-        constant: f64,
-        most: f64,
-    ) -> Result<(f64, f64), StepError> {
-        let mut h = most.min(left.abs());
-        for _ in 0..TRIES {
-            let parts = (left.abs() / h).ceil().max(1.0);
-            let step = left / parts;
-            if UNRESOLVED * self.unresolved(t, step) > self.allowed(step) {
-                h = CHANGE.0 * step.abs();
-                continue;
-            }
-            let size = self.size(t, step);
-            let error = constant * size;
-            if error <= self.allowed(step) {
-                return Ok((step, size));
-            }
-            if !error.is_finite() {
-                let (theta, most) = (self.norms[0], f64::INFINITY);
-                return Err(StepError::Spectrum { theta, most, t });
-            }
-            h = step.abs() * self.factor(error, step).clamp(CHANGE.0, 0.95);
-        }
-        let error = f64::INFINITY;
-        Err(StepError::StepTooSmall { h, error })
-    }
-
-    /// Products of a step, and its phase.
-    fn products(&mut self, t: f64, h: f64) -> (usize, f64) {
-        let tolerance = SERIES * self.tolerance.rate * h.abs() / self.nodes.rows.len() as f64;
-        let (mut products, mut theta) = (0, 0.0);
-        for row in &self.nodes.rows {
-            let row = (&self.nodes.nodes[..], &row[..]);
-            let bounds = (self.averages).set(&mut self.current, &self.hamiltonian, row, (t, h));
-            products += degree(half(bounds) * h.abs(), tolerance);
-            theta += half(bounds) * h.abs();
-        }
-        (products, theta)
-    }
 }
 
 /// A Magnus method with steps as long as a tolerance allows.
@@ -293,6 +117,9 @@ impl MagnusSteps {
     fn advance(&mut self, t: f64, end: f64, state: &mut Wave<f64>) -> Result<f64, StepError> {
         loop {
             let most = self.last * CHANGE.1;
+            if let Some(probe) = &mut self.chooser.probe {
+                probe.take(state);
+            }
             let (h, size) = self.chooser.propose((t, end - t), self.constant, most)?;
             let error = self.estimate(t, h, state)?;
             if size > 0.0 {
@@ -365,7 +192,12 @@ impl Stepper for MagnusSteps {
     }
 
     fn stats(&self) -> Stats {
-        self.magnus.stats()
+        let stats = self.magnus.stats();
+        let probed = self.chooser.probe.as_ref().map_or(0, Probe::products);
+        Stats {
+            evaluations: stats.evaluations + probed,
+            ..stats
+        }
     }
 }
 

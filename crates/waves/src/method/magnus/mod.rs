@@ -6,11 +6,14 @@
 //! Chebyshev series of the degree that its own phase takes. The shift and the degree come from bounds of Ĥ_k, which has the
 //! parts of H with weights of its own. Source: alvermann2011.
 
+mod chooser;
 mod control;
 mod exponential;
 mod nodes;
+mod probe;
 
-pub use control::{MagnusCost, MagnusSteps, MagnusTolerance};
+pub use chooser::MagnusTolerance;
+pub use control::{MagnusCost, MagnusSteps};
 pub use exponential::ShearProgram;
 pub use nodes::Nodes;
 

@@ -260,8 +260,8 @@ impl<S: Stored> Sweeper<S> {
     }
 
     fn one(&mut self, step: &Move, x: &[S], out: &mut [S]) -> Result<(), StepError> {
-        self.products += self.each();
         let weighted = self.hamiltonian.at(self.current.as_ref());
+        self.products += self.each() * weighted.products();
         weighted.update(self.machine, step.update, x, out, &mut self.scratch)
     }
 }

@@ -1,0 +1,204 @@
+//! How long steps of a Magnus method may be.
+//!
+//! The error of a step is predicted as C m, where m adds up by norms all words of weight p + 1, but that of α_1 alone, in
+//! the parts of H
+//!
+//!     H(t + s h) h = Σ_n α_n T_{n−1}(2s − 1),    α_n of weight n,
+//!
+//! which are found by Chebyshev's nodes, the ends of the step among them. So a step into a pulse is shortened before it is
+//! made, and one around a jump, which leaves much to the last α_n. Of an H(t) known by its products alone the last α_n, to
+//! which every jump leaves the same, acts on the state, and others are not looked for: m is the power p + 1 of the phase of
+//! a step, which is short at first and then follows from the errors found.
+
+use super::probe::Probe;
+use super::{Averages, Nodes};
+use crate::method::bessel::degree;
+use crate::method::driven::polynomials::{chebyshev_node, chebyshev_weight};
+use crate::method::term_bounds::{Interval, TermBounds};
+use crate::problem::{Hamiltonian, HamiltonianAt};
+use liouville_base::error::StepError;
+use std::sync::Arc;
+
+/// The parts of the tolerance: for all exponentials, and for the Magnus method itself.
+pub(super) const SERIES: f64 = 0.1;
+const METHOD: f64 = 0.8;
+
+/// A step, as one around a jump, may be off by this part of the whole tolerance.
+const JUMP: f64 = 0.01;
+
+/// New steps are so much shorter than those that just keep to the tolerance, ...
+pub(super) const SAFETY: f64 = 0.9;
+/// ... change by such factors at once, ...
+pub(super) const CHANGE: (f64, f64) = (0.3, 3.0);
+/// ... and are shortened so often before they are refused.
+const TRIES: usize = 200;
+
+/// The tolerance of a run.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct MagnusTolerance {
+    /// Error allowed in a unit of time.
+    pub rate: f64,
+    /// In all.
+    pub whole: f64,
+    /// Of the norm.
+    pub norm: f64,
+}
+
+/// The choice of steps by scalars.
+#[derive(Clone)]
+pub(super) struct Chooser {
+    hamiltonian: Arc<Hamiltonian>,
+    current: HamiltonianAt,
+    averages: Averages,
+    pub(super) nodes: Nodes,
+    /// Points, and weights of values there in α_n / h.
+    points: Vec<f64>,
+    moments: Vec<Vec<f64>>,
+    pub(super) tolerance: MagnusTolerance,
+    /// Norms of α_n / h, and sums of all words of each weight.
+    pub(super) norms: Vec<f64>,
+    words: Vec<f64>,
+    /// Products, where nothing else is known of H(t).
+    pub(super) probe: Option<Probe>,
+}
+
+/// Points of a step at which H is looked at, and the last terms of its series there.
+const NODES: usize = 9;
+const LAST: std::ops::Range<usize> = NODES - 2..NODES;
+
+/// The error of a step, in units of the part of H h that its α_n do not have.
+const UNRESOLVED: f64 = 0.1;
+
+/// Weights of values at the points in the coefficient of Chebyshev's polynomial `T_n`.
+fn moment(n: usize) -> Vec<f64> {
+    (0..NODES)
+        .map(|node| chebyshev_weight(n, node, NODES))
+        .collect()
+}
+
+fn half((low, high): Interval) -> f64 {
+    0.5 * (high - low)
+}
+
+impl Chooser {
+    pub(super) fn new(
+        hamiltonian: &Arc<Hamiltonian>,
+        nodes: Nodes,
+        bounds: TermBounds,
+        tolerance: MagnusTolerance,
+    ) -> Option<Self> {
+        if !bounds.is_fitting(hamiltonian.terms().len()) {
+            return None;
+        }
+        // the third one is the error of a single node
+        let letters = (nodes.order / 2 + 1).max(3);
+        Some(Self {
+            current: HamiltonianAt::new(hamiltonian),
+            hamiltonian: hamiltonian.clone(),
+            averages: Averages::new(bounds, NODES),
+            points: (0..NODES).map(|k| chebyshev_node(k, NODES)).collect(),
+            moments: (0..letters).chain(LAST).map(moment).collect(),
+            norms: vec![0.0; letters],
+            words: vec![0.0; nodes.order + 2],
+            probe: (hamiltonian.is_by_products()).then(|| Probe::new(hamiltonian)),
+            nodes,
+            tolerance,
+        })
+    }
+
+    /// The error that a step may have.
+    pub(super) fn allowed(&self, h: f64) -> f64 {
+        let MagnusTolerance { rate, whole, .. } = self.tolerance;
+        METHOD * (rate * h.abs()).max(JUMP * whole)
+    }
+
+    /// The factor of a step with an error that leads to one within the tolerance.
+    pub(super) fn factor(&self, error: f64, h: f64) -> f64 {
+        SAFETY * (self.allowed(h) / error).powf(1.0 / self.nodes.order as f64)
+    }
+
+    /// The norm of the part of H h that goes with a row of weights.
+    fn norm(&mut self, row: usize, t: f64, h: f64) -> f64 {
+        let row = (&self.points[..], &self.moments[row][..]);
+        let bounds = (self.averages).set(&mut self.current, &self.hamiltonian, row, (t, h));
+        half(bounds) * h.abs()
+    }
+
+    /// The part of H h that no α_n has, as where H jumps.
+    fn unresolved(&mut self, t: f64, h: f64) -> Result<f64, StepError> {
+        let last = self.moments.len() - 1;
+        if let Some(probe) = &mut self.probe {
+            let pairs = self.moments[last].iter().zip(&self.points);
+            let nodes = pairs.map(|(a, c)| (*a, t + c * h));
+            let length = probe.length((&self.hamiltonian, &mut self.current), nodes)?;
+            return Ok(LAST.len() as f64 * length * h.abs());
+        }
+        let rows = self.norms.len()..self.moments.len();
+        Ok(rows.map(|row| self.norm(row, t, h)).sum())
+    }
+
+    /// m of a step; of an H(t) known by its products, whose α_n have no bounds, that of its phase.
+    #[expect(clippy::cast_possible_truncation, clippy::cast_possible_wrap)] // of an order
+    fn size(&mut self, t: f64, h: f64) -> f64 {
+        let power = self.nodes.order as i32 + 1;
+        if self.probe.is_some() {
+            self.norms[0] = self.norm(0, t, h);
+            return self.norms[0].powi(power);
+        }
+        for row in 0..self.norms.len() {
+            self.norms[row] = self.norm(row, t, h);
+        }
+        self.words[0] = 1.0;
+        for weight in 1..self.words.len() {
+            let letters = self.norms.iter().zip(self.words[..weight].iter().rev());
+            self.words[weight] = letters.map(|(norm, rest)| norm * rest).sum();
+        }
+        (self.words[self.nodes.order + 1] - self.norms[0].powi(power)).max(0.0)
+    }
+
+    /// The next step, not above `most`, and its m, where an error is `constant` times m.
+    pub(super) fn propose(
+        &mut self,
+        (t, left): (f64, f64),
+        constant: f64,
+        most: f64,
+    ) -> Result<(f64, f64), StepError> {
+        let mut h = most.min(left.abs());
+        for _ in 0..TRIES {
+            let parts = (left.abs() / h).ceil().max(1.0);
+            let step = left / parts;
+            let size = self.size(t, step);
+            let error = constant * size;
+            let is_short = error <= self.allowed(step);
+            // products are for steps that are short enough
+            let is_looked_at = is_short || self.probe.is_none();
+            if is_looked_at && UNRESOLVED * self.unresolved(t, step)? > self.allowed(step) {
+                h = CHANGE.0 * step.abs();
+                continue;
+            }
+            if is_short {
+                return Ok((step, size));
+            }
+            if !error.is_finite() {
+                let (theta, most) = (self.norms[0], f64::INFINITY);
+                return Err(StepError::Spectrum { theta, most, t });
+            }
+            h = step.abs() * self.factor(error, step).clamp(CHANGE.0, 0.95);
+        }
+        let error = f64::INFINITY;
+        Err(StepError::StepTooSmall { h, error })
+    }
+
+    /// Products of a step, and its phase.
+    pub(super) fn products(&mut self, t: f64, h: f64) -> (usize, f64) {
+        let tolerance = SERIES * self.tolerance.rate * h.abs() / self.nodes.rows.len() as f64;
+        let (mut products, mut theta) = (0, 0.0);
+        for row in &self.nodes.rows {
+            let row = (&self.nodes.nodes[..], &row[..]);
+            let bounds = (self.averages).set(&mut self.current, &self.hamiltonian, row, (t, h));
+            products += degree(half(bounds) * h.abs(), tolerance);
+            theta += half(bounds) * h.abs();
+        }
+        (products, theta)
+    }
+}

@@ -1,0 +1,161 @@
+"""H(t) known by its products: Magnus methods of sums at several times, and what is refused."""
+
+import pickle
+import sys
+from pathlib import Path
+
+import casadi as ca
+import numpy as np
+import pytest
+import scipy.sparse as sp
+from scipy.sparse.linalg import aslinearoperator
+
+import liouville as lv
+
+sys.path.insert(0, str(Path(__file__).parents[1] / "benchmarks"))
+import driven_products
+
+SCHEMES = [(2, 1), (4, 2), (4, 3), (6, 5), (8, 8)]
+PROBLEMS = {
+    "chain": lambda: driven_products.chain(6),
+    "circular": lambda: driven_products.circular(4),
+    "crossing": driven_products.landau_zener,
+}
+H0, H1 = np.diag([0.0, 1.0, 2.5]), np.ones((3, 3))
+FIRST = np.array([1.0, 0.0, 0.0])
+
+
+class Counted:
+    """H(t) psi of a sum of functions of time times matrices, with the number of calls."""
+
+    def __init__(self, h0, functions):
+        self.h0, self.functions, self.calls = h0, functions, 0
+
+    def __call__(self, t, psi):
+        self.calls += 1
+        return self.h0 @ psi + sum(f(t) * (h @ psi) for f, h in self.functions)
+
+
+def turned(t):
+    """Return a real matrix that depends on time."""
+    return H0 + np.cos(t) * H1
+
+
+@pytest.mark.parametrize("name", PROBLEMS)
+def test_runs_keep_to_their_tolerance_and_every_call_is_counted(name):
+    h0, functions, drive, span, psi = PROBLEMS[name]()
+    exact = lv.integrate(lv.Schrodinger(h0, drive=drive), lv.Chebyshev(1e-12), t=span, psi=psi)
+    product = Counted(h0, functions)
+    system = lv.Schrodinger((psi.size, product))
+    system.spectrum_at(span[0])
+    for tol in (1e-3, 1e-7):
+        least = 2 if tol > 1e-4 else 4
+        methods = [lv.Magnus(p, tol, j) for p, j in SCHEMES if p >= least]
+        for method in [lv.SchrodingerSplitting(tol), *methods]:
+            plan = lv.plan(system, method, t=span)
+            product.calls = 0
+            solution = lv.integrate(system, plan, t=span, psi=psi)
+            # and the energies at both ends
+            assert solution.stats["products"] == product.calls - 2
+            assert plan.products <= solution.stats["products"]
+            assert np.linalg.norm(solution.psi[-1] - exact.psi[-1]) < tol, method
+    energies = solution.observed["energy"] - exact.observed["energy"]
+    assert np.abs(energies).max() < 1e-4
+
+
+def test_steps_of_a_size_are_those_of_the_same_drive():
+    psi = FIRST + 0.5j
+    driven = lv.Schrodinger(H0, drive=[(lambda t, _: ca.cos(t), H1)])
+    by_products = lv.Schrodinger((3, lambda t, x: turned(t) @ x))
+    for p, j in SCHEMES:
+        method = lv.Magnus(p, 1e-12, j)
+        ends = [
+            lv.integrate(system, method, t=(0, 2), steps=20, psi=psi).psi[-1]
+            for system in (driven, by_products)
+        ]
+        assert np.linalg.norm(ends[0] - ends[1]) < 4e-12, method
+
+
+def test_operators_by_time_are_made_once_for_each_time_and_pickled_without_them():
+    times = []
+
+    def sparse(t):
+        times.append(t)
+        return sp.csr_array(turned(t))
+
+    ends = []
+    for made in (sparse, lambda t: aslinearoperator(turned(t)), turned):
+        system = lv.Schrodinger(made, bounds=(-10.0, 10.0))
+        assert system.size == 3
+        ends.append(lv.integrate(system, lv.Magnus(6), t=(0, 1), steps=5, psi=FIRST).psi[-1])
+    assert np.ptp(ends, axis=0).max() < 1e-13
+    # one for the size, five looked at, one for each of six energies, and three nodes a step
+    assert len(times) == 1 + 5 + 6 + 3 * 5
+    again = pickle.loads(pickle.dumps(lv.Schrodinger(turned)))
+    found = lv.integrate(again, lv.Magnus(6), t=(0, 1), steps=5, psi=FIRST).psi[-1]
+    assert np.linalg.norm(found - ends[2]) < 1e-7
+
+
+@pytest.mark.parametrize(
+    ("values", "function"),
+    [
+        (lambda t: 3 * np.exp(-((t - 30) ** 2)), lambda t, _: 3 * ca.exp(-((t - 30) ** 2))),
+        (lambda t: float(t > 31), lambda t, _: ca.if_else(t > 31, 1.0, 0.0)),
+        (lambda t: 5 * np.exp(-(((t - 21) / 0.2) ** 2)), None),
+    ],
+)
+def test_a_pulse_after_a_long_quiet_time_is_seen_and_a_jump_is_passed(values, function):
+    function = function or (lambda t, _: 5 * ca.exp(-(((t - 21) / 0.2) ** 2)))
+    driven = lv.Schrodinger(H0, drive=[(function, H1)])
+    times = np.append(np.linspace(0, 33, 34), 33.5)
+    exact = lv.integrate(driven, lv.Chebyshev(1e-11), t=times, psi=FIRST).psi[-1]
+    system = lv.Schrodinger((3, lambda t, x: H0 @ x + values(t) * (H1 @ x)))
+    for order, tol in ((4, 1e-5), (6, 1e-8)):
+        found = lv.integrate(system, lv.Magnus(order, tol), t=(0.0, 33.5), psi=FIRST)
+        assert np.linalg.norm(found.psi[-1] - exact) < tol
+
+
+def test_bounds_that_leave_out_energies_are_moved_out_and_back_in_time_is_back():
+    system = lv.Schrodinger((3, lambda t, x: turned(t) @ x), bounds=(-0.5, 0.5))
+    assert lv.plan(system, t=(0, 3)).guarantee == "given"
+    there = lv.integrate(system, "auto", t=(0, 3), psi=FIRST)
+    exact = lv.integrate(
+        lv.Schrodinger(H0, drive=[(lambda t, _: ca.cos(t), H1)]), "auto", t=(0, 3), psi=FIRST
+    )
+    assert np.linalg.norm(there.psi[-1] - exact.psi[-1]) < 1e-8
+    back = lv.integrate(system, "auto", t=(3, 0), psi=there.psi[-1])
+    assert np.linalg.norm(back.psi[-1] - FIRST) < 2e-8
+
+
+@pytest.mark.parametrize(
+    ("system", "method", "error", "words"),
+    [
+        ((3, lambda t, x: H0 @ x + 1j * t * x), "auto", ValueError, r"H\(0.5\) is not Hermitian"),
+        ((3, lambda t, x: np.real(turned(t) @ x)), "auto", ValueError, r"H\(0\) is not linear"),
+        ((3, lambda t, x: np.nan * x if t > 1 else x), "auto", ValueError, r"H\(1.5\) returns nan"),
+        ((3, lambda t, x: x[:2]), "auto", ValueError, r"H\(0\) returns shape \(2,\)"),
+        (lambda t: turned(t)[:2], "auto", ValueError, r"H\(0\) has shape \(2, 3\)"),
+        (lambda t: t, "auto", TypeError, r"H\(0\) is float"),
+        (lambda t, psi: psi, "auto", TypeError, "unknown size"),
+        (turned, lv.Chebyshev(), TypeError, "take 'auto' or Magnus"),
+        (turned, lv.Lanczos(), TypeError, "for an H without time"),
+    ],
+)
+def test_what_is_no_hermitian_operator_or_fits_no_method_is_refused(system, method, error, words):
+    with pytest.raises(error, match=words):
+        lv.integrate(lv.Schrodinger(system), method, t=(0, 2), psi=FIRST)
+
+
+def test_drives_and_derivatives_beside_products_are_refused_and_an_exception_ends_a_run():
+    with pytest.raises(TypeError, match="takes no drive"):
+        lv.Schrodinger(turned, drive=[(lambda t, _: t, H1)])
+    with pytest.raises(TypeError, match="no derivative of an H"):
+        lv.vjp(lv.Schrodinger(turned), lv.Magnus(), wrt=["psi"], t=(0, 2), h=0.1, psi=FIRST)
+
+    def product(t, x):
+        if 0.6 < t < 0.9:
+            raise RuntimeError("out of range")
+        return turned(t) @ x
+
+    with pytest.raises(lv.IntegrationError, match="RuntimeError: out of range"):
+        lv.integrate(lv.Schrodinger((3, product)), "auto", t=(0, 2), psi=FIRST)
