@@ -332,3 +332,11 @@ def test_a_pendulum_from_rest_at_height_zero_says_nothing():
         run = lv.integrate(swing, method, t=(0, 20), h=0.1, q=[1, 0], v=[0, 0])
         assert run.invariants["energy"][0] == 0
         assert run.message == ""
+
+
+@pytest.mark.parametrize(("method", "steps"), [(lv.Spark(3), 28), (lv.Spark(8), 10)])
+def test_long_steps_are_confirmed_by_few_others(method, steps):
+    """A solution far from where its step begins is followed to a shorter step, not found again."""
+    problem = lv.problems.load("pendulum")
+    run = lv.integrate(problem.system, method, t=problem.interval, steps=steps, **problem.start)
+    assert run.stats["newton_steps"] < 4 * steps

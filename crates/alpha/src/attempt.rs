@@ -16,11 +16,18 @@ pub(super) struct AlphaAttempt<'a> {
 impl Attempts for AlphaAttempt<'_> {
     fn start(&mut self, h: f64, start: Start) -> Result<bool, StepError> {
         let (at, step) = (&mut *self.alpha, AlphaStep { h, ..self.step });
-        if start == Start::Continued {
-            at.solver.continue_at(step);
+        at.solver.prepare(step);
+        if let Start::Continued | Start::Part = start {
+            if let Some(kept) = &at.kept_solutions[Slot::Part as usize] {
+                let times = if start == Start::Part {
+                    1.0
+                } else {
+                    h / kept.h
+                };
+                at.solver.start_at_part(step, kept, times);
+            }
             return Ok(true);
         }
-        at.solver.prepare(step);
         match start {
             Start::Extrapolated if !at.is_warm => return Ok(false),
             Start::Extrapolated => at.extrapolate(step),
@@ -58,9 +65,11 @@ impl Confirms for AlphaAttempt<'_> {
         let kept = self.alpha.kept_solutions[slot as usize].get_or_insert_default();
         self.alpha.solver.place(h);
         kept.copy_from(&self.alpha.solver);
+        kept.h = h;
     }
 
-    fn put_back(&mut self, slot: Slot) {
+    fn put_back(&mut self, h: f64, slot: Slot) {
+        self.alpha.solver.prepare(AlphaStep { h, ..self.step });
         if let Some(kept) = &self.alpha.kept_solutions[slot as usize] {
             kept.put_back(&mut self.alpha.solver);
         }
@@ -88,11 +97,13 @@ impl AlphaSolver {
         self.start_at(step.h);
     }
 
-    /// φ1 such that y1 is where a shorter step has led.
-    fn continue_at(&mut self, step: AlphaStep) {
-        let n = self.y.len();
-        self.delta[..n].copy_from_slice(&self.y);
-        self.prepare(step);
+    /// φ1 such that y1 − y0 is so many times that of a part of the step.
+    fn start_at_part(&mut self, step: AlphaStep, kept: &KeptAlpha, times: f64) {
+        kept.put_back(self);
+        let moves = step.state.y.iter().zip(&kept.y);
+        for (delta, (y0, y1)) in self.delta.iter_mut().zip(moves) {
+            *delta = y0 + times * (y1 - y0);
+        }
         self.start_at(step.h);
     }
 
@@ -110,6 +121,7 @@ impl AlphaSolver {
 /// A solution kept beside the present one.
 #[derive(Clone, Debug, Default)]
 pub(super) struct KeptAlpha {
+    h: f64,
     y: Vec<f64>,
     phi: Vec<f64>,
     reactions: [Reaction; 2],

@@ -81,7 +81,7 @@ pub struct Alpha {
     is_warm: bool,
     rest: Rest,
     /// Solutions to be compared.
-    kept_solutions: [Option<Box<KeptAlpha>>; 2],
+    kept_solutions: [Option<Box<KeptAlpha>>; 3],
     stats: Stats,
 }
 
@@ -118,7 +118,7 @@ impl Alpha {
             error: f64::INFINITY,
             is_warm: false,
             rest: Rest::default(),
-            kept_solutions: [None, None],
+            kept_solutions: [None, None, None],
             stats: Stats::default(),
             solver,
             model,

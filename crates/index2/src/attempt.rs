@@ -4,7 +4,7 @@ use super::stages::{CollocationStages, CollocationStep};
 use super::{Index2, predictor};
 use liouville_base::error::StepError;
 use liouville_base::linalg::{Matrix, copy, furthest, max_norm};
-use liouville_base::newton::{Attempts, Confirms, Rest, Slot, Start};
+use liouville_base::newton::{Attempts, Confirms, Continuation, Rest, Slot, Start};
 
 /// A step whose stage equations are attempted.
 pub(super) struct CollocationAttempt<'a> {
@@ -28,9 +28,9 @@ impl Attempts for CollocationAttempt<'_> {
                 at.start_by_euler(step);
                 at.start_constant(step);
             }
-            Start::Continued => {}
+            Start::Continued | Start::Part => at.start_at_part(h, start),
         }
-        at.stages.yardstick = max_norm(&at.slope) + max_norm(&step.state.y) / h.abs();
+        self.measure(h);
         Ok(true)
     }
 
@@ -52,20 +52,47 @@ impl Attempts for CollocationAttempt<'_> {
     }
 }
 
+impl CollocationAttempt<'_> {
+    /// Sets the yardstick of a step of `h`.
+    fn measure(&mut self, h: f64) {
+        let speed = max_norm(&self.index2.slope);
+        self.index2.stages.yardstick = speed + max_norm(&self.step.state.y) / h.abs();
+    }
+}
+
+impl Index2 {
+    /// The unknowns of the part of the step that is kept, or V_i where it leads.
+    fn start_at_part(&mut self, h: f64, start: Start) {
+        let Some(kept) = &self.kept[Slot::Part as usize] else {
+            return;
+        };
+        let (stages, slope) = (&mut self.stages, &self.slope);
+        kept.put_back(stages);
+        if start == Start::Part {
+            return;
+        }
+        let continuation = (self.continuation)
+            .get_or_insert_with(|| Continuation::new(&stages.c, slope.len()).into());
+        continuation.extend([kept.h, h], slope, &kept.v, stages.v.flat_mut());
+    }
+}
+
 impl Confirms for CollocationAttempt<'_> {
     fn iterate_full(&mut self, h: f64) -> Result<bool, StepError> {
         self.index2
             .iterate(CollocationStep { h, ..self.step }, true)
     }
 
-    fn keep(&mut self, _h: f64, slot: Slot) {
+    fn keep(&mut self, h: f64, slot: Slot) {
         let stages = &self.index2.stages;
         let kept = self.index2.kept[slot as usize]
             .get_or_insert_with(|| Box::new(KeptCollocation::new(stages)));
+        kept.h = h;
         kept.copy_from(stages);
     }
 
-    fn put_back(&mut self, slot: Slot) {
+    fn put_back(&mut self, h: f64, slot: Slot) {
+        self.measure(h);
         if let Some(kept) = &self.index2.kept[slot as usize] {
             kept.put_back(&mut self.index2.stages);
         }
@@ -90,6 +117,7 @@ impl Confirms for CollocationAttempt<'_> {
 /// Unknowns kept beside the present ones.
 #[derive(Clone, Debug)]
 pub(super) struct KeptCollocation {
+    h: f64,
     pub(super) v: Matrix,
     pub(super) z: Matrix,
 }
@@ -97,6 +125,7 @@ pub(super) struct KeptCollocation {
 impl KeptCollocation {
     pub(super) fn new(stages: &CollocationStages) -> Self {
         Self {
+            h: f64::NAN,
             v: stages.v.clone(),
             z: stages.z.clone(),
         }

@@ -29,7 +29,7 @@ use estimate::EndVelocities;
 use liouville_base::error::StepError;
 use liouville_base::linalg::{add_scaled, carry, copy, max_norm};
 use liouville_base::method::{Stats, Stepper, Symmetric};
-use liouville_base::newton::{self, Equations, Predictor, Rest};
+use liouville_base::newton::{self, Continuation, Equations, Predictor, Rest};
 use liouville_base::tableau::Spark;
 use newton_matrix::CollocationMatrix;
 use stages::{CollocationStages, CollocationStep};
@@ -56,7 +56,8 @@ pub struct Index2 {
     is_far: bool,
     rest: Rest,
     /// Solutions to be compared.
-    kept: [Option<Box<KeptCollocation>>; 2],
+    kept: [Option<Box<KeptCollocation>>; 3],
+    continuation: Option<Box<Continuation>>,
     /// What tells errors, where they are wanted.
     estimate: Option<Box<EndVelocities>>,
     y: Vec<f64>,
@@ -98,7 +99,8 @@ impl Index2 {
             slope: vec![0.0; model.problem.n],
             is_far: false,
             rest: Rest::default(),
-            kept: [None, None],
+            kept: [None, None, None],
+            continuation: None,
             estimate: None,
             y: vec![0.0; model.problem.n],
             y_low: vec![0.0; model.problem.n],

@@ -15,6 +15,7 @@
 //! and λ_k. The λ_j are internal: they are not passed on to the next step. y and p are summed with their rounding errors
 //! carried along. Source: jay2007; the paper's ψ is λ. Nonholonomic constraints bring equations in `full_newton`.
 
+mod attempt;
 mod derivatives;
 mod estimate;
 mod full_newton;
@@ -29,13 +30,13 @@ mod tangent;
 mod update;
 mod yardstick;
 
+use attempt::{KeptStages, SparkAttempt};
 use full_newton::FullNewton;
 pub use lanes::{SparkBatch, supports_batch};
 use liouville_base::error::StepError;
 use liouville_base::linalg::choice::{CHEAP_NEWTON, SCHUR_ITERATIONS};
-use liouville_base::linalg::copy;
 use liouville_base::method::{Stats, Stepper, Symmetric};
-use liouville_base::newton::{self, Attempts, Confirms, Member, Rest, Slot, Solved, Start};
+use liouville_base::newton::{self, Continuation, Member, Rest, Solved};
 use liouville_base::tableau;
 use liouville_problem::{Estimate, Mechanical, Model, State, Step};
 use liouville_small::Small;
@@ -91,7 +92,8 @@ pub struct Spark {
     /// Where node Schur started, for full Newton to start there too.
     start: Unknowns,
     /// Solutions to be compared, each made when it is first wanted.
-    kept: [Option<Box<KeptStages>>; 2],
+    kept: [Option<Box<KeptStages>>; 3],
+    continuation: Option<Box<Continuation>>,
     /// Rest of node Schur, and of the modified iteration.
     schur_rest: Rest,
     rest: Rest,
@@ -124,7 +126,8 @@ impl Spark {
             update: Update::new(&model),
             estimate: None,
             start: stages.unknowns.clone(),
-            kept: [None, None],
+            kept: [None, None, None],
+            continuation: None,
             schur_rest: Rest::default(),
             rest: Rest::default(),
             is_by_schur: false,
@@ -261,96 +264,6 @@ impl Spark {
         } else {
             newton::solve(&mut equations, MOST_ITERATIONS)
         }
-    }
-}
-
-/// A solution kept beside the present one.
-#[derive(Clone, Debug)]
-struct KeptStages {
-    unknowns: Unknowns,
-    z1: Vec<f64>,
-    is_by_schur: bool,
-}
-
-/// A step whose stage equations are attempted.
-struct SparkAttempt<'a> {
-    spark: &'a mut Spark,
-    step: Step<'a>,
-}
-
-impl Attempts for SparkAttempt<'_> {
-    fn start(&mut self, h: f64, start: Start) -> Result<bool, StepError> {
-        let step = Step { h, ..self.step };
-        let Spark {
-            model,
-            stages,
-            predictor,
-            update,
-            ..
-        } = &mut *self.spark;
-        match start {
-            Start::Extrapolated => Ok(predictor.extrapolate(stages, &mut update.z, step)),
-            Start::Continued => {
-                stages.begin_again(step);
-                Ok(true)
-            }
-            Start::Cold | Start::Still => {
-                let is_still = start == Start::Still;
-                predictor.start_cold(model, stages, &mut update.z, step, is_still)?;
-                Ok(true)
-            }
-        }
-    }
-
-    fn iterate(&mut self, h: f64) -> Result<bool, StepError> {
-        self.spark.iterate(Step { h, ..self.step })
-    }
-
-    fn count_cold_start(&mut self) {
-        self.spark.stats.cold_starts += 1;
-    }
-}
-
-impl Confirms for SparkAttempt<'_> {
-    fn iterate_full(&mut self, h: f64) -> Result<bool, StepError> {
-        self.spark.iterate_full(Step { h, ..self.step })
-    }
-
-    fn keep(&mut self, _h: f64, slot: Slot) {
-        let Spark {
-            stages,
-            update,
-            kept,
-            is_by_schur,
-            ..
-        } = &mut *self.spark;
-        let kept = kept[slot as usize].get_or_insert_with(|| {
-            Box::new(KeptStages {
-                unknowns: stages.unknowns.clone(),
-                z1: update.z.clone(),
-                is_by_schur: false,
-            })
-        });
-        kept.unknowns.copy_from(&stages.unknowns);
-        copy(&mut kept.z1, &update.z);
-        kept.is_by_schur = *is_by_schur;
-    }
-
-    fn put_back(&mut self, slot: Slot) {
-        if let Some(kept) = &self.spark.kept[slot as usize] {
-            self.spark.stages.unknowns.copy_from(&kept.unknowns);
-            copy(&mut self.spark.update.z, &kept.z1);
-            self.spark.is_by_schur = kept.is_by_schur;
-        }
-    }
-
-    fn distance(&mut self, _h: f64, slot: Slot) -> (f64, usize) {
-        let kept = self.spark.kept[slot as usize].as_ref();
-        kept.map_or((0.0, 0), |kept| self.spark.stages.distance(&kept.unknowns))
-    }
-
-    fn rest(&mut self) -> &mut Rest {
-        &mut self.spark.rest
     }
 }
 

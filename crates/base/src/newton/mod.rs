@@ -25,7 +25,7 @@ mod stop;
 pub use attempts::{Attempts, Confirms, Slot, Start, attempt, attempt_modified};
 pub use block_matrix::{BlockGrid, BlockHandle, BlockLayout, BlockMatrix};
 pub use broyden::Broyden;
-pub use predictor::{Polynomial, Predictor};
+pub use predictor::{Continuation, Polynomial, Predictor};
 pub use rest::Rest;
 pub use reuse::{Renewal, Reuse};
 pub use stop::{Stop, reach};

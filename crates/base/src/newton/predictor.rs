@@ -7,7 +7,7 @@
 #![allow(clippy::float_cmp)] // begin is 0 or 1
 
 use crate::checkpoint::{Checkpoint, CheckpointMismatch, Numbers};
-use crate::linalg::{Matrix, as_is, combine};
+use crate::linalg::{Matrix, as_is, combine, copy};
 use crate::real::Real;
 use crate::tableau::lagrange;
 
@@ -174,6 +174,41 @@ impl<R: Real> Predictor<R> {
     /// Lets the next step begin where the one held began, which says where it goes.
     pub fn undo(&mut self) {
         (self.begin, self.ratio) = (0.0, f64::NAN);
+    }
+}
+
+/// The polynomial through values at the start of a step and at its stages, which says what the stages of a longer or
+/// shorter step from there are near.
+#[derive(Clone, Debug)]
+pub struct Continuation {
+    held: Predictor,
+}
+
+impl Continuation {
+    /// Of rows of `width` values at the stages `c`.
+    pub fn new(c: &[f64], width: usize) -> Self {
+        let nodes = [&[0.0], c].concat();
+        let held = Predictor::new(vec![Polynomial::new(&nodes, c, width)]);
+        Self { held }
+    }
+
+    /// Writes the values at the stages of a step of `to`, from those at its start and at the stages of a step of `from`.
+    pub fn extend(
+        &mut self,
+        [from, to]: [f64; 2],
+        start: &[f64],
+        stages: &Matrix,
+        out: &mut [f64],
+    ) {
+        self.held.hold(from);
+        self.held.undo();
+        self.held.weigh(to);
+        let curve = &mut self.held.curves[0];
+        copy(curve.values.row_mut(0), start);
+        for i in 0..stages.rows() {
+            copy(curve.values.row_mut(i + 1), stages.row(i));
+        }
+        curve.extrapolate(out);
     }
 }
 

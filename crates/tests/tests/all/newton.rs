@@ -1,7 +1,8 @@
 //! The iteration ends at roundoff, and says early when it will not.
 
 use liouville_base::error::{Quantity, StepError};
-use liouville_base::newton::{Broyden, Equations, Solved, Stop, solve_full};
+use liouville_base::linalg::Matrix;
+use liouville_base::newton::{Broyden, Continuation, Equations, Solved, Stop, solve_full};
 
 /// Corrects with one matrix, and counts.
 fn solve(equations: &mut impl Equations, most: usize) -> Result<usize, StepError> {
@@ -331,4 +332,19 @@ fn full_newton_lets_corrections_grow() {
         solve_full(&mut Watched::new(&halves)).is_err(),
         "a double root"
     );
+}
+
+#[test]
+fn stages_of_another_step_are_on_the_polynomial_of_the_one_there_is() {
+    for c in [&[0.1, 0.5, 0.9][..], &[0.0, 0.5, 1.0]] {
+        let of = |t: f64| 1.0 + t * (2.0 - t * (0.5 - 0.1 * f64::from(u8::from(c[0] > 0.0)) * t));
+        for (from, to) in [(0.8, 0.4), (0.8, 1.6), (-0.3, -0.1)] {
+            let stages = Matrix::from_fn(c.len(), 1, |i, _| of(c[i] * from));
+            let mut out = vec![0.0; c.len()];
+            Continuation::new(c, 1).extend([from, to], &[of(0.0)], &stages, &mut out);
+            for (out, c) in out.iter().zip(c) {
+                assert!((out - of(c * to)).abs() < 1e-14, "{c} of {to}");
+            }
+        }
+    }
 }

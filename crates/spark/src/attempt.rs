@@ -1,0 +1,135 @@
+//! The attempts at a step of a SPARK method.
+
+use super::Spark;
+use super::stages::Unknowns;
+use liouville_base::error::StepError;
+use liouville_base::linalg::copy;
+use liouville_base::newton::{Attempts, Confirms, Continuation, Rest, Slot, Start};
+use liouville_problem::Step;
+
+/// A solution kept beside the present one.
+#[derive(Clone, Debug)]
+pub(super) struct KeptStages {
+    h: f64,
+    unknowns: Unknowns,
+    z1: Vec<f64>,
+    is_by_schur: bool,
+}
+
+/// A step whose stage equations are attempted.
+pub(super) struct SparkAttempt<'a> {
+    pub(super) spark: &'a mut Spark,
+    pub(super) step: Step<'a>,
+}
+
+impl Attempts for SparkAttempt<'_> {
+    fn start(&mut self, h: f64, start: Start) -> Result<bool, StepError> {
+        let step = Step { h, ..self.step };
+        if let Start::Continued | Start::Part = start {
+            self.start_at_part(step, start);
+            return Ok(true);
+        }
+        let Spark {
+            model,
+            stages,
+            predictor,
+            update,
+            ..
+        } = &mut *self.spark;
+        match start {
+            Start::Extrapolated => Ok(predictor.extrapolate(stages, &mut update.z, step)),
+            _ => {
+                let is_still = start == Start::Still;
+                predictor.start_cold(model, stages, &mut update.z, step, is_still)?;
+                Ok(true)
+            }
+        }
+    }
+
+    fn iterate(&mut self, h: f64) -> Result<bool, StepError> {
+        self.spark.iterate(Step { h, ..self.step })
+    }
+
+    fn count_cold_start(&mut self) {
+        self.spark.stats.cold_starts += 1;
+    }
+}
+
+impl SparkAttempt<'_> {
+    /// The unknowns of the part of the step that is kept, or Z_i and V_i where it leads.
+    fn start_at_part(&mut self, step: Step, start: Start) {
+        let Spark {
+            stages,
+            update,
+            kept,
+            continuation,
+            ..
+        } = &mut *self.spark;
+        let Some(kept) = &kept[Slot::Part as usize] else {
+            return;
+        };
+        stages.begin_again(step);
+        let (sizes, unknowns) = ([kept.h, step.h], &mut stages.unknowns);
+        unknowns.copy_from(&kept.unknowns);
+        copy(&mut update.z, &kept.z1);
+        if start == Start::Part {
+            return;
+        }
+        let (c, n) = (&stages.tableau.c, step.state.z.len());
+        let continuation = continuation.get_or_insert_with(|| Continuation::new(c, n).into());
+        let z = &kept.unknowns.z;
+        continuation.extend(sizes, &step.state.z, z, unknowns.z.flat_mut());
+        if stages.velocity_is_z {
+            copy(unknowns.v.flat_mut(), unknowns.z.flat());
+        } else {
+            let v = &kept.unknowns.v;
+            continuation.extend(sizes, &stages.still, v, unknowns.v.flat_mut());
+        }
+    }
+}
+
+impl Confirms for SparkAttempt<'_> {
+    fn iterate_full(&mut self, h: f64) -> Result<bool, StepError> {
+        self.spark.iterate_full(Step { h, ..self.step })
+    }
+
+    fn keep(&mut self, h: f64, slot: Slot) {
+        let Spark {
+            stages,
+            update,
+            kept,
+            is_by_schur,
+            ..
+        } = &mut *self.spark;
+        let kept = kept[slot as usize].get_or_insert_with(|| {
+            Box::new(KeptStages {
+                h,
+                unknowns: stages.unknowns.clone(),
+                z1: update.z.clone(),
+                is_by_schur: false,
+            })
+        });
+        kept.h = h;
+        kept.unknowns.copy_from(&stages.unknowns);
+        copy(&mut kept.z1, &update.z);
+        kept.is_by_schur = *is_by_schur;
+    }
+
+    fn put_back(&mut self, h: f64, slot: Slot) {
+        self.spark.stages.begin_again(Step { h, ..self.step });
+        if let Some(kept) = &self.spark.kept[slot as usize] {
+            self.spark.stages.unknowns.copy_from(&kept.unknowns);
+            copy(&mut self.spark.update.z, &kept.z1);
+            self.spark.is_by_schur = kept.is_by_schur;
+        }
+    }
+
+    fn distance(&mut self, _h: f64, slot: Slot) -> (f64, usize) {
+        let kept = self.spark.kept[slot as usize].as_ref();
+        kept.map_or((0.0, 0), |kept| self.spark.stages.distance(&kept.unknowns))
+    }
+
+    fn rest(&mut self) -> &mut Rest {
+        &mut self.spark.rest
+    }
+}
