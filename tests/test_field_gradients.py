@@ -134,7 +134,7 @@ def test_pairings_are_constant_over_long_chaotic_runs():
     ]
     there, back = cotangent @ tangent.x[-1], gradient @ direction
     assert np.linalg.norm(gradient) > 1e3
-    assert abs(there - back) < 1e-12 * np.linalg.norm(gradient) * np.linalg.norm(direction)
+    assert abs(there - back) < 5e-12 * np.linalg.norm(gradient) * np.linalg.norm(direction)
 
 
 def test_gradients_on_a_grid():

@@ -247,13 +247,12 @@ fn in_quadrant<R: Register>(x: R) -> ((R, R), R::Bits) {
         2.022_266_248_795_950_6e-21,
     ];
     let (n, bits) = rounded(x * x.like(std::f64::consts::FRAC_2_PI));
-    // x = n pi/2 + r + lost, |r| <= pi/4
+    // x = n pi/2 + r + lost, |r| <= pi/4; r is not rounded once more, so that nothing waits for what is lost
     let first = x - n * x.like(PARTS[0]);
     let second = n * x.like(PARTS[1]);
-    let high = first - second;
-    let low = n * x.like(PARTS[2]) - ((first - high) - second);
-    let r = high - low;
-    (sin_cos(r, (high - r) - low), bits)
+    let r = first - second;
+    let lost = ((first - r) - second) - n * x.like(PARTS[2]);
+    (sin_cos(r, lost), bits)
 }
 
 /// The sine a quarter turn `quadrants` times further on, of what [`in_quadrant`] found.
@@ -268,23 +267,45 @@ fn turned<R: Register>((sin, cos): (R, R), bits: R::Bits, quadrants: u64) -> R {
 }
 
 /// sin(r + lost) and cos(r + lost) for |r| <= pi/4.
+///
+/// A single trajectory waits for them, so that the chain of dependent operations is as short as it can be.
 #[inline(always)]
 fn sin_cos<R: Register>(r: R, lost: R) -> (R, R) {
     let z = r * r;
-    let z2 = z * z;
-    let tail = polynomial!(z, z2;
-        8.333_333_333_322_49e-3, -1.984_126_982_985_795e-4, 2.755_731_370_707_006_8e-6,
-        -2.505_076_025_340_686_3e-8, 1.589_690_995_211_55e-10);
-    let cube = z * r;
-    let sixth = r.like(1.666_666_666_666_663_2e-1);
-    let sin = r - ((z * (r.like(0.5) * lost - cube * tail) - lost) + cube * sixth);
-    let tail = z * polynomial!(z, z2;
-        4.166_666_666_666_66e-2, -1.388_888_888_887_411e-3, 2.480_158_728_947_673e-5,
-        -2.755_731_435_139_066_3e-7, 2.087_572_321_298_175e-9, -1.135_964_755_778_819_5e-11);
-    let half = r.like(0.5) * z;
+    let (z2, cube, half) = (z * z, z * r, r.like(0.5) * z);
+    let tail = three_pairs(
+        (z, z2),
+        [
+            1.666_666_666_666_663_2e-1,
+            -8.333_333_333_322_49e-3,
+            1.984_126_982_985_795e-4,
+            -2.755_731_370_707_006_8e-6,
+            2.505_076_025_340_686_3e-8,
+            -1.589_690_995_211_55e-10,
+        ],
+    );
+    let sin = r - (cube * tail + (lost * half - lost));
+    let tail = three_pairs(
+        (z, z2),
+        [
+            4.166_666_666_666_66e-2,
+            -1.388_888_888_887_411e-3,
+            2.480_158_728_947_673e-5,
+            -2.755_731_435_139_066_3e-7,
+            2.087_572_321_298_175e-9,
+            -1.135_964_755_778_819_5e-11,
+        ],
+    );
     let head = r.like(1.0) - half;
-    let cos = head + (((r.like(1.0) - head) - half) + (z * tail - r * lost));
+    let cos = head + (((r.like(1.0) - head) - half) + (z2 * tail - r * lost));
     (sin, cos)
+}
+
+/// A polynomial of degree 5 in z, its pairs side by side.
+#[inline(always)]
+fn three_pairs<R: Register>((z, z2): (R, R), c: [f64; 6]) -> R {
+    let [a, b, c] = [0, 2, 4].map(|k| z.like(c[k]) + z.like(c[k + 1]) * z);
+    (a + z2 * b) + (z2 * z2) * c
 }
 
 /// sin x

@@ -57,6 +57,8 @@ enum FormulaAt {
 struct Wave {
     k: Vec<f64>,
     phase: f64,
+    /// The place of a variable that is the argument by itself.
+    alone: Option<usize>,
     argument: PolynomialRows,
     sine: Option<usize>,
     cosine: Option<usize>,
@@ -179,9 +181,11 @@ impl FormulaAt {
                 let terms: Vec<_> = std::iter::once((phase, Vec::new())).chain(terms).collect();
                 let mut argument = PolynomialRows::default();
                 argument.push(0, &terms);
+                let is_alone = k == &[1.0] && phase == 0.0;
                 Self::Wave(Wave {
                     k: k.clone(),
                     phase,
+                    alone: is_alone.then(|| from[0] as usize),
                     argument,
                     sine: None,
                     cosine: None,
@@ -326,7 +330,10 @@ struct SetWave<'a, S> {
 impl<S> ForEach<S> for SetWave<'_, S> {
     #[inline(always)]
     fn visit<W: SimdView<Stored = S>>(&mut self, view: W) -> bool {
-        let argument = value(view, self.program, self.x);
+        let argument = match self.wave.alone {
+            Some(place) => view.load(self.x, place),
+            None => value(view, self.program, self.x),
+        };
         let (sine, cosine) = argument.sin_and_cos();
         if let Some(place) = self.wave.sine {
             view.store(self.x, place, sine);
