@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from typing import Any
+from weakref import WeakKeyDictionary
 
 import numpy as np
 
@@ -11,10 +12,17 @@ from liouville.splitting.pieces import Affine, Exponential, Natural, Piece, Scal
 from liouville.splitting.planes import Plane, PlaneSplit
 from liouville.terms import Function, Terms, Wave
 
+#: What the core has of the split fields that there are.
+_CROSSED: WeakKeyDictionary[Split | PlaneSplit, _core.Split] = WeakKeyDictionary()
+
 
 def crossed(split: Split | PlaneSplit) -> _core.Split:
-    """Hand a split field to the core."""
-    return _core.Split(split.n, [packed(piece) for piece in split.pieces])
+    """Hand a split field to the core, once."""
+    found = _CROSSED.get(split)
+    if found is None:
+        found = _core.Split(split.n, [packed(piece) for piece in split.pieces])
+        _CROSSED[split] = found
+    return found
 
 
 def packed(piece: Piece | Plane) -> tuple[Any, ...]:
