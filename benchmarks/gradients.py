@@ -4,6 +4,10 @@ A gradient is that of a number at the end, by all of the start and the parameter
 it belongs to. Tangents are one direction, and ten side by side. Memory is the peak of a process of
 its own. Run as ``python benchmarks/gradients.py``; takes two minutes, and four more with
 ``--memory``, which takes a million steps of Andrews' mechanism.
+
+With ``--peers`` it is nothing but milliseconds, beside diffrax, IDAS through CasADi, and JAX for
+pulses, at equal accuracy of the gradient: each code with many settings, in turn, of which the
+fastest counts that has reached the error. Takes four minutes, of which compilers have most.
 """
 
 import argparse
@@ -13,6 +17,7 @@ from functools import partial
 
 import casadi as ca
 import numpy as np
+import scipy.sparse as sp
 from report import publish
 
 import liouville as lv
@@ -133,10 +138,133 @@ def memory(steps):
     return row | {"MiB": round(before), "with gradient, MiB": round(peak())}
 
 
+#: Settings of each code beside ours: tolerances, and the number of terms of a series.
+TOLERANCES = {"diffrax": 10.0 ** -np.arange(3.0, 14), "IDAS": 10.0 ** -np.arange(4.0, 13)}
+ERRORS = (1e-3, 1e-6, 1e-9, 1e-12)
+TERMS = (4, 8, 12, 16)
+
+#: More levels than this are too many for exponentials of matrices.
+MATRIX = 16
+
+
+def mechanisms():
+    """Yield a name, a system, its start and its interval."""
+    for name, t in (
+        ("pendulum", (0.0, 10.0)),
+        ("double_pendulum", (0.0, 5.0)),
+        ("andrews", (0.0, 0.03)),
+    ):
+        problem = load(name)
+        yield name, problem.system, problem.start, t
+
+
+def beside(name, system, start, t):
+    """Return the rows of a mechanism: milliseconds of each code to reach an error."""
+    from peers import derivatives
+
+    start = {key: np.array(start[key], dtype=float) for key in "qv"}
+    best = derivatives.Ours(system, start, t, 7).run(4000)[1]
+    again = derivatives.Ours(system, start, t, 6).run(4000)[1]
+    assert error(again, best) < 1e-13, "the reference has an error"
+    motion = lv.integrate(system, lv.Spark(4), t=t, steps=400, **start)
+    scales = [float(np.abs(x).max()) for x in (motion.q, motion.v)]
+    steps = [int(25 * 2 ** (k / 2)) for k in range(11)]
+    codes = {("Spark", s): (derivatives.Ours(system, start, t, s), steps) for s in range(2, 8)}
+    codes["diffrax", 0] = (
+        derivatives.Diffrax(system, start, t, scales), TOLERANCES["diffrax"].tolist()
+    )  # fmt: skip
+    tolerances = TOLERANCES["IDAS"].tolist()
+    codes["IDAS", 0] = derivatives.Idas(system, start, t, scales, tolerances), tolerances
+    return [{"problem": name, **row} for row in reached(codes, best)]
+
+
+def pulses():
+    """Yield a name, the two parts of H, the states at both ends, a pulse and its length."""
+    rng, levels = np.random.default_rng(0), 6
+    lower = np.diag(np.sqrt(np.arange(1.0, levels)), 1)
+    number = np.arange(levels, dtype=float)
+    ladder = np.diag(-0.5 * 2.0 * number * (number - 1))
+    pulse = np.sin(np.pi * np.linspace(0, 1, 400)) * (0.6 + 0.05 * rng.standard_normal(400))
+    states = np.eye(levels)
+    yield (
+        "transmon of 6 levels, 400 slices",
+        (ladder, (lower + lower.T) / 2),
+        *states[:2],
+        pulse,
+        5.0,
+    )
+    exchange = np.array([[1, 0, 0, 0], [0, -1, 2, 0], [0, 2, -1, 0], [0, 0, 0, 1]]) / 4
+    for spins in (8, 12):
+        each = [sp.eye_array(2**k) for k in range(spins)]
+        bonds = [sp.kron(sp.kron(each[k], exchange), each[-2 - k]) for k in range(spins - 1)]
+        end = sp.diags_array(np.where(np.arange(2**spins) % 2, -1.0, 1.0))
+        ends = [np.zeros(2**spins) for _ in range(2)]
+        for state, pattern in zip(ends, ("01", "10"), strict=True):
+            state[int(pattern * (spins // 2), 2)] = 1.0
+        parts, pulse = (sum(bonds), end), rng.standard_normal(200)
+        yield f"chain of {spins} spins, 200 slices", parts, *ends, pulse, 10.0
+
+
+def pulsed(name, *case):
+    """Return the rows of a pulse."""
+    from peers import derivatives
+
+    series = derivatives.JaxPulse(*case, by_matrix=False)
+    best = series.run(20)[1]
+    codes = {
+        ("Magnus", 0): (derivatives.OurPulse(*case), [1e-4, 1e-7, 1e-10, 1e-13]),
+        ("JAX, series", 0): (series, TERMS),
+    }
+    if case[1].size <= MATRIX:
+        codes["JAX, expm", 0] = derivatives.JaxPulse(*case, by_matrix=True), [0]
+    return [{"problem": name, **row} for row in reached(codes, best)]
+
+
+def error(found, best):
+    """Return the largest error of a gradient, relative to its largest component."""
+    return float(np.abs(found - best).max() / np.abs(best).max())
+
+
+def reached(codes, best, repeats=6):
+    """Give for each error the least milliseconds in which each code has reached it."""
+    least = {}
+    for _ in range(repeats):
+        for (name, form), (code, settings) in codes.items():
+            for setting in settings:
+                try:
+                    spent, found = code.run(setting)
+                except (RuntimeError, lv.IntegrationError):
+                    continue
+                key = name, form, setting, error(found, best)
+                least[key] = min(spent, least.get(key, np.inf))
+    names = list(dict.fromkeys(name for name, _ in codes))
+    for wanted in ERRORS:
+        row = {"error": wanted}
+        for name in names:
+            own = [
+                1e3 * x for (which, *_, off), x in least.items() if which == name and off <= wanted
+            ]
+            row[name] = float(f"{min(own):.3g}") if own else None
+        yield row
+
+
 def main():
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--memory", type=int, nargs="?", const=10**6, help="steps of a long run")
+    parser.add_argument(
+        "--peers", nargs="*", help="other codes instead, on problems of these names"
+    )
     chosen = parser.parse_args()
+    if chosen.peers is not None:
+        wanted = tuple(chosen.peers) or ""
+        tables = ("gradient_peers", beside, mechanisms()), ("gradient_pulses", pulsed, pulses())
+        for table, measure, cases_of in tables:
+            rows = [
+                row for each in cases_of if each[0].startswith(wanted) for row in measure(*each)
+            ]
+            if rows:
+                publish(table, rows, ("diffrax", "jax"))
+        return
     publish("gradients", [cost(*case) for case in cases()])
     publish("gradients_waves", [wave_cost(*case) for case in waves()])
     if chosen.memory:

@@ -142,8 +142,8 @@ def pointer(array):
     return array.ctypes.data_as(ctypes.c_void_p)
 
 
-def equations(system):
-    """Return the system's symbols and expressions with numbers for its parameters.
+def equations(system, params=None):
+    """Return the system's symbols and expressions with numbers, or symbols, for its parameters.
 
     They are t, q, v, lam, its mass matrix, force, reaction, g and w.
     """
@@ -154,7 +154,7 @@ def equations(system):
     force = model.f - ca.jtimes(model.p, *along)
     hidden = ca.jtimes(model.g, *along)
     found = mass, force, model.r, model.g, hidden
-    numbers = ca.DM(system.values(None))
+    numbers = ca.DM(system.values(None)) if params is None else params
     return t, q, v, model.lam, *(ca.substitute(x, s.params.vector, numbers) for x in found)
 
 

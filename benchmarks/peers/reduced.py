@@ -6,7 +6,7 @@ top has Euler's equations too, as anyone would write them: its quaternion, its a
 the body, no multiplier. `translate` brings the rate to whatever computes with operators.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import casadi as ca
 import numpy as np
@@ -36,13 +36,14 @@ BINARY = {
 
 @dataclass(frozen=True)
 class Reduced:
-    """x' = rate(t, x) with its start; `ends` returns q, v and what should be zero."""
+    """x' = rate(t, x, params) with its start; `ends` returns q, v and what should be zero."""
 
     time: ca.SX
     state: ca.SX
     rate: ca.SX
     start: np.ndarray
-    ends: ca.Function
+    ends: ca.Function | None
+    params: ca.SX = field(default_factory=lambda: ca.SX(0, 1))
 
     def split(self, t, x):
         """Return coordinates, velocities and the largest residual of the constraints."""
@@ -50,18 +51,20 @@ class Reduced:
         return q, v, float(np.abs(g).max())
 
 
-def reduced(system, start):
-    """Return a system's equations without multipliers."""
+def reduced(system, start, params=None):
+    """Return a system's equations without multipliers, with numbers or symbols for parameters."""
     q0, v0 = (np.array(start[key], dtype=float) for key in "qv")
-    t, q, v, lam, mass, force, reaction, g, hidden = equations(system)
+    t, q, v, lam, mass, force, reaction, g, hidden = equations(system, params)
     by_lam, by_v = ca.jacobian(reaction, lam), ca.jacobian(hidden, v)
     free, answers = solved(mass, force), solved(mass, by_lam)
     rest = ca.jtimes(hidden, ca.vertcat(t, q), ca.vertcat(1, v)) + ca.mtimes(by_v, free)
     multipliers = solved(-ca.mtimes(by_v, answers), rest)
     state = ca.vertcat(q, v)
     rate = ca.vertcat(v, free + ca.mtimes(answers, multipliers))
-    ends = ca.Function("ends", [t, state], [q, v, g])
-    return Reduced(t, state, rate, np.concatenate([q0, v0]), ends)
+    start = np.concatenate([q0, v0])
+    if params is not None:
+        return Reduced(t, state, rate, start, None, params)
+    return Reduced(t, state, rate, start, ca.Function("ends", [t, state], [q, v, g]))
 
 
 def solved(matrix, right):
@@ -85,10 +88,11 @@ def euler(system, start):
     return Reduced(t, state, rate, start, ends)
 
 
-def translate(equation, time, state, space):
+def translate(equation, time, state, space, params=()):
     """Return the rates as a list, of other symbols or numbers, with the functions of a space."""
-    function = ca.Function("rate", [equation.time, equation.state], [equation.rate]).expand()
-    inputs, work = ([time], state), [None] * function.sz_w()
+    own = [equation.time, equation.state, equation.params]
+    function = ca.Function("rate", own, [equation.rate]).expand()
+    inputs, work = ([time], state, params), [None] * function.sz_w()
     found = [0.0] * equation.rate.numel()
     places = function.sparsity_out(0).row()
     for k in range(function.n_instructions()):
