@@ -3,6 +3,9 @@
 import casadi as ca
 import numpy as np
 import pytest
+import registry
+from test_tangents import COVERED, directions_of
+from test_wave_gradients import REGISTERED
 
 import liouville as lv
 from liouville.problems import abc_flow, load
@@ -65,6 +68,37 @@ def test_redundant_varying_and_moving_systems(name):
     first, second = problem.system.states
     run = {"t": (problem.interval[0], problem.interval[0] + 5 * problem.h), "steps": 5}
     alone(problem.system, lv.Spark(2), [first, second], run, start)
+
+
+@pytest.mark.parametrize(("row", "name"), COVERED, ids=str)
+def test_methods_for_mechanics(row, name):
+    problem = registry.ALL[name]
+    system, t0 = problem.system, problem.t[0]
+    found = system.consistent(t=t0, **problem.start)
+    y, z = (np.stack([x, x]) for x in found.values())
+    y_and_z = dict(zip(system.states, (y, z * [[1.0], [0.9]]), strict=True))
+    run = {"t": (t0, t0 + 0.5), "steps": 5, "every": 2}
+    wrt = [*directions_of(system, "t0", "t1")]
+    alone(system, row.method, wrt, run, system.consistent(t=t0, **y_and_z))
+
+
+@pytest.mark.parametrize(("row", "name"), [(row, row.on[0]) for row in registry.FIELDS], ids=str)
+def test_methods_for_fields(row, name):
+    """By one plan, as a member alone may be split in another way."""
+    problem = registry.ALL[name]
+    x, t0 = np.outer([1.0, 0.9], problem.start["x"]), problem.t[0]
+    plan = lv.plan(problem.system, row.method, h=0.025, x=x, t=t0)
+    alone(problem.system, plan, ["x", "t1"], {"t": (t0, t0 + 0.1), "steps": 4}, {"x": x})
+
+
+@pytest.mark.parametrize(("row", "name"), REGISTERED, ids=str)
+def test_methods_for_wave_functions(row, name):
+    problem = registry.ALL[name]
+    run = {"t": (problem.t[0], problem.t[0] + 1.0)}
+    if isinstance(row.method, lv.Magnus | lv.GrayManolopoulos | lv.StabilitySplitting):
+        run["steps"] = row.steps[-1]
+    psi = np.ravel(problem.start["psi"])
+    alone(problem.system, row.method, ["psi"], run, {"psi": np.stack([psi, 1j * psi[::-1]])})
 
 
 def test_one_start_and_many_lengths_sum_to_the_gradient_of_a_sum():
