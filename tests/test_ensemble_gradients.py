@@ -1,5 +1,7 @@
 """Pullbacks of ensembles give each member the gradients that it has alone, bit for bit."""
 
+import _thread
+
 import casadi as ca
 import numpy as np
 import pytest
@@ -158,6 +160,29 @@ def test_results_do_not_depend_on_threads():
         )
         found.append(pullback(q=np.ones_like(solution.q))["v"])
     np.testing.assert_array_equal(*found)
+
+
+def test_ctrl_c_ends_the_members_that_threads_have():
+    """It comes to the main thread; here it comes while the second member is pulled back."""
+    problem = load("double_pendulum")
+    start = starts(problem)
+    run = {"t": (0, 40), "steps": 4000, "every": 4000}
+    solution, pullback = lv.vjp(problem.system, lv.Spark(2), wrt=["v"], **run, **start)
+    adjoint, seen = pullback.adjoint, []
+
+    def of_member(member, make=adjoint._of_member):
+        found = make(member)
+        seen.append(found.checkpoints)
+        if member == 1:
+            _thread.interrupt_main()
+        return found
+
+    adjoint._of_member, adjoint._threads = of_member, 2
+    with pytest.raises(KeyboardInterrupt):
+        pullback(q=np.ones_like(solution.q))
+    assert all(each.stop.is_set() for each in seen)
+    with pytest.raises(KeyboardInterrupt):
+        next(seen[0].reversed(4000))
 
 
 def test_a_member_that_fails_and_what_has_no_pullback_are_named():

@@ -6,6 +6,7 @@ import math
 import time
 from collections.abc import Iterator, Mapping
 from dataclasses import replace
+from threading import Event
 from typing import Any
 
 import numpy as np
@@ -32,9 +33,15 @@ class Checkpoints:
     """States that a run is made again from: about as many as there are steps between two of them.
 
     Of a run whose number of steps is not known every second is dropped as it grows.
+
+    Attributes
+    ----------
+    stop : threading.Event
+        Set, it interrupts run and pullback: Ctrl-C comes to the main thread alone.
     """
 
     def __init__(self, steps: int | None) -> None:
+        self.stop = Event()
         self.stride = 1 if steps is None else math.isqrt(steps - 1) + 1
         self._most = math.inf if steps is not None else 4
         self.next = 0
@@ -42,6 +49,7 @@ class Checkpoints:
 
     def take(self, run: _core.Run) -> None:
         """Save a run that has come to where it is to be saved."""
+        self._check()
         if run.done != self.next:
             return
         saved = run.save()
@@ -55,9 +63,14 @@ class Checkpoints:
     def reversed(self, steps: int) -> Iterator[tuple[int, int, np.ndarray]]:
         """Give the pieces of a run of so many steps, the last first: first and last step, state."""
         for place in range(len(self._saved) - 1, -1, -1):
+            self._check()
             first = place * self.stride
             if first < steps:
                 yield first, min(first + self.stride, steps), self._saved[place]
+
+    def _check(self) -> None:
+        if self.stop.is_set():
+            raise KeyboardInterrupt
 
 
 def execute(

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Mapping
 from concurrent.futures import ThreadPoolExecutor
+from threading import Event
 
 import numpy as np
 
@@ -39,19 +40,35 @@ class MembersAdjoint(Adjoint):
 
     def pulled(self, solution: Solution, cotangents: Mapping[str, np.ndarray]) -> Gradients:
         """Return gradients of each member, along their first axis; see :class:`Adjoint`."""
+        stop = Event()
 
         def pulled(member: int) -> Gradients:
+            adjoint = self._of_member(member)
+            if adjoint.checkpoints is not None:
+                adjoint.checkpoints.stop = stop
             own = {name: np.ascontiguousarray(x[:, member]) for name, x in cotangents.items()}
-            return self._pulled(solution, member, own)
+            return self._pulled(adjoint, solution, member, own)
 
         # the first records tapes that all share
-        found = [pulled(0), *self._each(pulled, range(1, self._count))]
+        found, others = [pulled(0)], range(1, self._count)
+        if self._threads == 1:
+            found += map(pulled, others)
+        else:
+            pool = ThreadPoolExecutor(self._threads)
+            try:
+                found += pool.map(pulled, others)
+            finally:  # where one fails, and after Ctrl-C, the others end
+                stop.set()
+                pool.shutdown(cancel_futures=True)
         return {name: np.array([each[name] for each in found]) for name in self.wrt}
 
     def _pulled(
-        self, solution: Solution, member: int, cotangents: Mapping[str, np.ndarray]
+        self,
+        adjoint: Adjoint,
+        solution: Solution,
+        member: int,
+        cotangents: Mapping[str, np.ndarray],
     ) -> Gradients:
-        adjoint = self._of_member(member)
         steps, checkpoints = adjoint.runner.steps.count, adjoint.checkpoints
         try:
             if checkpoints is not None and steps <= SHORT:
@@ -67,18 +84,6 @@ class MembersAdjoint(Adjoint):
         except IntegrationError as error:
             sentence = f"member {member}: {error}"
             raise IntegrationError(sentence, quantity=error.quantity, member=member) from error
-
-    def _each(
-        self, call: Callable[[int], Gradients], members: Iterable[int]
-    ) -> Iterator[Gradients]:
-        if self._threads == 1:
-            yield from map(call, members)
-            return
-        pool = ThreadPoolExecutor(self._threads)
-        try:
-            yield from pool.map(call, members)
-        finally:  # where one fails, and after Ctrl-C, no other begins
-            pool.shutdown(cancel_futures=True)
 
     def moved(self, directions: Mapping[str, np.ndarray], size: float) -> Mapping[str, np.ndarray]:
         """Return the states of all runs, each moved by so much of its own directions."""
