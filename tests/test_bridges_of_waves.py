@@ -3,6 +3,7 @@
 import casadi as ca
 import numpy as np
 import pytest
+from scipy.interpolate import CubicSpline
 
 import liouville as lv
 from liouville.bridges import run
@@ -97,7 +98,7 @@ def test_torch_differentiates_wave_functions_by_its_own_convention(torch):
 
 def test_casadi_has_real_and_imaginary_parts():
     solve = lv.casadi.solver(SYSTEM, METHOD, wrt=WRT, t=TIMES)
-    assert solve.name_in() == ["psi_re", "psi_im", "params_a", "i2"]
+    assert solve.name_in() == ["psi_re", "psi_im", "params_a", "drive_1"]
     assert solve.name_out() == ["psi_re", "psi_im"]
     symbols = [ca.MX.sym("x", *np.shape(x)) for x in (PSI, PSI, A, U)]
     re, im = (x[-1, :].T for x in solve(*symbols))
@@ -115,6 +116,30 @@ def test_casadi_has_real_and_imaginary_parts():
         np.testing.assert_allclose(own, np.ravel(wanted), rtol=1e-11, atol=1e-13)
     paired = sum(np.sum(x * np.ravel(d)) for x, d in zip(slopes, along, strict=True))
     assert pushed[0] == pytest.approx(paired, rel=1e-10)
+
+
+def test_ipopt_finds_a_pulse():
+    """A spin is turned over with the least energy by a pulse of constant height."""
+    spin = lv.Schrodinger(
+        np.zeros((2, 2)), drive=[(np.ones(11), [[0, 1], [1, 0]])], times=np.linspace(0, 1, 11)
+    )
+    solve = lv.casadi.solver(spin, "auto", wrt=["drive[0]"], t=(0, 1), psi=[1, 0])
+    u = ca.MX.sym("u", 11)
+    re, im = (x[-1, :] for x in solve(u))
+    turned = (re[1] ** 2 + im[1] ** 2) / (ca.sumsqr(re) + ca.sumsqr(im))
+    nodes, weights = np.polynomial.legendre.leggauss(4)
+    at = (np.arange(10)[:, None] + (nodes + 1) / 2).ravel() / 10
+    splines = CubicSpline(spin.sensitivity.times("drive[0]"), np.eye(11))(at)
+    energy = splines.T @ (np.tile(weights / 20, 10)[:, None] * splines)  # of the pulse
+    problem = {"x": u, "f": ca.bilin(ca.DM(energy), u, u), "g": turned}
+    options = {"ipopt.hessian_approximation": "limited-memory", "ipopt.print_level": 0}
+    options |= {"ipopt.sb": "yes", "print_time": False, "ipopt.tol": 1e-7}
+    optimum = ca.nlpsol("turn", "ipopt", problem, options)
+    found = optimum(x0=np.linspace(0.8, 1.2, 11), lbg=0.999, lbx=-4, ubx=4)
+    assert optimum.stats()["return_status"] == "Solve_Succeeded"
+    angle = np.arcsin(np.sqrt(0.999))
+    np.testing.assert_allclose(found["x"].full().ravel(), angle, rtol=1e-3)
+    assert float(found["f"]) == pytest.approx(angle**2, rel=1e-5)
 
 
 def test_steps_of_a_method_and_a_start_that_is_held():

@@ -225,7 +225,7 @@ def _apart(values: Sequence[Array]) -> list[Array]:
 
 def _name(name: str, k: int) -> str:
     """Return the name of an input as CasADi takes it."""
-    found = name.replace(".", "_")
+    found = name.replace(".", "_").replace("[", "_").replace("]", "")
     return found if ca.Function.check_name(found) else f"i{k}"
 
 
