@@ -84,6 +84,17 @@ def test_methods_for_mechanics(row, name):
     alone(system, row.method, wrt, run, system.consistent(t=t0, **y_and_z))
 
 
+@pytest.mark.parametrize("row", registry.INDEX2, ids=str)
+def test_methods_for_semi_explicit_systems(row):
+    problem = registry.ALL["index 2"]
+    system, (t0, t1) = problem.system, (0.2, 0.5)
+    y, z = (problem.exact(t0)[name] for name in ("y", "z"))
+    starts = [system.consistent(t=t0, y=y + k * 0.02, z=z) for k in range(2)]
+    start = {name: np.stack([one[name] for one in starts]) for name in ("y", "z")}
+    wrt = ["y", "t0", "t1", *(f"params.{name}" for name in system.params)]
+    alone(system, row.method, wrt, {"t": (t0, t1), "steps": 5, "every": 2}, start)
+
+
 @pytest.mark.parametrize(("row", "name"), [(row, row.on[0]) for row in registry.FIELDS], ids=str)
 def test_methods_for_fields(row, name):
     """By one plan, as a member alone may be split in another way."""

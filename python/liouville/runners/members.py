@@ -24,7 +24,15 @@ if TYPE_CHECKING:
 
 
 class Members(TracedRunner):
-    """What runs of many trajectories do in another way than a run of one."""
+    """What runs of many trajectories do in another way than a run of one.
+
+    Attributes
+    ----------
+    alone : type
+        The runner of a member by itself.
+    """
+
+    alone: type[TracedRunner]
 
     def __init__(self, system: Any, method: Any, request: Request) -> None:
         self.threads = threads_of(request.threads)
@@ -34,6 +42,24 @@ class Members(TracedRunner):
         job = super()._job()
         job.params, job.threads, job.is_ensemble = self._rows, self.threads, True
         return job
+
+    def adjoint(self, request: Request, wrt: Any) -> Adjoint:
+        """Return the transposed derivatives of all runs by what `wrt` names, before they begin."""
+        # imported here: few runs are differentiated
+        from liouville.runners.members_adjoint import MembersAdjoint
+
+        names = (*self.system.states, *self._also)
+
+        def of_member(member: int) -> Adjoint:
+            start = zip(names, (x[member] for x in self._begin), strict=False)
+            params = dict(request.params or {})
+            params |= {name: np.asarray(params[name])[member] for name in self.varied}
+            own = replace(
+                request, start=dict(start), params=params, threads=None, is_ensemble=False
+            )
+            return self.alone(self.system, self.choice, own).adjoint(own, wrt)
+
+        return MembersAdjoint(self, of_member, self.threads)
 
     def events(self, run: _core.Run) -> tuple[dict[str, Points], dict[int, str]]:
         """Return the events met, of one member after another, and what ended which runs."""
@@ -73,23 +99,7 @@ class Members(TracedRunner):
 class MembersRunner(Members, MechanicalRunner):
     """Runs many trajectories of a mechanical system; see :class:`Runner`."""
 
-    def adjoint(self, request: Request, wrt: Any) -> Adjoint:
-        """Return the transposed derivatives of all runs by what `wrt` names, before they begin."""
-        # imported here: few runs are differentiated
-        from liouville.runners.members_adjoint import MembersAdjoint
-
-        names = (*self.system.states, *self._also)
-
-        def of_member(member: int) -> Adjoint:
-            start = zip(names, (x[member] for x in self._begin), strict=False)
-            params = dict(request.params or {})
-            params |= {name: np.asarray(params[name])[member] for name in self.varied}
-            own = replace(
-                request, start=dict(start), params=params, threads=None, is_ensemble=False
-            )
-            return MechanicalRunner(self.system, self.choice, own).adjoint(own, wrt)
-
-        return MembersAdjoint(self, of_member, self.threads)
+    alone = MechanicalRunner
 
     def _leave_out(self) -> None:
         """Take the system without what the other constraints imply, which is alike of all."""
@@ -113,3 +123,5 @@ class MembersRunner(Members, MechanicalRunner):
 
 class SemiExplicitMembersRunner(Members, SemiExplicitRunner):
     """Runs many trajectories of a semi-explicit system; see :class:`Runner`."""
+
+    alone = SemiExplicitRunner

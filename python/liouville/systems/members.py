@@ -17,7 +17,7 @@ from liouville.systems.traced import shown
 
 
 def are_given(
-    system: Mechanics | Field | Schrodinger,
+    system: Mechanics | SemiExplicit | Field | Schrodinger,
     start: Mapping[str, Any],
     params: Mapping[str, ArrayLike] | None,
 ) -> bool:
