@@ -4,6 +4,7 @@ import casadi as ca
 import numpy as np
 import pytest
 from scipy.interpolate import CubicSpline
+from test_index2_gradients import started
 
 import liouville as lv
 from liouville.bridges import run
@@ -179,6 +180,39 @@ def test_fields_in_all_three(jax, torch):
     for values in (found, [v.grad.numpy() for v in tensors], own):
         for value, want in zip(values, wanted, strict=True):
             np.testing.assert_array_equal(np.ravel(value), np.ravel(want))
+
+
+def test_semi_explicit_systems_from_starts_beside_their_constraints(jax, monkeypatch):
+    """Derivatives of the start moved, by CasADi both ways and by JAX of members."""
+    system, start, _ = started()
+    call = {"wrt": ["y", "params.l", "t0"], "t": (0.2, 0.5), "steps": 4, "every": 4}
+    point = [1.02 * start["y"], np.array(1.1), np.array(0.2)]
+    solve = lv.casadi.solver(system, lv.Spark(2), returns=("y", "z"), **call)
+    along = [RNG.standard_normal(np.shape(x)) for x in point]
+    values = {}
+    for m in (1, -1, 2, -2, 3, -3):
+        moved = [x + m * 2e-3 * d for x, d in zip(point, along, strict=True)]
+        values[m] = np.concatenate([x.full().ravel() for x in solve(*moved)])
+    weights = {1: 3 / 4, 2: -3 / 20, 3: 1 / 60}
+    slope = sum(w / 2e-3 * (values[m] - values[-m]) for m, w in weights.items())
+    symbols = [ca.MX.sym("x", *np.shape(x)) for x in point]
+    outputs = ca.vertcat(*(ca.vec(x.T) for x in solve(*symbols)))
+    forward = sum(ca.jtimes(outputs, x, d) for x, d in zip(symbols, along, strict=True))
+    back = RNG.standard_normal(outputs.numel())
+    reverse = [ca.jtimes(outputs, x, back, True) for x in symbols]
+    pushed, *pulled = ca.Function("both", symbols, [forward, *reverse])(*point)
+    np.testing.assert_allclose(pushed.full().ravel(), slope, atol=1e-8)
+    paired = sum(np.sum(g.full().ravel() * np.ravel(d)) for g, d in zip(pulled, along, strict=True))
+    assert abs(paired - back @ pushed.full().ravel()) < 1e-12 * np.abs(slope).sum()
+    mapped = lv.jax.solver(system, lv.Spark(2), **call)
+    gradient = jax.grad(lambda *x: mapped(*x)[-1, 0], (0, 1))
+    rows = np.stack([point[0], start["y"]])
+    alone = [gradient(y, *point[1:]) for y in rows]
+    runs = counted(monkeypatch)
+    found = jax.vmap(gradient, (0, None, None))(rows, *point[1:])
+    assert runs == [2]
+    for own, one in zip(found, zip(*alone, strict=True), strict=True):
+        np.testing.assert_allclose(own, np.stack(one), rtol=1e-10)
 
 
 def counted(monkeypatch):

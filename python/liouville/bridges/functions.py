@@ -15,8 +15,17 @@ from liouville.errors import hinted
 from liouville.methods import Method
 from liouville.runners import Request, runner_of
 from liouville.runners.tangents import PARAMS, check_names, check_wrt, places_of, shapes_of
-from liouville.systems import Field, Mechanics, Schrodinger
-from liouville.systems._sensitivity import moved_start, pulled_start
+from liouville.systems import (
+    Field,
+    Mechanics,
+    Schrodinger,
+    SemiExplicit,
+    _semi_explicit_sensitivity,
+    _sensitivity,
+)
+
+#: Systems on constraints.
+Constrained = Mechanics | SemiExplicit
 
 #: Where redundant constraints are dependent on one another.
 ON_CONSTRAINTS = (
@@ -94,12 +103,33 @@ class FieldFunction(SteppedFunction):
         return RunPoint(self, inputs, self.system, run, start)
 
 
-class MechanicalFunction(SteppedFunction):
-    """A run of a mechanical system; see :class:`RunFunction`."""
+class ConstrainedFunction(SteppedFunction):
+    """A run on constraints; see :class:`RunFunction`."""
 
     def _named(self, wrt: Any, request: Request) -> dict[str, tuple[int, ...]]:
         self._steps_of(request)
         return shapes_of(self.system, check_wrt(self.system, wrt, self._asked))
+
+    def point(self, inputs: list[Array]) -> RunPoint:
+        """Return the run with these inputs; some may have a row for each member."""
+        return ConstrainedPoint(self, inputs, *self._arguments(inputs))
+
+
+class SemiExplicitFunction(ConstrainedFunction):
+    """A run of a semi-explicit system; see :class:`RunFunction`."""
+
+    def _known(self, request: Request) -> dict[str, tuple[int, ...]]:
+        rows, system = self._rows(), self.system
+        return {"y": (rows, len(system.coordinates)), "z": (rows, len(system.unknowns))}
+
+    def _fixed_start(self, start: Mapping[str, Any]) -> dict[str, Array]:
+        free = {name: np.zeros(self.inputs[name]) for name in ("y",) if name in self.inputs}
+        y, z = self.system.start({**start, **free})
+        return {"z": z} if free else {"y": y, "z": z}
+
+
+class MechanicalFunction(ConstrainedFunction):
+    """A run of a mechanical system; see :class:`RunFunction`."""
 
     def _known(self, request: Request) -> dict[str, tuple[int, ...]]:
         rows, n = self._rows(), len(self.system.coordinates)
@@ -113,15 +143,11 @@ class MechanicalFunction(SteppedFunction):
         values = dict(zip(system.states, system.start({**start, **zeros}), strict=True))
         return {name: x for name, x in values.items() if name not in free}
 
-    def point(self, inputs: list[Array]) -> RunPoint:
-        """Return the run with these inputs; some may have a row for each member."""
-        return MechanicalPoint(self, inputs, *self._arguments(inputs))
 
+class ConstrainedPoint(RunPoint):
+    """A run from a start that is moved onto its constraints."""
 
-class MechanicalPoint(RunPoint):
-    """A run of a mechanical system from a start that is moved onto its constraints."""
-
-    system: Mechanics
+    system: Constrained
 
     def __init__(
         self, function: RunFunction, inputs: list[Array], run: dict[str, Any], given: dict[str, Any]
@@ -129,8 +155,10 @@ class MechanicalPoint(RunPoint):
         system = function.system
         own = {"t": run["t"][0], "params": run["params"]}
         self._given, start = given, system.consistent(**own, **given)
-        pairs = [(x, np.broadcast_to(given[name], x.shape)) for name, x in start.items()]
-        self._is_consistent = all(np.array_equal(*pair) for pair in pairs)
+        # z of a semi-explicit system is a guess
+        self._moved = [name for name in system.states if name in places_of(system)]
+        pairs = [(x, np.broadcast_to(given[x], start[x].shape)) for x in self._moved]
+        self._is_consistent = all(np.array_equal(start[x], old) for x, old in pairs)
         super().__init__(function, inputs, system, run, dict(start))
 
     @property
@@ -138,8 +166,8 @@ class MechanicalPoint(RunPoint):
         """What the pullback is by: all states of a start that was moved."""
         if self._is_consistent:
             return super().wrt
-        states = self.system.states
-        return [*states, *(name for name in self.function.inputs if name not in states)]
+        others = [name for name in self.function.inputs if name not in self._moved]
+        return [*self._moved, *others]
 
     @property
     def values(self) -> list[Array]:
@@ -153,41 +181,53 @@ class MechanicalPoint(RunPoint):
         """Return directions of the start as it is moved, each of shape (d, ...)."""
         if self._is_consistent:
             return tangents
-        system = self.system
-        n, places = len(system.coordinates), places_of(system)
+        places = places_of(self.system)
         rows = np.zeros((len(next(iter(tangents.values()))), places["t1"][0] + 1))
         for name, direction in tangents.items():
             first, shape = places[name]
             size = int(np.prod(shape))
             rows[:, first : first + size] = np.reshape(direction, (-1, size))
-        moves = rows[:, :n], rows[:, n : 2 * n], rows[:, 2 * n : -1]
-        moved = moved_start(*self._from(None), moves)
-        return tangents | dict(zip(system.states, moved, strict=True))
+        n = len(self.system.coordinates)
+        *states, tau = np.split(rows[:, :-1], n * np.arange(1, 1 + len(self._moved)), axis=1)
+        moved = self._pushed((*states, tau))
+        return tangents | dict(zip(self._moved, moved, strict=True))
 
     def gradients(self, found: dict[str, Any]) -> dict[str, Any]:
         """Return gradients by the start as it was given, from those by the start as it is moved."""
         if self._is_consistent:
             return found
-        shape = found[self.system.states[0]].shape
+        shape = found[self._moved[0]].shape
         if len(shape) == 1:
             return self._moved_back(found, None)
         each = [self._moved_back({x: y[k] for x, y in found.items()}, k) for k in range(shape[0])]
         return {name: np.array([own[name] for own in each]) for name in found}
 
     def _moved_back(self, found: dict[str, Any], member: int | None) -> dict[str, Any]:
-        system = self.system
-        n, places = len(system.coordinates), places_of(system)
-        states = [found[name] for name in system.states]
-        more = np.zeros(places["t1"][0] - 2 * n)
-        *states, more = pulled_start(*self._from(member), (*states, more))
-        found = found | dict(zip(system.states, states, strict=True))
-        for name in set(self.function.inputs) - {*system.states, "t1"}:
+        places, n = places_of(self.system), len(self.system.coordinates) * len(self._moved)
+        more = np.zeros(places["t1"][0] - n)
+        *states, more = self._pulled((*(found[name] for name in self._moved), more), member)
+        found = found | dict(zip(self._moved, states, strict=True))
+        for name in set(self.function.inputs) - {*self._moved, "t1"}:
             first, shape = places[name]
-            own = more[first - 2 * n :][: int(np.prod(shape))]
+            own = more[first - n :][: int(np.prod(shape))]
             found[name] = found[name] + own.reshape(shape)
         return found
 
-    def _from(self, member: int | None) -> tuple[Mechanics, float, Array, Array, Array]:
+    def _pushed(self, moves: Any) -> tuple[Array, ...]:
+        """Return changes of the start as it is moved, from those of it and of tau."""
+        system, at, y, z, values = self._from(None)
+        if isinstance(system, Mechanics):
+            return _sensitivity.moved_start(system, at, y, z, values, moves)
+        return (_semi_explicit_sensitivity.moved_start(system, at, y, values, moves),)
+
+    def _pulled(self, found: Any, member: int | None) -> tuple[Array, ...]:
+        """Return cotangents of the start as it was given and of tau, from those of it as moved."""
+        system, at, y, z, values = self._from(member)
+        if isinstance(system, Mechanics):
+            return _sensitivity.pulled_start(system, at, y, z, values, found)
+        return _semi_explicit_sensitivity.pulled_start(system, at, y, values, found)
+
+    def _from(self, member: int | None) -> tuple[Constrained, float, Array, Array, Array]:
         """Return what the start of a member that was given is moved from."""
         system, at = self.system, self.run["t"][0]
 
@@ -197,7 +237,7 @@ class MechanicalPoint(RunPoint):
         params = {x: own(y, np.ndim(system.params[x])) for x, y in self.run["params"].items()}
         values = system.values(params)
         y, z = system.start({name: own(self.start[name], 1) for name in system.states})
-        is_whole = system.stepped(at, y, z, values) is system
+        is_whole = not isinstance(system, Mechanics) or system.stepped(at, y, z, values) is system
         y, z = system.start({name: own(self._given[name], 1) for name in system.states})
         if not is_whole:
             system.check(at, y, z, values, ON_CONSTRAINTS)
@@ -252,6 +292,7 @@ class WaveFunction(RunFunction):
 #: How the systems of a family are run.
 FAMILIES: dict[type[Runnable], type[RunFunction]] = {
     Mechanics: MechanicalFunction,
+    SemiExplicit: SemiExplicitFunction,
     Field: FieldFunction,
     Schrodinger: WaveFunction,
 }

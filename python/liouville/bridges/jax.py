@@ -47,9 +47,9 @@ def solver(
     Parameters
     ----------
     system, method, t, h, steps, every, params
-        As for :func:`liouville.vjp`: a mechanical system or a field with equal steps, whose number
-        is that of `t`, also where its ends are inputs; or a Schrödinger equation, whose psi is
-        complex.
+        As for :func:`liouville.vjp`: a mechanical or semi-explicit system or a field with equal
+        steps, whose number is that of `t`, also where its ends are inputs; or a Schrödinger
+        equation, whose psi is complex.
     wrt : sequence of str
         What the run is a function of: states of the system such as ``"q"`` and ``"v"``,
         ``"params.name"``, ``"t0"`` and ``"t1"``, and ``"drive[k]"`` for the samples of a drive.

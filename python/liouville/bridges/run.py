@@ -19,12 +19,12 @@ from liouville.methods import Method
 from liouville.runners import Request
 from liouville.runners.tangents import PARAMS, check_covered
 from liouville.solution import Solution
-from liouville.systems import Field, Mechanics, Schrodinger
+from liouville.systems import Field, Mechanics, Schrodinger, SemiExplicit
 
 Array = NDArray[Any]
 
 #: The systems whose runs are functions.
-Runnable = Mechanics | Field | Schrodinger
+Runnable = Mechanics | SemiExplicit | Field | Schrodinger
 
 #: The types of numbers, by the names that every library has for them.
 DOUBLE, COMPLEX = "float64", "complex128"
