@@ -63,6 +63,7 @@ enum WaveMethod<'py> {
         breaks: Vec<f64>,
         rate: f64,
         norm_tol: f64,
+        by_differences: bool,
     },
     Splitting {
         scheme: String,
@@ -177,8 +178,10 @@ impl WaveMethod<'_> {
                 breaks,
                 rate,
                 norm_tol: tolerance,
+                by_differences,
             } => Method::Driven(Driven {
                 bounds: term_bounds(parts),
+                by_differences,
                 breaks,
                 rate,
                 tolerance,

@@ -14,11 +14,11 @@ from liouville._arguments import check_memory, times_of
 from liouville._job import Job
 from liouville.control import Steps, Takes, steps_of
 from liouville.errors import Description, describe, hinted
-from liouville.methods import Magnus, Stepped, WaveMethod
+from liouville.methods import Chebyshev, Magnus, SchrodingerSplitting, Stepped, WaveMethod
 from liouville.planner import WavePlan, plan_steps, plan_wave
 from liouville.planner.waves.choice import name_of
 from liouville.planner.waves.driven import Planned
-from liouville.planner.waves.propagators import Krylov, Series
+from liouville.planner.waves.propagators import Driven, Krylov, Series
 from liouville.runners.runner import Request, Runner, kept, threads_of
 from liouville.systems import Schrodinger
 from liouville.tangents import Tangent
@@ -172,7 +172,7 @@ class WaveRunner(Runner):
             states=self._states, threads=self.threads, is_ensemble=bool(self.members),
             record=self._record,
         )  # fmt: skip
-        return _core.run(self.system.hamiltonian, plan.core, job)
+        return _core.run(_propagated(self.system, plan), plan.core, job)
 
     def stats(self, run: _core.Run) -> dict[str, Any]:
         """Return the numbers of a run: steps, products for each state, the bound of its error."""
@@ -228,6 +228,16 @@ class WaveRunner(Runner):
                 "spectrum",
             )
         return describe(error, (), ())
+
+
+def _propagated(system: Schrodinger, plan: WavePlan) -> _core.Hamiltonian:
+    """Return H as a plan has it: that of products may be the sum that it was found to be."""
+    if isinstance(plan.core, Driven) and plan.core.by_differences:
+        assert isinstance(plan.method, SchrodingerSplitting | Chebyshev)
+        found = system.separated(plan.t0, plan.stops[-1][0], plan.method.tol)
+        if found is not None:
+            return found.hamiltonian
+    return system.hamiltonian
 
 
 def _is_stepped(method: WaveMethod | WavePlan, request: Request) -> bool:

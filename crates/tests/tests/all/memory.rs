@@ -326,6 +326,7 @@ fn split_fields_go_on() {
 /// A series in time of a driven grid, whose parts have these bounds.
 fn series_in_time(sweeper: &Sweeper<f64>, bounds: TermBounds) -> DrivenSeries {
     let driven = Driven {
+        by_differences: false,
         bounds,
         breaks: Vec::new(),
         rate: 1e-9,

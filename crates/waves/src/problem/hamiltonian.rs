@@ -115,6 +115,12 @@ impl Hamiltonian {
         self.terms.iter().any(Operator::is_driven)
     }
 
+    /// Products that one counts as: as many as the user's functions make, and at least one.
+    pub fn products(&self) -> usize {
+        let is_foreign = |term: &&Operator| matches!(term, Operator::Product(_));
+        self.terms.iter().filter(is_foreign).count().max(1)
+    }
+
     /// The largest distance of an entry from the diagonal; none if any term is a whole one.
     pub fn reach(&self) -> Option<usize> {
         let reaches = self.terms.iter().map(Operator::reach);

@@ -307,18 +307,20 @@ def _chebyshev(
 
 def _driven(system: Schrodinger, method: Planned, times: Sequence[float]) -> WavePlan:
     """Series in time, or exponentials where each term of a series would add up many vectors."""
-    without = exponentials(system, method)
+    without = exponentials(system, method, times)
     if without is not None:
         return replace(_magnus(system, without[0], times, without[1]), method=method)
-    found = driving(system, times[0], times[-1])
+    found = driving(system, times[0], times[-1], method.tol)
     span = Span(times[0], tuple(times[1:]), found.spectrum)
     _check_reach(span, method.tol)
     rate = (method.tol - span.roundoff) / float(span.intervals.sum())
     core = Driven(found.parts, rate, max(TIMES * method.tol, LEAST), 0)
-    powers, bessel, products, theta = _core.driven_cost(
-        system.hamiltonian, core, times[0], times[-1]
-    )
-    why = ["H depends on time; a window has one product for each term of its series"]
+    hamiltonian, why = system.hamiltonian, []
+    if found.separated is not None:
+        core, hamiltonian = replace(core, by_differences=True), found.separated.hamiltonian
+        why.append(found.separated.reason)
+    powers, bessel, products, theta = _core.driven_cost(hamiltonian, core, times[0], times[-1])
+    why.append("H depends on time; a window has one product for each term of its series")
     if len(span.times) > 1:
         why.append("outputs within a window take no products of their own")
     if bessel:
@@ -335,7 +337,7 @@ def _driven(system: Schrodinger, method: Planned, times: Sequence[float]) -> Wav
         bounds=span.bounds,
         guarantee=span.spectrum.guarantee,
         products=float(products),
-        bound=None if bessel else method.tol,
+        bound=None if bessel or found.separated else method.tol,
         reasons=tuple(why),
         core=replace(core, windows=powers + bessel),
         is_complex=not system.is_real,

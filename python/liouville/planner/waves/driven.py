@@ -16,6 +16,7 @@ from liouville.planner.waves.propagators import Interval, MagnusSteps, Parts
 from liouville.systems import Schrodinger
 from liouville.systems.schrodinger.bounded import FEW
 from liouville.systems.schrodinger.bounds import PROBABLE, RIGOROUS, WORTH, Spectrum
+from liouville.systems.schrodinger.separated import Separated
 
 #: The methods that choose their steps.
 Planned = SchrodingerSplitting | Chebyshev | Lanczos | Magnus
@@ -44,16 +45,21 @@ AXIS = (17, 5, 3)
 EACH = WORTH / 2
 
 
-def exponentials(system: Schrodinger, method: Planned) -> tuple[Magnus, str] | None:
+def exponentials(
+    system: Schrodinger, method: Planned, times: Sequence[float]
+) -> tuple[Magnus, str] | None:
     """Return the Magnus method that takes H(t) to a tolerance and why; None where series do.
 
     Raises
     ------
     TypeError
-        A series was asked for, of an H(t) that is known by its products.
+        A series was asked for, of an H(t) known by its products that is no sum of few.
     """
     if system.moving_product is not None:
-        why = "H(t) is known by its products, not by functions of time that multiply matrices"
+        _look(system, times[0], times[-1])
+        if system.separated(times[0], times[-1], method.tol) is not None:
+            return None
+        why = "H(t) is known by its products, and no sum of few operators times functions of time"
         if isinstance(method, Chebyshev):
             raise TypeError(hinted(f"{why}, which {method!r} wants", "take 'auto' or Magnus()"))
         return _scheme(OF_PRODUCTS, method.tol), why
@@ -90,12 +96,21 @@ class Driving:
 
     parts: Parts
     spectrum: Spectrum
+    separated: Separated | None = None
 
 
-def driving(system: Schrodinger, t0: float, t1: float) -> Driving:
-    """Bound the parts of H(t) and H at corners of the box that its functions of time fill."""
+def driving(system: Schrodinger, t0: float, t1: float, tol: float | None = None) -> Driving:
+    """Bound the parts of H(t) and H at corners of the box that its functions of time fill.
+
+    With a tolerance it is for a series, of an H(t) known by its products as a sum.
+    """
     if system.moving_product is not None:
-        return _by_products(system, t0, t1)
+        separated = None if tol is None else system.separated(t0, t1, tol)
+        if separated is None:
+            return _by_products(system, t0, t1)
+        bounds = tuple(separated.bounds)
+        parts: Parts = ((1,) * len(bounds), bounds, system.given_bounds, (), ())
+        return Driving(parts, separated.spectrum, separated)
     ends = np.array([system.bounds_at(t) for t in np.linspace(t0, t1, TIMES)])
     if not np.isfinite(ends).all():
         raise ValueError(hinted("H(t) is not finite", "look for a division by zero in a drive"))
@@ -109,6 +124,12 @@ def driving(system: Schrodinger, t0: float, t1: float) -> Driving:
     given = system.given_bounds
     parts = (tuple(system.groups), tuple(system.term_bounds), given, axes, corners)
     return Driving(parts, Spectrum((low, high), guarantee))
+
+
+def _look(system: Schrodinger, t0: float, t1: float) -> None:
+    """Refuse an H(t) that is not Hermitian at some times."""
+    for t in np.linspace(t0, t1, FEW_TIMES).tolist():
+        system.at(t)
 
 
 def _by_products(system: Schrodinger, t0: float, t1: float) -> Driving:

@@ -97,7 +97,8 @@ class WavePlan(Plan):
             kind = "without time" if system.is_driven else "that depends on time"
             raise ValueError(hinted(f"the plan was made for an H {kind}", AGAIN))
         span = float(np.abs(np.diff(times)).sum())
-        known = [driving(system, times[0], times[-1]).spectrum] if of_time else [
+        tol = getattr(self.method, "tol", None) if isinstance(self.core, Driven) else None
+        known = [driving(system, times[0], times[-1], tol).spectrum] if of_time else [
             system.spectrum(0.0), system.spectrum(span),
         ]  # fmt: skip
         if self.bounds not in [spectrum.bounds for spectrum in known]:

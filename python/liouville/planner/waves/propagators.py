@@ -113,6 +113,7 @@ class Driven:
     """Series in time for H(t), to the error `rate` in a unit of time.
 
     Windows end at `breaks` besides. `windows` is how many series the run takes, for the plan alone.
+    Parts after the first may be `by_differences` from it.
     """
 
     parts: Parts
@@ -120,6 +121,7 @@ class Driven:
     norm_tol: float
     windows: int
     breaks: tuple[float, ...] = ()
+    by_differences: bool = False
     kind: str = field(default="driven", init=False)
 
 

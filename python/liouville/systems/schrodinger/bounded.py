@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 from functools import cached_property
 
 import numpy as np
@@ -26,6 +27,7 @@ from liouville.systems.schrodinger.entries import SMALL, Bounds
 from liouville.systems.schrodinger.forms import Term
 from liouville.systems.schrodinger.grid import Grid
 from liouville.systems.schrodinger.moving import MovingProduct
+from liouville.systems.schrodinger.separated import Separated, separate
 from liouville.systems.schrodinger.time_functions import TimeFunction
 
 #: Up to this order in the core the parts of H(t) are made as arrays, for their eigenvalues.
@@ -158,6 +160,32 @@ class Bounded(Pickled):
 
     @cached_property
     def _times(self) -> dict[float, _core.Hamiltonian]:
+        return {}
+
+    def separated(self, t0: float, t1: float, tol: float) -> Separated | None:
+        """Return an H(t) known by its products as a sum, if a run finds it to be one."""
+        product, key = self.moving_product, (t0, t1, tol)
+        if product is None:
+            return None
+        self._check_way()
+        if key not in self._sums:
+
+            def multiply(t: float, x: np.ndarray) -> np.ndarray:
+                return np.asarray(np.ravel(product.function(t, x)), dtype=complex) / self.hbar
+
+            def at(t: float) -> tuple[_core.Operator, _core.Hamiltonian]:
+                known = self.at(t)
+                return product.at(t).operator(1 / self.hbar, is_doubled=True), known
+
+            ways = (at, likely if self._way == "lanczos" else probable)
+            found = separate(multiply, ways, product.n, (t0, t1), tol)
+            if found is not None and self._given is not None:
+                found = replace(found, spectrum=Spectrum(self._given, GIVEN))
+            self._sums[key] = found
+        return self._sums[key]
+
+    @cached_property
+    def _sums(self) -> dict[tuple[float, float, float], Separated | None]:
         return {}
 
     def spectrum_at(self, t: float) -> Spectrum:

@@ -12,6 +12,8 @@ use std::sync::Arc;
 pub struct Driven {
     /// The parts, and bounds of their eigenvalues.
     pub bounds: TermBounds,
+    /// Whether parts after the first are B_k less the first, of which products are made with B_k.
+    pub by_differences: bool,
     /// Times where windows end, besides, in order along the run.
     pub breaks: Vec<f64>,
     /// Error allowed in a unit of time.
@@ -35,7 +37,8 @@ pub struct DrivenCost {
 
 impl Driven {
     pub(super) fn sampler(&self, hamiltonian: &Arc<Hamiltonian>) -> Option<Sampler> {
-        Sampler::new(hamiltonian.clone(), self.bounds.clone())
+        let sampler = Sampler::new(hamiltonian.clone(), self.bounds.clone())?;
+        Some(sampler.with_differences(self.by_differences))
     }
 
     /// What a run from `t` to `end` comes to; none where the parts do not fit.
@@ -62,7 +65,7 @@ impl Driven {
                 Form::Powers => cost.powers += 1,
                 Form::Bessel => cost.bessel += 1,
             }
-            cost.products += window.last;
+            cost.products += window.last * hamiltonian.products();
             cost.theta = cost.theta.max(window.beta * window.h.abs());
             t = next_time(t, window.h, self.end(t, end));
         }

@@ -33,6 +33,7 @@ pub(super) struct Sampler {
     /// The first term of each group: terms of a group have their weight in common.
     firsts: Vec<usize>,
     bounds: TermBounds,
+    by_differences: bool,
     drive: Option<Registers<f64>>,
     /// The potential at all points, and at some of them.
     potentials: [Option<(Potential, Registers<Lanes>)>; 2],
@@ -104,9 +105,18 @@ impl Sampler {
             weights: vec![0.0; hamiltonian.terms().len()],
             samples: Vec::new(),
             series: Vec::new(),
+            by_differences: false,
             bounds,
             hamiltonian,
         })
+    }
+
+    /// The same for parts that are differences from the first, or not.
+    pub(super) fn with_differences(self, by_differences: bool) -> Self {
+        Self {
+            by_differences,
+            ..self
+        }
     }
 
     /// Number of groups.
@@ -276,6 +286,12 @@ impl Sampler {
         for row in powers.chunks(width) {
             fit.weights.extend_from_slice(&row[..groups]);
             fit.potential.extend_from_slice(&row[groups..]);
+        }
+        if self.by_differences {
+            // B_0 + Σ f_k (B_k − B_0) by products with each B_k
+            for row in fit.weights.chunks_mut(groups) {
+                row[0] -= row[1..].iter().sum::<f64>();
+            }
         }
     }
 }

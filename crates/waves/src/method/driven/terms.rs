@@ -29,8 +29,9 @@ pub(in crate::method) struct Terms {
     w: Vec<[Flat; 2]>,
     sum: Flat,
     product: Flat,
-    /// Products H ψ made.
+    /// Products H ψ made, and those that a term takes.
     pub(in crate::method) products: usize,
+    each: usize,
     n: usize,
 }
 
@@ -51,6 +52,7 @@ impl Terms {
             sum: Vec::new(),
             product: Vec::new(),
             products: 0,
+            each: hamiltonian.products(),
             n: 0,
         }
     }
@@ -116,7 +118,7 @@ impl Terms {
         other: Option<(&Self, &Fit)>,
     ) -> Result<(), StepError> {
         self.multiply(window, fit, other)?;
-        self.products += 1;
+        self.products += self.each;
         if window.form == Form::Bessel {
             self.advance_sums(window);
         }
