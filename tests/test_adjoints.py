@@ -180,7 +180,6 @@ def test_a_cotangent_of_the_start_alone_is_projected():
     ({"wrt": ["params.length"]}, None, "there is no direction 'params.length'"),
     ({"wrt": ["t1"], "steps": None, "rtol": 1e-6}, None, "where steps are controlled"),
     ({"wrt": "q"}, None, "wrt is a sequence of names"),
-    ({"method": lv.HHT(), "steps": None, "rtol": 1e-6}, None, "tangents by HHT go without rtol="),
     ({"method": lv.Spark(2, newton_tol=1e-6)}, None, "leave newton_tol out"),
     ({}, {}, "no cotangents are given"),
     ({}, {"x": 1.0}, "there is no cotangent of 'x'"),

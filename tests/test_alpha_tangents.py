@@ -97,8 +97,44 @@ def test_accelerations_that_are_given_stay_and_members_are_those_of_runs():
     assert np.array_equal(members["params.l"].lam[:, 1], free["params.l"].lam)
 
 
+def spring():
+    """Return a free particle on a nonlinear spring, whose energy nothing changes."""
+    return lv.Lagrangian(
+        lambda t, q, v, params: ca.dot(v, v) / 2 - params.k * ca.dot(q, q) ** 2 / 4,
+        q=2, params={"k": 1.5},
+    )  # fmt: skip
+
+
+@pytest.mark.parametrize("method", METHODS, ids=str)
+@pytest.mark.parametrize("control", [{"rtol": 1e-4}, {"rtol": 1e-4, "h": 0.3}], ids=str)
+def test_controlled_steps_are_held(method, control):
+    system, t, run = system_of(True), (0.2, 1.7), {**control, "every": 3}
+    start = system.consistent(t=t[0], y=[0.6, 0.1, -0.8], z=[0.1, 1.2, 0.4])
+    directions = directions_of(system)
+    assert paired(system, method, t, start, directions, **run) < 1e-12
+    free, begin = spring(), {"q": np.array([1.0, 0.2]), "v": np.array([0.1, 0.7])}
+    assert paired(free, method, (0.0, 3.0), begin, directions_of(free), **run) < 1e-12
+
+
+@pytest.mark.parametrize("method", METHODS, ids=str)
+def test_steps_that_change_their_size_have_the_tangents_of_their_accelerations(method):
+    """Two runs with the sizes of one: the second goes on with its accelerations moved along."""
+    system, t = system_of(True), (0.2, 1.2)
+    start = system.consistent(t=t[0], y=[0.6, 0.1, -0.8], z=[0.1, 1.2, 0.4])
+    run = {"t": t, "rtol": 1e-3, "atol": 1e-5}
+    found = lv.integrate(system, method, tangents={"params.c": 1.0}, **run, **start)
+    assert len(set(np.diff(found.t))) > 3
+    sizes, total = 1e-7, 0.0
+    for sign in (1, -1):
+        moved = lv.integrate(system, method, params={"c": 0.7 + sign * sizes}, **run, **start)
+        assert len(moved.t) == len(found.t)
+        total = total + sign * moved.y / (2 * sizes)
+        assert np.abs(moved.t - found.t).max() < 1e-4
+    # the choice of the steps is not differentiated: they move by a part of the tolerance
+    assert np.abs(total - found.tangents["params.c"].y)[-1].max() < 5e-2
+
+
 @pytest.mark.parametrize(("more", "sentence"), [
-    ({"rtol": 1e-5, "steps": None}, "go without rtol="),
     ({"t_eval": [0.3]}, "go without t_eval="),
     ({"events": {"low": lambda t, y, z, lam, params: y[0]}}, "go without events="),
 ])  # fmt: skip

@@ -90,6 +90,11 @@ def test_a_start_is_moved_and_members_are_those_of_runs():
     many = lv.ensemble(system, lv.Spark(2), tangents=directions, **values, **rows)
     for name, tangent in found.tangents.items():
         assert np.array_equal(many.tangents[name].z[:, 1], tangent.z)
+    of_many = lv.vjp(system, lv.Spark(2), wrt=["y", "params.l"], **values, **rows)
+    one = lv.vjp(system, lv.Spark(2), wrt=["y", "params.l"], t=(0.2, 0.8), steps=4, **start)
+    own = one[1](z=np.ones_like(one[0].z))
+    both = of_many[1](z=np.ones_like(of_many[0].z))
+    assert all(np.array_equal(both[name][1], own[name]) for name in own)
 
 
 @pytest.mark.parametrize(("more", "sentence"), [

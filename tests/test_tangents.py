@@ -363,7 +363,6 @@ def test_members_pickles_and_parts_have_the_bits_of_a_run():
     ({"tangents": {"q": {"z": 1.0}}}, "which is no coordinate"),
     ({"tangents": {"q": [1.0, np.nan]}}, "is not finite"),
     ({"tangents": {"t1": 1.0}, "steps": None, "rtol": 1e-6}, "where steps are controlled"),
-    ({"method": lv.HHT(), "steps": None, "rtol": 1e-6}, "tangents by HHT go without rtol="),
     ({"method": lv.Spark(2, newton_tol=1e-6)}, "leave newton_tol out"),
     ({"store": "nowhere.zarr"}, "tangents go without store="),
     ({"states": False}, "leave out states=False"),

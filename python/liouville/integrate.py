@@ -103,7 +103,7 @@ def integrate(
         derivatives of the discrete solution, to roundoff; see :doc:`/theory/adjoint`. A direction
         that leaves the constraints, such as that of a length in them, is moved onto them by the
         tangent of ``system.consistent``. Controlled steps are held. Of mechanical systems by
-        ``Spark``, ``LobattoPair`` and compositions of them and by equal steps of the alpha family,
+        ``Spark``, ``LobattoPair`` and compositions of them and by those of the alpha family,
         of semi-explicit systems by ``"y"``, of fields without divergence by ``"x"``, parameters and
         ends, and of Schrödinger equations by ``"psi"``, parameters and samples, as for :func:`vjp`.
     progress : bool or callable, optional

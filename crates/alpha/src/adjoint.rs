@@ -5,11 +5,11 @@
 //!     E_uᵀ v = e_uᵀ (ȳ1, z̄1, ā1) + (φ̄1, 0, ..),     x̄ = e_xᵀ (ȳ1, z̄1, ā1) − E_xᵀ v.
 
 use super::state::AlphaState;
-use super::tangent::{AlphaSlopes, write_unknowns};
+use super::tangent::{AlphaSlopes, ratio, write_unknowns};
 use super::{Alpha, Reactions};
 use liouville_base::error::{Quantity, StepError};
 use liouville_base::linalg::{Pattern, add_scaled, copy};
-use liouville_base::method::{Stats, Stepper};
+use liouville_base::method::{Estimating, Stats, Stepper};
 use liouville_base::newton::{BlockHandle, BlockLayout, BlockMatrix};
 use liouville_base::tape::{Registers, Tape};
 use liouville_problem::{Cotangents, Model, PointAdjoint, finite};
@@ -116,6 +116,21 @@ impl Stepper for AlphaRecorder {
     }
 }
 
+impl Estimating for AlphaRecorder {
+    fn error(&self) -> f64 {
+        self.alpha.error()
+    }
+
+    fn error_order(&self) -> f64 {
+        self.alpha.error_order()
+    }
+
+    fn undo(&mut self, state: &mut AlphaState) {
+        self.alpha.undo(state);
+        self.records.lock().pop();
+    }
+}
+
 // What is recorded is made again with the steps.
 liouville_base::checkpoint!(AlphaRecorder { alpha });
 
@@ -218,6 +233,12 @@ impl AlphaAdjoint {
         next(&mut point.z);
         next(&mut of.a);
         next(&mut of.phi);
+        // a0 is φ0 + r (a0 − φ0) of the state before
+        let r = ratio(&record.before, h);
+        add_scaled(&mut of.phi, 1.0 - r, &of.a);
+        for a in &mut of.a {
+            *a *= r;
+        }
         add_scaled(&mut point.tau[1..], 1.0, &found[2 + 4 * n..]);
         Ok(())
     }

@@ -5,14 +5,15 @@
 //!
 //!     E_u du = −E_x dx,   de = e_x dx + e_u du,
 //!
-//! at the solution that the step has found. At the start of a run M dφ0 = (F − M φ0)_x dx, and da0 = dφ0.
+//! at the solution that the step has found. Where the size of the steps changes, a0 is φ0 + r (a0 − φ0) of the step before,
+//! with r the ratio of the sizes. At the start of a run M dφ0 = (F − M φ0)_x dx, and da0 = dφ0.
 
 use super::adjoint::of_pattern;
 use super::state::AlphaState;
 use super::{Alpha, Reactions};
 use liouville_base::error::{Quantity, StepError};
 use liouville_base::linalg::{Matrix, Pattern, add_scaled, copy};
-use liouville_base::method::{Stats, Stepper};
+use liouville_base::method::{Estimating, Stats, Stepper};
 use liouville_base::newton::{BlockHandle, BlockMatrix};
 use liouville_base::tape::{Registers, Tape};
 use liouville_problem::{
@@ -200,8 +201,7 @@ impl AlphaTangents {
     fn follow(&mut self, t: f64, h: f64, state: &mut AlphaTangentState) -> Result<(), StepError> {
         let before = &self.before;
         let (AlphaState { y, z, phi, .. }, n) = (&before.motion, before.motion.y.len());
-        let is_same = before.motion.h == 0.0 || before.motion.h.to_bits() == h.to_bits();
-        let ratio = if is_same { 1.0 } else { h / before.motion.h };
+        let ratio = ratio(&before.motion, h);
         write_unknowns(&self.alpha, &state.motion, &mut self.unknowns);
         let (a, unknowns) = (&self.alpha.solver.a, &self.unknowns);
         let point: [&[f64]; 7] = [&[t], &[h], y, z, a, phi, unknowns];
@@ -241,6 +241,11 @@ impl AlphaTangents {
         }
         Ok(())
     }
+}
+
+/// By which factor a0 − φ0 changes before a step of h.
+pub(super) fn ratio(before: &AlphaState, h: f64) -> f64 {
+    if before.h == 0.0 { 1.0 } else { h / before.h }
 }
 
 /// Writes the unknowns of the step that has led to a state: φ1, A0 and A1 where there are any, and multipliers.
@@ -322,6 +327,21 @@ impl Stepper for AlphaTangents {
 
     fn stats(&self) -> Stats {
         self.alpha.stats()
+    }
+}
+
+impl Estimating for AlphaTangents {
+    fn error(&self) -> f64 {
+        self.alpha.error()
+    }
+
+    fn error_order(&self) -> f64 {
+        self.alpha.error_order()
+    }
+
+    fn undo(&mut self, state: &mut AlphaTangentState) {
+        self.alpha.undo(&mut state.motion);
+        state.clone_from(&self.before);
     }
 }
 

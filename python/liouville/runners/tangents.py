@@ -50,8 +50,8 @@ ALPHA = (HHT, GeneralizedAlpha, ArnoldBruls)
 #: What has tangents.
 COVERED = (
     "tangents are those of a divergence-free field, of a mechanical system by Spark, LobattoPair "
-    "or a Composition of them, and by equal steps of the alpha family, of a semi-explicit system "
-    "without events and given times, and of a Schrodinger equation, without store"
+    "or a Composition of them, or by the alpha family without events and t_eval, of a "
+    "semi-explicit system without these, and of a Schrodinger equation, without store"
 )
 
 
@@ -96,10 +96,10 @@ def check_covered(system: Any, method: Any, request: Request) -> None:
 
 def _check_alpha(method: Any, request: Request) -> None:
     """Refuse what the alpha family has no tangents of."""
-    for name in ("events", "t_eval", "rtol", "control"):
+    for name in ("events", "t_eval"):
         if getattr(request, name) is not None:
             sentence = f"tangents by {type(method).__name__} go without {name}="
-            raise TypeError(hinted(sentence, "they are those of equal steps and their ends"))
+            raise TypeError(hinted(sentence, "they are those of the ends of steps"))
 
 
 class Directions:

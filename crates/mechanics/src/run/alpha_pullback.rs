@@ -3,20 +3,18 @@
 use super::pullback::Follow;
 use super::{Job, Method, Problem, Starter, System};
 use liouville_alpha::{
-    Alpha, AlphaAdjoint, AlphaCotangents, AlphaRecorder, AlphaRecords, AlphaSlopes, AlphaState,
+    AlphaAdjoint, AlphaCotangents, AlphaRecorder, AlphaRecords, AlphaSlopes, AlphaState,
     AlphaTransposed, Reactions,
 };
 use liouville_base::checkpoint::CheckpointMismatch;
 use liouville_base::error::StepError;
 use liouville_base::linalg::Matrix;
-use liouville_base::run::{Advance, Fixed, StartError, Status};
-use liouville_problem::{
-    Cotangents, Model, PointAdjoint, SecondOrderModel, Sensitivity, SensitivityModel,
-};
+use liouville_base::run::{Advance, StartError, Status};
+use liouville_problem::{Cotangents, Model, PointAdjoint, Sensitivity, SensitivityModel};
 use std::sync::Arc;
 use std::time::Duration;
 
-/// The pullback of equal steps of a method of the α family.
+/// The pullback of a run of a method of the α family, its steps held.
 pub struct AlphaPullback {
     run: Box<dyn Advance>,
     records: AlphaRecords,
@@ -54,26 +52,24 @@ impl AlphaPullback {
             && slopes.fit((n, m, params), *reactions)
             && transposed.fit(&slopes, n, params);
         if !fits {
-            let sentence = "a pullback of the α family is that of a single run by equal steps";
+            let sentence =
+                "a pullback of the α family is that of a single run without events and given times";
             return Err(StartError::Invalid(sentence.into()));
         }
-        let (span, params) = (starter.job.span, starter.params(0));
-        let model = SecondOrderModel::new(problem.clone(), params);
-        let mut stepper = Alpha::new(model, *weights, *reactions, None);
-        let a = (starter.job.start.len() > 2).then(|| starter.part(2, 0));
-        let state = stepper.start(span.t0, starter.part(0, 0), starter.part(1, 0), a)?;
-        let (records, is_given) = (AlphaRecords::default(), a.is_some());
+        let (stepper, state, sizes) = starter.alpha_at((problem, *weights, *reactions), 0)?;
+        let (records, params) = (AlphaRecords::default(), starter.params(0));
         let of = starter.alpha_member(0, &stepper);
+        let trial = Box::new(stepper.clone());
         let recorder = AlphaRecorder::new(stepper, records.clone());
-        let control = Fixed::new(Box::new(recorder), span.t0, span.h(), span.steps);
-        let run = starter.launch(Box::new(control), None, of, state.clone())?;
+        let control = starter.alpha_control((recorder, trial), sizes, 0, &state);
+        let run = starter.launch(control, None, of, state.clone())?;
         let derivatives = SensitivityModel::new(sensitivity.clone(), params);
         Ok(Self {
             adjoint: AlphaAdjoint::new(slopes, transposed, params, n),
             point: PointAdjoint::new(starter.model(0), derivatives),
             model: starter.model(0),
             reactions: *reactions,
-            start: (span.t0, state, is_given),
+            start: (starter.job.span.t0, state, starter.has_accelerations()),
             cotangents: AlphaCotangents::zeros(n, sensitivity.width()),
             run,
             records,

@@ -142,17 +142,15 @@ impl Job {
         };
         let fits = tangents.fit(system, self.members.unwrap_or(1));
         let is_covered = match system {
-            System::Alpha(..) => self.detection.is_none() && matches!(self.control, Control::Fixed),
-            System::Index2(..) => self.detection.is_none(),
+            System::Alpha(..) | System::Index2(..) => self.detection.is_none(),
             _ => true,
         };
         if fits && is_covered && self.states && self.has_slopes() {
             return Ok(());
         }
         invalid(
-            "tangents are those of a SPARK method without newton_tol, with the derivatives of all events, of equal steps \
-             of the α family, or of an index-2 method without events and given times, of the system it steps, with \
-             states",
+            "tangents are those of a SPARK method without newton_tol, with the derivatives of all events, or of the α \
+             family or an index-2 method without events and given times, of the system it steps, with states",
         )
     }
 

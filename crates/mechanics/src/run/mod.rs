@@ -23,16 +23,17 @@ pub use pullback::{Follow, Pullback};
 use liouville_alpha::{Alpha, AlphaRestart, AlphaState, Reactions};
 use liouville_base::ensemble::{Ensemble, Layout};
 use liouville_base::error::StepError;
+use liouville_base::method::Estimating;
 use liouville_base::newton::Stop;
 use liouville_base::real::BATCH;
-use liouville_base::run::{Advance, Fixed, Reversible, StartError};
+use liouville_base::run::{Advance, Fixed, Reversible, StartError, StepControl};
 use liouville_base::tableau;
 use liouville_index2::Index2;
 use liouville_index2::semi_explicit::{
     SemiExplicit, SemiExplicitModel, SemiExplicitRestart, SemiExplicitState,
 };
 use liouville_problem::{
-    Kinetic, Mechanical, Model, Observers, SecondOrder, SecondOrderModel, Separable,
+    Carried, Kinetic, Mechanical, Model, Observers, SecondOrder, SecondOrderModel, Separable,
     SeparableModel, State,
 };
 use liouville_spark::rattle::Rattle;
@@ -152,7 +153,7 @@ impl Starter {
             }
             System::Rattle(problem, stages) => self.rattle(problem, stages.as_deref(), members[0]),
             System::Alpha(problem, weights, reactions) => {
-                self.alpha(problem, (*weights, *reactions), members[0])
+                self.alpha((problem, *weights, *reactions), members[0])
             }
             System::Index2(problem, spark, stages) => {
                 self.index2((problem, &spark.tableau), stages.as_deref(), members[0])
@@ -257,45 +258,79 @@ impl Starter {
 
     fn alpha(
         &self,
-        problem: &Arc<SecondOrder>,
-        (weights, reactions): (tableau::Alpha, Reactions),
+        method: (&Arc<SecondOrder>, tableau::Alpha, Reactions),
         member: usize,
     ) -> Begun {
+        let (stepper, state, sizes) = self.alpha_at(method, member)?;
+        let tangents = self.job.tangents.as_ref();
+        if let Some((tangents, slopes)) = tangents.and_then(|of| Some((of, of.alpha.clone()?))) {
+            let start = (stepper, state, sizes);
+            return self.alpha_tangents(start, (tangents, slopes), member);
+        }
+        let (copy, of) = (self.copy(&stepper), self.alpha_member(member, &stepper));
+        let trial = Box::new(stepper.clone());
+        let control = self.alpha_control((stepper, trial), sizes, member, &state);
+        self.launch(control, copy, of, state)
+    }
+
+    /// A method of the α family where a member starts.
+    fn alpha_at(
+        &self,
+        (problem, weights, reactions): (&Arc<SecondOrder>, tableau::Alpha, Reactions),
+        member: usize,
+    ) -> Result<MethodStart<Alpha, AlphaState>, StepError> {
         let span = self.job.span;
         let model = SecondOrderModel::new(problem.clone(), self.params(member));
         let (y, z) = (self.part(0, member), self.part(1, member));
-        let a = (self.job.start.len() > 2).then(|| self.part(2, member));
-        let Control::Adaptive {
-            tolerance,
-            first,
-            least,
-        } = &self.job.control
-        else {
-            let mut stepper = Alpha::new(model, weights, reactions, None);
-            let state = stepper.start(span.t0, y, z, a)?;
-            let tangents = self.job.tangents.as_ref();
-            if let Some((tangents, slopes)) = tangents.and_then(|of| Some((of, of.alpha.clone()?)))
-            {
-                let start = (state, a.is_some());
-                return self.alpha_tangents(stepper, (tangents, slopes), start, member);
-            }
-            let (copy, of) = (self.copy(&stepper), self.alpha_member(member, &stepper));
-            let control = Fixed::new(Box::new(stepper), span.t0, span.h(), span.steps);
-            return self.launch(Box::new(control), copy, of, state);
+        let a = self.has_accelerations().then(|| self.part(2, member));
+        let (tolerance, sizes) = match &self.job.control {
+            Control::Adaptive {
+                tolerance,
+                first,
+                least,
+            } => (Some(tolerance.clone()), Some((*first, *least))),
+            _ => (None, None),
         };
-        let mut stepper = Alpha::new(model, weights, reactions, Some(tolerance.clone()));
+        let mut stepper = Alpha::new(model, weights, reactions, tolerance);
         let state = stepper.start(span.t0, y, z, a)?;
-        let first = first.unwrap_or_else(|| stepper.first_step(&state, span.t1 - span.t0));
-        let of = self.alpha_member(member, &stepper);
+        let sizes = sizes.map(|(first, least)| {
+            let first = first.unwrap_or_else(|| stepper.first_step(&state, span.t1 - span.t0));
+            (first, least)
+        });
+        Ok((stepper, state, sizes))
+    }
+
+    /// Whether accelerations are given at the start.
+    fn has_accelerations(&self) -> bool {
+        self.job.start.len() > 2
+    }
+
+    /// The control of a method of the α family: equal steps, or those that its errors allow. `trial` is the method
+    /// again, by which reversible steps are found.
+    fn alpha_control<S>(
+        &self,
+        (stepper, trial): (S, Box<dyn Estimating<State = S::State>>),
+        sizes: Option<(f64, f64)>,
+        member: usize,
+        state: &S::State,
+    ) -> Box<dyn StepControl<S::State>>
+    where
+        S: Estimating + 'static,
+        S::State: Carried + Clone,
+    {
+        let span = self.job.span;
+        let Some(sizes) = sizes else {
+            let stepper = Box::new(stepper);
+            return Box::new(Fixed::new(stepper, span.t0, span.h(), span.steps));
+        };
         if !self.job.is_reversible {
-            return self.adaptive(stepper, (first, *least), of, state);
+            return self.adaptive_control(stepper, sizes);
         }
-        let (ends, sizes, copy) = ((span.t0, span.t1), (first, *least), self.copy(&stepper));
         let monitor = Box::new(Kinetic::new(self.model(member)));
-        let pair = [Box::new(stepper.clone()) as _, Box::new(stepper) as _];
-        let trial = TRIAL[1].min(TRIAL[0] + TRIAL_COORDINATES / self.system.mechanical().n);
-        let control = Reversible::within_tolerance(pair, trial, ends, sizes, monitor, &state);
-        self.launch(Box::new(control), copy, of, state)
+        let most = TRIAL[1].min(TRIAL[0] + TRIAL_COORDINATES / self.system.mechanical().n);
+        let (ends, pair) = ((span.t0, span.t1), [Box::new(stepper) as _, trial]);
+        let control = Reversible::within_tolerance(pair, most, ends, sizes, monitor, state);
+        Box::new(control)
     }
 
     /// A member whose states have accelerations of their own.

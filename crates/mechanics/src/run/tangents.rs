@@ -3,13 +3,11 @@
 use super::member::{BoxedStepper, Member};
 use crate::events::{DenseDetector, TangentEvents};
 
-use super::{
-    Begun, Control, MethodStart, SparkMethod, Starter, System, SystemSensitivity, Tangents,
-};
+use super::{Begun, MethodStart, SparkMethod, Starter, System, SystemSensitivity, Tangents};
 use liouville_alpha::{Alpha, AlphaSlopes, AlphaState, AlphaTangents};
 use liouville_base::error::StepError;
 use liouville_base::linalg::Matrix;
-use liouville_base::run::{Fixed, StepControl};
+use liouville_base::run::StepControl;
 use liouville_index2::semi_explicit::{
     SemiExplicitModel, SemiExplicitSensitivityModel, SemiExplicitState,
 };
@@ -59,15 +57,15 @@ impl Starter {
         SparkTangents::new(stepper, sensitivity, directions, start, (y, z, dt))
     }
 
-    /// A run of the α family by equal steps, with its tangents.
+    /// A run of the α family with its tangents.
     pub(super) fn alpha_tangents(
         &self,
-        stepper: Alpha,
+        (stepper, state, sizes): MethodStart<Alpha, AlphaState>,
         (tangents, slopes): (&Tangents, AlphaSlopes),
-        (state, is_given): (AlphaState, bool),
         number: usize,
     ) -> Begun {
         let (span, params) = (self.job.span, self.params(number));
+        let is_given = self.has_accelerations();
         let [y, z] = tangents.starts([state.y.len(); 2], number);
         let of = (self.sensitivity(tangents, number), directions_of(tangents));
         let start = (span.t0, state, is_given);
@@ -75,8 +73,9 @@ impl Starter {
             AlphaTangents::new(stepper, (slopes, params), of.clone(), start, (y, z))?;
         let inner = self.observer(self.model(number), number);
         let observer = TangentObserver::new(inner, of.0, of.1);
-        let control = Fixed::new(Box::new(stepper), span.t0, span.h(), span.steps);
-        self.recorded(Box::new(control), Box::new(observer), state)
+        let trial = Box::new(stepper.clone());
+        let control = self.alpha_control((stepper, trial), sizes, number, &state);
+        self.recorded(control, Box::new(observer), state)
     }
 
     /// A run of an index-2 method with its tangents.
@@ -183,7 +182,6 @@ impl Starter {
             && job.detection.is_none()
             && job.tangents.is_none()
             && job.members.is_none()
-            && matches!(job.control, Control::Fixed)
     }
 
     /// Whether a run has a pullback with these derivatives.

@@ -49,6 +49,8 @@ pub struct Reversible<State: Checkpoint> {
     /// What the steps follow; there is none before the end of the trial that fits it.
     monitor: Option<Box<dyn Monitor<State>>>,
     trial: Option<Trial<State>>,
+    /// The step size that it has found at the start.
+    first: f64,
     /// ω at the present state, if it could be evaluated there.
     rate: Option<f64>,
     rejected: usize,
@@ -103,6 +105,7 @@ impl<State: Checkpoint> Reversible<State> {
             least,
             monitor: None,
             trial: None,
+            first: h,
             rate: None,
             rejected: 0,
         }
@@ -187,6 +190,7 @@ impl<State: Checkpoint> StepControl<State> for Reversible<State> {
         let (monitor, first) = trial.fit();
         self.monitor = Some(monitor);
         self.h = first.unwrap_or(self.h);
+        self.first = self.h;
         self.rate = self.rate_at(state).ok();
         true
     }
@@ -258,7 +262,7 @@ impl<State: Checkpoint> Checkpoint for Maker<State> {
     }
 }
 
-/// A run saved before the end of its trial makes it again.
+/// A run saved before the end of its trial makes it again, unless it goes back there: what the trial found is known then.
 impl<State: Checkpoint> Checkpoint for Reversible<State> {
     fn save(&self, member: usize, out: &mut dyn Numbers) {
         self.stepper.save(member, out);
@@ -267,6 +271,7 @@ impl<State: Checkpoint> Checkpoint for Reversible<State> {
         self.monitor.is_some().save(member, out);
         if let Some(monitor) = &self.monitor {
             monitor.save(member, out);
+            self.first.save(member, out);
         }
         self.rate.save(member, out);
         self.rejected.save(member, out);
@@ -284,8 +289,14 @@ impl<State: Checkpoint> Checkpoint for Reversible<State> {
             }
             let monitor = self.monitor.as_mut().ok_or(CheckpointMismatch)?;
             monitor.restore(member, saved)?;
+            self.first.restore(member, saved)?;
         }
         self.rate.restore(member, saved)?;
-        self.rejected.restore(member, saved)
+        self.rejected.restore(member, saved)?;
+        if !is_fitted && self.trial.is_none() {
+            self.h = self.first;
+            self.rate = None;
+        }
+        Ok(())
     }
 }
