@@ -97,6 +97,29 @@ def test_accelerations_that_are_given_stay_and_members_are_those_of_runs():
     assert np.array_equal(members["params.l"].lam[:, 1], free["params.l"].lam)
 
 
+@pytest.mark.parametrize("method", METHODS, ids=str)
+@pytest.mark.parametrize("constrained", [True, False], ids=["constrained", "free"])
+def test_states_at_given_times(method, constrained):
+    system, t, times = system_of(constrained), (0.2, 0.8), [0.23, 0.33, 0.71, 0.79]
+    start = system.consistent(t=t[0], y=[0.6, 0.1, -0.8], z=[0.1, 1.2, 0.4])
+    directions, run = directions_of(system, "t0", "t1"), {"steps": 5, "t_eval": times}
+    if not constrained:
+        directions.pop("params.l")
+    found = lv.integrate(system, method, t=t, tangents=directions, **run, **start)
+    plain = lv.integrate(system, method, t=t, **run, **start)
+    assert np.array_equal(found.y, plain.y)
+    for name, direction in directions.items():
+        wanted = differences(system, method, t, start, {name: direction}, **run)
+        own = found.tangents[name].states
+        wanted = {x: wanted[x] for x in own if own[x].size}
+        assert farthest(own, wanted) < 1e-9, name
+    run["t_eval"] = [0.2, *times, 0.8]
+    assert paired(system, method, t, start, directions, least=1.0, **run) < 1e-12
+    held = {name: x for name, x in directions.items() if name not in ("t0", "t1")}
+    run = {"rtol": 1e-4, "t_eval": times, "least": 1.0}
+    assert paired(system, method, t, start, held, **run) < 1e-12
+
+
 def spring():
     """Return a free particle on a nonlinear spring, whose energy nothing changes."""
     return lv.Lagrangian(
@@ -135,7 +158,6 @@ def test_steps_that_change_their_size_have_the_tangents_of_their_accelerations(m
 
 
 @pytest.mark.parametrize(("more", "sentence"), [
-    ({"t_eval": [0.3]}, "go without t_eval="),
     ({"events": {"low": lambda t, y, z, lam, params: y[0]}}, "go without events="),
 ])  # fmt: skip
 def test_what_has_no_tangents_is_refused(more, sentence):

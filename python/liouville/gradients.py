@@ -148,8 +148,8 @@ def vjp(
         As for :func:`integrate`, and of members as for :func:`ensemble`: a mechanical system by
         ``Spark``, ``LobattoPair`` or a composition of them, whose controlled steps are held, as are
         the times in `t_eval`, or by ``HHT``, ``GeneralizedAlpha`` and ``ArnoldBruls``, without
-        events and `t_eval`; a semi-explicit system, without these; a field without divergence; or a
-        Schrödinger equation by ``"auto"``, ``Chebyshev``, ``Magnus`` with `h` or `steps`, or
+        events; a semi-explicit system, without events and `t_eval`; a field without divergence; or
+        a Schrödinger equation by ``"auto"``, ``Chebyshev``, ``Magnus`` with `h` or `steps`, or
         splittings of a real H into shears. Bounds, windows, steps and the numbers of terms are
         held.
     wrt : sequence of str

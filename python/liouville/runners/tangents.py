@@ -50,8 +50,8 @@ ALPHA = (HHT, GeneralizedAlpha, ArnoldBruls)
 #: What has tangents.
 COVERED = (
     "tangents are those of a divergence-free field, of a mechanical system by Spark, LobattoPair "
-    "or a Composition of them, or by the alpha family without events and t_eval, of a "
-    "semi-explicit system without these, and of a Schrodinger equation, without store"
+    "or a Composition of them, or by the alpha family without events, of a semi-explicit system "
+    "without events and t_eval, and of a Schrodinger equation, without store"
 )
 
 
@@ -71,8 +71,8 @@ def check_covered(system: Any, method: Any, request: Request) -> None:
         if getattr(request, name) is not None:
             sentence = f"tangents of an ensemble go without {name}="
             raise TypeError(hinted(sentence, "make a run of each member"))
-    is_mechanical = isinstance(system, Mechanics)
-    without = {"events": events and not is_mechanical, "store": request.is_stored}
+    has_events = events and not isinstance(system, Mechanics)
+    without = {"events": has_events, "store": request.is_stored}
     without["t_eval"] = has_times and isinstance(system, Field | SemiExplicit)
     if given := [name for name, is_given in without.items() if is_given]:
         raise TypeError(hinted(f"tangents go without {given[0]}=", COVERED))
@@ -83,10 +83,10 @@ def check_covered(system: Any, method: Any, request: Request) -> None:
             sentence = "an ensemble of wave functions has no tangents"
             raise TypeError(hinted(sentence, "integrate its members one by one"))
         return  # its method is seen when it is planned
-    if not is_mechanical:
+    if not isinstance(system, Mechanics):
         return  # and that of others when they are run
     if isinstance(base, ALPHA):
-        _check_alpha(method, request)
+        _check_alpha(system, method, request)
     elif not isinstance(base, Spark | LobattoPair):
         raise TypeError(hinted(f"{method!r} has no tangents yet", COVERED))
     if getattr(base, "newton_tol", None) is not None:
@@ -94,12 +94,14 @@ def check_covered(system: Any, method: Any, request: Request) -> None:
         raise ValueError(hinted(sentence, "leave newton_tol out"))
 
 
-def _check_alpha(method: Any, request: Request) -> None:
+def _check_alpha(system: Mechanics, method: Any, request: Request) -> None:
     """Refuse what the alpha family has no tangents of."""
-    for name in ("events", "t_eval"):
-        if getattr(request, name) is not None:
-            sentence = f"tangents by {type(method).__name__} go without {name}="
-            raise TypeError(hinted(sentence, "they are those of the ends of steps"))
+    sentence = f"tangents by {type(method).__name__} go without "
+    if request.events is not None:
+        raise TypeError(hinted(f"{sentence}events=", "Spark has those of events and resets"))
+    if system.switch_tapes and (request.rtol, request.control) != (None, None):
+        hint = "give steps or h, or take Spark"
+        raise TypeError(hinted(f"{sentence}controlled steps that end at switches", hint))
 
 
 class Directions:

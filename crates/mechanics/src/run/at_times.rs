@@ -5,7 +5,6 @@ use liouville_base::error::StepError;
 use liouville_base::linalg::{Matrix, add_scaled};
 use liouville_base::observe::Observe;
 use liouville_problem::{Cotangents, KnotCotangents, Observer, Path, PathAdjoint, PointAdjoint};
-use liouville_spark::SharedRecords;
 use std::collections::BTreeMap;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
@@ -14,6 +13,9 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 pub(super) struct AtTimes(Arc<Mutex<Held>>);
 
 type Place = (isize, bool);
+
+/// Counts the steps that were recorded.
+pub(super) type Made = Box<dyn Fn() -> usize + Send>;
 
 /// Cotangents at given times, and those of knots that follow from them.
 pub(super) struct Held {
@@ -28,7 +30,7 @@ pub(super) struct Held {
     pub(super) tau: Vec<f64>,
     /// By the number of steps recorded up to the knot, and whether a piece of the motion may begin there.
     knots: BTreeMap<Place, KnotCotangents>,
-    records: SharedRecords,
+    made: Made,
     /// How many recorded steps lead from one knot to the next.
     parts: usize,
 }
@@ -39,7 +41,7 @@ impl AtTimes {
         times: Vec<f64>,
         ([n, m], width): ([usize; 2], usize),
         point: PointAdjoint,
-        (records, parts): (SharedRecords, usize),
+        (made, parts): (Made, usize),
     ) -> Self {
         Self(Arc::new(Mutex::new(Held {
             rows: Matrix::zeros(times.len(), 2 * n + m),
@@ -49,7 +51,7 @@ impl AtTimes {
             own: Cotangents::zeros(n, width),
             tau: vec![0.0; width],
             knots: BTreeMap::new(),
-            records,
+            made,
             parts,
         })))
     }
@@ -102,7 +104,7 @@ impl Held {
         self.point.observe((t, path), row, own)?;
         add_scaled(&mut self.tau[1..], 1.0, &own.tau[1..]);
         let found = self.path.pull(path, (&own.y, &own.z));
-        let last = self.records.lock().steps().len().cast_signed();
+        let last = (self.made)().cast_signed();
         for (back, knot) in found.iter().enumerate() {
             let place = last - (back * self.parts).cast_signed();
             // behind an event there are no knots before it
@@ -114,9 +116,17 @@ impl Held {
 }
 
 /// The observer of a run that is made again: it saves and restores what that of the first run does.
-pub(super) struct TimesObserver {
-    pub(super) inner: Observer,
-    pub(super) at_times: AtTimes,
+struct TimesObserver {
+    inner: Observer,
+    at_times: AtTimes,
+}
+
+/// What observes a run that is made again, where states are given at times or not.
+pub(super) fn observing(inner: Observer, at_times: Option<AtTimes>) -> Box<dyn Observe<Path>> {
+    match at_times {
+        None => Box::new(inner),
+        Some(at_times) => Box::new(TimesObserver { inner, at_times }),
+    }
 }
 
 impl Observe<Path> for TimesObserver {

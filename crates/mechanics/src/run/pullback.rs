@@ -1,6 +1,6 @@
 //! Pullbacks: a run made again from checkpoints, one piece after another from the last, each followed back.
 
-use super::at_times::{AtTimes, TimesObserver};
+use super::at_times::{AtTimes, observing};
 use super::journal::{Entry, EventAdjoint, EventRecorder, Journal};
 use super::member::Member;
 use super::{Job, Method, Problem, Starter, System};
@@ -8,9 +8,8 @@ use crate::events::{DenseDetector, LinearImpulse};
 use liouville_base::checkpoint::CheckpointMismatch;
 use liouville_base::error::StepError;
 use liouville_base::linalg::{Matrix, add_scaled};
-use liouville_base::observe::Observe;
 use liouville_base::run::{Advance, StartError, Status};
-use liouville_problem::{Cotangents, Path, PointAdjoint, Sensitivity, SensitivityModel, State};
+use liouville_problem::{Cotangents, PointAdjoint, Sensitivity, SensitivityModel, State};
 use liouville_spark::{SharedRecords, SparkAdjoint, SparkRecorder, StepRecord};
 use std::sync::Arc;
 use std::time::Duration;
@@ -106,17 +105,12 @@ impl Pullback {
         let times = detection.and_then(|detection| detection.times.clone());
         let times = times.map(|times| {
             let sizes = ([problem.n, problem.multipliers()], sensitivity.width());
-            let recorded = (records.clone(), parts);
-            AtTimes::new(times, sizes, point.clone(), recorded)
+            let records = records.clone();
+            let made = Box::new(move || records.lock().steps().len());
+            AtTimes::new(times, sizes, point.clone(), (made, parts))
         });
         let inner = starter.observer(model.clone(), 0);
-        let at_times: Box<dyn Observe<Path>> = match times.clone() {
-            None => Box::new(inner.clone()),
-            Some(at_times) => Box::new(TimesObserver {
-                inner: inner.clone(),
-                at_times,
-            }),
-        };
+        let at_times = observing(inner.clone(), times.clone());
         let journal = Journal::default();
         let recorder = EventRecorder {
             journal: journal.clone(),

@@ -73,9 +73,18 @@ impl Starter {
             AlphaTangents::new(stepper, (slopes, params), of.clone(), start, (y, z))?;
         let inner = self.observer(self.model(number), number);
         let observer = TangentObserver::new(inner, of.0, of.1);
-        let trial = Box::new(stepper.clone());
+        let (copy, trial) = (self.copy(&stepper), Box::new(stepper.clone()));
         let control = self.alpha_control((stepper, trial), sizes, number, &state);
-        self.recorded(control, Box::new(observer), state)
+        let observed = (Box::new(observer.clone()) as _, Box::new(observer) as _);
+        let between = (self.sensitivity(tangents, number), directions_of(tangents));
+        let between = PathTangents::new(self.model(number), between.0, between.1);
+        let of = Member {
+            number,
+            model: self.model(number),
+            restart: None,
+        };
+        let with = |detector: DenseDetector<_>| detector.with_tangents(between);
+        self.launch_observed((control, copy), of, state, observed, with)
     }
 
     /// A run of an index-2 method with its tangents.
@@ -179,7 +188,7 @@ impl Starter {
     pub(super) fn has_alpha_pullback(&self, sensitivity: &Sensitivity) -> bool {
         let job = &self.job;
         Arc::ptr_eq(&sensitivity.mechanical, self.system.mechanical())
-            && job.detection.is_none()
+            && !self.has_events()
             && job.tangents.is_none()
             && job.members.is_none()
     }
