@@ -67,24 +67,6 @@ class Members(TracedRunner):
             return {}, {}
         return self._watch.events_of(run, self.system, np.atleast_2d(self._rows))[:2]
 
-    def adjoint(self, request: Request, wrt: Any) -> Adjoint:
-        """Return the transposed derivatives of all runs by what `wrt` names, before they begin."""
-        # imported here: few runs are differentiated
-        from liouville.runners.members_adjoint import MembersAdjoint
-
-        names = (*self.system.states, *self._also)
-
-        def of_member(member: int) -> Adjoint:
-            start = zip(names, (x[member] for x in self._begin), strict=False)
-            params = dict(request.params or {})
-            params |= {name: np.asarray(params[name])[member] for name in self.varied}
-            own = replace(
-                request, start=dict(start), params=params, threads=None, is_ensemble=False
-            )
-            return self.alone(self.system, self.choice, own).adjoint(own, wrt)
-
-        return MembersAdjoint(self, of_member, self.threads)
-
     def _takes(self) -> Takes:
         return Takes(type(self.choice).__name__)
 

@@ -162,8 +162,8 @@ def _rows(name: str, value: Any, places: tuple[str, ...]) -> np.ndarray | None:
             return None
         lengths = {len(x): place for x, place in zip(columns, places, strict=True) if x.ndim}
         if len(lengths) > 1:
-            (one, alone), (other, of_other) = list(lengths.items())[:2]
-            raise ValueError(f"{name} of '{alone}' has {one} members, of '{of_other}' {other}")
+            (one, of_one), (other, of_other) = list(lengths.items())[:2]
+            raise ValueError(f"{name} of '{of_one}' has {one} members, of '{of_other}' {other}")
         array = np.stack(np.broadcast_arrays(*columns), axis=-1)
     else:
         given = _trace.numbers(value)
