@@ -169,6 +169,20 @@ def test_products_that_are_a_sum_are_found_to_be_and_their_states_are_free():
         assert found.stats["products"] == end.stats["products"]
 
 
+def test_a_long_run_is_a_sum_and_a_constant_h_is_one_product():
+    driven = lv.Schrodinger(H0, drive=[(lambda t, _: ca.cos(t), H1)])
+    system = lv.Schrodinger((3, lambda t, x: turned(t) @ x))
+    exact = lv.integrate(driven, lv.Chebyshev(1e-11), t=(50, 200), psi=FIRST)
+    found = lv.integrate(system, "auto", t=(50, 200), psi=FIRST)
+    assert "1 function of time" in lv.plan(system, t=(50, 200)).reasons[0]
+    assert np.linalg.norm(found.psi[-1] - exact.psi[-1]) < 1e-8
+    still = lv.Schrodinger((3, lambda t, x: H1 @ x))
+    found = lv.integrate(still, "auto", t=(0, 2), psi=FIRST)
+    exact = lv.integrate(lv.Schrodinger(H1), "auto", t=(0, 2), psi=FIRST)
+    assert np.linalg.norm(found.psi[-1] - exact.psi[-1]) < 1e-8
+    assert found.stats["products"] < 30
+
+
 def test_more_functions_of_time_than_are_looked_for_take_exponentials():
     rates = np.arange(8) / 2
     system = lv.Schrodinger((8, lambda t, x: np.cos(t * rates) * x))

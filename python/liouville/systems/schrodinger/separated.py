@@ -40,6 +40,8 @@ SKETCH = 64
 #: What is left out of H(t), of the tolerance over the time and of H, and what a check may find.
 SHARE, ROUNDING, CHECKED = 0.02, 1e-13, 20.0
 
+EPSILON = float(np.finfo(float).eps)
+
 #: The seed of vectors, signs and times.
 SEED = 3
 
@@ -130,8 +132,11 @@ def separate(
     base = bounded(at(t0)[1], None).bounds
     theta = 0.5 * (base[1] - base[0]) * abs(t1 - t0)
     looker = Looker(product, n, t0)
-    least = max(SHARE * tol / abs(t1 - t0), ROUNDING * max(looker.scale, max(map(abs, base))))
-    wanted = max(NODES[0], EACH * theta)
+    size = max(looker.scale, *map(abs, base))
+    # functions change by roundings of the time, at most about as fast as states do
+    late = EPSILON * 0.5 * (base[1] - base[0]) * max(abs(t0), abs(t1))
+    least = max(SHARE * tol / abs(t1 - t0), (ROUNDING + late) * size)
+    wanted = min(EACH * theta, NODES[1])
     count = NODES[0]
     while count < wanted:
         count *= 2
@@ -146,16 +151,11 @@ def separate(
             return None
         values = np.linalg.lstsq(rows[picked].T, rows.T, rcond=None)[0]
         series = _series(values)
-        sizes = np.linalg.norm(rows[picked], axis=1)
-        left = np.cumsum((sizes @ np.abs(series))[::-1])[::-1] if picked else np.zeros(1)
-        if left.size == 1 or left[-(count // 8)] <= least:
-            degree = int(np.argmax(left <= least)) if (left <= least).any() else left.size
-            times = [t0, *nodes[picked].tolist()]
-            series = series[:, :degree]
-            fit = _Fit(looker, times, series, t1)
-            if not fit.is_right(least, int(EACH * theta / 4) + 8):
-                return None
-            return fit.separated(ways, base, values)
+        degree = _degree(np.linalg.norm(rows[picked], axis=1), series, least)
+        if degree is not None:
+            fit = _Fit(looker, [t0, *nodes[picked].tolist()], series[:, :degree], t1)
+            is_right = fit.is_right(least, int(EACH * theta / 4) + 8)
+            return fit.separated(ways, base, values) if is_right else None
         count *= 2
     return None
 
@@ -183,6 +183,14 @@ def _series(values: Array) -> Array:
     cosines = np.cos(np.pi * np.outer(k, k[::-1]) / count)
     found: Array = (2.0 / count) * (values * halved) @ (cosines * halved[:, None]).T
     return found
+
+
+def _degree(sizes: Array, series: Array, least: float) -> int | None:
+    """Return how many terms leave out no more than so much; None if seven eighths are too few."""
+    if not sizes.size:
+        return 0
+    left = np.sqrt(np.cumsum((sizes @ np.abs(series))[::-1] ** 2)[::-1])
+    return int(np.argmax(left <= least)) if left[-(left.size // 8)] <= least else None
 
 
 @dataclass(frozen=True)
