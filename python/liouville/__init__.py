@@ -114,6 +114,8 @@ _ROOMS = {
     "bodies": "bodies",
     "casadi": "bridges.casadi",
     "jax": "bridges.jax",
+    "plot": "plot",
+    "problems": "problems",
     "torch": "bridges.torch",
 }
 
