@@ -111,13 +111,13 @@ fn a_step_takes_no_memory() {
 }
 
 /// Allocations of 50 steps with two directions and of following 40 of them back, the first 10 apart.
-fn tangents(functions: &Functions, params: &[f64], y: &[f64]) -> [usize; 2] {
+fn tangents(functions: &Functions, params: &[f64], y: &[f64], solver: Solver) -> [usize; 2] {
     let problem = functions.build();
     let sensitivity = SensitivityModel::new(functions.sensitivity(&problem), params);
     let mut model = Model::new(problem, params);
     let (n, width) = (y.len(), 1 + params.len());
     let state = model.state(0.0, y, &vec![0.0; n]);
-    let spark = Spark::new(model, 3, Solver::Auto);
+    let spark = Spark::new(model, 3, solver);
     let records = SharedRecords::default();
     let mut adjoint = SparkAdjoint::new(&spark, sensitivity.clone());
     let mut recorder = SparkRecorder::new(spark.clone(), records.clone());
@@ -165,10 +165,13 @@ fn tangents(functions: &Functions, params: &[f64], y: &[f64]) -> [usize; 2] {
 
 #[test]
 fn steps_with_tangents_and_steps_back_take_no_memory() {
-    assert_eq!(tangents(&pendulum(), &PENDULUM, &[1.0, 0.0]), [0; 2]);
-    assert_eq!(tangents(&general(), &[], &[0.0, -1.0, 1.0, -1.0]), [0; 2]);
+    let [auto, schur] = [Solver::Auto, Solver::NodeSchur];
+    assert_eq!(tangents(&pendulum(), &PENDULUM, &[1.0, 0.0], auto), [0; 2]);
+    // full Newton, to which roundoff may lead, takes its memory with its first step
+    let start = [0.0, -1.0, 1.0, -1.0];
+    assert_eq!(tangents(&general(), &[], &start, schur), [0; 2]);
     let (functions, y) = zigzag(60);
-    assert_eq!(tangents(&functions, &[], &y), [0; 2]);
+    assert_eq!(tangents(&functions, &[], &y, auto), [0; 2]);
 }
 
 /// A zigzag of links in the plane, as many as make matrices sparse.
