@@ -18,7 +18,7 @@ PACKAGE = ROOT / "python" / "liouville"
 # and a crate without any is one room
 CRATE_FLOORS = {
     "base": (
-        ("bracket", "cancel", "checkpoint", "elementary", "error", "parallel"),
+        ("bracket", "cancel", "checkpoint", "clone", "elementary", "error", "parallel"),
         ("number",),
         ("real",),
         ("simd",),

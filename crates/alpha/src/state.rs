@@ -20,26 +20,15 @@ pub struct AlphaState {
     pub(super) power: f64,
 }
 
-impl Clone for AlphaState {
-    fn clone(&self) -> Self {
-        Self {
-            y: self.y.clone(),
-            z: self.z.clone(),
-            a: self.a.clone(),
-            phi: self.phi.clone(),
-            ..*self
-        }
-    }
-
-    /// Into the memory there is.
-    fn clone_from(&mut self, source: &Self) {
-        self.y.clone_from(&source.y);
-        self.z.clone_from(&source.z);
-        self.a.clone_from(&source.a);
-        self.phi.clone_from(&source.phi);
-        (self.h, self.work, self.power) = (source.h, source.work, source.power);
-    }
-}
+liouville_base::clone_in_place!(AlphaState {
+    y,
+    z,
+    a,
+    phi,
+    h,
+    work,
+    power
+});
 
 impl Carried for AlphaState {
     fn y(&self) -> &[f64] {

@@ -71,33 +71,14 @@ pub struct AlphaTangentState {
     t: Vec<f64>,
 }
 
-impl Clone for AlphaTangentState {
-    fn clone(&self) -> Self {
-        Self {
-            motion: self.motion.clone(),
-            y: self.y.clone(),
-            z: self.z.clone(),
-            a: self.a.clone(),
-            phi: self.phi.clone(),
-            t: self.t.clone(),
-        }
-    }
-
-    /// Into the memory there is.
-    fn clone_from(&mut self, source: &Self) {
-        self.motion.clone_from(&source.motion);
-        let pairs = [
-            (&mut self.y, &source.y),
-            (&mut self.z, &source.z),
-            (&mut self.a, &source.a),
-            (&mut self.phi, &source.phi),
-        ];
-        for (out, x) in pairs {
-            copy(out.flat_mut(), x.flat());
-        }
-        self.t.clone_from(&source.t);
-    }
-}
+liouville_base::clone_in_place!(AlphaTangentState {
+    motion,
+    y,
+    z,
+    a,
+    phi,
+    t
+});
 
 impl Carried for AlphaTangentState {
     fn y(&self) -> &[f64] {

@@ -3,7 +3,7 @@
 //!
 //! Floors, lowest first; a module uses only floors below its own:
 //!
-//! 0. `bracket`, `cancel`, `elementary`, `error`, `parallel`
+//! 0. `bracket`, `cancel`, `clone`, `elementary`, `error`, `parallel`
 //! 1. `real`
 //! 2. `checkpoint`, `simd`
 //! 3. `compensated`, `linalg`, `observe`
@@ -17,6 +17,7 @@
 pub mod bracket;
 pub mod cancel;
 pub mod checkpoint;
+pub mod clone;
 pub mod compensated;
 pub mod composition;
 pub mod elementary;

@@ -307,25 +307,6 @@ impl<R: Real> State<R> {
     }
 }
 
-impl<R: Clone> Clone for State<R> {
-    fn clone(&self) -> Self {
-        Self {
-            y: self.y.clone(),
-            z: self.z.clone(),
-            p: self.p.clone(),
-            y_low: self.y_low.clone(),
-            p_low: self.p_low.clone(),
-        }
-    }
-
-    /// Into the memory there is: steps keep copies.
-    fn clone_from(&mut self, source: &Self) {
-        self.y.clone_from(&source.y);
-        self.z.clone_from(&source.z);
-        self.p.clone_from(&source.p);
-        self.y_low.clone_from(&source.y_low);
-        self.p_low.clone_from(&source.p_low);
-    }
-}
+liouville_base::clone_in_place!([R: Clone] State<R> { y, z, p, y_low, p_low });
 
 liouville_base::checkpoint!([R: Scalar] State<R> { y, z, p, y_low, p_low });

@@ -24,31 +24,7 @@ pub struct TangentState {
     pub t: Vec<f64>,
 }
 
-impl Clone for TangentState {
-    fn clone(&self) -> Self {
-        Self {
-            motion: self.motion.clone(),
-            y: self.y.clone(),
-            z: self.z.clone(),
-            p: self.p.clone(),
-            t: self.t.clone(),
-        }
-    }
-
-    /// Into the memory there is: steps keep copies.
-    fn clone_from(&mut self, source: &Self) {
-        self.motion.clone_from(&source.motion);
-        let pairs = [
-            (&mut self.y, &source.y),
-            (&mut self.z, &source.z),
-            (&mut self.p, &source.p),
-        ];
-        for (out, x) in pairs {
-            out.flat_mut().copy_from_slice(x.flat());
-        }
-        self.t.clone_from(&source.t);
-    }
-}
+liouville_base::clone_in_place!(TangentState { motion, y, z, p, t });
 
 impl Carried for TangentState {
     fn y(&self) -> &[f64] {

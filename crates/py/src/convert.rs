@@ -288,6 +288,21 @@ pub(crate) fn item<'py>(dict: &Bound<'py, PyDict>, name: &str) -> PyResult<Bound
         .ok_or_else(|| PyKeyError::new_err(name.to_owned()))
 }
 
+/// The tape of this name.
+pub(crate) fn tape_of(tapes: &Bound<'_, PyDict>, name: &str) -> PyResult<tape::Tape> {
+    let found = item(tapes, name)?.extract::<PyRef<'_, Tape>>()?.0.clone();
+    Ok(tape::Tape::clone(&found))
+}
+
+/// What `read` makes of a name, where the dictionary has it.
+pub(crate) fn optional<T>(
+    dict: &Bound<'_, PyDict>,
+    name: &str,
+    read: impl FnOnce(&str) -> PyResult<T>,
+) -> PyResult<Option<T>> {
+    dict.contains(name)?.then(|| read(name)).transpose()
+}
+
 pub(crate) fn pattern(value: &Bound<'_, PyAny>) -> PyResult<Pattern> {
     let (rows, cols, row, col): (
         usize,

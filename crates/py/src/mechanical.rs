@@ -1,8 +1,7 @@
 //! Mechanical systems in.
 
-use crate::convert::{Made, Recipe, Tape, item, pattern};
+use crate::convert::{Made, Recipe, item, optional, pattern, tape_of};
 use crate::errors::refused;
-use liouville_base::tape;
 use liouville_problem::{
     Nonholonomic, NonholonomicPatterns, Patterns, Redundant, SensitivityPatterns,
 };
@@ -30,16 +29,9 @@ impl Mechanical {
         patterns: &Bound<'_, PyDict>,
         left_out: Vec<usize>,
     ) -> PyResult<Self> {
-        let tape = |name: &str| -> PyResult<tape::Tape> {
-            let found = item(tapes, name)?.extract::<PyRef<'_, Tape>>()?.0.clone();
-            Ok(tape::Tape::clone(&found))
-        };
+        let tape = |name: &str| tape_of(tapes, name);
         let pattern = |name: &str| pattern(&item(patterns, name)?);
-        let v_z = if patterns.contains("v_z")? {
-            Some(pattern("v_z")?)
-        } else {
-            None
-        };
+        let v_z = optional(patterns, "v_z", pattern)?;
         let nonholonomic = if tapes.contains("nonholonomic")? {
             let at = NonholonomicPatterns {
                 k_y: pattern("k_y")?,
@@ -119,20 +111,9 @@ impl Sensitivity {
         tapes: &Bound<'_, PyDict>,
         patterns: &Bound<'_, PyDict>,
     ) -> PyResult<Self> {
-        let tape = |name: &str| -> PyResult<tape::Tape> {
-            let found = item(tapes, name)?.extract::<PyRef<'_, Tape>>()?.0.clone();
-            Ok(tape::Tape::clone(&found))
-        };
+        let tape = |name: &str| tape_of(tapes, name);
         let pattern = |name: &str| pattern(&item(patterns, name)?);
-        let v_tau = if patterns.contains("v_tau")? {
-            Some(pattern("v_tau")?)
-        } else {
-            None
-        };
-        let optional = |name: &str| -> PyResult<Option<tape::Tape>> {
-            let is_there = tapes.contains(name)?;
-            is_there.then(|| tape(name)).transpose()
-        };
+        let v_tau = optional(patterns, "v_tau", pattern)?;
         let made = Made::of(tapes.py(), (problem, tapes, patterns))?;
         let sensitivity = liouville_problem::Sensitivity {
             mechanical: problem.get().0.clone(),
@@ -140,8 +121,8 @@ impl Sensitivity {
             node: tape("node")?,
             hidden: tape("hidden")?,
             motion: tape("motion")?,
-            velocity: optional("velocity")?,
-            nonholonomic: optional("nonholonomic")?,
+            velocity: optional(tapes, "velocity", tape)?,
+            nonholonomic: optional(tapes, "nonholonomic", tape)?,
             patterns: SensitivityPatterns {
                 p_tau: pattern("p_tau")?,
                 f_tau: pattern("f_tau")?,

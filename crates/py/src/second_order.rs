@@ -1,9 +1,8 @@
 //! Systems in their special forms, as the front end hands them over.
 
-use crate::convert::{Made, Recipe, Tape, item, pattern};
+use crate::convert::{Made, Recipe, item, optional, pattern, tape_of};
 use crate::errors::refused;
 use crate::mechanical::Mechanical;
-use liouville_base::tape;
 use liouville_problem::SecondOrderPatterns;
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
@@ -24,16 +23,9 @@ impl SecondOrder {
         patterns: &Bound<'_, PyDict>,
         power_of_lam: bool,
     ) -> PyResult<Self> {
-        let tape = |name: &str| -> PyResult<tape::Tape> {
-            let found = item(tapes, name)?.extract::<PyRef<'_, Tape>>()?.0.clone();
-            Ok(tape::Tape::clone(&found))
-        };
+        let tape = |name: &str| tape_of(tapes, name);
         let pattern = |name: &str| pattern(&item(patterns, name)?);
-        let power = if tapes.contains("power")? {
-            Some(tape("power")?)
-        } else {
-            None
-        };
+        let power = optional(tapes, "power", tape)?;
         let made = Made::of(tapes.py(), (problem, tapes, patterns, power_of_lam))?;
         let system = liouville_problem::SecondOrder {
             mechanical: problem.get().0.clone(),
@@ -69,10 +61,7 @@ impl Separable {
     /// Tapes by name.
     #[new]
     fn new(problem: &Bound<'_, Mechanical>, tapes: &Bound<'_, PyDict>) -> PyResult<Self> {
-        let tape = |name: &str| -> PyResult<tape::Tape> {
-            let found = item(tapes, name)?.extract::<PyRef<'_, Tape>>()?.0.clone();
-            Ok(tape::Tape::clone(&found))
-        };
+        let tape = |name: &str| tape_of(tapes, name);
         let made = Made::of(tapes.py(), (problem, tapes))?;
         let system = liouville_problem::Separable {
             mechanical: problem.get().0.clone(),

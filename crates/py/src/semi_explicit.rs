@@ -1,8 +1,7 @@
 //! Semi-explicit systems of index 2: the problem, and z at a point.
 
-use crate::convert::{self, Made, Recipe, item, pattern};
+use crate::convert::{Made, Recipe, item, pattern, tape_of};
 use crate::errors::{self, refused};
-use liouville_base::tape;
 use liouville_index2::semi_explicit::{
     self, SemiExplicitModel, SemiExplicitPatterns, SemiExplicitSensitivityPatterns,
 };
@@ -28,13 +27,7 @@ impl SemiExplicit {
         tapes: &Bound<'_, PyDict>,
         patterns: &Bound<'_, PyDict>,
     ) -> PyResult<Self> {
-        let tape = |name: &str| -> PyResult<tape::Tape> {
-            let found = item(tapes, name)?
-                .extract::<PyRef<'_, convert::Tape>>()?
-                .0
-                .clone();
-            Ok(tape::Tape::clone(&found))
-        };
+        let tape = |name: &str| tape_of(tapes, name);
         let pattern = |name: &str| pattern(&item(patterns, name)?);
         let made = Made::of(tapes.py(), (n, l, is_linear, tapes, patterns))?;
         let system = semi_explicit::SemiExplicit {
@@ -97,13 +90,7 @@ impl SemiExplicitSensitivity {
         tapes: &Bound<'_, PyDict>,
         patterns: &Bound<'_, PyDict>,
     ) -> PyResult<Self> {
-        let tape = |name: &str| -> PyResult<tape::Tape> {
-            let found = item(tapes, name)?
-                .extract::<PyRef<'_, convert::Tape>>()?
-                .0
-                .clone();
-            Ok(tape::Tape::clone(&found))
-        };
+        let tape = |name: &str| tape_of(tapes, name);
         let pattern = |name: &str| pattern(&item(patterns, name)?);
         let made = Made::of(tapes.py(), (problem, tapes, patterns))?;
         let found = semi_explicit::SemiExplicitSensitivity {

@@ -36,14 +36,12 @@ impl Attempts for SparkAttempt<'_> {
             update,
             ..
         } = &mut *self.spark;
-        match start {
-            Start::Extrapolated => Ok(predictor.extrapolate(stages, &mut update.z, step)),
-            _ => {
-                let is_still = start == Start::Still;
-                predictor.start_cold(model, stages, &mut update.z, step, is_still)?;
-                Ok(true)
-            }
+        if start == Start::Extrapolated {
+            return Ok(predictor.extrapolate(stages, &mut update.z, step));
         }
+        let is_still = start == Start::Still;
+        predictor.start_cold(model, stages, &mut update.z, step, is_still)?;
+        Ok(true)
     }
 
     fn iterate(&mut self, h: f64) -> Result<bool, StepError> {

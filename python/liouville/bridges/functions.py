@@ -14,7 +14,14 @@ from liouville.control import Takes
 from liouville.errors import hinted
 from liouville.methods import Method
 from liouville.runners import Request, runner_of
-from liouville.runners.tangents import PARAMS, check_names, check_wrt, places_of, shapes_of
+from liouville.runners.tangents import (
+    PARAMS,
+    Constrained,
+    check_names,
+    check_wrt,
+    places_of,
+    shapes_of,
+)
 from liouville.systems import (
     Field,
     Mechanics,
@@ -23,9 +30,6 @@ from liouville.systems import (
     _semi_explicit_sensitivity,
     _sensitivity,
 )
-
-#: Systems on constraints.
-Constrained = Mechanics | SemiExplicit
 
 #: Where redundant constraints are dependent on one another.
 ON_CONSTRAINTS = (

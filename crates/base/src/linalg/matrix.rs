@@ -5,13 +5,14 @@ use crate::real::Real;
 use std::ops::{Index, IndexMut};
 
 /// A dense matrix, row by row.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Debug, PartialEq)]
 pub struct Matrix<R = f64> {
     rows: usize,
     cols: usize,
     data: Vec<R>,
 }
 
+crate::clone_in_place!([R: Clone] Matrix<R> { rows, cols, data });
 crate::checkpoint!([R: Real] Matrix<R> { data });
 
 impl<R: Real> Matrix<R> {

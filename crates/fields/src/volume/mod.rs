@@ -53,20 +53,7 @@ pub struct State<S> {
     low: Vec<S>,
 }
 
-impl<S: Clone> Clone for State<S> {
-    fn clone(&self) -> Self {
-        Self {
-            x: self.x.clone(),
-            low: self.low.clone(),
-        }
-    }
-
-    /// Into the memory there is, as each step keeps a copy.
-    fn clone_from(&mut self, source: &Self) {
-        self.x.clone_from(&source.x);
-        self.low.clone_from(&source.low);
-    }
-}
+liouville_base::clone_in_place!([S: Clone] State<S> { x, low });
 
 impl<S> State<S> {
     /// The variables and their rounding errors.

@@ -137,21 +137,6 @@ pub struct SemiExplicitState {
     pub y_low: Vec<f64>,
 }
 
-impl Clone for SemiExplicitState {
-    fn clone(&self) -> Self {
-        Self {
-            y: self.y.clone(),
-            z: self.z.clone(),
-            y_low: self.y_low.clone(),
-        }
-    }
-
-    /// Into the memory there is: steps keep copies.
-    fn clone_from(&mut self, source: &Self) {
-        self.y.clone_from(&source.y);
-        self.z.clone_from(&source.z);
-        self.y_low.clone_from(&source.y_low);
-    }
-}
+liouville_base::clone_in_place!(SemiExplicitState { y, z, y_low });
 
 liouville_base::checkpoint!(SemiExplicitState { y, z, y_low });

@@ -3,7 +3,7 @@
 use crate::semi_explicit::{SemiExplicitModel, SemiExplicitState};
 use liouville_base::checkpoint::{Checkpoint, CheckpointMismatch, Numbers};
 use liouville_base::error::StepError;
-use liouville_base::linalg::{Matrix, copy};
+use liouville_base::linalg::Matrix;
 use liouville_base::observe::Observe;
 use liouville_problem::{Carried, Observer, TangentView};
 
@@ -17,24 +17,7 @@ pub struct SemiExplicitTangentState {
     pub(super) t: Vec<f64>,
 }
 
-impl Clone for SemiExplicitTangentState {
-    fn clone(&self) -> Self {
-        Self {
-            motion: self.motion.clone(),
-            y: self.y.clone(),
-            z: self.z.clone(),
-            t: self.t.clone(),
-        }
-    }
-
-    /// Into the memory there is: steps keep copies.
-    fn clone_from(&mut self, source: &Self) {
-        self.motion.clone_from(&source.motion);
-        copy(self.y.flat_mut(), source.y.flat());
-        copy(self.z.flat_mut(), source.z.flat());
-        self.t.clone_from(&source.t);
-    }
-}
+liouville_base::clone_in_place!(SemiExplicitTangentState { motion, y, z, t });
 
 impl Carried for SemiExplicitTangentState {
     fn y(&self) -> &[f64] {
