@@ -158,6 +158,21 @@ def test_a_surface_has_no_period():
                    plane=lambda t, x, params: x[0])  # fmt: skip
 
 
+@pytest.mark.parametrize(("more", "sentence"), [
+    ({"plane": lambda t, x: x[0]}, "takes \\(t, x\\)"),
+    ({"plane": lambda t, x, params: None}, "'plane' returns None"),
+    ({"plane": lambda t, x, params: [x[0], x[1]]}, "'plane' returns 2 values"),
+    ({"plane": lambda t, x, params: ca.log(x[0] - 9)}, "'plane' is not finite at t = 0"),
+    ({"plane": level(0.0)}, "hint: an Event's function"),
+    ({"plane": "x", "x": X}, "hint: give a row for each member"),
+    ({"plane": "t", "period": 1e-13}, "keeping 1e\\+13 points"),
+])  # fmt: skip
+def test_wrong_surfaces_are_refused(more, sentence):
+    with pytest.raises(Exception, match=sentence) as info:
+        lv.section(abc_flow.system, PLAN, **{"t": (0, 1), "steps": 10, "x": [X]} | more)
+    assert isinstance(info.value, (TypeError, ValueError, MemoryError, lv.IntegrationError))
+
+
 def test_an_event_that_is_not_finite_ends_the_run_by_name():
     with pytest.raises(lv.IntegrationError, match="event 'root' is not finite") as info:
         flow({"root": lambda t, x, params: ca.sqrt(0.8 - t)})

@@ -317,7 +317,7 @@ def test_what_is_no_hamiltonian_is_refused(given, message):
         ("H", "H is an array of numbers, not .H."),
         (lambda x: x, r"H\(0\) is float, wanted an operator\nhint: .* \(N, function of psi\)"),
         (lambda x, y, z: x, "function of unknown size"),
-        ((3, lambda x: None), "H returns NoneType for a real vector"),
+        ((3, lambda x: None), "H returns NoneType for a vector"),
     ],
 )
 def test_what_is_of_the_wrong_kind_is_refused(given, message):

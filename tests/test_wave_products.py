@@ -198,6 +198,19 @@ def test_drives_and_derivatives_beside_products_are_refused_and_an_exception_end
     with pytest.raises(TypeError, match="no derivative of an H"):
         lv.vjp(lv.Schrodinger(turned), lv.Magnus(), wrt=["psi"], t=(0, 2), h=0.1, psi=FIRST)
 
+    for late, error, words in (
+        (lambda x: x[:2], ValueError, r"returns shape \(2,\), wanted \(3,\)"),
+        (lambda x: 1.0, ValueError, r"returns shape \(\), wanted \(3,\)"),
+        (lambda x: np.nan * x, ValueError, r"returns \(?nan"),
+        (lambda x: "x", TypeError, "returns <U1 for a vector"),
+    ):
+        system = lv.Schrodinger((3, lambda t, x: turned(t) @ x if t != 0.7 else late(x)))  # noqa: B023
+        with pytest.raises(error, match=r"H\(0.7\) " + words):
+            lv.integrate(system, lv.Magnus(order=2), t=(0, 1.4), steps=1, psi=FIRST)
+    other = lv.Schrodinger(lambda t: turned(t) if t != 0.7 else np.eye(2))
+    with pytest.raises(ValueError, match=r"H\(0.7\) has shape \(2, 2\), wanted \(3, 3\)"):
+        lv.integrate(other, lv.Magnus(order=2), t=(0, 1.4), steps=1, psi=FIRST)
+
     def product(t, x):
         if 0.6 < t < 0.9:
             raise RuntimeError("out of range")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
@@ -11,7 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from liouville import _core
-from liouville._arguments import MOST_STEPS, number
+from liouville._arguments import MOST_STEPS, check_memory, number
 from liouville.errors import IntegrationError, hinted
 from liouville.events import DIRECTIONS, Event
 from liouville.failure import Failure, summary_of
@@ -212,7 +213,17 @@ def _surface(
     if period is not None:
         hint = "return a function that is zero on all of them, such as sin(x[0])"
         raise ValueError(hinted("period= is that of planes, and plane= is a function", hint))
-    return {SURFACE: Event(lambda t, x, params: plane(t, x, params) - offset, direction)}
+
+    @functools.wraps(plane)  # its arguments are looked at
+    def surface(t: Any, x: Any, params: Any) -> Any:
+        found = plane(t, x, params)
+        lone = found[0] if isinstance(found, (list, tuple)) and len(found) == 1 else found
+        try:
+            return lone - offset
+        except TypeError:  # refused by name
+            return found
+
+    return {SURFACE: Event(surface, direction)}
 
 
 def _strobed(
@@ -229,6 +240,11 @@ def _strobed(
     if direction:
         raise ValueError(hinted("times have no direction", "leave direction= out"))
     steps, many = runner.steps, runner.members[0]
+    wanted = abs(steps.t1 - steps.t0) / period
+    check_memory(
+        f"keeping {wanted:.3g} points of {many} trajectories", wanted * runner.x.nbytes,
+        "give a longer period=, or a shorter run",
+    )  # fmt: skip
     sign = math.copysign(1.0, steps.t1 - steps.t0)
     each = max(math.ceil(period / abs(steps.mean(steps.t1, steps.count)) - ROUNDOFF), 1)
     first = math.floor(sign * (steps.t0 - offset) / period + ROUNDOFF) + 1
@@ -281,7 +297,9 @@ def _plane(plane: str | ArrayLike, names: Sequence[str]) -> Array:
     except (TypeError, ValueError):
         normal = np.empty(())
     if not normal.ndim:
-        raise TypeError(f"plane is a coordinate's name or an array of numbers, not {plane!r}")
+        sentence = f"plane is a coordinate's name, a function or an array of numbers, not {plane!r}"
+        hint = "an Event's function and direction go into plane= and direction="
+        raise TypeError(hinted(sentence, hint) if isinstance(plane, Event) else sentence)
     if normal.shape != (len(names),):
         raise ValueError(f"plane has shape {normal.shape}, wanted ({len(names)},)")
     if not np.isfinite(normal).all() or not normal.any():

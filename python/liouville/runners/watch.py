@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from itertools import repeat
 from typing import Any
 
 import numpy as np
@@ -84,8 +85,10 @@ class Watch:
         """
         found, ends = run.events()
         points, rest = {}, {}
-        for name, (times, rows, members) in zip(self.events, found, strict=False):
-            width = sum(len(names) for names in system.places.values())
+        width = sum(len(names) for names in system.places.values())
+        none = np.empty(0), np.empty(0), np.empty(0, dtype=np.int64)
+        # where no member could begin, the core has seen no event
+        for name, (times, rows, members) in zip(self.events, found or repeat(none), strict=False):
             sides = rows.reshape(times.size, 1 + (name in self._resets), width + more)
             sides, rest[name] = sides[..., :width], sides[..., width:]
             states: dict[str, np.ndarray] = {}

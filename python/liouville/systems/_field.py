@@ -77,8 +77,8 @@ class Field(Pickled, ABC):
         if array.ndim != 1 + members or array.shape[-1] != n or array.size == 0:
             message = f"x has shape {array.shape}, wanted {wanted}"
             if array.ndim == 2 - members and array.size and array.shape[-1] == n:
-                other = "integrate takes one start" if members else "ensemble takes many starts"
-                message = hinted(message, f"lv.{other}")
+                rows = "give a row for each member, of one alone x[None, :]"
+                message = hinted(message, rows if members else "lv.ensemble takes many starts")
             raise ValueError(message)
         bad = np.argwhere(~np.isfinite(array))
         if bad.size:

@@ -171,7 +171,7 @@ class Bounded(Pickled):
         if key not in self._sums:
 
             def multiply(t: float, x: np.ndarray) -> np.ndarray:
-                return np.asarray(np.ravel(product.function(t, x)), dtype=complex) / self.hbar
+                return product.multiply(t, x).astype(complex) / self.hbar
 
             def at(t: float) -> tuple[_core.Operator, _core.Hamiltonian]:
                 known = self.at(t)

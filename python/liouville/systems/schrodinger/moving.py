@@ -14,7 +14,7 @@ from liouville import _core
 from liouville._arguments import count
 from liouville.errors import hinted
 from liouville.systems.schrodinger.foreign import plain
-from liouville.systems.schrodinger.products import Product
+from liouville.systems.schrodinger.products import Product, vector
 
 #: Operators that are kept: a step takes sums of as many.
 KEPT = 4
@@ -66,6 +66,15 @@ class MovingProduct:
         found = Product(self.n, partial(self.function, t), is_real=False)
         return found.checked(f"{self.name}({t:g})")
 
+    def multiply(self, t: float, x: np.ndarray) -> np.ndarray:
+        """Return the product at a time, which is looked at: it may be another than at the start."""
+        name = f"{self.name}({t:g})"
+        found = vector(name, self.function(t, x), self.n)
+        if not np.isfinite(found).all() and np.isfinite(x).all():
+            place = int(np.flatnonzero(~np.isfinite(found))[0])
+            raise ValueError(f"{name} returns {found[place]} in place {place}")
+        return found
+
     def operator(self, factor: float) -> _core.Operator:
         """Return sums of it at several times, on (q, p), times a number."""
 
@@ -73,7 +82,7 @@ class MovingProduct:
             psi = x[: self.n] + 1j * x[self.n :]
             found = np.zeros(self.n, dtype=complex)
             for weight, t in nodes:
-                found += factor * weight * np.ravel(self.function(t, psi))
+                found += factor * weight * self.multiply(t, psi)
             return np.concatenate([found.real, found.imag])
 
         return _core.Operator.product(2 * self.n, multiply, is_driven=True)
@@ -87,8 +96,12 @@ class OperatorAt:
         self._at = lru_cache(KEPT)(partial(_operator, name, function))
 
     def __call__(self, t: float, x: np.ndarray) -> Any:
-        """Return the product with a vector."""
-        return self._at(t)[1](x)
+        """Return the product with a vector; ValueError if the operator has another order."""
+        n, multiply = self._at(t)
+        if n != x.size:
+            wanted = f"({x.size}, {x.size}) as at t = 0"
+            raise ValueError(f"{self.name}({t:g}) has shape ({n}, {n}), wanted {wanted}")
+        return multiply(x)
 
     def __reduce__(self) -> tuple[Any, ...]:
         """Keep the function alone."""

@@ -16,6 +16,17 @@ from liouville.errors import hinted
 LINEAR = 1e-10
 
 
+def vector(name: str, found: Any, n: int) -> np.ndarray:
+    """Return a product as n numbers; TypeError or ValueError for what a function else returns."""
+    array = np.asarray(found)
+    if array.dtype.kind not in "biufc":
+        what = type(found).__name__ if array.dtype.kind == "O" else str(array.dtype)
+        raise TypeError(f"{name} returns {what} for a vector, wanted numbers")
+    if array.shape not in ((n,), (n, 1)):
+        raise ValueError(f"{name} returns shape {array.shape}, wanted ({n},)")
+    return array.reshape(n)
+
+
 @dataclass(frozen=True)
 class Product:
     """A function that makes products with a Hermitian matrix of order n.
@@ -48,13 +59,7 @@ class Product:
 
     def checked(self, name: str) -> Product:
         """Return it, complex where its product is; ValueError for what is no linear operator."""
-        found = self.function(np.ones(self.n))
-        array = np.asarray(found)
-        if array.dtype.kind not in "biufc":
-            what = type(found).__name__ if array.dtype.kind == "O" else str(array.dtype)
-            raise TypeError(f"{name} returns {what} for a real vector, wanted numbers")
-        if array.shape not in ((self.n,), (self.n, 1)):
-            raise ValueError(f"{name} returns shape {array.shape}, wanted ({self.n},)")
+        array = vector(name, self.function(np.ones(self.n)), self.n)
         bad = np.flatnonzero(~np.isfinite(array))
         if bad.size:
             raise ValueError(f"{name} returns {array.flat[bad[0]]} in place {bad[0]}")
@@ -78,13 +83,14 @@ class Product:
 
     def multiply(self, x: np.ndarray) -> np.ndarray:
         """Return the product with a complex vector, of a complex matrix."""
-        return np.asarray(np.ravel(self.function(x)), dtype=complex)
+        return vector("the product with H", self.function(x), self.n).astype(complex)
 
     def operator(self, factor: float, is_doubled: bool = False) -> _core.Operator:
         """Return the operator, times a number; of a doubled or complex one that on (q, p)."""
 
         def multiply(x: np.ndarray) -> np.ndarray:
-            return np.ascontiguousarray(np.ravel(self.function(x)), dtype=float) * factor
+            found = vector("the product with H", self.function(x), self.n)
+            return np.ascontiguousarray(found, dtype=float) * factor
 
         def multiply_parts(x: np.ndarray) -> np.ndarray:
             found = self.multiply(x[: self.n] + 1j * x[self.n :]) * factor
