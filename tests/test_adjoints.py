@@ -176,6 +176,50 @@ def test_a_cotangent_of_the_start_alone_is_projected():
     assert solution.stats["steps"] == 4
 
 
+def test_checks_by_differences_repeat_the_steps():
+    """Ends that move keep their number of steps, and what cannot be repeated is refused."""
+    system = pendulum()
+    call = {"wrt": ["v", "params.l"], "t": (0, 1), "q": [1.2, -1.6], "v": [1.6, 1.2]}
+    ends = call | {"wrt": ["params.l", "t0", "t1"]}
+    for method in (lv.Spark(2), lv.HHT()):
+        assert lv.check_gradient(system, method, h=0.1, **ends).differences < 1e-10
+    refused = (
+        ({"rtol": 1e-6}, "other steps where steps are controlled"),
+        ({"h": 0.1, "control": lv.Reversible()}, "other steps where steps are controlled"),
+        ({"h": 0.1, "size": 0}, "size is positive and finite, not 0"),
+        ({"h": 0.1, "size": "a"}, "size is a number"),
+        ({"h": 0.1, "seed": -1}, "seed is an integer from 0 on"),
+        ({"h": 0.1, "wrt": []}, "wrt is a sequence of names"),
+    )
+    for more, sentence in refused:
+        with pytest.raises((TypeError, ValueError), match=sentence):
+            lv.check_gradient(system, lv.Spark(2), **(call | more))
+    # the bob passes below on its way, a step earlier in some of the runs
+    below = {"low": lv.Event(lambda t, q, v, lam, params: q[0], "down", terminal=True)}
+    call = {"wrt": ["params.l"], "t": (0, 9), "h": 0.005, "events": below, "q": [1.2, -1.6]}
+    with pytest.raises(ValueError, match="an event ends a moved run after another number"):
+        lv.check_gradient(system, lv.Spark(2), v=[0.0, 0.0], size=0.05, **call)
+
+
+@pytest.mark.parametrize("call", [
+    lv.vjp, lv.check_gradient, lv.integrate, lv.ensemble, lv.lyapunov, lv.casadi.solver,
+])  # fmt: skip
+@pytest.mark.parametrize("system", [None, lv.Lagrangian, "pendulum"], ids=str)
+def test_what_is_no_system_is_refused(call, system):
+    wrt = {} if call in (lv.integrate, lv.ensemble, lv.lyapunov) else {"wrt": ["v"]}
+    with pytest.raises(TypeError, match="system is a Lagrangian"):
+        call(system, lv.Spark(2), t=(0, 1), h=0.1, q=[1.0], **wrt)
+
+
+@pytest.mark.parametrize("call", [lv.vjp, lv.integrate, lv.lyapunov, lv.casadi.solver])
+@pytest.mark.parametrize("method", ["auto", lv.Spark, lv.VolumeSplitting()], ids=str)
+def test_what_is_no_method_is_refused(call, method):
+    wrt = {"wrt": ["q"]} if call in (lv.vjp, lv.casadi.solver) else {}
+    start = {"v": [1.6, 1.2]} if call is lv.casadi.solver else {"q": [1.2, -1.6], "v": [0, 0]}
+    with pytest.raises(TypeError, match="does not step mechanical systems; methods that do: Spark"):
+        call(pendulum(), method, t=(0, 1), h=0.1, **start, **wrt)
+
+
 @pytest.mark.parametrize(("call", "given", "sentence"), [
     ({"wrt": ["params.length"]}, None, "there is no direction 'params.length'"),
     ({"wrt": ["t1"], "steps": None, "rtol": 1e-6}, None, "where steps are controlled"),

@@ -19,6 +19,7 @@ from liouville.integrate import integrate
 from liouville.methods import Method, VolumeSplitting
 from liouville.planner import plan as plan_of
 from liouville.progress import Progress, reported
+from liouville.runners import check_system
 from liouville.systems import Field, Mechanics, System
 
 if TYPE_CHECKING:
@@ -106,7 +107,8 @@ def lyapunov(
     system : Mechanics, PolynomialField or GriddedField
         What moves, without nonholonomic constraints.
     method : Method or Plan
-        ``Spark``, ``LobattoPair`` or a ``Composition`` of them; ``VolumeSplitting`` or a plan.
+        ``Spark``, ``LobattoPair`` or a ``Composition`` of them; also of the alpha family, without
+        pairs to roundoff; ``VolumeSplitting`` or a plan.
     t, h, steps, params, progress
         As for :func:`liouville.integrate`, with equal steps, forward in time.
     every : int, default 10
@@ -143,7 +145,8 @@ def lyapunov(
     >>> bool(abs(found.exponents.sum()) < 1e-12)
     True
     """
-    plan = steps_of(t, h, steps, TAKES, coordinates=system.coordinates)
+    check_system(system)
+    plan = steps_of(t, h, steps, TAKES)
     if plan.t1 < plan.t0:
         raise ValueError(hinted("t runs backwards", "exponents are those of the time ahead"))
     segment = min(count("every", every), plan.count)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -9,6 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
+from liouville._arguments import number
 from liouville.control import Control
 from liouville.ensemble import ensemble
 from liouville.errors import IntegrationError, hinted
@@ -16,7 +18,7 @@ from liouville.events import Event
 from liouville.integrate import integrate
 from liouville.methods import Method
 from liouville.progress import Progress
-from liouville.runners import Request, runner_of
+from liouville.runners import Request, check_system, runner_of
 from liouville.runners.adjoint import EVENTS, Adjoint, Gradients
 from liouville.runners.execute import execute
 from liouville.solution import Solution
@@ -194,6 +196,7 @@ def vjp(
     >>> by["v"].shape
     (2,)
     """
+    check_system(system)
     request = Request(
         t=t, h=h, steps=steps, rtol=rtol, atol=atol, control=control, every=every, t_eval=t_eval,
         events=events, params=params, start=start, has_pullback=True, threads=threads,
@@ -238,8 +241,9 @@ def check_gradient(
     """Check the gradient of a run in a random direction, by its tangent and by differences.
 
     The two tests see different things. The pairing of tangent and pullback is exact, but agrees
-    even where a model bends within a step; differences see that, with their own error. Of a
-    Schrödinger equation they are of the run with the same bounds, windows and numbers of terms.
+    even where a model bends within a step; differences see that, with their own error. They are of
+    a run with the same steps, so that steps on constraints have to be equal; of a Schrödinger
+    equation bounds, windows and numbers of terms are the same.
     Members of an ensemble are moved in the same direction.
 
     Parameters
@@ -258,6 +262,14 @@ def check_gradient(
     GradientCheck
         Both differences.
 
+    Raises
+    ------
+    TypeError, ValueError
+        As of :func:`vjp`; controlled steps on constraints, which a moved run does not repeat, and
+        an event that ends moved runs after other numbers of states.
+    IntegrationError
+        A step of the run, or of a moved one, failed.
+
     Examples
     --------
     >>> import liouville as lv
@@ -269,6 +281,16 @@ def check_gradient(
     >>> found.dot < 1e-13 and found.differences < 1e-9
     True
     """
+    size = number("size is a number", size)
+    if not (size > 0 and math.isfinite(size)):
+        raise ValueError(f"size is positive and finite, not {size:g}")
+    if isinstance(seed, bool) or not isinstance(seed, int | np.integer) or seed < 0:
+        raise TypeError(f"seed is an integer from 0 on, not {seed!r}")
+    if isinstance(system, Mechanics | SemiExplicit) and (
+        run.get("rtol") is not None or run.get("control") is not None
+    ):
+        sentence = "runs moved by differences would take other steps where steps are controlled"
+        raise TypeError(hinted(sentence, "give h or steps: equal ones are checked"))
     solution, pullback = vjp(system, method, wrt=wrt, t=t, params=params, **run)
     rng, adjoint = np.random.default_rng(seed), pullback.adjoint
 
@@ -291,6 +313,9 @@ def check_gradient(
     for count, weight in WEIGHTS.items():
         for sign in (1, -1):
             moved = adjoint.moved(directions, sign * count * size)
+            if any(moved[name].shape != x.shape for name, x in states.items()):
+                sentence = "an event ends a moved run after another number of states"
+                raise ValueError(hinted(sentence, f"take a size below {size:g}, or a larger every"))
             terms = sum(float(np.vdot(x, moved[name]).real) for name, x in states.items())
             slope += sign * weight / size * terms
     return GradientCheck(dot=abs(back - forward) / unit, differences=abs(slope - forward) / unit)

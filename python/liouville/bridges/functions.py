@@ -13,7 +13,7 @@ from liouville.bridges.run import Array, RunFunction, Runnable, RunPoint
 from liouville.control import Takes
 from liouville.errors import hinted
 from liouville.methods import Method
-from liouville.runners import Request, runner_of
+from liouville.runners import Request, check_system, runner_of
 from liouville.runners.tangents import (
     PARAMS,
     Constrained,
@@ -48,11 +48,10 @@ def run_function(
     TypeError, ValueError
         An argument is wrong, or what is asked for has no pullback.
     """
-    for family, kind in FAMILIES.items():
-        if isinstance(system, family):
-            returns = system.states[0] if returns is None else returns
-            return kind(system, method, wrt, returns, request)
-    raise TypeError(f"a run of a {type(system).__name__} is no function of arrays")
+    check_system(system)
+    kind = next(kind for family, kind in FAMILIES.items() if isinstance(system, family))
+    returns = system.states[0] if returns is None else returns
+    return kind(system, method, wrt, returns, request)
 
 
 class SteppedFunction(RunFunction):

@@ -60,13 +60,7 @@ def runner_of(system: System, method: Method | Plan | str, request: Request) -> 
         One of them is of the wrong kind, the method does not step such a system, or an argument is
         unknown.
     """
-    if not isinstance(system, SYSTEMS):
-        sentence = (
-            "system is a Lagrangian, Hamiltonian, Mechanical, Structure, SemiExplicit, "
-            f"PolynomialField, GriddedField or Schrodinger, not {system!r}"
-        )
-        is_assembly = hasattr(system, "system")
-        raise TypeError(hinted(sentence, "take its system()") if is_assembly else sentence)
+    check_system(system)
     check_options(request.start, "ensemble" if request.is_ensemble else "integrate")
     if not isinstance(request.states, bool):
         raise TypeError(f"states is True or False, not {request.states!r}")
@@ -88,6 +82,18 @@ def runner_of(system: System, method: Method | Plan | str, request: Request) -> 
             _check_shared(system, request)
         return _of_waves(system, method, request)
     return _of_fields(system, method, request)
+
+
+def check_system(system: Any) -> None:
+    """Refuse what is no system."""
+    if isinstance(system, SYSTEMS):
+        return
+    sentence = (
+        "system is a Lagrangian, Hamiltonian, Mechanical, Structure, SemiExplicit, "
+        f"PolynomialField, GriddedField or Schrodinger, not {system!r}"
+    )
+    is_assembly = hasattr(system, "system")
+    raise TypeError(hinted(sentence, "take its system()") if is_assembly else sentence)
 
 
 def _check_shared(system: Schrodinger, request: Request) -> None:

@@ -110,7 +110,8 @@ class ConstrainedAdjoint(Adjoint):
         }
         ends = [request.t[k] + size * directions.get(f"t{k}", 0.0) for k in (0, 1)]
         start = {**request.start, **system.consistent(t=ends[0], params=values, **own)}
-        moved = replace(
-            request, t=tuple(map(float, ends)), params=values, start=start, has_pullback=False
-        )
+        moved = replace(  # as many steps, whatever the ends
+            request, t=tuple(map(float, ends)), steps=self.runner.steps.count, h=None,
+            params=values, start=start, has_pullback=False,
+        )  # fmt: skip
         return execute(type(self.runner)(system, self.runner.choice, moved)).states

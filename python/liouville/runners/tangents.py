@@ -64,8 +64,6 @@ def check_covered(system: Any, method: Any, request: Request) -> None:
         The system, its method or an option of the run is not covered.
     """
     base = method.base if isinstance(method, Composition) else method
-    if not isinstance(system, Mechanics | SemiExplicit | Field | Schrodinger):
-        raise TypeError(hinted(f"a {type(system).__name__} has no tangents yet", COVERED))
     events, has_times = request.events is not None, request.t_eval is not None
     for name in ("events", "t_eval") if request.is_ensemble else ():
         if getattr(request, name) is not None:
@@ -88,7 +86,9 @@ def check_covered(system: Any, method: Any, request: Request) -> None:
     if isinstance(base, ALPHA):
         _check_alpha(system, method, request)
     elif not isinstance(base, Spark | LobattoPair):
-        raise TypeError(hinted(f"{method!r} has no tangents yet", COVERED))
+        from liouville.runners import no_runner  # whose module imports this one
+
+        raise no_runner(method, "mechanical", "mechanical systems")
     if getattr(base, "newton_tol", None) is not None:
         sentence = "newton_tol leaves an error in the stages, and as large a one in their tangents"
         raise ValueError(hinted(sentence, "leave newton_tol out"))
