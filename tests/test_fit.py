@@ -48,9 +48,16 @@ def test_exact_data_give_back_what_made_them():
     assert found.names[:3] == ("params.l", "params.k[0]", "params.k[1]")
     assert found.names[3:] == ("q.x", "q.y", "v.x", "v.y")
     # the start varies along the constraint alone
-    along = np.array([0, 0, 0, *START["q"], 0, 0]) / 2.0
-    free = lv.fit(SYSTEM, METHOD, noisy(0), h=0.05, params=("g",), free="q", sigma=0.01, **START)
-    assert abs(along[3:5] @ free.covariance[1:, 1:] @ along[3:5]) < 1e-12 * free.covariance.max()
+    run = {"h": 0.05, "params": ("g",), "sigma": 0.01, **START}
+    free = lv.fit(SYSTEM, METHOD, noisy(0), free=("q", "v"), **run)
+    across, own = free.start["q"] / 2, free.covariance[1:3, 1:3]
+    assert abs(across @ own @ across) < 1e-12 * np.trace(own)
+    # at rest every place on the rod has this velocity, so that it may be held
+    still = run | {"q": [1.2, -1.6], "v": [0.0, 0.0]}
+    fall = lv.integrate(SYSTEM, METHOD, **RUN, q=still["q"], v=still["v"])
+    place = lv.fit(SYSTEM, METHOD, {"t": fall.t, "q": fall.q}, free="q", **still)
+    assert place.errors["q.x"] > 1e-4
+    assert not place.start["v"].any()
 
 
 def test_covariance_holds_the_truth_as_often_as_it_says():
@@ -107,6 +114,11 @@ GIVEN = {"h": 0.05, "params": ("l",)}
         (noisy(0), GIVEN | {"sigma": {"x": 0.1}}, "sigma has no value for 'q'"),
         (noisy(0), GIVEN | {"t0": 3.0}, "after the first measurement"),
         (noisy(0), GIVEN | {"h": -1.0}, "h is positive"),
+        (noisy(0), GIVEN | {"free": "q"}, "no freedom to 'q' while the other state is held"),
+        (noisy(0), GIVEN | {"free": 1}, "free is a sequence of states, not 1"),
+        (noisy(0), GIVEN | {"sigma": "a"}, "sigma is made of real numbers"),
+        (noisy(0), GIVEN | {"sigma": [0.1] * 3}, r"sigma of 'q' has shape \(3,\)"),
+        ({"t": TRUTH.t, "q": TRUTH.q + 0j}, GIVEN, "data 'q' is made of real numbers"),
     ],
 )
 def test_bad_calls_are_refused(data, more, says):

@@ -103,7 +103,8 @@ def fit(
     system : Mechanics
         What moves.
     method : Method
-        ``Spark``, ``LobattoPair`` or a ``Composition`` of them.
+        ``Spark``, ``LobattoPair`` or a ``Composition`` of them, ``HHT``, ``GeneralizedAlpha`` or
+        ``ArnoldBruls``.
     data : mapping of str to array_like
         ``"t"``, shape (k,), at equal distances, and measured values by the name of a coordinate,
         shape (k,), or of a state of the system such as ``"q"``, shape (k, n). NaN is no
@@ -115,10 +116,11 @@ def fit(
         Others keep their defaults.
     free : sequence of str
         States of the start that are fitted too: ``"q"``, ``"v"``, or what the system calls them.
+        One of them alone moves as far as the other, which is held, stays on its constraints.
     sigma : float or mapping, optional
-        Standard deviation of all measurements, or by the names in `data`, as a number or of the
-        shape of the data. Without it measurements count alike, and their deviation is found from
-        the residuals.
+        Standard deviation of all measurements, or by the names in `data`, as a number, one for each
+        coordinate, or of the shape of the data. Without it measurements count alike, and their
+        deviation is found from the residuals.
     bounds : mapping of str to (float, float), optional
         Least and largest value of parameters, by name.
     t0 : float, optional
@@ -183,6 +185,9 @@ class _Problem:
                 hint = f"there are {quoted(list(self.params))}" if self.params else "it has none"
                 raise ValueError(hinted(f"the system has no parameter {name!r}", hint))
         self.params |= given
+        if not isinstance(free, Sequence):
+            hint = f"write free={tuple(self.system.states)!r}"
+            raise TypeError(hinted(f"free is a sequence of states, not {free!r}", hint))
         self.fitted, self.free = tuple(names), (free,) if isinstance(free, str) else tuple(free)
         for name in self.free:
             if name not in self.system.states:
@@ -264,6 +269,12 @@ class _Problem:
             _, sizes, right = np.linalg.svd(rows)
             rank = int((sizes > RANK * sizes.max(initial=0.0)).sum())
             tangent = tangent @ right[rank:].T
+        if not tangent.shape[1]:
+            sentence = f"constraints leave no freedom to {quoted(self.free)}"
+            if not held:
+                raise ValueError(hinted(sentence, "fit parameters alone"))
+            hint = f"write free={tuple(self.system.states)!r}"
+            raise ValueError(hinted(f"{sentence} while the other state is held", hint))
         basis: Array = np.linalg.qr(tangent)[0]
         return basis
 

@@ -16,6 +16,17 @@ from liouville.systems import Mechanics
 EVEN = 1e-9
 
 
+def _numbers(what: str, value: Any) -> np.ndarray:
+    """Return real numbers as an array of floats, None among them as NaN."""
+    try:
+        array = np.asarray(value)
+        if array.dtype.kind in "iufO":
+            return array.astype(float)
+    except (TypeError, ValueError):
+        pass
+    raise TypeError(f"{what} is made of real numbers")
+
+
 class Measurements:
     """States that were measured, and the steps of a run that meets their times.
 
@@ -48,7 +59,7 @@ class Measurements:
     def _take_times(self, data: Any, h: float, t0: Any) -> None:
         if not isinstance(data, Mapping) or "t" not in data:
             raise TypeError(hinted("data has no 't'", 'write data={"t": times, "q": values}'))
-        times = np.asarray(data["t"], dtype=float)
+        times = _numbers("data 't'", data["t"])
         if times.ndim != 1 or times.size < 2 or not np.isfinite(times).all():
             raise ValueError(f"data 't' are two times or more in a row, not {times!r}")
         distance = (times[-1] - times[0]) / (times.size - 1)
@@ -84,7 +95,7 @@ class Measurements:
             else:
                 hint = f"there are {', '.join((*system.states, *system.coordinates))}"
                 raise ValueError(hinted(f"data has {name!r}, which is no state", hint))
-            values = np.asarray(data[name], dtype=float)
+            values = _numbers(f"data {name!r}", data[name])
             if values.shape != self.values[:, place].shape:
                 wanted = self.values[:, place].shape
                 raise ValueError(f"data {name!r} has shape {values.shape}, wanted {wanted}")
@@ -92,7 +103,13 @@ class Measurements:
             own = sigma.get(name) if isinstance(sigma, Mapping) else sigma
             if own is None and self.is_absolute:
                 raise ValueError(f"sigma has no value for {name!r}")
-            self.weights[:, place] = 1.0 if own is None else np.asarray(own, dtype=float)
+            if own is None:
+                continue
+            weights = _numbers("sigma", own)
+            if weights.shape not in ((), values.shape[1:], values.shape):
+                sentence = f"sigma of {name!r} has shape {weights.shape}"
+                raise ValueError(f"{sentence}, wanted a number or {values.shape}")
+            self.weights[:, place] = weights
         self.is_there = np.isfinite(self.values)
         if np.isinf(self.values).any() or not self.is_there.any():
             raise ValueError("data are finite numbers, and NaN where nothing was measured")
