@@ -300,6 +300,7 @@ REFUSED = {
     "a guess": ({"guess": {"t": [0, 1, 3], "F": [1, 2]}}, ValueError, "F of the guess has shape"),
     "times": ({"final_time": (4, 5)}, ValueError, "the guess 3 of t in it"),
     "an option": ({"options": {"no": 1}}, ValueError, "No such IPOPT option"),
+    "a kind of option": ({"options": {"max_iter": "a"}}, ValueError, "options: type mismatch"),
 }
 
 
@@ -308,6 +309,31 @@ def test_what_is_wrong_is_refused_by_its_name(case):
     given, kind, sentence = REFUSED[case]
     with pytest.raises(kind, match=sentence):
         swing(**given)
+
+
+def test_a_mass_without_constraints():
+    """A path of its own through what is refused: nothing is eliminated, and nothing need move."""
+    car = lv.Lagrangian(
+        lambda t, q, v, params: ca.dot(v, v),
+        force=lambda t, q, v, params: [params.F],
+        q=("x",),
+        params={"F": 0.0},
+    )
+    call = {"controls": ("F",), "cost": effort, "t": (0, 2), "steps": 4, "q": [0], "v": [0]}
+    there = {"q": [1], "v": [0]}
+    found = lv.optimal_control(car, lv.Spark(2), final=there, **call)
+    # 6 (m d)^2 / T^3: the force is linear in time
+    assert found.cost == pytest.approx(3.0, rel=1e-12)
+    still = lv.optimal_control(car, lv.Spark(2), **call)
+    assert not still.q.any()
+    assert still.cost == 0
+    for condition, says in (
+        (lambda t, q, v, params: q[0] - 1, "'own' repeats what all of q fix already"),
+        (lambda t, q, v, params: t - 1, "'own' fixes nothing"),
+    ):
+        final = {"own": condition} | ({"q": [1]} if "repeats" in says else {})
+        with pytest.raises(ValueError, match=says):
+            lv.optimal_control(car, lv.Spark(2), final=final, **call)
 
 
 def test_methods_and_systems_without_an_adjoint_of_their_own_are_refused():

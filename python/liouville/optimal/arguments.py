@@ -208,7 +208,7 @@ def _state_bounds(system: Mechanics, name: str, value: Any, free: Array) -> Arra
     found = free.copy()
     for coordinate, own in value.items():
         if coordinate not in system.coordinates:
-            known = quoted(system.coordinates[:6])
+            known = f"there are {quoted(system.coordinates[:6])}"
             raise ValueError(hinted(f"bounds of {name}: there is no '{coordinate}'", known))
         found[:, system.coordinates.index(coordinate)] = pair(f"{name} of '{coordinate}'", own, ())
     return found

@@ -142,8 +142,12 @@ class Final:
         repeated = self.repeated(reduced, t, near_constraints(system, t, state, params), params)
         if repeated is not None:
             others = [name for name in self.labels if name != repeated]
-            of = [f"constraints {quoted(reduced.constraints[:4])}"] * bool(reduced.constraints)
+            own = reduced.constraints
+            of = [f"constraints {quoted(own[:4])}"] if own else []
+            of += [f"all of {system.states[place]}" for place in self.whole]
             of += [", ".join(others[:4])] * bool(others)
+            if not of:
+                raise ValueError(f"{repeated} fixes nothing: it does not change with the state")
             sentence = f"{repeated} repeats what {' and '.join(of)} fix already"
             raise ValueError(hinted(sentence, self._fewer(system)))
 

@@ -223,7 +223,9 @@ class Problem:
         again by a run.
         """
         ends, inside = np.abs(result.states["v"]).max(axis=1), np.abs(V).max(axis=(1, 2))
-        ratio = inside / (np.maximum(ends[:-1], ends[1:]) + TINY * inside.max())
+        # where nothing moves, nothing leaps
+        least = TINY * inside.max() or 1.0
+        ratio = inside / (np.maximum(ends[:-1], ends[1:]) + least)
         first, second = self.system.states
         for k in np.argsort(-ratio)[:MOST].tolist():
             if not ratio[k] > 2:

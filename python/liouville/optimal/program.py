@@ -150,7 +150,8 @@ class Program:
         try:
             solver = ca.nlpsol("optimal_control", "ipopt", problem, own)
         except RuntimeError as error:
-            said = str(error).strip().splitlines()[-1].partition(": ")[2]
+            last = str(error).strip().splitlines()[-1]
+            said = last.partition(": ")[2] or last  # "type mismatch" stands alone
             hint = "its options are those of coin-or.github.io/Ipopt/OPTIONS.html"
             raise ValueError(hinted(f"IPOPT refuses its options: {said}", hint)) from error
         low, high = self.limits
