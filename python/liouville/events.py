@@ -33,7 +33,8 @@ class Impact:
     ----------
     restitution : float or callable, default 1
         :math:`\varepsilon`, from 0 (no rebound) to 1 (no loss), or a function of the arguments of
-        the event.
+        the event, whose values are taken as they are: beyond 1 the impact adds energy, below 0 the
+        motion goes on through.
 
     Raises
     ------
