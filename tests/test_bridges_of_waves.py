@@ -125,6 +125,8 @@ def test_ipopt_finds_a_pulse():
         np.zeros((2, 2)), drive=[(np.ones(11), [[0, 1], [1, 0]])], times=np.linspace(0, 1, 11)
     )
     solve = lv.casadi.solver(spin, "auto", wrt=["drive[0]"], t=(0, 1), psi=[1, 0])
+    with pytest.raises(RuntimeError, match=r"'drive\[0\]' is not finite"):
+        solve(np.full(11, np.nan))
     u = ca.MX.sym("u", 11)
     re, im = (x[-1, :] for x in solve(u))
     turned = (re[1] ** 2 + im[1] ** 2) / (ca.sumsqr(re) + ca.sumsqr(im))

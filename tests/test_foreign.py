@@ -102,6 +102,8 @@ def test_samples_stand_for_their_spline():
          r"drive\[0\] has samples of shape \(300,\), and there are 301 times"),
         (lambda: lv.Schrodinger([SZ, [SX, 1j * TIMES]], times=TIMES), ValueError,
          r"the samples of drive\[0\] are complex\nhint: z K"),
+        (lambda: ends(lv.Schrodinger([SZ, [SX, TIMES[:99]]], times=TIMES[:99]), START), ValueError,
+         r"leaves the samples of drive\[0\], which are from 0 to \d.*\nhint: .* zeros after"),
         (lambda: lv.Schrodinger([SZ, [SX, "sin(t)"]]), TypeError, r"drive\[0\] is the text"),
         (lambda: lv.Schrodinger(QuSpin(SX, {"f": SZ})), TypeError, "1 parts that depend on time"),
         (lambda: lv.Schrodinger(Qobj(np.eye(4), "super")), TypeError,

@@ -153,7 +153,7 @@ def section(
     True
     """
     if not isinstance(system, Field):
-        raise TypeError(f"sections are those of a PolynomialField, not of {system!r}")
+        raise TypeError(f"sections are those of a field without divergence, not of {system!r}")
     from liouville.runners.field import FieldRunner
     from liouville.splitting import crossed
 

@@ -304,5 +304,5 @@ class RunMembers:
 
 
 def _are_alike(rows: Array) -> bool:
-    """Return whether all rows are the same; NaN is like nothing."""
-    return bool((rows == rows[:1]).all())
+    """Return whether all rows are the same; NaN is like nothing, but a row like itself."""
+    return len(rows) == 1 or bool((rows == rows[:1]).all())

@@ -49,8 +49,8 @@ ALPHA = (HHT, GeneralizedAlpha, ArnoldBruls)
 
 #: What has tangents.
 COVERED = (
-    "tangents are those of a divergence-free field, of a mechanical system by Spark, LobattoPair "
-    "or a Composition of them, or by the alpha family without events, of a semi-explicit system "
+    "tangents are those of a mechanical system by Spark, LobattoPair or a Composition of them, or "
+    "by the alpha family without events, of a divergence-free field or a semi-explicit system "
     "without events and t_eval, and of a Schrodinger equation, without store"
 )
 

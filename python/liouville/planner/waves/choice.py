@@ -21,6 +21,7 @@ from liouville.planner.waves.speed import series_cost
 from liouville.planner.waves.windows import SERIES, Windows, windows_of
 from liouville.systems import Schrodinger
 from liouville.systems.schrodinger.bounds import Spectrum
+from liouville.systems.schrodinger.foreign import check_sampled
 
 #: What "auto" stands for; messages call it by that word.
 AUTO = SchrodingerSplitting()
@@ -107,6 +108,7 @@ def plan_wave(
     known to be real.
     """
     _check_system(system, method)
+    check_sampled(system.drives, times[0], times[-1])
     if isinstance(method, Magnus):
         return _magnus(system, method, times, "asked for")
     if system.is_driven:

@@ -28,6 +28,7 @@ from liouville.planner.waves.propagators import (
     Split,
 )
 from liouville.systems import Schrodinger
+from liouville.systems.schrodinger.foreign import check_sampled
 
 #: The phase of all exponentials of a step, in that of H: negative weights cost phase.
 PHASES = {(2, 1): 1.0, (4, 2): 1.0, (4, 3): 1.0, (6, 5): 1.19, (8, 8): 2.75}
@@ -48,6 +49,7 @@ Stops = Sequence[tuple[float, int]]
 
 def plan_steps(system: Schrodinger, method: Stepped, t0: float, stops: Stops) -> WavePlan:
     """Plan a run from t0 with steps between `stops`: times with the steps to each."""
+    check_sampled(system.drives, t0, stops[-1][0])
     if isinstance(method, SplitOperator):
         return _split_operator(system, method, t0, stops)
     if isinstance(method, Magnus):

@@ -71,7 +71,7 @@ def arrays_of(
     what: str, given: Any, names: Sequence[str], shapes: Sequence[tuple[int, ...]]
 ) -> list[Array]:
     """Return the arrays of components with these shapes."""
-    if isinstance(given, np.ndarray) and len(shapes) == 1 and given.shape == shapes[0]:
+    if isinstance(given, np.ndarray) and len(shapes) == 1 and given.ndim == len(shapes[0]):
         given = (given,)
     if isinstance(given, str) or not isinstance(given, (Sequence, np.ndarray)):
         raise TypeError(f"{what} is a tuple of arrays, not {type(given).__name__}")

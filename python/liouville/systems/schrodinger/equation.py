@@ -54,7 +54,8 @@ class Schrodinger(Bounded):
         Pairs :math:`(f_k, H_k)`: a function ``f(t, params)``, called once with CasADi symbols, and
         a Hermitian matrix, or the array of a diagonal one. Samples at `times` stand for a function.
     times : array_like, optional
-        When samples are taken: the function is the cubic spline through them.
+        When samples are taken: the function is the cubic spline through them. A run that leaves
+        these times by more than half the distance of two is refused.
     params : mapping of str to float or 1-D array_like, optional
         Parameters by name, with default values; functions see ``params.name``.
 

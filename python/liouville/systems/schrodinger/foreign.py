@@ -16,6 +16,9 @@ from liouville.systems.schrodinger.entries import numbers as array_of
 #: Pairs of a function of time and a matrix.
 Drive = list[tuple[Any, Any]]
 
+#: A run may leave the times of samples by so much of their distance: these may be midpoints.
+ROOM = 0.5 + 1e-9
+
 
 def plain(name: str, given: Any) -> Any:
     """Return SciPy's or NumPy's form of an operator or state of QuTiP's or QuSpin's.
@@ -180,6 +183,19 @@ class Samples:
     def __call__(self, t: Any, params: Any) -> Any:
         """Return the spline's value."""
         return self.table(t)
+
+
+def check_sampled(drive: Drive, start: float, end: float) -> None:
+    """Refuse a run outside the times of samples, where splines go on straight."""
+    t0, t1 = sorted((start, end))
+    for k, (function, _) in enumerate(drive):
+        if not isinstance(function, Samples):
+            continue
+        first, second, before, last = function.table.x[[0, 1, -2, -1]]
+        if t0 < first - ROOM * (second - first) or t1 > last + ROOM * (last - before):
+            sentence = f"t = ({start:g}, {end:g}) leaves the samples of drive[{k}]"
+            hint = "integrate within them, or give samples beyond, such as zeros after a pulse"
+            raise ValueError(hinted(f"{sentence}, which are from {first:g} to {last:g}", hint))
 
 
 def _times(times: ArrayLike) -> np.ndarray:

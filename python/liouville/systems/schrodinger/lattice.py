@@ -155,7 +155,8 @@ def on_sites(name: str, value: Any, shape: tuple[int, ...]) -> np.ndarray:
     if found is None:
         raise TypeError(f"{name} is an array of real numbers, not {value!r}")
     if found.shape not in ((), shape, (prod(shape),)):
-        raise ValueError(f"{name} has shape {found.shape}, wanted {shape} or ({prod(shape)},)")
+        flat = f" or ({prod(shape)},)" if len(shape) > 1 else ""
+        raise ValueError(f"{name} has shape {found.shape}, wanted {shape}{flat}")
     bad = np.flatnonzero(~np.isfinite(found))
     if bad.size:
         place = ", ".join(map(str, np.unravel_index(bad[0], found.shape)))
