@@ -200,6 +200,8 @@ def test_a_member_that_fails_and_what_has_no_pullback_are_named():
     problem = load("double_pendulum")
     start = starts(problem)
     call = {"wrt": ["v"], "t": (0, 1), "steps": 20, **start}
+    with pytest.raises(TypeError, match="members of an ensemble take equal steps: give h or steps"):
+        lv.vjp(problem.system, lv.HHT(), **(call | {"steps": None, "rtol": 1e-6}))
     with pytest.raises(TypeError, match="of an ensemble go without t_eval="):
         lv.vjp(problem.system, lv.Spark(2), **call, t_eval=[0.5])
     with pytest.raises(TypeError, match="of an ensemble go without events="):

@@ -23,6 +23,10 @@ if TYPE_CHECKING:
     from liouville.runners.adjoint import Adjoint
 
 
+#: What members differ in from single runs.
+EQUAL = "members of an ensemble take equal steps"
+
+
 class Members(TracedRunner):
     """What runs of many trajectories do in another way than a run of one.
 
@@ -68,7 +72,7 @@ class Members(TracedRunner):
         return self._watch.events_of(run, self.system, np.atleast_2d(self._rows))[:2]
 
     def _takes(self) -> Takes:
-        return Takes(type(self.choice).__name__)
+        return Takes(type(self.choice).__name__, hint=f"{EQUAL}: give h or steps")
 
     def _take(self, request: Request) -> None:
         system = self.system
