@@ -409,6 +409,12 @@ ROWS = [
     ("q of strings", lambda: run(q=["1", "0"]), TypeError, "real numbers, not.*'1'"),
     ("q symbolic", lambda: run(q=ca.SX.sym("q", 2)), TypeError, "real numbers, not SX"),
     ("q None", lambda: run(q=None), TypeError, "q is an array of real numbers, not None"),
+    (
+        "q masked",
+        lambda: run(q=np.ma.masked_equal([1.0, 0.0], 0.0)),
+        TypeError,
+        "q is an array of real numbers, not masked_array",
+    ),
     ("q by wrong names", lambda: run(q={"x": 1, "z": 0}), ValueError, r"\['x', 'z'\], wanted"),
     ("q by name, NaN", lambda: run(q={"x": 1, "y": NAN}), ValueError, "q of 'y' is nan"),
     (

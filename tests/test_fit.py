@@ -79,6 +79,9 @@ def test_gaps_later_starts_and_single_coordinates():
         SYSTEM, METHOD, {"t": data["t"][5:], "x": x}, h=0.05, t0=0.0, params={"l": 1.9}, **START
     )
     assert found.residuals.size == x.size - 2
+    masked = {"t": data["t"][5:], "x": np.ma.masked_invalid(x)}
+    again = lv.fit(SYSTEM, METHOD, masked, h=0.05, t0=0.0, params={"l": 1.9}, **START)
+    assert again.params["l"] == found.params["l"]
     assert found.sigma == pytest.approx(0.01, rel=0.5)
     assert abs(found.params["l"] - 2.0) < 4 * found.errors["params.l"]
     assert found.solution.t.size == TRUTH.t.size

@@ -17,11 +17,11 @@ EVEN = 1e-9
 
 
 def _numbers(what: str, value: Any) -> np.ndarray:
-    """Return real numbers as an array of floats, None among them as NaN."""
+    """Return real numbers as an array of floats; None and what is masked are NaN."""
     try:
-        array = np.asarray(value)
+        array = np.ma.asanyarray(value) if np.ma.isMaskedArray(value) else np.asarray(value)
         if array.dtype.kind in "iufO":
-            return array.astype(float)
+            return np.ma.filled(array.astype(float), np.nan)
     except (TypeError, ValueError):
         pass
     raise TypeError(f"{what} is made of real numbers")

@@ -131,6 +131,8 @@ def _parameter(name: str, value: ArrayLike) -> np.ndarray:
 
 def numbers(value: Any) -> np.ndarray | None:
     """Return real numbers as a new array of floats, and None for anything else."""
+    if isinstance(value, np.ma.MaskedArray) and np.ma.is_masked(value):
+        return None  # what is masked is no number
     try:
         array = np.asarray(value)
     except (TypeError, ValueError):  # symbols, or rows of different lengths
