@@ -105,6 +105,9 @@ def test_times_may_come_in_any_order_and_alone():
         np.testing.assert_array_equal(one.q, three.q[k])
         np.testing.assert_array_equal(one.lam, three.lam[k])
     assert repr(three) == "<3 Points, t = 0.31 to 0.77: q, v, lam, p>"
+    none = run([])
+    assert (len(none), none.q.shape, none.lam.shape) == (0, (0, 2), (0, 1))
+    assert repr(none).startswith("<0 Points")
     with pytest.raises(AttributeError, match=r"no 'z'\nhint: their states are q, v, lam, p"):
         _ = three.z
     with pytest.raises(ValueError, match="read-only"):

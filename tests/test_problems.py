@@ -294,6 +294,13 @@ def test_every_problem_is_listed():
     assert set(OUTLINED) == {name for name in files if hasattr(problems.load(name), "outline")}
 
 
+def test_a_problem_is_imported_where_it_is_first_used():
+    assert lv.problems.euler_top is problems.load("euler_top")
+    assert not hasattr(problems, "eulertop")
+    with pytest.raises(TypeError, match="name is that of a problem, such as 'pendulum', not 3"):
+        problems.load(3)
+
+
 def test_unknown_problem_is_refused_with_the_nearest_name():
     with pytest.raises(ValueError, match=r"'andrew'\nhint: did you mean 'andrews'"):
         problems.load("andrew")

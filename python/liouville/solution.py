@@ -298,7 +298,7 @@ class Solution(States, Motions):
         values, run = system.values(self.params), parts.pieces(self, system.states)
         found = system.between(self.dense_order, run, flat[order], values)
         back = np.argsort(order)
-        states = {name: x[back].reshape(*times.shape, -1) for name, x in found.items()}
+        states = {name: x[back].reshape(*times.shape, *x.shape[1:]) for name, x in found.items()}
         return Points(flat if times.ndim else float(flat[0]), states)
 
     def _largest(self, sizes: Array) -> float:

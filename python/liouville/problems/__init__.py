@@ -128,10 +128,19 @@ def load(name: str) -> ModuleType:
 
     Raises
     ------
-    ValueError
+    TypeError, ValueError
         There is no problem of that name; the message has the nearest one.
     """
+    if not isinstance(name, str):
+        raise TypeError(f"name is that of a problem, such as 'pendulum', not {name!r}")
     if name not in NAMES:
         near = get_close_matches(name, NAMES, n=1, cutoff=0.0)[0]
         raise ValueError(f"no problem is called {name!r}\nhint: did you mean {near!r}?")
     return import_module(f"{__name__}.{name}")
+
+
+def __getattr__(name: str) -> ModuleType:
+    """Import a problem when it is first used as ``lv.problems.pendulum``."""
+    if name in NAMES:
+        return load(name)
+    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
