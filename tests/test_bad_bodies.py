@@ -48,6 +48,10 @@ def test_starts_refuse_what_contradicts_the_joints():
         m.start(values={"E": 0.5})
     with pytest.raises(ValueError, match="coordinates angle, and 2 of them"):
         m.start(values={"A": (0.5, 1.0)})
+    with pytest.raises(
+        ValueError, match="1e\\+09 away from the places as drawn\\nhint: angles are in"
+    ):
+        m.start(values={"A": 1e9})
     with pytest.raises(ValueError, match="rates of joint 'A' is a finite number"):
         m.start(rates={"A": np.nan})
 

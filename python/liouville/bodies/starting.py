@@ -26,6 +26,8 @@ CUTOFF, RANK = 1e-8, 1e-9
 CLOSED = 1e-10
 #: The longest way of an angle, and of a slide in the mechanism's size, in one go.
 STRIDE = 0.3
+#: The most strides from the places as drawn: some hundred turns.
+STRIDES = 3000
 #: The most corrections of a place, and how large one may be.
 MOST, LARGEST = 60, 0.5
 #: Places that miss by less than this part of the size are corrected once more.
@@ -142,7 +144,12 @@ class Starting:
         now = self.values()[held]
         way = wanted - now
         unit = np.array([1.0 if k in angles else self.size for k in range(len(held))])
-        strides = int(np.ceil(np.abs(way / unit).max(initial=0.0) / STRIDE)) if gap <= limit else 0
+        far = float(np.abs(way / unit).max(initial=0.0)) / STRIDE
+        if far > STRIDES:
+            sentence = f"a value given is {np.abs(way).max():g} away from the places as drawn"
+            hint = "angles are in radians, and slides in the unit of length of the places"
+            raise ValueError(hinted(sentence, hint))
+        strides = int(np.ceil(far)) if gap <= limit else 0
         for k in range(1, strides + 1):
             gap = self.close(held, now + way * k / strides, angles)
             if gap > limit:
