@@ -13,6 +13,7 @@ from liouville._arguments import check_memory, number
 from liouville._scipy import scipy
 from liouville.errors import hinted
 from liouville.systems import Schrodinger
+from liouville.systems.schrodinger.foreign import check_sampled
 
 Array = NDArray[np.float64]
 
@@ -128,6 +129,7 @@ def ground_state(
     """
     system = wave(system).with_params(params)
     at, wanted = number("t is a number", t), number("tol is a number", tol)
+    check_sampled(system.drives, at, at)
     if not 1e-14 <= wanted < 1:
         raise ValueError(f"tol = {wanted:g}: it is a number from 1e-14 to below 1")
     size = system.hamiltonian.size

@@ -77,6 +77,10 @@ def parted(
     if _is_listed(hamiltonian):
         still = [part for part in hamiltonian if not _is_pair(part)]
         moved = [part for part in hamiltonian if _is_pair(part)]
+        for part in still:
+            if isinstance(part, (list, tuple)) and any(map(callable, part)):
+                sentence = f"H is a list of operators and of pairs [H1, f], and has {part!r}"
+                raise TypeError(hinted(sentence, "the operator is the first of two"))
         pairs = [(_of_list(f), matrix) for matrix, f in moved] + pairs
         matrices = [plain("H", part) for part in still]
         if matrices:
@@ -193,7 +197,8 @@ def check_sampled(drive: Drive, start: float, end: float) -> None:
             continue
         first, second, before, last = function.table.x[[0, 1, -2, -1]]
         if t0 < first - ROOM * (second - first) or t1 > last + ROOM * (last - before):
-            sentence = f"t = ({start:g}, {end:g}) leaves the samples of drive[{k}]"
+            run = f"{start:g}" if start == end else f"({start:g}, {end:g})"
+            sentence = f"t = {run} leaves the samples of drive[{k}]"
             hint = "integrate within them, or give samples beyond, such as zeros after a pulse"
             raise ValueError(hinted(f"{sentence}, which are from {first:g} to {last:g}", hint))
 
