@@ -83,8 +83,18 @@ ROWS = [
     ),
     ("plan of it", lambda: swing(PLAN), TypeError, "<FieldPlan of 3 pieces.*mechanical systems"),
     ("pendulums", lambda: swing(V(), lv.ensemble), TypeError, "does not step mechanical systems"),
-    ("cut one", lambda: cut(PENDULUM.system), TypeError, "PolynomialField, not of Lagrangian"),
-    ("det one", lambda: det(PENDULUM.system), TypeError, "PolynomialField, not of Lagrangian"),
+    (
+        "cut one",
+        lambda: cut(PENDULUM.system),
+        TypeError,
+        "without divergence, not of Lagr",
+    ),
+    (
+        "det one",
+        lambda: det(PENDULUM.system),
+        TypeError,
+        "without divergence, not of Lagr",
+    ),
     (
         "plan one",
         lambda: plan(PENDULUM.system),
@@ -135,7 +145,7 @@ ROWS = [
     # starts
     ("x long", lambda: run(x=[1, 2, 3, 4]), ValueError, r"shape \(4,\), wanted \(3,\)"),
     ("x many", lambda: run(x=TWO), ValueError, r"\(2, 3\), wanted \(3,\)\nhint: lv.ensemble"),
-    ("x one", lambda: many(x=ONE), ValueError, r"wanted \(P, 3\).*\nhint: lv.integrate"),
+    ("x one", lambda: many(x=ONE), ValueError, r"wanted \(P, 3\).*\nhint: give a row"),
     ("x deep", lambda: many(x=[TWO]), ValueError, r"\(1, 2, 3\), wanted \(P, 3\) for P members$"),
     ("x none", lambda: many(x=np.empty((0, 3))), ValueError, r"shape \(0, 3\), wanted \(P, 3\)"),
     ("x NaN", lambda: run(x=[1, NAN, 0]), ValueError, "x of 'm2' is nan"),
@@ -166,7 +176,12 @@ ROWS = [
     ("plane 2", lambda: cut(plane=[0, 1]), ValueError, r"plane has shape \(2,\), wanted \(3,\)"),
     ("plane zero", lambda: cut(plane=[0, 0, 0]), ValueError, "a plane is finite and not zero"),
     ("plane NaN", lambda: cut(plane=[0, NAN, 0]), ValueError, "a plane is finite and not zero"),
-    ("plane None", lambda: cut(plane=None), TypeError, "name or an array of numbers, not None"),
+    (
+        "plane None",
+        lambda: cut(plane=None),
+        TypeError,
+        "a function or an array of numbers, not None",
+    ),
     ("offset", lambda: cut(offset=NAN), ValueError, "offset is finite, not nan"),
     ("offset word", lambda: cut(offset="1"), TypeError, "offset is a number, not '1'"),
     ("period", lambda: cut(period=0), ValueError, "period is positive and finite, not 0"),

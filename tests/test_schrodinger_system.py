@@ -3,6 +3,9 @@
 One file, since chains, lattices, grids and matrices are all held against matrices written out.
 """
 
+import warnings
+
+import casadi as ca
 import numpy as np
 import pytest
 import scipy.sparse as sp
@@ -176,6 +179,13 @@ def test_phases_that_a_gauge_made_are_taken_away(seed, n, density):
     system = lv.Schrodinger(sp.csr_array(matrix))
     assert system.is_real
     assert agrees(system, matrix, rng)
+
+
+def test_a_zero_that_is_stored_has_no_phase():
+    row, col = np.array([[0, 1, 1, 2], [1, 0, 2, 1]])
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        assert lv.Schrodinger(sp.coo_array(([1j, -1j, 0, 0], (row, col)), shape=(3, 3))).is_real
 
 
 @pytest.mark.parametrize(("flux", "is_real"), [(0.0, True), (np.pi, True), (0.3, False)])
@@ -392,6 +402,13 @@ def test_what_is_no_state_is_refused(psi, message):
 def test_what_cannot_be_observed_is_refused(observe, error, message):
     with pytest.raises(error, match=message):
         lv.Schrodinger(np.eye(4)).observables(observe)
+
+
+def test_what_is_recorded_of_every_run_is_no_name_of_an_observable():
+    shaken = lv.Schrodinger(np.eye(4), drive=[(lambda t, params: ca.cos(t), np.ones((4, 4)))])
+    for name in ("energy", "autocorrelation"):
+        with pytest.raises(ValueError, match=f"'{name}' is recorded of every run"):
+            lv.integrate(shaken, "auto", t=(0, 1), psi=np.ones(4), observe={name: np.ones(4)})
 
 
 @pytest.mark.parametrize(

@@ -211,6 +211,15 @@ def test_drives_and_derivatives_beside_products_are_refused_and_an_exception_end
     with pytest.raises(ValueError, match=r"H\(0.7\) has shape \(2, 2\), wanted \(3, 3\)"):
         lv.integrate(other, lv.Magnus(order=2), t=(0, 1.4), steps=1, psi=FIRST)
 
+    calls = []
+
+    def changing(x):
+        calls.append(x)
+        return 1j * x if len(calls) > 50 else H0 @ x
+
+    with pytest.raises(lv.IntegrationError, match="is complex, and of another real vector was not"):
+        lv.integrate(lv.Schrodinger((3, changing)), "auto", t=(0, 50), psi=FIRST)
+
     def product(t, x):
         if 0.6 < t < 0.9:
             raise RuntimeError("out of range")

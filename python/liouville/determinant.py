@@ -71,7 +71,7 @@ def determinant(
     True
     """
     if not isinstance(system, Field):
-        raise TypeError(f"determinants are those of a PolynomialField, not of {system!r}")
+        raise TypeError(f"determinants are those of a field without divergence, not of {system!r}")
     from liouville.planner import FieldPlan
     from liouville.runners.determinant import DeterminantRunner, GriddedDeterminantRunner
 

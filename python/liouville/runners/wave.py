@@ -61,7 +61,11 @@ class WaveRunner(Runner):
         self.columns = {"psi": 2 * system.size} if request.states else {}
         energy = "observed energy" if system.is_driven else "invariant energy"
         self.columns |= {"invariant norm": 1, energy: 1, "observed autocorrelation": 2}
-        self.columns |= {f"observed {name}": width for name, width, _ in self._observed}
+        for name, width, _ in self._observed:
+            if f"observed {name}" in self.columns:
+                sentence = f"'{name}' is recorded of every run of this equation"
+                raise ValueError(hinted(sentence, "give the observable another name"))
+            self.columns[f"observed {name}"] = width
         self.widths = self.columns
         # to plan many outputs takes long
         self._stops = _stops(times, method, request) if _is_stepped(method, request) else None

@@ -38,7 +38,7 @@ def gauge(matrices: Sequence[Entries]) -> np.ndarray | None:
     row, col, values = (
         np.concatenate([getattr(m, name) for m in matrices]) for name in ("row", "col", "values")
     )
-    off = row != col
+    off = (row != col) & (values != 0)  # a zero has no phase
     row, col, values = row[off], col[off], values[off]
     places, first = np.unique(row * n + col, return_index=True)
     phases = values[first] / np.abs(values[first])

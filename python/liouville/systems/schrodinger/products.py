@@ -90,6 +90,8 @@ class Product:
 
         def multiply(x: np.ndarray) -> np.ndarray:
             found = vector("the product with H", self.function(x), self.n)
+            if found.dtype.kind == "c":
+                raise TypeError("the product with H is complex, and of another real vector was not")
             return np.ascontiguousarray(found, dtype=float) * factor
 
         def multiply_parts(x: np.ndarray) -> np.ndarray:
