@@ -75,8 +75,8 @@ class Schrodinger(Bounded):
         Whether H is real, after its phases are taken away where that can be done.
     is_foreign : bool
         Whether a function of the user's makes the products.
-    moving_product
-        An H(t) known by its products, or None.
+    moving_product : MovingProduct or None
+        An H(t) known by its products.
     frame : Frame
         How the core has the components of a state.
     hamiltonian : _core.Hamiltonian
