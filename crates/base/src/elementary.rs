@@ -304,8 +304,11 @@ fn sin_cos<R: Register>(r: R, lost: R) -> (R, R) {
 /// A polynomial of degree 5 in z, its pairs side by side.
 #[inline(always)]
 fn three_pairs<R: Register>((z, z2): (R, R), c: [f64; 6]) -> R {
-    let [a, b, c] = [0, 2, 4].map(|k| z.like(c[k]) + z.like(c[k + 1]) * z);
-    (a + z2 * b) + (z2 * z2) * c
+    // written out: what maps an array is compiled by itself, without the registers it is for
+    let low = z.like(c[0]) + z.like(c[1]) * z;
+    let middle = z.like(c[2]) + z.like(c[3]) * z;
+    let high = z.like(c[4]) + z.like(c[5]) * z;
+    (low + z2 * middle) + (z2 * z2) * high
 }
 
 /// sin x
